@@ -1,0 +1,21 @@
+//! Gives the linker its scripts when building for the board; a host build needs nothing.
+
+use std::path::PathBuf;
+use std::{env, fs};
+
+fn main() {
+    println!("cargo:rerun-if-changed=memory.x");
+    println!("cargo:rerun-if-changed=build.rs");
+    if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
+        return;
+    }
+    let out_dir = PathBuf::from(env::var("OUT_DIR").expect("cargo sets OUT_DIR"));
+    fs::copy("memory.x", out_dir.join("memory.x")).expect("memory.x can be copied");
+    println!("cargo:rustc-link-search={}", out_dir.display());
+    for kind in ["bins", "examples"] {
+        println!("cargo:rustc-link-arg-{kind}=--nmagic");
+        for script in ["link.x", "link-rp.x", "defmt.x"] {
+            println!("cargo:rustc-link-arg-{kind}=-T{script}");
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! The message builders alone: from a `BatteryState` to the bytes on the wire.
+//!
+//! Run it with `cargo run --example builders`.
+
+use rover_battmon::battery::{BatteryState, PackStatus};
+use rover_battmon::mavlink::{Framer, Stream, SystemState};
+
+fn main() {
+    let state = SystemState {
+        battery: BatteryState {
+            status: PackStatus::Healthy,
+            voltage_v: Some(11.62),
+            ..BatteryState::default()
+        },
+        ..SystemState::default()
+    };
+
+    let mut framer = Framer::new();
+    for stream in [Stream::Heartbeat, Stream::SysStatus, Stream::BatteryStatus(0)] {
+        let message = stream.build(&state);
+        let frame = framer.frame(&message, 1);
+        println!("{message:#?}");
+        println!("{} bytes: {frame:02x?}\n", frame.len());
+    }
+}

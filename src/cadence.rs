@@ -1,0 +1,108 @@
+//! Regular due times that neither drift nor catch up.
+
+/// Due times at a fixed interval.
+///
+/// Each due time is the one before plus the interval, whatever the moment it was served, so the long-term rate is exact.
+/// When whole intervals were missed they are skipped, not made up for by a burst; the phase stays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cadence {
+    interval_us: u64,
+    due_us: u64,
+}
+
+impl Cadence {
+    /// First due at `start_us`, then every `interval_us`. An interval of 0 is taken as 1 µs.
+    pub fn starting_at(start_us: u64, interval_us: u64) -> Self {
+        Self {
+            interval_us: interval_us.max(1),
+            due_us: start_us,
+        }
+    }
+
+    /// When it is due next, in µs.
+    pub fn due_us(&self) -> u64 {
+        self.due_us
+    }
+
+    /// The time between two due times, in µs.
+    pub fn interval_us(&self) -> u64 {
+        self.interval_us
+    }
+
+    /// Whether it is due at `now_us`; if so the next due time is set.
+    pub fn take(&mut self, now_us: u64) -> bool {
+        if now_us < self.due_us {
+            return false;
+        }
+        self.due_us = self.due_us.saturating_add(self.interval_us);
+        if self.due_us <= now_us {
+            let missed = (now_us - self.due_us) / self.interval_us + 1;
+            self.due_us = self
+                .due_us
+                .saturating_add(missed.saturating_mul(self.interval_us));
+        }
+        true
+    }
+
+    /// Changes the interval. The next due time is one new interval after the last one served, or `now_us` if that has
+    /// passed, so a faster rate takes effect at once and a slower one does not send early.
+    pub fn set_interval(&mut self, interval_us: u64, now_us: u64) {
+        let interval_us = interval_us.max(1);
+        if interval_us == self.interval_us {
+            return;
+        }
+        let last_served_us = self.due_us.saturating_sub(self.interval_us);
+        self.due_us = last_served_us.saturating_add(interval_us).max(now_us);
+        self.interval_us = interval_us;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn due_times_do_not_drift_with_late_service() {
+        let mut cadence = Cadence::starting_at(0, 100);
+        for tick in 0..1000u64 {
+            let late = tick * 7 % 100;
+            assert!(cadence.take(tick * 100 + late), "tick {tick} not due");
+            assert!(!cadence.take(tick * 100 + late), "tick {tick} due twice");
+        }
+        assert_eq!(cadence.due_us(), 100_000);
+    }
+
+    #[test]
+    fn missed_intervals_are_skipped_and_the_phase_kept() {
+        let mut cadence = Cadence::starting_at(50, 100);
+        assert!(cadence.take(50));
+        assert!(cadence.take(471));
+        assert_eq!(cadence.due_us(), 550);
+        assert!(!cadence.take(549));
+    }
+
+    #[test]
+    fn a_faster_interval_takes_effect_at_once() {
+        let mut cadence = Cadence::starting_at(0, 1_000);
+        assert!(cadence.take(0));
+        cadence.set_interval(100, 50);
+        assert_eq!(cadence.due_us(), 100);
+        cadence.set_interval(1_000, 60);
+        assert_eq!(cadence.due_us(), 1_000);
+    }
+
+    proptest! {
+        #[test]
+        fn the_next_due_time_is_always_ahead_and_in_phase(
+            start in 0u64..1 << 40, interval in 1u64..1 << 32, late in 0u64..1 << 44,
+        ) {
+            let mut cadence = Cadence::starting_at(start, interval);
+            let now = start + late;
+            prop_assert!(cadence.take(now));
+            prop_assert!(cadence.due_us() > now);
+            prop_assert!(cadence.due_us() - now <= interval);
+            prop_assert_eq!((cadence.due_us() - start) % interval, 0);
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! The messages that are sent, each of its own type.
+
+use ::mavlink::{MAVLinkV2MessageRaw, MavHeader};
+
+use super::dialect::{BATTERY_STATUS_DATA, HEARTBEAT_DATA, SYS_STATUS_DATA};
+use super::{SystemState, build_battery_status, build_heartbeat, build_sys_status};
+
+/// Something that is sent regularly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Stream {
+    /// HEARTBEAT
+    Heartbeat,
+    /// SYS_STATUS
+    SysStatus,
+    /// BATTERY_STATUS of this instance
+    BatteryStatus(u8),
+}
+
+impl Stream {
+    /// The message of this stream, from the state at this moment.
+    pub fn build(self, state: &SystemState) -> Message {
+        match self {
+            Self::Heartbeat => Message::Heartbeat(build_heartbeat()),
+            Self::SysStatus => Message::SysStatus(build_sys_status(state)),
+            Self::BatteryStatus(instance) => Message::BatteryStatus(build_battery_status(state, instance)),
+        }
+    }
+}
+
+/// A message on its way out.
+///
+/// The `mavlink` crate's own enum of all messages would link the serialisers of the whole dialect (over 100 KB).
+#[derive(Clone, Debug, PartialEq)]
+pub enum Message {
+    /// HEARTBEAT (0)
+    Heartbeat(HEARTBEAT_DATA),
+    /// SYS_STATUS (1)
+    SysStatus(SYS_STATUS_DATA),
+    /// BATTERY_STATUS (147)
+    BatteryStatus(BATTERY_STATUS_DATA),
+}
+
+impl Message {
+    /// The stream this message belongs to.
+    pub fn stream(&self) -> Stream {
+        match self {
+            Self::Heartbeat(_) => Stream::Heartbeat,
+            Self::SysStatus(_) => Stream::SysStatus,
+            Self::BatteryStatus(data) => Stream::BatteryStatus(data.id),
+        }
+    }
+
+    /// Writes the message as a MAVLink 2 frame into `frame`.
+    pub(super) fn serialize(&self, header: MavHeader, frame: &mut MAVLinkV2MessageRaw) {
+        match self {
+            Self::Heartbeat(data) => frame.serialize_message_data(header, data),
+            Self::SysStatus(data) => frame.serialize_message_data(header, data),
+            Self::BatteryStatus(data) => frame.serialize_message_data(header, data),
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! SYS_STATUS (1).
+
+use super::SystemState;
+use super::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
+use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct, voltage_mv};
+use crate::battery::{BatteryState, PackStatus};
+
+/// The primary pack's voltage, current and remaining charge, the battery sensor's health, the processor's load and the
+/// link's losses.
+///
+/// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels, large
+/// ones saturate.
+pub fn build_sys_status(state: &SystemState) -> SYS_STATUS_DATA {
+    let battery = state.battery(0);
+    SYS_STATUS_DATA {
+        onboard_control_sensors_present: MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY,
+        onboard_control_sensors_enabled: MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY,
+        onboard_control_sensors_health: healthy_sensors(&battery),
+        load: state.load_permille.min(1000),
+        voltage_battery: pack_voltage_mv(&battery),
+        current_battery: current_ca(battery.current_a),
+        drop_rate_comm: 0,
+        errors_comm: 0,
+        // MAVLink leaves the meaning of the four counters to the autopilot: ours is messages dropped for lack of room.
+        errors_count1: state.link.dropped.min(u32::from(u16::MAX)) as u16,
+        errors_count2: 0,
+        errors_count3: 0,
+        errors_count4: 0,
+        battery_remaining: remaining_pct(battery.remaining_pct),
+        onboard_control_sensors_present_extended: MavSysStatusSensorExtended::empty(),
+        onboard_control_sensors_enabled_extended: MavSysStatusSensorExtended::empty(),
+        onboard_control_sensors_health_extended: MavSysStatusSensorExtended::empty(),
+    }
+}
+
+fn healthy_sensors(battery: &BatteryState) -> MavSysStatusSensor {
+    match battery.status {
+        PackStatus::Healthy => MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY,
+        PackStatus::Unknown | PackStatus::NotConnected | PackStatus::Unhealthy => MavSysStatusSensor::empty(),
+    }
+}
+
+fn pack_voltage_mv(battery: &BatteryState) -> u16 {
+    match voltage_mv(battery.voltage_v) {
+        Some(voltage_mv) => voltage_mv.min(u32::from(MAX_VOLTAGE_MV)) as u16,
+        None => VOLTAGE_UNKNOWN_MV,
+    }
+}

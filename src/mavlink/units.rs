@@ -1,0 +1,94 @@
+//! From SI values to MAVLink's integers: rounded to nearest, saturated, and never onto a sentinel by accident.
+//!
+//! `as` from float to integer saturates and takes NaN to 0; the helpers build on that, so no input can wrap or panic.
+
+/// A number that is neither NaN nor infinite.
+pub(super) fn finite(value: Option<f32>) -> Option<f32> {
+    value.filter(|value| value.is_finite())
+}
+
+/// Rounded half away from zero, saturating at the range of `i32`.
+pub(super) fn round_to_i32(value: f32) -> i32 {
+    let half = if value < 0.0 { -0.5 } else { 0.5 };
+    (value + half) as i32
+}
+
+/// MAVLink's value for a voltage that is not known, `UINT16_MAX`.
+pub(super) const VOLTAGE_UNKNOWN_MV: u16 = u16::MAX;
+
+/// The largest voltage one field can carry, in mV; one more would read as unknown.
+pub(super) const MAX_VOLTAGE_MV: u16 = u16::MAX - 1;
+
+/// A pack's voltage in mV. Nothing a pack can't have (NaN, infinite, negative) passes for a voltage.
+pub(super) fn voltage_mv(voltage_v: Option<f32>) -> Option<u32> {
+    finite(voltage_v)
+        .filter(|voltage_v| *voltage_v >= 0.0)
+        .map(|voltage_v| (voltage_v * 1000.0 + 0.5) as u32)
+}
+
+/// MAVLink's value for a current that is not known.
+const CURRENT_UNKNOWN_CA: i16 = -1;
+
+/// A current in cA (10 mA), saturating at ±327.67 A. A true −10 mA would read as unknown and is sent as 0.
+pub(super) fn current_ca(current_a: Option<f32>) -> i16 {
+    let Some(current_a) = finite(current_a) else {
+        return CURRENT_UNKNOWN_CA;
+    };
+    let limit = i32::from(i16::MAX);
+    match round_to_i32(current_a * 100.0).clamp(-limit, limit) as i16 {
+        CURRENT_UNKNOWN_CA => 0,
+        known => known,
+    }
+}
+
+/// MAVLink's value for a remaining charge that is not known.
+const REMAINING_UNKNOWN_PCT: i8 = -1;
+
+/// A remaining charge in whole percent, 0 to 100.
+pub(super) fn remaining_pct(remaining_pct: Option<f32>) -> i8 {
+    match finite(remaining_pct) {
+        Some(remaining_pct) => round_to_i32(remaining_pct).clamp(0, 100) as i8,
+        None => REMAINING_UNKNOWN_PCT,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounding_is_to_nearest_on_both_sides_of_zero() {
+        assert_eq!(round_to_i32(1.5), 2);
+        assert_eq!(round_to_i32(-1.5), -2);
+        assert_eq!(round_to_i32(-0.4), 0);
+        assert_eq!(round_to_i32(1e20), i32::MAX);
+        assert_eq!(round_to_i32(-1e20), i32::MIN);
+    }
+
+    #[test]
+    fn a_small_charging_current_is_not_mistaken_for_an_unknown_one() {
+        assert_eq!(current_ca(Some(-0.01)), 0);
+        assert_eq!(current_ca(Some(-0.02)), -2);
+        assert_eq!(current_ca(None), -1);
+        assert_eq!(current_ca(Some(f32::NAN)), -1);
+        assert_eq!(current_ca(Some(1e9)), 32767);
+        assert_eq!(current_ca(Some(-1e9)), -32767);
+    }
+
+    #[test]
+    fn a_voltage_no_pack_has_is_unknown() {
+        for voltage_v in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.1] {
+            assert_eq!(voltage_mv(Some(voltage_v)), None, "{voltage_v}");
+        }
+        assert_eq!(voltage_mv(Some(0.0)), Some(0));
+        assert_eq!(voltage_mv(Some(-0.0)), Some(0));
+    }
+
+    #[test]
+    fn remaining_charge_stays_in_range() {
+        assert_eq!(remaining_pct(Some(94.6)), 95);
+        assert_eq!(remaining_pct(Some(-3.0)), 0);
+        assert_eq!(remaining_pct(Some(250.0)), 100);
+        assert_eq!(remaining_pct(None), -1);
+    }
+}

@@ -1,0 +1,214 @@
+//! The time driver of a host build: real time, scaled real time, or time stepped by a test.
+//!
+//! embassy-time's own `std` driver runs at the speed of the wall clock only, and a program can have just one driver, so
+//! this is ours. Stepped time belongs to a thread: tests that run side by side don't share it, and none ever waits.
+
+use std::cell::RefCell;
+use std::future::Future;
+use std::pin::pin;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, OnceLock};
+use std::task::{Context, Poll, Wake, Waker};
+use std::thread;
+use std::time::Instant as WallInstant;
+
+use embassy_time::Duration;
+use embassy_time_driver::Driver;
+
+embassy_time_driver::time_driver_impl!(static DRIVER: HostClock = HostClock::new());
+
+thread_local! {
+    static STEPPED: RefCell<Option<SteppedClock>> = const { RefCell::new(None) };
+}
+
+/// Makes emulated time pass `speedup` times as fast as the wall clock.
+///
+/// # Errors
+/// The clock has been read before: it can't change its speed any more.
+pub fn set_speedup(speedup: f64) -> Result<(), ClockIsRunning> {
+    DRIVER.start.set(Start::now(speedup)).map_err(|_| ClockIsRunning)
+}
+
+/// The clock was already running.
+#[derive(Debug)]
+pub struct ClockIsRunning;
+
+/// Runs `future` for `duration` of stepped time, from time 0, and returns its output if it ended.
+///
+/// Time stands still while the future has work to do and then leaps to its next timer, so nothing waits and every run is
+/// the same.
+pub fn run_for<F: Future>(duration: Duration, future: F) -> Option<F::Output> {
+    STEPPED.with(|stepped| *stepped.borrow_mut() = Some(SteppedClock::default()));
+    let output = run_stepped(duration.as_micros(), future);
+    STEPPED.with(|stepped| *stepped.borrow_mut() = None);
+    output
+}
+
+fn run_stepped<F: Future>(end_us: u64, future: F) -> Option<F::Output> {
+    let mut future = pin!(future);
+    let flag = Arc::new(WakeFlag(AtomicBool::new(true)));
+    let waker = Waker::from(flag.clone());
+    let mut context = Context::from_waker(&waker);
+    loop {
+        while flag.0.swap(false, Ordering::Relaxed) {
+            if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
+                return Some(output);
+            }
+        }
+        let due = with_stepped(|clock| clock.leap_to_next_timer(end_us))?;
+        for waker in due? {
+            waker.wake();
+        }
+    }
+}
+
+struct WakeFlag(AtomicBool);
+
+impl Wake for WakeFlag {
+    fn wake(self: Arc<Self>) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+/// This thread's stepped clock, while there is one.
+fn with_stepped<R>(use_clock: impl FnOnce(&mut SteppedClock) -> R) -> Option<R> {
+    STEPPED.with(|stepped| stepped.borrow_mut().as_mut().map(use_clock))
+}
+
+#[derive(Default)]
+struct SteppedClock {
+    now_us: u64,
+    timers: TimerQueue,
+}
+
+impl SteppedClock {
+    /// Sets the time to that of the next timer and returns whom to wake; `None` if there is none before `end_us`.
+    fn leap_to_next_timer(&mut self, end_us: u64) -> Option<Vec<Waker>> {
+        let next_us = self.timers.next_us().filter(|next_us| *next_us < end_us)?;
+        self.now_us = self.now_us.max(next_us);
+        Some(self.timers.take_due(self.now_us))
+    }
+}
+
+#[derive(Default)]
+struct TimerQueue(Vec<(u64, Waker)>);
+
+impl TimerQueue {
+    fn add(&mut self, at_us: u64, waker: &Waker) {
+        self.0.push((at_us, waker.clone()));
+    }
+
+    fn next_us(&self) -> Option<u64> {
+        self.0.iter().map(|(at_us, _)| *at_us).min()
+    }
+
+    fn take_due(&mut self, now_us: u64) -> Vec<Waker> {
+        self.0
+            .extract_if(.., |(at_us, _)| *at_us <= now_us)
+            .map(|(_, waker)| waker)
+            .collect()
+    }
+}
+
+struct Start {
+    at: WallInstant,
+    speedup: f64,
+}
+
+impl Start {
+    fn now(speedup: f64) -> Self {
+        Self {
+            at: WallInstant::now(),
+            speedup,
+        }
+    }
+}
+
+struct HostClock {
+    start: OnceLock<Start>,
+    timers: Mutex<TimerQueue>,
+    timer_added: Condvar,
+    alarm_thread: OnceLock<()>,
+}
+
+impl HostClock {
+    const fn new() -> Self {
+        Self {
+            start: OnceLock::new(),
+            timers: Mutex::new(TimerQueue(Vec::new())),
+            timer_added: Condvar::new(),
+            alarm_thread: OnceLock::new(),
+        }
+    }
+
+    fn start(&self) -> &Start {
+        self.start.get_or_init(|| Start::now(1.0))
+    }
+
+    fn scaled_now_us(&self) -> u64 {
+        let start = self.start();
+        (start.at.elapsed().as_secs_f64() * start.speedup * 1e6) as u64
+    }
+
+    /// Wakes whoever is due, for ever.
+    fn run_alarms(&self) {
+        let mut timers = self.timers.lock().expect("no alarm panics");
+        loop {
+            let now_us = self.scaled_now_us();
+            for waker in timers.take_due(now_us) {
+                waker.wake();
+            }
+            timers = match timers.next_us() {
+                Some(next_us) => {
+                    let wait_us = next_us.saturating_sub(now_us) as f64 / self.start().speedup;
+                    let wait = std::time::Duration::from_micros(wait_us as u64 + 1);
+                    let woken = self.timer_added.wait_timeout(timers, wait);
+                    woken.expect("no alarm panics").0
+                }
+                None => self.timer_added.wait(timers).expect("no alarm panics"),
+            };
+        }
+    }
+}
+
+impl Driver for HostClock {
+    fn now(&self) -> u64 {
+        with_stepped(|clock| clock.now_us).unwrap_or_else(|| self.scaled_now_us())
+    }
+
+    fn schedule_wake(&self, at: u64, waker: &Waker) {
+        if with_stepped(|clock| clock.timers.add(at, waker)).is_some() {
+            return;
+        }
+        self.alarm_thread.get_or_init(|| {
+            thread::spawn(|| DRIVER.run_alarms());
+        });
+        let mut timers = self.timers.lock().expect("no alarm panics");
+        timers.add(at, waker);
+        self.timer_added.notify_one();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use embassy_time::{Instant, Timer};
+
+    #[test]
+    fn stepped_time_leaps_from_timer_to_timer() {
+        let wall = WallInstant::now();
+        let end = run_for(Duration::from_secs(3600), async {
+            Timer::after_secs(600).await;
+            Timer::after_secs(1200).await;
+            Instant::now().as_secs()
+        });
+        assert_eq!(end, Some(1800));
+        assert!(wall.elapsed().as_secs() < 60, "stepped time waited");
+    }
+
+    #[test]
+    fn a_future_that_outlasts_the_duration_is_dropped() {
+        let end = run_for(Duration::from_secs(10), Timer::after_secs(10));
+        assert_eq!(end, None);
+    }
+}

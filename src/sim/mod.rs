@@ -1,0 +1,17 @@
+//! The desk without a board: a simulated pack, the clock the tasks run by, and TCP for a wire.
+//!
+//! The firmware's own tasks run here unchanged. The pack knows its charge; the monitor is told only what the board's
+//! converter would tell it.
+
+pub mod clock;
+mod desk;
+mod drive_cycle;
+mod pack;
+mod pack_input;
+mod tcp;
+
+pub use desk::{Desk, Status};
+pub use drive_cycle::load_current_a;
+pub use pack::{PackModel, SimulatedPack};
+pub use pack_input::SimulatedPackInput;
+pub use tcp::{Clients, TcpWire};

@@ -1,0 +1,126 @@
+//! A lithium-polymer pack that is being discharged.
+
+/// Resting voltage of one LiPo cell from 0 % to 100 % charge in steps of 5 %, in volts: the table printed on hobby
+/// chargers and in pack makers' guides ("LiPo voltage chart", 0.05 C discharge at room temperature).
+const CELL_RESTING_V: [f32; 21] = [
+    3.27, 3.61, 3.69, 3.71, 3.73, 3.75, 3.77, 3.79, 3.80, 3.82, 3.84, 3.85, 3.87, 3.91, 3.95, 3.98, 4.02,
+    4.08, 4.11, 4.15, 4.20,
+];
+
+const SECONDS_PER_HOUR: f32 = 3600.0;
+
+/// What a pack is like.
+#[derive(Clone, Copy, Debug)]
+pub struct PackModel {
+    /// Cells in series.
+    pub cells: u8,
+    /// Charge of the full pack, in ampere-hours.
+    pub capacity_ah: f32,
+    /// Voltage drop that follows the current at once, in ohms.
+    pub ohmic_resistance_ohm: f32,
+    /// Voltage drop that follows the current slowly, in ohms.
+    pub polarization_resistance_ohm: f32,
+    /// How slowly, in seconds.
+    pub polarization_time_s: f32,
+}
+
+impl PackModel {
+    /// A 3S 2200 mAh pack, with resistances typical for 25 C hobby packs of this size.
+    pub const LIPO_3S_2200: Self = Self {
+        cells: 3,
+        capacity_ah: 2.2,
+        ohmic_resistance_ohm: 0.045,
+        polarization_resistance_ohm: 0.020,
+        polarization_time_s: 8.0,
+    };
+}
+
+/// A pack in use.
+#[derive(Clone, Debug)]
+pub struct SimulatedPack {
+    model: PackModel,
+    charge: f32,
+    polarization_v: f32,
+    current_a: f32,
+}
+
+impl SimulatedPack {
+    /// A full, rested pack.
+    pub fn full(model: PackModel) -> Self {
+        Self {
+            model,
+            charge: 1.0,
+            polarization_v: 0.0,
+            current_a: 0.0,
+        }
+    }
+
+    /// Draws `current_a` for `seconds`.
+    pub fn draw(&mut self, current_a: f32, seconds: f32) {
+        let drawn = current_a * seconds / SECONDS_PER_HOUR / self.model.capacity_ah;
+        self.charge = (self.charge - drawn).clamp(0.0, 1.0);
+        let settled_v = current_a * self.model.polarization_resistance_ohm;
+        let step = 1.0 - (-seconds / self.model.polarization_time_s).exp();
+        self.polarization_v += (settled_v - self.polarization_v) * step;
+        self.current_a = current_a;
+    }
+
+    /// What is left, 0 to 1.
+    pub fn charge(&self) -> f32 {
+        self.charge
+    }
+
+    /// The current being drawn, in amperes.
+    pub fn current_a(&self) -> f32 {
+        self.current_a
+    }
+
+    /// Voltage between the terminals under the present load, in volts.
+    pub fn voltage_v(&self) -> f32 {
+        let resting_v = resting_cell_voltage_v(self.charge) * f32::from(self.model.cells);
+        resting_v - self.current_a * self.model.ohmic_resistance_ohm - self.polarization_v
+    }
+}
+
+fn resting_cell_voltage_v(charge: f32) -> f32 {
+    let position = charge.clamp(0.0, 1.0) * (CELL_RESTING_V.len() - 1) as f32;
+    let below = (position as usize).min(CELL_RESTING_V.len() - 2);
+    let share = position - below as f32;
+    CELL_RESTING_V[below] * (1.0 - share) + CELL_RESTING_V[below + 1] * share
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_pack_at_rest_has_4_2_v_a_cell() {
+        let pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
+        assert!((pack.voltage_v() - 12.6).abs() < 1e-4);
+    }
+
+    #[test]
+    fn one_c_empties_it_in_an_hour_and_no_further() {
+        let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
+        for _ in 0..1800 {
+            pack.draw(2.2, 1.0);
+        }
+        assert!((pack.charge() - 0.5).abs() < 1e-3);
+        for _ in 0..3600 {
+            pack.draw(2.2, 1.0);
+        }
+        assert_eq!(pack.charge(), 0.0);
+    }
+
+    #[test]
+    fn load_sags_it_at_once_and_then_slowly() {
+        let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
+        let rest_v = pack.voltage_v();
+        pack.draw(10.0, 0.01);
+        let at_once_v = rest_v - pack.voltage_v();
+        pack.draw(10.0, 40.0);
+        let settled_v = rest_v - pack.voltage_v();
+        assert!((at_once_v - 0.45).abs() < 0.01, "{at_once_v}");
+        assert!(settled_v > at_once_v + 0.18, "{settled_v}");
+    }
+}

@@ -1,0 +1,30 @@
+//! Thin loops around the core: wait, call it, publish.
+//!
+//! They are plain generic `async fn`s, the same ones on the board and in the simulator. Each binary wraps them in
+//! `#[embassy_executor::task]`s of one line, since tasks can't be generic.
+
+mod battery;
+mod link;
+mod shared;
+mod status;
+mod supervisor;
+mod telemetry;
+mod writer;
+
+use embassy_time::Instant;
+
+pub use battery::sample_battery;
+pub use link::Link;
+pub use shared::Shared;
+pub use status::{IdleTime, report_status};
+pub use supervisor::{Watchdog, supervise};
+pub use telemetry::schedule_telemetry;
+pub use writer::write_frames;
+
+use crate::liveness::CheckIn;
+
+/// The task behind `check_in` is alive now.
+fn mark(check_in: &CheckIn) {
+    // Liveness counts modulo 2^32 on purpose.
+    check_in.mark(Instant::now().as_millis() as u32);
+}

@@ -1,0 +1,73 @@
+//! One line a second in the log, and the processor's load.
+
+use embassy_time::{Duration, Instant, Ticker};
+
+use super::{Link, Shared, mark};
+use crate::liveness::CheckIn;
+use crate::log::info;
+
+const REPORT_INTERVAL: Duration = Duration::from_secs(1);
+
+/// How long the processor has been idle.
+pub trait IdleTime {
+    /// Microseconds without anything to do since boot, modulo 2^32.
+    fn idle_us(&self) -> u32;
+}
+
+/// Measures the load over each second and logs voltage, rates and load.
+pub async fn report_status(idle: impl IdleTime, shared: &Shared, link: &Link, check_in: &CheckIn) -> ! {
+    let mut seconds = Ticker::every(REPORT_INTERVAL);
+    let mut before = Snapshot::take(&idle, shared, link);
+    loop {
+        seconds.next().await;
+        let now = Snapshot::take(&idle, shared, link);
+        shared.publish_load(now.load_permille_since(&before));
+        log(shared, link, &now, &before);
+        before = now;
+        mark(check_in);
+    }
+}
+
+struct Snapshot {
+    time_us: u32,
+    idle_us: u32,
+    samples: u32,
+    sent: u32,
+    dropped: u32,
+}
+
+impl Snapshot {
+    fn take(idle: &impl IdleTime, shared: &Shared, link: &Link) -> Self {
+        let statistics = link.statistics();
+        Self {
+            time_us: Instant::now().as_micros() as u32,
+            idle_us: idle.idle_us(),
+            samples: shared.samples(),
+            sent: statistics.sent,
+            dropped: statistics.dropped,
+        }
+    }
+
+    fn load_permille_since(&self, before: &Self) -> u16 {
+        let elapsed_us = self.time_us.wrapping_sub(before.time_us).max(1);
+        let idle_us = self.idle_us.wrapping_sub(before.idle_us).min(elapsed_us);
+        let busy_us = elapsed_us - idle_us;
+        // At most 1000, and a second of microseconds times 1000 fits u32 with room for a late tick.
+        (busy_us / (elapsed_us.div_ceil(1000))).min(1000) as u16
+    }
+}
+
+fn log(shared: &Shared, link: &Link, now: &Snapshot, before: &Snapshot) {
+    let battery = shared.battery();
+    let voltage_mv = battery.voltage_v.map(|voltage_v| (voltage_v * 1000.0) as u32);
+    info!(
+        "battery 1: {:?} {:?} mV, {} samples/s; {}: {} frames/s, {} dropped; load {} permille",
+        battery.status,
+        voltage_mv,
+        now.samples.wrapping_sub(before.samples),
+        link.name(),
+        now.sent.wrapping_sub(before.sent),
+        now.dropped.wrapping_sub(before.dropped),
+        shared.load_permille(),
+    );
+}

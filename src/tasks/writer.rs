@@ -1,0 +1,29 @@
+//! Writes the messages of one link to its wire.
+
+use embedded_io_async::Write;
+
+use super::{Link, Shared, mark};
+use crate::liveness::CheckIn;
+use crate::mavlink::Framer;
+use crate::parameter::ParameterId;
+
+/// Takes messages out of the link's outbox as fast as `wire` takes their frames. Only this task ever waits for the wire.
+///
+/// # Errors
+/// The wire failed and takes no more frames.
+pub async fn write_frames<W: Write>(
+    mut wire: W,
+    shared: &Shared,
+    link: &Link,
+    check_in: &CheckIn,
+) -> Result<(), W::Error> {
+    let mut framer = Framer::new();
+    loop {
+        let message = link.next_message().await;
+        // The table's range is 1 to 255.
+        let system_id = shared.parameter(ParameterId::SysidThismav) as u8;
+        wire.write_all(framer.frame(&message, system_id)).await?;
+        link.count_sent();
+        mark(check_in);
+    }
+}
