@@ -1,0 +1,184 @@
+//! The tasks on a desk, in stepped time: from conversions of a converter to frames on a wire.
+
+mod support;
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::convert::Infallible;
+
+use embassy_futures::join::join3;
+use embassy_time::{Duration, Instant, Timer};
+use embedded_io_async::{ErrorType, Write};
+use rover_battmon::battery::ReadError;
+use rover_battmon::liveness::CheckIn;
+use rover_battmon::sensor::{AdcCount, AnalogIn, BURST_CONVERSIONS};
+use rover_battmon::sim::clock;
+use rover_battmon::tasks::{
+    Link, Shared, Watchdog, sample_battery, schedule_telemetry, supervise, write_frames,
+};
+use support::frames::{
+    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap, frames,
+    of_message,
+};
+
+/// A converter whose answers depend on the time.
+struct Converter<F>(F);
+
+impl<F: FnMut(Instant) -> Result<AdcCount, ReadError>> AnalogIn for Converter<F> {
+    async fn convert(&mut self) -> Result<AdcCount, ReadError> {
+        (self.0)(Instant::now())
+    }
+}
+
+/// A converter that stops answering at some time.
+struct StallingConverter {
+    stalls_at: Instant,
+}
+
+impl AnalogIn for StallingConverter {
+    async fn convert(&mut self) -> Result<AdcCount, ReadError> {
+        if Instant::now() >= self.stalls_at {
+            std::future::pending::<()>().await;
+        }
+        Ok(AdcCount(2482))
+    }
+}
+
+/// A serial line that takes `byte_us` for each byte.
+struct Line<'a> {
+    byte_us: u64,
+    sent: &'a RefCell<Vec<(u64, u8)>>,
+}
+
+impl ErrorType for Line<'_> {
+    type Error = Infallible;
+}
+
+impl Write for Line<'_> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        Timer::after_micros(self.byte_us * bytes.len() as u64).await;
+        let at_us = Instant::now().as_micros();
+        self.sent
+            .borrow_mut()
+            .extend(bytes.iter().map(|byte| (at_us, *byte)));
+        Ok(bytes.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+/// 10 bits a byte.
+fn byte_us(baud: u64) -> u64 {
+    10_000_000 / baud
+}
+
+fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
+    let (shared, link) = (Shared::new(), Link::new("line"));
+    let check_ins = [0; 3].map(|_| CheckIn::new("", u32::MAX));
+    let sent = RefCell::new(Vec::new());
+    let line = Line {
+        byte_us: byte_us(baud),
+        sent: &sent,
+    };
+    clock::run_for(
+        Duration::from_secs(seconds),
+        join3(
+            sample_battery(input, &shared, &check_ins[0]),
+            schedule_telemetry(&shared, &link, &check_ins[1]),
+            write_frames(line, &shared, &link, &check_ins[2]),
+        ),
+    );
+    let sent = sent.take();
+    frames(&sent)
+}
+
+#[test]
+fn a_pack_appears_on_the_wire_at_the_default_rates() {
+    let frames = run(600, 115_200, Converter(|_| Ok(AdcCount(2482))));
+    assert_no_sequence_gap(&frames);
+    assert_eq!(of_message(&frames, HEARTBEAT).len(), 600);
+    assert_eq!(of_message(&frames, SYS_STATUS).len(), 1200);
+    let battery = of_message(&frames, BATTERY_STATUS);
+    assert_eq!(battery.len(), 1200);
+    for frame in &battery[1..] {
+        assert_eq!(BatteryStatus(frame).voltage_mv(0), 7901);
+        assert_eq!(BatteryStatus(frame).charge_state(), 1);
+        assert_eq!((frame.system_id, frame.component_id), (1, 1));
+    }
+}
+
+#[test]
+fn the_last_good_value_stays_and_the_fifth_failed_read_says_unhealthy() {
+    let stalls_at = Instant::from_micros(4_950_000);
+    let frames = run(10, 115_200, StallingConverter { stalls_at });
+    let battery = of_message(&frames, BATTERY_STATUS);
+    // Reads fail from 5.0 s on, so the fifth fails at 5.4 s.
+    for frame in &battery[1..] {
+        let status = BatteryStatus(frame);
+        assert_eq!(status.voltage_mv(0), 7901, "at {} us", frame.at_us);
+        let expected = if frame.at_us < 5_402_000 { 1 } else { 6 };
+        assert_eq!(status.charge_state(), expected, "at {} us", frame.at_us);
+    }
+    let sys_status = of_message(&frames, SYS_STATUS);
+    let last = SysStatus(sys_status[sys_status.len() - 1]);
+    assert_eq!(last.sensors_healthy(), 0);
+    assert_ne!(last.sensors_present(), 0);
+}
+
+#[test]
+fn one_bad_conversion_costs_one_reading_and_no_more() {
+    let bad_at = 16 * 7;
+    let mut results: VecDeque<_> = (0..100 * usize::from(BURST_CONVERSIONS))
+        .map(|_| Ok(AdcCount(2482)))
+        .collect();
+    results[bad_at] = Err(ReadError::Conversion);
+    let frames = run(
+        5,
+        115_200,
+        Converter(move |_| results.pop_front().expect("enough conversions")),
+    );
+    for frame in &of_message(&frames, BATTERY_STATUS)[1..] {
+        assert_eq!(BatteryStatus(frame).charge_state(), 1);
+        assert_eq!(BatteryStatus(frame).voltage_mv(0), 7901);
+    }
+}
+
+#[test]
+fn a_link_that_is_too_slow_loses_old_telemetry_evenly_and_counts_it() {
+    // 21 + 2 × (43 + 53) bytes a second are wanted; 100 baud carry 10.
+    let frames = run(600, 100, Converter(|_| Ok(AdcCount(2482))));
+    assert_no_sequence_gap(&frames);
+    let counts = [HEARTBEAT, SYS_STATUS, BATTERY_STATUS].map(|message| of_message(&frames, message).len());
+    let (least, most) = (counts.iter().min().unwrap(), counts.iter().max().unwrap());
+    assert!(*least > 0 && most - least <= 1, "uneven: {counts:?}");
+    let sys_status = of_message(&frames, SYS_STATUS);
+    let dropped = SysStatus(sys_status[sys_status.len() - 1]).errors_count1();
+    assert!(dropped > 2000, "only {dropped} drops counted");
+}
+
+struct Fed<'a>(&'a RefCell<Vec<u64>>);
+
+impl Watchdog for Fed<'_> {
+    fn feed(&mut self) {
+        self.0.borrow_mut().push(Instant::now().as_millis());
+    }
+}
+
+#[test]
+fn the_watchdog_is_fed_until_a_task_is_overdue() {
+    let (busy, quiet) = (CheckIn::new("busy", 500), CheckIn::new("quiet", 2_500));
+    let fed = RefCell::new(Vec::new());
+    clock::run_for(Duration::from_secs(10), async {
+        let check_in = async {
+            loop {
+                busy.mark(Instant::now().as_millis() as u32);
+                Timer::after_millis(100).await;
+            }
+        };
+        embassy_futures::join::join(check_in, supervise(&[&busy, &quiet], &mut Fed(&fed))).await
+    });
+    // Every 100 ms from 0 to 2500; at 2600 "quiet" is overdue.
+    assert_eq!(*fed.borrow(), (0..=25).map(|look| look * 100).collect::<Vec<_>>());
+}

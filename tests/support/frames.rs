@@ -1,0 +1,169 @@
+//! A MAVLink 2 reader for tests, written from the protocol's description and not from the crate the firmware uses, so
+//! that both can't make the same mistake.
+
+// Each test program uses its own part.
+#![allow(dead_code)]
+
+pub const HEARTBEAT: u32 = 0;
+pub const SYS_STATUS: u32 = 1;
+pub const BATTERY_STATUS: u32 = 147;
+
+const START_OF_FRAME: u8 = 0xfd;
+const HEADER_BYTES: usize = 10;
+const CRC_BYTES: usize = 2;
+
+/// A frame whose checksum is right.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frame {
+    /// When its last byte had arrived, in µs.
+    pub at_us: u64,
+    pub sequence: u8,
+    pub system_id: u8,
+    pub component_id: u8,
+    pub message_id: u32,
+    /// Without the zeros MAVLink 2 cuts off at the end.
+    payload: Vec<u8>,
+}
+
+impl Frame {
+    pub fn payload_len(&self) -> usize {
+        self.payload.len()
+    }
+
+    fn bytes<const N: usize>(&self, offset: usize) -> [u8; N] {
+        core::array::from_fn(|i| self.payload.get(offset + i).copied().unwrap_or(0))
+    }
+
+    pub fn u8(&self, offset: usize) -> u8 {
+        u8::from_le_bytes(self.bytes(offset))
+    }
+
+    pub fn i8(&self, offset: usize) -> i8 {
+        i8::from_le_bytes(self.bytes(offset))
+    }
+
+    pub fn u16(&self, offset: usize) -> u16 {
+        u16::from_le_bytes(self.bytes(offset))
+    }
+
+    pub fn i16(&self, offset: usize) -> i16 {
+        i16::from_le_bytes(self.bytes(offset))
+    }
+
+    pub fn u32(&self, offset: usize) -> u32 {
+        u32::from_le_bytes(self.bytes(offset))
+    }
+
+    pub fn i32(&self, offset: usize) -> i32 {
+        i32::from_le_bytes(self.bytes(offset))
+    }
+}
+
+/// The checksum's extra byte of the messages the firmware sends, from the message definitions.
+fn crc_extra(message_id: u32) -> u8 {
+    match message_id {
+        HEARTBEAT => 50,
+        SYS_STATUS => 124,
+        BATTERY_STATUS => 154,
+        other => panic!("message {other} is not one the firmware sends"),
+    }
+}
+
+/// CRC-16/MCRF4XX, as the MAVLink serialisation guide defines it.
+fn crc16(bytes: impl Iterator<Item = u8>) -> u16 {
+    bytes.fold(0xffff, |crc: u16, byte| {
+        let mut x = byte ^ (crc & 0xff) as u8;
+        x ^= x << 4;
+        (crc >> 8) ^ (u16::from(x) << 8) ^ (u16::from(x) << 3) ^ (u16::from(x) >> 4)
+    })
+}
+
+/// Splits what was sent into frames. A frame that is cut off at the end is left out.
+///
+/// Panics on anything that is not a frame with a right checksum: a clean wire carries nothing else.
+pub fn frames(sent: &[(u64, u8)]) -> Vec<Frame> {
+    let mut frames = Vec::new();
+    let mut rest = sent;
+    while rest.len() >= HEADER_BYTES {
+        let length = HEADER_BYTES + usize::from(rest[1].1) + CRC_BYTES;
+        if rest.len() < length {
+            break;
+        }
+        frames.push(frame(&rest[..length]));
+        rest = &rest[length..];
+    }
+    frames
+}
+
+fn frame(sent: &[(u64, u8)]) -> Frame {
+    let bytes: Vec<u8> = sent.iter().map(|(_, byte)| *byte).collect();
+    assert_eq!(bytes[0], START_OF_FRAME, "no frame starts here: {bytes:02x?}");
+    assert_eq!(bytes[2], 0, "unexpected incompatibility flags: {bytes:02x?}");
+    let message_id = u32::from_le_bytes([bytes[7], bytes[8], bytes[9], 0]);
+    let (covered, crc) = bytes.split_at(bytes.len() - CRC_BYTES);
+    let expected = crc16(covered[1..].iter().copied().chain([crc_extra(message_id)]));
+    assert_eq!(crc, expected.to_le_bytes(), "wrong checksum: {bytes:02x?}");
+    Frame {
+        at_us: sent[sent.len() - 1].0,
+        sequence: bytes[4],
+        system_id: bytes[5],
+        component_id: bytes[6],
+        message_id,
+        payload: covered[HEADER_BYTES..].to_vec(),
+    }
+}
+
+/// Panics if the sequence numbers of `frames` have a gap.
+pub fn assert_no_sequence_gap(frames: &[Frame]) {
+    for pair in frames.windows(2) {
+        assert_eq!(
+            pair[1].sequence,
+            pair[0].sequence.wrapping_add(1),
+            "sequence gap at {} us",
+            pair[1].at_us
+        );
+    }
+}
+
+/// The frames of one message.
+pub fn of_message(frames: &[Frame], message_id: u32) -> Vec<&Frame> {
+    frames.iter().filter(|f| f.message_id == message_id).collect()
+}
+
+/// Fields of BATTERY_STATUS, at their places on the wire.
+pub struct BatteryStatus<'a>(pub &'a Frame);
+
+impl BatteryStatus<'_> {
+    pub fn voltage_mv(&self, cell: usize) -> u16 {
+        self.0.u16(10 + 2 * cell)
+    }
+
+    pub fn charge_state(&self) -> u8 {
+        self.0.u8(40)
+    }
+}
+
+/// Fields of SYS_STATUS, at their places on the wire.
+pub struct SysStatus<'a>(pub &'a Frame);
+
+impl SysStatus<'_> {
+    pub fn sensors_present(&self) -> u32 {
+        self.0.u32(0)
+    }
+
+    pub fn sensors_healthy(&self) -> u32 {
+        self.0.u32(8)
+    }
+
+    pub fn load_permille(&self) -> u16 {
+        self.0.u16(12)
+    }
+
+    pub fn voltage_mv(&self) -> u16 {
+        self.0.u16(14)
+    }
+
+    pub fn errors_count1(&self) -> u16 {
+        self.0.u16(22)
+    }
+}
