@@ -1,0 +1,67 @@
+"""Starts the simulator for the tests that talk to it with real ground-station software."""
+
+import os
+import pathlib
+import re
+import signal
+import socket
+import subprocess
+
+import pytest
+
+# pymavlink reads this when it is imported: without it, it would answer in MAVLink 1.
+os.environ["MAVLINK20"] = "1"
+
+REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Simulator:
+    """The simulator as its user starts it."""
+
+    def __init__(self, *arguments):
+        self.port = free_port()
+        self.process = subprocess.Popen(
+            ["cargo", "run", "--quiet", "--", "--tcp", f"127.0.0.1:{self.port}", *arguments],
+            cwd=REPOSITORY,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        first_line = self.process.stdout.readline()
+        assert re.match(r"MAVLink on tcp:", first_line), first_line
+
+    @property
+    def url(self):
+        return f"tcp:127.0.0.1:{self.port}"
+
+    def interrupt(self):
+        """Presses Ctrl-C; returns the exit code and what it had printed since the first line."""
+        os.killpg(self.process.pid, signal.SIGINT)
+        output, _ = self.process.communicate(timeout=20)
+        return self.process.returncode, output
+
+    def kill(self):
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.communicate()
+
+
+@pytest.fixture
+def start_simulator():
+    """Starts simulators with the given arguments and ends them after the test."""
+    started = []
+
+    def start(*arguments):
+        started.append(Simulator(*arguments))
+        return started[-1]
+
+    yield start
+    for simulator in started:
+        simulator.kill()

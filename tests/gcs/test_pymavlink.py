@@ -1,0 +1,117 @@
+"""What pymavlink sees of the simulator."""
+
+import collections
+import socket
+import subprocess
+import time
+
+from pymavlink import mavutil
+
+
+def listen(url, seconds):
+    """Connects and returns the connection and all messages of the given time, by type."""
+    connection = mavutil.mavlink_connection(url)
+    # Start at a whole heartbeat, so that every message has its full share of the time.
+    connection.wait_heartbeat(timeout=10)
+    messages = collections.defaultdict(list)
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        message = connection.recv_match(blocking=True, timeout=0.1)
+        if message is not None:
+            messages[message.get_type()].append(message)
+    return connection, messages
+
+
+def assert_clean(connection, messages):
+    assert "BAD_DATA" not in messages
+    assert connection.mav_loss == 0
+
+
+def assert_rate(messages, name, seconds, hertz):
+    assert abs(len(messages[name]) - seconds * hertz) <= 1, (name, len(messages[name]))
+
+
+def test_default_rates_without_loss(start_simulator):
+    simulator = start_simulator()
+    connection, messages = listen(simulator.url, 10)
+    assert_clean(connection, messages)
+    assert_rate(messages, "HEARTBEAT", 10, 1)
+    assert_rate(messages, "SYS_STATUS", 10, 2)
+    assert_rate(messages, "BATTERY_STATUS", 10, 2)
+
+
+def test_fields_decode(start_simulator):
+    simulator = start_simulator()
+    _, messages = listen(simulator.url, 3)
+
+    heartbeat = messages["HEARTBEAT"][-1]
+    assert heartbeat.type == mavutil.mavlink.MAV_TYPE_GROUND_ROVER
+    assert heartbeat.autopilot == mavutil.mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+    assert not heartbeat.base_mode & mavutil.mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    assert (heartbeat.get_srcSystem(), heartbeat.get_srcComponent()) == (1, 1)
+
+    battery = messages["BATTERY_STATUS"][-1]
+    assert battery.id == 0
+    assert battery.battery_function == mavutil.mavlink.MAV_BATTERY_FUNCTION_ALL
+    assert battery.type == mavutil.mavlink.MAV_BATTERY_TYPE_LIPO
+    assert 12_000 < battery.voltages[0] < 12_650
+    assert battery.voltages[1:] == [65535] * 9
+    assert battery.voltages_ext == [0] * 4
+    assert battery.temperature == 32767
+    assert battery.charge_state == mavutil.mavlink.MAV_BATTERY_CHARGE_STATE_OK
+    assert (battery.mode, battery.fault_bitmask, battery.time_remaining) == (0, 0, 0)
+    assert battery.current_battery == battery.current_consumed == battery.energy_consumed == -1
+    assert battery.battery_remaining == -1
+
+    status = messages["SYS_STATUS"][-1]
+    sensor = mavutil.mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+    assert status.onboard_control_sensors_present == sensor
+    assert status.onboard_control_sensors_enabled == sensor
+    assert status.onboard_control_sensors_health == sensor
+    assert abs(status.voltage_battery - battery.voltages[0]) < 100
+    assert (status.current_battery, status.battery_remaining) == (-1, -1)
+    assert (status.load, status.errors_count1) == (0, 0)
+
+
+def test_several_clients_and_one_that_does_not_read(start_simulator):
+    simulator = start_simulator("--speedup", "20")
+    stuck = socket.create_connection(("127.0.0.1", simulator.port))
+    stuck.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    gone = socket.create_connection(("127.0.0.1", simulator.port))
+    gone.close()
+    connection, messages = listen(simulator.url, 5)
+    other, other_messages = listen(simulator.url, 5)
+    for connection, messages in [(connection, messages), (other, other_messages)]:
+        assert_clean(connection, messages)
+        # 20 times as fast as the wall clock; wall time on a shared machine is not exact.
+        assert len(messages["BATTERY_STATUS"]) > 0.85 * 5 * 2 * 20
+    stuck.close()
+
+
+def test_the_pack_discharges(start_simulator):
+    simulator = start_simulator("--speedup", "500")
+    _, messages = listen(simulator.url, 4)
+    voltages = [message.voltages[0] for message in messages["BATTERY_STATUS"]]
+    assert max(voltages[:5]) - min(voltages[-5:]) > 300, voltages
+
+
+def test_ctrl_c_ends_it_cleanly(start_simulator):
+    simulator = start_simulator()
+    listen(simulator.url, 1)
+    code, output = simulator.interrupt()
+    assert code == 0, output
+    assert output.endswith("Stopped.\n"), output
+    assert " V " in output and "1 clients" in output, output
+
+
+def test_a_taken_port_is_said(start_simulator):
+    simulator = start_simulator()
+    second = subprocess.run(
+        ["cargo", "run", "--quiet", "--", "--tcp", f"127.0.0.1:{simulator.port}"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert second.returncode == 1
+    assert f"Can't listen on 127.0.0.1:{simulator.port}" in second.stderr
+    assert "--tcp" in second.stderr
