@@ -1,0 +1,122 @@
+//! What the converter sees at its inputs, and the code it makes of a voltage.
+
+use super::super::clock::{Cycle, micros};
+use super::super::random::Random;
+
+/// Reference voltage of the Pico (ADC_VREF).
+pub const REFERENCE_VOLTS: f64 = 3.3;
+/// Codes of the 12-bit converter.
+pub const CODES: u32 = 4096;
+
+/// Erratum RP2040-E11: the codes that are far too wide ("DNL peaks at codes 512, 1536, 2560 and
+/// 3584", datasheet 4.9.4).
+pub const WIDE_CODES: [u32; 4] = [512, 1536, 2560, 3584];
+/// How much wider than one step each of them is, in steps: the differential nonlinearity measured
+/// on a Pico is 8.9 steps (pico-adc.markomo.me, sine histogram).
+pub const WIDE_CODE_EXCESS: f64 = 8.9;
+
+/// The signal at one channel. Times are microseconds since power-up.
+pub enum AdcInput {
+    /// Exactly this code, past the converter's errors and its noise.
+    Code(u16),
+    /// This voltage, through the transfer curve, with the noise of [`super::Adc::set_noise`].
+    Volts(f64),
+    /// A code as a function of time.
+    CodeAt(Box<dyn FnMut(u64) -> u16>),
+    /// A voltage as a function of time.
+    VoltsAt(Box<dyn FnMut(u64) -> f64>),
+}
+
+impl AdcInput {
+    /// What the converter reads when it samples at `now`.
+    pub fn sample(&mut self, now: Cycle, noise_volts: f64, random: &mut Random) -> u16 {
+        let volts = match self {
+            Self::Code(code) => return *code,
+            Self::CodeAt(code_at) => return code_at(micros(now)),
+            Self::Volts(volts) => *volts,
+            Self::VoltsAt(volts_at) => volts_at(micros(now)),
+        };
+        let noise = if noise_volts > 0.0 {
+            noise_volts * random.gaussian()
+        } else {
+            0.0
+        };
+        code_of_volts(volts + noise)
+    }
+}
+
+/// The transfer curve with erratum RP2040-E11.
+///
+/// The four wide codes take [`WIDE_CODE_EXCESS`] steps more than they should; all codes together
+/// still span the reference, so every step is a little narrower than ideal. The result is the
+/// sawtooth of the datasheet's INL figure, which runs between about -4.5 and +4.5 steps here.
+pub fn code_of_volts(volts: f64) -> u16 {
+    let excess = WIDE_CODE_EXCESS * WIDE_CODES.len() as f64;
+    let steps = volts / REFERENCE_VOLTS * (f64::from(CODES) + excess);
+    let mut code = steps;
+    for (passed, &wide) in WIDE_CODES.iter().enumerate() {
+        let lower_edge = f64::from(wide) + WIDE_CODE_EXCESS * passed as f64;
+        let inside = (steps - lower_edge - 1.0).clamp(0.0, WIDE_CODE_EXCESS);
+        code -= inside;
+        if steps >= lower_edge && steps < lower_edge + 1.0 + WIDE_CODE_EXCESS {
+            code = f64::from(wide);
+        }
+    }
+    code.floor().clamp(0.0, f64::from(CODES - 1)) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Width of a code in ideal steps, found by sweeping the voltage.
+    fn width(code: u16) -> f64 {
+        const PER_STEP: u32 = 64;
+        let sweep = u32::from(code).saturating_sub(40) * PER_STEP..(u32::from(code) + 40) * PER_STEP;
+        let volts = |position| f64::from(position) * REFERENCE_VOLTS / f64::from(CODES * PER_STEP);
+        let hits = sweep
+            .filter(|&position| code_of_volts(volts(position)) == code)
+            .count();
+        hits as f64 / f64::from(PER_STEP)
+    }
+
+    #[test]
+    fn the_four_codes_of_erratum_e11_are_wide_and_the_others_are_not() {
+        for code in [512, 1536, 2560, 3584] {
+            assert!((width(code) - 9.8).abs() < 0.2, "code {code}: {}", width(code));
+        }
+        for code in [100, 511, 513, 1024, 2048, 3583, 3585] {
+            assert!((width(code) - 0.99).abs() < 0.05, "code {code}: {}", width(code));
+        }
+    }
+
+    #[test]
+    fn the_curve_spans_the_reference_and_never_falls() {
+        assert_eq!(code_of_volts(-0.1), 0);
+        assert_eq!(code_of_volts(0.0), 0);
+        assert_eq!(code_of_volts(3.4), 4095);
+        let codes: Vec<u16> = (0..33_000)
+            .map(|tenth_mv| code_of_volts(f64::from(tenth_mv) / 10_000.0))
+            .collect();
+        assert!(codes.windows(2).all(|pair| pair[0] <= pair[1]));
+    }
+
+    #[test]
+    fn the_error_stays_within_five_steps() {
+        for tenth_mv in (0..33_000).step_by(7) {
+            let volts = f64::from(tenth_mv) / 10_000.0;
+            let ideal = volts / REFERENCE_VOLTS * f64::from(CODES);
+            let error = f64::from(code_of_volts(volts)) - ideal;
+            assert!(error.abs() < 10.0, "{volts} V: {error}");
+        }
+    }
+
+    #[test]
+    fn a_code_passes_exactly_and_noise_spreads_a_voltage() {
+        let mut random = Random::new(3);
+        assert_eq!(AdcInput::Code(2482).sample(0, 0.01, &mut random), 2482);
+        let mut input = AdcInput::Volts(2.0);
+        let codes: Vec<u16> = (0..100).map(|_| input.sample(0, 0.005, &mut random)).collect();
+        assert!(codes.iter().any(|&code| code != codes[0]));
+    }
+}

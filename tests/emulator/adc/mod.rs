@@ -1,0 +1,323 @@
+//! ADC: the successive-approximation converter with its input multiplexer (datasheet 4.9).
+
+mod fifo;
+mod input;
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+
+use super::clock::{CLK_ADC_HZ, CLK_SYS_HZ, Cycle, NEVER, from_adc_clock};
+use super::peripheral::Peripheral;
+use super::random::Random;
+use super::register::{RegisterWrite, bit, field};
+use fifo::SampleFifo;
+pub use input::{AdcInput, code_of_volts};
+
+const CS: u32 = 0x00;
+const RESULT: u32 = 0x04;
+const FCS: u32 = 0x08;
+const FIFO: u32 = 0x0c;
+const DIV: u32 = 0x10;
+const INTR: u32 = 0x14;
+const INTE: u32 = 0x18;
+const INTF: u32 = 0x1c;
+const INTS: u32 = 0x20;
+
+const CS_EN: u32 = 0;
+const CS_START_ONCE: u32 = 2;
+const CS_START_MANY: u32 = 3;
+const CS_READY: u32 = 8;
+const CS_ERR: u32 = 9;
+const CS_ERR_STICKY: u32 = 10;
+const CS_AINSEL: u32 = 12;
+const CS_RROBIN: u32 = 16;
+const CS_MASK: u32 = 0x001f_700b;
+const DIV_MASK: u32 = 0x00ff_ffff;
+
+/// "a conversion takes 96 × 2.083 ns = 2 µs" at 48 MHz (4.9.2.2).
+const CONVERSION_ADC_CYCLES: u64 = 96;
+/// "After a few clock cycles, CS.READY will go high" (4.9.2): how many is not given.
+const POWER_UP_ADC_CYCLES: u64 = 8;
+/// Channels 0 to 3 are GPIO26 to 29, 4 is the temperature sensor.
+const CHANNELS: usize = 5;
+const INTERRUPT_LINE: u32 = 22;
+const DMA_REQUEST: u32 = 36;
+/// How many conversions the record keeps for the test; older ones are dropped.
+const RECORD_LENGTH: usize = 1 << 16;
+
+/// A finished conversion, for the test to look at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Conversion {
+    /// When the input was sampled.
+    pub start: Cycle,
+    pub channel: usize,
+    pub code: u16,
+}
+
+/// A fault of the converter, put in by a test.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum AdcFault {
+    #[default]
+    None,
+    /// Conversions start and never finish: CS.READY stays low.
+    Stalled,
+    /// Conversions finish with CS.ERR set.
+    ConversionError,
+}
+
+struct Running {
+    start: Cycle,
+    channel: usize,
+}
+
+pub struct Adc {
+    cs: u32,
+    div: u32,
+    inte: u32,
+    intf: u32,
+    result: u16,
+    error: bool,
+    error_sticky: bool,
+    fifo: SampleFifo,
+    powered_up_at: Cycle,
+    running: Option<Running>,
+    /// When START_MANY starts the next conversion.
+    next_start: Option<Cycle>,
+    inputs: [AdcInput; CHANNELS],
+    noise_volts: f64,
+    random: Random,
+    fault: AdcFault,
+    conversions: u64,
+    record: VecDeque<Conversion>,
+}
+
+impl Adc {
+    pub fn new(noise_seed: u64) -> Self {
+        Self {
+            cs: 0,
+            div: 0,
+            inte: 0,
+            intf: 0,
+            result: 0,
+            error: false,
+            error_sticky: false,
+            fifo: SampleFifo::default(),
+            powered_up_at: NEVER,
+            running: None,
+            next_start: None,
+            inputs: [0; CHANNELS].map(AdcInput::Code),
+            noise_volts: 0.0,
+            random: Random::new(noise_seed),
+            fault: AdcFault::None,
+            conversions: 0,
+            record: VecDeque::new(),
+        }
+    }
+
+    pub fn set_input(&mut self, channel: usize, input: AdcInput) {
+        assert!(
+            channel < CHANNELS,
+            "the RP2040's ADC has channels 0 to 4, not {channel}"
+        );
+        self.inputs[channel] = input;
+    }
+
+    /// Noise at the inputs given as voltages, in volts (standard deviation).
+    pub fn set_noise(&mut self, volts: f64) {
+        self.noise_volts = volts;
+    }
+
+    pub fn set_fault(&mut self, fault: AdcFault) {
+        self.fault = fault;
+    }
+
+    /// How many conversions have finished since power-up.
+    pub fn conversions(&self) -> u64 {
+        self.conversions
+    }
+
+    /// Take the record of finished conversions (the last 65536 of them).
+    pub fn take_record(&mut self) -> Vec<Conversion> {
+        self.record.drain(..).collect()
+    }
+
+    fn is_ready(&self, now: Cycle) -> bool {
+        bit(self.cs, CS_EN) && now >= self.powered_up_at && self.running.is_none()
+    }
+
+    fn start_conversion(&mut self, now: Cycle) {
+        if bit(self.cs, CS_EN) && now >= self.powered_up_at && self.running.is_none() {
+            self.running = Some(Running {
+                start: now,
+                channel: field(self.cs, CS_AINSEL, 3) as usize,
+            });
+        }
+    }
+
+    /// The pace of START_MANY: back to back, or every 1 + INT + FRAC/256 cycles if that is longer.
+    fn period(&self) -> Cycle {
+        let in_256ths = 256 + u64::from(self.div);
+        let paced = (in_256ths * CLK_SYS_HZ).div_ceil(256 * CLK_ADC_HZ);
+        paced.max(from_adc_clock(CONVERSION_ADC_CYCLES))
+    }
+
+    fn conversion_end(&self) -> Cycle {
+        match (&self.running, self.fault) {
+            (None, _) | (Some(_), AdcFault::Stalled) => NEVER,
+            (Some(running), _) => running.start + from_adc_clock(CONVERSION_ADC_CYCLES),
+        }
+    }
+
+    fn finish_conversion(&mut self) {
+        let Some(Running { start, channel }) = self.running.take() else {
+            return;
+        };
+        let code = match self.inputs.get_mut(channel) {
+            Some(input) => input.sample(start, self.noise_volts, &mut self.random) & 0xfff,
+            None => 0,
+        };
+        self.result = code;
+        self.error = self.fault == AdcFault::ConversionError;
+        self.error_sticky |= self.error;
+        self.fifo.push(code, self.error);
+        self.next_channel();
+        self.keep_record(Conversion { start, channel, code });
+    }
+
+    fn keep_record(&mut self, conversion: Conversion) {
+        self.conversions += 1;
+        if self.record.len() == RECORD_LENGTH {
+            self.record.pop_front();
+        }
+        self.record.push_back(conversion);
+    }
+
+    /// CS.RROBIN: "AINSEL will be updated after each conversion with the newly-selected channel".
+    fn next_channel(&mut self) {
+        let round = field(self.cs, CS_RROBIN, 5);
+        if round == 0 {
+            return;
+        }
+        let current = field(self.cs, CS_AINSEL, 3);
+        let next = (1..=8)
+            .map(|step| (current + step) % 8)
+            .find(|&channel| bit(round, channel));
+        if let Some(channel) = next {
+            self.cs = self.cs & !(0b111 << CS_AINSEL) | channel << CS_AINSEL;
+        }
+    }
+
+    fn write_control(&mut self, write: RegisterWrite, now: Cycle) {
+        let was = self.cs;
+        let cs = write.applied_to(was);
+        self.error_sticky &= !bit(write.value, CS_ERR_STICKY);
+        self.cs = cs & CS_MASK;
+        if !bit(was, CS_EN) && bit(cs, CS_EN) {
+            self.powered_up_at = now + from_adc_clock(POWER_UP_ADC_CYCLES);
+        }
+        if !bit(cs, CS_EN) {
+            self.running = None;
+        }
+        if bit(cs, CS_START_MANY) && bit(cs, CS_EN) {
+            self.next_start = self.next_start.or(Some(now.max(self.powered_up_at)));
+        } else {
+            self.next_start = None;
+            if bit(cs, CS_START_ONCE) {
+                self.start_conversion(now);
+            }
+        }
+    }
+
+    fn control(&self, now: Cycle) -> u32 {
+        self.cs
+            | u32::from(self.is_ready(now)) << CS_READY
+            | u32::from(self.error) << CS_ERR
+            | u32::from(self.error_sticky) << CS_ERR_STICKY
+    }
+
+    fn interrupt_status(&self) -> u32 {
+        (u32::from(self.fifo.reached_threshold()) & self.inte) | self.intf
+    }
+
+    /// When START_MANY can start: on its beat, but not before the running conversion is over.
+    fn beat(&self) -> Cycle {
+        if self.running.is_some() {
+            NEVER
+        } else {
+            self.next_start.unwrap_or(NEVER)
+        }
+    }
+
+    fn start_on_beat(&mut self, beat: Cycle) {
+        self.start_conversion(beat);
+        self.next_start = Some(beat + self.period());
+    }
+}
+
+impl Peripheral for Adc {
+    fn read(&mut self, offset: u32, now: Cycle) -> u32 {
+        match offset {
+            CS => self.control(now),
+            RESULT => u32::from(self.result),
+            FCS => self.fifo.status(),
+            FIFO => u32::from(self.fifo.pop()),
+            DIV => self.div,
+            INTR => u32::from(self.fifo.reached_threshold()),
+            INTE => self.inte,
+            INTF => self.intf,
+            INTS => self.interrupt_status(),
+            _ => 0,
+        }
+    }
+
+    fn write(&mut self, offset: u32, write: RegisterWrite, now: Cycle) {
+        match offset {
+            CS => self.write_control(write, now),
+            FCS => self.fifo.write_control(write),
+            DIV => write.update(&mut self.div, DIV_MASK),
+            INTE => write.update(&mut self.inte, 1),
+            INTF => write.update(&mut self.intf, 1),
+            _ => {}
+        }
+    }
+
+    fn reset(&mut self, _now: Cycle) {
+        self.cs = 0;
+        self.div = 0;
+        self.inte = 0;
+        self.intf = 0;
+        self.result = 0;
+        self.error = false;
+        self.error_sticky = false;
+        self.fifo = SampleFifo::default();
+        self.running = None;
+        self.next_start = None;
+    }
+
+    fn advance(&mut self, now: Cycle) {
+        loop {
+            let (end, beat) = (self.conversion_end(), self.beat());
+            if end.min(beat) > now {
+                return;
+            }
+            if end <= beat {
+                self.finish_conversion();
+            } else {
+                self.start_on_beat(beat);
+            }
+        }
+    }
+
+    fn next_event(&self) -> Cycle {
+        self.conversion_end().min(self.beat())
+    }
+
+    fn interrupt_lines(&self) -> u32 {
+        self.interrupt_status() << INTERRUPT_LINE
+    }
+
+    fn dma_requests(&self) -> u64 {
+        u64::from(self.fifo.requests_dma()) << DMA_REQUEST
+    }
+}

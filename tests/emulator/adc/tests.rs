@@ -1,0 +1,211 @@
+//! Tests of the ADC against datasheet 4.9, by its registers.
+
+use super::super::clock::cycles;
+use super::*;
+
+const EN: u32 = 1 << CS_EN;
+const START_ONCE: u32 = 1 << CS_START_ONCE;
+const START_MANY: u32 = 1 << CS_START_MANY;
+const READY: u32 = 1 << CS_READY;
+const FCS_EN: u32 = 1;
+const CONVERSION: Cycle = cycles(2);
+
+fn write(adc: &mut Adc, offset: u32, value: u32, now: Cycle) {
+    adc.advance(now);
+    adc.write(offset, RegisterWrite::plain(value), now);
+    adc.advance(now);
+}
+
+fn read(adc: &mut Adc, offset: u32, now: Cycle) -> u32 {
+    adc.advance(now);
+    adc.read(offset, now)
+}
+
+/// Enabled at 0; each channel carries its number plus 100.
+fn adc() -> Adc {
+    let mut adc = Adc::new(1);
+    (0..CHANNELS).for_each(|channel| adc.set_input(channel, AdcInput::Code(100 + channel as u16)));
+    write(&mut adc, CS, EN, 0);
+    adc
+}
+
+#[test]
+fn ready_comes_a_few_cycles_after_enabling() {
+    let mut adc = Adc::new(1);
+    assert_eq!(read(&mut adc, CS, 0), 0, "not ready while disabled");
+    write(&mut adc, CS, EN, 0);
+    assert_eq!(read(&mut adc, CS, 1) & READY, 0);
+    assert_eq!(read(&mut adc, CS, cycles(1)) & READY, READY);
+}
+
+#[test]
+fn a_conversion_takes_2_microseconds_and_clears_ready_meanwhile() {
+    let mut adc = adc();
+    write(&mut adc, CS, EN | START_ONCE | 2 << CS_AINSEL, 1000);
+    assert_eq!(
+        read(&mut adc, CS, 1000 + CONVERSION - 1) & (READY | START_ONCE),
+        0
+    );
+    assert_eq!(read(&mut adc, CS, 1000 + CONVERSION) & READY, READY);
+    assert_eq!(read(&mut adc, RESULT, 1000 + CONVERSION), 102);
+    assert_eq!(
+        adc.take_record(),
+        [Conversion {
+            start: 1000,
+            channel: 2,
+            code: 102
+        }]
+    );
+}
+
+#[test]
+fn start_many_runs_back_to_back_at_500_thousand_samples_a_second() {
+    let mut adc = adc();
+    write(&mut adc, CS, EN | START_MANY, 1000);
+    adc.advance(1000 + cycles(1000));
+    assert_eq!(adc.conversions(), 500);
+    write(&mut adc, CS, EN, 1000 + cycles(1001));
+    adc.advance(cycles(3000));
+    assert_eq!(adc.conversions(), 501, "the one that was running is finished");
+}
+
+#[test]
+fn the_divider_paces_start_many() {
+    // 1 + 479 cycles of 48 MHz: 100 000 samples a second. Below 96 it makes no difference.
+    for (int, expected) in [(479, 10), (10, 50)] {
+        let mut adc = adc();
+        write(&mut adc, DIV, int << 8, 1000);
+        write(&mut adc, CS, EN | START_MANY, 1000);
+        adc.advance(1000 + cycles(100));
+        assert_eq!(adc.conversions(), expected, "INT {int}");
+    }
+}
+
+#[test]
+fn round_robin_goes_through_the_selected_channels() {
+    let mut adc = adc();
+    write(
+        &mut adc,
+        CS,
+        EN | START_MANY | 1 << CS_AINSEL | 0b1_0110 << CS_RROBIN,
+        1000,
+    );
+    adc.advance(1000 + 4 * CONVERSION);
+    let channels: Vec<usize> = adc
+        .take_record()
+        .iter()
+        .map(|conversion| conversion.channel)
+        .collect();
+    assert_eq!(channels, [1, 2, 4, 1]);
+    assert_eq!(field(adc.read(CS, 1000 + 4 * CONVERSION), CS_AINSEL, 3), 2);
+}
+
+#[test]
+fn the_fifo_holds_eight_samples_then_overflows_and_underflows_when_empty() {
+    let mut adc = adc();
+    write(&mut adc, FCS, FCS_EN, 1000);
+    write(&mut adc, CS, EN | START_MANY, 1000);
+    let status = read(&mut adc, FCS, 1000 + 8 * CONVERSION);
+    assert_eq!(
+        (field(status, 16, 4), bit(status, 9), bit(status, 11)),
+        (8, true, false)
+    );
+    write(&mut adc, CS, EN, 1000 + 9 * CONVERSION);
+    let end = 1000 + 11 * CONVERSION;
+    assert!(bit(read(&mut adc, FCS, end), 11), "OVER");
+    (0..8).for_each(|_| assert_eq!(read(&mut adc, FIFO, end), 100));
+    assert!(!bit(read(&mut adc, FCS, end), 10));
+    assert_eq!(read(&mut adc, FIFO, end), 0);
+    assert!(bit(read(&mut adc, FCS, end), 10), "UNDER");
+    write(&mut adc, FCS, FCS_EN | 1 << 10 | 1 << 11, end);
+    assert_eq!(
+        read(&mut adc, FCS, end),
+        FCS_EN | 1 << 8,
+        "both are write-one-to-clear"
+    );
+}
+
+#[test]
+fn a_disabled_fifo_keeps_nothing() {
+    let mut adc = adc();
+    write(&mut adc, CS, EN | START_ONCE, 1000);
+    assert_eq!(field(read(&mut adc, FCS, 1000 + CONVERSION), 16, 4), 0);
+}
+
+#[test]
+fn shift_makes_bytes_of_the_samples() {
+    let mut adc = adc();
+    adc.set_input(0, AdcInput::Code(0xabc));
+    write(&mut adc, FCS, FCS_EN | 1 << 1, 1000);
+    write(&mut adc, CS, EN | START_ONCE, 1000);
+    assert_eq!(read(&mut adc, FIFO, 1000 + CONVERSION), 0xab);
+    assert_eq!(read(&mut adc, RESULT, 1000 + CONVERSION), 0xabc);
+}
+
+#[test]
+fn interrupt_and_dma_request_follow_the_threshold() {
+    let mut adc = adc();
+    write(&mut adc, INTE, 1, 1000);
+    assert_eq!(
+        adc.interrupt_lines(),
+        1 << 22,
+        "a level of 0 has reached a threshold of 0"
+    );
+    write(&mut adc, FCS, FCS_EN | 1 << 3 | 2 << 24, 1000);
+    assert_eq!((adc.interrupt_lines(), adc.dma_requests()), (0, 0));
+    write(&mut adc, CS, EN | START_MANY, 1000);
+    adc.advance(1000 + CONVERSION);
+    assert_eq!((adc.interrupt_lines(), adc.dma_requests()), (0, 0));
+    adc.advance(1000 + 2 * CONVERSION);
+    assert_eq!((adc.interrupt_lines(), adc.dma_requests()), (1 << 22, 1 << 36));
+}
+
+#[test]
+fn a_stalled_converter_never_gets_ready_and_finishes_when_the_fault_is_gone() {
+    let mut adc = adc();
+    adc.set_fault(AdcFault::Stalled);
+    write(&mut adc, CS, EN | START_ONCE, 1000);
+    assert_eq!(read(&mut adc, CS, cycles(1_000_000)) & READY, 0);
+    adc.set_fault(AdcFault::None);
+    assert_eq!(read(&mut adc, CS, cycles(1_000_000)) & READY, READY);
+}
+
+#[test]
+fn a_conversion_error_shows_in_cs_and_in_the_fifo() {
+    let mut adc = adc();
+    adc.set_fault(AdcFault::ConversionError);
+    write(&mut adc, FCS, FCS_EN | 1 << 2, 1000);
+    write(&mut adc, CS, EN | START_ONCE, 1000);
+    let now = 1000 + CONVERSION;
+    assert_eq!(read(&mut adc, FIFO, now), 1 << 15 | 100);
+    assert_eq!(field(read(&mut adc, CS, now), CS_ERR, 2), 0b11);
+    adc.set_fault(AdcFault::None);
+    write(&mut adc, CS, EN | START_ONCE, now);
+    assert_eq!(
+        field(read(&mut adc, CS, now + CONVERSION), CS_ERR, 2),
+        0b10,
+        "ERR_STICKY stays"
+    );
+    write(&mut adc, CS, EN | 1 << CS_ERR_STICKY, now + CONVERSION);
+    assert_eq!(field(read(&mut adc, CS, now + CONVERSION), CS_ERR, 2), 0);
+}
+
+#[test]
+fn an_input_can_be_a_function_of_time() {
+    let mut adc = adc();
+    adc.set_input(0, AdcInput::CodeAt(Box::new(|micros| micros as u16)));
+    write(&mut adc, CS, EN | START_ONCE, cycles(1234));
+    assert_eq!(read(&mut adc, RESULT, cycles(1300)), 1234, "sampled at the start");
+}
+
+#[test]
+fn reset_disables_and_keeps_the_voltages() {
+    let mut adc = adc();
+    write(&mut adc, CS, EN | START_MANY, 1000);
+    adc.reset(2000);
+    assert_eq!(read(&mut adc, CS, 2000), 0);
+    assert_eq!(adc.next_event(), NEVER);
+    write(&mut adc, CS, EN, 3000);
+    write(&mut adc, CS, EN | START_ONCE, 4000);
+    assert_eq!(read(&mut adc, RESULT, 4000 + CONVERSION), 100);
+}

@@ -1,0 +1,266 @@
+//! A Pico on the bench: power it up with a firmware, let time pass, look at its pins and wires.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::adc::{AdcFault, AdcInput, Conversion};
+use super::boot_rom;
+use super::bus::{BusErrorRecord, SystemBus, UnmodelledAccess, Width};
+use super::clock::{Cycle, cycles, micros};
+use super::cpu::{Cpu, CpuState};
+use super::firmware::Firmware;
+use super::interrupts::InterruptLines;
+use super::log::{LogDecoder, LogLine};
+use super::memory::Memory;
+use super::pins::{UartPins, driven_level};
+use super::random::Random;
+use super::reset::ResetRecord;
+use super::rtt::RttWatch;
+use super::uart::{BitTime, Uart};
+
+/// The emulated board.
+pub struct Board {
+    pub(super) cpu: Cpu,
+    pub(super) bus: SystemBus,
+    pub(super) lines: InterruptLines,
+    pub(super) log: LogDecoder,
+    pub(super) resets: Vec<ResetRecord>,
+    pub(super) awake_cycles: u64,
+    /// Where the runs asked for so far end: overshoot by an instruction does not add up.
+    pub(super) run_end: Cycle,
+    firmware: Firmware,
+    seeds: Random,
+}
+
+impl Board {
+    /// Switch a board on whose flash holds `firmware`. The seed decides what is in RAM and what
+    /// the analogue noise is; the same seed and the same stimuli give the same run.
+    pub fn power_up(firmware: &Firmware, seed: u64) -> Self {
+        let mut seeds = Random::new(seed);
+        let mut memory = Memory::new(boot_rom::image(), firmware.flash().to_vec());
+        Random::new(seeds.next_u64()).fill(&mut memory.ram);
+        let mut bus = SystemBus::new(memory, seeds.next_u64());
+        bus.rtt = RttWatch::new(firmware.find_symbol("_SEGGER_RTT"));
+        let mut board = Self {
+            cpu: Cpu::at_reset(0, 0),
+            bus,
+            lines: InterruptLines::default(),
+            log: LogDecoder::new(firmware.log_table()),
+            resets: Vec::new(),
+            awake_cycles: 0,
+            run_end: 0,
+            firmware: firmware.clone(),
+            seeds,
+        };
+        board.start_firmware();
+        board
+    }
+
+    pub(super) fn next_ram_seed(&mut self) -> u64 {
+        self.seeds.next_u64()
+    }
+
+    // ----- Time -------------------------------------------------------------------------------
+
+    /// Microseconds since power-up. A reset does not restart this clock.
+    pub fn time_us(&self) -> u64 {
+        micros(self.bus.now)
+    }
+
+    /// The same in cycles of `clk_sys`.
+    pub fn time_cycles(&self) -> Cycle {
+        self.bus.now
+    }
+
+    // ----- Wires and voltages -----------------------------------------------------------------
+
+    /// What left and reached a UART.
+    pub fn uart(&mut self, number: usize) -> &mut Uart {
+        &mut self.bus.soc.uarts[number]
+    }
+
+    /// Solder a UART's wire to other pins (GP0/GP1 for UART0 and GP8/GP9 for UART1 at first).
+    pub fn wire_uart(&mut self, number: usize, pins: UartPins) {
+        pins.check(number);
+        self.bus.uart_pins[number] = pins;
+        self.bus.connect_pins();
+        self.bus.attention = true;
+    }
+
+    /// Send bytes to the chip, back to back, from `at_us` on or when the wire is free. Returns the
+    /// time at which the last stop bit is over. Uses the baud rate the firmware has programmed;
+    /// panics before it has.
+    pub fn uart_send(&mut self, number: usize, at_us: u64, bytes: &[u8]) -> u64 {
+        let bit = self.bus.soc.uarts[number].programmed_bit();
+        let bit = bit.unwrap_or_else(|| panic!("UART{number} has no baud rate yet: use uart_send_at_baud"));
+        self.send(number, at_us, bytes, bit)
+    }
+
+    /// Send bytes to the chip at a baud rate of the sender's own.
+    pub fn uart_send_at_baud(&mut self, number: usize, at_us: u64, bytes: &[u8], baud: u32) -> u64 {
+        self.send(number, at_us, bytes, BitTime::of_baud(baud))
+    }
+
+    fn send(&mut self, number: usize, at_us: u64, bytes: &[u8], bit: BitTime) -> u64 {
+        self.bus.attention = true;
+        let start = cycles(at_us).max(self.bus.now);
+        micros(self.bus.soc.uarts[number].send_to_chip(bytes, start, bit))
+    }
+
+    /// Put a signal on an ADC channel: 0 to 3 are GP26 to GP29, 4 is the temperature sensor.
+    pub fn adc_input(&mut self, channel: usize, input: AdcInput) {
+        self.bus.soc.adc.set_input(channel, input);
+    }
+
+    /// Noise on the ADC inputs that are given as voltages: standard deviation in volts.
+    pub fn adc_noise(&mut self, volts: f64) {
+        self.bus.soc.adc.set_noise(volts);
+    }
+
+    pub fn adc_fault(&mut self, fault: AdcFault) {
+        self.bus.soc.adc.set_fault(fault);
+        self.bus.attention = true;
+    }
+
+    /// Conversions finished since power-up.
+    pub fn adc_conversions(&self) -> u64 {
+        self.bus.soc.adc.conversions()
+    }
+
+    /// Take the record of the conversions since it was taken last (at most the last 65536).
+    pub fn take_adc_record(&mut self) -> Vec<Conversion> {
+        self.bus.soc.adc.take_record()
+    }
+
+    /// The level at which the processor drives a pin; `None` when it does not.
+    pub fn pin_level(&self, pin: usize) -> Option<bool> {
+        driven_level(&self.bus.chip, pin)
+    }
+
+    // ----- What can be seen inside --------------------------------------------------------------
+
+    /// The log so far, oldest line first.
+    pub fn log_lines(&self) -> &[LogLine] {
+        &self.log.lines
+    }
+
+    /// Take the log lines so far.
+    pub fn take_log(&mut self) -> Vec<LogLine> {
+        std::mem::take(&mut self.log.lines)
+    }
+
+    /// Every reset since power-up.
+    pub fn resets(&self) -> &[ResetRecord] {
+        &self.resets
+    }
+
+    pub fn cpu_state(&self) -> CpuState {
+        self.cpu.state()
+    }
+
+    pub fn is_locked_up(&self) -> bool {
+        self.cpu.state() == CpuState::LockedUp
+    }
+
+    /// Number of the exception being handled; 0 in thread mode, 3 in HardFault.
+    pub fn active_exception(&self) -> u32 {
+        self.cpu.active_exception()
+    }
+
+    /// R0 to R12, SP (13), LR (14), PC (15).
+    pub fn register(&self, number: usize) -> u32 {
+        self.cpu.core.reg(number)
+    }
+
+    pub fn pc(&self) -> u32 {
+        self.register(15)
+    }
+
+    /// Instructions executed since power-up.
+    pub fn instructions(&self) -> u64 {
+        self.bus.instructions
+    }
+
+    /// Cycles since power-up in which the processor was not asleep.
+    pub fn awake_cycles(&self) -> u64 {
+        self.awake_cycles
+    }
+
+    /// Accesses to addresses where nothing is (the first 1024).
+    pub fn bus_errors(&self) -> &[BusErrorRecord] {
+        &self.bus.bus_errors
+    }
+
+    /// Accesses to blocks that are not modelled, by name of the block.
+    pub fn unmodelled(&self) -> &BTreeMap<&'static str, UnmodelledAccess> {
+        &self.bus.unmodelled
+    }
+
+    /// How close to its time-out the watchdog was fed, at the closest, in microseconds.
+    pub fn smallest_watchdog_slack_us(&self) -> Option<u64> {
+        self.bus.soc.watchdog.smallest_slack_us()
+    }
+
+    pub fn watchdog_is_enabled(&self) -> bool {
+        self.bus.soc.watchdog.is_enabled()
+    }
+
+    /// What the firmware has made of the clocks; the emulator itself runs at 125 MHz.
+    pub fn programmed_clk_sys_hz(&self) -> u32 {
+        self.bus.chip.sys_clk_hz()
+    }
+
+    /// Address of a symbol of the firmware. Panics when it has none of this name.
+    pub fn symbol(&self, name: &str) -> u32 {
+        self.firmware.symbol(name)
+    }
+
+    /// Addresses of a section of the firmware. Panics when it has none of this name.
+    pub fn section(&self, name: &str) -> Range<u32> {
+        self.firmware.section(name)
+    }
+
+    /// Read ROM, flash or RAM. Panics outside of them.
+    pub fn read_memory(&self, address: u32, length: usize) -> Vec<u8> {
+        let byte = |index: usize| self.bus.memory.load(address + index as u32, Width::Byte);
+        let byte = |index| byte(index).unwrap_or_else(|| panic!("no memory at {address:#x} + {index}"));
+        (0..length).map(|index| byte(index) as u8).collect()
+    }
+
+    /// Read a word of ROM, flash or RAM. Panics outside of them.
+    pub fn read_word(&self, address: u32) -> u32 {
+        let word = self.bus.memory.load(address, Width::Word);
+        word.unwrap_or_else(|| panic!("no memory at {address:#x}"))
+    }
+
+    /// Write RAM behind the firmware's back. Panics outside of it.
+    pub fn write_memory(&mut self, address: u32, bytes: &[u8]) {
+        for (index, &byte) in bytes.iter().enumerate() {
+            let stored = self
+                .bus
+                .store(address + index as u32, u32::from(byte), Width::Byte);
+            assert!(stored.is_ok(), "no RAM at {address:#x} + {index}");
+        }
+    }
+
+    /// Read a peripheral register as the processor would, with its side effects.
+    pub fn read_register(&mut self, address: u32) -> u32 {
+        self.bus
+            .load(address, Width::Word)
+            .unwrap_or_else(|_| panic!("no register at {address:#x}"))
+    }
+
+    /// Write a peripheral register as the processor would.
+    pub fn write_register(&mut self, address: u32, value: u32) {
+        assert!(
+            self.bus.store(address, value, Width::Word).is_ok(),
+            "no register at {address:#x}"
+        );
+    }
+
+    /// Set the TIMER's counter, for a test of what happens after 2^32 µs.
+    pub fn preset_timer(&mut self, count: u64) {
+        self.bus.soc.timer.set_count(count, self.bus.now);
+        self.bus.attention = true;
+    }
+}

@@ -1,0 +1,174 @@
+//! The processor's side of the bus: the trait through which the crate's core executes.
+
+use rp2040_emu::bus::ppb::Ppb;
+use rp2040_emu::core::{CoreBus, Nvic};
+
+use super::bus::{BusError, Direction, SystemBus, Width};
+
+/// What the crate's core announces as its program counter while it stacks or unstacks the
+/// registers of an exception.
+const STACKING: u32 = 0xffff_fffe;
+const UNSTACKING: u32 = 0xffff_fffd;
+
+/// The IOPORT segment, which only the processor can reach (datasheet 2.3.1).
+const IOPORT: u32 = 0xd;
+/// "Mapped to word-aligned addresses in the range 0xd0000000...0xd000017c" (2.3.1).
+const SIO_END: u32 = 0xd000_0180;
+const SYSTEM_CONTROL: u32 = 0xe;
+/// Writing the inter-core FIFO means starting core 1.
+const SIO_FIFO_WR: u32 = 0xd000_0054;
+
+/// The first interrupt line that only software can raise.
+const FIRST_SOFTWARE_LINE: u8 = 26;
+
+impl SystemBus {
+    fn core_load(&mut self, address: u32, width: Width) -> u32 {
+        let loaded = match address >> 28 {
+            IOPORT if address < SIO_END => Ok(self.load_sio(address, width)),
+            SYSTEM_CONTROL => Ok(self.load_system_control(address, width)),
+            _ => self.load(address, width),
+        };
+        loaded.unwrap_or_else(|BusError| {
+            self.fail(address, Direction::Read);
+            0
+        })
+    }
+
+    fn core_store(&mut self, address: u32, value: u32, width: Width) {
+        let stored = match address >> 28 {
+            IOPORT if address < SIO_END => {
+                self.store_sio(address, value, width);
+                Ok(())
+            }
+            SYSTEM_CONTROL => {
+                self.store_system_control(address, value);
+                Ok(())
+            }
+            _ => self.store(address, value, width),
+        };
+        if stored.is_err() {
+            self.fail(address, Direction::Write);
+        }
+    }
+
+    fn fail(&mut self, address: u32, direction: Direction) {
+        self.note_bus_error(address, direction);
+        self.fault = Some(address);
+        // The core may have decoded the nothing it fetched here; it must not find it again.
+        self.stale_code.push(address);
+    }
+
+    fn load_sio(&mut self, address: u32, width: Width) -> u32 {
+        let word = self.chip.read32(address & !3);
+        super::bus::lane(word, address, width)
+    }
+
+    fn store_sio(&mut self, address: u32, value: u32, width: Width) {
+        if address & !3 == SIO_FIFO_WR {
+            self.note_unmodelled("SIO_FIFO", address, Direction::Write);
+        }
+        self.chip
+            .write32(address & !3, super::bus::replicated(value, width));
+    }
+
+    /// Exception entry and return set the event register (ARMv6-M B1.5.18), and change which
+    /// interrupt lines may become pending.
+    fn exception_boundary(&mut self) {
+        self.chip.event_flag[0] = true;
+        self.attention = true;
+    }
+}
+
+impl CoreBus for SystemBus {
+    fn read8(&mut self, address: u32) -> u8 {
+        self.core_load(address, Width::Byte) as u8
+    }
+
+    fn read16(&mut self, address: u32) -> u16 {
+        self.core_load(address, Width::Half) as u16
+    }
+
+    fn read32(&mut self, address: u32) -> u32 {
+        self.core_load(address, Width::Word)
+    }
+
+    fn write8(&mut self, address: u32, value: u8) {
+        self.core_store(address, u32::from(value), Width::Byte);
+    }
+
+    fn write16(&mut self, address: u32, value: u16) {
+        self.core_store(address, u32::from(value), Width::Half);
+    }
+
+    fn write32(&mut self, address: u32, value: u32) {
+        self.core_store(address, value, Width::Word);
+    }
+
+    /// Called at every instruction, and with a marker at every exception entry and return.
+    fn set_active_pc(&mut self, pc: u32) {
+        if pc == STACKING || pc == UNSTACKING {
+            self.exception_boundary();
+            return;
+        }
+        self.pc = pc;
+        self.instructions += 1;
+        self.note_fetched(pc);
+    }
+
+    fn bus_fault(&self) -> bool {
+        self.fault.is_some()
+    }
+
+    fn bus_fault_addr(&self) -> u32 {
+        self.fault.unwrap_or(0)
+    }
+
+    fn clear_bus_fault(&mut self) {
+        self.fault = None;
+    }
+
+    fn ppb(&self, core: usize) -> &Ppb {
+        &self.chip.ppb[core]
+    }
+
+    fn ppb_mut(&mut self, core: usize) -> &mut Ppb {
+        &mut self.chip.ppb[core]
+    }
+
+    fn nvic(&self, core: usize) -> &Nvic {
+        &self.chip.nvics[core]
+    }
+
+    /// The core asks for this only to clear the pending bit of the interrupt it is about to enter,
+    /// which is the pending one of highest priority. The crate's `clear_pending` leaves lines 26
+    /// to 31 alone, so that is done here.
+    fn nvic_mut(&mut self, core: usize) -> &mut Nvic {
+        let nvic = &mut self.chip.nvics[core];
+        if let Some((line, _)) = nvic.highest_priority_pending()
+            && line >= FIRST_SOFTWARE_LINE
+        {
+            nvic.pending &= !(1 << line);
+        }
+        nvic
+    }
+
+    fn active_core(&self) -> usize {
+        0
+    }
+
+    fn event_flag(&self, core: usize) -> bool {
+        self.chip.event_flag[core]
+    }
+
+    fn consume_event_flag(&mut self, core: usize) -> bool {
+        std::mem::take(&mut self.chip.event_flag[core])
+    }
+
+    fn set_wfe_waiting(&mut self, core: usize, waiting: bool) {
+        self.chip.wfe_waiting[core] = waiting;
+    }
+
+    fn signal_sev(&mut self) {
+        self.chip.event_flag = [true; 2];
+    }
+}

@@ -1,0 +1,172 @@
+//! Core 0: the crate's Cortex-M0+ with the parts of the architecture that it leaves out.
+//!
+//! Added here: preemption of a handler by a more urgent interrupt, waking from WFE and WFI by the
+//! rules of the architecture, lockup, and the faults a test puts in.
+
+use rp2040_emu::CortexM0Plus;
+
+use super::boot_rom;
+use super::bus::{SystemBus, Width};
+use super::interrupts::would_preempt;
+
+const IPSR_MASK: u32 = 0x1ff;
+const HARD_FAULT: u32 = 3;
+const WFI: u32 = 0xbf30;
+const THUMB: u32 = 1 << 24;
+
+/// What the processor is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CpuState {
+    Running,
+    /// Asleep in WFE.
+    WaitingForEvent,
+    /// Asleep in WFI.
+    WaitingForInterrupt,
+    /// A fault came while a HardFault was being entered or handled: the core has stopped until
+    /// something resets it (ARMv6-M B1.5.15).
+    LockedUp,
+}
+
+/// What a test makes the program in thread mode run into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Derailment {
+    /// A branch to itself; interrupts go on.
+    Hang,
+    /// An undefined instruction.
+    UndefinedInstruction,
+}
+
+pub struct Cpu {
+    pub core: CortexM0Plus,
+    state: CpuState,
+    derailment: Option<Derailment>,
+}
+
+impl Cpu {
+    /// A processor that leaves reset with these values from its vector table.
+    pub fn at_reset(stack_pointer: u32, entry: u32) -> Self {
+        let mut core = CortexM0Plus::new();
+        core.regs.msp = stack_pointer & !3;
+        core.regs.r[13] = stack_pointer & !3;
+        core.regs.r[15] = entry & !1;
+        core.regs.xpsr = THUMB;
+        Self {
+            core,
+            state: CpuState::Running,
+            derailment: None,
+        }
+    }
+
+    pub fn state(&self) -> CpuState {
+        self.state
+    }
+
+    pub fn is_running(&self) -> bool {
+        self.state == CpuState::Running
+    }
+
+    /// The number of the exception being handled; 0 in thread mode.
+    pub fn active_exception(&self) -> u32 {
+        self.core.regs.xpsr & IPSR_MASK
+    }
+
+    /// Derail the program at the next moment at which it is in thread mode with interrupts on.
+    pub fn derail(&mut self, derailment: Derailment) {
+        self.derailment = Some(derailment);
+    }
+
+    /// Wake up if there is a reason to (ARMv6-M B1.5.18, B1.5.19).
+    pub fn wake_if_due(&mut self, bus: &mut SystemBus) {
+        let interrupt = would_preempt(&bus.chip.nvics[0], &bus.chip.ppb[0]);
+        let masked = self.core.regs.primask & 1 != 0;
+        match self.state {
+            CpuState::WaitingForEvent if bus.chip.event_flag[0] => {
+                bus.chip.event_flag[0] = false;
+                self.wake(bus);
+            }
+            CpuState::WaitingForEvent if interrupt && !masked => self.wake(bus),
+            // WFI wakes for an interrupt that PRIMASK keeps from being taken, too.
+            CpuState::WaitingForInterrupt if interrupt => self.wake(bus),
+            CpuState::WaitingForEvent | CpuState::WaitingForInterrupt if self.derailment.is_some() => {
+                self.wake(bus);
+            }
+            _ => {}
+        }
+    }
+
+    fn wake(&mut self, bus: &mut SystemBus) {
+        bus.chip.wfe_waiting[0] = false;
+        self.core.wake();
+        self.state = CpuState::Running;
+    }
+
+    /// Execute one instruction or enter one exception; returns the cycles it took.
+    pub fn step(&mut self, bus: &mut SystemBus) -> u64 {
+        self.derail_if_possible();
+        let pc = self.core.regs.pc();
+        if let Some(cycles) = boot_rom::call(&mut self.core, bus) {
+            return cycles;
+        }
+        let cycles = self.step_with_preemption(bus);
+        self.drop_stale_code(bus);
+        bus.system_control.active_exception = self.active_exception();
+        self.note_sleep_or_lockup(bus, pc);
+        u64::from(cycles.max(1))
+    }
+
+    /// The crate's core takes no interrupt while any exception is active. For the one step in
+    /// which a more urgent one has to be taken, the active ones are hidden from it.
+    fn step_with_preemption(&mut self, bus: &mut SystemBus) -> u32 {
+        let ppb = &bus.chip.ppb[0];
+        let preempts =
+            ppb.any_active() && self.core.regs.primask & 1 == 0 && would_preempt(&bus.chip.nvics[0], ppb);
+        let hidden = if preempts {
+            std::mem::take(&mut bus.chip.ppb[0].active)
+        } else {
+            0
+        };
+        let cycles = self.core.step(bus);
+        bus.chip.ppb[0].active |= hidden;
+        cycles
+    }
+
+    fn drop_stale_code(&mut self, bus: &mut SystemBus) {
+        if !bus.stale_code.is_empty() {
+            self.core.invalidate_decode_cache_entries(&bus.stale_code);
+            bus.stale_code.clear();
+        }
+    }
+
+    fn note_sleep_or_lockup(&mut self, bus: &mut SystemBus, pc: u32) {
+        if bus.chip.wfe_waiting[0] {
+            self.state = CpuState::WaitingForEvent;
+        } else if self.core.is_halted() {
+            // WFI is the only instruction that halts the crate's core without a fault.
+            let slept = bus.memory.load(pc, Width::Half) == Some(WFI);
+            self.state = if slept {
+                CpuState::WaitingForInterrupt
+            } else {
+                CpuState::LockedUp
+            };
+        } else if bus.fault.is_some() && self.active_exception() == HARD_FAULT {
+            // A fault that is still open after a step happened while the exception was entered:
+            // its frame could not be stacked, or its vector not be read.
+            self.core.halt();
+            self.state = CpuState::LockedUp;
+        }
+    }
+
+    fn derail_if_possible(&mut self) {
+        let in_thread_mode = self.active_exception() == 0;
+        if let Some(derailment) = self.derailment
+            && in_thread_mode
+            && self.core.regs.primask & 1 == 0
+        {
+            self.derailment = None;
+            self.core.regs.r[15] = match derailment {
+                Derailment::Hang => boot_rom::BRANCH_TO_SELF,
+                Derailment::UndefinedInstruction => boot_rom::UNDEFINED_INSTRUCTION,
+            };
+        }
+    }
+}

@@ -1,0 +1,244 @@
+//! Tests of the DMA against datasheet 2.5, moving real data over the bus of a board.
+
+use super::Board;
+use super::adc::AdcInput;
+use super::thumb::idle_board;
+
+const DMA: u32 = 0x5000_0000;
+const RESETS_CLEAR: u32 = 0x4000_f000;
+const ALL_BLOCKS: u32 = 0x01ff_ffff;
+const FROM: u32 = 0x2000_1000;
+const TO: u32 = 0x2000_2000;
+const UNMAPPED: u32 = 0x3000_0000;
+
+const READ_ADDR: u32 = 0x0;
+const WRITE_ADDR: u32 = 0x4;
+const TRANS_COUNT: u32 = 0x8;
+const CTRL_TRIG: u32 = 0xc;
+const AL1_CTRL: u32 = 0x10;
+const INTR: u32 = 0x400;
+const INTE0: u32 = 0x404;
+const INTS0: u32 = 0x40c;
+const CHAN_ABORT: u32 = 0x444;
+
+const EN: u32 = 1;
+const HALF: u32 = 1 << 2;
+const WORD: u32 = 2 << 2;
+const INCR_READ: u32 = 1 << 4;
+const INCR_WRITE: u32 = 1 << 5;
+const RING_WRITE_8_BYTES: u32 = 3 << 6 | 1 << 10;
+const PERMANENT: u32 = 63 << 15;
+const IRQ_QUIET: u32 = 1 << 21;
+const BSWAP: u32 = 1 << 22;
+const BUSY: u32 = 1 << 24;
+
+const fn chain_to(channel: u32) -> u32 {
+    channel << 11
+}
+
+/// The source holds 0, 1, 2, ...
+fn board() -> Board {
+    let mut board = idle_board();
+    board.write_register(RESETS_CLEAR, ALL_BLOCKS);
+    board.write_memory(FROM, &(0..=255).collect::<Vec<u8>>());
+    board.write_memory(TO, &[0xee; 256]);
+    board
+}
+
+fn write(board: &mut Board, channel: u32, register: u32, value: u32) {
+    board.write_register(DMA + 0x40 * channel + register, value);
+}
+
+fn read(board: &mut Board, channel: u32, register: u32) -> u32 {
+    board.read_register(DMA + 0x40 * channel + register)
+}
+
+fn set_up(board: &mut Board, channel: u32, count: u32) {
+    write(board, channel, READ_ADDR, FROM);
+    write(board, channel, WRITE_ADDR, TO);
+    write(board, channel, TRANS_COUNT, count);
+}
+
+#[test]
+fn copies_bytes_one_a_cycle_and_raises_its_interrupt() {
+    let mut board = board();
+    board.write_register(DMA + INTE0, 1);
+    set_up(&mut board, 0, 100);
+    write(&mut board, 0, CTRL_TRIG, EN | INCR_READ | INCR_WRITE | PERMANENT);
+    assert_ne!(read(&mut board, 0, CTRL_TRIG) & BUSY, 0);
+    assert_eq!(read(&mut board, 0, TRANS_COUNT), 100);
+    board.run_for(2);
+    assert_eq!(read(&mut board, 0, CTRL_TRIG) & BUSY, 0);
+    assert_eq!(
+        board.read_memory(TO, 101),
+        [(0..100).collect::<Vec<u8>>(), vec![0xee]].concat()
+    );
+    assert_eq!(
+        (read(&mut board, 0, READ_ADDR), read(&mut board, 0, WRITE_ADDR)),
+        (FROM + 100, TO + 100)
+    );
+    assert_eq!(board.read_register(DMA + INTS0), 1);
+    assert_ne!(board.bus.soc.interrupt_lines() & 1 << 11, 0, "DMA_IRQ_0");
+    board.write_register(DMA + INTS0, 1);
+    assert_eq!(board.read_register(DMA + INTR), 0);
+}
+
+#[test]
+fn sizes_ring_and_byte_swap() {
+    let mut board = board();
+    set_up(&mut board, 0, 3);
+    write(
+        &mut board,
+        0,
+        CTRL_TRIG,
+        EN | HALF | INCR_READ | INCR_WRITE | BSWAP | PERMANENT,
+    );
+    board.run_for(1);
+    assert_eq!(board.read_memory(TO, 6), [1, 0, 3, 2, 5, 4]);
+    set_up(&mut board, 1, 3);
+    write(
+        &mut board,
+        1,
+        CTRL_TRIG,
+        EN | WORD | INCR_READ | INCR_WRITE | RING_WRITE_8_BYTES | chain_to(1) | PERMANENT,
+    );
+    board.run_for(1);
+    assert_eq!(
+        board.read_memory(TO, 9),
+        [8, 9, 10, 11, 4, 5, 6, 7, 0xee],
+        "the third wraps to the first"
+    );
+}
+
+#[test]
+fn the_last_register_of_each_alias_group_triggers() {
+    // Table 121: CTRL_TRIG, AL1_TRANS_COUNT_TRIG, AL2_WRITE_ADDR_TRIG, AL3_READ_ADDR_TRIG.
+    let ctrl = EN | INCR_READ | INCR_WRITE | PERMANENT;
+    for (offset, value) in [(0x0c, ctrl), (0x1c, 4), (0x2c, TO), (0x3c, FROM)] {
+        let mut board = board();
+        set_up(&mut board, 3, 4);
+        write(&mut board, 3, AL1_CTRL, ctrl | chain_to(3));
+        board.run_for(1);
+        assert_eq!(board.read_memory(TO, 1), [0xee], "AL1_CTRL does not trigger");
+        let value = if offset == 0x0c { ctrl | chain_to(3) } else { value };
+        write(&mut board, 3, offset, value);
+        board.run_for(1);
+        assert_eq!(board.read_memory(TO, 5), [0, 1, 2, 3, 0xee], "{offset:#x}");
+    }
+}
+
+#[test]
+fn a_channel_chains_to_another_and_quiet_ones_raise_no_interrupt() {
+    let mut board = board();
+    set_up(&mut board, 0, 4);
+    set_up(&mut board, 5, 2);
+    write(&mut board, 5, WRITE_ADDR, TO + 4);
+    write(
+        &mut board,
+        5,
+        AL1_CTRL,
+        EN | INCR_READ | INCR_WRITE | chain_to(5) | PERMANENT,
+    );
+    write(
+        &mut board,
+        0,
+        CTRL_TRIG,
+        EN | INCR_READ | INCR_WRITE | chain_to(5) | IRQ_QUIET | PERMANENT,
+    );
+    board.run_for(1);
+    assert_eq!(board.read_memory(TO, 7), [0, 1, 2, 3, 0, 1, 0xee]);
+    assert_eq!(board.read_register(DMA + INTR), 1 << 5);
+}
+
+#[test]
+fn a_null_trigger_of_a_quiet_channel_raises_its_interrupt_and_moves_nothing() {
+    let mut board = board();
+    set_up(&mut board, 2, 4);
+    write(
+        &mut board,
+        2,
+        AL1_CTRL,
+        EN | INCR_READ | INCR_WRITE | chain_to(2) | IRQ_QUIET | PERMANENT,
+    );
+    write(&mut board, 2, 0x3c, 0);
+    board.run_for(1);
+    assert_eq!(board.read_register(DMA + INTR), 1 << 2);
+    assert_eq!(board.read_memory(TO, 1), [0xee]);
+}
+
+#[test]
+fn a_bus_error_halts_the_channel_and_is_no_fault_of_the_processor() {
+    let mut board = board();
+    set_up(&mut board, 0, 4);
+    write(&mut board, 0, READ_ADDR, UNMAPPED);
+    write(&mut board, 0, CTRL_TRIG, EN | PERMANENT);
+    board.run_for(1);
+    let ctrl = read(&mut board, 0, CTRL_TRIG);
+    assert_eq!((ctrl >> 29, ctrl & BUSY), (0b110, 0), "READ_ERROR and AHB_ERROR");
+    assert_eq!(board.read_register(DMA + INTR), 1);
+    assert_eq!(board.bus_errors()[0].address, UNMAPPED);
+    assert_eq!(board.active_exception(), 0);
+}
+
+#[test]
+fn abort_stops_a_channel_that_waits() {
+    let mut board = board();
+    set_up(&mut board, 0, 4);
+    write(&mut board, 0, CTRL_TRIG, EN | 21 << 15);
+    board.run_for(1);
+    assert_ne!(read(&mut board, 0, CTRL_TRIG) & BUSY, 0, "no request from UART0");
+    board.write_register(DMA + CHAN_ABORT, 1);
+    assert_eq!(read(&mut board, 0, CTRL_TRIG) & BUSY, 0);
+}
+
+#[test]
+fn adc_samples_arrive_at_the_pace_of_the_converter() {
+    const ADC: u32 = 0x4004_c000;
+    const DREQ_ADC: u32 = 36 << 15;
+    let mut board = board();
+    board.adc_input(0, AdcInput::CodeAt(Box::new(|micros| micros as u16)));
+    board.write_register(ADC, 1);
+    board.write_register(ADC + 0x8, 1 | 1 << 3 | 1 << 24);
+    set_up(&mut board, 0, 16);
+    write(&mut board, 0, READ_ADDR, ADC + 0xc);
+    write(&mut board, 0, CTRL_TRIG, EN | HALF | INCR_WRITE | DREQ_ADC);
+    board.run_for(10);
+    board.write_register(ADC, 1 | 1 << 3);
+    board.run_for(31);
+    assert_ne!(read(&mut board, 0, CTRL_TRIG) & BUSY, 0, "15 conversions so far");
+    board.run_for(2);
+    assert_eq!(read(&mut board, 0, CTRL_TRIG) & BUSY, 0);
+    let samples: Vec<u16> = board
+        .read_memory(TO, 32)
+        .chunks(2)
+        .map(|pair| u16::from_le_bytes([pair[0], pair[1]]))
+        .collect();
+    assert!(
+        samples.windows(2).all(|pair| pair[1] == pair[0] + 2),
+        "{samples:?}"
+    );
+}
+
+#[test]
+fn uart_data_goes_out_at_the_pace_of_the_wire() {
+    const UART1: u32 = 0x4003_8000;
+    const DREQ_UART1_TX: u32 = 22 << 15;
+    let mut board = board();
+    board.write_register(0x4001_4000 + 8 * 8 + 4, 2);
+    for (offset, value) in [(0x24, 67), (0x28, 52), (0x2c, 0x70), (0x30, 0x301), (0x48, 2)] {
+        board.write_register(UART1 + offset, value);
+    }
+    set_up(&mut board, 11, 200);
+    write(&mut board, 11, WRITE_ADDR, UART1);
+    write(
+        &mut board,
+        11,
+        CTRL_TRIG,
+        EN | INCR_READ | DREQ_UART1_TX | chain_to(11),
+    );
+    board.run_for(20_000);
+    let sent = board.uart(1).take_sent();
+    let bytes: Vec<u8> = sent.iter().map(|sent| sent.byte).collect();
+    assert_eq!(bytes, (0..200).collect::<Vec<u8>>());
+    assert_eq!(sent[199].end - sent[0].start, 200 * 10850);
+}

@@ -1,0 +1,40 @@
+//! Faults a test puts in from outside.
+
+use super::board::Board;
+use super::cpu::Derailment;
+
+impl Board {
+    /// Cut an interrupt line (datasheet 2.3.2): whatever raises it, it is never delivered.
+    pub fn cut_interrupt(&mut self, line: u32) {
+        self.lines.cut(line);
+        self.bus.attention = true;
+    }
+
+    /// Undo [`Self::cut_interrupt`].
+    pub fn restore_interrupt(&mut self, line: u32) {
+        self.lines.restore(line);
+        self.bus.attention = true;
+    }
+
+    /// Hang the program: at the next moment in thread mode with interrupts on, it branches to
+    /// itself until the next reset. Interrupts go on.
+    pub fn hang_program(&mut self) {
+        self.derail(Derailment::Hang);
+    }
+
+    /// Make the program run into an undefined instruction in thread mode.
+    pub fn run_undefined_instruction(&mut self) {
+        self.derail(Derailment::UndefinedInstruction);
+    }
+
+    fn derail(&mut self, derailment: Derailment) {
+        self.cpu.derail(derailment);
+        self.bus.attention = true;
+    }
+
+    /// Overwrite a core register, the stack pointer for example; numbers as in
+    /// [`Board::register`].
+    pub fn set_register(&mut self, number: usize, value: u32) {
+        self.cpu.core.set_reg(number, value);
+    }
+}

@@ -1,0 +1,175 @@
+//! The release firmware as the ELF file describes it: flash image, symbols, sections, log strings.
+
+use std::collections::HashMap;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+use defmt_decoder::Table;
+use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
+use object::{LittleEndian, Object, ObjectSection, ObjectSymbol};
+
+use super::memory::{FLASH_BASE, FLASH_SIZE};
+
+/// The second-stage boot loader in the first 256 bytes of flash, and its checksum (2.8.1.3.1).
+const BOOT2_SIZE: usize = 256;
+
+/// A firmware image. Cheap to clone; load it once and power up as many boards as needed.
+#[derive(Clone)]
+pub struct Firmware {
+    contents: Arc<Contents>,
+}
+
+struct Contents {
+    flash: Vec<u8>,
+    symbols: HashMap<String, u32>,
+    sections: HashMap<String, Range<u32>>,
+    log_table: Option<&'static Table>,
+}
+
+impl Firmware {
+    /// Load an ELF file linked for the RP2040's flash.
+    ///
+    /// Panics with a sentence that says what is wrong with the file.
+    pub fn load(path: impl AsRef<Path>) -> Self {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        Self::from_elf(&bytes).unwrap_or_else(|reason| panic!("{}: {reason}", path.display()))
+    }
+
+    fn from_elf(bytes: &[u8]) -> Result<Self, String> {
+        let elf = ElfFile32::<LittleEndian>::parse(bytes).map_err(|error| error.to_string())?;
+        let flash = flash_image(&elf, bytes)?;
+        check_boot2(&flash)?;
+        let symbols = elf
+            .symbols()
+            .filter_map(|symbol| Some((symbol.name().ok()?.to_owned(), symbol.address() as u32)));
+        let sections = elf.sections().filter_map(|section| {
+            let start = section.address() as u32;
+            Some((
+                section.name().ok()?.to_owned(),
+                start..start + section.size() as u32,
+            ))
+        });
+        // A stream decoder borrows its table, and both live as long as the test process.
+        let log_table = Table::parse(bytes).map_err(|error| error.to_string())?;
+        let log_table = log_table.map(|table| &*Box::leak(Box::new(table)));
+        let (symbols, sections) = (symbols.collect(), sections.collect());
+        Ok(Self {
+            contents: Arc::new(Contents {
+                flash,
+                symbols,
+                sections,
+                log_table,
+            }),
+        })
+    }
+
+    /// An image given byte by byte, for tests of the emulator itself.
+    pub fn from_flash(flash: Vec<u8>) -> Self {
+        let contents = Contents {
+            flash,
+            symbols: HashMap::new(),
+            sections: HashMap::new(),
+            log_table: None,
+        };
+        Self {
+            contents: Arc::new(contents),
+        }
+    }
+
+    /// The whole 2 MB of flash as programmed.
+    pub fn flash(&self) -> &[u8] {
+        &self.contents.flash
+    }
+
+    /// Address of a symbol. Panics when the ELF has none of this name.
+    pub fn symbol(&self, name: &str) -> u32 {
+        self.find_symbol(name)
+            .unwrap_or_else(|| panic!("the firmware has no symbol {name:?}"))
+    }
+
+    pub fn find_symbol(&self, name: &str) -> Option<u32> {
+        self.contents.symbols.get(name).copied()
+    }
+
+    /// Addresses of a section such as `.data`, `.bss` or `.uninit`. Panics when there is none.
+    pub fn section(&self, name: &str) -> Range<u32> {
+        let range = self.contents.sections.get(name);
+        range
+            .cloned()
+            .unwrap_or_else(|| panic!("the firmware has no section {name:?}"))
+    }
+
+    /// The strings of the defmt log, if the firmware logs.
+    pub fn log_table(&self) -> Option<&'static Table> {
+        self.contents.log_table
+    }
+}
+
+/// Erased flash with the load segments put in at their physical addresses.
+fn flash_image(elf: &ElfFile32<LittleEndian>, bytes: &[u8]) -> Result<Vec<u8>, String> {
+    let mut flash = vec![0xff; FLASH_SIZE];
+    let endian = elf.elf_header().endian().map_err(|error| error.to_string())?;
+    for segment in elf.elf_program_headers() {
+        let data = segment
+            .data(endian, bytes)
+            .map_err(|()| "a segment lies outside the file")?;
+        if segment.p_type(endian) != object::elf::PT_LOAD || data.is_empty() {
+            continue;
+        }
+        let address = segment.p_paddr(endian);
+        let place = address.checked_sub(FLASH_BASE).map(|offset| offset as usize);
+        let place = place.and_then(|offset| flash.get_mut(offset..offset + data.len()));
+        place
+            .ok_or_else(|| format!("a segment at {address:#x} is not in flash"))?
+            .copy_from_slice(data);
+    }
+    Ok(flash)
+}
+
+/// The boot ROM starts a second stage only if its checksum is right; otherwise it waits for USB.
+fn check_boot2(flash: &[u8]) -> Result<(), String> {
+    let (code, stored) = flash[..BOOT2_SIZE].split_at(BOOT2_SIZE - 4);
+    let computed = code.iter().fold(0xffff_ffff, |crc, &byte| crc32_step(crc, byte));
+    if computed.to_le_bytes() == stored {
+        return Ok(());
+    }
+    Err("no second-stage boot loader with a valid checksum in the first 256 bytes: it would not boot".into())
+}
+
+/// CRC-32 with polynomial 0x04c11db7, most significant bit first.
+fn crc32_step(crc: u32, byte: u8) -> u32 {
+    (0..8).fold(crc ^ u32::from(byte) << 24, |crc, _| {
+        let shifted = crc << 1;
+        if crc >> 31 != 0 {
+            shifted ^ 0x04c1_1db7
+        } else {
+            shifted
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_checksum_is_crc32_mpeg2() {
+        let crc = b"123456789"
+            .iter()
+            .fold(0xffff_ffff, |crc, &byte| crc32_step(crc, byte));
+        assert_eq!(crc, 0x0376_e6e7, "check value of CRC-32/MPEG-2");
+    }
+
+    #[test]
+    fn an_image_without_boot_loader_is_refused() {
+        let reason = check_boot2(&vec![0xff; FLASH_SIZE]).unwrap_err();
+        assert!(reason.contains("checksum"), "{reason}");
+    }
+
+    #[test]
+    fn a_file_that_is_no_elf_is_refused() {
+        assert!(Firmware::from_elf(b"not an ELF file").is_err());
+    }
+}

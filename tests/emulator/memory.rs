@@ -1,0 +1,102 @@
+//! Boot ROM, flash and RAM: the bytes and where they are (datasheet 2.2, 2.6).
+
+use super::bus::Width;
+
+pub const ROM_SIZE: usize = 16 * 1024;
+pub const FLASH_BASE: u32 = 0x1000_0000;
+/// The Pico's flash chip, 2 MB.
+pub const FLASH_SIZE: usize = 2 * 1024 * 1024;
+pub const RAM_BASE: u32 = 0x2000_0000;
+pub const RAM_SIZE: usize = 264 * 1024;
+
+/// The four ways to see the flash through the cache differ only in caching, which is not modelled.
+const FLASH_END: u32 = 0x1400_0000;
+
+pub struct Memory {
+    pub rom: Vec<u8>,
+    pub flash: Vec<u8>,
+    pub ram: Vec<u8>,
+}
+
+impl Memory {
+    pub fn new(rom: Vec<u8>, flash: Vec<u8>) -> Self {
+        assert_eq!(
+            (rom.len(), flash.len()),
+            (ROM_SIZE, FLASH_SIZE),
+            "sizes of ROM and flash"
+        );
+        Self {
+            rom,
+            flash,
+            ram: vec![0; RAM_SIZE],
+        }
+    }
+
+    /// `None` where there is no memory.
+    pub fn load(&self, address: u32, width: Width) -> Option<u32> {
+        match address {
+            RAM_BASE.. => get(&self.ram, (address - RAM_BASE) as usize, width),
+            FLASH_BASE..FLASH_END => get(&self.flash, flash_offset(address), width),
+            0..FLASH_BASE => get(&self.rom, address as usize, width),
+            _ => None,
+        }
+    }
+
+    /// Store into RAM; `None` anywhere else.
+    pub fn store(&mut self, address: u32, value: u32, width: Width) -> Option<()> {
+        let offset = address.checked_sub(RAM_BASE)? as usize;
+        let place = self.ram.get_mut(offset..offset.checked_add(width as usize)?)?;
+        place.copy_from_slice(&value.to_le_bytes()[..width as usize]);
+        Some(())
+    }
+}
+
+/// The flash chip has 21 address lines: it repeats every 2 MB.
+fn flash_offset(address: u32) -> usize {
+    address as usize % FLASH_SIZE
+}
+
+fn get(bytes: &[u8], offset: usize, width: Width) -> Option<u32> {
+    let bytes = bytes.get(offset..offset.checked_add(width as usize)?)?;
+    let mut word = [0; 4];
+    word[..bytes.len()].copy_from_slice(bytes);
+    Some(u32::from_le_bytes(word))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn memory() -> Memory {
+        let mut flash = vec![0xff; FLASH_SIZE];
+        flash[..4].copy_from_slice(&[1, 2, 3, 4]);
+        Memory::new(vec![0; ROM_SIZE], flash)
+    }
+
+    #[test]
+    fn ram_is_264_kb_and_nothing_lies_next_to_it() {
+        let mut memory = memory();
+        let end = RAM_BASE + RAM_SIZE as u32;
+        assert_eq!(end, 0x2004_2000);
+        assert_eq!(memory.store(end - 4, 0x0102_0304, Width::Word), Some(()));
+        assert_eq!(memory.load(end - 2, Width::Half), Some(0x0102));
+        assert_eq!(memory.store(end - 2, 0, Width::Word), None);
+        assert_eq!(memory.load(RAM_BASE - 4, Width::Word), None);
+    }
+
+    #[test]
+    fn flash_is_seen_through_four_aliases_and_repeats() {
+        let memory = memory();
+        for base in [0x1000_0000, 0x1100_0000, 0x1200_0000, 0x1300_0000, 0x1020_0000] {
+            assert_eq!(memory.load(base, Width::Word), Some(0x0403_0201));
+        }
+        assert_eq!(memory.load(0x1400_0000, Width::Word), None);
+    }
+
+    #[test]
+    fn rom_and_flash_cannot_be_stored_to() {
+        let mut memory = memory();
+        assert_eq!(memory.store(0, 1, Width::Word), None);
+        assert_eq!(memory.store(FLASH_BASE, 1, Width::Word), None);
+    }
+}

@@ -1,0 +1,91 @@
+//! An emulated RP2040 on which the project's release ELF runs, byte for byte as it is flashed.
+//!
+//! ```ignore
+//! let firmware = Firmware::load("target/thumbv6m-none-eabi/release/rover-battmon");
+//! let mut board = Board::power_up(&firmware, 1);
+//! board.adc_input(0, AdcInput::Volts(2.0));
+//! board.run_for(1_000_000);
+//! board.uart_send(0, 1_200_000, b"hello");
+//! board.run_for(1_000_000);
+//! let sent: Vec<u8> = board.uart(0).take_sent().iter().map(|sent| sent.byte).collect();
+//! assert!(!sent.is_empty());
+//! assert!(board.resets().is_empty() && board.bus_errors().is_empty());
+//! ```
+//!
+//! # What is modelled
+//!
+//! The emulator knows nothing of the firmware's source: it sees pins, registers, wires, and the
+//! symbols of the ELF. Processor core, NVIC, clocks, PLLs, RESETS, SIO, IO_BANK0 and PADS_BANK0
+//! come from the crate `rp2040-emu`; memory, bus, boot ROM, TIMER, WATCHDOG, PSM, VREG and
+//! CHIP_RESET, both UARTs, the ADC, the DMA and everything about time and sleep are in this folder,
+//! one file each, with tests against the figures of the RP2040 datasheet (build 2023-06-14, to
+//! which all section numbers refer).
+//!
+//! # What is not, and may not be claimed
+//!
+//! * Exact cycles: XIP cache misses, bus contention and the wait states of the APB are left out,
+//!   taken branches and SIO loads differ from silicon by a cycle. Milliseconds and instruction
+//!   counts are sound, cycle figures are not.
+//! * `clk_sys` is 125 MHz from the first instruction, `clk_peri` the same, `clk_adc` 48 MHz.
+//! * Core 1, PIO, USB, I2C, SPI, PWM, RTC, GPIO interrupts, SysTick, MPU, NMI, flash erase and
+//!   program. Their registers read back what was written and every access is recorded in
+//!   [`Board::unmodelled`].
+//! * A load that ends in a bus error writes zero to its register before the HardFault.
+//!
+//! # How it works
+//!
+//! [`board`] owns [`cpu`] and [`bus`]; [`run`] alternates between executing instructions and
+//! letting the peripherals of [`soc`] catch up. A peripheral says when its next event is due, so a
+//! sleeping firmware costs nothing but its events.
+
+// Every test binary that includes this folder uses a part of it.
+#![allow(dead_code, unused_imports)]
+
+mod adc;
+mod board;
+#[cfg(test)]
+mod board_tests;
+mod boot_rom;
+#[cfg(test)]
+mod boot_rom_tests;
+mod bus;
+mod chip_reset;
+mod clock;
+mod core_bus;
+mod cpu;
+#[cfg(test)]
+mod cpu_tests;
+mod dma;
+#[cfg(test)]
+mod dma_tests;
+mod faults;
+mod firmware;
+mod interrupts;
+mod log;
+mod memory;
+mod memory_map;
+mod peripheral;
+mod pins;
+mod power_state;
+mod random;
+mod register;
+mod reset;
+mod rtt;
+mod run;
+mod soc;
+mod system_control;
+#[cfg(test)]
+mod thumb;
+mod timer;
+mod uart;
+mod watchdog;
+
+pub use adc::{AdcFault, AdcInput, Conversion, code_of_volts};
+pub use board::Board;
+pub use bus::{BusErrorRecord, Direction, UnmodelledAccess};
+pub use cpu::CpuState;
+pub use firmware::Firmware;
+pub use log::{LogLevel, LogLine};
+pub use pins::UartPins;
+pub use reset::{ResetCause, ResetRecord};
+pub use uart::SentByte;

@@ -1,0 +1,133 @@
+//! The ways the chip starts again, and what each of them leaves as it was (datasheet 2.12, 2.13).
+
+use super::board::Board;
+use super::chip_reset::{ChipLevelReset, ChipReset};
+use super::clock::micros;
+use super::cpu::Cpu;
+use super::memory::{FLASH_BASE, RAM_BASE};
+use super::random::Random;
+use super::watchdog::WatchdogReset;
+
+/// Why the chip was reset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ResetCause {
+    /// Power was switched off and on: new RAM contents.
+    PowerCycle,
+    /// The RUN pin was pulled low.
+    RunPin,
+    /// The watchdog's countdown reached zero.
+    WatchdogTimer,
+    /// WATCHDOG.CTRL.TRIGGER.
+    WatchdogForce,
+    /// AIRCR.SYSRESETREQ, which on the RP2040 resets the processor alone (2.4.2.9): peripherals,
+    /// watchdog and REASON stay as they are, only TIMER is reset by the boot ROM on its way.
+    ProcessorOnly,
+}
+
+/// An entry of the reset log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ResetRecord {
+    pub time_us: u64,
+    pub cause: ResetCause,
+}
+
+/// RAM the boot ROM uses before it starts the firmware: its stack, and the second stage.
+const BOOT_ROM_RAM: std::ops::Range<usize> = 0x4_1f00..0x4_2000;
+/// Where the second stage finds the firmware's vector table.
+const VECTOR_TABLE: u32 = FLASH_BASE + 0x100;
+
+impl Board {
+    /// Switch the power off and on: RAM holds other garbage, nothing is remembered. Flash stays.
+    pub fn power_cycle(&mut self) {
+        let mut random = Random::new(self.next_ram_seed());
+        random.fill(&mut self.bus.memory.ram);
+        self.reset(ResetCause::PowerCycle);
+    }
+
+    /// Press and release a button at the RUN pin.
+    pub fn press_run(&mut self) {
+        self.reset(ResetCause::RunPin);
+    }
+
+    /// Resets the chip itself has asked for.
+    pub(super) fn reset_if_requested(&mut self) {
+        if std::mem::take(&mut self.bus.system_control.reset_requested) {
+            self.reset(ResetCause::ProcessorOnly);
+        }
+        if let Some(request) = self.bus.soc.watchdog.take_request()
+            && self.bus.soc.power_state.watchdog_resets_processor()
+        {
+            self.reset(match request {
+                WatchdogReset::Timer => ResetCause::WatchdogTimer,
+                WatchdogReset::Force => ResetCause::WatchdogForce,
+            });
+        }
+    }
+
+    pub(super) fn reset(&mut self, cause: ResetCause) {
+        self.resets.push(ResetRecord {
+            time_us: micros(self.bus.now),
+            cause,
+        });
+        self.reset_hardware(cause);
+        self.start_firmware();
+    }
+
+    fn reset_hardware(&mut self, cause: ResetCause) {
+        match cause {
+            ResetCause::PowerCycle => self.chip_level_reset(ChipLevelReset::PowerOn),
+            ResetCause::RunPin => self.chip_level_reset(ChipLevelReset::RunPin),
+            ResetCause::WatchdogTimer | ResetCause::WatchdogForce => self.bus.reset(),
+            ResetCause::ProcessorOnly => {
+                self.bus.reset_processor();
+                self.bus.chip.nvics[0].reset();
+                self.bus.chip.ppb[0] = Default::default();
+            }
+        }
+    }
+
+    fn chip_level_reset(&mut self, reset: ChipLevelReset) {
+        self.bus.reset();
+        self.bus.soc.watchdog.forget(self.bus.now);
+        self.bus.soc.chip_reset = ChipReset::after(reset);
+    }
+
+    /// What boot ROM and second stage do before the firmware's first instruction.
+    pub(super) fn start_firmware(&mut self) {
+        self.scramble_boot_rom_ram();
+        self.reset_timer_as_the_boot_rom_does();
+        let word = |address| {
+            self.bus
+                .memory
+                .load(address, super::bus::Width::Word)
+                .unwrap_or(0)
+        };
+        let (stack_pointer, entry) = (word(VECTOR_TABLE), word(VECTOR_TABLE + 4));
+        self.cpu = Cpu::at_reset(stack_pointer, entry);
+        self.bus.chip.ppb[0].vtor = VECTOR_TABLE;
+        self.bus.chip.event_flag[0] = false;
+        self.bus.chip.wfe_waiting[0] = false;
+        self.lines.forget_levels();
+        self.log.restart();
+        self.bus.attention = true;
+    }
+
+    fn scramble_boot_rom_ram(&mut self) {
+        let mut random = Random::new(self.bus.now);
+        random.fill(&mut self.bus.memory.ram[BOOT_ROM_RAM]);
+        debug_assert_eq!(RAM_BASE as usize + BOOT_ROM_RAM.end, 0x2004_2000);
+    }
+
+    /// The boot ROM resets TIMER and both QSPI blocks and takes them out of reset.
+    fn reset_timer_as_the_boot_rom_does(&mut self) {
+        const RESETS_SET: u32 = 0x4000_e000;
+        const RESETS_CLEAR: u32 = 0x4000_f000;
+        const IO_QSPI_PADS_QSPI_TIMER: u32 = 1 << 6 | 1 << 9 | 1 << 21;
+        for alias in [RESETS_SET, RESETS_CLEAR] {
+            let stored = self
+                .bus
+                .store(alias, IO_QSPI_PADS_QSPI_TIMER, super::bus::Width::Word);
+            debug_assert!(stored.is_ok(), "RESETS is mapped");
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! The scheduler: instructions while the processor is awake, a jump to the next event while it
+//! sleeps.
+
+use super::board::Board;
+use super::clock::{Cycle, cycles};
+
+/// How often, at least, a condition given to [`Board::run_until`] is looked at.
+const CONDITION_INTERVAL: Cycle = cycles(10);
+
+impl Board {
+    /// Let time pass. How a stretch of time is cut into runs makes no difference to what happens.
+    pub fn run_for(&mut self, micros: u64) {
+        self.run_end += cycles(micros);
+        self.run_to(self.run_end);
+    }
+
+    /// Let time pass until `time_us` after power-up; nothing happens if that is in the past.
+    pub fn run_until_time(&mut self, time_us: u64) {
+        self.run_end = self.run_end.max(cycles(time_us));
+        self.run_to(cycles(time_us));
+    }
+
+    /// Let time pass until a condition holds, at most `timeout` microseconds. Returns whether it
+    /// came to hold. While the processor is awake it is looked at every 10 µs.
+    pub fn run_until(&mut self, timeout: u64, mut condition: impl FnMut(&mut Board) -> bool) -> bool {
+        let end = self.bus.now + cycles(timeout);
+        loop {
+            if condition(self) {
+                self.run_end = self.bus.now;
+                return true;
+            }
+            if self.bus.now >= end {
+                self.run_end = end;
+                return false;
+            }
+            self.run_slice(end.min(self.bus.now + CONDITION_INTERVAL), end);
+        }
+    }
+
+    fn run_to(&mut self, end: Cycle) {
+        while self.bus.now < end {
+            self.run_slice(end, end);
+        }
+    }
+
+    /// One round: peripherals, interrupts, then instructions up to `awake_end` or the next event;
+    /// asleep, straight to the next event or to `end`.
+    fn run_slice(&mut self, awake_end: Cycle, end: Cycle) {
+        self.settle();
+        let start = self.bus.now;
+        let event = self.bus.next_event();
+        if self.cpu.is_running() {
+            self.execute(event.min(awake_end).max(start + 1));
+            self.awake_cycles += self.bus.now - start;
+        } else {
+            self.bus.now = event.min(end).max(start + 1);
+        }
+    }
+
+    /// Bring everything up to the present.
+    fn settle(&mut self) {
+        self.bus.attention = false;
+        self.bus.advance();
+        self.reset_if_requested();
+        let lines = self.bus.soc.interrupt_lines();
+        let chip = &mut self.bus.chip;
+        self.lines.update(lines, &mut chip.nvics[0], &chip.ppb[0]);
+        self.cpu.wake_if_due(&mut self.bus);
+    }
+
+    fn execute(&mut self, end: Cycle) {
+        while self.bus.now < end && !self.bus.attention && self.cpu.is_running() {
+            self.bus.now += self.cpu.step(&mut self.bus);
+            if self.bus.rtt.written {
+                self.drain_log();
+            }
+        }
+    }
+
+    fn drain_log(&mut self) {
+        let bytes = self.bus.rtt.take(&mut self.bus.memory);
+        self.log.receive(&bytes, self.time_us());
+    }
+}

@@ -1,0 +1,164 @@
+//! The peripherals of the chip that are modelled here, and the wires between them.
+
+use super::adc::Adc;
+use super::chip_reset::{ChipLevelReset, ChipReset};
+use super::clock::{Cycle, NEVER};
+use super::dma::Dma;
+use super::memory_map::{BLOCKS, Model};
+use super::peripheral::Peripheral;
+use super::power_state::PowerState;
+use super::register::{RegisterWrite, bit};
+use super::timer::Timer;
+use super::uart::{Uart, UartPlace};
+use super::watchdog::Watchdog;
+
+/// Names one peripheral model in the address map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Id {
+    PowerState,
+    Uart0,
+    Uart1,
+    Adc,
+    Timer,
+    Watchdog,
+    ChipReset,
+    Dma,
+}
+
+/// Interrupt lines from datasheet 2.3.2, DMA requests from 2.5.3.1.
+const UART_PLACES: [UartPlace; 2] = [
+    UartPlace {
+        interrupt_line: 20,
+        dma_request_tx: 20,
+        dma_request_rx: 21,
+    },
+    UartPlace {
+        interrupt_line: 21,
+        dma_request_tx: 22,
+        dma_request_rx: 23,
+    },
+];
+
+pub struct Soc {
+    pub power_state: PowerState,
+    pub uarts: [Uart; 2],
+    pub adc: Adc,
+    pub timer: Timer,
+    pub watchdog: Watchdog,
+    pub chip_reset: ChipReset,
+    pub dma: Dma,
+}
+
+impl Soc {
+    pub fn new(noise_seed: u64) -> Self {
+        Self {
+            power_state: PowerState::default(),
+            uarts: UART_PLACES.map(Uart::new),
+            adc: Adc::new(noise_seed),
+            timer: Timer::default(),
+            watchdog: Watchdog::new(),
+            chip_reset: ChipReset::after(ChipLevelReset::PowerOn),
+            dma: Dma::new(),
+        }
+    }
+
+    fn all(&self) -> [&dyn Peripheral; 8] {
+        let [uart0, uart1] = &self.uarts;
+        [
+            &self.power_state,
+            uart0,
+            uart1,
+            &self.adc,
+            &self.timer,
+            &self.watchdog,
+            &self.chip_reset,
+            &self.dma,
+        ]
+    }
+
+    fn all_mut(&mut self) -> [&mut dyn Peripheral; 8] {
+        let [uart0, uart1] = &mut self.uarts;
+        [
+            &mut self.power_state,
+            uart0,
+            uart1,
+            &mut self.adc,
+            &mut self.timer,
+            &mut self.watchdog,
+            &mut self.chip_reset,
+            &mut self.dma,
+        ]
+    }
+
+    fn get(&mut self, id: Id) -> &mut dyn Peripheral {
+        match id {
+            Id::PowerState => &mut self.power_state,
+            Id::Uart0 => &mut self.uarts[0],
+            Id::Uart1 => &mut self.uarts[1],
+            Id::Adc => &mut self.adc,
+            Id::Timer => &mut self.timer,
+            Id::Watchdog => &mut self.watchdog,
+            Id::ChipReset => &mut self.chip_reset,
+            Id::Dma => &mut self.dma,
+        }
+    }
+
+    pub fn read(&mut self, id: Id, offset: u32, now: Cycle) -> u32 {
+        let peripheral = self.get(id);
+        peripheral.advance(now);
+        peripheral.read(offset, now)
+    }
+
+    pub fn write(&mut self, id: Id, offset: u32, write: RegisterWrite, now: Cycle) {
+        let peripheral = self.get(id);
+        peripheral.advance(now);
+        peripheral.write(offset, write, now);
+        peripheral.advance(now);
+        self.timer.set_tick(self.watchdog.tick(), now);
+    }
+
+    /// RESETS has changed: blocks that are or were held come out of it in their reset state.
+    pub fn hold_in_reset(&mut self, held_before: u32, held_now: u32, now: Cycle) {
+        for block in &BLOCKS {
+            if let (Model::Own(id), Some(reset_bit)) = (block.model, block.reset_bit)
+                && bit(held_before | held_now, reset_bit)
+            {
+                self.get(id).reset(now);
+            }
+        }
+    }
+
+    /// A reset of everything.
+    pub fn reset(&mut self, now: Cycle) {
+        self.all_mut()
+            .into_iter()
+            .for_each(|peripheral| peripheral.reset(now));
+        self.timer.set_tick(self.watchdog.tick(), now);
+    }
+
+    pub fn advance(&mut self, now: Cycle) {
+        self.all_mut()
+            .into_iter()
+            .for_each(|peripheral| peripheral.advance(now));
+    }
+
+    pub fn next_event(&self) -> Cycle {
+        self.all()
+            .iter()
+            .map(|peripheral| peripheral.next_event())
+            .min()
+            .unwrap_or(NEVER)
+    }
+
+    pub fn interrupt_lines(&self) -> u32 {
+        self.all()
+            .iter()
+            .fold(0, |lines, peripheral| lines | peripheral.interrupt_lines())
+    }
+
+    pub fn dma_requests(&self) -> u64 {
+        self.all()
+            .iter()
+            .fold(0, |requests, peripheral| requests | peripheral.dma_requests())
+    }
+}

@@ -1,0 +1,353 @@
+//! UART0 and UART1: ARM PL011 (datasheet 4.2), each with the wire at its pins.
+//!
+//! Modelled: the 32-character FIFOs and their trigger levels, transmit, receive, receive-timeout
+//! and error interrupts, DMA requests, the time every bit takes, framing errors and breaks from a
+//! sender at another speed, overruns. Not modelled: parity errors, modem lines and RTS/CTS, IrDA,
+//! loopback, sending a break.
+
+mod line;
+mod receiver;
+mod settings;
+#[cfg(test)]
+mod tests;
+mod transmitter;
+
+use super::clock::{Cycle, NEVER};
+use super::peripheral::Peripheral;
+use super::register::{RegisterWrite, bit, field};
+pub use line::BitTime;
+use receiver::{BREAK, FRAMING, Receiver, Reception};
+use settings::Settings;
+pub use transmitter::SentByte;
+use transmitter::Transmitter;
+
+const UARTDR: u32 = 0x00;
+const UARTRSR: u32 = 0x04;
+const UARTFR: u32 = 0x18;
+const UARTIBRD: u32 = 0x24;
+const UARTFBRD: u32 = 0x28;
+const UARTLCR_H: u32 = 0x2c;
+const UARTCR: u32 = 0x30;
+const UARTIFLS: u32 = 0x34;
+const UARTIMSC: u32 = 0x38;
+const UARTRIS: u32 = 0x3c;
+const UARTMIS: u32 = 0x40;
+const UARTICR: u32 = 0x44;
+const UARTDMACR: u32 = 0x48;
+const PERIPHERAL_ID: [(u32, u32); 8] = [
+    (0xfe0, 0x11),
+    (0xfe4, 0x10),
+    (0xfe8, 0x34),
+    (0xfec, 0x00),
+    (0xff0, 0x0d),
+    (0xff4, 0xf0),
+    (0xff8, 0x05),
+    (0xffc, 0xb1),
+];
+
+const CR_RESET: u32 = 0x300;
+const CR_UARTEN: u32 = 0;
+const CR_TXE: u32 = 8;
+const CR_RXE: u32 = 9;
+const IFLS_RESET: u32 = 0x12;
+const DMACR_RXDMAE: u32 = 0;
+const DMACR_TXDMAE: u32 = 1;
+const DMACR_DMAONERR: u32 = 2;
+
+/// Interrupt bits of UARTIMSC, UARTRIS, UARTMIS and UARTICR.
+const RX: u32 = 1 << 4;
+const TX: u32 = 1 << 5;
+const RT: u32 = 1 << 6;
+const FE: u32 = 1 << 7;
+const BE: u32 = 1 << 9;
+const OE: u32 = 1 << 10;
+const ALL_INTERRUPTS: u32 = 0x7ff;
+const ERRORS: u32 = FE | 1 << 8 | BE | OE;
+
+/// Where a UART is on the chip.
+#[derive(Clone, Copy)]
+pub struct UartPlace {
+    pub interrupt_line: u32,
+    pub dma_request_tx: u32,
+    pub dma_request_rx: u32,
+}
+
+/// Whether the two pins the test's wire is soldered to are connected to the UART inside the chip.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PinConnection {
+    pub tx: bool,
+    pub rx: bool,
+}
+
+pub struct Uart {
+    place: UartPlace,
+    pins: PinConnection,
+    transmitter: Transmitter,
+    receiver: Receiver,
+    settings: Settings,
+    lcr_h: u32,
+    ibrd: u32,
+    fbrd: u32,
+    cr: u32,
+    ifls: u32,
+    imsc: u32,
+    ris: u32,
+    dmacr: u32,
+    /// Error flags of the character read last (UARTRSR).
+    receive_status: u32,
+    sent: Vec<SentByte>,
+    sent_unconnected: u64,
+}
+
+impl Uart {
+    pub fn new(place: UartPlace) -> Self {
+        Self {
+            place,
+            pins: PinConnection::default(),
+            transmitter: Transmitter::default(),
+            receiver: Receiver::default(),
+            settings: Settings::latch(0, 0, 0),
+            lcr_h: 0,
+            ibrd: 0,
+            fbrd: 0,
+            cr: CR_RESET,
+            ifls: IFLS_RESET,
+            imsc: 0,
+            ris: 0,
+            dmacr: 0,
+            receive_status: 0,
+            sent: Vec::new(),
+            sent_unconnected: 0,
+        }
+    }
+
+    /// Everything that left through the wired pin and was not taken yet.
+    pub fn sent(&self) -> &[SentByte] {
+        &self.sent
+    }
+
+    /// Take what left through the wired pin so far.
+    pub fn take_sent(&mut self) -> Vec<SentByte> {
+        std::mem::take(&mut self.sent)
+    }
+
+    /// Bytes the UART sent while its output was not connected to the wired pin.
+    pub fn sent_unconnected(&self) -> u64 {
+        self.sent_unconnected
+    }
+
+    /// Characters lost because the receive FIFO was full.
+    pub fn overruns(&self) -> u64 {
+        self.receiver.overruns
+    }
+
+    /// Length of a bit as the firmware programmed it; `None` before it did.
+    pub fn programmed_bit(&self) -> Option<BitTime> {
+        self.settings.has_baud_rate().then_some(self.settings.bit)
+    }
+
+    /// Put bytes on the wire to the receiver, back to back. Returns when the last one is over.
+    pub fn send_to_chip(&mut self, bytes: &[u8], start: Cycle, bit: BitTime) -> Cycle {
+        self.receiver.line.send(bytes, start, bit);
+        self.receiver.line.free_at()
+    }
+
+    pub fn set_pins(&mut self, pins: PinConnection, now: Cycle) {
+        self.advance(now);
+        self.pins = pins;
+    }
+
+    fn enabled(&self, half: u32) -> bool {
+        bit(self.cr, CR_UARTEN) && bit(self.cr, half)
+    }
+
+    fn hears(&self) -> bool {
+        self.enabled(CR_RXE) && self.pins.rx && self.settings.has_baud_rate()
+    }
+
+    fn tx_trigger(&self) -> usize {
+        // Without a FIFO the interrupt comes when the holding register is empty.
+        if self.settings.fifo_depth() == 1 {
+            0
+        } else {
+            self.settings.trigger_level(field(self.ifls, 0, 3))
+        }
+    }
+
+    fn rx_trigger(&self) -> usize {
+        self.settings.trigger_level(field(self.ifls, 3, 3))
+    }
+
+    fn flags(&self) -> u32 {
+        let depth = self.settings.fifo_depth();
+        let (tx, rx) = (self.transmitter.level(), self.receiver.level());
+        u32::from(tx == 0) << 7
+            | u32::from(rx >= depth) << 6
+            | u32::from(tx >= depth) << 5
+            | u32::from(rx == 0) << 4
+            | u32::from(self.transmitter.is_busy()) << 3
+            | 1 // CTS: the line is not connected and reads as asserted.
+    }
+
+    fn read_data(&mut self) -> u32 {
+        let character = u32::from(self.receiver.pop().unwrap_or(0));
+        self.receive_status = character >> 8;
+        if self.receiver.level() < self.rx_trigger() {
+            self.ris &= !RX;
+        }
+        if self.receiver.level() == 0 {
+            self.ris &= !RT;
+        }
+        character
+    }
+
+    fn write_data(&mut self, byte: u8, now: Cycle) {
+        self.transmitter.push(byte, &self.settings);
+        if self.transmitter.level() > self.tx_trigger() {
+            self.ris &= !TX;
+        }
+        self.transmit(now);
+    }
+
+    /// Start the next byte. The transmit interrupt "is based on a transition through a level,
+    /// rather than on the level itself" (datasheet 4.2.6.3).
+    fn transmit(&mut self, now: Cycle) {
+        if !self.enabled(CR_TXE) {
+            return;
+        }
+        let before = self.transmitter.level();
+        if self.transmitter.start_next(now, &self.settings) {
+            let trigger = self.tx_trigger();
+            if before > trigger && self.transmitter.level() <= trigger {
+                self.ris |= TX;
+            }
+        }
+    }
+
+    fn deliver(&mut self, byte: SentByte) {
+        if self.pins.tx {
+            self.sent.push(byte);
+        } else {
+            self.sent_unconnected += 1;
+        }
+    }
+
+    fn advance_transmitter(&mut self, now: Cycle) {
+        self.transmit(now);
+        while let Some(byte) = self.transmitter.finish(now) {
+            self.deliver(byte);
+            self.transmit(byte.end);
+        }
+    }
+
+    fn advance_receiver(&mut self, now: Cycle) {
+        while let Some(reception) = self.receiver.advance(now, &self.settings) {
+            match reception {
+                Reception::Received(flags) => self.note_received(flags),
+                Reception::Overrun => self.ris |= OE,
+                Reception::Timeout => self.ris |= RT,
+            }
+        }
+    }
+
+    fn note_received(&mut self, flags: u16) {
+        if flags & FRAMING != 0 {
+            self.ris |= FE;
+        }
+        if flags & BREAK != 0 {
+            self.ris |= BE;
+        }
+        if self.receiver.level() >= self.rx_trigger() {
+            self.ris |= RX;
+        }
+    }
+}
+
+impl Peripheral for Uart {
+    fn read(&mut self, offset: u32, _now: Cycle) -> u32 {
+        match offset {
+            UARTDR => self.read_data(),
+            UARTRSR => self.receive_status,
+            UARTFR => self.flags(),
+            UARTIBRD => self.ibrd,
+            UARTFBRD => self.fbrd,
+            UARTLCR_H => self.lcr_h,
+            UARTCR => self.cr,
+            UARTIFLS => self.ifls,
+            UARTIMSC => self.imsc,
+            UARTRIS => self.ris,
+            UARTMIS => self.ris & self.imsc,
+            UARTDMACR => self.dmacr,
+            _ => PERIPHERAL_ID
+                .iter()
+                .find(|id| id.0 == offset)
+                .map_or(0, |id| id.1),
+        }
+    }
+
+    fn write(&mut self, offset: u32, write: RegisterWrite, now: Cycle) {
+        match offset {
+            UARTDR => self.write_data(write.value as u8, now),
+            UARTRSR => self.receive_status = 0,
+            UARTIBRD => write.update(&mut self.ibrd, 0xffff),
+            UARTFBRD => write.update(&mut self.fbrd, 0x3f),
+            UARTLCR_H => {
+                write.update(&mut self.lcr_h, 0xff);
+                self.settings = Settings::latch(self.lcr_h, self.ibrd, self.fbrd);
+            }
+            UARTCR => write.update(&mut self.cr, 0xff87),
+            UARTIFLS => write.update(&mut self.ifls, 0x3f),
+            UARTIMSC => write.update(&mut self.imsc, ALL_INTERRUPTS),
+            UARTICR => self.ris &= !write.value,
+            UARTDMACR => write.update(&mut self.dmacr, 0b111),
+            _ => {}
+        }
+    }
+
+    fn reset(&mut self, now: Cycle) {
+        let mut receiver = std::mem::take(&mut self.receiver);
+        receiver.reset(now);
+        *self = Self {
+            pins: self.pins,
+            receiver,
+            sent: std::mem::take(&mut self.sent),
+            sent_unconnected: self.sent_unconnected,
+            ..Self::new(self.place)
+        };
+    }
+
+    fn advance(&mut self, now: Cycle) {
+        self.advance_transmitter(now);
+        if self.hears() {
+            self.advance_receiver(now);
+        } else {
+            self.receiver.ignore_until(now);
+        }
+    }
+
+    fn next_event(&self) -> Cycle {
+        let received = if self.hears() {
+            self.receiver.next_event(&self.settings)
+        } else {
+            NEVER
+        };
+        self.transmitter.next_event().min(received)
+    }
+
+    fn interrupt_lines(&self) -> u32 {
+        u32::from(self.ris & self.imsc != 0) << self.place.interrupt_line
+    }
+
+    /// Transmit asks while the FIFO has room, receive while it holds a character (4.2.5); with
+    /// DMAONERR a pending error stops the receive requests.
+    fn dma_requests(&self) -> u64 {
+        let depth = self.settings.fifo_depth();
+        let tx = bit(self.dmacr, DMACR_TXDMAE) && self.enabled(CR_TXE) && self.transmitter.level() < depth;
+        let held_by_error = bit(self.dmacr, DMACR_DMAONERR) && self.ris & ERRORS != 0;
+        let rx = bit(self.dmacr, DMACR_RXDMAE)
+            && self.enabled(CR_RXE)
+            && self.receiver.level() > 0
+            && !held_by_error;
+        u64::from(tx) << self.place.dma_request_tx | u64::from(rx) << self.place.dma_request_rx
+    }
+}

@@ -1,0 +1,107 @@
+//! A board on the bench, and what the tests ask of it.
+
+use std::ops::{Deref, DerefMut};
+
+use crate::elf::firmware;
+use crate::emulator::{AdcInput, Board, LogLevel, SentByte};
+use crate::support::frames::{Frame, frames};
+
+/// Interrupt lines of the RP2040 (datasheet 2.3.2).
+pub const UART0_IRQ: u32 = 20;
+pub const ADC_IRQ_FIFO: u32 = 22;
+
+/// The pack's divider is on GP26.
+pub const PACK: usize = 0;
+
+pub const SECOND: u64 = 1_000_000;
+pub const MILLISECOND: u64 = 1_000;
+
+const CYCLES_PER_US: u64 = 125;
+
+/// A powered board with the release firmware in its flash and a wire at its telemetry port.
+pub struct Bench {
+    board: Board,
+    sent: Vec<(u64, u8)>,
+}
+
+impl Bench {
+    /// Switches on with `code` at the pack's pin.
+    pub fn power_up(code: u16) -> Self {
+        Self::power_up_seeded(code, 1)
+    }
+
+    /// The seed decides what garbage is in RAM at power-up, and the noise at the converter.
+    pub fn power_up_seeded(code: u16, seed: u64) -> Self {
+        let mut board = Board::power_up(firmware(), seed);
+        board.adc_input(PACK, AdcInput::Code(code));
+        Self {
+            board,
+            sent: Vec::new(),
+        }
+    }
+
+    /// Everything that has left the telemetry port since power-up, with the time of each byte's end in µs.
+    pub fn sent(&mut self) -> &[(u64, u8)] {
+        let new = self.board.uart(0).take_sent();
+        self.sent.extend(
+            new.iter()
+                .map(|SentByte { byte, end, .. }| (end / CYCLES_PER_US, *byte)),
+        );
+        &self.sent
+    }
+
+    /// The frames among it.
+    pub fn frames(&mut self) -> Vec<Frame> {
+        frames(self.sent())
+    }
+
+    /// The frames that ended after `time_us`; sending has to have been whole at that time.
+    pub fn frames_since(&mut self, time_us: u64) -> Vec<Frame> {
+        let later: Vec<_> = self
+            .sent()
+            .iter()
+            .copied()
+            .filter(|(at_us, _)| *at_us > time_us)
+            .collect();
+        frames(&later)
+    }
+
+    /// The log lines of at least `level` that contain `text`.
+    pub fn logged(&self, level: LogLevel, text: &str) -> Vec<(u64, String)> {
+        let lines = self.board.log_lines().iter();
+        lines
+            .filter(|line| line.level >= level && line.text.contains(text))
+            .map(|line| (line.time_us, line.text.clone()))
+            .collect()
+    }
+
+    /// Panics if anything happened that a sound firmware on a sound board does not see.
+    pub fn assert_untroubled(&self) {
+        assert!(
+            self.board.resets().is_empty(),
+            "resets: {:?}",
+            self.board.resets()
+        );
+        assert!(
+            self.board.bus_errors().is_empty(),
+            "bus errors: {:?}",
+            self.board.bus_errors()
+        );
+        let warnings = self.logged(LogLevel::Warn, "");
+        assert!(warnings.is_empty(), "warnings: {warnings:?}");
+    }
+}
+
+impl Deref for Bench {
+    type Target = Board;
+
+    fn deref(&self) -> &Board {
+        &self.board
+    }
+}
+
+impl DerefMut for Bench {
+    fn deref_mut(&mut self) -> &mut Board {
+        &mut self.board
+    }
+}

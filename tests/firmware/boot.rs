@@ -1,0 +1,66 @@
+//! The start, and the log.
+
+use crate::bench::{Bench, SECOND};
+use crate::emulator::LogLevel;
+
+#[test]
+fn the_banner_names_version_and_reset_reason() {
+    let mut bench = Bench::power_up(2482);
+    bench.run_for(SECOND / 10);
+    let banner = format!("rover-battmon {}, started by PowerOn", env!("CARGO_PKG_VERSION"));
+    assert_eq!(
+        bench.logged(LogLevel::Info, &banner).len(),
+        1,
+        "{:?}",
+        bench.log_lines()
+    );
+
+    bench.press_run();
+    bench.run_for(SECOND / 10);
+    assert_eq!(
+        bench.logged(LogLevel::Info, "started by RunPin").len(),
+        1,
+        "{:?}",
+        bench.log_lines()
+    );
+}
+
+#[test]
+fn one_line_a_second_tells_voltage_and_rates() {
+    let mut bench = Bench::power_up(2482);
+    bench.run_for(10 * SECOND + SECOND / 2);
+    let lines = bench.logged(LogLevel::Info, "samples/s");
+    assert_eq!(lines.len(), 10);
+    let (_, last) = &lines[9];
+    assert!(
+        last.contains("Healthy") && last.contains("7900") && last.contains("mV"),
+        "{last}"
+    );
+    assert!(
+        last.contains("10 samples/s") && last.contains("5 frames/s") && last.contains("0 dropped"),
+        "{last}"
+    );
+}
+
+#[test]
+fn what_is_in_ram_at_power_up_makes_no_difference() {
+    let run = |seed| {
+        let mut bench = Bench::power_up_seeded(2482, seed);
+        bench.run_for(5 * SECOND);
+        bench.assert_untroubled();
+        bench.sent().to_vec()
+    };
+    let first = run(1);
+    assert!(!first.is_empty());
+    for seed in 2..6 {
+        assert!(run(seed) == first, "another run with RAM contents {seed}");
+    }
+}
+
+#[test]
+fn only_peripherals_the_emulator_models_are_used() {
+    let mut bench = Bench::power_up(2482);
+    bench.run_for(3 * SECOND);
+    let unmodelled: Vec<_> = bench.unmodelled().keys().collect();
+    assert!(unmodelled.is_empty(), "{unmodelled:?}");
+}

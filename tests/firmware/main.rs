@@ -1,0 +1,13 @@
+//! The release firmware on an emulated RP2040: what leaves its pins, what its log says, what faults do to it.
+
+#[path = "../emulator/mod.rs"]
+mod emulator;
+#[path = "../support/mod.rs"]
+mod support;
+
+mod bench;
+mod boot;
+mod elf;
+mod faults;
+mod sampling;
+mod telemetry;

@@ -1,0 +1,100 @@
+//! From the voltage at GP26 to the voltage on the wire.
+
+use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
+use crate::emulator::{AdcFault, AdcInput, LogLevel};
+use crate::support::frames::{BATTERY_STATUS, BatteryStatus, SYS_STATUS, SysStatus, of_message};
+
+const UNKNOWN: u16 = u16::MAX;
+
+/// The voltage on the wire after the input has been there for a while.
+fn reported_mv(bench: &mut Bench) -> u16 {
+    bench.run_for(700 * MILLISECOND);
+    let frames = bench.frames();
+    let battery = of_message(&frames, BATTERY_STATUS);
+    BatteryStatus(battery[battery.len() - 1]).voltage_mv(0)
+}
+
+#[test]
+fn the_voltage_follows_the_formula_of_the_requirement() {
+    let mut bench = Bench::power_up(2482);
+    for code in [700, 1500, 2482, 3000, 3555, 4095] {
+        bench.adc_input(PACK, AdcInput::Code(code));
+        let expected_mv = f64::from(code) / 4095.0 * 3.3 * 3.95 * 1000.0;
+        let reported_mv = f64::from(reported_mv(&mut bench));
+        assert!(
+            (reported_mv - expected_mv).abs() <= 1.0,
+            "{code} counts: {reported_mv} mV, not {expected_mv} mV"
+        );
+    }
+    bench.assert_untroubled();
+}
+
+#[test]
+fn a_reading_is_the_mean_of_its_burst() {
+    let mut bench = Bench::power_up(2482);
+    let mut high = false;
+    bench.adc_input(
+        PACK,
+        AdcInput::CodeAt(Box::new(move |_| {
+            high = !high;
+            if high { 2600 } else { 2400 }
+        })),
+    );
+    let expected_mv = 2500.0 / 4095.0 * 3.3 * 3.95 * 1000.0;
+    assert!((f64::from(reported_mv(&mut bench)) - expected_mv).abs() <= 1.0);
+}
+
+#[test]
+fn the_mean_error_over_the_range_stays_within_ten_counts() {
+    const POINTS: u32 = 150;
+    let mut bench = Bench::power_up(2482);
+    bench.adc_noise(0.001);
+    let (mut sum, mut worst) = (0.0, 0.0f64);
+    for point in 0..POINTS {
+        // From just above "not connected" to just below full scale.
+        let volts = 0.55 + 2.7 * f64::from(point) / f64::from(POINTS);
+        bench.adc_input(PACK, AdcInput::Volts(volts));
+        let error = f64::from(reported_mv(&mut bench)) / 3950.0 / 3.3 * 4095.0 - volts / 3.3 * 4095.0;
+        sum += error.abs();
+        worst = worst.max(error.abs());
+    }
+    let mean = sum / f64::from(POINTS);
+    println!("converter error over the range: mean {mean:.1} counts, worst {worst:.1} counts");
+    assert!(mean <= 10.0, "{mean}");
+}
+
+#[test]
+fn usb_power_is_no_pack_and_not_a_flat_one() {
+    let mut bench = Bench::power_up(2482);
+    bench.run_for(2 * SECOND);
+    // 0.5 V at the pin are 1.98 V at the terminals.
+    bench.adc_input(PACK, AdcInput::Volts(0.5));
+    assert_eq!(reported_mv(&mut bench), UNKNOWN);
+    let frames = bench.frames();
+    let battery = of_message(&frames, BATTERY_STATUS);
+    assert_eq!(BatteryStatus(battery[battery.len() - 1]).charge_state(), 0);
+    let sys_status = of_message(&frames, SYS_STATUS);
+    let last = SysStatus(sys_status[sys_status.len() - 1]);
+    assert_eq!((last.voltage_mv(), last.sensors_healthy()), (UNKNOWN, 0));
+    assert_eq!(bench.logged(LogLevel::Warn, "not connected").len(), 1);
+
+    bench.adc_input(PACK, AdcInput::Volts(2.0));
+    assert!(reported_mv(&mut bench) > 7000);
+}
+
+#[test]
+fn no_voltage_is_invented_before_the_first_reading() {
+    let mut bench = Bench::power_up(2482);
+    bench.adc_fault(AdcFault::Stalled);
+    bench.run_for(5 * SECOND);
+    let frames = bench.frames();
+    let battery = of_message(&frames, BATTERY_STATUS);
+    assert_eq!(battery.len(), 10);
+    assert!(
+        battery
+            .iter()
+            .all(|frame| BatteryStatus(frame).voltage_mv(0) == UNKNOWN)
+    );
+    assert_eq!(BatteryStatus(battery[0]).charge_state(), 0);
+    assert_eq!(BatteryStatus(battery[9]).charge_state(), 6);
+}

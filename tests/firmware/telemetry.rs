@@ -1,0 +1,147 @@
+//! What a ground station at the telemetry port receives.
+
+use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
+use crate::emulator::AdcInput;
+use crate::support::frames::{
+    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap,
+    of_message,
+};
+
+/// One count of the converter, in mV of the pack.
+const COUNT_MV: f32 = 3.3 / 4095.0 * 3.95 * 1000.0;
+
+/// Panics unless the frames come at the interval, each within `jitter_us` of its due time, over the whole run.
+fn assert_regular(frames: &[&Frame], interval_us: u64, jitter_us: u64) {
+    let first_us = frames[0].at_us;
+    for (n, frame) in frames.iter().enumerate() {
+        let due_us = first_us + n as u64 * interval_us;
+        assert!(
+            frame.at_us.abs_diff(due_us) <= jitter_us,
+            "frame {n} came at {} us, due {due_us}",
+            frame.at_us
+        );
+    }
+}
+
+#[test]
+fn ten_minutes_at_exact_rates_without_drift() {
+    let mut bench = Bench::power_up(2482);
+    let mut conversions = Vec::new();
+    for _ in 0..600 {
+        bench.run_for(SECOND);
+        conversions.extend(bench.take_adc_record());
+    }
+    bench.assert_untroubled();
+
+    let frames = bench.frames();
+    assert_no_sequence_gap(&frames);
+    let battery = of_message(&frames, BATTERY_STATUS);
+    for (message, per_second) in [(HEARTBEAT, 1), (SYS_STATUS, 2), (BATTERY_STATUS, 2)] {
+        let received = of_message(&frames, message);
+        assert_eq!(received.len(), 600 * per_second, "message {message}");
+        // Three messages fall due together and leave one after the other: 117 bytes take 10.2 ms.
+        assert_regular(&received, SECOND / per_second as u64, 11 * MILLISECOND);
+    }
+    for frame in &battery[1..] {
+        let voltage_mv = f32::from(BatteryStatus(frame).voltage_mv(0));
+        assert!((voltage_mv - 7900.0).abs() <= COUNT_MV, "{voltage_mv} mV");
+        assert_eq!(BatteryStatus(frame).charge_state(), 1);
+        assert_eq!(frame.payload_len(), 41);
+    }
+
+    let bursts: Vec<_> = conversions.chunks(16).collect();
+    assert_eq!(bursts.len(), 6000);
+    let microseconds = |n: usize| bursts[n][0].start / 125;
+    for (n, burst) in bursts.iter().enumerate() {
+        assert_eq!(burst.len(), 16);
+        let due_us = microseconds(0) + n as u64 * 100 * MILLISECOND;
+        assert!(
+            microseconds(n).abs_diff(due_us) <= MILLISECOND,
+            "tick {n} at {} us, due {due_us}",
+            microseconds(n)
+        );
+        let length_us = (burst[15].start - burst[0].start) / 125;
+        assert!(length_us < MILLISECOND, "a burst of {length_us} us");
+    }
+}
+
+#[test]
+fn the_telemetry_port_runs_at_115200_baud_8n1() {
+    let mut bench = Bench::power_up(2482);
+    bench.run_for(SECOND);
+    let sent = bench.uart(0).take_sent();
+    // A start bit, eight data bits, a stop bit; the chip's divider can be off by a fraction of a percent.
+    let byte_us = 10.0 / 115_200.0 * 1e6;
+    for byte in &sent {
+        let length_us = (byte.end - byte.start) as f64 / 125.0;
+        assert!(
+            (length_us / byte_us - 1.0).abs() < 0.005,
+            "a byte of {length_us} us"
+        );
+    }
+    // A message leaves in one piece: 21 bytes of HEARTBEAT back to back.
+    let heartbeat_us = (sent[20].end - sent[0].start) as f64 / 125.0;
+    assert!(
+        (heartbeat_us / (21.0 * byte_us) - 1.0).abs() < 0.005,
+        "HEARTBEAT took {heartbeat_us} us"
+    );
+}
+
+#[test]
+fn a_voltage_step_reaches_the_wire_within_620_ms() {
+    let mut slowest_us = 0;
+    for phase in 0..60 {
+        let mut bench = Bench::power_up(2482);
+        bench.run_until_time(3 * SECOND + phase * 9_973);
+        let step_us = bench.time_us();
+        bench.adc_input(PACK, AdcInput::Code(3000));
+        bench.run_for(SECOND);
+        let frames = bench.frames();
+        let shows_it = |frame: &&&Frame| frame.at_us > step_us && BatteryStatus(frame).voltage_mv(0) > 9000;
+        let arrived = of_message(&frames, BATTERY_STATUS)
+            .iter()
+            .find(shows_it)
+            .expect("the step arrives")
+            .at_us;
+        slowest_us = slowest_us.max(arrived - step_us);
+    }
+    println!("slowest of 60 steps: {:.1} ms", slowest_us as f64 / 1000.0);
+    assert!(slowest_us <= 620 * MILLISECOND, "{slowest_us} us");
+}
+
+#[test]
+fn two_runs_give_identical_bytes_at_identical_times() {
+    let run = |step_us: u64| {
+        let mut bench = Bench::power_up(2482);
+        bench.adc_input(PACK, AdcInput::Volts(2.1));
+        bench.adc_noise(0.002);
+        while bench.time_us() < 20 * SECOND {
+            bench.run_for(step_us);
+        }
+        bench.sent().to_vec()
+    };
+    let first = run(SECOND);
+    assert!(first.len() > 3000);
+    assert!(run(SECOND) == first);
+    assert!(
+        run(20 * SECOND) == first,
+        "the length of the emulator's steps shows"
+    );
+}
+
+#[test]
+fn the_load_is_the_share_of_time_the_processor_is_awake() {
+    let mut bench = Bench::power_up(2482);
+    bench.run_until_time(5 * SECOND);
+    let awake_before = bench.awake_cycles();
+    bench.run_for(10 * SECOND);
+    let awake_permille = (bench.awake_cycles() - awake_before) as f64 / (10.0 * 125e6) * 1000.0;
+    let frames = bench.frames();
+    let sys_status = of_message(&frames, SYS_STATUS);
+    let load_permille = f64::from(SysStatus(sys_status[sys_status.len() - 1]).load_permille());
+    println!("load {load_permille} permille reported, {awake_permille:.2} permille awake");
+    // Interrupts that end without waking a task count as idle, and the load is a whole number.
+    assert!(load_permille <= awake_permille + 1.0);
+    assert!(load_permille >= awake_permille / 2.0 - 1.0);
+    assert!(load_permille < 30.0);
+}
