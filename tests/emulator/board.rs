@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use super::access_log::{BusErrorRecord, UnmodelledAccess};
 use super::adc::{AdcFault, AdcInput, Conversion};
 use super::boot_rom;
-use super::bus::{BusErrorRecord, SystemBus, UnmodelledAccess, Width};
+use super::bus::{SystemBus, Width};
 use super::clock::{Cycle, cycles, micros};
 use super::cpu::{Cpu, CpuState};
 use super::firmware::Firmware;
@@ -42,7 +43,7 @@ impl Board {
         let mut bus = SystemBus::new(memory, seeds.next_u64());
         bus.rtt = RttWatch::new(firmware.find_symbol("_SEGGER_RTT"));
         let mut board = Self {
-            cpu: Cpu::at_reset(0, 0),
+            cpu: Cpu::at_reset(0, 0, &mut seeds),
             bus,
             lines: InterruptLines::default(),
             log: LogDecoder::new(firmware.log_table()),
@@ -56,7 +57,7 @@ impl Board {
         board
     }
 
-    pub(super) fn next_ram_seed(&mut self) -> u64 {
+    pub(super) fn next_seed(&mut self) -> u64 {
         self.seeds.next_u64()
     }
 
@@ -188,12 +189,12 @@ impl Board {
 
     /// Accesses to addresses where nothing is (the first 1024).
     pub fn bus_errors(&self) -> &[BusErrorRecord] {
-        &self.bus.bus_errors
+        &self.bus.accesses.bus_errors
     }
 
     /// Accesses to blocks that are not modelled, by name of the block.
     pub fn unmodelled(&self) -> &BTreeMap<&'static str, UnmodelledAccess> {
-        &self.bus.unmodelled
+        &self.bus.accesses.unmodelled
     }
 
     /// How close to its time-out the watchdog was fed, at the closest, in microseconds.

@@ -5,14 +5,13 @@ use std::collections::BTreeMap;
 
 use rp2040_emu::Bus as CrateBus;
 
+use super::access_log::{AccessLog, Direction};
 use super::clock::{CLK_SYS_HZ, Cycle};
 use super::dma::{Transfer, TransferEnd};
-use super::memory::{Memory, RAM_BASE};
-use super::memory_map::{Block, IO_BANK0_BASE, Model, PADS_BANK0_BASE, RESETS_BASE, block_at};
-use super::pins::{UartPins, uart_connection};
-use super::register::{RegisterWrite, bit};
+use super::memory::{Memory, RAM_BASE, is_cached_flash};
+use super::pins::UartPins;
 use super::rtt::RttWatch;
-use super::soc::{Id, Soc};
+use super::soc::Soc;
 use super::system_control::SystemControl;
 
 /// Size of a bus access in bytes.
@@ -23,39 +22,9 @@ pub enum Width {
     Word = 4,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Direction {
-    Read,
-    Write,
-}
-
 /// An access nobody answers ("unmapped address ranges raise a bus error when accessed", 2.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusError;
-
-/// A bus error as the test sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BusErrorRecord {
-    pub time_us: u64,
-    pub address: u32,
-    /// The instruction that was running; for a failed instruction fetch, the address itself.
-    pub pc: u32,
-    pub direction: Direction,
-}
-
-/// Accesses to a block that nobody models.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct UnmodelledAccess {
-    pub block: &'static str,
-    pub reads: u64,
-    pub writes: u64,
-    /// Address and instruction of the first access.
-    pub first_address: u32,
-    pub first_pc: u32,
-}
-
-/// How many bus errors are kept; a program that runs wild makes many.
-const BUS_ERROR_RECORDS: usize = 1024;
 
 pub struct SystemBus {
     pub now: Cycle,
@@ -64,7 +33,7 @@ pub struct SystemBus {
     /// Clocks, PLLs, RESETS, SIO, IO_BANK0, PADS, NVIC and the rest of the PPB.
     pub chip: CrateBus,
     /// The time as far as `chip` knows it.
-    chip_now: Cycle,
+    pub(super) chip_now: Cycle,
     pub system_control: SystemControl,
     pub uart_pins: [UartPins; 2],
     /// Something may have changed that the scheduler has to look at before the next instruction.
@@ -79,9 +48,8 @@ pub struct SystemBus {
     /// The part of RAM that instructions were fetched from: stores into it make decoded
     /// instructions stale.
     pub(super) code_in_ram: std::ops::Range<u32>,
-    unmodelled_registers: BTreeMap<u32, u32>,
-    pub unmodelled: BTreeMap<&'static str, UnmodelledAccess>,
-    pub bus_errors: Vec<BusErrorRecord>,
+    pub(super) unmodelled_registers: BTreeMap<u32, u32>,
+    pub accesses: AccessLog,
 }
 
 impl SystemBus {
@@ -102,8 +70,7 @@ impl SystemBus {
             stale_code: Vec::new(),
             code_in_ram: 0..0,
             unmodelled_registers: BTreeMap::new(),
-            unmodelled: BTreeMap::new(),
-            bus_errors: Vec::new(),
+            accesses: AccessLog::default(),
         }
     }
 
@@ -141,6 +108,10 @@ impl SystemBus {
             self.note_stored(address, width);
             return Ok(());
         }
+        if is_cached_flash(address) {
+            self.note_unmodelled("flash (store ignored)", address, Direction::Write);
+            return Ok(());
+        }
         match address >> 28 {
             0x1 | 0x4 | 0x5 => self.store_register(address, value, width),
             _ => Err(BusError),
@@ -168,140 +139,13 @@ impl SystemBus {
         }
     }
 
-    /// The registers are read as words; the processor picks its bytes out (datasheet 2.1.4).
-    fn load_register(&mut self, address: u32, width: Width) -> Result<u32, BusError> {
-        let block = block_at(address).ok_or(BusError)?;
-        self.attention = true;
-        let word = self.read_block(block, address & !3);
-        Ok(lane(word, address, width))
-    }
-
-    /// "Byte writes are replicated": a narrow store writes the whole register (2.1.4).
-    fn store_register(&mut self, address: u32, value: u32, width: Width) -> Result<(), BusError> {
-        let block = block_at(address).ok_or(BusError)?;
-        self.attention = true;
-        self.write_block(block, address & !3, replicated(value, width));
-        Ok(())
-    }
-
-    /// A block held in reset reads as zero.
-    fn read_block(&mut self, block: &Block, address: u32) -> u32 {
-        if self.is_held(block) {
-            return 0;
-        }
-        match block.model {
-            Model::Own(id) => self.soc.read(id, address & 0xfff, self.now),
-            Model::Crate => {
-                self.tell_chip_the_time();
-                self.chip.read32(address)
-            }
-            Model::None => {
-                self.note_unmodelled(block.name, address, Direction::Read);
-                self.unmodelled_registers
-                    .get(&(address & !0x3000))
-                    .copied()
-                    .unwrap_or(0)
-            }
-        }
-    }
-
-    /// A block held in reset takes no writes.
-    fn write_block(&mut self, block: &Block, address: u32, value: u32) {
-        if self.is_held(block) {
-            return;
-        }
-        let write = RegisterWrite::to_address(address, value);
-        match block.model {
-            Model::Own(id) => {
-                self.soc.write(id, address & 0xfff, write, self.now);
-                self.follow_power_state(id);
-            }
-            Model::Crate => self.write_crate_block(block, address, value),
-            Model::None => {
-                self.note_unmodelled(block.name, address, Direction::Write);
-                let register = self.unmodelled_registers.entry(address & !0x3000).or_default();
-                *register = write.applied_to(*register);
-            }
-        }
-    }
-
-    fn write_crate_block(&mut self, block: &Block, address: u32, value: u32) {
-        let held_before = self.chip.resets.state;
-        self.tell_chip_the_time();
-        self.chip.write32(address, value);
-        if block.base == RESETS_BASE {
-            self.apply_resets(held_before);
-        }
-        if matches!(block.base, RESETS_BASE | IO_BANK0_BASE | PADS_BANK0_BASE) {
-            self.connect_pins();
-        }
-    }
-
-    /// The crate's PLLs count cycles until they lock.
-    fn tell_chip_the_time(&mut self) {
-        self.chip.advance_lazy_scheduled(self.now - self.chip_now);
-        self.chip_now = self.now;
-    }
-
-    fn is_held(&self, block: &Block) -> bool {
-        block
-            .reset_bit
-            .is_some_and(|reset_bit| bit(self.chip.resets.state, reset_bit))
-    }
-
-    fn apply_resets(&mut self, held_before: u32) {
-        let held_now = self.chip.resets.state;
-        self.soc.hold_in_reset(held_before, held_now, self.now);
-        let held = |base| block_at(base).is_some_and(|block| self.is_held(block));
-        let (io_held, pads_held) = (held(IO_BANK0_BASE), held(PADS_BANK0_BASE));
-        if io_held {
-            self.chip.io_bank0.reset();
-        }
-        if pads_held {
-            self.chip.pads_bank0.reset();
-        }
-    }
-
-    /// Forcing a stage off in the PSM resets it; only the SIO is followed here.
-    fn follow_power_state(&mut self, written: Id) {
-        if written == Id::PowerState && self.soc.power_state.sio_is_down() {
-            self.chip.sio.reset();
-        }
-    }
-
-    /// Tell the UARTs whether the wired pins lead to them.
-    pub fn connect_pins(&mut self) {
-        for number in 0..self.uart_pins.len() {
-            let connection = uart_connection(&self.chip, number, self.uart_pins[number]);
-            self.soc.uarts[number].set_pins(connection, self.now);
-        }
-    }
-
     pub(super) fn note_unmodelled(&mut self, block: &'static str, address: u32, direction: Direction) {
-        let (first_address, first_pc) = (address, self.pc);
-        let access = self.unmodelled.entry(block).or_insert(UnmodelledAccess {
-            block,
-            reads: 0,
-            writes: 0,
-            first_address,
-            first_pc,
-        });
-        match direction {
-            Direction::Read => access.reads += 1,
-            Direction::Write => access.writes += 1,
-        }
+        self.accesses.note_unmodelled(block, self.pc, address, direction);
     }
 
     pub(super) fn note_bus_error(&mut self, address: u32, direction: Direction) {
-        if self.bus_errors.len() < BUS_ERROR_RECORDS {
-            let time_us = super::clock::micros(self.now);
-            self.bus_errors.push(BusErrorRecord {
-                time_us,
-                address,
-                pc: self.pc,
-                direction,
-            });
-        }
+        self.accesses
+            .note_bus_error(self.now, self.pc, address, direction);
     }
 
     /// Let every peripheral do what is due, then at most one DMA transfer.

@@ -12,7 +12,7 @@ pub type Cycle = u64;
 pub const CLK_SYS_HZ: u64 = 125_000_000;
 /// Frequency of `clk_ref`: the 12 MHz crystal of the Pico.
 pub const CLK_REF_HZ: u64 = 12_000_000;
-/// Frequency of `clk_adc` (datasheet 4.9.2: "must be set up correctly before enabling the ADC").
+/// Frequency of `clk_adc` ("the ADC requires a 48MHz clock", datasheet 4.9.2).
 pub const CLK_ADC_HZ: u64 = 48_000_000;
 /// Cycles of `clk_sys` in a microsecond.
 pub const CYCLES_PER_US: u64 = CLK_SYS_HZ / 1_000_000;

@@ -3,7 +3,8 @@
 use rp2040_emu::bus::ppb::Ppb;
 use rp2040_emu::core::{CoreBus, Nvic};
 
-use super::bus::{BusError, Direction, SystemBus, Width};
+use super::access_log::Direction;
+use super::bus::{BusError, SystemBus, Width};
 
 /// What the crate's core announces as its program counter while it stacks or unstacks the
 /// registers of an exception.
@@ -54,8 +55,6 @@ impl SystemBus {
     fn fail(&mut self, address: u32, direction: Direction) {
         self.note_bus_error(address, direction);
         self.fault = Some(address);
-        // The core may have decoded the nothing it fetched here; it must not find it again.
-        self.stale_code.push(address);
     }
 
     fn load_sio(&mut self, address: u32, width: Width) -> u32 {

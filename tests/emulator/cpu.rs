@@ -8,6 +8,7 @@ use rp2040_emu::CortexM0Plus;
 use super::boot_rom;
 use super::bus::{SystemBus, Width};
 use super::interrupts::would_preempt;
+use super::random::Random;
 
 const IPSR_MASK: u32 = 0x1ff;
 const HARD_FAULT: u32 = 3;
@@ -43,9 +44,11 @@ pub struct Cpu {
 }
 
 impl Cpu {
-    /// A processor that leaves reset with these values from its vector table.
-    pub fn at_reset(stack_pointer: u32, entry: u32) -> Self {
+    /// A processor that leaves reset with these values from its vector table. What the other
+    /// registers hold then is not defined (ARMv6-M B1.5.5).
+    pub fn at_reset(stack_pointer: u32, entry: u32, random: &mut Random) -> Self {
         let mut core = CortexM0Plus::new();
+        (0..=12).for_each(|number| core.set_reg(number, random.next_u64() as u32));
         core.regs.msp = stack_pointer & !3;
         core.regs.r[13] = stack_pointer & !3;
         core.regs.r[15] = entry & !1;

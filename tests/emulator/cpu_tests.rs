@@ -141,9 +141,21 @@ fn a_store_to_nowhere_is_a_hard_fault() {
 }
 
 #[test]
+fn a_store_to_flash_is_ignored_and_noted_or_a_fault_by_its_alias() {
+    for (address, exception) in [(0x1000_0000, 0), (0x1300_0000, HARD_FAULT)] {
+        let mut board = board(&[store(0, 1), HANG], &[]);
+        board.set_register(1, address);
+        board.run_for(10);
+        assert_eq!(board.active_exception(), exception, "{address:#x}");
+        assert_eq!(board.read_word(0x1000_0000), 0xffff_ffff);
+        assert_eq!(board.unmodelled().is_empty(), exception == HARD_FAULT);
+    }
+}
+
+#[test]
 fn running_into_nowhere_is_a_hard_fault_every_time() {
     let mut board = board(&[branch_to(1)], &[(HARD_FAULT, &[adds(7, 1), BX_LR])]);
-    board.set_register(1, UNMAPPED | 1);
+    board.set_register(1, 0x2100_0001);
     board.set_register(7, 0);
     board.run_for(10);
     assert!(
@@ -174,10 +186,12 @@ fn a_fault_in_the_hard_fault_handler_is_a_lockup() {
 #[test]
 fn a_stack_that_runs_out_of_the_bottom_of_ram_is_a_lockup() {
     // The push faults; so does stacking the registers for the HardFault.
-    let mut board = board(&[push(0), back(1)], &[]);
+    let mut board = board(&[push(0), back(1)], &[(HARD_FAULT, &[adds(7, 1), HANG])]);
     board.set_register(13, RAM + 16);
+    board.set_register(7, 0);
     board.run_for(100);
     assert!(board.is_locked_up());
+    assert_eq!(board.register(7), 0, "the handler is not reached");
     assert_eq!(board.bus_errors()[0].address, RAM - 4);
 }
 

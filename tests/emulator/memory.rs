@@ -11,6 +11,14 @@ pub const RAM_SIZE: usize = 264 * 1024;
 
 /// The four ways to see the flash through the cache differ only in caching, which is not modelled.
 const FLASH_END: u32 = 0x1400_0000;
+const FLASH_NO_ALLOCATE: u32 = 0x1100_0000;
+
+/// A store to flash through the allocating alias drops the cache line and is otherwise ignored;
+/// through the other aliases it is a bus error, as XIP_CTRL.ERR_BADWRITE is set after reset
+/// (datasheet 2.6.3.6).
+pub fn is_cached_flash(address: u32) -> bool {
+    (FLASH_BASE..FLASH_NO_ALLOCATE).contains(&address)
+}
 
 pub struct Memory {
     pub rom: Vec<u8>,

@@ -4,7 +4,7 @@ use super::board::Board;
 use super::chip_reset::{ChipLevelReset, ChipReset};
 use super::clock::micros;
 use super::cpu::Cpu;
-use super::memory::{FLASH_BASE, RAM_BASE};
+use super::memory::FLASH_BASE;
 use super::random::Random;
 use super::watchdog::WatchdogReset;
 
@@ -31,7 +31,8 @@ pub struct ResetRecord {
     pub cause: ResetCause,
 }
 
-/// RAM the boot ROM uses before it starts the firmware: its stack, and the second stage.
+/// RAM the boot ROM uses before it starts the firmware, as offsets: its stack and the second stage
+/// at 0x20041f00 to 0x20042000.
 const BOOT_ROM_RAM: std::ops::Range<usize> = 0x4_1f00..0x4_2000;
 /// Where the second stage finds the firmware's vector table.
 const VECTOR_TABLE: u32 = FLASH_BASE + 0x100;
@@ -39,7 +40,7 @@ const VECTOR_TABLE: u32 = FLASH_BASE + 0x100;
 impl Board {
     /// Switch the power off and on: RAM holds other garbage, nothing is remembered. Flash stays.
     pub fn power_cycle(&mut self) {
-        let mut random = Random::new(self.next_ram_seed());
+        let mut random = Random::new(self.next_seed());
         random.fill(&mut self.bus.memory.ram);
         self.reset(ResetCause::PowerCycle);
     }
@@ -87,14 +88,15 @@ impl Board {
     }
 
     fn chip_level_reset(&mut self, reset: ChipLevelReset) {
-        self.bus.reset();
         self.bus.soc.watchdog.forget(self.bus.now);
+        self.bus.reset();
         self.bus.soc.chip_reset = ChipReset::after(reset);
     }
 
     /// What boot ROM and second stage do before the firmware's first instruction.
     pub(super) fn start_firmware(&mut self) {
-        self.scramble_boot_rom_ram();
+        let mut random = Random::new(self.next_seed());
+        random.fill(&mut self.bus.memory.ram[BOOT_ROM_RAM]);
         self.reset_timer_as_the_boot_rom_does();
         let word = |address| {
             self.bus
@@ -103,19 +105,13 @@ impl Board {
                 .unwrap_or(0)
         };
         let (stack_pointer, entry) = (word(VECTOR_TABLE), word(VECTOR_TABLE + 4));
-        self.cpu = Cpu::at_reset(stack_pointer, entry);
+        self.cpu = Cpu::at_reset(stack_pointer, entry, &mut random);
         self.bus.chip.ppb[0].vtor = VECTOR_TABLE;
         self.bus.chip.event_flag[0] = false;
         self.bus.chip.wfe_waiting[0] = false;
         self.lines.forget_levels();
         self.log.restart();
         self.bus.attention = true;
-    }
-
-    fn scramble_boot_rom_ram(&mut self) {
-        let mut random = Random::new(self.bus.now);
-        random.fill(&mut self.bus.memory.ram[BOOT_ROM_RAM]);
-        debug_assert_eq!(RAM_BASE as usize + BOOT_ROM_RAM.end, 0x2004_2000);
     }
 
     /// The boot ROM resets TIMER and both QSPI blocks and takes them out of reset.

@@ -4,7 +4,8 @@
 //! interrupts 26 to 31 (2.3.2), ICSR.VECTACTIVE and AIRCR.SYSRESETREQ. SysTick, the MPU and
 //! SCR.SEVONPEND are not modelled: accesses to them are recorded.
 
-use super::bus::{Direction, SystemBus, Width, lane};
+use super::access_log::Direction;
+use super::bus::{SystemBus, Width, lane};
 
 const NVIC_ISER: u32 = 0xe000_e100;
 const NVIC_ICER: u32 = 0xe000_e180;

@@ -32,8 +32,9 @@ pub struct Timer {
     base_count: u64,
     /// TIMELW as written, taken over when TIMEHW is written.
     written_low: u32,
-    /// TIMEHR as latched by the last read of TIMELR.
-    latched_high: u32,
+    /// Reading TIMELR "latches the value in TIMEHR (i.e. stops it updating) until TIMEHR is read"
+    /// (4.6.4.1).
+    latched_high: Option<u32>,
     alarm: [u32; ALARMS],
     /// The count at which an armed alarm fires.
     due: [Option<u64>; ALARMS],
@@ -107,9 +108,9 @@ impl Peripheral for Timer {
     fn read(&mut self, offset: u32, now: Cycle) -> u32 {
         let count = self.count(now);
         match offset {
-            TIMEHR => self.latched_high,
+            TIMEHR => self.latched_high.take().unwrap_or((count >> 32) as u32),
             TIMELR => {
-                self.latched_high = (count >> 32) as u32;
+                self.latched_high = Some((count >> 32) as u32);
                 count as u32
             }
             ALARM0..=ALARM3 => self.alarm[alarm_number(offset)],
@@ -218,16 +219,13 @@ mod tests {
     }
 
     #[test]
-    fn reading_the_low_word_latches_the_high_word() {
+    fn reading_the_low_word_latches_the_high_word_until_it_is_read() {
         let mut timer = running();
-        timer.set_count(0xffff_ffff, 0);
+        timer.set_count(0x1_ffff_ffff, 0);
         assert_eq!(timer.read(TIMELR, 0), 0xffff_ffff);
-        assert_eq!(timer.read(TIMERAWH, cycles(1)), 1);
-        assert_eq!(
-            timer.read(TIMEHR, cycles(1)),
-            0,
-            "latched before the carry (4.6.2)"
-        );
+        assert_eq!(timer.read(TIMERAWH, cycles(1)), 2);
+        assert_eq!(timer.read(TIMEHR, cycles(1)), 1, "latched before the carry");
+        assert_eq!(timer.read(TIMEHR, cycles(1)), 2);
     }
 
     #[test]

@@ -72,12 +72,16 @@ impl Watchdog {
         self.request.take()
     }
 
-    /// A reset of the whole chip (power-up or RUN pin), after which nothing is remembered:
-    /// "Both bits are zero for the case of a hardware reset" (REASON, 4.7.6).
+    /// A reset of the whole chip (power-up or RUN pin), after which nothing is remembered: it
+    /// resets the scratch registers (4.7.4), and both bits of REASON "are zero for the case of a
+    /// hardware reset" (4.7.6).
     pub fn forget(&mut self, now: Cycle) {
-        self.reset(now);
-        self.reason = 0;
-        self.scratch = [0; 8];
+        *self = Self {
+            base_cycle: now,
+            smallest_slack: self.smallest_slack,
+            feeds: self.feeds,
+            ..Self::new()
+        };
     }
 
     pub fn is_enabled(&self) -> bool {
@@ -166,16 +170,11 @@ impl Peripheral for Watchdog {
         }
     }
 
-    /// REASON and the scratch registers persist "through soft reset of the chip" (4.7.6).
+    /// "The watchdog is reset by rst_n_run" (4.7.1), which only power-up and the RUN pin assert: in
+    /// any other reset it keeps REASON, scratch registers and tick. It has switched itself off by
+    /// firing; left on, it would fire again at once, and silicon does not.
     fn reset(&mut self, now: Cycle) {
-        *self = Self {
-            base_cycle: now,
-            reason: self.reason,
-            scratch: self.scratch,
-            smallest_slack: self.smallest_slack,
-            feeds: self.feeds,
-            ..Self::new()
-        };
+        self.set_count(self.count(now), now);
     }
 
     fn advance(&mut self, now: Cycle) {
@@ -267,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn reason_and_scratch_survive_a_reset_but_not_a_hardware_reset() {
+    fn reason_scratch_and_tick_survive_a_reset_but_not_a_hardware_reset() {
         let mut watchdog = started(2000);
         write(&mut watchdog, SCRATCH7, 0xcafe, 0);
         watchdog.advance(cycles(1000));
@@ -275,7 +274,9 @@ mod tests {
         assert_eq!(watchdog.read(SCRATCH7, 0), 0xcafe);
         assert_eq!(watchdog.read(REASON, 0), 0b01);
         assert!(!watchdog.is_enabled());
+        assert_eq!(watchdog.tick(), Some(Tick { ref_cycles: 12 }));
         watchdog.forget(cycles(2000));
+        assert_eq!(watchdog.tick(), None);
         assert_eq!(watchdog.read(SCRATCH7, 0), 0);
         assert_eq!(watchdog.read(REASON, 0), 0);
     }

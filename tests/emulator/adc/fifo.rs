@@ -1,9 +1,11 @@
-//! The ADC's sample FIFO (datasheet 4.9.2.3): "Eight element receive sample FIFO" (4.9).
+//! The ADC's sample FIFO (datasheet 4.9.2.4).
 
 use std::collections::VecDeque;
 
 use super::super::register::{RegisterWrite, bit, field};
 
+/// Eight samples. Datasheets up to 2023 say four; that was a mistake of the document, found on
+/// silicon (github.com/raspberrypi/pico-feedback/issues/357) and corrected since.
 pub const DEPTH: usize = 8;
 
 const EN: u32 = 0;

@@ -8,8 +8,8 @@ pub const REFERENCE_VOLTS: f64 = 3.3;
 /// Codes of the 12-bit converter.
 pub const CODES: u32 = 4096;
 
-/// Erratum RP2040-E11: the codes that are far too wide ("DNL peaks at codes 512, 1536, 2560 and
-/// 3584", datasheet 4.9.4).
+/// Erratum RP2040-E11: the codes that are far too wide. "At four values — 512, 1,536, 2,560, and
+/// 3,584 — the ADC's DNL error peaks" (datasheet 4.9.4).
 pub const WIDE_CODES: [u32; 4] = [512, 1536, 2560, 3584];
 /// How much wider than one step each of them is, in steps: the differential nonlinearity measured
 /// on a Pico is 8.9 steps (pico-adc.markomo.me, sine histogram).

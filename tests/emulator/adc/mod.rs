@@ -2,6 +2,7 @@
 
 mod fifo;
 mod input;
+mod registers;
 #[cfg(test)]
 mod tests;
 
@@ -14,16 +15,6 @@ use super::register::{RegisterWrite, bit, field};
 use fifo::SampleFifo;
 pub use input::{AdcInput, code_of_volts};
 
-const CS: u32 = 0x00;
-const RESULT: u32 = 0x04;
-const FCS: u32 = 0x08;
-const FIFO: u32 = 0x0c;
-const DIV: u32 = 0x10;
-const INTR: u32 = 0x14;
-const INTE: u32 = 0x18;
-const INTF: u32 = 0x1c;
-const INTS: u32 = 0x20;
-
 const CS_EN: u32 = 0;
 const CS_START_ONCE: u32 = 2;
 const CS_START_MANY: u32 = 3;
@@ -32,10 +23,8 @@ const CS_ERR: u32 = 9;
 const CS_ERR_STICKY: u32 = 10;
 const CS_AINSEL: u32 = 12;
 const CS_RROBIN: u32 = 16;
-const CS_MASK: u32 = 0x001f_700b;
-const DIV_MASK: u32 = 0x00ff_ffff;
 
-/// "a conversion takes 96 × 2.083 ns = 2 µs" at 48 MHz (4.9.2.2).
+/// "Capturing a sample takes 96 clock cycles (96 × 1/48MHz) = 2μs per sample" (4.9.2).
 const CONVERSION_ADC_CYCLES: u64 = 96;
 /// "After a few clock cycles, CS.READY will go high" (4.9.2): how many is not given.
 const POWER_UP_ADC_CYCLES: u64 = 8;
@@ -155,11 +144,17 @@ impl Adc {
         }
     }
 
-    /// The pace of START_MANY: back to back, or every 1 + INT + FRAC/256 cycles if that is longer.
+    /// The pace of START_MANY in cycles of `clk_adc`: back to back without a divider, else every
+    /// 1 + INT + FRAC/256, where "the ADC ignores this if a conversion is currently in progress"
+    /// (4.9.2.2). The fraction is an average here, not a delta-sigma.
     fn period(&self) -> Cycle {
-        let in_256ths = 256 + u64::from(self.div);
-        let paced = (in_256ths * CLK_SYS_HZ).div_ceil(256 * CLK_ADC_HZ);
-        paced.max(from_adc_clock(CONVERSION_ADC_CYCLES))
+        const ONE: u64 = 256;
+        if self.div == 0 {
+            return from_adc_clock(CONVERSION_ADC_CYCLES);
+        }
+        let trigger = ONE + u64::from(self.div);
+        let triggers_per_conversion = (CONVERSION_ADC_CYCLES * ONE).div_ceil(trigger);
+        (trigger * triggers_per_conversion * CLK_SYS_HZ).div_ceil(ONE * CLK_ADC_HZ)
     }
 
     fn conversion_end(&self) -> Cycle {
@@ -208,34 +203,6 @@ impl Adc {
         }
     }
 
-    fn write_control(&mut self, write: RegisterWrite, now: Cycle) {
-        let was = self.cs;
-        let cs = write.applied_to(was);
-        self.error_sticky &= !bit(write.value, CS_ERR_STICKY);
-        self.cs = cs & CS_MASK;
-        if !bit(was, CS_EN) && bit(cs, CS_EN) {
-            self.powered_up_at = now + from_adc_clock(POWER_UP_ADC_CYCLES);
-        }
-        if !bit(cs, CS_EN) {
-            self.running = None;
-        }
-        if bit(cs, CS_START_MANY) && bit(cs, CS_EN) {
-            self.next_start = self.next_start.or(Some(now.max(self.powered_up_at)));
-        } else {
-            self.next_start = None;
-            if bit(cs, CS_START_ONCE) {
-                self.start_conversion(now);
-            }
-        }
-    }
-
-    fn control(&self, now: Cycle) -> u32 {
-        self.cs
-            | u32::from(self.is_ready(now)) << CS_READY
-            | u32::from(self.error) << CS_ERR
-            | u32::from(self.error_sticky) << CS_ERR_STICKY
-    }
-
     fn interrupt_status(&self) -> u32 {
         (u32::from(self.fifo.reached_threshold()) & self.inte) | self.intf
     }
@@ -252,72 +219,5 @@ impl Adc {
     fn start_on_beat(&mut self, beat: Cycle) {
         self.start_conversion(beat);
         self.next_start = Some(beat + self.period());
-    }
-}
-
-impl Peripheral for Adc {
-    fn read(&mut self, offset: u32, now: Cycle) -> u32 {
-        match offset {
-            CS => self.control(now),
-            RESULT => u32::from(self.result),
-            FCS => self.fifo.status(),
-            FIFO => u32::from(self.fifo.pop()),
-            DIV => self.div,
-            INTR => u32::from(self.fifo.reached_threshold()),
-            INTE => self.inte,
-            INTF => self.intf,
-            INTS => self.interrupt_status(),
-            _ => 0,
-        }
-    }
-
-    fn write(&mut self, offset: u32, write: RegisterWrite, now: Cycle) {
-        match offset {
-            CS => self.write_control(write, now),
-            FCS => self.fifo.write_control(write),
-            DIV => write.update(&mut self.div, DIV_MASK),
-            INTE => write.update(&mut self.inte, 1),
-            INTF => write.update(&mut self.intf, 1),
-            _ => {}
-        }
-    }
-
-    fn reset(&mut self, _now: Cycle) {
-        self.cs = 0;
-        self.div = 0;
-        self.inte = 0;
-        self.intf = 0;
-        self.result = 0;
-        self.error = false;
-        self.error_sticky = false;
-        self.fifo = SampleFifo::default();
-        self.running = None;
-        self.next_start = None;
-    }
-
-    fn advance(&mut self, now: Cycle) {
-        loop {
-            let (end, beat) = (self.conversion_end(), self.beat());
-            if end.min(beat) > now {
-                return;
-            }
-            if end <= beat {
-                self.finish_conversion();
-            } else {
-                self.start_on_beat(beat);
-            }
-        }
-    }
-
-    fn next_event(&self) -> Cycle {
-        self.conversion_end().min(self.beat())
-    }
-
-    fn interrupt_lines(&self) -> u32 {
-        self.interrupt_status() << INTERRUPT_LINE
-    }
-
-    fn dma_requests(&self) -> u64 {
-        u64::from(self.fifo.requests_dma()) << DMA_REQUEST
     }
 }

@@ -1,6 +1,7 @@
 //! Tests of the ADC against datasheet 4.9, by its registers.
 
 use super::super::clock::cycles;
+use super::registers::*;
 use super::*;
 
 const EN: u32 = 1 << CS_EN;
@@ -71,13 +72,22 @@ fn start_many_runs_back_to_back_at_500_thousand_samples_a_second() {
 
 #[test]
 fn the_divider_paces_start_many() {
-    // 1 + 479 cycles of 48 MHz: 100 000 samples a second. Below 96 it makes no difference.
-    for (int, expected) in [(479, 10), (10, 50)] {
+    // Starts every n + 1 cycles of 48 MHz; 11 cycles are too short, so every ninth of them counts.
+    for (int, adc_cycles) in [(479, 480), (95, 96), (10, 99)] {
         let mut adc = adc();
         write(&mut adc, DIV, int << 8, 1000);
         write(&mut adc, CS, EN | START_MANY, 1000);
         adc.advance(1000 + cycles(100));
-        assert_eq!(adc.conversions(), expected, "INT {int}");
+        let starts: Vec<Cycle> = adc
+            .take_record()
+            .iter()
+            .map(|conversion| conversion.start)
+            .collect();
+        let period = from_adc_clock(adc_cycles);
+        assert!(
+            starts.windows(2).all(|pair| pair[1] - pair[0] == period),
+            "INT {int}: {starts:?}"
+        );
     }
 }
 

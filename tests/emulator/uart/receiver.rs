@@ -11,8 +11,8 @@ pub const FRAMING: u16 = 1 << 8;
 pub const BREAK: u16 = 1 << 10;
 pub const OVERRUN: u16 = 1 << 11;
 
-/// "The receive timeout interrupt is asserted when the receive FIFO is not empty, and no further
-/// data is received over a 32-bit period" (datasheet 4.2.6.4).
+/// "The receive timeout interrupt is asserted when the receive FIFO is not empty, and no more data
+/// is received during a 32-bit period" (datasheet 4.2.6.4).
 const TIMEOUT_BITS: u64 = 32;
 
 /// What one advance of the receiver has brought about.

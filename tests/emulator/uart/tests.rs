@@ -1,6 +1,7 @@
 //! Tests of the PL011 against datasheet 4.2, by its registers and its wire.
 
 use super::super::clock::{Cycle, cycles};
+use super::registers::*;
 use super::*;
 
 const PLACE: UartPlace = UartPlace {

@@ -3,10 +3,15 @@
 //! One transfer takes one cycle and all channels share it in turn; FIFOs between read and write,
 //! priorities and bus contention are not modelled. Neither are the sniffer and the pacing timers.
 
+mod channel;
+#[cfg(test)]
+mod tests;
+
 use super::bus::Width;
 use super::clock::{Cycle, NEVER};
 use super::peripheral::Peripheral;
-use super::register::{RegisterWrite, bit, field};
+use super::register::{RegisterWrite, bit};
+use channel::{ALIASES, Channel, ChannelError, Field};
 
 pub const CHANNELS: usize = 12;
 const CHANNEL_MASK: u32 = (1 << CHANNELS) - 1;
@@ -24,105 +29,6 @@ const CHAN_ABORT: u32 = 0x444;
 const N_CHANNELS: u32 = 0x448;
 /// DMA_IRQ_0 is NVIC line 11, DMA_IRQ_1 line 12.
 const INTERRUPT_LINE: u32 = 11;
-
-const CTRL_EN: u32 = 0;
-const CTRL_DATA_SIZE: u32 = 2;
-const CTRL_INCR_READ: u32 = 4;
-const CTRL_INCR_WRITE: u32 = 5;
-const CTRL_RING_SIZE: u32 = 6;
-const CTRL_RING_SEL: u32 = 10;
-const CTRL_CHAIN_TO: u32 = 11;
-const CTRL_TREQ_SEL: u32 = 15;
-const CTRL_IRQ_QUIET: u32 = 21;
-const CTRL_BSWAP: u32 = 22;
-const CTRL_BUSY: u32 = 24;
-const CTRL_WRITE_ERROR: u32 = 29;
-const CTRL_READ_ERROR: u32 = 30;
-const CTRL_AHB_ERROR: u32 = 31;
-const CTRL_WRITABLE: u32 = 0x00ff_ffff;
-const CTRL_ERRORS: u32 = 1 << CTRL_WRITE_ERROR | 1 << CTRL_READ_ERROR;
-/// TREQ_SEL of an unpaced transfer.
-const PERMANENT: u32 = 0x3f;
-
-/// The four registers of a channel, each of which occurs once in every alias group.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Field {
-    ReadAddr,
-    WriteAddr,
-    TransCount,
-    Ctrl,
-}
-
-/// The order of the registers in the four alias groups; a write to the last of a group triggers
-/// (datasheet 2.5.2.1, Table 121).
-const ALIASES: [[Field; 4]; 4] = [
-    [Field::ReadAddr, Field::WriteAddr, Field::TransCount, Field::Ctrl],
-    [Field::Ctrl, Field::ReadAddr, Field::WriteAddr, Field::TransCount],
-    [Field::Ctrl, Field::TransCount, Field::ReadAddr, Field::WriteAddr],
-    [Field::Ctrl, Field::WriteAddr, Field::TransCount, Field::ReadAddr],
-];
-
-#[derive(Clone, Copy)]
-struct Channel {
-    read_address: u32,
-    write_address: u32,
-    /// What TRANS_COUNT starts from at the next trigger.
-    reload: u32,
-    remaining: u32,
-    ctrl: u32,
-    errors: u32,
-    busy: bool,
-}
-
-impl Channel {
-    fn new(number: usize) -> Self {
-        Self {
-            read_address: 0,
-            write_address: 0,
-            reload: 0,
-            remaining: 0,
-            // CHAIN_TO is the channel itself after reset, which means no chaining.
-            ctrl: (number as u32) << CTRL_CHAIN_TO,
-            errors: 0,
-            busy: false,
-        }
-    }
-
-    fn control(&self) -> u32 {
-        let any_error = self.errors != 0;
-        self.ctrl | self.errors | u32::from(self.busy) << CTRL_BUSY | u32::from(any_error) << CTRL_AHB_ERROR
-    }
-
-    fn width(&self) -> Width {
-        match field(self.ctrl, CTRL_DATA_SIZE, 2) {
-            0 => Width::Byte,
-            1 => Width::Half,
-            _ => Width::Word,
-        }
-    }
-
-    /// Address after a transfer, within its ring if it has one.
-    fn stepped(&self, address: u32, increments: bool, is_write: bool) -> u32 {
-        if !increments {
-            return address;
-        }
-        let next = address.wrapping_add(self.width() as u32);
-        let ring_size = field(self.ctrl, CTRL_RING_SIZE, 4);
-        if ring_size == 0 || bit(self.ctrl, CTRL_RING_SEL) != is_write {
-            return next;
-        }
-        let ring = (1 << ring_size) - 1;
-        address & !ring | next & ring
-    }
-
-    fn swapped(&self, value: u32) -> u32 {
-        match self.width() {
-            Width::Half if bit(self.ctrl, CTRL_BSWAP) => u32::from((value as u16).swap_bytes()),
-            Width::Word if bit(self.ctrl, CTRL_BSWAP) => value.swap_bytes(),
-            _ => value,
-        }
-    }
-}
 
 /// One transfer for the bus to carry out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -187,7 +93,7 @@ impl Dma {
     fn next_channel(&self, requests: u64) -> Option<usize> {
         (1..=CHANNELS)
             .map(|step| (self.last_served + step) % CHANNELS)
-            .find(|&number| self.wants_transfer(number, requests))
+            .find(|&number| self.channels[number].wants_transfer(requests))
     }
 
     /// The data as it goes to the write address.
@@ -201,16 +107,15 @@ impl Dma {
         self.free_from = now + 1;
         match end {
             TransferEnd::Done => self.step(transfer.channel),
-            TransferEnd::ReadError => self.halt(transfer.channel, CTRL_READ_ERROR),
-            TransferEnd::WriteError => self.halt(transfer.channel, CTRL_WRITE_ERROR),
+            TransferEnd::ReadError => self.halt(transfer.channel, ChannelError::Read),
+            TransferEnd::WriteError => self.halt(transfer.channel, ChannelError::Write),
         }
     }
 
     /// "The channel halts when it encounters any bus error, and always raises its channel IRQ
     /// flag" (CTRL.AHB_ERROR).
-    fn halt(&mut self, number: usize, error: u32) {
-        self.channels[number].errors |= 1 << error;
-        self.channels[number].busy = false;
+    fn halt(&mut self, number: usize, error: ChannelError) {
+        self.channels[number].halt(error);
         self.intr |= 1 << number;
     }
 
@@ -219,22 +124,9 @@ impl Dma {
         self.channels.iter().any(|channel| channel.busy)
     }
 
-    fn wants_transfer(&self, number: usize, requests: u64) -> bool {
-        let channel = &self.channels[number];
-        let request = field(channel.ctrl, CTRL_TREQ_SEL, 6);
-        channel.busy && bit(channel.ctrl, CTRL_EN) && (request == PERMANENT || requests >> request & 1 != 0)
-    }
-
     fn step(&mut self, number: usize) {
-        let channel = &mut self.channels[number];
-        let (reads_on, writes_on) = (
-            bit(channel.ctrl, CTRL_INCR_READ),
-            bit(channel.ctrl, CTRL_INCR_WRITE),
-        );
-        channel.read_address = channel.stepped(channel.read_address, reads_on, false);
-        channel.write_address = channel.stepped(channel.write_address, writes_on, true);
-        channel.remaining -= 1;
-        if channel.remaining == 0 {
+        self.channels[number].step();
+        if self.channels[number].is_done() {
             self.finish(number);
         }
     }
@@ -242,10 +134,10 @@ impl Dma {
     fn finish(&mut self, number: usize) {
         let channel = &mut self.channels[number];
         channel.busy = false;
-        if !bit(channel.ctrl, CTRL_IRQ_QUIET) {
+        let (quiet, chain_to) = (channel.is_quiet(), channel.chain_to());
+        if !quiet {
             self.intr |= 1 << number;
         }
-        let chain_to = field(channel.ctrl, CTRL_CHAIN_TO, 4) as usize;
         if chain_to != number && chain_to < CHANNELS {
             self.trigger(chain_to);
         }
@@ -254,50 +146,23 @@ impl Dma {
     /// Triggers do nothing to a channel that is disabled or already running (2.5.2.2).
     fn trigger(&mut self, number: usize) {
         let channel = &mut self.channels[number];
-        if channel.busy || !bit(channel.ctrl, CTRL_EN) {
+        if channel.busy || !channel.is_enabled() {
             return;
         }
-        channel.remaining = channel.reload;
-        channel.busy = true;
-        if channel.remaining == 0 {
+        channel.start();
+        if channel.is_done() {
             self.finish(number);
         }
     }
 
-    /// "Writing zero to a trigger register does not start the channel" but, with IRQ_QUIET,
-    /// raises its interrupt (null trigger, 2.5.2.3).
+    /// A zero written to a trigger register starts nothing; with IRQ_QUIET it raises the interrupt
+    /// of the channel (null trigger, 2.5.2.3).
     fn written_trigger(&mut self, number: usize, written: u32) {
         if written != 0 {
             self.trigger(number);
-        } else if bit(self.channels[number].ctrl, CTRL_IRQ_QUIET) {
+        } else if self.channels[number].is_quiet() {
             self.intr |= 1 << number;
         }
-    }
-
-    fn read_channel(&self, number: usize, register: Field) -> u32 {
-        let channel = &self.channels[number];
-        match register {
-            Field::ReadAddr => channel.read_address,
-            Field::WriteAddr => channel.write_address,
-            Field::TransCount => channel.remaining,
-            Field::Ctrl => channel.control(),
-        }
-    }
-
-    fn write_channel(&mut self, number: usize, register: Field, write: RegisterWrite) -> u32 {
-        let channel = &mut self.channels[number];
-        let target = match register {
-            Field::ReadAddr => &mut channel.read_address,
-            Field::WriteAddr => &mut channel.write_address,
-            Field::TransCount => &mut channel.reload,
-            Field::Ctrl => {
-                channel.errors &= !(write.value & CTRL_ERRORS);
-                channel.ctrl = write.applied_to(channel.control()) & CTRL_WRITABLE;
-                return channel.ctrl;
-            }
-        };
-        *target = write.applied_to(*target);
-        *target
     }
 
     fn abort(&mut self, channels: u32) {
@@ -323,7 +188,7 @@ fn channel_register(offset: u32) -> Option<(usize, Field, bool)> {
 impl Peripheral for Dma {
     fn read(&mut self, offset: u32, _now: Cycle) -> u32 {
         if let Some((number, register, _)) = channel_register(offset) {
-            return self.read_channel(number, register);
+            return self.channels[number].read(register);
         }
         match offset {
             INTR => self.intr,
@@ -340,7 +205,7 @@ impl Peripheral for Dma {
 
     fn write(&mut self, offset: u32, write: RegisterWrite, _now: Cycle) {
         if let Some((number, register, triggers)) = channel_register(offset) {
-            let written = self.write_channel(number, register, write);
+            let written = self.channels[number].write(register, write);
             if triggers {
                 self.written_trigger(number, written);
             }

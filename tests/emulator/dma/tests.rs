@@ -1,8 +1,11 @@
 //! Tests of the DMA against datasheet 2.5, moving real data over the bus of a board.
 
-use super::Board;
-use super::adc::AdcInput;
-use super::thumb::idle_board;
+use super::super::adc::AdcInput;
+use super::super::board::Board;
+use super::super::peripheral::Peripheral;
+use super::super::register::RegisterWrite;
+use super::super::thumb::idle_board;
+use super::{Dma, TransferEnd};
 
 const DMA: u32 = 0x5000_0000;
 const RESETS_CLEAR: u32 = 0x4000_f000;
@@ -84,6 +87,19 @@ fn copies_bytes_one_a_cycle_and_raises_its_interrupt() {
 }
 
 #[test]
+fn there_is_one_transfer_a_cycle_however_often_one_asks() {
+    let mut dma = Dma::new();
+    for (register, value) in [(TRANS_COUNT, 2), (CTRL_TRIG, EN | PERMANENT)] {
+        dma.write(register, RegisterWrite::plain(value), 0);
+    }
+    let transfer = dma.next_transfer(0, 10).expect("it is ready");
+    dma.complete(transfer, TransferEnd::Done, 10);
+    assert_eq!(dma.next_transfer(0, 10), None);
+    assert_eq!(dma.next_transfer_time(0), 11);
+    assert_eq!(dma.next_transfer(0, 11), Some(transfer));
+}
+
+#[test]
 fn sizes_ring_and_byte_swap() {
     let mut board = board();
     set_up(&mut board, 0, 3);
@@ -112,7 +128,7 @@ fn sizes_ring_and_byte_swap() {
 
 #[test]
 fn the_last_register_of_each_alias_group_triggers() {
-    // Table 121: CTRL_TRIG, AL1_TRANS_COUNT_TRIG, AL2_WRITE_ADDR_TRIG, AL3_READ_ADDR_TRIG.
+    // CTRL_TRIG, AL1_TRANS_COUNT_TRIG, AL2_WRITE_ADDR_TRIG, AL3_READ_ADDR_TRIG.
     let ctrl = EN | INCR_READ | INCR_WRITE | PERMANENT;
     for (offset, value) in [(0x0c, ctrl), (0x1c, 4), (0x2c, TO), (0x3c, FROM)] {
         let mut board = board();

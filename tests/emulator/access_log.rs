@@ -1,0 +1,69 @@
+//! A record of the accesses a test may want to know of: those to nowhere, and those to blocks that
+//! nobody models.
+
+use std::collections::BTreeMap;
+
+use super::clock::{Cycle, micros};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    Read,
+    Write,
+}
+
+/// A bus error as the test sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BusErrorRecord {
+    pub time_us: u64,
+    pub address: u32,
+    /// The instruction that was running; for a failed instruction fetch, the address itself.
+    pub pc: u32,
+    pub direction: Direction,
+}
+
+/// Accesses to a block that nobody models.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnmodelledAccess {
+    pub block: &'static str,
+    pub reads: u64,
+    pub writes: u64,
+    /// Address and instruction of the first access.
+    pub first_address: u32,
+    pub first_pc: u32,
+}
+
+/// How many bus errors are kept; a program that runs wild makes many.
+const BUS_ERROR_RECORDS: usize = 1024;
+
+#[derive(Default)]
+pub struct AccessLog {
+    pub bus_errors: Vec<BusErrorRecord>,
+    pub unmodelled: BTreeMap<&'static str, UnmodelledAccess>,
+}
+
+impl AccessLog {
+    pub fn note_bus_error(&mut self, now: Cycle, pc: u32, address: u32, direction: Direction) {
+        if self.bus_errors.len() < BUS_ERROR_RECORDS {
+            self.bus_errors.push(BusErrorRecord {
+                time_us: micros(now),
+                address,
+                pc,
+                direction,
+            });
+        }
+    }
+
+    pub fn note_unmodelled(&mut self, block: &'static str, pc: u32, address: u32, direction: Direction) {
+        let access = self.unmodelled.entry(block).or_insert(UnmodelledAccess {
+            block,
+            reads: 0,
+            writes: 0,
+            first_address: address,
+            first_pc: pc,
+        });
+        match direction {
+            Direction::Read => access.reads += 1,
+            Direction::Write => access.writes += 1,
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Accesses to the registers of peripheral blocks, and what a write to one block does to others.
+
+use super::access_log::Direction;
+use super::bus::{BusError, SystemBus, Width, lane, replicated};
+use super::memory_map::{Block, IO_BANK0_BASE, Model, PADS_BANK0_BASE, RESETS_BASE, block_at};
+use super::pins::uart_connection;
+use super::register::{RegisterWrite, bit};
+use super::soc::Id;
+
+impl SystemBus {
+    /// The registers are read as words; the processor picks its bytes out (datasheet 2.1.4).
+    pub(super) fn load_register(&mut self, address: u32, width: Width) -> Result<u32, BusError> {
+        let block = block_at(address).ok_or(BusError)?;
+        self.attention = true;
+        let word = self.read_block(block, address & !3);
+        Ok(lane(word, address, width))
+    }
+
+    /// "Byte writes are replicated": a narrow store writes the whole register (2.1.4).
+    pub(super) fn store_register(&mut self, address: u32, value: u32, width: Width) -> Result<(), BusError> {
+        let block = block_at(address).ok_or(BusError)?;
+        self.attention = true;
+        self.write_block(block, address & !3, replicated(value, width));
+        Ok(())
+    }
+
+    /// A block held in reset reads as zero.
+    fn read_block(&mut self, block: &Block, address: u32) -> u32 {
+        if self.is_held(block) {
+            return 0;
+        }
+        match block.model {
+            Model::Own(id) => self.soc.read(id, address & 0xfff, self.now),
+            Model::Crate => {
+                self.tell_chip_the_time();
+                self.chip.read32(address)
+            }
+            Model::None => {
+                self.note_unmodelled(block.name, address, Direction::Read);
+                self.unmodelled_registers
+                    .get(&(address & !0x3000))
+                    .copied()
+                    .unwrap_or(0)
+            }
+        }
+    }
+
+    /// A block held in reset takes no writes.
+    fn write_block(&mut self, block: &Block, address: u32, value: u32) {
+        if self.is_held(block) {
+            return;
+        }
+        let write = RegisterWrite::to_address(address, value);
+        match block.model {
+            Model::Own(id) => {
+                self.soc.write(id, address & 0xfff, write, self.now);
+                self.follow_power_state(id);
+            }
+            Model::Crate => self.write_crate_block(block, address, value),
+            Model::None => {
+                self.note_unmodelled(block.name, address, Direction::Write);
+                let register = self.unmodelled_registers.entry(address & !0x3000).or_default();
+                *register = write.applied_to(*register);
+            }
+        }
+    }
+
+    fn write_crate_block(&mut self, block: &Block, address: u32, value: u32) {
+        let held_before = self.chip.resets.state;
+        self.tell_chip_the_time();
+        self.chip.write32(address, value);
+        if block.base == RESETS_BASE {
+            self.apply_resets(held_before);
+        }
+        if matches!(block.base, RESETS_BASE | IO_BANK0_BASE | PADS_BANK0_BASE) {
+            self.connect_pins();
+        }
+    }
+
+    /// The crate's PLLs count cycles until they lock.
+    fn tell_chip_the_time(&mut self) {
+        self.chip.advance_lazy_scheduled(self.now - self.chip_now);
+        self.chip_now = self.now;
+    }
+
+    fn is_held(&self, block: &Block) -> bool {
+        block
+            .reset_bit
+            .is_some_and(|reset_bit| bit(self.chip.resets.state, reset_bit))
+    }
+
+    fn apply_resets(&mut self, held_before: u32) {
+        let held_now = self.chip.resets.state;
+        self.soc.hold_in_reset(held_before, held_now, self.now);
+        let held = |base| block_at(base).is_some_and(|block| self.is_held(block));
+        let (io_held, pads_held) = (held(IO_BANK0_BASE), held(PADS_BANK0_BASE));
+        if io_held {
+            self.chip.io_bank0.reset();
+        }
+        if pads_held {
+            self.chip.pads_bank0.reset();
+        }
+    }
+
+    /// Forcing a stage off in the PSM resets it; only the SIO is followed here.
+    fn follow_power_state(&mut self, written: Id) {
+        if written == Id::PowerState && self.soc.power_state.sio_is_down() {
+            self.chip.sio.reset();
+        }
+    }
+
+    /// Tell the UARTs whether the wired pins lead to them.
+    pub fn connect_pins(&mut self) {
+        for number in 0..self.uart_pins.len() {
+            let connection = uart_connection(&self.chip, number, self.uart_pins[number]);
+            self.soc.uarts[number].set_pins(connection, self.now);
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! Tests of wires at pins, and of blocks that nobody models.
+
+use super::bench::*;
+use super::board::Board;
+use super::pins::UartPins;
+use super::thumb::{HANG, board, idle_board, store};
+
+#[test]
+fn bytes_reach_the_wire_only_through_the_right_pin_of_a_uart_out_of_reset() {
+    let mut board = idle_board();
+    start_uart0(&mut board);
+    let send = |board: &mut Board| {
+        board.write_register(UART0, u32::from(b'x'));
+        board.run_for(100);
+        board.uart(0).take_sent().len()
+    };
+    assert_eq!(send(&mut board), 0, "no pin selected");
+    select_function(&mut board, 12, FUNCTION_UART);
+    assert_eq!(send(&mut board), 0, "GP12 is not where the wire is");
+    select_function(&mut board, 0, FUNCTION_UART);
+    assert_eq!(send(&mut board), 1);
+    board.write_register(PADS_BANK0 + 4, 1 << 7);
+    assert_eq!(send(&mut board), 0, "the pad's output is disabled");
+    board.write_register(PADS_BANK0 + 4, 1 << 6);
+    board.write_register(RESETS_SET, UART0_RESET);
+    assert_eq!(send(&mut board), 0, "held in reset");
+    assert_eq!(board.read_register(UART0 + 0x30), 0);
+    board.write_register(RESETS_CLEAR, UART0_RESET);
+    assert_eq!(send(&mut board), 0, "not set up again");
+    assert_eq!(board.read_register(UART0 + 0x30), 0x300);
+}
+
+#[test]
+fn the_wire_can_be_soldered_to_other_pins() {
+    let mut board = idle_board();
+    start_uart0(&mut board);
+    board.wire_uart(0, UartPins { tx: 16, rx: 17 });
+    select_function(&mut board, 16, FUNCTION_UART);
+    select_function(&mut board, 17, FUNCTION_UART);
+    let over = board.uart_send(0, 0, b"ab");
+    assert_eq!(over, 2 * 10850 / 125);
+    board.write_register(UART0, u32::from(b'x'));
+    board.run_for(200);
+    assert_eq!(board.uart(0).sent().len(), 1);
+    assert_eq!(board.read_register(UART0), u32::from(b'a'));
+}
+
+#[test]
+#[should_panic(expected = "GPIO4 is not a TX pin of UART0")]
+fn a_wire_to_a_pin_the_uart_cannot_use_is_refused() {
+    idle_board().wire_uart(0, UartPins { tx: 4, rx: 5 });
+}
+
+#[test]
+fn a_pin_level_is_known_when_the_processor_drives_it() {
+    // SIO GPIO_OUT_SET is at 0xd0000014, GPIO_OE_SET at 0xd0000024 (datasheet 2.3.1.7).
+    let mut board = board(&[store(0, 1), store(0, 2), HANG], &[]);
+    board.write_register(RESETS_CLEAR, ALL_BLOCKS);
+    select_function(&mut board, 2, FUNCTION_SIO);
+    assert_eq!(board.pin_level(2), None);
+    board.set_register(0, 1 << 2);
+    board.set_register(1, 0xd000_0014);
+    board.set_register(2, 0xd000_0024);
+    board.run_for(10);
+    assert_eq!(board.pin_level(2), Some(true));
+    assert_eq!(board.pin_level(3), None);
+}
+
+#[test]
+fn blocks_that_nobody_models_read_back_and_are_recorded() {
+    let mut board = idle_board();
+    board.write_register(I2C0, 5);
+    assert!(board.unmodelled().is_empty(), "held in reset, the write is lost");
+    board.write_register(RESETS_CLEAR, ALL_BLOCKS);
+    board.write_register(I2C0, 5);
+    board.write_register(I2C0 + 0x2000, 2);
+    assert_eq!(board.read_register(I2C0), 7);
+    let access = &board.unmodelled()["I2C0"];
+    assert_eq!((access.reads, access.writes, access.first_address), (1, 2, I2C0));
+}

@@ -1,0 +1,55 @@
+//! Tests of the scheduler: that runs repeat exactly, and end when they should.
+
+use super::adc::AdcInput;
+use super::bench::*;
+use super::thumb::idle_board;
+
+#[test]
+fn cutting_a_run_into_pieces_changes_nothing() {
+    // Timer interrupts, UART traffic in both directions and paced conversions, all at once.
+    let run = |pieces: &[u64]| {
+        let mut board = counting_board();
+        start_uart0(&mut board);
+        select_function(&mut board, 0, FUNCTION_UART);
+        select_function(&mut board, 1, FUNCTION_UART);
+        board.adc_input(0, AdcInput::Volts(1.0));
+        board.adc_noise(0.01);
+        board.write_register(0x4004_c010, 4799 << 8);
+        board.write_register(0x4004_c000, 1 | 1 << 3);
+        (0..32).for_each(|byte| board.write_register(UART0, byte));
+        board.uart_send(0, 100, b"0123456789");
+        pieces.iter().for_each(|&micros| board.run_for(micros));
+        let received: Vec<u32> = (0..10).map(|_| board.read_register(UART0)).collect();
+        (
+            board.uart(0).take_sent(),
+            received,
+            board.take_adc_record(),
+            board.instructions(),
+        )
+    };
+    let whole = run(&[3000]);
+    assert_eq!(whole.0.len(), 32);
+    assert_eq!(whole.2.len(), 30);
+    assert!(whole == run(&[1, 2, 997, 1000, 500, 499, 1]));
+    assert!(whole == run(&[1; 3000]));
+}
+
+#[test]
+fn run_until_stops_when_the_condition_holds_or_the_time_is_up() {
+    let mut board = counting_board();
+    assert!(board.run_until(1000, |board| board.register(4) > 1000));
+    assert!(board.time_us() < 200, "{}", board.time_us());
+    let before = board.time_us();
+    assert!(!board.run_until(50, |_| false));
+    assert!((board.time_us() - before).abs_diff(50) <= 1);
+}
+
+#[test]
+fn run_until_time_does_nothing_for_the_past() {
+    let mut board = idle_board();
+    board.run_until_time(500);
+    board.run_until_time(100);
+    assert_eq!(board.time_us(), 500);
+    board.run_for(100);
+    assert_eq!(board.time_us(), 600);
+}
