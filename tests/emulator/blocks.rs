@@ -35,12 +35,10 @@ impl SystemBus {
                 self.tell_chip_the_time();
                 self.chip.read32(address)
             }
+            Model::Storage => self.stored_register(address),
             Model::None => {
                 self.note_unmodelled(block.name, address, Direction::Read);
-                self.unmodelled_registers
-                    .get(&(address & !0x3000))
-                    .copied()
-                    .unwrap_or(0)
+                self.stored_register(address)
             }
         }
     }
@@ -57,12 +55,22 @@ impl SystemBus {
                 self.follow_power_state(id);
             }
             Model::Crate => self.write_crate_block(block, address, value),
+            Model::Storage => self.store_into_register(address, write),
             Model::None => {
                 self.note_unmodelled(block.name, address, Direction::Write);
-                let register = self.unmodelled_registers.entry(address & !0x3000).or_default();
-                *register = write.applied_to(*register);
+                self.store_into_register(address, write);
             }
         }
+    }
+
+    fn stored_register(&self, address: u32) -> u32 {
+        let register = self.unmodelled_registers.get(&(address & !0x3000));
+        register.copied().unwrap_or(0)
+    }
+
+    fn store_into_register(&mut self, address: u32, write: RegisterWrite) {
+        let register = self.unmodelled_registers.entry(address & !0x3000).or_default();
+        *register = write.applied_to(*register);
     }
 
     fn write_crate_block(&mut self, block: &Block, address: u32, value: u32) {

@@ -10,6 +10,7 @@ use super::bus::{SystemBus, Width};
 use super::clock::{Cycle, cycles, micros};
 use super::cpu::{Cpu, CpuState};
 use super::firmware::Firmware;
+use super::flash::FlashChip;
 use super::interrupts::InterruptLines;
 use super::log::{LogDecoder, LogLine};
 use super::memory::Memory;
@@ -29,6 +30,7 @@ pub struct Board {
     pub(super) awake_cycles: u64,
     /// Where the runs asked for so far end: overshoot by an instruction does not add up.
     pub(super) run_end: Cycle,
+    pub(super) powered: bool,
     firmware: Firmware,
     seeds: Random,
 }
@@ -38,7 +40,9 @@ impl Board {
     /// the analogue noise is; the same seed and the same stimuli give the same run.
     pub fn power_up(firmware: &Firmware, seed: u64) -> Self {
         let mut seeds = Random::new(seed);
-        let mut memory = Memory::new(boot_rom::image(), firmware.flash().to_vec());
+        // Not from the sequence below, which stays what it is if flash needs no chance.
+        let flash = FlashChip::new(firmware.flash().to_vec(), !seed);
+        let mut memory = Memory::new(boot_rom::image(), flash);
         Random::new(seeds.next_u64()).fill(&mut memory.ram);
         let mut bus = SystemBus::new(memory, seeds.next_u64());
         bus.rtt = RttWatch::new(firmware.find_symbol("_SEGGER_RTT"));
@@ -50,6 +54,7 @@ impl Board {
             resets: Vec::new(),
             awake_cycles: 0,
             run_end: 0,
+            powered: true,
             firmware: firmware.clone(),
             seeds,
         };
@@ -153,6 +158,11 @@ impl Board {
     /// Every reset since power-up.
     pub fn resets(&self) -> &[ResetRecord] {
         &self.resets
+    }
+
+    /// Whether the board has power: a cut ends with [`Self::power_cycle`].
+    pub fn is_powered(&self) -> bool {
+        self.powered
     }
 
     pub fn cpu_state(&self) -> CpuState {

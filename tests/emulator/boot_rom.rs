@@ -2,12 +2,14 @@
 //! which the host carries out.
 //!
 //! When the processor arrives at a function's address, the host does the work and returns to the
-//! caller, as the `bx lr` at that address would.
+//! caller, as the `bx lr` at that address would. While a function waits for the flash chip the
+//! processor stays at its address, so that interrupts can be taken there as in the ROM's own loop.
 
 use rp2040_emu::CortexM0Plus;
 use rp2040_emu::core::CoreBus;
 
 use super::bus::SystemBus;
+use super::flash::Job;
 use super::memory::ROM_SIZE;
 
 /// Where the ROM says what it is and where its tables are (2.8.3.1).
@@ -19,8 +21,11 @@ const LOOKUP_POINTER: usize = 0x18;
 
 const FUNCTION_TABLE: u16 = 0x0100;
 const DATA_TABLE: u16 = 0x0180;
-/// Trap addresses: the lookup function, then [`FUNCTIONS`] in order.
+/// Trap addresses: the lookup function, then [`FUNCTIONS`] in order, then [`WAIT_FOR_FLASH`].
 const TRAPS: u32 = 0x0200;
+/// Where the boot ROM waits for a flash chip that was busy at a reset. It goes on at the address in
+/// LR.
+pub const WAIT_FOR_FLASH: u32 = TRAPS + 2 * (1 + FUNCTIONS.len() as u32);
 
 /// Code for a test to derail the processor into.
 pub const BRANCH_TO_SELF: u32 = 0x0300;
@@ -120,40 +125,64 @@ pub fn image() -> Vec<u8> {
     put(LOOKUP_POINTER, TRAPS as u16 | 1);
     put(usize::from(FUNCTION_TABLE), 0);
     put(usize::from(DATA_TABLE), 0);
-    for trap in 0..=FUNCTIONS.len() {
-        put(TRAPS as usize + 2 * trap, BX_LR);
+    for trap in (TRAPS..=WAIT_FOR_FLASH).step_by(2) {
+        put(trap as usize, BX_LR);
     }
     put(BRANCH_TO_SELF as usize, B_SELF);
     put(UNDEFINED_INSTRUCTION as usize, UDF);
     rom
 }
 
-/// If the processor stands at a trap, do what the function does, leave its result in R0 and return
-/// to the caller. Returns the cycles charged.
-pub fn call(core: &mut CortexM0Plus, bus: &mut SystemBus) -> Option<u64> {
-    let pc = core.regs.pc();
-    let trap = pc
-        .checked_sub(TRAPS)
-        .filter(|offset| *offset < 2 * (1 + FUNCTIONS.len() as u32))?;
-    let arguments = [core.reg(0), core.reg(1), core.reg(2)];
-    let (result, cycles) = match trap / 2 {
-        0 => (look_up(arguments[0], arguments[1]), LOOKUP_CYCLES),
-        number => run(&FUNCTIONS[number as usize - 1], arguments, bus),
+/// Whether the host carries out what is at an address.
+pub fn is_function(pc: u32) -> bool {
+    (TRAPS..=WAIT_FOR_FLASH).contains(&pc)
+}
+
+/// Whether what is at an address waits while the flash chip is busy.
+pub fn waits_for_flash(pc: u32) -> bool {
+    pc == WAIT_FOR_FLASH || is_function(pc) && pc != TRAPS && matches!(function_at(pc).code, b"RE" | b"RP")
+}
+
+fn function_at(pc: u32) -> &'static RomFunction {
+    &FUNCTIONS[((pc - TRAPS) / 2) as usize - 1]
+}
+
+/// Where a function is, with the Thumb bit.
+pub fn address_of(code: &[u8; 2]) -> Option<u32> {
+    let number = FUNCTIONS.iter().position(|function| function.code == code)?;
+    Some((TRAPS + 2 * (1 + number as u32)) | 1)
+}
+
+/// Do what the function does at which the processor stands, leave its result in R0 and return to
+/// the caller; or do a part of it and stay. Returns the cycles charged.
+pub fn call(core: &mut CortexM0Plus, bus: &mut SystemBus) -> u64 {
+    if bus.memory.flash.is_busy() && waits_for_flash(core.regs.pc()) {
+        bus.attention = true;
+        return 0;
+    }
+    let arguments = [core.reg(0), core.reg(1), core.reg(2), core.reg(3)];
+    let outcome = match core.regs.pc() {
+        WAIT_FOR_FLASH => Some((arguments[0], LOOKUP_CYCLES)),
+        TRAPS => Some((look_up(arguments[0], arguments[1]), LOOKUP_CYCLES)),
+        pc => run(function_at(pc), arguments, bus),
+    };
+    let Some((result, cycles)) = outcome else {
+        return 0;
     };
     core.set_reg(0, result);
     core.set_reg(15, core.reg(14) & !1);
-    Some(cycles)
+    cycles
 }
 
 /// Roughly what the ROM's loops take; nothing in a test may depend on it.
 const LOOKUP_CYCLES: u64 = 50;
 const BIT_FUNCTION_CYCLES: u64 = 20;
+const FLASH_FUNCTION_CYCLES: u64 = 200;
 
 fn look_up(table: u32, code: u32) -> u32 {
     let letters = [code as u8, (code >> 8) as u8];
-    let found = FUNCTIONS.iter().position(|function| *function.code == letters);
-    match found {
-        Some(number) if table == u32::from(FUNCTION_TABLE) => (TRAPS + 2 * (1 + number as u32)) | 1,
+    match address_of(&letters) {
+        Some(address) if table == u32::from(FUNCTION_TABLE) => address,
         _ => panic!(
             "the firmware looks up '{}' in the boot ROM's table at {table:#x}, which the emulator's \
              boot ROM does not have",
@@ -162,8 +191,10 @@ fn look_up(table: u32, code: u32) -> u32 {
     }
 }
 
-fn run(function: &RomFunction, [a, b, c]: [u32; 3], bus: &mut SystemBus) -> (u32, u64) {
-    match function.code {
+/// Result and cycles; `None` while the function is not finished.
+fn run(function: &RomFunction, arguments: [u32; 4], bus: &mut SystemBus) -> Option<(u32, u64)> {
+    let [a, b, c, _] = arguments;
+    Some(match function.code {
         b"P3" => (a.count_ones(), BIT_FUNCTION_CYCLES),
         b"R3" => (a.reverse_bits(), BIT_FUNCTION_CYCLES),
         b"L3" => (a.leading_zeros(), BIT_FUNCTION_CYCLES),
@@ -179,10 +210,51 @@ fn run(function: &RomFunction, [a, b, c]: [u32; 3], bus: &mut SystemBus) -> (u32
             }
             (a, u64::from(c).max(1))
         }
+        // The pads lead to the flash chip all the time.
+        b"IF" => (a, FLASH_FUNCTION_CYCLES),
+        b"EX" => {
+            bus.soc.ssi.set_up_for_commands();
+            (a, FLASH_FUNCTION_CYCLES)
+        }
+        b"CX" => {
+            bus.soc.ssi.set_up_for_reads();
+            (a, FLASH_FUNCTION_CYCLES)
+        }
+        b"FC" => {
+            bus.soc.xip_control.is_stale = false;
+            (a, FLASH_FUNCTION_CYCLES)
+        }
+        b"RE" => return change_flash(function, Job::erase, arguments, bus),
+        b"RP" => return change_flash(function, Job::program, arguments, bus),
         _ => panic!(
             "the firmware called the boot ROM function {} ('{}'), which the emulator does not model",
             function.name,
             String::from_utf8_lossy(function.code)
         ),
-    }
+    })
+}
+
+/// Begin the next operation of the flash chip, or return when there is none. The function is called
+/// with the same arguments until then.
+fn change_flash(
+    function: &RomFunction,
+    begin: fn([u32; 4]) -> Job,
+    arguments: [u32; 4],
+    bus: &mut SystemBus,
+) -> Option<(u32, u64)> {
+    assert!(
+        !bus.soc.ssi.serves_reads(),
+        "{} was called without flash_exit_xip before it: the chip would not understand",
+        function.name
+    );
+    let mut job = bus.flash_job.take().unwrap_or_else(|| begin(arguments));
+    job.check_caller(arguments);
+    let Some(command) = job.next_command(bus) else {
+        return Some((arguments[0], FLASH_FUNCTION_CYCLES));
+    };
+    bus.memory.flash.begin(command, bus.now);
+    bus.soc.xip_control.is_stale = true;
+    bus.flash_job = Some(job);
+    bus.attention = true;
+    None
 }

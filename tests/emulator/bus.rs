@@ -8,7 +8,8 @@ use rp2040_emu::Bus as CrateBus;
 use super::access_log::{AccessLog, Direction};
 use super::clock::{CLK_SYS_HZ, Cycle};
 use super::dma::{Transfer, TransferEnd};
-use super::memory::{Memory, RAM_BASE, is_cached_flash};
+use super::flash::Job;
+use super::memory::{Memory, RAM_BASE, is_cached_flash, is_flash};
 use super::pins::UartPins;
 use super::rtt::RttWatch;
 use super::soc::Soc;
@@ -45,6 +46,10 @@ pub struct SystemBus {
     /// Instructions executed since power-up.
     pub(super) instructions: u64,
     pub(super) stale_code: Vec<u32>,
+    /// Flash was changed: all decoded instructions may be stale.
+    pub(super) all_code_is_stale: bool,
+    /// The boot ROM function for flash that is at work.
+    pub(super) flash_job: Option<Job>,
     /// The part of RAM that instructions were fetched from: stores into it make decoded
     /// instructions stale.
     pub(super) code_in_ram: std::ops::Range<u32>,
@@ -68,6 +73,8 @@ impl SystemBus {
             pc: 0,
             instructions: 0,
             stale_code: Vec::new(),
+            all_code_is_stale: false,
+            flash_job: None,
             code_in_ram: 0..0,
             unmodelled_registers: BTreeMap::new(),
             accesses: AccessLog::default(),
@@ -88,12 +95,16 @@ impl SystemBus {
     /// What a reset of the processor alone drops.
     pub fn reset_processor(&mut self) {
         self.fault = None;
+        self.flash_job = None;
         self.code_in_ram = 0..0;
         self.rtt.forget_channel();
         self.attention = true;
     }
 
     pub fn load(&mut self, address: u32, width: Width) -> Result<u32, BusError> {
+        if is_flash(address) {
+            self.check_flash_readable(address);
+        }
         if let Some(value) = self.memory.load(address, width) {
             return Ok(value);
         }
@@ -118,6 +129,27 @@ impl SystemBus {
         }
     }
 
+    /// On silicon, reading flash while it cannot be read gives other bytes than it holds, or stops
+    /// the processor for good; interrupt handlers in flash and DMA from flash are how it happens.
+    fn check_flash_readable(&self, address: u32) {
+        let (ssi, control) = (&self.soc.ssi, &self.soc.xip_control);
+        let readable = ssi.serves_reads() && !control.is_stale && !self.memory.flash.is_busy();
+        assert!(
+            readable,
+            "flash is read at {address:#x} (program counter {:#x}) while it cannot be: chip busy: {}, \
+             interface set up for reads: {}, cache not flushed after a change: {}",
+            self.pc,
+            self.memory.flash.is_busy(),
+            ssi.serves_reads(),
+            control.is_stale
+        );
+    }
+
+    /// What was decoded from flash is no longer what it holds.
+    pub(super) fn flash_has_changed(&mut self) {
+        self.all_code_is_stale = true;
+    }
+
     fn note_stored(&mut self, address: u32, width: Width) {
         if self.code_in_ram.contains(&address) {
             self.stale_code.push(address);
@@ -130,7 +162,9 @@ impl SystemBus {
 
     /// Note that an instruction was fetched, for [`Self::note_stored`].
     pub(super) fn note_fetched(&mut self, pc: u32) {
-        if pc >= RAM_BASE && !self.code_in_ram.contains(&pc) {
+        if is_flash(pc) {
+            self.check_flash_readable(pc);
+        } else if pc >= RAM_BASE && !self.code_in_ram.contains(&pc) {
             let (start, end) = match self.code_in_ram.is_empty() {
                 true => (pc, pc),
                 false => (self.code_in_ram.start, self.code_in_ram.end),
@@ -151,6 +185,9 @@ impl SystemBus {
     /// Let every peripheral do what is due, then at most one DMA transfer.
     pub fn advance(&mut self) {
         self.soc.advance(self.now);
+        if self.memory.flash.advance(self.now) {
+            self.flash_has_changed();
+        }
         if let Some(transfer) = self.soc.dma.next_transfer(self.soc.dma_requests(), self.now) {
             let end = self.carry_out(transfer);
             self.soc.dma.complete(transfer, end, self.now);
@@ -175,7 +212,7 @@ impl SystemBus {
 
     /// When [`Self::advance`] is needed next.
     pub fn next_event(&self) -> Cycle {
-        let event = self.soc.next_event();
+        let event = self.soc.next_event().min(self.memory.flash.next_event());
         if !self.soc.dma.is_busy() {
             return event;
         }

@@ -107,22 +107,31 @@ impl Cpu {
     pub fn step(&mut self, bus: &mut SystemBus) -> u64 {
         self.derail_if_possible();
         let pc = self.core.regs.pc();
-        if let Some(cycles) = boot_rom::call(&mut self.core, bus) {
-            return cycles;
+        if boot_rom::is_function(pc) && !self.takes_interrupt(bus) {
+            return boot_rom::call(&mut self.core, bus);
         }
-        let cycles = self.step_with_preemption(bus);
         self.drop_stale_code(bus);
+        let cycles = self.step_with_preemption(bus);
         bus.system_control.active_exception = self.active_exception();
         self.note_sleep_or_lockup(bus, pc);
         u64::from(cycles.max(1))
     }
 
+    /// Whether it stands in the boot ROM and waits for the flash chip. Only an interrupt goes on.
+    pub fn waits_for_flash(&self, bus: &SystemBus) -> bool {
+        bus.memory.flash.is_busy()
+            && boot_rom::waits_for_flash(self.core.regs.pc())
+            && !self.takes_interrupt(bus)
+    }
+
+    fn takes_interrupt(&self, bus: &SystemBus) -> bool {
+        self.core.regs.primask & 1 == 0 && would_preempt(&bus.chip.nvics[0], &bus.chip.ppb[0])
+    }
+
     /// The crate's core takes no interrupt while any exception is active. For the one step in
     /// which a more urgent one has to be taken, the active ones are hidden from it.
     fn step_with_preemption(&mut self, bus: &mut SystemBus) -> u32 {
-        let ppb = &bus.chip.ppb[0];
-        let preempts =
-            ppb.any_active() && self.core.regs.primask & 1 == 0 && would_preempt(&bus.chip.nvics[0], ppb);
+        let preempts = bus.chip.ppb[0].any_active() && self.takes_interrupt(bus);
         let hidden = if preempts {
             std::mem::take(&mut bus.chip.ppb[0].active)
         } else {
@@ -134,6 +143,9 @@ impl Cpu {
     }
 
     fn drop_stale_code(&mut self, bus: &mut SystemBus) {
+        if std::mem::take(&mut bus.all_code_is_stale) {
+            self.core.invalidate_decode_cache_all();
+        }
         if !bus.stale_code.is_empty() {
             self.core.invalidate_decode_cache_entries(&bus.stale_code);
             bus.stale_code.clear();

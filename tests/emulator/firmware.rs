@@ -17,11 +17,11 @@ const BOOT2_SIZE: usize = 256;
 /// A firmware image. Cheap to clone; load it once and power up as many boards as needed.
 #[derive(Clone)]
 pub struct Firmware {
+    flash: Arc<Vec<u8>>,
     contents: Arc<Contents>,
 }
 
 struct Contents {
-    flash: Vec<u8>,
     symbols: HashMap<String, u32>,
     sections: HashMap<String, Range<u32>>,
     log_table: Option<&'static Table>,
@@ -56,8 +56,8 @@ impl Firmware {
         let log_table = log_table.map(|table| &*Box::leak(Box::new(table)));
         let (symbols, sections) = (symbols.collect(), sections.collect());
         Ok(Self {
+            flash: Arc::new(flash),
             contents: Arc::new(Contents {
-                flash,
                 symbols,
                 sections,
                 log_table,
@@ -68,19 +68,34 @@ impl Firmware {
     /// An image given byte by byte, for tests of the emulator itself.
     pub fn from_flash(flash: Vec<u8>) -> Self {
         let contents = Contents {
-            flash,
             symbols: HashMap::new(),
             sections: HashMap::new(),
             log_table: None,
         };
         Self {
+            flash: Arc::new(flash),
             contents: Arc::new(contents),
+        }
+    }
+
+    /// The same firmware with other bytes in flash at an offset, where it keeps its data for
+    /// example. Panics past the end of flash.
+    pub fn with_flash(&self, offset: u32, bytes: &[u8]) -> Self {
+        let mut flash = self.flash.to_vec();
+        let place = offset as usize..offset as usize + bytes.len();
+        flash
+            .get_mut(place.clone())
+            .unwrap_or_else(|| panic!("{place:#x?} is not in flash"))
+            .copy_from_slice(bytes);
+        Self {
+            flash: Arc::new(flash),
+            contents: Arc::clone(&self.contents),
         }
     }
 
     /// The whole 2 MB of flash as programmed.
     pub fn flash(&self) -> &[u8] {
-        &self.contents.flash
+        &self.flash
     }
 
     /// Address of a symbol. Panics when the ELF has none of this name.

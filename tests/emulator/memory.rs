@@ -1,6 +1,7 @@
 //! Boot ROM, flash and RAM: the bytes and where they are (datasheet 2.2, 2.6).
 
 use super::bus::Width;
+use super::flash::FlashChip;
 
 pub const ROM_SIZE: usize = 16 * 1024;
 pub const FLASH_BASE: u32 = 0x1000_0000;
@@ -10,7 +11,7 @@ pub const RAM_BASE: u32 = 0x2000_0000;
 pub const RAM_SIZE: usize = 264 * 1024;
 
 /// The four ways to see the flash through the cache differ only in caching, which is not modelled.
-const FLASH_END: u32 = 0x1400_0000;
+pub const FLASH_END: u32 = 0x1400_0000;
 const FLASH_NO_ALLOCATE: u32 = 0x1100_0000;
 
 /// A store to flash through the allocating alias drops the cache line and is otherwise ignored;
@@ -20,16 +21,21 @@ pub fn is_cached_flash(address: u32) -> bool {
     (FLASH_BASE..FLASH_NO_ALLOCATE).contains(&address)
 }
 
+/// Flash as it is read by address.
+pub fn is_flash(address: u32) -> bool {
+    (FLASH_BASE..FLASH_END).contains(&address)
+}
+
 pub struct Memory {
     pub rom: Vec<u8>,
-    pub flash: Vec<u8>,
+    pub flash: FlashChip,
     pub ram: Vec<u8>,
 }
 
 impl Memory {
-    pub fn new(rom: Vec<u8>, flash: Vec<u8>) -> Self {
+    pub fn new(rom: Vec<u8>, flash: FlashChip) -> Self {
         assert_eq!(
-            (rom.len(), flash.len()),
+            (rom.len(), flash.bytes().len()),
             (ROM_SIZE, FLASH_SIZE),
             "sizes of ROM and flash"
         );
@@ -44,7 +50,7 @@ impl Memory {
     pub fn load(&self, address: u32, width: Width) -> Option<u32> {
         match address {
             RAM_BASE.. => get(&self.ram, (address - RAM_BASE) as usize, width),
-            FLASH_BASE..FLASH_END => get(&self.flash, flash_offset(address), width),
+            FLASH_BASE..FLASH_END => get(self.flash.bytes(), flash_offset(address), width),
             0..FLASH_BASE => get(&self.rom, address as usize, width),
             _ => None,
         }
@@ -78,7 +84,7 @@ mod tests {
     fn memory() -> Memory {
         let mut flash = vec![0xff; FLASH_SIZE];
         flash[..4].copy_from_slice(&[1, 2, 3, 4]);
-        Memory::new(vec![0; ROM_SIZE], flash)
+        Memory::new(vec![0; ROM_SIZE], FlashChip::new(flash, 1))
     }
 
     #[test]

@@ -10,6 +10,8 @@ pub enum Model {
     Own(Id),
     /// The crate `rp2040-emu`.
     Crate,
+    /// Registers that read back what was written; nothing that is emulated depends on them.
+    Storage,
     /// Nobody: registers read back what was written, and the access is recorded.
     None,
 }
@@ -42,9 +44,9 @@ pub static BLOCKS: [Block; 37] = [
     block("RESETS", RESETS_BASE, Model::Crate, None),
     block("PSM", 0x4001_0000, Model::Own(Id::PowerState), None),
     block("IO_BANK0", IO_BANK0_BASE, Model::Crate, Some(5)),
-    block("IO_QSPI", 0x4001_8000, Model::None, Some(6)),
+    block("IO_QSPI", 0x4001_8000, Model::Storage, Some(6)),
     block("PADS_BANK0", PADS_BANK0_BASE, Model::Crate, Some(8)),
-    block("PADS_QSPI", 0x4002_0000, Model::None, Some(9)),
+    block("PADS_QSPI", 0x4002_0000, Model::Storage, Some(9)),
     block("XOSC", 0x4002_4000, Model::Crate, None),
     block("PLL_SYS", 0x4002_8000, Model::Crate, Some(12)),
     block("PLL_USB", 0x4002_c000, Model::Crate, Some(13)),
@@ -74,9 +76,9 @@ pub static BLOCKS: [Block; 37] = [
     block("PIO0", 0x5020_0000, Model::None, Some(10)),
     block("PIO1", 0x5030_0000, Model::None, Some(11)),
     block("XIP_AUX", 0x5040_0000, Model::None, None),
-    block("XIP_CTRL", 0x1400_0000, Model::None, None),
+    block("XIP_CTRL", 0x1400_0000, Model::Own(Id::XipControl), None),
     block("XIP_SRAM", 0x1500_0000, Model::None, None),
-    block("XIP_SSI", 0x1800_0000, Model::None, None),
+    block("XIP_SSI", 0x1800_0000, Model::Own(Id::Ssi), None),
     block("PPB", 0xe000_0000, Model::Crate, None),
 ];
 

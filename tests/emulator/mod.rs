@@ -16,10 +16,20 @@
 //!
 //! The emulator knows nothing of the firmware's source: it sees pins, registers, wires, and the
 //! symbols of the ELF. Processor core, NVIC, clocks, PLLs, RESETS, SIO, IO_BANK0 and PADS_BANK0
-//! come from the crate `rp2040-emu`; memory, bus, boot ROM, TIMER, WATCHDOG, PSM, VREG and
+//! come from the crate `rp2040-emu`; memory, bus, boot ROM, flash, TIMER, WATCHDOG, PSM, VREG and
 //! CHIP_RESET, both UARTs, the ADC, the DMA and everything about time and sleep are in this folder,
 //! one file each, with tests against the figures of the RP2040 datasheet. Section numbers are those
 //! of its builds in which the watchdog is 4.7 and the ADC 4.9.
+//!
+//! The flash chip is a W25Q16JV, erased and programmed through the boot ROM functions with the time
+//! that takes ([`FlashTiming`]), during which the processor waits and everything else goes on. Its
+//! contents outlast resets and power cycles. The copy of the second stage that a driver calls in
+//! RAM is executed as it is, against the registers of XIP_SSI. The power can be cut at any operation
+//! ([`Board::cut_power_at_flash_operation`], [`FlashCut`]), sectors can be worn out, contents be
+//! changed from outside. Misuse that would damage data or stop a real chip is a panic that says what
+//! it is: arguments that are not aligned or not in flash, a ROM function without `flash_exit_xip`,
+//! and flash read by processor or DMA while it is busy, not set up for reads, or not flushed from
+//! the cache.
 //!
 //! # What is not, and may not be claimed
 //!
@@ -29,8 +39,13 @@
 //! * `clk_sys` is 125 MHz from the first instruction, `clk_peri` the same, `clk_adc` 48 MHz.
 //! * Core 1, PIO, USB, I2C, SPI, PWM, RTC, SysTick and MPU: their registers read back what was
 //!   written or zero, and every access is recorded in [`Board::unmodelled`].
-//! * GPIO interrupts and the NMI never come. Flash cannot be erased or programmed yet: the boot ROM
-//!   functions for it fail by name.
+//! * GPIO interrupts and the NMI never come.
+//! * Flash: the time of the bytes on its serial wires (some 20 µs a page), cells that read
+//!   differently from one time to the next after a torn operation, cells that hold their charge for
+//!   a short time only, wear by itself, commands sent through XIP_SSI other than those of a second
+//!   stage, streaming through XIP_CTRL (asynchronous reads). IO_QSPI and PADS_QSPI only store what
+//!   is written.
+//! * The brown-out before a power cut: power is there or it is not.
 //! * A load that ends in a bus error writes zero to its register before the HardFault.
 //!
 //! # How it works
@@ -63,6 +78,7 @@ mod faults;
 #[cfg(test)]
 mod faults_tests;
 mod firmware;
+mod flash;
 mod interrupts;
 mod log;
 mod memory;
@@ -82,18 +98,21 @@ mod run;
 #[cfg(test)]
 mod run_tests;
 mod soc;
+mod ssi;
 mod system_control;
 #[cfg(test)]
 mod thumb;
 mod timer;
 mod uart;
 mod watchdog;
+mod xip_control;
 
 pub use access_log::{BusErrorRecord, Direction, UnmodelledAccess};
 pub use adc::{AdcFault, AdcInput, Conversion, code_of_volts};
 pub use board::Board;
 pub use cpu::CpuState;
 pub use firmware::Firmware;
+pub use flash::{FlashCut, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
 pub use log::{LogLevel, LogLine};
 pub use pins::UartPins;
 pub use reset::{ResetCause, ResetRecord};

@@ -1,6 +1,7 @@
 //! The ways the chip starts again, and what each of them leaves as it was (datasheet 2.12, 2.13).
 
 use super::board::Board;
+use super::boot_rom::WAIT_FOR_FLASH;
 use super::chip_reset::{ChipLevelReset, ChipReset};
 use super::clock::micros;
 use super::cpu::Cpu;
@@ -38,8 +39,21 @@ const BOOT_ROM_RAM: std::ops::Range<usize> = 0x4_1f00..0x4_2000;
 const VECTOR_TABLE: u32 = FLASH_BASE + 0x100;
 
 impl Board {
-    /// Switch the power off and on: RAM holds other garbage, nothing is remembered. Flash stays.
+    /// Switch the power off. What the flash chip has under way is torn. Time passes on, with
+    /// nothing happening on the board, until [`Self::power_cycle`].
+    pub fn cut_power(&mut self) {
+        self.bus.memory.flash.lose_power(self.bus.now);
+        self.bus.flash_has_changed();
+        self.bus.soc.watchdog.forget(self.bus.now);
+        self.bus.reset();
+        self.powered = false;
+    }
+
+    /// Switch the power off, if it was on, and on again: RAM holds other garbage, nothing is
+    /// remembered. Flash stays, but for what is being erased or programmed: that is torn.
     pub fn power_cycle(&mut self) {
+        self.cut_power();
+        self.powered = true;
         let mut random = Random::new(self.next_seed());
         random.fill(&mut self.bus.memory.ram);
         self.reset(ResetCause::PowerCycle);
@@ -47,6 +61,7 @@ impl Board {
 
     /// Press and release a button at the RUN pin.
     pub fn press_run(&mut self) {
+        assert!(self.powered, "without power the RUN pin does nothing");
         self.reset(ResetCause::RunPin);
     }
 
@@ -106,12 +121,25 @@ impl Board {
         };
         let (stack_pointer, entry) = (word(VECTOR_TABLE), word(VECTOR_TABLE + 4));
         self.cpu = Cpu::at_reset(stack_pointer, entry, &mut random);
+        self.prepare_flash(entry);
         self.bus.chip.ppb[0].vtor = VECTOR_TABLE;
         self.bus.chip.event_flag[0] = false;
         self.bus.chip.wfe_waiting[0] = false;
         self.lines.forget_levels();
         self.log.restart();
         self.bus.attention = true;
+    }
+
+    /// The flash chip is not reset with the RP2040: it ends what it was told to do, and the boot ROM
+    /// finds no second stage with a valid checksum until it has (2.8.1.3.1).
+    fn prepare_flash(&mut self, entry: u32) {
+        self.bus.all_code_is_stale = true;
+        self.bus.soc.xip_control.is_stale = false;
+        self.bus.soc.ssi.set_up_for_reads();
+        if self.bus.memory.flash.is_busy() {
+            self.cpu.core.set_reg(14, entry);
+            self.cpu.core.set_reg(15, WAIT_FOR_FLASH);
+        }
     }
 
     /// The boot ROM resets TIMER and both QSPI blocks and takes them out of reset.

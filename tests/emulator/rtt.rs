@@ -79,6 +79,7 @@ fn ring(read: u32, write: u32, size: u32) -> impl Iterator<Item = u32> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::flash::FlashChip;
     use super::super::memory::{FLASH_SIZE, RAM_BASE, ROM_SIZE};
     use super::*;
 
@@ -86,7 +87,7 @@ mod tests {
     const RING: u32 = RAM_BASE + 0x200;
 
     fn initialised() -> (Memory, RttWatch) {
-        let mut memory = Memory::new(vec![0; ROM_SIZE], vec![0; FLASH_SIZE]);
+        let mut memory = Memory::new(vec![0; ROM_SIZE], FlashChip::new(vec![0; FLASH_SIZE], 1));
         for (index, &byte) in IDENTIFIER.iter().enumerate() {
             memory.store(BLOCK + index as u32, u32::from(byte), Width::Byte);
         }

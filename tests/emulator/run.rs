@@ -9,6 +9,7 @@ const CONDITION_INTERVAL: Cycle = cycles(10);
 
 impl Board {
     /// Let time pass. How a stretch of time is cut into runs makes no difference to what happens.
+    /// The run ends early when the power is cut; with the power off time passes all the same.
     pub fn run_for(&mut self, micros: u64) {
         self.run_end += cycles(micros);
         self.run_to(self.run_end);
@@ -21,13 +22,19 @@ impl Board {
     }
 
     /// Let time pass until a condition holds, at most `timeout` microseconds. Returns whether it
-    /// came to hold. While the processor is awake it is looked at every 10 µs.
+    /// came to hold. While the processor is awake it is looked at every 10 µs. A power cut ends the
+    /// run.
     pub fn run_until(&mut self, timeout: u64, mut condition: impl FnMut(&mut Board) -> bool) -> bool {
         let end = self.bus.now + cycles(timeout);
+        let powered = self.powered;
         loop {
             if condition(self) {
                 self.run_end = self.bus.now;
                 return true;
+            }
+            if powered && !self.powered {
+                self.run_end = self.bus.now;
+                return false;
             }
             if self.bus.now >= end {
                 self.run_end = end;
@@ -38,18 +45,34 @@ impl Board {
     }
 
     fn run_to(&mut self, end: Cycle) {
+        let powered = self.powered;
         while self.bus.now < end {
             self.run_slice(end, end);
+            if powered && !self.powered {
+                self.run_end = self.bus.now;
+                return;
+            }
         }
     }
 
     /// One round: peripherals, interrupts, then instructions up to `awake_end` or the next event;
-    /// asleep, straight to the next event or to `end`.
+    /// asleep or waiting for flash, straight to the next event or to `end`.
     fn run_slice(&mut self, awake_end: Cycle, end: Cycle) {
+        if !self.powered {
+            self.bus.now = end;
+            self.bus.soc.advance(end);
+            return;
+        }
         self.settle();
+        if !self.powered {
+            return;
+        }
         let start = self.bus.now;
         let event = self.bus.next_event();
-        if self.cpu.is_running() {
+        if self.cpu.waits_for_flash(&self.bus) {
+            self.bus.now = event.min(awake_end).max(start + 1);
+            self.awake_cycles += self.bus.now - start;
+        } else if self.cpu.is_running() {
             self.execute(event.min(awake_end).max(start + 1));
             self.awake_cycles += self.bus.now - start;
         } else {
@@ -61,6 +84,9 @@ impl Board {
     fn settle(&mut self) {
         self.bus.attention = false;
         self.bus.advance();
+        if self.bus.memory.flash.take_power_failure() {
+            return self.cut_power();
+        }
         self.reset_if_requested();
         let lines = self.bus.soc.interrupt_lines();
         let chip = &mut self.bus.chip;

@@ -8,9 +8,11 @@ use super::memory_map::{BLOCKS, Model};
 use super::peripheral::Peripheral;
 use super::power_state::PowerState;
 use super::register::{RegisterWrite, bit};
+use super::ssi::Ssi;
 use super::timer::Timer;
 use super::uart::{Uart, UartPlace};
 use super::watchdog::Watchdog;
+use super::xip_control::XipControl;
 
 /// Names one peripheral model in the address map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +25,8 @@ pub enum Id {
     Watchdog,
     ChipReset,
     Dma,
+    XipControl,
+    Ssi,
 }
 
 /// Interrupt lines from datasheet 2.3.2, DMA requests from 2.5.3.1.
@@ -47,6 +51,8 @@ pub struct Soc {
     pub watchdog: Watchdog,
     pub chip_reset: ChipReset,
     pub dma: Dma,
+    pub xip_control: XipControl,
+    pub ssi: Ssi,
 }
 
 impl Soc {
@@ -59,10 +65,12 @@ impl Soc {
             watchdog: Watchdog::new(),
             chip_reset: ChipReset::after(ChipLevelReset::PowerOn),
             dma: Dma::new(),
+            xip_control: XipControl::default(),
+            ssi: Ssi::default(),
         }
     }
 
-    fn all(&self) -> [&dyn Peripheral; 8] {
+    fn all(&self) -> [&dyn Peripheral; 10] {
         let [uart0, uart1] = &self.uarts;
         [
             &self.power_state,
@@ -73,10 +81,12 @@ impl Soc {
             &self.watchdog,
             &self.chip_reset,
             &self.dma,
+            &self.xip_control,
+            &self.ssi,
         ]
     }
 
-    fn all_mut(&mut self) -> [&mut dyn Peripheral; 8] {
+    fn all_mut(&mut self) -> [&mut dyn Peripheral; 10] {
         let [uart0, uart1] = &mut self.uarts;
         [
             &mut self.power_state,
@@ -87,6 +97,8 @@ impl Soc {
             &mut self.watchdog,
             &mut self.chip_reset,
             &mut self.dma,
+            &mut self.xip_control,
+            &mut self.ssi,
         ]
     }
 
@@ -100,6 +112,8 @@ impl Soc {
             Id::Watchdog => &mut self.watchdog,
             Id::ChipReset => &mut self.chip_reset,
             Id::Dma => &mut self.dma,
+            Id::XipControl => &mut self.xip_control,
+            Id::Ssi => &mut self.ssi,
         }
     }
 

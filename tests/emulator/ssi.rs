@@ -1,0 +1,214 @@
+//! XIP_SSI, the serial interface to the flash chip (datasheet 4.10): as much of it as the boot ROM's
+//! flash functions and a second stage (2.8.1.3.1) use.
+//!
+//! The firmware runs its copy of the second stage after every flash operation to read flash by
+//! address again. It is executed as it is; whether reads work follows from what it has written here.
+//! The chip answers the serial commands that a second stage sends; any other fails by name.
+
+use std::collections::VecDeque;
+
+use super::clock::Cycle;
+use super::peripheral::Peripheral;
+use super::register::{RegisterWrite, bit, field};
+
+const CTRLR0: u32 = 0x00;
+const SSIENR: u32 = 0x08;
+const RXFLR: u32 = 0x24;
+const SR: u32 = 0x28;
+const DR0: u32 = 0x60;
+const DR35: u32 = 0xec;
+/// One word each, up to SPI_CTRLR0 and TXD_DRIVE_EDGE.
+const REGISTERS: usize = 0xfc / 4;
+
+const SR_TX_NOT_FULL: u32 = 1 << 1;
+const SR_TX_EMPTY: u32 = 1 << 2;
+const SR_RX_NOT_EMPTY: u32 = 1 << 3;
+
+/// CTRLR0.TMOD: "EEPROM_READ", in which the interface sends an address and receives data.
+const TMOD_EEPROM_READ: u32 = 3;
+/// CTRLR0.DFS_32, length of a frame less one.
+const FRAME_OF_8: u32 = 7;
+const FRAME_OF_32: u32 = 31;
+
+/// Commands of the W25Q16JV and what it answers: not busy, and quad mode enabled, as it
+/// leaves the factory.
+const READ_STATUS_1: u8 = 0x05;
+const READ_STATUS_2: u8 = 0x35;
+const WRITE_ENABLE: u8 = 0x06;
+const WRITE_DISABLE: u8 = 0x04;
+const STATUS_1: u8 = 0;
+const STATUS_2_QUAD_ENABLED: u8 = 1 << 1;
+
+pub struct Ssi {
+    registers: [u32; REGISTERS],
+    received: VecDeque<u8>,
+    /// The answer to the command before, given with the next byte.
+    answer: Option<u8>,
+}
+
+impl Default for Ssi {
+    fn default() -> Self {
+        Self {
+            registers: [0; REGISTERS],
+            received: VecDeque::new(),
+            answer: None,
+        }
+    }
+}
+
+impl Ssi {
+    /// Whether a read of the flash's address range is turned into a read of the chip.
+    pub fn serves_reads(&self) -> bool {
+        let control = self.register(CTRLR0);
+        self.is_enabled() && field(control, 8, 2) == TMOD_EEPROM_READ && field(control, 16, 5) == FRAME_OF_32
+    }
+
+    /// What `flash_exit_xip` leaves: single bytes to and from the chip.
+    pub fn set_up_for_commands(&mut self) {
+        self.set_up(FRAME_OF_8 << 16);
+    }
+
+    /// What `flash_enter_cmd_xip` and a second stage leave.
+    pub fn set_up_for_reads(&mut self) {
+        self.set_up(FRAME_OF_32 << 16 | TMOD_EEPROM_READ << 8);
+    }
+
+    fn set_up(&mut self, control: u32) {
+        self.clear_fifos();
+        *self.register_mut(CTRLR0) = control;
+        *self.register_mut(SSIENR) = 1;
+    }
+
+    fn register(&self, offset: u32) -> u32 {
+        self.registers.get(offset as usize / 4).copied().unwrap_or(0)
+    }
+
+    fn register_mut(&mut self, offset: u32) -> &mut u32 {
+        &mut self.registers[offset as usize / 4]
+    }
+
+    fn is_enabled(&self) -> bool {
+        bit(self.register(SSIENR), 0)
+    }
+
+    fn status(&self) -> u32 {
+        let received = if self.received.is_empty() {
+            0
+        } else {
+            SR_RX_NOT_EMPTY
+        };
+        SR_TX_NOT_FULL | SR_TX_EMPTY | received
+    }
+
+    fn clear_fifos(&mut self) {
+        self.received.clear();
+        self.answer = None;
+    }
+
+    /// A byte goes to the chip and one comes back. The address and mode bits of a read are no
+    /// bytes; nobody looks at what that read returns.
+    fn send(&mut self, value: u32) {
+        let sends_bytes = field(self.register(CTRLR0), 16, 5) == FRAME_OF_8;
+        if self.is_enabled() && sends_bytes {
+            let received = self.exchange(value as u8);
+            self.received.push_back(received);
+        }
+    }
+
+    fn exchange(&mut self, byte: u8) -> u8 {
+        if let Some(answer) = self.answer.take() {
+            return answer;
+        }
+        self.answer = match byte {
+            READ_STATUS_1 => Some(STATUS_1),
+            READ_STATUS_2 => Some(STATUS_2_QUAD_ENABLED),
+            WRITE_ENABLE | WRITE_DISABLE => None,
+            _ => panic!("the firmware sent the flash chip the command {byte:#04x}, which is not modelled"),
+        };
+        0
+    }
+}
+
+impl Peripheral for Ssi {
+    fn read(&mut self, offset: u32, _now: Cycle) -> u32 {
+        match offset {
+            SR => self.status(),
+            RXFLR => self.received.len() as u32,
+            DR0..=DR35 => u32::from(self.received.pop_front().unwrap_or(0)),
+            _ => self.register(offset),
+        }
+    }
+
+    fn write(&mut self, offset: u32, write: RegisterWrite, _now: Cycle) {
+        match offset {
+            DR0..=DR35 => self.send(write.value),
+            _ if (offset as usize) < 4 * REGISTERS => {
+                let register = self.register_mut(offset);
+                *register = write.applied_to(*register);
+                if !self.is_enabled() {
+                    self.clear_fifos();
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn reset(&mut self, _now: Cycle) {
+        *self = Self::default();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn write(ssi: &mut Ssi, offset: u32, value: u32) {
+        ssi.write(offset, RegisterWrite::plain(value), 0);
+    }
+
+    #[test]
+    fn the_status_registers_are_read_as_a_second_stage_reads_them() {
+        let mut ssi = Ssi::default();
+        write(&mut ssi, CTRLR0, FRAME_OF_8 << 16);
+        write(&mut ssi, SSIENR, 1);
+        for (command, status) in [(READ_STATUS_2, 0b10), (READ_STATUS_1, 0)] {
+            write(&mut ssi, DR0, command.into());
+            write(&mut ssi, DR0, command.into());
+            assert_eq!(ssi.read(SR, 0), SR_TX_NOT_FULL | SR_TX_EMPTY | SR_RX_NOT_EMPTY);
+            ssi.read(DR0, 0);
+            assert_eq!(ssi.read(DR0, 0), status, "{command:#x}");
+            assert_eq!(ssi.read(SR, 0), SR_TX_NOT_FULL | SR_TX_EMPTY);
+        }
+    }
+
+    #[test]
+    fn disabling_it_clears_what_was_received() {
+        let mut ssi = Ssi::default();
+        ssi.set_up_for_commands();
+        write(&mut ssi, DR0, WRITE_ENABLE.into());
+        assert_eq!(ssi.read(RXFLR, 0), 1);
+        write(&mut ssi, SSIENR, 0);
+        assert_eq!(ssi.read(RXFLR, 0), 0);
+    }
+
+    #[test]
+    fn reads_are_served_when_it_is_enabled_and_set_up_for_them() {
+        let mut ssi = Ssi::default();
+        assert!(!ssi.serves_reads());
+        // Quad I/O, as the W25Q080 second stage sets it up.
+        write(&mut ssi, CTRLR0, 2 << 21 | 31 << 16 | 3 << 8);
+        assert!(!ssi.serves_reads());
+        write(&mut ssi, SSIENR, 1);
+        assert!(ssi.serves_reads());
+        ssi.set_up_for_commands();
+        assert!(!ssi.serves_reads());
+    }
+
+    #[test]
+    #[should_panic(expected = "command 0x9f")]
+    fn a_command_that_is_not_modelled_fails_by_name() {
+        let mut ssi = Ssi::default();
+        ssi.set_up_for_commands();
+        write(&mut ssi, DR0, 0x9f);
+    }
+}
