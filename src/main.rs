@@ -8,49 +8,71 @@ mod firmware {
     use embassy_executor::{SpawnError, SpawnToken, Spawner};
     use embassy_rp::uart::BufferedUartTx;
     use panic_probe as _;
-    use rover_battmon::board::{self, BoardWatchdog, ExecutorIdleTime, PackVoltageInput};
+    use rover_battmon::board::{
+        self, AnalogInputs, BoardFlash, BoardWatchdog, ExecutorIdleTime, UartReceiver,
+    };
     use rover_battmon::liveness::CheckIn;
+    use rover_battmon::parameter::{ParameterId, ParameterStorage, serial_baud};
     use rover_battmon::tasks::{self, Link, Shared};
     use static_cell::StaticCell;
 
     static SHARED: StaticCell<Shared> = StaticCell::new();
-    static TELEMETRY: Link = Link::new("UART0");
+    static TELEMETRY: StaticCell<Link> = StaticCell::new();
+
+    /// A byte on the line has ten bits.
+    const BITS_PER_BYTE: u32 = 10;
 
     // Each deadline is several of the task's own intervals.
-    static BATTERY: CheckIn = CheckIn::new("battery", 500);
+    static BATTERY: CheckIn = CheckIn::new("battery", 1_000);
     static SCHEDULER: CheckIn = CheckIn::new("telemetry", 2_500);
     static WRITER: CheckIn = CheckIn::new("UART0 writer", 2_500);
+    static READER: CheckIn = CheckIn::new("UART0 reader", 2_500);
+    static STORAGE: CheckIn = CheckIn::new("parameters", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
 
     #[embassy_executor::task]
-    async fn battery(input: PackVoltageInput, shared: &'static Shared) -> ! {
+    async fn battery(input: AnalogInputs, shared: &'static Shared) -> ! {
         tasks::sample_battery(input, shared, &BATTERY).await
     }
 
     #[embassy_executor::task]
-    async fn telemetry(shared: &'static Shared) -> ! {
-        tasks::schedule_telemetry(shared, &TELEMETRY, &SCHEDULER).await
+    async fn telemetry(shared: &'static Shared, link: &'static Link) -> ! {
+        tasks::schedule_telemetry(shared, link, &SCHEDULER).await
     }
 
     #[embassy_executor::task]
-    async fn writer(wire: BufferedUartTx, shared: &'static Shared) {
-        if tasks::write_frames(wire, shared, &TELEMETRY, &WRITER)
-            .await
-            .is_err()
-        {
+    async fn writer(wire: BufferedUartTx, shared: &'static Shared, link: &'static Link) {
+        if tasks::write_frames(wire, shared, link, &WRITER).await.is_err() {
             // The writer no longer checks in, so the watchdog restarts the board.
             warn!("UART0: writing failed");
         }
     }
 
     #[embassy_executor::task]
-    async fn status(shared: &'static Shared) -> ! {
-        tasks::report_status(ExecutorIdleTime, shared, &TELEMETRY, &STATUS).await
+    async fn reader(wire: UartReceiver, shared: &'static Shared, link: &'static Link) {
+        tasks::read_frames(wire, shared, link, &READER).await;
+    }
+
+    #[embassy_executor::task]
+    async fn parameters(storage: ParameterStorage<BoardFlash>, shared: &'static Shared) -> ! {
+        tasks::keep_parameters(storage, shared, &STORAGE).await
+    }
+
+    #[embassy_executor::task]
+    async fn status(shared: &'static Shared, link: &'static Link) -> ! {
+        tasks::report_status(ExecutorIdleTime, shared, link, &STATUS).await
     }
 
     #[embassy_executor::task]
     async fn supervisor(mut watchdog: BoardWatchdog) -> ! {
-        tasks::supervise(&[&BATTERY, &SCHEDULER, &WRITER, &STATUS], &mut watchdog).await
+        let watched = [&BATTERY, &SCHEDULER, &WRITER, &READER, &STORAGE, &STATUS];
+        tasks::supervise(&watched, &mut watchdog).await
+    }
+
+    #[embassy_executor::task]
+    async fn reboot(shared: &'static Shared, link: &'static Link) {
+        tasks::reboot_requested(shared, || link.is_idle()).await;
+        board::restart();
     }
 
     #[embassy_executor::main]
@@ -64,14 +86,31 @@ mod firmware {
             reset_reason
         );
 
-        let shared = SHARED.init(Shared::new());
-        let input = board::pack_voltage_input(peripherals.ADC, peripherals.PIN_26);
-        let (wire, _) = board::telemetry_uart(peripherals.UART0, peripherals.PIN_0, peripherals.PIN_1);
+        let flash = BoardFlash::new(peripherals.FLASH);
+        let mut storage = ParameterStorage::new(flash, board::PARAMETER_RANGE);
+        let (stored, loaded) = tasks::load_parameters(&mut storage).await;
+        let shared = SHARED.init(Shared::new(stored));
+        tasks::report_load(shared, loaded);
+
+        let baud = serial_baud(shared.whole_parameter(ParameterId::Serial0Baud));
+        let link = TELEMETRY.init(Link::new("UART0", baud / BITS_PER_BYTE));
+        let (transmitter, receiver) =
+            board::telemetry_uart(peripherals.UART0, peripherals.PIN_0, peripherals.PIN_1, baud);
+        let input = AnalogInputs::new(
+            peripherals.ADC,
+            peripherals.PIN_26,
+            peripherals.PIN_27,
+            peripherals.PIN_28,
+            peripherals.PIN_29,
+        );
 
         start(spawner, battery(input, shared));
-        start(spawner, telemetry(shared));
-        start(spawner, writer(wire, shared));
-        start(spawner, status(shared));
+        start(spawner, telemetry(shared, link));
+        start(spawner, writer(transmitter, shared, link));
+        start(spawner, reader(receiver, shared, link));
+        start(spawner, parameters(storage, shared));
+        start(spawner, status(shared, link));
+        start(spawner, reboot(shared, link));
         start(spawner, supervisor(watchdog));
     }
 

@@ -9,7 +9,8 @@ use rover_battmon::mavlink::dialect::{
     MavBatteryType, MavModeFlag, MavSysStatusSensor, MavSysStatusSensorExtended,
 };
 use rover_battmon::mavlink::{
-    Framer, LinkStatistics, Message, SystemState, build_battery_status, build_heartbeat, build_sys_status,
+    Framer, LinkStatistics, Message, ReceiveStatistics, SystemState, build_battery_status, build_heartbeat,
+    build_sys_status,
 };
 
 fn golden_frames() -> HashMap<String, String> {
@@ -106,6 +107,31 @@ fn sys_status_is_byte_exact() {
     };
     let message = Message::SysStatus(build_sys_status(&state));
     assert_eq!(frame_hex(&message), golden_frames()["sys_status_batt"]);
+}
+
+#[test]
+fn sys_status_without_a_monitored_battery_is_byte_exact() {
+    let message = Message::SysStatus(build_sys_status(&with_battery(BatteryState::DISABLED)));
+    assert_eq!(frame_hex(&message), golden_frames()["sys_status_none"]);
+}
+
+#[test]
+fn lost_bytes_are_reported_as_count_and_as_share() {
+    let received = ReceiveStatistics {
+        frames: 900,
+        bad_checksums: 60,
+        unknown_messages: 30,
+        overruns: 10,
+    };
+    let state = SystemState {
+        link: LinkStatistics {
+            received,
+            ..LinkStatistics::default()
+        },
+        ..SystemState::default()
+    };
+    let data = build_sys_status(&state);
+    assert_eq!((data.errors_comm, data.drop_rate_comm), (100, 1000));
 }
 
 #[test]
@@ -253,6 +279,7 @@ fn any_value() -> impl Strategy<Value = Option<f32>> {
 
 fn any_status() -> impl Strategy<Value = PackStatus> {
     prop::sample::select(vec![
+        PackStatus::Disabled,
         PackStatus::Unknown,
         PackStatus::NotConnected,
         PackStatus::Healthy,
@@ -265,13 +292,14 @@ prop_compose! {
         status in any_status(), voltage_v in any_value(), current_a in any_value(), consumed_mah in any_value(),
         consumed_wh in any_value(), remaining_pct in any_value(), time_remaining_s in any_value(),
         temperature_c in any_value(), load_permille in any::<u16>(), sent in any::<u32>(), dropped in any::<u32>(),
+        frames in any::<u32>(), bad_checksums in any::<u32>(),
     ) -> SystemState {
         SystemState {
             battery: BatteryState {
                 status, voltage_v, current_a, consumed_mah, consumed_wh, remaining_pct, time_remaining_s, temperature_c,
             },
             load_permille,
-            link: LinkStatistics { sent, dropped },
+            link: LinkStatistics { sent, dropped, received: ReceiveStatistics { frames, bad_checksums, ..Default::default() } },
         }
     }
 }
@@ -298,6 +326,7 @@ proptest! {
     fn any_state_gives_a_conforming_sys_status(state in any_state()) {
         let data = build_sys_status(&state);
         prop_assert!(data.load <= 1000);
+        prop_assert!(data.drop_rate_comm <= 10_000);
         prop_assert!(data.current_battery > i16::MIN);
         prop_assert!((-1..=100).contains(&data.battery_remaining));
         let voltage_v = state.battery.voltage_v;

@@ -15,6 +15,8 @@ pub enum ReadError {
     Timeout,
     /// The converter reported a failed conversion.
     Conversion,
+    /// The parameters name no pin.
+    NoPin,
     /// The reading is not a number a pack can have.
     Implausible,
 }

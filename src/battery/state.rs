@@ -4,6 +4,8 @@
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum PackStatus {
+    /// The pack is not monitored (`BATT_MONITOR` is 0).
+    Disabled,
     /// Nothing has been measured yet.
     #[default]
     Unknown,
@@ -36,4 +38,18 @@ pub struct BatteryState {
     pub time_remaining_s: Option<f32>,
     /// Temperature of the pack, in degrees Celsius.
     pub temperature_c: Option<f32>,
+}
+
+impl BatteryState {
+    /// A pack that is not monitored.
+    pub const DISABLED: Self = Self {
+        status: PackStatus::Disabled,
+        voltage_v: None,
+        current_a: None,
+        consumed_mah: None,
+        consumed_wh: None,
+        remaining_pct: None,
+        time_remaining_s: None,
+        temperature_c: None,
+    };
 }

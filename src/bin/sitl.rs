@@ -3,18 +3,14 @@
 #[cfg(not(target_os = "none"))]
 mod simulator {
     use std::net::SocketAddr;
+    use std::path::PathBuf;
     use std::process::ExitCode;
     use std::sync::atomic::{AtomicBool, Ordering};
 
     use clap::Parser;
-    use embassy_executor::{Executor, Spawner};
-    use embassy_time::{Duration, Ticker};
-    use rover_battmon::liveness::CheckIn;
-    use rover_battmon::sim::{Clients, Desk, SimulatedPackInput, Status, clock};
-    use rover_battmon::tasks;
-
-    /// Ground stations that can be connected at the same time.
-    const MAX_CLIENTS: usize = 8;
+    use embassy_executor::Executor;
+    use embassy_time::Duration;
+    use rover_battmon::sim::{self, Clients, SimulatedFlash, clock};
 
     /// Simulates the rover's battery monitor: a 3S pack that is driven empty, MAVLink on TCP.
     #[derive(Parser)]
@@ -27,6 +23,10 @@ mod simulator {
         /// Let simulated time pass this many times as fast
         #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = speedup)]
         speedup: f64,
+
+        /// Keep the parameters in this file, as the board keeps them in its flash
+        #[arg(long, value_name = "FILE")]
+        flash: Option<PathBuf>,
     }
 
     fn speedup(text: &str) -> Result<f64, String> {
@@ -37,25 +37,8 @@ mod simulator {
     }
 
     #[embassy_executor::task]
-    async fn battery(desk: &'static Desk) -> ! {
-        let check_in = CheckIn::new("battery", u32::MAX);
-        tasks::sample_battery(SimulatedPackInput::new(&desk.pack), &desk.shared, &check_in).await
-    }
-
-    #[embassy_executor::task(pool_size = MAX_CLIENTS)]
-    async fn client(desk: &'static Desk, clients: &'static Clients) -> ! {
-        desk.serve(clients).await
-    }
-
-    #[embassy_executor::task]
-    async fn terminal(desk: &'static Desk, line_interval: Duration) {
-        let mut lines = Ticker::every(line_interval);
-        let mut status = Status::default();
-        loop {
-            lines.next().await;
-            status = desk.status(&status);
-            println!("{status}");
-        }
+    async fn simulator(clients: Clients, flash: SimulatedFlash, line_interval: Duration) -> ! {
+        sim::run(&clients, flash, line_interval).await
     }
 
     pub fn main() -> ExitCode {
@@ -68,6 +51,13 @@ mod simulator {
                 return ExitCode::FAILURE;
             }
         };
+        let flash = match SimulatedFlash::open(arguments.flash) {
+            Ok(flash) => flash,
+            Err(error) => {
+                eprintln!("Can't use the flash file: {error}.");
+                return ExitCode::FAILURE;
+            }
+        };
         static STOP: AtomicBool = AtomicBool::new(false);
         if let Err(error) = ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)) {
             eprintln!("Ctrl-C will end the simulator at once: {error}.");
@@ -77,28 +67,13 @@ mod simulator {
         }
         println!("MAVLink on tcp:{}. Ctrl-C ends it.", arguments.tcp);
 
-        let desk: &Desk = Box::leak(Box::new(Desk::new()));
-        let clients: &Clients = Box::leak(Box::new(clients));
         let line_interval = Duration::from_micros((arguments.speedup * 1e6) as u64);
         Box::leak(Box::new(Executor::new())).run_until(
-            |spawner| spawn_tasks(spawner, desk, clients, line_interval),
+            |spawner| spawner.spawn(simulator(clients, flash, line_interval).expect("it is spawned once")),
             || STOP.load(Ordering::Relaxed),
         );
         println!("Stopped.");
         ExitCode::SUCCESS
-    }
-
-    fn spawn_tasks(
-        spawner: Spawner,
-        desk: &'static Desk,
-        clients: &'static Clients,
-        line_interval: Duration,
-    ) {
-        spawner.spawn(battery(desk).expect("it is spawned once"));
-        spawner.spawn(terminal(desk, line_interval).expect("it is spawned once"));
-        for _ in 0..MAX_CLIENTS {
-            spawner.spawn(client(desk, clients).expect("the pool has this many"));
-        }
     }
 }
 

@@ -39,3 +39,12 @@ pub fn reset_reason() -> ResetReason {
         ResetReason::Processor
     }
 }
+
+/// Restarts the chip at once.
+pub fn restart() -> ! {
+    // The bit restarts everything that the watchdog may restart; which that is was set when the watchdog was started.
+    pac::WATCHDOG.ctrl().modify(|control| control.set_trigger(true));
+    loop {
+        cortex_m::asm::nop();
+    }
+}

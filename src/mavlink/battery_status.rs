@@ -100,7 +100,7 @@ fn charge_state(status: PackStatus) -> MavBatteryChargeState {
     match status {
         PackStatus::Healthy => MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_OK,
         PackStatus::Unhealthy => MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_UNHEALTHY,
-        PackStatus::Unknown | PackStatus::NotConnected => {
+        PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected => {
             MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_UNDEFINED
         }
     }

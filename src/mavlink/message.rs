@@ -2,7 +2,11 @@
 
 use ::mavlink::{MAVLinkV2MessageRaw, MavHeader};
 
-use super::dialect::{BATTERY_STATUS_DATA, HEARTBEAT_DATA, SYS_STATUS_DATA};
+use super::command_ack::CommandAck;
+use super::dialect::{
+    BATTERY_STATUS_DATA, HEARTBEAT_DATA, PARAM_ERROR_DATA, PARAM_VALUE_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
+};
+use super::file_transfer::FileTransferNak;
 use super::{SystemState, build_battery_status, build_heartbeat, build_sys_status};
 
 /// Something that is sent regularly.
@@ -37,26 +41,32 @@ pub enum Message {
     Heartbeat(HEARTBEAT_DATA),
     /// SYS_STATUS (1)
     SysStatus(SYS_STATUS_DATA),
+    /// PARAM_VALUE (22)
+    ParamValue(PARAM_VALUE_DATA),
+    /// COMMAND_ACK (77)
+    CommandAck(CommandAck),
+    /// FILE_TRANSFER_PROTOCOL (110)
+    FileTransferNak(FileTransferNak),
     /// BATTERY_STATUS (147)
     BatteryStatus(BATTERY_STATUS_DATA),
+    /// STATUSTEXT (253)
+    StatusText(STATUSTEXT_DATA),
+    /// PARAM_ERROR (345)
+    ParamError(PARAM_ERROR_DATA),
 }
 
 impl Message {
-    /// The stream this message belongs to.
-    pub fn stream(&self) -> Stream {
-        match self {
-            Self::Heartbeat(_) => Stream::Heartbeat,
-            Self::SysStatus(_) => Stream::SysStatus,
-            Self::BatteryStatus(data) => Stream::BatteryStatus(data.id),
-        }
-    }
-
     /// Writes the message as a MAVLink 2 frame into `frame`.
     pub(super) fn serialize(&self, header: MavHeader, frame: &mut MAVLinkV2MessageRaw) {
         match self {
             Self::Heartbeat(data) => frame.serialize_message_data(header, data),
             Self::SysStatus(data) => frame.serialize_message_data(header, data),
+            Self::ParamValue(data) => frame.serialize_message_data(header, data),
+            Self::CommandAck(data) => frame.serialize_message_data(header, data),
+            Self::FileTransferNak(data) => frame.serialize_message_data(header, data),
             Self::BatteryStatus(data) => frame.serialize_message_data(header, data),
+            Self::StatusText(data) => frame.serialize_message_data(header, data),
+            Self::ParamError(data) => frame.serialize_message_data(header, data),
         }
     }
 }

@@ -1,14 +1,23 @@
 //! MAVLink: what a ground station sees.
 //!
 //! A message is built from a [`SystemState`] by a plain function, waits in the [`Outbox`] of a link, and becomes a frame
-//! in the [`Framer`] when the wire takes it.
+//! in the [`Framer`] when the wire takes it. What is received goes through the [`FrameParser`] to a dispatcher, which
+//! gives it to the service it is for. [`Endpoint`] is all of that for one link, without the wire.
 
 mod battery_status;
+mod command_ack;
+mod dispatcher;
+mod endpoint;
+mod file_transfer;
 mod framer;
 mod heartbeat;
 mod message;
 mod outbox;
+mod parser;
+mod payload;
 mod scheduler;
+mod services;
+mod status_text;
 mod sys_status;
 mod system_state;
 mod units;
@@ -17,11 +26,18 @@ mod units;
 pub use ::mavlink::dialects::development as dialect;
 
 pub use battery_status::build_battery_status;
+pub use command_ack::CommandAck;
+pub use dispatcher::{Event, Peer};
+pub use endpoint::Endpoint;
 pub use framer::Framer;
 pub use heartbeat::build_heartbeat;
 pub use message::{Message, Stream};
-pub use outbox::{Outbox, Posted};
+pub use outbox::{NoRoom, Outbox, Posted};
+pub use parser::{FrameParser, MAX_FRAME_BYTES, ReceiveStatistics, ReceivedFrame};
+pub use payload::{Name, Payload};
 pub use scheduler::StreamScheduler;
+pub use services::commands::Action;
+pub use status_text::status_texts;
 pub use sys_status::build_sys_status;
 pub use system_state::{LinkStatistics, SystemState};
 

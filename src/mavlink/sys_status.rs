@@ -1,8 +1,8 @@
 //! SYS_STATUS (1).
 
-use super::SystemState;
 use super::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct, voltage_mv};
+use super::{ReceiveStatistics, SystemState};
 use crate::battery::{BatteryState, PackStatus};
 
 /// The primary pack's voltage, current and remaining charge, the battery sensor's health, the processor's load and the
@@ -13,16 +13,16 @@ use crate::battery::{BatteryState, PackStatus};
 pub fn build_sys_status(state: &SystemState) -> SYS_STATUS_DATA {
     let battery = state.battery(0);
     SYS_STATUS_DATA {
-        onboard_control_sensors_present: MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY,
-        onboard_control_sensors_enabled: MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY,
+        onboard_control_sensors_present: monitored_sensors(&battery),
+        onboard_control_sensors_enabled: monitored_sensors(&battery),
         onboard_control_sensors_health: healthy_sensors(&battery),
         load: state.load_permille.min(1000),
         voltage_battery: pack_voltage_mv(&battery),
         current_battery: current_ca(battery.current_a),
-        drop_rate_comm: 0,
-        errors_comm: 0,
+        drop_rate_comm: drop_rate_percent_hundredths(&state.link.received),
+        errors_comm: saturate(state.link.received.errors()),
         // MAVLink leaves the meaning of the four counters to the autopilot: ours is messages dropped for lack of room.
-        errors_count1: state.link.dropped.min(u32::from(u16::MAX)) as u16,
+        errors_count1: saturate(state.link.dropped),
         errors_count2: 0,
         errors_count3: 0,
         errors_count4: 0,
@@ -33,10 +33,33 @@ pub fn build_sys_status(state: &SystemState) -> SYS_STATUS_DATA {
     }
 }
 
+fn saturate(count: u32) -> u16 {
+    count.min(u32::from(u16::MAX)) as u16
+}
+
+/// The share of what was received that was lost, in hundredths of a percent.
+fn drop_rate_percent_hundredths(received: &ReceiveStatistics) -> u16 {
+    let lost = u64::from(received.errors());
+    let all = lost + u64::from(received.frames);
+    // At most 10000.
+    (lost * 10_000).checked_div(all).unwrap_or(0) as u16
+}
+
+fn monitored_sensors(battery: &BatteryState) -> MavSysStatusSensor {
+    match battery.status {
+        PackStatus::Disabled => MavSysStatusSensor::empty(),
+        PackStatus::Unknown | PackStatus::NotConnected | PackStatus::Healthy | PackStatus::Unhealthy => {
+            MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY
+        }
+    }
+}
+
 fn healthy_sensors(battery: &BatteryState) -> MavSysStatusSensor {
     match battery.status {
         PackStatus::Healthy => MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY,
-        PackStatus::Unknown | PackStatus::NotConnected | PackStatus::Unhealthy => MavSysStatusSensor::empty(),
+        PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected | PackStatus::Unhealthy => {
+            MavSysStatusSensor::empty()
+        }
     }
 }
 

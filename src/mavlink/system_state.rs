@@ -1,5 +1,6 @@
 //! Everything telemetry reports, at one moment.
 
+use super::ReceiveStatistics;
 use crate::battery::BatteryState;
 
 /// Everything the telemetry of one link reports.
@@ -31,4 +32,6 @@ pub struct LinkStatistics {
     pub sent: u32,
     /// Messages dropped because the link had no room for them.
     pub dropped: u32,
+    /// What came in.
+    pub received: ReceiveStatistics,
 }

@@ -17,34 +17,73 @@ pub const BURST_CONVERSIONS: u16 = 16;
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct AdcCount(pub u16);
 
-/// An analog input that can be converted once.
+/// One of the analog pins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum AnalogPin {
+    /// GP26, ADC0
+    Gp26,
+    /// GP27, ADC1
+    Gp27,
+    /// GP28, ADC2
+    Gp28,
+    /// GP29, ADC3
+    Gp29,
+}
+
+impl AnalogPin {
+    /// The pin with this GPIO number (`BATT_VOLT_PIN`).
+    pub fn from_gpio(number: i32) -> Option<Self> {
+        match number {
+            26 => Some(Self::Gp26),
+            27 => Some(Self::Gp27),
+            28 => Some(Self::Gp28),
+            29 => Some(Self::Gp29),
+            _ => None,
+        }
+    }
+}
+
+/// The analog pins and the converter behind them.
 pub trait AnalogIn {
-    /// One conversion.
+    /// One conversion of `pin`.
     ///
     /// # Errors
-    /// The converter reported a failure. An input may also never answer: the caller bounds the wait.
+    /// The converter reported a failure. It may also never answer: the caller bounds the wait.
     // The futures stay on one executor, so `Send` need not be promised.
     #[allow(async_fn_in_trait)]
-    async fn convert(&mut self) -> Result<AdcCount, ReadError>;
+    async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError>;
 }
 
 /// The rounded mean of a burst of [`BURST_CONVERSIONS`] conversions.
 ///
 /// # Errors
 /// The first conversion that fails ends the burst: a mean of fewer would be noisier without anyone knowing.
-pub async fn read_mean(input: &mut impl AnalogIn) -> Result<AdcCount, ReadError> {
+pub async fn read_mean(input: &mut impl AnalogIn, pin: AnalogPin) -> Result<AdcCount, ReadError> {
     let mut sum = 0u32;
     for _ in 0..BURST_CONVERSIONS {
-        sum += u32::from(input.convert().await?.0);
+        sum += u32::from(input.convert(pin).await?.0);
     }
     let conversions = u32::from(BURST_CONVERSIONS);
     // A mean of u16 values fits u16.
     Ok(AdcCount(((sum + conversions / 2) / conversions) as u16))
 }
 
-/// The pack's voltage behind the divider: `count / 4095 × 3.3 V × multiplier` (`BATT_VOLT_MULT`).
-pub fn pack_voltage_v(count: AdcCount, multiplier: f32) -> f32 {
-    f32::from(count.0) * (ADC_REFERENCE_V / f32::from(ADC_FULL_SCALE)) * multiplier
+/// How the pack's voltage becomes the voltage at a pin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VoltageDivider {
+    /// Pack voltage divided by pin voltage (`BATT_VOLT_MULT`).
+    pub multiplier: f32,
+    /// Pin voltage without a pack, in volts (`BATT_VLT_OFFSET`).
+    pub offset_v: f32,
+}
+
+impl VoltageDivider {
+    /// The pack's voltage: `(count / 4095 × 3.3 V − offset) × multiplier`.
+    pub fn pack_voltage_v(&self, count: AdcCount) -> f32 {
+        let pin_v = f32::from(count.0) * (ADC_REFERENCE_V / f32::from(ADC_FULL_SCALE));
+        (pin_v - self.offset_v) * self.multiplier
+    }
 }
 
 #[cfg(test)]
@@ -56,7 +95,7 @@ mod tests {
     struct Recorded(IntoIter<Result<AdcCount, ReadError>>);
 
     impl AnalogIn for Recorded {
-        async fn convert(&mut self) -> Result<AdcCount, ReadError> {
+        async fn convert(&mut self, _: AnalogPin) -> Result<AdcCount, ReadError> {
             self.0.next().expect("more conversions than recorded")
         }
     }
@@ -70,14 +109,20 @@ mod tests {
     fn the_mean_of_a_burst_is_rounded() {
         let mut low = [1000; 16];
         low[..7].fill(1001);
-        assert_eq!(block_on(read_mean(&mut recorded(&low))), Ok(AdcCount(1000)));
+        assert_eq!(
+            block_on(read_mean(&mut recorded(&low), AnalogPin::Gp26)),
+            Ok(AdcCount(1000))
+        );
         low[..8].fill(1001);
-        assert_eq!(block_on(read_mean(&mut recorded(&low))), Ok(AdcCount(1001)));
+        assert_eq!(
+            block_on(read_mean(&mut recorded(&low), AnalogPin::Gp26)),
+            Ok(AdcCount(1001))
+        );
     }
 
     #[test]
     fn the_mean_of_full_scale_does_not_overflow() {
-        let mean = block_on(read_mean(&mut recorded(&[ADC_FULL_SCALE; 16])));
+        let mean = block_on(read_mean(&mut recorded(&[ADC_FULL_SCALE; 16]), AnalogPin::Gp26));
         assert_eq!(mean, Ok(AdcCount(ADC_FULL_SCALE)));
     }
 
@@ -86,14 +131,26 @@ mod tests {
         let mut results = vec![Ok(AdcCount(2000)); 16];
         results[9] = Err(ReadError::Conversion);
         let mut input = Recorded(results.into_iter());
-        assert_eq!(block_on(read_mean(&mut input)), Err(ReadError::Conversion));
+        assert_eq!(
+            block_on(read_mean(&mut input, AnalogPin::Gp26)),
+            Err(ReadError::Conversion)
+        );
     }
 
     #[test]
     fn counts_become_the_voltage_the_requirement_names() {
+        let divider = VoltageDivider {
+            multiplier: 3.95,
+            offset_v: 0.0,
+        };
         // FR-00069: 3000 counts are 9.55 V with the default multiplier.
-        assert!((pack_voltage_v(AdcCount(3000), 3.95) - 9.55).abs() < 0.005);
-        assert!((pack_voltage_v(AdcCount(2482), 3.95) - 7.9006).abs() < 0.0005);
-        assert_eq!(pack_voltage_v(AdcCount(0), 3.95), 0.0);
+        assert!((divider.pack_voltage_v(AdcCount(3000)) - 9.55).abs() < 0.005);
+        assert!((divider.pack_voltage_v(AdcCount(2482)) - 7.9006).abs() < 0.0005);
+        assert_eq!(divider.pack_voltage_v(AdcCount(0)), 0.0);
+        let offset = VoltageDivider {
+            offset_v: 0.1,
+            ..divider
+        };
+        assert!((offset.pack_voltage_v(AdcCount(2482)) - (7.9006 - 0.395)).abs() < 0.0005);
     }
 }

@@ -3,5 +3,6 @@
 mod analog;
 
 pub use analog::{
-    ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, BURST_CONVERSIONS, pack_voltage_v, read_mean,
+    ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS, VoltageDivider,
+    read_mean,
 };

@@ -1,92 +1,140 @@
-//! What the simulator's tasks share: the firmware's state, the pack, and a link for each client.
+//! One vehicle on a desk, with as many ground stations as connect.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::fmt;
 use std::rc::Rc;
 
-use embassy_futures::select::select;
+use embassy_futures::join::{join_array, join4};
+use embassy_futures::select::{Either, select, select3};
+use embassy_time::{Duration, Ticker};
 
-use super::{Clients, PackModel, SimulatedPack};
+use super::{Client, Clients, PackModel, SimulatedFlash, SimulatedPack, SimulatedPackInput};
 use crate::liveness::CheckIn;
-use crate::tasks::{Link, Shared, schedule_telemetry, write_frames};
+use crate::parameter::{ParameterStorage, Parameters};
+use crate::tasks::{
+    Link, Shared, keep_parameters, load_parameters, read_frames, reboot_requested, report_load,
+    sample_battery, schedule_telemetry, write_frames,
+};
 
-/// The simulator: one vehicle on a desk, with as many ground stations as connect.
-pub struct Desk {
-    /// What the firmware's tasks tell each other.
-    pub shared: Shared,
-    /// The pack behind the divider.
-    pub pack: RefCell<SimulatedPack>,
-    links: RefCell<Vec<Rc<Link>>>,
+/// Ground stations that can be connected at the same time.
+const MAX_CLIENTS: usize = 8;
+
+/// What a client's link is taken to carry: more than any of our streams asks for.
+const TCP_BYTES_PER_SECOND: u32 = 1_000_000;
+
+/// The simulator has no watchdog, so nobody looks at what its tasks check in with.
+static UNWATCHED: CheckIn = CheckIn::new("", u32::MAX);
+
+/// Switches the vehicle on, and on again whenever a ground station restarts it. The pack and the flash outlast that;
+/// connections don't. A status line is printed every `line_interval`.
+pub async fn run(clients: &Clients, mut flash: SimulatedFlash, line_interval: Duration) -> ! {
+    let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
+    loop {
+        let range = flash.range();
+        let mut storage = ParameterStorage::new(&mut flash, range);
+        let (parameters, loaded) = load_parameters(&mut storage).await;
+        let desk = Desk::new(parameters, &pack);
+        report_load(&desk.shared, loaded);
+        let vehicle = join4(
+            sample_battery(SimulatedPackInput::new(&pack), &desk.shared, &UNWATCHED),
+            keep_parameters(storage, &desk.shared, &UNWATCHED),
+            join_array([(); MAX_CLIENTS].map(|()| desk.serve(clients))),
+            desk.print_status(line_interval),
+        );
+        match select(vehicle, reboot_requested(&desk.shared, || desk.all_sent())).await {
+            Either::First((never, ..)) => never,
+            Either::Second(()) => println!("Restarted."),
+        }
+    }
 }
 
-impl Desk {
-    /// A desk with a full 3S pack and nobody connected.
-    pub fn new() -> Self {
+struct Desk<'a> {
+    shared: Shared,
+    pack: &'a RefCell<SimulatedPack>,
+    links: RefCell<Vec<Rc<Link>>>,
+    status: Cell<Totals>,
+}
+
+impl<'a> Desk<'a> {
+    fn new(parameters: Parameters, pack: &'a RefCell<SimulatedPack>) -> Self {
         Self {
-            shared: Shared::new(),
-            pack: RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200)),
-            links: RefCell::new(Vec::new()),
+            shared: Shared::new(parameters),
+            pack,
+            links: RefCell::default(),
+            status: Cell::default(),
         }
     }
 
     /// Serves one client after the other, each with a link of its own: its own schedule, sequence numbers and losses.
-    pub async fn serve(&self, clients: &Clients) -> ! {
-        // The simulator has no watchdog, so nobody looks at these.
-        let (scheduler, writer) = (CheckIn::new("", u32::MAX), CheckIn::new("", u32::MAX));
+    async fn serve(&self, clients: &Clients) {
         loop {
-            let wire = clients.next().await;
-            println!("{} connected", wire.peer());
-            let peer = wire.peer();
-            let link = Rc::new(Link::new("TCP"));
+            let Client {
+                address,
+                transmitter,
+                receiver,
+            } = clients.next().await;
+            println!("{address} connected");
+            let link = Rc::new(Link::new("TCP", TCP_BYTES_PER_SECOND));
             self.links.borrow_mut().push(link.clone());
-            select(
-                schedule_telemetry(&self.shared, &link, &scheduler),
-                write_frames(wire, &self.shared, &link, &writer),
+            select3(
+                schedule_telemetry(&self.shared, &link, &UNWATCHED),
+                write_frames(transmitter, &self.shared, &link, &UNWATCHED),
+                read_frames(receiver, &self.shared, &link, &UNWATCHED),
             )
             .await;
             self.links.borrow_mut().retain(|other| !Rc::ptr_eq(other, &link));
-            println!("{peer} disconnected");
+            println!("{address} disconnected");
         }
     }
 
-    /// A line about this moment; `before` is the last one.
-    pub fn status(&self, before: &Status) -> Status {
+    fn all_sent(&self) -> bool {
+        self.links.borrow().iter().all(|link| link.is_idle())
+    }
+
+    async fn print_status(&self, line_interval: Duration) {
+        let mut lines = Ticker::every(line_interval);
+        loop {
+            lines.next().await;
+            println!("{}", self.next_status());
+        }
+    }
+
+    /// What happened since the last call.
+    fn next_status(&self) -> Status {
         let links = self.links.borrow();
         let pack = self.pack.borrow();
-        let samples = self.shared.samples();
-        let frames = links.iter().map(|link| link.statistics().sent).sum();
-        let dropped = links.iter().map(|link| link.statistics().dropped).sum();
+        let before = self.status.get();
+        let now = Totals {
+            samples: self.shared.samples(),
+            frames: links.iter().map(|link| link.statistics().sent).sum(),
+        };
+        self.status.set(now);
         Status {
             voltage_v: self.shared.battery().voltage_v,
             current_a: pack.current_a(),
             charge: pack.charge(),
-            samples,
-            new_samples: samples.wrapping_sub(before.samples),
-            frames,
+            samples: now.samples.wrapping_sub(before.samples),
             // A client that leaves takes its count along.
-            new_frames: u32::saturating_sub(frames, before.frames),
-            dropped,
+            frames: now.frames.saturating_sub(before.frames),
+            dropped: links.iter().map(|link| link.statistics().dropped).sum(),
             clients: links.len(),
         }
     }
 }
 
-impl Default for Desk {
-    fn default() -> Self {
-        Self::new()
-    }
+#[derive(Clone, Copy, Default)]
+struct Totals {
+    samples: u32,
+    frames: u32,
 }
 
-/// What the terminal's status line says.
-#[derive(Clone, Debug, Default)]
-pub struct Status {
+/// What the terminal's status line says: rates since the line before.
+struct Status {
     voltage_v: Option<f32>,
     current_a: f32,
     charge: f32,
     samples: u32,
-    new_samples: u32,
     frames: u32,
-    new_frames: u32,
     dropped: u32,
     clients: usize,
 }
@@ -102,9 +150,9 @@ impl fmt::Display for Status {
             "  {:4.1} A  {:3.0} % left | {} samples | {} clients, {} frames, {} dropped",
             self.current_a,
             self.charge * 100.0,
-            self.new_samples,
+            self.samples,
             self.clients,
-            self.new_frames,
+            self.frames,
             self.dropped,
         )
     }

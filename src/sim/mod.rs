@@ -6,12 +6,14 @@
 pub mod clock;
 mod desk;
 mod drive_cycle;
+mod flash;
 mod pack;
 mod pack_input;
 mod tcp;
 
-pub use desk::{Desk, Status};
+pub use desk::run;
 pub use drive_cycle::load_current_a;
+pub use flash::SimulatedFlash;
 pub use pack::{PackModel, SimulatedPack};
 pub use pack_input::SimulatedPackInput;
-pub use tcp::{Clients, TcpWire};
+pub use tcp::{Client, Clients, TcpReceiver, TcpTransmitter};

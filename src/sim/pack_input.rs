@@ -6,7 +6,7 @@ use embassy_time::{Duration, Instant};
 
 use super::{SimulatedPack, load_current_a};
 use crate::battery::ReadError;
-use crate::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn};
+use crate::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin};
 
 /// The divider of the Freenove board, as its maker's battery example has it.
 const DIVIDER: f32 = 3.95;
@@ -52,8 +52,12 @@ fn seconds(duration: Duration) -> f32 {
 }
 
 impl AnalogIn for SimulatedPackInput<'_> {
-    async fn convert(&mut self) -> Result<AdcCount, ReadError> {
+    async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError> {
         self.live_until(Instant::now());
+        if pin != AnalogPin::Gp26 {
+            // Nothing is connected to the others.
+            return Ok(AdcCount(0));
+        }
         let noise_v = (self.random.f32() * 2.0 - 1.0) * NOISE_V;
         let pin_v = (self.pack.borrow().voltage_v() + noise_v) / DIVIDER;
         let count = pin_v / ADC_REFERENCE_V * f32::from(ADC_FULL_SCALE);

@@ -1,39 +1,40 @@
-//! One link to ground stations, between the task that schedules its telemetry and the one that writes its frames.
+//! One link to ground stations, shared by the tasks that schedule, write and read it.
 
 use core::cell::{Cell, RefCell};
 
-use embassy_sync::blocking_mutex::Mutex;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant};
 
+use super::Shared;
 use crate::log::warn;
-use crate::mavlink::{LinkStatistics, Message, Outbox, Posted, Stream};
-
-/// Room for every stream there is: HEARTBEAT, SYS_STATUS and BATTERY_STATUS.
-const OUTBOX_CAPACITY: usize = 3;
+use crate::mavlink::{Endpoint, LinkStatistics, Message, Stream};
 
 /// A link that is far too slow drops many messages a second; the log is told of it this often.
 const DROP_REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
-/// A link: its outbox and its counters.
+/// A link: our end of it, and who has to wake up when something happens at it.
+///
+/// All tasks run on one executor and none is interrupted by another, so a plain cell guards the end.
 pub struct Link {
     name: &'static str,
-    outbox: Mutex<CriticalSectionRawMutex, RefCell<Outbox<OUTBOX_CAPACITY>>>,
-    posted: Signal<CriticalSectionRawMutex, ()>,
-    statistics: Mutex<CriticalSectionRawMutex, Cell<LinkStatistics>>,
-    drop_reported: Mutex<CriticalSectionRawMutex, Cell<Option<Instant>>>,
+    endpoint: RefCell<Endpoint>,
+    /// There may be something to write.
+    pub(super) to_write: Signal<NoopRawMutex, ()>,
+    /// The schedule may have changed.
+    pub(super) to_schedule: Signal<NoopRawMutex, ()>,
+    drop_reported: Cell<Option<Instant>>,
 }
 
 impl Link {
-    /// A link called `name` in the log.
-    pub const fn new(name: &'static str) -> Self {
+    /// A link called `name` in the log, that carries `bytes_per_second`.
+    pub fn new(name: &'static str, bytes_per_second: u32) -> Self {
         Self {
             name,
-            outbox: Mutex::new(RefCell::new(Outbox::new())),
-            posted: Signal::new(),
-            statistics: Mutex::new(Cell::new(LinkStatistics { sent: 0, dropped: 0 })),
-            drop_reported: Mutex::new(Cell::new(None)),
+            endpoint: RefCell::new(Endpoint::new(bytes_per_second, Instant::now().as_micros())),
+            to_write: Signal::new(),
+            to_schedule: Signal::new(),
+            drop_reported: Cell::new(None),
         }
     }
 
@@ -44,62 +45,44 @@ impl Link {
 
     /// The link's counters.
     pub fn statistics(&self) -> LinkStatistics {
-        self.statistics.lock(Cell::get)
+        self.endpoint.borrow().statistics()
     }
 
-    /// Posts a message. What is dropped for it is counted, and logged once a second at most.
-    pub(super) fn post(&self, message: Message) {
-        match self.outbox.lock(|outbox| outbox.borrow_mut().post(message)) {
-            Posted::Queued => {}
-            Posted::Replaced(stream) | Posted::Refused(stream) => self.drop_one(stream),
-        }
-        self.posted.signal(());
+    /// Whether everything that was asked for has been taken by the wire.
+    pub fn is_idle(&self) -> bool {
+        self.endpoint.borrow().is_idle()
     }
 
-    fn drop_one(&self, stream: Stream) {
-        let dropped = self.count(|statistics| {
-            statistics.dropped = statistics.dropped.wrapping_add(1);
-            statistics.dropped
-        });
-        let now = Instant::now();
-        let report = self.drop_reported.lock(|reported| {
-            let due = reported
-                .get()
-                .is_none_or(|last| now - last >= DROP_REPORT_INTERVAL);
-            if due {
-                reported.set(Some(now));
+    /// Uses our end of the link. It must not wait in there.
+    pub(super) fn with<R>(&self, use_endpoint: impl FnOnce(&mut Endpoint) -> R) -> R {
+        use_endpoint(&mut self.endpoint.borrow_mut())
+    }
+
+    /// Waits for the next message and takes it out.
+    pub(super) async fn next_message(&self, shared: &Shared) -> Message {
+        loop {
+            let taken = self.with(|endpoint| shared.with_parameters(|parameters| endpoint.take(parameters)));
+            if let Some(message) = taken {
+                return message;
             }
-            due
-        });
-        if report {
+            self.to_write.wait().await;
+        }
+    }
+
+    /// Logs that a message of `stream` was dropped, once a second at most.
+    pub(super) fn report_drop(&self, stream: Stream) {
+        let now = Instant::now();
+        if self
+            .drop_reported
+            .get()
+            .is_none_or(|last| now - last >= DROP_REPORT_INTERVAL)
+        {
+            self.drop_reported.set(Some(now));
+            let dropped = self.statistics().dropped;
             warn!(
                 "{}: link too slow, dropped {:?}, {} messages so far",
                 self.name, stream, dropped
             );
         }
-    }
-
-    /// Waits for the next message and takes it out.
-    pub(super) async fn next_message(&self) -> Message {
-        loop {
-            if let Some(message) = self.outbox.lock(|outbox| outbox.borrow_mut().take()) {
-                return message;
-            }
-            self.posted.wait().await;
-        }
-    }
-
-    /// A frame was handed to the wire.
-    pub(super) fn count_sent(&self) {
-        self.count(|statistics| statistics.sent = statistics.sent.wrapping_add(1));
-    }
-
-    fn count<R>(&self, change: impl FnOnce(&mut LinkStatistics) -> R) -> R {
-        self.statistics.lock(|cell| {
-            let mut statistics = cell.get();
-            let result = change(&mut statistics);
-            cell.set(statistics);
-            result
-        })
     }
 }

@@ -5,8 +5,11 @@
 
 mod battery;
 mod link;
+mod reader;
+mod reboot;
 mod shared;
 mod status;
+mod storage;
 mod supervisor;
 mod telemetry;
 mod writer;
@@ -15,8 +18,11 @@ use embassy_time::Instant;
 
 pub use battery::sample_battery;
 pub use link::Link;
+pub use reader::{ByteSource, ReceiveError, read_frames};
+pub use reboot::reboot_requested;
 pub use shared::Shared;
 pub use status::{IdleTime, report_status};
+pub use storage::{keep_parameters, load_parameters, report_load};
 pub use supervisor::{Watchdog, supervise};
 pub use telemetry::schedule_telemetry;
 pub use writer::write_frames;

@@ -19,11 +19,10 @@ pub async fn write_frames<W: Write>(
 ) -> Result<(), W::Error> {
     let mut framer = Framer::new();
     loop {
-        let message = link.next_message().await;
+        let message = link.next_message(shared).await;
         // The table's range is 1 to 255.
-        let system_id = shared.parameter(ParameterId::SysidThismav) as u8;
+        let system_id = shared.whole_parameter(ParameterId::SysidThismav) as u8;
         wire.write_all(framer.frame(&message, system_id)).await?;
-        link.count_sent();
         mark(check_in);
     }
 }

@@ -4,7 +4,7 @@ use std::ops::{Deref, DerefMut};
 
 use crate::elf::firmware;
 use crate::emulator::{AdcInput, Board, LogLevel, SentByte};
-use crate::support::frames::{Frame, frames};
+use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, frames};
 
 /// Interrupt lines of the RP2040 (datasheet 2.3.2).
 pub const UART0_IRQ: u32 = 20;
@@ -16,7 +16,15 @@ pub const PACK: usize = 0;
 pub const SECOND: u64 = 1_000_000;
 pub const MILLISECOND: u64 = 1_000;
 
+/// The parameters are in the last four sectors of the 2 MB flash.
+pub const PARAMETER_OFFSET: u32 = 2 * 1024 * 1024 - PARAMETER_BYTES as u32;
+pub const PARAMETER_BYTES: usize = 4 * SECTOR_BYTES;
+pub const SECTOR_BYTES: usize = 4096;
+
 const CYCLES_PER_US: u64 = 125;
+
+/// A ground station would wait longer.
+const ANSWER_TIME_US: u64 = 200 * MILLISECOND;
 
 /// A powered board with the release firmware in its flash and a wire at its telemetry port.
 pub struct Bench {
@@ -30,9 +38,18 @@ impl Bench {
         Self::power_up_seeded(code, 1)
     }
 
+    /// Switches on a board whose flash holds the release firmware and, at its end, `parameters`.
+    pub fn power_up_with_parameters(code: u16, parameters: &[u8]) -> Self {
+        let firmware = firmware().with_flash(PARAMETER_OFFSET, parameters);
+        Self::with_board(code, Board::power_up(&firmware, 1))
+    }
+
     /// The seed decides what garbage is in RAM at power-up, and the noise at the converter.
     pub fn power_up_seeded(code: u16, seed: u64) -> Self {
-        let mut board = Board::power_up(firmware(), seed);
+        Self::with_board(code, Board::power_up(firmware(), seed))
+    }
+
+    fn with_board(code: u16, mut board: Board) -> Self {
         board.adc_input(PACK, AdcInput::Code(code));
         Self {
             board,
@@ -53,6 +70,19 @@ impl Bench {
     /// The frames among it.
     pub fn frames(&mut self) -> Vec<Frame> {
         frames(self.sent())
+    }
+
+    /// Sends a request from a ground station and waits for what is answered in the next 200 ms: the frames of other
+    /// messages than telemetry.
+    pub fn ask(&mut self, request: &[u8]) -> Vec<Frame> {
+        let asked_us = self.time_us();
+        self.board.uart_send(0, asked_us, request);
+        self.board.run_for(ANSWER_TIME_US);
+        let telemetry = [HEARTBEAT, SYS_STATUS, BATTERY_STATUS];
+        self.frames()
+            .into_iter()
+            .filter(|frame| frame.at_us > asked_us && !telemetry.contains(&frame.message_id))
+            .collect()
     }
 
     /// The frames that ended after `time_us`; sending has to have been whole at that time.

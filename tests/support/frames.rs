@@ -6,7 +6,17 @@
 
 pub const HEARTBEAT: u32 = 0;
 pub const SYS_STATUS: u32 = 1;
+pub const PARAM_REQUEST_READ: u32 = 20;
+pub const PARAM_REQUEST_LIST: u32 = 21;
+pub const PARAM_VALUE: u32 = 22;
+pub const PARAM_SET: u32 = 23;
+pub const COMMAND_INT: u32 = 75;
+pub const COMMAND_LONG: u32 = 76;
+pub const COMMAND_ACK: u32 = 77;
+pub const FILE_TRANSFER_PROTOCOL: u32 = 110;
 pub const BATTERY_STATUS: u32 = 147;
+pub const STATUSTEXT: u32 = 253;
+pub const PARAM_ERROR: u32 = 345;
 
 const START_OF_FRAME: u8 = 0xfd;
 const HEADER_BYTES: usize = 10;
@@ -54,19 +64,65 @@ impl Frame {
         u32::from_le_bytes(self.bytes(offset))
     }
 
+    pub fn f32(&self, offset: usize) -> f32 {
+        f32::from_le_bytes(self.bytes(offset))
+    }
+
+    /// Characters up to the first zero, `length` at most.
+    pub fn text(&self, offset: usize, length: usize) -> String {
+        (offset..offset + length)
+            .map(|at| self.u8(at))
+            .take_while(|byte| *byte != 0)
+            .map(char::from)
+            .collect()
+    }
+
     pub fn i32(&self, offset: usize) -> i32 {
         i32::from_le_bytes(self.bytes(offset))
     }
 }
 
-/// The checksum's extra byte of the messages the firmware sends, from the message definitions.
+/// The checksum's extra byte of the messages the tests use, from the message definitions.
 fn crc_extra(message_id: u32) -> u8 {
     match message_id {
         HEARTBEAT => 50,
         SYS_STATUS => 124,
+        PARAM_REQUEST_READ => 214,
+        PARAM_REQUEST_LIST => 159,
+        PARAM_VALUE => 220,
+        PARAM_SET => 168,
+        COMMAND_INT => 158,
+        COMMAND_LONG => 152,
+        COMMAND_ACK => 143,
+        FILE_TRANSFER_PROTOCOL => 84,
         BATTERY_STATUS => 154,
-        other => panic!("message {other} is not one the firmware sends"),
+        STATUSTEXT => 83,
+        PARAM_ERROR => 209,
+        other => panic!("message {other} is not one of the tests'"),
     }
+}
+
+/// A ground station's MAVLink 2 frame (system 255, component 190).
+pub fn encode_v2(message_id: u32, payload: &[u8]) -> Vec<u8> {
+    let used = payload
+        .iter()
+        .rposition(|byte| *byte != 0)
+        .map_or(1, |last| last + 1);
+    let id = message_id.to_le_bytes();
+    let mut frame = vec![START_OF_FRAME, used as u8, 0, 0, 0, 255, 190, id[0], id[1], id[2]];
+    frame.extend(&payload[..used]);
+    let crc = crc16(frame[1..].iter().copied().chain([crc_extra(message_id)]));
+    frame.extend(crc.to_le_bytes());
+    frame
+}
+
+/// The same as a MAVLink 1 frame.
+pub fn encode_v1(message_id: u32, payload: &[u8]) -> Vec<u8> {
+    let mut frame = vec![0xfe, payload.len() as u8, 0, 255, 190, message_id as u8];
+    frame.extend(payload);
+    let crc = crc16(frame[1..].iter().copied().chain([crc_extra(message_id)]));
+    frame.extend(crc.to_le_bytes());
+    frame
 }
 
 /// CRC-16/MCRF4XX, as the MAVLink serialisation guide defines it.
@@ -165,5 +221,30 @@ impl SysStatus<'_> {
 
     pub fn errors_count1(&self) -> u16 {
         self.0.u16(22)
+    }
+}
+
+/// Fields of PARAM_VALUE, at their places on the wire.
+pub struct ParamValue<'a>(pub &'a Frame);
+
+impl ParamValue<'_> {
+    pub fn value(&self) -> f32 {
+        self.0.f32(0)
+    }
+
+    pub fn count(&self) -> u16 {
+        self.0.u16(4)
+    }
+
+    pub fn index(&self) -> u16 {
+        self.0.u16(6)
+    }
+
+    pub fn name(&self) -> String {
+        self.0.text(8, 16)
+    }
+
+    pub fn kind(&self) -> u8 {
+        self.0.u8(24)
     }
 }

@@ -1,0 +1,65 @@
+//! Firmware that does one thing at a time, so that its instructions can be counted on the emulated RP2040.
+//!
+//! `cargo bench --bench instructions` builds it, runs it and prints the counts. GP22 is high while something is measured.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod firmware {
+    use core::hint::black_box;
+
+    use cortex_m_rt::entry;
+    use defmt_rtt as _;
+    use embassy_rp::gpio::{Level, Output};
+    use panic_probe as _;
+    use rover_battmon::mavlink::{FrameParser, Framer, Message, Stream, SystemState};
+
+    /// A mixed stream from a ground station, written by the bench: 64-byte chunks of frames.
+    const STREAM: &[u8] = include_bytes!("../benches/data/mixed_stream.bin");
+
+    const CHUNK_BYTES: usize = 64;
+
+    /// The emulator looks at the pin every ten microseconds: so many that this does not matter.
+    const SERIALISATIONS: u64 = 1000;
+
+    #[entry]
+    fn main() -> ! {
+        let peripherals = embassy_rp::init(Default::default());
+        let mut measuring = Output::new(peripherals.PIN_22, Level::Low);
+
+        let mut parser = FrameParser::new();
+        let mut frames = 0u32;
+        measuring.set_high();
+        for chunk in black_box(STREAM).chunks(CHUNK_BYTES) {
+            parser.push(chunk);
+            while let Some(frame) = parser.next_frame() {
+                black_box(frame);
+                frames += 1;
+            }
+        }
+        measuring.set_low();
+        defmt::info!("receive {} bytes, {} frames", STREAM.len(), frames);
+
+        let state = SystemState::default();
+        let mut framer = Framer::new();
+        for stream in [Stream::Heartbeat, Stream::SysStatus, Stream::BatteryStatus(0)] {
+            let message: Message = stream.build(black_box(&state));
+            measuring.set_high();
+            for _ in 0..SERIALISATIONS {
+                black_box(framer.frame(black_box(&message), 1));
+            }
+            measuring.set_low();
+            defmt::info!("serialise {}", stream);
+        }
+        loop {
+            cortex_m::asm::wfe();
+        }
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!(
+        "This is firmware for the board. `cargo bench --bench instructions` runs it on the emulated one."
+    );
+    std::process::exit(2);
+}

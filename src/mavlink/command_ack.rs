@@ -1,0 +1,70 @@
+//! COMMAND_ACK (77), for any command number.
+
+use ::mavlink::bytes_mut::BytesMut;
+use ::mavlink::error::ParserError;
+use ::mavlink::{MavlinkVersion, MessageData};
+
+use num_traits::FromPrimitive;
+
+use super::dialect::{COMMAND_ACK_DATA, MavMessage, MavResult};
+use super::payload::Payload;
+
+/// The answer to a command.
+///
+/// The `mavlink` crate's own type holds the command as an enum of those the dialect knows, so that it can't answer
+/// "unsupported" to any other. This one is the same on the wire and takes every number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CommandAck {
+    /// The number of the command that is answered.
+    pub command: u16,
+    /// What became of it.
+    pub result: MavResult,
+    /// Who had sent it.
+    pub target_system: u8,
+    /// Which component of that system had.
+    pub target_component: u8,
+}
+
+/// Places of fields on the wire.
+const RESULT_AT: usize = 2;
+const TARGET_SYSTEM_AT: usize = 8;
+
+impl MessageData for CommandAck {
+    type Message = MavMessage;
+
+    const ID: u32 = COMMAND_ACK_DATA::ID;
+    const NAME: &'static str = COMMAND_ACK_DATA::NAME;
+    const EXTRA_CRC: u8 = COMMAND_ACK_DATA::EXTRA_CRC;
+    const ENCODED_LEN: usize = COMMAND_ACK_DATA::ENCODED_LEN;
+
+    fn ser(&self, _version: MavlinkVersion, payload: &mut [u8]) -> usize {
+        let mut bytes = BytesMut::new(payload);
+        bytes.put_u16_le(self.command);
+        bytes.put_u8(self.result as u8);
+        // progress and result_param2: nothing to tell.
+        while bytes.len() < TARGET_SYSTEM_AT {
+            bytes.put_u8(0);
+        }
+        bytes.put_u8(self.target_system);
+        bytes.put_u8(self.target_component);
+        let length = bytes.len();
+        ::mavlink::utils::remove_trailing_zeroes(&payload[..length])
+    }
+
+    /// # Errors
+    /// The result is not one of `MAV_RESULT`.
+    fn deser(_version: MavlinkVersion, payload: &[u8]) -> Result<Self, ParserError> {
+        let payload = Payload(payload);
+        let value = payload.u8(RESULT_AT);
+        let result = MavResult::from_u8(value).ok_or(ParserError::InvalidEnum {
+            enum_type: "MavResult",
+            value: u64::from(value),
+        })?;
+        Ok(Self {
+            command: payload.u16(0),
+            result,
+            target_system: payload.u8(TARGET_SYSTEM_AT),
+            target_component: payload.u8(TARGET_SYSTEM_AT + 1),
+        })
+    }
+}

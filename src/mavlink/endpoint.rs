@@ -1,0 +1,148 @@
+//! Our end of one link: what is received and what is sent, without the wire.
+
+use super::dialect::MavSeverity;
+use super::dispatcher::{Event, dispatch};
+use super::message::{Message, Stream};
+use super::outbox::{Outbox, Posted};
+use super::parser::FrameParser;
+use super::scheduler::StreamScheduler;
+use super::services::parameters::ParameterList;
+use super::status_text::status_texts;
+use super::system_state::{LinkStatistics, SystemState};
+use crate::battery::PackStatus;
+use crate::parameter::{ParameterId, Parameters};
+
+/// Our end of one link. Bytes and times come in, messages and events come out; the wire is somebody else's.
+#[derive(Debug)]
+pub struct Endpoint {
+    bytes_per_second: u32,
+    parser: FrameParser,
+    scheduler: StreamScheduler,
+    list: ParameterList,
+    outbox: Outbox,
+    sent: u32,
+    dropped: u32,
+    texts: u16,
+}
+
+impl Endpoint {
+    /// An end of a link that carries `bytes_per_second`, whose first HEARTBEAT is due at `now_us`.
+    pub fn new(bytes_per_second: u32, now_us: u64) -> Self {
+        Self {
+            bytes_per_second,
+            parser: FrameParser::new(),
+            scheduler: StreamScheduler::new(now_us),
+            list: ParameterList::default(),
+            outbox: Outbox::new(),
+            sent: 0,
+            dropped: 0,
+            texts: 0,
+        }
+    }
+
+    /// The link's counters.
+    pub fn statistics(&self) -> LinkStatistics {
+        LinkStatistics {
+            sent: self.sent,
+            dropped: self.dropped,
+            received: self.parser.statistics(),
+        }
+    }
+
+    /// Posts everything that is due at `now_us`. `state` is what telemetry reports, apart from the link's own counters.
+    /// Says what was dropped for it, if anything.
+    pub fn post_due(&mut self, now_us: u64, state: &SystemState, parameters: &Parameters) -> Option<Stream> {
+        self.scheduler
+            .set_extra1_rate(parameters.get(ParameterId::Sr0Extra1), now_us);
+        self.list.release(
+            now_us,
+            parameters.get(ParameterId::Sr0Params),
+            self.bytes_per_second,
+        );
+        let mut dropped = None;
+        while let Some(stream) = self.scheduler.poll(now_us) {
+            if !has_something_to_say(stream, state) {
+                continue;
+            }
+            let state = SystemState {
+                link: self.statistics(),
+                ..*state
+            };
+            if self.outbox.post(stream, stream.build(&state)) != Posted::Queued {
+                self.dropped = self.dropped.wrapping_add(1);
+                dropped = Some(stream);
+            }
+        }
+        dropped
+    }
+
+    /// When [`Self::post_due`] has to be called next, in µs.
+    pub fn next_due_us(&self) -> u64 {
+        let streams_us = self.scheduler.next_due_us();
+        self.list
+            .next_due_us()
+            .map_or(streams_us, |list_us| list_us.min(streams_us))
+    }
+
+    /// The message that leaves next: HEARTBEAT, answers, the share of a parameter list, telemetry.
+    pub fn take(&mut self, parameters: &Parameters) -> Option<Message> {
+        let message = self
+            .outbox
+            .take_urgent()
+            .or_else(|| self.list.take(parameters))
+            .or_else(|| self.outbox.take_stream())?;
+        self.sent = self.sent.wrapping_add(1);
+        Some(message)
+    }
+
+    /// Whether everything that was asked for has left.
+    pub fn is_idle(&self) -> bool {
+        self.outbox.is_empty()
+    }
+
+    /// Sends a text, in as many messages as it needs.
+    pub fn say(&mut self, severity: MavSeverity, text: &str) {
+        self.texts = self.texts.wrapping_add(1).max(1);
+        for message in status_texts(severity, text, self.texts) {
+            if self.outbox.reply(Message::StatusText(message)).is_err() {
+                self.dropped = self.dropped.wrapping_add(1);
+            }
+        }
+    }
+
+    /// Takes as many of the received `bytes` as there is room for, and says how many; at least one after
+    /// [`Self::handle_next`] has answered `None`.
+    pub fn push(&mut self, bytes: &[u8]) -> usize {
+        self.parser.push(bytes)
+    }
+
+    /// Bytes were lost before they could be pushed.
+    pub fn count_overrun(&mut self) {
+        self.parser.count_overrun();
+    }
+
+    /// The sender has paused for so long that what it began will not be ended.
+    pub fn give_up_waiting(&mut self) {
+        self.parser.give_up_waiting();
+    }
+
+    /// Handles the next frame of what was pushed; `None` when there is none.
+    pub fn handle_next(&mut self, now_us: u64, parameters: &mut Parameters) -> Option<Event> {
+        let frame = self.parser.next_frame()?;
+        let (outbox, dropped) = (&mut self.outbox, &mut self.dropped);
+        let answer = |message| {
+            if outbox.reply(message).is_err() {
+                *dropped = dropped.wrapping_add(1);
+            }
+        };
+        Some(dispatch(&frame, now_us, parameters, &mut self.list, answer))
+    }
+}
+
+/// A pack that is not monitored has no BATTERY_STATUS.
+fn has_something_to_say(stream: Stream, state: &SystemState) -> bool {
+    match stream {
+        Stream::Heartbeat | Stream::SysStatus => true,
+        Stream::BatteryStatus(instance) => state.battery(instance).status != PackStatus::Disabled,
+    }
+}

@@ -1,0 +1,248 @@
+//! Finds MAVLink frames in a stream of bytes.
+
+use ::mavlink::{Message as _, calculate_crc};
+
+use super::dialect::MavMessage;
+use super::payload::Payload;
+
+const START_V1: u8 = 0xfe;
+const START_V2: u8 = 0xfd;
+const HEADER_V1_BYTES: usize = 6;
+const HEADER_V2_BYTES: usize = 10;
+const CRC_BYTES: usize = 2;
+const SIGNATURE_BYTES: usize = 13;
+
+/// The only incompatibility flag a frame may carry here: it is signed.
+const FLAG_SIGNED: u8 = 0x01;
+
+/// The longest frame: MAVLink 2 with a full payload and a signature.
+pub const MAX_FRAME_BYTES: usize = HEADER_V2_BYTES + u8::MAX as usize + CRC_BYTES + SIGNATURE_BYTES;
+
+/// Room for the longest frame and for what arrives behind it in one go.
+const BUFFER_BYTES: usize = 512;
+
+/// What came in on a link since boot. The counters wrap at 2^32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ReceiveStatistics {
+    /// Frames with a right checksum.
+    pub frames: u32,
+    /// Frames, or what looked like the start of one, whose checksum was wrong.
+    pub bad_checksums: u32,
+    /// Frames of a message this dialect does not know; their checksum can't be judged.
+    pub unknown_messages: u32,
+    /// Times bytes were lost before they could be read.
+    pub overruns: u32,
+}
+
+impl ReceiveStatistics {
+    /// Everything that was lost.
+    pub fn errors(&self) -> u32 {
+        self.bad_checksums
+            .wrapping_add(self.unknown_messages)
+            .wrapping_add(self.overruns)
+    }
+}
+
+/// A frame whose checksum is right.
+#[derive(Clone, Copy, Debug)]
+pub struct ReceivedFrame<'a> {
+    /// The sender's system id.
+    pub system_id: u8,
+    /// The sender's component id.
+    pub component_id: u8,
+    /// Which message it is.
+    pub message_id: u32,
+    /// Its fields.
+    pub payload: Payload<'a>,
+}
+
+/// Finds the frames of MAVLink 1 and 2 in what is received.
+///
+/// After a start byte that turns out to start no good frame it goes on at the very next byte, so a frame is never lost
+/// to garbage before it, and at most one longest frame of bytes passes before it is found. A frame of a known message is
+/// taken whole, also if nobody wants it: what looks like a frame inside its payload is none.
+#[derive(Debug)]
+pub struct FrameParser {
+    buffer: [u8; BUFFER_BYTES],
+    start: usize,
+    end: usize,
+    sender_paused: bool,
+    statistics: ReceiveStatistics,
+}
+
+/// What stands at the start of the buffer.
+enum Candidate {
+    /// More bytes are needed to tell.
+    Incomplete,
+    /// No frame starts here.
+    NoFrame,
+    BadChecksum,
+    UnknownMessage,
+    Good(Layout),
+}
+
+/// Where things are in a frame.
+struct Layout {
+    system_id: u8,
+    component_id: u8,
+    message_id: u32,
+    header_bytes: usize,
+    payload_bytes: usize,
+    frame_bytes: usize,
+}
+
+impl FrameParser {
+    /// A parser that has seen nothing yet.
+    pub const fn new() -> Self {
+        Self {
+            buffer: [0; BUFFER_BYTES],
+            start: 0,
+            end: 0,
+            sender_paused: false,
+            statistics: ReceiveStatistics {
+                frames: 0,
+                bad_checksums: 0,
+                unknown_messages: 0,
+                overruns: 0,
+            },
+        }
+    }
+
+    /// What came in so far.
+    pub fn statistics(&self) -> ReceiveStatistics {
+        self.statistics
+    }
+
+    /// Takes as many of `bytes` as there is room for and returns how many that were. After [`Self::next_frame`] has
+    /// answered `None` there is room for at least one.
+    pub fn push(&mut self, bytes: &[u8]) -> usize {
+        self.buffer.copy_within(self.start..self.end, 0);
+        self.end -= self.start;
+        self.start = 0;
+        let room = &mut self.buffer[self.end..];
+        let taken = room.len().min(bytes.len());
+        self.sender_paused &= taken == 0;
+        room[..taken].copy_from_slice(&bytes[..taken]);
+        self.end += taken;
+        taken
+    }
+
+    /// Bytes were lost before they could be pushed.
+    pub fn count_overrun(&mut self) {
+        self.statistics.overruns = self.statistics.overruns.wrapping_add(1);
+    }
+
+    /// The sender has paused: what waits for more bytes will not get them, so it starts no frame. Frames that stand behind
+    /// such a false start are found by [`Self::next_frame`].
+    pub fn give_up_waiting(&mut self) {
+        self.sender_paused = true;
+    }
+
+    /// The next good frame. Called until it answers `None`, which means that more bytes are needed.
+    pub fn next_frame(&mut self) -> Option<ReceivedFrame<'_>> {
+        let layout = self.find()?;
+        let frame_start = self.start;
+        self.start += layout.frame_bytes;
+        let payload_start = frame_start + layout.header_bytes;
+        Some(ReceivedFrame {
+            system_id: layout.system_id,
+            component_id: layout.component_id,
+            message_id: layout.message_id,
+            payload: Payload(&self.buffer[payload_start..payload_start + layout.payload_bytes]),
+        })
+    }
+
+    /// Goes on to the next good frame and leaves `start` at it.
+    fn find(&mut self) -> Option<Layout> {
+        loop {
+            let waiting = &self.buffer[self.start..self.end];
+            let Some(noise) = waiting
+                .iter()
+                .position(|byte| matches!(*byte, START_V1 | START_V2))
+            else {
+                self.start = self.end;
+                return None;
+            };
+            self.start += noise;
+            let counter = match examine(&waiting[noise..]) {
+                Candidate::Incomplete if !self.sender_paused => return None,
+                Candidate::Good(layout) => {
+                    self.statistics.frames = self.statistics.frames.wrapping_add(1);
+                    return Some(layout);
+                }
+                Candidate::Incomplete | Candidate::NoFrame => None,
+                Candidate::BadChecksum => Some(&mut self.statistics.bad_checksums),
+                Candidate::UnknownMessage => Some(&mut self.statistics.unknown_messages),
+            };
+            if let Some(counter) = counter {
+                *counter = counter.wrapping_add(1);
+            }
+            self.start += 1;
+        }
+    }
+}
+
+impl Default for FrameParser {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Judges what starts with `bytes`, whose first one is a start byte.
+fn examine(bytes: &[u8]) -> Candidate {
+    let layout = match *bytes {
+        [START_V2, _, flags, ..] if flags & !FLAG_SIGNED != 0 => return Candidate::NoFrame,
+        [
+            START_V2,
+            length,
+            flags,
+            _,
+            _,
+            system_id,
+            component_id,
+            id0,
+            id1,
+            id2,
+            ..,
+        ] => {
+            let frame_bytes = HEADER_V2_BYTES + usize::from(length) + CRC_BYTES;
+            let signature_bytes = if flags & FLAG_SIGNED != 0 {
+                SIGNATURE_BYTES
+            } else {
+                0
+            };
+            Layout {
+                system_id,
+                component_id,
+                message_id: u32::from_le_bytes([id0, id1, id2, 0]),
+                header_bytes: HEADER_V2_BYTES,
+                payload_bytes: usize::from(length),
+                frame_bytes: frame_bytes + signature_bytes,
+            }
+        }
+        [START_V1, length, _, system_id, component_id, id, ..] => Layout {
+            system_id,
+            component_id,
+            message_id: u32::from(id),
+            header_bytes: HEADER_V1_BYTES,
+            payload_bytes: usize::from(length),
+            frame_bytes: HEADER_V1_BYTES + usize::from(length) + CRC_BYTES,
+        },
+        _ => return Candidate::Incomplete,
+    };
+    // The dialect answers 0 for messages it does not know.
+    let extra_crc = MavMessage::extra_crc(layout.message_id);
+    if extra_crc == 0 {
+        return Candidate::UnknownMessage;
+    }
+    if bytes.len() < layout.frame_bytes {
+        return Candidate::Incomplete;
+    }
+    let covered_end = layout.header_bytes + layout.payload_bytes;
+    let crc = calculate_crc(&bytes[1..covered_end], extra_crc).to_le_bytes();
+    if bytes[covered_end..].starts_with(&crc) {
+        Candidate::Good(layout)
+    } else {
+        Candidate::BadChecksum
+    }
+}

@@ -1,0 +1,80 @@
+//! Reads the fields of a received payload, at their places on the wire.
+
+/// A payload. MAVLink 2 cuts off zeros at its end, so whatever lies beyond the end reads as zero.
+#[derive(Clone, Copy, Debug)]
+pub struct Payload<'a>(pub &'a [u8]);
+
+impl Payload<'_> {
+    fn bytes<const N: usize>(&self, offset: usize) -> [u8; N] {
+        core::array::from_fn(|i| self.0.get(offset + i).copied().unwrap_or(0))
+    }
+
+    /// An unsigned byte.
+    pub fn u8(&self, offset: usize) -> u8 {
+        u8::from_le_bytes(self.bytes(offset))
+    }
+
+    /// An unsigned 16-bit number.
+    pub fn u16(&self, offset: usize) -> u16 {
+        u16::from_le_bytes(self.bytes(offset))
+    }
+
+    /// A signed 16-bit number.
+    pub fn i16(&self, offset: usize) -> i16 {
+        i16::from_le_bytes(self.bytes(offset))
+    }
+
+    /// A single-precision number.
+    pub fn f32(&self, offset: usize) -> f32 {
+        f32::from_le_bytes(self.bytes(offset))
+    }
+
+    /// A name of at most 16 characters, ended by a zero or by its length.
+    pub fn name(&self, offset: usize) -> Name {
+        Name(self.bytes(offset))
+    }
+}
+
+/// The name of a parameter as it stands in a message: 16 bytes, padded with zeros.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Name(pub [u8; 16]);
+
+impl Name {
+    /// The characters up to the first zero.
+    pub fn as_bytes(&self) -> &[u8] {
+        self.0.split(|byte| *byte == 0).next().unwrap_or(&[])
+    }
+}
+
+impl From<&str> for Name {
+    /// What is longer than 16 characters is cut off.
+    fn from(text: &str) -> Self {
+        let mut name = [0; 16];
+        for (to, from) in name.iter_mut().zip(text.bytes()) {
+            *to = from;
+        }
+        Self(name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_beyond_the_end_are_zero() {
+        let payload = Payload(&[1, 2, 3]);
+        assert_eq!(payload.u16(0), 0x0201);
+        assert_eq!(payload.u16(2), 3);
+        assert_eq!(payload.u8(200), 0);
+        assert_eq!(payload.f32(usize::MAX - 4), 0.0);
+    }
+
+    #[test]
+    fn a_name_ends_at_a_zero_or_after_16_characters() {
+        assert_eq!(Name::from("SR0_EXTRA1").as_bytes(), b"SR0_EXTRA1");
+        assert_eq!(Name::from("SIXTEEN_LETTERS_").as_bytes(), b"SIXTEEN_LETTERS_");
+        assert_eq!(Payload(b"ABC").name(0).as_bytes(), b"ABC");
+        assert_eq!(Payload(&[]).name(0).as_bytes(), b"");
+    }
+}

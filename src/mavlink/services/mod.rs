@@ -1,0 +1,4 @@
+//! What a ground station can ask for, one file a service.
+
+pub(super) mod commands;
+pub(super) mod parameters;

@@ -1,0 +1,227 @@
+//! The parameter protocol: PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET.
+//!
+//! Values travel as floats, whole numbers too (`MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST`). The type in a PARAM_SET is
+//! ignored: some ground stations always say REAL32.
+
+use crate::cadence::Cadence;
+use crate::mavlink::dialect::{MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_VALUE_DATA};
+use crate::mavlink::payload::{Name, Payload};
+use crate::mavlink::{Message, Peer};
+use crate::parameter::{Kind, PARAMETER_COUNT, Parameter, ParameterId, Parameters, TABLE};
+
+/// A PARAM_VALUE on the wire: header, 25 bytes of payload, checksum.
+const PARAM_VALUE_FRAME_BYTES: f32 = 37.0;
+
+/// A list takes at most this share of the link.
+const LIST_SHARE: f32 = 0.3;
+
+/// PARAM_REQUEST_READ: read by name.
+const BY_NAME: i16 = -1;
+
+/// What a PARAM_SET did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::mavlink) enum SetResult {
+    Set(ParameterId),
+    Refused,
+}
+
+/// The PARAM_VALUE of a row.
+pub(in crate::mavlink) fn param_value(row: &Parameter, parameters: &Parameters) -> Message {
+    Message::ParamValue(PARAM_VALUE_DATA {
+        param_value: parameters.get(row.id),
+        param_count: PARAMETER_COUNT as u16,
+        param_index: row.id as u16,
+        param_id: Name::from(row.name).0.into(),
+        param_type: match row.kind {
+            Kind::Int8 => MavParamType::MAV_PARAM_TYPE_INT8,
+            Kind::Int16 => MavParamType::MAV_PARAM_TYPE_INT16,
+            Kind::Int32 => MavParamType::MAV_PARAM_TYPE_INT32,
+            Kind::Real32 => MavParamType::MAV_PARAM_TYPE_REAL32,
+        },
+    })
+}
+
+fn param_error(name: Name, index: i16, error: MavParamError, to: Peer) -> Message {
+    Message::ParamError(PARAM_ERROR_DATA {
+        param_index: index,
+        target_system: to.system_id,
+        target_component: to.component_id,
+        param_id: name.0.into(),
+        error,
+    })
+}
+
+/// Names are compared without regard to case, as ArduPilot does.
+fn find_by_name(name: &Name) -> Option<&'static Parameter> {
+    TABLE
+        .iter()
+        .find(|row| row.name.as_bytes().eq_ignore_ascii_case(name.as_bytes()))
+}
+
+/// Answers PARAM_REQUEST_READ.
+pub(in crate::mavlink) fn read(request: &Payload<'_>, from: Peer, parameters: &Parameters) -> Message {
+    let (index, name) = (request.i16(0), request.name(4));
+    let row = if index == BY_NAME {
+        find_by_name(&name)
+    } else {
+        usize::try_from(index).ok().and_then(|index| TABLE.get(index))
+    };
+    match row {
+        Some(row) => param_value(row, parameters),
+        None => param_error(name, index, MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST, from),
+    }
+}
+
+/// Answers PARAM_SET: the value that is now live, after an error if that is not the one asked for.
+pub(in crate::mavlink) fn set(
+    request: &Payload<'_>,
+    from: Peer,
+    parameters: &mut Parameters,
+    mut answer: impl FnMut(Message),
+) -> SetResult {
+    let (value, name) = (request.f32(0), request.name(6));
+    let Some(row) = find_by_name(&name) else {
+        answer(param_error(
+            name,
+            BY_NAME,
+            MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST,
+            from,
+        ));
+        return SetResult::Refused;
+    };
+    let result = match parameters.set(row.id, value) {
+        Ok(()) => SetResult::Set(row.id),
+        Err(_) => {
+            let error = MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE;
+            answer(param_error(name, row.id as i16, error, from));
+            SetResult::Refused
+        }
+    };
+    answer(param_value(row, parameters));
+    result
+}
+
+/// A list of all parameters on its way out, in batches that leave most of the link to others.
+#[derive(Debug, Default)]
+pub(in crate::mavlink) struct ParameterList {
+    sending: Option<Sending>,
+}
+
+#[derive(Debug)]
+struct Sending {
+    next_row: usize,
+    batches: Cadence,
+    credited_us: u64,
+    /// Bytes that may leave now.
+    credit_bytes: f32,
+}
+
+impl ParameterList {
+    /// Starts the list, or starts it again.
+    pub fn start(&mut self, now_us: u64) {
+        self.sending = Some(Sending {
+            next_row: 0,
+            batches: Cadence::starting_at(now_us, 1),
+            credited_us: now_us,
+            credit_bytes: PARAM_VALUE_FRAME_BYTES,
+        });
+    }
+
+    /// When the next batch is due, in µs; `None` while no list is being sent.
+    pub fn next_due_us(&self) -> Option<u64> {
+        self.sending.as_ref().map(|sending| sending.batches.due_us())
+    }
+
+    /// Lets the next batch go if it is due: what the list's share of a link of `bytes_per_second` has been good for since
+    /// the last one. `rate_hz` is `SR0_PARAMS`.
+    pub fn release(&mut self, now_us: u64, rate_hz: f32, bytes_per_second: u32) {
+        let Some(sending) = &mut self.sending else { return };
+        sending.batches.set_interval((1e6 / rate_hz) as u64, now_us);
+        if !sending.batches.take(now_us) {
+            return;
+        }
+        let share = bytes_per_second as f32 * LIST_SHARE;
+        let elapsed_s = now_us.saturating_sub(sending.credited_us) as f32 / 1e6;
+        // What a batch leaves over of a frame counts for the next.
+        let most_bytes = share / rate_hz + PARAM_VALUE_FRAME_BYTES;
+        sending.credit_bytes = (sending.credit_bytes + share * elapsed_s).min(most_bytes);
+        sending.credited_us = now_us;
+    }
+
+    /// The next parameter of the batch.
+    pub fn take(&mut self, parameters: &Parameters) -> Option<Message> {
+        let sending = self.sending.as_mut()?;
+        if sending.credit_bytes < PARAM_VALUE_FRAME_BYTES {
+            return None;
+        }
+        let row = TABLE.get(sending.next_row)?;
+        sending.credit_bytes -= PARAM_VALUE_FRAME_BYTES;
+        sending.next_row += 1;
+        if sending.next_row == TABLE.len() {
+            self.sending = None;
+        }
+        Some(param_value(row, parameters))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn list_bytes_by_second(bytes_per_second: u32, rate_hz: f32) -> Vec<usize> {
+        let parameters = Parameters::defaults();
+        let mut list = ParameterList::default();
+        let mut seconds = Vec::new();
+        let (mut now_us, mut lists) = (0, 0);
+        // Ask again whenever the list is through, so that its share is asked for all the time.
+        while now_us < 20_000_000 {
+            if list.next_due_us().is_none() {
+                lists += 1;
+                let credit = list.sending.take();
+                assert!(credit.is_none());
+                list.start(now_us);
+            }
+            list.release(now_us, rate_hz, bytes_per_second);
+            while list.take(&parameters).is_some() {
+                seconds.resize((now_us / 1_000_000) as usize + 1, 0);
+                *seconds.last_mut().unwrap() += PARAM_VALUE_FRAME_BYTES as usize;
+            }
+            now_us = list.next_due_us().unwrap_or(now_us).max(now_us + 1000);
+        }
+        assert!(lists > 1);
+        seconds
+    }
+
+    #[test]
+    fn a_list_takes_its_share_of_the_link_and_no_more() {
+        for (baud, rate_hz) in [(9_600, 10.0), (57_600, 10.0), (57_600, 1.0), (115_200, 50.0)] {
+            let bytes_per_second = baud / 10;
+            let share = bytes_per_second as f32 * LIST_SHARE;
+            for (second, bytes) in list_bytes_by_second(bytes_per_second, rate_hz).iter().enumerate() {
+                // A list that starts may send one parameter at once.
+                let lists_started = 1.0 + share / (PARAMETER_COUNT as f32 * PARAM_VALUE_FRAME_BYTES);
+                let allowed = share + (1.0 + lists_started.ceil()) * PARAM_VALUE_FRAME_BYTES;
+                assert!(
+                    (*bytes as f32) <= allowed,
+                    "{baud} baud: {bytes} bytes in second {second}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_list_is_complete_and_in_order() {
+        let parameters = Parameters::defaults();
+        let mut list = ParameterList::default();
+        list.start(0);
+        let mut indices = Vec::new();
+        while let Some(now_us) = list.next_due_us() {
+            list.release(now_us, 10.0, 960);
+            while let Some(Message::ParamValue(value)) = list.take(&parameters) {
+                assert_eq!(value.param_count, PARAMETER_COUNT as u16);
+                indices.push(usize::from(value.param_index));
+            }
+        }
+        assert_eq!(indices, (0..PARAMETER_COUNT).collect::<Vec<_>>());
+    }
+}

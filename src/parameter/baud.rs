@@ -1,0 +1,35 @@
+//! ArduPilot's coding of baud rates.
+
+/// The baud rate that a value of `SERIAL0_BAUD` stands for: roughly thousands, with the usual rates meant exactly.
+pub fn serial_baud(code: i32) -> u32 {
+    match code {
+        9 => 9_600,
+        19 => 19_200,
+        38 => 38_400,
+        57 => 57_600,
+        111 => 111_100,
+        230 => 230_400,
+        256 => 256_000,
+        460 => 460_800,
+        500 => 500_000,
+        921 => 921_600,
+        // The default, and what a value that the table does not allow would fall back to.
+        _ => 115_200,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{ParameterId, Range, TABLE};
+    use super::*;
+
+    #[test]
+    fn every_code_of_the_table_is_the_rate_it_names() {
+        let Range::OneOf(codes) = TABLE[ParameterId::Serial0Baud as usize].range else {
+            panic!("the codes are listed");
+        };
+        for (code, rate) in codes {
+            assert_eq!(serial_baud(*code).to_string(), *rate);
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! What stands in flash: records and headers, each three little-endian words with the CRC-32 last.
+
+/// One stored value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Record {
+    pub key: u32,
+    /// The bits of an `f32`.
+    pub value: u32,
+}
+
+/// What the place for a record holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Slot {
+    /// Nothing was ever written.
+    Blank,
+    Record(Record),
+    /// Neither: a write that was cut short, or bits that changed.
+    Damaged,
+}
+
+/// The sign that a sector is complete.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Header {
+    /// Higher than that of every sector before.
+    pub sequence: u32,
+}
+
+const SIZE: usize = 12;
+
+impl Record {
+    pub const SIZE: usize = SIZE;
+
+    pub fn to_bytes(self) -> [u8; SIZE] {
+        seal(self.key, self.value)
+    }
+
+    /// Whether the record in `bytes`, if it is one, has this key.
+    pub fn may_have_key(bytes: &[u8; SIZE], key: u32) -> bool {
+        bytes.starts_with(&key.to_le_bytes())
+    }
+}
+
+impl Slot {
+    pub fn from_bytes(bytes: [u8; SIZE]) -> Self {
+        if bytes == [0xFF; SIZE] {
+            return Self::Blank;
+        }
+        unseal(bytes).map_or(Self::Damaged, |(key, value)| Self::Record(Record { key, value }))
+    }
+}
+
+impl Header {
+    pub const SIZE: usize = SIZE;
+
+    /// Says that this is ours, and which layout: a firmware with another layout takes another number.
+    const MAGIC: u32 = u32::from_le_bytes(*b"PAR1");
+
+    pub fn to_bytes(self) -> [u8; SIZE] {
+        seal(Self::MAGIC, self.sequence)
+    }
+
+    pub fn from_bytes(bytes: [u8; SIZE]) -> Option<Self> {
+        unseal(bytes)
+            .filter(|&(magic, _)| magic == Self::MAGIC)
+            .map(|(_, sequence)| Self { sequence })
+    }
+}
+
+fn seal(first: u32, second: u32) -> [u8; SIZE] {
+    let words = [first, second, crc32(first, second)];
+    let mut bytes = [0; SIZE];
+    for (target, word) in bytes.as_chunks_mut().0.iter_mut().zip(words) {
+        *target = word.to_le_bytes();
+    }
+    bytes
+}
+
+fn unseal(bytes: [u8; SIZE]) -> Option<(u32, u32)> {
+    let &[first, second, crc] = bytes.as_chunks().0 else {
+        return None;
+    };
+    let (first, second) = (u32::from_le_bytes(first), u32::from_le_bytes(second));
+    (crc32(first, second) == u32::from_le_bytes(crc)).then_some((first, second))
+}
+
+/// The CRC-32 of Ethernet over both words, lowest byte first. Neither all zeros nor all ones are sealed by it.
+fn crc32(first: u32, second: u32) -> u32 {
+    let crc = [first, second].into_iter().fold(u32::MAX, |mut crc, word| {
+        crc ^= word;
+        for _ in 0..u32::BITS {
+            crc = (crc >> 1) ^ (0xEDB8_8320 * (crc & 1));
+        }
+        crc
+    });
+    !crc
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_crc_is_that_of_ethernet() {
+        let word = |text: &[u8; 4]| u32::from_le_bytes(*text);
+        // `zlib.crc32` of the same bytes.
+        assert_eq!(crc32(word(b"1234"), word(b"5678")), 0x9AE0_DAAF);
+        assert_eq!(crc32(0, 0), 0x6522_DF69);
+    }
+
+    #[test]
+    fn flash_without_content_holds_neither_record_nor_header() {
+        assert_eq!(Slot::from_bytes([0xFF; SIZE]), Slot::Blank);
+        assert_eq!(Slot::from_bytes([0; SIZE]), Slot::Damaged);
+        assert_eq!(Header::from_bytes([0xFF; SIZE]), None);
+        assert_eq!(Header::from_bytes([0; SIZE]), None);
+    }
+
+    #[test]
+    fn up_to_three_changed_bits_spoil_a_record() {
+        let bytes = Record {
+            key: 7,
+            value: 1.5_f32.to_bits(),
+        }
+        .to_bytes();
+        let flip = |mut bytes: [u8; SIZE], bit: usize| {
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            bytes
+        };
+        for a in 0..SIZE * 8 {
+            assert_eq!(Slot::from_bytes(flip(bytes, a)), Slot::Damaged);
+            for b in 0..a {
+                assert_eq!(Slot::from_bytes(flip(flip(bytes, a), b)), Slot::Damaged);
+                for c in 0..b {
+                    assert_eq!(Slot::from_bytes(flip(flip(flip(bytes, a), b), c)), Slot::Damaged);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! The region of flash as a row of sectors, each with two headers and slots for records; `storage.rs` has the layout.
+
+use core::ops::Range;
+
+use embassy_futures::yield_now;
+use embedded_storage_async::nor_flash::NorFlash;
+
+use super::StorageError;
+use super::record::{Header, Record, Slot};
+
+/// The whole sectors of a region.
+#[derive(Debug)]
+pub(super) struct Region<F> {
+    pub flash: F,
+    pub sectors: u32,
+    start: u32,
+}
+
+const WORD: usize = size_of::<u32>();
+/// Bytes at either end of a sector that hold no records.
+const MARGIN: u32 = 16;
+/// From the start of a sector: a word that is blank until the next sector takes over.
+const RETIRED: u32 = Header::SIZE as u32;
+
+impl<F: NorFlash> Region<F> {
+    const SECTOR: u32 = F::ERASE_SIZE as u32;
+    /// The records a sector takes.
+    pub const SLOTS: u32 = (Self::SECTOR - 2 * MARGIN) / Record::SIZE as u32;
+
+    pub fn new(flash: F, range: Range<u32>) -> Self {
+        const {
+            assert!(WORD.is_multiple_of(F::READ_SIZE) && WORD.is_multiple_of(F::WRITE_SIZE));
+            assert!(F::ERASE_SIZE.is_multiple_of(MARGIN as usize) && F::ERASE_SIZE >= 64);
+        }
+        let first = range.start.div_ceil(Self::SECTOR);
+        let sectors = (range.end / Self::SECTOR).saturating_sub(first);
+        Self {
+            flash,
+            sectors,
+            start: first.saturating_mul(Self::SECTOR),
+        }
+    }
+
+    /// The sequence number of a sector that is complete, from whichever of its headers is good.
+    pub async fn read_sequence(&mut self, sector: u32) -> Result<Option<u32>, StorageError> {
+        for address in self.header_addresses(sector) {
+            if let Some(header) = Header::from_bytes(self.read(address).await?) {
+                return Ok(Some(header.sequence));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Declares a sector complete.
+    pub async fn write_sequence(&mut self, sector: u32, sequence: u32) -> Result<(), StorageError> {
+        for address in self.header_addresses(sector) {
+            self.write(address, &Header { sequence }.to_bytes()).await?;
+        }
+        Ok(())
+    }
+
+    /// Whether a sector with a higher sequence number existed once.
+    pub async fn is_retired(&mut self, sector: u32) -> Result<bool, StorageError> {
+        Ok(self.read(self.address(sector) + RETIRED).await? != [0xFF; WORD])
+    }
+
+    pub async fn retire(&mut self, sector: u32) -> Result<(), StorageError> {
+        if self.is_retired(sector).await? {
+            return Ok(());
+        }
+        self.write(self.address(sector) + RETIRED, &[0; WORD]).await
+    }
+
+    pub async fn read_slot(&mut self, sector: u32, slot: u32) -> Result<Slot, StorageError> {
+        Ok(Slot::from_bytes(
+            self.read(self.slot_address(sector, slot)).await?,
+        ))
+    }
+
+    /// The value in `slot` if there is one for `key`.
+    pub async fn read_value(
+        &mut self,
+        sector: u32,
+        slot: u32,
+        key: u32,
+    ) -> Result<Option<u32>, StorageError> {
+        let bytes = self.read(self.slot_address(sector, slot)).await?;
+        // The key decides most often, and costs less than a CRC.
+        if !Record::may_have_key(&bytes, key) {
+            return Ok(None);
+        }
+        Ok(match Slot::from_bytes(bytes) {
+            Slot::Record(record) => Some(record.value),
+            Slot::Blank | Slot::Damaged => None,
+        })
+    }
+
+    pub async fn write_record(&mut self, sector: u32, slot: u32, record: Record) -> Result<(), StorageError> {
+        if slot >= Self::SLOTS {
+            return Err(StorageError::Full);
+        }
+        self.write(self.slot_address(sector, slot), &record.to_bytes())
+            .await
+    }
+
+    /// True also if the very first write of all was cut short: that is no damage.
+    pub async fn was_never_used(&mut self) -> Result<bool, StorageError> {
+        for sector in 0..self.sectors {
+            if !self.is_blank_from(MARGIN, sector).await? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    pub async fn find_blank_sector(&mut self) -> Result<Option<u32>, StorageError> {
+        for sector in 0..self.sectors {
+            if self.is_blank(sector).await? {
+                return Ok(Some(sector));
+            }
+        }
+        Ok(None)
+    }
+
+    pub async fn is_blank(&mut self, sector: u32) -> Result<bool, StorageError> {
+        self.is_blank_from(0, sector).await
+    }
+
+    async fn is_blank_from(&mut self, start: u32, sector: u32) -> Result<bool, StorageError> {
+        for offset in (start..Self::SECTOR).step_by(MARGIN as usize) {
+            if self.read(self.address(sector) + offset).await? != [0xFF; MARGIN as usize] {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    pub async fn erase(&mut self, sector: u32) -> Result<(), StorageError> {
+        // An erase holds up the whole processor: whoever waits already goes first. The same for `write`.
+        yield_now().await;
+        let address = self.address(sector);
+        self.flash
+            .erase(address, address + Self::SECTOR)
+            .await
+            .map_err(|_| StorageError::Flash)?;
+        if !self.is_blank(sector).await? {
+            return Err(StorageError::Flash);
+        }
+        Ok(())
+    }
+
+    async fn write<const N: usize>(&mut self, address: u32, bytes: &[u8; N]) -> Result<(), StorageError> {
+        yield_now().await;
+        self.flash
+            .write(address, bytes)
+            .await
+            .map_err(|_| StorageError::Flash)?;
+        if self.read(address).await? != *bytes {
+            return Err(StorageError::Flash);
+        }
+        Ok(())
+    }
+
+    async fn read<const N: usize>(&mut self, address: u32) -> Result<[u8; N], StorageError> {
+        let mut bytes = [0; N];
+        self.flash
+            .read(address, &mut bytes)
+            .await
+            .map_err(|_| StorageError::Flash)?;
+        Ok(bytes)
+    }
+
+    fn address(&self, sector: u32) -> u32 {
+        self.start + sector * Self::SECTOR
+    }
+
+    fn header_addresses(&self, sector: u32) -> [u32; 2] {
+        let front = self.address(sector);
+        [front, front + Self::SECTOR - MARGIN]
+    }
+
+    fn slot_address(&self, sector: u32, slot: u32) -> u32 {
+        self.address(sector) + MARGIN + slot * Record::SIZE as u32
+    }
+}

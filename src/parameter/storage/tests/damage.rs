@@ -1,0 +1,176 @@
+//! Damaged and foreign content: reported, survived, and never a value that was not stored.
+
+use std::collections::BTreeSet;
+
+use proptest::prelude::*;
+
+use super::*;
+
+/// A region that has gone round, and every value each key ever had.
+fn used_region() -> (SmallFlash, Values, BTreeSet<(u16, u32)>) {
+    let mut flash = SmallFlash::blank();
+    let mut latest = Values::new();
+    let mut ever = BTreeSet::new();
+    let mut storage = flash.storage();
+    for number in 0..60_u16 {
+        let (key, value) = (number % 4, f32::from(number));
+        block_on(storage.store(key, value)).unwrap();
+        latest.insert(key, value.to_bits());
+        ever.insert((key, value.to_bits()));
+    }
+    (flash, latest, ever)
+}
+
+/// Whatever the flash holds: stores go on, and after a clear nothing is left of the damage.
+fn assert_goes_on(mut flash: SmallFlash) {
+    let mut cleared = flash.clone();
+    let (mut found, _) = flash.load();
+    assert_eq!(flash.store(5, 0.125), Ok(Stored::Written));
+    found.insert(5, 0.125_f32.to_bits());
+    assert_eq!(
+        flash.load(),
+        (found, Ok(())),
+        "a value that is written ends the damage"
+    );
+
+    assert_eq!(cleared.clear(), Ok(()));
+    assert_eq!(cleared.load(), (Values::new(), Ok(())));
+    for number in 0..100_u16 {
+        assert_eq!(cleared.store(number % 3, f32::from(number)), Ok(Stored::Written));
+    }
+    assert_eq!(
+        cleared.load(),
+        (values(&[(0, 99.0), (1, 97.0), (2, 98.0)]), Ok(()))
+    );
+    cleared.assert_margins_are_untouched();
+}
+
+#[test]
+fn any_single_bit_that_flips_costs_at_most_one_record_and_is_reported_unless_it_looks_like_a_power_cut() {
+    let (mut flash, latest, ever) = used_region();
+    let mut storage = flash.storage();
+    let log = block_on(storage.find_log()).unwrap().unwrap();
+    assert!(
+        log.used > 4 && log.used < SMALL_SLOTS - 1,
+        "there are records before and blank slots after the last"
+    );
+    let slot_of = |byte: usize| {
+        let in_sector = byte
+            .checked_sub(log.sector as usize * 176)
+            .filter(|&offset| offset < 176)?;
+        let slot = u32::try_from(in_sector.checked_sub(16)?).unwrap() / 12;
+        (slot < SMALL_SLOTS).then_some(slot)
+    };
+    for bit in 0..176 * 3 * 8 {
+        let mut spoiled = flash.clone();
+        spoiled.region()[bit / 8] ^= 1 << (bit % 8);
+        let (found, result) = spoiled.load();
+        let differing: Vec<_> = latest
+            .iter()
+            .filter(|&(key, value)| found.get(key) != Some(value))
+            .collect();
+        assert!(
+            found.iter().all(|(&key, &value)| ever.contains(&(key, value))),
+            "bit {bit}: {found:?}"
+        );
+        match slot_of(bit / 8) {
+            Some(slot) if slot + 1 < log.used => assert_eq!(result, Err(StorageError::Corrupt)),
+            // The last record, or the first blank slot, may be a store that was cut short.
+            Some(slot) if slot <= log.used => assert_eq!(result, Ok(())),
+            Some(_) => assert_eq!(result, Err(StorageError::Corrupt)),
+            None => assert!(differing.is_empty(), "bit {bit}"),
+        }
+        assert!(differing.len() <= 1, "bit {bit}");
+        assert_goes_on(spoiled);
+    }
+}
+
+#[test]
+fn a_damaged_page_costs_no_more_than_its_own_records_and_is_reported() {
+    let (mut flash, latest, ever) = used_region();
+    let log = block_on(flash.storage().find_log()).unwrap().unwrap();
+    // Both ends of the sector, each with a header.
+    for (page, kept) in [(0..64, 2), (112..176, 4)] {
+        for fill in [0x00, 0xA5] {
+            let mut spoiled = flash.clone();
+            let base = log.sector as usize * 176;
+            spoiled.region()[base + page.start..base + page.end].fill(fill);
+            let (found, result) = spoiled.load();
+            assert_eq!(result, Err(StorageError::Corrupt));
+            assert!(found.iter().all(|(&key, &value)| ever.contains(&(key, value))));
+            assert!(
+                found
+                    .iter()
+                    .filter(|&(key, value)| latest.get(key) == Some(value))
+                    .count()
+                    >= kept
+            );
+            assert_goes_on(spoiled);
+        }
+    }
+}
+
+#[test]
+fn the_loss_of_the_whole_sector_brings_back_older_values_and_is_reported() {
+    let (mut flash, latest, ever) = used_region();
+    let log = block_on(flash.storage().find_log()).unwrap().unwrap();
+    for fill in [0x00, 0xA5, 0xFF] {
+        let mut spoiled = flash.clone();
+        spoiled.region()[log.sector as usize * 176..][..176].fill(fill);
+        let (found, result) = spoiled.load();
+        assert_eq!(result, Err(StorageError::Corrupt));
+        assert!(found.keys().eq(latest.keys()));
+        assert!(found.iter().all(|(&key, &value)| ever.contains(&(key, value))));
+        assert_goes_on(spoiled);
+    }
+}
+
+#[test]
+fn a_cleared_region_that_gets_damaged_can_be_cleared_again() {
+    let (mut flash, ..) = used_region();
+    flash.clear().unwrap();
+    let log = block_on(flash.storage().find_log()).unwrap().unwrap();
+    // The word that says that another sector has taken over.
+    flash.region()[log.sector as usize * 176 + 12] = 0xFE;
+    assert_eq!(flash.load(), (Values::new(), Err(StorageError::Corrupt)));
+    assert_goes_on(flash);
+}
+
+#[test]
+fn what_is_not_ours_is_reported_and_holds_no_value() {
+    for fill in [0x00, 0x01, 0xA5, 0xFE] {
+        let mut flash = SmallFlash::blank();
+        flash.region().fill(fill);
+        assert_eq!(flash.load(), (Values::new(), Err(StorageError::Corrupt)));
+        assert_goes_on(flash);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn random_content_is_reported_and_holds_no_value(content in prop::collection::vec(any::<u8>(), 176 * 3)) {
+        let mut flash = SmallFlash::blank();
+        flash.region().copy_from_slice(&content);
+        prop_assert_eq!(flash.load(), (Values::new(), Err(StorageError::Corrupt)));
+        assert_goes_on(flash);
+    }
+
+    #[test]
+    fn no_damage_brings_up_a_value_that_was_never_stored(
+        damage in prop::collection::vec((0..176 * 3_usize, any::<u8>()), 1..60),
+    ) {
+        let (mut flash, latest, ever) = used_region();
+        for (byte, value) in damage {
+            flash.region()[byte] = value;
+        }
+        let (found, result) = flash.load();
+        prop_assert!(found.iter().all(|(&key, &value)| ever.contains(&(key, value))));
+        if result.is_ok() {
+            // At most the newest record, which counts as cut short.
+            prop_assert!(latest.iter().filter(|&(key, value)| found.get(key) != Some(value)).count() <= 1);
+        }
+        assert_goes_on(flash);
+    }
+}

@@ -1,0 +1,236 @@
+//! Power cuts, failing operations, dropped futures: the old value or the new one.
+
+use proptest::prelude::*;
+
+use super::*;
+
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Store(u16, f32),
+    Clear,
+}
+
+impl Step {
+    fn run<F: NorFlash>(self, storage: &mut ParameterStorage<F>) -> Result<(), StorageError> {
+        match self {
+            Self::Store(key, value) => block_on(storage.store(key, value)).map(drop),
+            Self::Clear => block_on(storage.clear()),
+        }
+    }
+
+    fn apply(self, values: &mut Values) {
+        match self {
+            Self::Store(key, value) => {
+                values.insert(key, value.to_bits());
+            }
+            Self::Clear => values.clear(),
+        }
+    }
+}
+
+/// Few keys, so that they are stored again and again; few values, so that some are stored unchanged.
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        30 => (0..8_u16, 0..6_u8).prop_map(|(key, value)| Step::Store(key, f32::from(value))),
+        3 => (any::<u16>(), any::<u32>()).prop_map(|(key, bits)| Step::Store(key % 10, f32::from_bits(bits))),
+        1 => Just(Step::Clear),
+    ]
+}
+
+/// Runs `steps` on storage that stays open. When power fails, the step under way is done or not done, all others hold, and
+/// the rest of the steps is left.
+///
+/// Returns the number of steps done, for certain or not.
+fn run_until_dark<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
+    flash: &mut FlashModel<SECTOR, PAGE, SECTORS>,
+    steps: &[Step],
+    values: &mut Values,
+) -> usize {
+    let mut storage = flash.storage();
+    for (index, step) in steps.iter().enumerate() {
+        let before = values.clone();
+        step.apply(values);
+        if step.run(&mut storage).is_ok() {
+            continue;
+        }
+        assert!(storage.region.flash.is_dark(), "{step:?} failed with power on");
+        storage.region.flash.power_up();
+        let (found, result) = flash.load();
+        assert_eq!(result, Ok(()), "a power cut is no damage, in {step:?}");
+        assert!(
+            found == before || found == *values,
+            "{step:?}: {before:?} became {found:?}"
+        );
+        *values = found;
+        return index + 1;
+    }
+    steps.len()
+}
+
+/// Cuts power in every operation `steps` take, in `ways` ways each; after every cut, cuts it once more a little later; and
+/// then lets the rest of the steps run.
+fn cut_everywhere<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
+    prepared: &FlashModel<SECTOR, PAGE, SECTORS>,
+    steps: &[Step],
+    ways: u64,
+) {
+    let mut flash = prepared.clone();
+    let stored_before = flash.load().0;
+    let mut values = stored_before.clone();
+    run_until_dark(&mut flash, steps, &mut values);
+    let operations = flash.operations() - prepared.operations();
+    assert!(operations > 0 && !flash.is_dark());
+
+    for (operation, way) in (0..operations).flat_map(|operation| (0..ways).map(move |way| (operation, way))) {
+        let seed = operation * ways + way;
+        let mut flash = prepared.clone();
+        let mut values = stored_before.clone();
+        flash.cut_power_after(operation, seed);
+        let mut done = run_until_dark(&mut flash, steps, &mut values);
+        flash.cut_power_after(seed % 17, !seed);
+        done += run_until_dark(&mut flash, &steps[done..], &mut values);
+        flash.power_up();
+        done += run_until_dark(&mut flash, &steps[done..], &mut values);
+        assert_eq!(done, steps.len());
+        assert_eq!(flash.load(), (values, Ok(())));
+        flash.assert_margins_are_untouched();
+    }
+}
+
+#[test]
+fn a_power_cut_in_any_operation_leaves_the_old_or_the_new_value() {
+    // Alternating keys and one that stays; moves to the next sector come early, late and at a clear.
+    let steps: Vec<Step> = (0..45_u16)
+        .map(|number| match number {
+            20 => Step::Clear,
+            21 => Step::Store(9, -1.0),
+            _ => Step::Store(number % 5, f32::from(number)),
+        })
+        .collect();
+    cut_everywhere(&SmallFlash::blank(), &steps, 200);
+}
+
+#[test]
+fn a_power_cut_in_any_operation_of_a_move_on_the_board_leaves_the_old_or_the_new_value() {
+    let mut flash = BoardFlash::blank();
+    let mut storage = flash.storage();
+    for number in 0..BOARD_SLOTS - 3 {
+        block_on(storage.store(u16::try_from(number % 30).unwrap(), f32::from_bits(number))).unwrap();
+    }
+    let steps: Vec<Step> = (0..6).map(|key| Step::Store(key, 0.25)).collect();
+    cut_everywhere(&flash, &steps, 20);
+}
+
+#[test]
+fn an_operation_that_fails_leaves_the_old_or_the_new_value_and_the_next_call_works() {
+    for operation in 0..60 {
+        let mut flash = SmallFlash::blank();
+        let mut expected = Values::new();
+        flash.refuse_after(operation);
+        let mut storage = flash.storage();
+        let mut failures = 0;
+        for number in 0..60_u16 {
+            let step = Step::Store(number % 4, f32::from(number));
+            if let Err(error) = step.run(&mut storage) {
+                assert_eq!(error, StorageError::Flash);
+                failures += 1;
+                step.run(&mut storage).unwrap();
+            }
+            step.apply(&mut expected);
+        }
+        assert_eq!(failures, 1);
+        assert_eq!(flash.load(), (expected, Ok(())));
+    }
+}
+
+#[test]
+fn a_write_that_did_not_take_is_an_error_and_costs_no_other_value() {
+    for operation in 0..50 {
+        let mut flash = SmallFlash::blank();
+        let mut expected = Values::new();
+        flash.slip_after(operation);
+        let mut storage = flash.storage();
+        for number in 0..60_u16 {
+            let step = Step::Store(number % 4, f32::from(number));
+            if let Err(error) = step.run(&mut storage) {
+                assert_eq!(error, StorageError::Flash);
+                step.run(&mut storage).unwrap();
+            }
+            step.apply(&mut expected);
+            let found = storage.region.flash.clone().load();
+            assert_eq!(
+                found,
+                (expected.clone(), Ok(())),
+                "operation {operation}, {step:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_worn_bit_is_an_error_and_no_lost_value() {
+    for bit in 0..176 * 8 {
+        let mut flash = SmallFlash::blank();
+        flash.stuck = Some((2 * 176 + bit / 8, 1 << (bit % 8)));
+        let mut expected = Values::new();
+        let mut failures = 0;
+        let mut storage = flash.storage();
+        for number in 0..30_u16 {
+            let step = Step::Store(number % 3, f32::from(number));
+            match step.run(&mut storage) {
+                Ok(()) => step.apply(&mut expected),
+                Err(error) => {
+                    assert_eq!(error, StorageError::Flash);
+                    failures += 1;
+                }
+            }
+        }
+        assert!(failures > 0, "the second sector can't be used");
+        assert_eq!(flash.load(), (expected, Ok(())));
+    }
+}
+
+#[test]
+fn a_store_that_is_dropped_half_way_leaves_the_old_or_the_new_value() {
+    let mut flash = SmallFlash::blank();
+    let mut expected = Values::new();
+    let mut storage = flash.storage();
+    let mut dropped = 0;
+    for number in 0..800_u16 {
+        let (key, value) = (number % 4, f32::from(number));
+        let mut context = Context::from_waker(Waker::noop());
+        let finished = {
+            let mut future = pin!(storage.store(key, value));
+            (0..number % 37).any(|_| future.as_mut().poll(&mut context).is_ready())
+        };
+        let mut stored = None;
+        block_on(storage.load(|found, value| {
+            if found == key {
+                stored = Some(value.to_bits());
+            }
+        }))
+        .unwrap();
+        assert!(stored == Some(value.to_bits()) || (!finished && stored == expected.get(&key).copied()));
+        expected.extend(stored.map(|bits| (key, bits)));
+        dropped += u32::from(!finished);
+    }
+    assert!(dropped > 50 && flash.erases.iter().all(|&count| count > 1));
+    assert_eq!(flash.load(), (expected, Ok(())));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn any_stores_with_a_power_cut_in_every_operation_leave_old_or_new_values(
+        before in prop::collection::vec(step(), 0..30),
+        mut steps in prop::collection::vec(step(), 0..30),
+    ) {
+        let mut flash = SmallFlash::blank();
+        let mut values = Values::new();
+        run_until_dark(&mut flash, &before, &mut values);
+        // The others may all be unchanged values.
+        steps.push(Step::Store(99, 1.0));
+        cut_everywhere(&flash, &steps, 8);
+    }
+}

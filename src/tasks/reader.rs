@@ -1,0 +1,116 @@
+//! Reads one link and handles what ground stations ask for.
+
+use embassy_time::{Duration, Instant, with_timeout};
+
+use super::{Link, Shared, mark};
+use crate::liveness::CheckIn;
+use crate::log::{info, warn};
+use crate::mavlink::dialect::MavSeverity;
+use crate::mavlink::{Action, Event};
+use crate::parameter::{ParameterId, TABLE};
+
+/// Bytes handled in one go.
+const CHUNK_BYTES: usize = 64;
+
+/// A sender that has been silent for so long will not end the frame it began. Radios that send in slots split frames by
+/// less.
+const PAUSE: Duration = Duration::from_millis(250);
+
+const BANNER: &str = concat!("rover-battmon ", env!("CARGO_PKG_VERSION"));
+
+/// Why nothing was received.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum ReceiveError {
+    /// Bytes were lost on the way; more can be received.
+    BytesLost,
+    /// The other end is gone.
+    Closed,
+}
+
+/// Something bytes come from.
+pub trait ByteSource {
+    /// Waits for bytes and puts them into `buffer`; says how many, at least one.
+    ///
+    /// # Errors
+    /// Bytes were lost, or there will be no more.
+    // The futures stay on one executor, so `Send` need not be promised.
+    #[allow(async_fn_in_trait)]
+    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError>;
+}
+
+/// Handles what `source` delivers until it is closed.
+pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Link, check_in: &CheckIn) {
+    let mut chunk = [0; CHUNK_BYTES];
+    loop {
+        match with_timeout(PAUSE, source.receive(&mut chunk)).await {
+            Ok(Ok(received)) => handle(chunk.get(..received).unwrap_or(&chunk), shared, link),
+            Ok(Err(ReceiveError::BytesLost)) => {
+                link.with(|endpoint| endpoint.count_overrun());
+                warn!("{}: received bytes were lost", link.name());
+            }
+            Ok(Err(ReceiveError::Closed)) => return,
+            Err(_) => {
+                link.with(|endpoint| endpoint.give_up_waiting());
+                handle(&[], shared, link);
+            }
+        }
+        mark(check_in);
+    }
+}
+
+/// Handles all frames that end in `bytes`.
+fn handle(mut bytes: &[u8], shared: &Shared, link: &Link) {
+    loop {
+        let taken = link.with(|endpoint| endpoint.push(bytes));
+        bytes = bytes.get(taken..).unwrap_or(&[]);
+        let now_us = Instant::now().as_micros();
+        while let Some(event) = link
+            .with(|endpoint| shared.with_parameters(|parameters| endpoint.handle_next(now_us, parameters)))
+        {
+            react(event, shared, link);
+        }
+        if bytes.is_empty() {
+            return;
+        }
+    }
+}
+
+fn react(event: Event, shared: &Shared, link: &Link) {
+    match event {
+        Event::Ignored => return,
+        Event::Answered => {}
+        Event::ListRequested => {
+            link.with(|endpoint| endpoint.say(MavSeverity::MAV_SEVERITY_INFO, BANNER));
+            for (severity, text) in shared.notices() {
+                link.with(|endpoint| endpoint.say(severity, text));
+            }
+        }
+        Event::ParameterSet(id) => {
+            info!("{}: {} set to {}", link.name(), name(id), shared.parameter(id));
+            shared.to_save.signal(());
+        }
+        Event::ParameterRefused => warn!("{}: a parameter was refused", link.name()),
+        Event::Command(action) => {
+            info!("{}: {:?}", link.name(), action);
+            act(action, shared);
+        }
+        Event::CommandRefused(number) => warn!("{}: command {} refused", link.name(), number),
+    }
+    link.to_write.signal(());
+    link.to_schedule.signal(());
+}
+
+fn name(id: ParameterId) -> &'static str {
+    TABLE[id as usize].name
+}
+
+fn act(action: Action, shared: &Shared) {
+    match action {
+        Action::Reboot => shared.to_reboot.signal(()),
+        Action::ResetParameters => {
+            shared.to_clear.set(true);
+            shared.to_save.signal(());
+        }
+    }
+}

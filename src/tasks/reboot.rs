@@ -1,0 +1,26 @@
+//! Restarts the vehicle when a ground station asks for it.
+
+use embassy_time::{Duration, Instant, Timer};
+
+use super::Shared;
+use crate::log::info;
+
+/// What was answered and set before a restart gets this long to be sent and saved.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+const LOOK_INTERVAL: Duration = Duration::from_millis(20);
+
+/// After the last message was given to the wire: what its buffers may still hold at 9600 baud.
+const WIRE_DELAY: Duration = Duration::from_millis(250);
+
+/// Waits until a restart is asked for, and then until what was answered and set before has been sent and saved.
+/// `all_sent` tells whether the links are idle.
+pub async fn reboot_requested(shared: &Shared, all_sent: impl Fn() -> bool) {
+    shared.to_reboot.wait().await;
+    let deadline = Instant::now() + PATIENCE;
+    while (shared.has_unsaved() || !all_sent()) && Instant::now() < deadline {
+        Timer::after(LOOK_INTERVAL).await;
+    }
+    Timer::after(WIRE_DELAY).await;
+    info!("restarting");
+}

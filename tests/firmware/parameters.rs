@@ -1,0 +1,306 @@
+//! The parameters, through the telemetry port and over restarts.
+
+use std::collections::BTreeMap;
+
+use crate::bench::{Bench, MILLISECOND, SECOND};
+use crate::emulator::{LogLevel, ResetCause};
+use crate::support::frames::{
+    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue,
+    STATUSTEXT, SYS_STATUS, of_message,
+};
+use crate::support::requests::{
+    VEHICLE, command_long, ftp_open, param_read_by_index, param_read_by_name, param_request_list, param_set,
+};
+
+const PREFLIGHT_STORAGE: u16 = 245;
+const PREFLIGHT_REBOOT_SHUTDOWN: u16 = 246;
+const ACCEPTED: u8 = 0;
+const UNSUPPORTED: u8 = 3;
+
+/// Long enough for everything that waits to be written to flash, erases included.
+const SAVED_US: u64 = SECOND;
+
+fn running(code: u16) -> Bench {
+    let mut bench = Bench::power_up(code);
+    bench.run_for(SECOND);
+    bench
+}
+
+fn value_of(answers: &[Frame], name: &str) -> Option<f32> {
+    let values = of_message(answers, PARAM_VALUE);
+    values
+        .iter()
+        .map(|frame| ParamValue(frame))
+        .find(|answer| answer.name() == name)
+        .map(|answer| answer.value())
+}
+
+fn read(bench: &mut Bench, name: &str) -> f32 {
+    let answers = bench.ask(&param_read_by_name(name));
+    value_of(&answers, name).unwrap_or_else(|| panic!("{name} was not answered: {answers:?}"))
+}
+
+fn set(bench: &mut Bench, name: &str, value: f32) {
+    let answers = bench.ask(&param_set(name, value));
+    assert_eq!(value_of(&answers, name), Some(value), "{answers:?}");
+}
+
+/// All parameters, by a list.
+fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
+    let mut answers = bench.ask(&param_request_list(VEHICLE));
+    let from_us = answers.last().map_or(0, |frame| frame.at_us);
+    bench.run_for(2 * SECOND);
+    answers.extend(bench.frames().into_iter().filter(|frame| frame.at_us > from_us));
+    let values = of_message(&answers, PARAM_VALUE);
+    let count = usize::from(ParamValue(values[0]).count());
+    assert_eq!(values.len(), count, "each once");
+    values
+        .iter()
+        .map(|frame| (ParamValue(frame).name(), ParamValue(frame).value()))
+        .collect()
+}
+
+fn reboot(bench: &mut Bench) {
+    let resets = bench.resets().len();
+    let answers = bench.ask(&command_long(PREFLIGHT_REBOOT_SHUTDOWN, 1.0));
+    assert_eq!(
+        (answers[0].u16(0), answers[0].u8(2)),
+        (PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED)
+    );
+    assert!(
+        bench.run_until(4 * SECOND, |board| board.resets().len() > resets),
+        "no restart"
+    );
+    assert_eq!(bench.resets()[resets].cause, ResetCause::WatchdogForce);
+    bench.run_for(SECOND);
+    assert!(!bench.logged(LogLevel::Info, "started by Software").is_empty());
+}
+
+#[test]
+fn list_and_read_by_name_and_index_agree() {
+    let mut bench = running(2482);
+    let listed = list(&mut bench);
+    assert_eq!(listed["SR0_EXTRA1"], 2.0);
+    assert_eq!(listed["BATT_VOLT_MULT"], 3.95);
+    assert_eq!(listed["BATT_MONITOR"], 3.0);
+    for (name, value) in &listed {
+        assert_eq!(read(&mut bench, name), *value, "{name}");
+    }
+    for index in 0..listed.len() {
+        let answers = bench.ask(&param_read_by_index(index as i16));
+        let answer = ParamValue(&answers[0]);
+        assert_eq!(
+            (usize::from(answer.index()), listed[&answer.name()]),
+            (index, answer.value())
+        );
+    }
+    bench.assert_untroubled();
+}
+
+#[test]
+fn a_list_leaves_heartbeat_and_telemetry_flowing_and_takes_its_share() {
+    let mut bench = running(2482);
+    set(&mut bench, "SERIAL0_BAUD", 9.0);
+    reboot(&mut bench);
+    let asked_us = bench.time_us();
+    for _ in 0..10 {
+        bench.ask(&param_request_list(VEHICLE));
+        bench.run_for(SECOND - 200 * MILLISECOND);
+    }
+    let frames = bench.frames_since(asked_us);
+    let bytes: usize = of_message(&frames, PARAM_VALUE)
+        .iter()
+        .map(|frame| frame.payload_len() + 12)
+        .sum();
+    // 960 bytes a second; one parameter more at the start of each list.
+    assert!(
+        bytes <= 10 * (288 + 37),
+        "{bytes} bytes of parameters in ten seconds"
+    );
+    assert!(bytes > 10 * 200, "{bytes} bytes of parameters in ten seconds");
+    for (message, per_second) in [(HEARTBEAT, 1), (SYS_STATUS, 2), (BATTERY_STATUS, 2)] {
+        assert!(
+            of_message(&frames, message).len().abs_diff(10 * per_second) <= 1,
+            "message {message}"
+        );
+    }
+}
+
+#[test]
+fn what_was_set_is_there_after_a_restart_and_after_a_power_cycle() {
+    let mut bench = running(2482);
+    set(&mut bench, "BATT_VOLT_MULT", 4.1);
+    set(&mut bench, "SR0_EXTRA1", 5.0);
+    reboot(&mut bench);
+    assert_eq!(read(&mut bench, "BATT_VOLT_MULT"), 4.1);
+    assert_eq!(read(&mut bench, "SR0_EXTRA1"), 5.0);
+    bench.power_cycle();
+    bench.run_for(SECOND);
+    assert_eq!(read(&mut bench, "BATT_VOLT_MULT"), 4.1);
+    assert_eq!(read(&mut bench, "SR0_EXTRA1"), 5.0);
+    assert_eq!(read(&mut bench, "SYSID_THISMAV"), 1.0);
+}
+
+#[test]
+fn a_reset_to_defaults_is_live_and_stays() {
+    let mut bench = running(2482);
+    set(&mut bench, "SR0_EXTRA1", 5.0);
+    bench.run_for(SAVED_US);
+    let answers = bench.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
+    assert_eq!((answers[0].message_id, answers[0].u8(2)), (COMMAND_ACK, ACCEPTED));
+    bench.run_for(SAVED_US);
+    assert_eq!(read(&mut bench, "SR0_EXTRA1"), 2.0);
+    reboot(&mut bench);
+    assert_eq!(read(&mut bench, "SR0_EXTRA1"), 2.0);
+}
+
+#[test]
+fn a_bad_value_is_refused_and_changes_nothing() {
+    let mut bench = running(2482);
+    for value in [51.0, -1.0, f32::NAN] {
+        let answers = bench.ask(&param_set("SR0_EXTRA1", value));
+        assert_eq!(of_message(&answers, PARAM_ERROR).len(), 1, "{value}: {answers:?}");
+        assert_eq!(
+            value_of(&answers, "SR0_EXTRA1"),
+            Some(2.0),
+            "{value}: {answers:?}"
+        );
+    }
+    bench.run_for(SAVED_US);
+    assert!(
+        bench.flash_operations().is_empty(),
+        "{:?}",
+        bench.flash_operations()
+    );
+}
+
+#[test]
+fn setting_the_same_value_again_writes_nothing() {
+    let mut bench = running(2482);
+    set(&mut bench, "SR0_EXTRA1", 2.0);
+    bench.run_for(SAVED_US);
+    assert!(
+        bench.flash_operations().is_empty(),
+        "{:?}",
+        bench.flash_operations()
+    );
+    set(&mut bench, "SR0_EXTRA1", 3.0);
+    bench.run_for(SAVED_US);
+    let written = bench.flash_operations().len();
+    assert!(written > 0);
+    set(&mut bench, "SR0_EXTRA1", 3.0);
+    bench.run_for(SAVED_US);
+    assert_eq!(bench.flash_operations().len(), written);
+}
+
+#[test]
+fn the_rate_follows_sr0_extra1() {
+    for rate_hz in [1, 2, 10, 50, 0] {
+        let mut bench = running(2482);
+        set(&mut bench, "SR0_EXTRA1", rate_hz as f32);
+        bench.run_for(SAVED_US);
+        let from_us = bench.time_us();
+        bench.run_for(100 * SECOND);
+        let frames: Vec<_> = bench
+            .frames()
+            .into_iter()
+            .filter(|frame| frame.at_us > from_us)
+            .collect();
+        for message in [SYS_STATUS, BATTERY_STATUS] {
+            let count = of_message(&frames, message).len();
+            assert!(
+                count.abs_diff(100 * rate_hz) <= rate_hz.max(1),
+                "{rate_hz} Hz: {count} of {message} in 100 s"
+            );
+        }
+        assert!(of_message(&frames, HEARTBEAT).len().abs_diff(100) <= 1);
+    }
+}
+
+#[test]
+fn the_multiplier_changes_the_voltage_of_the_next_frame() {
+    let mut bench = running(2482);
+    bench.run_until_time(3_150 * MILLISECOND);
+    set(&mut bench, "BATT_VOLT_MULT", 7.9);
+    let set_us = bench.time_us();
+    bench.run_for(SECOND);
+    let frames = bench.frames();
+    let battery = of_message(&frames, BATTERY_STATUS);
+    let next = battery
+        .iter()
+        .find(|frame| frame.at_us > set_us)
+        .expect("telemetry goes on");
+    assert_eq!(BatteryStatus(next).voltage_mv(0), 15_801);
+}
+
+#[test]
+fn the_offset_and_the_pin_take_effect_at_once() {
+    let mut bench = running(2482);
+    bench.adc_input(1, crate::emulator::AdcInput::Code(3000));
+    set(&mut bench, "BATT_VLT_OFFSET", 0.1);
+    set(&mut bench, "BATT_VOLT_PIN", 27.0);
+    bench.run_for(SECOND);
+    let frames = bench.frames();
+    let battery = of_message(&frames, BATTERY_STATUS);
+    let expected_mv = (3000.0 / 4095.0 * 3.3 - 0.1) * 3950.0;
+    let reported_mv = f64::from(BatteryStatus(battery[battery.len() - 1]).voltage_mv(0));
+    assert!(
+        (reported_mv - expected_mv).abs() <= 1.0,
+        "{reported_mv} mV, not {expected_mv} mV"
+    );
+}
+
+#[test]
+fn a_battery_that_is_not_monitored_is_not_reported() {
+    let mut bench = running(2482);
+    set(&mut bench, "BATT_MONITOR", 0.0);
+    reboot(&mut bench);
+    let from_us = bench.time_us();
+    bench.run_for(5 * SECOND);
+    let frames = bench.frames_since(from_us);
+    assert!(of_message(&frames, BATTERY_STATUS).is_empty());
+    let sys_status = of_message(&frames, SYS_STATUS);
+    assert_eq!(sys_status.len(), 10);
+    assert_eq!(
+        crate::support::frames::SysStatus(sys_status[9]).sensors_present(),
+        0
+    );
+}
+
+#[test]
+fn a_new_system_id_is_used_at_once() {
+    let mut bench = running(2482);
+    set(&mut bench, "SYSID_THISMAV", 42.0);
+    let from_us = bench.time_us();
+    bench.run_for(SECOND);
+    let frames = bench.frames();
+    assert!(
+        frames
+            .iter()
+            .filter(|frame| frame.at_us > from_us)
+            .all(|frame| frame.system_id == 42)
+    );
+}
+
+#[test]
+fn unknown_commands_and_file_transfer_are_refused_at_once() {
+    let mut bench = running(2482);
+    for number in [410, 520, 42651, 65535] {
+        let answers = bench.ask(&command_long(number, 0.0));
+        assert_eq!(answers.len(), 1, "{number}");
+        assert_eq!((answers[0].u16(0), answers[0].u8(2)), (number, UNSUPPORTED));
+    }
+    let answers = bench.ask(&ftp_open(3, "@PARAM/param.pck"));
+    assert_eq!((answers.len(), answers[0].u8(6)), (1, 129));
+}
+
+#[test]
+fn a_list_is_announced_by_a_banner() {
+    let mut bench = running(2482);
+    let answers = bench.ask(&param_request_list(VEHICLE));
+    let texts = of_message(&answers, STATUSTEXT);
+    assert_eq!(
+        texts[0].text(1, 50),
+        concat!("rover-battmon ", env!("CARGO_PKG_VERSION"))
+    );
+}

@@ -1,0 +1,135 @@
+"""The parameter services, with pymavlink as the ground station."""
+
+import math
+import time
+
+import pytest
+from pymavlink import mavutil
+
+mavlink = mavutil.mavlink
+
+
+@pytest.fixture
+def vehicle(start_simulator):
+    return connect(start_simulator())
+
+
+def connect(simulator):
+    connection = mavutil.mavlink_connection(simulator.url, source_system=255)
+    connection.wait_heartbeat(timeout=10)
+    return connection
+
+
+def receive(connection, names, timeout=3):
+    message = connection.recv_match(type=names, blocking=True, timeout=timeout)
+    assert message is not None, f"no {names} came"
+    return message
+
+
+def read(connection, name):
+    connection.mav.param_request_read_send(1, 1, name.encode(), -1)
+    return receive(connection, ["PARAM_VALUE", "PARAM_ERROR"])
+
+
+def set_to(connection, name, value):
+    connection.param_set_send(name, value)
+    return receive(connection, ["PARAM_VALUE", "PARAM_ERROR"])
+
+
+def command(connection, number, *parameters):
+    parameters = list(parameters) + [math.nan] * (7 - len(parameters))
+    connection.mav.command_long_send(1, 1, number, 0, *parameters)
+    ack = receive(connection, ["COMMAND_ACK"])
+    assert ack.command == number
+    return ack.result
+
+
+def test_list(vehicle):
+    vehicle.param_fetch_all()
+    listed = {}
+    first = receive(vehicle, ["PARAM_VALUE"])
+    listed[first.param_index] = first
+    while len(listed) < first.param_count:
+        message = receive(vehicle, ["PARAM_VALUE"])
+        assert message.param_index not in listed
+        listed[message.param_index] = message
+    assert sorted(listed) == list(range(first.param_count))
+    values = {message.param_id: message.param_value for message in listed.values()}
+    assert values["SR0_EXTRA1"] == 2
+    assert values["BATT_VOLT_MULT"] == pytest.approx(3.95)
+    for name, value in values.items():
+        assert read(vehicle, name).param_value == value
+
+
+def test_read_by_index_and_unknown_names(vehicle):
+    vehicle.mav.param_request_read_send(1, 1, b"", 2)
+    message = receive(vehicle, ["PARAM_VALUE"])
+    assert (message.param_index, message.param_id) == (2, "SR0_EXTRA1")
+    error = read(vehicle, "NOPE")
+    assert error.get_type() == "PARAM_ERROR"
+    assert error.error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+
+
+def test_set_and_refuse(vehicle):
+    assert set_to(vehicle, "BATT_VOLT_MULT", 7.9).param_value == pytest.approx(7.9)
+    time.sleep(0.3)
+    while vehicle.recv_match(blocking=False):
+        pass
+    assert receive(vehicle, ["BATTERY_STATUS"]).voltages[0] > 24_000
+
+    for value in (0.0, 1000.0, math.nan):
+        error = set_to(vehicle, "BATT_VOLT_MULT", value)
+        assert error.get_type() == "PARAM_ERROR", value
+        assert error.error == mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+        assert receive(vehicle, ["PARAM_VALUE"]).param_value == pytest.approx(7.9)
+
+
+def test_the_rate_follows_the_parameter(vehicle):
+    set_to(vehicle, "SR0_EXTRA1", 10)
+    end = time.monotonic() + 4
+    count = 0
+    while time.monotonic() < end:
+        count += vehicle.recv_match(type="BATTERY_STATUS", blocking=True, timeout=0.1) is not None
+    assert 0.85 * 40 <= count <= 1.15 * 40, count
+
+
+def test_what_was_set_outlasts_a_restart_and_the_simulator(start_simulator, tmp_path):
+    flash = str(tmp_path / "flash")
+    simulator = start_simulator("--flash", flash)
+    vehicle = connect(simulator)
+    set_to(vehicle, "SR0_EXTRA1", 4)
+    assert command(vehicle, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == mavlink.MAV_RESULT_ACCEPTED
+    vehicle.close()
+    time.sleep(2)
+    vehicle = connect(simulator)
+    assert read(vehicle, "SR0_EXTRA1").param_value == 4
+    vehicle.close()
+    code, output = simulator.interrupt()
+    assert code == 0 and "Restarted." in output, output
+
+    vehicle = connect(start_simulator("--flash", flash))
+    assert read(vehicle, "SR0_EXTRA1").param_value == 4
+    assert command(vehicle, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 2) == mavlink.MAV_RESULT_ACCEPTED
+    time.sleep(0.5)
+    assert read(vehicle, "SR0_EXTRA1").param_value == 2
+
+
+def test_damaged_storage_is_said(start_simulator, tmp_path):
+    flash = tmp_path / "flash"
+    flash.write_bytes(bytes(range(256)) * 64)
+    vehicle = connect(start_simulator("--flash", str(flash)))
+    text = receive(vehicle, ["STATUSTEXT"])
+    assert "Parameter storage damaged" in text.text
+    assert text.severity == mavlink.MAV_SEVERITY_CRITICAL
+    assert read(vehicle, "SR0_EXTRA1").param_value == 2
+    assert set_to(vehicle, "SR0_EXTRA1", 3).param_value == 3
+
+
+def test_unknown_commands_and_file_transfer_are_refused_at_once(vehicle):
+    for number in (mavlink.MAV_CMD_GET_HOME_POSITION, 42651, 65535):
+        assert command(vehicle, number) == mavlink.MAV_RESULT_UNSUPPORTED
+    assert command(vehicle, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 1) == mavlink.MAV_RESULT_DENIED
+    opening = bytes([7, 0, 0, 4, 16, 0, 0, 0, 0, 0, 0, 0]) + b"@PARAM/param.pck"
+    vehicle.mav.file_transfer_protocol_send(0, 1, 1, opening.ljust(251, b"\0"))
+    answer = receive(vehicle, ["FILE_TRANSFER_PROTOCOL"])
+    assert (answer.payload[0], answer.payload[3], answer.payload[5]) == (8, 129, 4)

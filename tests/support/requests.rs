@@ -1,0 +1,83 @@
+//! What a ground station sends, as frames.
+
+// Each test program uses its own part.
+#![allow(dead_code)]
+
+use super::frames::{
+    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET,
+    encode_v2,
+};
+
+/// The vehicle's system and component id.
+pub const VEHICLE: [u8; 2] = [1, 1];
+pub const EVERYONE: [u8; 2] = [0, 0];
+
+const REAL32: u8 = 9;
+
+fn name(text: &str) -> [u8; 16] {
+    let mut name = [0; 16];
+    name[..text.len()].copy_from_slice(text.as_bytes());
+    name
+}
+
+pub fn param_request_list(target: [u8; 2]) -> Vec<u8> {
+    encode_v2(PARAM_REQUEST_LIST, &target)
+}
+
+pub fn param_read_by_name(text: &str) -> Vec<u8> {
+    param_read(-1, text)
+}
+
+pub fn param_read_by_index(index: i16) -> Vec<u8> {
+    param_read(index, "")
+}
+
+fn param_read(index: i16, text: &str) -> Vec<u8> {
+    encode_v2(
+        PARAM_REQUEST_READ,
+        &[&index.to_le_bytes()[..], &VEHICLE, &name(text)].concat(),
+    )
+}
+
+/// As MAVProxy sends it: the type is always REAL32.
+pub fn param_set(text: &str, value: f32) -> Vec<u8> {
+    param_set_to(VEHICLE, text, value)
+}
+
+pub fn param_set_to(target: [u8; 2], text: &str, value: f32) -> Vec<u8> {
+    encode_v2(PARAM_SET, &param_set_payload(target, text, value))
+}
+
+pub fn param_set_payload(target: [u8; 2], text: &str, value: f32) -> Vec<u8> {
+    [&value.to_le_bytes()[..], &target, &name(text), &[REAL32]].concat()
+}
+
+pub fn command_long(number: u16, param1: f32) -> Vec<u8> {
+    let mut payload = [0; 33];
+    payload[..4].copy_from_slice(&param1.to_le_bytes());
+    // The parameters a command does not use are NaN from some ground stations.
+    for unused in 1..7 {
+        payload[4 * unused..4 * unused + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    }
+    payload[28..30].copy_from_slice(&number.to_le_bytes());
+    payload[30..32].copy_from_slice(&VEHICLE);
+    encode_v2(COMMAND_LONG, &payload)
+}
+
+pub fn command_int(number: u16, param1: f32) -> Vec<u8> {
+    let mut payload = [0; 35];
+    payload[..4].copy_from_slice(&param1.to_le_bytes());
+    payload[28..30].copy_from_slice(&number.to_le_bytes());
+    payload[30..32].copy_from_slice(&VEHICLE);
+    encode_v2(COMMAND_INT, &payload)
+}
+
+/// MAVLink FTP: open a file for reading.
+pub fn ftp_open(sequence: u16, path: &str) -> Vec<u8> {
+    const OPEN_FILE_READ_ONLY: u8 = 4;
+    let mut payload = vec![0, VEHICLE[0], VEHICLE[1]];
+    payload.extend(sequence.to_le_bytes());
+    payload.extend([0, OPEN_FILE_READ_ONLY, path.len() as u8, 0, 0, 0, 0, 0, 0, 0]);
+    payload.extend(path.bytes());
+    encode_v2(FILE_TRANSFER_PROTOCOL, &payload)
+}
