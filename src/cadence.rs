@@ -51,8 +51,11 @@ impl Cadence {
         if interval_us == self.interval_us {
             return;
         }
-        let last_served_us = self.due_us.saturating_sub(self.interval_us);
-        self.due_us = last_served_us.saturating_add(interval_us).max(now_us);
+        // What is due already stays due.
+        if self.due_us > now_us {
+            let last_served_us = self.due_us.saturating_sub(self.interval_us);
+            self.due_us = last_served_us.saturating_add(interval_us).max(now_us);
+        }
         self.interval_us = interval_us;
     }
 }
@@ -90,6 +93,13 @@ mod tests {
         assert_eq!(cadence.due_us(), 100);
         cadence.set_interval(1_000, 60);
         assert_eq!(cadence.due_us(), 1_000);
+    }
+
+    #[test]
+    fn what_is_due_stays_due_when_the_interval_changes() {
+        let mut cadence = Cadence::starting_at(500, 100);
+        cadence.set_interval(1_000, 500);
+        assert!(cadence.take(500));
     }
 
     proptest! {

@@ -165,7 +165,7 @@ fn a_link_that_is_too_slow_loses_old_telemetry_evenly_and_counts_it_but_no_heart
     let posted = 2 * 2 * 600;
     let left = counts[0] + counts[1];
     assert!(
-        usize::from(dropped).abs_diff(posted - left) <= 10,
+        usize::from(dropped).abs_diff(posted - left) <= 20,
         "{dropped} drops counted"
     );
 }

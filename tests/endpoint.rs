@@ -47,7 +47,10 @@ impl Desk {
                 let taken = self.endpoint.push(part);
                 assert!(taken > 0, "no room for another byte");
                 part = &part[taken..];
-                while let Some(event) = self.endpoint.handle_next(0, &mut self.parameters) {
+                while let Some(event) =
+                    self.endpoint
+                        .handle_next(0, &SystemState::default(), &mut self.parameters)
+                {
                     events.push(event);
                 }
             }
@@ -318,7 +321,7 @@ proptest! {
         let bytes = [garbage, param_set("BATT_VOLT_MULT", 4.25)].concat();
         let mut events = desk.receive_in_chunks(&bytes, chunk);
         desk.endpoint.give_up_waiting();
-        while let Some(event) = desk.endpoint.handle_next(0, &mut desk.parameters) {
+        while let Some(event) = desk.endpoint.handle_next(0, &SystemState::default(), &mut desk.parameters) {
             events.push(event);
         }
         prop_assume!(!swallowed(&events));

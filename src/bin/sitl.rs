@@ -10,15 +10,19 @@ mod simulator {
     use clap::Parser;
     use embassy_executor::Executor;
     use embassy_time::Duration;
-    use rover_battmon::sim::{self, Clients, SimulatedFlash, clock};
+    use rover_battmon::sim::{self, Clients, SimulatedFlash, UdpWire, clock};
 
-    /// Simulates the rover's battery monitor: a 3S pack that is driven empty, MAVLink on TCP.
+    /// Simulates the rover's battery monitor: a 3S pack that is driven empty, MAVLink on TCP and UDP.
     #[derive(Parser)]
     #[command(name = "sitl", version, about)]
     struct Arguments {
         /// Where ground stations connect by TCP
         #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:5760")]
         tcp: SocketAddr,
+
+        /// Where a ground station listens by UDP
+        #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:14550")]
+        udp: SocketAddr,
 
         /// Let simulated time pass this many times as fast
         #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = speedup)]
@@ -37,8 +41,8 @@ mod simulator {
     }
 
     #[embassy_executor::task]
-    async fn simulator(clients: Clients, flash: SimulatedFlash, line_interval: Duration) -> ! {
-        sim::run(&clients, flash, line_interval).await
+    async fn simulator(clients: Clients, udp: UdpWire, flash: SimulatedFlash, line_interval: Duration) -> ! {
+        sim::run(&clients, &udp, flash, line_interval).await
     }
 
     pub fn main() -> ExitCode {
@@ -48,6 +52,13 @@ mod simulator {
             Err(error) => {
                 eprintln!("Can't listen on {}: {error}.", arguments.tcp);
                 eprintln!("Is another simulator running? --tcp 127.0.0.1:5761 takes another port.");
+                return ExitCode::FAILURE;
+            }
+        };
+        let udp = match UdpWire::to(arguments.udp) {
+            Ok(udp) => udp,
+            Err(error) => {
+                eprintln!("Can't send to {}: {error}.", arguments.udp);
                 return ExitCode::FAILURE;
             }
         };
@@ -65,11 +76,16 @@ mod simulator {
         if clock::set_speedup(arguments.speedup).is_err() {
             eprintln!("The clock already runs, at real time.");
         }
-        println!("MAVLink on tcp:{}. Ctrl-C ends it.", arguments.tcp);
+        println!(
+            "MAVLink on tcp:{} and to udp:{}. Ctrl-C ends it.",
+            arguments.tcp, arguments.udp
+        );
 
         let line_interval = Duration::from_micros((arguments.speedup * 1e6) as u64);
         Box::leak(Box::new(Executor::new())).run_until(
-            |spawner| spawner.spawn(simulator(clients, flash, line_interval).expect("it is spawned once")),
+            |spawner| {
+                spawner.spawn(simulator(clients, udp, flash, line_interval).expect("it is spawned once"))
+            },
             || STOP.load(Ordering::Relaxed),
         );
         println!("Stopped.");

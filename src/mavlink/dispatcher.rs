@@ -5,15 +5,18 @@ use ::mavlink::MessageData;
 use super::COMPONENT_ID;
 use super::command_ack::CommandAck;
 use super::dialect::{
-    COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, PARAM_REQUEST_LIST_DATA,
-    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, MavResult, PARAM_REQUEST_LIST_DATA,
+    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA, RADIO_STATUS_DATA, REQUEST_DATA_STREAM_DATA,
+    TIMESYNC_DATA,
 };
 use super::file_transfer::FileTransferNak;
 use super::message::Message;
 use super::parser::ReceivedFrame;
-use super::payload::Payload;
+use super::rates::Rates;
 use super::services::commands::{Action, Command};
 use super::services::parameters::{self, ParameterList, SetResult};
+use super::services::time;
+use super::system_state::SystemState;
 use crate::parameter::{ParameterId, Parameters};
 
 /// Who sent a message.
@@ -52,7 +55,14 @@ enum Request {
     ParameterSet,
     Command,
     FileTransfer,
+    DataStream,
+    Ping,
+    Timesync,
+    RadioStatus,
 }
+
+/// Messages that are for everyone have no target.
+const NO_TARGET: usize = usize::MAX - 1;
 
 /// What the frame asks for if it is for us: system and component 0 mean everyone.
 fn request(frame: &ReceivedFrame<'_>, system_id: u8) -> Option<Request> {
@@ -62,6 +72,10 @@ fn request(frame: &ReceivedFrame<'_>, system_id: u8) -> Option<Request> {
         PARAM_SET_DATA::ID => (Request::ParameterSet, 4),
         COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => (Request::Command, 30),
         FILE_TRANSFER_PROTOCOL_DATA::ID => (Request::FileTransfer, 1),
+        REQUEST_DATA_STREAM_DATA::ID => (Request::DataStream, 2),
+        PING_DATA::ID => (Request::Ping, 12),
+        TIMESYNC_DATA::ID => (Request::Timesync, 16),
+        RADIO_STATUS_DATA::ID => (Request::RadioStatus, NO_TARGET),
         _ => return None,
     };
     let target_system = frame.payload.u8(target_at);
@@ -70,14 +84,28 @@ fn request(frame: &ReceivedFrame<'_>, system_id: u8) -> Option<Request> {
     ours.then_some(request)
 }
 
-/// Handles one frame: answers through `answer`, starts a list in `list`, sets in `parameters`.
+/// What a request may use and change.
+pub(super) struct Context<'a> {
+    pub now_us: u64,
+    pub state: &'a SystemState,
+    pub parameters: &'a mut Parameters,
+    pub list: &'a mut ParameterList,
+    pub rates: &'a mut Rates,
+}
+
+/// Handles one frame and answers through `answer`.
 pub(super) fn dispatch(
     frame: &ReceivedFrame<'_>,
-    now_us: u64,
-    parameters: &mut Parameters,
-    list: &mut ParameterList,
+    context: Context<'_>,
     mut answer: impl FnMut(Message),
 ) -> Event {
+    let Context {
+        now_us,
+        state,
+        parameters,
+        list,
+        rates,
+    } = context;
     // The table's range is 1 to 255.
     let system_id = parameters.get(ParameterId::SysidThismav) as u8;
     let Some(request) = request(frame, system_id) else {
@@ -87,41 +115,45 @@ pub(super) fn dispatch(
         system_id: frame.system_id,
         component_id: frame.component_id,
     };
+    let payload = &frame.payload;
     match request {
         Request::ParameterList => {
             list.start(now_us);
-            Event::ListRequested
+            return Event::ListRequested;
         }
-        Request::ParameterRead => {
-            answer(parameters::read(&frame.payload, from, parameters));
-            Event::Answered
+        Request::ParameterRead => answer(parameters::read(payload, from, parameters)),
+        Request::ParameterSet => {
+            return match parameters::set(payload, from, parameters, answer) {
+                SetResult::Set(id) => {
+                    rates.parameter_set(id);
+                    Event::ParameterSet(id)
+                }
+                SetResult::Refused => Event::ParameterRefused,
+            };
         }
-        Request::ParameterSet => match parameters::set(&frame.payload, from, parameters, answer) {
-            SetResult::Set(id) => Event::ParameterSet(id),
-            SetResult::Refused => Event::ParameterRefused,
-        },
-        Request::Command => command(&frame.payload, from, answer),
+        Request::Command => {
+            let command = Command::read(payload);
+            let outcome = command.execute(&mut rates.scheduler, state, now_us);
+            answer(Message::CommandAck(CommandAck {
+                command: command.number,
+                result: outcome.result,
+                target_system: from.system_id,
+                target_component: from.component_id,
+            }));
+            outcome.message.into_iter().for_each(answer);
+            return match outcome.result {
+                result if result != MavResult::MAV_RESULT_ACCEPTED => Event::CommandRefused(command.number),
+                _ => outcome.action.map_or(Event::Answered, Event::Command),
+            };
+        }
         Request::FileTransfer => {
-            let nak = FileTransferNak::refuse(&frame.payload, from.system_id, from.component_id);
-            if let Some(nak) = nak {
-                answer(Message::FileTransferNak(nak));
-            }
-            Event::Answered
+            let nak = FileTransferNak::refuse(payload, from.system_id, from.component_id);
+            nak.map(Message::FileTransferNak).into_iter().for_each(answer);
         }
+        Request::DataStream => rates.request_data_stream(payload),
+        Request::Ping => time::ping(payload, from).into_iter().for_each(answer),
+        Request::Timesync => time::timesync(payload, from, now_us).into_iter().for_each(answer),
+        Request::RadioStatus => rates.radio_status(payload, now_us),
     }
-}
-
-fn command(payload: &Payload<'_>, from: Peer, mut answer: impl FnMut(Message)) -> Event {
-    let command = Command::read(payload);
-    let (result, action) = command.execute();
-    answer(Message::CommandAck(CommandAck {
-        command: command.number,
-        result,
-        target_system: from.system_id,
-        target_component: from.component_id,
-    }));
-    match action {
-        Some(action) => Event::Command(action),
-        None => Event::CommandRefused(command.number),
-    }
+    Event::Answered
 }

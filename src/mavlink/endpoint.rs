@@ -1,28 +1,32 @@
 //! Our end of one link: what is received and what is sent, without the wire.
 
 use super::dialect::MavSeverity;
-use super::dispatcher::{Event, dispatch};
+use super::dispatcher::{Context, Event, dispatch};
 use super::message::{Message, Stream};
 use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;
-use super::scheduler::StreamScheduler;
+use super::rates::Rates;
 use super::services::parameters::ParameterList;
 use super::status_text::status_texts;
 use super::system_state::{LinkStatistics, SystemState};
 use crate::battery::PackStatus;
 use crate::parameter::{ParameterId, Parameters};
 
+/// A few messages dropped may be a hiccup; so many are a link that is too slow.
+const DROPS_UNTIL_SHORTFALL: u32 = 10;
+
 /// Our end of one link. Bytes and times come in, messages and events come out; the wire is somebody else's.
 #[derive(Debug)]
 pub struct Endpoint {
     bytes_per_second: u32,
     parser: FrameParser,
-    scheduler: StreamScheduler,
+    rates: Rates,
     list: ParameterList,
     outbox: Outbox,
     sent: u32,
     dropped: u32,
     texts: u16,
+    shortfall_said: bool,
 }
 
 impl Endpoint {
@@ -31,12 +35,13 @@ impl Endpoint {
         Self {
             bytes_per_second,
             parser: FrameParser::new(),
-            scheduler: StreamScheduler::new(now_us),
+            rates: Rates::new(now_us),
             list: ParameterList::default(),
             outbox: Outbox::new(),
             sent: 0,
             dropped: 0,
             texts: 0,
+            shortfall_said: false,
         }
     }
 
@@ -52,15 +57,14 @@ impl Endpoint {
     /// Posts everything that is due at `now_us`. `state` is what telemetry reports, apart from the link's own counters.
     /// Says what was dropped for it, if anything.
     pub fn post_due(&mut self, now_us: u64, state: &SystemState, parameters: &Parameters) -> Option<Stream> {
-        self.scheduler
-            .set_extra1_rate(parameters.get(ParameterId::Sr0Extra1), now_us);
+        self.rates.follow(parameters, now_us);
         self.list.release(
             now_us,
             parameters.get(ParameterId::Sr0Params),
             self.bytes_per_second,
         );
         let mut dropped = None;
-        while let Some(stream) = self.scheduler.poll(now_us) {
+        while let Some(stream) = self.rates.scheduler.poll(now_us) {
             if !has_something_to_say(stream, state) {
                 continue;
             }
@@ -73,12 +77,24 @@ impl Endpoint {
                 dropped = Some(stream);
             }
         }
+        self.report_shortfall();
         dropped
+    }
+
+    /// Tells the ground station once that it gets less than it asked for.
+    fn report_shortfall(&mut self) {
+        if !self.shortfall_said && self.dropped >= DROPS_UNTIL_SHORTFALL {
+            self.shortfall_said = true;
+            self.say(
+                MavSeverity::MAV_SEVERITY_WARNING,
+                "Link too slow for its rates: telemetry reduced",
+            );
+        }
     }
 
     /// When [`Self::post_due`] has to be called next, in µs.
     pub fn next_due_us(&self) -> u64 {
-        let streams_us = self.scheduler.next_due_us();
+        let streams_us = self.rates.scheduler.next_due_us();
         self.list
             .next_due_us()
             .map_or(streams_us, |list_us| list_us.min(streams_us))
@@ -127,15 +143,29 @@ impl Endpoint {
     }
 
     /// Handles the next frame of what was pushed; `None` when there is none.
-    pub fn handle_next(&mut self, now_us: u64, parameters: &mut Parameters) -> Option<Event> {
+    pub fn handle_next(
+        &mut self,
+        now_us: u64,
+        state: &SystemState,
+        parameters: &mut Parameters,
+    ) -> Option<Event> {
+        let link = self.statistics();
         let frame = self.parser.next_frame()?;
+        let state = SystemState { link, ..*state };
+        let context = Context {
+            now_us,
+            state: &state,
+            parameters,
+            list: &mut self.list,
+            rates: &mut self.rates,
+        };
         let (outbox, dropped) = (&mut self.outbox, &mut self.dropped);
         let answer = |message| {
             if outbox.reply(message).is_err() {
                 *dropped = dropped.wrapping_add(1);
             }
         };
-        Some(dispatch(&frame, now_us, parameters, &mut self.list, answer))
+        Some(dispatch(&frame, context, answer))
     }
 }
 

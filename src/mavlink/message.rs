@@ -1,10 +1,11 @@
 //! The messages that are sent, each of its own type.
 
-use ::mavlink::{MAVLinkV2MessageRaw, MavHeader};
+use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, MessageData};
 
 use super::command_ack::CommandAck;
 use super::dialect::{
-    BATTERY_STATUS_DATA, HEARTBEAT_DATA, PARAM_ERROR_DATA, PARAM_VALUE_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
+    AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, HEARTBEAT_DATA, MESSAGE_INTERVAL_DATA, PARAM_ERROR_DATA,
+    PARAM_VALUE_DATA, PING_DATA, PROTOCOL_VERSION_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, TIMESYNC_DATA,
 };
 use super::file_transfer::FileTransferNak;
 use super::{SystemState, build_battery_status, build_heartbeat, build_sys_status};
@@ -22,6 +23,15 @@ pub enum Stream {
 }
 
 impl Stream {
+    /// The id of its message.
+    pub fn message_id(self) -> u32 {
+        match self {
+            Self::Heartbeat => HEARTBEAT_DATA::ID,
+            Self::SysStatus => SYS_STATUS_DATA::ID,
+            Self::BatteryStatus(_) => BATTERY_STATUS_DATA::ID,
+        }
+    }
+
     /// The message of this stream, from the state at this moment.
     pub fn build(self, state: &SystemState) -> Message {
         match self {
@@ -41,16 +51,26 @@ pub enum Message {
     Heartbeat(HEARTBEAT_DATA),
     /// SYS_STATUS (1)
     SysStatus(SYS_STATUS_DATA),
+    /// PING (4)
+    Ping(PING_DATA),
     /// PARAM_VALUE (22)
     ParamValue(PARAM_VALUE_DATA),
     /// COMMAND_ACK (77)
     CommandAck(CommandAck),
     /// FILE_TRANSFER_PROTOCOL (110)
     FileTransferNak(FileTransferNak),
+    /// TIMESYNC (111)
+    Timesync(TIMESYNC_DATA),
     /// BATTERY_STATUS (147)
     BatteryStatus(BATTERY_STATUS_DATA),
+    /// AUTOPILOT_VERSION (148)
+    AutopilotVersion(AUTOPILOT_VERSION_DATA),
+    /// MESSAGE_INTERVAL (244)
+    MessageInterval(MESSAGE_INTERVAL_DATA),
     /// STATUSTEXT (253)
     StatusText(STATUSTEXT_DATA),
+    /// PROTOCOL_VERSION (300)
+    ProtocolVersion(PROTOCOL_VERSION_DATA),
     /// PARAM_ERROR (345)
     ParamError(PARAM_ERROR_DATA),
 }
@@ -61,11 +81,16 @@ impl Message {
         match self {
             Self::Heartbeat(data) => frame.serialize_message_data(header, data),
             Self::SysStatus(data) => frame.serialize_message_data(header, data),
+            Self::Ping(data) => frame.serialize_message_data(header, data),
             Self::ParamValue(data) => frame.serialize_message_data(header, data),
             Self::CommandAck(data) => frame.serialize_message_data(header, data),
             Self::FileTransferNak(data) => frame.serialize_message_data(header, data),
+            Self::Timesync(data) => frame.serialize_message_data(header, data),
             Self::BatteryStatus(data) => frame.serialize_message_data(header, data),
+            Self::AutopilotVersion(data) => frame.serialize_message_data(header, data),
+            Self::MessageInterval(data) => frame.serialize_message_data(header, data),
             Self::StatusText(data) => frame.serialize_message_data(header, data),
+            Self::ProtocolVersion(data) => frame.serialize_message_data(header, data),
             Self::ParamError(data) => frame.serialize_message_data(header, data),
         }
     }

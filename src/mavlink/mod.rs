@@ -3,6 +3,10 @@
 //! A message is built from a [`SystemState`] by a plain function, waits in the [`Outbox`] of a link, and becomes a frame
 //! in the [`Framer`] when the wire takes it. What is received goes through the [`FrameParser`] to a dispatcher, which
 //! gives it to the service it is for. [`Endpoint`] is all of that for one link, without the wire.
+#![allow(
+    deprecated,
+    reason = "ground stations still use messages and commands that the dialect marks as superseded"
+)]
 
 mod battery_status;
 mod command_ack;
@@ -15,12 +19,15 @@ mod message;
 mod outbox;
 mod parser;
 mod payload;
+mod rates;
 mod scheduler;
 mod services;
+mod slowdown;
 mod status_text;
 mod sys_status;
 mod system_state;
 mod units;
+mod version;
 
 /// The dialect whose messages are used: `development` is `common` with BATTERY_STATUS_V2.
 pub use ::mavlink::dialects::development as dialect;
@@ -35,11 +42,12 @@ pub use message::{Message, Stream};
 pub use outbox::{NoRoom, Outbox, Posted};
 pub use parser::{FrameParser, MAX_FRAME_BYTES, ReceiveStatistics, ReceivedFrame};
 pub use payload::{Name, Payload};
-pub use scheduler::StreamScheduler;
+pub use scheduler::{Interval, NotStreamed, StreamScheduler};
 pub use services::commands::Action;
 pub use status_text::status_texts;
 pub use sys_status::build_sys_status;
 pub use system_state::{LinkStatistics, SystemState};
+pub use version::{build_autopilot_version, build_protocol_version};
 
 /// The component id of the autopilot, `MAV_COMP_ID_AUTOPILOT1`.
 pub const COMPONENT_ID: u8 = 1;

@@ -24,6 +24,16 @@ impl Payload<'_> {
         i16::from_le_bytes(self.bytes(offset))
     }
 
+    /// An unsigned 32-bit number.
+    pub fn u32(&self, offset: usize) -> u32 {
+        u32::from_le_bytes(self.bytes(offset))
+    }
+
+    /// An unsigned 64-bit number.
+    pub fn u64(&self, offset: usize) -> u64 {
+        u64::from_le_bytes(self.bytes(offset))
+    }
+
     /// A single-precision number.
     pub fn f32(&self, offset: usize) -> f32 {
         f32::from_le_bytes(self.bytes(offset))

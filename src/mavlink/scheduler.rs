@@ -1,6 +1,7 @@
-//! When which stream is due.
+//! When which stream of one link is due.
 
 use super::Stream;
+use super::slowdown::Slowdown;
 use crate::cadence::Cadence;
 
 /// Once a second, so that a ground station notices within a few seconds that the link is gone.
@@ -8,65 +9,168 @@ const HEARTBEAT_INTERVAL_US: u64 = 1_000_000;
 
 const MICROSECONDS_PER_SECOND: f32 = 1e6;
 
-/// The streams whose rate is `SR0_EXTRA1`.
-const EXTRA1: [Stream; 2] = [Stream::SysStatus, Stream::BatteryStatus(0)];
+/// 50 Hz, the highest rate a stream is sent at.
+pub(super) const SHORTEST_INTERVAL_US: u64 = 20_000;
+
+/// Every stream there is. HEARTBEAT keeps its rate; the others follow `SR0_EXTRA1` unless told otherwise.
+const STREAMS: [Stream; 3] = [Stream::Heartbeat, Stream::SysStatus, Stream::BatteryStatus(0)];
+
+/// How often the messages of a stream are sent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interval {
+    /// As its parameter says.
+    #[default]
+    Default,
+    /// Never.
+    Off,
+    /// Every so many microseconds.
+    Every(u64),
+}
 
 /// Decides when which message of one link is due. It reads no clock: the time comes in.
 #[derive(Clone, Debug)]
 pub struct StreamScheduler {
-    heartbeat: Cadence,
-    /// `None` while the rate is 0.
-    extra1: [Option<Cadence>; EXTRA1.len()],
+    entries: [Entry; STREAMS.len()],
+    extra1_interval_us: Option<u64>,
+    slowdown: Slowdown,
+}
+
+#[derive(Clone, Debug)]
+struct Entry {
+    stream: Stream,
+    interval: Interval,
+    /// `None` while it is off.
+    cadence: Option<Cadence>,
 }
 
 impl StreamScheduler {
     /// A scheduler whose HEARTBEAT is due at `now_us`, and everything else off.
     pub fn new(now_us: u64) -> Self {
-        Self {
-            heartbeat: Cadence::starting_at(now_us, HEARTBEAT_INTERVAL_US),
-            extra1: [None; EXTRA1.len()],
-        }
+        let entry = |stream| Entry {
+            stream,
+            interval: Interval::Default,
+            cadence: None,
+        };
+        let mut scheduler = Self {
+            entries: STREAMS.map(entry),
+            extra1_interval_us: None,
+            slowdown: Slowdown::default(),
+        };
+        scheduler.apply(now_us);
+        scheduler
     }
 
-    /// Sets the rate of SYS_STATUS and BATTERY_STATUS, in Hz (`SR0_EXTRA1`); 0 turns them off.
+    /// Sets the default rate of SYS_STATUS and BATTERY_STATUS, in Hz (`SR0_EXTRA1`); 0 turns them off.
     pub fn set_extra1_rate(&mut self, rate_hz: f32, now_us: u64) {
-        let interval_us = (rate_hz > 0.0).then(|| (MICROSECONDS_PER_SECOND / rate_hz) as u64);
-        for cadence in &mut self.extra1 {
-            match (interval_us, cadence.as_mut()) {
-                (Some(interval_us), Some(running)) => running.set_interval(interval_us, now_us),
-                (Some(interval_us), None) => {
-                    *cadence = Some(Cadence::starting_at(now_us, interval_us));
-                }
-                (None, _) => *cadence = None,
+        self.extra1_interval_us = (rate_hz > 0.0).then(|| (MICROSECONDS_PER_SECOND / rate_hz) as u64);
+        self.apply(now_us);
+    }
+
+    /// Sets the interval of a message, for all its instances. HEARTBEAT's can't be changed.
+    ///
+    /// # Errors
+    /// The message is not one that is streamed.
+    pub fn set_interval(
+        &mut self,
+        message_id: u32,
+        interval: Interval,
+        now_us: u64,
+    ) -> Result<(), NotStreamed> {
+        let mut known = false;
+        for entry in self
+            .entries
+            .iter_mut()
+            .filter(|entry| entry.stream.message_id() == message_id)
+        {
+            known = true;
+            if entry.stream != Stream::Heartbeat {
+                entry.interval = interval;
             }
         }
+        self.apply(now_us);
+        if known { Ok(()) } else { Err(NotStreamed) }
+    }
+
+    /// The interval of a message at present, in µs: `None` while it is off.
+    ///
+    /// # Errors
+    /// The message is not one that is streamed.
+    pub fn interval_us(&self, message_id: u32) -> Result<Option<u64>, NotStreamed> {
+        let entry = self
+            .entries
+            .iter()
+            .find(|entry| entry.stream.message_id() == message_id);
+        entry
+            .map(|entry| self.asked_interval_us(entry))
+            .ok_or(NotStreamed)
+    }
+
+    /// A radio tells how much of its transmit buffer is free, in percent: streams are slowed down when it fills up.
+    pub fn radio_buffer_free(&mut self, percent: u8, now_us: u64) {
+        self.slowdown.radio_buffer_free(percent);
+        self.apply(now_us);
     }
 
     /// The next stream that is due at `now_us`. Called until it answers `None`; each due time is given once.
     pub fn poll(&mut self, now_us: u64) -> Option<Stream> {
-        if self.heartbeat.take(now_us) {
-            return Some(Stream::Heartbeat);
-        }
-        EXTRA1
-            .into_iter()
-            .zip(&mut self.extra1)
-            .find_map(|(stream, cadence)| cadence.as_mut()?.take(now_us).then_some(stream))
+        self.entries
+            .iter_mut()
+            .find_map(|entry| entry.cadence.as_mut()?.take(now_us).then_some(entry.stream))
     }
 
     /// When the next stream is due, in µs.
     pub fn next_due_us(&self) -> u64 {
-        self.extra1
+        let due = self
+            .entries
             .iter()
-            .flatten()
-            .map(Cadence::due_us)
-            .fold(self.heartbeat.due_us(), u64::min)
+            .filter_map(|entry| entry.cadence.as_ref())
+            .map(Cadence::due_us);
+        due.min().unwrap_or(u64::MAX)
+    }
+
+    fn asked_interval_us(&self, entry: &Entry) -> Option<u64> {
+        match (entry.stream, entry.interval) {
+            (Stream::Heartbeat, _) => Some(HEARTBEAT_INTERVAL_US),
+            (_, Interval::Default) => self.extra1_interval_us,
+            (_, Interval::Off) => None,
+            (_, Interval::Every(interval_us)) => Some(interval_us),
+        }
+    }
+
+    /// Makes the due times follow what was asked for.
+    fn apply(&mut self, now_us: u64) {
+        for index in 0..self.entries.len() {
+            let entry = &self.entries[index];
+            let slowdown_us = if entry.stream == Stream::Heartbeat {
+                0
+            } else {
+                self.slowdown.delay_us()
+            };
+            let interval_us = self
+                .asked_interval_us(entry)
+                .map(|asked_us| asked_us.saturating_add(slowdown_us));
+            let cadence = &mut self.entries[index].cadence;
+            match (interval_us, cadence.as_mut()) {
+                (Some(interval_us), Some(running)) => running.set_interval(interval_us, now_us),
+                (Some(interval_us), None) => *cadence = Some(Cadence::starting_at(now_us, interval_us)),
+                (None, _) => *cadence = None,
+            }
+        }
     }
 }
+
+/// No stream sends this message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub struct NotStreamed;
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    const SYS_STATUS: u32 = 1;
+    const BATTERY_STATUS: u32 = 147;
 
     /// Runs the scheduler as its task does, waking `late_us` after each due time, and collects what was due when.
     fn run(
@@ -118,6 +222,55 @@ mod tests {
     }
 
     #[test]
+    fn one_message_can_be_turned_off_sped_up_and_put_back() {
+        let mut scheduler = StreamScheduler::new(0);
+        scheduler.set_extra1_rate(2.0, 0);
+        assert_eq!(
+            scheduler.set_interval(BATTERY_STATUS, Interval::Every(100_000), 0),
+            Ok(())
+        );
+        assert_eq!(scheduler.set_interval(SYS_STATUS, Interval::Off, 0), Ok(()));
+        assert_eq!(scheduler.interval_us(BATTERY_STATUS), Ok(Some(100_000)));
+        assert_eq!(scheduler.interval_us(SYS_STATUS), Ok(None));
+        // The rate of the others does not matter to them.
+        scheduler.set_extra1_rate(50.0, 0);
+        let sent = run(&mut scheduler, 10_000_000, || 0);
+        assert_eq!(count(&sent, Stream::BatteryStatus(0)), 100);
+        assert_eq!(count(&sent, Stream::SysStatus), 0);
+
+        scheduler.set_extra1_rate(2.0, 10_000_000);
+        scheduler
+            .set_interval(BATTERY_STATUS, Interval::Default, 10_000_000)
+            .unwrap();
+        assert_eq!(scheduler.interval_us(BATTERY_STATUS), Ok(Some(500_000)));
+        assert_eq!(scheduler.set_interval(30, Interval::Off, 0), Err(NotStreamed));
+    }
+
+    #[test]
+    fn heartbeat_keeps_its_rate() {
+        let mut scheduler = StreamScheduler::new(0);
+        scheduler.set_interval(0, Interval::Off, 0).unwrap();
+        scheduler.radio_buffer_free(0, 0);
+        assert_eq!(run(&mut scheduler, 10_000_000, || 0).len(), 10);
+    }
+
+    #[test]
+    fn a_radio_whose_buffer_fills_slows_the_streams_until_it_is_empty_again() {
+        let mut scheduler = StreamScheduler::new(0);
+        scheduler.set_extra1_rate(10.0, 0);
+        for _ in 0..5 {
+            scheduler.radio_buffer_free(10, 0);
+        }
+        let slowed = count(&run(&mut scheduler, 40_000_000, || 0), Stream::SysStatus);
+        assert_eq!(slowed, 100, "every 100 + 5 × 60 ms");
+        for _ in 0..20 {
+            scheduler.radio_buffer_free(100, 40_000_000);
+        }
+        let sent = run(&mut scheduler, 50_000_000, || 0);
+        assert!(count(&sent, Stream::SysStatus) >= 99);
+    }
+
+    #[test]
     fn a_late_tick_is_not_made_up_for_by_a_burst() {
         let mut scheduler = StreamScheduler::new(0);
         scheduler.set_extra1_rate(50.0, 0);
@@ -126,10 +279,7 @@ mod tests {
         while let Some(stream) = scheduler.poll(3_400_001) {
             after_a_stall.push(stream);
         }
-        assert_eq!(
-            after_a_stall,
-            [Stream::Heartbeat, Stream::SysStatus, Stream::BatteryStatus(0)]
-        );
+        assert_eq!(after_a_stall, STREAMS);
         assert_eq!(scheduler.next_due_us(), 3_420_000);
     }
 
@@ -146,13 +296,15 @@ mod tests {
     proptest! {
         #[test]
         fn whatever_rates_are_asked_for_the_next_due_time_lies_ahead_of_what_was_served(
-            changes in prop::collection::vec((any::<f32>(), 0u64..5_000_000), 1..50),
+            changes in prop::collection::vec((any::<f32>(), any::<u32>(), any::<u8>(), 0u64..5_000_000), 1..50),
         ) {
             let mut scheduler = StreamScheduler::new(0);
             let mut now_us = 0;
-            for (rate_hz, wait_us) in changes {
+            for (rate_hz, interval_us, percent, wait_us) in changes {
                 scheduler.set_extra1_rate(rate_hz, now_us);
-                for _ in 0..=EXTRA1.len() {
+                scheduler.set_interval(BATTERY_STATUS, Interval::Every(interval_us.into()), now_us).unwrap();
+                scheduler.radio_buffer_free(percent, now_us);
+                for _ in 0..=STREAMS.len() {
                     scheduler.poll(now_us);
                 }
                 prop_assert_eq!(scheduler.poll(now_us), None);

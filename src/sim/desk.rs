@@ -4,11 +4,11 @@ use std::cell::{Cell, RefCell};
 use std::fmt;
 use std::rc::Rc;
 
-use embassy_futures::join::{join_array, join4};
+use embassy_futures::join::{join, join_array, join4};
 use embassy_futures::select::{Either, select, select3};
 use embassy_time::{Duration, Ticker};
 
-use super::{Client, Clients, PackModel, SimulatedFlash, SimulatedPack, SimulatedPackInput};
+use super::{Client, Clients, PackModel, SimulatedFlash, SimulatedPack, SimulatedPackInput, UdpWire};
 use crate::liveness::CheckIn;
 use crate::parameter::{ParameterStorage, Parameters};
 use crate::tasks::{
@@ -19,15 +19,16 @@ use crate::tasks::{
 /// Ground stations that can be connected at the same time.
 const MAX_CLIENTS: usize = 8;
 
-/// What a client's link is taken to carry: more than any of our streams asks for.
-const TCP_BYTES_PER_SECOND: u32 = 1_000_000;
+/// What a link on this machine is taken to carry: more than any of our streams asks for.
+const LINK_BYTES_PER_SECOND: u32 = 1_000_000;
 
 /// The simulator has no watchdog, so nobody looks at what its tasks check in with.
 static UNWATCHED: CheckIn = CheckIn::new("", u32::MAX);
 
-/// Switches the vehicle on, and on again whenever a ground station restarts it. The pack and the flash outlast that;
+/// Switches the vehicle on, and on again whenever a ground station restarts it. Ground stations connect by TCP, and one
+/// may listen at the other end of `udp`. The pack and the flash outlast that;
 /// connections don't. A status line is printed every `line_interval`.
-pub async fn run(clients: &Clients, mut flash: SimulatedFlash, line_interval: Duration) -> ! {
+pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, line_interval: Duration) -> ! {
     let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
     loop {
         let range = flash.range();
@@ -38,7 +39,10 @@ pub async fn run(clients: &Clients, mut flash: SimulatedFlash, line_interval: Du
         let vehicle = join4(
             sample_battery(SimulatedPackInput::new(&pack), &desk.shared, &UNWATCHED),
             keep_parameters(storage, &desk.shared, &UNWATCHED),
-            join_array([(); MAX_CLIENTS].map(|()| desk.serve(clients))),
+            join(
+                join_array([(); MAX_CLIENTS].map(|()| desk.serve(clients))),
+                desk.serve_udp(udp),
+            ),
             desk.print_status(line_interval),
         );
         match select(vehicle, reboot_requested(&desk.shared, || desk.all_sent())).await {
@@ -74,7 +78,7 @@ impl<'a> Desk<'a> {
                 receiver,
             } = clients.next().await;
             println!("{address} connected");
-            let link = Rc::new(Link::new("TCP", TCP_BYTES_PER_SECOND));
+            let link = Rc::new(Link::new("TCP", LINK_BYTES_PER_SECOND));
             self.links.borrow_mut().push(link.clone());
             select3(
                 schedule_telemetry(&self.shared, &link, &UNWATCHED),
@@ -85,6 +89,18 @@ impl<'a> Desk<'a> {
             self.links.borrow_mut().retain(|other| !Rc::ptr_eq(other, &link));
             println!("{address} disconnected");
         }
+    }
+
+    /// Serves whoever listens at the other end of `wire`, or nobody.
+    async fn serve_udp(&self, wire: &UdpWire) {
+        let link = Link::new("UDP", LINK_BYTES_PER_SECOND);
+        let (transmitter, receiver) = wire.split();
+        select3(
+            schedule_telemetry(&self.shared, &link, &UNWATCHED),
+            write_frames(transmitter, &self.shared, &link, &UNWATCHED),
+            read_frames(receiver, &self.shared, &link, &UNWATCHED),
+        )
+        .await;
     }
 
     fn all_sent(&self) -> bool {

@@ -10,6 +10,7 @@ mod flash;
 mod pack;
 mod pack_input;
 mod tcp;
+mod udp;
 
 pub use desk::run;
 pub use drive_cycle::load_current_a;
@@ -17,3 +18,4 @@ pub use flash::SimulatedFlash;
 pub use pack::{PackModel, SimulatedPack};
 pub use pack_input::SimulatedPackInput;
 pub use tcp::{Client, Clients, TcpReceiver, TcpTransmitter};
+pub use udp::{UdpReceiver, UdpTransmitter, UdpWire};

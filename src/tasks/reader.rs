@@ -65,9 +65,10 @@ fn handle(mut bytes: &[u8], shared: &Shared, link: &Link) {
         let taken = link.with(|endpoint| endpoint.push(bytes));
         bytes = bytes.get(taken..).unwrap_or(&[]);
         let now_us = Instant::now().as_micros();
-        while let Some(event) = link
-            .with(|endpoint| shared.with_parameters(|parameters| endpoint.handle_next(now_us, parameters)))
-        {
+        let state = shared.system_state();
+        while let Some(event) = link.with(|endpoint| {
+            shared.with_parameters(|parameters| endpoint.handle_next(now_us, &state, parameters))
+        }) {
             react(event, shared, link);
         }
         if bytes.is_empty() {

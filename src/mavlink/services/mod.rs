@@ -2,3 +2,4 @@
 
 pub(super) mod commands;
 pub(super) mod parameters;
+pub(super) mod time;

@@ -1,0 +1,75 @@
+//! The rates of one link: what the parameters say, and what ground stations ask for beyond that.
+
+use super::payload::Payload;
+use super::scheduler::StreamScheduler;
+use crate::parameter::{ParameterId, Parameters};
+
+/// REQUEST_DATA_STREAM, stream ids: all of them, and the one with the battery in it.
+const STREAM_ALL: u8 = 0;
+const STREAM_EXTRA1: u8 = 10;
+
+/// Places in RADIO_STATUS and REQUEST_DATA_STREAM.
+const TXBUF_AT: usize = 6;
+const STREAM_ID_AT: usize = 4;
+const START_STOP_AT: usize = 5;
+
+const STOP: u8 = 0;
+
+/// The highest rate of `SR0_EXTRA1`, in Hz.
+const HIGHEST_RATE_HZ: f32 = 50.0;
+
+/// The rates of one link.
+#[derive(Debug)]
+pub(super) struct Rates {
+    pub scheduler: StreamScheduler,
+    /// What a ground station asked for by REQUEST_DATA_STREAM. It holds on this link until `SR0_EXTRA1` is set.
+    requested_hz: Option<f32>,
+    /// `SR0_EXTRA1` when it was looked at last.
+    parameter_hz: f32,
+}
+
+impl Rates {
+    pub fn new(now_us: u64) -> Self {
+        Self {
+            scheduler: StreamScheduler::new(now_us),
+            requested_hz: None,
+            parameter_hz: 0.0,
+        }
+    }
+
+    /// Follows the parameters. A parameter that was set on another link wins here, too, if that changed it.
+    pub fn follow(&mut self, parameters: &Parameters, now_us: u64) {
+        let parameter_hz = parameters.get(ParameterId::Sr0Extra1);
+        if parameter_hz != self.parameter_hz {
+            self.requested_hz = None;
+        }
+        self.parameter_hz = parameter_hz;
+        self.scheduler
+            .set_extra1_rate(self.requested_hz.unwrap_or(parameter_hz), now_us);
+    }
+
+    /// A ground station on this link has set a parameter, maybe to the value it had.
+    pub fn parameter_set(&mut self, id: ParameterId) {
+        if id == ParameterId::Sr0Extra1 {
+            self.requested_hz = None;
+        }
+    }
+
+    /// REQUEST_DATA_STREAM: changes the live rate of this link and saves nothing. Ground stations send it unasked.
+    pub fn request_data_stream(&mut self, request: &Payload<'_>) {
+        if ![STREAM_ALL, STREAM_EXTRA1].contains(&request.u8(STREAM_ID_AT)) {
+            return;
+        }
+        let rate_hz = f32::from(request.u16(0)).min(HIGHEST_RATE_HZ);
+        self.requested_hz = Some(if request.u8(START_STOP_AT) == STOP {
+            0.0
+        } else {
+            rate_hz
+        });
+    }
+
+    /// RADIO_STATUS of the radio on this link.
+    pub fn radio_status(&mut self, status: &Payload<'_>, now_us: u64) {
+        self.scheduler.radio_buffer_free(status.u8(TXBUF_AT), now_us);
+    }
+}

@@ -1,0 +1,56 @@
+//! AUTOPILOT_VERSION (148) and PROTOCOL_VERSION (300): who we are.
+
+use super::dialect::{AUTOPILOT_VERSION_DATA, MavProtocolCapability, PROTOCOL_VERSION_DATA};
+
+/// MAVLink 2, as PROTOCOL_VERSION writes it.
+const MAVLINK_2: u16 = 200;
+const MAVLINK_1: u16 = 100;
+
+/// What this vehicle can do and which version it runs.
+pub fn build_autopilot_version() -> AUTOPILOT_VERSION_DATA {
+    AUTOPILOT_VERSION_DATA {
+        capabilities: capabilities(),
+        // No board or maker is told apart yet.
+        uid: 0,
+        uid2: [0; 18],
+        vendor_id: 0,
+        product_id: 0,
+        board_version: 0,
+        flight_sw_version: flight_version(),
+        middleware_sw_version: 0,
+        os_sw_version: 0,
+        flight_custom_version: [0; 8],
+        middleware_custom_version: [0; 8],
+        os_custom_version: [0; 8],
+    }
+}
+
+/// Parameters are floats, whole numbers cast; the older flag for it is set for ground stations that know no other.
+fn capabilities() -> MavProtocolCapability {
+    MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+        | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+        | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+        | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2
+}
+
+/// The package's version: major, minor, patch and release type, a byte each. Type 0 is a development version.
+fn flight_version() -> u32 {
+    let number = |text: &str| {
+        text.bytes()
+            .fold(0, |n: u32, digit| n * 10 + u32::from(digit.saturating_sub(b'0')))
+    };
+    number(env!("CARGO_PKG_VERSION_MAJOR")) << 24
+        | number(env!("CARGO_PKG_VERSION_MINOR")) << 16
+        | number(env!("CARGO_PKG_VERSION_PATCH")) << 8
+}
+
+/// MAVLink 2 is sent; 1 is understood, too.
+pub fn build_protocol_version() -> PROTOCOL_VERSION_DATA {
+    PROTOCOL_VERSION_DATA {
+        version: MAVLINK_2,
+        min_version: MAVLINK_1,
+        max_version: MAVLINK_2,
+        spec_version_hash: [0; 8],
+        library_version_hash: [0; 8],
+    }
+}
