@@ -7,11 +7,13 @@ mod support;
 
 mod bench;
 mod boot;
+mod commands;
 mod elf;
 mod faults;
 mod link_noise;
 mod parameters;
 mod power_cuts;
 mod sampling;
+mod slow_link;
 mod storage_faults;
 mod telemetry;

@@ -6,15 +6,22 @@
 
 pub const HEARTBEAT: u32 = 0;
 pub const SYS_STATUS: u32 = 1;
+pub const PING: u32 = 4;
 pub const PARAM_REQUEST_READ: u32 = 20;
 pub const PARAM_REQUEST_LIST: u32 = 21;
 pub const PARAM_VALUE: u32 = 22;
 pub const PARAM_SET: u32 = 23;
+pub const REQUEST_DATA_STREAM: u32 = 66;
 pub const COMMAND_INT: u32 = 75;
 pub const COMMAND_LONG: u32 = 76;
 pub const COMMAND_ACK: u32 = 77;
 pub const FILE_TRANSFER_PROTOCOL: u32 = 110;
+pub const RADIO_STATUS: u32 = 109;
+pub const TIMESYNC: u32 = 111;
 pub const BATTERY_STATUS: u32 = 147;
+pub const AUTOPILOT_VERSION: u32 = 148;
+pub const MESSAGE_INTERVAL: u32 = 244;
+pub const PROTOCOL_VERSION: u32 = 300;
 pub const STATUSTEXT: u32 = 253;
 pub const PARAM_ERROR: u32 = 345;
 
@@ -87,15 +94,22 @@ fn crc_extra(message_id: u32) -> u8 {
     match message_id {
         HEARTBEAT => 50,
         SYS_STATUS => 124,
+        PING => 237,
         PARAM_REQUEST_READ => 214,
         PARAM_REQUEST_LIST => 159,
         PARAM_VALUE => 220,
         PARAM_SET => 168,
+        REQUEST_DATA_STREAM => 148,
         COMMAND_INT => 158,
         COMMAND_LONG => 152,
         COMMAND_ACK => 143,
         FILE_TRANSFER_PROTOCOL => 84,
+        RADIO_STATUS => 185,
+        TIMESYNC => 34,
         BATTERY_STATUS => 154,
+        AUTOPILOT_VERSION => 178,
+        MESSAGE_INTERVAL => 95,
+        PROTOCOL_VERSION => 217,
         STATUSTEXT => 83,
         PARAM_ERROR => 209,
         other => panic!("message {other} is not one of the tests'"),

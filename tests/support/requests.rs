@@ -5,7 +5,7 @@
 
 use super::frames::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET,
-    encode_v2,
+    PING, RADIO_STATUS, REQUEST_DATA_STREAM, TIMESYNC, encode_v2,
 };
 
 /// The vehicle's system and component id.
@@ -52,11 +52,16 @@ pub fn param_set_payload(target: [u8; 2], text: &str, value: f32) -> Vec<u8> {
     [&value.to_le_bytes()[..], &target, &name(text), &[REAL32]].concat()
 }
 
+/// The parameters a command does not use are NaN from some ground stations.
 pub fn command_long(number: u16, param1: f32) -> Vec<u8> {
+    command_long_2(number, param1, f32::NAN)
+}
+
+pub fn command_long_2(number: u16, param1: f32, param2: f32) -> Vec<u8> {
     let mut payload = [0; 33];
     payload[..4].copy_from_slice(&param1.to_le_bytes());
-    // The parameters a command does not use are NaN from some ground stations.
-    for unused in 1..7 {
+    payload[4..8].copy_from_slice(&param2.to_le_bytes());
+    for unused in 2..7 {
         payload[4 * unused..4 * unused + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     }
     payload[28..30].copy_from_slice(&number.to_le_bytes());
@@ -80,4 +85,29 @@ pub fn ftp_open(sequence: u16, path: &str) -> Vec<u8> {
     payload.extend([0, OPEN_FILE_READ_ONLY, path.len() as u8, 0, 0, 0, 0, 0, 0, 0]);
     payload.extend(path.bytes());
     encode_v2(FILE_TRANSFER_PROTOCOL, &payload)
+}
+
+pub fn request_data_stream(stream: u8, rate_hz: u16, start_stop: u8) -> Vec<u8> {
+    let rate = rate_hz.to_le_bytes();
+    encode_v2(
+        REQUEST_DATA_STREAM,
+        &[rate[0], rate[1], VEHICLE[0], VEHICLE[1], stream, start_stop],
+    )
+}
+
+pub fn ping(time_us: u64, sequence: u32) -> Vec<u8> {
+    encode_v2(
+        PING,
+        &[&time_us.to_le_bytes()[..], &sequence.to_le_bytes(), &EVERYONE].concat(),
+    )
+}
+
+/// A request for the time: no time of its own, and a time stamp to recognise the answer by.
+pub fn timesync(stamp: i64) -> Vec<u8> {
+    encode_v2(TIMESYNC, &[&[0; 8][..], &stamp.to_le_bytes()].concat())
+}
+
+/// A radio tells how much of its transmit buffer is free, in percent.
+pub fn radio_status(buffer_free: u8) -> Vec<u8> {
+    encode_v2(RADIO_STATUS, &[0, 0, 0, 0, 180, 170, buffer_free, 20, 20])
 }

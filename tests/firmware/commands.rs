@@ -1,0 +1,214 @@
+//! Intervals and requests, through the telemetry port.
+
+use crate::bench::{Bench, SECOND};
+use crate::support::frames::{
+    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, MESSAGE_INTERVAL, PING,
+    PROTOCOL_VERSION, SYS_STATUS, TIMESYNC, of_message,
+};
+use crate::support::requests::{
+    command_int, command_long, command_long_2, param_set, ping, radio_status, request_data_stream, timesync,
+};
+
+const SET_MESSAGE_INTERVAL: u16 = 511;
+const GET_MESSAGE_INTERVAL: u16 = 510;
+const REQUEST_MESSAGE: u16 = 512;
+const REQUEST_PROTOCOL_VERSION: u16 = 519;
+const REQUEST_AUTOPILOT_CAPABILITIES: u16 = 520;
+
+const ACCEPTED: u8 = 0;
+const DENIED: u8 = 2;
+const UNSUPPORTED: u8 = 3;
+
+const STREAM_ALL: u8 = 0;
+const STREAM_EXTRA1: u8 = 10;
+
+fn running() -> Bench {
+    let mut bench = Bench::power_up(2482);
+    bench.run_for(SECOND);
+    bench
+}
+
+fn result(answers: &[Frame]) -> u8 {
+    of_message(answers, COMMAND_ACK)[0].u8(2)
+}
+
+/// How many frames of a message leave in `seconds`.
+fn count(bench: &mut Bench, message: u32, seconds: u64) -> usize {
+    let from_us = bench.time_us();
+    bench.run_for(seconds * SECOND);
+    let frames = bench.frames();
+    of_message(&frames, message)
+        .iter()
+        .filter(|frame| frame.at_us > from_us)
+        .count()
+}
+
+/// Within 1 %, or one frame.
+fn assert_rate(bench: &mut Bench, message: u32, per_100_s: usize) {
+    let counted = count(bench, message, 100);
+    assert!(
+        counted.abs_diff(per_100_s) <= (per_100_s / 100).max(1),
+        "{counted} of {message}, not {per_100_s}"
+    );
+}
+
+#[test]
+fn an_interval_is_kept_within_one_percent_and_for_its_message_alone() {
+    for (interval_us, per_100_s) in [
+        (100_000.0, 1000),
+        (20_000.0, 5000),
+        (333_333.0, 300),
+        (2_000_000.0, 50),
+    ] {
+        let mut bench = running();
+        let answers = bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, 147.0, interval_us));
+        assert_eq!(result(&answers), ACCEPTED);
+        assert_rate(&mut bench, BATTERY_STATUS, per_100_s);
+        assert_rate(&mut bench, SYS_STATUS, 200);
+        assert_rate(&mut bench, HEARTBEAT, 100);
+    }
+}
+
+#[test]
+fn a_message_is_turned_off_and_put_back() {
+    let mut bench = running();
+    assert_eq!(
+        result(&bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, 147.0, -1.0))),
+        ACCEPTED
+    );
+    assert_eq!(count(&mut bench, BATTERY_STATUS, 10), 0);
+    assert_eq!(count(&mut bench, SYS_STATUS, 10), 20);
+    assert_eq!(
+        result(&bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, 147.0, 0.0))),
+        ACCEPTED
+    );
+    assert_rate(&mut bench, BATTERY_STATUS, 200);
+}
+
+#[test]
+fn bad_intervals_are_denied_and_unknown_messages_unsupported() {
+    let mut bench = running();
+    for interval_us in [-2.0, 100.0, f32::NAN] {
+        assert_eq!(
+            result(&bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, 147.0, interval_us))),
+            DENIED
+        );
+    }
+    assert_eq!(
+        result(&bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, 30.0, 100_000.0))),
+        UNSUPPORTED
+    );
+    assert_eq!(
+        result(&bench.ask(&command_long(REQUEST_MESSAGE, 242.0))),
+        UNSUPPORTED
+    );
+    assert_eq!(
+        result(&bench.ask(&command_long_2(REQUEST_MESSAGE, 147.0, 5.0))),
+        DENIED
+    );
+    assert_rate(&mut bench, BATTERY_STATUS, 200);
+}
+
+#[test]
+fn intervals_and_messages_are_told_on_request() {
+    let mut bench = running();
+    let answers = bench.ask(&command_long(GET_MESSAGE_INTERVAL, 147.0));
+    assert_eq!(result(&answers), ACCEPTED);
+    let told = of_message(&answers, MESSAGE_INTERVAL)[0];
+    assert_eq!((told.i32(0), told.u16(4)), (500_000, 147));
+
+    for (request, message) in [
+        (command_long(REQUEST_MESSAGE, 148.0), AUTOPILOT_VERSION),
+        (command_long(REQUEST_MESSAGE, 300.0), PROTOCOL_VERSION),
+        (command_int(REQUEST_MESSAGE, 148.0), AUTOPILOT_VERSION),
+        (
+            command_long(REQUEST_AUTOPILOT_CAPABILITIES, 1.0),
+            AUTOPILOT_VERSION,
+        ),
+        (command_long(REQUEST_PROTOCOL_VERSION, 1.0), PROTOCOL_VERSION),
+    ] {
+        let answers = bench.ask(&request);
+        assert_eq!(result(&answers), ACCEPTED);
+        assert_eq!(of_message(&answers, message).len(), 1, "message {message}");
+    }
+    let answers = bench.ask(&command_long(REQUEST_MESSAGE, 148.0));
+    let version = of_message(&answers, AUTOPILOT_VERSION)[0];
+    // PARAM_FLOAT, COMMAND_INT, MAVLINK2, PARAM_ENCODE_C_CAST.
+    assert_eq!(version.u32(0), 2 | 8 | 8192 | 131_072);
+}
+
+#[test]
+fn a_streamed_message_comes_on_request_while_it_is_off() {
+    let mut bench = running();
+    bench.ask(&param_set("SR0_EXTRA1", 0.0));
+    bench.run_for(SECOND);
+    for message in [SYS_STATUS, BATTERY_STATUS] {
+        let from_us = bench.time_us();
+        assert_eq!(
+            result(&bench.ask(&command_long_2(REQUEST_MESSAGE, message as f32, 0.0))),
+            ACCEPTED
+        );
+        let frames = bench.frames();
+        let sent = of_message(&frames, message)
+            .iter()
+            .filter(|frame| frame.at_us > from_us)
+            .count();
+        assert_eq!(sent, 1, "message {message}");
+    }
+}
+
+#[test]
+fn a_requested_stream_rate_is_live_until_the_parameter_is_set() {
+    let mut bench = running();
+    bench.ask(&request_data_stream(STREAM_EXTRA1, 10, 1));
+    assert_rate(&mut bench, BATTERY_STATUS, 1000);
+    bench.ask(&request_data_stream(STREAM_ALL, 4, 1));
+    assert_rate(&mut bench, SYS_STATUS, 400);
+    // Another stream than ours.
+    bench.ask(&request_data_stream(11, 50, 1));
+    assert_rate(&mut bench, SYS_STATUS, 400);
+    bench.ask(&request_data_stream(STREAM_EXTRA1, 10, 0));
+    assert_eq!(count(&mut bench, BATTERY_STATUS, 5), 0);
+    // To the value it has had all the time.
+    bench.ask(&param_set("SR0_EXTRA1", 2.0));
+    assert_rate(&mut bench, BATTERY_STATUS, 200);
+    assert!(bench.flash_operations().is_empty(), "nothing of it was saved");
+}
+
+#[test]
+fn ping_and_timesync_are_answered() {
+    let mut bench = running();
+    let answers = bench.ask(&ping(123_456, 7));
+    let pong = of_message(&answers, PING)[0];
+    assert_eq!(
+        (pong.u32(0), pong.u32(8), pong.u8(12), pong.u8(13)),
+        (123_456, 7, 255, 190)
+    );
+
+    let asked_us = bench.time_us();
+    let answers = bench.ask(&timesync(42));
+    let time = of_message(&answers, TIMESYNC)[0];
+    assert_eq!(time.u32(8), 42);
+    let told_us = (u64::from(time.u32(0)) | u64::from(time.u32(4)) << 32) / 1000;
+    assert!(
+        told_us >= asked_us && told_us < asked_us + SECOND / 10,
+        "{told_us} us, asked at {asked_us} us"
+    );
+}
+
+#[test]
+fn a_radio_with_a_full_buffer_slows_telemetry_but_not_the_heartbeat() {
+    let mut bench = running();
+    bench.ask(&param_set("SR0_EXTRA1", 10.0));
+    for _ in 0..10 {
+        bench.ask(&radio_status(10));
+    }
+    // 100 ms and ten times 60 ms.
+    let slowed = count(&mut bench, BATTERY_STATUS, 70);
+    assert!(slowed.abs_diff(100) <= 1, "{slowed}");
+    assert_eq!(count(&mut bench, HEARTBEAT, 10), 10);
+    for _ in 0..40 {
+        bench.ask(&radio_status(100));
+    }
+    assert_rate(&mut bench, BATTERY_STATUS, 1000);
+}
