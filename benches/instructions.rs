@@ -1,14 +1,13 @@
 //! Instructions that things take, counted on the emulated RP2040: the same number in every run.
 
+#[path = "../tests/support/elf.rs"]
+mod elf;
 #[path = "../tests/emulator/mod.rs"]
 mod emulator;
 
-use std::path::PathBuf;
-use std::process::Command;
-
+use elf::{Artifact, build};
 use emulator::{Board, Firmware};
 
-const TARGET: &str = "thumbv6m-none-eabi";
 /// High while something is measured.
 const MEASURING_PIN: usize = 22;
 const MIXED_STREAM_BYTES: u64 = include_bytes!("data/mixed_stream.bin").len() as u64;
@@ -22,28 +21,6 @@ const C_RECEIVE_PER_BYTE: f64 = 58.0;
 
 /// The goal for receiving, as a share of the C library's.
 const RECEIVE_GOAL: f64 = 0.6;
-
-fn build() -> PathBuf {
-    let target_dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("firmware");
-    let status = Command::new(env!("CARGO"))
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .args([
-            "build",
-            "--release",
-            "--example",
-            "instruction_counts",
-            "--target",
-            TARGET,
-            "--target-dir",
-        ])
-        .arg(&target_dir)
-        .status()
-        .expect("cargo can be started");
-    assert!(status.success(), "the firmware to measure does not build");
-    target_dir
-        .join(TARGET)
-        .join("release/examples/instruction_counts")
-}
 
 /// Instructions until the measuring pin has gone up and down again.
 fn measure(board: &mut Board) -> u64 {
@@ -59,7 +36,7 @@ fn measure(board: &mut Board) -> u64 {
 }
 
 fn main() {
-    let firmware = Firmware::load(build());
+    let firmware = Firmware::load(build(Artifact::Example("instruction_counts")));
     let mut board = Board::power_up(&firmware, 1);
     let receive = measure(&mut board) as f64 / MIXED_STREAM_BYTES as f64;
     println!("receive, in 64-byte chunks      {receive:6.1} instructions per byte");

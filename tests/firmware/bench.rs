@@ -1,9 +1,10 @@
 //! A board on the bench, and what the tests ask of it.
 
 use std::ops::{Deref, DerefMut};
+use std::sync::OnceLock;
 
-use crate::elf::firmware;
-use crate::emulator::{AdcInput, Board, LogLevel, SentByte};
+use crate::elf::{Artifact, build};
+use crate::emulator::{AdcInput, Board, Firmware, LogLevel, SentByte};
 use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, frames};
 
 /// Interrupt lines of the RP2040 (datasheet 2.3.2).
@@ -25,6 +26,12 @@ const CYCLES_PER_US: u64 = 125;
 
 /// A ground station would wait longer.
 const ANSWER_TIME_US: u64 = 200 * MILLISECOND;
+
+/// The release firmware, built once per run.
+fn firmware() -> &'static Firmware {
+    static FIRMWARE: OnceLock<Firmware> = OnceLock::new();
+    FIRMWARE.get_or_init(|| Firmware::load(build(Artifact::Binary("rover-battmon"))))
+}
 
 /// A powered board with the release firmware in its flash and a wire at its telemetry port.
 pub struct Bench {

@@ -1,5 +1,7 @@
 //! The release firmware on an emulated RP2040: what leaves its pins, what its log says, what faults do to it.
 
+#[path = "../support/elf.rs"]
+mod elf;
 #[path = "../emulator/mod.rs"]
 mod emulator;
 #[path = "../support/mod.rs"]
@@ -8,7 +10,6 @@ mod support;
 mod bench;
 mod boot;
 mod commands;
-mod elf;
 mod faults;
 mod link_noise;
 mod parameters;

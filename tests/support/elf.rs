@@ -1,32 +1,37 @@
-//! Builds the ELF under test: the release build, as it is flashed.
+//! Builds the ELFs that run on the emulated RP2040: release builds, as they are flashed.
+
+// Each program that includes this builds one of the two.
+#![allow(dead_code)]
 
 use std::path::PathBuf;
 use std::process::Command;
-use std::sync::OnceLock;
-
-use crate::emulator::Firmware;
 
 const TARGET: &str = "thumbv6m-none-eabi";
 
-/// The release firmware, built once per run.
-pub fn firmware() -> &'static Firmware {
-    static FIRMWARE: OnceLock<Firmware> = OnceLock::new();
-    FIRMWARE.get_or_init(|| {
-        add_target_if_missing();
-        Firmware::load(build())
-    })
+/// What cargo builds an ELF from.
+pub enum Artifact {
+    Binary(&'static str),
+    Example(&'static str),
 }
 
-fn build() -> PathBuf {
-    // Not the folder of the cargo that runs this test: that one is locked.
+/// Builds it and returns where it is.
+///
+/// Panics, saying what to type, if that fails. It is never skipped.
+pub fn build(artifact: Artifact) -> PathBuf {
+    add_target_if_missing();
+    let (kind, name, folder) = match artifact {
+        Artifact::Binary(name) => ("--bin", name, "release"),
+        Artifact::Example(name) => ("--example", name, "release/examples"),
+    };
+    // Not the folder of the cargo that runs this: that one is locked.
     let target_dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("firmware");
     let status = Command::new(env!("CARGO"))
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .args([
             "build",
             "--release",
-            "--bin",
-            "rover-battmon",
+            kind,
+            name,
             "--target",
             TARGET,
             "--target-dir",
@@ -36,9 +41,9 @@ fn build() -> PathBuf {
         .expect("cargo can be started");
     assert!(
         status.success(),
-        "The firmware does not build: `cargo fw` shows why. If the target is missing, type: rustup target add {TARGET}"
+        "{name} does not build for the board. If the target is missing, type: rustup target add {TARGET}"
     );
-    target_dir.join(TARGET).join("release/rover-battmon")
+    target_dir.join(TARGET).join(folder).join(name)
 }
 
 /// With rustup's automatic installation off, the targets of rust-toolchain.toml are not added by themselves.
