@@ -2,21 +2,18 @@
 
 use ::mavlink::MessageData;
 
-use super::COMPONENT_ID;
-use super::command_ack::CommandAck;
 use super::dialect::{
     COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, MavResult, PARAM_REQUEST_LIST_DATA,
     PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA, RADIO_STATUS_DATA, REQUEST_DATA_STREAM_DATA,
     TIMESYNC_DATA,
 };
-use super::file_transfer::FileTransferNak;
-use super::message::Message;
 use super::parser::ReceivedFrame;
 use super::rates::Rates;
 use super::services::commands::{Action, Command};
 use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::time;
 use super::system_state::SystemState;
+use super::{COMPONENT_ID, CommandAck, FileTransferNak, Message};
 use crate::parameter::{ParameterId, Parameters};
 
 /// Who sent a message.

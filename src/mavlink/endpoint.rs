@@ -2,13 +2,12 @@
 
 use super::dialect::MavSeverity;
 use super::dispatcher::{Context, Event, dispatch};
-use super::message::{Message, Stream};
 use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;
 use super::rates::Rates;
 use super::services::parameters::ParameterList;
-use super::status_text::status_texts;
 use super::system_state::{LinkStatistics, SystemState};
+use super::{Message, Stream, status_texts};
 use crate::battery::PackStatus;
 use crate::parameter::{ParameterId, Parameters};
 

@@ -8,14 +8,10 @@
     reason = "ground stations still use messages and commands that the dialect marks as superseded"
 )]
 
-mod battery_status;
-mod command_ack;
 mod dispatcher;
 mod endpoint;
-mod file_transfer;
 mod framer;
-mod heartbeat;
-mod message;
+mod messages;
 mod outbox;
 mod parser;
 mod payload;
@@ -23,31 +19,24 @@ mod rates;
 mod scheduler;
 mod services;
 mod slowdown;
-mod status_text;
-mod sys_status;
 mod system_state;
-mod units;
-mod version;
 
 /// The dialect whose messages are used: `development` is `common` with BATTERY_STATUS_V2.
 pub use ::mavlink::dialects::development as dialect;
 
-pub use battery_status::build_battery_status;
-pub use command_ack::CommandAck;
 pub use dispatcher::{Event, Peer};
 pub use endpoint::Endpoint;
 pub use framer::Framer;
-pub use heartbeat::build_heartbeat;
-pub use message::{Message, Stream};
+pub use messages::{
+    CommandAck, FileTransferNak, Message, Stream, build_autopilot_version, build_battery_status,
+    build_heartbeat, build_protocol_version, build_sys_status, status_texts,
+};
 pub use outbox::{NoRoom, Outbox, Posted};
 pub use parser::{FrameParser, MAX_FRAME_BYTES, ReceiveStatistics, ReceivedFrame};
 pub use payload::{Name, Payload};
 pub use scheduler::{Interval, NotStreamed, StreamScheduler};
 pub use services::commands::Action;
-pub use status_text::status_texts;
-pub use sys_status::build_sys_status;
 pub use system_state::{LinkStatistics, SystemState};
-pub use version::{build_autopilot_version, build_protocol_version};
 
 /// The component id of the autopilot, `MAV_COMP_ID_AUTOPILOT1`.
 pub const COMPONENT_ID: u8 = 1;

@@ -11,8 +11,7 @@ use crate::mavlink::dialect::{
 };
 use crate::mavlink::payload::Payload;
 use crate::mavlink::scheduler::{Interval, SHORTEST_INTERVAL_US, StreamScheduler};
-use crate::mavlink::version::{build_autopilot_version, build_protocol_version};
-use crate::mavlink::{Message, Stream, SystemState};
+use crate::mavlink::{Message, Stream, SystemState, build_autopilot_version, build_protocol_version};
 
 const COMMAND_AT: usize = 28;
 

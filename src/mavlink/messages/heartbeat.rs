@@ -1,6 +1,6 @@
 //! HEARTBEAT (0).
 
-use super::dialect::{HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType};
+use crate::mavlink::dialect::{HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType};
 
 /// ArduPilot Rover's number for the mode HOLD: the vehicle stands still.
 const ROVER_MODE_HOLD: u32 = 4;

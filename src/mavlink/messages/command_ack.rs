@@ -6,8 +6,8 @@ use ::mavlink::{MavlinkVersion, MessageData};
 
 use num_traits::FromPrimitive;
 
-use super::dialect::{COMMAND_ACK_DATA, MavMessage, MavResult};
-use super::payload::Payload;
+use crate::mavlink::dialect::{COMMAND_ACK_DATA, MavMessage, MavResult};
+use crate::mavlink::payload::Payload;
 
 /// The answer to a command.
 ///

@@ -1,6 +1,6 @@
 //! STATUSTEXT (253).
 
-use super::dialect::{MavSeverity, STATUSTEXT_DATA};
+use crate::mavlink::dialect::{MavSeverity, STATUSTEXT_DATA};
 
 /// Characters in one message.
 const CHUNK_BYTES: usize = 50;

@@ -7,8 +7,8 @@ use ::mavlink::bytes_mut::BytesMut;
 use ::mavlink::error::ParserError;
 use ::mavlink::{MavlinkVersion, MessageData};
 
-use super::dialect::{FILE_TRANSFER_PROTOCOL_DATA, MavMessage};
-use super::payload::Payload;
+use crate::mavlink::dialect::{FILE_TRANSFER_PROTOCOL_DATA, MavMessage};
+use crate::mavlink::payload::Payload;
 
 /// Places in the payload: the FTP header follows three bytes of addressing.
 const SEQUENCE_AT: usize = 3;

@@ -1,14 +1,14 @@
 //! BATTERY_STATUS (147).
 
-use super::SystemState;
-use super::dialect::{
-    BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
-    MavBatteryType,
-};
 use super::units::{
     MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, finite, remaining_pct, round_to_i32, voltage_mv,
 };
 use crate::battery::PackStatus;
+use crate::mavlink::SystemState;
+use crate::mavlink::dialect::{
+    BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
+    MavBatteryType,
+};
 
 /// Cells in `voltages`; four more follow in `voltages_ext`.
 const CELLS: usize = 10;

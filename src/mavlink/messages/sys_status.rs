@@ -1,9 +1,9 @@
 //! SYS_STATUS (1).
 
-use super::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct, voltage_mv};
-use super::{ReceiveStatistics, SystemState};
 use crate::battery::{BatteryState, PackStatus};
+use crate::mavlink::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
+use crate::mavlink::{ReceiveStatistics, SystemState};
 
 /// The primary pack's voltage, current and remaining charge, the battery sensor's health, the processor's load and the
 /// link's losses.

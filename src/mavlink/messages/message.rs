@@ -3,12 +3,13 @@
 use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, MessageData};
 
 use super::command_ack::CommandAck;
-use super::dialect::{
+use super::file_transfer::FileTransferNak;
+use super::{build_battery_status, build_heartbeat, build_sys_status};
+use crate::mavlink::SystemState;
+use crate::mavlink::dialect::{
     AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, HEARTBEAT_DATA, MESSAGE_INTERVAL_DATA, PARAM_ERROR_DATA,
     PARAM_VALUE_DATA, PING_DATA, PROTOCOL_VERSION_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, TIMESYNC_DATA,
 };
-use super::file_transfer::FileTransferNak;
-use super::{SystemState, build_battery_status, build_heartbeat, build_sys_status};
 
 /// Something that is sent regularly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +78,7 @@ pub enum Message {
 
 impl Message {
     /// Writes the message as a MAVLink 2 frame into `frame`.
-    pub(super) fn serialize(&self, header: MavHeader, frame: &mut MAVLinkV2MessageRaw) {
+    pub(in crate::mavlink) fn serialize(&self, header: MavHeader, frame: &mut MAVLinkV2MessageRaw) {
         match self {
             Self::Heartbeat(data) => frame.serialize_message_data(header, data),
             Self::SysStatus(data) => frame.serialize_message_data(header, data),

@@ -1,6 +1,6 @@
 //! AUTOPILOT_VERSION (148) and PROTOCOL_VERSION (300): who we are.
 
-use super::dialect::{AUTOPILOT_VERSION_DATA, MavProtocolCapability, PROTOCOL_VERSION_DATA};
+use crate::mavlink::dialect::{AUTOPILOT_VERSION_DATA, MavProtocolCapability, PROTOCOL_VERSION_DATA};
 
 /// MAVLink 2, as PROTOCOL_VERSION writes it.
 const MAVLINK_2: u16 = 200;

@@ -1,0 +1,20 @@
+//! The messages that are sent: each built by a plain function, every field set explicitly.
+
+mod battery_status;
+mod command_ack;
+mod file_transfer;
+mod heartbeat;
+mod message;
+mod status_text;
+mod sys_status;
+mod units;
+mod version;
+
+pub use battery_status::build_battery_status;
+pub use command_ack::CommandAck;
+pub use file_transfer::FileTransferNak;
+pub use heartbeat::build_heartbeat;
+pub use message::{Message, Stream};
+pub use status_text::status_texts;
+pub use sys_status::build_sys_status;
+pub use version::{build_autopilot_version, build_protocol_version};
