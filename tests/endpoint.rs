@@ -201,15 +201,31 @@ fn mavlink_1_is_understood() {
     assert_param_value(&desk.one_answer(&request), ParameterId::Sr0Extra1 as usize, 7.0);
 }
 
+/// PARAM_REQUEST_LIST for everyone, with these incompatibility flags.
+fn list_with_flags(flags: u8) -> Vec<u8> {
+    let mut frame = vec![0xfd, 2, flags, 0, 0, 255, 190, 21, 0, 0, 1, 1];
+    frame.extend(mcrf4xx(&frame[1..], 159).to_le_bytes());
+    frame
+}
+
 #[test]
 fn a_signed_frame_is_taken_with_its_signature() {
     let mut desk = Desk::new();
-    // The rows of the golden file have no signed request: sign one by hand, with any 13 bytes. Signatures aren't checked.
-    let mut frame = vec![0xfd, 2, 1, 0, 0, 255, 190, 21, 0, 0, 1, 1];
-    frame.extend(mcrf4xx(&frame[1..], 159).to_le_bytes());
-    frame.extend([0xfd; 13]);
-    let events = desk.receive_in_chunks(&[frame, param_read_by_index(0)].concat(), 7);
+    // Signatures aren't checked, so any 13 bytes will do: here a request, which must not be taken for one.
+    let mut signature = encode_v1(21, &EVERYONE);
+    signature.resize(13, 0xfd);
+    let bytes = [list_with_flags(1), signature, param_read_by_index(0)].concat();
+    let events = desk.receive_in_chunks(&bytes, 7);
     assert_eq!(events, [Event::ListRequested, Event::Answered]);
+}
+
+#[test]
+fn a_frame_with_flags_we_do_not_know_is_not_taken() {
+    for flags in [2, 3, 0x80] {
+        let mut desk = Desk::new();
+        let bytes = [list_with_flags(flags), vec![0; 293]].concat();
+        assert_eq!(desk.receive_in_chunks(&bytes, 64), [], "{flags}");
+    }
 }
 
 fn mcrf4xx(bytes: &[u8], extra: u8) -> u16 {

@@ -24,6 +24,8 @@ pub struct Endpoint {
     outbox: Outbox,
     sent: u32,
     dropped: u32,
+    /// Those of them that belonged to a stream.
+    streams_dropped: u32,
     texts: u16,
     shortfall_said: bool,
 }
@@ -39,6 +41,7 @@ impl Endpoint {
             outbox: Outbox::new(),
             sent: 0,
             dropped: 0,
+            streams_dropped: 0,
             texts: 0,
             shortfall_said: false,
         }
@@ -73,6 +76,7 @@ impl Endpoint {
             };
             if self.outbox.post(stream, stream.build(&state)) != Posted::Queued {
                 self.dropped = self.dropped.wrapping_add(1);
+                self.streams_dropped = self.streams_dropped.saturating_add(1);
                 dropped = Some(stream);
             }
         }
@@ -82,7 +86,7 @@ impl Endpoint {
 
     /// Tells the ground station once that it gets less than it asked for.
     fn report_shortfall(&mut self) {
-        if !self.shortfall_said && self.dropped >= DROPS_UNTIL_SHORTFALL {
+        if !self.shortfall_said && self.streams_dropped >= DROPS_UNTIL_SHORTFALL {
             self.shortfall_said = true;
             self.say(
                 MavSeverity::MAV_SEVERITY_WARNING,
