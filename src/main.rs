@@ -6,10 +6,11 @@ mod firmware {
     use defmt::{info, warn};
     use defmt_rtt as _;
     use embassy_executor::{SpawnError, SpawnToken, Spawner};
+    use embassy_futures::select::select3;
     use embassy_rp::uart::BufferedUartTx;
     use panic_probe as _;
     use rover_battmon::board::{
-        self, AnalogInputs, BoardFlash, BoardWatchdog, ExecutorIdleTime, UartReceiver,
+        self, AnalogInputs, BoardFlash, BoardWatchdog, ExecutorIdleTime, UartReceiver, UsbDevice, UsbPort,
     };
     use rover_battmon::liveness::CheckIn;
     use rover_battmon::parameter::{ParameterId, ParameterStorage, serial_baud};
@@ -22,6 +23,9 @@ mod firmware {
     /// A byte on the line has ten bits.
     const BITS_PER_BYTE: u32 = 10;
 
+    /// What the USB link is taken to carry: a packet of 64 bytes each millisecond, which any host polls for.
+    const USB_BYTES_PER_SECOND: u32 = 64_000;
+
     // Each deadline is several of the task's own intervals.
     static BATTERY: CheckIn = CheckIn::new("battery", 1_000);
     static SCHEDULER: CheckIn = CheckIn::new("telemetry", 2_500);
@@ -29,6 +33,10 @@ mod firmware {
     static READER: CheckIn = CheckIn::new("UART0 reader", 2_500);
     static STORAGE: CheckIn = CheckIn::new("parameters", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
+
+    /// Without a host, or with one that does not read, the USB link stands still, and nothing is wrong with the board. So
+    /// the supervisor does not look at it.
+    static UNWATCHED: CheckIn = CheckIn::new("USB", u32::MAX);
 
     #[embassy_executor::task]
     async fn battery(input: AnalogInputs, shared: &'static Shared) -> ! {
@@ -51,6 +59,31 @@ mod firmware {
     #[embassy_executor::task]
     async fn reader(wire: UartReceiver, shared: &'static Shared, link: &'static Link) {
         tasks::read_frames(wire, shared, link, &READER).await;
+    }
+
+    #[embassy_executor::task]
+    async fn usb_device(mut device: UsbDevice) -> ! {
+        device.run().await
+    }
+
+    /// Serves one program on the host after the other, each with a link of its own: its own schedule, sequence numbers
+    /// and losses.
+    #[embassy_executor::task]
+    async fn usb_link(mut port: UsbPort, shared: &'static Shared) -> ! {
+        loop {
+            port.opened().await;
+            info!("USB: opened");
+            let link = Link::new("USB", USB_BYTES_PER_SECOND);
+            let (transmitter, receiver) = port.split();
+            select3(
+                tasks::schedule_telemetry(shared, &link, &UNWATCHED),
+                tasks::write_frames(transmitter, shared, &link, &UNWATCHED),
+                tasks::read_frames(receiver, shared, &link, &UNWATCHED),
+            )
+            .await;
+            port.closed().await;
+            info!("USB: closed");
+        }
     }
 
     #[embassy_executor::task]
@@ -96,6 +129,7 @@ mod firmware {
         let link = TELEMETRY.init(Link::new("UART0", baud / BITS_PER_BYTE));
         let (transmitter, receiver) =
             board::telemetry_uart(peripherals.UART0, peripherals.PIN_0, peripherals.PIN_1, baud);
+        let (device, port) = board::usb_port(peripherals.USB);
         let input = AnalogInputs::new(
             peripherals.ADC,
             peripherals.PIN_26,
@@ -108,6 +142,8 @@ mod firmware {
         start(spawner, telemetry(shared, link));
         start(spawner, writer(transmitter, shared, link));
         start(spawner, reader(receiver, shared, link));
+        start(spawner, usb_device(device));
+        start(spawner, usb_link(port, shared));
         start(spawner, parameters(storage, shared));
         start(spawner, status(shared, link));
         start(spawner, reboot(shared, link));

@@ -5,20 +5,23 @@ mod flash;
 mod idle;
 mod reset;
 mod uart;
+mod usb;
 mod watchdog;
 
-use embassy_rp::peripherals::UART0;
+use embassy_rp::peripherals::{UART0, USB};
 use embassy_rp::uart::BufferedInterruptHandler;
-use embassy_rp::{adc as rp_adc, bind_interrupts};
+use embassy_rp::{adc as rp_adc, bind_interrupts, usb as rp_usb};
 
 pub use adc::AnalogInputs;
 pub use flash::{BoardFlash, PARAMETER_RANGE};
 pub use idle::ExecutorIdleTime;
 pub use reset::{ResetReason, reset_reason, restart};
 pub use uart::{UartReceiver, telemetry_uart};
+pub use usb::{UsbDevice, UsbPort, UsbReceiver, UsbTransmitter, usb_port};
 pub use watchdog::BoardWatchdog;
 
 bind_interrupts!(struct Irqs {
     ADC_IRQ_FIFO => rp_adc::InterruptHandler;
     UART0_IRQ => BufferedInterruptHandler<UART0>;
+    USBCTRL_IRQ => rp_usb::InterruptHandler<USB>;
 });
