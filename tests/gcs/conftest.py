@@ -6,6 +6,7 @@ import re
 import signal
 import socket
 import subprocess
+import threading
 
 import pytest
 
@@ -36,6 +37,10 @@ class Simulator:
         )
         first_line = self.process.stdout.readline()
         assert re.match(r"MAVLink on tcp:", first_line), first_line
+        # Read on, so that it never waits for a full pipe.
+        self.output = []
+        self.reader = threading.Thread(target=lambda: self.output.extend(self.process.stdout), daemon=True)
+        self.reader.start()
 
     @property
     def url(self):
@@ -44,13 +49,14 @@ class Simulator:
     def interrupt(self):
         """Presses Ctrl-C; returns the exit code and what it had printed since the first line."""
         os.killpg(self.process.pid, signal.SIGINT)
-        output, _ = self.process.communicate(timeout=20)
-        return self.process.returncode, output
+        self.process.wait(timeout=20)
+        self.reader.join(timeout=20)
+        return self.process.returncode, "".join(self.output)
 
     def kill(self):
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGKILL)
-            self.process.communicate()
+            self.process.wait()
 
 
 @pytest.fixture

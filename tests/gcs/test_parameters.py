@@ -6,42 +6,14 @@ import time
 import pytest
 from pymavlink import mavutil
 
+from station import command, connect, is_about, rate_of, read, receive, set_to
+
 mavlink = mavutil.mavlink
 
 
 @pytest.fixture
 def vehicle(start_simulator):
-    return connect(start_simulator())
-
-
-def connect(simulator):
-    connection = mavutil.mavlink_connection(simulator.url, source_system=255)
-    connection.wait_heartbeat(timeout=10)
-    return connection
-
-
-def receive(connection, names, timeout=3):
-    message = connection.recv_match(type=names, blocking=True, timeout=timeout)
-    assert message is not None, f"no {names} came"
-    return message
-
-
-def read(connection, name):
-    connection.mav.param_request_read_send(1, 1, name.encode(), -1)
-    return receive(connection, ["PARAM_VALUE", "PARAM_ERROR"])
-
-
-def set_to(connection, name, value):
-    connection.param_set_send(name, value)
-    return receive(connection, ["PARAM_VALUE", "PARAM_ERROR"])
-
-
-def command(connection, number, *parameters):
-    parameters = list(parameters) + [math.nan] * (7 - len(parameters))
-    connection.mav.command_long_send(1, 1, number, 0, *parameters)
-    ack = receive(connection, ["COMMAND_ACK"])
-    assert ack.command == number
-    return ack.result
+    return connect(start_simulator().url)
 
 
 def test_list(vehicle):
@@ -86,28 +58,24 @@ def test_set_and_refuse(vehicle):
 
 def test_the_rate_follows_the_parameter(vehicle):
     set_to(vehicle, "SR0_EXTRA1", 10)
-    end = time.monotonic() + 4
-    count = 0
-    while time.monotonic() < end:
-        count += vehicle.recv_match(type="BATTERY_STATUS", blocking=True, timeout=0.1) is not None
-    assert 0.85 * 40 <= count <= 1.15 * 40, count
+    assert is_about(rate_of(vehicle, "BATTERY_STATUS"), 10)
 
 
 def test_what_was_set_outlasts_a_restart_and_the_simulator(start_simulator, tmp_path):
     flash = str(tmp_path / "flash")
     simulator = start_simulator("--flash", flash)
-    vehicle = connect(simulator)
+    vehicle = connect(simulator.url)
     set_to(vehicle, "SR0_EXTRA1", 4)
     assert command(vehicle, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == mavlink.MAV_RESULT_ACCEPTED
     vehicle.close()
     time.sleep(2)
-    vehicle = connect(simulator)
+    vehicle = connect(simulator.url)
     assert read(vehicle, "SR0_EXTRA1").param_value == 4
     vehicle.close()
     code, output = simulator.interrupt()
     assert code == 0 and "Restarted." in output, output
 
-    vehicle = connect(start_simulator("--flash", flash))
+    vehicle = connect(start_simulator("--flash", flash).url)
     assert read(vehicle, "SR0_EXTRA1").param_value == 4
     assert command(vehicle, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 2) == mavlink.MAV_RESULT_ACCEPTED
     time.sleep(0.5)
@@ -117,7 +85,7 @@ def test_what_was_set_outlasts_a_restart_and_the_simulator(start_simulator, tmp_
 def test_damaged_storage_is_said(start_simulator, tmp_path):
     flash = tmp_path / "flash"
     flash.write_bytes(bytes(range(256)) * 64)
-    vehicle = connect(start_simulator("--flash", str(flash)))
+    vehicle = connect(start_simulator("--flash", str(flash)).url)
     text = receive(vehicle, ["STATUSTEXT"])
     assert "Parameter storage damaged" in text.text
     assert text.severity == mavlink.MAV_SEVERITY_CRITICAL

@@ -1,0 +1,78 @@
+"""A ground station for the tests, made of pymavlink."""
+
+import math
+import time
+
+from pymavlink import mavutil
+
+mavlink = mavutil.mavlink
+
+# Wall time on a shared machine is not exact.
+RATE_TOLERANCE = 0.15
+
+
+def connect(url):
+    connection = mavutil.mavlink_connection(url, source_system=255)
+    assert connection.wait_heartbeat(timeout=10) is not None, f"no heartbeat on {url}"
+    return connection
+
+
+def receive(connection, names, timeout=3):
+    message = connection.recv_match(type=names, blocking=True, timeout=timeout)
+    assert message is not None, f"no {names} came"
+    return message
+
+
+def messages_of(connection, seconds):
+    """Everything that comes within the given time from now on."""
+    while connection.recv_match(blocking=False):
+        pass
+    messages = []
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0:
+        message = connection.recv_match(blocking=True, timeout=left)
+        if message is not None:
+            messages.append(message)
+    return messages
+
+
+def rate_of(connection, name, seconds=4):
+    return count(messages_of(connection, seconds), name) / seconds
+
+
+def count(messages, name):
+    return sum(message.get_type() == name for message in messages)
+
+
+def is_about(hertz, expected):
+    return abs(hertz - expected) <= RATE_TOLERANCE * expected
+
+
+def read(connection, name):
+    connection.mav.param_request_read_send(1, 1, name.encode(), -1)
+    return receive(connection, ["PARAM_VALUE", "PARAM_ERROR"])
+
+
+def set_to(connection, name, value):
+    connection.param_set_send(name, value)
+    return receive(connection, ["PARAM_VALUE", "PARAM_ERROR"])
+
+
+def command(connection, number, *parameters):
+    """Sends a COMMAND_LONG, what isn't given NaN as MAVSDK does, and returns the result."""
+    parameters = list(parameters) + [math.nan] * (7 - len(parameters))
+    connection.mav.command_long_send(1, 1, number, 0, *parameters)
+    return result_of(connection, number)
+
+
+def command_int(connection, number, *parameters):
+    parameters = list(parameters) + [math.nan] * (4 - len(parameters))
+    frame = mavlink.MAV_FRAME_GLOBAL
+    connection.mav.command_int_send(1, 1, frame, number, 0, 0, *parameters, 0, 0, 0)
+    return result_of(connection, number)
+
+
+def result_of(connection, number):
+    ack = receive(connection, ["COMMAND_ACK"])
+    assert ack.command == number
+    return ack.result
