@@ -1,0 +1,169 @@
+"""MAVProxy as its user runs it, without a window: commands go in, its answers come out."""
+
+import os
+import pathlib
+import queue
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from station import is_about
+
+PROGRAM = pathlib.Path(sys.executable).parent / "mavproxy.py"
+
+
+class MavProxy:
+    """A running MAVProxy that has downloaded the parameters."""
+
+    def __init__(self, url, home, *arguments):
+        self.lines = queue.Queue()
+        self.process = subprocess.Popen(
+            [sys.executable, PROGRAM, "--master", url, "--state-basedir", home, *arguments],
+            cwd=home,
+            # No start-up script of the user's.
+            env={**os.environ, "HOME": str(home), "PYTHONUNBUFFERED": "1"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        threading.Thread(target=self.read_lines, daemon=True).start()
+        self.start_up = self.wait_for(r"Received (\d+) parameters", timeout=20)
+
+    def read_lines(self):
+        for line in self.process.stdout:
+            self.lines.put(line.rstrip("\n"))
+
+    def wait_for(self, pattern, timeout=5):
+        """Waits for a line with the pattern; returns the match."""
+        seen = []
+        end = time.monotonic() + timeout
+        while (left := end - time.monotonic()) > 0:
+            try:
+                seen.append(self.lines.get(timeout=left))
+            except queue.Empty:
+                break
+            if match := re.search(pattern, seen[-1]):
+                return match
+        raise AssertionError(f"MAVProxy never said {pattern}, but:\n" + "\n".join(seen))
+
+    def type(self, line):
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+
+    def ask(self, line, pattern, timeout=5):
+        """Types a command and waits for its answer."""
+        while not self.lines.empty():
+            self.lines.get()
+        self.type(line)
+        return self.wait_for(pattern, timeout)
+
+    def show(self, name):
+        """A parameter, as the vehicle has it now."""
+        self.ask(f"param fetch {name}", rf"Requested parameter {name}")
+        time.sleep(0.5)
+        return float(self.ask(f"param show {name}", rf"{name} +(\S+)")[1])
+
+    def received(self, name):
+        """How many of these messages have come since MAVProxy was started."""
+        return int(self.ask(f"status {name}", rf"(\d+): {name} ")[1])
+
+    def rate_of(self, name, seconds=5):
+        before, started = self.received(name), time.monotonic()
+        time.sleep(seconds)
+        return (self.received(name) - before) / (time.monotonic() - started)
+
+    def kill(self):
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait()
+
+
+@pytest.fixture
+def start_mavproxy(start_simulator, tmp_path):
+    """Starts MAVProxy on a simulator of its own."""
+    started = []
+
+    def start(*arguments):
+        started.append(MavProxy(start_simulator().url, tmp_path, *arguments))
+        return started[-1]
+
+    yield start
+    for mavproxy in started:
+        mavproxy.kill()
+
+
+@pytest.fixture
+def mavproxy(start_mavproxy):
+    """MAVProxy that leaves the rates alone."""
+    return start_mavproxy("--streamrate=-1")
+
+
+def test_it_downloads_all_parameters(mavproxy, tmp_path):
+    assert mavproxy.start_up[1] == mavproxy.ask("param status", r"Have (\d+)/\1 params")[1]
+    saved = dict(line.split() for line in (tmp_path / "mav.parm").read_text().splitlines() if line[0] != "#")
+    assert len(saved) == int(mavproxy.start_up[1])
+    assert float(saved["SR0_EXTRA1"]) == 2
+
+
+def test_it_starts_without_waiting_for_a_file_transfer(start_mavproxy):
+    started = time.monotonic()
+    start_mavproxy()
+    # It gives a vehicle that doesn't answer its file transfer twelve seconds.
+    assert time.monotonic() - started < 11
+
+
+def test_it_shows_and_sets_parameters(mavproxy):
+    assert mavproxy.show("SR0_EXTRA1") == 2
+    mavproxy.type("param set SR0_EXTRA1 6")
+    assert mavproxy.show("SR0_EXTRA1") == 6
+    assert is_about(mavproxy.rate_of("BATTERY_STATUS"), 6)
+    mavproxy.type("param set BATT_VOLT_MULT 7.9")
+    assert mavproxy.show("BATT_VOLT_MULT") == pytest.approx(7.9)
+    assert voltage(mavproxy) > 24
+
+
+def test_it_says_that_a_value_was_refused(mavproxy):
+    for name, value, kept in [("BATT_VOLT_MULT", "1000", 3.95), ("SR0_EXTRA1", "51", 2), ("BATT_MONITOR", "4", 3)]:
+        mavproxy.ask(f"param set {name} {value}", rf"Failed to set {name} to {value} \(invalid returned value")
+        assert mavproxy.show(name) == pytest.approx(kept)
+
+
+def voltage(mavproxy):
+    return int(mavproxy.ask("status BATTERY_STATUS", r"voltages : \[(\d+), 65535")[1]) / 1000
+
+
+def test_it_shows_the_battery(mavproxy):
+    assert 12.0 < voltage(mavproxy) < 12.65
+    mavproxy.type("set numcells 3")
+    time.sleep(1)
+    cell = mavproxy.ask("bat", r"Bat1 (\S+) V/cell for 3 cells")
+    assert 4.0 < float(cell[1]) < 4.22
+
+
+def test_it_loses_nothing(mavproxy):
+    time.sleep(3)
+    link = mavproxy.ask("link", r"link 1 OK \((\d+) packets, .* (\d+) lost")
+    assert int(link[1]) > 15
+    assert link[2] == "0"
+
+
+def test_its_stream_rate_is_followed_and_not_saved(start_mavproxy):
+    mavproxy = start_mavproxy("--streamrate=8")
+    assert is_about(mavproxy.rate_of("BATTERY_STATUS"), 8)
+    mavproxy.type("set streamrate 4")
+    time.sleep(0.5)
+    assert is_about(mavproxy.rate_of("SYS_STATUS"), 4)
+    assert mavproxy.show("SR0_EXTRA1") == 2
+
+
+def test_it_asks_for_the_version(mavproxy):
+    mavproxy.ask("version", r"Got COMMAND_ACK: REQUEST_MESSAGE: ACCEPTED")
+    time.sleep(0.5)
+    mavproxy.ask("status AUTOPILOT_VERSION", r"AUTOPILOT_VERSION \{capabilities : \d+")
