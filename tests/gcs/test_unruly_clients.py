@@ -1,0 +1,198 @@
+"""Clients that misbehave: another one notices nothing of them."""
+
+import os
+import random
+import select
+import socket
+import struct
+import threading
+import time
+
+import pytest
+from pymavlink import mavutil
+
+from station import connect, count, is_about, messages_of, read, set_to
+
+mavlink = mavutil.mavlink
+
+WATCHED_SECONDS = 5
+RATE_HZ = 10
+
+
+@pytest.fixture
+def simulator(start_simulator):
+    return start_simulator()
+
+
+def open_socket(simulator, receive_buffer=None):
+    client = socket.socket()
+    if receive_buffer:
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+    client.connect(("127.0.0.1", simulator.port))
+    return client
+
+
+def some_requests():
+    """Every request that is answered, as bytes."""
+    station = mavlink.MAVLink(None, srcSystem=254, srcComponent=190)
+    return [
+        message.pack(station)
+        for message in (
+            station.param_request_list_encode(1, 1),
+            station.param_request_read_encode(1, 1, b"SR0_EXTRA1", -1),
+            station.param_set_encode(1, 1, b"BATT_VOLT_MULT", 1000.0, mavlink.MAV_PARAM_TYPE_REAL32),
+            station.command_long_encode(1, 1, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, 148, 0, 0, 0, 0, 0, 0),
+            station.command_long_encode(1, 1, 65535, 0, 0, 0, 0, 0, 0, 0, 0),
+            station.ping_encode(1, 1, 0, 0),
+            station.timesync_encode(0, 1),
+            station.file_transfer_protocol_encode(0, 1, 1, bytes(251)),
+        )
+    ]
+
+
+class Background:
+    """Repeats something beside the test until the end of the block."""
+
+    def __init__(self, act):
+        self.act = act
+        self.over = threading.Event()
+        self.error = None
+        self.thread = threading.Thread(target=self.run)
+
+    def run(self):
+        try:
+            while not self.over.is_set():
+                self.act()
+        except Exception as error:  # Told at the end of the block.
+            self.error = error
+
+    def __enter__(self):
+        self.thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self.over.set()
+        self.thread.join(timeout=10)
+        assert not self.thread.is_alive()
+        assert self.error is None, self.error
+
+
+def well_served(simulator):
+    """A connection that watches at a rate of its own."""
+    connection = connect(simulator.url)
+    assert set_to(connection, "SR0_EXTRA1", RATE_HZ).param_value == RATE_HZ
+    return connection
+
+
+def assert_well_served(connection):
+    messages = messages_of(connection, WATCHED_SECONDS)
+    assert count(messages, "BAD_DATA") == 0
+    numbers = [message.get_seq() for message in messages]
+    expected = [(numbers[0] + i) % 256 for i in range(len(numbers))]
+    assert numbers == expected
+    for name in ("BATTERY_STATUS", "SYS_STATUS"):
+        hertz = count(messages, name) / WATCHED_SECONDS
+        assert is_about(hertz, RATE_HZ), (name, hertz)
+    assert 4 <= count(messages, "HEARTBEAT") <= 6
+    assert read(connection, "SR0_EXTRA1").param_value == RATE_HZ
+
+
+def test_one_that_stops_reading(simulator):
+    watcher = well_served(simulator)
+    stuck = open_socket(simulator, receive_buffer=4096)
+    stuck.setblocking(False)
+    requests = b"".join(some_requests())
+
+    def ask_and_never_read():
+        try:
+            stuck.send(requests)
+        except BlockingIOError:
+            pass
+        time.sleep(0.001)
+
+    with Background(ask_and_never_read):
+        assert_well_served(watcher)
+    # It is served again when it reads again.
+    stuck.settimeout(1)
+    end = time.monotonic() + 5
+    parser = mavlink.MAVLink(None)
+    parser.robust_parsing = True
+    good = 0
+    while time.monotonic() < end and good < 200:
+        good += sum(message.get_type() != "BAD_DATA" for message in parser.parse_buffer(stuck.recv(65536)) or [])
+    assert good >= 200
+    stuck.close()
+
+
+def flood(simulator, next_bytes):
+    """Sends as fast as it goes, and reads what is answered."""
+    client = open_socket(simulator)
+    client.setblocking(False)
+    sent = [0]
+    left = [b""]
+
+    def send_and_read():
+        readable, writable, _ = select.select([client], [client], [], 0.1)
+        if readable:
+            client.recv(1 << 16)
+        if writable:
+            left[0] = left[0] or next_bytes()
+            written = client.send(left[0])
+            left[0] = left[0][written:]
+            sent[0] += written
+
+    return send_and_read, sent
+
+
+def test_one_that_floods_with_garbage(simulator):
+    watcher = well_served(simulator)
+    act, sent = flood(simulator, lambda: os.urandom(4096))
+    with Background(act):
+        assert_well_served(watcher)
+    assert sent[0] > 20_000 * WATCHED_SECONDS, "more than a serial port could carry"
+
+
+def test_one_that_floods_with_requests(simulator):
+    watcher = well_served(simulator)
+    block = b"".join(some_requests()) * 4
+    act, sent = flood(simulator, lambda: block)
+    with Background(act):
+        assert_well_served(watcher)
+    assert sent[0] > 20_000 * WATCHED_SECONDS
+
+
+def test_one_that_floods_with_damaged_requests(simulator):
+    watcher = well_served(simulator)
+    dice = random.Random(1)
+
+    def damaged():
+        block = bytearray(b"".join(some_requests()) * 4)
+        for _ in range(40):
+            block[dice.randrange(len(block))] ^= 1 << dice.randrange(8)
+        return bytes(block)
+
+    act, _ = flood(simulator, damaged)
+    with Background(act):
+        assert_well_served(watcher)
+
+
+@pytest.mark.parametrize("abruptly", [False, True])
+def test_one_that_disconnects_in_the_middle_of_a_frame(simulator, abruptly):
+    watcher = well_served(simulator)
+    requests = some_requests()
+    dice = random.Random(2)
+
+    def connect_and_go():
+        client = open_socket(simulator)
+        if abruptly:  # A reset instead of a proper end.
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        frame = dice.choice(requests)
+        client.sendall(frame[: dice.randrange(1, len(frame))])
+        time.sleep(dice.choice([0, 0.02]))
+        client.close()
+        time.sleep(0.02)
+
+    with Background(connect_and_go):
+        assert_well_served(watcher)
+    # Half a frame of one client isn't continued by the next.
+    assert read(connect(simulator.url), "SR0_EXTRA1").param_value == RATE_HZ
