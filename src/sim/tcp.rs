@@ -3,7 +3,6 @@
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 
-use embassy_futures::yield_now;
 use embassy_time::Timer;
 use embedded_io_async::{ErrorType, Write};
 
@@ -92,8 +91,6 @@ pub struct TcpReceiver(TcpStream);
 
 impl ByteSource for TcpReceiver {
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
-        // A client that sends without a pause must leave the others their turn.
-        yield_now().await;
         loop {
             match io::Read::read(&mut self.0, buffer) {
                 Err(error) if error.kind() == ErrorKind::WouldBlock => Timer::after_millis(POLL_MS).await,

@@ -5,7 +5,6 @@ use std::io;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::ops::Range;
 
-use embassy_futures::yield_now;
 use embassy_time::Timer;
 use embedded_io_async::{ErrorType, Write};
 
@@ -79,8 +78,6 @@ pub struct UdpReceiver<'a> {
 
 impl ByteSource for UdpReceiver<'_> {
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
-        // A ground station that sends without a pause must leave the others their turn.
-        yield_now().await;
         while self.rest.is_empty() {
             match self.socket.recv(&mut self.datagram) {
                 Ok(received) => self.rest = 0..received,

@@ -10,8 +10,8 @@ use super::Shared;
 use crate::log::warn;
 use crate::mavlink::{Endpoint, LinkStatistics, Message, Stream};
 
-/// A link that is far too slow drops many messages a second; the log is told of it this often.
-const DROP_REPORT_INTERVAL: Duration = Duration::from_secs(1);
+/// Something that can happen many times a second is told to the log this often.
+const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
 /// A link: our end of it, and who has to wake up when something happens at it.
 ///
@@ -23,7 +23,25 @@ pub struct Link {
     pub(super) to_write: Signal<NoopRawMutex, ()>,
     /// The schedule may have changed.
     pub(super) to_schedule: Signal<NoopRawMutex, ()>,
-    drop_reported: Cell<Option<Instant>>,
+    drops: ReportLimit,
+    /// Requests that were refused.
+    pub(super) refusals: ReportLimit,
+}
+
+/// Lets one report through in each [`REPORT_INTERVAL`].
+#[derive(Default)]
+pub(super) struct ReportLimit(Cell<Option<Instant>>);
+
+impl ReportLimit {
+    /// Whether it is time for another report; then it counts as made.
+    pub fn allows(&self) -> bool {
+        let now = Instant::now();
+        let due = self.0.get().is_none_or(|last| now - last >= REPORT_INTERVAL);
+        if due {
+            self.0.set(Some(now));
+        }
+        due
+    }
 }
 
 impl Link {
@@ -34,7 +52,8 @@ impl Link {
             endpoint: RefCell::new(Endpoint::new(bytes_per_second, Instant::now().as_micros())),
             to_write: Signal::new(),
             to_schedule: Signal::new(),
-            drop_reported: Cell::new(None),
+            drops: ReportLimit::default(),
+            refusals: ReportLimit::default(),
         }
     }
 
@@ -71,13 +90,7 @@ impl Link {
 
     /// Logs that a message of `stream` was dropped, once a second at most.
     pub(super) fn report_drop(&self, stream: Stream) {
-        let now = Instant::now();
-        if self
-            .drop_reported
-            .get()
-            .is_none_or(|last| now - last >= DROP_REPORT_INTERVAL)
-        {
-            self.drop_reported.set(Some(now));
+        if self.drops.allows() {
             let dropped = self.statistics().dropped;
             warn!(
                 "{}: link too slow, dropped {:?}, {} messages so far",

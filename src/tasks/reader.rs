@@ -1,5 +1,6 @@
 //! Reads one link and handles what ground stations ask for.
 
+use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, with_timeout};
 
 use super::{Link, Shared, mark};
@@ -56,6 +57,8 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
             }
         }
         mark(check_in);
+        // A sender that never pauses must leave the others their turn.
+        yield_now().await;
     }
 }
 
@@ -91,12 +94,20 @@ fn react(event: Event, shared: &Shared, link: &Link) {
             info!("{}: {} set to {}", link.name(), name(id), shared.parameter(id));
             shared.to_save.signal(());
         }
-        Event::ParameterRefused => warn!("{}: a parameter was refused", link.name()),
+        Event::ParameterRefused => {
+            if link.refusals.allows() {
+                warn!("{}: a parameter was refused", link.name());
+            }
+        }
         Event::Command(action) => {
             info!("{}: {:?}", link.name(), action);
             act(action, shared);
         }
-        Event::CommandRefused(number) => warn!("{}: command {} refused", link.name(), number),
+        Event::CommandRefused(number) => {
+            if link.refusals.allows() {
+                warn!("{}: command {} refused", link.name(), number);
+            }
+        }
     }
     link.to_write.signal(());
     link.to_schedule.signal(());
