@@ -6,7 +6,6 @@ mod firmware {
     use defmt::{info, warn};
     use defmt_rtt as _;
     use embassy_executor::{SpawnError, SpawnToken, Spawner};
-    use embassy_futures::select::select3;
     use embassy_rp::uart::BufferedUartTx;
     use panic_probe as _;
     use rover_battmon::board::{
@@ -75,12 +74,7 @@ mod firmware {
             info!("USB: opened");
             let link = Link::new("USB", USB_BYTES_PER_SECOND);
             let (transmitter, receiver) = port.split();
-            select3(
-                tasks::schedule_telemetry(shared, &link, &UNWATCHED),
-                tasks::write_frames(transmitter, shared, &link, &UNWATCHED),
-                tasks::read_frames(receiver, shared, &link, &UNWATCHED),
-            )
-            .await;
+            tasks::serve_link(transmitter, receiver, shared, &link, &UNWATCHED).await;
             port.closed().await;
             info!("USB: closed");
         }

@@ -58,26 +58,25 @@ enum Request {
     RadioStatus,
 }
 
-/// Messages that are for everyone have no target.
-const NO_TARGET: usize = usize::MAX - 1;
-
 /// What the frame asks for if it is for us: system and component 0 mean everyone.
 fn request(frame: &ReceivedFrame<'_>, system_id: u8) -> Option<Request> {
     let (request, target_at) = match frame.message_id {
-        PARAM_REQUEST_LIST_DATA::ID => (Request::ParameterList, 0),
-        PARAM_REQUEST_READ_DATA::ID => (Request::ParameterRead, 2),
-        PARAM_SET_DATA::ID => (Request::ParameterSet, 4),
-        COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => (Request::Command, 30),
-        FILE_TRANSFER_PROTOCOL_DATA::ID => (Request::FileTransfer, 1),
-        REQUEST_DATA_STREAM_DATA::ID => (Request::DataStream, 2),
-        PING_DATA::ID => (Request::Ping, 12),
-        TIMESYNC_DATA::ID => (Request::Timesync, 16),
-        RADIO_STATUS_DATA::ID => (Request::RadioStatus, NO_TARGET),
+        PARAM_REQUEST_LIST_DATA::ID => (Request::ParameterList, Some(0)),
+        PARAM_REQUEST_READ_DATA::ID => (Request::ParameterRead, Some(2)),
+        PARAM_SET_DATA::ID => (Request::ParameterSet, Some(4)),
+        COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => (Request::Command, Some(30)),
+        FILE_TRANSFER_PROTOCOL_DATA::ID => (Request::FileTransfer, Some(1)),
+        REQUEST_DATA_STREAM_DATA::ID => (Request::DataStream, Some(2)),
+        PING_DATA::ID => (Request::Ping, Some(12)),
+        TIMESYNC_DATA::ID => (Request::Timesync, Some(16)),
+        RADIO_STATUS_DATA::ID => (Request::RadioStatus, None),
         _ => return None,
     };
-    let target_system = frame.payload.u8(target_at);
-    let target_component = frame.payload.u8(target_at + 1);
-    let ours = [0, system_id].contains(&target_system) && [0, COMPONENT_ID].contains(&target_component);
+    // A message without a target is for everyone.
+    let ours = target_at.is_none_or(|at| {
+        let (system, component) = (frame.payload.u8(at), frame.payload.u8(at + 1));
+        [0, system_id].contains(&system) && [0, COMPONENT_ID].contains(&component)
+    });
     ours.then_some(request)
 }
 

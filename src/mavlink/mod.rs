@@ -32,7 +32,7 @@ pub use messages::{
     build_heartbeat, build_protocol_version, build_sys_status, status_texts,
 };
 pub use outbox::{NoRoom, Outbox, Posted};
-pub use parser::{FrameParser, MAX_FRAME_BYTES, ReceiveStatistics, ReceivedFrame};
+pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};
 pub use payload::{Name, Payload};
 pub use scheduler::{Interval, NotStreamed, StreamScheduler};
 pub use services::commands::Action;

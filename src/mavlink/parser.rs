@@ -16,10 +16,13 @@ const SIGNATURE_BYTES: usize = 13;
 const FLAG_SIGNED: u8 = 0x01;
 
 /// The longest frame: MAVLink 2 with a full payload and a signature.
-pub const MAX_FRAME_BYTES: usize = HEADER_V2_BYTES + u8::MAX as usize + CRC_BYTES + SIGNATURE_BYTES;
+const MAX_FRAME_BYTES: usize = HEADER_V2_BYTES + u8::MAX as usize + CRC_BYTES + SIGNATURE_BYTES;
 
 /// Room for the longest frame and for what arrives behind it in one go.
 const BUFFER_BYTES: usize = 512;
+
+// A frame that waits for its end must leave room for the bytes it waits for.
+const _: () = assert!(BUFFER_BYTES > MAX_FRAME_BYTES);
 
 /// What came in on a link since boot. The counters wrap at 2^32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

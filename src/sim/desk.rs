@@ -5,15 +5,14 @@ use std::fmt;
 use std::rc::Rc;
 
 use embassy_futures::join::{join, join_array, join4};
-use embassy_futures::select::{Either, select, select3};
+use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker};
 
 use super::{Client, Clients, PackModel, SimulatedFlash, SimulatedPack, SimulatedPackInput, UdpWire};
 use crate::liveness::CheckIn;
 use crate::parameter::{ParameterStorage, Parameters};
 use crate::tasks::{
-    Link, Shared, keep_parameters, load_parameters, read_frames, reboot_requested, report_load,
-    sample_battery, schedule_telemetry, write_frames,
+    Link, Shared, keep_parameters, load_parameters, reboot_requested, report_load, sample_battery, serve_link,
 };
 
 /// Ground stations that can be connected at the same time.
@@ -26,8 +25,8 @@ const LINK_BYTES_PER_SECOND: u32 = 1_000_000;
 static UNWATCHED: CheckIn = CheckIn::new("", u32::MAX);
 
 /// Switches the vehicle on, and on again whenever a ground station restarts it. Ground stations connect by TCP, and one
-/// may listen at the other end of `udp`. The pack and the flash outlast that;
-/// connections don't. A status line is printed every `line_interval`.
+/// may listen at the other end of `udp`. The pack and the flash outlast a restart; connections don't. A status line is
+/// printed every `line_interval`.
 pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, line_interval: Duration) -> ! {
     let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
     loop {
@@ -80,12 +79,7 @@ impl<'a> Desk<'a> {
             println!("{address} connected");
             let link = Rc::new(Link::new("TCP", LINK_BYTES_PER_SECOND));
             self.links.borrow_mut().push(link.clone());
-            select3(
-                schedule_telemetry(&self.shared, &link, &UNWATCHED),
-                write_frames(transmitter, &self.shared, &link, &UNWATCHED),
-                read_frames(receiver, &self.shared, &link, &UNWATCHED),
-            )
-            .await;
+            serve_link(transmitter, receiver, &self.shared, &link, &UNWATCHED).await;
             self.links.borrow_mut().retain(|other| !Rc::ptr_eq(other, &link));
             println!("{address} disconnected");
         }
@@ -95,12 +89,7 @@ impl<'a> Desk<'a> {
     async fn serve_udp(&self, wire: &UdpWire) {
         let link = Link::new("UDP", LINK_BYTES_PER_SECOND);
         let (transmitter, receiver) = wire.split();
-        select3(
-            schedule_telemetry(&self.shared, &link, &UNWATCHED),
-            write_frames(transmitter, &self.shared, &link, &UNWATCHED),
-            read_frames(receiver, &self.shared, &link, &UNWATCHED),
-        )
-        .await;
+        serve_link(transmitter, receiver, &self.shared, &link, &UNWATCHED).await;
     }
 
     fn all_sent(&self) -> bool {
