@@ -111,7 +111,7 @@ fn sys_status_is_byte_exact() {
 
 #[test]
 fn sys_status_without_a_monitored_battery_is_byte_exact() {
-    let message = Message::SysStatus(build_sys_status(&with_battery(BatteryState::DISABLED)));
+    let message = Message::SysStatus(build_sys_status(&with_battery(BatteryState::disabled())));
     assert_eq!(frame_hex(&message), golden_frames()["sys_status_none"]);
 }
 
@@ -297,6 +297,7 @@ prop_compose! {
         SystemState {
             battery: BatteryState {
                 status, voltage_v, current_a, consumed_mah, consumed_wh, remaining_pct, time_remaining_s, temperature_c,
+                ..BatteryState::default()
             },
             load_permille,
             link: LinkStatistics { sent, dropped, received: ReceiveStatistics { frames, bad_checksums, ..Default::default() } },

@@ -51,14 +51,16 @@ impl BatteryMonitor {
 
     fn accept(&mut self, measurement: Measurement) {
         self.failed_reads = 0;
-        let connected = measurement.voltage_v >= MIN_CONNECTED_VOLTAGE_V;
+        let connected = measurement
+            .voltage_v
+            .is_some_and(|voltage_v| voltage_v >= MIN_CONNECTED_VOLTAGE_V);
         self.state.status = if connected {
             PackStatus::Healthy
         } else {
             PackStatus::NotConnected
         };
         // Without a pack the pin's voltage is not a pack voltage: unknown, not a flat battery.
-        self.state.voltage_v = connected.then_some(measurement.voltage_v);
+        self.state.voltage_v = measurement.voltage_v.filter(|_| connected);
     }
 
     fn reject(&mut self) {
@@ -70,7 +72,7 @@ impl BatteryMonitor {
 }
 
 fn plausible(measurement: Measurement) -> Result<Measurement, ReadError> {
-    if measurement.voltage_v.is_finite() {
+    if measurement.voltage_v.is_none_or(f32::is_finite) {
         Ok(measurement)
     } else {
         Err(ReadError::Implausible)
@@ -83,7 +85,10 @@ mod tests {
     use proptest::prelude::*;
 
     fn volts(voltage_v: f32) -> Result<Measurement, ReadError> {
-        Ok(Measurement { voltage_v })
+        Ok(Measurement {
+            voltage_v: Some(voltage_v),
+            ..Measurement::default()
+        })
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! What is known of a pack.
 
+use super::{CellVoltages, Chemistry, Faults};
+
 /// Whether a pack is there and its sensor can be trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -17,6 +19,50 @@ pub enum PackStatus {
     Unhealthy,
 }
 
+/// How much is left in the pack, for people and ground stations: MAVLink's `MAV_BATTERY_CHARGE_STATE`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+#[repr(u8)]
+pub enum ChargeState {
+    /// It can't be known.
+    #[default]
+    Undefined = 0,
+    /// Enough.
+    Ok = 1,
+    /// Warn the driver.
+    Low = 2,
+    /// Stop soon.
+    Critical = 3,
+    /// Stop now: the pack is being harmed.
+    Emergency = 4,
+    /// The pack has failed; see its faults.
+    Failed = 5,
+    /// The sensor has failed, or a fault makes the pack unfit; see its faults.
+    Unhealthy = 6,
+    /// The pack is being charged.
+    Charging = 7,
+}
+
+/// Which of a pack's voltages a ground station is sent (`BATT_OPTIONS` bit 6).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ReportedVoltage {
+    /// The voltage between the pack's terminals.
+    #[default]
+    Terminal,
+    /// The voltage it would have without a load, as far as that is known.
+    Resting,
+}
+
+/// Whether ground stations are told of a pack (`BATT_OPTIONS` bit 8).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Visibility {
+    /// It has a BATTERY_STATUS of its own.
+    #[default]
+    Reported,
+    /// It is used on board only.
+    Internal,
+}
+
 /// What is known of one pack. `None` means unknown; it never stands for zero.
 ///
 /// The default is the state at boot: everything unknown.
@@ -26,30 +72,58 @@ pub struct BatteryState {
     pub status: PackStatus,
     /// Voltage between the pack's terminals, in volts.
     pub voltage_v: Option<f32>,
+    /// Voltage the pack would have without a load, in volts.
+    pub resting_voltage_v: Option<f32>,
     /// Current drawn from the pack, in amperes; negative while charging.
     pub current_a: Option<f32>,
+    /// Current drawn from the pack, averaged over the last minute or so, in amperes.
+    pub average_current_a: Option<f32>,
+    /// Internal resistance of the whole pack, in ohms, once load steps have shown it.
+    pub resistance_ohm: Option<f32>,
     /// Charge drawn since boot or the last battery reset, in milliampere-hours.
     pub consumed_mah: Option<f32>,
     /// Energy drawn since boot or the last battery reset, in watt-hours.
     pub consumed_wh: Option<f32>,
     /// Remaining charge, in percent of a full pack (0 to 100).
     pub remaining_pct: Option<f32>,
-    /// Time until the pack is empty at the present load, in seconds.
+    /// Time until the pack is empty at the average load, in seconds.
     pub time_remaining_s: Option<f32>,
     /// Temperature of the pack, in degrees Celsius.
     pub temperature_c: Option<f32>,
+    /// How much is left, in steps.
+    pub charge_state: ChargeState,
+    /// What is wrong with the pack.
+    pub faults: Faults,
+    /// Cells in series, as set or detected.
+    pub cell_count: Option<u8>,
+    /// Voltage of each cell, where the sensor measures them.
+    pub cells: CellVoltages,
+    /// What the cells are made of.
+    pub chemistry: Chemistry,
+    /// Charge of the full pack, in milliampere-hours.
+    pub capacity_mah: Option<f32>,
+    /// Serial number, as set.
+    pub serial_number: Option<i32>,
+    /// Which voltage ground stations are sent.
+    pub reported_voltage: ReportedVoltage,
+    /// Whether ground stations are told of the pack.
+    pub visibility: Visibility,
 }
 
 impl BatteryState {
     /// A pack that is not monitored.
-    pub const DISABLED: Self = Self {
-        status: PackStatus::Disabled,
-        voltage_v: None,
-        current_a: None,
-        consumed_mah: None,
-        consumed_wh: None,
-        remaining_pct: None,
-        time_remaining_s: None,
-        temperature_c: None,
-    };
+    pub fn disabled() -> Self {
+        Self {
+            status: PackStatus::Disabled,
+            ..Self::default()
+        }
+    }
+
+    /// The voltage ground stations are sent, in volts.
+    pub fn voltage_to_report_v(&self) -> Option<f32> {
+        match self.reported_voltage {
+            ReportedVoltage::Resting => self.resting_voltage_v.or(self.voltage_v),
+            ReportedVoltage::Terminal => self.voltage_v,
+        }
+    }
 }

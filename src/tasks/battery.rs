@@ -29,7 +29,7 @@ pub async fn sample_battery(mut input: impl AnalogIn, shared: &Shared, check_in:
         Timer::at(Instant::from_micros(ticks.due_us())).await;
         ticks.take(Instant::now().as_micros());
         if disabled {
-            shared.publish_battery(BatteryState::DISABLED);
+            shared.publish_battery(BatteryState::disabled());
         } else {
             sample(&mut input, shared, &mut monitor).await;
         }
@@ -59,7 +59,8 @@ async fn read(input: &mut impl AnalogIn, shared: &Shared) -> Result<Measurement,
         .await
         .map_err(|_| ReadError::Timeout)??;
     Ok(Measurement {
-        voltage_v: divider.pack_voltage_v(count),
+        voltage_v: Some(divider.pack_voltage_v(count)),
+        ..Measurement::default()
     })
 }
 
