@@ -1,4 +1,6 @@
-//! What cells are made of.
+//! What cells are made of, and what follows from that.
+
+use super::curve::Curve;
 
 /// What the cells are made of; the numbers are MAVLink's `MAV_BATTERY_TYPE` and those of `BATT_CHEM`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,3 +17,96 @@ pub enum Chemistry {
     /// Nickel metal hydride.
     NiMh = 4,
 }
+
+/// What is typical of a cell. `docs/battery-model.md` names the sources.
+#[derive(Debug)]
+pub(super) struct Cell {
+    /// Resting voltage against state of charge.
+    pub curve: Curve,
+    /// By how much the curves of different makes differ, in volts.
+    pub curve_spread_v: f32,
+    /// Ohmic resistance times capacity, in Ω·Ah: what a load of one capacity an hour takes off the voltage at once.
+    pub ohmic_drop_v: f32,
+    /// The same for a lasting load, with the slow part of the sag.
+    pub lasting_drop_v: f32,
+    /// More than this no sound cell has, in volts.
+    pub highest_v: f32,
+    /// A resting cell below this is being harmed, in volts.
+    pub deep_discharge_v: f32,
+    /// Less than this, at rest, is not this many cells of this chemistry, in volts.
+    pub lowest_v: f32,
+}
+
+impl Chemistry {
+    /// The chemistry with this `MAV_BATTERY_TYPE`.
+    pub fn from_number(number: i32) -> Option<Self> {
+        [Self::LiPo, Self::LiFe, Self::LiIon, Self::NiMh]
+            .into_iter()
+            .find(|chemistry| *chemistry as i32 == number)
+    }
+
+    pub(super) fn cell(self) -> &'static Cell {
+        match self {
+            Self::LiPo => &LIPO,
+            Self::LiFe => &LIFE,
+            Self::LiIon => &LIION,
+            Self::NiMh => &NIMH,
+        }
+    }
+}
+
+/// A graphite/LiCoO2 pouch cell of 2.28 Ah: Ai et al. 2020, doi:10.1149/2.0122001JES. 0 % is 3.0 V at rest.
+static LIPO: Cell = Cell {
+    curve: Curve([
+        3.135, 3.576, 3.665, 3.688, 3.712, 3.734, 3.752, 3.769, 3.781, 3.798, 3.817, 3.831, 3.853, 3.889,
+        3.929, 3.966, 4.007, 4.061, 4.099, 4.144, 4.200,
+    ]),
+    curve_spread_v: 0.018,
+    ohmic_drop_v: 0.026,
+    lasting_drop_v: 0.035,
+    highest_v: 4.35,
+    deep_discharge_v: 3.0,
+    lowest_v: 2.0,
+};
+
+/// A commercial 26650 cell: Safari and Delacourt 2011, doi:10.1149/1.3567007. 0 % is 2.5 V at rest.
+static LIFE: Cell = Cell {
+    curve: Curve([
+        2.170, 3.092, 3.194, 3.218, 3.240, 3.260, 3.276, 3.284, 3.289, 3.292, 3.295, 3.299, 3.303, 3.310,
+        3.318, 3.325, 3.330, 3.333, 3.337, 3.345, 3.589,
+    ]),
+    curve_spread_v: 0.017,
+    ohmic_drop_v: 0.023,
+    lasting_drop_v: 0.035,
+    highest_v: 3.8,
+    deep_discharge_v: 2.5,
+    lowest_v: 1.8,
+};
+
+/// A graphite-SiOx/NMC811 cell, LG M50: Chen et al. 2020, doi:10.1149/1945-7111/ab9050. 0 % is 2.5 V at rest.
+static LIION: Cell = Cell {
+    curve: Curve([
+        2.541, 3.141, 3.295, 3.395, 3.449, 3.502, 3.555, 3.599, 3.638, 3.676, 3.720, 3.766, 3.816, 3.869,
+        3.921, 3.969, 4.018, 4.063, 4.089, 4.117, 4.199,
+    ]),
+    curve_spread_v: 0.029,
+    ohmic_drop_v: 0.09,
+    lasting_drop_v: 0.14,
+    highest_v: 4.35,
+    deep_discharge_v: 2.5,
+    lowest_v: 1.8,
+};
+
+/// A Panasonic 6.5 Ah module, per cell: NREL ADVISOR, ESS_NiMH7_rc_temp, 2001. Its voltage tells little.
+static NIMH: Cell = Cell {
+    curve: Curve([
+        1.193, 1.218, 1.244, 1.258, 1.272, 1.282, 1.292, 1.299, 1.305, 1.308, 1.310, 1.316, 1.321, 1.327,
+        1.332, 1.338, 1.344, 1.358, 1.372, 1.388, 1.404,
+    ]),
+    curve_spread_v: 0.045,
+    ohmic_drop_v: 0.018,
+    lasting_drop_v: 0.028,
+    highest_v: 1.65,
+    deep_discharge_v: 0.9,
+    lowest_v: 0.8,
+};

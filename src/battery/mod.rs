@@ -1,17 +1,39 @@
 //! What is known of the packs: measurements in, a [`BatteryState`] out.
 
+mod cell_count;
 mod cells;
+mod charge;
+mod charge_state;
+mod charge_tracker;
 mod chemistry;
+mod consumption;
+mod curve;
+mod diagnosis;
+mod estimator;
+mod event;
+mod failsafe;
 mod faults;
+mod load;
+mod low_pass;
 mod measurement;
 mod monitor;
+mod resistance;
+mod rest;
+mod settings;
 mod state;
+mod swap;
 
 pub use cells::{CellVoltages, MAX_CELLS};
 pub use chemistry::Chemistry;
+pub use consumption::Gap;
+pub use event::PackEvent;
+pub use failsafe::{ArmState, FailsafeLevel};
 pub use faults::Faults;
 pub use measurement::{Consumed, Measurement, ReadError};
-pub use monitor::{BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MIN_CONNECTED_VOLTAGE_V};
+pub use monitor::{
+    BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MAX_EVENTS, MIN_CONNECTED_VOLTAGE_V, PackEvents, Tick,
+};
+pub use settings::{FailsafeSettings, PackSettings, Thresholds, VoltageSource};
 pub use state::{BatteryState, ChargeState, PackStatus, ReportedVoltage, Visibility};
 
 /// The most packs that can be monitored, instances 0 to 8: `BATT_`, `BATT2_` to `BATT9_`.

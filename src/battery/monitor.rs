@@ -1,6 +1,15 @@
 //! From a series of measurements to the state of a pack.
 
-use super::{BatteryState, Measurement, PackStatus, ReadError};
+use heapless::Vec;
+
+use super::charge_state::{ChargeStateMachine, Signs};
+use super::consumption::Consumption;
+use super::diagnosis::Diagnosis;
+use super::estimator::{Estimator, Reading};
+use super::failsafe::{ArmState, Failsafe, FailsafeLevel};
+use super::settings::PackSettings;
+use super::swap::{Comparison, SwapDetector};
+use super::{BatteryState, Consumed, Measurement, PackEvent, PackStatus, ReadError};
 
 /// Below this voltage no pack is connected, in volts: the divider then sees what leaks in while the board runs from USB.
 /// The same limit as PX4's `BATTERY_CONNECTED` test.
@@ -9,22 +18,63 @@ pub const MIN_CONNECTED_VOLTAGE_V: f32 = 2.1;
 /// After this many failed reads in a row the state says unhealthy: half a second at 10 Hz.
 pub const FAILED_READS_UNTIL_UNHEALTHY: u8 = 5;
 
+/// What can happen to a pack in one tick: cells detected, swapped, a gap, a failsafe.
+pub const MAX_EVENTS: usize = 4;
+
+/// What happened to a pack in one tick.
+pub type PackEvents = Vec<PackEvent, MAX_EVENTS>;
+
+/// One tick of the clock, as far as a battery is concerned.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tick {
+    /// Microseconds since some start; it may stand still or leap.
+    pub now_us: u64,
+    /// Whether the rover may move.
+    pub arm_state: ArmState,
+}
+
 /// Follows one pack.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct BatteryMonitor {
     state: BatteryState,
     failed_reads: u8,
+    last_tick_us: Option<u64>,
+    last: Option<Last>,
+    consumption: Consumption,
+    estimator: Estimator,
+    swap: SwapDetector,
+    diagnosis: Diagnosis,
+    charge_state: ChargeStateMachine,
+    failsafe: Failsafe,
+}
+
+/// The last good reading.
+#[derive(Clone, Copy, Debug)]
+struct Last {
+    time_us: u64,
+    current_a: Option<f32>,
 }
 
 impl BatteryMonitor {
     /// A monitor that has seen nothing yet.
     pub fn new() -> Self {
-        Self::default()
+        Self {
+            state: BatteryState::default(),
+            failed_reads: 0,
+            last_tick_us: None,
+            last: None,
+            consumption: Consumption::default(),
+            estimator: Estimator::new(),
+            swap: SwapDetector::new(),
+            diagnosis: Diagnosis::default(),
+            charge_state: ChargeStateMachine::default(),
+            failsafe: Failsafe::default(),
+        }
     }
 
     /// What is known now.
-    pub fn state(&self) -> BatteryState {
-        self.state
+    pub fn state(&self) -> &BatteryState {
+        &self.state
     }
 
     /// How many reads have failed since the last good one (saturating).
@@ -32,35 +82,139 @@ impl BatteryMonitor {
         self.failed_reads
     }
 
-    /// Takes one reading, good or failed, and returns the state that follows from it.
-    ///
-    /// # Errors
-    /// The reading was failed or implausible. The state keeps its last good values.
-    pub fn update(&mut self, reading: Result<Measurement, ReadError>) -> Result<BatteryState, ReadError> {
-        match reading.and_then(plausible) {
+    /// The failsafe level reached since the last battery reset.
+    pub fn failsafe(&self) -> FailsafeLevel {
+        self.failsafe.level()
+    }
+
+    /// Takes one reading, good or failed, and tells what happened. What is known afterwards is [`state`](Self::state).
+    pub fn update(
+        &mut self,
+        tick: Tick,
+        reading: Result<Measurement, ReadError>,
+        settings: &PackSettings,
+    ) -> (PackEvents, Option<ReadError>) {
+        let mut events = PackEvents::new();
+        let since = |time_us: Option<u64>| time_us.map_or(0, |time_us| tick.now_us.saturating_sub(time_us));
+        let dt_us = since(self.last.map(|last| last.time_us));
+        let tick_us = since(self.last_tick_us.replace(tick.now_us));
+        let error = match reading.and_then(plausible) {
             Ok(measurement) => {
-                self.accept(measurement);
-                Ok(self.state)
+                self.accept(tick, dt_us, &measurement, settings, &mut events);
+                self.last = Some(Last {
+                    time_us: tick.now_us,
+                    current_a: measurement.current_a,
+                });
+                None
             }
             Err(error) => {
                 self.reject();
-                Err(error)
+                Some(error)
             }
-        }
+        };
+        self.judge(tick, tick_us as f32 * 1e-6, settings, &mut events);
+        (events, error)
     }
 
-    fn accept(&mut self, measurement: Measurement) {
+    fn accept(
+        &mut self,
+        tick: Tick,
+        dt_us: u64,
+        measurement: &Measurement,
+        settings: &PackSettings,
+        events: &mut PackEvents,
+    ) {
         self.failed_reads = 0;
-        let connected = measurement
-            .voltage_v
-            .is_some_and(|voltage_v| voltage_v >= MIN_CONNECTED_VOLTAGE_V);
-        self.state.status = if connected {
-            PackStatus::Healthy
-        } else {
-            PackStatus::NotConnected
+        self.state.temperature_c = measurement.temperature_c;
+        self.state.cells = measurement.cells;
+        let reading = Reading {
+            dt_s: dt_us as f32 * 1e-6,
+            voltage_v: measurement.voltage_v,
+            current_a: measurement.current_a,
+            arm_state: tick.arm_state,
         };
-        // Without a pack the pin's voltage is not a pack voltage: unknown, not a flat battery.
-        self.state.voltage_v = measurement.voltage_v.filter(|_| connected);
+        if measurement
+            .voltage_v
+            .is_some_and(|voltage_v| voltage_v < MIN_CONNECTED_VOLTAGE_V)
+        {
+            self.disconnected(reading.dt_s);
+            return;
+        }
+        self.state.status = PackStatus::Healthy;
+        if self.is_other_pack(tick, &reading, settings) {
+            self.restart();
+            push(events, PackEvent::Swapped);
+        }
+        if let Some(gap) = self.count(dt_us, measurement) {
+            push(events, PackEvent::Gap(gap));
+        }
+        if let Some(event) = self.estimator.update(&reading, settings) {
+            push(events, event);
+        }
+        self.describe(&reading, settings);
+    }
+
+    /// Without a pack the pin's voltage is not a pack voltage: unknown, not a flat battery.
+    fn disconnected(&mut self, dt_s: f32) {
+        self.swap.gone(dt_s);
+        self.state.status = PackStatus::NotConnected;
+        self.state.voltage_v = None;
+        self.state.resting_voltage_v = None;
+        self.state.current_a = None;
+        self.state.average_current_a = None;
+        self.state.remaining_pct = None;
+        self.state.time_remaining_s = None;
+    }
+
+    fn is_other_pack(&mut self, tick: Tick, reading: &Reading, settings: &PackSettings) -> bool {
+        let Some(voltage_v) = reading.voltage_v else {
+            return false;
+        };
+        self.swap.is_other_pack(&Comparison {
+            dt_s: reading.dt_s,
+            voltage_v,
+            current_a: reading.current_a,
+            expected_resting_v: self.estimator.expected_resting_voltage_v(settings),
+            cell_count: self.estimator.cell_count(settings),
+            arm_state: tick.arm_state,
+        })
+    }
+
+    /// Forgets what was estimated and counted, for another pack.
+    fn restart(&mut self) {
+        self.consumption = Consumption::default();
+        self.estimator = Estimator::new();
+        self.failsafe.clear();
+        self.last = None;
+    }
+
+    fn count(&mut self, dt_us: u64, measurement: &Measurement) -> Option<super::Gap> {
+        if let Some(consumed) = measurement.consumed {
+            self.consumption.restart(consumed);
+            return None;
+        }
+        let current_a = measurement.current_a?;
+        let previous_a = self.last?.current_a?;
+        self.consumption
+            .add(dt_us, previous_a, current_a, measurement.voltage_v)
+    }
+
+    fn describe(&mut self, reading: &Reading, settings: &PackSettings) {
+        let is_counted = reading.current_a.is_some();
+        let state = &mut self.state;
+        state.voltage_v = reading.voltage_v;
+        state.current_a = reading.current_a;
+        state.resting_voltage_v = reading
+            .voltage_v
+            .zip(reading.current_a)
+            .and_then(|(voltage_v, current_a)| self.estimator.resting_voltage_v(voltage_v, current_a));
+        state.average_current_a = self.estimator.average_current_a();
+        state.resistance_ohm = self.estimator.resistance_ohm();
+        state.consumed_mah = is_counted.then(|| self.consumption.charge_mah());
+        state.consumed_wh = (is_counted && reading.voltage_v.is_some()).then(|| self.consumption.energy_wh());
+        state.remaining_pct = self.estimator.state_of_charge().map(|share| share * 100.0);
+        state.time_remaining_s = self.estimator.time_remaining_s(settings);
+        state.cell_count = self.estimator.cell_count(settings);
     }
 
     fn reject(&mut self) {
@@ -69,119 +223,86 @@ impl BatteryMonitor {
             self.state.status = PackStatus::Unhealthy;
         }
     }
+
+    /// What follows from the state, after a good reading or a failed one.
+    fn judge(&mut self, tick: Tick, dt_s: f32, settings: &PackSettings, events: &mut PackEvents) {
+        let state = &mut self.state;
+        state.chemistry = settings.chemistry;
+        state.capacity_mah = settings.capacity_mah;
+        state.serial_number = settings.serial_number;
+        state.reported_voltage = settings.reported_voltage;
+        state.visibility = settings.visibility;
+        if state.status == PackStatus::Healthy {
+            state.faults = self.diagnosis.update(dt_s, state, settings);
+        }
+        let last_good_us = self.last.map(|last| last.time_us);
+        let raised = self.failsafe.update(
+            tick.now_us,
+            last_good_us,
+            tick.arm_state,
+            state,
+            &settings.failsafe,
+        );
+        if let Some(level) = raised {
+            push(
+                events,
+                PackEvent::Failsafe {
+                    level,
+                    voltage_v: state.voltage_v.unwrap_or(0.0),
+                    consumed_mah: state.consumed_mah.unwrap_or(0.0),
+                },
+            );
+        }
+        let signs = Signs {
+            status: state.status,
+            faults: state.faults,
+            failsafe: self.failsafe.level(),
+            remaining_pct: state.remaining_pct,
+            arm_state: tick.arm_state,
+            current_a: state.current_a,
+            capacity_mah: state.capacity_mah,
+        };
+        state.charge_state = self.charge_state.update(dt_s, &signs);
+    }
+
+    /// The battery was reset: so much is left, in percent (0 to 100).
+    pub fn reset(&mut self, remaining_pct: f32, settings: &PackSettings) {
+        let share = (remaining_pct / 100.0).clamp(0.0, 1.0);
+        let charge_mah = (1.0 - share) * settings.capacity_mah.unwrap_or(0.0);
+        self.consumption.restart(Consumed {
+            charge_mah,
+            energy_wh: charge_mah / 1000.0 * self.state.voltage_v.unwrap_or(0.0),
+        });
+        self.estimator.set_state_of_charge(share);
+        self.failsafe.clear();
+    }
+}
+
+impl Default for BatteryMonitor {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// There is one place for every kind of event.
+fn push(events: &mut PackEvents, event: PackEvent) {
+    let _ = events.push(event);
 }
 
 fn plausible(measurement: Measurement) -> Result<Measurement, ReadError> {
-    if measurement.voltage_v.is_none_or(f32::is_finite) {
+    let Measurement {
+        voltage_v,
+        current_a,
+        temperature_c,
+        ..
+    } = measurement;
+    if [voltage_v, current_a, temperature_c]
+        .into_iter()
+        .flatten()
+        .all(f32::is_finite)
+    {
         Ok(measurement)
     } else {
         Err(ReadError::Implausible)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn volts(voltage_v: f32) -> Result<Measurement, ReadError> {
-        Ok(Measurement {
-            voltage_v: Some(voltage_v),
-            ..Measurement::default()
-        })
-    }
-
-    #[test]
-    fn it_starts_unknown_and_invents_no_voltage() {
-        let state = BatteryMonitor::new().state();
-        assert_eq!(state, BatteryState::default());
-        assert_eq!(state.status, PackStatus::Unknown);
-        assert_eq!(state.voltage_v, None);
-    }
-
-    #[test]
-    fn failures_keep_the_last_good_value_and_the_fifth_says_unhealthy() {
-        let mut monitor = BatteryMonitor::new();
-        monitor.update(volts(11.1)).unwrap();
-        for failure in 1..=7 {
-            assert_eq!(monitor.update(Err(ReadError::Timeout)), Err(ReadError::Timeout));
-            let expected = if failure < 5 {
-                PackStatus::Healthy
-            } else {
-                PackStatus::Unhealthy
-            };
-            assert_eq!(monitor.state().status, expected, "failure {failure}");
-            assert_eq!(monitor.state().voltage_v, Some(11.1));
-        }
-        let recovered = monitor.update(volts(10.9)).unwrap();
-        assert_eq!(recovered.status, PackStatus::Healthy);
-        assert_eq!(recovered.voltage_v, Some(10.9));
-    }
-
-    #[test]
-    fn four_failures_between_good_reads_never_make_it_unhealthy() {
-        let mut monitor = BatteryMonitor::new();
-        for _ in 0..10 {
-            monitor.update(volts(11.1)).unwrap();
-            for _ in 0..4 {
-                let _ = monitor.update(Err(ReadError::Conversion));
-                assert_eq!(monitor.state().status, PackStatus::Healthy);
-            }
-        }
-    }
-
-    #[test]
-    fn a_dead_converter_at_boot_stays_unknown_then_unhealthy() {
-        let mut monitor = BatteryMonitor::new();
-        for _ in 0..4 {
-            let _ = monitor.update(Err(ReadError::Timeout));
-            assert_eq!(monitor.state().status, PackStatus::Unknown);
-        }
-        let _ = monitor.update(Err(ReadError::Timeout));
-        assert_eq!(monitor.state().status, PackStatus::Unhealthy);
-        assert_eq!(monitor.state().voltage_v, None);
-    }
-
-    #[test]
-    fn usb_power_is_no_pack_and_not_a_flat_one() {
-        let mut monitor = BatteryMonitor::new();
-        monitor.update(volts(11.1)).unwrap();
-        let state = monitor.update(volts(2.09)).unwrap();
-        assert_eq!(state.status, PackStatus::NotConnected);
-        assert_eq!(state.voltage_v, None);
-        let state = monitor.update(volts(2.1)).unwrap();
-        assert_eq!(state.status, PackStatus::Healthy);
-    }
-
-    #[test]
-    fn a_voltage_that_is_no_number_counts_as_a_failed_read() {
-        let mut monitor = BatteryMonitor::new();
-        monitor.update(volts(11.1)).unwrap();
-        assert_eq!(monitor.update(volts(f32::NAN)), Err(ReadError::Implausible));
-        assert_eq!(monitor.state().voltage_v, Some(11.1));
-        assert_eq!(monitor.failed_reads(), 1);
-    }
-
-    fn any_reading() -> impl Strategy<Value = Result<Measurement, ReadError>> {
-        prop_oneof![
-            any::<f32>().prop_map(volts),
-            Just(Err(ReadError::Timeout)),
-            Just(Err(ReadError::Conversion)),
-        ]
-    }
-
-    proptest! {
-        #[test]
-        fn any_series_leaves_a_finite_voltage_of_a_connected_pack_or_none(
-            readings in prop::collection::vec(any_reading(), 0..200),
-        ) {
-            let mut monitor = BatteryMonitor::new();
-            for reading in readings {
-                let _ = monitor.update(reading);
-                if let Some(voltage_v) = monitor.state().voltage_v {
-                    prop_assert!(voltage_v.is_finite() && voltage_v >= MIN_CONNECTED_VOLTAGE_V);
-                }
-            }
-        }
     }
 }

@@ -3,7 +3,7 @@
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
 use super::{Shared, mark};
-use crate::battery::{BatteryMonitor, BatteryState, Measurement, PackStatus, ReadError};
+use crate::battery::{BatteryMonitor, BatteryState, Measurement, PackSettings, PackStatus, ReadError, Tick};
 use crate::cadence::Cadence;
 use crate::liveness::CheckIn;
 use crate::log::{info, warn};
@@ -40,12 +40,17 @@ pub async fn sample_battery(mut input: impl AnalogIn, shared: &Shared, check_in:
 async fn sample(input: &mut impl AnalogIn, shared: &Shared, monitor: &mut BatteryMonitor) {
     let reading = read(input, shared).await;
     let before = monitor.state().status;
-    if let Err(error) = monitor.update(reading) {
+    let tick = Tick {
+        now_us: Instant::now().as_micros(),
+        ..Tick::default()
+    };
+    let (_, error) = monitor.update(tick, reading, &PackSettings::default());
+    if let Some(error) = error {
         let failed_reads = monitor.failed_reads();
         warn!("battery 1: read failed, {:?}, {} in a row", error, failed_reads);
     }
     log_change(before, monitor.state().status);
-    shared.publish_battery(monitor.state());
+    shared.publish_battery(*monitor.state());
 }
 
 async fn read(input: &mut impl AnalogIn, shared: &Shared) -> Result<Measurement, ReadError> {

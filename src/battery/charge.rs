@@ -1,0 +1,147 @@
+//! State of charge, from the cells' voltage and the charge that is drawn.
+
+use super::charge_tracker::CellReading;
+use super::chemistry::Cell;
+use super::load::{CapacitySource, Load};
+use super::low_pass::share_of_step;
+
+/// How far sensors of the current and capacities on labels are off, as a share.
+const DRAWN_UNCERTAINTY: f32 = 0.05;
+
+/// How far a capacity is off that is only guessed from the resistance.
+const GUESSED_DRAWN_UNCERTAINTY: f32 = 0.5;
+
+/// How fast bounds that the voltage tells are taken over, in seconds: noise must not narrow them.
+const BOUND_TIME_CONSTANT_S: f32 = 10.0;
+
+/// What was counted by a guessed capacity is replaced by what the voltage tells within about so many seconds.
+const GUESS_TIME_CONSTANT_S: f32 = 60.0;
+
+/// Bounds that are further apart leave nothing to tell: ± 40 %.
+const WIDEST: f32 = 0.8;
+
+/// Bounds are kept within these: beyond empty and full as far as they are uncertain.
+const LOWEST: f32 = -0.1;
+const HIGHEST: f32 = 1.1;
+
+/// How many standard deviations of the curves of different makes the bounds are apart from the middle.
+const CURVE_SIGMAS: f32 = 2.0;
+
+/// Without a current, a voltage above what is expected is believed so many times faster than one below: a load can only
+/// lower it.
+const RISE_SPEEDUP: f32 = 3.0;
+
+/// A larger sag than this is not taken for a load, in volts.
+const LARGEST_SAG_V: f32 = 0.8;
+
+const SECONDS_PER_HOUR: f32 = 3600.0;
+
+/// The state of charge, between two bounds.
+///
+/// Counting charge moves it and parts the bounds slowly, by what current and capacity may be wrong. The voltage tells
+/// bounds of its own, as wide as the curve and the sag are uncertain; where they are narrower, they are taken over. So
+/// the voltage does not move an estimate that it does not contradict: an error of the curve stays the same however often
+/// it is looked at, and nothing is learnt from looking again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct StateOfCharge {
+    /// 0 empty, 1 full.
+    value: f32,
+    low: f32,
+    high: f32,
+}
+
+impl StateOfCharge {
+    /// From the voltage of a cell at this load; `None` if the load is not known.
+    pub fn from_voltage(cell: &Cell, cell_voltage_v: f32, load: Option<Load>) -> Self {
+        let (sag_v, sag_error_v) = load.map_or((0.0, 0.0), |load| (load.sag_v, load.sag_error_v.abs()));
+        let resting_v = (cell_voltage_v + sag_v).clamp(cell.curve.empty_v(), cell.curve.full_v());
+        let error_v = CURVE_SIGMAS * cell.curve_spread_v + sag_error_v;
+        Self {
+            value: cell.curve.state_of_charge(resting_v),
+            low: cell.curve.state_of_charge(resting_v - error_v),
+            high: cell.curve.state_of_charge(resting_v + error_v),
+        }
+    }
+
+    /// Somebody who knows has told, as a share from 0 to 1.
+    pub const fn told(value: f32) -> Self {
+        Self {
+            value,
+            low: value,
+            high: value,
+        }
+    }
+
+    /// From 0 to 1; `None` if it may be nearly anything.
+    pub fn value(&self) -> Option<f32> {
+        (self.high - self.low <= WIDEST).then_some(self.value)
+    }
+
+    /// The resting voltage of a cell by this estimate, in volts.
+    pub fn resting_voltage_v(&self, cell: &Cell) -> f32 {
+        cell.curve.voltage_v(self.value)
+    }
+
+    /// Takes the next reading.
+    pub fn update(&mut self, cell: &Cell, reading: &CellReading) {
+        match (reading.load, reading.voltage_v) {
+            (Some(load), Some(voltage_v)) => {
+                self.draw(reading.dt_s, load);
+                self.bound(reading.dt_s, cell, voltage_v, load);
+                if load.capacity == CapacitySource::Guessed {
+                    let share = share_of_step(reading.dt_s, GUESS_TIME_CONSTANT_S);
+                    self.look_again(cell, voltage_v, load, share);
+                }
+            }
+            (Some(load), None) => self.draw(reading.dt_s, load),
+            (None, Some(voltage_v)) => self.follow(reading.dt_s, cell, voltage_v),
+            (None, None) => {}
+        }
+    }
+
+    /// Moves to what the voltage tells by this share of the way.
+    pub fn look_again(&mut self, cell: &Cell, cell_voltage_v: f32, load: Load, share: f32) {
+        let told = Self::from_voltage(cell, cell_voltage_v, Some(load));
+        self.value = (self.value + (told.value - self.value) * share).clamp(0.0, 1.0);
+    }
+
+    /// A load has lasted for `dt_s` seconds.
+    fn draw(&mut self, dt_s: f32, load: Load) {
+        let drawn = load.rate_per_h * dt_s / SECONDS_PER_HOUR;
+        let uncertainty = match load.capacity {
+            CapacitySource::Set => DRAWN_UNCERTAINTY,
+            CapacitySource::Guessed => GUESSED_DRAWN_UNCERTAINTY,
+        };
+        let error = uncertainty * drawn.abs();
+        self.value = (self.value - drawn).clamp(0.0, 1.0);
+        self.low = (self.low - drawn - error).clamp(LOWEST, HIGHEST);
+        self.high = (self.high - drawn + error).clamp(LOWEST, HIGHEST);
+    }
+
+    /// The cell had this voltage under this load for `dt_s` seconds.
+    fn bound(&mut self, dt_s: f32, cell: &Cell, cell_voltage_v: f32, load: Load) {
+        let told = Self::from_voltage(cell, cell_voltage_v, Some(load));
+        let share = share_of_step(dt_s, BOUND_TIME_CONSTANT_S);
+        self.low += (told.low - self.low).max(0.0) * share;
+        self.high = self.high.max(self.low);
+        self.high += (told.high - self.high).min(0.0) * share;
+        self.low = self.low.min(self.high);
+        self.value = self.value.max(self.low).min(self.high).clamp(0.0, 1.0);
+    }
+
+    /// The cell had this voltage for `dt_s` seconds, under a load that is not measured.
+    ///
+    /// The sag tells the load: a load of one capacity an hour takes a typical amount off the voltage. So the charge is
+    /// counted by the sag below the resting voltage, and an estimate that is too high has too large a sag and falls faster.
+    fn follow(&mut self, dt_s: f32, cell: &Cell, cell_voltage_v: f32) {
+        let sag_v = cell.curve.voltage_v(self.value) - cell_voltage_v;
+        let sag_v = sag_v.clamp(-LARGEST_SAG_V, LARGEST_SAG_V);
+        let speedup = if sag_v < 0.0 { RISE_SPEEDUP } else { 1.0 };
+        let drawn = speedup * sag_v / cell.lasting_drop_v * dt_s / SECONDS_PER_HOUR;
+        let value = (self.value - drawn).clamp(0.0, 1.0);
+        *self = Self {
+            value,
+            ..Self::from_voltage(cell, cell.curve.voltage_v(value), None)
+        };
+    }
+}

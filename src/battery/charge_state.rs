@@ -1,0 +1,133 @@
+//! How much is left, in steps.
+
+use super::failsafe::ArmState;
+use super::faults::Faults;
+use super::{ChargeState, FailsafeLevel, PackStatus};
+
+/// Below so many percent a pack is low, critical, an emergency: PX4's `BAT_LOW_THR`, `BAT_CRIT_THR`, `BAT_EMERGEN_THR`.
+const LOW_PCT: f32 = 15.0;
+const CRITICAL_PCT: f32 = 7.0;
+const EMERGENCY_PCT: f32 = 5.0;
+
+/// A better state needs so much more, in percent.
+const HYSTERESIS_PCT: f32 = 3.0;
+
+/// A new state has to last before it is told, in seconds: neither a spike nor the end of a climb makes it flap.
+const SETTLING_S: f32 = 3.0;
+
+/// A pack of a disarmed rover is being charged when this share of its capacity flows in per hour, or this current, in
+/// amperes, while the capacity is not known. What braking motors return is no charging.
+const CHARGING_RATE_PER_H: f32 = 0.02;
+const CHARGING_A: f32 = 0.1;
+
+/// What the charge state follows from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Signs {
+    pub status: PackStatus,
+    pub faults: Faults,
+    pub failsafe: FailsafeLevel,
+    pub remaining_pct: Option<f32>,
+    pub arm_state: ArmState,
+    pub current_a: Option<f32>,
+    pub capacity_mah: Option<f32>,
+}
+
+/// Follows the signs with hysteresis.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ChargeStateMachine {
+    state: ChargeState,
+    /// The state by the remaining charge alone.
+    by_charge: ChargeState,
+    pending: ChargeState,
+    pending_s: f32,
+}
+
+impl ChargeStateMachine {
+    pub fn update(&mut self, dt_s: f32, signs: &Signs) -> ChargeState {
+        self.by_charge = by_charge(self.by_charge, signs.remaining_pct);
+        let wanted = self.wanted(signs);
+        if wanted == self.state {
+            self.pending_s = 0.0;
+            return self.state;
+        }
+        if wanted != self.pending {
+            self.pending = wanted;
+            self.pending_s = 0.0;
+        } else {
+            self.pending_s += dt_s;
+        }
+        // What is told by something that has settled already is told at once.
+        let has_settled = matches!(
+            (self.state, wanted),
+            (ChargeState::Undefined, _)
+                | (
+                    _,
+                    ChargeState::Undefined | ChargeState::Unhealthy | ChargeState::Failed
+                )
+        );
+        if has_settled || self.pending_s >= SETTLING_S {
+            self.state = wanted;
+            self.pending_s = 0.0;
+        }
+        self.state
+    }
+
+    fn wanted(&self, signs: &Signs) -> ChargeState {
+        match signs.status {
+            PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected => {
+                return ChargeState::Undefined;
+            }
+            PackStatus::Unhealthy => return ChargeState::Unhealthy,
+            PackStatus::Healthy => {}
+        }
+        if signs.faults.contains(Faults::CELL_FAIL) {
+            return ChargeState::Failed;
+        }
+        if signs
+            .faults
+            .intersects(Faults::INCOMPATIBLE_VOLTAGE | Faults::OVER_TEMPERATURE | Faults::SPIKES)
+        {
+            return ChargeState::Unhealthy;
+        }
+        if is_charging(signs) {
+            return ChargeState::Charging;
+        }
+        let by_failsafe = match signs.failsafe {
+            FailsafeLevel::None | FailsafeLevel::Unhealthy => ChargeState::Ok,
+            FailsafeLevel::Low => ChargeState::Low,
+            FailsafeLevel::Critical => ChargeState::Critical,
+        };
+        let by_faults = if signs.faults.contains(Faults::DEEP_DISCHARGE) {
+            ChargeState::Emergency
+        } else {
+            ChargeState::Ok
+        };
+        self.by_charge.max(by_failsafe).max(by_faults)
+    }
+}
+
+fn by_charge(before: ChargeState, remaining_pct: Option<f32>) -> ChargeState {
+    let Some(remaining_pct) = remaining_pct else {
+        return ChargeState::Ok;
+    };
+    let worst = |margin_pct: f32| {
+        if remaining_pct < EMERGENCY_PCT + margin_pct {
+            ChargeState::Emergency
+        } else if remaining_pct < CRITICAL_PCT + margin_pct {
+            ChargeState::Critical
+        } else if remaining_pct < LOW_PCT + margin_pct {
+            ChargeState::Low
+        } else {
+            ChargeState::Ok
+        }
+    };
+    // Worse at the thresholds, better only above them by the hysteresis.
+    before.min(worst(HYSTERESIS_PCT)).max(worst(0.0))
+}
+
+fn is_charging(signs: &Signs) -> bool {
+    let threshold_a = signs.capacity_mah.map_or(CHARGING_A, |capacity_mah| {
+        CHARGING_RATE_PER_H * capacity_mah / 1000.0
+    });
+    signs.arm_state == ArmState::Disarmed && signs.current_a.is_some_and(|current_a| current_a < -threshold_a)
+}

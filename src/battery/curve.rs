@@ -1,0 +1,46 @@
+//! Resting voltage of a cell against its state of charge.
+
+/// Points of a curve: 0 %, 5 % … 100 %.
+pub(super) const POINTS: usize = 21;
+
+/// The resting voltage of one cell, in volts, at every twentieth of its charge. It rises throughout.
+#[derive(Debug)]
+pub(super) struct Curve(pub [f32; POINTS]);
+
+const SEGMENTS: usize = POINTS - 1;
+
+impl Curve {
+    /// The resting voltage of an empty cell, in volts.
+    pub fn empty_v(&self) -> f32 {
+        self.ends(0).0
+    }
+
+    /// The resting voltage of a full cell, in volts.
+    pub fn full_v(&self) -> f32 {
+        self.ends(SEGMENTS - 1).1
+    }
+
+    /// The voltage at a state of charge from 0 to 1, in volts.
+    pub fn voltage_v(&self, state_of_charge: f32) -> f32 {
+        let position = state_of_charge.clamp(0.0, 1.0) * SEGMENTS as f32;
+        let segment = (position as usize).min(SEGMENTS - 1);
+        let (low_v, high_v) = self.ends(segment);
+        low_v + (position - segment as f32) * (high_v - low_v)
+    }
+
+    /// The state of charge at a resting voltage. Beyond the ends of the curve it goes on below 0 and above 1, as steep as
+    /// at the end.
+    pub fn state_of_charge(&self, voltage_v: f32) -> f32 {
+        let mut segment = 0;
+        while segment < SEGMENTS - 1 && voltage_v >= self.ends(segment).1 {
+            segment += 1;
+        }
+        let (low_v, high_v) = self.ends(segment);
+        (segment as f32 + (voltage_v - low_v) / (high_v - low_v)) / SEGMENTS as f32
+    }
+
+    fn ends(&self, segment: usize) -> (f32, f32) {
+        let point = |number: usize| self.0.get(number).copied().unwrap_or_default();
+        (point(segment), point(segment + 1))
+    }
+}

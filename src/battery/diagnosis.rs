@@ -1,0 +1,104 @@
+//! What is wrong with a pack.
+
+use super::chemistry::Cell;
+use super::faults::Faults;
+use super::settings::PackSettings;
+use super::{BatteryState, MAX_CELLS};
+
+/// A condition has to last before it is a fault, in seconds; it is gone as soon as it has ended for as long.
+const LASTING_S: f32 = 1.0;
+
+/// Cells of a pack that differ by more are out of balance, in volts.
+const IMBALANCE_V: f32 = 0.3;
+
+/// Lithium cells may be discharged between these temperatures, in degrees Celsius, by most data sheets.
+const COLDEST_C: f32 = -20.0;
+const HOTTEST_C: f32 = 60.0;
+
+const FAULTS: [Faults; 7] = [
+    Faults::DEEP_DISCHARGE,
+    Faults::SPIKES,
+    Faults::CELL_FAIL,
+    Faults::OVER_CURRENT,
+    Faults::OVER_TEMPERATURE,
+    Faults::UNDER_TEMPERATURE,
+    Faults::INCOMPATIBLE_VOLTAGE,
+];
+
+/// Follows the conditions of the faults over time.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Diagnosis {
+    faults: Faults,
+    changing_s: [f32; FAULTS.len()],
+}
+
+impl Diagnosis {
+    /// The faults of a connected pack whose other values have just been determined.
+    pub fn update(&mut self, dt_s: f32, state: &BatteryState, settings: &PackSettings) -> Faults {
+        let present = conditions(state, settings);
+        for (fault, changing_s) in FAULTS.into_iter().zip(&mut self.changing_s) {
+            if present.contains(fault) == self.faults.contains(fault) {
+                *changing_s = 0.0;
+                continue;
+            }
+            *changing_s += dt_s;
+            // A spike is over before it could last.
+            if *changing_s >= LASTING_S || (fault == Faults::SPIKES && present.contains(fault)) {
+                *changing_s = 0.0;
+                self.faults.toggle(fault);
+            }
+        }
+        self.faults
+    }
+}
+
+fn conditions(state: &BatteryState, settings: &PackSettings) -> Faults {
+    let cell = settings.chemistry.cell();
+    let mut faults = Faults::empty();
+    let power_w = state
+        .voltage_v
+        .zip(state.current_a)
+        .map(|(voltage_v, current_a)| voltage_v * current_a);
+    let is_over =
+        |value: Option<f32>, limit: Option<f32>| value.zip(limit).is_some_and(|(value, limit)| value > limit);
+    faults.set(Faults::OVER_CURRENT, is_over(power_w, settings.power_limit_w));
+    faults.set(
+        Faults::OVER_TEMPERATURE,
+        is_over(state.temperature_c, Some(HOTTEST_C)),
+    );
+    faults.set(
+        Faults::UNDER_TEMPERATURE,
+        is_over(Some(COLDEST_C), state.temperature_c),
+    );
+    faults.set(
+        Faults::CELL_FAIL,
+        is_over(state.cells.imbalance_v(), Some(IMBALANCE_V)),
+    );
+    faults | cell_conditions(state, cell)
+}
+
+/// What the voltage of a single cell tells: the lowest that is measured, else the mean.
+fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
+    let mut faults = Faults::empty();
+    let Some(cell_count) = state
+        .cell_count
+        .filter(|count| usize::from(*count) <= MAX_CELLS + 2)
+    else {
+        return faults;
+    };
+    let mean_v = |pack_v: Option<f32>| pack_v.map(|pack_v| pack_v / f32::from(cell_count));
+    let highest_v = mean_v(state.voltage_v);
+    let resting_v = state
+        .cells
+        .lowest_v()
+        .or(mean_v(state.resting_voltage_v.or(state.voltage_v)));
+    faults.set(
+        Faults::SPIKES,
+        highest_v.is_some_and(|voltage_v| voltage_v > cell.highest_v),
+    );
+    if let Some(resting_v) = resting_v {
+        faults.set(Faults::DEEP_DISCHARGE, resting_v < cell.deep_discharge_v);
+        faults.set(Faults::INCOMPATIBLE_VOLTAGE, resting_v < cell.lowest_v);
+    }
+    faults
+}

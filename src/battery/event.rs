@@ -1,0 +1,69 @@
+//! What happened to a pack that people should know.
+
+use core::fmt;
+
+use super::consumption::Gap;
+use super::failsafe::FailsafeLevel;
+
+/// Something that happened to a pack. Its text begins behind "Battery 1 ".
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PackEvent {
+    /// The number of cells was found from the resting voltage.
+    CellsDetected {
+        /// Cells in series.
+        count: u8,
+    },
+    /// The resting voltage fits no number of cells, or more than one.
+    CellsUnclear {
+        /// The resting voltage, in volts.
+        voltage_v: f32,
+    },
+    /// Another pack was put in: estimates and consumption start over.
+    Swapped,
+    /// The current was not measured for a while.
+    Gap(Gap),
+    /// A failsafe level was reached.
+    Failsafe {
+        /// The level.
+        level: FailsafeLevel,
+        /// The voltage between the terminals, in volts, as far as known.
+        voltage_v: f32,
+        /// Charge drawn, in milliampere-hours, as far as known.
+        consumed_mah: f32,
+    },
+}
+
+impl fmt::Display for PackEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::CellsDetected { count } => write!(f, "has {count} cells (set BATT_CELLS to be sure)"),
+            Self::CellsUnclear { voltage_v } => {
+                write!(f, "cells unclear at {voltage_v:.2}V: set BATT_CELLS")
+            }
+            Self::Swapped => f.write_str("swapped: estimates restarted"),
+            Self::Gap(Gap {
+                duration_s,
+                counted_mah: Some(counted_mah),
+            }) => write!(
+                f,
+                "not measured for {duration_s:.0}s: {counted_mah:.0}mAh assumed"
+            ),
+            Self::Gap(Gap { duration_s, .. }) => {
+                write!(f, "not measured for {duration_s:.0}s: consumption too low")
+            }
+            Self::Failsafe {
+                level,
+                voltage_v,
+                consumed_mah,
+            } => {
+                let level = match level {
+                    FailsafeLevel::None => "fine",
+                    FailsafeLevel::Unhealthy => "missing, last:",
+                    FailsafeLevel::Low => "low",
+                    FailsafeLevel::Critical => "critical",
+                };
+                write!(f, "is {level} {voltage_v:.2}V used {consumed_mah:.0} mAh")
+            }
+        }
+    }
+}
