@@ -20,6 +20,7 @@
 //! arguments, states and messages come out. That is what makes the behaviour testable on a desk.
 #![cfg_attr(target_os = "none", no_std)]
 
+mod crc32;
 mod log;
 
 pub mod battery;

@@ -77,3 +77,58 @@ fn cells_at(resting_v: f32, chemistry: Chemistry) -> Option<u8> {
         Chemistry::LiFe | Chemistry::NiMh => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is found in 5 s at 10 Hz of this voltage and current.
+    fn found(chemistry: Chemistry, current_a: Option<f32>, at: impl Fn(f32) -> f32) -> Vec<PackEvent> {
+        let mut cells = CellCount::new();
+        (0..50)
+            .filter_map(|sample| cells.update(0.1, at(sample as f32 / 10.0), current_a, chemistry))
+            .collect()
+    }
+
+    #[test]
+    fn packs_of_up_to_three_cells_are_told_apart_at_rest() {
+        for (voltage_v, count) in [
+            (3.7, 1),
+            (4.2, 1),
+            (6.4, 2),
+            (8.4, 2),
+            (8.7, 2),
+            (9.0, 3),
+            (11.1, 3),
+            (12.6, 3),
+        ] {
+            let events = found(Chemistry::LiPo, None, |_| voltage_v);
+            assert_eq!(events, [PackEvent::CellsDetected { count }], "{voltage_v} V");
+        }
+    }
+
+    #[test]
+    fn between_them_and_above_it_is_said_to_be_unclear() {
+        for voltage_v in [4.7, 8.85, 14.8, 25.2] {
+            let events = found(Chemistry::LiIon, None, |_| voltage_v);
+            assert!(
+                matches!(events[..], [PackEvent::CellsUnclear { .. }]),
+                "{voltage_v} V"
+            );
+        }
+    }
+
+    #[test]
+    fn nothing_is_found_under_load_or_while_the_voltage_moves() {
+        assert_eq!(found(Chemistry::LiPo, Some(3.0), |_| 11.1), []);
+        assert_eq!(found(Chemistry::LiPo, None, |t_s| 12.6 - 0.2 * t_s), []);
+    }
+
+    #[test]
+    fn flat_curves_do_not_tell() {
+        for chemistry in [Chemistry::LiFe, Chemistry::NiMh] {
+            let events = found(chemistry, None, |_| 9.9);
+            assert!(matches!(events[..], [PackEvent::CellsUnclear { .. }]));
+        }
+    }
+}

@@ -17,8 +17,8 @@ const BOUND_TIME_CONSTANT_S: f32 = 10.0;
 /// What was counted by a guessed capacity is replaced by what the voltage tells within about so many seconds.
 const GUESS_TIME_CONSTANT_S: f32 = 60.0;
 
-/// Bounds that are further apart leave nothing to tell: ± 40 %.
-const WIDEST: f32 = 0.8;
+/// Bounds that are further apart leave nothing to tell: ± 25 %.
+const WIDEST: f32 = 0.5;
 
 /// Bounds are kept within these: beyond empty and full as far as they are uncertain.
 const LOWEST: f32 = -0.1;
@@ -70,6 +70,17 @@ impl StateOfCharge {
             low: value,
             high: value,
         }
+    }
+
+    pub fn to_words(self) -> [u32; 3] {
+        [self.value, self.low, self.high].map(f32::to_bits)
+    }
+
+    /// `None` if these are no numbers a state of charge can have.
+    pub fn from_words(words: [u32; 3]) -> Option<Self> {
+        let [value, low, high] = words.map(f32::from_bits);
+        let is_possible = (0.0..=1.0).contains(&value) && low <= high && low >= LOWEST && high <= HIGHEST;
+        is_possible.then_some(Self { value, low, high })
     }
 
     /// From 0 to 1; `None` if it may be nearly anything.

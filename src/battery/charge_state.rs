@@ -131,3 +131,113 @@ fn is_charging(signs: &Signs) -> bool {
     });
     signs.arm_state == ArmState::Disarmed && signs.current_a.is_some_and(|current_a| current_a < -threshold_a)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn healthy(remaining_pct: f32) -> Signs {
+        Signs {
+            status: PackStatus::Healthy,
+            faults: Faults::empty(),
+            failsafe: FailsafeLevel::None,
+            remaining_pct: Some(remaining_pct),
+            arm_state: ArmState::Disarmed,
+            current_a: Some(0.1),
+            capacity_mah: Some(2200.0),
+        }
+    }
+
+    fn after(machine: &mut ChargeStateMachine, seconds: f32, signs: &Signs) -> ChargeState {
+        let mut state = machine.state;
+        for _ in 0..(seconds * 10.0) as u32 {
+            state = machine.update(0.1, signs);
+        }
+        state
+    }
+
+    #[test]
+    fn it_falls_at_the_thresholds_and_rises_only_well_above_them() {
+        let mut machine = ChargeStateMachine::default();
+        for (remaining_pct, expected) in [
+            (50.0, ChargeState::Ok),
+            (14.9, ChargeState::Low),
+            (15.1, ChargeState::Low),
+            (17.9, ChargeState::Low),
+            (6.9, ChargeState::Critical),
+            (9.9, ChargeState::Critical),
+            (4.9, ChargeState::Emergency),
+            (7.9, ChargeState::Emergency),
+            (8.1, ChargeState::Critical),
+            (10.1, ChargeState::Low),
+            (18.1, ChargeState::Ok),
+        ] {
+            assert_eq!(
+                after(&mut machine, 4.0, &healthy(remaining_pct)),
+                expected,
+                "{remaining_pct} %"
+            );
+        }
+    }
+
+    #[test]
+    fn a_charge_that_hovers_at_a_threshold_changes_it_once() {
+        let mut machine = ChargeStateMachine::default();
+        let mut changes = 0;
+        let mut before = ChargeState::Undefined;
+        for tick in 0..6000 {
+            let state = machine.update(0.1, &healthy(if tick % 7 < 3 { 14.0 } else { 16.0 }));
+            changes += u32::from(state != before);
+            before = state;
+        }
+        assert!(changes <= 2, "{changes} changes");
+    }
+
+    #[test]
+    fn braking_is_no_charging_but_a_charger_is() {
+        let mut machine = ChargeStateMachine::default();
+        let charging = Signs {
+            current_a: Some(-1.0),
+            ..healthy(50.0)
+        };
+        after(&mut machine, 1.0, &healthy(50.0));
+        assert_eq!(after(&mut machine, 1.0, &charging), ChargeState::Ok);
+        assert_eq!(after(&mut machine, 4.0, &charging), ChargeState::Charging);
+        let driving = Signs {
+            arm_state: ArmState::Armed,
+            ..charging
+        };
+        assert_eq!(after(&mut machine, 4.0, &driving), ChargeState::Ok);
+    }
+
+    #[test]
+    fn a_failed_sensor_and_a_failed_cell_are_told_at_once() {
+        let mut machine = ChargeStateMachine::default();
+        after(&mut machine, 1.0, &healthy(50.0));
+        let unhealthy = Signs {
+            status: PackStatus::Unhealthy,
+            ..healthy(50.0)
+        };
+        assert_eq!(machine.update(0.1, &unhealthy), ChargeState::Unhealthy);
+        let failed = Signs {
+            faults: Faults::CELL_FAIL,
+            ..healthy(50.0)
+        };
+        assert_eq!(machine.update(0.1, &failed), ChargeState::Failed);
+    }
+
+    #[test]
+    fn what_is_not_known_is_not_called_low() {
+        let mut machine = ChargeStateMachine::default();
+        let unknown = Signs {
+            remaining_pct: None,
+            ..healthy(0.0)
+        };
+        assert_eq!(after(&mut machine, 1.0, &unknown), ChargeState::Ok);
+        let nothing = Signs {
+            status: PackStatus::NotConnected,
+            ..unknown
+        };
+        assert_eq!(machine.update(0.1, &nothing), ChargeState::Undefined);
+    }
+}

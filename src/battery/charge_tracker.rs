@@ -69,14 +69,6 @@ impl ChargeTracker {
         }
     }
 
-    /// Somebody who knows has told, as a share from 0 to 1.
-    pub const fn told(share: f32) -> Self {
-        Self::Following {
-            charge: StateOfCharge::told(share),
-            start: Start::Final,
-        }
-    }
-
     /// What is known.
     pub fn charge(&self) -> Option<&StateOfCharge> {
         match self {
@@ -131,6 +123,15 @@ impl ChargeTracker {
             charge: StateOfCharge::from_voltage(cell, voltage_v, reading.load),
             start,
         };
+    }
+}
+
+impl From<StateOfCharge> for ChargeTracker {
+    fn from(charge: StateOfCharge) -> Self {
+        Self::Following {
+            charge,
+            start: Start::Final,
+        }
     }
 }
 

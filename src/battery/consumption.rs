@@ -20,7 +20,7 @@ pub struct Gap {
 /// Counts charge and energy in whole numbers, so that a small step is not lost in a large sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Consumption {
-    /// In nanocoulombs; 9 × 10^18 of them are 2.5 million ampere-hours... of a rover's pack.
+    /// In nanocoulombs: 2.5 million ampere-hours fit.
     charge_nc: i64,
     /// In nanojoules.
     energy_nj: i64,
@@ -67,6 +67,21 @@ impl Consumption {
     pub fn restart(&mut self, consumed: Consumed) {
         self.charge_nc = (consumed.charge_mah * NANOCOULOMBS_PER_MAH) as i64;
         self.energy_nj = (consumed.energy_wh * NANOJOULES_PER_WH) as i64;
+    }
+
+    pub fn to_words(self) -> [u32; 4] {
+        let words = |value: i64| [value as u32, (value >> 32) as u32];
+        let ([charge_low, charge_high], [energy_low, energy_high]) =
+            (words(self.charge_nc), words(self.energy_nj));
+        [charge_low, charge_high, energy_low, energy_high]
+    }
+
+    pub fn from_words([charge_low, charge_high, energy_low, energy_high]: [u32; 4]) -> Self {
+        let value = |low: u32, high: u32| (u64::from(high) << 32 | u64::from(low)) as i64;
+        Self {
+            charge_nc: value(charge_low, charge_high),
+            energy_nj: value(energy_low, energy_high),
+        }
     }
 
     pub fn charge_mah(&self) -> f32 {

@@ -44,3 +44,40 @@ impl Curve {
         (point(segment), point(segment + 1))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::battery::Chemistry;
+
+    const CHEMISTRIES: [Chemistry; 4] = [
+        Chemistry::LiPo,
+        Chemistry::LiFe,
+        Chemistry::LiIon,
+        Chemistry::NiMh,
+    ];
+
+    #[test]
+    fn every_curve_rises_throughout() {
+        for chemistry in CHEMISTRIES {
+            let points = &chemistry.cell().curve.0;
+            assert!(points.is_sorted_by(|low, high| low < high), "{chemistry:?}");
+        }
+    }
+
+    #[test]
+    fn voltage_and_state_of_charge_belong_together() {
+        for chemistry in CHEMISTRIES {
+            let curve = &chemistry.cell().curve;
+            for percent in 0..=100 {
+                let share = percent as f32 / 100.0;
+                let back = curve.state_of_charge(curve.voltage_v(share));
+                assert!(
+                    (back - share).abs() < 1e-3,
+                    "{chemistry:?} at {percent} %: {back}"
+                );
+            }
+            assert!(curve.state_of_charge(curve.full_v() + 0.05) > 1.0);
+            assert!(curve.state_of_charge(curve.empty_v() - 0.05) < 0.0);
+        }
+    }
+}

@@ -21,6 +21,9 @@ const SLOW_SAG_TIME_CONSTANT_S: f32 = 300.0;
 /// The load is averaged over about this long for the time that is left.
 const AVERAGE_TIME_CONSTANT_S: f32 = 60.0;
 
+/// A smaller load leaves more time than anybody plans with, in amperes.
+const SMALLEST_LOAD_A: f32 = 0.01;
+
 const MAH_PER_AH: f32 = 1000.0;
 const SECONDS_PER_HOUR: f32 = 3600.0;
 
@@ -163,12 +166,27 @@ impl Estimator {
         let average_a = self
             .average_current
             .value()
-            .filter(|average_a| *average_a > 0.0)?;
+            .filter(|average_a| *average_a > SMALLEST_LOAD_A)?;
         Some(charge_ah / average_a * SECONDS_PER_HOUR)
+    }
+
+    /// What has to survive a reset: the state of charge and the cells that were detected.
+    pub fn memory(&self) -> (Option<StateOfCharge>, Option<u8>) {
+        (self.charge.charge().copied(), self.cells.found())
+    }
+
+    /// Takes up what was known before a reset.
+    pub fn restore(&mut self, charge: Option<StateOfCharge>, detected_cells: Option<u8>) {
+        if let Some(charge) = charge {
+            self.charge = ChargeTracker::from(charge);
+        }
+        if let Some(count) = detected_cells {
+            self.cells.restore(count);
+        }
     }
 
     /// Somebody who knows has told how full the pack is, from 0 to 1.
     pub fn set_state_of_charge(&mut self, share: f32) {
-        self.charge = ChargeTracker::told(share);
+        self.charge = ChargeTracker::from(StateOfCharge::told(share));
     }
 }

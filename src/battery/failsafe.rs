@@ -145,3 +145,124 @@ fn remaining_mah(state: &BatteryState) -> Option<f32> {
         None => capacity_mah - consumed_mah,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TICK_US: u64 = 100_000;
+
+    fn settings() -> FailsafeSettings {
+        FailsafeSettings {
+            timer_s: Some(10.0),
+            voltage_source: VoltageSource::Terminal,
+            low: Thresholds {
+                voltage_v: Some(10.5),
+                remaining_mah: Some(400.0),
+            },
+            critical: Thresholds {
+                voltage_v: Some(9.9),
+                remaining_mah: Some(200.0),
+            },
+        }
+    }
+
+    fn at_voltage(voltage_v: f32) -> BatteryState {
+        BatteryState {
+            voltage_v: Some(voltage_v),
+            ..BatteryState::default()
+        }
+    }
+
+    /// Lets `seconds` of ticks pass and returns the seconds after which a level was reached.
+    fn run(
+        failsafe: &mut Failsafe,
+        from_s: u64,
+        seconds: u64,
+        arm_state: ArmState,
+        state: &BatteryState,
+    ) -> Vec<(u64, FailsafeLevel)> {
+        let mut raised = Vec::new();
+        for tick in 0..seconds * 10 {
+            let now_us = from_s * 1_000_000 + tick * TICK_US;
+            if let Some(level) = failsafe.update(now_us, Some(now_us), arm_state, state, &settings()) {
+                raised.push((tick / 10, level));
+            }
+        }
+        raised
+    }
+
+    #[test]
+    fn a_voltage_has_to_stay_below_for_longer_than_the_timer() {
+        let mut failsafe = Failsafe::default();
+        assert_eq!(run(&mut failsafe, 0, 10, ArmState::Armed, &at_voltage(10.4)), []);
+        assert_eq!(run(&mut failsafe, 10, 1, ArmState::Armed, &at_voltage(11.0)), []);
+        let raised = run(&mut failsafe, 11, 30, ArmState::Armed, &at_voltage(10.4));
+        assert_eq!(raised, [(10, FailsafeLevel::Low)]);
+    }
+
+    #[test]
+    fn it_rises_and_never_falls_until_the_battery_is_reset() {
+        let mut failsafe = Failsafe::default();
+        run(&mut failsafe, 0, 20, ArmState::Armed, &at_voltage(9.0));
+        assert_eq!(failsafe.level(), FailsafeLevel::Critical);
+        assert_eq!(run(&mut failsafe, 20, 60, ArmState::Armed, &at_voltage(12.0)), []);
+        assert_eq!(failsafe.level(), FailsafeLevel::Critical);
+        failsafe.clear();
+        assert_eq!(failsafe.level(), FailsafeLevel::None);
+    }
+
+    #[test]
+    fn a_dip_before_disarming_does_not_count_when_armed_again() {
+        let mut failsafe = Failsafe::default();
+        run(&mut failsafe, 0, 5, ArmState::Armed, &at_voltage(10.4));
+        run(&mut failsafe, 5, 30, ArmState::Disarmed, &at_voltage(10.4));
+        let raised = run(&mut failsafe, 35, 20, ArmState::Armed, &at_voltage(10.4));
+        assert_eq!(raised, [(10, FailsafeLevel::Low)]);
+    }
+
+    #[test]
+    fn a_charge_below_its_threshold_counts_at_once() {
+        let charge = |remaining_pct| BatteryState {
+            capacity_mah: Some(1000.0),
+            consumed_mah: Some(0.0),
+            remaining_pct: Some(remaining_pct),
+            ..at_voltage(12.0)
+        };
+        let mut failsafe = Failsafe::default();
+        assert_eq!(run(&mut failsafe, 0, 1, ArmState::Armed, &charge(40.0)), []);
+        let raised = run(&mut failsafe, 1, 1, ArmState::Armed, &charge(39.9));
+        assert_eq!(raised, [(0, FailsafeLevel::Low)]);
+        let raised = run(&mut failsafe, 2, 1, ArmState::Armed, &charge(19.9));
+        assert_eq!(raised, [(0, FailsafeLevel::Critical)]);
+    }
+
+    #[test]
+    fn a_sensor_that_is_silent_for_more_than_five_seconds_is_unhealthy() {
+        let mut failsafe = Failsafe::default();
+        let mut at =
+            |now_us| failsafe.update(now_us, Some(0), ArmState::Armed, &at_voltage(12.0), &settings());
+        assert_eq!(at(5_000_000), None);
+        assert_eq!(at(5_100_000), Some(FailsafeLevel::Unhealthy));
+    }
+
+    #[test]
+    fn sag_does_not_count_when_the_resting_voltage_is_compared() {
+        let sagging = BatteryState {
+            resting_voltage_v: Some(11.0),
+            ..at_voltage(10.0)
+        };
+        let resting = FailsafeSettings {
+            voltage_source: VoltageSource::Resting,
+            ..settings()
+        };
+        let mut failsafe = Failsafe::default();
+        for tick in 0..300 {
+            let now_us = tick * TICK_US;
+            assert_eq!(
+                failsafe.update(now_us, Some(now_us), ArmState::Armed, &sagging, &resting),
+                None
+            );
+        }
+    }
+}

@@ -36,6 +36,8 @@ pub enum ReadError {
     Conversion,
     /// The parameters name no pin.
     NoPin,
+    /// None of the packs it is the sum of is healthy.
+    NoMember,
     /// The reading is not a number a pack can have.
     Implausible,
 }

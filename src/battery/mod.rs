@@ -1,5 +1,6 @@
 //! What is known of the packs: measurements in, a [`BatteryState`] out.
 
+mod bank;
 mod cell_count;
 mod cells;
 mod charge;
@@ -19,10 +20,13 @@ mod measurement;
 mod monitor;
 mod resistance;
 mod rest;
+mod retained;
 mod settings;
 mod state;
+mod sum;
 mod swap;
 
+pub use bank::BatteryBank;
 pub use cells::{CellVoltages, MAX_CELLS};
 pub use chemistry::Chemistry;
 pub use consumption::Gap;
@@ -33,8 +37,10 @@ pub use measurement::{Consumed, Measurement, ReadError};
 pub use monitor::{
     BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MAX_EVENTS, MIN_CONNECTED_VOLTAGE_V, PackEvents, Tick,
 };
+pub use retained::{PackMemory, RetainedMemory, RetainedRecord, recall, retain};
 pub use settings::{FailsafeSettings, PackSettings, Thresholds, VoltageSource};
 pub use state::{BatteryState, ChargeState, PackStatus, ReportedVoltage, Visibility};
+pub use sum::{SumVoltage, sum};
 
 /// The most packs that can be monitored, instances 0 to 8: `BATT_`, `BATT2_` to `BATT9_`.
 pub const MAX_PACKS: usize = 9;

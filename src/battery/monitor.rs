@@ -9,7 +9,7 @@ use super::estimator::{Estimator, Reading};
 use super::failsafe::{ArmState, Failsafe, FailsafeLevel};
 use super::settings::PackSettings;
 use super::swap::{Comparison, SwapDetector};
-use super::{BatteryState, Consumed, Measurement, PackEvent, PackStatus, ReadError};
+use super::{BatteryState, Consumed, Measurement, PackEvent, PackMemory, PackStatus, ReadError};
 
 /// Below this voltage no pack is connected, in volts: the divider then sees what leaks in while the board runs from USB.
 /// The same limit as PX4's `BATTERY_CONNECTED` test.
@@ -17,6 +17,11 @@ pub const MIN_CONNECTED_VOLTAGE_V: f32 = 2.1;
 
 /// After this many failed reads in a row the state says unhealthy: half a second at 10 Hz.
 pub const FAILED_READS_UNTIL_UNHEALTHY: u8 = 5;
+
+/// More than this no pack of a rover has, whatever its sensor says: in volts, amperes and degrees Celsius.
+const HIGHEST_VOLTAGE_V: f32 = 1_000.0;
+const HIGHEST_CURRENT_A: f32 = 10_000.0;
+const HIGHEST_TEMPERATURE_C: f32 = 1_000.0;
 
 /// What can happen to a pack in one tick: cells detected, swapped, a gap, a failsafe.
 pub const MAX_EVENTS: usize = 4;
@@ -265,6 +270,22 @@ impl BatteryMonitor {
         state.charge_state = self.charge_state.update(dt_s, &signs);
     }
 
+    /// What has to survive a reset of the processor.
+    pub fn memory(&self) -> PackMemory {
+        let (charge, detected_cells) = self.estimator.memory();
+        PackMemory {
+            consumption: self.consumption,
+            charge,
+            detected_cells,
+        }
+    }
+
+    /// Takes up what was known before a reset of the processor.
+    pub fn restore(&mut self, memory: &PackMemory) {
+        self.consumption = memory.consumption;
+        self.estimator.restore(memory.charge, memory.detected_cells);
+    }
+
     /// The battery was reset: so much is left, in percent (0 to 100).
     pub fn reset(&mut self, remaining_pct: f32, settings: &PackSettings) {
         let share = (remaining_pct / 100.0).clamp(0.0, 1.0);
@@ -296,13 +317,17 @@ fn plausible(measurement: Measurement) -> Result<Measurement, ReadError> {
         temperature_c,
         ..
     } = measurement;
-    if [voltage_v, current_a, temperature_c]
-        .into_iter()
-        .flatten()
-        .all(f32::is_finite)
+    // NaN is not within any limit.
+    let is_within = |value: Option<f32>, limit: f32| value.is_none_or(|value| value.abs() <= limit);
+    if is_within(voltage_v, HIGHEST_VOLTAGE_V)
+        && is_within(current_a, HIGHEST_CURRENT_A)
+        && is_within(temperature_c, HIGHEST_TEMPERATURE_C)
     {
         Ok(measurement)
     } else {
         Err(ReadError::Implausible)
     }
 }
+
+#[cfg(test)]
+mod tests;

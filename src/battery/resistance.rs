@@ -88,3 +88,102 @@ impl ResistanceEstimator {
         (resistance_ohm.is_finite() && resistance_ohm > 0.0).then_some(resistance_ohm)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RATE_HZ: f32 = 10.0;
+
+    /// Feeds `seconds` of readings whose voltage and current follow `at(t_s)`, and returns what was learnt.
+    fn learnt_from(seconds: f32, rate_hz: f32, at: impl Fn(f32) -> (f32, f32)) -> Option<f32> {
+        let mut estimator = ResistanceEstimator::new();
+        for sample in 0..(seconds * rate_hz) as u32 {
+            let (voltage_v, current_a) = at(sample as f32 / rate_hz);
+            estimator.update(1.0 / rate_hz, voltage_v, current_a);
+        }
+        estimator.resistance_ohm()
+    }
+
+    fn square(t_s: f32, low_a: f32, high_a: f32) -> f32 {
+        if (t_s / 5.0) as u32 % 2 == 0 {
+            low_a
+        } else {
+            high_a
+        }
+    }
+
+    #[track_caller]
+    fn assert_close(resistance_ohm: Option<f32>, expected_ohm: f32, share: f32) {
+        let resistance_ohm = resistance_ohm.expect("a resistance");
+        assert!(
+            (resistance_ohm / expected_ohm - 1.0).abs() < share,
+            "{resistance_ohm}"
+        );
+    }
+
+    #[test]
+    fn one_step_shows_it_at_every_rate() {
+        for rate_hz in [5.0, 10.0, 50.0] {
+            let learnt = learnt_from(7.0, rate_hz, |t_s| {
+                let current_a = square(t_s, 1.0, 3.0);
+                (12.0 - 0.05 * current_a, current_a)
+            });
+            assert_close(learnt, 0.05, 0.01);
+        }
+    }
+
+    #[test]
+    fn the_noise_of_the_board_is_averaged_out() {
+        // A triangle of ± 14 mV has 8 mV rms.
+        let noise_v = |t_s: f32| 0.014 * (((t_s * RATE_HZ * 7.3) % 2.0) - 1.0);
+        let learnt = learnt_from(60.0, RATE_HZ, |t_s| {
+            let current_a = square(t_s, 0.3, 1.8);
+            (7.9 - 0.15 * current_a + noise_v(t_s), current_a)
+        });
+        assert_close(learnt, 0.15, 0.1);
+    }
+
+    #[test]
+    fn a_voltage_that_falls_under_a_constant_load_is_no_resistance() {
+        assert_eq!(
+            learnt_from(60.0, RATE_HZ, |t_s| (if t_s < 20.0 { 11.1 } else { 9.8 }, 5.0)),
+            None
+        );
+        let learnt = learnt_from(60.0, RATE_HZ, |t_s| {
+            let current_a = if t_s < 20.0 { square(t_s, 2.0, 6.0) } else { 6.0 };
+            let fall_v = 0.1 * (t_s - 20.0).max(0.0);
+            (12.0 - 0.04 * current_a - fall_v, current_a)
+        });
+        assert_close(learnt, 0.04, 0.05);
+    }
+
+    #[test]
+    fn a_voltage_one_sample_late_shows_the_same() {
+        let learnt = learnt_from(60.0, RATE_HZ, |t_s| {
+            (12.0 - 0.05 * square(t_s - 0.1, 1.0, 11.0), square(t_s, 1.0, 11.0))
+        });
+        assert_close(learnt, 0.05, 0.1);
+    }
+
+    #[test]
+    fn a_resistance_that_changes_is_followed() {
+        let learnt = learnt_from(300.0, RATE_HZ, |t_s| {
+            let current_a = square(t_s, 1.0, 6.0);
+            let resistance_ohm = if t_s < 150.0 { 0.05 } else { 0.1 };
+            (12.0 - resistance_ohm * current_a, current_a)
+        });
+        assert_close(learnt, 0.1, 0.1);
+    }
+
+    #[test]
+    fn a_voltage_that_rises_with_the_load_is_not_believed() {
+        assert_eq!(
+            learnt_from(60.0, RATE_HZ, |t_s| {
+                let current_a = square(t_s, 1.0, 6.0);
+                (11.0 + 0.05 * current_a, current_a)
+            }),
+            None
+        );
+    }
+}

@@ -1,0 +1,57 @@
+//! Up to nine packs.
+
+use super::sum::{SumVoltage, sum};
+use super::{BatteryMonitor, MAX_PACKS, Measurement, PackMemory, ReadError};
+
+/// The monitors of all packs, by instance.
+#[derive(Clone, Debug, Default)]
+pub struct BatteryBank {
+    monitors: [BatteryMonitor; MAX_PACKS],
+}
+
+impl BatteryBank {
+    /// Monitors that have seen nothing yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The monitor of a pack; `None` beyond the last.
+    pub fn monitor(&mut self, instance: u8) -> Option<&mut BatteryMonitor> {
+        self.monitors.get_mut(usize::from(instance))
+    }
+
+    /// What the packs in `mask` amount to together, by their latest states. Bit 0 is instance 0; an empty mask means all
+    /// packs behind `own` (`BATT_SUM_MASK`). A sum never includes itself.
+    ///
+    /// # Errors
+    /// None of them is healthy.
+    pub fn sum(&self, own: u8, mask: u16, voltage: SumVoltage) -> Result<Measurement, ReadError> {
+        let is_member = move |instance: u8| {
+            if mask == 0 {
+                instance > own
+            } else {
+                instance != own && mask & (1 << instance) != 0
+            }
+        };
+        let members = (0u8..)
+            .zip(&self.monitors)
+            .filter(move |(instance, _)| is_member(*instance));
+        sum(members.map(|(_, monitor)| monitor.state()), voltage)
+    }
+
+    /// What has to survive a reset of the processor.
+    pub fn memory(&self) -> [PackMemory; MAX_PACKS] {
+        let mut memory = [PackMemory::default(); MAX_PACKS];
+        for (pack, monitor) in memory.iter_mut().zip(&self.monitors) {
+            *pack = monitor.memory();
+        }
+        memory
+    }
+
+    /// Takes up what was known before a reset of the processor.
+    pub fn restore(&mut self, memory: &[PackMemory; MAX_PACKS]) {
+        for (monitor, pack) in self.monitors.iter_mut().zip(memory) {
+            monitor.restore(pack);
+        }
+    }
+}

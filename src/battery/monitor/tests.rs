@@ -1,0 +1,473 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::battery::{
+    CellVoltages, ChargeState, Chemistry, FailsafeSettings, Faults, Thresholds, VoltageSource,
+};
+
+/// A monitor, its settings and its clock.
+struct Bench {
+    monitor: BatteryMonitor,
+    settings: PackSettings,
+    now_us: u64,
+    arm_state: ArmState,
+    events: Vec<PackEvent, 32>,
+}
+
+impl Bench {
+    /// A 3S LiPo pack of 2200 mAh.
+    fn new() -> Self {
+        Self {
+            monitor: BatteryMonitor::new(),
+            settings: PackSettings {
+                cell_count: Some(3),
+                capacity_mah: Some(2200.0),
+                ..PackSettings::default()
+            },
+            now_us: 0,
+            arm_state: ArmState::Disarmed,
+            events: Vec::new(),
+        }
+    }
+
+    fn tick(&mut self, reading: Result<Measurement, ReadError>) -> Option<ReadError> {
+        self.now_us += 100_000;
+        let tick = Tick {
+            now_us: self.now_us,
+            arm_state: self.arm_state,
+        };
+        let (events, error) = self.monitor.update(tick, reading, &self.settings);
+        self.events.extend(events);
+        error
+    }
+
+    /// Lets a reading last for some seconds.
+    fn run(&mut self, seconds: f32, measurement: Measurement) -> BatteryState {
+        for _ in 0..(seconds * 10.0) as u32 {
+            self.tick(Ok(measurement));
+        }
+        *self.state()
+    }
+
+    fn state(&self) -> &BatteryState {
+        self.monitor.state()
+    }
+}
+
+fn volts(voltage_v: f32) -> Measurement {
+    Measurement {
+        voltage_v: Some(voltage_v),
+        ..Measurement::default()
+    }
+}
+
+fn loaded(voltage_v: f32, current_a: f32) -> Measurement {
+    Measurement {
+        current_a: Some(current_a),
+        ..volts(voltage_v)
+    }
+}
+
+#[test]
+fn it_starts_unknown_and_invents_nothing() {
+    assert_eq!(BatteryMonitor::new().state(), &BatteryState::default());
+    assert_eq!(BatteryMonitor::new().state().status, PackStatus::Unknown);
+}
+
+#[test]
+fn failures_keep_the_last_good_value_and_the_fifth_says_unhealthy() {
+    let mut bench = Bench::new();
+    bench.tick(Ok(volts(11.1)));
+    for failure in 1..=7 {
+        assert_eq!(bench.tick(Err(ReadError::Timeout)), Some(ReadError::Timeout));
+        let expected = if failure < 5 {
+            PackStatus::Healthy
+        } else {
+            PackStatus::Unhealthy
+        };
+        assert_eq!(bench.state().status, expected, "failure {failure}");
+        assert_eq!(bench.state().voltage_v, Some(11.1));
+    }
+    assert_eq!(bench.state().charge_state, ChargeState::Unhealthy);
+    assert_eq!(bench.tick(Ok(volts(10.9))), None);
+    assert_eq!(bench.state().status, PackStatus::Healthy);
+    assert_eq!(bench.state().voltage_v, Some(10.9));
+}
+
+#[test]
+fn four_failures_between_good_reads_never_make_it_unhealthy() {
+    let mut bench = Bench::new();
+    for _ in 0..10 {
+        bench.tick(Ok(volts(11.1)));
+        for _ in 0..4 {
+            bench.tick(Err(ReadError::Conversion));
+            assert_eq!(bench.state().status, PackStatus::Healthy);
+        }
+    }
+}
+
+#[test]
+fn a_dead_converter_at_boot_stays_unknown_then_unhealthy() {
+    let mut bench = Bench::new();
+    for _ in 0..4 {
+        bench.tick(Err(ReadError::Timeout));
+        assert_eq!(bench.state().status, PackStatus::Unknown);
+    }
+    bench.tick(Err(ReadError::Timeout));
+    assert_eq!(bench.state().status, PackStatus::Unhealthy);
+    assert_eq!(bench.state().voltage_v, None);
+}
+
+#[test]
+fn usb_power_is_no_pack_and_not_a_flat_one() {
+    let mut bench = Bench::new();
+    bench.run(1.0, volts(2.09));
+    assert_eq!(bench.state().status, PackStatus::NotConnected);
+    assert_eq!(bench.state().voltage_v, None);
+    assert_eq!(bench.state().remaining_pct, None);
+    assert_eq!(bench.state().charge_state, ChargeState::Undefined);
+    bench.tick(Ok(volts(11.1)));
+    assert_eq!(bench.state().status, PackStatus::Healthy);
+    assert!(
+        bench.events.is_empty(),
+        "the first pack is no swap: {:?}",
+        bench.events
+    );
+}
+
+#[test]
+fn what_is_no_number_counts_as_a_failed_read() {
+    for measurement in [volts(f32::NAN), loaded(11.1, f32::INFINITY)] {
+        let mut bench = Bench::new();
+        bench.tick(Ok(volts(11.1)));
+        assert_eq!(bench.tick(Ok(measurement)), Some(ReadError::Implausible));
+        assert_eq!(bench.state().voltage_v, Some(11.1));
+        assert_eq!(bench.monitor.failed_reads(), 1);
+    }
+}
+
+#[test]
+fn a_half_full_pack_is_not_full_at_boot() {
+    let mut bench = Bench::new();
+    let state = bench.run(1.0, loaded(3.0 * 3.817, 0.1));
+    let remaining_pct = state.remaining_pct.expect("known");
+    assert!((45.0..55.0).contains(&remaining_pct), "{remaining_pct}");
+    assert!(
+        state.consumed_mah.expect("counted") < 0.1,
+        "nothing was drawn yet"
+    );
+}
+
+#[test]
+fn the_remaining_charge_does_not_rise_when_a_load_ends() {
+    for measures_current in [true, false] {
+        let reading = |current_a: f32| {
+            let voltage_v = 11.8 - 0.06 * current_a;
+            if measures_current {
+                loaded(voltage_v, current_a)
+            } else {
+                volts(voltage_v)
+            }
+        };
+        let mut bench = Bench::new();
+        bench.run(5.0, reading(0.2));
+        bench.arm_state = ArmState::Armed;
+        let under_load = bench.run(20.0, reading(15.0)).remaining_pct.expect("known");
+        let after = bench.run(10.0, reading(0.2)).remaining_pct.expect("known");
+        assert!(
+            after <= under_load + 0.5,
+            "{under_load} % under load, {after} % after"
+        );
+    }
+}
+
+#[test]
+fn an_armed_rover_whose_load_is_not_measured_is_watched_for_half_a_minute() {
+    let mut bench = Bench::new();
+    bench.arm_state = ArmState::Armed;
+    assert_eq!(bench.run(29.0, volts(10.9)).remaining_pct, None);
+    assert!(bench.run(2.0, volts(11.3)).remaining_pct.is_some());
+}
+
+#[test]
+fn flat_curves_tell_nothing_in_the_middle() {
+    let mut bench = Bench::new();
+    bench.settings.chemistry = Chemistry::LiFe;
+    assert_eq!(bench.run(2.0, volts(3.0 * 3.295)).remaining_pct, None);
+    let mut bench = Bench::new();
+    bench.settings.chemistry = Chemistry::LiFe;
+    let nearly_empty_pct = bench
+        .run(2.0, volts(3.0 * 3.05))
+        .remaining_pct
+        .expect("the steep end tells");
+    assert!(nearly_empty_pct < 8.0, "{nearly_empty_pct}");
+}
+
+#[test]
+fn without_a_voltage_only_a_battery_reset_tells_the_charge() {
+    let current_only = Measurement {
+        current_a: Some(2.2),
+        ..Measurement::default()
+    };
+    let mut bench = Bench::new();
+    assert_eq!(bench.run(10.0, current_only).remaining_pct, None);
+    bench.monitor.reset(50.0, &bench.settings);
+    // 36 s of one capacity an hour are one percent.
+    let remaining_pct = bench.run(36.0, current_only).remaining_pct.expect("known");
+    assert!((remaining_pct - 49.0).abs() < 0.05, "{remaining_pct}");
+}
+
+#[test]
+fn the_time_that_is_left_follows_the_average_load() {
+    let mut bench = Bench::new();
+    bench.run(1.0, loaded(12.6, 0.2));
+    bench.monitor.reset(100.0, &bench.settings);
+    let state = bench.run(600.0, loaded(11.9, 2.2));
+    let remaining_s = state.time_remaining_s.expect("known");
+    // An hour's load, ten minutes of it gone.
+    assert!((2900.0..3100.0).contains(&remaining_s), "{remaining_s}");
+    assert!((state.average_current_a.expect("known") - 2.2).abs() < 0.01);
+}
+
+#[test]
+fn cells_that_are_not_set_are_detected_and_told_once() {
+    let mut bench = Bench::new();
+    bench.settings.cell_count = None;
+    let state = bench.run(60.0, loaded(11.4, 0.2));
+    assert_eq!(state.cell_count, Some(3));
+    assert_eq!(bench.events, [PackEvent::CellsDetected { count: 3 }]);
+    assert!(state.remaining_pct.is_some());
+    // Latched: a pack that sags is not a smaller one.
+    assert_eq!(bench.run(60.0, loaded(8.4, 0.2)).cell_count, Some(3));
+}
+
+#[test]
+fn a_pack_that_was_taken_out_and_put_back_is_another_one() {
+    let mut bench = Bench::new();
+    bench.run(60.0, loaded(11.1, 5.0));
+    bench.run(2.0, loaded(0.3, 0.0));
+    let state = bench.run(1.0, loaded(12.6, 0.2));
+    assert_eq!(bench.events, [PackEvent::Swapped]);
+    assert!(state.consumed_mah.expect("counted") < 0.1);
+    assert!(state.remaining_pct.expect("known") > 95.0);
+}
+
+#[test]
+fn a_bad_contact_is_no_swap() {
+    let mut bench = Bench::new();
+    bench.run(60.0, loaded(11.1, 5.0));
+    bench.run(0.8, loaded(0.3, 0.0));
+    let state = bench.run(1.0, loaded(11.1, 5.0));
+    assert!(bench.events.is_empty(), "{:?}", bench.events);
+    assert!(state.consumed_mah.expect("counted") > 80.0);
+}
+
+#[test]
+fn a_fuller_pack_at_rest_is_another_one_but_not_while_driving() {
+    for (arm_state, expected) in [(ArmState::Disarmed, 1), (ArmState::Armed, 0)] {
+        let mut bench = Bench::new();
+        bench.run(10.0, loaded(11.1, 0.2));
+        bench.arm_state = arm_state;
+        bench.run(5.0, loaded(12.6, 0.2));
+        assert_eq!(bench.events.len(), expected, "{arm_state:?}");
+    }
+}
+
+#[test]
+fn a_reset_restarts_the_count_at_what_was_told() {
+    let mut bench = Bench::new();
+    bench.run(60.0, loaded(11.4, 5.0));
+    bench.monitor.reset(56.0, &bench.settings);
+    bench.tick(Ok(loaded(11.4, 0.0)));
+    assert!((bench.state().remaining_pct.unwrap() - 56.0).abs() < 0.01);
+    assert!((bench.state().consumed_mah.unwrap() - 0.44 * 2200.0).abs() < 0.1);
+    assert!((bench.state().consumed_wh.unwrap() - 0.44 * 2.2 * 11.4).abs() < 0.01);
+}
+
+#[test]
+fn what_is_remembered_over_a_reset_goes_on() {
+    let mut before = Bench::new();
+    before.settings.cell_count = None;
+    before.run(10.0, loaded(11.4, 0.2));
+    let last = before.run(60.0, loaded(11.2, 5.0));
+    let mut after = Bench::new();
+    after.settings.cell_count = None;
+    after.monitor.restore(&before.monitor.memory());
+    after.tick(Ok(loaded(11.2, 5.0)));
+    let state = after.state();
+    assert!((state.consumed_mah.unwrap() - last.consumed_mah.unwrap()).abs() < 0.01);
+    assert!((state.remaining_pct.unwrap() - last.remaining_pct.unwrap()).abs() < 0.01);
+    assert_eq!(state.cell_count, Some(3));
+}
+
+#[test]
+fn a_gap_of_the_sensor_is_counted_and_told() {
+    let mut bench = Bench::new();
+    bench.run(1.0, loaded(11.4, 3.6));
+    let before_mah = bench.state().consumed_mah.unwrap();
+    for _ in 0..100 {
+        bench.tick(Err(ReadError::Timeout));
+    }
+    bench.tick(Ok(loaded(11.4, 3.6)));
+    let counted_mah = bench.state().consumed_mah.unwrap() - before_mah;
+    assert!((counted_mah - 10.1).abs() < 0.01, "{counted_mah}");
+    assert!(
+        matches!(bench.events[..], [PackEvent::Gap(_)]),
+        "{:?}",
+        bench.events
+    );
+}
+
+#[test]
+fn faults_are_found_and_go_away() {
+    let cases = [
+        (volts(3.0 * 2.8), Faults::DEEP_DISCHARGE),
+        (volts(3.0 * 4.4), Faults::SPIKES),
+        (
+            volts(3.0 * 1.9),
+            Faults::DEEP_DISCHARGE | Faults::INCOMPATIBLE_VOLTAGE,
+        ),
+        (loaded(11.1, 20.0), Faults::OVER_CURRENT),
+        (
+            Measurement {
+                temperature_c: Some(70.0),
+                ..volts(11.4)
+            },
+            Faults::OVER_TEMPERATURE,
+        ),
+        (
+            Measurement {
+                temperature_c: Some(-30.0),
+                ..volts(11.4)
+            },
+            Faults::UNDER_TEMPERATURE,
+        ),
+        (
+            Measurement {
+                cells: CellVoltages::from_millivolts(&[3900, 3900, 3500]),
+                ..volts(11.3)
+            },
+            Faults::CELL_FAIL,
+        ),
+    ];
+    for (measurement, expected) in cases {
+        let mut bench = Bench::new();
+        bench.settings.power_limit_w = Some(200.0);
+        assert_eq!(bench.run(1.0, loaded(11.4, 1.0)).faults, Faults::empty());
+        assert_eq!(bench.run(3.0, measurement).faults, expected);
+        assert_eq!(
+            bench.run(3.0, loaded(11.4, 1.0)).faults,
+            Faults::empty(),
+            "{expected:?} stays"
+        );
+    }
+}
+
+#[test]
+fn a_failsafe_is_told_with_what_was_measured() {
+    let mut bench = Bench::new();
+    bench.settings.failsafe = FailsafeSettings {
+        timer_s: Some(1.0),
+        voltage_source: VoltageSource::Terminal,
+        low: Thresholds {
+            voltage_v: Some(10.5),
+            remaining_mah: None,
+        },
+        critical: Thresholds::default(),
+    };
+    // Without the number of cells, the voltage alone tells nothing else.
+    bench.settings.cell_count = None;
+    bench.arm_state = ArmState::Armed;
+    bench.run(60.0, loaded(10.4, 6.0));
+    let [event] = &bench.events[..] else {
+        panic!("{:?}", bench.events);
+    };
+    assert_eq!(event.to_string(), "is low 10.40V used 2 mAh");
+    assert_eq!(bench.state().charge_state, ChargeState::Low);
+}
+
+fn any_number() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        any::<f32>(),
+        Just(f32::NAN),
+        Just(f32::INFINITY),
+        Just(f32::MAX),
+        Just(f32::MIN_POSITIVE),
+        Just(0.0),
+        -30.0f32..30.0,
+        9.0f32..13.0,
+    ]
+}
+
+fn any_reading() -> impl Strategy<Value = Result<Measurement, ReadError>> {
+    let numbers = (any_number(), any_number(), any_number());
+    let known = (any::<bool>(), any::<bool>(), any::<bool>());
+    let cells = prop::collection::vec(any::<u16>(), 0..20);
+    prop_oneof![
+        8 => (numbers, known, cells).prop_map(|((voltage_v, current_a, temperature_c), known, cells)| {
+            Ok(Measurement {
+                voltage_v: known.0.then_some(voltage_v),
+                current_a: known.1.then_some(current_a),
+                temperature_c: known.2.then_some(temperature_c),
+                cells: CellVoltages::from_millivolts(&cells),
+                consumed: None,
+            })
+        }),
+        1 => Just(Err(ReadError::Timeout)),
+    ]
+}
+
+fn any_step_us() -> impl Strategy<Value = u64> {
+    prop_oneof![8 => Just(100_000u64), 1 => Just(0), 1 => 0..u64::MAX / 1000]
+}
+
+fn any_settings() -> impl Strategy<Value = PackSettings> {
+    let chemistry = prop::sample::select(vec![
+        Chemistry::LiPo,
+        Chemistry::LiFe,
+        Chemistry::LiIon,
+        Chemistry::NiMh,
+    ]);
+    let cells = prop::option::of(1u8..17);
+    let capacity = prop::option::of(1.0f32..1e6);
+    (chemistry, cells, capacity).prop_map(|(chemistry, cell_count, capacity_mah)| PackSettings {
+        chemistry,
+        cell_count,
+        capacity_mah,
+        ..PackSettings::default()
+    })
+}
+
+proptest! {
+    #[test]
+    fn any_series_leaves_every_value_finite_and_in_its_range(
+        settings in any_settings(),
+        steps in prop::collection::vec((any_step_us(), any_reading(), any::<bool>()), 1..300),
+        reset in any_number(),
+    ) {
+        let mut bench = Bench::new();
+        bench.settings = settings;
+        for (number, (step_us, reading, armed)) in steps.into_iter().enumerate() {
+            bench.now_us = bench.now_us.saturating_add(step_us).min(u64::MAX / 2);
+            bench.arm_state = if armed { ArmState::Armed } else { ArmState::Disarmed };
+            bench.events.clear();
+            bench.tick(reading);
+            if number == 100 {
+                bench.monitor.reset(reset, &bench.settings);
+            }
+            let state = *bench.state();
+            let values = [
+                state.voltage_v, state.resting_voltage_v, state.current_a, state.average_current_a,
+                state.resistance_ohm, state.consumed_mah, state.consumed_wh, state.remaining_pct,
+                state.time_remaining_s, state.temperature_c,
+            ];
+            for value in values.into_iter().flatten() {
+                prop_assert!(value.is_finite(), "{state:?}");
+            }
+            prop_assert!(state.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{state:?}");
+            prop_assert!(state.resistance_ohm.is_none_or(|ohm| ohm > 0.0), "{state:?}");
+            prop_assert!(state.time_remaining_s.is_none_or(|seconds| seconds >= 0.0), "{state:?}");
+            prop_assert!(state.voltage_v.is_none_or(|v| v >= MIN_CONNECTED_VOLTAGE_V), "{state:?}");
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Several packs as one.
+
+use super::{BatteryState, Consumed, Measurement, PackStatus, ReadError};
+
+/// How the voltages of the packs are put together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SumVoltage {
+    /// Their mean: packs side by side.
+    #[default]
+    Mean,
+    /// The lowest (`BATT_OPTIONS` bit 9).
+    Lowest,
+}
+
+/// What packs that are used together amount to: the voltage of those that are healthy, the sum of the currents and of
+/// what was drawn, and the mean temperature. A current is summed only if it is known of each healthy pack.
+///
+/// # Errors
+/// None of them is healthy.
+pub fn sum<'a>(
+    packs: impl Iterator<Item = &'a BatteryState> + Clone,
+    voltage: SumVoltage,
+) -> Result<Measurement, ReadError> {
+    let healthy = packs.clone().filter(|pack| pack.status == PackStatus::Healthy);
+    if healthy.clone().next().is_none() {
+        return Err(ReadError::NoMember);
+    }
+    let voltages = healthy.clone().filter_map(|pack| pack.voltage_v);
+    Ok(Measurement {
+        voltage_v: match voltage {
+            SumVoltage::Mean => mean(voltages),
+            SumVoltage::Lowest => voltages.reduce(f32::min),
+        },
+        current_a: healthy.clone().map(|pack| pack.current_a).sum(),
+        consumed: consumed(packs),
+        temperature_c: mean(healthy.filter_map(|pack| pack.temperature_c)),
+        ..Measurement::default()
+    })
+}
+
+/// What a pack has given stays given when its sensor fails.
+fn consumed<'a>(packs: impl Iterator<Item = &'a BatteryState> + Clone) -> Option<Consumed> {
+    let monitored = packs.filter(|pack| pack.consumed_mah.is_some());
+    monitored.clone().next()?;
+    Some(Consumed {
+        charge_mah: monitored.clone().filter_map(|pack| pack.consumed_mah).sum(),
+        energy_wh: monitored.filter_map(|pack| pack.consumed_wh).sum(),
+    })
+}
+
+fn mean(values: impl Iterator<Item = f32>) -> Option<f32> {
+    let (sum, count) = values.fold((0.0, 0u8), |(sum, count), value| {
+        (sum + value, count.saturating_add(1))
+    });
+    (count > 0).then(|| sum / f32::from(count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pack(voltage_v: f32, current_a: Option<f32>) -> BatteryState {
+        BatteryState {
+            status: PackStatus::Healthy,
+            voltage_v: Some(voltage_v),
+            current_a,
+            consumed_mah: current_a.map(|_| 100.0),
+            consumed_wh: current_a.map(|_| 1.0),
+            ..BatteryState::default()
+        }
+    }
+
+    #[test]
+    fn packs_side_by_side_have_the_mean_voltage_and_the_sum_of_the_currents() {
+        let packs = [pack(12.0, Some(2.0)), pack(11.0, Some(3.0))];
+        let measurement = sum(packs.iter(), SumVoltage::Mean).unwrap();
+        assert_eq!(measurement.voltage_v, Some(11.5));
+        assert_eq!(measurement.current_a, Some(5.0));
+        let consumed = measurement.consumed.unwrap();
+        assert_eq!((consumed.charge_mah, consumed.energy_wh), (200.0, 2.0));
+        let lowest = sum(packs.iter(), SumVoltage::Lowest).unwrap();
+        assert_eq!(lowest.voltage_v, Some(11.0));
+    }
+
+    #[test]
+    fn a_current_that_is_not_known_of_each_is_not_known_of_all() {
+        let packs = [pack(12.0, Some(2.0)), pack(11.0, None)];
+        assert_eq!(sum(packs.iter(), SumVoltage::Mean).unwrap().current_a, None);
+    }
+
+    #[test]
+    fn an_unhealthy_pack_is_left_out_but_not_what_it_gave() {
+        let unhealthy = BatteryState {
+            status: PackStatus::Unhealthy,
+            ..pack(3.0, Some(9.0))
+        };
+        let packs = [pack(12.0, Some(2.0)), unhealthy];
+        let measurement = sum(packs.iter(), SumVoltage::Mean).unwrap();
+        assert_eq!(measurement.voltage_v, Some(12.0));
+        assert_eq!(measurement.current_a, Some(2.0));
+        assert_eq!(measurement.consumed.unwrap().charge_mah, 200.0);
+        assert_eq!(sum(packs[1..].iter(), SumVoltage::Mean), Err(ReadError::NoMember));
+    }
+}
