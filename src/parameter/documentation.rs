@@ -21,8 +21,8 @@ pub fn markdown() -> String {
         "\n\
          ## Packs\n\
          These are the first pack's. `BATT2_…` to `BATT9_…` are the same for the others. While a pack's `MONITOR` is 0, its \
-         other parameters are not listed; reading and setting them by name works all the same, so a parameter file can \
-         be loaded in any order. A ground station sees what has become visible when it reads the list again.\n",
+         other parameters are not listed, but can be read and set by name all the same. A ground station sees what has \
+         become visible when it reads the list again; some set only what they have read.\n",
     );
     for parameter in BatteryParameter::ALL {
         write_section(&mut page, parameter.of(Pack::First)).expect("a string takes everything");
