@@ -69,6 +69,16 @@ impl ParameterId {
         }
     }
 
+    /// Its place in [`Self::all`].
+    pub(super) fn number(self) -> usize {
+        match self {
+            Self::Vehicle(parameter) => parameter as usize,
+            Self::Battery(pack, parameter) => {
+                VehicleParameter::COUNT + pack as usize * BatteryParameter::COUNT + parameter as usize
+            }
+        }
+    }
+
     /// Its row in the table.
     pub fn row(self) -> &'static Parameter {
         match self {
@@ -118,8 +128,9 @@ mod tests {
     #[test]
     fn every_parameter_is_found_by_its_name_and_by_its_key_and_by_no_other() {
         let (mut names, mut keys) = (HashSet::new(), HashSet::new());
-        for id in ParameterId::all() {
+        for (number, id) in ParameterId::all().enumerate() {
             let name = id.name();
+            assert_eq!(id.number(), number, "{name}");
             assert_eq!(name.len(), id.prefix().len() + id.row().name.len(), "{name}");
             assert_eq!(ParameterId::from_name(name.as_bytes()), Some(id));
             assert_eq!(ParameterId::from_name(name.to_lowercase().as_bytes()), Some(id));

@@ -6,18 +6,18 @@
 mod baud;
 #[cfg(not(target_os = "none"))]
 pub mod documentation;
+mod for_each;
 mod id;
 mod pack;
 mod storage;
 mod table;
-mod values;
 
 pub use baud::serial_baud;
+pub use for_each::ForEachParameter;
 pub use id::{PARAMETER_COUNT, ParameterId};
 pub use pack::Pack;
 pub use storage::{ParameterStorage, StorageError, Stored};
 pub use table::{BatteryParameter, Kind, Parameter, Range, TakesEffect, VehicleParameter};
-pub use values::ForEachParameter;
 
 /// The characters MAVLink has room for in a parameter's name.
 pub const MAX_NAME_LENGTH: usize = 16;
@@ -45,13 +45,13 @@ impl Parameters {
     pub fn defaults() -> Self {
         Self {
             values: ForEachParameter::from_fn(ParameterId::default_value),
-            unsaved: ForEachParameter::from_fn(|_| false),
+            unsaved: ForEachParameter::default(),
         }
     }
 
     /// The live value, in the parameter's unit.
     pub fn get(&self, id: impl Into<ParameterId>) -> f32 {
-        *self.values.get(id.into())
+        self.values.get(id.into())
     }
 
     /// The live value of a parameter that is a whole number.
@@ -80,8 +80,8 @@ impl Parameters {
         let id = id.into();
         let value = accept(id, value)?;
         if value.to_bits() != self.get(id).to_bits() {
-            *self.values.get_mut(id) = value;
-            *self.unsaved.get_mut(id) = true;
+            self.values.set(id, value);
+            self.unsaved.set(id, true);
         }
         Ok(())
     }
@@ -92,19 +92,19 @@ impl Parameters {
     /// No parameter has this key any more, or it does not take this value any more. The default stays.
     pub fn restore(&mut self, key: u16, value: f32) -> Result<(), OutOfRange> {
         let id = ParameterId::from_key(key).ok_or(OutOfRange)?;
-        *self.values.get_mut(id) = accept(id, value)?;
+        self.values.set(id, accept(id, value)?);
         Ok(())
     }
 
     /// A parameter whose live value is not in flash yet, and that value.
     pub fn next_unsaved(&self) -> Option<(ParameterId, f32)> {
-        let id = ParameterId::all().find(|id| *self.unsaved.get(*id))?;
+        let id = ParameterId::all().find(|id| self.unsaved.get(*id))?;
         Some((id, self.get(id)))
     }
 
     /// `value` is in flash now. If another one has been set meanwhile, that one still has to be saved.
     pub fn mark_saved(&mut self, id: ParameterId, value: f32) {
-        *self.unsaved.get_mut(id) = value.to_bits() != self.get(id).to_bits();
+        self.unsaved.set(id, value.to_bits() != self.get(id).to_bits());
     }
 }
 
@@ -160,18 +160,6 @@ mod tests {
             assert_eq!(parameters.set(id, id.default_value()), Ok(()), "{}", id.name());
         }
         assert_eq!(parameters, Parameters::defaults());
-    }
-
-    #[test]
-    fn every_parameter_has_a_value_of_its_own() {
-        let mut parameters = Parameters::defaults();
-        let values = || (0..).map(|number| number as f32);
-        for (id, value) in ParameterId::all().zip(values()) {
-            *parameters.values.get_mut(id) = value;
-        }
-        for (id, value) in ParameterId::all().zip(values()) {
-            assert_eq!(parameters.get(id), value, "{}", id.name());
-        }
     }
 
     /// Those of the vehicle, the first pack's, and the others' switches.

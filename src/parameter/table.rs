@@ -11,8 +11,6 @@ macro_rules! parameters {
             $(#[doc = concat!("The row `", stringify!($id), "` of the table.")] $id,)*
         }
 
-        static ROWS: [Parameter; $group::COUNT] = [$(Parameter { $($field: $value),* }),*];
-
         impl $group {
             /// How many there are.
             pub const COUNT: usize = [$(Self::$id),*].len();
@@ -22,7 +20,9 @@ macro_rules! parameters {
 
             /// Its row in the table.
             pub fn row(self) -> &'static Parameter {
-                &ROWS[self as usize]
+                match self {
+                    $(Self::$id => const { &Parameter { $($field: $value),* } },)*
+                }
             }
         }
     };

@@ -128,7 +128,7 @@ impl ParameterList {
     /// Starts the list, or starts it again.
     pub fn start(&mut self, now_us: u64) {
         self.sending = Some(Sending {
-            sent: ForEachParameter::from_fn(|_| false),
+            sent: ForEachParameter::default(),
             batches: Cadence::starting_at(now_us, 1),
             credited_us: now_us,
             credit_bytes: PARAM_VALUE_FRAME_BYTES,
@@ -167,7 +167,7 @@ impl ParameterList {
             return None;
         };
         sending.credit_bytes -= PARAM_VALUE_FRAME_BYTES;
-        *sending.sent.get_mut(id) = true;
+        sending.sent.set(id, true);
         Some(param_value(id, parameters))
     }
 }

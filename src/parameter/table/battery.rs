@@ -12,7 +12,7 @@ const ANALOG_PINS: Range = Range::OneOf(&[
 ]);
 
 parameters! {
-    /// A parameter that each pack has of its own; its number is its row in the table.
+    /// A parameter that each pack has of its own.
     BatteryParameter
 
     Monitor {

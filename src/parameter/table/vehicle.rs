@@ -3,7 +3,7 @@
 use super::{Kind, Parameter, Range, TakesEffect};
 
 parameters! {
-    /// A parameter of the whole vehicle; its number is its row in the table.
+    /// A parameter of the whole vehicle.
     VehicleParameter
 
     SysidThismav {
