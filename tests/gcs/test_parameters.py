@@ -20,7 +20,8 @@ def vehicle(start_simulator):
 
 def read_list(vehicle):
     """What is listed: value by name, in the order of the indices."""
-    vehicle.param_fetch_all()
+    # pymavlink's own param_fetch_all does nothing when it is called twice within two seconds.
+    vehicle.mav.param_request_list_send(1, 1)
     listed = {}
     first = receive(vehicle, ["PARAM_VALUE"])
     listed[first.param_index] = first
