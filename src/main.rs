@@ -12,7 +12,7 @@ mod firmware {
         self, AnalogInputs, BoardFlash, BoardWatchdog, ExecutorIdleTime, UartReceiver, UsbDevice, UsbPort,
     };
     use rover_battmon::liveness::CheckIn;
-    use rover_battmon::parameter::{ParameterId, ParameterStorage, serial_baud};
+    use rover_battmon::parameter::{ParameterStorage, VehicleParameter, serial_baud};
     use rover_battmon::tasks::{self, Link, Shared};
     use static_cell::StaticCell;
 
@@ -119,7 +119,7 @@ mod firmware {
         let shared = SHARED.init(Shared::new(stored));
         tasks::report_load(shared, loaded);
 
-        let baud = serial_baud(shared.whole_parameter(ParameterId::Serial0Baud));
+        let baud = serial_baud(shared.whole_parameter(VehicleParameter::Serial0Baud));
         let link = TELEMETRY.init(Link::new("UART0", baud / BITS_PER_BYTE));
         let (transmitter, receiver) =
             board::telemetry_uart(peripherals.UART0, peripherals.PIN_0, peripherals.PIN_1, baud);

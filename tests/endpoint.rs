@@ -7,15 +7,24 @@ use std::collections::HashMap;
 use proptest::prelude::*;
 use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, SystemState};
-use rover_battmon::parameter::{PARAMETER_COUNT, ParameterId, Parameters, TABLE};
+use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
 use support::frames::{
     COMMAND_ACK, FILE_TRANSFER_PROTOCOL, Frame, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT,
-    encode_v1, frames,
+    encode_v1, frames, of_message,
 };
 use support::requests::{
     EVERYONE, VEHICLE, command_int, command_long, ftp_open, param_read_by_index, param_read_by_name,
     param_request_list, param_set, param_set_payload, param_set_to,
 };
+
+const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
+const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
+
+/// 4 of the vehicle, 21 of the first pack, and the switches of the other 8 packs.
+const LISTED_BY_DEFAULT: usize = 33;
+
+/// The index of a parameter that is not listed.
+const NOT_LISTED: u16 = u16::MAX;
 
 const DOES_NOT_EXIST: u8 = 1;
 const VALUE_OUT_OF_RANGE: u8 = 2;
@@ -78,17 +87,50 @@ impl Desk {
         assert_eq!(answers.len(), 1, "{answers:?}");
         answers[0].clone()
     }
-}
 
-fn assert_param_value(frame: &Frame, row: usize, value: f32) {
-    assert_eq!(frame.message_id, PARAM_VALUE);
-    let answer = ParamValue(frame);
-    assert_eq!(answer.name(), TABLE[row].name);
-    assert_eq!(
-        (answer.index(), answer.count()),
-        (row as u16, PARAMETER_COUNT as u16)
-    );
-    assert_eq!(answer.value(), value, "{}", TABLE[row].name);
+    /// The parameters of a list, by name, while `meanwhile` happens after each that is sent.
+    fn list(&mut self, mut meanwhile: impl FnMut(&str, &mut Parameters)) -> Vec<String> {
+        let mut frames = self.ask(&param_request_list(VEHICLE));
+        let mut listed = Vec::new();
+        // Half a minute is more than a list takes; the streams go on for ever.
+        loop {
+            for frame in of_message(&frames, PARAM_VALUE) {
+                let name = ParamValue(frame).name();
+                meanwhile(&name, &mut self.parameters);
+                listed.push(name);
+            }
+            let due_us = self.endpoint.next_due_us();
+            if due_us > 30_000_000 {
+                return listed;
+            }
+            self.endpoint
+                .post_due(due_us, &SystemState::default(), &self.parameters);
+            frames = self.sent();
+        }
+    }
+
+    /// The names of what is listed now.
+    fn listed(&self) -> Vec<String> {
+        self.parameters
+            .listed()
+            .map(|id| id.name().as_str().into())
+            .collect()
+    }
+
+    fn assert_param_value(&self, frame: &Frame, id: ParameterId, value: f32) {
+        assert_eq!(frame.message_id, PARAM_VALUE);
+        let answer = ParamValue(frame);
+        assert_eq!(answer.name(), id.name().as_str());
+        let index = self.parameters.listed().position(|listed| listed == id);
+        assert_eq!(answer.index(), index.map_or(NOT_LISTED, |index| index as u16));
+        assert_eq!(usize::from(answer.count()), self.parameters.listed().count());
+        assert_eq!(answer.value(), value, "{}", answer.name());
+    }
+
+    fn assert_set(&mut self, name: &str, id: ParameterId, value: f32) {
+        let answer = self.one_answer(&param_set(name, value));
+        self.assert_param_value(&answer, id, value);
+    }
 }
 
 fn assert_ack(frame: &Frame, command: u16, result: u8) {
@@ -99,21 +141,20 @@ fn assert_ack(frame: &Frame, command: u16, result: u8) {
 }
 
 #[test]
-fn every_parameter_is_read_by_name_and_by_index() {
+fn every_parameter_is_read_by_name_and_what_is_listed_by_index() {
     let mut desk = Desk::new();
-    for (number, row) in TABLE.iter().enumerate() {
-        assert_param_value(
-            &desk.one_answer(&param_read_by_name(row.name)),
-            number,
-            row.default,
-        );
-        assert_param_value(
-            &desk.one_answer(&param_read_by_index(number as i16)),
-            number,
-            row.default,
-        );
+    for id in ParameterId::all() {
+        let answer = desk.one_answer(&param_read_by_name(&id.name()));
+        desk.assert_param_value(&answer, id, id.default_value());
     }
-    assert_param_value(&desk.one_answer(&param_read_by_name("batt_volt_mult")), 6, 3.95);
+    let listed: Vec<_> = desk.parameters.listed().collect();
+    for (index, id) in (0..).zip(listed) {
+        let answer = desk.one_answer(&param_read_by_index(index));
+        assert_eq!(ParamValue(&answer).index(), index as u16);
+        desk.assert_param_value(&answer, id, id.default_value());
+    }
+    let answer = desk.one_answer(&param_read_by_name("batt_volt_mult"));
+    desk.assert_param_value(&answer, VOLT_MULT, 3.95);
 }
 
 #[test]
@@ -122,7 +163,7 @@ fn what_does_not_exist_is_an_error_that_says_so() {
     for request in [
         param_read_by_name("NOPE"),
         param_read_by_name(""),
-        param_read_by_index(PARAMETER_COUNT as i16),
+        param_read_by_index(LISTED_BY_DEFAULT as i16),
         param_read_by_index(-2),
         param_set("NOPE", 1.0),
     ] {
@@ -136,18 +177,11 @@ fn what_does_not_exist_is_an_error_that_says_so() {
 #[test]
 fn a_set_value_is_live_and_acknowledged_at_once() {
     let mut desk = Desk::new();
-    let row = ParameterId::Sr0Extra1 as usize;
-    assert_param_value(&desk.one_answer(&param_set("SR0_EXTRA1", 10.0)), row, 10.0);
-    assert_eq!(desk.parameters.get(ParameterId::Sr0Extra1), 10.0);
-    assert_param_value(
-        &desk.one_answer(&param_set_to(EVERYONE, "SR0_EXTRA1", 5.0)),
-        row,
-        5.0,
-    );
-    assert_eq!(
-        desk.parameters.next_unsaved(),
-        Some((ParameterId::Sr0Extra1, 5.0))
-    );
+    desk.assert_set("SR0_EXTRA1", EXTRA1, 10.0);
+    assert_eq!(desk.parameters.get(EXTRA1), 10.0);
+    let answer = desk.one_answer(&param_set_to(EVERYONE, "SR0_EXTRA1", 5.0));
+    desk.assert_param_value(&answer, EXTRA1, 5.0);
+    assert_eq!(desk.parameters.next_unsaved(), Some((EXTRA1, 5.0)));
 }
 
 #[test]
@@ -159,26 +193,91 @@ fn a_value_out_of_range_is_refused_and_the_old_one_shown() {
         assert_eq!(answers[0].message_id, PARAM_ERROR);
         assert_eq!(answers[0].text(4, 16), "SR0_EXTRA1");
         assert_eq!(answers[0].u8(20), VALUE_OUT_OF_RANGE);
-        assert_param_value(&answers[1], ParameterId::Sr0Extra1 as usize, 2.0);
+        desk.assert_param_value(&answers[1], EXTRA1, 2.0);
     }
     assert_eq!(desk.parameters.next_unsaved(), None);
 }
 
 #[test]
-fn a_list_has_every_parameter_in_order() {
+fn a_list_has_everything_that_is_visible_in_order() {
     let mut desk = Desk::new();
-    let mut listed = desk.ask(&param_request_list(VEHICLE));
-    while let Some(due_us) = (listed.len() < PARAMETER_COUNT).then(|| desk.endpoint.next_due_us()) {
-        desk.endpoint
-            .post_due(due_us, &SystemState::default(), &desk.parameters);
-        listed.extend(
-            desk.sent()
-                .into_iter()
-                .filter(|frame| frame.message_id == PARAM_VALUE),
-        );
-    }
-    for (number, frame) in listed.iter().enumerate() {
-        assert_param_value(frame, number, TABLE[number].default);
+    let listed = desk.list(|_, _| {});
+    assert_eq!(listed.len(), LISTED_BY_DEFAULT);
+    assert_eq!(listed, desk.listed());
+}
+
+#[test]
+fn enabling_a_pack_makes_its_parameters_visible_and_disabling_hides_them() {
+    let mut desk = Desk::new();
+    let volt_mult = BatteryParameter::VoltMult.of(Pack::Second);
+    let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
+    assert_eq!(ParamValue(&answer).index(), NOT_LISTED);
+
+    desk.assert_set("BATT2_MONITOR", BatteryParameter::Monitor.of(Pack::Second), 4.0);
+    let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
+    assert_eq!(
+        (ParamValue(&answer).index(), ParamValue(&answer).count()),
+        (27, 53)
+    );
+    let answer = desk.one_answer(&param_read_by_index(27));
+    desk.assert_param_value(&answer, volt_mult, 3.95);
+    let listed = desk.list(|_, _| {});
+    assert_eq!(listed, desk.listed());
+    assert!(listed.contains(&"BATT2_VOLT_MULT".into()), "{listed:?}");
+
+    desk.assert_set("BATT2_MONITOR", BatteryParameter::Monitor.of(Pack::Second), 0.0);
+    assert_eq!(desk.list(|_, _| {}).len(), LISTED_BY_DEFAULT);
+}
+
+#[test]
+fn a_hidden_parameter_is_set_by_name() {
+    let mut desk = Desk::new();
+    let hidden = BatteryParameter::VoltMult.of(Pack::Ninth);
+    desk.assert_set("BATT9_VOLT_MULT", hidden, 11.0);
+    assert_eq!(desk.parameters.next_unsaved(), Some((hidden, 11.0)));
+    desk.assert_set("BATT9_MONITOR", BatteryParameter::Monitor.of(Pack::Ninth), 3.0);
+    let answer = desk.one_answer(&param_read_by_name("BATT9_VOLT_MULT"));
+    desk.assert_param_value(&answer, hidden, 11.0);
+}
+
+/// Sets the monitor of a pack while a list is on its way, when `trigger` has been sent.
+fn list_while(trigger: &str, pack: Pack, monitor: f32) -> (Vec<String>, Vec<String>) {
+    let mut desk = Desk::new();
+    // So slow that the parameters leave one by one.
+    desk.endpoint = Endpoint::new(960, 0);
+    let _ = desk
+        .parameters
+        .set(BatteryParameter::Monitor.of(Pack::Fifth), 3.0);
+    let mut listed = desk.list(|sent, parameters| {
+        if sent == trigger {
+            let _ = parameters.set(BatteryParameter::Monitor.of(pack), monitor);
+        }
+    });
+    let sent = listed.len();
+    listed.sort();
+    listed.dedup();
+    assert_eq!(listed.len(), sent, "something was sent twice");
+    let mut visible = desk.listed();
+    visible.sort();
+    (listed, visible)
+}
+
+#[test]
+fn a_list_is_complete_though_packs_are_enabled_and_disabled_meanwhile() {
+    for trigger in ["SYSID_THISMAV", "BATT_MONITOR", "BATT5_VOLT_PIN", "BATT9_MONITOR"] {
+        // Before the place the list has come to, and behind it.
+        for pack in [Pack::Second, Pack::Ninth] {
+            let (listed, visible) = list_while(trigger, pack, 4.0);
+            assert_eq!(listed, visible, "{pack:?} after {trigger}");
+        }
+        // What had been sent before it was hidden can't be taken back.
+        for pack in [Pack::First, Pack::Fifth] {
+            let (listed, visible) = list_while(trigger, pack, 0.0);
+            assert!(
+                visible.iter().all(|name| listed.contains(name)),
+                "{pack:?} after {trigger}"
+            );
+        }
     }
 }
 
@@ -198,7 +297,8 @@ fn messages_for_others_are_ignored() {
 fn mavlink_1_is_understood() {
     let mut desk = Desk::new();
     let request = encode_v1(23, &param_set_payload(VEHICLE, "SR0_EXTRA1", 7.0));
-    assert_param_value(&desk.one_answer(&request), ParameterId::Sr0Extra1 as usize, 7.0);
+    let answer = desk.one_answer(&request);
+    desk.assert_param_value(&answer, EXTRA1, 7.0);
 }
 
 /// PARAM_REQUEST_LIST for everyone, with these incompatibility flags.
@@ -326,8 +426,8 @@ proptest! {
         let bytes = [garbage, param_set("BATT_VOLT_MULT", 4.25), vec![0; 293]].concat();
         let events = desk.receive_in_chunks(&bytes, chunk);
         prop_assume!(!swallowed(&events));
-        prop_assert!(events.contains(&Event::ParameterSet(ParameterId::BattVoltMult)), "{events:?}");
-        prop_assert_eq!(desk.parameters.get(ParameterId::BattVoltMult), 4.25);
+        prop_assert!(events.contains(&Event::ParameterSet(VOLT_MULT)), "{events:?}");
+        prop_assert_eq!(desk.parameters.get(VOLT_MULT), 4.25);
     }
 
     /// The same without bytes behind it: the pause of the sender does it.
@@ -341,7 +441,7 @@ proptest! {
             events.push(event);
         }
         prop_assume!(!swallowed(&events));
-        prop_assert!(events.contains(&Event::ParameterSet(ParameterId::BattVoltMult)), "{events:?}");
+        prop_assert!(events.contains(&Event::ParameterSet(VOLT_MULT)), "{events:?}");
     }
 
     /// The length of the chunks makes no difference.
@@ -361,8 +461,8 @@ proptest! {
         prop_assume!(bit / 8 < frame.len());
         frame[bit / 8] ^= 1 << (bit % 8);
         let events = desk.receive_in_chunks(&[frame, vec![0; 293]].concat(), 64);
-        prop_assert!(!events.contains(&Event::ParameterSet(ParameterId::Sr0Extra1)));
-        prop_assert_eq!(desk.parameters.get(ParameterId::Sr0Extra1), 2.0);
+        prop_assert!(!events.contains(&Event::ParameterSet(EXTRA1)));
+        prop_assert_eq!(desk.parameters.get(EXTRA1), 2.0);
     }
 
     #[test]
@@ -373,8 +473,8 @@ proptest! {
             desk.endpoint.give_up_waiting();
         }
         desk.sent();
-        for row in &TABLE {
-            prop_assert!(row.range.contains(desk.parameters.get(row.id)));
+        for id in ParameterId::all() {
+            prop_assert!(id.row().range.contains(desk.parameters.get(id)));
         }
     }
 }

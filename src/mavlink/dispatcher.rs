@@ -14,7 +14,7 @@ use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::time;
 use super::system_state::SystemState;
 use super::{COMPONENT_ID, CommandAck, FileTransferNak, Message};
-use crate::parameter::{ParameterId, Parameters};
+use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 
 /// Who sent a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,7 +103,7 @@ pub(super) fn dispatch(
         rates,
     } = context;
     // The table's range is 1 to 255.
-    let system_id = parameters.get(ParameterId::SysidThismav) as u8;
+    let system_id = parameters.get(VehicleParameter::SysidThismav) as u8;
     let Some(request) = request(frame, system_id) else {
         return Event::Ignored;
     };

@@ -9,7 +9,7 @@ use super::services::parameters::ParameterList;
 use super::system_state::{LinkStatistics, SystemState};
 use super::{Message, Stream, status_texts};
 use crate::battery::PackStatus;
-use crate::parameter::{ParameterId, Parameters};
+use crate::parameter::{Parameters, VehicleParameter};
 
 /// A few messages dropped may be a hiccup; so many are a link that is too slow.
 const DROPS_UNTIL_SHORTFALL: u32 = 10;
@@ -62,7 +62,7 @@ impl Endpoint {
         self.rates.follow(parameters, now_us);
         self.list.release(
             now_us,
-            parameters.get(ParameterId::Sr0Params),
+            parameters.get(VehicleParameter::Sr0Params),
             self.bytes_per_second,
         );
         let mut dropped = None;

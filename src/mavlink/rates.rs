@@ -2,7 +2,7 @@
 
 use super::payload::Payload;
 use super::scheduler::StreamScheduler;
-use crate::parameter::{ParameterId, Parameters};
+use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 
 /// REQUEST_DATA_STREAM, stream ids: all of them, and the one with the battery in it.
 const STREAM_ALL: u8 = 0;
@@ -39,7 +39,7 @@ impl Rates {
 
     /// Follows the parameters. A parameter that was set on another link wins here, too, if that changed it.
     pub fn follow(&mut self, parameters: &Parameters, now_us: u64) {
-        let parameter_hz = parameters.get(ParameterId::Sr0Extra1);
+        let parameter_hz = parameters.get(VehicleParameter::Sr0Extra1);
         if parameter_hz != self.parameter_hz {
             self.requested_hz = None;
         }
@@ -50,7 +50,7 @@ impl Rates {
 
     /// A ground station on this link has set a parameter, maybe to the value it had.
     pub fn parameter_set(&mut self, id: ParameterId) {
-        if id == ParameterId::Sr0Extra1 {
+        if id == VehicleParameter::Sr0Extra1.into() {
             self.requested_hz = None;
         }
     }

@@ -20,12 +20,12 @@ pub fn serial_baud(code: i32) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ParameterId, Range, TABLE};
+    use super::super::{Range, VehicleParameter};
     use super::*;
 
     #[test]
     fn every_code_of_the_table_is_the_rate_it_names() {
-        let Range::OneOf(codes) = TABLE[ParameterId::Serial0Baud as usize].range else {
+        let Range::OneOf(codes) = VehicleParameter::Serial0Baud.row().range else {
             panic!("the codes are listed");
         };
         for (code, rate) in codes {

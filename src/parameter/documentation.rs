@@ -1,24 +1,38 @@
-//! The table as its owners read it: a page of the docs, and ArduPilot's metadata file for ground stations.
+//! The tables as their owners read them: a page of the docs, and ArduPilot's metadata file for ground stations.
 
 use std::fmt::Write;
 
-use super::{Parameter, Range, TABLE, TakesEffect};
+use super::{BatteryParameter, Pack, Parameter, ParameterId, Range, TakesEffect, VehicleParameter};
 
 /// The page `docs/parameters.md`.
 pub fn markdown() -> String {
     let mut page = String::from(
         "# Parameters\n\n\
-         Written by `cargo run --example parameter_docs` from the table in `src/parameter/table.rs`; a test fails when it is \
-         stale. Names are ArduPilot 4.6's. A change is live at once unless a restart is noted, and kept in flash.\n",
+         Written by `cargo run --example parameter_docs` from the tables in `src/parameter/table/`; a test fails when it is \
+         stale. Names are ArduPilot 4.6's unless noted. A change is live at once unless a restart is noted, and kept in \
+         flash.\n\
+         \n\
+         ## Vehicle\n",
     );
-    for row in &TABLE {
-        write_section(&mut page, row).expect("a string takes everything");
+    for parameter in VehicleParameter::ALL {
+        write_section(&mut page, parameter.into()).expect("a string takes everything");
+    }
+    page.push_str(
+        "\n\
+         ## Packs\n\
+         These are the first pack's. `BATT2_…` to `BATT9_…` are the same for the others. While a pack's `MONITOR` is 0, its \
+         other parameters are not listed, but can be read and set by name all the same. A ground station sees what has \
+         become visible when it reads the list again; some set only what they have read.\n",
+    );
+    for parameter in BatteryParameter::ALL {
+        write_section(&mut page, parameter.of(Pack::First)).expect("a string takes everything");
     }
     page
 }
 
-fn write_section(page: &mut String, row: &Parameter) -> std::fmt::Result {
-    writeln!(page, "\n## {}\n{}. {}\n", row.name, row.label, row.description)?;
+fn write_section(page: &mut String, id: ParameterId) -> std::fmt::Result {
+    let row = id.row();
+    writeln!(page, "\n### {}\n{}. {}\n", id.name(), row.label, row.description)?;
     let unit = if row.unit.is_empty() {
         String::new()
     } else {
@@ -33,42 +47,75 @@ fn write_section(page: &mut String, row: &Parameter) -> std::fmt::Result {
             )?;
         }
         Range::OneOf(values) => {
-            let values: Vec<_> = values
+            let values = values.iter().map(|(code, meaning)| format!("{code} ({meaning})"));
+            writeln!(page, "- one of: {}", joined(values))?;
+        }
+        Range::Bits(bits) => {
+            let bits = bits
                 .iter()
-                .map(|(code, meaning)| format!("{code} ({meaning})"))
-                .collect();
-            writeln!(page, "- one of: {}", values.join(", "))?;
+                .map(|(bit, meaning)| format!("{} (bit {bit}: {meaning})", 1 << bit));
+            writeln!(page, "- the sum of any of: {}", joined(bits))?;
         }
     }
-    writeln!(page, "- default: {}{unit}", row.default)?;
+    writeln!(
+        page,
+        "- default: {}{unit}{}",
+        id.default_value(),
+        other_default(id)
+    )?;
     if row.takes_effect == TakesEffect::AfterReboot {
         writeln!(page, "- takes effect after a restart")?;
     }
     Ok(())
 }
 
+fn joined(items: impl Iterator<Item = String>) -> String {
+    items.collect::<Vec<_>>().join(", ")
+}
+
+/// What the other packs have instead of the first one's default.
+fn other_default(id: ParameterId) -> String {
+    if id.default_value() == id.row().default {
+        String::new()
+    } else {
+        format!("; of the other packs: {}", id.row().default)
+    }
+}
+
 /// The file `docs/apm.pdef.xml`, in the format of ArduPilot's parameter metadata.
 pub fn apm_pdef_xml() -> String {
     let mut xml = String::from(
         "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n\
-         <!-- Written by cargo run --example parameter_docs -->\n\
+         <!-- Written by the example parameter_docs -->\n\
          <paramfile>\n  <vehicles>\n    <parameters name=\"Rover\">\n",
     );
-    for row in &TABLE {
-        write_param(&mut xml, row).expect("a string takes everything");
+    for id in ParameterId::all() {
+        write_param(&mut xml, id).expect("a string takes everything");
     }
     xml.push_str("    </parameters>\n  </vehicles>\n  <libraries/>\n</paramfile>\n");
     xml
 }
 
-fn write_param(xml: &mut String, row: &Parameter) -> std::fmt::Result {
+fn write_param(xml: &mut String, id: ParameterId) -> std::fmt::Result {
+    let row = id.row();
     writeln!(
         xml,
         "      <param humanName=\"{}\" name=\"Rover:{}\" documentation=\"{}\" user=\"Standard\">",
         escape(row.label),
-        row.name,
+        id.name(),
         escape(row.description)
     )?;
+    write_range(xml, row)?;
+    if !row.unit.is_empty() {
+        writeln!(xml, "        <field name=\"Units\">{}</field>", escape(row.unit))?;
+    }
+    if row.takes_effect == TakesEffect::AfterReboot {
+        writeln!(xml, "        <field name=\"RebootRequired\">True</field>")?;
+    }
+    writeln!(xml, "      </param>")
+}
+
+fn write_range(xml: &mut String, row: &Parameter) -> std::fmt::Result {
     match row.range {
         Range::Between(lowest, highest) => {
             writeln!(xml, "        <field name=\"Range\">{lowest} {highest}</field>")?;
@@ -85,14 +132,15 @@ fn write_param(xml: &mut String, row: &Parameter) -> std::fmt::Result {
             }
             writeln!(xml, "        </values>")?;
         }
+        Range::Bits(bits) => {
+            let bits: Vec<_> = bits
+                .iter()
+                .map(|(bit, meaning)| format!("{bit}:{}", escape(meaning)))
+                .collect();
+            writeln!(xml, "        <field name=\"Bitmask\">{}</field>", bits.join(","))?;
+        }
     }
-    if !row.unit.is_empty() {
-        writeln!(xml, "        <field name=\"Units\">{}</field>", escape(row.unit))?;
-    }
-    if row.takes_effect == TakesEffect::AfterReboot {
-        writeln!(xml, "        <field name=\"RebootRequired\">True</field>")?;
-    }
-    writeln!(xml, "      </param>")
+    Ok(())
 }
 
 fn escape(text: &str) -> String {
@@ -105,6 +153,23 @@ fn escape(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_comment_is_one_that_xml_allows() {
+        let xml = apm_pdef_xml();
+        let (_, rest) = xml.split_once("<!--").expect("it begins");
+        let (comment, _) = rest.split_once("-->").expect("it ends");
+        assert!(!comment.contains("--"), "{comment}");
+    }
+
+    #[test]
+    fn meanings_of_bits_can_be_told_apart() {
+        for id in ParameterId::all() {
+            if let Range::Bits(bits) = id.row().range {
+                assert!(bits.iter().all(|(_, meaning)| !meaning.contains([',', ':'])));
+            }
+        }
+    }
 
     #[test]
     fn text_for_attributes_is_escaped() {

@@ -1,25 +1,38 @@
-//! The one table of parameters, their live values, and what of them is not in flash yet.
+//! The tables of parameters, their live values, and what of them is not in flash yet.
 //!
 //! Names, units and meanings are ArduPilot 4.6's, so that a ground station shows what its user expects.
+//! As there, a pack that is not monitored has its other parameters hidden from lists.
 
 mod baud;
 #[cfg(not(target_os = "none"))]
 pub mod documentation;
+mod for_each;
+mod id;
+mod pack;
 mod storage;
 mod table;
 
 pub use baud::serial_baud;
+pub use for_each::ForEachParameter;
+pub use id::{PARAMETER_COUNT, ParameterId};
+pub use pack::Pack;
 pub use storage::{ParameterStorage, StorageError, Stored};
-pub use table::{Kind, PARAMETER_COUNT, Parameter, ParameterId, Range, TABLE, TakesEffect};
+pub use table::{BatteryParameter, Kind, Parameter, Range, TakesEffect, VehicleParameter};
+
+/// The characters MAVLink has room for in a parameter's name.
+pub const MAX_NAME_LENGTH: usize = 16;
 
 /// A whole number that comes as a float may be off by this much, as in ArduPilot.
 const WHOLE_NUMBER_TOLERANCE: f32 = 0.01;
 
+/// `BATT_MONITOR`: the pack is not monitored.
+const MONITOR_DISABLED: f32 = 0.0;
+
 /// The live values of all parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
-    values: [f32; PARAMETER_COUNT],
-    unsaved: [bool; PARAMETER_COUNT],
+    values: ForEachParameter<f32>,
+    unsaved: ForEachParameter<bool>,
 }
 
 /// The parameter does not take this value.
@@ -31,30 +44,44 @@ impl Parameters {
     /// Every parameter at its default.
     pub fn defaults() -> Self {
         Self {
-            values: core::array::from_fn(|row| TABLE[row].default),
-            unsaved: [false; PARAMETER_COUNT],
+            values: ForEachParameter::from_fn(ParameterId::default_value),
+            unsaved: ForEachParameter::default(),
         }
     }
 
     /// The live value, in the parameter's unit.
-    pub fn get(&self, id: ParameterId) -> f32 {
-        self.values[id as usize]
+    pub fn get(&self, id: impl Into<ParameterId>) -> f32 {
+        self.values.get(id.into())
     }
 
     /// The live value of a parameter that is a whole number.
-    pub fn get_whole(&self, id: ParameterId) -> i32 {
+    pub fn get_whole(&self, id: impl Into<ParameterId>) -> i32 {
         self.get(id) as i32
+    }
+
+    /// Every parameter a ground station is shown, in the order of their indices: all but those of packs that are not
+    /// monitored. What is not listed can be read and set all the same.
+    pub fn listed(&self) -> impl Iterator<Item = ParameterId> {
+        ParameterId::all().filter(|id| self.is_listed(*id))
+    }
+
+    fn is_listed(&self, id: ParameterId) -> bool {
+        match id {
+            ParameterId::Vehicle(_) | ParameterId::Battery(_, BatteryParameter::Monitor) => true,
+            ParameterId::Battery(pack, _) => self.get(BatteryParameter::Monitor.of(pack)) != MONITOR_DISABLED,
+        }
     }
 
     /// Sets the live value; a new one still has to be saved.
     ///
     /// # Errors
     /// The parameter does not take this value; the old one stays.
-    pub fn set(&mut self, id: ParameterId, value: f32) -> Result<(), OutOfRange> {
-        let value = self.accept(id, value)?;
+    pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), OutOfRange> {
+        let id = id.into();
+        let value = accept(id, value)?;
         if value.to_bits() != self.get(id).to_bits() {
-            self.values[id as usize] = value;
-            self.unsaved[id as usize] = true;
+            self.values.set(id, value);
+            self.unsaved.set(id, true);
         }
         Ok(())
     }
@@ -64,33 +91,34 @@ impl Parameters {
     /// # Errors
     /// No parameter has this key any more, or it does not take this value any more. The default stays.
     pub fn restore(&mut self, key: u16, value: f32) -> Result<(), OutOfRange> {
-        let row = TABLE.iter().find(|row| row.key == key).ok_or(OutOfRange)?;
-        self.values[row.id as usize] = self.accept(row.id, value)?;
+        let id = ParameterId::from_key(key).ok_or(OutOfRange)?;
+        self.values.set(id, accept(id, value)?);
         Ok(())
     }
 
     /// A parameter whose live value is not in flash yet, and that value.
     pub fn next_unsaved(&self) -> Option<(ParameterId, f32)> {
-        let row = self.unsaved.iter().position(|unsaved| *unsaved)?;
-        Some((TABLE[row].id, self.values[row]))
+        let id = ParameterId::all().find(|id| self.unsaved.get(*id))?;
+        Some((id, self.get(id)))
     }
 
     /// `value` is in flash now. If another one has been set meanwhile, that one still has to be saved.
     pub fn mark_saved(&mut self, id: ParameterId, value: f32) {
-        self.unsaved[id as usize] = value.to_bits() != self.get(id).to_bits();
+        self.unsaved.set(id, value.to_bits() != self.get(id).to_bits());
     }
+}
 
-    fn accept(&self, id: ParameterId, value: f32) -> Result<f32, OutOfRange> {
-        let row = &TABLE[id as usize];
-        let value = match row.kind {
-            Kind::Real32 => value,
-            Kind::Int8 | Kind::Int16 | Kind::Int32 => whole_number(value),
-        };
-        if row.range.contains(value) {
-            Ok(value)
-        } else {
-            Err(OutOfRange)
-        }
+/// What a parameter becomes when it is set to `value`.
+fn accept(id: ParameterId, value: f32) -> Result<f32, OutOfRange> {
+    let row = id.row();
+    let value = match row.kind {
+        Kind::Real32 => value,
+        Kind::Int8 | Kind::Int16 | Kind::Int32 => whole_number(value),
+    };
+    if row.range.contains(value) {
+        Ok(value)
+    } else {
+        Err(OutOfRange)
     }
 }
 
@@ -118,37 +146,63 @@ impl Default for Parameters {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::MAX_PACKS;
     use proptest::prelude::*;
 
+    const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
+    const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
+
     #[test]
-    fn every_row_is_in_its_place_and_fits_mavlink_and_its_own_range() {
+    fn every_default_is_in_its_own_range() {
         let mut parameters = Parameters::defaults();
-        for (number, row) in TABLE.iter().enumerate() {
-            assert_eq!(row.id as usize, number, "{} stands in another row", row.name);
-            assert!((1..=16).contains(&row.name.len()), "{}", row.name);
-            assert_eq!(parameters.set(row.id, row.default), Ok(()), "{}", row.name);
-            let others = || TABLE.iter().filter(|other| other.id != row.id);
-            assert!(others().all(|other| other.name != row.name), "{} twice", row.name);
-            assert!(
-                others().all(|other| other.key != row.key),
-                "key {} twice",
-                row.key
-            );
+        for id in ParameterId::all() {
+            assert_eq!(parameters.get(id), id.default_value(), "{}", id.name());
+            assert_eq!(parameters.set(id, id.default_value()), Ok(()), "{}", id.name());
         }
+        assert_eq!(parameters, Parameters::defaults());
+    }
+
+    /// Those of the vehicle, the first pack's, and the others' switches.
+    const LISTED_BY_DEFAULT: usize = VehicleParameter::COUNT + BatteryParameter::COUNT + MAX_PACKS - 1;
+
+    #[test]
+    fn a_pack_that_is_not_monitored_is_hidden_but_for_its_switch() {
+        let mut parameters = Parameters::defaults();
+        assert_eq!(parameters.listed().count(), LISTED_BY_DEFAULT);
+        for pack in Pack::ALL {
+            parameters.set(BatteryParameter::Monitor.of(pack), 4.0).unwrap();
+        }
+        assert_eq!(parameters.listed().count(), PARAMETER_COUNT);
+        for pack in Pack::ALL {
+            parameters.set(BatteryParameter::Monitor.of(pack), 0.0).unwrap();
+            let hidden = |id: &ParameterId| matches!(id, ParameterId::Battery(other, _) if *other == pack);
+            let listed: Vec<_> = parameters.listed().filter(hidden).collect();
+            assert_eq!(listed, [BatteryParameter::Monitor.of(pack)]);
+        }
+        assert_eq!(parameters.listed().count(), VehicleParameter::COUNT + MAX_PACKS);
+    }
+
+    #[test]
+    fn a_hidden_parameter_is_set_and_saved_like_any_other() {
+        let mut parameters = Parameters::defaults();
+        let hidden = BatteryParameter::VoltMult.of(Pack::Ninth);
+        assert_eq!(parameters.set(hidden, 11.0), Ok(()));
+        assert_eq!(parameters.get(hidden), 11.0);
+        assert_eq!(parameters.next_unsaved(), Some((hidden, 11.0)));
+        assert_eq!(parameters.get(VOLT_MULT), 3.95);
     }
 
     #[test]
     fn a_value_out_of_range_changes_nothing() {
         let mut parameters = Parameters::defaults();
         for value in [-1.0, 51.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
-            assert_eq!(
-                parameters.set(ParameterId::Sr0Extra1, value),
-                Err(OutOfRange),
-                "{value}"
-            );
-            assert_eq!(parameters.get(ParameterId::Sr0Extra1), 2.0);
+            assert_eq!(parameters.set(EXTRA1, value), Err(OutOfRange), "{value}");
+            assert_eq!(parameters.get(EXTRA1), 2.0);
         }
-        assert_eq!(parameters.set(ParameterId::BattMonitor, 1.0), Err(OutOfRange));
+        assert_eq!(
+            parameters.set(BatteryParameter::Monitor.of(Pack::First), 1.0),
+            Err(OutOfRange)
+        );
         assert_eq!(parameters.next_unsaved(), None);
     }
 
@@ -156,32 +210,32 @@ mod tests {
     fn whole_numbers_are_truncated_as_ardupilot_does() {
         let mut parameters = Parameters::defaults();
         for (given, kept) in [(7.0, 7.0), (7.9, 7.0), (6.995, 7.0), (0.5, 0.0)] {
-            assert_eq!(parameters.set(ParameterId::Sr0Extra1, given), Ok(()));
-            assert_eq!(parameters.get(ParameterId::Sr0Extra1), kept, "{given}");
+            assert_eq!(parameters.set(EXTRA1, given), Ok(()));
+            assert_eq!(parameters.get(EXTRA1), kept, "{given}");
         }
     }
 
     #[test]
     fn only_a_changed_value_has_to_be_saved_and_once() {
         let mut parameters = Parameters::defaults();
-        parameters.set(ParameterId::Sr0Extra1, 2.0).unwrap();
+        parameters.set(EXTRA1, 2.0).unwrap();
         assert_eq!(parameters.next_unsaved(), None);
-        parameters.set(ParameterId::Sr0Extra1, 5.0).unwrap();
-        parameters.set(ParameterId::BattVoltMult, 4.0).unwrap();
-        assert_eq!(parameters.next_unsaved(), Some((ParameterId::Sr0Extra1, 5.0)));
-        parameters.mark_saved(ParameterId::Sr0Extra1, 5.0);
-        assert_eq!(parameters.next_unsaved(), Some((ParameterId::BattVoltMult, 4.0)));
-        parameters.mark_saved(ParameterId::BattVoltMult, 4.0);
+        parameters.set(EXTRA1, 5.0).unwrap();
+        parameters.set(VOLT_MULT, 4.0).unwrap();
+        assert_eq!(parameters.next_unsaved(), Some((EXTRA1, 5.0)));
+        parameters.mark_saved(EXTRA1, 5.0);
+        assert_eq!(parameters.next_unsaved(), Some((VOLT_MULT, 4.0)));
+        parameters.mark_saved(VOLT_MULT, 4.0);
         assert_eq!(parameters.next_unsaved(), None);
     }
 
     #[test]
     fn a_value_that_changes_while_it_is_saved_is_saved_again() {
         let mut parameters = Parameters::defaults();
-        parameters.set(ParameterId::Sr0Extra1, 5.0).unwrap();
-        parameters.set(ParameterId::Sr0Extra1, 6.0).unwrap();
-        parameters.mark_saved(ParameterId::Sr0Extra1, 5.0);
-        assert_eq!(parameters.next_unsaved(), Some((ParameterId::Sr0Extra1, 6.0)));
+        parameters.set(EXTRA1, 5.0).unwrap();
+        parameters.set(EXTRA1, 6.0).unwrap();
+        parameters.mark_saved(EXTRA1, 5.0);
+        assert_eq!(parameters.next_unsaved(), Some((EXTRA1, 6.0)));
     }
 
     #[test]
@@ -190,8 +244,8 @@ mod tests {
         assert_eq!(parameters.restore(3, 10.0), Ok(()));
         assert_eq!(parameters.restore(66, f32::NAN), Err(OutOfRange));
         assert_eq!(parameters.restore(9999, 1.0), Err(OutOfRange));
-        assert_eq!(parameters.get(ParameterId::Sr0Extra1), 10.0);
-        assert_eq!(parameters.get(ParameterId::BattVoltMult), 3.95);
+        assert_eq!(parameters.get(EXTRA1), 10.0);
+        assert_eq!(parameters.get(VOLT_MULT), 3.95);
         assert_eq!(parameters.next_unsaved(), None);
     }
 
@@ -201,12 +255,13 @@ mod tests {
             changes in prop::collection::vec((0..PARAMETER_COUNT, any::<f32>(), -200.0f32..2000.0), 0..100),
         ) {
             let mut parameters = Parameters::defaults();
-            for (row, wild, plausible) in changes {
-                let _ = parameters.set(TABLE[row].id, wild);
-                let _ = parameters.set(TABLE[row].id, plausible);
+            for (number, wild, plausible) in changes {
+                let id = ParameterId::all().nth(number).expect("there are as many");
+                let _ = parameters.set(id, wild);
+                let _ = parameters.set(id, plausible);
             }
-            for row in &TABLE {
-                prop_assert!(row.range.contains(parameters.get(row.id)), "{}", row.name);
+            for id in ParameterId::all() {
+                prop_assert!(id.row().range.contains(parameters.get(id)), "{}", id.name());
             }
         }
     }

@@ -7,7 +7,7 @@ use crate::battery::{BatteryMonitor, BatteryState, Measurement, PackSettings, Pa
 use crate::cadence::Cadence;
 use crate::liveness::CheckIn;
 use crate::log::{info, warn};
-use crate::parameter::ParameterId;
+use crate::parameter::{BatteryParameter, Pack};
 use crate::sensor::{AnalogIn, AnalogPin, VoltageDivider, read_mean};
 
 /// 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.
@@ -22,7 +22,7 @@ const MONITOR_DISABLED: i32 = 0;
 /// Reads the pack's pin every 100 ms, lets the monitor judge, publishes the state. Ticks that could not be kept are
 /// skipped, not made up for.
 pub async fn sample_battery(mut input: impl AnalogIn, shared: &Shared, check_in: &CheckIn) -> ! {
-    let disabled = shared.whole_parameter(ParameterId::BattMonitor) == MONITOR_DISABLED;
+    let disabled = shared.whole_parameter(BatteryParameter::Monitor.of(Pack::First)) == MONITOR_DISABLED;
     let mut monitor = BatteryMonitor::new();
     let mut ticks = Cadence::starting_at(Instant::now().as_micros(), SAMPLING_INTERVAL_US);
     loop {
@@ -54,11 +54,11 @@ async fn sample(input: &mut impl AnalogIn, shared: &Shared, monitor: &mut Batter
 }
 
 async fn read(input: &mut impl AnalogIn, shared: &Shared) -> Result<Measurement, ReadError> {
-    let pin =
-        AnalogPin::from_gpio(shared.whole_parameter(ParameterId::BattVoltPin)).ok_or(ReadError::NoPin)?;
+    let pin = AnalogPin::from_gpio(shared.whole_parameter(BatteryParameter::VoltPin.of(Pack::First)))
+        .ok_or(ReadError::NoPin)?;
     let divider = VoltageDivider {
-        multiplier: shared.parameter(ParameterId::BattVoltMult),
-        offset_v: shared.parameter(ParameterId::BattVltOffset),
+        multiplier: shared.parameter(BatteryParameter::VoltMult.of(Pack::First)),
+        offset_v: shared.parameter(BatteryParameter::VltOffset.of(Pack::First)),
     };
     let count = with_timeout(READ_TIMEOUT, read_mean(input, pin))
         .await

@@ -8,7 +8,6 @@ use crate::liveness::CheckIn;
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Action, Event};
-use crate::parameter::{ParameterId, TABLE};
 
 /// Bytes handled in one go.
 const CHUNK_BYTES: usize = 64;
@@ -91,7 +90,8 @@ fn react(event: Event, shared: &Shared, link: &Link) {
             }
         }
         Event::ParameterSet(id) => {
-            info!("{}: {} set to {}", link.name(), name(id), shared.parameter(id));
+            let value = shared.parameter(id);
+            info!("{}: {} set to {}", link.name(), id.name().as_str(), value);
             shared.to_save.signal(());
         }
         Event::ParameterRefused => {
@@ -111,10 +111,6 @@ fn react(event: Event, shared: &Shared, link: &Link) {
     }
     link.to_write.signal(());
     link.to_schedule.signal(());
-}
-
-fn name(id: ParameterId) -> &'static str {
-    TABLE[id as usize].name
 }
 
 fn act(action: Action, shared: &Shared) {

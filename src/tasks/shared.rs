@@ -73,12 +73,12 @@ impl Shared {
     }
 
     /// The live value of a parameter.
-    pub fn parameter(&self, id: ParameterId) -> f32 {
+    pub fn parameter(&self, id: impl Into<ParameterId>) -> f32 {
         self.with_parameters(|parameters| parameters.get(id))
     }
 
     /// The live value of a parameter that is a whole number.
-    pub fn whole_parameter(&self, id: ParameterId) -> i32 {
+    pub fn whole_parameter(&self, id: impl Into<ParameterId>) -> i32 {
         self.with_parameters(|parameters| parameters.get_whole(id))
     }
 

@@ -7,7 +7,7 @@ use super::{Shared, mark};
 use crate::liveness::CheckIn;
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
-use crate::parameter::{ParameterStorage, Parameters, StorageError, TABLE};
+use crate::parameter::{ParameterStorage, Parameters, StorageError};
 
 /// How often the task is seen while there is nothing to save.
 const IDLE_CHECK: Duration = Duration::from_secs(1);
@@ -97,10 +97,9 @@ async fn save<F: NorFlash>(
         info!("parameters reset to defaults");
     }
     while let Some((id, value)) = shared.with_parameters(|parameters| parameters.next_unsaved()) {
-        let row = &TABLE[id as usize];
-        storage.store(row.key, value).await?;
+        storage.store(id.key(), value).await?;
         shared.with_parameters(|parameters| parameters.mark_saved(id, value));
-        info!("{} saved", row.name);
+        info!("{} saved", id.name().as_str());
         mark(check_in);
     }
     Ok(())

@@ -5,7 +5,7 @@ use embedded_io_async::Write;
 use super::{Link, Shared, mark};
 use crate::liveness::CheckIn;
 use crate::mavlink::Framer;
-use crate::parameter::ParameterId;
+use crate::parameter::VehicleParameter;
 
 /// Takes messages out of the link's outbox as fast as `wire` takes their frames. Only this task ever waits for the wire.
 ///
@@ -21,7 +21,7 @@ pub async fn write_frames<W: Write>(
     loop {
         let message = link.next_message(shared).await;
         // The table's range is 1 to 255.
-        let system_id = shared.whole_parameter(ParameterId::SysidThismav) as u8;
+        let system_id = shared.whole_parameter(VehicleParameter::SysidThismav) as u8;
         wire.write_all(framer.frame(&message, system_id)).await?;
         mark(check_in);
     }

@@ -142,6 +142,55 @@ fn what_was_set_is_there_after_a_restart_and_after_a_power_cycle() {
 }
 
 #[test]
+fn a_pack_that_is_enabled_shows_its_parameters_also_after_a_restart() {
+    let mut bench = running(2482);
+    let hidden = list(&mut bench);
+    assert_eq!(hidden.len(), 33);
+    assert!(!hidden.contains_key("BATT9_VOLT_MULT"));
+    set(&mut bench, "BATT9_VOLT_MULT", 11.0);
+    set(&mut bench, "BATT9_MONITOR", 3.0);
+    let shown = list(&mut bench);
+    assert_eq!((shown.len(), shown["BATT9_VOLT_MULT"]), (53, 11.0));
+    bench.run_for(SAVED_US);
+    reboot(&mut bench);
+    assert_eq!(list(&mut bench), shown);
+}
+
+#[test]
+fn a_hidden_parameter_is_kept() {
+    let mut bench = running(2482);
+    set(&mut bench, "BATT2_VOLT_MULT", 11.0);
+    bench.run_for(SAVED_US);
+    reboot(&mut bench);
+    assert_eq!(read(&mut bench, "BATT2_VOLT_MULT"), 11.0);
+    assert!(!list(&mut bench).contains_key("BATT2_VOLT_MULT"));
+}
+
+#[test]
+fn every_parameter_there_can_be_is_listed_without_holding_anything_up() {
+    let mut bench = running(2482);
+    for pack in 2..=9 {
+        set(&mut bench, &format!("BATT{pack}_MONITOR"), 3.0);
+    }
+    bench.run_for(SAVED_US);
+    let from_us = bench.time_us();
+    bench.ask(&param_request_list(VEHICLE));
+    bench.run_for(4 * SECOND);
+    let frames = bench.frames_since(from_us);
+    let values = of_message(&frames, PARAM_VALUE);
+    assert_eq!(ParamValue(values[0]).count(), 193);
+    let indices: Vec<_> = values.iter().map(|frame| ParamValue(frame).index()).collect();
+    assert_eq!(indices, (0..193).collect::<Vec<_>>());
+    for (message, count) in [(HEARTBEAT, 4), (SYS_STATUS, 8)] {
+        assert!(
+            of_message(&frames, message).len().abs_diff(count) <= 1,
+            "{message}"
+        );
+    }
+    bench.assert_untroubled();
+}
+
+#[test]
 fn a_reset_to_defaults_is_live_and_stays() {
     let mut bench = running(2482);
     set(&mut bench, "SR0_EXTRA1", 5.0);

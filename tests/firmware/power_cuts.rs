@@ -15,6 +15,9 @@ const BETWEEN_SETS_US: u64 = 120 * MILLISECOND;
 
 const BOOT_US: u64 = 300 * MILLISECOND;
 
+/// Enough for a list: 33 parameters, with 30 % of 11520 bytes a second.
+const LIST_US: u64 = 600 * MILLISECOND;
+
 /// So many sets fill a sector but for a few places, so that the fifty that follow go over into the next one.
 const SETS_BEFORE: usize = 320;
 
@@ -57,7 +60,7 @@ fn set(bench: &mut Bench, name: &str, value: f32) {
 fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
     let from_us = bench.time_us();
     bench.uart_send(0, from_us, &param_request_list(VEHICLE));
-    bench.run_for(BOOT_US);
+    bench.run_for(LIST_US);
     let frames = bench.frames_since(from_us);
     of_message(&frames, PARAM_VALUE)
         .iter()

@@ -2,6 +2,8 @@
 
 import math
 import time
+from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from pymavlink import mavutil
@@ -16,8 +18,10 @@ def vehicle(start_simulator):
     return connect(start_simulator().url)
 
 
-def test_list(vehicle):
-    vehicle.param_fetch_all()
+def read_list(vehicle):
+    """What is listed: value by name, in the order of the indices."""
+    # pymavlink's own param_fetch_all does nothing when it is called twice within two seconds.
+    vehicle.mav.param_request_list_send(1, 1)
     listed = {}
     first = receive(vehicle, ["PARAM_VALUE"])
     listed[first.param_index] = first
@@ -26,7 +30,19 @@ def test_list(vehicle):
         assert message.param_index not in listed
         listed[message.param_index] = message
     assert sorted(listed) == list(range(first.param_count))
-    values = {message.param_id: message.param_value for message in listed.values()}
+    return {listed[index].param_id: listed[index].param_value for index in sorted(listed)}
+
+
+def described():
+    """The names in the metadata file for ground stations."""
+    metadata = ElementTree.parse(Path(__file__).parents[2] / "docs" / "apm.pdef.xml")
+    return {param.get("name").removeprefix("Rover:") for param in metadata.iter("param")}
+
+
+def test_list(vehicle):
+    values = read_list(vehicle)
+    assert len(values) == 33
+    assert values.keys() <= described()
     assert values["SR0_EXTRA1"] == 2
     assert values["BATT_VOLT_MULT"] == pytest.approx(3.95)
     for name, value in values.items():
@@ -54,6 +70,18 @@ def test_set_and_refuse(vehicle):
         assert error.get_type() == "PARAM_ERROR", value
         assert error.error == mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
         assert receive(vehicle, ["PARAM_VALUE"]).param_value == pytest.approx(7.9)
+
+
+def test_a_pack_that_is_enabled_shows_its_parameters(vehicle):
+    assert set_to(vehicle, "BATT2_VOLT_MULT", 11).param_index == 65535, "not listed"
+    assert set_to(vehicle, "BATT2_MONITOR", 3).param_count == 53
+    values = read_list(vehicle)
+    assert len(values) == 53
+    assert values["BATT2_VOLT_MULT"] == 11
+    for number in range(3, 10):
+        set_to(vehicle, f"BATT{number}_MONITOR", 3)
+    assert read_list(vehicle).keys() == described()
+    assert set_to(vehicle, "BATT2_MONITOR", 0).param_count == 173
 
 
 def test_the_rate_follows_the_parameter(vehicle):

@@ -7,7 +7,7 @@ use crate::cadence::Cadence;
 use crate::mavlink::dialect::{MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_VALUE_DATA};
 use crate::mavlink::payload::{Name, Payload};
 use crate::mavlink::{Message, Peer};
-use crate::parameter::{Kind, PARAMETER_COUNT, Parameter, ParameterId, Parameters, TABLE};
+use crate::parameter::{ForEachParameter, Kind, ParameterId, Parameters};
 
 /// A PARAM_VALUE on the wire: header, 25 bytes of payload, checksum.
 const PARAM_VALUE_FRAME_BYTES: f32 = 37.0;
@@ -18,6 +18,9 @@ const LIST_SHARE: f32 = 0.3;
 /// PARAM_REQUEST_READ: read by name.
 const BY_NAME: i16 = -1;
 
+/// PARAM_VALUE, index: the parameter has none, since it is not listed.
+const NOT_LISTED: u16 = u16::MAX;
+
 /// What a PARAM_SET did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mavlink) enum SetResult {
@@ -25,20 +28,28 @@ pub(in crate::mavlink) enum SetResult {
     Refused,
 }
 
-/// The PARAM_VALUE of a row.
-pub(in crate::mavlink) fn param_value(row: &Parameter, parameters: &Parameters) -> Message {
+/// The PARAM_VALUE of a parameter.
+fn param_value(id: ParameterId, parameters: &Parameters) -> Message {
     Message::ParamValue(PARAM_VALUE_DATA {
-        param_value: parameters.get(row.id),
-        param_count: PARAMETER_COUNT as u16,
-        param_index: row.id as u16,
-        param_id: Name::from(row.name).0.into(),
-        param_type: match row.kind {
+        param_value: parameters.get(id),
+        param_count: parameters.listed().count() as u16,
+        param_index: index(id, parameters).unwrap_or(NOT_LISTED),
+        param_id: Name::from(id.name().as_str()).0.into(),
+        param_type: match id.row().kind {
             Kind::Int8 => MavParamType::MAV_PARAM_TYPE_INT8,
             Kind::Int16 => MavParamType::MAV_PARAM_TYPE_INT16,
             Kind::Int32 => MavParamType::MAV_PARAM_TYPE_INT32,
             Kind::Real32 => MavParamType::MAV_PARAM_TYPE_REAL32,
         },
     })
+}
+
+/// The place of a parameter among those that are listed now.
+fn index(id: ParameterId, parameters: &Parameters) -> Option<u16> {
+    parameters
+        .listed()
+        .position(|listed| listed == id)
+        .map(|index| index as u16)
 }
 
 fn param_error(name: Name, index: i16, error: MavParamError, to: Peer) -> Message {
@@ -51,23 +62,18 @@ fn param_error(name: Name, index: i16, error: MavParamError, to: Peer) -> Messag
     })
 }
 
-/// Names are compared without regard to case, as ArduPilot does.
-fn find_by_name(name: &Name) -> Option<&'static Parameter> {
-    TABLE
-        .iter()
-        .find(|row| row.name.as_bytes().eq_ignore_ascii_case(name.as_bytes()))
-}
-
 /// Answers PARAM_REQUEST_READ.
 pub(in crate::mavlink) fn read(request: &Payload<'_>, from: Peer, parameters: &Parameters) -> Message {
     let (index, name) = (request.i16(0), request.name(4));
-    let row = if index == BY_NAME {
-        find_by_name(&name)
+    let id = if index == BY_NAME {
+        ParameterId::from_name(name.as_bytes())
     } else {
-        usize::try_from(index).ok().and_then(|index| TABLE.get(index))
+        usize::try_from(index)
+            .ok()
+            .and_then(|index| parameters.listed().nth(index))
     };
-    match row {
-        Some(row) => param_value(row, parameters),
+    match id {
+        Some(id) => param_value(id, parameters),
         None => param_error(name, index, MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST, from),
     }
 }
@@ -80,7 +86,7 @@ pub(in crate::mavlink) fn set(
     mut answer: impl FnMut(Message),
 ) -> SetResult {
     let (value, name) = (request.f32(0), request.name(6));
-    let Some(row) = find_by_name(&name) else {
+    let Some(id) = ParameterId::from_name(name.as_bytes()) else {
         answer(param_error(
             name,
             BY_NAME,
@@ -89,19 +95,21 @@ pub(in crate::mavlink) fn set(
         ));
         return SetResult::Refused;
     };
-    let result = match parameters.set(row.id, value) {
-        Ok(()) => SetResult::Set(row.id),
+    let result = match parameters.set(id, value) {
+        Ok(()) => SetResult::Set(id),
         Err(_) => {
             let error = MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE;
-            answer(param_error(name, row.id as i16, error, from));
+            answer(param_error(name, BY_NAME, error, from));
             SetResult::Refused
         }
     };
-    answer(param_value(row, parameters));
+    answer(param_value(id, parameters));
     result
 }
 
-/// A list of all parameters on its way out, in batches that leave most of the link to others.
+/// A list of parameters on its way out, in batches that leave most of the link to others.
+///
+/// Each is sent once, whatever is shown or hidden meanwhile, and the list ends when all that are shown have been sent.
 #[derive(Debug, Default)]
 pub(in crate::mavlink) struct ParameterList {
     sending: Option<Sending>,
@@ -109,7 +117,7 @@ pub(in crate::mavlink) struct ParameterList {
 
 #[derive(Debug)]
 struct Sending {
-    next_row: usize,
+    sent: ForEachParameter<bool>,
     batches: Cadence,
     credited_us: u64,
     /// Bytes that may leave now.
@@ -120,7 +128,7 @@ impl ParameterList {
     /// Starts the list, or starts it again.
     pub fn start(&mut self, now_us: u64) {
         self.sending = Some(Sending {
-            next_row: 0,
+            sent: ForEachParameter::default(),
             batches: Cadence::starting_at(now_us, 1),
             credited_us: now_us,
             credit_bytes: PARAM_VALUE_FRAME_BYTES,
@@ -154,19 +162,29 @@ impl ParameterList {
         if sending.credit_bytes < PARAM_VALUE_FRAME_BYTES {
             return None;
         }
-        let row = TABLE.get(sending.next_row)?;
-        sending.credit_bytes -= PARAM_VALUE_FRAME_BYTES;
-        sending.next_row += 1;
-        if sending.next_row == TABLE.len() {
+        let Some(id) = parameters.listed().find(|id| !sending.sent.get(*id)) else {
             self.sending = None;
-        }
-        Some(param_value(row, parameters))
+            return None;
+        };
+        sending.credit_bytes -= PARAM_VALUE_FRAME_BYTES;
+        sending.sent.set(id, true);
+        Some(param_value(id, parameters))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parameter::{BatteryParameter, PARAMETER_COUNT, Pack};
+
+    /// Everything is listed.
+    fn all_packs() -> Parameters {
+        let mut parameters = Parameters::defaults();
+        for pack in Pack::ALL {
+            parameters.set(BatteryParameter::Monitor.of(pack), 3.0).unwrap();
+        }
+        parameters
+    }
 
     fn list_bytes_by_second(bytes_per_second: u32, rate_hz: f32) -> Vec<usize> {
         let parameters = Parameters::defaults();
@@ -199,7 +217,8 @@ mod tests {
             let share = bytes_per_second as f32 * LIST_SHARE;
             for (second, bytes) in list_bytes_by_second(bytes_per_second, rate_hz).iter().enumerate() {
                 // A list that starts may send one parameter at once.
-                let lists_started = 1.0 + share / (PARAMETER_COUNT as f32 * PARAM_VALUE_FRAME_BYTES);
+                let list_bytes = Parameters::defaults().listed().count() as f32 * PARAM_VALUE_FRAME_BYTES;
+                let lists_started = 1.0 + share / list_bytes;
                 let allowed = share + (1.0 + lists_started.ceil()) * PARAM_VALUE_FRAME_BYTES;
                 assert!(
                     (*bytes as f32) <= allowed,
@@ -211,7 +230,7 @@ mod tests {
 
     #[test]
     fn a_list_is_complete_and_in_order() {
-        let parameters = Parameters::defaults();
+        let parameters = all_packs();
         let mut list = ParameterList::default();
         list.start(0);
         let mut indices = Vec::new();

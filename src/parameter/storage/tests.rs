@@ -17,6 +17,9 @@ type BoardFlash = FlashModel<4096, 256, 4>;
 type SmallFlash = FlashModel<176, 64, 3>;
 
 const BOARD_SLOTS: u32 = ParameterStorage::<BoardFlash>::SLOTS;
+// Every parameter there can be fits a sector, and a record that replaces one of them.
+const _: () = assert!((crate::parameter::PARAMETER_COUNT as u32) < BOARD_SLOTS);
+
 const SMALL_SLOTS: u32 = ParameterStorage::<SmallFlash>::SLOTS;
 
 /// Bits instead of values, so that NaN and -0.0 compare.

@@ -1,0 +1,182 @@
+//! Which parameters there are, by name, key and order.
+
+use heapless::String;
+
+use super::table::{BatteryParameter, Parameter, VehicleParameter};
+use super::{MAX_NAME_LENGTH, Pack};
+use crate::battery::MAX_PACKS;
+
+/// How far the keys of two neighbouring packs are apart.
+const KEYS_PER_PACK: u16 = 128;
+
+/// `BATT_MONITOR` of the first pack, unless somebody sets it: the board's divider. The others are disabled.
+const FIRST_PACK_MONITOR: f32 = 3.0;
+
+/// How many parameters there are, the hidden ones included.
+pub const PARAMETER_COUNT: usize = VehicleParameter::COUNT + MAX_PACKS * BatteryParameter::COUNT;
+
+/// One parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum ParameterId {
+    /// One of the whole vehicle.
+    Vehicle(VehicleParameter),
+    /// One of a pack.
+    Battery(Pack, BatteryParameter),
+}
+
+impl ParameterId {
+    /// Every parameter, the hidden ones included: the vehicle's, then pack after pack, each in the order of the table.
+    pub fn all() -> impl Iterator<Item = Self> {
+        let vehicle = VehicleParameter::ALL.into_iter().map(Self::Vehicle);
+        let batteries = Pack::ALL.into_iter().flat_map(|pack| {
+            BatteryParameter::ALL
+                .into_iter()
+                .map(move |parameter| parameter.of(pack))
+        });
+        vehicle.chain(batteries)
+    }
+
+    /// The parameter whose value lies in flash under `key`.
+    pub fn from_key(key: u16) -> Option<Self> {
+        Self::all().find(|id| id.key() == key)
+    }
+
+    /// The parameter with this name. Case is ignored, as in ArduPilot.
+    pub fn from_name(name: &[u8]) -> Option<Self> {
+        Self::all().find(|id| {
+            name.split_at_checked(id.prefix().len())
+                .is_some_and(|(prefix, rest)| {
+                    prefix.eq_ignore_ascii_case(id.prefix().as_bytes())
+                        && rest.eq_ignore_ascii_case(id.row().name.as_bytes())
+                })
+        })
+    }
+
+    /// The name a ground station knows it by.
+    pub fn name(self) -> String<MAX_NAME_LENGTH> {
+        let mut name = String::new();
+        // A test shows that every name fits.
+        let _ = name.push_str(self.prefix());
+        let _ = name.push_str(self.row().name);
+        name
+    }
+
+    fn prefix(self) -> &'static str {
+        match self {
+            Self::Vehicle(_) => "",
+            Self::Battery(pack, _) => pack.prefix(),
+        }
+    }
+
+    /// Its place in [`Self::all`].
+    pub(super) fn number(self) -> usize {
+        match self {
+            Self::Vehicle(parameter) => parameter as usize,
+            Self::Battery(pack, parameter) => {
+                VehicleParameter::COUNT + pack as usize * BatteryParameter::COUNT + parameter as usize
+            }
+        }
+    }
+
+    /// Its row in the table.
+    pub fn row(self) -> &'static Parameter {
+        match self {
+            Self::Vehicle(parameter) => parameter.row(),
+            Self::Battery(_, parameter) => parameter.row(),
+        }
+    }
+
+    /// The key of its value in flash.
+    pub fn key(self) -> u16 {
+        match self {
+            Self::Vehicle(parameter) => parameter.row().key,
+            Self::Battery(pack, parameter) => {
+                parameter.row().key + KEYS_PER_PACK * u16::from(pack.instance())
+            }
+        }
+    }
+
+    /// The value it has until somebody sets it.
+    pub fn default_value(self) -> f32 {
+        match self {
+            Self::Battery(Pack::First, BatteryParameter::Monitor) => FIRST_PACK_MONITOR,
+            _ => self.row().default,
+        }
+    }
+}
+
+impl From<VehicleParameter> for ParameterId {
+    fn from(parameter: VehicleParameter) -> Self {
+        Self::Vehicle(parameter)
+    }
+}
+
+impl BatteryParameter {
+    /// This parameter of one pack.
+    pub fn of(self, pack: Pack) -> ParameterId {
+        ParameterId::Battery(pack, self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+
+    #[test]
+    fn every_parameter_is_found_by_its_name_and_by_its_key_and_by_no_other() {
+        let (mut names, mut keys) = (HashSet::new(), HashSet::new());
+        for (number, id) in ParameterId::all().enumerate() {
+            let name = id.name();
+            assert_eq!(id.number(), number, "{name}");
+            assert_eq!(name.len(), id.prefix().len() + id.row().name.len(), "{name}");
+            assert_eq!(ParameterId::from_name(name.as_bytes()), Some(id));
+            assert_eq!(ParameterId::from_name(name.to_lowercase().as_bytes()), Some(id));
+            assert_eq!(ParameterId::from_key(id.key()), Some(id), "{name}");
+            assert!(keys.insert(id.key()), "{name}: key {} twice", id.key());
+            assert!(names.insert(name.clone()), "{name} twice");
+        }
+        assert_eq!(names.len(), PARAMETER_COUNT);
+    }
+
+    #[test]
+    fn the_keys_of_a_pack_leave_those_of_the_next_alone() {
+        let first = BatteryParameter::Monitor.row().key;
+        for parameter in BatteryParameter::ALL {
+            let key = parameter.row().key;
+            assert!((first..first + KEYS_PER_PACK).contains(&key), "{parameter:?}");
+        }
+        for parameter in VehicleParameter::ALL {
+            assert!(parameter.row().key < first, "{parameter:?}");
+        }
+    }
+
+    #[test]
+    fn names_and_keys_that_are_in_use_stay() {
+        for (name, key) in [
+            ("SYSID_THISMAV", 1),
+            ("SERIAL0_BAUD", 2),
+            ("SR0_EXTRA1", 3),
+            ("SR0_PARAMS", 4),
+            ("BATT_MONITOR", 64),
+            ("BATT_VOLT_PIN", 65),
+            ("BATT_VOLT_MULT", 66),
+            ("BATT_VLT_OFFSET", 67),
+            ("BATT_CAPACITY", 68),
+            ("BATT_WATT_MAX", 84),
+            ("BATT2_MONITOR", 192),
+            ("BATT9_WATT_MAX", 1108),
+        ] {
+            let id = ParameterId::from_name(name.as_bytes()).expect(name);
+            assert_eq!(id.key(), key, "{name}");
+        }
+    }
+
+    #[test]
+    fn only_the_first_pack_is_monitored_by_default() {
+        let monitors = Pack::ALL.map(|pack| BatteryParameter::Monitor.of(pack).default_value());
+        assert_eq!(monitors, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    }
+}

@@ -1,0 +1,82 @@
+//! The packs that have parameters.
+
+use crate::battery::MAX_PACKS;
+
+/// One of the packs: what its parameters' names begin with, and its MAVLink instance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+#[repr(u8)]
+pub enum Pack {
+    /// The pack of `BATT_`, instance 0.
+    First,
+    /// The pack of `BATT2_`, instance 1.
+    Second,
+    /// The pack of `BATT3_`, instance 2.
+    Third,
+    /// The pack of `BATT4_`, instance 3.
+    Fourth,
+    /// The pack of `BATT5_`, instance 4.
+    Fifth,
+    /// The pack of `BATT6_`, instance 5.
+    Sixth,
+    /// The pack of `BATT7_`, instance 6.
+    Seventh,
+    /// The pack of `BATT8_`, instance 7.
+    Eighth,
+    /// The pack of `BATT9_`, instance 8.
+    Ninth,
+}
+
+impl Pack {
+    /// Every pack, in the order of their instances.
+    pub const ALL: [Self; MAX_PACKS] = [
+        Self::First,
+        Self::Second,
+        Self::Third,
+        Self::Fourth,
+        Self::Fifth,
+        Self::Sixth,
+        Self::Seventh,
+        Self::Eighth,
+        Self::Ninth,
+    ];
+
+    /// MAVLink's number of the pack, 0 to 8.
+    pub fn instance(self) -> u8 {
+        self as u8
+    }
+
+    /// The pack with this number, if there is one.
+    pub fn from_instance(instance: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(instance)).copied()
+    }
+
+    /// What the names of its parameters begin with.
+    pub fn prefix(self) -> &'static str {
+        match self {
+            Self::First => "BATT_",
+            Self::Second => "BATT2_",
+            Self::Third => "BATT3_",
+            Self::Fourth => "BATT4_",
+            Self::Fifth => "BATT5_",
+            Self::Sixth => "BATT6_",
+            Self::Seventh => "BATT7_",
+            Self::Eighth => "BATT8_",
+            Self::Ninth => "BATT9_",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pack_and_its_instance_are_the_same_pack() {
+        for (instance, pack) in (0..).zip(Pack::ALL) {
+            assert_eq!(pack.instance(), instance);
+            assert_eq!(Pack::from_instance(instance), Some(pack));
+        }
+        assert_eq!(Pack::from_instance(MAX_PACKS as u8), None);
+    }
+}

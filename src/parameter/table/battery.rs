@@ -1,0 +1,300 @@
+//! The parameters each pack has of its own.
+
+use super::{Kind, Parameter, Range, TakesEffect};
+
+/// The analog pins of the board, by GPIO number.
+const ANALOG_PINS: Range = Range::OneOf(&[
+    (-1, "none"),
+    (26, "GP26"),
+    (27, "GP27"),
+    (28, "GP28"),
+    (29, "GP29"),
+]);
+
+parameters! {
+    /// A parameter that each pack has of its own.
+    BatteryParameter
+
+    Monitor {
+        key: 64,
+        name: "MONITOR",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[
+            (0, "Disabled"),
+            (3, "Analog Voltage Only"),
+            (4, "Analog Voltage and Current"),
+            (10, "Sum Of Selected Monitors"),
+            (25, "Synthetic Current and Analog Voltage"),
+            (31, "Analog Current Only"),
+        ]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "Battery monitoring",
+        description: "How the pack is monitored. While it is 0, the pack's other parameters are not listed.",
+    }
+    VoltPin {
+        key: 65,
+        name: "VOLT_PIN",
+        kind: Kind::Int8,
+        default: 26.0,
+        range: ANALOG_PINS,
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Battery voltage pin",
+        description: "The GPIO number of the analog pin that senses the battery's voltage. \
+                      The Freenove board has its divider on GP26.",
+    }
+    VoltMult {
+        key: 66,
+        name: "VOLT_MULT",
+        kind: Kind::Real32,
+        default: 3.95,
+        range: Range::Between(0.1, 100.0),
+        step: 0.01,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Voltage multiplier",
+        description: "The battery's voltage divided by the voltage at the pin. To calibrate, multiply it by the voltage \
+                      a multimeter shows and divide by the one reported.",
+    }
+    VltOffset {
+        key: 67,
+        name: "VLT_OFFSET",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(-3.3, 3.3),
+        step: 0.01,
+        unit: "V",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Voltage offset",
+        description: "The voltage at the pin when the battery's voltage is zero.",
+    }
+    Capacity {
+        key: 68,
+        name: "CAPACITY",
+        kind: Kind::Int32,
+        default: 3300.0,
+        range: Range::Between(0.0, 1_000_000.0),
+        step: 50.0,
+        unit: "mAh",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Capacity",
+        description: "The charge the full pack holds. 0: not known.",
+    }
+    CurrPin {
+        key: 69,
+        name: "CURR_PIN",
+        kind: Kind::Int8,
+        default: -1.0,
+        range: ANALOG_PINS,
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Battery current pin",
+        description: "The GPIO number of the analog pin that a current sensor is wired to. The Freenove board has no \
+                      current sensor.",
+    }
+    AmpPervlt {
+        key: 70,
+        name: "AMP_PERVLT",
+        kind: Kind::Real32,
+        default: 17.0,
+        range: Range::Between(0.001, 1000.0),
+        step: 0.1,
+        unit: "A/V",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Current sensor's scale",
+        description: "How many amperes one volt at the current pin stands for.",
+    }
+    AmpOffset {
+        key: 71,
+        name: "AMP_OFFSET",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(-3.3, 3.3),
+        step: 0.001,
+        unit: "V",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Current sensor's offset",
+        description: "The voltage at the current pin while no current flows.",
+    }
+    Options {
+        key: 72,
+        name: "OPTIONS",
+        kind: Kind::Int32,
+        default: 0.0,
+        range: Range::Bits(&[
+            (6, "Send resting voltage to ground stations"),
+            (8, "Internal use only"),
+            (9, "Sum uses the lowest voltage"),
+        ]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Options",
+        description: "What is done differently for this pack. The resting voltage is the one the pack would have without \
+                      load. A pack for internal use is monitored but not reported. The last option is for a sum of packs: \
+                      it takes their lowest voltage instead of the mean.",
+    }
+    SerialNum {
+        key: 73,
+        name: "SERIAL_NUM",
+        kind: Kind::Int32,
+        default: -1.0,
+        // Every whole number up to there is a float.
+        range: Range::Between(-1.0, 16_777_215.0),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Serial number",
+        description: "A number to tell this pack from others of its kind. -1: none.",
+    }
+    SumMask {
+        key: 74,
+        name: "SUM_MASK",
+        kind: Kind::Int16,
+        default: 0.0,
+        range: Range::Bits(&[
+            (0, "pack 1"),
+            (1, "pack 2"),
+            (2, "pack 3"),
+            (3, "pack 4"),
+            (4, "pack 5"),
+            (5, "pack 6"),
+            (6, "pack 7"),
+            (7, "pack 8"),
+            (8, "pack 9"),
+        ]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Packs of a sum",
+        description: "The packs that a sum of packs adds up. 0: all with a higher number than its own.",
+    }
+    MaxVolt {
+        key: 75,
+        name: "MAX_VOLT",
+        kind: Kind::Real32,
+        default: 12.6,
+        range: Range::Between(7.0, 100.0),
+        step: 0.1,
+        unit: "V",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Voltage when full",
+        description: "The full pack's voltage without load, from which a synthetic current is estimated.",
+    }
+    Chem {
+        key: 76,
+        name: "CHEM",
+        kind: Kind::Int8,
+        default: 1.0,
+        range: Range::OneOf(&[(1, "LiPo"), (2, "LiFe"), (3, "Li-ion"), (4, "NiMH")]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Chemistry",
+        description: "What the cells are made of. (ArduPilot has no such parameter.)",
+    }
+    Cells {
+        key: 77,
+        name: "CELLS",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::Between(0.0, 16.0),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Cells in series",
+        description: "How many cells are in series. 0: taken from the voltage at rest, for LiPo and Li-ion only. \
+                      (ArduPilot has no such parameter.)",
+    }
+    LowTimer {
+        key: 78,
+        name: "LOW_TIMER",
+        kind: Kind::Int8,
+        default: 10.0,
+        range: Range::Between(0.0, 120.0),
+        step: 1.0,
+        unit: "s",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Time until a low voltage counts",
+        description: "How long the voltage has to stay below a threshold before that is reported. \
+                      0 turns both voltage thresholds off.",
+    }
+    FsVoltsrc {
+        key: 79,
+        name: "FS_VOLTSRC",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[(0, "Raw Voltage"), (1, "Sag Compensated Voltage")]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Voltage for the thresholds",
+        description: "Whether the voltage thresholds look at the voltage as it is measured, or at the one the pack would \
+                      have without load.",
+    }
+    LowVolt {
+        key: 80,
+        name: "LOW_VOLT",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(0.0, 120.0),
+        step: 0.1,
+        unit: "V",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Low voltage",
+        description: "Below this voltage the pack is reported as low. 0 turns it off.",
+    }
+    LowMah {
+        key: 81,
+        name: "LOW_MAH",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(0.0, 1_000_000.0),
+        step: 50.0,
+        unit: "mAh",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Low charge",
+        description: "With less charge left than this the pack is reported as low. 0 turns it off.",
+    }
+    CrtVolt {
+        key: 82,
+        name: "CRT_VOLT",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(0.0, 120.0),
+        step: 0.1,
+        unit: "V",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Critical voltage",
+        description: "Below this voltage the pack is reported as critical. 0 turns it off.",
+    }
+    CrtMah {
+        key: 83,
+        name: "CRT_MAH",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(0.0, 1_000_000.0),
+        step: 50.0,
+        unit: "mAh",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Critical charge",
+        description: "With less charge left than this the pack is reported as critical. 0 turns it off.",
+    }
+    WattMax {
+        key: 84,
+        name: "WATT_MAX",
+        kind: Kind::Int16,
+        default: 0.0,
+        range: Range::Between(0.0, 32_767.0),
+        step: 1.0,
+        unit: "W",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Highest power",
+        description: "A load above this power is reported as an over-current fault. 0 turns it off.",
+    }
+}

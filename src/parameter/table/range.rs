@@ -1,0 +1,71 @@
+//! Which values a parameter takes.
+
+/// Which values a parameter takes.
+#[derive(Clone, Copy, Debug)]
+pub enum Range {
+    /// From the first to the second, both included.
+    Between(f32, f32),
+    /// One of these, each with its meaning.
+    OneOf(&'static [(i32, &'static str)]),
+    /// The sum of any of these bits, by number from 0, each with its meaning; 0 for none.
+    Bits(&'static [(u8, &'static str)]),
+}
+
+impl Range {
+    /// Whether `value` is one of them; NaN never is.
+    pub fn contains(&self, value: f32) -> bool {
+        match *self {
+            Self::Between(lowest, highest) => (lowest..=highest).contains(&value),
+            Self::OneOf(values) => values.iter().any(|(allowed, _)| *allowed as f32 == value),
+            Self::Bits(bits) => {
+                let known = bits.iter().fold(0, |mask, (bit, _)| mask | 1 << bit);
+                // The cast ends at the limits of u32, so what lies beyond them differs from what comes back.
+                let mask = value as u32;
+                mask as f32 == value && mask & !known == 0
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOT_NUMBERS: [f32; 3] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+
+    #[test]
+    fn between_includes_both_ends() {
+        let range = Range::Between(-3.3, 3.3);
+        for value in [-3.3, 0.0, 3.3] {
+            assert!(range.contains(value), "{value}");
+        }
+        for value in [-3.31, 3.31].into_iter().chain(NOT_NUMBERS) {
+            assert!(!range.contains(value), "{value}");
+        }
+    }
+
+    #[test]
+    fn one_of_takes_what_is_listed() {
+        let range = Range::OneOf(&[(-1, "none"), (26, "GP26")]);
+        for value in [-1.0, 26.0] {
+            assert!(range.contains(value), "{value}");
+        }
+        for value in [0.0, 25.0, 26.5].into_iter().chain(NOT_NUMBERS) {
+            assert!(!range.contains(value), "{value}");
+        }
+    }
+
+    #[test]
+    fn bits_take_every_sum_of_those_that_are_known() {
+        let range = Range::Bits(&[(6, ""), (8, ""), (9, "")]);
+        for value in [0.0, 64.0, 256.0, 512.0, 320.0, 832.0] {
+            assert!(range.contains(value), "{value}");
+        }
+        for value in [1.0, 65.0, 128.0, 1024.0, -64.0, 64.5, 0.5, 5e9, 1e30]
+            .into_iter()
+            .chain(NOT_NUMBERS)
+        {
+            assert!(!range.contains(value), "{value}");
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! The parameters of the whole vehicle.
+
+use super::{Kind, Parameter, Range, TakesEffect};
+
+parameters! {
+    /// A parameter of the whole vehicle.
+    VehicleParameter
+
+    SysidThismav {
+        key: 1,
+        name: "SYSID_THISMAV",
+        kind: Kind::Int16,
+        default: 1.0,
+        range: Range::Between(1.0, 255.0),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "MAVLink system id",
+        description: "The system id by which this vehicle is told from others on the same link.",
+    }
+    Serial0Baud {
+        key: 2,
+        name: "SERIAL0_BAUD",
+        kind: Kind::Int32,
+        default: 115.0,
+        range: Range::OneOf(&[
+            (9, "9600"),
+            (19, "19200"),
+            (38, "38400"),
+            (57, "57600"),
+            (111, "111100"),
+            (115, "115200"),
+            (230, "230400"),
+            (256, "256000"),
+            (460, "460800"),
+            (500, "500000"),
+            (921, "921600"),
+        ]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "Telemetry baud rate",
+        description: "The baud rate of the telemetry port UART0, in ArduPilot's coding.",
+    }
+    Sr0Extra1 {
+        key: 3,
+        name: "SR0_EXTRA1",
+        kind: Kind::Int16,
+        default: 2.0,
+        range: Range::Between(0.0, 50.0),
+        step: 1.0,
+        unit: "Hz",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Rate of the battery telemetry",
+        description: "How often SYS_STATUS and each BATTERY_STATUS are sent. 0 sends none. \
+                      (ArduPilot streams these in EXT_STAT and EXTRA3.)",
+    }
+    Sr0Params {
+        key: 4,
+        name: "SR0_PARAMS",
+        kind: Kind::Int16,
+        default: 10.0,
+        range: Range::Between(1.0, 50.0),
+        step: 1.0,
+        unit: "Hz",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Rate of parameter lists",
+        description: "How often a batch of parameters is sent while a ground station reads the list. \
+                      Whatever the rate, the list takes at most 30 % of the link.",
+    }
+}
