@@ -1,6 +1,7 @@
 //! What the owner has set for a pack.
 
 use super::{Chemistry, ReportedVoltage, Visibility};
+use crate::parameter::{BatteryParameter, Pack, Parameters};
 
 /// What the owner has set for a pack. `None` is what is not set or turned off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -30,9 +31,9 @@ pub struct FailsafeSettings {
     pub timer_s: Option<f32>,
     /// Which voltage is compared (`BATT_FS_VOLTSRC`).
     pub voltage_source: VoltageSource,
-    /// In volts (`BATT_LOW_VOLT`, `BATT_LOW_MAH`).
+    /// `BATT_LOW_VOLT` and `BATT_LOW_MAH`.
     pub low: Thresholds,
-    /// In milliampere-hours (`BATT_CRT_VOLT`, `BATT_CRT_MAH`).
+    /// `BATT_CRT_VOLT` and `BATT_CRT_MAH`.
     pub critical: Thresholds,
 }
 
@@ -53,4 +54,123 @@ pub enum VoltageSource {
     Terminal,
     /// The resting voltage as far as it is known, else the one between the terminals.
     Resting,
+}
+
+/// Bits of `BATT_OPTIONS`, as in ArduPilot.
+const SEND_RESTING_VOLTAGE: i32 = 1 << 6;
+const INTERNAL_USE_ONLY: i32 = 1 << 8;
+
+/// `BATT_FS_VOLTSRC`: the resting voltage.
+const SAG_COMPENSATED: i32 = 1;
+
+impl PackSettings {
+    /// What the parameters of a pack say at this moment.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
+        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
+        let whole = |parameter: BatteryParameter| parameters.get_whole(parameter.of(pack));
+        // 0 turns off or leaves open.
+        let above_zero = |parameter| Some(value(parameter)).filter(|value| *value > 0.0);
+        let options = whole(BatteryParameter::Options);
+        Self {
+            chemistry: Chemistry::from_number(whole(BatteryParameter::Chem)).unwrap_or_default(),
+            cell_count: u8::try_from(whole(BatteryParameter::Cells))
+                .ok()
+                .filter(|count| *count > 0),
+            capacity_mah: above_zero(BatteryParameter::Capacity),
+            power_limit_w: above_zero(BatteryParameter::WattMax),
+            serial_number: Some(whole(BatteryParameter::SerialNum)).filter(|number| *number >= 0),
+            reported_voltage: if options & SEND_RESTING_VOLTAGE != 0 {
+                ReportedVoltage::Resting
+            } else {
+                ReportedVoltage::Terminal
+            },
+            visibility: if options & INTERNAL_USE_ONLY != 0 {
+                Visibility::Internal
+            } else {
+                Visibility::Reported
+            },
+            failsafe: FailsafeSettings {
+                timer_s: above_zero(BatteryParameter::LowTimer),
+                voltage_source: if whole(BatteryParameter::FsVoltsrc) == SAG_COMPENSATED {
+                    VoltageSource::Resting
+                } else {
+                    VoltageSource::Terminal
+                },
+                low: Thresholds {
+                    voltage_v: above_zero(BatteryParameter::LowVolt),
+                    remaining_mah: above_zero(BatteryParameter::LowMah),
+                },
+                critical: Thresholds {
+                    voltage_v: above_zero(BatteryParameter::CrtVolt),
+                    remaining_mah: above_zero(BatteryParameter::CrtMah),
+                },
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_set_is_off() {
+        let settings = PackSettings::from_parameters(&Parameters::defaults(), Pack::Second);
+        let expected = PackSettings {
+            capacity_mah: Some(3300.0),
+            failsafe: FailsafeSettings {
+                timer_s: Some(10.0),
+                ..FailsafeSettings::default()
+            },
+            ..PackSettings::default()
+        };
+        assert_eq!(settings, expected);
+    }
+
+    #[test]
+    fn every_parameter_of_a_pack_reaches_its_setting_and_no_other_pack() {
+        let mut parameters = Parameters::defaults();
+        for (parameter, value) in [
+            (BatteryParameter::Chem, 3.0),
+            (BatteryParameter::Cells, 2.0),
+            (BatteryParameter::Capacity, 5200.0),
+            (BatteryParameter::WattMax, 90.0),
+            (BatteryParameter::SerialNum, 7.0),
+            (BatteryParameter::Options, 320.0),
+            (BatteryParameter::LowTimer, 5.0),
+            (BatteryParameter::FsVoltsrc, 1.0),
+            (BatteryParameter::LowVolt, 6.6),
+            (BatteryParameter::LowMah, 500.0),
+            (BatteryParameter::CrtVolt, 6.2),
+            (BatteryParameter::CrtMah, 200.0),
+        ] {
+            parameters.set(parameter.of(Pack::Third), value).unwrap();
+        }
+        let expected = PackSettings {
+            chemistry: Chemistry::LiIon,
+            cell_count: Some(2),
+            capacity_mah: Some(5200.0),
+            power_limit_w: Some(90.0),
+            serial_number: Some(7),
+            reported_voltage: ReportedVoltage::Resting,
+            visibility: Visibility::Internal,
+            failsafe: FailsafeSettings {
+                timer_s: Some(5.0),
+                voltage_source: VoltageSource::Resting,
+                low: Thresholds {
+                    voltage_v: Some(6.6),
+                    remaining_mah: Some(500.0),
+                },
+                critical: Thresholds {
+                    voltage_v: Some(6.2),
+                    remaining_mah: Some(200.0),
+                },
+            },
+        };
+        assert_eq!(PackSettings::from_parameters(&parameters, Pack::Third), expected);
+        assert_eq!(
+            PackSettings::from_parameters(&parameters, Pack::Fourth).cell_count,
+            None
+        );
+    }
 }

@@ -102,7 +102,7 @@ parameters! {
         name: "AMP_PERVLT",
         kind: Kind::Real32,
         default: 17.0,
-        range: Range::Between(0.001, 1000.0),
+        range: Range::Between(-1000.0, 1000.0),
         step: 0.1,
         unit: "A/V",
         takes_effect: TakesEffect::AtOnce,
