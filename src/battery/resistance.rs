@@ -106,7 +106,7 @@ mod tests {
     }
 
     fn square(t_s: f32, low_a: f32, high_a: f32) -> f32 {
-        if (t_s / 5.0) as u32 % 2 == 0 {
+        if ((t_s / 5.0) as u32).is_multiple_of(2) {
             low_a
         } else {
             high_a
