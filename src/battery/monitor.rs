@@ -1,6 +1,6 @@
 //! From a series of measurements to the state of a pack.
 
-use super::{BatteryState, Measurement, PackStatus, ReadError};
+use super::{BatteryState, ChargeState, Measurement, PackStatus, ReadError};
 
 /// Below this voltage no pack is connected, in volts: the divider then sees what leaks in while the board runs from USB.
 /// The same limit as PX4's `BATTERY_CONNECTED` test.
@@ -54,10 +54,10 @@ impl BatteryMonitor {
         let connected = measurement
             .voltage_v
             .is_some_and(|voltage_v| voltage_v >= MIN_CONNECTED_VOLTAGE_V);
-        self.state.status = if connected {
-            PackStatus::Healthy
+        (self.state.status, self.state.charge_state) = if connected {
+            (PackStatus::Healthy, ChargeState::Ok)
         } else {
-            PackStatus::NotConnected
+            (PackStatus::NotConnected, ChargeState::Undefined)
         };
         // Without a pack the pin's voltage is not a pack voltage: unknown, not a flat battery.
         self.state.voltage_v = measurement.voltage_v.filter(|_| connected);
@@ -67,6 +67,7 @@ impl BatteryMonitor {
         self.failed_reads = self.failed_reads.saturating_add(1);
         if self.failed_reads >= FAILED_READS_UNTIL_UNHEALTHY {
             self.state.status = PackStatus::Unhealthy;
+            self.state.charge_state = ChargeState::Unhealthy;
         }
     }
 }

@@ -34,7 +34,7 @@ pub use messages::{
 pub use outbox::{NoRoom, Outbox, Posted};
 pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};
 pub use payload::{Name, Payload};
-pub use scheduler::{Interval, NotStreamed, StreamScheduler};
+pub use scheduler::{Interval, NotStreamed, Periodic, StreamScheduler};
 pub use services::commands::Action;
 pub use system_state::{LinkStatistics, SystemState};
 

@@ -3,9 +3,10 @@
 use heapless::{Deque, Vec};
 
 use super::{Message, Stream};
+use crate::battery::MAX_PACKS;
 
-/// Every stream there is: HEARTBEAT, SYS_STATUS and BATTERY_STATUS.
-const STREAMS: usize = 3;
+/// Every stream there is: HEARTBEAT, SYS_STATUS and BATTERY_STATUS of each pack.
+const STREAMS: usize = 2 + MAX_PACKS;
 
 /// Answers that can wait. Ground stations ask for a few things at a time and repeat what is not answered.
 const REPLIES: usize = 16;
@@ -64,6 +65,11 @@ impl Outbox {
         self.replies.push_back(message).map_err(|_| NoRoom)
     }
 
+    /// How many more answers there is room for.
+    pub fn room_for_replies(&self) -> usize {
+        REPLIES - self.replies.len()
+    }
+
     /// Takes out what has to leave before anything else: a HEARTBEAT, else the oldest answer.
     pub fn take_urgent(&mut self) -> Option<Message> {
         let heartbeat = self
@@ -95,6 +101,7 @@ impl Outbox {
 mod tests {
     use super::super::{SystemState, status_texts};
     use super::*;
+    use crate::battery::BatteryState;
     use crate::mavlink::dialect::MavSeverity;
     use proptest::prelude::*;
 
@@ -105,9 +112,14 @@ mod tests {
     }
 
     fn battery_status(voltage_v: f32) -> Message {
-        let mut state = SystemState::default();
-        state.battery.voltage_v = Some(voltage_v);
-        BATTERY.build(&state)
+        let batteries = [BatteryState {
+            voltage_v: Some(voltage_v),
+            ..BatteryState::default()
+        }];
+        BATTERY.build(&SystemState {
+            batteries: &batteries,
+            ..SystemState::default()
+        })
     }
 
     fn answer(text: &str) -> Message {

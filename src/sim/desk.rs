@@ -115,7 +115,7 @@ impl<'a> Desk<'a> {
         };
         self.status.set(now);
         Status {
-            voltage_v: self.shared.battery().voltage_v,
+            voltage_v: self.shared.battery(0).voltage_v,
             current_a: pack.current_a(),
             charge: pack.charge(),
             samples: now.samples.wrapping_sub(before.samples),

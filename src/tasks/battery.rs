@@ -29,10 +29,11 @@ pub async fn sample_battery(mut input: impl AnalogIn, shared: &Shared, check_in:
         Timer::at(Instant::from_micros(ticks.due_us())).await;
         ticks.take(Instant::now().as_micros());
         if disabled {
-            shared.publish_battery(BatteryState::disabled());
+            shared.publish_battery(0, &BatteryState::disabled());
         } else {
             sample(&mut input, shared, &mut monitor).await;
         }
+        shared.count_sample();
         mark(check_in);
     }
 }
@@ -45,7 +46,7 @@ async fn sample(input: &mut impl AnalogIn, shared: &Shared, monitor: &mut Batter
         warn!("battery 1: read failed, {:?}, {} in a row", error, failed_reads);
     }
     log_change(before, monitor.state().status);
-    shared.publish_battery(monitor.state());
+    shared.publish_battery(0, &monitor.state());
 }
 
 async fn read(input: &mut impl AnalogIn, shared: &Shared) -> Result<Measurement, ReadError> {

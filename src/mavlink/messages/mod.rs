@@ -15,6 +15,7 @@ pub use command_ack::CommandAck;
 pub use file_transfer::FileTransferNak;
 pub use heartbeat::build_heartbeat;
 pub use message::{Message, Stream};
+pub(super) use status_text::chunks_of;
 pub use status_text::status_texts;
 pub use sys_status::build_sys_status;
 pub use version::{build_autopilot_version, build_protocol_version};
