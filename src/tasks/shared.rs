@@ -169,3 +169,38 @@ fn packs_at_boot(parameters: &Parameters) -> [BatteryState; MAX_PACKS] {
     }
     packs
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::PackStatus;
+
+    #[test]
+    fn a_reset_is_taken_once_by_each_pack_it_names() {
+        let shared = Shared::new(Parameters::defaults());
+        shared.request_battery_reset(0b1_0000_0101, 100.0);
+        shared.request_battery_reset(0b1, 56.0);
+        let taken = || (0..=9).map(|instance| shared.take_battery_reset(instance));
+        let mut expected = [None; 10];
+        (expected[0], expected[2], expected[8]) = (Some(56.0), Some(100.0), Some(100.0));
+        assert!(taken().eq(expected));
+        assert!(taken().all(|reset| reset.is_none()));
+    }
+
+    #[test]
+    fn the_packs_are_published_by_their_instance() {
+        let shared = Shared::new(Parameters::defaults());
+        assert_eq!(shared.battery(0).status, PackStatus::Unknown);
+        assert_eq!(shared.battery(1).status, PackStatus::Disabled);
+        let state = BatteryState {
+            status: PackStatus::Healthy,
+            voltage_v: Some(11.1),
+            ..BatteryState::default()
+        };
+        shared.publish_battery(8, &state);
+        shared.publish_battery(9, &state);
+        assert_eq!(shared.battery(8), state);
+        assert_eq!(shared.battery(9), BatteryState::default());
+        shared.with_system_state(|state| assert!(state.reported().eq([0, 8])));
+    }
+}
