@@ -2,16 +2,18 @@
 //!
 //! Run it with `cargo run --example builders`.
 
-use rover_battmon::battery::{BatteryState, PackStatus};
+use rover_battmon::battery::{BatteryState, ChargeState, PackStatus};
 use rover_battmon::mavlink::{Framer, Stream, SystemState};
 
 fn main() {
+    let batteries = [BatteryState {
+        status: PackStatus::Healthy,
+        charge_state: ChargeState::Ok,
+        voltage_v: Some(11.62),
+        ..BatteryState::default()
+    }];
     let state = SystemState {
-        battery: BatteryState {
-            status: PackStatus::Healthy,
-            voltage_v: Some(11.62),
-            ..BatteryState::default()
-        },
+        batteries: &batteries,
         ..SystemState::default()
     };
 

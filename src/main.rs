@@ -8,6 +8,7 @@ mod firmware {
     use embassy_executor::{SpawnError, SpawnToken, Spawner};
     use embassy_rp::uart::BufferedUartTx;
     use panic_probe as _;
+    use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
         self, AnalogInputs, BoardFlash, BoardWatchdog, ExecutorIdleTime, UartReceiver, UsbDevice, UsbPort,
     };
@@ -38,8 +39,8 @@ mod firmware {
     static UNWATCHED: CheckIn = CheckIn::new("USB", u32::MAX);
 
     #[embassy_executor::task]
-    async fn battery(input: AnalogInputs, shared: &'static Shared) -> ! {
-        tasks::sample_battery(input, shared, &BATTERY).await
+    async fn battery(input: AnalogInputs, memory: &'static mut RetainedMemory, shared: &'static Shared) -> ! {
+        tasks::sample_batteries(input, memory, shared, &BATTERY).await
     }
 
     #[embassy_executor::task]
@@ -132,7 +133,10 @@ mod firmware {
             peripherals.PIN_29,
         );
 
-        start(spawner, battery(input, shared));
+        start(
+            spawner,
+            battery(input, board::retained_memory(reset_reason), shared),
+        );
         start(spawner, telemetry(shared, link));
         start(spawner, writer(transmitter, shared, link));
         start(spawner, reader(receiver, shared, link));

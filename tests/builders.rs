@@ -3,10 +3,13 @@
 use std::collections::HashMap;
 
 use proptest::prelude::*;
-use rover_battmon::battery::{BatteryState, PackStatus};
+use rover_battmon::battery::{
+    BatteryState, CellVoltages, ChargeState, Chemistry, Faults, MAX_CELLS, PackStatus, ReportedVoltage,
+    Visibility,
+};
 use rover_battmon::mavlink::dialect::{
     BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
-    MavBatteryType, MavModeFlag, MavSysStatusSensor, MavSysStatusSensorExtended,
+    MavBatteryType, MavModeFlag, MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA,
 };
 use rover_battmon::mavlink::{
     Framer, LinkStatistics, Message, ReceiveStatistics, SystemState, build_battery_status, build_heartbeat,
@@ -28,16 +31,27 @@ fn frame_hex(message: &Message) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn with_battery(battery: BatteryState) -> SystemState {
+fn with_packs(batteries: &[BatteryState]) -> SystemState<'_> {
     SystemState {
-        battery,
+        batteries,
         ..SystemState::default()
     }
+}
+
+/// BATTERY_STATUS of the only pack.
+fn status_of(battery: BatteryState) -> BATTERY_STATUS_DATA {
+    build_battery_status(&with_packs(&[battery]), 0)
+}
+
+/// SYS_STATUS with one pack.
+fn system_with(battery: BatteryState) -> SYS_STATUS_DATA {
+    build_sys_status(&with_packs(&[battery]))
 }
 
 fn healthy(voltage_v: f32) -> BatteryState {
     BatteryState {
         status: PackStatus::Healthy,
+        charge_state: ChargeState::Ok,
         voltage_v: Some(voltage_v),
         ..BatteryState::default()
     }
@@ -54,8 +68,28 @@ fn battery_status_is_byte_exact_where_another_autopilot_fills_the_fields_alike()
         temperature_c: Some(25.0),
         ..healthy(11.1)
     };
-    for (row, battery) in [("px4_voltage_only", healthy(12.345)), ("px4_full", full)] {
-        let message = Message::BatteryStatus(build_battery_status(&with_battery(battery), 0));
+    let emergency = BatteryState {
+        charge_state: ChargeState::Emergency,
+        current_a: Some(5.0),
+        consumed_mah: Some(2100.0),
+        remaining_pct: Some(5.0),
+        time_remaining_s: Some(10.0),
+        ..healthy(10.0)
+    };
+    let cells = BatteryState {
+        current_a: Some(10.0),
+        consumed_mah: Some(100.0),
+        remaining_pct: Some(90.0),
+        cells: CellVoltages::from_millivolts(&[3800; 12]),
+        ..healthy(45.6)
+    };
+    for (row, battery) in [
+        ("px4_voltage_only", healthy(12.345)),
+        ("px4_full", full),
+        ("px4_emergency", emergency),
+        ("px4_cells_12s", cells),
+    ] {
+        let message = Message::BatteryStatus(status_of(battery));
         assert_eq!(frame_hex(&message), golden[row], "{row}");
     }
 }
@@ -77,8 +111,13 @@ fn battery_status_is_byte_exact_with_ardupilots_function_and_type() {
     };
     let unhealthy = BatteryState {
         status: PackStatus::Unhealthy,
+        charge_state: ChargeState::Unhealthy,
         remaining_pct: None,
         ..counting(11.1, 5.0, 2100.0, 838.0 / 36.0, 0.0)
+    };
+    let critical = BatteryState {
+        charge_state: ChargeState::Critical,
+        ..counting(9.8, 5.0, 2100.0, 838.0 / 36.0, 10.0)
     };
     let golden = golden_frames();
     for (row, battery) in [
@@ -87,23 +126,50 @@ fn battery_status_is_byte_exact_with_ardupilots_function_and_type() {
         ("ap_140v", counting(140.0, 10.0, 0.0, 0.0, 100.0)),
         ("ap_current_clamp_pos", counting(22.2, 400.0, 10.0, 1.0, 90.0)),
         ("ap_current_clamp_neg", counting(22.2, -400.0, 10.0, 1.0, 90.0)),
+        ("ap_critical_state", critical),
         ("ap_unhealthy_state", unhealthy),
     ] {
-        let data = as_ardupilot(build_battery_status(&with_battery(battery), 0));
+        let data = as_ardupilot(status_of(battery));
         assert_eq!(frame_hex(&Message::BatteryStatus(data)), golden[row], "{row}");
     }
 }
 
+/// ArduPilot sends unused cells of `voltages_ext` as 65535, which ground stations add up; ours are 0.
+#[test]
+fn three_cells_are_byte_exact_but_for_the_unused_ones() {
+    let battery = BatteryState {
+        current_a: Some(5.0),
+        consumed_mah: Some(100.0),
+        consumed_wh: Some(1.0),
+        remaining_pct: Some(95.0),
+        temperature_c: Some(25.0),
+        cells: CellVoltages::from_millivolts(&[3810, 3790, 3800]),
+        ..healthy(11.4)
+    };
+    let ours = status_of(battery);
+    assert_eq!(ours.voltages_ext, [0; 4]);
+    let theirs = BATTERY_STATUS_DATA {
+        battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_UNKNOWN,
+        mavtype: MavBatteryType::MAV_BATTERY_TYPE_UNKNOWN,
+        voltages_ext: [u16::MAX; 4],
+        ..ours
+    };
+    assert_eq!(
+        frame_hex(&Message::BatteryStatus(theirs)),
+        golden_frames()["ap_cells_3s"]
+    );
+}
+
 #[test]
 fn sys_status_is_byte_exact() {
+    let batteries = [BatteryState {
+        current_a: Some(5.0),
+        remaining_pct: Some(96.0),
+        ..healthy(11.1)
+    }];
     let state = SystemState {
-        battery: BatteryState {
-            current_a: Some(5.0),
-            remaining_pct: Some(96.0),
-            ..healthy(11.1)
-        },
         load_permille: 250,
-        ..SystemState::default()
+        ..with_packs(&batteries)
     };
     let message = Message::SysStatus(build_sys_status(&state));
     assert_eq!(frame_hex(&message), golden_frames()["sys_status_batt"]);
@@ -111,7 +177,7 @@ fn sys_status_is_byte_exact() {
 
 #[test]
 fn sys_status_without_a_monitored_battery_is_byte_exact() {
-    let message = Message::SysStatus(build_sys_status(&with_battery(BatteryState::disabled())));
+    let message = Message::SysStatus(system_with(BatteryState::disabled()));
     assert_eq!(frame_hex(&message), golden_frames()["sys_status_none"]);
 }
 
@@ -179,72 +245,180 @@ fn unknown_is_sent_as_the_sentinel_of_each_field() {
 
 #[test]
 fn a_pack_that_does_not_exist_is_unknown_and_keeps_its_id() {
-    let data = build_battery_status(&with_battery(healthy(11.1)), 3);
+    let data = build_battery_status(&with_packs(&[healthy(11.1)]), 3);
     assert_eq!(data.id, 3);
     assert_eq!(data.voltages, [u16::MAX; 10]);
 }
 
+const BATTERY_SENSOR: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY;
+const NO_SENSOR: MavSysStatusSensor = MavSysStatusSensor::empty();
+
+/// The battery's bits in SYS_STATUS: present, enabled, healthy.
+fn sensors(batteries: &[BatteryState]) -> [MavSysStatusSensor; 3] {
+    let data = build_sys_status(&with_packs(batteries));
+    [
+        data.onboard_control_sensors_present,
+        data.onboard_control_sensors_enabled,
+        data.onboard_control_sensors_health,
+    ]
+}
+
+const SOUND: [MavSysStatusSensor; 3] = [BATTERY_SENSOR; 3];
+const UNSOUND: [MavSysStatusSensor; 3] = [BATTERY_SENSOR, BATTERY_SENSOR, NO_SENSOR];
+const ABSENT: [MavSysStatusSensor; 3] = [NO_SENSOR; 3];
+
 #[test]
-fn health_and_charge_state_follow_the_status() {
-    use MavBatteryChargeState as Charge;
-    let battery_sensor = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY;
-    let none = MavSysStatusSensor::empty();
-    for (status, sensors, charge_state) in [
-        (
-            PackStatus::Unknown,
-            none,
-            Charge::MAV_BATTERY_CHARGE_STATE_UNDEFINED,
-        ),
-        (
-            PackStatus::NotConnected,
-            none,
-            Charge::MAV_BATTERY_CHARGE_STATE_UNDEFINED,
-        ),
-        (
-            PackStatus::Healthy,
-            battery_sensor,
-            Charge::MAV_BATTERY_CHARGE_STATE_OK,
-        ),
-        (
-            PackStatus::Unhealthy,
-            none,
-            Charge::MAV_BATTERY_CHARGE_STATE_UNHEALTHY,
-        ),
+fn a_pack_is_healthy_while_its_sensor_works_and_it_has_not_failed() {
+    for (status, expected) in [
+        (PackStatus::Disabled, ABSENT),
+        (PackStatus::Unknown, UNSOUND),
+        (PackStatus::NotConnected, UNSOUND),
+        (PackStatus::Healthy, SOUND),
+        (PackStatus::Unhealthy, UNSOUND),
     ] {
-        let state = with_battery(BatteryState {
+        let battery = BatteryState {
             status,
             ..BatteryState::default()
-        });
-        let sys_status = build_sys_status(&state);
-        assert_eq!(
-            sys_status.onboard_control_sensors_present, battery_sensor,
-            "{status:?}"
-        );
-        assert_eq!(
-            sys_status.onboard_control_sensors_enabled, battery_sensor,
-            "{status:?}"
-        );
-        assert_eq!(sys_status.onboard_control_sensors_health, sensors, "{status:?}");
-        assert_eq!(
-            build_battery_status(&state, 0).charge_state,
+        };
+        assert_eq!(sensors(&[battery]), expected, "{status:?}");
+    }
+    for (number, charge_state) in CHARGE_STATES.into_iter().enumerate() {
+        let battery = BatteryState {
             charge_state,
-            "{status:?}"
-        );
+            ..healthy(11.1)
+        };
+        let expected = match charge_state {
+            ChargeState::Failed | ChargeState::Unhealthy => UNSOUND,
+            _ => SOUND,
+        };
+        assert_eq!(sensors(&[battery]), expected, "{charge_state:?}");
+        assert_eq!(status_of(battery).charge_state as usize, number);
     }
 }
 
 #[test]
-fn a_high_voltage_spills_in_battery_status_and_saturates_in_sys_status() {
-    let state = with_battery(healthy(70.0));
-    assert_eq!(
-        build_battery_status(&state, 0).voltages[..3],
-        [65534, 4466, u16::MAX]
-    );
-    assert_eq!(build_sys_status(&state).voltage_battery, 65534);
+fn all_packs_that_are_monitored_have_to_be_healthy() {
+    let on_board_only = |battery| BatteryState {
+        visibility: Visibility::Internal,
+        ..battery
+    };
+    let (sound, unknown, disabled) = (healthy(11.1), BatteryState::default(), BatteryState::disabled());
+    assert_eq!(sensors(&[]), ABSENT);
+    assert_eq!(sensors(&[disabled; 9]), ABSENT);
+    assert_eq!(sensors(&[disabled, sound, disabled]), SOUND);
+    assert_eq!(sensors(&[sound; 9]), SOUND);
+    assert_eq!(sensors(&[sound, sound, unknown]), UNSOUND);
+    assert_eq!(sensors(&[sound, on_board_only(unknown)]), UNSOUND);
+    assert_eq!(sensors(&[on_board_only(sound)]), SOUND);
+}
 
-    let state = with_battery(healthy(65.534));
-    assert_eq!(build_battery_status(&state, 0).voltages[..2], [65534, u16::MAX]);
-    assert_eq!(build_sys_status(&state).voltage_battery, 65534);
+#[test]
+fn each_instance_has_its_own_values_and_the_first_is_in_sys_status() {
+    let batteries: [BatteryState; 9] = std::array::from_fn(|instance| healthy(10.0 + instance as f32));
+    let state = with_packs(&batteries);
+    for instance in 0..9 {
+        let data = build_battery_status(&state, instance);
+        assert_eq!(data.id, instance);
+        assert_eq!(data.voltages[0], 10_000 + 1000 * u16::from(instance));
+    }
+    assert_eq!(build_sys_status(&state).voltage_battery, 10_000);
+}
+
+#[test]
+fn the_type_is_what_the_cells_are_made_of() {
+    for (chemistry, expected) in [
+        (Chemistry::LiPo, MavBatteryType::MAV_BATTERY_TYPE_LIPO),
+        (Chemistry::LiFe, MavBatteryType::MAV_BATTERY_TYPE_LIFE),
+        (Chemistry::LiIon, MavBatteryType::MAV_BATTERY_TYPE_LION),
+        (Chemistry::NiMh, MavBatteryType::MAV_BATTERY_TYPE_NIMH),
+    ] {
+        let battery = BatteryState {
+            chemistry,
+            ..BatteryState::default()
+        };
+        assert_eq!(status_of(battery).mavtype, expected);
+        assert_eq!(chemistry as u32, expected as u32);
+    }
+}
+
+#[test]
+fn every_fault_has_mavlinks_bit() {
+    for (fault, expected) in [
+        (Faults::DEEP_DISCHARGE, 1),
+        (Faults::SPIKES, 2),
+        (Faults::CELL_FAIL, 4),
+        (Faults::OVER_CURRENT, 8),
+        (Faults::OVER_TEMPERATURE, 16),
+        (Faults::UNDER_TEMPERATURE, 32),
+        (Faults::INCOMPATIBLE_VOLTAGE, 64),
+        (Faults::all(), 127),
+    ] {
+        let battery = BatteryState {
+            faults: fault,
+            ..healthy(11.1)
+        };
+        assert_eq!(status_of(battery).fault_bitmask.bits(), expected, "{fault:?}");
+    }
+}
+
+#[test]
+fn the_resting_voltage_is_sent_where_it_is_chosen_and_known() {
+    let resting = BatteryState {
+        reported_voltage: ReportedVoltage::Resting,
+        resting_voltage_v: Some(11.4),
+        ..healthy(11.1)
+    };
+    let unknown = BatteryState {
+        resting_voltage_v: None,
+        ..resting
+    };
+    let terminal = BatteryState {
+        reported_voltage: ReportedVoltage::Terminal,
+        ..resting
+    };
+    for (battery, voltage_mv) in [(resting, 11_400), (unknown, 11_100), (terminal, 11_100)] {
+        assert_eq!(status_of(battery).voltages[0], voltage_mv);
+        assert_eq!(system_with(battery).voltage_battery, voltage_mv);
+    }
+}
+
+#[test]
+fn cells_are_sent_as_they_are_measured_with_the_resting_voltage_too() {
+    let millivolts: [u16; MAX_CELLS] = std::array::from_fn(|cell| 3700 + cell as u16);
+    let battery = BatteryState {
+        reported_voltage: ReportedVoltage::Resting,
+        resting_voltage_v: Some(60.0),
+        cells: CellVoltages::from_millivolts(&millivolts),
+        ..healthy(51.9)
+    };
+    let data = status_of(battery);
+    assert_eq!(data.voltages, millivolts[..10]);
+    assert_eq!(data.voltages_ext, millivolts[10..]);
+    assert_eq!(system_with(battery).voltage_battery, 60_000);
+}
+
+#[test]
+fn a_cells_voltage_is_never_mistaken_for_one_that_is_not_there() {
+    let with_cells = |millivolts: &[u16]| {
+        status_of(BatteryState {
+            cells: CellVoltages::from_millivolts(millivolts),
+            ..healthy(11.1)
+        })
+    };
+    let data = with_cells(&[0, u16::MAX, 3700]);
+    assert_eq!(data.voltages[..4], [0, 65534, 3700, u16::MAX]);
+    assert_eq!(data.voltages_ext, [0; 4]);
+    let data = with_cells(&[[3700; 10].as_slice(), &[0, u16::MAX]].concat());
+    assert_eq!(data.voltages_ext, [1, 65534, 0, 0]);
+}
+
+#[test]
+fn a_high_voltage_spills_in_battery_status_and_saturates_in_sys_status() {
+    assert_eq!(status_of(healthy(70.0)).voltages[..3], [65534, 4466, u16::MAX]);
+    assert_eq!(system_with(healthy(70.0)).voltage_battery, 65534);
+
+    assert_eq!(status_of(healthy(65.534)).voltages[..2], [65534, u16::MAX]);
+    assert_eq!(system_with(healthy(65.534)).voltage_battery, 65534);
 }
 
 #[test]
@@ -287,57 +461,128 @@ fn any_status() -> impl Strategy<Value = PackStatus> {
     ])
 }
 
+const CHARGE_STATES: [ChargeState; 8] = [
+    ChargeState::Undefined,
+    ChargeState::Ok,
+    ChargeState::Low,
+    ChargeState::Critical,
+    ChargeState::Emergency,
+    ChargeState::Failed,
+    ChargeState::Unhealthy,
+    ChargeState::Charging,
+];
+
+const CHEMISTRIES: [Chemistry; 4] = [
+    Chemistry::LiPo,
+    Chemistry::LiFe,
+    Chemistry::LiIon,
+    Chemistry::NiMh,
+];
+
 prop_compose! {
-    fn any_state()(
-        status in any_status(), voltage_v in any_value(), current_a in any_value(), consumed_mah in any_value(),
-        consumed_wh in any_value(), remaining_pct in any_value(), time_remaining_s in any_value(),
-        temperature_c in any_value(), load_permille in any::<u16>(), sent in any::<u32>(), dropped in any::<u32>(),
-        frames in any::<u32>(), bad_checksums in any::<u32>(),
-    ) -> SystemState {
-        SystemState {
-            battery: BatteryState {
-                status, voltage_v, current_a, consumed_mah, consumed_wh, remaining_pct, time_remaining_s, temperature_c,
-                ..BatteryState::default()
-            },
-            load_permille,
-            link: LinkStatistics { sent, dropped, received: ReceiveStatistics { frames, bad_checksums, ..Default::default() } },
+    /// What a sensor measures.
+    fn any_measured()(
+        voltage_v in any_value(), resting_voltage_v in any_value(), current_a in any_value(),
+        consumed_mah in any_value(), consumed_wh in any_value(), remaining_pct in any_value(),
+        time_remaining_s in any_value(), temperature_c in any_value(),
+        cells in prop::collection::vec(any::<u16>(), 0..=MAX_CELLS + 2),
+    ) -> BatteryState {
+        BatteryState {
+            voltage_v, resting_voltage_v, current_a, consumed_mah, consumed_wh, remaining_pct, time_remaining_s,
+            temperature_c, cells: CellVoltages::from_millivolts(&cells), ..BatteryState::default()
         }
     }
 }
 
+prop_compose! {
+    fn any_battery()(
+        measured in any_measured(), status in any_status(), charge_state in prop::sample::select(&CHARGE_STATES[..]),
+        chemistry in prop::sample::select(&CHEMISTRIES[..]), faults in any::<u16>(), resting in any::<bool>(),
+        internal in any::<bool>(),
+    ) -> BatteryState {
+        BatteryState {
+            status, charge_state, chemistry,
+            faults: Faults::from_bits_retain(faults),
+            reported_voltage: if resting { ReportedVoltage::Resting } else { ReportedVoltage::Terminal },
+            visibility: if internal { Visibility::Internal } else { Visibility::Reported },
+            ..measured
+        }
+    }
+}
+
+fn any_packs() -> impl Strategy<Value = Vec<BatteryState>> {
+    prop::collection::vec(any_battery(), 0..=9)
+}
+
+/// How many cells are known: they come first, and the rest has the value of a cell that is not used.
+fn used_cells(cells: &[u16], unused_mv: u16) -> usize {
+    let used = cells.iter().take_while(|mv| **mv != unused_mv).count();
+    assert!(cells[used..].iter().all(|mv| *mv == unused_mv), "{cells:?}");
+    used
+}
+
+/// The pack's voltage is in as few cells as can carry it.
+fn assert_pack_voltage(data: &BATTERY_STATUS_DATA, voltage_v: Option<f32>) {
+    let used = used_cells(&data.voltages, u16::MAX);
+    assert!(
+        data.voltages[..used.saturating_sub(1)]
+            .iter()
+            .all(|mv| *mv == 65534)
+    );
+    assert_eq!(used > 0, voltage_v.is_some_and(|v| v.is_finite() && v >= 0.0));
+    assert_eq!(data.voltages_ext, [0; 4]);
+}
+
+fn assert_cells(data: &BATTERY_STATUS_DATA, count: usize) {
+    assert_eq!(used_cells(&data.voltages, u16::MAX), count.min(10));
+    assert_eq!(used_cells(&data.voltages_ext, 0), count.saturating_sub(10));
+    assert!(!data.voltages_ext.contains(&u16::MAX));
+}
+
 proptest! {
     #[test]
-    fn any_state_gives_a_conforming_battery_status(state in any_state(), instance in any::<u8>()) {
+    fn any_state_gives_a_conforming_battery_status(packs in any_packs(), instance in 0u8..10) {
+        let state = with_packs(&packs);
         let data = build_battery_status(&state, instance);
         prop_assert_eq!(data.id, instance);
-        // Known cells come first, and all but the last of them are full.
-        let known = data.voltages.iter().take_while(|mv| **mv != u16::MAX).count();
-        prop_assert!(data.voltages[known..].iter().all(|mv| *mv == u16::MAX));
-        prop_assert!(data.voltages[..known.saturating_sub(1)].iter().all(|mv| *mv == 65534));
-        let voltage_v = state.battery(instance).voltage_v;
-        prop_assert_eq!(known > 0, voltage_v.is_some_and(|v| v.is_finite() && v >= 0.0));
+        let battery = state.battery(instance);
+        match battery.cells.millivolts().len() {
+            0 => assert_pack_voltage(&data, battery.voltage_to_report_v()),
+            count => assert_cells(&data, count),
+        }
         prop_assert!(data.current_battery > i16::MIN);
         prop_assert!(data.current_consumed >= -1 && data.energy_consumed >= -1);
         prop_assert!((-1..=100).contains(&data.battery_remaining));
         prop_assert!(data.time_remaining >= 0);
-        prop_assert_eq!(data.voltages_ext, [0; 4]);
+        prop_assert_eq!(data.charge_state as u8, battery.charge_state as u8);
+        // The frame itself: 54 bytes of payload at most.
+        let frame = frame_hex(&Message::BatteryStatus(data));
+        prop_assert!(frame.len() <= 2 * (54 + 12));
     }
 
     #[test]
-    fn any_state_gives_a_conforming_sys_status(state in any_state()) {
+    fn any_state_gives_a_conforming_sys_status(
+        packs in any_packs(), load_permille in any::<u16>(), sent in any::<u32>(), dropped in any::<u32>(),
+        frames in any::<u32>(), bad_checksums in any::<u32>(),
+    ) {
+        let received = ReceiveStatistics { frames, bad_checksums, ..Default::default() };
+        let state = SystemState { batteries: &packs, load_permille, link: LinkStatistics { sent, dropped, received } };
         let data = build_sys_status(&state);
         prop_assert!(data.load <= 1000);
         prop_assert!(data.drop_rate_comm <= 10_000);
         prop_assert!(data.current_battery > i16::MIN);
         prop_assert!((-1..=100).contains(&data.battery_remaining));
-        let voltage_v = state.battery.voltage_v;
+        let voltage_v = state.battery(0).voltage_to_report_v();
         let known = voltage_v.is_some_and(|v| v.is_finite() && v >= 0.0);
         prop_assert_eq!(data.voltage_battery != u16::MAX, known);
+        let monitored = packs.iter().any(|battery| battery.status != PackStatus::Disabled);
+        prop_assert_eq!(data.onboard_control_sensors_present, if monitored { BATTERY_SENSOR } else { NO_SENSOR });
+        prop_assert!(data.onboard_control_sensors_present.contains(data.onboard_control_sensors_health));
     }
 
     #[test]
     fn the_cells_add_up_to_the_pack(voltage_v in 0.0f32..650.0) {
-        let data = build_battery_status(&with_battery(healthy(voltage_v)), 0);
+        let data = status_of(healthy(voltage_v));
         let sum_mv: u32 = data.voltages.iter().filter(|mv| **mv != u16::MAX).map(|mv| u32::from(*mv)).sum();
         prop_assert!((sum_mv as f32 - voltage_v * 1000.0).abs() <= 0.6);
     }

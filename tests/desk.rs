@@ -6,20 +6,21 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::convert::Infallible;
 
-use embassy_futures::join::join3;
+use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Write};
-use rover_battmon::battery::ReadError;
+use rover_battmon::battery::{ReadError, RetainedRecord};
 use rover_battmon::liveness::CheckIn;
+use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::parameter::Parameters;
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
 use rover_battmon::sim::clock;
 use rover_battmon::tasks::{
-    Link, Shared, Watchdog, sample_battery, schedule_telemetry, supervise, write_frames,
+    Link, Shared, Watchdog, sample_batteries, schedule_telemetry, supervise, write_frames,
 };
 use support::frames::{
-    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap, frames,
-    of_message,
+    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, STATUSTEXT, SYS_STATUS, SysStatus,
+    assert_no_sequence_gap, frames, of_message,
 };
 
 /// A converter whose answers depend on the time.
@@ -82,13 +83,14 @@ fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
         byte_us: byte_us(baud),
         sent: &sent,
     };
+    let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_secs(seconds), async {
         let (shared, link) = (
             Shared::new(Parameters::defaults()),
             Link::new("line", baud as u32 / 10),
         );
         join3(
-            sample_battery(input, &shared, &check_ins[0]),
+            sample_batteries(input, &mut memory, &shared, &check_ins[0]),
             schedule_telemetry(&shared, &link, &check_ins[1]),
             write_frames(line, &shared, &link, &check_ins[2]),
         )
@@ -168,6 +170,139 @@ fn a_link_that_is_too_slow_loses_old_telemetry_evenly_and_counts_it_but_no_heart
         usize::from(dropped).abs_diff(posted - left) <= 20,
         "{dropped} drops counted"
     );
+}
+
+/// What two links send in 20 s, of `baud` and of 115200, while `script` runs.
+fn sent_while(baud: u64, script: impl AsyncFn(&Shared)) -> [Vec<Frame>; 2] {
+    let check_in = CheckIn::new("", u32::MAX);
+    let sent = [const { RefCell::new(Vec::new()) }; 2];
+    let [slow, fast] = [(baud, &sent[0]), (115_200, &sent[1])].map(|(baud, sent)| {
+        let line = Line {
+            byte_us: byte_us(baud),
+            sent,
+        };
+        (Link::new("line", baud as u32 / 10), line)
+    });
+    clock::run_for(Duration::from_secs(20), async {
+        let shared = Shared::new(Parameters::defaults());
+        let serve = async |(link, line): (Link, Line<'_>)| {
+            let telemetry = schedule_telemetry(&shared, &link, &check_in);
+            join(telemetry, write_frames(line, &shared, &link, &check_in)).await
+        };
+        join3(serve(slow), serve(fast), script(&shared)).await
+    });
+    sent.map(|sent| frames(&sent.take()))
+}
+
+/// The texts of one frame each, with the time at which they had arrived.
+fn texts(frames: &[Frame]) -> Vec<(u64, String)> {
+    of_message(frames, STATUSTEXT)
+        .iter()
+        .map(|frame| (frame.at_us, frame.text(1, 50)))
+        .collect()
+}
+
+const WARNING: MavSeverity = MavSeverity::MAV_SEVERITY_WARNING;
+
+#[test]
+fn what_is_announced_is_said_once_and_at_once_on_every_link() {
+    let said = sent_while(57_600, async |shared| {
+        for number in 1..=5 {
+            Timer::after_millis(1_030).await;
+            shared.announce(WARNING, &format!("Battery {number} is low"));
+        }
+    });
+    for frames in said {
+        assert_no_sequence_gap(&frames);
+        let texts = texts(&frames);
+        assert_eq!(texts.len(), 5, "{texts:?}");
+        for (number, (at_us, text)) in (1..).zip(texts) {
+            assert_eq!(text, format!("Battery {number} is low"));
+            let announced_us = number * 1_030_000;
+            assert!(at_us > announced_us && at_us - announced_us < 100_000, "{at_us}");
+        }
+    }
+}
+
+#[test]
+fn all_packs_can_be_announced_in_the_same_tick() {
+    let said = sent_while(57_600, async |shared| {
+        Timer::after_millis(1_030).await;
+        for number in 1..=9 {
+            shared.announce(WARNING, &format!("Battery {number}: {}", "x".repeat(80)));
+        }
+    });
+    for frames in said {
+        let texts = texts(&frames);
+        // Two chunks each.
+        assert_eq!(texts.len(), 18);
+        for (number, chunks) in (1..).zip(texts.chunks(2)) {
+            assert!(
+                chunks[0].1.starts_with(&format!("Battery {number}: ")),
+                "{chunks:?}"
+            );
+            assert_eq!(chunks[0].1.len() + chunks[1].1.len(), 91);
+        }
+    }
+}
+
+#[test]
+fn a_text_that_is_too_long_is_cut_off_between_characters() {
+    let [frames, _] = sent_while(57_600, async |shared| {
+        Timer::after_millis(1_030).await;
+        shared.announce(WARNING, &format!("{}°C", "x".repeat(95)));
+    });
+    let texts = texts(&frames);
+    assert_eq!(texts[0].1.len() + texts[1].1.len(), 95);
+}
+
+/// 1200 baud carry two texts a second; four hundred are announced in that time.
+#[test]
+fn a_link_that_is_too_slow_loses_the_oldest_and_no_other_link_does() {
+    const TEXTS: usize = 400;
+    let [slow, fast] = sent_while(1_200, async |shared| {
+        for number in 1..=TEXTS {
+            Timer::after_millis(20).await;
+            shared.announce(WARNING, &format!("number {number:3} {}", "x".repeat(30)));
+        }
+    });
+    assert_eq!(texts(&fast).len(), TEXTS);
+    let mut said: Vec<_> = texts(&slow).into_iter().map(|(_, text)| text).collect();
+    // What the link says of itself comes in between.
+    said.retain(|text| text.starts_with("number"));
+    assert!(said.len() < TEXTS / 4, "{}", said.len());
+    assert!(
+        said.is_sorted() && said.windows(2).all(|pair| pair[0] != pair[1]),
+        "{said:?}"
+    );
+    assert!(said[0].starts_with("number   1"));
+    assert_eq!(of_message(&slow, HEARTBEAT).len(), 20);
+}
+
+#[test]
+fn a_notice_is_said_to_who_is_connected_and_to_who_connects_later() {
+    let [frames, _] = sent_while(57_600, async |shared| {
+        Timer::after_millis(1_030).await;
+        shared.notice(WARNING, "Parameters can't be saved");
+    });
+    assert_eq!(texts(&frames).len(), 1);
+
+    let check_in = CheckIn::new("", u32::MAX);
+    let sent = RefCell::new(Vec::new());
+    let line = Line {
+        byte_us: byte_us(57_600),
+        sent: &sent,
+    };
+    clock::run_for(Duration::from_secs(5), async {
+        let (shared, link) = (Shared::new(Parameters::defaults()), Link::new("late", 5_760));
+        shared.notice(WARNING, "Parameters can't be saved");
+        shared.announce(WARNING, "Nobody was there to hear it");
+        let telemetry = schedule_telemetry(&shared, &link, &check_in);
+        join(telemetry, write_frames(line, &shared, &link, &check_in)).await
+    });
+    let late = texts(&support::frames::frames(&sent.take()));
+    assert_eq!(late.len(), 1, "{late:?}");
+    assert_eq!(late[0].1, "Parameters can't be saved");
 }
 
 struct Fed<'a>(&'a RefCell<Vec<u64>>);

@@ -5,16 +5,17 @@ mod support;
 use std::collections::HashMap;
 
 use proptest::prelude::*;
+use rover_battmon::battery::{BatteryState, ChargeState, MAX_PACKS, PackStatus, Visibility};
 use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, SystemState};
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
 use support::frames::{
-    COMMAND_ACK, FILE_TRANSFER_PROTOCOL, Frame, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT,
-    encode_v1, frames, of_message,
+    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL, Frame, HEARTBEAT, PARAM_ERROR,
+    PARAM_VALUE, ParamValue, STATUSTEXT, SYS_STATUS, encode_v1, frames, of_message,
 };
 use support::requests::{
-    EVERYONE, VEHICLE, command_int, command_long, ftp_open, param_read_by_index, param_read_by_name,
-    param_request_list, param_set, param_set_payload, param_set_to,
+    EVERYONE, VEHICLE, command_int, command_int_2, command_long, command_long_2, ftp_open,
+    param_read_by_index, param_read_by_name, param_request_list, param_set, param_set_payload, param_set_to,
 };
 
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
@@ -31,9 +32,11 @@ const VALUE_OUT_OF_RANGE: u8 = 2;
 const ACCEPTED: u8 = 0;
 const DENIED: u8 = 2;
 const UNSUPPORTED: u8 = 3;
+const FAILED: u8 = 4;
 
-/// Our end of a fast link, and the parameters it serves.
+/// Our end of a fast link, and the parameters and packs it serves.
 struct Desk {
+    batteries: Vec<BatteryState>,
     endpoint: Endpoint,
     framer: Framer,
     parameters: Parameters,
@@ -41,7 +44,12 @@ struct Desk {
 
 impl Desk {
     fn new() -> Self {
+        Self::with_packs(&[])
+    }
+
+    fn with_packs(batteries: &[BatteryState]) -> Self {
         Self {
+            batteries: batteries.to_vec(),
             endpoint: Endpoint::new(100_000, 0),
             framer: Framer::new(),
             parameters: Parameters::defaults(),
@@ -56,15 +64,25 @@ impl Desk {
                 let taken = self.endpoint.push(part);
                 assert!(taken > 0, "no room for another byte");
                 part = &part[taken..];
-                while let Some(event) =
-                    self.endpoint
-                        .handle_next(0, &SystemState::default(), &mut self.parameters)
-                {
+                let state = SystemState {
+                    batteries: &self.batteries,
+                    ..SystemState::default()
+                };
+                while let Some(event) = self.endpoint.handle_next(0, &state, &mut self.parameters) {
                     events.push(event);
                 }
             }
         }
         events
+    }
+
+    /// Posts what is due at `now_us`.
+    fn post_due(&mut self, now_us: u64) {
+        let state = SystemState {
+            batteries: &self.batteries,
+            ..SystemState::default()
+        };
+        self.endpoint.post_due(now_us, &state, &self.parameters);
     }
 
     /// Delivers a request and returns the answers.
@@ -75,8 +93,13 @@ impl Desk {
 
     /// Everything that waits to leave.
     fn sent(&mut self) -> Vec<Frame> {
+        self.sent_at_most(usize::MAX)
+    }
+
+    /// The messages that leave while the wire takes so many.
+    fn sent_at_most(&mut self, messages: usize) -> Vec<Frame> {
         let mut bytes = Vec::new();
-        while let Some(message) = self.endpoint.take(&self.parameters) {
+        for message in std::iter::from_fn(|| self.endpoint.take(&self.parameters)).take(messages) {
             bytes.extend(self.framer.frame(&message, 1).iter().map(|byte| (0, *byte)));
         }
         frames(&bytes)
@@ -340,14 +363,13 @@ fn mcrf4xx(bytes: &[u8], extra: u8) -> u16 {
 fn commands_are_executed_denied_or_unsupported() {
     const PREFLIGHT_STORAGE: u16 = 245;
     const PREFLIGHT_REBOOT_SHUTDOWN: u16 = 246;
-    // BATTERY_RESET is a command of a dialect we do not know, 65535 of none.
+    // Without a percentage BATTERY_RESET is denied; 65535 is a command of no dialect.
     for (number, param1, result) in [
         (PREFLIGHT_STORAGE, 2.0, ACCEPTED),
         (PREFLIGHT_STORAGE, 0.0, DENIED),
         (PREFLIGHT_REBOOT_SHUTDOWN, 1.0, ACCEPTED),
         (PREFLIGHT_REBOOT_SHUTDOWN, f32::NAN, DENIED),
         (410, 0.0, UNSUPPORTED),
-        (42651, 1.0, UNSUPPORTED),
         (65535, 1.0, UNSUPPORTED),
     ] {
         let mut desk = Desk::new();
@@ -357,6 +379,158 @@ fn commands_are_executed_denied_or_unsupported() {
     let mut desk = Desk::new();
     let events = desk.receive_in_chunks(&command_long(PREFLIGHT_REBOOT_SHUTDOWN, 1.0), 64);
     assert_eq!(events, [Event::Command(Action::Reboot)]);
+}
+
+const BATTERY_RESET: u16 = 42651;
+const REQUEST_MESSAGE: u16 = 512;
+const SET_MESSAGE_INTERVAL: u16 = 511;
+
+fn healthy() -> BatteryState {
+    BatteryState {
+        status: PackStatus::Healthy,
+        charge_state: ChargeState::Ok,
+        voltage_v: Some(11.1),
+        ..BatteryState::default()
+    }
+}
+
+/// Instances 0 and 2 are monitored.
+fn packs_with_a_gap() -> [BatteryState; 4] {
+    let none = BatteryState::disabled();
+    [healthy(), none, healthy(), none]
+}
+
+#[test]
+fn a_battery_reset_reaches_the_packs_that_exist() {
+    for (mask, result, reset) in [
+        (1.0, ACCEPTED, Some(1)),
+        (4.0, ACCEPTED, Some(4)),
+        (5.0, ACCEPTED, Some(5)),
+        (13.0, ACCEPTED, Some(5)),
+        (-1.0, FAILED, Some(5)),
+        (65535.0, FAILED, Some(5)),
+        (2.0, FAILED, None),
+        (0.0, FAILED, None),
+        (f32::NAN, DENIED, None),
+    ] {
+        for request in [
+            command_long_2(BATTERY_RESET, mask, 56.0),
+            command_int_2(BATTERY_RESET, mask, 56.0),
+        ] {
+            let mut desk = Desk::with_packs(&packs_with_a_gap());
+            let events = desk.receive_in_chunks(&request, 64);
+            let expected = match reset {
+                Some(mask) => Event::Command(Action::ResetBatteries { mask, percent: 56.0 }),
+                None => Event::CommandRefused(BATTERY_RESET),
+            };
+            assert_eq!(events, [expected], "{mask}");
+            let answers = desk.sent();
+            assert_eq!(answers.len(), 1);
+            assert_ack(&answers[0], BATTERY_RESET, result);
+        }
+    }
+    let mut desk = Desk::with_packs(&packs_with_a_gap());
+    assert_ack(
+        &desk.one_answer(&command_long(BATTERY_RESET, 1.0)),
+        BATTERY_RESET,
+        DENIED,
+    );
+}
+
+#[test]
+fn battery_status_is_requested_by_instance() {
+    let mut desk = Desk::with_packs(&packs_with_a_gap());
+    for instance in [0, 2] {
+        let request = command_long_2(REQUEST_MESSAGE, BATTERY_STATUS as f32, f32::from(instance));
+        let answers = desk.ask(&request);
+        assert_ack(&answers[0], REQUEST_MESSAGE, ACCEPTED);
+        assert_eq!(answers[1].message_id, BATTERY_STATUS);
+        assert_eq!(BatteryStatus(&answers[1]).instance(), instance);
+    }
+    for instance in [1.0, 3.0, 4.0] {
+        let request = command_long_2(REQUEST_MESSAGE, BATTERY_STATUS as f32, instance);
+        assert_ack(&desk.one_answer(&request), REQUEST_MESSAGE, DENIED);
+    }
+}
+
+/// How many BATTERY_STATUS each instance has, and how many SYS_STATUS there are.
+fn count(frames: &[Frame]) -> ([usize; MAX_PACKS], usize) {
+    let mut packs = [0; MAX_PACKS];
+    for frame in of_message(frames, BATTERY_STATUS) {
+        packs[usize::from(BatteryStatus(frame).instance())] += 1;
+    }
+    (packs, of_message(frames, SYS_STATUS).len())
+}
+
+/// What is sent in `seconds` by a link that is free for `messages` at each due time.
+fn sent_in(desk: &mut Desk, seconds: u64, messages: usize) -> Vec<Frame> {
+    let mut sent = Vec::new();
+    loop {
+        let due_us = desk.endpoint.next_due_us();
+        if due_us >= seconds * 1_000_000 {
+            return sent;
+        }
+        desk.post_due(due_us);
+        sent.extend(desk.sent_at_most(messages));
+    }
+}
+
+#[test]
+fn nine_packs_are_each_sent_at_the_full_rate() {
+    for rate_hz in [1, 2, 10, 50] {
+        let mut desk = Desk::with_packs(&[healthy(); MAX_PACKS]);
+        desk.parameters
+            .set(VehicleParameter::Sr0Extra1, rate_hz as f32)
+            .expect("it is in range");
+        let (packs, sys_status) = count(&sent_in(&mut desk, 60, usize::MAX));
+        assert_eq!(packs, [60 * rate_hz; MAX_PACKS]);
+        assert_eq!(sys_status, 60 * rate_hz);
+        assert_eq!(desk.endpoint.statistics().dropped, 0);
+    }
+}
+
+#[test]
+fn an_interval_holds_for_all_packs_at_once() {
+    let mut desk = Desk::with_packs(&[healthy(); MAX_PACKS]);
+    desk.ask(&command_long_2(SET_MESSAGE_INTERVAL, 147.0, 100_000.0));
+    let (packs, sys_status) = count(&sent_in(&mut desk, 60, usize::MAX));
+    assert_eq!((packs, sys_status), ([600; MAX_PACKS], 120));
+}
+
+#[test]
+fn a_pack_that_is_not_reported_is_not_sent() {
+    let internal = BatteryState {
+        visibility: Visibility::Internal,
+        ..healthy()
+    };
+    let mut desk = Desk::with_packs(&[
+        healthy(),
+        BatteryState::disabled(),
+        internal,
+        BatteryState::default(),
+    ]);
+    let (packs, sys_status) = count(&sent_in(&mut desk, 60, usize::MAX));
+    assert_eq!((packs, sys_status), ([120, 0, 0, 120, 0, 0, 0, 0, 0], 120));
+}
+
+#[test]
+fn nine_packs_share_a_link_that_is_too_slow_evenly_and_heartbeat_goes_first() {
+    for messages in 1..10 {
+        let mut desk = Desk::with_packs(&[healthy(); MAX_PACKS]);
+        let sent = sent_in(&mut desk, 600, messages);
+        // HEARTBEAT is due at every other due time of the streams.
+        assert_eq!(of_message(&sent, HEARTBEAT).len(), 600);
+        let (packs, sys_status) = count(&sent);
+        let most = packs.iter().copied().fold(sys_status, usize::max);
+        let least = packs.iter().copied().fold(sys_status, usize::min);
+        assert!(
+            most - least <= 1 && least > 0,
+            "{messages}: {packs:?}, {sys_status}"
+        );
+        let waiting = desk.sent().len();
+        let dropped = 1200 * 10 - packs.iter().sum::<usize>() - sys_status - waiting;
+        assert_eq!(desk.endpoint.statistics().dropped as usize, dropped);
+    }
 }
 
 #[test]
@@ -484,8 +658,7 @@ fn telemetry_goes_on_while_requests_flood_in() {
     let mut desk = Desk::new();
     let flood = param_read_by_index(0).repeat(50);
     desk.receive_in_chunks(&flood, 64);
-    desk.endpoint
-        .post_due(0, &SystemState::default(), &desk.parameters);
+    desk.post_due(0);
     let sent = desk.sent();
     assert_eq!(sent[0].message_id, HEARTBEAT, "it goes first");
     assert_eq!(

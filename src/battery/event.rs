@@ -38,7 +38,7 @@ impl fmt::Display for PackEvent {
         match self {
             Self::CellsDetected { count } => write!(f, "has {count} cells (set BATT_CELLS to be sure)"),
             Self::CellsUnclear { voltage_v } => {
-                write!(f, "cells unclear at {voltage_v:.2}V: set BATT_CELLS")
+                write!(f, "cells unclear at {}V: set BATT_CELLS", Hundredths(*voltage_v))
             }
             Self::Swapped => f.write_str("swapped: estimates restarted"),
             Self::Gap(Gap {
@@ -49,7 +49,7 @@ impl fmt::Display for PackEvent {
                 "not measured for {duration_s:.0}s: {counted_mah:.0}mAh assumed"
             ),
             Self::Gap(Gap { duration_s, .. }) => {
-                write!(f, "not measured for {duration_s:.0}s: consumption too low")
+                write!(f, "not measured for {}s: consumption too low", whole(*duration_s))
             }
             Self::Failsafe {
                 level,
@@ -62,8 +62,30 @@ impl fmt::Display for PackEvent {
                     FailsafeLevel::Low => "low",
                     FailsafeLevel::Critical => "critical",
                 };
-                write!(f, "is {level} {voltage_v:.2}V used {consumed_mah:.0} mAh")
+                write!(
+                    f,
+                    "is {level} {}V used {} mAh",
+                    Hundredths(*voltage_v),
+                    whole(*consumed_mah)
+                )
             }
         }
     }
+}
+
+/// A number with two decimals. Formatting floats would cost the firmware some 20 KB.
+struct Hundredths(f32);
+
+impl fmt::Display for Hundredths {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let hundredths = whole(self.0 * 100.0);
+        let sign = if hundredths < 0 { "-" } else { "" };
+        let magnitude = hundredths.unsigned_abs();
+        write!(f, "{sign}{}.{:02}", magnitude / 100, magnitude % 100)
+    }
+}
+
+/// Rounded half away from zero; saturating.
+fn whole(value: f32) -> i32 {
+    (value + if value < 0.0 { -0.5 } else { 0.5 }) as i32
 }

@@ -1,6 +1,7 @@
 //! Several packs as one.
 
 use super::{BatteryState, Consumed, Measurement, PackStatus, ReadError};
+use crate::parameter::{BatteryParameter, Pack, Parameters};
 
 /// How the voltages of the packs are put together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -10,6 +11,20 @@ pub enum SumVoltage {
     Mean,
     /// The lowest (`BATT_OPTIONS` bit 9).
     Lowest,
+}
+
+/// `BATT_OPTIONS`: the lowest voltage.
+const USE_LOWEST: i32 = 1 << 9;
+
+impl SumVoltage {
+    /// As the parameters of the sum say.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
+        if parameters.get_whole(BatteryParameter::Options.of(pack)) & USE_LOWEST != 0 {
+            Self::Lowest
+        } else {
+            Self::Mean
+        }
+    }
 }
 
 /// What packs that are used together amount to: the voltage of those that are healthy, the sum of the currents and of

@@ -26,7 +26,7 @@ pub struct Peer {
 }
 
 /// What came of a received message, for whoever runs the link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Event {
     /// It was not for us, or nothing we act on.
@@ -83,7 +83,7 @@ fn request(frame: &ReceivedFrame<'_>, system_id: u8) -> Option<Request> {
 /// What a request may use and change.
 pub(super) struct Context<'a> {
     pub now_us: u64,
-    pub state: &'a SystemState,
+    pub state: &'a SystemState<'a>,
     pub parameters: &'a mut Parameters,
     pub list: &'a mut ParameterList,
     pub rates: &'a mut Rates,
@@ -137,9 +137,11 @@ pub(super) fn dispatch(
                 target_component: from.component_id,
             }));
             outcome.message.into_iter().for_each(answer);
-            return match outcome.result {
-                result if result != MavResult::MAV_RESULT_ACCEPTED => Event::CommandRefused(command.number),
-                _ => outcome.action.map_or(Event::Answered, Event::Command),
+            return match outcome.action {
+                // Even a command that fails for one pack has an effect on the others.
+                Some(action) => Event::Command(action),
+                None if outcome.result == MavResult::MAV_RESULT_ACCEPTED => Event::Answered,
+                None => Event::CommandRefused(command.number),
             };
         }
         Request::FileTransfer => {

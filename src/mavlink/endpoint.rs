@@ -2,13 +2,13 @@
 
 use super::dialect::MavSeverity;
 use super::dispatcher::{Context, Event, dispatch};
+use super::messages::chunks_of;
 use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;
 use super::rates::Rates;
 use super::services::parameters::ParameterList;
 use super::system_state::{LinkStatistics, SystemState};
-use super::{Message, Stream, status_texts};
-use crate::battery::PackStatus;
+use super::{Message, Periodic, Stream, status_texts};
 use crate::parameter::{Parameters, VehicleParameter};
 
 /// A few messages dropped may be a hiccup; so many are a link that is too slow.
@@ -58,7 +58,12 @@ impl Endpoint {
 
     /// Posts everything that is due at `now_us`. `state` is what telemetry reports, apart from the link's own counters.
     /// Says what was dropped for it, if anything.
-    pub fn post_due(&mut self, now_us: u64, state: &SystemState, parameters: &Parameters) -> Option<Stream> {
+    pub fn post_due(
+        &mut self,
+        now_us: u64,
+        state: &SystemState<'_>,
+        parameters: &Parameters,
+    ) -> Option<Stream> {
         self.rates.follow(parameters, now_us);
         self.list.release(
             now_us,
@@ -66,22 +71,37 @@ impl Endpoint {
             self.bytes_per_second,
         );
         let mut dropped = None;
-        while let Some(stream) = self.rates.scheduler.poll(now_us) {
-            if !has_something_to_say(stream, state) {
-                continue;
-            }
-            let state = SystemState {
-                link: self.statistics(),
-                ..*state
-            };
-            if self.outbox.post(stream, stream.build(&state)) != Posted::Queued {
-                self.dropped = self.dropped.wrapping_add(1);
-                self.streams_dropped = self.streams_dropped.saturating_add(1);
-                dropped = Some(stream);
-            }
+        while let Some(message) = self.rates.scheduler.poll(now_us) {
+            dropped = self.post(message, state).or(dropped);
         }
         self.report_shortfall();
         dropped
+    }
+
+    /// Posts all instances of a message. A pack that is not reported has none, and its due time passes.
+    fn post(&mut self, message: Periodic, state: &SystemState<'_>) -> Option<Stream> {
+        let state = SystemState {
+            link: self.statistics(),
+            ..*state
+        };
+        match message {
+            Periodic::Heartbeat => self.post_stream(Stream::Heartbeat, &state),
+            Periodic::SysStatus => self.post_stream(Stream::SysStatus, &state),
+            Periodic::BatteryStatus => state
+                .reported()
+                .filter_map(|instance| self.post_stream(Stream::BatteryStatus(instance), &state))
+                .last(),
+        }
+    }
+
+    /// Posts a message of `stream`, and answers the stream if one was dropped for it.
+    fn post_stream(&mut self, stream: Stream, state: &SystemState<'_>) -> Option<Stream> {
+        if self.outbox.post(stream, stream.build(state)) == Posted::Queued {
+            return None;
+        }
+        self.dropped = self.dropped.wrapping_add(1);
+        self.streams_dropped = self.streams_dropped.saturating_add(1);
+        Some(stream)
     }
 
     /// Tells the ground station once that it gets less than it asked for.
@@ -119,6 +139,11 @@ impl Endpoint {
         self.outbox.is_empty()
     }
 
+    /// Whether a text of so many bytes can be said now without losing a part of it.
+    pub fn has_room_to_say(&self, text_bytes: usize) -> bool {
+        self.outbox.room_for_replies() >= chunks_of(text_bytes)
+    }
+
     /// Sends a text, in as many messages as it needs.
     pub fn say(&mut self, severity: MavSeverity, text: &str) {
         self.texts = self.texts.wrapping_add(1).max(1);
@@ -149,7 +174,7 @@ impl Endpoint {
     pub fn handle_next(
         &mut self,
         now_us: u64,
-        state: &SystemState,
+        state: &SystemState<'_>,
         parameters: &mut Parameters,
     ) -> Option<Event> {
         let link = self.statistics();
@@ -169,13 +194,5 @@ impl Endpoint {
             }
         };
         Some(dispatch(&frame, context, answer))
-    }
-}
-
-/// A pack that is not monitored has no BATTERY_STATUS.
-fn has_something_to_say(stream: Stream, state: &SystemState) -> bool {
-    match stream {
-        Stream::Heartbeat | Stream::SysStatus => true,
-        Stream::BatteryStatus(instance) => state.battery(instance).status != PackStatus::Disabled,
     }
 }

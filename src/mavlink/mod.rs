@@ -29,12 +29,12 @@ pub use endpoint::Endpoint;
 pub use framer::Framer;
 pub use messages::{
     CommandAck, FileTransferNak, Message, Stream, build_autopilot_version, build_battery_status,
-    build_heartbeat, build_protocol_version, build_sys_status, status_texts,
+    build_heartbeat, build_protocol_version, build_sys_status, pack_announcement, status_texts,
 };
 pub use outbox::{NoRoom, Outbox, Posted};
 pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};
 pub use payload::{Name, Payload};
-pub use scheduler::{Interval, NotStreamed, StreamScheduler};
+pub use scheduler::{Interval, NotStreamed, Periodic, StreamScheduler};
 pub use services::commands::Action;
 pub use system_state::{LinkStatistics, SystemState};
 

@@ -1,11 +1,12 @@
 //! Messages that wait for the wire.
 
-use heapless::{Deque, Vec};
+use heapless::Deque;
 
 use super::{Message, Stream};
+use crate::battery::MAX_PACKS;
 
-/// Every stream there is: HEARTBEAT, SYS_STATUS and BATTERY_STATUS.
-const STREAMS: usize = 3;
+/// Every stream there is: HEARTBEAT, SYS_STATUS and BATTERY_STATUS of each pack.
+const STREAMS: usize = 2 + MAX_PACKS;
 
 /// Answers that can wait. Ground stations ask for a few things at a time and repeat what is not answered.
 const REPLIES: usize = 16;
@@ -18,7 +19,7 @@ pub enum Posted {
     Queued,
     /// It took the turn of an older message of its stream that had not been sent yet; the older one is dropped.
     Replaced,
-    /// There was no room: it is dropped.
+    /// There is no place for its stream: it is dropped.
     Refused,
 }
 
@@ -29,13 +30,26 @@ pub struct NoRoom;
 
 /// Messages that wait for the wire: answers, and at most one message of each stream.
 ///
-/// HEARTBEAT goes first, then answers in the order they came, then the streams in turn. When the wire is slower than the
-/// streams, a newer message takes the place of the older one of its stream and keeps its turn. So every stream gets the
-/// same share of a link that is too slow, none starves, and what arrives is fresh.
+/// HEARTBEAT goes first, then answers in the order they came, then the streams in turn, always in the same order. When
+/// the wire is slower than the streams, a newer message takes the place of the older one of its stream. So every stream
+/// gets the same share of a link that is too slow, none starves, and what arrives is fresh.
 #[derive(Debug, Default)]
 pub struct Outbox {
     replies: Deque<Message, REPLIES>,
-    streams: Vec<(Stream, Message), STREAMS>,
+    /// What waits of each stream, at the stream's place.
+    streams: [Option<Message>; STREAMS],
+    /// The place whose turn it is.
+    turn: usize,
+}
+
+const HEARTBEAT_PLACE: usize = 0;
+
+fn place(stream: Stream) -> usize {
+    match stream {
+        Stream::Heartbeat => HEARTBEAT_PLACE,
+        Stream::SysStatus => 1,
+        Stream::BatteryStatus(instance) => 2 + usize::from(instance),
+    }
 }
 
 impl Outbox {
@@ -46,13 +60,12 @@ impl Outbox {
 
     /// Posts the next message of `stream` and says what was dropped for it, if anything.
     pub fn post(&mut self, stream: Stream, message: Message) -> Posted {
-        if let Some((_, older)) = self.streams.iter_mut().find(|(other, _)| *other == stream) {
-            *older = message;
-            return Posted::Replaced;
-        }
-        match self.streams.push((stream, message)) {
-            Ok(()) => Posted::Queued,
-            Err(_) => Posted::Refused,
+        let Some(place) = self.streams.get_mut(place(stream)) else {
+            return Posted::Refused;
+        };
+        match place.replace(message) {
+            None => Posted::Queued,
+            Some(_) => Posted::Replaced,
         }
     }
 
@@ -64,30 +77,30 @@ impl Outbox {
         self.replies.push_back(message).map_err(|_| NoRoom)
     }
 
+    /// How many more answers there is room for.
+    pub fn room_for_replies(&self) -> usize {
+        REPLIES - self.replies.len()
+    }
+
     /// Takes out what has to leave before anything else: a HEARTBEAT, else the oldest answer.
     pub fn take_urgent(&mut self) -> Option<Message> {
-        let heartbeat = self
-            .streams
-            .iter()
-            .position(|(stream, _)| *stream == Stream::Heartbeat);
-        match heartbeat {
-            Some(place) => Some(self.streams.remove(place).1),
-            None => self.replies.pop_front(),
-        }
+        self.streams[HEARTBEAT_PLACE]
+            .take()
+            .or_else(|| self.replies.pop_front())
     }
 
     /// Takes out the message of the stream whose turn it is.
     pub fn take_stream(&mut self) -> Option<Message> {
-        if self.streams.is_empty() {
-            None
-        } else {
-            Some(self.streams.remove(0).1)
-        }
+        (0..STREAMS).find_map(|_| {
+            let place = self.turn;
+            self.turn = (place + 1) % STREAMS;
+            self.streams.get_mut(place)?.take()
+        })
     }
 
     /// Whether nothing waits.
     pub fn is_empty(&self) -> bool {
-        self.replies.is_empty() && self.streams.is_empty()
+        self.replies.is_empty() && self.streams.iter().all(Option::is_none)
     }
 }
 
@@ -95,6 +108,7 @@ impl Outbox {
 mod tests {
     use super::super::{SystemState, status_texts};
     use super::*;
+    use crate::battery::BatteryState;
     use crate::mavlink::dialect::MavSeverity;
     use proptest::prelude::*;
 
@@ -105,9 +119,14 @@ mod tests {
     }
 
     fn battery_status(voltage_v: f32) -> Message {
-        let mut state = SystemState::default();
-        state.battery.voltage_v = Some(voltage_v);
-        BATTERY.build(&state)
+        let batteries = [BatteryState {
+            voltage_v: Some(voltage_v),
+            ..BatteryState::default()
+        }];
+        BATTERY.build(&SystemState {
+            batteries: &batteries,
+            ..SystemState::default()
+        })
     }
 
     fn answer(text: &str) -> Message {
@@ -146,30 +165,49 @@ mod tests {
     }
 
     #[test]
-    fn a_newer_message_replaces_the_older_of_its_stream_and_keeps_its_turn() {
+    fn a_newer_message_replaces_the_older_of_its_stream() {
         let mut outbox = Outbox::new();
         outbox.post(BATTERY, battery_status(11.0));
-        outbox.post(Stream::SysStatus, build(Stream::SysStatus));
         assert_eq!(outbox.post(BATTERY, battery_status(10.0)), Posted::Replaced);
         assert_eq!(take(&mut outbox), Some(battery_status(10.0)));
-        assert_eq!(take(&mut outbox), Some(build(Stream::SysStatus)));
         assert_eq!(take(&mut outbox), None);
+    }
+
+    #[test]
+    fn each_stream_has_its_turn_however_often_all_are_posted() {
+        let mut outbox = Outbox::new();
+        let mut taken = Vec::new();
+        for round in 0..40 {
+            for stream in streams() {
+                outbox.post(stream, build(stream));
+            }
+            // Another number each time, so that a round ends anywhere.
+            taken.extend((0..1 + round % 4).filter_map(|_| outbox.take_stream()));
+        }
+        let in_turn: Vec<_> = streams().cycle().take(100).map(build).collect();
+        assert_eq!(taken, in_turn);
+    }
+
+    /// Those that take turns: all but HEARTBEAT.
+    fn streams() -> impl Iterator<Item = Stream> + Clone {
+        let packs = (0..MAX_PACKS as u8).map(Stream::BatteryStatus);
+        std::iter::once(Stream::SysStatus).chain(packs)
     }
 
     #[test]
     fn no_room_is_said() {
         let mut outbox = Outbox::new();
+        assert_eq!(outbox.room_for_replies(), REPLIES);
         for _ in 0..REPLIES {
             assert_eq!(outbox.reply(answer("x")), Ok(()));
         }
         assert_eq!(outbox.reply(answer("y")), Err(NoRoom));
-        for instance in 0..STREAMS as u8 {
-            outbox.post(Stream::BatteryStatus(instance), battery_status(11.0));
+        assert_eq!(outbox.room_for_replies(), 0);
+        for stream in streams() {
+            assert_eq!(outbox.post(stream, build(stream)), Posted::Queued);
         }
-        assert_eq!(
-            outbox.post(Stream::SysStatus, build(Stream::SysStatus)),
-            Posted::Refused
-        );
+        let tenth = Stream::BatteryStatus(MAX_PACKS as u8);
+        assert_eq!(outbox.post(tenth, build(tenth)), Posted::Refused);
     }
 
     fn any_stream() -> impl Strategy<Value = Stream> {

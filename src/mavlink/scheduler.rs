@@ -1,6 +1,8 @@
-//! When which stream of one link is due.
+//! When which message of one link is due.
 
-use super::Stream;
+use ::mavlink::MessageData;
+
+use super::dialect::{BATTERY_STATUS_DATA, HEARTBEAT_DATA, SYS_STATUS_DATA};
 use super::slowdown::Slowdown;
 use crate::cadence::Cadence;
 
@@ -12,10 +14,30 @@ const MICROSECONDS_PER_SECOND: f32 = 1e6;
 /// 50 Hz, the highest rate a stream is sent at.
 pub(super) const SHORTEST_INTERVAL_US: u64 = 20_000;
 
-/// Every stream there is. HEARTBEAT keeps its rate; the others follow `SR0_EXTRA1` unless told otherwise.
-const STREAMS: [Stream; 3] = [Stream::Heartbeat, Stream::SysStatus, Stream::BatteryStatus(0)];
+/// A message that is sent regularly. All its instances are due together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Periodic {
+    /// HEARTBEAT: it keeps its rate.
+    Heartbeat,
+    /// SYS_STATUS: it follows `SR0_EXTRA1` unless told otherwise.
+    SysStatus,
+    /// BATTERY_STATUS of every pack: it follows `SR0_EXTRA1`, too.
+    BatteryStatus,
+}
 
-/// How often the messages of a stream are sent.
+impl Periodic {
+    const ALL: [Self; 3] = [Self::Heartbeat, Self::SysStatus, Self::BatteryStatus];
+
+    fn message_id(self) -> u32 {
+        match self {
+            Self::Heartbeat => HEARTBEAT_DATA::ID,
+            Self::SysStatus => SYS_STATUS_DATA::ID,
+            Self::BatteryStatus => BATTERY_STATUS_DATA::ID,
+        }
+    }
+}
+
+/// How often a message is sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interval {
     /// As its parameter says.
@@ -30,14 +52,14 @@ pub enum Interval {
 /// Decides when which message of one link is due. It reads no clock: the time comes in.
 #[derive(Clone, Debug)]
 pub struct StreamScheduler {
-    entries: [Entry; STREAMS.len()],
+    entries: [Entry; Periodic::ALL.len()],
     extra1_interval_us: Option<u64>,
     slowdown: Slowdown,
 }
 
 #[derive(Clone, Debug)]
 struct Entry {
-    stream: Stream,
+    message: Periodic,
     interval: Interval,
     /// `None` while it is off.
     cadence: Option<Cadence>,
@@ -46,13 +68,13 @@ struct Entry {
 impl StreamScheduler {
     /// A scheduler whose HEARTBEAT is due at `now_us`, and everything else off.
     pub fn new(now_us: u64) -> Self {
-        let entry = |stream| Entry {
-            stream,
+        let entry = |message| Entry {
+            message,
             interval: Interval::Default,
             cadence: None,
         };
         let mut scheduler = Self {
-            entries: STREAMS.map(entry),
+            entries: Periodic::ALL.map(entry),
             extra1_interval_us: None,
             slowdown: Slowdown::default(),
         };
@@ -80,10 +102,10 @@ impl StreamScheduler {
         for entry in self
             .entries
             .iter_mut()
-            .filter(|entry| entry.stream.message_id() == message_id)
+            .filter(|entry| entry.message.message_id() == message_id)
         {
             known = true;
-            if entry.stream != Stream::Heartbeat {
+            if entry.message != Periodic::Heartbeat {
                 entry.interval = interval;
             }
         }
@@ -99,7 +121,7 @@ impl StreamScheduler {
         let entry = self
             .entries
             .iter()
-            .find(|entry| entry.stream.message_id() == message_id);
+            .find(|entry| entry.message.message_id() == message_id);
         entry
             .map(|entry| self.asked_interval_us(entry))
             .ok_or(NotStreamed)
@@ -111,14 +133,14 @@ impl StreamScheduler {
         self.apply(now_us);
     }
 
-    /// The next stream that is due at `now_us`. Called until it answers `None`; each due time is given once.
-    pub fn poll(&mut self, now_us: u64) -> Option<Stream> {
+    /// The next message that is due at `now_us`. Called until it answers `None`; each due time is given once.
+    pub fn poll(&mut self, now_us: u64) -> Option<Periodic> {
         self.entries
             .iter_mut()
-            .find_map(|entry| entry.cadence.as_mut()?.take(now_us).then_some(entry.stream))
+            .find_map(|entry| entry.cadence.as_mut()?.take(now_us).then_some(entry.message))
     }
 
-    /// When the next stream is due, in µs.
+    /// When the next message is due, in µs.
     pub fn next_due_us(&self) -> u64 {
         let due = self
             .entries
@@ -129,8 +151,8 @@ impl StreamScheduler {
     }
 
     fn asked_interval_us(&self, entry: &Entry) -> Option<u64> {
-        match (entry.stream, entry.interval) {
-            (Stream::Heartbeat, _) => Some(HEARTBEAT_INTERVAL_US),
+        match (entry.message, entry.interval) {
+            (Periodic::Heartbeat, _) => Some(HEARTBEAT_INTERVAL_US),
             (_, Interval::Default) => self.extra1_interval_us,
             (_, Interval::Off) => None,
             (_, Interval::Every(interval_us)) => Some(interval_us),
@@ -141,7 +163,7 @@ impl StreamScheduler {
     fn apply(&mut self, now_us: u64) {
         for index in 0..self.entries.len() {
             let entry = &self.entries[index];
-            let slowdown_us = if entry.stream == Stream::Heartbeat {
+            let slowdown_us = if entry.message == Periodic::Heartbeat {
                 0
             } else {
                 self.slowdown.delay_us()
@@ -177,21 +199,21 @@ mod tests {
         scheduler: &mut StreamScheduler,
         until_us: u64,
         mut late_us: impl FnMut() -> u64,
-    ) -> Vec<(u64, Stream)> {
+    ) -> Vec<(u64, Periodic)> {
         let mut sent = Vec::new();
         loop {
             let now_us = scheduler.next_due_us() + late_us();
             if now_us >= until_us {
                 return sent;
             }
-            while let Some(stream) = scheduler.poll(now_us) {
-                sent.push((now_us, stream));
+            while let Some(message) = scheduler.poll(now_us) {
+                sent.push((now_us, message));
             }
         }
     }
 
-    fn count(sent: &[(u64, Stream)], stream: Stream) -> usize {
-        sent.iter().filter(|(_, s)| *s == stream).count()
+    fn count(sent: &[(u64, Periodic)], message: Periodic) -> usize {
+        sent.iter().filter(|(_, m)| *m == message).count()
     }
 
     #[test]
@@ -205,9 +227,9 @@ mod tests {
                 k
             });
             let expected = (600.0 * rate_hz) as usize;
-            assert_eq!(count(&sent, Stream::Heartbeat), 600);
-            assert_eq!(count(&sent, Stream::SysStatus), expected);
-            assert_eq!(count(&sent, Stream::BatteryStatus(0)), expected);
+            assert_eq!(count(&sent, Periodic::Heartbeat), 600);
+            assert_eq!(count(&sent, Periodic::SysStatus), expected);
+            assert_eq!(count(&sent, Periodic::BatteryStatus), expected);
         }
     }
 
@@ -218,7 +240,7 @@ mod tests {
         scheduler.set_extra1_rate(0.0, 0);
         let sent = run(&mut scheduler, 10_000_000, || 0);
         assert_eq!(sent.len(), 10);
-        assert_eq!(count(&sent, Stream::Heartbeat), 10);
+        assert_eq!(count(&sent, Periodic::Heartbeat), 10);
     }
 
     #[test]
@@ -235,8 +257,8 @@ mod tests {
         // The rate of the others does not matter to them.
         scheduler.set_extra1_rate(50.0, 0);
         let sent = run(&mut scheduler, 10_000_000, || 0);
-        assert_eq!(count(&sent, Stream::BatteryStatus(0)), 100);
-        assert_eq!(count(&sent, Stream::SysStatus), 0);
+        assert_eq!(count(&sent, Periodic::BatteryStatus), 100);
+        assert_eq!(count(&sent, Periodic::SysStatus), 0);
 
         scheduler.set_extra1_rate(2.0, 10_000_000);
         scheduler
@@ -261,13 +283,13 @@ mod tests {
         for _ in 0..5 {
             scheduler.radio_buffer_free(10, 0);
         }
-        let slowed = count(&run(&mut scheduler, 40_000_000, || 0), Stream::SysStatus);
+        let slowed = count(&run(&mut scheduler, 40_000_000, || 0), Periodic::SysStatus);
         assert_eq!(slowed, 100, "every 100 + 5 × 60 ms");
         for _ in 0..20 {
             scheduler.radio_buffer_free(100, 40_000_000);
         }
         let sent = run(&mut scheduler, 50_000_000, || 0);
-        assert!(count(&sent, Stream::SysStatus) >= 99);
+        assert!(count(&sent, Periodic::SysStatus) >= 99);
     }
 
     #[test]
@@ -276,10 +298,10 @@ mod tests {
         scheduler.set_extra1_rate(50.0, 0);
         while scheduler.poll(0).is_some() {}
         let mut after_a_stall = Vec::new();
-        while let Some(stream) = scheduler.poll(3_400_001) {
-            after_a_stall.push(stream);
+        while let Some(message) = scheduler.poll(3_400_001) {
+            after_a_stall.push(message);
         }
-        assert_eq!(after_a_stall, STREAMS);
+        assert_eq!(after_a_stall, Periodic::ALL);
         assert_eq!(scheduler.next_due_us(), 3_420_000);
     }
 
@@ -304,7 +326,7 @@ mod tests {
                 scheduler.set_extra1_rate(rate_hz, now_us);
                 scheduler.set_interval(BATTERY_STATUS, Interval::Every(interval_us.into()), now_us).unwrap();
                 scheduler.radio_buffer_free(percent, now_us);
-                for _ in 0..=STREAMS.len() {
+                for _ in 0..=Periodic::ALL.len() {
                     scheduler.poll(now_us);
                 }
                 prop_assert_eq!(scheduler.poll(now_us), None);

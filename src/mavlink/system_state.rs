@@ -1,27 +1,51 @@
 //! Everything telemetry reports, at one moment.
 
 use super::ReceiveStatistics;
-use crate::battery::BatteryState;
+use crate::battery::{BatteryState, PackStatus, Visibility};
 
 /// Everything the telemetry of one link reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SystemState {
-    /// The primary pack, instance 0.
-    pub battery: BatteryState,
+pub struct SystemState<'a> {
+    /// The packs by their instance; the first one is the primary pack.
+    pub batteries: &'a [BatteryState],
     /// Busy share of the processor over the last second, in tenths of a percent (0 to 1000).
     pub load_permille: u16,
     /// What happened on the link this state is sent over.
     pub link: LinkStatistics,
 }
 
-impl SystemState {
+impl SystemState<'_> {
     /// The pack of this instance; a pack that does not exist is one of which nothing is known.
     pub fn battery(&self, instance: u8) -> BatteryState {
-        if instance == 0 {
-            self.battery
-        } else {
-            BatteryState::default()
-        }
+        self.batteries
+            .get(usize::from(instance))
+            .copied()
+            .unwrap_or_default()
+    }
+
+    /// The packs that are monitored.
+    pub fn monitored(&self) -> impl Iterator<Item = &BatteryState> {
+        self.batteries
+            .iter()
+            .filter(|battery| battery.status != PackStatus::Disabled)
+    }
+
+    /// The packs that are monitored, one bit for each instance, bit 0 for the first.
+    pub fn monitored_mask(&self) -> u16 {
+        let packs = (0..u16::BITS).zip(self.batteries);
+        packs
+            .filter(|(_, battery)| battery.status != PackStatus::Disabled)
+            .fold(0, |mask, (instance, _)| mask | 1 << instance)
+    }
+
+    /// The instances of the packs that have a BATTERY_STATUS of their own: those monitored and not kept on board.
+    pub fn reported(&self) -> impl Iterator<Item = u8> {
+        let packs = (0..u8::MAX).zip(self.batteries);
+        packs
+            .filter(|(_, battery)| {
+                battery.status != PackStatus::Disabled && battery.visibility == Visibility::Reported
+            })
+            .map(|(instance, _)| instance)
     }
 }
 

@@ -1,4 +1,4 @@
-//! The voltage divider on an analog pin.
+//! The analog pins and their converter.
 
 use crate::battery::ReadError;
 
@@ -32,7 +32,10 @@ pub enum AnalogPin {
 }
 
 impl AnalogPin {
-    /// The pin with this GPIO number (`BATT_VOLT_PIN`).
+    /// Every analog pin; a pin's number is its place.
+    pub const ALL: [Self; 4] = [Self::Gp26, Self::Gp27, Self::Gp28, Self::Gp29];
+
+    /// The pin with this GPIO number (`BATT_VOLT_PIN`, `BATT_CURR_PIN`).
     pub fn from_gpio(number: i32) -> Option<Self> {
         match number {
             26 => Some(Self::Gp26),
@@ -67,23 +70,6 @@ pub async fn read_mean(input: &mut impl AnalogIn, pin: AnalogPin) -> Result<AdcC
     let conversions = u32::from(BURST_CONVERSIONS);
     // A mean of u16 values fits u16.
     Ok(AdcCount(((sum + conversions / 2) / conversions) as u16))
-}
-
-/// How the pack's voltage becomes the voltage at a pin.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct VoltageDivider {
-    /// Pack voltage divided by pin voltage (`BATT_VOLT_MULT`).
-    pub multiplier: f32,
-    /// Pin voltage without a pack, in volts (`BATT_VLT_OFFSET`).
-    pub offset_v: f32,
-}
-
-impl VoltageDivider {
-    /// The pack's voltage: `(count / 4095 × 3.3 V − offset) × multiplier`.
-    pub fn pack_voltage_v(&self, count: AdcCount) -> f32 {
-        let pin_v = f32::from(count.0) * (ADC_REFERENCE_V / f32::from(ADC_FULL_SCALE));
-        (pin_v - self.offset_v) * self.multiplier
-    }
 }
 
 #[cfg(test)]
@@ -135,22 +121,5 @@ mod tests {
             block_on(read_mean(&mut input, AnalogPin::Gp26)),
             Err(ReadError::Conversion)
         );
-    }
-
-    #[test]
-    fn counts_become_the_voltage_the_requirement_names() {
-        let divider = VoltageDivider {
-            multiplier: 3.95,
-            offset_v: 0.0,
-        };
-        // FR-00069: 3000 counts are 9.55 V with the default multiplier.
-        assert!((divider.pack_voltage_v(AdcCount(3000)) - 9.55).abs() < 0.005);
-        assert!((divider.pack_voltage_v(AdcCount(2482)) - 7.9006).abs() < 0.0005);
-        assert_eq!(divider.pack_voltage_v(AdcCount(0)), 0.0);
-        let offset = VoltageDivider {
-            offset_v: 0.1,
-            ..divider
-        };
-        assert!((offset.pack_voltage_v(AdcCount(2482)) - (7.9006 - 0.395)).abs() < 0.0005);
     }
 }

@@ -1,8 +1,11 @@
 //! From the conversions of a part to a [`crate::battery::Measurement`].
 
 mod analog;
+mod analog_monitor;
+mod kind;
 
 pub use analog::{
-    ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS, VoltageDivider,
-    read_mean,
+    ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS, read_mean,
 };
+pub use analog_monitor::{AnalogReadings, AnalogWiring, CurrentSensor, VoltageDivider};
+pub use kind::MonitorKind;

@@ -9,10 +9,12 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker};
 
 use super::{Client, Clients, PackModel, SimulatedFlash, SimulatedPack, SimulatedPackInput, UdpWire};
+use crate::battery::RetainedRecord;
 use crate::liveness::CheckIn;
 use crate::parameter::{ParameterStorage, Parameters};
 use crate::tasks::{
-    Link, Shared, keep_parameters, load_parameters, reboot_requested, report_load, sample_battery, serve_link,
+    Link, Shared, keep_parameters, load_parameters, reboot_requested, report_load, sample_batteries,
+    serve_link,
 };
 
 /// Ground stations that can be connected at the same time.
@@ -35,8 +37,14 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
         let (parameters, loaded) = load_parameters(&mut storage).await;
         let desk = Desk::new(parameters, &pack);
         report_load(&desk.shared, loaded);
+        let mut memory = [RetainedRecord::BLANK; 2];
         let vehicle = join4(
-            sample_battery(SimulatedPackInput::new(&pack), &desk.shared, &UNWATCHED),
+            sample_batteries(
+                SimulatedPackInput::new(&pack),
+                &mut memory,
+                &desk.shared,
+                &UNWATCHED,
+            ),
             keep_parameters(storage, &desk.shared, &UNWATCHED),
             join(
                 join_array([(); MAX_CLIENTS].map(|()| desk.serve(clients))),
@@ -115,7 +123,7 @@ impl<'a> Desk<'a> {
         };
         self.status.set(now);
         Status {
-            voltage_v: self.shared.battery().voltage_v,
+            voltage_v: self.shared.battery(0).voltage_v,
             current_a: pack.current_a(),
             charge: pack.charge(),
             samples: now.samples.wrapping_sub(before.samples),

@@ -1,14 +1,18 @@
-//! Samples the pack at 10 Hz.
+//! Samples the packs at 10 Hz.
 
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
 use super::{Shared, mark};
-use crate::battery::{BatteryMonitor, BatteryState, Measurement, PackSettings, PackStatus, ReadError, Tick};
+use crate::battery::{
+    BatteryBank, FAILED_READS_UNTIL_UNHEALTHY, MAX_PACKS, Measurement, PackSettings, PackStatus, ReadError,
+    RetainedMemory, SumVoltage, Tick, recall, retain,
+};
 use crate::cadence::Cadence;
 use crate::liveness::CheckIn;
 use crate::log::{info, warn};
-use crate::parameter::{BatteryParameter, Pack};
-use crate::sensor::{AnalogIn, AnalogPin, VoltageDivider, read_mean};
+use crate::mavlink::pack_announcement;
+use crate::parameter::{BatteryParameter, Pack, Parameters};
+use crate::sensor::{AnalogIn, AnalogPin, AnalogReadings, AnalogWiring, MonitorKind, read_mean};
 
 /// 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.
 const SAMPLING_INTERVAL_US: u64 = 100_000;
@@ -16,66 +20,163 @@ const SAMPLING_INTERVAL_US: u64 = 100_000;
 /// A read that takes longer counts as failed.
 const READ_TIMEOUT: Duration = Duration::from_millis(2);
 
-/// `BATT_MONITOR`: the battery is not monitored.
-const MONITOR_DISABLED: i32 = 0;
+/// Of the failed reads of an unhealthy pack, each so manieth is logged.
+const LOGGED_FAILURE: u8 = 10;
 
-/// Reads the pack's pin every 100 ms, lets the monitor judge, publishes the state. Ticks that could not be kept are
-/// skipped, not made up for.
-pub async fn sample_battery(mut input: impl AnalogIn, shared: &Shared, check_in: &CheckIn) -> ! {
-    let disabled = shared.whole_parameter(BatteryParameter::Monitor.of(Pack::First)) == MONITOR_DISABLED;
-    let mut monitor = BatteryMonitor::new();
+/// The throttle for synthetic currents: nothing drives the motors yet.
+const THROTTLE: f32 = 0.0;
+
+/// Reads the packs' pins every 100 ms, lets the monitors judge, publishes the states. Ticks that could not be kept are
+/// skipped, not made up for. What was consumed goes on from `memory`, if that has survived a reset.
+pub async fn sample_batteries(
+    mut input: impl AnalogIn,
+    memory: &mut RetainedMemory,
+    shared: &Shared,
+    check_in: &CheckIn,
+) -> ! {
+    let kinds = shared.with_parameters(|parameters| Pack::ALL.map(|pack| kind_of(parameters, pack)));
+    let mut bank = BatteryBank::new();
+    if let Some(remembered) = recall(memory) {
+        bank.restore(&remembered);
+        info!("battery: consumption kept over the reset");
+    }
     let mut ticks = Cadence::starting_at(Instant::now().as_micros(), SAMPLING_INTERVAL_US);
     loop {
         Timer::at(Instant::from_micros(ticks.due_us())).await;
         ticks.take(Instant::now().as_micros());
-        if disabled {
-            shared.publish_battery(BatteryState::disabled());
-        } else {
-            sample(&mut input, shared, &mut monitor).await;
+        let readings = read_pins(&mut input, shared, &kinds).await;
+        let tick = Tick {
+            now_us: Instant::now().as_micros(),
+            ..Tick::default()
+        };
+        // Sums come last: they are of this tick's states.
+        let in_order = || Pack::ALL.into_iter().zip(kinds);
+        for (pack, kind) in in_order().filter(|(_, kind)| *kind != Some(MonitorKind::Sum)) {
+            update(&mut bank, pack, kind, tick, &readings, shared);
         }
+        for (pack, kind) in in_order().filter(|(_, kind)| *kind == Some(MonitorKind::Sum)) {
+            update(&mut bank, pack, kind, tick, &readings, shared);
+        }
+        retain(memory, &bank.memory());
+        shared.count_sample();
         mark(check_in);
     }
 }
 
-async fn sample(input: &mut impl AnalogIn, shared: &Shared, monitor: &mut BatteryMonitor) {
-    let reading = read(input, shared).await;
-    let before = monitor.state().status;
-    let tick = Tick {
-        now_us: Instant::now().as_micros(),
-        ..Tick::default()
-    };
-    let (_, error) = monitor.update(tick, reading, &PackSettings::default());
-    if let Some(error) = error {
-        let failed_reads = monitor.failed_reads();
-        warn!("battery 1: read failed, {:?}, {} in a row", error, failed_reads);
-    }
-    log_change(before, monitor.state().status);
-    shared.publish_battery(*monitor.state());
+fn kind_of(parameters: &Parameters, pack: Pack) -> Option<MonitorKind> {
+    MonitorKind::from_number(parameters.get_whole(BatteryParameter::Monitor.of(pack)))
 }
 
-async fn read(input: &mut impl AnalogIn, shared: &Shared) -> Result<Measurement, ReadError> {
-    let pin = AnalogPin::from_gpio(shared.whole_parameter(BatteryParameter::VoltPin.of(Pack::First)))
-        .ok_or(ReadError::NoPin)?;
-    let divider = VoltageDivider {
-        multiplier: shared.parameter(BatteryParameter::VoltMult.of(Pack::First)),
-        offset_v: shared.parameter(BatteryParameter::VltOffset.of(Pack::First)),
+/// Reads each pin that a pack needs, once; packs may share a pin.
+async fn read_pins(
+    input: &mut impl AnalogIn,
+    shared: &Shared,
+    kinds: &[Option<MonitorKind>; MAX_PACKS],
+) -> AnalogReadings {
+    let needed = shared.with_parameters(|parameters| needed_pins(parameters, kinds));
+    let mut readings = AnalogReadings::NONE;
+    for (pin, _) in AnalogPin::ALL
+        .into_iter()
+        .zip(needed)
+        .filter(|(_, is_needed)| *is_needed)
+    {
+        let count = with_timeout(READ_TIMEOUT, read_mean(input, pin)).await;
+        readings.set(pin, count.unwrap_or(Err(ReadError::Timeout)));
+    }
+    readings
+}
+
+fn needed_pins(
+    parameters: &Parameters,
+    kinds: &[Option<MonitorKind>; MAX_PACKS],
+) -> [bool; AnalogPin::ALL.len()] {
+    let mut needed = [false; AnalogPin::ALL.len()];
+    for (pack, kind) in Pack::ALL.into_iter().zip(kinds) {
+        let Some(kind) = *kind else { continue };
+        for pin in AnalogWiring::from_parameters(parameters, pack).pins(kind) {
+            if let Some(is_needed) = needed.get_mut(pin as usize) {
+                *is_needed = true;
+            }
+        }
+    }
+    needed
+}
+
+/// Takes one pack through a tick.
+fn update(
+    bank: &mut BatteryBank,
+    pack: Pack,
+    kind: Option<MonitorKind>,
+    tick: Tick,
+    readings: &AnalogReadings,
+    shared: &Shared,
+) {
+    let instance = pack.instance();
+    let Some(kind) = kind else { return };
+    let settings = shared.with_parameters(|parameters| PackSettings::from_parameters(parameters, pack));
+    let reading = measure(bank, pack, kind, readings, shared);
+    let Some(monitor) = bank.monitor(instance) else {
+        return;
     };
-    let count = with_timeout(READ_TIMEOUT, read_mean(input, pin))
-        .await
-        .map_err(|_| ReadError::Timeout)??;
-    Ok(Measurement {
-        voltage_v: Some(divider.pack_voltage_v(count)),
-        ..Measurement::default()
+    if let Some(percent) = shared.take_battery_reset(instance) {
+        monitor.reset(percent, &settings);
+    }
+    let before = monitor.state().status;
+    let (events, error) = monitor.update(tick, reading, &settings);
+    if let Some(error) = error {
+        log_failure(pack, error, monitor.failed_reads());
+    }
+    log_change(pack, before, monitor.state().status);
+    for event in events {
+        let (severity, text) = pack_announcement(instance, &event);
+        info!("{}", text.as_str());
+        shared.announce(severity, &text);
+    }
+    shared.publish_battery(instance, monitor.state());
+}
+
+fn measure(
+    bank: &BatteryBank,
+    pack: Pack,
+    kind: MonitorKind,
+    readings: &AnalogReadings,
+    shared: &Shared,
+) -> Result<Measurement, ReadError> {
+    shared.with_parameters(|parameters| match kind {
+        MonitorKind::Sum => {
+            let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
+            bank.sum(
+                pack.instance(),
+                mask,
+                SumVoltage::from_parameters(parameters, pack),
+            )
+        }
+        _ => AnalogWiring::from_parameters(parameters, pack).measure(kind, readings, THROTTLE),
     })
 }
 
-fn log_change(before: PackStatus, now: PackStatus) {
+/// Once it is unhealthy, a pack's failed reads tell nothing new; one in a second shows that they go on.
+fn log_failure(pack: Pack, error: ReadError, failed_reads: u8) {
+    if failed_reads <= FAILED_READS_UNTIL_UNHEALTHY || failed_reads.is_multiple_of(LOGGED_FAILURE) {
+        warn!(
+            "battery {}: read failed, {:?}, {} in a row",
+            pack.instance() + 1,
+            error,
+            failed_reads
+        );
+    }
+}
+
+fn log_change(pack: Pack, before: PackStatus, now: PackStatus) {
     if before == now {
         return;
     }
+    let number = pack.instance() + 1;
     match now {
-        PackStatus::Unhealthy => warn!("battery 1: unhealthy, keeping the last good value"),
-        PackStatus::NotConnected => warn!("battery 1: not connected"),
-        PackStatus::Disabled | PackStatus::Unknown | PackStatus::Healthy => info!("battery 1: {:?}", now),
+        PackStatus::Unhealthy => warn!("battery {}: unhealthy, keeping the last good value", number),
+        PackStatus::NotConnected => warn!("battery {}: not connected", number),
+        PackStatus::Disabled | PackStatus::Unknown | PackStatus::Healthy => {
+            info!("battery {}: {:?}", number, now)
+        }
     }
 }

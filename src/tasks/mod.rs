@@ -3,6 +3,7 @@
 //! They are plain generic `async fn`s, the same ones on the board and in the simulator. Each binary wraps them in
 //! `#[embassy_executor::task]`s of one line, since tasks can't be generic.
 
+mod announcements;
 mod battery;
 mod link;
 mod reader;
@@ -17,7 +18,8 @@ mod writer;
 
 use embassy_time::Instant;
 
-pub use battery::sample_battery;
+pub use announcements::ANNOUNCEMENT_BYTES;
+pub use battery::sample_batteries;
 pub use link::Link;
 pub use reader::{ByteSource, ReceiveError, read_frames};
 pub use reboot::reboot_requested;

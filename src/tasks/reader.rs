@@ -66,17 +66,22 @@ fn handle(mut bytes: &[u8], shared: &Shared, link: &Link) {
     loop {
         let taken = link.with(|endpoint| endpoint.push(bytes));
         bytes = bytes.get(taken..).unwrap_or(&[]);
-        let now_us = Instant::now().as_micros();
-        let state = shared.system_state();
-        while let Some(event) = link.with(|endpoint| {
-            shared.with_parameters(|parameters| endpoint.handle_next(now_us, &state, parameters))
-        }) {
+        while let Some(event) = handle_next(shared, link) {
             react(event, shared, link);
         }
         if bytes.is_empty() {
             return;
         }
     }
+}
+
+fn handle_next(shared: &Shared, link: &Link) -> Option<Event> {
+    let now_us = Instant::now().as_micros();
+    shared.with_system_state(|state| {
+        link.with(|endpoint| {
+            shared.with_parameters(|parameters| endpoint.handle_next(now_us, state, parameters))
+        })
+    })
 }
 
 fn react(event: Event, shared: &Shared, link: &Link) {
@@ -120,5 +125,6 @@ fn act(action: Action, shared: &Shared) {
             shared.to_clear.set(true);
             shared.to_save.signal(());
         }
+        Action::ResetBatteries { mask, percent } => shared.request_battery_reset(mask, percent),
     }
 }

@@ -6,13 +6,17 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use heapless::Vec;
 
-use crate::battery::BatteryState;
+use super::announcements::{Announcements, Listener};
+use crate::battery::{BatteryState, MAX_PACKS};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::MavSeverity;
-use crate::parameter::{ParameterId, Parameters};
+use crate::parameter::{BatteryParameter, Pack, ParameterId, Parameters};
 
 /// Things said about the start; one each for the parameters and the reset would do.
 const MAX_NOTICES: usize = 4;
+
+/// `BATT_MONITOR`: the pack is not monitored.
+const MONITOR_DISABLED: i32 = 0;
 
 /// Something every ground station should know about the start.
 pub type Notice = (MavSeverity, &'static str);
@@ -21,11 +25,13 @@ pub type Notice = (MavSeverity, &'static str);
 ///
 /// All tasks run on one executor and none is interrupted by another, so plain cells guard them.
 pub struct Shared {
-    battery: Cell<BatteryState>,
+    batteries: RefCell<[BatteryState; MAX_PACKS]>,
+    battery_resets: RefCell<[Option<f32>; MAX_PACKS]>,
     samples: Cell<u32>,
     load_permille: Cell<u16>,
     parameters: RefCell<Parameters>,
     notices: RefCell<Vec<Notice, MAX_NOTICES>>,
+    announcements: Announcements,
     /// Parameters have to be written to flash.
     pub(super) to_save: Signal<NoopRawMutex, ()>,
     /// Everything stored has to be forgotten.
@@ -39,11 +45,13 @@ impl Shared {
     /// Nothing measured yet, and these parameters.
     pub fn new(parameters: Parameters) -> Self {
         Self {
-            battery: Cell::new(BatteryState::default()),
+            batteries: RefCell::new(packs_at_boot(&parameters)),
+            battery_resets: RefCell::new([None; MAX_PACKS]),
             samples: Cell::new(0),
             load_permille: Cell::new(0),
             parameters: RefCell::new(parameters),
             notices: RefCell::new(Vec::new()),
+            announcements: Announcements::new(),
             to_save: Signal::new(),
             to_clear: Cell::new(false),
             storage_busy: Cell::new(false),
@@ -51,14 +59,36 @@ impl Shared {
         }
     }
 
-    /// What is known of the pack.
-    pub fn battery(&self) -> BatteryState {
-        self.battery.get()
+    /// What is known of the pack `instance` (0 to 8).
+    pub fn battery(&self, instance: u8) -> BatteryState {
+        self.with_system_state(|state| state.battery(instance))
     }
 
-    /// Publishes what is known of the pack after one more sampling tick.
-    pub(super) fn publish_battery(&self, state: BatteryState) {
-        self.battery.set(state);
+    /// Publishes what is known of the pack `instance` (0 to 8).
+    pub(super) fn publish_battery(&self, instance: u8, state: &BatteryState) {
+        if let Some(published) = self.batteries.borrow_mut().get_mut(usize::from(instance)) {
+            *published = *state;
+        }
+    }
+
+    /// Asks for the charge of the packs in `mask` (one bit for each instance) to be taken as `percent` of a full pack.
+    pub(super) fn request_battery_reset(&self, mask: u16, percent: f32) {
+        for (instance, reset) in self.battery_resets.borrow_mut().iter_mut().enumerate() {
+            if mask & 1 << instance != 0 {
+                *reset = Some(percent);
+            }
+        }
+    }
+
+    /// The charge the pack `instance` (0 to 8) has to be taken to have, in percent, if that was asked for since the last
+    /// call.
+    pub fn take_battery_reset(&self, instance: u8) -> Option<f32> {
+        let mut resets = self.battery_resets.borrow_mut();
+        resets.get_mut(usize::from(instance))?.take()
+    }
+
+    /// One more sampling tick is over, whatever the number of packs.
+    pub(super) fn count_sample(&self) {
         self.samples.set(self.samples.get().wrapping_add(1));
     }
 
@@ -91,19 +121,32 @@ impl Shared {
         self.load_permille.set(load_permille);
     }
 
-    /// What telemetry reports at this moment, apart from a link's own counters.
-    pub(super) fn system_state(&self) -> SystemState {
-        SystemState {
-            battery: self.battery(),
+    /// Uses what telemetry reports at this moment, apart from a link's own counters. It must not wait in there.
+    pub(super) fn with_system_state<R>(&self, use_it: impl FnOnce(&SystemState<'_>) -> R) -> R {
+        use_it(&SystemState {
+            batteries: &*self.batteries.borrow(),
             load_permille: self.load_permille(),
             ..SystemState::default()
-        }
+        })
     }
 
-    /// Tells every ground station that connects.
+    /// Tells every ground station, those that connect later too.
     pub fn notice(&self, severity: MavSeverity, text: &'static str) {
         // One too many is not worth more than the log, where it stands anyway.
         let _ = self.notices.borrow_mut().push((severity, text));
+        self.announce(severity, text);
+    }
+
+    /// Tells every ground station that is connected, once. What is longer than [`ANNOUNCEMENT_BYTES`] is cut off.
+    ///
+    /// [`ANNOUNCEMENT_BYTES`]: super::ANNOUNCEMENT_BYTES
+    pub fn announce(&self, severity: MavSeverity, text: &str) {
+        self.announcements.publish(severity, text);
+    }
+
+    /// Listens to what is announced from now on.
+    pub(super) fn announcements(&self) -> Listener<'_> {
+        self.announcements.listen()
     }
 
     pub(super) fn notices(&self) -> Vec<Notice, MAX_NOTICES> {
@@ -115,5 +158,51 @@ impl Shared {
         self.storage_busy.get()
             || self.to_clear.get()
             || self.with_parameters(|parameters| parameters.next_unsaved().is_some())
+    }
+}
+
+/// Before the first sample nothing is known of the packs, but which are monitored.
+fn packs_at_boot(parameters: &Parameters) -> [BatteryState; MAX_PACKS] {
+    Pack::ALL.map(|pack| {
+        if parameters.get_whole(BatteryParameter::Monitor.of(pack)) == MONITOR_DISABLED {
+            BatteryState::disabled()
+        } else {
+            BatteryState::default()
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::PackStatus;
+
+    #[test]
+    fn a_reset_is_taken_once_by_each_pack_it_names() {
+        let shared = Shared::new(Parameters::defaults());
+        shared.request_battery_reset(0b1_0000_0101, 100.0);
+        shared.request_battery_reset(0b1, 56.0);
+        let taken = || (0..=9).map(|instance| shared.take_battery_reset(instance));
+        let mut expected = [None; 10];
+        (expected[0], expected[2], expected[8]) = (Some(56.0), Some(100.0), Some(100.0));
+        assert!(taken().eq(expected));
+        assert!(taken().all(|reset| reset.is_none()));
+    }
+
+    #[test]
+    fn the_packs_are_published_by_their_instance() {
+        let shared = Shared::new(Parameters::defaults());
+        assert_eq!(shared.battery(0).status, PackStatus::Unknown);
+        assert_eq!(shared.battery(1).status, PackStatus::Disabled);
+        let state = BatteryState {
+            status: PackStatus::Healthy,
+            voltage_v: Some(11.1),
+            ..BatteryState::default()
+        };
+        shared.publish_battery(8, &state);
+        shared.publish_battery(9, &state);
+        assert_eq!(shared.battery(8), state);
+        assert_eq!(shared.battery(9), BatteryState::default());
+        shared.with_system_state(|state| assert!(state.reported().eq([0, 8])));
     }
 }

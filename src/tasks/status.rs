@@ -1,8 +1,9 @@
-//! One line a second in the log, and the processor's load.
+//! What is logged each second, and the processor's load.
 
 use embassy_time::{Duration, Instant, Ticker};
 
 use super::{Link, Shared, mark};
+use crate::battery::{BatteryState, PackStatus};
 use crate::liveness::CheckIn;
 use crate::log::info;
 
@@ -58,16 +59,21 @@ impl Snapshot {
 }
 
 fn log(shared: &Shared, link: &Link, now: &Snapshot, before: &Snapshot) {
-    let battery = shared.battery();
-    let voltage_mv = battery.voltage_v.map(|voltage_v| (voltage_v * 1000.0) as u32);
+    shared.with_system_state(|state| state.batteries.iter().zip(1u8..).for_each(log_pack));
     info!(
-        "battery 1: {:?} {:?} mV, {} samples/s; {}: {} frames/s, {} dropped; load {} permille",
-        battery.status,
-        voltage_mv,
+        "{} samples/s; {}: {} frames/s, {} dropped; load {} permille",
         now.samples.wrapping_sub(before.samples),
         link.name(),
         now.sent.wrapping_sub(before.sent),
         now.dropped.wrapping_sub(before.dropped),
         shared.load_permille(),
     );
+}
+
+fn log_pack((battery, number): (&BatteryState, u8)) {
+    if battery.status == PackStatus::Disabled {
+        return;
+    }
+    let voltage_mv = battery.voltage_v.map(|voltage_v| (voltage_v * 1000.0) as u32);
+    info!("battery {}: {:?} {:?} mV", number, battery.status, voltage_mv);
 }

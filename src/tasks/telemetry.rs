@@ -1,34 +1,62 @@
 //! Posts the messages of one link when they are due.
 
-use embassy_futures::select::select;
+use core::future::{Future, pending};
+
+use embassy_futures::select::{Either3, select3};
+use embassy_sync::pubsub::WaitResult;
 use embassy_time::{Instant, Timer};
 
+use super::announcements::{ANNOUNCEMENT_BYTES, Announcement};
 use super::{Link, Shared, mark};
 use crate::liveness::CheckIn;
+use crate::log::warn;
 
-/// Builds each stream of `link` from the state at its due time and posts it; sleeps in between.
+/// Builds each stream of `link` from the state at its due time and posts it, and passes on what is announced; sleeps in
+/// between.
 pub async fn schedule_telemetry(shared: &Shared, link: &Link, check_in: &CheckIn) -> ! {
-    let mut notices_said = 0;
+    let mut announcements = shared.announcements();
+    for (severity, text) in shared.notices() {
+        link.with(|endpoint| endpoint.say(severity, text));
+    }
     loop {
-        for (severity, text) in shared.notices().into_iter().skip(notices_said) {
-            link.with(|endpoint| endpoint.say(severity, text));
-            notices_said += 1;
-        }
-        let now_us = Instant::now().as_micros();
-        let state = shared.system_state();
-        let dropped = link.with(|endpoint| {
-            shared.with_parameters(|parameters| endpoint.post_due(now_us, &state, parameters))
-        });
-        if let Some(stream) = dropped {
-            link.report_drop(stream);
-        }
+        post_due(shared, link);
         link.to_write.signal(());
         mark(check_in);
         let next_due_us = link.with(|endpoint| endpoint.next_due_us());
-        select(
+        // Without room they wait where they are until the next due time.
+        let has_room = link.with(|endpoint| endpoint.has_room_to_say(ANNOUNCEMENT_BYTES));
+        let woken = select3(
             Timer::at(Instant::from_micros(next_due_us)),
             link.to_schedule.wait(),
-        )
-        .await;
+            only_if(has_room, announcements.next()),
+        );
+        if let Either3::Third(announced) = woken.await {
+            say(announced, link);
+        }
+    }
+}
+
+fn post_due(shared: &Shared, link: &Link) {
+    let now_us = Instant::now().as_micros();
+    let dropped = shared.with_system_state(|state| {
+        link.with(|endpoint| {
+            shared.with_parameters(|parameters| endpoint.post_due(now_us, state, parameters))
+        })
+    });
+    if let Some(stream) = dropped {
+        link.report_drop(stream);
+    }
+}
+
+async fn only_if<T>(condition: bool, future: impl Future<Output = T>) -> T {
+    if condition { future.await } else { pending().await }
+}
+
+fn say(announced: WaitResult<Announcement>, link: &Link) {
+    match announced {
+        WaitResult::Message(announcement) => {
+            link.with(|endpoint| endpoint.say(announcement.severity, &announcement.text));
+        }
+        WaitResult::Lagged(lost) => warn!("{}: busy, {} announcements were not said", link.name(), lost),
     }
 }

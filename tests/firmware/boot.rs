@@ -26,16 +26,19 @@ fn the_banner_names_version_and_reset_reason() {
 }
 
 #[test]
-fn one_line_a_second_tells_voltage_and_rates() {
+fn two_lines_a_second_tell_voltage_and_rates() {
     let mut bench = Bench::power_up(2482);
     bench.run_for(10 * SECOND + SECOND / 2);
     let lines = bench.logged(LogLevel::Info, "samples/s");
     assert_eq!(lines.len(), 10);
-    let (_, last) = &lines[9];
+    let packs = bench.logged(LogLevel::Info, "mV");
+    assert_eq!(packs.len(), 10, "one pack: {packs:?}");
+    let (_, last) = &packs[9];
     assert!(
-        last.contains("Healthy") && last.contains("7900") && last.contains("mV"),
+        last.contains("battery 1: Healthy") && last.contains("7900"),
         "{last}"
     );
+    let (_, last) = &lines[9];
     assert!(
         last.contains("10 samples/s") && last.contains("5 frames/s") && last.contains("0 dropped"),
         "{last}"

@@ -1,23 +1,27 @@
 //! Intervals and requests, through the telemetry port.
 
 use crate::bench::{Bench, SECOND};
+use crate::emulator::LogLevel;
 use crate::support::frames::{
     AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, MESSAGE_INTERVAL, PING,
     PROTOCOL_VERSION, SYS_STATUS, TIMESYNC, of_message,
 };
 use crate::support::requests::{
-    command_int, command_long, command_long_2, param_set, ping, radio_status, request_data_stream, timesync,
+    command_int, command_int_2, command_long, command_long_2, param_set, ping, radio_status,
+    request_data_stream, timesync,
 };
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const GET_MESSAGE_INTERVAL: u16 = 510;
 const REQUEST_MESSAGE: u16 = 512;
+const BATTERY_RESET: u16 = 42651;
 const REQUEST_PROTOCOL_VERSION: u16 = 519;
 const REQUEST_AUTOPILOT_CAPABILITIES: u16 = 520;
 
 const ACCEPTED: u8 = 0;
 const DENIED: u8 = 2;
 const UNSUPPORTED: u8 = 3;
+const FAILED: u8 = 4;
 
 const STREAM_ALL: u8 = 0;
 const STREAM_EXTRA1: u8 = 10;
@@ -107,6 +111,28 @@ fn bad_intervals_are_denied_and_unknown_messages_unsupported() {
         DENIED
     );
     assert_rate(&mut bench, BATTERY_STATUS, 200);
+}
+
+#[test]
+fn the_pack_is_reset_by_either_form_of_the_command() {
+    let mut bench = running();
+    for request in [
+        command_long_2(BATTERY_RESET, 1.0, 56.0),
+        command_int_2(BATTERY_RESET, 65535.0, 56.0),
+        command_long_2(BATTERY_RESET, -1.0, 56.0),
+    ] {
+        assert_eq!(result(&bench.ask(&request)), ACCEPTED);
+    }
+    assert_eq!(bench.logged(LogLevel::Info, "ResetBatteries").len(), 3);
+    assert_eq!(
+        result(&bench.ask(&command_long_2(BATTERY_RESET, 2.0, 56.0))),
+        FAILED
+    );
+    assert_eq!(
+        result(&bench.ask(&command_long_2(BATTERY_RESET, 1.0, f32::NAN))),
+        DENIED
+    );
+    assert_eq!(bench.logged(LogLevel::Info, "ResetBatteries").len(), 3);
 }
 
 #[test]

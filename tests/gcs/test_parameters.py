@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 from pymavlink import mavutil
 
-from station import command, connect, is_about, rate_of, read, receive, set_to
+from station import command, command_int, connect, is_about, rate_of, read, receive, set_to
 
 mavlink = mavutil.mavlink
 
@@ -121,8 +121,17 @@ def test_damaged_storage_is_said(start_simulator, tmp_path):
     assert set_to(vehicle, "SR0_EXTRA1", 3).param_value == 3
 
 
+def test_battery_reset(vehicle):
+    reset = mavlink.MAV_CMD_BATTERY_RESET
+    for mask in (1, 65535, -1):
+        assert command(vehicle, reset, mask, 56) == mavlink.MAV_RESULT_ACCEPTED
+        assert command_int(vehicle, reset, mask, 97) == mavlink.MAV_RESULT_ACCEPTED
+    assert command(vehicle, reset, 2, 56) == mavlink.MAV_RESULT_FAILED
+    assert command(vehicle, reset, 1) == mavlink.MAV_RESULT_DENIED
+
+
 def test_unknown_commands_and_file_transfer_are_refused_at_once(vehicle):
-    for number in (mavlink.MAV_CMD_GET_HOME_POSITION, 42651, 65535):
+    for number in (mavlink.MAV_CMD_GET_HOME_POSITION, 65535):
         assert command(vehicle, number) == mavlink.MAV_RESULT_UNSUPPORTED
     assert command(vehicle, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 1) == mavlink.MAV_RESULT_DENIED
     opening = bytes([7, 0, 0, 4, 16, 0, 0, 0, 0, 0, 0, 0]) + b"@PARAM/param.pck"

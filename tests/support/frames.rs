@@ -204,6 +204,10 @@ pub fn of_message(frames: &[Frame], message_id: u32) -> Vec<&Frame> {
 pub struct BatteryStatus<'a>(pub &'a Frame);
 
 impl BatteryStatus<'_> {
+    pub fn instance(&self) -> u8 {
+        self.0.u8(32)
+    }
+
     pub fn voltage_mv(&self, cell: usize) -> u16 {
         self.0.u16(10 + 2 * cell)
     }

@@ -70,8 +70,13 @@ pub fn command_long_2(number: u16, param1: f32, param2: f32) -> Vec<u8> {
 }
 
 pub fn command_int(number: u16, param1: f32) -> Vec<u8> {
+    command_int_2(number, param1, 0.0)
+}
+
+pub fn command_int_2(number: u16, param1: f32, param2: f32) -> Vec<u8> {
     let mut payload = [0; 35];
     payload[..4].copy_from_slice(&param1.to_le_bytes());
+    payload[4..8].copy_from_slice(&param2.to_le_bytes());
     payload[28..30].copy_from_slice(&number.to_le_bytes());
     payload[30..32].copy_from_slice(&VEHICLE);
     encode_v2(COMMAND_INT, &payload)

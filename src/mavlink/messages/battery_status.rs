@@ -3,15 +3,18 @@
 use super::units::{
     MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, finite, remaining_pct, round_to_i32, voltage_mv,
 };
-use crate::battery::PackStatus;
+use crate::battery::{BatteryState, CellVoltages, ChargeState, Chemistry, Faults};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{
     BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
     MavBatteryType,
 };
 
-/// Cells in `voltages`; four more follow in `voltages_ext`.
+/// Cells in `voltages`.
 const CELLS: usize = 10;
+
+/// Cells in `voltages_ext`, which follow those.
+const EXT_CELLS: usize = 4;
 
 /// MAVLink's value for a cell of `voltages_ext` that is not used. Unlike in `voltages` it is 0: QGroundControl and
 /// MAVProxy add a stray 65535 there as 65.5 V.
@@ -32,26 +35,60 @@ const HECTOJOULES_PER_WH: f32 = 36.0;
 /// What is known of the pack `instance` (0-based).
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels, large
-/// ones saturate. The pack's voltage stands in `voltages[0]` while single cells aren't measured; above 65.534 V the rest
-/// spills into the next cells, so that their sum is the pack's voltage.
-pub fn build_battery_status(state: &SystemState, instance: u8) -> BATTERY_STATUS_DATA {
+/// ones saturate.
+///
+/// Cells that are measured are sent as they are, whichever of the pack's voltages is to be reported. While they aren't,
+/// that voltage stands in `voltages[0]`; above 65.534 V the rest spills into the next cells, so that their sum is the
+/// pack's voltage.
+pub fn build_battery_status(state: &SystemState<'_>, instance: u8) -> BATTERY_STATUS_DATA {
     let battery = state.battery(instance);
     BATTERY_STATUS_DATA {
         id: instance,
         battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
-        mavtype: MavBatteryType::MAV_BATTERY_TYPE_LIPO,
+        mavtype: battery_type(battery.chemistry),
         temperature: temperature_cdegc(battery.temperature_c),
-        voltages: pack_voltage_cells(battery.voltage_v),
+        voltages: voltages(&battery),
         current_battery: current_ca(battery.current_a),
         current_consumed: consumed(battery.consumed_mah),
         energy_consumed: consumed(battery.consumed_wh.map(|wh| wh * HECTOJOULES_PER_WH)),
         battery_remaining: remaining_pct(battery.remaining_pct),
         time_remaining: time_remaining_s(battery.time_remaining_s),
-        charge_state: charge_state(battery.status),
-        voltages_ext: [UNUSED_EXT_CELL_MV; 4],
+        charge_state: charge_state(battery.charge_state),
+        voltages_ext: ext_cells(&battery.cells),
         mode: MavBatteryMode::MAV_BATTERY_MODE_UNKNOWN,
-        fault_bitmask: MavBatteryFault::empty(),
+        fault_bitmask: fault_bitmask(battery.faults),
     }
+}
+
+/// What the cells are made of, as set; that is known even while nothing is measured.
+fn battery_type(chemistry: Chemistry) -> MavBatteryType {
+    match chemistry {
+        Chemistry::LiPo => MavBatteryType::MAV_BATTERY_TYPE_LIPO,
+        Chemistry::LiFe => MavBatteryType::MAV_BATTERY_TYPE_LIFE,
+        Chemistry::LiIon => MavBatteryType::MAV_BATTERY_TYPE_LION,
+        Chemistry::NiMh => MavBatteryType::MAV_BATTERY_TYPE_NIMH,
+    }
+}
+
+fn voltages(battery: &BatteryState) -> [u16; CELLS] {
+    let measured = battery.cells.millivolts();
+    if measured.is_empty() {
+        return pack_voltage_cells(battery.voltage_to_report_v());
+    }
+    let mut cells = [VOLTAGE_UNKNOWN_MV; CELLS];
+    for (cell, measured_mv) in cells.iter_mut().zip(measured) {
+        *cell = (*measured_mv).min(MAX_VOLTAGE_MV);
+    }
+    cells
+}
+
+/// The cells behind the tenth. One that is at 0 V is sent as 1 mV, since 0 is unused.
+fn ext_cells(measured: &CellVoltages) -> [u16; EXT_CELLS] {
+    let mut cells = [UNUSED_EXT_CELL_MV; EXT_CELLS];
+    for (cell, measured_mv) in cells.iter_mut().zip(measured.millivolts().iter().skip(CELLS)) {
+        *cell = (*measured_mv).clamp(1, MAX_VOLTAGE_MV);
+    }
+    cells
 }
 
 fn pack_voltage_cells(voltage_v: Option<f32>) -> [u16; CELLS] {
@@ -96,12 +133,20 @@ fn time_remaining_s(time_remaining_s: Option<f32>) -> i32 {
     }
 }
 
-fn charge_state(status: PackStatus) -> MavBatteryChargeState {
-    match status {
-        PackStatus::Healthy => MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_OK,
-        PackStatus::Unhealthy => MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_UNHEALTHY,
-        PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected => {
-            MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_UNDEFINED
-        }
+fn charge_state(charge_state: ChargeState) -> MavBatteryChargeState {
+    match charge_state {
+        ChargeState::Undefined => MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_UNDEFINED,
+        ChargeState::Ok => MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_OK,
+        ChargeState::Low => MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_LOW,
+        ChargeState::Critical => MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_CRITICAL,
+        ChargeState::Emergency => MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_EMERGENCY,
+        ChargeState::Failed => MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_FAILED,
+        ChargeState::Unhealthy => MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_UNHEALTHY,
+        ChargeState::Charging => MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_CHARGING,
     }
+}
+
+/// The bits are MAVLink's own.
+fn fault_bitmask(faults: Faults) -> MavBatteryFault {
+    MavBatteryFault::from_bits_truncate(u32::from(faults.bits()))
 }

@@ -1,6 +1,6 @@
 //! The messages that are sent, each of its own type.
 
-use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, MessageData};
+use ::mavlink::{MAVLinkV2MessageRaw, MavHeader};
 
 use super::command_ack::CommandAck;
 use super::file_transfer::FileTransferNak;
@@ -24,17 +24,8 @@ pub enum Stream {
 }
 
 impl Stream {
-    /// The id of its message.
-    pub fn message_id(self) -> u32 {
-        match self {
-            Self::Heartbeat => HEARTBEAT_DATA::ID,
-            Self::SysStatus => SYS_STATUS_DATA::ID,
-            Self::BatteryStatus(_) => BATTERY_STATUS_DATA::ID,
-        }
-    }
-
     /// The message of this stream, from the state at this moment.
-    pub fn build(self, state: &SystemState) -> Message {
+    pub fn build(self, state: &SystemState<'_>) -> Message {
         match self {
             Self::Heartbeat => Message::Heartbeat(build_heartbeat()),
             Self::SysStatus => Message::SysStatus(build_sys_status(state)),

@@ -5,17 +5,22 @@ use crate::mavlink::dialect::{MavSeverity, STATUSTEXT_DATA};
 /// Characters in one message.
 const CHUNK_BYTES: usize = 50;
 
+/// How many messages carry a text of so many bytes.
+pub(in crate::mavlink) fn chunks_of(text_bytes: usize) -> usize {
+    if text_bytes <= CHUNK_BYTES {
+        1
+    } else {
+        text_bytes / CHUNK_BYTES + 1
+    }
+}
+
 /// The messages that carry `text`: one if it fits, else chunks under the common `id`, which must not be 0.
 ///
 /// A receiver takes a chunk that is not full as the last one, so a text that fills its last chunk is followed by an
 /// empty one.
 pub fn status_texts(severity: MavSeverity, text: &str, id: u16) -> impl Iterator<Item = STATUSTEXT_DATA> {
     let bytes = text.as_bytes();
-    let chunks = if bytes.len() <= CHUNK_BYTES {
-        1
-    } else {
-        bytes.len() / CHUNK_BYTES + 1
-    };
+    let chunks = chunks_of(bytes.len());
     let id = if chunks == 1 { 0 } else { id };
     (0..chunks).map(move |chunk| {
         let mut text = [0; CHUNK_BYTES];

@@ -1,21 +1,23 @@
 //! SYS_STATUS (1).
 
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct, voltage_mv};
-use crate::battery::{BatteryState, PackStatus};
+use crate::battery::{BatteryState, ChargeState, PackStatus};
 use crate::mavlink::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
 use crate::mavlink::{ReceiveStatistics, SystemState};
 
-/// The primary pack's voltage, current and remaining charge, the battery sensor's health, the processor's load and the
-/// link's losses.
+/// The primary pack's voltage, current and remaining charge, whether all packs are healthy, the processor's load and
+/// the link's losses.
+///
+/// The primary pack is instance 0, even one that has no BATTERY_STATUS of its own.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels, large
 /// ones saturate.
-pub fn build_sys_status(state: &SystemState) -> SYS_STATUS_DATA {
+pub fn build_sys_status(state: &SystemState<'_>) -> SYS_STATUS_DATA {
     let battery = state.battery(0);
     SYS_STATUS_DATA {
-        onboard_control_sensors_present: monitored_sensors(&battery),
-        onboard_control_sensors_enabled: monitored_sensors(&battery),
-        onboard_control_sensors_health: healthy_sensors(&battery),
+        onboard_control_sensors_present: monitored_sensors(state),
+        onboard_control_sensors_enabled: monitored_sensors(state),
+        onboard_control_sensors_health: healthy_sensors(state),
         load: state.load_permille.min(1000),
         voltage_battery: pack_voltage_mv(&battery),
         current_battery: current_ca(battery.current_a),
@@ -45,26 +47,32 @@ fn drop_rate_percent_hundredths(received: &ReceiveStatistics) -> u16 {
     (lost * 10_000).checked_div(all).unwrap_or(0) as u16
 }
 
-fn monitored_sensors(battery: &BatteryState) -> MavSysStatusSensor {
-    match battery.status {
-        PackStatus::Disabled => MavSysStatusSensor::empty(),
-        PackStatus::Unknown | PackStatus::NotConnected | PackStatus::Healthy | PackStatus::Unhealthy => {
-            MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY
-        }
+fn monitored_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
+    battery_sensor_if(state.monitored().next().is_some())
+}
+
+/// One bit stands for all packs: it is set while all of them are sound.
+fn healthy_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
+    let all_healthy = state.monitored().all(is_healthy);
+    battery_sensor_if(all_healthy) & monitored_sensors(state)
+}
+
+fn battery_sensor_if(condition: bool) -> MavSysStatusSensor {
+    if condition {
+        MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY
+    } else {
+        MavSysStatusSensor::empty()
     }
 }
 
-fn healthy_sensors(battery: &BatteryState) -> MavSysStatusSensor {
-    match battery.status {
-        PackStatus::Healthy => MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY,
-        PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected | PackStatus::Unhealthy => {
-            MavSysStatusSensor::empty()
-        }
-    }
+/// An empty pack is healthy; one that has failed is not, even if its sensor works.
+fn is_healthy(battery: &BatteryState) -> bool {
+    let unfit = matches!(battery.charge_state, ChargeState::Failed | ChargeState::Unhealthy);
+    battery.status == PackStatus::Healthy && !unfit
 }
 
 fn pack_voltage_mv(battery: &BatteryState) -> u16 {
-    match voltage_mv(battery.voltage_v) {
+    match voltage_mv(battery.voltage_to_report_v()) {
         Some(voltage_mv) => voltage_mv.min(u32::from(MAX_VOLTAGE_MV)) as u16,
         None => VOLTAGE_UNKNOWN_MV,
     }

@@ -32,6 +32,12 @@ const INTERVAL_DEFAULT: f32 = 0.0;
 const NOT_AVAILABLE: i32 = 0;
 const TURNED_OFF: i32 = -1;
 
+/// MAV_CMD_BATTERY_RESET of ArduPilot's dialect: parameter 1 is a mask of packs, parameter 2 their charge in percent.
+const BATTERY_RESET: u16 = 42651;
+
+/// MAV_CMD_BATTERY_RESET, parameter 1: all packs, as MAVProxy writes it.
+const ALL_PACKS: f32 = -1.0;
+
 const PREFLIGHT_STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
 const PREFLIGHT_REBOOT_SHUTDOWN: u16 = MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN as u16;
 const GET_MESSAGE_INTERVAL: u16 = MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL as u16;
@@ -41,13 +47,20 @@ const REQUEST_PROTOCOL_VERSION: u16 = MavCmd::MAV_CMD_REQUEST_PROTOCOL_VERSION a
 const REQUEST_AUTOPILOT_CAPABILITIES: u16 = MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES as u16;
 
 /// What the vehicle has to do, beyond answering.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Action {
     /// Restart the board once what was answered and set has been sent and saved.
     Reboot,
     /// Forget everything stored and go back to the defaults.
     ResetParameters,
+    /// These packs have this much charge now.
+    ResetBatteries {
+        /// One bit for each instance, bit 0 for the first; only packs that are monitored.
+        mask: u16,
+        /// The charge in percent of a full pack, 0 to 100.
+        percent: f32,
+    },
 }
 
 /// A command as it was received. Ground stations fill parameters they don't use with NaN.
@@ -80,7 +93,7 @@ impl From<MavResult> for Outcome {
 impl From<Action> for Outcome {
     fn from(action: Action) -> Self {
         Self {
-            result: MavResult::MAV_RESULT_ACCEPTED,
+            result: ACCEPTED,
             message: None,
             action: Some(action),
         }
@@ -90,13 +103,15 @@ impl From<Action> for Outcome {
 impl From<Message> for Outcome {
     fn from(message: Message) -> Self {
         Self {
-            result: MavResult::MAV_RESULT_ACCEPTED,
+            result: ACCEPTED,
             message: Some(message),
             action: None,
         }
     }
 }
 
+const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
+const FAILED: MavResult = MavResult::MAV_RESULT_FAILED;
 const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 const UNSUPPORTED: MavResult = MavResult::MAV_RESULT_UNSUPPORTED;
 
@@ -110,13 +125,14 @@ impl Command {
     }
 
     /// Does what the command asks of the link, and tells what to answer and what the vehicle has to do.
-    pub fn execute(&self, scheduler: &mut StreamScheduler, state: &SystemState, now_us: u64) -> Outcome {
+    pub fn execute(&self, scheduler: &mut StreamScheduler, state: &SystemState<'_>, now_us: u64) -> Outcome {
         match self.number {
             PREFLIGHT_STORAGE if self.param1 == STORAGE_RESET => Action::ResetParameters.into(),
             PREFLIGHT_REBOOT_SHUTDOWN if self.param1 == REBOOT_AUTOPILOT => Action::Reboot.into(),
             PREFLIGHT_STORAGE | PREFLIGHT_REBOOT_SHUTDOWN => DENIED.into(),
             SET_MESSAGE_INTERVAL => self.set_message_interval(scheduler, now_us).into(),
             GET_MESSAGE_INTERVAL => self.message_interval(self.param1, scheduler),
+            BATTERY_RESET => self.reset_batteries(state),
             REQUEST_MESSAGE => self.request_message(scheduler, state),
             REQUEST_PROTOCOL_VERSION if self.param1 == REQUEST => protocol_version(),
             REQUEST_AUTOPILOT_CAPABILITIES if self.param1 == REQUEST => autopilot_version(),
@@ -139,7 +155,7 @@ impl Command {
             _ => return DENIED,
         };
         match scheduler.set_interval(message_id, interval, now_us) {
-            Ok(()) => MavResult::MAV_RESULT_ACCEPTED,
+            Ok(()) => ACCEPTED,
             Err(_) => UNSUPPORTED,
         }
     }
@@ -161,23 +177,55 @@ impl Command {
         .into()
     }
 
-    fn request_message(&self, scheduler: &StreamScheduler, state: &SystemState) -> Outcome {
+    fn request_message(&self, scheduler: &StreamScheduler, state: &SystemState<'_>) -> Outcome {
         let Some(message_id) = message_id(self.param1) else {
             return DENIED.into();
         };
         match message_id {
             HEARTBEAT_DATA::ID => Stream::Heartbeat.build(state).into(),
             SYS_STATUS_DATA::ID => Stream::SysStatus.build(state).into(),
-            // The instance, 0 if it isn't given.
-            BATTERY_STATUS_DATA::ID if self.param2 == 0.0 || self.param2.is_nan() => {
-                Stream::BatteryStatus(0).build(state).into()
-            }
-            BATTERY_STATUS_DATA::ID => DENIED.into(),
+            BATTERY_STATUS_DATA::ID => match self.reported_instance(state) {
+                Some(instance) => Stream::BatteryStatus(instance).build(state).into(),
+                None => DENIED.into(),
+            },
             AUTOPILOT_VERSION_DATA::ID => autopilot_version(),
             PROTOCOL_VERSION_DATA::ID => protocol_version(),
             MESSAGE_INTERVAL_DATA::ID => self.message_interval(self.param2, scheduler),
             _ => UNSUPPORTED.into(),
         }
+    }
+
+    /// The instance in parameter 2, 0 if it isn't given, if ground stations are told of that pack.
+    fn reported_instance(&self, state: &SystemState<'_>) -> Option<u8> {
+        let asked = if self.param2.is_nan() { 0.0 } else { self.param2 };
+        state.reported().find(|instance| f32::from(*instance) == asked)
+    }
+
+    /// As ArduPilot does: it fails if a pack that is named does not exist, unless it lies beyond the last one that does;
+    /// the others are reset all the same.
+    fn reset_batteries(&self, state: &SystemState<'_>) -> Outcome {
+        let Some(asked) = pack_mask(self.param1).filter(|_| self.param2.is_finite()) else {
+            return DENIED.into();
+        };
+        let existing = state.monitored_mask();
+        let up_to_last = u16::MAX.checked_shr(existing.leading_zeros()).unwrap_or(0);
+        let mask = asked & existing;
+        let percent = self.param2.clamp(0.0, 100.0);
+        let complete = mask != 0 && asked & up_to_last == mask;
+        Outcome {
+            result: if complete { ACCEPTED } else { FAILED },
+            message: None,
+            action: (mask != 0).then_some(Action::ResetBatteries { mask, percent }),
+        }
+    }
+}
+
+/// The packs parameter 1 of MAV_CMD_BATTERY_RESET names.
+fn pack_mask(parameter: f32) -> Option<u16> {
+    let mask = parameter as u16;
+    match parameter {
+        ALL_PACKS => Some(u16::MAX),
+        _ => (f32::from(mask) == parameter).then_some(mask),
     }
 }
 
@@ -198,9 +246,24 @@ fn message_id(parameter: f32) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::{BatteryState, PackStatus, Visibility};
     use proptest::prelude::*;
 
+    /// Packs 0 and 3 are monitored, 3 on board only; there is none between them.
+    fn packs() -> [BatteryState; 5] {
+        let mut packs = [BatteryState::disabled(); 5];
+        packs[0].status = PackStatus::Healthy;
+        packs[3].status = PackStatus::Healthy;
+        packs[3].visibility = Visibility::Internal;
+        packs
+    }
+
     fn execute(number: u16, param1: f32, param2: f32) -> Outcome {
+        let packs = packs();
+        let state = SystemState {
+            batteries: &packs,
+            ..SystemState::default()
+        };
         let mut scheduler = StreamScheduler::new(0);
         scheduler.set_extra1_rate(2.0, 0);
         Command {
@@ -208,7 +271,7 @@ mod tests {
             param1,
             param2,
         }
-        .execute(&mut scheduler, &SystemState::default(), 0)
+        .execute(&mut scheduler, &state, 0)
     }
 
     #[test]
@@ -235,11 +298,70 @@ mod tests {
         }
         assert_eq!(execute(511, 30.0, 100_000.0), UNSUPPORTED.into());
         assert_eq!(execute(512, 30.0, 0.0), UNSUPPORTED.into());
-        assert_eq!(
-            execute(512, 147.0, 1.0),
-            DENIED.into(),
-            "there is no second battery"
-        );
+    }
+
+    #[test]
+    fn battery_status_is_sent_of_a_reported_pack_by_its_instance() {
+        for instance in [0.0, -0.0, f32::NAN] {
+            let outcome = execute(512, 147.0, instance);
+            let Some(Message::BatteryStatus(data)) = outcome.message else {
+                panic!("{outcome:?}");
+            };
+            assert_eq!((outcome.result, data.id), (ACCEPTED, 0));
+        }
+        // None there, on board only, none there, no instance at all.
+        for instance in [1.0, 3.0, 4.0, 5.0, 255.0, 256.0, -1.0, 0.5, f32::INFINITY] {
+            assert_eq!(execute(512, 147.0, instance), DENIED.into(), "{instance}");
+        }
+    }
+
+    fn reset(result: MavResult, mask: u16, percent: f32) -> Outcome {
+        Outcome {
+            result,
+            message: None,
+            action: Some(Action::ResetBatteries { mask, percent }),
+        }
+    }
+
+    #[test]
+    fn packs_that_exist_are_reset_and_one_that_is_missing_before_the_last_fails() {
+        for (asked, percent, outcome) in [
+            (1.0, 56.0, reset(ACCEPTED, 1, 56.0)),
+            (8.0, 97.5, reset(ACCEPTED, 8, 97.5)),
+            (9.0, 0.0, reset(ACCEPTED, 9, 0.0)),
+            // Bits above the last pack don't matter.
+            (17.0, 100.0, reset(ACCEPTED, 1, 100.0)),
+            (3.0, 100.0, reset(FAILED, 1, 100.0)),
+            (-1.0, 250.0, reset(FAILED, 9, 100.0)),
+            (65535.0, -3.0, reset(FAILED, 9, 0.0)),
+            // None of those named exists.
+            (0.0, 50.0, FAILED.into()),
+            (2.0, 50.0, FAILED.into()),
+            (16.0, 50.0, FAILED.into()),
+        ] {
+            assert_eq!(execute(42651, asked, percent), outcome, "{asked}");
+        }
+    }
+
+    #[test]
+    fn a_reset_without_a_mask_or_a_percentage_is_denied() {
+        for mask in [0.5, -2.0, 65536.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert_eq!(execute(42651, mask, 50.0), DENIED.into(), "{mask}");
+        }
+        for percent in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert_eq!(execute(42651, 1.0, percent), DENIED.into(), "{percent}");
+        }
+    }
+
+    #[test]
+    fn without_a_pack_there_is_nothing_to_reset() {
+        let command = Command {
+            number: 42651,
+            param1: -1.0,
+            param2: 50.0,
+        };
+        let outcome = command.execute(&mut StreamScheduler::new(0), &SystemState::default(), 0);
+        assert_eq!(outcome, FAILED.into());
     }
 
     #[test]
@@ -275,7 +397,7 @@ mod tests {
     proptest! {
         #[test]
         fn every_other_number_is_answered_unsupported(number in any::<u16>(), param1 in any::<f32>()) {
-            prop_assume!(![245, 246, 510, 511, 512, 519, 520].contains(&number));
+            prop_assume!(![245, 246, 510, 511, 512, 519, 520, 42651].contains(&number));
             prop_assert_eq!(execute(number, param1, 0.0), UNSUPPORTED.into());
         }
     }

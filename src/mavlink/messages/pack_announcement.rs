@@ -1,0 +1,80 @@
+//! What happened to a pack, in words.
+
+use core::fmt::Write;
+
+use heapless::String;
+
+use crate::battery::PackEvent;
+use crate::mavlink::dialect::MavSeverity;
+
+/// The longest text, in bytes: two STATUSTEXT.
+const TEXT_BYTES: usize = 96;
+
+/// How urgent an event of the pack `instance` (0 to 8) is, and what to say: "Battery 1 ...".
+pub fn pack_announcement(instance: u8, event: &PackEvent) -> (MavSeverity, String<TEXT_BYTES>) {
+    let mut text = String::new();
+    // A text that does not fit is cut off; a test shows that all do.
+    let _ = write!(text, "Battery {} {event}", u16::from(instance) + 1);
+    (severity(event), text)
+}
+
+/// ArduPilot says failsafes as warnings.
+fn severity(event: &PackEvent) -> MavSeverity {
+    match event {
+        PackEvent::CellsDetected { .. } => MavSeverity::MAV_SEVERITY_NOTICE,
+        PackEvent::CellsUnclear { .. }
+        | PackEvent::Swapped
+        | PackEvent::Gap(_)
+        | PackEvent::Failsafe { .. } => MavSeverity::MAV_SEVERITY_WARNING,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::{FailsafeLevel, Gap};
+
+    #[test]
+    fn every_event_is_told_in_words_that_fit() {
+        let gap = |counted_mah| {
+            PackEvent::Gap(Gap {
+                duration_s: 1e9,
+                counted_mah,
+            })
+        };
+        let failsafe = |level| PackEvent::Failsafe {
+            level,
+            voltage_v: 1000.0,
+            consumed_mah: -1e9,
+        };
+        for (event, expected) in [
+            (
+                PackEvent::CellsDetected { count: 3 },
+                "Battery 9 has 3 cells (set BATT_CELLS to be sure)",
+            ),
+            (
+                PackEvent::CellsUnclear { voltage_v: 8.85 },
+                "Battery 9 cells unclear at 8.85V: set BATT_CELLS",
+            ),
+            (PackEvent::Swapped, "Battery 9 swapped: estimates restarted"),
+            (
+                gap(Some(12.0)),
+                "Battery 9 not measured for 1000000000s: 12mAh assumed",
+            ),
+            (
+                gap(None),
+                "Battery 9 not measured for 1000000000s: consumption too low",
+            ),
+            (
+                failsafe(FailsafeLevel::Low),
+                "Battery 9 is low 1000.00V used -1000000000 mAh",
+            ),
+            (
+                failsafe(FailsafeLevel::Unhealthy),
+                "Battery 9 is missing, last: 1000.00V used -1000000000 mAh",
+            ),
+        ] {
+            assert_eq!(pack_announcement(8, &event).1, expected);
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! Packs on analog pins: a divider for the voltage, a sensor for the current.
+
+use super::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogPin, MonitorKind};
+use crate::battery::{Measurement, ReadError};
+use crate::parameter::{BatteryParameter, Pack, Parameters};
+
+/// How a pack is wired to analog pins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AnalogWiring {
+    /// Pin of the divider (`BATT_VOLT_PIN`).
+    pub voltage_pin: Option<AnalogPin>,
+    /// How the pack's voltage becomes the pin's.
+    pub divider: VoltageDivider,
+    /// Pin of the current sensor (`BATT_CURR_PIN`).
+    pub current_pin: Option<AnalogPin>,
+    /// How the pack's current becomes the pin's voltage.
+    pub current_sensor: CurrentSensor,
+    /// The voltage at which full throttle draws `BATT_AMP_PERVLT` amperes, in volts (`BATT_MAX_VOLT`).
+    pub full_throttle_voltage_v: f32,
+}
+
+/// How the pack's voltage becomes the voltage at a pin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VoltageDivider {
+    /// Pack voltage divided by pin voltage (`BATT_VOLT_MULT`).
+    pub multiplier: f32,
+    /// Pin voltage without a pack, in volts (`BATT_VLT_OFFSET`).
+    pub offset_v: f32,
+}
+
+/// How the pack's current becomes the voltage at a pin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurrentSensor {
+    /// Amperes for each volt at the pin (`BATT_AMP_PERVLT`).
+    pub amperes_per_volt: f32,
+    /// Pin voltage without a current, in volts (`BATT_AMP_OFFSET`).
+    pub offset_v: f32,
+}
+
+/// What the analog pins read in one tick, by pin.
+#[derive(Clone, Copy, Debug)]
+pub struct AnalogReadings {
+    counts: [Result<AdcCount, ReadError>; AnalogPin::ALL.len()],
+}
+
+impl AnalogReadings {
+    /// No pin was read.
+    pub const NONE: Self = Self {
+        counts: [Err(ReadError::NoPin); AnalogPin::ALL.len()],
+    };
+
+    /// Notes what a pin read.
+    pub fn set(&mut self, pin: AnalogPin, count: Result<AdcCount, ReadError>) {
+        if let Some(place) = self.counts.get_mut(pin as usize) {
+            *place = count;
+        }
+    }
+
+    fn pin_voltage_v(&self, pin: Option<AnalogPin>) -> Result<f32, ReadError> {
+        let pin = pin.ok_or(ReadError::NoPin)?;
+        let count = self
+            .counts
+            .get(pin as usize)
+            .copied()
+            .unwrap_or(Err(ReadError::NoPin))?;
+        Ok(f32::from(count.0) * (ADC_REFERENCE_V / f32::from(ADC_FULL_SCALE)))
+    }
+}
+
+impl VoltageDivider {
+    /// The pack's voltage: `(pin voltage − offset) × multiplier`.
+    pub fn pack_voltage_v(&self, pin_voltage_v: f32) -> f32 {
+        (pin_voltage_v - self.offset_v) * self.multiplier
+    }
+}
+
+impl CurrentSensor {
+    /// The pack's current: `(pin voltage − offset) × amperes per volt`; negative while charging.
+    pub fn current_a(&self, pin_voltage_v: f32) -> f32 {
+        (pin_voltage_v - self.offset_v) * self.amperes_per_volt
+    }
+}
+
+impl AnalogWiring {
+    /// The wiring the parameters of a pack describe at this moment.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
+        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
+        let pin =
+            |parameter: BatteryParameter| AnalogPin::from_gpio(parameters.get_whole(parameter.of(pack)));
+        Self {
+            voltage_pin: pin(BatteryParameter::VoltPin),
+            divider: VoltageDivider {
+                multiplier: value(BatteryParameter::VoltMult),
+                offset_v: value(BatteryParameter::VltOffset),
+            },
+            current_pin: pin(BatteryParameter::CurrPin),
+            current_sensor: CurrentSensor {
+                amperes_per_volt: value(BatteryParameter::AmpPervlt),
+                offset_v: value(BatteryParameter::AmpOffset),
+            },
+            full_throttle_voltage_v: value(BatteryParameter::MaxVolt),
+        }
+    }
+
+    /// The pins a monitor of this kind has to read.
+    pub fn pins(&self, kind: MonitorKind) -> impl Iterator<Item = AnalogPin> {
+        let voltage_pin = self.voltage_pin.filter(|_| kind.reads_voltage_pin());
+        let current_pin = self.current_pin.filter(|_| kind.reads_current_pin());
+        voltage_pin.into_iter().chain(current_pin)
+    }
+
+    /// What a monitor of this kind makes of the readings; `throttle` from −1 to 1.
+    ///
+    /// # Errors
+    /// A pin is not set, or could not be read.
+    pub fn measure(
+        &self,
+        kind: MonitorKind,
+        readings: &AnalogReadings,
+        throttle: f32,
+    ) -> Result<Measurement, ReadError> {
+        let mut measurement = Measurement::default();
+        if kind.reads_voltage_pin() {
+            let pin_v = readings.pin_voltage_v(self.voltage_pin)?;
+            measurement.voltage_v = Some(self.divider.pack_voltage_v(pin_v));
+        }
+        if kind.reads_current_pin() {
+            let pin_v = readings.pin_voltage_v(self.current_pin)?;
+            measurement.current_a = Some(self.current_sensor.current_a(pin_v));
+        }
+        if kind == MonitorKind::SyntheticCurrent {
+            measurement.current_a = measurement
+                .voltage_v
+                .map(|voltage_v| self.synthetic_current_a(voltage_v, throttle));
+        }
+        Ok(measurement)
+    }
+
+    /// ArduPilot's model: the square of the throttle, in proportion to the voltage; `BATT_AMP_OFFSET` is in amperes here.
+    fn synthetic_current_a(&self, voltage_v: f32, throttle: f32) -> f32 {
+        let share = voltage_v / self.full_throttle_voltage_v;
+        share * throttle * throttle * self.current_sensor.amperes_per_volt + self.current_sensor.offset_v
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wiring() -> AnalogWiring {
+        let mut parameters = Parameters::defaults();
+        for (parameter, value) in [
+            (BatteryParameter::CurrPin, 27.0),
+            (BatteryParameter::AmpPervlt, 10.0),
+            (BatteryParameter::AmpOffset, 0.33),
+        ] {
+            parameters.set(parameter.of(Pack::First), value).unwrap();
+        }
+        AnalogWiring::from_parameters(&parameters, Pack::First)
+    }
+
+    fn readings(gp26: u16, gp27: u16) -> AnalogReadings {
+        let mut readings = AnalogReadings::NONE;
+        readings.set(AnalogPin::Gp26, Ok(AdcCount(gp26)));
+        readings.set(AnalogPin::Gp27, Ok(AdcCount(gp27)));
+        readings
+    }
+
+    #[track_caller]
+    fn assert_close(value: Option<f32>, expected: f32) {
+        let value = value.expect("measured");
+        assert!((value - expected).abs() < 0.005, "{value} instead of {expected}");
+    }
+
+    #[test]
+    fn counts_become_the_voltage_the_requirement_names() {
+        // FR-00069: 3000 counts are 9.55 V with the default multiplier.
+        let measure = |count| {
+            wiring()
+                .measure(MonitorKind::AnalogVoltage, &readings(count, 0), 0.0)
+                .unwrap()
+        };
+        assert_close(measure(3000).voltage_v, 9.55);
+        assert_close(measure(2482).voltage_v, 7.9006);
+        assert_eq!(measure(0).voltage_v, Some(0.0));
+        assert_eq!(measure(3000).current_a, None);
+    }
+
+    #[test]
+    fn a_current_sensor_measures_both_directions() {
+        let measure = |count| {
+            wiring()
+                .measure(MonitorKind::AnalogVoltageAndCurrent, &readings(2482, count), 0.0)
+                .unwrap()
+        };
+        // 1241 counts are 1.0 V.
+        assert_close(measure(1241).current_a, 6.7);
+        assert_close(measure(0).current_a, -3.3);
+        assert_close(measure(1241).voltage_v, 7.9006);
+    }
+
+    #[test]
+    fn a_current_sensor_alone_measures_no_voltage() {
+        let measurement = wiring()
+            .measure(MonitorKind::AnalogCurrent, &readings(2482, 1241), 0.0)
+            .unwrap();
+        assert_close(measurement.current_a, 6.7);
+        assert_eq!(measurement.voltage_v, None);
+    }
+
+    #[test]
+    fn a_synthetic_current_follows_the_square_of_the_throttle() {
+        let current_a = |throttle| {
+            let wiring = AnalogWiring {
+                full_throttle_voltage_v: 7.9006,
+                ..wiring()
+            };
+            wiring
+                .measure(MonitorKind::SyntheticCurrent, &readings(2482, 0), throttle)
+                .unwrap()
+                .current_a
+        };
+        assert_close(current_a(0.0), 0.33);
+        assert_close(current_a(0.5), 2.83);
+        assert_close(current_a(-1.0), 10.33);
+    }
+
+    #[test]
+    fn a_pin_that_is_not_set_or_failed_is_an_error() {
+        let mut readings = readings(2482, 1241);
+        readings.set(AnalogPin::Gp27, Err(ReadError::Timeout));
+        let measure =
+            |wiring: &AnalogWiring| wiring.measure(MonitorKind::AnalogVoltageAndCurrent, &readings, 0.0);
+        assert_eq!(measure(&wiring()), Err(ReadError::Timeout));
+        let unset = AnalogWiring {
+            current_pin: None,
+            ..wiring()
+        };
+        assert_eq!(measure(&unset), Err(ReadError::NoPin));
+    }
+
+    #[test]
+    fn only_the_pins_a_kind_needs_are_read() {
+        let pins = |kind| wiring().pins(kind).collect::<Vec<_>>();
+        assert_eq!(pins(MonitorKind::AnalogVoltage), [AnalogPin::Gp26]);
+        assert_eq!(
+            pins(MonitorKind::AnalogVoltageAndCurrent),
+            [AnalogPin::Gp26, AnalogPin::Gp27]
+        );
+        assert_eq!(pins(MonitorKind::AnalogCurrent), [AnalogPin::Gp27]);
+        assert_eq!(pins(MonitorKind::SyntheticCurrent), [AnalogPin::Gp26]);
+        assert_eq!(pins(MonitorKind::Sum), []);
+    }
+}
