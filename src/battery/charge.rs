@@ -54,7 +54,10 @@ impl StateOfCharge {
     /// From the voltage of a cell at this load; `None` if the load is not known.
     pub fn from_voltage(cell: &Cell, cell_voltage_v: f32, load: Option<Load>) -> Self {
         let (sag_v, sag_error_v) = load.map_or((0.0, 0.0), |load| (load.sag_v, load.sag_error_v.abs()));
-        let resting_v = (cell_voltage_v + sag_v).clamp(cell.curve.empty_v(), cell.curve.full_v());
+        // Not `clamp`, which would panic if the curve were upside down.
+        let resting_v = (cell_voltage_v + sag_v)
+            .max(cell.curve.empty_v())
+            .min(cell.curve.full_v());
         let error_v = CURVE_SIGMAS * cell.curve_spread_v + sag_error_v;
         Self {
             value: cell.curve.state_of_charge(resting_v),

@@ -46,7 +46,9 @@ impl fmt::Display for PackEvent {
                 counted_mah: Some(counted_mah),
             }) => write!(
                 f,
-                "not measured for {duration_s:.0}s: {counted_mah:.0}mAh assumed"
+                "not measured for {}s: {}mAh assumed",
+                whole(*duration_s),
+                whole(*counted_mah)
             ),
             Self::Gap(Gap { duration_s, .. }) => {
                 write!(f, "not measured for {}s: consumption too low", whole(*duration_s))

@@ -16,7 +16,7 @@ use super::{BatteryState, Consumed, Measurement, PackEvent, PackMemory, PackStat
 pub const MIN_CONNECTED_VOLTAGE_V: f32 = 2.1;
 
 /// After this many failed reads in a row the state says unhealthy: half a second at 10 Hz.
-pub const FAILED_READS_UNTIL_UNHEALTHY: u8 = 5;
+pub const FAILED_READS_UNTIL_UNHEALTHY: u32 = 5;
 
 /// More than this no pack of a rover has, whatever its sensor says: in volts, amperes and degrees Celsius.
 const HIGHEST_VOLTAGE_V: f32 = 1_000.0;
@@ -42,7 +42,7 @@ pub struct Tick {
 #[derive(Clone, Debug)]
 pub struct BatteryMonitor {
     state: BatteryState,
-    failed_reads: u8,
+    failed_reads: u32,
     last_tick_us: Option<u64>,
     last: Option<Last>,
     consumption: Consumption,
@@ -83,7 +83,7 @@ impl BatteryMonitor {
     }
 
     /// How many reads have failed since the last good one (saturating).
-    pub fn failed_reads(&self) -> u8 {
+    pub fn failed_reads(&self) -> u32 {
         self.failed_reads
     }
 

@@ -20,8 +20,8 @@ const SAMPLING_INTERVAL_US: u64 = 100_000;
 /// A read that takes longer counts as failed.
 const READ_TIMEOUT: Duration = Duration::from_millis(2);
 
-/// Of the failed reads of an unhealthy pack, each so manieth is logged.
-const LOGGED_FAILURE: u8 = 10;
+/// Of the failed reads of an unhealthy pack one in so many is logged.
+const LOGGED_FAILURE: u32 = 10;
 
 /// The throttle for synthetic currents: nothing drives the motors yet.
 const THROTTLE: f32 = 0.0;
@@ -156,7 +156,7 @@ fn measure(
 }
 
 /// Once it is unhealthy, a pack's failed reads tell nothing new; one in a second shows that they go on.
-fn log_failure(pack: Pack, error: ReadError, failed_reads: u8) {
+fn log_failure(pack: Pack, error: ReadError, failed_reads: u32) {
     if failed_reads <= FAILED_READS_UNTIL_UNHEALTHY || failed_reads.is_multiple_of(LOGGED_FAILURE) {
         warn!(
             "battery {}: read failed, {:?}, {} in a row",
