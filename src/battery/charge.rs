@@ -11,9 +11,6 @@ const DRAWN_UNCERTAINTY: f32 = 0.05;
 /// How far a capacity is off that is only guessed from the resistance.
 const GUESSED_DRAWN_UNCERTAINTY: f32 = 0.5;
 
-/// How fast bounds that the voltage tells are taken over, in seconds: noise must not narrow them.
-const BOUND_TIME_CONSTANT_S: f32 = 10.0;
-
 /// What was counted by a guessed capacity is replaced by what the voltage tells within about so many seconds.
 const GUESS_TIME_CONSTANT_S: f32 = 60.0;
 
@@ -91,17 +88,13 @@ impl StateOfCharge {
         (self.high - self.low <= WIDEST).then_some(self.value)
     }
 
-    /// The resting voltage of a cell by this estimate, in volts.
-    pub fn resting_voltage_v(&self, cell: &Cell) -> f32 {
-        cell.curve.voltage_v(self.value)
-    }
-
-    /// Takes the next reading.
-    pub fn update(&mut self, cell: &Cell, reading: &CellReading) {
+    /// Takes the next reading. Bounds that the voltage tells are taken over within about `bound_time_constant_s`.
+    pub fn update(&mut self, cell: &Cell, reading: &CellReading, bound_time_constant_s: f32) {
         match (reading.load, reading.voltage_v) {
             (Some(load), Some(voltage_v)) => {
                 self.draw(reading.dt_s, load);
-                self.bound(reading.dt_s, cell, voltage_v, load);
+                let share = share_of_step(reading.dt_s, bound_time_constant_s);
+                self.bound(share, cell, voltage_v, load);
                 if load.capacity == CapacitySource::Guessed {
                     let share = share_of_step(reading.dt_s, GUESS_TIME_CONSTANT_S);
                     self.look_again(cell, voltage_v, load, share);
@@ -132,10 +125,9 @@ impl StateOfCharge {
         self.high = (self.high - drawn + error).clamp(LOWEST, HIGHEST);
     }
 
-    /// The cell had this voltage under this load for `dt_s` seconds.
-    fn bound(&mut self, dt_s: f32, cell: &Cell, cell_voltage_v: f32, load: Load) {
+    /// Takes over a share of what the cell's voltage under this load tells.
+    fn bound(&mut self, share: f32, cell: &Cell, cell_voltage_v: f32, load: Load) {
         let told = Self::from_voltage(cell, cell_voltage_v, Some(load));
-        let share = share_of_step(dt_s, BOUND_TIME_CONSTANT_S);
         self.low += (told.low - self.low).max(0.0) * share;
         self.high = self.high.max(self.low);
         self.high += (told.high - self.high).min(0.0) * share;

@@ -56,16 +56,8 @@ impl ChargeStateMachine {
         } else {
             self.pending_s += dt_s;
         }
-        // What is told by something that has settled already is told at once.
-        let has_settled = matches!(
-            (self.state, wanted),
-            (ChargeState::Undefined, _)
-                | (
-                    _,
-                    ChargeState::Undefined | ChargeState::Unhealthy | ChargeState::Failed
-                )
-        );
-        if has_settled || self.pending_s >= SETTLING_S {
+        // Sensors and faults have settled already.
+        if !(can_hover(self.state) && can_hover(wanted)) || self.pending_s >= SETTLING_S {
             self.state = wanted;
             self.pending_s = 0.0;
         }
@@ -103,6 +95,18 @@ impl ChargeStateMachine {
             ChargeState::Ok
         };
         self.by_charge.max(by_failsafe).max(by_faults)
+    }
+}
+
+/// Whether a state follows from a value that may hover about a threshold.
+fn can_hover(state: ChargeState) -> bool {
+    match state {
+        ChargeState::Undefined | ChargeState::Unhealthy | ChargeState::Failed => false,
+        ChargeState::Ok
+        | ChargeState::Low
+        | ChargeState::Critical
+        | ChargeState::Emergency
+        | ChargeState::Charging => true,
     }
 }
 

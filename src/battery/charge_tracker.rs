@@ -15,6 +15,12 @@ const WAIT_FOR_REST_S: f32 = 30.0;
 /// out in part.
 const SETTLING_S: f32 = 60.0;
 
+/// How fast bounds that the voltage tells are taken over, in seconds: noise must not narrow them.
+const BOUND_TIME_CONSTANT_S: f32 = 10.0;
+
+/// The same after a battery reset.
+const TOLD_TIME_CONSTANT_S: f32 = 600.0;
+
 /// A reading of one cell.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CellReading {
@@ -59,6 +65,8 @@ pub(super) enum Start {
         /// What the sag was reckoned with; the estimate begins anew once that was learnt.
         resistance: ResistanceSource,
     },
+    /// Somebody has told: only slowly does it give way to a voltage that contradicts it.
+    Told,
 }
 
 impl ChargeTracker {
@@ -66,6 +74,14 @@ impl ChargeTracker {
         Self::Waiting {
             waited_s: 0.0,
             highest_v: 0.0,
+        }
+    }
+
+    /// Somebody has told the state of charge, from 0 to 1.
+    pub const fn told(share: f32) -> Self {
+        Self::Following {
+            charge: StateOfCharge::told(share),
+            start: Start::Told,
         }
     }
 
@@ -91,7 +107,7 @@ impl ChargeTracker {
                 }
             }
             Self::Following { charge, start } => {
-                charge.update(cell, reading);
+                charge.update(cell, reading, start.bound_time_constant_s());
                 start.settle(charge, cell, reading);
             }
         }
@@ -143,6 +159,13 @@ impl Start {
         Self::Settling {
             elapsed_s: 0.0,
             resistance: load.resistance,
+        }
+    }
+
+    fn bound_time_constant_s(&self) -> f32 {
+        match self {
+            Self::Final | Self::Settling { .. } => BOUND_TIME_CONSTANT_S,
+            Self::Told => TOLD_TIME_CONSTANT_S,
         }
     }
 

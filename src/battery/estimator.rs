@@ -143,13 +143,6 @@ impl Estimator {
         Some(voltage_v + current_a * self.resistance.resistance_ohm()?)
     }
 
-    /// The voltage the pack should have at rest by what was estimated.
-    pub fn expected_resting_voltage_v(&self, settings: &PackSettings) -> Option<f32> {
-        let charge = self.charge.charge()?;
-        let cell_v = charge.resting_voltage_v(settings.chemistry.cell());
-        Some(cell_v * f32::from(self.cell_count(settings)?))
-    }
-
     /// 0 empty, 1 full.
     pub fn state_of_charge(&self) -> Option<f32> {
         self.charge.charge().and_then(StateOfCharge::value)
@@ -187,6 +180,6 @@ impl Estimator {
 
     /// Somebody who knows has told how full the pack is, from 0 to 1.
     pub fn set_state_of_charge(&mut self, share: f32) {
-        self.charge = ChargeTracker::from(StateOfCharge::told(share));
+        self.charge = ChargeTracker::told(share);
     }
 }

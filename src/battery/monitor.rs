@@ -8,7 +8,7 @@ use super::diagnosis::Diagnosis;
 use super::estimator::{Estimator, Reading};
 use super::failsafe::{ArmState, Failsafe, FailsafeLevel};
 use super::settings::PackSettings;
-use super::swap::{Comparison, SwapDetector};
+use super::swap::SwapDetector;
 use super::{BatteryState, Consumed, Measurement, PackEvent, PackMemory, PackStatus, ReadError};
 
 /// Below this voltage no pack is connected, in volts: the divider then sees what leaks in while the board runs from USB.
@@ -146,7 +146,7 @@ impl BatteryMonitor {
             return;
         }
         self.state.status = PackStatus::Healthy;
-        if self.is_other_pack(tick, &reading, settings) {
+        if self.is_other_pack(tick, &reading) {
             self.restart();
             push(events, PackEvent::Swapped);
         }
@@ -171,18 +171,12 @@ impl BatteryMonitor {
         self.state.time_remaining_s = None;
     }
 
-    fn is_other_pack(&mut self, tick: Tick, reading: &Reading, settings: &PackSettings) -> bool {
+    fn is_other_pack(&mut self, tick: Tick, reading: &Reading) -> bool {
         let Some(voltage_v) = reading.voltage_v else {
             return false;
         };
-        self.swap.is_other_pack(&Comparison {
-            dt_s: reading.dt_s,
-            voltage_v,
-            current_a: reading.current_a,
-            expected_resting_v: self.estimator.expected_resting_voltage_v(settings),
-            cell_count: self.estimator.cell_count(settings),
-            arm_state: tick.arm_state,
-        })
+        self.swap
+            .is_other_pack(reading.dt_s, voltage_v, reading.current_a, tick.arm_state)
     }
 
     /// Forgets what was estimated and counted, for another pack.
@@ -286,8 +280,11 @@ impl BatteryMonitor {
         self.estimator.restore(memory.charge, memory.detected_cells);
     }
 
-    /// The battery was reset: so much is left, in percent (0 to 100).
+    /// The battery was reset: so much is left, in percent (0 to 100). What is no number changes nothing.
     pub fn reset(&mut self, remaining_pct: f32, settings: &PackSettings) {
+        if !remaining_pct.is_finite() {
+            return;
+        }
         let share = (remaining_pct / 100.0).clamp(0.0, 1.0);
         let charge_mah = (1.0 - share) * settings.capacity_mah.unwrap_or(0.0);
         self.consumption.restart(Consumed {

@@ -4,8 +4,11 @@ use std::ops::{Deref, DerefMut};
 use std::sync::OnceLock;
 
 use crate::elf::{Artifact, build};
-use crate::emulator::{AdcInput, Board, Firmware, LogLevel, SentByte};
-use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, frames};
+use crate::emulator::{AdcInput, Board, Firmware, LogLevel, ResetCause, SentByte};
+use crate::support::frames::{
+    BATTERY_STATUS, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, frames, of_message,
+};
+use crate::support::requests::{command_long, param_set};
 
 /// Interrupt lines of the RP2040 (datasheet 2.3.2).
 pub const UART0_IRQ: u32 = 20;
@@ -22,6 +25,12 @@ pub const PARAMETER_OFFSET: u32 = 2 * 1024 * 1024 - PARAMETER_BYTES as u32;
 pub const PARAMETER_BYTES: usize = 4 * SECTOR_BYTES;
 pub const SECTOR_BYTES: usize = 4096;
 
+/// Long enough for everything that waits to be written to flash, erases included.
+pub const SAVED_US: u64 = SECOND;
+
+const PREFLIGHT_REBOOT_SHUTDOWN: u16 = 246;
+const ACCEPTED: u8 = 0;
+
 const CYCLES_PER_US: u64 = 125;
 
 /// A ground station would wait longer.
@@ -31,6 +40,16 @@ const ANSWER_TIME_US: u64 = 200 * MILLISECOND;
 fn firmware() -> &'static Firmware {
     static FIRMWARE: OnceLock<Firmware> = OnceLock::new();
     FIRMWARE.get_or_init(|| Firmware::load(build(Artifact::Binary("rover-battmon"))))
+}
+
+/// What answers tell of a parameter.
+pub fn value_of(answers: &[Frame], name: &str) -> Option<f32> {
+    let values = of_message(answers, PARAM_VALUE);
+    values
+        .iter()
+        .map(|frame| ParamValue(frame))
+        .find(|answer| answer.name() == name)
+        .map(|answer| answer.value())
 }
 
 /// A powered board with the release firmware in its flash and a wire at its telemetry port.
@@ -62,6 +81,46 @@ impl Bench {
             board,
             sent: Vec::new(),
         }
+    }
+
+    /// Switches on with `code` at the pack's pin, and waits until everything runs.
+    pub fn running(code: u16) -> Self {
+        let mut bench = Self::power_up(code);
+        bench.run_for(SECOND);
+        bench
+    }
+
+    /// A board with these parameters, set by a ground station and in effect after a restart.
+    pub fn configured(code: u16, parameters: &[(&str, f32)]) -> Self {
+        let mut bench = Self::running(code);
+        for (name, value) in parameters {
+            bench.set(name, *value);
+        }
+        bench.reboot();
+        bench
+    }
+
+    /// Sets a parameter as a ground station does.
+    pub fn set(&mut self, name: &str, value: f32) {
+        let answers = self.ask(&param_set(name, value));
+        assert_eq!(value_of(&answers, name), Some(value), "{name}: {answers:?}");
+    }
+
+    /// Restarts the board as a ground station does.
+    pub fn reboot(&mut self) {
+        let resets = self.resets().len();
+        let answers = self.ask(&command_long(PREFLIGHT_REBOOT_SHUTDOWN, 1.0));
+        assert_eq!(
+            (answers[0].u16(0), answers[0].u8(2)),
+            (PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED)
+        );
+        assert!(
+            self.run_until(4 * SECOND, |board| board.resets().len() > resets),
+            "no restart"
+        );
+        assert_eq!(self.resets()[resets].cause, ResetCause::WatchdogForce);
+        self.run_for(SECOND);
+        assert!(!self.logged(LogLevel::Info, "started by Software").is_empty());
     }
 
     /// Everything that has left the telemetry port since power-up, with the time of each byte's end in µs.

@@ -2,47 +2,22 @@
 
 use std::collections::BTreeMap;
 
-use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::emulator::{LogLevel, ResetCause};
+use crate::bench::{Bench, MILLISECOND, SAVED_US, SECOND, value_of};
 use crate::support::frames::{
-    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue,
-    STATUSTEXT, SYS_STATUS, of_message,
+    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT,
+    SYS_STATUS, of_message,
 };
 use crate::support::requests::{
     VEHICLE, command_long, ftp_open, param_read_by_index, param_read_by_name, param_request_list, param_set,
 };
 
 const PREFLIGHT_STORAGE: u16 = 245;
-const PREFLIGHT_REBOOT_SHUTDOWN: u16 = 246;
 const ACCEPTED: u8 = 0;
 const UNSUPPORTED: u8 = 3;
-
-/// Long enough for everything that waits to be written to flash, erases included.
-const SAVED_US: u64 = SECOND;
-
-fn running(code: u16) -> Bench {
-    let mut bench = Bench::power_up(code);
-    bench.run_for(SECOND);
-    bench
-}
-
-fn value_of(answers: &[Frame], name: &str) -> Option<f32> {
-    let values = of_message(answers, PARAM_VALUE);
-    values
-        .iter()
-        .map(|frame| ParamValue(frame))
-        .find(|answer| answer.name() == name)
-        .map(|answer| answer.value())
-}
 
 fn read(bench: &mut Bench, name: &str) -> f32 {
     let answers = bench.ask(&param_read_by_name(name));
     value_of(&answers, name).unwrap_or_else(|| panic!("{name} was not answered: {answers:?}"))
-}
-
-fn set(bench: &mut Bench, name: &str, value: f32) {
-    let answers = bench.ask(&param_set(name, value));
-    assert_eq!(value_of(&answers, name), Some(value), "{answers:?}");
 }
 
 /// All parameters, by a list.
@@ -60,25 +35,9 @@ fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
         .collect()
 }
 
-fn reboot(bench: &mut Bench) {
-    let resets = bench.resets().len();
-    let answers = bench.ask(&command_long(PREFLIGHT_REBOOT_SHUTDOWN, 1.0));
-    assert_eq!(
-        (answers[0].u16(0), answers[0].u8(2)),
-        (PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED)
-    );
-    assert!(
-        bench.run_until(4 * SECOND, |board| board.resets().len() > resets),
-        "no restart"
-    );
-    assert_eq!(bench.resets()[resets].cause, ResetCause::WatchdogForce);
-    bench.run_for(SECOND);
-    assert!(!bench.logged(LogLevel::Info, "started by Software").is_empty());
-}
-
 #[test]
 fn list_and_read_by_name_and_index_agree() {
-    let mut bench = running(2482);
+    let mut bench = Bench::running(2482);
     let listed = list(&mut bench);
     assert_eq!(listed["SR0_EXTRA1"], 2.0);
     assert_eq!(listed["BATT_VOLT_MULT"], 3.95);
@@ -99,9 +58,9 @@ fn list_and_read_by_name_and_index_agree() {
 
 #[test]
 fn a_list_leaves_heartbeat_and_telemetry_flowing_and_takes_its_share() {
-    let mut bench = running(2482);
-    set(&mut bench, "SERIAL0_BAUD", 9.0);
-    reboot(&mut bench);
+    let mut bench = Bench::running(2482);
+    bench.set("SERIAL0_BAUD", 9.0);
+    bench.reboot();
     let asked_us = bench.time_us();
     for _ in 0..10 {
         bench.ask(&param_request_list(VEHICLE));
@@ -128,10 +87,10 @@ fn a_list_leaves_heartbeat_and_telemetry_flowing_and_takes_its_share() {
 
 #[test]
 fn what_was_set_is_there_after_a_restart_and_after_a_power_cycle() {
-    let mut bench = running(2482);
-    set(&mut bench, "BATT_VOLT_MULT", 4.1);
-    set(&mut bench, "SR0_EXTRA1", 5.0);
-    reboot(&mut bench);
+    let mut bench = Bench::running(2482);
+    bench.set("BATT_VOLT_MULT", 4.1);
+    bench.set("SR0_EXTRA1", 5.0);
+    bench.reboot();
     assert_eq!(read(&mut bench, "BATT_VOLT_MULT"), 4.1);
     assert_eq!(read(&mut bench, "SR0_EXTRA1"), 5.0);
     bench.power_cycle();
@@ -143,34 +102,34 @@ fn what_was_set_is_there_after_a_restart_and_after_a_power_cycle() {
 
 #[test]
 fn a_pack_that_is_enabled_shows_its_parameters_also_after_a_restart() {
-    let mut bench = running(2482);
+    let mut bench = Bench::running(2482);
     let hidden = list(&mut bench);
     assert_eq!(hidden.len(), 33);
     assert!(!hidden.contains_key("BATT9_VOLT_MULT"));
-    set(&mut bench, "BATT9_VOLT_MULT", 11.0);
-    set(&mut bench, "BATT9_MONITOR", 3.0);
+    bench.set("BATT9_VOLT_MULT", 11.0);
+    bench.set("BATT9_MONITOR", 3.0);
     let shown = list(&mut bench);
     assert_eq!((shown.len(), shown["BATT9_VOLT_MULT"]), (53, 11.0));
     bench.run_for(SAVED_US);
-    reboot(&mut bench);
+    bench.reboot();
     assert_eq!(list(&mut bench), shown);
 }
 
 #[test]
 fn a_hidden_parameter_is_kept() {
-    let mut bench = running(2482);
-    set(&mut bench, "BATT2_VOLT_MULT", 11.0);
+    let mut bench = Bench::running(2482);
+    bench.set("BATT2_VOLT_MULT", 11.0);
     bench.run_for(SAVED_US);
-    reboot(&mut bench);
+    bench.reboot();
     assert_eq!(read(&mut bench, "BATT2_VOLT_MULT"), 11.0);
     assert!(!list(&mut bench).contains_key("BATT2_VOLT_MULT"));
 }
 
 #[test]
 fn every_parameter_there_can_be_is_listed_without_holding_anything_up() {
-    let mut bench = running(2482);
+    let mut bench = Bench::running(2482);
     for pack in 2..=9 {
-        set(&mut bench, &format!("BATT{pack}_MONITOR"), 3.0);
+        bench.set(&format!("BATT{pack}_MONITOR"), 3.0);
     }
     bench.run_for(SAVED_US);
     let from_us = bench.time_us();
@@ -192,20 +151,20 @@ fn every_parameter_there_can_be_is_listed_without_holding_anything_up() {
 
 #[test]
 fn a_reset_to_defaults_is_live_and_stays() {
-    let mut bench = running(2482);
-    set(&mut bench, "SR0_EXTRA1", 5.0);
+    let mut bench = Bench::running(2482);
+    bench.set("SR0_EXTRA1", 5.0);
     bench.run_for(SAVED_US);
     let answers = bench.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
     assert_eq!((answers[0].message_id, answers[0].u8(2)), (COMMAND_ACK, ACCEPTED));
     bench.run_for(SAVED_US);
     assert_eq!(read(&mut bench, "SR0_EXTRA1"), 2.0);
-    reboot(&mut bench);
+    bench.reboot();
     assert_eq!(read(&mut bench, "SR0_EXTRA1"), 2.0);
 }
 
 #[test]
 fn a_bad_value_is_refused_and_changes_nothing() {
-    let mut bench = running(2482);
+    let mut bench = Bench::running(2482);
     for value in [51.0, -1.0, f32::NAN] {
         let answers = bench.ask(&param_set("SR0_EXTRA1", value));
         assert_eq!(of_message(&answers, PARAM_ERROR).len(), 1, "{value}: {answers:?}");
@@ -225,19 +184,19 @@ fn a_bad_value_is_refused_and_changes_nothing() {
 
 #[test]
 fn setting_the_same_value_again_writes_nothing() {
-    let mut bench = running(2482);
-    set(&mut bench, "SR0_EXTRA1", 2.0);
+    let mut bench = Bench::running(2482);
+    bench.set("SR0_EXTRA1", 2.0);
     bench.run_for(SAVED_US);
     assert!(
         bench.flash_operations().is_empty(),
         "{:?}",
         bench.flash_operations()
     );
-    set(&mut bench, "SR0_EXTRA1", 3.0);
+    bench.set("SR0_EXTRA1", 3.0);
     bench.run_for(SAVED_US);
     let written = bench.flash_operations().len();
     assert!(written > 0);
-    set(&mut bench, "SR0_EXTRA1", 3.0);
+    bench.set("SR0_EXTRA1", 3.0);
     bench.run_for(SAVED_US);
     assert_eq!(bench.flash_operations().len(), written);
 }
@@ -245,8 +204,8 @@ fn setting_the_same_value_again_writes_nothing() {
 #[test]
 fn the_rate_follows_sr0_extra1() {
     for rate_hz in [1, 2, 10, 50, 0] {
-        let mut bench = running(2482);
-        set(&mut bench, "SR0_EXTRA1", rate_hz as f32);
+        let mut bench = Bench::running(2482);
+        bench.set("SR0_EXTRA1", rate_hz as f32);
         bench.run_for(SAVED_US);
         let from_us = bench.time_us();
         bench.run_for(100 * SECOND);
@@ -268,9 +227,9 @@ fn the_rate_follows_sr0_extra1() {
 
 #[test]
 fn the_multiplier_changes_the_voltage_of_the_next_frame() {
-    let mut bench = running(2482);
+    let mut bench = Bench::running(2482);
     bench.run_until_time(3_150 * MILLISECOND);
-    set(&mut bench, "BATT_VOLT_MULT", 7.9);
+    bench.set("BATT_VOLT_MULT", 7.9);
     let set_us = bench.time_us();
     bench.run_for(SECOND);
     let frames = bench.frames();
@@ -284,10 +243,10 @@ fn the_multiplier_changes_the_voltage_of_the_next_frame() {
 
 #[test]
 fn the_offset_and_the_pin_take_effect_at_once() {
-    let mut bench = running(2482);
+    let mut bench = Bench::running(2482);
     bench.adc_input(1, crate::emulator::AdcInput::Code(3000));
-    set(&mut bench, "BATT_VLT_OFFSET", 0.1);
-    set(&mut bench, "BATT_VOLT_PIN", 27.0);
+    bench.set("BATT_VLT_OFFSET", 0.1);
+    bench.set("BATT_VOLT_PIN", 27.0);
     bench.run_for(SECOND);
     let frames = bench.frames();
     let battery = of_message(&frames, BATTERY_STATUS);
@@ -301,9 +260,9 @@ fn the_offset_and_the_pin_take_effect_at_once() {
 
 #[test]
 fn a_battery_that_is_not_monitored_is_not_reported() {
-    let mut bench = running(2482);
-    set(&mut bench, "BATT_MONITOR", 0.0);
-    reboot(&mut bench);
+    let mut bench = Bench::running(2482);
+    bench.set("BATT_MONITOR", 0.0);
+    bench.reboot();
     let from_us = bench.time_us();
     bench.run_for(5 * SECOND);
     let frames = bench.frames_since(from_us);
@@ -318,8 +277,8 @@ fn a_battery_that_is_not_monitored_is_not_reported() {
 
 #[test]
 fn a_new_system_id_is_used_at_once() {
-    let mut bench = running(2482);
-    set(&mut bench, "SYSID_THISMAV", 42.0);
+    let mut bench = Bench::running(2482);
+    bench.set("SYSID_THISMAV", 42.0);
     let from_us = bench.time_us();
     bench.run_for(SECOND);
     let frames = bench.frames();
@@ -333,7 +292,7 @@ fn a_new_system_id_is_used_at_once() {
 
 #[test]
 fn unknown_commands_and_file_transfer_are_refused_at_once() {
-    let mut bench = running(2482);
+    let mut bench = Bench::running(2482);
     for number in [410, 65535] {
         let answers = bench.ask(&command_long(number, 0.0));
         assert_eq!(answers.len(), 1, "{number}");
@@ -345,7 +304,7 @@ fn unknown_commands_and_file_transfer_are_refused_at_once() {
 
 #[test]
 fn a_list_is_announced_by_a_banner() {
-    let mut bench = running(2482);
+    let mut bench = Bench::running(2482);
     let answers = bench.ask(&param_request_list(VEHICLE));
     let texts = of_message(&answers, STATUSTEXT);
     assert_eq!(

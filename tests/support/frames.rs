@@ -212,6 +212,22 @@ impl BatteryStatus<'_> {
         self.0.u16(10 + 2 * cell)
     }
 
+    pub fn consumed_mah(&self) -> i32 {
+        self.0.i32(0)
+    }
+
+    pub fn current_ca(&self) -> i16 {
+        self.0.i16(30)
+    }
+
+    pub fn battery_type(&self) -> u8 {
+        self.0.u8(34)
+    }
+
+    pub fn remaining_pct(&self) -> i8 {
+        self.0.i8(35)
+    }
+
     pub fn charge_state(&self) -> u8 {
         self.0.u8(40)
     }

@@ -1,0 +1,285 @@
+//! Up to nine packs: how they are measured, counted and reported.
+
+use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
+use crate::emulator::{AdcInput, LogLevel};
+use crate::support::frames::{
+    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, STATUSTEXT, SYS_STATUS, SysStatus,
+    of_message,
+};
+use crate::support::requests::command_long_2;
+
+/// A current sensor on GP27, and another pin that is free.
+const CURRENT: usize = 1;
+
+const BATTERY_RESET: u16 = 42651;
+const ACCEPTED: u8 = 0;
+
+/// 1241 counts are 1.0 V at a pin: 17 A by ArduPilot's default sensor.
+const ONE_VOLT: u16 = 1241;
+const LOAD_A: f64 = 17.0;
+
+/// Three LiPo cells at 3.8 V: some 50 %.
+const HALF_FULL_3S: u16 = 3582;
+
+const WITH_CURRENT: [(&str, f32); 4] = [
+    ("BATT_MONITOR", 4.0),
+    ("BATT_CURR_PIN", 27.0),
+    ("BATT_CELLS", 3.0),
+    ("BATT_CAPACITY", 2200.0),
+];
+
+fn last_of(frames: &[Frame], instance: u8) -> BatteryStatus<'_> {
+    let frame = of_message(frames, BATTERY_STATUS)
+        .into_iter()
+        .rfind(|frame| BatteryStatus(frame).instance() == instance);
+    BatteryStatus(frame.unwrap_or_else(|| panic!("no BATTERY_STATUS {instance}")))
+}
+
+fn texts(bench: &mut Bench) -> Vec<String> {
+    let frames = bench.frames();
+    let texts = of_message(&frames, STATUSTEXT)
+        .into_iter()
+        .map(|frame| frame.text(1, 50));
+    texts.collect()
+}
+
+fn count_of(frames: &[Frame], instance: u8) -> usize {
+    let of_pack = |frame: &&&Frame| BatteryStatus(frame).instance() == instance;
+    of_message(frames, BATTERY_STATUS).iter().filter(of_pack).count()
+}
+
+#[test]
+fn nine_packs_are_sampled_and_reported_at_10_hz() {
+    let mut parameters: Vec<(String, f32)> =
+        (2..=9).map(|pack| (format!("BATT{pack}_MONITOR"), 3.0)).collect();
+    parameters.push(("BATT9_MONITOR".into(), 10.0));
+    parameters.push(("BATT9_SUM_MASK".into(), 3.0));
+    for pack in 2..=4 {
+        parameters.push((format!("BATT{pack}_MONITOR"), 4.0));
+        parameters.push((format!("BATT{pack}_CURR_PIN"), 27.0));
+    }
+    parameters.push(("SR0_EXTRA1".into(), 10.0));
+    let named: Vec<_> = parameters
+        .iter()
+        .map(|(name, value)| (name.as_str(), *value))
+        .collect();
+    let mut bench = Bench::configured(2482, &named);
+    bench.adc_input(CURRENT, AdcInput::Code(100));
+
+    let from_us = bench.time_us();
+    let (conversions, awake, log_lines) = (
+        bench.adc_conversions(),
+        bench.awake_cycles(),
+        bench.log_lines().len(),
+    );
+    bench.run_for(60 * SECOND);
+    let frames = bench.frames_since(from_us);
+    for instance in 0..9 {
+        let count = count_of(&frames, instance);
+        assert!(count.abs_diff(600) <= 1, "{count} of pack {instance} in a minute");
+        assert_eq!(last_of(&frames, instance).voltage_mv(0), 7901, "pack {instance}");
+    }
+    assert!(of_message(&frames, SYS_STATUS).len().abs_diff(600) <= 1);
+    assert_eq!(of_message(&frames, HEARTBEAT).len(), 60);
+    // Each tick reads each of the two pins once, whoever needs it.
+    assert_eq!((bench.adc_conversions() - conversions).div_ceil(32), 600);
+    let samples = bench.log_lines()[log_lines..]
+        .iter()
+        .filter(|line| line.text.contains("10 samples/s"));
+    assert!(samples.count() >= 58, "10 ticks in each second");
+    let awake_permille = (bench.awake_cycles() - awake) * 1000 / (60 * SECOND * 125);
+    println!("nine packs, SR0_EXTRA1 10: awake {awake_permille} permille of the time");
+    assert!(bench.logged(LogLevel::Warn, "too slow").is_empty());
+}
+
+#[test]
+fn the_current_is_measured_and_counted() {
+    let mut bench = Bench::configured(HALF_FULL_3S, &WITH_CURRENT);
+    bench.run_for(SECOND);
+    let frames = bench.frames();
+    let idle = last_of(&frames, 0);
+    assert_eq!((idle.current_ca(), idle.consumed_mah()), (0, 0));
+    assert!(
+        (45..=55).contains(&idle.remaining_pct()),
+        "half full: {} %",
+        idle.remaining_pct()
+    );
+
+    bench.adc_input(CURRENT, AdcInput::Code(ONE_VOLT));
+    bench.run_for(60 * SECOND);
+    let frames = bench.frames();
+    let loaded = last_of(&frames, 0);
+    assert!(
+        loaded.current_ca().abs_diff(1700) <= 1,
+        "{} cA",
+        loaded.current_ca()
+    );
+    let expected_mah = LOAD_A * 60.0 / 3.6;
+    assert!(
+        (f64::from(loaded.consumed_mah()) - expected_mah).abs() < 10.0,
+        "{} mAh",
+        loaded.consumed_mah()
+    );
+    let sys_status = of_message(&frames, SYS_STATUS);
+    assert!(sys_status[sys_status.len() - 1].i16(16).abs_diff(1700) <= 1);
+}
+
+#[test]
+fn a_current_without_a_voltage_and_one_without_a_sensor() {
+    let mut bench = Bench::configured(
+        2482,
+        &[
+            ("BATT_MONITOR", 31.0),
+            ("BATT_CURR_PIN", 27.0),
+            ("BATT2_MONITOR", 25.0),
+            ("BATT2_AMP_OFFSET", 0.5),
+        ],
+    );
+    // What the voltage has told before the restart would be kept.
+    bench.power_cycle();
+    bench.adc_input(CURRENT, AdcInput::Code(ONE_VOLT));
+    bench.run_for(2 * SECOND);
+    let frames = bench.frames();
+    let current_only = last_of(&frames, 0);
+    assert_eq!(current_only.voltage_mv(0), u16::MAX);
+    assert!(current_only.current_ca().abs_diff(1700) <= 1);
+    assert_eq!(current_only.remaining_pct(), -1, "nobody knows how full it was");
+    // No throttle: the offset alone.
+    let synthetic = last_of(&frames, 1);
+    assert_eq!((synthetic.voltage_mv(0), synthetic.current_ca()), (7901, 50));
+}
+
+#[test]
+fn a_sum_is_of_the_others() {
+    let mut bench = Bench::configured(
+        2482,
+        &[
+            ("BATT_MONITOR", 10.0),
+            ("BATT2_MONITOR", 3.0),
+            ("BATT3_MONITOR", 3.0),
+            ("BATT3_VOLT_PIN", 27.0),
+        ],
+    );
+    bench.adc_input(CURRENT, AdcInput::Code(2382));
+    bench.run_for(SECOND);
+    let mv = |bench: &mut Bench| last_of(&bench.frames(), 0).voltage_mv(0);
+    assert_eq!(mv(&mut bench), 7741, "the mean");
+    bench.set("BATT_OPTIONS", 512.0);
+    bench.run_for(SECOND);
+    assert_eq!(mv(&mut bench), 7582, "the lowest");
+    bench.set("BATT_SUM_MASK", 2.0);
+    bench.run_for(SECOND);
+    assert_eq!(mv(&mut bench), 7901, "the second alone");
+}
+
+#[test]
+fn a_battery_reset_is_read_back_exactly() {
+    let mut bench = Bench::configured(HALF_FULL_3S, &WITH_CURRENT);
+    for percent in [56, 97, 0, 100] {
+        let answers = bench.ask(&command_long_2(BATTERY_RESET, 65535.0, percent as f32));
+        let answer = of_message(&answers, COMMAND_ACK)[0];
+        assert_eq!((answer.u16(0), answer.u8(2)), (BATTERY_RESET, ACCEPTED));
+        bench.run_for(SECOND);
+        let frames = bench.frames();
+        let status = last_of(&frames, 0);
+        assert_eq!(status.remaining_pct(), percent);
+        assert_eq!(status.consumed_mah(), 22 * (100 - i32::from(percent)));
+    }
+}
+
+#[test]
+fn what_was_consumed_survives_a_watchdog_reset_but_not_a_power_cycle() {
+    let mut bench = Bench::configured(HALF_FULL_3S, &WITH_CURRENT);
+    bench.adc_input(CURRENT, AdcInput::Code(ONE_VOLT));
+    bench.run_for(30 * SECOND);
+    let frames = bench.frames();
+    let before = last_of(&frames, 0);
+    assert!(before.consumed_mah() > 130);
+
+    bench.hang_program();
+    let resets = bench.resets().len();
+    assert!(bench.run_until(2 * SECOND, |board| board.resets().len() > resets));
+    bench.run_for(SECOND);
+    let frames = bench.frames();
+    let after = last_of(&frames, 0);
+    let lost_mah = before.consumed_mah() - after.consumed_mah();
+    // A second more has been drawn since: 4.7 mAh.
+    assert!((-12..=0).contains(&lost_mah), "{lost_mah} mAh");
+    assert!(after.remaining_pct().abs_diff(before.remaining_pct()) <= 1);
+    assert!(!bench.logged(LogLevel::Info, "consumption kept").is_empty());
+
+    bench.power_cycle();
+    bench.run_for(2 * SECOND);
+    let status_after_power_up = bench.frames();
+    assert!(last_of(&status_after_power_up, 0).consumed_mah() < 15);
+}
+
+#[test]
+fn a_pack_for_internal_use_is_not_reported() {
+    let mut bench = Bench::configured(2482, &[("BATT2_MONITOR", 3.0), ("BATT2_OPTIONS", 256.0)]);
+    let from_us = bench.time_us();
+    bench.run_for(10 * SECOND);
+    let frames = bench.frames_since(from_us);
+    assert_eq!((count_of(&frames, 0), count_of(&frames, 1)), (20, 0));
+}
+
+#[test]
+fn the_resting_voltage_is_sent_when_that_is_asked_for() {
+    let mut bench = Bench::configured(HALF_FULL_3S, &WITH_CURRENT);
+    bench.set("BATT_OPTIONS", 64.0);
+    // 50 mΩ: 17 A take 0.85 V off the pack, 267 counts.
+    for step in 0..6 {
+        let (voltage, current) = if step % 2 == 0 {
+            (HALF_FULL_3S - 267, ONE_VOLT)
+        } else {
+            (HALF_FULL_3S, 0)
+        };
+        bench.adc_input(PACK, AdcInput::Code(voltage));
+        bench.adc_input(CURRENT, AdcInput::Code(current));
+        bench.run_for(3 * SECOND);
+    }
+    bench.adc_input(PACK, AdcInput::Code(HALF_FULL_3S - 267));
+    bench.adc_input(CURRENT, AdcInput::Code(ONE_VOLT));
+    bench.run_for(SECOND);
+    let frames = bench.frames();
+    let resting_mv = last_of(&frames, 0).voltage_mv(0);
+    assert!(resting_mv.abs_diff(11_402) < 60, "{resting_mv} mV");
+    let sys_status = of_message(&frames, SYS_STATUS);
+    assert!(
+        SysStatus(sys_status[sys_status.len() - 1])
+            .voltage_mv()
+            .abs_diff(11_402)
+            < 60
+    );
+}
+
+#[test]
+fn cells_and_swaps_are_announced() {
+    let mut bench = Bench::running(2482);
+    bench.run_for(3 * SECOND);
+    assert_eq!(
+        texts(&mut bench),
+        ["Battery 1 has 2 cells (set BATT_CELLS to be sure)"]
+    );
+    bench.adc_input(PACK, AdcInput::Code(50));
+    bench.run_for(2 * SECOND);
+    bench.adc_input(PACK, AdcInput::Code(HALF_FULL_3S));
+    bench.run_for(4 * SECOND);
+    assert_eq!(
+        texts(&mut bench)[1..],
+        [
+            "Battery 1 swapped: estimates restarted",
+            "Battery 1 has 3 cells (set BATT_CELLS to be sure)"
+        ]
+    );
+}
+
+#[test]
+fn the_type_is_the_chemistry_that_was_set() {
+    let mut bench = Bench::running(2482);
+    for chemistry in 1..=4 {
+        bench.set("BATT_CHEM", f32::from(chemistry));
+        bench.run_for(600 * MILLISECOND);
+        assert_eq!(last_of(&bench.frames(), 0).battery_type(), chemistry);
+    }
+}
