@@ -16,6 +16,9 @@ const PATIENCE_US: u64 = 1_000_000;
 /// How often the firmware serialises each message.
 const SERIALISATIONS: u64 = 1000;
 
+/// How many readings of a pack it takes through a monitor.
+const UPDATES: u64 = 1000;
+
 /// What the MAVLink C library takes for the same (`_send_struct` and `mavlink_parse_char`, -O2).
 const C_RECEIVE_PER_BYTE: f64 = 58.0;
 
@@ -48,6 +51,12 @@ fn main() {
         println!(
             "serialise {message:21} {:6} instructions",
             measure(&mut board) / SERIALISATIONS
+        );
+    }
+    for sensor in ["voltage", "voltage and current"] {
+        println!(
+            "battery update, {sensor:21} {:6} instructions",
+            measure(&mut board) / UPDATES
         );
     }
     println!(

@@ -11,6 +11,7 @@ mod firmware {
     use defmt_rtt as _;
     use embassy_rp::gpio::{Level, Output};
     use panic_probe as _;
+    use rover_battmon::battery::{BatteryMonitor, Measurement, PackSettings, Tick};
     use rover_battmon::mavlink::{FrameParser, Framer, Message, Stream, SystemState};
 
     /// A mixed stream from a ground station, written by the bench: 64-byte chunks of frames.
@@ -20,6 +21,9 @@ mod firmware {
 
     /// The emulator looks at the pin every ten microseconds: so many that this does not matter.
     const SERIALISATIONS: u64 = 1000;
+
+    /// The same for a pack's readings: 100 s of them.
+    const UPDATES: u64 = 1000;
 
     #[entry]
     fn main() -> ! {
@@ -50,8 +54,67 @@ mod firmware {
             measuring.set_low();
             defmt::info!("serialise {}", stream);
         }
+
+        for measures_current in [false, true] {
+            let mut pack = PackInUse::new(measures_current);
+            measuring.set_high();
+            for _ in 0..UPDATES {
+                pack.update();
+            }
+            measuring.set_low();
+            defmt::info!(
+                "battery update, current {}: {} %",
+                measures_current,
+                pack.remaining_pct()
+            );
+        }
         loop {
             cortex_m::asm::wfe();
+        }
+    }
+
+    /// A 3S pack whose load changes every second.
+    struct PackInUse {
+        monitor: BatteryMonitor,
+        settings: PackSettings,
+        measures_current: bool,
+        tick: Tick,
+    }
+
+    impl PackInUse {
+        fn new(measures_current: bool) -> Self {
+            Self {
+                monitor: BatteryMonitor::new(),
+                settings: PackSettings {
+                    cell_count: Some(3),
+                    capacity_mah: Some(2200.0),
+                    ..PackSettings::default()
+                },
+                measures_current,
+                tick: Tick::default(),
+            }
+        }
+
+        fn update(&mut self) {
+            self.tick.now_us += 100_000;
+            let current_a = if self.tick.now_us / 1_000_000 % 2 == 0 {
+                2.0
+            } else {
+                7.0
+            };
+            let measurement = Measurement {
+                voltage_v: Some(11.4 - 0.05 * current_a),
+                current_a: self.measures_current.then_some(current_a),
+                ..Measurement::default()
+            };
+            black_box(
+                self.monitor
+                    .update(self.tick, black_box(Ok(measurement)), &self.settings),
+            );
+        }
+
+        fn remaining_pct(&self) -> f32 {
+            self.monitor.state().remaining_pct.unwrap_or(-1.0)
         }
     }
 }

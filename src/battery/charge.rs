@@ -3,7 +3,7 @@
 use super::charge_tracker::CellReading;
 use super::chemistry::Cell;
 use super::load::{CapacitySource, Load};
-use super::low_pass::share_of_step;
+use super::low_pass::Pace;
 
 /// How far sensors of the current and capacities on labels are off, as a share.
 const DRAWN_UNCERTAINTY: f32 = 0.05;
@@ -31,7 +31,7 @@ const RISE_SPEEDUP: f32 = 3.0;
 /// A larger sag than this is not taken for a load, in volts.
 const LARGEST_SAG_V: f32 = 0.8;
 
-const SECONDS_PER_HOUR: f32 = 3600.0;
+const HOURS_PER_SECOND: f32 = 1.0 / 3600.0;
 
 /// The state of charge, between two bounds.
 ///
@@ -47,19 +47,31 @@ pub(super) struct StateOfCharge {
     high: f32,
 }
 
+/// How fast a state of charge gives way to what the voltage tells.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Paces {
+    bound: Pace,
+    guess: Pace,
+}
+
+impl Paces {
+    pub const fn new(bound_time_constant_s: f32) -> Self {
+        Self {
+            bound: Pace::new(bound_time_constant_s),
+            guess: Pace::new(GUESS_TIME_CONSTANT_S),
+        }
+    }
+}
+
 impl StateOfCharge {
     /// From the voltage of a cell at this load; `None` if the load is not known.
     pub fn from_voltage(cell: &Cell, cell_voltage_v: f32, load: Option<Load>) -> Self {
-        let (sag_v, sag_error_v) = load.map_or((0.0, 0.0), |load| (load.sag_v, load.sag_error_v.abs()));
-        // Not `clamp`, which would panic if the curve were upside down.
-        let resting_v = (cell_voltage_v + sag_v)
-            .max(cell.curve.empty_v())
-            .min(cell.curve.full_v());
-        let error_v = CURVE_SIGMAS * cell.curve_spread_v + sag_error_v;
+        let resting_v = resting_voltage_v(cell, cell_voltage_v, load);
+        let (low, high) = bounds(cell, resting_v, load);
         Self {
             value: cell.curve.state_of_charge(resting_v),
-            low: cell.curve.state_of_charge(resting_v - error_v),
-            high: cell.curve.state_of_charge(resting_v + error_v),
+            low,
+            high,
         }
     }
 
@@ -88,15 +100,15 @@ impl StateOfCharge {
         (self.high - self.low <= WIDEST).then_some(self.value)
     }
 
-    /// Takes the next reading. Bounds that the voltage tells are taken over within about `bound_time_constant_s`.
-    pub fn update(&mut self, cell: &Cell, reading: &CellReading, bound_time_constant_s: f32) {
+    /// Takes the next reading.
+    pub fn update(&mut self, cell: &Cell, reading: &CellReading, paces: &mut Paces) {
         match (reading.load, reading.voltage_v) {
             (Some(load), Some(voltage_v)) => {
                 self.draw(reading.dt_s, load);
-                let share = share_of_step(reading.dt_s, bound_time_constant_s);
+                let share = paces.bound.share_of_step(reading.dt_s);
                 self.bound(share, cell, voltage_v, load);
                 if load.capacity == CapacitySource::Guessed {
-                    let share = share_of_step(reading.dt_s, GUESS_TIME_CONSTANT_S);
+                    let share = paces.guess.share_of_step(reading.dt_s);
                     self.look_again(cell, voltage_v, load, share);
                 }
             }
@@ -108,13 +120,15 @@ impl StateOfCharge {
 
     /// Moves to what the voltage tells by this share of the way.
     pub fn look_again(&mut self, cell: &Cell, cell_voltage_v: f32, load: Load, share: f32) {
-        let told = Self::from_voltage(cell, cell_voltage_v, Some(load));
-        self.value = (self.value + (told.value - self.value) * share).clamp(0.0, 1.0);
+        let told = cell
+            .curve
+            .state_of_charge(resting_voltage_v(cell, cell_voltage_v, Some(load)));
+        self.value = (self.value + (told - self.value) * share).clamp(0.0, 1.0);
     }
 
     /// A load has lasted for `dt_s` seconds.
     fn draw(&mut self, dt_s: f32, load: Load) {
-        let drawn = load.rate_per_h * dt_s / SECONDS_PER_HOUR;
+        let drawn = load.rate_per_h * dt_s * HOURS_PER_SECOND;
         let uncertainty = match load.capacity {
             CapacitySource::Set => DRAWN_UNCERTAINTY,
             CapacitySource::Guessed => GUESSED_DRAWN_UNCERTAINTY,
@@ -127,10 +141,11 @@ impl StateOfCharge {
 
     /// Takes over a share of what the cell's voltage under this load tells.
     fn bound(&mut self, share: f32, cell: &Cell, cell_voltage_v: f32, load: Load) {
-        let told = Self::from_voltage(cell, cell_voltage_v, Some(load));
-        self.low += (told.low - self.low).max(0.0) * share;
+        let resting_v = resting_voltage_v(cell, cell_voltage_v, Some(load));
+        let (low, high) = bounds(cell, resting_v, Some(load));
+        self.low += (low - self.low).max(0.0) * share;
         self.high = self.high.max(self.low);
-        self.high += (told.high - self.high).min(0.0) * share;
+        self.high += (high - self.high).min(0.0) * share;
         self.low = self.low.min(self.high);
         self.value = self.value.max(self.low).min(self.high).clamp(0.0, 1.0);
     }
@@ -143,11 +158,27 @@ impl StateOfCharge {
         let sag_v = cell.curve.voltage_v(self.value) - cell_voltage_v;
         let sag_v = sag_v.clamp(-LARGEST_SAG_V, LARGEST_SAG_V);
         let speedup = if sag_v < 0.0 { RISE_SPEEDUP } else { 1.0 };
-        let drawn = speedup * sag_v / cell.lasting_drop_v * dt_s / SECONDS_PER_HOUR;
-        let value = (self.value - drawn).clamp(0.0, 1.0);
-        *self = Self {
-            value,
-            ..Self::from_voltage(cell, cell.curve.voltage_v(value), None)
-        };
+        let drawn = speedup * sag_v / cell.lasting_drop_v() * dt_s * HOURS_PER_SECOND;
+        self.value = (self.value - drawn).clamp(0.0, 1.0);
+        (self.low, self.high) = bounds(cell, cell.curve.voltage_v(self.value), None);
     }
+}
+
+/// The voltage of a cell without its load, as far as that is known, and within its curve.
+fn resting_voltage_v(cell: &Cell, cell_voltage_v: f32, load: Option<Load>) -> f32 {
+    let sag_v = load.map_or(0.0, |load| load.sag_v);
+    // Not `clamp`, which would panic if the curve were upside down.
+    (cell_voltage_v + sag_v)
+        .max(cell.curve.empty_v())
+        .min(cell.curve.full_v())
+}
+
+/// Between which states of charge a cell is that rests at this voltage.
+fn bounds(cell: &Cell, resting_v: f32, load: Option<Load>) -> (f32, f32) {
+    let sag_error_v = load.map_or(0.0, |load| load.sag_error_v.abs());
+    let error_v = CURVE_SIGMAS * cell.curve_spread_v + sag_error_v;
+    (
+        cell.curve.state_of_charge(resting_v - error_v),
+        cell.curve.state_of_charge(resting_v + error_v),
+    )
 }

@@ -1,6 +1,6 @@
 //! From the first voltage on: follows the state of charge.
 
-use super::charge::StateOfCharge;
+use super::charge::{Paces, StateOfCharge};
 use super::chemistry::Cell;
 use super::failsafe::ArmState;
 use super::load::{Load, ResistanceSource};
@@ -50,6 +50,8 @@ pub(super) enum ChargeTracker {
         charge: StateOfCharge,
         /// How well it began.
         start: Start,
+        /// How fast it gives way.
+        paces: Paces,
     },
 }
 
@@ -79,9 +81,18 @@ impl ChargeTracker {
 
     /// Somebody has told the state of charge, from 0 to 1.
     pub const fn told(share: f32) -> Self {
+        Self::follow(StateOfCharge::told(share), Start::Told)
+    }
+
+    const fn follow(charge: StateOfCharge, start: Start) -> Self {
+        let bound_time_constant_s = match start {
+            Start::Final | Start::Settling { .. } => BOUND_TIME_CONSTANT_S,
+            Start::Told => TOLD_TIME_CONSTANT_S,
+        };
         Self::Following {
-            charge: StateOfCharge::told(share),
-            start: Start::Told,
+            charge,
+            start,
+            paces: Paces::new(bound_time_constant_s),
         }
     }
 
@@ -106,8 +117,8 @@ impl ChargeTracker {
                     self.try_start(cell, reading, waited_s, highest_v);
                 }
             }
-            Self::Following { charge, start } => {
-                charge.update(cell, reading, start.bound_time_constant_s());
+            Self::Following { charge, start, paces } => {
+                charge.update(cell, reading, paces);
                 start.settle(charge, cell, reading);
             }
         }
@@ -135,19 +146,13 @@ impl ChargeTracker {
             }
             _ => return,
         };
-        *self = Self::Following {
-            charge: StateOfCharge::from_voltage(cell, voltage_v, reading.load),
-            start,
-        };
+        *self = Self::follow(StateOfCharge::from_voltage(cell, voltage_v, reading.load), start);
     }
 }
 
 impl From<StateOfCharge> for ChargeTracker {
     fn from(charge: StateOfCharge) -> Self {
-        Self::Following {
-            charge,
-            start: Start::Final,
-        }
+        Self::follow(charge, Start::Final)
     }
 }
 
@@ -159,13 +164,6 @@ impl Start {
         Self::Settling {
             elapsed_s: 0.0,
             resistance: load.resistance,
-        }
-    }
-
-    fn bound_time_constant_s(&self) -> f32 {
-        match self {
-            Self::Final | Self::Settling { .. } => BOUND_TIME_CONSTANT_S,
-            Self::Told => TOLD_TIME_CONSTANT_S,
         }
     }
 

@@ -27,14 +27,21 @@ pub(super) struct Cell {
     pub curve_spread_v: f32,
     /// Ohmic resistance times capacity, in Ω·Ah: what a load of one capacity an hour takes off the voltage at once.
     pub ohmic_drop_v: f32,
-    /// The same for a lasting load, with the slow part of the sag.
-    pub lasting_drop_v: f32,
+    /// How much more a lasting load takes off slowly, as a share of that.
+    pub slow_share: f32,
     /// More than this no sound cell has, in volts.
     pub highest_v: f32,
     /// A resting cell below this is being harmed, in volts.
     pub deep_discharge_v: f32,
     /// Less than this, at rest, is not this many cells of this chemistry, in volts.
     pub lowest_v: f32,
+}
+
+impl Cell {
+    /// What a lasting load of one capacity an hour takes off the voltage in the end, in volts.
+    pub fn lasting_drop_v(&self) -> f32 {
+        self.ohmic_drop_v * (1.0 + self.slow_share)
+    }
 }
 
 impl Chemistry {
@@ -63,7 +70,7 @@ static LIPO: Cell = Cell {
     ]),
     curve_spread_v: 0.018,
     ohmic_drop_v: 0.026,
-    lasting_drop_v: 0.035,
+    slow_share: 0.35,
     highest_v: 4.35,
     deep_discharge_v: 3.0,
     lowest_v: 2.0,
@@ -77,7 +84,7 @@ static LIFE: Cell = Cell {
     ]),
     curve_spread_v: 0.017,
     ohmic_drop_v: 0.023,
-    lasting_drop_v: 0.035,
+    slow_share: 0.5,
     highest_v: 3.8,
     deep_discharge_v: 2.5,
     lowest_v: 1.8,
@@ -93,7 +100,7 @@ static LIION: Cell = Cell {
     ]),
     curve_spread_v: 0.029,
     ohmic_drop_v: 0.09,
-    lasting_drop_v: 0.14,
+    slow_share: 0.55,
     highest_v: 4.35,
     deep_discharge_v: 2.5,
     lowest_v: 1.8,
@@ -107,7 +114,7 @@ static NIMH: Cell = Cell {
     ]),
     curve_spread_v: 0.045,
     ohmic_drop_v: 0.018,
-    lasting_drop_v: 0.028,
+    slow_share: 0.55,
     highest_v: 1.65,
     deep_discharge_v: 0.9,
     lowest_v: 0.8,

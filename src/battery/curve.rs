@@ -9,6 +9,9 @@ pub(super) struct Curve(pub [f32; POINTS]);
 
 const SEGMENTS: usize = POINTS - 1;
 
+/// The share of the charge between two points.
+const SEGMENT: f32 = 1.0 / SEGMENTS as f32;
+
 impl Curve {
     /// The resting voltage of an empty cell, in volts.
     pub fn empty_v(&self) -> f32 {
@@ -31,12 +34,10 @@ impl Curve {
     /// The state of charge at a resting voltage. Beyond the ends of the curve it goes on below 0 and above 1, as steep as
     /// at the end.
     pub fn state_of_charge(&self, voltage_v: f32) -> f32 {
-        let mut segment = 0;
-        while segment < SEGMENTS - 1 && voltage_v >= self.ends(segment).1 {
-            segment += 1;
-        }
+        let above = self.0.partition_point(|point_v| *point_v <= voltage_v);
+        let segment = above.saturating_sub(1).min(SEGMENTS - 1);
         let (low_v, high_v) = self.ends(segment);
-        (segment as f32 + (voltage_v - low_v) / (high_v - low_v)) / SEGMENTS as f32
+        (segment as f32 + (voltage_v - low_v) / (high_v - low_v)) * SEGMENT
     }
 
     fn ends(&self, segment: usize) -> (f32, f32) {

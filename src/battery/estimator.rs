@@ -24,7 +24,7 @@ const AVERAGE_TIME_CONSTANT_S: f32 = 60.0;
 /// A smaller load leaves more time than anybody plans with, in amperes.
 const SMALLEST_LOAD_A: f32 = 0.01;
 
-const MAH_PER_AH: f32 = 1000.0;
+const AH_PER_MAH: f32 = 0.001;
 const SECONDS_PER_HOUR: f32 = 3600.0;
 
 /// Readings of a connected pack.
@@ -111,7 +111,7 @@ impl Estimator {
         let known = KnownOfCell {
             capacity_ah: settings
                 .capacity_mah
-                .map(|capacity_mah| capacity_mah / MAH_PER_AH),
+                .map(|capacity_mah| capacity_mah * AH_PER_MAH),
             resistance_ohm: self
                 .resistance_ohm()
                 .zip(cell_count)
@@ -155,7 +155,7 @@ impl Estimator {
 
     /// Seconds until the pack is empty at the average load.
     pub fn time_remaining_s(&self, settings: &PackSettings) -> Option<f32> {
-        let charge_ah = self.state_of_charge()? * settings.capacity_mah? / MAH_PER_AH;
+        let charge_ah = self.state_of_charge()? * settings.capacity_mah? * AH_PER_MAH;
         let average_a = self
             .average_current
             .value()

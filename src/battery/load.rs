@@ -66,7 +66,7 @@ impl Load {
     /// The load of a current; `None` if neither capacity nor resistance is known, for then it may be small or large.
     pub fn new(cell: &Cell, known: &KnownOfCell, currents: &Currents) -> Option<Self> {
         let fast_a = currents.smoothed_a;
-        let slow_a = currents.slow_a * (cell.lasting_drop_v / cell.ohmic_drop_v - 1.0);
+        let slow_a = currents.slow_a * cell.slow_share;
         let (capacity_ah, capacity) = match (known.capacity_ah, known.resistance_ohm) {
             (Some(capacity_ah), _) => (capacity_ah, CapacitySource::Set),
             (None, Some(resistance_ohm)) => (cell.ohmic_drop_v / resistance_ohm, CapacitySource::Guessed),

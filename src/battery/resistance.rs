@@ -1,6 +1,6 @@
 //! Internal resistance, learnt from load steps.
 
-use super::low_pass::{LowPass, share_of_step};
+use super::low_pass::{LowPass, Pace};
 
 /// Changes faster than this are smoothed: noise, and sensors whose voltage follows the current by a sample.
 const FAST_TIME_CONSTANT_S: f32 = 0.3;
@@ -31,6 +31,7 @@ const ENOUGH_A2S: f32 = 0.25;
 pub(super) struct ResistanceEstimator {
     voltage: BandPass,
     current: BandPass,
+    memory: Pace,
     /// ∫ −dV·dI dt
     voltage_by_current: f32,
     /// ∫ dI² dt
@@ -61,6 +62,7 @@ impl ResistanceEstimator {
         Self {
             voltage: BandPass::new(),
             current: BandPass::new(),
+            memory: Pace::new(MEMORY_S),
             voltage_by_current: 0.0,
             current_squared: 0.0,
         }
@@ -74,7 +76,7 @@ impl ResistanceEstimator {
         if current_step_a.abs() < SMALLEST_STEP_A.max(SMALLEST_STEP * load_a.abs()) {
             return;
         }
-        let kept = 1.0 - share_of_step(dt_s, MEMORY_S);
+        let kept = 1.0 - self.memory.share_of_step(dt_s);
         self.voltage_by_current = self.voltage_by_current * kept - voltage_step_v * current_step_a * dt_s;
         self.current_squared = self.current_squared * kept + current_step_a * current_step_a * dt_s;
     }
