@@ -1,9 +1,9 @@
 //! What is wrong with a pack.
 
+use super::BatteryState;
 use super::chemistry::Cell;
 use super::faults::Faults;
 use super::settings::PackSettings;
-use super::{BatteryState, MAX_CELLS};
 
 /// A condition has to last before it is a fault, in seconds; it is gone as soon as it has ended for as long.
 const LASTING_S: f32 = 1.0;
@@ -77,28 +77,29 @@ fn conditions(state: &BatteryState, settings: &PackSettings) -> Faults {
     faults | cell_conditions(state, cell)
 }
 
-/// What the voltage of a single cell tells: the lowest that is measured, else the mean.
+/// What the voltage of a cell tells: of the lowest, where the sensor measures cells, else of their mean.
 fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
     let mut faults = Faults::empty();
-    let Some(cell_count) = state
-        .cell_count
-        .filter(|count| usize::from(*count) <= MAX_CELLS + 2)
-    else {
+    let Some(cell_count) = state.cell_count else {
         return faults;
     };
     let mean_v = |pack_v: Option<f32>| pack_v.map(|pack_v| pack_v / f32::from(cell_count));
-    let highest_v = mean_v(state.voltage_v);
-    let resting_v = state
-        .cells
-        .lowest_v()
-        .or(mean_v(state.resting_voltage_v.or(state.voltage_v)));
+    let resting_v = mean_v(state.resting_voltage_v.or(state.voltage_v));
+    let is = |value: Option<f32>, condition: fn(f32, &Cell) -> bool| {
+        value.is_some_and(|value| condition(value, cell))
+    };
+    let is_too_high = |voltage_v: f32, cell: &Cell| voltage_v > cell.highest_v;
+    let is_too_low = |voltage_v: f32, cell: &Cell| voltage_v < cell.lowest_v;
+    faults.set(Faults::SPIKES, is(mean_v(state.voltage_v), is_too_high));
     faults.set(
-        Faults::SPIKES,
-        highest_v.is_some_and(|voltage_v| voltage_v > cell.highest_v),
+        Faults::INCOMPATIBLE_VOLTAGE,
+        is(resting_v, is_too_high) || is(resting_v, is_too_low),
     );
-    if let Some(resting_v) = resting_v {
-        faults.set(Faults::DEEP_DISCHARGE, resting_v < cell.deep_discharge_v);
-        faults.set(Faults::INCOMPATIBLE_VOLTAGE, resting_v < cell.lowest_v);
-    }
+    faults.set(
+        Faults::DEEP_DISCHARGE,
+        is(state.cells.lowest_v().or(resting_v), |voltage_v, cell| {
+            voltage_v < cell.deep_discharge_v
+        }),
+    );
     faults
 }

@@ -1,5 +1,6 @@
 //! What can't be measured: resistance, resting voltage, cells, state of charge, time left.
 
+use super::Chemistry;
 use super::cell_count::CellCount;
 use super::charge::StateOfCharge;
 use super::charge_tracker::{CellReading, ChargeTracker};
@@ -47,6 +48,8 @@ pub(super) struct Estimator {
     slow_current: WarmingLowPass,
     average_current: WarmingLowPass,
     charge: ChargeTracker,
+    /// What the cells were taken to be, and their number as far as it was set.
+    estimated_for: Option<(Chemistry, Option<u8>)>,
 }
 
 impl Estimator {
@@ -59,38 +62,60 @@ impl Estimator {
             slow_current: WarmingLowPass::new(SLOW_SAG_TIME_CONSTANT_S),
             average_current: WarmingLowPass::new(AVERAGE_TIME_CONSTANT_S),
             charge: ChargeTracker::new(),
+            estimated_for: None,
         }
     }
 
+    /// Takes a reading, and tells if it shows how many cells there are, or that it can't be told.
     pub fn update(&mut self, reading: &Reading, settings: &PackSettings) -> Option<PackEvent> {
-        let Reading {
-            dt_s,
-            voltage_v,
-            current_a,
-            ..
-        } = *reading;
-        if let Some(current_a) = current_a {
-            self.current.update(dt_s, current_a);
-            if self.slow_current.value().is_none() && current_a.abs() <= RESTING_CURRENT_A {
-                // A pack that is found at rest has rested. One that is found under load is taken to have been used alike.
-                self.slow_current.settle(current_a);
-            }
-            self.slow_current.update(dt_s, current_a);
-            self.average_current.update(dt_s, current_a);
-            if let Some(voltage_v) = voltage_v {
-                self.resistance.update(dt_s, voltage_v, current_a);
-            }
+        if let Some(voltage_v) = reading.voltage_v {
+            self.voltage.update(reading.dt_s, voltage_v);
         }
-        let mut event = None;
-        if let (None, Some(voltage_v)) = (settings.cell_count, voltage_v) {
-            event = self.cells.update(dt_s, voltage_v, current_a, settings.chemistry);
+        if let Some(current_a) = reading.current_a {
+            self.follow_current(reading.dt_s, current_a);
         }
-        if let Some(voltage_v) = voltage_v {
-            self.voltage.update(dt_s, voltage_v);
+        if let (Some(voltage_v), Some(current_a)) = (reading.voltage_v, reading.current_a) {
+            self.resistance.update(reading.dt_s, voltage_v, current_a);
+        }
+        let event = self.detect_cells(reading, settings);
+        self.follow_charge(reading, settings);
+        event
+    }
+
+    fn follow_current(&mut self, dt_s: f32, current_a: f32) {
+        self.current.update(dt_s, current_a);
+        if self.slow_current.value().is_none() && current_a.abs() <= RESTING_CURRENT_A {
+            // A pack that is found at rest has rested. One that is found under load is taken to have been used alike.
+            self.slow_current.settle(current_a);
+        }
+        self.slow_current.update(dt_s, current_a);
+        self.average_current.update(dt_s, current_a);
+    }
+
+    fn detect_cells(&mut self, reading: &Reading, settings: &PackSettings) -> Option<PackEvent> {
+        if settings.cell_count.is_some() {
+            return None;
+        }
+        self.cells.update(
+            reading.dt_s,
+            reading.voltage_v?,
+            reading.current_a,
+            settings.chemistry,
+        )
+    }
+
+    fn follow_charge(&mut self, reading: &Reading, settings: &PackSettings) {
+        let cells = (settings.chemistry, settings.cell_count);
+        if self
+            .estimated_for
+            .replace(cells)
+            .is_some_and(|before| before != cells)
+        {
+            // What the owner has corrected makes the estimate so far worthless.
+            self.charge = ChargeTracker::new();
         }
         let cell_reading = self.cell_reading(reading, settings);
         self.charge.update(settings.chemistry.cell(), &cell_reading);
-        event
     }
 
     fn cell_reading(&self, reading: &Reading, settings: &PackSettings) -> CellReading {

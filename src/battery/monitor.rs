@@ -9,7 +9,7 @@ use super::estimator::{Estimator, Reading};
 use super::failsafe::{ArmState, Failsafe, FailsafeLevel};
 use super::settings::PackSettings;
 use super::swap::SwapDetector;
-use super::{BatteryState, Consumed, Measurement, PackEvent, PackMemory, PackStatus, ReadError};
+use super::{BatteryState, Consumed, Faults, Measurement, PackEvent, PackMemory, PackStatus, ReadError};
 
 /// Below this voltage no pack is connected, in volts: the divider then sees what leaks in while the board runs from USB.
 /// The same limit as PX4's `BATTERY_CONNECTED` test.
@@ -156,7 +156,7 @@ impl BatteryMonitor {
         if let Some(event) = self.estimator.update(&reading, settings) {
             push(events, event);
         }
-        self.describe(&reading, settings);
+        self.describe(measurement, settings);
     }
 
     /// Without a pack the pin's voltage is not a pack voltage: unknown, not a flat battery.
@@ -169,6 +169,8 @@ impl BatteryMonitor {
         self.state.average_current_a = None;
         self.state.remaining_pct = None;
         self.state.time_remaining_s = None;
+        self.state.faults = Faults::empty();
+        self.diagnosis = Diagnosis::default();
     }
 
     fn is_other_pack(&mut self, tick: Tick, reading: &Reading) -> bool {
@@ -198,21 +200,23 @@ impl BatteryMonitor {
             .add(dt_us, previous_a, current_a, measurement.voltage_v)
     }
 
-    fn describe(&mut self, reading: &Reading, settings: &PackSettings) {
-        let is_counted = reading.current_a.is_some();
+    fn describe(&mut self, measurement: &Measurement, settings: &PackSettings) {
+        let Measurement {
+            voltage_v, current_a, ..
+        } = *measurement;
+        let is_counted = current_a.is_some() || measurement.consumed.is_some();
         let state = &mut self.state;
-        state.voltage_v = reading.voltage_v;
-        state.current_a = reading.current_a;
-        state.resting_voltage_v = reading
-            .voltage_v
-            .zip(reading.current_a)
+        state.voltage_v = voltage_v;
+        state.current_a = current_a;
+        state.resting_voltage_v = voltage_v
+            .zip(current_a)
             .and_then(|(voltage_v, current_a)| self.estimator.resting_voltage_v(voltage_v, current_a));
-        state.average_current_a = self.estimator.average_current_a();
+        state.average_current_a = current_a.and(self.estimator.average_current_a());
         state.resistance_ohm = self.estimator.resistance_ohm();
         state.consumed_mah = is_counted.then(|| self.consumption.charge_mah());
-        state.consumed_wh = (is_counted && reading.voltage_v.is_some()).then(|| self.consumption.energy_wh());
+        state.consumed_wh = (is_counted && voltage_v.is_some()).then(|| self.consumption.energy_wh());
         state.remaining_pct = self.estimator.state_of_charge().map(|share| share * 100.0);
-        state.time_remaining_s = self.estimator.time_remaining_s(settings);
+        state.time_remaining_s = current_a.and_then(|_| self.estimator.time_remaining_s(settings));
         state.cell_count = self.estimator.cell_count(settings);
     }
 

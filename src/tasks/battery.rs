@@ -23,6 +23,9 @@ const READ_TIMEOUT: Duration = Duration::from_millis(2);
 /// Of the failed reads of an unhealthy pack one in so many is logged.
 const LOGGED_FAILURE: u32 = 10;
 
+/// Once a second what has to survive a reset is written down.
+const TICKS_PER_RECORD: u32 = 10;
+
 /// The throttle for synthetic currents: nothing drives the motors yet.
 const THROTTLE: f32 = 0.0;
 
@@ -57,7 +60,9 @@ pub async fn sample_batteries(
         for (pack, kind) in in_order().filter(|(_, kind)| *kind == Some(MonitorKind::Sum)) {
             update(&mut bank, pack, kind, tick, &readings, shared);
         }
-        retain(memory, &bank.memory());
+        if shared.samples().is_multiple_of(TICKS_PER_RECORD) {
+            retain(memory, &bank.memory());
+        }
         shared.count_sample();
         mark(check_in);
     }

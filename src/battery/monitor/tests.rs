@@ -322,7 +322,7 @@ fn a_gap_of_the_sensor_is_counted_and_told() {
 fn faults_are_found_and_go_away() {
     let cases = [
         (volts(3.0 * 2.8), Faults::DEEP_DISCHARGE),
-        (volts(3.0 * 4.4), Faults::SPIKES),
+        (volts(3.0 * 4.4), Faults::SPIKES | Faults::INCOMPATIBLE_VOLTAGE),
         (
             volts(3.0 * 1.9),
             Faults::DEEP_DISCHARGE | Faults::INCOMPATIBLE_VOLTAGE,
@@ -361,6 +361,28 @@ fn faults_are_found_and_go_away() {
             "{expected:?} stays"
         );
     }
+}
+
+#[test]
+fn a_single_spike_is_a_fault_for_a_moment() {
+    let mut bench = Bench::new();
+    bench.run(1.0, volts(12.0));
+    assert_eq!(bench.run(0.1, volts(14.0)).faults, Faults::SPIKES);
+    assert_eq!(bench.state().charge_state, ChargeState::Unhealthy);
+    assert_eq!(bench.run(2.0, volts(12.0)).faults, Faults::empty());
+    assert_eq!(bench.state().charge_state, ChargeState::Ok);
+}
+
+#[test]
+fn cells_that_are_corrected_are_estimated_anew() {
+    let mut bench = Bench::new();
+    let as_three_pct = bench.run(1.0, volts(8.2)).remaining_pct.expect("known");
+    bench.settings.cell_count = Some(2);
+    let as_two_pct = bench.run(1.0, volts(8.2)).remaining_pct.expect("known");
+    assert!(
+        as_three_pct < 5.0 && as_two_pct > 80.0,
+        "{as_three_pct} % and {as_two_pct} %"
+    );
 }
 
 #[test]
