@@ -166,8 +166,11 @@ fn largest_rebound_pct(samples: &[Sample], moments: &[Moment]) -> (usize, f64) {
 
 #[test]
 fn the_estimate_does_not_rise_when_a_load_ends() {
-    for name in [DISCHARGE, "trace_sag.csv"] {
-        let samples = trace(name);
+    for (name, samples) in [
+        (DISCHARGE, trace(DISCHARGE)),
+        ("trace_sag.csv", trace("trace_sag.csv")),
+        ("a drive with stops", samples(Pack::at(0.8), 10, 500.0)),
+    ] {
         for (fed, settings) in [
             (samples.clone(), cells_and_capacity_set()),
             (without_current(&samples), cells_set()),

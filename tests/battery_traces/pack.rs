@@ -56,7 +56,8 @@ fn load_a(t_s: f64) -> f64 {
         0..12 => 4.0 + swell_a,
         12..19 => 12.0 + swell_a,
         19..30 => 7.0 + swell_a,
-        _ => 2.0 + swell_a,
+        // It stands still.
+        _ => 0.2,
     }
 }
 

@@ -68,7 +68,11 @@ pub fn without_current(samples: &[Sample]) -> Vec<Sample> {
 
 /// What a fresh monitor makes of the samples.
 pub fn run(samples: &[Sample], settings: &PackSettings) -> Vec<Moment> {
-    let mut monitor = BatteryMonitor::new();
+    run_from(BatteryMonitor::new(), samples, settings)
+}
+
+/// What this monitor makes of the samples.
+pub fn run_from(mut monitor: BatteryMonitor, samples: &[Sample], settings: &PackSettings) -> Vec<Moment> {
     samples
         .iter()
         .map(|sample| {

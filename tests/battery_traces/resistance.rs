@@ -2,7 +2,7 @@
 
 use rover_battmon::battery::PackSettings;
 
-use crate::replay::{Moment, run, trace};
+use crate::replay::{Moment, Sample, run, trace};
 
 #[test]
 fn steps_show_50_milliohms_within_15_seconds() {
@@ -45,8 +45,26 @@ fn a_voltage_that_falls_under_a_constant_load_is_not_booked_as_sag() {
     let largest_v = moments.iter().filter_map(unexplained_v).fold(0.0, f32::max);
     println!("resting voltage: {largest_v} V unexplained at most");
     assert!(largest_v <= 0.1, "{largest_v} V");
-    let last = moments.last().unwrap().state;
-    assert_eq!(last.resistance_ohm, None, "a constant load shows no resistance");
+    let is_unknown = |moment: &Moment| moment.state.resistance_ohm.is_none();
+    assert!(
+        moments.iter().all(is_unknown),
+        "a constant load shows no resistance"
+    );
+}
+
+#[test]
+fn a_ripple_of_the_current_is_not_what_made_the_voltage_fall() {
+    let ripple_a = |t_s: f64| 0.25 * (2.0 * t_s).sin() as f32;
+    let samples: Vec<Sample> = trace("trace_failsafe_voltage.csv")
+        .into_iter()
+        .map(|sample| Sample {
+            current_a: sample.current_a.map(|current_a| current_a + ripple_a(sample.t_s)),
+            ..sample
+        })
+        .collect();
+    for moment in run(&samples, &PackSettings::default()) {
+        assert_eq!(moment.state.resistance_ohm, None, "at {} s", moment.t_s);
+    }
 }
 
 #[test]
