@@ -69,10 +69,9 @@ fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
     })];
     let panel = Panel::new("Remaining charge (%)", 2, time, Axis::over([0.0, 100.0], 5));
     let mut told = Vec::new();
-    for band in rows.chunk_by(|a, b| a.state.charge_state == b.state.charge_state) {
-        let [first, .., last] = band else { continue };
-        let (name, colour) = looks(first.state.charge_state);
-        panel.band(svg, first.time_s, last.time_s, colour);
+    for (from_s, to_s, state) in bands(rows) {
+        let (name, colour) = looks(state);
+        panel.band(svg, from_s, to_s, colour);
         if !told.contains(&(name, colour)) {
             told.push((name, colour));
         }
@@ -80,6 +79,19 @@ fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
     panel.draw(svg, &lines);
     panel.legend_of_bands(svg, &told);
     events(svg, &panel, rows);
+}
+
+/// From when to when each charge state lasted.
+fn bands(rows: &[Row]) -> impl Iterator<Item = (f64, f64, ChargeState)> {
+    let starts = || {
+        rows.chunk_by(|a, b| a.state.charge_state == b.state.charge_state)
+            .filter_map(<[Row]>::first)
+    };
+    // Each lasts until the next begins.
+    let ends = starts().skip(1).chain(rows.last());
+    starts()
+        .zip(ends)
+        .map(|(start, end)| (start.time_s, end.time_s, start.state.charge_state))
 }
 
 fn events(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
