@@ -1,82 +1,74 @@
-//! scratch
-use rover_battmon::battery::*;
-use std::io::Write;
-fn main() {
-    let args: Vec<String> = std::env::args().skip(1).collect();
-    let mut s = PackSettings::default();
-    let mut file = String::new();
-    let mut vonly = false;
-    let mut skip = 0usize;
-    let mut every = 1usize;
-    let mut it = args.iter();
-    while let Some(a) = it.next() {
-        if a == "--param" {
-            let kv = it.next().unwrap();
-            let (k, v) = kv.split_once('=').unwrap();
-            let v: f32 = v.parse().unwrap();
-            match k {
-                "BATT_CAPACITY" => s.capacity_mah = (v > 0.0).then_some(v),
-                "BATT_CELLS" => s.cell_count = (v > 0.0).then_some(v as u8),
-                "BATT_CHEM" => s.chemistry = Chemistry::from_number(v as i32).unwrap(),
-                "BATT_MONITOR" => vonly = v == 3.0,
-                "SKIP" => skip = v as usize,
-                "EVERY" => every = v as usize,
-                "BATT_LOW_VOLT" => s.failsafe.low.voltage_v = Some(v),
-                "BATT_CRT_VOLT" => s.failsafe.critical.voltage_v = Some(v),
-                "BATT_LOW_TIMER" => s.failsafe.timer_s = (v > 0.0).then_some(v),
-                _ => panic!("{k}"),
-            }
-        } else {
-            file = a.clone();
+//! Runs a recorded trace of a pack through the battery monitor, as if it happened now.
+//!
+//! ```sh
+//! cargo run --example replay -- --param BATT_CELLS=3 --param BATT_CAPACITY=2200 --plot out.svg trace.csv > out.csv
+//! ```
+//!
+//! A trace is a CSV file with the columns `t_s`, `voltage_v`, `current_a`, `healthy` and `armed`: see [`trace`]. What the
+//! monitor made of each reading goes to standard output, in the columns of [`report`].
+mod plot;
+mod report;
+mod run;
+mod settings;
+mod trace;
+
+use std::fs;
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::report::Row;
+use crate::settings::{Assignment, Inputs};
+use crate::trace::Trace;
+
+/// What clap ends with for arguments it does not understand; a trace that can't be used is no different.
+const EXIT_USAGE: u8 = 2;
+
+/// Replays a recorded trace of a battery through the monitor.
+#[derive(Parser)]
+#[command(name = "replay", about)]
+struct Arguments {
+    /// Set a parameter of the first pack, for example BATT_CELLS=3; may be given more than once
+    #[arg(long = "param", value_name = "NAME=VALUE")]
+    assignments: Vec<Assignment>,
+
+    /// Draw what the monitor made of the trace
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+
+    /// The recording: t_s,voltage_v,current_a,healthy,armed
+    #[arg(value_name = "TRACE.csv")]
+    trace: PathBuf,
+}
+
+fn main() -> ExitCode {
+    match replay(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(EXIT_USAGE)
         }
     }
-    let mut m = BatteryMonitor::new();
-    let text = std::fs::read_to_string(&file).unwrap();
-    let mut out = std::io::BufWriter::new(std::io::stdout());
-    writeln!(out, "t_s,voltage_v,current_a,consumed_mah,consumed_wh,resistance_ohm,voltage_resting_v,remaining_pct,time_remaining_s,charge_state,failsafe,events").unwrap();
-    for line in text.lines().skip(1 + skip).step_by(every) {
-        let f: Vec<&str> = line.split(',').collect();
-        let t: f64 = f[0].parse().unwrap();
-        let v: f32 = f[1].parse().unwrap();
-        let i: Option<f32> = f[2].parse().ok().filter(|_| !vonly);
-        let ok = f[3] == "1";
-        let tick = Tick {
-            now_us: (t * 1e6).round() as u64,
-            arm_state: if f[4] == "1" {
-                ArmState::Armed
-            } else {
-                ArmState::Disarmed
-            },
-        };
-        let r = if ok {
-            Ok(Measurement {
-                voltage_v: Some(v),
-                current_a: i,
-                ..Default::default()
-            })
-        } else {
-            Err(ReadError::Timeout)
-        };
-        let (ev, _) = m.update(tick, r, &s);
-        let st = m.state();
-        let o = |x: Option<f32>| x.map_or(String::new(), |x| x.to_string());
-        let evs: Vec<String> = ev.iter().map(|e| e.to_string()).collect();
-        writeln!(
-            out,
-            "{t},{v},{},{},{},{},{},{},{},{},{},{}",
-            o(i),
-            o(st.consumed_mah),
-            o(st.consumed_wh),
-            o(st.resistance_ohm),
-            st.resting_voltage_v
-                .or(st.voltage_v)
-                .map_or(String::new(), |x| x.to_string()),
-            st.remaining_pct.unwrap_or(-1.0),
-            o(st.time_remaining_s),
-            st.charge_state as u8,
-            m.failsafe() as u8,
-            evs.join("; ").replace(',', ";")
-        )
-        .unwrap();
+}
+
+fn replay(arguments: &Arguments) -> Result<(), String> {
+    let about = |path: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+    let text = fs::read_to_string(&arguments.trace).map_err(|error| about(&arguments.trace, &error))?;
+    let trace = Trace::parse(&text).map_err(|error| about(&arguments.trace, &error))?;
+    let parameters = settings::parameters(&arguments.assignments, &trace)?;
+    let rows = run::run(&trace, Inputs::from_parameters(&parameters)?, &parameters);
+    if let Some(path) = &arguments.plot {
+        fs::write(path, plot::plot(&rows)).map_err(|error| about(path, &error))?;
+    }
+    print(&rows).map_err(|error| format!("standard output: {error}"))
+}
+
+fn print(rows: &[Row]) -> io::Result<()> {
+    match io::stdout().write_all(report::csv(rows).as_bytes()) {
+        // Whoever reads the rows has seen enough of them.
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        result => result,
     }
 }

@@ -1,0 +1,211 @@
+//! What the monitor made of a trace, as a picture: voltages, current, and the remaining charge with what was told of it.
+
+mod axis;
+mod panel;
+mod series;
+mod svg;
+
+use rover_battmon::battery::{BatteryState, ChargeState};
+
+use self::axis::Axis;
+use self::panel::Panel;
+use self::series::Series;
+use self::svg::Svg;
+use crate::report::Row;
+
+const WIDTH: f64 = 1000.0;
+const PANEL_HEIGHT: f64 = 260.0;
+
+const VOLTAGE: &str = "#1f5fa8";
+const RESTING: &str = "#d1662c";
+const CURRENT: &str = "#2c7a4b";
+const REMAINING: &str = "#5b3a8c";
+
+/// Texts of events are written in so many lines by turns, so that they do not cover each other.
+const EVENT_LINES: usize = 6;
+
+/// The rows as an SVG picture. The same rows always make the same picture.
+pub fn plot(rows: &[Row]) -> String {
+    let time = Axis::over(rows.iter().map(|row| row.time_s), 10);
+    let mut svg = Svg::new(WIDTH, 3.0 * PANEL_HEIGHT);
+    voltages(&mut svg, &time, rows);
+    currents(&mut svg, &time, rows);
+    remaining(&mut svg, &time, rows);
+    svg.finish()
+}
+
+fn series<'a>(
+    rows: &[Row],
+    name: &'a str,
+    colour: &'a str,
+    value: impl Fn(&BatteryState) -> Option<f32>,
+) -> Series<'a> {
+    let points = rows
+        .iter()
+        .map(|row| (row.time_s, value(&row.state).map(f64::from)));
+    Series::new(name, colour, points.collect())
+}
+
+fn voltages(svg: &mut Svg, time: &Axis, rows: &[Row]) {
+    let lines = [
+        series(rows, "resting voltage", RESTING, |state| state.resting_voltage_v),
+        series(rows, "terminal voltage", VOLTAGE, |state| state.voltage_v),
+    ];
+    let axis = Axis::over(lines.iter().flat_map(Series::values), 6);
+    let panel = Panel::new("Voltage (V)", 0, time, axis);
+    panel.draw(svg, &lines);
+}
+
+fn currents(svg: &mut Svg, time: &Axis, rows: &[Row]) {
+    let lines = [series(rows, "current", CURRENT, |state| state.current_a)];
+    let axis = Axis::over(lines.iter().flat_map(Series::values), 6);
+    let panel = Panel::new("Current (A)", 1, time, axis);
+    panel.draw(svg, &lines);
+}
+
+fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
+    let lines = [series(rows, "remaining charge", REMAINING, |state| {
+        state.remaining_pct
+    })];
+    let panel = Panel::new("Remaining charge (%)", 2, time, Axis::over([0.0, 100.0], 5));
+    let mut told = Vec::new();
+    for (from_s, to_s, state) in bands(rows) {
+        let (name, colour) = looks(state);
+        panel.band(svg, from_s, to_s, colour);
+        if !told.contains(&(name, colour)) {
+            told.push((name, colour));
+        }
+    }
+    panel.draw(svg, &lines);
+    panel.legend_of_bands(svg, &told);
+    events(svg, &panel, rows);
+}
+
+/// From when to when each charge state lasted.
+fn bands(rows: &[Row]) -> impl Iterator<Item = (f64, f64, ChargeState)> {
+    let starts = || {
+        rows.chunk_by(|a, b| a.state.charge_state == b.state.charge_state)
+            .filter_map(<[Row]>::first)
+    };
+    // Each lasts until the next begins.
+    let ends = starts().skip(1).chain(rows.last());
+    starts()
+        .zip(ends)
+        .map(|(start, end)| (start.time_s, end.time_s, start.state.charge_state))
+}
+
+fn events(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
+    let events = rows
+        .iter()
+        .flat_map(|row| row.events.iter().map(|text| (row.time_s, text)));
+    for (number, (time_s, text)) in events.enumerate() {
+        panel.event(svg, time_s, number % EVENT_LINES, text);
+    }
+}
+
+/// The name and the colour of a charge state.
+fn looks(state: ChargeState) -> (&'static str, &'static str) {
+    match state {
+        ChargeState::Undefined => ("undefined", "#f0f0f0"),
+        ChargeState::Ok => ("ok", "#e3f4e3"),
+        ChargeState::Low => ("low", "#fff3c4"),
+        ChargeState::Critical => ("critical", "#ffdcc2"),
+        ChargeState::Emergency => ("emergency", "#ffc9c9"),
+        ChargeState::Failed => ("failed", "#e8c9e8"),
+        ChargeState::Unhealthy => ("unhealthy", "#d9d9e8"),
+        ChargeState::Charging => ("charging", "#d3e8fb"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rover_battmon::battery::FailsafeLevel;
+
+    fn rows() -> Vec<Row> {
+        let row = |sample: u32| Row {
+            time_s: f64::from(sample) / 10.0,
+            state: BatteryState {
+                voltage_v: Some(12.0 - sample as f32 / 1e4),
+                current_a: (sample % 50 != 7).then_some(sample as f32 % 5.0),
+                remaining_pct: Some(100.0 - sample as f32 / 100.0),
+                charge_state: if sample < 3000 {
+                    ChargeState::Ok
+                } else {
+                    ChargeState::Low
+                },
+                ..BatteryState::default()
+            },
+            failsafe: FailsafeLevel::None,
+            events: if sample == 3000 {
+                vec!["is < low & \"old\"".into()]
+            } else {
+                vec![]
+            },
+        };
+        (0..6000).map(row).collect()
+    }
+
+    /// Goes through the tags of a document and returns how many it has; fails on one that is not closed.
+    fn well_formed_tags(xml: &str) -> usize {
+        let mut open = Vec::new();
+        let mut count = 0;
+        for part in xml.split('<').skip(1) {
+            let (tag, text) = part.split_once('>').expect("a tag ends");
+            assert!(!text.contains('>'), "{text:?}");
+            let name = tag
+                .split([' ', '/'])
+                .find(|name| !name.is_empty())
+                .expect("a name");
+            count += 1;
+            match (tag.starts_with('/'), tag.ends_with('/')) {
+                (true, _) => assert_eq!(open.pop(), Some(name)),
+                (false, false) => open.push(name),
+                (false, true) => {}
+            }
+        }
+        assert!(open.is_empty(), "not closed: {open:?}");
+        count
+    }
+
+    #[test]
+    fn every_tag_is_closed_and_every_panel_has_its_title() {
+        let svg = plot(&rows());
+        assert!(well_formed_tags(&svg) > 60);
+        for text in ["Voltage (V)", "Current (A)", "Remaining charge (%)", "time (s)"] {
+            assert!(svg.contains(text), "{text}");
+        }
+        assert!(svg.contains("is &lt; low &amp; &quot;old&quot;"));
+    }
+
+    #[test]
+    fn bands_are_drawn_for_the_states_there_were() {
+        let svg = plot(&rows());
+        for state in [ChargeState::Ok, ChargeState::Low] {
+            assert!(svg.contains(looks(state).1), "{state:?}");
+        }
+        assert!(!svg.contains(looks(ChargeState::Critical).1));
+    }
+
+    #[test]
+    fn a_line_has_at_most_two_thousand_points() {
+        for name in ["terminal voltage", "current", "remaining charge"] {
+            let points: usize = plot(&rows())
+                .lines()
+                .filter(|line| line.contains("<polyline") && line.contains(name))
+                .map(|line| line.matches(',').count())
+                .sum();
+            assert!((1000..=2000).contains(&points), "{name}: {points} points");
+        }
+    }
+
+    #[test]
+    fn a_trace_without_anything_is_a_picture_too() {
+        assert!(well_formed_tags(&plot(&[])) > 3);
+    }
+
+    #[test]
+    fn the_same_rows_make_the_same_picture() {
+        assert_eq!(plot(&rows()), plot(&rows()));
+    }
+}

@@ -1,0 +1,87 @@
+//! Writes an SVG document, one element a line.
+
+use std::fmt::{Display, Write};
+
+/// Which end of a text stands at its place.
+#[derive(Clone, Copy, Debug)]
+pub enum Anchor {
+    /// It begins there.
+    Start,
+    /// It is centred there.
+    Middle,
+    /// It ends there.
+    End,
+}
+
+/// A document that is being written. Lengths are in pixels, from the top left.
+pub struct Svg {
+    text: String,
+}
+
+impl Svg {
+    /// An empty white sheet.
+    pub fn new(width: f64, height: f64) -> Self {
+        let mut svg = Self { text: String::new() };
+        svg.write(format_args!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+             viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"12\" fill=\"#222222\">"
+        ));
+        svg.rectangle((0.0, 0.0), (width, height), "#ffffff");
+        svg
+    }
+
+    /// A filled rectangle: its top left corner and its size.
+    pub fn rectangle(&mut self, (x, y): (f64, f64), (width, height): (f64, f64), fill: &str) {
+        self.write(format_args!(
+            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" fill=\"{fill}\"/>"
+        ));
+    }
+
+    /// A thin straight line.
+    pub fn line(&mut self, (x1, y1): (f64, f64), (x2, y2): (f64, f64), stroke: &str) {
+        self.write(format_args!(
+            "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{stroke}\"/>"
+        ));
+    }
+
+    /// A line through points; `name` tells a reader of the document what it is.
+    pub fn polyline(&mut self, points: &[(f64, f64)], stroke: &str, name: &str) {
+        let points: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+        self.write(format_args!(
+            "<polyline data-name=\"{}\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"1.5\" points=\"{}\"/>",
+            escaped(name),
+            points.join(" ")
+        ));
+    }
+
+    /// A line of text.
+    pub fn text(&mut self, (x, y): (f64, f64), anchor: Anchor, text: &str) {
+        let anchor = match anchor {
+            Anchor::Start => "start",
+            Anchor::Middle => "middle",
+            Anchor::End => "end",
+        };
+        self.write(format_args!(
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{}</text>",
+            escaped(text)
+        ));
+    }
+
+    /// The whole document.
+    pub fn finish(mut self) -> String {
+        self.write("</svg>");
+        self.text
+    }
+
+    fn write(&mut self, element: impl Display) {
+        // A String takes everything.
+        let _ = writeln!(self.text, "{element}");
+    }
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}

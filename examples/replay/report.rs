@@ -1,0 +1,108 @@
+//! What the monitor made of a trace, as CSV: one row a reading.
+//!
+//! | column | |
+//! |---|---|
+//! | `t_s` | as in the trace |
+//! | `voltage_v`, `current_a`, `consumed_mah`, `consumed_wh`, `resistance_ohm`, `time_remaining_s` | empty while unknown |
+//! | `voltage_resting_v` | while it is unknown, the voltage between the terminals |
+//! | `remaining_pct` | −1 while unknown |
+//! | `charge_state` | MAVLink's `MAV_BATTERY_CHARGE_STATE` |
+//! | `failsafe` | 0 none, 1 unhealthy, 2 low, 3 critical |
+//! | `events` | what a ground station would be told, separated by `;`, without commas |
+
+use std::fmt::Write;
+
+use rover_battmon::battery::{BatteryState, FailsafeLevel};
+
+const HEADER: &str = "t_s,voltage_v,current_a,consumed_mah,consumed_wh,resistance_ohm,voltage_resting_v,\
+                      remaining_pct,time_remaining_s,charge_state,failsafe,events\n";
+
+/// What is known after one reading.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// Seconds since the trace's start.
+    pub time_s: f64,
+    /// What is known of the pack.
+    pub state: BatteryState,
+    /// How urgent it is.
+    pub failsafe: FailsafeLevel,
+    /// What has just happened.
+    pub events: Vec<String>,
+}
+
+/// The rows as text, behind a header.
+pub fn csv(rows: &[Row]) -> String {
+    rows.iter().fold(String::from(HEADER), |mut text, row| {
+        // A String takes everything.
+        let _ = writeln!(text, "{}", line(row));
+        text
+    })
+}
+
+fn line(row: &Row) -> String {
+    let state = &row.state;
+    let fields = [
+        row.time_s.to_string(),
+        field(state.voltage_v),
+        field(state.current_a),
+        field(state.consumed_mah),
+        field(state.consumed_wh),
+        field(state.resistance_ohm),
+        field(state.resting_voltage_v.or(state.voltage_v)),
+        state.remaining_pct.unwrap_or(-1.0).to_string(),
+        field(state.time_remaining_s),
+        (state.charge_state as u8).to_string(),
+        (row.failsafe as u8).to_string(),
+        row.events.join(";").replace(',', ""),
+    ];
+    fields.join(",")
+}
+
+fn field(value: Option<f32>) -> String {
+    value.map(|value| value.to_string()).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rover_battmon::battery::ChargeState;
+
+    #[test]
+    fn what_is_unknown_is_empty_and_the_resting_voltage_falls_back() {
+        let row = Row {
+            time_s: 0.1,
+            state: BatteryState {
+                voltage_v: Some(11.1),
+                ..BatteryState::default()
+            },
+            failsafe: FailsafeLevel::None,
+            events: vec![],
+        };
+        assert_eq!(csv(&[row]), format!("{HEADER}0.1,11.1,,,,,11.1,-1,,0,0,\n"));
+    }
+
+    #[test]
+    fn every_value_has_its_column() {
+        let row = Row {
+            time_s: 2.0,
+            state: BatteryState {
+                voltage_v: Some(11.0),
+                current_a: Some(2.0),
+                consumed_mah: Some(3.0),
+                consumed_wh: Some(4.0),
+                resistance_ohm: Some(0.5),
+                resting_voltage_v: Some(12.0),
+                remaining_pct: Some(6.0),
+                time_remaining_s: Some(7.0),
+                charge_state: ChargeState::Critical,
+                ..BatteryState::default()
+            },
+            failsafe: FailsafeLevel::Low,
+            events: vec!["is low, very".into(), "swapped".into()],
+        };
+        assert_eq!(
+            csv(&[row]),
+            format!("{HEADER}2,11,2,3,4,0.5,12,6,7,3,2,is low very;swapped\n")
+        );
+    }
+}

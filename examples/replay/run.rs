@@ -1,0 +1,46 @@
+//! A trace through the monitor.
+
+use rover_battmon::battery::{ArmState, BatteryMonitor, Measurement, PackSettings, ReadError, Tick};
+use rover_battmon::parameter::{Pack, Parameters};
+
+use crate::report::Row;
+use crate::settings::Inputs;
+use crate::trace::{Sample, Trace};
+
+/// What a fresh monitor makes of each reading of the trace.
+pub fn run(trace: &Trace, inputs: Inputs, parameters: &Parameters) -> Vec<Row> {
+    let settings = PackSettings::from_parameters(parameters, Pack::First);
+    let mut monitor = BatteryMonitor::new();
+    let rows = trace.samples.iter().map(|sample| {
+        let (events, _) = monitor.update(tick(sample), reading(sample, inputs), &settings);
+        Row {
+            time_s: sample.time_s,
+            state: *monitor.state(),
+            failsafe: monitor.failsafe(),
+            events: events.iter().map(ToString::to_string).collect(),
+        }
+    });
+    rows.collect()
+}
+
+fn tick(sample: &Sample) -> Tick {
+    Tick {
+        now_us: (sample.time_s * 1e6).round() as u64,
+        arm_state: if sample.armed {
+            ArmState::Armed
+        } else {
+            ArmState::Disarmed
+        },
+    }
+}
+
+fn reading(sample: &Sample, inputs: Inputs) -> Result<Measurement, ReadError> {
+    if !sample.healthy {
+        return Err(ReadError::Timeout);
+    }
+    Ok(Measurement {
+        voltage_v: sample.voltage_v.filter(|_| inputs.voltage),
+        current_a: sample.current_a.filter(|_| inputs.current),
+        ..Measurement::default()
+    })
+}

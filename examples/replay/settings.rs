@@ -1,0 +1,133 @@
+//! The parameters a trace is replayed with.
+
+use std::str::FromStr;
+
+use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters};
+
+use crate::trace::Trace;
+
+/// `BATT_MONITOR`: which of the trace's columns the monitor is given.
+const VOLTAGE_ONLY: i32 = 3;
+const VOLTAGE_AND_CURRENT: i32 = 4;
+const CURRENT_ONLY: i32 = 31;
+
+/// A parameter and its value, as in `BATT_CELLS=3`.
+#[derive(Clone, Copy, Debug)]
+pub struct Assignment {
+    id: ParameterId,
+    value: f32,
+}
+
+impl FromStr for Assignment {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, value) = text.split_once('=').ok_or("NAME=VALUE is needed")?;
+        Ok(Self {
+            id: ParameterId::from_name(name.as_bytes()).ok_or_else(|| format!("no parameter {name}"))?,
+            value: value
+                .parse()
+                .map_err(|_| format!("{value:?} is no number for {name}"))?,
+        })
+    }
+}
+
+/// The defaults with these assignments, in their order. `BATT_MONITOR` is what the trace has, unless it is assigned.
+pub fn parameters(assignments: &[Assignment], trace: &Trace) -> Result<Parameters, String> {
+    let monitor = Assignment {
+        id: BatteryParameter::Monitor.of(Pack::First),
+        value: if trace.has_current() {
+            VOLTAGE_AND_CURRENT
+        } else {
+            VOLTAGE_ONLY
+        } as f32,
+    };
+    let mut parameters = Parameters::defaults();
+    for Assignment { id, value } in [&monitor].into_iter().chain(assignments) {
+        parameters
+            .set(*id, *value)
+            .map_err(|_| format!("{} can't be {value}", id.name()))?;
+    }
+    Ok(parameters)
+}
+
+/// What the monitor is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Inputs {
+    /// The trace's voltage.
+    pub voltage: bool,
+    /// The trace's current.
+    pub current: bool,
+}
+
+impl Inputs {
+    /// By `BATT_MONITOR`.
+    pub fn from_parameters(parameters: &Parameters) -> Result<Self, String> {
+        match parameters.get_whole(BatteryParameter::Monitor.of(Pack::First)) {
+            VOLTAGE_ONLY => Ok(Self {
+                voltage: true,
+                current: false,
+            }),
+            VOLTAGE_AND_CURRENT => Ok(Self {
+                voltage: true,
+                current: true,
+            }),
+            CURRENT_ONLY => Ok(Self {
+                voltage: false,
+                current: true,
+            }),
+            other => Err(format!("BATT_MONITOR {other} can't be replayed: 3, 4 and 31 can")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn inputs(trace: &str, assignments: &[&str]) -> Result<Inputs, String> {
+        let assignments: Result<Vec<Assignment>, _> = assignments.iter().map(|text| text.parse()).collect();
+        let trace = Trace::parse(trace).expect("a trace");
+        Inputs::from_parameters(&parameters(&assignments?, &trace)?)
+    }
+
+    const WITH_CURRENT: &str = "t_s,voltage_v,current_a\n0,7.9,1.5\n";
+    const WITHOUT_CURRENT: &str = "t_s,voltage_v\n0,7.9\n";
+
+    #[test]
+    fn the_monitor_is_given_what_the_trace_has_or_less() {
+        let both = Inputs {
+            voltage: true,
+            current: true,
+        };
+        let voltage = Inputs {
+            current: false,
+            ..both
+        };
+        let current = Inputs {
+            voltage: false,
+            ..both
+        };
+        assert_eq!(inputs(WITH_CURRENT, &[]), Ok(both));
+        assert_eq!(inputs(WITHOUT_CURRENT, &[]), Ok(voltage));
+        assert_eq!(inputs(WITH_CURRENT, &["BATT_MONITOR=3"]), Ok(voltage));
+        assert_eq!(inputs(WITH_CURRENT, &["BATT_MONITOR=31"]), Ok(current));
+    }
+
+    #[test]
+    fn what_can_not_be_set_is_said() {
+        for (assignment, expected) in [
+            ("BATT_CELLS", "NAME=VALUE is needed"),
+            ("BATT_SELLS=3", "no parameter BATT_SELLS"),
+            ("BATT_CELLS=three", "\"three\" is no number for BATT_CELLS"),
+            ("BATT_CELLS=99", "BATT_CELLS can't be 99"),
+            ("BATT_CAPACITY=NaN", "BATT_CAPACITY can't be NaN"),
+            (
+                "BATT_MONITOR=10",
+                "BATT_MONITOR 10 can't be replayed: 3, 4 and 31 can",
+            ),
+        ] {
+            assert_eq!(inputs(WITH_CURRENT, &[assignment]), Err(expected.into()));
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! How far consumption and state of charge are off.
+
+use rover_battmon::battery::{PackEvent, PackSettings};
+
+use crate::pack::{Pack, samples};
+use crate::replay::{Moment, Sample, charge_state_changes, drawn_mah, run, trace, without_current};
+
+const DISCHARGE: &str = "trace_discharge_3s_10min.csv";
+const CAPACITY_MAH: f64 = 2200.0;
+
+fn cells_set() -> PackSettings {
+    PackSettings {
+        cell_count: Some(3),
+        ..PackSettings::default()
+    }
+}
+
+fn cells_and_capacity_set() -> PackSettings {
+    PackSettings {
+        capacity_mah: Some(CAPACITY_MAH as f32),
+        ..cells_set()
+    }
+}
+
+/// What really remains after each sample of the discharge, in percent: it begins full.
+fn truth_pct(samples: &[Sample]) -> Vec<f64> {
+    let drawn = drawn_mah(samples);
+    drawn
+        .iter()
+        .map(|drawn_mah| 100.0 * (1.0 - drawn_mah / CAPACITY_MAH))
+        .collect()
+}
+
+/// Root mean square of the difference, in percent of the charge, and how many samples had an estimate.
+fn rms_error_pct(moments: &[Moment], truth_pct: &[f64]) -> (f64, usize) {
+    let errors: Vec<f64> = moments
+        .iter()
+        .zip(truth_pct)
+        .filter_map(|(moment, truth_pct)| Some(moment.remaining_pct()? - truth_pct))
+        .collect();
+    let sum: f64 = errors.iter().map(|error| error * error).sum();
+    ((sum / errors.len() as f64).sqrt(), errors.len())
+}
+
+#[track_caller]
+fn assert_voltage_alone_is_enough(settings: &PackSettings) {
+    let samples = trace(DISCHARGE);
+    let moments = run(&without_current(&samples), settings);
+    let (rms_pct, count) = rms_error_pct(&moments, &truth_pct(&samples));
+    let changes = charge_state_changes(&moments);
+    println!("voltage only: {rms_pct:.2} % rms, {changes} changes of charge_state");
+    assert!(
+        count > samples.len() * 9 / 10,
+        "only {count} samples have an estimate"
+    );
+    assert!(rms_pct <= 5.0, "{rms_pct} % rms");
+    assert!(changes <= 2, "{changes} changes");
+}
+
+#[test]
+fn voltage_alone_tells_the_charge_to_5_percent() {
+    assert_voltage_alone_is_enough(&cells_set());
+}
+
+#[test]
+fn voltage_alone_tells_the_charge_to_5_percent_with_the_cells_detected() {
+    let detected = run(&without_current(&trace(DISCHARGE)), &PackSettings::default());
+    let events: Vec<_> = detected.iter().flat_map(|moment| &moment.events).collect();
+    assert_eq!(events, [&PackEvent::CellsDetected { count: 3 }]);
+    assert_voltage_alone_is_enough(&PackSettings::default());
+}
+
+#[test]
+fn current_and_capacity_tell_the_charge_to_1_percent() {
+    let samples = trace(DISCHARGE);
+    let moments = run(&samples, &cells_and_capacity_set());
+    let (rms_pct, count) = rms_error_pct(&moments, &truth_pct(&samples));
+    println!("current and capacity: {rms_pct:.2} % rms");
+    assert_eq!(count, samples.len());
+    assert!(rms_pct <= 1.0, "{rms_pct} % rms");
+}
+
+#[test]
+fn a_drive_that_is_entered_half_way_is_told_to_4_percent() {
+    let samples = trace(DISCHARGE);
+    let truth = truth_pct(&samples);
+    let error_from = |start: usize| {
+        let moments = run(&samples[start..], &cells_and_capacity_set());
+        rms_error_pct(&moments, &truth[start..]).0
+    };
+    for start_s in (50..600).step_by(50) {
+        println!("entered at {start_s} s: {:.2} % rms", error_from(start_s * 10));
+    }
+    let rms_pct = error_from(3000);
+    assert!(rms_pct <= 4.0, "{rms_pct} % rms");
+}
+
+#[test]
+fn consumption_is_the_integral_of_the_current() {
+    let samples = trace(DISCHARGE);
+    let expected_mah = *drawn_mah(&samples).last().unwrap();
+    let moments = run(&samples, &cells_and_capacity_set());
+    let consumed_mah = f64::from(moments.last().unwrap().state.consumed_mah.expect("consumption"));
+    let error = (consumed_mah / expected_mah - 1.0).abs();
+    println!("consumption: {consumed_mah:.4} mAh, {:.5} % off", error * 100.0);
+    assert!(error <= 5e-5, "{consumed_mah} instead of {expected_mah} mAh");
+}
+
+#[test]
+fn energy_is_the_integral_of_the_power() {
+    let samples = trace(DISCHARGE);
+    let expected_wh: f64 = samples
+        .windows(2)
+        .map(|pair| {
+            let power_w = f64::from(pair[1].voltage_v * pair[1].current_a.unwrap());
+            power_w * (pair[1].t_s - pair[0].t_s) / 3600.0
+        })
+        .sum();
+    let moments = run(&samples, &cells_and_capacity_set());
+    let consumed_wh = f64::from(moments.last().unwrap().state.consumed_wh.expect("energy"));
+    assert!(
+        (consumed_wh / expected_wh - 1.0).abs() <= 5e-5,
+        "{consumed_wh} instead of {expected_wh} Wh"
+    );
+}
+
+#[test]
+fn a_half_full_pack_is_not_called_full() {
+    let half_full = samples(Pack::at(0.5), 10, 60.0);
+    for (samples, settings) in [
+        (half_full.clone(), cells_and_capacity_set()),
+        (without_current(&half_full), cells_set()),
+        (without_current(&half_full), PackSettings::default()),
+    ] {
+        let moments = run(&samples, &settings);
+        let last_pct = moments.last().unwrap().remaining_pct().expect("an estimate");
+        println!("half full: {last_pct:.1} %");
+        assert!((35.0..65.0).contains(&last_pct), "{last_pct} %");
+        let highest_pct = moments
+            .iter()
+            .filter_map(Moment::remaining_pct)
+            .fold(0.0, f64::max);
+        assert!(highest_pct < 65.0, "{highest_pct} %");
+    }
+}
+
+/// By how much the estimate rises within 30 s after the load has fallen by more than 5 A within a second, at most.
+fn largest_rebound_pct(samples: &[Sample], moments: &[Moment]) -> (usize, f64) {
+    let mut largest_pct: f64 = 0.0;
+    let mut ends = 0;
+    for end in 10..samples.len() {
+        let load_a = |sample: usize| samples[sample].current_a.expect("a current");
+        let before = &moments[end - 10];
+        let (Some(before_pct), true) = (before.remaining_pct(), load_a(end - 10) - load_a(end) > 5.0) else {
+            continue;
+        };
+        ends += 1;
+        let after = moments[end..]
+            .iter()
+            .take_while(|moment| moment.t_s <= before.t_s + 30.0);
+        let highest_pct = after.filter_map(Moment::remaining_pct).fold(0.0, f64::max);
+        largest_pct = largest_pct.max(highest_pct - before_pct);
+    }
+    (ends, largest_pct)
+}
+
+#[test]
+fn the_estimate_does_not_rise_when_a_load_ends() {
+    for (name, samples) in [
+        (DISCHARGE, trace(DISCHARGE)),
+        ("trace_sag.csv", trace("trace_sag.csv")),
+        ("a drive with stops", samples(Pack::at(0.8), 10, 500.0)),
+    ] {
+        for (fed, settings) in [
+            (samples.clone(), cells_and_capacity_set()),
+            (without_current(&samples), cells_set()),
+        ] {
+            let (ends, rise_pct) = largest_rebound_pct(&samples, &run(&fed, &settings));
+            println!("{name}: rises by {rise_pct:.2} % at most");
+            assert!(ends > 20, "only {ends} samples at the end of a load");
+            assert!(rise_pct <= 0.5, "{name}: {rise_pct} %");
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! Samples through the monitor.
+
+use std::path::Path;
+
+use rover_battmon::battery::{
+    ArmState, BatteryMonitor, BatteryState, FailsafeLevel, Measurement, PackEvent, PackSettings, ReadError,
+    Tick,
+};
+
+/// One reading of a pack.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    pub t_s: f64,
+    pub voltage_v: f32,
+    pub current_a: Option<f32>,
+    pub healthy: bool,
+    pub armed: bool,
+}
+
+/// What is known after a sample.
+#[derive(Clone, Debug)]
+pub struct Moment {
+    pub t_s: f64,
+    pub state: BatteryState,
+    pub events: Vec<PackEvent>,
+}
+
+impl Moment {
+    pub fn remaining_pct(&self) -> Option<f64> {
+        self.state.remaining_pct.map(f64::from)
+    }
+}
+
+/// A trace of `tests/data/traces/`.
+pub fn trace(name: &str) -> Vec<Sample> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/traces");
+    let text = std::fs::read_to_string(folder.join(name)).expect("the trace");
+    text.lines().skip(1).map(sample).collect()
+}
+
+fn sample(line: &str) -> Sample {
+    let fields: Vec<f64> = line
+        .split(',')
+        .map(|field| field.parse().expect("a number"))
+        .collect();
+    let &[t_s, voltage_v, current_a, healthy, armed] = fields.as_slice() else {
+        panic!("five fields: {line}");
+    };
+    Sample {
+        t_s,
+        voltage_v: voltage_v as f32,
+        current_a: Some(current_a as f32),
+        healthy: healthy == 1.0,
+        armed: armed == 1.0,
+    }
+}
+
+/// The same samples from a board that does not measure the current.
+pub fn without_current(samples: &[Sample]) -> Vec<Sample> {
+    samples
+        .iter()
+        .map(|sample| Sample {
+            current_a: None,
+            ..*sample
+        })
+        .collect()
+}
+
+/// What a fresh monitor makes of the samples.
+pub fn run(samples: &[Sample], settings: &PackSettings) -> Vec<Moment> {
+    run_from(BatteryMonitor::new(), samples, settings)
+}
+
+/// What this monitor makes of the samples.
+pub fn run_from(mut monitor: BatteryMonitor, samples: &[Sample], settings: &PackSettings) -> Vec<Moment> {
+    samples
+        .iter()
+        .map(|sample| {
+            let (events, _) = monitor.update(tick(sample), reading(sample), settings);
+            Moment {
+                t_s: sample.t_s,
+                state: *monitor.state(),
+                events: events.to_vec(),
+            }
+        })
+        .collect()
+}
+
+fn tick(sample: &Sample) -> Tick {
+    Tick {
+        now_us: (sample.t_s * 1e6).round() as u64,
+        arm_state: if sample.armed {
+            ArmState::Armed
+        } else {
+            ArmState::Disarmed
+        },
+    }
+}
+
+fn reading(sample: &Sample) -> Result<Measurement, ReadError> {
+    if !sample.healthy {
+        return Err(ReadError::Timeout);
+    }
+    Ok(Measurement {
+        voltage_v: Some(sample.voltage_v),
+        current_a: sample.current_a,
+        ..Measurement::default()
+    })
+}
+
+/// When which failsafe level was reached, in seconds.
+pub fn failsafes(moments: &[Moment]) -> Vec<(f64, FailsafeLevel)> {
+    let levels = moments.iter().flat_map(|moment| {
+        moment.events.iter().filter_map(|event| match event {
+            PackEvent::Failsafe { level, .. } => Some((moment.t_s, *level)),
+            _ => None,
+        })
+    });
+    levels.collect()
+}
+
+/// How often the charge state changed after the first sample.
+pub fn charge_state_changes(moments: &[Moment]) -> usize {
+    moments
+        .windows(2)
+        .filter(|pair| pair[0].state.charge_state != pair[1].state.charge_state)
+        .count()
+}
+
+/// Charge drawn until each sample, in milliampere-hours: a sample's current has flowed since the sample before.
+pub fn drawn_mah(samples: &[Sample]) -> Vec<f64> {
+    let mut drawn_mah = 0.0;
+    let mut before_s = samples[0].t_s;
+    samples
+        .iter()
+        .map(|sample| {
+            let current_a = f64::from(sample.current_a.expect("a current"));
+            drawn_mah += current_a * (sample.t_s - before_s) / 3.6;
+            before_s = sample.t_s;
+            drawn_mah
+        })
+        .collect()
+}
