@@ -14,8 +14,11 @@ const GUESSED_DRAWN_UNCERTAINTY: f32 = 0.5;
 /// What was counted by a guessed capacity is replaced by what the voltage tells within about so many seconds.
 const GUESS_TIME_CONSTANT_S: f32 = 60.0;
 
-/// Bounds that are further apart leave nothing to tell: ± 25 %.
-const WIDEST: f32 = 0.5;
+/// Bounds that are further apart leave nothing to tell: ± 30 %.
+const WIDEST: f32 = 0.6;
+
+/// What has been told is told on until they are so far apart.
+const WIDEST_ONCE_TOLD: f32 = 0.8;
 
 /// Bounds are kept within these: beyond empty and full as far as they are uncertain.
 const LOWEST: f32 = -0.1;
@@ -45,6 +48,8 @@ pub(super) struct StateOfCharge {
     value: f32,
     low: f32,
     high: f32,
+    /// How far apart the bounds may be for the value to be told.
+    widest: f32,
 }
 
 /// How fast a state of charge gives way to what the voltage tells.
@@ -72,6 +77,7 @@ impl StateOfCharge {
             value: cell.curve.state_of_charge(resting_v),
             low,
             high,
+            widest: WIDEST,
         }
     }
 
@@ -81,6 +87,7 @@ impl StateOfCharge {
             value,
             low: value,
             high: value,
+            widest: WIDEST,
         }
     }
 
@@ -92,12 +99,17 @@ impl StateOfCharge {
     pub fn from_words(words: [u32; 3]) -> Option<Self> {
         let [value, low, high] = words.map(f32::from_bits);
         let is_possible = (0.0..=1.0).contains(&value) && low <= high && low >= LOWEST && high <= HIGHEST;
-        is_possible.then_some(Self { value, low, high })
+        is_possible.then_some(Self {
+            value,
+            low,
+            high,
+            widest: WIDEST,
+        })
     }
 
     /// From 0 to 1; `None` if it may be nearly anything.
     pub fn value(&self) -> Option<f32> {
-        (self.high - self.low <= WIDEST).then_some(self.value)
+        (self.high - self.low <= self.widest).then_some(self.value)
     }
 
     /// Takes the next reading.
@@ -116,6 +128,10 @@ impl StateOfCharge {
             (None, Some(voltage_v)) => self.follow(reading.dt_s, cell, voltage_v),
             (None, None) => {}
         }
+        self.widest = match self.value() {
+            Some(_) => WIDEST_ONCE_TOLD,
+            None => WIDEST,
+        };
     }
 
     /// Moves to what the voltage tells by this share of the way.

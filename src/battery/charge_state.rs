@@ -112,7 +112,8 @@ fn can_hover(state: ChargeState) -> bool {
 
 fn by_charge(before: ChargeState, remaining_pct: Option<f32>) -> ChargeState {
     let Some(remaining_pct) = remaining_pct else {
-        return ChargeState::Ok;
+        // A pack that was low has not become fuller by being unknown.
+        return before.max(ChargeState::Ok);
     };
     let worst = |margin_pct: f32| {
         if remaining_pct < EMERGENCY_PCT + margin_pct {
@@ -238,6 +239,9 @@ mod tests {
             ..healthy(0.0)
         };
         assert_eq!(after(&mut machine, 1.0, &unknown), ChargeState::Ok);
+        // Nor does a low pack become a full one by being unknown.
+        after(&mut machine, 4.0, &healthy(10.0));
+        assert_eq!(after(&mut machine, 10.0, &unknown), ChargeState::Low);
         let nothing = Signs {
             status: PackStatus::NotConnected,
             ..unknown

@@ -23,7 +23,7 @@ pub enum Chemistry {
 pub(super) struct Cell {
     /// Resting voltage against state of charge.
     pub curve: Curve,
-    /// Standard deviation of the curves of different makes, or half the hysteresis if that is more, in volts.
+    /// Standard deviation of the curves of different makes and half the hysteresis, taken together, in volts.
     pub curve_spread_v: f32,
     /// Ohmic resistance times capacity, in Ω·Ah: what a load of one capacity an hour takes off the voltage at once.
     pub ohmic_drop_v: f32,
@@ -82,7 +82,7 @@ static LIFE: Cell = Cell {
         2.170, 3.092, 3.194, 3.218, 3.240, 3.260, 3.276, 3.284, 3.289, 3.292, 3.295, 3.299, 3.303, 3.310,
         3.318, 3.325, 3.330, 3.333, 3.337, 3.345, 3.589,
     ]),
-    curve_spread_v: 0.017,
+    curve_spread_v: 0.020,
     ohmic_drop_v: 0.023,
     slow_share: 0.5,
     highest_v: 3.8,
@@ -112,7 +112,7 @@ static NIMH: Cell = Cell {
         1.193, 1.218, 1.244, 1.258, 1.272, 1.282, 1.292, 1.299, 1.305, 1.308, 1.310, 1.316, 1.321, 1.327,
         1.332, 1.338, 1.344, 1.358, 1.372, 1.388, 1.404,
     ]),
-    curve_spread_v: 0.045,
+    curve_spread_v: 0.050,
     ohmic_drop_v: 0.018,
     slow_share: 0.55,
     highest_v: 1.65,

@@ -3,7 +3,7 @@
 use super::BatteryState;
 use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
 
-/// A sensor that has not delivered for longer makes a pack unhealthy, in microseconds: ArduPilot's 5 s.
+/// A pack that its sensor has not seen for longer is unhealthy, in microseconds: ArduPilot's 5 s.
 const UNHEALTHY_AFTER_US: u64 = 5_000_000;
 
 /// How urgent it is, in ArduPilot's order.
@@ -67,7 +67,7 @@ impl Failsafe {
     pub fn update(
         &mut self,
         now_us: u64,
-        last_good_us: Option<u64>,
+        last_healthy_us: Option<u64>,
         arm_state: ArmState,
         state: &BatteryState,
         settings: &FailsafeSettings,
@@ -78,7 +78,7 @@ impl Failsafe {
             self.critical = Timer::default();
             return None;
         }
-        let level = self.evaluate(now_us, last_good_us, state, settings);
+        let level = self.evaluate(now_us, last_healthy_us, state, settings);
         (level > self.level).then(|| {
             self.level = level;
             level
@@ -93,7 +93,7 @@ impl Failsafe {
     fn evaluate(
         &mut self,
         now_us: u64,
-        last_good_us: Option<u64>,
+        last_healthy_us: Option<u64>,
         state: &BatteryState,
         settings: &FailsafeSettings,
     ) -> FailsafeLevel {
@@ -114,7 +114,7 @@ impl Failsafe {
             FailsafeLevel::Critical
         } else if low_voltage || is_low_charge(low) {
             FailsafeLevel::Low
-        } else if now_us.saturating_sub(last_good_us.unwrap_or(0)) > UNHEALTHY_AFTER_US {
+        } else if now_us.saturating_sub(last_healthy_us.unwrap_or(0)) > UNHEALTHY_AFTER_US {
             FailsafeLevel::Unhealthy
         } else {
             FailsafeLevel::None

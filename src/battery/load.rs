@@ -5,9 +5,11 @@ use super::chemistry::Cell;
 /// How far off the resistance may be while it is only what is typical, as a share.
 const TYPICAL_UNCERTAINTY: f32 = 0.5;
 
-/// How far off the resistance may be once it was learnt, as a share. The slow part of the sag is not learnt: it may be
-/// off by all of it.
+/// How far off the resistance may be once it was learnt, as a share.
 const LEARNT_UNCERTAINTY: f32 = 0.1;
+
+/// How far off the slow part of the sag may be, as a share: it is not learnt, and in the cold it is several times larger.
+const SLOW_UNCERTAINTY: f32 = 1.5;
 
 /// What a current does to a cell.
 #[derive(Clone, Copy, Debug)]
@@ -75,7 +77,7 @@ impl Load {
         let (resistance_ohm, uncertain_a, resistance) = match known.resistance_ohm {
             Some(learnt_ohm) => (
                 learnt_ohm,
-                slow_a + LEARNT_UNCERTAINTY * fast_a,
+                SLOW_UNCERTAINTY * slow_a + LEARNT_UNCERTAINTY * fast_a,
                 ResistanceSource::Learnt,
             ),
             None => (

@@ -45,6 +45,7 @@ pub struct BatteryMonitor {
     failed_reads: u32,
     last_tick_us: Option<u64>,
     last: Option<Last>,
+    last_healthy_us: Option<u64>,
     consumption: Consumption,
     estimator: Estimator,
     swap: SwapDetector,
@@ -68,6 +69,7 @@ impl BatteryMonitor {
             failed_reads: 0,
             last_tick_us: None,
             last: None,
+            last_healthy_us: None,
             consumption: Consumption::default(),
             estimator: Estimator::new(),
             swap: SwapDetector::new(),
@@ -146,6 +148,7 @@ impl BatteryMonitor {
             return;
         }
         self.state.status = PackStatus::Healthy;
+        self.last_healthy_us = Some(tick.now_us);
         if self.is_other_pack(tick, &reading) {
             self.restart();
             push(events, PackEvent::Swapped);
@@ -186,6 +189,7 @@ impl BatteryMonitor {
         self.consumption = Consumption::default();
         self.estimator = Estimator::new();
         self.failsafe.clear();
+        self.charge_state = ChargeStateMachine::default();
         self.last = None;
     }
 
@@ -238,10 +242,9 @@ impl BatteryMonitor {
         if state.status == PackStatus::Healthy {
             state.faults = self.diagnosis.update(dt_s, state, settings);
         }
-        let last_good_us = self.last.map(|last| last.time_us);
         let raised = self.failsafe.update(
             tick.now_us,
-            last_good_us,
+            self.last_healthy_us,
             tick.arm_state,
             state,
             &settings.failsafe,

@@ -22,6 +22,9 @@ const MEMORY_S: f32 = 60.0;
 /// standard deviation is 4 mΩ then.
 const ENOUGH_A2S: f32 = 0.25;
 
+/// And for how long, in seconds: in the middle of a step, a voltage that is a little late shows too little.
+const ENOUGH_S: f32 = 1.5;
+
 /// Learns the resistance by comparing how voltage and current change.
 ///
 /// Both pass through the same filters, which keep what changes within 0.3 to 2 s. What is left of the voltage is what is
@@ -36,6 +39,8 @@ pub(super) struct ResistanceEstimator {
     voltage_by_current: f32,
     /// ∫ dI² dt
     current_squared: f32,
+    /// For how long the current has changed, up to [`ENOUGH_S`].
+    changing_s: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -65,6 +70,7 @@ impl ResistanceEstimator {
             memory: Pace::new(MEMORY_S),
             voltage_by_current: 0.0,
             current_squared: 0.0,
+            changing_s: 0.0,
         }
     }
 
@@ -76,6 +82,7 @@ impl ResistanceEstimator {
         if current_step_a.abs() < SMALLEST_STEP_A.max(SMALLEST_STEP * load_a.abs()) {
             return;
         }
+        self.changing_s = (self.changing_s + dt_s).min(ENOUGH_S);
         let kept = 1.0 - self.memory.share_of_step(dt_s);
         self.voltage_by_current = self.voltage_by_current * kept - voltage_step_v * current_step_a * dt_s;
         self.current_squared = self.current_squared * kept + current_step_a * current_step_a * dt_s;
@@ -83,7 +90,7 @@ impl ResistanceEstimator {
 
     /// The resistance of the pack in ohms, once it is known.
     pub fn resistance_ohm(&self) -> Option<f32> {
-        if self.current_squared < ENOUGH_A2S {
+        if self.current_squared < ENOUGH_A2S || self.changing_s < ENOUGH_S {
             return None;
         }
         let resistance_ohm = self.voltage_by_current / self.current_squared;

@@ -35,7 +35,8 @@ impl SwapDetector {
         self.gone_s += dt_s;
     }
 
-    /// There is a voltage; whether it is another pack's.
+    /// There is a voltage; whether it is another pack's. Nobody changes the pack of an armed rover: what comes and goes
+    /// there is a bad contact, and a voltage may rest at a load.
     pub fn is_other_pack(
         &mut self,
         dt_s: f32,
@@ -43,7 +44,7 @@ impl SwapDetector {
         current_a: Option<f32>,
         arm_state: ArmState,
     ) -> bool {
-        let came_back = self.seen && self.gone_s > GONE_S;
+        let came_back = self.seen && self.gone_s > GONE_S && arm_state == ArmState::Disarmed;
         self.seen = true;
         self.gone_s = 0.0;
         let is_other = came_back || self.has_jumped(dt_s, voltage_v, current_a, arm_state);
@@ -53,7 +54,6 @@ impl SwapDetector {
         is_other
     }
 
-    /// Nobody changes the pack of an armed rover, and its voltage may rest at a load.
     fn has_jumped(&mut self, dt_s: f32, voltage_v: f32, current_a: Option<f32>, arm_state: ArmState) -> bool {
         let Some(resting_v) = self.rest.update(dt_s, voltage_v, current_a) else {
             return false;

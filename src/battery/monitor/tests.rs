@@ -263,6 +263,32 @@ fn a_bad_contact_is_no_swap() {
 }
 
 #[test]
+fn a_contact_that_is_lost_while_armed_is_no_swap_and_clears_no_failsafe() {
+    let mut bench = Bench::new();
+    bench.settings.failsafe.timer_s = Some(1.0);
+    bench.settings.failsafe.critical.voltage_v = Some(9.9);
+    bench.arm_state = ArmState::Armed;
+    bench.run(10.0, loaded(9.5, 5.0));
+    assert_eq!(bench.monitor.failsafe(), FailsafeLevel::Critical);
+    bench.run(3.0, loaded(0.3, 0.0));
+    bench.run(1.0, loaded(9.5, 5.0));
+    assert_eq!(bench.monitor.failsafe(), FailsafeLevel::Critical);
+    assert!(bench.state().consumed_mah.expect("counted") > 13.0);
+    assert!(!bench.events.contains(&PackEvent::Swapped), "{:?}", bench.events);
+}
+
+#[test]
+fn a_pack_that_is_lost_while_armed_is_missing_after_five_seconds() {
+    let mut bench = Bench::new();
+    bench.arm_state = ArmState::Armed;
+    bench.run(10.0, loaded(11.5, 5.0));
+    bench.run(4.9, loaded(0.4, 0.0));
+    assert_eq!(bench.monitor.failsafe(), FailsafeLevel::None);
+    bench.run(0.3, loaded(0.4, 0.0));
+    assert_eq!(bench.monitor.failsafe(), FailsafeLevel::Unhealthy);
+}
+
+#[test]
 fn a_fuller_pack_at_rest_is_another_one_but_not_while_driving() {
     for (arm_state, expected) in [(ArmState::Disarmed, 1), (ArmState::Armed, 0)] {
         let mut bench = Bench::new();
