@@ -79,8 +79,12 @@ def test_what_is_unknown_is_nan(batteries):
     assert math.isnan(battery.current_battery_a)
     assert math.isnan(battery.capacity_consumed_ah)
     assert math.isnan(battery.time_remaining_s)
-    # MAVSDK 4.1 hands this one on as it is.
-    assert battery.remaining_percent == -1 or math.isnan(battery.remaining_percent)
+
+
+def test_the_remaining_charge_of_a_full_pack(batteries):
+    # Known as soon as the cells are counted: 2 s after the start.
+    reports = [batteries.get(timeout=5) for _ in range(8)]
+    assert 95 <= reports[-1].remaining_percent <= 100
 
 
 def test_the_rate_is_set(telemetry, batteries):
