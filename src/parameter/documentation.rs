@@ -2,7 +2,9 @@
 
 use std::fmt::Write;
 
-use super::{BatteryParameter, Pack, Parameter, ParameterId, Range, TakesEffect, VehicleParameter};
+use super::{
+    BatteryParameter, Pack, Parameter, ParameterId, Range, SimulationParameter, TakesEffect, VehicleParameter,
+};
 
 /// The page `docs/parameters.md`.
 pub fn markdown() -> String {
@@ -26,6 +28,10 @@ pub fn markdown() -> String {
     );
     for parameter in BatteryParameter::ALL {
         write_section(&mut page, parameter.of(Pack::First)).expect("a string takes everything");
+    }
+    page.push_str("\n## Simulator\nThe board does not have these.\n");
+    for parameter in SimulationParameter::ALL {
+        write_section(&mut page, parameter.into()).expect("a string takes everything");
     }
     page
 }

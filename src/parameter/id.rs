@@ -2,6 +2,8 @@
 
 use heapless::String;
 
+#[cfg(not(target_os = "none"))]
+use super::table::SimulationParameter;
 use super::table::{BatteryParameter, Parameter, VehicleParameter};
 use super::{MAX_NAME_LENGTH, Pack};
 use crate::battery::MAX_PACKS;
@@ -13,7 +15,15 @@ const KEYS_PER_PACK: u16 = 128;
 const FIRST_PACK_MONITOR: f32 = 3.0;
 
 /// How many parameters there are, the hidden ones included.
-pub const PARAMETER_COUNT: usize = VehicleParameter::COUNT + MAX_PACKS * BatteryParameter::COUNT;
+pub const PARAMETER_COUNT: usize = SIMULATION_START + SIMULATION_COUNT;
+
+/// Those of the simulator come last.
+const SIMULATION_START: usize = VehicleParameter::COUNT + MAX_PACKS * BatteryParameter::COUNT;
+
+#[cfg(target_os = "none")]
+const SIMULATION_COUNT: usize = 0;
+#[cfg(not(target_os = "none"))]
+const SIMULATION_COUNT: usize = SimulationParameter::COUNT;
 
 /// One parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,10 +33,14 @@ pub enum ParameterId {
     Vehicle(VehicleParameter),
     /// One of a pack.
     Battery(Pack, BatteryParameter),
+    /// One of the simulated pack.
+    #[cfg(not(target_os = "none"))]
+    Simulation(SimulationParameter),
 }
 
 impl ParameterId {
-    /// Every parameter, the hidden ones included: the vehicle's, then pack after pack, each in the order of the table.
+    /// Every parameter, the hidden ones included: the vehicle's, pack after pack, and the simulator's if this is one, each in
+    /// the order of the table.
     pub fn all() -> impl Iterator<Item = Self> {
         let vehicle = VehicleParameter::ALL.into_iter().map(Self::Vehicle);
         let batteries = Pack::ALL.into_iter().flat_map(|pack| {
@@ -34,7 +48,10 @@ impl ParameterId {
                 .into_iter()
                 .map(move |parameter| parameter.of(pack))
         });
-        vehicle.chain(batteries)
+        let known = vehicle.chain(batteries);
+        #[cfg(not(target_os = "none"))]
+        let known = known.chain(SimulationParameter::ALL.into_iter().map(Self::Simulation));
+        known
     }
 
     /// The parameter whose value lies in flash under `key`.
@@ -66,6 +83,8 @@ impl ParameterId {
         match self {
             Self::Vehicle(_) => "",
             Self::Battery(pack, _) => pack.prefix(),
+            #[cfg(not(target_os = "none"))]
+            Self::Simulation(_) => "",
         }
     }
 
@@ -76,6 +95,8 @@ impl ParameterId {
             Self::Battery(pack, parameter) => {
                 VehicleParameter::COUNT + pack as usize * BatteryParameter::COUNT + parameter as usize
             }
+            #[cfg(not(target_os = "none"))]
+            Self::Simulation(parameter) => SIMULATION_START + parameter as usize,
         }
     }
 
@@ -84,6 +105,8 @@ impl ParameterId {
         match self {
             Self::Vehicle(parameter) => parameter.row(),
             Self::Battery(_, parameter) => parameter.row(),
+            #[cfg(not(target_os = "none"))]
+            Self::Simulation(parameter) => parameter.row(),
         }
     }
 
@@ -94,6 +117,8 @@ impl ParameterId {
             Self::Battery(pack, parameter) => {
                 parameter.row().key + KEYS_PER_PACK * u16::from(pack.instance())
             }
+            #[cfg(not(target_os = "none"))]
+            Self::Simulation(parameter) => parameter.row().key,
         }
     }
 
@@ -109,6 +134,13 @@ impl ParameterId {
 impl From<VehicleParameter> for ParameterId {
     fn from(parameter: VehicleParameter) -> Self {
         Self::Vehicle(parameter)
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+impl From<SimulationParameter> for ParameterId {
+    fn from(parameter: SimulationParameter) -> Self {
+        Self::Simulation(parameter)
     }
 }
 

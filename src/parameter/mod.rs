@@ -17,6 +17,8 @@ pub use for_each::ForEachParameter;
 pub use id::{PARAMETER_COUNT, ParameterId};
 pub use pack::Pack;
 pub use storage::{ParameterStorage, StorageError, Stored};
+#[cfg(not(target_os = "none"))]
+pub use table::SimulationParameter;
 pub use table::{BatteryParameter, Kind, Parameter, Range, TakesEffect, VehicleParameter};
 
 /// The characters MAVLink has room for in a parameter's name.
@@ -68,6 +70,8 @@ impl Parameters {
     fn is_listed(&self, id: ParameterId) -> bool {
         match id {
             ParameterId::Vehicle(_) | ParameterId::Battery(_, BatteryParameter::Monitor) => true,
+            #[cfg(not(target_os = "none"))]
+            ParameterId::Simulation(_) => true,
             ParameterId::Battery(pack, _) => self.get(BatteryParameter::Monitor.of(pack)) != MONITOR_DISABLED,
         }
     }

@@ -1,4 +1,4 @@
-//! What there is to know of every parameter: one table for the vehicle, and one for each pack.
+//! What there is to know of every parameter: one table for the vehicle, one for each pack, one for the simulator.
 
 /// Declares one table: the names of its parameters in code, and a row for each, in the same order.
 macro_rules! parameters {
@@ -30,10 +30,14 @@ macro_rules! parameters {
 
 mod battery;
 mod range;
+#[cfg(not(target_os = "none"))]
+mod simulation;
 mod vehicle;
 
 pub use battery::BatteryParameter;
 pub use range::Range;
+#[cfg(not(target_os = "none"))]
+pub use simulation::SimulationParameter;
 pub use vehicle::VehicleParameter;
 
 /// One row of a table.

@@ -8,7 +8,9 @@ use embassy_futures::join::{join, join_array, join4};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker};
 
-use super::{Client, Clients, PackModel, SimulatedFlash, SimulatedPack, SimulatedPackInput, UdpWire};
+use super::{
+    Client, Clients, PackModel, SimulatedFlash, SimulatedPack, SimulatedPackInput, SimulatedRover, UdpWire,
+};
 use crate::battery::RetainedRecord;
 use crate::liveness::CheckIn;
 use crate::parameter::{ParameterStorage, Parameters};
@@ -31,6 +33,7 @@ static UNWATCHED: CheckIn = CheckIn::new("", u32::MAX);
 /// printed every `line_interval`.
 pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, line_interval: Duration) -> ! {
     let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
+    let rover = SimulatedRover::default();
     loop {
         let range = flash.range();
         let mut storage = ParameterStorage::new(&mut flash, range);
@@ -40,7 +43,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
         let mut memory = [RetainedRecord::BLANK; 2];
         let vehicle = join4(
             sample_batteries(
-                SimulatedPackInput::new(&pack),
+                SimulatedPackInput::new(&pack, &rover, &desk.shared),
                 &mut memory,
                 &desk.shared,
                 &UNWATCHED,

@@ -1,21 +1,21 @@
-//! The desk without a board: a simulated pack, the clock the tasks run by, and TCP for a wire.
+//! The desk without a board: a simulated rover and its pack, the clock the tasks run by, and TCP for a wire.
 //!
 //! The firmware's own tasks run here unchanged. The pack knows its charge; the monitor is told only what the board's
 //! converter would tell it.
 
 pub mod clock;
 mod desk;
-mod drive_cycle;
 mod flash;
 mod pack;
 mod pack_input;
+mod rover;
 mod tcp;
 mod udp;
 
 pub use desk::run;
-pub use drive_cycle::load_current_a;
 pub use flash::SimulatedFlash;
 pub use pack::{PackModel, SimulatedPack};
 pub use pack_input::SimulatedPackInput;
+pub use rover::SimulatedRover;
 pub use tcp::{Client, Clients, TcpReceiver, TcpTransmitter};
 pub use udp::{UdpReceiver, UdpTransmitter, UdpWire};

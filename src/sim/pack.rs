@@ -42,6 +42,8 @@ pub struct SimulatedPack {
     charge: f32,
     polarization_v: f32,
     current_a: f32,
+    /// Instead of what its charge says.
+    open_circuit_v: Option<f32>,
 }
 
 impl SimulatedPack {
@@ -52,7 +54,18 @@ impl SimulatedPack {
             charge: 1.0,
             polarization_v: 0.0,
             current_a: 0.0,
+            open_circuit_v: None,
         }
+    }
+
+    /// Holds its resting voltage, in volts, or lets it follow the charge again.
+    pub fn hold_open_circuit(&mut self, voltage_v: Option<f32>) {
+        self.open_circuit_v = voltage_v;
+    }
+
+    /// Changes the charge it has when it is full, in ampere-hours; the state of charge stays.
+    pub fn set_capacity_ah(&mut self, capacity_ah: f32) {
+        self.model.capacity_ah = capacity_ah;
     }
 
     /// Draws `current_a` for `seconds`.
@@ -77,7 +90,8 @@ impl SimulatedPack {
 
     /// Voltage between the terminals under the present load, in volts.
     pub fn voltage_v(&self) -> f32 {
-        let resting_v = resting_cell_voltage_v(self.charge) * f32::from(self.model.cells);
+        let by_charge_v = resting_cell_voltage_v(self.charge) * f32::from(self.model.cells);
+        let resting_v = self.open_circuit_v.unwrap_or(by_charge_v);
         resting_v - self.current_a * self.model.ohmic_resistance_ohm - self.polarization_v
     }
 }
@@ -110,6 +124,20 @@ mod tests {
             pack.draw(2.2, 1.0);
         }
         assert_eq!(pack.charge(), 0.0);
+    }
+
+    #[test]
+    fn a_resting_voltage_that_is_held_does_not_fall_but_sags() {
+        let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
+        pack.hold_open_circuit(Some(10.0));
+        assert_eq!(pack.voltage_v(), 10.0);
+        for _ in 0..1800 {
+            pack.draw(2.2, 1.0);
+        }
+        assert!((pack.voltage_v() - (10.0 - 2.2 * 0.065)).abs() < 1e-4);
+        pack.hold_open_circuit(None);
+        pack.draw(0.0, 1000.0);
+        assert!(pack.voltage_v() > 11.3, "half of the charge is left");
     }
 
     #[test]

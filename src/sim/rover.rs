@@ -1,0 +1,64 @@
+//! What the simulated rover draws from its pack.
+
+use std::cell::Cell;
+
+use crate::vehicle::{MotorDrive, Motors, SideDrives};
+
+/// The board, the radio and the lamps, in amperes.
+const ELECTRONICS_A: f32 = 0.3;
+
+/// A small gear motor that turns freely, and what it takes more at full power, in amperes.
+const FREE_RUNNING_A: f32 = 0.2;
+const FULL_POWER_A: f32 = 0.8;
+
+const MOTORS_PER_SIDE: f32 = 2.0;
+
+/// A rover with four motors that stands on a desk: they turn as they are told.
+#[derive(Debug, Default)]
+pub struct SimulatedRover {
+    drives: Cell<SideDrives>,
+}
+
+impl SimulatedRover {
+    /// What the motors were told last.
+    pub fn drives(&self) -> SideDrives {
+        self.drives.get()
+    }
+
+    /// The current it draws, in amperes.
+    pub fn current_a(&self) -> f32 {
+        let SideDrives { left, right } = self.drives.get();
+        ELECTRONICS_A + MOTORS_PER_SIDE * (motor_current_a(left) + motor_current_a(right))
+    }
+}
+
+impl Motors for &SimulatedRover {
+    fn drive(&mut self, drives: SideDrives) {
+        self.drives.set(drives);
+    }
+}
+
+fn motor_current_a(drive: MotorDrive) -> f32 {
+    match drive {
+        MotorDrive::Turn(power) if power != 0.0 => FREE_RUNNING_A + FULL_POWER_A * power * power,
+        MotorDrive::Turn(_) | MotorDrive::Coast | MotorDrive::Brake => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_draws_what_its_motors_need() {
+        let rover = SimulatedRover::default();
+        assert_eq!(rover.current_a(), 0.3);
+        (&rover).drive(SideDrives {
+            left: MotorDrive::Turn(1.0),
+            right: MotorDrive::Turn(-0.5),
+        });
+        assert!((rover.current_a() - 3.1).abs() < 1e-5, "{}", rover.current_a());
+        (&rover).drive(SideDrives::BRAKE);
+        assert_eq!(rover.current_a(), 0.3);
+    }
+}
