@@ -193,8 +193,6 @@ fn resting_voltage_v(cell: &Cell, cell_voltage_v: f32, load: Option<Load>) -> f3
 fn bounds(cell: &Cell, resting_v: f32, load: Option<Load>) -> (f32, f32) {
     let sag_error_v = load.map_or(0.0, |load| load.sag_error_v.abs());
     let error_v = CURVE_SIGMAS * cell.curve_spread_v + sag_error_v;
-    (
-        cell.curve.state_of_charge(resting_v - error_v),
-        cell.curve.state_of_charge(resting_v + error_v),
-    )
+    let at = |voltage_v| cell.curve.state_of_charge(voltage_v).clamp(LOWEST, HIGHEST);
+    (at(resting_v - error_v), at(resting_v + error_v))
 }
