@@ -1,7 +1,7 @@
 //! Up to nine packs.
 
 use super::sum::{SumVoltage, sum};
-use super::{BatteryMonitor, MAX_PACKS, Measurement, PackMemory, ReadError};
+use super::{BatteryMonitor, FailsafeLevel, MAX_PACKS, Measurement, PackMemory, ReadError};
 
 /// The monitors of all packs, by instance.
 #[derive(Clone, Debug, Default)]
@@ -37,6 +37,12 @@ impl BatteryBank {
             .zip(&self.monitors)
             .filter(move |(instance, _)| is_member(*instance));
         sum(members.map(|(_, monitor)| monitor.state()), voltage)
+    }
+
+    /// The worst failsafe level of all packs.
+    pub fn worst_failsafe(&self) -> FailsafeLevel {
+        let levels = self.monitors.iter().map(|monitor| monitor.state().failsafe);
+        levels.max().unwrap_or_default()
     }
 
     /// What has to survive a reset of the processor.

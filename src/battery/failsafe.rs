@@ -24,6 +24,7 @@ pub enum FailsafeLevel {
 
 /// Whether the rover may move.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ArmState {
     /// The motors are off.
     #[default]
@@ -122,13 +123,14 @@ impl Failsafe {
     }
 }
 
-fn is_below(value: Option<f32>, threshold: Option<f32>) -> bool {
+pub(super) fn is_below(value: Option<f32>, threshold: Option<f32>) -> bool {
     value
         .zip(threshold)
         .is_some_and(|(value, threshold)| value < threshold)
 }
 
-fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Option<f32> {
+/// The voltage the thresholds are compared with.
+pub(super) fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Option<f32> {
     match settings.voltage_source {
         VoltageSource::Terminal => state.voltage_v,
         VoltageSource::Resting => state.resting_voltage_v.or(state.voltage_v),
@@ -136,7 +138,7 @@ fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Option<f32> {
 }
 
 /// What is left by the state of charge; if that is not known, what is left if the pack was full.
-fn remaining_mah(state: &BatteryState) -> Option<f32> {
+pub(super) fn remaining_mah(state: &BatteryState) -> Option<f32> {
     let capacity_mah = state.capacity_mah?;
     // As in ArduPilot, thresholds of charge are for packs whose current is measured.
     let consumed_mah = state.consumed_mah?;

@@ -1,5 +1,6 @@
 //! What is known of the packs: measurements in, a [`BatteryState`] out.
 
+mod arming;
 mod bank;
 mod cell_count;
 mod cells;
@@ -26,6 +27,7 @@ mod state;
 mod sum;
 mod swap;
 
+pub use arming::{ArmingFailure, arming_failures};
 pub use bank::BatteryBank;
 pub use cells::{CellVoltages, MAX_CELLS};
 pub use chemistry::Chemistry;

@@ -6,7 +6,7 @@ use super::charge_state::{ChargeStateMachine, Signs};
 use super::consumption::Consumption;
 use super::diagnosis::Diagnosis;
 use super::estimator::{Estimator, Reading};
-use super::failsafe::{ArmState, Failsafe, FailsafeLevel};
+use super::failsafe::{ArmState, Failsafe};
 use super::settings::PackSettings;
 use super::swap::SwapDetector;
 use super::{BatteryState, Consumed, Faults, Measurement, PackEvent, PackMemory, PackStatus, ReadError};
@@ -87,11 +87,6 @@ impl BatteryMonitor {
     /// How many reads have failed since the last good one (saturating).
     pub fn failed_reads(&self) -> u32 {
         self.failed_reads
-    }
-
-    /// The failsafe level reached since the last battery reset.
-    pub fn failsafe(&self) -> FailsafeLevel {
-        self.failsafe.level()
     }
 
     /// Takes one reading, good or failed, and tells what happened. What is known afterwards is [`state`](Self::state).
@@ -259,10 +254,11 @@ impl BatteryMonitor {
                 },
             );
         }
+        state.failsafe = self.failsafe.level();
         let signs = Signs {
             status: state.status,
             faults: state.faults,
-            failsafe: self.failsafe.level(),
+            failsafe: state.failsafe,
             remaining_pct: state.remaining_pct,
             arm_state: tick.arm_state,
             current_a: state.current_a,

@@ -22,6 +22,8 @@ pub struct PackSettings {
     pub visibility: Visibility,
     /// When the pack counts as low.
     pub failsafe: FailsafeSettings,
+    /// What the rover needs to be armed (`BATT_ARM_VOLT` and `BATT_ARM_MAH`).
+    pub arming: Thresholds,
 }
 
 /// When a pack counts as low or critical. `None` is off.
@@ -37,7 +39,16 @@ pub struct FailsafeSettings {
     pub critical: Thresholds,
 }
 
-/// Below what a pack counts as low or critical. `None` is off.
+impl FailsafeSettings {
+    /// Whether a pack never counts as low or critical, however empty it is.
+    pub fn is_off(&self) -> bool {
+        let voltage_v = self.low.voltage_v.or(self.critical.voltage_v);
+        let remaining_mah = self.low.remaining_mah.or(self.critical.remaining_mah);
+        self.timer_s.and(voltage_v).or(remaining_mah).is_none()
+    }
+}
+
+/// Below what a pack counts as low or critical, or keeps the rover from being armed. `None` is off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Thresholds {
     /// In volts.
@@ -105,6 +116,10 @@ impl PackSettings {
                     remaining_mah: above_zero(BatteryParameter::CrtMah),
                 },
             },
+            arming: Thresholds {
+                voltage_v: above_zero(BatteryParameter::ArmVolt),
+                remaining_mah: above_zero(BatteryParameter::ArmMah),
+            },
         }
     }
 }
@@ -143,6 +158,8 @@ mod tests {
             (BatteryParameter::LowMah, 500.0),
             (BatteryParameter::CrtVolt, 6.2),
             (BatteryParameter::CrtMah, 200.0),
+            (BatteryParameter::ArmVolt, 7.4),
+            (BatteryParameter::ArmMah, 1000.0),
         ] {
             parameters.set(parameter.of(Pack::Third), value).unwrap();
         }
@@ -166,11 +183,29 @@ mod tests {
                     remaining_mah: Some(200.0),
                 },
             },
+            arming: Thresholds {
+                voltage_v: Some(7.4),
+                remaining_mah: Some(1000.0),
+            },
         };
         assert_eq!(PackSettings::from_parameters(&parameters, Pack::Third), expected);
         assert_eq!(
             PackSettings::from_parameters(&parameters, Pack::Fourth).cell_count,
             None
         );
+    }
+
+    #[test]
+    fn a_failsafe_is_off_without_a_threshold_that_can_count() {
+        let mut settings = FailsafeSettings::default();
+        assert!(settings.is_off());
+        settings.critical.voltage_v = Some(9.9);
+        assert!(settings.is_off(), "without a timer voltages don't count");
+        settings.timer_s = Some(10.0);
+        assert!(!settings.is_off());
+        settings.critical = Thresholds::default();
+        settings.low.remaining_mah = Some(100.0);
+        settings.timer_s = None;
+        assert!(!settings.is_off());
     }
 }

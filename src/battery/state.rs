@@ -1,6 +1,6 @@
 //! What is known of a pack.
 
-use super::{CellVoltages, Chemistry, Faults};
+use super::{CellVoltages, Chemistry, FailsafeLevel, Faults};
 
 /// Whether a pack is there and its sensor can be trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -94,6 +94,8 @@ pub struct BatteryState {
     pub charge_state: ChargeState,
     /// What is wrong with the pack.
     pub faults: Faults,
+    /// The failsafe level reached since the last battery reset.
+    pub failsafe: FailsafeLevel,
     /// Cells in series, as set or detected.
     pub cell_count: Option<u8>,
     /// Voltage of each cell, where the sensor measures them.

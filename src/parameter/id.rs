@@ -198,6 +198,13 @@ mod tests {
             ("BATT_VLT_OFFSET", 67),
             ("BATT_CAPACITY", 68),
             ("BATT_WATT_MAX", 84),
+            ("ARMING_CHECK", 5),
+            ("FS_TIMEOUT", 6),
+            ("MOT_SLEWRATE", 7),
+            ("BATT_FS_LOW_ACT", 85),
+            ("BATT_FS_CRT_ACT", 86),
+            ("BATT_ARM_VOLT", 87),
+            ("BATT_ARM_MAH", 88),
             ("BATT2_MONITOR", 192),
             ("BATT9_WATT_MAX", 1108),
         ] {

@@ -1,7 +1,7 @@
 //! SYS_STATUS (1).
 
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct, voltage_mv};
-use crate::battery::{BatteryState, ChargeState, PackStatus};
+use crate::battery::{BatteryState, ChargeState, FailsafeLevel, PackStatus};
 use crate::mavlink::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
 use crate::mavlink::{ReceiveStatistics, SystemState};
 
@@ -65,10 +65,11 @@ fn battery_sensor_if(condition: bool) -> MavSysStatusSensor {
     }
 }
 
-/// An empty pack is healthy; one that has failed is not, even if its sensor works.
+/// A pack that has failed is not healthy, even if its sensor works, nor, as in ArduPilot, one that has reached a
+/// failsafe level, until the battery is reset.
 fn is_healthy(battery: &BatteryState) -> bool {
     let unfit = matches!(battery.charge_state, ChargeState::Failed | ChargeState::Unhealthy);
-    battery.status == PackStatus::Healthy && !unfit
+    battery.status == PackStatus::Healthy && battery.failsafe == FailsafeLevel::None && !unfit
 }
 
 fn pack_voltage_mv(battery: &BatteryState) -> u16 {

@@ -11,6 +11,17 @@ const ANALOG_PINS: Range = Range::OneOf(&[
     (29, "GP29"),
 ]);
 
+/// What ArduPilot's Rover can do about a battery.
+const FAILSAFE_ACTIONS: Range = Range::OneOf(&[
+    (0, "Warn only"),
+    (1, "RTL"),
+    (2, "Hold"),
+    (3, "SmartRTL"),
+    (4, "SmartRTL or Hold"),
+    (5, "Terminate"),
+    (6, "Loiter or Hold"),
+]);
+
 parameters! {
     /// A parameter that each pack has of its own.
     BatteryParameter
@@ -221,7 +232,7 @@ parameters! {
         unit: "s",
         takes_effect: TakesEffect::AtOnce,
         label: "Time until a low voltage counts",
-        description: "How long the voltage has to stay below a threshold before that is reported. \
+        description: "How long the voltage has to stay below a threshold before the pack counts as low or critical. \
                       0 turns both voltage thresholds off.",
     }
     FsVoltsrc {
@@ -247,7 +258,8 @@ parameters! {
         unit: "V",
         takes_effect: TakesEffect::AtOnce,
         label: "Low voltage",
-        description: "Below this voltage the pack is reported as low. 0 turns it off.",
+        description: "Below this voltage for LOW_TIMER seconds, while the rover is armed, the pack is low: FS_LOW_ACT says \
+                      what happens then. At once, it refuses arming. 0 turns it off.",
     }
     LowMah {
         key: 81,
@@ -259,7 +271,8 @@ parameters! {
         unit: "mAh",
         takes_effect: TakesEffect::AtOnce,
         label: "Low charge",
-        description: "With less charge left than this the pack is reported as low. 0 turns it off.",
+        description: "With less charge left than this, while the rover is armed, the pack is low: FS_LOW_ACT says what \
+                      happens then. It refuses arming, too. 0 turns it off.",
     }
     CrtVolt {
         key: 82,
@@ -271,7 +284,8 @@ parameters! {
         unit: "V",
         takes_effect: TakesEffect::AtOnce,
         label: "Critical voltage",
-        description: "Below this voltage the pack is reported as critical. 0 turns it off.",
+        description: "Below this voltage for LOW_TIMER seconds, while the rover is armed, the pack is critical: FS_CRT_ACT says \
+                      what happens then. At once, it refuses arming. 0 turns it off.",
     }
     CrtMah {
         key: 83,
@@ -283,7 +297,8 @@ parameters! {
         unit: "mAh",
         takes_effect: TakesEffect::AtOnce,
         label: "Critical charge",
-        description: "With less charge left than this the pack is reported as critical. 0 turns it off.",
+        description: "With less charge left than this, while the rover is armed, the pack is critical: FS_CRT_ACT says what \
+                      happens then. It refuses arming, too. 0 turns it off.",
     }
     WattMax {
         key: 84,
@@ -296,5 +311,56 @@ parameters! {
         takes_effect: TakesEffect::AtOnce,
         label: "Highest power",
         description: "A load above this power is reported as an over-current fault. 0 turns it off.",
+    }
+    FsLowAct {
+        key: 85,
+        name: "FS_LOW_ACT",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: FAILSAFE_ACTIONS,
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Action when low",
+        description: "What the rover does when the pack is low. This rover knows no position, so it holds where an action \
+                      needs one (RTL, SmartRTL, Loiter). Terminate disarms it until a restart or a battery reset.",
+    }
+    FsCrtAct {
+        key: 86,
+        name: "FS_CRT_ACT",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: FAILSAFE_ACTIONS,
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Action when critical",
+        description: "What the rover does when the pack is critical. This rover knows no position, so it holds where an \
+                      action needs one (RTL, SmartRTL, Loiter). Terminate disarms it until a restart or a battery reset.",
+    }
+    ArmVolt {
+        key: 87,
+        name: "ARM_VOLT",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(0.0, 120.0),
+        step: 0.1,
+        unit: "V",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Voltage to arm",
+        description: "Below this measured voltage the rover does not arm. 0 turns it off.",
+    }
+    ArmMah {
+        key: 88,
+        name: "ARM_MAH",
+        kind: Kind::Int32,
+        default: 0.0,
+        range: Range::Between(0.0, 1_000_000.0),
+        step: 50.0,
+        unit: "mAh",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Charge to arm",
+        description: "With less charge left than this the rover does not arm. It takes a pack whose current is measured. \
+                      0 turns it off.",
     }
 }

@@ -68,4 +68,41 @@ parameters! {
         description: "How often a batch of parameters is sent while a ground station reads the list. \
                       Whatever the rate, the list takes at most 30 % of the link.",
     }
+    ArmingCheck {
+        key: 5,
+        name: "ARMING_CHECK",
+        kind: Kind::Int32,
+        default: 1.0,
+        range: Range::Bits(&[(0, "All"), (8, "Battery Level")]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Checks before arming",
+        description: "What is checked before the rover arms. 0 checks nothing.",
+    }
+    FsTimeout {
+        key: 6,
+        name: "FS_TIMEOUT",
+        kind: Kind::Real32,
+        default: 1.5,
+        range: Range::Between(1.0, 100.0),
+        step: 0.5,
+        unit: "s",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Time until silence counts",
+        description: "When control inputs or the heartbeats of ground stations have come and stay away for longer, an armed \
+                      rover holds.",
+    }
+    MotSlewrate {
+        key: 7,
+        name: "MOT_SLEWRATE",
+        kind: Kind::Int16,
+        default: 100.0,
+        range: Range::Between(0.0, 1000.0),
+        step: 1.0,
+        unit: "%/s",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Fastest change of throttle",
+        description: "How fast the throttle follows its lever, in percent of full throttle each second. 0: at once.",
+    }
 }

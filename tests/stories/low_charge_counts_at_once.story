@@ -1,0 +1,13 @@
+# 36 A take 10 mAh a second from 1000 mAh. Thresholds of charge have no timer.
+param BATT_CAPACITY 1000
+param BATT_LOW_MAH 400
+param BATT_CRT_MAH 200
+param BATT_FS_LOW_ACT 0
+param BATT_FS_CRT_ACT 2
+ 0.0  voltage 11.5 current 36 arm
+expect 60.1 low
+expect 60.1 says Battery 1 is low
+expect 80.1 critical
+expect 80.1 says Battery 1 is critical
+expect 80.2 brake
+end 90

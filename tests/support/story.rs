@@ -1,0 +1,138 @@
+//! Stories of packs: what happens to them, and what has to follow.
+//!
+//! A story is a text file, a line each:
+//!
+//! ```text
+//! # a remark
+//! param BATT_LOW_VOLT 10.5
+//! 5.0 voltage 10.4 current 2     from 5.0 s on
+//! 9.0 voltage2 7.9               the same for the second pack
+//! expect 15.1 low                after 15.1 s pack 1 is low
+//! expect 15.1 says Battery 1 is low 10.40V
+//! end 30
+//! ```
+//!
+//! Inputs: `voltage`, `current`, `voltage2`, `current2` (V, A), `arm`, `disarm`, `fail` and `work` (the sensor of pack 1),
+//! `reset` (percent, all packs). Outcomes: `low`, `critical`, `unhealthy` (the first pack's failsafe level), `low2`…, `says`
+//! (the beginning of a text), and `brake`, `coast` or `turn` (what the motors do). Every level and every text about a
+//! failsafe has to be expected; motors are looked at only where they are.
+
+/// A story that was read.
+#[derive(Debug, Default)]
+pub struct Story {
+    pub name: String,
+    pub parameters: Vec<(String, f32)>,
+    pub inputs: Vec<(f64, Input)>,
+    pub expectations: Vec<(f64, Outcome)>,
+    pub end_s: f64,
+}
+
+/// Something that happens to a pack. Packs are counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Input {
+    Voltage { pack: usize, volts: f32 },
+    Current { pack: usize, amperes: f32 },
+    Arm,
+    Disarm,
+    SensorFails,
+    SensorWorks,
+    Reset { percent: f32 },
+}
+
+/// Something that has to follow.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome {
+    Level { pack: usize, level: Level },
+    Says(String),
+    Motors(Drive),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    Unhealthy,
+    Low,
+    Critical,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drive {
+    Brake,
+    Coast,
+    Turn,
+}
+
+impl Story {
+    /// Reads a story.
+    ///
+    /// # Panics
+    /// It is not one; the message names the line.
+    pub fn parse(name: &str, text: &str) -> Self {
+        let mut story = Self {
+            name: name.into(),
+            ..Self::default()
+        };
+        for (number, line) in (1..).zip(text.lines()) {
+            let line = line.split('#').next().unwrap_or_default().trim();
+            if !line.is_empty() && story.take_line(line).is_none() {
+                panic!("{name}, line {number}: {line:?} is no line of a story");
+            }
+        }
+        assert!(story.end_s > 0.0, "{name} has no end");
+        story
+    }
+
+    fn take_line(&mut self, line: &str) -> Option<()> {
+        let mut words = line.split_whitespace();
+        match words.next()? {
+            "param" => self.parameters.push((words.next()?.into(), words.next()?.parse().ok()?)),
+            "end" => self.end_s = words.next()?.parse().ok()?,
+            "expect" => {
+                let at_s = words.next()?.parse().ok()?;
+                let rest: Vec<_> = words.collect();
+                self.expectations.push((at_s, outcome(&rest)?));
+            }
+            time => {
+                let at_s = time.parse().ok()?;
+                while let Some(word) = words.next() {
+                    self.inputs.push((at_s, input(word, &mut words)?));
+                }
+            }
+        }
+        Some(())
+    }
+}
+
+fn input<'a>(word: &str, words: &mut impl Iterator<Item = &'a str>) -> Option<Input> {
+    let (word, pack) = match word.strip_suffix('2') {
+        Some(word) => (word, 1),
+        None => (word, 0),
+    };
+    let mut number = || words.next()?.parse().ok();
+    Some(match word {
+        "voltage" => Input::Voltage { pack, volts: number()? },
+        "current" => Input::Current { pack, amperes: number()? },
+        "reset" => Input::Reset { percent: number()? },
+        "arm" => Input::Arm,
+        "disarm" => Input::Disarm,
+        "fail" => Input::SensorFails,
+        "work" => Input::SensorWorks,
+        _ => return None,
+    })
+}
+
+fn outcome(words: &[&str]) -> Option<Outcome> {
+    let level = |pack, level| Outcome::Level { pack, level };
+    Some(match words {
+        ["low"] => level(0, Level::Low),
+        ["low2"] => level(1, Level::Low),
+        ["critical"] => level(0, Level::Critical),
+        ["critical2"] => level(1, Level::Critical),
+        ["unhealthy"] => level(0, Level::Unhealthy),
+        ["unhealthy2"] => level(1, Level::Unhealthy),
+        ["brake"] => Outcome::Motors(Drive::Brake),
+        ["coast"] => Outcome::Motors(Drive::Coast),
+        ["turn"] => Outcome::Motors(Drive::Turn),
+        ["says", text @ ..] if !text.is_empty() => Outcome::Says(text.join(" ")),
+        _ => return None,
+    })
+}
