@@ -11,9 +11,9 @@ pub enum Colour {
     Green,
     /// Armed.
     Blue,
-    /// A pack is low, or its sensor fails.
+    /// A pack is low, or its sensor fails, or whoever drove the rover is not heard any more.
     Yellow,
-    /// A pack is critical.
+    /// A pack is critical, or a failsafe has disarmed the rover for good.
     Red,
 }
 

@@ -37,8 +37,81 @@ impl SideDrives {
     };
 }
 
+/// Below this share of its power a motor would only hum.
+const LEAST_SHARE: f32 = 0.01;
+
+impl MotorDrive {
+    /// Turns with this share of its power (−1 to 1). With next to none it rolls freely: the driver has not asked it to
+    /// stop.
+    fn turn(share: f32) -> Self {
+        if share.abs() < LEAST_SHARE {
+            Self::Coast
+        } else {
+            Self::Turn(share)
+        }
+    }
+
+    /// How much of its power it takes, from 0 to 1.
+    fn effort(self) -> f32 {
+        match self {
+            Self::Coast | Self::Brake => 0.0,
+            Self::Turn(share) => share.abs(),
+        }
+    }
+}
+
+impl SideDrives {
+    /// Skid steering: both from −1 to 1. What would be more than full power on one side slows both, so that the curve
+    /// stays the same.
+    pub(super) fn mixed(throttle: f32, steering: f32) -> Self {
+        let (left, right) = (throttle + steering, throttle - steering);
+        let scale = left.abs().max(right.abs()).max(1.0);
+        Self {
+            left: MotorDrive::turn(left / scale),
+            right: MotorDrive::turn(right / scale),
+        }
+    }
+
+    /// How much of their power all motors take together, from 0 to 1.
+    pub(super) fn effort(self) -> f32 {
+        (self.left.effort() + self.right.effort()) / 2.0
+    }
+}
+
 /// The rover's motors.
 pub trait Motors {
     /// Tells them what to do from now on.
     fn drive(&mut self, drives: SideDrives);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use MotorDrive::{Coast, Turn};
+
+    #[test]
+    fn throttle_and_steering_are_mixed_and_neither_side_gets_more_than_all() {
+        for (throttle, steering, left, right) in [
+            (0.0, 0.0, Coast, Coast),
+            (0.5, 0.0, Turn(0.5), Turn(0.5)),
+            (0.0, 0.5, Turn(0.5), Turn(-0.5)),
+            (0.5, 0.5, Turn(1.0), Coast),
+            (1.0, 1.0, Turn(1.0), Coast),
+            (-1.0, 0.5, Turn(-1.0 / 3.0), Turn(-1.0)),
+            (0.009, 0.0, Coast, Coast),
+        ] {
+            assert_eq!(
+                SideDrives::mixed(throttle, steering),
+                SideDrives { left, right },
+                "{throttle} {steering}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_effort_is_the_mean_of_both_sides() {
+        assert_eq!(SideDrives::mixed(0.0, 1.0).effort(), 1.0);
+        assert_eq!(SideDrives::mixed(1.0, 1.0).effort(), 0.5);
+        assert_eq!(SideDrives::BRAKE.effort(), 0.0);
+    }
 }

@@ -1,0 +1,113 @@
+//! What the rover does when a pack is low.
+
+use core::fmt;
+
+use crate::battery::FailsafeLevel;
+use crate::parameter::{BatteryParameter, Pack, Parameters};
+
+/// What the rover does when a pack is low (`BATT_FS_LOW_ACT`) or critical (`BATT_FS_CRT_ACT`), by ArduPilot Rover's
+/// names; the more severe is the greater.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum FailsafeAction {
+    /// 0: people are told, and that is all.
+    Warn,
+    /// 6: stays where it is by its position; this rover holds.
+    LoiterOrHold,
+    /// 4: goes back on its track; this rover holds.
+    SmartRtlOrHold,
+    /// 3: goes back on its track; this rover holds.
+    SmartRtl,
+    /// 1: goes back to where it started; this rover holds.
+    Rtl,
+    /// 2: stands still.
+    Hold,
+    /// 5: is disarmed, until it is restarted or the battery is reset.
+    Terminate,
+}
+
+impl FailsafeAction {
+    /// The action with ArduPilot's number for it.
+    pub fn from_number(number: i32) -> Option<Self> {
+        Some(match number {
+            0 => Self::Warn,
+            1 => Self::Rtl,
+            2 => Self::Hold,
+            3 => Self::SmartRtl,
+            4 => Self::SmartRtlOrHold,
+            5 => Self::Terminate,
+            6 => Self::LoiterOrHold,
+            _ => return None,
+        })
+    }
+
+    /// What the owner wants done when `pack` reaches `level`. A sensor that fails is only told of, as in ArduPilot.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack, level: FailsafeLevel) -> Self {
+        let parameter = match level {
+            FailsafeLevel::None | FailsafeLevel::Unhealthy => return Self::Warn,
+            FailsafeLevel::Low => BatteryParameter::FsLowAct,
+            FailsafeLevel::Critical => BatteryParameter::FsCrtAct,
+        };
+        Self::from_number(parameters.get_whole(parameter.of(pack))).unwrap_or(Self::Warn)
+    }
+
+    /// Whether it takes a position.
+    pub fn needs_position(self) -> bool {
+        match self {
+            Self::Warn | Self::Hold | Self::Terminate => false,
+            Self::LoiterOrHold | Self::SmartRtlOrHold | Self::SmartRtl | Self::Rtl => true,
+        }
+    }
+}
+
+impl fmt::Display for FailsafeAction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Warn => "Warning",
+            Self::LoiterOrHold => "Loiter",
+            Self::SmartRtlOrHold | Self::SmartRtl => "SmartRTL",
+            Self::Rtl => "RTL",
+            Self::Hold => "Hold",
+            Self::Terminate => "Terminate",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_numbers_in_order_of_severity_are_ardupilots() {
+        let by_severity = [0, 6, 4, 3, 1, 2, 5].map(FailsafeAction::from_number);
+        assert!(by_severity.is_sorted());
+        assert!(by_severity.iter().all(Option::is_some));
+        for number in [-1, 7, i32::MAX] {
+            assert_eq!(FailsafeAction::from_number(number), None);
+        }
+    }
+
+    #[test]
+    fn each_level_of_each_pack_has_its_own_action() {
+        let mut parameters = Parameters::defaults();
+        for (parameter, number) in [
+            (BatteryParameter::FsLowAct, 2.0),
+            (BatteryParameter::FsCrtAct, 5.0),
+        ] {
+            parameters
+                .set(parameter.of(Pack::Second), number)
+                .expect("in range");
+        }
+        let action = |pack, level| FailsafeAction::from_parameters(&parameters, pack, level);
+        assert_eq!(action(Pack::Second, FailsafeLevel::Low), FailsafeAction::Hold);
+        assert_eq!(
+            action(Pack::Second, FailsafeLevel::Critical),
+            FailsafeAction::Terminate
+        );
+        assert_eq!(
+            action(Pack::Second, FailsafeLevel::Unhealthy),
+            FailsafeAction::Warn
+        );
+        assert_eq!(action(Pack::First, FailsafeLevel::Critical), FailsafeAction::Warn);
+    }
+}

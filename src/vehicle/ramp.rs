@@ -1,0 +1,54 @@
+//! A throttle that follows its lever no faster than it may.
+
+/// A throttle that follows its lever no faster than it may.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Ramp {
+    value: f32,
+    last_us: Option<u64>,
+}
+
+impl Ramp {
+    /// From −1 to 1.
+    pub fn value(&self) -> f32 {
+        self.value
+    }
+
+    /// Moves towards `target` (−1 to 1) by at most `rate_per_s` since the last time; `None` moves at once.
+    pub fn follow(&mut self, now_us: u64, target: f32, rate_per_s: Option<f32>) {
+        let elapsed_us = now_us.saturating_sub(self.last_us.replace(now_us).unwrap_or(now_us));
+        let change = target - self.value;
+        self.value += match rate_per_s {
+            Some(rate_per_s) => {
+                let most = rate_per_s * elapsed_us as f32 * 1e-6;
+                change.max(-most).min(most)
+            }
+            None => change,
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_takes_its_time_in_both_directions() {
+        let mut ramp = Ramp::default();
+        let mut after = |now_us, target| {
+            ramp.follow(now_us, target, Some(1.0));
+            ramp.value()
+        };
+        assert_eq!(after(5_000_000, 1.0), 0.0);
+        assert_eq!(after(5_500_000, 1.0), 0.5);
+        assert_eq!(after(9_000_000, 1.0), 1.0);
+        assert_eq!(after(9_500_000, -1.0), 0.5);
+        assert_eq!(after(9_600_000, 0.5), 0.5);
+    }
+
+    #[test]
+    fn without_a_limit_it_is_there_at_once() {
+        let mut ramp = Ramp::default();
+        ramp.follow(0, -1.0, None);
+        assert_eq!(ramp.value(), -1.0);
+    }
+}
