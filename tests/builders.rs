@@ -202,7 +202,7 @@ fn lost_bytes_are_reported_as_count_and_as_share() {
 
 #[test]
 fn heartbeat_says_a_disarmed_ardupilot_rover() {
-    let heartbeat = build_heartbeat();
+    let heartbeat = build_heartbeat(&SystemState::default());
     // The crate's default for this bit mask is SAFETY_ARMED.
     assert_eq!(
         heartbeat.base_mode,

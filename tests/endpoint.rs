@@ -9,6 +9,7 @@ use rover_battmon::battery::{BatteryState, ChargeState, MAX_PACKS, PackStatus, V
 use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, SystemState};
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::vehicle::Vehicle;
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL, Frame, HEARTBEAT, PARAM_ERROR,
     PARAM_VALUE, ParamValue, STATUSTEXT, SYS_STATUS, encode_v1, frames, of_message,
@@ -21,8 +22,8 @@ use support::requests::{
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 
-/// 4 of the vehicle, 21 of the first pack, and the switches of the other 8 packs.
-const LISTED_BY_DEFAULT: usize = 33;
+/// 7 of the vehicle, 25 of the first pack, and the switches of the other 8 packs.
+const LISTED_BY_DEFAULT: usize = 40;
 
 /// The index of a parameter that is not listed.
 const NOT_LISTED: u16 = u16::MAX;
@@ -40,6 +41,8 @@ struct Desk {
     endpoint: Endpoint,
     framer: Framer,
     parameters: Parameters,
+    vehicle: Vehicle,
+    now_us: u64,
 }
 
 impl Desk {
@@ -53,6 +56,8 @@ impl Desk {
             endpoint: Endpoint::new(100_000, 0),
             framer: Framer::new(),
             parameters: Parameters::defaults(),
+            vehicle: Vehicle::new(),
+            now_us: 0,
         }
     }
 
@@ -66,9 +71,13 @@ impl Desk {
                 part = &part[taken..];
                 let state = SystemState {
                     batteries: &self.batteries,
+                    vehicle: self.vehicle.status(),
                     ..SystemState::default()
                 };
-                while let Some(event) = self.endpoint.handle_next(0, &state, &mut self.parameters) {
+                while let Some(event) =
+                    self.endpoint
+                        .handle_next(self.now_us, &state, &mut self.parameters, &mut self.vehicle)
+                {
                     events.push(event);
                 }
             }
@@ -80,6 +89,7 @@ impl Desk {
     fn post_due(&mut self, now_us: u64) {
         let state = SystemState {
             batteries: &self.batteries,
+            vehicle: self.vehicle.status(),
             ..SystemState::default()
         };
         self.endpoint.post_due(now_us, &state, &self.parameters);
@@ -240,9 +250,9 @@ fn enabling_a_pack_makes_its_parameters_visible_and_disabling_hides_them() {
     let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
     assert_eq!(
         (ParamValue(&answer).index(), ParamValue(&answer).count()),
-        (27, 53)
+        (34, 64)
     );
-    let answer = desk.one_answer(&param_read_by_index(27));
+    let answer = desk.one_answer(&param_read_by_index(34));
     desk.assert_param_value(&answer, volt_mult, 3.95);
     let listed = desk.list(|_, _| {});
     assert_eq!(listed, desk.listed());
@@ -611,7 +621,7 @@ proptest! {
         let bytes = [garbage, param_set("BATT_VOLT_MULT", 4.25)].concat();
         let mut events = desk.receive_in_chunks(&bytes, chunk);
         desk.endpoint.give_up_waiting();
-        while let Some(event) = desk.endpoint.handle_next(0, &SystemState::default(), &mut desk.parameters) {
+        while let Some(event) = desk.endpoint.handle_next(0, &SystemState::default(), &mut desk.parameters, &mut desk.vehicle) {
             events.push(event);
         }
         prop_assume!(!swallowed(&events));

@@ -3,18 +3,22 @@
 use ::mavlink::MessageData;
 
 use super::dialect::{
-    COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, MavResult, PARAM_REQUEST_LIST_DATA,
-    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA, RADIO_STATUS_DATA, REQUEST_DATA_STREAM_DATA,
-    TIMESYNC_DATA,
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA, MANUAL_CONTROL_DATA,
+    MavResult, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA,
+    RADIO_STATUS_DATA, RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA, TIMESYNC_DATA,
 };
 use super::parser::ReceivedFrame;
+use super::payload::Payload;
 use super::rates::Rates;
+use super::replies::Replies;
 use super::services::commands::{Action, Command};
 use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::time;
+use super::services::vehicle::Rover;
 use super::system_state::SystemState;
 use super::{COMPONENT_ID, CommandAck, FileTransferNak, Message};
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
+use crate::vehicle::Vehicle;
 
 /// Who sent a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,7 +33,7 @@ pub struct Peer {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Event {
-    /// It was not for us, or nothing we act on.
+    /// It was not for us, or nothing to act on at once.
     Ignored,
     /// It was answered.
     Answered,
@@ -39,6 +43,8 @@ pub enum Event {
     ParameterSet(ParameterId),
     /// A ground station tried to set a parameter and was refused.
     ParameterRefused,
+    /// The rover was armed or disarmed, its mode was set, or its driver moved a lever.
+    Driven,
     /// A command, by its number, has this effect.
     Command(Action),
     /// A command of this number is not supported, or not with its parameters.
@@ -56,28 +62,55 @@ enum Request {
     Ping,
     Timesync,
     RadioStatus,
+    SetMode,
+    ManualControl,
+    OverrideChannels,
+    Heartbeat,
 }
 
-/// What the frame asks for if it is for us: system and component 0 mean everyone.
+/// Whom a message is for, by the places of its fields.
+enum Target {
+    /// Everyone.
+    None,
+    /// The system whose id is there, 0 meaning everyone.
+    System(usize),
+    /// The system whose id is there and no other: levers are of one rover.
+    OnlySystem(usize),
+    /// The same for the system's id there and the component's behind it.
+    Component(usize),
+}
+
+impl Target {
+    fn is_ours(&self, payload: &Payload<'_>, system_id: u8) -> bool {
+        let is_our_system = |at| [0, system_id].contains(&payload.u8(at));
+        match *self {
+            Self::None => true,
+            Self::System(at) => is_our_system(at),
+            Self::OnlySystem(at) => payload.u8(at) == system_id,
+            Self::Component(at) => is_our_system(at) && [0, COMPONENT_ID].contains(&payload.u8(at + 1)),
+        }
+    }
+}
+
+/// What the frame asks for if it is for us.
 fn request(frame: &ReceivedFrame<'_>, system_id: u8) -> Option<Request> {
-    let (request, target_at) = match frame.message_id {
-        PARAM_REQUEST_LIST_DATA::ID => (Request::ParameterList, Some(0)),
-        PARAM_REQUEST_READ_DATA::ID => (Request::ParameterRead, Some(2)),
-        PARAM_SET_DATA::ID => (Request::ParameterSet, Some(4)),
-        COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => (Request::Command, Some(30)),
-        FILE_TRANSFER_PROTOCOL_DATA::ID => (Request::FileTransfer, Some(1)),
-        REQUEST_DATA_STREAM_DATA::ID => (Request::DataStream, Some(2)),
-        PING_DATA::ID => (Request::Ping, Some(12)),
-        TIMESYNC_DATA::ID => (Request::Timesync, Some(16)),
-        RADIO_STATUS_DATA::ID => (Request::RadioStatus, None),
+    let (request, target) = match frame.message_id {
+        PARAM_REQUEST_LIST_DATA::ID => (Request::ParameterList, Target::Component(0)),
+        PARAM_REQUEST_READ_DATA::ID => (Request::ParameterRead, Target::Component(2)),
+        PARAM_SET_DATA::ID => (Request::ParameterSet, Target::Component(4)),
+        COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => (Request::Command, Target::Component(30)),
+        FILE_TRANSFER_PROTOCOL_DATA::ID => (Request::FileTransfer, Target::Component(1)),
+        REQUEST_DATA_STREAM_DATA::ID => (Request::DataStream, Target::Component(2)),
+        PING_DATA::ID => (Request::Ping, Target::Component(12)),
+        TIMESYNC_DATA::ID => (Request::Timesync, Target::Component(16)),
+        RADIO_STATUS_DATA::ID => (Request::RadioStatus, Target::None),
+        SET_MODE_DATA::ID => (Request::SetMode, Target::System(4)),
+        MANUAL_CONTROL_DATA::ID => (Request::ManualControl, Target::OnlySystem(10)),
+        RC_CHANNELS_OVERRIDE_DATA::ID => (Request::OverrideChannels, Target::Component(16)),
+        HEARTBEAT_DATA::ID => (Request::Heartbeat, Target::None),
         _ => return None,
     };
-    // A message without a target is for everyone.
-    let ours = target_at.is_none_or(|at| {
-        let (system, component) = (frame.payload.u8(at), frame.payload.u8(at + 1));
-        [0, system_id].contains(&system) && [0, COMPONENT_ID].contains(&component)
-    });
-    ours.then_some(request)
+    target.is_ours(&frame.payload, system_id).then_some(request)
 }
 
 /// What a request may use and change.
@@ -87,20 +120,18 @@ pub(super) struct Context<'a> {
     pub parameters: &'a mut Parameters,
     pub list: &'a mut ParameterList,
     pub rates: &'a mut Rates,
+    pub vehicle: &'a mut Vehicle,
 }
 
-/// Handles one frame and answers through `answer`.
-pub(super) fn dispatch(
-    frame: &ReceivedFrame<'_>,
-    context: Context<'_>,
-    mut answer: impl FnMut(Message),
-) -> Event {
+/// Handles one frame and answers through `replies`.
+pub(super) fn dispatch(frame: &ReceivedFrame<'_>, context: Context<'_>, mut replies: Replies<'_>) -> Event {
     let Context {
         now_us,
         state,
         parameters,
         list,
         rates,
+        vehicle,
     } = context;
     // The table's range is 1 to 255.
     let system_id = parameters.get(VehicleParameter::SysidThismav) as u8;
@@ -112,14 +143,20 @@ pub(super) fn dispatch(
         component_id: frame.component_id,
     };
     let payload = &frame.payload;
+    let mut rover = Rover {
+        now_us,
+        state,
+        parameters,
+        vehicle,
+    };
     match request {
         Request::ParameterList => {
             list.start(now_us);
             return Event::ListRequested;
         }
-        Request::ParameterRead => answer(parameters::read(payload, from, parameters)),
+        Request::ParameterRead => replies.answer(parameters::read(payload, from, parameters)),
         Request::ParameterSet => {
-            return match parameters::set(payload, from, parameters, answer) {
+            return match parameters::set(payload, from, parameters, |message| replies.answer(message)) {
                 SetResult::Set(id) => {
                     rates.parameter_set(id);
                     Event::ParameterSet(id)
@@ -129,14 +166,17 @@ pub(super) fn dispatch(
         }
         Request::Command => {
             let command = Command::read(payload);
+            if Rover::knows(command.number) {
+                let result = rover.execute(&command, &mut replies);
+                acknowledge(command.number, result, from, &mut replies);
+                return driven(command.number, result);
+            }
             let outcome = command.execute(&mut rates.scheduler, state, now_us);
-            answer(Message::CommandAck(CommandAck {
-                command: command.number,
-                result: outcome.result,
-                target_system: from.system_id,
-                target_component: from.component_id,
-            }));
-            outcome.message.into_iter().for_each(answer);
+            acknowledge(command.number, outcome.result, from, &mut replies);
+            outcome
+                .message
+                .into_iter()
+                .for_each(|message| replies.answer(message));
             return match outcome.action {
                 // Even a command that fails for one pack has an effect on the others.
                 Some(action) => Event::Command(action),
@@ -146,12 +186,54 @@ pub(super) fn dispatch(
         }
         Request::FileTransfer => {
             let nak = FileTransferNak::refuse(payload, from.system_id, from.component_id);
-            nak.map(Message::FileTransferNak).into_iter().for_each(answer);
+            nak.map(Message::FileTransferNak)
+                .into_iter()
+                .for_each(|message| replies.answer(message));
         }
         Request::DataStream => rates.request_data_stream(payload),
-        Request::Ping => time::ping(payload, from).into_iter().for_each(answer),
-        Request::Timesync => time::timesync(payload, from, now_us).into_iter().for_each(answer),
+        Request::Ping => time::ping(payload, from)
+            .into_iter()
+            .for_each(|message| replies.answer(message)),
+        Request::Timesync => time::timesync(payload, from, now_us)
+            .into_iter()
+            .for_each(|message| replies.answer(message)),
         Request::RadioStatus => rates.radio_status(payload, now_us),
+        Request::SetMode => {
+            let result = rover.set_mode_by_message(payload, &mut replies);
+            // As in ArduPilot, the message is acknowledged like a command of its own number.
+            let number = SET_MODE_DATA::ID as u16;
+            acknowledge(number, result, from, &mut replies);
+            return driven(number, result);
+        }
+        Request::ManualControl => {
+            rover.manual_control(payload);
+            return Event::Driven;
+        }
+        Request::OverrideChannels => {
+            rover.override_channels(payload);
+            return Event::Driven;
+        }
+        Request::Heartbeat => {
+            rover.heartbeat(payload);
+            return Event::Ignored;
+        }
     }
     Event::Answered
+}
+
+fn acknowledge(command: u16, result: MavResult, to: Peer, replies: &mut Replies<'_>) {
+    replies.answer(Message::CommandAck(CommandAck {
+        command,
+        result,
+        target_system: to.system_id,
+        target_component: to.component_id,
+    }));
+}
+
+/// What came of a command to the rover.
+fn driven(command: u16, result: MavResult) -> Event {
+    match result {
+        MavResult::MAV_RESULT_ACCEPTED => Event::Driven,
+        _ => Event::CommandRefused(command),
+    }
 }

@@ -6,10 +6,12 @@ use super::messages::chunks_of;
 use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;
 use super::rates::Rates;
+use super::replies::Replies;
 use super::services::parameters::ParameterList;
 use super::system_state::{LinkStatistics, SystemState};
-use super::{Message, Periodic, Stream, status_texts};
+use super::{Message, Periodic, Stream};
 use crate::parameter::{Parameters, VehicleParameter};
+use crate::vehicle::Vehicle;
 
 /// A few messages dropped may be a hiccup; so many are a link that is too slow.
 const DROPS_UNTIL_SHORTFALL: u32 = 10;
@@ -146,12 +148,12 @@ impl Endpoint {
 
     /// Sends a text, in as many messages as it needs.
     pub fn say(&mut self, severity: MavSeverity, text: &str) {
-        self.texts = self.texts.wrapping_add(1).max(1);
-        for message in status_texts(severity, text, self.texts) {
-            if self.outbox.reply(Message::StatusText(message)).is_err() {
-                self.dropped = self.dropped.wrapping_add(1);
-            }
-        }
+        let mut replies = Replies {
+            outbox: &mut self.outbox,
+            dropped: &mut self.dropped,
+            texts: &mut self.texts,
+        };
+        replies.say(severity, text);
     }
 
     /// Takes as many of the received `bytes` as there is room for, and says how many; at least one after
@@ -176,6 +178,7 @@ impl Endpoint {
         now_us: u64,
         state: &SystemState<'_>,
         parameters: &mut Parameters,
+        vehicle: &mut Vehicle,
     ) -> Option<Event> {
         let link = self.statistics();
         let frame = self.parser.next_frame()?;
@@ -186,13 +189,13 @@ impl Endpoint {
             parameters,
             list: &mut self.list,
             rates: &mut self.rates,
+            vehicle,
         };
-        let (outbox, dropped) = (&mut self.outbox, &mut self.dropped);
-        let answer = |message| {
-            if outbox.reply(message).is_err() {
-                *dropped = dropped.wrapping_add(1);
-            }
+        let replies = Replies {
+            outbox: &mut self.outbox,
+            dropped: &mut self.dropped,
+            texts: &mut self.texts,
         };
-        Some(dispatch(&frame, context, answer))
+        Some(dispatch(&frame, context, replies))
     }
 }

@@ -16,6 +16,7 @@ mod outbox;
 mod parser;
 mod payload;
 mod rates;
+mod replies;
 mod scheduler;
 mod services;
 mod slowdown;
@@ -30,6 +31,7 @@ pub use framer::Framer;
 pub use messages::{
     CommandAck, FileTransferNak, Message, Stream, build_autopilot_version, build_battery_status,
     build_heartbeat, build_protocol_version, build_sys_status, pack_announcement, status_texts,
+    vehicle_announcement,
 };
 pub use outbox::{NoRoom, Outbox, Posted};
 pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};

@@ -2,12 +2,15 @@
 
 use super::ReceiveStatistics;
 use crate::battery::{BatteryState, PackStatus, Visibility};
+use crate::vehicle::VehicleStatus;
 
 /// Everything the telemetry of one link reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SystemState<'a> {
     /// The packs by their instance; the first one is the primary pack.
     pub batteries: &'a [BatteryState],
+    /// The rover's mode, and whether it is armed.
+    pub vehicle: VehicleStatus,
     /// Busy share of the processor over the last second, in tenths of a percent (0 to 1000).
     pub load_permille: u16,
     /// What happened on the link this state is sent over.

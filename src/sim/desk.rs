@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::fmt;
 use std::rc::Rc;
 
-use embassy_futures::join::{join, join_array, join4};
+use embassy_futures::join::{join, join_array, join5};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker};
 
@@ -15,9 +15,10 @@ use crate::battery::RetainedRecord;
 use crate::liveness::CheckIn;
 use crate::parameter::{ParameterStorage, Parameters};
 use crate::tasks::{
-    Link, Shared, keep_parameters, load_parameters, reboot_requested, report_load, sample_batteries,
+    Link, Shared, drive, keep_parameters, load_parameters, reboot_requested, report_load, sample_batteries,
     serve_link,
 };
+use crate::vehicle::{Indication, Indicators, Motors, SideDrives};
 
 /// Ground stations that can be connected at the same time.
 const MAX_CLIENTS: usize = 8;
@@ -41,13 +42,14 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
         let desk = Desk::new(parameters, &pack);
         report_load(&desk.shared, loaded);
         let mut memory = [RetainedRecord::BLANK; 2];
-        let vehicle = join4(
+        let vehicle = join5(
             sample_batteries(
                 SimulatedPackInput::new(&pack, &rover, &desk.shared),
                 &mut memory,
                 &desk.shared,
                 &UNWATCHED,
             ),
+            drive(Wheels(&desk.drives), NoLamps, &desk.shared, &UNWATCHED),
             keep_parameters(storage, &desk.shared, &UNWATCHED),
             join(
                 join_array([(); MAX_CLIENTS].map(|()| desk.serve(clients))),
@@ -67,6 +69,24 @@ struct Desk<'a> {
     pack: &'a RefCell<SimulatedPack>,
     links: RefCell<Vec<Rc<Link>>>,
     status: Cell<Totals>,
+    /// What the motors were told last.
+    drives: Cell<SideDrives>,
+}
+
+/// Motors that do nothing but remember what they were told.
+struct Wheels<'a>(&'a Cell<SideDrives>);
+
+impl Motors for Wheels<'_> {
+    fn drive(&mut self, drives: SideDrives) {
+        self.0.set(drives);
+    }
+}
+
+/// A desk has neither lamps nor a buzzer.
+struct NoLamps;
+
+impl Indicators for NoLamps {
+    fn show(&mut self, _: Indication) {}
 }
 
 impl<'a> Desk<'a> {
@@ -76,6 +96,7 @@ impl<'a> Desk<'a> {
             pack,
             links: RefCell::default(),
             status: Cell::default(),
+            drives: Cell::default(),
         }
     }
 

@@ -2,17 +2,20 @@
 
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
+use super::drive::say;
 use super::{Shared, mark};
 use crate::battery::{
-    BatteryBank, FAILED_READS_UNTIL_UNHEALTHY, MAX_PACKS, Measurement, PackSettings, PackStatus, ReadError,
-    RetainedMemory, SumVoltage, Tick, recall, retain,
+    BatteryBank, FAILED_READS_UNTIL_UNHEALTHY, FailsafeLevel, MAX_PACKS, Measurement, PackEvent,
+    PackSettings, PackStatus, ReadError, RetainedMemory, SumVoltage, Tick, recall, retain,
 };
 use crate::cadence::Cadence;
 use crate::liveness::CheckIn;
 use crate::log::{info, warn};
+use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::pack_announcement;
 use crate::parameter::{BatteryParameter, Pack, Parameters};
 use crate::sensor::{AnalogIn, AnalogPin, AnalogReadings, AnalogWiring, MonitorKind, read_mean};
+use crate::vehicle::FailsafeAction;
 
 /// 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.
 const SAMPLING_INTERVAL_US: u64 = 100_000;
@@ -26,11 +29,11 @@ const LOGGED_FAILURE: u32 = 10;
 /// Once a second what has to survive a reset is written down.
 const TICKS_PER_RECORD: u32 = 10;
 
-/// The throttle for synthetic currents: nothing drives the motors yet.
-const THROTTLE: f32 = 0.0;
+/// For the owner, when nothing would ever count as low.
+const FAILSAFES_OFF: &str = "Battery failsafes are off: set BATT_LOW_VOLT";
 
-/// Reads the packs' pins every 100 ms, lets the monitors judge, publishes the states. Ticks that could not be kept are
-/// skipped, not made up for. What was consumed goes on from `memory`, if that has survived a reset.
+/// Reads the packs' pins every 100 ms, lets the monitors judge, publishes the states, and lets the vehicle act on a
+/// failsafe within the tick. Ticks that could not be kept are skipped, not made up for. What was consumed goes on from `memory`, if that has survived a reset.
 pub async fn sample_batteries(
     mut input: impl AnalogIn,
     memory: &mut RetainedMemory,
@@ -43,6 +46,9 @@ pub async fn sample_batteries(
         bank.restore(&remembered);
         info!("battery: consumption kept over the reset");
     }
+    if shared.with_parameters(|parameters| are_failsafes_off(parameters, &kinds)) {
+        shared.notice(MavSeverity::MAV_SEVERITY_WARNING, FAILSAFES_OFF);
+    }
     let mut ticks = Cadence::starting_at(Instant::now().as_micros(), SAMPLING_INTERVAL_US);
     loop {
         Timer::at(Instant::from_micros(ticks.due_us())).await;
@@ -50,7 +56,7 @@ pub async fn sample_batteries(
         let readings = read_pins(&mut input, shared, &kinds).await;
         let tick = Tick {
             now_us: Instant::now().as_micros(),
-            ..Tick::default()
+            arm_state: shared.with_vehicle(|vehicle| vehicle.arm_state()),
         };
         // Sums come last: they are of this tick's states.
         let in_order = || Pack::ALL.into_iter().zip(kinds);
@@ -60,6 +66,7 @@ pub async fn sample_batteries(
         for (pack, kind) in in_order().filter(|(_, kind)| *kind == Some(MonitorKind::Sum)) {
             update(&mut bank, pack, kind, tick, &readings, shared);
         }
+        shared.with_vehicle(|vehicle| vehicle.follow_batteries(bank.worst_failsafe()));
         if shared.samples().is_multiple_of(TICKS_PER_RECORD) {
             retain(memory, &bank.memory());
         }
@@ -70,6 +77,16 @@ pub async fn sample_batteries(
 
 fn kind_of(parameters: &Parameters, pack: Pack) -> Option<MonitorKind> {
     MonitorKind::from_number(parameters.get_whole(BatteryParameter::Monitor.of(pack)))
+}
+
+/// Whether packs are monitored, and none of them ever counts as low.
+fn are_failsafes_off(parameters: &Parameters, kinds: &[Option<MonitorKind>; MAX_PACKS]) -> bool {
+    let monitored = || {
+        let packs = Pack::ALL.into_iter().zip(kinds);
+        packs.filter(|(_, kind)| kind.is_some())
+    };
+    let is_off = |pack| PackSettings::from_parameters(parameters, pack).failsafe.is_off();
+    monitored().next().is_some() && monitored().all(|(pack, _)| is_off(pack))
 }
 
 /// Reads each pin that a pack needs, once; packs may share a pin.
@@ -136,8 +153,21 @@ fn update(
         let (severity, text) = pack_announcement(instance, &event);
         info!("{}", text.as_str());
         shared.announce(severity, &text);
+        if let PackEvent::Failsafe { level, .. } = event {
+            act(pack, level, shared);
+        }
     }
     shared.publish_battery(instance, monitor.state());
+}
+
+/// Does what the owner wants done when `pack` reaches `level`.
+fn act(pack: Pack, level: FailsafeLevel, shared: &Shared) {
+    let action =
+        shared.with_parameters(|parameters| FailsafeAction::from_parameters(parameters, pack, level));
+    if let Some(event) = shared.with_vehicle(|vehicle| vehicle.battery_failsafe(action)) {
+        say(event, shared);
+    }
+    shared.to_drive.signal(());
 }
 
 fn measure(
@@ -147,6 +177,7 @@ fn measure(
     readings: &AnalogReadings,
     shared: &Shared,
 ) -> Result<Measurement, ReadError> {
+    let throttle = shared.with_vehicle(|vehicle| vehicle.effort());
     shared.with_parameters(|parameters| match kind {
         MonitorKind::Sum => {
             let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
@@ -156,7 +187,7 @@ fn measure(
                 SumVoltage::from_parameters(parameters, pack),
             )
         }
-        _ => AnalogWiring::from_parameters(parameters, pack).measure(kind, readings, THROTTLE),
+        _ => AnalogWiring::from_parameters(parameters, pack).measure(kind, readings, throttle),
     })
 }
 

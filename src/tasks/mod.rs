@@ -5,6 +5,7 @@
 
 mod announcements;
 mod battery;
+mod drive;
 mod link;
 mod reader;
 mod reboot;
@@ -20,6 +21,7 @@ use embassy_time::Instant;
 
 pub use announcements::ANNOUNCEMENT_BYTES;
 pub use battery::sample_batteries;
+pub use drive::drive;
 pub use link::Link;
 pub use reader::{ByteSource, ReceiveError, read_frames};
 pub use reboot::reboot_requested;

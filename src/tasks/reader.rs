@@ -79,7 +79,9 @@ fn handle_next(shared: &Shared, link: &Link) -> Option<Event> {
     let now_us = Instant::now().as_micros();
     shared.with_system_state(|state| {
         link.with(|endpoint| {
-            shared.with_parameters(|parameters| endpoint.handle_next(now_us, state, parameters))
+            shared.with_parameters(|parameters| {
+                shared.with_vehicle(|vehicle| endpoint.handle_next(now_us, state, parameters, vehicle))
+            })
         })
     })
 }
@@ -88,6 +90,7 @@ fn react(event: Event, shared: &Shared, link: &Link) {
     match event {
         Event::Ignored => return,
         Event::Answered => {}
+        Event::Driven => shared.to_drive.signal(()),
         Event::ListRequested => {
             link.with(|endpoint| endpoint.say(MavSeverity::MAV_SEVERITY_INFO, BANNER));
             for (severity, text) in shared.notices() {

@@ -11,8 +11,9 @@ use crate::battery::{BatteryState, MAX_PACKS};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::MavSeverity;
 use crate::parameter::{BatteryParameter, Pack, ParameterId, Parameters};
+use crate::vehicle::Vehicle;
 
-/// Things said about the start; one each for the parameters and the reset would do.
+/// Things said about the start; one each for the parameters, the reset and the failsafes would do.
 const MAX_NOTICES: usize = 4;
 
 /// `BATT_MONITOR`: the pack is not monitored.
@@ -30,8 +31,11 @@ pub struct Shared {
     samples: Cell<u32>,
     load_permille: Cell<u16>,
     parameters: RefCell<Parameters>,
+    vehicle: RefCell<Vehicle>,
     notices: RefCell<Vec<Notice, MAX_NOTICES>>,
     announcements: Announcements,
+    /// The motors may have to be told something else.
+    pub(super) to_drive: Signal<NoopRawMutex, ()>,
     /// Parameters have to be written to flash.
     pub(super) to_save: Signal<NoopRawMutex, ()>,
     /// Everything stored has to be forgotten.
@@ -50,8 +54,10 @@ impl Shared {
             samples: Cell::new(0),
             load_permille: Cell::new(0),
             parameters: RefCell::new(parameters),
+            vehicle: RefCell::new(Vehicle::new()),
             notices: RefCell::new(Vec::new()),
             announcements: Announcements::new(),
+            to_drive: Signal::new(),
             to_save: Signal::new(),
             to_clear: Cell::new(false),
             storage_busy: Cell::new(false),
@@ -102,6 +108,11 @@ impl Shared {
         use_them(&mut self.parameters.borrow_mut())
     }
 
+    /// Uses the vehicle. It must not wait in there.
+    pub(super) fn with_vehicle<R>(&self, use_it: impl FnOnce(&mut Vehicle) -> R) -> R {
+        use_it(&mut self.vehicle.borrow_mut())
+    }
+
     /// The live value of a parameter.
     pub fn parameter(&self, id: impl Into<ParameterId>) -> f32 {
         self.with_parameters(|parameters| parameters.get(id))
@@ -123,8 +134,10 @@ impl Shared {
 
     /// Uses what telemetry reports at this moment, apart from a link's own counters. It must not wait in there.
     pub(super) fn with_system_state<R>(&self, use_it: impl FnOnce(&SystemState<'_>) -> R) -> R {
+        let vehicle = self.with_vehicle(|vehicle| vehicle.status());
         use_it(&SystemState {
             batteries: &*self.batteries.borrow(),
+            vehicle,
             load_permille: self.load_permille(),
             ..SystemState::default()
         })

@@ -27,7 +27,7 @@ impl Stream {
     /// The message of this stream, from the state at this moment.
     pub fn build(self, state: &SystemState<'_>) -> Message {
         match self {
-            Self::Heartbeat => Message::Heartbeat(build_heartbeat()),
+            Self::Heartbeat => Message::Heartbeat(build_heartbeat(state)),
             Self::SysStatus => Message::SysStatus(build_sys_status(state)),
             Self::BatteryStatus(instance) => Message::BatteryStatus(build_battery_status(state, instance)),
         }

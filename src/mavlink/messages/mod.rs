@@ -9,6 +9,7 @@ mod pack_announcement;
 mod status_text;
 mod sys_status;
 mod units;
+mod vehicle_announcement;
 mod version;
 
 pub use battery_status::build_battery_status;
@@ -20,4 +21,6 @@ pub use pack_announcement::pack_announcement;
 pub(super) use status_text::chunks_of;
 pub use status_text::status_texts;
 pub use sys_status::build_sys_status;
+pub use vehicle_announcement::vehicle_announcement;
+pub(super) use vehicle_announcement::{CheckedBy, arming_failure_text, terminated_text};
 pub use version::{build_autopilot_version, build_protocol_version};

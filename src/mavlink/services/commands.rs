@@ -67,8 +67,8 @@ pub enum Action {
 #[derive(Clone, Copy, Debug)]
 pub(in crate::mavlink) struct Command {
     pub number: u16,
-    param1: f32,
-    param2: f32,
+    pub param1: f32,
+    pub param2: f32,
 }
 
 /// What came of a command.

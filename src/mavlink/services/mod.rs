@@ -3,3 +3,4 @@
 pub(super) mod commands;
 pub(super) mod parameters;
 pub(super) mod time;
+pub(super) mod vehicle;

@@ -1,0 +1,101 @@
+//! What the rover does on its own, and why it can't be armed, in words.
+
+use core::fmt::Write;
+
+use heapless::String;
+
+use crate::battery::ArmingFailure;
+use crate::mavlink::dialect::MavSeverity;
+use crate::vehicle::VehicleEvent;
+
+/// The longest text, in bytes: two STATUSTEXT.
+const TEXT_BYTES: usize = 96;
+
+/// When somebody wants to know whether the rover can be armed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::mavlink) enum CheckedBy {
+    /// Before it is armed: nothing is at stake yet.
+    Request,
+    /// On an attempt.
+    Attempt,
+}
+
+impl CheckedBy {
+    /// ArduPilot's words for it.
+    fn prefix(self) -> &'static str {
+        match self {
+            Self::Request => "PreArm",
+            Self::Attempt => "Arm",
+        }
+    }
+}
+
+/// How urgent it is, and what to say of an event of the rover.
+pub fn vehicle_announcement(event: VehicleEvent) -> (MavSeverity, String<TEXT_BYTES>) {
+    let mut text = String::new();
+    // A text that does not fit is cut off; a test shows that all do.
+    let _ = write!(text, "{event}");
+    let severity = match event {
+        VehicleEvent::Terminated => MavSeverity::MAV_SEVERITY_CRITICAL,
+        VehicleEvent::NeedsPosition(_)
+        | VehicleEvent::ControlsSilent
+        | VehicleEvent::GroundStationsSilent => MavSeverity::MAV_SEVERITY_WARNING,
+    };
+    (severity, text)
+}
+
+/// Why the pack `instance` (0 to 8) keeps the rover from being armed: "PreArm: Battery 1 ..." or "Arm: Battery 1 ...".
+pub(in crate::mavlink) fn arming_failure_text(
+    checked_by: CheckedBy,
+    instance: u8,
+    failure: ArmingFailure,
+) -> String<TEXT_BYTES> {
+    let mut text = String::new();
+    let number = u16::from(instance) + 1;
+    let _ = write!(text, "{}: Battery {number} {failure}", checked_by.prefix());
+    text
+}
+
+/// A failsafe has disarmed the rover for good.
+pub(in crate::mavlink) fn terminated_text(checked_by: CheckedBy) -> String<TEXT_BYTES> {
+    let mut text = String::new();
+    let _ = write!(
+        text,
+        "{}: Terminated: reset the battery or restart",
+        checked_by.prefix()
+    );
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::FailsafeAction;
+
+    #[test]
+    fn every_event_is_told_in_words_that_fit() {
+        for (event, expected) in [
+            (
+                VehicleEvent::NeedsPosition(FailsafeAction::SmartRtl),
+                "SmartRTL needs a position: Hold",
+            ),
+            (VehicleEvent::Terminated, "Terminated by battery failsafe"),
+            (VehicleEvent::ControlsSilent, "Radio Failsafe: Hold"),
+            (VehicleEvent::GroundStationsSilent, "GCS Failsafe: Hold"),
+        ] {
+            assert_eq!(vehicle_announcement(event).1, expected);
+        }
+    }
+
+    #[test]
+    fn a_failed_check_is_told_in_ardupilots_words() {
+        assert_eq!(
+            arming_failure_text(CheckedBy::Request, 8, ArmingFailure::CapacityOrder),
+            "PreArm: Battery 9 capacity failsafe critical >= low"
+        );
+        assert_eq!(
+            arming_failure_text(CheckedBy::Attempt, 0, ArmingFailure::BelowArmingVoltage),
+            "Arm: Battery 1 below minimum arming voltage"
+        );
+    }
+}

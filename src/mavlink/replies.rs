@@ -1,0 +1,39 @@
+//! What answers a ground station on one link.
+
+use super::dialect::MavSeverity;
+use super::messages::chunks_of;
+use super::outbox::Outbox;
+use super::{Message, status_texts};
+
+/// Posts answers and texts, and counts those for which there is no room.
+pub(super) struct Replies<'a> {
+    pub outbox: &'a mut Outbox,
+    pub dropped: &'a mut u32,
+    /// Long texts so far, of which each has a number.
+    pub texts: &'a mut u16,
+}
+
+impl Replies<'_> {
+    pub fn answer(&mut self, message: Message) {
+        if self.outbox.reply(message).is_err() {
+            *self.dropped = self.dropped.wrapping_add(1);
+        }
+    }
+
+    /// Says a text, in as many messages as it needs.
+    pub fn say(&mut self, severity: MavSeverity, text: &str) {
+        *self.texts = self.texts.wrapping_add(1).max(1);
+        for message in status_texts(severity, text, *self.texts) {
+            self.answer(Message::StatusText(message));
+        }
+    }
+
+    /// Says why before the acknowledgement follows, for which there has to be room left.
+    pub fn explain(&mut self, severity: MavSeverity, text: &str) {
+        if self.outbox.room_for_replies() > chunks_of(text.len()) {
+            self.say(severity, text);
+        } else {
+            *self.dropped = self.dropped.wrapping_add(1);
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! Arming, modes, control inputs and the heartbeats of ground stations.
+
+use core::fmt::Write;
+
+use heapless::String;
+
+use super::commands::Command;
+use crate::battery::{ArmState, ArmingFailure, PackSettings, arming_failures};
+use crate::mavlink::SystemState;
+use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavType};
+use crate::mavlink::messages::{CheckedBy, arming_failure_text, terminated_text};
+use crate::mavlink::payload::Payload;
+use crate::mavlink::replies::Replies;
+use crate::parameter::{Pack, Parameters, VehicleParameter};
+use crate::vehicle::{ArmingRefused, Lever, Mode, Vehicle};
+
+const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
+const RUN_PREARM_CHECKS: u16 = MavCmd::MAV_CMD_RUN_PREARM_CHECKS as u16;
+const DO_SET_MODE: u16 = MavCmd::MAV_CMD_DO_SET_MODE as u16;
+
+/// MAV_CMD_COMPONENT_ARM_DISARM, parameter 1.
+const DISARM: f32 = 0.0;
+const ARM: f32 = 1.0;
+
+/// Parameter 2: arm without any check. MAVLink's number for it, and the one ArduPilot's ground stations send.
+const FORCE: [f32; 2] = [21196.0, 2989.0];
+
+/// `ARMING_CHECK`: all checks, or the one of the batteries.
+const BATTERY_CHECKED: i32 = 1 | 1 << 8;
+
+/// Places in SET_MODE.
+const BASE_MODE_AT: usize = 5;
+
+/// Places in MANUAL_CONTROL: ArduPilot's Rover steers by the second axis and takes the third for its throttle.
+const STEERING_AXIS_AT: usize = 2;
+const THROTTLE_AXIS_AT: usize = 4;
+/// An axis that nobody moves.
+const NO_AXIS: i16 = i16::MAX;
+
+/// Places in RC_CHANNELS_OVERRIDE: ArduPilot's Rover steers by channel 1 and takes channel 3 for its throttle.
+const STEERING_CHANNEL_AT: usize = 0;
+const THROTTLE_CHANNEL_AT: usize = 4;
+/// Pulses of a lever that is let go and of one that stays, and those of its ends and its middle, in microseconds.
+const RELEASED_US: u16 = 0;
+const UNCHANGED_US: u16 = u16::MAX;
+const SHORTEST_US: u16 = 1000;
+const LONGEST_US: u16 = 2000;
+const MIDDLE_US: i16 = 1500;
+/// Thousandths of a lever's way for each microsecond.
+const LEVER_PER_US: i16 = 2;
+
+/// HEARTBEAT: what kind of system sent it.
+const TYPE_AT: usize = 4;
+
+const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
+const FAILED: MavResult = MavResult::MAV_RESULT_FAILED;
+const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
+
+/// The rover a request is for, and what says whether it is fit to be armed.
+pub(in crate::mavlink) struct Rover<'a> {
+    pub now_us: u64,
+    pub state: &'a SystemState<'a>,
+    pub parameters: &'a Parameters,
+    pub vehicle: &'a mut Vehicle,
+}
+
+impl Rover<'_> {
+    /// Whether the rover executes commands of this number.
+    pub fn knows(number: u16) -> bool {
+        [ARM_DISARM, RUN_PREARM_CHECKS, DO_SET_MODE].contains(&number)
+    }
+
+    /// Does what a command asks of the rover, says why if it can't, and answers what came of it.
+    pub fn execute(&mut self, command: &Command, replies: &mut Replies<'_>) -> MavResult {
+        match command.number {
+            ARM_DISARM if command.param1 == ARM => self.arm(FORCE.contains(&command.param2), replies),
+            ARM_DISARM if command.param1 == DISARM => {
+                self.vehicle.disarm();
+                ACCEPTED
+            }
+            RUN_PREARM_CHECKS => self.check(replies),
+            DO_SET_MODE => match whole_number(command.param2) {
+                Some(mode) => self.set_mode(command.param1 as u8, mode, replies),
+                None => DENIED,
+            },
+            _ => DENIED,
+        }
+    }
+
+    fn arm(&mut self, forced: bool, replies: &mut Replies<'_>) -> MavResult {
+        if self.vehicle.arm_state() == ArmState::Armed {
+            return ACCEPTED;
+        }
+        let failure = if forced { None } else { self.failures().next() };
+        let result = self.vehicle.arm(self.now_us, failure.is_none());
+        let text = match (result, failure) {
+            (Ok(()), _) => return ACCEPTED,
+            (Err(ArmingRefused::Terminated), _) | (_, None) => terminated_text(CheckedBy::Attempt),
+            (_, Some((instance, failure))) => arming_failure_text(CheckedBy::Attempt, instance, failure),
+        };
+        replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
+        FAILED
+    }
+
+    /// Says everything that keeps the rover from being armed.
+    fn check(&self, replies: &mut Replies<'_>) -> MavResult {
+        if self.vehicle.arm_state() == ArmState::Armed {
+            return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
+        }
+        if self.vehicle.is_terminated() {
+            let text = terminated_text(CheckedBy::Request);
+            replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
+        }
+        for (instance, failure) in self.failures() {
+            let text = arming_failure_text(CheckedBy::Request, instance, failure);
+            replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
+        }
+        ACCEPTED
+    }
+
+    /// What fails of each pack, by its instance, as far as it is checked.
+    fn failures(&self) -> impl Iterator<Item = (u8, ArmingFailure)> {
+        let checks = self.parameters.get_whole(VehicleParameter::ArmingCheck);
+        let is_checked = checks & BATTERY_CHECKED != 0;
+        let packs = Pack::ALL.into_iter().zip(self.state.batteries);
+        packs.filter(move |_| is_checked).flat_map(|(pack, battery)| {
+            let settings = PackSettings::from_parameters(self.parameters, pack);
+            arming_failures(battery, &settings).map(move |failure| (pack.instance(), failure))
+        })
+    }
+
+    /// SET_MODE: answered as the command of the same meaning.
+    pub fn set_mode_by_message(&mut self, payload: &Payload<'_>, replies: &mut Replies<'_>) -> MavResult {
+        self.set_mode(payload.u8(BASE_MODE_AT), payload.u32(0), replies)
+    }
+
+    /// As in ArduPilot, a mode without the flag for ArduPilot's own modes is denied and one that is not known fails.
+    fn set_mode(&mut self, base_mode: u8, number: u32, replies: &mut Replies<'_>) -> MavResult {
+        if base_mode & MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED.bits() == 0 {
+            return DENIED;
+        }
+        let Some(mode) = Mode::from_number(number) else {
+            let mut text: String<32> = String::new();
+            // The longest number fits.
+            let _ = write!(text, "No such mode {number}");
+            replies.explain(MavSeverity::MAV_SEVERITY_WARNING, &text);
+            return FAILED;
+        };
+        match self.vehicle.set_mode(mode) {
+            Ok(()) => ACCEPTED,
+            Err(_) => {
+                let text = "Failsafe: nobody is in control, Hold stays";
+                replies.explain(MavSeverity::MAV_SEVERITY_WARNING, text);
+                FAILED
+            }
+        }
+    }
+
+    /// MANUAL_CONTROL.
+    pub fn manual_control(&mut self, payload: &Payload<'_>) {
+        let axis = |at| match payload.i16(at) {
+            NO_AXIS => Lever::Released,
+            position => Lever::At(position),
+        };
+        self.vehicle
+            .control(self.now_us, axis(THROTTLE_AXIS_AT), axis(STEERING_AXIS_AT));
+    }
+
+    /// RC_CHANNELS_OVERRIDE.
+    pub fn override_channels(&mut self, payload: &Payload<'_>) {
+        let channel = |at| match payload.u16(at) {
+            RELEASED_US => Lever::Released,
+            UNCHANGED_US => Lever::Unchanged,
+            pulse_us => {
+                let pulse_us = pulse_us.clamp(SHORTEST_US, LONGEST_US) as i16;
+                Lever::At((pulse_us - MIDDLE_US) * LEVER_PER_US)
+            }
+        };
+        self.vehicle.control(
+            self.now_us,
+            channel(THROTTLE_CHANNEL_AT),
+            channel(STEERING_CHANNEL_AT),
+        );
+    }
+
+    /// HEARTBEAT: that of a ground station is a sign of its life.
+    pub fn heartbeat(&mut self, payload: &Payload<'_>) {
+        if payload.u8(TYPE_AT) == MavType::MAV_TYPE_GCS as u8 {
+            self.vehicle.ground_station_seen(self.now_us);
+        }
+    }
+}
+
+fn whole_number(parameter: f32) -> Option<u32> {
+    let number = parameter as u32;
+    (number as f32 == parameter).then_some(number)
+}
