@@ -14,6 +14,7 @@ pub const EVERYTHING_BUT_OSCILLATORS: u32 = 0x1_fffc;
 pub const IO_BANK0: u32 = 0x4001_4000;
 pub const PADS_BANK0: u32 = 0x4001_c000;
 pub const FUNCTION_UART: u32 = 2;
+pub const FUNCTION_PWM: u32 = 4;
 pub const FUNCTION_SIO: u32 = 5;
 pub const UART0: u32 = 0x4003_4000;
 pub const TIMER_RAWL: u32 = 0x4005_4028;

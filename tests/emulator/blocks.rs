@@ -21,6 +21,7 @@ impl SystemBus {
         let block = block_at(address).ok_or(BusError)?;
         self.attention = true;
         self.write_block(block, address & !3, replicated(value, width));
+        self.observe_pins();
         Ok(())
     }
 

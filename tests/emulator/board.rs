@@ -14,7 +14,8 @@ use super::flash::FlashChip;
 use super::interrupts::InterruptLines;
 use super::log::{LogDecoder, LogLine};
 use super::memory::Memory;
-use super::pins::{UartPins, driven_level};
+use super::pins::{PinDrive, UartPins, driven_level, pin_drive};
+use super::pwm::PwmOutput;
 use super::random::Random;
 use super::reset::ResetRecord;
 use super::rtt::RttWatch;
@@ -138,9 +139,17 @@ impl Board {
         self.bus.soc.adc.take_record()
     }
 
-    /// The level at which the processor drives a pin; `None` when it does not.
+    /// The level at which the processor or the PWM drives a pin; `None` when neither does.
     pub fn pin_level(&self, pin: usize) -> Option<bool> {
-        driven_level(&self.bus.chip, pin)
+        driven_level(&self.bus.chip, &self.bus.soc.pwm, pin, self.bus.now)
+    }
+
+    /// What the PWM makes of a pin; `None` when it does not drive it.
+    pub fn pwm_output(&self, pin: usize) -> Option<PwmOutput> {
+        match pin_drive(&self.bus.chip, &self.bus.soc.pwm, pin, self.bus.now) {
+            PinDrive::Pwm(output) => Some(output),
+            PinDrive::Nothing | PinDrive::Level(_) => None,
+        }
     }
 
     // ----- What can be seen inside --------------------------------------------------------------

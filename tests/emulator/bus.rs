@@ -10,6 +10,7 @@ use super::clock::{CLK_SYS_HZ, Cycle};
 use super::dma::{Transfer, TransferEnd};
 use super::flash::Job;
 use super::memory::{Memory, RAM_BASE, is_cached_flash, is_flash};
+use super::pin_record::PinRecorder;
 use super::pins::UartPins;
 use super::rtt::RttWatch;
 use super::soc::Soc;
@@ -37,6 +38,7 @@ pub struct SystemBus {
     pub(super) chip_now: Cycle,
     pub system_control: SystemControl,
     pub uart_pins: [UartPins; 2],
+    pub(super) pin_recorder: PinRecorder,
     /// Something may have changed that the scheduler has to look at before the next instruction.
     pub attention: bool,
     pub rtt: RttWatch,
@@ -67,6 +69,7 @@ impl SystemBus {
             chip_now: 0,
             system_control: SystemControl::default(),
             uart_pins: UartPins::DEFAULTS,
+            pin_recorder: PinRecorder::default(),
             attention: true,
             rtt: RttWatch::default(),
             fault: None,
@@ -89,6 +92,7 @@ impl SystemBus {
         self.soc.reset(now);
         self.unmodelled_registers.clear();
         self.connect_pins();
+        self.observe_pins();
         self.reset_processor();
     }
 
@@ -193,6 +197,7 @@ impl SystemBus {
             self.soc.dma.complete(transfer, end, self.now);
             self.soc.advance(self.now);
         }
+        self.observe_pins();
     }
 
     fn carry_out(&mut self, transfer: Transfer) -> TransferEnd {

@@ -68,6 +68,7 @@ impl SystemBus {
         }
         self.chip
             .write32(address & !3, super::bus::replicated(value, width));
+        self.observe_pins();
     }
 
     /// Exception entry and return set the event register (ARMv6-M B1.5.18), and change which

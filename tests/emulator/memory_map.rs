@@ -58,7 +58,7 @@ pub static BLOCKS: [Block; 37] = [
     block("I2C0", 0x4004_4000, Model::None, Some(3)),
     block("I2C1", 0x4004_8000, Model::None, Some(4)),
     block("ADC", 0x4004_c000, Model::Own(Id::Adc), Some(0)),
-    block("PWM", 0x4005_0000, Model::None, Some(14)),
+    block("PWM", 0x4005_0000, Model::Own(Id::Pwm), Some(14)),
     block("TIMER", 0x4005_4000, Model::Own(Id::Timer), Some(21)),
     block("WATCHDOG", 0x4005_8000, Model::Own(Id::Watchdog), None),
     block("RTC", 0x4005_c000, Model::None, Some(15)),

@@ -17,8 +17,8 @@
 //! The emulator knows nothing of the firmware's source: it sees pins, registers, wires, and the
 //! symbols of the ELF. Processor core, NVIC, clocks, PLLs, RESETS, SIO, IO_BANK0 and PADS_BANK0
 //! come from the crate `rp2040-emu`; memory, bus, boot ROM, flash, TIMER, WATCHDOG, PSM, VREG and
-//! CHIP_RESET, both UARTs, the ADC, the DMA and everything about time and sleep are in this folder,
-//! one file each, with tests against the figures of the RP2040 datasheet. Section numbers are those
+//! CHIP_RESET, both UARTs, the ADC, the PWM, the DMA and everything about time and sleep are in this
+//! folder, one file each, with tests against the figures of the RP2040 datasheet. Section numbers are those
 //! of its builds in which the watchdog is 4.7 and the ADC 4.9.
 //!
 //! The flash chip is a W25Q16JV, erased and programmed through the boot ROM functions with the time
@@ -37,9 +37,11 @@
 //!   taken branches and SIO loads differ from silicon by a cycle. Milliseconds and instruction
 //!   counts are sound, cycle figures are not.
 //! * `clk_sys` is 125 MHz from the first instruction, `clk_peri` the same, `clk_adc` 48 MHz.
-//! * Core 1, PIO, USB, I2C, SPI, PWM, RTC, SysTick and MPU: their registers read back what was
+//! * Core 1, PIO, USB, I2C, SPI, RTC, SysTick and MPU: their registers read back what was
 //!   written or zero, and every access is recorded in [`Board::unmodelled`].
-//! * GPIO interrupts and the NMI never come.
+//! * GPIO interrupts and the NMI never come. A pin's function, the direction of SIO and the pad's
+//!   output disable decide what drives it; the overrides of IO_BANK0 do nothing.
+//! * PWM: interrupts, the DMA request, input modes and phase steps; using them is a panic.
 //! * Flash: the time of the bytes on its serial wires (some 20 µs a page), cells that read
 //!   differently from one time to the next after a torn operation, cells that hold their charge for
 //!   a short time only, wear by itself, commands sent through XIP_SSI other than those of a second
@@ -84,10 +86,12 @@ mod log;
 mod memory;
 mod memory_map;
 mod peripheral;
+mod pin_record;
 mod pins;
 #[cfg(test)]
 mod pins_tests;
 mod power_state;
+mod pwm;
 mod random;
 mod register;
 mod reset;
@@ -114,6 +118,8 @@ pub use cpu::CpuState;
 pub use firmware::Firmware;
 pub use flash::{FlashCut, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
 pub use log::{LogLevel, LogLine};
+pub use pin_record::{Edge, PwmChange};
 pub use pins::UartPins;
+pub use pwm::PwmOutput;
 pub use reset::{ResetCause, ResetRecord};
 pub use uart::SentByte;

@@ -2,11 +2,14 @@
 
 use rp2040_emu::Bus as CrateBus;
 
+use super::clock::Cycle;
+use super::pwm::{Pwm, PwmOutput};
 use super::register::bit;
 use super::uart::PinConnection;
 
 /// GPIO_CTRL.FUNCSEL values (datasheet 2.19.2).
 const FUNCTION_UART: u32 = 2;
+const FUNCTION_PWM: u32 = 4;
 const FUNCTION_SIO: u32 = 5;
 /// PADS_BANK0: input enable, output disable (datasheet 2.19.6.3).
 const PAD_INPUT_ENABLE: u32 = 6;
@@ -51,10 +54,32 @@ pub fn uart_connection(chip: &CrateBus, uart: usize, pins: UartPins) -> PinConne
     }
 }
 
-/// The level the processor drives a pin to; `None` when it does not drive it.
-pub fn driven_level(chip: &CrateBus, pin: usize) -> Option<bool> {
-    let drives = chip.io_bank0.funcsel(pin) == FUNCTION_SIO
-        && bit(chip.sio.gpio_oe_masked(), pin as u32)
-        && !bit(chip.pads_bank0.pads[pin], PAD_OUTPUT_DISABLE);
-    drives.then(|| bit(chip.sio.gpio_out_masked(), pin as u32))
+/// What drives a pin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PinDrive {
+    /// Nothing in the chip: it is what is connected to it that decides.
+    Nothing,
+    /// The processor, through SIO.
+    Level(bool),
+    Pwm(PwmOutput),
+}
+
+/// What drives a pin as the pin multiplexer and the pad are set.
+pub fn pin_drive(chip: &CrateBus, pwm: &Pwm, pin: usize, now: Cycle) -> PinDrive {
+    let is_output = bit(chip.sio.gpio_oe_masked(), pin as u32);
+    match chip.io_bank0.funcsel(pin) {
+        _ if bit(chip.pads_bank0.pads[pin], PAD_OUTPUT_DISABLE) => PinDrive::Nothing,
+        FUNCTION_PWM => PinDrive::Pwm(pwm.output(pin, now)),
+        FUNCTION_SIO if is_output => PinDrive::Level(bit(chip.sio.gpio_out_masked(), pin as u32)),
+        _ => PinDrive::Nothing,
+    }
+}
+
+/// The level a pin is driven to at a moment; `None` when nothing in the chip drives it.
+pub fn driven_level(chip: &CrateBus, pwm: &Pwm, pin: usize, now: Cycle) -> Option<bool> {
+    match pin_drive(chip, pwm, pin, now) {
+        PinDrive::Nothing => None,
+        PinDrive::Level(level) => Some(level),
+        PinDrive::Pwm(_) => Some(pwm.level(pin, now)),
+    }
 }

@@ -3,7 +3,7 @@
 use super::bench::*;
 use super::board::Board;
 use super::pins::UartPins;
-use super::thumb::{HANG, board, idle_board, store};
+use super::thumb::{HANG, NOP, board, idle_board, store};
 
 #[test]
 fn bytes_reach_the_wire_only_through_the_right_pin_of_a_uart_out_of_reset() {
@@ -77,4 +77,30 @@ fn blocks_that_nobody_models_read_back_and_are_recorded() {
     assert_eq!(board.read_register(I2C0), 7);
     let access = &board.unmodelled()["I2C0"];
     assert_eq!((access.reads, access.writes, access.first_address), (1, 2, I2C0));
+}
+
+#[test]
+fn edges_of_a_recorded_pin_have_their_times() {
+    // SIO GPIO_OUT_XOR is at 0xd000001c (datasheet 2.3.1.7).
+    let mut board = board(
+        &[store(0, 2), store(0, 1), NOP, store(0, 1), store(0, 1), HANG],
+        &[],
+    );
+    board.write_register(RESETS_CLEAR, ALL_BLOCKS);
+    select_function(&mut board, 16, FUNCTION_SIO);
+    board.set_register(0, 1 << 16);
+    board.set_register(1, 0xd000_001c);
+    board.set_register(2, 0xd000_0024);
+    board.record_pin(16);
+    board.record_pin(17);
+    board.run_for(10);
+    let edges = board.take_edges(16);
+    assert_eq!(
+        edges.iter().map(|&(_, level)| level).collect::<Vec<_>>(),
+        [true, false, true]
+    );
+    let [first, second] = [0, 1].map(|index| edges[index + 1].0 - edges[index].0);
+    assert_eq!(first, second + 1, "a NOP is between the first two");
+    assert!(board.take_edges(16).is_empty(), "taken");
+    assert!(board.take_edges(17).is_empty());
 }

@@ -7,6 +7,7 @@ use super::dma::Dma;
 use super::memory_map::{BLOCKS, Model};
 use super::peripheral::Peripheral;
 use super::power_state::PowerState;
+use super::pwm::Pwm;
 use super::register::{RegisterWrite, bit};
 use super::ssi::Ssi;
 use super::timer::Timer;
@@ -21,6 +22,7 @@ pub enum Id {
     Uart0,
     Uart1,
     Adc,
+    Pwm,
     Timer,
     Watchdog,
     ChipReset,
@@ -47,6 +49,7 @@ pub struct Soc {
     pub power_state: PowerState,
     pub uarts: [Uart; 2],
     pub adc: Adc,
+    pub pwm: Pwm,
     pub timer: Timer,
     pub watchdog: Watchdog,
     pub chip_reset: ChipReset,
@@ -61,6 +64,7 @@ impl Soc {
             power_state: PowerState::default(),
             uarts: UART_PLACES.map(Uart::new),
             adc: Adc::new(noise_seed),
+            pwm: Pwm::new(),
             timer: Timer::default(),
             watchdog: Watchdog::new(),
             chip_reset: ChipReset::after(ChipLevelReset::PowerOn),
@@ -70,13 +74,14 @@ impl Soc {
         }
     }
 
-    fn all(&self) -> [&dyn Peripheral; 10] {
+    fn all(&self) -> [&dyn Peripheral; 11] {
         let [uart0, uart1] = &self.uarts;
         [
             &self.power_state,
             uart0,
             uart1,
             &self.adc,
+            &self.pwm,
             &self.timer,
             &self.watchdog,
             &self.chip_reset,
@@ -86,13 +91,14 @@ impl Soc {
         ]
     }
 
-    fn all_mut(&mut self) -> [&mut dyn Peripheral; 10] {
+    fn all_mut(&mut self) -> [&mut dyn Peripheral; 11] {
         let [uart0, uart1] = &mut self.uarts;
         [
             &mut self.power_state,
             uart0,
             uart1,
             &mut self.adc,
+            &mut self.pwm,
             &mut self.timer,
             &mut self.watchdog,
             &mut self.chip_reset,
@@ -108,6 +114,7 @@ impl Soc {
             Id::Uart0 => &mut self.uarts[0],
             Id::Uart1 => &mut self.uarts[1],
             Id::Adc => &mut self.adc,
+            Id::Pwm => &mut self.pwm,
             Id::Timer => &mut self.timer,
             Id::Watchdog => &mut self.watchdog,
             Id::ChipReset => &mut self.chip_reset,
