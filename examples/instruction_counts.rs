@@ -97,7 +97,7 @@ mod firmware {
 
         fn update(&mut self) {
             self.tick.now_us += 100_000;
-            let current_a = if self.tick.now_us / 1_000_000 % 2 == 0 {
+            let current_a = if (self.tick.now_us / 1_000_000).is_multiple_of(2) {
                 2.0
             } else {
                 7.0

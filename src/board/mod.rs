@@ -1,8 +1,13 @@
 //! The Freenove RP2040 board: which pin is what, and the peripherals behind it.
 
 mod adc;
+mod buzzer;
+mod fault;
 mod flash;
 mod idle;
+mod indicators;
+mod lamps;
+mod motors;
 mod reset;
 mod retained;
 mod uart;
@@ -14,8 +19,11 @@ use embassy_rp::uart::BufferedInterruptHandler;
 use embassy_rp::{adc as rp_adc, bind_interrupts, usb as rp_usb};
 
 pub use adc::AnalogInputs;
+pub use buzzer::Buzzer;
 pub use flash::{BoardFlash, PARAMETER_RANGE};
 pub use idle::ExecutorIdleTime;
+pub use indicators::{BoardIndicators, indicators};
+pub use motors::{BoardMotors, MotorPeripherals, MotorPins};
 pub use reset::{ResetReason, reset_reason, restart};
 pub use retained::retained_memory;
 pub use uart::{UartReceiver, telemetry_uart};

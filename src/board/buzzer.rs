@@ -1,0 +1,67 @@
+//! The passive buzzer.
+
+use embassy_rp::Peri;
+use embassy_rp::gpio::{Level, Output};
+use embassy_rp::peripherals::PIN_2;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
+use embassy_time::{Instant, Timer};
+
+use crate::cadence::Cadence;
+use crate::vehicle::Tone;
+
+/// Half a period of 2 kHz.
+const TOGGLE_INTERVAL_US: u64 = 250;
+
+static TONE: Signal<CriticalSectionRawMutex, Tone> = Signal::new();
+
+/// The buzzer on GP2, which has to be run to sound. The PWM slice of its pin is that of the motor left in front, so the
+/// processor makes its tone.
+pub struct Buzzer {
+    pin: Output<'static>,
+}
+
+impl Buzzer {
+    /// Takes the buzzer; it is silent.
+    pub fn new(pin: Peri<'static, PIN_2>) -> (Self, BuzzerSwitch) {
+        let buzzer = Self {
+            pin: Output::new(pin, Level::Low),
+        };
+        (buzzer, BuzzerSwitch { told: Tone::Silent })
+    }
+
+    /// Does what the switch says, for ever; asleep while that is silence.
+    pub async fn run(&mut self) -> ! {
+        loop {
+            if TONE.wait().await == Tone::Sounding {
+                self.sound_until_silenced().await;
+            }
+        }
+    }
+
+    async fn sound_until_silenced(&mut self) {
+        // Toggles that were missed (flash was erased) are skipped: made up for, they would be a shrill tone.
+        let mut toggles = Cadence::starting_at(Instant::now().as_micros(), TOGGLE_INTERVAL_US);
+        while TONE.try_take() != Some(Tone::Silent) {
+            toggles.take(Instant::now().as_micros());
+            self.pin.toggle();
+            Timer::at(Instant::from_micros(toggles.due_us())).await;
+        }
+        self.pin.set_low();
+    }
+}
+
+/// Switches the buzzer on and off.
+pub struct BuzzerSwitch {
+    told: Tone,
+}
+
+impl BuzzerSwitch {
+    /// It sounds or is silent from now on, within 250 µs.
+    pub fn set(&mut self, tone: Tone) {
+        if tone != self.told {
+            self.told = tone;
+            TONE.signal(tone);
+        }
+    }
+}

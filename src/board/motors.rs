@@ -1,0 +1,147 @@
+//! The four motors and their drivers.
+
+use embassy_rp::pwm::{ChannelAPin, ChannelBPin, Config, Pwm, Slice};
+use embassy_rp::{Peri, pac, peripherals};
+
+use crate::vehicle::{MotorDrive, Motors, SideDrives};
+
+/// 125 MHz divided by this and by the counts of a period: 500 Hz, as in the vendor's sketches.
+const DIVIDER: u8 = 4;
+const PERIOD_COUNTS: u16 = 62_500;
+
+/// A compare level above the counter's top is high all the time.
+const ALWAYS: u16 = PERIOD_COUNTS;
+const NEVER: u16 = 0;
+
+/// The inputs of the motors' drivers, GP6 to GP9 and GP18 to GP21, as the processor's bits.
+const PINS: u32 = 0b1111 << 18 | 0b1111 << 6;
+
+/// How many pins the chip has.
+const ALL_PINS: usize = 30;
+
+/// IO_BANK0's number for the function "driven by the processor".
+const FUNCTION_SIO: u8 = 5;
+
+/// What each motor takes: a PWM slice, and the pins that are IN1 and IN2 of its driver.
+pub struct MotorPeripherals {
+    /// M1.
+    pub left_front: MotorPins<peripherals::PWM_SLICE1, peripherals::PIN_18, peripherals::PIN_19>,
+    /// M2.
+    pub left_rear: MotorPins<peripherals::PWM_SLICE2, peripherals::PIN_20, peripherals::PIN_21>,
+    /// M3.
+    pub right_rear: MotorPins<peripherals::PWM_SLICE3, peripherals::PIN_7, peripherals::PIN_6>,
+    /// M4.
+    pub right_front: MotorPins<peripherals::PWM_SLICE4, peripherals::PIN_9, peripherals::PIN_8>,
+}
+
+/// A PWM slice, IN1 and IN2.
+pub type MotorPins<S, In1, In2> = (Peri<'static, S>, Peri<'static, In1>, Peri<'static, In2>);
+
+/// The motors, each behind a DRV8837. All are mounted so that IN1 is ahead.
+///
+/// What they are told takes effect when their PWM's counter wraps, within 2 ms, and for both inputs of a driver at once.
+pub struct BoardMotors {
+    left: [Motor; 2],
+    right: [Motor; 2],
+}
+
+impl BoardMotors {
+    /// Takes the motors; they roll freely.
+    pub fn new(peripherals: MotorPeripherals) -> Self {
+        let MotorPeripherals {
+            left_front: (slice1, gp18, gp19),
+            left_rear: (slice2, gp20, gp21),
+            right_rear: (slice3, gp7, gp6),
+            right_front: (slice4, gp9, gp8),
+        } = peripherals;
+        Self {
+            left: [
+                Motor::new(slice1, gp18, gp19, Ahead::ChannelA),
+                Motor::new(slice2, gp20, gp21, Ahead::ChannelA),
+            ],
+            right: [
+                Motor::new(slice3, gp6, gp7, Ahead::ChannelB),
+                Motor::new(slice4, gp8, gp9, Ahead::ChannelB),
+            ],
+        }
+    }
+}
+
+impl Motors for BoardMotors {
+    fn drive(&mut self, drives: SideDrives) {
+        for motor in &mut self.left {
+            motor.drive(drives.left);
+        }
+        for motor in &mut self.right {
+            motor.drive(drives.right);
+        }
+    }
+}
+
+/// The PWM channel that leads to IN1.
+enum Ahead {
+    ChannelA,
+    ChannelB,
+}
+
+struct Motor {
+    pwm: Pwm<'static>,
+    ahead: Ahead,
+}
+
+impl Motor {
+    fn new<S: Slice>(
+        slice: Peri<'static, S>,
+        a: Peri<'static, impl ChannelAPin<S>>,
+        b: Peri<'static, impl ChannelBPin<S>>,
+        ahead: Ahead,
+    ) -> Self {
+        let pwm = Pwm::new_output_ab(slice, a, b, pwm_config(NEVER, NEVER));
+        Self { pwm, ahead }
+    }
+
+    fn drive(&mut self, drive: MotorDrive) {
+        let (in1, in2) = input_levels(drive);
+        let config = match self.ahead {
+            Ahead::ChannelA => pwm_config(in1, in2),
+            Ahead::ChannelB => pwm_config(in2, in1),
+        };
+        self.pwm.set_config(&config);
+    }
+}
+
+fn pwm_config(compare_a: u16, compare_b: u16) -> Config {
+    let mut config = Config::default();
+    config.divider = DIVIDER.into();
+    config.top = PERIOD_COUNTS - 1;
+    config.compare_a = compare_a;
+    config.compare_b = compare_b;
+    config
+}
+
+/// For how many counts of a period IN1 and IN2 are high (DRV8837 datasheet, table of its logic).
+fn input_levels(drive: MotorDrive) -> (u16, u16) {
+    match drive {
+        MotorDrive::Coast => (NEVER, NEVER),
+        MotorDrive::Brake => (ALWAYS, ALWAYS),
+        MotorDrive::Turn(share) if share > 0.0 => (counts(share), NEVER),
+        MotorDrive::Turn(share) => (NEVER, counts(-share)),
+    }
+}
+
+/// The conversion saturates, and makes 0 of what is not a number.
+fn counts(share: f32) -> u16 {
+    ((share * f32::from(PERIOD_COUNTS)) as u16).min(ALWAYS)
+}
+
+/// Makes the motors roll freely at once, whoever owns them: their pins are taken from the PWM and driven low.
+pub(super) fn force_coast() {
+    pac::SIO.gpio_out(0).value_clr().write_value(PINS);
+    pac::SIO.gpio_oe(0).value_set().write_value(PINS);
+    for pin in (0..ALL_PINS).filter(|pin| PINS >> pin & 1 != 0) {
+        pac::IO_BANK0
+            .gpio(pin)
+            .ctrl()
+            .write(|control| control.set_funcsel(FUNCTION_SIO));
+    }
+}
