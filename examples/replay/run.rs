@@ -16,7 +16,7 @@ pub fn run(trace: &Trace, inputs: Inputs, parameters: &Parameters) -> Vec<Row> {
         Row {
             time_s: sample.time_s,
             state: *monitor.state(),
-            failsafe: monitor.failsafe(),
+            failsafe: monitor.state().failsafe,
             events: events.iter().map(ToString::to_string).collect(),
         }
     });

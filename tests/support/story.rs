@@ -84,7 +84,9 @@ impl Story {
     fn take_line(&mut self, line: &str) -> Option<()> {
         let mut words = line.split_whitespace();
         match words.next()? {
-            "param" => self.parameters.push((words.next()?.into(), words.next()?.parse().ok()?)),
+            "param" => self
+                .parameters
+                .push((words.next()?.into(), words.next()?.parse().ok()?)),
             "end" => self.end_s = words.next()?.parse().ok()?,
             "expect" => {
                 let at_s = words.next()?.parse().ok()?;
@@ -109,8 +111,14 @@ fn input<'a>(word: &str, words: &mut impl Iterator<Item = &'a str>) -> Option<In
     };
     let mut number = || words.next()?.parse().ok();
     Some(match word {
-        "voltage" => Input::Voltage { pack, volts: number()? },
-        "current" => Input::Current { pack, amperes: number()? },
+        "voltage" => Input::Voltage {
+            pack,
+            volts: number()?,
+        },
+        "current" => Input::Current {
+            pack,
+            amperes: number()?,
+        },
         "reset" => Input::Reset { percent: number()? },
         "arm" => Input::Arm,
         "disarm" => Input::Disarm,

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    CellVoltages, ChargeState, Chemistry, FailsafeSettings, Faults, Thresholds, VoltageSource,
+    CellVoltages, ChargeState, Chemistry, FailsafeLevel, FailsafeSettings, Faults, Thresholds, VoltageSource,
 };
 
 /// A monitor, its settings and its clock.
@@ -269,10 +269,10 @@ fn a_contact_that_is_lost_while_armed_is_no_swap_and_clears_no_failsafe() {
     bench.settings.failsafe.critical.voltage_v = Some(9.9);
     bench.arm_state = ArmState::Armed;
     bench.run(10.0, loaded(9.5, 5.0));
-    assert_eq!(bench.monitor.failsafe(), FailsafeLevel::Critical);
+    assert_eq!(bench.state().failsafe, FailsafeLevel::Critical);
     bench.run(3.0, loaded(0.3, 0.0));
     bench.run(1.0, loaded(9.5, 5.0));
-    assert_eq!(bench.monitor.failsafe(), FailsafeLevel::Critical);
+    assert_eq!(bench.state().failsafe, FailsafeLevel::Critical);
     assert!(bench.state().consumed_mah.expect("counted") > 13.0);
     assert!(!bench.events.contains(&PackEvent::Swapped), "{:?}", bench.events);
 }
@@ -283,9 +283,9 @@ fn a_pack_that_is_lost_while_armed_is_missing_after_five_seconds() {
     bench.arm_state = ArmState::Armed;
     bench.run(10.0, loaded(11.5, 5.0));
     bench.run(4.9, loaded(0.4, 0.0));
-    assert_eq!(bench.monitor.failsafe(), FailsafeLevel::None);
+    assert_eq!(bench.state().failsafe, FailsafeLevel::None);
     bench.run(0.3, loaded(0.4, 0.0));
-    assert_eq!(bench.monitor.failsafe(), FailsafeLevel::Unhealthy);
+    assert_eq!(bench.state().failsafe, FailsafeLevel::Unhealthy);
 }
 
 #[test]
