@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use proptest::prelude::*;
 use rover_battmon::battery::{
-    BatteryState, CellVoltages, ChargeState, Chemistry, Faults, MAX_CELLS, PackStatus, ReportedVoltage,
-    Visibility,
+    BatteryState, CellVoltages, ChargeState, Chemistry, FailsafeLevel, Faults, MAX_CELLS, PackStatus,
+    ReportedVoltage, Visibility,
 };
 use rover_battmon::mavlink::dialect::{
     BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
@@ -297,6 +297,21 @@ fn a_pack_is_healthy_while_its_sensor_works_and_it_has_not_failed() {
 }
 
 #[test]
+fn a_pack_that_has_reached_a_failsafe_level_is_not_healthy() {
+    for failsafe in FAILSAFE_LEVELS {
+        let battery = BatteryState {
+            failsafe,
+            ..healthy(11.1)
+        };
+        let expected = match failsafe {
+            FailsafeLevel::None => SOUND,
+            _ => UNSOUND,
+        };
+        assert_eq!(sensors(&[battery]), expected, "{failsafe:?}");
+    }
+}
+
+#[test]
 fn all_packs_that_are_monitored_have_to_be_healthy() {
     let on_board_only = |battery| BatteryState {
         visibility: Visibility::Internal,
@@ -479,6 +494,13 @@ const CHEMISTRIES: [Chemistry; 4] = [
     Chemistry::NiMh,
 ];
 
+const FAILSAFE_LEVELS: [FailsafeLevel; 4] = [
+    FailsafeLevel::None,
+    FailsafeLevel::Unhealthy,
+    FailsafeLevel::Low,
+    FailsafeLevel::Critical,
+];
+
 prop_compose! {
     /// What a sensor measures.
     fn any_measured()(
@@ -498,10 +520,10 @@ prop_compose! {
     fn any_battery()(
         measured in any_measured(), status in any_status(), charge_state in prop::sample::select(&CHARGE_STATES[..]),
         chemistry in prop::sample::select(&CHEMISTRIES[..]), faults in any::<u16>(), resting in any::<bool>(),
-        internal in any::<bool>(),
+        internal in any::<bool>(), failsafe in prop::sample::select(&FAILSAFE_LEVELS[..]),
     ) -> BatteryState {
         BatteryState {
-            status, charge_state, chemistry,
+            status, charge_state, chemistry, failsafe,
             faults: Faults::from_bits_retain(faults),
             reported_voltage: if resting { ReportedVoltage::Resting } else { ReportedVoltage::Terminal },
             visibility: if internal { Visibility::Internal } else { Visibility::Reported },
@@ -566,7 +588,9 @@ proptest! {
         frames in any::<u32>(), bad_checksums in any::<u32>(),
     ) {
         let received = ReceiveStatistics { frames, bad_checksums, ..Default::default() };
-        let state = SystemState { batteries: &packs, load_permille, link: LinkStatistics { sent, dropped, received } };
+        let state = SystemState {
+            batteries: &packs, load_permille, link: LinkStatistics { sent, dropped, received }, ..SystemState::default()
+        };
         let data = build_sys_status(&state);
         prop_assert!(data.load <= 1000);
         prop_assert!(data.drop_rate_comm <= 10_000);

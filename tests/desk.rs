@@ -156,7 +156,8 @@ fn a_link_that_is_too_slow_loses_old_telemetry_evenly_and_counts_it_but_no_heart
     // 21 + 2 × (43 + 53) bytes a second are wanted; 600 baud carry 60.
     let frames = run(600, 600, Converter(|_| Ok(AdcCount(2482))));
     assert_no_sequence_gap(&frames);
-    assert_eq!(of_message(&frames, HEARTBEAT).len(), 600);
+    // The last one may still be on its way.
+    assert!([599, 600].contains(&of_message(&frames, HEARTBEAT).len()));
     let counts = [SYS_STATUS, BATTERY_STATUS].map(|message| of_message(&frames, message).len());
     assert!(
         counts[0] > 200 && counts[0].abs_diff(counts[1]) <= 1,

@@ -7,11 +7,14 @@
 pub const HEARTBEAT: u32 = 0;
 pub const SYS_STATUS: u32 = 1;
 pub const PING: u32 = 4;
+pub const SET_MODE: u32 = 11;
 pub const PARAM_REQUEST_READ: u32 = 20;
 pub const PARAM_REQUEST_LIST: u32 = 21;
 pub const PARAM_VALUE: u32 = 22;
 pub const PARAM_SET: u32 = 23;
 pub const REQUEST_DATA_STREAM: u32 = 66;
+pub const MANUAL_CONTROL: u32 = 69;
+pub const RC_CHANNELS_OVERRIDE: u32 = 70;
 pub const COMMAND_INT: u32 = 75;
 pub const COMMAND_LONG: u32 = 76;
 pub const COMMAND_ACK: u32 = 77;
@@ -95,11 +98,14 @@ fn crc_extra(message_id: u32) -> u8 {
         HEARTBEAT => 50,
         SYS_STATUS => 124,
         PING => 237,
+        SET_MODE => 89,
         PARAM_REQUEST_READ => 214,
         PARAM_REQUEST_LIST => 159,
         PARAM_VALUE => 220,
         PARAM_SET => 168,
         REQUEST_DATA_STREAM => 148,
+        MANUAL_CONTROL => 243,
+        RC_CHANNELS_OVERRIDE => 124,
         COMMAND_INT => 158,
         COMMAND_LONG => 152,
         COMMAND_ACK => 143,
@@ -255,6 +261,23 @@ impl SysStatus<'_> {
 
     pub fn errors_count1(&self) -> u16 {
         self.0.u16(22)
+    }
+}
+
+/// Fields of HEARTBEAT, at their places on the wire.
+pub struct Heartbeat<'a>(pub &'a Frame);
+
+impl Heartbeat<'_> {
+    pub fn custom_mode(&self) -> u32 {
+        self.0.u32(0)
+    }
+
+    pub fn base_mode(&self) -> u8 {
+        self.0.u8(6)
+    }
+
+    pub fn system_status(&self) -> u8 {
+        self.0.u8(7)
     }
 }
 

@@ -4,8 +4,9 @@
 #![allow(dead_code)]
 
 use super::frames::{
-    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET,
-    PING, RADIO_STATUS, REQUEST_DATA_STREAM, TIMESYNC, encode_v2,
+    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MANUAL_CONTROL, PARAM_REQUEST_LIST,
+    PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS, RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE,
+    TIMESYNC, encode_v2,
 };
 
 /// The vehicle's system and component id.
@@ -115,4 +116,42 @@ pub fn timesync(stamp: i64) -> Vec<u8> {
 /// A radio tells how much of its transmit buffer is free, in percent.
 pub fn radio_status(buffer_free: u8) -> Vec<u8> {
     encode_v2(RADIO_STATUS, &[0, 0, 0, 0, 180, 170, buffer_free, 20, 20])
+}
+
+/// Arms, with all checks.
+pub fn arm() -> Vec<u8> {
+    command_long(400, 1.0)
+}
+
+pub fn disarm() -> Vec<u8> {
+    command_long(400, 0.0)
+}
+
+/// MAV_CMD_DO_SET_MODE, in ArduPilot's own numbers.
+pub fn do_set_mode(mode: f32) -> Vec<u8> {
+    command_long_2(176, 1.0, mode)
+}
+
+pub fn set_mode(target: u8, base_mode: u8, mode: u32) -> Vec<u8> {
+    encode_v2(
+        SET_MODE,
+        &[&mode.to_le_bytes()[..], &[target, base_mode]].concat(),
+    )
+}
+
+/// The axes x and r are full of what must not matter.
+pub fn manual_control(target: u8, steering: i16, throttle: i16) -> Vec<u8> {
+    let axes = [777, steering, throttle, -777].map(i16::to_le_bytes);
+    encode_v2(MANUAL_CONTROL, &[&axes.concat()[..], &[0, 0, target]].concat())
+}
+
+/// The channels but 1 and 3 are full of what must not matter.
+pub fn rc_override(target: [u8; 2], steering_us: u16, throttle_us: u16) -> Vec<u8> {
+    let channels = [steering_us, 1234, throttle_us, 1111, 1999, 0, 65535, 1500].map(u16::to_le_bytes);
+    encode_v2(RC_CHANNELS_OVERRIDE, &[&channels.concat()[..], &target].concat())
+}
+
+/// The heartbeat of a ground station (6), or of another kind of system.
+pub fn heartbeat(kind: u8) -> Vec<u8> {
+    encode_v2(HEARTBEAT, &[0, 0, 0, 0, kind, 8, 0, 4, 3])
 }

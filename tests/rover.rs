@@ -1,0 +1,476 @@
+//! What a ground station can do with the rover: frames in, frames and drives out.
+
+mod support;
+
+use proptest::prelude::*;
+use rover_battmon::battery::{BatteryState, FailsafeLevel, PackStatus};
+use rover_battmon::mavlink::{Endpoint, Event, Framer, Stream, SystemState};
+use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::vehicle::{FailsafeAction, MotorDrive, SideDrives, Vehicle, VehicleSettings};
+use support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, frames};
+use support::requests::{
+    EVERYONE, VEHICLE, arm, command_int_2, command_long, command_long_2, disarm, do_set_mode, heartbeat,
+    manual_control, rc_override, set_mode,
+};
+
+const ARM_DISARM: u16 = 400;
+const RUN_PREARM_CHECKS: u16 = 401;
+const DO_SET_MODE: u16 = 176;
+const SET_MODE: u16 = 11;
+
+const ACCEPTED: u8 = 0;
+const TEMPORARILY_REJECTED: u8 = 1;
+const DENIED: u8 = 2;
+const FAILED: u8 = 4;
+
+const CRITICAL: u8 = 2;
+const WARNING: u8 = 4;
+
+const MANUAL: u32 = 0;
+const HOLD: u32 = 4;
+
+const STANDBY_STATE: u8 = 3;
+const ACTIVE_STATE: u8 = 4;
+const CRITICAL_STATE: u8 = 5;
+const EMERGENCY_STATE: u8 = 6;
+
+const GROUND_STATION: u8 = 6;
+const ONBOARD_CONTROLLER: u8 = 18;
+
+const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LowVolt);
+const CRT_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::CrtVolt);
+const ARM_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::ArmVolt);
+
+/// A rover at our end of a fast link.
+struct Rover {
+    vehicle: Vehicle,
+    batteries: Vec<BatteryState>,
+    parameters: Parameters,
+    endpoint: Endpoint,
+    now_us: u64,
+}
+
+impl Rover {
+    /// One with a pack of 11.1 V, without any limit on the throttle.
+    fn new() -> Self {
+        let mut parameters = Parameters::defaults();
+        parameters.set(VehicleParameter::MotSlewrate, 0.0).unwrap();
+        Self {
+            vehicle: Vehicle::new(),
+            batteries: vec![at_voltage(11.1)],
+            parameters,
+            endpoint: Endpoint::new(100_000, 0),
+            now_us: 0,
+        }
+    }
+
+    fn armed_in(mode: f32) -> Self {
+        let mut rover = Self::new();
+        rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+        rover.assert_ack(&do_set_mode(mode), DO_SET_MODE, ACCEPTED);
+        rover
+    }
+
+    fn with(mut self, id: impl Into<ParameterId>, value: f32) -> Self {
+        self.parameters.set(id, value).expect("in range");
+        self
+    }
+
+    /// Delivers requests and returns what came of the last one.
+    fn deliver(&mut self, requests: &[u8]) -> Event {
+        let mut last = Event::Ignored;
+        let taken = self.endpoint.push(requests);
+        assert_eq!(taken, requests.len());
+        let state = SystemState {
+            batteries: &self.batteries,
+            vehicle: self.vehicle.status(),
+            ..SystemState::default()
+        };
+        while let Some(event) =
+            self.endpoint
+                .handle_next(self.now_us, &state, &mut self.parameters, &mut self.vehicle)
+        {
+            last = event;
+        }
+        last
+    }
+
+    /// Everything that waits to leave.
+    fn sent(&mut self) -> Vec<Frame> {
+        let mut framer = Framer::new();
+        let mut bytes = Vec::new();
+        while let Some(message) = self.endpoint.take(&self.parameters) {
+            bytes.extend(framer.frame(&message, 1).iter().map(|byte| (0, *byte)));
+        }
+        frames(&bytes)
+    }
+
+    /// Delivers a request that is answered with this result, and returns the texts before that: severity and words.
+    fn ask(&mut self, request: &[u8], command: u16, result: u8) -> Vec<(u8, String)> {
+        self.deliver(request);
+        let mut answers = self.sent();
+        let ack = answers.pop().expect("an answer");
+        assert_eq!(ack.message_id, COMMAND_ACK);
+        assert_eq!((ack.u16(0), ack.u8(2)), (command, result));
+        joined(&answers)
+    }
+
+    fn assert_ack(&mut self, request: &[u8], command: u16, result: u8) {
+        assert_eq!(self.ask(request, command, result), []);
+    }
+
+    /// Lets time pass in ticks of 20 ms and returns what the rover says on its own.
+    fn wait(&mut self, us: u64) -> Vec<String> {
+        let until_us = self.now_us + us;
+        let settings = VehicleSettings::from_parameters(&self.parameters);
+        let mut said = Vec::new();
+        while self.now_us < until_us {
+            self.now_us += 20_000;
+            let event = self.vehicle.update(self.now_us, &settings);
+            said.extend(event.map(|event| event.to_string()));
+        }
+        said
+    }
+
+    /// What the motors are told in the next tick.
+    fn drives(&mut self) -> SideDrives {
+        assert_eq!(self.wait(20_000), [""; 0]);
+        self.vehicle.drives()
+    }
+
+    /// Mode, flags and state of the next HEARTBEAT.
+    fn heartbeat(&mut self) -> (u32, u8, u8) {
+        let state = SystemState {
+            vehicle: self.vehicle.status(),
+            ..SystemState::default()
+        };
+        let mut framer = Framer::new();
+        let frame = framer.frame(&Stream::Heartbeat.build(&state), 1);
+        let bytes: Vec<_> = frame.iter().map(|byte| (0, *byte)).collect();
+        let frames = frames(&bytes);
+        let heartbeat = Heartbeat(&frames[0]);
+        (
+            heartbeat.custom_mode(),
+            heartbeat.base_mode(),
+            heartbeat.system_status(),
+        )
+    }
+}
+
+/// The texts, with the chunks of each put together.
+fn joined(frames: &[Frame]) -> Vec<(u8, String)> {
+    let mut texts: Vec<(u8, String)> = Vec::new();
+    for frame in frames {
+        assert_eq!(frame.message_id, STATUSTEXT);
+        let text = frame.text(1, 50);
+        match texts.last_mut().filter(|_| frame.u8(53) > 0) {
+            Some((_, begun)) => begun.push_str(&text),
+            None => texts.push((frame.u8(0), text)),
+        }
+    }
+    texts
+}
+
+fn at_voltage(voltage_v: f32) -> BatteryState {
+    BatteryState {
+        status: PackStatus::Healthy,
+        voltage_v: Some(voltage_v),
+        ..BatteryState::default()
+    }
+}
+
+/// Both sides' shares of their power; 0 rolls freely.
+fn turn(left: f32, right: f32) -> SideDrives {
+    let [left, right] = [left, right].map(|share| match share {
+        0.0 => MotorDrive::Coast,
+        _ => MotorDrive::Turn(share),
+    });
+    SideDrives { left, right }
+}
+
+#[test]
+fn it_is_armed_and_disarmed_by_both_kinds_of_command() {
+    for request in [arm(), command_int_2(ARM_DISARM, 1.0, 0.0)] {
+        let mut rover = Rover::new();
+        assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
+        rover.assert_ack(&request, ARM_DISARM, ACCEPTED);
+        assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, ACTIVE_STATE));
+        assert_eq!(rover.drives(), SideDrives::BRAKE);
+        rover.assert_ack(&request, ARM_DISARM, ACCEPTED);
+        rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+        assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
+        assert_eq!(rover.drives(), SideDrives::COAST);
+    }
+    for param1 in [2.0, -1.0, 0.5, f32::NAN] {
+        Rover::new().assert_ack(&command_long(ARM_DISARM, param1), ARM_DISARM, DENIED);
+    }
+}
+
+#[test]
+fn an_unfit_pack_keeps_it_from_being_armed_unless_that_is_forced() {
+    let unfit = || Rover::new().with(ARM_VOLT, 11.2).with(LOW_VOLT, 11.15);
+    let mut rover = unfit();
+    let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
+    let expected = "Arm: Battery 1 below minimum arming voltage";
+    assert_eq!(texts, [(CRITICAL, expected.into())]);
+    assert_eq!(rover.deliver(&arm()), Event::CommandRefused(ARM_DISARM));
+    assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
+    for force in [21196.0, 2989.0] {
+        unfit().assert_ack(&command_long_2(ARM_DISARM, 1.0, force), ARM_DISARM, ACCEPTED);
+    }
+    for no_force in [1.0, 21195.0, f32::NAN] {
+        unfit().ask(&command_long_2(ARM_DISARM, 1.0, no_force), ARM_DISARM, FAILED);
+    }
+    // Disarming is never refused.
+    unfit().assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+}
+
+#[test]
+fn the_check_of_the_batteries_can_be_turned_off() {
+    for (checks, result) in [(0.0, ACCEPTED), (1.0, FAILED), (256.0, FAILED), (257.0, FAILED)] {
+        let mut rover = Rover::new()
+            .with(ARM_VOLT, 11.2)
+            .with(VehicleParameter::ArmingCheck, checks);
+        rover.ask(&arm(), ARM_DISARM, result);
+    }
+}
+
+#[test]
+fn a_check_before_arming_tells_everything_that_fails_of_every_pack() {
+    let mut rover = Rover::new()
+        .with(LOW_VOLT, 11.2)
+        .with(CRT_VOLT, 11.2)
+        .with(BatteryParameter::ArmVolt.of(Pack::Third), 12.0);
+    rover.batteries.push(BatteryState::disabled());
+    rover.batteries.push(BatteryState {
+        failsafe: FailsafeLevel::Critical,
+        ..at_voltage(12.6)
+    });
+    let texts = rover.ask(
+        &command_long(RUN_PREARM_CHECKS, f32::NAN),
+        RUN_PREARM_CHECKS,
+        ACCEPTED,
+    );
+    let expected = [
+        "PreArm: Battery 1 low voltage failsafe",
+        "PreArm: Battery 1 critical voltage failsafe",
+        "PreArm: Battery 1 voltage failsafe critical >= low",
+        "PreArm: Battery 3 critical voltage failsafe",
+    ];
+    assert_eq!(texts, expected.map(|text| (CRITICAL, text.to_string())));
+    assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
+
+    let mut armed = Rover::armed_in(4.0);
+    armed.assert_ack(
+        &command_long(RUN_PREARM_CHECKS, 0.0),
+        RUN_PREARM_CHECKS,
+        TEMPORARILY_REJECTED,
+    );
+}
+
+#[test]
+fn however_much_fails_the_command_is_acknowledged() {
+    let mut rover = Rover::new();
+    rover.batteries = vec![at_voltage(5.0); 9];
+    for pack in Pack::ALL {
+        for parameter in [
+            BatteryParameter::ArmVolt,
+            BatteryParameter::LowVolt,
+            BatteryParameter::CrtVolt,
+        ] {
+            rover.parameters.set(parameter.of(pack), 10.0).unwrap();
+        }
+    }
+    let request = command_long(RUN_PREARM_CHECKS, 0.0);
+    let texts = rover.ask(&request, RUN_PREARM_CHECKS, ACCEPTED);
+    // There is room for fifteen texts beside the answer.
+    assert_eq!(texts.len(), 15);
+    assert_eq!(rover.endpoint.statistics().dropped, 9 * 4 - 15);
+}
+
+#[test]
+fn modes_are_set_by_number_and_others_fail() {
+    let mut rover = Rover::new();
+    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64, STANDBY_STATE));
+    rover.assert_ack(&set_mode(1, 1, HOLD), SET_MODE, ACCEPTED);
+    assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
+    rover.assert_ack(&set_mode(0, 0x81, MANUAL), SET_MODE, ACCEPTED);
+    let texts = rover.ask(&do_set_mode(10.0), DO_SET_MODE, FAILED);
+    assert_eq!(texts, [(WARNING, "No such mode 10".into())]);
+    let texts = rover.ask(&set_mode(1, 1, u32::MAX), SET_MODE, FAILED);
+    assert_eq!(texts, [(WARNING, "No such mode 4294967295".into())]);
+    rover.assert_ack(&set_mode(1, 0x80, HOLD), SET_MODE, DENIED);
+    rover.assert_ack(&command_long_2(DO_SET_MODE, 0.0, 4.0), DO_SET_MODE, DENIED);
+    for mode in [f32::NAN, -1.0, 0.5, 1e20] {
+        rover.assert_ack(&do_set_mode(mode), DO_SET_MODE, DENIED);
+    }
+    assert_eq!(rover.deliver(&set_mode(2, 1, HOLD)), Event::Ignored);
+    assert_eq!(rover.heartbeat().0, MANUAL);
+}
+
+#[test]
+fn manual_control_steers_by_y_and_drives_by_z() {
+    for (steering, throttle, expected) in [
+        (0, 500, turn(0.5, 0.5)),
+        (500, 0, turn(0.5, -0.5)),
+        (-250, -500, turn(-0.75, -0.25)),
+        (1000, 1000, turn(1.0, 0.0)),
+        (0, i16::MIN, turn(-1.0, -1.0)),
+        (i16::MAX, 500, turn(0.5, 0.5)),
+        (0, 0, SideDrives::COAST),
+    ] {
+        let mut rover = Rover::armed_in(0.0);
+        let event = rover.deliver(&manual_control(1, steering, throttle));
+        assert_eq!(event, Event::Driven);
+        assert_eq!(rover.drives(), expected, "{steering} {throttle}");
+        assert_eq!(rover.sent(), [], "it is not answered");
+    }
+}
+
+#[test]
+fn manual_control_is_for_one_rover_only() {
+    for target in [0, 2, 255] {
+        let mut rover = Rover::armed_in(0.0);
+        let event = rover.deliver(&manual_control(target, 0, 1000));
+        assert_eq!((event, rover.drives()), (Event::Ignored, SideDrives::COAST));
+    }
+}
+
+#[test]
+fn overridden_channels_steer_until_they_are_released() {
+    let mut rover = Rover::armed_in(0.0);
+    for (steering_us, throttle_us, expected) in [
+        (1500, 1750, turn(0.5, 0.5)),
+        // The throttle stays.
+        (1250, 65535, turn(0.0, 1.0)),
+        (0, 65535, turn(0.5, 0.5)),
+        (65535, 900, turn(-1.0, -1.0)),
+        (65535, 2100, turn(1.0, 1.0)),
+        (0, 0, SideDrives::COAST),
+    ] {
+        let event = rover.deliver(&rc_override(VEHICLE, steering_us, throttle_us));
+        assert_eq!(event, Event::Driven);
+        assert_eq!(rover.drives(), expected, "{steering_us} {throttle_us}");
+    }
+    // Released channels are missed by nobody.
+    assert_eq!(rover.wait(5_000_000), [""; 0]);
+    rover.deliver(&rc_override(EVERYONE, 1500, 2000));
+    assert_eq!(rover.drives(), turn(1.0, 1.0));
+    let event = rover.deliver(&rc_override([2, 1], 1500, 1000));
+    assert_eq!((event, rover.drives()), (Event::Ignored, turn(1.0, 1.0)));
+}
+
+#[test]
+fn in_hold_and_disarmed_levers_move_nothing() {
+    let mut rover = Rover::armed_in(4.0);
+    rover.deliver(&manual_control(1, 0, 1000));
+    assert_eq!(rover.drives(), SideDrives::BRAKE);
+    rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    rover.deliver(&manual_control(1, 0, 1000));
+    assert_eq!(rover.drives(), SideDrives::COAST);
+}
+
+#[test]
+fn a_driver_who_is_not_heard_any_more_is_missed_after_the_timeout() {
+    for timeout_s in [1.0, 1.5, 10.0] {
+        let mut rover = Rover::armed_in(0.0).with(VehicleParameter::FsTimeout, timeout_s);
+        rover.deliver(&manual_control(1, 0, 1000));
+        assert_eq!(rover.wait((timeout_s * 1e6) as u64), [""; 0]);
+        assert_eq!(rover.vehicle.drives(), turn(1.0, 1.0));
+        assert_eq!(rover.wait(20_000), ["Radio Failsafe: Hold"]);
+        assert_eq!(rover.vehicle.drives(), SideDrives::BRAKE);
+        assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
+        assert_eq!(rover.wait(30_000_000), [""; 0], "it is said once");
+
+        let texts = rover.ask(&do_set_mode(0.0), DO_SET_MODE, FAILED);
+        assert_eq!(
+            texts,
+            [(WARNING, "Failsafe: nobody is in control, Hold stays".into())]
+        );
+        rover.deliver(&manual_control(1, 0, 0));
+        assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, ACTIVE_STATE));
+        rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    }
+}
+
+#[test]
+fn a_ground_station_that_is_not_heard_any_more_is_missed_and_other_systems_are_not() {
+    let mut rover = Rover::armed_in(0.0);
+    assert_eq!(rover.deliver(&heartbeat(ONBOARD_CONTROLLER)), Event::Ignored);
+    assert_eq!(rover.wait(5_000_000), [""; 0]);
+    for _ in 0..5 {
+        assert_eq!(rover.deliver(&heartbeat(GROUND_STATION)), Event::Ignored);
+        assert_eq!(rover.wait(1_000_000), [""; 0]);
+    }
+    rover.deliver(&heartbeat(ONBOARD_CONTROLLER));
+    assert_eq!(rover.wait(1_000_000), ["GCS Failsafe: Hold"]);
+    assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
+    rover.deliver(&heartbeat(GROUND_STATION));
+    assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, ACTIVE_STATE));
+}
+
+#[test]
+fn hold_by_a_low_battery_is_left_on_command_and_termination_is_not() {
+    let mut rover = Rover::armed_in(0.0);
+    rover.vehicle.battery_failsafe(FailsafeAction::Hold);
+    rover.vehicle.follow_batteries(FailsafeLevel::Low);
+    assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
+    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64 | 128, CRITICAL_STATE));
+
+    rover.vehicle.battery_failsafe(FailsafeAction::Terminate);
+    rover.vehicle.follow_batteries(FailsafeLevel::Critical);
+    assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64, EMERGENCY_STATE));
+    for force in [0.0, 21196.0] {
+        let request = command_long_2(ARM_DISARM, 1.0, force);
+        let texts = rover.ask(&request, ARM_DISARM, FAILED);
+        let expected = "Arm: Terminated: reset the battery or restart";
+        assert_eq!(texts, [(CRITICAL, expected.into())]);
+    }
+    let texts = rover.ask(&command_long(RUN_PREARM_CHECKS, 0.0), RUN_PREARM_CHECKS, ACCEPTED);
+    let expected = "PreArm: Terminated: reset the battery or restart";
+    assert_eq!(texts, [(CRITICAL, expected.into())]);
+    rover.vehicle.follow_batteries(FailsafeLevel::None);
+    rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+}
+
+/// Any request to the rover.
+fn request() -> impl Strategy<Value = Vec<u8>> {
+    prop_oneof![
+        Just(arm()),
+        Just(disarm()),
+        (0u8..6).prop_map(|mode| do_set_mode(f32::from(mode))),
+        any::<(u8, u32)>().prop_map(|(base_mode, mode)| set_mode(1, base_mode, mode)),
+        any::<(i16, i16)>().prop_map(|(steering, throttle)| manual_control(1, steering, throttle)),
+        any::<(u16, u16)>().prop_map(|(steering, throttle)| rc_override(VEHICLE, steering, throttle)),
+        (0u8..20).prop_map(heartbeat),
+        any::<(f32, f32)>().prop_map(|(param1, param2)| command_long_2(ARM_DISARM, param1, param2)),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn whatever_is_asked_for_the_motors_turn_only_when_armed_in_manual(
+        requests in prop::collection::vec((request(), 0u64..2_000_000), 0..60),
+    ) {
+        let mut rover = Rover::new();
+        for (request, pause_us) in requests {
+            rover.deliver(&request);
+            rover.sent();
+            rover.wait(pause_us);
+            let (mode, flags, _) = rover.heartbeat();
+            let drives = rover.vehicle.drives();
+            match (flags & 128 != 0, mode) {
+                (false, _) => prop_assert_eq!(drives, SideDrives::COAST),
+                (true, HOLD) => prop_assert_eq!(drives, SideDrives::BRAKE),
+                (true, _) => for side in [drives.left, drives.right] {
+                    if let MotorDrive::Turn(share) = side {
+                        prop_assert!(share.abs() <= 1.0, "{share}");
+                    }
+                },
+            }
+        }
+    }
+}
