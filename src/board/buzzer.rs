@@ -7,7 +7,6 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Instant, Timer};
 
-use crate::cadence::Cadence;
 use crate::vehicle::Tone;
 
 /// Half a period of 2 kHz.
@@ -40,12 +39,14 @@ impl Buzzer {
     }
 
     async fn sound_until_silenced(&mut self) {
-        // Toggles that were missed (flash was erased) are skipped: made up for, they would be a shrill tone.
-        let mut toggles = Cadence::starting_at(Instant::now().as_micros(), TOGGLE_INTERVAL_US);
+        let mut due_us = Instant::now().as_micros();
         while TONE.try_take() != Some(Tone::Silent) {
-            toggles.take(Instant::now().as_micros());
             self.pin.toggle();
-            Timer::at(Instant::from_micros(toggles.due_us())).await;
+            // What was missed (flash was erased) is not made up for: that would be a shrill tone.
+            due_us = due_us
+                .saturating_add(TOGGLE_INTERVAL_US)
+                .max(Instant::now().as_micros());
+            Timer::at(Instant::from_micros(due_us)).await;
         }
         self.pin.set_low();
     }

@@ -1,7 +1,9 @@
 //! The four motors and their drivers.
 
+use embassy_rp::pac::pwm::Channel;
+use embassy_rp::pac::{IO_BANK0, PWM, SIO};
 use embassy_rp::pwm::{ChannelAPin, ChannelBPin, Config, Pwm, Slice};
-use embassy_rp::{Peri, pac, peripherals};
+use embassy_rp::{Peri, peripherals};
 
 use crate::vehicle::{MotorDrive, Motors, SideDrives};
 
@@ -15,9 +17,6 @@ const NEVER: u16 = 0;
 
 /// The inputs of the motors' drivers, GP6 to GP9 and GP18 to GP21, as the processor's bits.
 const PINS: u32 = 0b1111 << 18 | 0b1111 << 6;
-
-/// How many pins the chip has.
-const ALL_PINS: usize = 30;
 
 /// IO_BANK0's number for the function "driven by the processor".
 const FUNCTION_SIO: u8 = 5;
@@ -85,7 +84,10 @@ enum Ahead {
 }
 
 struct Motor {
-    pwm: Pwm<'static>,
+    /// Owns the pins.
+    _pwm: Pwm<'static>,
+    /// The registers of its slice. embassy-rp would look them up by number each time, with a panic for a wrong one.
+    slice: Channel,
     ahead: Ahead,
 }
 
@@ -96,27 +98,27 @@ impl Motor {
         b: Peri<'static, impl ChannelBPin<S>>,
         ahead: Ahead,
     ) -> Self {
-        let pwm = Pwm::new_output_ab(slice, a, b, pwm_config(NEVER, NEVER));
-        Self { pwm, ahead }
+        let mut config = Config::default();
+        config.divider = DIVIDER.into();
+        config.top = PERIOD_COUNTS - 1;
+        Self {
+            slice: PWM.ch(slice.number()),
+            _pwm: Pwm::new_output_ab(slice, a, b, config),
+            ahead,
+        }
     }
 
     fn drive(&mut self, drive: MotorDrive) {
         let (in1, in2) = input_levels(drive);
-        let config = match self.ahead {
-            Ahead::ChannelA => pwm_config(in1, in2),
-            Ahead::ChannelB => pwm_config(in2, in1),
+        let (a, b) = match self.ahead {
+            Ahead::ChannelA => (in1, in2),
+            Ahead::ChannelB => (in2, in1),
         };
-        self.pwm.set_config(&config);
+        self.slice.cc().write(|compare| {
+            compare.set_a(a);
+            compare.set_b(b);
+        });
     }
-}
-
-fn pwm_config(compare_a: u16, compare_b: u16) -> Config {
-    let mut config = Config::default();
-    config.divider = DIVIDER.into();
-    config.top = PERIOD_COUNTS - 1;
-    config.compare_a = compare_a;
-    config.compare_b = compare_b;
-    config
 }
 
 /// For how many counts of a period IN1 and IN2 are high (DRV8837 datasheet, table of its logic).
@@ -136,12 +138,19 @@ fn counts(share: f32) -> u16 {
 
 /// Makes the motors roll freely at once, whoever owns them: their pins are taken from the PWM and driven low.
 pub(super) fn force_coast() {
-    pac::SIO.gpio_out(0).value_clr().write_value(PINS);
-    pac::SIO.gpio_oe(0).value_set().write_value(PINS);
-    for pin in (0..ALL_PINS).filter(|pin| PINS >> pin & 1 != 0) {
-        pac::IO_BANK0
-            .gpio(pin)
-            .ctrl()
-            .write(|control| control.set_funcsel(FUNCTION_SIO));
+    SIO.gpio_out(0).value_clr().write_value(PINS);
+    SIO.gpio_oe(0).value_set().write_value(PINS);
+    // One by one: in a loop over numbers the check of the number would stay, a path to a panic.
+    for pin in [
+        IO_BANK0.gpio(6),
+        IO_BANK0.gpio(7),
+        IO_BANK0.gpio(8),
+        IO_BANK0.gpio(9),
+        IO_BANK0.gpio(18),
+        IO_BANK0.gpio(19),
+        IO_BANK0.gpio(20),
+        IO_BANK0.gpio(21),
+    ] {
+        pin.ctrl().write(|control| control.set_funcsel(FUNCTION_SIO));
     }
 }

@@ -12,6 +12,7 @@ mod boot;
 mod commands;
 mod faults;
 mod link_noise;
+mod motors;
 mod packs;
 mod parameters;
 mod power_cuts;

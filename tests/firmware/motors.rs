@@ -1,0 +1,269 @@
+//! Motors, lamps and buzzer of the firmware in `examples/motor_bench.rs`, as they are seen at the pins.
+
+use std::sync::OnceLock;
+
+use crate::bench::{MILLISECOND, SECOND};
+use crate::elf::{Artifact, build};
+use crate::emulator::{Board, Firmware};
+
+/// The pins that are IN1 and IN2 of the motors' drivers, left front, left rear, right rear and right front.
+const LEFT: [(usize, usize); 2] = [(18, 19), (20, 21)];
+const RIGHT: [(usize, usize); 2] = [(7, 6), (9, 8)];
+const BUZZER: usize = 2;
+const LAMPS: usize = 16;
+
+const CYCLES_PER_US: u64 = 125;
+const PWM_PERIOD_US: u64 = 2 * MILLISECOND;
+const NS_PER_CYCLE: u64 = 8;
+const HARD_FAULT: u32 = 3;
+
+fn firmware() -> &'static Firmware {
+    static FIRMWARE: OnceLock<Firmware> = OnceLock::new();
+    FIRMWARE.get_or_init(|| Firmware::load(build(Artifact::Example("motor_bench"))))
+}
+
+/// A board that has just begun a step of the firmware.
+fn board_at(step: &str) -> Board {
+    let mut board = Board::power_up(firmware(), 1);
+    run_to(&mut board, step);
+    board
+}
+
+fn run_to(board: &mut Board, step: &str) {
+    let begun = |board: &mut Board| board.log_lines().iter().any(|line| line.text == step);
+    assert!(
+        board.run_until(SECOND, begun),
+        "no step {step:?}: {:?}",
+        board.log_lines()
+    );
+}
+
+/// The share of time in which IN1 and IN2 of a driver are high, at 500 Hz.
+fn duties((in1, in2): (usize, usize), board: &Board) -> (f64, f64) {
+    let duty = |pin| {
+        let output = board
+            .pwm_output(pin)
+            .unwrap_or_else(|| panic!("GP{pin} is not driven by the PWM"));
+        assert!(
+            (output.frequency_hz - 500.0).abs() <= 5.0,
+            "GP{pin}: {} Hz",
+            output.frequency_hz
+        );
+        output.duty
+    };
+    (duty(in1), duty(in2))
+}
+
+/// Panics unless the motors of each side have these duties at IN1 and IN2 one period after a step began.
+fn assert_driven(step: &str, left: (f64, f64), right: (f64, f64)) {
+    let mut board = board_at(step);
+    board.run_for(PWM_PERIOD_US);
+    for (motors, expected) in [(LEFT, left), (RIGHT, right)] {
+        for motor in motors {
+            assert_eq!(
+                duties(motor, &board),
+                expected,
+                "{step}: the motor on GP{motor:?}"
+            );
+        }
+    }
+}
+
+fn motor_pins() -> impl Iterator<Item = usize> {
+    LEFT.into_iter().chain(RIGHT).flat_map(|(in1, in2)| [in1, in2])
+}
+
+/// Panics unless all motors have both inputs low, now.
+fn assert_coasting(board: &Board) {
+    for pin in motor_pins() {
+        assert!(board.pin_level(pin) != Some(true), "GP{pin} is high");
+    }
+}
+
+#[test]
+fn the_motors_coast_from_reset_until_they_are_driven() {
+    let mut board = Board::power_up(firmware(), 1);
+    motor_pins().for_each(|pin| board.record_pin(pin));
+    run_to(&mut board, "coast");
+    assert_coasting(&board);
+    for pin in motor_pins() {
+        assert!(board.take_edges(pin).is_empty(), "GP{pin}");
+        let changes = board.take_pwm_changes(pin);
+        assert!(!changes.is_empty());
+        for (at, output) in changes {
+            let output = output.expect("driven by the PWM");
+            assert_eq!(output.duty, 0.0, "GP{pin} at {} us", at / CYCLES_PER_US);
+        }
+    }
+}
+
+#[test]
+fn coast_is_both_inputs_low() {
+    assert_driven("coast", (0.0, 0.0), (0.0, 0.0));
+}
+
+#[test]
+fn brake_is_both_inputs_high() {
+    assert_driven("brake", (1.0, 1.0), (1.0, 1.0));
+}
+
+#[test]
+fn ahead_is_pulses_at_in1_and_back_is_pulses_at_in2() {
+    assert_driven("ahead 50 %", (0.5, 0.0), (0.5, 0.0));
+    assert_driven("back 25 %", (0.0, 0.25), (0.0, 0.25));
+    assert_driven("full spin", (1.0, 0.0), (0.0, 1.0));
+}
+
+#[test]
+fn more_than_everything_is_everything_and_no_number_is_coasting() {
+    assert_driven("out of range", (1.0, 0.0), (0.0, 0.0));
+}
+
+#[test]
+fn a_change_comes_into_force_within_a_period_and_for_both_inputs_at_once() {
+    let mut board = board_at("back 25 %");
+    board.run_for(PWM_PERIOD_US);
+    motor_pins().for_each(|pin| board.record_pin(pin));
+    run_to(&mut board, "full spin");
+    // Its log line is written after the motors were told.
+    let told = board.time_cycles();
+    board.run_for(PWM_PERIOD_US);
+    for (in1, in2) in LEFT.into_iter().chain(RIGHT) {
+        let times: Vec<u64> = [in1, in2]
+            .into_iter()
+            .flat_map(|pin| board.take_pwm_changes(pin))
+            .map(|(at, _)| at)
+            .collect();
+        assert!(!times.is_empty(), "GP{in1}, GP{in2}");
+        assert!(times.iter().all(|&at| at == times[0]), "{times:?}");
+        assert!(times[0] <= told + PWM_PERIOD_US * CYCLES_PER_US);
+    }
+}
+
+#[test]
+fn a_panic_lets_the_motors_coast_at_once() {
+    let mut board = board_at("spin until it panics");
+    board.run_for(PWM_PERIOD_US);
+    assert_eq!(board.pin_level(18), Some(true), "full power");
+    motor_pins().for_each(|pin| board.record_pin(pin));
+    assert!(board.run_until(SECOND, |board| board.active_exception() == HARD_FAULT));
+    let entered = board.time_cycles();
+    board.run_for(PWM_PERIOD_US);
+    assert_coasting(&board);
+    let low_at = motor_pins().map(|pin| {
+        let edges = board.take_edges(pin);
+        assert_eq!(edges.len(), 1, "GP{pin}: {edges:?}");
+        assert!(!edges[0].1);
+        edges[0].0
+    });
+    let last = low_at.max().expect("eight pins");
+    println!(
+        "all low {} ns after HardFault was seen, which is at most 10 us after its entry",
+        last.saturating_sub(entered) * NS_PER_CYCLE
+    );
+    assert!(last <= entered + PWM_PERIOD_US * CYCLES_PER_US);
+
+    board.run_for(100 * MILLISECOND);
+    assert_coasting(&board);
+    assert!(
+        board
+            .log_lines()
+            .iter()
+            .any(|line| line.text.contains("as announced"))
+    );
+    assert!(board.bus_errors().is_empty());
+}
+
+/// The lamps' bytes from the edges at their wire, held against the WS2812's times: high for 0.35 µs (0) or 0.7 µs (1),
+/// each ±0.15 µs, 1.25 µs ±0.6 µs a bit, and less than 50 µs low before the next lamp.
+fn decode(edges: &[(u64, bool)]) -> Vec<u8> {
+    let pulses: Vec<(u64, u64)> = edges
+        .chunks(2)
+        .map(|pulse| {
+            let [(rise, true), (fall, false)] = pulse else {
+                panic!("not a pulse: {pulse:?}");
+            };
+            (*rise * NS_PER_CYCLE, *fall * NS_PER_CYCLE)
+        })
+        .collect();
+    for (index, pair) in pulses.windows(2).enumerate() {
+        let period = pair[1].0 - pair[0].0;
+        let longest = if index % 24 == 23 { 50_000 } else { 1850 };
+        assert!((650..=longest).contains(&period), "bit {index} takes {period} ns");
+    }
+    let bits: Vec<u8> = pulses
+        .iter()
+        .map(|(rise, fall)| match fall - rise {
+            200..=500 => 0,
+            550..=850 => 1,
+            other => panic!("high for {other} ns"),
+        })
+        .collect();
+    bits.chunks(8)
+        .map(|bits| bits.iter().fold(0, |byte, bit| byte << 1 | bit))
+        .collect()
+}
+
+#[test]
+fn eight_lamps_are_sent_the_colour_when_it_changes() {
+    let mut board = board_at("nothing yet");
+    board.record_pin(LAMPS);
+    run_to(&mut board, "coast");
+    assert!(
+        board.take_edges(LAMPS).is_empty(),
+        "nothing before the first colour"
+    );
+    // Green, red and blue.
+    for (step, bytes) in [
+        ("red", [0, 16, 0]),
+        ("green", [16, 0, 0]),
+        ("blue", [0, 0, 16]),
+        ("yellow", [16, 16, 0]),
+        ("off", [0, 0, 0]),
+    ] {
+        run_to(&mut board, step);
+        let edges = board.take_edges(LAMPS);
+        assert_eq!(decode(&edges), bytes.repeat(8), "{step}");
+        let (first, last) = (edges[0].0, edges[edges.len() - 1].0);
+        println!("{step}: {} us", (last - first) / CYCLES_PER_US);
+    }
+    run_to(&mut board, "silence");
+    assert!(board.take_edges(LAMPS).is_empty(), "the colour stays");
+}
+
+#[test]
+fn the_pulses_at_the_lamps_have_room_on_both_sides() {
+    let mut board = board_at("coast again");
+    board.record_pin(LAMPS);
+    run_to(&mut board, "yellow");
+    let edges = board.take_edges(LAMPS);
+    let mut lengths: Vec<u64> = edges
+        .windows(2)
+        .filter(|pair| pair[0].1)
+        .map(|pair| (pair[1].0 - pair[0].0) * NS_PER_CYCLE)
+        .collect();
+    lengths.sort_unstable();
+    lengths.dedup();
+    println!("the line is high for {lengths:?} ns");
+    assert_eq!(lengths.len(), 2, "{lengths:?}");
+}
+
+#[test]
+fn the_buzzer_sounds_at_2_khz_and_is_silent_otherwise() {
+    let mut board = board_at("nothing yet");
+    board.record_pin(BUZZER);
+    run_to(&mut board, "tone");
+    assert!(board.take_edges(BUZZER).len() <= 1, "not before");
+    run_to(&mut board, "silence");
+    board.run_for(MILLISECOND);
+    let edges = board.take_edges(BUZZER);
+    assert_eq!(board.pin_level(BUZZER), Some(false));
+    let rises: Vec<u64> = edges.iter().filter(|edge| edge.1).map(|edge| edge.0).collect();
+    let periods = rises.len() as u64 - 1;
+    let hz = (periods * CYCLES_PER_US * SECOND) as f64 / (rises[rises.len() - 1] - rises[0]) as f64;
+    println!("{hz:.1} Hz over {periods} periods");
+    assert!((hz - 2000.0).abs() <= 20.0, "{hz} Hz");
+    assert!((39..=41).contains(&rises.len()), "20 ms");
+    board.run_for(10 * MILLISECOND);
+    assert!(board.take_edges(BUZZER).is_empty(), "silence");
+}
