@@ -10,7 +10,8 @@ mod firmware {
     use panic_probe as _;
     use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
-        self, AnalogInputs, BoardFlash, BoardWatchdog, ExecutorIdleTime, UartReceiver, UsbDevice, UsbPort,
+        self, AnalogInputs, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog, Buzzer,
+        ExecutorIdleTime, MotorPeripherals, UartReceiver, UsbDevice, UsbPort,
     };
     use rover_battmon::liveness::CheckIn;
     use rover_battmon::parameter::{ParameterStorage, VehicleParameter, serial_baud};
@@ -28,6 +29,7 @@ mod firmware {
 
     // Each deadline is several of the task's own intervals.
     static BATTERY: CheckIn = CheckIn::new("battery", 1_000);
+    static DRIVE: CheckIn = CheckIn::new("drive", 500);
     static SCHEDULER: CheckIn = CheckIn::new("telemetry", 2_500);
     static WRITER: CheckIn = CheckIn::new("UART0 writer", 2_500);
     static READER: CheckIn = CheckIn::new("UART0 reader", 2_500);
@@ -41,6 +43,16 @@ mod firmware {
     #[embassy_executor::task]
     async fn battery(input: AnalogInputs, memory: &'static mut RetainedMemory, shared: &'static Shared) -> ! {
         tasks::sample_batteries(input, memory, shared, &BATTERY).await
+    }
+
+    #[embassy_executor::task]
+    async fn drive(motors: BoardMotors, indicators: BoardIndicators, shared: &'static Shared) -> ! {
+        tasks::drive(motors, indicators, shared, &DRIVE).await
+    }
+
+    #[embassy_executor::task]
+    async fn buzzer(mut buzzer: Buzzer) -> ! {
+        buzzer.run().await
     }
 
     #[embassy_executor::task]
@@ -93,7 +105,7 @@ mod firmware {
 
     #[embassy_executor::task]
     async fn supervisor(mut watchdog: BoardWatchdog) -> ! {
-        let watched = [&BATTERY, &SCHEDULER, &WRITER, &READER, &STORAGE, &STATUS];
+        let watched = [&BATTERY, &DRIVE, &SCHEDULER, &WRITER, &READER, &STORAGE, &STATUS];
         tasks::supervise(&watched, &mut watchdog).await
     }
 
@@ -133,6 +145,16 @@ mod firmware {
             peripherals.PIN_29,
         );
 
+        let motors = BoardMotors::new(MotorPeripherals {
+            left_front: (peripherals.PWM_SLICE1, peripherals.PIN_18, peripherals.PIN_19),
+            left_rear: (peripherals.PWM_SLICE2, peripherals.PIN_20, peripherals.PIN_21),
+            right_rear: (peripherals.PWM_SLICE3, peripherals.PIN_7, peripherals.PIN_6),
+            right_front: (peripherals.PWM_SLICE4, peripherals.PIN_9, peripherals.PIN_8),
+        });
+        let (indicators, sounder) = board::indicators(peripherals.PIN_2, peripherals.PIN_16);
+
+        start(spawner, drive(motors, indicators, shared));
+        start(spawner, buzzer(sounder));
         start(
             spawner,
             battery(input, board::retained_memory(reset_reason), shared),

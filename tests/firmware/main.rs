@@ -4,6 +4,8 @@
 mod elf;
 #[path = "../emulator/mod.rs"]
 mod emulator;
+#[path = "../support/story.rs"]
+mod story;
 #[path = "../support/mod.rs"]
 mod support;
 
@@ -19,4 +21,5 @@ mod power_cuts;
 mod sampling;
 mod slow_link;
 mod storage_faults;
+mod stories;
 mod telemetry;

@@ -1,0 +1,192 @@
+//! The stories of `tests/stories/` on the release firmware: voltages at its pins, texts on its wire, motors at its pins.
+
+use std::fs;
+use std::path::Path;
+
+use crate::bench::{ADC_IRQ_FIFO, Bench, MILLISECOND};
+use crate::emulator::AdcInput;
+use crate::story::{Drive, Input, Level, Outcome, Story};
+use crate::support::frames::{STATUSTEXT, of_message};
+use crate::support::requests::{command_long_2, manual_control, set_mode};
+
+/// ADC channels: dividers of both packs, and the first one's current sensor.
+const DIVIDERS: [usize; 2] = [0, 2];
+const CURRENT_SENSOR: usize = 1;
+
+const DIVIDER: f64 = 3.95;
+const AMPERES_PER_VOLT: f64 = 17.0;
+const COUNTS_PER_VOLT: f64 = 4095.0 / 3.3;
+
+const COMPONENT_ARM_DISARM: u16 = 400;
+const FORCE: f32 = 21196.0;
+const BATTERY_RESET: u16 = 42651;
+const CUSTOM_MODE_ENABLED: u8 = 1;
+const MANUAL: u32 = 0;
+const VEHICLE_ID: u8 = 1;
+
+/// Half throttle, so that the motors would turn if they may.
+const THROTTLE: i16 = 500;
+
+/// The control inputs come so often.
+const STEP_US: u64 = 100 * MILLISECOND;
+
+/// Up to a tick until it is measured, and until a text has left behind other messages; a count more of the current is
+/// earlier by as much.
+const LATENCY_S: f64 = 0.25;
+
+/// IN1 and IN2 of the motor left in front.
+const IN1: usize = 18;
+const IN2: usize = 19;
+
+struct Stage {
+    bench: Bench,
+    start_us: u64,
+}
+
+impl Stage {
+    /// A board with the story's parameters, and no pack yet: its story begins when it is plugged in.
+    fn new(story: &Story) -> Self {
+        let mut parameters = vec![("BATT_MONITOR", 4.0), ("BATT_CURR_PIN", 27.0)];
+        parameters.extend(
+            story
+                .parameters
+                .iter()
+                .map(|(name, value)| (name.as_str(), *value)),
+        );
+        let bench = Bench::configured(0, &parameters);
+        let start_us = bench.time_us();
+        Self { bench, start_us }
+    }
+
+    fn time_s(&self) -> f64 {
+        (self.bench.time_us() - self.start_us) as f64 * 1e-6
+    }
+
+    fn send(&mut self, request: &[u8]) {
+        let now_us = self.bench.time_us();
+        self.bench.uart_send(0, now_us, request);
+    }
+
+    fn take(&mut self, input: Input) {
+        let code = |pin_v: f64| AdcInput::Code((pin_v * COUNTS_PER_VOLT).round() as u16);
+        match input {
+            Input::Voltage { pack, volts } => {
+                self.bench
+                    .adc_input(DIVIDERS[pack], code(f64::from(volts) / DIVIDER));
+            }
+            Input::Current { pack, amperes } => {
+                assert_eq!(pack, 0, "only the first pack has a current sensor");
+                self.bench
+                    .adc_input(CURRENT_SENSOR, code(f64::from(amperes) / AMPERES_PER_VOLT));
+            }
+            Input::Arm => {
+                self.send(&command_long_2(COMPONENT_ARM_DISARM, 1.0, FORCE));
+                self.send(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+            }
+            Input::Disarm => self.send(&command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0)),
+            Input::SensorFails => self.bench.cut_interrupt(ADC_IRQ_FIFO),
+            Input::SensorWorks => self.bench.restore_interrupt(ADC_IRQ_FIFO),
+            Input::Reset { percent } => self.send(&command_long_2(BATTERY_RESET, 65535.0, percent)),
+        }
+    }
+
+    fn step(&mut self) {
+        self.send(&manual_control(VEHICLE_ID, 0, THROTTLE));
+        self.bench.run_for(STEP_US);
+    }
+
+    /// What the motor left in front does.
+    fn motors(&self) -> Drive {
+        let duty = |pin| self.bench.pwm_output(pin).map_or(0.0, |output| output.duty);
+        match (duty(IN1), duty(IN2)) {
+            (0.0, 0.0) => Drive::Coast,
+            (1.0, 1.0) => Drive::Brake,
+            _ => Drive::Turn,
+        }
+    }
+
+    /// The texts since the start, with the time at which they had left.
+    fn texts(&mut self) -> Vec<(f64, String)> {
+        let start_us = self.start_us;
+        let frames = self.bench.frames_since(start_us);
+        let texts = of_message(&frames, STATUSTEXT).into_iter();
+        texts
+            .map(|frame| ((frame.at_us - start_us) as f64 * 1e-6, frame.text(1, 50)))
+            .collect()
+    }
+}
+
+/// What a text tells of a pack's failsafe.
+fn level_of(text: &str) -> Option<(usize, Level)> {
+    let rest = text.strip_prefix("Battery ")?;
+    let (number, rest) = rest.split_once(" is ")?;
+    let level = match rest.split_whitespace().next()? {
+        "missing," => Level::Unhealthy,
+        "low" => Level::Low,
+        "critical" => Level::Critical,
+        _ => return None,
+    };
+    Some((number.parse::<usize>().ok()? - 1, level))
+}
+
+fn run(story: &Story) {
+    let name = &story.name;
+    let mut stage = Stage::new(story);
+    let mut inputs = story.inputs.iter().peekable();
+    let mut looks: Vec<_> = story.expectations.iter().collect();
+    looks.retain(|(_, outcome)| matches!(outcome, Outcome::Motors(_)));
+    while stage.time_s() < story.end_s {
+        let now_s = stage.time_s();
+        while let Some((_, input)) = inputs.next_if(|(at_s, _)| *at_s <= now_s + 1e-6) {
+            stage.take(*input);
+        }
+        looks.retain(|(at_s, outcome)| {
+            let is_due = *at_s + LATENCY_S <= now_s;
+            if is_due {
+                assert_eq!(Outcome::Motors(stage.motors()), *outcome, "{name} at {now_s} s");
+            }
+            !is_due
+        });
+        stage.step();
+    }
+    assert!(looks.is_empty(), "{name} ends too soon");
+    check_texts(story, &stage.texts());
+}
+
+fn check_texts(story: &Story, texts: &[(f64, String)]) {
+    let name = &story.name;
+    let is_then = |time_s: f64, at_s: f64| (-LATENCY_S..=LATENCY_S).contains(&(time_s - at_s));
+    let mut levels: Vec<_> = texts
+        .iter()
+        .filter_map(|(time_s, text)| Some((*time_s, level_of(text)?)))
+        .collect();
+    for (at_s, outcome) in &story.expectations {
+        match outcome {
+            Outcome::Level { pack, level } => {
+                let found = levels
+                    .iter()
+                    .position(|(time_s, what)| is_then(*time_s, *at_s) && *what == (*pack, *level));
+                levels.remove(found.unwrap_or_else(|| panic!("{name}: no {level:?} at {at_s} s: {texts:?}")));
+            }
+            Outcome::Says(expected) => assert!(
+                texts
+                    .iter()
+                    .any(|(time_s, text)| is_then(*time_s, *at_s) && text.starts_with(expected)),
+                "{name}: nobody says {expected:?} at {at_s} s: {texts:?}"
+            ),
+            Outcome::Motors(_) => {}
+        }
+    }
+    assert_eq!(levels, [], "{name}: not expected");
+}
+
+#[test]
+fn every_story_ends_on_the_board_as_it_is_told() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stories");
+    for entry in fs::read_dir(folder).expect("the folder exists") {
+        let path = entry.expect("it can be read").path();
+        let name = path.file_stem().and_then(|stem| stem.to_str()).expect("a name");
+        let text = fs::read_to_string(&path).expect("it can be read");
+        run(&Story::parse(name, &text));
+    }
+}
