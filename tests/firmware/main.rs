@@ -18,6 +18,7 @@ mod motors;
 mod packs;
 mod parameters;
 mod power_cuts;
+mod rover;
 mod sampling;
 mod slow_link;
 mod storage_faults;

@@ -1,0 +1,214 @@
+//! The rover that obeys: arming, driving and stopping, at the pins of the motors.
+
+use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
+use crate::emulator::{AdcInput, LogLevel, ResetCause};
+use crate::support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, of_message};
+use crate::support::requests::{arm, disarm, manual_control, set_mode};
+
+/// IN1 and IN2 of the motors' drivers: left front, left rear, right rear, right front.
+const MOTORS: [(usize, usize); 4] = [(18, 19), (20, 21), (7, 6), (9, 8)];
+
+const VEHICLE_ID: u8 = 1;
+const CUSTOM_MODE_ENABLED: u8 = 1;
+const MANUAL: u32 = 0;
+const ACCEPTED: u8 = 0;
+const FAILED: u8 = 4;
+
+const PWM_PERIOD_US: u64 = 2 * MILLISECOND;
+const CYCLES_PER_US: u64 = 125;
+const CURRENT_SENSOR: usize = 1;
+
+/// Three LiPo cells at 3.8 V, and at 3.2 V.
+const GOOD_3S: u16 = 3582;
+const FLAT_3S: u16 = 3016;
+
+fn pins() -> impl Iterator<Item = usize> {
+    MOTORS.into_iter().flat_map(|(in1, in2)| [in1, in2])
+}
+
+fn duty(bench: &Bench, pin: usize) -> f64 {
+    bench.pwm_output(pin).map_or(0.0, |output| output.duty)
+}
+
+fn is_coasting(bench: &Bench) -> bool {
+    pins().all(|pin| bench.pin_level(pin) != Some(true) && duty(bench, pin) == 0.0)
+}
+
+/// Lets time pass with a hand on the lever.
+fn drive_for(bench: &mut Bench, time_us: u64, throttle: i16) {
+    for _ in 0..time_us / (100 * MILLISECOND) {
+        let now_us = bench.time_us();
+        bench.uart_send(0, now_us, &manual_control(VEHICLE_ID, 0, throttle));
+        bench.run_for(100 * MILLISECOND);
+    }
+}
+
+/// A rover that drives at half power.
+fn driving(parameters: &[(&str, f32)]) -> Bench {
+    let mut all = vec![("BATT_CELLS", 3.0)];
+    all.extend(parameters);
+    let mut bench = Bench::configured(GOOD_3S, &all);
+    let answers = bench.ask(&arm());
+    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    drive_for(&mut bench, 2 * SECOND, 500);
+    for (in1, in2) in MOTORS {
+        assert!(
+            (duty(&bench, in1) - 0.5).abs() < 0.01,
+            "GP{in1}: {}",
+            duty(&bench, in1)
+        );
+        assert_eq!(duty(&bench, in2), 0.0, "GP{in2}");
+    }
+    bench
+}
+
+/// When the first motor's IN2 went high for good, in microseconds: it brakes.
+fn braked_at_us(bench: &mut Bench) -> u64 {
+    let (_, in2) = MOTORS[0];
+    let changes = bench.take_pwm_changes(in2);
+    let braked = changes
+        .iter()
+        .find(|(_, output)| output.is_some_and(|output| output.duty == 1.0));
+    braked.expect("it brakes").0 / CYCLES_PER_US
+}
+
+#[test]
+fn the_motors_coast_from_reset_until_the_rover_is_armed() {
+    let mut bench = Bench::power_up(GOOD_3S);
+    pins().for_each(|pin| bench.record_pin(pin));
+    bench.run_for(SECOND);
+    drive_for(&mut bench, 2 * SECOND, 1000);
+    for pin in pins() {
+        assert!(bench.take_edges(pin).is_empty(), "GP{pin}");
+        let changes = bench.take_pwm_changes(pin);
+        assert!(
+            changes
+                .iter()
+                .all(|(_, output)| output.is_none_or(|output| output.duty == 0.0)),
+            "GP{pin}"
+        );
+    }
+    assert!(is_coasting(&bench));
+    bench.ask(&arm());
+    bench.run_for(100 * MILLISECOND);
+    assert!(
+        pins().all(|pin| duty(&bench, pin) == 1.0),
+        "armed in HOLD it brakes"
+    );
+    bench.ask(&disarm());
+    assert!(is_coasting(&bench));
+}
+
+#[test]
+fn a_critical_voltage_stops_it_within_the_timer_and_a_quarter_second() {
+    let mut bench = driving(&[
+        ("BATT_LOW_TIMER", 1.0),
+        ("BATT_CRT_VOLT", 10.2),
+        ("BATT_FS_CRT_ACT", 2.0),
+    ]);
+    let (_, in2) = MOTORS[0];
+    bench.record_pin(in2);
+    // At any moment between two ticks.
+    bench.run_for(37 * MILLISECOND);
+    let fallen_us = bench.time_us();
+    bench.adc_input(PACK, AdcInput::Code(FLAT_3S));
+    drive_for(&mut bench, 2 * SECOND, 500);
+
+    let decided_us = bench.logged(LogLevel::Info, "is critical")[0].0;
+    let braked_us = braked_at_us(&mut bench);
+    println!(
+        "voltage falls; {} ms later it is critical; {} us later the motors brake",
+        (decided_us - fallen_us) / 1000,
+        braked_us - decided_us
+    );
+    assert!(braked_us - fallen_us <= 1250 * MILLISECOND);
+    assert!(braked_us - decided_us <= 50 * MILLISECOND);
+    let frames = bench.frames();
+    let heartbeats = of_message(&frames, HEARTBEAT);
+    const CRITICAL: u8 = 5;
+    assert_eq!(heartbeats[heartbeats.len() - 1].u8(7), CRITICAL);
+}
+
+#[test]
+fn a_critical_charge_stops_it_within_a_tick_and_a_half() {
+    let mut bench = driving(&[
+        ("BATT_MONITOR", 4.0),
+        ("BATT_CURR_PIN", 27.0),
+        ("BATT_CAPACITY", 1000.0),
+        ("BATT_CRT_MAH", 300.0),
+        ("BATT_FS_CRT_ACT", 2.0),
+    ]);
+    let (_, in2) = MOTORS[0];
+    bench.record_pin(in2);
+    // 34 A draw 9.4 mAh a second; the crossing lies between two ticks.
+    bench.adc_input(CURRENT_SENSOR, AdcInput::Code(2482));
+    drive_for(&mut bench, 40 * SECOND, 500);
+    let decided_us = bench.logged(LogLevel::Info, "is critical")[0].0;
+    let braked_us = braked_at_us(&mut bench);
+    println!(
+        "critical charge; {} us later the motors brake",
+        braked_us - decided_us
+    );
+    // The tick that decides is at most 100 ms after the crossing.
+    assert!(braked_us - decided_us <= 50 * MILLISECOND);
+}
+
+#[test]
+fn a_fault_lets_the_motors_coast_within_a_period_and_ends_in_a_reset() {
+    let mut bench = driving(&[]);
+    bench.run_undefined_instruction();
+    bench.run_for(PWM_PERIOD_US);
+    assert!(is_coasting(&bench));
+    let resets = bench.resets().len();
+    assert!(bench.run_until(2 * SECOND, |board| board.resets().len() > resets));
+    bench.run_for(2 * SECOND);
+    assert!(is_coasting(&bench), "not armed after a reset");
+}
+
+#[test]
+fn a_hang_lets_the_motors_coast_after_the_watchdogs_time() {
+    let mut bench = driving(&[]);
+    let resets = bench.resets().len();
+    bench.hang_program();
+    let hung_us = bench.time_us();
+    assert!(bench.run_until(2 * SECOND, |board| board.resets().len() > resets));
+    assert_eq!(bench.resets()[resets].cause, ResetCause::WatchdogTimer);
+    assert!(bench.time_us() - hung_us <= 1_050 * MILLISECOND);
+    bench.run_for(MILLISECOND);
+    assert!(is_coasting(&bench));
+}
+
+#[test]
+fn a_driver_who_falls_silent_stops_it() {
+    let mut bench = driving(&[]);
+    bench.run_for(1_400 * MILLISECOND);
+    assert!(duty(&bench, MOTORS[0].0) > 0.4 && duty(&bench, MOTORS[0].1) == 0.0);
+    bench.run_for(300 * MILLISECOND);
+    assert!(pins().all(|pin| duty(&bench, pin) == 1.0), "it holds");
+    let frames = bench.frames();
+    let texts: Vec<_> = of_message(&frames, STATUSTEXT)
+        .iter()
+        .map(|frame| frame.text(1, 50))
+        .collect();
+    assert!(
+        texts.iter().any(|text| text == "Radio Failsafe: Hold"),
+        "{texts:?}"
+    );
+}
+
+#[test]
+fn a_pack_below_its_arming_voltage_is_not_armed_and_says_why() {
+    let mut bench = Bench::configured(GOOD_3S, &[("BATT_ARM_VOLT", 11.5)]);
+    let answers = bench.ask(&arm());
+    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), FAILED);
+    let texts = of_message(&answers, STATUSTEXT);
+    assert_eq!(
+        texts[0].text(1, 50),
+        "Arm: Battery 1 below minimum arming voltage"
+    );
+    assert!(is_coasting(&bench));
+    bench.set("BATT_ARM_VOLT", 11.0);
+    let answers = bench.ask(&arm());
+    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+}
