@@ -86,11 +86,12 @@ mod firmware {
             });
             step(name).await;
         }
-        for (name, tone) in [("tone", Tone::Sounding), ("silence", Tone::Silent)] {
-            indicators.show(Indication {
-                colour: Colour::Off,
-                tone,
-            });
+        for (name, colour, tone) in [
+            ("tone", Colour::Off, Tone::Sounding),
+            ("green tone", Colour::Green, Tone::Sounding),
+            ("silence", Colour::Green, Tone::Silent),
+        ] {
+            indicators.show(Indication { colour, tone });
             step(name).await;
         }
         motors.drive(FULL_SPIN);
