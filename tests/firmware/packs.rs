@@ -259,14 +259,17 @@ fn cells_and_swaps_are_announced() {
     bench.run_for(3 * SECOND);
     assert_eq!(
         texts(&mut bench),
-        ["Battery 1 has 2 cells (set BATT_CELLS to be sure)"]
+        [
+            "Battery failsafes are off: set BATT_LOW_VOLT",
+            "Battery 1 has 2 cells (set BATT_CELLS to be sure)"
+        ]
     );
     bench.adc_input(PACK, AdcInput::Code(50));
     bench.run_for(2 * SECOND);
     bench.adc_input(PACK, AdcInput::Code(HALF_FULL_3S));
     bench.run_for(4 * SECOND);
     assert_eq!(
-        texts(&mut bench)[1..],
+        texts(&mut bench)[2..],
         [
             "Battery 1 swapped: estimates restarted",
             "Battery 1 has 3 cells (set BATT_CELLS to be sure)"

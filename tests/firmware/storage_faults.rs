@@ -31,7 +31,8 @@ fn damaged_storage_boots_with_defaults_says_so_and_works_again() {
         bench.run_for(SECOND);
         assert!(bench.resets().is_empty(), "a boot loop");
         let said = texts(&mut bench);
-        assert_eq!(said.len(), 1, "{said:?}");
+        // The other one is that nothing counts as low with the defaults.
+        assert_eq!(said.len(), 2, "{said:?}");
         assert!(
             said[0].0 == CRITICAL && said[0].1.contains("Parameter storage damaged"),
             "{said:?}"
@@ -62,7 +63,7 @@ fn one_damaged_sector_is_said_and_no_boot_loop() {
         let value = read(&mut bench, "SR0_EXTRA1");
         let said = texts(&mut bench);
         assert!(
-            value == Some(4.0) || !said.is_empty(),
+            value == Some(4.0) || said.iter().any(|(severity, _)| *severity == CRITICAL),
             "sector {sector}: {value:?}, {said:?}"
         );
     }

@@ -258,8 +258,8 @@ parameters! {
         unit: "V",
         takes_effect: TakesEffect::AtOnce,
         label: "Low voltage",
-        description: "Below this voltage for LOW_TIMER seconds, while the rover is armed, the pack is low: FS_LOW_ACT says \
-                      what happens then. At once, it refuses arming. 0 turns it off.",
+        description: "Below this voltage for longer than LOW_TIMER, while the rover is armed, the pack is low: FS_LOW_ACT \
+                      says what happens then. Below it at any moment, the rover does not arm. 0 turns it off.",
     }
     LowMah {
         key: 81,
@@ -272,7 +272,7 @@ parameters! {
         takes_effect: TakesEffect::AtOnce,
         label: "Low charge",
         description: "With less charge left than this, while the rover is armed, the pack is low: FS_LOW_ACT says what \
-                      happens then. It refuses arming, too. 0 turns it off.",
+                      happens then. It does not arm with less, either. 0 turns it off.",
     }
     CrtVolt {
         key: 82,
@@ -284,8 +284,8 @@ parameters! {
         unit: "V",
         takes_effect: TakesEffect::AtOnce,
         label: "Critical voltage",
-        description: "Below this voltage for LOW_TIMER seconds, while the rover is armed, the pack is critical: FS_CRT_ACT says \
-                      what happens then. At once, it refuses arming. 0 turns it off.",
+        description: "Below this voltage for longer than LOW_TIMER, while the rover is armed, the pack is critical: FS_CRT_ACT \
+                      says what happens then. Below it at any moment, the rover does not arm. 0 turns it off.",
     }
     CrtMah {
         key: 83,
@@ -298,7 +298,7 @@ parameters! {
         takes_effect: TakesEffect::AtOnce,
         label: "Critical charge",
         description: "With less charge left than this, while the rover is armed, the pack is critical: FS_CRT_ACT says what \
-                      happens then. It refuses arming, too. 0 turns it off.",
+                      happens then. It does not arm with less, either. 0 turns it off.",
     }
     WattMax {
         key: 84,
