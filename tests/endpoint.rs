@@ -22,8 +22,8 @@ use support::requests::{
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 
-/// 7 of the vehicle, 25 of the first pack, and the switches of the other 8 packs.
-const LISTED_BY_DEFAULT: usize = 40;
+/// 7 of the vehicle, 25 of the first pack, the switches of the other 8 packs, and 4 of the simulator.
+const LISTED_BY_DEFAULT: usize = 44;
 
 /// The index of a parameter that is not listed.
 const NOT_LISTED: u16 = u16::MAX;
@@ -250,7 +250,7 @@ fn enabling_a_pack_makes_its_parameters_visible_and_disabling_hides_them() {
     let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
     assert_eq!(
         (ParamValue(&answer).index(), ParamValue(&answer).count()),
-        (34, 64)
+        (34, 68)
     );
     let answer = desk.one_answer(&param_read_by_index(34));
     desk.assert_param_value(&answer, volt_mult, 3.95);

@@ -166,8 +166,9 @@ mod tests {
         assert_eq!(parameters, Parameters::defaults());
     }
 
-    /// Those of the vehicle, the first pack's, and the others' switches.
-    const LISTED_BY_DEFAULT: usize = VehicleParameter::COUNT + BatteryParameter::COUNT + MAX_PACKS - 1;
+    /// Those of the vehicle, the first pack's, the others' switches, and the simulator's.
+    const LISTED_BY_DEFAULT: usize =
+        VehicleParameter::COUNT + BatteryParameter::COUNT + MAX_PACKS - 1 + SimulationParameter::COUNT;
 
     #[test]
     fn a_pack_that_is_not_monitored_is_hidden_but_for_its_switch() {
@@ -183,7 +184,10 @@ mod tests {
             let listed: Vec<_> = parameters.listed().filter(hidden).collect();
             assert_eq!(listed, [BatteryParameter::Monitor.of(pack)]);
         }
-        assert_eq!(parameters.listed().count(), VehicleParameter::COUNT + MAX_PACKS);
+        assert_eq!(
+            parameters.listed().count(),
+            VehicleParameter::COUNT + MAX_PACKS + SimulationParameter::COUNT
+        );
     }
 
     #[test]
