@@ -12,7 +12,7 @@ mod simulator {
     use embassy_time::Duration;
     use rover_battmon::sim::{self, Clients, SimulatedFlash, UdpWire, clock};
 
-    /// Simulates the rover's battery monitor: a 3S pack that is driven empty, MAVLink on TCP and UDP.
+    /// Simulates the rover and its battery monitor: a full 3S pack, four motors, MAVLink on TCP and UDP.
     #[derive(Parser)]
     #[command(name = "sitl", version, about)]
     struct Arguments {

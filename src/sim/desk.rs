@@ -18,7 +18,7 @@ use crate::tasks::{
     Link, Shared, drive, keep_parameters, load_parameters, reboot_requested, report_load, sample_batteries,
     serve_link,
 };
-use crate::vehicle::{Indication, Indicators, Motors, SideDrives};
+use crate::vehicle::{Indication, Indicators};
 
 /// Ground stations that can be connected at the same time.
 const MAX_CLIENTS: usize = 8;
@@ -49,7 +49,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
                 &desk.shared,
                 &UNWATCHED,
             ),
-            drive(Wheels(&desk.drives), NoLamps, &desk.shared, &UNWATCHED),
+            drive(&rover, NoLamps, &desk.shared, &UNWATCHED),
             keep_parameters(storage, &desk.shared, &UNWATCHED),
             join(
                 join_array([(); MAX_CLIENTS].map(|()| desk.serve(clients))),
@@ -69,17 +69,6 @@ struct Desk<'a> {
     pack: &'a RefCell<SimulatedPack>,
     links: RefCell<Vec<Rc<Link>>>,
     status: Cell<Totals>,
-    /// What the motors were told last.
-    drives: Cell<SideDrives>,
-}
-
-/// Motors that do nothing but remember what they were told.
-struct Wheels<'a>(&'a Cell<SideDrives>);
-
-impl Motors for Wheels<'_> {
-    fn drive(&mut self, drives: SideDrives) {
-        self.0.set(drives);
-    }
 }
 
 /// A desk has neither lamps nor a buzzer.
@@ -96,7 +85,6 @@ impl<'a> Desk<'a> {
             pack,
             links: RefCell::default(),
             status: Cell::default(),
-            drives: Cell::default(),
         }
     }
 
