@@ -16,7 +16,7 @@ use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::time;
 use super::services::vehicle::Rover;
 use super::system_state::SystemState;
-use super::{COMPONENT_ID, CommandAck, FileTransferNak, Message};
+use super::{COMPONENT_ID, FileTransferNak, Message};
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::vehicle::Vehicle;
 
@@ -164,45 +164,20 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, context: Context<'_>, mut repl
                 SetResult::Refused => Event::ParameterRefused,
             };
         }
-        Request::Command => {
-            let command = Command::read(payload);
-            if Rover::knows(command.number) {
-                let result = rover.execute(&command, &mut replies);
-                acknowledge(command.number, result, from, &mut replies);
-                return driven(command.number, result);
-            }
-            let outcome = command.execute(&mut rates.scheduler, state, now_us);
-            acknowledge(command.number, outcome.result, from, &mut replies);
-            outcome
-                .message
-                .into_iter()
-                .for_each(|message| replies.answer(message));
-            return match outcome.action {
-                // Even a command that fails for one pack has an effect on the others.
-                Some(action) => Event::Command(action),
-                None if outcome.result == MavResult::MAV_RESULT_ACCEPTED => Event::Answered,
-                None => Event::CommandRefused(command.number),
-            };
-        }
+        Request::Command => return command(payload, from, rover, rates, replies),
         Request::FileTransfer => {
             let nak = FileTransferNak::refuse(payload, from.system_id, from.component_id);
-            nak.map(Message::FileTransferNak)
-                .into_iter()
-                .for_each(|message| replies.answer(message));
+            replies.answer_any(nak.map(Message::FileTransferNak));
         }
         Request::DataStream => rates.request_data_stream(payload),
-        Request::Ping => time::ping(payload, from)
-            .into_iter()
-            .for_each(|message| replies.answer(message)),
-        Request::Timesync => time::timesync(payload, from, now_us)
-            .into_iter()
-            .for_each(|message| replies.answer(message)),
+        Request::Ping => replies.answer_any(time::ping(payload, from)),
+        Request::Timesync => replies.answer_any(time::timesync(payload, from, now_us)),
         Request::RadioStatus => rates.radio_status(payload, now_us),
         Request::SetMode => {
             let result = rover.set_mode_by_message(payload, &mut replies);
             // As in ArduPilot, the message is acknowledged like a command of its own number.
             let number = SET_MODE_DATA::ID as u16;
-            acknowledge(number, result, from, &mut replies);
+            replies.acknowledge(number, result, from);
             return driven(number, result);
         }
         Request::ManualControl => {
@@ -221,13 +196,29 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, context: Context<'_>, mut repl
     Event::Answered
 }
 
-fn acknowledge(command: u16, result: MavResult, to: Peer, replies: &mut Replies<'_>) {
-    replies.answer(Message::CommandAck(CommandAck {
-        command,
-        result,
-        target_system: to.system_id,
-        target_component: to.component_id,
-    }));
+/// Handles COMMAND_LONG and COMMAND_INT: a few are for the rover, the others for the link or the board.
+fn command(
+    payload: &Payload<'_>,
+    from: Peer,
+    mut rover: Rover<'_>,
+    rates: &mut Rates,
+    mut replies: Replies<'_>,
+) -> Event {
+    let command = Command::read(payload);
+    if Rover::knows(command.number) {
+        let result = rover.execute(&command, &mut replies);
+        replies.acknowledge(command.number, result, from);
+        return driven(command.number, result);
+    }
+    let outcome = command.execute(&mut rates.scheduler, rover.state, rover.now_us);
+    replies.acknowledge(command.number, outcome.result, from);
+    replies.answer_any(outcome.message);
+    match outcome.action {
+        // Even a command that fails for one pack has an effect on the others.
+        Some(action) => Event::Command(action),
+        None if outcome.result == MavResult::MAV_RESULT_ACCEPTED => Event::Answered,
+        None => Event::CommandRefused(command.number),
+    }
 }
 
 /// What came of a command to the rover.

@@ -1,9 +1,9 @@
 //! What answers a ground station on one link.
 
-use super::dialect::MavSeverity;
+use super::dialect::{MavResult, MavSeverity};
 use super::messages::chunks_of;
 use super::outbox::Outbox;
-use super::{Message, status_texts};
+use super::{CommandAck, Message, Peer, status_texts};
 
 /// Posts answers and texts, and counts those for which there is no room.
 pub(super) struct Replies<'a> {
@@ -18,6 +18,22 @@ impl Replies<'_> {
         if self.outbox.reply(message).is_err() {
             *self.dropped = self.dropped.wrapping_add(1);
         }
+    }
+
+    pub fn answer_any(&mut self, message: Option<Message>) {
+        if let Some(message) = message {
+            self.answer(message);
+        }
+    }
+
+    /// Tells `to` what became of its command.
+    pub fn acknowledge(&mut self, command: u16, result: MavResult, to: Peer) {
+        self.answer(Message::CommandAck(CommandAck {
+            command,
+            result,
+            target_system: to.system_id,
+            target_component: to.component_id,
+        }));
     }
 
     /// Says a text, in as many messages as it needs.
