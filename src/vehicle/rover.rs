@@ -160,7 +160,7 @@ impl Vehicle {
 
     /// Lets time pass, and tells if something has failed by it.
     pub fn update(&mut self, now_us: u64, settings: &VehicleSettings) -> Option<VehicleEvent> {
-        let event = self.fail(now_us, settings.timeout_us);
+        let event = self.fail(now_us, settings);
         if event.is_some() {
             self.enter(Mode::Hold);
         }
@@ -172,12 +172,16 @@ impl Vehicle {
     }
 
     /// What has fallen silent, one at a time.
-    fn fail(&mut self, now_us: u64, timeout_us: u64) -> Option<VehicleEvent> {
-        if self.controls.watch.fails(now_us, timeout_us, self.arm_state) {
+    fn fail(&mut self, now_us: u64, settings: &VehicleSettings) -> Option<VehicleEvent> {
+        if self
+            .controls
+            .watch
+            .fails(now_us, settings.timeout_us, self.arm_state)
+        {
             return Some(VehicleEvent::ControlsSilent);
         }
         self.ground_stations
-            .fails(now_us, timeout_us, self.arm_state)
+            .fails(now_us, settings.ground_station_timeout_us, self.arm_state)
             .then_some(VehicleEvent::GroundStationsSilent)
     }
 

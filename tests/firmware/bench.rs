@@ -75,6 +75,12 @@ impl Bench {
         Self::with_board(code, Board::power_up(firmware(), seed))
     }
 
+    /// Switches on a board with the firmware of an example.
+    pub fn power_up_example(name: &'static str) -> Self {
+        let firmware = Firmware::load(build(Artifact::Example(name)));
+        Self::with_board(0, Board::power_up(&firmware, 1))
+    }
+
     fn with_board(code: u16, mut board: Board) -> Self {
         board.adc_input(PACK, AdcInput::Code(code));
         Self {

@@ -14,6 +14,7 @@ const MANUAL: u32 = 0;
 const ACCEPTED: u8 = 0;
 const FAILED: u8 = 4;
 
+const STACK_POINTER: usize = 13;
 const PWM_PERIOD_US: u64 = 2 * MILLISECOND;
 const CYCLES_PER_US: u64 = 125;
 const CURRENT_SENSOR: usize = 1;
@@ -180,6 +181,18 @@ fn a_hang_lets_the_motors_coast_after_the_watchdogs_time() {
 }
 
 #[test]
+fn a_lockup_lets_the_motors_coast_after_the_watchdogs_time() {
+    let mut bench = driving(&[]);
+    let resets = bench.resets().len();
+    let used_up = bench.symbol("_stack_end") + 8;
+    bench.set_register(STACK_POINTER, used_up);
+    assert!(bench.run_until(SECOND, |board| board.is_locked_up()));
+    assert!(bench.run_until(1_050 * MILLISECOND, |board| board.resets().len() > resets));
+    bench.run_for(MILLISECOND);
+    assert!(is_coasting(&bench));
+}
+
+#[test]
 fn a_driver_who_falls_silent_stops_it() {
     let mut bench = driving(&[]);
     bench.run_for(1_400 * MILLISECOND);
@@ -211,4 +224,25 @@ fn a_pack_below_its_arming_voltage_is_not_armed_and_says_why() {
     bench.set("BATT_ARM_VOLT", 11.0);
     let answers = bench.ask(&arm());
     assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+}
+
+#[test]
+fn the_smallest_firmware_drives_by_gamepad_and_stops_without_it() {
+    let mut bench = Bench::power_up_example("mavlink_rc_control");
+    bench.run_for(SECOND);
+    assert!(is_coasting(&bench));
+    bench.ask(&arm());
+    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    drive_for(&mut bench, 2 * SECOND, -1000);
+    assert!(
+        MOTORS
+            .into_iter()
+            .all(|(in1, in2)| duty(&bench, in1) == 0.0 && duty(&bench, in2) == 1.0),
+        "full speed back"
+    );
+    bench.run_for(1_700 * MILLISECOND);
+    assert!(pins().all(|pin| duty(&bench, pin) == 1.0), "it brakes");
+    let heartbeats = bench.frames();
+    assert!(of_message(&heartbeats, HEARTBEAT).len() >= 4);
+    assert!(bench.resets().is_empty());
 }

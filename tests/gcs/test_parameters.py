@@ -41,7 +41,7 @@ def described():
 
 def test_list(vehicle):
     values = read_list(vehicle)
-    assert len(values) == 44
+    assert len(values) == 45
     assert values.keys() <= described()
     assert values["SR0_EXTRA1"] == 2
     assert values["BATT_VOLT_MULT"] == pytest.approx(3.95)
@@ -76,7 +76,7 @@ def test_a_pack_that_is_enabled_shows_its_parameters(vehicle):
     assert set_to(vehicle, "BATT2_VOLT_MULT", 11).param_index == 65535, "not listed"
     assert set_to(vehicle, "BATT2_MONITOR", 3).param_count == 64
     values = read_list(vehicle)
-    assert len(values) == 64
+    assert len(values) == 69
     assert values["BATT2_VOLT_MULT"] == 11
     for number in range(3, 10):
         set_to(vehicle, f"BATT{number}_MONITOR", 3)

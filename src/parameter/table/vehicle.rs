@@ -89,9 +89,21 @@ parameters! {
         step: 0.5,
         unit: "s",
         takes_effect: TakesEffect::AtOnce,
-        label: "Time until silence counts",
-        description: "When control inputs or the heartbeats of ground stations have come and stay away for longer, an armed \
-                      rover holds.",
+        label: "Time until a silent driver counts",
+        description: "When control inputs have come and stay away for longer, an armed rover holds.",
+    }
+    FsGcsTimeout {
+        key: 8,
+        name: "FS_GCS_TIMEOUT",
+        kind: Kind::Real32,
+        default: 5.0,
+        range: Range::Between(2.0, 120.0),
+        step: 1.0,
+        unit: "s",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Time until a silent ground station counts",
+        description: "When the heartbeats of ground stations have come and stay away for longer, an armed rover holds. \
+                      They come once a second.",
     }
     MotSlewrate {
         key: 7,

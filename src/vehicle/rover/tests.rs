@@ -8,6 +8,7 @@ const TICK_US: u64 = 20_000;
 
 const SETTINGS: VehicleSettings = VehicleSettings {
     timeout_us: TIMEOUT_US,
+    ground_station_timeout_us: TIMEOUT_US,
     slew_rate_per_s: Some(1.0),
 };
 

@@ -1,0 +1,90 @@
+//! Drive the rover from a ground station's gamepad: the smallest complete firmware.
+//!
+//! No battery monitor, no flash, no tasks: one loop that listens, obeys and answers. Flash it with
+//! `cargo run --release --target thumbv6m-none-eabi --example mavlink_rc_control`, wheels up the first time. Then, in a ground
+//! station on the telemetry port: arm, choose the mode MANUAL, and move the sticks (MANUAL_CONTROL or
+//! RC_CHANNELS_OVERRIDE). When you let go of the link for 1.5 s, the rover brakes.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod firmware {
+    use defmt_rtt as _;
+    use embassy_executor::Spawner;
+    use embassy_time::{Duration, Instant, with_timeout};
+    use embedded_io_async::Write;
+    use panic_probe as _;
+    use rover_battmon::board::{self, BoardMotors, BoardWatchdog, MotorPeripherals};
+    use rover_battmon::mavlink::{Endpoint, Framer, SystemState};
+    use rover_battmon::parameter::{Parameters, VehicleParameter};
+    use rover_battmon::tasks::{ByteSource, Watchdog};
+    use rover_battmon::vehicle::{Motors, Vehicle, VehicleSettings};
+
+    const BAUD: u32 = 115_200;
+    const SYSTEM_ID: u8 = 1;
+
+    /// So long it listens before it looks after the motors again.
+    const LISTEN: Duration = Duration::from_millis(20);
+
+    #[embassy_executor::main]
+    async fn main(_spawner: Spawner) {
+        let chip = embassy_rp::init(Default::default());
+        // A firmware that hangs must not leave the motors turning.
+        let mut watchdog = BoardWatchdog::start(chip.WATCHDOG);
+        let mut motors = BoardMotors::new(MotorPeripherals {
+            left_front: (chip.PWM_SLICE1, chip.PIN_18, chip.PIN_19),
+            left_rear: (chip.PWM_SLICE2, chip.PIN_20, chip.PIN_21),
+            right_rear: (chip.PWM_SLICE3, chip.PIN_7, chip.PIN_6),
+            right_front: (chip.PWM_SLICE4, chip.PIN_9, chip.PIN_8),
+        });
+        let (mut transmitter, mut receiver) = board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, BAUD);
+
+        let mut parameters = Parameters::defaults();
+        // Nothing measures a battery here, so none is sent, and none is checked before arming.
+        let _ = parameters.set(VehicleParameter::Sr0Extra1, 0.0);
+        let _ = parameters.set(VehicleParameter::ArmingCheck, 0.0);
+        let mut vehicle = Vehicle::new();
+        let mut endpoint = Endpoint::new(BAUD / 10, Instant::now().as_micros());
+        let mut framer = Framer::new();
+        let mut bytes = [0; 64];
+
+        loop {
+            // Listen: what ground stations ask for, and where their sticks are.
+            let received = match with_timeout(LISTEN, receiver.receive(&mut bytes)).await {
+                Ok(Ok(count)) => bytes.get(..count).unwrap_or(&[]),
+                Ok(Err(_)) | Err(_) => &[],
+            };
+            let now_us = Instant::now().as_micros();
+            // 64 bytes at most, less than it has room for once everything before them was handled.
+            endpoint.push(received);
+            let state = state_of(&vehicle);
+            while endpoint
+                .handle_next(now_us, &state, &mut parameters, &mut vehicle)
+                .is_some()
+            {}
+
+            // Obey, or stop when nobody is heard any more.
+            let _ = vehicle.update(now_us, &VehicleSettings::from_parameters(&parameters));
+            motors.drive(vehicle.drives());
+
+            // Answer: HEARTBEAT when it is due, acknowledgements, parameters.
+            endpoint.post_due(now_us, &state_of(&vehicle), &parameters);
+            while let Some(message) = endpoint.take(&parameters) {
+                let _ = transmitter.write_all(framer.frame(&message, SYSTEM_ID)).await;
+            }
+            watchdog.feed();
+        }
+    }
+
+    fn state_of(vehicle: &Vehicle) -> SystemState<'static> {
+        SystemState {
+            vehicle: vehicle.status(),
+            ..SystemState::default()
+        }
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("This is firmware for the board: see the first lines of examples/mavlink_rc_control.rs.");
+    std::process::exit(2);
+}
