@@ -26,7 +26,7 @@ pub enum PackEvent {
     Failsafe {
         /// The level.
         level: FailsafeLevel,
-        /// The voltage between the terminals, in volts, as far as known.
+        /// The last known voltage between the terminals, in volts; 0 if there was none.
         voltage_v: f32,
         /// Charge drawn, in milliampere-hours, as far as known.
         consumed_mah: f32,

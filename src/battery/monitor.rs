@@ -46,6 +46,8 @@ pub struct BatteryMonitor {
     last_tick_us: Option<u64>,
     last: Option<Last>,
     last_healthy_us: Option<u64>,
+    /// The last voltage of a connected pack, in volts.
+    last_voltage_v: Option<f32>,
     consumption: Consumption,
     estimator: Estimator,
     swap: SwapDetector,
@@ -70,6 +72,7 @@ impl BatteryMonitor {
             last_tick_us: None,
             last: None,
             last_healthy_us: None,
+            last_voltage_v: None,
             consumption: Consumption::default(),
             estimator: Estimator::new(),
             swap: SwapDetector::new(),
@@ -144,6 +147,7 @@ impl BatteryMonitor {
         }
         self.state.status = PackStatus::Healthy;
         self.last_healthy_us = Some(tick.now_us);
+        self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
         if self.is_other_pack(tick, &reading) {
             self.restart();
             push(events, PackEvent::Swapped);
@@ -249,7 +253,7 @@ impl BatteryMonitor {
                 events,
                 PackEvent::Failsafe {
                     level,
-                    voltage_v: state.voltage_v.unwrap_or(0.0),
+                    voltage_v: self.last_voltage_v.unwrap_or(0.0),
                     consumed_mah: state.consumed_mah.unwrap_or(0.0),
                 },
             );

@@ -286,6 +286,8 @@ fn a_pack_that_is_lost_while_armed_is_missing_after_five_seconds() {
     assert_eq!(bench.state().failsafe, FailsafeLevel::None);
     bench.run(0.3, loaded(0.4, 0.0));
     assert_eq!(bench.state().failsafe, FailsafeLevel::Unhealthy);
+    let text = bench.events[0].to_string();
+    assert!(text.starts_with("is missing, last: 11.50V"), "{text}");
 }
 
 #[test]
