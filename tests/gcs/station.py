@@ -1,6 +1,7 @@
 """A ground station for the tests, made of pymavlink."""
 
 import math
+import threading
 import time
 
 from pymavlink import mavutil
@@ -76,3 +77,50 @@ def result_of(connection, number):
     ack = receive(connection, ["COMMAND_ACK"])
     assert ack.command == number
     return ack.result
+
+
+def fresh(connection, name):
+    """A message as the vehicle builds it now: it is asked for, so none that was sent before is taken for it."""
+    number = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
+    assert command(connection, mavlink.MAV_CMD_REQUEST_MESSAGE, number) == mavlink.MAV_RESULT_ACCEPTED
+    return receive(connection, [name])
+
+
+def levers(url, throttle, steering=0):
+    """Somebody at the levers, on a connection of their own; each call sends MANUAL_CONTROL once and waits a little."""
+    connection = mavutil.mavlink_connection(url, source_system=254)
+
+    def send():
+        connection.mav.manual_control_send(1, 0, steering, throttle, 0, 0)
+        while connection.recv_match(blocking=False):
+            pass
+        time.sleep(0.02)
+
+    return send
+
+
+class Background:
+    """Repeats something beside the test until the end of the block."""
+
+    def __init__(self, act):
+        self.act = act
+        self.over = threading.Event()
+        self.error = None
+        self.thread = threading.Thread(target=self.run)
+
+    def run(self):
+        try:
+            while not self.over.is_set():
+                self.act()
+        except Exception as error:  # Told at the end of the block.
+            self.error = error
+
+    def __enter__(self):
+        self.thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self.over.set()
+        self.thread.join(timeout=10)
+        assert not self.thread.is_alive()
+        assert self.error is None, self.error

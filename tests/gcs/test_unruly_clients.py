@@ -5,13 +5,12 @@ import random
 import select
 import socket
 import struct
-import threading
 import time
 
 import pytest
 from pymavlink import mavutil
 
-from station import connect, count, is_about, messages_of, read, set_to
+from station import Background, connect, count, is_about, messages_of, read, set_to
 
 mavlink = mavutil.mavlink
 
@@ -48,33 +47,6 @@ def some_requests():
             station.file_transfer_protocol_encode(0, 1, 1, bytes(251)),
         )
     ]
-
-
-class Background:
-    """Repeats something beside the test until the end of the block."""
-
-    def __init__(self, act):
-        self.act = act
-        self.over = threading.Event()
-        self.error = None
-        self.thread = threading.Thread(target=self.run)
-
-    def run(self):
-        try:
-            while not self.over.is_set():
-                self.act()
-        except Exception as error:  # Told at the end of the block.
-            self.error = error
-
-    def __enter__(self):
-        self.thread.start()
-        return self
-
-    def __exit__(self, *_):
-        self.over.set()
-        self.thread.join(timeout=10)
-        assert not self.thread.is_alive()
-        assert self.error is None, self.error
 
 
 def well_served(simulator):
