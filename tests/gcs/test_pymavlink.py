@@ -7,6 +7,8 @@ import time
 
 from pymavlink import mavutil
 
+from station import connect, set_to
+
 
 def listen(url, seconds):
     """Connects and returns the connection and all messages of the given time, by type."""
@@ -91,6 +93,8 @@ def test_several_clients_and_one_that_does_not_read(start_simulator):
 
 def test_the_pack_discharges(start_simulator):
     simulator = start_simulator("--speedup", "500")
+    # A rover that stands draws little.
+    set_to(connect(simulator.url), "SIM_BATT_CURRENT", 2)
     _, messages = listen(simulator.url, 4)
     voltages = [message.voltages[0] for message in messages["BATTERY_STATUS"]]
     assert max(voltages[:5]) - min(voltages[-5:]) > 300, voltages
