@@ -167,3 +167,41 @@ def test_it_asks_for_the_version(mavproxy):
     mavproxy.ask("version", r"Got COMMAND_ACK: REQUEST_MESSAGE: ACCEPTED")
     time.sleep(0.5)
     mavproxy.ask("status AUTOPILOT_VERSION", r"AUTOPILOT_VERSION \{capabilities : \d+")
+
+
+def test_it_arms_and_drives(mavproxy):
+    mavproxy.type("param set BATT_ARM_VOLT 13")
+    assert mavproxy.show("BATT_ARM_VOLT") == 13
+    mavproxy.ask("arm throttle", r"AP: Arm: Battery 1 below minimum arming voltage")
+    mavproxy.wait_for(r"Got COMMAND_ACK: COMPONENT_ARM_DISARM: FAILED")
+    mavproxy.ask("arm prearms", r"AP: PreArm: Battery 1 below minimum arming voltage")
+    mavproxy.type("param set BATT_ARM_VOLT 0")
+    assert mavproxy.show("BATT_ARM_VOLT") == 0
+    mavproxy.ask("arm throttle", r"^ARMED")
+    mavproxy.ask("mode MANUAL", r"Mode MANUAL")
+    mavproxy.ask("mode AUTO", r"AP: No such mode 10")
+    mavproxy.type("rc 3 1700")
+    time.sleep(2)
+
+    # It repeats the override: as long as it runs nothing is missed.
+    os.kill(mavproxy.process.pid, signal.SIGSTOP)
+    time.sleep(2.5)
+    os.kill(mavproxy.process.pid, signal.SIGCONT)
+    mavproxy.wait_for(r"AP: Radio Failsafe: Hold")
+    mavproxy.wait_for(r"Mode HOLD")
+    mavproxy.ask("mode MANUAL", r"Mode MANUAL")
+    mavproxy.ask("mode HOLD", r"Mode HOLD")
+    mavproxy.ask("disarm", r"^DISARMED")
+
+
+def test_it_shows_a_failsafe_and_resets_the_battery(mavproxy):
+    for setting in ("BATT_LOW_VOLT 10.5", "BATT_LOW_TIMER 1", "BATT_FS_LOW_ACT 2"):
+        mavproxy.type(f"param set {setting}")
+    mavproxy.ask("arm throttle", r"^ARMED")
+    mavproxy.ask("mode MANUAL", r"Mode MANUAL")
+    mavproxy.ask("param set SIM_BATT_VOLTAGE 10.2", r"AP: Battery 1 is low 10\.")
+    mavproxy.wait_for(r"Mode HOLD")
+    mavproxy.type("param set SIM_BATT_VOLTAGE 12")
+    mavproxy.ask("long MAV_CMD_BATTERY_RESET -1 100 0 0 0 0 0", r"Got COMMAND_ACK: BATTERY_RESET: ACCEPTED")
+    time.sleep(2)
+    mavproxy.ask("status HEARTBEAT", r"custom_mode : 4, system_status : 4,")
