@@ -437,8 +437,9 @@ def test_it_holds_when_the_ground_station_falls_silent(start_rover):
     rover.let_pass(1)
     silent = rover.now()
     heartbeat()
-    rover.hears("GCS Failsafe: Hold", within=2)
-    assert rover.now() - silent > 1.5
+    # A few heartbeats may be lost: FS_GCS_TIMEOUT is 5 s.
+    rover.hears("GCS Failsafe: Hold", within=6)
+    assert rover.now() - silent > 5
     assert rover.state() == (HOLD, True, CRITICAL)
     assert not rover.has_said("Radio"), "nobody was at the levers"
     heartbeat()
