@@ -46,6 +46,11 @@ impl ChargeStateMachine {
     pub fn update(&mut self, dt_s: f32, signs: &Signs) -> ChargeState {
         self.by_charge = by_charge(self.by_charge, signs.remaining_pct);
         let wanted = self.wanted(signs);
+        let by_failsafe = by_failsafe(signs.failsafe);
+        if self.state != ChargeState::Charging && can_hover(self.state) && wanted >= by_failsafe {
+            // It has had a timer of its own.
+            self.state = self.state.max(by_failsafe);
+        }
         if wanted == self.state {
             self.pending_s = 0.0;
             return self.state;
@@ -84,17 +89,21 @@ impl ChargeStateMachine {
         if is_charging(signs) {
             return ChargeState::Charging;
         }
-        let by_failsafe = match signs.failsafe {
-            FailsafeLevel::None | FailsafeLevel::Unhealthy => ChargeState::Ok,
-            FailsafeLevel::Low => ChargeState::Low,
-            FailsafeLevel::Critical => ChargeState::Critical,
-        };
         let by_faults = if signs.faults.contains(Faults::DEEP_DISCHARGE) {
             ChargeState::Emergency
         } else {
             ChargeState::Ok
         };
-        self.by_charge.max(by_failsafe).max(by_faults)
+        self.by_charge.max(by_failsafe(signs.failsafe)).max(by_faults)
+    }
+}
+
+/// A pack is at least as low as its failsafe level says.
+fn by_failsafe(level: FailsafeLevel) -> ChargeState {
+    match level {
+        FailsafeLevel::None | FailsafeLevel::Unhealthy => ChargeState::Ok,
+        FailsafeLevel::Low => ChargeState::Low,
+        FailsafeLevel::Critical => ChargeState::Critical,
     }
 }
 
@@ -229,6 +238,24 @@ mod tests {
             ..healthy(50.0)
         };
         assert_eq!(machine.update(0.1, &failed), ChargeState::Failed);
+    }
+
+    #[test]
+    fn a_failsafe_level_is_told_in_the_tick_that_reaches_it() {
+        let mut machine = ChargeStateMachine::default();
+        after(&mut machine, 1.0, &healthy(50.0));
+        for (failsafe, expected) in [
+            (FailsafeLevel::Low, ChargeState::Low),
+            (FailsafeLevel::Critical, ChargeState::Critical),
+        ] {
+            let signs = Signs {
+                failsafe,
+                ..healthy(50.0)
+            };
+            assert_eq!(machine.update(0.1, &signs), expected);
+        }
+        // The battery was reset.
+        assert_eq!(after(&mut machine, 4.0, &healthy(50.0)), ChargeState::Ok);
     }
 
     #[test]
