@@ -28,7 +28,8 @@ pub const CHIP_RESET: u32 = 0x4006_4008;
 pub const HAD_POR: u32 = 1 << 8;
 pub const HAD_RUN: u32 = 1 << 16;
 pub const AIRCR: u32 = 0xe000_ed0c;
-pub const I2C0: u32 = 0x4004_4000;
+pub const I2C1: u32 = 0x4004_8000;
+pub const SPI0: u32 = 0x4003_c000;
 
 pub fn start_watchdog(board: &mut Board, micros: u32) {
     board.write_register(PSM_WDSEL, EVERYTHING_BUT_OSCILLATORS);

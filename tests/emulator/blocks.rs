@@ -3,7 +3,7 @@
 use super::access_log::Direction;
 use super::bus::{BusError, SystemBus, Width, lane, replicated};
 use super::memory_map::{Block, IO_BANK0_BASE, Model, PADS_BANK0_BASE, RESETS_BASE, block_at};
-use super::pins::uart_connection;
+use super::pins::{i2c_connection, uart_connection};
 use super::register::{RegisterWrite, bit};
 use super::soc::Id;
 
@@ -118,11 +118,14 @@ impl SystemBus {
         }
     }
 
-    /// Tell the UARTs whether the wired pins lead to them.
+    /// Tell UARTs and I2C blocks whether the wired pins lead to them.
     pub fn connect_pins(&mut self) {
         for number in 0..self.uart_pins.len() {
             let connection = uart_connection(&self.chip, number, self.uart_pins[number]);
             self.soc.uarts[number].set_pins(connection, self.now);
+        }
+        for (i2c, pins) in self.soc.i2cs.iter_mut().zip(self.i2c_pins) {
+            i2c.connect(i2c_connection(&self.chip, pins), self.now);
         }
     }
 }

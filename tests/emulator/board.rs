@@ -11,10 +11,12 @@ use super::clock::{Cycle, cycles, micros};
 use super::cpu::{Cpu, CpuState};
 use super::firmware::Firmware;
 use super::flash::FlashChip;
+use super::i2c::I2c;
 use super::interrupts::InterruptLines;
 use super::log::{LogDecoder, LogLine};
 use super::memory::Memory;
-use super::pins::{PinDrive, UartPins, driven_level, pin_drive};
+use super::peripheral::Peripheral;
+use super::pins::{I2cPins, PinDrive, UartPins, driven_level, pin_drive};
 use super::pwm::PwmOutput;
 use super::random::Random;
 use super::reset::ResetRecord;
@@ -112,6 +114,22 @@ impl Board {
         self.bus.attention = true;
         let start = cycles(at_us).max(self.bus.now);
         micros(self.bus.soc.uarts[number].send_to_chip(bytes, start, bit))
+    }
+
+    /// The bus at an I2C block: its devices, its faults, what went over it.
+    pub fn i2c(&mut self, number: usize) -> &mut I2c {
+        self.bus.attention = true;
+        let i2c = &mut self.bus.soc.i2cs[number];
+        i2c.advance(self.bus.now);
+        i2c
+    }
+
+    /// Solder an I2C bus to other pins (GP4/GP5 for I2C0 and GP14/GP15 for I2C1 at first).
+    pub fn wire_i2c(&mut self, number: usize, pins: I2cPins) {
+        pins.check(number);
+        self.bus.i2c_pins[number] = pins;
+        self.bus.connect_pins();
+        self.bus.attention = true;
     }
 
     /// Put a signal on an ADC channel: 0 to 3 are GP26 to GP29, 4 is the temperature sensor.

@@ -16,6 +16,8 @@ const IOPORT: u32 = 0xd;
 /// "Mapped to word-aligned addresses in the range 0xd0000000...0xd000017c" (2.3.1).
 const SIO_END: u32 = 0xd000_0180;
 const SYSTEM_CONTROL: u32 = 0xe;
+/// The levels of all pins (2.3.1.7).
+const SIO_GPIO_IN: u32 = 0xd000_0004;
 /// Writing the inter-core FIFO means starting core 1.
 const SIO_FIFO_WR: u32 = 0xd000_0054;
 
@@ -58,6 +60,9 @@ impl SystemBus {
     }
 
     fn load_sio(&mut self, address: u32, width: Width) -> u32 {
+        if address & !3 == SIO_GPIO_IN {
+            self.sample_i2c_lines();
+        }
         let word = self.chip.read32(address & !3);
         super::bus::lane(word, address, width)
     }

@@ -17,7 +17,7 @@
 //! The emulator knows nothing of the firmware's source: it sees pins, registers, wires, and the
 //! symbols of the ELF. Processor core, NVIC, clocks, PLLs, RESETS, SIO, IO_BANK0 and PADS_BANK0
 //! come from the crate `rp2040-emu`; memory, bus, boot ROM, flash, TIMER, WATCHDOG, PSM, VREG and
-//! CHIP_RESET, both UARTs, the ADC, the PWM, the DMA and everything about time and sleep are in this
+//! CHIP_RESET, both UARTs, both I2C blocks as masters, the ADC, the PWM, the DMA and everything about time and sleep are in this
 //! folder, one file each, with tests against the figures of the RP2040 datasheet. Section numbers are those
 //! of its builds in which the watchdog is 4.7 and the ADC 4.9.
 //!
@@ -37,7 +37,7 @@
 //!   taken branches and SIO loads differ from silicon by a cycle. Milliseconds and instruction
 //!   counts are sound, cycle figures are not.
 //! * `clk_sys` is 125 MHz from the first instruction, `clk_peri` the same, `clk_adc` 48 MHz.
-//! * Core 1, PIO, USB, I2C, SPI, RTC, SysTick and MPU: their registers read back what was
+//! * Core 1, PIO, USB, SPI, RTC, SysTick and MPU: their registers read back what was
 //!   written or zero, and every access is recorded in [`Board::unmodelled`].
 //! * GPIO interrupts and the NMI never come. A pin's function, the direction of SIO and the pad's
 //!   output disable decide what drives it; the overrides of IO_BANK0 do nothing.
@@ -81,6 +81,7 @@ mod faults;
 mod faults_tests;
 mod firmware;
 mod flash;
+mod i2c;
 mod interrupts;
 mod log;
 mod memory;
@@ -117,9 +118,10 @@ pub use board::Board;
 pub use cpu::CpuState;
 pub use firmware::Firmware;
 pub use flash::{FlashCut, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
+pub use i2c::{Ack, I2c, I2cDevice, I2cDirection, I2cTransaction};
 pub use log::{LogLevel, LogLine};
 pub use pin_record::{Edge, PwmChange};
-pub use pins::UartPins;
+pub use pins::{I2cPins, UartPins};
 pub use pwm::PwmOutput;
 pub use reset::{ResetCause, ResetRecord};
 pub use uart::SentByte;

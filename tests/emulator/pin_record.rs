@@ -65,6 +65,7 @@ pub struct PinRecorder {
 impl SystemBus {
     /// To be called whenever a pin may have changed.
     pub(super) fn observe_pins(&mut self) {
+        self.observe_i2c_lines();
         for (&pin, record) in &mut self.pin_recorder.records {
             record.note(pin_drive(&self.chip, &self.soc.pwm, pin, self.now), self.now);
         }

@@ -2,13 +2,16 @@
 
 use rp2040_emu::Bus as CrateBus;
 
+use super::bus::SystemBus;
 use super::clock::Cycle;
+use super::i2c::Levels;
 use super::pwm::{Pwm, PwmOutput};
 use super::register::bit;
 use super::uart::PinConnection;
 
 /// GPIO_CTRL.FUNCSEL values (datasheet 2.19.2).
 const FUNCTION_UART: u32 = 2;
+const FUNCTION_I2C: u32 = 3;
 const FUNCTION_PWM: u32 = 4;
 const FUNCTION_SIO: u32 = 5;
 /// PADS_BANK0: input enable, output disable (datasheet 2.19.6.3).
@@ -54,6 +57,41 @@ pub fn uart_connection(chip: &CrateBus, uart: usize, pins: UartPins) -> PinConne
     }
 }
 
+/// The two pins a test's I2C bus is soldered to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct I2cPins {
+    pub sda: usize,
+    pub scl: usize,
+}
+
+impl I2cPins {
+    pub const DEFAULTS: [Self; 2] = [Self { sda: 4, scl: 5 }, Self { sda: 14, scl: 15 }];
+
+    /// Function 3 gives pins to I2C0 and I2C1 by turns of two, SDA first.
+    pub fn check(self, i2c: usize) {
+        let belongs = |pin: usize, role| pin < 30 && pin % 2 == role && pin / 2 % 2 == i2c;
+        assert!(
+            belongs(self.sda, 0),
+            "GPIO{} is not an SDA pin of I2C{i2c}",
+            self.sda
+        );
+        assert!(
+            belongs(self.scl, 1),
+            "GPIO{} is not an SCL pin of I2C{i2c}",
+            self.scl
+        );
+    }
+}
+
+/// Whether both lines lead to the I2C block, in both ways.
+pub fn i2c_connection(chip: &CrateBus, pins: I2cPins) -> bool {
+    [pins.sda, pins.scl].into_iter().all(|pin| {
+        let pad = chip.pads_bank0.pads[pin];
+        let is_open = bit(pad, PAD_INPUT_ENABLE) && !bit(pad, PAD_OUTPUT_DISABLE);
+        chip.io_bank0.funcsel(pin) == FUNCTION_I2C && is_open
+    })
+}
+
 /// What drives a pin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PinDrive {
@@ -81,5 +119,30 @@ pub fn driven_level(chip: &CrateBus, pwm: &Pwm, pin: usize, now: Cycle) -> Optio
         PinDrive::Nothing => None,
         PinDrive::Level(level) => Some(level),
         PinDrive::Pwm(_) => Some(pwm.level(pin, now)),
+    }
+}
+
+impl SystemBus {
+    /// To be called whenever a pin may have changed: the processor can move the lines of an I2C bus.
+    pub(super) fn observe_i2c_lines(&mut self) {
+        for (i2c, pins) in self.soc.i2cs.iter_mut().zip(self.i2c_pins) {
+            let level = |pin| driven_level(&self.chip, &self.soc.pwm, pin, self.now).unwrap_or(true);
+            i2c.drive_by_hand(Levels {
+                scl: level(pins.scl),
+                sda: level(pins.sda),
+            });
+        }
+    }
+
+    /// To be called before SIO's GPIO_IN is read: the lines of an I2C bus are the only inputs there.
+    pub(super) fn sample_i2c_lines(&mut self) {
+        for (i2c, pins) in self.soc.i2cs.iter().zip(self.i2c_pins) {
+            let Some(levels) = i2c.levels(self.now) else {
+                continue;
+            };
+            for (pin, level) in [(pins.scl, levels.scl), (pins.sda, levels.sda)] {
+                self.chip.gpio_in = self.chip.gpio_in & !(1 << pin) | u32::from(level) << pin;
+            }
+        }
     }
 }

@@ -69,14 +69,14 @@ fn a_pin_level_is_known_when_the_processor_drives_it() {
 #[test]
 fn blocks_that_nobody_models_read_back_and_are_recorded() {
     let mut board = idle_board();
-    board.write_register(I2C0, 5);
+    board.write_register(SPI0, 5);
     assert!(board.unmodelled().is_empty(), "held in reset, the write is lost");
     board.write_register(RESETS_CLEAR, ALL_BLOCKS);
-    board.write_register(I2C0, 5);
-    board.write_register(I2C0 + 0x2000, 2);
-    assert_eq!(board.read_register(I2C0), 7);
-    let access = &board.unmodelled()["I2C0"];
-    assert_eq!((access.reads, access.writes, access.first_address), (1, 2, I2C0));
+    board.write_register(SPI0, 5);
+    board.write_register(SPI0 + 0x2000, 2);
+    assert_eq!(board.read_register(SPI0), 7);
+    let access = &board.unmodelled()["SPI0"];
+    assert_eq!((access.reads, access.writes, access.first_address), (1, 2, SPI0));
 }
 
 #[test]

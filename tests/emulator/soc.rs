@@ -4,6 +4,7 @@ use super::adc::Adc;
 use super::chip_reset::{ChipLevelReset, ChipReset};
 use super::clock::{Cycle, NEVER};
 use super::dma::Dma;
+use super::i2c::{I2c, I2cPlace};
 use super::memory_map::{BLOCKS, Model};
 use super::peripheral::Peripheral;
 use super::power_state::PowerState;
@@ -21,6 +22,8 @@ pub enum Id {
     PowerState,
     Uart0,
     Uart1,
+    I2c0,
+    I2c1,
     Adc,
     Pwm,
     Timer,
@@ -44,10 +47,23 @@ const UART_PLACES: [UartPlace; 2] = [
         dma_request_rx: 23,
     },
 ];
+const I2C_PLACES: [I2cPlace; 2] = [
+    I2cPlace {
+        interrupt_line: 23,
+        dma_request_tx: 32,
+        dma_request_rx: 33,
+    },
+    I2cPlace {
+        interrupt_line: 24,
+        dma_request_tx: 34,
+        dma_request_rx: 35,
+    },
+];
 
 pub struct Soc {
     pub power_state: PowerState,
     pub uarts: [Uart; 2],
+    pub i2cs: [I2c; 2],
     pub adc: Adc,
     pub pwm: Pwm,
     pub timer: Timer,
@@ -63,6 +79,7 @@ impl Soc {
         Self {
             power_state: PowerState::default(),
             uarts: UART_PLACES.map(Uart::new),
+            i2cs: I2C_PLACES.map(I2c::new),
             adc: Adc::new(noise_seed),
             pwm: Pwm::new(),
             timer: Timer::default(),
@@ -74,12 +91,15 @@ impl Soc {
         }
     }
 
-    fn all(&self) -> [&dyn Peripheral; 11] {
+    fn all(&self) -> [&dyn Peripheral; 13] {
         let [uart0, uart1] = &self.uarts;
+        let [i2c0, i2c1] = &self.i2cs;
         [
             &self.power_state,
             uart0,
             uart1,
+            i2c0,
+            i2c1,
             &self.adc,
             &self.pwm,
             &self.timer,
@@ -91,12 +111,15 @@ impl Soc {
         ]
     }
 
-    fn all_mut(&mut self) -> [&mut dyn Peripheral; 11] {
+    fn all_mut(&mut self) -> [&mut dyn Peripheral; 13] {
         let [uart0, uart1] = &mut self.uarts;
+        let [i2c0, i2c1] = &mut self.i2cs;
         [
             &mut self.power_state,
             uart0,
             uart1,
+            i2c0,
+            i2c1,
             &mut self.adc,
             &mut self.pwm,
             &mut self.timer,
@@ -113,6 +136,8 @@ impl Soc {
             Id::PowerState => &mut self.power_state,
             Id::Uart0 => &mut self.uarts[0],
             Id::Uart1 => &mut self.uarts[1],
+            Id::I2c0 => &mut self.i2cs[0],
+            Id::I2c1 => &mut self.i2cs[1],
             Id::Adc => &mut self.adc,
             Id::Pwm => &mut self.pwm,
             Id::Timer => &mut self.timer,
