@@ -118,7 +118,7 @@ pub use board::Board;
 pub use cpu::CpuState;
 pub use firmware::Firmware;
 pub use flash::{FlashCut, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
-pub use i2c::{Ack, I2c, I2cDevice, I2cDirection, I2cTransaction};
+pub use i2c::{Ack, I2c, I2cDevice, I2cDirection, I2cTransaction, devices as i2c_devices};
 pub use log::{LogLevel, LogLine};
 pub use pin_record::{Edge, PwmChange};
 pub use pins::{I2cPins, UartPins};

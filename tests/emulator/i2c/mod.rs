@@ -7,6 +7,7 @@
 //! The bus has pull-ups of its own.
 
 mod device;
+pub mod devices;
 mod master;
 mod registers;
 mod speed;

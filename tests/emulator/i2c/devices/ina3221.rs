@@ -1,0 +1,160 @@
+//! INA3221: shunt and bus voltage of three channels (SBOS576).
+
+use super::register_map::{RegisterMap, Registers};
+use super::{Load, TEXAS_INSTRUMENTS, field_of, signed_code};
+
+pub const CHANNELS: usize = 3;
+
+const CONFIGURATION: u8 = 0x00;
+const FIRST_SHUNT: u8 = 0x01;
+const LAST_BUS: u8 = 0x06;
+const FIRST_LIMIT: u8 = 0x07;
+const LAST_LIMIT: u8 = 0x0c;
+const MASK_ENABLE: u8 = 0x0f;
+const MANUFACTURER_ID: u8 = 0xfe;
+const DIE_ID: u8 = 0xff;
+
+const CONFIGURATION_RESET: u16 = 0x7127;
+const RESET: u16 = 1 << 15;
+/// Configuration: channel 1 is bit 14, channel 3 bit 12.
+const FIRST_CHANNEL_ENABLE: usize = 14;
+const LIMIT_RESET: u16 = 0x7ff8;
+/// Mask/Enable: a conversion is ready, power is valid.
+const CVRF_AND_PVF: u64 = 0b11;
+const SHUNT_LSB_V: f64 = 40e-6;
+const BUS_LSB_V: f64 = 8e-3;
+/// Both are 13 bits with their sign, from bit 3 on.
+const CODE_BITS: u32 = 13;
+const CODE_SHIFT: u32 = 3;
+
+pub struct Ina3221 {
+    shunt_ohm: f64,
+    loads: [Load; CHANNELS],
+    /// What was measured when the channel was enabled last.
+    measured: [Load; CHANNELS],
+    configuration: u16,
+    limits: [u16; 2 * CHANNELS],
+    mask: u16,
+}
+
+impl Ina3221 {
+    /// All three shunts are the same.
+    pub fn new(shunt_ohm: f64) -> RegisterMap<Self> {
+        RegisterMap::of(Self {
+            shunt_ohm,
+            loads: [Load::default(); CHANNELS],
+            measured: [Load::default(); CHANNELS],
+            configuration: CONFIGURATION_RESET,
+            limits: [LIMIT_RESET; 2 * CHANNELS],
+            mask: 0,
+        })
+    }
+
+    /// Channels count from 1, as in the datasheet.
+    pub fn set(&mut self, channel: usize, volts: f64, amperes: f64) {
+        self.loads[channel - 1] = Load {
+            volts,
+            amperes,
+            ..Load::default()
+        };
+        self.measure();
+    }
+
+    fn measure(&mut self) {
+        for (index, load) in self.loads.iter().enumerate() {
+            if self.configuration >> (FIRST_CHANNEL_ENABLE - index) & 1 != 0 {
+                self.measured[index] = *load;
+            }
+        }
+    }
+
+    fn configure(&mut self, value: u16) {
+        if value & RESET != 0 {
+            self.configuration = CONFIGURATION_RESET;
+            self.limits = [LIMIT_RESET; 2 * CHANNELS];
+            self.mask = 0;
+        } else {
+            self.configuration = value;
+        }
+        self.measure();
+    }
+
+    fn voltage(&self, pointer: u8) -> u64 {
+        let index = usize::from(pointer - FIRST_SHUNT);
+        let Load { volts, amperes, .. } = self.measured[index / 2];
+        let code = match index % 2 {
+            0 => signed_code(amperes * self.shunt_ohm, SHUNT_LSB_V, CODE_BITS),
+            _ => signed_code(volts.max(0.0), BUS_LSB_V, CODE_BITS),
+        };
+        field_of(code << CODE_SHIFT, 16)
+    }
+}
+
+impl Registers for Ina3221 {
+    fn read(&self, pointer: u8) -> u64 {
+        match pointer {
+            CONFIGURATION => self.configuration.into(),
+            FIRST_SHUNT..=LAST_BUS => self.voltage(pointer),
+            FIRST_LIMIT..=LAST_LIMIT => self.limits[usize::from(pointer - FIRST_LIMIT)].into(),
+            MASK_ENABLE => u64::from(self.mask) | CVRF_AND_PVF,
+            MANUFACTURER_ID => TEXAS_INSTRUMENTS,
+            DIE_ID => 0x3220,
+            _ => 0,
+        }
+    }
+
+    fn write(&mut self, pointer: u8, value: u16) {
+        match pointer {
+            CONFIGURATION => self.configure(value),
+            FIRST_LIMIT..=LAST_LIMIT => self.limits[usize::from(pointer - FIRST_LIMIT)] = value & !0b111,
+            MASK_ENABLE => self.mask = value & 0x7c00,
+            _ => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::register_map::driver::{read, write};
+    use super::*;
+
+    #[test]
+    fn the_datasheets_negative_shunt_voltage_reads_as_it_says() {
+        // 8.6.2.2: -80 mV is C180h.
+        let mut device = Ina3221::new(0.001);
+        device.set(1, 12.0, -80.0);
+        assert_eq!(read(&mut device, 0x01, 2), 0xc180);
+        assert_eq!(read(&mut device, 0x02, 2), 1500 << 3);
+    }
+
+    #[test]
+    fn each_channel_has_its_registers_and_full_scale() {
+        let mut device = Ina3221::new(0.001);
+        device.set(2, 8.0, 4.0);
+        device.set(3, 40.0, 500.0);
+        assert_eq!(read(&mut device, 0x03, 2), 100 << 3);
+        assert_eq!(read(&mut device, 0x04, 2), 1000 << 3);
+        assert_eq!(read(&mut device, 0x05, 2), 0x7ff8);
+        assert_eq!(read(&mut device, 0x06, 2), 0x7ff8);
+        assert_eq!(read(&mut device, 0x01, 2), 0);
+    }
+
+    #[test]
+    fn a_channel_that_is_off_keeps_what_it_measured_last() {
+        let mut device = Ina3221::new(0.001);
+        device.set(2, 8.0, 0.0);
+        write(&mut device, CONFIGURATION, 0x5127);
+        device.set(2, 9.6, 0.0);
+        assert_eq!(read(&mut device, 0x04, 2), 1000 << 3);
+        write(&mut device, CONFIGURATION, RESET);
+        assert_eq!(read(&mut device, CONFIGURATION, 2), 0x7127);
+        assert_eq!(read(&mut device, 0x04, 2), 1200 << 3);
+    }
+
+    #[test]
+    fn it_says_what_it_is() {
+        let mut device = Ina3221::new(0.001);
+        assert_eq!(read(&mut device, MANUFACTURER_ID, 2), 0x5449);
+        assert_eq!(read(&mut device, DIE_ID, 2), 0x3220);
+    }
+}

@@ -1,0 +1,155 @@
+//! What the monitors have in common: a pointer, and registers sent with the highest byte first.
+
+use std::ops::{Deref, DerefMut};
+
+use super::super::super::clock::Cycle;
+use super::super::device::{Ack, I2cDevice, I2cDirection};
+
+pub trait Registers {
+    /// Size of a register in bytes.
+    fn size(&self, _pointer: u8) -> usize {
+        2
+    }
+
+    fn read(&self, pointer: u8) -> u64;
+
+    fn write(&mut self, pointer: u8, value: u16);
+
+    /// It is addressed at this time.
+    fn note_time(&mut self, _now: Cycle) {}
+}
+
+/// The byte after the address sets the pointer, two more are written to its register; a read gives
+/// the register at the pointer, which stays until it is set again.
+pub struct RegisterMap<R> {
+    registers: R,
+    pointer: u8,
+    /// Bytes since the START; the first is the pointer.
+    written: Vec<u8>,
+    /// The register as it was when the read began, and how many bytes of it were sent.
+    latched: u64,
+    sent: usize,
+}
+
+impl<R: Registers> RegisterMap<R> {
+    pub fn of(registers: R) -> Self {
+        Self {
+            registers,
+            pointer: 0,
+            written: Vec::new(),
+            latched: 0,
+            sent: 0,
+        }
+    }
+}
+
+impl<R> Deref for RegisterMap<R> {
+    type Target = R;
+
+    fn deref(&self) -> &R {
+        &self.registers
+    }
+}
+
+impl<R> DerefMut for RegisterMap<R> {
+    fn deref_mut(&mut self) -> &mut R {
+        &mut self.registers
+    }
+}
+
+impl<R: Registers> I2cDevice for RegisterMap<R> {
+    fn start(&mut self, direction: I2cDirection, now: Cycle) -> Ack {
+        self.registers.note_time(now);
+        match direction {
+            I2cDirection::Write => self.written.clear(),
+            I2cDirection::Read => {
+                self.latched = self.registers.read(self.pointer);
+                self.sent = 0;
+            }
+        }
+        Ack::Ack
+    }
+
+    fn write(&mut self, byte: u8) -> Ack {
+        self.written.push(byte);
+        match self.written[..] {
+            [pointer] => self.pointer = pointer,
+            [pointer, high, low] => self.registers.write(pointer, u16::from_be_bytes([high, low])),
+            _ => {}
+        }
+        Ack::Ack
+    }
+
+    fn read(&mut self) -> u8 {
+        let size = self.registers.size(self.pointer);
+        let place = size - 1 - self.sent % size;
+        self.sent += 1;
+        (self.latched >> (8 * place)) as u8
+    }
+}
+
+/// Reads and writes registers as a driver does, for the tests of the devices.
+#[cfg(test)]
+pub mod driver {
+    use super::super::super::device::{Ack, I2cDevice, I2cDirection};
+
+    pub fn read(device: &mut impl I2cDevice, pointer: u8, bytes: usize) -> u64 {
+        read_at(device, pointer, bytes, 0)
+    }
+
+    pub fn read_at(device: &mut impl I2cDevice, pointer: u8, bytes: usize, now: u64) -> u64 {
+        device.start(I2cDirection::Write, now);
+        assert_eq!(device.write(pointer), Ack::Ack);
+        device.start(I2cDirection::Read, now);
+        let value = (0..bytes).fold(0, |value, _| value << 8 | u64::from(device.read()));
+        device.stop();
+        value
+    }
+
+    pub fn write(device: &mut impl I2cDevice, pointer: u8, value: u16) {
+        device.start(I2cDirection::Write, 0);
+        device.write(pointer);
+        for byte in value.to_be_bytes() {
+            device.write(byte);
+        }
+        device.stop();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Default)]
+    struct TwoRegisters([u16; 2]);
+
+    impl Registers for TwoRegisters {
+        fn read(&self, pointer: u8) -> u64 {
+            u64::from(self.0[usize::from(pointer)])
+        }
+
+        fn write(&mut self, pointer: u8, value: u16) {
+            self.0[usize::from(pointer)] = value;
+        }
+    }
+
+    #[test]
+    fn the_pointer_stays_and_the_highest_byte_comes_first() {
+        let mut device = RegisterMap::of(TwoRegisters::default());
+        driver::write(&mut device, 1, 0x1234);
+        device.start(I2cDirection::Read, 0);
+        let read: Vec<u8> = (0..3).map(|_| device.read()).collect();
+        assert_eq!(read, [0x12, 0x34, 0x12]);
+        assert_eq!(driver::read(&mut device, 0, 2), 0);
+    }
+
+    #[test]
+    fn half_a_register_is_not_written() {
+        let mut device = RegisterMap::of(TwoRegisters::default());
+        device.start(I2cDirection::Write, 0);
+        device.write(1);
+        device.write(0x55);
+        device.stop();
+        assert_eq!(driver::read(&mut device, 1, 2), 0);
+    }
+}
