@@ -13,6 +13,7 @@ mod bench;
 mod boot;
 mod commands;
 mod faults;
+mod i2c;
 mod link_noise;
 mod motors;
 mod packs;
