@@ -141,6 +141,7 @@ impl Master {
         self.transmit.clear();
         self.receive.clear();
         self.stopping = self.is_active();
+        // TX_FLUSH_CNT "is cleared whenever I2C is disabled".
         self.abort_source &= (1 << TX_FLUSH_CNT) - 1;
         if !self.is_active() {
             self.become_idle();

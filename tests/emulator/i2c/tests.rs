@@ -321,6 +321,19 @@ fn a_device_that_stretches_makes_every_byte_longer() {
 }
 
 #[test]
+fn a_device_can_stretch_until_a_test_lets_go() {
+    let (mut i2c, probe) = i2c_with(Probe {
+        stretch: NEVER,
+        ..Probe::default()
+    });
+    command(&mut i2c, &[1 | STOP], 0);
+    assert_eq!(raw(&mut i2c, cycles(10_000)) & STOP_DET, 0);
+    probe.borrow_mut().stretch = 0;
+    i2c.release_scl();
+    assert_eq!(raw(&mut i2c, cycles(10_000) + BYTE + CLOCK) & STOP_DET, STOP_DET);
+}
+
+#[test]
 fn nothing_happens_without_the_pins() {
     let mut i2c = i2c();
     i2c.connect(false, 0);
