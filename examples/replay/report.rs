@@ -48,7 +48,7 @@ fn line(row: &Row) -> String {
         field(state.consumed_mah),
         field(state.consumed_wh),
         field(state.resistance_ohm),
-        field(state.resting_voltage_v.or(state.voltage_v)),
+        field(state.resting_or_terminal_voltage_v()),
         state.remaining_pct.unwrap_or(-1.0).to_string(),
         field(state.time_remaining_s),
         (state.charge_state as u8).to_string(),

@@ -2,6 +2,7 @@
 
 use super::BatteryState;
 use super::chemistry::Cell;
+use super::failsafe::is_below;
 use super::faults::Faults;
 use super::settings::PackSettings;
 
@@ -59,20 +60,18 @@ fn conditions(state: &BatteryState, settings: &PackSettings) -> Faults {
         .voltage_v
         .zip(state.current_a)
         .map(|(voltage_v, current_a)| voltage_v * current_a);
-    let is_over =
-        |value: Option<f32>, limit: Option<f32>| value.zip(limit).is_some_and(|(value, limit)| value > limit);
-    faults.set(Faults::OVER_CURRENT, is_over(power_w, settings.power_limit_w));
+    faults.set(Faults::OVER_CURRENT, is_below(settings.power_limit_w, power_w));
     faults.set(
         Faults::OVER_TEMPERATURE,
-        is_over(state.temperature_c, Some(HOTTEST_C)),
+        is_below(Some(HOTTEST_C), state.temperature_c),
     );
     faults.set(
         Faults::UNDER_TEMPERATURE,
-        is_over(Some(COLDEST_C), state.temperature_c),
+        is_below(state.temperature_c, Some(COLDEST_C)),
     );
     faults.set(
         Faults::CELL_FAIL,
-        is_over(state.cells.imbalance_v(), Some(IMBALANCE_V)),
+        is_below(Some(IMBALANCE_V), state.cells.imbalance_v()),
     );
     faults | cell_conditions(state, cell)
 }
@@ -84,22 +83,16 @@ fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
         return faults;
     };
     let mean_v = |pack_v: Option<f32>| pack_v.map(|pack_v| pack_v / f32::from(cell_count));
-    let resting_v = mean_v(state.resting_voltage_v.or(state.voltage_v));
-    let is = |value: Option<f32>, condition: fn(f32, &Cell) -> bool| {
-        value.is_some_and(|value| condition(value, cell))
-    };
-    let is_too_high = |voltage_v: f32, cell: &Cell| voltage_v > cell.highest_v;
-    let is_too_low = |voltage_v: f32, cell: &Cell| voltage_v < cell.lowest_v;
-    faults.set(Faults::SPIKES, is(mean_v(state.voltage_v), is_too_high));
+    let resting_v = mean_v(state.resting_or_terminal_voltage_v());
+    let highest_v = Some(cell.highest_v);
+    faults.set(Faults::SPIKES, is_below(highest_v, mean_v(state.voltage_v)));
     faults.set(
         Faults::INCOMPATIBLE_VOLTAGE,
-        is(resting_v, is_too_high) || is(resting_v, is_too_low),
+        is_below(highest_v, resting_v) || is_below(resting_v, Some(cell.lowest_v)),
     );
     faults.set(
         Faults::DEEP_DISCHARGE,
-        is(state.cells.lowest_v().or(resting_v), |voltage_v, cell| {
-            voltage_v < cell.deep_discharge_v
-        }),
+        is_below(state.cells.lowest_v().or(resting_v), Some(cell.deep_discharge_v)),
     );
     faults
 }

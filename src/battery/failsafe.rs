@@ -123,6 +123,7 @@ impl Failsafe {
     }
 }
 
+/// Whether both are known and the value lies below the threshold.
 pub(super) fn is_below(value: Option<f32>, threshold: Option<f32>) -> bool {
     value
         .zip(threshold)
@@ -133,7 +134,7 @@ pub(super) fn is_below(value: Option<f32>, threshold: Option<f32>) -> bool {
 pub(super) fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Option<f32> {
     match settings.voltage_source {
         VoltageSource::Terminal => state.voltage_v,
-        VoltageSource::Resting => state.resting_voltage_v.or(state.voltage_v),
+        VoltageSource::Resting => state.resting_or_terminal_voltage_v(),
     }
 }
 

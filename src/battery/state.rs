@@ -121,10 +121,15 @@ impl BatteryState {
         }
     }
 
+    /// The voltage without a load, in volts; while that is not known, the one between the terminals.
+    pub fn resting_or_terminal_voltage_v(&self) -> Option<f32> {
+        self.resting_voltage_v.or(self.voltage_v)
+    }
+
     /// The voltage ground stations are sent, in volts.
     pub fn voltage_to_report_v(&self) -> Option<f32> {
         match self.reported_voltage {
-            ReportedVoltage::Resting => self.resting_voltage_v.or(self.voltage_v),
+            ReportedVoltage::Resting => self.resting_or_terminal_voltage_v(),
             ReportedVoltage::Terminal => self.voltage_v,
         }
     }

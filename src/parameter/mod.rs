@@ -67,12 +67,17 @@ impl Parameters {
         ParameterId::all().filter(|id| self.is_listed(*id))
     }
 
+    /// Whether a pack is monitored by the live value of its `BATT_MONITOR`.
+    pub fn is_monitored(&self, pack: Pack) -> bool {
+        self.get(BatteryParameter::Monitor.of(pack)) != MONITOR_DISABLED
+    }
+
     fn is_listed(&self, id: ParameterId) -> bool {
         match id {
             ParameterId::Vehicle(_) | ParameterId::Battery(_, BatteryParameter::Monitor) => true,
             #[cfg(not(target_os = "none"))]
             ParameterId::Simulation(_) => true,
-            ParameterId::Battery(pack, _) => self.get(BatteryParameter::Monitor.of(pack)) != MONITOR_DISABLED,
+            ParameterId::Battery(pack, _) => self.is_monitored(pack),
         }
     }
 

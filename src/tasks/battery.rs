@@ -33,7 +33,8 @@ const TICKS_PER_RECORD: u32 = 10;
 const FAILSAFES_OFF: &str = "Battery failsafes are off: set BATT_LOW_VOLT";
 
 /// Reads the packs' pins every 100 ms, lets the monitors judge, publishes the states, and lets the vehicle act on a
-/// failsafe within the tick. Ticks that could not be kept are skipped, not made up for. What was consumed goes on from `memory`, if that has survived a reset.
+/// failsafe within the tick. Ticks that could not be kept are skipped, not made up for. What was consumed goes on from
+/// `memory`, if that has survived a reset.
 pub async fn sample_batteries(
     mut input: impl AnalogIn,
     memory: &mut RetainedMemory,

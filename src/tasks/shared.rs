@@ -10,14 +10,11 @@ use super::announcements::{Announcements, Listener};
 use crate::battery::{BatteryState, MAX_PACKS};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::MavSeverity;
-use crate::parameter::{BatteryParameter, Pack, ParameterId, Parameters};
+use crate::parameter::{Pack, ParameterId, Parameters};
 use crate::vehicle::Vehicle;
 
 /// Things said about the start; one each for the parameters, the reset and the failsafes would do.
 const MAX_NOTICES: usize = 4;
-
-/// `BATT_MONITOR`: the pack is not monitored.
-const MONITOR_DISABLED: i32 = 0;
 
 /// Something every ground station should know about the start.
 pub type Notice = (MavSeverity, &'static str);
@@ -177,10 +174,10 @@ impl Shared {
 /// Before the first sample nothing is known of the packs, but which are monitored.
 fn packs_at_boot(parameters: &Parameters) -> [BatteryState; MAX_PACKS] {
     Pack::ALL.map(|pack| {
-        if parameters.get_whole(BatteryParameter::Monitor.of(pack)) == MONITOR_DISABLED {
-            BatteryState::disabled()
-        } else {
+        if parameters.is_monitored(pack) {
             BatteryState::default()
+        } else {
+            BatteryState::disabled()
         }
     })
 }
