@@ -63,10 +63,21 @@ impl Consumption {
         }
     }
 
+    /// Adds what a sensor has counted.
+    pub fn add_counted(&mut self, counted: Consumed) {
+        let more = Self::from(counted);
+        self.charge_nc = self.charge_nc.saturating_add(more.charge_nc);
+        self.energy_nj = self.energy_nj.saturating_add(more.energy_nj);
+    }
+
+    /// What is missing from a full pack, as the pack itself knows; the energy is counted on.
+    pub fn set_charge_mah(&mut self, charge_mah: f32) {
+        self.charge_nc = (charge_mah * NANOCOULOMBS_PER_MAH) as i64;
+    }
+
     /// Starts over with what is missing from a full pack.
     pub fn restart(&mut self, consumed: Consumed) {
-        self.charge_nc = (consumed.charge_mah * NANOCOULOMBS_PER_MAH) as i64;
-        self.energy_nj = (consumed.energy_wh * NANOJOULES_PER_WH) as i64;
+        *self = Self::from(consumed);
     }
 
     pub fn to_words(self) -> [u32; 4] {
@@ -90,6 +101,15 @@ impl Consumption {
 
     pub fn energy_wh(&self) -> f32 {
         self.energy_nj as f32 / NANOJOULES_PER_WH
+    }
+}
+
+impl From<Consumed> for Consumption {
+    fn from(consumed: Consumed) -> Self {
+        Self {
+            charge_nc: (consumed.charge_mah * NANOCOULOMBS_PER_MAH) as i64,
+            energy_nj: (consumed.energy_wh * NANOJOULES_PER_WH) as i64,
+        }
     }
 }
 

@@ -178,9 +178,9 @@ impl Estimator {
         self.average_current.value()
     }
 
-    /// Seconds until the pack is empty at the average load.
-    pub fn time_remaining_s(&self, settings: &PackSettings) -> Option<f32> {
-        let charge_ah = self.state_of_charge()? * settings.capacity_mah? * AH_PER_MAH;
+    /// Seconds until the pack, which is full from 0 to 1, is empty at the average load.
+    pub fn time_remaining_s(&self, share: f32, settings: &PackSettings) -> Option<f32> {
+        let charge_ah = share * settings.capacity_mah? * AH_PER_MAH;
         let average_a = self
             .average_current
             .value()

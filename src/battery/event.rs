@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use super::ReadError;
 use super::consumption::Gap;
 use super::failsafe::FailsafeLevel;
 
@@ -22,6 +23,10 @@ pub enum PackEvent {
     Swapped,
     /// The current was not measured for a while.
     Gap(Gap),
+    /// Its sensor has failed repeatedly; this is why, the last time.
+    SensorFailed(ReadError),
+    /// Its sensor works again.
+    SensorBack,
     /// A failsafe level was reached.
     Failsafe {
         /// The level.
@@ -53,6 +58,8 @@ impl fmt::Display for PackEvent {
             Self::Gap(Gap { duration_s, .. }) => {
                 write!(f, "not measured for {}s: consumption too low", whole(*duration_s))
             }
+            Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
+            Self::SensorBack => f.write_str("healthy again"),
             Self::Failsafe {
                 level,
                 voltage_v,

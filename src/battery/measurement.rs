@@ -1,6 +1,8 @@
 //! What a sensor delivers.
 
-use super::CellVoltages;
+use core::fmt;
+
+use super::{CellVoltages, PackDetails};
 
 /// One reading of a pack by its sensor. `None` is what the sensor does not measure.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -10,11 +12,24 @@ pub struct Measurement {
     /// Current drawn from the pack, in amperes; negative while charging.
     pub current_a: Option<f32>,
     /// Charge and energy, where the sensor counts them itself.
-    pub consumed: Option<Consumed>,
+    pub counted: Option<Counted>,
+    /// What the pack's own gauge tells.
+    pub gauge: Option<Gauge>,
     /// Temperature of the pack, in degrees Celsius.
     pub temperature_c: Option<f32>,
     /// Voltage of each cell.
     pub cells: CellVoltages,
+    /// What the pack tells of itself.
+    pub details: PackDetails,
+}
+
+/// Charge and energy as a sensor counts them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Counted {
+    /// What was drawn since the reading before, by a counter that does not stop between readings.
+    SinceLast(Consumed),
+    /// All that was drawn.
+    InAll(Consumed),
 }
 
 /// What has been drawn from a pack; negative after net charging.
@@ -26,11 +41,32 @@ pub struct Consumed {
     pub energy_wh: f32,
 }
 
+/// What the gauge in a smart battery tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gauge {
+    /// Charge that is left, in milliampere-hours.
+    pub remaining_mah: f32,
+    /// Charge of the full pack at its present age, in milliampere-hours.
+    pub full_mah: f32,
+}
+
+impl Gauge {
+    /// How full the pack is, from 0 to 1.
+    pub fn share(&self) -> f32 {
+        (self.remaining_mah / self.full_mah).clamp(0.0, 1.0)
+    }
+
+    /// What is missing from the full pack, in milliampere-hours; 0 when it holds more than it should.
+    pub fn consumed_mah(&self) -> f32 {
+        (self.full_mah - self.remaining_mah).max(0.0)
+    }
+}
+
 /// Why a reading of a sensor failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ReadError {
-    /// The converter did not answer in time.
+    /// The sensor did not answer in time.
     Timeout,
     /// The converter reported a failed conversion.
     Conversion,
@@ -40,4 +76,34 @@ pub enum ReadError {
     NoMember,
     /// The reading is not a number a pack can have.
     Implausible,
+    /// Nobody acknowledges the address.
+    NoAnswer,
+    /// Somebody holds a line of the bus.
+    BusStuck,
+    /// The transfer failed in another way.
+    Bus,
+    /// What came does not agree with its check byte.
+    Checksum,
+    /// What answers at the address is another part than the one that was set.
+    OtherPart,
+    /// Another pack's sensor is at the address.
+    AddressTaken,
+}
+
+impl fmt::Display for ReadError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Timeout => "no reading in time",
+            Self::Conversion => "conversion failed",
+            Self::NoPin => "no pin set",
+            Self::NoMember => "no healthy pack to sum",
+            Self::Implausible => "impossible value",
+            Self::NoAnswer => "no answer",
+            Self::BusStuck => "bus held low",
+            Self::Bus => "bus error",
+            Self::Checksum => "wrong checksum",
+            Self::OtherPart => "unknown part",
+            Self::AddressTaken => "address already in use",
+        })
+    }
 }

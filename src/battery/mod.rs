@@ -10,11 +10,13 @@ mod charge_tracker;
 mod chemistry;
 mod consumption;
 mod curve;
+mod details;
 mod diagnosis;
 mod estimator;
 mod event;
 mod failsafe;
 mod faults;
+mod health;
 mod load;
 mod low_pass;
 mod measurement;
@@ -32,16 +34,17 @@ pub use bank::BatteryBank;
 pub use cells::{CellVoltages, MAX_CELLS};
 pub use chemistry::Chemistry;
 pub use consumption::Gap;
+pub use details::{Date, Name, PackDetails};
 pub use event::PackEvent;
 pub use failsafe::{ArmState, FailsafeLevel};
 pub use faults::Faults;
-pub use measurement::{Consumed, Measurement, ReadError};
+pub use measurement::{Consumed, Counted, Gauge, Measurement, ReadError};
 pub use monitor::{
     BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MAX_EVENTS, MIN_CONNECTED_VOLTAGE_V, PackEvents, Tick,
 };
 pub use retained::{PackMemory, RetainedMemory, RetainedRecord, recall, retain};
 pub use settings::{FailsafeSettings, PackSettings, Thresholds, VoltageSource};
-pub use state::{BatteryState, ChargeState, PackStatus, ReportedVoltage, Visibility};
+pub use state::{BatteryState, ChargeSource, ChargeState, PackStatus, ReportedVoltage, Visibility};
 pub use sum::{SumVoltage, sum};
 
 /// The most packs that can be monitored, instances 0 to 8: `BATT_`, `BATT2_` to `BATT9_`.

@@ -7,9 +7,13 @@ use super::consumption::Consumption;
 use super::diagnosis::Diagnosis;
 use super::estimator::{Estimator, Reading};
 use super::failsafe::{ArmState, Failsafe};
+use super::health::HealthNews;
 use super::settings::PackSettings;
 use super::swap::SwapDetector;
-use super::{BatteryState, Consumed, Faults, Measurement, PackEvent, PackMemory, PackStatus, ReadError};
+use super::{
+    BatteryState, ChargeSource, Consumed, Counted, Faults, Gauge, Measurement, PackEvent, PackMemory,
+    PackStatus, ReadError,
+};
 
 /// Below this voltage no pack is connected, in volts: the divider then sees what leaks in while the board runs from USB.
 /// The same limit as PX4's `BATTERY_CONNECTED` test.
@@ -23,8 +27,13 @@ const HIGHEST_VOLTAGE_V: f32 = 1_000.0;
 const HIGHEST_CURRENT_A: f32 = 10_000.0;
 const HIGHEST_TEMPERATURE_C: f32 = 1_000.0;
 
-/// What can happen to a pack in one tick: cells detected, swapped, a gap, a failsafe.
-pub const MAX_EVENTS: usize = 4;
+/// No pack of a rover holds more, or less: in milliampere-hours and watt-hours.
+const HIGHEST_CHARGE_MAH: f32 = 10_000_000.0;
+const HIGHEST_ENERGY_WH: f32 = 1_000_000.0;
+const LOWEST_CAPACITY_MAH: f32 = 1.0;
+
+/// What can happen to a pack in one tick: cells detected, swapped, a gap, its sensor failed or back, a failsafe.
+pub const MAX_EVENTS: usize = 5;
 
 /// What happened to a pack in one tick.
 pub type PackEvents = Vec<PackEvent, MAX_EVENTS>;
@@ -48,6 +57,9 @@ pub struct BatteryMonitor {
     last_healthy_us: Option<u64>,
     /// The last voltage of a connected pack, in volts.
     last_voltage_v: Option<f32>,
+    /// What the pack's own gauge told last.
+    gauge: Option<Gauge>,
+    health_news: HealthNews,
     consumption: Consumption,
     estimator: Estimator,
     swap: SwapDetector,
@@ -73,6 +85,8 @@ impl BatteryMonitor {
             last: None,
             last_healthy_us: None,
             last_voltage_v: None,
+            gauge: None,
+            health_news: HealthNews::default(),
             consumption: Consumption::default(),
             estimator: Estimator::new(),
             swap: SwapDetector::new(),
@@ -103,9 +117,12 @@ impl BatteryMonitor {
         let since = |time_us: Option<u64>| time_us.map_or(0, |time_us| tick.now_us.saturating_sub(time_us));
         let dt_us = since(self.last.map(|last| last.time_us));
         let tick_us = since(self.last_tick_us.replace(tick.now_us));
+        let dt_s = tick_us as f32 * 1e-6;
         let error = match reading.and_then(plausible) {
             Ok(measurement) => {
-                self.accept(tick, dt_us, &measurement, settings, &mut events);
+                self.listen(&measurement, &mut events);
+                let settings = self.informed(settings);
+                self.accept(tick, dt_us, &measurement, &settings, &mut events);
                 self.last = Some(Last {
                     time_us: tick.now_us,
                     current_a: measurement.current_a,
@@ -117,8 +134,37 @@ impl BatteryMonitor {
                 Some(error)
             }
         };
-        self.judge(tick, tick_us as f32 * 1e-6, settings, &mut events);
+        if let Some(event) = self.health_news.update(dt_s, self.state.status, error) {
+            push(&mut events, event);
+        }
+        self.judge(tick, dt_s, &self.informed(settings), &mut events);
         (events, error)
+    }
+
+    /// Takes what a smart battery tells of itself. Another serial number is another pack.
+    fn listen(&mut self, measurement: &Measurement, events: &mut PackEvents) {
+        let before = self.state.details.serial_number;
+        let now = measurement.details.serial_number;
+        if before.is_some() && now.is_some() && before != now {
+            self.restart();
+            push(events, PackEvent::Swapped);
+        }
+        self.state.details = measurement.details;
+        self.state.cells = measurement.cells;
+        self.gauge = measurement.gauge;
+    }
+
+    /// What the owner has set, with what a smart battery knows better.
+    fn informed(&self, settings: &PackSettings) -> PackSettings {
+        let details = &self.state.details;
+        let cells = self.state.cells.millivolts().len() as u8;
+        PackSettings {
+            chemistry: details.chemistry.unwrap_or(settings.chemistry),
+            cell_count: settings.cell_count.or((cells > 0).then_some(cells)),
+            capacity_mah: self.gauge.map(|gauge| gauge.full_mah).or(settings.capacity_mah),
+            serial_number: details.serial_number.or(settings.serial_number),
+            ..*settings
+        }
     }
 
     fn accept(
@@ -131,7 +177,6 @@ impl BatteryMonitor {
     ) {
         self.failed_reads = 0;
         self.state.temperature_c = measurement.temperature_c;
-        self.state.cells = measurement.cells;
         let reading = Reading {
             dt_s: dt_us as f32 * 1e-6,
             voltage_v: measurement.voltage_v,
@@ -193,10 +238,29 @@ impl BatteryMonitor {
     }
 
     fn count(&mut self, dt_us: u64, measurement: &Measurement) -> Option<super::Gap> {
-        if let Some(consumed) = measurement.consumed {
-            self.consumption.restart(consumed);
-            return None;
+        match measurement.counted {
+            Some(Counted::InAll(consumed)) => {
+                self.consumption.restart(consumed);
+                return None;
+            }
+            Some(Counted::SinceLast(counted)) => {
+                self.consumption.add_counted(counted);
+                return None;
+            }
+            None => {}
         }
+        let gap = self.integrate(dt_us, measurement);
+        match measurement.gauge {
+            Some(gauge) => {
+                // The energy is integrated; the charge the pack knows itself, whatever was missed.
+                self.consumption.set_charge_mah(gauge.consumed_mah());
+                None
+            }
+            None => gap,
+        }
+    }
+
+    fn integrate(&mut self, dt_us: u64, measurement: &Measurement) -> Option<super::Gap> {
         let current_a = measurement.current_a?;
         let previous_a = self.last?.current_a?;
         self.consumption
@@ -207,7 +271,11 @@ impl BatteryMonitor {
         let Measurement {
             voltage_v, current_a, ..
         } = *measurement;
-        let is_counted = current_a.is_some() || measurement.consumed.is_some();
+        let is_counted = current_a.is_some() || measurement.counted.is_some() || measurement.gauge.is_some();
+        let share = match measurement.gauge {
+            Some(gauge) => Some(gauge.share()),
+            None => self.estimator.state_of_charge(),
+        };
         let state = &mut self.state;
         state.voltage_v = voltage_v;
         state.current_a = current_a;
@@ -218,8 +286,14 @@ impl BatteryMonitor {
         state.resistance_ohm = self.estimator.resistance_ohm();
         state.consumed_mah = is_counted.then(|| self.consumption.charge_mah());
         state.consumed_wh = (is_counted && voltage_v.is_some()).then(|| self.consumption.energy_wh());
-        state.remaining_pct = self.estimator.state_of_charge().map(|share| share * 100.0);
-        state.time_remaining_s = current_a.and_then(|_| self.estimator.time_remaining_s(settings));
+        state.remaining_pct = share.map(|share| share * 100.0);
+        state.time_remaining_s = current_a
+            .and(share)
+            .and_then(|share| self.estimator.time_remaining_s(share, settings));
+        state.charge_source = match measurement.gauge {
+            Some(_) => ChargeSource::Gauge,
+            None => ChargeSource::Estimated,
+        };
         state.cell_count = self.estimator.cell_count(settings);
     }
 
@@ -287,9 +361,10 @@ impl BatteryMonitor {
         self.estimator.restore(memory.charge, memory.detected_cells);
     }
 
-    /// The battery was reset: so much is left, in percent (0 to 100). What is no number changes nothing.
+    /// The battery was reset: so much is left, in percent (0 to 100). What is no number changes nothing, and a pack with a
+    /// gauge of its own knows better.
     pub fn reset(&mut self, remaining_pct: f32, settings: &PackSettings) {
-        if !remaining_pct.is_finite() {
+        if !remaining_pct.is_finite() || self.gauge.is_some() {
             return;
         }
         let share = (remaining_pct / 100.0).clamp(0.0, 1.0);
@@ -323,9 +398,21 @@ fn plausible(measurement: Measurement) -> Result<Measurement, ReadError> {
     } = measurement;
     // NaN is not within any limit.
     let is_within = |value: Option<f32>, limit: f32| value.is_none_or(|value| value.abs() <= limit);
+    let is_gauge = |gauge: &Gauge| {
+        (0.0..=HIGHEST_CHARGE_MAH).contains(&gauge.remaining_mah)
+            && gauge.full_mah >= LOWEST_CAPACITY_MAH
+            && gauge.full_mah <= HIGHEST_CHARGE_MAH
+    };
+    let is_count = |counted: Counted| {
+        let (Counted::InAll(consumed) | Counted::SinceLast(consumed)) = counted;
+        is_within(Some(consumed.charge_mah), HIGHEST_CHARGE_MAH)
+            && is_within(Some(consumed.energy_wh), HIGHEST_ENERGY_WH)
+    };
     if is_within(voltage_v, HIGHEST_VOLTAGE_V)
         && is_within(current_a, HIGHEST_CURRENT_A)
         && is_within(temperature_c, HIGHEST_TEMPERATURE_C)
+        && measurement.gauge.as_ref().is_none_or(is_gauge)
+        && measurement.counted.is_none_or(is_count)
     {
         Ok(measurement)
     } else {

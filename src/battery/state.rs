@@ -1,6 +1,6 @@
 //! What is known of a pack.
 
-use super::{CellVoltages, Chemistry, FailsafeLevel, Faults};
+use super::{CellVoltages, Chemistry, FailsafeLevel, Faults, PackDetails};
 
 /// Whether a pack is there and its sensor can be trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -41,6 +41,16 @@ pub enum ChargeState {
     Unhealthy = 6,
     /// The pack is being charged.
     Charging = 7,
+}
+
+/// Where it is known from how full a pack is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ChargeSource {
+    /// Estimated here, from voltage and current.
+    #[default]
+    Estimated,
+    /// The pack has a gauge of its own.
+    Gauge,
 }
 
 /// Which of a pack's voltages a ground station is sent (`BATT_OPTIONS` bit 6).
@@ -104,8 +114,12 @@ pub struct BatteryState {
     pub chemistry: Chemistry,
     /// Charge of the full pack, in milliampere-hours.
     pub capacity_mah: Option<f32>,
-    /// Serial number, as set.
+    /// Serial number, as set or as the pack tells.
     pub serial_number: Option<i32>,
+    /// Where it is known from how full the pack is.
+    pub charge_source: ChargeSource,
+    /// What the pack tells of itself, if it is a smart one.
+    pub details: PackDetails,
     /// Which voltage ground stations are sent.
     pub reported_voltage: ReportedVoltage,
     /// Whether ground stations are told of the pack.

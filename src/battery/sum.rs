@@ -1,6 +1,6 @@
 //! Several packs as one.
 
-use super::{BatteryState, Consumed, Measurement, PackStatus, ReadError};
+use super::{BatteryState, Consumed, Counted, Measurement, PackStatus, ReadError};
 use crate::parameter::{BatteryParameter, Pack, Parameters};
 
 /// How the voltages of the packs are put together.
@@ -47,7 +47,7 @@ pub fn sum<'a>(
             SumVoltage::Lowest => voltages.reduce(f32::min),
         },
         current_a: healthy.clone().map(|pack| pack.current_a).sum(),
-        consumed: consumed(packs),
+        counted: consumed(packs).map(Counted::InAll),
         temperature_c: mean(healthy.filter_map(|pack| pack.temperature_c)),
         ..Measurement::default()
     })
@@ -85,14 +85,20 @@ mod tests {
         }
     }
 
+    fn drawn(charge_mah: f32, energy_wh: f32) -> Option<Counted> {
+        Some(Counted::InAll(Consumed {
+            charge_mah,
+            energy_wh,
+        }))
+    }
+
     #[test]
     fn packs_side_by_side_have_the_mean_voltage_and_the_sum_of_the_currents() {
         let packs = [pack(12.0, Some(2.0)), pack(11.0, Some(3.0))];
         let measurement = sum(packs.iter(), SumVoltage::Mean).unwrap();
         assert_eq!(measurement.voltage_v, Some(11.5));
         assert_eq!(measurement.current_a, Some(5.0));
-        let consumed = measurement.consumed.unwrap();
-        assert_eq!((consumed.charge_mah, consumed.energy_wh), (200.0, 2.0));
+        assert_eq!(measurement.counted, drawn(200.0, 2.0));
         let lowest = sum(packs.iter(), SumVoltage::Lowest).unwrap();
         assert_eq!(lowest.voltage_v, Some(11.0));
     }
@@ -113,7 +119,7 @@ mod tests {
         let measurement = sum(packs.iter(), SumVoltage::Mean).unwrap();
         assert_eq!(measurement.voltage_v, Some(12.0));
         assert_eq!(measurement.current_a, Some(2.0));
-        assert_eq!(measurement.consumed.unwrap().charge_mah, 200.0);
+        assert_eq!(measurement.counted, drawn(200.0, 2.0));
         assert_eq!(sum(packs[1..].iter(), SumVoltage::Mean), Err(ReadError::NoMember));
     }
 }

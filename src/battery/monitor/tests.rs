@@ -2,7 +2,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    CellVoltages, ChargeState, Chemistry, FailsafeLevel, FailsafeSettings, Faults, Thresholds, VoltageSource,
+    CellVoltages, ChargeState, Chemistry, FailsafeLevel, FailsafeSettings, Faults, PackDetails, Thresholds,
+    VoltageSource,
 };
 
 /// A monitor, its settings and its clock.
@@ -340,7 +341,7 @@ fn a_gap_of_the_sensor_is_counted_and_told() {
     let counted_mah = bench.state().consumed_mah.unwrap() - before_mah;
     assert!((counted_mah - 10.1).abs() < 0.01, "{counted_mah}");
     assert!(
-        matches!(bench.events[..], [PackEvent::Gap(_)]),
+        matches!(bench.events[..], [PackEvent::SensorFailed(_), PackEvent::Gap(_)]),
         "{:?}",
         bench.events
     );
@@ -436,6 +437,106 @@ fn a_failsafe_is_told_with_what_was_measured() {
     assert_eq!(bench.state().charge_state, ChargeState::Low);
 }
 
+/// A smart battery that has given 600 of 2600 mAh.
+fn smart(voltage_v: f32) -> Measurement {
+    Measurement {
+        voltage_v: Some(voltage_v),
+        current_a: Some(3.6),
+        gauge: Some(Gauge {
+            remaining_mah: 2000.0,
+            full_mah: 2600.0,
+        }),
+        cells: CellVoltages::from_millivolts(&[3900, 3900, 3900]),
+        details: PackDetails {
+            serial_number: Some(4711),
+            chemistry: Some(Chemistry::LiIon),
+            ..PackDetails::default()
+        },
+        ..Measurement::default()
+    }
+}
+
+#[test]
+fn a_smart_battery_knows_its_charge_its_capacity_and_its_cells_itself() {
+    let mut bench = Bench::new();
+    for _ in 0..100 {
+        assert_eq!(bench.tick(Ok(smart(11.7))), None);
+    }
+    let state = *bench.state();
+    assert_eq!(state.consumed_mah, Some(600.0));
+    assert_eq!(state.capacity_mah, Some(2600.0));
+    assert!((state.remaining_pct.unwrap() - 76.92).abs() < 0.01);
+    assert_eq!(state.charge_source, ChargeSource::Gauge);
+    assert_eq!((state.cell_count, state.serial_number), (Some(3), Some(4711)));
+    assert_eq!(state.chemistry, Chemistry::LiIon);
+    // Its energy is integrated: 9.9 s of 42.12 W.
+    let wh = state.consumed_wh.unwrap();
+    assert!((wh - 9.9 * 42.12 / 3600.0).abs() < 1e-4, "{wh}");
+    // 2 Ah at 3.6 A.
+    assert!((state.time_remaining_s.unwrap() - 2000.0).abs() < 0.1);
+}
+
+#[test]
+fn a_battery_reset_does_not_make_a_smart_battery_believe_anything() {
+    let mut bench = Bench::new();
+    bench.tick(Ok(smart(11.7)));
+    bench.monitor.reset(100.0, &bench.settings);
+    bench.tick(Ok(smart(11.7)));
+    assert_eq!(bench.state().consumed_mah, Some(600.0));
+}
+
+#[test]
+fn another_serial_number_is_another_pack() {
+    let mut bench = Bench::new();
+    bench.tick(Ok(smart(11.7)));
+    bench.events.clear();
+    let mut other = smart(11.7);
+    other.details.serial_number = Some(4712);
+    bench.tick(Ok(other));
+    assert_eq!(bench.events, [PackEvent::Swapped]);
+    bench.events.clear();
+    bench.tick(Ok(other));
+    assert_eq!(bench.events, []);
+}
+
+#[test]
+fn what_a_sensor_has_counted_while_nobody_listened_is_not_lost() {
+    let mut bench = Bench::new();
+    let counted = |charge_mah| Measurement {
+        voltage_v: Some(11.7),
+        current_a: Some(1.0),
+        counted: Some(Counted::SinceLast(Consumed {
+            charge_mah,
+            energy_wh: charge_mah * 0.0117,
+        })),
+        ..Measurement::default()
+    };
+    bench.tick(Ok(counted(0.0)));
+    for _ in 0..100 {
+        bench.tick(Err(ReadError::NoAnswer));
+    }
+    bench.events.clear();
+    bench.tick(Ok(counted(50.0)));
+    assert_eq!(bench.state().consumed_mah, Some(50.0));
+    assert!((bench.state().consumed_wh.unwrap() - 0.585).abs() < 1e-6);
+    assert_eq!(bench.events, [], "no gap");
+}
+
+#[test]
+fn a_sensor_that_fails_is_told_once_and_so_is_its_return() {
+    let mut bench = Bench::new();
+    bench.tick(Ok(smart(11.7)));
+    bench.events.clear();
+    for _ in 0..100 {
+        bench.tick(Err(ReadError::NoAnswer));
+    }
+    assert_eq!(bench.events, [PackEvent::SensorFailed(ReadError::NoAnswer)]);
+    for _ in 0..100 {
+        bench.tick(Ok(smart(11.7)));
+    }
+    assert_eq!(bench.events[1..], [PackEvent::SensorBack]);
+}
+
 fn any_number() -> impl Strategy<Value = f32> {
     prop_oneof![
         any::<f32>(),
@@ -453,14 +554,31 @@ fn any_reading() -> impl Strategy<Value = Result<Measurement, ReadError>> {
     let numbers = (any_number(), any_number(), any_number());
     let known = (any::<bool>(), any::<bool>(), any::<bool>());
     let cells = prop::collection::vec(any::<u16>(), 0..20);
+    let gauge = (any_number(), any_number()).prop_map(|(remaining_mah, full_mah)| Gauge {
+        remaining_mah,
+        full_mah,
+    });
+    let counted = (any_number(), any_number(), any::<bool>()).prop_map(|(charge_mah, energy_wh, in_all)| {
+        let consumed = Consumed {
+            charge_mah,
+            energy_wh,
+        };
+        if in_all {
+            Counted::InAll(consumed)
+        } else {
+            Counted::SinceLast(consumed)
+        }
+    });
     prop_oneof![
-        8 => (numbers, known, cells).prop_map(|((voltage_v, current_a, temperature_c), known, cells)| {
+        8 => (numbers, known, cells, gauge, counted).prop_map(|((voltage_v, current_a, temperature_c), known, cells, gauge, counted)| {
             Ok(Measurement {
                 voltage_v: known.0.then_some(voltage_v),
                 current_a: known.1.then_some(current_a),
                 temperature_c: known.2.then_some(temperature_c),
                 cells: CellVoltages::from_millivolts(&cells),
-                consumed: None,
+                counted: (known.0 && known.2).then_some(counted),
+                gauge: known.1.then_some(gauge),
+                details: PackDetails::default(),
             })
         }),
         1 => Just(Err(ReadError::Timeout)),

@@ -21,10 +21,11 @@ pub fn pack_announcement(instance: u8, event: &PackEvent) -> (MavSeverity, Strin
 /// ArduPilot says failsafes as warnings.
 fn severity(event: &PackEvent) -> MavSeverity {
     match event {
-        PackEvent::CellsDetected { .. } => MavSeverity::MAV_SEVERITY_NOTICE,
+        PackEvent::CellsDetected { .. } | PackEvent::SensorBack => MavSeverity::MAV_SEVERITY_NOTICE,
         PackEvent::CellsUnclear { .. }
         | PackEvent::Swapped
         | PackEvent::Gap(_)
+        | PackEvent::SensorFailed(_)
         | PackEvent::Failsafe { .. } => MavSeverity::MAV_SEVERITY_WARNING,
     }
 }
@@ -32,7 +33,7 @@ fn severity(event: &PackEvent) -> MavSeverity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{FailsafeLevel, Gap};
+    use crate::battery::{FailsafeLevel, Gap, ReadError};
 
     #[test]
     fn every_event_is_told_in_words_that_fit() {
@@ -65,6 +66,11 @@ mod tests {
                 gap(None),
                 "Battery 9 not measured for 1000000000s: consumption too low",
             ),
+            (
+                PackEvent::SensorFailed(ReadError::AddressTaken),
+                "Battery 9 unhealthy: address already in use",
+            ),
+            (PackEvent::SensorBack, "Battery 9 healthy again"),
             (
                 failsafe(FailsafeLevel::Low),
                 "Battery 9 is low 1000.00V used -1000000000 mAh",

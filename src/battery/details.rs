@@ -1,0 +1,92 @@
+//! What a smart battery tells of itself.
+
+use core::fmt;
+
+use super::Chemistry;
+
+/// The longest name that is kept, in bytes.
+const NAME_BYTES: usize = 20;
+
+/// What a smart battery tells of itself. It changes seldom, most of it never; `None` is what it does not tell.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PackDetails {
+    /// Who made it.
+    pub manufacturer: Name,
+    /// What its maker calls it.
+    pub device: Name,
+    /// Serial number.
+    pub serial_number: Option<i32>,
+    /// When it was made.
+    pub manufactured: Option<Date>,
+    /// What the cells are made of.
+    pub chemistry: Option<Chemistry>,
+    /// How often it was charged.
+    pub cycle_count: Option<u16>,
+    /// Charge of the full pack when it was new, in milliampere-hours.
+    pub design_capacity_mah: Option<f32>,
+    /// Its nominal voltage, in volts.
+    pub design_voltage_v: Option<f32>,
+    /// What it holds at its present age, in percent of what it held when it was new.
+    pub state_of_health_pct: Option<u8>,
+}
+
+/// A day.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Date {
+    /// The year, such as 2026.
+    pub year: u16,
+    /// 1 to 12.
+    pub month: u8,
+    /// 1 to 31.
+    pub day: u8,
+}
+
+/// A short name in printable ASCII; empty if there is none.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub struct Name {
+    bytes: [u8; NAME_BYTES],
+    length: u8,
+}
+
+impl Name {
+    /// The printable ones of these characters, as many as fit.
+    pub fn from_ascii(characters: &[u8]) -> Self {
+        let mut name = Self::default();
+        let printable = characters
+            .iter()
+            .filter(|byte| byte.is_ascii_graphic() || **byte == b' ');
+        for (to, from) in name.bytes.iter_mut().zip(printable) {
+            *to = *from;
+            name.length += 1;
+        }
+        name
+    }
+
+    /// The characters.
+    pub fn as_bytes(&self) -> &[u8] {
+        self.bytes.get(..usize::from(self.length)).unwrap_or(&[])
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.length == 0
+    }
+}
+
+impl fmt::Debug for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "\"{}\"", self.as_bytes().escape_ascii())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_keeps_what_can_be_printed_and_fits() {
+        assert_eq!(Name::from_ascii(b"Acme\0\xff 3S").as_bytes(), b"Acme 3S");
+        assert_eq!(Name::from_ascii(&[b'x'; 32]).as_bytes(), [b'x'; NAME_BYTES]);
+        assert!(Name::from_ascii(b"\0\n").is_empty());
+    }
+}
