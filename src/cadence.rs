@@ -44,6 +44,11 @@ impl Cadence {
         true
     }
 
+    /// Leaves out what would be due until `time_us`.
+    pub fn skip_until(&mut self, time_us: u64) {
+        self.take(time_us);
+    }
+
     /// Changes the interval. The next due time is one new interval after the last one served, or `now_us` if that has
     /// passed, so a faster rate takes effect at once and a slower one does not send early.
     pub fn set_interval(&mut self, interval_us: u64, now_us: u64) {
@@ -83,6 +88,15 @@ mod tests {
         assert!(cadence.take(471));
         assert_eq!(cadence.due_us(), 550);
         assert!(!cadence.take(549));
+    }
+
+    #[test]
+    fn what_is_skipped_is_not_made_up_for() {
+        let mut cadence = Cadence::starting_at(50, 100);
+        cadence.skip_until(480);
+        assert_eq!(cadence.due_us(), 550);
+        cadence.skip_until(500);
+        assert_eq!(cadence.due_us(), 550);
     }
 
     #[test]

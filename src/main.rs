@@ -11,10 +11,11 @@ mod firmware {
     use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
         self, AnalogInputs, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog, Buzzer,
-        ExecutorIdleTime, MotorPeripherals, UartReceiver, UsbDevice, UsbPort,
+        ExecutorIdleTime, MotorPeripherals, SensorI2c, UartReceiver, UsbDevice, UsbPort,
     };
     use rover_battmon::liveness::CheckIn;
-    use rover_battmon::parameter::{ParameterStorage, VehicleParameter, serial_baud};
+    use rover_battmon::parameter::{ParameterStorage, Parameters, VehicleParameter, serial_baud};
+    use rover_battmon::sensor;
     use rover_battmon::tasks::{self, Link, Shared};
     use static_cell::StaticCell;
 
@@ -29,6 +30,7 @@ mod firmware {
 
     // Each deadline is several of the task's own intervals.
     static BATTERY: CheckIn = CheckIn::new("battery", 1_000);
+    static BUS: CheckIn = CheckIn::new("I2C1", 2_500);
     static DRIVE: CheckIn = CheckIn::new("drive", 500);
     static SCHEDULER: CheckIn = CheckIn::new("telemetry", 2_500);
     static WRITER: CheckIn = CheckIn::new("UART0 writer", 2_500);
@@ -43,6 +45,11 @@ mod firmware {
     #[embassy_executor::task]
     async fn battery(input: AnalogInputs, memory: &'static mut RetainedMemory, shared: &'static Shared) -> ! {
         tasks::sample_batteries(input, memory, shared, &BATTERY).await
+    }
+
+    #[embassy_executor::task]
+    async fn bus(bus: SensorI2c, shared: &'static Shared) -> ! {
+        tasks::read_bus(bus, shared, &BUS).await
     }
 
     #[embassy_executor::task]
@@ -105,7 +112,9 @@ mod firmware {
 
     #[embassy_executor::task]
     async fn supervisor(mut watchdog: BoardWatchdog) -> ! {
-        let watched = [&BATTERY, &DRIVE, &SCHEDULER, &WRITER, &READER, &STORAGE, &STATUS];
+        let watched = [
+            &BATTERY, &BUS, &DRIVE, &SCHEDULER, &WRITER, &READER, &STORAGE, &STATUS,
+        ];
         tasks::supervise(&watched, &mut watchdog).await
     }
 
@@ -129,11 +138,12 @@ mod firmware {
         let flash = BoardFlash::new(peripherals.FLASH);
         let mut storage = ParameterStorage::new(flash, board::PARAMETER_RANGE);
         let (stored, loaded) = tasks::load_parameters(&mut storage).await;
-        let shared = SHARED.init(Shared::new(stored));
+        let bus_clock_hz = sensor::bus_clock_hz(&stored);
+        let shared = share(stored);
         tasks::report_load(shared, loaded);
 
         let baud = serial_baud(shared.whole_parameter(VehicleParameter::Serial0Baud));
-        let link = TELEMETRY.init(Link::new("UART0", baud / BITS_PER_BYTE));
+        let link = open_telemetry(baud);
         let (transmitter, receiver) =
             board::telemetry_uart(peripherals.UART0, peripherals.PIN_0, peripherals.PIN_1, baud);
         let (device, port) = board::usb_port(peripherals.USB);
@@ -143,6 +153,13 @@ mod firmware {
             peripherals.PIN_27,
             peripherals.PIN_28,
             peripherals.PIN_29,
+        );
+
+        let sensor_bus = SensorI2c::new(
+            peripherals.I2C1,
+            peripherals.PIN_14,
+            peripherals.PIN_15,
+            bus_clock_hz,
         );
 
         let motors = BoardMotors::new(MotorPeripherals {
@@ -162,12 +179,24 @@ mod firmware {
         start(spawner, telemetry(shared, link));
         start(spawner, writer(transmitter, shared, link));
         start(spawner, reader(receiver, shared, link));
+        start(spawner, bus(sensor_bus, shared));
         start(spawner, usb_device(device));
         start(spawner, usb_link(port, shared));
         start(spawner, parameters(storage, shared));
         start(spawner, status(shared, link));
         start(spawner, reboot(shared, link));
         start(spawner, supervisor(watchdog));
+    }
+
+    // Built where they stay: on the stack of `main` they would take several times their size.
+    #[inline(never)]
+    fn share(parameters: Parameters) -> &'static Shared {
+        SHARED.init_with(|| Shared::new(parameters))
+    }
+
+    #[inline(never)]
+    fn open_telemetry(baud: u32) -> &'static Link {
+        TELEMETRY.init_with(|| Link::new("UART0", baud / BITS_PER_BYTE))
     }
 
     /// A task that can't be started never checks in, so the watchdog restarts the board.

@@ -23,7 +23,7 @@ const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 
 /// 8 of the vehicle, 25 of the first pack, the switches of the other 8 packs, and 4 of the simulator.
-const LISTED_BY_DEFAULT: usize = 45;
+const LISTED_BY_DEFAULT: usize = 50;
 
 /// The index of a parameter that is not listed.
 const NOT_LISTED: u16 = u16::MAX;
@@ -250,9 +250,9 @@ fn enabling_a_pack_makes_its_parameters_visible_and_disabling_hides_them() {
     let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
     assert_eq!(
         (ParamValue(&answer).index(), ParamValue(&answer).count()),
-        (35, 69)
+        (40, 79)
     );
-    let answer = desk.one_answer(&param_read_by_index(35));
+    let answer = desk.one_answer(&param_read_by_index(40));
     desk.assert_param_value(&answer, volt_mult, 3.95);
     let listed = desk.list(|_, _| {});
     assert_eq!(listed, desk.listed());

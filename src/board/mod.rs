@@ -4,6 +4,7 @@ mod adc;
 mod buzzer;
 mod fault;
 mod flash;
+mod i2c;
 mod idle;
 mod indicators;
 mod lamps;
@@ -14,13 +15,14 @@ mod uart;
 mod usb;
 mod watchdog;
 
-use embassy_rp::peripherals::{UART0, USB};
+use embassy_rp::peripherals::{I2C1, UART0, USB};
 use embassy_rp::uart::BufferedInterruptHandler;
-use embassy_rp::{adc as rp_adc, bind_interrupts, usb as rp_usb};
+use embassy_rp::{adc as rp_adc, bind_interrupts, i2c as rp_i2c, usb as rp_usb};
 
 pub use adc::AnalogInputs;
 pub use buzzer::Buzzer;
 pub use flash::{BoardFlash, PARAMETER_RANGE};
+pub use i2c::SensorI2c;
 pub use idle::ExecutorIdleTime;
 pub use indicators::{BoardIndicators, indicators};
 pub use motors::{BoardMotors, MotorPeripherals, MotorPins};
@@ -32,6 +34,7 @@ pub use watchdog::BoardWatchdog;
 
 bind_interrupts!(struct Irqs {
     ADC_IRQ_FIFO => rp_adc::InterruptHandler;
+    I2C1_IRQ => rp_i2c::InterruptHandler<I2C1>;
     UART0_IRQ => BufferedInterruptHandler<UART0>;
     USBCTRL_IRQ => rp_usb::InterruptHandler<USB>;
 });

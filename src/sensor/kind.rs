@@ -1,47 +1,91 @@
 //! What measures a pack.
 
-/// What measures a pack; the numbers are those of `BATT_MONITOR`.
+use super::PartKind;
+use crate::parameter::{BatteryParameter, Pack, Parameters};
+
+/// What measures a pack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
-#[repr(u8)]
 pub enum MonitorKind {
     /// A divider on an analog pin.
-    AnalogVoltage = 3,
+    AnalogVoltage,
     /// A divider and a current sensor on analog pins.
-    AnalogVoltageAndCurrent = 4,
+    AnalogVoltageAndCurrent,
     /// The other packs together.
-    Sum = 10,
+    Sum,
     /// A divider on an analog pin, and a current reckoned from the throttle.
-    SyntheticCurrent = 25,
+    SyntheticCurrent,
     /// A current sensor on an analog pin.
-    AnalogCurrent = 31,
+    AnalogCurrent,
+    /// A part on the I2C bus.
+    Bus(PartKind),
+}
+
+/// What `BATT_MONITOR` can be, by number: ArduPilot's.
+pub const MONITOR_CHOICES: &[(i32, &str)] = &monitor_choices();
+
+const DISABLED: (i32, &str) = (0, "Disabled");
+
+/// Those that are no parts on the bus.
+const OWN: [(MonitorKind, i32, &str); 5] = [
+    (MonitorKind::AnalogVoltage, 3, "Analog Voltage Only"),
+    (
+        MonitorKind::AnalogVoltageAndCurrent,
+        4,
+        "Analog Voltage and Current",
+    ),
+    (MonitorKind::Sum, 10, "Sum Of Selected Monitors"),
+    (
+        MonitorKind::SyntheticCurrent,
+        25,
+        "Synthetic Current and Analog Voltage",
+    ),
+    (MonitorKind::AnalogCurrent, 31, "Analog Current Only"),
+];
+
+const CHOICES: usize = 1 + OWN.len() + PartKind::ALL.len();
+
+const fn monitor_choices() -> [(i32, &'static str); CHOICES] {
+    let mut choices = [DISABLED; CHOICES];
+    let mut place = 1;
+    // Loops over ranges can't be evaluated while compiling.
+    let mut own = 0;
+    while own < OWN.len() {
+        choices[place] = (OWN[own].1, OWN[own].2);
+        (own, place) = (own + 1, place + 1);
+    }
+    let mut part = 0;
+    while part < PartKind::ALL.len() {
+        choices[place] = (PartKind::ALL[part].number(), PartKind::ALL[part].label());
+        (part, place) = (part + 1, place + 1);
+    }
+    choices
 }
 
 impl MonitorKind {
+    /// The kind that `BATT_MONITOR` of a pack names; `None` for a pack that is not monitored.
+    pub fn of(parameters: &Parameters, pack: Pack) -> Option<Self> {
+        Self::from_number(parameters.get_whole(BatteryParameter::Monitor.of(pack)))
+    }
+
     /// The kind with this number; `None` for 0, a pack that is not monitored.
     pub fn from_number(number: i32) -> Option<Self> {
-        [
-            Self::AnalogVoltage,
-            Self::AnalogVoltageAndCurrent,
-            Self::Sum,
-            Self::SyntheticCurrent,
-            Self::AnalogCurrent,
-        ]
-        .into_iter()
-        .find(|kind| *kind as i32 == number)
+        let own = OWN.into_iter().find(|(_, own, _)| *own == number);
+        own.map(|(kind, ..)| kind)
+            .or_else(|| PartKind::from_number(number).map(Self::Bus))
     }
 
     pub(super) fn reads_voltage_pin(self) -> bool {
         match self {
             Self::AnalogVoltage | Self::AnalogVoltageAndCurrent | Self::SyntheticCurrent => true,
-            Self::AnalogCurrent | Self::Sum => false,
+            Self::AnalogCurrent | Self::Sum | Self::Bus(_) => false,
         }
     }
 
     pub(super) fn reads_current_pin(self) -> bool {
         match self {
             Self::AnalogVoltageAndCurrent | Self::AnalogCurrent => true,
-            Self::AnalogVoltage | Self::SyntheticCurrent | Self::Sum => false,
+            Self::AnalogVoltage | Self::SyntheticCurrent | Self::Sum | Self::Bus(_) => false,
         }
     }
 }

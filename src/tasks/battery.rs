@@ -41,7 +41,7 @@ pub async fn sample_batteries(
     shared: &Shared,
     check_in: &CheckIn,
 ) -> ! {
-    let kinds = shared.with_parameters(|parameters| Pack::ALL.map(|pack| kind_of(parameters, pack)));
+    let kinds = shared.with_parameters(|parameters| Pack::ALL.map(|pack| MonitorKind::of(parameters, pack)));
     let mut bank = BatteryBank::new();
     if let Some(remembered) = recall(memory) {
         bank.restore(&remembered);
@@ -50,7 +50,7 @@ pub async fn sample_batteries(
     if shared.with_parameters(|parameters| are_failsafes_off(parameters, &kinds)) {
         shared.notice(MavSeverity::MAV_SEVERITY_WARNING, FAILSAFES_OFF);
     }
-    let mut ticks = Cadence::starting_at(Instant::now().as_micros(), SAMPLING_INTERVAL_US);
+    let mut ticks = Cadence::starting_at(shared.ticks_start_us(), SAMPLING_INTERVAL_US);
     loop {
         Timer::at(Instant::from_micros(ticks.due_us())).await;
         ticks.take(Instant::now().as_micros());
@@ -74,10 +74,6 @@ pub async fn sample_batteries(
         shared.count_sample();
         mark(check_in);
     }
-}
-
-fn kind_of(parameters: &Parameters, pack: Pack) -> Option<MonitorKind> {
-    MonitorKind::from_number(parameters.get_whole(BatteryParameter::Monitor.of(pack)))
 }
 
 /// Whether packs are monitored, and none of them ever counts as low.
@@ -178,6 +174,9 @@ fn measure(
     readings: &AnalogReadings,
     shared: &Shared,
 ) -> Result<Measurement, ReadError> {
+    if let MonitorKind::Bus(_) = kind {
+        return shared.take_samples(pack);
+    }
     let throttle = shared.with_vehicle(|vehicle| vehicle.effort());
     shared.with_parameters(|parameters| match kind {
         MonitorKind::Sum => {

@@ -5,6 +5,7 @@
 
 mod announcements;
 mod battery;
+mod bus;
 mod drive;
 mod link;
 mod reader;
@@ -21,6 +22,7 @@ use embassy_time::Instant;
 
 pub use announcements::ANNOUNCEMENT_BYTES;
 pub use battery::sample_batteries;
+pub use bus::read_bus;
 pub use drive::drive;
 pub use link::Link;
 pub use reader::{ByteSource, ReceiveError, read_frames};

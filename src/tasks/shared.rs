@@ -4,13 +4,15 @@ use core::cell::{Cell, RefCell};
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
+use embassy_time::Instant;
 use heapless::Vec;
 
 use super::announcements::{Announcements, Listener};
-use crate::battery::{BatteryState, MAX_PACKS};
+use crate::battery::{BatteryState, MAX_PACKS, Measurement, ReadError};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::MavSeverity;
 use crate::parameter::{Pack, ParameterId, Parameters};
+use crate::sensor::Samples;
 use crate::vehicle::Vehicle;
 
 /// Things said about the start; one each for the parameters, the reset and the failsafes would do.
@@ -25,6 +27,9 @@ pub type Notice = (MavSeverity, &'static str);
 pub struct Shared {
     batteries: RefCell<[BatteryState; MAX_PACKS]>,
     battery_resets: RefCell<[Option<f32>; MAX_PACKS]>,
+    bus_samples: RefCell<[Samples; MAX_PACKS]>,
+    /// From here on the packs are sampled, in µs.
+    ticks_start_us: u64,
     samples: Cell<u32>,
     load_permille: Cell<u16>,
     parameters: RefCell<Parameters>,
@@ -44,10 +49,14 @@ pub struct Shared {
 
 impl Shared {
     /// Nothing measured yet, and these parameters.
+    // Inlined, it would take several times its size of the caller's stack.
+    #[inline(never)]
     pub fn new(parameters: Parameters) -> Self {
-        Self {
-            batteries: RefCell::new(packs_at_boot(&parameters)),
+        let shared = Self {
+            batteries: RefCell::new([BatteryState::default(); MAX_PACKS]),
             battery_resets: RefCell::new([None; MAX_PACKS]),
+            bus_samples: RefCell::new([Samples::new(); MAX_PACKS]),
+            ticks_start_us: Instant::now().as_micros(),
             samples: Cell::new(0),
             load_permille: Cell::new(0),
             parameters: RefCell::new(parameters),
@@ -59,6 +68,18 @@ impl Shared {
             to_clear: Cell::new(false),
             storage_busy: Cell::new(false),
             to_reboot: Signal::new(),
+        };
+        shared.disable_unmonitored();
+        shared
+    }
+
+    /// Before the first sample nothing is known of the packs, but which are monitored.
+    fn disable_unmonitored(&self) {
+        let mut batteries = self.batteries.borrow_mut();
+        for (pack, battery) in Pack::ALL.into_iter().zip(&mut *batteries) {
+            if !self.with_parameters(|parameters| parameters.is_monitored(pack)) {
+                *battery = BatteryState::disabled();
+            }
         }
     }
 
@@ -88,6 +109,29 @@ impl Shared {
     pub fn take_battery_reset(&self, instance: u8) -> Option<f32> {
         let mut resets = self.battery_resets.borrow_mut();
         resets.get_mut(usize::from(instance))?.take()
+    }
+
+    /// When the first sampling tick is, in µs. Whoever measures in time with the ticks goes by it.
+    pub(super) fn ticks_start_us(&self) -> u64 {
+        self.ticks_start_us
+    }
+
+    /// One more reading of a pack by its part on the bus, or why there is none.
+    pub(super) fn add_sample(&self, pack: Pack, reading: Result<Measurement, ReadError>) {
+        let mut samples = self.bus_samples.borrow_mut();
+        if let Some(samples) = samples.get_mut(usize::from(pack.instance())) {
+            samples.add(reading);
+        }
+    }
+
+    /// What a pack's part on the bus has told since the last call.
+    ///
+    /// # Errors
+    /// Nothing but errors.
+    pub(super) fn take_samples(&self, pack: Pack) -> Result<Measurement, ReadError> {
+        let mut samples = self.bus_samples.borrow_mut();
+        let samples = samples.get_mut(usize::from(pack.instance()));
+        samples.map_or(Err(ReadError::Timeout), Samples::take)
     }
 
     /// One more sampling tick is over, whatever the number of packs.
@@ -169,17 +213,6 @@ impl Shared {
             || self.to_clear.get()
             || self.with_parameters(|parameters| parameters.next_unsaved().is_some())
     }
-}
-
-/// Before the first sample nothing is known of the packs, but which are monitored.
-fn packs_at_boot(parameters: &Parameters) -> [BatteryState; MAX_PACKS] {
-    Pack::ALL.map(|pack| {
-        if parameters.is_monitored(pack) {
-            BatteryState::default()
-        } else {
-            BatteryState::disabled()
-        }
-    })
 }
 
 #[cfg(test)]

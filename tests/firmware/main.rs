@@ -11,6 +11,7 @@ mod support;
 
 mod bench;
 mod boot;
+mod bus_packs;
 mod commands;
 mod faults;
 mod i2c;

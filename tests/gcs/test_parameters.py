@@ -41,7 +41,7 @@ def described():
 
 def test_list(vehicle):
     values = read_list(vehicle)
-    assert len(values) == 45
+    assert len(values) == 50
     assert values.keys() <= described()
     assert values["SR0_EXTRA1"] == 2
     assert values["BATT_VOLT_MULT"] == pytest.approx(3.95)
@@ -74,14 +74,14 @@ def test_set_and_refuse(vehicle):
 
 def test_a_pack_that_is_enabled_shows_its_parameters(vehicle):
     assert set_to(vehicle, "BATT2_VOLT_MULT", 11).param_index == 65535, "not listed"
-    assert set_to(vehicle, "BATT2_MONITOR", 3).param_count == 69
+    assert set_to(vehicle, "BATT2_MONITOR", 3).param_count == 79
     values = read_list(vehicle)
-    assert len(values) == 69
+    assert len(values) == 79
     assert values["BATT2_VOLT_MULT"] == 11
     for number in range(3, 10):
         set_to(vehicle, f"BATT{number}_MONITOR", 3)
     assert read_list(vehicle).keys() == described()
-    assert set_to(vehicle, "BATT2_MONITOR", 0).param_count == 213
+    assert set_to(vehicle, "BATT2_MONITOR", 0).param_count == 253
 
 
 def test_the_rate_follows_the_parameter(vehicle):

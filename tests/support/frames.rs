@@ -222,6 +222,14 @@ impl BatteryStatus<'_> {
         self.0.i32(0)
     }
 
+    pub fn energy_hj(&self) -> i32 {
+        self.0.i32(4)
+    }
+
+    pub fn temperature_cdegc(&self) -> i16 {
+        self.0.i16(8)
+    }
+
     pub fn current_ca(&self) -> i16 {
         self.0.i16(30)
     }
@@ -232,6 +240,10 @@ impl BatteryStatus<'_> {
 
     pub fn remaining_pct(&self) -> i8 {
         self.0.i8(35)
+    }
+
+    pub fn time_remaining_s(&self) -> i32 {
+        self.0.i32(36)
     }
 
     pub fn charge_state(&self) -> u8 {

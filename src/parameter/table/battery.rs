@@ -1,6 +1,7 @@
 //! The parameters each pack has of its own.
 
 use super::{Kind, Parameter, Range, TakesEffect};
+use crate::sensor::MONITOR_CHOICES;
 
 /// The analog pins of the board, by GPIO number.
 const ANALOG_PINS: Range = Range::OneOf(&[
@@ -31,14 +32,7 @@ parameters! {
         name: "MONITOR",
         kind: Kind::Int8,
         default: 0.0,
-        range: Range::OneOf(&[
-            (0, "Disabled"),
-            (3, "Analog Voltage Only"),
-            (4, "Analog Voltage and Current"),
-            (10, "Sum Of Selected Monitors"),
-            (25, "Synthetic Current and Analog Voltage"),
-            (31, "Analog Current Only"),
-        ]),
+        range: Range::OneOf(MONITOR_CHOICES),
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AfterReboot,
@@ -362,5 +356,67 @@ parameters! {
         label: "Charge to arm",
         description: "With less charge left than this the rover does not arm. It takes a pack whose current is measured. \
                       0 turns it off.",
+    }
+    I2cBus {
+        key: 89,
+        name: "I2C_BUS",
+        kind: Kind::Int8,
+        default: 1.0,
+        range: Range::OneOf(&[(1, "I2C1: SDA GP14, SCL GP15")]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "I2C bus",
+        description: "The bus that the pack's power monitor or smart battery is wired to. This board has one.",
+    }
+    I2cAddr {
+        key: 90,
+        name: "I2C_ADDR",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::Between(0.0, 127.0),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "I2C address",
+        description: "The address of the pack's power monitor or smart battery on the bus. 0: it is looked for where parts \
+                      of its kind usually are. With several of a kind, set each one's.",
+    }
+    Shunt {
+        key: 91,
+        name: "SHUNT",
+        kind: Kind::Real32,
+        default: 0.0005,
+        range: Range::Between(0.0001, 1.0),
+        step: 0.0001,
+        unit: "Ohm",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "Shunt resistor",
+        description: "The resistor at the power monitor that the pack's current flows through. The INA260 has its own.",
+    }
+    MaxAmps {
+        key: 92,
+        name: "MAX_AMPS",
+        kind: Kind::Real32,
+        default: 90.0,
+        range: Range::Between(0.1, 400.0),
+        step: 0.1,
+        unit: "A",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "Highest current",
+        description: "The highest current that the INA228's own counters have to count. It measures no more than 163.84 mV \
+                      across the shunt. The other power monitors do without.",
+    }
+    Channel {
+        key: 93,
+        name: "CHANNEL",
+        kind: Kind::Int8,
+        default: 1.0,
+        range: Range::Between(1.0, 3.0),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "Channel",
+        description: "The channel of the INA3221 that measures the pack. Packs with the same address share the chip.",
     }
 }

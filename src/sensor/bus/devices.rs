@@ -1,0 +1,222 @@
+//! The parts on the bus, and when which is read.
+
+use heapless::Vec;
+
+use super::part::FAST_MODE_HZ;
+use super::registry::AnyPart;
+use super::{Address, PartKind, SensorBus, Wiring};
+use crate::battery::{MAX_PACKS, Measurement, ReadError};
+use crate::cadence::Cadence;
+use crate::parameter::{Pack, Parameters};
+use crate::sensor::MonitorKind;
+
+/// A part that has failed so often in a row is given time, for the sake of the others.
+const FAILURES_UNTIL_REST: u8 = 3;
+
+/// And so much of it: ArduPilot looks for a missing part as often.
+const REST_US: u64 = 200_000;
+
+/// Parts that are read once in a tick of the battery task are read in the middle between two ticks, so that a delay on the
+/// bus does not put two readings into one tick and none into the next.
+const PHASE_SHARE: u64 = 2;
+
+/// Where a device is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Place {
+    /// Where it was set to be.
+    Set(Address),
+    /// To be found.
+    Unknown,
+    /// Where it was found. It stays there: after a loose contact no pack must be mistaken for another.
+    Found(Address),
+    /// Another device is there.
+    Taken,
+}
+
+/// A part on the bus, with the packs it measures.
+#[derive(Debug)]
+struct BusDevice {
+    kind: PartKind,
+    place: Place,
+    packs: Vec<(Pack, Wiring), MAX_PACKS>,
+    part: Option<AnyPart>,
+    failures: u8,
+    cadence: Cadence,
+}
+
+/// All parts on the bus.
+#[derive(Debug, Default)]
+pub struct BusDevices {
+    devices: Vec<BusDevice, MAX_PACKS>,
+}
+
+impl BusDevices {
+    /// The parts the parameters name. Packs share a part with several channels if their address is set alike.
+    pub fn from_parameters(parameters: &Parameters, now_us: u64) -> Self {
+        let mut devices = Self::default();
+        for pack in Pack::ALL {
+            if let Some(MonitorKind::Bus(kind)) = MonitorKind::of(parameters, pack) {
+                devices.add(kind, pack, Wiring::from_parameters(parameters, pack), now_us);
+            }
+        }
+        devices
+    }
+
+    fn add(&mut self, kind: PartKind, pack: Pack, wiring: Wiring, now_us: u64) {
+        let shared = self
+            .devices
+            .iter_mut()
+            .find(|device| device.has_room_for(kind, &wiring));
+        if let Some(device) = shared {
+            // There is room for every pack.
+            let _ = device.packs.push((pack, wiring));
+            return;
+        }
+        let place = match wiring.address {
+            Some(address) if self.taken().any(|taken| taken == address) => Place::Taken,
+            Some(address) => Place::Set(address),
+            None => Place::Unknown,
+        };
+        let mut packs = Vec::new();
+        let _ = packs.push((pack, wiring));
+        let interval_us = kind.interval_us();
+        let _ = self.devices.push(BusDevice {
+            kind,
+            place,
+            packs,
+            part: None,
+            failures: 0,
+            cadence: Cadence::starting_at(now_us + interval_us / PHASE_SHARE, interval_us),
+        });
+    }
+
+    fn taken(&self) -> impl Iterator<Item = Address> {
+        self.devices.iter().filter_map(|device| match device.place {
+            Place::Set(address) | Place::Found(address) => Some(address),
+            Place::Unknown | Place::Taken => None,
+        })
+    }
+
+    /// When the next part has to be read, in µs.
+    pub fn next_due_us(&self) -> Option<u64> {
+        let due = self.devices.iter().map(|device| device.cadence.due_us());
+        due.min()
+    }
+
+    /// Reads the part that has waited longest, if it is due at `now_us`, and hands over what it tells of each of its packs.
+    pub async fn read_next(
+        &mut self,
+        bus: &mut impl SensorBus,
+        now_us: u64,
+        mut deliver: impl FnMut(Pack, Result<Measurement, ReadError>),
+    ) {
+        let taken: Vec<Address, MAX_PACKS> = self.taken().collect();
+        let waiting = self
+            .devices
+            .iter_mut()
+            .min_by_key(|device| device.cadence.due_us());
+        let Some(device) = waiting else { return };
+        if !device.cadence.take(now_us) {
+            return;
+        }
+        let result = device.read(bus, &taken, &mut deliver).await;
+        device.note(result, now_us);
+        if let Err(error) = result {
+            for (pack, _) in &device.packs {
+                deliver(*pack, Err(error));
+            }
+        }
+    }
+}
+
+/// The fastest clock that every part the parameters name stands, in Hz.
+pub fn bus_clock_hz(parameters: &Parameters) -> u32 {
+    let kinds = Pack::ALL
+        .into_iter()
+        .filter_map(|pack| MonitorKind::of(parameters, pack));
+    let clocks = kinds.filter_map(|kind| match kind {
+        MonitorKind::Bus(kind) => Some(kind.highest_clock_hz()),
+        _ => None,
+    });
+    clocks.min().unwrap_or(FAST_MODE_HZ)
+}
+
+impl BusDevice {
+    fn has_room_for(&self, kind: PartKind, wiring: &Wiring) -> bool {
+        let is_set_alike = self
+            .packs
+            .first()
+            .is_some_and(|(_, own)| own.address == wiring.address);
+        self.kind == kind && is_set_alike && self.packs.len() < kind.channels()
+    }
+
+    async fn read(
+        &mut self,
+        bus: &mut impl SensorBus,
+        taken: &[Address],
+        deliver: &mut impl FnMut(Pack, Result<Measurement, ReadError>),
+    ) -> Result<(), ReadError> {
+        let part = match &mut self.part {
+            Some(part) => {
+                part.check(bus).await?;
+                part
+            }
+            none => {
+                let (address, part) = find(self.kind, self.place, &self.packs, bus, taken).await?;
+                if self.place == Place::Unknown {
+                    self.place = Place::Found(address);
+                }
+                none.insert(part)
+            }
+        };
+        for (pack, wiring) in &self.packs {
+            deliver(*pack, Ok(part.read(bus, wiring).await?));
+        }
+        Ok(())
+    }
+
+    fn note(&mut self, result: Result<(), ReadError>, now_us: u64) {
+        match result {
+            Ok(()) => {
+                self.failures = 0;
+                return;
+            }
+            // What was set up is not there any more, or is not set up any more.
+            Err(ReadError::OtherPart) => self.part = None,
+            Err(_) => {}
+        }
+        self.failures = self.failures.saturating_add(1);
+        if self.failures >= FAILURES_UNTIL_REST {
+            self.cadence.skip_until(now_us.saturating_add(REST_US));
+        }
+    }
+}
+
+/// Sets up the part where it has to be, or where it is found.
+async fn find(
+    kind: PartKind,
+    place: Place,
+    packs: &[(Pack, Wiring)],
+    bus: &mut impl SensorBus,
+    taken: &[Address],
+) -> Result<(Address, AnyPart), ReadError> {
+    let (_, wiring) = packs.first().ok_or(ReadError::NoPin)?;
+    match place {
+        Place::Taken => Err(ReadError::AddressTaken),
+        Place::Set(address) | Place::Found(address) => {
+            Ok((address, kind.set_up(bus, address, wiring).await?))
+        }
+        Place::Unknown => {
+            let free = kind.addresses().iter().filter(|address| !taken.contains(address));
+            for address in free {
+                match kind.set_up(bus, *address, wiring).await {
+                    Ok(part) => return Ok((*address, part)),
+                    // Somebody else may be there.
+                    Err(ReadError::NoAnswer | ReadError::OtherPart) => {}
+                    Err(error) => return Err(error),
+                }
+            }
+            Err(ReadError::NoAnswer)
+        }
+    }
+}

@@ -1,0 +1,308 @@
+//! Texas Instruments' power monitors with one channel: INA226 (SBOS547), INA228 (SLYS021) and INA260 (SBOS656).
+//!
+//! They differ in where their registers are and how fine they are, so one driver reads them by a table. The current comes
+//! from the voltage over the shunt, not from the part's current register: that one needs a calibration, which a part whose
+//! supply dipped has forgotten, and then it reads 0 A.
+
+use super::TEXAS_INSTRUMENTS;
+use crate::battery::{Consumed, Counted, Measurement, ReadError};
+use crate::log::info;
+use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
+use crate::sensor::bus::registers::Registers;
+use crate::sensor::bus::{Address, SensorBus, Wiring};
+
+const COULOMBS_PER_MAH: f32 = 3.6;
+const JOULES_PER_WH: f32 = 3600.0;
+
+/// The lowest four bits of an identification are the revision.
+const REVISION: u16 = 0xf;
+
+/// How a part is told from others, set up and read.
+#[derive(Debug)]
+struct Model {
+    name: &'static str,
+    manufacturer_register: u8,
+    identity_register: u8,
+    identity: u16,
+    configuration_register: u8,
+    /// Continuous conversions, averaged over a little less than the polling interval, so that little is missed between two
+    /// readings.
+    configuration: u16,
+    /// In volts.
+    voltage: Quantity,
+    current: Current,
+    counters: Option<Counters>,
+}
+
+/// A register and what a step of it is worth.
+#[derive(Debug)]
+struct Quantity {
+    register: u8,
+    width: Width,
+    step: f32,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Width {
+    /// Two bytes.
+    Bits16,
+    /// The upper 20 bits of three bytes; the others are always 0.
+    Bits20,
+}
+
+#[derive(Debug)]
+enum Current {
+    /// The voltage over the shunt, in volts.
+    OverShunt(Quantity),
+    /// The shunt is in the part: in amperes.
+    Inside(Quantity),
+}
+
+/// The INA228 adds up charge and energy itself, each in 40 bits that start over when they are full.
+#[derive(Debug)]
+struct Counters {
+    calibration_register: u8,
+    /// The calibration for a step of one ampere and a shunt of one ohm.
+    calibration: f32,
+    /// Steps of the current in the highest current.
+    steps: f32,
+    charge_register: u8,
+    energy_register: u8,
+    /// Joules in a step of the energy, for each ampere in a step of the current.
+    energy_step: f32,
+}
+
+static MODELS: [Model; 3] = [
+    Model {
+        name: "INA226",
+        manufacturer_register: 0xfe,
+        identity_register: 0xff,
+        identity: 0x2260,
+        configuration_register: 0x00,
+        // 16 times 588 µs for each of both voltages: 18.8 ms.
+        configuration: 0x44df,
+        voltage: Quantity {
+            register: 0x02,
+            width: Width::Bits16,
+            step: 1.25e-3,
+        },
+        current: Current::OverShunt(Quantity {
+            register: 0x01,
+            width: Width::Bits16,
+            step: 2.5e-6,
+        }),
+        counters: None,
+    },
+    Model {
+        name: "INA260",
+        manufacturer_register: 0xfe,
+        identity_register: 0xff,
+        identity: 0x2270,
+        configuration_register: 0x00,
+        // As the INA226.
+        configuration: 0x64df,
+        voltage: Quantity {
+            register: 0x02,
+            width: Width::Bits16,
+            step: 1.25e-3,
+        },
+        current: Current::Inside(Quantity {
+            register: 0x01,
+            width: Width::Bits16,
+            step: 1.25e-3,
+        }),
+        counters: None,
+    },
+    Model {
+        name: "INA228",
+        manufacturer_register: 0x3e,
+        identity_register: 0x3f,
+        identity: 0x2280,
+        configuration_register: 0x01,
+        // 16 times 540 µs for each of both voltages: 17.3 ms. The temperature would be the chip's, not the pack's.
+        configuration: 0xb92a,
+        voltage: Quantity {
+            register: 0x05,
+            width: Width::Bits20,
+            step: 195.312_5e-6,
+        },
+        current: Current::OverShunt(Quantity {
+            register: 0x04,
+            width: Width::Bits20,
+            step: 312.5e-9,
+        }),
+        counters: Some(Counters {
+            calibration_register: 0x02,
+            calibration: 13_107.2e6,
+            steps: 524_288.0,
+            charge_register: 0x0a,
+            energy_register: 0x09,
+            energy_step: 16.0 * 3.2,
+        }),
+    },
+];
+
+/// A power monitor that was recognised.
+#[derive(Debug)]
+pub(in crate::sensor::bus) struct Ina2xx {
+    address: Address,
+    model: &'static Model,
+    counting: Option<Counting>,
+}
+
+/// How the counters of a part were set up, and what they read last.
+#[derive(Debug)]
+struct Counting {
+    counters: &'static Counters,
+    calibration: u16,
+    /// What a step of the current is worth, in amperes.
+    step_a: f32,
+    last: Option<Codes>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Codes {
+    charge: [u8; COUNTER_BYTES],
+    energy: [u8; COUNTER_BYTES],
+}
+
+const COUNTER_BYTES: usize = 5;
+
+impl Part for Ina2xx {
+    /// Those that are set by a wire to ground or to the supply.
+    const ADDRESSES: &'static [Address] = &[
+        Address::known(0x40),
+        Address::known(0x41),
+        Address::known(0x44),
+        Address::known(0x45),
+    ];
+    const INTERVAL_US: u64 = 25_000;
+    const HIGHEST_CLOCK_HZ: u32 = FAST_MODE_HZ;
+
+    async fn set_up(bus: &mut impl SensorBus, address: Address, wiring: &Wiring) -> Result<Self, ReadError> {
+        let mut registers = Registers::new(bus, address);
+        let model = recognise(&mut registers).await?;
+        registers
+            .write_u16(model.configuration_register, model.configuration)
+            .await?;
+        let counting = model.counters.as_ref().map(|counters| counters.count(wiring));
+        if let Some(counting) = &counting {
+            registers
+                .write_u16(counting.counters.calibration_register, counting.calibration)
+                .await?;
+        }
+        info!("{} at {:#x}", model.name, address.bits());
+        Ok(Self {
+            address,
+            model,
+            counting,
+        })
+    }
+
+    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
+        let mut registers = Registers::new(bus, self.address);
+        registers
+            .expect_u16(self.model.configuration_register, self.model.configuration)
+            .await?;
+        if let Some(counting) = &self.counting {
+            registers
+                .expect_u16(counting.counters.calibration_register, counting.calibration)
+                .await?;
+        }
+        Ok(())
+    }
+
+    async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError> {
+        let mut registers = Registers::new(bus, self.address);
+        let voltage_v = self.model.voltage.read(&mut registers).await?;
+        if voltage_v < 0.0 {
+            // The sign of a voltage is always 0.
+            return Err(ReadError::Implausible);
+        }
+        let current_a = match &self.model.current {
+            Current::OverShunt(shunt) => shunt.read(&mut registers).await? / wiring.shunt_ohm,
+            Current::Inside(current) => current.read(&mut registers).await?,
+        };
+        let counted = match &mut self.counting {
+            Some(counting) => counting.read(&mut registers).await?,
+            None => None,
+        };
+        Ok(Measurement {
+            voltage_v: Some(voltage_v),
+            current_a: Some(current_a),
+            counted,
+            ..Measurement::default()
+        })
+    }
+}
+
+async fn recognise<B: SensorBus>(registers: &mut Registers<'_, B>) -> Result<&'static Model, ReadError> {
+    for model in &MODELS {
+        let manufacturer = registers.read_u16(model.manufacturer_register).await?;
+        let identity = registers.read_u16(model.identity_register).await?;
+        if manufacturer == TEXAS_INSTRUMENTS && identity & !REVISION == model.identity {
+            return Ok(model);
+        }
+    }
+    Err(ReadError::OtherPart)
+}
+
+impl Quantity {
+    async fn read<B: SensorBus>(&self, registers: &mut Registers<'_, B>) -> Result<f32, ReadError> {
+        let code = match self.width {
+            Width::Bits16 => i32::from(registers.read_u16(self.register).await? as i16),
+            Width::Bits20 => {
+                let [high, middle, low] = registers.read(self.register).await?;
+                // Shifting back brings the sign along.
+                i32::from_be_bytes([high, middle, low, 0]) >> 12
+            }
+        };
+        Ok(code as f32 * self.step)
+    }
+}
+
+impl Counters {
+    /// The calibration is a whole number; what a step is worth follows from it.
+    fn count(&'static self, wiring: &Wiring) -> Counting {
+        let wanted_a = wiring.max_current_a / self.steps;
+        let calibration = (self.calibration * wanted_a * wiring.shunt_ohm + 0.5).clamp(1.0, 32_767.0) as u16;
+        Counting {
+            counters: self,
+            calibration,
+            step_a: f32::from(calibration) / (self.calibration * wiring.shunt_ohm),
+            last: None,
+        }
+    }
+}
+
+impl Counting {
+    /// What was counted since the last reading; `None` the first time.
+    async fn read<B: SensorBus>(
+        &mut self,
+        registers: &mut Registers<'_, B>,
+    ) -> Result<Option<Counted>, ReadError> {
+        let codes = Codes {
+            charge: registers.read(self.counters.charge_register).await?,
+            energy: registers.read(self.counters.energy_register).await?,
+        };
+        let last = self.last.replace(codes);
+        Ok(last.map(|last| Counted::SinceLast(self.counted(&codes, &last))))
+    }
+
+    /// The energy counts up whichever way the current flows, so it goes by the sign of the charge.
+    fn counted(&self, now: &Codes, before: &Codes) -> Consumed {
+        let charge_mah = steps_between(now.charge, before.charge) * self.step_a / COULOMBS_PER_MAH;
+        let energy_wh = steps_between(now.energy, before.energy) * self.step_a * self.counters.energy_step
+            / JOULES_PER_WH;
+        Consumed {
+            charge_mah,
+            energy_wh: if charge_mah < 0.0 { -energy_wh } else { energy_wh },
+        }
+    }
+}
+
+/// Modulo 2^40, the difference that is nearer to 0.
+fn steps_between(now: [u8; COUNTER_BYTES], before: [u8; COUNTER_BYTES]) -> f32 {
+    let at_the_top = |[a, b, c, d, e]: [u8; COUNTER_BYTES]| i64::from_be_bytes([a, b, c, d, e, 0, 0, 0]);
+    (at_the_top(now).wrapping_sub(at_the_top(before)) >> 24) as f32
+}

@@ -1,0 +1,78 @@
+//! Texas Instruments' INA3221 (SBOS576): three packs on one chip, each with a shunt of its own.
+
+use super::TEXAS_INSTRUMENTS;
+use crate::battery::{Measurement, ReadError};
+use crate::log::info;
+use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
+use crate::sensor::bus::registers::Registers;
+use crate::sensor::bus::{Address, SensorBus, Wiring};
+
+const CONFIGURATION: u8 = 0x00;
+const MANUFACTURER_ID: u8 = 0xfe;
+const DIE_ID: u8 = 0xff;
+const INA3221: u16 = 0x3220;
+
+/// All three channels, again and again, 16 times 588 µs for each of their voltages: 56 ms in all.
+const CONTINUOUS: u16 = 0x74df;
+
+/// The registers of channel n: the voltage over the shunt, then the one of the pack.
+const SHUNT_VOLTAGE: [u8; 3] = [0x01, 0x03, 0x05];
+const BUS_VOLTAGE: [u8; 3] = [0x02, 0x04, 0x06];
+
+const SHUNT_STEP_V: f32 = 40e-6;
+const BUS_STEP_V: f32 = 8e-3;
+
+/// Both are 13 bits from bit 3 on; the others are always 0.
+const UNUSED_BITS: u32 = 3;
+
+/// An INA3221 that answered.
+#[derive(Debug)]
+pub(in crate::sensor::bus) struct Ina3221 {
+    address: Address,
+}
+
+impl Part for Ina3221 {
+    const ADDRESSES: &'static [Address] = &[
+        Address::known(0x40),
+        Address::known(0x41),
+        Address::known(0x42),
+        Address::known(0x43),
+    ];
+    const INTERVAL_US: u64 = 100_000;
+    const HIGHEST_CLOCK_HZ: u32 = FAST_MODE_HZ;
+    const CHANNELS: usize = BUS_VOLTAGE.len();
+
+    async fn set_up(bus: &mut impl SensorBus, address: Address, _: &Wiring) -> Result<Self, ReadError> {
+        let mut registers = Registers::new(bus, address);
+        registers.expect_u16(MANUFACTURER_ID, TEXAS_INSTRUMENTS).await?;
+        registers.expect_u16(DIE_ID, INA3221).await?;
+        registers.write_u16(CONFIGURATION, CONTINUOUS).await?;
+        info!("INA3221 at {:#x}", address.bits());
+        Ok(Self { address })
+    }
+
+    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
+        Registers::new(bus, self.address)
+            .expect_u16(CONFIGURATION, CONTINUOUS)
+            .await
+    }
+
+    async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError> {
+        let channel = usize::from(wiring.channel).wrapping_sub(1);
+        let (Some(shunt), Some(voltage)) = (SHUNT_VOLTAGE.get(channel), BUS_VOLTAGE.get(channel)) else {
+            return Err(ReadError::NoPin);
+        };
+        let mut registers = Registers::new(bus, self.address);
+        let steps = |code: u16| f32::from(code as i16 >> UNUSED_BITS);
+        let voltage_v = steps(registers.read_u16(*voltage).await?) * BUS_STEP_V;
+        let shunt_v = steps(registers.read_u16(*shunt).await?) * SHUNT_STEP_V;
+        if voltage_v < 0.0 {
+            return Err(ReadError::Implausible);
+        }
+        Ok(Measurement {
+            voltage_v: Some(voltage_v),
+            current_a: Some(shunt_v / wiring.shunt_ohm),
+            ..Measurement::default()
+        })
+    }
+}

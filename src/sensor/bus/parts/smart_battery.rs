@@ -1,0 +1,320 @@
+//! Smart batteries by the Smart Battery Data Specification 1.1, as ArduPilot's generic driver reads them.
+
+use core::ops::RangeInclusive;
+
+use crate::battery::{
+    CellVoltages, Chemistry, Date, Gauge, MAX_CELLS, Measurement, Name, PackDetails, ReadError,
+};
+use crate::log::info;
+use crate::sensor::bus::part::Part;
+use crate::sensor::bus::smbus::{PacketErrorCode, SmBus};
+use crate::sensor::bus::{Address, SensorBus, Wiring};
+
+// Commands of the specification, chapter 5.1.
+const BATTERY_MODE: u8 = 0x03;
+const TEMPERATURE: u8 = 0x08;
+const VOLTAGE: u8 = 0x09;
+const CURRENT: u8 = 0x0a;
+const REMAINING_CAPACITY: u8 = 0x0f;
+const FULL_CHARGE_CAPACITY: u8 = 0x10;
+const CYCLE_COUNT: u8 = 0x17;
+const DESIGN_CAPACITY: u8 = 0x18;
+const DESIGN_VOLTAGE: u8 = 0x19;
+const SPECIFICATION_INFO: u8 = 0x1a;
+const MANUFACTURE_DATE: u8 = 0x1b;
+const SERIAL_NUMBER: u8 = 0x1c;
+const MANUFACTURER_NAME: u8 = 0x20;
+const DEVICE_NAME: u8 = 0x21;
+const DEVICE_CHEMISTRY: u8 = 0x22;
+
+/// By custom, from the first cell on. The specification leaves these commands to the maker.
+const CELL_VOLTAGES: [u8; MAX_CELLS] = [
+    0x3f, 0x3e, 0x3d, 0x3c, 0x3b, 0x3a, 0x39, 0x38, 0x37, 0x36, 0x35, 0x34, 0x33, 0x32,
+];
+
+/// Battery mode: capacities are in steps of 10 mWh instead of 1 mAh.
+const CAPACITY_MODE: u16 = 1 << 15;
+
+/// The first version of the specification with a packet error code.
+const VERSION_WITH_CODE: u16 = 3;
+
+/// Says it had a packet error code, and has not (as ArduPilot found).
+const WITHOUT_CODE: &[u8] = b"Hitachi maxell";
+
+/// The highest power of ten that values are in steps of.
+const HIGHEST_EXPONENT: u16 = 3;
+
+/// A word nobody has filled in.
+const BLANK: u16 = 0xffff;
+
+/// A cell's voltage can be one of these, in millivolts.
+const CELL_MV: RangeInclusive<u16> = 500..=5_000;
+
+/// The cells are the pack's if they amount to its voltage within this share: they are read a moment later.
+const CELL_SUM_TOLERANCE: f32 = 0.05;
+
+const ZERO_CELSIUS_K: f32 = 273.15;
+
+/// Years are counted from here.
+const FIRST_YEAR: u16 = 1980;
+
+/// What a battery is asked once.
+const INTRODUCTION: [u8; 8] = [
+    BATTERY_MODE,
+    VOLTAGE,
+    FULL_CHARGE_CAPACITY,
+    CYCLE_COUNT,
+    DESIGN_CAPACITY,
+    DESIGN_VOLTAGE,
+    MANUFACTURE_DATE,
+    SERIAL_NUMBER,
+];
+
+/// A smart battery that answered.
+#[derive(Debug)]
+pub(in crate::sensor::bus) struct SmartBattery {
+    address: Address,
+    code: PacketErrorCode,
+    scale: Scale,
+    cells: usize,
+    /// Serial number, to notice another battery.
+    serial: Option<u16>,
+    details: PackDetails,
+    full_mah: Option<f32>,
+    /// What changes slowly is read by turns.
+    slow_command: u8,
+}
+
+/// What the words of a battery are worth.
+#[derive(Clone, Copy, Debug)]
+struct Scale {
+    /// Volts.
+    voltage: f32,
+    /// Amperes.
+    current: f32,
+    /// Milliampere-hours.
+    capacity: f32,
+}
+
+impl Part for SmartBattery {
+    /// Where every smart battery is.
+    const ADDRESSES: &'static [Address] = &[Address::known(0x0b)];
+    const INTERVAL_US: u64 = 100_000;
+    /// The specification's limit.
+    const HIGHEST_CLOCK_HZ: u32 = 100_000;
+
+    async fn set_up(bus: &mut impl SensorBus, address: Address, _: &Wiring) -> Result<Self, ReadError> {
+        let mut commands = SmBus::new(bus, address, PacketErrorCode::Absent);
+        // Who has no packet error code can't send it, and who has one can be asked without.
+        let [info] = commands.words([SPECIFICATION_INFO]).await?.map(known);
+        let [manufacturer] = commands.names([MANUFACTURER_NAME]).await?;
+        let code = packet_error_code(info, manufacturer);
+        let mut commands = SmBus::new(bus, address, code);
+        let words = commands.words(INTRODUCTION).await?.map(known);
+        let [manufacturer, device, chemistry] = commands
+            .names([MANUFACTURER_NAME, DEVICE_NAME, DEVICE_CHEMISTRY])
+            .await?;
+        let cells_mv = commands.words(CELL_VOLTAGES).await?;
+        let [
+            mode,
+            voltage,
+            full,
+            cycles,
+            design_capacity,
+            design_voltage,
+            manufactured,
+            serial,
+        ] = words;
+        let voltage = voltage.ok_or(ReadError::OtherPart)?;
+        let scale = Scale::new(info.unwrap_or(0))?.in_mode(mode, design_voltage);
+        let cells = count_cells(f32::from(voltage) * scale.voltage, &cells_mv);
+        info!("smart battery at {:#x}, {} cells", address.bits(), cells);
+        Ok(Self {
+            address,
+            code,
+            scale,
+            cells,
+            serial,
+            details: PackDetails {
+                manufacturer,
+                device,
+                serial_number: serial.map(i32::from),
+                manufactured: manufactured.and_then(date),
+                chemistry: chemistry_of(chemistry),
+                cycle_count: cycles,
+                design_capacity_mah: filled(design_capacity, scale.capacity),
+                design_voltage_v: filled(design_voltage, scale.voltage),
+                state_of_health_pct: None,
+            },
+            full_mah: filled(full, scale.capacity),
+            slow_command: CYCLE_COUNT,
+        })
+    }
+
+    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
+        if self.serial.is_none() {
+            return Ok(());
+        }
+        let [serial] = self.commands(bus).words([SERIAL_NUMBER]).await?;
+        match serial {
+            None => Err(ReadError::NoAnswer),
+            Some(_) if serial == self.serial => Ok(()),
+            Some(_) => Err(ReadError::OtherPart),
+        }
+    }
+
+    async fn read(&mut self, bus: &mut impl SensorBus, _: &Wiring) -> Result<Measurement, ReadError> {
+        let slow_command = self.slow_command;
+        let asked = [VOLTAGE, REMAINING_CAPACITY, TEMPERATURE, slow_command];
+        let words = self.commands(bus).words(asked).await?;
+        let [voltage, remaining, temperature, slow] = words.map(known);
+        let [current] = self.commands(bus).words([CURRENT]).await?;
+        self.note_slow(slow);
+        let voltage_v = f32::from(voltage.ok_or(ReadError::NoAnswer)?) * self.scale.voltage;
+        Ok(Measurement {
+            voltage_v: Some(voltage_v),
+            // The specification counts what flows into the battery.
+            current_a: current.map(|current| -f32::from(current as i16) * self.scale.current),
+            counted: None,
+            gauge: remaining.zip(self.full_mah).map(|(remaining, full_mah)| Gauge {
+                remaining_mah: f32::from(remaining) * self.scale.capacity,
+                full_mah,
+            }),
+            temperature_c: temperature.map(|tenths_k| f32::from(tenths_k) * 0.1 - ZERO_CELSIUS_K),
+            cells: self.cell_voltages(bus, voltage_v).await?,
+            details: self.details,
+        })
+    }
+}
+
+impl SmartBattery {
+    fn commands<'a, B: SensorBus>(&self, bus: &'a mut B) -> SmBus<'a, B> {
+        SmBus::new(bus, self.address, self.code)
+    }
+
+    fn note_slow(&mut self, word: Option<u16>) {
+        if self.slow_command == CYCLE_COUNT {
+            self.details.cycle_count = word;
+            self.slow_command = FULL_CHARGE_CAPACITY;
+        } else {
+            self.full_mah = filled(word, self.scale.capacity);
+            self.slow_command = CYCLE_COUNT;
+        }
+        self.details.state_of_health_pct = self.state_of_health_pct();
+    }
+
+    /// What it holds of what it was made to hold. A new battery may hold more.
+    fn state_of_health_pct(&self) -> Option<u8> {
+        let share = self.full_mah? / self.details.design_capacity_mah?;
+        Some((share * 100.0 + 0.5).min(100.0) as u8)
+    }
+
+    async fn cell_voltages(&self, bus: &mut impl SensorBus, pack_v: f32) -> Result<CellVoltages, ReadError> {
+        let mut cells_mv = [None; MAX_CELLS];
+        for (cell_mv, command) in cells_mv.iter_mut().zip(CELL_VOLTAGES).take(self.cells) {
+            let [answer] = self.commands(bus).words([command]).await?;
+            *cell_mv = answer;
+        }
+        let cells = count_cells(pack_v, &cells_mv);
+        let cells_mv = cells_mv.map(Option::unwrap_or_default);
+        Ok(CellVoltages::from_millivolts(
+            cells_mv.get(..cells).unwrap_or(&[]),
+        ))
+    }
+}
+
+fn packet_error_code(info: Option<u16>, manufacturer: Name) -> PacketErrorCode {
+    let version = info.unwrap_or(0) >> 4 & 0xf;
+    if version >= VERSION_WITH_CODE && manufacturer.as_bytes() != WITHOUT_CODE {
+        PacketErrorCode::Sent
+    } else {
+        PacketErrorCode::Absent
+    }
+}
+
+impl Scale {
+    /// The specification info has powers of ten for voltages, and for currents and capacities.
+    fn new(info: u16) -> Result<Self, ReadError> {
+        let [voltage, current] = [8, 12].map(|at| info >> at & 0xf);
+        if voltage > HIGHEST_EXPONENT || current > HIGHEST_EXPONENT {
+            return Err(ReadError::OtherPart);
+        }
+        Ok(Self {
+            voltage: 1e-3 * power_of_ten(voltage),
+            current: 1e-3 * power_of_ten(current),
+            capacity: power_of_ten(current),
+        })
+    }
+
+    /// A battery that counts energy, in steps of 10 mWh, has the charge that is at its design voltage.
+    fn in_mode(self, mode: Option<u16>, design_voltage: Option<u16>) -> Self {
+        match filled(design_voltage, self.voltage) {
+            Some(design_voltage_v) if mode.unwrap_or(0) & CAPACITY_MODE != 0 => Self {
+                capacity: self.capacity * 10.0 / design_voltage_v,
+                ..self
+            },
+            _ => self,
+        }
+    }
+}
+
+fn power_of_ten(exponent: u16) -> f32 {
+    (0..exponent).fold(1.0, |power, _| power * 10.0)
+}
+
+/// What a word is worth; 0 is what nobody has filled in.
+fn filled(word: Option<u16>, step: f32) -> Option<f32> {
+    word.filter(|word| *word > 0).map(|word| f32::from(word) * step)
+}
+
+/// A word that somebody has filled in. What the lines read when nobody sends is the same.
+fn known(word: Option<u16>) -> Option<u16> {
+    word.filter(|word| *word != BLANK)
+}
+
+/// How many of the cells there are. Makers use these commands for other things, too, so as many count as amount to the
+/// pack's voltage.
+fn count_cells(pack_v: f32, cells_mv: &[Option<u16>]) -> usize {
+    let cells = cells_mv
+        .iter()
+        .map_while(|mv| mv.filter(|mv| CELL_MV.contains(mv)));
+    let mut sum_v = 0.0;
+    for (place, cell_mv) in cells.enumerate() {
+        sum_v += f32::from(cell_mv) * 1e-3;
+        if (pack_v - sum_v).abs() <= pack_v * CELL_SUM_TOLERANCE {
+            return place + 1;
+        }
+    }
+    0
+}
+
+/// (year − 1980) × 512 + month × 32 + day.
+fn date(word: u16) -> Option<Date> {
+    let (month, day) = ((word >> 5 & 0xf) as u8, (word & 0x1f) as u8);
+    let is_date = (1..=12).contains(&month) && day >= 1;
+    is_date.then_some(Date {
+        year: FIRST_YEAR + (word >> 9),
+        month,
+        day,
+    })
+}
+
+/// The specification suggests four letters.
+fn chemistry_of(name: Name) -> Option<Chemistry> {
+    let is = |letters: &[u8]| {
+        name.as_bytes()
+            .get(..letters.len())
+            .is_some_and(|start| start.eq_ignore_ascii_case(letters))
+    };
+    if is(b"LION") || is(b"LI-I") {
+        Some(Chemistry::LiIon)
+    } else if is(b"LIP") {
+        Some(Chemistry::LiPo)
+    } else if is(b"LFP") || is(b"LIFE") {
+        Some(Chemistry::LiFe)
+    } else if is(b"NIMH") {
+        Some(Chemistry::NiMh)
+    } else {
+        None
+    }
+}

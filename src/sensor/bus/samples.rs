@@ -1,0 +1,135 @@
+//! What a part has told between two ticks of the battery task.
+
+use crate::battery::{Consumed, Counted, Measurement, ReadError};
+
+/// The readings of a pack since they were taken last.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Samples {
+    voltage: Mean,
+    current: Mean,
+    /// What was counted since the readings were taken.
+    counted: Option<Consumed>,
+    last: Option<Measurement>,
+    error: Option<ReadError>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Mean {
+    sum: f32,
+    count: u16,
+}
+
+impl Mean {
+    fn add(&mut self, value: Option<f32>) {
+        if let Some(value) = value {
+            self.sum += value;
+            self.count = self.count.saturating_add(1);
+        }
+    }
+
+    fn value(&self) -> Option<f32> {
+        (self.count > 0).then(|| self.sum / f32::from(self.count))
+    }
+}
+
+impl Samples {
+    /// Nothing yet.
+    pub const fn new() -> Self {
+        Self {
+            voltage: Mean { sum: 0.0, count: 0 },
+            current: Mean { sum: 0.0, count: 0 },
+            counted: None,
+            last: None,
+            error: None,
+        }
+    }
+
+    /// One more reading, or why there is none.
+    pub fn add(&mut self, reading: Result<Measurement, ReadError>) {
+        match reading {
+            Ok(measurement) => self.add_measurement(&measurement),
+            Err(error) => self.error = Some(error),
+        }
+    }
+
+    fn add_measurement(&mut self, measurement: &Measurement) {
+        self.voltage.add(measurement.voltage_v);
+        self.current.add(measurement.current_a);
+        if let Some(Counted::SinceLast(more)) = measurement.counted {
+            let counted = self.counted.get_or_insert_default();
+            counted.charge_mah += more.charge_mah;
+            counted.energy_wh += more.energy_wh;
+        }
+        self.last = Some(*measurement);
+    }
+
+    /// The mean voltage and current, the sum of what was counted, and the latest of everything else.
+    ///
+    /// # Errors
+    /// Nothing was read: the last reason, or a time-out if not even that is known.
+    pub fn take(&mut self) -> Result<Measurement, ReadError> {
+        let taken = core::mem::take(self);
+        let Some(last) = taken.last else {
+            return Err(taken.error.unwrap_or(ReadError::Timeout));
+        };
+        Ok(Measurement {
+            voltage_v: taken.voltage.value(),
+            current_a: taken.current.value(),
+            counted: taken.counted.map(Counted::SinceLast).or(last.counted),
+            ..last
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn measured(voltage_v: f32, current_a: f32, counted_mah: Option<f32>) -> Result<Measurement, ReadError> {
+        Ok(Measurement {
+            voltage_v: Some(voltage_v),
+            current_a: Some(current_a),
+            counted: counted_mah.map(|charge_mah| {
+                Counted::SinceLast(Consumed {
+                    charge_mah,
+                    energy_wh: 0.25,
+                })
+            }),
+            temperature_c: Some(voltage_v),
+            ..Measurement::default()
+        })
+    }
+
+    #[test]
+    fn voltage_and_current_are_averaged_what_was_counted_is_added_up_the_rest_is_the_latest() {
+        let mut samples = Samples::new();
+        samples.add(measured(12.0, 1.0, None));
+        samples.add(measured(11.0, 2.0, Some(0.5)));
+        samples.add(Err(ReadError::NoAnswer));
+        samples.add(measured(10.0, 6.0, Some(1.0)));
+        let mean = samples.take().unwrap();
+        assert_eq!((mean.voltage_v, mean.current_a), (Some(11.0), Some(3.0)));
+        assert_eq!(mean.temperature_c, Some(10.0));
+        let counted = Consumed {
+            charge_mah: 1.5,
+            energy_wh: 0.5,
+        };
+        assert_eq!(mean.counted, Some(Counted::SinceLast(counted)));
+    }
+
+    #[test]
+    fn what_was_taken_is_gone() {
+        let mut samples = Samples::new();
+        samples.add(measured(12.0, 1.0, Some(1.0)));
+        assert!(samples.take().is_ok());
+        assert_eq!(samples.take(), Err(ReadError::Timeout));
+    }
+
+    #[test]
+    fn without_a_reading_the_last_reason_is_told() {
+        let mut samples = Samples::new();
+        samples.add(Err(ReadError::NoAnswer));
+        samples.add(Err(ReadError::BusStuck));
+        assert_eq!(samples.take(), Err(ReadError::BusStuck));
+    }
+}

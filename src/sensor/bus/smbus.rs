@@ -1,0 +1,115 @@
+//! Commands of a smart battery: words and blocks, the lowest byte first, with a packet error code if it has them.
+
+use super::{Address, SensorBus};
+use crate::battery::{Name, ReadError};
+
+/// Whether a device sends a packet error code behind its data (SMBus 1.1 and later).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub(super) enum PacketErrorCode {
+    Absent,
+    Sent,
+}
+
+/// The longest block (SMBus 2.0, 5.5.7).
+const BLOCK_BYTES: usize = 32;
+
+/// Length, data and packet error code.
+const LONGEST_ANSWER: usize = 1 + BLOCK_BYTES + 1;
+
+/// Both addresses and the command, over which the packet error code goes, too.
+const HEADER_BYTES: usize = 3;
+
+/// The device at an address.
+pub(super) struct SmBus<'a, B> {
+    bus: &'a mut B,
+    address: Address,
+    code: PacketErrorCode,
+}
+
+impl<'a, B: SensorBus> SmBus<'a, B> {
+    pub fn new(bus: &'a mut B, address: Address, code: PacketErrorCode) -> Self {
+        Self { bus, address, code }
+    }
+
+    /// Read Word of each of the commands. `None` are those the device refuses.
+    pub async fn words<const N: usize>(&mut self, commands: [u8; N]) -> Result<[Option<u16>; N], ReadError> {
+        let mut words = [None; N];
+        for (word, command) in words.iter_mut().zip(commands) {
+            let mut bytes = [0; 2];
+            if self.is_answered(command, &mut bytes).await? {
+                *word = Some(u16::from_le_bytes(bytes));
+            }
+        }
+        Ok(words)
+    }
+
+    /// Read Block of each of the commands, as names. Those the device refuses are empty.
+    pub async fn names<const N: usize>(&mut self, commands: [u8; N]) -> Result<[Name; N], ReadError> {
+        let mut names = [Name::default(); N];
+        for (name, command) in names.iter_mut().zip(commands) {
+            *name = self.name(command).await?;
+        }
+        Ok(names)
+    }
+
+    async fn name(&mut self, command: u8) -> Result<Name, ReadError> {
+        // How long a block is, its first byte tells. So it is asked twice.
+        let mut answer = [0; 1 + BLOCK_BYTES];
+        let Some(length) = answer.first_mut() else {
+            return Ok(Name::default());
+        };
+        match self.transfer(command, core::slice::from_mut(length)).await {
+            Err(ReadError::NoAnswer) => return Ok(Name::default()),
+            other => other?,
+        }
+        let bytes = usize::from(*length);
+        let block = answer.get_mut(..=bytes).ok_or(ReadError::Implausible)?;
+        self.read(command, block).await?;
+        Ok(Name::from_ascii(block.get(1..).unwrap_or(&[])))
+    }
+
+    /// Reads `data`, unless the device refuses the command. If the device has gone altogether, the command that it can't
+    /// refuse shows that.
+    async fn is_answered(&mut self, command: u8, data: &mut [u8]) -> Result<bool, ReadError> {
+        match self.read(command, data).await {
+            Ok(()) => Ok(true),
+            Err(ReadError::NoAnswer) => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Reads `data`, and the packet error code behind it if there is one.
+    async fn read(&mut self, command: u8, data: &mut [u8]) -> Result<(), ReadError> {
+        if self.code == PacketErrorCode::Absent {
+            return self.transfer(command, data).await;
+        }
+        let mut buffer = [0; LONGEST_ANSWER];
+        let answer = buffer.get_mut(..=data.len()).ok_or(ReadError::Implausible)?;
+        self.transfer(command, answer).await?;
+        let (code, received) = answer.split_last().ok_or(ReadError::Implausible)?;
+        if packet_error_code(self.address, command, received) != *code {
+            return Err(ReadError::Checksum);
+        }
+        data.copy_from_slice(received);
+        Ok(())
+    }
+
+    async fn transfer(&mut self, command: u8, answer: &mut [u8]) -> Result<(), ReadError> {
+        self.bus
+            .write_read(self.address.bits(), &[command], answer)
+            .await
+            .map_err(Into::into)
+    }
+}
+
+/// CRC-8 over everything on the wire, the addresses included.
+fn packet_error_code(address: Address, command: u8, data: &[u8]) -> u8 {
+    let write = address.bits() << 1;
+    let header: [u8; HEADER_BYTES] = [write, command, write | 1];
+    let mut message = heapless::Vec::<u8, { HEADER_BYTES + LONGEST_ANSWER }>::new();
+    // Both fit: no answer is longer.
+    let _ = message.extend_from_slice(&header);
+    let _ = message.extend_from_slice(data);
+    smbus_pec::pec(&message)
+}

@@ -1,0 +1,28 @@
+//! Reads the parts on the I2C bus.
+
+use embassy_time::{Duration, Instant, Timer};
+
+use super::{Shared, mark};
+use crate::liveness::CheckIn;
+use crate::sensor::{BusDevices, SensorBus};
+
+/// Without anything to read the task shows twice a second that it is alive.
+const LONGEST_SLEEP: Duration = Duration::from_millis(500);
+
+/// Reads each part when it is due and hands what it tells to the battery task, which averages it. A part that hangs holds up
+/// this task, and no other.
+pub async fn read_bus(mut bus: impl SensorBus, shared: &Shared, check_in: &CheckIn) -> ! {
+    let mut devices =
+        shared.with_parameters(|parameters| BusDevices::from_parameters(parameters, shared.ticks_start_us()));
+    loop {
+        mark(check_in);
+        let wake = Instant::now() + LONGEST_SLEEP;
+        let due = devices.next_due_us().map(Instant::from_micros);
+        Timer::at(due.unwrap_or(wake).min(wake)).await;
+        devices
+            .read_next(&mut bus, Instant::now().as_micros(), |pack, reading| {
+                shared.add_sample(pack, reading);
+            })
+            .await;
+    }
+}

@@ -1,0 +1,79 @@
+//! Packs on the I2C bus: power monitors and smart batteries, at SDA GP14 and SCL GP15.
+
+mod values;
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use crate::bench::{Bench, SECOND};
+use crate::emulator::I2cDevice;
+use crate::support::frames::{BATTERY_STATUS, BatteryStatus, Frame, STATUSTEXT, of_message};
+
+/// The divider of the first pack: 7.9 V.
+pub const DIVIDER_CODE: u16 = 2482;
+
+/// The bus is that of I2C1.
+pub const BUS: usize = 1;
+
+/// A device that a test keeps a hand on.
+pub fn shared<D: I2cDevice>(device: D) -> Rc<RefCell<D>> {
+    Rc::new(RefCell::new(device))
+}
+
+/// How the second pack is measured, and where.
+pub struct Second {
+    pub kind: f32,
+    pub address: u8,
+}
+
+impl Second {
+    /// Puts `device` on the bus and sets the parameters.
+    pub fn configure<D: I2cDevice + 'static>(
+        &self,
+        bench: &mut Bench,
+        device: &Rc<RefCell<D>>,
+        parameters: &[(&str, f32)],
+    ) {
+        bench.i2c(BUS).attach(self.address, Box::new(Rc::clone(device)));
+        bench.set("BATT2_MONITOR", self.kind);
+        bench.set("SR0_EXTRA1", 10.0);
+        for (name, value) in parameters {
+            bench.set(name, *value);
+        }
+        bench.reboot();
+    }
+}
+
+/// A board whose second pack is measured by `device`, of this kind, with these parameters.
+pub fn with_second_pack<D: I2cDevice + 'static>(
+    kind: f32,
+    address: u8,
+    device: &Rc<RefCell<D>>,
+    parameters: &[(&str, f32)],
+) -> Bench {
+    let mut bench = Bench::running(DIVIDER_CODE);
+    Second { kind, address }.configure(&mut bench, device, parameters);
+    bench
+}
+
+/// The newest BATTERY_STATUS of a pack.
+pub fn last_of(frames: &[Frame], instance: u8) -> BatteryStatus<'_> {
+    let frame = of_message(frames, BATTERY_STATUS)
+        .into_iter()
+        .rfind(|frame| BatteryStatus(frame).instance() == instance);
+    BatteryStatus(frame.unwrap_or_else(|| panic!("no BATTERY_STATUS {instance}")))
+}
+
+/// The texts that were sent, in their order.
+pub fn texts(bench: &mut Bench) -> Vec<String> {
+    let frames = bench.frames();
+    let texts = of_message(&frames, STATUSTEXT).into_iter();
+    texts.map(|frame| frame.text(1, 50)).collect()
+}
+
+/// Runs for a second and shows what was reported of the second pack last.
+pub fn after_a_second<R>(bench: &mut Bench, look: impl FnOnce(BatteryStatus<'_>) -> R) -> R {
+    bench.run_for(SECOND);
+    let frames = bench.frames();
+    look(last_of(&frames, 1))
+}
