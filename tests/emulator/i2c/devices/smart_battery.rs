@@ -9,6 +9,7 @@ use super::super::device::{Ack, I2cDevice, I2cDirection};
 /// Where a smart battery always is.
 pub const ADDRESS: u8 = 0x0b;
 
+const BATTERY_MODE: u8 = 0x03;
 const TEMPERATURE: u8 = 0x08;
 const VOLTAGE: u8 = 0x09;
 const CURRENT: u8 = 0x0a;
@@ -20,6 +21,7 @@ const CYCLE_COUNT: u8 = 0x17;
 const DESIGN_CAPACITY: u8 = 0x18;
 const DESIGN_VOLTAGE: u8 = 0x19;
 const SPECIFICATION_INFO: u8 = 0x1a;
+const MANUFACTURE_DATE: u8 = 0x1b;
 const SERIAL_NUMBER: u8 = 0x1c;
 const MANUFACTURER_NAME: u8 = 0x20;
 const DEVICE_NAME: u8 = 0x21;
@@ -30,6 +32,8 @@ const FIRST_CELL_VOLTAGE: u8 = 0x3f;
 /// SpecificationInfo: revision 1; version 2 is 1.1, version 3 is 1.1 with packet error codes.
 const VERSION_1_1: u16 = 0x0021;
 const VERSION_1_1_WITH_PEC: u16 = 0x0031;
+/// BatteryMode: capacities are in mAh, not in 10 mWh.
+const CAPACITY_IN_MAH: u16 = 0;
 /// BatteryStatus: initialised.
 const INITIALISED: u16 = 1 << 7;
 const ZERO_CELSIUS_K: f64 = 273.15;
@@ -86,11 +90,13 @@ impl SmartBattery {
             Pec::Right | Pec::Wrong => VERSION_1_1_WITH_PEC,
         };
         for (command, word) in [
+            (BATTERY_MODE, CAPACITY_IN_MAH),
             (BATTERY_STATUS, INITIALISED),
             (CYCLE_COUNT, 12),
             (DESIGN_CAPACITY, 5200),
             (DESIGN_VOLTAGE, 11_100),
             (SPECIFICATION_INFO, version),
+            (MANUFACTURE_DATE, date(2024, 5, 17)),
             (SERIAL_NUMBER, 4711),
         ] {
             battery.set_word(command, word);
@@ -120,6 +126,11 @@ impl SmartBattery {
         self.set_word(RELATIVE_STATE_OF_CHARGE, percent as u16);
     }
 
+    /// What follows the data from the next read on. What SpecificationInfo says of it stays.
+    pub fn set_pec(&mut self, pec: Pec) {
+        self.pec = pec;
+    }
+
     pub fn set_word(&mut self, command: u8, word: u16) {
         self.values.insert(command, Value::Word(word));
     }
@@ -138,15 +149,16 @@ impl SmartBattery {
         self.stretch = cycles;
     }
 
-    fn answer(&self, command: u8) -> Vec<u8> {
-        let mut bytes = self.values.get(&command).map(Value::bytes).unwrap_or_default();
+    /// `None` if it does not know the command.
+    fn answer(&self, command: u8) -> Option<Vec<u8>> {
+        let mut bytes = self.values.get(&command)?.bytes();
         let sent = [&[ADDRESS << 1, command, ADDRESS << 1 | 1], &bytes[..]].concat();
         match self.pec {
             Pec::Right => bytes.push(crc8(&sent)),
             Pec::Wrong => bytes.push(!crc8(&sent)),
             Pec::None => {}
         }
-        bytes
+        Some(bytes)
     }
 
     /// Write Word: a low and a high byte after the command.
@@ -165,7 +177,7 @@ impl I2cDevice for SmartBattery {
                 self.written.clear();
             }
             I2cDirection::Read => {
-                let answer = self.command.map(|command| self.answer(command));
+                let answer = self.command.and_then(|command| self.answer(command));
                 self.answer = answer.unwrap_or_default().into_iter();
             }
         }
@@ -197,6 +209,11 @@ impl I2cDevice for SmartBattery {
     fn stretch(&mut self) -> Cycle {
         self.stretch
     }
+}
+
+/// A date as the specification packs it.
+fn date(year: u16, month: u16, day: u16) -> u16 {
+    (year - 1980) << 9 | month << 5 | day
 }
 
 /// SMBus packet error code: CRC-8 with polynomial x^8 + x^2 + x + 1, highest bit first.
@@ -257,6 +274,39 @@ mod tests {
                 [0x38, 0x31, byte],
                 "12600 mV, {pec:?}"
             );
+        }
+    }
+
+    #[test]
+    fn the_packet_error_code_can_go_wrong_and_right_again() {
+        let mut battery = SmartBattery::new(Pec::Right);
+        let right = read(&mut battery, VOLTAGE, 3);
+        for (pec, byte) in [(Pec::Wrong, !right[2]), (Pec::None, 0xff), (Pec::Right, right[2])] {
+            battery.set_pec(pec);
+            assert_eq!(
+                read(&mut battery, VOLTAGE, 3),
+                [right[0], right[1], byte],
+                "{pec:?}"
+            );
+            assert_eq!(read_word(&mut battery, SPECIFICATION_INFO), 0x31, "{pec:?}");
+        }
+    }
+
+    #[test]
+    fn it_counts_in_mah_and_knows_when_it_was_made() {
+        let mut battery = SmartBattery::new(Pec::Right);
+        assert_eq!(read_word(&mut battery, BATTERY_MODE), 0);
+        let date = 44 * 512 + 5 * 32 + 17;
+        assert_eq!(read_word(&mut battery, MANUFACTURE_DATE), date, "2024-05-17");
+    }
+
+    #[test]
+    fn a_fourth_cell_is_refused() {
+        let mut battery = SmartBattery::new(Pec::Right);
+        for (command, ack) in [(0x3d, Ack::Ack), (0x3c, Ack::Nack), (0x3b, Ack::Nack)] {
+            battery.start(I2cDirection::Write, 0);
+            assert_eq!(battery.write(command), ack, "{command:#x}");
+            battery.stop();
         }
     }
 
