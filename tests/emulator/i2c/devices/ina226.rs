@@ -103,13 +103,17 @@ impl Registers for Ina226 {
 
     fn write(&mut self, pointer: u8, value: u16) {
         match pointer {
-            CONFIGURATION if value & RESET != 0 => *self = Self::after_reset(self.shunt_ohm, self.load),
+            CONFIGURATION if value & RESET != 0 => self.reset(),
             CONFIGURATION => self.configuration = value,
             CALIBRATION => self.calibration = value & 0x7fff,
             MASK_ENABLE => self.mask = value & 0xfc03,
             ALERT_LIMIT => self.limit = value,
             _ => {}
         }
+    }
+
+    fn reset(&mut self) {
+        *self = Self::after_reset(self.shunt_ohm, self.load);
     }
 }
 
@@ -161,6 +165,20 @@ mod tests {
         write(&mut device, CONFIGURATION, RESET);
         assert_eq!(read(&mut device, CONFIGURATION, 2), 0x4127);
         assert_eq!(read(&mut device, CALIBRATION, 2), 0);
+        assert_eq!(read(&mut device, BUS_VOLTAGE, 2), 9600);
+    }
+
+    #[test]
+    fn a_power_cycle_forgets_what_was_written_not_what_is_measured() {
+        let mut device = Ina226::new(0.002);
+        device.set(12.0, 1.0);
+        write(&mut device, CALIBRATION, 0xa00);
+        write(&mut device, CONFIGURATION, 0x4527);
+        write(&mut device, ALERT_LIMIT, 0x1234);
+        device.power_cycle();
+        assert_eq!(read(&mut device, CONFIGURATION, 2), 0x4127);
+        assert_eq!(read(&mut device, CALIBRATION, 2), 0);
+        assert_eq!(read(&mut device, ALERT_LIMIT, 2), 0);
         assert_eq!(read(&mut device, BUS_VOLTAGE, 2), 9600);
     }
 }

@@ -49,15 +49,16 @@ pub struct Ina228 {
     /// Since the accumulators were reset: what was measured, in joules and coulombs.
     energy_j: f64,
     charge_c: f64,
-    accumulated_until: Cycle,
+    /// `None`: from the moment it is addressed next.
+    accumulated_until: Option<Cycle>,
 }
 
 impl Ina228 {
     pub fn new(shunt_ohm: f64) -> RegisterMap<Self> {
-        RegisterMap::of(Self::after_reset(shunt_ohm, Load::default(), 0))
+        RegisterMap::of(Self::after_reset(shunt_ohm, Load::default(), Some(0)))
     }
 
-    fn after_reset(shunt_ohm: f64, load: Load, now: Cycle) -> Self {
+    fn after_reset(shunt_ohm: f64, load: Load, now: Option<Cycle>) -> Self {
         Self {
             shunt_ohm,
             load,
@@ -186,10 +187,15 @@ impl Registers for Ina228 {
     }
 
     fn note_time(&mut self, now: Cycle) {
-        let seconds = (now - self.accumulated_until) as f64 / CLK_SYS_HZ as f64;
+        let before = self.accumulated_until.replace(now).unwrap_or(now);
+        let seconds = (now - before) as f64 / CLK_SYS_HZ as f64;
         self.energy_j += self.power_w() * seconds;
         self.charge_c += self.current_a() * seconds;
-        self.accumulated_until = now;
+    }
+
+    /// Nobody says when it was: what flows until it is addressed is not counted.
+    fn reset(&mut self) {
+        *self = Self::after_reset(self.shunt_ohm, self.load, None);
     }
 }
 
@@ -277,5 +283,18 @@ mod tests {
         assert_eq!(read(&mut device, SHUNT_CAL, 2), 0x1000);
         assert_eq!(read(&mut device, ADC_CONFIG, 2), 0xfb68);
         assert_eq!(read(&mut device, VBUS, 3), 245_760 << 4);
+    }
+
+    #[test]
+    fn a_power_cycle_sets_the_accumulators_to_zero_and_forgets_the_calibration() {
+        let mut device = example();
+        assert_near(read_at(&mut device, CHARGE, 5, HOUR), 1_132_462_080, 30_000);
+        device.power_cycle();
+        assert_eq!(read_at(&mut device, SHUNT_CAL, 2, 2 * HOUR), 0x1000);
+        Registers::write(&mut *device, SHUNT_CAL, 4050);
+        assert_eq!(read_at(&mut device, CHARGE, 5, 2 * HOUR), 0);
+        assert_eq!(read_at(&mut device, ENERGY, 5, 2 * HOUR), 0);
+        assert_eq!(read_at(&mut device, VBUS, 3, 2 * HOUR), 245_760 << 4);
+        assert_near(read_at(&mut device, CHARGE, 5, 3 * HOUR), 1_132_462_080, 30_000);
     }
 }

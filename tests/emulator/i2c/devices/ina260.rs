@@ -69,12 +69,16 @@ impl Registers for Ina260 {
 
     fn write(&mut self, pointer: u8, value: u16) {
         match pointer {
-            CONFIGURATION if value & RESET != 0 => *self = Self::after_reset(self.load),
+            CONFIGURATION if value & RESET != 0 => self.reset(),
             CONFIGURATION => self.configuration = value,
             MASK_ENABLE => self.mask = value & 0xfc03,
             ALERT_LIMIT => self.limit = value,
             _ => {}
         }
+    }
+
+    fn reset(&mut self) {
+        *self = Self::after_reset(self.load);
     }
 }
 
@@ -104,5 +108,17 @@ mod tests {
         assert_eq!(read(&mut device, CONFIGURATION, 2), 0x6727);
         write(&mut device, CONFIGURATION, RESET);
         assert_eq!(read(&mut device, CONFIGURATION, 2), 0x6127);
+    }
+
+    #[test]
+    fn a_power_cycle_forgets_what_was_written_not_what_is_measured() {
+        let mut device = Ina260::new();
+        device.set(12.0, 10.0);
+        write(&mut device, CONFIGURATION, 0x6727);
+        write(&mut device, ALERT_LIMIT, 0x1234);
+        device.power_cycle();
+        assert_eq!(read(&mut device, CONFIGURATION, 2), 0x6127);
+        assert_eq!(read(&mut device, ALERT_LIMIT, 2), 0);
+        assert_eq!(read(&mut device, BUS_VOLTAGE, 2), 9600);
     }
 }

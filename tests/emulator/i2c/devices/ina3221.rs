@@ -70,12 +70,9 @@ impl Ina3221 {
 
     fn configure(&mut self, value: u16) {
         if value & RESET != 0 {
-            self.configuration = CONFIGURATION_RESET;
-            self.limits = [LIMIT_RESET; 2 * CHANNELS];
-            self.mask = 0;
-        } else {
-            self.configuration = value;
+            return self.reset();
         }
+        self.configuration = value;
         self.measure();
     }
 
@@ -110,6 +107,13 @@ impl Registers for Ina3221 {
             MASK_ENABLE => self.mask = value & 0x7c00,
             _ => {}
         }
+    }
+
+    fn reset(&mut self) {
+        self.configuration = CONFIGURATION_RESET;
+        self.limits = [LIMIT_RESET; 2 * CHANNELS];
+        self.mask = 0;
+        self.measure();
     }
 }
 
@@ -156,5 +160,17 @@ mod tests {
         let mut device = Ina3221::new(0.001);
         assert_eq!(read(&mut device, MANUFACTURER_ID, 2), 0x5449);
         assert_eq!(read(&mut device, DIE_ID, 2), 0x3220);
+    }
+
+    #[test]
+    fn a_power_cycle_forgets_what_was_written_not_what_is_measured() {
+        let mut device = Ina3221::new(0.001);
+        write(&mut device, CONFIGURATION, 0x5127);
+        write(&mut device, FIRST_LIMIT, 0x1230);
+        device.set(2, 8.0, 0.0);
+        device.power_cycle();
+        assert_eq!(read(&mut device, CONFIGURATION, 2), 0x7127);
+        assert_eq!(read(&mut device, FIRST_LIMIT, 2), 0x7ff8);
+        assert_eq!(read(&mut device, 0x04, 2), 1000 << 3, "its channel is on again");
     }
 }

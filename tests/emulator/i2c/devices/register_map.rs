@@ -15,6 +15,9 @@ pub trait Registers {
 
     fn write(&mut self, pointer: u8, value: u16);
 
+    /// Every register at its reset value; what is measured stays.
+    fn reset(&mut self);
+
     /// It is addressed at this time.
     fn note_time(&mut self, _now: Cycle) {}
 }
@@ -40,6 +43,14 @@ impl<R: Registers> RegisterMap<R> {
             latched: 0,
             sent: 0,
         }
+    }
+
+    /// The supply of the device is gone and back. What it is connected to stays.
+    pub fn power_cycle(&mut self) {
+        self.registers.reset();
+        self.pointer = 0;
+        self.written.clear();
+        self.latched = 0;
     }
 }
 
@@ -131,6 +142,10 @@ mod tests {
         fn write(&mut self, pointer: u8, value: u16) {
             self.0[usize::from(pointer)] = value;
         }
+
+        fn reset(&mut self) {
+            self.0 = [0; 2];
+        }
     }
 
     #[test]
@@ -141,6 +156,18 @@ mod tests {
         let read: Vec<u8> = (0..3).map(|_| device.read()).collect();
         assert_eq!(read, [0x12, 0x34, 0x12]);
         assert_eq!(driver::read(&mut device, 0, 2), 0);
+    }
+
+    #[test]
+    fn a_power_cycle_clears_registers_and_pointer() {
+        let mut device = RegisterMap::of(TwoRegisters::default());
+        driver::write(&mut device, 0, 0x1111);
+        driver::write(&mut device, 1, 0x2222);
+        device.power_cycle();
+        assert_eq!(device.0, [0, 0]);
+        device.0 = [0x3333, 0x4444];
+        device.start(I2cDirection::Read, 0);
+        assert_eq!([device.read(), device.read()], [0x33, 0x33], "register 0");
     }
 
     #[test]
