@@ -4,6 +4,7 @@
 //! sets: conversion times, averaging, shut-down modes and alert pins are left out. A test that wants
 //! to go on setting values attaches an `Rc<RefCell<_>>`.
 
+mod garbled;
 mod ina226;
 mod ina228;
 mod ina260;
@@ -11,10 +12,13 @@ mod ina3221;
 mod register_map;
 mod smart_battery;
 
+pub use garbled::{Garbled, Reads};
 pub use ina226::Ina226;
 pub use ina228::Ina228;
 pub use ina260::Ina260;
 pub use ina3221::Ina3221;
+#[cfg(test)]
+pub use register_map::driver;
 pub use register_map::{RegisterMap, Registers};
 pub use smart_battery::{ADDRESS as SMART_BATTERY_ADDRESS, Pec, SmartBattery, crc8};
 

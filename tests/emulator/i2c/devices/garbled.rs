@@ -1,0 +1,126 @@
+//! A device that takes everything and answers nonsense.
+
+use std::ops::{Deref, DerefMut};
+
+use super::super::super::clock::Cycle;
+use super::super::super::random::Random;
+use super::super::device::{Ack, I2cDevice, I2cDirection};
+
+/// What a read of a garbled device gives.
+#[derive(Clone, Debug)]
+pub enum Reads {
+    /// What the device says.
+    Own,
+    /// The same byte whatever was asked for.
+    Fixed(u8),
+    /// Pseudo-random bytes.
+    Noise(Random),
+}
+
+/// A device whose answers do not arrive. It acknowledges, and takes what is written, as ever.
+pub struct Garbled<D> {
+    device: D,
+    reads: Reads,
+}
+
+impl<D> Garbled<D> {
+    pub fn new(device: D, reads: Reads) -> Self {
+        Self { device, reads }
+    }
+
+    /// From the next byte on.
+    pub fn set_reads(&mut self, reads: Reads) {
+        self.reads = reads;
+    }
+}
+
+impl<D> Deref for Garbled<D> {
+    type Target = D;
+
+    fn deref(&self) -> &D {
+        &self.device
+    }
+}
+
+impl<D> DerefMut for Garbled<D> {
+    fn deref_mut(&mut self) -> &mut D {
+        &mut self.device
+    }
+}
+
+impl<D: I2cDevice> I2cDevice for Garbled<D> {
+    fn start(&mut self, direction: I2cDirection, now: Cycle) -> Ack {
+        self.device.start(direction, now)
+    }
+
+    fn write(&mut self, byte: u8) -> Ack {
+        self.device.write(byte)
+    }
+
+    /// The device goes on to its next byte in any case.
+    fn read(&mut self) -> u8 {
+        let own = self.device.read();
+        match &mut self.reads {
+            Reads::Own => own,
+            Reads::Fixed(byte) => *byte,
+            Reads::Noise(random) => random.next_u64() as u8,
+        }
+    }
+
+    fn stop(&mut self) {
+        self.device.stop();
+    }
+
+    fn stretch(&mut self) -> Cycle {
+        self.device.stretch()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::register_map::driver::{read, write};
+    use super::super::{Ina226, Ina228, Ina260, Ina3221};
+    use super::*;
+
+    const BUS_VOLTAGE: u8 = 0x02;
+    const CALIBRATION: u8 = 0x05;
+
+    fn assert_all_ones(device: impl I2cDevice) {
+        let mut device = Garbled::new(device, Reads::Fixed(0xff));
+        for register in 0..=0xff {
+            assert_eq!(read(&mut device, register, 2), 0xffff, "{register:#x}");
+        }
+    }
+
+    #[test]
+    fn every_register_of_every_monitor_reads_as_all_ones() {
+        assert_all_ones(Ina226::new(0.002));
+        assert_all_ones(Ina228::new(0.002));
+        assert_all_ones(Ina260::new());
+        assert_all_ones(Ina3221::new(0.002));
+    }
+
+    #[test]
+    fn noise_is_another_value_each_time_and_the_same_in_every_run() {
+        let values = |seed| {
+            let noise = Reads::Noise(Random::new(seed));
+            let mut device = Garbled::new(Ina226::new(0.002), noise);
+            [0; 3].map(|_| read(&mut device, BUS_VOLTAGE, 2))
+        };
+        let [first, second, third] = values(1);
+        assert!(first != second && second != third);
+        assert_eq!(values(1), [first, second, third]);
+        assert_ne!(values(2), [first, second, third]);
+    }
+
+    #[test]
+    fn it_takes_what_is_written_and_behaves_when_told_to() {
+        let mut device = Garbled::new(Ina226::new(0.002), Reads::Fixed(0));
+        device.set(12.0, 1.0);
+        assert_eq!(read(&mut device, BUS_VOLTAGE, 2), 0);
+        write(&mut device, CALIBRATION, 0xa00);
+        device.set_reads(Reads::Own);
+        assert_eq!(read(&mut device, BUS_VOLTAGE, 2), 9600);
+        assert_eq!(read(&mut device, CALIBRATION, 2), 0xa00);
+    }
+}
