@@ -9,6 +9,7 @@
 mod device;
 pub mod devices;
 mod master;
+mod neighbours;
 mod registers;
 mod speed;
 #[cfg(test)]
@@ -59,7 +60,12 @@ impl I2c {
         self.wires.attach(address, device);
     }
 
-    /// Take a device off the bus: nobody acknowledges its address any more.
+    /// Put a device on the bus besides what is at this address already: both answer.
+    pub fn attach_also(&mut self, address: u8, device: Box<dyn I2cDevice>) {
+        self.wires.attach_also(address, device);
+    }
+
+    /// Take whatever is at this address off the bus: nobody acknowledges it any more.
     pub fn detach(&mut self, address: u8) {
         self.wires.detach(address);
     }

@@ -29,7 +29,7 @@ pub struct Probe {
     pub written: Vec<u8>,
     pub refused: Option<u8>,
     pub stretch: Cycle,
-    next: u8,
+    pub next: u8,
 }
 
 impl I2cDevice for Probe {
@@ -173,6 +173,25 @@ fn a_read_after_a_restart_is_the_same_transaction() {
     assert_eq!(transactions.len(), 1);
     assert_eq!(transactions[0].written, [0xfe]);
     assert_eq!(transactions[0].read, [0xa0, 0xa1]);
+}
+
+#[test]
+fn devices_at_one_address_are_read_together() {
+    let (mut i2c, one) = i2c_with(Probe::default());
+    let other = Rc::new(RefCell::new(Probe {
+        next: 4,
+        ..Probe::default()
+    }));
+    i2c.attach_also(ADDRESS, Box::new(Rc::clone(&other)));
+    command(&mut i2c, &[0x11, READ, READ | STOP], 0);
+    i2c.advance(cycles(1000));
+    assert_eq!(one.borrow().written, [0x11]);
+    assert_eq!(other.borrow().written, [0x11]);
+    assert_eq!(i2c.transactions()[0].read, [0xa0 & 0xa4, 0xa1 & 0xa5]);
+    i2c.detach(ADDRESS);
+    command(&mut i2c, &[0x22 | STOP], cycles(1000));
+    i2c.advance(cycles(2000));
+    assert!(!i2c.transactions()[1].acked, "both are gone");
 }
 
 #[test]

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::super::clock::Cycle;
 use super::device::{Ack, I2cDevice, I2cDirection};
+use super::neighbours::Neighbours;
 
 /// What went over the bus from a START to its STOP, RESTARTs included.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,7 +29,7 @@ pub struct Levels {
 const IDLE: Levels = Levels { scl: true, sda: true };
 
 pub struct Wires {
-    devices: BTreeMap<u8, Box<dyn I2cDevice>>,
+    devices: BTreeMap<u8, Neighbours>,
     /// Until then somebody else than the master holds SCL low.
     scl_free_at: Cycle,
     /// So many clocks of SCL until somebody lets go of SDA.
@@ -55,8 +56,13 @@ impl Default for Wires {
 
 impl Wires {
     pub fn attach(&mut self, address: u8, device: Box<dyn I2cDevice>) {
+        self.detach(address);
+        self.attach_also(address, device);
+    }
+
+    pub fn attach_also(&mut self, address: u8, device: Box<dyn I2cDevice>) {
         assert!(address < 0x80, "{address:#x} is not an I2C address");
-        self.devices.insert(address, device);
+        self.devices.entry(address).or_default().add(device);
         self.is_used = true;
     }
 
@@ -194,7 +200,7 @@ impl Wires {
         });
     }
 
-    fn device(&mut self) -> Option<&mut Box<dyn I2cDevice>> {
+    fn device(&mut self) -> Option<&mut Neighbours> {
         let address = self.under_way.as_ref()?.address;
         self.devices.get_mut(&address)
     }
