@@ -175,6 +175,41 @@ fn a_read_after_a_restart_is_the_same_transaction() {
     assert_eq!(transactions[0].read, [0xa0, 0xa1]);
 }
 
+/// With IC_RESTART_EN "a RESTART is issued only if the transfer direction is changing from the previous command"
+/// (IC_DATA_CMD.RESTART): drivers leave it to that.
+#[test]
+fn a_change_of_direction_restarts_by_itself() {
+    let restarted_at = |second: u32| {
+        let mut i2c = i2c();
+        command(&mut i2c, &[0xfe, second, READ, 0x33 | STOP], 0);
+        i2c.advance(cycles(1000));
+        i2c.take_transactions()
+    };
+    let transactions = restarted_at(READ);
+    assert_eq!(transactions, restarted_at(READ | RESTART));
+    let [transaction] = &transactions[..] else {
+        panic!("{transactions:?}");
+    };
+    assert_eq!(transaction.written, [0xfe, 0x33]);
+    assert_eq!(transaction.read, [0xa0, 0xa1]);
+    let restart = CLOCK + HIGH + BYTE;
+    assert_eq!(
+        transaction.end,
+        HIGH + 2 * BYTE + restart + 2 * BYTE + restart + BYTE + CLOCK
+    );
+}
+
+#[test]
+fn the_same_direction_goes_on_without_a_restart_unless_it_is_asked_for() {
+    for (second, restart) in [(READ, 0), (READ | RESTART, CLOCK + HIGH + BYTE)] {
+        let mut i2c = i2c();
+        command(&mut i2c, &[READ, second | STOP], 0);
+        i2c.advance(cycles(1000));
+        let end = HIGH + 3 * BYTE + restart + CLOCK;
+        assert_eq!(i2c.transactions()[0].end, end, "{second:#x}");
+    }
+}
+
 #[test]
 fn devices_at_one_address_are_read_together() {
     let (mut i2c, one) = i2c_with(Probe::default());
