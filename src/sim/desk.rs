@@ -9,7 +9,8 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker};
 
 use super::{
-    Client, Clients, PackModel, SimulatedFlash, SimulatedPack, SimulatedPackInput, SimulatedRover, UdpWire,
+    Client, Clients, LivingPack, PackModel, SimulatedFlash, SimulatedPack, SimulatedPackInput,
+    SimulatedRover, UdpWire,
 };
 use crate::battery::RetainedRecord;
 use crate::liveness::CheckIn;
@@ -41,10 +42,11 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
         let (parameters, loaded) = load_parameters(&mut storage).await;
         let desk = Desk::new(parameters, &pack);
         report_load(&desk.shared, loaded);
+        let living_pack = LivingPack::new(&pack, &rover, &desk.shared);
         let mut memory = [RetainedRecord::BLANK; 2];
         let vehicle = join5(
             sample_batteries(
-                SimulatedPackInput::new(&pack, &rover, &desk.shared),
+                SimulatedPackInput::new(&living_pack, &desk.shared),
                 &mut memory,
                 &desk.shared,
                 &UNWATCHED,

@@ -1,11 +1,8 @@
 //! The board's analog input, with a simulated pack behind the divider and the current sensor.
 
-use std::cell::RefCell;
 use std::future::pending;
 
-use embassy_time::{Duration, Instant};
-
-use super::{SimulatedPack, SimulatedRover};
+use super::{LivingPack, SimulatedPack};
 use crate::battery::ReadError;
 use crate::parameter::SimulationParameter;
 use crate::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin};
@@ -22,9 +19,6 @@ const NOISE_V: f32 = 0.008;
 
 /// The same when it is what `SIM_BATT_FAULT` asks for.
 const FAULTY_NOISE_V: f32 = 0.5;
-
-/// Longer steps are cut, so that the pack's slow voltage stays right when the simulator is fast.
-const MAX_STEP: Duration = Duration::from_millis(100);
 
 /// What is wrong with the measurement (`SIM_BATT_FAULT`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,47 +40,29 @@ impl Fault {
     }
 }
 
-/// The pins behind the divider and the current sensor. Each conversion first lets the pack live up to the present.
+/// The pins behind the divider and the current sensor.
 pub struct SimulatedPackInput<'a> {
-    pack: &'a RefCell<SimulatedPack>,
-    rover: &'a SimulatedRover,
+    pack: &'a LivingPack<'a>,
     shared: &'a Shared,
     random: fastrand::Rng,
-    lived_until: Instant,
 }
 
 impl<'a> SimulatedPackInput<'a> {
-    /// An input that measures `pack`, from which `rover` drives. The noise is the same in every run.
-    pub fn new(pack: &'a RefCell<SimulatedPack>, rover: &'a SimulatedRover, shared: &'a Shared) -> Self {
+    /// An input that measures `pack`. The noise is the same in every run.
+    pub fn new(pack: &'a LivingPack<'a>, shared: &'a Shared) -> Self {
         Self {
             pack,
-            rover,
             shared,
             random: fastrand::Rng::with_seed(1),
-            lived_until: Instant::now(),
         }
     }
 
-    fn live_until(&mut self, now: Instant) {
-        let held_v = self.shared.parameter(SimulationParameter::BattVoltage);
-        let load_a = self.rover.current_a() + self.shared.parameter(SimulationParameter::BattCurrent);
-        let mut pack = self.pack.borrow_mut();
-        pack.hold_open_circuit((held_v > 0.0).then_some(held_v));
-        pack.set_capacity_ah(self.shared.parameter(SimulationParameter::BattCapAh));
-        while self.lived_until < now {
-            let step = (now - self.lived_until).min(MAX_STEP);
-            pack.draw(load_a, seconds(step));
-            self.lived_until += step;
-        }
-    }
-
-    fn pin_voltage_v(&mut self, pin: AnalogPin, fault: Fault) -> f32 {
+    fn pin_voltage_v(&mut self, pack: &SimulatedPack, pin: AnalogPin, fault: Fault) -> f32 {
         let noise_v = match fault {
             Fault::Noisy => FAULTY_NOISE_V,
             Fault::None | Fault::Stalled | Fault::WireOff => NOISE_V,
         };
         let noise_v = (self.random.f32() * 2.0 - 1.0) * noise_v;
-        let pack = self.pack.borrow();
         match pin {
             AnalogPin::Gp26 if fault == Fault::WireOff => 0.0,
             AnalogPin::Gp26 => (pack.voltage_v() + noise_v) / DIVIDER,
@@ -96,18 +72,15 @@ impl<'a> SimulatedPackInput<'a> {
     }
 }
 
-fn seconds(duration: Duration) -> f32 {
-    (duration.as_micros() as f64 / 1e6) as f32
-}
-
 impl AnalogIn for SimulatedPackInput<'_> {
     async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError> {
-        self.live_until(Instant::now());
+        // Also when the converter does not answer: the pack lives on.
+        let pack = self.pack.now();
         let fault = Fault::from_number(self.shared.whole_parameter(SimulationParameter::BattFault));
         if fault == Fault::Stalled {
             pending::<()>().await;
         }
-        let count = self.pin_voltage_v(pin, fault) / ADC_REFERENCE_V * f32::from(ADC_FULL_SCALE);
+        let count = self.pin_voltage_v(&pack, pin, fault) / ADC_REFERENCE_V * f32::from(ADC_FULL_SCALE);
         Ok(AdcCount(
             (count + 0.5).clamp(0.0, f32::from(ADC_FULL_SCALE)) as u16
         ))

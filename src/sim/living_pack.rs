@@ -1,0 +1,86 @@
+//! The pack as time goes by: whoever measures it lets it live up to the present first.
+
+use std::cell::{Cell, RefCell};
+
+use embassy_time::{Duration, Instant};
+
+use super::{SimulatedPack, SimulatedRover};
+use crate::parameter::SimulationParameter;
+use crate::tasks::Shared;
+
+/// Longer steps are cut, so that the pack's slow voltage stays right when the simulator is fast.
+const MAX_STEP: Duration = Duration::from_millis(100);
+
+/// A pack from which a rover drives. All that measure it share one, so that no time is lived twice.
+pub struct LivingPack<'a> {
+    pack: &'a RefCell<SimulatedPack>,
+    rover: &'a SimulatedRover,
+    shared: &'a Shared,
+    lived_until: Cell<Instant>,
+}
+
+impl<'a> LivingPack<'a> {
+    /// A pack that lives from now on. `shared` has the parameters that change it.
+    pub fn new(pack: &'a RefCell<SimulatedPack>, rover: &'a SimulatedRover, shared: &'a Shared) -> Self {
+        Self {
+            pack,
+            rover,
+            shared,
+            lived_until: Cell::new(Instant::now()),
+        }
+    }
+
+    /// The pack as it is at present. It is a copy, so that nobody has the pack borrowed while it lives on.
+    pub fn now(&self) -> SimulatedPack {
+        self.live_until(Instant::now());
+        self.pack.borrow().clone()
+    }
+
+    fn live_until(&self, now: Instant) {
+        let held_v = self.shared.parameter(SimulationParameter::BattVoltage);
+        let load_a = self.rover.current_a() + self.shared.parameter(SimulationParameter::BattCurrent);
+        let mut pack = self.pack.borrow_mut();
+        pack.hold_open_circuit((held_v > 0.0).then_some(held_v));
+        pack.set_capacity_ah(self.shared.parameter(SimulationParameter::BattCapAh));
+        while self.lived_until.get() < now {
+            let step = (now - self.lived_until.get()).min(MAX_STEP);
+            pack.draw(load_a, seconds(step));
+            self.lived_until.set(self.lived_until.get() + step);
+        }
+    }
+}
+
+fn seconds(duration: Duration) -> f32 {
+    (duration.as_micros() as f64 / 1e6) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use embassy_time::Timer;
+
+    use super::super::{PackModel, clock};
+    use super::*;
+    use crate::parameter::Parameters;
+
+    #[test]
+    fn it_lives_as_long_as_it_is_asked_and_once_however_often_it_is() {
+        let charge_after = |asked: u64| {
+            let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
+            let (rover, shared) = (SimulatedRover::default(), Shared::new(Parameters::defaults()));
+            let hour = async {
+                let living = LivingPack::new(&pack, &rover, &shared);
+                for _ in 0..asked {
+                    Timer::after(Duration::from_secs(3600) / asked as u32).await;
+                    assert_eq!(living.now().charge(), living.now().charge());
+                }
+            };
+            clock::run_for(Duration::from_secs(3601), hour).expect("it ends");
+            pack.borrow().charge()
+        };
+        let expected = 1.0 - 0.3 / 2.2;
+        for asked in [1, 36_000] {
+            let charge = charge_after(asked);
+            assert!((charge - expected).abs() < 2e-3, "{asked} times: {charge}");
+        }
+    }
+}
