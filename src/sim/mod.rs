@@ -3,6 +3,7 @@
 //! The firmware's own tasks run here unchanged. The pack knows its charge; the monitor is told only what the board's
 //! converter, or a device on its I2C bus, would tell it.
 
+mod bus;
 pub mod clock;
 mod desk;
 mod flash;
@@ -13,6 +14,7 @@ mod rover;
 mod tcp;
 mod udp;
 
+pub use bus::{POWER_MONITOR_ADDRESS, SHUNT_OHM, SMART_BATTERY_ADDRESS, SimulatedBus};
 pub use desk::run;
 pub use flash::SimulatedFlash;
 pub use living_pack::LivingPack;

@@ -83,6 +83,16 @@ impl SimulatedPack {
         self.charge
     }
 
+    /// Cells in series.
+    pub fn cells(&self) -> u8 {
+        self.model.cells
+    }
+
+    /// The charge it has when it is full, in ampere-hours.
+    pub fn capacity_ah(&self) -> f32 {
+        self.model.capacity_ah
+    }
+
     /// The current being drawn, in amperes.
     pub fn current_a(&self) -> f32 {
         self.current_a
