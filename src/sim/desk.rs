@@ -9,15 +9,15 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker};
 
 use super::{
-    Client, Clients, LivingPack, PackModel, SimulatedFlash, SimulatedPack, SimulatedPackInput,
+    Client, Clients, LivingPack, PackModel, SimulatedBus, SimulatedFlash, SimulatedPack, SimulatedPackInput,
     SimulatedRover, UdpWire,
 };
 use crate::battery::RetainedRecord;
 use crate::liveness::CheckIn;
 use crate::parameter::{ParameterStorage, Parameters};
 use crate::tasks::{
-    Link, Shared, drive, keep_parameters, load_parameters, reboot_requested, report_load, sample_batteries,
-    serve_link,
+    Link, Shared, drive, keep_parameters, load_parameters, read_bus, reboot_requested, report_load,
+    sample_batteries, serve_link,
 };
 use crate::vehicle::{Indication, Indicators};
 
@@ -45,11 +45,14 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
         let living_pack = LivingPack::new(&pack, &rover, &desk.shared);
         let mut memory = [RetainedRecord::BLANK; 2];
         let vehicle = join5(
-            sample_batteries(
-                SimulatedPackInput::new(&living_pack, &desk.shared),
-                &mut memory,
-                &desk.shared,
-                &UNWATCHED,
+            join(
+                sample_batteries(
+                    SimulatedPackInput::new(&living_pack, &desk.shared),
+                    &mut memory,
+                    &desk.shared,
+                    &UNWATCHED,
+                ),
+                read_bus(SimulatedBus::new(&living_pack), &desk.shared, &UNWATCHED),
             ),
             drive(&rover, NoLamps, &desk.shared, &UNWATCHED),
             keep_parameters(storage, &desk.shared, &UNWATCHED),
@@ -60,7 +63,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
             desk.print_status(line_interval),
         );
         match select(vehicle, reboot_requested(&desk.shared, || desk.all_sent())).await {
-            Either::First((never, ..)) => never,
+            Either::First((_, never, ..)) => never,
             Either::Second(()) => println!("Restarted."),
         }
     }

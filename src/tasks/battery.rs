@@ -133,7 +133,9 @@ fn update(
     let instance = pack.instance();
     let Some(kind) = kind else { return };
     let settings = shared.with_parameters(|parameters| PackSettings::from_parameters(parameters, pack));
-    let reading = measure(bank, pack, kind, readings, shared);
+    let Some(reading) = measure(bank, pack, kind, readings, shared) else {
+        return;
+    };
     let Some(monitor) = bank.monitor(instance) else {
         return;
     };
@@ -167,18 +169,19 @@ fn act(pack: Pack, level: FailsafeLevel, shared: &Shared) {
     shared.to_drive.signal(());
 }
 
+/// `None` before a part on the bus has been asked for the first time.
 fn measure(
     bank: &BatteryBank,
     pack: Pack,
     kind: MonitorKind,
     readings: &AnalogReadings,
     shared: &Shared,
-) -> Result<Measurement, ReadError> {
+) -> Option<Result<Measurement, ReadError>> {
     if let MonitorKind::Bus(_) = kind {
         return shared.take_samples(pack);
     }
     let throttle = shared.with_vehicle(|vehicle| vehicle.effort());
-    shared.with_parameters(|parameters| match kind {
+    Some(shared.with_parameters(|parameters| match kind {
         MonitorKind::Sum => {
             let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
             bank.sum(
@@ -188,7 +191,7 @@ fn measure(
             )
         }
         _ => AnalogWiring::from_parameters(parameters, pack).measure(kind, readings, throttle),
-    })
+    }))
 }
 
 /// Once it is unhealthy, a pack's failed reads tell nothing new; one in a second shows that they go on.

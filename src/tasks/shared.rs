@@ -124,14 +124,10 @@ impl Shared {
         }
     }
 
-    /// What a pack's part on the bus has told since the last call.
-    ///
-    /// # Errors
-    /// Nothing but errors.
-    pub(super) fn take_samples(&self, pack: Pack) -> Result<Measurement, ReadError> {
+    /// What a pack's part on the bus has told since the last call; `None` before it has been asked.
+    pub(super) fn take_samples(&self, pack: Pack) -> Option<Result<Measurement, ReadError>> {
         let mut samples = self.bus_samples.borrow_mut();
-        let samples = samples.get_mut(usize::from(pack.instance()));
-        samples.map_or(Err(ReadError::Timeout), Samples::take)
+        samples.get_mut(usize::from(pack.instance()))?.take()
     }
 
     /// One more sampling tick is over, whatever the number of packs.

@@ -123,5 +123,6 @@ pub use log::{LogLevel, LogLine};
 pub use pin_record::{Edge, PwmChange};
 pub use pins::{I2cPins, UartPins};
 pub use pwm::PwmOutput;
+pub use random::Random;
 pub use reset::{ResetCause, ResetRecord};
 pub use uart::SentByte;

@@ -218,6 +218,11 @@ impl BatteryStatus<'_> {
         self.0.u16(10 + 2 * cell)
     }
 
+    pub fn sum_of_cells_mv(&self) -> u32 {
+        let cells = (0..10).map(|cell| self.voltage_mv(cell));
+        cells.filter(|mv| *mv != u16::MAX).map(u32::from).sum()
+    }
+
     pub fn consumed_mah(&self) -> i32 {
         self.0.i32(0)
     }

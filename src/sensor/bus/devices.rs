@@ -181,8 +181,9 @@ impl BusDevice {
                 self.failures = 0;
                 return;
             }
-            // What was set up is not there any more, or is not set up any more.
-            Err(ReadError::OtherPart) => self.part = None,
+            // What was set up is not there any more, or is not set up any more. Even whether there is a check byte depends
+            // on the part.
+            Err(ReadError::OtherPart | ReadError::Checksum) => self.part = None,
             Err(_) => {}
         }
         self.failures = self.failures.saturating_add(1);

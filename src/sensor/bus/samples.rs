@@ -10,7 +10,17 @@ pub struct Samples {
     /// What was counted since the readings were taken.
     counted: Option<Consumed>,
     last: Option<Measurement>,
+    /// Why the latest reading failed. A part that is given a rest has not told why again.
     error: Option<ReadError>,
+    attempts: Attempts,
+}
+
+/// Whether the part has been read at all.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Attempts {
+    #[default]
+    None,
+    Some,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -41,11 +51,13 @@ impl Samples {
             counted: None,
             last: None,
             error: None,
+            attempts: Attempts::None,
         }
     }
 
     /// One more reading, or why there is none.
     pub fn add(&mut self, reading: Result<Measurement, ReadError>) {
+        self.attempts = Attempts::Some;
         match reading {
             Ok(measurement) => self.add_measurement(&measurement),
             Err(error) => self.error = Some(error),
@@ -61,21 +73,32 @@ impl Samples {
             counted.energy_wh += more.energy_wh;
         }
         self.last = Some(*measurement);
+        self.error = None;
     }
 
-    /// The mean voltage and current, the sum of what was counted, and the latest of everything else.
+    /// The mean voltage and current, the sum of what was counted, and the latest of everything else; `None` before the part
+    /// has been read for the first time.
     ///
     /// # Errors
-    /// Nothing was read: the last reason, or a time-out if not even that is known.
-    pub fn take(&mut self) -> Result<Measurement, ReadError> {
-        let taken = core::mem::take(self);
-        let Some(last) = taken.last else {
-            return Err(taken.error.unwrap_or(ReadError::Timeout));
+    /// Nothing was read since the last call: the last reason, or a time-out if not even that is known.
+    pub fn take(&mut self) -> Option<Result<Measurement, ReadError>> {
+        let kept = Self {
+            error: self.error,
+            attempts: self.attempts,
+            ..Self::new()
+        };
+        let taken = core::mem::replace(self, kept);
+        (taken.attempts == Attempts::Some).then(|| taken.reading())
+    }
+
+    fn reading(&self) -> Result<Measurement, ReadError> {
+        let Some(last) = self.last else {
+            return Err(self.error.unwrap_or(ReadError::Timeout));
         };
         Ok(Measurement {
-            voltage_v: taken.voltage.value(),
-            current_a: taken.current.value(),
-            counted: taken.counted.map(Counted::SinceLast).or(last.counted),
+            voltage_v: self.voltage.value(),
+            current_a: self.current.value(),
+            counted: self.counted.map(Counted::SinceLast).or(last.counted),
             ..last
         })
     }
@@ -107,7 +130,7 @@ mod tests {
         samples.add(measured(11.0, 2.0, Some(0.5)));
         samples.add(Err(ReadError::NoAnswer));
         samples.add(measured(10.0, 6.0, Some(1.0)));
-        let mean = samples.take().unwrap();
+        let mean = samples.take().unwrap().unwrap();
         assert_eq!((mean.voltage_v, mean.current_a), (Some(11.0), Some(3.0)));
         assert_eq!(mean.temperature_c, Some(10.0));
         let counted = Consumed {
@@ -120,9 +143,10 @@ mod tests {
     #[test]
     fn what_was_taken_is_gone() {
         let mut samples = Samples::new();
+        assert_eq!(samples.take(), None, "not asked yet");
         samples.add(measured(12.0, 1.0, Some(1.0)));
-        assert!(samples.take().is_ok());
-        assert_eq!(samples.take(), Err(ReadError::Timeout));
+        assert!(matches!(samples.take(), Some(Ok(_))));
+        assert_eq!(samples.take(), Some(Err(ReadError::Timeout)));
     }
 
     #[test]
@@ -130,6 +154,14 @@ mod tests {
         let mut samples = Samples::new();
         samples.add(Err(ReadError::NoAnswer));
         samples.add(Err(ReadError::BusStuck));
-        assert_eq!(samples.take(), Err(ReadError::BusStuck));
+        assert_eq!(samples.take(), Some(Err(ReadError::BusStuck)));
+        assert_eq!(
+            samples.take(),
+            Some(Err(ReadError::BusStuck)),
+            "it has not been asked again"
+        );
+        samples.add(measured(12.0, 1.0, None));
+        assert!(matches!(samples.take(), Some(Ok(_))));
+        assert_eq!(samples.take(), Some(Err(ReadError::Timeout)));
     }
 }

@@ -1,0 +1,338 @@
+//! What goes wrong on the bus: it makes its own pack unhealthy, is told once, ends by itself, and delays no other pack.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use super::{BUS, DIVIDER_CODE, Second, last_of, shared, texts};
+use crate::bench::{Bench, MILLISECOND, SECOND};
+use crate::emulator::i2c_devices::{Garbled, Ina226, Ina3221, Pec, Reads, RegisterMap, SmartBattery};
+use crate::emulator::{LogLevel, Random};
+use crate::support::frames::{BATTERY_STATUS, BatteryStatus, of_message};
+
+const SMART_BATTERY: f32 = 7.0;
+const INA2XX: f32 = 21.0;
+
+const MONITOR_AT: u8 = 0x40;
+const BATTERY_AT: u8 = 0x0b;
+
+const CYCLES_PER_MS: u64 = 125_000;
+
+/// MAV_BATTERY_CHARGE_STATE_UNHEALTHY
+const UNHEALTHY: u8 = 6;
+
+/// The third pack is a smart battery, which is fine, and the first one is on the divider.
+struct Faulty<D> {
+    bench: Bench,
+    part: Rc<RefCell<D>>,
+}
+
+type Monitor = Garbled<RegisterMap<Ina226>>;
+
+/// The second pack is a power monitor that can go mad.
+fn with_monitor() -> Faulty<Monitor> {
+    let part = shared(Garbled::new(Ina226::new(0.0005), Reads::Own));
+    part.borrow_mut().set(12.0, 1.0);
+    let mut bench = Bench::running(DIVIDER_CODE);
+    let fine = SmartBattery::new(Pec::Right);
+    bench.i2c(BUS).attach(BATTERY_AT, Box::new(fine));
+    let second = Second {
+        kind: INA2XX,
+        address: MONITOR_AT,
+    };
+    second.configure(&mut bench, &part, &[("BATT3_MONITOR", SMART_BATTERY)]);
+    bench.run_for(2 * SECOND);
+    let faulty = Faulty { bench, part };
+    faulty.assert_all_fine();
+    faulty
+}
+
+impl<D> Faulty<D> {
+    fn assert_all_fine(&self) {
+        assert!(self.bench.logged(LogLevel::Warn, "unhealthy").is_empty());
+        assert!(!self.bench.logged(LogLevel::Info, "battery 2: Healthy").is_empty());
+        assert!(!self.bench.logged(LogLevel::Info, "battery 3: Healthy").is_empty());
+    }
+
+    /// `fault` makes the second pack unhealthy within five seconds, which is told once with this reason; when it has
+    /// ended, the pack is back by itself, which is told once, too. The other packs keep their rate.
+    fn assert_survives(&mut self, reason: &str, fault: impl FnOnce(&mut Self), end: impl FnOnce(&mut Self)) {
+        fault(self);
+        let from_us = self.bench.time_us();
+        let found = self.bench.run_until(5 * SECOND, |board| {
+            board
+                .log_lines()
+                .iter()
+                .any(|line| line.text.contains("battery 2: unhealthy"))
+        });
+        assert!(found, "not noticed");
+        println!(
+            "{reason}: unhealthy {} ms after the fault",
+            (self.bench.time_us() - from_us) / MILLISECOND
+        );
+        self.bench.run_for(10 * SECOND);
+        self.assert_told(&format!("Battery 2 unhealthy: {reason}"));
+        let frames = self.bench.frames();
+        assert_eq!(last_of(&frames, 1).charge_state(), UNHEALTHY);
+        assert_ne!(last_of(&frames, 0).charge_state(), UNHEALTHY);
+        self.assert_rate_of_others_since(from_us);
+
+        end(self);
+        self.bench.run_for(8 * SECOND);
+        self.assert_told("Battery 2 healthy again");
+        self.assert_told(&format!("Battery 2 unhealthy: {reason}"));
+        let frames = self.bench.frames();
+        assert_ne!(last_of(&frames, 1).charge_state(), UNHEALTHY);
+        assert_eq!(last_of(&frames, 1).sum_of_cells_mv(), 12_000);
+        assert!(
+            self.bench.resets().iter().skip(1).count() == 0,
+            "{:?}",
+            self.bench.resets()
+        );
+        assert!(self.bench.bus_errors().is_empty());
+    }
+
+    fn assert_told(&mut self, text: &str) {
+        let texts = texts(&mut self.bench);
+        let told = texts.iter().filter(|told| *told == text).count();
+        assert_eq!(told, 1, "{text}: {texts:?}");
+    }
+
+    /// Every tick of the first pack is on time, and so is every report of it.
+    fn assert_rate_of_others_since(&mut self, from_us: u64) {
+        let frames = self.bench.frames_since(from_us);
+        let seconds = (self.bench.time_us() - from_us) as f64 / SECOND as f64;
+        for instance in [0, 2] {
+            let reports = of_message(&frames, BATTERY_STATUS);
+            let count = reports
+                .iter()
+                .filter(|frame| BatteryStatus(frame).instance() == instance)
+                .count();
+            assert!(
+                (count as f64 - 10.0 * seconds).abs() <= 2.0,
+                "pack {instance}: {count} in {seconds} s"
+            );
+        }
+        let rates: Vec<_> = self.bench.logged(LogLevel::Info, "samples/s");
+        let rates = rates.iter().filter(|(time_us, _)| *time_us > from_us + SECOND);
+        for (time_us, line) in rates {
+            assert!(line.contains("10 samples/s"), "{time_us}: {line}");
+        }
+    }
+
+    /// No reading of the third pack, which is on the same bus, was missed.
+    fn assert_neighbour_is_read(&self) {
+        let missed = self.bench.logged(LogLevel::Warn, "battery 3");
+        assert!(missed.is_empty(), "{missed:?}");
+    }
+}
+
+#[test]
+fn a_part_that_is_unplugged_and_plugged_in_again() {
+    let mut faulty = with_monitor();
+    faulty.assert_survives(
+        "no answer",
+        |faulty| faulty.bench.i2c(BUS).detach(MONITOR_AT),
+        |faulty| {
+            // It lost its supply, and with it what was set.
+            faulty.part.borrow_mut().power_cycle();
+            let part = Rc::clone(&faulty.part);
+            faulty.bench.i2c(BUS).attach(MONITOR_AT, Box::new(part));
+        },
+    );
+    faulty.assert_neighbour_is_read();
+}
+
+#[test]
+fn a_part_that_lost_its_supply_for_a_moment_is_set_up_again() {
+    let mut faulty = with_monitor();
+    faulty.part.borrow_mut().power_cycle();
+    faulty.bench.run_for(SECOND);
+    assert_eq!(faulty.part.borrow().configuration(), 0x44df);
+    assert!(
+        faulty
+            .bench
+            .logged(LogLevel::Warn, "battery 2: unhealthy")
+            .is_empty()
+    );
+}
+
+#[test]
+fn a_part_that_answers_only_ones() {
+    let mut faulty = with_monitor();
+    faulty.assert_survives(
+        "unknown part",
+        |faulty| faulty.part.borrow_mut().set_reads(Reads::Fixed(0xff)),
+        |faulty| faulty.part.borrow_mut().set_reads(Reads::Own),
+    );
+    faulty.assert_neighbour_is_read();
+}
+
+#[test]
+fn a_part_that_answers_noise() {
+    let mut faulty = with_monitor();
+    faulty.assert_survives(
+        "unknown part",
+        |faulty| faulty.part.borrow_mut().set_reads(Reads::Noise(Random::new(7))),
+        |faulty| faulty.part.borrow_mut().set_reads(Reads::Own),
+    );
+    faulty.assert_neighbour_is_read();
+}
+
+#[test]
+fn another_part_at_the_same_address() {
+    let mut faulty = with_monitor();
+    faulty.assert_survives(
+        "unknown part",
+        |faulty| {
+            let other = Box::new(Ina3221::new(0.0005));
+            faulty.bench.i2c(BUS).attach_also(MONITOR_AT, other);
+        },
+        |faulty| {
+            let part = Rc::clone(&faulty.part);
+            faulty.bench.i2c(BUS).attach(MONITOR_AT, Box::new(part));
+        },
+    );
+    faulty.assert_neighbour_is_read();
+}
+
+#[test]
+fn two_packs_set_to_one_address() {
+    let part = shared(Ina226::new(0.0005));
+    part.borrow_mut().set(12.0, 1.0);
+    let mut bench = Bench::running(DIVIDER_CODE);
+    let second = Second {
+        kind: INA2XX,
+        address: MONITOR_AT,
+    };
+    let parameters = [
+        ("BATT2_I2C_ADDR", 64.0),
+        ("BATT3_MONITOR", INA2XX),
+        ("BATT3_I2C_ADDR", 64.0),
+    ];
+    second.configure(&mut bench, &part, &parameters);
+    bench.run_for(10 * SECOND);
+    let told = texts(&mut bench);
+    let wanted = "Battery 3 unhealthy: address already in use";
+    assert_eq!(told.iter().filter(|text| *text == wanted).count(), 1, "{told:?}");
+    let frames = bench.frames();
+    assert_eq!(last_of(&frames, 1).voltage_mv(0), 12_000);
+    assert_eq!(last_of(&frames, 2).voltage_mv(0), u16::MAX);
+}
+
+/// All packs on the bus are lost while it is held; the one on the divider is not.
+fn assert_bus_is_held(hold: impl FnOnce(&mut Bench), release: impl FnOnce(&mut Bench)) {
+    let mut faulty = with_monitor();
+    hold(&mut faulty.bench);
+    let from_us = faulty.bench.time_us();
+    faulty.bench.run_for(10 * SECOND);
+    for pack in [2, 3] {
+        faulty.assert_told(&format!("Battery {pack} unhealthy: bus held low"));
+    }
+    faulty.assert_rate_of_others_since(from_us);
+    release(&mut faulty.bench);
+    faulty.bench.run_for(8 * SECOND);
+    for pack in [2, 3] {
+        faulty.assert_told(&format!("Battery {pack} healthy again"));
+    }
+}
+
+#[test]
+fn a_clock_line_that_is_held() {
+    assert_bus_is_held(
+        |bench| bench.i2c(BUS).hold_scl(),
+        |bench| bench.i2c(BUS).release_scl(),
+    );
+}
+
+#[test]
+fn a_data_line_that_is_held() {
+    assert_bus_is_held(
+        |bench| bench.i2c(BUS).hold_sda(u32::MAX),
+        |bench| bench.i2c(BUS).release_sda(),
+    );
+}
+
+#[test]
+fn a_data_line_that_nine_clocks_free_is_no_fault_at_all() {
+    let mut faulty = with_monitor();
+    faulty.bench.i2c(BUS).hold_sda(9);
+    faulty.bench.run_for(5 * SECOND);
+    assert!(faulty.bench.logged(LogLevel::Warn, "unhealthy").is_empty());
+}
+
+/// The second pack is a smart battery, the third one on a power monitor.
+fn with_battery(pec: Pec) -> Faulty<SmartBattery> {
+    let part = shared(SmartBattery::new(pec));
+    part.borrow_mut().set(12.0, 1.0, 25.0);
+    let mut bench = Bench::running(DIVIDER_CODE);
+    let mut fine = Ina226::new(0.0005);
+    fine.set(11.0, 1.0);
+    bench.i2c(BUS).attach(MONITOR_AT, Box::new(fine));
+    let second = Second {
+        kind: SMART_BATTERY,
+        address: BATTERY_AT,
+    };
+    second.configure(
+        &mut bench,
+        &part,
+        &[("BATT2_CELLS", 0.0), ("BATT3_MONITOR", INA2XX)],
+    );
+    bench.run_for(2 * SECOND);
+    let faulty = Faulty { bench, part };
+    faulty.assert_all_fine();
+    faulty
+}
+
+#[test]
+fn a_battery_whose_packet_error_code_is_wrong() {
+    let mut faulty = with_battery(Pec::Right);
+    faulty.assert_survives(
+        "wrong checksum",
+        |faulty| faulty.part.borrow_mut().set_pec(Pec::Wrong),
+        |faulty| faulty.part.borrow_mut().set_pec(Pec::Right),
+    );
+    faulty.assert_neighbour_is_read();
+}
+
+#[test]
+fn a_battery_without_a_packet_error_code_is_read_without() {
+    with_battery(Pec::None);
+}
+
+#[test]
+fn a_battery_that_stretches_the_clock_as_far_as_it_may() {
+    let mut faulty = with_battery(Pec::Right);
+    // 3 ms after each byte: a word takes 18 ms.
+    faulty.part.borrow_mut().set_stretch(3 * CYCLES_PER_MS);
+    faulty.bench.run_for(5 * SECOND);
+    assert!(faulty.bench.logged(LogLevel::Warn, "unhealthy").is_empty());
+}
+
+#[test]
+fn a_battery_that_hangs_whenever_it_is_asked() {
+    let mut faulty = with_battery(Pec::Right);
+    faulty.assert_survives(
+        "no reading in time",
+        |faulty| faulty.part.borrow_mut().set_stretch(50 * CYCLES_PER_MS),
+        |faulty| faulty.part.borrow_mut().set_stretch(0),
+    );
+    let unhealthy = faulty.bench.logged(LogLevel::Warn, "battery 3: unhealthy");
+    assert!(unhealthy.is_empty(), "{unhealthy:?}");
+}
+
+#[test]
+fn a_battery_that_is_swapped_for_another_is_introduced_again() {
+    let mut faulty = with_battery(Pec::Right);
+    faulty.bench.i2c(BUS).detach(BATTERY_AT);
+    faulty.bench.run_for(3 * SECOND);
+    let mut other = SmartBattery::new(Pec::None);
+    other.set_word(0x1c, 815);
+    other.set_capacity(1000, 2000);
+    other.set(10.5, 0.0, 20.0);
+    faulty.bench.i2c(BUS).attach(BATTERY_AT, Box::new(other));
+    faulty.bench.run_for(3 * SECOND);
+    faulty.assert_told("Battery 2 swapped: estimates restarted");
+    let frames = faulty.bench.frames();
+    let status = last_of(&frames, 1);
+    assert_eq!((status.voltage_mv(0), status.remaining_pct()), (3_500, 50));
+}
