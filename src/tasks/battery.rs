@@ -169,7 +169,8 @@ fn act(pack: Pack, level: FailsafeLevel, shared: &Shared) {
     shared.to_drive.signal(());
 }
 
-/// `None` before a part on the bus has been asked for the first time.
+/// `None` as long as there is nothing to measure by: a part on the bus that has not been asked yet, or a sum in the first
+/// tick, when parts on the bus have told nothing.
 fn measure(
     bank: &BatteryBank,
     pack: Pack,
@@ -177,8 +178,10 @@ fn measure(
     readings: &AnalogReadings,
     shared: &Shared,
 ) -> Option<Result<Measurement, ReadError>> {
-    if let MonitorKind::Bus(_) = kind {
-        return shared.take_samples(pack);
+    match kind {
+        MonitorKind::Bus(_) => return shared.take_samples(pack),
+        MonitorKind::Sum if shared.samples() == 0 => return None,
+        _ => {}
     }
     let throttle = shared.with_vehicle(|vehicle| vehicle.effort());
     Some(shared.with_parameters(|parameters| match kind {
