@@ -67,8 +67,9 @@ mod firmware {
             motors.drive(vehicle.drives());
 
             // Answer: HEARTBEAT when it is due, acknowledgements, parameters.
-            endpoint.post_due(now_us, &state_of(&vehicle), &parameters);
-            while let Some(message) = endpoint.take(&parameters) {
+            let state = state_of(&vehicle);
+            endpoint.post_due(now_us, &state, &parameters);
+            while let Some(message) = endpoint.take(&state, &parameters) {
                 let _ = transmitter.write_all(framer.frame(&message, SYSTEM_ID)).await;
             }
             watchdog.feed();

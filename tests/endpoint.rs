@@ -12,7 +12,7 @@ use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, 
 use rover_battmon::vehicle::Vehicle;
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL, Frame, HEARTBEAT, PARAM_ERROR,
-    PARAM_VALUE, ParamValue, STATUSTEXT, SYS_STATUS, encode_v1, frames, of_message,
+    PARAM_VALUE, ParamValue, STATUSTEXT, SYS_STATUS, SysStatus, encode_v1, frames, of_message,
 };
 use support::requests::{
     EVERYONE, VEHICLE, command_int, command_int_2, command_long, command_long_2, ftp_open,
@@ -109,7 +109,12 @@ impl Desk {
     /// The messages that leave while the wire takes so many.
     fn sent_at_most(&mut self, messages: usize) -> Vec<Frame> {
         let mut bytes = Vec::new();
-        for message in std::iter::from_fn(|| self.endpoint.take(&self.parameters)).take(messages) {
+        let state = SystemState {
+            batteries: &self.batteries,
+            vehicle: self.vehicle.status(),
+            ..SystemState::default()
+        };
+        for message in std::iter::from_fn(|| self.endpoint.take(&state, &self.parameters)).take(messages) {
             bytes.extend(self.framer.frame(&message, 1).iter().map(|byte| (0, *byte)));
         }
         frames(&bytes)
@@ -500,6 +505,31 @@ fn nine_packs_are_each_sent_at_the_full_rate() {
 }
 
 #[test]
+fn what_waits_says_how_things_are_when_it_leaves() {
+    let gone = Visibility::Internal;
+    let mut desk = Desk::with_packs(&[healthy(); 3]);
+    desk.post_due(0);
+    desk.batteries[0].voltage_v = Some(10.0);
+    desk.batteries[1].visibility = gone;
+    desk.batteries[2].status = PackStatus::Disabled;
+    // The link's counters are those of that moment, too.
+    desk.endpoint.count_overrun();
+    let sent = desk.sent();
+    let of_packs = of_message(&sent, BATTERY_STATUS);
+    let voltages: Vec<_> = of_packs
+        .iter()
+        .map(|f| (BatteryStatus(f).instance(), BatteryStatus(f).voltage_mv(0)))
+        .collect();
+    assert_eq!(
+        voltages,
+        [(0, 10_000)],
+        "no word of packs that are not reported any more"
+    );
+    assert_eq!(SysStatus(of_message(&sent, SYS_STATUS)[0]).errors_comm(), 1);
+    assert_eq!(desk.endpoint.statistics().sent, 3);
+}
+
+#[test]
 fn an_interval_holds_for_all_packs_at_once() {
     let mut desk = Desk::with_packs(&[healthy(); MAX_PACKS]);
     desk.ask(&command_long_2(SET_MESSAGE_INTERVAL, 147.0, 100_000.0));
@@ -581,7 +611,9 @@ fn answers_are_byte_exact() {
         MavSeverity::MAV_SEVERITY_WARNING,
         "Battery 1 is low 10.40V used 36 mAh",
     );
-    let text = endpoint.take(&Parameters::defaults()).expect("the text waits");
+    let text = endpoint
+        .take(&SystemState::default(), &Parameters::defaults())
+        .expect("the text waits");
     let hex: String = Framer::new()
         .frame(&text, 1)
         .iter()

@@ -99,7 +99,12 @@ impl Rover {
     fn sent(&mut self) -> Vec<Frame> {
         let mut framer = Framer::new();
         let mut bytes = Vec::new();
-        while let Some(message) = self.endpoint.take(&self.parameters) {
+        let state = SystemState {
+            batteries: &self.batteries,
+            vehicle: self.vehicle.status(),
+            ..SystemState::default()
+        };
+        while let Some(message) = self.endpoint.take(&state, &self.parameters) {
             bytes.extend(framer.frame(&message, 1).iter().map(|byte| (0, *byte)));
         }
         frames(&bytes)

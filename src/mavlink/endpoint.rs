@@ -1,5 +1,7 @@
 //! Our end of one link: what is received and what is sent, without the wire.
 
+use core::iter;
+
 use super::dialect::MavSeverity;
 use super::dispatcher::{Context, Event, dispatch};
 use super::messages::chunks_of;
@@ -58,8 +60,8 @@ impl Endpoint {
         }
     }
 
-    /// Posts everything that is due at `now_us`. `state` is what telemetry reports, apart from the link's own counters.
-    /// Says what was dropped for it, if anything.
+    /// Posts everything that is due at `now_us`, and says what was dropped for it, if anything. What the messages say is
+    /// decided when they leave.
     pub fn post_due(
         &mut self,
         now_us: u64,
@@ -82,23 +84,19 @@ impl Endpoint {
 
     /// Posts all instances of a message. A pack that is not reported has none, and its due time passes.
     fn post(&mut self, message: Periodic, state: &SystemState<'_>) -> Option<Stream> {
-        let state = SystemState {
-            link: self.statistics(),
-            ..*state
-        };
         match message {
-            Periodic::Heartbeat => self.post_stream(Stream::Heartbeat, &state),
-            Periodic::SysStatus => self.post_stream(Stream::SysStatus, &state),
+            Periodic::Heartbeat => self.post_stream(Stream::Heartbeat),
+            Periodic::SysStatus => self.post_stream(Stream::SysStatus),
             Periodic::BatteryStatus => state
                 .reported()
-                .filter_map(|instance| self.post_stream(Stream::BatteryStatus(instance), &state))
+                .filter_map(|instance| self.post_stream(Stream::BatteryStatus(instance)))
                 .last(),
         }
     }
 
-    /// Posts a message of `stream`, and answers the stream if one was dropped for it.
-    fn post_stream(&mut self, stream: Stream, state: &SystemState<'_>) -> Option<Stream> {
-        if self.outbox.post(stream, stream.build(state)) == Posted::Queued {
+    /// Posts the next message of `stream`, and answers the stream if one was dropped for it.
+    fn post_stream(&mut self, stream: Stream) -> Option<Stream> {
+        if self.outbox.post(stream) == Posted::Queued {
             return None;
         }
         self.dropped = self.dropped.wrapping_add(1);
@@ -125,15 +123,25 @@ impl Endpoint {
             .map_or(streams_us, |list_us| list_us.min(streams_us))
     }
 
-    /// The message that leaves next: HEARTBEAT, answers, the share of a parameter list, telemetry.
-    pub fn take(&mut self, parameters: &Parameters) -> Option<Message> {
-        let message = self
-            .outbox
-            .take_urgent()
+    /// The message that leaves next: HEARTBEAT, answers, the share of a parameter list, telemetry. Telemetry is built
+    /// now, from `state` and the link's own counters.
+    pub fn take(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<Message> {
+        let state = SystemState {
+            link: self.statistics(),
+            ..*state
+        };
+        let heartbeat = self.outbox.take_heartbeat().map(|stream| stream.build(&state));
+        let message = heartbeat
+            .or_else(|| self.outbox.take_reply())
             .or_else(|| self.list.take(parameters))
-            .or_else(|| self.outbox.take_stream())?;
+            .or_else(|| Some(self.take_telemetry(&state)?.build(&state)))?;
         self.sent = self.sent.wrapping_add(1);
         Some(message)
+    }
+
+    /// The stream whose turn it is. One of a pack that has gone while it waited has nothing to say any more.
+    fn take_telemetry(&mut self, state: &SystemState<'_>) -> Option<Stream> {
+        iter::from_fn(|| self.outbox.take_stream()).find(|stream| stream.is_reported_in(state))
     }
 
     /// Whether everything that was asked for has left.

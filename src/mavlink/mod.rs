@@ -1,8 +1,9 @@
 //! MAVLink: what a ground station sees.
 //!
-//! A message is built from a [`SystemState`] by a plain function, waits in the [`Outbox`] of a link, and becomes a frame
-//! in the [`Framer`] when the wire takes it. What is received goes through the [`FrameParser`] to a dispatcher, which
-//! gives it to the service it is for. [`Endpoint`] is all of that for one link, without the wire.
+//! A stream that is due waits in the [`Outbox`] of a link until the wire is free; then its message is built from a
+//! [`SystemState`] by a plain function, and becomes a frame in the [`Framer`]. What is received goes through the
+//! [`FrameParser`] to a dispatcher, which gives it to the service it is for. [`Endpoint`] is all of that for one link,
+//! without the wire.
 #![allow(
     deprecated,
     reason = "ground stations still use messages and commands that the dialect marks as superseded"

@@ -11,13 +11,13 @@ const STREAMS: usize = 2 + MAX_PACKS;
 /// Answers that can wait. Ground stations ask for a few things at a time and repeat what is not answered.
 const REPLIES: usize = 16;
 
-/// What became of a message of a stream that was posted.
+/// What became of a stream that was posted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Posted {
     /// It waits for its turn.
     Queued,
-    /// It took the turn of an older message of its stream that had not been sent yet; the older one is dropped.
+    /// It waits already: of the two messages that were to be sent, one is dropped.
     Replaced,
     /// There is no place for its stream: it is dropped.
     Refused,
@@ -28,16 +28,16 @@ pub enum Posted {
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct NoRoom;
 
-/// Messages that wait for the wire: answers, and at most one message of each stream.
+/// What waits for the wire: answers, and streams whose message is due.
 ///
-/// HEARTBEAT goes first, then answers in the order they came, then the streams in turn, always in the same order. When
-/// the wire is slower than the streams, a newer message takes the place of the older one of its stream. So every stream
-/// gets the same share of a link that is too slow, none starves, and what arrives is fresh.
+/// HEARTBEAT goes first, then answers in the order they came, then the streams in turn, always in the same order. An
+/// answer waits as it was built. A stream waits by its name alone: whoever takes it builds its message at that moment.
+/// So every stream gets the same share of a link that is too slow, none starves, and what arrives is fresh.
 #[derive(Debug, Default)]
 pub struct Outbox {
     replies: Deque<Message, REPLIES>,
-    /// What waits of each stream, at the stream's place.
-    streams: [Option<Message>; STREAMS],
+    /// The streams that wait, each at its own place.
+    streams: [Option<Stream>; STREAMS],
     /// The place whose turn it is.
     turn: usize,
 }
@@ -58,12 +58,12 @@ impl Outbox {
         Self::default()
     }
 
-    /// Posts the next message of `stream` and says what was dropped for it, if anything.
-    pub fn post(&mut self, stream: Stream, message: Message) -> Posted {
+    /// Has the next message of `stream` wait, and says what was dropped for it, if anything.
+    pub fn post(&mut self, stream: Stream) -> Posted {
         let Some(place) = self.streams.get_mut(place(stream)) else {
             return Posted::Refused;
         };
-        match place.replace(message) {
+        match place.replace(stream) {
             None => Posted::Queued,
             Some(_) => Posted::Replaced,
         }
@@ -82,15 +82,18 @@ impl Outbox {
         REPLIES - self.replies.len()
     }
 
-    /// Takes out what has to leave before anything else: a HEARTBEAT, else the oldest answer.
-    pub fn take_urgent(&mut self) -> Option<Message> {
-        self.streams[HEARTBEAT_PLACE]
-            .take()
-            .or_else(|| self.replies.pop_front())
+    /// Takes out the HEARTBEAT, which has to leave before anything else.
+    pub fn take_heartbeat(&mut self) -> Option<Stream> {
+        self.streams[HEARTBEAT_PLACE].take()
     }
 
-    /// Takes out the message of the stream whose turn it is.
-    pub fn take_stream(&mut self) -> Option<Message> {
+    /// Takes out the oldest answer.
+    pub fn take_reply(&mut self) -> Option<Message> {
+        self.replies.pop_front()
+    }
+
+    /// Takes out the stream whose turn it is.
+    pub fn take_stream(&mut self) -> Option<Stream> {
         (0..STREAMS).find_map(|_| {
             let place = self.turn;
             self.turn = (place + 1) % STREAMS;
@@ -106,28 +109,12 @@ impl Outbox {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{SystemState, status_texts};
+    use super::super::status_texts;
     use super::*;
-    use crate::battery::BatteryState;
     use crate::mavlink::dialect::MavSeverity;
     use proptest::prelude::*;
 
     const BATTERY: Stream = Stream::BatteryStatus(0);
-
-    fn build(stream: Stream) -> Message {
-        stream.build(&SystemState::default())
-    }
-
-    fn battery_status(voltage_v: f32) -> Message {
-        let batteries = [BatteryState {
-            voltage_v: Some(voltage_v),
-            ..BatteryState::default()
-        }];
-        BATTERY.build(&SystemState {
-            batteries: &batteries,
-            ..SystemState::default()
-        })
-    }
 
     fn answer(text: &str) -> Message {
         let severity = MavSeverity::MAV_SEVERITY_INFO;
@@ -138,39 +125,43 @@ mod tests {
         )
     }
 
-    fn take(outbox: &mut Outbox) -> Option<Message> {
-        outbox.take_urgent().or_else(|| outbox.take_stream())
+    #[derive(Debug, PartialEq)]
+    enum Taken {
+        Stream(Stream),
+        Reply(Message),
+    }
+
+    fn take(outbox: &mut Outbox) -> Option<Taken> {
+        let heartbeat = outbox.take_heartbeat().map(Taken::Stream);
+        heartbeat
+            .or_else(|| outbox.take_reply().map(Taken::Reply))
+            .or_else(|| outbox.take_stream().map(Taken::Stream))
     }
 
     #[test]
     fn heartbeat_goes_first_then_answers_then_streams_in_turn() {
         let mut outbox = Outbox::new();
-        assert_eq!(
-            outbox.post(Stream::SysStatus, build(Stream::SysStatus)),
-            Posted::Queued
-        );
-        assert_eq!(outbox.post(BATTERY, battery_status(11.0)), Posted::Queued);
+        assert_eq!(outbox.post(Stream::SysStatus), Posted::Queued);
+        assert_eq!(outbox.post(BATTERY), Posted::Queued);
         assert_eq!(outbox.reply(answer("one")), Ok(()));
-        assert_eq!(
-            outbox.post(Stream::Heartbeat, build(Stream::Heartbeat)),
-            Posted::Queued
-        );
+        assert_eq!(outbox.post(Stream::Heartbeat), Posted::Queued);
         assert_eq!(outbox.reply(answer("two")), Ok(()));
-        assert_eq!(take(&mut outbox), Some(build(Stream::Heartbeat)));
-        assert_eq!(take(&mut outbox), Some(answer("one")));
-        assert_eq!(take(&mut outbox), Some(answer("two")));
-        assert_eq!(take(&mut outbox), Some(build(Stream::SysStatus)));
-        assert_eq!(take(&mut outbox), Some(battery_status(11.0)));
+        assert_eq!(take(&mut outbox), Some(Taken::Stream(Stream::Heartbeat)));
+        assert_eq!(take(&mut outbox), Some(Taken::Reply(answer("one"))));
+        assert_eq!(take(&mut outbox), Some(Taken::Reply(answer("two"))));
+        assert_eq!(take(&mut outbox), Some(Taken::Stream(Stream::SysStatus)));
+        assert_eq!(take(&mut outbox), Some(Taken::Stream(BATTERY)));
         assert_eq!(take(&mut outbox), None);
     }
 
     #[test]
-    fn a_newer_message_replaces_the_older_of_its_stream() {
+    fn a_stream_that_is_posted_twice_waits_once() {
         let mut outbox = Outbox::new();
-        outbox.post(BATTERY, battery_status(11.0));
-        assert_eq!(outbox.post(BATTERY, battery_status(10.0)), Posted::Replaced);
-        assert_eq!(take(&mut outbox), Some(battery_status(10.0)));
+        assert_eq!(outbox.post(BATTERY), Posted::Queued);
+        assert_eq!(outbox.post(BATTERY), Posted::Replaced);
+        assert_eq!(take(&mut outbox), Some(Taken::Stream(BATTERY)));
         assert_eq!(take(&mut outbox), None);
+        assert_eq!(outbox.post(BATTERY), Posted::Queued);
     }
 
     #[test]
@@ -179,12 +170,12 @@ mod tests {
         let mut taken = Vec::new();
         for round in 0..40 {
             for stream in streams() {
-                outbox.post(stream, build(stream));
+                outbox.post(stream);
             }
             // Another number each time, so that a round ends anywhere.
             taken.extend((0..1 + round % 4).filter_map(|_| outbox.take_stream()));
         }
-        let in_turn: Vec<_> = streams().cycle().take(100).map(build).collect();
+        let in_turn: Vec<_> = streams().cycle().take(100).collect();
         assert_eq!(taken, in_turn);
     }
 
@@ -204,10 +195,10 @@ mod tests {
         assert_eq!(outbox.reply(answer("y")), Err(NoRoom));
         assert_eq!(outbox.room_for_replies(), 0);
         for stream in streams() {
-            assert_eq!(outbox.post(stream, build(stream)), Posted::Queued);
+            assert_eq!(outbox.post(stream), Posted::Queued);
         }
         let tenth = Stream::BatteryStatus(MAX_PACKS as u8);
-        assert_eq!(outbox.post(tenth, build(tenth)), Posted::Refused);
+        assert_eq!(outbox.post(tenth), Posted::Refused);
     }
 
     fn any_stream() -> impl Strategy<Value = Stream> {
@@ -228,7 +219,7 @@ mod tests {
             let (mut posted, mut dropped, mut taken) = (0, 0, 0);
             for (stream, reply, takes) in steps {
                 posted += 1 + usize::from(reply);
-                dropped += usize::from(outbox.post(stream, build(stream)) != Posted::Queued);
+                dropped += usize::from(outbox.post(stream) != Posted::Queued);
                 dropped += usize::from(reply && outbox.reply(answer("x")).is_err());
                 for _ in 0..takes {
                     taken += usize::from(take(&mut outbox).is_some());

@@ -80,12 +80,17 @@ impl Link {
     /// Waits for the next message and takes it out.
     pub(super) async fn next_message(&self, shared: &Shared) -> Message {
         loop {
-            let taken = self.with(|endpoint| shared.with_parameters(|parameters| endpoint.take(parameters)));
-            if let Some(message) = taken {
+            if let Some(message) = self.take(shared) {
                 return message;
             }
             self.to_write.wait().await;
         }
+    }
+
+    fn take(&self, shared: &Shared) -> Option<Message> {
+        shared.with_system_state(|state| {
+            shared.with_parameters(|parameters| self.with(|endpoint| endpoint.take(state, parameters)))
+        })
     }
 
     /// Logs that a message of `stream` was dropped, once a second at most.

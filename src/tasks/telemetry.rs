@@ -11,8 +11,7 @@ use super::{Link, Shared, mark};
 use crate::liveness::CheckIn;
 use crate::log::warn;
 
-/// Builds each stream of `link` from the state at its due time and posts it, and passes on what is announced; sleeps in
-/// between.
+/// Posts each stream of `link` at its due time, and passes on what is announced; sleeps in between.
 pub async fn schedule_telemetry(shared: &Shared, link: &Link, check_in: &CheckIn) -> ! {
     let mut announcements = shared.announcements();
     for (severity, text) in shared.notices() {

@@ -276,6 +276,10 @@ impl SysStatus<'_> {
         self.0.u16(14)
     }
 
+    pub fn errors_comm(&self) -> u16 {
+        self.0.u16(20)
+    }
+
     pub fn errors_count1(&self) -> u16 {
         self.0.u16(22)
     }

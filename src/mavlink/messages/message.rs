@@ -24,6 +24,20 @@ pub enum Stream {
 }
 
 impl Stream {
+    /// The pack it is of; `None` for one of the whole vehicle.
+    fn instance(self) -> Option<u8> {
+        match self {
+            Self::Heartbeat | Self::SysStatus => None,
+            Self::BatteryStatus(instance) => Some(instance),
+        }
+    }
+
+    /// Whether there is something to tell: not of a pack that is not reported.
+    pub(in crate::mavlink) fn is_reported_in(self, state: &SystemState<'_>) -> bool {
+        self.instance()
+            .is_none_or(|instance| state.reported().any(|reported| reported == instance))
+    }
+
     /// The message of this stream, from the state at this moment.
     pub fn build(self, state: &SystemState<'_>) -> Message {
         match self {
