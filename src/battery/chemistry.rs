@@ -29,6 +29,10 @@ pub(super) struct Cell {
     pub ohmic_drop_v: f32,
     /// How much more a lasting load takes off slowly, as a share of that.
     pub slow_share: f32,
+    /// Its nominal voltage, as makers print it on packs, in volts.
+    pub nominal_v: f32,
+    /// The voltage chargers usually end at, in volts; `None` where they do not go by the voltage.
+    pub charged_v: Option<f32>,
     /// More than this no sound cell has, in volts.
     pub highest_v: f32,
     /// A resting cell below this is being harmed, in volts.
@@ -52,6 +56,16 @@ impl Chemistry {
             .find(|chemistry| *chemistry as i32 == number)
     }
 
+    /// The nominal voltage of a cell, in volts.
+    pub fn nominal_cell_voltage_v(self) -> f32 {
+        self.cell().nominal_v
+    }
+
+    /// The voltage of a cell at which chargers usually end, in volts; `None` where they do not go by the voltage.
+    pub fn charged_cell_voltage_v(self) -> Option<f32> {
+        self.cell().charged_v
+    }
+
     pub(super) fn cell(self) -> &'static Cell {
         match self {
             Self::LiPo => &LIPO,
@@ -71,6 +85,8 @@ static LIPO: Cell = Cell {
     curve_spread_v: 0.018,
     ohmic_drop_v: 0.026,
     slow_share: 0.35,
+    nominal_v: 3.7,
+    charged_v: Some(4.2),
     highest_v: 4.35,
     deep_discharge_v: 3.0,
     lowest_v: 2.0,
@@ -85,6 +101,8 @@ static LIFE: Cell = Cell {
     curve_spread_v: 0.020,
     ohmic_drop_v: 0.023,
     slow_share: 0.5,
+    nominal_v: 3.2,
+    charged_v: Some(3.65),
     highest_v: 3.8,
     deep_discharge_v: 2.5,
     lowest_v: 1.8,
@@ -101,6 +119,8 @@ static LIION: Cell = Cell {
     curve_spread_v: 0.029,
     ohmic_drop_v: 0.09,
     slow_share: 0.55,
+    nominal_v: 3.6,
+    charged_v: Some(4.2),
     highest_v: 4.35,
     deep_discharge_v: 2.5,
     lowest_v: 1.8,
@@ -115,6 +135,8 @@ static NIMH: Cell = Cell {
     curve_spread_v: 0.050,
     ohmic_drop_v: 0.018,
     slow_share: 0.55,
+    nominal_v: 1.2,
+    charged_v: None,
     highest_v: 1.65,
     deep_discharge_v: 0.9,
     lowest_v: 0.8,

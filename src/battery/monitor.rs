@@ -309,6 +309,7 @@ impl BatteryMonitor {
         let state = &mut self.state;
         state.chemistry = settings.chemistry;
         state.capacity_mah = settings.capacity_mah;
+        state.critical_voltage_v = settings.failsafe.critical.voltage_v;
         state.serial_number = settings.serial_number;
         state.reported_voltage = settings.reported_voltage;
         state.visibility = settings.visibility;

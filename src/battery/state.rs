@@ -114,6 +114,8 @@ pub struct BatteryState {
     pub chemistry: Chemistry,
     /// Charge of the full pack, in milliampere-hours.
     pub capacity_mah: Option<f32>,
+    /// The pack's voltage that counts as critical, in volts, if the owner has set one (`BATT_CRT_VOLT`).
+    pub critical_voltage_v: Option<f32>,
     /// Serial number, as set or as the pack tells.
     pub serial_number: Option<i32>,
     /// Where it is known from how full the pack is.

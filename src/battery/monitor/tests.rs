@@ -314,6 +314,16 @@ fn a_reset_restarts_the_count_at_what_was_told() {
 }
 
 #[test]
+fn the_voltage_the_owner_calls_critical_is_passed_on() {
+    let mut bench = Bench::new();
+    bench.tick(Ok(volts(11.4)));
+    assert_eq!(bench.state().critical_voltage_v, None);
+    bench.settings.failsafe.critical.voltage_v = Some(9.9);
+    bench.tick(Err(ReadError::Timeout));
+    assert_eq!(bench.state().critical_voltage_v, Some(9.9));
+}
+
+#[test]
 fn what_is_remembered_over_a_reset_goes_on() {
     let mut before = Bench::new();
     before.settings.cell_count = None;
