@@ -1,18 +1,24 @@
 //! The message builders with a mock `BatteryState`: byte for byte against golden frames, and with any input.
+#![allow(
+    deprecated,
+    reason = "SMART_BATTERY_INFO is superseded, and sent for those who know no other"
+)]
 
 use std::collections::HashMap;
 
 use proptest::prelude::*;
 use rover_battmon::battery::{
-    BatteryState, CellVoltages, ChargeState, Chemistry, FailsafeLevel, Faults, MAX_CELLS, PackStatus,
-    ReportedVoltage, Visibility,
+    BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Date, FailsafeLevel, Faults, MAX_CELLS,
+    Name, PackDetails, PackStatus, ReportedVoltage, Visibility,
 };
 use rover_battmon::mavlink::dialect::{
-    BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
-    MavBatteryType, MavModeFlag, MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA,
+    BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, MavBatteryChargeState, MavBatteryFault,
+    MavBatteryFunction, MavBatteryMode, MavBatteryType, MavModeFlag, MavSysStatusSensor,
+    MavSysStatusSensorExtended, SMART_BATTERY_INFO_DATA, SYS_STATUS_DATA,
 };
 use rover_battmon::mavlink::{
-    Framer, LinkStatistics, Message, ReceiveStatistics, SystemState, build_battery_status, build_heartbeat,
+    Framer, LinkStatistics, Message, ReceiveStatistics, SystemState, build_battery_info,
+    build_battery_status, build_battery_status_v2, build_heartbeat, build_smart_battery_info,
     build_sys_status,
 };
 
@@ -41,6 +47,21 @@ fn with_packs(batteries: &[BatteryState]) -> SystemState<'_> {
 /// BATTERY_STATUS of the only pack.
 fn status_of(battery: BatteryState) -> BATTERY_STATUS_DATA {
     build_battery_status(&with_packs(&[battery]), 0)
+}
+
+/// BATTERY_STATUS_V2 of the only pack.
+fn status_v2_of(battery: BatteryState) -> BATTERY_STATUS_V2_DATA {
+    build_battery_status_v2(&with_packs(&[battery]), 0)
+}
+
+/// BATTERY_INFO of the only pack.
+fn info_of(battery: BatteryState) -> BATTERY_INFO_DATA {
+    build_battery_info(&with_packs(&[battery]), 0)
+}
+
+/// SMART_BATTERY_INFO of the only pack.
+fn smart_info_of(battery: BatteryState) -> SMART_BATTERY_INFO_DATA {
+    build_smart_battery_info(&with_packs(&[battery]), 0)
 }
 
 /// SYS_STATUS with one pack.
@@ -449,6 +470,340 @@ fn dropped_messages_are_counted_and_saturate() {
     assert_eq!(build_sys_status(&dropped(70_000)).errors_count1, u16::MAX);
 }
 
+/// MAVLink's NaN, bit for bit.
+const NAN_BITS: u32 = 0x7fc0_0000;
+
+#[test]
+fn battery_status_v2_of_which_only_the_voltage_is_known_is_byte_exact() {
+    let message = Message::BatteryStatusV2(status_v2_of(healthy(11.1)));
+    assert_eq!(frame_hex(&message), golden_frames()["battery_status_v2_unknown"]);
+}
+
+#[test]
+fn battery_status_v2_says_what_is_unknown_with_the_sentinel_of_each_field() {
+    let data = build_battery_status_v2(&SystemState::default(), 3);
+    let numbers = [
+        data.voltage,
+        data.current,
+        data.capacity_consumed,
+        data.capacity_remaining,
+        data.state_of_charge,
+    ];
+    assert_eq!(numbers.map(f32::to_bits), [NAN_BITS; 5]);
+    assert_eq!((data.temperature, data.id), (i16::MAX, 3));
+    // The crate's default is NOT_READY_TO_USE.
+    assert_eq!(data.status_flags.bits(), 0);
+}
+
+#[test]
+fn battery_status_v2_is_in_volts_amperes_ampere_hours_and_percent() {
+    let battery = BatteryState {
+        current_a: Some(-400.5),
+        consumed_mah: Some(1234.0),
+        remaining_pct: Some(37.5),
+        capacity_mah: Some(2200.0),
+        temperature_c: Some(-12.34),
+        resting_voltage_v: Some(71.5),
+        reported_voltage: ReportedVoltage::Resting,
+        ..healthy(70.25)
+    };
+    let data = status_v2_of(battery);
+    assert_eq!((data.voltage, data.current), (71.5, -400.5));
+    assert_eq!((data.capacity_consumed, data.capacity_remaining), (1.234, 0.825));
+    assert_eq!((data.state_of_charge, data.temperature), (37.5, -1234));
+    for (capacity_mah, remaining_pct) in [(None, Some(50.0)), (Some(2200.0), None)] {
+        let data = status_v2_of(BatteryState {
+            capacity_mah,
+            remaining_pct,
+            ..battery
+        });
+        assert!(data.capacity_remaining.is_nan());
+        assert_eq!(data.state_of_charge.is_nan(), remaining_pct.is_none());
+    }
+    // Net charging can be told.
+    let charged = BatteryState {
+        consumed_mah: Some(-50.0),
+        ..battery
+    };
+    assert_eq!(status_v2_of(charged).capacity_consumed, -0.05);
+}
+
+#[test]
+fn every_fault_has_its_flag() {
+    for (faults, expected) in [
+        (Faults::empty(), 0),
+        // REQUIRES_SERVICE (32) goes with those of the pack itself.
+        (Faults::DEEP_DISCHARGE, 1024 | 32),
+        (Faults::SPIKES, 512),
+        (Faults::CELL_FAIL, 8 | 32),
+        (Faults::OVER_CURRENT, 8192),
+        (Faults::OVER_TEMPERATURE, 2048),
+        (Faults::UNDER_TEMPERATURE, 4096),
+        (Faults::INCOMPATIBLE_VOLTAGE, 32768),
+        (Faults::all(), 8 | 32 | 512 | 1024 | 2048 | 4096 | 8192 | 32768),
+    ] {
+        let battery = BatteryState {
+            faults,
+            ..healthy(11.1)
+        };
+        assert_eq!(status_v2_of(battery).status_flags.bits(), expected, "{faults:?}");
+    }
+}
+
+#[test]
+fn a_pack_that_is_not_there_not_trusted_or_nearly_empty_is_not_ready() {
+    const NOT_READY: u32 = 1;
+    const CHARGING: u32 = 2;
+    for (status, expected) in [
+        (PackStatus::Disabled, NOT_READY),
+        (PackStatus::Unknown, 0),
+        (PackStatus::NotConnected, NOT_READY),
+        (PackStatus::Healthy, 0),
+        (PackStatus::Unhealthy, NOT_READY),
+    ] {
+        let battery = BatteryState {
+            status,
+            ..BatteryState::default()
+        };
+        assert_eq!(status_v2_of(battery).status_flags.bits(), expected, "{status:?}");
+    }
+    for (charge_state, expected) in CHARGE_STATES
+        .into_iter()
+        .zip([0, 0, 0, NOT_READY, NOT_READY, NOT_READY, NOT_READY, CHARGING])
+    {
+        let battery = BatteryState {
+            charge_state,
+            ..healthy(11.1)
+        };
+        assert_eq!(
+            status_v2_of(battery).status_flags.bits(),
+            expected,
+            "{charge_state:?}"
+        );
+    }
+}
+
+#[test]
+fn only_a_gauge_counts_from_the_full_pack() {
+    let gauged = BatteryState {
+        charge_source: ChargeSource::Gauge,
+        ..healthy(11.1)
+    };
+    assert_eq!(status_v2_of(gauged).status_flags.bits(), 262_144);
+}
+
+/// What an owner sets of a pack that tells nothing itself.
+fn as_set() -> BatteryState {
+    BatteryState {
+        cell_count: Some(3),
+        capacity_mah: Some(2200.0),
+        critical_voltage_v: Some(9.9),
+        ..healthy(11.1)
+    }
+}
+
+/// A pack that tells everything.
+fn smart() -> BatteryState {
+    BatteryState {
+        cell_count: Some(4),
+        capacity_mah: Some(4875.0),
+        critical_voltage_v: Some(12.0),
+        serial_number: Some(48_879),
+        chemistry: Chemistry::LiIon,
+        charge_source: ChargeSource::Gauge,
+        details: PackDetails {
+            manufacturer: Name::from_ascii(b"Acme"),
+            device: Name::from_ascii(b"BP 4S"),
+            serial_number: Some(48_879),
+            manufactured: Some(Date {
+                year: 2026,
+                month: 3,
+                day: 9,
+            }),
+            chemistry: Some(Chemistry::LiIon),
+            cycle_count: Some(41),
+            design_capacity_mah: Some(5000.0),
+            design_voltage_v: Some(14.8),
+            state_of_health_pct: Some(97),
+        },
+        ..healthy(15.2)
+    }
+}
+
+#[test]
+fn battery_info_of_what_an_owner_has_set_is_byte_exact() {
+    let message = Message::BatteryInfo(info_of(as_set()));
+    assert_eq!(frame_hex(&message), golden_frames()["battery_info_372"]);
+}
+
+#[test]
+fn battery_info_has_what_a_smart_battery_tells() {
+    let data = info_of(smart());
+    assert_eq!(
+        (data.discharge_minimum_voltage, data.charging_maximum_voltage),
+        (3.0, 4.2)
+    );
+    assert_eq!((data.nominal_voltage, data.design_capacity), (14.8, 5.0));
+    assert_eq!((data.full_charge_capacity, data.state_of_health), (4.875, 97));
+    assert_eq!((data.cycle_count, data.cells_in_series), (41, 4));
+    assert_eq!(data.mavtype, MavBatteryType::MAV_BATTERY_TYPE_LION);
+    assert_eq!(
+        data.battery_function,
+        MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL
+    );
+    assert_eq!(data.manufacture_date.to_str(), Ok("09032026"));
+    assert_eq!(data.serial_number.to_str(), Ok("48879"));
+    assert_eq!(data.name.to_str(), Ok("Acme_BP 4S"));
+}
+
+#[test]
+fn smart_battery_info_has_the_same_in_its_own_units() {
+    let data = smart_info_of(smart());
+    assert_eq!(
+        (data.capacity_full_specification, data.capacity_full),
+        (5000, 4875)
+    );
+    assert_eq!(
+        (data.discharge_minimum_voltage, data.charging_maximum_voltage),
+        (3000, 4200)
+    );
+    assert_eq!((data.cycle_count, data.cells_in_series), (41, 4));
+    assert_eq!(data.mavtype, MavBatteryType::MAV_BATTERY_TYPE_LION);
+    assert_eq!(
+        data.battery_function,
+        MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL
+    );
+    assert_eq!(data.manufacture_date.to_str(), Ok("09/03/2026"));
+    assert_eq!(data.serial_number.to_str(), Ok("48879"));
+    assert_eq!(data.device_name.to_str(), Ok("Acme_BP 4S"));
+}
+
+#[test]
+fn what_a_pack_is_is_unknown_with_the_sentinel_of_each_field() {
+    let state = SystemState::default();
+    let data = build_battery_info(&state, 3);
+    let not_given = [
+        data.discharge_minimum_voltage,
+        data.charging_minimum_voltage,
+        data.resting_minimum_voltage,
+        data.charging_maximum_current,
+        data.nominal_voltage,
+        data.discharge_maximum_current,
+        data.discharge_maximum_burst_current,
+        data.design_capacity,
+    ];
+    assert_eq!(not_given, [0.0; 8]);
+    assert_eq!(data.full_charge_capacity.to_bits(), NAN_BITS);
+    assert_eq!((data.cycle_count, data.weight, data.id), (u16::MAX, 0, 3));
+    assert_eq!((data.state_of_health, data.cells_in_series), (255, 0));
+    assert_eq!(*data.manufacture_date, [0; 9]);
+    assert_eq!(*data.serial_number, [0; 32]);
+    assert_eq!(*data.name, [0; 50]);
+
+    let data = build_smart_battery_info(&state, 3);
+    assert_eq!((data.capacity_full_specification, data.capacity_full), (-1, -1));
+    assert_eq!((data.cycle_count, data.weight, data.id), (u16::MAX, 0, 3));
+    let lowest = [
+        data.discharge_minimum_voltage,
+        data.charging_minimum_voltage,
+        data.resting_minimum_voltage,
+    ];
+    assert_eq!(lowest, [u16::MAX; 3]);
+    assert_eq!(
+        (
+            data.discharge_maximum_current,
+            data.discharge_maximum_burst_current
+        ),
+        (0, 0)
+    );
+    assert_eq!(data.cells_in_series, 0);
+    assert_eq!(*data.serial_number, [0; 16]);
+    assert_eq!(*data.device_name, [0; 50]);
+    assert_eq!(*data.manufacture_date, [0; 11]);
+}
+
+#[test]
+fn the_voltages_of_a_cell_follow_from_the_chemistry() {
+    for (chemistry, charged_v, charged_mv, nominal_v) in [
+        (Chemistry::LiPo, 4.2, 4200, 3.7),
+        (Chemistry::LiFe, 3.65, 3650, 3.2),
+        (Chemistry::LiIon, 4.2, 4200, 3.6),
+        // It is charged until its voltage falls.
+        (Chemistry::NiMh, 0.0, 0, 1.2),
+    ] {
+        let battery = BatteryState {
+            chemistry,
+            cell_count: Some(1),
+            ..BatteryState::default()
+        };
+        assert_eq!(info_of(battery).charging_maximum_voltage, charged_v);
+        assert_eq!(info_of(battery).nominal_voltage, nominal_v);
+        assert_eq!(smart_info_of(battery).charging_maximum_voltage, charged_mv);
+        assert_eq!(smart_info_of(battery).mavtype as u32, chemistry as u32);
+    }
+}
+
+#[test]
+fn a_capacity_that_was_set_is_the_design_and_never_the_present_one() {
+    let gauged = BatteryState {
+        charge_source: ChargeSource::Gauge,
+        ..as_set()
+    };
+    assert_eq!(info_of(gauged).design_capacity, 0.0);
+    assert_eq!(info_of(gauged).full_charge_capacity, 2.2);
+    assert_eq!(smart_info_of(gauged).capacity_full_specification, -1);
+    assert_eq!(smart_info_of(gauged).capacity_full, 2200);
+    assert_eq!(smart_info_of(as_set()).capacity_full_specification, 2200);
+    assert_eq!(smart_info_of(as_set()).capacity_full, -1);
+}
+
+#[test]
+fn a_name_is_that_of_the_maker_or_of_the_product_if_the_other_is_missing() {
+    for (manufacturer, device, expected) in [
+        ("", "", ""),
+        ("Acme", "", "Acme"),
+        ("", "BP4", "BP4"),
+        ("Acme", "BP4", "Acme_BP4"),
+        (
+            "12345678901234567890",
+            "12345678901234567890",
+            "12345678901234567890_12345678901234567890",
+        ),
+    ] {
+        let battery = BatteryState {
+            details: PackDetails {
+                manufacturer: Name::from_ascii(manufacturer.as_bytes()),
+                device: Name::from_ascii(device.as_bytes()),
+                ..PackDetails::default()
+            },
+            ..healthy(11.1)
+        };
+        assert_eq!(info_of(battery).name.to_str(), Ok(expected));
+        assert_eq!(smart_info_of(battery).device_name.to_str(), Ok(expected));
+    }
+}
+
+#[test]
+fn a_day_that_does_not_exist_is_not_told() {
+    for (year, month, day) in [
+        (10_000, 1, 1),
+        (2026, 0, 1),
+        (2026, 13, 1),
+        (2026, 1, 0),
+        (2026, 1, 32),
+    ] {
+        let battery = BatteryState {
+            details: PackDetails {
+                manufactured: Some(Date { year, month, day }),
+                ..PackDetails::default()
+            },
+            ..healthy(11.1)
+        };
+        assert_eq!(*info_of(battery).manufacture_date, [0; 9]);
+        assert_eq!(*smart_info_of(battery).manufacture_date, [0; 11]);
+    }
+}
+
 fn any_value() -> impl Strategy<Value = Option<f32>> {
     prop_oneof![
         Just(None),
@@ -517,8 +872,42 @@ prop_compose! {
 }
 
 prop_compose! {
+    fn any_date()(year in any::<u16>(), month in any::<u8>(), day in any::<u8>()) -> Date {
+        Date { year, month, day }
+    }
+}
+
+prop_compose! {
+    /// What a smart battery tells of itself.
+    fn any_details()(
+        manufacturer in prop::collection::vec(any::<u8>(), 0..32), device in prop::collection::vec(any::<u8>(), 0..32),
+        manufactured in prop::option::of(any_date()), cycle_count in any::<Option<u16>>(),
+        design_capacity_mah in any_value(), design_voltage_v in any_value(), state_of_health_pct in any::<Option<u8>>(),
+    ) -> PackDetails {
+        PackDetails {
+            manufacturer: Name::from_ascii(&manufacturer), device: Name::from_ascii(&device), manufactured, cycle_count,
+            design_capacity_mah, design_voltage_v, state_of_health_pct, ..PackDetails::default()
+        }
+    }
+}
+
+prop_compose! {
+    /// What is set of a pack, or told by it.
+    fn any_identity()(
+        details in any_details(), cell_count in any::<Option<u8>>(), capacity_mah in any_value(),
+        critical_voltage_v in any_value(), serial_number in any::<Option<i32>>(), gauge in any::<bool>(),
+    ) -> BatteryState {
+        BatteryState {
+            details, cell_count, capacity_mah, critical_voltage_v, serial_number,
+            charge_source: if gauge { ChargeSource::Gauge } else { ChargeSource::Estimated },
+            ..BatteryState::default()
+        }
+    }
+}
+
+prop_compose! {
     fn any_battery()(
-        measured in any_measured(), status in any_status(), charge_state in prop::sample::select(&CHARGE_STATES[..]),
+        measured in any_measured(), identity in any_identity(), status in any_status(), charge_state in prop::sample::select(&CHARGE_STATES[..]),
         chemistry in prop::sample::select(&CHEMISTRIES[..]), faults in any::<u16>(), resting in any::<bool>(),
         internal in any::<bool>(), failsafe in prop::sample::select(&FAILSAFE_LEVELS[..]),
     ) -> BatteryState {
@@ -527,6 +916,12 @@ prop_compose! {
             faults: Faults::from_bits_retain(faults),
             reported_voltage: if resting { ReportedVoltage::Resting } else { ReportedVoltage::Terminal },
             visibility: if internal { Visibility::Internal } else { Visibility::Reported },
+            details: identity.details,
+            cell_count: identity.cell_count,
+            capacity_mah: identity.capacity_mah,
+            critical_voltage_v: identity.critical_voltage_v,
+            serial_number: identity.serial_number,
+            charge_source: identity.charge_source,
             ..measured
         }
     }
@@ -580,6 +975,55 @@ proptest! {
         // The frame itself: 54 bytes of payload at most.
         let frame = frame_hex(&Message::BatteryStatus(data));
         prop_assert!(frame.len() <= 2 * (54 + 12));
+    }
+
+    #[test]
+    fn any_state_gives_a_conforming_battery_status_v2(packs in any_packs(), instance in 0u8..10) {
+        let state = with_packs(&packs);
+        let battery = state.battery(instance);
+        let data = build_battery_status_v2(&state, instance);
+        prop_assert_eq!(data.id, instance);
+        for number in [data.voltage, data.current, data.capacity_consumed, data.capacity_remaining] {
+            prop_assert!(number.is_finite() || number.to_bits() == NAN_BITS, "{number}");
+        }
+        prop_assert!(data.voltage.is_nan() || data.voltage >= 0.0);
+        prop_assert!(data.capacity_remaining.is_nan() || data.capacity_remaining >= 0.0);
+        let charge = data.state_of_charge;
+        prop_assert!(charge.to_bits() == NAN_BITS || (0.0..=100.0).contains(&charge));
+        // Flags of what can't be known, those that are reserved included, are never set.
+        let known = 1 | 2 | 8 | 32 | 512 | 1024 | 2048 | 4096 | 8192 | 32768 | 262_144;
+        prop_assert_eq!(data.status_flags.bits() & !known, 0);
+        prop_assert_eq!(data.status_flags.bits() & 2 != 0, battery.charge_state == ChargeState::Charging);
+        let message = Message::BatteryStatusV2(data);
+        prop_assert!(frame_hex(&message).len() <= 2 * (27 + 12));
+    }
+
+    #[test]
+    fn any_state_gives_conforming_infos(packs in any_packs(), instance in 0u8..10) {
+        let state = with_packs(&packs);
+        let data = build_battery_info(&state, instance);
+        prop_assert_eq!(data.id, instance);
+        for number in [data.discharge_minimum_voltage, data.nominal_voltage, data.design_capacity] {
+            prop_assert!(number.is_finite() && number >= 0.0, "{number}");
+        }
+        let full = data.full_charge_capacity;
+        prop_assert!(full.to_bits() == NAN_BITS || (full.is_finite() && full >= 0.0), "{full}");
+        prop_assert!(data.state_of_health <= 100 || data.state_of_health == 255);
+        prop_assert!([0, 8].contains(&data.manufacture_date.to_str().expect("ASCII").len()));
+        let (date, serial, name) = (*data.manufacture_date, *data.serial_number, *data.name);
+        prop_assert_eq!((date[8], serial[31], name[49]), (0, 0, 0));
+        prop_assert!(date.iter().chain(&serial).chain(&name).all(|byte| *byte == 0 || byte.is_ascii_graphic() || *byte == b' '));
+        let message = Message::BatteryInfo(data);
+        prop_assert!(frame_hex(&message).len() <= 2 * (140 + 12));
+
+        let smart = build_smart_battery_info(&state, instance);
+        prop_assert_eq!(smart.id, instance);
+        prop_assert!(smart.capacity_full >= -1 && smart.capacity_full_specification >= -1);
+        prop_assert_eq!(*smart.device_name, name);
+        prop_assert_eq!(&smart.serial_number[..], &serial[..16]);
+        prop_assert!([0, 10].contains(&smart.manufacture_date.to_str().expect("ASCII").len()));
+        let message = Message::SmartBatteryInfo(smart);
+        prop_assert!(frame_hex(&message).len() <= 2 * (109 + 12));
     }
 
     #[test]

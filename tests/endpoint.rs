@@ -11,8 +11,9 @@ use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, SystemState};
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::vehicle::Vehicle;
 use support::frames::{
-    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL, Frame, HEARTBEAT, PARAM_ERROR,
-    PARAM_VALUE, ParamValue, STATUSTEXT, SYS_STATUS, SysStatus, encode_v1, frames, of_message,
+    BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
+    Frame, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue, SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS,
+    SysStatus, encode_v1, frames, of_message,
 };
 use support::requests::{
     EVERYONE, VEHICLE, command_int, command_int_2, command_long, command_long_2, ftp_open,
@@ -455,17 +456,76 @@ fn a_battery_reset_reaches_the_packs_that_exist() {
 #[test]
 fn battery_status_is_requested_by_instance() {
     let mut desk = Desk::with_packs(&packs_with_a_gap());
-    for instance in [0, 2] {
-        let request = command_long_2(REQUEST_MESSAGE, BATTERY_STATUS as f32, f32::from(instance));
-        let answers = desk.ask(&request);
-        assert_ack(&answers[0], REQUEST_MESSAGE, ACCEPTED);
-        assert_eq!(answers[1].message_id, BATTERY_STATUS);
-        assert_eq!(BatteryStatus(&answers[1]).instance(), instance);
+    for (message, instance_at) in [
+        (BATTERY_STATUS, 32),
+        (BATTERY_STATUS_V2, 26),
+        (SMART_BATTERY_INFO, 18),
+        (BATTERY_INFO, 44),
+    ] {
+        for instance in [0, 2] {
+            let answers = desk.ask(&command_long_2(
+                REQUEST_MESSAGE,
+                message as f32,
+                f32::from(instance),
+            ));
+            assert_ack(&answers[0], REQUEST_MESSAGE, ACCEPTED);
+            assert_eq!(answers[1].message_id, message);
+            assert_eq!(answers[1].u8(instance_at), instance);
+            assert_eq!(answers.len(), 2);
+        }
+        for instance in [1.0, 3.0, 4.0] {
+            let request = command_long_2(REQUEST_MESSAGE, message as f32, instance);
+            assert_ack(&desk.one_answer(&request), REQUEST_MESSAGE, DENIED);
+        }
     }
-    for instance in [1.0, 3.0, 4.0] {
-        let request = command_long_2(REQUEST_MESSAGE, BATTERY_STATUS as f32, instance);
-        assert_ack(&desk.one_answer(&request), REQUEST_MESSAGE, DENIED);
+}
+
+/// What is sent at due times from `desk.now_us` on, for so many seconds.
+fn sent_for(desk: &mut Desk, seconds: u64) -> Vec<Frame> {
+    let until_us = desk.now_us + seconds * 1_000_000;
+    let mut sent = Vec::new();
+    while desk.endpoint.next_due_us() < until_us {
+        desk.post_due(desk.endpoint.next_due_us());
+        sent.extend(desk.sent());
     }
+    desk.now_us = until_us;
+    sent
+}
+
+fn counts<const N: usize>(frames: &[Frame], messages: [u32; N]) -> [usize; N] {
+    messages.map(|message| of_message(frames, message).len())
+}
+
+/// What QGroundControl does: it asks for the newer messages, and once they come it turns the older one off.
+#[test]
+fn a_ground_station_moves_over_to_the_newer_messages() {
+    const MESSAGES: [u32; 4] = [
+        BATTERY_STATUS,
+        BATTERY_STATUS_V2,
+        SMART_BATTERY_INFO,
+        BATTERY_INFO,
+    ];
+    let mut desk = Desk::with_packs(&[healthy(), healthy()]);
+    assert_eq!(counts(&sent_for(&mut desk, 60), MESSAGES), [240, 0, 0, 0]);
+
+    for (message, interval_us) in [(BATTERY_STATUS_V2, 1_000_000.0), (BATTERY_INFO, 10_000_000.0)] {
+        let answer = desk.one_answer(&command_long_2(SET_MESSAGE_INTERVAL, message as f32, interval_us));
+        assert_ack(&answer, SET_MESSAGE_INTERVAL, ACCEPTED);
+    }
+    assert_eq!(counts(&sent_for(&mut desk, 60), MESSAGES), [240, 120, 0, 12]);
+
+    let answer = desk.one_answer(&command_long_2(SET_MESSAGE_INTERVAL, BATTERY_STATUS as f32, -1.0));
+    assert_ack(&answer, SET_MESSAGE_INTERVAL, ACCEPTED);
+    assert_eq!(counts(&sent_for(&mut desk, 60), MESSAGES), [0, 120, 0, 12]);
+
+    let answer = desk.one_answer(&command_long_2(
+        SET_MESSAGE_INTERVAL,
+        BATTERY_STATUS_V2 as f32,
+        0.0,
+    ));
+    assert_ack(&answer, SET_MESSAGE_INTERVAL, ACCEPTED);
+    assert_eq!(counts(&sent_for(&mut desk, 60), MESSAGES), [0, 0, 0, 12]);
+    assert_eq!(desk.endpoint.statistics().dropped, 0);
 }
 
 /// How many BATTERY_STATUS each instance has, and how many SYS_STATUS there are.

@@ -87,11 +87,18 @@ impl Endpoint {
         match message {
             Periodic::Heartbeat => self.post_stream(Stream::Heartbeat),
             Periodic::SysStatus => self.post_stream(Stream::SysStatus),
-            Periodic::BatteryStatus => state
-                .reported()
-                .filter_map(|instance| self.post_stream(Stream::BatteryStatus(instance)))
-                .last(),
+            Periodic::BatteryStatus => self.post_of_packs(Stream::BatteryStatus, state),
+            Periodic::BatteryStatusV2 => self.post_of_packs(Stream::BatteryStatusV2, state),
+            Periodic::BatteryInfo => self.post_of_packs(Stream::BatteryInfo, state),
+            Periodic::SmartBatteryInfo => self.post_of_packs(Stream::SmartBatteryInfo, state),
         }
+    }
+
+    fn post_of_packs(&mut self, stream_of: fn(u8) -> Stream, state: &SystemState<'_>) -> Option<Stream> {
+        state
+            .reported()
+            .filter_map(|instance| self.post_stream(stream_of(instance)))
+            .last()
     }
 
     /// Posts the next message of `stream`, and answers the stream if one was dropped for it.

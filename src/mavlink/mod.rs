@@ -30,9 +30,9 @@ pub use dispatcher::{Event, Peer};
 pub use endpoint::Endpoint;
 pub use framer::Framer;
 pub use messages::{
-    CommandAck, FileTransferNak, Message, Stream, build_autopilot_version, build_battery_status,
-    build_heartbeat, build_protocol_version, build_sys_status, pack_announcement, status_texts,
-    vehicle_announcement,
+    CommandAck, FileTransferNak, Message, Stream, build_autopilot_version, build_battery_info,
+    build_battery_status, build_battery_status_v2, build_heartbeat, build_protocol_version,
+    build_smart_battery_info, build_sys_status, pack_announcement, status_texts, vehicle_announcement,
 };
 pub use outbox::{NoRoom, Outbox, Posted};
 pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};

@@ -5,8 +5,11 @@ use heapless::Deque;
 use super::{Message, Stream};
 use crate::battery::MAX_PACKS;
 
-/// Every stream there is: HEARTBEAT, SYS_STATUS and BATTERY_STATUS of each pack.
-const STREAMS: usize = 2 + MAX_PACKS;
+/// Streams each pack has: BATTERY_STATUS, BATTERY_STATUS_V2, BATTERY_INFO, SMART_BATTERY_INFO.
+const STREAMS_OF_A_PACK: usize = 4;
+
+/// Every stream there is: HEARTBEAT, SYS_STATUS and those of each pack.
+const STREAMS: usize = 2 + STREAMS_OF_A_PACK * MAX_PACKS;
 
 /// Answers that can wait. Ground stations ask for a few things at a time and repeat what is not answered.
 const REPLIES: usize = 16;
@@ -33,7 +36,7 @@ pub struct NoRoom;
 /// HEARTBEAT goes first, then answers in the order they came, then the streams in turn, always in the same order. An
 /// answer waits as it was built. A stream waits by its name alone: whoever takes it builds its message at that moment.
 /// So every stream gets the same share of a link that is too slow, none starves, and what arrives is fresh.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Outbox {
     replies: Deque<Message, REPLIES>,
     /// The streams that wait, each at its own place.
@@ -44,23 +47,37 @@ pub struct Outbox {
 
 const HEARTBEAT_PLACE: usize = 0;
 
-fn place(stream: Stream) -> usize {
+/// Where `stream` waits; `None` if it is of a pack that can't be.
+fn place(stream: Stream) -> Option<usize> {
     match stream {
-        Stream::Heartbeat => HEARTBEAT_PLACE,
-        Stream::SysStatus => 1,
-        Stream::BatteryStatus(instance) => 2 + usize::from(instance),
+        Stream::Heartbeat => Some(HEARTBEAT_PLACE),
+        Stream::SysStatus => Some(1),
+        Stream::BatteryStatus(instance) => place_of_pack(0, instance),
+        Stream::BatteryStatusV2(instance) => place_of_pack(1, instance),
+        Stream::BatteryInfo(instance) => place_of_pack(2, instance),
+        Stream::SmartBatteryInfo(instance) => place_of_pack(3, instance),
     }
+}
+
+/// The places of one message of all packs are side by side, whatever the message's number.
+fn place_of_pack(message: usize, instance: u8) -> Option<usize> {
+    let instance = usize::from(instance);
+    (instance < MAX_PACKS).then_some(2 + message * MAX_PACKS + instance)
 }
 
 impl Outbox {
     /// An empty outbox.
     pub fn new() -> Self {
-        Self::default()
+        Self {
+            replies: Deque::new(),
+            streams: [None; STREAMS],
+            turn: HEARTBEAT_PLACE,
+        }
     }
 
     /// Has the next message of `stream` wait, and says what was dropped for it, if anything.
     pub fn post(&mut self, stream: Stream) -> Posted {
-        let Some(place) = self.streams.get_mut(place(stream)) else {
+        let Some(place) = place(stream).and_then(|place| self.streams.get_mut(place)) else {
             return Posted::Refused;
         };
         match place.replace(stream) {
@@ -107,6 +124,12 @@ impl Outbox {
     }
 }
 
+impl Default for Outbox {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::status_texts;
@@ -115,6 +138,12 @@ mod tests {
     use proptest::prelude::*;
 
     const BATTERY: Stream = Stream::BatteryStatus(0);
+    const OF_A_PACK: [fn(u8) -> Stream; STREAMS_OF_A_PACK] = [
+        Stream::BatteryStatus,
+        Stream::BatteryStatusV2,
+        Stream::BatteryInfo,
+        Stream::SmartBatteryInfo,
+    ];
 
     fn answer(text: &str) -> Message {
         let severity = MavSeverity::MAV_SEVERITY_INFO;
@@ -181,7 +210,9 @@ mod tests {
 
     /// Those that take turns: all but HEARTBEAT.
     fn streams() -> impl Iterator<Item = Stream> + Clone {
-        let packs = (0..MAX_PACKS as u8).map(Stream::BatteryStatus);
+        let packs = OF_A_PACK
+            .into_iter()
+            .flat_map(|stream| (0..MAX_PACKS as u8).map(stream));
         std::iter::once(Stream::SysStatus).chain(packs)
     }
 
@@ -197,15 +228,16 @@ mod tests {
         for stream in streams() {
             assert_eq!(outbox.post(stream), Posted::Queued);
         }
-        let tenth = Stream::BatteryStatus(MAX_PACKS as u8);
-        assert_eq!(outbox.post(tenth), Posted::Refused);
+        for stream in OF_A_PACK {
+            assert_eq!(outbox.post(stream(MAX_PACKS as u8)), Posted::Refused);
+        }
     }
 
     fn any_stream() -> impl Strategy<Value = Stream> {
         prop_oneof![
             Just(Stream::Heartbeat),
             Just(Stream::SysStatus),
-            (0u8..9).prop_map(Stream::BatteryStatus)
+            (prop::sample::select(&OF_A_PACK[..]), 0u8..9).prop_map(|(stream, instance)| stream(instance))
         ]
     }
 

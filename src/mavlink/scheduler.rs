@@ -2,7 +2,10 @@
 
 use ::mavlink::MessageData;
 
-use super::dialect::{BATTERY_STATUS_DATA, HEARTBEAT_DATA, SYS_STATUS_DATA};
+use super::dialect::{
+    BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, HEARTBEAT_DATA, SMART_BATTERY_INFO_DATA,
+    SYS_STATUS_DATA,
+};
 use super::slowdown::Slowdown;
 use crate::cadence::Cadence;
 
@@ -23,16 +26,32 @@ pub enum Periodic {
     SysStatus,
     /// BATTERY_STATUS of every pack: it follows `SR0_EXTRA1`, too.
     BatteryStatus,
+    /// BATTERY_STATUS_V2 of every pack: it is off unless asked for.
+    BatteryStatusV2,
+    /// BATTERY_INFO of every pack: it is off unless asked for.
+    BatteryInfo,
+    /// SMART_BATTERY_INFO of every pack: it is off unless asked for.
+    SmartBatteryInfo,
 }
 
 impl Periodic {
-    const ALL: [Self; 3] = [Self::Heartbeat, Self::SysStatus, Self::BatteryStatus];
+    const ALL: [Self; 6] = [
+        Self::Heartbeat,
+        Self::SysStatus,
+        Self::BatteryStatus,
+        Self::BatteryStatusV2,
+        Self::BatteryInfo,
+        Self::SmartBatteryInfo,
+    ];
 
     fn message_id(self) -> u32 {
         match self {
             Self::Heartbeat => HEARTBEAT_DATA::ID,
             Self::SysStatus => SYS_STATUS_DATA::ID,
             Self::BatteryStatus => BATTERY_STATUS_DATA::ID,
+            Self::BatteryStatusV2 => BATTERY_STATUS_V2_DATA::ID,
+            Self::BatteryInfo => BATTERY_INFO_DATA::ID,
+            Self::SmartBatteryInfo => SMART_BATTERY_INFO_DATA::ID,
         }
     }
 }
@@ -40,7 +59,7 @@ impl Periodic {
 /// How often a message is sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interval {
-    /// As its parameter says.
+    /// As its parameter says; never, if it has none.
     #[default]
     Default,
     /// Never.
@@ -152,10 +171,19 @@ impl StreamScheduler {
 
     fn asked_interval_us(&self, entry: &Entry) -> Option<u64> {
         match (entry.message, entry.interval) {
-            (Periodic::Heartbeat, _) => Some(HEARTBEAT_INTERVAL_US),
-            (_, Interval::Default) => self.extra1_interval_us,
+            (message @ Periodic::Heartbeat, _) | (message, Interval::Default) => {
+                self.default_interval_us(message)
+            }
             (_, Interval::Off) => None,
             (_, Interval::Every(interval_us)) => Some(interval_us),
+        }
+    }
+
+    fn default_interval_us(&self, message: Periodic) -> Option<u64> {
+        match message {
+            Periodic::Heartbeat => Some(HEARTBEAT_INTERVAL_US),
+            Periodic::SysStatus | Periodic::BatteryStatus => self.extra1_interval_us,
+            Periodic::BatteryStatusV2 | Periodic::BatteryInfo | Periodic::SmartBatteryInfo => None,
         }
     }
 
@@ -269,6 +297,28 @@ mod tests {
     }
 
     #[test]
+    fn what_is_sent_on_request_only_is_off_until_then_and_again_by_default() {
+        for (message_id, message) in [
+            (369, Periodic::BatteryStatusV2),
+            (370, Periodic::SmartBatteryInfo),
+            (372, Periodic::BatteryInfo),
+        ] {
+            let mut scheduler = StreamScheduler::new(0);
+            scheduler.set_extra1_rate(2.0, 0);
+            assert_eq!(scheduler.interval_us(message_id), Ok(None));
+            assert_eq!(count(&run(&mut scheduler, 10_000_000, || 0), message), 0);
+            scheduler
+                .set_interval(message_id, Interval::Every(100_000), 10_000_000)
+                .unwrap();
+            assert_eq!(count(&run(&mut scheduler, 20_000_000, || 0), message), 100);
+            scheduler
+                .set_interval(message_id, Interval::Default, 20_000_000)
+                .unwrap();
+            assert_eq!(count(&run(&mut scheduler, 30_000_000, || 0), message), 0);
+        }
+    }
+
+    #[test]
     fn heartbeat_keeps_its_rate() {
         let mut scheduler = StreamScheduler::new(0);
         scheduler.set_interval(0, Interval::Off, 0).unwrap();
@@ -301,7 +351,10 @@ mod tests {
         while let Some(message) = scheduler.poll(3_400_001) {
             after_a_stall.push(message);
         }
-        assert_eq!(after_a_stall, Periodic::ALL);
+        assert_eq!(
+            after_a_stall,
+            [Periodic::Heartbeat, Periodic::SysStatus, Periodic::BatteryStatus]
+        );
         assert_eq!(scheduler.next_due_us(), 3_420_000);
     }
 

@@ -27,6 +27,9 @@ pub const MESSAGE_INTERVAL: u32 = 244;
 pub const PROTOCOL_VERSION: u32 = 300;
 pub const STATUSTEXT: u32 = 253;
 pub const PARAM_ERROR: u32 = 345;
+pub const BATTERY_STATUS_V2: u32 = 369;
+pub const SMART_BATTERY_INFO: u32 = 370;
+pub const BATTERY_INFO: u32 = 372;
 
 const START_OF_FRAME: u8 = 0xfd;
 const HEADER_BYTES: usize = 10;
@@ -118,6 +121,9 @@ fn crc_extra(message_id: u32) -> u8 {
         PROTOCOL_VERSION => 217,
         STATUSTEXT => 83,
         PARAM_ERROR => 209,
+        BATTERY_STATUS_V2 => 145,
+        SMART_BATTERY_INFO => 75,
+        BATTERY_INFO => 26,
         other => panic!("message {other} is not one of the tests'"),
     }
 }

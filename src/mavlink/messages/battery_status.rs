@@ -1,13 +1,14 @@
 //! BATTERY_STATUS (147).
 
+use super::pack_facts::battery_type;
 use super::units::{
-    MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, finite, remaining_pct, round_to_i32, voltage_mv,
+    MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, finite, remaining_pct, round_to_i32, temperature_cdegc,
+    voltage_mv,
 };
-use crate::battery::{BatteryState, CellVoltages, ChargeState, Chemistry, Faults};
+use crate::battery::{BatteryState, CellVoltages, ChargeState, Faults};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{
     BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
-    MavBatteryType,
 };
 
 /// Cells in `voltages`.
@@ -22,9 +23,6 @@ const UNUSED_EXT_CELL_MV: u16 = 0;
 
 /// MAVLink's value for a consumed charge or energy that is not known.
 const CONSUMED_UNKNOWN: i32 = -1;
-
-/// MAVLink's value for a temperature that is not known, `INT16_MAX`.
-const TEMPERATURE_UNKNOWN_CDEGC: i16 = i16::MAX;
 
 /// MAVLink's value for a remaining time that is not known.
 const TIME_REMAINING_UNKNOWN_S: i32 = 0;
@@ -57,16 +55,6 @@ pub fn build_battery_status(state: &SystemState<'_>, instance: u8) -> BATTERY_ST
         voltages_ext: ext_cells(&battery.cells),
         mode: MavBatteryMode::MAV_BATTERY_MODE_UNKNOWN,
         fault_bitmask: fault_bitmask(battery.faults),
-    }
-}
-
-/// What the cells are made of, as set; that is known even while nothing is measured.
-fn battery_type(chemistry: Chemistry) -> MavBatteryType {
-    match chemistry {
-        Chemistry::LiPo => MavBatteryType::MAV_BATTERY_TYPE_LIPO,
-        Chemistry::LiFe => MavBatteryType::MAV_BATTERY_TYPE_LIFE,
-        Chemistry::LiIon => MavBatteryType::MAV_BATTERY_TYPE_LION,
-        Chemistry::NiMh => MavBatteryType::MAV_BATTERY_TYPE_NIMH,
     }
 }
 
@@ -112,16 +100,6 @@ fn consumed(amount: Option<f32>) -> i32 {
     match finite(amount) {
         Some(amount) => round_to_i32(amount).max(0),
         None => CONSUMED_UNKNOWN,
-    }
-}
-
-fn temperature_cdegc(temperature_c: Option<f32>) -> i16 {
-    match finite(temperature_c) {
-        Some(temperature_c) => {
-            let highest = i32::from(TEMPERATURE_UNKNOWN_CDEGC - 1);
-            round_to_i32(temperature_c * 100.0).clamp(i32::from(i16::MIN), highest) as i16
-        }
-        None => TEMPERATURE_UNKNOWN_CDEGC,
     }
 }
 

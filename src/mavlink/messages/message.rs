@@ -4,11 +4,15 @@ use ::mavlink::{MAVLinkV2MessageRaw, MavHeader};
 
 use super::command_ack::CommandAck;
 use super::file_transfer::FileTransferNak;
-use super::{build_battery_status, build_heartbeat, build_sys_status};
+use super::{
+    build_battery_info, build_battery_status, build_battery_status_v2, build_heartbeat,
+    build_smart_battery_info, build_sys_status,
+};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{
-    AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, HEARTBEAT_DATA, MESSAGE_INTERVAL_DATA, PARAM_ERROR_DATA,
-    PARAM_VALUE_DATA, PING_DATA, PROTOCOL_VERSION_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, TIMESYNC_DATA,
+    AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, HEARTBEAT_DATA,
+    MESSAGE_INTERVAL_DATA, PARAM_ERROR_DATA, PARAM_VALUE_DATA, PING_DATA, PROTOCOL_VERSION_DATA,
+    SMART_BATTERY_INFO_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, TIMESYNC_DATA,
 };
 
 /// Something that is sent regularly.
@@ -21,6 +25,12 @@ pub enum Stream {
     SysStatus,
     /// BATTERY_STATUS of this instance
     BatteryStatus(u8),
+    /// BATTERY_STATUS_V2 of this instance
+    BatteryStatusV2(u8),
+    /// BATTERY_INFO of this instance
+    BatteryInfo(u8),
+    /// SMART_BATTERY_INFO of this instance
+    SmartBatteryInfo(u8),
 }
 
 impl Stream {
@@ -28,7 +38,10 @@ impl Stream {
     fn instance(self) -> Option<u8> {
         match self {
             Self::Heartbeat | Self::SysStatus => None,
-            Self::BatteryStatus(instance) => Some(instance),
+            Self::BatteryStatus(instance)
+            | Self::BatteryStatusV2(instance)
+            | Self::BatteryInfo(instance)
+            | Self::SmartBatteryInfo(instance) => Some(instance),
         }
     }
 
@@ -44,6 +57,13 @@ impl Stream {
             Self::Heartbeat => Message::Heartbeat(build_heartbeat(state)),
             Self::SysStatus => Message::SysStatus(build_sys_status(state)),
             Self::BatteryStatus(instance) => Message::BatteryStatus(build_battery_status(state, instance)),
+            Self::BatteryStatusV2(instance) => {
+                Message::BatteryStatusV2(build_battery_status_v2(state, instance))
+            }
+            Self::BatteryInfo(instance) => Message::BatteryInfo(build_battery_info(state, instance)),
+            Self::SmartBatteryInfo(instance) => {
+                Message::SmartBatteryInfo(build_smart_battery_info(state, instance))
+            }
         }
     }
 }
@@ -79,6 +99,12 @@ pub enum Message {
     ProtocolVersion(PROTOCOL_VERSION_DATA),
     /// PARAM_ERROR (345)
     ParamError(PARAM_ERROR_DATA),
+    /// BATTERY_STATUS_V2 (369)
+    BatteryStatusV2(BATTERY_STATUS_V2_DATA),
+    /// SMART_BATTERY_INFO (370)
+    SmartBatteryInfo(SMART_BATTERY_INFO_DATA),
+    /// BATTERY_INFO (372)
+    BatteryInfo(BATTERY_INFO_DATA),
 }
 
 impl Message {
@@ -98,6 +124,9 @@ impl Message {
             Self::StatusText(data) => frame.serialize_message_data(header, data),
             Self::ProtocolVersion(data) => frame.serialize_message_data(header, data),
             Self::ParamError(data) => frame.serialize_message_data(header, data),
+            Self::BatteryStatusV2(data) => frame.serialize_message_data(header, data),
+            Self::SmartBatteryInfo(data) => frame.serialize_message_data(header, data),
+            Self::BatteryInfo(data) => frame.serialize_message_data(header, data),
         }
     }
 }

@@ -41,6 +41,41 @@ pub(super) fn current_ca(current_a: Option<f32>) -> i16 {
     }
 }
 
+/// MAVLink's value for a temperature that is not known, `INT16_MAX`.
+const TEMPERATURE_UNKNOWN_CDEGC: i16 = i16::MAX;
+
+/// A temperature in hundredths of a degree, saturating at −327.68 and 327.66 °C.
+pub(super) fn temperature_cdegc(temperature_c: Option<f32>) -> i16 {
+    match finite(temperature_c) {
+        Some(temperature_c) => {
+            let highest = i32::from(TEMPERATURE_UNKNOWN_CDEGC - 1);
+            round_to_i32(temperature_c * 100.0).clamp(i32::from(i16::MIN), highest) as i16
+        }
+        None => TEMPERATURE_UNKNOWN_CDEGC,
+    }
+}
+
+/// MAVLink's value for a number with a fraction that is not known: a quiet NaN, always the same bits.
+const UNKNOWN_NUMBER: f32 = f32::from_bits(0x7fc0_0000);
+
+/// A number as it is.
+pub(super) fn number(value: Option<f32>) -> f32 {
+    finite(value).unwrap_or(UNKNOWN_NUMBER)
+}
+
+/// MAVLink's value for a number with a fraction that is not known, where a true 0 makes no sense.
+pub(super) const NOT_GIVEN: f32 = 0.0;
+
+/// A number above 0; what can't be one is not given.
+pub(super) fn number_above_zero(value: Option<f32>) -> f32 {
+    finite(value).filter(|value| *value > 0.0).unwrap_or(NOT_GIVEN)
+}
+
+/// A charge in Ah, from one in mAh.
+pub(super) fn amp_hours(charge_mah: Option<f32>) -> Option<f32> {
+    charge_mah.map(|charge_mah| charge_mah / 1000.0)
+}
+
 /// MAVLink's value for a remaining charge that is not known.
 const REMAINING_UNKNOWN_PCT: i8 = -1;
 

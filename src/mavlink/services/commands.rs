@@ -6,8 +6,9 @@
 use ::mavlink::MessageData;
 
 use crate::mavlink::dialect::{
-    AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, HEARTBEAT_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavResult,
-    PROTOCOL_VERSION_DATA, SYS_STATUS_DATA,
+    AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, HEARTBEAT_DATA,
+    MESSAGE_INTERVAL_DATA, MavCmd, MavResult, PROTOCOL_VERSION_DATA, SMART_BATTERY_INFO_DATA,
+    SYS_STATUS_DATA,
 };
 use crate::mavlink::payload::Payload;
 use crate::mavlink::scheduler::{Interval, SHORTEST_INTERVAL_US, StreamScheduler};
@@ -184,14 +185,21 @@ impl Command {
         match message_id {
             HEARTBEAT_DATA::ID => Stream::Heartbeat.build(state).into(),
             SYS_STATUS_DATA::ID => Stream::SysStatus.build(state).into(),
-            BATTERY_STATUS_DATA::ID => match self.reported_instance(state) {
-                Some(instance) => Stream::BatteryStatus(instance).build(state).into(),
-                None => DENIED.into(),
-            },
+            BATTERY_STATUS_DATA::ID => self.request_of_pack(Stream::BatteryStatus, state),
+            BATTERY_STATUS_V2_DATA::ID => self.request_of_pack(Stream::BatteryStatusV2, state),
+            BATTERY_INFO_DATA::ID => self.request_of_pack(Stream::BatteryInfo, state),
+            SMART_BATTERY_INFO_DATA::ID => self.request_of_pack(Stream::SmartBatteryInfo, state),
             AUTOPILOT_VERSION_DATA::ID => autopilot_version(),
             PROTOCOL_VERSION_DATA::ID => protocol_version(),
             MESSAGE_INTERVAL_DATA::ID => self.message_interval(self.param2, scheduler),
             _ => UNSUPPORTED.into(),
+        }
+    }
+
+    fn request_of_pack(&self, stream_of: fn(u8) -> Stream, state: &SystemState<'_>) -> Outcome {
+        match self.reported_instance(state) {
+            Some(instance) => stream_of(instance).build(state).into(),
+            None => DENIED.into(),
         }
     }
 
@@ -370,6 +378,7 @@ mod tests {
             Some(Message::MessageInterval(data)) => (data.message_id, data.interval_us),
             other => panic!("{other:?}"),
         };
+        assert_eq!(told(execute(510, 369.0, 0.0)), (369, -1));
         assert_eq!(told(execute(510, 147.0, 0.0)), (147, 500_000));
         assert_eq!(told(execute(510, 0.0, 0.0)), (0, 1_000_000));
         assert_eq!(told(execute(510, 30.0, 0.0)), (30, 0));

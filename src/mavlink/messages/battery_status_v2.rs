@@ -1,0 +1,114 @@
+//! BATTERY_STATUS_V2 (369).
+
+use super::units::{amp_hours, finite, number, temperature_cdegc};
+use crate::battery::{BatteryState, ChargeSource, ChargeState, Faults, PackStatus};
+use crate::mavlink::SystemState;
+use crate::mavlink::dialect::{BATTERY_STATUS_V2_DATA, MavBatteryStatusFlags as Flags};
+
+/// The flag that goes with each fault. Those of things no sensor here can see (balancing, protections, a short circuit,
+/// another firmware) are never set.
+const FLAGS_OF_FAULTS: [(Faults, Flags); 7] = [
+    (
+        Faults::DEEP_DISCHARGE,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_UNDER_VOLT,
+    ),
+    (Faults::SPIKES, Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_OVER_VOLT),
+    (
+        Faults::CELL_FAIL,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_CELL_IMBALANCE,
+    ),
+    (
+        Faults::OVER_CURRENT,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_OVER_CURRENT,
+    ),
+    (
+        Faults::OVER_TEMPERATURE,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_OVER_TEMPERATURE,
+    ),
+    (
+        Faults::UNDER_TEMPERATURE,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_UNDER_TEMPERATURE,
+    ),
+    (
+        Faults::INCOMPATIBLE_VOLTAGE,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_INCOMPATIBLE_VOLTAGE,
+    ),
+];
+
+/// Faults of the pack itself: it has to be looked at before it is used again. The others pass, or are the rover's.
+const FAULTS_TO_SERVICE: Faults = Faults::CELL_FAIL.union(Faults::DEEP_DISCHARGE);
+
+/// What is known of the pack `instance` (0-based).
+///
+/// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels. Unlike in
+/// BATTERY_STATUS net charging can be told: `capacity_consumed` is negative then.
+pub fn build_battery_status_v2(state: &SystemState<'_>, instance: u8) -> BATTERY_STATUS_V2_DATA {
+    let battery = state.battery(instance);
+    BATTERY_STATUS_V2_DATA {
+        voltage: number(
+            battery
+                .voltage_to_report_v()
+                .filter(|voltage_v| *voltage_v >= 0.0),
+        ),
+        current: number(battery.current_a),
+        capacity_consumed: number(amp_hours(battery.consumed_mah)),
+        capacity_remaining: number(amp_hours(remaining_mah(&battery))),
+        state_of_charge: number(state_of_charge_pct(&battery)),
+        status_flags: status_flags(&battery),
+        temperature: temperature_cdegc(battery.temperature_c),
+        id: instance,
+    }
+}
+
+fn state_of_charge_pct(battery: &BatteryState) -> Option<f32> {
+    finite(battery.remaining_pct).map(|percent| percent.clamp(0.0, 100.0))
+}
+
+/// The charge that is left, in milliampere-hours.
+fn remaining_mah(battery: &BatteryState) -> Option<f32> {
+    let capacity_mah = battery.capacity_mah.filter(|capacity_mah| *capacity_mah >= 0.0)?;
+    Some(capacity_mah * state_of_charge_pct(battery)? / 100.0)
+}
+
+fn status_flags(battery: &BatteryState) -> Flags {
+    fault_flags(battery.faults) | readiness_flags(battery) | charge_flags(battery)
+}
+
+fn fault_flags(faults: Faults) -> Flags {
+    let set = FLAGS_OF_FAULTS
+        .iter()
+        .filter(|(fault, _)| faults.contains(*fault));
+    let mut flags = set.fold(Flags::empty(), |flags, (_, flag)| flags | *flag);
+    flags.set(
+        Flags::MAV_BATTERY_STATUS_FLAGS_REQUIRES_SERVICE,
+        faults.intersects(FAULTS_TO_SERVICE),
+    );
+    flags
+}
+
+fn readiness_flags(battery: &BatteryState) -> Flags {
+    let is_fit = match battery.charge_state {
+        ChargeState::Undefined | ChargeState::Ok | ChargeState::Low | ChargeState::Charging => true,
+        ChargeState::Critical | ChargeState::Emergency | ChargeState::Failed | ChargeState::Unhealthy => {
+            false
+        }
+    };
+    match battery.status {
+        PackStatus::Healthy | PackStatus::Unknown if is_fit => Flags::empty(),
+        _ => Flags::MAV_BATTERY_STATUS_FLAGS_NOT_READY_TO_USE,
+    }
+}
+
+fn charge_flags(battery: &BatteryState) -> Flags {
+    let mut flags = Flags::empty();
+    flags.set(
+        Flags::MAV_BATTERY_STATUS_FLAGS_CHARGING,
+        battery.charge_state == ChargeState::Charging,
+    );
+    // A gauge counts from the full pack; what is estimated here is counted from boot.
+    flags.set(
+        Flags::MAV_BATTERY_STATUS_FLAGS_CAPACITY_RELATIVE_TO_FULL,
+        battery.charge_source == ChargeSource::Gauge,
+    );
+    flags
+}
