@@ -5,7 +5,7 @@ mod support;
 use std::collections::HashMap;
 
 use proptest::prelude::*;
-use rover_battmon::battery::{BatteryState, ChargeState, MAX_PACKS, PackStatus, Visibility};
+use rover_battmon::battery::{BatteryState, ChargeState, MAX_PACKS, PackDetails, PackStatus, Visibility};
 use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, SystemState};
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
@@ -525,6 +525,70 @@ fn a_ground_station_moves_over_to_the_newer_messages() {
     ));
     assert_ack(&answer, SET_MESSAGE_INTERVAL, ACCEPTED);
     assert_eq!(counts(&sent_for(&mut desk, 60), MESSAGES), [0, 0, 0, 12]);
+    assert_eq!(desk.endpoint.statistics().dropped, 0);
+}
+
+fn with_cycles(cycle_count: u16) -> BatteryState {
+    BatteryState {
+        details: PackDetails {
+            cycle_count: Some(cycle_count),
+            ..PackDetails::default()
+        },
+        ..healthy()
+    }
+}
+
+/// The cycle counts that were told unasked in ten seconds, with the instance, by BATTERY_INFO and by SMART_BATTERY_INFO.
+fn told(desk: &mut Desk) -> Vec<(u8, u16)> {
+    let sent = sent_for(desk, 10);
+    let info: Vec<_> = of_message(&sent, BATTERY_INFO)
+        .iter()
+        .map(|f| (f.u8(44), f.u16(40)))
+        .collect();
+    let smart: Vec<_> = of_message(&sent, SMART_BATTERY_INFO)
+        .iter()
+        .map(|f| (f.u8(18), f.u16(8)))
+        .collect();
+    assert_eq!(info, smart);
+    info
+}
+
+#[test]
+fn what_a_smart_battery_tells_of_itself_is_told_once_each_time_it_changes() {
+    let internal = BatteryState {
+        visibility: Visibility::Internal,
+        ..with_cycles(9)
+    };
+    let mut desk = Desk::with_packs(&[healthy(), with_cycles(7), internal]);
+    assert_eq!(told(&mut desk), [(1, 7)]);
+    assert_eq!(told(&mut desk), []);
+    desk.batteries[1].voltage_v = Some(10.0);
+    assert_eq!(told(&mut desk), []);
+    desk.batteries[1] = with_cycles(8);
+    assert_eq!(told(&mut desk), [(1, 8)]);
+    desk.batteries[1].details = PackDetails::default();
+    assert_eq!(told(&mut desk), []);
+    desk.batteries = vec![with_cycles(8); 3];
+    assert_eq!(told(&mut desk), [(0, 8), (2, 8)]);
+
+    // Another link is told once, too, however late it is opened.
+    desk.endpoint = Endpoint::new(100_000, desk.now_us);
+    assert_eq!(told(&mut desk), [(0, 8), (1, 8), (2, 8)]);
+    assert_eq!(told(&mut desk), []);
+}
+
+#[test]
+fn news_of_a_pack_that_is_streamed_anyway_is_no_drop() {
+    let mut desk = Desk::with_packs(&[with_cycles(7)]);
+    desk.ask(&command_long_2(
+        SET_MESSAGE_INTERVAL,
+        BATTERY_INFO as f32,
+        1_000_000.0,
+    ));
+    assert_eq!(
+        counts(&sent_for(&mut desk, 10), [SMART_BATTERY_INFO, BATTERY_INFO]),
+        [1, 10]
+    );
     assert_eq!(desk.endpoint.statistics().dropped, 0);
 }
 

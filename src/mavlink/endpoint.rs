@@ -6,6 +6,7 @@ use super::dialect::MavSeverity;
 use super::dispatcher::{Context, Event, dispatch};
 use super::messages::chunks_of;
 use super::outbox::{Outbox, Posted};
+use super::pack_news::PackNews;
 use super::parser::FrameParser;
 use super::rates::Rates;
 use super::replies::Replies;
@@ -26,6 +27,7 @@ pub struct Endpoint {
     rates: Rates,
     list: ParameterList,
     outbox: Outbox,
+    news: PackNews,
     sent: u32,
     dropped: u32,
     /// Those of them that belonged to a stream.
@@ -43,6 +45,7 @@ impl Endpoint {
             rates: Rates::new(now_us),
             list: ParameterList::default(),
             outbox: Outbox::new(),
+            news: PackNews::default(),
             sent: 0,
             dropped: 0,
             streams_dropped: 0,
@@ -78,6 +81,7 @@ impl Endpoint {
         while let Some(message) = self.rates.scheduler.poll(now_us) {
             dropped = self.post(message, state).or(dropped);
         }
+        self.post_news(state);
         self.report_shortfall();
         dropped
     }
@@ -99,6 +103,17 @@ impl Endpoint {
             .reported()
             .filter_map(|instance| self.post_stream(stream_of(instance)))
             .last()
+    }
+
+    /// Posts what a smart battery tells of itself, once each time that changes. One that waits already will tell it, so
+    /// nothing is dropped for it.
+    fn post_news(&mut self, state: &SystemState<'_>) {
+        for instance in state.reported() {
+            if self.news.is_news(instance, &state.battery(instance).details) {
+                self.outbox.post(Stream::BatteryInfo(instance));
+                self.outbox.post(Stream::SmartBatteryInfo(instance));
+            }
+        }
     }
 
     /// Posts the next message of `stream`, and answers the stream if one was dropped for it.

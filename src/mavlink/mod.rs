@@ -14,6 +14,7 @@ mod endpoint;
 mod framer;
 mod messages;
 mod outbox;
+mod pack_news;
 mod parser;
 mod payload;
 mod rates;
