@@ -5,7 +5,9 @@ mod support;
 use std::collections::HashMap;
 
 use proptest::prelude::*;
-use rover_battmon::battery::{BatteryState, ChargeState, MAX_PACKS, PackDetails, PackStatus, Visibility};
+use rover_battmon::battery::{
+    BatteryState, ChargeSource, ChargeState, MAX_PACKS, PackDetails, PackStatus, Visibility,
+};
 use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, SystemState};
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
@@ -590,6 +592,38 @@ fn news_of_a_pack_that_is_streamed_anyway_is_no_drop() {
         [1, 10]
     );
     assert_eq!(desk.endpoint.statistics().dropped, 0);
+}
+
+#[test]
+fn a_pack_with_a_gauge_of_its_own_is_not_reset() {
+    let gauged = BatteryState {
+        charge_source: ChargeSource::Gauge,
+        ..healthy()
+    };
+    for (mask, result, event) in [
+        (
+            1.0,
+            ACCEPTED,
+            Event::Command(Action::ResetBatteries {
+                mask: 1,
+                percent: 56.0,
+            }),
+        ),
+        (2.0, FAILED, Event::CommandRefused(BATTERY_RESET)),
+        (
+            -1.0,
+            FAILED,
+            Event::Command(Action::ResetBatteries {
+                mask: 5,
+                percent: 56.0,
+            }),
+        ),
+    ] {
+        let mut desk = Desk::with_packs(&[healthy(), gauged, healthy()]);
+        let events = desk.receive_in_chunks(&command_long_2(BATTERY_RESET, mask, 56.0), 64);
+        assert_eq!(events, [event], "{mask}");
+        assert_ack(&desk.sent()[0], BATTERY_RESET, result);
+    }
 }
 
 /// How many BATTERY_STATUS each instance has, and how many SYS_STATUS there are.

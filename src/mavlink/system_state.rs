@@ -1,7 +1,7 @@
 //! Everything telemetry reports, at one moment.
 
 use super::ReceiveStatistics;
-use crate::battery::{BatteryState, PackStatus, Visibility};
+use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
 use crate::vehicle::VehicleStatus;
 
 /// Everything the telemetry of one link reports.
@@ -35,9 +35,18 @@ impl SystemState<'_> {
 
     /// The packs that are monitored, one bit for each instance, bit 0 for the first.
     pub fn monitored_mask(&self) -> u16 {
+        self.mask_of(|battery| battery.status != PackStatus::Disabled)
+    }
+
+    /// The packs whose charge is known from a gauge of their own, one bit for each instance, bit 0 for the first.
+    pub fn gauged_mask(&self) -> u16 {
+        self.mask_of(|battery| battery.charge_source == ChargeSource::Gauge)
+    }
+
+    fn mask_of(&self, is_meant: impl Fn(&BatteryState) -> bool) -> u16 {
         let packs = (0..u16::BITS).zip(self.batteries);
         packs
-            .filter(|(_, battery)| battery.status != PackStatus::Disabled)
+            .filter(|(_, battery)| is_meant(battery))
             .fold(0, |mask, (instance, _)| mask | 1 << instance)
     }
 

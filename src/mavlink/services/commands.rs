@@ -57,7 +57,7 @@ pub enum Action {
     ResetParameters,
     /// These packs have this much charge now.
     ResetBatteries {
-        /// One bit for each instance, bit 0 for the first; only packs that are monitored.
+        /// One bit for each instance, bit 0 for the first; only packs that are monitored and have no gauge of their own.
         mask: u16,
         /// The charge in percent of a full pack, 0 to 100.
         percent: f32,
@@ -209,15 +209,15 @@ impl Command {
         state.reported().find(|instance| f32::from(*instance) == asked)
     }
 
-    /// As ArduPilot does: it fails if a pack that is named does not exist, unless it lies beyond the last one that does;
-    /// the others are reset all the same.
+    /// As ArduPilot does: it fails if a pack that is named does not exist, unless it lies beyond the last one that does,
+    /// or if it has a gauge of its own, which can't be told how full the pack is; the others are reset all the same.
     fn reset_batteries(&self, state: &SystemState<'_>) -> Outcome {
         let Some(asked) = pack_mask(self.param1).filter(|_| self.param2.is_finite()) else {
             return DENIED.into();
         };
         let existing = state.monitored_mask();
         let up_to_last = u16::MAX.checked_shr(existing.leading_zeros()).unwrap_or(0);
-        let mask = asked & existing;
+        let mask = asked & existing & !state.gauged_mask();
         let percent = self.param2.clamp(0.0, 100.0);
         let complete = mask != 0 && asked & up_to_last == mask;
         Outcome {
@@ -254,7 +254,7 @@ fn message_id(parameter: f32) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{BatteryState, PackStatus, Visibility};
+    use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
     use proptest::prelude::*;
 
     /// Packs 0 and 3 are monitored, 3 on board only; there is none between them.
@@ -267,9 +267,12 @@ mod tests {
     }
 
     fn execute(number: u16, param1: f32, param2: f32) -> Outcome {
-        let packs = packs();
+        execute_with(&packs(), number, param1, param2)
+    }
+
+    fn execute_with(packs: &[BatteryState], number: u16, param1: f32, param2: f32) -> Outcome {
         let state = SystemState {
-            batteries: &packs,
+            batteries: packs,
             ..SystemState::default()
         };
         let mut scheduler = StreamScheduler::new(0);
@@ -348,6 +351,20 @@ mod tests {
             (16.0, 50.0, FAILED.into()),
         ] {
             assert_eq!(execute(42651, asked, percent), outcome, "{asked}");
+        }
+    }
+
+    #[test]
+    fn a_pack_with_a_gauge_of_its_own_is_not_reset_and_fails_the_command() {
+        let mut packs = packs();
+        packs[3].charge_source = ChargeSource::Gauge;
+        for (asked, outcome) in [
+            (1.0, reset(ACCEPTED, 1, 50.0)),
+            (8.0, FAILED.into()),
+            (9.0, reset(FAILED, 1, 50.0)),
+            (-1.0, reset(FAILED, 1, 50.0)),
+        ] {
+            assert_eq!(execute_with(&packs, 42651, asked, 50.0), outcome, "{asked}");
         }
     }
 
