@@ -24,13 +24,22 @@ SYS_STATUS = mavlink.MAVLINK_MSG_ID_SYS_STATUS
 BATTERY_STATUS = mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 AUTOPILOT_VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
-# pymavlink 2.4.50 doesn't know it by name.
+SMART_BATTERY_INFO = mavlink.MAVLINK_MSG_ID_SMART_BATTERY_INFO
+# pymavlink 2.4.50 doesn't know these by name.
 PROTOCOL_VERSION = 300
+BATTERY_STATUS_V2 = 369
+BATTERY_INFO = 372
 
 
 @pytest.fixture
 def vehicle(start_simulator):
     return connect(start_simulator().url)
+
+
+def payload_of(unknown, length):
+    """The payload of a message pymavlink doesn't know: MAVLink 2 leaves zeros at its end out."""
+    frame = unknown.data
+    return bytes(frame[mavlink.HEADER_LEN_V2 : mavlink.HEADER_LEN_V2 + frame[1]]).ljust(length, b"\0")
 
 
 def interval_of(vehicle, message_id):
@@ -72,11 +81,63 @@ def test_bad_intervals_are_denied_and_change_nothing(vehicle, send):
 
 @pytest.mark.parametrize("send", [command, command_int])
 def test_messages_it_does_not_send_are_unsupported(vehicle, send):
-    # QGroundControl asks for the last two.
-    for message_id in (ATTITUDE, mavlink.MAVLINK_MSG_ID_HOME_POSITION, 369, 372):
+    # The last one has the number that was meant for voltages of cells.
+    for message_id in (ATTITUDE, mavlink.MAVLINK_MSG_ID_HOME_POSITION, 371):
         assert send(vehicle, SET_INTERVAL, message_id, 100_000) == UNSUPPORTED, message_id
         assert send(vehicle, REQUEST, message_id) == UNSUPPORTED, message_id
     assert interval_of(vehicle, ATTITUDE) == 0, "not available"
+
+
+def test_a_ground_station_moves_over_to_battery_status_v2(vehicle):
+    """What QGroundControl does."""
+    newer = ("UNKNOWN_369", "UNKNOWN_372", "SMART_BATTERY_INFO")
+    messages = messages_of(vehicle, 2)
+    assert count(messages, "BATTERY_STATUS") >= 3
+    assert sum(count(messages, name) for name in newer) == 0, "nothing new comes unasked"
+
+    assert command(vehicle, SET_INTERVAL, BATTERY_STATUS_V2, 100_000) == ACCEPTED
+    assert command(vehicle, SET_INTERVAL, BATTERY_INFO, 500_000) == ACCEPTED
+    messages = messages_of(vehicle, 4)
+    for name, hertz in [("UNKNOWN_369", 10), ("UNKNOWN_372", 2), ("BATTERY_STATUS", 2), ("SMART_BATTERY_INFO", 0)]:
+        assert is_about(count(messages, name) / 4, hertz), name
+
+    assert command(vehicle, SET_INTERVAL, BATTERY_STATUS, -1) == ACCEPTED
+    messages = messages_of(vehicle, 4)
+    assert count(messages, "BATTERY_STATUS") == 0
+    assert is_about(count(messages, "UNKNOWN_369") / 4, 10)
+
+
+@pytest.fixture
+def vehicle_with_current_sensor(start_simulator):
+    """The current sensor takes a restart."""
+    url = start_simulator().url
+    vehicle = connect(url)
+    for name, value in [("BATT_CURR_PIN", 27), ("BATT_CAPACITY", 2200), ("BATT_MONITOR", 4)]:
+        assert set_to(vehicle, name, value).param_value == value
+    assert command(vehicle, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
+    # The connection ends with the vehicle that has been switched off.
+    while vehicle.recv_match(blocking=True, timeout=0.5) is not None:
+        pass
+    vehicle.close()
+    return connect(url)
+
+
+def test_both_battery_statuses_agree(vehicle_with_current_sensor):
+    vehicle = vehicle_with_current_sensor
+    while receive(vehicle, ["BATTERY_STATUS"]).battery_remaining == -1:
+        pass  # Nothing has been measured yet.
+    assert command(vehicle, REQUEST, BATTERY_STATUS) == ACCEPTED
+    old = receive(vehicle, ["BATTERY_STATUS"])
+    assert command(vehicle, REQUEST, BATTERY_STATUS_V2) == ACCEPTED
+    fields = struct.unpack("<5fIhB", payload_of(receive(vehicle, ["UNKNOWN_369"]), 27))
+    voltage, current, consumed, remaining, charge, flags, temperature, instance = fields
+    assert voltage == pytest.approx(old.voltages[0] / 1000, abs=0.05)
+    assert old.current_battery > 0
+    assert current == pytest.approx(old.current_battery / 100, abs=0.1)
+    assert consumed == pytest.approx(old.current_consumed / 1000, abs=0.01)
+    assert charge == pytest.approx(old.battery_remaining, abs=1)
+    assert remaining == pytest.approx(2.2 * charge / 100, rel=1e-3)
+    assert (flags, temperature, instance) == (0, old.temperature, old.id)
 
 
 @pytest.mark.parametrize("send", [command, command_int])
@@ -93,6 +154,15 @@ def test_every_message_can_be_requested(vehicle, send):
     ]:
         assert send(vehicle, REQUEST, message_id) == ACCEPTED, name
         receive(vehicle, [name])
+
+    for message_id, name in [
+        (BATTERY_STATUS_V2, "UNKNOWN_369"),
+        (SMART_BATTERY_INFO, "SMART_BATTERY_INFO"),
+        (BATTERY_INFO, "UNKNOWN_372"),
+    ]:
+        assert send(vehicle, REQUEST, message_id, 0) == ACCEPTED, name
+        receive(vehicle, [name])
+        assert send(vehicle, REQUEST, message_id, 1) == DENIED, name
 
     for instance in (0, math.nan):
         assert send(vehicle, REQUEST, BATTERY_STATUS, instance) == ACCEPTED
@@ -116,10 +186,8 @@ def test_versions(vehicle):
     assert version.flight_sw_version != 0
 
     assert command(vehicle, REQUEST, PROTOCOL_VERSION) == ACCEPTED
-    frame = receive(vehicle, ["UNKNOWN_300"]).data
-    # MAVLink 2 leaves zeros at the end of a message out.
-    payload = frame[mavlink.HEADER_LEN_V2 : mavlink.HEADER_LEN_V2 + frame[1]].ljust(6, b"\0")
-    assert struct.unpack_from("<3H", payload) == (200, 100, 200), "2 is sent, 1 is understood"
+    versions = struct.unpack_from("<3H", payload_of(receive(vehicle, ["UNKNOWN_300"]), 6))
+    assert versions == (200, 100, 200), "2 is sent, 1 is understood"
 
     # DroneKit asks everyone.
     vehicle.mav.command_long_send(0, 0, mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 0, 1, 0, 0, 0, 0, 0, 0)
