@@ -50,7 +50,7 @@ pub async fn sample_batteries(
     if shared.with_parameters(|parameters| are_failsafes_off(parameters, &kinds)) {
         shared.notice(MavSeverity::MAV_SEVERITY_WARNING, FAILSAFES_OFF);
     }
-    let mut ticks = Cadence::starting_at(shared.ticks_start_us(), SAMPLING_INTERVAL_US);
+    let mut ticks = Cadence::starting_at(Instant::now().as_micros(), SAMPLING_INTERVAL_US);
     loop {
         Timer::at(Instant::from_micros(ticks.due_us())).await;
         ticks.take(Instant::now().as_micros());

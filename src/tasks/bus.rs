@@ -12,8 +12,8 @@ const LONGEST_SLEEP: Duration = Duration::from_millis(500);
 /// Reads each part when it is due and hands what it tells to the battery task, which averages it. A part that hangs holds up
 /// this task, and no other.
 pub async fn read_bus(mut bus: impl SensorBus, shared: &Shared, check_in: &CheckIn) -> ! {
-    let mut devices =
-        shared.with_parameters(|parameters| BusDevices::from_parameters(parameters, shared.ticks_start_us()));
+    let now_us = Instant::now().as_micros();
+    let mut devices = shared.with_parameters(|parameters| BusDevices::from_parameters(parameters, now_us));
     loop {
         mark(check_in);
         let wake = Instant::now() + LONGEST_SLEEP;

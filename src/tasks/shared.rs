@@ -4,7 +4,6 @@ use core::cell::{Cell, RefCell};
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::Instant;
 use heapless::Vec;
 
 use super::announcements::{Announcements, Listener};
@@ -28,8 +27,6 @@ pub struct Shared {
     batteries: RefCell<[BatteryState; MAX_PACKS]>,
     battery_resets: RefCell<[Option<f32>; MAX_PACKS]>,
     bus_samples: RefCell<[Samples; MAX_PACKS]>,
-    /// From here on the packs are sampled, in µs.
-    ticks_start_us: u64,
     samples: Cell<u32>,
     load_permille: Cell<u16>,
     parameters: RefCell<Parameters>,
@@ -56,7 +53,6 @@ impl Shared {
             batteries: RefCell::new([BatteryState::default(); MAX_PACKS]),
             battery_resets: RefCell::new([None; MAX_PACKS]),
             bus_samples: RefCell::new([Samples::new(); MAX_PACKS]),
-            ticks_start_us: Instant::now().as_micros(),
             samples: Cell::new(0),
             load_permille: Cell::new(0),
             parameters: RefCell::new(parameters),
@@ -109,11 +105,6 @@ impl Shared {
     pub fn take_battery_reset(&self, instance: u8) -> Option<f32> {
         let mut resets = self.battery_resets.borrow_mut();
         resets.get_mut(usize::from(instance))?.take()
-    }
-
-    /// When the first sampling tick is, in µs. Whoever measures in time with the ticks goes by it.
-    pub(super) fn ticks_start_us(&self) -> u64 {
-        self.ticks_start_us
     }
 
     /// One more reading of a pack by its part on the bus, or why there is none.

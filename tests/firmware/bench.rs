@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use crate::elf::{Artifact, build};
 use crate::emulator::{AdcInput, Board, Firmware, LogLevel, ResetCause, SentByte};
 use crate::support::frames::{
-    BATTERY_STATUS, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, frames, of_message,
+    BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, frames, of_message,
 };
 use crate::support::requests::{command_long, param_set};
 
@@ -116,8 +116,9 @@ impl Bench {
     pub fn reboot(&mut self) {
         let resets = self.resets().len();
         let answers = self.ask(&command_long(PREFLIGHT_REBOOT_SHUTDOWN, 1.0));
+        let acknowledgement = of_message(&answers, COMMAND_ACK)[0];
         assert_eq!(
-            (answers[0].u16(0), answers[0].u8(2)),
+            (acknowledgement.u16(0), acknowledgement.u8(2)),
             (PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED)
         );
         assert!(

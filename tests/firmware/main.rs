@@ -14,7 +14,6 @@ mod boot;
 mod bus_packs;
 mod commands;
 mod faults;
-mod i2c;
 mod link_noise;
 mod motors;
 mod packs;

@@ -16,10 +16,6 @@ const FAILURES_UNTIL_REST: u8 = 3;
 /// And so much of it: ArduPilot looks for a missing part as often.
 const REST_US: u64 = 200_000;
 
-/// Parts that are read once in a tick of the battery task are read in the middle between two ticks, so that a delay on the
-/// bus does not put two readings into one tick and none into the next.
-const PHASE_SHARE: u64 = 2;
-
 /// Where a device is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Place {
@@ -86,7 +82,9 @@ impl BusDevices {
             packs,
             part: None,
             failures: 0,
-            cadence: Cadence::starting_at(now_us + interval_us / PHASE_SHARE, interval_us),
+            // Between two ticks of the battery task, which starts at the same time: a delay on the bus must not put two
+            // readings into one tick and none into the next.
+            cadence: Cadence::starting_at(now_us + interval_us / 2, interval_us),
         });
     }
 
@@ -209,15 +207,17 @@ async fn find(
         }
         Place::Unknown => {
             let free = kind.addresses().iter().filter(|address| !taken.contains(address));
+            let mut nobody = ReadError::NoAnswer;
             for address in free {
                 match kind.set_up(bus, *address, wiring).await {
                     Ok(part) => return Ok((*address, part)),
-                    // Somebody else may be there.
-                    Err(ReadError::NoAnswer | ReadError::OtherPart) => {}
+                    Err(ReadError::NoAnswer) => {}
+                    // It may be somebody else's.
+                    Err(ReadError::OtherPart) => nobody = ReadError::OtherPart,
                     Err(error) => return Err(error),
                 }
             }
-            Err(ReadError::NoAnswer)
+            Err(nobody)
         }
     }
 }

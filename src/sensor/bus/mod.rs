@@ -12,6 +12,9 @@ mod samples;
 mod smbus;
 mod wiring;
 
+#[cfg(test)]
+mod tests;
+
 use embedded_hal_async::i2c::{Error, ErrorKind, I2c};
 
 pub use address::Address;

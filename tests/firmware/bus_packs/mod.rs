@@ -1,6 +1,7 @@
 //! Packs on the I2C bus: power monitors and smart batteries, at SDA GP14 and SCL GP15.
 
 mod faults;
+mod messages;
 mod nine;
 mod values;
 

@@ -199,3 +199,37 @@ fn several_power_monitors_are_found_one_after_the_other() {
     let volts = [1, 2, 3].map(|instance| last_of(&frames, instance).voltage_mv(0));
     assert_eq!(volts, [10_000, 11_000, 12_000]);
 }
+
+/// START, address and pointer, RESTART, address and two bytes, STOP.
+const BITS_OF_A_READ: u64 = 1 + 18 + 1 + 27 + 1;
+const CYCLES_PER_S: u64 = 125_000_000;
+
+fn clock_hz(bench: &mut Bench) -> u64 {
+    bench.i2c(super::BUS).take_transactions();
+    bench.run_for(SECOND);
+    let transfers = bench.i2c(super::BUS).take_transactions();
+    let shortest = transfers
+        .iter()
+        .filter(|transfer| transfer.acked && transfer.written.len() == 1 && transfer.read.len() == 2)
+        .map(|transfer| transfer.end - transfer.start)
+        .min()
+        .expect("something is read");
+    BITS_OF_A_READ * CYCLES_PER_S / shortest
+}
+
+#[test]
+fn the_clock_is_as_fast_as_the_slowest_part_stands() {
+    let part = shared(Ina226::new(0.0005));
+    part.borrow_mut().set(12.0, 1.0);
+    let mut bench = with_second_pack(INA2XX, 0x40, &part, &[]);
+    let fast_hz = clock_hz(&mut bench);
+    assert!((350_000..=400_000).contains(&fast_hz), "{fast_hz} Hz");
+
+    bench
+        .i2c(super::BUS)
+        .attach(0x0b, Box::new(SmartBattery::new(Pec::None)));
+    bench.set("BATT3_MONITOR", SMART_BATTERY);
+    bench.reboot();
+    let slow_hz = clock_hz(&mut bench);
+    assert!((90_000..=100_000).contains(&slow_hz), "{slow_hz} Hz");
+}

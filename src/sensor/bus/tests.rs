@@ -1,0 +1,351 @@
+//! The parts on a bus whose devices a test writes down.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use embassy_futures::block_on;
+use embedded_hal_async::i2c::{ErrorType, I2c, Operation};
+use proptest::prelude::*;
+
+use super::*;
+use crate::battery::{BatteryMonitor, Chemistry, Date, Measurement, PackSettings, Tick};
+use crate::parameter::{BatteryParameter, Pack, Parameters};
+
+/// Devices as tables: by address and register, the bytes that are read. What is written is not kept.
+#[derive(Default)]
+struct Tables(BTreeMap<(u8, u8), Vec<u8>>);
+
+impl Tables {
+    fn set(&mut self, address: u8, register: u8, bytes: &[u8]) {
+        self.0.insert((address, register), bytes.to_vec());
+    }
+}
+
+impl ErrorType for Tables {
+    type Error = ReadError;
+}
+
+impl I2c for Tables {
+    async fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
+        if !self.0.keys().any(|(device, _)| *device == address) {
+            return Err(ReadError::NoAnswer);
+        }
+        let mut register = 0;
+        for operation in operations {
+            match operation {
+                Operation::Write(bytes) => register = bytes[0],
+                Operation::Read(buffer) => {
+                    let bytes = self.0.get(&(address, register)).ok_or(ReadError::NoAnswer)?;
+                    buffer.fill(0xff);
+                    buffer.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Answers with whatever comes next, until that is used up.
+struct Anything(VecDeque<Result<u8, ReadError>>);
+
+impl ErrorType for Anything {
+    type Error = ReadError;
+}
+
+impl I2c for Anything {
+    async fn transaction(&mut self, _: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
+        for operation in operations {
+            if let Operation::Read(buffer) = operation {
+                for byte in buffer.iter_mut() {
+                    *byte = self.0.pop_front().unwrap_or(Err(ReadError::NoAnswer))?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn parameters(settings: &[(Pack, BatteryParameter, f32)]) -> Parameters {
+    let mut parameters = Parameters::defaults();
+    for (pack, parameter, value) in settings {
+        parameters.set(parameter.of(*pack), *value).expect("in range");
+    }
+    parameters
+}
+
+fn second_is(kind: PartKind) -> Parameters {
+    parameters(&[(Pack::Second, BatteryParameter::Monitor, kind.number() as f32)])
+}
+
+/// Reads the part that is due next, and collects what it tells.
+fn read_next(
+    devices: &mut BusDevices,
+    bus: &mut impl SensorBus,
+) -> Vec<(Pack, Result<Measurement, ReadError>)> {
+    let mut told = Vec::new();
+    let now_us = devices.next_due_us().expect("there is a part");
+    block_on(devices.read_next(bus, now_us, |pack, reading| told.push((pack, reading))));
+    told
+}
+
+fn read_one(devices: &mut BusDevices, bus: &mut impl SensorBus) -> Result<Measurement, ReadError> {
+    let told = read_next(devices, bus);
+    assert_eq!(told.len(), 1, "{told:?}");
+    told[0].1
+}
+
+/// A battery that follows version 1.1 of the specification, with these words instead of its own.
+fn battery(words: &[(u8, u16)]) -> Tables {
+    let mut bus = Tables::default();
+    let own = [
+        (0x08, 2981),
+        (0x09, 7400),
+        (0x0a, 0x10000 - 1500),
+        (0x0f, 1300),
+        (0x10, 2600),
+        (0x17, 12),
+        (0x18, 3250),
+        (0x19, 7200),
+        (0x1a, 0x0021),
+        (0x1b, 44 << 9 | 5 << 5 | 17),
+        (0x1c, 4711),
+        (0x3f, 3690),
+        (0x3e, 3710),
+    ];
+    for (command, word) in own
+        .into_iter()
+        .map(|(command, word)| (command, word as u16))
+        .chain(words.iter().copied())
+    {
+        bus.set(0x0b, command, &word.to_le_bytes());
+    }
+    for (command, text) in [(0x20, "Acme"), (0x21, "2S"), (0x22, "LiP")] {
+        bus.set(0x0b, command, &[&[text.len() as u8], text.as_bytes()].concat());
+    }
+    bus
+}
+
+#[track_caller]
+fn assert_near(value: Option<f32>, expected: f32) {
+    let value = value.expect("it is measured");
+    assert!(
+        (value - expected).abs() <= expected.abs() * 1e-5,
+        "{value} is not {expected}"
+    );
+}
+
+fn read_battery(mut bus: Tables) -> Measurement {
+    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), 0);
+    read_one(&mut devices, &mut bus).expect("it answers");
+    read_one(&mut devices, &mut bus).expect("it answers again")
+}
+
+#[test]
+fn a_smart_battery_introduces_itself() {
+    let told = read_battery(battery(&[]));
+    assert_near(told.voltage_v, 7.4);
+    assert_near(told.current_a, 1.5);
+    assert_near(told.temperature_c, 24.95);
+    let gauge = told.gauge.unwrap();
+    assert_eq!((gauge.remaining_mah, gauge.full_mah), (1300.0, 2600.0));
+    assert_eq!(told.cells.millivolts(), [3690, 3710]);
+    let details = told.details;
+    assert_eq!(
+        (details.manufacturer.as_bytes(), details.device.as_bytes()),
+        (&b"Acme"[..], &b"2S"[..])
+    );
+    assert_eq!(
+        (details.serial_number, details.cycle_count),
+        (Some(4711), Some(12))
+    );
+    assert_eq!(details.design_capacity_mah, Some(3250.0));
+    assert_near(details.design_voltage_v, 7.2);
+    assert_eq!(details.state_of_health_pct, Some(80));
+    assert_eq!(details.chemistry, Some(Chemistry::LiPo));
+    let date = Date {
+        year: 2024,
+        month: 5,
+        day: 17,
+    };
+    assert_eq!(details.manufactured, Some(date));
+}
+
+#[test]
+fn a_battery_that_counts_energy_tells_its_charge_at_its_design_voltage() {
+    // 1.3 × 10 Wh at 7.2 V.
+    let told = read_battery(battery(&[(0x03, 1 << 15)]));
+    assert_near(told.gauge.map(|gauge| gauge.remaining_mah), 13_000.0 / 7.2);
+}
+
+#[test]
+fn a_large_battery_counts_in_larger_steps() {
+    // Voltages in steps of 10 mV, currents and capacities in steps of 100.
+    let told = read_battery(battery(&[(0x1a, 0x2121), (0x09, 740)]));
+    assert_near(told.voltage_v, 7.4);
+    assert_near(told.current_a, 150.0);
+    assert_eq!(told.gauge.unwrap().full_mah, 260_000.0);
+}
+
+#[test]
+fn a_milliampere_is_a_current_and_no_blank_word() {
+    assert_eq!(read_battery(battery(&[(0x0a, 0xffff)])).current_a, Some(0.001));
+}
+
+#[test]
+fn what_a_battery_does_not_tell_is_unknown() {
+    let mut bus = battery(&[(0x17, 0xffff), (0x18, 0), (0x10, 0xffff), (0x1b, 0)]);
+    for command in [0x08, 0x20, 0x21, 0x22, 0x1c] {
+        bus.0.remove(&(0x0b, command));
+    }
+    let told = read_battery(bus);
+    assert_eq!((told.temperature_c, told.gauge), (None, None));
+    let details = told.details;
+    assert!(details.manufacturer.is_empty() && details.device.is_empty());
+    assert_eq!((details.serial_number, details.cycle_count), (None, None));
+    assert_eq!(
+        (details.design_capacity_mah, details.state_of_health_pct),
+        (None, None)
+    );
+    assert_eq!((details.chemistry, details.manufactured), (None, None));
+}
+
+#[test]
+fn commands_a_maker_uses_for_something_else_are_no_cells() {
+    let told = read_battery(battery(&[(0x3f, 1234), (0x3e, 555)]));
+    assert!(told.cells.millivolts().is_empty());
+    // A third one that would be a cell by itself is not one of two that amount to the pack's voltage.
+    let told = read_battery(battery(&[(0x3d, 3700)]));
+    assert_eq!(told.cells.millivolts().len(), 2);
+}
+
+#[test]
+fn a_battery_of_an_unknown_scale_is_refused() {
+    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), 0);
+    let mut bus = battery(&[(0x1a, 0x4021)]);
+    assert_eq!(read_one(&mut devices, &mut bus), Err(ReadError::OtherPart));
+}
+
+/// An INA228 at 0x40 that was set up, with these counters.
+fn counters(bus: &mut Tables, charge: i64, energy: u64) {
+    bus.set(0x40, 0x3e, &0x5449u16.to_be_bytes());
+    bus.set(0x40, 0x3f, &0x2281u16.to_be_bytes());
+    bus.set(0x40, 0xfe, &[0, 0]);
+    bus.set(0x40, 0xff, &[0, 0]);
+    bus.set(0x40, 0x01, &0xb92au16.to_be_bytes());
+    // 13107.2e6 × 90 A / 2^19 × 0.5 mΩ
+    bus.set(0x40, 0x02, &1125u16.to_be_bytes());
+    bus.set(0x40, 0x04, &[0, 0, 0]);
+    bus.set(0x40, 0x05, &(61_440u32 << 12).to_be_bytes()[..3]);
+    bus.set(0x40, 0x09, &energy.to_be_bytes()[3..]);
+    bus.set(0x40, 0x0a, &charge.to_be_bytes()[3..]);
+}
+
+#[test]
+fn counters_go_on_over_their_end_and_their_sign() {
+    let top = (1i64 << 39) - 1;
+    // By steps of 171.66 µA: so many coulombs for 36 mAh, and so many joules for 0.36 Wh.
+    let steps = (129.6 / 171.661_38e-6) as i64;
+    let energy_steps = (1296.0 / (171.661_38e-6 * 51.2)) as u64;
+    for (from, to, sign) in [(top, top.wrapping_add(steps), 1.0), (-100, -100 - steps, -1.0)] {
+        let mut bus = Tables::default();
+        let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), 0);
+        let energy = (1u64 << 40) - 5;
+        counters(&mut bus, from, energy);
+        assert_eq!(
+            read_one(&mut devices, &mut bus).unwrap().counted,
+            None,
+            "the first time"
+        );
+        counters(&mut bus, to, energy + energy_steps);
+        let told = read_one(&mut devices, &mut bus).unwrap();
+        assert_eq!(told.voltage_v, Some(12.0));
+        let Some(crate::battery::Counted::SinceLast(counted)) = told.counted else {
+            panic!("{told:?}");
+        };
+        assert!((counted.charge_mah - 36.0 * sign).abs() < 0.001, "{counted:?}");
+        assert!((counted.energy_wh - 0.36 * sign).abs() < 1e-5, "{counted:?}");
+    }
+}
+
+#[test]
+fn a_part_that_is_refused_three_times_is_given_time() {
+    let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), 0);
+    let mut bus = Tables::default();
+    let mut due_us = Vec::new();
+    for _ in 0..5 {
+        due_us.push(devices.next_due_us().unwrap());
+        assert_eq!(read_one(&mut devices, &mut bus), Err(ReadError::NoAnswer));
+    }
+    let waits_ms: Vec<_> = due_us.windows(2).map(|due| (due[1] - due[0]) / 1000).collect();
+    assert_eq!(waits_ms, [25, 25, 225, 225]);
+}
+
+#[test]
+fn the_slowest_part_sets_the_clock() {
+    assert_eq!(bus_clock_hz(&Parameters::defaults()), 400_000);
+    assert_eq!(bus_clock_hz(&second_is(PartKind::Ina2xx)), 400_000);
+    assert_eq!(bus_clock_hz(&second_is(PartKind::SmartBattery)), 100_000);
+}
+
+#[test]
+fn an_address_that_no_device_can_have_is_looked_for_like_none() {
+    for (value, address) in [
+        (0, None),
+        (7, None),
+        (8, Some(8)),
+        (0x77, Some(0x77)),
+        (0x78, None),
+        (-1, None),
+    ] {
+        assert_eq!(Address::from_parameter(value).map(Address::bits), address);
+    }
+}
+
+proptest! {
+    #[test]
+    fn whatever_the_devices_answer_the_packs_stay_sound(
+        bytes in prop::collection::vec(prop_oneof![
+            8 => any::<u8>().prop_map(Ok),
+            2 => Just(Ok(0xff)),
+            1 => prop::sample::select(vec![ReadError::NoAnswer, ReadError::Timeout, ReadError::BusStuck]).prop_map(Err),
+        ], 0..2000),
+        kind in prop::sample::select(PartKind::ALL.to_vec()),
+    ) {
+        let mut devices = BusDevices::from_parameters(&second_is(kind), 0);
+        let mut bus = Anything(bytes.into());
+        let mut monitor = BatteryMonitor::new();
+        let mut now_us = 0;
+        while !bus.0.is_empty() {
+            for (pack, reading) in read_next(&mut devices, &mut bus) {
+                prop_assert_eq!(pack, Pack::Second);
+                now_us += 100_000;
+                let tick = Tick { now_us, ..Tick::default() };
+                monitor.update(tick, reading, &PackSettings::default());
+                let state = monitor.state();
+                let values = [state.voltage_v, state.current_a, state.consumed_mah, state.remaining_pct];
+                prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
+            }
+        }
+    }
+
+    /// An honest part with any numbers in its registers: recognised, so that these get through.
+    #[test]
+    fn whatever_an_honest_battery_tells_the_pack_stays_sound(
+        words in prop::collection::vec((0u8..0x40, any::<u16>()), 0..40),
+        ticks in 1usize..20,
+    ) {
+        let words: Vec<_> = words.into_iter().filter(|(command, _)| ![0x20, 0x21, 0x22].contains(command)).collect();
+        let mut bus = battery(&words);
+        let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), 0);
+        let mut monitor = BatteryMonitor::new();
+        for tick in 1..=ticks as u64 {
+            for (_, reading) in read_next(&mut devices, &mut bus) {
+                let tick = Tick { now_us: tick * 100_000, ..Tick::default() };
+                monitor.update(tick, reading, &PackSettings::default());
+            }
+            let state = monitor.state();
+            prop_assert!(state.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{:?}", state);
+            let values = [state.voltage_v, state.current_a, state.consumed_mah, state.time_remaining_s];
+            prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
+        }
+    }
+}

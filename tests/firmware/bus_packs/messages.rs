@@ -1,0 +1,144 @@
+//! What a smart battery tells of itself, in the messages made for that.
+
+use super::{BUS, shared, texts, with_second_pack};
+use crate::bench::{Bench, SECOND};
+use crate::emulator::i2c_devices::{Pec, SmartBattery};
+use crate::support::frames::{
+    BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, Frame, SMART_BATTERY_INFO,
+    of_message,
+};
+use crate::support::requests::command_long_2;
+
+const SMART_BATTERY: f32 = 7.0;
+const SET_MESSAGE_INTERVAL: u16 = 511;
+const REQUEST_MESSAGE: u16 = 512;
+const BATTERY_RESET: u16 = 42651;
+const SECOND_PACK: f32 = 1.0;
+const FAILED: u8 = 4;
+
+const CYCLE_COUNT: u8 = 0x17;
+
+/// MAV_BATTERY_STATUS_FLAGS_CAPACITY_RELATIVE_TO_FULL
+const RELATIVE_TO_FULL: u32 = 262_144;
+
+fn with_battery() -> (Bench, std::rc::Rc<std::cell::RefCell<SmartBattery>>) {
+    let part = shared(SmartBattery::new(Pec::Right));
+    part.borrow_mut().set(11.1, 2.5, 31.0);
+    part.borrow_mut().set_capacity(2600, 4680);
+    let bench = with_second_pack(SMART_BATTERY, 0x0b, &part, &[]);
+    (bench, part)
+}
+
+fn count(frames: &[Frame], message_id: u32) -> usize {
+    of_message(frames, message_id).len()
+}
+
+#[test]
+fn a_smart_battery_is_introduced_once_and_again_when_it_changes() {
+    let (mut bench, part) = with_battery();
+    bench.run_for(5 * SECOND);
+    let frames = bench.frames();
+    let last = of_message(&frames, BATTERY_INFO)
+        .pop()
+        .expect("it is sent unasked");
+    assert_eq!(
+        (last.u8(44), last.u8(46), last.u8(48)),
+        (1, 3, 3),
+        "pack 2, lithium ion, three cells"
+    );
+    assert_eq!(last.u16(40), 12, "cycles");
+    assert_eq!(last.u8(47), 90, "state of health: 4680 of 5200 mAh");
+    assert!((last.f32(36) - 4.68).abs() < 1e-3 && (last.f32(32) - 5.2).abs() < 1e-3);
+    assert!((last.f32(20) - 11.1).abs() < 1e-3, "nominal voltage");
+    assert_eq!(
+        (last.text(49, 9), last.text(58, 32)),
+        ("17052024".into(), "4711".into())
+    );
+    assert_eq!(last.text(90, 50), "Emulated_3S5200");
+    let smart = of_message(&frames, SMART_BATTERY_INFO).pop().expect("so is this");
+    assert_eq!((smart.i32(0), smart.i32(4)), (5200, 4680));
+
+    let from_us = bench.time_us();
+    bench.run_for(5 * SECOND);
+    assert_eq!(
+        count(&bench.frames_since(from_us), BATTERY_INFO),
+        0,
+        "nothing has changed"
+    );
+    let from_us = bench.time_us();
+    part.borrow_mut().set_word(CYCLE_COUNT, 13);
+    bench.run_for(5 * SECOND);
+    let frames = bench.frames_since(from_us);
+    assert_eq!(count(&frames, BATTERY_INFO), 1);
+    assert_eq!(of_message(&frames, BATTERY_INFO)[0].u16(40), 13);
+}
+
+#[test]
+fn the_second_version_of_battery_status_is_for_those_who_ask() {
+    let (mut bench, _) = with_battery();
+    bench.run_for(SECOND);
+    assert_eq!(count(&bench.frames(), BATTERY_STATUS_V2), 0);
+    let answers = bench.ask(&command_long_2(
+        REQUEST_MESSAGE,
+        BATTERY_STATUS_V2 as f32,
+        SECOND_PACK,
+    ));
+    let status = of_message(&answers, BATTERY_STATUS_V2)[0];
+    assert!((status.f32(0) - 11.1).abs() < 1e-4 && (status.f32(4) - 2.5).abs() < 1e-4);
+    assert!((status.f32(8) - 2.08).abs() < 1e-3, "consumed, in Ah");
+    assert!((status.f32(12) - 2.6).abs() < 1e-3, "remaining, in Ah");
+    assert!((status.f32(16) - 55.56).abs() < 0.01, "percent");
+    assert_eq!(status.u32(20), RELATIVE_TO_FULL);
+    assert_eq!((status.i16(24), status.u8(26)), (3105, 1));
+
+    // As QGroundControl does: the first one that comes makes it switch the other off.
+    bench.ask(&command_long_2(
+        SET_MESSAGE_INTERVAL,
+        BATTERY_STATUS_V2 as f32,
+        200_000.0,
+    ));
+    bench.ask(&command_long_2(
+        SET_MESSAGE_INTERVAL,
+        BATTERY_INFO as f32,
+        1_000_000.0,
+    ));
+    let from_us = bench.time_us();
+    bench.run_for(10 * SECOND);
+    let frames = bench.frames_since(from_us);
+    assert!(
+        count(&frames, BATTERY_STATUS_V2).abs_diff(2 * 50) <= 2,
+        "both packs, five times a second"
+    );
+    assert!(count(&frames, BATTERY_INFO).abs_diff(2 * 10) <= 2);
+    assert!(
+        count(&frames, BATTERY_STATUS).abs_diff(2 * 100) <= 2,
+        "until it is switched off"
+    );
+    bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, BATTERY_STATUS as f32, -1.0));
+    let from_us = bench.time_us();
+    bench.run_for(10 * SECOND);
+    let frames = bench.frames_since(from_us);
+    assert_eq!(count(&frames, BATTERY_STATUS), 0);
+    assert!(count(&frames, BATTERY_STATUS_V2).abs_diff(2 * 50) <= 2);
+}
+
+#[test]
+fn a_battery_with_a_gauge_can_not_be_told_how_full_it_is() {
+    let (mut bench, _) = with_battery();
+    bench.run_for(SECOND);
+    let answers = bench.ask(&command_long_2(BATTERY_RESET, 2.0, 100.0));
+    let acknowledgement = of_message(&answers, COMMAND_ACK)[0];
+    assert_eq!(
+        (acknowledgement.u16(0), acknowledgement.u8(2)),
+        (BATTERY_RESET, FAILED)
+    );
+    bench.run_for(SECOND);
+    let frames = bench.frames();
+    let status = of_message(&frames, BATTERY_STATUS)
+        .into_iter()
+        .rfind(|frame| BatteryStatus(frame).instance() == 1);
+    assert_eq!(BatteryStatus(status.expect("it is reported")).remaining_pct(), 56);
+    bench.i2c(BUS).detach(0x0b);
+    bench.run_for(3 * SECOND);
+    assert!(texts(&mut bench).contains(&"Battery 2 unhealthy: no answer".into()));
+}
