@@ -5,8 +5,8 @@ use crate::battery::{Measurement, ReadError};
 
 /// A driver of a part on the bus.
 pub(super) trait Part: Sized {
-    /// Where to look for it when no address is set.
-    const ADDRESSES: &'static [Address];
+    /// What tells the kinds of such a part from each other.
+    type Model: 'static;
 
     /// The time between two readings, in µs. What comes in between two ticks of the battery task is averaged.
     const INTERVAL_US: u64;
@@ -17,11 +17,19 @@ pub(super) trait Part: Sized {
     /// Packs it can measure, one on each channel. They share the part if their address is set alike.
     const CHANNELS: usize = 1;
 
+    /// Where to look for it when no address is set.
+    fn addresses(model: &'static Self::Model) -> &'static [Address];
+
     /// Makes sure that what answers is such a part, and prepares it.
     ///
     /// # Errors
     /// Nobody answers, or it is another part.
-    async fn set_up(bus: &mut impl SensorBus, address: Address, wiring: &Wiring) -> Result<Self, ReadError>;
+    async fn set_up(
+        bus: &mut impl SensorBus,
+        address: Address,
+        wiring: &Wiring,
+        model: &'static Self::Model,
+    ) -> Result<Self, ReadError>;
 
     /// Makes sure that it is still the part that was set up, as it was set up. It may have lost its supply, or somebody has
     /// plugged in another one.

@@ -1,59 +1,74 @@
 //! Which parts there are.
 
 use super::part::Part;
-use super::parts::{Ina2xx, Ina3221, SmartBattery};
+use super::parts::{Ina2xx, Ina3221, SmartBattery, ina2xx, smart_battery};
 use super::{Address, SensorBus, Wiring};
 use crate::battery::{Measurement, ReadError};
 
-/// Each line: what it is, its number in `BATT_MONITOR` and its name there (ArduPilot's), and its driver.
+/// For each driver its kinds, a line each: what it is, its number in `BATT_MONITOR` and its name there (ArduPilot's), and
+/// what the driver has to know of it.
 macro_rules! parts {
-    ($($(#[$doc:meta])* $kind:ident = $number:literal, $label:literal => $driver:ty;)+) => {
+    ($($driver:ident {
+        $($(#[$doc:meta])* $kind:ident = $number:literal, $label:literal, $model:expr;)+
+    })+) => {
         /// A kind of part on the bus.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[cfg_attr(target_os = "none", derive(defmt::Format))]
         pub enum PartKind {
-            $($(#[$doc])* $kind,)+
+            $($($(#[$doc])* $kind,)+)+
+        }
+
+        /// A kind's driver, with what that has to know of the kind.
+        #[derive(Clone, Copy)]
+        enum Selected {
+            $($driver(&'static <$driver as Part>::Model),)+
         }
 
         impl PartKind {
             /// Every kind.
-            pub const ALL: &'static [Self] = &[$(Self::$kind),+];
+            pub const ALL: &'static [Self] = &[$($(Self::$kind,)+)+];
 
             /// Its number in `BATT_MONITOR`.
             pub const fn number(self) -> i32 {
                 match self {
-                    $(Self::$kind => $number,)+
+                    $($(Self::$kind => $number,)+)+
                 }
             }
 
             /// What a ground station calls it.
             pub const fn label(self) -> &'static str {
                 match self {
-                    $(Self::$kind => $label,)+
+                    $($(Self::$kind => $label,)+)+
+                }
+            }
+
+            fn selected(self) -> Selected {
+                match self {
+                    $($(Self::$kind => Selected::$driver(&$model),)+)+
                 }
             }
 
             pub(super) fn addresses(self) -> &'static [Address] {
-                match self {
-                    $(Self::$kind => <$driver>::ADDRESSES,)+
+                match self.selected() {
+                    $(Selected::$driver(model) => $driver::addresses(model),)+
                 }
             }
 
             pub(super) fn interval_us(self) -> u64 {
-                match self {
-                    $(Self::$kind => <$driver>::INTERVAL_US,)+
+                match self.selected() {
+                    $(Selected::$driver(_) => $driver::INTERVAL_US,)+
                 }
             }
 
             pub(super) fn highest_clock_hz(self) -> u32 {
-                match self {
-                    $(Self::$kind => <$driver>::HIGHEST_CLOCK_HZ,)+
+                match self.selected() {
+                    $(Selected::$driver(_) => $driver::HIGHEST_CLOCK_HZ,)+
                 }
             }
 
             pub(super) fn channels(self) -> usize {
-                match self {
-                    $(Self::$kind => <$driver>::CHANNELS,)+
+                match self.selected() {
+                    $(Selected::$driver(_) => $driver::CHANNELS,)+
                 }
             }
 
@@ -63,8 +78,10 @@ macro_rules! parts {
                 address: Address,
                 wiring: &Wiring,
             ) -> Result<AnyPart, ReadError> {
-                Ok(match self {
-                    $(Self::$kind => AnyPart::$kind(<$driver>::set_up(bus, address, wiring).await?),)+
+                Ok(match self.selected() {
+                    $(Selected::$driver(model) => {
+                        AnyPart::$driver($driver::set_up(bus, address, wiring, model).await?)
+                    })+
                 })
             }
         }
@@ -72,13 +89,13 @@ macro_rules! parts {
         /// A part that was set up.
         #[derive(Debug)]
         pub(super) enum AnyPart {
-            $($kind($driver),)+
+            $($driver($driver),)+
         }
 
         impl AnyPart {
             pub async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
                 match self {
-                    $(Self::$kind(part) => part.check(bus).await,)+
+                    $(Self::$driver(part) => part.check(bus).await,)+
                 }
             }
 
@@ -88,7 +105,7 @@ macro_rules! parts {
                 wiring: &Wiring,
             ) -> Result<Measurement, ReadError> {
                 match self {
-                    $(Self::$kind(part) => part.read(bus, wiring).await,)+
+                    $(Self::$driver(part) => part.read(bus, wiring).await,)+
                 }
             }
         }
@@ -96,12 +113,18 @@ macro_rules! parts {
 }
 
 parts! {
-    /// A battery with a gauge of its own.
-    SmartBattery = 7, "SMBus-Generic" => SmartBattery;
-    /// Texas Instruments' INA226, INA228 and INA260; which one it is shows its identification.
-    Ina2xx = 21, "INA2XX" => Ina2xx;
-    /// Texas Instruments' INA3221: three packs on one chip.
-    Ina3221 = 30, "INA3221" => Ina3221;
+    SmartBattery {
+        /// A battery with a gauge of its own.
+        SmartBattery = 7, "SMBus-Generic", smart_battery::GENERIC;
+    }
+    Ina2xx {
+        /// Texas Instruments' INA226, INA228 and their like; which one it is shows its identification.
+        Ina2xx = 21, "INA2XX", ina2xx::ON_I2C;
+    }
+    Ina3221 {
+        /// Texas Instruments' INA3221: three packs on one chip.
+        Ina3221 = 30, "INA3221", ();
+    }
 }
 
 impl PartKind {

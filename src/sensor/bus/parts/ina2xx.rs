@@ -72,7 +72,26 @@ struct Counters {
     energy_step: f32,
 }
 
-static MODELS: [Model; 3] = [
+/// Parts that are told from each other by their identification.
+#[derive(Debug)]
+pub(in crate::sensor::bus) struct Family {
+    addresses: &'static [Address],
+    models: &'static [Model],
+}
+
+/// Those with an I2C bus.
+pub(in crate::sensor::bus) static ON_I2C: Family = Family {
+    addresses: &[
+        // Those that are set by a wire to ground or to the supply.
+        Address::known(0x40),
+        Address::known(0x41),
+        Address::known(0x44),
+        Address::known(0x45),
+    ],
+    models: &I2C_MODELS,
+};
+
+static I2C_MODELS: [Model; 3] = [
     Model {
         name: "INA226",
         manufacturer_register: 0xfe,
@@ -169,19 +188,23 @@ struct Codes {
 const COUNTER_BYTES: usize = 5;
 
 impl Part for Ina2xx {
-    /// Those that are set by a wire to ground or to the supply.
-    const ADDRESSES: &'static [Address] = &[
-        Address::known(0x40),
-        Address::known(0x41),
-        Address::known(0x44),
-        Address::known(0x45),
-    ];
+    type Model = Family;
+
     const INTERVAL_US: u64 = 25_000;
     const HIGHEST_CLOCK_HZ: u32 = FAST_MODE_HZ;
 
-    async fn set_up(bus: &mut impl SensorBus, address: Address, wiring: &Wiring) -> Result<Self, ReadError> {
+    fn addresses(family: &'static Family) -> &'static [Address] {
+        family.addresses
+    }
+
+    async fn set_up(
+        bus: &mut impl SensorBus,
+        address: Address,
+        wiring: &Wiring,
+        family: &'static Family,
+    ) -> Result<Self, ReadError> {
         let mut registers = Registers::new(bus, address);
-        let model = recognise(&mut registers).await?;
+        let model = recognise(&mut registers, family).await?;
         registers
             .write_u16(model.configuration_register, model.configuration)
             .await?;
@@ -236,8 +259,11 @@ impl Part for Ina2xx {
     }
 }
 
-async fn recognise<B: SensorBus>(registers: &mut Registers<'_, B>) -> Result<&'static Model, ReadError> {
-    for model in &MODELS {
+async fn recognise<B: SensorBus>(
+    registers: &mut Registers<'_, B>,
+    family: &'static Family,
+) -> Result<&'static Model, ReadError> {
+    for model in family.models {
         let manufacturer = registers.read_u16(model.manufacturer_register).await?;
         let identity = registers.read_u16(model.identity_register).await?;
         if manufacturer == TEXAS_INSTRUMENTS && identity & !REVISION == model.identity {

@@ -25,6 +25,13 @@ const BUS_STEP_V: f32 = 8e-3;
 /// Both are 13 bits from bit 3 on; the others are always 0.
 const UNUSED_BITS: u32 = 3;
 
+const ADDRESSES: [Address; 4] = [
+    Address::known(0x40),
+    Address::known(0x41),
+    Address::known(0x42),
+    Address::known(0x43),
+];
+
 /// An INA3221 that answered.
 #[derive(Debug)]
 pub(in crate::sensor::bus) struct Ina3221 {
@@ -32,17 +39,21 @@ pub(in crate::sensor::bus) struct Ina3221 {
 }
 
 impl Part for Ina3221 {
-    const ADDRESSES: &'static [Address] = &[
-        Address::known(0x40),
-        Address::known(0x41),
-        Address::known(0x42),
-        Address::known(0x43),
-    ];
+    type Model = ();
     const INTERVAL_US: u64 = 100_000;
     const HIGHEST_CLOCK_HZ: u32 = FAST_MODE_HZ;
     const CHANNELS: usize = BUS_VOLTAGE.len();
 
-    async fn set_up(bus: &mut impl SensorBus, address: Address, _: &Wiring) -> Result<Self, ReadError> {
+    fn addresses((): &()) -> &'static [Address] {
+        &ADDRESSES
+    }
+
+    async fn set_up(
+        bus: &mut impl SensorBus,
+        address: Address,
+        _: &Wiring,
+        (): &(),
+    ) -> Result<Self, ReadError> {
         let mut registers = Registers::new(bus, address);
         registers.expect_u16(MANUFACTURER_ID, TEXAS_INSTRUMENTS).await?;
         registers.expect_u16(DIE_ID, INA3221).await?;

@@ -1,8 +1,8 @@
 //! The drivers, one file each.
 
-mod ina2xx;
+pub(super) mod ina2xx;
 mod ina3221;
-mod smart_battery;
+pub(super) mod smart_battery;
 
 pub(super) use ina2xx::Ina2xx;
 pub(super) use ina3221::Ina3221;

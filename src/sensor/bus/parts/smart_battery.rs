@@ -70,6 +70,16 @@ const INTRODUCTION: [u8; 8] = [
     SERIAL_NUMBER,
 ];
 
+/// Where every smart battery is.
+const ADDRESSES: [Address; 1] = [Address::known(0x0b)];
+
+/// How a maker's batteries differ from the specification.
+#[derive(Debug)]
+pub(in crate::sensor::bus) struct Dialect {}
+
+/// As the specification has it.
+pub(in crate::sensor::bus) static GENERIC: Dialect = Dialect {};
+
 /// A smart battery that answered.
 #[derive(Debug)]
 pub(in crate::sensor::bus) struct SmartBattery {
@@ -97,13 +107,22 @@ struct Scale {
 }
 
 impl Part for SmartBattery {
-    /// Where every smart battery is.
-    const ADDRESSES: &'static [Address] = &[Address::known(0x0b)];
+    type Model = Dialect;
+
     const INTERVAL_US: u64 = 100_000;
     /// The specification's limit.
     const HIGHEST_CLOCK_HZ: u32 = 100_000;
 
-    async fn set_up(bus: &mut impl SensorBus, address: Address, _: &Wiring) -> Result<Self, ReadError> {
+    fn addresses(_: &Dialect) -> &'static [Address] {
+        &ADDRESSES
+    }
+
+    async fn set_up(
+        bus: &mut impl SensorBus,
+        address: Address,
+        _: &Wiring,
+        _: &'static Dialect,
+    ) -> Result<Self, ReadError> {
         let mut commands = SmBus::new(bus, address, PacketErrorCode::Absent);
         // Who has no packet error code can't send it, and who has one can be asked without.
         let [info] = commands.words([SPECIFICATION_INFO]).await?.map(known);
