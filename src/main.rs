@@ -11,11 +11,12 @@ mod firmware {
     use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
         self, AnalogInputs, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog, Buzzer,
-        ExecutorIdleTime, MotorPeripherals, SensorI2c, UartReceiver, UsbDevice, UsbPort,
+        ExecutorIdleTime, MotorPeripherals, SensorI2c, SensorSpi, SpiPeripherals, UartReceiver, UsbDevice,
+        UsbPort,
     };
     use rover_battmon::liveness::CheckIn;
     use rover_battmon::parameter::{ParameterStorage, Parameters, VehicleParameter, serial_baud};
-    use rover_battmon::sensor;
+    use rover_battmon::sensor::{self, Buses};
     use rover_battmon::tasks::{self, Link, Shared};
     use static_cell::StaticCell;
 
@@ -48,7 +49,7 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn bus(bus: SensorI2c, shared: &'static Shared) -> ! {
+    async fn bus(bus: Buses<SensorI2c, SensorSpi>, shared: &'static Shared) -> ! {
         tasks::read_bus(bus, shared, &BUS).await
     }
 
@@ -155,12 +156,21 @@ mod firmware {
             peripherals.PIN_29,
         );
 
-        let sensor_bus = SensorI2c::new(
-            peripherals.I2C1,
-            peripherals.PIN_14,
-            peripherals.PIN_15,
-            bus_clock_hz,
-        );
+        let sensor_bus = Buses {
+            i2c: SensorI2c::new(
+                peripherals.I2C1,
+                peripherals.PIN_14,
+                peripherals.PIN_15,
+                bus_clock_hz,
+            ),
+            spi: SensorSpi::new(SpiPeripherals {
+                spi: peripherals.SPI1,
+                clock: peripherals.PIN_10,
+                to_part: peripherals.PIN_11,
+                from_part: peripherals.PIN_12,
+                select: peripherals.PIN_22,
+            }),
+        };
 
         let motors = BoardMotors::new(MotorPeripherals {
             left_front: (peripherals.PWM_SLICE1, peripherals.PIN_18, peripherals.PIN_19),

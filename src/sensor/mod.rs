@@ -9,5 +9,5 @@ pub use analog::{
     ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS, read_mean,
 };
 pub use analog_monitor::{AnalogReadings, AnalogWiring, CurrentSensor, VoltageDivider};
-pub use bus::{Address, BusDevices, PartKind, Samples, SensorBus, Wiring, bus_clock_hz};
+pub use bus::{Address, BusDevices, Buses, NoSpi, PartKind, Samples, SensorBus, Wiring, bus_clock_hz};
 pub use kind::{MONITOR_CHOICES, MonitorKind};

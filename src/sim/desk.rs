@@ -15,6 +15,7 @@ use super::{
 use crate::battery::RetainedRecord;
 use crate::liveness::CheckIn;
 use crate::parameter::{ParameterStorage, Parameters};
+use crate::sensor::Buses;
 use crate::tasks::{
     Link, Shared, drive, keep_parameters, load_parameters, read_bus, reboot_requested, report_load,
     sample_batteries, serve_link,
@@ -52,7 +53,11 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
                     &desk.shared,
                     &UNWATCHED,
                 ),
-                read_bus(SimulatedBus::new(&living_pack), &desk.shared, &UNWATCHED),
+                read_bus(
+                    Buses::i2c(SimulatedBus::new(&living_pack)),
+                    &desk.shared,
+                    &UNWATCHED,
+                ),
             ),
             drive(&rover, NoLamps, &desk.shared, &UNWATCHED),
             keep_parameters(storage, &desk.shared, &UNWATCHED),

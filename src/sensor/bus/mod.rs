@@ -1,4 +1,4 @@
-//! Packs that are measured by parts on the I2C bus.
+//! Packs that are measured by parts on the I2C bus, or on the SPI bus.
 //!
 //! A part is one file in `parts/` and one line in `registry.rs`; `docs/adding-a-sensor.md` shows how.
 
@@ -15,7 +15,10 @@ mod wiring;
 #[cfg(test)]
 mod tests;
 
-use embedded_hal_async::i2c::{Error, ErrorKind, I2c};
+use embedded_hal_async::i2c::{Error, ErrorKind, I2c, NoAcknowledgeSource};
+use embedded_hal_async::spi::{
+    ErrorKind as SpiErrorKind, ErrorType as SpiErrorType, Operation as SpiOperation, SpiDevice,
+};
 
 pub use address::Address;
 pub use devices::{BusDevices, bus_clock_hz};
@@ -25,16 +28,89 @@ pub use wiring::Wiring;
 
 use crate::battery::ReadError;
 
-/// An I2C bus that tells why a transfer failed. Transfers must end: whoever implements it bounds the wait and frees a bus
-/// that hangs.
-pub trait SensorBus: I2c<Error: Into<ReadError>> {}
+/// The wires to the parts. Transfers must end: whoever implements the buses bounds the wait and frees one that hangs.
+pub trait SensorBus {
+    /// Writes `written`, then reads, without letting go in between.
+    ///
+    /// # Errors
+    /// Nobody is there, or the transfer failed.
+    // The futures stay on one executor, so `Send` need not be promised.
+    #[allow(async_fn_in_trait)]
+    async fn write_read(
+        &mut self,
+        address: Address,
+        written: &[u8],
+        read: &mut [u8],
+    ) -> Result<(), ReadError>;
 
-impl<B: I2c<Error: Into<ReadError>>> SensorBus for B {}
+    /// Writes.
+    ///
+    /// # Errors
+    /// Nobody is there, or the transfer failed.
+    #[allow(async_fn_in_trait)]
+    async fn write(&mut self, address: Address, written: &[u8]) -> Result<(), ReadError>;
+}
+
+/// An I2C bus, and an SPI bus with one chip select.
+pub struct Buses<I, S> {
+    /// The I2C bus.
+    pub i2c: I,
+    /// The SPI bus.
+    pub spi: S,
+}
+
+/// Where no SPI bus is.
+pub struct NoSpi;
+
+impl<I> Buses<I, NoSpi> {
+    /// An I2C bus alone.
+    pub fn i2c(i2c: I) -> Self {
+        Self { i2c, spi: NoSpi }
+    }
+}
+
+impl<I: I2c<Error: Into<ReadError>>, S: SpiDevice> SensorBus for Buses<I, S> {
+    async fn write_read(
+        &mut self,
+        address: Address,
+        written: &[u8],
+        read: &mut [u8],
+    ) -> Result<(), ReadError> {
+        match address {
+            Address::I2c(address) => {
+                let transfer = self.i2c.write_read(address, written, read);
+                transfer.await.map_err(Into::into)
+            }
+            Address::ChipSelect => {
+                let mut operations = [SpiOperation::Write(written), SpiOperation::Read(read)];
+                let transfer = self.spi.transaction(&mut operations);
+                transfer.await.map_err(|_| ReadError::Bus)
+            }
+        }
+    }
+
+    async fn write(&mut self, address: Address, written: &[u8]) -> Result<(), ReadError> {
+        match address {
+            Address::I2c(address) => self.i2c.write(address, written).await.map_err(Into::into),
+            Address::ChipSelect => self.spi.write(written).await.map_err(|_| ReadError::Bus),
+        }
+    }
+}
+
+impl SpiErrorType for NoSpi {
+    type Error = SpiErrorKind;
+}
+
+impl SpiDevice for NoSpi {
+    async fn transaction(&mut self, _: &mut [SpiOperation<'_, u8>]) -> Result<(), SpiErrorKind> {
+        Err(SpiErrorKind::Other)
+    }
+}
 
 impl Error for ReadError {
     fn kind(&self) -> ErrorKind {
         match self {
-            Self::NoAnswer => ErrorKind::NoAcknowledge(embedded_hal_async::i2c::NoAcknowledgeSource::Unknown),
+            Self::NoAnswer => ErrorKind::NoAcknowledge(NoAcknowledgeSource::Unknown),
             Self::BusStuck | Self::Bus => ErrorKind::Bus,
             _ => ErrorKind::Other,
         }

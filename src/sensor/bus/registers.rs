@@ -3,6 +3,10 @@
 use super::{Address, SensorBus};
 use crate::battery::ReadError;
 
+/// By SPI the first byte has the register from bit 2 on, and bit 0 says which way (INA239, SLYS027).
+const SPI_REGISTER_SHIFT: u32 = 2;
+const SPI_READ: u8 = 1;
+
 /// The registers of the part at an address.
 pub(super) struct Registers<'a, B> {
     bus: &'a mut B,
@@ -16,11 +20,12 @@ impl<'a, B: SensorBus> Registers<'a, B> {
 
     /// A register of `N` bytes.
     pub async fn read<const N: usize>(&mut self, register: u8) -> Result<[u8; N], ReadError> {
+        let command = match self.address {
+            Address::I2c(_) => register,
+            Address::ChipSelect => register << SPI_REGISTER_SHIFT | SPI_READ,
+        };
         let mut bytes = [0; N];
-        self.bus
-            .write_read(self.address.bits(), &[register], &mut bytes)
-            .await
-            .map_err(Into::into)?;
+        self.bus.write_read(self.address, &[command], &mut bytes).await?;
         Ok(bytes)
     }
 
@@ -29,11 +34,12 @@ impl<'a, B: SensorBus> Registers<'a, B> {
     }
 
     pub async fn write_u16(&mut self, register: u8, value: u16) -> Result<(), ReadError> {
+        let command = match self.address {
+            Address::I2c(_) => register,
+            Address::ChipSelect => register << SPI_REGISTER_SHIFT,
+        };
         let [high, low] = value.to_be_bytes();
-        self.bus
-            .write(self.address.bits(), &[register, high, low])
-            .await
-            .map_err(Into::into)
+        self.bus.write(self.address, &[command, high, low]).await
     }
 
     /// Makes sure that a register holds what was written there.

@@ -120,6 +120,8 @@ parts! {
     Ina2xx {
         /// Texas Instruments' INA226, INA228 and their like; which one it is shows its identification.
         Ina2xx = 21, "INA2XX", ina2xx::ON_I2C;
+        /// Texas Instruments' INA239, at the SPI bus.
+        Ina239 = 26, "INA239_SPI", ina2xx::ON_SPI;
     }
     Ina3221 {
         /// Texas Instruments' INA3221: three packs on one chip.

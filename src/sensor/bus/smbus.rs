@@ -96,16 +96,16 @@ impl<'a, B: SensorBus> SmBus<'a, B> {
     }
 
     async fn transfer(&mut self, command: u8, answer: &mut [u8]) -> Result<(), ReadError> {
-        self.bus
-            .write_read(self.address.bits(), &[command], answer)
-            .await
-            .map_err(Into::into)
+        self.bus.write_read(self.address, &[command], answer).await
     }
 }
 
 /// CRC-8 over everything on the wire, the addresses included.
 fn packet_error_code(address: Address, command: u8, data: &[u8]) -> u8 {
-    let write = address.bits() << 1;
+    let Address::I2c(bits) = address else {
+        return 0;
+    };
+    let write = bits << 1;
     let header: [u8; HEADER_BYTES] = [write, command, write | 1];
     let mut message = heapless::Vec::<u8, { HEADER_BYTES + LONGEST_ANSWER }>::new();
     // Both fit: no answer is longer.

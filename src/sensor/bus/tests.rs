@@ -64,6 +64,12 @@ impl I2c for Anything {
     }
 }
 
+type Wires = Buses<Tables, NoSpi>;
+
+fn wires(tables: Tables) -> Wires {
+    Buses::i2c(tables)
+}
+
 fn parameters(settings: &[(Pack, BatteryParameter, f32)]) -> Parameters {
     let mut parameters = Parameters::defaults();
     for (pack, parameter, value) in settings {
@@ -87,15 +93,15 @@ fn read_next(
     told
 }
 
-fn read_one(devices: &mut BusDevices, bus: &mut impl SensorBus) -> Result<Measurement, ReadError> {
+fn read_one(devices: &mut BusDevices, bus: &mut Wires) -> Result<Measurement, ReadError> {
     let told = read_next(devices, bus);
     assert_eq!(told.len(), 1, "{told:?}");
     told[0].1
 }
 
 /// A battery that follows version 1.1 of the specification, with these words instead of its own.
-fn battery(words: &[(u8, u16)]) -> Tables {
-    let mut bus = Tables::default();
+fn battery(words: &[(u8, u16)]) -> Wires {
+    let mut bus = wires(Tables::default());
     let own = [
         (0x08, 2981),
         (0x09, 7400),
@@ -116,10 +122,11 @@ fn battery(words: &[(u8, u16)]) -> Tables {
         .map(|(command, word)| (command, word as u16))
         .chain(words.iter().copied())
     {
-        bus.set(0x0b, command, &word.to_le_bytes());
+        bus.i2c.set(0x0b, command, &word.to_le_bytes());
     }
     for (command, text) in [(0x20, "Acme"), (0x21, "2S"), (0x22, "LiP")] {
-        bus.set(0x0b, command, &[&[text.len() as u8], text.as_bytes()].concat());
+        bus.i2c
+            .set(0x0b, command, &[&[text.len() as u8], text.as_bytes()].concat());
     }
     bus
 }
@@ -133,7 +140,7 @@ fn assert_near(value: Option<f32>, expected: f32) {
     );
 }
 
-fn read_battery(mut bus: Tables) -> Measurement {
+fn read_battery(mut bus: Wires) -> Measurement {
     let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), 0);
     read_one(&mut devices, &mut bus).expect("it answers");
     read_one(&mut devices, &mut bus).expect("it answers again")
@@ -194,7 +201,7 @@ fn a_milliampere_is_a_current_and_no_blank_word() {
 fn what_a_battery_does_not_tell_is_unknown() {
     let mut bus = battery(&[(0x17, 0xffff), (0x18, 0), (0x10, 0xffff), (0x1b, 0)]);
     for command in [0x08, 0x20, 0x21, 0x22, 0x1c] {
-        bus.0.remove(&(0x0b, command));
+        bus.i2c.0.remove(&(0x0b, command));
     }
     let told = read_battery(bus);
     assert_eq!((told.temperature_c, told.gauge), (None, None));
@@ -225,18 +232,18 @@ fn a_battery_of_an_unknown_scale_is_refused() {
 }
 
 /// An INA228 at 0x40 that was set up, with these counters.
-fn counters(bus: &mut Tables, charge: i64, energy: u64) {
-    bus.set(0x40, 0x3e, &0x5449u16.to_be_bytes());
-    bus.set(0x40, 0x3f, &0x2281u16.to_be_bytes());
-    bus.set(0x40, 0xfe, &[0, 0]);
-    bus.set(0x40, 0xff, &[0, 0]);
-    bus.set(0x40, 0x01, &0xb92au16.to_be_bytes());
+fn counters(bus: &mut Wires, charge: i64, energy: u64) {
+    bus.i2c.set(0x40, 0x3e, &0x5449u16.to_be_bytes());
+    bus.i2c.set(0x40, 0x3f, &0x2281u16.to_be_bytes());
+    bus.i2c.set(0x40, 0xfe, &[0, 0]);
+    bus.i2c.set(0x40, 0xff, &[0, 0]);
+    bus.i2c.set(0x40, 0x01, &0xb92au16.to_be_bytes());
     // 13107.2e6 × 90 A / 2^19 × 0.5 mΩ
-    bus.set(0x40, 0x02, &1125u16.to_be_bytes());
-    bus.set(0x40, 0x04, &[0, 0, 0]);
-    bus.set(0x40, 0x05, &(61_440u32 << 12).to_be_bytes()[..3]);
-    bus.set(0x40, 0x09, &energy.to_be_bytes()[3..]);
-    bus.set(0x40, 0x0a, &charge.to_be_bytes()[3..]);
+    bus.i2c.set(0x40, 0x02, &1125u16.to_be_bytes());
+    bus.i2c.set(0x40, 0x04, &[0, 0, 0]);
+    bus.i2c.set(0x40, 0x05, &(61_440u32 << 12).to_be_bytes()[..3]);
+    bus.i2c.set(0x40, 0x09, &energy.to_be_bytes()[3..]);
+    bus.i2c.set(0x40, 0x0a, &charge.to_be_bytes()[3..]);
 }
 
 #[test]
@@ -246,7 +253,7 @@ fn counters_go_on_over_their_end_and_their_sign() {
     let steps = (129.6 / 171.661_38e-6) as i64;
     let energy_steps = (1296.0 / (171.661_38e-6 * 51.2)) as u64;
     for (from, to, sign) in [(top, top.wrapping_add(steps), 1.0), (-100, -100 - steps, -1.0)] {
-        let mut bus = Tables::default();
+        let mut bus = wires(Tables::default());
         let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), 0);
         let energy = (1u64 << 40) - 5;
         counters(&mut bus, from, energy);
@@ -269,7 +276,7 @@ fn counters_go_on_over_their_end_and_their_sign() {
 #[test]
 fn a_part_that_is_refused_three_times_is_given_time() {
     let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), 0);
-    let mut bus = Tables::default();
+    let mut bus = wires(Tables::default());
     let mut due_us = Vec::new();
     for _ in 0..5 {
         due_us.push(devices.next_due_us().unwrap());
@@ -291,12 +298,12 @@ fn an_address_that_no_device_can_have_is_looked_for_like_none() {
     for (value, address) in [
         (0, None),
         (7, None),
-        (8, Some(8)),
-        (0x77, Some(0x77)),
+        (8, Some(Address::I2c(8))),
+        (0x77, Some(Address::I2c(0x77))),
         (0x78, None),
         (-1, None),
     ] {
-        assert_eq!(Address::from_parameter(value).map(Address::bits), address);
+        assert_eq!(Address::from_parameter(value), address);
     }
 }
 
@@ -311,10 +318,10 @@ proptest! {
         kind in prop::sample::select(PartKind::ALL.to_vec()),
     ) {
         let mut devices = BusDevices::from_parameters(&second_is(kind), 0);
-        let mut bus = Anything(bytes.into());
+        let mut bus = Buses::i2c(Anything(bytes.into()));
         let mut monitor = BatteryMonitor::new();
         let mut now_us = 0;
-        while !bus.0.is_empty() {
+        while !bus.i2c.0.is_empty() {
             for (pack, reading) in read_next(&mut devices, &mut bus) {
                 prop_assert_eq!(pack, Pack::Second);
                 now_us += 100_000;

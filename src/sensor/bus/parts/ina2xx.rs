@@ -1,4 +1,5 @@
-//! Texas Instruments' power monitors with one channel: INA226 (SBOS547), INA228 (SLYS021) and INA260 (SBOS656).
+//! Texas Instruments' power monitors with one channel: INA226 (SBOS547), INA228 (SLYS021), INA238 (SLYS028), INA260 (SBOS656),
+//! and by SPI INA239 (SLYS027).
 //!
 //! They differ in where their registers are and how fine they are, so one driver reads them by a table. The current comes
 //! from the voltage over the shunt, not from the part's current register: that one needs a calibration, which a part whose
@@ -83,15 +84,25 @@ pub(in crate::sensor::bus) struct Family {
 pub(in crate::sensor::bus) static ON_I2C: Family = Family {
     addresses: &[
         // Those that are set by a wire to ground or to the supply.
-        Address::known(0x40),
-        Address::known(0x41),
-        Address::known(0x44),
-        Address::known(0x45),
+        Address::I2c(0x40),
+        Address::I2c(0x41),
+        Address::I2c(0x44),
+        Address::I2c(0x45),
     ],
     models: &I2C_MODELS,
 };
 
-static I2C_MODELS: [Model; 3] = [
+/// The one with an SPI bus.
+pub(in crate::sensor::bus) static ON_SPI: Family = Family {
+    addresses: &[Address::ChipSelect],
+    models: &[Model {
+        name: "INA239",
+        identity: 0x2390,
+        ..INA238
+    }],
+};
+
+static I2C_MODELS: [Model; 4] = [
     Model {
         name: "INA226",
         manufacturer_register: 0xfe,
@@ -159,7 +170,30 @@ static I2C_MODELS: [Model; 3] = [
             energy_step: 16.0 * 3.2,
         }),
     },
+    INA238,
 ];
+
+/// An INA228 with 16 bits and without counters.
+const INA238: Model = Model {
+    name: "INA238",
+    manufacturer_register: 0x3e,
+    identity_register: 0x3f,
+    identity: 0x2380,
+    configuration_register: 0x01,
+    // As the INA228.
+    configuration: 0xb92a,
+    voltage: Quantity {
+        register: 0x05,
+        width: Width::Bits16,
+        step: 3.125e-3,
+    },
+    current: Current::OverShunt(Quantity {
+        register: 0x04,
+        width: Width::Bits16,
+        step: 5e-6,
+    }),
+    counters: None,
+};
 
 /// A power monitor that was recognised.
 #[derive(Debug)]
@@ -214,7 +248,7 @@ impl Part for Ina2xx {
                 .write_u16(counting.counters.calibration_register, counting.calibration)
                 .await?;
         }
-        info!("{} at {:#x}", model.name, address.bits());
+        info!("{} {:?}", model.name, address);
         Ok(Self {
             address,
             model,

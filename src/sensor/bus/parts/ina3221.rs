@@ -26,10 +26,10 @@ const BUS_STEP_V: f32 = 8e-3;
 const UNUSED_BITS: u32 = 3;
 
 const ADDRESSES: [Address; 4] = [
-    Address::known(0x40),
-    Address::known(0x41),
-    Address::known(0x42),
-    Address::known(0x43),
+    Address::I2c(0x40),
+    Address::I2c(0x41),
+    Address::I2c(0x42),
+    Address::I2c(0x43),
 ];
 
 /// An INA3221 that answered.
@@ -58,7 +58,7 @@ impl Part for Ina3221 {
         registers.expect_u16(MANUFACTURER_ID, TEXAS_INSTRUMENTS).await?;
         registers.expect_u16(DIE_ID, INA3221).await?;
         registers.write_u16(CONFIGURATION, CONTINUOUS).await?;
-        info!("INA3221 at {:#x}", address.bits());
+        info!("INA3221 {:?}", address);
         Ok(Self { address })
     }
 

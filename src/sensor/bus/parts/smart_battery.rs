@@ -71,7 +71,7 @@ const INTRODUCTION: [u8; 8] = [
 ];
 
 /// Where every smart battery is.
-const ADDRESSES: [Address; 1] = [Address::known(0x0b)];
+const ADDRESSES: [Address; 1] = [Address::I2c(0x0b)];
 
 /// How a maker's batteries differ from the specification.
 #[derive(Debug)]
@@ -147,7 +147,7 @@ impl Part for SmartBattery {
         let voltage = voltage.ok_or(ReadError::OtherPart)?;
         let scale = Scale::new(info.unwrap_or(0))?.in_mode(mode, design_voltage);
         let cells = count_cells(f32::from(voltage) * scale.voltage, &cells_mv);
-        info!("smart battery at {:#x}, {} cells", address.bits(), cells);
+        info!("smart battery {:?}, {} cells", address, cells);
         Ok(Self {
             address,
             code,
