@@ -3,13 +3,17 @@
 use super::{Kind, Parameter, Range, TakesEffect};
 use crate::sensor::MONITOR_CHOICES;
 
-/// The analog pins of the board, by GPIO number.
+/// The analog pins of the board, by GPIO number, and those of a converter on the bus, by ArduPilot's.
 const ANALOG_PINS: Range = Range::OneOf(&[
     (-1, "none"),
     (26, "GP26"),
     (27, "GP27"),
     (28, "GP28"),
     (29, "GP29"),
+    (50, "AD7091R-5, channel 0"),
+    (51, "AD7091R-5, channel 1"),
+    (52, "AD7091R-5, channel 2"),
+    (53, "AD7091R-5, channel 3"),
 ]);
 
 /// What ArduPilot's Rover can do about a battery.

@@ -42,6 +42,23 @@ impl<'a, B: SensorBus> Registers<'a, B> {
         self.bus.write(self.address, &[command, high, low]).await
     }
 
+    pub async fn write_u8(&mut self, register: u8, value: u8) -> Result<(), ReadError> {
+        self.bus.write(self.address, &[register, value]).await
+    }
+
+    /// Makes sure that these registers of a byte hold these values.
+    ///
+    /// # Errors
+    /// [`ReadError::OtherPart`] if one does not.
+    pub async fn expect<const N: usize>(&mut self, values: [(u8, u8); N]) -> Result<(), ReadError> {
+        for (register, value) in values {
+            if self.read(register).await? != [value] {
+                return Err(ReadError::OtherPart);
+            }
+        }
+        Ok(())
+    }
+
     /// Makes sure that a register holds what was written there.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! Which parts there are.
 
 use super::part::Part;
-use super::parts::{Ina2xx, Ina3221, SmartBattery, ina2xx, smart_battery};
+use super::parts::{Ad7091r5, Ina2xx, Ina3221, Ltc2946, SmartBattery, ina2xx, smart_battery};
 use super::{Address, SensorBus, Wiring};
 use crate::battery::{Measurement, ReadError};
 
@@ -122,6 +122,14 @@ parts! {
         Ina2xx = 21, "INA2XX", ina2xx::ON_I2C;
         /// Texas Instruments' INA239, at the SPI bus.
         Ina239 = 26, "INA239_SPI", ina2xx::ON_SPI;
+    }
+    Ltc2946 {
+        /// Analog Devices' LTC2946.
+        Ltc2946 = 22, "LTC2946", ();
+    }
+    Ad7091r5 {
+        /// Analog Devices' AD7091R-5: four more analog pins.
+        Ad7091r5 = 28, "AD7091R5", ();
     }
     Ina3221 {
         /// Texas Instruments' INA3221: three packs on one chip.

@@ -2,6 +2,7 @@
 
 use super::Address;
 use crate::parameter::{BatteryParameter, Pack, Parameters};
+use crate::sensor::AnalogWiring;
 
 /// How a pack is wired to a part on the bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,6 +15,12 @@ pub struct Wiring {
     pub shunt_ohm: f32,
     /// The highest current that has to be counted, in amperes (`BATT_MAX_AMPS`).
     pub max_current_a: f32,
+    /// The pins of a converter, by ArduPilot's numbers (`BATT_VOLT_PIN`, `BATT_CURR_PIN`).
+    pub voltage_pin: i32,
+    /// As above.
+    pub current_pin: i32,
+    /// What a converter's pins are wired to.
+    pub analog: AnalogWiring,
 }
 
 impl Wiring {
@@ -26,6 +33,9 @@ impl Wiring {
             channel: u8::try_from(whole(BatteryParameter::Channel)).unwrap_or(1),
             shunt_ohm: value(BatteryParameter::Shunt),
             max_current_a: value(BatteryParameter::MaxAmps),
+            voltage_pin: whole(BatteryParameter::VoltPin),
+            current_pin: whole(BatteryParameter::CurrPin),
+            analog: AnalogWiring::from_parameters(parameters, pack),
         }
     }
 }

@@ -1,0 +1,113 @@
+//! Analog Devices' AD7091R-5: four more analog pins, 50 to 53 by ArduPilot's count, for dividers and current sensors.
+//!
+//! It has no identification: its configuration, read back, has to do.
+
+use crate::battery::{MAX_PACKS, Measurement, ReadError};
+use crate::log::info;
+use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
+use crate::sensor::bus::registers::Registers;
+use crate::sensor::bus::{Address, SensorBus, Wiring};
+
+const RESULT: u8 = 0x00;
+const CHANNELS_REGISTER: u8 = 0x01;
+const CONFIGURATION: u8 = 0x02;
+
+/// Configuration: conversions by command, no internal reference, so that the 3.3 V at REF count.
+const BY_COMMAND: u16 = 1 << 10;
+const RESET: u16 = 1 << 9;
+const ALL_CHANNELS: u8 = 0x0f;
+
+/// 3.3 V over 12 bits.
+const STEP_V: f32 = 3.3 / 4096.0;
+
+const PINS: usize = 4;
+
+/// ArduPilot's number of the first.
+const FIRST_PIN: i32 = 50;
+
+/// Both address pins at ground.
+const ADDRESSES: [Address; 1] = [Address::I2c(0x2f)];
+
+/// A converter that was set up, and what its pins read last, in volts.
+#[derive(Debug)]
+pub(in crate::sensor::bus) struct Ad7091r5 {
+    address: Address,
+    pins_v: [Option<f32>; PINS],
+}
+
+impl Part for Ad7091r5 {
+    type Model = ();
+
+    const INTERVAL_US: u64 = 100_000;
+    const HIGHEST_CLOCK_HZ: u32 = FAST_MODE_HZ;
+    /// Packs can share its pins as they like.
+    const CHANNELS: usize = MAX_PACKS;
+
+    fn addresses((): &()) -> &'static [Address] {
+        &ADDRESSES
+    }
+
+    async fn set_up(
+        bus: &mut impl SensorBus,
+        address: Address,
+        _: &Wiring,
+        (): &(),
+    ) -> Result<Self, ReadError> {
+        let mut registers = Registers::new(bus, address);
+        registers.write_u16(CONFIGURATION, BY_COMMAND | RESET).await?;
+        registers.write_u16(CONFIGURATION, BY_COMMAND).await?;
+        registers.write_u8(CHANNELS_REGISTER, ALL_CHANNELS).await?;
+        registers.expect_u16(CONFIGURATION, BY_COMMAND).await?;
+        info!("AD7091R-5 {:?}", address);
+        Ok(Self {
+            address,
+            pins_v: [None; PINS],
+        })
+    }
+
+    /// Reads all pins for the packs that share them.
+    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
+        let mut registers = Registers::new(bus, self.address);
+        registers.expect_u16(CONFIGURATION, BY_COMMAND).await?;
+        let results: [u8; 2 * PINS] = registers.read(RESULT).await?;
+        self.pins_v = [None; PINS];
+        for result in results.as_chunks().0 {
+            // Each has its channel with it, so its place does not matter.
+            let code = u16::from_be_bytes(*result);
+            if let Some(pin_v) = self.pins_v.get_mut(usize::from(code >> 13 & 3)) {
+                *pin_v = Some(f32::from(code & 0xfff) * STEP_V);
+            }
+        }
+        Ok(())
+    }
+
+    async fn read(&mut self, _: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError> {
+        let analog = &wiring.analog;
+        let voltage_v = self
+            .pin_v(wiring.voltage_pin)?
+            .map(|pin_v| analog.divider.pack_voltage_v(pin_v));
+        let current_a = self
+            .pin_v(wiring.current_pin)?
+            .map(|pin_v| analog.current_sensor.current_a(pin_v));
+        if voltage_v.is_none() && current_a.is_none() {
+            return Err(ReadError::NoPin);
+        }
+        Ok(Measurement {
+            voltage_v,
+            current_a,
+            ..Measurement::default()
+        })
+    }
+}
+
+impl Ad7091r5 {
+    /// What a pin reads; `None` if it is not one of these.
+    fn pin_v(&self, pin: i32) -> Result<Option<f32>, ReadError> {
+        let pin = usize::try_from(pin.wrapping_sub(FIRST_PIN)).ok();
+        match pin.and_then(|pin| self.pins_v.get(pin)) {
+            Some(Some(pin_v)) => Ok(Some(*pin_v)),
+            Some(None) => Err(ReadError::Implausible),
+            None => Ok(None),
+        }
+    }
+}

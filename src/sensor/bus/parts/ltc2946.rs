@@ -1,0 +1,133 @@
+//! Analog Devices' LTC2946: 12-bit power monitor that adds up charge and energy itself.
+//!
+//! Its registers are as in the data sheet and in the maker's own examples; the counting of its accumulators was not seen on
+//! silicon. It measures no current that flows into the pack.
+
+use crate::battery::{Consumed, Counted, Measurement, ReadError};
+use crate::log::info;
+use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
+use crate::sensor::bus::registers::Registers;
+use crate::sensor::bus::{Address, SensorBus, Wiring};
+
+const CONTROL_A: u8 = 0x00;
+const CONTROL_B: u8 = 0x01;
+const SENSE: u8 = 0x14;
+const VOLTAGE: u8 = 0x1e;
+const CHARGE: u8 = 0x38;
+const ENERGY: u8 = 0x3c;
+const SPECIAL_ID: u8 = 0xe7;
+
+/// The first byte of the identification.
+const LTC2946: u8 = 0x60;
+
+/// The voltage at SENSE+ and the current by turns.
+const MEASURE_SENSE_PLUS: u8 = 0x18;
+
+/// The accumulators run, and nothing resets them.
+const ACCUMULATE: u8 = 0x00;
+
+/// Steps of the 12 bits: 102.4 V and 102.4 mV over all but one of them.
+const VOLTAGE_STEP_V: f32 = 102.4 / 4095.0;
+const SENSE_STEP_V: f32 = 0.1024 / 4095.0;
+const UNUSED_BITS: u32 = 4;
+
+/// It adds up with every tick of its own oscillator, in seconds.
+const TICK_S: f32 = 4101.0 / 250_000.0;
+
+/// Steps of a current in a step of the charge, and of a power in a step of the energy.
+const CHARGE_STEPS: f32 = 16.0;
+const ENERGY_STEPS: f32 = 65_536.0;
+
+const COULOMBS_PER_MAH: f32 = 3.6;
+const JOULES_PER_WH: f32 = 3600.0;
+
+/// Its two address pins have nine settings.
+const ADDRESSES: [Address; 9] = [
+    Address::I2c(0x6f),
+    Address::I2c(0x6e),
+    Address::I2c(0x6d),
+    Address::I2c(0x6c),
+    Address::I2c(0x6b),
+    Address::I2c(0x6a),
+    Address::I2c(0x69),
+    Address::I2c(0x68),
+    Address::I2c(0x67),
+];
+
+/// An LTC2946 that answered.
+#[derive(Debug)]
+pub(in crate::sensor::bus) struct Ltc2946 {
+    address: Address,
+    /// What the accumulators read last: charge and energy.
+    last: Option<(u32, u32)>,
+}
+
+impl Part for Ltc2946 {
+    type Model = ();
+
+    const INTERVAL_US: u64 = 25_000;
+    const HIGHEST_CLOCK_HZ: u32 = FAST_MODE_HZ;
+
+    fn addresses((): &()) -> &'static [Address] {
+        &ADDRESSES
+    }
+
+    async fn set_up(
+        bus: &mut impl SensorBus,
+        address: Address,
+        _: &Wiring,
+        (): &(),
+    ) -> Result<Self, ReadError> {
+        let mut registers = Registers::new(bus, address);
+        registers.expect([(SPECIAL_ID, LTC2946)]).await?;
+        registers.write_u8(CONTROL_A, MEASURE_SENSE_PLUS).await?;
+        registers.write_u8(CONTROL_B, ACCUMULATE).await?;
+        info!("LTC2946 {:?}", address);
+        Ok(Self { address, last: None })
+    }
+
+    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
+        let mut registers = Registers::new(bus, self.address);
+        registers
+            .expect([(SPECIAL_ID, LTC2946), (CONTROL_A, MEASURE_SENSE_PLUS)])
+            .await
+    }
+
+    async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError> {
+        let mut registers = Registers::new(bus, self.address);
+        let steps = |code: u16| f32::from(code >> UNUSED_BITS);
+        let voltage_v = steps(registers.read_u16(VOLTAGE).await?) * VOLTAGE_STEP_V;
+        let sense_v = steps(registers.read_u16(SENSE).await?) * SENSE_STEP_V;
+        let charge = u32::from_be_bytes(registers.read(CHARGE).await?);
+        let energy = u32::from_be_bytes(registers.read(ENERGY).await?);
+        let last = self.last.replace((charge, energy));
+        Ok(Measurement {
+            voltage_v: Some(voltage_v),
+            current_a: Some(sense_v / wiring.shunt_ohm),
+            counted: last.and_then(|(last_charge, last_energy)| {
+                counted(
+                    steps_between(charge, last_charge)?,
+                    steps_between(energy, last_energy)?,
+                    wiring,
+                )
+            }),
+            ..Measurement::default()
+        })
+    }
+}
+
+/// They only count up, and start over when they are full. `None` if they have been reset.
+fn steps_between(now: u32, before: u32) -> Option<f32> {
+    let steps = now.wrapping_sub(before);
+    (steps <= u32::MAX / 2).then_some(steps as f32)
+}
+
+fn counted(charge_steps: f32, energy_steps: f32, wiring: &Wiring) -> Option<Counted> {
+    let current_step_a = SENSE_STEP_V / wiring.shunt_ohm;
+    let charge_c = charge_steps * CHARGE_STEPS * current_step_a * TICK_S;
+    let energy_j = energy_steps * ENERGY_STEPS * current_step_a * VOLTAGE_STEP_V * TICK_S;
+    Some(Counted::SinceLast(Consumed {
+        charge_mah: charge_c / COULOMBS_PER_MAH,
+        energy_wh: energy_j / JOULES_PER_WH,
+    }))
+}
