@@ -1,5 +1,5 @@
-//! Texas Instruments' power monitors with one channel: INA226 (SBOS547), INA228 (SLYS021), INA238 (SLYS028), INA260 (SBOS656),
-//! and by SPI INA239 (SLYS027).
+//! Texas Instruments' power monitors with one channel: INA226 (SBOS547), INA228 (SLYS021), INA231 (SBOS644),
+//! INA238 (SLYS025), INA260 (SBOS656), and by SPI INA239 (SLYS027).
 //!
 //! They differ in where their registers are and how fine they are, so one driver reads them by a table. The current comes
 //! from the voltage over the shunt, not from the part's current register: that one needs a calibration, which a part whose
@@ -22,9 +22,7 @@ const REVISION: u16 = 0xf;
 #[derive(Debug)]
 struct Model {
     name: &'static str,
-    manufacturer_register: u8,
-    identity_register: u8,
-    identity: u16,
+    identity: Identity,
     configuration_register: u8,
     /// Continuous conversions, averaged over a little less than the polling interval, so that little is missed between two
     /// readings.
@@ -33,6 +31,19 @@ struct Model {
     voltage: Quantity,
     current: Current,
     counters: Option<Counters>,
+}
+
+/// What a part is told by.
+#[derive(Debug)]
+enum Identity {
+    /// Its maker's number and its own, in these registers.
+    Numbered {
+        manufacturer_register: u8,
+        register: u8,
+        number: u16,
+    },
+    /// It has no numbers, but its configuration is this after a reset.
+    Configured(u16),
 }
 
 /// A register and what a step of it is worth.
@@ -97,37 +108,24 @@ pub(in crate::sensor::bus) static ON_SPI: Family = Family {
     addresses: &[Address::ChipSelect],
     models: &[Model {
         name: "INA239",
-        identity: 0x2390,
+        identity: numbered(0x3e, 0x3f, 0x2390),
         ..INA238
     }],
 };
 
-static I2C_MODELS: [Model; 4] = [
-    Model {
-        name: "INA226",
-        manufacturer_register: 0xfe,
-        identity_register: 0xff,
-        identity: 0x2260,
-        configuration_register: 0x00,
-        // 16 times 588 µs for each of both voltages: 18.8 ms.
-        configuration: 0x44df,
-        voltage: Quantity {
-            register: 0x02,
-            width: Width::Bits16,
-            step: 1.25e-3,
-        },
-        current: Current::OverShunt(Quantity {
-            register: 0x01,
-            width: Width::Bits16,
-            step: 2.5e-6,
-        }),
-        counters: None,
-    },
+const fn numbered(manufacturer_register: u8, register: u8, number: u16) -> Identity {
+    Identity::Numbered {
+        manufacturer_register,
+        register,
+        number,
+    }
+}
+
+static I2C_MODELS: [Model; 5] = [
+    INA226,
     Model {
         name: "INA260",
-        manufacturer_register: 0xfe,
-        identity_register: 0xff,
-        identity: 0x2270,
+        identity: numbered(0xfe, 0xff, 0x2270),
         configuration_register: 0x00,
         // As the INA226.
         configuration: 0x64df,
@@ -145,9 +143,7 @@ static I2C_MODELS: [Model; 4] = [
     },
     Model {
         name: "INA228",
-        manufacturer_register: 0x3e,
-        identity_register: 0x3f,
-        identity: 0x2280,
+        identity: numbered(0x3e, 0x3f, 0x2280),
         configuration_register: 0x01,
         // 16 times 540 µs for each of both voltages: 17.3 ms. The temperature would be the chip's, not the pack's.
         configuration: 0xb92a,
@@ -171,14 +167,38 @@ static I2C_MODELS: [Model; 4] = [
         }),
     },
     INA238,
+    // Without a number of its own it comes last.
+    Model {
+        name: "INA231",
+        identity: Identity::Configured(0x4127),
+        ..INA226
+    },
 ];
+
+/// The first of the family.
+const INA226: Model = Model {
+    name: "INA226",
+    identity: numbered(0xfe, 0xff, 0x2260),
+    configuration_register: 0x00,
+    // 16 times 588 µs for each of both voltages: 18.8 ms.
+    configuration: 0x44df,
+    voltage: Quantity {
+        register: 0x02,
+        width: Width::Bits16,
+        step: 1.25e-3,
+    },
+    current: Current::OverShunt(Quantity {
+        register: 0x01,
+        width: Width::Bits16,
+        step: 2.5e-6,
+    }),
+    counters: None,
+};
 
 /// An INA228 with 16 bits and without counters.
 const INA238: Model = Model {
     name: "INA238",
-    manufacturer_register: 0x3e,
-    identity_register: 0x3f,
-    identity: 0x2380,
+    identity: numbered(0x3e, 0x3f, 0x2380),
     configuration_register: 0x01,
     // As the INA228.
     configuration: 0xb92a,
@@ -298,13 +318,32 @@ async fn recognise<B: SensorBus>(
     family: &'static Family,
 ) -> Result<&'static Model, ReadError> {
     for model in family.models {
-        let manufacturer = registers.read_u16(model.manufacturer_register).await?;
-        let identity = registers.read_u16(model.identity_register).await?;
-        if manufacturer == TEXAS_INSTRUMENTS && identity & !REVISION == model.identity {
+        if model.is_at(registers).await? {
             return Ok(model);
         }
     }
     Err(ReadError::OtherPart)
+}
+
+impl Model {
+    async fn is_at<B: SensorBus>(&self, registers: &mut Registers<'_, B>) -> Result<bool, ReadError> {
+        match self.identity {
+            Identity::Numbered {
+                manufacturer_register,
+                register,
+                number,
+            } => {
+                let manufacturer = registers.read_u16(manufacturer_register).await?;
+                let identity = registers.read_u16(register).await?;
+                Ok(manufacturer == TEXAS_INSTRUMENTS && identity & !REVISION == number)
+            }
+            Identity::Configured(after_reset) => {
+                let configuration = registers.read_u16(self.configuration_register).await?;
+                // It may have been set up before the board restarted.
+                Ok([after_reset, self.configuration].contains(&configuration))
+            }
+        }
+    }
 }
 
 impl Quantity {
