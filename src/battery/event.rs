@@ -27,6 +27,8 @@ pub enum PackEvent {
     SensorFailed(ReadError),
     /// Its sensor works again.
     SensorBack,
+    /// Somebody is switching it off.
+    SwitchingOff,
     /// A failsafe level was reached.
     Failsafe {
         /// The level.
@@ -60,6 +62,7 @@ impl fmt::Display for PackEvent {
             }
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
             Self::SensorBack => f.write_str("healthy again"),
+            Self::SwitchingOff => f.write_str("is powering off"),
             Self::Failsafe {
                 level,
                 voltage_v,

@@ -21,6 +21,18 @@ pub struct Measurement {
     pub cells: CellVoltages,
     /// What the pack tells of itself.
     pub details: PackDetails,
+    /// Whether the pack is about to be switched off.
+    pub supply: Supply,
+}
+
+/// Whether a pack is about to be switched off.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Supply {
+    /// It is not, as far as is known.
+    #[default]
+    Stays,
+    /// Somebody holds the button on it.
+    SwitchingOff,
 }
 
 /// Charge and energy as a sensor counts them.

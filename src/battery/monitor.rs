@@ -12,7 +12,7 @@ use super::settings::PackSettings;
 use super::swap::SwapDetector;
 use super::{
     BatteryState, ChargeSource, Consumed, Counted, Faults, Gauge, Measurement, PackEvent, PackMemory,
-    PackStatus, ReadError,
+    PackStatus, ReadError, Supply,
 };
 
 /// Below this voltage no pack is connected, in volts: the divider then sees what leaks in while the board runs from USB.
@@ -32,8 +32,8 @@ const HIGHEST_CHARGE_MAH: f32 = 10_000_000.0;
 const HIGHEST_ENERGY_WH: f32 = 1_000_000.0;
 const LOWEST_CAPACITY_MAH: f32 = 1.0;
 
-/// What can happen to a pack in one tick: cells detected, swapped, a gap, its sensor failed or back, a failsafe.
-pub const MAX_EVENTS: usize = 5;
+/// What can happen to a pack in one tick: cells detected, swapped, a gap, its sensor failed or back, switched off, a failsafe.
+pub const MAX_EVENTS: usize = 6;
 
 /// What happened to a pack in one tick.
 pub type PackEvents = Vec<PackEvent, MAX_EVENTS>;
@@ -60,6 +60,7 @@ pub struct BatteryMonitor {
     /// What the pack's own gauge told last.
     gauge: Option<Gauge>,
     health_news: HealthNews,
+    supply: Supply,
     consumption: Consumption,
     estimator: Estimator,
     swap: SwapDetector,
@@ -87,6 +88,7 @@ impl BatteryMonitor {
             last_voltage_v: None,
             gauge: None,
             health_news: HealthNews::default(),
+            supply: Supply::Stays,
             consumption: Consumption::default(),
             estimator: Estimator::new(),
             swap: SwapDetector::new(),
@@ -149,6 +151,10 @@ impl BatteryMonitor {
             self.restart();
             push(events, PackEvent::Swapped);
         }
+        if self.supply != measurement.supply && measurement.supply == Supply::SwitchingOff {
+            push(events, PackEvent::SwitchingOff);
+        }
+        self.supply = measurement.supply;
         self.state.details = measurement.details;
         self.state.cells = measurement.cells;
         self.gauge = measurement.gauge;

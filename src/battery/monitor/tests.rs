@@ -588,7 +588,7 @@ fn any_reading() -> impl Strategy<Value = Result<Measurement, ReadError>> {
                 cells: CellVoltages::from_millivolts(&cells),
                 counted: (known.0 && known.2).then_some(counted),
                 gauge: known.1.then_some(gauge),
-                details: PackDetails::default(),
+                ..Measurement::default()
             })
         }),
         1 => Just(Err(ReadError::Timeout)),

@@ -26,6 +26,7 @@ fn severity(event: &PackEvent) -> MavSeverity {
         | PackEvent::Swapped
         | PackEvent::Gap(_)
         | PackEvent::SensorFailed(_)
+        | PackEvent::SwitchingOff
         | PackEvent::Failsafe { .. } => MavSeverity::MAV_SEVERITY_WARNING,
     }
 }
@@ -71,6 +72,7 @@ mod tests {
                 "Battery 9 unhealthy: address already in use",
             ),
             (PackEvent::SensorBack, "Battery 9 healthy again"),
+            (PackEvent::SwitchingOff, "Battery 9 is powering off"),
             (
                 failsafe(FailsafeLevel::Low),
                 "Battery 9 is low 1000.00V used -1000000000 mAh",

@@ -116,6 +116,18 @@ parts! {
     SmartBattery {
         /// A battery with a gauge of its own.
         SmartBattery = 7, "SMBus-Generic", smart_battery::GENERIC;
+        /// The battery of 3D Robotics' Solo.
+        Solo = 5, "Solo", smart_battery::SOLO;
+        /// SUI's battery of three cells.
+        Sui3Cells = 13, "SMBUS-SUI3", smart_battery::SUI_3_CELLS;
+        /// SUI's battery of six cells.
+        Sui6Cells = 14, "SMBUS-SUI6", smart_battery::SUI_6_CELLS;
+        /// NeoDesign's battery.
+        NeoDesign = 15, "NeoDesign", smart_battery::NEO_DESIGN;
+        /// Maxell's battery.
+        Maxell = 16, "SMBus-Maxell", smart_battery::MAXELL;
+        /// Rotoye's Batmon.
+        Rotoye = 19, "Rotoye", smart_battery::ROTOYE;
     }
     Ina2xx {
         /// Texas Instruments' INA226, INA228 and their like; which one it is shows its identification.

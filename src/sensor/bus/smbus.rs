@@ -53,6 +53,26 @@ impl<'a, B: SensorBus> SmBus<'a, B> {
         Ok(names)
     }
 
+    /// Read Block of `N` bytes, with their packet error code if there is one.
+    pub async fn block<const N: usize>(&mut self, command: u8) -> Result<[u8; N], ReadError> {
+        let mut answer = [0; 1 + BLOCK_BYTES];
+        let answer = answer.get_mut(..=N).ok_or(ReadError::Implausible)?;
+        self.read(command, answer).await?;
+        match answer.split_first() {
+            Some((length, block)) if usize::from(*length) == N => {
+                block.try_into().map_err(|_| ReadError::Implausible)
+            }
+            _ => Err(ReadError::Implausible),
+        }
+    }
+
+    /// `N` bytes as they are: without a length, and without a packet error code.
+    pub async fn bare<const N: usize>(&mut self, command: u8) -> Result<[u8; N], ReadError> {
+        let mut answer = [0; N];
+        self.transfer(command, &mut answer).await?;
+        Ok(answer)
+    }
+
     async fn name(&mut self, command: u8) -> Result<Name, ReadError> {
         // How long a block is, its first byte tells. So it is asked twice.
         let mut answer = [0; 1 + BLOCK_BYTES];

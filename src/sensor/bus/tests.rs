@@ -321,7 +321,8 @@ proptest! {
         let mut bus = Buses::i2c(Anything(bytes.into()));
         let mut monitor = BatteryMonitor::new();
         let mut now_us = 0;
-        while !bus.i2c.0.is_empty() {
+        // A part that is not on the I2C bus takes nothing from it.
+        for _ in 0..200 {
             for (pack, reading) in read_next(&mut devices, &mut bus) {
                 prop_assert_eq!(pack, Pack::Second);
                 now_us += 100_000;

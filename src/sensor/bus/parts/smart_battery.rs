@@ -1,10 +1,15 @@
 //! Smart batteries by the Smart Battery Data Specification 1.1, as ArduPilot's generic driver reads them.
 
-use core::ops::RangeInclusive;
+mod cells;
+mod dialect;
 
-use crate::battery::{
-    CellVoltages, Chemistry, Date, Gauge, MAX_CELLS, Measurement, Name, PackDetails, ReadError,
+use cells::{cell_voltages, sum_v};
+use dialect::{Button, Current, Framing, Voltage};
+pub(in crate::sensor::bus) use dialect::{
+    Dialect, GENERIC, MAXELL, NEO_DESIGN, ROTOYE, SOLO, SUI_3_CELLS, SUI_6_CELLS,
 };
+
+use crate::battery::{Chemistry, Date, Gauge, Measurement, Name, PackDetails, ReadError, Supply};
 use crate::log::info;
 use crate::sensor::bus::part::Part;
 use crate::sensor::bus::smbus::{PacketErrorCode, SmBus};
@@ -12,7 +17,6 @@ use crate::sensor::bus::{Address, SensorBus, Wiring};
 
 // Commands of the specification, chapter 5.1.
 const BATTERY_MODE: u8 = 0x03;
-const TEMPERATURE: u8 = 0x08;
 const VOLTAGE: u8 = 0x09;
 const CURRENT: u8 = 0x0a;
 const REMAINING_CAPACITY: u8 = 0x0f;
@@ -26,11 +30,6 @@ const SERIAL_NUMBER: u8 = 0x1c;
 const MANUFACTURER_NAME: u8 = 0x20;
 const DEVICE_NAME: u8 = 0x21;
 const DEVICE_CHEMISTRY: u8 = 0x22;
-
-/// By custom, from the first cell on. The specification leaves these commands to the maker.
-const CELL_VOLTAGES: [u8; MAX_CELLS] = [
-    0x3f, 0x3e, 0x3d, 0x3c, 0x3b, 0x3a, 0x39, 0x38, 0x37, 0x36, 0x35, 0x34, 0x33, 0x32,
-];
 
 /// Battery mode: capacities are in steps of 10 mWh instead of 1 mAh.
 const CAPACITY_MODE: u16 = 1 << 15;
@@ -47,11 +46,11 @@ const HIGHEST_EXPONENT: u16 = 3;
 /// A word nobody has filled in.
 const BLANK: u16 = 0xffff;
 
-/// A cell's voltage can be one of these, in millivolts.
-const CELL_MV: RangeInclusive<u16> = 500..=5_000;
+/// What a battery with a button tells of it.
+const BUTTON_BYTES: usize = 6;
 
-/// The cells are the pack's if they amount to its voltage within this share: they are read a moment later.
-const CELL_SUM_TOLERANCE: f32 = 0.05;
+/// Somebody who holds the button for so many readings in a row means it, as in ArduPilot.
+const PRESSES_UNTIL_OFF: u8 = 7;
 
 const ZERO_CELSIUS_K: f32 = 273.15;
 
@@ -73,20 +72,16 @@ const INTRODUCTION: [u8; 8] = [
 /// Where every smart battery is.
 const ADDRESSES: [Address; 1] = [Address::I2c(0x0b)];
 
-/// How a maker's batteries differ from the specification.
-#[derive(Debug)]
-pub(in crate::sensor::bus) struct Dialect {}
-
-/// As the specification has it.
-pub(in crate::sensor::bus) static GENERIC: Dialect = Dialect {};
-
 /// A smart battery that answered.
 #[derive(Debug)]
 pub(in crate::sensor::bus) struct SmartBattery {
     address: Address,
+    dialect: &'static Dialect,
     code: PacketErrorCode,
     scale: Scale,
     cells: usize,
+    /// For how many readings in a row its button has been pressed.
+    presses: u8,
     /// Serial number, to notice another battery.
     serial: Option<u16>,
     details: PackDetails,
@@ -121,19 +116,20 @@ impl Part for SmartBattery {
         bus: &mut impl SensorBus,
         address: Address,
         _: &Wiring,
-        _: &'static Dialect,
+        dialect: &'static Dialect,
     ) -> Result<Self, ReadError> {
         let mut commands = SmBus::new(bus, address, PacketErrorCode::Absent);
         // Who has no packet error code can't send it, and who has one can be asked without.
         let [info] = commands.words([SPECIFICATION_INFO]).await?.map(known);
         let [manufacturer] = commands.names([MANUFACTURER_NAME]).await?;
-        let code = packet_error_code(info, manufacturer);
+        let code = dialect
+            .code
+            .unwrap_or_else(|| packet_error_code(info, manufacturer));
         let mut commands = SmBus::new(bus, address, code);
         let words = commands.words(INTRODUCTION).await?.map(known);
         let [manufacturer, device, chemistry] = commands
             .names([MANUFACTURER_NAME, DEVICE_NAME, DEVICE_CHEMISTRY])
             .await?;
-        let cells_mv = commands.words(CELL_VOLTAGES).await?;
         let [
             mode,
             voltage,
@@ -144,15 +140,17 @@ impl Part for SmartBattery {
             manufactured,
             serial,
         ] = words;
-        let voltage = voltage.ok_or(ReadError::OtherPart)?;
-        let scale = Scale::new(info.unwrap_or(0))?.in_mode(mode, design_voltage);
-        let cells = count_cells(f32::from(voltage) * scale.voltage, &cells_mv);
+        let scale = Scale::new(info.unwrap_or(0), dialect)?.in_mode(mode, design_voltage);
+        let pack_v = voltage.map(|voltage| f32::from(voltage) * scale.voltage);
+        let cells = dialect.cells.count(&mut commands, pack_v).await?;
         info!("smart battery {:?}, {} cells", address, cells);
         Ok(Self {
             address,
+            dialect,
             code,
             scale,
             cells,
+            presses: 0,
             serial,
             details: PackDetails {
                 manufacturer,
@@ -183,25 +181,34 @@ impl Part for SmartBattery {
     }
 
     async fn read(&mut self, bus: &mut impl SensorBus, _: &Wiring) -> Result<Measurement, ReadError> {
-        let slow_command = self.slow_command;
-        let asked = [VOLTAGE, REMAINING_CAPACITY, TEMPERATURE, slow_command];
-        let words = self.commands(bus).words(asked).await?;
-        let [voltage, remaining, temperature, slow] = words.map(known);
-        let [current] = self.commands(bus).words([CURRENT]).await?;
+        let [voltage, remaining, slow] = self
+            .commands(bus)
+            .words([VOLTAGE, REMAINING_CAPACITY, self.slow_command])
+            .await?
+            .map(known);
         self.note_slow(slow);
-        let voltage_v = f32::from(voltage.ok_or(ReadError::NoAnswer)?) * self.scale.voltage;
+        let pack_v = voltage.map(|voltage| f32::from(voltage) * self.scale.voltage);
+        let cells_mv = self
+            .dialect
+            .cells
+            .read(&mut self.commands(bus), self.cells)
+            .await?;
+        let voltage_v = match self.dialect.voltage {
+            Voltage::OfPack => pack_v.ok_or(ReadError::NoAnswer)?,
+            Voltage::SumOfCells => sum_v(&cells_mv, self.cells).ok_or(ReadError::NoAnswer)?,
+        };
         Ok(Measurement {
             voltage_v: Some(voltage_v),
-            // The specification counts what flows into the battery.
-            current_a: current.map(|current| -f32::from(current as i16) * self.scale.current),
-            counted: None,
+            current_a: self.current_a(bus).await?,
             gauge: remaining.zip(self.full_mah).map(|(remaining, full_mah)| Gauge {
                 remaining_mah: f32::from(remaining) * self.scale.capacity,
                 full_mah,
             }),
-            temperature_c: temperature.map(|tenths_k| f32::from(tenths_k) * 0.1 - ZERO_CELSIUS_K),
-            cells: self.cell_voltages(bus, voltage_v).await?,
+            temperature_c: self.temperature_c(bus).await?,
+            cells: cell_voltages(voltage_v, &cells_mv),
             details: self.details,
+            supply: self.supply(bus).await?,
+            ..Measurement::default()
         })
     }
 }
@@ -228,17 +235,57 @@ impl SmartBattery {
         Some((share * 100.0 + 0.5).min(100.0) as u8)
     }
 
-    async fn cell_voltages(&self, bus: &mut impl SensorBus, pack_v: f32) -> Result<CellVoltages, ReadError> {
-        let mut cells_mv = [None; MAX_CELLS];
-        for (cell_mv, command) in cells_mv.iter_mut().zip(CELL_VOLTAGES).take(self.cells) {
-            let [answer] = self.commands(bus).words([command]).await?;
-            *cell_mv = answer;
+    /// The specification counts what flows into the battery.
+    async fn current_a(&self, bus: &mut impl SensorBus) -> Result<Option<f32>, ReadError> {
+        match self.dialect.current {
+            Current::Word => {
+                let [current] = self.commands(bus).words([CURRENT]).await?;
+                Ok(current.map(|current| -f32::from(current as i16) * self.scale.current))
+            }
+            Current::WordOrTenths { tenths } => {
+                let [current, tenths] = self.commands(bus).words([CURRENT, tenths]).await?;
+                let current_a = current.map(|current| -f32::from(current as i16) * self.scale.current);
+                let tenths_a = known(tenths).map(|tenths| -f32::from(tenths as i16) * 0.1);
+                Ok(tenths_a.or(current_a))
+            }
+            Current::Long { command, framing } => {
+                let mut commands = self.commands(bus);
+                let milliamperes = match framing {
+                    Framing::Block => commands.block(command).await?,
+                    Framing::Bare => commands.bare(command).await?,
+                };
+                Ok(Some(-(i32::from_le_bytes(milliamperes) as f32) * 1e-3))
+            }
         }
-        let cells = count_cells(pack_v, &cells_mv);
-        let cells_mv = cells_mv.map(Option::unwrap_or_default);
-        Ok(CellVoltages::from_millivolts(
-            cells_mv.get(..cells).unwrap_or(&[]),
-        ))
+    }
+
+    /// Of the hottest place. A sensor that is not fitted reads 0 or nothing.
+    async fn temperature_c(&self, bus: &mut impl SensorBus) -> Result<Option<f32>, ReadError> {
+        let mut hottest = None;
+        for command in self.dialect.temperatures {
+            let [tenths_k] = self.commands(bus).words([*command]).await?.map(known);
+            hottest = hottest.max(tenths_k.filter(|tenths_k| *tenths_k > 0));
+        }
+        Ok(hottest.map(|tenths_k| f32::from(tenths_k) * 0.1 - ZERO_CELSIUS_K))
+    }
+
+    /// Whether somebody is switching it off: by holding its button.
+    async fn supply(&mut self, bus: &mut impl SensorBus) -> Result<Supply, ReadError> {
+        let Some(Button { command, byte, bit }) = self.dialect.button else {
+            return Ok(Supply::Stays);
+        };
+        let state: [u8; BUTTON_BYTES] = self.commands(bus).block(command).await?;
+        let is_pressed = state.get(byte).is_some_and(|byte| byte & bit != 0);
+        self.presses = if is_pressed {
+            self.presses.saturating_add(1)
+        } else {
+            0
+        };
+        Ok(if self.presses >= PRESSES_UNTIL_OFF {
+            Supply::SwitchingOff
+        } else {
+            Supply::Stays
+        })
     }
 }
 
@@ -253,7 +300,7 @@ fn packet_error_code(info: Option<u16>, manufacturer: Name) -> PacketErrorCode {
 
 impl Scale {
     /// The specification info has powers of ten for voltages, and for currents and capacities.
-    fn new(info: u16) -> Result<Self, ReadError> {
+    fn new(info: u16, dialect: &Dialect) -> Result<Self, ReadError> {
         let [voltage, current] = [8, 12].map(|at| info >> at & 0xf);
         if voltage > HIGHEST_EXPONENT || current > HIGHEST_EXPONENT {
             return Err(ReadError::OtherPart);
@@ -261,7 +308,7 @@ impl Scale {
         Ok(Self {
             voltage: 1e-3 * power_of_ten(voltage),
             current: 1e-3 * power_of_ten(current),
-            capacity: power_of_ten(current),
+            capacity: power_of_ten(current) * dialect.capacity_factor,
         })
     }
 
@@ -289,22 +336,6 @@ fn filled(word: Option<u16>, step: f32) -> Option<f32> {
 /// A word that somebody has filled in. What the lines read when nobody sends is the same.
 fn known(word: Option<u16>) -> Option<u16> {
     word.filter(|word| *word != BLANK)
-}
-
-/// How many of the cells there are. Makers use these commands for other things, too, so as many count as amount to the
-/// pack's voltage.
-fn count_cells(pack_v: f32, cells_mv: &[Option<u16>]) -> usize {
-    let cells = cells_mv
-        .iter()
-        .map_while(|mv| mv.filter(|mv| CELL_MV.contains(mv)));
-    let mut sum_v = 0.0;
-    for (place, cell_mv) in cells.enumerate() {
-        sum_v += f32::from(cell_mv) * 1e-3;
-        if (pack_v - sum_v).abs() <= pack_v * CELL_SUM_TOLERANCE {
-            return place + 1;
-        }
-    }
-    0
 }
 
 /// (year − 1980) × 512 + month × 32 + day.
