@@ -38,18 +38,25 @@ pub fn markdown() -> String {
 
 fn write_section(page: &mut String, id: ParameterId) -> std::fmt::Result {
     let row = id.row();
-    writeln!(page, "\n### {}\n{}. {}\n", id.name(), row.label, row.description)?;
-    let unit = if row.unit.is_empty() {
+    let about = &row.documentation;
+    writeln!(
+        page,
+        "\n### {}\n{}. {}\n",
+        id.name(),
+        about.label,
+        about.description
+    )?;
+    let unit = if about.unit.is_empty() {
         String::new()
     } else {
-        format!(" {}", row.unit)
+        format!(" {}", about.unit)
     };
     match row.range {
         Range::Between(lowest, highest) => {
             writeln!(
                 page,
                 "- range: {lowest} to {highest}{unit}, in steps of {}",
-                row.step
+                about.step
             )?;
         }
         Range::OneOf(values) => {
@@ -69,7 +76,7 @@ fn write_section(page: &mut String, id: ParameterId) -> std::fmt::Result {
         id.default_value(),
         other_default(id)
     )?;
-    if row.takes_effect == TakesEffect::AfterReboot {
+    if about.takes_effect == TakesEffect::AfterReboot {
         writeln!(page, "- takes effect after a restart")?;
     }
     Ok(())
@@ -104,18 +111,23 @@ pub fn apm_pdef_xml() -> String {
 
 fn write_param(xml: &mut String, id: ParameterId) -> std::fmt::Result {
     let row = id.row();
+    let about = &row.documentation;
     writeln!(
         xml,
         "      <param humanName=\"{}\" name=\"Rover:{}\" documentation=\"{}\" user=\"Standard\">",
-        escape(row.label),
+        escape(about.label),
         id.name(),
-        escape(row.description)
+        escape(about.description)
     )?;
     write_range(xml, row)?;
-    if !row.unit.is_empty() {
-        writeln!(xml, "        <field name=\"Units\">{}</field>", escape(row.unit))?;
+    if !about.unit.is_empty() {
+        writeln!(
+            xml,
+            "        <field name=\"Units\">{}</field>",
+            escape(about.unit)
+        )?;
     }
-    if row.takes_effect == TakesEffect::AfterReboot {
+    if about.takes_effect == TakesEffect::AfterReboot {
         writeln!(xml, "        <field name=\"RebootRequired\">True</field>")?;
     }
     writeln!(xml, "      </param>")
@@ -125,7 +137,11 @@ fn write_range(xml: &mut String, row: &Parameter) -> std::fmt::Result {
     match row.range {
         Range::Between(lowest, highest) => {
             writeln!(xml, "        <field name=\"Range\">{lowest} {highest}</field>")?;
-            writeln!(xml, "        <field name=\"Increment\">{}</field>", row.step)?;
+            writeln!(
+                xml,
+                "        <field name=\"Increment\">{}</field>",
+                row.documentation.step
+            )?;
         }
         Range::OneOf(values) => {
             writeln!(xml, "        <values>")?;

@@ -17,9 +17,9 @@ pub use for_each::ForEachParameter;
 pub use id::{PARAMETER_COUNT, ParameterId};
 pub use pack::Pack;
 pub use storage::{ParameterStorage, StorageError, Stored};
+pub use table::{BatteryParameter, Kind, Parameter, Range, VehicleParameter};
 #[cfg(not(target_os = "none"))]
-pub use table::SimulationParameter;
-pub use table::{BatteryParameter, Kind, Parameter, Range, TakesEffect, VehicleParameter};
+pub use table::{Documentation, SimulationParameter, TakesEffect};
 
 /// The characters MAVLink has room for in a parameter's name.
 pub const MAX_NAME_LENGTH: usize = 16;

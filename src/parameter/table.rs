@@ -1,8 +1,21 @@
 //! What there is to know of every parameter: one table for the vehicle, one for each pack, one for the simulator.
 
 /// Declares one table: the names of its parameters in code, and a row for each, in the same order.
+///
+/// What only the documentation needs is left out of the firmware: it would be 7 KB of it.
 macro_rules! parameters {
-    ($(#[$about:meta])* $group:ident $($id:ident { $($field:ident: $value:expr),* $(,)? })*) => {
+    ($(#[$about:meta])* $group:ident $($id:ident {
+        key: $key:expr,
+        name: $name:expr,
+        kind: $kind:expr,
+        default: $default:expr,
+        range: $range:expr,
+        step: $step:expr,
+        unit: $unit:expr,
+        takes_effect: $takes_effect:expr,
+        label: $label:expr,
+        description: $description:expr $(,)?
+    })*) => {
         $(#[$about])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -21,7 +34,23 @@ macro_rules! parameters {
             /// Its row in the table.
             pub fn row(self) -> &'static Parameter {
                 match self {
-                    $(Self::$id => const { &Parameter { $($field: $value),* } },)*
+                    $(Self::$id => const {
+                        &Parameter {
+                            key: $key,
+                            name: $name,
+                            kind: $kind,
+                            default: $default,
+                            range: $range,
+                            #[cfg(not(target_os = "none"))]
+                            documentation: Documentation {
+                                step: $step,
+                                unit: $unit,
+                                takes_effect: $takes_effect,
+                                label: $label,
+                                description: $description,
+                            },
+                        }
+                    },)*
                 }
             }
         }
@@ -55,6 +84,15 @@ pub struct Parameter {
     pub default: f32,
     /// Which values it takes.
     pub range: Range,
+    /// What its owner wants to know of it.
+    #[cfg(not(target_os = "none"))]
+    pub documentation: Documentation,
+}
+
+/// What a parameter's owner wants to know of it. The firmware goes without.
+#[cfg(not(target_os = "none"))]
+#[derive(Clone, Copy, Debug)]
+pub struct Documentation {
     /// The step by which a ground station's controls change it.
     pub step: f32,
     /// The unit of its value, empty for a plain number.
@@ -81,6 +119,7 @@ pub enum Kind {
 }
 
 /// When a change of a parameter takes effect.
+#[cfg(not(target_os = "none"))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TakesEffect {
     /// With the next reading or message.

@@ -1,6 +1,8 @@
 //! The parameters each pack has of its own.
 
-use super::{Kind, Parameter, Range, TakesEffect};
+#[cfg(not(target_os = "none"))]
+use super::{Documentation, TakesEffect};
+use super::{Kind, Parameter, Range};
 use crate::sensor::MONITOR_CHOICES;
 
 /// The analog pins of the board, by GPIO number, and those of a converter on the bus, by ArduPilot's.

@@ -1,6 +1,6 @@
 //! The parameters of the simulated pack. The board does not have them.
 
-use super::{Kind, Parameter, Range, TakesEffect};
+use super::{Documentation, Kind, Parameter, Range, TakesEffect};
 
 parameters! {
     /// A parameter of the simulated pack.

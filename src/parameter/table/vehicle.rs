@@ -1,6 +1,8 @@
 //! The parameters of the whole vehicle.
 
-use super::{Kind, Parameter, Range, TakesEffect};
+#[cfg(not(target_os = "none"))]
+use super::{Documentation, TakesEffect};
+use super::{Kind, Parameter, Range};
 
 parameters! {
     /// A parameter of the whole vehicle.
