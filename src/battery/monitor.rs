@@ -78,6 +78,8 @@ struct Last {
 
 impl BatteryMonitor {
     /// A monitor that has seen nothing yet.
+    // Inlined, it would be written out once for each pack of a bank.
+    #[inline(never)]
     pub fn new() -> Self {
         Self {
             state: BatteryState::default(),
