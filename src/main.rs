@@ -138,9 +138,10 @@ mod firmware {
 
         let flash = BoardFlash::new(peripherals.FLASH);
         let mut storage = ParameterStorage::new(flash, board::PARAMETER_RANGE);
-        let (stored, loaded) = tasks::load_parameters(&mut storage).await;
-        let bus_clock_hz = sensor::bus_clock_hz(&stored);
-        let shared = share(stored);
+        let mut parameters_at_boot = Parameters::defaults();
+        let loaded = tasks::load_parameters(&mut storage, &mut parameters_at_boot).await;
+        let bus_clock_hz = sensor::bus_clock_hz(&parameters_at_boot);
+        let shared = share(&parameters_at_boot);
         tasks::report_load(shared, loaded);
 
         let baud = serial_baud(shared.whole_parameter(VehicleParameter::Serial0Baud));
@@ -200,7 +201,7 @@ mod firmware {
 
     // Built where they stay: on the stack of `main` they would take several times their size.
     #[inline(never)]
-    fn share(parameters: Parameters) -> &'static Shared {
+    fn share(parameters: &Parameters) -> &'static Shared {
         SHARED.init_with(|| Shared::new(parameters))
     }
 

@@ -86,7 +86,7 @@ fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_secs(seconds), async {
         let (shared, link) = (
-            Shared::new(Parameters::defaults()),
+            Shared::new(&Parameters::defaults()),
             Link::new("line", baud as u32 / 10),
         );
         join3(
@@ -185,7 +185,7 @@ fn sent_while(baud: u64, script: impl AsyncFn(&Shared)) -> [Vec<Frame>; 2] {
         (Link::new("line", baud as u32 / 10), line)
     });
     clock::run_for(Duration::from_secs(20), async {
-        let shared = Shared::new(Parameters::defaults());
+        let shared = Shared::new(&Parameters::defaults());
         let serve = async |(link, line): (Link, Line<'_>)| {
             let telemetry = schedule_telemetry(&shared, &link, &check_in);
             join(telemetry, write_frames(line, &shared, &link, &check_in)).await
@@ -295,7 +295,7 @@ fn a_notice_is_said_to_who_is_connected_and_to_who_connects_later() {
         sent: &sent,
     };
     clock::run_for(Duration::from_secs(5), async {
-        let (shared, link) = (Shared::new(Parameters::defaults()), Link::new("late", 5_760));
+        let (shared, link) = (Shared::new(&Parameters::defaults()), Link::new("late", 5_760));
         shared.notice(WARNING, "Parameters can't be saved");
         shared.announce(WARNING, "Nobody was there to hear it");
         let telemetry = schedule_telemetry(&shared, &link, &check_in);

@@ -195,7 +195,7 @@ fn run(seconds: u64, scenario: &Scenario<'_>) -> Outcome {
         empty_at_us: scenario.empty_at_us,
     };
     clock::run_for(Duration::from_secs(seconds), async {
-        let (shared, link) = (Shared::new(parameters), Link::new("line", 11_520));
+        let (shared, link) = (Shared::new(&parameters), Link::new("line", 11_520));
         join4(
             sample_batteries(pack, &mut memory, &shared, &check_in),
             drive(Wheels(&drives), Lamps(&shown), &shared, &check_in),

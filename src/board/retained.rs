@@ -17,6 +17,8 @@ static mut BATTERY_MEMORY: MaybeUninit<RetainedMemory> = MaybeUninit::uninit();
 /// somebody has pressed RUN, there is nothing to go on with: another pack may be plugged in.
 ///
 /// It may be called once: `main` does.
+// Inlined, it would add to the stack of everything `main` calls.
+#[inline(never)]
 pub fn retained_memory(reset_reason: ResetReason) -> &'static mut RetainedMemory {
     let memory = &raw mut BATTERY_MEMORY;
     match reset_reason {

@@ -41,6 +41,8 @@ pub type UsbDevice = embassy_usb::UsbDevice<'static, UsbDriver>;
 ///
 /// # Panics
 /// When called twice: the buffers exist once.
+// Inlined, it would add to the stack of everything `main` calls.
+#[inline(never)]
 pub fn usb_port(usb: Peri<'static, USB>) -> (UsbDevice, UsbPort) {
     static CONFIGURATION: ConstStaticCell<[u8; CONFIGURATION_BYTES]> =
         ConstStaticCell::new([0; CONFIGURATION_BYTES]);

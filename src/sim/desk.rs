@@ -40,8 +40,9 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
     loop {
         let range = flash.range();
         let mut storage = ParameterStorage::new(&mut flash, range);
-        let (parameters, loaded) = load_parameters(&mut storage).await;
-        let desk = Desk::new(parameters, &pack);
+        let mut parameters = Parameters::defaults();
+        let loaded = load_parameters(&mut storage, &mut parameters).await;
+        let desk = Desk::new(&parameters, &pack);
         report_load(&desk.shared, loaded);
         let living_pack = LivingPack::new(&pack, &rover, &desk.shared);
         let mut memory = [RetainedRecord::BLANK; 2];
@@ -89,7 +90,7 @@ impl Indicators for NoLamps {
 }
 
 impl<'a> Desk<'a> {
-    fn new(parameters: Parameters, pack: &'a RefCell<SimulatedPack>) -> Self {
+    fn new(parameters: &Parameters, pack: &'a RefCell<SimulatedPack>) -> Self {
         Self {
             shared: Shared::new(parameters),
             pack,

@@ -35,6 +35,8 @@ pub(super) struct Announcement {
 pub(super) struct Announcements(Channel);
 
 impl Announcements {
+    // Inlined, it would be built on the stack and copied.
+    #[inline(never)]
     pub fn new() -> Self {
         Self(Channel::new())
     }

@@ -7,7 +7,7 @@ use embassy_sync::signal::Signal;
 use heapless::Vec;
 
 use super::announcements::{Announcements, Listener};
-use crate::battery::{BatteryState, MAX_PACKS, Measurement, ReadError};
+use crate::battery::{BatteryState, MAX_PACKS, Measurement, PackStatus, ReadError};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::MavSeverity;
 use crate::parameter::{Pack, ParameterId, Parameters};
@@ -48,14 +48,14 @@ impl Shared {
     /// Nothing measured yet, and these parameters.
     // Inlined, it would take several times its size of the caller's stack.
     #[inline(never)]
-    pub fn new(parameters: Parameters) -> Self {
-        let shared = Self {
-            batteries: RefCell::new([BatteryState::default(); MAX_PACKS]),
+    pub fn new(parameters: &Parameters) -> Self {
+        Self {
+            batteries: RefCell::new(states_at_boot(parameters)),
             battery_resets: RefCell::new([None; MAX_PACKS]),
             bus_samples: RefCell::new([Samples::new(); MAX_PACKS]),
             samples: Cell::new(0),
             load_permille: Cell::new(0),
-            parameters: RefCell::new(parameters),
+            parameters: RefCell::new(parameters.clone()),
             vehicle: RefCell::new(Vehicle::new()),
             notices: RefCell::new(Vec::new()),
             announcements: Announcements::new(),
@@ -64,18 +64,6 @@ impl Shared {
             to_clear: Cell::new(false),
             storage_busy: Cell::new(false),
             to_reboot: Signal::new(),
-        };
-        shared.disable_unmonitored();
-        shared
-    }
-
-    /// Before the first sample nothing is known of the packs, but which are monitored.
-    fn disable_unmonitored(&self) {
-        let mut batteries = self.batteries.borrow_mut();
-        for (pack, battery) in Pack::ALL.into_iter().zip(&mut *batteries) {
-            if !self.with_parameters(|parameters| parameters.is_monitored(pack)) {
-                *battery = BatteryState::disabled();
-            }
         }
     }
 
@@ -202,14 +190,24 @@ impl Shared {
     }
 }
 
+/// Before the first sample nothing is known of the packs, but which are monitored.
+fn states_at_boot(parameters: &Parameters) -> [BatteryState; MAX_PACKS] {
+    let mut states = [BatteryState::default(); MAX_PACKS];
+    for (pack, state) in Pack::ALL.into_iter().zip(&mut states) {
+        if !parameters.is_monitored(pack) {
+            state.status = PackStatus::Disabled;
+        }
+    }
+    states
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::PackStatus;
 
     #[test]
     fn a_reset_is_taken_once_by_each_pack_it_names() {
-        let shared = Shared::new(Parameters::defaults());
+        let shared = Shared::new(&Parameters::defaults());
         shared.request_battery_reset(0b1_0000_0101, 100.0);
         shared.request_battery_reset(0b1, 56.0);
         let taken = || (0..=9).map(|instance| shared.take_battery_reset(instance));
@@ -221,7 +219,7 @@ mod tests {
 
     #[test]
     fn the_packs_are_published_by_their_instance() {
-        let shared = Shared::new(Parameters::defaults());
+        let shared = Shared::new(&Parameters::defaults());
         assert_eq!(shared.battery(0).status, PackStatus::Unknown);
         assert_eq!(shared.battery(1).status, PackStatus::Disabled);
         let state = BatteryState {

@@ -16,22 +16,22 @@ const IDLE_CHECK: Duration = Duration::from_secs(1);
 /// everything for the time of an erase.
 const RETRY_INTERVAL: Duration = Duration::from_secs(60);
 
-/// Reads the parameters from flash. What is not there, can't be trusted or is out of range by now is at its default.
+/// Reads the parameters from flash into `parameters`. What is not there, can't be trusted or is out of range by now stays as
+/// it is.
 ///
 /// # Errors
-/// Not everything could be read. The parameters returned are usable all the same.
+/// Not everything could be read. The parameters are usable all the same.
 pub async fn load_parameters<F: NorFlash>(
     storage: &mut ParameterStorage<F>,
-) -> (Parameters, Result<(), StorageError>) {
-    let mut parameters = Parameters::defaults();
-    let result = storage
+    parameters: &mut Parameters,
+) -> Result<(), StorageError> {
+    storage
         .load(|key, value| {
             if parameters.restore(key, value).is_err() {
                 warn!("stored parameter {} = {} does not fit this firmware", key, value);
             }
         })
-        .await;
-    (parameters, result)
+        .await
 }
 
 /// Tells ground stations and the log what `load_parameters` found.
