@@ -1,5 +1,7 @@
 //! Which parameters there are, by name, key and order.
 
+use core::iter;
+
 use heapless::String;
 
 #[cfg(not(target_os = "none"))]
@@ -42,16 +44,34 @@ impl ParameterId {
     /// Every parameter, the hidden ones included: the vehicle's, pack after pack, and the simulator's if this is one, each in
     /// the order of the table.
     pub fn all() -> impl Iterator<Item = Self> {
-        let vehicle = VehicleParameter::ALL.into_iter().map(Self::Vehicle);
-        let batteries = Pack::ALL.into_iter().flat_map(|pack| {
-            BatteryParameter::ALL
-                .into_iter()
-                .map(move |parameter| parameter.of(pack))
-        });
-        let known = vehicle.chain(batteries);
-        #[cfg(not(target_os = "none"))]
-        let known = known.chain(SimulationParameter::ALL.into_iter().map(Self::Simulation));
-        known
+        iter::successors(Some(Self::Vehicle(VehicleParameter::FIRST)), |id| id.next())
+    }
+
+    /// The one behind it in [`Self::all`].
+    // Called from wherever parameters are looked for: inlined, it would be as often in the firmware.
+    #[inline(never)]
+    fn next(self) -> Option<Self> {
+        match self {
+            Self::Vehicle(parameter) => match VehicleParameter::ALL.get(parameter as usize + 1) {
+                Some(next) => Some(Self::Vehicle(*next)),
+                None => Some(BatteryParameter::FIRST.of(Pack::First)),
+            },
+            Self::Battery(pack, parameter) => match BatteryParameter::ALL.get(parameter as usize + 1) {
+                Some(next) => Some(next.of(pack)),
+                None => match Pack::from_instance(pack.instance() + 1) {
+                    Some(next) => Some(BatteryParameter::FIRST.of(next)),
+                    #[cfg(target_os = "none")]
+                    None => None,
+                    #[cfg(not(target_os = "none"))]
+                    None => Some(Self::Simulation(SimulationParameter::FIRST)),
+                },
+            },
+            #[cfg(not(target_os = "none"))]
+            Self::Simulation(parameter) => {
+                let next = SimulationParameter::ALL.get(parameter as usize + 1);
+                next.copied().map(Self::Simulation)
+            }
+        }
     }
 
     /// The parameter whose value lies in flash under `key`.

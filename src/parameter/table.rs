@@ -31,6 +31,9 @@ macro_rules! parameters {
             /// Every one of them, in the order of the table.
             pub const ALL: [Self; Self::COUNT] = [$(Self::$id),*];
 
+            /// The first of them.
+            pub const FIRST: Self = Self::ALL[0];
+
             /// Its row in the table.
             pub fn row(self) -> &'static Parameter {
                 match self {
