@@ -60,13 +60,15 @@ fn write_section(page: &mut String, id: ParameterId) -> std::fmt::Result {
             )?;
         }
         Range::OneOf(values) => {
-            let values = values.iter().map(|(code, meaning)| format!("{code} ({meaning})"));
+            let values = values
+                .iter()
+                .map(|(code, meaning)| format!("{code} ({})", meaning.text()));
             writeln!(page, "- one of: {}", joined(values))?;
         }
         Range::Bits(bits) => {
             let bits = bits
                 .iter()
-                .map(|(bit, meaning)| format!("{} (bit {bit}: {meaning})", 1 << bit));
+                .map(|(bit, meaning)| format!("{} (bit {bit}: {})", 1 << bit, meaning.text()));
             writeln!(page, "- the sum of any of: {}", joined(bits))?;
         }
     }
@@ -149,7 +151,7 @@ fn write_range(xml: &mut String, row: &Parameter) -> std::fmt::Result {
                 writeln!(
                     xml,
                     "          <value code=\"{code}\">{}</value>",
-                    escape(meaning)
+                    escape(meaning.text())
                 )?;
             }
             writeln!(xml, "        </values>")?;
@@ -157,7 +159,7 @@ fn write_range(xml: &mut String, row: &Parameter) -> std::fmt::Result {
         Range::Bits(bits) => {
             let bits: Vec<_> = bits
                 .iter()
-                .map(|(bit, meaning)| format!("{bit}:{}", escape(meaning)))
+                .map(|(bit, meaning)| format!("{bit}:{}", escape(meaning.text())))
                 .collect();
             writeln!(xml, "        <field name=\"Bitmask\">{}</field>", bits.join(","))?;
         }
@@ -188,7 +190,10 @@ mod tests {
     fn meanings_of_bits_can_be_told_apart() {
         for id in ParameterId::all() {
             if let Range::Bits(bits) = id.row().range {
-                assert!(bits.iter().all(|(_, meaning)| !meaning.contains([',', ':'])));
+                assert!(
+                    bits.iter()
+                        .all(|(_, meaning)| !meaning.text().contains([',', ':']))
+                );
             }
         }
     }

@@ -17,7 +17,7 @@ pub use for_each::ForEachParameter;
 pub use id::{PARAMETER_COUNT, ParameterId};
 pub use pack::Pack;
 pub use storage::{ParameterStorage, StorageError, Stored};
-pub use table::{BatteryParameter, Kind, Parameter, Range, VehicleParameter};
+pub use table::{BatteryParameter, Kind, Meaning, Parameter, Range, VehicleParameter, means};
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};
 

@@ -67,7 +67,7 @@ mod simulation;
 mod vehicle;
 
 pub use battery::BatteryParameter;
-pub use range::Range;
+pub use range::{Meaning, Range, means};
 #[cfg(not(target_os = "none"))]
 pub use simulation::SimulationParameter;
 pub use vehicle::VehicleParameter;

@@ -1,7 +1,7 @@
 //! What measures a pack.
 
 use super::PartKind;
-use crate::parameter::{BatteryParameter, Pack, Parameters};
+use crate::parameter::{BatteryParameter, Meaning, Pack, Parameters, means};
 
 /// What measures a pack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,30 +22,30 @@ pub enum MonitorKind {
 }
 
 /// What `BATT_MONITOR` can be, by number: ArduPilot's.
-pub const MONITOR_CHOICES: &[(i32, &str)] = &monitor_choices();
+pub const MONITOR_CHOICES: &[(i32, Meaning)] = &monitor_choices();
 
-const DISABLED: (i32, &str) = (0, "Disabled");
+const DISABLED: (i32, Meaning) = (0, means("Disabled"));
 
 /// Those that are no parts on the bus.
-const OWN: [(MonitorKind, i32, &str); 5] = [
-    (MonitorKind::AnalogVoltage, 3, "Analog Voltage Only"),
+const OWN: [(MonitorKind, i32, Meaning); 5] = [
+    (MonitorKind::AnalogVoltage, 3, means("Analog Voltage Only")),
     (
         MonitorKind::AnalogVoltageAndCurrent,
         4,
-        "Analog Voltage and Current",
+        means("Analog Voltage and Current"),
     ),
-    (MonitorKind::Sum, 10, "Sum Of Selected Monitors"),
+    (MonitorKind::Sum, 10, means("Sum Of Selected Monitors")),
     (
         MonitorKind::SyntheticCurrent,
         25,
-        "Synthetic Current and Analog Voltage",
+        means("Synthetic Current and Analog Voltage"),
     ),
-    (MonitorKind::AnalogCurrent, 31, "Analog Current Only"),
+    (MonitorKind::AnalogCurrent, 31, means("Analog Current Only")),
 ];
 
 const CHOICES: usize = 1 + OWN.len() + PartKind::ALL.len();
 
-const fn monitor_choices() -> [(i32, &'static str); CHOICES] {
+const fn monitor_choices() -> [(i32, Meaning); CHOICES] {
     let mut choices = [DISABLED; CHOICES];
     let mut place = 1;
     // Loops over ranges can't be evaluated while compiling.
@@ -56,7 +56,7 @@ const fn monitor_choices() -> [(i32, &'static str); CHOICES] {
     }
     let mut part = 0;
     while part < PartKind::ALL.len() {
-        choices[place] = (PartKind::ALL[part].number(), PartKind::ALL[part].label());
+        choices[place] = (PartKind::ALL[part].number(), means(PartKind::ALL[part].label()));
         (part, place) = (part + 1, place + 1);
     }
     choices

@@ -2,31 +2,31 @@
 
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
-use super::{Kind, Parameter, Range};
+use super::{Kind, Parameter, Range, means};
 use crate::sensor::MONITOR_CHOICES;
 
 /// The analog pins of the board, by GPIO number, and those of a converter on the bus, by ArduPilot's.
 const ANALOG_PINS: Range = Range::OneOf(&[
-    (-1, "none"),
-    (26, "GP26"),
-    (27, "GP27"),
-    (28, "GP28"),
-    (29, "GP29"),
-    (50, "AD7091R-5, channel 0"),
-    (51, "AD7091R-5, channel 1"),
-    (52, "AD7091R-5, channel 2"),
-    (53, "AD7091R-5, channel 3"),
+    (-1, means("none")),
+    (26, means("GP26")),
+    (27, means("GP27")),
+    (28, means("GP28")),
+    (29, means("GP29")),
+    (50, means("AD7091R-5, channel 0")),
+    (51, means("AD7091R-5, channel 1")),
+    (52, means("AD7091R-5, channel 2")),
+    (53, means("AD7091R-5, channel 3")),
 ]);
 
 /// What ArduPilot's Rover can do about a battery.
 const FAILSAFE_ACTIONS: Range = Range::OneOf(&[
-    (0, "Warn only"),
-    (1, "RTL"),
-    (2, "Hold"),
-    (3, "SmartRTL"),
-    (4, "SmartRTL or Hold"),
-    (5, "Terminate"),
-    (6, "Loiter or Hold"),
+    (0, means("Warn only")),
+    (1, means("RTL")),
+    (2, means("Hold")),
+    (3, means("SmartRTL")),
+    (4, means("SmartRTL or Hold")),
+    (5, means("Terminate")),
+    (6, means("Loiter or Hold")),
 ]);
 
 parameters! {
@@ -138,9 +138,9 @@ parameters! {
         kind: Kind::Int32,
         default: 0.0,
         range: Range::Bits(&[
-            (6, "Send resting voltage to ground stations"),
-            (8, "Internal use only"),
-            (9, "Sum uses the lowest voltage"),
+            (6, means("Send resting voltage to ground stations")),
+            (8, means("Internal use only")),
+            (9, means("Sum uses the lowest voltage")),
         ]),
         step: 1.0,
         unit: "",
@@ -169,15 +169,15 @@ parameters! {
         kind: Kind::Int16,
         default: 0.0,
         range: Range::Bits(&[
-            (0, "pack 1"),
-            (1, "pack 2"),
-            (2, "pack 3"),
-            (3, "pack 4"),
-            (4, "pack 5"),
-            (5, "pack 6"),
-            (6, "pack 7"),
-            (7, "pack 8"),
-            (8, "pack 9"),
+            (0, means("pack 1")),
+            (1, means("pack 2")),
+            (2, means("pack 3")),
+            (3, means("pack 4")),
+            (4, means("pack 5")),
+            (5, means("pack 6")),
+            (6, means("pack 7")),
+            (7, means("pack 8")),
+            (8, means("pack 9")),
         ]),
         step: 1.0,
         unit: "",
@@ -202,7 +202,7 @@ parameters! {
         name: "CHEM",
         kind: Kind::Int8,
         default: 1.0,
-        range: Range::OneOf(&[(1, "LiPo"), (2, "LiFe"), (3, "Li-ion"), (4, "NiMH")]),
+        range: Range::OneOf(&[(1, means("LiPo")), (2, means("LiFe")), (3, means("Li-ion")), (4, means("NiMH"))]),
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AtOnce,
@@ -240,7 +240,7 @@ parameters! {
         name: "FS_VOLTSRC",
         kind: Kind::Int8,
         default: 0.0,
-        range: Range::OneOf(&[(0, "Raw Voltage"), (1, "Sag Compensated Voltage")]),
+        range: Range::OneOf(&[(0, means("Raw Voltage")), (1, means("Sag Compensated Voltage"))]),
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AtOnce,
@@ -368,7 +368,7 @@ parameters! {
         name: "I2C_BUS",
         kind: Kind::Int8,
         default: 1.0,
-        range: Range::OneOf(&[(1, "I2C1: SDA GP14, SCL GP15")]),
+        range: Range::OneOf(&[(1, means("I2C1: SDA GP14, SCL GP15"))]),
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AfterReboot,

@@ -6,9 +6,32 @@ pub enum Range {
     /// From the first to the second, both included.
     Between(f32, f32),
     /// One of these, each with its meaning.
-    OneOf(&'static [(i32, &'static str)]),
+    OneOf(&'static [(i32, Meaning)]),
     /// The sum of any of these bits, by number from 0, each with its meaning; 0 for none.
-    Bits(&'static [(u8, &'static str)]),
+    Bits(&'static [(u8, Meaning)]),
+}
+
+/// What one of a parameter's values means. It is for the documentation; the firmware goes without.
+#[derive(Clone, Copy, Debug)]
+pub struct Meaning {
+    #[cfg(not(target_os = "none"))]
+    text: &'static str,
+}
+
+/// The meaning `text`.
+pub const fn means(#[cfg_attr(target_os = "none", expect(unused))] text: &'static str) -> Meaning {
+    Meaning {
+        #[cfg(not(target_os = "none"))]
+        text,
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+impl Meaning {
+    /// As the documentation says it.
+    pub fn text(self) -> &'static str {
+        self.text
+    }
 }
 
 impl Range {
@@ -46,7 +69,7 @@ mod tests {
 
     #[test]
     fn one_of_takes_what_is_listed() {
-        let range = Range::OneOf(&[(-1, "none"), (26, "GP26")]);
+        let range = const { Range::OneOf(&[(-1, means("none")), (26, means("GP26"))]) };
         for value in [-1.0, 26.0] {
             assert!(range.contains(value), "{value}");
         }
@@ -57,7 +80,7 @@ mod tests {
 
     #[test]
     fn bits_take_every_sum_of_those_that_are_known() {
-        let range = Range::Bits(&[(6, ""), (8, ""), (9, "")]);
+        let range = const { Range::Bits(&[(6, means("")), (8, means("")), (9, means(""))]) };
         for value in [0.0, 64.0, 256.0, 512.0, 320.0, 832.0] {
             assert!(range.contains(value), "{value}");
         }

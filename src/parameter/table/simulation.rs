@@ -1,6 +1,6 @@
 //! The parameters of the simulated pack. The board does not have them.
 
-use super::{Documentation, Kind, Parameter, Range, TakesEffect};
+use super::{Documentation, Kind, Parameter, Range, TakesEffect, means};
 
 parameters! {
     /// A parameter of the simulated pack.
@@ -49,10 +49,10 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::OneOf(&[
-            (0, "None"),
-            (1, "Converter does not answer"),
-            (2, "Sense wire is off"),
-            (3, "Noise of half a volt"),
+            (0, means("None")),
+            (1, means("Converter does not answer")),
+            (2, means("Sense wire is off")),
+            (3, means("Noise of half a volt")),
         ]),
         step: 1.0,
         unit: "",

@@ -2,7 +2,7 @@
 
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
-use super::{Kind, Parameter, Range};
+use super::{Kind, Parameter, Range, means};
 
 parameters! {
     /// A parameter of the whole vehicle.
@@ -26,17 +26,17 @@ parameters! {
         kind: Kind::Int32,
         default: 115.0,
         range: Range::OneOf(&[
-            (9, "9600"),
-            (19, "19200"),
-            (38, "38400"),
-            (57, "57600"),
-            (111, "111100"),
-            (115, "115200"),
-            (230, "230400"),
-            (256, "256000"),
-            (460, "460800"),
-            (500, "500000"),
-            (921, "921600"),
+            (9, means("9600")),
+            (19, means("19200")),
+            (38, means("38400")),
+            (57, means("57600")),
+            (111, means("111100")),
+            (115, means("115200")),
+            (230, means("230400")),
+            (256, means("256000")),
+            (460, means("460800")),
+            (500, means("500000")),
+            (921, means("921600")),
         ]),
         step: 1.0,
         unit: "",
@@ -75,7 +75,7 @@ parameters! {
         name: "ARMING_CHECK",
         kind: Kind::Int32,
         default: 1.0,
-        range: Range::Bits(&[(0, "All"), (8, "Battery Level")]),
+        range: Range::Bits(&[(0, means("All")), (8, means("Battery Level"))]),
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AtOnce,
