@@ -43,16 +43,14 @@ impl Announcements {
 
     /// Says `text` to everyone who listens, as much of it as fits. A listener that is too far behind loses its oldest.
     pub fn publish(&self, severity: MavSeverity, text: &str) {
-        let mut fitting = String::new();
-        for character in text.chars() {
-            if fitting.push(character).is_err() {
-                break;
-            }
-        }
+        let fitting = text
+            .get(..text.floor_char_boundary(ANNOUNCEMENT_BYTES))
+            .unwrap_or_default();
         let publisher = self.0.immediate_publisher();
         publisher.publish_immediate(Announcement {
             severity,
-            text: fitting,
+            // It fits.
+            text: String::try_from(fitting).unwrap_or_default(),
         });
     }
 
