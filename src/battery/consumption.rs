@@ -105,6 +105,7 @@ impl Consumption {
 }
 
 impl From<Consumed> for Consumption {
+    #[inline(never)]
     fn from(consumed: Consumed) -> Self {
         Self {
             charge_nc: (consumed.charge_mah * NANOCOULOMBS_PER_MAH) as i64,

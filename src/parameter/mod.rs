@@ -58,6 +58,11 @@ impl Parameters {
 
     /// The live value of a parameter that is a whole number.
     pub fn get_whole(&self, id: impl Into<ParameterId>) -> i32 {
+        self.whole(id.into())
+    }
+
+    #[inline(never)]
+    fn whole(&self, id: ParameterId) -> i32 {
         self.get(id) as i32
     }
 

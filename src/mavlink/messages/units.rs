@@ -8,6 +8,8 @@ pub(super) fn finite(value: Option<f32>) -> Option<f32> {
 }
 
 /// Rounded half away from zero, saturating at the range of `i32`.
+// Saturating takes three comparisons of floats: too much to write out at each call.
+#[inline(never)]
 pub(super) fn round_to_i32(value: f32) -> i32 {
     let half = if value < 0.0 { -0.5 } else { 0.5 };
     (value + half) as i32
