@@ -50,12 +50,12 @@ impl Shared {
     #[inline(never)]
     pub fn new(parameters: &Parameters) -> Self {
         Self {
-            batteries: RefCell::new(states_at_boot(parameters)),
+            batteries: in_place(|| states_at_boot(parameters)),
             battery_resets: RefCell::new([None; MAX_PACKS]),
-            bus_samples: RefCell::new([Samples::new(); MAX_PACKS]),
+            bus_samples: in_place(|| [Samples::new(); MAX_PACKS]),
             samples: Cell::new(0),
             load_permille: Cell::new(0),
-            parameters: RefCell::new(parameters.clone()),
+            parameters: in_place(|| parameters.clone()),
             vehicle: RefCell::new(Vehicle::new()),
             notices: RefCell::new(Vec::new()),
             announcements: Announcements::new(),
@@ -188,6 +188,12 @@ impl Shared {
             || self.to_clear.get()
             || self.with_parameters(|parameters| parameters.next_unsaved().is_some())
     }
+}
+
+/// A cell that is built where it stays. Inlined, it would be built on the stack, beside all the others, and copied.
+#[inline(never)]
+fn in_place<T>(content: impl FnOnce() -> T) -> RefCell<T> {
+    RefCell::new(content())
 }
 
 /// Before the first sample nothing is known of the packs, but which are monitored.
