@@ -2,8 +2,12 @@
 
 use super::access_log::Direction;
 use super::bus::{BusError, SystemBus, Width, lane, replicated};
-use super::memory_map::{Block, IO_BANK0_BASE, Model, PADS_BANK0_BASE, RESETS_BASE, block_at};
-use super::pins::{i2c_connection, uart_connection};
+use super::gpio::is_interrupt_register;
+use super::memory_map::{
+    Block, IO_BANK0_BASE, IO_BANK0_RESET, Model, PADS_BANK0_BASE, RESETS_BASE, block_at,
+};
+use super::peripheral::Peripheral;
+use super::pins::{PinSettings, i2c_connection, uart_connection};
 use super::register::{RegisterWrite, bit};
 use super::soc::Id;
 
@@ -32,6 +36,9 @@ impl SystemBus {
         }
         match block.model {
             Model::Own(id) => self.soc.read(id, address & 0xfff, self.now),
+            Model::Crate if is_gpio_interrupt(block, address) => {
+                self.soc.read(Id::Gpio, address & 0xfff, self.now)
+            }
             Model::Crate => {
                 self.tell_chip_the_time();
                 self.chip.read32(address)
@@ -54,6 +61,9 @@ impl SystemBus {
             Model::Own(id) => {
                 self.soc.write(id, address & 0xfff, write, self.now);
                 self.follow_power_state(id);
+            }
+            Model::Crate if is_gpio_interrupt(block, address) => {
+                self.soc.write(Id::Gpio, address & 0xfff, write, self.now);
             }
             Model::Crate => self.write_crate_block(block, address, value),
             Model::Storage => self.store_into_register(address, write),
@@ -106,6 +116,9 @@ impl SystemBus {
         if io_held {
             self.chip.io_bank0.reset();
         }
+        if bit(held_before | held_now, IO_BANK0_RESET) {
+            self.soc.gpio.reset(self.now);
+        }
         if pads_held {
             self.chip.pads_bank0.reset();
         }
@@ -118,8 +131,9 @@ impl SystemBus {
         }
     }
 
-    /// Tell UARTs and I2C blocks whether the wired pins lead to them.
+    /// Tell the blocks whether the wired pins lead to them.
     pub fn connect_pins(&mut self) {
+        self.pin_settings = PinSettings::of(&self.chip);
         for number in 0..self.uart_pins.len() {
             let connection = uart_connection(&self.chip, number, self.uart_pins[number]);
             self.soc.uarts[number].set_pins(connection, self.now);
@@ -128,4 +142,9 @@ impl SystemBus {
             i2c.connect(i2c_connection(&self.chip, pins), self.now);
         }
     }
+}
+
+/// IO_BANK0 is the crate's but for the interrupts of core 0.
+fn is_gpio_interrupt(block: &Block, address: u32) -> bool {
+    block.base == IO_BANK0_BASE && is_interrupt_register(address)
 }

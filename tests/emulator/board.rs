@@ -11,6 +11,7 @@ use super::clock::{Cycle, cycles, micros};
 use super::cpu::{Cpu, CpuState};
 use super::firmware::Firmware;
 use super::flash::FlashChip;
+use super::gpio::{PinWire, Pulses};
 use super::i2c::I2c;
 use super::interrupts::InterruptLines;
 use super::log::{LogDecoder, LogLine};
@@ -19,6 +20,7 @@ use super::peripheral::Peripheral;
 use super::pins::{I2cPins, PinDrive, UartPins, driven_level, pin_drive};
 use super::pwm::PwmOutput;
 use super::random::Random;
+use super::register::bit;
 use super::reset::ResetRecord;
 use super::rtt::RttWatch;
 use super::uart::{BitTime, Uart};
@@ -155,6 +157,51 @@ impl Board {
     /// Take the record of the conversions since it was taken last (at most the last 65536).
     pub fn take_adc_record(&mut self) -> Vec<Conversion> {
         self.bus.soc.adc.take_record()
+    }
+
+    /// Put a level on a pin, or let go of it, from now on. What is scheduled comes all the same.
+    pub fn drive_pin(&mut self, pin: usize, wire: PinWire) {
+        self.bus.soc.gpio.advance(self.bus.now);
+        self.bus.soc.gpio.connect(pin, wire);
+        self.bus.attention = true;
+    }
+
+    /// The same at a time to come; at once if that is in the past.
+    pub fn schedule_pin(&mut self, pin: usize, at_us: u64, wire: PinWire) {
+        let at = cycles(at_us).max(self.bus.now);
+        self.bus.soc.gpio.schedule(at, pin, wire);
+        self.bus.attention = true;
+    }
+
+    /// Send pulses to a pin: each is high for `high_us` and begins `period_us` after the one before.
+    /// Until the first the pin is what it was. Returns the time at which the last one falls.
+    pub fn pulses(
+        &mut self,
+        pin: usize,
+        first_rise_us: u64,
+        high_us: u64,
+        period_us: u64,
+        count: u64,
+    ) -> u64 {
+        let pulses = Pulses {
+            first_rise: cycles(first_rise_us).max(self.bus.now),
+            high: cycles(high_us),
+            period: cycles(period_us),
+            count,
+        };
+        let mut end = self.bus.now;
+        for (at, wire) in pulses.changes() {
+            self.bus.soc.gpio.schedule(at, pin, wire);
+            end = at;
+        }
+        self.bus.attention = true;
+        micros(end)
+    }
+
+    /// Whether the chip sees a pin as high, whoever makes it so.
+    pub fn input_level(&mut self, pin: usize) -> bool {
+        self.bus.sample_inputs();
+        bit(self.bus.chip.gpio_in, pin as u32)
     }
 
     /// The level at which the processor or the PWM drives a pin; `None` when neither does.

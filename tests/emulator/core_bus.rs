@@ -61,7 +61,7 @@ impl SystemBus {
 
     fn load_sio(&mut self, address: u32, width: Width) -> u32 {
         if address & !3 == SIO_GPIO_IN {
-            self.sample_i2c_lines();
+            self.sample_inputs();
         }
         let word = self.chip.read32(address & !3);
         super::bus::lane(word, address, width)

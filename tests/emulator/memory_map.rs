@@ -35,6 +35,8 @@ const fn block(name: &'static str, base: u32, model: Model, reset_bit: Option<u3
 
 pub const RESETS_BASE: u32 = 0x4000_c000;
 pub const IO_BANK0_BASE: u32 = 0x4001_4000;
+/// Its bit in RESETS.
+pub const IO_BANK0_RESET: u32 = 5;
 pub const PADS_BANK0_BASE: u32 = 0x4001_c000;
 
 pub static BLOCKS: [Block; 37] = [
@@ -43,7 +45,7 @@ pub static BLOCKS: [Block; 37] = [
     block("CLOCKS", 0x4000_8000, Model::Crate, None),
     block("RESETS", RESETS_BASE, Model::Crate, None),
     block("PSM", 0x4001_0000, Model::Own(Id::PowerState), None),
-    block("IO_BANK0", IO_BANK0_BASE, Model::Crate, Some(5)),
+    block("IO_BANK0", IO_BANK0_BASE, Model::Crate, Some(IO_BANK0_RESET)),
     block("IO_QSPI", 0x4001_8000, Model::Storage, Some(6)),
     block("PADS_BANK0", PADS_BANK0_BASE, Model::Crate, Some(8)),
     block("PADS_QSPI", 0x4002_0000, Model::Storage, Some(9)),

@@ -39,8 +39,9 @@
 //! * `clk_sys` is 125 MHz from the first instruction, `clk_peri` the same, `clk_adc` 48 MHz.
 //! * Core 1, PIO, USB, SPI, RTC, SysTick and MPU: their registers read back what was
 //!   written or zero, and every access is recorded in [`Board::unmodelled`].
-//! * GPIO interrupts and the NMI never come. A pin's function, the direction of SIO and the pad's
-//!   output disable decide what drives it; the overrides of IO_BANK0 do nothing.
+//! * The NMI never comes. A pin's function, the direction of SIO and the pad's output disable decide
+//!   what drives it; the overrides of IO_BANK0 do nothing. UART, SPI and PWM do not reach the inputs
+//!   of SIO and the GPIO interrupts.
 //! * PWM: interrupts, the DMA request, input modes and phase steps; using them is a panic.
 //! * Flash: the time of the bytes on its serial wires (some 20 µs a page), cells that read
 //!   differently from one time to the next after a torn operation, cells that hold their charge for
@@ -81,6 +82,7 @@ mod faults;
 mod faults_tests;
 mod firmware;
 mod flash;
+mod gpio;
 mod i2c;
 mod interrupts;
 mod log;
@@ -118,6 +120,7 @@ pub use board::Board;
 pub use cpu::CpuState;
 pub use firmware::Firmware;
 pub use flash::{FlashCut, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
+pub use gpio::PinWire;
 pub use i2c::{Ack, I2c, I2cDevice, I2cDirection, I2cTransaction, devices as i2c_devices};
 pub use log::{LogLevel, LogLine};
 pub use pin_record::{Edge, PwmChange};

@@ -66,6 +66,7 @@ impl SystemBus {
     /// To be called whenever a pin may have changed.
     pub(super) fn observe_pins(&mut self) {
         self.observe_i2c_lines();
+        self.observe_inputs();
         for (&pin, record) in &mut self.pin_recorder.records {
             record.note(pin_drive(&self.chip, &self.soc.pwm, pin, self.now), self.now);
         }

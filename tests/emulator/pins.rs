@@ -4,7 +4,9 @@ use rp2040_emu::Bus as CrateBus;
 
 use super::bus::SystemBus;
 use super::clock::Cycle;
+use super::gpio::{BusLevels, PINS, PadState};
 use super::i2c::Levels;
+use super::peripheral::Peripheral;
 use super::pwm::{Pwm, PwmOutput};
 use super::register::bit;
 use super::uart::PinConnection;
@@ -14,7 +16,8 @@ const FUNCTION_UART: u32 = 2;
 const FUNCTION_I2C: u32 = 3;
 const FUNCTION_PWM: u32 = 4;
 const FUNCTION_SIO: u32 = 5;
-/// PADS_BANK0: input enable, output disable (datasheet 2.19.6.3).
+/// PADS_BANK0: pull-up, input enable, output disable (datasheet 2.19.6.3).
+const PAD_PULL_UP: u32 = 3;
 const PAD_INPUT_ENABLE: u32 = 6;
 const PAD_OUTPUT_DISABLE: u32 = 7;
 
@@ -92,6 +95,31 @@ pub fn i2c_connection(chip: &CrateBus, pins: I2cPins) -> bool {
     })
 }
 
+/// How the pin multiplexers and the pads are set: sets of pins, one bit each.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PinSettings {
+    /// SIO decides whether they are driven.
+    pub sio_outputs: u32,
+    pub pulled_up: u32,
+    pub input_enabled: u32,
+}
+
+impl PinSettings {
+    pub fn of(chip: &CrateBus) -> Self {
+        let pad = |pin: usize, number| bit(chip.pads_bank0.pads[pin], number);
+        let is_output = |pin| chip.io_bank0.funcsel(pin) == FUNCTION_SIO && !pad(pin, PAD_OUTPUT_DISABLE);
+        Self {
+            sio_outputs: pins_that(is_output),
+            pulled_up: pins_that(|pin| pad(pin, PAD_PULL_UP)),
+            input_enabled: pins_that(|pin| pad(pin, PAD_INPUT_ENABLE)),
+        }
+    }
+}
+
+fn pins_that(condition: impl Fn(usize) -> bool) -> u32 {
+    (0..PINS).fold(0, |pins, pin| pins | u32::from(condition(pin)) << pin)
+}
+
 /// What drives a pin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PinDrive {
@@ -134,15 +162,37 @@ impl SystemBus {
         }
     }
 
-    /// To be called before SIO's GPIO_IN is read: the lines of an I2C bus are the only inputs there.
-    pub(super) fn sample_i2c_lines(&mut self) {
+    /// To be called whenever a pin may have changed: the inputs follow.
+    pub(super) fn observe_inputs(&mut self) {
+        let driven = self.chip.sio.gpio_oe_masked() & self.pin_settings.sio_outputs;
+        let pads = PadState {
+            driven,
+            driven_high: driven & self.chip.sio.gpio_out_masked(),
+            pulled_up: self.pin_settings.pulled_up,
+            input_enabled: self.pin_settings.input_enabled,
+        };
+        let bus = self.i2c_lines();
+        self.soc.gpio.set_pads(pads, bus);
+    }
+
+    fn i2c_lines(&self) -> BusLevels {
+        let mut lines = BusLevels::default();
         for (i2c, pins) in self.soc.i2cs.iter().zip(self.i2c_pins) {
             let Some(levels) = i2c.levels(self.now) else {
                 continue;
             };
             for (pin, level) in [(pins.scl, levels.scl), (pins.sda, levels.sda)] {
-                self.chip.gpio_in = self.chip.gpio_in & !(1 << pin) | u32::from(level) << pin;
+                lines.pins |= 1 << pin;
+                lines.high |= u32::from(level) << pin;
             }
         }
+        lines
+    }
+
+    /// To be called before SIO's GPIO_IN is read.
+    pub(super) fn sample_inputs(&mut self) {
+        self.soc.gpio.advance(self.now);
+        self.observe_inputs();
+        self.chip.gpio_in = self.soc.gpio.levels();
     }
 }

@@ -4,6 +4,7 @@ use super::adc::Adc;
 use super::chip_reset::{ChipLevelReset, ChipReset};
 use super::clock::{Cycle, NEVER};
 use super::dma::Dma;
+use super::gpio::Gpio;
 use super::i2c::{I2c, I2cPlace};
 use super::memory_map::{BLOCKS, Model};
 use super::peripheral::Peripheral;
@@ -20,6 +21,7 @@ use super::xip_control::XipControl;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Id {
     PowerState,
+    Gpio,
     Uart0,
     Uart1,
     I2c0,
@@ -62,6 +64,7 @@ const I2C_PLACES: [I2cPlace; 2] = [
 
 pub struct Soc {
     pub power_state: PowerState,
+    pub gpio: Gpio,
     pub uarts: [Uart; 2],
     pub i2cs: [I2c; 2],
     pub adc: Adc,
@@ -78,6 +81,7 @@ impl Soc {
     pub fn new(noise_seed: u64) -> Self {
         Self {
             power_state: PowerState::default(),
+            gpio: Gpio::default(),
             uarts: UART_PLACES.map(Uart::new),
             i2cs: I2C_PLACES.map(I2c::new),
             adc: Adc::new(noise_seed),
@@ -91,11 +95,12 @@ impl Soc {
         }
     }
 
-    fn all(&self) -> [&dyn Peripheral; 13] {
+    fn all(&self) -> [&dyn Peripheral; 14] {
         let [uart0, uart1] = &self.uarts;
         let [i2c0, i2c1] = &self.i2cs;
         [
             &self.power_state,
+            &self.gpio,
             uart0,
             uart1,
             i2c0,
@@ -111,11 +116,12 @@ impl Soc {
         ]
     }
 
-    fn all_mut(&mut self) -> [&mut dyn Peripheral; 13] {
+    fn all_mut(&mut self) -> [&mut dyn Peripheral; 14] {
         let [uart0, uart1] = &mut self.uarts;
         let [i2c0, i2c1] = &mut self.i2cs;
         [
             &mut self.power_state,
+            &mut self.gpio,
             uart0,
             uart1,
             i2c0,
@@ -134,6 +140,7 @@ impl Soc {
     fn get(&mut self, id: Id) -> &mut dyn Peripheral {
         match id {
             Id::PowerState => &mut self.power_state,
+            Id::Gpio => &mut self.gpio,
             Id::Uart0 => &mut self.uarts[0],
             Id::Uart1 => &mut self.uarts[1],
             Id::I2c0 => &mut self.i2cs[0],
