@@ -17,6 +17,7 @@ pub const FUNCTION_UART: u32 = 2;
 pub const FUNCTION_PWM: u32 = 4;
 pub const FUNCTION_SIO: u32 = 5;
 pub const UART0: u32 = 0x4003_4000;
+pub const UART1: u32 = 0x4003_8000;
 pub const TIMER_RAWL: u32 = 0x4005_4028;
 pub const WATCHDOG_CTRL: u32 = 0x4005_8000;
 pub const WATCHDOG_LOAD: u32 = 0x4005_8004;
@@ -41,8 +42,13 @@ pub fn start_watchdog(board: &mut Board, micros: u32) {
 /// UART0 at 115200 baud, everything set up but the pins.
 pub fn start_uart0(board: &mut Board) {
     board.write_register(RESETS_CLEAR, ALL_BLOCKS);
+    set_up_uart(board, UART0);
+}
+
+/// A UART at 115200 baud with FIFOs, both ways.
+pub fn set_up_uart(board: &mut Board, uart: u32) {
     for (offset, value) in [(0x24, 67), (0x28, 52), (0x2c, 0x70), (0x30, 0x301)] {
-        board.write_register(UART0 + offset, value);
+        board.write_register(uart + offset, value);
     }
 }
 

@@ -46,6 +46,37 @@ fn the_wire_can_be_soldered_to_other_pins() {
 }
 
 #[test]
+fn uart1_listens_at_gp5_without_a_transmit_pin() {
+    const UART1_RX_INTERRUPT: u32 = 1 << 4;
+    let mut board = idle_board();
+    board.write_register(RESETS_CLEAR, ALL_BLOCKS);
+    set_up_uart(&mut board, UART1);
+    board.write_register(UART1 + 0x38, UART1_RX_INTERRUPT);
+    board.wire_uart(1, UartPins { tx: 4, rx: 5 });
+    let telemetry = [0x19, 0x06, 0x90, 0x04, 0xd2, 0x01, 0x2c, 0x00, 0x64, 0x97];
+    board.uart_send(1, 1000, &telemetry);
+    board.run_for(2000);
+    assert_ne!(
+        board.read_register(UART1 + 0x18) & 1 << 4,
+        0,
+        "GP5 is not the UART's"
+    );
+    select_function(&mut board, 5, FUNCTION_UART);
+    let over = board.uart_send(1, 3000, &[telemetry, telemetry].concat());
+    assert_eq!(over, 3000 + 20 * 10850 / 125);
+    board.run_until_time(over);
+    assert_eq!(
+        board.bus.soc.interrupt_lines(),
+        1 << 21,
+        "20 of 32, trigger at 16"
+    );
+    for byte in [telemetry, telemetry].concat() {
+        assert_eq!(board.read_register(UART1), u32::from(byte));
+    }
+    assert_ne!(board.read_register(UART1 + 0x18) & 1 << 4, 0, "no more than that");
+}
+
+#[test]
 #[should_panic(expected = "GPIO4 is not a TX pin of UART0")]
 fn a_wire_to_a_pin_the_uart_cannot_use_is_refused() {
     idle_board().wire_uart(0, UartPins { tx: 4, rx: 5 });
