@@ -52,6 +52,8 @@ pub enum Pec {
 enum Value {
     Word(u16),
     Block(Vec<u8>),
+    /// Bytes that no length comes before.
+    Bare(Vec<u8>),
 }
 
 impl Value {
@@ -60,12 +62,16 @@ impl Value {
         match self {
             Self::Word(word) => word.to_le_bytes().to_vec(),
             Self::Block(bytes) => [&[bytes.len() as u8], &bytes[..]].concat(),
+            Self::Bare(bytes) => bytes.clone(),
         }
     }
 }
 
 pub struct SmartBattery {
+    address: u8,
     pec: Pec,
+    /// Commands that are an exception to [`Self::pec`].
+    pec_of: BTreeMap<u8, Pec>,
     values: BTreeMap<u8, Value>,
     command: Option<u8>,
     written: Vec<u8>,
@@ -78,7 +84,9 @@ impl SmartBattery {
     /// A 5200 mAh pack of three cells, full.
     pub fn new(pec: Pec) -> Self {
         let mut battery = Self {
+            address: ADDRESS,
             pec,
+            pec_of: BTreeMap::new(),
             values: BTreeMap::new(),
             command: None,
             written: Vec::new(),
@@ -131,12 +139,27 @@ impl SmartBattery {
         self.pec = pec;
     }
 
+    /// The same for one command, whatever the others do.
+    pub fn set_pec_of(&mut self, command: u8, pec: Pec) {
+        self.pec_of.insert(command, pec);
+    }
+
+    /// Where it is attached, which its packet error codes cover.
+    pub fn set_address(&mut self, address: u8) {
+        self.address = address;
+    }
+
     pub fn set_word(&mut self, command: u8, word: u16) {
         self.values.insert(command, Value::Word(word));
     }
 
     pub fn set_block(&mut self, command: u8, bytes: &[u8]) {
         self.values.insert(command, Value::Block(bytes.to_vec()));
+    }
+
+    /// Bytes that are sent without their number.
+    pub fn set_bare(&mut self, command: u8, bytes: &[u8]) {
+        self.values.insert(command, Value::Bare(bytes.to_vec()));
     }
 
     /// From now on it does not know this command.
@@ -152,8 +175,9 @@ impl SmartBattery {
     /// `None` if it does not know the command.
     fn answer(&self, command: u8) -> Option<Vec<u8>> {
         let mut bytes = self.values.get(&command)?.bytes();
-        let sent = [&[ADDRESS << 1, command, ADDRESS << 1 | 1], &bytes[..]].concat();
-        match self.pec {
+        let (write, read) = (self.address << 1, self.address << 1 | 1);
+        let sent = [&[write, command, read], &bytes[..]].concat();
+        match self.pec_of.get(&command).unwrap_or(&self.pec) {
             Pec::Right => bytes.push(crc8(&sent)),
             Pec::Wrong => bytes.push(!crc8(&sent)),
             Pec::None => {}
@@ -331,6 +355,53 @@ mod tests {
             sent[5],
             crc8(&[&[0x16, DEVICE_CHEMISTRY, 0x17], &sent[..5]].concat())
         );
+    }
+
+    /// Four cells of 4.100 V to 4.103 V.
+    const CELLS: [u8; 8] = [0x04, 0x10, 0x05, 0x10, 0x06, 0x10, 0x07, 0x10];
+
+    #[test]
+    fn a_sui_pack_has_codes_after_blocks_only_and_sends_its_current_bare() {
+        let mut battery = SmartBattery::new(Pec::None);
+        battery.set_block(0x28, &CELLS);
+        battery.set_pec_of(0x28, Pec::Right);
+        battery.set_bare(0x2a, &(-2500i32).to_le_bytes());
+        let block = [&[8], &CELLS[..], &[0xb2]].concat();
+        assert_eq!(read(&mut battery, 0x28, 10), block);
+        assert_eq!(
+            read(&mut battery, 0x2a, 5),
+            [0x3c, 0xf6, 0xff, 0xff, 0xff],
+            "no length, no code"
+        );
+        assert_eq!(read(&mut battery, VOLTAGE, 3), [0x38, 0x31, 0xff]);
+    }
+
+    #[test]
+    fn the_code_covers_the_address_it_is_attached_to() {
+        let mut battery = SmartBattery::new(Pec::Right);
+        assert_eq!(
+            read(&mut battery, VOLTAGE, 3)[2],
+            0xad,
+            "at 0x0b, worked out apart from this code"
+        );
+        battery.set_address(0x0c);
+        let right = crc8(&[0x18, VOLTAGE, 0x19, 0x38, 0x31]);
+        assert_ne!(right, 0xad);
+        assert_eq!(read(&mut battery, VOLTAGE, 3)[2], right);
+    }
+
+    #[test]
+    fn a_code_that_is_wrong_for_one_command_is_right_for_the_others() {
+        let mut battery = SmartBattery::new(Pec::Right);
+        battery.set_pec_of(CURRENT, Pec::Wrong);
+        let codes = |battery: &mut SmartBattery, command| {
+            let read = read(battery, command, 3);
+            (read[2], crc8(&[0x16, command, 0x17, read[0], read[1]]))
+        };
+        let (sent, right) = codes(&mut battery, CURRENT);
+        assert_eq!(sent, !right);
+        let (sent, right) = codes(&mut battery, VOLTAGE);
+        assert_eq!(sent, right);
     }
 
     #[test]
