@@ -32,7 +32,12 @@ pub struct Ina226 {
 
 impl Ina226 {
     pub fn new(shunt_ohm: f64) -> RegisterMap<Self> {
-        RegisterMap::of(Self::after_reset(shunt_ohm, Load::default()))
+        RegisterMap::of(Self::unmapped(shunt_ohm))
+    }
+
+    /// Its registers alone, for parts that have them too.
+    pub(super) fn unmapped(shunt_ohm: f64) -> Self {
+        Self::after_reset(shunt_ohm, Load::default())
     }
 
     fn after_reset(shunt_ohm: f64, load: Load) -> Self {

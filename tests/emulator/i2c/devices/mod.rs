@@ -1,22 +1,30 @@
-//! Devices to put on a bus: power monitors and a smart battery.
+//! Devices to put on a bus: power monitors, a converter and a smart battery.
 //!
 //! Each is what its datasheet says of the registers a driver uses. They measure at once what a test
 //! sets: conversion times, averaging, shut-down modes and alert pins are left out. A test that wants
 //! to go on setting values attaches an `Rc<RefCell<_>>`.
 
+mod ad7091r5;
 mod garbled;
 mod ina226;
 mod ina228;
+mod ina231;
+mod ina238;
 mod ina260;
 mod ina3221;
+mod ltc2946;
 mod register_map;
 mod smart_battery;
 
+pub use ad7091r5::{Ad7091r5, Reference};
 pub use garbled::{Garbled, Reads};
 pub use ina226::Ina226;
 pub use ina228::Ina228;
+pub use ina231::Ina231;
+pub use ina238::Ina238;
 pub use ina260::Ina260;
 pub use ina3221::Ina3221;
+pub use ltc2946::Ltc2946;
 #[cfg(test)]
 pub use register_map::driver;
 pub use register_map::{RegisterMap, Registers};
