@@ -13,6 +13,7 @@ pub const PSM_WDSEL: u32 = 0x4001_0008;
 pub const EVERYTHING_BUT_OSCILLATORS: u32 = 0x1_fffc;
 pub const IO_BANK0: u32 = 0x4001_4000;
 pub const PADS_BANK0: u32 = 0x4001_c000;
+pub const FUNCTION_SPI: u32 = 1;
 pub const FUNCTION_UART: u32 = 2;
 pub const FUNCTION_PWM: u32 = 4;
 pub const FUNCTION_SIO: u32 = 5;
@@ -31,6 +32,7 @@ pub const HAD_RUN: u32 = 1 << 16;
 pub const AIRCR: u32 = 0xe000_ed0c;
 pub const I2C1: u32 = 0x4004_8000;
 pub const SPI0: u32 = 0x4003_c000;
+pub const SPI1: u32 = 0x4004_0000;
 
 pub fn start_watchdog(board: &mut Board, micros: u32) {
     board.write_register(PSM_WDSEL, EVERYTHING_BUT_OSCILLATORS);

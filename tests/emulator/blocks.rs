@@ -7,7 +7,7 @@ use super::memory_map::{
     Block, IO_BANK0_BASE, IO_BANK0_RESET, Model, PADS_BANK0_BASE, RESETS_BASE, block_at,
 };
 use super::peripheral::Peripheral;
-use super::pins::{PinSettings, i2c_connection, uart_connection};
+use super::pins::{PinSettings, i2c_connection, spi_connection, uart_connection};
 use super::register::{RegisterWrite, bit};
 use super::soc::Id;
 
@@ -141,6 +141,8 @@ impl SystemBus {
         for (i2c, pins) in self.soc.i2cs.iter_mut().zip(self.i2c_pins) {
             i2c.connect(i2c_connection(&self.chip, pins), self.now);
         }
+        let connection = spi_connection(&self.chip, self.spi1_pins);
+        self.soc.spi1.set_pins(connection, self.now);
     }
 }
 

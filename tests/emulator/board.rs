@@ -17,12 +17,13 @@ use super::interrupts::InterruptLines;
 use super::log::{LogDecoder, LogLine};
 use super::memory::Memory;
 use super::peripheral::Peripheral;
-use super::pins::{I2cPins, PinDrive, UartPins, driven_level, pin_drive};
+use super::pins::{I2cPins, PinDrive, SpiPins, UartPins, driven_level, pin_drive};
 use super::pwm::PwmOutput;
 use super::random::Random;
 use super::register::bit;
 use super::reset::ResetRecord;
 use super::rtt::RttWatch;
+use super::spi::Spi;
 use super::uart::{BitTime, Uart};
 
 /// The emulated board.
@@ -130,6 +131,21 @@ impl Board {
     pub fn wire_i2c(&mut self, number: usize, pins: I2cPins) {
         pins.check(number);
         self.bus.i2c_pins[number] = pins;
+        self.bus.connect_pins();
+        self.bus.attention = true;
+    }
+
+    /// The bus at SPI1: its devices, what went over it.
+    pub fn spi1(&mut self) -> &mut Spi {
+        self.bus.attention = true;
+        self.bus.soc.spi1.advance(self.bus.now);
+        &mut self.bus.soc.spi1
+    }
+
+    /// Solder the wires of SPI1 to other pins (SCK, TX and RX are GP10, GP11 and GP12 at first).
+    pub fn wire_spi1(&mut self, pins: SpiPins) {
+        pins.check();
+        self.bus.spi1_pins = pins;
         self.bus.connect_pins();
         self.bus.attention = true;
     }

@@ -11,7 +11,7 @@ use super::dma::{Transfer, TransferEnd};
 use super::flash::Job;
 use super::memory::{Memory, RAM_BASE, is_cached_flash, is_flash};
 use super::pin_record::PinRecorder;
-use super::pins::{I2cPins, PinSettings, UartPins};
+use super::pins::{I2cPins, PinSettings, SpiPins, UartPins};
 use super::rtt::RttWatch;
 use super::soc::Soc;
 use super::system_control::SystemControl;
@@ -39,6 +39,7 @@ pub struct SystemBus {
     pub system_control: SystemControl,
     pub uart_pins: [UartPins; 2],
     pub i2c_pins: [I2cPins; 2],
+    pub spi1_pins: SpiPins,
     pub(super) pin_settings: PinSettings,
     pub(super) pin_recorder: PinRecorder,
     /// Something may have changed that the scheduler has to look at before the next instruction.
@@ -72,6 +73,7 @@ impl SystemBus {
             system_control: SystemControl::default(),
             uart_pins: UartPins::DEFAULTS,
             i2c_pins: I2cPins::DEFAULTS,
+            spi1_pins: SpiPins::DEFAULT,
             pin_settings: PinSettings::default(),
             pin_recorder: PinRecorder::default(),
             attention: true,

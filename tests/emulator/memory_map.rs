@@ -56,7 +56,7 @@ pub static BLOCKS: [Block; 37] = [
     block("UART0", 0x4003_4000, Model::Own(Id::Uart0), Some(22)),
     block("UART1", 0x4003_8000, Model::Own(Id::Uart1), Some(23)),
     block("SPI0", 0x4003_c000, Model::None, Some(16)),
-    block("SPI1", 0x4004_0000, Model::None, Some(17)),
+    block("SPI1", 0x4004_0000, Model::Own(Id::Spi1), Some(17)),
     block("I2C0", 0x4004_4000, Model::Own(Id::I2c0), Some(3)),
     block("I2C1", 0x4004_8000, Model::Own(Id::I2c1), Some(4)),
     block("ADC", 0x4004_c000, Model::Own(Id::Adc), Some(0)),

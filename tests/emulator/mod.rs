@@ -17,9 +17,10 @@
 //! The emulator knows nothing of the firmware's source: it sees pins, registers, wires, and the
 //! symbols of the ELF. Processor core, NVIC, clocks, PLLs, RESETS, SIO, IO_BANK0 and PADS_BANK0
 //! come from the crate `rp2040-emu`; memory, bus, boot ROM, flash, TIMER, WATCHDOG, PSM, VREG and
-//! CHIP_RESET, both UARTs, both I2C blocks as masters, the ADC, the PWM, the DMA and everything about time and sleep are in this
-//! folder, one file each, with tests against the figures of the RP2040 datasheet. Section numbers are those
-//! of its builds in which the watchdog is 4.7 and the ADC 4.9.
+//! CHIP_RESET, both UARTs, both I2C blocks and SPI1 as masters, GPIO inputs and their interrupts, the
+//! ADC, the PWM, the DMA and everything about time and sleep are in this folder, one file each, with
+//! tests against the figures of the RP2040 datasheet. Section numbers are those of its builds in which
+//! the watchdog is 4.7 and the ADC 4.9.
 //!
 //! The flash chip is a W25Q16JV, erased and programmed through the boot ROM functions with the time
 //! that takes ([`FlashTiming`]), during which the processor waits and everything else goes on. Its
@@ -37,7 +38,7 @@
 //!   taken branches and SIO loads differ from silicon by a cycle. Milliseconds and instruction
 //!   counts are sound, cycle figures are not.
 //! * `clk_sys` is 125 MHz from the first instruction, `clk_peri` the same, `clk_adc` 48 MHz.
-//! * Core 1, PIO, USB, SPI, RTC, SysTick and MPU: their registers read back what was
+//! * Core 1, PIO, USB, SPI0, RTC, SysTick and MPU: their registers read back what was
 //!   written or zero, and every access is recorded in [`Board::unmodelled`].
 //! * The NMI never comes. A pin's function, the direction of SIO and the pad's output disable decide
 //!   what drives it; the overrides of IO_BANK0 do nothing. UART, SPI and PWM do not reach the inputs
@@ -105,6 +106,7 @@ mod run;
 #[cfg(test)]
 mod run_tests;
 mod soc;
+mod spi;
 mod ssi;
 mod system_control;
 #[cfg(test)]
@@ -124,8 +126,9 @@ pub use gpio::PinWire;
 pub use i2c::{Ack, I2c, I2cDevice, I2cDirection, I2cTransaction, devices as i2c_devices};
 pub use log::{LogLevel, LogLine};
 pub use pin_record::{Edge, PwmChange};
-pub use pins::{I2cPins, UartPins};
+pub use pins::{I2cPins, SpiPins, UartPins};
 pub use pwm::PwmOutput;
 pub use random::Random;
 pub use reset::{ResetCause, ResetRecord};
+pub use spi::{Spi, SpiClock, SpiDevice, SpiMode, SpiTransaction, devices as spi_devices};
 pub use uart::SentByte;

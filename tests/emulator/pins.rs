@@ -9,9 +9,11 @@ use super::i2c::Levels;
 use super::peripheral::Peripheral;
 use super::pwm::{Pwm, PwmOutput};
 use super::register::bit;
+use super::spi::SpiConnection;
 use super::uart::PinConnection;
 
 /// GPIO_CTRL.FUNCSEL values (datasheet 2.19.2).
+const FUNCTION_SPI: u32 = 1;
 const FUNCTION_UART: u32 = 2;
 const FUNCTION_I2C: u32 = 3;
 const FUNCTION_PWM: u32 = 4;
@@ -95,6 +97,48 @@ pub fn i2c_connection(chip: &CrateBus, pins: I2cPins) -> bool {
     })
 }
 
+/// The three pins a test's SPI1 wires are soldered to, as the chip names them. Select pins are SIO's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SpiPins {
+    pub sck: usize,
+    pub tx: usize,
+    pub rx: usize,
+}
+
+impl SpiPins {
+    pub const DEFAULT: Self = Self {
+        sck: 10,
+        tx: 11,
+        rx: 12,
+    };
+
+    /// Function 1 gives eight pins each to SPI0 and SPI1 by turns: in fours of RX, select, SCK, TX.
+    pub fn check(self) {
+        for (name, pin, role) in [
+            ("an RX", self.rx, 0),
+            ("an SCK", self.sck, 2),
+            ("a TX", self.tx, 3),
+        ] {
+            assert!(
+                pin < PINS && pin / 8 % 2 == 1 && pin % 4 == role,
+                "GPIO{pin} is not {name} pin of SPI1"
+            );
+        }
+    }
+}
+
+/// Which ends of the wires lead to the SPI block.
+pub fn spi_connection(chip: &CrateBus, pins: SpiPins) -> SpiConnection {
+    let is_spi = |pin: usize| chip.io_bank0.funcsel(pin) == FUNCTION_SPI;
+    let pad = |pin: usize, number| bit(chip.pads_bank0.pads[pin], number);
+    let leaves = |pin| is_spi(pin) && !pad(pin, PAD_OUTPUT_DISABLE);
+    SpiConnection {
+        sck: leaves(pins.sck),
+        tx: leaves(pins.tx),
+        rx: is_spi(pins.rx) && pad(pins.rx, PAD_INPUT_ENABLE),
+    }
+}
+
 /// How the pin multiplexers and the pads are set: sets of pins, one bit each.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PinSettings {
@@ -162,7 +206,7 @@ impl SystemBus {
         }
     }
 
-    /// To be called whenever a pin may have changed: the inputs follow.
+    /// To be called whenever a pin may have changed: the inputs and the select lines follow.
     pub(super) fn observe_inputs(&mut self) {
         let driven = self.chip.sio.gpio_oe_masked() & self.pin_settings.sio_outputs;
         let pads = PadState {
@@ -171,6 +215,9 @@ impl SystemBus {
             pulled_up: self.pin_settings.pulled_up,
             input_enabled: self.pin_settings.input_enabled,
         };
+        self.soc
+            .spi1
+            .observe_selects(driven & !pads.driven_high, self.now);
         let bus = self.i2c_lines();
         self.soc.gpio.set_pads(pads, bus);
     }

@@ -11,6 +11,7 @@ use super::peripheral::Peripheral;
 use super::power_state::PowerState;
 use super::pwm::Pwm;
 use super::register::{RegisterWrite, bit};
+use super::spi::{Spi, SpiPlace};
 use super::ssi::Ssi;
 use super::timer::Timer;
 use super::uart::{Uart, UartPlace};
@@ -26,6 +27,7 @@ pub enum Id {
     Uart1,
     I2c0,
     I2c1,
+    Spi1,
     Adc,
     Pwm,
     Timer,
@@ -61,12 +63,18 @@ const I2C_PLACES: [I2cPlace; 2] = [
         dma_request_rx: 35,
     },
 ];
+const SPI1_PLACE: SpiPlace = SpiPlace {
+    interrupt_line: 19,
+    dma_request_tx: 18,
+    dma_request_rx: 19,
+};
 
 pub struct Soc {
     pub power_state: PowerState,
     pub gpio: Gpio,
     pub uarts: [Uart; 2],
     pub i2cs: [I2c; 2],
+    pub spi1: Spi,
     pub adc: Adc,
     pub pwm: Pwm,
     pub timer: Timer,
@@ -84,6 +92,7 @@ impl Soc {
             gpio: Gpio::default(),
             uarts: UART_PLACES.map(Uart::new),
             i2cs: I2C_PLACES.map(I2c::new),
+            spi1: Spi::new(SPI1_PLACE),
             adc: Adc::new(noise_seed),
             pwm: Pwm::new(),
             timer: Timer::default(),
@@ -95,7 +104,7 @@ impl Soc {
         }
     }
 
-    fn all(&self) -> [&dyn Peripheral; 14] {
+    fn all(&self) -> [&dyn Peripheral; 15] {
         let [uart0, uart1] = &self.uarts;
         let [i2c0, i2c1] = &self.i2cs;
         [
@@ -105,6 +114,7 @@ impl Soc {
             uart1,
             i2c0,
             i2c1,
+            &self.spi1,
             &self.adc,
             &self.pwm,
             &self.timer,
@@ -116,7 +126,7 @@ impl Soc {
         ]
     }
 
-    fn all_mut(&mut self) -> [&mut dyn Peripheral; 14] {
+    fn all_mut(&mut self) -> [&mut dyn Peripheral; 15] {
         let [uart0, uart1] = &mut self.uarts;
         let [i2c0, i2c1] = &mut self.i2cs;
         [
@@ -126,6 +136,7 @@ impl Soc {
             uart1,
             i2c0,
             i2c1,
+            &mut self.spi1,
             &mut self.adc,
             &mut self.pwm,
             &mut self.timer,
@@ -145,6 +156,7 @@ impl Soc {
             Id::Uart1 => &mut self.uarts[1],
             Id::I2c0 => &mut self.i2cs[0],
             Id::I2c1 => &mut self.i2cs[1],
+            Id::Spi1 => &mut self.spi1,
             Id::Adc => &mut self.adc,
             Id::Pwm => &mut self.pwm,
             Id::Timer => &mut self.timer,

@@ -1,0 +1,180 @@
+//! INA239: an INA238 behind SPI (SLYS027). A frame is a command, register number and direction, and the
+//! bytes of the register after it, the highest first.
+
+use std::ops::{Deref, DerefMut};
+
+use super::super::super::i2c::devices::{Ina238, Registers};
+use super::super::device::{SpiClock, SpiDevice, SpiMode};
+
+/// Its revision is not confirmed.
+const DEVICE_ID: u16 = 0x2391;
+const MAX_HZ: u64 = 10_000_000;
+const READ: u8 = 1;
+const ALWAYS_ZERO: u8 = 1 << 1;
+
+pub struct Ina239 {
+    registers: Ina238,
+    /// Bytes since it was selected.
+    received: Vec<u8>,
+    /// What the register held when the command was over: bytes to be sent, the last first.
+    answer: Vec<u8>,
+}
+
+impl Ina239 {
+    pub fn new(shunt_ohm: f64) -> Self {
+        Self {
+            registers: Ina238::identified(DEVICE_ID, shunt_ohm),
+            received: Vec::new(),
+            answer: Vec::new(),
+        }
+    }
+
+    /// The supply of the device is gone and back. What it is connected to stays.
+    pub fn power_cycle(&mut self) {
+        self.registers.reset();
+        self.deselect();
+    }
+
+    /// A write is answered with what the register held before.
+    fn prepare(&mut self, command: u8) {
+        let register = command >> 2;
+        let value = self.registers.read(register).to_le_bytes();
+        self.answer = value[..self.registers.size(register)].to_vec();
+    }
+
+    fn obey(&mut self) {
+        match self.received[..] {
+            [command] => self.prepare(command),
+            [command, high, low] if command & (READ | ALWAYS_ZERO) == 0 => {
+                self.registers
+                    .write(command >> 2, u16::from_be_bytes([high, low]));
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Deref for Ina239 {
+    type Target = Ina238;
+
+    fn deref(&self) -> &Ina238 {
+        &self.registers
+    }
+}
+
+impl DerefMut for Ina239 {
+    fn deref_mut(&mut self) -> &mut Ina238 {
+        &mut self.registers
+    }
+}
+
+impl SpiDevice for Ina239 {
+    fn select(&mut self) {
+        self.deselect();
+    }
+
+    fn deselect(&mut self) {
+        self.received.clear();
+        self.answer.clear();
+    }
+
+    /// With a clock it does not understand it neither takes nor sends anything; silicon shifts bits by
+    /// one instead.
+    fn exchange(&mut self, byte: u8, clock: SpiClock) -> Option<u8> {
+        if clock.mode != SpiMode::Mode1 || clock.hz > MAX_HZ {
+            return None;
+        }
+        let sent = self.answer.pop().unwrap_or(0);
+        self.received.push(byte);
+        self.obey();
+        Some(sent)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CLOCK: SpiClock = SpiClock {
+        mode: SpiMode::Mode1,
+        hz: 1_000_000,
+    };
+
+    fn frame_at(device: &mut Ina239, bytes: &[u8], clock: SpiClock) -> Vec<Option<u8>> {
+        device.select();
+        let answer = bytes.iter().map(|&byte| device.exchange(byte, clock)).collect();
+        device.deselect();
+        answer
+    }
+
+    fn frame(device: &mut Ina239, bytes: &[u8]) -> Vec<u8> {
+        let answer = frame_at(device, bytes, CLOCK);
+        answer.into_iter().map(|byte| byte.expect("driven")).collect()
+    }
+
+    fn example() -> Ina239 {
+        let mut device = Ina239::new(0.0162);
+        device.set(48.0, 6.0, 25.0);
+        device
+    }
+
+    #[test]
+    fn registers_follow_their_command_with_the_highest_byte_first() {
+        let mut device = example();
+        assert_eq!(frame(&mut device, &[0xf9, 0, 0]), [0, 0x54, 0x49]);
+        assert_eq!(frame(&mut device, &[0xfd, 0, 0]), [0, 0x23, 0x91]);
+        assert_eq!(frame(&mut device, &[0x05, 0, 0]), [0, 0xfb, 0x68], "ADC_CONFIG");
+        assert_eq!(frame(&mut device, &[0x15, 0, 0]), [0, 0x3c, 0x00], "VBUS 15360");
+        frame(&mut device, &[0x08, 0x0f, 0xd2]);
+        assert_eq!(
+            frame(&mut device, &[0x1d, 0, 0]),
+            [0, 0x4c, 0xcd],
+            "CURRENT 19661"
+        );
+        assert_eq!(
+            frame(&mut device, &[0x21, 0, 0, 0]),
+            [0, 0x48, 0x00, 0x30],
+            "POWER 4718640"
+        );
+    }
+
+    #[test]
+    fn a_write_takes_sixteen_bits_and_answers_what_was_there() {
+        let mut device = example();
+        assert_eq!(frame(&mut device, &[0x08, 0x01, 0xc2]), [0, 0x10, 0x00]);
+        assert_eq!(device.shunt_calibration(), 450);
+        frame(&mut device, &[0x08, 0x02]);
+        frame(&mut device, &[0x0a, 0x02, 0x00]);
+        frame(&mut device, &[0x09, 0x02, 0x00]);
+        assert_eq!(device.shunt_calibration(), 450, "half, ill-formed, a read");
+        frame(&mut device, &[0x00, 0x80, 0x00]);
+        assert_eq!(device.shunt_calibration(), 0x1000, "reset");
+    }
+
+    #[test]
+    fn it_understands_mode_1_up_to_10_mhz_only() {
+        for (mode, hz, answers) in [
+            (SpiMode::Mode0, 1_000_000, false),
+            (SpiMode::Mode1, 10_000_000, true),
+            (SpiMode::Mode1, 10_000_001, false),
+            (SpiMode::Mode2, 1_000_000, false),
+            (SpiMode::Mode3, 1_000_000, false),
+        ] {
+            let mut device = example();
+            let clock = SpiClock { mode, hz };
+            let read = frame_at(&mut device, &[0xf9, 0, 0], clock);
+            assert_eq!(read[1] == Some(0x54), answers, "{clock:?}");
+            frame_at(&mut device, &[0x08, 0x01, 0xc2], clock);
+            assert_eq!(device.shunt_calibration() == 450, answers, "{clock:?}");
+        }
+    }
+
+    #[test]
+    fn a_power_cycle_forgets_what_was_written_not_what_is_measured() {
+        let mut device = example();
+        frame(&mut device, &[0x08, 0x01, 0xc2]);
+        device.power_cycle();
+        assert_eq!(device.shunt_calibration(), 0x1000);
+        assert_eq!(frame(&mut device, &[0x15, 0, 0]), [0, 0x3c, 0x00]);
+    }
+}
