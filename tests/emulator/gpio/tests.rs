@@ -49,6 +49,34 @@ fn levels_are_what_they_are_and_edges_stay_until_they_are_cleared() {
 }
 
 #[test]
+fn what_happens_at_another_pin_is_no_edge() {
+    let mut gpio = inputs();
+    gpio.connect(9, PinWire::High);
+    write(&mut gpio, INTR0 + 4, u32::MAX);
+    gpio.connect(10, PinWire::High);
+    assert_eq!(events(&mut gpio, 9), LEVEL_HIGH);
+    assert_eq!(events(&mut gpio, 8), LEVEL_LOW);
+}
+
+#[test]
+fn an_output_wins_against_a_wire() {
+    for (driven_high, level) in [(0, 0), (1 << 2, 1 << 2)] {
+        let mut gpio = Gpio::default();
+        let pads = PadState {
+            driven: 1 << 2,
+            driven_high,
+            input_enabled: ALL_PINS,
+            ..PadState::default()
+        };
+        gpio.set_pads(pads, BusLevels::default());
+        for wire in [PinWire::Low, PinWire::High, PinWire::Open] {
+            gpio.connect(2, wire);
+            assert_eq!(gpio.levels(), level, "{wire:?}");
+        }
+    }
+}
+
+#[test]
 fn an_enabled_event_raises_line_13_until_it_is_cleared_or_disabled() {
     let mut gpio = inputs();
     gpio.connect(29, PinWire::High);
