@@ -2,8 +2,10 @@
 
 mod faults;
 mod messages;
+mod more_parts;
 mod nine;
 mod values;
+mod variants;
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -19,7 +21,7 @@ pub const DIVIDER_CODE: u16 = 2482;
 pub const BUS: usize = 1;
 
 /// A device that a test keeps a hand on.
-pub fn shared<D: I2cDevice>(device: D) -> Rc<RefCell<D>> {
+pub fn shared<D>(device: D) -> Rc<RefCell<D>> {
     Rc::new(RefCell::new(device))
 }
 

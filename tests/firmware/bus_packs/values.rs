@@ -10,7 +10,7 @@ const INA2XX: f32 = 21.0;
 const INA3221: f32 = 30.0;
 
 /// A step of 1.25 mV may round to either side.
-fn assert_measures(status: &BatteryStatus<'_>, volts: f64, step_v: f64, amperes: f64, step_a: f64) {
+pub fn assert_measures(status: &BatteryStatus<'_>, volts: f64, step_v: f64, amperes: f64, step_a: f64) {
     let off_v = (f64::from(status.voltage_mv(0)) / 1000.0 - volts).abs();
     assert!(off_v <= step_v.max(0.0005), "{} mV", status.voltage_mv(0));
     let off_a = (f64::from(status.current_ca()) / 100.0 - amperes).abs();

@@ -181,6 +181,8 @@ impl Part for SmartBattery {
     }
 
     async fn read(&mut self, bus: &mut impl SensorBus, _: &Wiring) -> Result<Measurement, ReadError> {
+        // First, and so long after the voltages: SUI's batteries are known to stall otherwise.
+        let current_a = self.current_a(bus).await?;
         let [voltage, remaining, slow] = self
             .commands(bus)
             .words([VOLTAGE, REMAINING_CAPACITY, self.slow_command])
@@ -199,7 +201,7 @@ impl Part for SmartBattery {
         };
         Ok(Measurement {
             voltage_v: Some(voltage_v),
-            current_a: self.current_a(bus).await?,
+            current_a,
             gauge: remaining.zip(self.full_mah).map(|(remaining, full_mah)| Gauge {
                 remaining_mah: f32::from(remaining) * self.scale.capacity,
                 full_mah,
