@@ -4,9 +4,23 @@ use core::fmt;
 
 use super::{CellVoltages, PackDetails};
 
+/// What a pack holds. As in ArduPilot a tank is a pack, too.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Contents {
+    /// Electric charge.
+    #[default]
+    Charge,
+    /// Liquid fuel. Milliampere-hours are millilitres then, and amperes are litres per hour; there is neither a voltage nor
+    /// an energy.
+    Fuel,
+}
+
 /// One reading of a pack by its sensor. `None` is what the sensor does not measure.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
+    /// What the pack holds.
+    pub contents: Contents,
     /// Voltage between the pack's terminals, in volts.
     pub voltage_v: Option<f32>,
     /// Current drawn from the pack, in amperes; negative while charging.
@@ -84,6 +98,8 @@ pub enum ReadError {
     Conversion,
     /// The parameters name no pin.
     NoPin,
+    /// The parameters tell no capacity, and without it what is measured means nothing.
+    NoCapacity,
     /// None of the packs it is the sum of is healthy.
     NoMember,
     /// The reading is not a number a pack can have.
@@ -108,6 +124,7 @@ impl fmt::Display for ReadError {
             Self::Timeout => "no reading in time",
             Self::Conversion => "conversion failed",
             Self::NoPin => "no pin set",
+            Self::NoCapacity => "no capacity set",
             Self::NoMember => "no healthy pack to sum",
             Self::Implausible => "impossible value",
             Self::NoAnswer => "no answer",

@@ -38,7 +38,7 @@ pub use details::{Date, Name, PackDetails};
 pub use event::PackEvent;
 pub use failsafe::{ArmState, FailsafeLevel};
 pub use faults::Faults;
-pub use measurement::{Consumed, Counted, Gauge, Measurement, ReadError, Supply};
+pub use measurement::{Consumed, Contents, Counted, Gauge, Measurement, ReadError, Supply};
 pub use monitor::{
     BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MAX_EVENTS, MIN_CONNECTED_VOLTAGE_V, PackEvents, Tick,
 };

@@ -11,8 +11,8 @@ use super::health::HealthNews;
 use super::settings::PackSettings;
 use super::swap::SwapDetector;
 use super::{
-    BatteryState, ChargeSource, Consumed, Counted, Faults, Gauge, Measurement, PackEvent, PackMemory,
-    PackStatus, ReadError, Supply,
+    BatteryState, ChargeSource, Consumed, Contents, Counted, Faults, Gauge, Measurement, PackEvent,
+    PackMemory, PackStatus, ReadError, Supply,
 };
 
 /// Below this voltage no pack is connected, in volts: the divider then sees what leaks in while the board runs from USB.
@@ -157,6 +157,7 @@ impl BatteryMonitor {
             push(events, PackEvent::SwitchingOff);
         }
         self.supply = measurement.supply;
+        self.state.contents = measurement.contents;
         self.state.details = measurement.details;
         self.state.cells = measurement.cells;
         self.gauge = measurement.gauge;
@@ -280,9 +281,10 @@ impl BatteryMonitor {
             voltage_v, current_a, ..
         } = *measurement;
         let is_counted = current_a.is_some() || measurement.counted.is_some() || measurement.gauge.is_some();
-        let share = match measurement.gauge {
-            Some(gauge) => Some(gauge.share()),
-            None => self.estimator.state_of_charge(),
+        let share = match (measurement.gauge, measurement.contents) {
+            (Some(gauge), _) => Some(gauge.share()),
+            (None, Contents::Charge) => self.estimator.state_of_charge(),
+            (None, Contents::Fuel) => self.fuel_share(settings),
         };
         let state = &mut self.state;
         state.voltage_v = voltage_v;
@@ -293,7 +295,8 @@ impl BatteryMonitor {
         state.average_current_a = current_a.and(self.estimator.average_current_a());
         state.resistance_ohm = self.estimator.resistance_ohm();
         state.consumed_mah = is_counted.then(|| self.consumption.charge_mah());
-        state.consumed_wh = (is_counted && voltage_v.is_some()).then(|| self.consumption.energy_wh());
+        state.consumed_wh = (is_counted && voltage_v.is_some() && measurement.contents == Contents::Charge)
+            .then(|| self.consumption.energy_wh());
         state.remaining_pct = share.map(|share| share * 100.0);
         state.time_remaining_s = current_a
             .and(share)
@@ -303,6 +306,12 @@ impl BatteryMonitor {
             None => ChargeSource::Estimated,
         };
         state.cell_count = self.estimator.cell_count(settings);
+    }
+
+    /// How full a tank is whose flow is counted: it was full at the start, or what the last battery reset has told.
+    fn fuel_share(&self, settings: &PackSettings) -> Option<f32> {
+        let capacity_ml = settings.capacity_mah?;
+        Some((1.0 - self.consumption.charge_mah() / capacity_ml).clamp(0.0, 1.0))
     }
 
     fn reject(&mut self) {

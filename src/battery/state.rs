@@ -1,6 +1,6 @@
 //! What is known of a pack.
 
-use super::{CellVoltages, Chemistry, FailsafeLevel, Faults, PackDetails};
+use super::{CellVoltages, Chemistry, Contents, FailsafeLevel, Faults, PackDetails};
 
 /// Whether a pack is there and its sensor can be trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -80,6 +80,8 @@ pub enum Visibility {
 pub struct BatteryState {
     /// Whether the pack is there and its sensor can be trusted.
     pub status: PackStatus,
+    /// What the pack holds. Charge and current of one that holds fuel are in millilitres and litres per hour.
+    pub contents: Contents,
     /// Voltage between the pack's terminals, in volts.
     pub voltage_v: Option<f32>,
     /// Voltage the pack would have without a load, in volts.

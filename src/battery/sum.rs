@@ -1,6 +1,6 @@
 //! Several packs as one.
 
-use super::{BatteryState, Consumed, Counted, Measurement, PackStatus, ReadError};
+use super::{BatteryState, Consumed, Contents, Counted, Measurement, PackStatus, ReadError};
 use crate::parameter::{BatteryParameter, Pack, Parameters};
 
 /// How the voltages of the packs are put together.
@@ -28,7 +28,8 @@ impl SumVoltage {
 }
 
 /// What packs that are used together amount to: the voltage of those that are healthy, the sum of the currents and of
-/// what was drawn, and the mean temperature. A current is summed only if it is known of each healthy pack.
+/// what was drawn, and the mean temperature. A current is summed only if it is known of each healthy pack. Fuel does not
+/// add up with charge, and is left out.
 ///
 /// # Errors
 /// None of them is healthy.
@@ -36,6 +37,7 @@ pub fn sum<'a>(
     packs: impl Iterator<Item = &'a BatteryState> + Clone,
     voltage: SumVoltage,
 ) -> Result<Measurement, ReadError> {
+    let packs = packs.filter(|pack| pack.contents == Contents::Charge);
     let healthy = packs.clone().filter(|pack| pack.status == PackStatus::Healthy);
     if healthy.clone().next().is_none() {
         return Err(ReadError::NoMember);
@@ -101,6 +103,20 @@ mod tests {
         assert_eq!(measurement.counted, drawn(200.0, 2.0));
         let lowest = sum(packs.iter(), SumVoltage::Lowest).unwrap();
         assert_eq!(lowest.voltage_v, Some(11.0));
+    }
+
+    #[test]
+    fn fuel_is_left_out() {
+        let tank = BatteryState {
+            contents: Contents::Fuel,
+            ..pack(3.0, Some(9.0))
+        };
+        let packs = [pack(12.0, Some(2.0)), tank];
+        let measurement = sum(packs.iter(), SumVoltage::Mean).unwrap();
+        assert_eq!(measurement.voltage_v, Some(12.0));
+        assert_eq!(measurement.current_a, Some(2.0));
+        assert_eq!(measurement.counted, drawn(100.0, 1.0));
+        assert_eq!(sum([tank].iter(), SumVoltage::Mean), Err(ReadError::NoMember));
     }
 
     #[test]

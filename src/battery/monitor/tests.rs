@@ -2,8 +2,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    CellVoltages, ChargeState, Chemistry, FailsafeLevel, FailsafeSettings, Faults, PackDetails, Thresholds,
-    VoltageSource,
+    CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel, FailsafeSettings, Faults, PackDetails,
+    Thresholds, VoltageSource,
 };
 
 /// A monitor, its settings and its clock.
@@ -547,6 +547,69 @@ fn a_sensor_that_fails_is_told_once_and_so_is_its_return() {
     assert_eq!(bench.events[1..], [PackEvent::SensorBack]);
 }
 
+/// A tank whose flow is counted: millilitres since the reading before, and litres per hour.
+fn burnt(volume_ml: f32, flow_l_h: f32) -> Measurement {
+    Measurement {
+        contents: Contents::Fuel,
+        current_a: Some(flow_l_h),
+        counted: Some(Counted::SinceLast(Consumed {
+            charge_mah: volume_ml,
+            energy_wh: 0.0,
+        })),
+        ..Measurement::default()
+    }
+}
+
+#[test]
+fn a_tank_whose_flow_is_counted_was_full_at_the_start() {
+    let mut bench = Bench::new();
+    bench.tick(Ok(burnt(0.0, 0.0)));
+    assert_eq!(bench.state().remaining_pct, Some(100.0));
+    // A litre an hour is 27.8 µl in a tick: 550 of 2200 ml take 1980 s.
+    let state = bench.run(1980.0, burnt(1.0 / 36.0, 1.0));
+    assert!((state.consumed_mah.unwrap() - 550.0).abs() < 0.1);
+    assert!((state.remaining_pct.unwrap() - 75.0).abs() < 0.01);
+    assert!((state.time_remaining_s.unwrap() - 1.65 * 3600.0).abs() < 1.0);
+    assert_eq!((state.voltage_v, state.consumed_wh), (None, None));
+    assert_eq!(
+        (state.contents, state.status),
+        (Contents::Fuel, PackStatus::Healthy)
+    );
+}
+
+#[test]
+fn more_than_the_tank_held_leaves_it_empty_and_without_a_capacity_nobody_knows() {
+    let mut bench = Bench::new();
+    bench.tick(Ok(burnt(2500.0, 1.0)));
+    assert_eq!(bench.state().remaining_pct, Some(0.0));
+    bench.settings.capacity_mah = None;
+    bench.tick(Ok(burnt(0.0, 1.0)));
+    assert_eq!(bench.state().remaining_pct, None);
+    assert_eq!(bench.state().consumed_mah, Some(2500.0));
+}
+
+#[test]
+fn a_battery_reset_tells_what_a_tank_holds() {
+    let mut bench = Bench::new();
+    bench.tick(Ok(burnt(2000.0, 1.0)));
+    bench.monitor.reset(50.0, &bench.settings);
+    bench.tick(Ok(burnt(110.0, 1.0)));
+    assert!((bench.state().remaining_pct.unwrap() - 45.0).abs() < 0.01);
+    assert!((bench.state().consumed_mah.unwrap() - 1210.0).abs() < 0.01);
+    assert_eq!(bench.state().consumed_wh, None);
+}
+
+#[test]
+fn a_failsafe_of_charge_works_on_a_tank() {
+    let mut bench = Bench::new();
+    bench.settings.failsafe.low.remaining_mah = Some(500.0);
+    bench.arm_state = ArmState::Armed;
+    bench.tick(Ok(burnt(1700.0, 1.0)));
+    assert_eq!(bench.state().failsafe, FailsafeLevel::None);
+    bench.tick(Ok(burnt(1.0, 1.0)));
+    assert_eq!(bench.state().failsafe, FailsafeLevel::Low);
+}
+
 fn any_number() -> impl Strategy<Value = f32> {
     prop_oneof![
         any::<f32>(),
@@ -582,6 +645,7 @@ fn any_reading() -> impl Strategy<Value = Result<Measurement, ReadError>> {
     prop_oneof![
         8 => (numbers, known, cells, gauge, counted).prop_map(|((voltage_v, current_a, temperature_c), known, cells, gauge, counted)| {
             Ok(Measurement {
+                contents: Contents::Charge,
                 voltage_v: known.0.then_some(voltage_v),
                 current_a: known.1.then_some(current_a),
                 temperature_c: known.2.then_some(temperature_c),
@@ -620,6 +684,7 @@ proptest! {
     #[test]
     fn any_series_leaves_every_value_finite_and_in_its_range(
         settings in any_settings(),
+        contents in prop::sample::select(vec![Contents::Charge, Contents::Fuel]),
         steps in prop::collection::vec((any_step_us(), any_reading(), any::<bool>()), 1..300),
         reset in any_number(),
     ) {
@@ -629,7 +694,7 @@ proptest! {
             bench.now_us = bench.now_us.saturating_add(step_us).min(u64::MAX / 2);
             bench.arm_state = if armed { ArmState::Armed } else { ArmState::Disarmed };
             bench.events.clear();
-            bench.tick(reading);
+            bench.tick(reading.map(|measurement| Measurement { contents, ..measurement }));
             if number == 100 {
                 bench.monitor.reset(reset, &bench.settings);
             }
@@ -643,6 +708,7 @@ proptest! {
                 prop_assert!(value.is_finite(), "{state:?}");
             }
             prop_assert!(state.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{state:?}");
+            prop_assert!(state.contents == Contents::Charge || state.consumed_wh.is_none(), "{state:?}");
             prop_assert!(state.resistance_ohm.is_none_or(|ohm| ohm > 0.0), "{state:?}");
             prop_assert!(state.time_remaining_s.is_none_or(|seconds| seconds >= 0.0), "{state:?}");
             prop_assert!(state.voltage_v.is_none_or(|v| v >= MIN_CONNECTED_VOLTAGE_V), "{state:?}");
