@@ -11,8 +11,8 @@ mod firmware {
     use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
         self, AnalogInputs, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog, Buzzer,
-        ExecutorIdleTime, MotorPeripherals, SensorI2c, SensorSpi, SpiPeripherals, UartReceiver, UsbDevice,
-        UsbPort,
+        ExecutorIdleTime, MotorPeripherals, PulseInput, SensorI2c, SensorSpi, SpiPeripherals, UartReceiver,
+        UsbDevice, UsbPort,
     };
     use rover_battmon::liveness::CheckIn;
     use rover_battmon::parameter::{ParameterStorage, Parameters, VehicleParameter, serial_baud};
@@ -32,6 +32,8 @@ mod firmware {
     // Each deadline is several of the task's own intervals.
     static BATTERY: CheckIn = CheckIn::new("battery", 1_000);
     static BUS: CheckIn = CheckIn::new("I2C1", 2_500);
+    static ESC: CheckIn = CheckIn::new("UART1 reader", 2_500);
+    static PULSES: CheckIn = CheckIn::new("pulses", 2_500);
     static DRIVE: CheckIn = CheckIn::new("drive", 500);
     static SCHEDULER: CheckIn = CheckIn::new("telemetry", 2_500);
     static WRITER: CheckIn = CheckIn::new("UART0 writer", 2_500);
@@ -51,6 +53,16 @@ mod firmware {
     #[embassy_executor::task]
     async fn bus(bus: Buses<SensorI2c, SensorSpi>, shared: &'static Shared) -> ! {
         tasks::read_bus(bus, shared, &BUS).await
+    }
+
+    #[embassy_executor::task]
+    async fn esc(wire: Option<UartReceiver>, shared: &'static Shared) -> ! {
+        tasks::read_esc(wire, shared, &ESC).await
+    }
+
+    #[embassy_executor::task]
+    async fn pulses(pin: Option<PulseInput>, shared: &'static Shared) -> ! {
+        tasks::follow_pulses(pin, shared, &PULSES).await
     }
 
     #[embassy_executor::task]
@@ -114,7 +126,7 @@ mod firmware {
     #[embassy_executor::task]
     async fn supervisor(mut watchdog: BoardWatchdog) -> ! {
         let watched = [
-            &BATTERY, &BUS, &DRIVE, &SCHEDULER, &WRITER, &READER, &STORAGE, &STATUS,
+            &BATTERY, &BUS, &ESC, &PULSES, &DRIVE, &SCHEDULER, &WRITER, &READER, &STORAGE, &STATUS,
         ];
         tasks::supervise(&watched, &mut watchdog).await
     }
@@ -141,6 +153,10 @@ mod firmware {
         let mut parameters_at_boot = Parameters::defaults();
         let loaded = tasks::load_parameters(&mut storage, &mut parameters_at_boot).await;
         let bus_clock_hz = sensor::bus_clock_hz(&parameters_at_boot);
+        let (needs_esc, needs_pulses) = (
+            sensor::needs_esc(&parameters_at_boot),
+            sensor::needs_pulses(&parameters_at_boot),
+        );
         let shared = share(&parameters_at_boot);
         tasks::report_load(shared, loaded);
 
@@ -173,6 +189,10 @@ mod firmware {
             }),
         };
 
+        // Their pins stay untouched while no pack needs them.
+        let esc_wire = needs_esc.then(|| board::esc_uart(peripherals.UART1, peripherals.PIN_5));
+        let pulse_pin = needs_pulses.then(|| board::pulse_input(peripherals.PIN_17));
+
         let motors = BoardMotors::new(MotorPeripherals {
             left_front: (peripherals.PWM_SLICE1, peripherals.PIN_18, peripherals.PIN_19),
             left_rear: (peripherals.PWM_SLICE2, peripherals.PIN_20, peripherals.PIN_21),
@@ -191,6 +211,8 @@ mod firmware {
         start(spawner, writer(transmitter, shared, link));
         start(spawner, reader(receiver, shared, link));
         start(spawner, bus(sensor_bus, shared));
+        start(spawner, esc(esc_wire, shared));
+        start(spawner, pulses(pulse_pin, shared));
         start(spawner, usb_device(device));
         start(spawner, usb_link(port, shared));
         start(spawner, parameters(storage, shared));

@@ -9,6 +9,7 @@ mod idle;
 mod indicators;
 mod lamps;
 mod motors;
+mod pulses;
 mod reset;
 mod retained;
 mod spi;
@@ -16,7 +17,7 @@ mod uart;
 mod usb;
 mod watchdog;
 
-use embassy_rp::peripherals::{I2C1, UART0, USB};
+use embassy_rp::peripherals::{I2C1, UART0, UART1, USB};
 use embassy_rp::uart::BufferedInterruptHandler;
 use embassy_rp::{adc as rp_adc, bind_interrupts, i2c as rp_i2c, usb as rp_usb};
 
@@ -27,10 +28,11 @@ pub use i2c::SensorI2c;
 pub use idle::ExecutorIdleTime;
 pub use indicators::{BoardIndicators, indicators};
 pub use motors::{BoardMotors, MotorPeripherals, MotorPins};
+pub use pulses::{PulseInput, pulse_input};
 pub use reset::{ResetReason, reset_reason, restart};
 pub use retained::retained_memory;
 pub use spi::{SensorSpi, SpiPeripherals};
-pub use uart::{UartReceiver, telemetry_uart};
+pub use uart::{UartReceiver, esc_uart, telemetry_uart};
 pub use usb::{UsbDevice, UsbPort, UsbReceiver, UsbTransmitter, usb_port};
 pub use watchdog::BoardWatchdog;
 
@@ -38,5 +40,6 @@ bind_interrupts!(struct Irqs {
     ADC_IRQ_FIFO => rp_adc::InterruptHandler;
     I2C1_IRQ => rp_i2c::InterruptHandler<I2C1>;
     UART0_IRQ => BufferedInterruptHandler<UART0>;
+    UART1_IRQ => BufferedInterruptHandler<UART1>;
     USBCTRL_IRQ => rp_usb::InterruptHandler<USB>;
 });

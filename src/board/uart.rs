@@ -1,7 +1,7 @@
-//! The telemetry port.
+//! The telemetry port, and the one of a motor controller.
 
 use embassy_rp::Peri;
-use embassy_rp::peripherals::{PIN_0, PIN_1, UART0};
+use embassy_rp::peripherals::{PIN_0, PIN_1, PIN_5, UART0, UART1};
 use embassy_rp::uart::{BufferedUart, BufferedUartRx, BufferedUartTx, Config};
 use embedded_io_async::Read;
 use static_cell::ConstStaticCell;
@@ -44,7 +44,24 @@ pub fn telemetry_uart(
     (transmitter, UartReceiver(receiver))
 }
 
-/// The receiving half of the port.
+/// KISS and BLHeli_32 controllers send at this rate.
+const ESC_BAUD: u32 = 115_200;
+
+/// Some twelve frames.
+const ESC_BUFFER_BYTES: usize = 128;
+
+/// UART1 on GP5, which only listens to a motor controller's telemetry; 8N1, interrupt driven.
+///
+/// # Panics
+/// When called twice: the buffer exists once.
+pub fn esc_uart(uart: Peri<'static, UART1>, rx_pin: Peri<'static, PIN_5>) -> UartReceiver {
+    static BUFFER: ConstStaticCell<[u8; ESC_BUFFER_BYTES]> = ConstStaticCell::new([0; ESC_BUFFER_BYTES]);
+    let mut config = Config::default();
+    config.baudrate = ESC_BAUD;
+    UartReceiver(BufferedUartRx::new(uart, Irqs, rx_pin, BUFFER.take(), config))
+}
+
+/// The receiving half of a port.
 pub struct UartReceiver(BufferedUartRx);
 
 impl ByteSource for UartReceiver {

@@ -1,6 +1,7 @@
 //! Packs on analog pins: a divider for the voltage, a sensor for the current.
 
-use super::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogPin, MonitorKind};
+use super::fuel::level_pin;
+use super::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogPin, FuelKind, MonitorKind};
 use crate::battery::{Measurement, ReadError};
 use crate::parameter::{BatteryParameter, Pack, Parameters};
 
@@ -15,6 +16,8 @@ pub struct AnalogWiring {
     pub current_pin: Option<AnalogPin>,
     /// How the pack's current becomes the pin's voltage.
     pub current_sensor: CurrentSensor,
+    /// Pin of a fuel level sensor (`BATT_FL_PIN`).
+    pub level_pin: Option<AnalogPin>,
     /// The voltage at which full throttle draws `BATT_AMP_PERVLT` amperes, in volts (`BATT_MAX_VOLT`).
     pub full_throttle_voltage_v: f32,
 }
@@ -56,7 +59,11 @@ impl AnalogReadings {
         }
     }
 
-    fn pin_voltage_v(&self, pin: Option<AnalogPin>) -> Result<f32, ReadError> {
+    /// The voltage at a pin.
+    ///
+    /// # Errors
+    /// The pin is not set, or could not be read.
+    pub(super) fn pin_voltage_v(&self, pin: Option<AnalogPin>) -> Result<f32, ReadError> {
         let pin = pin.ok_or(ReadError::NoPin)?;
         let count = self
             .counts
@@ -98,6 +105,7 @@ impl AnalogWiring {
                 amperes_per_volt: value(BatteryParameter::AmpPervlt),
                 offset_v: value(BatteryParameter::AmpOffset),
             },
+            level_pin: level_pin(parameters, pack),
             full_throttle_voltage_v: value(BatteryParameter::MaxVolt),
         }
     }
@@ -106,7 +114,9 @@ impl AnalogWiring {
     pub fn pins(&self, kind: MonitorKind) -> impl Iterator<Item = AnalogPin> {
         let voltage_pin = self.voltage_pin.filter(|_| kind.reads_voltage_pin());
         let current_pin = self.current_pin.filter(|_| kind.reads_current_pin());
-        voltage_pin.into_iter().chain(current_pin)
+        let is_level = kind == MonitorKind::Fuel(FuelKind::LevelAnalog);
+        let level_pin = self.level_pin.filter(|_| is_level);
+        voltage_pin.into_iter().chain(current_pin).chain(level_pin)
     }
 
     /// What a monitor of this kind makes of the readings; `throttle` from −1 to 1.
@@ -153,6 +163,7 @@ mod tests {
             (BatteryParameter::CurrPin, 27.0),
             (BatteryParameter::AmpPervlt, 10.0),
             (BatteryParameter::AmpOffset, 0.33),
+            (BatteryParameter::FlPin, 28.0),
         ] {
             parameters.set(parameter.of(Pack::First), value).unwrap();
         }
@@ -250,5 +261,7 @@ mod tests {
         assert_eq!(pins(MonitorKind::AnalogCurrent), [AnalogPin::Gp27]);
         assert_eq!(pins(MonitorKind::SyntheticCurrent), [AnalogPin::Gp26]);
         assert_eq!(pins(MonitorKind::Sum), []);
+        assert_eq!(pins(MonitorKind::Fuel(FuelKind::LevelAnalog)), [AnalogPin::Gp28]);
+        assert_eq!(pins(MonitorKind::Fuel(FuelKind::Flow)), []);
     }
 }

@@ -1,6 +1,6 @@
 //! What measures a pack.
 
-use super::PartKind;
+use super::{FuelKind, PartKind};
 use crate::parameter::{BatteryParameter, Meaning, Pack, Parameters, means};
 
 /// What measures a pack.
@@ -17,6 +17,10 @@ pub enum MonitorKind {
     SyntheticCurrent,
     /// A current sensor on an analog pin.
     AnalogCurrent,
+    /// The telemetry of a motor controller.
+    Esc,
+    /// A sensor of a tank.
+    Fuel(FuelKind),
     /// A part on the I2C bus.
     Bus(PartKind),
 }
@@ -27,14 +31,22 @@ pub const MONITOR_CHOICES: &[(i32, Meaning)] = &monitor_choices();
 const DISABLED: (i32, Meaning) = (0, means("Disabled"));
 
 /// Those that are no parts on the bus.
-const OWN: [(MonitorKind, i32, Meaning); 5] = [
+const OWN: [(MonitorKind, i32, Meaning); 9] = [
     (MonitorKind::AnalogVoltage, 3, means("Analog Voltage Only")),
     (
         MonitorKind::AnalogVoltageAndCurrent,
         4,
         means("Analog Voltage and Current"),
     ),
+    (MonitorKind::Esc, 9, means("ESC")),
     (MonitorKind::Sum, 10, means("Sum Of Selected Monitors")),
+    (MonitorKind::Fuel(FuelKind::Flow), 11, means("FuelFlow")),
+    (MonitorKind::Fuel(FuelKind::LevelPwm), 12, means("FuelLevelPWM")),
+    (
+        MonitorKind::Fuel(FuelKind::LevelAnalog),
+        24,
+        means("FuelLevelAnalog"),
+    ),
     (
         MonitorKind::SyntheticCurrent,
         25,
@@ -78,14 +90,36 @@ impl MonitorKind {
     pub(super) fn reads_voltage_pin(self) -> bool {
         match self {
             Self::AnalogVoltage | Self::AnalogVoltageAndCurrent | Self::SyntheticCurrent => true,
-            Self::AnalogCurrent | Self::Sum | Self::Bus(_) => false,
+            Self::AnalogCurrent | Self::Sum | Self::Esc | Self::Fuel(_) | Self::Bus(_) => false,
         }
     }
 
     pub(super) fn reads_current_pin(self) -> bool {
         match self {
             Self::AnalogVoltageAndCurrent | Self::AnalogCurrent => true,
-            Self::AnalogVoltage | Self::SyntheticCurrent | Self::Sum | Self::Bus(_) => false,
+            Self::AnalogVoltage
+            | Self::SyntheticCurrent
+            | Self::Sum
+            | Self::Esc
+            | Self::Fuel(_)
+            | Self::Bus(_) => false,
         }
     }
+}
+
+/// Whether a pack is measured by pulses.
+pub fn needs_pulses(parameters: &Parameters) -> bool {
+    let has_pulses = |kind| matches!(kind, MonitorKind::Fuel(FuelKind::Flow | FuelKind::LevelPwm));
+    kinds(parameters).any(has_pulses)
+}
+
+/// Whether a pack is measured by a motor controller.
+pub fn needs_esc(parameters: &Parameters) -> bool {
+    kinds(parameters).any(|kind| kind == MonitorKind::Esc)
+}
+
+fn kinds(parameters: &Parameters) -> impl Iterator<Item = MonitorKind> {
+    Pack::ALL
+        .into_iter()
+        .filter_map(|pack| MonitorKind::of(parameters, pack))
 }

@@ -14,7 +14,9 @@ use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::pack_announcement;
 use crate::parameter::{BatteryParameter, Pack, Parameters};
-use crate::sensor::{AnalogIn, AnalogPin, AnalogReadings, AnalogWiring, MonitorKind, read_mean};
+use crate::sensor::{
+    AnalogIn, AnalogPin, AnalogReadings, AnalogWiring, FuelMeter, FuelReadings, MonitorKind, read_mean,
+};
 use crate::vehicle::FailsafeAction;
 
 /// 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.
@@ -50,11 +52,15 @@ pub async fn sample_batteries(
     if shared.with_parameters(|parameters| are_failsafes_off(parameters, &kinds)) {
         shared.notice(MavSeverity::MAV_SEVERITY_WARNING, FAILSAFES_OFF);
     }
+    let mut sensors = Sensors {
+        readings: AnalogReadings::NONE,
+        meters: [FuelMeter::default(); MAX_PACKS],
+    };
     let mut ticks = Cadence::starting_at(Instant::now().as_micros(), SAMPLING_INTERVAL_US);
     loop {
         Timer::at(Instant::from_micros(ticks.due_us())).await;
         ticks.take(Instant::now().as_micros());
-        let readings = read_pins(&mut input, shared, &kinds).await;
+        sensors.readings = read_pins(&mut input, shared, &kinds).await;
         let tick = Tick {
             now_us: Instant::now().as_micros(),
             arm_state: shared.with_vehicle(|vehicle| vehicle.arm_state()),
@@ -62,10 +68,10 @@ pub async fn sample_batteries(
         // Sums come last: they are of this tick's states.
         let in_order = || Pack::ALL.into_iter().zip(kinds);
         for (pack, kind) in in_order().filter(|(_, kind)| *kind != Some(MonitorKind::Sum)) {
-            update(&mut bank, pack, kind, tick, &readings, shared);
+            update(&mut bank, pack, kind, tick, &mut sensors, shared);
         }
         for (pack, kind) in in_order().filter(|(_, kind)| *kind == Some(MonitorKind::Sum)) {
-            update(&mut bank, pack, kind, tick, &readings, shared);
+            update(&mut bank, pack, kind, tick, &mut sensors, shared);
         }
         shared.with_vehicle(|vehicle| vehicle.follow_batteries(bank.worst_failsafe()));
         if shared.samples().is_multiple_of(TICKS_PER_RECORD) {
@@ -74,6 +80,12 @@ pub async fn sample_batteries(
         shared.count_sample();
         mark(check_in);
     }
+}
+
+/// What the pins read in a tick, and what is remembered of tanks, by the instance of their packs.
+struct Sensors {
+    readings: AnalogReadings,
+    meters: [FuelMeter; MAX_PACKS],
 }
 
 /// Whether packs are monitored, and none of them ever counts as low.
@@ -127,13 +139,13 @@ fn update(
     pack: Pack,
     kind: Option<MonitorKind>,
     tick: Tick,
-    readings: &AnalogReadings,
+    sensors: &mut Sensors,
     shared: &Shared,
 ) {
     let instance = pack.instance();
     let Some(kind) = kind else { return };
     let settings = shared.with_parameters(|parameters| PackSettings::from_parameters(parameters, pack));
-    let Some(reading) = measure(bank, pack, kind, readings, shared) else {
+    let Some(reading) = measure(bank, pack, kind, tick.now_us, sensors, shared) else {
         return;
     };
     let Some(monitor) = bank.monitor(instance) else {
@@ -169,20 +181,22 @@ fn act(pack: Pack, level: FailsafeLevel, shared: &Shared) {
     shared.to_drive.signal(());
 }
 
-/// `None` as long as there is nothing to measure by: a part on the bus that has not been asked yet, or a sum in the first
+/// `None` as long as there is nothing to measure by: a part on the bus or a motor controller that has not been asked yet, or a sum in the first
 /// tick, when parts on the bus have told nothing.
 fn measure(
     bank: &BatteryBank,
     pack: Pack,
     kind: MonitorKind,
-    readings: &AnalogReadings,
+    now_us: u64,
+    sensors: &mut Sensors,
     shared: &Shared,
 ) -> Option<Result<Measurement, ReadError>> {
     match kind {
-        MonitorKind::Bus(_) => return shared.take_samples(pack),
+        MonitorKind::Bus(_) | MonitorKind::Esc => return shared.take_samples(pack),
         MonitorKind::Sum if shared.samples() == 0 => return None,
         _ => {}
     }
+    let Sensors { readings, meters } = sensors;
     let throttle = shared.with_vehicle(|vehicle| vehicle.effort());
     Some(shared.with_parameters(|parameters| match kind {
         MonitorKind::Sum => {
@@ -192,6 +206,17 @@ fn measure(
                 mask,
                 SumVoltage::from_parameters(parameters, pack),
             )
+        }
+        MonitorKind::Fuel(kind) => {
+            let meter = meters.get_mut(usize::from(pack.instance()));
+            let readings = FuelReadings {
+                pins: readings,
+                pulses: &shared.pulses(),
+                now_us,
+            };
+            meter
+                .ok_or(ReadError::NoPin)?
+                .measure(kind, parameters, pack, &readings)
         }
         _ => AnalogWiring::from_parameters(parameters, pack).measure(kind, readings, throttle),
     }))

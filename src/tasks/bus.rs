@@ -1,13 +1,10 @@
 //! Reads the parts on the I2C bus.
 
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Instant, Timer};
 
-use super::{Shared, mark};
+use super::{LONGEST_SLEEP, Shared, mark};
 use crate::liveness::CheckIn;
 use crate::sensor::{BusDevices, SensorBus};
-
-/// Without anything to read the task shows twice a second that it is alive.
-const LONGEST_SLEEP: Duration = Duration::from_millis(500);
 
 /// Reads each part when it is due and hands what it tells to the battery task, which averages it. A part that hangs holds up
 /// this task, and no other.

@@ -7,7 +7,9 @@ mod announcements;
 mod battery;
 mod bus;
 mod drive;
+mod esc;
 mod link;
+mod pulses;
 mod reader;
 mod reboot;
 mod serve;
@@ -18,13 +20,15 @@ mod supervisor;
 mod telemetry;
 mod writer;
 
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant, Timer};
 
 pub use announcements::ANNOUNCEMENT_BYTES;
 pub use battery::sample_batteries;
 pub use bus::read_bus;
 pub use drive::drive;
+pub use esc::read_esc;
 pub use link::Link;
+pub use pulses::follow_pulses;
 pub use reader::{ByteSource, ReceiveError, read_frames};
 pub use reboot::reboot_requested;
 pub use serve::serve_link;
@@ -36,6 +40,17 @@ pub use telemetry::schedule_telemetry;
 pub use writer::write_frames;
 
 use crate::liveness::CheckIn;
+
+/// A task for which nothing comes shows twice a second that it is alive.
+const LONGEST_SLEEP: Duration = Duration::from_millis(500);
+
+/// There is nothing to do, and nothing is wrong with that.
+async fn idle(check_in: &CheckIn) -> ! {
+    loop {
+        mark(check_in);
+        Timer::after(LONGEST_SLEEP).await;
+    }
+}
 
 /// The task behind `check_in` is alive now.
 fn mark(check_in: &CheckIn) {

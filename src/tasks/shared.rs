@@ -11,7 +11,7 @@ use crate::battery::{BatteryState, MAX_PACKS, Measurement, PackStatus, ReadError
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::MavSeverity;
 use crate::parameter::{Pack, ParameterId, Parameters};
-use crate::sensor::Samples;
+use crate::sensor::{Pulses, Samples};
 use crate::vehicle::Vehicle;
 
 /// Things said about the start; one each for the parameters, the reset and the failsafes would do.
@@ -27,6 +27,7 @@ pub struct Shared {
     batteries: RefCell<[BatteryState; MAX_PACKS]>,
     battery_resets: RefCell<[Option<f32>; MAX_PACKS]>,
     bus_samples: RefCell<[Samples; MAX_PACKS]>,
+    pulses: Cell<Pulses>,
     samples: Cell<u32>,
     load_permille: Cell<u16>,
     parameters: RefCell<Parameters>,
@@ -53,6 +54,7 @@ impl Shared {
             batteries: in_place(|| states_at_boot(parameters)),
             battery_resets: RefCell::new([None; MAX_PACKS]),
             bus_samples: in_place(|| [Samples::new(); MAX_PACKS]),
+            pulses: Cell::new(Pulses::NONE),
             samples: Cell::new(0),
             load_permille: Cell::new(0),
             parameters: in_place(|| parameters.clone()),
@@ -107,6 +109,15 @@ impl Shared {
     pub(super) fn take_samples(&self, pack: Pack) -> Option<Result<Measurement, ReadError>> {
         let mut samples = self.bus_samples.borrow_mut();
         samples.get_mut(usize::from(pack.instance()))?.take()
+    }
+
+    /// What the pulses on their pin have told so far.
+    pub(super) fn pulses(&self) -> Pulses {
+        self.pulses.get()
+    }
+
+    pub(super) fn publish_pulses(&self, pulses: Pulses) {
+        self.pulses.set(pulses);
     }
 
     /// One more sampling tick is over, whatever the number of packs.

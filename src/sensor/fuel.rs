@@ -1,0 +1,157 @@
+//! Tanks: what measures them, and what has to be remembered for that.
+
+use super::fuel_flow::FlowMeter;
+use super::fuel_level::{LevelMeter, LevelScale, level_by_pulses};
+use super::pulses::PULSE_GPIO;
+use super::{AnalogPin, AnalogReadings, Pulses};
+use crate::battery::{Measurement, ReadError};
+use crate::parameter::{BatteryParameter, Pack, Parameters};
+
+/// What measures a tank.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum FuelKind {
+    /// A pulse for each so many millilitres.
+    Flow,
+    /// Pulses whose width tells the level.
+    LevelPwm,
+    /// A voltage that tells the level.
+    LevelAnalog,
+}
+
+/// What the pins have told, and when.
+#[derive(Clone, Copy, Debug)]
+pub struct FuelReadings<'a> {
+    /// The analog ones.
+    pub pins: &'a AnalogReadings,
+    /// The one with pulses.
+    pub pulses: &'a Pulses,
+    /// In µs.
+    pub now_us: u64,
+}
+
+/// What is remembered of a tank between two readings.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FuelMeter {
+    level: LevelMeter,
+    flow: FlowMeter,
+}
+
+impl FuelMeter {
+    /// What a sensor of this kind, wired as the parameters of its pack say, tells now.
+    ///
+    /// # Errors
+    /// It has no pin, the pin could not be read, or what it says can't be understood.
+    pub fn measure(
+        &mut self,
+        kind: FuelKind,
+        parameters: &Parameters,
+        pack: Pack,
+        readings: &FuelReadings<'_>,
+    ) -> Result<Measurement, ReadError> {
+        let now_us = readings.now_us;
+        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
+        let capacity_ml = Some(value(BatteryParameter::Capacity)).filter(|capacity_ml| *capacity_ml > 0.0);
+        match kind {
+            FuelKind::Flow => {
+                let pulses = pulses(parameters, pack, readings)?;
+                let ml_per_pulse = value(BatteryParameter::AmpPervlt);
+                Ok(self.flow.measure(pulses, ml_per_pulse, now_us))
+            }
+            FuelKind::LevelPwm => level_by_pulses(pulses(parameters, pack, readings)?, capacity_ml, now_us),
+            FuelKind::LevelAnalog => {
+                let pin_v = readings.pins.pin_voltage_v(level_pin(parameters, pack))?;
+                let scale = LevelScale::from_parameters(parameters, pack);
+                self.level.measure(&scale, pin_v, capacity_ml, now_us)
+            }
+        }
+    }
+}
+
+/// The pin with a voltage that tells the level (`BATT_FL_PIN`).
+pub(super) fn level_pin(parameters: &Parameters, pack: Pack) -> Option<AnalogPin> {
+    AnalogPin::from_gpio(parameters.get_whole(BatteryParameter::FlPin.of(pack)))
+}
+
+/// The pulses, if the pack is wired to their pin (`BATT_CURR_PIN`).
+fn pulses<'a>(
+    parameters: &Parameters,
+    pack: Pack,
+    readings: &FuelReadings<'a>,
+) -> Result<&'a Pulses, ReadError> {
+    match parameters.get_whole(BatteryParameter::CurrPin.of(pack)) {
+        PULSE_GPIO => Ok(readings.pulses),
+        _ => Err(ReadError::NoPin),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::{Consumed, Counted};
+    use crate::sensor::AdcCount;
+
+    fn measure(kind: FuelKind, changes: &[(BatteryParameter, f32)]) -> Result<Measurement, ReadError> {
+        let mut parameters = Parameters::defaults();
+        for (parameter, value) in changes {
+            parameters.set(parameter.of(Pack::First), *value).unwrap();
+        }
+        let mut pins = AnalogReadings::NONE;
+        // 1.5 V.
+        pins.set(AnalogPin::Gp28, Ok(AdcCount(1861)));
+        let mut pulses = Pulses::NONE;
+        for start_us in [0, 20_000, 40_000] {
+            pulses.rise(start_us);
+            pulses.fall(start_us + 1700);
+        }
+        let readings = FuelReadings {
+            pins: &pins,
+            pulses: &pulses,
+            now_us: 100_000,
+        };
+        FuelMeter::default().measure(kind, &parameters, Pack::First, &readings)
+    }
+
+    fn left_ml(measurement: Result<Measurement, ReadError>) -> f32 {
+        measurement.unwrap().gauge.unwrap().remaining_mah.round()
+    }
+
+    #[test]
+    fn a_level_is_read_from_its_own_pin_only() {
+        let read = |pin| measure(FuelKind::LevelAnalog, &[(BatteryParameter::FlPin, pin)]);
+        assert_eq!(left_ml(read(28.0)), 1650.0, "half of 3300 ml");
+        assert_eq!(read(27.0), Err(ReadError::NoPin), "nobody has read it");
+        assert_eq!(measure(FuelKind::LevelAnalog, &[]), Err(ReadError::NoPin));
+    }
+
+    #[test]
+    fn pulses_come_from_the_one_pin_that_has_them() {
+        let wired = (BatteryParameter::CurrPin, 17.0);
+        assert_eq!(left_ml(measure(FuelKind::LevelPwm, &[wired])), 2475.0);
+        let flow = measure(FuelKind::Flow, &[wired, (BatteryParameter::AmpPervlt, 0.5)]).unwrap();
+        let counted = Consumed {
+            charge_mah: 1.5,
+            energy_wh: 0.0,
+        };
+        assert_eq!(flow.counted, Some(Counted::SinceLast(counted)));
+        for kind in [FuelKind::Flow, FuelKind::LevelPwm] {
+            for pin in [-1.0, 26.0] {
+                let elsewhere = measure(kind, &[(BatteryParameter::CurrPin, pin)]);
+                assert_eq!(elsewhere, Err(ReadError::NoPin));
+            }
+        }
+    }
+
+    #[test]
+    fn a_capacity_of_nothing_is_none() {
+        let wired = [
+            (BatteryParameter::CurrPin, 17.0),
+            (BatteryParameter::Capacity, 0.0),
+        ];
+        assert_eq!(measure(FuelKind::LevelPwm, &wired), Err(ReadError::NoCapacity));
+        assert!(
+            measure(FuelKind::Flow, &wired).is_ok(),
+            "what has flowed is known"
+        );
+    }
+}

@@ -1,0 +1,241 @@
+//! How full a tank is, from a voltage or from the width of pulses.
+
+use core::f32::consts::TAU;
+
+use super::Pulses;
+use crate::battery::{Contents, Gauge, Measurement, ReadError};
+use crate::parameter::{BatteryParameter, Pack, Parameters};
+
+/// Pulses of a servo's kind: of an empty tank, of a full one, and how far beyond they may be. ArduPilot's numbers.
+const EMPTY_US: u32 = 1100;
+const FULL_US: u32 = 1900;
+const TOLERANCE_US: u32 = 20;
+
+/// After so long without a pulse the level is not known.
+const LONGEST_SILENCE_US: u64 = 250_000;
+
+/// How the voltage at a pin tells the level: ArduPilot's formula.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LevelScale {
+    /// Straightens the sensor: its reading in volts is this, and the next two times the voltage's powers (`BATT_FL_OFF`).
+    offset_v: f32,
+    /// `BATT_FL_FF`.
+    first_order: f32,
+    /// `BATT_FL_FS`.
+    second_order: f32,
+    /// `BATT_FL_FT`.
+    third_order: f32,
+    /// The straightened reading of an empty tank, in volts (`BATT_FL_VLT_MIN`).
+    empty_v: f32,
+    /// How full the tank is for each volt more: 1 divided by what lies between empty and full (`BATT_FL_V_MULT`).
+    share_per_volt: f32,
+    /// Where the filter against sloshing cuts off, in Hz (`BATT_FL_FLTR`); `None` is no filter.
+    cutoff_hz: Option<f32>,
+}
+
+impl LevelScale {
+    /// What the parameters of a pack say at this moment.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
+        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
+        Self {
+            offset_v: value(BatteryParameter::FlOff),
+            first_order: value(BatteryParameter::FlFf),
+            second_order: value(BatteryParameter::FlFs),
+            third_order: value(BatteryParameter::FlFt),
+            empty_v: value(BatteryParameter::FlVltMin),
+            share_per_volt: value(BatteryParameter::FlVMult),
+            cutoff_hz: Some(value(BatteryParameter::FlFltr)).filter(|cutoff_hz| *cutoff_hz > 0.0),
+        }
+    }
+
+    fn straightened_v(&self, pin_v: f32) -> f32 {
+        self.offset_v + pin_v * (self.first_order + pin_v * (self.second_order + pin_v * self.third_order))
+    }
+}
+
+/// Follows the level by a voltage, without the sloshing.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LevelMeter {
+    /// When the voltage was read last, and the filtered one.
+    last: Option<(u64, f32)>,
+}
+
+impl LevelMeter {
+    /// What the voltage at the pin tells of a tank of this capacity.
+    pub fn measure(
+        &mut self,
+        scale: &LevelScale,
+        pin_v: f32,
+        capacity_ml: Option<f32>,
+        now_us: u64,
+    ) -> Result<Measurement, ReadError> {
+        let level_v = self.filter(scale.straightened_v(pin_v), scale.cutoff_hz, now_us);
+        tank((level_v - scale.empty_v) * scale.share_per_volt, capacity_ml)
+    }
+
+    fn filter(&mut self, voltage_v: f32, cutoff_hz: Option<f32>, now_us: u64) -> f32 {
+        let filtered_v = match (self.last, cutoff_hz) {
+            (Some((last_us, last_v)), Some(cutoff_hz)) => {
+                let steps = TAU * cutoff_hz * now_us.saturating_sub(last_us) as f32 * 1e-6;
+                last_v + (voltage_v - last_v) * steps / (1.0 + steps)
+            }
+            _ => voltage_v,
+        };
+        self.last = Some((now_us, filtered_v));
+        filtered_v
+    }
+}
+
+/// What pulses tell of a tank of this capacity.
+pub(super) fn level_by_pulses(
+    pulses: &Pulses,
+    capacity_ml: Option<f32>,
+    now_us: u64,
+) -> Result<Measurement, ReadError> {
+    let last_us = pulses.last_fall_us.ok_or(ReadError::Timeout)?;
+    if now_us.saturating_sub(last_us) > LONGEST_SILENCE_US {
+        return Err(ReadError::Timeout);
+    }
+    let width_us = pulses.width_us();
+    if width_us <= EMPTY_US - TOLERANCE_US || width_us >= FULL_US + TOLERANCE_US {
+        return Err(ReadError::Implausible);
+    }
+    let above_empty_us = width_us.saturating_sub(EMPTY_US) as f32;
+    tank(above_empty_us / (FULL_US - EMPTY_US) as f32, capacity_ml)
+}
+
+/// A tank that is so full, from 0 to 1; a sensor may show somewhat more or less.
+fn tank(share: f32, capacity_ml: Option<f32>) -> Result<Measurement, ReadError> {
+    let full_ml = capacity_ml.ok_or(ReadError::NoCapacity)?;
+    Ok(Measurement {
+        contents: Contents::Fuel,
+        gauge: Some(Gauge {
+            remaining_mah: share.clamp(0.0, 1.0) * full_ml,
+            full_mah: full_ml,
+        }),
+        ..Measurement::default()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TICK_US: u64 = 100_000;
+
+    fn scale(changes: &[(BatteryParameter, f32)]) -> LevelScale {
+        let mut parameters = Parameters::defaults();
+        for (parameter, value) in changes {
+            parameters.set(parameter.of(Pack::Second), *value).unwrap();
+        }
+        LevelScale::from_parameters(&parameters, Pack::Second)
+    }
+
+    #[track_caller]
+    fn assert_left(measurement: Result<Measurement, ReadError>, expected_ml: f32) {
+        let measurement = measurement.expect("measured");
+        let gauge = measurement.gauge.expect("a gauge");
+        assert!(
+            (gauge.remaining_mah - expected_ml).abs() < 0.1,
+            "{} ml instead of {expected_ml}",
+            gauge.remaining_mah
+        );
+        assert_eq!(gauge.full_mah, 2000.0);
+        assert_eq!(measurement.contents, Contents::Fuel);
+        assert_eq!((measurement.voltage_v, measurement.current_a), (None, None));
+    }
+
+    fn read(scale: &LevelScale, pin_v: f32) -> Result<Measurement, ReadError> {
+        LevelMeter::default().measure(scale, pin_v, Some(2000.0), 0)
+    }
+
+    #[test]
+    fn the_defaults_are_empty_at_half_a_volt_and_full_at_two_and_a_half() {
+        let scale = scale(&[]);
+        for (pin_v, left_ml) in [(0.5, 0.0), (1.0, 500.0), (2.5, 2000.0), (0.2, 0.0), (3.3, 2000.0)] {
+            assert_left(read(&scale, pin_v), left_ml);
+        }
+    }
+
+    #[test]
+    fn a_crooked_sensor_is_straightened() {
+        let scale = scale(&[
+            (BatteryParameter::FlFf, 0.5),
+            (BatteryParameter::FlFs, -0.25),
+            (BatteryParameter::FlFt, 0.125),
+            (BatteryParameter::FlOff, 0.75),
+            (BatteryParameter::FlVltMin, 0.25),
+            (BatteryParameter::FlVMult, 0.4),
+        ]);
+        // 0.75 + 0.5 · 2 − 0.25 · 4 + 0.125 · 8 = 1.75 V.
+        assert_left(read(&scale, 2.0), 2000.0 * 0.4 * 1.5);
+    }
+
+    #[test]
+    fn sloshing_is_filtered_at_the_cut_off() {
+        let scale = scale(&[]);
+        let mut meter = LevelMeter::default();
+        assert_left(meter.measure(&scale, 2.5, Some(2000.0), 0), 2000.0);
+        // After 1 / (2 π 0.3 Hz) = 0.53 s some 1/e of a step is left, a tick's width taken into account.
+        let mut left_ml = 0.0;
+        for tick in 1..=5 {
+            let measurement = meter.measure(&scale, 0.5, Some(2000.0), tick * TICK_US).unwrap();
+            left_ml = measurement.gauge.unwrap().remaining_mah;
+        }
+        assert!((800.0..900.0).contains(&left_ml), "{left_ml} ml");
+        for tick in 6..=60 {
+            meter.measure(&scale, 0.5, Some(2000.0), tick * TICK_US).unwrap();
+        }
+        assert_left(meter.measure(&scale, 0.5, Some(2000.0), 61 * TICK_US), 0.0);
+    }
+
+    #[test]
+    fn without_the_filter_the_level_follows_at_once() {
+        let scale = scale(&[(BatteryParameter::FlFltr, -1.0)]);
+        let mut meter = LevelMeter::default();
+        assert_left(meter.measure(&scale, 2.5, Some(2000.0), 0), 2000.0);
+        assert_left(meter.measure(&scale, 1.5, Some(2000.0), TICK_US), 1000.0);
+    }
+
+    #[test]
+    fn without_a_capacity_the_level_means_nothing() {
+        let measured = LevelMeter::default().measure(&scale(&[]), 1.0, None, 0);
+        assert_eq!(measured, Err(ReadError::NoCapacity));
+    }
+
+    fn pulses(width_us: u64) -> Pulses {
+        let mut pulses = Pulses::NONE;
+        for start_us in [0, 20_000, 40_000] {
+            pulses.rise(start_us);
+            pulses.fall(start_us + width_us);
+        }
+        pulses
+    }
+
+    #[test]
+    fn pulses_tell_the_level_from_empty_to_full() {
+        for (width_us, left_ml) in [
+            (1081, 0.0),
+            (1100, 0.0),
+            (1300, 500.0),
+            (1500, 1000.0),
+            (1900, 2000.0),
+            (1919, 2000.0),
+        ] {
+            assert_left(level_by_pulses(&pulses(width_us), Some(2000.0), 100_000), left_ml);
+        }
+        for width_us in [1, 1080, 1920, 20_000] {
+            let measured = level_by_pulses(&pulses(width_us), Some(2000.0), 100_000);
+            assert_eq!(measured, Err(ReadError::Implausible), "{width_us}");
+        }
+    }
+
+    #[test]
+    fn a_sensor_that_falls_silent_is_noticed_after_a_quarter_of_a_second() {
+        let read = |now_us| level_by_pulses(&pulses(1500), Some(2000.0), now_us);
+        assert_left(read(41_500 + 250_000), 1000.0);
+        assert_eq!(read(41_500 + 250_001), Err(ReadError::Timeout));
+        let never = level_by_pulses(&Pulses::NONE, Some(2000.0), 100_000);
+        assert_eq!(never, Err(ReadError::Timeout));
+    }
+}

@@ -1,0 +1,91 @@
+//! Pulses on a digital pin.
+
+/// The GPIO number of the pin whose pulses are counted (`BATT_CURR_PIN`).
+pub const PULSE_GPIO: i32 = 17;
+
+/// What the pulses on a pin have told since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pulses {
+    /// How many have begun, modulo 2^32.
+    pub(super) count: u32,
+    /// When the last one began, in µs.
+    pub(super) last_rise_us: Option<u64>,
+    /// When the last one ended, in µs.
+    pub(super) last_fall_us: Option<u64>,
+    /// How long the last ones lasted, in µs.
+    widths_us: [u32; 3],
+}
+
+impl Pulses {
+    /// None yet.
+    pub const NONE: Self = Self {
+        count: 0,
+        last_rise_us: None,
+        last_fall_us: None,
+        widths_us: [0; 3],
+    };
+
+    /// A pulse has begun.
+    pub fn rise(&mut self, now_us: u64) {
+        self.count = self.count.wrapping_add(1);
+        self.last_rise_us = Some(now_us);
+    }
+
+    /// It has ended.
+    pub fn fall(&mut self, now_us: u64) {
+        let Some(rise_us) = self.last_rise_us else { return };
+        let width_us = now_us.saturating_sub(rise_us);
+        let [latest, before, _] = self.widths_us;
+        self.widths_us = [u32::try_from(width_us).unwrap_or(u32::MAX), latest, before];
+        self.last_fall_us = Some(now_us);
+    }
+
+    /// How long a pulse lasts, in µs: the median of the last three. One that a busy processor has measured wrongly does not
+    /// count.
+    pub(super) fn width_us(&self) -> u32 {
+        let [a, b, c] = self.widths_us;
+        a.min(b).max(a.max(b).min(c))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pulses of these widths, one every 20 ms.
+    fn pulses(widths_us: &[u64]) -> Pulses {
+        let mut pulses = Pulses::NONE;
+        for (start_us, width_us) in (0..).step_by(20_000).zip(widths_us) {
+            pulses.rise(start_us);
+            pulses.fall(start_us + width_us);
+        }
+        pulses
+    }
+
+    #[test]
+    fn pulses_are_counted_and_timed() {
+        let pulses = pulses(&[1500, 1501, 1502]);
+        assert_eq!(pulses.count, 3);
+        assert_eq!(pulses.last_rise_us, Some(40_000));
+        assert_eq!(pulses.last_fall_us, Some(41_502));
+        assert_eq!(pulses.width_us(), 1501);
+    }
+
+    #[test]
+    fn one_pulse_that_was_measured_wrongly_does_not_count() {
+        for wrong_us in [0, 700, 2900, 1 << 40] {
+            for place in 0..3 {
+                let mut widths_us = [1500; 3];
+                widths_us[place] = wrong_us;
+                assert_eq!(pulses(&widths_us).width_us(), 1500, "{wrong_us} at {place}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_pulse_whose_beginning_nobody_saw_is_none() {
+        let mut pulses = Pulses::NONE;
+        pulses.fall(10);
+        assert_eq!(pulses, Pulses::NONE);
+    }
+}
