@@ -8,18 +8,18 @@ use std::collections::HashMap;
 
 use proptest::prelude::*;
 use rover_battmon::battery::{
-    BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Date, FailsafeLevel, Faults, MAX_CELLS,
-    Name, PackDetails, PackStatus, ReportedVoltage, Visibility,
+    BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Contents, Date, FailsafeLevel, Faults,
+    MAX_CELLS, Name, PackDetails, PackStatus, ReportedVoltage, Visibility,
 };
 use rover_battmon::mavlink::dialect::{
-    BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, MavBatteryChargeState, MavBatteryFault,
-    MavBatteryFunction, MavBatteryMode, MavBatteryType, MavModeFlag, MavSysStatusSensor,
-    MavSysStatusSensorExtended, SMART_BATTERY_INFO_DATA, SYS_STATUS_DATA,
+    BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA, MavBatteryChargeState,
+    MavBatteryFault, MavBatteryFunction, MavBatteryMode, MavBatteryType, MavFuelType, MavModeFlag,
+    MavSysStatusSensor, MavSysStatusSensorExtended, SMART_BATTERY_INFO_DATA, SYS_STATUS_DATA,
 };
 use rover_battmon::mavlink::{
     Framer, LinkStatistics, Message, ReceiveStatistics, SystemState, build_battery_info,
-    build_battery_status, build_battery_status_v2, build_heartbeat, build_smart_battery_info,
-    build_sys_status,
+    build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
+    build_smart_battery_info, build_sys_status,
 };
 
 fn golden_frames() -> HashMap<String, String> {
@@ -62,6 +62,11 @@ fn info_of(battery: BatteryState) -> BATTERY_INFO_DATA {
 /// SMART_BATTERY_INFO of the only pack.
 fn smart_info_of(battery: BatteryState) -> SMART_BATTERY_INFO_DATA {
     build_smart_battery_info(&with_packs(&[battery]), 0)
+}
+
+/// FUEL_STATUS of the only tank.
+fn fuel_of(tank: BatteryState) -> FUEL_STATUS_DATA {
+    build_fuel_status(&with_packs(&[tank]), 0)
 }
 
 /// SYS_STATUS with one pack.
@@ -630,6 +635,75 @@ fn smart() -> BatteryState {
     }
 }
 
+/// A tank of 2 l with 500 ml left.
+fn tank() -> BatteryState {
+    BatteryState {
+        contents: Contents::Fuel,
+        voltage_v: None,
+        capacity_mah: Some(2000.0),
+        remaining_pct: Some(25.0),
+        consumed_mah: Some(1500.0),
+        ..healthy(0.0)
+    }
+}
+
+#[test]
+fn fuel_by_a_level_sensor_is_byte_exact() {
+    let level = BatteryState {
+        charge_source: ChargeSource::Gauge,
+        ..tank()
+    };
+    // 2000 ml, consumed unknown, 500 ml, flow and temperature unknown, liquid, instance 0, 25 %.
+    let payload = "0000fa44 0000c07f 0000fa43 0000c07f 0000c07f 01000000 00 19".replace(' ', "");
+    let hex = frame_hex(&Message::FuelStatus(fuel_of(level)));
+    assert_eq!(hex[14..20], *"730100", "message 371");
+    assert_eq!(hex[20..hex.len() - 4], payload);
+}
+
+#[test]
+fn fuel_by_a_flow_sensor_tells_what_was_used_and_how_fast() {
+    let flow = BatteryState {
+        current_a: Some(3.6),
+        temperature_c: Some(20.0),
+        ..tank()
+    };
+    let data = fuel_of(flow);
+    assert_eq!((data.maximum_fuel, data.consumed_fuel), (2000.0, 1500.0));
+    assert_eq!(data.remaining_fuel.to_bits(), NAN_BITS, "it is inferred");
+    assert!((data.flow_rate - 1.0).abs() < 1e-6, "{} ml/s", data.flow_rate);
+    assert_eq!((data.temperature, data.percent_remaining), (293.15, 25));
+    assert_eq!(data.fuel_type, MavFuelType::MAV_FUEL_TYPE_LIQUID);
+}
+
+#[test]
+fn what_is_not_known_of_a_tank_has_the_sentinel_of_each_field() {
+    let data = build_fuel_status(&SystemState::default(), 7);
+    for number in [
+        data.maximum_fuel,
+        data.consumed_fuel,
+        data.remaining_fuel,
+        data.flow_rate,
+        data.temperature,
+    ] {
+        assert_eq!(number.to_bits(), NAN_BITS);
+    }
+    assert_eq!((data.id, data.percent_remaining), (7, 255));
+}
+
+#[test]
+fn a_tank_is_no_battery_of_any_chemistry() {
+    let data = status_of(tank());
+    assert_eq!(data.mavtype, MavBatteryType::MAV_BATTERY_TYPE_UNKNOWN);
+    assert_eq!(
+        (data.voltages[0], data.current_battery, data.energy_consumed),
+        (u16::MAX, -1, -1)
+    );
+    assert_eq!((data.current_consumed, data.battery_remaining), (1500, 25));
+    assert_eq!(info_of(tank()).mavtype, MavBatteryType::MAV_BATTERY_TYPE_UNKNOWN);
+    assert_eq!(info_of(tank()).charging_maximum_voltage, 0.0);
+    assert_eq!(smart_info_of(tank()).charging_maximum_voltage, 0);
+}
+
 #[test]
 fn battery_info_of_what_an_owner_has_set_is_byte_exact() {
     let message = Message::BatteryInfo(info_of(as_set()));
@@ -996,6 +1070,19 @@ proptest! {
         prop_assert_eq!(data.status_flags.bits() & 2 != 0, battery.charge_state == ChargeState::Charging);
         let message = Message::BatteryStatusV2(data);
         prop_assert!(frame_hex(&message).len() <= 2 * (27 + 12));
+    }
+
+    #[test]
+    fn any_state_gives_a_conforming_fuel_status(packs in any_packs(), instance in 0u8..10) {
+        let data = build_fuel_status(&with_packs(&packs), instance);
+        prop_assert_eq!(data.id, instance);
+        for number in [data.maximum_fuel, data.consumed_fuel, data.remaining_fuel, data.flow_rate, data.temperature] {
+            prop_assert!(number.is_finite() || number.to_bits() == NAN_BITS, "{number}");
+        }
+        prop_assert!(data.consumed_fuel.is_nan() || data.remaining_fuel.is_nan());
+        prop_assert!(data.percent_remaining <= 100 || data.percent_remaining == 255);
+        let message = Message::FuelStatus(data);
+        prop_assert!(frame_hex(&message).len() <= 2 * (26 + 12));
     }
 
     #[test]

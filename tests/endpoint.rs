@@ -6,7 +6,7 @@ use std::collections::HashMap;
 
 use proptest::prelude::*;
 use rover_battmon::battery::{
-    BatteryState, ChargeSource, ChargeState, MAX_PACKS, PackDetails, PackStatus, Visibility,
+    BatteryState, ChargeSource, ChargeState, Contents, MAX_PACKS, PackDetails, PackStatus, Visibility,
 };
 use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, SystemState};
@@ -14,8 +14,8 @@ use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, 
 use rover_battmon::vehicle::Vehicle;
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
-    Frame, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue, SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS,
-    SysStatus, encode_v1, frames, of_message,
+    FUEL_STATUS, Frame, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue, SMART_BATTERY_INFO, STATUSTEXT,
+    SYS_STATUS, SysStatus, encode_v1, frames, of_message,
 };
 use support::requests::{
     EVERYONE, VEHICLE, command_int, command_int_2, command_long, command_long_2, ftp_open,
@@ -25,8 +25,8 @@ use support::requests::{
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 
-/// 8 of the vehicle, 25 of the first pack, the switches of the other 8 packs, and 4 of the simulator.
-const LISTED_BY_DEFAULT: usize = 50;
+/// 8 of the vehicle, 38 of the first pack, the switches of the other 8 packs, and 4 of the simulator.
+const LISTED_BY_DEFAULT: usize = 58;
 
 /// The index of a parameter that is not listed.
 const NOT_LISTED: u16 = u16::MAX;
@@ -258,9 +258,9 @@ fn enabling_a_pack_makes_its_parameters_visible_and_disabling_hides_them() {
     let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
     assert_eq!(
         (ParamValue(&answer).index(), ParamValue(&answer).count()),
-        (40, 79)
+        (48, 95)
     );
-    let answer = desk.one_answer(&param_read_by_index(40));
+    let answer = desk.one_answer(&param_read_by_index(48));
     desk.assert_param_value(&answer, volt_mult, 3.95);
     let listed = desk.list(|_, _| {});
     assert_eq!(listed, desk.listed());
@@ -538,6 +538,58 @@ fn with_cycles(cycle_count: u16) -> BatteryState {
         },
         ..healthy()
     }
+}
+
+/// A tank of 2 l, half full.
+fn tank() -> BatteryState {
+    BatteryState {
+        contents: Contents::Fuel,
+        voltage_v: None,
+        capacity_mah: Some(2000.0),
+        remaining_pct: Some(50.0),
+        ..healthy()
+    }
+}
+
+#[test]
+fn fuel_is_told_of_tanks_only_and_only_to_those_who_ask() {
+    let without_capacity = BatteryState {
+        capacity_mah: None,
+        ..tank()
+    };
+    let internal = BatteryState {
+        visibility: Visibility::Internal,
+        ..tank()
+    };
+    let mut desk = Desk::with_packs(&[healthy(), tank(), without_capacity, tank(), internal]);
+    assert_eq!(counts(&sent_for(&mut desk, 60), [FUEL_STATUS]), [0]);
+    for instance in [1, 3] {
+        let answers = desk.ask(&command_long_2(
+            REQUEST_MESSAGE,
+            FUEL_STATUS as f32,
+            f32::from(instance),
+        ));
+        assert_ack(&answers[0], REQUEST_MESSAGE, ACCEPTED);
+        assert_eq!(
+            (answers[1].message_id, answers[1].u8(24)),
+            (FUEL_STATUS, instance)
+        );
+        assert_eq!(answers.len(), 2);
+    }
+    for instance in [0.0, 2.0, 4.0, 5.0] {
+        let request = command_long_2(REQUEST_MESSAGE, FUEL_STATUS as f32, instance);
+        assert_ack(&desk.one_answer(&request), REQUEST_MESSAGE, DENIED);
+    }
+
+    let every_10_s = command_long_2(SET_MESSAGE_INTERVAL, FUEL_STATUS as f32, 10_000_000.0);
+    assert_ack(&desk.one_answer(&every_10_s), SET_MESSAGE_INTERVAL, ACCEPTED);
+    let sent = sent_for(&mut desk, 60);
+    let of_tanks: Vec<_> = of_message(&sent, FUEL_STATUS)
+        .iter()
+        .map(|frame| frame.u8(24))
+        .collect();
+    assert_eq!(of_tanks, [1, 3].repeat(6));
+    assert_eq!(desk.endpoint.statistics().dropped, 0);
 }
 
 /// The cycle counts that were told unasked in ten seconds, with the instance, by BATTERY_INFO and by SMART_BATTERY_INFO.

@@ -95,13 +95,16 @@ impl Endpoint {
             Periodic::BatteryStatusV2 => self.post_of_packs(Stream::BatteryStatusV2, state),
             Periodic::BatteryInfo => self.post_of_packs(Stream::BatteryInfo, state),
             Periodic::SmartBatteryInfo => self.post_of_packs(Stream::SmartBatteryInfo, state),
+            Periodic::FuelStatus => self.post_of_packs(Stream::FuelStatus, state),
         }
     }
 
     fn post_of_packs(&mut self, stream_of: fn(u8) -> Stream, state: &SystemState<'_>) -> Option<Stream> {
         state
             .reported()
-            .filter_map(|instance| self.post_stream(stream_of(instance)))
+            .map(stream_of)
+            .filter(|stream| stream.is_reported_in(state))
+            .filter_map(|stream| self.post_stream(stream))
             .last()
     }
 

@@ -5,8 +5,8 @@ use heapless::Deque;
 use super::{Message, Stream};
 use crate::battery::MAX_PACKS;
 
-/// Streams each pack has: BATTERY_STATUS, BATTERY_STATUS_V2, BATTERY_INFO, SMART_BATTERY_INFO.
-const STREAMS_OF_A_PACK: usize = 4;
+/// Streams each pack has: BATTERY_STATUS, BATTERY_STATUS_V2, BATTERY_INFO, SMART_BATTERY_INFO, FUEL_STATUS.
+const STREAMS_OF_A_PACK: usize = 5;
 
 /// Every stream there is: HEARTBEAT, SYS_STATUS and those of each pack.
 const STREAMS: usize = 2 + STREAMS_OF_A_PACK * MAX_PACKS;
@@ -56,6 +56,7 @@ fn place(stream: Stream) -> Option<usize> {
         Stream::BatteryStatusV2(instance) => place_of_pack(1, instance),
         Stream::BatteryInfo(instance) => place_of_pack(2, instance),
         Stream::SmartBatteryInfo(instance) => place_of_pack(3, instance),
+        Stream::FuelStatus(instance) => place_of_pack(4, instance),
     }
 }
 
@@ -143,6 +144,7 @@ mod tests {
         Stream::BatteryStatusV2,
         Stream::BatteryInfo,
         Stream::SmartBatteryInfo,
+        Stream::FuelStatus,
     ];
 
     fn answer(text: &str) -> Message {

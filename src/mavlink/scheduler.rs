@@ -3,8 +3,8 @@
 use ::mavlink::MessageData;
 
 use super::dialect::{
-    BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, HEARTBEAT_DATA, SMART_BATTERY_INFO_DATA,
-    SYS_STATUS_DATA,
+    BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA, HEARTBEAT_DATA,
+    SMART_BATTERY_INFO_DATA, SYS_STATUS_DATA,
 };
 use super::slowdown::Slowdown;
 use crate::cadence::Cadence;
@@ -32,16 +32,19 @@ pub enum Periodic {
     BatteryInfo,
     /// SMART_BATTERY_INFO of every pack: it is off unless asked for.
     SmartBatteryInfo,
+    /// FUEL_STATUS of every tank: it is off unless asked for.
+    FuelStatus,
 }
 
 impl Periodic {
-    const ALL: [Self; 6] = [
+    const ALL: [Self; 7] = [
         Self::Heartbeat,
         Self::SysStatus,
         Self::BatteryStatus,
         Self::BatteryStatusV2,
         Self::BatteryInfo,
         Self::SmartBatteryInfo,
+        Self::FuelStatus,
     ];
 
     fn message_id(self) -> u32 {
@@ -52,6 +55,7 @@ impl Periodic {
             Self::BatteryStatusV2 => BATTERY_STATUS_V2_DATA::ID,
             Self::BatteryInfo => BATTERY_INFO_DATA::ID,
             Self::SmartBatteryInfo => SMART_BATTERY_INFO_DATA::ID,
+            Self::FuelStatus => FUEL_STATUS_DATA::ID,
         }
     }
 }
@@ -183,7 +187,10 @@ impl StreamScheduler {
         match message {
             Periodic::Heartbeat => Some(HEARTBEAT_INTERVAL_US),
             Periodic::SysStatus | Periodic::BatteryStatus => self.extra1_interval_us,
-            Periodic::BatteryStatusV2 | Periodic::BatteryInfo | Periodic::SmartBatteryInfo => None,
+            Periodic::BatteryStatusV2
+            | Periodic::BatteryInfo
+            | Periodic::SmartBatteryInfo
+            | Periodic::FuelStatus => None,
         }
     }
 

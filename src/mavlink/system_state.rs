@@ -1,7 +1,7 @@
 //! Everything telemetry reports, at one moment.
 
 use super::ReceiveStatistics;
-use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
+use crate::battery::{BatteryState, ChargeSource, Contents, PackStatus, Visibility};
 use crate::vehicle::VehicleStatus;
 
 /// Everything the telemetry of one link reports.
@@ -41,6 +41,12 @@ impl SystemState<'_> {
     /// The packs whose charge is known from a gauge of their own, one bit for each instance, bit 0 for the first.
     pub fn gauged_mask(&self) -> u16 {
         self.mask_of(|battery| battery.charge_source == ChargeSource::Gauge)
+    }
+
+    /// Whether the pack of this instance is a tank, and it is known how much that holds.
+    pub fn is_tank(&self, instance: u8) -> bool {
+        let battery = self.battery(instance);
+        battery.contents == Contents::Fuel && battery.capacity_mah.is_some()
     }
 
     fn mask_of(&self, is_meant: impl Fn(&BatteryState) -> bool) -> u16 {

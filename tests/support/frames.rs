@@ -29,6 +29,7 @@ pub const STATUSTEXT: u32 = 253;
 pub const PARAM_ERROR: u32 = 345;
 pub const BATTERY_STATUS_V2: u32 = 369;
 pub const SMART_BATTERY_INFO: u32 = 370;
+pub const FUEL_STATUS: u32 = 371;
 pub const BATTERY_INFO: u32 = 372;
 
 const START_OF_FRAME: u8 = 0xfd;
@@ -123,6 +124,7 @@ fn crc_extra(message_id: u32) -> u8 {
         PARAM_ERROR => 209,
         BATTERY_STATUS_V2 => 145,
         SMART_BATTERY_INFO => 75,
+        FUEL_STATUS => 10,
         BATTERY_INFO => 26,
         other => panic!("message {other} is not one of the tests'"),
     }

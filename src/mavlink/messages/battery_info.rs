@@ -1,8 +1,9 @@
 //! BATTERY_INFO (372).
 
 use super::pack_facts::{
-    WEIGHT_UNKNOWN_G, battery_type, cells_in_series, cycle_count, design_capacity_mah, full_capacity_mah,
-    lowest_cell_voltage_v, manufacture_date, name, nominal_voltage_v, serial_number,
+    WEIGHT_UNKNOWN_G, battery_type, cells_in_series, charged_cell_voltage_v, cycle_count,
+    design_capacity_mah, full_capacity_mah, lowest_cell_voltage_v, manufacture_date, name, nominal_voltage_v,
+    serial_number,
 };
 use super::units::{NOT_GIVEN, amp_hours, number, number_above_zero};
 use crate::battery::PackDetails;
@@ -22,7 +23,7 @@ pub fn build_battery_info(state: &SystemState<'_>, instance: u8) -> BATTERY_INFO
         discharge_minimum_voltage: number_above_zero(lowest_cell_voltage_v(&battery)),
         charging_minimum_voltage: NOT_GIVEN,
         resting_minimum_voltage: NOT_GIVEN,
-        charging_maximum_voltage: number_above_zero(battery.chemistry.charged_cell_voltage_v()),
+        charging_maximum_voltage: number_above_zero(charged_cell_voltage_v(&battery)),
         charging_maximum_current: NOT_GIVEN,
         nominal_voltage: number_above_zero(nominal_voltage_v(&battery)),
         discharge_maximum_current: NOT_GIVEN,
@@ -35,7 +36,7 @@ pub fn build_battery_info(state: &SystemState<'_>, instance: u8) -> BATTERY_INFO
         weight: WEIGHT_UNKNOWN_G,
         id: instance,
         battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
-        mavtype: battery_type(battery.chemistry),
+        mavtype: battery_type(&battery),
         state_of_health: health_pct(details),
         cells_in_series: cells_in_series(&battery),
         manufacture_date: manufacture_date(details, ""),

@@ -43,7 +43,7 @@ pub fn build_battery_status(state: &SystemState<'_>, instance: u8) -> BATTERY_ST
     BATTERY_STATUS_DATA {
         id: instance,
         battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
-        mavtype: battery_type(battery.chemistry),
+        mavtype: battery_type(&battery),
         temperature: temperature_cdegc(battery.temperature_c),
         voltages: voltages(&battery),
         current_battery: current_ca(battery.current_a),

@@ -5,14 +5,14 @@ use ::mavlink::{MAVLinkV2MessageRaw, MavHeader};
 use super::command_ack::CommandAck;
 use super::file_transfer::FileTransferNak;
 use super::{
-    build_battery_info, build_battery_status, build_battery_status_v2, build_heartbeat,
+    build_battery_info, build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
     build_smart_battery_info, build_sys_status,
 };
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{
-    AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, HEARTBEAT_DATA,
-    MESSAGE_INTERVAL_DATA, PARAM_ERROR_DATA, PARAM_VALUE_DATA, PING_DATA, PROTOCOL_VERSION_DATA,
-    SMART_BATTERY_INFO_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, TIMESYNC_DATA,
+    AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA,
+    HEARTBEAT_DATA, MESSAGE_INTERVAL_DATA, PARAM_ERROR_DATA, PARAM_VALUE_DATA, PING_DATA,
+    PROTOCOL_VERSION_DATA, SMART_BATTERY_INFO_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, TIMESYNC_DATA,
 };
 
 /// Something that is sent regularly.
@@ -31,6 +31,8 @@ pub enum Stream {
     BatteryInfo(u8),
     /// SMART_BATTERY_INFO of this instance
     SmartBatteryInfo(u8),
+    /// FUEL_STATUS of this instance
+    FuelStatus(u8),
 }
 
 impl Stream {
@@ -41,14 +43,20 @@ impl Stream {
             Self::BatteryStatus(instance)
             | Self::BatteryStatusV2(instance)
             | Self::BatteryInfo(instance)
-            | Self::SmartBatteryInfo(instance) => Some(instance),
+            | Self::SmartBatteryInfo(instance)
+            | Self::FuelStatus(instance) => Some(instance),
         }
     }
 
-    /// Whether there is something to tell: not of a pack that is not reported.
+    /// Whether there is something to tell: not of a pack that is not reported, and of fuel only if it is a tank.
     pub(in crate::mavlink) fn is_reported_in(self, state: &SystemState<'_>) -> bool {
-        self.instance()
-            .is_none_or(|instance| state.reported().any(|reported| reported == instance))
+        let is_reported = self
+            .instance()
+            .is_none_or(|instance| state.reported().any(|reported| reported == instance));
+        match self {
+            Self::FuelStatus(instance) => is_reported && state.is_tank(instance),
+            _ => is_reported,
+        }
     }
 
     /// The message of this stream, from the state at this moment.
@@ -64,6 +72,7 @@ impl Stream {
             Self::SmartBatteryInfo(instance) => {
                 Message::SmartBatteryInfo(build_smart_battery_info(state, instance))
             }
+            Self::FuelStatus(instance) => Message::FuelStatus(build_fuel_status(state, instance)),
         }
     }
 }
@@ -103,6 +112,8 @@ pub enum Message {
     BatteryStatusV2(BATTERY_STATUS_V2_DATA),
     /// SMART_BATTERY_INFO (370)
     SmartBatteryInfo(SMART_BATTERY_INFO_DATA),
+    /// FUEL_STATUS (371)
+    FuelStatus(FUEL_STATUS_DATA),
     /// BATTERY_INFO (372)
     BatteryInfo(BATTERY_INFO_DATA),
 }
@@ -126,6 +137,7 @@ impl Message {
             Self::ParamError(data) => frame.serialize_message_data(header, data),
             Self::BatteryStatusV2(data) => frame.serialize_message_data(header, data),
             Self::SmartBatteryInfo(data) => frame.serialize_message_data(header, data),
+            Self::FuelStatus(data) => frame.serialize_message_data(header, data),
             Self::BatteryInfo(data) => frame.serialize_message_data(header, data),
         }
     }

@@ -6,7 +6,7 @@ use core::iter;
 use ::mavlink::types::CharArray;
 use heapless::String;
 
-use crate::battery::{BatteryState, ChargeSource, Chemistry, Date, PackDetails};
+use crate::battery::{BatteryState, ChargeSource, Chemistry, Contents, Date, PackDetails};
 use crate::mavlink::dialect::MavBatteryType;
 
 /// MAVLink's value for a number of charges that is not known, `UINT16_MAX`.
@@ -27,13 +27,24 @@ const NUMBER_BYTES: usize = 11;
 /// A day, in characters: 30/06/2026.
 const DATE_BYTES: usize = 10;
 
-/// What the cells are made of, as set or as the pack tells; that is known even while nothing is measured.
-pub(super) fn battery_type(chemistry: Chemistry) -> MavBatteryType {
-    match chemistry {
+/// What the cells are made of, as set or as the pack tells; that is known even while nothing is measured. A tank has none.
+pub(super) fn battery_type(battery: &BatteryState) -> MavBatteryType {
+    if battery.contents == Contents::Fuel {
+        return MavBatteryType::MAV_BATTERY_TYPE_UNKNOWN;
+    }
+    match battery.chemistry {
         Chemistry::LiPo => MavBatteryType::MAV_BATTERY_TYPE_LIPO,
         Chemistry::LiFe => MavBatteryType::MAV_BATTERY_TYPE_LIFE,
         Chemistry::LiIon => MavBatteryType::MAV_BATTERY_TYPE_LION,
         Chemistry::NiMh => MavBatteryType::MAV_BATTERY_TYPE_NIMH,
+    }
+}
+
+/// The voltage of a charged cell, in volts; a tank has no cells.
+pub(super) fn charged_cell_voltage_v(battery: &BatteryState) -> Option<f32> {
+    match battery.contents {
+        Contents::Charge => battery.chemistry.charged_cell_voltage_v(),
+        Contents::Fuel => None,
     }
 }
 

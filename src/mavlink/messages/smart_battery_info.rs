@@ -1,8 +1,8 @@
 //! SMART_BATTERY_INFO (370), which BATTERY_INFO supersedes: the same facts in whole numbers.
 
 use super::pack_facts::{
-    WEIGHT_UNKNOWN_G, battery_type, cells_in_series, cycle_count, design_capacity_mah, full_capacity_mah,
-    lowest_cell_voltage_v, manufacture_date, name, serial_number,
+    WEIGHT_UNKNOWN_G, battery_type, cells_in_series, charged_cell_voltage_v, cycle_count,
+    design_capacity_mah, full_capacity_mah, lowest_cell_voltage_v, manufacture_date, name, serial_number,
 };
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, finite, round_to_i32, voltage_mv};
 use crate::mavlink::SystemState;
@@ -24,7 +24,7 @@ const HIGHEST_CURRENT_UNKNOWN_MA: u32 = 0;
 pub fn build_smart_battery_info(state: &SystemState<'_>, instance: u8) -> SMART_BATTERY_INFO_DATA {
     let battery = state.battery(instance);
     let details = &battery.details;
-    let charged_cell_v = battery.chemistry.charged_cell_voltage_v();
+    let charged_cell_v = charged_cell_voltage_v(&battery);
     SMART_BATTERY_INFO_DATA {
         capacity_full_specification: capacity_mah(design_capacity_mah(&battery)),
         capacity_full: capacity_mah(full_capacity_mah(&battery)),
@@ -35,7 +35,7 @@ pub fn build_smart_battery_info(state: &SystemState<'_>, instance: u8) -> SMART_
         resting_minimum_voltage: VOLTAGE_UNKNOWN_MV,
         id: instance,
         battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
-        mavtype: battery_type(battery.chemistry),
+        mavtype: battery_type(&battery),
         serial_number: serial_number(&battery),
         device_name: name(details),
         charging_maximum_voltage: cell_mv(charged_cell_v).unwrap_or(HIGHEST_VOLTAGE_UNKNOWN_MV),

@@ -6,8 +6,8 @@
 use ::mavlink::MessageData;
 
 use crate::mavlink::dialect::{
-    AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, HEARTBEAT_DATA,
-    MESSAGE_INTERVAL_DATA, MavCmd, MavResult, PROTOCOL_VERSION_DATA, SMART_BATTERY_INFO_DATA,
+    AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA,
+    HEARTBEAT_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavResult, PROTOCOL_VERSION_DATA, SMART_BATTERY_INFO_DATA,
     SYS_STATUS_DATA,
 };
 use crate::mavlink::payload::Payload;
@@ -189,6 +189,7 @@ impl Command {
             BATTERY_STATUS_V2_DATA::ID => self.request_of_pack(Stream::BatteryStatusV2, state),
             BATTERY_INFO_DATA::ID => self.request_of_pack(Stream::BatteryInfo, state),
             SMART_BATTERY_INFO_DATA::ID => self.request_of_pack(Stream::SmartBatteryInfo, state),
+            FUEL_STATUS_DATA::ID => self.request_of_pack(Stream::FuelStatus, state),
             AUTOPILOT_VERSION_DATA::ID => autopilot_version(),
             PROTOCOL_VERSION_DATA::ID => protocol_version(),
             MESSAGE_INTERVAL_DATA::ID => self.message_interval(self.param2, scheduler),
@@ -197,9 +198,9 @@ impl Command {
     }
 
     fn request_of_pack(&self, stream_of: fn(u8) -> Stream, state: &SystemState<'_>) -> Outcome {
-        match self.reported_instance(state) {
-            Some(instance) => stream_of(instance).build(state).into(),
-            None => DENIED.into(),
+        match self.reported_instance(state).map(stream_of) {
+            Some(stream) if stream.is_reported_in(state) => stream.build(state).into(),
+            _ => DENIED.into(),
         }
     }
 
