@@ -14,6 +14,7 @@ mod boot;
 mod bus_packs;
 mod commands;
 mod faults;
+mod fuel;
 mod link_noise;
 mod motors;
 mod packs;

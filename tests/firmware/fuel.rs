@@ -1,0 +1,163 @@
+//! Tanks: what their sensors tell, and what becomes of it on the wire.
+
+use crate::bench::{Bench, SECOND};
+use crate::emulator::AdcInput;
+use crate::support::frames::{
+    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, FUEL_STATUS, Frame, STATUSTEXT, of_message,
+};
+use crate::support::requests::command_long_2;
+
+const SET_MESSAGE_INTERVAL: u16 = 511;
+const REQUEST_MESSAGE: u16 = 512;
+const BATTERY_RESET: u16 = 42651;
+const ACCEPTED: u8 = 0;
+const DENIED: u8 = 2;
+const FAILED: u8 = 4;
+
+/// MAV_BATTERY_TYPE_UNKNOWN
+const NO_CHEMISTRY: u8 = 0;
+
+/// The level sensor is on GP28.
+const LEVEL: usize = 2;
+
+/// A tank of 2 l as the second pack, by ArduPilot's defaults empty at 0.5 V and full at 2.5 V.
+const TANK: [(&str, f32); 3] = [
+    ("BATT2_MONITOR", 24.0),
+    ("BATT2_FL_PIN", 28.0),
+    ("BATT2_CAPACITY", 2000.0),
+];
+
+/// The code of a voltage at a pin, in hundredths of a volt.
+fn code(centivolts: u32) -> AdcInput {
+    AdcInput::Code(((centivolts * 4095 + 165) / 330) as u16)
+}
+
+/// A board with a full pack and a tank.
+fn with_tank(changes: &[(&str, f32)]) -> Bench {
+    let mut bench = Bench::configured(2482, &[&TANK[..], changes].concat());
+    bench.adc_input(LEVEL, code(250));
+    bench.run_for(5 * SECOND);
+    bench
+}
+
+fn last_of_tank(bench: &mut Bench) -> Frame {
+    let frames = bench.frames();
+    let statuses = of_message(&frames, BATTERY_STATUS);
+    let last = statuses
+        .into_iter()
+        .rfind(|frame| BatteryStatus(frame).instance() == 1);
+    last.expect("the tank has a BATTERY_STATUS").clone()
+}
+
+/// The answer to a request for FUEL_STATUS of a pack, and the message if there is one.
+fn ask_for_fuel(bench: &mut Bench, instance: f32) -> (u8, Option<Frame>) {
+    let answers = bench.ask(&command_long_2(REQUEST_MESSAGE, FUEL_STATUS as f32, instance));
+    let result = of_message(&answers, COMMAND_ACK)[0].u8(2);
+    (result, of_message(&answers, FUEL_STATUS).pop().cloned())
+}
+
+#[test]
+fn the_level_falls_from_full_to_empty() {
+    let mut bench = with_tank(&[]);
+    for (centivolts, left_pct) in [(250, 100), (200, 75), (150, 50), (100, 25), (50, 0)] {
+        bench.adc_input(LEVEL, code(centivolts));
+        // Nine time constants of the filter against sloshing.
+        bench.run_for(5 * SECOND);
+        let frame = last_of_tank(&mut bench);
+        let status = BatteryStatus(&frame);
+        assert_eq!(status.remaining_pct(), left_pct, "{centivolts} cV");
+        assert!((status.consumed_mah() - 20 * (100 - i32::from(left_pct))).abs() <= 2);
+        assert_eq!((status.voltage_mv(0), status.current_ca()), (u16::MAX, -1));
+        assert_eq!((status.energy_hj(), status.battery_type()), (-1, NO_CHEMISTRY));
+
+        let (result, fuel) = ask_for_fuel(&mut bench, 1.0);
+        let fuel = fuel.expect("the tank has one");
+        assert_eq!((result, fuel.u8(24), fuel.u8(25)), (ACCEPTED, 1, left_pct as u8));
+        assert_eq!((fuel.f32(0), fuel.u32(20)), (2000.0, 1), "liquid");
+        assert!(
+            (fuel.f32(8) - 20.0 * f32::from(left_pct)).abs() < 2.0,
+            "{} ml",
+            fuel.f32(8)
+        );
+        assert!(fuel.f32(4).is_nan() && fuel.f32(12).is_nan() && fuel.f32(16).is_nan());
+    }
+}
+
+#[test]
+fn sloshing_is_filtered_unless_the_owner_wants_it() {
+    let mut bench = with_tank(&[]);
+    let slosh = |bench: &mut Bench| {
+        for step in 0..20 {
+            bench.adc_input(LEVEL, code(if step % 2 == 0 { 200 } else { 100 }));
+            bench.run_for(SECOND / 4);
+        }
+        let from_us = bench.time_us();
+        for step in 0..20 {
+            bench.adc_input(LEVEL, code(if step % 2 == 0 { 200 } else { 100 }));
+            bench.run_for(SECOND / 4);
+        }
+        let frames = bench.frames_since(from_us);
+        let levels = of_message(&frames, BATTERY_STATUS)
+            .into_iter()
+            .filter(|frame| BatteryStatus(frame).instance() == 1)
+            .map(|frame| BatteryStatus(frame).remaining_pct());
+        let levels: Vec<_> = levels.collect();
+        levels.iter().max().unwrap() - levels.iter().min().unwrap()
+    };
+    bench.set("SR0_EXTRA1", 10.0);
+    let filtered_pct = slosh(&mut bench);
+    assert!(filtered_pct < 15, "{filtered_pct} %");
+    bench.set("BATT2_FL_FLTR", -1.0);
+    assert!(slosh(&mut bench) >= 49);
+}
+
+#[test]
+fn fuel_is_streamed_to_those_who_ask_and_of_tanks_only() {
+    let mut bench = with_tank(&[]);
+    assert!(of_message(&bench.frames(), FUEL_STATUS).is_empty());
+    assert_eq!(ask_for_fuel(&mut bench, 0.0), (DENIED, None), "a battery");
+    let every_second = command_long_2(SET_MESSAGE_INTERVAL, FUEL_STATUS as f32, 1e6);
+    let answers = bench.ask(&every_second);
+    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+    let from_us = bench.time_us();
+    bench.run_for(10 * SECOND);
+    let frames = bench.frames_since(from_us);
+    let told = of_message(&frames, FUEL_STATUS);
+    assert_eq!(told.len(), 10);
+    assert!(told.iter().all(|frame| frame.u8(24) == 1));
+}
+
+#[test]
+fn a_tank_with_a_level_sensor_is_not_reset() {
+    let mut bench = with_tank(&[]);
+    let answers = bench.ask(&command_long_2(BATTERY_RESET, 2.0, 50.0));
+    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), FAILED);
+    bench.run_for(SECOND);
+    assert_eq!(BatteryStatus(&last_of_tank(&mut bench)).remaining_pct(), 100);
+}
+
+#[test]
+fn without_a_pin_or_a_capacity_the_owner_is_told_why_there_is_no_level() {
+    for (missing, reason) in [
+        (("BATT2_FL_PIN", -1.0), "Battery 2 unhealthy: no pin set"),
+        (("BATT2_CAPACITY", 0.0), "Battery 2 unhealthy: no capacity set"),
+    ] {
+        let mut bench = with_tank(&[missing]);
+        let frames = bench.frames();
+        let said = of_message(&frames, STATUSTEXT)
+            .iter()
+            .any(|frame| frame.text(1, 50) == reason);
+        assert!(said, "{reason}");
+        assert_eq!(BatteryStatus(&last_of_tank(&mut bench)).remaining_pct(), -1);
+        assert_eq!(ask_for_fuel(&mut bench, 1.0), (DENIED, None));
+    }
+}
+
+#[test]
+fn a_pin_is_read_once_a_tick_whoever_shares_it() {
+    let mut bench = with_tank(&[("BATT3_MONITOR", 24.0), ("BATT3_FL_PIN", 28.0)]);
+    let before = bench.adc_conversions();
+    bench.run_for(10 * SECOND);
+    // 16 of each of the two pins.
+    assert_eq!((bench.adc_conversions() - before).div_ceil(32), 100);
+}
