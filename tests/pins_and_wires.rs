@@ -128,7 +128,7 @@ fn states(
     let states = RefCell::new(Vec::new());
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_millis(seconds * 1000 + 50), async {
-        let shared = Shared::new(parameters);
+        let shared = Shared::new(&parameters);
         let watch = async {
             loop {
                 Timer::after_secs(1).await;
