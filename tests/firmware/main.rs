@@ -20,6 +20,7 @@ mod motors;
 mod packs;
 mod parameters;
 mod power_cuts;
+mod pulses_and_esc;
 mod rover;
 mod sampling;
 mod slow_link;
