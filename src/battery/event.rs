@@ -2,9 +2,9 @@
 
 use core::fmt;
 
-use super::ReadError;
 use super::consumption::Gap;
 use super::failsafe::FailsafeLevel;
+use super::{Contents, ReadError};
 
 /// Something that happened to a pack. Its text begins behind "Battery 1 ".
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,9 +33,11 @@ pub enum PackEvent {
     Failsafe {
         /// The level.
         level: FailsafeLevel,
+        /// What the pack holds.
+        contents: Contents,
         /// The last known voltage between the terminals, in volts; 0 if there was none.
         voltage_v: f32,
-        /// Charge drawn, in milliampere-hours, as far as known.
+        /// Charge drawn, in milliampere-hours (of fuel: millilitres), as far as known.
         consumed_mah: f32,
     },
 }
@@ -65,23 +67,39 @@ impl fmt::Display for PackEvent {
             Self::SwitchingOff => f.write_str("is powering off"),
             Self::Failsafe {
                 level,
+                contents: Contents::Fuel,
+                consumed_mah: consumed_ml,
+                ..
+            } => write!(f, "is {}, used {} ml", name(*level), whole(*consumed_ml)),
+            Self::Failsafe {
+                level,
+                contents: Contents::Charge,
                 voltage_v,
                 consumed_mah,
             } => {
-                let level = match level {
-                    FailsafeLevel::None => "fine",
-                    FailsafeLevel::Unhealthy => "missing, last:",
-                    FailsafeLevel::Low => "low",
-                    FailsafeLevel::Critical => "critical",
+                let last = if *level == FailsafeLevel::Unhealthy {
+                    ", last:"
+                } else {
+                    ""
                 };
                 write!(
                     f,
-                    "is {level} {}V used {} mAh",
+                    "is {}{last} {}V used {} mAh",
+                    name(*level),
                     Hundredths(*voltage_v),
                     whole(*consumed_mah)
                 )
             }
         }
+    }
+}
+
+fn name(level: FailsafeLevel) -> &'static str {
+    match level {
+        FailsafeLevel::None => "fine",
+        FailsafeLevel::Unhealthy => "missing",
+        FailsafeLevel::Low => "low",
+        FailsafeLevel::Critical => "critical",
     }
 }
 

@@ -345,6 +345,7 @@ impl BatteryMonitor {
                 events,
                 PackEvent::Failsafe {
                     level,
+                    contents: state.contents,
                     voltage_v: self.last_voltage_v.unwrap_or(0.0),
                     consumed_mah: state.consumed_mah.unwrap_or(0.0),
                 },

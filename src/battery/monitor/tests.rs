@@ -608,6 +608,7 @@ fn a_failsafe_of_charge_works_on_a_tank() {
     assert_eq!(bench.state().failsafe, FailsafeLevel::None);
     bench.tick(Ok(burnt(1.0, 1.0)));
     assert_eq!(bench.state().failsafe, FailsafeLevel::Low);
+    assert_eq!(bench.events[0].to_string(), "is low, used 1701 ml");
 }
 
 fn any_number() -> impl Strategy<Value = f32> {

@@ -34,7 +34,7 @@ fn severity(event: &PackEvent) -> MavSeverity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{FailsafeLevel, Gap, ReadError};
+    use crate::battery::{Contents, FailsafeLevel, Gap, ReadError};
 
     #[test]
     fn every_event_is_told_in_words_that_fit() {
@@ -44,8 +44,9 @@ mod tests {
                 counted_mah,
             })
         };
-        let failsafe = |level| PackEvent::Failsafe {
+        let failsafe = |level, contents| PackEvent::Failsafe {
             level,
+            contents,
             voltage_v: 1000.0,
             consumed_mah: -1e9,
         };
@@ -74,12 +75,16 @@ mod tests {
             (PackEvent::SensorBack, "Battery 9 healthy again"),
             (PackEvent::SwitchingOff, "Battery 9 is powering off"),
             (
-                failsafe(FailsafeLevel::Low),
+                failsafe(FailsafeLevel::Low, Contents::Charge),
                 "Battery 9 is low 1000.00V used -1000000000 mAh",
             ),
             (
-                failsafe(FailsafeLevel::Unhealthy),
+                failsafe(FailsafeLevel::Unhealthy, Contents::Charge),
                 "Battery 9 is missing, last: 1000.00V used -1000000000 mAh",
+            ),
+            (
+                failsafe(FailsafeLevel::Critical, Contents::Fuel),
+                "Battery 9 is critical, used -1000000000 ml",
             ),
         ] {
             assert_eq!(pack_announcement(8, &event).1, expected);
