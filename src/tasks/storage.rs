@@ -74,12 +74,17 @@ pub async fn keep_parameters<F: NorFlash>(
             retry_at = Instant::now() + RETRY_INTERVAL;
             if !failure_said {
                 failure_said = true;
-                shared.notice(
-                    MavSeverity::MAV_SEVERITY_CRITICAL,
-                    "Parameters can't be saved: flash worn out?",
-                );
+                shared.notice(MavSeverity::MAV_SEVERITY_CRITICAL, failure_text(error));
             }
         }
+    }
+}
+
+/// What an owner is told of values that are live and can't be saved.
+fn failure_text(error: StorageError) -> &'static str {
+    match error {
+        StorageError::Full => "Parameters can't be saved: too many changed",
+        StorageError::Flash | StorageError::Corrupt => "Parameters can't be saved: flash worn out?",
     }
 }
 
