@@ -259,7 +259,9 @@ fn a_motor_controller_that_was_never_heard_is_unhealthy() {
 }
 
 #[test]
-fn without_a_pin_and_a_wire_nothing_is_wrong_with_the_tasks() {
-    let states = states(5, &[(MONITOR, 12.0), (CURR_PIN, 17.0)], None, None);
-    assert_eq!(states[4].status, PackStatus::Unhealthy);
+fn without_a_pin_and_a_wire_only_the_packs_are_unhealthy() {
+    for settings in [&[(MONITOR, 12.0), (CURR_PIN, 17.0)][..], &[(MONITOR, 9.0)]] {
+        let states = states(5, settings, None, None);
+        assert_eq!(states[4].status, PackStatus::Unhealthy);
+    }
 }

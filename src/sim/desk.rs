@@ -4,20 +4,20 @@ use std::cell::{Cell, RefCell};
 use std::fmt;
 use std::rc::Rc;
 
-use embassy_futures::join::{join, join_array, join5};
+use embassy_futures::join::{join, join_array, join3, join5};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker};
 
 use super::{
     Client, Clients, LivingPack, PackModel, SimulatedBus, SimulatedFlash, SimulatedPack, SimulatedPackInput,
-    SimulatedRover, UdpWire,
+    SimulatedRover, TcpReceiver, UdpWire,
 };
 use crate::battery::RetainedRecord;
 use crate::liveness::CheckIn;
 use crate::parameter::{ParameterStorage, Parameters};
 use crate::sensor::Buses;
 use crate::tasks::{
-    Link, Shared, drive, keep_parameters, load_parameters, read_bus, reboot_requested, report_load,
+    Link, Shared, drive, keep_parameters, load_parameters, read_bus, read_esc, reboot_requested, report_load,
     sample_batteries, serve_link,
 };
 use crate::vehicle::{Indication, Indicators};
@@ -47,7 +47,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
         let living_pack = LivingPack::new(&pack, &rover, &desk.shared);
         let mut memory = [RetainedRecord::BLANK; 2];
         let vehicle = join5(
-            join(
+            join3(
                 sample_batteries(
                     SimulatedPackInput::new(&living_pack, &desk.shared),
                     &mut memory,
@@ -59,6 +59,8 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
                     &desk.shared,
                     &UNWATCHED,
                 ),
+                // No motor controller is simulated: a pack that is set up for one is unhealthy.
+                read_esc(None::<TcpReceiver>, &desk.shared, &UNWATCHED),
             ),
             drive(&rover, NoLamps, &desk.shared, &UNWATCHED),
             keep_parameters(storage, &desk.shared, &UNWATCHED),

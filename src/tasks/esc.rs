@@ -13,16 +13,16 @@ use crate::sensor::{EscTelemetry, MonitorKind};
 /// Bytes handled in one go: a few frames.
 const CHUNK_BYTES: usize = 32;
 
-/// Hands each frame of `source` to the battery task, for every pack that is measured so. Without a source there is nothing to
-/// do.
+/// Hands each frame of `source` to the battery task, for every pack that is measured so. Without a source nothing is ever
+/// heard of them.
 pub async fn read_esc(source: Option<impl ByteSource>, shared: &Shared, check_in: &CheckIn) -> ! {
+    let packs = packs(shared);
+    deliver(&packs, Err(ReadError::NoAnswer), shared);
     let Some(mut source) = source else {
         idle(check_in).await
     };
-    let packs = packs(shared);
     let mut telemetry = EscTelemetry::default();
     let mut chunk = [0; CHUNK_BYTES];
-    deliver(&packs, Err(ReadError::NoAnswer), shared);
     loop {
         match with_timeout(LONGEST_SLEEP, source.receive(&mut chunk)).await {
             Ok(Ok(received)) => {
