@@ -5,10 +5,7 @@ mod analog_monitor;
 mod bus;
 mod esc;
 mod fuel;
-mod fuel_flow;
-mod fuel_level;
 mod kind;
-mod pulses;
 
 pub use analog::{
     ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS, read_mean,
@@ -16,6 +13,5 @@ pub use analog::{
 pub use analog_monitor::{AnalogReadings, AnalogWiring, CurrentSensor, VoltageDivider};
 pub use bus::{Address, BusDevices, Buses, NoSpi, PartKind, Samples, SensorBus, Wiring, bus_clock_hz};
 pub use esc::EscTelemetry;
-pub use fuel::{FuelKind, FuelMeter, FuelReadings};
+pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses};
 pub use kind::{MONITOR_CHOICES, MonitorKind, needs_esc, needs_pulses};
-pub use pulses::Pulses;

@@ -168,7 +168,11 @@ impl BusDevice {
             }
         };
         for (pack, wiring) in &self.packs {
-            deliver(*pack, Ok(part.read(bus, wiring).await?));
+            match part.read(bus, wiring).await {
+                // Another pack of the part may be wired all right.
+                Err(ReadError::NoPin) => deliver(*pack, Err(ReadError::NoPin)),
+                reading => deliver(*pack, Ok(reading?)),
+            }
         }
         Ok(())
     }

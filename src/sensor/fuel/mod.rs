@@ -1,9 +1,15 @@
 //! Tanks: what measures them, and what has to be remembered for that.
 
-use super::fuel_flow::FlowMeter;
-use super::fuel_level::{LevelMeter, LevelScale, level_by_pulses};
-use super::pulses::PULSE_GPIO;
-use super::{AnalogPin, AnalogReadings, Pulses};
+mod flow;
+mod level;
+mod pulses;
+
+use flow::FlowMeter;
+use level::{LevelMeter, LevelScale, level_by_pulses};
+use pulses::PULSE_GPIO;
+pub use pulses::Pulses;
+
+use super::{AnalogPin, AnalogReadings};
 use crate::battery::{Measurement, ReadError};
 use crate::parameter::{BatteryParameter, Pack, Parameters};
 
