@@ -3,7 +3,9 @@
 use std::rc::Rc;
 
 use super::values::assert_measures;
-use super::{BUS, DIVIDER_CODE, Second, after_a_second, shared, texts, with_second_pack};
+use super::{
+    BUS, DIVIDER_CODE, Second, after_a_second, assert_survives_unplugging, shared, texts, with_second_pack,
+};
 use crate::bench::{Bench, SECOND};
 use crate::emulator::LogLevel;
 use crate::emulator::i2c_devices::{Ad7091r5, Ina231, Ina238, Ltc2946, Reference};
@@ -27,6 +29,7 @@ fn an_ina238_measures_with_16_bits() {
         assert_measures(&status, 12.5, 3.125e-3, 30.0, 10e-3);
         assert_eq!(status.temperature_cdegc(), i16::MAX);
     });
+    assert_survives_unplugging(&mut bench, 0x44, &part, |part| part.power_cycle());
 }
 
 #[test]
@@ -42,6 +45,7 @@ fn an_ina231_measures_the_voltage_of_the_pack_and_not_of_its_shunt() {
     after_a_second(&mut bench, |status| {
         assert_measures(&status, 11.1, 1.25e-3, 4.0, 1.25e-3);
     });
+    assert_survives_unplugging(&mut bench, 0x40, &part, |part| part.power_cycle());
 }
 
 fn with_ina239(part: &Rc<std::cell::RefCell<Ina239>>) -> Bench {

@@ -1,6 +1,6 @@
 //! Smart batteries that differ from the specification.
 
-use super::{BUS, after_a_second, shared, texts, with_second_pack};
+use super::{BUS, after_a_second, assert_survives_unplugging, shared, texts, with_second_pack};
 use crate::bench::SECOND;
 use crate::emulator::i2c_devices::{Pec, SmartBattery};
 use crate::support::frames::BatteryStatus;
@@ -33,11 +33,13 @@ fn a_maxell_holds_twice_what_its_words_say() {
     battery.set_word(0x1a, 0x0031);
     battery.set_capacity(2000, 2500);
     battery.set(11.1, 1.0, 25.0);
-    let mut bench = with_second_pack(MAXELL, ADDRESS, &shared(battery), &[]);
+    let part = shared(battery);
+    let mut bench = with_second_pack(MAXELL, ADDRESS, &part, &[]);
     after_a_second(&mut bench, |status| {
         assert_eq!((status.consumed_mah(), status.remaining_pct()), (1000, 80));
         assert_eq!(status.time_remaining_s(), 4000 * 3600 / 1000);
     });
+    assert_survives_unplugging(&mut bench, ADDRESS, &part, |_| {});
 }
 
 #[test]
@@ -56,6 +58,7 @@ fn a_rotoye_tells_the_hottest_place_and_large_currents() {
     after_a_second(&mut bench, |status| assert_eq!(status.current_ca(), 8000));
     part.borrow_mut().set_word(0x41, 0xffff);
     after_a_second(&mut bench, |status| assert_eq!(status.current_ca(), 1000));
+    assert_survives_unplugging(&mut bench, ADDRESS, &part, |_| {});
 }
 
 #[test]
@@ -66,11 +69,13 @@ fn a_sui_of_three_cells_has_them_in_a_block() {
     battery.set_pec_of(0x28, Pec::Right);
     battery.forget(0x09);
     battery.set_capacity(2600, 5200);
-    let mut bench = with_second_pack(SUI_3_CELLS, ADDRESS, &shared(battery), &[]);
+    let part = shared(battery);
+    let mut bench = with_second_pack(SUI_3_CELLS, ADDRESS, &part, &[]);
     after_a_second(&mut bench, |status| {
         assert_eq!(cells(&status, 4), [4100, 4101, 4102, 65535]);
         assert_eq!((status.current_ca(), status.remaining_pct()), (250, 50));
     });
+    assert_survives_unplugging(&mut bench, ADDRESS, &part, |_| {});
 }
 
 #[test]
@@ -79,11 +84,13 @@ fn a_sui_of_six_cells_tells_the_voltage_of_the_pack_and_no_invented_cells() {
     battery.set(24.6, 0.0, 25.0);
     battery.set_block(0x28, &block(&[4100, 4100, 4100, 4100]));
     battery.set_bare(0x2a, &DISCHARGE);
-    let mut bench = with_second_pack(SUI_6_CELLS, ADDRESS, &shared(battery), &[]);
+    let part = shared(battery);
+    let mut bench = with_second_pack(SUI_6_CELLS, ADDRESS, &part, &[]);
     after_a_second(&mut bench, |status| {
         assert_eq!(cells(&status, 2), [24_600, 65535]);
         assert_eq!(status.current_ca(), 250);
     });
+    assert_survives_unplugging(&mut bench, ADDRESS, &part, |_| {});
 }
 
 #[test]
