@@ -1,12 +1,14 @@
 //! Regular due times that neither drift nor catch up.
 
+use core::num::NonZeroU64;
+
 /// Due times at a fixed interval.
 ///
 /// Each due time is the one before plus the interval, whatever the moment it was served, so the long-term rate is exact.
 /// When whole intervals were missed they are skipped, not made up for by a burst; the phase stays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cadence {
-    interval_us: u64,
+    interval_us: NonZeroU64,
     due_us: u64,
 }
 
@@ -14,7 +16,7 @@ impl Cadence {
     /// First due at `start_us`, then every `interval_us`. An interval of 0 is taken as 1 µs.
     pub fn starting_at(start_us: u64, interval_us: u64) -> Self {
         Self {
-            interval_us: interval_us.max(1),
+            interval_us: at_least_1_us(interval_us),
             due_us: start_us,
         }
     }
@@ -26,7 +28,7 @@ impl Cadence {
 
     /// The time between two due times, in µs.
     pub fn interval_us(&self) -> u64 {
-        self.interval_us
+        self.interval_us.get()
     }
 
     /// Whether it is due at `now_us`; if so the next due time is set.
@@ -34,12 +36,12 @@ impl Cadence {
         if now_us < self.due_us {
             return false;
         }
-        self.due_us = self.due_us.saturating_add(self.interval_us);
+        self.due_us = self.due_us.saturating_add(self.interval_us());
         if self.due_us <= now_us {
             let missed = (now_us - self.due_us) / self.interval_us + 1;
             self.due_us = self
                 .due_us
-                .saturating_add(missed.saturating_mul(self.interval_us));
+                .saturating_add(missed.saturating_mul(self.interval_us()));
         }
         true
     }
@@ -52,17 +54,21 @@ impl Cadence {
     /// Changes the interval. The next due time is one new interval after the last one served, or `now_us` if that has
     /// passed, so a faster rate takes effect at once and a slower one does not send early.
     pub fn set_interval(&mut self, interval_us: u64, now_us: u64) {
-        let interval_us = interval_us.max(1);
+        let interval_us = at_least_1_us(interval_us);
         if interval_us == self.interval_us {
             return;
         }
         // What is due already stays due.
         if self.due_us > now_us {
-            let last_served_us = self.due_us.saturating_sub(self.interval_us);
-            self.due_us = last_served_us.saturating_add(interval_us).max(now_us);
+            let last_served_us = self.due_us.saturating_sub(self.interval_us());
+            self.due_us = last_served_us.saturating_add(interval_us.get()).max(now_us);
         }
         self.interval_us = interval_us;
     }
+}
+
+fn at_least_1_us(interval_us: u64) -> NonZeroU64 {
+    NonZeroU64::new(interval_us).unwrap_or(NonZeroU64::MIN)
 }
 
 #[cfg(test)]

@@ -119,13 +119,18 @@ impl FrameParser {
     /// Takes as many of `bytes` as there is room for and returns how many that were. After [`Self::next_frame`] has
     /// answered `None` there is room for at least one.
     pub fn push(&mut self, bytes: &[u8]) -> usize {
-        self.buffer.copy_within(self.start..self.end, 0);
-        self.end -= self.start;
+        // They are never larger; said here, the compiler leaves out the checks that could panic.
+        let end = self.end.min(BUFFER_BYTES);
+        let start = self.start.min(end);
+        self.buffer.copy_within(start..end, 0);
+        self.end = end - start;
         self.start = 0;
-        let room = &mut self.buffer[self.end..];
+        let room = self.buffer.get_mut(self.end..).unwrap_or_default();
         let taken = room.len().min(bytes.len());
         self.sender_paused &= taken == 0;
-        room[..taken].copy_from_slice(&bytes[..taken]);
+        for (place, byte) in room.iter_mut().zip(bytes) {
+            *place = *byte;
+        }
         self.end += taken;
         taken
     }
@@ -151,14 +156,19 @@ impl FrameParser {
             system_id: layout.system_id,
             component_id: layout.component_id,
             message_id: layout.message_id,
-            payload: Payload(&self.buffer[payload_start..payload_start + layout.payload_bytes]),
+            payload: Payload(self.bytes(payload_start, payload_start + layout.payload_bytes)),
         })
+    }
+
+    /// A part of the buffer.
+    fn bytes(&self, start: usize, end: usize) -> &[u8] {
+        self.buffer.get(start..end).unwrap_or_default()
     }
 
     /// Goes on to the next good frame and leaves `start` at it.
     fn find(&mut self) -> Option<Layout> {
         loop {
-            let waiting = &self.buffer[self.start..self.end];
+            let waiting = self.bytes(self.start, self.end);
             let Some(noise) = waiting
                 .iter()
                 .position(|byte| matches!(*byte, START_V1 | START_V2))
@@ -166,8 +176,9 @@ impl FrameParser {
                 self.start = self.end;
                 return None;
             };
+            let candidate = examine(waiting.get(noise..).unwrap_or_default());
             self.start += noise;
-            let counter = match examine(&waiting[noise..]) {
+            let counter = match candidate {
                 Candidate::Incomplete if !self.sender_paused => return None,
                 Candidate::Good(layout) => {
                     self.statistics.frames = self.statistics.frames.wrapping_add(1);
@@ -238,12 +249,14 @@ fn examine(bytes: &[u8]) -> Candidate {
     if extra_crc == 0 {
         return Candidate::UnknownMessage;
     }
-    if bytes.len() < layout.frame_bytes {
+    // The checksum covers everything before it but the start byte.
+    let after_start = bytes.get(1..layout.frame_bytes);
+    let covered_bytes = layout.header_bytes + layout.payload_bytes - 1;
+    let Some((covered, checksum)) = after_start.and_then(|frame| frame.split_at_checked(covered_bytes))
+    else {
         return Candidate::Incomplete;
-    }
-    let covered_end = layout.header_bytes + layout.payload_bytes;
-    let crc = calculate_crc(&bytes[1..covered_end], extra_crc).to_le_bytes();
-    if bytes[covered_end..].starts_with(&crc) {
+    };
+    if checksum.starts_with(&calculate_crc(covered, extra_crc).to_le_bytes()) {
         Candidate::Good(layout)
     } else {
         Candidate::BadChecksum

@@ -47,7 +47,12 @@ pub async fn read_esc(source: Option<impl ByteSource>, shared: &Shared, check_in
 fn packs(shared: &Shared) -> Vec<Pack, MAX_PACKS> {
     shared.with_parameters(|parameters| {
         let is_measured_so = |pack: &Pack| MonitorKind::of(parameters, *pack) == Some(MonitorKind::Esc);
-        Pack::ALL.into_iter().filter(is_measured_so).collect()
+        let mut packs = Vec::new();
+        for pack in Pack::ALL.into_iter().filter(is_measured_so) {
+            // There is room for every pack.
+            let _ = packs.push(pack);
+        }
+        packs
     })
 }
 

@@ -25,14 +25,14 @@ pub type Notice = (MavSeverity, &'static str);
 /// All tasks run on one executor and none is interrupted by another, so plain cells guard them.
 pub struct Shared {
     batteries: RefCell<[BatteryState; MAX_PACKS]>,
-    battery_resets: RefCell<[Option<f32>; MAX_PACKS]>,
-    bus_samples: RefCell<[Samples; MAX_PACKS]>,
+    battery_resets: [Cell<Option<f32>>; MAX_PACKS],
+    bus_samples: [Cell<Samples>; MAX_PACKS],
     pulses: Cell<Pulses>,
     samples: Cell<u32>,
     load_permille: Cell<u16>,
     parameters: RefCell<Parameters>,
     vehicle: RefCell<Vehicle>,
-    notices: RefCell<Vec<Notice, MAX_NOTICES>>,
+    notices: Cell<Vec<Notice, MAX_NOTICES>>,
     announcements: Announcements,
     /// The motors may have to be told something else.
     pub(super) to_drive: Signal<NoopRawMutex, ()>,
@@ -52,14 +52,14 @@ impl Shared {
     pub fn new(parameters: &Parameters) -> Self {
         Self {
             batteries: in_place(|| states_at_boot(parameters)),
-            battery_resets: RefCell::new([None; MAX_PACKS]),
-            bus_samples: in_place(|| [Samples::new(); MAX_PACKS]),
+            battery_resets: [const { Cell::new(None) }; MAX_PACKS],
+            bus_samples: [const { Cell::new(Samples::new()) }; MAX_PACKS],
             pulses: Cell::new(Pulses::NONE),
             samples: Cell::new(0),
             load_permille: Cell::new(0),
             parameters: in_place(|| parameters.clone()),
             vehicle: RefCell::new(Vehicle::new()),
-            notices: RefCell::new(Vec::new()),
+            notices: Cell::new(Vec::new()),
             announcements: Announcements::new(),
             to_drive: Signal::new(),
             to_save: Signal::new(),
@@ -83,9 +83,9 @@ impl Shared {
 
     /// Asks for the charge of the packs in `mask` (one bit for each instance) to be taken as `percent` of a full pack.
     pub(super) fn request_battery_reset(&self, mask: u16, percent: f32) {
-        for (instance, reset) in self.battery_resets.borrow_mut().iter_mut().enumerate() {
+        for (instance, reset) in self.battery_resets.iter().enumerate() {
             if mask & 1 << instance != 0 {
-                *reset = Some(percent);
+                reset.set(Some(percent));
             }
         }
     }
@@ -93,22 +93,25 @@ impl Shared {
     /// The charge the pack `instance` (0 to 8) has to be taken to have, in percent, if that was asked for since the last
     /// call.
     pub fn take_battery_reset(&self, instance: u8) -> Option<f32> {
-        let mut resets = self.battery_resets.borrow_mut();
-        resets.get_mut(usize::from(instance))?.take()
+        self.battery_resets.get(usize::from(instance))?.take()
     }
 
     /// One more reading of a pack by its part on the bus, or why there is none.
     pub(super) fn add_sample(&self, pack: Pack, reading: Result<Measurement, ReadError>) {
-        let mut samples = self.bus_samples.borrow_mut();
-        if let Some(samples) = samples.get_mut(usize::from(pack.instance())) {
+        if let Some(cell) = self.bus_samples.get(usize::from(pack.instance())) {
+            let mut samples = cell.get();
             samples.add(reading);
+            cell.set(samples);
         }
     }
 
     /// What a pack's part on the bus has told since the last call; `None` before it has been asked.
     pub(super) fn take_samples(&self, pack: Pack) -> Option<Result<Measurement, ReadError>> {
-        let mut samples = self.bus_samples.borrow_mut();
-        samples.get_mut(usize::from(pack.instance()))?.take()
+        let cell = self.bus_samples.get(usize::from(pack.instance()))?;
+        let mut samples = cell.get();
+        let reading = samples.take();
+        cell.set(samples);
+        reading
     }
 
     /// What the pulses on their pin have told so far.
@@ -172,8 +175,10 @@ impl Shared {
 
     /// Tells every ground station, those that connect later too.
     pub fn notice(&self, severity: MavSeverity, text: &'static str) {
+        let mut notices = self.notices.take();
         // One too many is not worth more than the log, where it stands anyway.
-        let _ = self.notices.borrow_mut().push((severity, text));
+        let _ = notices.push((severity, text));
+        self.notices.set(notices);
         self.announce(severity, text);
     }
 
@@ -190,7 +195,9 @@ impl Shared {
     }
 
     pub(super) fn notices(&self) -> Vec<Notice, MAX_NOTICES> {
-        self.notices.borrow().clone()
+        let notices = self.notices.take();
+        self.notices.set(notices.clone());
+        notices
     }
 
     /// Whether a value that was set is not in flash yet.

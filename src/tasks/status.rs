@@ -54,7 +54,8 @@ impl Snapshot {
         let idle_us = self.idle_us.wrapping_sub(before.idle_us).min(elapsed_us);
         let busy_us = elapsed_us - idle_us;
         // At most 1000, and a second of microseconds times 1000 fits u32 with room for a late tick.
-        (busy_us / (elapsed_us.div_ceil(1000))).min(1000) as u16
+        let load_permille = busy_us.checked_div(elapsed_us.div_ceil(1000));
+        load_permille.unwrap_or(0).min(1000) as u16
     }
 }
 

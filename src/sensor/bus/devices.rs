@@ -108,7 +108,11 @@ impl BusDevices {
         now_us: u64,
         mut deliver: impl FnMut(Pack, Result<Measurement, ReadError>),
     ) {
-        let taken: Vec<Address, MAX_PACKS> = self.taken().collect();
+        let mut taken: Vec<Address, MAX_PACKS> = Vec::new();
+        for address in self.taken() {
+            // There is room for the part of every pack.
+            let _ = taken.push(address);
+        }
         let waiting = self
             .devices
             .iter_mut()

@@ -111,7 +111,9 @@ impl<'a, B: SensorBus> SmBus<'a, B> {
         if packet_error_code(self.address, command, received) != *code {
             return Err(ReadError::Checksum);
         }
-        data.copy_from_slice(received);
+        for (place, byte) in data.iter_mut().zip(received) {
+            *place = *byte;
+        }
         Ok(())
     }
 
