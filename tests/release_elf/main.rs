@@ -1,4 +1,4 @@
-//! What is linked into the release firmware, read from its ELF file: its panic sites.
+//! What is linked into the release firmware, read from its ELF file: panic sites, sizes, no allocator.
 
 #[path = "../support/elf.rs"]
 mod elf;
@@ -7,3 +7,4 @@ mod calls;
 mod lines;
 mod panics;
 mod program;
+mod sizes;

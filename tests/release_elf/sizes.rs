@@ -1,0 +1,112 @@
+//! What the firmware takes: flash, RAM, the future of each task; and that it has no allocator.
+
+use crate::program::{Program, Section, Symbol, release_firmware};
+
+const FLASH_BUDGET_BYTES: u32 = 160_000;
+const RAM_BUDGET_BYTES: u32 = 64 * 1024;
+
+/// A task that is `async fn name` in main.rs has its future in a static of this name.
+fn task_of(symbol: &Symbol) -> Option<&str> {
+    let path = symbol.name.strip_suffix("::POOL")?;
+    path.rsplit("::").next()
+}
+
+fn task_futures(program: &Program) -> Vec<(&str, u32)> {
+    let pools = program.symbols.iter();
+    let mut futures: Vec<_> = pools
+        .filter_map(|symbol| Some((task_of(symbol)?, symbol.size)))
+        .collect();
+    futures.sort_by_key(|(_, size)| std::cmp::Reverse(*size));
+    futures
+}
+
+fn sum_of(sections: impl Iterator<Item = u32>) -> u32 {
+    sections.sum()
+}
+
+#[test]
+fn flash_and_ram_are_within_the_budget() {
+    let sections = &release_firmware().sections;
+    let flash = sum_of(
+        sections
+            .iter()
+            .map(|section: &Section| section.bytes.len() as u32),
+    );
+    let ram = sum_of(
+        sections
+            .iter()
+            .filter(|section| section.is_in_ram())
+            .map(|section| section.size),
+    );
+    println!("flash {flash} bytes of {FLASH_BUDGET_BYTES}, static RAM {ram} bytes of {RAM_BUDGET_BYTES}");
+    for name in [".text", ".rodata", ".data", ".bss", ".uninit"] {
+        let section = sections.iter().find(|section| section.name == name);
+        println!("{:7}  {name}", section.map_or(0, |section| section.size));
+    }
+    assert!(flash > 0 && flash <= FLASH_BUDGET_BYTES, "{flash} bytes of flash");
+    assert!(ram > 0 && ram <= RAM_BUDGET_BYTES, "{ram} bytes of RAM");
+}
+
+#[test]
+fn the_future_of_every_task_is_listed() {
+    let futures = task_futures(release_firmware());
+    for (task, size) in &futures {
+        println!("{size:7}  {task}");
+    }
+    println!("{:7}  all tasks", sum_of(futures.iter().map(|(_, size)| *size)));
+    let main = include_str!("../../src/main.rs");
+    let tasks = main.matches("#[embassy_executor::").count();
+    assert_eq!(
+        futures.len(),
+        tasks,
+        "tasks in main.rs, each with a future of its own"
+    );
+}
+
+#[test]
+fn nothing_allocates() {
+    let allocator: Vec<_> = release_firmware()
+        .symbols
+        .iter()
+        .map(|symbol| &symbol.name)
+        .filter(|name| is_of_an_allocator(name))
+        .collect();
+    assert!(allocator.is_empty(), "{allocator:?}");
+}
+
+fn is_of_an_allocator(name: &str) -> bool {
+    [
+        "__rust_alloc",
+        "__rust_dealloc",
+        "__rust_realloc",
+        "__rg_",
+        "__rdl_",
+        "__rust_no_alloc_shim",
+    ]
+    .iter()
+    .any(|part| name.contains(part))
+        || name.contains("alloc::alloc::")
+        || ["malloc", "free", "calloc", "realloc"].contains(&name)
+        || ["alloc::", "<alloc::"]
+            .iter()
+            .any(|start| name.starts_with(start))
+}
+
+#[test]
+fn the_symbols_of_an_allocator_are_recognised() {
+    for name in [
+        "__rust_alloc",
+        "__rustc::__rust_alloc",
+        "alloc::raw_vec::handle_error",
+        "<alloc::vec::Vec<T> as Drop>::drop",
+    ] {
+        assert!(is_of_an_allocator(name), "{name}");
+    }
+    for name in [
+        "core::ops::drop",
+        "embassy_usb::builder::alloc_endpoint_in",
+        "SharedAllocation",
+    ] {
+        assert!(!is_of_an_allocator(name), "{name}");
+    }
+}
