@@ -34,6 +34,8 @@ pub struct Board {
     pub(super) log: LogDecoder,
     pub(super) resets: Vec<ResetRecord>,
     pub(super) awake_cycles: u64,
+    /// The deepest the stack has been.
+    pub(super) lowest_stack_pointer: u32,
     /// Where the runs asked for so far end: overshoot by an instruction does not add up.
     pub(super) run_end: Cycle,
     pub(super) powered: bool,
@@ -59,6 +61,7 @@ impl Board {
             log: LogDecoder::new(firmware.log_table()),
             resets: Vec::new(),
             awake_cycles: 0,
+            lowest_stack_pointer: u32::MAX,
             run_end: 0,
             powered: true,
             firmware: firmware.clone(),
@@ -285,6 +288,29 @@ impl Board {
     /// Cycles since power-up in which the processor was not asleep.
     pub fn awake_cycles(&self) -> u64 {
         self.awake_cycles
+    }
+
+    /// The lowest value SP has had since power-up or since [`Self::forget_stack_use`], resets and handlers
+    /// included.
+    pub fn lowest_stack_pointer(&self) -> u32 {
+        self.lowest_stack_pointer
+    }
+
+    /// The same as bytes of the firmware's stack. What the boot ROM's own functions take is not in it: they are
+    /// not executed instruction by instruction.
+    pub fn stack_used_bytes(&self) -> u32 {
+        self.symbol("_stack_start")
+            .saturating_sub(self.lowest_stack_pointer)
+    }
+
+    /// Look for the deepest stack anew from here on.
+    pub fn forget_stack_use(&mut self) {
+        self.lowest_stack_pointer = u32::MAX;
+    }
+
+    /// Room for the firmware's stack.
+    pub fn stack_bytes(&self) -> u32 {
+        self.symbol("_stack_start") - self.symbol("_stack_end")
     }
 
     /// Accesses to addresses where nothing is (the first 1024).

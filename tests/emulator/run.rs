@@ -4,6 +4,8 @@
 use super::board::Board;
 use super::clock::{Cycle, cycles};
 
+const STACK_POINTER: usize = 13;
+
 /// How often, at least, a condition given to [`Board::run_until`] is looked at.
 const CONDITION_INTERVAL: Cycle = cycles(10);
 
@@ -97,6 +99,7 @@ impl Board {
     fn execute(&mut self, end: Cycle) {
         while self.bus.now < end && !self.bus.attention && self.cpu.is_running() {
             self.bus.now += self.cpu.step(&mut self.bus);
+            self.lowest_stack_pointer = self.lowest_stack_pointer.min(self.register(STACK_POINTER));
             if self.bus.rtt.written {
                 self.drain_log();
             }

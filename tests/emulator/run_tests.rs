@@ -2,7 +2,7 @@
 
 use super::adc::AdcInput;
 use super::bench::*;
-use super::thumb::idle_board;
+use super::thumb::{BX_LR, STACK_TOP, WFI, back, board, idle_board, pop, push};
 
 #[test]
 fn cutting_a_run_into_pieces_changes_nothing() {
@@ -52,4 +52,26 @@ fn run_until_time_does_nothing_for_the_past() {
     assert_eq!(board.time_us(), 500);
     board.run_for(100);
     assert_eq!(board.time_us(), 600);
+}
+
+#[test]
+fn the_deepest_stack_is_remembered_with_the_handlers_on_it() {
+    let mut board = board(
+        &[push(0), push(0), pop(0), WFI, back(1)],
+        &[(16 + 26, &[push(0), pop(0), BX_LR])],
+    );
+    board.run_for(10);
+    assert_eq!(board.lowest_stack_pointer(), STACK_TOP - 8);
+    pend_line_26(&mut board);
+    board.run_for(10);
+    // One word of the main program, one that aligns the frame of eight words, one of the handler.
+    assert_eq!(board.register(13), STACK_TOP - 4);
+    assert_eq!(board.lowest_stack_pointer(), STACK_TOP - 4 - 4 - 32 - 4);
+    board.press_run();
+    board.run_for(1);
+    assert_eq!(
+        board.lowest_stack_pointer(),
+        STACK_TOP - 44,
+        "a reset does not undo it"
+    );
 }

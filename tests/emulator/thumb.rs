@@ -45,6 +45,11 @@ pub const fn push(rt: u16) -> u16 {
     0xb400 | 1 << rt
 }
 
+/// `pop {r<n>}`
+pub const fn pop(rt: u16) -> u16 {
+    0xbc00 | 1 << rt
+}
+
 /// `bx rm`
 pub const fn branch_to(rm: u16) -> u16 {
     0x4700 | rm << 3

@@ -3,7 +3,7 @@
 mod faults;
 mod messages;
 mod more_parts;
-mod nine;
+pub mod nine;
 mod values;
 mod variants;
 

@@ -9,6 +9,23 @@ use crate::support::frames::{BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATU
 const CURRENT_PIN: usize = 1;
 const CYCLES_PER_US: u64 = 125;
 
+/// Nine packs of all kinds.
+pub const MIXED: [(&str, f32); 13] = [
+    ("BATT_MONITOR", 4.0),
+    ("BATT_CURR_PIN", 27.0),
+    ("BATT2_MONITOR", 21.0),
+    ("BATT3_MONITOR", 21.0),
+    ("BATT4_MONITOR", 21.0),
+    ("BATT5_MONITOR", 30.0),
+    ("BATT6_MONITOR", 30.0),
+    ("BATT6_CHANNEL", 2.0),
+    ("BATT7_MONITOR", 30.0),
+    ("BATT7_CHANNEL", 3.0),
+    ("BATT8_MONITOR", 7.0),
+    ("BATT9_MONITOR", 10.0),
+    ("BATT9_SUM_MASK", 6.0),
+];
+
 /// One minute of nine packs, with what each is expected to report.
 fn run(parameters: &[(&str, f32)], voltages_mv: &[u32]) {
     let mut bench = Bench::running(DIVIDER_CODE);
@@ -55,7 +72,8 @@ fn run(parameters: &[(&str, f32)], voltages_mv: &[u32]) {
     assert!(rates.len() >= 58 && rates.iter().all(|(_, line)| line.contains("10 samples/s")));
 }
 
-fn plug_in(bench: &mut Bench) {
+/// The parts on the bus for [`MIXED`].
+pub fn plug_in(bench: &mut Bench) {
     let (monitor, inside, counting) = (
         shared(Ina226::new(0.0005)),
         shared(Ina260::new()),
@@ -85,21 +103,7 @@ fn two_packs_keep_10_hz() {
 #[test]
 fn nine_packs_of_mixed_kinds_keep_10_hz() {
     run(
-        &[
-            ("BATT_MONITOR", 4.0),
-            ("BATT_CURR_PIN", 27.0),
-            ("BATT2_MONITOR", 21.0),
-            ("BATT3_MONITOR", 21.0),
-            ("BATT4_MONITOR", 21.0),
-            ("BATT5_MONITOR", 30.0),
-            ("BATT6_MONITOR", 30.0),
-            ("BATT6_CHANNEL", 2.0),
-            ("BATT7_MONITOR", 30.0),
-            ("BATT7_CHANNEL", 3.0),
-            ("BATT8_MONITOR", 7.0),
-            ("BATT9_MONITOR", 10.0),
-            ("BATT9_SUM_MASK", 6.0),
-        ],
+        &MIXED,
         &[7_901, 12_000, 11_000, 10_000, 8_000, 8_400, 7_200, 11_100, 11_500],
     );
 }

@@ -1,0 +1,133 @@
+//! How deep the stack gets, interrupts included, when everything happens at once.
+
+use crate::bench::{Bench, MILLISECOND, SECOND};
+use crate::bus_packs::{BUS, DIVIDER_CODE, nine};
+use crate::emulator::{AdcFault, Board, CpuState, LogLevel, ResetCause};
+use crate::support::frames::{COMMAND_ACK, PARAM_VALUE, of_message};
+use crate::support::requests::{
+    VEHICLE, command_int, command_long, command_long_2, ftp_open, manual_control, param_request_list,
+    param_set, ping, set_mode, timesync,
+};
+
+/// Of the stack's room, this much has to be free at the worst.
+const FREE_PERCENT: u32 = 30;
+
+const PROGRAM_COUNTER: usize = 15;
+
+const ARM_DISARM: u16 = 400;
+const FORCED: f32 = 21_196.0;
+const REQUEST_MESSAGE: u16 = 512;
+const AUTOPILOT_VERSION: f32 = 148.0;
+const BATTERY_RESET: u16 = 42_651;
+const ACCEPTED: u8 = 0;
+const VEHICLE_ID: u8 = 1;
+const CUSTOM_MODE_ENABLED: u8 = 1;
+const MANUAL: u32 = 0;
+
+/// IN1 of the left front motor.
+const MOTOR: usize = 18;
+
+/// Nine packs, each with a message of its own 50 times a second, on the fastest line there is.
+fn busiest_board() -> Bench {
+    let mut bench = Bench::running(DIVIDER_CODE);
+    nine::plug_in(&mut bench);
+    for (name, value) in nine::MIXED {
+        bench.set(name, value);
+    }
+    bench.set("SR0_EXTRA1", 50.0);
+    bench.set("SERIAL0_BAUD", 921.0);
+    bench.reboot();
+    bench
+}
+
+fn arm(bench: &mut Bench) {
+    let answers = bench.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    assert_eq!(
+        of_message(&answers, COMMAND_ACK)[0].u8(2),
+        ACCEPTED,
+        "{answers:?}"
+    );
+    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+}
+
+/// What ground stations ask for in one second, the longest answers and writes to flash among it.
+fn requests(round: u16) -> Vec<Vec<u8>> {
+    vec![
+        param_request_list(VEHICLE),
+        param_set("BATT_LOW_VOLT", 6.0 + 0.1 * f32::from(round)),
+        param_set("BATT9_CAPACITY", 1000.0 + f32::from(round)),
+        command_long(REQUEST_MESSAGE, AUTOPILOT_VERSION),
+        command_int(BATTERY_RESET, 0.0),
+        command_long_2(BATTERY_RESET, 511.0, 50.0),
+        ftp_open(round, "@PARAM/param.pck"),
+        ping(u64::from(round), 1),
+        timesync(i64::from(round)),
+    ]
+}
+
+/// Ground stations ask, and somebody drives.
+fn load_for(bench: &mut Bench, seconds: u16) {
+    for round in 0..seconds {
+        for request in requests(round) {
+            let now_us = bench.time_us();
+            let free_us = bench.uart_send(0, now_us, &request);
+            bench.uart_send(0, free_us, &manual_control(VEHICLE_ID, 200, 600));
+            bench.run_for(100 * MILLISECOND);
+        }
+    }
+}
+
+/// Makes the program panic.
+fn panic(bench: &mut Bench) {
+    let is_in_a_task =
+        |board: &mut Board| board.cpu_state() == CpuState::Running && board.active_exception() == 0;
+    assert!(bench.run_until(SECOND, is_in_a_task));
+    // Its bit 0 stands for Thumb.
+    let entry = bench.symbol("_defmt_panic") & !1;
+    bench.set_register(PROGRAM_COUNTER, entry);
+}
+
+/// Panics unless enough of the stack stayed free since the last call.
+fn assert_free(bench: &mut Bench, during: &str) {
+    let (used, room) = (bench.stack_used_bytes(), bench.stack_bytes());
+    let free_percent = 100 * room.saturating_sub(used) / room;
+    println!("{used:6} of {room} bytes of stack used, {free_percent} % free: {during}");
+    assert!(
+        free_percent >= FREE_PERCENT,
+        "{used} of {room} bytes used: {during}"
+    );
+    bench.forget_stack_use();
+}
+
+#[test]
+fn three_tenths_of_the_stack_stay_free_under_the_heaviest_load() {
+    let mut bench = busiest_board();
+    assert_free(&mut bench, "start with nine packs");
+
+    arm(&mut bench);
+    let from_us = bench.time_us();
+    load_for(&mut bench, 6);
+    let is_driven = bench.pwm_output(MOTOR).is_some_and(|output| output.duty > 0.3);
+    assert!(is_driven, "the motors stand");
+    let listed = of_message(&bench.frames_since(from_us), PARAM_VALUE).len();
+    assert!(listed > 300, "{listed} parameters were sent");
+    assert_free(
+        &mut bench,
+        "nine packs at 50 Hz, requests, writes to flash, motors",
+    );
+
+    bench.adc_fault(AdcFault::Stalled);
+    bench.i2c(BUS).hold_sda(u32::MAX);
+    load_for(&mut bench, 6);
+    assert!(!bench.logged(LogLevel::Warn, "read failed").is_empty());
+    assert_free(&mut bench, "the same with a dead converter and a dead bus");
+
+    panic(&mut bench);
+    let resets = bench.resets().len();
+    assert!(bench.run_until(2 * SECOND, |board| board.resets().len() > resets));
+    assert_eq!(bench.resets()[resets].cause, ResetCause::WatchdogTimer);
+    assert!(!bench.logged(LogLevel::Error, "panicked").is_empty());
+    assert_free(&mut bench, "a panic, HardFault and the watchdog's reset");
+    bench.run_for(2 * SECOND);
+    assert_free(&mut bench, "start after it, with what was retained");
+}
