@@ -41,7 +41,7 @@ def described():
 
 def test_list(vehicle):
     values = read_list(vehicle)
-    assert len(values) == 50
+    assert len(values) == 58
     assert values.keys() <= described()
     assert values["SR0_EXTRA1"] == 2
     assert values["BATT_VOLT_MULT"] == pytest.approx(3.95)
@@ -81,7 +81,7 @@ def test_a_pack_that_is_enabled_shows_its_parameters(vehicle):
     for number in range(3, 10):
         set_to(vehicle, f"BATT{number}_MONITOR", 3)
     assert read_list(vehicle).keys() == described()
-    assert set_to(vehicle, "BATT2_MONITOR", 0).param_count == 253
+    assert set_to(vehicle, "BATT2_MONITOR", 0).param_count == 317
 
 
 def test_the_rate_follows_the_parameter(vehicle):
