@@ -164,26 +164,27 @@ fn a_converter_on_the_bus_is_four_more_analog_pins() {
 }
 
 #[test]
-fn a_pack_without_a_pin_of_the_converter_does_not_take_the_others_along() {
+fn a_pack_without_a_pin_of_the_converter_does_not_take_the_next_one_along() {
     let part = shared(Ad7091r5::new(Reference::External(3.3)));
     part.borrow_mut().set(0, 2.0);
     let parameters = [
-        ("BATT2_VOLT_PIN", 50.0),
-        ("BATT2_VOLT_MULT", 6.0),
         ("BATT3_MONITOR", AD7091R5),
+        ("BATT3_VOLT_PIN", 50.0),
+        ("BATT3_VOLT_MULT", 6.0),
     ];
     let mut bench = with_second_pack(AD7091R5, 0x2f, &part, &parameters);
     bench.run_for(2 * SECOND);
     let told = texts(&mut bench);
     assert!(
-        told.contains(&"Battery 3 unhealthy: no pin set".into()),
+        told.contains(&"Battery 2 unhealthy: no pin set".into()),
         "{told:?}"
     );
     assert!(
-        !told.iter().any(|text| text.starts_with("Battery 2 unhealthy")),
+        !told.iter().any(|text| text.starts_with("Battery 3 unhealthy")),
         "{told:?}"
     );
-    after_a_second(&mut bench, |status| assert_eq!(status.current_ca(), -1));
+    let frames = bench.frames();
+    assert!(super::last_of(&frames, 2).voltage_mv(0).abs_diff(12_000) <= 5);
 }
 
 #[test]
