@@ -3,8 +3,8 @@
 use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
 use crate::emulator::{AdcInput, LogLevel};
 use crate::support::frames::{
-    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, STATUSTEXT, SYS_STATUS, SysStatus,
-    of_message,
+    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, SYS_STATUS, SysStatus, last_of, of_message,
+    texts_of,
 };
 use crate::support::requests::command_long_2;
 
@@ -27,21 +27,6 @@ const WITH_CURRENT: [(&str, f32); 4] = [
     ("BATT_CELLS", 3.0),
     ("BATT_CAPACITY", 2200.0),
 ];
-
-fn last_of(frames: &[Frame], instance: u8) -> BatteryStatus<'_> {
-    let frame = of_message(frames, BATTERY_STATUS)
-        .into_iter()
-        .rfind(|frame| BatteryStatus(frame).instance() == instance);
-    BatteryStatus(frame.unwrap_or_else(|| panic!("no BATTERY_STATUS {instance}")))
-}
-
-fn texts(bench: &mut Bench) -> Vec<String> {
-    let frames = bench.frames();
-    let texts = of_message(&frames, STATUSTEXT)
-        .into_iter()
-        .map(|frame| frame.text(1, 50));
-    texts.collect()
-}
 
 fn count_of(frames: &[Frame], instance: u8) -> usize {
     let of_pack = |frame: &&&Frame| BatteryStatus(frame).instance() == instance;
@@ -258,7 +243,7 @@ fn cells_and_swaps_are_announced() {
     let mut bench = Bench::running(2482);
     bench.run_for(3 * SECOND);
     assert_eq!(
-        texts(&mut bench),
+        texts_of(&bench.frames()),
         [
             "Battery failsafes are off: set BATT_LOW_VOLT",
             "Battery 1 has 2 cells (set BATT_CELLS to be sure)"
@@ -269,7 +254,7 @@ fn cells_and_swaps_are_announced() {
     bench.adc_input(PACK, AdcInput::Code(HALF_FULL_3S));
     bench.run_for(4 * SECOND);
     assert_eq!(
-        texts(&mut bench)[2..],
+        texts_of(&bench.frames())[2..],
         [
             "Battery 1 swapped: estimates restarted",
             "Battery 1 has 3 cells (set BATT_CELLS to be sure)"

@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, MILLISECOND, SECOND};
 use crate::emulator::{LogLevel, PinWire, UartPins};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, FUEL_STATUS, Frame, STATUSTEXT, of_message};
+use crate::support::frames::{BatteryStatus, FUEL_STATUS, last_of, of_message, texts_of};
 use crate::support::requests::command_long_2;
 
 const ESC: f32 = 9.0;
@@ -18,24 +18,10 @@ const ESC_BAUD: u32 = 115_200;
 /// UNHEALTHY of MAV_BATTERY_CHARGE_STATE.
 const UNHEALTHY: u8 = 6;
 
-fn last_of(frames: &[Frame], instance: u8) -> BatteryStatus<'_> {
-    let statuses = of_message(frames, BATTERY_STATUS);
-    let last = statuses
-        .into_iter()
-        .rfind(|frame| BatteryStatus(frame).instance() == instance);
-    BatteryStatus(last.expect("it has a BATTERY_STATUS"))
-}
-
 fn status<R>(bench: &mut Bench, look: impl FnOnce(BatteryStatus<'_>) -> R) -> R {
     bench.run_for(SECOND);
     let frames = bench.frames();
     look(last_of(&frames, 1))
-}
-
-fn has_told(bench: &mut Bench, text: &str) -> bool {
-    let frames = bench.frames();
-    let texts = of_message(&frames, STATUSTEXT);
-    texts.iter().any(|frame| frame.text(1, 50) == text)
 }
 
 fn with_tank(kind: f32, parameters: &[(&str, f32)]) -> Bench {
@@ -210,7 +196,7 @@ fn a_controller_that_falls_silent_is_told_and_taken_up_again() {
         send(&mut bench, &telemetry(30, 1100, 500, 0));
         bench.run_for(50 * MILLISECOND);
     }
-    assert!(has_told(&mut bench, "Battery 2 healthy again"));
+    assert!(texts_of(&bench.frames()).contains(&"Battery 2 healthy again".into()));
     let frames = bench.frames();
     assert_eq!(last_of(&frames, 1).voltage_mv(0), 11_000);
 }

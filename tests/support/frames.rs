@@ -209,6 +209,20 @@ pub fn assert_no_sequence_gap(frames: &[Frame]) {
     }
 }
 
+/// What was reported of a pack last.
+pub fn last_of(frames: &[Frame], instance: u8) -> BatteryStatus<'_> {
+    let frame = of_message(frames, BATTERY_STATUS)
+        .into_iter()
+        .rfind(|frame| BatteryStatus(frame).instance() == instance);
+    BatteryStatus(frame.unwrap_or_else(|| panic!("no BATTERY_STATUS {instance}")))
+}
+
+/// The texts, in their order.
+pub fn texts_of(frames: &[Frame]) -> Vec<String> {
+    let texts = of_message(frames, STATUSTEXT).into_iter();
+    texts.map(|frame| frame.text(1, 50)).collect()
+}
+
 /// The frames of one message.
 pub fn of_message(frames: &[Frame], message_id: u32) -> Vec<&Frame> {
     frames.iter().filter(|f| f.message_id == message_id).collect()

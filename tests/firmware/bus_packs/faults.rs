@@ -3,11 +3,11 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use super::{BUS, DIVIDER_CODE, Second, last_of, shared, texts};
+use super::{BUS, DIVIDER_CODE, Second, shared};
 use crate::bench::{Bench, MILLISECOND, SECOND};
 use crate::emulator::i2c_devices::{Garbled, Ina226, Ina3221, Pec, Reads, RegisterMap, SmartBattery};
 use crate::emulator::{LogLevel, Random};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, of_message};
+use crate::support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
 
 const SMART_BATTERY: f32 = 7.0;
 const INA2XX: f32 = 21.0;
@@ -92,7 +92,7 @@ impl<D> Faulty<D> {
     }
 
     fn assert_told(&mut self, text: &str) {
-        let texts = texts(&mut self.bench);
+        let texts = texts_of(&self.bench.frames());
         let told = texts.iter().filter(|told| *told == text).count();
         assert_eq!(told, 1, "{text}: {texts:?}");
     }
@@ -211,7 +211,7 @@ fn two_packs_set_to_one_address() {
     ];
     second.configure(&mut bench, &part, &parameters);
     bench.run_for(10 * SECOND);
-    let told = texts(&mut bench);
+    let told = texts_of(&bench.frames());
     let wanted = "Battery 3 unhealthy: address already in use";
     assert_eq!(told.iter().filter(|text| *text == wanted).count(), 1, "{told:?}");
     let frames = bench.frames();

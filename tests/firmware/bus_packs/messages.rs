@@ -1,11 +1,11 @@
 //! What a smart battery tells of itself, in the messages made for that.
 
-use super::{BUS, shared, texts, with_second_pack};
+use super::{BUS, shared, with_second_pack};
 use crate::bench::{Bench, SECOND};
 use crate::emulator::i2c_devices::{Pec, SmartBattery};
 use crate::support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, Frame, SMART_BATTERY_INFO,
-    of_message,
+    of_message, texts_of,
 };
 use crate::support::requests::command_long_2;
 
@@ -140,5 +140,5 @@ fn a_battery_with_a_gauge_can_not_be_told_how_full_it_is() {
     assert_eq!(BatteryStatus(status.expect("it is reported")).remaining_pct(), 56);
     bench.i2c(BUS).detach(0x0b);
     bench.run_for(3 * SECOND);
-    assert!(texts(&mut bench).contains(&"Battery 2 unhealthy: no answer".into()));
+    assert!(texts_of(&bench.frames()).contains(&"Battery 2 unhealthy: no answer".into()));
 }

@@ -12,7 +12,7 @@ use std::rc::Rc;
 
 use crate::bench::{Bench, SECOND};
 use crate::emulator::I2cDevice;
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, Frame, STATUSTEXT, of_message};
+use crate::support::frames::{BatteryStatus, last_of, texts_of};
 
 /// The divider of the first pack: 7.9 V.
 pub const DIVIDER_CODE: u16 = 2482;
@@ -61,21 +61,6 @@ pub fn with_second_pack<D: I2cDevice + 'static>(
     bench
 }
 
-/// The newest BATTERY_STATUS of a pack.
-pub fn last_of(frames: &[Frame], instance: u8) -> BatteryStatus<'_> {
-    let frame = of_message(frames, BATTERY_STATUS)
-        .into_iter()
-        .rfind(|frame| BatteryStatus(frame).instance() == instance);
-    BatteryStatus(frame.unwrap_or_else(|| panic!("no BATTERY_STATUS {instance}")))
-}
-
-/// The texts that were sent, in their order.
-pub fn texts(bench: &mut Bench) -> Vec<String> {
-    let frames = bench.frames();
-    let texts = of_message(&frames, STATUSTEXT).into_iter();
-    texts.map(|frame| frame.text(1, 50)).collect()
-}
-
 /// Runs for a second and shows what was reported of the second pack last.
 pub fn after_a_second<R>(bench: &mut Bench, look: impl FnOnce(BatteryStatus<'_>) -> R) -> R {
     bench.run_for(SECOND);
@@ -96,7 +81,7 @@ pub fn assert_survives_unplugging<D: I2cDevice + 'static>(
     lose_supply(&mut part.borrow_mut());
     bench.i2c(BUS).attach(address, Box::new(Rc::clone(part)));
     bench.run_for(7 * SECOND);
-    let told = texts(bench);
+    let told = texts_of(&bench.frames());
     let of_pack: Vec<_> = told.iter().filter(|text| text.contains("healthy")).collect();
     assert_eq!(
         of_pack,

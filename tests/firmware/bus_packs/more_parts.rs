@@ -4,12 +4,13 @@ use std::rc::Rc;
 
 use super::values::assert_measures;
 use super::{
-    BUS, DIVIDER_CODE, Second, after_a_second, assert_survives_unplugging, shared, texts, with_second_pack,
+    BUS, DIVIDER_CODE, Second, after_a_second, assert_survives_unplugging, shared, with_second_pack,
 };
 use crate::bench::{Bench, SECOND};
 use crate::emulator::LogLevel;
 use crate::emulator::i2c_devices::{Ad7091r5, Ina231, Ina238, Ltc2946, Reference};
 use crate::emulator::spi_devices::Ina239;
+use crate::support::frames::{last_of, texts_of};
 
 const INA2XX: f32 = 21.0;
 const LTC2946: f32 = 22.0;
@@ -80,13 +81,16 @@ fn an_ina239_that_is_unplugged_is_told_and_taken_up_again() {
     bench.run_for(3 * SECOND);
     let unhealthy = "Battery 2 unhealthy: unknown part";
     assert_eq!(
-        texts(&mut bench).iter().filter(|text| *text == unhealthy).count(),
+        texts_of(&bench.frames())
+            .iter()
+            .filter(|text| *text == unhealthy)
+            .count(),
         1
     );
     part.borrow_mut().power_cycle();
     bench.spi1().attach(SELECT, Box::new(part));
     bench.run_for(7 * SECOND);
-    assert!(texts(&mut bench).contains(&"Battery 2 healthy again".into()));
+    assert!(texts_of(&bench.frames()).contains(&"Battery 2 healthy again".into()));
 }
 
 #[test]
@@ -141,7 +145,7 @@ fn a_converter_on_the_bus_is_four_more_analog_pins() {
         assert_measures(&status, 12.0, 4.9e-3, 10.0, 8.1e-3)
     });
     let frames = bench.frames();
-    let third = super::last_of(&frames, 2);
+    let third = last_of(&frames, 2);
     assert_measures(&third, 12.0, 3.3e-3, 8.5, 14e-3);
     // One set of transfers for both: a check, and all four results.
     bench.i2c(BUS).take_transactions();
@@ -150,7 +154,7 @@ fn a_converter_on_the_bus_is_four_more_analog_pins() {
 
     bench.i2c(BUS).detach(0x2f);
     bench.run_for(3 * SECOND);
-    let told = texts(&mut bench);
+    let told = texts_of(&bench.frames());
     for pack in [2, 3] {
         assert!(
             told.contains(&format!("Battery {pack} unhealthy: no answer")),
@@ -160,7 +164,7 @@ fn a_converter_on_the_bus_is_four_more_analog_pins() {
     part.borrow_mut().power_cycle();
     bench.i2c(BUS).attach(0x2f, Box::new(part));
     bench.run_for(7 * SECOND);
-    assert!(texts(&mut bench).contains(&"Battery 3 healthy again".into()));
+    assert!(texts_of(&bench.frames()).contains(&"Battery 3 healthy again".into()));
 }
 
 #[test]
@@ -174,7 +178,7 @@ fn a_pack_without_a_pin_of_the_converter_does_not_take_the_next_one_along() {
     ];
     let mut bench = with_second_pack(AD7091R5, 0x2f, &part, &parameters);
     bench.run_for(2 * SECOND);
-    let told = texts(&mut bench);
+    let told = texts_of(&bench.frames());
     assert!(
         told.contains(&"Battery 2 unhealthy: no pin set".into()),
         "{told:?}"
@@ -184,7 +188,7 @@ fn a_pack_without_a_pin_of_the_converter_does_not_take_the_next_one_along() {
         "{told:?}"
     );
     let frames = bench.frames();
-    assert!(super::last_of(&frames, 2).voltage_mv(0).abs_diff(12_000) <= 5);
+    assert!(last_of(&frames, 2).voltage_mv(0).abs_diff(12_000) <= 5);
 }
 
 #[test]
@@ -197,6 +201,6 @@ fn a_pin_of_the_converter_is_none_for_other_monitors() {
     };
     second.configure(&mut bench, &part, &[("BATT2_VOLT_PIN", 50.0)]);
     bench.run_for(2 * SECOND);
-    assert!(texts(&mut bench).contains(&"Battery 2 unhealthy: no pin set".into()));
+    assert!(texts_of(&bench.frames()).contains(&"Battery 2 unhealthy: no pin set".into()));
     assert!(bench.logged(LogLevel::Warn, "battery 1").is_empty());
 }

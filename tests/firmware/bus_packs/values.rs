@@ -1,9 +1,9 @@
 //! What each part measures arrives on the wire within a step of its register.
 
-use super::{Second, after_a_second, last_of, shared, texts, with_second_pack};
+use super::{Second, after_a_second, shared, with_second_pack};
 use crate::bench::{Bench, SECOND};
 use crate::emulator::i2c_devices::{Ina226, Ina228, Ina260, Ina3221, Pec, SmartBattery};
-use crate::support::frames::BatteryStatus;
+use crate::support::frames::{BatteryStatus, last_of, texts_of};
 
 const SMART_BATTERY: f32 = 7.0;
 const INA2XX: f32 = 21.0;
@@ -92,7 +92,11 @@ fn an_ina228_counts_on_while_nobody_listens() {
             status.consumed_mah()
         );
     });
-    assert!(!texts(&mut bench).iter().any(|text| text.contains("not measured")));
+    assert!(
+        !texts_of(&bench.frames())
+            .iter()
+            .any(|text| text.contains("not measured"))
+    );
 }
 
 #[test]

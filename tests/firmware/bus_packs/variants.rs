@@ -1,9 +1,9 @@
 //! Smart batteries that differ from the specification.
 
-use super::{BUS, after_a_second, assert_survives_unplugging, shared, texts, with_second_pack};
+use super::{BUS, after_a_second, assert_survives_unplugging, shared, with_second_pack};
 use crate::bench::SECOND;
 use crate::emulator::i2c_devices::{Pec, SmartBattery};
-use crate::support::frames::BatteryStatus;
+use crate::support::frames::{BatteryStatus, texts_of};
 
 const ADDRESS: u8 = 0x0b;
 
@@ -109,7 +109,7 @@ fn a_neodesign_counts_its_cells_itself() {
     // Its packet error code is checked, whatever specification it says it follows.
     part.borrow_mut().set_pec(Pec::Wrong);
     bench.run_for(2 * SECOND);
-    assert!(texts(&mut bench).contains(&"Battery 2 unhealthy: wrong checksum".into()));
+    assert!(texts_of(&bench.frames()).contains(&"Battery 2 unhealthy: wrong checksum".into()));
 }
 
 #[test]
@@ -131,12 +131,12 @@ fn a_solo_has_blocks_and_a_button_that_switches_it_off() {
     bench.run_for(SECOND / 2);
     part.borrow_mut().set_block(0x23, &[0; 6]);
     bench.run_for(SECOND);
-    assert!(!texts(&mut bench).contains(&off()));
+    assert!(!texts_of(&bench.frames()).contains(&off()));
     part.borrow_mut().set_block(0x23, &[0, 8, 0, 0, 0, 0]);
     bench.run_for(3 * SECOND);
-    let told = texts(&mut bench);
+    let told = texts_of(&bench.frames());
     assert_eq!(told.iter().filter(|text| **text == off()).count(), 1, "{told:?}");
     bench.i2c(BUS).detach(ADDRESS);
     bench.run_for(2 * SECOND);
-    assert!(texts(&mut bench).contains(&"Battery 2 unhealthy: no answer".into()));
+    assert!(texts_of(&bench.frames()).contains(&"Battery 2 unhealthy: no answer".into()));
 }
