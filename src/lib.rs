@@ -12,6 +12,7 @@
 //! | [`battery`] | turning measurements into a [`battery::BatteryState`] |
 //! | [`parameter`] | the table of parameters and their live values |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
+//! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
 //! | [`vehicle`] | the rover: arming, modes, what the motors are told |
 //! | [`tasks`] | thin `async` loops that wait, call the rooms above and publish |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only) |
@@ -30,6 +31,7 @@ pub mod liveness;
 pub mod mavlink;
 pub mod parameter;
 pub mod sensor;
+pub mod storage;
 pub mod tasks;
 pub mod vehicle;
 

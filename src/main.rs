@@ -15,8 +15,9 @@ mod firmware {
         UsbDevice, UsbPort,
     };
     use rover_battmon::liveness::CheckIn;
-    use rover_battmon::parameter::{ParameterStorage, Parameters, VehicleParameter, serial_baud};
+    use rover_battmon::parameter::{Parameters, VehicleParameter, serial_baud};
     use rover_battmon::sensor::{self, Buses};
+    use rover_battmon::storage::Storage;
     use rover_battmon::tasks::{self, Link, Shared};
     use static_cell::StaticCell;
 
@@ -114,7 +115,7 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn parameters(storage: ParameterStorage<BoardFlash>, shared: &'static Shared) -> ! {
+    async fn parameters(storage: Storage<BoardFlash>, shared: &'static Shared) -> ! {
         tasks::keep_parameters(storage, shared, &STORAGE).await
     }
 
@@ -149,7 +150,7 @@ mod firmware {
         );
 
         let flash = BoardFlash::new(peripherals.FLASH);
-        let mut storage = ParameterStorage::new(flash, board::PARAMETER_RANGE);
+        let mut storage = Storage::new(flash, board::PARAMETER_RANGE);
         let mut parameters_at_boot = Parameters::defaults();
         let loaded = tasks::load_parameters(&mut storage, &mut parameters_at_boot).await;
         let bus_clock_hz = sensor::bus_clock_hz(&parameters_at_boot);

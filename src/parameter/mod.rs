@@ -9,14 +9,12 @@ pub mod documentation;
 mod for_each;
 mod id;
 mod pack;
-mod storage;
 mod table;
 
 pub use baud::serial_baud;
 pub use for_each::ForEachParameter;
 pub use id::{PARAMETER_COUNT, ParameterId};
 pub use pack::Pack;
-pub use storage::{ParameterStorage, StorageError, Stored};
 pub use table::{BatteryParameter, Kind, Meaning, Parameter, Range, VehicleParameter, means};
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};

@@ -14,8 +14,9 @@ use super::{
 };
 use crate::battery::RetainedRecord;
 use crate::liveness::CheckIn;
-use crate::parameter::{ParameterStorage, Parameters};
+use crate::parameter::Parameters;
 use crate::sensor::Buses;
+use crate::storage::Storage;
 use crate::tasks::{
     Link, Shared, drive, keep_parameters, load_parameters, read_bus, read_esc, reboot_requested, report_load,
     sample_batteries, serve_link,
@@ -39,7 +40,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
     let rover = SimulatedRover::default();
     loop {
         let range = flash.range();
-        let mut storage = ParameterStorage::new(&mut flash, range);
+        let mut storage = Storage::new(&mut flash, range);
         let mut parameters = Parameters::defaults();
         let loaded = load_parameters(&mut storage, &mut parameters).await;
         let desk = Desk::new(&parameters, &pack);

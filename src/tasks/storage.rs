@@ -7,7 +7,8 @@ use super::{Shared, mark};
 use crate::liveness::CheckIn;
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
-use crate::parameter::{ParameterStorage, Parameters, StorageError};
+use crate::parameter::Parameters;
+use crate::storage::{Storage, StorageError};
 
 /// How often the task is seen while there is nothing to save.
 const IDLE_CHECK: Duration = Duration::from_secs(1);
@@ -22,11 +23,12 @@ const RETRY_INTERVAL: Duration = Duration::from_secs(60);
 /// # Errors
 /// Not everything could be read. The parameters are usable all the same.
 pub async fn load_parameters<F: NorFlash>(
-    storage: &mut ParameterStorage<F>,
+    storage: &mut Storage<F>,
     parameters: &mut Parameters,
 ) -> Result<(), StorageError> {
     storage
-        .load(|key, value| {
+        .load(|key, word| {
+            let value = f32::from_bits(word);
             if parameters.restore(key, value).is_err() {
                 warn!("stored parameter {} = {} does not fit this firmware", key, value);
             }
@@ -52,11 +54,7 @@ pub fn report_load(shared: &Shared, result: Result<(), StorageError>) {
 ///
 /// A value is live and acknowledged before it is written. An erase of the flash stops everything for 45 ms, typically;
 /// the others get their turn after each operation.
-pub async fn keep_parameters<F: NorFlash>(
-    mut storage: ParameterStorage<F>,
-    shared: &Shared,
-    check_in: &CheckIn,
-) -> ! {
+pub async fn keep_parameters<F: NorFlash>(mut storage: Storage<F>, shared: &Shared, check_in: &CheckIn) -> ! {
     let mut retry_at = Instant::MAX;
     let mut failure_said = false;
     loop {
@@ -89,7 +87,7 @@ fn failure_text(error: StorageError) -> &'static str {
 }
 
 async fn save<F: NorFlash>(
-    storage: &mut ParameterStorage<F>,
+    storage: &mut Storage<F>,
     shared: &Shared,
     check_in: &CheckIn,
 ) -> Result<(), StorageError> {
@@ -102,7 +100,7 @@ async fn save<F: NorFlash>(
         info!("parameters reset to defaults");
     }
     while let Some((id, value)) = shared.with_parameters(|parameters| parameters.next_unsaved()) {
-        storage.store(id.key(), value).await?;
+        storage.store(id.key(), value.to_bits()).await?;
         shared.with_parameters(|parameters| parameters.mark_saved(id, value));
         info!("{} saved", id.name().as_str());
         mark(check_in);

@@ -16,22 +16,21 @@ type BoardFlash = FlashModel<4096, 256, 4>;
 /// Twelve records a sector, so that a few stores go round the ring.
 type SmallFlash = FlashModel<176, 64, 3>;
 
-const BOARD_SLOTS: u32 = ParameterStorage::<BoardFlash>::SLOTS;
+const BOARD_SLOTS: u32 = Storage::<BoardFlash>::SLOTS;
 // Every parameter there can be fits a sector, and a record that replaces one of them, unless more than six of the nine packs
 // are tanks and have every parameter of their level sensor changed, along with all others.
 const LEVEL_PARAMETERS: usize = 8;
 const _: () = assert!(((crate::parameter::PARAMETER_COUNT - 3 * LEVEL_PARAMETERS) as u32) < BOARD_SLOTS);
 
-const SMALL_SLOTS: u32 = ParameterStorage::<SmallFlash>::SLOTS;
+const SMALL_SLOTS: u32 = Storage::<SmallFlash>::SLOTS;
 
-/// Bits instead of values, so that NaN and -0.0 compare.
 type Values = BTreeMap<u16, u32>;
 
 /// The calls on freshly started storage, as after a reboot.
 trait Reboot: NorFlash + Sized {
-    fn storage(&mut self) -> ParameterStorage<&mut Self>;
+    fn storage(&mut self) -> Storage<&mut Self>;
 
-    fn store(&mut self, key: u16, value: f32) -> Result<Stored, StorageError> {
+    fn store(&mut self, key: u16, value: u32) -> Result<Stored, StorageError> {
         block_on(self.storage().store(key, value))
     }
 
@@ -42,11 +41,7 @@ trait Reboot: NorFlash + Sized {
     fn load(&mut self) -> (Values, Result<(), StorageError>) {
         let mut values = Values::new();
         let result = block_on(self.storage().load(|key, value| {
-            assert_eq!(
-                values.insert(key, value.to_bits()),
-                None,
-                "key {key} was delivered twice"
-            );
+            assert_eq!(values.insert(key, value), None, "key {key} was delivered twice");
         }));
         (values, result)
     }
@@ -55,27 +50,24 @@ trait Reboot: NorFlash + Sized {
 impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> Reboot
     for FlashModel<SECTOR, PAGE, SECTORS>
 {
-    fn storage(&mut self) -> ParameterStorage<&mut Self> {
-        ParameterStorage::new(self, Self::REGION)
+    fn storage(&mut self) -> Storage<&mut Self> {
+        Storage::new(self, Self::REGION)
     }
 }
 
-fn values(pairs: &[(u16, f32)]) -> Values {
-    pairs.iter().map(|&(key, value)| (key, value.to_bits())).collect()
+fn values(pairs: &[(u16, u32)]) -> Values {
+    pairs.iter().copied().collect()
 }
 
 #[test]
-fn every_value_is_found_again_after_a_reboot_bit_for_bit() {
+fn every_value_is_found_again_after_a_reboot() {
     let mut flash = BoardFlash::blank();
     let stored = [
-        (0, 0.0),
-        (1, -0.0),
-        (2, f32::NAN),
-        (3, -f32::NAN),
-        (4, f32::INFINITY),
-        (5, f32::MIN_POSITIVE / 4.0),
-        (258, 3.95),
-        (u16::MAX, f32::from_bits(u32::MAX)),
+        (0, 0),
+        (1, 1),
+        (2, 1 << 31),
+        (258, 0x1234_5678),
+        (u16::MAX, u32::MAX),
     ];
     for (key, value) in stored {
         assert_eq!(flash.store(key, value), Ok(Stored::Written));
@@ -95,7 +87,7 @@ fn blank_flash_holds_nothing_and_is_not_damaged() {
 #[test]
 fn an_unchanged_value_writes_nothing() {
     let mut flash = BoardFlash::blank();
-    for value in [2.0, f32::NAN, -0.0, 0.0] {
+    for value in [2, u32::MAX, 1 << 31, 0] {
         assert_eq!(flash.store(7, value), Ok(Stored::Written));
         let operations = flash.operations();
         assert_eq!(flash.store(7, value), Ok(Stored::Unchanged));
@@ -110,8 +102,8 @@ fn an_unchanged_value_writes_nothing() {
 fn clearing_forgets_every_value_and_the_next_ones_are_kept() {
     let mut flash = SmallFlash::blank();
     for round in 1..20_u16 {
-        flash.store(1, f32::from(round)).unwrap();
-        flash.store(round, 0.5).unwrap();
+        flash.store(1, u32::from(round)).unwrap();
+        flash.store(round, 5).unwrap();
         assert_eq!(flash.clear(), Ok(()));
         assert_eq!(flash.load(), (Values::new(), Ok(())));
         let operations = flash.operations();
@@ -124,19 +116,16 @@ fn clearing_forgets_every_value_and_the_next_ones_are_kept() {
 fn keys_that_no_table_has_any_more_stay_while_the_log_goes_round() {
     let mut flash = SmallFlash::blank();
     for key in [40_000, 3, 2] {
-        flash.store(key, f32::from(key)).unwrap();
+        flash.store(key, u32::from(key)).unwrap();
     }
     // The next firmware knows key 2 and a new one.
     for round in 0..300_u16 {
-        flash.store(2 + round % 2 * 5, f32::from(round)).unwrap();
+        flash.store(2 + round % 2 * 5, u32::from(round)).unwrap();
     }
     assert!(flash.erases.iter().all(|&count| count > 5));
     assert_eq!(
         flash.load(),
-        (
-            values(&[(2, 298.0), (3, 3.0), (7, 299.0), (40_000, 40_000.0)]),
-            Ok(())
-        )
+        (values(&[(2, 298), (3, 3), (7, 299), (40_000, 40_000)]), Ok(()))
     );
 }
 
@@ -151,9 +140,9 @@ fn a_record_with_a_key_wider_than_ours_is_passed_over_and_kept() {
     };
     block_on(storage.region.write_record(log.sector, 0, foreign)).unwrap();
     for round in 0..50_u16 {
-        flash.store(2, f32::from(round)).unwrap();
+        flash.store(2, u32::from(round)).unwrap();
     }
-    assert_eq!(flash.load(), (values(&[(2, 49.0)]), Ok(())));
+    assert_eq!(flash.load(), (values(&[(2, 49)]), Ok(())));
     let mut storage = flash.storage();
     let log = block_on(storage.find_log()).unwrap().unwrap();
     assert_eq!(
@@ -169,10 +158,7 @@ fn one_value_takes_an_erase_every_338_stores_and_all_sectors_wear_alike() {
     let rounds = 4;
     let mut storage = flash.storage();
     for number in 0..rounds * 4 * BOARD_SLOTS {
-        assert_eq!(
-            block_on(storage.store(1, f32::from_bits(number))),
-            Ok(Stored::Written)
-        );
+        assert_eq!(block_on(storage.store(1, number)), Ok(Stored::Written));
     }
     assert_eq!(
         flash.load(),
@@ -187,13 +173,13 @@ fn a_store_reads_a_sector_at_most_and_a_move_of_250_values_stays_affordable() {
     let mut flash = BoardFlash::blank();
     let mut storage = flash.storage();
     for key in 0..250 {
-        block_on(storage.store(key, 1.0)).unwrap();
+        block_on(storage.store(key, 1)).unwrap();
     }
     for value in 0..88_u16 {
-        block_on(storage.store(249 - value, 2.0)).unwrap();
+        block_on(storage.store(249 - value, 2)).unwrap();
     }
     let reads = storage.region.flash.reads;
-    block_on(storage.store(0, 1.0)).unwrap();
+    block_on(storage.store(0, 1)).unwrap();
     assert_eq!(
         storage.region.flash.reads - reads,
         338,
@@ -201,7 +187,7 @@ fn a_store_reads_a_sector_at_most_and_a_move_of_250_values_stays_affordable() {
     );
 
     let (reads, programs) = (storage.region.flash.reads, storage.region.flash.programs);
-    assert_eq!(block_on(storage.store(0, 3.0)), Ok(Stored::Written));
+    assert_eq!(block_on(storage.store(0, 3)), Ok(Stored::Written));
     let (reads, programs) = (
         storage.region.flash.reads - reads,
         storage.region.flash.programs - programs,
@@ -226,11 +212,11 @@ fn when_there_is_no_room_for_another_key_the_rest_stays_and_can_change() {
     let slots = u16::try_from(SMALL_SLOTS).unwrap();
     let mut expected = Values::new();
     for key in 0..slots {
-        assert_eq!(flash.store(key, 1.0), Ok(Stored::Written));
-        expected.insert(key, 1.0_f32.to_bits());
+        assert_eq!(flash.store(key, 1), Ok(Stored::Written));
+        expected.insert(key, 1);
     }
     let operations = flash.operations();
-    assert_eq!(flash.store(slots, 1.0), Err(StorageError::Full));
+    assert_eq!(flash.store(slots, 1), Err(StorageError::Full));
     assert_eq!(
         flash.operations(),
         operations,
@@ -238,8 +224,8 @@ fn when_there_is_no_room_for_another_key_the_rest_stays_and_can_change() {
     );
     assert_eq!(flash.load(), (expected.clone(), Ok(())));
     for key in 0..slots {
-        assert_eq!(flash.store(key, 2.0), Ok(Stored::Written));
-        expected.insert(key, 2.0_f32.to_bits());
+        assert_eq!(flash.store(key, 2), Ok(Stored::Written));
+        expected.insert(key, 2);
     }
     assert_eq!(flash.load(), (expected, Ok(())));
 }
@@ -254,9 +240,9 @@ fn a_region_of_less_than_two_whole_sectors_stores_nothing() {
         Range { start: 352, end: 176 },
     ] {
         let mut flash = SmallFlash::blank();
-        let mut storage = ParameterStorage::new(&mut flash, range);
+        let mut storage = Storage::new(&mut flash, range);
         assert_eq!(block_on(storage.load(|_, _| panic!("found a value"))), Ok(()));
-        assert_eq!(block_on(storage.store(1, 1.0)), Err(StorageError::Full));
+        assert_eq!(block_on(storage.store(1, 1)), Err(StorageError::Full));
         assert_eq!(flash.operations(), 0);
     }
 }
@@ -272,13 +258,13 @@ fn other_tasks_run_between_two_flash_operations_and_between_two_records() {
     let mut flash = BoardFlash::blank();
     let mut storage = flash.storage();
     for number in 0..BOARD_SLOTS {
-        block_on(storage.store(u16::try_from(number % 30).unwrap(), f32::from_bits(number))).unwrap();
+        block_on(storage.store(u16::try_from(number % 30).unwrap(), number)).unwrap();
     }
     let records = u64::from(BOARD_SLOTS);
     assert!(polls(storage.load(|_, _| {})) > records);
 
     let operations = storage.region.flash.operations();
-    let turns = polls(async { storage.store(0, 0.25).await.map(drop) });
+    let turns = polls(async { storage.store(0, 25).await.map(drop) });
     let operations_of_move = storage.region.flash.operations() - operations;
     assert!(operations_of_move > 30 && turns > records + 30, "{turns} turns");
 

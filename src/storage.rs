@@ -1,4 +1,6 @@
-//! Stored parameter values: a log in flash that survives a power cut at any moment.
+//! Words stored under keys: a log in flash that survives a power cut at any moment.
+//!
+//! The parameters are kept in one, what message signing has to remember in another.
 //!
 //! The region is a ring of sectors. The one with the highest sequence number holds every stored value:
 //!
@@ -14,12 +16,12 @@
 //! cut leaves either the old state or the new one, whatever the erase or the write that it interrupts leaves behind.
 //!
 //! # Damage
-//! A record whose CRC is wrong is passed over: its parameter has the value stored before, or none.
+//! A record whose CRC is wrong is passed over: its key has the value stored before, or none.
 //! - If that is the newest record, nothing is reported: a store that was cut short looks the same.
 //! - Any other damage that concerns a value, up to the loss of the sector, is [`StorageError::Corrupt`] from
-//!   [`load`](ParameterStorage::load), after all that can be read has been delivered.
+//!   [`load`](Storage::load), after all that can be read has been delivered.
 //! - The next value that is written goes to a fresh sector, together with what was readable. That ends the damage.
-//!   So does [`clear`](ParameterStorage::clear), with nothing stored.
+//!   So does [`clear`](Storage::clear), with nothing stored.
 //!
 //! # Cost
 //! With the board's sectors of 4096 bytes, a value takes 12 bytes and a sector holds 338 records. A load or a move to the
@@ -63,13 +65,13 @@ pub enum Stored {
     Unchanged,
 }
 
-/// Values of parameters in a region of flash, each under a key that never changes its meaning.
+/// Values of 32 bits in a region of flash, each under a key that never changes its meaning.
 ///
 /// A key nobody asks for any more stays, so another firmware finds its values again.
 ///
 /// Between two flash operations other tasks get a turn. A future that is dropped half way is like a power cut.
 #[derive(Debug)]
-pub struct ParameterStorage<F> {
+pub struct Storage<F> {
     region: Region<F>,
     /// Known since the last call that went well. `None` while flash is being written, so that whatever happened, the next
     /// call looks for itself.
@@ -89,7 +91,7 @@ struct Log {
     is_trusted: bool,
 }
 
-impl<F: NorFlash> ParameterStorage<F> {
+impl<F: NorFlash> Storage<F> {
     const SLOTS: u32 = Region::<F>::SLOTS;
 
     /// The storage in the whole sectors of `range`, an address range of `flash`. It takes two at least; with fewer,
@@ -101,12 +103,12 @@ impl<F: NorFlash> ParameterStorage<F> {
         }
     }
 
-    /// Calls `found` once for every stored key, with its latest value, whichever bits that has.
+    /// Calls `found` once for every stored key, with its latest value.
     ///
     /// # Errors
     /// [`StorageError::Corrupt`]: some values may be older than the latest, or missing. Those that were delivered have
     /// been stored once. [`StorageError::Flash`]: reading failed part way.
-    pub async fn load(&mut self, mut found: impl FnMut(u16, f32)) -> Result<(), StorageError> {
+    pub async fn load(&mut self, mut found: impl FnMut(u16, u32)) -> Result<(), StorageError> {
         let Some(log) = self.find_log().await? else {
             return if self.region.was_never_used().await? {
                 Ok(())
@@ -121,7 +123,7 @@ impl<F: NorFlash> ParameterStorage<F> {
             };
             // Another firmware's records may have wider keys.
             if let Ok(key) = u16::try_from(record.key) {
-                found(key, f32::from_bits(record.value));
+                found(key, record.value);
             }
         }
         if log.is_trusted {
@@ -135,10 +137,10 @@ impl<F: NorFlash> ParameterStorage<F> {
     ///
     /// # Errors
     /// The value that was stored before is still there; after [`StorageError::Flash`] it may be the new one.
-    pub async fn store(&mut self, key: u16, value: f32) -> Result<Stored, StorageError> {
+    pub async fn store(&mut self, key: u16, value: u32) -> Result<Stored, StorageError> {
         let record = Record {
             key: key.into(),
-            value: value.to_bits(),
+            value,
         };
         let log = match self.log.take() {
             Some(log) => log,

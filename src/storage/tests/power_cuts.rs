@@ -6,12 +6,12 @@ use super::*;
 
 #[derive(Clone, Copy, Debug)]
 enum Step {
-    Store(u16, f32),
+    Store(u16, u32),
     Clear,
 }
 
 impl Step {
-    fn run<F: NorFlash>(self, storage: &mut ParameterStorage<F>) -> Result<(), StorageError> {
+    fn run<F: NorFlash>(self, storage: &mut Storage<F>) -> Result<(), StorageError> {
         match self {
             Self::Store(key, value) => block_on(storage.store(key, value)).map(drop),
             Self::Clear => block_on(storage.clear()),
@@ -21,7 +21,7 @@ impl Step {
     fn apply(self, values: &mut Values) {
         match self {
             Self::Store(key, value) => {
-                values.insert(key, value.to_bits());
+                values.insert(key, value);
             }
             Self::Clear => values.clear(),
         }
@@ -31,8 +31,8 @@ impl Step {
 /// Few keys, so that they are stored again and again; few values, so that some are stored unchanged.
 fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
-        30 => (0..8_u16, 0..6_u8).prop_map(|(key, value)| Step::Store(key, f32::from(value))),
-        3 => (any::<u16>(), any::<u32>()).prop_map(|(key, bits)| Step::Store(key % 10, f32::from_bits(bits))),
+        30 => (0..8_u16, 0..6_u8).prop_map(|(key, value)| Step::Store(key, u32::from(value))),
+        3 => (any::<u16>(), any::<u32>()).prop_map(|(key, bits)| Step::Store(key % 10, bits)),
         1 => Just(Step::Clear),
     ]
 }
@@ -103,8 +103,8 @@ fn a_power_cut_in_any_operation_leaves_the_old_or_the_new_value() {
     let steps: Vec<Step> = (0..45_u16)
         .map(|number| match number {
             20 => Step::Clear,
-            21 => Step::Store(9, -1.0),
-            _ => Step::Store(number % 5, f32::from(number)),
+            21 => Step::Store(9, u32::MAX),
+            _ => Step::Store(number % 5, u32::from(number)),
         })
         .collect();
     cut_everywhere(&SmallFlash::blank(), &steps, 200);
@@ -115,9 +115,9 @@ fn a_power_cut_in_any_operation_of_a_move_on_the_board_leaves_the_old_or_the_new
     let mut flash = BoardFlash::blank();
     let mut storage = flash.storage();
     for number in 0..BOARD_SLOTS - 3 {
-        block_on(storage.store(u16::try_from(number % 30).unwrap(), f32::from_bits(number))).unwrap();
+        block_on(storage.store(u16::try_from(number % 30).unwrap(), number)).unwrap();
     }
-    let steps: Vec<Step> = (0..6).map(|key| Step::Store(key, 0.25)).collect();
+    let steps: Vec<Step> = (0..6).map(|key| Step::Store(key, 25)).collect();
     cut_everywhere(&flash, &steps, 20);
 }
 
@@ -130,7 +130,7 @@ fn an_operation_that_fails_leaves_the_old_or_the_new_value_and_the_next_call_wor
         let mut storage = flash.storage();
         let mut failures = 0;
         for number in 0..60_u16 {
-            let step = Step::Store(number % 4, f32::from(number));
+            let step = Step::Store(number % 4, u32::from(number));
             if let Err(error) = step.run(&mut storage) {
                 assert_eq!(error, StorageError::Flash);
                 failures += 1;
@@ -151,7 +151,7 @@ fn a_write_that_did_not_take_is_an_error_and_costs_no_other_value() {
         flash.slip_after(operation);
         let mut storage = flash.storage();
         for number in 0..60_u16 {
-            let step = Step::Store(number % 4, f32::from(number));
+            let step = Step::Store(number % 4, u32::from(number));
             if let Err(error) = step.run(&mut storage) {
                 assert_eq!(error, StorageError::Flash);
                 step.run(&mut storage).unwrap();
@@ -176,7 +176,7 @@ fn a_worn_bit_is_an_error_and_no_lost_value() {
         let mut failures = 0;
         let mut storage = flash.storage();
         for number in 0..30_u16 {
-            let step = Step::Store(number % 3, f32::from(number));
+            let step = Step::Store(number % 3, u32::from(number));
             match step.run(&mut storage) {
                 Ok(()) => step.apply(&mut expected),
                 Err(error) => {
@@ -197,7 +197,7 @@ fn a_store_that_is_dropped_half_way_leaves_the_old_or_the_new_value() {
     let mut storage = flash.storage();
     let mut dropped = 0;
     for number in 0..800_u16 {
-        let (key, value) = (number % 4, f32::from(number));
+        let (key, value) = (number % 4, u32::from(number));
         let mut context = Context::from_waker(Waker::noop());
         let finished = {
             let mut future = pin!(storage.store(key, value));
@@ -206,11 +206,11 @@ fn a_store_that_is_dropped_half_way_leaves_the_old_or_the_new_value() {
         let mut stored = None;
         block_on(storage.load(|found, value| {
             if found == key {
-                stored = Some(value.to_bits());
+                stored = Some(value);
             }
         }))
         .unwrap();
-        assert!(stored == Some(value.to_bits()) || (!finished && stored == expected.get(&key).copied()));
+        assert!(stored == Some(value) || (!finished && stored == expected.get(&key).copied()));
         expected.extend(stored.map(|bits| (key, bits)));
         dropped += u32::from(!finished);
     }
@@ -230,7 +230,7 @@ proptest! {
         let mut values = Values::new();
         run_until_dark(&mut flash, &before, &mut values);
         // The others may all be unchanged values.
-        steps.push(Step::Store(99, 1.0));
+        steps.push(Step::Store(99, 1));
         cut_everywhere(&flash, &steps, 8);
     }
 }

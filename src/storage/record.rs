@@ -6,7 +6,6 @@ use crate::crc32::crc32;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Record {
     pub key: u32,
-    /// The bits of an `f32`.
     pub value: u32,
 }
 

@@ -13,10 +13,10 @@ fn used_region() -> (SmallFlash, Values, BTreeSet<(u16, u32)>) {
     let mut ever = BTreeSet::new();
     let mut storage = flash.storage();
     for number in 0..60_u16 {
-        let (key, value) = (number % 4, f32::from(number));
+        let (key, value) = (number % 4, u32::from(number));
         block_on(storage.store(key, value)).unwrap();
-        latest.insert(key, value.to_bits());
-        ever.insert((key, value.to_bits()));
+        latest.insert(key, value);
+        ever.insert((key, value));
     }
     (flash, latest, ever)
 }
@@ -25,8 +25,8 @@ fn used_region() -> (SmallFlash, Values, BTreeSet<(u16, u32)>) {
 fn assert_goes_on(mut flash: SmallFlash) {
     let mut cleared = flash.clone();
     let (mut found, _) = flash.load();
-    assert_eq!(flash.store(5, 0.125), Ok(Stored::Written));
-    found.insert(5, 0.125_f32.to_bits());
+    assert_eq!(flash.store(5, 125), Ok(Stored::Written));
+    found.insert(5, 125);
     assert_eq!(
         flash.load(),
         (found, Ok(())),
@@ -36,12 +36,9 @@ fn assert_goes_on(mut flash: SmallFlash) {
     assert_eq!(cleared.clear(), Ok(()));
     assert_eq!(cleared.load(), (Values::new(), Ok(())));
     for number in 0..100_u16 {
-        assert_eq!(cleared.store(number % 3, f32::from(number)), Ok(Stored::Written));
+        assert_eq!(cleared.store(number % 3, u32::from(number)), Ok(Stored::Written));
     }
-    assert_eq!(
-        cleared.load(),
-        (values(&[(0, 99.0), (1, 97.0), (2, 98.0)]), Ok(()))
-    );
+    assert_eq!(cleared.load(), (values(&[(0, 99), (1, 97), (2, 98)]), Ok(())));
     cleared.assert_margins_are_untouched();
 }
 
