@@ -14,7 +14,7 @@ mod firmware {
     use embedded_io_async::Write;
     use panic_probe as _;
     use rover_battmon::board::{self, BoardMotors, BoardWatchdog, MotorPeripherals};
-    use rover_battmon::mavlink::{Endpoint, Framer, SystemState};
+    use rover_battmon::mavlink::{Endpoint, Framer, LinkKind, Signing, SystemState};
     use rover_battmon::parameter::{Parameters, VehicleParameter};
     use rover_battmon::tasks::{ByteSource, Watchdog};
     use rover_battmon::vehicle::{Motors, Vehicle, VehicleSettings};
@@ -43,7 +43,9 @@ mod firmware {
         let _ = parameters.set(VehicleParameter::Sr0Extra1, 0.0);
         let _ = parameters.set(VehicleParameter::ArmingCheck, 0.0);
         let mut vehicle = Vehicle::new();
-        let mut endpoint = Endpoint::new(BAUD / 10, Instant::now().as_micros());
+        let mut endpoint = Endpoint::new(LinkKind::Radio, BAUD / 10, Instant::now().as_micros());
+        // Nobody has a key: everybody may drive.
+        let mut signing = Signing::off();
         let mut framer = Framer::new();
         let mut bytes = [0; 64];
 
@@ -58,7 +60,7 @@ mod firmware {
             endpoint.push(received);
             let state = state_of(&vehicle);
             while endpoint
-                .handle_next(now_us, &state, &mut parameters, &mut vehicle)
+                .handle_next(now_us, &state, &mut parameters, &mut vehicle, &mut signing)
                 .is_some()
             {}
 

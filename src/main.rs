@@ -11,16 +11,18 @@ mod firmware {
     use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
         self, AnalogInputs, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog, Buzzer,
-        ExecutorIdleTime, MotorPeripherals, PulseInput, SensorI2c, SensorSpi, SpiPeripherals, UartReceiver,
-        UsbDevice, UsbPort,
+        ExecutorIdleTime, FlashDriver, MotorPeripherals, PulseInput, SensorI2c, SensorSpi, SpiPeripherals,
+        UartReceiver, UsbDevice, UsbPort,
     };
     use rover_battmon::liveness::CheckIn;
+    use rover_battmon::mavlink::{LinkKind, Signing};
     use rover_battmon::parameter::{Parameters, VehicleParameter, serial_baud};
     use rover_battmon::sensor::{self, Buses};
     use rover_battmon::storage::Storage;
-    use rover_battmon::tasks::{self, Link, Shared};
+    use rover_battmon::tasks::{self, Link, Shared, SigningStorage};
     use static_cell::StaticCell;
 
+    static FLASH: StaticCell<FlashDriver> = StaticCell::new();
     static SHARED: StaticCell<Shared> = StaticCell::new();
     static TELEMETRY: StaticCell<Link> = StaticCell::new();
 
@@ -40,6 +42,7 @@ mod firmware {
     static WRITER: CheckIn = CheckIn::new("UART0 writer", 2_500);
     static READER: CheckIn = CheckIn::new("UART0 reader", 2_500);
     static STORAGE: CheckIn = CheckIn::new("parameters", 5_000);
+    static SIGNING: CheckIn = CheckIn::new("signing", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
 
     /// Without a host, or with one that does not read, the USB link stands still, and nothing is wrong with the board. So
@@ -106,7 +109,7 @@ mod firmware {
         loop {
             port.opened().await;
             info!("USB: opened");
-            let link = Link::new("USB", USB_BYTES_PER_SECOND);
+            let link = Link::new("USB", LinkKind::Direct, USB_BYTES_PER_SECOND);
             let (transmitter, receiver) = port.split();
             tasks::serve_link(transmitter, receiver, shared, &link, &UNWATCHED).await;
             port.closed().await;
@@ -120,6 +123,11 @@ mod firmware {
     }
 
     #[embassy_executor::task]
+    async fn signing(storage: SigningStorage<BoardFlash>, shared: &'static Shared) -> ! {
+        tasks::keep_signing(storage, shared, &SIGNING).await
+    }
+
+    #[embassy_executor::task]
     async fn status(shared: &'static Shared, link: &'static Link) -> ! {
         tasks::report_status(ExecutorIdleTime, shared, link, &STATUS).await
     }
@@ -127,7 +135,7 @@ mod firmware {
     #[embassy_executor::task]
     async fn supervisor(mut watchdog: BoardWatchdog) -> ! {
         let watched = [
-            &BATTERY, &BUS, &ESC, &PULSES, &DRIVE, &SCHEDULER, &WRITER, &READER, &STORAGE, &STATUS,
+            &BATTERY, &BUS, &ESC, &PULSES, &DRIVE, &SCHEDULER, &WRITER, &READER, &STORAGE, &SIGNING, &STATUS,
         ];
         tasks::supervise(&watched, &mut watchdog).await
     }
@@ -149,7 +157,7 @@ mod firmware {
             reset_reason
         );
 
-        let flash = BoardFlash::new(peripherals.FLASH);
+        let flash = BoardFlash::new(FLASH.init(board::flash_driver(peripherals.FLASH)));
         let mut storage = Storage::new(flash, board::PARAMETER_RANGE);
         let mut parameters_at_boot = Parameters::defaults();
         let loaded = tasks::load_parameters(&mut storage, &mut parameters_at_boot).await;
@@ -158,8 +166,11 @@ mod firmware {
             sensor::needs_esc(&parameters_at_boot),
             sensor::needs_pulses(&parameters_at_boot),
         );
-        let shared = share(&parameters_at_boot);
+        let (signing_storage, signing_at_boot) =
+            SigningStorage::load(Storage::new(flash, board::SIGNING_RANGE)).await;
+        let shared = share(&parameters_at_boot, signing_at_boot);
         tasks::report_load(shared, loaded);
+        tasks::report_signing(shared);
 
         let baud = serial_baud(shared.whole_parameter(VehicleParameter::Serial0Baud));
         let link = open_telemetry(baud);
@@ -217,6 +228,7 @@ mod firmware {
         start(spawner, usb_device(device));
         start(spawner, usb_link(port, shared));
         start(spawner, parameters(storage, shared));
+        start(spawner, signing(signing_storage, shared));
         start(spawner, status(shared, link));
         start(spawner, reboot(shared, link));
         start(spawner, supervisor(watchdog));
@@ -224,13 +236,13 @@ mod firmware {
 
     // Built where they stay: on the stack of `main` they would take several times their size.
     #[inline(never)]
-    fn share(parameters: &Parameters) -> &'static Shared {
-        SHARED.init_with(|| Shared::new(parameters))
+    fn share(parameters: &Parameters, signing: Signing) -> &'static Shared {
+        SHARED.init_with(|| Shared::new(parameters, signing))
     }
 
     #[inline(never)]
     fn open_telemetry(baud: u32) -> &'static Link {
-        TELEMETRY.init_with(|| Link::new("UART0", baud / BITS_PER_BYTE))
+        TELEMETRY.init_with(|| Link::new("UART0", LinkKind::Radio, baud / BITS_PER_BYTE))
     }
 
     /// A task that can't be started never checks in, so the watchdog restarts the board.

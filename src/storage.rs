@@ -108,7 +108,7 @@ impl<F: NorFlash> Storage<F> {
     /// # Errors
     /// [`StorageError::Corrupt`]: some values may be older than the latest, or missing. Those that were delivered have
     /// been stored once. [`StorageError::Flash`]: reading failed part way.
-    pub async fn load(&mut self, mut found: impl FnMut(u16, u32)) -> Result<(), StorageError> {
+    pub async fn load(&mut self, found: &mut dyn FnMut(u16, u32)) -> Result<(), StorageError> {
         let Some(log) = self.find_log().await? else {
             return if self.region.was_never_used().await? {
                 Ok(())

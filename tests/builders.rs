@@ -1116,11 +1116,11 @@ proptest! {
     #[test]
     fn any_state_gives_a_conforming_sys_status(
         packs in any_packs(), load_permille in any::<u16>(), sent in any::<u32>(), dropped in any::<u32>(),
-        frames in any::<u32>(), bad_checksums in any::<u32>(),
+        unauthorized in any::<u32>(), frames in any::<u32>(), bad_checksums in any::<u32>(),
     ) {
         let received = ReceiveStatistics { frames, bad_checksums, ..Default::default() };
         let state = SystemState {
-            batteries: &packs, load_permille, link: LinkStatistics { sent, dropped, received }, ..SystemState::default()
+            batteries: &packs, load_permille, link: LinkStatistics { sent, dropped, unauthorized, received }, ..SystemState::default()
         };
         let data = build_sys_status(&state);
         prop_assert!(data.load <= 1000);

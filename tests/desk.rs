@@ -12,6 +12,7 @@ use embedded_io_async::{ErrorType, Write};
 use rover_battmon::battery::{ReadError, RetainedRecord};
 use rover_battmon::liveness::CheckIn;
 use rover_battmon::mavlink::dialect::MavSeverity;
+use rover_battmon::mavlink::{LinkKind, Signing};
 use rover_battmon::parameter::Parameters;
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
 use rover_battmon::sim::clock;
@@ -86,8 +87,8 @@ fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_secs(seconds), async {
         let (shared, link) = (
-            Shared::new(&Parameters::defaults()),
-            Link::new("line", baud as u32 / 10),
+            Shared::new(&Parameters::defaults(), Signing::off()),
+            Link::new("line", LinkKind::Radio, baud as u32 / 10),
         );
         join3(
             sample_batteries(input, &mut memory, &shared, &check_ins[0]),
@@ -182,10 +183,10 @@ fn sent_while(baud: u64, script: impl AsyncFn(&Shared)) -> [Vec<Frame>; 2] {
             byte_us: byte_us(baud),
             sent,
         };
-        (Link::new("line", baud as u32 / 10), line)
+        (Link::new("line", LinkKind::Radio, baud as u32 / 10), line)
     });
     clock::run_for(Duration::from_secs(20), async {
-        let shared = Shared::new(&Parameters::defaults());
+        let shared = Shared::new(&Parameters::defaults(), Signing::off());
         let serve = async |(link, line): (Link, Line<'_>)| {
             let telemetry = schedule_telemetry(&shared, &link, &check_in);
             join(telemetry, write_frames(line, &shared, &link, &check_in)).await
@@ -295,7 +296,10 @@ fn a_notice_is_said_to_who_is_connected_and_to_who_connects_later() {
         sent: &sent,
     };
     clock::run_for(Duration::from_secs(5), async {
-        let (shared, link) = (Shared::new(&Parameters::defaults()), Link::new("late", 5_760));
+        let (shared, link) = (
+            Shared::new(&Parameters::defaults(), Signing::off()),
+            Link::new("late", LinkKind::Radio, 5_760),
+        );
         shared.notice(WARNING, "Parameters can't be saved");
         shared.announce(WARNING, "Nobody was there to hear it");
         let telemetry = schedule_telemetry(&shared, &link, &check_in);

@@ -1,21 +1,23 @@
 //! Our end of a link: frames in, frames out.
 
+#[path = "support/desk.rs"]
+mod desk;
 mod support;
 
 use std::collections::HashMap;
 
+use desk::Desk;
 use proptest::prelude::*;
 use rover_battmon::battery::{
     BatteryState, ChargeSource, ChargeState, Contents, MAX_PACKS, PackDetails, PackStatus, Visibility,
 };
 use rover_battmon::mavlink::dialect::MavSeverity;
-use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, SystemState};
+use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind, SystemState};
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
-use rover_battmon::vehicle::Vehicle;
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
     FUEL_STATUS, Frame, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue, SMART_BATTERY_INFO, STATUSTEXT,
-    SYS_STATUS, SysStatus, encode_v1, frames, of_message,
+    SYS_STATUS, SysStatus, encode_v1, of_message,
 };
 use support::requests::{
     EVERYONE, VEHICLE, command_int, command_int_2, command_long, command_long_2, ftp_open,
@@ -25,8 +27,8 @@ use support::requests::{
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 
-/// 8 of the vehicle, 38 of the first pack, the switches of the other 8 packs, and 4 of the simulator.
-const LISTED_BY_DEFAULT: usize = 58;
+/// 10 of the vehicle, 38 of the first pack, the switches of the other 8 packs, and 4 of the simulator.
+const LISTED_BY_DEFAULT: usize = 60;
 
 /// The index of a parameter that is not listed.
 const NOT_LISTED: u16 = u16::MAX;
@@ -38,91 +40,7 @@ const DENIED: u8 = 2;
 const UNSUPPORTED: u8 = 3;
 const FAILED: u8 = 4;
 
-/// Our end of a fast link, and the parameters and packs it serves.
-struct Desk {
-    batteries: Vec<BatteryState>,
-    endpoint: Endpoint,
-    framer: Framer,
-    parameters: Parameters,
-    vehicle: Vehicle,
-    now_us: u64,
-}
-
 impl Desk {
-    fn new() -> Self {
-        Self::with_packs(&[])
-    }
-
-    fn with_packs(batteries: &[BatteryState]) -> Self {
-        Self {
-            batteries: batteries.to_vec(),
-            endpoint: Endpoint::new(100_000, 0),
-            framer: Framer::new(),
-            parameters: Parameters::defaults(),
-            vehicle: Vehicle::new(),
-            now_us: 0,
-        }
-    }
-
-    /// Delivers bytes in chunks of `chunk` and returns what came of them.
-    fn receive_in_chunks(&mut self, bytes: &[u8], chunk: usize) -> Vec<Event> {
-        let mut events = Vec::new();
-        for mut part in bytes.chunks(chunk) {
-            while !part.is_empty() {
-                let taken = self.endpoint.push(part);
-                assert!(taken > 0, "no room for another byte");
-                part = &part[taken..];
-                let state = SystemState {
-                    batteries: &self.batteries,
-                    vehicle: self.vehicle.status(),
-                    ..SystemState::default()
-                };
-                while let Some(event) =
-                    self.endpoint
-                        .handle_next(self.now_us, &state, &mut self.parameters, &mut self.vehicle)
-                {
-                    events.push(event);
-                }
-            }
-        }
-        events
-    }
-
-    /// Posts what is due at `now_us`.
-    fn post_due(&mut self, now_us: u64) {
-        let state = SystemState {
-            batteries: &self.batteries,
-            vehicle: self.vehicle.status(),
-            ..SystemState::default()
-        };
-        self.endpoint.post_due(now_us, &state, &self.parameters);
-    }
-
-    /// Delivers a request and returns the answers.
-    fn ask(&mut self, request: &[u8]) -> Vec<Frame> {
-        self.receive_in_chunks(request, 64);
-        self.sent()
-    }
-
-    /// Everything that waits to leave.
-    fn sent(&mut self) -> Vec<Frame> {
-        self.sent_at_most(usize::MAX)
-    }
-
-    /// The messages that leave while the wire takes so many.
-    fn sent_at_most(&mut self, messages: usize) -> Vec<Frame> {
-        let mut bytes = Vec::new();
-        let state = SystemState {
-            batteries: &self.batteries,
-            vehicle: self.vehicle.status(),
-            ..SystemState::default()
-        };
-        for message in std::iter::from_fn(|| self.endpoint.take(&state, &self.parameters)).take(messages) {
-            bytes.extend(self.framer.frame(&message, 1).iter().map(|byte| (0, *byte)));
-        }
-        frames(&bytes)
-    }
-
     fn one_answer(&mut self, request: &[u8]) -> Frame {
         let answers = self.ask(request);
         assert_eq!(answers.len(), 1, "{answers:?}");
@@ -258,9 +176,9 @@ fn enabling_a_pack_makes_its_parameters_visible_and_disabling_hides_them() {
     let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
     assert_eq!(
         (ParamValue(&answer).index(), ParamValue(&answer).count()),
-        (48, 95)
+        (50, 97)
     );
-    let answer = desk.one_answer(&param_read_by_index(48));
+    let answer = desk.one_answer(&param_read_by_index(50));
     desk.assert_param_value(&answer, volt_mult, 3.95);
     let listed = desk.list(|_, _| {});
     assert_eq!(listed, desk.listed());
@@ -285,7 +203,7 @@ fn a_hidden_parameter_is_set_by_name() {
 fn list_while(trigger: &str, pack: Pack, monitor: f32) -> (Vec<String>, Vec<String>) {
     let mut desk = Desk::new();
     // So slow that the parameters leave one by one.
-    desk.endpoint = Endpoint::new(960, 0);
+    desk.endpoint = Endpoint::new(LinkKind::Radio, 960, 0);
     let _ = desk
         .parameters
         .set(BatteryParameter::Monitor.of(Pack::Fifth), 3.0);
@@ -626,7 +544,7 @@ fn what_a_smart_battery_tells_of_itself_is_told_once_each_time_it_changes() {
     assert_eq!(told(&mut desk), [(0, 8), (2, 8)]);
 
     // Another link is told once, too, however late it is opened.
-    desk.endpoint = Endpoint::new(100_000, desk.now_us);
+    desk.endpoint = Endpoint::new(LinkKind::Radio, 100_000, desk.now_us);
     assert_eq!(told(&mut desk), [(0, 8), (1, 8), (2, 8)]);
     assert_eq!(told(&mut desk), []);
 }
@@ -816,7 +734,7 @@ fn answers_are_byte_exact() {
         .map(|row| row.split(',').collect::<Vec<_>>())
         .map(|columns| (columns[0], columns[4]))
         .collect();
-    let mut endpoint = Endpoint::new(100_000, 0);
+    let mut endpoint = Endpoint::new(LinkKind::Radio, 100_000, 0);
     endpoint.say(
         MavSeverity::MAV_SEVERITY_WARNING,
         "Battery 1 is low 10.40V used 36 mAh",
@@ -863,9 +781,7 @@ proptest! {
         let bytes = [garbage, param_set("BATT_VOLT_MULT", 4.25)].concat();
         let mut events = desk.receive_in_chunks(&bytes, chunk);
         desk.endpoint.give_up_waiting();
-        while let Some(event) = desk.endpoint.handle_next(0, &SystemState::default(), &mut desk.parameters, &mut desk.vehicle) {
-            events.push(event);
-        }
+        events.extend(desk.handle_all());
         prop_assume!(!swallowed(&events));
         prop_assert!(events.contains(&Event::ParameterSet(VOLT_MULT)), "{events:?}");
     }

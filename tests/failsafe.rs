@@ -11,6 +11,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Write};
 use rover_battmon::battery::{ReadError, RetainedRecord};
 use rover_battmon::liveness::CheckIn;
+use rover_battmon::mavlink::{LinkKind, Signing};
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::sim::clock;
@@ -195,7 +196,10 @@ fn run(seconds: u64, scenario: &Scenario<'_>) -> Outcome {
         empty_at_us: scenario.empty_at_us,
     };
     clock::run_for(Duration::from_secs(seconds), async {
-        let (shared, link) = (Shared::new(&parameters), Link::new("line", 11_520));
+        let (shared, link) = (
+            Shared::new(&parameters, Signing::off()),
+            Link::new("line", LinkKind::Radio, 11_520),
+        );
         join4(
             sample_batteries(pack, &mut memory, &shared, &check_in),
             drive(Wheels(&drives), Lamps(&shown), &shared, &check_in),

@@ -11,6 +11,7 @@ use embedded_hal::digital::ErrorType;
 use embedded_hal_async::digital::Wait;
 use rover_battmon::battery::{BatteryState, Contents, PackStatus, ReadError, RetainedRecord};
 use rover_battmon::liveness::CheckIn;
+use rover_battmon::mavlink::Signing;
 use rover_battmon::parameter::{BatteryParameter, Pack, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::sim::clock;
@@ -128,7 +129,7 @@ fn states(
     let states = RefCell::new(Vec::new());
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_millis(seconds * 1000 + 50), async {
-        let shared = Shared::new(&parameters);
+        let shared = Shared::new(&parameters, Signing::off());
         let watch = async {
             loop {
                 Timer::after_secs(1).await;

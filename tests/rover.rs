@@ -4,7 +4,7 @@ mod support;
 
 use proptest::prelude::*;
 use rover_battmon::battery::{BatteryState, FailsafeLevel, PackStatus};
-use rover_battmon::mavlink::{Endpoint, Event, Framer, Stream, SystemState};
+use rover_battmon::mavlink::{Endpoint, Event, Framer, LinkKind, Signing, Stream, SystemState};
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::vehicle::{FailsafeAction, MotorDrive, SideDrives, Vehicle, VehicleSettings};
 use support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, frames};
@@ -47,6 +47,7 @@ struct Rover {
     batteries: Vec<BatteryState>,
     parameters: Parameters,
     endpoint: Endpoint,
+    signing: Signing,
     now_us: u64,
 }
 
@@ -59,7 +60,8 @@ impl Rover {
             vehicle: Vehicle::new(),
             batteries: vec![at_voltage(11.1)],
             parameters,
-            endpoint: Endpoint::new(100_000, 0),
+            endpoint: Endpoint::new(LinkKind::Radio, 100_000, 0),
+            signing: Signing::off(),
             now_us: 0,
         }
     }
@@ -86,10 +88,13 @@ impl Rover {
             vehicle: self.vehicle.status(),
             ..SystemState::default()
         };
-        while let Some(event) =
-            self.endpoint
-                .handle_next(self.now_us, &state, &mut self.parameters, &mut self.vehicle)
-        {
+        while let Some(event) = self.endpoint.handle_next(
+            self.now_us,
+            &state,
+            &mut self.parameters,
+            &mut self.vehicle,
+            &mut self.signing,
+        ) {
             last = event;
         }
         last

@@ -1,5 +1,6 @@
-//! The parameters' part of the flash chip.
+//! The parts of the flash chip that are written while the firmware runs.
 
+use core::cell::{RefCell, RefMut};
 use core::ops::Range;
 
 use embassy_futures::yield_now;
@@ -12,22 +13,45 @@ use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 const FLASH_BYTES: usize = 2 * 1024 * 1024;
 
 /// What `memory.x` keeps free at the end of the flash.
-const PARAMETER_BYTES: usize = 16 * 1024;
+const PARAMETER_BYTES: u32 = 16 * 1024;
+const SIGNING_BYTES: u32 = 8 * 1024;
+
+const PARAMETERS_AT: u32 = FLASH_BYTES as u32 - PARAMETER_BYTES;
+const SIGNING_AT: u32 = PARAMETERS_AT - SIGNING_BYTES;
 
 /// Where the parameters are, as offsets from the start of the flash.
-pub const PARAMETER_RANGE: Range<u32> = (FLASH_BYTES - PARAMETER_BYTES) as u32..FLASH_BYTES as u32;
+pub const PARAMETER_RANGE: Range<u32> = PARAMETERS_AT..PARAMETERS_AT + PARAMETER_BYTES;
+
+/// Where the signing key is, as offsets from the start of the flash.
+pub const SIGNING_RANGE: Range<u32> = SIGNING_AT..SIGNING_AT + SIGNING_BYTES;
+
+/// The driver of the flash chip, which everyone who writes to it shares.
+pub type FlashDriver = RefCell<Driver>;
+
+type Driver = Flash<'static, FLASH, Blocking, FLASH_BYTES>;
+
+/// The driver of the flash chip.
+pub fn flash_driver(peripheral: Peri<'static, FLASH>) -> FlashDriver {
+    RefCell::new(Flash::new_blocking(peripheral))
+}
 
 /// The flash chip.
 ///
 /// While it erases or programs, the processor can't read its program from it: interrupts are off and everything stands
 /// still, typically 45 ms for an erase and 0.4 ms for a page. So one sector is erased at a time, and after each operation
 /// everybody else gets a turn, the one who feeds the watchdog too.
-pub struct BoardFlash(Flash<'static, FLASH, Blocking, FLASH_BYTES>);
+#[derive(Clone, Copy)]
+pub struct BoardFlash(&'static FlashDriver);
 
 impl BoardFlash {
-    /// Takes the chip.
-    pub fn new(peripheral: Peri<'static, FLASH>) -> Self {
-        Self(Flash::new_blocking(peripheral))
+    /// The chip behind `driver`.
+    pub fn new(driver: &'static FlashDriver) -> Self {
+        Self(driver)
+    }
+
+    /// The driver, for one operation. Nobody waits while he has it, so there is nobody else who does.
+    fn driver(&self) -> Result<RefMut<'_, Driver>, Error> {
+        self.0.try_borrow_mut().map_err(|_| Error::Other)
     }
 }
 
@@ -39,7 +63,7 @@ impl ReadNorFlash for BoardFlash {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Error> {
-        self.0.blocking_read(offset, bytes)
+        self.driver()?.blocking_read(offset, bytes)
     }
 
     fn capacity(&self) -> usize {
@@ -53,14 +77,15 @@ impl NorFlash for BoardFlash {
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
         for sector in (from..to).step_by(ERASE_SIZE) {
-            self.0.blocking_erase(sector, sector + ERASE_SIZE as u32)?;
+            self.driver()?
+                .blocking_erase(sector, sector + ERASE_SIZE as u32)?;
             yield_now().await;
         }
         Ok(())
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Error> {
-        self.0.blocking_write(offset, bytes)?;
+        self.driver()?.blocking_write(offset, bytes)?;
         yield_now().await;
         Ok(())
     }

@@ -23,7 +23,7 @@ use embassy_rp::{adc as rp_adc, bind_interrupts, i2c as rp_i2c, usb as rp_usb};
 
 pub use adc::AnalogInputs;
 pub use buzzer::Buzzer;
-pub use flash::{BoardFlash, PARAMETER_RANGE};
+pub use flash::{BoardFlash, FlashDriver, PARAMETER_RANGE, SIGNING_RANGE, flash_driver};
 pub use i2c::SensorI2c;
 pub use idle::ExecutorIdleTime;
 pub use indicators::{BoardIndicators, indicators};

@@ -4,8 +4,9 @@ use ::mavlink::MessageData;
 
 use super::dialect::{
     COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA, MANUAL_CONTROL_DATA,
-    MavResult, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA,
-    RADIO_STATUS_DATA, RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA, TIMESYNC_DATA,
+    MavResult, MavSeverity, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA,
+    RADIO_STATUS_DATA, RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA,
+    SETUP_SIGNING_DATA, TIMESYNC_DATA,
 };
 use super::parser::ReceivedFrame;
 use super::payload::Payload;
@@ -13,8 +14,10 @@ use super::rates::Rates;
 use super::replies::Replies;
 use super::services::commands::{Action, Command};
 use super::services::parameters::{self, ParameterList, SetResult};
+use super::services::signing::{self, SetupRefused, SigningChange};
 use super::services::time;
 use super::services::vehicle::Rover;
+use super::signing::{AcceptUnsigned, Effect, LinkKind, Signing, is_permitted};
 use super::system_state::SystemState;
 use super::{COMPONENT_ID, FileTransferNak, Message};
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
@@ -49,6 +52,15 @@ pub enum Event {
     Command(Action),
     /// A command of this number is not supported, or not with its parameters.
     CommandRefused(u16),
+    /// Another signing key, or none any more.
+    SigningSetUp(SigningChange),
+    /// Signing was not set up.
+    SigningRefused(SetupRefused),
+    /// It was not signed as it would have to be, and had no effect.
+    Unauthorized {
+        /// How many there have been on this link, if everyone should be told now.
+        to_report: Option<u32>,
+    },
 }
 
 /// A request that concerns us.
@@ -66,6 +78,28 @@ enum Request {
     ManualControl,
     OverrideChannels,
     Heartbeat,
+    SetUpSigning,
+}
+
+impl Request {
+    /// What it does, at most.
+    fn effect(&self, payload: &Payload<'_>) -> Effect {
+        match self {
+            Self::RadioStatus => Effect::RadioReport,
+            Self::ParameterList | Self::ParameterRead | Self::FileTransfer | Self::Ping | Self::Timesync => {
+                Effect::Reads
+            }
+            Self::Command if Command::read(payload).only_reads() => Effect::Reads,
+            Self::Command
+            | Self::ParameterSet
+            | Self::DataStream
+            | Self::SetMode
+            | Self::ManualControl
+            | Self::OverrideChannels
+            | Self::Heartbeat
+            | Self::SetUpSigning => Effect::Changes,
+        }
+    }
 }
 
 /// Whom a message is for, by the places of its fields.
@@ -108,6 +142,7 @@ fn request(frame: &ReceivedFrame<'_>, system_id: u8) -> Option<Request> {
         MANUAL_CONTROL_DATA::ID => (Request::ManualControl, Target::OnlySystem(10)),
         RC_CHANNELS_OVERRIDE_DATA::ID => (Request::OverrideChannels, Target::Component(16)),
         HEARTBEAT_DATA::ID => (Request::Heartbeat, Target::None),
+        SETUP_SIGNING_DATA::ID => (Request::SetUpSigning, Target::OnlySystem(8)),
         _ => return None,
     };
     target.is_ours(&frame.payload, system_id).then_some(request)
@@ -121,10 +156,51 @@ pub(super) struct Context<'a> {
     pub list: &'a mut ParameterList,
     pub rates: &'a mut Rates,
     pub vehicle: &'a mut Vehicle,
+    pub link: LinkKind,
+    pub signing: &'a mut Signing,
+    /// Messages on this link that were not signed as they would have to be.
+    pub unauthorized: &'a mut u32,
+}
+
+impl Context<'_> {
+    /// Whether whoever sent `frame` may do what it asks for.
+    fn permits(&mut self, request: &Request, frame: &ReceivedFrame<'_>) -> bool {
+        let accepted = AcceptUnsigned::on(self.link, self.parameters);
+        let authenticity = self.signing.check(frame, self.now_us);
+        is_permitted(request.effect(&frame.payload), authenticity, accepted)
+    }
+
+    /// Counts a request that is not permitted.
+    fn refuse(&mut self, request: &Request) -> Event {
+        // Every vehicle and ground station around has a heartbeat, and no key of ours.
+        if matches!(request, Request::Heartbeat) {
+            return Event::Ignored;
+        }
+        *self.unauthorized = self.unauthorized.wrapping_add(1);
+        Event::Unauthorized {
+            to_report: self.signing.may_report(self.now_us).then_some(*self.unauthorized),
+        }
+    }
 }
 
 /// Handles one frame and answers through `replies`.
-pub(super) fn dispatch(frame: &ReceivedFrame<'_>, context: Context<'_>, mut replies: Replies<'_>) -> Event {
+pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, replies: Replies<'_>) -> Event {
+    // The table's range is 1 to 255.
+    let system_id = context.parameters.get(VehicleParameter::SysidThismav) as u8;
+    match request(frame, system_id) {
+        None => Event::Ignored,
+        Some(request) if context.permits(&request, frame) => serve(request, frame, context, replies),
+        Some(request) => context.refuse(&request),
+    }
+}
+
+/// Does what a frame asks for.
+fn serve(
+    request: Request,
+    frame: &ReceivedFrame<'_>,
+    context: Context<'_>,
+    mut replies: Replies<'_>,
+) -> Event {
     let Context {
         now_us,
         state,
@@ -132,12 +208,10 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, context: Context<'_>, mut repl
         list,
         rates,
         vehicle,
+        link,
+        signing,
+        unauthorized: _,
     } = context;
-    // The table's range is 1 to 255.
-    let system_id = parameters.get(VehicleParameter::SysidThismav) as u8;
-    let Some(request) = request(frame, system_id) else {
-        return Event::Ignored;
-    };
     let from = Peer {
         system_id: frame.system_id,
         component_id: frame.component_id,
@@ -192,6 +266,7 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, context: Context<'_>, mut repl
             rover.heartbeat(payload);
             return Event::Ignored;
         }
+        Request::SetUpSigning => return set_up_signing(payload, link, signing, now_us, replies),
     }
     Event::Answered
 }
@@ -218,6 +293,23 @@ fn command(
         Some(action) => Event::Command(action),
         None if outcome.result == MavResult::MAV_RESULT_ACCEPTED => Event::Answered,
         None => Event::CommandRefused(command.number),
+    }
+}
+
+/// Sets up signing. There is no acknowledgement in MAVLink, so a text says what came of it.
+fn set_up_signing(
+    payload: &Payload<'_>,
+    link: LinkKind,
+    signing: &mut Signing,
+    now_us: u64,
+    mut replies: Replies<'_>,
+) -> Event {
+    match signing::set_up(payload, link, signing, now_us) {
+        Ok(change) => Event::SigningSetUp(change),
+        Err(refused) => {
+            replies.say(MavSeverity::MAV_SEVERITY_WARNING, refused.text());
+            Event::SigningRefused(refused)
+        }
     }
 }
 

@@ -11,6 +11,7 @@ use super::parser::FrameParser;
 use super::rates::Rates;
 use super::replies::Replies;
 use super::services::parameters::ParameterList;
+use super::signing::{LinkKind, Signing};
 use super::system_state::{LinkStatistics, SystemState};
 use super::{Message, Periodic, Stream};
 use crate::parameter::{Parameters, VehicleParameter};
@@ -22,6 +23,7 @@ const DROPS_UNTIL_SHORTFALL: u32 = 10;
 /// Our end of one link. Bytes and times come in, messages and events come out; the wire is somebody else's.
 #[derive(Debug)]
 pub struct Endpoint {
+    kind: LinkKind,
     bytes_per_second: u32,
     parser: FrameParser,
     rates: Rates,
@@ -32,14 +34,17 @@ pub struct Endpoint {
     dropped: u32,
     /// Those of them that belonged to a stream.
     streams_dropped: u32,
+    /// Received messages that were not signed as they would have to be.
+    unauthorized: u32,
     texts: u16,
     shortfall_said: bool,
 }
 
 impl Endpoint {
-    /// An end of a link that carries `bytes_per_second`, whose first HEARTBEAT is due at `now_us`.
-    pub fn new(bytes_per_second: u32, now_us: u64) -> Self {
+    /// An end of a link of this kind that carries `bytes_per_second`, whose first HEARTBEAT is due at `now_us`.
+    pub fn new(kind: LinkKind, bytes_per_second: u32, now_us: u64) -> Self {
         Self {
+            kind,
             bytes_per_second,
             parser: FrameParser::new(),
             rates: Rates::new(now_us),
@@ -49,9 +54,15 @@ impl Endpoint {
             sent: 0,
             dropped: 0,
             streams_dropped: 0,
+            unauthorized: 0,
             texts: 0,
             shortfall_said: false,
         }
+    }
+
+    /// What kind of link it is.
+    pub fn kind(&self) -> LinkKind {
+        self.kind
     }
 
     /// The link's counters.
@@ -59,6 +70,7 @@ impl Endpoint {
         LinkStatistics {
             sent: self.sent,
             dropped: self.dropped,
+            unauthorized: self.unauthorized,
             received: self.parser.statistics(),
         }
     }
@@ -212,6 +224,7 @@ impl Endpoint {
         state: &SystemState<'_>,
         parameters: &mut Parameters,
         vehicle: &mut Vehicle,
+        signing: &mut Signing,
     ) -> Option<Event> {
         let link = self.statistics();
         let frame = self.parser.next_frame()?;
@@ -223,6 +236,9 @@ impl Endpoint {
             list: &mut self.list,
             rates: &mut self.rates,
             vehicle,
+            link: self.kind,
+            signing,
+            unauthorized: &mut self.unauthorized,
         };
         let replies = Replies {
             outbox: &mut self.outbox,

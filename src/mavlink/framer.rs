@@ -2,6 +2,8 @@
 
 use ::mavlink::{MAVLinkV2MessageRaw, MavHeader};
 
+use super::parser::FLAG_SIGNED;
+use super::signing::{LinkKind, Signing};
 use super::{COMPONENT_ID, Message};
 
 /// Makes the frames of one link and numbers them.
@@ -20,15 +22,40 @@ impl Framer {
         Self::default()
     }
 
-    /// The MAVLink 2 frame of `message`, sent by `system_id`.
+    /// The MAVLink 2 frame of `message`, sent by `system_id`, not signed.
     pub fn frame(&mut self, message: &Message, system_id: u8) -> &[u8] {
+        self.serialize(message, system_id, 0);
+        self.frame.raw_bytes()
+    }
+
+    /// The MAVLink 2 frame of `message`, sent by `system_id` on a link of this kind at `now_us`; signed if there is a key.
+    pub fn signed_frame(
+        &mut self,
+        message: &Message,
+        system_id: u8,
+        signing: &mut Signing,
+        link: LinkKind,
+        now_us: u64,
+    ) -> &[u8] {
+        if !signing.signs() {
+            return self.frame(message, system_id);
+        }
+        self.serialize(message, system_id, FLAG_SIGNED);
+        let frame_bytes = self.frame.raw_bytes().len();
+        if let Some(frame) = self.frame.as_mut_slice().get_mut(..frame_bytes) {
+            signing.sign(frame, link, now_us);
+        }
+        self.frame.raw_bytes()
+    }
+
+    fn serialize(&mut self, message: &Message, system_id: u8, flags: u8) {
         let header = MavHeader {
             system_id: u32::from(system_id),
             component_id: COMPONENT_ID,
             sequence: self.next_sequence,
         };
         self.next_sequence = self.next_sequence.wrapping_add(1);
+        *self.frame.incompatibility_flags_mut() = flags;
         message.serialize(header, &mut self.frame);
-        self.frame.raw_bytes()
     }
 }

@@ -21,6 +21,7 @@ mod rates;
 mod replies;
 mod scheduler;
 mod services;
+mod signing;
 mod slowdown;
 mod system_state;
 
@@ -41,6 +42,8 @@ pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};
 pub use payload::{Name, Payload};
 pub use scheduler::{Interval, NotStreamed, Periodic, StreamScheduler};
 pub use services::commands::Action;
+pub use services::signing::{SetupRefused, SigningChange};
+pub use signing::{AcceptUnsigned, LinkKind, Signing, SigningKey, StoredSigning, Timestamp, ToStore};
 pub use system_state::{LinkStatistics, SystemState};
 
 /// The component id of the autopilot, `MAV_COMP_ID_AUTOPILOT1`.

@@ -4,19 +4,19 @@ use ::mavlink::{Message as _, calculate_crc};
 
 use super::dialect::MavMessage;
 use super::payload::Payload;
+use super::signing::TRAILER_BYTES;
 
 const START_V1: u8 = 0xfe;
 const START_V2: u8 = 0xfd;
 const HEADER_V1_BYTES: usize = 6;
 const HEADER_V2_BYTES: usize = 10;
 const CRC_BYTES: usize = 2;
-const SIGNATURE_BYTES: usize = 13;
 
 /// The only incompatibility flag a frame may carry here: it is signed.
-const FLAG_SIGNED: u8 = 0x01;
+pub(super) const FLAG_SIGNED: u8 = 0x01;
 
 /// The longest frame: MAVLink 2 with a full payload and a signature.
-const MAX_FRAME_BYTES: usize = HEADER_V2_BYTES + u8::MAX as usize + CRC_BYTES + SIGNATURE_BYTES;
+const MAX_FRAME_BYTES: usize = HEADER_V2_BYTES + u8::MAX as usize + CRC_BYTES + TRAILER_BYTES;
 
 /// Room for the longest frame and for what arrives behind it in one go.
 const BUFFER_BYTES: usize = 512;
@@ -57,6 +57,8 @@ pub struct ReceivedFrame<'a> {
     pub message_id: u32,
     /// Its fields.
     pub payload: Payload<'a>,
+    /// The whole frame, if it is signed.
+    pub signed: Option<&'a [u8]>,
 }
 
 /// Finds the frames of MAVLink 1 and 2 in what is received.
@@ -91,6 +93,8 @@ struct Layout {
     message_id: u32,
     header_bytes: usize,
     payload_bytes: usize,
+    /// Zero if it is not signed.
+    trailer_bytes: usize,
     frame_bytes: usize,
 }
 
@@ -152,11 +156,13 @@ impl FrameParser {
         let frame_start = self.start;
         self.start += layout.frame_bytes;
         let payload_start = frame_start + layout.header_bytes;
+        let is_signed = layout.trailer_bytes > 0;
         Some(ReceivedFrame {
             system_id: layout.system_id,
             component_id: layout.component_id,
             message_id: layout.message_id,
             payload: Payload(self.bytes(payload_start, payload_start + layout.payload_bytes)),
+            signed: is_signed.then(|| self.bytes(frame_start, self.start)),
         })
     }
 
@@ -220,8 +226,8 @@ fn examine(bytes: &[u8]) -> Candidate {
             ..,
         ] => {
             let frame_bytes = HEADER_V2_BYTES + usize::from(length) + CRC_BYTES;
-            let signature_bytes = if flags & FLAG_SIGNED != 0 {
-                SIGNATURE_BYTES
+            let trailer_bytes = if flags & FLAG_SIGNED != 0 {
+                TRAILER_BYTES
             } else {
                 0
             };
@@ -231,7 +237,8 @@ fn examine(bytes: &[u8]) -> Candidate {
                 message_id: u32::from_le_bytes([id0, id1, id2, 0]),
                 header_bytes: HEADER_V2_BYTES,
                 payload_bytes: usize::from(length),
-                frame_bytes: frame_bytes + signature_bytes,
+                trailer_bytes,
+                frame_bytes: frame_bytes + trailer_bytes,
             }
         }
         [START_V1, length, _, system_id, component_id, id, ..] => Layout {
@@ -240,6 +247,7 @@ fn examine(bytes: &[u8]) -> Candidate {
             message_id: u32::from(id),
             header_bytes: HEADER_V1_BYTES,
             payload_bytes: usize::from(length),
+            trailer_bytes: 0,
             frame_bytes: HEADER_V1_BYTES + usize::from(length) + CRC_BYTES,
         },
         _ => return Candidate::Incomplete,

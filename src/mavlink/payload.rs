@@ -5,7 +5,8 @@
 pub struct Payload<'a>(pub &'a [u8]);
 
 impl Payload<'_> {
-    fn bytes<const N: usize>(&self, offset: usize) -> [u8; N] {
+    /// Bytes as they stand.
+    pub fn bytes<const N: usize>(&self, offset: usize) -> [u8; N] {
         core::array::from_fn(|i| self.0.get(offset + i).copied().unwrap_or(0))
     }
 

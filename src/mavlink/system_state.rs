@@ -74,6 +74,8 @@ pub struct LinkStatistics {
     pub sent: u32,
     /// Messages dropped because the link had no room for them.
     pub dropped: u32,
+    /// Received messages that were ignored because they were not signed as they would have to be.
+    pub unauthorized: u32,
     /// What came in.
     pub received: ReceiveStatistics,
 }

@@ -14,12 +14,13 @@ use super::{
 };
 use crate::battery::RetainedRecord;
 use crate::liveness::CheckIn;
+use crate::mavlink::{LinkKind, Signing};
 use crate::parameter::Parameters;
 use crate::sensor::Buses;
 use crate::storage::Storage;
 use crate::tasks::{
-    Link, Shared, drive, keep_parameters, load_parameters, read_bus, read_esc, reboot_requested, report_load,
-    sample_batteries, serve_link,
+    Link, Shared, SigningStorage, drive, keep_parameters, keep_signing, load_parameters, read_bus, read_esc,
+    reboot_requested, report_load, report_signing, sample_batteries, serve_link,
 };
 use crate::vehicle::{Indication, Indicators};
 
@@ -35,16 +36,18 @@ static UNWATCHED: CheckIn = CheckIn::new("", u32::MAX);
 /// Switches the vehicle on, and on again whenever a ground station restarts it. Ground stations connect by TCP, and one
 /// may listen at the other end of `udp`. The pack and the flash outlast a restart; connections don't. A status line is
 /// printed every `line_interval`.
-pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, line_interval: Duration) -> ! {
+pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_interval: Duration) -> ! {
     let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
     let rover = SimulatedRover::default();
     loop {
-        let range = flash.range();
-        let mut storage = Storage::new(&mut flash, range);
+        let mut storage = Storage::new(flash.clone(), SimulatedFlash::PARAMETERS);
         let mut parameters = Parameters::defaults();
         let loaded = load_parameters(&mut storage, &mut parameters).await;
-        let desk = Desk::new(&parameters, &pack);
+        let (signing_storage, signing) =
+            SigningStorage::load(Storage::new(flash.clone(), SimulatedFlash::SIGNING)).await;
+        let desk = Desk::new(&parameters, signing, &pack);
         report_load(&desk.shared, loaded);
+        report_signing(&desk.shared);
         let living_pack = LivingPack::new(&pack, &rover, &desk.shared);
         let mut memory = [RetainedRecord::BLANK; 2];
         let vehicle = join5(
@@ -64,7 +67,10 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
                 read_esc(None::<TcpReceiver>, &desk.shared, &UNWATCHED),
             ),
             drive(&rover, NoLamps, &desk.shared, &UNWATCHED),
-            keep_parameters(storage, &desk.shared, &UNWATCHED),
+            join(
+                keep_parameters(storage, &desk.shared, &UNWATCHED),
+                keep_signing(signing_storage, &desk.shared, &UNWATCHED),
+            ),
             join(
                 join_array([(); MAX_CLIENTS].map(|()| desk.serve(clients))),
                 desk.serve_udp(udp),
@@ -93,9 +99,9 @@ impl Indicators for NoLamps {
 }
 
 impl<'a> Desk<'a> {
-    fn new(parameters: &Parameters, pack: &'a RefCell<SimulatedPack>) -> Self {
+    fn new(parameters: &Parameters, signing: Signing, pack: &'a RefCell<SimulatedPack>) -> Self {
         Self {
-            shared: Shared::new(parameters),
+            shared: Shared::new(parameters, signing),
             pack,
             links: RefCell::default(),
             status: Cell::default(),
@@ -111,7 +117,7 @@ impl<'a> Desk<'a> {
                 receiver,
             } = clients.next().await;
             println!("{address} connected");
-            let link = Rc::new(Link::new("TCP", LINK_BYTES_PER_SECOND));
+            let link = Rc::new(Link::new("TCP", LinkKind::Direct, LINK_BYTES_PER_SECOND));
             self.links.borrow_mut().push(link.clone());
             serve_link(transmitter, receiver, &self.shared, &link, &UNWATCHED).await;
             self.links.borrow_mut().retain(|other| !Rc::ptr_eq(other, &link));
@@ -121,7 +127,7 @@ impl<'a> Desk<'a> {
 
     /// Serves whoever listens at the other end of `wire`, or nobody.
     async fn serve_udp(&self, wire: &UdpWire) {
-        let link = Link::new("UDP", LINK_BYTES_PER_SECOND);
+        let link = Link::new("UDP", LinkKind::Radio, LINK_BYTES_PER_SECOND);
         let (transmitter, receiver) = wire.split();
         serve_link(transmitter, receiver, &self.shared, &link, &UNWATCHED).await;
     }

@@ -60,13 +60,17 @@ mod tests {
 
     use super::super::{PackModel, clock};
     use super::*;
+    use crate::mavlink::Signing;
     use crate::parameter::Parameters;
 
     #[test]
     fn it_lives_as_long_as_it_is_asked_and_once_however_often_it_is() {
         let charge_after = |asked: u64| {
             let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
-            let (rover, shared) = (SimulatedRover::default(), Shared::new(&Parameters::defaults()));
+            let (rover, shared) = (
+                SimulatedRover::default(),
+                Shared::new(&Parameters::defaults(), Signing::off()),
+            );
             let hour = async {
                 let living = LivingPack::new(&pack, &rover, &shared);
                 for _ in 0..asked {

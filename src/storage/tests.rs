@@ -40,7 +40,7 @@ trait Reboot: NorFlash + Sized {
 
     fn load(&mut self) -> (Values, Result<(), StorageError>) {
         let mut values = Values::new();
-        let result = block_on(self.storage().load(|key, value| {
+        let result = block_on(self.storage().load(&mut |key, value| {
             assert_eq!(values.insert(key, value), None, "key {key} was delivered twice");
         }));
         (values, result)
@@ -241,7 +241,10 @@ fn a_region_of_less_than_two_whole_sectors_stores_nothing() {
     ] {
         let mut flash = SmallFlash::blank();
         let mut storage = Storage::new(&mut flash, range);
-        assert_eq!(block_on(storage.load(|_, _| panic!("found a value"))), Ok(()));
+        assert_eq!(
+            block_on(storage.load(&mut |_, _| panic!("found a value"))),
+            Ok(())
+        );
         assert_eq!(block_on(storage.store(1, 1)), Err(StorageError::Full));
         assert_eq!(flash.operations(), 0);
     }
@@ -261,7 +264,7 @@ fn other_tasks_run_between_two_flash_operations_and_between_two_records() {
         block_on(storage.store(u16::try_from(number % 30).unwrap(), number)).unwrap();
     }
     let records = u64::from(BOARD_SLOTS);
-    assert!(polls(storage.load(|_, _| {})) > records);
+    assert!(polls(storage.load(&mut |_, _| {})) > records);
 
     let operations = storage.region.flash.operations();
     let turns = polls(async { storage.store(0, 25).await.map(drop) });

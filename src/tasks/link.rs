@@ -8,7 +8,7 @@ use embassy_time::{Duration, Instant};
 
 use super::Shared;
 use crate::log::warn;
-use crate::mavlink::{Endpoint, LinkStatistics, Message, Stream};
+use crate::mavlink::{Endpoint, LinkKind, LinkStatistics, Message, Stream};
 
 /// Something that can happen many times a second is told to the log this often.
 const REPORT_INTERVAL: Duration = Duration::from_secs(1);
@@ -45,11 +45,12 @@ impl ReportLimit {
 }
 
 impl Link {
-    /// A link called `name` in the log, that carries `bytes_per_second`.
-    pub fn new(name: &'static str, bytes_per_second: u32) -> Self {
+    /// A link of this kind called `name` in the log, that carries `bytes_per_second`.
+    pub fn new(name: &'static str, kind: LinkKind, bytes_per_second: u32) -> Self {
+        let now_us = Instant::now().as_micros();
         Self {
             name,
-            endpoint: RefCell::new(Endpoint::new(bytes_per_second, Instant::now().as_micros())),
+            endpoint: RefCell::new(Endpoint::new(kind, bytes_per_second, now_us)),
             to_write: Signal::new(),
             to_schedule: Signal::new(),
             drops: ReportLimit::default(),
@@ -60,6 +61,11 @@ impl Link {
     /// The link's name in the log.
     pub fn name(&self) -> &'static str {
         self.name
+    }
+
+    /// What kind of link it is.
+    pub(super) fn kind(&self) -> LinkKind {
+        self.endpoint.borrow().kind()
     }
 
     /// The link's counters.

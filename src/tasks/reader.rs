@@ -1,9 +1,12 @@
 //! Reads one link and handles what ground stations ask for.
 
+use core::fmt::Write;
+
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, with_timeout};
+use heapless::String;
 
-use super::{Link, Shared, mark};
+use super::{ANNOUNCEMENT_BYTES, Link, Shared, mark};
 use crate::liveness::CheckIn;
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
@@ -80,7 +83,11 @@ fn handle_next(shared: &Shared, link: &Link) -> Option<Event> {
     shared.with_system_state(|state| {
         link.with(|endpoint| {
             shared.with_parameters(|parameters| {
-                shared.with_vehicle(|vehicle| endpoint.handle_next(now_us, state, parameters, vehicle))
+                shared.with_vehicle(|vehicle| {
+                    shared.with_signing(|signing| {
+                        endpoint.handle_next(now_us, state, parameters, vehicle, signing)
+                    })
+                })
             })
         })
     })
@@ -116,9 +123,41 @@ fn react(event: Event, shared: &Shared, link: &Link) {
                 warn!("{}: command {} refused", link.name(), number);
             }
         }
+        Event::SigningSetUp(change) => {
+            info!("{}: signing: {:?}", link.name(), change);
+            shared.announce(MavSeverity::MAV_SEVERITY_INFO, change.text());
+            shared.to_save_signing.signal(());
+        }
+        Event::SigningRefused(refused) => {
+            if link.refusals.allows() {
+                warn!("{}: signing not set up: {:?}", link.name(), refused);
+            }
+        }
+        Event::Unauthorized { to_report } => {
+            if let Some(count) = to_report {
+                report_unauthorized(count, shared, link);
+            }
+            return;
+        }
     }
     link.to_write.signal(());
     link.to_schedule.signal(());
+}
+
+fn report_unauthorized(count: u32, shared: &Shared, link: &Link) {
+    warn!(
+        "{}: {} messages ignored, not signed with the key",
+        link.name(),
+        count
+    );
+    let mut text: String<ANNOUNCEMENT_BYTES> = String::new();
+    // It fits.
+    let _ = write!(
+        text,
+        "{}: {count} messages ignored, not signed with the key",
+        link.name()
+    );
+    shared.announce(MavSeverity::MAV_SEVERITY_WARNING, &text);
 }
 
 fn act(action: Action, shared: &Shared) {

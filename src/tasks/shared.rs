@@ -8,8 +8,8 @@ use heapless::Vec;
 
 use super::announcements::{Announcements, Listener};
 use crate::battery::{BatteryState, MAX_PACKS, Measurement, PackStatus, ReadError};
-use crate::mavlink::SystemState;
 use crate::mavlink::dialect::MavSeverity;
+use crate::mavlink::{Signing, SystemState};
 use crate::parameter::{Pack, ParameterId, Parameters};
 use crate::sensor::{Pulses, Samples};
 use crate::vehicle::Vehicle;
@@ -32,6 +32,7 @@ pub struct Shared {
     load_permille: Cell<u16>,
     parameters: RefCell<Parameters>,
     vehicle: RefCell<Vehicle>,
+    signing: RefCell<Signing>,
     notices: Cell<Vec<Notice, MAX_NOTICES>>,
     announcements: Announcements,
     /// The motors may have to be told something else.
@@ -40,16 +41,18 @@ pub struct Shared {
     pub(super) to_save: Signal<NoopRawMutex, ()>,
     /// Everything stored has to be forgotten.
     pub(super) to_clear: Cell<bool>,
+    /// Another signing key has to be written to flash.
+    pub(super) to_save_signing: Signal<NoopRawMutex, ()>,
     pub(super) storage_busy: Cell<bool>,
     /// A ground station asks for a restart.
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
 }
 
 impl Shared {
-    /// Nothing measured yet, and these parameters.
+    /// Nothing measured yet, these parameters, and what is known of signing.
     // Inlined, it would take several times its size of the caller's stack.
     #[inline(never)]
-    pub fn new(parameters: &Parameters) -> Self {
+    pub fn new(parameters: &Parameters, signing: Signing) -> Self {
         Self {
             batteries: in_place(|| states_at_boot(parameters)),
             battery_resets: [const { Cell::new(None) }; MAX_PACKS],
@@ -59,11 +62,13 @@ impl Shared {
             load_permille: Cell::new(0),
             parameters: in_place(|| parameters.clone()),
             vehicle: RefCell::new(Vehicle::new()),
+            signing: RefCell::new(signing),
             notices: Cell::new(Vec::new()),
             announcements: Announcements::new(),
             to_drive: Signal::new(),
             to_save: Signal::new(),
             to_clear: Cell::new(false),
+            to_save_signing: Signal::new(),
             storage_busy: Cell::new(false),
             to_reboot: Signal::new(),
         }
@@ -143,6 +148,11 @@ impl Shared {
         use_it(&mut self.vehicle.borrow_mut())
     }
 
+    /// Uses what is known of signing. It must not wait in there.
+    pub(super) fn with_signing<R>(&self, use_it: impl FnOnce(&mut Signing) -> R) -> R {
+        use_it(&mut self.signing.borrow_mut())
+    }
+
     /// The live value of a parameter.
     pub fn parameter(&self, id: impl Into<ParameterId>) -> f32 {
         self.with_parameters(|parameters| parameters.get(id))
@@ -204,6 +214,7 @@ impl Shared {
     pub(super) fn has_unsaved(&self) -> bool {
         self.storage_busy.get()
             || self.to_clear.get()
+            || self.with_signing(|signing| signing.is_key_unsaved())
             || self.with_parameters(|parameters| parameters.next_unsaved().is_some())
     }
 }
@@ -231,7 +242,7 @@ mod tests {
 
     #[test]
     fn a_reset_is_taken_once_by_each_pack_it_names() {
-        let shared = Shared::new(&Parameters::defaults());
+        let shared = Shared::new(&Parameters::defaults(), Signing::off());
         shared.request_battery_reset(0b1_0000_0101, 100.0);
         shared.request_battery_reset(0b1, 56.0);
         let taken = || (0..=9).map(|instance| shared.take_battery_reset(instance));
@@ -243,7 +254,7 @@ mod tests {
 
     #[test]
     fn the_packs_are_published_by_their_instance() {
-        let shared = Shared::new(&Parameters::defaults());
+        let shared = Shared::new(&Parameters::defaults(), Signing::off());
         assert_eq!(shared.battery(0).status, PackStatus::Unknown);
         assert_eq!(shared.battery(1).status, PackStatus::Disabled);
         let state = BatteryState {

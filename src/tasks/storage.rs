@@ -27,7 +27,7 @@ pub async fn load_parameters<F: NorFlash>(
     parameters: &mut Parameters,
 ) -> Result<(), StorageError> {
     storage
-        .load(|key, word| {
+        .load(&mut |key, word| {
             let value = f32::from_bits(word);
             if parameters.restore(key, value).is_err() {
                 warn!("stored parameter {} = {} does not fit this firmware", key, value);

@@ -1,5 +1,6 @@
 //! Writes the messages of one link to its wire.
 
+use embassy_time::Instant;
 use embedded_io_async::Write;
 
 use super::{Link, Shared, mark};
@@ -22,7 +23,10 @@ pub async fn write_frames<W: Write>(
         let message = link.next_message(shared).await;
         // The table's range is 1 to 255.
         let system_id = shared.whole_parameter(VehicleParameter::SysidThismav) as u8;
-        wire.write_all(framer.frame(&message, system_id)).await?;
+        let now_us = Instant::now().as_micros();
+        let frame = shared
+            .with_signing(|signing| framer.signed_frame(&message, system_id, signing, link.kind(), now_us));
+        wire.write_all(frame).await?;
         mark(check_in);
     }
 }

@@ -41,7 +41,7 @@ def described():
 
 def test_list(vehicle):
     values = read_list(vehicle)
-    assert len(values) == 58
+    assert len(values) == 60
     assert values.keys() <= described()
     assert values["SR0_EXTRA1"] == 2
     assert values["BATT_VOLT_MULT"] == pytest.approx(3.95)

@@ -26,6 +26,7 @@ pub const AUTOPILOT_VERSION: u32 = 148;
 pub const MESSAGE_INTERVAL: u32 = 244;
 pub const PROTOCOL_VERSION: u32 = 300;
 pub const STATUSTEXT: u32 = 253;
+pub const SETUP_SIGNING: u32 = 256;
 pub const PARAM_ERROR: u32 = 345;
 pub const BATTERY_STATUS_V2: u32 = 369;
 pub const SMART_BATTERY_INFO: u32 = 370;
@@ -35,6 +36,12 @@ pub const BATTERY_INFO: u32 = 372;
 const START_OF_FRAME: u8 = 0xfd;
 const HEADER_BYTES: usize = 10;
 const CRC_BYTES: usize = 2;
+pub const SIGNATURE_BYTES: usize = 6;
+/// The link's number, 48 bits of time, the signature.
+const TRAILER_BYTES: usize = 7 + SIGNATURE_BYTES;
+
+/// Incompatibility flags: the frame is signed.
+const SIGNED: u8 = 1;
 
 /// A frame whose checksum is right.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -47,6 +54,8 @@ pub struct Frame {
     pub message_id: u32,
     /// Without the zeros MAVLink 2 cuts off at the end.
     payload: Vec<u8>,
+    /// All of a frame that is signed.
+    pub signed: Option<Vec<u8>>,
 }
 
 impl Frame {
@@ -121,6 +130,7 @@ fn crc_extra(message_id: u32) -> u8 {
         MESSAGE_INTERVAL => 95,
         PROTOCOL_VERSION => 217,
         STATUSTEXT => 83,
+        SETUP_SIGNING => 71,
         PARAM_ERROR => 209,
         BATTERY_STATUS_V2 => 145,
         SMART_BATTERY_INFO => 75,
@@ -139,9 +149,22 @@ pub fn encode_v2(message_id: u32, payload: &[u8]) -> Vec<u8> {
     let id = message_id.to_le_bytes();
     let mut frame = vec![START_OF_FRAME, used as u8, 0, 0, 0, 255, 190, id[0], id[1], id[2]];
     frame.extend(&payload[..used]);
+    append_checksum(&mut frame);
+    frame
+}
+
+fn append_checksum(frame: &mut Vec<u8>) {
+    let message_id = u32::from_le_bytes([frame[7], frame[8], frame[9], 0]);
     let crc = crc16(frame[1..].iter().copied().chain([crc_extra(message_id)]));
     frame.extend(crc.to_le_bytes());
-    frame
+}
+
+/// The same frame as one that says that it is signed; what signs it is missing.
+pub fn declare_signed(frame: &[u8]) -> Vec<u8> {
+    let mut declared = frame[..frame.len() - CRC_BYTES].to_vec();
+    declared[2] |= SIGNED;
+    append_checksum(&mut declared);
+    declared
 }
 
 /// The same as a MAVLink 1 frame.
@@ -169,7 +192,8 @@ pub fn frames(sent: &[(u64, u8)]) -> Vec<Frame> {
     let mut frames = Vec::new();
     let mut rest = sent;
     while rest.len() >= HEADER_BYTES {
-        let length = HEADER_BYTES + usize::from(rest[1].1) + CRC_BYTES;
+        let trailer_bytes = if rest[2].1 == SIGNED { TRAILER_BYTES } else { 0 };
+        let length = HEADER_BYTES + usize::from(rest[1].1) + CRC_BYTES + trailer_bytes;
         if rest.len() < length {
             break;
         }
@@ -182,9 +206,13 @@ pub fn frames(sent: &[(u64, u8)]) -> Vec<Frame> {
 fn frame(sent: &[(u64, u8)]) -> Frame {
     let bytes: Vec<u8> = sent.iter().map(|(_, byte)| *byte).collect();
     assert_eq!(bytes[0], START_OF_FRAME, "no frame starts here: {bytes:02x?}");
-    assert_eq!(bytes[2], 0, "unexpected incompatibility flags: {bytes:02x?}");
+    assert!(
+        bytes[2] <= SIGNED,
+        "unexpected incompatibility flags: {bytes:02x?}"
+    );
+    let unsigned_bytes = HEADER_BYTES + usize::from(bytes[1]) + CRC_BYTES;
     let message_id = u32::from_le_bytes([bytes[7], bytes[8], bytes[9], 0]);
-    let (covered, crc) = bytes.split_at(bytes.len() - CRC_BYTES);
+    let (covered, crc) = bytes[..unsigned_bytes].split_at(unsigned_bytes - CRC_BYTES);
     let expected = crc16(covered[1..].iter().copied().chain([crc_extra(message_id)]));
     assert_eq!(crc, expected.to_le_bytes(), "wrong checksum: {bytes:02x?}");
     Frame {
@@ -194,6 +222,7 @@ fn frame(sent: &[(u64, u8)]) -> Frame {
         component_id: bytes[6],
         message_id,
         payload: covered[HEADER_BYTES..].to_vec(),
+        signed: (bytes[2] == SIGNED).then(|| bytes.clone()),
     }
 }
 
@@ -304,6 +333,10 @@ impl SysStatus<'_> {
 
     pub fn errors_count1(&self) -> u16 {
         self.0.u16(22)
+    }
+
+    pub fn errors_count2(&self) -> u16 {
+        self.0.u16(24)
     }
 }
 

@@ -23,9 +23,10 @@ pub fn build_sys_status(state: &SystemState<'_>) -> SYS_STATUS_DATA {
         current_battery: current_ca(battery.current_a),
         drop_rate_comm: drop_rate_percent_hundredths(&state.link.received),
         errors_comm: saturate(state.link.received.errors()),
-        // MAVLink leaves the meaning of the four counters to the autopilot: ours is messages dropped for lack of room.
+        // MAVLink leaves the meaning of the four counters to the autopilot: ours are messages dropped for lack of room, and
+        // those that were ignored for want of a signature.
         errors_count1: saturate(state.link.dropped),
-        errors_count2: 0,
+        errors_count2: saturate(state.link.unauthorized),
         errors_count3: 0,
         errors_count4: 0,
         battery_remaining: remaining_pct(battery.remaining_pct),

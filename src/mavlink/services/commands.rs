@@ -125,6 +125,17 @@ impl Command {
         }
     }
 
+    /// Whether it is answered and changes nothing.
+    pub fn only_reads(&self) -> bool {
+        matches!(
+            self.number,
+            GET_MESSAGE_INTERVAL
+                | REQUEST_MESSAGE
+                | REQUEST_PROTOCOL_VERSION
+                | REQUEST_AUTOPILOT_CAPABILITIES
+        )
+    }
+
     /// Does what the command asks of the link, and tells what to answer and what the vehicle has to do.
     pub fn execute(&self, scheduler: &mut StreamScheduler, state: &SystemState<'_>, now_us: u64) -> Outcome {
         match self.number {

@@ -2,5 +2,6 @@
 
 pub(super) mod commands;
 pub(super) mod parameters;
+pub(super) mod signing;
 pub(super) mod time;
 pub(super) mod vehicle;

@@ -4,6 +4,13 @@
 use super::{Documentation, TakesEffect};
 use super::{Kind, Parameter, Range, means};
 
+/// What a link accepts without a signature.
+const UNSIGNED_ALLOWED: Range = Range::OneOf(&[
+    (0, means("Nothing")),
+    (1, means("Requests that only read")),
+    (2, means("Everything")),
+]);
+
 parameters! {
     /// A parameter of the whole vehicle.
     VehicleParameter
@@ -106,6 +113,32 @@ parameters! {
         label: "Time until a silent ground station counts",
         description: "When the heartbeats of ground stations have come and stay away for longer, an armed rover holds. \
                       They come once a second.",
+    }
+    SignUartAllow {
+        key: 9,
+        name: "SIGN_UART_ALLOW",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: UNSIGNED_ALLOWED,
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Unsigned messages on the telemetry port",
+        description: "What the telemetry port accepts without the right signature while a signing key is set. \
+                      RADIO_STATUS is always accepted.",
+    }
+    SignUsbAllow {
+        key: 10,
+        name: "SIGN_USB_ALLOW",
+        kind: Kind::Int8,
+        default: 2.0,
+        range: UNSIGNED_ALLOWED,
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Unsigned messages on USB",
+        description: "What USB accepts without the right signature while a signing key is set. \
+                      With less than everything, somebody who has lost the key can't set up another one.",
     }
     MotSlewrate {
         key: 7,

@@ -4,6 +4,7 @@ use embassy_time::{Instant, with_timeout};
 
 use super::super::{PackModel, SimulatedRover, clock};
 use super::*;
+use crate::mavlink::Signing;
 use crate::parameter::{Parameters, SimulationParameter};
 use crate::tasks::Shared;
 
@@ -24,7 +25,10 @@ fn on_bus<R>(load_a: f32, test: impl AsyncFnOnce(&mut SimulatedBus<'_>) -> R) ->
         parameters.set(parameter, value).expect("it is in range");
     }
     let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
-    let (rover, shared) = (SimulatedRover::default(), Shared::new(&parameters));
+    let (rover, shared) = (
+        SimulatedRover::default(),
+        Shared::new(&parameters, Signing::off()),
+    );
     let settle_and_test = async {
         let living = LivingPack::new(&pack, &rover, &shared);
         Timer::after(SETTLING).await;

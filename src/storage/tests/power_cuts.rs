@@ -204,7 +204,7 @@ fn a_store_that_is_dropped_half_way_leaves_the_old_or_the_new_value() {
             (0..number % 37).any(|_| future.as_mut().poll(&mut context).is_ready())
         };
         let mut stored = None;
-        block_on(storage.load(|found, value| {
+        block_on(storage.load(&mut |found, value| {
             if found == key {
                 stored = Some(value);
             }

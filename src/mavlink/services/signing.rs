@@ -1,0 +1,66 @@
+//! SETUP_SIGNING (256): another key, or none any more.
+
+use crate::mavlink::payload::Payload;
+use crate::mavlink::signing::{LinkKind, Signing, SigningKey, Timestamp};
+
+const KEY_AT: usize = 10;
+
+/// What a ground station has set up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum SigningChange {
+    /// A key.
+    KeySet,
+    /// That there is none any more.
+    KeyRemoved,
+}
+
+impl SigningChange {
+    /// What everyone who is connected is told.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::KeySet => "Signing key set",
+            Self::KeyRemoved => "Signing key removed: commands are taken from anybody",
+        }
+    }
+}
+
+/// Why nothing was set up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum SetupRefused {
+    /// The key would have been heard by everyone near.
+    NotDirect,
+    /// The initial timestamp has more than 48 bits.
+    BadTime,
+}
+
+impl SetupRefused {
+    /// What its owner is told.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::NotDirect => "Signing is set up by USB only",
+            Self::BadTime => "Signing not set up: bad timestamp",
+        }
+    }
+}
+
+/// Does what SETUP_SIGNING asks for. A key of zeros removes the one there is.
+pub(in crate::mavlink) fn set_up(
+    payload: &Payload<'_>,
+    link: LinkKind,
+    signing: &mut Signing,
+    now_us: u64,
+) -> Result<SigningChange, SetupRefused> {
+    if link != LinkKind::Direct {
+        return Err(SetupRefused::NotDirect);
+    }
+    let time = Timestamp::from_ticks(payload.u64(0)).ok_or(SetupRefused::BadTime)?;
+    let key = SigningKey::new(payload.bytes(KEY_AT));
+    let change = match key {
+        Some(_) => SigningChange::KeySet,
+        None => SigningChange::KeyRemoved,
+    };
+    signing.set_up(key, time, now_us);
+    Ok(change)
+}

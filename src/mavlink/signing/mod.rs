@@ -1,0 +1,315 @@
+//! Message signing: who may command the vehicle, and proof that it is the vehicle that reports.
+//!
+//! A signed frame carries 13 more bytes: a number for the link, a [`Timestamp`] that only ever grows, and the start of the
+//! SHA-256 of a shared [`SigningKey`] and everything before (MAVLink's message signing, version 1). Whoever has heard such a
+//! frame can't make another one, and sending it once more does not work either.
+//!
+//! While there is no key, everything is accepted and nothing is signed.
+
+mod clock;
+mod key;
+mod permission;
+mod stored;
+mod streams;
+mod timestamp;
+
+pub use key::SigningKey;
+pub use permission::{AcceptUnsigned, LinkKind};
+pub(super) use permission::{Authenticity, Effect, is_permitted};
+pub use stored::{StoredSigning, ToStore};
+pub use timestamp::Timestamp;
+
+use clock::SigningClock;
+use stored::Mark;
+use streams::{StreamId, Streams};
+
+use super::parser::ReceivedFrame;
+
+/// What a signed frame has behind its checksum: the link's number, the timestamp and the signature.
+const LINK_BYTES: usize = 1;
+pub(super) const TRAILER_BYTES: usize = LINK_BYTES + timestamp::BYTES + key::SIGNATURE_BYTES;
+
+/// Refused messages are reported this often at most.
+const REPORT_INTERVAL_US: u64 = 60_000_000;
+
+/// What the vehicle knows of signing: the key, the time, and whom it has heard.
+#[derive(Debug)]
+pub struct Signing {
+    protection: Protection,
+    clock: SigningClock,
+    streams: Streams,
+    /// Whether the key, or that there is none, has to be written to flash.
+    key_in_flash: InFlash,
+    /// Nothing up to now was signed after this time, as far as the flash knows.
+    stored_mark: Mark,
+    last_report_us: Option<u64>,
+}
+
+/// Who may do what.
+#[derive(Debug)]
+enum Protection {
+    /// There is no key: anybody anything.
+    Off,
+    Key(SigningKey),
+    /// There was a key, and it can't be read any more. Nobody has the right one until another is set up.
+    KeyLost,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum InFlash {
+    Yes,
+    NotYet,
+}
+
+impl Signing {
+    /// Without a key.
+    pub fn off() -> Self {
+        Self::new(Protection::Off, Mark::default())
+    }
+
+    fn new(protection: Protection, mark: Mark) -> Self {
+        Self {
+            protection,
+            clock: SigningClock::starting_at(mark.time()),
+            streams: Streams::after(mark.time()),
+            key_in_flash: InFlash::Yes,
+            stored_mark: mark,
+            last_report_us: None,
+        }
+    }
+
+    /// Whether there was a key that can't be read any more.
+    pub fn has_lost_key(&self) -> bool {
+        matches!(self.protection, Protection::KeyLost)
+    }
+
+    /// Takes another key, or none any more. The time goes on from `time` if that is later than ours: it never goes back,
+    /// so nothing that was signed before, with any key, is accepted again.
+    pub(super) fn set_up(&mut self, key: Option<SigningKey>, time: Timestamp, now_us: u64) {
+        self.protection = key.map_or(Protection::Off, Protection::Key);
+        self.key_in_flash = InFlash::NotYet;
+        self.clock.follow(time, now_us);
+    }
+
+    /// Judges who sent a frame.
+    pub(super) fn check(&mut self, frame: &ReceivedFrame<'_>, now_us: u64) -> Authenticity {
+        let key = match &self.protection {
+            Protection::Off => return Authenticity::Unprotected,
+            Protection::KeyLost => return Authenticity::Unproven,
+            Protection::Key(key) => key,
+        };
+        let Some((signed, signature)) = frame.signed.and_then(|bytes| bytes.split_last_chunk()) else {
+            return Authenticity::Unproven;
+        };
+        // The timestamp ends what is signed.
+        let Some((before_time, time)) = signed.split_last_chunk() else {
+            return Authenticity::Unproven;
+        };
+        let time = Timestamp::from_bytes(*time);
+        let stream = StreamId {
+            system_id: frame.system_id,
+            component_id: frame.component_id,
+            link: before_time.last().copied().unwrap_or_default(),
+        };
+        // The last check has an effect, so it comes after the one that proves who asks for it.
+        if key.signature(signed) == *signature && self.streams.accept(stream, time, self.clock.now(now_us)) {
+            self.clock.follow(time, now_us);
+            Authenticity::Proven
+        } else {
+            Authenticity::Unproven
+        }
+    }
+
+    /// Whether frames leave signed.
+    pub(super) fn signs(&self) -> bool {
+        matches!(self.protection, Protection::Key(_))
+    }
+
+    /// Fills in the last [`TRAILER_BYTES`] of a frame whose header says that it is signed.
+    pub(super) fn sign(&mut self, frame: &mut [u8], link: LinkKind, now_us: u64) {
+        let Protection::Key(key) = &self.protection else {
+            return;
+        };
+        let Some((before, signature)) = frame.split_last_chunk_mut() else {
+            return;
+        };
+        if let Some((before_time, time)) = before.split_last_chunk_mut() {
+            *time = self.clock.next(now_us).to_bytes();
+            if let Some(number) = before_time.last_mut() {
+                *number = link.number();
+            }
+        }
+        *signature = key.signature(before);
+    }
+
+    /// Whether it is time for another report of refused messages; then it counts as made.
+    pub(super) fn may_report(&mut self, now_us: u64) -> bool {
+        let due = self
+            .last_report_us
+            .is_none_or(|last_us| now_us.saturating_sub(last_us) >= REPORT_INTERVAL_US);
+        if due {
+            self.last_report_us = Some(now_us);
+        }
+        due
+    }
+
+    /// What has to be written to flash now, one thing after the other, if anything.
+    pub fn next_unsaved(&self, now_us: u64) -> Option<ToStore> {
+        match &self.protection {
+            // The mark comes first: the flash should not be behind the frames that leave.
+            Protection::Key(key) => stored::next_mark(self.stored_mark, self.clock.now(now_us))
+                .map(ToStore::Mark)
+                .or_else(|| self.is_key_unsaved().then(|| ToStore::Key(key.clone()))),
+            Protection::Off => self.is_key_unsaved().then_some(ToStore::NoKey),
+            Protection::KeyLost => None,
+        }
+    }
+
+    /// Whether another key, or that there is none any more, is not in flash yet.
+    pub fn is_key_unsaved(&self) -> bool {
+        self.key_in_flash == InFlash::NotYet
+    }
+
+    /// This is in flash now. If another key was set up in the meantime, that one still has to be written.
+    pub fn mark_saved(&mut self, saved: &ToStore) {
+        match (saved, &self.protection) {
+            (ToStore::Mark(mark), _) => self.stored_mark = *mark,
+            (ToStore::Key(saved), Protection::Key(key)) if saved == key => self.key_in_flash = InFlash::Yes,
+            (ToStore::NoKey, Protection::Off) => self.key_in_flash = InFlash::Yes,
+            (ToStore::Key(_) | ToStore::NoKey, _) => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parser::FrameParser;
+    use super::*;
+
+    /// Signed by pymavlink 2.4.50 with the key 1, 2, … 32 as link 7 at 0x0123456789ab: a HEARTBEAT of system 255,
+    /// component 190.
+    const HEARTBEAT: [u8; 34] = [
+        0xfd, 0x09, 0x01, 0x00, 0x00, 0xff, 0xbe, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x06, 0x08, 0xc0,
+        0x04, 0x03, 0x03, 0x8b, 0x07, 0xab, 0x89, 0x67, 0x45, 0x23, 0x01, 0xb6, 0x99, 0x4d, 0x54, 0xd3, 0x35,
+    ];
+
+    fn key() -> SigningKey {
+        SigningKey::new(core::array::from_fn(|index| index as u8 + 1)).unwrap()
+    }
+
+    fn with_key() -> Signing {
+        Signing::new(Protection::Key(key()), Mark::default())
+    }
+
+    fn check(signing: &mut Signing, bytes: &[u8]) -> Authenticity {
+        let mut parser = FrameParser::new();
+        parser.push(bytes);
+        signing.check(&parser.next_frame().expect("a frame"), 0)
+    }
+
+    #[test]
+    fn a_frame_that_pymavlink_has_signed_is_accepted_once() {
+        let mut signing = with_key();
+        assert_eq!(check(&mut signing, &HEARTBEAT), Authenticity::Proven);
+        assert_eq!(check(&mut signing, &HEARTBEAT), Authenticity::Unproven);
+        assert_eq!(signing.clock.now(0).ticks(), 0x0123_4567_89ab, "we follow");
+    }
+
+    #[test]
+    fn every_single_bit_of_it_counts() {
+        for bit in 8 * (HEARTBEAT.len() - TRAILER_BYTES)..8 * HEARTBEAT.len() {
+            let mut bytes = HEARTBEAT;
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(
+                check(&mut with_key(), &bytes),
+                Authenticity::Unproven,
+                "bit {bit}"
+            );
+        }
+    }
+
+    #[test]
+    fn we_sign_as_pymavlink_does() {
+        let mut signing = with_key();
+        signing
+            .clock
+            .follow(Timestamp::from_ticks(0x0123_4567_89aa).unwrap(), 0);
+        let mut bytes = HEARTBEAT;
+        bytes[HEARTBEAT.len() - TRAILER_BYTES..].fill(0);
+        signing.sign(&mut bytes, LinkKind::Radio, 10);
+        // Everything but the link's number, and what follows from that.
+        assert_eq!(bytes[..21], HEARTBEAT[..21]);
+        assert_eq!(bytes[21], 0);
+        assert_eq!(bytes[22..28], HEARTBEAT[22..28]);
+        assert_eq!(check(&mut with_key(), &bytes), Authenticity::Proven);
+    }
+
+    #[test]
+    fn no_two_frames_have_the_same_time_and_it_never_goes_back() {
+        let mut clock = SigningClock::starting_at(Timestamp::from_ticks(1000).unwrap());
+        let times = [0, 0, 0, 5, 100, 100].map(|now_us| clock.next(now_us).ticks());
+        assert_eq!(times, [1001, 1002, 1003, 1004, 1010, 1011]);
+        clock.follow(Timestamp::from_ticks(500).unwrap(), 100);
+        assert_eq!(clock.next(100).ticks(), 1012);
+        clock.follow(Timestamp::from_ticks(90_000).unwrap(), 200);
+        assert_eq!(clock.next(200).ticks(), 90_000);
+        assert_eq!(clock.next(300).ticks(), 90_010);
+    }
+
+    #[test]
+    fn at_the_end_of_time_nothing_overflows() {
+        let end = Timestamp::from_ticks((1 << 48) - 1).unwrap();
+        assert_eq!(Timestamp::from_ticks(1 << 48), None);
+        let mut clock = SigningClock::starting_at(end);
+        assert_eq!((clock.next(u64::MAX), clock.next(u64::MAX)), (end, end));
+        assert_eq!(
+            stored::next_mark(Mark::default(), end).map(|mark| mark.time()),
+            Some(end)
+        );
+    }
+
+    #[test]
+    fn a_seventeenth_sender_is_heard_and_nobody_is_heard_twice() {
+        let now = Timestamp::from_ticks(5_000).unwrap();
+        let mut streams = Streams::after(Timestamp::default());
+        let sender = |number: u8| StreamId {
+            system_id: number,
+            component_id: 190,
+            link: 0,
+        };
+        let time = |ticks| Timestamp::from_ticks(ticks).unwrap();
+        for number in 0..17 {
+            assert!(streams.accept(sender(number), time(1000 + u64::from(number)), now));
+        }
+        for number in 0..17 {
+            for ticks in [1, 1000, 1000 + u64::from(number)] {
+                assert!(
+                    !streams.accept(sender(number), time(ticks), now),
+                    "{number} at {ticks}"
+                );
+            }
+        }
+        assert!(
+            streams.accept(sender(0), time(2000), now),
+            "the one that was forgotten"
+        );
+    }
+
+    #[test]
+    fn a_new_sender_may_be_a_minute_behind() {
+        let now = Timestamp::from_ticks(100_000_000).unwrap();
+        let mut streams = Streams::after(Timestamp::default());
+        let sender = |link| StreamId {
+            system_id: 255,
+            component_id: 190,
+            link,
+        };
+        assert!(!streams.accept(sender(0), Timestamp::from_ticks(93_999_999).unwrap(), now));
+        assert!(streams.accept(sender(0), Timestamp::from_ticks(94_000_000).unwrap(), now));
+    }
+
+    #[test]
+    fn a_key_is_not_shown() {
+        assert_eq!(format!("{:?}", key()), "SigningKey");
+    }
+}

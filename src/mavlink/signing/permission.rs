@@ -1,0 +1,90 @@
+//! What is accepted without a signature, on which link.
+
+use crate::parameter::{Parameters, VehicleParameter};
+
+/// What kind of link it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum LinkKind {
+    /// A cable to somebody who has the vehicle in his hands: USB, and TCP in the simulator. The only kind on which
+    /// signing can be set up.
+    Direct,
+    /// Whoever is near enough is at the other end: the telemetry port, and UDP in the simulator.
+    Radio,
+}
+
+impl LinkKind {
+    /// The link's number in our signatures.
+    pub(super) fn number(self) -> u8 {
+        match self {
+            Self::Radio => 0,
+            Self::Direct => 1,
+        }
+    }
+}
+
+/// What is accepted without a right signature while there is a key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AcceptUnsigned {
+    /// Nothing, but what a radio reports of itself.
+    Nothing,
+    /// What only reads.
+    Requests,
+    /// Everything, as if there were no key.
+    Everything,
+}
+
+impl AcceptUnsigned {
+    /// What the owner has chosen for this kind of link (`SIGN_UART_ALLOW`, `SIGN_USB_ALLOW`).
+    pub fn on(link: LinkKind, parameters: &Parameters) -> Self {
+        let chosen = parameters.get_whole(match link {
+            LinkKind::Radio => VehicleParameter::SignUartAllow,
+            LinkKind::Direct => VehicleParameter::SignUsbAllow,
+        });
+        match chosen {
+            2 => Self::Everything,
+            1 => Self::Requests,
+            // The table has no other value.
+            _ => Self::Nothing,
+        }
+    }
+}
+
+/// Whether a frame was sent by somebody who has the key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::mavlink) enum Authenticity {
+    /// There is no key to prove it with.
+    Unprotected,
+    /// It is signed with our key and was never heard before.
+    Proven,
+    /// Not signed, with another key, or a repetition of what was heard before.
+    Unproven,
+}
+
+/// What a received message does, at most.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::mavlink) enum Effect {
+    /// It says how the radio is doing. Radios have no key: ArduPilot takes it unsigned, too.
+    RadioReport,
+    /// It is answered and nothing else.
+    Reads,
+    /// Something is different afterwards.
+    Changes,
+}
+
+/// Whether a message may have its effect.
+pub(in crate::mavlink) fn is_permitted(
+    effect: Effect,
+    authenticity: Authenticity,
+    accepted: AcceptUnsigned,
+) -> bool {
+    match authenticity {
+        Authenticity::Unprotected | Authenticity::Proven => true,
+        Authenticity::Unproven => match (effect, accepted) {
+            (Effect::RadioReport, _) | (_, AcceptUnsigned::Everything) => true,
+            (Effect::Reads, AcceptUnsigned::Requests) => true,
+            (Effect::Reads, AcceptUnsigned::Nothing) => false,
+            (Effect::Changes, AcceptUnsigned::Requests | AcceptUnsigned::Nothing) => false,
+        },
+    }
+}
