@@ -23,6 +23,9 @@ pub const MILLISECOND: u64 = 1_000;
 /// The parameters are in the last four sectors of the 2 MB flash.
 pub const PARAMETER_OFFSET: u32 = 2 * 1024 * 1024 - PARAMETER_BYTES as u32;
 pub const PARAMETER_BYTES: usize = 4 * SECTOR_BYTES;
+/// The signing key is in the two sectors before them.
+pub const SIGNING_OFFSET: u32 = PARAMETER_OFFSET - SIGNING_BYTES as u32;
+pub const SIGNING_BYTES: usize = 2 * SECTOR_BYTES;
 pub const SECTOR_BYTES: usize = 4096;
 
 /// Long enough for everything that waits to be written to flash, erases included.
@@ -66,7 +69,12 @@ impl Bench {
 
     /// Switches on a board whose flash holds the release firmware and, at its end, `parameters`.
     pub fn power_up_with_parameters(code: u16, parameters: &[u8]) -> Self {
-        let firmware = firmware().with_flash(PARAMETER_OFFSET, parameters);
+        Self::power_up_with_flash(code, PARAMETER_OFFSET, parameters)
+    }
+
+    /// Switches on a board whose flash holds the release firmware and other bytes at an offset.
+    pub fn power_up_with_flash(code: u16, offset: u32, bytes: &[u8]) -> Self {
+        let firmware = firmware().with_flash(offset, bytes);
         Self::with_board(code, Board::power_up(&firmware, 1))
     }
 
@@ -138,6 +146,12 @@ impl Bench {
                 .map(|SentByte { byte, end, .. }| (end / CYCLES_PER_US, *byte)),
         );
         &self.sent
+    }
+
+    /// Forgets what was sent up to now: what a reset has cut off is no frame.
+    pub fn forget_sent(&mut self) {
+        self.sent();
+        self.sent.clear();
     }
 
     /// The frames among it.

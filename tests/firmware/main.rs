@@ -23,6 +23,9 @@ mod power_cuts;
 mod pulses_and_esc;
 mod rover;
 mod sampling;
+#[path = "../support/signer.rs"]
+mod signer;
+mod signing;
 mod slow_link;
 mod stack;
 mod storage_faults;

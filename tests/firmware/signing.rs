@@ -1,0 +1,231 @@
+//! A board whose flash holds a signing key.
+
+use std::sync::OnceLock;
+
+use embassy_futures::block_on;
+use embedded_storage_async::nor_flash::ReadNorFlash;
+use rover_battmon::mavlink::{SigningKey, StoredSigning, ToStore};
+use rover_battmon::sim::SimulatedFlash;
+use rover_battmon::storage::Storage;
+
+use crate::bench::{Bench, SAVED_US, SECOND, SIGNING_BYTES, SIGNING_OFFSET, value_of};
+use crate::emulator::LogLevel;
+use crate::signer::Signer;
+use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, SysStatus, of_message, texts_of};
+use crate::support::requests::{command_long, param_read_by_name, param_set, radio_status, setup_signing};
+
+const DIVIDER_CODE: u16 = 2482;
+
+/// What their keys are made of.
+const OWNER: u8 = 7;
+const STRANGER: u8 = 8;
+
+const REBOOT: u16 = 246;
+
+/// The flash of a board whose owner has set up a key.
+fn flash_with_key() -> &'static [u8] {
+    static FLASH: OnceLock<Vec<u8>> = OnceLock::new();
+    FLASH.get_or_init(|| {
+        let mut flash = SimulatedFlash::open(None).expect("it needs no file");
+        let mut storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
+        let key = SigningKey::new([OWNER; 32]).expect("not all zeros");
+        let mut content = vec![0; SIGNING_BYTES];
+        block_on(async {
+            for (key, word) in StoredSigning::default().words(&ToStore::Key(key)) {
+                storage.store(key, word).await.expect("a sound flash");
+            }
+            flash
+                .read(SimulatedFlash::SIGNING.start, &mut content)
+                .await
+                .expect("a sound flash");
+        });
+        content
+    })
+}
+
+fn protected() -> Bench {
+    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, flash_with_key());
+    bench.run_for(SECOND);
+    bench
+}
+
+fn sets(bench: &mut Bench, frame: &[u8]) -> Option<f32> {
+    value_of(&bench.ask(frame), "BATT_LOW_VOLT")
+}
+
+/// The times of the frames, all of which are signed with the owner's key.
+fn times(frames: &[Frame]) -> Vec<u64> {
+    let owner = Signer::new(OWNER);
+    frames.iter().map(|frame| owner.verify(frame).1).collect()
+}
+
+/// A ground station that has heard what the board sent last.
+fn station(bench: &mut Bench) -> Signer {
+    let mut signer = Signer::new(OWNER);
+    let heard = times(&bench.frames()).into_iter().max().expect("it sends");
+    signer.timestamp = heard + 1;
+    signer
+}
+
+#[test]
+fn everything_is_signed_and_the_times_only_grow() {
+    let mut bench = protected();
+    bench.run_for(10 * SECOND);
+    let frames = bench.frames();
+    assert!(of_message(&frames, BATTERY_STATUS).len() >= 20);
+    let times = times(&frames);
+    assert!(times.is_sorted_by(|before, after| before < after));
+    bench.assert_untroubled();
+}
+
+#[test]
+fn only_who_has_the_key_is_obeyed() {
+    let mut bench = protected();
+    assert_eq!(sets(&mut bench, &param_set("BATT_LOW_VOLT", 6.5)), None);
+    let mut stranger = station(&mut bench);
+    stranger.key = [STRANGER; 32];
+    assert_eq!(
+        sets(&mut bench, &stranger.sign(&param_set("BATT_LOW_VOLT", 6.5))),
+        None
+    );
+    assert_eq!(sets(&mut bench, &param_read_by_name("BATT_LOW_VOLT")), None);
+
+    let mut owner = station(&mut bench);
+    let set = owner.sign(&param_set("BATT_LOW_VOLT", 6.25));
+    assert_eq!(sets(&mut bench, &set), Some(6.25));
+    assert_eq!(
+        sets(&mut bench, &owner.sign(&param_set("BATT_LOW_VOLT", 6.75))),
+        Some(6.75)
+    );
+    assert_eq!(sets(&mut bench, &set), None, "a recording");
+    let read = owner.sign(&param_read_by_name("BATT_LOW_VOLT"));
+    assert_eq!(sets(&mut bench, &read), Some(6.75));
+
+    bench.run_for(SECOND);
+    let frames = bench.frames();
+    let ignored = |text: &&String| text.contains("ignored");
+    assert_eq!(
+        texts_of(&frames).iter().filter(ignored).count(),
+        1,
+        "once a minute"
+    );
+    assert_eq!(bench.logged(LogLevel::Warn, "messages ignored").len(), 1);
+    let status = of_message(&frames, SYS_STATUS);
+    assert_eq!(SysStatus(status[status.len() - 1]).errors_count2(), 4);
+}
+
+#[test]
+fn a_radio_sets_up_no_key_and_slows_telemetry_down_without_one() {
+    for mut bench in [Bench::running(DIVIDER_CODE), protected()] {
+        let is_protected = !bench.frames().iter().all(|frame| frame.signed.is_none());
+        let mut setup = setup_signing([STRANGER; 32], 0);
+        if is_protected {
+            setup = station(&mut bench).sign(&setup);
+        }
+        let answers = bench.ask(&setup);
+        assert_eq!(texts_of(&answers), ["Signing is set up by USB only"]);
+        let from_us = bench.time_us();
+        bench.run_for(2 * SECOND);
+        let frames = bench.frames_since(from_us);
+        assert!(frames.iter().all(|frame| frame.signed.is_some() == is_protected));
+    }
+
+    let mut bench = protected();
+    for _ in 0..20 {
+        let now_us = bench.time_us();
+        bench.uart_send(0, now_us, &radio_status(10));
+        bench.run_for(SECOND);
+    }
+    let from_us = bench.time_us();
+    bench.run_for(10 * SECOND);
+    let sent = of_message(&bench.frames_since(from_us), BATTERY_STATUS).len();
+    assert!(sent < 15, "{sent} in 10 s");
+    assert!(bench.logged(LogLevel::Warn, "ignored").is_empty());
+}
+
+#[test]
+fn no_restart_lets_the_time_go_back_or_a_recording_in() {
+    let mut bench = protected();
+    let mut owner = station(&mut bench);
+    let recorded = owner.sign(&param_set("BATT_LOW_VOLT", 6.25));
+    assert_eq!(sets(&mut bench, &recorded), Some(6.25));
+    bench.run_for(SAVED_US);
+
+    let mut latest = owner.timestamp;
+    for restart in [
+        Restart::Hang,
+        Restart::PowerCycle,
+        Restart::Requested,
+        Restart::RunPin,
+    ] {
+        restart.happen(&mut bench, &mut owner);
+        // What was on the wire at the restart is cut off.
+        bench.forget_sent();
+        bench.run_for(2 * SECOND);
+        let frames = bench.frames();
+        assert!(of_message(&frames, HEARTBEAT).len() >= 2);
+        assert!(times(&frames).iter().all(|time| *time > latest), "{restart:?}");
+        latest = *times(&frames).last().expect("it sends");
+        assert_eq!(sets(&mut bench, &recorded), None, "a recording");
+        owner.timestamp = latest + 1;
+        let read = owner.sign(&param_read_by_name("BATT_LOW_VOLT"));
+        assert_eq!(
+            sets(&mut bench, &read),
+            Some(6.25),
+            "who has heard it since is obeyed"
+        );
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Restart {
+    Hang,
+    PowerCycle,
+    Requested,
+    RunPin,
+}
+
+impl Restart {
+    fn happen(self, bench: &mut Bench, owner: &mut Signer) {
+        let resets = bench.resets().len();
+        match self {
+            Self::Hang => bench.hang_program(),
+            Self::PowerCycle => bench.power_cycle(),
+            Self::RunPin => bench.press_run(),
+            Self::Requested => {
+                let now_us = bench.time_us();
+                bench.uart_send(0, now_us, &owner.sign(&command_long(REBOOT, 1.0)));
+            }
+        }
+        assert!(bench.run_until(4 * SECOND, |board| board.resets().len() > resets));
+    }
+}
+
+#[test]
+fn a_key_that_was_damaged_is_told_and_lets_nobody_in() {
+    let mut flash = flash_with_key().to_vec();
+    // The records start behind the first 16 bytes; this is in the first word of the key.
+    flash[16 + 5] ^= 1;
+    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, &flash);
+    bench.run_for(2 * SECOND);
+    let frames = bench.frames();
+    assert!(texts_of(&frames).contains(&"Signing key damaged: set it up again by USB".into()));
+    assert!(frames.iter().all(|frame| frame.signed.is_none()));
+    assert_eq!(sets(&mut bench, &param_set("BATT_LOW_VOLT", 6.5)), None);
+    let mut owner = Signer::new(OWNER);
+    assert_eq!(
+        sets(&mut bench, &owner.sign(&param_set("BATT_LOW_VOLT", 6.5))),
+        None
+    );
+}
+
+#[test]
+fn other_programs_leavings_are_no_key() {
+    for byte in [0, 0x55, 0xa5] {
+        let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, &[byte; SIGNING_BYTES]);
+        bench.run_for(SECOND);
+        assert!(bench.frames().iter().all(|frame| frame.signed.is_none()));
+        assert_eq!(sets(&mut bench, &param_set("BATT_LOW_VOLT", 6.5)), Some(6.5));
+        assert!(texts_of(&bench.frames()).iter().all(|text| !text.contains("key")));
+    }
+}
