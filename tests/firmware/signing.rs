@@ -8,8 +8,8 @@ use rover_battmon::mavlink::{SigningKey, StoredSigning, ToStore};
 use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::Storage;
 
-use crate::bench::{Bench, SAVED_US, SECOND, SIGNING_BYTES, SIGNING_OFFSET, value_of};
-use crate::emulator::LogLevel;
+use crate::bench::{Bench, PARAMETER_OFFSET, SAVED_US, SECOND, SIGNING_BYTES, SIGNING_OFFSET, value_of};
+use crate::emulator::{FlashOperationKind, LogLevel};
 use crate::signer::Signer;
 use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, SysStatus, of_message, texts_of};
 use crate::support::requests::{command_long, param_read_by_name, param_set, radio_status, setup_signing};
@@ -228,4 +228,27 @@ fn other_programs_leavings_are_no_key() {
         assert_eq!(sets(&mut bench, &param_set("BATT_LOW_VOLT", 6.5)), Some(6.5));
         assert!(texts_of(&bench.frames()).iter().all(|text| !text.contains("key")));
     }
+}
+
+#[test]
+fn the_time_is_written_down_twice_a_minute_and_nothing_else() {
+    const MINUTES: u64 = 10;
+    let mut bench = protected();
+    bench.take_flash_operations();
+    bench.run_for(MINUTES * 60 * SECOND);
+    let operations = bench.take_flash_operations();
+    let marks = operations.len() as u64;
+    println!("{marks} records of time in {MINUTES} minutes");
+    assert!((1..=2 * MINUTES).contains(&marks), "{marks}");
+    for operation in operations {
+        assert_eq!(operation.kind, FlashOperationKind::PageProgram);
+        let is_signing = (SIGNING_OFFSET..PARAMETER_OFFSET).contains(&operation.offset);
+        assert!(is_signing, "{:#x}", operation.offset);
+    }
+
+    // Without a key there is nothing to write down.
+    let mut bench = Bench::running(DIVIDER_CODE);
+    bench.take_flash_operations();
+    bench.run_for(MINUTES * 60 * SECOND);
+    assert!(bench.flash_operations().is_empty());
 }

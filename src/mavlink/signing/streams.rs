@@ -59,18 +59,12 @@ impl Streams {
     /// Remembers one more sender. When there are too many, the one that has been silent for longest is forgotten, and
     /// so is everybody's past up to then.
     fn add(&mut self, stream: Stream) {
-        if self.known.is_full() {
-            let oldest = self
-                .known
-                .iter()
-                .enumerate()
-                .min_by_key(|(_, known)| known.latest);
-            if let Some((index, oldest)) = oldest {
-                self.forgotten = self.forgotten.max(oldest.latest);
-                self.known.swap_remove(index);
-            }
+        let Err(stream) = self.known.push(stream) else {
+            return;
+        };
+        if let Some(oldest) = self.known.iter_mut().min_by_key(|known| known.latest) {
+            self.forgotten = self.forgotten.max(oldest.latest);
+            *oldest = stream;
         }
-        // There is room now.
-        let _ = self.known.push(stream);
     }
 }
