@@ -53,6 +53,10 @@ fn main() {
             measure(&mut board) / SERIALISATIONS
         );
     }
+    println!(
+        "serialise BATTERY_STATUS and sign  {:6} instructions",
+        measure(&mut board) / SERIALISATIONS
+    );
     for sensor in ["voltage", "voltage and current"] {
         println!(
             "battery update, {sensor:21} {:6} instructions",

@@ -12,7 +12,10 @@ mod firmware {
     use embassy_rp::gpio::{Level, Output};
     use panic_probe as _;
     use rover_battmon::battery::{BatteryMonitor, Measurement, PackSettings, Tick};
-    use rover_battmon::mavlink::{FrameParser, Framer, Message, Stream, SystemState};
+    use rover_battmon::mavlink::{
+        FrameParser, Framer, LinkKind, Message, Signing, SigningKey, StoredSigning, Stream, SystemState,
+        ToStore,
+    };
 
     /// A mixed stream from a ground station, written by the bench: 64-byte chunks of frames.
     const STREAM: &[u8] = include_bytes!("../benches/data/mixed_stream.bin");
@@ -55,6 +58,15 @@ mod firmware {
             defmt::info!("serialise {}", stream);
         }
 
+        let mut signing = with_key(SigningKey::new([7; 32]));
+        let message: Message = Stream::BatteryStatus(0).build(black_box(&state));
+        measuring.set_high();
+        for _ in 0..SERIALISATIONS {
+            black_box(framer.signed_frame(black_box(&message), 1, &mut signing, LinkKind::Radio, 0));
+        }
+        measuring.set_low();
+        defmt::info!("serialise and sign");
+
         for measures_current in [false, true] {
             let mut pack = PackInUse::new(measures_current);
             measuring.set_high();
@@ -71,6 +83,17 @@ mod firmware {
         loop {
             cortex_m::asm::wfe();
         }
+    }
+
+    /// Signing as it starts with this key in flash.
+    fn with_key(key: Option<SigningKey>) -> Signing {
+        let mut stored = StoredSigning::default();
+        if let Some(key) = key {
+            for (key, word) in StoredSigning::default().words(&ToStore::Key(key)) {
+                stored.found(key, word);
+            }
+        }
+        stored.restore(Ok(()))
     }
 
     /// A 3S pack whose load changes every second.
