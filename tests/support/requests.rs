@@ -26,17 +26,21 @@ pub fn param_request_list(target: [u8; 2]) -> Vec<u8> {
 }
 
 pub fn param_read_by_name(text: &str) -> Vec<u8> {
-    param_read(-1, text)
+    param_read_from(VEHICLE, text)
+}
+
+pub fn param_read_from(target: [u8; 2], text: &str) -> Vec<u8> {
+    param_read(target, -1, text)
 }
 
 pub fn param_read_by_index(index: i16) -> Vec<u8> {
-    param_read(index, "")
+    param_read(VEHICLE, index, "")
 }
 
-fn param_read(index: i16, text: &str) -> Vec<u8> {
+fn param_read(target: [u8; 2], index: i16, text: &str) -> Vec<u8> {
     encode_v2(
         PARAM_REQUEST_READ,
-        &[&index.to_le_bytes()[..], &VEHICLE, &name(text)].concat(),
+        &[&index.to_le_bytes()[..], &target, &name(text)].concat(),
     )
 }
 
