@@ -309,6 +309,20 @@ mod tests {
     }
 
     #[test]
+    fn a_key_that_is_set_up_while_another_is_written_is_written_too() {
+        let mut signing = with_key();
+        let other = SigningKey::new([9; 32]).unwrap();
+        for key in [key(), other.clone()] {
+            signing.set_up(Some(key), Timestamp::default(), 0);
+        }
+        signing.mark_saved(&ToStore::Key(key()));
+        signing.mark_saved(&ToStore::NoKey);
+        assert!(signing.is_key_unsaved());
+        signing.mark_saved(&ToStore::Key(other));
+        assert!(!signing.is_key_unsaved());
+    }
+
+    #[test]
     fn a_key_is_not_shown() {
         assert_eq!(format!("{:?}", key()), "SigningKey");
     }
