@@ -67,6 +67,19 @@ pub struct Consumed {
     pub energy_wh: f32,
 }
 
+const COULOMBS_PER_MAH: f32 = 3.6;
+const JOULES_PER_WH: f32 = 3600.0;
+
+impl Consumed {
+    /// The same in the units that parts count in.
+    pub fn from_si(charge_c: f32, energy_j: f32) -> Self {
+        Self {
+            charge_mah: charge_c / COULOMBS_PER_MAH,
+            energy_wh: energy_j / JOULES_PER_WH,
+        }
+    }
+}
+
 /// What the gauge in a smart battery tells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gauge {

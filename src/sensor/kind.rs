@@ -118,7 +118,7 @@ pub fn needs_esc(parameters: &Parameters) -> bool {
     kinds(parameters).any(|kind| kind == MonitorKind::Esc)
 }
 
-fn kinds(parameters: &Parameters) -> impl Iterator<Item = MonitorKind> {
+pub(super) fn kinds(parameters: &Parameters) -> impl Iterator<Item = MonitorKind> {
     Pack::ALL
         .into_iter()
         .filter_map(|pack| MonitorKind::of(parameters, pack))

@@ -9,6 +9,7 @@ use crate::battery::{MAX_PACKS, Measurement, ReadError};
 use crate::cadence::Cadence;
 use crate::parameter::{Pack, Parameters};
 use crate::sensor::MonitorKind;
+use crate::sensor::kind::kinds;
 
 /// A part that has failed so often in a row is given time, for the sake of the others.
 const FAILURES_UNTIL_REST: u8 = 3;
@@ -133,10 +134,7 @@ impl BusDevices {
 
 /// The fastest clock that every part the parameters name stands, in Hz.
 pub fn bus_clock_hz(parameters: &Parameters) -> u32 {
-    let kinds = Pack::ALL
-        .into_iter()
-        .filter_map(|pack| MonitorKind::of(parameters, pack));
-    let clocks = kinds.filter_map(|kind| match kind {
+    let clocks = kinds(parameters).filter_map(|kind| match kind {
         MonitorKind::Bus(kind) => Some(kind.highest_clock_hz()),
         _ => None,
     });

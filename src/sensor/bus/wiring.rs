@@ -15,9 +15,9 @@ pub struct Wiring {
     pub shunt_ohm: f32,
     /// The highest current that has to be counted, in amperes (`BATT_MAX_AMPS`).
     pub max_current_a: f32,
-    /// The pins of a converter, by ArduPilot's numbers (`BATT_VOLT_PIN`, `BATT_CURR_PIN`).
+    /// The pin of a converter that measures the voltage, by ArduPilot's number (`BATT_VOLT_PIN`).
     pub voltage_pin: i32,
-    /// As above.
+    /// The pin of a converter that measures the current, by ArduPilot's number (`BATT_CURR_PIN`).
     pub current_pin: i32,
     /// What a converter's pins are wired to.
     pub analog: AnalogWiring,

@@ -12,9 +12,6 @@ use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
 use crate::sensor::bus::registers::Registers;
 use crate::sensor::bus::{Address, SensorBus, Wiring};
 
-const COULOMBS_PER_MAH: f32 = 3.6;
-const JOULES_PER_WH: f32 = 3600.0;
-
 /// The lowest four bits of an identification are the revision.
 const REVISION: u16 = 0xf;
 
@@ -390,13 +387,9 @@ impl Counting {
 
     /// The energy counts up whichever way the current flows, so it goes by the sign of the charge.
     fn counted(&self, now: &Codes, before: &Codes) -> Consumed {
-        let charge_mah = steps_between(now.charge, before.charge) * self.step_a / COULOMBS_PER_MAH;
-        let energy_wh = steps_between(now.energy, before.energy) * self.step_a * self.counters.energy_step
-            / JOULES_PER_WH;
-        Consumed {
-            charge_mah,
-            energy_wh: if charge_mah < 0.0 { -energy_wh } else { energy_wh },
-        }
+        let charge_c = steps_between(now.charge, before.charge) * self.step_a;
+        let energy_j = steps_between(now.energy, before.energy) * self.step_a * self.counters.energy_step;
+        Consumed::from_si(charge_c, if charge_c < 0.0 { -energy_j } else { energy_j })
     }
 }
 

@@ -38,9 +38,6 @@ const TICK_S: f32 = 4101.0 / 250_000.0;
 const CHARGE_STEPS: f32 = 16.0;
 const ENERGY_STEPS: f32 = 65_536.0;
 
-const COULOMBS_PER_MAH: f32 = 3.6;
-const JOULES_PER_WH: f32 = 3600.0;
-
 /// Its two address pins have nine settings.
 const ADDRESSES: [Address; 9] = [
     Address::I2c(0x6f),
@@ -105,11 +102,9 @@ impl Part for Ltc2946 {
             voltage_v: Some(voltage_v),
             current_a: Some(sense_v / wiring.shunt_ohm),
             counted: last.and_then(|(last_charge, last_energy)| {
-                counted(
-                    steps_between(charge, last_charge)?,
-                    steps_between(energy, last_energy)?,
-                    wiring,
-                )
+                let charge_steps = steps_between(charge, last_charge)?;
+                let energy_steps = steps_between(energy, last_energy)?;
+                Some(counted(charge_steps, energy_steps, wiring))
             }),
             ..Measurement::default()
         })
@@ -122,14 +117,11 @@ fn steps_between(now: u32, before: u32) -> Option<f32> {
     (steps <= u32::MAX / 2).then_some(steps as f32)
 }
 
-fn counted(charge_steps: f32, energy_steps: f32, wiring: &Wiring) -> Option<Counted> {
+fn counted(charge_steps: f32, energy_steps: f32, wiring: &Wiring) -> Counted {
     let current_step_a = SENSE_STEP_V / wiring.shunt_ohm;
     let charge_c = charge_steps * CHARGE_STEPS * current_step_a * TICK_S;
     let energy_j = energy_steps * ENERGY_STEPS * current_step_a * VOLTAGE_STEP_V * TICK_S;
-    Some(Counted::SinceLast(Consumed {
-        charge_mah: charge_c / COULOMBS_PER_MAH,
-        energy_wh: energy_j / JOULES_PER_WH,
-    }))
+    Counted::SinceLast(Consumed::from_si(charge_c, energy_j))
 }
 
 #[cfg(test)]
