@@ -23,6 +23,7 @@
 
 mod crc32;
 mod log;
+mod sealed;
 
 pub mod battery;
 pub mod cadence;
