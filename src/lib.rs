@@ -13,6 +13,7 @@
 //! | [`parameter`] | the table of parameters and their live values |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
 //! | [`vehicle`] | the rover: arming, modes, what the motors are told |
+//! | [`crash`] | what is known of a crash after the restart |
 //! | [`tasks`] | thin `async` loops that wait, call the rooms above and publish |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only) |
 //! | `sim` | a simulated pack, clock and wire (host only) |
@@ -27,6 +28,7 @@ mod sealed;
 
 pub mod battery;
 pub mod cadence;
+pub mod crash;
 pub mod liveness;
 pub mod mavlink;
 pub mod parameter;
