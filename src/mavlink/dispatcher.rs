@@ -14,7 +14,7 @@ use super::replies::Replies;
 use super::services::commands::{Action, Command};
 use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::time;
-use super::services::vehicle::Rover;
+use super::services::vehicle::{Rover, is_of_ground_station};
 use super::system_state::SystemState;
 use super::{COMPONENT_ID, FileTransferNak, Message};
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
@@ -35,6 +35,8 @@ pub struct Peer {
 pub enum Event {
     /// It was not for us, or nothing to act on at once.
     Ignored,
+    /// A ground station gave a sign of life.
+    GroundStationHeard,
     /// It was answered.
     Answered,
     /// A ground station reads all parameters.
@@ -189,8 +191,11 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, context: Context<'_>, mut repl
             return Event::Driven;
         }
         Request::Heartbeat => {
-            rover.heartbeat(payload);
-            return Event::Ignored;
+            if !is_of_ground_station(payload) {
+                return Event::Ignored;
+            }
+            rover.ground_station_seen();
+            return Event::GroundStationHeard;
         }
     }
     Event::Answered

@@ -43,7 +43,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, mut flash: SimulatedFlash, li
         let mut parameters = Parameters::defaults();
         let loaded = load_parameters(&mut storage, &mut parameters).await;
         let desk = Desk::new(&parameters, &pack);
-        report_load(&desk.shared, loaded);
+        report_load(&desk.shared, Some(loaded));
         let living_pack = LivingPack::new(&pack, &rover, &desk.shared);
         let mut memory = [RetainedRecord::BLANK; 2];
         let vehicle = join5(
