@@ -14,6 +14,7 @@
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
 //! | [`vehicle`] | the rover: arming, modes, what the motors are told |
+//! | [`crash`] | what is known of a crash after the restart |
 //! | [`tasks`] | thin `async` loops that wait, call the rooms above and publish |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only) |
 //! | `sim` | a simulated pack, clock and wire (host only) |
@@ -24,9 +25,11 @@
 
 mod crc32;
 mod log;
+mod sealed;
 
 pub mod battery;
 pub mod cadence;
+pub mod crash;
 pub mod liveness;
 pub mod mavlink;
 pub mod parameter;

@@ -10,10 +10,11 @@ mod firmware {
     use panic_probe as _;
     use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
-        self, AnalogInputs, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog, Buzzer,
-        ExecutorIdleTime, FlashDriver, MotorPeripherals, PulseInput, SensorI2c, SensorSpi, SpiPeripherals,
-        UartReceiver, UsbDevice, UsbPort,
+        self, AnalogInputs, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog,
+        Buzzer, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c, SensorSpi,
+        SpiPeripherals, UartReceiver, UsbDevice, UsbPort,
     };
+    use rover_battmon::crash::{CrashRecord, ParameterSource};
     use rover_battmon::liveness::CheckIn;
     use rover_battmon::mavlink::{LinkKind, Signing};
     use rover_battmon::parameter::{Parameters, VehicleParameter, serial_baud};
@@ -146,21 +147,37 @@ mod firmware {
         board::restart();
     }
 
+    #[embassy_executor::task]
+    async fn report_crash(crash: Option<CrashRecord>, shared: &'static Shared) {
+        if let Some(crash) = crash {
+            tasks::report_crash(&crash, board::program_code(), &mut BoardCrashMemory, shared).await;
+        }
+    }
+
     #[embassy_executor::main]
     async fn main(spawner: Spawner) {
-        let reset_reason = board::reset_reason();
+        let last_run = LastRun::take();
         let peripherals = embassy_rp::init(Default::default());
         let watchdog = BoardWatchdog::start(peripherals.WATCHDOG);
         info!(
             "rover-battmon {}, started by {}",
             env!("CARGO_PKG_VERSION"),
-            reset_reason
+            last_run.reset_reason
         );
+        last_run.log();
 
         let flash = BoardFlash::new(FLASH.init(board::flash_driver(peripherals.FLASH)));
         let mut storage = Storage::new(flash, board::PARAMETER_RANGE);
         let mut parameters_at_boot = Parameters::defaults();
-        let loaded = tasks::load_parameters(&mut storage, &mut parameters_at_boot).await;
+        let loaded = match last_run.quick_resets.parameter_source() {
+            ParameterSource::Stored => {
+                Some(tasks::load_parameters(&mut storage, &mut parameters_at_boot).await)
+            }
+            ParameterSource::Defaults => {
+                parameters_at_boot.leave_stored_unread();
+                None
+            }
+        };
         let bus_clock_hz = sensor::bus_clock_hz(&parameters_at_boot);
         let (needs_esc, needs_pulses) = (
             sensor::needs_esc(&parameters_at_boot),
@@ -213,25 +230,24 @@ mod firmware {
         });
         let (indicators, sounder) = board::indicators(peripherals.PIN_2, peripherals.PIN_16);
 
-        start(spawner, drive(motors, indicators, shared));
-        start(spawner, buzzer(sounder));
-        start(
-            spawner,
-            battery(input, board::retained_memory(reset_reason), shared),
-        );
-        start(spawner, telemetry(shared, link));
-        start(spawner, writer(transmitter, shared, link));
-        start(spawner, reader(receiver, shared, link));
-        start(spawner, bus(sensor_bus, shared));
-        start(spawner, esc(esc_wire, shared));
-        start(spawner, pulses(pulse_pin, shared));
-        start(spawner, usb_device(device));
-        start(spawner, usb_link(port, shared));
-        start(spawner, parameters(storage, shared));
-        start(spawner, signing(signing_storage, shared));
-        start(spawner, status(shared, link));
-        start(spawner, reboot(shared, link));
-        start(spawner, supervisor(watchdog));
+        let memory = board::retained_memory(last_run.reset_reason);
+        start(spawner, DRIVE.name(), drive(motors, indicators, shared));
+        start(spawner, "buzzer", buzzer(sounder));
+        start(spawner, BATTERY.name(), battery(input, memory, shared));
+        start(spawner, SCHEDULER.name(), telemetry(shared, link));
+        start(spawner, WRITER.name(), writer(transmitter, shared, link));
+        start(spawner, READER.name(), reader(receiver, shared, link));
+        start(spawner, BUS.name(), bus(sensor_bus, shared));
+        start(spawner, ESC.name(), esc(esc_wire, shared));
+        start(spawner, PULSES.name(), pulses(pulse_pin, shared));
+        start(spawner, "USB device", usb_device(device));
+        start(spawner, UNWATCHED.name(), usb_link(port, shared));
+        start(spawner, STORAGE.name(), parameters(storage, shared));
+        start(spawner, SIGNING.name(), signing(signing_storage, shared));
+        start(spawner, STATUS.name(), status(shared, link));
+        start(spawner, "reboot", reboot(shared, link));
+        start(spawner, "crash report", report_crash(last_run.crash, shared));
+        start(spawner, "supervisor", supervisor(watchdog));
     }
 
     // Built where they stay: on the stack of `main` they would take several times their size.
@@ -245,10 +261,13 @@ mod firmware {
         TELEMETRY.init_with(|| Link::new("UART0", LinkKind::Radio, baud / BITS_PER_BYTE))
     }
 
-    /// A task that can't be started never checks in, so the watchdog restarts the board.
-    fn start<S>(spawner: Spawner, task: Result<SpawnToken<S>, SpawnError>) {
+    /// A task that can't be started never checks in, so the watchdog restarts the board. A crash names it by `name`.
+    fn start<S>(spawner: Spawner, name: &str, task: Result<SpawnToken<S>, SpawnError>) {
         match task {
-            Ok(token) => spawner.spawn(token),
+            Ok(token) => {
+                board::name_task(token.id(), name);
+                spawner.spawn(token);
+            }
             Err(error) => warn!("a task could not be started: {}", error),
         }
     }

@@ -310,18 +310,28 @@ fn a_notice_is_said_to_who_is_connected_and_to_who_connects_later() {
     assert_eq!(late[0].1, "Parameters can't be saved");
 }
 
-struct Fed<'a>(&'a RefCell<Vec<u64>>);
+/// When it was fed, and who has kept it from being fed since then.
+#[derive(Default)]
+struct Fed {
+    at_ms: RefCell<Vec<u64>>,
+    overdue: RefCell<Vec<String>>,
+}
 
-impl Watchdog for Fed<'_> {
+impl Watchdog for &Fed {
     fn feed(&mut self) {
-        self.0.borrow_mut().push(Instant::now().as_millis());
+        self.at_ms.borrow_mut().push(Instant::now().as_millis());
+        self.overdue.borrow_mut().clear();
+    }
+
+    fn starve(&mut self, overdue: &str) {
+        self.overdue.borrow_mut().push(overdue.to_owned());
     }
 }
 
 #[test]
 fn the_watchdog_is_fed_until_a_task_is_overdue() {
     let (busy, quiet) = (CheckIn::new("busy", 500), CheckIn::new("quiet", 2_500));
-    let fed = RefCell::new(Vec::new());
+    let fed = Fed::default();
     clock::run_for(Duration::from_secs(10), async {
         let check_in = async {
             loop {
@@ -329,8 +339,10 @@ fn the_watchdog_is_fed_until_a_task_is_overdue() {
                 Timer::after_millis(100).await;
             }
         };
-        embassy_futures::join::join(check_in, supervise(&[&busy, &quiet], &mut Fed(&fed))).await
+        embassy_futures::join::join(check_in, supervise(&[&busy, &quiet], &mut &fed)).await
     });
     // Every 100 ms from 0 to 2500; at 2600 "quiet" is overdue.
-    assert_eq!(*fed.borrow(), (0..=25).map(|look| look * 100).collect::<Vec<_>>());
+    let (at_ms, overdue) = (fed.at_ms.into_inner(), fed.overdue.into_inner());
+    assert!(at_ms.into_iter().eq((0..=25).map(|look| look * 100)));
+    assert!(!overdue.is_empty() && overdue.iter().all(|task| task == "quiet"));
 }

@@ -3,25 +3,23 @@
 use super::MAX_PACKS;
 use super::charge::StateOfCharge;
 use super::consumption::Consumption;
-use crate::crc32::crc32;
+use crate::sealed::{is_sealed, seal};
 
 /// Tells this layout from others, and from what RAM holds when power comes on.
 const MAGIC: u32 = u32::from_le_bytes(*b"BAT1");
 
 const HEADER_WORDS: usize = 2;
 const PACK_WORDS: usize = 8;
-const BODY_WORDS: usize = HEADER_WORDS + PACK_WORDS * MAX_PACKS;
+/// The last one is the checksum.
+const RECORD_WORDS: usize = HEADER_WORDS + PACK_WORDS * MAX_PACKS + 1;
 
 /// Two records that are written by turns, so that a reset in the middle of a write leaves the other one.
 pub type RetainedMemory = [RetainedRecord; 2];
 
 /// What was known of the packs, with a sequence number and a checksum, as plain words.
 #[derive(Clone, Copy, Debug)]
-#[repr(C)]
-pub struct RetainedRecord {
-    body: [u32; BODY_WORDS],
-    checksum: u32,
-}
+#[repr(transparent)]
+pub struct RetainedRecord([u32; RECORD_WORDS]);
 
 /// What was known of one pack.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -33,33 +31,27 @@ pub struct PackMemory {
 
 impl RetainedRecord {
     /// A record of nothing.
-    pub const BLANK: Self = Self {
-        body: [0; BODY_WORDS],
-        checksum: 0,
-    };
+    pub const BLANK: Self = Self([0; RECORD_WORDS]);
 
     fn new(sequence: u32, packs: &[PackMemory; MAX_PACKS]) -> Self {
-        let mut body = [0; BODY_WORDS];
-        let (header, rest) = body.split_at_mut(HEADER_WORDS);
+        let mut record = [0; RECORD_WORDS];
+        let (header, rest) = record.split_at_mut(HEADER_WORDS);
         header.copy_from_slice(&[MAGIC, sequence]);
         for (words, pack) in rest.chunks_exact_mut(PACK_WORDS).zip(packs) {
             words.copy_from_slice(&pack.to_words());
         }
-        Self {
-            body,
-            checksum: crc32(body),
-        }
+        seal(&mut record, MAGIC);
+        Self(record)
     }
 
     /// The sequence number, if the record is whole.
     fn sequence(&self) -> Option<u32> {
-        let is_whole = self.body.first() == Some(&MAGIC) && self.checksum == crc32(self.body);
-        self.body.get(1).copied().filter(|_| is_whole)
+        self.0.get(1).copied().filter(|_| is_sealed(&self.0, MAGIC))
     }
 
     fn packs(&self) -> [PackMemory; MAX_PACKS] {
         let mut packs = [PackMemory::default(); MAX_PACKS];
-        let words = self.body.get(HEADER_WORDS..).unwrap_or(&[]);
+        let words = self.0.get(HEADER_WORDS..).unwrap_or(&[]);
         for (pack, words) in packs.iter_mut().zip(words.as_chunks().0) {
             *pack = PackMemory::from_words(words);
         }
@@ -173,12 +165,10 @@ mod tests {
         let before = memory;
         retain(&mut memory, &used(3.0));
         let after = memory;
-        let written = (0..2)
-            .find(|slot| before[*slot].body != after[*slot].body)
-            .unwrap();
-        for words in 1..BODY_WORDS {
+        let written = (0..2).find(|slot| before[*slot].0 != after[*slot].0).unwrap();
+        for words in 1..RECORD_WORDS {
             let mut torn = before;
-            torn[written].body[..words].copy_from_slice(&after[written].body[..words]);
+            torn[written].0[..words].copy_from_slice(&after[written].0[..words]);
             assert_eq!(recall(&torn), Some(used(2.0)), "after {words} words");
         }
     }
@@ -197,9 +187,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_ram_happens_to_hold_is_never_taken_for_a_record(words in prop::collection::vec(any::<u32>(), BODY_WORDS)) {
+        fn what_ram_happens_to_hold_is_never_taken_for_a_record(words in prop::collection::vec(any::<u32>(), RECORD_WORDS)) {
             let mut record = RetainedRecord::BLANK;
-            record.body.copy_from_slice(&words);
+            record.0.copy_from_slice(&words);
             prop_assert!(recall(&[record, record]).is_none());
         }
     }

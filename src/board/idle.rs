@@ -1,4 +1,4 @@
-//! How long the executor has slept, from its trace hooks.
+//! How long the executor has slept and which task it runs, from its trace hooks.
 //!
 //! The executor calls the hooks by name. Time spent in interrupt handlers while it sleeps counts as idle.
 #![expect(
@@ -9,6 +9,7 @@
 use embassy_rp::pac;
 use portable_atomic::{AtomicU32, Ordering};
 
+use super::running;
 use crate::tasks::IdleTime;
 
 static IDLE_US: AtomicU32 = AtomicU32::new(0);
@@ -50,10 +51,14 @@ fn _embassy_trace_task_new(_executor_id: u32, _task_id: u32) {}
 fn _embassy_trace_task_end(_executor_id: u32, _task_id: u32) {}
 
 #[unsafe(no_mangle)]
-fn _embassy_trace_task_exec_begin(_executor_id: u32, _task_id: u32) {}
+fn _embassy_trace_task_exec_begin(_executor_id: u32, task_id: u32) {
+    running::note_begin(task_id);
+}
 
 #[unsafe(no_mangle)]
-fn _embassy_trace_task_exec_end(_executor_id: u32, _task_id: u32) {}
+fn _embassy_trace_task_exec_end(_executor_id: u32, _task_id: u32) {
+    running::note_end();
+}
 
 #[unsafe(no_mangle)]
 fn _embassy_trace_task_ready_begin(_executor_id: u32, _task_id: u32) {}

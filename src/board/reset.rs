@@ -1,4 +1,4 @@
-//! Why the chip started.
+//! Why the chip started, and how to restart it.
 
 use embassy_rp::pac;
 
@@ -13,38 +13,71 @@ pub enum ResetReason {
     Debugger,
     /// The watchdog was not fed in time: a task hung, or the processor locked up.
     WatchdogTimeout,
+    /// The fault handler asked for a reset: a fault or a panic.
+    Fault,
     /// The firmware asked for a reset.
     Software,
-    /// None of the reset flags is set: a reset of the processor alone.
+    /// A reset of the processor alone, by a debugger.
     Processor,
+}
+
+/// What the fault handler leaves in scratch register 3.
+const FAULT: u32 = u32::from_le_bytes(*b"FALT");
+
+/// Who ran before this start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Predecessor {
+    /// This firmware, or another version of it.
+    Firmware,
+    /// Another program. The boot ROM is one: when it has flashed a UF2 file, it restarts by the watchdog's time-out.
+    Other,
 }
 
 /// Why the chip started, from WATCHDOG.REASON (RP2040 datasheet, section 4.7.6) and
 /// VREG_AND_CHIP_RESET.CHIP_RESET (2.12.8). The latter keeps telling of the last chip-level reset while the watchdog
-/// restarts the processor, so the watchdog is asked first.
-pub fn reset_reason() -> ResetReason {
+/// restarts the processor, so the watchdog is asked first. A reset of the processor alone changes neither.
+///
+/// It has to be asked once, before any peripheral is used.
+pub(super) fn take_reset_reason(predecessor: Predecessor) -> ResetReason {
     let watchdog = pac::WATCHDOG.reason().read();
     let chip = pac::VREG_AND_CHIP_RESET.chip_reset().read();
-    if watchdog.force() {
+    // Every other reset puts the peripherals into reset, too, and the boot ROM leaves the converter there.
+    let is_of_the_processor = !pac::RESETS.reset().read().adc();
+    let fault = pac::WATCHDOG.scratch3().read() == FAULT;
+    pac::WATCHDOG.scratch3().write_value(0);
+    if is_of_the_processor {
+        ResetReason::Processor
+    } else if watchdog.force() && fault {
+        ResetReason::Fault
+    } else if watchdog.force() {
         ResetReason::Software
-    } else if watchdog.timer() {
+    } else if watchdog.timer() && predecessor == Predecessor::Firmware {
         ResetReason::WatchdogTimeout
     } else if chip.had_psm_restart() {
         ResetReason::Debugger
     } else if chip.had_run() {
         ResetReason::RunPin
-    } else if chip.had_por() {
-        ResetReason::PowerOn
     } else {
-        ResetReason::Processor
+        ResetReason::PowerOn
     }
 }
 
 /// Restarts the chip at once.
 pub fn restart() -> ! {
-    // The bit restarts everything that the watchdog may restart; which that is was set when the watchdog was started.
+    // Everything but the oscillators, as embassy does when it starts the watchdog; a fault may come before that.
+    pac::PSM.wdsel().write(|restarted| {
+        restarted.0 = !0;
+        restarted.set_rosc(false);
+        restarted.set_xosc(false);
+    });
     pac::WATCHDOG.ctrl().modify(|control| control.set_trigger(true));
     loop {
         cortex_m::asm::nop();
     }
+}
+
+/// Restarts the chip at once, and has the next start know that a fault is why.
+pub(super) fn restart_after_fault() -> ! {
+    pac::WATCHDOG.scratch3().write_value(FAULT);
+    restart()
 }

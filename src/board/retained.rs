@@ -4,10 +4,34 @@
     reason = "the section has no initialiser, and its content is only bytes until it was checked"
 )]
 
+use core::array;
 use core::mem::MaybeUninit;
+
+use portable_atomic::{AtomicU32, Ordering};
 
 use super::ResetReason;
 use crate::battery::{RetainedMemory, RetainedRecord};
+
+/// Words for a static in `.uninit`: what they hold at the start is what they held before it, or anything. They can be
+/// written by the fault handler, too.
+pub(super) struct RetainedWords<const N: usize>([AtomicU32; N]);
+
+impl<const N: usize> RetainedWords<N> {
+    /// The zeros are for the compiler: nobody writes them.
+    pub const fn new() -> Self {
+        Self([const { AtomicU32::new(0) }; N])
+    }
+
+    pub fn get(&self) -> [u32; N] {
+        array::from_fn(|at| self.0.get(at).map_or(0, |word| word.load(Ordering::Relaxed)))
+    }
+
+    pub fn set(&self, words: [u32; N]) {
+        for (to, from) in self.0.iter().zip(words) {
+            to.store(from, Ordering::Relaxed);
+        }
+    }
+}
 
 /// `.uninit` is neither cleared nor copied at start-up.
 #[unsafe(link_section = ".uninit.BATTERY_MEMORY")]
@@ -22,7 +46,10 @@ static mut BATTERY_MEMORY: MaybeUninit<RetainedMemory> = MaybeUninit::uninit();
 pub fn retained_memory(reset_reason: ResetReason) -> &'static mut RetainedMemory {
     let memory = &raw mut BATTERY_MEMORY;
     match reset_reason {
-        ResetReason::WatchdogTimeout | ResetReason::Software | ResetReason::Processor => {}
+        ResetReason::WatchdogTimeout
+        | ResetReason::Fault
+        | ResetReason::Software
+        | ResetReason::Processor => {}
         ResetReason::PowerOn | ResetReason::RunPin | ResetReason::Debugger => {
             // SAFETY: nobody else has a reference: this is called once, before the tasks run.
             unsafe { memory.write(MaybeUninit::new([RetainedRecord::BLANK; 2])) };

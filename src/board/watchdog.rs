@@ -2,8 +2,9 @@
 
 use embassy_rp::Peri;
 use embassy_rp::peripherals::WATCHDOG;
-use embassy_time::Duration;
+use embassy_time::{Duration, Instant};
 
+use super::{last_run, running};
 use crate::tasks::Watchdog;
 
 /// Longer than the longest time with interrupts off (a flash erase takes up to 400 ms by its datasheet), short enough
@@ -25,6 +26,12 @@ impl BoardWatchdog {
 
 impl Watchdog for BoardWatchdog {
     fn feed(&mut self) {
+        running::note_overdue(None);
+        last_run::end_quick_resets(Instant::now().as_secs());
         self.0.feed(TIMEOUT);
+    }
+
+    fn starve(&mut self, overdue: &str) {
+        running::note_overdue(Some(overdue));
     }
 }

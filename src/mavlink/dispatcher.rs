@@ -16,7 +16,7 @@ use super::services::commands::{Action, Command};
 use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::signing::{self, SetupRefused, SigningChange};
 use super::services::time;
-use super::services::vehicle::Rover;
+use super::services::vehicle::{Rover, is_of_ground_station};
 use super::signing::{AcceptUnsigned, Effect, LinkKind, Signing, is_permitted};
 use super::system_state::SystemState;
 use super::{COMPONENT_ID, FileTransferNak, Message};
@@ -38,6 +38,8 @@ pub struct Peer {
 pub enum Event {
     /// It was not for us, or nothing to act on at once.
     Ignored,
+    /// A ground station gave a sign of life.
+    GroundStationHeard,
     /// It was answered.
     Answered,
     /// A ground station reads all parameters.
@@ -263,8 +265,11 @@ fn serve(
             return Event::Driven;
         }
         Request::Heartbeat => {
-            rover.heartbeat(payload);
-            return Event::Ignored;
+            if !is_of_ground_station(payload) {
+                return Event::Ignored;
+            }
+            rover.ground_station_seen();
+            return Event::GroundStationHeard;
         }
         Request::SetUpSigning => return set_up_signing(payload, link, signing, now_us, replies),
     }

@@ -33,6 +33,16 @@ const MONITOR_DISABLED: f32 = 0.0;
 pub struct Parameters {
     values: ForEachParameter<f32>,
     unsaved: ForEachParameter<bool>,
+    flash: Flash,
+}
+
+/// What is known of the values in flash.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Flash {
+    /// They are the live ones, where they are not unsaved or defaults.
+    AsLive,
+    /// They were not read, and may be any.
+    Unread,
 }
 
 /// The parameter does not take this value.
@@ -46,7 +56,13 @@ impl Parameters {
         Self {
             values: ForEachParameter::from_fn(ParameterId::default_value),
             unsaved: ForEachParameter::default(),
+            flash: Flash::AsLive,
         }
+    }
+
+    /// What is in flash is left unread, so whatever is set has to be written, a default too.
+    pub fn leave_stored_unread(&mut self) {
+        self.flash = Flash::Unread;
     }
 
     /// The live value, in the parameter's unit.
@@ -91,7 +107,7 @@ impl Parameters {
     pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), OutOfRange> {
         let id = id.into();
         let value = accept(id, value)?;
-        if value.to_bits() != self.get(id).to_bits() {
+        if self.flash == Flash::Unread || value.to_bits() != self.get(id).to_bits() {
             self.values.set(id, value);
             self.unsaved.set(id, true);
         }
@@ -242,6 +258,17 @@ mod tests {
         parameters.mark_saved(EXTRA1, 5.0);
         assert_eq!(parameters.next_unsaved(), Some((VOLT_MULT, 4.0)));
         parameters.mark_saved(VOLT_MULT, 4.0);
+        assert_eq!(parameters.next_unsaved(), None);
+    }
+
+    #[test]
+    fn with_stored_values_unread_a_default_has_to_be_saved_too() {
+        let mut parameters = Parameters::defaults();
+        parameters.leave_stored_unread();
+        assert_eq!(parameters.next_unsaved(), None);
+        parameters.set(EXTRA1, 2.0).unwrap();
+        assert_eq!(parameters.next_unsaved(), Some((EXTRA1, 2.0)));
+        parameters.mark_saved(EXTRA1, 2.0);
         assert_eq!(parameters.next_unsaved(), None);
     }
 

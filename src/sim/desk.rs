@@ -46,7 +46,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
         let (signing_storage, signing) =
             SigningStorage::load(Storage::new(flash.clone(), SimulatedFlash::SIGNING)).await;
         let desk = Desk::new(&parameters, signing, &pack);
-        report_load(&desk.shared, loaded);
+        report_load(&desk.shared, Some(loaded));
         report_signing(&desk.shared);
         let living_pack = LivingPack::new(&pack, &rover, &desk.shared);
         let mut memory = [RetainedRecord::BLANK; 2];

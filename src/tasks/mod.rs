@@ -6,6 +6,7 @@
 mod announcements;
 mod battery;
 mod bus;
+mod crash;
 mod drive;
 mod esc;
 mod link;
@@ -26,6 +27,7 @@ use embassy_time::{Duration, Instant, Timer};
 pub use announcements::ANNOUNCEMENT_BYTES;
 pub use battery::sample_batteries;
 pub use bus::read_bus;
+pub use crash::{CrashMemory, report_crash};
 pub use drive::drive;
 pub use esc::read_esc;
 pub use link::Link;

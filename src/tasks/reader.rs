@@ -96,6 +96,10 @@ fn handle_next(shared: &Shared, link: &Link) -> Option<Event> {
 fn react(event: Event, shared: &Shared, link: &Link) {
     match event {
         Event::Ignored => return,
+        Event::GroundStationHeard => {
+            shared.ground_station_heard.signal(());
+            return;
+        }
         Event::Answered => {}
         Event::Driven => shared.to_drive.signal(()),
         Event::ListRequested => {

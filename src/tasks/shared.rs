@@ -46,6 +46,8 @@ pub struct Shared {
     pub(super) storage_busy: Cell<bool>,
     /// A ground station asks for a restart.
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
+    /// A ground station gave a sign of life.
+    pub(super) ground_station_heard: Signal<NoopRawMutex, ()>,
 }
 
 impl Shared {
@@ -71,6 +73,7 @@ impl Shared {
             to_save_signing: Signal::new(),
             storage_busy: Cell::new(false),
             to_reboot: Signal::new(),
+            ground_station_heard: Signal::new(),
         }
     }
 

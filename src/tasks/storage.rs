@@ -17,6 +17,8 @@ const IDLE_CHECK: Duration = Duration::from_secs(1);
 /// everything for the time of an erase.
 const RETRY_INTERVAL: Duration = Duration::from_secs(60);
 
+const TOO_MANY_RESETS: &str = "5 quick resets: started with default parameters";
+
 /// Reads the parameters from flash into `parameters`. What is not there, can't be trusted or is out of range by now stays as
 /// it is.
 ///
@@ -36,11 +38,15 @@ pub async fn load_parameters<F: NorFlash>(
         .await
 }
 
-/// Tells ground stations and the log what `load_parameters` found.
-pub fn report_load(shared: &Shared, result: Result<(), StorageError>) {
+/// Tells ground stations and the log what `load_parameters` found; `None` if it was not asked because of too many resets.
+pub fn report_load(shared: &Shared, result: Option<Result<(), StorageError>>) {
     match result {
-        Ok(()) => info!("parameters loaded"),
-        Err(error) => {
+        Some(Ok(())) => info!("parameters loaded"),
+        None => {
+            warn!("{}", TOO_MANY_RESETS);
+            shared.notice(MavSeverity::MAV_SEVERITY_CRITICAL, TOO_MANY_RESETS);
+        }
+        Some(Err(error)) => {
             warn!("parameter storage: {:?}", error);
             shared.notice(
                 MavSeverity::MAV_SEVERITY_CRITICAL,

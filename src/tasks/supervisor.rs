@@ -12,6 +12,9 @@ const LOOK_INTERVAL: Duration = Duration::from_millis(100);
 pub trait Watchdog {
     /// Puts the reset off by one time-out.
     fn feed(&mut self);
+
+    /// The reset will come because this task is overdue, unless it is seen again and the feeding goes on.
+    fn starve(&mut self, overdue: &str);
 }
 
 /// Feeds `watchdog` while none of `tasks` is overdue. One that is gets named, and the feeding stops.
@@ -20,7 +23,10 @@ pub async fn supervise(tasks: &[&CheckIn], watchdog: &mut impl Watchdog) -> ! {
     loop {
         match first_overdue(tasks, Instant::now().as_millis() as u32) {
             None => watchdog.feed(),
-            Some(task) => warn!("task {} is overdue, not feeding the watchdog", task.name()),
+            Some(task) => {
+                warn!("task {} is overdue, not feeding the watchdog", task.name());
+                watchdog.starve(task.name());
+            }
         }
         looks.next().await;
     }

@@ -119,6 +119,7 @@ mod xip_control;
 pub use access_log::{BusErrorRecord, Direction, UnmodelledAccess};
 pub use adc::{AdcFault, AdcInput, Conversion, code_of_volts};
 pub use board::Board;
+pub use boot_rom::UNDEFINED_INSTRUCTION;
 pub use cpu::CpuState;
 pub use firmware::Firmware;
 pub use flash::{FlashCut, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};

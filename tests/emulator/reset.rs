@@ -65,6 +65,11 @@ impl Board {
         self.reset(ResetCause::RunPin);
     }
 
+    /// Reset the processor alone, as a debugger does by AIRCR.SYSRESETREQ.
+    pub fn reset_processor(&mut self) {
+        self.reset(ResetCause::ProcessorOnly);
+    }
+
     /// Resets the chip itself has asked for.
     pub(super) fn reset_if_requested(&mut self) {
         if std::mem::take(&mut self.bus.system_control.reset_requested) {

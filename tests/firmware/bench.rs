@@ -4,7 +4,7 @@ use std::ops::{Deref, DerefMut};
 use std::sync::OnceLock;
 
 use crate::elf::{Artifact, build};
-use crate::emulator::{AdcInput, Board, Firmware, LogLevel, ResetCause, SentByte};
+use crate::emulator::{AdcInput, Board, CpuState, Firmware, LogLevel, ResetCause, SentByte};
 use crate::support::frames::{
     BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, frames, of_message,
 };
@@ -33,6 +33,11 @@ pub const SAVED_US: u64 = SECOND;
 
 const PREFLIGHT_REBOOT_SHUTDOWN: u16 = 246;
 const ACCEPTED: u8 = 0;
+
+/// Numbers of core registers.
+pub const STACK_POINTER: usize = 13;
+pub const LINK_REGISTER: usize = 14;
+pub const PROGRAM_COUNTER: usize = 15;
 
 const CYCLES_PER_US: u64 = 125;
 
@@ -138,6 +143,27 @@ impl Bench {
         assert!(!self.logged(LogLevel::Info, "started by Software").is_empty());
     }
 
+    /// Waits until a task runs, on its own and not in an interrupt. The next is drive, unless something else is due.
+    pub fn run_into_task(&mut self) {
+        // The firmware notes there who runs: the address of a task is larger than what it notes between them.
+        const SCRATCH0: u32 = 0x4005_800c;
+        const NO_TASK: u32 = 2;
+        let is_in_a_task = |board: &mut Board| {
+            board.cpu_state() == CpuState::Running
+                && board.active_exception() == 0
+                && board.read_register(SCRATCH0) > NO_TASK
+        };
+        assert!(self.run_until(SECOND, is_in_a_task));
+    }
+
+    /// Makes the task that runs next panic.
+    pub fn panic(&mut self) {
+        self.run_into_task();
+        // Its bit 0 stands for Thumb.
+        let entry = self.symbol("_defmt_panic") & !1;
+        self.set_register(PROGRAM_COUNTER, entry);
+    }
+
     /// Everything that has left the telemetry port since power-up, with the time of each byte's end in µs.
     pub fn sent(&mut self) -> &[(u64, u8)] {
         let new = self.board.uart(0).take_sent();
@@ -170,6 +196,15 @@ impl Bench {
             .into_iter()
             .filter(|frame| frame.at_us > asked_us && !telemetry.contains(&frame.message_id))
             .collect()
+    }
+
+    /// Waits until nothing is being sent: what is sent next begins a frame.
+    pub fn run_until_silent(&mut self) {
+        let mut before = usize::MAX;
+        while self.sent().len() != before {
+            before = self.sent().len();
+            self.board.run_for(MILLISECOND);
+        }
     }
 
     /// The frames that ended after `time_us`; sending has to have been whole at that time.

@@ -1,12 +1,11 @@
 //! What faults do, all of them put in from outside.
 
-use crate::bench::{ADC_IRQ_FIFO, Bench, MILLISECOND, PACK, SECOND, UART0_IRQ};
+use crate::bench::{ADC_IRQ_FIFO, Bench, MILLISECOND, PACK, SECOND, STACK_POINTER, UART0_IRQ};
 use crate::emulator::{AdcFault, AdcInput, LogLevel, ResetCause};
 use crate::support::frames::{BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, SysStatus, of_message};
 
 const OK: u8 = 1;
 const UNHEALTHY: u8 = 6;
-const STACK_POINTER: usize = 13;
 
 /// Sampling ticks fall on whole tenths of a second after boot; this is between two of them.
 const BETWEEN_TICKS_US: u64 = 5_050 * MILLISECOND;
@@ -94,14 +93,15 @@ fn a_converter_that_reports_errors() {
     );
 }
 
-/// Panics unless the watchdog ended what happened at `since_us` in time, and telemetry is back.
-fn assert_reset_by_the_watchdog(bench: &mut Bench, since_us: u64, within_us: u64) {
+/// Panics unless a reset of this cause ended what happened at `since_us` in time, the log names the reason, and telemetry
+/// is back.
+fn assert_reset(bench: &mut Bench, since_us: u64, within_us: u64, cause: ResetCause, reason: &str) {
     assert!(
         bench.run_until(within_us, |board| !board.resets().is_empty()),
         "no reset within {within_us} us"
     );
     let reset = bench.resets()[0];
-    assert_eq!(reset.cause, ResetCause::WatchdogTimer);
+    assert_eq!(reset.cause, cause);
     println!(
         "reset {:.1} ms after the fault",
         (reset.time_us - since_us) as f64 / 1000.0
@@ -111,7 +111,9 @@ fn assert_reset_by_the_watchdog(bench: &mut Bench, since_us: u64, within_us: u64
     // What was on the wire at the reset is cut off.
     bench.run_for(20 * MILLISECOND);
     assert_eq!(
-        bench.logged(LogLevel::Info, "started by WatchdogTimeout").len(),
+        bench
+            .logged(LogLevel::Info, &format!("started by {reason}"))
+            .len(),
         1,
         "{:?}",
         bench.log_lines()
@@ -127,15 +129,27 @@ fn a_hung_program_is_reset_and_the_reason_logged() {
     let mut bench = Bench::power_up(2482);
     bench.run_until_time(BETWEEN_TICKS_US);
     bench.hang_program();
-    assert_reset_by_the_watchdog(&mut bench, BETWEEN_TICKS_US, 1_050 * MILLISECOND);
+    assert_reset(
+        &mut bench,
+        BETWEEN_TICKS_US,
+        1_050 * MILLISECOND,
+        ResetCause::WatchdogTimer,
+        "WatchdogTimeout",
+    );
 }
 
 #[test]
-fn an_undefined_instruction_ends_in_a_reset() {
+fn an_undefined_instruction_ends_in_a_reset_at_once() {
     let mut bench = Bench::power_up(2482);
     bench.run_until_time(BETWEEN_TICKS_US);
     bench.run_undefined_instruction();
-    assert_reset_by_the_watchdog(&mut bench, BETWEEN_TICKS_US, 1_050 * MILLISECOND);
+    assert_reset(
+        &mut bench,
+        BETWEEN_TICKS_US,
+        MILLISECOND,
+        ResetCause::WatchdogForce,
+        "Fault",
+    );
 }
 
 #[test]

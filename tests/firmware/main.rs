@@ -11,8 +11,10 @@ mod support;
 
 mod bench;
 mod boot;
+mod boot_loop;
 mod bus_packs;
 mod commands;
+mod crash;
 mod faults;
 mod fuel;
 mod link_noise;

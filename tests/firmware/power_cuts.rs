@@ -58,6 +58,7 @@ fn set(bench: &mut Bench, name: &str, value: f32) {
 }
 
 fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
+    bench.run_until_silent();
     let from_us = bench.time_us();
     bench.uart_send(0, from_us, &param_request_list(VEHICLE));
     bench.run_for(LIST_US);

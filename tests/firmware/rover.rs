@@ -1,7 +1,7 @@
 //! The rover that obeys: arming, driving and stopping, at the pins of the motors.
 
-use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
-use crate::emulator::{AdcInput, LogLevel, ResetCause};
+use crate::bench::{Bench, MILLISECOND, PACK, SECOND, STACK_POINTER};
+use crate::emulator::{AdcInput, Board, LogLevel, ResetCause};
 use crate::support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, of_message};
 use crate::support::requests::{arm, disarm, manual_control, set_mode};
 
@@ -14,7 +14,9 @@ const MANUAL: u32 = 0;
 const ACCEPTED: u8 = 0;
 const FAILED: u8 = 4;
 
-const STACK_POINTER: usize = 13;
+/// The number of the exception.
+const HARD_FAULT: u32 = 3;
+
 const PWM_PERIOD_US: u64 = 2 * MILLISECOND;
 const CYCLES_PER_US: u64 = 125;
 const CURRENT_SENSOR: usize = 1;
@@ -156,13 +158,18 @@ fn a_critical_charge_stops_it_within_a_tick_and_a_half() {
 }
 
 #[test]
-fn a_fault_lets_the_motors_coast_within_a_period_and_ends_in_a_reset() {
+fn a_fault_lets_the_motors_coast_before_it_restarts_the_board() {
     let mut bench = driving(&[]);
-    bench.run_undefined_instruction();
-    bench.run_for(PWM_PERIOD_US);
-    assert!(is_coasting(&bench));
     let resets = bench.resets().len();
-    assert!(bench.run_until(2 * SECOND, |board| board.resets().len() > resets));
+    bench.run_undefined_instruction();
+    let coasts_in_the_handler = |board: &mut Board| {
+        let is_held_low = |pin| board.pwm_output(pin).is_none() && board.pin_level(pin) == Some(false);
+        board.active_exception() == HARD_FAULT && pins().all(is_held_low)
+    };
+    assert!(bench.run_until(PWM_PERIOD_US, coasts_in_the_handler));
+    assert_eq!(bench.resets().len(), resets, "it is the handler that stops them");
+    assert!(bench.run_until(MILLISECOND, |board| board.resets().len() > resets));
+    assert!(is_coasting(&bench));
     bench.run_for(2 * SECOND);
     assert!(is_coasting(&bench), "not armed after a reset");
 }

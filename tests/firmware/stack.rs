@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, MILLISECOND, SECOND};
 use crate::bus_packs::{BUS, DIVIDER_CODE, nine};
-use crate::emulator::{AdcFault, Board, CpuState, LogLevel, ResetCause};
+use crate::emulator::{AdcFault, LogLevel, ResetCause};
 use crate::support::frames::{COMMAND_ACK, PARAM_VALUE, of_message};
 use crate::support::requests::{
     VEHICLE, command_int, command_long, command_long_2, ftp_open, manual_control, param_request_list,
@@ -11,8 +11,6 @@ use crate::support::requests::{
 
 /// Of the stack's room, this much has to be free at the worst.
 const FREE_PERCENT: u32 = 30;
-
-const PROGRAM_COUNTER: usize = 15;
 
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21_196.0;
@@ -77,16 +75,6 @@ fn load_for(bench: &mut Bench, seconds: u16) {
     }
 }
 
-/// Makes the program panic.
-fn panic(bench: &mut Bench) {
-    let is_in_a_task =
-        |board: &mut Board| board.cpu_state() == CpuState::Running && board.active_exception() == 0;
-    assert!(bench.run_until(SECOND, is_in_a_task));
-    // Its bit 0 stands for Thumb.
-    let entry = bench.symbol("_defmt_panic") & !1;
-    bench.set_register(PROGRAM_COUNTER, entry);
-}
-
 /// Panics unless enough of the stack stayed free since the last call.
 fn assert_free(bench: &mut Bench, during: &str) {
     let (used, room) = (bench.stack_used_bytes(), bench.stack_bytes());
@@ -122,12 +110,12 @@ fn three_tenths_of_the_stack_stay_free_under_the_heaviest_load() {
     assert!(!bench.logged(LogLevel::Warn, "read failed").is_empty());
     assert_free(&mut bench, "the same with a dead converter and a dead bus");
 
-    panic(&mut bench);
+    bench.panic();
     let resets = bench.resets().len();
     assert!(bench.run_until(2 * SECOND, |board| board.resets().len() > resets));
-    assert_eq!(bench.resets()[resets].cause, ResetCause::WatchdogTimer);
+    assert_eq!(bench.resets()[resets].cause, ResetCause::WatchdogForce);
     assert!(!bench.logged(LogLevel::Error, "panicked").is_empty());
-    assert_free(&mut bench, "a panic, HardFault and the watchdog's reset");
+    assert_free(&mut bench, "a panic and its HardFault");
     bench.run_for(2 * SECOND);
     assert_free(&mut bench, "start after it, with what was retained");
 }

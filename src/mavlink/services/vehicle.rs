@@ -183,12 +183,15 @@ impl Rover<'_> {
         );
     }
 
-    /// HEARTBEAT: that of a ground station is a sign of its life.
-    pub fn heartbeat(&mut self, payload: &Payload<'_>) {
-        if payload.u8(TYPE_AT) == MavType::MAV_TYPE_GCS as u8 {
-            self.vehicle.ground_station_seen(self.now_us);
-        }
+    /// HEARTBEAT of a ground station.
+    pub fn ground_station_seen(&mut self) {
+        self.vehicle.ground_station_seen(self.now_us);
     }
+}
+
+/// Whether it was a ground station that sent this HEARTBEAT.
+pub(in crate::mavlink) fn is_of_ground_station(payload: &Payload<'_>) -> bool {
+    payload.u8(TYPE_AT) == MavType::MAV_TYPE_GCS as u8
 }
 
 fn whole_number(parameter: f32) -> Option<u32> {

@@ -1,0 +1,202 @@
+//! What is known of a crash.
+
+use core::ops::Range;
+
+use super::TaskName;
+use crate::sealed::{is_sealed, seal};
+
+/// Tells this layout from others, and from what RAM holds when power comes on.
+const MAGIC: u32 = u32::from_le_bytes(*b"CRS1");
+
+/// So much of the stack is recorded: the frames of a few functions, the innermost first.
+pub const STACK_WORDS: usize = 32;
+
+/// Magic number, cause, the task's name, three registers, the stack, checksum.
+const RECORD_WORDS: usize = 2 + 4 + 3 + STACK_WORDS + 1;
+
+/// A record as plain words.
+pub type CrashWords = [u32; RECORD_WORDS];
+
+/// How causes are coded in words.
+const FAULT: u32 = 1;
+const OVERDUE: u32 = 2;
+const HUNG: u32 = 3;
+
+/// xPSR: the number of the exception the program was in (ARMv6-M B1.4.2); external interrupts are counted from 16 on.
+const EXCEPTION: u32 = 0x3F;
+const FIRST_INTERRUPT: u32 = 16;
+
+/// A crash.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CrashRecord {
+    /// The task that was running or, when one was overdue, that one; `None` between tasks.
+    pub task: Option<TaskName>,
+    /// What happened.
+    pub cause: CrashCause,
+}
+
+/// What ended the program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CrashCause {
+    /// A HardFault: an illegal access, an undefined instruction, a panic.
+    Fault(FaultSite),
+    /// The task was not seen for longer than its deadline, and so the watchdog was not fed.
+    Overdue,
+    /// The watchdog was not fed and nobody was overdue: something did not yield, or the processor locked up.
+    Hung,
+}
+
+/// Where a fault happened.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FaultSite {
+    /// The program counter.
+    pub pc: u32,
+    /// The link register: where the function returns to, unless it has called others.
+    pub lr: u32,
+    /// The status register.
+    pub xpsr: u32,
+    /// The stack from where the stack pointer was; zeros beyond its end, and if it was nowhere on the stack.
+    pub stack: [u32; STACK_WORDS],
+}
+
+impl FaultSite {
+    /// The external interrupt whose handler was running.
+    pub fn interrupt(&self) -> Option<u32> {
+        (self.xpsr & EXCEPTION).checked_sub(FIRST_INTERRUPT)
+    }
+
+    /// Addresses within the calls that seem to have led here, the innermost first: odd words on the stack, of which
+    /// bit 0 stands for Thumb, that lie in the program's `code`. Some may be left over from earlier calls.
+    pub fn call_sites(&self, code: Range<u32>) -> impl Iterator<Item = u32> {
+        let words = self.stack.iter().copied();
+        words
+            .filter(move |word| word & 1 == 1 && code.contains(word))
+            // The halfword before the one to return to is a part of the call.
+            .map(|return_address| return_address - 3)
+    }
+}
+
+impl CrashRecord {
+    /// The record as words that can be recognised.
+    pub fn to_words(&self) -> CrashWords {
+        let mut words = [0; RECORD_WORDS];
+        let [_, code, a, b, c, d, pc, lr, xpsr, stack @ .., _] = &mut words;
+        [*a, *b, *c, *d] = self.task.map_or([0; 4], TaskName::to_words);
+        *code = match &self.cause {
+            CrashCause::Overdue => OVERDUE,
+            CrashCause::Hung => HUNG,
+            CrashCause::Fault(site) => {
+                (*pc, *lr, *xpsr, *stack) = (site.pc, site.lr, site.xpsr, site.stack);
+                FAULT
+            }
+        };
+        seal(&mut words, MAGIC);
+        words
+    }
+
+    /// The record these words are, if they are one.
+    pub fn from_words(words: &CrashWords) -> Option<Self> {
+        if !is_sealed(words, MAGIC) {
+            return None;
+        }
+        let &[_, code, a, b, c, d, pc, lr, xpsr, stack @ .., _] = words;
+        let cause = match code {
+            FAULT => CrashCause::Fault(FaultSite { pc, lr, xpsr, stack }),
+            OVERDUE => CrashCause::Overdue,
+            HUNG => CrashCause::Hung,
+            _ => return None,
+        };
+        Some(Self {
+            task: TaskName::from_words([a, b, c, d]),
+            cause,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn site() -> impl Strategy<Value = FaultSite> {
+        any::<(u32, u32, u32, [u32; STACK_WORDS])>().prop_map(|(pc, lr, xpsr, stack)| FaultSite {
+            pc,
+            lr,
+            xpsr,
+            stack,
+        })
+    }
+
+    fn cause() -> impl Strategy<Value = CrashCause> {
+        prop_oneof![
+            site().prop_map(CrashCause::Fault),
+            Just(CrashCause::Overdue),
+            Just(CrashCause::Hung),
+        ]
+    }
+
+    fn record() -> impl Strategy<Value = CrashRecord> {
+        let task = prop::option::of("[ -~]{1,16}");
+        (task, cause()).prop_map(|(task, cause)| CrashRecord {
+            task: task.and_then(|name| TaskName::new(&name)),
+            cause,
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn a_record_is_the_same_behind_its_words(record in record()) {
+            prop_assert_eq!(CrashRecord::from_words(&record.to_words()), Some(record));
+        }
+
+        #[test]
+        fn what_ram_happens_to_hold_is_never_taken_for_a_record(words in prop::collection::vec(any::<u32>(), RECORD_WORDS)) {
+            prop_assert_eq!(CrashRecord::from_words(&words.try_into().unwrap()), None);
+        }
+
+        #[test]
+        fn a_record_that_was_not_finished_is_none(record in record(), written in 0..RECORD_WORDS) {
+            let mut torn = [0; RECORD_WORDS];
+            torn[..written].copy_from_slice(&record.to_words()[..written]);
+            prop_assert_eq!(CrashRecord::from_words(&torn), None);
+        }
+    }
+
+    #[test]
+    fn a_cause_of_another_version_is_none() {
+        let mut words = CrashRecord {
+            task: None,
+            cause: CrashCause::Hung,
+        }
+        .to_words();
+        words[1] = HUNG + 1;
+        seal(&mut words, MAGIC);
+        assert_eq!(CrashRecord::from_words(&words), None);
+    }
+
+    #[test]
+    fn calls_are_odd_words_in_the_program() {
+        let mut site = FaultSite {
+            pc: 0,
+            lr: 0,
+            xpsr: 0x0100_0000,
+            stack: [0; STACK_WORDS],
+        };
+        assert_eq!(site.interrupt(), None);
+        site.xpsr = 0x2100_0000 | (16 + 20);
+        assert_eq!(site.interrupt(), Some(20));
+        let words = [
+            0x1000_2001,
+            0x1000_2002,
+            0x1000_1001,
+            0x1000_0FFF,
+            0x1000_3001,
+            0x2000_0001,
+        ];
+        site.stack[..6].copy_from_slice(&words);
+        assert!(
+            site.call_sites(0x1000_1000..0x1000_3000)
+                .eq([0x1000_1FFE, 0x1000_0FFE])
+        );
+    }
+}

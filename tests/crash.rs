@@ -1,0 +1,162 @@
+//! Telling of a crash, in stepped time: from the heartbeat of a ground station to the wires.
+
+mod support;
+
+use std::cell::{Cell, RefCell};
+use std::convert::Infallible;
+use std::future::pending;
+
+use embassy_futures::join::{join, join3};
+use embassy_time::{Duration, Instant, Timer};
+use embedded_io_async::{ErrorType, Write};
+use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
+use rover_battmon::liveness::CheckIn;
+use rover_battmon::mavlink::{LinkKind, Signing};
+use rover_battmon::parameter::Parameters;
+use rover_battmon::sim::clock;
+use rover_battmon::tasks::{
+    ByteSource, CrashMemory, Link, ReceiveError, Shared, read_frames, report_crash, schedule_telemetry,
+    write_frames,
+};
+use support::frames::{STATUSTEXT, frames, of_message};
+use support::requests::heartbeat;
+
+const SECOND: u64 = 1_000_000;
+
+const GROUND_STATION: u8 = 6;
+const ONBOARD_CONTROLLER: u8 = 18;
+
+/// Somebody who sends a heartbeat every second from some time on.
+struct System {
+    kind: u8,
+    next_at_us: u64,
+}
+
+impl ByteSource for System {
+    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
+        Timer::at(Instant::from_micros(self.next_at_us)).await;
+        self.next_at_us += SECOND;
+        let bytes = heartbeat(self.kind);
+        buffer[..bytes.len()].copy_from_slice(&bytes);
+        Ok(bytes.len())
+    }
+}
+
+#[derive(Default)]
+struct Line(RefCell<Vec<(u64, u8)>>);
+
+impl Line {
+    /// What was said of crashes, and when.
+    fn texts(&self) -> Vec<(u64, String)> {
+        let sent = frames(&self.0.borrow());
+        let texts = of_message(&sent, STATUSTEXT);
+        texts
+            .iter()
+            .map(|frame| (frame.at_us, frame.text(1, 50)))
+            .filter(|(_, text)| text.starts_with("Crash"))
+            .collect()
+    }
+}
+
+impl ErrorType for &Line {
+    type Error = Infallible;
+}
+
+impl Write for &Line {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        Timer::after_micros(87 * bytes.len() as u64).await;
+        let at_us = Instant::now().as_micros();
+        self.0
+            .borrow_mut()
+            .extend(bytes.iter().map(|byte| (at_us, *byte)));
+        Ok(bytes.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+/// When the crash was forgotten.
+#[derive(Default)]
+struct Memory(Cell<Option<u64>>);
+
+impl CrashMemory for &Memory {
+    fn forget(&mut self) {
+        assert_eq!(self.0.replace(Some(Instant::now().as_micros())), None, "once");
+    }
+}
+
+fn crash() -> CrashRecord {
+    CrashRecord {
+        task: TaskName::new("battery"),
+        cause: CrashCause::Fault(FaultSite {
+            pc: 0x1000_1234,
+            lr: 0x1000_5679,
+            xpsr: 0,
+            stack: [0x1000_ABCD; STACK_WORDS],
+        }),
+    }
+}
+
+/// Ten seconds with a system of this kind on the first of two links from `from_us` on.
+fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<(u64, String)>; 2] {
+    let check_in = CheckIn::new("", u32::MAX);
+    let (near, far) = (Line::default(), Line::default());
+    let system = System {
+        kind,
+        next_at_us: from_us,
+    };
+    clock::run_for(Duration::from_secs(10), async {
+        let shared = Shared::new(&Parameters::defaults(), Signing::off());
+        let [first, second] = ["first", "second"].map(|name| Link::new(name, LinkKind::Radio, 11_520));
+        let serve = async |link, line| {
+            join(
+                schedule_telemetry(&shared, link, &check_in),
+                write_frames(line, &shared, link, &check_in),
+            )
+            .await
+        };
+        let report = async {
+            report_crash(&crash(), 0x1000_0000..0x1001_0000, &mut { memory }, &shared).await;
+            pending::<()>().await
+        };
+        join3(
+            join(serve(&first, &near), serve(&second, &far)),
+            read_frames(system, &shared, &first, &check_in),
+            report,
+        )
+        .await
+    });
+    [near.texts(), far.texts()]
+}
+
+#[test]
+fn every_link_is_told_once_when_a_ground_station_is_heard_and_then_it_is_forgotten() {
+    let memory = Memory::default();
+    for texts in run(GROUND_STATION, 3 * SECOND, &memory) {
+        let said: Vec<_> = texts.iter().map(|(_, text)| text.as_str()).collect();
+        // The first chunk of each.
+        assert_eq!(
+            said,
+            [
+                "Crash: hard fault in battery, PC 0x10001234 LR 0x1",
+                "Crash: called from 1000abca 1000abca 1000abca 1000"
+            ]
+        );
+        let told_us = texts[0].0..texts[1].0;
+        assert!(3 * SECOND < told_us.start && told_us.end < 3 * SECOND + 100_000);
+    }
+    assert_eq!(
+        memory.0.get().map(|at_us| at_us / SECOND),
+        Some(5),
+        "it had time to leave"
+    );
+}
+
+#[test]
+fn nobody_else_is_told_and_it_is_kept() {
+    let memory = Memory::default();
+    assert_eq!(run(ONBOARD_CONTROLLER, SECOND, &memory), [vec![], vec![]]);
+    assert_eq!(memory.0.get(), None);
+}

@@ -1,0 +1,119 @@
+//! Crashes that follow each other quickly: the parameters may be their reason.
+
+use crate::bench::{Bench, MILLISECOND, SECOND, value_of};
+use crate::emulator::LogLevel;
+use crate::support::frames::{Frame, HEARTBEAT, STATUSTEXT, of_message};
+use crate::support::requests::{arm, param_read_by_name};
+
+const PACK_CODE: u16 = 2482;
+
+const NOTICE: &str = "5 quick resets: started with default parameters";
+const CRITICAL: u8 = 2;
+const ARMED: u8 = 128;
+
+const CHANGED: &str = "BATT_LOW_VOLT";
+const VALUE: f32 = 6.5;
+const DEFAULT: f32 = 0.0;
+
+/// A board with a parameter that is not at its default.
+fn configured() -> Bench {
+    Bench::configured(PACK_CODE, &[(CHANGED, VALUE)])
+}
+
+/// A program that crashes after it has run for `uptime_us`, and the frames of the first half second after that.
+fn crash_after(bench: &mut Bench, uptime_us: u64) -> Vec<Frame> {
+    bench.run_for(uptime_us);
+    let resets = bench.resets().len();
+    bench.run_undefined_instruction();
+    assert!(bench.run_until(SECOND, |board| board.resets().len() > resets));
+    let from_us = bench.time_us();
+    bench.run_for(500 * MILLISECOND);
+    bench.frames_since(from_us)
+}
+
+fn crash_quickly(bench: &mut Bench, times: usize) -> Vec<Frame> {
+    let mut frames = Vec::new();
+    for _ in 0..times {
+        frames = crash_after(bench, 2 * SECOND);
+    }
+    frames
+}
+
+fn tells_why(frames: &[Frame]) -> bool {
+    let texts = of_message(frames, STATUSTEXT);
+    texts
+        .iter()
+        .any(|frame| frame.text(1, 50) == NOTICE && frame.u8(0) == CRITICAL)
+}
+
+fn value(bench: &mut Bench) -> Option<f32> {
+    value_of(&bench.ask(&param_read_by_name(CHANGED)), CHANGED)
+}
+
+#[test]
+fn five_quick_resets_start_with_defaults_and_leave_flash_alone() {
+    let mut bench = configured();
+    bench.ask(&arm());
+    let frames = crash_quickly(&mut bench, 5);
+    assert!(tells_why(&frames), "{frames:?}");
+    assert_eq!(bench.logged(LogLevel::Warn, NOTICE).len(), 1);
+    assert_eq!(value(&mut bench), Some(DEFAULT));
+    let heartbeats = of_message(&frames, HEARTBEAT);
+    assert!(!heartbeats.is_empty() && heartbeats.iter().all(|frame| frame.u8(6) & ARMED == 0));
+
+    bench.reboot();
+    assert_eq!(value(&mut bench), Some(VALUE), "flash still has it");
+}
+
+#[test]
+fn four_do_not() {
+    let mut bench = configured();
+    let frames = crash_quickly(&mut bench, 4);
+    assert!(!tells_why(&frames));
+    assert_eq!(value(&mut bench), Some(VALUE));
+}
+
+#[test]
+fn one_more_crash_stays_with_defaults_and_one_after_half_a_minute_does_not() {
+    let mut bench = configured();
+    let frames = crash_quickly(&mut bench, 6);
+    assert!(tells_why(&frames));
+    let frames = crash_after(&mut bench, 31 * SECOND);
+    assert!(!tells_why(&frames));
+    assert_eq!(value(&mut bench), Some(VALUE));
+}
+
+#[test]
+fn a_default_that_is_set_then_is_saved() {
+    let mut bench = configured();
+    crash_quickly(&mut bench, 5);
+    bench.set(CHANGED, DEFAULT);
+    bench.reboot();
+    assert_eq!(value(&mut bench), Some(DEFAULT));
+}
+
+#[test]
+fn restarts_that_were_asked_for_do_not_count() {
+    let mut bench = configured();
+    crash_quickly(&mut bench, 4);
+    bench.reboot();
+    let frames = crash_quickly(&mut bench, 4);
+    assert!(!tells_why(&frames));
+    for _ in 0..5 {
+        bench.reboot();
+    }
+    assert_eq!(value(&mut bench), Some(VALUE));
+    bench.press_run();
+    let frames = crash_quickly(&mut bench, 4);
+    assert!(!tells_why(&frames));
+}
+
+#[test]
+fn crashes_half_a_minute_apart_are_no_loop() {
+    let mut bench = configured();
+    for _ in 0..5 {
+        let frames = crash_after(&mut bench, 31 * SECOND);
+        assert!(!tells_why(&frames));
+    }
+    assert_eq!(value(&mut bench), Some(VALUE));
+}

@@ -1,0 +1,299 @@
+//! What a crash leaves behind, and who is told of it after the restart.
+
+use crate::bench::{Bench, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, SECOND, STACK_POINTER, UART0_IRQ};
+use crate::emulator::{Board, LogLevel, ResetCause, UNDEFINED_INSTRUCTION};
+use crate::support::frames::{HEARTBEAT, STATUSTEXT, of_message};
+use crate::support::requests::{heartbeat, ping};
+
+const GROUND_STATION: u8 = 6;
+const ONBOARD_CONTROLLER: u8 = 18;
+
+const CRITICAL: u8 = 2;
+
+/// A 2S pack at 7.9 V.
+const PACK_CODE: u16 = 2482;
+
+/// Sampling ticks fall on whole tenths of a second after boot, the motors are told something every 20 ms; this is between
+/// two of either.
+const BETWEEN_TICKS_US: u64 = 5_050 * MILLISECOND;
+
+/// A fault restarts the board without waiting for the watchdog.
+const AT_ONCE_US: u64 = MILLISECOND;
+
+/// The watchdog's time-out, and what it is late by at the most.
+const TIMEOUT_US: u64 = 1_050 * MILLISECOND;
+
+/// Address of the instruction a function returns to, as it stands on the stack: bit 0 stands for Thumb.
+const THUMB: u32 = 1;
+
+const SCRATCH0: u32 = 0x4005_800c;
+
+fn between_ticks() -> Bench {
+    let mut bench = Bench::power_up(PACK_CODE);
+    bench.run_until_time(BETWEEN_TICKS_US);
+    bench
+}
+
+/// In the middle of the task that runs next.
+fn in_drive() -> Bench {
+    let mut bench = between_ticks();
+    bench.run_into_task();
+    bench
+}
+
+/// Waits for a reset of this cause, and until the board runs again.
+fn assert_reset(bench: &mut Bench, cause: ResetCause, within_us: u64) {
+    let (since_us, resets) = (bench.time_us(), bench.resets().len());
+    assert!(
+        bench.run_until(within_us, |board| board.resets().len() > resets),
+        "no reset within {within_us} us"
+    );
+    let reset = bench.resets()[resets];
+    assert_eq!(reset.cause, cause);
+    println!("reset after {} us", reset.time_us - since_us);
+    // What was on the wire at the reset is cut off.
+    bench.run_for(500 * MILLISECOND);
+    assert_eq!(bench.resets().len(), resets + 1, "one reset is enough");
+}
+
+/// What has been said of crashes since `from_us`, long texts in one.
+fn said_since(bench: &mut Bench, from_us: u64) -> Vec<String> {
+    let mut texts: Vec<String> = Vec::new();
+    for frame in of_message(&bench.frames_since(from_us), STATUSTEXT) {
+        let (severity, text, chunk) = (frame.u8(0), frame.text(1, 50), frame.u8(53));
+        assert!(!text.starts_with("Crash") || severity == CRITICAL, "{text}");
+        match texts.last_mut() {
+            Some(last) if chunk > 0 => last.push_str(&text),
+            _ => texts.push(text),
+        }
+    }
+    texts.retain(|text| text.starts_with("Crash"));
+    texts
+}
+
+/// What is said of crashes in the three seconds after a heartbeat of this kind of system.
+fn said_to(bench: &mut Bench, kind: u8) -> Vec<String> {
+    let from_us = bench.time_us();
+    bench.uart_send(0, from_us, &heartbeat(kind));
+    bench.run_for(3 * SECOND);
+    said_since(bench, from_us)
+}
+
+/// What the first ground station is told, that nobody is told before it, and nobody after it.
+fn told_once(bench: &mut Bench) -> Vec<String> {
+    assert!(said_since(bench, 0).is_empty(), "told before anybody was there");
+    assert!(said_to(bench, ONBOARD_CONTROLLER).is_empty());
+    let told = said_to(bench, GROUND_STATION);
+    assert!(said_to(bench, GROUND_STATION).is_empty(), "told twice");
+    bench.reboot();
+    assert!(
+        said_to(bench, GROUND_STATION).is_empty(),
+        "told again after a restart"
+    );
+    println!("{told:?}");
+    told
+}
+
+fn assert_logged(bench: &Bench, text: &str) {
+    let lines = bench.logged(LogLevel::Warn, text);
+    assert_eq!(lines.len(), 1, "{text}: {:?}", bench.log_lines());
+}
+
+#[test]
+fn an_undefined_instruction_is_told_with_its_place_and_its_task() {
+    let mut bench = in_drive();
+    let link_register = bench.register(LINK_REGISTER);
+    bench.run_undefined_instruction();
+    assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
+    let headline =
+        format!("Crash: hard fault in drive, PC {UNDEFINED_INSTRUCTION:#010x} LR {link_register:#010x}");
+    assert_logged(&bench, &headline);
+    assert_logged(&bench, "xPSR 0x");
+    assert_eq!(told_once(&mut bench)[0], headline);
+}
+
+#[test]
+fn the_task_is_the_one_that_runs() {
+    let mut bench = in_drive();
+    let drive = bench.read_register(SCRATCH0);
+    let now_us = bench.time_us();
+    bench.uart_send(0, now_us, &ping(1, 1));
+    let is_in_another = |board: &mut Board| {
+        board.active_exception() == 0 && ![1, drive].contains(&board.read_register(SCRATCH0))
+    };
+    assert!(bench.run_until(15 * MILLISECOND, is_in_another));
+    bench.set_register(PROGRAM_COUNTER, UNDEFINED_INSTRUCTION);
+    assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
+    let told = told_once(&mut bench);
+    assert!(
+        told[0].starts_with("Crash: hard fault in UART0 reader, PC "),
+        "{told:?}"
+    );
+}
+
+#[test]
+fn a_panic_is_told_with_the_call_that_led_to_it() {
+    let mut bench = between_ticks();
+    bench.panic();
+    // Whoever called it: any place in the program, as it stands in the link register.
+    let caller = bench.symbol("main") & !THUMB;
+    bench.set_register(LINK_REGISTER, caller + 4 + THUMB);
+    assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
+    assert!(!bench.logged(LogLevel::Error, "panicked").is_empty());
+    let told = told_once(&mut bench);
+    assert!(
+        told[0].starts_with("Crash: hard fault in drive, PC 0x10"),
+        "{told:?}"
+    );
+    let calls = told[1].strip_prefix("Crash: called from ").expect("the calls");
+    let calls: Vec<_> = calls.split(' ').collect();
+    assert!(
+        calls.contains(&&*format!("{:08x}", caller + 2)),
+        "{caller:08x} is not in {calls:?}"
+    );
+}
+
+#[test]
+fn a_fault_in_an_interrupt_names_it() {
+    const FIRST_INTERRUPT: u32 = 16;
+    let mut bench = between_ticks();
+    let is_in_uart0 = |board: &mut Board| board.active_exception() == FIRST_INTERRUPT + UART0_IRQ;
+    assert!(bench.run_until(SECOND, is_in_uart0));
+    bench.set_register(PROGRAM_COUNTER, UNDEFINED_INSTRUCTION);
+    assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
+    let told = told_once(&mut bench);
+    assert!(told[0].ends_with(" in IRQ 20"), "{told:?}");
+}
+
+#[test]
+fn a_fault_before_the_watchdog_runs_restarts_the_board_too() {
+    let mut bench = Bench::power_up(PACK_CODE);
+    bench.run_undefined_instruction();
+    assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
+    assert!(told_once(&mut bench)[0].starts_with("Crash: hard fault in "));
+}
+
+#[test]
+fn the_start_is_named_like_a_task() {
+    // Parameters are being read.
+    let mut bench = Bench::power_up(PACK_CODE);
+    bench.run_for(4 * MILLISECOND);
+    bench.hang_program();
+    assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
+    assert_eq!(told_once(&mut bench), ["Crash: hung or locked up in main"]);
+}
+
+#[test]
+fn a_task_that_never_yields_is_named() {
+    let mut bench = in_drive();
+    bench.hang_program();
+    assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
+    assert_logged(&bench, "Crash: hung or locked up in drive");
+    assert_eq!(told_once(&mut bench), ["Crash: hung or locked up in drive"]);
+}
+
+#[test]
+fn a_hang_outside_of_tasks_is_told_so() {
+    let mut bench = between_ticks();
+    bench.hang_program();
+    assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
+    assert_eq!(told_once(&mut bench), ["Crash: hung or locked up in no task"]);
+}
+
+#[test]
+fn a_stack_overflow_names_the_task() {
+    let mut bench = in_drive();
+    let used_up = bench.symbol("_stack_end") + 8;
+    bench.set_register(STACK_POINTER, used_up);
+    assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
+    assert_eq!(told_once(&mut bench), ["Crash: hung or locked up in drive"]);
+}
+
+#[test]
+fn a_task_that_waits_for_ever_is_named() {
+    let mut bench = between_ticks();
+    bench.cut_interrupt(UART0_IRQ);
+    // The transmit buffer takes what is sent in the first second; 2.5 s later the writer is overdue; then the
+    // watchdog's second.
+    assert!(bench.run_until(5 * SECOND, |board| !board.resets().is_empty()));
+    bench.restore_interrupt(UART0_IRQ);
+    bench.run_for(500 * MILLISECOND);
+    assert_eq!(told_once(&mut bench), ["Crash: UART0 writer was overdue"]);
+}
+
+#[test]
+fn a_task_that_was_overdue_and_came_back_is_not_blamed_for_what_happens_later() {
+    let mut bench = between_ticks();
+    bench.cut_interrupt(UART0_IRQ);
+    let is_overdue = |board: &mut Board| {
+        let lines = board.log_lines().iter();
+        lines.rev().take(1).any(|line| line.text.contains("is overdue"))
+    };
+    assert!(bench.run_until(5 * SECOND, is_overdue));
+    bench.restore_interrupt(UART0_IRQ);
+    // A byte that comes raises the interrupt anew.
+    let now_us = bench.time_us();
+    bench.uart_send(0, now_us, &[0]);
+    // Between two ticks again.
+    bench.run_for(2_050 * MILLISECOND);
+    assert!(bench.resets().is_empty(), "it is alive again");
+    bench.hang_program();
+    assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
+    assert_eq!(told_once(&mut bench), ["Crash: hung or locked up in no task"]);
+}
+
+#[test]
+fn nobody_there_to_be_told_and_the_record_stays_over_further_resets() {
+    let mut bench = in_drive();
+    bench.run_undefined_instruction();
+    assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
+    bench.reboot();
+    bench.press_run();
+    bench.run_for(500 * MILLISECOND);
+    assert!(told_once(&mut bench)[0].starts_with("Crash: hard fault in drive"));
+}
+
+#[test]
+fn the_latest_crash_is_the_one_that_is_told() {
+    let mut bench = in_drive();
+    bench.run_undefined_instruction();
+    assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
+    bench.hang_program();
+    assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
+    assert_eq!(told_once(&mut bench), ["Crash: hung or locked up in no task"]);
+    assert_logged(&bench, "Crash: hard fault in drive");
+}
+
+#[test]
+fn what_somebody_does_on_purpose_is_no_crash() {
+    let mut bench = between_ticks();
+    bench.hang_program();
+    assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
+    assert_eq!(told_once(&mut bench).len(), 1);
+
+    // A debugger resets the processor alone, and the watchdog still tells of the last time.
+    bench.reset_processor();
+    bench.run_for(500 * MILLISECOND);
+    assert_eq!(bench.logged(LogLevel::Info, "started by Processor").len(), 1);
+    assert!(said_to(&mut bench, GROUND_STATION).is_empty());
+
+    // The boot ROM has flashed a UF2 file: the RUN pin has cleared the notes, and the watchdog is the boot ROM's.
+    bench.write_register(SCRATCH0, 0);
+    bench.cut_interrupt(0);
+    bench.hang_program();
+    assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
+    bench.restore_interrupt(0);
+    bench.run_for(500 * MILLISECOND);
+    assert_eq!(bench.logged(LogLevel::Info, "started by PowerOn").len(), 2);
+    assert!(said_to(&mut bench, GROUND_STATION).is_empty());
+}
+
+#[test]
+fn telemetry_goes_on_while_a_crash_is_told() {
+    let mut bench = in_drive();
+    bench.run_undefined_instruction();
+    assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
+    let from_us = bench.time_us();
+    assert_eq!(said_to(&mut bench, GROUND_STATION).len(), 2);
+    assert_eq!(of_message(&bench.frames_since(from_us), HEARTBEAT).len(), 3);
+}
