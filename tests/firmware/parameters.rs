@@ -104,12 +104,12 @@ fn what_was_set_is_there_after_a_restart_and_after_a_power_cycle() {
 fn a_pack_that_is_enabled_shows_its_parameters_also_after_a_restart() {
     let mut bench = Bench::running(2482);
     let hidden = list(&mut bench);
-    assert_eq!(hidden.len(), 54);
+    assert_eq!(hidden.len(), 56);
     assert!(!hidden.contains_key("BATT9_VOLT_MULT"));
     bench.set("BATT9_VOLT_MULT", 11.0);
     bench.set("BATT9_MONITOR", 3.0);
     let shown = list(&mut bench);
-    assert_eq!((shown.len(), shown["BATT9_VOLT_MULT"]), (91, 11.0));
+    assert_eq!((shown.len(), shown["BATT9_VOLT_MULT"]), (93, 11.0));
     bench.run_for(SAVED_US);
     bench.reboot();
     assert_eq!(list(&mut bench), shown);
@@ -137,9 +137,9 @@ fn every_parameter_there_can_be_is_listed_without_holding_anything_up() {
     bench.run_for(4 * SECOND);
     let frames = bench.frames_since(from_us);
     let values = of_message(&frames, PARAM_VALUE);
-    assert_eq!(ParamValue(values[0]).count(), 350);
+    assert_eq!(ParamValue(values[0]).count(), 352);
     let indices: Vec<_> = values.iter().map(|frame| ParamValue(frame).index()).collect();
-    assert_eq!(indices, (0..350).collect::<Vec<_>>());
+    assert_eq!(indices, (0..352).collect::<Vec<_>>());
     for (message, count) in [(HEARTBEAT, 4), (SYS_STATUS, 8)] {
         assert!(
             of_message(&frames, message).len().abs_diff(count) <= 1,

@@ -15,7 +15,7 @@ const BETWEEN_SETS_US: u64 = 120 * MILLISECOND;
 
 const BOOT_US: u64 = 300 * MILLISECOND;
 
-/// Enough for a list: 54 parameters, with 30 % of 11520 bytes a second.
+/// Enough for a list: 56 parameters, with 30 % of 11520 bytes a second.
 const LIST_US: u64 = 1000 * MILLISECOND;
 
 /// So many sets fill a sector but for a few places, so that the fifty that follow go over into the next one.
