@@ -49,6 +49,18 @@ fn protected() -> Bench {
     bench
 }
 
+/// A board that signs and takes everything all the same.
+pub fn open_with_key() -> Bench {
+    const EVERYTHING: f32 = 2.0;
+    let mut bench = protected();
+    let request = station(&mut bench).sign(&param_set("SIGN_UART_ALLOW", EVERYTHING));
+    assert_eq!(
+        value_of(&bench.ask(&request), "SIGN_UART_ALLOW"),
+        Some(EVERYTHING)
+    );
+    bench
+}
+
 fn sets(bench: &mut Bench, frame: &[u8]) -> Option<f32> {
     value_of(&bench.ask(frame), "BATT_LOW_VOLT")
 }
@@ -60,7 +72,7 @@ fn times(frames: &[Frame]) -> Vec<u64> {
 }
 
 /// A ground station that has heard what the board sent last.
-fn station(bench: &mut Bench) -> Signer {
+pub fn station(bench: &mut Bench) -> Signer {
     let mut signer = Signer::new(OWNER);
     let heard = times(&bench.frames()).into_iter().max().expect("it sends");
     signer.timestamp = heard + 1;

@@ -3,6 +3,7 @@
 use crate::bench::{Bench, MILLISECOND, SECOND};
 use crate::bus_packs::{BUS, DIVIDER_CODE, nine};
 use crate::emulator::{AdcFault, LogLevel, ResetCause};
+use crate::signing;
 use crate::support::frames::{COMMAND_ACK, PARAM_VALUE, of_message};
 use crate::support::requests::{
     VEHICLE, command_int, command_long, command_long_2, ftp_open, manual_control, param_request_list,
@@ -25,9 +26,9 @@ const MANUAL: u32 = 0;
 /// IN1 of the left front motor.
 const MOTOR: usize = 18;
 
-/// Nine packs, each with a message of its own 50 times a second, on the fastest line there is.
+/// Nine packs, each with a message of its own 50 times a second, on the fastest line there is, all signed.
 fn busiest_board() -> Bench {
-    let mut bench = Bench::running(DIVIDER_CODE);
+    let mut bench = signing::open_with_key();
     nine::plug_in(&mut bench);
     for (name, value) in nine::MIXED {
         bench.set(name, value);
@@ -65,11 +66,13 @@ fn requests(round: u16) -> Vec<Vec<u8>> {
 
 /// Ground stations ask, and somebody drives.
 fn load_for(bench: &mut Bench, seconds: u16) {
+    let mut owner = signing::station(bench);
     for round in 0..seconds {
         for request in requests(round) {
             let now_us = bench.time_us();
-            let free_us = bench.uart_send(0, now_us, &request);
-            bench.uart_send(0, free_us, &manual_control(VEHICLE_ID, 200, 600));
+            let free_us = bench.uart_send(0, now_us, &owner.sign(&request));
+            let levers = owner.sign(&manual_control(VEHICLE_ID, 200, 600));
+            bench.uart_send(0, free_us, &levers);
             bench.run_for(100 * MILLISECOND);
         }
     }
@@ -97,7 +100,9 @@ fn three_tenths_of_the_stack_stay_free_under_the_heaviest_load() {
     load_for(&mut bench, 6);
     let is_driven = bench.pwm_output(MOTOR).is_some_and(|output| output.duty > 0.3);
     assert!(is_driven, "the motors stand");
-    let listed = of_message(&bench.frames_since(from_us), PARAM_VALUE).len();
+    let frames = bench.frames();
+    let values = of_message(&frames, PARAM_VALUE).into_iter();
+    let listed = values.filter(|frame| frame.at_us > from_us).count();
     assert!(listed > 300, "{listed} parameters were sent");
     assert_free(
         &mut bench,
