@@ -1,14 +1,15 @@
 //! Telling of a crash, in stepped time: from the heartbeat of a ground station to the wires.
 
+#[path = "support/line.rs"]
+mod line;
 mod support;
 
-use std::cell::{Cell, RefCell};
-use std::convert::Infallible;
+use std::cell::Cell;
 use std::future::pending;
 
 use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
-use embedded_io_async::{ErrorType, Write};
+use line::{BYTE_US, Line, Sent};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::liveness::CheckIn;
 use rover_battmon::mavlink::{LinkKind, Signing};
@@ -42,39 +43,15 @@ impl ByteSource for System {
     }
 }
 
-#[derive(Default)]
-struct Line(RefCell<Vec<(u64, u8)>>);
-
-impl Line {
-    /// What was said of crashes, and when.
-    fn texts(&self) -> Vec<(u64, String)> {
-        let sent = frames(&self.0.borrow());
-        let texts = of_message(&sent, STATUSTEXT);
-        texts
-            .iter()
-            .map(|frame| (frame.at_us, frame.text(1, 50)))
-            .filter(|(_, text)| text.starts_with("Crash"))
-            .collect()
-    }
-}
-
-impl ErrorType for &Line {
-    type Error = Infallible;
-}
-
-impl Write for &Line {
-    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        Timer::after_micros(87 * bytes.len() as u64).await;
-        let at_us = Instant::now().as_micros();
-        self.0
-            .borrow_mut()
-            .extend(bytes.iter().map(|byte| (at_us, *byte)));
-        Ok(bytes.len())
-    }
-
-    async fn flush(&mut self) -> Result<(), Infallible> {
-        Ok(())
-    }
+/// What was said of crashes, and when.
+fn texts(sent: &Sent) -> Vec<(u64, String)> {
+    let sent = frames(&sent.borrow());
+    let texts = of_message(&sent, STATUSTEXT);
+    texts
+        .iter()
+        .map(|frame| (frame.at_us, frame.text(1, 50)))
+        .filter(|(_, text)| text.starts_with("Crash"))
+        .collect()
 }
 
 /// When the crash was forgotten.
@@ -102,7 +79,7 @@ fn crash() -> CrashRecord {
 /// Ten seconds with a system of this kind on the first of two links from `from_us` on.
 fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<(u64, String)>; 2] {
     let check_in = CheckIn::new("", u32::MAX);
-    let (near, far) = (Line::default(), Line::default());
+    let (near, far) = (Sent::default(), Sent::default());
     let system = System {
         kind,
         next_at_us: from_us,
@@ -110,7 +87,11 @@ fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<(u64, String)>; 2] {
     clock::run_for(Duration::from_secs(10), async {
         let shared = Shared::new(&Parameters::defaults(), Signing::off());
         let [first, second] = ["first", "second"].map(|name| Link::new(name, LinkKind::Radio, 11_520));
-        let serve = async |link, line| {
+        let serve = async |link, sent| {
+            let line = Line {
+                byte_us: BYTE_US,
+                sent,
+            };
             join(
                 schedule_telemetry(&shared, link, &check_in),
                 write_frames(line, &shared, link, &check_in),
@@ -128,7 +109,7 @@ fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<(u64, String)>; 2] {
         )
         .await
     });
-    [near.texts(), far.texts()]
+    [&near, &far].map(texts)
 }
 
 #[test]

@@ -1,14 +1,15 @@
 //! The tasks on a desk, in stepped time: from conversions of a converter to frames on a wire.
 
+#[path = "support/line.rs"]
+mod line;
 mod support;
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
-use std::convert::Infallible;
 
 use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
-use embedded_io_async::{ErrorType, Write};
+use line::Line;
 use rover_battmon::battery::{ReadError, RetainedRecord};
 use rover_battmon::liveness::CheckIn;
 use rover_battmon::mavlink::dialect::MavSeverity;
@@ -44,31 +45,6 @@ impl AnalogIn for StallingConverter {
             std::future::pending::<()>().await;
         }
         Ok(AdcCount(2482))
-    }
-}
-
-/// A serial line that takes `byte_us` for each byte.
-struct Line<'a> {
-    byte_us: u64,
-    sent: &'a RefCell<Vec<(u64, u8)>>,
-}
-
-impl ErrorType for Line<'_> {
-    type Error = Infallible;
-}
-
-impl Write for Line<'_> {
-    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        Timer::after_micros(self.byte_us * bytes.len() as u64).await;
-        let at_us = Instant::now().as_micros();
-        self.sent
-            .borrow_mut()
-            .extend(bytes.iter().map(|byte| (at_us, *byte)));
-        Ok(bytes.len())
-    }
-
-    async fn flush(&mut self) -> Result<(), Infallible> {
-        Ok(())
     }
 }
 

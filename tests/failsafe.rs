@@ -1,14 +1,15 @@
 //! A rover whose battery or driver fails, in stepped time: from the converter to the motors and the wire.
 
+#[path = "support/line.rs"]
+mod line;
 mod support;
 
 use std::cell::RefCell;
-use std::convert::Infallible;
 
 use embassy_futures::join::join4;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
-use embedded_io_async::{ErrorType, Write};
+use line::{BYTE_US, Line};
 use rover_battmon::battery::{ReadError, RetainedRecord};
 use rover_battmon::liveness::CheckIn;
 use rover_battmon::mavlink::{LinkKind, Signing};
@@ -154,27 +155,6 @@ impl Indicators for Lamps<'_> {
     }
 }
 
-struct Line<'a>(&'a RefCell<Vec<(u64, u8)>>);
-
-impl ErrorType for Line<'_> {
-    type Error = Infallible;
-}
-
-impl Write for Line<'_> {
-    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        Timer::after_micros(87 * bytes.len() as u64).await;
-        let at_us = Instant::now().as_micros();
-        self.0
-            .borrow_mut()
-            .extend(bytes.iter().map(|byte| (at_us, *byte)));
-        Ok(bytes.len())
-    }
-
-    async fn flush(&mut self) -> Result<(), Infallible> {
-        Ok(())
-    }
-}
-
 fn run(seconds: u64, scenario: &Scenario<'_>) -> Outcome {
     let check_in = CheckIn::new("", u32::MAX);
     let mut parameters = Parameters::defaults();
@@ -206,7 +186,15 @@ fn run(seconds: u64, scenario: &Scenario<'_>) -> Outcome {
             schedule_telemetry(&shared, &link, &check_in),
             select(
                 read_frames(driver, &shared, &link, &check_in),
-                write_frames(Line(&sent), &shared, &link, &check_in),
+                write_frames(
+                    Line {
+                        byte_us: BYTE_US,
+                        sent: &sent,
+                    },
+                    &shared,
+                    &link,
+                    &check_in,
+                ),
             ),
         )
         .await

@@ -1,7 +1,7 @@
 //! How deep the stack gets, interrupts included, when everything happens at once.
 
 use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::bus_packs::{BUS, DIVIDER_CODE, nine};
+use crate::bus_packs::{BUS, nine};
 use crate::emulator::{AdcFault, LogLevel, ResetCause};
 use crate::signing;
 use crate::support::frames::{COMMAND_ACK, PARAM_VALUE, of_message};
