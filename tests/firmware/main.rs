@@ -28,3 +28,4 @@ mod stack;
 mod storage_faults;
 mod stories;
 mod telemetry;
+mod time_wrap;
