@@ -24,6 +24,7 @@ mod pulses_and_esc;
 mod rover;
 mod sampling;
 mod slow_link;
+mod soak;
 mod stack;
 mod storage_faults;
 mod stories;
