@@ -26,6 +26,11 @@ use super::rtt::RttWatch;
 use super::spi::Spi;
 use super::uart::{BitTime, Uart};
 
+pub(super) const STACK_POINTER: usize = 13;
+
+/// What no program writes by chance into many words in a row.
+const STACK_PAINT: u32 = 0x5ac3_7e19;
+
 /// The emulated board.
 pub struct Board {
     pub(super) cpu: Cpu,
@@ -303,9 +308,22 @@ impl Board {
             .saturating_sub(self.lowest_stack_pointer)
     }
 
-    /// Look for the deepest stack anew from here on.
+    /// How many bytes of the firmware's stack hold something else than the paint of the last
+    /// [`Self::forget_stack_use`], counted from the deepest. What was reserved and not written does not show.
+    pub fn stack_painted_over_bytes(&self) -> u32 {
+        let (end, start) = (self.symbol("_stack_end"), self.symbol("_stack_start"));
+        let deepest = (end..start)
+            .step_by(4)
+            .find(|address| self.read_word(*address) != STACK_PAINT);
+        start - deepest.unwrap_or(start)
+    }
+
+    /// Look for the deepest stack anew from here on, and paint what is free of it now.
     pub fn forget_stack_use(&mut self) {
         self.lowest_stack_pointer = u32::MAX;
+        for address in (self.symbol("_stack_end")..self.register(STACK_POINTER)).step_by(4) {
+            self.write_memory(address, &STACK_PAINT.to_le_bytes());
+        }
     }
 
     /// Room for the firmware's stack.

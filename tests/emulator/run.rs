@@ -1,10 +1,11 @@
 //! The scheduler: instructions while the processor is awake, a jump to the next event while it
 //! sleeps.
 
-use super::board::Board;
+use super::board::{Board, STACK_POINTER};
+use super::boot_rom;
 use super::clock::{Cycle, cycles};
 
-const STACK_POINTER: usize = 13;
+const PROGRAM_COUNTER: usize = 15;
 
 /// How often, at least, a condition given to [`Board::run_until`] is looked at.
 const CONDITION_INTERVAL: Cycle = cycles(10);
@@ -98,7 +99,13 @@ impl Board {
 
     fn execute(&mut self, end: Cycle) {
         while self.bus.now < end && !self.bus.attention && self.cpu.is_running() {
-            self.bus.now += self.cpu.step(&mut self.bus);
+            let pc = self.register(PROGRAM_COUNTER);
+            let taken = self.cpu.step(&mut self.bus);
+            self.bus.now += taken;
+            if self.register(PROGRAM_COUNTER) == pc && !boot_rom::is_function(pc) {
+                // A branch to itself: nothing comes of it until the next event.
+                self.bus.now += end.saturating_sub(self.bus.now).div_ceil(taken) * taken;
+            }
             self.lowest_stack_pointer = self.lowest_stack_pointer.min(self.register(STACK_POINTER));
             if self.bus.rtt.written {
                 self.drain_log();

@@ -2,7 +2,7 @@
 
 use super::adc::AdcInput;
 use super::bench::*;
-use super::thumb::{BX_LR, STACK_TOP, WFI, back, board, idle_board, pop, push};
+use super::thumb::{BX_LR, HANG, STACK_TOP, WFI, adds, back, board, idle_board, pop, push};
 
 #[test]
 fn cutting_a_run_into_pieces_changes_nothing() {
@@ -42,6 +42,18 @@ fn run_until_stops_when_the_condition_holds_or_the_time_is_up() {
     let before = board.time_us();
     assert!(!board.run_until(50, |_| false));
     assert!((board.time_us() - before).abs_diff(50) <= 1);
+}
+
+#[test]
+fn a_branch_to_itself_costs_time_and_no_instructions() {
+    let mut board = board(&[HANG], &[(16 + 26, &[adds(7, 1), BX_LR])]);
+    board.set_register(7, 0);
+    board.run_for(1_000_000);
+    pend_line_26(&mut board);
+    board.run_for(10);
+    assert_eq!(board.register(7), 1, "interrupts are taken");
+    assert!(board.instructions() < 100, "{}", board.instructions());
+    assert!(board.awake_cycles() >= 125_000_000, "{}", board.awake_cycles());
 }
 
 #[test]

@@ -1,63 +1,15 @@
 //! A line full of garbage, with requests in it.
 
 use crate::bench::{Bench, SECOND};
-use crate::support::frames::{Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, encode_v2, of_message};
-use crate::support::requests::{command_long, param_read_by_index, param_set};
+use crate::emulator::Random;
+use crate::soak::hostile::hostile;
+use crate::support::frames::{Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message};
+use crate::support::requests::param_set;
 
 const MINUTES: u64 = 10;
 const LINE_BYTES_PER_SECOND: usize = 11_520;
 /// A response that has not come after this long is asked for again.
 const TRIES: usize = 2;
-
-/// A small generator: the same garbage in every run.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() % end as u64) as usize
-    }
-}
-
-/// A piece of what a parser may meet.
-fn piece(random: &mut Random) -> Vec<u8> {
-    let some_frame = [
-        param_set("SR0_EXTRA1", 50.0),
-        command_long(246, 1.0),
-        param_read_by_index(1),
-    ];
-    let mut frame = some_frame[random.below(3)].clone();
-    match random.below(6) {
-        0 => vec![0xfd; 1 + random.below(400)],
-        1 => vec![0xfe; 1 + random.below(40)],
-        2 => {
-            frame.truncate(1 + random.below(frame.len() - 1));
-            frame
-        }
-        3 => {
-            // Never the payload alone by a value that is right again: the checksum itself is wrong.
-            let last = frame.len() - 1;
-            frame[last] ^= 1 + random.below(255) as u8;
-            frame
-        }
-        4 => {
-            // A message of another dialect: nobody here knows its checksum.
-            let mut unknown = encode_v2(COMMON_MESSAGE, &[1; 40]);
-            unknown[7..10].copy_from_slice(&[0x10, 0x27, 0]);
-            unknown
-        }
-        _ => (0..random.below(300)).map(|_| random.next() as u8).collect(),
-    }
-}
-
-/// Any message the tests can encode.
-const COMMON_MESSAGE: u32 = 253;
 
 /// A second of line time with `request` somewhere in it.
 fn second_of_noise(random: &mut Random, request: &[u8]) -> Vec<u8> {
@@ -69,7 +21,7 @@ fn second_of_noise(random: &mut Random, request: &[u8]) -> Vec<u8> {
             noise.extend(request);
             requested = true;
         }
-        noise.extend(piece(random));
+        noise.extend(hostile(random));
     }
     noise.resize(LINE_BYTES_PER_SECOND, 0);
     noise
@@ -86,7 +38,7 @@ fn answers(bench: &mut Bench, since_us: u64) -> Vec<Frame> {
 #[test]
 fn ten_minutes_of_garbage_at_line_rate_lose_no_tick_and_no_request() {
     let mut bench = Bench::power_up(2482);
-    let mut random = Random(0x5eed);
+    let mut random = Random::new(0x5eed);
     bench.run_for(SECOND);
     let (mut conversions, mut repeated) = (0, 0);
     bench.take_adc_record();

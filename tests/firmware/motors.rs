@@ -7,8 +7,8 @@ use crate::elf::{Artifact, build};
 use crate::emulator::{Board, Firmware};
 
 /// The pins that are IN1 and IN2 of the motors' drivers, left front, left rear, right rear and right front.
-const LEFT: [(usize, usize); 2] = [(18, 19), (20, 21)];
-const RIGHT: [(usize, usize); 2] = [(7, 6), (9, 8)];
+pub const LEFT: [(usize, usize); 2] = [(18, 19), (20, 21)];
+pub const RIGHT: [(usize, usize); 2] = [(7, 6), (9, 8)];
 const BUZZER: usize = 2;
 const LAMPS: usize = 16;
 

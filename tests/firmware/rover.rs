@@ -6,11 +6,11 @@ use crate::support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, of_message};
 use crate::support::requests::{arm, disarm, manual_control, set_mode};
 
 /// IN1 and IN2 of the motors' drivers: left front, left rear, right rear, right front.
-const MOTORS: [(usize, usize); 4] = [(18, 19), (20, 21), (7, 6), (9, 8)];
+pub const MOTORS: [(usize, usize); 4] = [(18, 19), (20, 21), (7, 6), (9, 8)];
 
-const VEHICLE_ID: u8 = 1;
-const CUSTOM_MODE_ENABLED: u8 = 1;
-const MANUAL: u32 = 0;
+pub const VEHICLE_ID: u8 = 1;
+pub const CUSTOM_MODE_ENABLED: u8 = 1;
+pub const MANUAL: u32 = 0;
 const ACCEPTED: u8 = 0;
 const FAILED: u8 = 4;
 
@@ -22,23 +22,23 @@ const CYCLES_PER_US: u64 = 125;
 const CURRENT_SENSOR: usize = 1;
 
 /// Three LiPo cells at 3.8 V, and at 3.2 V.
-const GOOD_3S: u16 = 3582;
-const FLAT_3S: u16 = 3016;
+pub const GOOD_3S: u16 = 3582;
+pub const FLAT_3S: u16 = 3016;
 
-fn pins() -> impl Iterator<Item = usize> {
+pub fn pins() -> impl Iterator<Item = usize> {
     MOTORS.into_iter().flat_map(|(in1, in2)| [in1, in2])
 }
 
-fn duty(bench: &Bench, pin: usize) -> f64 {
+pub fn duty(bench: &Bench, pin: usize) -> f64 {
     bench.pwm_output(pin).map_or(0.0, |output| output.duty)
 }
 
-fn is_coasting(bench: &Bench) -> bool {
+pub fn is_coasting(bench: &Bench) -> bool {
     pins().all(|pin| bench.pin_level(pin) != Some(true) && duty(bench, pin) == 0.0)
 }
 
 /// Lets time pass with a hand on the lever.
-fn drive_for(bench: &mut Bench, time_us: u64, throttle: i16) {
+pub fn drive_for(bench: &mut Bench, time_us: u64, throttle: i16) {
     for _ in 0..time_us / (100 * MILLISECOND) {
         let now_us = bench.time_us();
         bench.uart_send(0, now_us, &manual_control(VEHICLE_ID, 0, throttle));

@@ -29,6 +29,8 @@ const MOTOR: usize = 18;
 /// Nine packs, each with a message of its own 50 times a second, on the fastest line there is, all signed.
 fn busiest_board() -> Bench {
     let mut bench = signing::open_with_key();
+    // The restart at the end is the start that is looked at.
+    bench.forget_stack_use();
     nine::plug_in(&mut bench);
     for (name, value) in nine::MIXED {
         bench.set(name, value);
@@ -81,11 +83,18 @@ fn load_for(bench: &mut Bench, seconds: u16) {
 /// Panics unless enough of the stack stayed free since the last call.
 fn assert_free(bench: &mut Bench, during: &str) {
     let (used, room) = (bench.stack_used_bytes(), bench.stack_bytes());
+    let written = bench.stack_painted_over_bytes();
     let free_percent = 100 * room.saturating_sub(used) / room;
-    println!("{used:6} of {room} bytes of stack used, {free_percent} % free: {during}");
+    println!(
+        "{used:6} of {room} bytes of stack used, {written:6} of them written, {free_percent} % free: {during}"
+    );
     assert!(
         free_percent >= FREE_PERCENT,
         "{used} of {room} bytes used: {during}"
+    );
+    assert!(
+        (1..=used).contains(&written),
+        "{written} bytes written below the stack pointer"
     );
     bench.forget_stack_use();
 }

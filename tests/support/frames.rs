@@ -142,12 +142,28 @@ fn crc_extra(message_id: u32) -> u8 {
 
 /// A ground station's MAVLink 2 frame (system 255, component 190).
 pub fn encode_v2(message_id: u32, payload: &[u8]) -> Vec<u8> {
+    encode_v2_with_flags(0, message_id, payload)
+}
+
+/// The same with incompatibility flags.
+pub fn encode_v2_with_flags(flags: u8, message_id: u32, payload: &[u8]) -> Vec<u8> {
     let used = payload
         .iter()
         .rposition(|byte| *byte != 0)
         .map_or(1, |last| last + 1);
     let id = message_id.to_le_bytes();
-    let mut frame = vec![START_OF_FRAME, used as u8, 0, 0, 0, 255, 190, id[0], id[1], id[2]];
+    let mut frame = vec![
+        START_OF_FRAME,
+        used as u8,
+        flags,
+        0,
+        0,
+        255,
+        190,
+        id[0],
+        id[1],
+        id[2],
+    ];
     frame.extend(&payload[..used]);
     append_checksum(&mut frame);
     frame

@@ -1,0 +1,175 @@
+//! What a board must not act upon: garbage, frames that are damaged, that are for others, or that ask for what there is
+//! not.
+//!
+//! Left out is what a ground station may do: on a link without signing nobody can tell it from a hostile one. That includes
+//! RADIO_STATUS, which slows telemetry down, and a HEARTBEAT of a ground station.
+
+use crate::emulator::Random;
+use crate::support::frames::{
+    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MANUAL_CONTROL, PARAM_REQUEST_LIST,
+    PARAM_REQUEST_READ, PARAM_SET, PING, RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE, TIMESYNC,
+    encode_v1, encode_v2, encode_v2_with_flags,
+};
+use crate::support::requests::{
+    VEHICLE, arm, command_int, command_long, ftp_open, heartbeat, manual_control, param_read_by_name,
+    param_set, param_set_payload, set_mode,
+};
+
+/// What is sent.
+#[derive(Clone, Copy, Debug)]
+enum Hostile {
+    /// Any bytes.
+    Garbage,
+    /// Bytes that each begin a frame.
+    Starts,
+    /// A request that ends too soon.
+    Truncated,
+    /// A request whose length is another than it says.
+    WrongLength,
+    /// A request with a wrong checksum.
+    WrongChecksum,
+    /// A request with an incompatibility flag that nobody knows.
+    UnknownFlag,
+    /// A message that nobody knows.
+    UnknownMessage,
+    /// Any payload, sound in itself, for another system.
+    ForAnother,
+    /// A request to this board for what it does not have, or with values that it refuses.
+    Nonsense,
+}
+
+const ALL: [Hostile; 9] = [
+    Hostile::Garbage,
+    Hostile::Starts,
+    Hostile::Truncated,
+    Hostile::WrongLength,
+    Hostile::WrongChecksum,
+    Hostile::UnknownFlag,
+    Hostile::UnknownMessage,
+    Hostile::ForAnother,
+    Hostile::Nonsense,
+];
+
+/// Bytes that have to leave a board as it is.
+pub fn hostile(random: &mut Random) -> Vec<u8> {
+    match random.pick(&ALL) {
+        Hostile::Garbage => garbage(random, 300),
+        Hostile::Starts => vec![random.pick(&[0xfd, 0xfe]); 1 + random.below(300)],
+        Hostile::Truncated => {
+            let mut frame = request(random);
+            // Not the checksum alone, which what follows could happen to complete.
+            frame.truncate(1 + random.below(frame.len() - 1 - CHECKSUM_BYTES));
+            frame
+        }
+        Hostile::WrongLength => {
+            let mut frame = request(random);
+            frame[LENGTH_AT] ^= 1 + random.below(255) as u8;
+            frame
+        }
+        Hostile::WrongChecksum => {
+            let mut frame = request(random);
+            let last = frame.len() - 1;
+            frame[last] ^= 1 + random.below(255) as u8;
+            frame
+        }
+        Hostile::UnknownFlag => {
+            let payload = param_set_payload(VEHICLE, "SR0_EXTRA1", 50.0);
+            encode_v2_with_flags(2 << random.below(7), PARAM_SET, &payload)
+        }
+        Hostile::UnknownMessage => {
+            let mut frame = encode_v2(HEARTBEAT, &garbage(random, 255));
+            frame[MESSAGE_ID_AT..MESSAGE_ID_AT + 3].copy_from_slice(&UNKNOWN_MESSAGE);
+            frame
+        }
+        Hostile::ForAnother => for_another(random),
+        Hostile::Nonsense => nonsense(random),
+    }
+}
+
+/// Places in a MAVLink 2 frame.
+const LENGTH_AT: usize = 1;
+const MESSAGE_ID_AT: usize = 7;
+const PAYLOAD_AT: usize = 10;
+const CHECKSUM_BYTES: usize = 2;
+
+const UNKNOWN_MESSAGE: [u8; 3] = [0x10, 0x27, 0];
+
+const ANOTHER: u8 = 42;
+
+fn garbage(random: &mut Random, longest: usize) -> Vec<u8> {
+    let mut bytes = vec![0; 1 + random.below(longest)];
+    random.fill(&mut bytes);
+    bytes
+}
+
+/// What would do harm if it were taken.
+fn request(random: &mut Random) -> Vec<u8> {
+    match random.below(6) {
+        0 => param_set("BATT_VOLT_MULT", 9.0),
+        1 => param_set("SR0_EXTRA1", 50.0),
+        2 => command_long(PREFLIGHT_REBOOT, 1.0),
+        3 => arm(),
+        4 => set_mode(1, 1, 0),
+        _ => manual_control(1, -900, 900),
+    }
+}
+
+const PREFLIGHT_REBOOT: u16 = 246;
+
+/// Message, length of its payload, and where the system is that it is for.
+const TARGETED: [(u32, usize, usize); 12] = [
+    (PING, 14, 12),
+    (SET_MODE, 6, 4),
+    (PARAM_REQUEST_READ, 20, 2),
+    (PARAM_REQUEST_LIST, 2, 0),
+    (PARAM_SET, 23, 4),
+    (REQUEST_DATA_STREAM, 6, 2),
+    (MANUAL_CONTROL, 11, 10),
+    (RC_CHANNELS_OVERRIDE, 18, 16),
+    (COMMAND_INT, 35, 30),
+    (COMMAND_LONG, 33, 30),
+    (FILE_TRANSFER_PROTOCOL, 254, 1),
+    (TIMESYNC, 18, 16),
+];
+
+/// Any payload, or one that would do harm.
+fn for_another(random: &mut Random) -> Vec<u8> {
+    let (message, mut payload) = match random.below(2) {
+        0 => (random.pick(&TARGETED).0, garbage(random, 255)),
+        _ => {
+            let frame = request(random);
+            let payload = &frame[PAYLOAD_AT..frame.len() - CHECKSUM_BYTES];
+            (u32::from(frame[MESSAGE_ID_AT]), payload.to_vec())
+        }
+    };
+    let place = TARGETED.iter().find(|(targeted, ..)| *targeted == message);
+    let (_, length, target_at) = *place.expect("it has a target");
+    payload.resize(length, 0);
+    payload[target_at] = ANOTHER;
+    // In MAVLink 1 a TIMESYNC is for everyone.
+    if random.below(2) == 0 && message != TIMESYNC {
+        encode_v1(message, &payload)
+    } else {
+        encode_v2(message, &payload)
+    }
+}
+
+fn nonsense(random: &mut Random) -> Vec<u8> {
+    match random.below(8) {
+        0 => param_set(
+            "BATT_VOLT_MULT",
+            random.pick(&[f32::NAN, f32::INFINITY, -1e30, 1e30]),
+        ),
+        1 => param_set("NO_SUCH_NAME", 1.0),
+        2 => param_read_by_name("NO_SUCH_NAME"),
+        3 => command_long(UNKNOWN_COMMANDS + random.below(500) as u16, f32::NAN),
+        4 => command_int(UNKNOWN_COMMANDS + random.below(500) as u16, -1e30),
+        5 => set_mode(1, 1, 1000 + random.below(1000) as u32),
+        6 => ftp_open(random.below(1000) as u16, "../../etc"),
+        // A camera's, an antenna tracker's and so on, and not a ground station's.
+        _ => heartbeat(random.pick(&[0, 1, 5, 7, 26, 30, 255])),
+    }
+}
+
+/// Far from those there are.
+const UNKNOWN_COMMANDS: u16 = 65_000;

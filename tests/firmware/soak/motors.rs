@@ -1,0 +1,191 @@
+//! What the motors do, from every change at their pins, held against what the driver has ordered.
+
+use std::collections::VecDeque;
+
+use crate::bench::{Bench, MILLISECOND};
+use crate::motors::{LEFT, RIGHT};
+
+const CYCLES_PER_US: u64 = 125;
+
+/// What the start of a frame among garbage has swallowed is found 293 bytes later, and a driver sends 400 a second.
+const SWALLOWED_MS: u64 = 730;
+
+/// FS_TIMEOUT, and on top of it: what garbage may hold a lever up; an erase of the flash; a tick of the drive task.
+const LEVER_US: u64 = (1_500 + SWALLOWED_MS + 45 + 20) * MILLISECOND;
+
+/// A HEARTBEAT that was built before the order to arm was found may still say "disarmed".
+const ORDER_US: u64 = (SWALLOWED_MS + 50) * MILLISECOND;
+
+/// A share of the power is rounded to steps of the PWM.
+const ROUNDING: f64 = 0.01;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Motion {
+    Coast,
+    Brake,
+    /// With this share of the power, ahead if positive.
+    Turn(f64),
+}
+
+impl Motion {
+    /// What a motor does whose driver has these duties at its inputs.
+    fn of(in1: f64, in2: f64) -> Self {
+        match (in1, in2) {
+            (0.0, 0.0) => Self::Coast,
+            (1.0, 1.0) => Self::Brake,
+            (power, 0.0) => Self::Turn(power),
+            (0.0, power) => Self::Turn(-power),
+            both => panic!("pulses at both inputs of a motor: {both:?}"),
+        }
+    }
+}
+
+/// What the driver has ordered.
+#[derive(Default)]
+pub struct Orders {
+    /// When the order to arm was sent last; `None` while the rover has to be disarmed.
+    armed_us: Option<u64>,
+    /// Shares of the power for the left and the right side, latest last.
+    levers: VecDeque<(u64, [f64; 2])>,
+}
+
+impl Orders {
+    /// The order to arm is sent.
+    pub fn arm(&mut self, at_us: u64) {
+        self.armed_us = Some(at_us);
+    }
+
+    /// A reset: nothing that was ordered before counts.
+    pub fn forget(&mut self) {
+        *self = Self::default();
+    }
+
+    /// A control message is sent.
+    pub fn lever(&mut self, at_us: u64, powers: [f64; 2]) {
+        let is_old = |(sent_us, _): &(u64, _)| sent_us + LEVER_US < at_us;
+        while self.levers.front().is_some_and(is_old) {
+            self.levers.pop_front();
+        }
+        self.levers.push_back((at_us, powers));
+    }
+
+    /// A HEARTBEAT that says whether the rover is armed. Panics if it must not be.
+    pub fn told(&mut self, says: Says, at_us: u64) {
+        match says {
+            Says::Armed => assert!(self.armed_us.is_some(), "armed without an order"),
+            Says::Disarmed if self.armed_us.is_some_and(|sent_us| sent_us + ORDER_US < at_us) => {
+                self.armed_us = None;
+            }
+            Says::Disarmed => {}
+        }
+    }
+
+    /// The age of the lever by which a side may move so.
+    fn permit(&self, side: usize, motion: Motion, at_us: u64) -> Option<u64> {
+        let power = match motion {
+            Motion::Coast => return Some(0),
+            Motion::Brake => return self.armed_us.map(|_| 0),
+            Motion::Turn(power) => power,
+        };
+        self.armed_us?;
+        let fits = |ordered: f64| power * ordered > 0.0 && power.abs() <= ordered.abs() + ROUNDING;
+        let mut ages = self.levers.iter().rev().filter(|(_, powers)| fits(powers[side]));
+        let age_us = ages.next().map(|(sent_us, _)| at_us.saturating_sub(*sent_us));
+        age_us.filter(|age_us| *age_us <= LEVER_US)
+    }
+}
+
+/// What a HEARTBEAT says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Says {
+    Armed,
+    Disarmed,
+}
+
+/// A change at a pin.
+pub struct Change {
+    pub at_us: u64,
+    motor: usize,
+    input: usize,
+    duty: f64,
+}
+
+/// The motors, and what was seen of them.
+#[derive(Default)]
+pub struct Motors {
+    /// The duties at IN1 and IN2, of the motors left front, left rear, right rear and right front.
+    duties: [[f64; 2]; 4],
+    /// Changes that were looked at.
+    pub changes: u64,
+    /// The oldest lever that a motor was turned by.
+    pub oldest_lever_us: u64,
+    /// When one was seen to turn last.
+    pub turned_us: Option<u64>,
+}
+
+fn pins() -> impl Iterator<Item = (usize, usize, usize)> {
+    let motors = LEFT.into_iter().chain(RIGHT).enumerate();
+    motors.flat_map(|(motor, (in1, in2))| [(motor, 0, in1), (motor, 1, in2)])
+}
+
+impl Motors {
+    pub fn record(bench: &mut Bench) {
+        pins().for_each(|(_, _, pin)| bench.record_pin(pin));
+    }
+
+    /// Looks at changes. Panics if a motor does what nobody has ordered.
+    pub fn check(&mut self, changes: &[Change], orders: &Orders) {
+        for (place, change) in changes.iter().enumerate() {
+            self.duties[change.motor][change.input] = change.duty;
+            let is_whole = changes
+                .get(place + 1)
+                .is_none_or(|next| next.at_us > change.at_us);
+            if is_whole {
+                self.assert_ordered(orders, change.at_us);
+            }
+        }
+        self.changes += changes.len() as u64;
+    }
+
+    /// Panics if a motor does now what nobody has ordered. Returns the age of the oldest lever that one is turned by.
+    pub fn assert_ordered(&mut self, orders: &Orders, at_us: u64) -> u64 {
+        let mut oldest_us = 0;
+        for (motor, [in1, in2]) in self.duties.into_iter().enumerate() {
+            let motion = Motion::of(in1, in2);
+            let age_us = orders.permit(motor / 2, motion, at_us);
+            let age_us =
+                age_us.unwrap_or_else(|| panic!("motor {motor} at {at_us} us: {motion:?}, not ordered"));
+            oldest_us = oldest_us.max(age_us);
+            if let Motion::Turn(_) = motion {
+                self.turned_us = Some(at_us);
+            }
+        }
+        self.oldest_lever_us = self.oldest_lever_us.max(oldest_us);
+        oldest_us
+    }
+
+    /// All changes since the last time, in their order.
+    pub fn take_changes(bench: &mut Bench) -> Vec<Change> {
+        let mut changes = Vec::new();
+        for (motor, input, pin) in pins() {
+            let edges = bench.take_edges(pin);
+            assert!(
+                edges.iter().all(|(_, level)| !level),
+                "GP{pin} is high, and not by the PWM"
+            );
+            changes.extend(
+                bench
+                    .take_pwm_changes(pin)
+                    .into_iter()
+                    .map(|(at, output)| Change {
+                        at_us: at / CYCLES_PER_US,
+                        motor,
+                        input,
+                        duty: output.map_or(0.0, |output| output.duty),
+                    }),
+            );
+        }
+        changes.sort_by_key(|change| change.at_us);
+        changes
+    }
+}

@@ -1,0 +1,244 @@
+//! A board with four packs, a ground station with a driver, and the line between them.
+
+use std::collections::BTreeMap;
+
+use super::fault::Fault;
+use super::hostile::hostile;
+use super::ledger::Ledger;
+use super::line::{Condition, Line};
+use super::motors::{Motors, Orders};
+use super::packs::{self, Packs};
+use super::receiver::Receiver;
+use super::station::Station;
+use super::tally::Tally;
+use crate::bench::{Bench, MILLISECOND, SECOND, value_of};
+use crate::emulator::Random;
+use crate::support::requests::{VEHICLE, param_read_by_name, param_request_list, ping};
+
+/// What the ground station sets: nothing that anything else depends on.
+const SET: [&str; 6] = [
+    "BATT_SERIAL_NUM",
+    "BATT2_SERIAL_NUM",
+    "BATT3_SERIAL_NUM",
+    "BATT4_SERIAL_NUM",
+    "BATT_CAPACITY",
+    "BATT2_CAPACITY",
+];
+
+const STEP_US: u64 = 100 * MILLISECOND;
+const BAUD: u32 = 115_200;
+
+/// The line carries 1152 bytes in a step; the last hostile frames are longer than there is room for, and the station sends, too.
+const FLOOD_BYTES: usize = 800;
+
+/// The sequence number of the rig's own PINGs; those of the station have another.
+pub(super) const PROBE: u32 = 77;
+
+/// A request that was not answered is repeated.
+const TRIES: usize = 5;
+
+/// Enough for 165 parameters and for the hostile frames that are still on their way.
+const LIST_STEPS: usize = 50;
+
+pub struct Rig {
+    pub bench: Bench,
+    pub random: Random,
+    pub line: Line,
+    pub packs: Packs,
+    pub ledger: Ledger,
+    pub station: Station,
+    pub tally: Tally,
+    pub(super) orders: Orders,
+    pub(super) motors: Motors,
+    pub(super) receiver: Receiver,
+    /// What was told of the parameters last.
+    pub(super) told: BTreeMap<String, f32>,
+    /// The last HEARTBEAT, or the start.
+    pub(super) alive_us: u64,
+    /// The first HEARTBEAT since news are expected, and the first answer to one of [`Self::probe`]'s.
+    pub(super) heard_us: Option<u64>,
+    pub(super) answered_us: Option<u64>,
+    /// Resets that were caused so far.
+    pub(super) resets: usize,
+    /// Of the program, since a start that was asked for.
+    pub(super) crashes: u32,
+    /// Since when there has been no fault.
+    pub(super) calm_since_us: Option<u64>,
+}
+
+impl Rig {
+    /// A board that runs, with its packs plugged in and everything right.
+    pub fn new(seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let mut another = || Random::new(random.next_u64());
+        let (line, packs) = (Line::new(another()), Packs::new(another()));
+        let station = Station::new(another(), 4 * SECOND);
+        let mut bench = Bench::power_up_seeded(0, random.next_u64());
+        packs.plug_in(&mut bench);
+        bench.run_for(SECOND);
+        for (name, value) in packs::PARAMETERS {
+            bench.set(name, value);
+        }
+        // So that a lever is obeyed at once, and a list is over soon.
+        bench.set("MOT_SLEWRATE", 0.0);
+        bench.set("SR0_PARAMS", 50.0);
+        bench.reboot();
+        let mut ledger = Ledger::default();
+        for name in SET {
+            let answers = bench.ask(&param_read_by_name(name));
+            ledger.add(name, value_of(&answers, name).expect("there is one"));
+        }
+        let mut rig = Self {
+            line,
+            packs,
+            ledger,
+            station,
+            tally: Tally::default(),
+            orders: Orders::default(),
+            motors: Motors::default(),
+            receiver: Receiver::default(),
+            told: BTreeMap::new(),
+            alive_us: 0,
+            heard_us: None,
+            answered_us: None,
+            resets: bench.resets().len(),
+            crashes: 0,
+            calm_since_us: None,
+            random,
+            bench,
+        };
+        rig.start();
+        rig
+    }
+
+    /// Begins to look at the board, from its next start on.
+    fn start(&mut self) {
+        Motors::record(&mut self.bench);
+        self.bench.uart(0).take_sent();
+        self.bench.take_flash_operations();
+        self.suffer(Fault::RunPin);
+        self.tally = Tally::default();
+    }
+
+    pub fn now_us(&self) -> u64 {
+        self.bench.time_us()
+    }
+
+    /// Lets a tenth of a second pass, in which the station sends what it wants to.
+    pub fn step(&mut self) {
+        self.send_messages();
+        self.bench.run_for(STEP_US);
+        self.look();
+    }
+
+    /// Lets time pass, in steps.
+    pub fn run_for(&mut self, time_us: u64) {
+        let end_us = self.now_us() + time_us;
+        while self.now_us() < end_us {
+            self.step();
+        }
+    }
+
+    pub fn send_messages(&mut self) {
+        let now_us = self.now_us();
+        let messages = self.station.messages(now_us, &mut self.orders, &mut self.ledger);
+        let behind = self.random.below(FLOOD_BYTES);
+        self.flood(FLOOD_BYTES - behind);
+        for message in messages {
+            self.send(&message);
+        }
+        self.flood(behind);
+    }
+
+    /// Hostile frames of about so many bytes, if the line is shared.
+    fn flood(&mut self, bytes: usize) {
+        let mut sent = 0;
+        while self.line.condition == Condition::Shared && sent < bytes {
+            let piece = hostile(&mut self.random);
+            sent += piece.len();
+            self.tally.hostile_pieces += 1;
+            self.send(&piece);
+        }
+    }
+
+    /// Sends over the line as it is.
+    pub fn send(&mut self, message: &[u8]) {
+        let now_us = self.now_us();
+        let arriving = self.line.carry(message);
+        self.bench.uart_send_at_baud(0, now_us, &arriving, BAUD);
+    }
+
+    /// Lets time pass until nothing is left of a fault that has ended now.
+    pub fn recover(&mut self, fault: Fault) {
+        let end_us = self.now_us();
+        self.packs.expect_news();
+        (self.heard_us, self.answered_us) = (None, None);
+        let back_us = loop {
+            if let Some(back_us) = self.back_us() {
+                break back_us;
+            }
+            let past_us = self.now_us() - end_us;
+            assert!(
+                past_us <= fault.limit_us(),
+                "{fault:?}: not back after {past_us} us"
+            );
+            self.probe();
+            self.step();
+        };
+        self.tally.recovered(fault, back_us - end_us);
+        self.packs.watch(packs::ALL);
+        self.calm_since_us = Some(self.now_us());
+    }
+
+    /// When the last of what has to come again did so: HEARTBEAT, an answer, every pack.
+    fn back_us(&self) -> Option<u64> {
+        Some(self.packs.back_us()?.max(self.heard_us?).max(self.answered_us?))
+    }
+
+    /// Asks for an answer until there is one. It shows that the board has dealt with all that was sent before.
+    fn probe(&mut self) {
+        if self.answered_us.is_none() {
+            self.send(&ping(self.now_us(), PROBE));
+        }
+    }
+
+    /// Asks for every parameter that is set. The ledger panics if one has another value than it may.
+    pub fn read_back(&mut self) {
+        let names: Vec<_> = self.ledger.names().cloned().collect();
+        for name in names {
+            self.told.remove(&name);
+            let told = (0..TRIES).any(|_| {
+                self.send(&param_read_by_name(&name));
+                self.run_for(2 * STEP_US);
+                self.told.contains_key(&name)
+            });
+            assert!(told, "{name} is not told");
+            self.tally.read_back += 1;
+        }
+    }
+
+    /// All parameters but those that are set.
+    pub fn list(&mut self) -> BTreeMap<String, f32> {
+        self.told.clear();
+        self.send(&param_request_list(VEHICLE));
+        (0..LIST_STEPS).for_each(|_| self.step());
+        let mut listed = self.told.clone();
+        listed.retain(|name, _| !SET.contains(&name.as_str()));
+        listed
+    }
+
+    /// What has happened since `from_us`.
+    pub fn sum_up(mut self, from_us: u64) -> Tally {
+        assert!(
+            self.bench.bus_errors().is_empty(),
+            "{:?}",
+            self.bench.bus_errors()
+        );
+        self.tally.seconds = (self.now_us() - from_us) / SECOND;
+        self.tally.settings = self.station.settings;
+        self.tally.motor_changes = self.motors.changes;
+        self.tally.least_left_us = self.bench.smallest_watchdog_slack_us();
+        self.tally.oldest_lever_us = self.motors.oldest_lever_us;
+        self.tally
+    }
+}

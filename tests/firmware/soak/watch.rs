@@ -1,0 +1,137 @@
+//! What has to hold whatever happens.
+
+use super::motors::{Change, Motors, Says};
+use super::rig::{PROBE, Rig};
+use crate::bench::{MILLISECOND, SECOND};
+use crate::bus_packs::BUS;
+use crate::emulator::{FlashOperationKind, ResetCause};
+use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, Heartbeat, PARAM_VALUE, PING, ParamValue};
+
+/// HEARTBEAT comes once a second. What else may lie between two of them, or between a start and the first one: a slice of
+/// the list of parameters, an erase of the flash, a step of this.
+const SILENCE_US: u64 = 1_300 * MILLISECOND;
+
+/// Without a fault: a step of this in which the station has just stopped to send levers, and one in which the rover is told.
+const PROMPT_US: u64 = 250 * MILLISECOND;
+
+/// Flash is written only so long after a parameter was set, or after a start.
+const WRITING_US: u64 = 2 * SECOND;
+
+const ARMED: u8 = 128;
+const CYCLES_PER_US: u64 = 125;
+
+impl Rig {
+    /// Looks at everything that has happened since the last look, and panics if it must not.
+    pub fn look(&mut self) {
+        let resets = self.bench.resets();
+        assert_eq!(resets.len(), self.resets, "{:?}", resets.last());
+        let changes = Motors::take_changes(&mut self.bench);
+        let frames = self.receive(None);
+        self.take_all(&changes, &frames);
+        self.look_at_flash();
+        // Nobody else looks at them, and they grow.
+        self.bench.i2c(BUS).take_transactions();
+        self.bench.take_log();
+        let silence_us = self.now_us() - self.alive_us;
+        assert!(silence_us <= SILENCE_US, "no HEARTBEAT for {silence_us} us");
+        self.look_at_drive();
+    }
+
+    /// The same after a reset that was caused.
+    pub fn look_at_reset(&mut self, causes: &[ResetCause]) {
+        let reset = self.bench.resets()[self.resets];
+        assert!(causes.contains(&reset.cause), "{reset:?}");
+        self.resets += 1;
+        let reset_us = reset.time_us;
+        let changes = Motors::take_changes(&mut self.bench);
+        let frames = self.receive(Some(reset_us));
+        let (changes_before, changes_after) =
+            changes.split_at(changes.partition_point(|change| change.at_us < reset_us));
+        let (frames_before, frames_after) =
+            frames.split_at(frames.partition_point(|frame| frame.at_us <= reset_us));
+        self.take_all(changes_before, frames_before);
+        self.orders.forget();
+        self.ledger.restart(reset_us);
+        self.alive_us = reset_us;
+        self.take_all(changes_after, frames_after);
+        self.motors.assert_ordered(&self.orders, self.now_us());
+        self.look_at_flash();
+    }
+
+    fn receive(&mut self, reset_us: Option<u64>) -> Vec<Frame> {
+        let sent = self.bench.uart(0).take_sent();
+        let bytes = sent.iter().map(|sent| (sent.end / CYCLES_PER_US, sent.byte));
+        self.receiver.receive(bytes, reset_us)
+    }
+
+    fn take_all(&mut self, changes: &[Change], frames: &[Frame]) {
+        self.motors.check(changes, &self.orders);
+        for frame in frames {
+            self.take(frame);
+        }
+    }
+
+    fn take(&mut self, frame: &Frame) {
+        match frame.message_id {
+            HEARTBEAT => self.take_heartbeat(frame),
+            BATTERY_STATUS => self.packs.take(frame),
+            PING if frame.u32(8) == PROBE => {
+                self.answered_us.get_or_insert(frame.at_us);
+            }
+            PARAM_VALUE => {
+                let told = ParamValue(frame);
+                self.ledger.told(&told.name(), told.value(), frame.at_us);
+                self.told.insert(told.name(), told.value());
+            }
+            _ => {}
+        }
+    }
+
+    fn take_heartbeat(&mut self, frame: &Frame) {
+        self.tally.heartbeat(frame.at_us - self.alive_us);
+        self.alive_us = frame.at_us;
+        self.heard_us.get_or_insert(frame.at_us);
+        if Heartbeat(frame).base_mode() & ARMED != 0 {
+            self.orders.told(Says::Armed, frame.at_us);
+        } else {
+            self.orders.told(Says::Disarmed, frame.at_us);
+            self.station.see_disarmed(frame.at_us);
+        }
+    }
+
+    /// What is written was set, or is made good after a start.
+    fn look_at_flash(&mut self) {
+        let since_us = self.ledger.sent_us.max(self.ledger.started_us);
+        for operation in self.bench.take_flash_operations() {
+            assert!(
+                operation.time_us <= since_us + WRITING_US,
+                "nobody has set anything: {operation:?}"
+            );
+            match operation.kind {
+                FlashOperationKind::PageProgram => self.tally.programs += 1,
+                _ => self.tally.erases += 1,
+            }
+        }
+    }
+
+    /// No motor turns now that must not. Without a fault they follow the lever at once, and have turned by the end of a drive.
+    fn look_at_drive(&mut self) {
+        let lever_us = self.motors.assert_ordered(&self.orders, self.now_us());
+        assert!(
+            self.calm_since_us.is_none() || lever_us <= PROMPT_US,
+            "by a lever {lever_us} us ago"
+        );
+        let Some(began_us) = self.station.take_finished_drive() else {
+            return;
+        };
+        self.tally.drives += 1;
+        if self.calm_since_us.is_some_and(|calm_us| calm_us <= began_us) {
+            self.tally.calm_drives += 1;
+            let turned = self
+                .motors
+                .turned_us
+                .is_some_and(|turned_us| turned_us > began_us);
+            assert!(turned, "the rover was driven and stood");
+        }
+    }
+}
