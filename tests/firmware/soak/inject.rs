@@ -141,6 +141,8 @@ impl Rig {
     fn crash(&mut self, derail: impl FnOnce(&mut Board)) {
         if self.crashes == MOST_CRASHES {
             self.press_run();
+            // The watchdog is not started yet.
+            self.run_for(SECOND);
         }
         self.crashes += 1;
         derail(&mut self.bench);

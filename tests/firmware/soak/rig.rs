@@ -180,7 +180,10 @@ impl Rig {
             let past_us = self.now_us() - end_us;
             assert!(
                 past_us <= fault.limit_us(),
-                "{fault:?}: not back after {past_us} us"
+                "{fault:?}: not back after {past_us} us: HEARTBEAT {:?}, answer {:?}, packs {:?}",
+                self.heard_us,
+                self.answered_us,
+                self.packs.back_us()
             );
             self.probe();
             self.step();
