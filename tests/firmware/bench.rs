@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 
 use crate::elf::{Artifact, build};
 use crate::emulator::{AdcInput, Board, CpuState, Firmware, LogLevel, ResetCause, SentByte};
+use crate::signer::Signer;
 use crate::support::frames::{
     BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, frames, of_message,
 };
@@ -64,6 +65,8 @@ pub fn value_of(answers: &[Frame], name: &str) -> Option<f32> {
 pub struct Bench {
     board: Board,
     sent: Vec<(u64, u8)>,
+    /// Signs what is asked.
+    signer: Option<Signer>,
 }
 
 impl Bench {
@@ -79,8 +82,13 @@ impl Bench {
 
     /// Switches on a board whose flash holds the release firmware and other bytes at an offset.
     pub fn power_up_with_flash(code: u16, offset: u32, bytes: &[u8]) -> Self {
+        Self::power_up_with_flash_seeded(code, offset, bytes, 1)
+    }
+
+    /// The same, with the seed for whatever is left to chance.
+    pub fn power_up_with_flash_seeded(code: u16, offset: u32, bytes: &[u8], seed: u64) -> Self {
         let firmware = firmware().with_flash(offset, bytes);
-        Self::with_board(code, Board::power_up(&firmware, 1))
+        Self::with_board(code, Board::power_up(&firmware, seed))
     }
 
     /// The seed decides what garbage is in RAM at power-up, and the noise at the converter.
@@ -99,6 +107,7 @@ impl Bench {
         Self {
             board,
             sent: Vec::new(),
+            signer: None,
         }
     }
 
@@ -164,6 +173,21 @@ impl Bench {
         self.set_register(PROGRAM_COUNTER, entry);
     }
 
+    /// Has everything that is asked from now on signed, by somebody who listens to the board.
+    pub fn sign_with(&mut self, signer: Signer) {
+        self.signer = Some(signer);
+    }
+
+    fn sign(&mut self, request: &[u8]) -> Vec<u8> {
+        let Some(mut signer) = self.signer.take() else {
+            return request.to_vec();
+        };
+        signer.hear(&self.frames());
+        let signed = signer.sign(request);
+        self.signer = Some(signer);
+        signed
+    }
+
     /// Everything that has left the telemetry port since power-up, with the time of each byte's end in µs.
     pub fn sent(&mut self) -> &[(u64, u8)] {
         let new = self.board.uart(0).take_sent();
@@ -189,7 +213,8 @@ impl Bench {
     /// messages than telemetry.
     pub fn ask(&mut self, request: &[u8]) -> Vec<Frame> {
         let asked_us = self.time_us();
-        self.board.uart_send(0, asked_us, request);
+        let request = self.sign(request);
+        self.board.uart_send(0, asked_us, &request);
         self.board.run_for(ANSWER_TIME_US);
         let telemetry = [HEARTBEAT, SYS_STATUS, BATTERY_STATUS];
         self.frames()

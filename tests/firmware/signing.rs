@@ -17,13 +17,13 @@ use crate::support::requests::{command_long, param_read_by_name, param_set, radi
 const DIVIDER_CODE: u16 = 2482;
 
 /// What their keys are made of.
-const OWNER: u8 = 7;
-const STRANGER: u8 = 8;
+pub const OWNER: u8 = 7;
+pub const STRANGER: u8 = 8;
 
 const REBOOT: u16 = 246;
 
 /// The flash of a board whose owner has set up a key.
-fn flash_with_key() -> &'static [u8] {
+pub fn flash_with_key() -> &'static [u8] {
     static FLASH: OnceLock<Vec<u8>> = OnceLock::new();
     FLASH.get_or_init(|| {
         let mut flash = SimulatedFlash::open(None).expect("it needs no file");

@@ -8,6 +8,7 @@ use crate::support::frames::{Frame, SIGNATURE_BYTES, declare_signed};
 pub const NEW_YEAR: u64 = 4018 * 86_400 * 100_000;
 
 /// Somebody with a key.
+#[derive(Clone)]
 pub struct Signer {
     pub key: [u8; 32],
     pub link: u8,
@@ -33,6 +34,16 @@ impl Signer {
         signed.extend(self.signature(&signed));
         self.timestamp += 1;
         signed
+    }
+
+    /// Goes on from the time of whoever sent these frames, if that is ahead. All of them are signed with this key.
+    // Not every test program has somebody who listens.
+    #[allow(dead_code)]
+    pub fn hear<'a>(&mut self, frames: impl IntoIterator<Item = &'a Frame>) {
+        for frame in frames {
+            let (_, time) = self.verify(frame);
+            self.timestamp = self.timestamp.max(time + 1);
+        }
     }
 
     /// The link and the time of a frame that is signed with this key.

@@ -5,6 +5,8 @@
 //! RADIO_STATUS, which slows telemetry down, and a HEARTBEAT of a ground station.
 
 use crate::emulator::Random;
+use crate::signer::Signer;
+use crate::signing::STRANGER;
 use crate::support::frames::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MANUAL_CONTROL, PARAM_REQUEST_LIST,
     PARAM_REQUEST_READ, PARAM_SET, PING, RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE, TIMESYNC,
@@ -83,6 +85,20 @@ pub fn hostile(random: &mut Random) -> Vec<u8> {
         }
         Hostile::ForAnother => for_another(random),
         Hostile::Nonsense => nonsense(random),
+    }
+}
+
+/// What only a signature keeps out: a sound request that is not signed or signed with another key, or what the owner has
+/// sent before.
+pub fn stranger(random: &mut Random, recording: Option<&Vec<u8>>) -> Vec<u8> {
+    match (random.below(3), recording) {
+        (0, _) => request(random),
+        (1, Some(recording)) => recording.clone(),
+        _ => {
+            let mut stranger = Signer::new(STRANGER);
+            stranger.timestamp += random.next_u64() >> 20;
+            stranger.sign(&request(random))
+        }
     }
 }
 

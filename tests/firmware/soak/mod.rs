@@ -23,16 +23,16 @@ use std::thread;
 
 use crate::bench::SECOND;
 use fault::Fault;
-use rig::Rig;
+use rig::{Protection, Rig};
 use tally::Tally;
 
 /// Each board runs for so long.
 const BOARD_US: u64 = 1_800 * SECOND;
 
 /// Half an hour of one board.
-fn run_board(seed: u64) -> Tally {
-    println!("board {seed}");
-    let mut rig = Rig::new(seed);
+fn run_board(seed: u64, protection: Protection) -> Tally {
+    println!("board {seed}, protected by {protection:?}");
+    let mut rig = Rig::new(seed, protection);
     let from_us = rig.now_us();
     let before = rig.list();
     let mut due: Vec<Fault> = Vec::new();
@@ -60,7 +60,7 @@ fn run_boards(count: u64) -> Tally {
         if seed > count {
             return;
         }
-        let tally = run_board(seed);
+        let tally = run_board(seed, Protection::None);
         sum.lock().expect("no board has failed").add(tally);
     };
     thread::scope(|scope| {
@@ -85,6 +85,15 @@ fn an_hour_of_faults_leaves_telemetry_motors_and_parameters_sound() {
     for fault in Fault::ALL {
         assert!(tally.times(fault) >= 5, "{fault:?}");
     }
+}
+
+/// Beside all that, strangers who have heard everything try to command it.
+#[test]
+fn half_an_hour_of_faults_and_strangers_leaves_a_board_with_a_key_sound() {
+    let tally = run_board(1, Protection::Key);
+    publish(&tally, "reliability-key.md");
+    // Twice a minute, and at starts; 36 of them were written by the station's board at the start of each.
+    assert!(tally.marks > 0);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::support::frames::{Frame, frames};
 
-/// Header and checksum of a frame.
+/// Header and checksum of a frame that is not signed.
 const OVERHEAD_BYTES: usize = 12;
 
 /// Bytes, each with the time of its end in µs, that no frame was made of yet.
@@ -23,7 +23,11 @@ impl Receiver {
             received = frames(&std::mem::replace(&mut self.pending, after));
         }
         let whole = frames(&self.pending);
-        let lengths = whole.iter().map(|frame| OVERHEAD_BYTES + frame.payload_len());
+        let length = |frame: &Frame| match &frame.signed {
+            Some(bytes) => bytes.len(),
+            None => OVERHEAD_BYTES + frame.payload_len(),
+        };
+        let lengths = whole.iter().map(length);
         self.pending.drain(..lengths.sum::<usize>());
         received.extend(whole);
         received

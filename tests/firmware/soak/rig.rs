@@ -1,9 +1,9 @@
 //! A board with four packs, a ground station with a driver, and the line between them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use super::fault::Fault;
-use super::hostile::hostile;
+use super::hostile::{hostile, stranger};
 use super::ledger::Ledger;
 use super::line::{Condition, Line};
 use super::motors::{Motors, Orders};
@@ -11,8 +11,10 @@ use super::packs::{self, Packs};
 use super::receiver::Receiver;
 use super::station::Station;
 use super::tally::Tally;
-use crate::bench::{Bench, MILLISECOND, SECOND, value_of};
+use crate::bench::{Bench, MILLISECOND, SECOND, SIGNING_OFFSET, value_of};
 use crate::emulator::Random;
+use crate::signer::Signer;
+use crate::signing::{OWNER, flash_with_key};
 use crate::support::requests::{VEHICLE, param_read_by_name, param_request_list, ping};
 
 /// What the ground station sets: nothing that anything else depends on.
@@ -31,6 +33,14 @@ const BAUD: u32 = 115_200;
 /// The line carries 1152 bytes in a step; the last hostile frames are longer than there is room for, and the station sends, too.
 const FLOOD_BYTES: usize = 800;
 
+/// Signed frames are longer.
+const SIGNED_FLOOD_BYTES: usize = 650;
+
+/// So many of the owner's frames a stranger has recorded. The latest of them may not have arrived, and then they are no
+/// recordings yet.
+const RECORDED: usize = 200;
+const TOO_NEW: usize = 50;
+
 /// The sequence number of the rig's own PINGs; those of the station have another.
 pub(super) const PROBE: u32 = 77;
 
@@ -40,8 +50,20 @@ const TRIES: usize = 5;
 /// Enough for 165 parameters and for the hostile frames that are still on their way.
 const LIST_STEPS: usize = 50;
 
+/// Whom a board obeys.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protection {
+    /// Everyone.
+    None,
+    /// Who has the key, which its station has.
+    Key,
+}
+
 pub struct Rig {
     pub bench: Bench,
+    /// Signs what the station sends to a board with a key.
+    pub(super) owner: Option<Signer>,
+    recorded: VecDeque<Vec<u8>>,
     pub random: Random,
     pub line: Line,
     pub packs: Packs,
@@ -68,14 +90,22 @@ pub struct Rig {
 
 impl Rig {
     /// A board that runs, with its packs plugged in and everything right.
-    pub fn new(seed: u64) -> Self {
+    pub fn new(seed: u64, protection: Protection) -> Self {
         let mut random = Random::new(seed);
         let mut another = || Random::new(random.next_u64());
         let (line, packs) = (Line::new(another()), Packs::new(another()));
         let station = Station::new(another(), 4 * SECOND);
-        let mut bench = Bench::power_up_seeded(0, random.next_u64());
+        let seed = random.next_u64();
+        let owner = (protection == Protection::Key).then(|| Signer::new(OWNER));
+        let mut bench = match protection {
+            Protection::None => Bench::power_up_seeded(0, seed),
+            Protection::Key => Bench::power_up_with_flash_seeded(0, SIGNING_OFFSET, flash_with_key(), seed),
+        };
         packs.plug_in(&mut bench);
         bench.run_for(SECOND);
+        if let Some(owner) = &owner {
+            bench.sign_with(owner.clone());
+        }
         for (name, value) in packs::PARAMETERS {
             bench.set(name, value);
         }
@@ -89,6 +119,8 @@ impl Rig {
             ledger.add(name, value_of(&answers, name).expect("there is one"));
         }
         let mut rig = Self {
+            owner,
+            recorded: VecDeque::new(),
             line,
             packs,
             ledger,
@@ -142,8 +174,9 @@ impl Rig {
     pub fn send_messages(&mut self) {
         let now_us = self.now_us();
         let messages = self.station.messages(now_us, &mut self.orders, &mut self.ledger);
-        let behind = self.random.below(FLOOD_BYTES);
-        self.flood(FLOOD_BYTES - behind);
+        let flood_bytes = self.owner.as_ref().map_or(FLOOD_BYTES, |_| SIGNED_FLOOD_BYTES);
+        let behind = self.random.below(flood_bytes);
+        self.flood(flood_bytes - behind);
         for message in messages {
             self.send(&message);
         }
@@ -154,17 +187,40 @@ impl Rig {
     fn flood(&mut self, bytes: usize) {
         let mut sent = 0;
         while self.line.condition == Condition::Shared && sent < bytes {
-            let piece = hostile(&mut self.random);
+            let piece = self.hostile();
             sent += piece.len();
             self.tally.hostile_pieces += 1;
-            self.send(&piece);
+            self.transmit(&piece);
+        }
+    }
+
+    /// To a board with a key, every other one is what only a signature keeps out.
+    fn hostile(&mut self) -> Vec<u8> {
+        if self.owner.is_some() && self.random.below(2) == 0 {
+            let old = self.recorded.len().saturating_sub(TOO_NEW);
+            let recording = (old > 0).then(|| &self.recorded[self.random.below(old)]);
+            return stranger(&mut self.random, recording);
+        }
+        hostile(&mut self.random)
+    }
+
+    /// Sends what the station sends, signed if it has a key.
+    pub fn send(&mut self, message: &[u8]) {
+        let Some(owner) = &mut self.owner else {
+            return self.transmit(message);
+        };
+        let signed = owner.sign(message);
+        self.transmit(&signed);
+        self.recorded.push_back(signed);
+        if self.recorded.len() > RECORDED {
+            self.recorded.pop_front();
         }
     }
 
     /// Sends over the line as it is.
-    pub fn send(&mut self, message: &[u8]) {
+    fn transmit(&mut self, bytes: &[u8]) {
         let now_us = self.now_us();
-        let arriving = self.line.carry(message);
+        let arriving = self.line.carry(bytes);
         self.bench.uart_send_at_baud(0, now_us, &arriving, BAUD);
     }
 

@@ -30,6 +30,8 @@ pub struct Tally {
     pub read_back: u64,
     pub programs: u64,
     pub erases: u64,
+    /// Writes and erases for the time of signatures.
+    pub marks: u64,
     /// Of the watchdog's time, whenever it was fed.
     pub least_left_us: Option<u64>,
 }
@@ -71,6 +73,7 @@ impl Tally {
         self.read_back += other.read_back;
         self.programs += other.programs;
         self.erases += other.erases;
+        self.marks += other.marks;
         let both = [self.least_left_us, other.least_left_us];
         self.least_left_us = both.into_iter().flatten().min();
     }
@@ -135,6 +138,9 @@ impl fmt::Display for Tally {
             "- {} pages of flash written and {} sectors erased, none of them without a parameter that was set;",
             self.programs, self.erases
         )?;
+        if self.marks > 0 {
+            writeln!(f, "- the time of signatures written down {} times;", self.marks)?;
+        }
         writeln!(
             f,
             "- the watchdog fed with {:.2} s left at least, and no reset but those that were caused;",
