@@ -76,6 +76,8 @@ impl Fault {
             // A request may be swallowed by what garbage has begun.
             [] => 2_000 * MILLISECOND,
             packs::ALL => 1_000 * MILLISECOND,
+            // A voltage that no cell has is a spike, and a pack with one is not well for a second after the last of them.
+            packs::ON_ADC if self == Self::AdcGlitches => 1_700 * MILLISECOND,
             packs::ON_ADC => 1_200 * MILLISECOND,
             // A part that has failed is left in peace for 200 ms, and is set up anew.
             _ => 1_500 * MILLISECOND,

@@ -51,8 +51,8 @@ fn run_board(seed: u64, protection: Protection) -> Tally {
     rig.sum_up(from_us)
 }
 
-/// Runs boards of several seeds, as many at a time as there are processors.
-fn run_boards(count: u64) -> Tally {
+/// Runs boards of several seeds, as many at a time as there are processors, and publishes what has happened after each.
+fn run_boards(count: u64, file: &str) -> Tally {
     let next = AtomicU64::new(1);
     let sum = Mutex::new(Tally::default());
     let work = || loop {
@@ -61,7 +61,9 @@ fn run_boards(count: u64) -> Tally {
             return;
         }
         let tally = run_board(seed, Protection::None);
-        sum.lock().expect("no board has failed").add(tally);
+        let mut sum = sum.lock().expect("no board has failed");
+        sum.add(tally);
+        publish(&sum, file);
     };
     thread::scope(|scope| {
         for _ in 0..thread::available_parallelism().map_or(1, usize::from) {
@@ -73,15 +75,14 @@ fn run_boards(count: u64) -> Tally {
 
 /// Puts the table where `.ci/run` and `.ci/soak` find it.
 fn publish(tally: &Tally, file: &str) {
-    println!("{tally}");
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(file);
     fs::write(path, tally.to_string()).expect("the folder exists");
 }
 
 #[test]
 fn an_hour_of_faults_leaves_telemetry_motors_and_parameters_sound() {
-    let tally = run_boards(2);
-    publish(&tally, "reliability-hour.md");
+    let tally = run_boards(2, "reliability-hour.md");
+    println!("{tally}");
     for fault in Fault::ALL {
         assert!(tally.times(fault) >= 5, "{fault:?}");
     }
@@ -92,12 +93,13 @@ fn an_hour_of_faults_leaves_telemetry_motors_and_parameters_sound() {
 fn half_an_hour_of_faults_and_strangers_leaves_a_board_with_a_key_sound() {
     let tally = run_board(1, Protection::Key);
     publish(&tally, "reliability-key.md");
+    println!("{tally}");
     assert!(tally.marks > 0, "the time of signatures was not written down");
 }
 
 #[test]
 #[ignore = "an hour of our time; .ci/soak runs it"]
 fn a_day_of_faults_leaves_telemetry_motors_and_parameters_sound() {
-    let tally = run_boards(48);
-    publish(&tally, "reliability-day.md");
+    let tally = run_boards(48, "reliability-day.md");
+    println!("{tally}");
 }
