@@ -81,7 +81,7 @@ def test_a_pack_that_is_enabled_shows_its_parameters(vehicle):
     for number in range(3, 10):
         set_to(vehicle, f"BATT{number}_MONITOR", 3)
     assert read_list(vehicle).keys() == described()
-    assert set_to(vehicle, "BATT2_MONITOR", 0).param_count == 317
+    assert set_to(vehicle, "BATT2_MONITOR", 0).param_count == 319
 
 
 def test_the_rate_follows_the_parameter(vehicle):
