@@ -149,18 +149,10 @@ fn react(event: Event, shared: &Shared, link: &Link) {
 }
 
 fn report_unauthorized(count: u32, shared: &Shared, link: &Link) {
-    warn!(
-        "{}: {} messages ignored, not signed with the key",
-        link.name(),
-        count
-    );
+    warn!("{}: not signed with the key, ignored: {}", link.name(), count);
     let mut text: String<ANNOUNCEMENT_BYTES> = String::new();
     // It fits.
-    let _ = write!(
-        text,
-        "{}: {count} messages ignored, not signed with the key",
-        link.name()
-    );
+    let _ = write!(text, "{}: not signed with the key, ignored: {count}", link.name());
     shared.announce(MavSeverity::MAV_SEVERITY_WARNING, &text);
 }
 

@@ -121,7 +121,7 @@ fn only_who_has_the_key_is_obeyed() {
         1,
         "once a minute"
     );
-    assert_eq!(bench.logged(LogLevel::Warn, "messages ignored").len(), 1);
+    assert_eq!(bench.logged(LogLevel::Warn, "ignored: ").len(), 1);
     let status = of_message(&frames, SYS_STATUS);
     assert_eq!(SysStatus(status[status.len() - 1]).errors_count2(), 4);
 }
