@@ -20,8 +20,9 @@ use support::frames::{
     SYS_STATUS, SysStatus, encode_v1, of_message,
 };
 use support::requests::{
-    EVERYONE, VEHICLE, command_int, command_int_2, command_long, command_long_2, ftp_open,
-    param_read_by_index, param_read_by_name, param_request_list, param_set, param_set_payload, param_set_to,
+    EVERYONE, PREFLIGHT_REBOOT_SHUTDOWN, VEHICLE, command_int, command_int_2, command_long, command_long_2,
+    ftp_open, param_read_by_index, param_read_by_name, param_request_list, param_set, param_set_payload,
+    param_set_to, reboot,
 };
 
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
@@ -298,7 +299,6 @@ fn mcrf4xx(bytes: &[u8], extra: u8) -> u16 {
 #[test]
 fn commands_are_executed_denied_or_unsupported() {
     const PREFLIGHT_STORAGE: u16 = 245;
-    const PREFLIGHT_REBOOT_SHUTDOWN: u16 = 246;
     // Without a percentage BATTERY_RESET is denied; 65535 is a command of no dialect.
     for (number, param1, result) in [
         (PREFLIGHT_STORAGE, 2.0, ACCEPTED),
@@ -313,7 +313,7 @@ fn commands_are_executed_denied_or_unsupported() {
         assert_ack(&desk.one_answer(&command_int(number, param1)), number, result);
     }
     let mut desk = Desk::new();
-    let events = desk.receive_in_chunks(&command_long(PREFLIGHT_REBOOT_SHUTDOWN, 1.0), 64);
+    let events = desk.receive_in_chunks(&reboot(), 64);
     assert_eq!(events, [Event::Command(Action::Reboot)]);
 }
 

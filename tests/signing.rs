@@ -17,7 +17,7 @@ use support::frames::{
 };
 use support::requests::{
     EVERYONE, VEHICLE, arm, command_long, heartbeat, manual_control, param_read_by_name, param_request_list,
-    param_set, param_set_payload, ping, radio_status, set_mode, setup_signing, setup_signing_of,
+    param_set, param_set_payload, ping, radio_status, reboot, set_mode, setup_signing, setup_signing_of,
 };
 
 const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LowVolt);
@@ -29,7 +29,6 @@ const STRANGER: u8 = 8;
 const MINUTE_US: u64 = 60_000_000;
 
 const REQUEST_MESSAGE: u16 = 512;
-const REBOOT: u16 = 246;
 
 const NOTHING: f32 = 0.0;
 const REQUESTS: f32 = 1.0;
@@ -61,7 +60,7 @@ fn changing_requests() -> Vec<Vec<u8>> {
     vec![
         param_set("BATT_LOW_VOLT", 6.5),
         arm(),
-        command_long(REBOOT, 1.0),
+        reboot(),
         set_mode(1, 1, 0),
         manual_control(1, 0, 500),
         setup_signing([STRANGER; 32], NEW_YEAR),

@@ -3,6 +3,7 @@
 use embassy_time::{Duration, Instant, with_timeout};
 use embedded_storage_async::nor_flash::NorFlash;
 
+use super::storage::RETRY_INTERVAL;
 use super::{Shared, mark};
 use crate::liveness::CheckIn;
 use crate::log::{info, warn};
@@ -12,9 +13,6 @@ use crate::storage::{Storage, StorageError};
 
 /// How often the time is looked at. It is written down at most twice a minute.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
-
-/// Before what could not be written is tried again: a worn sector won't recover.
-const RETRY_INTERVAL: Duration = Duration::from_secs(60);
 
 /// What of signing is in flash, and the flash.
 pub struct SigningStorage<F> {

@@ -15,7 +15,7 @@ const IDLE_CHECK: Duration = Duration::from_secs(1);
 
 /// Before what could not be written is tried again without being asked: a worn sector won't recover, and each try stops
 /// everything for the time of an erase.
-const RETRY_INTERVAL: Duration = Duration::from_secs(60);
+pub(super) const RETRY_INTERVAL: Duration = Duration::from_secs(60);
 
 const TOO_MANY_RESETS: &str = "5 quick resets: started with default parameters";
 

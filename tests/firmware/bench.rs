@@ -9,7 +9,7 @@ use crate::signer::Signer;
 use crate::support::frames::{
     BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, frames, of_message,
 };
-use crate::support::requests::{command_long, param_set};
+use crate::support::requests::{PREFLIGHT_REBOOT_SHUTDOWN, param_set, reboot};
 
 /// Interrupt lines of the RP2040 (datasheet 2.3.2).
 pub const UART0_IRQ: u32 = 20;
@@ -32,7 +32,6 @@ pub const SECTOR_BYTES: usize = 4096;
 /// Long enough for everything that waits to be written to flash, erases included.
 pub const SAVED_US: u64 = SECOND;
 
-const PREFLIGHT_REBOOT_SHUTDOWN: u16 = 246;
 const ACCEPTED: u8 = 0;
 
 /// Numbers of core registers.
@@ -40,7 +39,8 @@ pub const STACK_POINTER: usize = 13;
 pub const LINK_REGISTER: usize = 14;
 pub const PROGRAM_COUNTER: usize = 15;
 
-const CYCLES_PER_US: u64 = 125;
+/// Of the processor's clock, by which the emulator counts time.
+pub const CYCLES_PER_US: u64 = 125;
 
 /// A ground station would wait longer.
 const ANSWER_TIME_US: u64 = 200 * MILLISECOND;
@@ -137,7 +137,7 @@ impl Bench {
     /// Restarts the board as a ground station does.
     pub fn reboot(&mut self) {
         let resets = self.resets().len();
-        let answers = self.ask(&command_long(PREFLIGHT_REBOOT_SHUTDOWN, 1.0));
+        let answers = self.ask(&reboot());
         let acknowledgement = of_message(&answers, COMMAND_ACK)[0];
         assert_eq!(
             (acknowledgement.u16(0), acknowledgement.u8(2)),

@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use crate::bench::{MILLISECOND, SECOND};
+use crate::bench::{CYCLES_PER_US, MILLISECOND, SECOND};
 use crate::elf::{Artifact, build};
 use crate::emulator::{Board, Firmware};
 
@@ -12,7 +12,6 @@ pub const RIGHT: [(usize, usize); 2] = [(7, 6), (9, 8)];
 const BUZZER: usize = 2;
 const LAMPS: usize = 16;
 
-const CYCLES_PER_US: u64 = 125;
 const PWM_PERIOD_US: u64 = 2 * MILLISECOND;
 const NS_PER_CYCLE: u64 = 8;
 const HARD_FAULT: u32 = 3;

@@ -1,6 +1,6 @@
 //! The rover that obeys: arming, driving and stopping, at the pins of the motors.
 
-use crate::bench::{Bench, MILLISECOND, PACK, SECOND, STACK_POINTER};
+use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, SECOND, STACK_POINTER};
 use crate::emulator::{AdcInput, Board, LogLevel, ResetCause};
 use crate::support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, of_message};
 use crate::support::requests::{arm, disarm, manual_control, set_mode};
@@ -18,7 +18,6 @@ const FAILED: u8 = 4;
 const HARD_FAULT: u32 = 3;
 
 const PWM_PERIOD_US: u64 = 2 * MILLISECOND;
-const CYCLES_PER_US: u64 = 125;
 const CURRENT_SENSOR: usize = 1;
 
 /// Three LiPo cells at 3.8 V, and at 3.2 V.

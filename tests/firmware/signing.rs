@@ -9,18 +9,15 @@ use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::Storage;
 
 use crate::bench::{Bench, PARAMETER_OFFSET, SAVED_US, SECOND, SIGNING_BYTES, SIGNING_OFFSET, value_of};
+use crate::bus_packs::DIVIDER_CODE;
 use crate::emulator::{FlashOperationKind, LogLevel};
 use crate::signer::Signer;
 use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, SysStatus, of_message, texts_of};
-use crate::support::requests::{command_long, param_read_by_name, param_set, radio_status, setup_signing};
-
-const DIVIDER_CODE: u16 = 2482;
+use crate::support::requests::{param_read_by_name, param_set, radio_status, reboot, setup_signing};
 
 /// What their keys are made of.
 pub const OWNER: u8 = 7;
 pub const STRANGER: u8 = 8;
-
-const REBOOT: u16 = 246;
 
 /// The flash of a board whose owner has set up a key.
 pub fn flash_with_key() -> &'static [u8] {
@@ -73,9 +70,11 @@ fn times(frames: &[Frame]) -> Vec<u64> {
 
 /// A ground station that has heard what the board sent last.
 pub fn station(bench: &mut Bench) -> Signer {
-    let mut signer = Signer::new(OWNER);
-    let heard = times(&bench.frames()).into_iter().max().expect("it sends");
-    signer.timestamp = heard + 1;
+    let mut signer = Signer {
+        timestamp: 0,
+        ..Signer::new(OWNER)
+    };
+    signer.hear(&bench.frames());
     signer
 }
 
@@ -179,7 +178,7 @@ fn no_restart_lets_the_time_go_back_or_a_recording_in() {
         assert!(times(&frames).iter().all(|time| *time > latest), "{restart:?}");
         latest = *times(&frames).last().expect("it sends");
         assert_eq!(sets(&mut bench, &recorded), None, "a recording");
-        owner.timestamp = latest + 1;
+        owner.hear(&frames);
         let read = owner.sign(&param_read_by_name("BATT_LOW_VOLT"));
         assert_eq!(
             sets(&mut bench, &read),
@@ -206,7 +205,7 @@ impl Restart {
             Self::RunPin => bench.press_run(),
             Self::Requested => {
                 let now_us = bench.time_us();
-                bench.uart_send(0, now_us, &owner.sign(&command_long(REBOOT, 1.0)));
+                bench.uart_send(0, now_us, &owner.sign(&reboot()));
             }
         }
         assert!(bench.run_until(4 * SECOND, |board| board.resets().len() > resets));

@@ -6,9 +6,7 @@ use crate::support::frames::{
     BATTERY_STATUS, HEARTBEAT, PARAM_VALUE, ParamValue, STATUSTEXT, SYS_STATUS, SysStatus,
     assert_no_sequence_gap, of_message,
 };
-use crate::support::requests::{command_long, param_set};
-
-const PREFLIGHT_REBOOT_SHUTDOWN: u16 = 246;
+use crate::support::requests::{param_set, reboot};
 
 /// At 9600 baud and with `SR0_EXTRA1` at 50 Hz: ten times as much as the line carries is asked for.
 fn overloaded() -> Bench {
@@ -16,7 +14,7 @@ fn overloaded() -> Bench {
     bench.run_for(SECOND);
     bench.ask(&param_set("SERIAL0_BAUD", 9.0));
     bench.ask(&param_set("SR0_EXTRA1", 50.0));
-    bench.ask(&command_long(PREFLIGHT_REBOOT_SHUTDOWN, 1.0));
+    bench.ask(&reboot());
     assert!(bench.run_until(4 * SECOND, |board| !board.resets().is_empty()));
     bench
 }

@@ -3,6 +3,7 @@
 use crate::bench::{Bench, MILLISECOND, SECOND};
 use crate::bus_packs::{BUS, nine};
 use crate::emulator::{AdcFault, LogLevel, ResetCause};
+use crate::rover::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
 use crate::signing;
 use crate::support::frames::{COMMAND_ACK, PARAM_VALUE, of_message};
 use crate::support::requests::{
@@ -19,9 +20,6 @@ const REQUEST_MESSAGE: u16 = 512;
 const AUTOPILOT_VERSION: f32 = 148.0;
 const BATTERY_RESET: u16 = 42_651;
 const ACCEPTED: u8 = 0;
-const VEHICLE_ID: u8 = 1;
-const CUSTOM_MODE_ENABLED: u8 = 1;
-const MANUAL: u32 = 0;
 
 /// IN1 of the left front motor.
 const MOTOR: usize = 18;

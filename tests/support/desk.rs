@@ -51,11 +51,7 @@ impl Desk {
 
     /// Handles every frame of what was delivered.
     pub fn handle_all(&mut self) -> Vec<Event> {
-        let state = SystemState {
-            batteries: &self.batteries,
-            vehicle: self.vehicle.status(),
-            ..SystemState::default()
-        };
+        let state = state_of(&self.batteries, &self.vehicle);
         std::iter::from_fn(|| {
             self.endpoint.handle_next(
                 self.now_us,
@@ -70,11 +66,7 @@ impl Desk {
 
     /// Posts what is due at `now_us`.
     pub fn post_due(&mut self, now_us: u64) {
-        let state = SystemState {
-            batteries: &self.batteries,
-            vehicle: self.vehicle.status(),
-            ..SystemState::default()
-        };
+        let state = state_of(&self.batteries, &self.vehicle);
         self.endpoint.post_due(now_us, &state, &self.parameters);
     }
 
@@ -92,11 +84,7 @@ impl Desk {
     /// The messages that leave while the wire takes so many.
     pub fn sent_at_most(&mut self, messages: usize) -> Vec<Frame> {
         let mut bytes = Vec::new();
-        let state = SystemState {
-            batteries: &self.batteries,
-            vehicle: self.vehicle.status(),
-            ..SystemState::default()
-        };
+        let state = state_of(&self.batteries, &self.vehicle);
         let link = self.endpoint.kind();
         for _ in 0..messages {
             let Some(message) = self.endpoint.take(&state, &self.parameters) else {
@@ -108,5 +96,14 @@ impl Desk {
             bytes.extend(frame.iter().map(|byte| (0, *byte)));
         }
         frames(&bytes)
+    }
+}
+
+/// What is told of packs and a vehicle.
+fn state_of<'a>(batteries: &'a [BatteryState], vehicle: &Vehicle) -> SystemState<'a> {
+    SystemState {
+        batteries,
+        vehicle: vehicle.status(),
+        ..SystemState::default()
     }
 }

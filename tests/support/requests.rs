@@ -13,6 +13,8 @@ use super::frames::{
 pub const VEHICLE: [u8; 2] = [1, 1];
 pub const EVERYONE: [u8; 2] = [0, 0];
 
+pub const PREFLIGHT_REBOOT_SHUTDOWN: u16 = 246;
+
 const REAL32: u8 = 9;
 
 fn name(text: &str) -> [u8; 16] {
@@ -123,6 +125,10 @@ pub fn radio_status(buffer_free: u8) -> Vec<u8> {
 }
 
 /// Arms, with all checks.
+pub fn reboot() -> Vec<u8> {
+    command_long(PREFLIGHT_REBOOT_SHUTDOWN, 1.0)
+}
+
 pub fn arm() -> Vec<u8> {
     command_long(400, 1.0)
 }

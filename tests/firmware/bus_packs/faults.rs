@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use super::{BUS, DIVIDER_CODE, Second, shared};
-use crate::bench::{Bench, MILLISECOND, SECOND};
+use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
 use crate::emulator::i2c_devices::{Garbled, Ina226, Ina3221, Pec, Reads, RegisterMap, SmartBattery};
 use crate::emulator::{LogLevel, Random};
 use crate::support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
@@ -15,7 +15,7 @@ const INA2XX: f32 = 21.0;
 const MONITOR_AT: u8 = 0x40;
 const BATTERY_AT: u8 = 0x0b;
 
-const CYCLES_PER_MS: u64 = 125_000;
+const CYCLES_PER_MS: u64 = MILLISECOND * CYCLES_PER_US;
 
 /// MAV_BATTERY_CHARGE_STATE_UNHEALTHY
 const UNHEALTHY: u8 = 6;

@@ -1,13 +1,12 @@
 //! Nine packs of all kinds at once.
 
 use super::{BUS, DIVIDER_CODE, shared};
-use crate::bench::{Bench, SECOND};
+use crate::bench::{Bench, CYCLES_PER_US, SECOND};
 use crate::emulator::i2c_devices::{Ina226, Ina228, Ina260, Ina3221, Pec, SmartBattery};
 use crate::emulator::{AdcInput, LogLevel};
 use crate::support::frames::{BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, last_of, of_message};
 
 const CURRENT_PIN: usize = 1;
-const CYCLES_PER_US: u64 = 125;
 
 /// Nine packs of all kinds.
 pub const MIXED: [(&str, f32); 13] = [

@@ -14,7 +14,7 @@ use crate::support::frames::{
 };
 use crate::support::requests::{
     VEHICLE, arm, command_int, command_long, ftp_open, heartbeat, manual_control, param_read_by_name,
-    param_set, param_set_payload, set_mode,
+    param_set, param_set_payload, reboot, set_mode,
 };
 
 /// What is sent.
@@ -123,14 +123,12 @@ fn request(random: &mut Random) -> Vec<u8> {
     match random.below(6) {
         0 => param_set("BATT_VOLT_MULT", 9.0),
         1 => param_set("SR0_EXTRA1", 50.0),
-        2 => command_long(PREFLIGHT_REBOOT, 1.0),
+        2 => reboot(),
         3 => arm(),
         4 => set_mode(1, 1, 0),
         _ => manual_control(1, -900, 900),
     }
 }
-
-const PREFLIGHT_REBOOT: u16 = 246;
 
 /// Message, length of its payload, and where the system is that it is for.
 const TARGETED: [(u32, usize, usize); 12] = [

@@ -4,7 +4,7 @@ use super::fault::Fault;
 use super::line::Condition;
 use super::packs::Packs;
 use super::rig::Rig;
-use crate::bench::{MILLISECOND, SECOND};
+use crate::bench::{CYCLES_PER_US, MILLISECOND, SECOND};
 use crate::bus_packs::BUS;
 use crate::emulator::i2c_devices::{Pec, Reads};
 use crate::emulator::{AdcFault, Board, FlashCut, Random, ResetCause};
@@ -12,7 +12,7 @@ use crate::emulator::{AdcFault, Board, FlashCut, Random, ResetCause};
 /// With more crashes in a row it is the program that is broken, and a board may start with other parameters than its own.
 const MOST_CRASHES: u32 = 4;
 
-const CYCLES_PER_MS: u64 = 125_000;
+const CYCLES_PER_MS: u64 = MILLISECOND * CYCLES_PER_US;
 
 /// The watchdog's second, and a look at the tasks every 100 ms.
 const HANG_US: u64 = 1_050 * MILLISECOND;

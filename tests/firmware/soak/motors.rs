@@ -2,10 +2,8 @@
 
 use std::collections::VecDeque;
 
-use crate::bench::{Bench, MILLISECOND};
+use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND};
 use crate::motors::{LEFT, RIGHT};
-
-const CYCLES_PER_US: u64 = 125;
 
 /// What the start of a frame among garbage has swallowed is found 293 bytes later, and a driver sends 400 a second.
 const SWALLOWED_MS: u64 = 730;

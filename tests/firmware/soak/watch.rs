@@ -2,7 +2,7 @@
 
 use super::motors::{Change, Motors, Says};
 use super::rig::{PROBE, Rig};
-use crate::bench::{MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET};
+use crate::bench::{CYCLES_PER_US, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET};
 use crate::bus_packs::BUS;
 use crate::emulator::{FlashOperationKind, ResetCause};
 use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, Heartbeat, PARAM_VALUE, PING, ParamValue};
@@ -18,7 +18,6 @@ const PROMPT_US: u64 = 250 * MILLISECOND;
 const WRITING_US: u64 = 2 * SECOND;
 
 const ARMED: u8 = 128;
-const CYCLES_PER_US: u64 = 125;
 
 impl Rig {
     /// Looks at everything that has happened since the last look, and panics if it must not.

@@ -28,10 +28,9 @@ fn collect(parser: &mut FrameParser, found: &mut Vec<Found>) {
     while let Some(frame) = parser.next_frame() {
         let is_signed = frame.signed.is_some();
         assert!(
-            !is_signed
-                || frame
-                    .signed
-                    .is_some_and(|bytes| bytes.len() == frame.payload.0.len() + 25)
+            frame
+                .signed
+                .is_none_or(|bytes| bytes.len() == frame.payload.0.len() + 25)
         );
         found.push((
             frame.message_id,
