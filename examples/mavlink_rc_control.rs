@@ -36,7 +36,8 @@ mod firmware {
             right_rear: (chip.PWM_SLICE3, chip.PIN_7, chip.PIN_6),
             right_front: (chip.PWM_SLICE4, chip.PIN_9, chip.PIN_8),
         });
-        let (mut transmitter, mut receiver) = board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, BAUD);
+        let (mut transmitter, mut receiver) =
+            board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
 
         let mut parameters = Parameters::defaults();
         // Nothing measures a battery here, so none is sent, and none is checked before arming.

@@ -25,6 +25,7 @@
 
 mod crc32;
 mod log;
+mod rounding;
 mod sealed;
 
 pub mod battery;

@@ -1,6 +1,6 @@
 //! Who is alive: each task checks in, and the watchdog is fed only while nobody is overdue.
 
-use portable_atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU32, Ordering};
 
 /// One task's promise to be seen at least every `deadline_ms`.
 ///

@@ -6,13 +6,12 @@ mod firmware {
     use defmt::{info, warn};
     use defmt_rtt as _;
     use embassy_executor::{SpawnError, SpawnToken, Spawner};
-    use embassy_rp::uart::BufferedUartTx;
     use panic_probe as _;
     use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
         self, AnalogInputs, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog,
         Buzzer, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c, SensorSpi,
-        SpiPeripherals, UartReceiver, UsbDevice, UsbPort,
+        SpiPeripherals, UartReceiver, UartTransmitter, UsbDevice, UsbPort,
     };
     use rover_battmon::crash::{CrashRecord, ParameterSource};
     use rover_battmon::liveness::CheckIn;
@@ -86,7 +85,7 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn writer(wire: BufferedUartTx, shared: &'static Shared, link: &'static Link) {
+    async fn writer(wire: UartTransmitter, shared: &'static Shared, link: &'static Link) {
         if tasks::write_frames(wire, shared, link, &WRITER).await.is_err() {
             // The writer no longer checks in, so the watchdog restarts the board.
             warn!("UART0: writing failed");
@@ -191,8 +190,13 @@ mod firmware {
 
         let baud = serial_baud(shared.whole_parameter(VehicleParameter::Serial0Baud));
         let link = open_telemetry(baud);
-        let (transmitter, receiver) =
-            board::telemetry_uart(peripherals.UART0, peripherals.PIN_0, peripherals.PIN_1, baud);
+        let (transmitter, receiver) = board::telemetry_uart(
+            peripherals.UART0,
+            peripherals.PIN_0,
+            peripherals.PIN_1,
+            peripherals.DMA_CH0,
+            baud,
+        );
         let (device, port) = board::usb_port(peripherals.USB);
         let input = AnalogInputs::new(
             peripherals.ADC,

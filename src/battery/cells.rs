@@ -4,16 +4,22 @@
 pub const MAX_CELLS: usize = 14;
 
 /// The voltage of each cell in series, from the negative end; empty when the sensor does not measure them.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellVoltages {
     millivolts: [u16; MAX_CELLS],
     count: u8,
 }
 
 impl CellVoltages {
+    /// None is measured.
+    pub const NONE: Self = Self {
+        millivolts: [0; MAX_CELLS],
+        count: 0,
+    };
+
     /// The cells of a pack, in millivolts. Cells beyond the 14th are left out.
     pub fn from_millivolts(cells: &[u16]) -> Self {
-        let mut voltages = Self::default();
+        let mut voltages = Self::NONE;
         for (to, from) in voltages.millivolts.iter_mut().zip(cells) {
             *to = *from;
             voltages.count += 1;
@@ -36,5 +42,11 @@ impl CellVoltages {
     /// The lowest cell's voltage, in volts.
     pub fn lowest_v(&self) -> Option<f32> {
         self.millivolts().iter().min().map(|mv| f32::from(*mv) / 1000.0)
+    }
+}
+
+impl Default for CellVoltages {
+    fn default() -> Self {
+        Self::NONE
     }
 }

@@ -8,7 +8,7 @@ use super::Chemistry;
 const NAME_BYTES: usize = 20;
 
 /// What a smart battery tells of itself. It changes seldom, most of it never; `None` is what it does not tell.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PackDetails {
     /// Who made it.
     pub manufacturer: Name,
@@ -30,6 +30,51 @@ pub struct PackDetails {
     pub state_of_health_pct: Option<u8>,
 }
 
+impl PackDetails {
+    /// It tells nothing.
+    pub const NONE: Self = Self {
+        manufacturer: Name::EMPTY,
+        device: Name::EMPTY,
+        serial_number: None,
+        manufactured: None,
+        chemistry: None,
+        cycle_count: None,
+        design_capacity_mah: None,
+        design_voltage_v: None,
+        state_of_health_pct: None,
+    };
+
+    /// Whether nothing is told.
+    pub fn is_empty(&self) -> bool {
+        let Self {
+            manufacturer,
+            device,
+            serial_number,
+            manufactured,
+            chemistry,
+            cycle_count,
+            design_capacity_mah,
+            design_voltage_v,
+            state_of_health_pct,
+        } = self;
+        manufacturer.is_empty()
+            && device.is_empty()
+            && serial_number.is_none()
+            && manufactured.is_none()
+            && chemistry.is_none()
+            && cycle_count.is_none()
+            && design_capacity_mah.is_none()
+            && design_voltage_v.is_none()
+            && state_of_health_pct.is_none()
+    }
+}
+
+impl Default for PackDetails {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
 /// A day.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Date {
@@ -42,16 +87,22 @@ pub struct Date {
 }
 
 /// A short name in printable ASCII; empty if there is none.
-#[derive(Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Name {
     bytes: [u8; NAME_BYTES],
     length: u8,
 }
 
 impl Name {
+    /// Nothing is told.
+    pub const EMPTY: Self = Self {
+        bytes: [0; NAME_BYTES],
+        length: 0,
+    };
+
     /// The printable ones of these characters, as many as fit.
     pub fn from_ascii(characters: &[u8]) -> Self {
-        let mut name = Self::default();
+        let mut name = Self::EMPTY;
         let printable = characters
             .iter()
             .filter(|byte| byte.is_ascii_graphic() || **byte == b' ');

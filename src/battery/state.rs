@@ -76,7 +76,7 @@ pub enum Visibility {
 /// What is known of one pack. `None` means unknown; it never stands for zero.
 ///
 /// The default is the state at boot: everything unknown.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatteryState {
     /// Whether the pack is there and its sensor can be trusted.
     pub status: PackStatus,
@@ -131,11 +131,40 @@ pub struct BatteryState {
 }
 
 impl BatteryState {
+    /// Nothing is known.
+    pub const UNKNOWN: Self = Self {
+        status: PackStatus::Unknown,
+        contents: Contents::Charge,
+        voltage_v: None,
+        resting_voltage_v: None,
+        current_a: None,
+        average_current_a: None,
+        resistance_ohm: None,
+        consumed_mah: None,
+        consumed_wh: None,
+        remaining_pct: None,
+        time_remaining_s: None,
+        temperature_c: None,
+        charge_state: ChargeState::Undefined,
+        faults: Faults::empty(),
+        failsafe: FailsafeLevel::None,
+        cell_count: None,
+        cells: CellVoltages::NONE,
+        chemistry: Chemistry::LiPo,
+        capacity_mah: None,
+        critical_voltage_v: None,
+        serial_number: None,
+        charge_source: ChargeSource::Estimated,
+        details: PackDetails::NONE,
+        reported_voltage: ReportedVoltage::Terminal,
+        visibility: Visibility::Reported,
+    };
+
     /// A pack that is not monitored.
     pub fn disabled() -> Self {
         Self {
             status: PackStatus::Disabled,
-            ..Self::default()
+            ..Self::UNKNOWN
         }
     }
 
@@ -150,5 +179,11 @@ impl BatteryState {
             ReportedVoltage::Resting => self.resting_or_terminal_voltage_v(),
             ReportedVoltage::Terminal => self.voltage_v,
         }
+    }
+}
+
+impl Default for BatteryState {
+    fn default() -> Self {
+        Self::UNKNOWN
     }
 }

@@ -1,21 +1,27 @@
 //! The converter behind the analog pins.
 
 use embassy_rp::Peri;
-use embassy_rp::adc::{Adc, Async, Channel, Config};
+use embassy_rp::adc::{Adc, Blocking, Channel, Config};
 use embassy_rp::gpio::Pull;
+use embassy_rp::pac;
 use embassy_rp::peripherals::{ADC, PIN_26, PIN_27, PIN_28, PIN_29};
 
-use super::Irqs;
 use crate::battery::ReadError;
 use crate::sensor::{AdcCount, AnalogIn, AnalogPin};
 
+/// A conversion takes 96 cycles of the converter's 48 MHz clock (RP2040 datasheet 4.9.2), 250 of the processor's; each look at it
+/// takes five at least.
+const LOOKS: u32 = 200;
+
 /// The analog pins GP26 to GP29.
 ///
-/// Conversions are started one by one. embassy-rp's DMA burst would need fewer interrupts, but on a converter that has
-/// stopped answering it waits without yielding, and then the watchdog is the only way out.
+/// A conversion takes 2 µs, less than going to sleep over it, so the processor looks until it is done. embassy-rp's own ways
+/// are an interrupt for each conversion, and waiting for one without an end: on a converter that has stopped answering the
+/// watchdog would then be the only way out.
 pub struct AnalogInputs {
-    adc: Adc<'static, Async>,
-    channels: [Channel<'static>; 4],
+    // They keep the converter on and its pins theirs.
+    _adc: Adc<'static, Blocking>,
+    _channels: [Channel<'static>; 4],
 }
 
 impl AnalogInputs {
@@ -28,8 +34,8 @@ impl AnalogInputs {
         gp29: Peri<'static, PIN_29>,
     ) -> Self {
         Self {
-            adc: Adc::new(adc, Irqs, Config::default()),
-            channels: [
+            _adc: Adc::new_blocking(adc, Config::default()),
+            _channels: [
                 Channel::new_pin(gp26, Pull::None),
                 Channel::new_pin(gp27, Pull::None),
                 Channel::new_pin(gp28, Pull::None),
@@ -41,17 +47,17 @@ impl AnalogInputs {
 
 impl AnalogIn for AnalogInputs {
     async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError> {
-        let [gp26, gp27, gp28, gp29] = &mut self.channels;
-        let channel = match pin {
-            AnalogPin::Gp26 => gp26,
-            AnalogPin::Gp27 => gp27,
-            AnalogPin::Gp28 => gp28,
-            AnalogPin::Gp29 => gp29,
-        };
-        self.adc
-            .read(channel)
-            .await
-            .map(AdcCount)
-            .map_err(|_| ReadError::Conversion)
+        pac::ADC.cs().modify(|status| {
+            status.set_ainsel(pin as u8);
+            status.set_start_once(true);
+        });
+        let done = (0..LOOKS)
+            .map(|_| pac::ADC.cs().read())
+            .find(|status| status.ready());
+        match done {
+            None => Err(ReadError::Timeout),
+            Some(status) if status.err() => Err(ReadError::Conversion),
+            Some(_) => Ok(AdcCount(pac::ADC.result().read().result())),
+        }
     }
 }

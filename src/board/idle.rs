@@ -6,8 +6,9 @@
     reason = "the executor finds its trace hooks by their unmangled names"
 )]
 
+use core::sync::atomic::{AtomicU32, Ordering};
+
 use embassy_rp::pac;
-use portable_atomic::{AtomicU32, Ordering};
 
 use super::running;
 use crate::tasks::IdleTime;

@@ -21,9 +21,9 @@ mod uart;
 mod usb;
 mod watchdog;
 
-use embassy_rp::peripherals::{I2C1, UART0, UART1, USB};
+use embassy_rp::peripherals::{DMA_CH0, I2C1, UART0, UART1, USB};
 use embassy_rp::uart::BufferedInterruptHandler;
-use embassy_rp::{adc as rp_adc, bind_interrupts, i2c as rp_i2c, usb as rp_usb};
+use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, usb as rp_usb};
 
 pub use adc::AnalogInputs;
 pub use buzzer::Buzzer;
@@ -40,12 +40,12 @@ pub use reset::{ResetReason, restart};
 pub use retained::retained_memory;
 pub use running::name_task;
 pub use spi::{SensorSpi, SpiPeripherals};
-pub use uart::{UartReceiver, esc_uart, telemetry_uart};
+pub use uart::{UartReceiver, UartTransmitter, esc_uart, telemetry_uart};
 pub use usb::{UsbDevice, UsbPort, UsbReceiver, UsbTransmitter, usb_port};
 pub use watchdog::BoardWatchdog;
 
 bind_interrupts!(struct Irqs {
-    ADC_IRQ_FIFO => rp_adc::InterruptHandler;
+    DMA_IRQ_0 => dma::InterruptHandler<DMA_CH0>;
     I2C1_IRQ => rp_i2c::InterruptHandler<I2C1>;
     UART0_IRQ => BufferedInterruptHandler<UART0>;
     UART1_IRQ => BufferedInterruptHandler<UART1>;

@@ -7,7 +7,7 @@
 use core::array;
 use core::mem::MaybeUninit;
 
-use portable_atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use super::ResetReason;
 use crate::battery::{RetainedMemory, RetainedRecord};

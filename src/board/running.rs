@@ -5,8 +5,9 @@
 //! and the boot ROM needs those two only to restart itself for USB (`reset_to_usb_boot`).
 #![expect(unsafe_code, reason = "the names stay in a section without an initialiser")]
 
+use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
 use embassy_rp::pac::WATCHDOG;
-use portable_atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use super::retained::RetainedWords;
 use crate::crash::{TaskName, TaskNameWords};

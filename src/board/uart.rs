@@ -1,47 +1,68 @@
 //! The telemetry port, and the one of a motor controller.
+#![expect(unsafe_code, reason = "the telemetry port's halves are driven differently")]
+
+use core::convert::Infallible;
 
 use embassy_rp::Peri;
-use embassy_rp::peripherals::{PIN_0, PIN_1, PIN_5, UART0, UART1};
-use embassy_rp::uart::{BufferedUart, BufferedUartRx, BufferedUartTx, Config};
-use embedded_io_async::Read;
+use embassy_rp::peripherals::{DMA_CH0, PIN_0, PIN_1, PIN_5, UART0, UART1};
+use embassy_rp::uart::{Async, BufferedUartRx, Config, UartTx};
+use embassy_time::{Duration, Timer};
+use embedded_io_async::{ErrorType, Read, Write};
 use static_cell::ConstStaticCell;
 
 use super::Irqs;
 use crate::tasks::{ByteSource, ReceiveError};
 
-/// About 11 ms of line at 115200 baud: enough to keep it busy, little enough that what leaves is fresh.
-const TRANSMIT_BUFFER_BYTES: usize = 128;
+/// No interrupt tells that the FIFO has run empty.
+const LOOK_INTERVAL: Duration = Duration::from_millis(1);
 
 /// What arrives while another task has its turn.
 const RECEIVE_BUFFER_BYTES: usize = 512;
 
-/// UART0 on GP0 (out) and GP1 (in), 8N1, interrupt driven.
+/// UART0 on GP0 (out) and GP1 (in), 8N1. What is sent goes out by DMA channel 0, what is received comes in by interrupts.
 ///
 /// # Panics
-/// When called twice: the buffers exist once.
+/// When called twice: the buffer exists once.
 pub fn telemetry_uart(
     uart: Peri<'static, UART0>,
     tx_pin: Peri<'static, PIN_0>,
     rx_pin: Peri<'static, PIN_1>,
+    dma: Peri<'static, DMA_CH0>,
     baud: u32,
-) -> (BufferedUartTx, UartReceiver) {
-    static TRANSMIT_BUFFER: ConstStaticCell<[u8; TRANSMIT_BUFFER_BYTES]> =
-        ConstStaticCell::new([0; TRANSMIT_BUFFER_BYTES]);
+) -> (UartTransmitter, UartReceiver) {
     static RECEIVE_BUFFER: ConstStaticCell<[u8; RECEIVE_BUFFER_BYTES]> =
         ConstStaticCell::new([0; RECEIVE_BUFFER_BYTES]);
     let mut config = Config::default();
     config.baudrate = baud;
-    let (transmitter, receiver) = BufferedUart::new(
-        uart,
-        tx_pin,
-        rx_pin,
-        Irqs,
-        TRANSMIT_BUFFER.take(),
-        RECEIVE_BUFFER.take(),
-        config,
-    )
-    .split();
-    (transmitter, UartReceiver(receiver))
+    // SAFETY: the two halves use different registers of the port, but for those of its set-up, which both write alike, here.
+    let other_half = unsafe { uart.clone_unchecked() };
+    let transmitter = UartTx::new(uart, tx_pin, dma, Irqs, config);
+    let receiver = BufferedUartRx::new(other_half, Irqs, rx_pin, RECEIVE_BUFFER.take(), config);
+    (UartTransmitter(transmitter), UartReceiver(receiver))
+}
+
+/// The sending half of the telemetry port. A frame costs one interrupt, however long it is; bytes by interrupts would take
+/// most of what a busy line costs. The port's FIFO bridges the time from one frame to the next.
+pub struct UartTransmitter(UartTx<'static, Async>);
+
+impl ErrorType for UartTransmitter {
+    type Error = Infallible;
+}
+
+impl Write for UartTransmitter {
+    /// Returns when the last of `bytes` is in the FIFO.
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        // Writing by DMA has no error to report: embassy-rp's type is shared with reading.
+        let _ = self.0.write(bytes).await;
+        Ok(bytes.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        while self.0.busy() {
+            Timer::after(LOOK_INTERVAL).await;
+        }
+        Ok(())
+    }
 }
 
 /// KISS and BLHeli_32 controllers send at this rate.

@@ -167,13 +167,17 @@ impl Endpoint {
             link: self.statistics(),
             ..*state
         };
-        let heartbeat = self.outbox.take_heartbeat().map(|stream| stream.build(&state));
-        let message = heartbeat
-            .or_else(|| self.outbox.take_reply())
-            .or_else(|| self.list.take(parameters))
-            .or_else(|| Some(self.take_telemetry(&state)?.build(&state)))?;
-        self.sent = self.sent.wrapping_add(1);
-        Some(message)
+        let message = if let Some(stream) = self.outbox.take_heartbeat() {
+            Some(stream.build(&state))
+        } else if let Some(reply) = self.outbox.take_reply() {
+            Some(reply)
+        } else if let Some(value) = self.list.take(parameters) {
+            Some(value)
+        } else {
+            self.take_telemetry(&state).map(|stream| stream.build(&state))
+        };
+        self.sent = self.sent.wrapping_add(u32::from(message.is_some()));
+        message
     }
 
     /// The stream whose turn it is. One of a pack that has gone while it waited has nothing to say any more.

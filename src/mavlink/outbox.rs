@@ -114,7 +114,7 @@ impl Outbox {
     pub fn take_stream(&mut self) -> Option<Stream> {
         (0..STREAMS).find_map(|_| {
             let place = self.turn;
-            self.turn = (place + 1) % STREAMS;
+            self.turn = if place + 1 == STREAMS { 0 } else { place + 1 };
             self.streams.get_mut(place)?.take()
         })
     }

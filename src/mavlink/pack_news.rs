@@ -15,7 +15,7 @@ impl PackNews {
         let Some(told) = self.told.get_mut(usize::from(instance)) else {
             return false;
         };
-        let is_news = *details != PackDetails::default() && details != told;
+        let is_news = !details.is_empty() && details != told;
         if is_news {
             *told = *details;
         }

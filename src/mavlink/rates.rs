@@ -26,6 +26,8 @@ pub(super) struct Rates {
     requested_hz: Option<f32>,
     /// `SR0_EXTRA1` when it was looked at last.
     parameter_hz: f32,
+    /// What the scheduler was told last.
+    scheduled_hz: f32,
 }
 
 impl Rates {
@@ -34,6 +36,7 @@ impl Rates {
             scheduler: StreamScheduler::new(now_us),
             requested_hz: None,
             parameter_hz: 0.0,
+            scheduled_hz: 0.0,
         }
     }
 
@@ -44,8 +47,11 @@ impl Rates {
             self.requested_hz = None;
         }
         self.parameter_hz = parameter_hz;
-        self.scheduler
-            .set_extra1_rate(self.requested_hz.unwrap_or(parameter_hz), now_us);
+        let rate_hz = self.requested_hz.unwrap_or(parameter_hz);
+        if rate_hz != self.scheduled_hz {
+            self.scheduled_hz = rate_hz;
+            self.scheduler.set_extra1_rate(rate_hz, now_us);
+        }
     }
 
     /// A ground station on this link has set a parameter, maybe to the value it had.

@@ -19,11 +19,10 @@ pub struct SystemState<'a> {
 
 impl SystemState<'_> {
     /// The pack of this instance; a pack that does not exist is one of which nothing is known.
-    pub fn battery(&self, instance: u8) -> BatteryState {
+    pub fn battery(&self, instance: u8) -> &BatteryState {
         self.batteries
             .get(usize::from(instance))
-            .copied()
-            .unwrap_or_default()
+            .unwrap_or(&BatteryState::UNKNOWN)
     }
 
     /// The packs that are monitored.
@@ -58,12 +57,15 @@ impl SystemState<'_> {
 
     /// The instances of the packs that have a BATTERY_STATUS of their own: those monitored and not kept on board.
     pub fn reported(&self) -> impl Iterator<Item = u8> {
-        let packs = (0..u8::MAX).zip(self.batteries);
-        packs
-            .filter(|(_, battery)| {
-                battery.status != PackStatus::Disabled && battery.visibility == Visibility::Reported
-            })
-            .map(|(instance, _)| instance)
+        (0..self.batteries.len() as u8).filter(|instance| self.is_reported(*instance))
+    }
+
+    /// Whether the pack of this instance is one of those.
+    pub fn is_reported(&self, instance: u8) -> bool {
+        let battery = self.batteries.get(usize::from(instance));
+        battery.is_some_and(|battery| {
+            battery.status != PackStatus::Disabled && battery.visibility == Visibility::Reported
+        })
     }
 }
 

@@ -19,6 +19,8 @@ pub use table::{BatteryParameter, Kind, Meaning, Parameter, Range, VehicleParame
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};
 
+use crate::rounding::round_to_i32;
+
 /// The characters MAVLink has room for in a parameter's name.
 pub const MAX_NAME_LENGTH: usize = 16;
 
@@ -77,7 +79,7 @@ impl Parameters {
 
     #[inline(never)]
     fn whole(&self, id: ParameterId) -> i32 {
-        self.get(id) as i32
+        round_to_i32(self.get(id))
     }
 
     /// Every parameter a ground station is shown, in the order of their indices: all but those of packs that are not

@@ -22,6 +22,10 @@ use crate::vehicle::FailsafeAction;
 /// 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.
 const SAMPLING_INTERVAL_US: u64 = 100_000;
 
+/// Ticks are due, and readings are taken to be of, a whole millisecond: so intervals are nearly always alike, and the filters
+/// need not divide anew.
+const RESOLUTION_US: u64 = 1_000;
+
 /// A read that takes longer counts as failed.
 const READ_TIMEOUT: Duration = Duration::from_millis(2);
 
@@ -56,13 +60,15 @@ pub async fn sample_batteries(
         readings: AnalogReadings::NONE,
         meters: [FuelMeter::default(); MAX_PACKS],
     };
-    let mut ticks = Cadence::starting_at(Instant::now().as_micros(), SAMPLING_INTERVAL_US);
+    let start_us = Instant::now().as_micros().next_multiple_of(RESOLUTION_US);
+    let mut ticks = Cadence::starting_at(start_us, SAMPLING_INTERVAL_US);
     loop {
         Timer::at(Instant::from_micros(ticks.due_us())).await;
-        ticks.take(Instant::now().as_micros());
+        let now_us = Instant::now().as_micros();
+        ticks.take(now_us);
         sensors.readings = read_pins(&mut input, shared, &kinds).await;
         let tick = Tick {
-            now_us: Instant::now().as_micros(),
+            now_us: now_us - now_us % RESOLUTION_US,
             arm_state: shared.with_vehicle(|vehicle| vehicle.arm_state()),
         };
         // Sums come last: they are of this tick's states.

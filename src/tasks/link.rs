@@ -83,17 +83,8 @@ impl Link {
         use_endpoint(&mut self.endpoint.borrow_mut())
     }
 
-    /// Waits for the next message and takes it out.
-    pub(super) async fn next_message(&self, shared: &Shared) -> Message {
-        loop {
-            if let Some(message) = self.take(shared) {
-                return message;
-            }
-            self.to_write.wait().await;
-        }
-    }
-
-    fn take(&self, shared: &Shared) -> Option<Message> {
+    /// Takes out the message that leaves next.
+    pub(super) fn take(&self, shared: &Shared) -> Option<Message> {
         shared.with_system_state(|state| {
             shared.with_parameters(|parameters| self.with(|endpoint| endpoint.take(state, parameters)))
         })

@@ -79,7 +79,7 @@ impl Shared {
 
     /// What is known of the pack `instance` (0 to 8).
     pub fn battery(&self, instance: u8) -> BatteryState {
-        self.with_system_state(|state| state.battery(instance))
+        self.with_system_state(|state| *state.battery(instance))
     }
 
     /// Publishes what is known of the pack `instance` (0 to 8).

@@ -20,13 +20,22 @@ pub async fn write_frames<W: Write>(
 ) -> Result<(), W::Error> {
     let mut framer = Framer::new();
     loop {
-        let message = link.next_message(shared).await;
-        // The table's range is 1 to 255.
-        let system_id = shared.whole_parameter(VehicleParameter::SysidThismav) as u8;
-        let now_us = Instant::now().as_micros();
-        let frame = shared
-            .with_signing(|signing| framer.signed_frame(&message, system_id, signing, link.kind(), now_us));
+        let Some(frame) = next_frame(&mut framer, shared, link) else {
+            link.to_write.wait().await;
+            continue;
+        };
         wire.write_all(frame).await?;
         mark(check_in);
     }
+}
+
+/// The frame of the message that leaves next.
+fn next_frame<'a>(framer: &'a mut Framer, shared: &Shared, link: &Link) -> Option<&'a [u8]> {
+    let message = link.take(shared);
+    // By reference: a message is large, and each move copies it.
+    let message = message.as_ref()?;
+    // The table's range is 1 to 255.
+    let system_id = shared.whole_parameter(VehicleParameter::SysidThismav) as u8;
+    let now_us = Instant::now().as_micros();
+    Some(shared.with_signing(|signing| framer.signed_frame(message, system_id, signing, link.kind(), now_us)))
 }

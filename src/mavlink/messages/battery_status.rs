@@ -2,14 +2,14 @@
 
 use super::pack_facts::battery_type;
 use super::units::{
-    MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, finite, remaining_pct, round_to_i32, temperature_cdegc,
-    voltage_mv,
+    MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, finite, remaining_pct, temperature_cdegc, voltage_mv,
 };
 use crate::battery::{BatteryState, CellVoltages, ChargeState, Faults};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{
     BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
 };
+use crate::rounding::round_to_i32;
 
 /// Cells in `voltages`.
 const CELLS: usize = 10;

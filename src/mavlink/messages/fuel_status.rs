@@ -1,9 +1,10 @@
 //! FUEL_STATUS (371).
 
-use super::units::{finite, number, round_to_i32};
+use super::units::{finite, number};
 use crate::battery::{BatteryState, ChargeSource};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{FUEL_STATUS_DATA, MavFuelType};
+use crate::rounding::round_to_i32;
 
 /// MAVLink's value for a level that is not known, `UINT8_MAX`.
 const LEVEL_UNKNOWN_PCT: u8 = u8::MAX;

@@ -50,9 +50,7 @@ impl Stream {
 
     /// Whether there is something to tell: not of a pack that is not reported, and of fuel only if it is a tank.
     pub(in crate::mavlink) fn is_reported_in(self, state: &SystemState<'_>) -> bool {
-        let is_reported = self
-            .instance()
-            .is_none_or(|instance| state.reported().any(|reported| reported == instance));
+        let is_reported = self.instance().is_none_or(|instance| state.is_reported(instance));
         match self {
             Self::FuelStatus(instance) => is_reported && state.is_tank(instance),
             _ => is_reported,

@@ -4,9 +4,10 @@ use super::pack_facts::{
     WEIGHT_UNKNOWN_G, battery_type, cells_in_series, charged_cell_voltage_v, cycle_count,
     design_capacity_mah, full_capacity_mah, lowest_cell_voltage_v, manufacture_date, name, serial_number,
 };
-use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, finite, round_to_i32, voltage_mv};
+use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, finite, voltage_mv};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{MavBatteryFunction, SMART_BATTERY_INFO_DATA};
+use crate::rounding::round_to_i32;
 
 /// MAVLink's value for a capacity that is not known.
 const CAPACITY_UNKNOWN_MAH: i32 = -1;

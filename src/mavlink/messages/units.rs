@@ -1,18 +1,10 @@
 //! From SI values to MAVLink's integers: rounded to nearest, saturated, and never onto a sentinel by accident.
-//!
-//! `as` from float to integer saturates and takes NaN to 0; the helpers build on that, so no input can wrap or panic.
+
+use crate::rounding::round_to_i32;
 
 /// A number that is neither NaN nor infinite.
 pub(super) fn finite(value: Option<f32>) -> Option<f32> {
     value.filter(|value| value.is_finite())
-}
-
-/// Rounded half away from zero, saturating at the range of `i32`.
-// Saturating takes three comparisons of floats: too much to write out at each call.
-#[inline(never)]
-pub(super) fn round_to_i32(value: f32) -> i32 {
-    let half = if value < 0.0 { -0.5 } else { 0.5 };
-    (value + half) as i32
 }
 
 /// MAVLink's value for a voltage that is not known, `UINT16_MAX`.
@@ -25,7 +17,7 @@ pub(super) const MAX_VOLTAGE_MV: u16 = u16::MAX - 1;
 pub(super) fn voltage_mv(voltage_v: Option<f32>) -> Option<u32> {
     finite(voltage_v)
         .filter(|voltage_v| *voltage_v >= 0.0)
-        .map(|voltage_v| (voltage_v * 1000.0 + 0.5) as u32)
+        .map(|voltage_v| round_to_i32(voltage_v * 1000.0).unsigned_abs())
 }
 
 /// MAVLink's value for a current that is not known.
@@ -92,15 +84,6 @@ pub(super) fn remaining_pct(remaining_pct: Option<f32>) -> i8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn rounding_is_to_nearest_on_both_sides_of_zero() {
-        assert_eq!(round_to_i32(1.5), 2);
-        assert_eq!(round_to_i32(-1.5), -2);
-        assert_eq!(round_to_i32(-0.4), 0);
-        assert_eq!(round_to_i32(1e20), i32::MAX);
-        assert_eq!(round_to_i32(-1e20), i32::MIN);
-    }
 
     #[test]
     fn a_small_charging_current_is_not_mistaken_for_an_unknown_one() {

@@ -46,7 +46,7 @@ impl<'a, B: SensorBus> SmBus<'a, B> {
 
     /// Read Block of each of the commands, as names. Those the device refuses are empty.
     pub async fn names<const N: usize>(&mut self, commands: [u8; N]) -> Result<[Name; N], ReadError> {
-        let mut names = [Name::default(); N];
+        let mut names = [Name::EMPTY; N];
         for (name, command) in names.iter_mut().zip(commands) {
             *name = self.name(command).await?;
         }
@@ -77,10 +77,10 @@ impl<'a, B: SensorBus> SmBus<'a, B> {
         // How long a block is, its first byte tells. So it is asked twice.
         let mut answer = [0; 1 + BLOCK_BYTES];
         let Some(length) = answer.first_mut() else {
-            return Ok(Name::default());
+            return Ok(Name::EMPTY);
         };
         match self.transfer(command, core::slice::from_mut(length)).await {
-            Err(ReadError::NoAnswer) => return Ok(Name::default()),
+            Err(ReadError::NoAnswer) => return Ok(Name::EMPTY),
             other => other?,
         }
         let bytes = usize::from(*length);

@@ -1,0 +1,71 @@
+//! From floating point to whole numbers by integers alone: without a floating-point unit, the comparisons and the addition
+//! that it takes otherwise are some 400 cycles.
+
+/// Bits of a single's significand behind the leading 1.
+const FRACTION_BITS: i32 = 23;
+const EXPONENT_BIAS: i32 = 127;
+/// The exponent of infinity and NaN.
+const NOT_A_NUMBER: i32 = 128;
+
+/// Rounded half away from zero, saturating at the range of `i32`; NaN is 0.
+pub(crate) fn round_to_i32(value: f32) -> i32 {
+    let bits = value.to_bits();
+    let exponent = (bits >> FRACTION_BITS & 0xff) as i32 - EXPONENT_BIAS;
+    let fraction = bits & ((1 << FRACTION_BITS) - 1);
+    let significand = fraction | 1 << FRACTION_BITS;
+    let magnitude = match exponent {
+        ..-1 => 0,
+        -1..FRACTION_BITS => {
+            let dropped_bits = FRACTION_BITS - exponent;
+            (significand + (1 << (dropped_bits - 1))) >> dropped_bits
+        }
+        FRACTION_BITS..31 => significand << (exponent - FRACTION_BITS),
+        NOT_A_NUMBER if fraction != 0 => 0,
+        _ if value.is_sign_negative() => return i32::MIN,
+        _ => return i32::MAX,
+    };
+    // Below 2^31, so it fits.
+    let magnitude = magnitude as i32;
+    if value.is_sign_negative() {
+        -magnitude
+    } else {
+        magnitude
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn halves_go_away_from_zero_and_the_range_saturates() {
+        for (value, expected) in [
+            (1.5, 2),
+            (-1.5, -2),
+            (0.5, 1),
+            (0.499_999_97, 0),
+            (-0.4, 0),
+            (8_388_607.5, 8_388_608),
+            (16_777_217.0, 16_777_216),
+            (2_147_483_520.0, 2_147_483_520),
+            (1e20, i32::MAX),
+            (-1e20, i32::MIN),
+            (f32::INFINITY, i32::MAX),
+            (f32::NEG_INFINITY, i32::MIN),
+            (f32::NAN, 0),
+            (f32::MIN_POSITIVE, 0),
+        ] {
+            assert_eq!(round_to_i32(value), expected, "{value}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn it_rounds_as_floating_point_does(bits in any::<u32>(), plausible in -1e7f32..1e7) {
+            for value in [f32::from_bits(bits), plausible] {
+                prop_assert_eq!(round_to_i32(value), value.round() as i32, "{}", value);
+            }
+        }
+    }
+}
