@@ -20,27 +20,27 @@ pub fn build_battery_info(state: &SystemState<'_>, instance: u8) -> BATTERY_INFO
     let battery = state.battery(instance);
     let details = &battery.details;
     BATTERY_INFO_DATA {
-        discharge_minimum_voltage: number_above_zero(lowest_cell_voltage_v(&battery)),
+        discharge_minimum_voltage: number_above_zero(lowest_cell_voltage_v(battery)),
         charging_minimum_voltage: NOT_GIVEN,
         resting_minimum_voltage: NOT_GIVEN,
-        charging_maximum_voltage: number_above_zero(charged_cell_voltage_v(&battery)),
+        charging_maximum_voltage: number_above_zero(charged_cell_voltage_v(battery)),
         charging_maximum_current: NOT_GIVEN,
-        nominal_voltage: number_above_zero(nominal_voltage_v(&battery)),
+        nominal_voltage: number_above_zero(nominal_voltage_v(battery)),
         discharge_maximum_current: NOT_GIVEN,
         discharge_maximum_burst_current: NOT_GIVEN,
-        design_capacity: number_above_zero(amp_hours(design_capacity_mah(&battery))),
+        design_capacity: number_above_zero(amp_hours(design_capacity_mah(battery))),
         full_charge_capacity: number(
-            amp_hours(full_capacity_mah(&battery)).filter(|charge_ah| *charge_ah >= 0.0),
+            amp_hours(full_capacity_mah(battery)).filter(|charge_ah| *charge_ah >= 0.0),
         ),
         cycle_count: cycle_count(details),
         weight: WEIGHT_UNKNOWN_G,
         id: instance,
         battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
-        mavtype: battery_type(&battery),
+        mavtype: battery_type(battery),
         state_of_health: health_pct(details),
-        cells_in_series: cells_in_series(&battery),
+        cells_in_series: cells_in_series(battery),
         manufacture_date: manufacture_date(details, ""),
-        serial_number: serial_number(&battery),
+        serial_number: serial_number(battery),
         name: name(details),
     }
 }

@@ -43,9 +43,9 @@ pub fn build_battery_status(state: &SystemState<'_>, instance: u8) -> BATTERY_ST
     BATTERY_STATUS_DATA {
         id: instance,
         battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
-        mavtype: battery_type(&battery),
+        mavtype: battery_type(battery),
         temperature: temperature_cdegc(battery.temperature_c),
-        voltages: voltages(&battery),
+        voltages: voltages(battery),
         current_battery: current_ca(battery.current_a),
         current_consumed: consumed(battery.consumed_mah),
         energy_consumed: consumed(battery.consumed_wh.map(|wh| wh * HECTOJOULES_PER_WH)),

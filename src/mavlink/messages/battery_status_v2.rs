@@ -52,9 +52,9 @@ pub fn build_battery_status_v2(state: &SystemState<'_>, instance: u8) -> BATTERY
         ),
         current: number(battery.current_a),
         capacity_consumed: number(amp_hours(battery.consumed_mah)),
-        capacity_remaining: number(amp_hours(remaining_mah(&battery))),
-        state_of_charge: number(state_of_charge_pct(&battery)),
-        status_flags: status_flags(&battery),
+        capacity_remaining: number(amp_hours(remaining_mah(battery))),
+        state_of_charge: number(state_of_charge_pct(battery)),
+        status_flags: status_flags(battery),
         temperature: temperature_cdegc(battery.temperature_c),
         id: instance,
     }

@@ -25,7 +25,7 @@ pub fn build_fuel_status(state: &SystemState<'_>, instance: u8) -> FUEL_STATUS_D
     FUEL_STATUS_DATA {
         maximum_fuel: number(tank.capacity_mah),
         consumed_fuel: number(tank.consumed_mah.filter(|_| !is_level_measured)),
-        remaining_fuel: number(remaining_ml(&tank).filter(|_| is_level_measured)),
+        remaining_fuel: number(remaining_ml(tank).filter(|_| is_level_measured)),
         flow_rate: number(tank.current_a.map(|flow_l_h| flow_l_h * ML_PER_S)),
         temperature: number(tank.temperature_c.map(|celsius| celsius + KELVIN_AT_0_CELSIUS)),
         fuel_type: MavFuelType::MAV_FUEL_TYPE_LIQUID,

@@ -25,22 +25,22 @@ const HIGHEST_CURRENT_UNKNOWN_MA: u32 = 0;
 pub fn build_smart_battery_info(state: &SystemState<'_>, instance: u8) -> SMART_BATTERY_INFO_DATA {
     let battery = state.battery(instance);
     let details = &battery.details;
-    let charged_cell_v = charged_cell_voltage_v(&battery);
+    let charged_cell_v = charged_cell_voltage_v(battery);
     SMART_BATTERY_INFO_DATA {
-        capacity_full_specification: capacity_mah(design_capacity_mah(&battery)),
-        capacity_full: capacity_mah(full_capacity_mah(&battery)),
+        capacity_full_specification: capacity_mah(design_capacity_mah(battery)),
+        capacity_full: capacity_mah(full_capacity_mah(battery)),
         cycle_count: cycle_count(details),
         weight: WEIGHT_UNKNOWN_G,
-        discharge_minimum_voltage: cell_mv(lowest_cell_voltage_v(&battery)).unwrap_or(VOLTAGE_UNKNOWN_MV),
+        discharge_minimum_voltage: cell_mv(lowest_cell_voltage_v(battery)).unwrap_or(VOLTAGE_UNKNOWN_MV),
         charging_minimum_voltage: VOLTAGE_UNKNOWN_MV,
         resting_minimum_voltage: VOLTAGE_UNKNOWN_MV,
         id: instance,
         battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
-        mavtype: battery_type(&battery),
-        serial_number: serial_number(&battery),
+        mavtype: battery_type(battery),
+        serial_number: serial_number(battery),
         device_name: name(details),
         charging_maximum_voltage: cell_mv(charged_cell_v).unwrap_or(HIGHEST_VOLTAGE_UNKNOWN_MV),
-        cells_in_series: cells_in_series(&battery),
+        cells_in_series: cells_in_series(battery),
         discharge_maximum_current: HIGHEST_CURRENT_UNKNOWN_MA,
         discharge_maximum_burst_current: HIGHEST_CURRENT_UNKNOWN_MA,
         manufacture_date: manufacture_date(details, "/"),

@@ -19,7 +19,7 @@ pub fn build_sys_status(state: &SystemState<'_>) -> SYS_STATUS_DATA {
         onboard_control_sensors_enabled: monitored_sensors(state),
         onboard_control_sensors_health: healthy_sensors(state),
         load: state.load_permille.min(1000),
-        voltage_battery: pack_voltage_mv(&battery),
+        voltage_battery: pack_voltage_mv(battery),
         current_battery: current_ca(battery.current_a),
         drop_rate_comm: drop_rate_percent_hundredths(&state.link.received),
         errors_comm: saturate(state.link.received.errors()),
