@@ -11,9 +11,8 @@ use crate::support::frames::{
 };
 use crate::support::requests::{PREFLIGHT_REBOOT_SHUTDOWN, param_set, reboot};
 
-/// Interrupt lines of the RP2040 (datasheet 2.3.2).
-pub const UART0_IRQ: u32 = 20;
-pub const ADC_IRQ_FIFO: u32 = 22;
+/// DMA_IRQ_0, by which the end of each frame at the telemetry port is told (RP2040 datasheet 2.3.2).
+pub const DMA_IRQ: u32 = 11;
 
 /// The pack's divider is on GP26.
 pub const PACK: usize = 0;

@@ -1,6 +1,6 @@
 //! What a crash leaves behind, and who is told of it after the restart.
 
-use crate::bench::{Bench, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, SECOND, STACK_POINTER, UART0_IRQ};
+use crate::bench::{Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, SECOND, STACK_POINTER};
 use crate::emulator::{Board, LogLevel, ResetCause, UNDEFINED_INSTRUCTION};
 use crate::support::frames::{HEARTBEAT, STATUSTEXT, of_message};
 use crate::support::requests::{heartbeat, ping};
@@ -157,12 +157,12 @@ fn a_panic_is_told_with_the_call_that_led_to_it() {
 fn a_fault_in_an_interrupt_names_it() {
     const FIRST_INTERRUPT: u32 = 16;
     let mut bench = between_ticks();
-    let is_in_uart0 = |board: &mut Board| board.active_exception() == FIRST_INTERRUPT + UART0_IRQ;
-    assert!(bench.run_until(SECOND, is_in_uart0));
+    let is_in_dma = |board: &mut Board| board.active_exception() == FIRST_INTERRUPT + DMA_IRQ;
+    assert!(bench.run_until(SECOND, is_in_dma));
     bench.set_register(PROGRAM_COUNTER, UNDEFINED_INSTRUCTION);
     assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
     let told = told_once(&mut bench);
-    assert!(told[0].ends_with(" in IRQ 20"), "{told:?}");
+    assert!(told[0].ends_with(" in IRQ 11"), "{told:?}");
 }
 
 #[test]
@@ -212,11 +212,10 @@ fn a_stack_overflow_names_the_task() {
 #[test]
 fn a_task_that_waits_for_ever_is_named() {
     let mut bench = between_ticks();
-    bench.cut_interrupt(UART0_IRQ);
-    // The transmit buffer takes what is sent in the first second; 2.5 s later the writer is overdue; then the
-    // watchdog's second.
+    bench.cut_interrupt(DMA_IRQ);
+    // The next frame never ends; 2.5 s later the writer is overdue; then the watchdog's second.
     assert!(bench.run_until(5 * SECOND, |board| !board.resets().is_empty()));
-    bench.restore_interrupt(UART0_IRQ);
+    bench.restore_interrupt(DMA_IRQ);
     bench.run_for(500 * MILLISECOND);
     assert_eq!(told_once(&mut bench), ["Crash: UART0 writer was overdue"]);
 }
@@ -224,16 +223,13 @@ fn a_task_that_waits_for_ever_is_named() {
 #[test]
 fn a_task_that_was_overdue_and_came_back_is_not_blamed_for_what_happens_later() {
     let mut bench = between_ticks();
-    bench.cut_interrupt(UART0_IRQ);
+    bench.cut_interrupt(DMA_IRQ);
     let is_overdue = |board: &mut Board| {
         let lines = board.log_lines().iter();
         lines.rev().take(1).any(|line| line.text.contains("is overdue"))
     };
     assert!(bench.run_until(5 * SECOND, is_overdue));
-    bench.restore_interrupt(UART0_IRQ);
-    // A byte that comes raises the interrupt anew.
-    let now_us = bench.time_us();
-    bench.uart_send(0, now_us, &[0]);
+    bench.restore_interrupt(DMA_IRQ);
     // Between two ticks again.
     bench.run_for(2_050 * MILLISECOND);
     assert!(bench.resets().is_empty(), "it is alive again");

@@ -1,6 +1,6 @@
 //! What faults do, all of them put in from outside.
 
-use crate::bench::{ADC_IRQ_FIFO, Bench, MILLISECOND, PACK, SECOND, STACK_POINTER, UART0_IRQ};
+use crate::bench::{Bench, DMA_IRQ, MILLISECOND, PACK, SECOND, STACK_POINTER};
 use crate::emulator::{AdcFault, AdcInput, LogLevel, ResetCause};
 use crate::support::frames::{BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, SysStatus, of_message};
 
@@ -64,15 +64,6 @@ fn a_failing_converter_keeps_the_last_value(
     assert_eq!(last.charge_state(), OK);
     assert!(last.voltage_mv(0) > 8200);
     assert!(bench.resets().is_empty());
-}
-
-#[test]
-fn a_converter_whose_interrupt_never_comes() {
-    a_failing_converter_keeps_the_last_value(
-        |bench| bench.cut_interrupt(ADC_IRQ_FIFO),
-        |bench| bench.restore_interrupt(ADC_IRQ_FIFO),
-        "Timeout",
-    );
 }
 
 #[test]
@@ -156,9 +147,8 @@ fn an_undefined_instruction_ends_in_a_reset_at_once() {
 fn a_task_that_waits_for_ever_is_named_and_ends_in_a_reset() {
     let mut bench = Bench::power_up(2482);
     bench.run_until_time(BETWEEN_TICKS_US);
-    bench.cut_interrupt(UART0_IRQ);
-    // The transmit buffer takes what is sent in the first second; 2.5 s later the writer is overdue; then the
-    // watchdog's second.
+    bench.cut_interrupt(DMA_IRQ);
+    // The next frame never ends; 2.5 s later the writer is overdue; then the watchdog's second.
     assert!(bench.run_until(5 * SECOND, |board| !board.resets().is_empty()));
     assert_eq!(bench.resets()[0].cause, ResetCause::WatchdogTimer);
     assert!(
@@ -167,7 +157,7 @@ fn a_task_that_waits_for_ever_is_named_and_ends_in_a_reset() {
             .is_empty()
     );
 
-    bench.restore_interrupt(UART0_IRQ);
+    bench.restore_interrupt(DMA_IRQ);
     let restarted_us = bench.time_us();
     bench.run_for(3 * SECOND);
     assert_eq!(of_message(&bench.frames_since(restarted_us), HEARTBEAT).len(), 3);

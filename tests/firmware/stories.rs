@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use crate::bench::{ADC_IRQ_FIFO, Bench, MILLISECOND};
-use crate::emulator::AdcInput;
+use crate::bench::{Bench, MILLISECOND};
+use crate::emulator::{AdcFault, AdcInput};
 use crate::story::{Drive, Input, Level, Outcome, Story};
 use crate::support::frames::{STATUSTEXT, of_message};
 use crate::support::requests::{command_long_2, manual_control, set_mode};
@@ -84,8 +84,8 @@ impl Stage {
                 self.send(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
             }
             Input::Disarm => self.send(&command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0)),
-            Input::SensorFails => self.bench.cut_interrupt(ADC_IRQ_FIFO),
-            Input::SensorWorks => self.bench.restore_interrupt(ADC_IRQ_FIFO),
+            Input::SensorFails => self.bench.adc_fault(AdcFault::Stalled),
+            Input::SensorWorks => self.bench.adc_fault(AdcFault::None),
             Input::Reset { percent } => self.send(&command_long_2(BATTERY_RESET, 65535.0, percent)),
         }
     }
