@@ -1,4 +1,4 @@
-//! Drive the rover from a ground station's gamepad: the smallest complete firmware.
+//! Drive the rover from a ground station's gamepad: the smallest complete firmware, with the pins of the Freenove board.
 //!
 //! No battery monitor, no flash, no tasks: one loop that listens, obeys and answers. Flash it with
 //! `cargo run --release --target thumbv6m-none-eabi --example mavlink_rc_control`, wheels up the first time. Then, in a ground

@@ -18,7 +18,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
+use rover_battmon::battery::PackSettings;
+use rover_battmon::parameter::{Pack, Parameters};
 
+use crate::plot::Caption;
 use crate::report::Row;
 use crate::settings::{Assignment, Inputs};
 use crate::trace::Trace;
@@ -60,9 +63,21 @@ fn replay(arguments: &Arguments) -> Result<(), String> {
     let parameters = settings::parameters(&arguments.assignments, &trace)?;
     let rows = run::run(&trace, Inputs::from_parameters(&parameters)?, &parameters);
     if let Some(path) = &arguments.plot {
-        fs::write(path, plot::plot(&rows)).map_err(|error| about(path, &error))?;
+        fs::write(path, picture(arguments, &parameters, &rows)).map_err(|error| about(path, &error))?;
     }
     print(&rows).map_err(|error| format!("standard output: {error}"))
+}
+
+/// The rows as a picture that says what it shows.
+fn picture(arguments: &Arguments, parameters: &Parameters, rows: &[Row]) -> String {
+    let trace = arguments.trace.file_name().unwrap_or_default().to_string_lossy();
+    let assignments: Vec<String> = arguments.assignments.iter().map(ToString::to_string).collect();
+    let caption = Caption {
+        title: &format!("{trace} through the battery monitor"),
+        subtitle: &assignments.join("  "),
+        failsafe: &PackSettings::from_parameters(parameters, Pack::First).failsafe,
+    };
+    plot::plot(rows, &caption)
 }
 
 fn print(rows: &[Row]) -> io::Result<()> {

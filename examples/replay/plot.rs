@@ -5,15 +5,16 @@ mod panel;
 mod series;
 mod svg;
 
-use rover_battmon::battery::{BatteryState, ChargeState};
+use rover_battmon::battery::{BatteryState, ChargeState, FailsafeSettings};
 
 use self::axis::Axis;
-use self::panel::Panel;
+use self::panel::{LEFT, Panel};
 use self::series::Series;
-use self::svg::Svg;
+use self::svg::{Anchor, Svg};
 use crate::report::Row;
 
 const WIDTH: f64 = 1000.0;
+const HEAD_HEIGHT: f64 = 56.0;
 const PANEL_HEIGHT: f64 = 260.0;
 
 const VOLTAGE: &str = "#1f5fa8";
@@ -24,11 +25,23 @@ const REMAINING: &str = "#5b3a8c";
 /// Texts of events are written in so many lines by turns, so that they do not cover each other.
 const EVENT_LINES: usize = 6;
 
+/// What is drawn beside the rows.
+pub struct Caption<'a> {
+    /// What was replayed.
+    pub title: &'a str,
+    /// What it was replayed with.
+    pub subtitle: &'a str,
+    /// When the pack counted as low.
+    pub failsafe: &'a FailsafeSettings,
+}
+
 /// The rows as an SVG picture. The same rows always make the same picture.
-pub fn plot(rows: &[Row]) -> String {
+pub fn plot(rows: &[Row], caption: &Caption) -> String {
     let time = Axis::over(rows.iter().map(|row| row.time_s), 10);
-    let mut svg = Svg::new(WIDTH, 3.0 * PANEL_HEIGHT);
-    voltages(&mut svg, &time, rows);
+    let mut svg = Svg::new(WIDTH, HEAD_HEIGHT + 3.0 * PANEL_HEIGHT);
+    svg.headline((LEFT, 28.0), caption.title);
+    svg.text((LEFT, 48.0), Anchor::Start, caption.subtitle);
+    voltages(&mut svg, &time, rows, caption.failsafe);
     currents(&mut svg, &time, rows);
     remaining(&mut svg, &time, rows);
     svg.finish()
@@ -46,14 +59,26 @@ fn series<'a>(
     Series::new(name, colour, points.collect())
 }
 
-fn voltages(svg: &mut Svg, time: &Axis, rows: &[Row]) {
+fn voltages(svg: &mut Svg, time: &Axis, rows: &[Row], failsafe: &FailsafeSettings) {
     let lines = [
         series(rows, "resting voltage", RESTING, |state| state.resting_voltage_v),
         series(rows, "terminal voltage", VOLTAGE, |state| state.voltage_v),
     ];
-    let axis = Axis::over(lines.iter().flat_map(Series::values), 6);
+    let limits = [
+        ("BATT_LOW_VOLT", failsafe.low.voltage_v),
+        ("BATT_CRT_VOLT", failsafe.critical.voltage_v),
+    ];
+    let limits = limits
+        .into_iter()
+        .filter_map(|(name, limit_v)| Some((name, f64::from(limit_v?))));
+    let limits_v = limits.clone().map(|(_, limit_v)| limit_v);
+    let axis = Axis::over(lines.iter().flat_map(Series::values).chain(limits_v), 6);
     let panel = Panel::new("Voltage (V)", 0, time, axis);
     panel.draw(svg, &lines);
+    for (name, limit_v) in limits {
+        panel.limit(svg, limit_v, name);
+    }
+    marks(svg, &panel, rows);
 }
 
 fn currents(svg: &mut Svg, time: &Axis, rows: &[Row]) {
@@ -61,6 +86,7 @@ fn currents(svg: &mut Svg, time: &Axis, rows: &[Row]) {
     let axis = Axis::over(lines.iter().flat_map(Series::values), 6);
     let panel = Panel::new("Current (A)", 1, time, axis);
     panel.draw(svg, &lines);
+    marks(svg, &panel, rows);
 }
 
 fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
@@ -78,6 +104,7 @@ fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
     }
     panel.draw(svg, &lines);
     panel.legend_of_bands(svg, &told);
+    marks(svg, &panel, rows);
     events(svg, &panel, rows);
 }
 
@@ -94,12 +121,20 @@ fn bands(rows: &[Row]) -> impl Iterator<Item = (f64, f64, ChargeState)> {
         .map(|(start, end)| (start.time_s, end.time_s, start.state.charge_state))
 }
 
+/// When something happened.
+fn marks(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
+    for row in rows.iter().filter(|row| !row.events.is_empty()) {
+        panel.mark(svg, row.time_s);
+    }
+}
+
+/// What happened.
 fn events(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
     let events = rows
         .iter()
         .flat_map(|row| row.events.iter().map(|text| (row.time_s, text)));
     for (number, (time_s, text)) in events.enumerate() {
-        panel.event(svg, time_s, number % EVENT_LINES, text);
+        panel.event(svg, time_s, number % EVENT_LINES, &format!("Battery {text}"));
     }
 }
 
@@ -120,7 +155,7 @@ fn looks(state: ChargeState) -> (&'static str, &'static str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rover_battmon::battery::FailsafeLevel;
+    use rover_battmon::battery::{FailsafeLevel, Thresholds};
 
     fn rows() -> Vec<Row> {
         let row = |sample: u32| Row {
@@ -144,6 +179,22 @@ mod tests {
             },
         };
         (0..6000).map(row).collect()
+    }
+
+    fn picture(rows: &[Row]) -> String {
+        let failsafe = FailsafeSettings {
+            low: Thresholds {
+                voltage_v: Some(11.8),
+                remaining_mah: None,
+            },
+            ..FailsafeSettings::default()
+        };
+        let caption = Caption {
+            title: "a trace",
+            subtitle: "A=1",
+            failsafe: &failsafe,
+        };
+        plot(rows, &caption)
     }
 
     /// Goes through the tags of a document and returns how many it has; fails on one that is not closed.
@@ -170,17 +221,34 @@ mod tests {
 
     #[test]
     fn every_tag_is_closed_and_every_panel_has_its_title() {
-        let svg = plot(&rows());
+        let svg = picture(&rows());
         assert!(well_formed_tags(&svg) > 60);
-        for text in ["Voltage (V)", "Current (A)", "Remaining charge (%)", "time (s)"] {
-            assert!(svg.contains(text), "{text}");
+        for text in [
+            "a trace",
+            "A=1",
+            "Voltage (V)",
+            "Current (A)",
+            "Remaining charge (%)",
+            "time (s)",
+        ] {
+            assert!(svg.contains(&format!(">{text}</text>")), "{text}");
         }
         assert!(svg.contains("is &lt; low &amp; &quot;old&quot;"));
     }
 
     #[test]
+    fn a_limit_is_drawn_that_is_set_and_an_event_in_every_panel() {
+        let svg = picture(&rows());
+        assert_eq!(svg.matches("stroke-dasharray").count(), 1);
+        assert!(svg.contains(">BATT_LOW_VOLT</text>") && !svg.contains("BATT_CRT_VOLT"));
+        // In the middle of the time.
+        let mark = |line: &&str| line.starts_with("<line x1=\"472.5\"") && line.contains("#a01818");
+        assert_eq!(svg.lines().filter(mark).count(), 3);
+    }
+
+    #[test]
     fn bands_are_drawn_for_the_states_there_were() {
-        let svg = plot(&rows());
+        let svg = picture(&rows());
         for state in [ChargeState::Ok, ChargeState::Low] {
             assert!(svg.contains(looks(state).1), "{state:?}");
         }
@@ -190,7 +258,7 @@ mod tests {
     #[test]
     fn a_line_has_at_most_two_thousand_points() {
         for name in ["terminal voltage", "current", "remaining charge"] {
-            let points: usize = plot(&rows())
+            let points: usize = picture(&rows())
                 .lines()
                 .filter(|line| line.contains("<polyline") && line.contains(name))
                 .map(|line| line.matches(',').count())
@@ -201,11 +269,11 @@ mod tests {
 
     #[test]
     fn a_trace_without_anything_is_a_picture_too() {
-        assert!(well_formed_tags(&plot(&[])) > 3);
+        assert!(well_formed_tags(&picture(&[])) > 3);
     }
 
     #[test]
     fn the_same_rows_make_the_same_picture() {
-        assert_eq!(plot(&rows()), plot(&rows()));
+        assert_eq!(picture(&rows()), picture(&rows()));
     }
 }

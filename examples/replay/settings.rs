@@ -1,5 +1,6 @@
 //! The parameters a trace is replayed with.
 
+use std::fmt;
 use std::str::FromStr;
 
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters};
@@ -29,6 +30,12 @@ impl FromStr for Assignment {
                 .parse()
                 .map_err(|_| format!("{value:?} is no number for {name}"))?,
         })
+    }
+}
+
+impl fmt::Display for Assignment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}={}", self.id.name(), self.value)
     }
 }
 

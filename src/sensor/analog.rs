@@ -17,6 +17,13 @@ pub const BURST_CONVERSIONS: u16 = 16;
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct AdcCount(pub u16);
 
+impl AdcCount {
+    /// The voltage at the pin, in volts.
+    pub fn pin_voltage_v(self) -> f32 {
+        f32::from(self.0) * (ADC_REFERENCE_V / f32::from(ADC_FULL_SCALE))
+    }
+}
+
 /// One of the analog pins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]

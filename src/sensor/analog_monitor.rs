@@ -1,7 +1,7 @@
 //! Packs on analog pins: a divider for the voltage, a sensor for the current.
 
 use super::fuel::level_pin;
-use super::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogPin, FuelKind, MonitorKind};
+use super::{AdcCount, AnalogPin, FuelKind, MonitorKind};
 use crate::battery::{Measurement, ReadError};
 use crate::parameter::{BatteryParameter, Pack, Parameters};
 
@@ -70,7 +70,7 @@ impl AnalogReadings {
             .get(pin as usize)
             .copied()
             .unwrap_or(Err(ReadError::NoPin))?;
-        Ok(f32::from(count.0) * (ADC_REFERENCE_V / f32::from(ADC_FULL_SCALE)))
+        Ok(count.pin_voltage_v())
     }
 }
 

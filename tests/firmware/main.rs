@@ -15,6 +15,7 @@ mod boot_loop;
 mod bus_packs;
 mod commands;
 mod crash;
+mod examples;
 mod faults;
 mod fuel;
 mod link_noise;

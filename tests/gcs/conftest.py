@@ -25,8 +25,8 @@ def free_port():
 class Simulator:
     """The simulator as its user starts it."""
 
-    def __init__(self, *arguments):
-        self.port = free_port()
+    def __init__(self, *arguments, port=None):
+        self.port = port or free_port()
         self.process = subprocess.Popen(
             ["cargo", "run", "--quiet", "--", "--tcp", f"127.0.0.1:{self.port}", *arguments],
             cwd=REPOSITORY,

@@ -3,10 +3,11 @@
 use super::axis::Axis;
 use super::series::{Point, Series};
 use super::svg::{Anchor, Svg};
-use super::{PANEL_HEIGHT, WIDTH};
+use super::{HEAD_HEIGHT, PANEL_HEIGHT, WIDTH};
 
-const LEFT: f64 = 60.0;
-const RIGHT: f64 = WIDTH - 20.0;
+/// Where the diagrams begin, in pixels from the left.
+pub const LEFT: f64 = 60.0;
+const RIGHT: f64 = WIDTH - 115.0;
 const MARGIN_TOP: f64 = 40.0;
 const MARGIN_BOTTOM: f64 = 40.0;
 
@@ -17,7 +18,7 @@ const LINE_HEIGHT: f64 = 16.0;
 const SWATCH: f64 = 12.0;
 
 /// Room for an entry of a legend.
-const ENTRY_WIDTH: f64 = 130.0;
+const ENTRY_WIDTH: f64 = 150.0;
 
 /// A diagram over time.
 pub struct Panel<'a> {
@@ -31,7 +32,7 @@ pub struct Panel<'a> {
 impl<'a> Panel<'a> {
     /// The diagram in this place, counted from the top.
     pub fn new(title: &'a str, place: u32, time: &'a Axis, values: Axis) -> Self {
-        let offset = f64::from(place) * PANEL_HEIGHT;
+        let offset = HEAD_HEIGHT + f64::from(place) * PANEL_HEIGHT;
         Self {
             title,
             top: offset + MARGIN_TOP,
@@ -101,16 +102,28 @@ impl<'a> Panel<'a> {
         svg.text((x + SWATCH + 5.0, y), Anchor::Start, name);
     }
 
-    /// Marks an event, with its text in one of several lines.
-    pub fn event(&self, svg: &mut Svg, time_s: f64, line: usize, text: &str) {
+    /// Draws a limit of the values, with its name beside the diagram.
+    pub fn limit(&self, svg: &mut Svg, value: f64, text: &str) {
+        let y = self.y(value);
+        svg.dashes((LEFT, y), (RIGHT, y), EVENT);
+        svg.text((RIGHT + 6.0, y + 4.0), Anchor::Start, text);
+    }
+
+    /// Marks when something happened.
+    pub fn mark(&self, svg: &mut Svg, time_s: f64) {
         let x = self.x(time_s);
         svg.line((x, self.top), (x, self.bottom), EVENT);
+    }
+
+    /// Says what happened, in one of several lines.
+    pub fn event(&self, svg: &mut Svg, time_s: f64, line: usize, text: &str) {
+        let x = self.x(time_s);
         let y = self.top + (line as f64 + 1.0) * LINE_HEIGHT;
         // It is written towards the middle, so that it is not cut off.
         if self.time.share(time_s) < 0.5 {
-            svg.text((x + 4.0, y), Anchor::Start, text);
+            svg.label((x + 4.0, y), Anchor::Start, text);
         } else {
-            svg.text((x - 4.0, y), Anchor::End, text);
+            svg.label((x - 4.0, y), Anchor::End, text);
         }
     }
 }

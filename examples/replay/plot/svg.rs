@@ -44,6 +44,14 @@ impl Svg {
         ));
     }
 
+    /// A thin straight line of dashes.
+    pub fn dashes(&mut self, (x1, y1): (f64, f64), (x2, y2): (f64, f64), stroke: &str) {
+        self.write(format_args!(
+            "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{stroke}\" \
+             stroke-dasharray=\"6 4\"/>"
+        ));
+    }
+
     /// A line through points; `name` tells a reader of the document what it is.
     pub fn polyline(&mut self, points: &[(f64, f64)], stroke: &str, name: &str) {
         let points: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
@@ -55,14 +63,34 @@ impl Svg {
     }
 
     /// A line of text.
-    pub fn text(&mut self, (x, y): (f64, f64), anchor: Anchor, text: &str) {
+    pub fn text(&mut self, place: (f64, f64), anchor: Anchor, text: &str) {
+        self.write_text(place, anchor, text, "");
+    }
+
+    /// A line of large text.
+    pub fn headline(&mut self, place: (f64, f64), text: &str) {
+        self.write_text(
+            place,
+            Anchor::Start,
+            text,
+            " font-size=\"16\" font-weight=\"bold\"",
+        );
+    }
+
+    /// A line of text that can be read on top of lines: there is a white one behind it.
+    pub fn label(&mut self, place: (f64, f64), anchor: Anchor, text: &str) {
+        self.write_text(place, anchor, text, " stroke=\"#ffffff\" stroke-width=\"4\"");
+        self.write_text(place, anchor, text, "");
+    }
+
+    fn write_text(&mut self, (x, y): (f64, f64), anchor: Anchor, text: &str, looks: &str) {
         let anchor = match anchor {
             Anchor::Start => "start",
             Anchor::Middle => "middle",
             Anchor::End => "end",
         };
         self.write(format_args!(
-            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{}</text>",
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\"{looks}>{}</text>",
             escaped(text)
         ));
     }

@@ -1,0 +1,111 @@
+//! Watch one pack with a bare Raspberry Pi Pico and two resistors: from the converter to a ground station.
+//!
+//! | Pico pin | to |
+//! |---|---|
+//! | GP26 (pin 31) | the middle of a divider across the pack: 30 kΩ to plus, 10 kΩ to ground; up to 13 V, three LiPo cells |
+//! | GP0 (pin 1) | RX of a telemetry radio or USB adapter, 115200 baud |
+//! | GND | ground of both |
+//!
+//! Flash it with `cargo run --release --target thumbv6m-none-eabi --example analog_monitor`. The Pico's own LED is lit while
+//! the pack is fine (a Pico W's is not at GP25, and stays dark). The remaining charge is known after half a minute: nobody measures the load, so the highest voltage
+//! until then is taken for the one at rest. It only speaks: a ground station shows the battery, and finds no parameters to set.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod firmware {
+    use defmt_rtt as _;
+    use embassy_executor::Spawner;
+    use embassy_rp::gpio::{Level, Output};
+    use embassy_time::{Duration, Instant, Ticker, with_timeout};
+    use embedded_io_async::Write;
+    use panic_probe as _;
+    use rover_battmon::battery::{
+        ArmState, BatteryMonitor, ChargeState, FailsafeSettings, Measurement, PackSettings, ReadError,
+        Thresholds, Tick,
+    };
+    use rover_battmon::board::{self, AnalogInputs};
+    use rover_battmon::mavlink::{Endpoint, Framer, LinkKind, SystemState, pack_announcement};
+    use rover_battmon::parameter::Parameters;
+    use rover_battmon::sensor::{AnalogPin, VoltageDivider, read_mean};
+
+    const BAUD: u32 = 115_200;
+    const SYSTEM_ID: u8 = 1;
+
+    /// (30 kΩ + 10 kΩ) / 10 kΩ; compare with a multimeter.
+    const DIVIDER: VoltageDivider = VoltageDivider {
+        multiplier: 4.0,
+        offset_v: 0.0,
+    };
+
+    /// 10 readings a second. One that takes longer than the timeout has failed.
+    const INTERVAL: Duration = Duration::from_millis(100);
+    const TIMEOUT: Duration = Duration::from_millis(2);
+
+    #[embassy_executor::main]
+    async fn main(_spawner: Spawner) {
+        let chip = embassy_rp::init(Default::default());
+        let mut led = Output::new(chip.PIN_25, Level::Low);
+        let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, chip.PIN_29);
+        let (mut transmitter, _receiver) = board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, BAUD);
+
+        // A LiPo pack of three cells that is low once it was below 10.5 V for 10 s.
+        let settings = PackSettings {
+            cell_count: Some(3),
+            failsafe: FailsafeSettings {
+                timer_s: Some(10.0),
+                low: Thresholds {
+                    voltage_v: Some(10.5),
+                    remaining_mah: None,
+                },
+                ..FailsafeSettings::default()
+            },
+            ..PackSettings::default()
+        };
+        let mut monitor = BatteryMonitor::new();
+        // The defaults have HEARTBEAT sent once a second, SYS_STATUS and BATTERY_STATUS twice.
+        let parameters = Parameters::defaults();
+        let mut endpoint = Endpoint::new(LinkKind::Radio, BAUD / 10, Instant::now().as_micros());
+        let mut framer = Framer::new();
+        let mut ticker = Ticker::every(INTERVAL);
+
+        loop {
+            // Measure.
+            let count = with_timeout(TIMEOUT, read_mean(&mut pins, AnalogPin::Gp26)).await;
+            let reading = count.unwrap_or(Err(ReadError::Timeout)).map(|count| Measurement {
+                voltage_v: Some(DIVIDER.pack_voltage_v(count.pin_voltage_v())),
+                ..Measurement::default()
+            });
+
+            // Judge, and tell what happened.
+            let tick = Tick {
+                now_us: Instant::now().as_micros(),
+                // Only then failsafes count, and nothing here can be disarmed.
+                arm_state: ArmState::Armed,
+            };
+            let (events, _) = monitor.update(tick, reading, &settings);
+            for event in &events {
+                let (severity, text) = pack_announcement(0, event);
+                endpoint.say(severity, &text);
+            }
+            led.set_level((monitor.state().charge_state == ChargeState::Ok).into());
+
+            // Report what is due.
+            let batteries = [*monitor.state()];
+            let state = SystemState {
+                batteries: &batteries,
+                ..SystemState::default()
+            };
+            endpoint.post_due(tick.now_us, &state, &parameters);
+            while let Some(message) = endpoint.take(&state, &parameters) {
+                let _ = transmitter.write_all(framer.frame(&message, SYSTEM_ID)).await;
+            }
+            ticker.next().await;
+        }
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("This is firmware for the board: see the first lines of examples/analog_monitor.rs.");
+    std::process::exit(2);
+}

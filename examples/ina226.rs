@@ -1,0 +1,96 @@
+//! Watch one pack with an INA226 power monitor: voltage, current, and how much of the pack has been used.
+//!
+//! | Pico pin | to |
+//! |---|---|
+//! | GP14 (pin 19), GP15 (pin 20) | SDA and SCL of the INA226, with pull-ups to 3.3 V |
+//! | 3V3 (pin 36) | its supply |
+//! | GP0 (pin 1) | RX of a telemetry radio or USB adapter, 115200 baud |
+//! | GND | ground of all |
+//!
+//! Flash it with `cargo run --release --target thumbv6m-none-eabi --example ina226`. The same driver reads INA228, INA231,
+//! INA238 and INA260; for another part on the bus name another `PartKind`.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod firmware {
+    use defmt_rtt as _;
+    use embassy_executor::Spawner;
+    use embassy_time::{Duration, Instant, Ticker};
+    use embedded_io_async::Write;
+    use panic_probe as _;
+    use rover_battmon::battery::{ArmState, BatteryMonitor, PackSettings, Tick};
+    use rover_battmon::board::{self, SensorI2c};
+    use rover_battmon::mavlink::{Endpoint, Framer, LinkKind, SystemState, pack_announcement};
+    use rover_battmon::parameter::{BatteryParameter, Pack, Parameters};
+    use rover_battmon::sensor::{BusDevices, Buses, PartKind, bus_clock_hz};
+
+    const BAUD: u32 = 115_200;
+    const SYSTEM_ID: u8 = 1;
+
+    /// How the pack is measured and what it is: the parameters `BATT_MONITOR`, `BATT_SHUNT` and so on.
+    const PACK: [(BatteryParameter, f32); 4] = [
+        (BatteryParameter::Monitor, PartKind::Ina2xx.number() as f32),
+        // The resistor between the pack and its load, in ohms.
+        (BatteryParameter::Shunt, 0.002),
+        (BatteryParameter::Cells, 3.0),
+        (BatteryParameter::Capacity, 2200.0),
+    ];
+
+    /// As often as the part has a new mean of its conversions.
+    const INTERVAL: Duration = Duration::from_millis(25);
+
+    #[embassy_executor::main]
+    async fn main(_spawner: Spawner) {
+        let chip = embassy_rp::init(Default::default());
+        let mut parameters = Parameters::defaults();
+        for (parameter, value) in PACK {
+            let _ = parameters.set(parameter.of(Pack::First), value);
+        }
+        let clock_hz = bus_clock_hz(&parameters);
+        let mut bus = Buses::i2c(SensorI2c::new(chip.I2C1, chip.PIN_14, chip.PIN_15, clock_hz));
+        let (mut transmitter, _receiver) = board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, BAUD);
+
+        let start_us = Instant::now().as_micros();
+        let mut parts = BusDevices::from_parameters(&parameters, start_us);
+        let settings = PackSettings::from_parameters(&parameters, Pack::First);
+        let mut monitor = BatteryMonitor::new();
+        let mut endpoint = Endpoint::new(LinkKind::Radio, BAUD / 10, start_us);
+        let mut framer = Framer::new();
+        let mut ticker = Ticker::every(INTERVAL);
+
+        loop {
+            // Ask the part, judge what it tells, and tell what happened. One that does not answer is given a rest.
+            let tick = Tick {
+                now_us: Instant::now().as_micros(),
+                // Only then failsafes count, and nothing here can be disarmed.
+                arm_state: ArmState::Armed,
+            };
+            let judge = |_, reading| {
+                let (events, _) = monitor.update(tick, reading, &settings);
+                for event in &events {
+                    let (severity, text) = pack_announcement(0, event);
+                    endpoint.say(severity, &text);
+                }
+            };
+            parts.read_next(&mut bus, tick.now_us, judge).await;
+
+            // Report what is due.
+            let batteries = [*monitor.state()];
+            let state = SystemState {
+                batteries: &batteries,
+                ..SystemState::default()
+            };
+            endpoint.post_due(tick.now_us, &state, &parameters);
+            while let Some(message) = endpoint.take(&state, &parameters) {
+                let _ = transmitter.write_all(framer.frame(&message, SYSTEM_ID)).await;
+            }
+            ticker.next().await;
+        }
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("This is firmware for the board: see the first lines of examples/ina226.rs.");
+    std::process::exit(2);
+}

@@ -1,0 +1,170 @@
+//! Two packs on one Pico, each with settings of its own: a drive pack with a current sensor, and an electronics pack.
+//!
+//! | Pico pin | to |
+//! |---|---|
+//! | GP26 (pin 31) | the divider of the drive pack |
+//! | GP27 (pin 32) | the current sensor of the drive pack |
+//! | GP28 (pin 34) | the divider of the electronics pack |
+//! | GP0 (pin 1) | RX of a telemetry radio or USB adapter, 115200 baud |
+//! | GND | ground of all |
+//!
+//! Flash it with `cargo run --release --target thumbv6m-none-eabi --example two_packs`. A ground station shows them as
+//! battery 1 and battery 2.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod firmware {
+    use defmt_rtt as _;
+    use embassy_executor::Spawner;
+    use embassy_time::{Duration, Instant, Ticker, with_timeout};
+    use embedded_io_async::Write;
+    use panic_probe as _;
+    use rover_battmon::battery::{
+        ArmState, BatteryMonitor, Chemistry, FailsafeSettings, Measurement, PackSettings, ReadError,
+        Thresholds, Tick,
+    };
+    use rover_battmon::board::{self, AnalogInputs};
+    use rover_battmon::mavlink::{Endpoint, Framer, LinkKind, SystemState, pack_announcement};
+    use rover_battmon::parameter::Parameters;
+    use rover_battmon::sensor::{AdcCount, AnalogPin, CurrentSensor, VoltageDivider, read_mean};
+
+    const BAUD: u32 = 115_200;
+    const SYSTEM_ID: u8 = 1;
+
+    /// 10 readings a second. One that takes longer than the timeout has failed.
+    const INTERVAL: Duration = Duration::from_millis(100);
+    const TIMEOUT: Duration = Duration::from_millis(2);
+
+    /// How a pack is wired, what its owner has set, and what is known of it.
+    struct Pack {
+        voltage_pin: AnalogPin,
+        divider: VoltageDivider,
+        current: Option<(AnalogPin, CurrentSensor)>,
+        settings: PackSettings,
+        monitor: BatteryMonitor,
+    }
+
+    /// Three LiPo cells with a sensor of 20 A for each volt.
+    fn drive_pack() -> Pack {
+        Pack {
+            voltage_pin: AnalogPin::Gp26,
+            divider: VoltageDivider {
+                multiplier: 4.0,
+                offset_v: 0.0,
+            },
+            current: Some((
+                AnalogPin::Gp27,
+                CurrentSensor {
+                    amperes_per_volt: 20.0,
+                    offset_v: 0.0,
+                },
+            )),
+            settings: PackSettings {
+                chemistry: Chemistry::LiPo,
+                cell_count: Some(3),
+                capacity_mah: Some(2200.0),
+                failsafe: low_below(10.5),
+                ..PackSettings::default()
+            },
+            monitor: BatteryMonitor::new(),
+        }
+    }
+
+    /// Two 18650 cells.
+    fn electronics_pack() -> Pack {
+        Pack {
+            voltage_pin: AnalogPin::Gp28,
+            divider: VoltageDivider {
+                multiplier: 3.0,
+                offset_v: 0.0,
+            },
+            current: None,
+            settings: PackSettings {
+                chemistry: Chemistry::LiIon,
+                cell_count: Some(2),
+                failsafe: low_below(6.4),
+                ..PackSettings::default()
+            },
+            monitor: BatteryMonitor::new(),
+        }
+    }
+
+    /// A pack is low once its voltage was below this for 10 s.
+    fn low_below(voltage_v: f32) -> FailsafeSettings {
+        FailsafeSettings {
+            timer_s: Some(10.0),
+            low: Thresholds {
+                voltage_v: Some(voltage_v),
+                remaining_mah: None,
+            },
+            ..FailsafeSettings::default()
+        }
+    }
+
+    #[embassy_executor::main]
+    async fn main(_spawner: Spawner) {
+        let chip = embassy_rp::init(Default::default());
+        let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, chip.PIN_29);
+        let (mut transmitter, _receiver) = board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, BAUD);
+
+        let mut packs = [drive_pack(), electronics_pack()];
+        // The defaults have HEARTBEAT sent once a second, SYS_STATUS and each BATTERY_STATUS twice.
+        let parameters = Parameters::defaults();
+        let mut endpoint = Endpoint::new(LinkKind::Radio, BAUD / 10, Instant::now().as_micros());
+        let mut framer = Framer::new();
+        let mut ticker = Ticker::every(INTERVAL);
+
+        loop {
+            // Measure each pack, judge it by its own settings, and tell what happened to it.
+            for (instance, pack) in (0..).zip(&mut packs) {
+                let reading = measure(pack, &mut pins).await;
+                let tick = Tick {
+                    now_us: Instant::now().as_micros(),
+                    // Only then failsafes count, and nothing here can be disarmed.
+                    arm_state: ArmState::Armed,
+                };
+                let (events, _) = pack.monitor.update(tick, reading, &pack.settings);
+                for event in &events {
+                    let (severity, text) = pack_announcement(instance, event);
+                    endpoint.say(severity, &text);
+                }
+            }
+
+            // Report what is due: the instance of a BATTERY_STATUS is the pack's place here.
+            let batteries = packs.each_ref().map(|pack| *pack.monitor.state());
+            let state = SystemState {
+                batteries: &batteries,
+                ..SystemState::default()
+            };
+            endpoint.post_due(Instant::now().as_micros(), &state, &parameters);
+            while let Some(message) = endpoint.take(&state, &parameters) {
+                let _ = transmitter.write_all(framer.frame(&message, SYSTEM_ID)).await;
+            }
+            ticker.next().await;
+        }
+    }
+
+    async fn measure(pack: &Pack, pins: &mut AnalogInputs) -> Result<Measurement, ReadError> {
+        let count = read(pins, pack.voltage_pin).await?;
+        let mut measurement = Measurement {
+            voltage_v: Some(pack.divider.pack_voltage_v(count.pin_voltage_v())),
+            ..Measurement::default()
+        };
+        if let Some((pin, sensor)) = &pack.current {
+            let count = read(pins, *pin).await?;
+            measurement.current_a = Some(sensor.current_a(count.pin_voltage_v()));
+        }
+        Ok(measurement)
+    }
+
+    async fn read(pins: &mut AnalogInputs, pin: AnalogPin) -> Result<AdcCount, ReadError> {
+        let count = with_timeout(TIMEOUT, read_mean(pins, pin)).await;
+        count.unwrap_or(Err(ReadError::Timeout))
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("This is firmware for the board: see the first lines of examples/two_packs.rs.");
+    std::process::exit(2);
+}

@@ -1,0 +1,132 @@
+//! The examples for a desk, run as their user runs them.
+
+#[path = "support/mod.rs"]
+mod support;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use support::frames::{
+    BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap, frames,
+};
+
+const TRACE: &str = "tests/data/traces/trace_discharge_3s_10min.csv";
+const PICTURE: &str = "docs/pictures/discharge.svg";
+
+/// What the picture is drawn with: a pack whose resting voltage decides when it is low.
+const ASSIGNMENTS: [&str; 5] = [
+    "BATT_CELLS=3",
+    "BATT_CAPACITY=2200",
+    "BATT_FS_VOLTSRC=1",
+    "BATT_LOW_VOLT=11.4",
+    "BATT_CRT_VOLT=11.1",
+];
+
+/// A column of the rows that `replay` writes.
+const REMAINING_PCT: usize = 7;
+const EVENTS: usize = 11;
+
+/// `cargo run --example NAME -- ARGUMENTS`, from the repository's root.
+fn run(name: &str, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["run", "--quiet", "--example", name, "--"])
+        .args(arguments)
+        .output()
+        .expect("cargo can be started")
+}
+
+fn printed(output: Output) -> String {
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    String::from_utf8(output.stdout).expect("text")
+}
+
+/// The arguments of `replay` that draw the picture into a file.
+fn drawing(picture: &str) -> Vec<&str> {
+    let assignments = ASSIGNMENTS
+        .into_iter()
+        .flat_map(|assignment| ["--param", assignment]);
+    assignments.chain(["--plot", picture, TRACE]).collect()
+}
+
+/// The bytes in "3 bytes: [fd, 09, 00]".
+fn bytes_of(line: &str) -> Vec<u8> {
+    let (count, bytes) = line.split_once(" bytes: ").expect("a line of bytes");
+    let bytes: Vec<u8> = bytes
+        .trim_matches(['[', ']'])
+        .split(", ")
+        .map(|byte| u8::from_str_radix(byte, 16).expect("a byte"))
+        .collect();
+    assert_eq!(count, bytes.len().to_string());
+    bytes
+}
+
+#[test]
+fn builders_prints_frames_that_a_ground_station_understands() {
+    let text = printed(run("builders", &[]));
+    let lines = text.lines().filter(|line| line.contains(" bytes: "));
+    let wire: Vec<(u64, u8)> = lines.flat_map(bytes_of).map(|byte| (0, byte)).collect();
+    let frames = frames(&wire);
+    assert_no_sequence_gap(&frames);
+    let [heartbeat, sys_status, battery_status] = frames.as_slice() else {
+        panic!("{frames:?}");
+    };
+    let ids = [heartbeat, sys_status, battery_status].map(|frame| frame.message_id);
+    assert_eq!(ids, [HEARTBEAT, SYS_STATUS, BATTERY_STATUS]);
+    assert_eq!(SysStatus(sys_status).voltage_mv(), 11_620);
+    assert_eq!(BatteryStatus(battery_status).voltage_mv(0), 11_620);
+    assert!(text.contains("voltage_battery: 11620,"), "{text}");
+}
+
+#[test]
+fn replay_tells_of_each_reading_what_the_monitor_made_of_it_and_draws_it() {
+    let drawn = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("discharge.svg");
+    let text = printed(run("replay", &drawing(drawn.to_str().expect("a path"))));
+    let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = rows.next().expect("a header");
+    assert_eq!(
+        (header[REMAINING_PCT], header[EVENTS]),
+        ("remaining_pct", "events")
+    );
+    let rows: Vec<_> = rows.collect();
+    let readings = fs::read_to_string(root().join(TRACE))
+        .expect("the trace")
+        .lines()
+        .count()
+        - 1;
+    assert_eq!(rows.len(), readings);
+    // The traces' README tells what is left.
+    let left_pct: f64 = rows[readings - 1][REMAINING_PCT].parse().expect("a number");
+    assert!((left_pct - 33.5).abs() < 1.0, "{left_pct} %");
+    let events: Vec<_> = rows
+        .iter()
+        .map(|row| row[EVENTS])
+        .filter(|event| !event.is_empty())
+        .collect();
+    assert!(
+        events.len() == 2 && events[0].starts_with("is low 11.") && events[1].starts_with("is critical 10."),
+        "{events:?}"
+    );
+
+    let committed = fs::read_to_string(root().join(PICTURE)).unwrap_or_default();
+    assert!(
+        fs::read_to_string(drawn).expect("the picture") == committed,
+        "{PICTURE} is stale: run `cargo run --example replay -- {} > /dev/null`",
+        drawing(PICTURE).join(" ")
+    );
+}
+
+#[test]
+fn replay_says_what_is_wrong_with_a_trace_and_prints_nothing() {
+    let output = run("replay", &["nowhere.csv"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(output.stdout.is_empty());
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(errors.starts_with("error: nowhere.csv: "), "{errors}");
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}

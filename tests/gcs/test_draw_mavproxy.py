@@ -1,0 +1,17 @@
+"""The picture of a session with MAVProxy can be drawn anew."""
+
+import re
+from xml.etree import ElementTree
+
+from draw_mavproxy import SESSION, draw, record
+
+
+def test_the_session_ends_with_the_failsafe_and_is_drawn_whole():
+    lines = record()
+    assert re.search(r"^AP: Battery 1 is low 10\.\d+V", "\n".join(lines), re.MULTILINE), lines
+    assert lines[-1].endswith("Mode HOLD")
+    picture = ElementTree.fromstring(draw(lines, "A session"))
+    drawn = [element.text for element in picture.iter() if element.text]
+    for typed, _ in SESSION:
+        assert typed in drawn, typed
+    assert any(text.startswith("AP: Battery 1 is low") for text in drawn)
