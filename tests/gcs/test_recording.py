@@ -60,8 +60,8 @@ def test_a_log_of_a_ground_station_becomes_a_recording(start_simulator, script, 
     assert 40 <= len(recorded) <= 80
     assert (recorded[0]["armed"], recorded[-1]["armed"]) == ("0", "1")
     assert all(row["current_a"] == "" for row in recorded)
-    disarmed = [row for row in recorded if row["armed"] == "0"]
-    assert float(disarmed[-1]["voltage_v"]) > 12.4 and float(recorded[-1]["voltage_v"]) < 10.1
+    known = [float(row["voltage_v"]) for row in recorded if row["voltage_v"]]
+    assert max(known) > 12.4 and known[-1] < 10.1
     (told,) = replay(drive, "BATT_CELLS=3", "BATT_LOW_VOLT=10.5", "BATT_LOW_TIMER=1")
     assert told.startswith("is low 9.9")
 
