@@ -325,21 +325,16 @@ fn with_gaps(literal: &str) -> String {
     without_numbers(&filled)
 }
 
-/// Whether `text` is `pattern` with anything in place of each `#`.
+/// Whether `text` is `pattern` with anything but a space in place of each `#`.
 fn matches(pattern: &str, text: &str) -> bool {
-    let mut pieces = pattern.split('#');
-    let Some(mut rest) = text.strip_prefix(pieces.next().unwrap_or_default()) else {
-        return false;
+    let is_alike = |(pattern, text): (&str, &str)| match pattern.split_once('#') {
+        Some((before, behind)) => text
+            .strip_prefix(before)
+            .is_some_and(|rest| rest.ends_with(behind)),
+        None => pattern == text,
     };
-    let mut last = "";
-    for piece in pieces {
-        let Some(at) = rest.find(piece) else {
-            return false;
-        };
-        rest = &rest[at + piece.len()..];
-        last = piece;
-    }
-    rest.is_empty() || pattern.ends_with('#') || !last.is_empty() && text.ends_with(last)
+    pattern.split(' ').count() == text.split(' ').count()
+        && pattern.split(' ').zip(text.split(' ')).all(is_alike)
 }
 
 /// Below this a literal has too little of its own to tell a text by it.
