@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use rover_battmon::parameter::{ParameterId, Parameters, documentation};
+use rover_battmon::battery::{BatteryState, PackSettings, PackStatus, arming_failures};
+use rover_battmon::parameter::{Pack, ParameterId, Parameters, documentation};
 
 fn docs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("docs")
@@ -27,21 +28,68 @@ fn the_metadata_file_is_fresh() {
     assert_fresh("apm.pdef.xml", &documentation::apm_pdef_xml());
 }
 
+/// The ready files, by name.
+fn ready_files() -> Vec<(String, String)> {
+    let folder = fs::read_dir(docs().join("params")).expect("the folder exists");
+    let files = folder.map(|entry| {
+        let path = entry.expect("it can be listed").path();
+        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+        (name, fs::read_to_string(path).expect("it can be read"))
+    });
+    files.collect()
+}
+
+/// What a rover has that started with the defaults and was given this file.
+fn after(file: &str, content: &str) -> Parameters {
+    let mut parameters = Parameters::defaults();
+    let settings = content
+        .lines()
+        .filter(|line| !line.starts_with('#') && !line.trim().is_empty());
+    for line in settings {
+        let (name, value) = line.split_once(',').expect("NAME,VALUE");
+        let id = ParameterId::from_name(name.as_bytes()).unwrap_or_else(|| panic!("{file}: no {name}"));
+        let value = value.parse().expect("a number");
+        assert_eq!(parameters.set(id, value), Ok(()), "{file}: {line}");
+    }
+    parameters
+}
+
 #[test]
 fn every_ready_parameter_file_sets_existing_parameters_to_allowed_values() {
-    for file in ["2s-18650.param", "3s-lipo.param"] {
-        let content = fs::read_to_string(docs().join("params").join(file)).expect("the file exists");
-        let mut parameters = Parameters::defaults();
-        let settings: Vec<_> = content
-            .lines()
-            .filter(|line| !line.starts_with('#') && !line.trim().is_empty())
-            .collect();
-        assert!(!settings.is_empty());
-        for line in settings {
-            let (name, value) = line.split_once(',').expect("NAME,VALUE");
-            let id = ParameterId::from_name(name.as_bytes()).unwrap_or_else(|| panic!("{file}: no {name}"));
-            let value = value.parse().expect("a number");
-            assert_eq!(parameters.set(id, value), Ok(()), "{file}: {line}");
+    let files = ready_files();
+    assert!(files.len() >= 2);
+    for (file, content) in files {
+        let parameters = after(&file, &content);
+        assert!(parameters.next_unsaved().is_some(), "{file} changes nothing");
+    }
+}
+
+#[test]
+fn every_ready_parameter_file_has_a_failsafe_that_can_trip() {
+    for (file, content) in ready_files() {
+        let parameters = after(&file, &content);
+        let settings = Pack::ALL
+            .into_iter()
+            .filter(|pack| parameters.is_monitored(*pack))
+            .map(|pack| PackSettings::from_parameters(&parameters, pack));
+        let armed: Vec<_> = settings.filter(|settings| !settings.failsafe.is_off()).collect();
+        assert!(!armed.is_empty(), "{file}: nothing ever counts as low");
+        // What fails of a pack of which nothing is known but that it is well are thresholds in the wrong order.
+        let well = BatteryState {
+            status: PackStatus::Healthy,
+            ..BatteryState::default()
+        };
+        for settings in armed {
+            let failures: Vec<_> = arming_failures(&well, &settings).collect();
+            assert!(failures.is_empty(), "{file}: {failures:?}");
         }
+    }
+}
+
+#[test]
+fn every_ready_parameter_file_is_in_the_guide() {
+    let guide = fs::read_to_string(docs().join("guides/pack-kinds.md")).expect("the guide exists");
+    for (file, _) in ready_files() {
+        assert!(guide.contains(&format!("../params/{file}")), "{file}");
     }
 }

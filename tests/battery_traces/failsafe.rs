@@ -77,3 +77,50 @@ fn a_dip_before_disarming_does_not_trip_when_armed_again() {
     // Armed at 36 s: ArduPilot trips at once. The voltage stays low from then on, so that it trips 10 s later.
     assert_eq!(failsafes(&moments), [(46.1, FailsafeLevel::Low)]);
 }
+
+/// When the ten minutes' drive of a 3S pack of 2200 mAh counts as low and what is left then, in the guide's words.
+fn told_of_the_drive(low_v: f32, timer_s: f32, voltage_source: VoltageSource) -> String {
+    let settings = PackSettings {
+        cell_count: Some(3),
+        capacity_mah: Some(2200.0),
+        failsafe: FailsafeSettings {
+            timer_s: Some(timer_s),
+            voltage_source,
+            low: Thresholds {
+                voltage_v: Some(low_v),
+                remaining_mah: None,
+            },
+            ..FailsafeSettings::default()
+        },
+        ..PackSettings::default()
+    };
+    let moments = run(&trace("trace_discharge_3s_10min.csv"), &settings);
+    let low = moments
+        .iter()
+        .find(|moment| moment.state.failsafe == FailsafeLevel::Low);
+    low.map_or("never".into(), |moment| {
+        let remaining_pct = moment.remaining_pct().expect("it is known");
+        format!("{:.0} s, {remaining_pct:.0} %", moment.t_s)
+    })
+}
+
+#[test]
+fn the_guides_table_is_what_the_drive_shows() {
+    let guide = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/guides/failsafe-tuning.md");
+    let guide = std::fs::read_to_string(guide).expect("the guide");
+    let mut rows = 0;
+    for line in guide.lines() {
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        let &["", low_v, timer_s, by_terminal, by_resting, ""] = cells.as_slice() else {
+            continue;
+        };
+        let (Ok(low_v), Ok(timer_s)) = (low_v.parse(), timer_s.parse()) else {
+            continue;
+        };
+        rows += 1;
+        let told = |source| told_of_the_drive(low_v, timer_s, source);
+        assert_eq!(told(VoltageSource::Terminal), by_terminal, "{line}");
+        assert_eq!(told(VoltageSource::Resting), by_resting, "{line}");
+    }
+    assert_eq!(rows, 7);
+}

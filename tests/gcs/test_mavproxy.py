@@ -205,3 +205,18 @@ def test_it_shows_a_failsafe_and_resets_the_battery(mavproxy):
     mavproxy.ask("long MAV_CMD_BATTERY_RESET -1 100 0 0 0 0 0", r"Got COMMAND_ACK: BATTERY_RESET: ACCEPTED")
     time.sleep(2)
     mavproxy.ask("status HEARTBEAT", r"custom_mode : 4, system_status : 4,")
+
+
+PARAMS = pathlib.Path(__file__).parents[2] / "docs" / "params"
+
+
+def test_it_loads_a_ready_file(mavproxy):
+    mavproxy.ask(f"param load {PARAMS / '3s-lipo.param'}", r"Loaded 11 parameters from .*3s-lipo.param \(changed 5\)")
+    assert mavproxy.show("BATT_LOW_VOLT") == 10.5
+
+
+def test_it_loads_what_it_has_not_read_by_force_only(mavproxy):
+    file = PARAMS / "fuel-level.param"
+    mavproxy.ask(f"param load {file}", r"Unknown parameter BATT2_CAPACITY")
+    mavproxy.ask(f"param forceload {file}", r"Loaded 8 parameters from .*fuel-level.param")
+    assert mavproxy.show("BATT2_CAPACITY") == 1500

@@ -1,0 +1,381 @@
+//! What the documents name exists: paths, links, pins, and what the firmware is said to say.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use rover_battmon::battery::{ArmingFailure, Contents, FailsafeLevel, Gap, PackEvent, ReadError};
+use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
+use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
+
+/// What stands in front of a path from the top of the repository.
+const TOP_FOLDERS: [&str; 6] = ["src/", "tests/", "docs/", "examples/", "benches/", ".ci/"];
+
+/// Named because a requirement names it; it belongs to another project.
+const NOT_OURS: [&str; 1] = ["src/communication/mavlink/handlers/telemetry.rs"];
+
+fn top() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Every file below `folder` with this extension, build results and hidden folders aside.
+fn files_below(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).expect("the folder can be listed") {
+        let path = entry.expect("it can be listed").path();
+        let name = path.file_name().expect("a name").to_string_lossy();
+        if path.is_dir() && name != "target" && !name.starts_with('.') {
+            found.extend(files_below(&path, extension));
+        } else if path.extension().is_some_and(|found| found == extension) {
+            found.push(path);
+        }
+    }
+    found
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// The documents, with their text.
+fn documents() -> Vec<(PathBuf, String)> {
+    let documents: Vec<_> = files_below(top(), "md")
+        .into_iter()
+        .map(|path| {
+            let text = read(&path);
+            (path, text)
+        })
+        .collect();
+    assert!(documents.len() > 20);
+    documents
+}
+
+/// A document with what stands in blocks of code left out.
+fn prose(text: &str) -> String {
+    text.split("```").step_by(2).collect()
+}
+
+/// The targets of the links in a document.
+fn links(text: &str) -> Vec<String> {
+    let prose = prose(text);
+    let behind = prose.split("](").skip(1);
+    behind
+        .filter_map(|rest| rest.split_once(')'))
+        .map(|(target, _)| target.into())
+        .collect()
+}
+
+/// The name by which a heading is linked to, as GitHub makes it.
+fn anchor(heading: &str) -> String {
+    let kept = heading.trim().chars().filter_map(|c| match c {
+        ' ' => Some('-'),
+        _ if c.is_alphanumeric() || c == '-' || c == '_' => Some(c.to_ascii_lowercase()),
+        _ => None,
+    });
+    kept.collect()
+}
+
+fn has_anchor(text: &str, wanted: &str) -> bool {
+    let prose = prose(text);
+    let mut headings = prose.lines().filter(|line| line.starts_with('#'));
+    headings.any(|line| anchor(line.trim_start_matches('#')) == wanted)
+}
+
+#[test]
+fn every_relative_link_leads_somewhere() {
+    let mut broken = Vec::new();
+    let mut followed = 0;
+    for (document, text) in documents() {
+        for link in links(&text).into_iter().filter(|link| !link.contains("://")) {
+            followed += 1;
+            let (path, anchor) = link.split_once('#').unwrap_or((&link, ""));
+            let target = match path {
+                "" => document.clone(),
+                _ => document.parent().expect("it lies in a folder").join(path),
+            };
+            let leads = match anchor {
+                "" => target.exists(),
+                _ => target.exists() && has_anchor(&read(&target), anchor),
+            };
+            if !leads {
+                broken.push(format!("{}: {link}", document.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "{broken:#?}");
+    assert!(followed > 100, "only {followed} links were found");
+}
+
+/// The paths from the top of the repository that a document names.
+fn named_paths(text: &str) -> impl Iterator<Item = &str> {
+    let words = text.split(|c: char| c.is_whitespace() || "`()[]|\"',;=".contains(c));
+    words
+        .filter(|word| TOP_FOLDERS.iter().any(|folder| word.starts_with(folder)))
+        // Of `tests/endpoint.rs:12` the file; the end of a sentence is none of the path.
+        .map(|word| word.split(':').next().unwrap_or(word).trim_end_matches('.'))
+        // What stands for any file.
+        .filter(|word| !word.contains(['<', '*', '…', '#']))
+}
+
+#[test]
+fn every_path_that_is_named_exists() {
+    let mut missing = Vec::new();
+    let mut looked_at = 0;
+    for (document, text) in documents() {
+        for path in named_paths(&text).filter(|path| !NOT_OURS.contains(path)) {
+            looked_at += 1;
+            if !top().join(path).exists() {
+                missing.push(format!("{}: {path}", document.display()));
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{missing:#?}");
+    assert!(looked_at > 200, "only {looked_at} paths were found");
+}
+
+/// The pin of the Pico that each of its GPIOs is on, by the pinout of its data sheet.
+const PICO_PINS: [(u32, u32); 26] = [
+    (0, 1),
+    (1, 2),
+    (2, 4),
+    (3, 5),
+    (4, 6),
+    (5, 7),
+    (6, 9),
+    (7, 10),
+    (8, 11),
+    (9, 12),
+    (10, 14),
+    (11, 15),
+    (12, 16),
+    (13, 17),
+    (14, 19),
+    (15, 20),
+    (16, 21),
+    (17, 22),
+    (18, 24),
+    (19, 25),
+    (20, 26),
+    (21, 27),
+    (22, 29),
+    (26, 31),
+    (27, 32),
+    (28, 34),
+];
+
+#[test]
+fn the_picture_of_the_wiring_has_the_picos_pins() {
+    let picture = read(&top().join("docs/pictures/wiring.svg"));
+    let mut looked_at = 0;
+    for label in picture.split(">GP").skip(1) {
+        let label = label.split('<').next().unwrap_or(label);
+        let Some((gpio, rest)) = label.split_once(" (") else {
+            continue;
+        };
+        let (pin, _) = rest.split_once(')').expect("a pin in brackets");
+        let pair = (gpio.parse().expect("a GPIO"), pin.parse().expect("a pin"));
+        assert!(PICO_PINS.contains(&pair), "GP{label}");
+        looked_at += 1;
+    }
+    assert!(looked_at >= 10, "only {looked_at} labels were found");
+}
+
+/// A text with every number in it as `#`, so that texts of different numbers are the same.
+fn without_numbers(text: &str) -> String {
+    let mut result = String::new();
+    let mut rest = text;
+    while let Some(first) = rest.chars().next() {
+        let length = number_length(rest);
+        if length == 0 {
+            result.push(first);
+            rest = &rest[first.len_utf8()..];
+        } else {
+            result.push('#');
+            rest = &rest[length..];
+        }
+    }
+    result
+}
+
+/// How many bytes of a number the text begins with.
+fn number_length(text: &str) -> usize {
+    if text.starts_with('…') {
+        return '…'.len_utf8();
+    }
+    match text.strip_prefix("0x") {
+        Some(digits) => 2 + digits.bytes().take_while(u8::is_ascii_hexdigit).count(),
+        None => {
+            let is_in_number = |byte: &u8| byte.is_ascii_digit() || *byte == b'.';
+            let length = text.bytes().take_while(is_in_number).count();
+            if text.as_bytes().first().is_some_and(u8::is_ascii_digit) {
+                length
+            } else {
+                0
+            }
+        }
+    }
+}
+
+const READ_ERRORS: [ReadError; 12] = [
+    ReadError::Timeout,
+    ReadError::Conversion,
+    ReadError::NoPin,
+    ReadError::NoCapacity,
+    ReadError::NoMember,
+    ReadError::Implausible,
+    ReadError::NoAnswer,
+    ReadError::BusStuck,
+    ReadError::Bus,
+    ReadError::Checksum,
+    ReadError::OtherPart,
+    ReadError::AddressTaken,
+];
+
+const ARMING_FAILURES: [ArmingFailure; 9] = [
+    ArmingFailure::Unhealthy,
+    ArmingFailure::BelowArmingVoltage,
+    ArmingFailure::BelowArmingCapacity,
+    ArmingFailure::LowVoltage,
+    ArmingFailure::LowCapacity,
+    ArmingFailure::CriticalVoltage,
+    ArmingFailure::CriticalCapacity,
+    ArmingFailure::CapacityOrder,
+    ArmingFailure::VoltageOrder,
+];
+
+fn pack_events() -> Vec<PackEvent> {
+    let failsafe = |level, contents| PackEvent::Failsafe {
+        level,
+        contents,
+        voltage_v: 10.42,
+        consumed_mah: 120.0,
+    };
+    let gap = |counted_mah| {
+        PackEvent::Gap(Gap {
+            duration_s: 7.0,
+            counted_mah,
+        })
+    };
+    let mut events = vec![
+        PackEvent::CellsDetected { count: 3 },
+        PackEvent::CellsUnclear { voltage_v: 8.85 },
+        PackEvent::Swapped,
+        gap(Some(3.0)),
+        gap(None),
+        PackEvent::SensorBack,
+        PackEvent::SwitchingOff,
+        failsafe(FailsafeLevel::Unhealthy, Contents::Charge),
+        failsafe(FailsafeLevel::Low, Contents::Charge),
+        failsafe(FailsafeLevel::Critical, Contents::Charge),
+        failsafe(FailsafeLevel::Low, Contents::Fuel),
+    ];
+    events.extend(READ_ERRORS.map(PackEvent::SensorFailed));
+    events
+}
+
+/// What the firmware says of packs, of arming and of the rover, without its numbers.
+fn told() -> Vec<String> {
+    let packs = pack_events()
+        .into_iter()
+        .map(|event| format!("Battery 1 {event}"));
+    let arming = ARMING_FAILURES.map(|failure| format!("PreArm: Battery 1 {failure}"));
+    let rover = [
+        VehicleEvent::NeedsPosition(FailsafeAction::Rtl),
+        VehicleEvent::Terminated,
+        VehicleEvent::ControlsSilent,
+        VehicleEvent::GroundStationsSilent,
+    ];
+    let rover = rover.map(|event| event.to_string());
+    let site = FaultSite {
+        pc: 1,
+        lr: 1,
+        xpsr: 0,
+        stack: [0; STACK_WORDS],
+    };
+    let causes = [CrashCause::Fault(site), CrashCause::Overdue, CrashCause::Hung];
+    let crashes = causes.map(|cause| {
+        let task = TaskName::new("drive");
+        headline(&CrashRecord { task, cause }).to_string()
+    });
+    let all = packs.chain(arming).chain(rover).chain(crashes);
+    all.map(|text| without_numbers(&text)).collect()
+}
+
+/// The string literals of the firmware's source, tests aside, with `#` for what is filled in.
+fn literals() -> Vec<String> {
+    let mut literals = Vec::new();
+    for path in files_below(&top().join("src"), "rs") {
+        let source = read(&path);
+        let source = source.split("#[cfg(test)]").next().unwrap_or(&source);
+        let lines = source.lines().filter(|line| !line.trim_start().starts_with("//"));
+        for line in lines {
+            literals.extend(line.split('"').skip(1).step_by(2).map(with_gaps));
+        }
+    }
+    literals
+}
+
+/// A format string with `#` for its arguments, numbers included.
+fn with_gaps(literal: &str) -> String {
+    let mut pieces = literal.split('{');
+    let first = pieces.next().unwrap_or_default().to_string();
+    let filled = pieces.fold(first, |text, piece| {
+        let rest = piece.split_once('}').map_or("", |(_, rest)| rest);
+        text + "#" + rest
+    });
+    without_numbers(&filled)
+}
+
+/// Whether `text` is `pattern` with anything but a space in place of each `#`.
+fn matches(pattern: &str, text: &str) -> bool {
+    let is_alike = |(pattern, text): (&str, &str)| match pattern.split_once('#') {
+        Some((before, behind)) => text
+            .strip_prefix(before)
+            .is_some_and(|rest| rest.ends_with(behind)),
+        None => pattern == text,
+    };
+    pattern.split(' ').count() == text.split(' ').count()
+        && pattern.split(' ').zip(text.split(' ')).all(is_alike)
+}
+
+/// Below this a literal has too little of its own to tell a text by it.
+const LEAST_FIXED_BYTES: usize = 8;
+
+/// What the tables of the guide headed "text" quote in their first column.
+fn quoted() -> Vec<String> {
+    let guide = read(&top().join("docs/guides/troubleshooting.md"));
+    let mut quoted = Vec::new();
+    let mut is_of_texts = false;
+    for line in guide.lines() {
+        if !line.starts_with('|') {
+            is_of_texts = false;
+        } else if line.starts_with("| text |") {
+            is_of_texts = true;
+        } else if is_of_texts && !line.starts_with("|---") {
+            let cell = line.split(" | ").next().unwrap_or_default();
+            quoted.extend(cell.split('`').skip(1).step_by(2).map(String::from));
+        }
+    }
+    quoted
+}
+
+#[test]
+fn every_text_the_guide_quotes_is_said_by_the_firmware() {
+    let (told, literals) = (told(), literals());
+    let is_said = |text: &String| {
+        let text = without_numbers(text);
+        told.contains(&text)
+            || literals
+                .iter()
+                .filter(|literal| literal.replace('#', "").len() >= LEAST_FIXED_BYTES)
+                .any(|literal| matches(literal, &text))
+    };
+    let unsaid: Vec<_> = quoted().into_iter().filter(|text| !is_said(text)).collect();
+    assert!(unsaid.is_empty(), "{unsaid:#?}");
+}
+
+#[test]
+fn every_text_about_packs_arming_and_crashes_is_in_the_guide() {
+    let quoted: Vec<_> = quoted().iter().map(|text| without_numbers(text)).collect();
+    let missing: Vec<_> = told().into_iter().filter(|text| !quoted.contains(text)).collect();
+    assert!(missing.is_empty(), "{missing:#?}");
+}

@@ -1,0 +1,76 @@
+"""The script of docs/guides/failsafe-tuning.md makes recordings that `replay` takes."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from pymavlink import mavutil
+
+from station import command, connect, messages_of, set_to
+
+mavlink = mavutil.mavlink
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+GUIDE = REPOSITORY / "docs" / "guides" / "failsafe-tuning.md"
+ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
+
+
+@pytest.fixture
+def script(tmp_path):
+    """The guide's script, as its reader saves it."""
+    (block,) = [block.split("```")[0] for block in GUIDE.read_text().split("```python\n")[1:]]
+    path = tmp_path / "record.py"
+    path.write_text(block)
+    return path
+
+
+def rows(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def replay(path, *parameters):
+    """What `replay` says of the drive."""
+    arguments = [argument for parameter in parameters for argument in ("--param", parameter)]
+    run = ["cargo", "run", "--quiet", "--example", "replay", "--", *arguments, str(path)]
+    output = subprocess.run(run, cwd=REPOSITORY, check=True, capture_output=True, text=True).stdout
+    return [row["events"] for row in csv.DictReader(output.splitlines()) if row["events"]]
+
+
+def test_a_log_of_a_ground_station_becomes_a_recording(start_simulator, script, tmp_path):
+    vehicle = connect(start_simulator().url)
+    vehicle.setup_logfile(str(tmp_path / "mav.tlog"))
+    for name, value in [("SR0_EXTRA1", 10), ("BATT_CELLS", 3)]:
+        set_to(vehicle, name, value)
+    messages_of(vehicle, 1)
+    assert command(vehicle, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == ACCEPTED
+    set_to(vehicle, "SIM_BATT_VOLTAGE", 10)
+    messages_of(vehicle, 4)
+    vehicle.logfile.close()
+    vehicle.close()
+
+    drive = tmp_path / "drive.csv"
+    subprocess.run([sys.executable, script, tmp_path / "mav.tlog", drive], check=True, timeout=20)
+    recorded = rows(drive)
+    assert 40 <= len(recorded) <= 80
+    assert (recorded[0]["armed"], recorded[-1]["armed"]) == ("0", "1")
+    assert all(row["current_a"] == "" for row in recorded)
+    known = [float(row["voltage_v"]) for row in recorded if row["voltage_v"]]
+    assert max(known) > 12.4 and known[-1] < 10.1
+    (told,) = replay(drive, "BATT_CELLS=3", "BATT_LOW_VOLT=10.5", "BATT_LOW_TIMER=1")
+    assert told.startswith("is low 9.9")
+
+
+def test_a_link_is_recorded_until_ctrl_c(start_simulator, script, tmp_path):
+    drive = tmp_path / "drive.csv"
+    run = [sys.executable, script, start_simulator().url, drive]
+    with subprocess.Popen(run, env={**os.environ, "PYTHONUNBUFFERED": "1"}) as recorder:
+        time.sleep(5)
+        recorder.send_signal(signal.SIGINT)
+        assert recorder.wait(timeout=10) == 0
+    assert len(rows(drive)) >= 4
