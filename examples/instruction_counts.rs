@@ -1,6 +1,7 @@
 //! Firmware that does one thing at a time, so that its instructions can be counted on the emulated RP2040.
 //!
-//! `cargo bench --bench instructions` builds it, runs it and prints the counts. GP22 is high while something is measured.
+//! `cargo bench` builds it, runs it and writes the counts into `docs/performance.md`. A log line says what comes next and how
+//! often; GP22 is high while it runs.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
@@ -11,77 +12,178 @@ mod firmware {
     use defmt_rtt as _;
     use embassy_rp::gpio::{Level, Output};
     use panic_probe as _;
-    use rover_battmon::battery::{BatteryMonitor, Measurement, PackSettings, Tick};
+    use rover_battmon::battery::{
+        BatteryMonitor, BatteryState, CellVoltages, ChargeState, Contents, Faults, Measurement, PackDetails,
+        PackSettings, PackStatus, Tick,
+    };
+    use rover_battmon::mavlink::dialect::{MavParamType, PARAM_VALUE_DATA};
     use rover_battmon::mavlink::{
         FrameParser, Framer, LinkKind, Message, Signing, SigningKey, StoredSigning, Stream, SystemState,
         ToStore,
     };
 
-    /// A mixed stream from a ground station, written by the bench: 64-byte chunks of frames.
-    const STREAM: &[u8] = include_bytes!("../benches/data/mixed_stream.bin");
-
+    /// What a ground station sends, in chunks as they come from a port.
+    const RECEIVED: &[u8] = include_bytes!("../benches/data/mixed_stream.bin");
     const CHUNK_BYTES: usize = 64;
 
-    /// The emulator looks at the pin every ten microseconds: so many that this does not matter.
-    const SERIALISATIONS: u64 = 1000;
-
-    /// The same for a pack's readings: 100 s of them.
-    const UPDATES: u64 = 1000;
+    /// The emulator looks at the pin every ten microseconds: so often that this does not matter.
+    const TIMES: u32 = 1000;
 
     #[entry]
     fn main() -> ! {
         let peripherals = embassy_rp::init(Default::default());
-        let mut measuring = Output::new(peripherals.PIN_22, Level::Low);
+        let mut bench = Bench {
+            measuring: Output::new(peripherals.PIN_22, Level::Low),
+        };
+        receive(&mut bench);
+        send(&mut bench);
+        sign(&mut bench);
+        update(&mut bench);
+        defmt::info!("done");
+        loop {
+            cortex_m::asm::wfe();
+        }
+    }
 
+    struct Bench {
+        measuring: Output<'static>,
+    }
+
+    impl Bench {
+        fn measure(&mut self, verb: &str, what: &str, mut once: impl FnMut()) {
+            self.begin(verb, what, TIMES);
+            for _ in 0..TIMES {
+                once();
+            }
+            self.end();
+        }
+
+        fn begin(&mut self, verb: &str, what: &str, times: u32) {
+            defmt::info!("{} {}, {} times", verb, what, times);
+            self.measuring.set_high();
+        }
+
+        fn end(&mut self) {
+            self.measuring.set_low();
+        }
+    }
+
+    fn receive(bench: &mut Bench) {
         let mut parser = FrameParser::new();
-        let mut frames = 0u32;
-        measuring.set_high();
-        for chunk in black_box(STREAM).chunks(CHUNK_BYTES) {
+        bench.begin("receive", "a byte", RECEIVED.len() as u32);
+        for chunk in black_box(RECEIVED).chunks(CHUNK_BYTES) {
             parser.push(chunk);
             while let Some(frame) = parser.next_frame() {
                 black_box(frame);
-                frames += 1;
             }
         }
-        measuring.set_low();
-        defmt::info!("receive {} bytes, {} frames", STREAM.len(), frames);
+        bench.end();
+    }
 
-        let state = SystemState::default();
+    fn send(bench: &mut Bench) {
+        let (typical, full, tank) = (typical_pack(), full_pack(), tank());
+        for (name, stream, pack) in [
+            ("HEARTBEAT", Stream::Heartbeat, &typical),
+            ("SYS_STATUS, typical", Stream::SysStatus, &typical),
+            ("BATTERY_STATUS, typical", Stream::BatteryStatus(0), &typical),
+            ("BATTERY_STATUS, all fields", Stream::BatteryStatus(0), &full),
+            ("BATTERY_STATUS_V2", Stream::BatteryStatusV2(0), &typical),
+            ("BATTERY_INFO", Stream::BatteryInfo(0), &full),
+            ("SMART_BATTERY_INFO", Stream::SmartBatteryInfo(0), &full),
+            ("FUEL_STATUS", Stream::FuelStatus(0), &tank),
+        ] {
+            let state = SystemState {
+                batteries: core::slice::from_ref(pack),
+                load_permille: 40,
+                ..SystemState::default()
+            };
+            build(bench, name, stream, &state);
+            serialise(bench, name, &stream.build(&state));
+        }
+        let parameter = PARAM_VALUE_DATA {
+            param_value: 3.95,
+            param_count: 60,
+            param_index: 7,
+            param_id: (*b"BATT_VOLT_MULT\0\0").into(),
+            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+        };
+        serialise(bench, "PARAM_VALUE", &Message::ParamValue(parameter));
+    }
+
+    fn build(bench: &mut Bench, name: &str, stream: Stream, state: &SystemState<'_>) {
+        bench.measure("build", name, || {
+            black_box(black_box(stream).build(black_box(state)));
+        });
+    }
+
+    fn serialise(bench: &mut Bench, name: &str, message: &Message) {
         let mut framer = Framer::new();
-        for stream in [Stream::Heartbeat, Stream::SysStatus, Stream::BatteryStatus(0)] {
-            let message: Message = stream.build(black_box(&state));
-            measuring.set_high();
-            for _ in 0..SERIALISATIONS {
-                black_box(framer.frame(black_box(&message), 1));
-            }
-            measuring.set_low();
-            defmt::info!("serialise {}", stream);
-        }
+        bench.measure("serialise", name, || {
+            black_box(framer.frame(black_box(message), 1));
+        });
+    }
 
+    fn sign(bench: &mut Bench) {
+        let mut framer = Framer::new();
         let mut signing = with_key(SigningKey::new([7; 32]));
-        let message: Message = Stream::BatteryStatus(0).build(black_box(&state));
-        measuring.set_high();
-        for _ in 0..SERIALISATIONS {
+        let pack = typical_pack();
+        let state = SystemState {
+            batteries: core::slice::from_ref(&pack),
+            ..SystemState::default()
+        };
+        let message = Stream::BatteryStatus(0).build(&state);
+        bench.measure("serialise and sign", "BATTERY_STATUS, typical", || {
             black_box(framer.signed_frame(black_box(&message), 1, &mut signing, LinkKind::Radio, 0));
-        }
-        measuring.set_low();
-        defmt::info!("serialise and sign");
+        });
+    }
 
-        for measures_current in [false, true] {
+    fn update(bench: &mut Bench) {
+        for (name, measures_current) in [("voltage", false), ("voltage and current", true)] {
             let mut pack = PackInUse::new(measures_current);
-            measuring.set_high();
-            for _ in 0..UPDATES {
-                pack.update();
-            }
-            measuring.set_low();
-            defmt::info!(
-                "battery update, current {}: {} %",
-                measures_current,
-                pack.remaining_pct()
-            );
+            bench.measure("update a pack by", name, || pack.update());
         }
-        loop {
-            cortex_m::asm::wfe();
+    }
+
+    fn typical_pack() -> BatteryState {
+        BatteryState {
+            status: PackStatus::Healthy,
+            charge_state: ChargeState::Ok,
+            voltage_v: Some(11.62),
+            current_a: Some(4.31),
+            consumed_mah: Some(612.0),
+            consumed_wh: Some(7.2),
+            remaining_pct: Some(72.3),
+            time_remaining_s: Some(1342.0),
+            ..BatteryState::UNKNOWN
+        }
+    }
+
+    fn full_pack() -> BatteryState {
+        BatteryState {
+            temperature_c: Some(31.5),
+            faults: Faults::all(),
+            capacity_mah: Some(2200.0),
+            cells: CellVoltages::from_millivolts(&[3870; 14]),
+            details: PackDetails {
+                serial_number: Some(4711),
+                cycle_count: Some(123),
+                design_capacity_mah: Some(2300.0),
+                design_voltage_v: Some(51.8),
+                state_of_health_pct: Some(96),
+                ..PackDetails::NONE
+            },
+            ..typical_pack()
+        }
+    }
+
+    fn tank() -> BatteryState {
+        BatteryState {
+            status: PackStatus::Healthy,
+            contents: Contents::Fuel,
+            capacity_mah: Some(1500.0),
+            consumed_mah: Some(400.0),
+            remaining_pct: Some(73.3),
+            ..BatteryState::UNKNOWN
         }
     }
 
@@ -135,17 +237,11 @@ mod firmware {
                     .update(self.tick, black_box(Ok(measurement)), &self.settings),
             );
         }
-
-        fn remaining_pct(&self) -> f32 {
-            self.monitor.state().remaining_pct.unwrap_or(-1.0)
-        }
     }
 }
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    eprintln!(
-        "This is firmware for the board. `cargo bench --bench instructions` runs it on the emulated one."
-    );
+    eprintln!("This is firmware for the board. `cargo bench` runs it on the emulated one.");
     std::process::exit(2);
 }

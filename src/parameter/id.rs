@@ -81,13 +81,27 @@ impl ParameterId {
 
     /// The parameter with this name. Case is ignored, as in ArduPilot.
     pub fn from_name(name: &[u8]) -> Option<Self> {
-        Self::all().find(|id| {
-            name.split_at_checked(id.prefix().len())
-                .is_some_and(|(prefix, rest)| {
-                    prefix.eq_ignore_ascii_case(id.prefix().as_bytes())
-                        && rest.eq_ignore_ascii_case(id.row().name.as_bytes())
-                })
-        })
+        let vehicle = || {
+            let mut parameters = VehicleParameter::ALL.iter();
+            let found = parameters.find(|parameter| parameter.row().is_named(name));
+            found.copied().map(Self::Vehicle)
+        };
+        let battery = || {
+            Pack::ALL.into_iter().find_map(|pack| {
+                let name = strip_prefix(name, pack.prefix())?;
+                let mut parameters = BatteryParameter::ALL.iter();
+                let found = parameters.find(|parameter| parameter.row().is_named(name));
+                found.map(|parameter| parameter.of(pack))
+            })
+        };
+        let found = vehicle().or_else(battery);
+        #[cfg(not(target_os = "none"))]
+        let found = found.or_else(|| {
+            let mut parameters = SimulationParameter::ALL.iter();
+            let found = parameters.find(|parameter| parameter.row().is_named(name));
+            found.copied().map(Self::Simulation)
+        });
+        found
     }
 
     /// The name a ground station knows it by.
@@ -169,6 +183,12 @@ impl BatteryParameter {
     pub fn of(self, pack: Pack) -> ParameterId {
         ParameterId::Battery(pack, self)
     }
+}
+
+/// What stands behind `prefix` in a name; case is ignored.
+fn strip_prefix<'a>(name: &'a [u8], prefix: &str) -> Option<&'a [u8]> {
+    let (begin, rest) = name.split_at_checked(prefix.len())?;
+    begin.eq_ignore_ascii_case(prefix.as_bytes()).then_some(rest)
 }
 
 #[cfg(test)]

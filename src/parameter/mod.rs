@@ -19,6 +19,7 @@ pub use table::{BatteryParameter, Kind, Meaning, Parameter, Range, VehicleParame
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};
 
+use crate::battery::MAX_PACKS;
 use crate::rounding::round_to_i32;
 
 /// The characters MAVLink has room for in a parameter's name.
@@ -86,6 +87,40 @@ impl Parameters {
     /// monitored. What is not listed can be read and set all the same.
     pub fn listed(&self) -> impl Iterator<Item = ParameterId> {
         ParameterId::all().filter(|id| self.is_listed(*id))
+    }
+
+    /// How many of them there are.
+    pub fn listed_count(&self) -> usize {
+        let of_packs: usize = Pack::ALL.into_iter().map(|pack| self.listed_of(pack)).sum();
+        PARAMETER_COUNT - MAX_PACKS * BatteryParameter::COUNT + of_packs
+    }
+
+    /// The place of a parameter among them; `None` if it is hidden.
+    pub fn listed_index(&self, id: ParameterId) -> Option<usize> {
+        if !self.is_listed(id) {
+            return None;
+        }
+        let packs_before = match id {
+            ParameterId::Vehicle(_) => 0,
+            ParameterId::Battery(pack, _) => usize::from(pack.instance()),
+            #[cfg(not(target_os = "none"))]
+            ParameterId::Simulation(_) => MAX_PACKS,
+        };
+        let hidden_before: usize = Pack::ALL
+            .into_iter()
+            .take(packs_before)
+            .map(|pack| BatteryParameter::COUNT - self.listed_of(pack))
+            .sum();
+        Some(id.number() - hidden_before)
+    }
+
+    /// How many of a pack's are listed: all, or its switch, which is the first.
+    fn listed_of(&self, pack: Pack) -> usize {
+        if self.is_monitored(pack) {
+            BatteryParameter::COUNT
+        } else {
+            1
+        }
     }
 
     /// Whether a pack is monitored by the live value of its `BATT_MONITOR`.
@@ -176,7 +211,6 @@ impl Default for Parameters {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::MAX_PACKS;
     use proptest::prelude::*;
 
     const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
@@ -214,6 +248,28 @@ mod tests {
             parameters.listed().count(),
             VehicleParameter::COUNT + MAX_PACKS + SimulationParameter::COUNT
         );
+    }
+
+    #[test]
+    fn places_and_their_number_are_those_of_the_list_whichever_packs_are_monitored() {
+        let mut parameters = Parameters::defaults();
+        for monitored in [0b0_0000_0000, 0b1_1111_1111, 0b0_0000_0001, 0b1_0100_1010] {
+            for pack in Pack::ALL {
+                let monitor = if monitored & 1 << pack.instance() != 0 {
+                    4.0
+                } else {
+                    0.0
+                };
+                parameters
+                    .set(BatteryParameter::Monitor.of(pack), monitor)
+                    .unwrap();
+            }
+            assert_eq!(parameters.listed_count(), parameters.listed().count());
+            for id in ParameterId::all() {
+                let place = parameters.listed().position(|listed| listed == id);
+                assert_eq!(parameters.listed_index(id), place, "{}", id.name());
+            }
+        }
     }
 
     #[test]

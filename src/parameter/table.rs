@@ -92,6 +92,12 @@ pub struct Parameter {
     pub documentation: Documentation,
 }
 
+impl Parameter {
+    pub(super) fn is_named(&self, name: &[u8]) -> bool {
+        self.name.as_bytes().eq_ignore_ascii_case(name)
+    }
+}
+
 /// What a parameter's owner wants to know of it. The firmware goes without.
 #[cfg(not(target_os = "none"))]
 #[derive(Clone, Copy, Debug)]

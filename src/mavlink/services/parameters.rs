@@ -32,8 +32,10 @@ pub(in crate::mavlink) enum SetResult {
 fn param_value(id: ParameterId, parameters: &Parameters) -> Message {
     Message::ParamValue(PARAM_VALUE_DATA {
         param_value: parameters.get(id),
-        param_count: parameters.listed().count() as u16,
-        param_index: index(id, parameters).unwrap_or(NOT_LISTED),
+        param_count: parameters.listed_count() as u16,
+        param_index: parameters
+            .listed_index(id)
+            .map_or(NOT_LISTED, |index| index as u16),
         param_id: Name::from(id.name().as_str()).0.into(),
         param_type: match id.row().kind {
             Kind::Int8 => MavParamType::MAV_PARAM_TYPE_INT8,
@@ -42,14 +44,6 @@ fn param_value(id: ParameterId, parameters: &Parameters) -> Message {
             Kind::Real32 => MavParamType::MAV_PARAM_TYPE_REAL32,
         },
     })
-}
-
-/// The place of a parameter among those that are listed now.
-fn index(id: ParameterId, parameters: &Parameters) -> Option<u16> {
-    parameters
-        .listed()
-        .position(|listed| listed == id)
-        .map(|index| index as u16)
 }
 
 fn param_error(name: Name, index: i16, error: MavParamError, to: Peer) -> Message {

@@ -1,0 +1,51 @@
+//! What things cost on the emulated RP2040: the same figures in every run.
+//!
+//! `cargo bench` prints them and writes them into `docs/performance.md`. It fails, and leaves the page as it is, if something
+//! takes over a tenth more than the page says; `cargo bench -- --accept` writes it all the same.
+
+mod counted;
+mod figures;
+mod page;
+mod running;
+mod size;
+
+#[path = "../../tests/firmware/bench.rs"]
+#[allow(dead_code)]
+mod bench;
+#[path = "../../tests/support/elf.rs"]
+#[allow(dead_code)]
+mod elf;
+#[path = "../../tests/emulator/mod.rs"]
+#[allow(dead_code)]
+mod emulator;
+#[path = "../../tests/support/signer.rs"]
+#[allow(dead_code)]
+mod signer;
+#[path = "../../tests/support/mod.rs"]
+#[allow(dead_code)]
+mod support;
+
+use std::process::ExitCode;
+
+use figures::{Table, regressions};
+use page::Page;
+
+fn main() -> ExitCode {
+    let tables = [counted::tables(), running::tables(), size::tables()].concat();
+    for table in &tables {
+        println!("{table}");
+    }
+    let missed = tables.iter().flat_map(Table::missed_goals);
+    missed.for_each(|figure| println!("goal not reached: {figure}"));
+
+    let page = Page::read();
+    let worse = regressions(&tables, &page.committed());
+    for regression in &worse {
+        println!("over a tenth more than docs/performance.md says: {regression}");
+    }
+    if !worse.is_empty() && !std::env::args().any(|argument| argument == "--accept") {
+        return ExitCode::FAILURE;
+    }
+    page.write(&tables);
+    ExitCode::SUCCESS
+}

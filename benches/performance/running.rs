@@ -1,0 +1,173 @@
+//! What the whole firmware takes of the processor, and how punctual it is.
+
+use crate::bench::{Bench, CYCLES_PER_US, SECOND};
+use crate::emulator::{AdcInput, CpuState};
+use crate::figures::{Figure, Table};
+use crate::support::requests::{command_long, manual_control, param_read_by_name, ping, timesync};
+
+/// Of one pack, of some, of as many as there can be.
+const PACKS: [u8; 3] = [1, 4, 9];
+const RATES_HZ: [u8; 3] = [1, 10, 50];
+
+/// `SERIAL0_BAUD` for 460800 baud.
+const BAUD: f32 = 460.0;
+const BYTES_PER_SECOND: u64 = 46_080;
+
+/// Three LiPo cells at 3.8 V, and a current of 4 A.
+const VOLTAGE_CODE: u16 = 3582;
+const CURRENT_CHANNEL: usize = 1;
+const CURRENT_CODE: u16 = 300;
+
+/// Until everything has settled that was set.
+const SETTLING_US: u64 = 2 * SECOND;
+const MEASURED_US: u64 = 10 * SECOND;
+
+const REQUEST_MESSAGE: u16 = 512;
+const AUTOPILOT_VERSION: f32 = 148.0;
+
+const AWAKE_GOAL_PERCENT: f64 = 3.0;
+const JITTER_GOAL_US: f64 = 200.0;
+
+const SAMPLING_INTERVAL_CYCLES: u64 = 100_000 * CYCLES_PER_US;
+
+pub fn tables() -> Vec<Table> {
+    let mut awake = Vec::new();
+    let mut punctuality = Vec::new();
+    for packs in PACKS {
+        let mut bench = with_packs(packs);
+        for rate_hz in RATES_HZ {
+            bench.set("SR0_EXTRA1", f32::from(rate_hz));
+            bench.run_for(SETTLING_US);
+            let name = format!(
+                "{packs} {} at {rate_hz} Hz",
+                if packs == 1 { "pack" } else { "packs" }
+            );
+            let figure = Figure::new(name, awake_percent(&mut bench)).with_digits(2);
+            let is_goal = Some(&packs) == PACKS.last() && Some(&rate_hz) == RATES_HZ.last();
+            awake.push(if is_goal {
+                figure.with_goal(AWAKE_GOAL_PERCENT)
+            } else {
+                figure
+            });
+        }
+        if Some(&packs) == PACKS.last() {
+            punctuality = punctuality_of(&mut bench);
+        }
+    }
+    vec![
+        Table {
+            title: "awake, at 460800 baud",
+            unit: "% of the time",
+            figures: awake,
+        },
+        Table {
+            title: "9 packs at 50 Hz, 460800 baud",
+            unit: "µs",
+            figures: punctuality,
+        },
+    ]
+}
+
+/// A board with so many packs, each of which is measured by voltage and current.
+fn with_packs(count: u8) -> Bench {
+    let mut parameters = vec![("SERIAL0_BAUD".to_owned(), BAUD)];
+    for number in 1..=count {
+        let pack = if number == 1 {
+            "BATT".to_owned()
+        } else {
+            format!("BATT{number}")
+        };
+        for (name, value) in [("MONITOR", 4.0), ("CURR_PIN", 27.0), ("CELLS", 3.0)] {
+            parameters.push((format!("{pack}_{name}"), value));
+        }
+    }
+    let parameters: Vec<_> = parameters
+        .iter()
+        .map(|(name, value)| (name.as_str(), *value))
+        .collect();
+    let mut bench = Bench::configured(VOLTAGE_CODE, &parameters);
+    bench.adc_input(CURRENT_CHANNEL, AdcInput::Code(CURRENT_CODE));
+    bench
+}
+
+fn awake_percent(bench: &mut Bench) -> f64 {
+    let before = bench.awake_cycles();
+    bench.run_for(MEASURED_US);
+    100.0 * (bench.awake_cycles() - before) as f64 / (MEASURED_US * CYCLES_PER_US) as f64
+}
+
+fn punctuality_of(bench: &mut Bench) -> Vec<Figure> {
+    let quiet_us = jitter_us(bench);
+    flood(bench);
+    let flooded_us = jitter_us(bench);
+    flood(bench);
+    let longest_us = longest_turn_us(bench);
+    let figure = |what: &str, value: f64| Figure::new(what, value).with_digits(1);
+    vec![
+        figure("sampling jitter", quiet_us).with_goal(JITTER_GOAL_US),
+        figure("sampling jitter, requests fill the line", flooded_us).with_goal(JITTER_GOAL_US),
+        figure("longest turn of a task, requests fill the line", longest_us),
+    ]
+}
+
+/// Requests back to back, for as long as is measured. None of them changes anything, so none has flash erased.
+fn flood(bench: &mut Bench) {
+    let requests = [
+        ping(1, 1),
+        timesync(1),
+        param_read_by_name("BATT_VOLT_MULT"),
+        command_long(REQUEST_MESSAGE, AUTOPILOT_VERSION),
+        manual_control(1, 200, 600),
+    ];
+    let bytes = (MEASURED_US * BYTES_PER_SECOND / SECOND) as usize;
+    let requests: Vec<u8> = requests.concat().into_iter().cycle().take(bytes).collect();
+    let now_us = bench.time_us();
+    bench.uart_send(0, now_us, &requests);
+}
+
+/// How far the beginnings of sampling ticks lie apart, less the interval.
+fn jitter_us(bench: &mut Bench) -> f64 {
+    bench.take_adc_record();
+    bench.run_for(MEASURED_US);
+    let starts: Vec<u64> = bench
+        .take_adc_record()
+        .iter()
+        .map(|conversion| conversion.start)
+        .collect();
+    let is_first = |pair: &&[u64]| pair[1] - pair[0] > SAMPLING_INTERVAL_CYCLES / 2;
+    let ticks: Vec<u64> = starts.windows(2).filter(is_first).map(|pair| pair[1]).collect();
+    let expected = MEASURED_US / 100_000;
+    assert!(
+        ticks.len() as u64 >= expected - 1,
+        "{} ticks of {expected}",
+        ticks.len()
+    );
+    let late = |(number, start): (usize, &u64)| {
+        *start as i64 - (ticks[0] + number as u64 * SAMPLING_INTERVAL_CYCLES) as i64
+    };
+    let (earliest, latest) = ticks
+        .iter()
+        .enumerate()
+        .map(late)
+        .fold((0, 0), |(low, high), late| (low.min(late), high.max(late)));
+    (latest - earliest) as f64 / CYCLES_PER_US as f64
+}
+
+/// The longest time that one task ran without another: so long each other waits for its turn. It is looked at every 10 µs.
+fn longest_turn_us(bench: &mut Bench) -> f64 {
+    // The firmware notes there which task runs, and 1 between them.
+    const SCRATCH0: u32 = 0x4005_800c;
+    let (mut running, mut since, mut longest) = (0, bench.time_cycles(), 0);
+    bench.run_until(MEASURED_US, |board| {
+        let now = board.time_cycles();
+        let task = board.read_register(SCRATCH0);
+        if task != running {
+            (running, since) = (task, now);
+        }
+        if task > 2 && board.cpu_state() == CpuState::Running {
+            longest = longest.max(now - since);
+        }
+        false
+    });
+    longest as f64 / CYCLES_PER_US as f64
+}
