@@ -46,7 +46,8 @@ mod firmware {
         let chip = embassy_rp::init(Default::default());
         let mut led = Output::new(chip.PIN_25, Level::Low);
         let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, chip.PIN_29);
-        let (mut transmitter, _receiver) = board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, BAUD);
+        let (mut transmitter, _receiver) =
+            board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
 
         // A LiPo pack of three cells that is low once it was below 10.5 V for 10 s.
         let settings = PackSettings {

@@ -48,7 +48,8 @@ mod firmware {
         }
         let clock_hz = bus_clock_hz(&parameters);
         let mut bus = Buses::i2c(SensorI2c::new(chip.I2C1, chip.PIN_14, chip.PIN_15, clock_hz));
-        let (mut transmitter, _receiver) = board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, BAUD);
+        let (mut transmitter, _receiver) =
+            board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
 
         let start_us = Instant::now().as_micros();
         let mut parts = BusDevices::from_parameters(&parameters, start_us);

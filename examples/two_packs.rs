@@ -105,7 +105,8 @@ mod firmware {
     async fn main(_spawner: Spawner) {
         let chip = embassy_rp::init(Default::default());
         let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, chip.PIN_29);
-        let (mut transmitter, _receiver) = board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, BAUD);
+        let (mut transmitter, _receiver) =
+            board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
 
         let mut packs = [drive_pack(), electronics_pack()];
         // The defaults have HEARTBEAT sent once a second, SYS_STATUS and each BATTERY_STATUS twice.
