@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Runs the commands and Python examples of the documentation as a newcomer would: in order, in a fresh clone of HEAD.
+"""Runs the commands and Python examples of the documentation as a newcomer would: in order, in a fresh clone.
 
 Every ```sh block is one `bash -e` script, every ```python block one program. HTML comments on the lines just before a
 block say how it runs; several may stand together:
@@ -9,14 +9,14 @@ block say how it runs; several may stand together:
     <!-- simulator -->      runs while `cargo run` is running
     <!-- until stopped -->  each command runs until Ctrl-C: it has to print something, stay, and end by Ctrl-C
 
-The clone shares the target folder with this one, and its files have the same times, so that cargo builds nothing anew.
+The clone has the changes that are not committed yet, but no file that git does not know. It shares the target folder with
+this one, and its files have the same times, so that cargo builds nothing anew.
 """
 
 import argparse
 import ast
 import contextlib
 import dataclasses
-import filecmp
 import os
 import pathlib
 import re
@@ -114,26 +114,41 @@ def without_comment(command):
 
 @contextlib.contextmanager
 def scratch_clone(empty_target=False):
-    """A clone of HEAD and the environment its commands run in. `empty_target` has cargo build everything."""
+    """A clone and the environment its commands run in. `empty_target` has cargo build everything."""
     with tempfile.TemporaryDirectory(prefix="rover-battmon-") as scratch:
         clone = pathlib.Path(scratch, "rover-battmon")
         subprocess.run(["git", "clone", "--quiet", REPOSITORY, clone], check=True)
+        bring_up_to_date(clone)
         if not empty_target:
-            share_target(clone)
+            (REPOSITORY / "target").mkdir(exist_ok=True)
+            (clone / "target").symlink_to(REPOSITORY / "target")
         home = pathlib.Path(scratch, "home")
         home.mkdir()
         yield clone, environment(home, clone)
 
 
-def share_target(clone):
-    """Has cargo take what it has built from the same files here."""
-    (REPOSITORY / "target").mkdir(exist_ok=True)
-    (clone / "target").symlink_to(REPOSITORY / "target")
-    for copy in clone.rglob("*"):
-        original = REPOSITORY / copy.relative_to(clone)
-        if copy.is_file() and original.is_file() and filecmp.cmp(copy, original, shallow=False):
-            times = original.stat()
-            os.utime(copy, ns=(times.st_atime_ns, times.st_mtime_ns))
+def bring_up_to_date(clone):
+    """Makes every file the one here, with its time: cargo, which goes by times, takes what it has built from those.
+
+    Only so is the target folder safe to share: built from other content, it would be taken for up to date here, too.
+    """
+    for name in files_in(clone):
+        (clone / name).unlink()
+    for name in files_in(REPOSITORY):
+        if (REPOSITORY / name).exists():
+            (clone / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(REPOSITORY / name, clone / name)
+
+
+def files_in(repository):
+    """The files git knows of."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=repository, capture_output=True, text=True, check=True)
+    return listed.stdout.split("\0")[:-1]
+
+
+def build_the_firmware_here():
+    """The tests that read the ELF go by the folder its debug information names."""
+    subprocess.run(["cargo", "fw", "--quiet"], cwd=REPOSITORY, check=True)
 
 
 def environment(home, clone):
@@ -386,12 +401,6 @@ def documented_blocks(folder, patterns):
             yield from blocks_of(str(path.relative_to(folder)), path.read_text(encoding="utf-8"))
 
 
-def warn_of_changes():
-    status = subprocess.run(["git", "status", "--porcelain"], cwd=REPOSITORY, capture_output=True, text=True)
-    if status.stdout:
-        print("  not tried, because it is not committed:\n" + status.stdout)
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("pages", nargs="*", default=PAGES, help=f"pages or patterns ({' '.join(PAGES)})")
@@ -402,7 +411,8 @@ def main():
 
     # A shell that starts this in the background has Ctrl-C ignored, and so would have everything started from here.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    warn_of_changes()
+    if not arguments.empty_target:
+        build_the_firmware_here()
     report = Report()
     with scratch_clone(arguments.empty_target) as (clone, environment):
         runner = Runner(clone, environment, arguments.already_run, report)

@@ -109,3 +109,15 @@ def test_the_sum_counts_each_outcome(tmp_path):
     for outcome in ("passed", "passed", "skipped"):
         report.add(Block("page.md", 1, "sh", set(), ""), "command", outcome, "")
     assert report.sum().startswith("2 passed, 0 failed, 1 skipped in ")
+
+
+def test_the_clone_is_what_git_knows_with_its_times():
+    (here := documented.REPOSITORY / "not-known-to-git").touch()
+    try:
+        with documented.scratch_clone() as (clone, _):
+            assert not (clone / here.name).exists()
+            for name in ("Cargo.toml", "src/lib.rs"):
+                original, copy = (documented.REPOSITORY / name).stat(), (clone / name).stat()
+                assert (copy.st_size, copy.st_mtime_ns) == (original.st_size, original.st_mtime_ns)
+    finally:
+        here.unlink()
