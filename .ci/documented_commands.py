@@ -33,9 +33,14 @@ REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
 PAGES = ["README.md", "CONTRIBUTING.md", "docs/**/*.md"]
 MARKERS = {"hardware", "internet", "simulator", "until stopped"}
 
+# Long enough to build everything on a slow machine.
 BLOCK_TIMEOUT_S = 1800
-# What runs until it is stopped gets this long to say something, this long to fail, and this long to end.
-FIRST_WORD_S, STAY_S, END_S = 120, 4, 20
+# What runs until it is stopped gets this long to fail after its first line, and this long to end.
+STAY_S, END_S = 4, 20
+# A line of a program's own, not one of the cargo that builds it.
+FIRST_LINE = re.compile(
+    r"^(?! *(?:Blocking|Updating|Locking|Adding|Download\w+|Compiling|Building|Finished|Running) ).*\S.*\n", re.MULTILINE
+)
 SIMULATOR_PORTS = [(socket.SOCK_STREAM, 5760), (socket.SOCK_DGRAM, 14550)]
 
 
@@ -199,7 +204,7 @@ class Program:
                     return
                 raise Failed(f"ended by itself\n{self.output}")
             if time.monotonic() > end:
-                raise Failed(f"did not print {pattern!r} within {timeout_s} s\n{self.output}")
+                raise Failed(f"did not print {re.compile(pattern).pattern} within {timeout_s} s\n{self.output}")
             time.sleep(0.05)
 
     def stop(self):
@@ -279,7 +284,7 @@ def run_script(commands, clone, environment):
 def run_until_stopped(arguments, clone, environment):
     """Starts a program, sees that it says something and stays, and presses Ctrl-C."""
     with running(arguments, clone, environment) as program:
-        program.wait_for(r"\S", FIRST_WORD_S)
+        program.wait_for(FIRST_LINE, BLOCK_TIMEOUT_S)
         time.sleep(STAY_S)
         # Later one: Python's own word for Ctrl-C, and what MAVProxy's log writer has to say to it at times.
         traceback = re.search(r"^Traceback", program.output, re.MULTILINE)

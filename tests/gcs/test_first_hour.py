@@ -50,7 +50,7 @@ def follow(block, clone, environment, stack):
             pass
         return None
     program = stack.enter_context(documented.running(["bash", "-ec", block.text], clone, environment))
-    program.wait_for(r"\S", documented.BLOCK_TIMEOUT_S)
+    program.wait_for(documented.FIRST_LINE, documented.BLOCK_TIMEOUT_S)
     return program
 
 
