@@ -3,9 +3,56 @@
 //! A measurement travels one way through this crate:
 //!
 //! ```text
-//! sensor  --Measurement-->  battery  --BatteryState-->  mavlink  --frames-->  UART, TCP
+//! converter, I2C, pulses                                                ground station
+//!   │ counts, registers                                                       ▲
+//!   ▼                                                                         ▼
+//! sensor ──Measurement──▶ battery ──BatteryState──▶ mavlink ◀──frames──▶ UART, USB, TCP
+//!                            │                         │
+//!                            └──failsafe──▶ vehicle ◀──┘ commands
+//!                                              │
+//!                                              └──▶ motors, lamps, buzzer
 //! ```
 //!
+//! Pins, dividers, cells and thresholds come from [`parameter`]; a ground station sets them over the same wire.
+//!
+//! # From a conversion to a frame
+//! What the tasks do for each pack ten times a second, in one go. Nothing here waits, owns a peripheral or reads a clock:
+//!
+//! ```
+//! use rover_battmon::battery::{BatteryMonitor, ChargeState, Measurement, PackSettings, PackStatus, Tick};
+//! use rover_battmon::mavlink::{Framer, Stream, SystemState};
+//! use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, VoltageDivider};
+//!
+//! // 3600 of 4095, behind the board's divider.
+//! let count = AdcCount(3600);
+//! let divider = VoltageDivider { multiplier: 3.95, offset_v: 0.0 };
+//! let pin_voltage_v = f32::from(count.0) / f32::from(ADC_FULL_SCALE) * ADC_REFERENCE_V;
+//! let reading = Measurement {
+//!     voltage_v: Some(divider.pack_voltage_v(pin_voltage_v)),
+//!     // Nothing else is measured, and what is unknown stays `None`.
+//!     ..Measurement::default()
+//! };
+//!
+//! // A 3S pack. `Err(ReadError::...)` would be a reading that failed.
+//! let settings = PackSettings { cell_count: Some(3), ..PackSettings::default() };
+//! let mut monitor = BatteryMonitor::new();
+//! let tick = Tick { now_us: 100_000, ..Tick::default() };
+//! monitor.update(tick, Ok(reading), &settings);
+//! assert_eq!(monitor.state().status, PackStatus::Healthy);
+//! assert_eq!(monitor.state().charge_state, ChargeState::Ok);
+//!
+//! // A message is built when the wire takes it, numbered, and framed.
+//! let batteries = [*monitor.state()];
+//! let state = SystemState { batteries: &batteries, ..SystemState::default() };
+//! let message = Stream::BatteryStatus(0).build(&state);
+//! let frame = Framer::new().frame(&message, 1).to_vec();
+//! // MAVLink 2, and BATTERY_STATUS.
+//! assert_eq!((frame[0], frame[7]), (0xfd, 147));
+//! // The voltage of the whole pack stands in the first cell's place, in millivolts: 11.459 V.
+//! assert_eq!(u16::from_le_bytes([frame[20], frame[21]]), 11_459);
+//! ```
+//!
+//! # Rooms
 //! | room | what it knows |
 //! |---|---|
 //! | [`sensor`] | turning conversions of a part into a [`battery::Measurement`] |
@@ -21,6 +68,15 @@
 //!
 //! Everything but `tasks`, `board` and `sim` does no I/O and reads no clock: time, counts and parameters come in as
 //! arguments, states and messages come out. That is what makes the behaviour testable on a desk.
+//!
+//! # Where to go next
+//! - One pack and its life: [`BatteryMonitor`](battery::BatteryMonitor), [`BatteryState`](battery::BatteryState),
+//!   [`PackSettings`](battery::PackSettings).
+//! - A part of your own on the bus: [`SensorBus`](sensor::SensorBus), and `docs/adding-a-sensor.md`.
+//! - A link without its wire, bytes in and frames out: [`Endpoint`](mavlink::Endpoint).
+//! - Another board: the traits in [`tasks`], which `board` and `sim` implement.
+//! - Whole programs: the firmware `src/main.rs`, the simulator `src/bin/sitl.rs`, and one idea each in `examples/`.
+//! - How it all fits together and why: `docs/architecture.md` and `docs/decisions/`.
 #![cfg_attr(target_os = "none", no_std)]
 
 mod crc32;

@@ -156,7 +156,7 @@ impl ParameterId {
         }
     }
 
-    /// The value it has until somebody sets it.
+    /// The value it has until somebody sets it, in the parameter's unit.
     pub fn default_value(self) -> f32 {
         match self {
             Self::Battery(Pack::First, BatteryParameter::Monitor) => FIRST_PACK_MONITOR,

@@ -73,7 +73,7 @@ impl Parameters {
         self.values.get(id.into())
     }
 
-    /// The live value of a parameter that is a whole number.
+    /// The live value of a parameter that is a whole number, in the parameter's unit.
     pub fn get_whole(&self, id: impl Into<ParameterId>) -> i32 {
         self.whole(id.into())
     }

@@ -82,8 +82,8 @@ pub struct Parameter {
     pub name: &'static str,
     /// The type a ground station is told.
     pub kind: Kind,
-    /// The value it has until somebody sets it, unless [`ParameterId::default_value`](super::ParameterId::default_value)
-    /// makes an exception.
+    /// The value it has until somebody sets it, in the parameter's unit, unless
+    /// [`ParameterId::default_value`](super::ParameterId::default_value) makes an exception.
     pub default: f32,
     /// Which values it takes.
     pub range: Range,
@@ -102,7 +102,7 @@ impl Parameter {
 #[cfg(not(target_os = "none"))]
 #[derive(Clone, Copy, Debug)]
 pub struct Documentation {
-    /// The step by which a ground station's controls change it.
+    /// The step by which a ground station's controls change it, in the parameter's unit.
     pub step: f32,
     /// The unit of its value, empty for a plain number.
     pub unit: &'static str,

@@ -25,7 +25,7 @@ pub struct AnalogWiring {
 /// How the pack's voltage becomes the voltage at a pin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoltageDivider {
-    /// Pack voltage divided by pin voltage (`BATT_VOLT_MULT`).
+    /// Pack voltage divided by pin voltage, without a unit (`BATT_VOLT_MULT`).
     pub multiplier: f32,
     /// Pin voltage without a pack, in volts (`BATT_VLT_OFFSET`).
     pub offset_v: f32,
@@ -75,14 +75,14 @@ impl AnalogReadings {
 }
 
 impl VoltageDivider {
-    /// The pack's voltage: `(pin voltage − offset) × multiplier`.
+    /// The pack's voltage, in volts: `(pin voltage − offset) × multiplier`.
     pub fn pack_voltage_v(&self, pin_voltage_v: f32) -> f32 {
         (pin_voltage_v - self.offset_v) * self.multiplier
     }
 }
 
 impl CurrentSensor {
-    /// The pack's current: `(pin voltage − offset) × amperes per volt`; negative while charging.
+    /// The pack's current, in amperes: `(pin voltage − offset) × amperes per volt`; negative while charging.
     pub fn current_a(&self, pin_voltage_v: f32) -> f32 {
         (pin_voltage_v - self.offset_v) * self.amperes_per_volt
     }

@@ -156,12 +156,12 @@ impl Shared {
         use_it(&mut self.signing.borrow_mut())
     }
 
-    /// The live value of a parameter.
+    /// The live value of a parameter, in the parameter's unit.
     pub fn parameter(&self, id: impl Into<ParameterId>) -> f32 {
         self.with_parameters(|parameters| parameters.get(id))
     }
 
-    /// The live value of a parameter that is a whole number.
+    /// The live value of a parameter that is a whole number, in the parameter's unit.
     pub fn whole_parameter(&self, id: impl Into<ParameterId>) -> i32 {
         self.with_parameters(|parameters| parameters.get_whole(id))
     }

@@ -3,7 +3,7 @@
 // Each program that includes this builds one of the two.
 #![allow(dead_code)]
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 const TARGET: &str = "thumbv6m-none-eabi";
@@ -23,8 +23,9 @@ pub fn build(artifact: Artifact) -> PathBuf {
         Artifact::Binary(name) => ("--bin", name, "release"),
         Artifact::Example(name) => ("--example", name, "release/examples"),
     };
-    // Not the folder of the cargo that runs this: that one is locked.
-    let target_dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("firmware");
+    // The folder of the cargo that runs this, whose lock ends before the tests begin: what `cargo fw` has built is not built again.
+    let target_dir = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let target_dir = target_dir.parent().expect("it is target/tmp");
     let status = Command::new(env!("CARGO"))
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .args([
@@ -36,7 +37,7 @@ pub fn build(artifact: Artifact) -> PathBuf {
             TARGET,
             "--target-dir",
         ])
-        .arg(&target_dir)
+        .arg(target_dir)
         .status()
         .expect("cargo can be started");
     assert!(

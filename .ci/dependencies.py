@@ -1,0 +1,84 @@
+#!/usr/bin/env python3
+"""Checks the dependencies: licences against two lists, yanked versions, and docs/dependencies.md against Cargo.toml."""
+
+import json
+import pathlib
+import re
+import subprocess
+import sys
+
+REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
+PAGE = REPOSITORY / "docs/dependencies.md"
+TARGET = "thumbv6m-none-eabi"
+
+# What may be linked into the firmware, and beside that into programs that stay on the desk.
+FIRMWARE = {"MIT", "Apache-2.0", "Apache-2.0 WITH LLVM-exception", "BSD-2-Clause", "BSD-3-Clause", "Unlicense", "Zlib"}
+DESK = FIRMWARE | {"MPL-2.0", "BSL-1.0", "Unicode-3.0"}
+
+
+def cargo(*arguments):
+    result = subprocess.run(["cargo", *arguments], cwd=REPOSITORY, capture_output=True, text=True)
+    if result.returncode != 0:
+        sys.exit(result.stderr)
+    return result
+
+
+def is_allowed(licence, allowed):
+    """Evaluates an SPDX expression; crates of old write `/` instead of OR."""
+    licence = licence.replace("/", " OR ")
+    tokens = re.findall(r"\(|\)|AND|OR|[A-Za-z0-9.-]+(?: WITH [A-Za-z0-9.-]+)?", licence)
+    words = {"AND": "and", "OR": "or", "(": "(", ")": ")"}
+    terms = [words.get(token, str(token in allowed)) for token in tokens]
+    # Nothing but these words is left in it.
+    return bool(terms) and eval(" ".join(terms))
+
+
+def licences(*selection):
+    """Name and version, and licence, of every package in a part of the tree."""
+    listing = cargo("tree", "--locked", "--prefix", "none", "--format", "{p};{l}", *selection).stdout
+    return {tuple(line.removesuffix(" (*)").split(";")) for line in listing.splitlines() if line}
+
+
+def licence_complaints(part, packages, allowed):
+    print(f"  licences {part}: {len(packages)} packages")
+    for package, licence in sorted(packages):
+        if not is_allowed(licence, allowed):
+            yield f"{package}: {licence or 'no licence'} is not allowed {part}"
+
+
+def direct_dependencies():
+    metadata = json.loads(cargo("metadata", "--locked", "--no-deps", "--format-version", "1").stdout)
+    return {dependency["name"] for dependency in metadata["packages"][0]["dependencies"]}
+
+
+def documented_dependencies():
+    return set(re.findall(r"^\| ([a-z0-9_-]+) \| (?:all|build|firmware|simulator|tests) \| \S", PAGE.read_text(), re.MULTILINE))
+
+
+def documentation_complaints():
+    used, documented = direct_dependencies(), documented_dependencies()
+    print(f"  direct dependencies: {len(used)}")
+    yield from (f"{name} is not in {PAGE.name}" for name in sorted(used - documented))
+    yield from (f"{name} in {PAGE.name} is no dependency" for name in sorted(documented - used))
+
+
+def yanked_complaints():
+    """Packing the crate is what has cargo look for yanked versions."""
+    said = cargo("package", "--no-verify", "--allow-dirty", "--target-dir", "target/tmp/package").stderr
+    yield from re.findall(r"package `.*` in Cargo.lock is yanked.*", said)
+
+
+def main():
+    complaints = [
+        *licence_complaints("in the firmware", licences("--target", TARGET, "--edges", "normal,no-proc-macro"), FIRMWARE),
+        *licence_complaints("on the desk", licences("--target", "all", "--edges", "normal,build,dev"), DESK),
+        *documentation_complaints(),
+        *yanked_complaints(),
+    ]
+    for complaint in complaints:
+        print(f"  {complaint}")
+    sys.exit(1 if complaints else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+"""A newcomer's way, from `git clone` to the battery in a ground station. What is typed and what is expected is the README's.
+
+The clone takes what cargo has built from the same files: to compile everything anew shows nothing of the way, and takes
+minutes. `.ci/documented_commands.py --empty-target README.md` does.
+"""
+
+import contextlib
+import re
+import sys
+import time
+
+import pytest
+
+from conftest import REPOSITORY
+
+sys.path.insert(0, str(REPOSITORY / ".ci"))
+
+import documented_commands as documented
+
+SECTION = "On a desk, without a board"
+PROMPT = re.compile(r"[A-Z]+> ")
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+
+
+def section_of(readme, title):
+    return re.search(rf"^## {title}\n(.*?)^## ", readme, re.MULTILINE | re.DOTALL)[1]
+
+
+def way_to_the_session(section):
+    """The blocks a newcomer goes through before the session with the ground station, and that session's lines."""
+    before, session = re.split(r"^```text\n", section, maxsplit=1, flags=re.MULTILINE)
+    return list(documented.blocks_of("README.md", before)), session.split("```")[0].splitlines()
+
+
+def exchanges(session):
+    """What is typed at each prompt, with the lines shown after it."""
+    found = []
+    for line in session:
+        if prompt := PROMPT.match(line):
+            found.append((line[prompt.end() :], []))
+        else:
+            found[-1][1].append(line)
+    return found
+
+
+def follow(block, clone, environment, stack):
+    """Does what a block says; returns the program if it is one that stays."""
+    if "until stopped" not in block.markers:
+        for _ in documented.run_script(documented.commands_of(block.text), clone, environment):
+            pass
+        return None
+    program = stack.enter_context(documented.running(["bash", "-ec", block.text], clone, environment))
+    program.wait_for(documented.FIRST_LINE, documented.BLOCK_TIMEOUT_S)
+    return program
+
+
+def says(station, typed, shown):
+    """Types a line and looks for the lines of the README, whose figures may differ by a twentieth."""
+    so_far = len(station.output)
+    station.process.stdin.write(typed + "\n")
+    station.process.stdin.flush()
+    time.sleep(1)
+    answer = station.output[so_far:]
+    return all(any(is_like(line, wanted) for line in answer.splitlines()) for wanted in shown)
+
+
+def is_like(line, wanted):
+    line = PROMPT.sub("", line)
+    if NUMBER.sub("0", line).strip() != NUMBER.sub("0", wanted).strip():
+        return False
+    return [float(number) for number in NUMBER.findall(line)] == pytest.approx(
+        [float(number) for number in NUMBER.findall(wanted)], rel=0.05
+    )
+
+
+def test_the_readme_leads_from_a_clone_to_the_battery():
+    documented.wait_for_free_ports()
+    with documented.scratch_clone() as (clone, environment), contextlib.ExitStack() as stack:
+        section = section_of((clone / "README.md").read_text(encoding="utf-8"), SECTION)
+        blocks, session = way_to_the_session(section)
+        *_, station = programs = [
+            program for block in blocks if (program := follow(block, clone, environment, stack)) is not None
+        ]
+        assert len(programs) == 2, "a simulator and a ground station"
+        station.wait_for(r"Received \d+ parameters", 30)
+
+        assert [typed for typed, _ in exchanges(session)].count("bat") > 0
+        for typed, shown in exchanges(session):
+            # What was set takes a moment to be seen.
+            assert any(says(station, typed, shown) for _ in range(10)), f"{typed}: {station.output}"
+
+        simulator = programs[0]
+        simulator.stop()
+        assert simulator.process.returncode == 0
+        assert simulator.output.endswith("Stopped.\n")
