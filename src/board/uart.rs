@@ -71,7 +71,7 @@ const ESC_BAUD: u32 = 115_200;
 /// Some twelve frames.
 const ESC_BUFFER_BYTES: usize = 128;
 
-/// UART1 on GP5, which only listens to a motor controller's telemetry; 8N1, interrupt driven.
+/// UART1 on GP5, which only listens to a motor controller's telemetry; 8N1, by interrupts.
 ///
 /// # Panics
 /// When called twice: the buffer exists once.
