@@ -30,7 +30,7 @@ import threading
 import time
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
-PAGES = ["README.md", "CONTRIBUTING.md", "docs/**/*.md"]
+PAGES = ["README.md", "CONTRIBUTING.md", "examples/README.md", "docs/**/*.md"]
 MARKERS = {"hardware", "internet", "simulator", "until stopped"}
 
 # Long enough to build everything on a slow machine.

@@ -21,14 +21,13 @@
 //! ```
 //! use rover_battmon::battery::{BatteryMonitor, ChargeState, Measurement, PackSettings, PackStatus, Tick};
 //! use rover_battmon::mavlink::{Framer, Stream, SystemState};
-//! use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, VoltageDivider};
+//! use rover_battmon::sensor::{AdcCount, VoltageDivider};
 //!
 //! // 3600 of 4095, behind the board's divider.
 //! let count = AdcCount(3600);
 //! let divider = VoltageDivider { multiplier: 3.95, offset_v: 0.0 };
-//! let pin_voltage_v = f32::from(count.0) / f32::from(ADC_FULL_SCALE) * ADC_REFERENCE_V;
 //! let reading = Measurement {
-//!     voltage_v: Some(divider.pack_voltage_v(pin_voltage_v)),
+//!     voltage_v: Some(divider.pack_voltage_v(count.pin_voltage_v())),
 //!     // Nothing else is measured, and what is unknown stays `None`.
 //!     ..Measurement::default()
 //! };

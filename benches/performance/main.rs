@@ -13,10 +13,8 @@ mod size;
 #[allow(dead_code)]
 mod bench;
 #[path = "../../tests/support/elf.rs"]
-#[allow(dead_code)]
 mod elf;
 #[path = "../../tests/emulator/mod.rs"]
-#[allow(dead_code)]
 mod emulator;
 #[path = "../../tests/support/signer.rs"]
 #[allow(dead_code)]
