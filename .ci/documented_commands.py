@@ -6,6 +6,7 @@ block say how it runs; several may stand together:
 
     <!-- hardware -->       needs a board, a probe or a radio: only checked for its syntax
     <!-- internet -->       needs more of the internet than package registries: only checked for its syntax
+    <!-- to be saved -->    a file that is started with arguments, by a test of its own: only checked for its syntax
     <!-- simulator -->      runs while `cargo run` is running
     <!-- until stopped -->  each command runs until Ctrl-C: it has to print something, stay, and end by Ctrl-C
 
@@ -31,7 +32,8 @@ import time
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
 PAGES = ["README.md", "CONTRIBUTING.md", "examples/README.md", "docs/**/*.md"]
-MARKERS = {"hardware", "internet", "simulator", "until stopped"}
+ONLY_CHECKED = {"hardware", "internet", "to be saved"}
+MARKERS = ONLY_CHECKED | {"simulator", "until stopped"}
 
 # Long enough to build everything on a slow machine.
 BLOCK_TIMEOUT_S = 1800
@@ -330,7 +332,7 @@ class Runner:
 
     def run(self, block):
         commands = commands_of(block.text) if block.language == "sh" else [block.text]
-        if block.markers & {"hardware", "internet"}:
+        if block.markers & ONLY_CHECKED:
             return self.check_only(block, commands)
         with contextlib.ExitStack() as stack:
             try:
@@ -351,7 +353,7 @@ class Runner:
             if error:
                 self.report.fail(block, command, Failed(error))
             else:
-                self.report.add(block, command, "skipped", ", ".join(block.markers & {"hardware", "internet"}))
+                self.report.add(block, command, "skipped", ", ".join(block.markers & ONLY_CHECKED))
 
     def run_commands(self, block, commands):
         done = 0
