@@ -179,7 +179,7 @@ def test_mavproxy_sets_up_signing_and_removes_it(start_simulator, tmp_path):
         radio.disable_signing()
 
         mavproxy.type("signing remove")
-        time.sleep(1)
-        assert not is_deaf(radio)
+        # On a busy machine it takes MAVProxy a while.
+        assert any(not is_deaf(radio) for _ in range(10))
     finally:
         mavproxy.kill()
