@@ -3,7 +3,12 @@
 import re
 from xml.etree import ElementTree
 
+import pytest
+
 from draw_mavproxy import SESSION, draw, record
+
+# One MAVProxy at a time: what it repeats in time, it repeats late on a machine that starts others.
+pytestmark = pytest.mark.xdist_group("mavproxy")
 
 
 def test_the_session_ends_with_the_failsafe_and_is_drawn_whole():

@@ -17,6 +17,9 @@ sys.path.insert(0, str(REPOSITORY / ".ci"))
 
 import documented_commands as documented
 
+# One MAVProxy at a time: what it repeats in time, it repeats late on a machine that starts others.
+pytestmark = pytest.mark.xdist_group("mavproxy")
+
 SECTION = "On a desk, without a board"
 PROMPT = re.compile(r"[A-Z]+> ")
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")

@@ -14,6 +14,9 @@ import pytest
 
 from station import is_about
 
+# One MAVProxy at a time: what it repeats in time, it repeats late on a machine that starts others.
+pytestmark = pytest.mark.xdist_group("mavproxy")
+
 PROGRAM = pathlib.Path(sys.executable).parent / "mavproxy.py"
 
 

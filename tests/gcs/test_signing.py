@@ -163,6 +163,7 @@ def test_a_ground_station_without_the_key_is_told_once_a_minute(vehicle):
     assert [text for text in texts if "ignored" in text] == ["UDP: not signed with the key, ignored: 1"]
 
 
+@pytest.mark.xdist_group("mavproxy")
 def test_mavproxy_sets_up_signing_and_removes_it(start_simulator, tmp_path):
     udp_port = free_port()
     simulator = start_simulator("--udp", f"127.0.0.1:{udp_port}")
