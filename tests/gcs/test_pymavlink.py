@@ -102,7 +102,8 @@ def test_the_pack_discharges(start_simulator):
 
 def test_ctrl_c_ends_it_cleanly(start_simulator):
     simulator = start_simulator()
-    listen(simulator.url, 1)
+    # It prints a line a second.
+    listen(simulator.url, 2.5)
     code, output = simulator.interrupt()
     assert code == 0, output
     assert output.endswith("Stopped.\n"), output
