@@ -16,6 +16,9 @@ mod bench;
 mod elf;
 #[path = "../../tests/emulator/mod.rs"]
 mod emulator;
+#[path = "../../tests/release_elf/program.rs"]
+#[allow(dead_code)]
+mod program;
 #[path = "../../tests/support/signer.rs"]
 #[allow(dead_code)]
 mod signer;

@@ -1,6 +1,6 @@
 //! What the whole firmware takes of the processor, and how punctual it is.
 
-use crate::bench::{Bench, CYCLES_PER_US, SECOND};
+use crate::bench::{Bench, CYCLES_PER_US, SECOND, running_task};
 use crate::emulator::{AdcInput, CpuState};
 use crate::figures::{Figure, Table};
 use crate::support::requests::{command_long, manual_control, param_read_by_name, ping, timesync};
@@ -155,16 +155,14 @@ fn jitter_us(bench: &mut Bench) -> f64 {
 
 /// The longest time that one task ran without another: so long each other waits for its turn. It is looked at every 10 µs.
 fn longest_turn_us(bench: &mut Bench) -> f64 {
-    // The firmware notes there which task runs, and 1 between them.
-    const SCRATCH0: u32 = 0x4005_800c;
-    let (mut running, mut since, mut longest) = (0, bench.time_cycles(), 0);
+    let (mut running, mut since, mut longest) = (None, bench.time_cycles(), 0);
     bench.run_until(MEASURED_US, |board| {
         let now = board.time_cycles();
-        let task = board.read_register(SCRATCH0);
+        let task = running_task(board);
         if task != running {
             (running, since) = (task, now);
         }
-        if task > 2 && board.cpu_state() == CpuState::Running {
+        if task.is_some() && board.cpu_state() == CpuState::Running {
             longest = longest.max(now - since);
         }
         false

@@ -1,25 +1,19 @@
 //! What the firmware takes of flash and RAM.
 
-use crate::elf::{Artifact, build};
-use crate::emulator::Firmware;
 use crate::figures::{Figure, Table};
-
-/// 160 KB and 64 KB.
-const FLASH_GOAL_BYTES: f64 = 160_000.0;
-const RAM_GOAL_BYTES: f64 = 65_536.0;
-
-const IN_FLASH: [&str; 5] = [".boot2", ".vector_table", ".text", ".rodata", ".data"];
-const IN_RAM: [&str; 3] = [".data", ".bss", ".uninit"];
+use crate::program::{FLASH_BUDGET_BYTES, RAM_BUDGET_BYTES, release_firmware};
 
 pub fn tables() -> Vec<Table> {
-    let firmware = Firmware::load(build(Artifact::Binary("rover-battmon")));
-    let sum = |names: &[&str]| names.iter().map(|name| firmware.section(name).len() as f64).sum();
+    let firmware = release_firmware();
+    let figure = |what: &str, bytes: u32, budget_bytes: u32| {
+        Figure::new(what, f64::from(bytes)).with_goal(f64::from(budget_bytes))
+    };
     vec![Table {
         title: "the release firmware with everything in",
         unit: "bytes",
         figures: vec![
-            Figure::new("flash", sum(&IN_FLASH)).with_goal(FLASH_GOAL_BYTES),
-            Figure::new("static RAM", sum(&IN_RAM)).with_goal(RAM_GOAL_BYTES),
+            figure("flash", firmware.flash_bytes(), FLASH_BUDGET_BYTES),
+            figure("static RAM", firmware.ram_bytes(), RAM_BUDGET_BYTES),
         ],
     }]
 }

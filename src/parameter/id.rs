@@ -81,26 +81,15 @@ impl ParameterId {
 
     /// The parameter with this name. Case is ignored, as in ArduPilot.
     pub fn from_name(name: &[u8]) -> Option<Self> {
-        let vehicle = || {
-            let mut parameters = VehicleParameter::ALL.iter();
-            let found = parameters.find(|parameter| parameter.row().is_named(name));
-            found.copied().map(Self::Vehicle)
+        let of_pack = |pack: Pack| {
+            let parameter = BatteryParameter::from_name(strip_prefix(name, pack.prefix())?)?;
+            Some(parameter.of(pack))
         };
-        let battery = || {
-            Pack::ALL.into_iter().find_map(|pack| {
-                let name = strip_prefix(name, pack.prefix())?;
-                let mut parameters = BatteryParameter::ALL.iter();
-                let found = parameters.find(|parameter| parameter.row().is_named(name));
-                found.map(|parameter| parameter.of(pack))
-            })
-        };
-        let found = vehicle().or_else(battery);
+        let found = VehicleParameter::from_name(name)
+            .map(Self::Vehicle)
+            .or_else(|| Pack::ALL.into_iter().find_map(of_pack));
         #[cfg(not(target_os = "none"))]
-        let found = found.or_else(|| {
-            let mut parameters = SimulationParameter::ALL.iter();
-            let found = parameters.find(|parameter| parameter.row().is_named(name));
-            found.copied().map(Self::Simulation)
-        });
+        let found = found.or_else(|| SimulationParameter::from_name(name).map(Self::Simulation));
         found
     }
 

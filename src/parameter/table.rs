@@ -34,6 +34,12 @@ macro_rules! parameters {
             /// The first of them.
             pub const FIRST: Self = Self::ALL[0];
 
+            /// The one whose row has this name. Case is ignored.
+            pub(in crate::parameter) fn from_name(name: &[u8]) -> Option<Self> {
+                let is_meant = |parameter: &Self| parameter.row().name.as_bytes().eq_ignore_ascii_case(name);
+                Self::ALL.iter().copied().find(is_meant)
+            }
+
             /// Its row in the table.
             pub fn row(self) -> &'static Parameter {
                 match self {
@@ -90,12 +96,6 @@ pub struct Parameter {
     /// What its owner wants to know of it.
     #[cfg(not(target_os = "none"))]
     pub documentation: Documentation,
-}
-
-impl Parameter {
-    pub(super) fn is_named(&self, name: &[u8]) -> bool {
-        self.name.as_bytes().eq_ignore_ascii_case(name)
-    }
 }
 
 /// What a parameter's owner wants to know of it. The firmware goes without.

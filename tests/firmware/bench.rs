@@ -31,6 +31,9 @@ pub const SECTOR_BYTES: usize = 4096;
 /// Long enough for everything that waits to be written to flash, erases included.
 pub const SAVED_US: u64 = SECOND;
 
+/// Where the firmware notes who runs: the watchdog's scratch register 0.
+pub const RUNNING: u32 = 0x4005_800c;
+
 const ACCEPTED: u8 = 0;
 
 /// Numbers of core registers.
@@ -58,6 +61,13 @@ pub fn value_of(answers: &[Frame], name: &str) -> Option<f32> {
         .map(|frame| ParamValue(frame))
         .find(|answer| answer.name() == name)
         .map(|answer| answer.value())
+}
+
+/// The task that runs, by its id; `None` between tasks and in `main`.
+pub fn running_task(board: &mut Board) -> Option<u32> {
+    // The address of a task is larger than what is noted otherwise.
+    const MAIN: u32 = 2;
+    Some(board.read_register(RUNNING)).filter(|noted| *noted > MAIN)
 }
 
 /// A powered board with the release firmware in its flash and a wire at its telemetry port.
@@ -153,13 +163,10 @@ impl Bench {
 
     /// Waits until a task runs, on its own and not in an interrupt. The next is drive, unless something else is due.
     pub fn run_into_task(&mut self) {
-        // The firmware notes there who runs: the address of a task is larger than what it notes between them.
-        const SCRATCH0: u32 = 0x4005_800c;
-        const NO_TASK: u32 = 2;
         let is_in_a_task = |board: &mut Board| {
             board.cpu_state() == CpuState::Running
                 && board.active_exception() == 0
-                && board.read_register(SCRATCH0) > NO_TASK
+                && running_task(board).is_some()
         };
         assert!(self.run_until(SECOND, is_in_a_task));
     }

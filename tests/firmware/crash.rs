@@ -1,6 +1,8 @@
 //! What a crash leaves behind, and who is told of it after the restart.
 
-use crate::bench::{Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, SECOND, STACK_POINTER};
+use crate::bench::{
+    Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, STACK_POINTER,
+};
 use crate::emulator::{Board, LogLevel, ResetCause, UNDEFINED_INSTRUCTION};
 use crate::support::frames::{HEARTBEAT, STATUSTEXT, of_message};
 use crate::support::requests::{heartbeat, ping};
@@ -25,8 +27,6 @@ const TIMEOUT_US: u64 = 1_050 * MILLISECOND;
 
 /// Address of the instruction a function returns to, as it stands on the stack: bit 0 stands for Thumb.
 const THUMB: u32 = 1;
-
-const SCRATCH0: u32 = 0x4005_800c;
 
 fn between_ticks() -> Bench {
     let mut bench = Bench::power_up(PACK_CODE);
@@ -115,11 +115,11 @@ fn an_undefined_instruction_is_told_with_its_place_and_its_task() {
 #[test]
 fn the_task_is_the_one_that_runs() {
     let mut bench = in_drive();
-    let drive = bench.read_register(SCRATCH0);
+    let drive = bench.read_register(RUNNING);
     let now_us = bench.time_us();
     bench.uart_send(0, now_us, &ping(1, 1));
     let is_in_another = |board: &mut Board| {
-        board.active_exception() == 0 && ![1, drive].contains(&board.read_register(SCRATCH0))
+        board.active_exception() == 0 && ![1, drive].contains(&board.read_register(RUNNING))
     };
     assert!(bench.run_until(15 * MILLISECOND, is_in_another));
     bench.set_register(PROGRAM_COUNTER, UNDEFINED_INSTRUCTION);
@@ -275,7 +275,7 @@ fn what_somebody_does_on_purpose_is_no_crash() {
     assert!(said_to(&mut bench, GROUND_STATION).is_empty());
 
     // The boot ROM has flashed a UF2 file: the RUN pin has cleared the notes, and the watchdog is the boot ROM's.
-    bench.write_register(SCRATCH0, 0);
+    bench.write_register(RUNNING, 0);
     bench.cut_interrupt(0);
     bench.hang_program();
     assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);

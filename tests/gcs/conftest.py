@@ -6,6 +6,7 @@ import re
 import signal
 import socket
 import subprocess
+import sys
 import threading
 
 import pytest
@@ -14,6 +15,8 @@ import pytest
 os.environ["MAVLINK20"] = "1"
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
+PARAMS = REPOSITORY / "docs" / "params"
+MAVPROXY = pathlib.Path(sys.executable).parent / "mavproxy.py"
 
 
 def free_port():

@@ -9,7 +9,6 @@ Lines are left out or cut only where an ellipsis says so.
 import fcntl
 import html
 import os
-import pathlib
 import pty
 import re
 import signal
@@ -22,10 +21,9 @@ import threading
 import time
 from importlib.metadata import version
 
-from conftest import REPOSITORY, Simulator
+from conftest import MAVPROXY, REPOSITORY, Simulator
 
 PICTURE = REPOSITORY / "docs/pictures/mavproxy.svg"
-PROGRAM = pathlib.Path(sys.executable).parent / "mavproxy.py"
 
 # What is typed, and what MAVProxy has to say before the next line is.
 SESSION = [
@@ -144,7 +142,7 @@ def record(port=None):
     """Runs the session with the simulator on this port or a free one; returns the lines of the terminal."""
     simulator = Simulator(port=port)
     with tempfile.TemporaryDirectory() as home:
-        terminal = Terminal([sys.executable, str(PROGRAM), "--master", simulator.url], home)
+        terminal = Terminal([sys.executable, str(MAVPROXY), "--master", simulator.url], home)
         try:
             terminal.wait_for(r"Saved \d+ parameters")
             started = len(lines_of(terminal.shown))

@@ -86,6 +86,35 @@ def fresh(connection, name):
     return receive(connection, [name])
 
 
+def restarted(connection, url):
+    """A connection to the vehicle once it has restarted."""
+    assert command(connection, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == mavlink.MAV_RESULT_ACCEPTED
+    while connection.recv_match(blocking=True, timeout=0.5) is not None:
+        pass
+    connection.close()
+    return connect(url)
+
+
+def knows_its_voltage(status):
+    return status.voltages[0] != 65535
+
+
+def pack(connection, instance, is_known=knows_its_voltage):
+    """The pack's BATTERY_STATUS once its sensor has told something."""
+    request, message = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
+    for _ in range(20):
+        assert command(connection, request, message, instance) == mavlink.MAV_RESULT_ACCEPTED
+        status = receive(connection, ["BATTERY_STATUS"])
+        if status.id == instance and is_known(status):
+            return status
+    raise AssertionError(f"pack {instance} never told anything: {status}")
+
+
+def volts(status):
+    """The pack's voltage, of a BATTERY_STATUS."""
+    return sum(mv for mv in status.voltages if mv != 65535) / 1000
+
+
 def levers(url, throttle, steering=0):
     """Somebody at the levers, on a connection of their own; each call sends MANUAL_CONTROL once and waits a little."""
     connection = mavutil.mavlink_connection(url, source_system=254)

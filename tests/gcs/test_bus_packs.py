@@ -3,7 +3,7 @@
 import pytest
 from pymavlink import mavutil
 
-from station import command, connect, receive, set_to
+from station import command, connect, pack, receive, restarted, set_to, volts
 
 mavlink = mavutil.mavlink
 
@@ -12,29 +12,6 @@ FAILED = mavlink.MAV_RESULT_FAILED
 
 # What the simulated power monitor has.
 SHUNT_OHM = 0.002
-
-
-def restarted(connection, url):
-    assert command(connection, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
-    while connection.recv_match(blocking=True, timeout=0.5) is not None:
-        pass
-    connection.close()
-    return connect(url)
-
-
-def pack(connection, instance):
-    """The pack's BATTERY_STATUS once its sensor has told something."""
-    request = mavlink.MAV_CMD_REQUEST_MESSAGE
-    for _ in range(20):
-        assert command(connection, request, mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, instance) == ACCEPTED
-        status = receive(connection, ["BATTERY_STATUS"])
-        if status.id == instance and status.voltages[0] != 65535:
-            return status
-    raise AssertionError(f"pack {instance} never told its voltage: {status}")
-
-
-def volts(status):
-    return sum(mv for mv in status.voltages if mv != 65535) / 1000
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """MAVProxy as its user runs it, without a window: commands go in, its answers come out."""
 
 import os
-import pathlib
 import queue
 import re
 import signal
@@ -12,12 +11,11 @@ import time
 
 import pytest
 
+from conftest import MAVPROXY, PARAMS
 from station import is_about
 
 # One MAVProxy at a time: what it repeats in time, it repeats late on a machine that starts others.
 pytestmark = pytest.mark.xdist_group("mavproxy")
-
-PROGRAM = pathlib.Path(sys.executable).parent / "mavproxy.py"
 
 
 class MavProxy:
@@ -26,7 +24,7 @@ class MavProxy:
     def __init__(self, url, home, *arguments):
         self.lines = queue.Queue()
         self.process = subprocess.Popen(
-            [sys.executable, PROGRAM, "--master", url, "--state-basedir", home, *arguments],
+            [sys.executable, MAVPROXY, "--master", url, "--state-basedir", home, *arguments],
             cwd=home,
             # No start-up script of the user's.
             env={**os.environ, "HOME": str(home), "PYTHONUNBUFFERED": "1"},
@@ -208,9 +206,6 @@ def test_it_shows_a_failsafe_and_resets_the_battery(mavproxy):
     mavproxy.ask("long MAV_CMD_BATTERY_RESET -1 100 0 0 0 0 0", r"Got COMMAND_ACK: BATTERY_RESET: ACCEPTED")
     time.sleep(2)
     mavproxy.ask("status HEARTBEAT", r"custom_mode : 4, system_status : 4,")
-
-
-PARAMS = pathlib.Path(__file__).parents[2] / "docs" / "params"
 
 
 def test_it_loads_a_ready_file(mavproxy):

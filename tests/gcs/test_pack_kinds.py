@@ -1,16 +1,13 @@
 """The ready parameter files of docs/params/, loaded as an owner does; those whose sensors the simulator has."""
 
-from pathlib import Path
-
 import pytest
 from pymavlink import mavutil
 
-from station import command, connect, receive, set_to
+from conftest import PARAMS
+from station import connect, pack, restarted, set_to, volts
 
 mavlink = mavutil.mavlink
 
-PARAMS = Path(__file__).parents[2] / "docs" / "params"
-ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 UNKNOWN = -1
 
 
@@ -18,29 +15,6 @@ def settings(file):
     lines = (PARAMS / file).read_text().splitlines()
     pairs = (line.split(",") for line in lines if line and not line.startswith("#"))
     return {name: float(value) for name, value in pairs}
-
-
-def restarted(connection, url):
-    assert command(connection, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
-    while connection.recv_match(blocking=True, timeout=0.5) is not None:
-        pass
-    connection.close()
-    return connect(url)
-
-
-def pack(connection, instance):
-    """The pack's BATTERY_STATUS once its sensor has told something."""
-    request = mavlink.MAV_CMD_REQUEST_MESSAGE
-    for _ in range(20):
-        assert command(connection, request, mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, instance) == ACCEPTED
-        status = receive(connection, ["BATTERY_STATUS"])
-        if status.id == instance and (status.voltages[0] != 65535 or status.battery_remaining >= 0):
-            return status
-    raise AssertionError(f"pack {instance} never told anything: {status}")
-
-
-def volts(status):
-    return sum(mv for mv in status.voltages if mv != 65535) / 1000
 
 
 @pytest.fixture
@@ -109,7 +83,7 @@ def test_two_packs_and_their_sum(vehicle_with):
 def test_a_tank_is_told_of_in_millilitres(vehicle_with):
     # The simulator has no tank. Its current sensor's pin has 0.25 V at 4.3 A: a level for other ends than the file's.
     vehicle = vehicle_with("fuel-level.param", BATT2_FL_PIN=27, BATT2_FL_VLT_MIN=0.01, BATT2_FL_V_MULT=2)
-    status = pack(vehicle, 1)
+    status = pack(vehicle, 1, is_known=lambda status: status.battery_remaining >= 0)
     assert volts(status) == 0 and status.current_battery == UNKNOWN
     assert status.battery_remaining == pytest.approx(49, abs=3)
     assert status.current_consumed == pytest.approx(1500 * 0.51, abs=50)

@@ -13,6 +13,10 @@ use crate::elf::{Artifact, build};
 const RAM_START: u32 = 0x2000_0000;
 const RAM_END: u32 = 0x2004_2000;
 
+/// What the firmware may take of flash and of RAM but for the stack.
+pub const FLASH_BUDGET_BYTES: u32 = 160_000;
+pub const RAM_BUDGET_BYTES: u32 = 64 * 1024;
+
 /// A symbol that stands for something with an address.
 #[derive(Clone, Debug)]
 pub struct Symbol {
@@ -77,6 +81,20 @@ impl Program {
             marks,
             file,
         }
+    }
+
+    /// What it takes of flash.
+    pub fn flash_bytes(&self) -> u32 {
+        self.sections
+            .iter()
+            .map(|section| section.bytes.len() as u32)
+            .sum()
+    }
+
+    /// What it takes of RAM but for the stack.
+    pub fn ram_bytes(&self) -> u32 {
+        let in_ram = self.sections.iter().filter(|section| section.is_in_ram());
+        in_ram.map(|section| section.size).sum()
     }
 
     /// The function an address lies in.

@@ -1,9 +1,6 @@
 //! What the firmware takes: flash, RAM, the future of each task; and that it has no allocator.
 
-use crate::program::{Program, Section, Symbol, release_firmware};
-
-const FLASH_BUDGET_BYTES: u32 = 160_000;
-const RAM_BUDGET_BYTES: u32 = 64 * 1024;
+use crate::program::{FLASH_BUDGET_BYTES, Program, RAM_BUDGET_BYTES, Symbol, release_firmware};
 
 /// A task that is `async fn name` in main.rs has its future in a static of this name.
 fn task_of(symbol: &Symbol) -> Option<&str> {
@@ -26,21 +23,11 @@ fn sum_of(sections: impl Iterator<Item = u32>) -> u32 {
 
 #[test]
 fn flash_and_ram_are_within_the_budget() {
-    let sections = &release_firmware().sections;
-    let flash = sum_of(
-        sections
-            .iter()
-            .map(|section: &Section| section.bytes.len() as u32),
-    );
-    let ram = sum_of(
-        sections
-            .iter()
-            .filter(|section| section.is_in_ram())
-            .map(|section| section.size),
-    );
+    let program = release_firmware();
+    let (flash, ram) = (program.flash_bytes(), program.ram_bytes());
     println!("flash {flash} bytes of {FLASH_BUDGET_BYTES}, static RAM {ram} bytes of {RAM_BUDGET_BYTES}");
     for name in [".text", ".rodata", ".data", ".bss", ".uninit"] {
-        let section = sections.iter().find(|section| section.name == name);
+        let section = program.sections.iter().find(|section| section.name == name);
         println!("{:7}  {name}", section.map_or(0, |section| section.size));
     }
     assert!(flash > 0 && flash <= FLASH_BUDGET_BYTES, "{flash} bytes of flash");
