@@ -61,7 +61,14 @@ mod firmware {
             endpoint.push(received);
             let state = state_of(&vehicle);
             while endpoint
-                .handle_next(now_us, &state, &mut parameters, &mut vehicle, &mut signing)
+                .handle_next(
+                    now_us,
+                    now_us,
+                    &state,
+                    &mut parameters,
+                    &mut vehicle,
+                    &mut signing,
+                )
                 .is_some()
             {}
 

@@ -9,8 +9,8 @@ use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, 
 use rover_battmon::vehicle::{FailsafeAction, MotorDrive, SideDrives, Vehicle, VehicleSettings};
 use support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, frames};
 use support::requests::{
-    EVERYONE, VEHICLE, arm, command_int_2, command_long, command_long_2, disarm, do_set_mode, heartbeat,
-    manual_control, rc_override, set_mode,
+    EVERYONE, VEHICLE, arm, command_int, command_int_2, command_long, command_long_2, disarm, do_set_mode,
+    heartbeat, manual_control, rc_override, reboot, set_mode,
 };
 
 const ARM_DISARM: u16 = 400;
@@ -34,6 +34,9 @@ const ACTIVE_STATE: u8 = 4;
 const CRITICAL_STATE: u8 = 5;
 const EMERGENCY_STATE: u8 = 6;
 
+/// Arms without any check.
+const FORCED: f32 = 21196.0;
+
 const GROUND_STATION: u8 = 6;
 const ONBOARD_CONTROLLER: u8 = 18;
 
@@ -49,6 +52,8 @@ struct Rover {
     endpoint: Endpoint,
     signing: Signing,
     now_us: u64,
+    /// For how long what is delivered may have waited on its way.
+    waited_us: u64,
 }
 
 impl Rover {
@@ -63,6 +68,7 @@ impl Rover {
             endpoint: Endpoint::new(LinkKind::Radio, 100_000, 0),
             signing: Signing::off(),
             now_us: 0,
+            waited_us: 0,
         }
     }
 
@@ -90,6 +96,7 @@ impl Rover {
         };
         while let Some(event) = self.endpoint.handle_next(
             self.now_us,
+            self.now_us - self.waited_us,
             &state,
             &mut self.parameters,
             &mut self.vehicle,
@@ -363,12 +370,179 @@ fn overridden_channels_steer_until_they_are_released() {
         assert_eq!(event, Event::Driven);
         assert_eq!(rover.drives(), expected, "{steering_us} {throttle_us}");
     }
-    // Released channels are missed by nobody.
+    // Released channels do not time out.
     assert_eq!(rover.wait(5_000_000), [""; 0]);
-    rover.deliver(&rc_override(EVERYONE, 1500, 2000));
-    assert_eq!(rover.drives(), turn(1.0, 1.0));
-    let event = rover.deliver(&rc_override([2, 1], 1500, 1000));
-    assert_eq!((event, rover.drives()), (Event::Ignored, turn(1.0, 1.0)));
+}
+
+#[test]
+fn an_override_drives_the_rover_it_names_and_no_other() {
+    for target in [[1, 1], [1, 0]] {
+        let mut rover = Rover::armed_in(0.0);
+        let event = rover.deliver(&rc_override(target, 1500, 2000));
+        assert_eq!((event, rover.drives()), (Event::Driven, turn(1.0, 1.0)));
+    }
+    for target in [EVERYONE, [0, 1], [2, 1], [1, 154]] {
+        let mut rover = Rover::armed_in(0.0);
+        let event = rover.deliver(&rc_override(target, 1500, 2000));
+        assert_eq!((event, rover.drives()), (Event::Ignored, SideDrives::COAST));
+    }
+}
+
+#[test]
+fn a_steering_override_does_not_bring_an_old_throttle_back() {
+    let mut rover = Rover::armed_in(0.0);
+    rover.deliver(&rc_override(VEHICLE, 1500, 2000));
+    assert_eq!(rover.wait(1_520_000), ["Radio Failsafe: Hold"]);
+    rover.deliver(&rc_override(VEHICLE, 1500, 65535));
+    // The throttle has not come back.
+    rover.ask(&do_set_mode(0.0), DO_SET_MODE, FAILED);
+    rover.deliver(&rc_override(VEHICLE, 1500, 0));
+    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    rover.deliver(&rc_override(VEHICLE, 1500, 65535));
+    assert_eq!(rover.drives(), SideDrives::COAST);
+}
+
+#[test]
+fn a_throttle_times_out_while_steering_goes_on() {
+    let mut rover = Rover::armed_in(0.0);
+    rover.deliver(&rc_override(VEHICLE, 1500, 2000));
+    let mut texts = Vec::new();
+    for _ in 0..20 {
+        rover.deliver(&rc_override(VEHICLE, 1600, 65535));
+        texts.extend(rover.wait(100_000));
+    }
+    assert_eq!(texts, ["Radio Failsafe: Hold"]);
+    assert_eq!(rover.vehicle.drives(), SideDrives::BRAKE);
+}
+
+#[test]
+fn a_lever_that_was_pushed_before_arming_and_is_silent_since_does_not_drive() {
+    for silence_us in [0, 1_000_000, 60_000_000] {
+        let mut rover = Rover::new();
+        rover.deliver(&manual_control(1, 1000, 1000));
+        rover.wait(silence_us);
+        rover.assert_ack(&command_long_2(ARM_DISARM, 1.0, FORCED), ARM_DISARM, ACCEPTED);
+        rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+        rover.deliver(&rc_override(VEHICLE, 65535, 1500));
+        assert_eq!(rover.drives(), SideDrives::COAST, "{silence_us}");
+    }
+}
+
+#[test]
+fn it_is_not_armed_while_a_lever_is_deflected() {
+    for (steering, throttle, text) in [
+        (0, 1000, "Arm: Throttle (RC3) is not neutral"),
+        (0, -51, "Arm: Throttle (RC3) is not neutral"),
+        (-300, 0, "Arm: Steering (RC1) is not neutral"),
+    ] {
+        let mut rover = Rover::new();
+        rover.deliver(&manual_control(1, steering, throttle));
+        let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
+        assert_eq!(texts, [(CRITICAL, text.into())]);
+        // Centred, or gone: it is armed.
+        rover.deliver(&manual_control(1, 50, -50));
+        rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+        let mut rover = Rover::new();
+        rover.deliver(&manual_control(1, steering, throttle));
+        rover.wait(1_600_000);
+        rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+    }
+}
+
+#[test]
+fn armed_by_force_or_without_the_check_a_deflected_lever_has_to_be_neutral_once() {
+    for (checks, force) in [(1.0, FORCED), (0.0, 0.0), (256.0, 0.0)] {
+        let mut rover = Rover::new().with(VehicleParameter::ArmingCheck, checks);
+        rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+        rover.deliver(&manual_control(1, 0, 1000));
+        rover.assert_ack(&command_long_2(ARM_DISARM, 1.0, force), ARM_DISARM, ACCEPTED);
+        for _ in 0..20 {
+            rover.deliver(&manual_control(1, 0, 1000));
+            assert_eq!(rover.drives(), SideDrives::COAST, "{checks}");
+        }
+        rover.deliver(&manual_control(1, 0, 0));
+        rover.deliver(&manual_control(1, 0, 1000));
+        assert_eq!(rover.drives(), turn(1.0, 1.0), "{checks}");
+    }
+}
+
+#[test]
+fn what_may_have_waited_for_longer_than_the_timeout_moves_nothing() {
+    let mut rover = Rover::armed_in(0.0);
+    rover.wait(2_000_000);
+    rover.waited_us = 1_500_001;
+    for lever in [manual_control(1, 0, 1000), rc_override(VEHICLE, 1500, 2000)] {
+        assert_eq!(rover.deliver(&lever), Event::ControlTooLate);
+        assert_eq!(rover.drives(), SideDrives::COAST);
+    }
+    let refused = [(WARNING, "Command waited for too long: refused".to_string())];
+    assert_eq!(rover.ask(&do_set_mode(0.0), DO_SET_MODE, FAILED), refused);
+    // What stops the rover is obeyed however late it comes.
+    rover.assert_ack(&do_set_mode(4.0), DO_SET_MODE, ACCEPTED);
+    rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+    assert_eq!(rover.ask(&arm(), ARM_DISARM, FAILED), refused);
+    rover.waited_us = 1_500_000;
+    rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+}
+
+#[test]
+fn the_age_of_a_lever_counts_from_when_it_may_have_come() {
+    let mut rover = Rover::armed_in(0.0);
+    rover.wait(2_000_000);
+    rover.waited_us = 1_000_000;
+    rover.deliver(&manual_control(1, 0, 1000));
+    assert_eq!(rover.wait(500_000), [""; 0]);
+    assert_eq!(rover.wait(20_000), ["Radio Failsafe: Hold"]);
+}
+
+#[test]
+fn an_armed_rover_is_neither_restarted_nor_reset_to_defaults() {
+    for request in [
+        reboot(),
+        command_int(246, 1.0),
+        command_long(245, 2.0),
+        command_int(245, 2.0),
+    ] {
+        let mut rover = Rover::armed_in(0.0);
+        rover.deliver(&manual_control(1, 0, 1000));
+        let number = if matches!(rover.deliver(&request), Event::CommandRefused(246)) {
+            246
+        } else {
+            245
+        };
+        let texts = rover.sent();
+        assert_eq!(
+            joined(&texts[..1]),
+            [(WARNING, "Not while armed: disarm first".to_string())]
+        );
+        assert_eq!((texts[1].u16(0), texts[1].u8(2)), (number, FAILED));
+        assert_eq!(rover.drives(), turn(1.0, 1.0), "it is still driven");
+        rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+        assert!(matches!(rover.deliver(&request), Event::Command(_)));
+    }
+}
+
+#[test]
+fn a_rover_that_is_about_to_restart_is_not_armed() {
+    let mut rover = Rover::new();
+    rover.deliver(&reboot());
+    rover.sent();
+    for force in [0.0, FORCED] {
+        let texts = rover.ask(&command_long_2(ARM_DISARM, 1.0, force), ARM_DISARM, FAILED);
+        assert_eq!(texts, [(CRITICAL, "Arm: restarting".to_string())]);
+    }
+}
+
+#[test]
+fn overrides_of_other_channels_do_not_stand_for_a_ground_station() {
+    let mut rover = Rover::armed_in(0.0);
+    rover.deliver(&heartbeat(GROUND_STATION));
+    let mut texts = Vec::new();
+    for _ in 0..60 {
+        rover.deliver(&rc_override(VEHICLE, 65535, 65535));
+        texts.extend(rover.wait(100_000));
+    }
+    assert_eq!(texts, ["GCS Failsafe: Hold"]);
 }
 
 #[test]
@@ -395,10 +569,7 @@ fn a_driver_who_is_not_heard_any_more_is_missed_after_the_timeout() {
         assert_eq!(rover.wait(30_000_000), [""; 0], "it is said once");
 
         let texts = rover.ask(&do_set_mode(0.0), DO_SET_MODE, FAILED);
-        assert_eq!(
-            texts,
-            [(WARNING, "Failsafe: nobody is in control, Hold stays".into())]
-        );
+        assert_eq!(texts, [(WARNING, "Failsafe active: mode change denied".into())]);
         rover.deliver(&manual_control(1, 0, 0));
         assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, ACTIVE_STATE));
         rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);

@@ -16,12 +16,16 @@ use super::services::commands::{Action, Command};
 use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::signing::{self, SetupRefused, SigningChange};
 use super::services::time;
-use super::services::vehicle::{Rover, is_of_ground_station};
+use super::services::vehicle::{Driving, Rover, is_of_ground_station};
 use super::signing::{AcceptUnsigned, Effect, LinkKind, Signing, is_permitted};
 use super::system_state::SystemState;
 use super::{COMPONENT_ID, FileTransferNak, Message};
+use crate::battery::ArmState;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::vehicle::Vehicle;
+
+/// Why a restart or a reset of the parameters is refused.
+const DISARM_FIRST: &str = "Not while armed: disarm first";
 
 /// Who sent a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,6 +58,8 @@ pub enum Event {
     Command(Action),
     /// A command of this number is not supported, or not with its parameters.
     CommandRefused(u16),
+    /// A control message may have waited for longer than `FS_TIMEOUT`, and had no effect.
+    ControlTooLate,
     /// Another signing key, or none any more.
     SigningSetUp(SigningChange),
     /// Signing was not set up.
@@ -114,16 +120,20 @@ enum Target {
     OnlySystem(usize),
     /// The same for the system's id there and the component's behind it.
     Component(usize),
+    /// The system whose id is there and no other, and the component whose id is behind it, 0 meaning all of that system.
+    OnlyComponent(usize),
 }
 
 impl Target {
     fn is_ours(&self, payload: &Payload<'_>, system_id: u8) -> bool {
         let is_our_system = |at| [0, system_id].contains(&payload.u8(at));
+        let is_our_component = |at| [0, COMPONENT_ID].contains(&payload.u8(at));
         match *self {
             Self::None => true,
             Self::System(at) => is_our_system(at),
             Self::OnlySystem(at) => payload.u8(at) == system_id,
-            Self::Component(at) => is_our_system(at) && [0, COMPONENT_ID].contains(&payload.u8(at + 1)),
+            Self::Component(at) => is_our_system(at) && is_our_component(at + 1),
+            Self::OnlyComponent(at) => payload.u8(at) == system_id && is_our_component(at + 1),
         }
     }
 }
@@ -142,7 +152,7 @@ fn request(frame: &ReceivedFrame<'_>, system_id: u8) -> Option<Request> {
         RADIO_STATUS_DATA::ID => (Request::RadioStatus, Target::None),
         SET_MODE_DATA::ID => (Request::SetMode, Target::System(4)),
         MANUAL_CONTROL_DATA::ID => (Request::ManualControl, Target::OnlySystem(10)),
-        RC_CHANNELS_OVERRIDE_DATA::ID => (Request::OverrideChannels, Target::Component(16)),
+        RC_CHANNELS_OVERRIDE_DATA::ID => (Request::OverrideChannels, Target::OnlyComponent(16)),
         HEARTBEAT_DATA::ID => (Request::Heartbeat, Target::None),
         SETUP_SIGNING_DATA::ID => (Request::SetUpSigning, Target::OnlySystem(8)),
         _ => return None,
@@ -153,6 +163,8 @@ fn request(frame: &ReceivedFrame<'_>, system_id: u8) -> Option<Request> {
 /// What a request may use and change.
 pub(super) struct Context<'a> {
     pub now_us: u64,
+    /// The frame can't have been received earlier.
+    pub received_us: u64,
     pub state: &'a SystemState<'a>,
     pub parameters: &'a mut Parameters,
     pub list: &'a mut ParameterList,
@@ -205,6 +217,7 @@ fn serve(
 ) -> Event {
     let Context {
         now_us,
+        received_us,
         state,
         parameters,
         list,
@@ -221,6 +234,7 @@ fn serve(
     let payload = &frame.payload;
     let mut rover = Rover {
         now_us,
+        received_us,
         state,
         parameters,
         vehicle,
@@ -256,14 +270,8 @@ fn serve(
             replies.acknowledge(number, result, from);
             return driven(number, result);
         }
-        Request::ManualControl => {
-            rover.manual_control(payload);
-            return Event::Driven;
-        }
-        Request::OverrideChannels => {
-            rover.override_channels(payload);
-            return Event::Driven;
-        }
+        Request::ManualControl => return controlled(rover.manual_control(payload)),
+        Request::OverrideChannels => return controlled(rover.override_channels(payload)),
         Request::Heartbeat => {
             if !is_of_ground_station(payload) {
                 return Event::Ignored;
@@ -291,6 +299,14 @@ fn command(
         return driven(command.number, result);
     }
     let outcome = command.execute(&mut rates.scheduler, rover.state, rover.now_us);
+    if outcome.action.is_some_and(Action::needs_disarmed) && rover.vehicle.arm_state() == ArmState::Armed {
+        replies.explain(MavSeverity::MAV_SEVERITY_WARNING, DISARM_FIRST);
+        replies.acknowledge(command.number, MavResult::MAV_RESULT_FAILED, from);
+        return Event::CommandRefused(command.number);
+    }
+    if outcome.action == Some(Action::Reboot) {
+        rover.vehicle.prepare_restart();
+    }
     replies.acknowledge(command.number, outcome.result, from);
     replies.answer_any(outcome.message);
     match outcome.action {
@@ -315,6 +331,14 @@ fn set_up_signing(
             replies.say(MavSeverity::MAV_SEVERITY_WARNING, refused.text());
             Event::SigningRefused(refused)
         }
+    }
+}
+
+/// What came of a control message.
+fn controlled(driving: Driving) -> Event {
+    match driving {
+        Driving::Obeyed => Event::Driven,
+        Driving::TooLate => Event::ControlTooLate,
     }
 }
 

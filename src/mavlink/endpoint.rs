@@ -221,10 +221,12 @@ impl Endpoint {
         self.parser.give_up_waiting();
     }
 
-    /// Handles the next frame of what was pushed; `None` when there is none.
+    /// Handles the next frame of what was pushed; `None` when there is none. It can't have been received before `received_us`:
+    /// bytes that come may have waited on their way. Nothing that has waited for longer than `FS_TIMEOUT` moves the rover.
     pub fn handle_next(
         &mut self,
         now_us: u64,
+        received_us: u64,
         state: &SystemState<'_>,
         parameters: &mut Parameters,
         vehicle: &mut Vehicle,
@@ -235,6 +237,7 @@ impl Endpoint {
         let state = SystemState { link, ..*state };
         let context = Context {
             now_us,
+            received_us,
             state: &state,
             parameters,
             list: &mut self.list,

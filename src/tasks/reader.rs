@@ -1,8 +1,10 @@
 //! Reads one link and handles what ground stations ask for.
 
 use core::fmt::Write;
+use core::pin::pin;
+use core::task::Poll;
 
-use embassy_futures::yield_now;
+use embassy_futures::{poll_once, yield_now};
 use embassy_time::{Duration, Instant, with_timeout};
 use heapless::String;
 
@@ -18,6 +20,9 @@ const CHUNK_BYTES: usize = 64;
 /// A sender that has been silent for so long will not end the frame it began. Radios that send in slots split frames by
 /// less.
 const PAUSE: Duration = Duration::from_millis(250);
+
+/// A wait for [`PAUSE`] takes so much longer at most while the task gets its turns: the others' longest step.
+const LONGEST_STEP: Duration = Duration::from_millis(50);
 
 const BANNER: &str = concat!("rover-battmon ", env!("CARGO_PKG_VERSION"));
 
@@ -44,18 +49,22 @@ pub trait ByteSource {
 
 /// Handles what `source` delivers until it is closed.
 pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Link, check_in: &CheckIn) {
+    let mut arrivals = Arrivals::from_now();
     let mut chunk = [0; CHUNK_BYTES];
     loop {
-        match with_timeout(PAUSE, source.receive(&mut chunk)).await {
-            Ok(Ok(received)) => handle(chunk.get(..received).unwrap_or(&chunk), shared, link),
-            Ok(Err(ReceiveError::BytesLost)) => {
+        match arrivals.next(&mut source, &mut chunk).await {
+            Some(Ok(received)) => {
+                let bytes = chunk.get(..received).unwrap_or(&chunk);
+                handle(bytes, arrivals.earliest_us, shared, link);
+            }
+            Some(Err(ReceiveError::BytesLost)) => {
                 link.with(|endpoint| endpoint.count_overrun());
                 warn!("{}: received bytes were lost", link.name());
             }
-            Ok(Err(ReceiveError::Closed)) => return,
-            Err(_) => {
+            Some(Err(ReceiveError::Closed)) => return,
+            None => {
                 link.with(|endpoint| endpoint.give_up_waiting());
-                handle(&[], shared, link);
+                handle(&[], arrivals.earliest_us, shared, link);
             }
         }
         mark(check_in);
@@ -64,12 +73,46 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
     }
 }
 
-/// Handles all frames that end in `bytes`.
-fn handle(mut bytes: &[u8], shared: &Shared, link: &Link) {
+/// When received bytes can have come at the earliest. A source that always has bytes ready may have held them back, and so
+/// may one that was not asked for a while.
+struct Arrivals {
+    earliest_us: u64,
+}
+
+impl Arrivals {
+    fn from_now() -> Self {
+        Self {
+            earliest_us: Instant::now().as_micros(),
+        }
+    }
+
+    /// Waits for bytes, for [`PAUSE`] at most.
+    async fn next(
+        &mut self,
+        source: &mut impl ByteSource,
+        chunk: &mut [u8],
+    ) -> Option<Result<usize, ReceiveError>> {
+        let mut receive = pin!(source.receive(chunk));
+        if let Poll::Ready(received) = poll_once(receive.as_mut()) {
+            return Some(received);
+        }
+        // It is empty, so what comes next has not come yet.
+        let empty_at = Instant::now();
+        let received = with_timeout(PAUSE, receive).await.ok();
+        let now = Instant::now();
+        // A longer wait was a delay of this task, in which bytes may have come at any moment.
+        let was_delayed = now - empty_at > PAUSE + LONGEST_STEP;
+        self.earliest_us = if was_delayed { empty_at } else { now }.as_micros();
+        received
+    }
+}
+
+/// Handles all frames that end in `bytes`, which can't have come before `earliest_us`.
+fn handle(mut bytes: &[u8], earliest_us: u64, shared: &Shared, link: &Link) {
     loop {
         let taken = link.with(|endpoint| endpoint.push(bytes));
         bytes = bytes.get(taken..).unwrap_or(&[]);
-        while let Some(event) = handle_next(shared, link) {
+        while let Some(event) = handle_next(earliest_us, shared, link) {
             react(event, shared, link);
         }
         if bytes.is_empty() {
@@ -78,14 +121,14 @@ fn handle(mut bytes: &[u8], shared: &Shared, link: &Link) {
     }
 }
 
-fn handle_next(shared: &Shared, link: &Link) -> Option<Event> {
+fn handle_next(earliest_us: u64, shared: &Shared, link: &Link) -> Option<Event> {
     let now_us = Instant::now().as_micros();
     shared.with_system_state(|state| {
         link.with(|endpoint| {
             shared.with_parameters(|parameters| {
                 shared.with_vehicle(|vehicle| {
                     shared.with_signing(|signing| {
-                        endpoint.handle_next(now_us, state, parameters, vehicle, signing)
+                        endpoint.handle_next(now_us, earliest_us, state, parameters, vehicle, signing)
                     })
                 })
             })
@@ -126,6 +169,12 @@ fn react(event: Event, shared: &Shared, link: &Link) {
             if link.refusals.allows() {
                 warn!("{}: command {} refused", link.name(), number);
             }
+        }
+        Event::ControlTooLate => {
+            if link.refusals.allows() {
+                warn!("{}: a control input came too late", link.name());
+            }
+            return;
         }
         Event::SigningSetUp(change) => {
             info!("{}: signing: {:?}", link.name(), change);

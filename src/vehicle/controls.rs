@@ -1,99 +1,245 @@
 //! The driver's levers.
 
-use super::watch::Watch;
+use core::fmt;
+
+use super::timed_input::TimedInput;
+use crate::battery::ArmState;
 
 /// What a control message says of a lever.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Lever {
-    /// It stands there, from −1000 (back, left) to 1000 (ahead, right); what lies beyond counts as the end.
+    /// Its position, from −1000 (back, left) to 1000 (ahead, right); what lies beyond counts as the end.
     At(i16),
-    /// It is let go.
+    /// The driver lets go of it.
     Released,
-    /// It stays where it was.
+    /// The message is about other levers.
     Unchanged,
+}
+
+/// A lever by the name and the channel that ArduPilot has for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum LeverName {
+    /// Ahead and back.
+    Throttle,
+    /// Left and right.
+    Steering,
+}
+
+impl fmt::Display for LeverName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Throttle => "Throttle (RC3)",
+            Self::Steering => "Steering (RC1)",
+        })
+    }
 }
 
 const FULL_DEFLECTION: i16 = 1000;
 
-impl Lever {
-    /// Where a lever that was at `before` is now, from −1 to 1; `None` has nobody at it.
-    fn after(self, before: Option<f32>) -> Option<f32> {
-        match self {
-            Self::At(position) => {
-                let position = position.clamp(-FULL_DEFLECTION, FULL_DEFLECTION);
-                Some(f32::from(position) / f32::from(FULL_DEFLECTION))
-            }
-            Self::Released => None,
-            Self::Unchanged => before,
-        }
-    }
-}
+/// A lever that is deflected by no more than this counts as neutral: a worn gamepad rests some percent off its middle.
+const NEUTRAL: f32 = 0.05;
 
-/// The levers, and whether somebody is at them.
+/// The driver's levers. Each has an age of its own: a message about one says nothing about the other.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Controls {
-    throttle: Option<f32>,
-    steering: Option<f32>,
-    pub watch: Watch,
+    throttle: LeverInput,
+    steering: LeverInput,
 }
 
 impl Controls {
-    /// Takes a control message.
-    pub fn take(&mut self, now_us: u64, throttle: Lever, steering: Lever) {
-        if (throttle, steering) == (Lever::Unchanged, Lever::Unchanged) {
-            return;
-        }
-        self.throttle = throttle.after(self.throttle);
-        self.steering = steering.after(self.steering);
-        if self.throttle.is_some() || self.steering.is_some() {
-            self.watch.seen(now_us);
-        } else {
-            // The driver has let go on purpose: that is no failure.
-            self.watch = Watch::default();
-        }
+    /// Takes a control message. Returns whether it was about a lever at all.
+    pub fn take(&mut self, received_us: u64, throttle: Lever, steering: Lever) -> bool {
+        self.throttle.take(received_us, throttle);
+        self.steering.take(received_us, steering);
+        (throttle, steering) != (Lever::Unchanged, Lever::Unchanged)
     }
 
-    /// From −1 (full speed back) to 1 (full speed ahead); 0 with nobody there.
+    /// From −1 (full speed back) to 1 (full speed ahead).
     pub fn throttle(&self) -> f32 {
-        self.if_alive(self.throttle)
+        self.throttle.position()
     }
 
-    /// From −1 (left) to 1 (right); 0 with nobody there.
+    /// From −1 (left) to 1 (right).
     pub fn steering(&self) -> f32 {
-        self.if_alive(self.steering)
+        self.steering.position()
     }
 
-    fn if_alive(&self, lever: Option<f32>) -> f32 {
-        lever.filter(|_| self.watch.is_alive()).unwrap_or(0.0)
+    /// The lever that is deflected now, so that the rover must not be armed.
+    pub fn deflected(&self) -> Option<LeverName> {
+        if self.throttle.is_deflected() {
+            Some(LeverName::Throttle)
+        } else if self.steering.is_deflected() {
+            Some(LeverName::Steering)
+        } else {
+            None
+        }
+    }
+
+    /// The rover is armed from now on. No position from before drives it.
+    pub fn arm(&mut self) {
+        self.throttle.arm();
+        self.steering.arm();
+    }
+
+    /// The rover is disarmed from now on.
+    pub fn disarm(&mut self) {
+        self.throttle.input.clear_time_out();
+        self.steering.input.clear_time_out();
+    }
+
+    /// Lets levers that were not heard of for `timeout_us` go neutral. Returns whether that is a failure.
+    pub fn times_out(&mut self, now_us: u64, timeout_us: u64, arm_state: ArmState) -> bool {
+        let throttle = self.throttle.input.times_out(now_us, timeout_us, arm_state);
+        let steering = self.steering.input.times_out(now_us, timeout_us, arm_state);
+        throttle || steering
+    }
+
+    /// Whether a lever timed out while the rover was armed, and was neither moved nor released since.
+    pub fn have_timed_out(&self) -> bool {
+        self.throttle.input.has_timed_out() || self.steering.input.has_timed_out()
+    }
+}
+
+/// What a lever has to do before it drives.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Gate {
+    /// Nothing: it drives.
+    #[default]
+    Open,
+    /// A message has to come: the latest one is from before arming.
+    Message,
+    /// It has to be neutral once: it was deflected when the rover was armed.
+    Neutral,
+}
+
+/// A lever: where it is, and whether that counts.
+#[derive(Clone, Copy, Debug, Default)]
+struct LeverInput {
+    /// From −1 to 1.
+    input: TimedInput<f32>,
+    gate: Gate,
+}
+
+impl LeverInput {
+    fn take(&mut self, received_us: u64, lever: Lever) {
+        match lever {
+            Lever::At(position) => {
+                let position = position.clamp(-FULL_DEFLECTION, FULL_DEFLECTION);
+                let position = f32::from(position) / f32::from(FULL_DEFLECTION);
+                self.input.receive(received_us, position);
+                if self.gate == Gate::Message || !self.is_deflected() {
+                    self.gate = Gate::Open;
+                }
+            }
+            // The driver lets go on purpose: that is no failure.
+            Lever::Released => *self = Self::default(),
+            Lever::Unchanged => {}
+        }
+    }
+
+    fn arm(&mut self) {
+        self.gate = if self.is_deflected() || self.gate == Gate::Neutral {
+            Gate::Neutral
+        } else {
+            Gate::Message
+        };
+    }
+
+    /// From −1 to 1; 0 without a driver.
+    fn position(&self) -> f32 {
+        let position = self.input.value().filter(|_| self.gate == Gate::Open);
+        position.unwrap_or(0.0)
+    }
+
+    fn is_deflected(&self) -> bool {
+        self.input
+            .value()
+            .is_some_and(|position| position.abs() > NEUTRAL)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::ArmState;
 
-    #[test]
-    fn levers_stay_until_they_are_moved_or_let_go() {
-        let mut controls = Controls::default();
-        assert_eq!((controls.throttle(), controls.steering()), (0.0, 0.0));
-        controls.take(0, Lever::At(500), Lever::At(i16::MIN));
-        assert_eq!((controls.throttle(), controls.steering()), (0.5, -1.0));
-        controls.take(0, Lever::Unchanged, Lever::Released);
-        assert_eq!((controls.throttle(), controls.steering()), (0.5, 0.0));
-        assert!(controls.watch.is_alive());
-        controls.take(0, Lever::Released, Lever::Unchanged);
-        assert_eq!(controls.throttle(), 0.0);
-        assert!(!controls.watch.is_alive());
+    const TIMEOUT_US: u64 = 1_500_000;
+
+    fn positions(controls: &Controls) -> (f32, f32) {
+        (controls.throttle(), controls.steering())
     }
 
     #[test]
-    fn a_message_for_other_levers_does_not_keep_the_controls_alive() {
+    fn a_lever_stays_until_it_is_moved_or_released() {
         let mut controls = Controls::default();
-        controls.take(0, Lever::At(1000), Lever::At(1000));
-        controls.take(2_000_000, Lever::Unchanged, Lever::Unchanged);
-        assert!(controls.watch.fails(2_000_000, 1_500_000, ArmState::Armed));
-        assert_eq!((controls.throttle(), controls.steering()), (0.0, 0.0));
+        assert_eq!(positions(&controls), (0.0, 0.0));
+        controls.take(0, Lever::At(500), Lever::At(i16::MIN));
+        assert_eq!(positions(&controls), (0.5, -1.0));
+        controls.take(0, Lever::Unchanged, Lever::Released);
+        assert_eq!(positions(&controls), (0.5, 0.0));
+        controls.take(0, Lever::Released, Lever::Unchanged);
+        assert_eq!(positions(&controls), (0.0, 0.0));
+        assert!(!controls.times_out(u64::MAX, TIMEOUT_US, ArmState::Armed));
+    }
+
+    #[test]
+    fn each_lever_times_out_by_itself_and_stays_neutral() {
+        for arm_state in [ArmState::Disarmed, ArmState::Armed] {
+            let mut controls = Controls::default();
+            controls.take(0, Lever::At(1000), Lever::At(1000));
+            controls.take(1_000_000, Lever::Unchanged, Lever::At(500));
+            let is_failure = controls.times_out(1_500_001, TIMEOUT_US, arm_state);
+            assert_eq!(is_failure, arm_state == ArmState::Armed);
+            assert_eq!(positions(&controls), (0.0, 0.5));
+            controls.take(1_600_000, Lever::Unchanged, Lever::At(250));
+            assert_eq!(positions(&controls), (0.0, 0.25));
+            assert_eq!(
+                controls.have_timed_out(),
+                is_failure,
+                "the throttle did not come back"
+            );
+            controls.take(1_700_000, Lever::Released, Lever::Unchanged);
+            assert!(!controls.have_timed_out());
+        }
+    }
+
+    #[test]
+    fn a_message_about_other_levers_refreshes_nothing() {
+        let mut controls = Controls::default();
+        assert!(controls.take(0, Lever::At(1000), Lever::At(1000)));
+        assert!(!controls.take(2_000_000, Lever::Unchanged, Lever::Unchanged));
+        assert!(controls.times_out(2_000_000, TIMEOUT_US, ArmState::Armed));
+        assert_eq!(positions(&controls), (0.0, 0.0));
+    }
+
+    #[test]
+    fn no_position_from_before_arming_drives() {
+        let mut controls = Controls::default();
+        controls.take(0, Lever::At(50), Lever::At(-50));
+        assert_eq!(controls.deflected(), None);
+        controls.arm();
+        assert_eq!(positions(&controls), (0.0, 0.0));
+        controls.take(0, Lever::At(800), Lever::Unchanged);
+        assert_eq!(positions(&controls), (0.8, 0.0));
+    }
+
+    #[test]
+    fn a_lever_that_was_deflected_when_armed_drives_after_it_was_neutral() {
+        let mut controls = Controls::default();
+        controls.take(0, Lever::At(-1000), Lever::At(60));
+        assert_eq!(controls.deflected(), Some(LeverName::Throttle));
+        controls.arm();
+        controls.take(0, Lever::At(-1000), Lever::At(0));
+        assert_eq!(positions(&controls), (0.0, 0.0));
+        // Armed again meanwhile, and after a silence, too.
+        controls.disarm();
+        controls.times_out(2_000_000, TIMEOUT_US, ArmState::Disarmed);
+        controls.arm();
+        controls.take(2_000_000, Lever::At(-1000), Lever::At(60));
+        assert_eq!(positions(&controls), (0.0, 0.06));
+        controls.take(2_000_000, Lever::At(0), Lever::Unchanged);
+        controls.take(2_000_000, Lever::At(-1000), Lever::Unchanged);
+        assert_eq!(positions(&controls), (-1.0, 0.06));
     }
 }

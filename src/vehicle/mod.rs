@@ -9,10 +9,10 @@ mod motor;
 mod ramp;
 mod rover;
 mod settings;
-mod watch;
+mod timed_input;
 
 pub use action::FailsafeAction;
-pub use controls::Lever;
+pub use controls::{Lever, LeverName};
 pub use event::VehicleEvent;
 pub use indication::{Colour, Indication, Indicators, Tone};
 pub use mode::Mode;

@@ -2,9 +2,10 @@
 
 use super::controls::Controls;
 use super::ramp::Ramp;
-use super::watch::Watch;
+use super::timed_input::TimedInput;
 use super::{
-    Colour, FailsafeAction, Indication, Lever, Mode, SideDrives, Tone, VehicleEvent, VehicleSettings,
+    Colour, FailsafeAction, Indication, Lever, LeverName, Mode, SideDrives, Tone, VehicleEvent,
+    VehicleSettings,
 };
 use crate::battery::{ArmState, FailsafeLevel};
 
@@ -24,6 +25,8 @@ pub enum ArmingRefused {
     Unfit,
     /// A failsafe has disarmed it for good.
     Terminated,
+    /// The board is about to restart.
+    Restarting,
 }
 
 /// Whoever drove the rover is not heard any more, so the mode can't be left for one that drives.
@@ -62,13 +65,14 @@ pub struct Vehicle {
     mode: Mode,
     arm_state: ArmState,
     controls: Controls,
-    ground_stations: Watch,
+    ground_stations: TimedInput<()>,
     throttle: Ramp,
     /// The worst level of all packs.
     battery: FailsafeLevel,
     /// The most severe action since all packs were well.
     action: Option<FailsafeAction>,
     refused_at_us: Option<u64>,
+    is_restarting: bool,
 }
 
 impl Vehicle {
@@ -84,10 +88,13 @@ impl Vehicle {
     pub fn arm(&mut self, now_us: u64, is_fit: bool) -> Result<(), ArmingRefused> {
         let refused = if self.is_terminated() {
             ArmingRefused::Terminated
+        } else if self.is_restarting {
+            ArmingRefused::Restarting
         } else if !is_fit {
             ArmingRefused::Unfit
         } else {
             self.arm_state = ArmState::Armed;
+            self.controls.arm();
             self.refused_at_us = None;
             return Ok(());
         };
@@ -99,8 +106,18 @@ impl Vehicle {
     pub fn disarm(&mut self) {
         self.arm_state = ArmState::Disarmed;
         self.throttle = Ramp::default();
-        self.controls.watch.forgive();
-        self.ground_stations.forgive();
+        self.controls.disarm();
+        self.ground_stations.clear_time_out();
+    }
+
+    /// The board is about to restart: it must not be armed meanwhile.
+    pub fn prepare_restart(&mut self) {
+        self.is_restarting = true;
+    }
+
+    /// The lever that is deflected, so that the motors would turn as soon as the rover is armed.
+    pub fn deflected_lever(&self) -> Option<LeverName> {
+        self.controls.deflected()
     }
 
     /// Changes the mode, also from one that a battery's failsafe has set.
@@ -115,18 +132,18 @@ impl Vehicle {
         Ok(())
     }
 
-    /// The driver's levers: throttle ahead and steering to the right are positive. Whoever drives is a ground station, so
-    /// this counts as a sign of life of one.
-    pub fn control(&mut self, now_us: u64, throttle: Lever, steering: Lever) {
-        self.controls.take(now_us, throttle, steering);
-        if self.ground_stations.is_alive() {
-            self.ground_stations.seen(now_us);
+    /// The driver's levers: throttle ahead and steering to the right are positive. Who moves one is a ground station, so
+    /// that counts as a heartbeat of one that is monitored.
+    pub fn control(&mut self, received_us: u64, throttle: Lever, steering: Lever) {
+        let is_driver = self.controls.take(received_us, throttle, steering);
+        if is_driver && self.ground_stations.value().is_some() {
+            self.ground_stations.receive(received_us, ());
         }
     }
 
-    /// A ground station gave a sign of life.
-    pub fn ground_station_seen(&mut self, now_us: u64) {
-        self.ground_stations.seen(now_us);
+    /// The heartbeat of a ground station.
+    pub fn ground_station_seen(&mut self, received_us: u64) {
+        self.ground_stations.receive(received_us, ());
     }
 
     /// A pack has reached a failsafe level for which the owner wants this. The most severe action so far wins; one that is
@@ -175,13 +192,12 @@ impl Vehicle {
     fn fail(&mut self, now_us: u64, settings: &VehicleSettings) -> Option<VehicleEvent> {
         if self
             .controls
-            .watch
-            .fails(now_us, settings.timeout_us, self.arm_state)
+            .times_out(now_us, settings.timeout_us, self.arm_state)
         {
             return Some(VehicleEvent::ControlsSilent);
         }
         self.ground_stations
-            .fails(now_us, settings.ground_station_timeout_us, self.arm_state)
+            .times_out(now_us, settings.ground_station_timeout_us, self.arm_state)
             .then_some(VehicleEvent::GroundStationsSilent)
     }
 
@@ -283,7 +299,7 @@ impl Vehicle {
 
     /// Whether control inputs or ground stations have fallen silent.
     fn is_abandoned(&self) -> bool {
-        self.controls.watch.has_failed() || self.ground_stations.has_failed()
+        self.controls.have_timed_out() || self.ground_stations.has_timed_out()
     }
 }
 

@@ -55,6 +55,7 @@ impl Desk {
         std::iter::from_fn(|| {
             self.endpoint.handle_next(
                 self.now_us,
+                self.now_us,
                 &state,
                 &mut self.parameters,
                 &mut self.vehicle,

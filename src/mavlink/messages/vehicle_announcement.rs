@@ -6,12 +6,15 @@ use heapless::String;
 
 use crate::battery::ArmingFailure;
 use crate::mavlink::dialect::MavSeverity;
-use crate::vehicle::VehicleEvent;
+use crate::vehicle::{LeverName, VehicleEvent};
 
 /// The longest text, in bytes: two STATUSTEXT.
 const TEXT_BYTES: usize = 96;
 
-/// When somebody wants to know whether the rover can be armed.
+/// Why the rover can't be armed.
+pub(in crate::mavlink) type ArmingText = String<TEXT_BYTES>;
+
+/// What the rover is checked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mavlink) enum CheckedBy {
     /// Before it is armed: nothing is at stake yet.
@@ -49,15 +52,29 @@ pub(in crate::mavlink) fn arming_failure_text(
     checked_by: CheckedBy,
     instance: u8,
     failure: ArmingFailure,
-) -> String<TEXT_BYTES> {
+) -> ArmingText {
     let mut text = String::new();
     let number = u16::from(instance) + 1;
     let _ = write!(text, "{}: Battery {number} {failure}", checked_by.prefix());
     text
 }
 
+/// A lever is deflected on an attempt to arm, in ArduPilot's words: "Arm: Throttle (RC3) is not neutral".
+pub(in crate::mavlink) fn lever_deflected_text(lever: LeverName) -> ArmingText {
+    let mut text = String::new();
+    let _ = write!(text, "{}: {lever} is not neutral", CheckedBy::Attempt.prefix());
+    text
+}
+
+/// The board restarts within seconds.
+pub(in crate::mavlink) fn restarting_text() -> ArmingText {
+    let mut text = String::new();
+    let _ = write!(text, "{}: restarting", CheckedBy::Attempt.prefix());
+    text
+}
+
 /// A failsafe has disarmed the rover for good.
-pub(in crate::mavlink) fn terminated_text(checked_by: CheckedBy) -> String<TEXT_BYTES> {
+pub(in crate::mavlink) fn terminated_text(checked_by: CheckedBy) -> ArmingText {
     let mut text = String::new();
     let _ = write!(
         text,

@@ -64,6 +64,16 @@ pub enum Action {
     },
 }
 
+impl Action {
+    /// Whether it must not happen to a rover that may be moving.
+    pub(in crate::mavlink) fn needs_disarmed(self) -> bool {
+        match self {
+            Self::Reboot | Self::ResetParameters => true,
+            Self::ResetBatteries { .. } => false,
+        }
+    }
+}
+
 /// A command as it was received. Ground stations fill parameters they don't use with NaN.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::mavlink) struct Command {

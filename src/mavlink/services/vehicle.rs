@@ -8,11 +8,13 @@ use super::commands::Command;
 use crate::battery::{ArmState, ArmingFailure, PackSettings, arming_failures};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavType};
-use crate::mavlink::messages::{CheckedBy, arming_failure_text, terminated_text};
+use crate::mavlink::messages::{
+    ArmingText, CheckedBy, arming_failure_text, lever_deflected_text, restarting_text, terminated_text,
+};
 use crate::mavlink::payload::Payload;
 use crate::mavlink::replies::Replies;
 use crate::parameter::{Pack, Parameters, VehicleParameter};
-use crate::vehicle::{ArmingRefused, Lever, Mode, Vehicle};
+use crate::vehicle::{ArmingRefused, Lever, Mode, Vehicle, VehicleSettings};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
 const RUN_PREARM_CHECKS: u16 = MavCmd::MAV_CMD_RUN_PREARM_CHECKS as u16;
@@ -25,8 +27,12 @@ const ARM: f32 = 1.0;
 /// Parameter 2: arm without any check. MAVLink's number for it, and the one ArduPilot's ground stations send.
 const FORCE: [f32; 2] = [21196.0, 2989.0];
 
-/// `ARMING_CHECK`: all checks, or the one of the batteries.
+/// `ARMING_CHECK`: all checks, or the one of the levers or of the batteries.
+const LEVERS_CHECKED: i32 = 1 | 1 << 6;
 const BATTERY_CHECKED: i32 = 1 | 1 << 8;
+
+/// Why a request that could set the rover in motion was refused.
+const TOO_LATE: &str = "Command waited for too long: refused";
 
 /// Places in SET_MODE.
 const BASE_MODE_AT: usize = 5;
@@ -59,6 +65,8 @@ const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 /// The rover a request is for, and what says whether it is fit to be armed.
 pub(in crate::mavlink) struct Rover<'a> {
     pub now_us: u64,
+    /// The request can't have been received earlier.
+    pub received_us: u64,
     pub state: &'a SystemState<'a>,
     pub parameters: &'a Parameters,
     pub vehicle: &'a mut Vehicle,
@@ -73,6 +81,7 @@ impl Rover<'_> {
     /// Does what a command asks of the rover, says why if it can't, and answers what came of it.
     pub fn execute(&mut self, command: &Command, replies: &mut Replies<'_>) -> MavResult {
         match command.number {
+            ARM_DISARM if command.param1 == ARM && self.is_late() => refuse_late(replies),
             ARM_DISARM if command.param1 == ARM => self.arm(FORCE.contains(&command.param2), replies),
             ARM_DISARM if command.param1 == DISARM => {
                 self.vehicle.disarm();
@@ -87,19 +96,44 @@ impl Rover<'_> {
         }
     }
 
+    /// Whether the request may have waited for so long that what moves the rover no longer counts.
+    fn is_late(&self) -> bool {
+        let timeout_us = VehicleSettings::from_parameters(self.parameters).timeout_us;
+        self.now_us.saturating_sub(self.received_us) > timeout_us
+    }
+
     fn arm(&mut self, forced: bool, replies: &mut Replies<'_>) -> MavResult {
         if self.vehicle.arm_state() == ArmState::Armed {
             return ACCEPTED;
         }
-        let failure = if forced { None } else { self.failures().next() };
-        let result = self.vehicle.arm(self.now_us, failure.is_none());
-        let text = match (result, failure) {
-            (Ok(()), _) => return ACCEPTED,
-            (Err(ArmingRefused::Terminated), _) | (_, None) => terminated_text(CheckedBy::Attempt),
-            (_, Some((instance, failure))) => arming_failure_text(CheckedBy::Attempt, instance, failure),
+        let failure = if forced { None } else { self.arming_failure() };
+        let text = match self.vehicle.arm(self.now_us, failure.is_none()) {
+            Ok(()) => return ACCEPTED,
+            Err(ArmingRefused::Terminated) => terminated_text(CheckedBy::Attempt),
+            Err(ArmingRefused::Restarting) => restarting_text(),
+            Err(ArmingRefused::Unfit) => failure.unwrap_or_default(),
         };
         replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
         FAILED
+    }
+
+    /// The first check that fails on an attempt to arm.
+    fn arming_failure(&self) -> Option<ArmingText> {
+        let of_pack = self
+            .pack_failures()
+            .next()
+            .map(|(instance, failure)| arming_failure_text(CheckedBy::Attempt, instance, failure));
+        of_pack.or_else(|| {
+            let lever = self
+                .vehicle
+                .deflected_lever()
+                .filter(|_| self.checks(LEVERS_CHECKED));
+            lever.map(lever_deflected_text)
+        })
+    }
+
+    fn checks(&self, what: i32) -> bool {
+        self.parameters.get_whole(VehicleParameter::ArmingCheck) & what != 0
     }
 
     /// Says everything that keeps the rover from being armed.
@@ -111,7 +145,7 @@ impl Rover<'_> {
             let text = terminated_text(CheckedBy::Request);
             replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
         }
-        for (instance, failure) in self.failures() {
+        for (instance, failure) in self.pack_failures() {
             let text = arming_failure_text(CheckedBy::Request, instance, failure);
             replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
         }
@@ -119,9 +153,8 @@ impl Rover<'_> {
     }
 
     /// What fails of each pack, by its instance, as far as it is checked.
-    fn failures(&self) -> impl Iterator<Item = (u8, ArmingFailure)> {
-        let checks = self.parameters.get_whole(VehicleParameter::ArmingCheck);
-        let is_checked = checks & BATTERY_CHECKED != 0;
+    fn pack_failures(&self) -> impl Iterator<Item = (u8, ArmingFailure)> {
+        let is_checked = self.checks(BATTERY_CHECKED);
         let packs = Pack::ALL.into_iter().zip(self.state.batteries);
         packs.filter(move |_| is_checked).flat_map(|(pack, battery)| {
             let settings = PackSettings::from_parameters(self.parameters, pack);
@@ -146,10 +179,13 @@ impl Rover<'_> {
             replies.explain(MavSeverity::MAV_SEVERITY_WARNING, &text);
             return FAILED;
         };
+        if mode != Mode::Hold && self.is_late() {
+            return refuse_late(replies);
+        }
         match self.vehicle.set_mode(mode) {
             Ok(()) => ACCEPTED,
             Err(_) => {
-                let text = "Failsafe: nobody is in control, Hold stays";
+                let text = "Failsafe active: mode change denied";
                 replies.explain(MavSeverity::MAV_SEVERITY_WARNING, text);
                 FAILED
             }
@@ -157,17 +193,16 @@ impl Rover<'_> {
     }
 
     /// MANUAL_CONTROL.
-    pub fn manual_control(&mut self, payload: &Payload<'_>) {
+    pub fn manual_control(&mut self, payload: &Payload<'_>) -> Driving {
         let axis = |at| match payload.i16(at) {
             NO_AXIS => Lever::Released,
             position => Lever::At(position),
         };
-        self.vehicle
-            .control(self.now_us, axis(THROTTLE_AXIS_AT), axis(STEERING_AXIS_AT));
+        self.control(axis(THROTTLE_AXIS_AT), axis(STEERING_AXIS_AT))
     }
 
     /// RC_CHANNELS_OVERRIDE.
-    pub fn override_channels(&mut self, payload: &Payload<'_>) {
+    pub fn override_channels(&mut self, payload: &Payload<'_>) -> Driving {
         let channel = |at| match payload.u16(at) {
             RELEASED_US => Lever::Released,
             UNCHANGED_US => Lever::Unchanged,
@@ -176,17 +211,35 @@ impl Rover<'_> {
                 Lever::At((pulse_us - MIDDLE_US) * LEVER_PER_US)
             }
         };
-        self.vehicle.control(
-            self.now_us,
-            channel(THROTTLE_CHANNEL_AT),
-            channel(STEERING_CHANNEL_AT),
-        );
+        self.control(channel(THROTTLE_CHANNEL_AT), channel(STEERING_CHANNEL_AT))
+    }
+
+    fn control(&mut self, throttle: Lever, steering: Lever) -> Driving {
+        if self.is_late() {
+            return Driving::TooLate;
+        }
+        self.vehicle.control(self.received_us, throttle, steering);
+        Driving::Obeyed
     }
 
     /// HEARTBEAT of a ground station.
     pub fn ground_station_seen(&mut self) {
-        self.vehicle.ground_station_seen(self.now_us);
+        self.vehicle.ground_station_seen(self.received_us);
     }
+}
+
+/// What came of a control message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::mavlink) enum Driving {
+    /// The levers are where it says.
+    Obeyed,
+    /// It may have waited for longer than control inputs count.
+    TooLate,
+}
+
+fn refuse_late(replies: &mut Replies<'_>) -> MavResult {
+    replies.explain(MavSeverity::MAV_SEVERITY_WARNING, TOO_LATE);
+    FAILED
 }
 
 /// Whether it was a ground station that sent this HEARTBEAT.
