@@ -16,6 +16,8 @@ pub struct Desk {
     pub vehicle: Vehicle,
     pub signing: Signing,
     pub now_us: u64,
+    /// For how long what is delivered may have waited on its way.
+    pub waited_us: u64,
 }
 
 impl Desk {
@@ -32,6 +34,7 @@ impl Desk {
             vehicle: Vehicle::new(),
             signing: Signing::off(),
             now_us: 0,
+            waited_us: 0,
         }
     }
 
@@ -55,7 +58,7 @@ impl Desk {
         std::iter::from_fn(|| {
             self.endpoint.handle_next(
                 self.now_us,
-                self.now_us,
+                self.now_us.saturating_sub(self.waited_us),
                 &state,
                 &mut self.parameters,
                 &mut self.vehicle,
