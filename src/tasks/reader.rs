@@ -99,11 +99,18 @@ impl Arrivals {
         // It is empty, so what comes next has not come yet.
         let empty_at = Instant::now();
         let received = with_timeout(PAUSE, receive).await.ok();
-        let now = Instant::now();
-        // A longer wait was a delay of this task, in which bytes may have come at any moment.
-        let was_delayed = now - empty_at > PAUSE + LONGEST_STEP;
-        self.earliest_us = if was_delayed { empty_at } else { now }.as_micros();
+        self.earliest_us = earliest_after_wait(empty_at, Instant::now()).as_micros();
         received
+    }
+}
+
+/// When bytes can have come at the earliest that ended a wait for them. Such a wait is no longer than [`PAUSE`]; what lies
+/// beyond was a delay of this task, in which they may have come at any moment.
+fn earliest_after_wait(began: Instant, ended: Instant) -> Instant {
+    if ended - began > PAUSE + LONGEST_STEP {
+        began
+    } else {
+        ended
     }
 }
 
@@ -213,5 +220,18 @@ fn act(action: Action, shared: &Shared) {
             shared.to_save.signal(());
         }
         Action::ResetBatteries { mask, percent } => shared.request_battery_reset(mask, percent),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_that_end_a_wait_came_now_unless_the_task_was_delayed() {
+        let at = Instant::from_millis;
+        for (ended_ms, earliest_ms) in [(1_000, 1_000), (1_300, 1_300), (1_301, 1_000), (9_000, 1_000)] {
+            assert_eq!(earliest_after_wait(at(1_000), at(ended_ms)), at(earliest_ms));
+        }
     }
 }

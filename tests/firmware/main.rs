@@ -25,6 +25,7 @@ mod parameters;
 mod power_cuts;
 mod pulses_and_esc;
 mod rover;
+mod safe_driving;
 mod sampling;
 #[path = "../support/signer.rs"]
 mod signer;
