@@ -1,7 +1,5 @@
 //! The driver's levers.
 
-use core::fmt;
-
 use super::timed_input::TimedInput;
 use crate::battery::ArmState;
 
@@ -17,7 +15,7 @@ pub enum Lever {
     Unchanged,
 }
 
-/// A lever by the name and the channel that ArduPilot has for it.
+/// One of the driver's levers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum LeverName {
@@ -25,15 +23,6 @@ pub enum LeverName {
     Throttle,
     /// Left and right.
     Steering,
-}
-
-impl fmt::Display for LeverName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Throttle => "Throttle (RC3)",
-            Self::Steering => "Steering (RC1)",
-        })
-    }
 }
 
 const FULL_DEFLECTION: i16 = 1000;

@@ -56,6 +56,13 @@ class Simulator:
         self.reader.join(timeout=20)
         return self.process.returncode, "".join(self.output)
 
+    def suspend(self):
+        """The machine goes to sleep, or the process gets no time."""
+        os.killpg(self.process.pid, signal.SIGSTOP)
+
+    def resume(self):
+        os.killpg(self.process.pid, signal.SIGCONT)
+
     def kill(self):
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGKILL)

@@ -31,6 +31,7 @@ class Rover:
     """The simulated rover, with a ground station that remembers what it has said. Times are simulated seconds."""
 
     def __init__(self, simulator, speedup):
+        self.simulator = simulator
         self.url = simulator.url
         self.speedup = speedup
         self.texts = []
@@ -143,8 +144,8 @@ def driven(rover, throttle=0):
 
 def test_a_low_voltage_counts_after_the_timer_and_until_the_battery_is_reset(start_rover):
     rover = start_rover(5, BATT_LOW_VOLT=10.5, BATT_LOW_TIMER=10, BATT_FS_LOW_ACT=2)
+    rover.start_driving()
     with driven(rover, throttle=300):
-        rover.start_driving()
         assert rover.battery_is_healthy()
         dropped = rover.now()
         rover.set(SIM_BATT_VOLTAGE=10.2)
@@ -240,8 +241,8 @@ def test_low_becomes_critical(start_rover, low_action, when_low, critical_action
 )
 def test_actions(start_rover, action, state, text):
     rover = start_rover(10, BATT_LOW_VOLT=10.5, BATT_LOW_TIMER=2, BATT_FS_LOW_ACT=action)
+    rover.start_driving()
     with driven(rover, throttle=300):
-        rover.start_driving()
         rover.set(SIM_BATT_VOLTAGE=10.2)
         rover.hears("Battery 1 is low", within=12)
         # Whatever it says beside comes right behind.
@@ -406,8 +407,8 @@ def test_a_measurement_that_fails(start_rover, fault, charge_state, last):
 
 def test_it_holds_when_the_levers_fall_silent(start_rover):
     rover = start_rover(1)
+    rover.start_driving()
     with driven(rover, throttle=300):
-        rover.start_driving()
         rover.let_pass(2)
         assert rover.state() == (MANUAL, True, ACTIVE), "as long as they come"
     silent = rover.now()
@@ -416,7 +417,7 @@ def test_it_holds_when_the_levers_fall_silent(start_rover):
     assert rover.now() - silent > 1.3
     assert rover.state() == (HOLD, True, CRITICAL)
     assert rover.set_mode(MANUAL) == FAILED
-    assert rover.has_said("Failsafe: nobody is in control, Hold stays")
+    assert rover.has_said("Failsafe active: mode change denied")
 
     with driven(rover, throttle=300):
         rover.let_pass(0.3)
@@ -424,6 +425,41 @@ def test_it_holds_when_the_levers_fall_silent(start_rover):
         assert rover.set_mode(MANUAL) == ACCEPTED
         assert rover.state() == (MANUAL, True, ACTIVE)
     assert rover.texts.count("Radio Failsafe: Hold") == 1
+
+
+def test_it_is_not_armed_while_the_throttle_is_pushed(start_rover):
+    rover = start_rover(1)
+    with driven(rover, throttle=1000):
+        rover.let_pass(0.5)
+        assert rover.arm() == FAILED
+        assert rover.has_said("Arm: Throttle (RC3) is not neutral")
+    rover.let_pass(1.7)
+    assert rover.arm() == ACCEPTED
+
+
+def test_orders_that_waited_while_the_simulator_stood_still_move_nothing(start_rover):
+    rover = start_rover(1)
+    push = levers(rover.url, throttle=1000)
+    rover.start_driving()
+    rover.simulator.suspend()
+    for _ in range(5):
+        push()
+    rover.link.mav.command_long_send(1, 1, ARM_DISARM, 0, 0, 0, 0, 0, 0, 0, 0)
+    rover.link.mav.command_long_send(1, 1, ARM_DISARM, 0, 1, FORCE, 0, 0, 0, 0, 0)
+    time.sleep(3)
+    rover.simulator.resume()
+    rover.hears("Command waited for too long: refused", within=3)
+    # Disarming is obeyed, however late.
+    assert rover.state() == (MANUAL, False, mavlink.MAV_STATE_STANDBY)
+
+
+def test_a_driving_rover_is_not_restarted(start_rover):
+    rover = start_rover(1)
+    rover.start_driving()
+    assert command(rover.link, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == FAILED
+    assert command(rover.link, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 2) == FAILED
+    assert rover.has_said("Not while armed: disarm first")
+    assert rover.state() == (MANUAL, True, ACTIVE)
 
 
 def test_it_holds_when_the_ground_station_falls_silent(start_rover):

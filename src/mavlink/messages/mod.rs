@@ -32,6 +32,6 @@ pub use status_text::status_texts;
 pub use sys_status::build_sys_status;
 pub use vehicle_announcement::vehicle_announcement;
 pub(super) use vehicle_announcement::{
-    ArmingText, CheckedBy, arming_failure_text, lever_deflected_text, restarting_text, terminated_text,
+    CheckedBy, arming_failure_text, lever_deflected_text, terminated_text,
 };
 pub use version::{build_autopilot_version, build_protocol_version};

@@ -11,9 +11,6 @@ use crate::vehicle::{LeverName, VehicleEvent};
 /// The longest text, in bytes: two STATUSTEXT.
 const TEXT_BYTES: usize = 96;
 
-/// Why the rover can't be armed.
-pub(in crate::mavlink) type ArmingText = String<TEXT_BYTES>;
-
 /// What the rover is checked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mavlink) enum CheckedBy {
@@ -52,29 +49,23 @@ pub(in crate::mavlink) fn arming_failure_text(
     checked_by: CheckedBy,
     instance: u8,
     failure: ArmingFailure,
-) -> ArmingText {
+) -> String<TEXT_BYTES> {
     let mut text = String::new();
     let number = u16::from(instance) + 1;
     let _ = write!(text, "{}: Battery {number} {failure}", checked_by.prefix());
     text
 }
 
-/// A lever is deflected on an attempt to arm, in ArduPilot's words: "Arm: Throttle (RC3) is not neutral".
-pub(in crate::mavlink) fn lever_deflected_text(lever: LeverName) -> ArmingText {
-    let mut text = String::new();
-    let _ = write!(text, "{}: {lever} is not neutral", CheckedBy::Attempt.prefix());
-    text
-}
-
-/// The board restarts within seconds.
-pub(in crate::mavlink) fn restarting_text() -> ArmingText {
-    let mut text = String::new();
-    let _ = write!(text, "{}: restarting", CheckedBy::Attempt.prefix());
-    text
+/// A lever is deflected on an attempt to arm, in ArduPilot's words.
+pub(in crate::mavlink) fn lever_deflected_text(lever: LeverName) -> &'static str {
+    match lever {
+        LeverName::Throttle => "Arm: Throttle (RC3) is not neutral",
+        LeverName::Steering => "Arm: Steering (RC1) is not neutral",
+    }
 }
 
 /// A failsafe has disarmed the rover for good.
-pub(in crate::mavlink) fn terminated_text(checked_by: CheckedBy) -> ArmingText {
+pub(in crate::mavlink) fn terminated_text(checked_by: CheckedBy) -> String<TEXT_BYTES> {
     let mut text = String::new();
     let _ = write!(
         text,

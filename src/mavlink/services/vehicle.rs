@@ -8,13 +8,11 @@ use super::commands::Command;
 use crate::battery::{ArmState, ArmingFailure, PackSettings, arming_failures};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavType};
-use crate::mavlink::messages::{
-    ArmingText, CheckedBy, arming_failure_text, lever_deflected_text, restarting_text, terminated_text,
-};
+use crate::mavlink::messages::{CheckedBy, arming_failure_text, lever_deflected_text, terminated_text};
 use crate::mavlink::payload::Payload;
 use crate::mavlink::replies::Replies;
 use crate::parameter::{Pack, Parameters, VehicleParameter};
-use crate::vehicle::{ArmingRefused, Lever, Mode, Vehicle, VehicleSettings};
+use crate::vehicle::{ArmingRefused, Lever, LeverName, Mode, Vehicle, VehicleSettings};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
 const RUN_PREARM_CHECKS: u16 = MavCmd::MAV_CMD_RUN_PREARM_CHECKS as u16;
@@ -30,6 +28,9 @@ const FORCE: [f32; 2] = [21196.0, 2989.0];
 /// `ARMING_CHECK`: all checks, or the one of the levers or of the batteries.
 const LEVERS_CHECKED: i32 = 1 | 1 << 6;
 const BATTERY_CHECKED: i32 = 1 | 1 << 8;
+
+/// Why the rover is not armed any more.
+const RESTARTING: &str = "Arm: restarting";
 
 /// Why a request that could set the rover in motion was refused.
 const TOO_LATE: &str = "Command waited for too long: refused";
@@ -106,29 +107,31 @@ impl Rover<'_> {
         if self.vehicle.arm_state() == ArmState::Armed {
             return ACCEPTED;
         }
-        let failure = if forced { None } else { self.arming_failure() };
-        let text = match self.vehicle.arm(self.now_us, failure.is_none()) {
-            Ok(()) => return ACCEPTED,
-            Err(ArmingRefused::Terminated) => terminated_text(CheckedBy::Attempt),
-            Err(ArmingRefused::Restarting) => restarting_text(),
-            Err(ArmingRefused::Unfit) => failure.unwrap_or_default(),
+        let unfit = if forced { None } else { self.unfit() };
+        let Err(refused) = self.vehicle.arm(self.now_us, unfit.is_none()) else {
+            return ACCEPTED;
         };
-        replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
+        let mut explain = |text: &str| replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, text);
+        match (refused, unfit) {
+            (ArmingRefused::Restarting, _) => explain(RESTARTING),
+            (ArmingRefused::Unfit, Some(Unfit::Pack(instance, failure))) => {
+                explain(&arming_failure_text(CheckedBy::Attempt, instance, failure));
+            }
+            (ArmingRefused::Unfit, Some(Unfit::Lever(lever))) => explain(lever_deflected_text(lever)),
+            (ArmingRefused::Terminated, _) | (ArmingRefused::Unfit, None) => {
+                explain(&terminated_text(CheckedBy::Attempt));
+            }
+        }
         FAILED
     }
 
     /// The first check that fails on an attempt to arm.
-    fn arming_failure(&self) -> Option<ArmingText> {
-        let of_pack = self
-            .pack_failures()
-            .next()
-            .map(|(instance, failure)| arming_failure_text(CheckedBy::Attempt, instance, failure));
+    fn unfit(&self) -> Option<Unfit> {
+        let pack = self.pack_failures().next();
+        let of_pack = pack.map(|(instance, failure)| Unfit::Pack(instance, failure));
         of_pack.or_else(|| {
-            let lever = self
-                .vehicle
-                .deflected_lever()
-                .filter(|_| self.checks(LEVERS_CHECKED));
-            lever.map(lever_deflected_text)
+            let lever = self.vehicle.deflected_lever();
+            lever.filter(|_| self.checks(LEVERS_CHECKED)).map(Unfit::Lever)
         })
     }
 
@@ -226,6 +229,14 @@ impl Rover<'_> {
     pub fn ground_station_seen(&mut self) {
         self.vehicle.ground_station_seen(self.received_us);
     }
+}
+
+/// What fails on an attempt to arm.
+enum Unfit {
+    /// A check of the pack with this instance.
+    Pack(u8, ArmingFailure),
+    /// This lever is deflected.
+    Lever(LeverName),
 }
 
 /// What came of a control message.
