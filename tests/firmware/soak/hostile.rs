@@ -13,8 +13,8 @@ use crate::support::frames::{
     encode_v1, encode_v2, encode_v2_with_flags,
 };
 use crate::support::requests::{
-    VEHICLE, arm, command_int, command_long, ftp_open, heartbeat, manual_control, param_read_by_name,
-    param_set, param_set_payload, reboot, set_mode,
+    EVERYONE, VEHICLE, arm, command_int, command_long, ftp_open, heartbeat, manual_control,
+    param_read_by_name, param_set, param_set_payload, rc_override, reboot, set_mode,
 };
 
 /// What is sent.
@@ -169,7 +169,7 @@ fn for_another(random: &mut Random) -> Vec<u8> {
 }
 
 fn nonsense(random: &mut Random) -> Vec<u8> {
-    match random.below(8) {
+    match random.below(9) {
         0 => param_set(
             "BATT_VOLT_MULT",
             random.pick(&[f32::NAN, f32::INFINITY, -1e30, 1e30]),
@@ -180,6 +180,11 @@ fn nonsense(random: &mut Random) -> Vec<u8> {
         4 => command_int(UNKNOWN_COMMANDS + random.below(500) as u16, -1e30),
         5 => set_mode(1, 1, 1000 + random.below(1000) as u32),
         6 => ftp_open(random.below(1000) as u16, "../../etc"),
+        // A lever is one rover's, and other channels are no sign of a driver.
+        7 => {
+            let (target, pulse_us) = random.pick(&[(EVERYONE, 2000), ([1, 154], 2000), (VEHICLE, u16::MAX)]);
+            rc_override(target, pulse_us, pulse_us)
+        }
         // A camera's, an antenna tracker's and so on, and not a ground station's.
         _ => heartbeat(random.pick(&[0, 1, 5, 7, 26, 30, 255])),
     }

@@ -41,16 +41,27 @@ impl Motion {
 /// What the driver has ordered.
 #[derive(Default)]
 pub struct Orders {
-    /// When the order to arm was sent last; `None` while the rover has to be disarmed.
-    armed_us: Option<u64>,
+    /// When the order to arm was sent first and last; `None` while the rover has to be disarmed.
+    armed: Option<ArmOrders>,
     /// Shares of the power for the left and the right side, latest last.
     levers: VecDeque<(u64, [f64; 2])>,
+}
+
+/// It is repeated until the rover is seen to be armed.
+#[derive(Clone, Copy)]
+struct ArmOrders {
+    first_us: u64,
+    last_us: u64,
 }
 
 impl Orders {
     /// The order to arm is sent.
     pub fn arm(&mut self, at_us: u64) {
-        self.armed_us = Some(at_us);
+        let first_us = self.armed.map_or(at_us, |armed| armed.first_us);
+        self.armed = Some(ArmOrders {
+            first_us,
+            last_us: at_us,
+        });
     }
 
     /// A reset: nothing that was ordered before counts.
@@ -70,9 +81,9 @@ impl Orders {
     /// A HEARTBEAT that says whether the rover is armed. Panics if it must not be.
     pub fn told(&mut self, says: Says, at_us: u64) {
         match says {
-            Says::Armed => assert!(self.armed_us.is_some(), "armed without an order"),
-            Says::Disarmed if self.armed_us.is_some_and(|sent_us| sent_us + ORDER_US < at_us) => {
-                self.armed_us = None;
+            Says::Armed => assert!(self.armed.is_some(), "armed without an order"),
+            Says::Disarmed if self.armed.is_some_and(|armed| armed.last_us + ORDER_US < at_us) => {
+                self.armed = None;
             }
             Says::Disarmed => {}
         }
@@ -82,12 +93,18 @@ impl Orders {
     fn permit(&self, side: usize, motion: Motion, at_us: u64) -> Option<u64> {
         let power = match motion {
             Motion::Coast => return Some(0),
-            Motion::Brake => return self.armed_us.map(|_| 0),
+            Motion::Brake => return self.armed.map(|_| 0),
             Motion::Turn(power) => power,
         };
-        self.armed_us?;
+        let armed = self.armed?;
         let fits = |ordered: f64| power * ordered > 0.0 && power.abs() <= ordered.abs() + ROUNDING;
-        let mut ages = self.levers.iter().rev().filter(|(_, powers)| fits(powers[side]));
+        // No position from before arming drives.
+        let counting = self
+            .levers
+            .iter()
+            .rev()
+            .filter(|(sent_us, _)| *sent_us >= armed.first_us);
+        let mut ages = counting.filter(|(_, powers)| fits(powers[side]));
         let age_us = ages.next().map(|(sent_us, _)| at_us.saturating_sub(*sent_us));
         age_us.filter(|age_us| *age_us <= LEVER_US)
     }

@@ -1,7 +1,7 @@
 //! A ground station with a driver: what they send of their own accord.
 
 use super::ledger::Ledger;
-use super::motors::Orders;
+use super::motors::{Orders, Says};
 use crate::bench::{MILLISECOND, SECOND};
 use crate::emulator::Random;
 use crate::rover::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
@@ -26,9 +26,27 @@ enum Doing {
     Stopping,
 }
 
+/// How a driver arms.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Driver {
+    /// Leaves the levers neutral until the rover is seen to be armed.
+    Careful,
+    /// Pushes a lever from the start and arms by force: the lever must not drive, since it is never neutral.
+    Hasty,
+}
+
+/// A drive that has ended.
+#[derive(Clone, Copy, Debug)]
+pub struct Drive {
+    pub began_us: u64,
+    pub driver: Driver,
+}
+
 pub struct Station {
     random: Random,
     doing: Doing,
+    driver: Driver,
+    sees_armed: bool,
     heartbeat_due_us: u64,
     repeat_due_us: u64,
     /// The lever, left and right, in thousandths.
@@ -37,7 +55,7 @@ pub struct Station {
     /// No value is set twice.
     next_value: f32,
     began_us: u64,
-    finished_drive: Option<u64>,
+    finished_drive: Option<Drive>,
     pub settings: u64,
 }
 
@@ -46,6 +64,8 @@ impl Station {
         Self {
             random,
             doing: Doing::WaitingUntil(now_us),
+            driver: Driver::Careful,
+            sees_armed: false,
             heartbeat_due_us: now_us,
             repeat_due_us: now_us,
             steering: 0,
@@ -70,7 +90,10 @@ impl Station {
             Doing::DrivingUntil(until_us) if now_us < until_us => self.drive(now_us, orders, &mut messages),
             Doing::DrivingUntil(_) => {
                 self.doing = Doing::Stopping;
-                self.finished_drive = Some(self.began_us);
+                self.finished_drive = Some(Drive {
+                    began_us: self.began_us,
+                    driver: self.driver,
+                });
             }
             Doing::Stopping => {
                 messages.push(manual_control(VEHICLE_ID, 0, 0));
@@ -82,15 +105,16 @@ impl Station {
         messages
     }
 
-    /// The rover is seen to be disarmed.
-    pub fn see_disarmed(&mut self, now_us: u64) {
-        if self.doing == Doing::Stopping {
+    /// A HEARTBEAT says whether the rover is armed.
+    pub fn see(&mut self, says: Says, now_us: u64) {
+        self.sees_armed = says == Says::Armed;
+        if says == Says::Disarmed && self.doing == Doing::Stopping {
             self.wait(now_us);
         }
     }
 
-    /// When the drive began that has ended since this was asked last.
-    pub fn take_finished_drive(&mut self) -> Option<u64> {
+    /// The drive that has ended since this was asked last.
+    pub fn take_finished_drive(&mut self) -> Option<Drive> {
         self.finished_drive.take()
     }
 
@@ -120,6 +144,12 @@ impl Station {
                 let length_us = 2 * SECOND + self.random.below(5_000_000) as u64;
                 self.doing = Doing::DrivingUntil(now_us + length_us);
                 self.began_us = now_us;
+                self.repeat_due_us = now_us;
+                self.sees_armed = false;
+                self.driver = match self.random.below(5) {
+                    0 => Driver::Hasty,
+                    _ => Driver::Careful,
+                };
                 self.move_lever();
                 None
             }
@@ -151,19 +181,28 @@ impl Station {
     }
 
     fn drive(&mut self, now_us: u64, orders: &mut Orders, messages: &mut Vec<Vec<u8>>) {
+        let is_pushing = self.driver == Driver::Hasty || self.sees_armed;
+        if self.driver == Driver::Hasty {
+            messages.push(manual_control(VEHICLE_ID, self.steering, self.throttle));
+        }
         if self.is_time_to_repeat(now_us) {
             orders.arm(now_us);
-            messages.push(match self.random.below(2) {
-                0 => arm(),
+            messages.push(match (self.driver, self.random.below(2)) {
+                (Driver::Careful, 0) => arm(),
                 _ => command_long_2(ARM_DISARM, 1.0, FORCED),
             });
             messages.push(set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
-            if self.random.below(2) == 0 {
+            if self.driver == Driver::Careful && self.random.below(2) == 0 {
                 self.move_lever();
             }
         }
-        let [throttle, steering] = [self.throttle, self.steering].map(|axis| f64::from(axis) / 1000.0);
-        orders.lever(now_us, [throttle + steering, throttle - steering]);
-        messages.push(manual_control(VEHICLE_ID, self.steering, self.throttle));
+        let (steering, throttle) = if is_pushing {
+            (self.steering, self.throttle)
+        } else {
+            (0, 0)
+        };
+        let [forward, right] = [throttle, steering].map(|axis| f64::from(axis) / 1000.0);
+        orders.lever(now_us, [forward + right, forward - right]);
+        messages.push(manual_control(VEHICLE_ID, steering, throttle));
     }
 }

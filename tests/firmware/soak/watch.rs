@@ -2,6 +2,7 @@
 
 use super::motors::{Change, Motors, Says};
 use super::rig::{PROBE, Rig};
+use super::station::Driver;
 use crate::bench::{CYCLES_PER_US, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET};
 use crate::bus_packs::BUS;
 use crate::emulator::{FlashOperationKind, ResetCause};
@@ -94,12 +95,13 @@ impl Rig {
         self.tally.heartbeat(frame.at_us - self.alive_us);
         self.alive_us = frame.at_us;
         self.heard_us.get_or_insert(frame.at_us);
-        if Heartbeat(frame).base_mode() & ARMED != 0 {
-            self.orders.told(Says::Armed, frame.at_us);
+        let says = if Heartbeat(frame).base_mode() & ARMED != 0 {
+            Says::Armed
         } else {
-            self.orders.told(Says::Disarmed, frame.at_us);
-            self.station.see_disarmed(frame.at_us);
-        }
+            Says::Disarmed
+        };
+        self.orders.told(says, frame.at_us);
+        self.station.see(says, frame.at_us);
     }
 
     /// What is written was set, or is made good after a start.
@@ -128,17 +130,18 @@ impl Rig {
             self.calm_since_us.is_none() || lever_us <= PROMPT_US,
             "by a lever {lever_us} us ago"
         );
-        let Some(began_us) = self.station.take_finished_drive() else {
+        let Some(drive) = self.station.take_finished_drive() else {
             return;
         };
         self.tally.drives += 1;
-        if self.calm_since_us.is_some_and(|calm_us| calm_us <= began_us) {
+        if self
+            .calm_since_us
+            .is_some_and(|calm_us| calm_us <= drive.began_us)
+        {
             self.tally.calm_drives += 1;
-            let turned = self
-                .motors
-                .turned_us
-                .is_some_and(|turned_us| turned_us > began_us);
-            assert!(turned, "the rover was driven and stood");
+            let turned_us = self.motors.turned_us;
+            let turned = turned_us.is_some_and(|turned_us| turned_us > drive.began_us);
+            assert_eq!(turned, drive.driver == Driver::Careful, "{drive:?}");
         }
     }
 }
