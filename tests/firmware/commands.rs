@@ -294,3 +294,23 @@ fn only_a_radio_slows_telemetry_down() {
         assert_eq!(sent, 8, "RADIO_STATUS of {sender:?}");
     }
 }
+
+#[test]
+fn a_thousand_intervals_are_each_acknowledged_and_never_exceed_the_highest_rate() {
+    const PAIRS: usize = 500;
+    let mut bench = running();
+    let from_us = bench.time_us();
+    let off_and_on = [-1.0, 20_000.0]
+        .map(|interval_us| command_long_2(SET_MESSAGE_INTERVAL, SYS_STATUS as f32, interval_us));
+    bench.uart_send(0, from_us, &off_and_on.concat().repeat(PAIRS));
+    bench.run_for(5 * SECOND);
+    let frames = bench.frames_since(from_us);
+    let results: Vec<_> = of_message(&frames, COMMAND_ACK)
+        .iter()
+        .map(|ack| ack.u8(2))
+        .collect();
+    assert_eq!(results, [ACCEPTED; 2 * PAIRS]);
+    let sent = of_message(&frames, SYS_STATUS).len();
+    assert!((200..=251).contains(&sent), "{sent} in 5 s");
+    assert_eq!(of_message(&frames, HEARTBEAT).len(), 5);
+}
