@@ -199,7 +199,7 @@ fn table_and_picture_of_the_wiring_have_the_vendors_poles() {
         let pins = format!("| {positive}, {negative} |");
         assert!(row.is_some_and(|row| row.contains(&pins)), "{name}: {row:?}");
         let (number, _) = name.split_once(' ').expect("a number and a place");
-        let label = format!("{number} +GP{positive} −GP{negative}");
+        let label = format!("{number} GP{positive}/{negative}");
         assert!(picture.contains(&label), "the picture lacks {label:?}");
     }
 }
