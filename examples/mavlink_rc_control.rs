@@ -32,7 +32,7 @@ mod firmware {
         let mut watchdog = BoardWatchdog::start(chip.WATCHDOG);
         let mut motors = BoardMotors::new(MotorPeripherals {
             left_front: (chip.PWM_SLICE1, chip.PIN_18, chip.PIN_19),
-            left_rear: (chip.PWM_SLICE2, chip.PIN_20, chip.PIN_21),
+            left_rear: (chip.PWM_SLICE2, chip.PIN_21, chip.PIN_20),
             right_rear: (chip.PWM_SLICE3, chip.PIN_7, chip.PIN_6),
             right_front: (chip.PWM_SLICE4, chip.PIN_9, chip.PIN_8),
         });

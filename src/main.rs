@@ -228,7 +228,7 @@ mod firmware {
 
         let motors = BoardMotors::new(MotorPeripherals {
             left_front: (peripherals.PWM_SLICE1, peripherals.PIN_18, peripherals.PIN_19),
-            left_rear: (peripherals.PWM_SLICE2, peripherals.PIN_20, peripherals.PIN_21),
+            left_rear: (peripherals.PWM_SLICE2, peripherals.PIN_21, peripherals.PIN_20),
             right_rear: (peripherals.PWM_SLICE3, peripherals.PIN_7, peripherals.PIN_6),
             right_front: (peripherals.PWM_SLICE4, peripherals.PIN_9, peripherals.PIN_8),
         });

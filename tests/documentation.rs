@@ -1,8 +1,12 @@
 //! What the documents name exists: paths, links, pins, and what the firmware is said to say.
 
+#[path = "support/motor_poles.rs"]
+mod motor_poles;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use motor_poles::{Motor, motors};
 use rover_battmon::battery::{ArmingFailure, Contents, FailsafeLevel, Gap, PackEvent, ReadError};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
@@ -177,6 +181,27 @@ fn the_picture_of_the_wiring_has_the_picos_pins() {
         looked_at += 1;
     }
     assert!(looked_at >= 10, "only {looked_at} labels were found");
+}
+
+#[test]
+fn table_and_picture_of_the_wiring_have_the_vendors_poles() {
+    let table = read(&top().join("docs/hardware.md"));
+    let picture = read(&top().join("docs/pictures/wiring.svg"));
+    for Motor {
+        name,
+        positive,
+        negative,
+    } in motors()
+    {
+        let row = table
+            .lines()
+            .find(|line| line.starts_with(&format!("| motor {name},")));
+        let pins = format!("| {positive}, {negative} |");
+        assert!(row.is_some_and(|row| row.contains(&pins)), "{name}: {row:?}");
+        let (number, _) = name.split_once(' ').expect("a number and a place");
+        let label = format!("{number} GP{positive}/{negative}");
+        assert!(picture.contains(&label), "the picture lacks {label:?}");
+    }
 }
 
 /// A text with every number in it as `#`, so that texts of different numbers are the same.

@@ -16,13 +16,13 @@ use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind, SystemSt
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
-    FUEL_STATUS, Frame, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue, SMART_BATTERY_INFO, STATUSTEXT,
-    SYS_STATUS, SysStatus, encode_v1, of_message,
+    FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, PARAM_ERROR, PARAM_VALUE, ParamValue,
+    SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS, SysStatus, encode_v1, of_message,
 };
 use support::requests::{
-    EVERYONE, PREFLIGHT_REBOOT_SHUTDOWN, VEHICLE, command_int, command_int_2, command_long, command_long_2,
-    ftp_open, param_read_by_index, param_read_by_name, param_request_list, param_set, param_set_payload,
-    param_set_to, reboot,
+    EVERYONE, PREFLIGHT_REBOOT_SHUTDOWN, SIK_RADIO, VEHICLE, command_int, command_int_2, command_long,
+    command_long_2, ftp_open, param_read_by_index, param_read_by_name, param_request_list, param_set,
+    param_set_payload, param_set_to, radio_status_from, reboot, request_data_stream,
 };
 
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
@@ -319,6 +319,7 @@ fn commands_are_executed_denied_or_unsupported() {
 
 const BATTERY_RESET: u16 = 42651;
 const REQUEST_MESSAGE: u16 = 512;
+const GET_MESSAGE_INTERVAL: u16 = 510;
 const SET_MESSAGE_INTERVAL: u16 = 511;
 
 fn healthy() -> BatteryState {
@@ -402,7 +403,11 @@ fn battery_status_is_requested_by_instance() {
 
 /// What is sent at due times from `desk.now_us` on, for so many seconds.
 fn sent_for(desk: &mut Desk, seconds: u64) -> Vec<Frame> {
-    let until_us = desk.now_us + seconds * 1_000_000;
+    sent_until(desk, desk.now_us + seconds * 1_000_000)
+}
+
+/// The same until a time.
+fn sent_until(desk: &mut Desk, until_us: u64) -> Vec<Frame> {
     let mut sent = Vec::new();
     while desk.endpoint.next_due_us() < until_us {
         desk.post_due(desk.endpoint.next_due_us());
@@ -446,6 +451,75 @@ fn a_ground_station_moves_over_to_the_newer_messages() {
     assert_ack(&answer, SET_MESSAGE_INTERVAL, ACCEPTED);
     assert_eq!(counts(&sent_for(&mut desk, 60), MESSAGES), [0, 0, 0, 12]);
     assert_eq!(desk.endpoint.statistics().dropped, 0);
+}
+
+#[test]
+fn the_heartbeats_interval_cannot_be_changed_and_its_acknowledgement_says_so() {
+    let mut desk = Desk::new();
+    for (interval_us, result) in [
+        (-1.0, DENIED),
+        (100_000.0, DENIED),
+        (999_999.0, DENIED),
+        (10_000_000.0, DENIED),
+        (1_000_000.0, ACCEPTED),
+        (0.0, ACCEPTED),
+    ] {
+        let answer = desk.one_answer(&command_long_2(
+            SET_MESSAGE_INTERVAL,
+            HEARTBEAT as f32,
+            interval_us,
+        ));
+        assert_ack(&answer, SET_MESSAGE_INTERVAL, result);
+        assert_eq!(
+            counts(&sent_for(&mut desk, 60), [HEARTBEAT]),
+            [60],
+            "{interval_us}"
+        );
+        let answers = desk.ask(&command_long(GET_MESSAGE_INTERVAL, HEARTBEAT as f32));
+        assert_eq!(answers[1].message_id, MESSAGE_INTERVAL);
+        assert_eq!(answers[1].i32(0), 1_000_000);
+    }
+}
+
+/// A link whose radio has reported a full buffer 40 times, or another sender has.
+fn after_forty_reports(kind: LinkKind, sender: [u8; 2]) -> Desk {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    desk.endpoint = Endpoint::new(kind, 100_000, 0);
+    for _ in 0..40 {
+        desk.receive_in_chunks(&radio_status_from(sender, 0), 64);
+    }
+    desk
+}
+
+/// A SiK radio, one that passes Wi-Fi on (`MAV_COMP_ID_UDP_BRIDGE`) with the vehicle's or a ground station's system id.
+const RADIOS: [[u8; 2]; 4] = [SIK_RADIO, [255, 68], [1, 240], [255, 240]];
+
+#[test]
+fn telemetry_slows_down_by_two_seconds_at_most_and_only_until_the_radio_is_silent() {
+    for sender in RADIOS {
+        let mut desk = after_forty_reports(LinkKind::Radio, sender);
+        // One every 2.5 s, the first at once.
+        assert_eq!(
+            counts(&sent_for(&mut desk, 5), [BATTERY_STATUS, HEARTBEAT]),
+            [2, 5]
+        );
+        assert_eq!(
+            counts(&sent_for(&mut desk, 60), [BATTERY_STATUS, HEARTBEAT]),
+            [120, 60]
+        );
+    }
+}
+
+#[test]
+fn radio_status_counts_from_a_radio_on_a_link_that_can_have_one() {
+    let not_radios =
+        [[1, 1], GROUND_STATION, [1, 191], [SIK_RADIO[0], 1]].map(|sender| (LinkKind::Radio, sender));
+    let by_cable = RADIOS.map(|sender| (LinkKind::Direct, sender));
+    for (kind, sender) in not_radios.into_iter().chain(by_cable) {
+        let mut desk = after_forty_reports(kind, sender);
+        let sent = sent_for(&mut desk, 5);
+        assert_eq!(counts(&sent, [BATTERY_STATUS]), [10], "{kind:?} {sender:?}");
+    }
 }
 
 fn with_cycles(cycle_count: u16) -> BatteryState {
@@ -761,7 +835,143 @@ fn swallowed(events: &[Event]) -> bool {
     !events.is_empty() && events.iter().all(|event| *event == Event::Ignored)
 }
 
+/// What changes the rates of a link.
+#[derive(Clone, Copy, Debug)]
+enum RateRequest {
+    Interval {
+        message: u32,
+        interval_us: f32,
+    },
+    DataStream {
+        stream: u8,
+        rate_hz: u16,
+        start_stop: u8,
+    },
+}
+
+const STREAMED: [u32; 7] = [
+    HEARTBEAT,
+    SYS_STATUS,
+    BATTERY_STATUS,
+    BATTERY_STATUS_V2,
+    SMART_BATTERY_INFO,
+    FUEL_STATUS,
+    BATTERY_INFO,
+];
+
+impl RateRequest {
+    fn frame(self) -> Vec<u8> {
+        match self {
+            Self::Interval { message, interval_us } => {
+                command_long_2(SET_MESSAGE_INTERVAL, message as f32, interval_us)
+            }
+            Self::DataStream {
+                stream,
+                rate_hz,
+                start_stop,
+            } => request_data_stream(stream, rate_hz, start_stop),
+        }
+    }
+
+    /// The results of its acknowledgements: REQUEST_DATA_STREAM has none.
+    fn results(self) -> Vec<u8> {
+        let Self::Interval { message, interval_us } = self else {
+            return Vec::new();
+        };
+        let is_allowed = match message {
+            HEARTBEAT => [0.0, 1e6].contains(&interval_us),
+            _ => [-1.0, 0.0].contains(&interval_us) || (20_000.0..=1.8e9).contains(&interval_us),
+        };
+        vec![match is_allowed {
+            _ if !STREAMED.contains(&message) => UNSUPPORTED,
+            true => ACCEPTED,
+            false => DENIED,
+        }]
+    }
+}
+
+fn rate_request() -> impl Strategy<Value = RateRequest> {
+    let message = prop_oneof![4 => prop::sample::select(&STREAMED[..]), 1 => 0u32..1 << 24];
+    let extremes = [
+        -1.0,
+        0.0,
+        1.0,
+        19_999.0,
+        20_000.0,
+        1e6,
+        1.8e9,
+        f32::MAX,
+        f32::NAN,
+        f32::INFINITY,
+    ];
+    let interval = prop_oneof![prop::sample::select(extremes.to_vec()), 0f32..1e6, any::<f32>()];
+    let rate = prop_oneof![prop::sample::select(vec![0, 1, 50, u16::MAX]), any::<u16>()];
+    prop_oneof![
+        (message, interval).prop_map(|(message, interval_us)| RateRequest::Interval { message, interval_us }),
+        (prop::sample::select(vec![0u8, 2, 10, 255]), rate, 0u8..3).prop_map(
+            |(stream, rate_hz, start_stop)| RateRequest::DataStream {
+                stream,
+                rate_hz,
+                start_stop
+            }
+        ),
+    ]
+}
+
 proptest! {
+    /// Each is answered as it would be alone, the heartbeat keeps its rate, and nothing else exceeds 50 Hz.
+    #[test]
+    fn rates_asked_for_again_and_again_stay_within_their_bounds(
+        requests in prop::collection::vec((rate_request(), 1usize..50, 0u64..100_000), 1..50),
+    ) {
+        let mut desk = Desk::with_packs(&[healthy()]);
+        let mut last_us = HashMap::new();
+        for (request, repetitions, wait_us) in requests {
+            for _ in 0..repetitions {
+                let answers = desk.ask(&request.frame());
+                let results: Vec<_> = of_message(&answers, COMMAND_ACK).iter().map(|ack| ack.u8(2)).collect();
+                prop_assert_eq!((answers.len(), &results), (results.len(), &request.results()), "{:?}", request);
+                let until_us = desk.now_us + wait_us;
+                while desk.endpoint.next_due_us() < until_us {
+                    let due_us = desk.endpoint.next_due_us();
+                    desk.post_due(due_us);
+                    for frame in desk.sent() {
+                        let Some(before_us) = last_us.insert(frame.message_id, due_us) else {
+                            continue;
+                        };
+                        let interval_us = due_us - before_us;
+                        match frame.message_id {
+                            HEARTBEAT => prop_assert_eq!(interval_us, 1_000_000),
+                            other => prop_assert!(interval_us >= 20_000, "{} of {}", interval_us, other),
+                        }
+                    }
+                }
+                desk.now_us = until_us;
+            }
+        }
+    }
+
+    /// A report may come at any time, so the silence begins with the last one.
+    #[test]
+    fn whatever_radios_report_telemetry_is_back_at_its_rate_after_their_silence(
+        rate_hz in 1u16..=50,
+        reports in prop::collection::vec(
+            (prop::sample::select(&RADIOS[..]), any::<u8>(), 0u64..4_000_000),
+            1..100,
+        ),
+    ) {
+        let mut desk = Desk::with_packs(&[healthy()]);
+        desk.parameters.set(EXTRA1, rate_hz.into()).expect("it is in range");
+        for (radio, buffer_free, wait_us) in reports {
+            desk.receive_in_chunks(&radio_status_from(radio, buffer_free), 64);
+            let until_us = desk.now_us + wait_us;
+            sent_until(&mut desk, until_us);
+        }
+        sent_for(&mut desk, 6);
+        let [sent] = counts(&sent_for(&mut desk, 10), [BATTERY_STATUS]);
+        prop_assert!(sent.abs_diff(10 * usize::from(rate_hz)) <= 1, "{} at {} Hz", sent, rate_hz);
+    }
+
     /// Whatever comes first, a request is answered as soon as one longest frame of bytes has followed it.
     #[test]
     fn a_request_behind_garbage_is_answered(garbage in garbage(), chunk in 1usize..200) {

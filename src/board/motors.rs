@@ -21,22 +21,24 @@ const PINS: u32 = 0b1111 << 18 | 0b1111 << 6;
 /// IO_BANK0's number for the function "driven by the processor".
 const FUNCTION_SIO: u8 = 5;
 
-/// What each motor takes: a PWM slice, and the pins that are IN1 and IN2 of its driver.
+/// What each motor takes: a PWM slice, and the pins of its positive and its negative pole, which are IN1 and IN2 of its
+/// driver.
 pub struct MotorPeripherals {
     /// M1.
     pub left_front: MotorPins<peripherals::PWM_SLICE1, peripherals::PIN_18, peripherals::PIN_19>,
     /// M2.
-    pub left_rear: MotorPins<peripherals::PWM_SLICE2, peripherals::PIN_20, peripherals::PIN_21>,
+    pub left_rear: MotorPins<peripherals::PWM_SLICE2, peripherals::PIN_21, peripherals::PIN_20>,
     /// M3.
     pub right_rear: MotorPins<peripherals::PWM_SLICE3, peripherals::PIN_7, peripherals::PIN_6>,
     /// M4.
     pub right_front: MotorPins<peripherals::PWM_SLICE4, peripherals::PIN_9, peripherals::PIN_8>,
 }
 
-/// A PWM slice, IN1 and IN2.
-pub type MotorPins<S, In1, In2> = (Peri<'static, S>, Peri<'static, In1>, Peri<'static, In2>);
+/// A PWM slice, the positive pole and the negative one.
+pub type MotorPins<S, Positive, Negative> =
+    (Peri<'static, S>, Peri<'static, Positive>, Peri<'static, Negative>);
 
-/// The motors, each behind a DRV8837. All are mounted so that IN1 is ahead.
+/// The motors, each behind a DRV8837. A wheel turns ahead while the positive pole of its motor is driven.
 ///
 /// What they are told takes effect when their PWM's counter wraps, within 2 ms, and for both inputs of a driver at once.
 pub struct BoardMotors {
@@ -49,14 +51,14 @@ impl BoardMotors {
     pub fn new(peripherals: MotorPeripherals) -> Self {
         let MotorPeripherals {
             left_front: (slice1, gp18, gp19),
-            left_rear: (slice2, gp20, gp21),
+            left_rear: (slice2, gp21, gp20),
             right_rear: (slice3, gp7, gp6),
             right_front: (slice4, gp9, gp8),
         } = peripherals;
         Self {
             left: [
                 Motor::new(slice1, gp18, gp19, Ahead::ChannelA),
-                Motor::new(slice2, gp20, gp21, Ahead::ChannelA),
+                Motor::new(slice2, gp20, gp21, Ahead::ChannelB),
             ],
             right: [
                 Motor::new(slice3, gp6, gp7, Ahead::ChannelB),
@@ -77,7 +79,7 @@ impl Motors for BoardMotors {
     }
 }
 
-/// The PWM channel that leads to IN1.
+/// The PWM channel that leads to the positive pole.
 enum Ahead {
     ChannelA,
     ChannelB,

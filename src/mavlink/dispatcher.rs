@@ -10,7 +10,7 @@ use super::dialect::{
 };
 use super::parser::ReceivedFrame;
 use super::payload::Payload;
-use super::rates::Rates;
+use super::rates::{Rates, is_radio};
 use super::replies::Replies;
 use super::services::commands::{Action, Command};
 use super::services::parameters::{self, ParameterList, SetResult};
@@ -262,7 +262,8 @@ fn serve(
         Request::DataStream => rates.request_data_stream(payload),
         Request::Ping => replies.answer_any(time::ping(payload, from)),
         Request::Timesync => replies.answer_any(time::timesync(payload, from, now_us)),
-        Request::RadioStatus => rates.radio_status(payload, now_us),
+        Request::RadioStatus if is_radio(from.component_id, link) => rates.radio_status(payload, now_us),
+        Request::RadioStatus => return Event::Ignored,
         Request::SetMode => {
             let result = rover.set_mode_by_message(payload, &mut replies);
             // As in ArduPilot, the message is acknowledged like a command of its own number.

@@ -40,7 +40,7 @@ pub use messages::{
 pub use outbox::{NoRoom, Outbox, Posted};
 pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};
 pub use payload::{Name, Payload};
-pub use scheduler::{Interval, NotStreamed, Periodic, StreamScheduler};
+pub use scheduler::{Interval, IntervalRefused, NotStreamed, Periodic, StreamScheduler};
 pub use services::commands::Action;
 pub use services::signing::{SetupRefused, SigningChange};
 pub use signing::{AcceptUnsigned, LinkKind, Signing, SigningKey, StoredSigning, Timestamp, ToStore};

@@ -2,6 +2,7 @@
 
 use super::payload::Payload;
 use super::scheduler::StreamScheduler;
+use super::signing::LinkKind;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 
 /// REQUEST_DATA_STREAM, stream ids: all of them, and the one with the battery in it.
@@ -14,6 +15,10 @@ const STREAM_ID_AT: usize = 4;
 const START_STOP_AT: usize = 5;
 
 const STOP: u8 = 0;
+
+/// Components that report the state of a radio: MAV_COMP_ID_TELEMETRY_RADIO (SiK and what follows it) and
+/// MAV_COMP_ID_UDP_BRIDGE (Wi-Fi). Their system id is their own, the vehicle's or a ground station's.
+const RADIO_COMPONENTS: [u8; 2] = [68, 240];
 
 /// The highest rate of `SR0_EXTRA1`, in Hz.
 const HIGHEST_RATE_HZ: f32 = 50.0;
@@ -78,4 +83,9 @@ impl Rates {
     pub fn radio_status(&mut self, status: &Payload<'_>, now_us: u64) {
         self.scheduler.radio_buffer_free(status.u8(TXBUF_AT), now_us);
     }
+}
+
+/// Whether a component can be the radio on a link of this kind: there is none on a cable.
+pub(super) fn is_radio(component_id: u8, link: LinkKind) -> bool {
+    link == LinkKind::Radio && RADIO_COMPONENTS.contains(&component_id)
 }

@@ -9,18 +9,21 @@ use super::dialect::{
 use super::slowdown::Slowdown;
 use crate::cadence::Cadence;
 
-/// Once a second, so that a ground station notices within a few seconds that the link is gone.
+/// HEARTBEAT is sent once a second, so that a ground station notices within a few seconds that the link is gone.
 const HEARTBEAT_INTERVAL_US: u64 = 1_000_000;
 
 const MICROSECONDS_PER_SECOND: f32 = 1e6;
 
 /// 50 Hz, the highest rate a stream is sent at.
-pub(super) const SHORTEST_INTERVAL_US: u64 = 20_000;
+const SHORTEST_INTERVAL_US: u64 = 20_000;
+
+/// Half an hour: not much more can be reported by MESSAGE_INTERVAL.
+const LONGEST_INTERVAL_US: u64 = 1_800_000_000;
 
 /// A message that is sent regularly. All its instances are due together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Periodic {
-    /// HEARTBEAT: it keeps its rate.
+    /// HEARTBEAT: it keeps its rate, whatever is asked for.
     Heartbeat,
     /// SYS_STATUS: it follows `SR0_EXTRA1` unless told otherwise.
     SysStatus,
@@ -58,6 +61,28 @@ impl Periodic {
             Self::FuelStatus => FUEL_STATUS_DATA::ID,
         }
     }
+
+    /// Its interval unless another one is asked for; `None` if it is off then.
+    fn default_interval_us(self, extra1_interval_us: Option<u64>) -> Option<u64> {
+        match self {
+            Self::Heartbeat => Some(HEARTBEAT_INTERVAL_US),
+            Self::SysStatus | Self::BatteryStatus => extra1_interval_us,
+            Self::BatteryStatusV2 | Self::BatteryInfo | Self::SmartBatteryInfo | Self::FuelStatus => None,
+        }
+    }
+
+    /// Whether it may be sent at this interval. Without a HEARTBEAT a second, ground stations lose the vehicle.
+    fn allows(self, interval: Interval) -> bool {
+        match (self, interval) {
+            (_, Interval::Default) => true,
+            (Self::Heartbeat, Interval::Off) => false,
+            (Self::Heartbeat, Interval::Every(interval_us)) => interval_us == HEARTBEAT_INTERVAL_US,
+            (_, Interval::Off) => true,
+            (_, Interval::Every(interval_us)) => {
+                (SHORTEST_INTERVAL_US..=LONGEST_INTERVAL_US).contains(&interval_us)
+            }
+        }
+    }
 }
 
 /// How often a message is sent.
@@ -86,6 +111,40 @@ struct Entry {
     interval: Interval,
     /// `None` while it is off.
     cadence: Option<Cadence>,
+    /// When it may be due again at the earliest, were it turned off and on: requests must not exceed the highest rate.
+    earliest_us: u64,
+}
+
+impl Entry {
+    /// The interval that was asked for, before any slow-down.
+    fn asked_interval_us(&self, extra1_interval_us: Option<u64>) -> Option<u64> {
+        match self.interval {
+            Interval::Default => self.message.default_interval_us(extra1_interval_us),
+            Interval::Off => None,
+            Interval::Every(interval_us) => Some(interval_us),
+        }
+    }
+
+    /// Makes the due times follow an interval.
+    fn follow(&mut self, interval_us: Option<u64>, now_us: u64) {
+        match (interval_us, &mut self.cadence) {
+            (Some(interval_us), Some(running)) => running.set_interval(interval_us, now_us),
+            (Some(interval_us), None) => {
+                let start_us = now_us.max(self.earliest_us);
+                self.cadence = Some(Cadence::starting_at(start_us, interval_us));
+            }
+            (None, _) => self.cadence = None,
+        }
+    }
+
+    /// The message if it is due.
+    fn take(&mut self, now_us: u64) -> Option<Periodic> {
+        if !self.cadence.as_mut()?.take(now_us) {
+            return None;
+        }
+        self.earliest_us = now_us.saturating_add(SHORTEST_INTERVAL_US);
+        Some(self.message)
+    }
 }
 
 impl StreamScheduler {
@@ -95,6 +154,7 @@ impl StreamScheduler {
             message,
             interval: Interval::Default,
             cadence: None,
+            earliest_us: now_us,
         };
         let mut scheduler = Self {
             entries: Periodic::ALL.map(entry),
@@ -105,35 +165,34 @@ impl StreamScheduler {
         scheduler
     }
 
-    /// Sets the default rate of SYS_STATUS and BATTERY_STATUS, in Hz (`SR0_EXTRA1`); 0 turns them off.
+    /// Sets the default rate of SYS_STATUS and BATTERY_STATUS, in Hz (`SR0_EXTRA1`); 0 turns them off. They are sent every
+    /// half hour at least.
     pub fn set_extra1_rate(&mut self, rate_hz: f32, now_us: u64) {
-        self.extra1_interval_us = (rate_hz > 0.0).then(|| (MICROSECONDS_PER_SECOND / rate_hz) as u64);
+        self.extra1_interval_us =
+            (rate_hz > 0.0).then(|| ((MICROSECONDS_PER_SECOND / rate_hz) as u64).min(LONGEST_INTERVAL_US));
         self.apply(now_us);
     }
 
-    /// Sets the interval of a message, for all its instances. HEARTBEAT's can't be changed.
+    /// Sets the interval of a message, for all its instances.
     ///
     /// # Errors
-    /// The message is not one that is streamed.
+    /// The message is not one that is streamed, or the interval not one it can have.
     pub fn set_interval(
         &mut self,
         message_id: u32,
         interval: Interval,
         now_us: u64,
-    ) -> Result<(), NotStreamed> {
-        let mut known = false;
-        for entry in self
-            .entries
-            .iter_mut()
-            .filter(|entry| entry.message.message_id() == message_id)
-        {
-            known = true;
-            if entry.message != Periodic::Heartbeat {
-                entry.interval = interval;
-            }
+    ) -> Result<(), IntervalRefused> {
+        let mut entries = self.entries.iter_mut();
+        let entry = entries
+            .find(|entry| entry.message.message_id() == message_id)
+            .ok_or(IntervalRefused::NotStreamed)?;
+        if !entry.message.allows(interval) {
+            return Err(IntervalRefused::OutOfRange);
         }
+        entry.interval = interval;
         self.apply(now_us);
-        if known { Ok(()) } else { Err(NotStreamed) }
+        Ok(())
     }
 
     /// The interval of a message at present, in µs: `None` while it is off.
@@ -146,21 +205,29 @@ impl StreamScheduler {
             .iter()
             .find(|entry| entry.message.message_id() == message_id);
         entry
-            .map(|entry| self.asked_interval_us(entry))
+            .map(|entry| entry.asked_interval_us(self.extra1_interval_us))
             .ok_or(NotStreamed)
     }
 
-    /// A radio tells how much of its transmit buffer is free, in percent: streams are slowed down when it fills up.
+    /// A radio reports how much of its transmit buffer is free, in percent: streams are slowed down when it fills up,
+    /// until it is empty again or the radio silent for five seconds.
     pub fn radio_buffer_free(&mut self, percent: u8, now_us: u64) {
-        self.slowdown.radio_buffer_free(percent);
+        self.end_stale_slowdown(now_us);
+        self.slowdown.report(percent, now_us);
         self.apply(now_us);
+    }
+
+    fn end_stale_slowdown(&mut self, now_us: u64) {
+        if self.slowdown.is_stale(now_us) {
+            self.slowdown = Slowdown::default();
+            self.apply(now_us);
+        }
     }
 
     /// The next message that is due at `now_us`. Called until it answers `None`; each due time is given once.
     pub fn poll(&mut self, now_us: u64) -> Option<Periodic> {
-        self.entries
-            .iter_mut()
-            .find_map(|entry| entry.cadence.as_mut()?.take(now_us).then_some(entry.message))
+        self.end_stale_slowdown(now_us);
+        self.entries.iter_mut().find_map(|entry| entry.take(now_us))
     }
 
     /// When the next message is due, in µs.
@@ -173,45 +240,17 @@ impl StreamScheduler {
         due.min().unwrap_or(u64::MAX)
     }
 
-    fn asked_interval_us(&self, entry: &Entry) -> Option<u64> {
-        match (entry.message, entry.interval) {
-            (message @ Periodic::Heartbeat, _) | (message, Interval::Default) => {
-                self.default_interval_us(message)
-            }
-            (_, Interval::Off) => None,
-            (_, Interval::Every(interval_us)) => Some(interval_us),
-        }
-    }
-
-    fn default_interval_us(&self, message: Periodic) -> Option<u64> {
-        match message {
-            Periodic::Heartbeat => Some(HEARTBEAT_INTERVAL_US),
-            Periodic::SysStatus | Periodic::BatteryStatus => self.extra1_interval_us,
-            Periodic::BatteryStatusV2
-            | Periodic::BatteryInfo
-            | Periodic::SmartBatteryInfo
-            | Periodic::FuelStatus => None,
-        }
-    }
-
     /// Makes the due times follow what was asked for.
     fn apply(&mut self, now_us: u64) {
-        for index in 0..self.entries.len() {
-            let entry = &self.entries[index];
-            let slowdown_us = if entry.message == Periodic::Heartbeat {
-                0
-            } else {
-                self.slowdown.delay_us()
+        for entry in &mut self.entries {
+            let delay_us = match entry.message {
+                Periodic::Heartbeat => 0,
+                _ => self.slowdown.delay_us(),
             };
-            let interval_us = self
-                .asked_interval_us(entry)
-                .map(|asked_us| asked_us.saturating_add(slowdown_us));
-            let cadence = &mut self.entries[index].cadence;
-            match (interval_us, cadence.as_mut()) {
-                (Some(interval_us), Some(running)) => running.set_interval(interval_us, now_us),
-                (Some(interval_us), None) => *cadence = Some(Cadence::starting_at(now_us, interval_us)),
-                (None, _) => *cadence = None,
-            }
+            let interval_us = entry
+                .asked_interval_us(self.extra1_interval_us)
+                .map(|asked_us| asked_us.saturating_add(delay_us));
+            entry.follow(interval_us, now_us);
         }
     }
 }
@@ -220,6 +259,16 @@ impl StreamScheduler {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct NotStreamed;
+
+/// Why the interval of a message was not set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum IntervalRefused {
+    /// No stream sends this message.
+    NotStreamed,
+    /// It is shorter than 20 ms or longer than half an hour, or another one than a second for HEARTBEAT.
+    OutOfRange,
+}
 
 #[cfg(test)]
 mod tests {
@@ -300,7 +349,10 @@ mod tests {
             .set_interval(BATTERY_STATUS, Interval::Default, 10_000_000)
             .unwrap();
         assert_eq!(scheduler.interval_us(BATTERY_STATUS), Ok(Some(500_000)));
-        assert_eq!(scheduler.set_interval(30, Interval::Off, 0), Err(NotStreamed));
+        assert_eq!(
+            scheduler.set_interval(30, Interval::Off, 0),
+            Err(IntervalRefused::NotStreamed)
+        );
     }
 
     #[test]
@@ -328,7 +380,20 @@ mod tests {
     #[test]
     fn heartbeat_keeps_its_rate() {
         let mut scheduler = StreamScheduler::new(0);
-        scheduler.set_interval(0, Interval::Off, 0).unwrap();
+        for interval in [
+            Interval::Off,
+            Interval::Every(100_000),
+            Interval::Every(2_000_000),
+        ] {
+            assert_eq!(
+                scheduler.set_interval(0, interval, 0),
+                Err(IntervalRefused::OutOfRange)
+            );
+        }
+        for interval in [Interval::Default, Interval::Every(1_000_000)] {
+            assert_eq!(scheduler.set_interval(0, interval, 0), Ok(()));
+            assert_eq!(scheduler.interval_us(0), Ok(Some(1_000_000)));
+        }
         scheduler.radio_buffer_free(0, 0);
         assert_eq!(run(&mut scheduler, 10_000_000, || 0).len(), 10);
     }
@@ -340,13 +405,83 @@ mod tests {
         for _ in 0..5 {
             scheduler.radio_buffer_free(10, 0);
         }
-        let slowed = count(&run(&mut scheduler, 40_000_000, || 0), Periodic::SysStatus);
-        assert_eq!(slowed, 100, "every 100 + 5 × 60 ms");
+        let slowed = count(&run(&mut scheduler, 4_000_000, || 0), Periodic::SysStatus);
+        assert_eq!(slowed, 10, "every 100 + 5 × 60 ms");
         for _ in 0..20 {
-            scheduler.radio_buffer_free(100, 40_000_000);
+            scheduler.radio_buffer_free(100, 4_000_000);
         }
-        let sent = run(&mut scheduler, 50_000_000, || 0);
+        let sent = run(&mut scheduler, 14_000_000, || 0);
         assert!(count(&sent, Periodic::SysStatus) >= 99);
+    }
+
+    #[test]
+    fn a_radio_that_falls_silent_slows_nothing_after_five_seconds() {
+        let mut scheduler = StreamScheduler::new(0);
+        scheduler.set_extra1_rate(10.0, 0);
+        for second in 0..60 {
+            scheduler.radio_buffer_free(0, second * 1_000_000);
+            run(&mut scheduler, (second + 1) * 1_000_000, || 0);
+        }
+        let slowed = count(&run(&mut scheduler, 64_000_000, || 0), Periodic::SysStatus);
+        assert!((1..=2).contains(&slowed), "{slowed} in 4 s, 2.1 s apart");
+        // The slow-down ends at the next due time, which is a heartbeat's at the latest.
+        run(&mut scheduler, 65_000_000, || 0);
+        let sent = count(&run(&mut scheduler, 75_000_000, || 0), Periodic::SysStatus);
+        assert_eq!(sent, 100);
+    }
+
+    /// How often SYS_STATUS is sent in a second, with a change every millisecond.
+    fn sent_while(mut change: impl FnMut(&mut StreamScheduler, u64)) -> usize {
+        let mut scheduler = StreamScheduler::new(0);
+        let mut sent = 0;
+        for now_us in (0..1_000_000).step_by(1000) {
+            change(&mut scheduler, now_us);
+            while let Some(message) = scheduler.poll(now_us) {
+                sent += usize::from(message == Periodic::SysStatus);
+            }
+        }
+        sent
+    }
+
+    #[test]
+    fn intervals_that_alternate_do_not_exceed_the_highest_rate() {
+        for other in [
+            Interval::Off,
+            Interval::Default,
+            Interval::Every(LONGEST_INTERVAL_US),
+        ] {
+            let sent = sent_while(|scheduler, now_us| {
+                for interval in [other, Interval::Every(SHORTEST_INTERVAL_US)] {
+                    scheduler.set_interval(SYS_STATUS, interval, now_us).unwrap();
+                }
+            });
+            assert_eq!(sent, 50, "{other:?}");
+        }
+        for other_hz in [0.0, f32::MIN_POSITIVE] {
+            let sent = sent_while(|scheduler, now_us| {
+                for rate_hz in [other_hz, 50.0] {
+                    scheduler.set_extra1_rate(rate_hz, now_us);
+                }
+            });
+            assert_eq!(sent, 50, "{other_hz} Hz");
+        }
+    }
+
+    #[test]
+    fn an_interval_is_between_20_ms_and_half_an_hour() {
+        let mut scheduler = StreamScheduler::new(0);
+        for (interval_us, result) in [
+            (0, Err(IntervalRefused::OutOfRange)),
+            (19_999, Err(IntervalRefused::OutOfRange)),
+            (20_000, Ok(())),
+            (1_800_000_000, Ok(())),
+            (1_800_000_001, Err(IntervalRefused::OutOfRange)),
+            (u64::MAX, Err(IntervalRefused::OutOfRange)),
+        ] {
+            let interval = Interval::Every(interval_us);
+            assert_eq!(scheduler.set_interval(SYS_STATUS, interval, 0), result);
+        }
+        assert_eq!(scheduler.interval_us(SYS_STATUS), Ok(Some(1_800_000_000)));
     }
 
     #[test]
@@ -384,7 +519,7 @@ mod tests {
             let mut now_us = 0;
             for (rate_hz, interval_us, percent, wait_us) in changes {
                 scheduler.set_extra1_rate(rate_hz, now_us);
-                scheduler.set_interval(BATTERY_STATUS, Interval::Every(interval_us.into()), now_us).unwrap();
+                let _ = scheduler.set_interval(BATTERY_STATUS, Interval::Every(interval_us.into()), now_us);
                 scheduler.radio_buffer_free(percent, now_us);
                 for _ in 0..=Periodic::ALL.len() {
                     scheduler.poll(now_us);

@@ -2,14 +2,20 @@
 
 const MICROSECONDS_PER_MILLISECOND: u64 = 1000;
 
-/// Streams are not slowed down by more than this.
-const MOST_MS: u16 = 2000;
+/// The longest delay: as in ArduPilot, a stream still leaves every two seconds.
+const LONGEST_MS: u16 = 2000;
 
-/// What is added to every stream's interval, by what a radio says of its transmit buffer (RADIO_STATUS). The steps are
-/// ArduPilot's, so that radios tuned for it behave the same.
+/// Several reports of a radio. ArduPilot takes one for stale after the same time.
+const REPORT_STALE_US: u64 = 5_000_000;
+
+/// The delay that is added to every stream's interval while a radio reports (RADIO_STATUS) that its transmit buffer is
+/// full. The steps are ArduPilot's, so that radios tuned for it behave the same.
+///
+/// Radios can't sign, so a report may be forged. That is why the delay is bounded, and ends when the reports do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Slowdown {
     delay_ms: u16,
+    reported_us: u64,
 }
 
 impl Slowdown {
@@ -19,15 +25,21 @@ impl Slowdown {
     }
 
     /// `percent` of the radio's transmit buffer is free.
-    pub fn radio_buffer_free(&mut self, percent: u8) {
+    pub fn report(&mut self, percent: u8, now_us: u64) {
         let delay_ms = self.delay_ms;
         self.delay_ms = match percent {
-            0..20 if delay_ms < MOST_MS => delay_ms + 60,
-            20..50 if delay_ms < MOST_MS => delay_ms + 20,
-            96.. if delay_ms > 200 => delay_ms - 40,
+            0..20 => delay_ms.saturating_add(60).min(LONGEST_MS),
+            20..50 => delay_ms.saturating_add(20).min(LONGEST_MS),
+            96.. if delay_ms > 200 => delay_ms.saturating_sub(40),
             91.. => delay_ms.saturating_sub(20),
             _ => delay_ms,
         };
+        self.reported_us = now_us;
+    }
+
+    /// Whether streams are slowed down by a report that is stale.
+    pub fn is_stale(self, now_us: u64) -> bool {
+        self.delay_ms > 0 && now_us.saturating_sub(self.reported_us) >= REPORT_STALE_US
     }
 }
 
@@ -39,14 +51,24 @@ mod tests {
     fn it_grows_while_the_buffer_is_full_and_shrinks_while_it_is_empty() {
         let mut slowdown = Slowdown::default();
         for _ in 0..1000 {
-            slowdown.radio_buffer_free(0);
+            slowdown.report(0, 0);
         }
-        assert!((2000..=2060).contains(&slowdown.delay_ms));
-        slowdown.radio_buffer_free(70);
-        assert!(slowdown.delay_ms >= 2000, "neither full nor empty");
+        assert_eq!(slowdown.delay_us(), 2_000_000);
+        slowdown.report(70, 0);
+        assert_eq!(slowdown.delay_us(), 2_000_000, "neither full nor empty");
         for _ in 0..60 {
-            slowdown.radio_buffer_free(100);
+            slowdown.report(100, 0);
         }
         assert_eq!(slowdown.delay_us(), 0);
+    }
+
+    #[test]
+    fn any_report_keeps_it_for_five_seconds() {
+        let mut slowdown = Slowdown::default();
+        slowdown.report(0, 0);
+        slowdown.report(70, 3_000_000);
+        assert!(!slowdown.is_stale(7_999_999));
+        assert!(slowdown.is_stale(8_000_000));
+        assert!(!Slowdown::default().is_stale(8_000_000), "nothing to end");
     }
 }

@@ -3,12 +3,12 @@
 use crate::bench::{Bench, SECOND};
 use crate::emulator::LogLevel;
 use crate::support::frames::{
-    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, MESSAGE_INTERVAL, PING,
+    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, PING,
     PROTOCOL_VERSION, SYS_STATUS, TIMESYNC, of_message,
 };
 use crate::support::requests::{
-    command_int, command_int_2, command_long, command_long_2, param_set, ping, radio_status,
-    request_data_stream, timesync,
+    SIK_RADIO, command_int, command_int_2, command_long, command_long_2, param_set, ping, radio_status,
+    radio_status_from, request_data_stream, timesync,
 };
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
@@ -223,18 +223,94 @@ fn ping_and_timesync_are_answered() {
 }
 
 #[test]
+fn the_heartbeats_interval_cannot_be_changed_and_its_acknowledgement_says_so() {
+    let mut bench = running();
+    for (interval_us, expected) in [
+        (-1.0, DENIED),
+        (100_000.0, DENIED),
+        (10_000_000.0, DENIED),
+        (1_000_000.0, ACCEPTED),
+        (0.0, ACCEPTED),
+    ] {
+        for request in [command_long_2, command_int_2] {
+            let answers = bench.ask(&request(SET_MESSAGE_INTERVAL, HEARTBEAT as f32, interval_us));
+            assert_eq!(result(&answers), expected, "{interval_us}");
+        }
+        assert_eq!(count(&mut bench, HEARTBEAT, 10), 10, "{interval_us}");
+        let answers = bench.ask(&command_long(GET_MESSAGE_INTERVAL, HEARTBEAT as f32));
+        assert_eq!(of_message(&answers, MESSAGE_INTERVAL)[0].u32(0), 1_000_000);
+    }
+}
+
+/// Has a sender report the same buffer 40 times, within eight seconds.
+fn report_forty_times(bench: &mut Bench, sender: [u8; 2], buffer_free: u8) {
+    for _ in 0..40 {
+        bench.ask(&radio_status_from(sender, buffer_free));
+    }
+}
+
+#[test]
 fn a_radio_with_a_full_buffer_slows_telemetry_but_not_the_heartbeat() {
     let mut bench = running();
     bench.ask(&param_set("SR0_EXTRA1", 10.0));
     for _ in 0..10 {
         bench.ask(&radio_status(10));
     }
+    let from_us = bench.time_us();
+    // As long as it reports.
+    for _ in 0..70 {
+        let now_us = bench.time_us();
+        bench.uart_send(0, now_us, &radio_status(70));
+        bench.run_for(SECOND);
+    }
+    let frames = bench.frames_since(from_us);
     // 100 ms and ten times 60 ms.
-    let slowed = count(&mut bench, BATTERY_STATUS, 70);
+    let slowed = of_message(&frames, BATTERY_STATUS).len();
     assert!(slowed.abs_diff(100) <= 1, "{slowed}");
-    assert_eq!(count(&mut bench, HEARTBEAT, 10), 10);
+    assert_eq!(of_message(&frames, HEARTBEAT).len(), 70);
     for _ in 0..40 {
         bench.ask(&radio_status(100));
     }
     assert_rate(&mut bench, BATTERY_STATUS, 1000);
+}
+
+#[test]
+fn telemetry_is_back_at_its_rate_six_seconds_after_the_last_report_of_a_radio() {
+    let mut bench = running();
+    report_forty_times(&mut bench, SIK_RADIO, 0);
+    let slowed = count(&mut bench, BATTERY_STATUS, 4);
+    assert!(slowed <= 2, "2.5 s apart, not {slowed} in 4 s");
+    bench.run_for(2 * SECOND);
+    assert_rate(&mut bench, BATTERY_STATUS, 200);
+}
+
+#[test]
+fn only_a_radio_slows_telemetry_down() {
+    let mut bench = running();
+    // The vehicle itself, a ground station, a companion computer, and one with the system id of a SiK radio.
+    for sender in [[1, 1], GROUND_STATION, [1, 191], [SIK_RADIO[0], 1]] {
+        report_forty_times(&mut bench, sender, 0);
+        let sent = count(&mut bench, BATTERY_STATUS, 4);
+        assert_eq!(sent, 8, "RADIO_STATUS of {sender:?}");
+    }
+}
+
+#[test]
+fn a_thousand_intervals_are_each_acknowledged_and_never_exceed_the_highest_rate() {
+    const PAIRS: usize = 500;
+    let mut bench = running();
+    let from_us = bench.time_us();
+    let off_and_on = [-1.0, 20_000.0]
+        .map(|interval_us| command_long_2(SET_MESSAGE_INTERVAL, SYS_STATUS as f32, interval_us));
+    bench.uart_send(0, from_us, &off_and_on.concat().repeat(PAIRS));
+    bench.run_for(5 * SECOND);
+    let frames = bench.frames_since(from_us);
+    let results: Vec<_> = of_message(&frames, COMMAND_ACK)
+        .iter()
+        .map(|ack| ack.u8(2))
+        .collect();
+    assert_eq!(results, [ACCEPTED; 2 * PAIRS]);
+    let sent = of_message(&frames, SYS_STATUS).len();
+    assert!((200..=251).contains(&sent), "{sent} in 5 s");
+    assert_eq!(of_message(&frames, HEARTBEAT).len(), 5);
 }

@@ -4,6 +4,8 @@
 mod elf;
 #[path = "../emulator/mod.rs"]
 mod emulator;
+#[path = "../support/motor_poles.rs"]
+mod motor_poles;
 #[path = "../support/story.rs"]
 mod story;
 #[path = "../support/mod.rs"]
@@ -37,3 +39,4 @@ mod storage_faults;
 mod stories;
 mod telemetry;
 mod time_wrap;
+mod wheels;

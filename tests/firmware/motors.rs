@@ -5,10 +5,9 @@ use std::sync::OnceLock;
 use crate::bench::{CYCLES_PER_US, MILLISECOND, SECOND};
 use crate::elf::{Artifact, build};
 use crate::emulator::{Board, Firmware};
+use crate::motor_poles::{LEFT, Motor, RIGHT, motors};
+use crate::wheels::pins;
 
-/// The pins that are IN1 and IN2 of the motors' drivers, left front, left rear, right rear and right front.
-pub const LEFT: [(usize, usize); 2] = [(18, 19), (20, 21)];
-pub const RIGHT: [(usize, usize); 2] = [(7, 6), (9, 8)];
 const BUZZER: usize = 2;
 const LAMPS: usize = 16;
 
@@ -37,9 +36,9 @@ fn run_to(board: &mut Board, step: &str) {
     );
 }
 
-/// The share of time in which IN1 and IN2 of a driver are high, at 500 Hz.
-fn duties((in1, in2): (usize, usize), board: &Board) -> (f64, f64) {
-    let duty = |pin| {
+/// The share of time in which the poles of a motor are driven, at 500 Hz.
+fn duties(motor: Motor, board: &Board) -> (f64, f64) {
+    for pin in [motor.positive, motor.negative] {
         let output = board
             .pwm_output(pin)
             .unwrap_or_else(|| panic!("GP{pin} is not driven by the PWM"));
@@ -48,33 +47,24 @@ fn duties((in1, in2): (usize, usize), board: &Board) -> (f64, f64) {
             "GP{pin}: {} Hz",
             output.frequency_hz
         );
-        output.duty
-    };
-    (duty(in1), duty(in2))
+    }
+    motor.duties(board)
 }
 
-/// Panics unless the motors of each side have these duties at IN1 and IN2 one period after a step began.
+/// Panics unless the motors of each side have these duties at their poles one period after a step began.
 fn assert_driven(step: &str, left: (f64, f64), right: (f64, f64)) {
     let mut board = board_at(step);
     board.run_for(PWM_PERIOD_US);
     for (motors, expected) in [(LEFT, left), (RIGHT, right)] {
         for motor in motors {
-            assert_eq!(
-                duties(motor, &board),
-                expected,
-                "{step}: the motor on GP{motor:?}"
-            );
+            assert_eq!(duties(motor, &board), expected, "{step}: {motor:?}");
         }
     }
 }
 
-fn motor_pins() -> impl Iterator<Item = usize> {
-    LEFT.into_iter().chain(RIGHT).flat_map(|(in1, in2)| [in1, in2])
-}
-
-/// Panics unless all motors have both inputs low, now.
+/// Panics unless all motors have both poles low, now.
 fn assert_coasting(board: &Board) {
-    for pin in motor_pins() {
+    for pin in pins() {
         assert!(board.pin_level(pin) != Some(true), "GP{pin} is high");
     }
 }
@@ -82,10 +72,10 @@ fn assert_coasting(board: &Board) {
 #[test]
 fn the_motors_coast_from_reset_until_they_are_driven() {
     let mut board = Board::power_up(firmware(), 1);
-    motor_pins().for_each(|pin| board.record_pin(pin));
+    pins().for_each(|pin| board.record_pin(pin));
     run_to(&mut board, "coast");
     assert_coasting(&board);
-    for pin in motor_pins() {
+    for pin in pins() {
         assert!(board.take_edges(pin).is_empty(), "GP{pin}");
         let changes = board.take_pwm_changes(pin);
         assert!(!changes.is_empty());
@@ -107,7 +97,7 @@ fn brake_is_both_inputs_high() {
 }
 
 #[test]
-fn ahead_is_pulses_at_in1_and_back_is_pulses_at_in2() {
+fn ahead_is_pulses_at_the_positive_pole_and_back_at_the_negative_one() {
     assert_driven("ahead 50 %", (0.5, 0.0), (0.5, 0.0));
     assert_driven("back 25 %", (0.0, 0.25), (0.0, 0.25));
     assert_driven("full spin", (1.0, 0.0), (0.0, 1.0));
@@ -119,21 +109,21 @@ fn more_than_everything_is_everything_and_no_number_is_coasting() {
 }
 
 #[test]
-fn a_change_comes_into_force_within_a_period_and_for_both_inputs_at_once() {
+fn a_change_comes_into_force_within_a_period_and_for_both_poles_at_once() {
     let mut board = board_at("back 25 %");
     board.run_for(PWM_PERIOD_US);
-    motor_pins().for_each(|pin| board.record_pin(pin));
+    pins().for_each(|pin| board.record_pin(pin));
     run_to(&mut board, "full spin");
     // Its log line is written after the motors were told.
     let told = board.time_cycles();
     board.run_for(PWM_PERIOD_US);
-    for (in1, in2) in LEFT.into_iter().chain(RIGHT) {
-        let times: Vec<u64> = [in1, in2]
+    for motor in motors() {
+        let times: Vec<u64> = [motor.positive, motor.negative]
             .into_iter()
             .flat_map(|pin| board.take_pwm_changes(pin))
             .map(|(at, _)| at)
             .collect();
-        assert!(!times.is_empty(), "GP{in1}, GP{in2}");
+        assert!(!times.is_empty(), "{motor:?}");
         assert!(times.iter().all(|&at| at == times[0]), "{times:?}");
         assert!(times[0] <= told + PWM_PERIOD_US * CYCLES_PER_US);
     }
@@ -143,13 +133,13 @@ fn a_change_comes_into_force_within_a_period_and_for_both_inputs_at_once() {
 fn a_panic_lets_the_motors_coast_at_once() {
     let mut board = board_at("spin until it panics");
     board.run_for(PWM_PERIOD_US);
-    assert_eq!(board.pin_level(18), Some(true), "full power");
-    motor_pins().for_each(|pin| board.record_pin(pin));
+    assert_eq!(board.pin_level(LEFT[0].positive), Some(true), "full power");
+    pins().for_each(|pin| board.record_pin(pin));
     assert!(board.run_until(SECOND, |board| board.active_exception() == HARD_FAULT));
     let entered = board.time_cycles();
     board.run_for(PWM_PERIOD_US);
     assert_coasting(&board);
-    let low_at = motor_pins().map(|pin| {
+    let low_at = pins().map(|pin| {
         let edges = board.take_edges(pin);
         assert_eq!(edges.len(), 1, "GP{pin}: {edges:?}");
         assert!(!edges[0].1);

@@ -2,11 +2,10 @@
 
 use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, SECOND, STACK_POINTER};
 use crate::emulator::{AdcInput, Board, LogLevel, ResetCause};
+use crate::motor_poles::{LEFT, motors};
 use crate::support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, of_message};
 use crate::support::requests::{arm, disarm, manual_control, set_mode};
-
-/// IN1 and IN2 of the motors' drivers: left front, left rear, right rear, right front.
-pub const MOTORS: [(usize, usize); 4] = [(18, 19), (20, 21), (7, 6), (9, 8)];
+use crate::wheels::pins;
 
 pub const VEHICLE_ID: u8 = 1;
 pub const CUSTOM_MODE_ENABLED: u8 = 1;
@@ -24,23 +23,29 @@ const CURRENT_SENSOR: usize = 1;
 pub const GOOD_3S: u16 = 3582;
 pub const FLAT_3S: u16 = 3016;
 
-pub fn pins() -> impl Iterator<Item = usize> {
-    MOTORS.into_iter().flat_map(|(in1, in2)| [in1, in2])
-}
-
-pub fn duty(bench: &Bench, pin: usize) -> f64 {
-    bench.pwm_output(pin).map_or(0.0, |output| output.duty)
-}
-
 pub fn is_coasting(bench: &Bench) -> bool {
-    pins().all(|pin| bench.pin_level(pin) != Some(true) && duty(bench, pin) == 0.0)
+    pins().all(|pin| bench.pin_level(pin) != Some(true)) && all_have(bench, (0.0, 0.0))
 }
 
-/// Lets time pass with a hand on the lever.
+pub fn is_braking(bench: &Bench) -> bool {
+    all_have(bench, (1.0, 1.0))
+}
+
+/// Whether all motors have these duties at their positive and negative poles.
+fn all_have(bench: &Bench, duties: (f64, f64)) -> bool {
+    motors().all(|motor| motor.duties(bench) == duties)
+}
+
+/// Lets time pass with a hand on the throttle.
 pub fn drive_for(bench: &mut Bench, time_us: u64, throttle: i16) {
+    steer_for(bench, time_us, 0, throttle);
+}
+
+/// Lets time pass with a hand on both levers.
+pub fn steer_for(bench: &mut Bench, time_us: u64, steering: i16, throttle: i16) {
     for _ in 0..time_us / (100 * MILLISECOND) {
         let now_us = bench.time_us();
-        bench.uart_send(0, now_us, &manual_control(VEHICLE_ID, 0, throttle));
+        bench.uart_send(0, now_us, &manual_control(VEHICLE_ID, steering, throttle));
         bench.run_for(100 * MILLISECOND);
     }
 }
@@ -54,21 +59,20 @@ fn driving(parameters: &[(&str, f32)]) -> Bench {
     assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
     drive_for(&mut bench, 2 * SECOND, 500);
-    for (in1, in2) in MOTORS {
-        assert!(
-            (duty(&bench, in1) - 0.5).abs() < 0.01,
-            "GP{in1}: {}",
-            duty(&bench, in1)
-        );
-        assert_eq!(duty(&bench, in2), 0.0, "GP{in2}");
+    for motor in motors() {
+        let (positive, negative) = motor.duties(&bench);
+        assert!((positive - 0.5).abs() < 0.01, "{motor:?}: {positive}");
+        assert_eq!(negative, 0.0, "{motor:?}");
     }
     bench
 }
 
-/// When the first motor's IN2 went high for good, in microseconds: it brakes.
+/// The pin that is low while the rover drives ahead and high while it brakes.
+const BRAKING_PIN: usize = LEFT[0].negative;
+
+/// When that pin went high for good, in microseconds.
 fn braked_at_us(bench: &mut Bench) -> u64 {
-    let (_, in2) = MOTORS[0];
-    let changes = bench.take_pwm_changes(in2);
+    let changes = bench.take_pwm_changes(BRAKING_PIN);
     let braked = changes
         .iter()
         .find(|(_, output)| output.is_some_and(|output| output.duty == 1.0));
@@ -94,10 +98,7 @@ fn the_motors_coast_from_reset_until_the_rover_is_armed() {
     assert!(is_coasting(&bench));
     bench.ask(&arm());
     bench.run_for(100 * MILLISECOND);
-    assert!(
-        pins().all(|pin| duty(&bench, pin) == 1.0),
-        "armed in HOLD it brakes"
-    );
+    assert!(is_braking(&bench), "armed in HOLD it brakes");
     bench.ask(&disarm());
     assert!(is_coasting(&bench));
 }
@@ -109,8 +110,7 @@ fn a_critical_voltage_stops_it_within_the_timer_and_a_quarter_second() {
         ("BATT_CRT_VOLT", 10.2),
         ("BATT_FS_CRT_ACT", 2.0),
     ]);
-    let (_, in2) = MOTORS[0];
-    bench.record_pin(in2);
+    bench.record_pin(BRAKING_PIN);
     // At any moment between two ticks.
     bench.run_for(37 * MILLISECOND);
     let fallen_us = bench.time_us();
@@ -141,8 +141,7 @@ fn a_critical_charge_stops_it_within_a_tick_and_a_half() {
         ("BATT_CRT_MAH", 300.0),
         ("BATT_FS_CRT_ACT", 2.0),
     ]);
-    let (_, in2) = MOTORS[0];
-    bench.record_pin(in2);
+    bench.record_pin(BRAKING_PIN);
     // 34 A draw 9.4 mAh a second; the crossing lies between two ticks.
     bench.adc_input(CURRENT_SENSOR, AdcInput::Code(2482));
     drive_for(&mut bench, 40 * SECOND, 500);
@@ -202,9 +201,10 @@ fn a_lockup_lets_the_motors_coast_after_the_watchdogs_time() {
 fn a_driver_who_falls_silent_stops_it() {
     let mut bench = driving(&[]);
     bench.run_for(1_400 * MILLISECOND);
-    assert!(duty(&bench, MOTORS[0].0) > 0.4 && duty(&bench, MOTORS[0].1) == 0.0);
+    let (positive, negative) = LEFT[0].duties(&bench);
+    assert!(positive > 0.4 && negative == 0.0);
     bench.run_for(300 * MILLISECOND);
-    assert!(pins().all(|pin| duty(&bench, pin) == 1.0), "it holds");
+    assert!(is_braking(&bench), "it holds");
     let frames = bench.frames();
     let texts: Vec<_> = of_message(&frames, STATUSTEXT)
         .iter()
@@ -240,14 +240,9 @@ fn the_smallest_firmware_drives_by_gamepad_and_stops_without_it() {
     bench.ask(&arm());
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
     drive_for(&mut bench, 2 * SECOND, -1000);
-    assert!(
-        MOTORS
-            .into_iter()
-            .all(|(in1, in2)| duty(&bench, in1) == 0.0 && duty(&bench, in2) == 1.0),
-        "full speed back"
-    );
+    assert!(all_have(&bench, (0.0, 1.0)), "full speed back");
     bench.run_for(1_700 * MILLISECOND);
-    assert!(pins().all(|pin| duty(&bench, pin) == 1.0), "it brakes");
+    assert!(is_braking(&bench), "it brakes");
     let heartbeats = bench.frames();
     assert!(of_message(&heartbeats, HEARTBEAT).len() >= 4);
     assert!(bench.resets().is_empty());

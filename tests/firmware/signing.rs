@@ -148,9 +148,14 @@ fn a_radio_sets_up_no_key_and_slows_telemetry_down_without_one() {
         bench.run_for(SECOND);
     }
     let from_us = bench.time_us();
+    bench.run_for(4 * SECOND);
+    let sent = of_message(&bench.frames_since(from_us), BATTERY_STATUS).len();
+    assert!(sent <= 3, "{sent} in 4 s");
+    bench.run_for(2 * SECOND);
+    let from_us = bench.time_us();
     bench.run_for(10 * SECOND);
     let sent = of_message(&bench.frames_since(from_us), BATTERY_STATUS).len();
-    assert!(sent < 15, "{sent} in 10 s");
+    assert_eq!(sent, 20, "the radio has been silent for five seconds");
     assert!(bench.logged(LogLevel::Warn, "ignored").is_empty());
 }
 

@@ -3,6 +3,7 @@
 use crate::bench::{Bench, MILLISECOND, SECOND};
 use crate::bus_packs::{BUS, nine};
 use crate::emulator::{AdcFault, LogLevel, ResetCause};
+use crate::motor_poles::LEFT;
 use crate::rover::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
 use crate::signing;
 use crate::support::frames::{COMMAND_ACK, PARAM_VALUE, of_message};
@@ -20,9 +21,6 @@ const REQUEST_MESSAGE: u16 = 512;
 const AUTOPILOT_VERSION: f32 = 148.0;
 const BATTERY_RESET: u16 = 42_651;
 const ACCEPTED: u8 = 0;
-
-/// IN1 of the left front motor.
-const MOTOR: usize = 18;
 
 /// Nine packs, each with a message of its own 50 times a second, on the fastest line there is, all signed.
 fn busiest_board() -> Bench {
@@ -105,7 +103,7 @@ fn three_tenths_of_the_stack_stay_free_under_the_heaviest_load() {
     arm(&mut bench);
     let from_us = bench.time_us();
     load_for(&mut bench, 6);
-    let is_driven = bench.pwm_output(MOTOR).is_some_and(|output| output.duty > 0.3);
+    let is_driven = LEFT[0].duties(&bench).0 > 0.3;
     assert!(is_driven, "the motors stand");
     let frames = bench.frames();
     let values = of_message(&frames, PARAM_VALUE).into_iter();

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::bench::{Bench, MILLISECOND};
 use crate::emulator::{AdcFault, AdcInput};
+use crate::motor_poles::LEFT;
 use crate::story::{Drive, Input, Level, Outcome, Story};
 use crate::support::frames::{STATUSTEXT, of_message};
 use crate::support::requests::{command_long_2, manual_control, set_mode};
@@ -33,10 +34,6 @@ const STEP_US: u64 = 100 * MILLISECOND;
 /// Up to a tick until it is measured, and until a text has left behind other messages; a count more of the current is
 /// earlier by as much.
 const LATENCY_S: f64 = 0.25;
-
-/// IN1 and IN2 of the motor left in front.
-const IN1: usize = 18;
-const IN2: usize = 19;
 
 struct Stage {
     bench: Bench,
@@ -97,8 +94,7 @@ impl Stage {
 
     /// What the motor left in front does.
     fn motors(&self) -> Drive {
-        let duty = |pin| self.bench.pwm_output(pin).map_or(0.0, |output| output.duty);
-        match (duty(IN1), duty(IN2)) {
+        match LEFT[0].duties(&self.bench) {
             (0.0, 0.0) => Drive::Coast,
             (1.0, 1.0) => Drive::Brake,
             _ => Drive::Turn,

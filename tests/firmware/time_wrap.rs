@@ -2,8 +2,9 @@
 
 use crate::bench::{Bench, MILLISECOND, SECOND};
 use crate::emulator::{AdcInput, LogLevel};
+use crate::motor_poles::motors;
 use crate::rover::{
-    CUSTOM_MODE_ENABLED, FLAT_3S, GOOD_3S, MANUAL, MOTORS, VEHICLE_ID, drive_for, duty, is_coasting,
+    CUSTOM_MODE_ENABLED, FLAT_3S, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, is_braking, is_coasting,
 };
 use crate::support::frames::{TIMESYNC, assert_no_sequence_gap, of_message};
 use crate::support::requests::{arm, set_mode, timesync};
@@ -100,13 +101,14 @@ impl Old {
     }
 
     fn turns(&self) -> bool {
-        let is_ahead = |(in1, in2)| duty(&self.bench, in1) > 0.4 && duty(&self.bench, in2) == 0.0;
-        MOTORS.into_iter().all(is_ahead)
+        motors().all(|motor| {
+            let (positive, negative) = motor.duties(&self.bench);
+            positive > 0.4 && negative == 0.0
+        })
     }
 
     fn brakes(&self) -> bool {
-        let is_braking = |(in1, in2)| duty(&self.bench, in1) == 1.0 && duty(&self.bench, in2) == 1.0;
-        MOTORS.into_iter().all(is_braking)
+        is_braking(&self.bench)
     }
 
     /// Drives at half power until `time_us`.

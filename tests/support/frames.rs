@@ -140,13 +140,25 @@ fn crc_extra(message_id: u32) -> u8 {
     }
 }
 
-/// A ground station's MAVLink 2 frame (system 255, component 190).
+/// System and component id of a ground station.
+pub const GROUND_STATION: [u8; 2] = [255, 190];
+
+/// A ground station's MAVLink 2 frame.
 pub fn encode_v2(message_id: u32, payload: &[u8]) -> Vec<u8> {
-    encode_v2_with_flags(0, message_id, payload)
+    encode_v2_from(GROUND_STATION, message_id, payload)
 }
 
-/// The same with incompatibility flags.
+/// A MAVLink 2 frame of this system and component.
+pub fn encode_v2_from(sender: [u8; 2], message_id: u32, payload: &[u8]) -> Vec<u8> {
+    encode(sender, 0, message_id, payload)
+}
+
+/// A ground station's MAVLink 2 frame with incompatibility flags.
 pub fn encode_v2_with_flags(flags: u8, message_id: u32, payload: &[u8]) -> Vec<u8> {
+    encode(GROUND_STATION, flags, message_id, payload)
+}
+
+fn encode([system_id, component_id]: [u8; 2], flags: u8, message_id: u32, payload: &[u8]) -> Vec<u8> {
     let used = payload
         .iter()
         .rposition(|byte| *byte != 0)
@@ -158,8 +170,8 @@ pub fn encode_v2_with_flags(flags: u8, message_id: u32, payload: &[u8]) -> Vec<u
         flags,
         0,
         0,
-        255,
-        190,
+        system_id,
+        component_id,
         id[0],
         id[1],
         id[2],

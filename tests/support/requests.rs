@@ -6,12 +6,15 @@
 use super::frames::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MANUAL_CONTROL, PARAM_REQUEST_LIST,
     PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS, RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE,
-    SETUP_SIGNING, TIMESYNC, encode_v2,
+    SETUP_SIGNING, TIMESYNC, encode_v2, encode_v2_from,
 };
 
 /// The vehicle's system and component id.
 pub const VEHICLE: [u8; 2] = [1, 1];
 pub const EVERYONE: [u8; 2] = [0, 0];
+
+/// System and component id of a SiK radio: "3D", the component being `MAV_COMP_ID_TELEMETRY_RADIO`.
+pub const SIK_RADIO: [u8; 2] = [51, 68];
 
 pub const PREFLIGHT_REBOOT_SHUTDOWN: u16 = 246;
 
@@ -119,16 +122,22 @@ pub fn timesync(stamp: i64) -> Vec<u8> {
     encode_v2(TIMESYNC, &[&[0; 8][..], &stamp.to_le_bytes()].concat())
 }
 
-/// A radio tells how much of its transmit buffer is free, in percent.
+/// A SiK radio reports how much of its transmit buffer is free, in percent.
 pub fn radio_status(buffer_free: u8) -> Vec<u8> {
-    encode_v2(RADIO_STATUS, &[0, 0, 0, 0, 180, 170, buffer_free, 20, 20])
+    radio_status_from(SIK_RADIO, buffer_free)
 }
 
-/// Arms, with all checks.
+/// The same report by another sender.
+pub fn radio_status_from(sender: [u8; 2], buffer_free: u8) -> Vec<u8> {
+    let payload = [0, 0, 0, 0, 180, 170, buffer_free, 20, 20];
+    encode_v2_from(sender, RADIO_STATUS, &payload)
+}
+
 pub fn reboot() -> Vec<u8> {
     command_long(PREFLIGHT_REBOOT_SHUTDOWN, 1.0)
 }
 
+/// Arms, with all checks.
 pub fn arm() -> Vec<u8> {
     command_long(400, 1.0)
 }

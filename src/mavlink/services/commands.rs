@@ -11,7 +11,7 @@ use crate::mavlink::dialect::{
     SYS_STATUS_DATA,
 };
 use crate::mavlink::payload::Payload;
-use crate::mavlink::scheduler::{Interval, SHORTEST_INTERVAL_US, StreamScheduler};
+use crate::mavlink::scheduler::{Interval, IntervalRefused, StreamScheduler};
 use crate::mavlink::{Message, Stream, SystemState, build_autopilot_version, build_protocol_version};
 
 const COMMAND_AT: usize = 28;
@@ -170,15 +170,13 @@ impl Command {
         let interval = match self.param2 {
             INTERVAL_OFF => Interval::Off,
             INTERVAL_DEFAULT => Interval::Default,
-            interval_us if interval_us >= SHORTEST_INTERVAL_US as f32 && interval_us.is_finite() => {
-                Interval::Every(interval_us as u64)
-            }
-            // Negative, faster than anything is sent, or no number.
-            _ => return DENIED,
+            // What is negative or no number becomes 0, which no message can have.
+            interval_us => Interval::Every(interval_us as u64),
         };
         match scheduler.set_interval(message_id, interval, now_us) {
             Ok(()) => ACCEPTED,
-            Err(_) => UNSUPPORTED,
+            Err(IntervalRefused::OutOfRange) => DENIED,
+            Err(IntervalRefused::NotStreamed) => UNSUPPORTED,
         }
     }
 
@@ -321,7 +319,7 @@ mod tests {
 
     #[test]
     fn bad_intervals_are_denied_and_foreign_messages_unsupported() {
-        for interval_us in [-2.0, 1.0, 19_999.0, f32::NAN, f32::INFINITY] {
+        for interval_us in [-2.0, 1.0, 19_999.0, 1.9e9, f32::NAN, f32::INFINITY] {
             assert_eq!(execute(511, 147.0, interval_us), DENIED.into(), "{interval_us}");
         }
         for message_id in [-1.0, 0.5, 1e9, f32::NAN] {
@@ -330,6 +328,9 @@ mod tests {
             assert_eq!(execute(512, message_id, 0.0), DENIED.into(), "{message_id}");
         }
         assert_eq!(execute(511, 30.0, 100_000.0), UNSUPPORTED.into());
+        for (interval_us, result) in [(-1.0, DENIED), (2e6, DENIED), (1e6, ACCEPTED), (0.0, ACCEPTED)] {
+            assert_eq!(execute(511, 0.0, interval_us), result.into(), "{interval_us}");
+        }
         assert_eq!(execute(512, 30.0, 0.0), UNSUPPORTED.into());
     }
 

@@ -1,8 +1,8 @@
 //! What a board must not act upon: garbage, frames that are damaged, that are for others, or that ask for what there is
 //! not.
 //!
-//! Left out is what a ground station may do: on a link without signing nobody can tell it from a hostile one. That includes
-//! RADIO_STATUS, which slows telemetry down, and a HEARTBEAT of a ground station.
+//! Left out is what a ground station or a radio may do: without signing nothing distinguishes a hostile one. That includes
+//! RADIO_STATUS of a radio, which slows telemetry down, and a HEARTBEAT of a ground station.
 
 use crate::emulator::Random;
 use crate::signer::Signer;

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND};
-use crate::motors::{LEFT, RIGHT};
+use crate::motor_poles::motors;
 
 /// What the start of a frame among garbage has swallowed is found 293 bytes later, and a driver sends 400 a second.
 const SWALLOWED_MS: u64 = 730;
@@ -26,14 +26,14 @@ enum Motion {
 }
 
 impl Motion {
-    /// What a motor does whose driver has these duties at its inputs.
-    fn of(in1: f64, in2: f64) -> Self {
-        match (in1, in2) {
+    /// What a motor does that has these duties at its poles.
+    fn of(positive: f64, negative: f64) -> Self {
+        match (positive, negative) {
             (0.0, 0.0) => Self::Coast,
             (1.0, 1.0) => Self::Brake,
             (power, 0.0) => Self::Turn(power),
             (0.0, power) => Self::Turn(-power),
-            both => panic!("pulses at both inputs of a motor: {both:?}"),
+            both => panic!("pulses at both poles of a motor: {both:?}"),
         }
     }
 }
@@ -121,14 +121,14 @@ pub enum Says {
 pub struct Change {
     pub at_us: u64,
     motor: usize,
-    input: usize,
+    pole: usize,
     duty: f64,
 }
 
 /// The motors, and what was seen of them.
 #[derive(Default)]
 pub struct Motors {
-    /// The duties at IN1 and IN2, of the motors left front, left rear, right rear and right front.
+    /// The duties at the positive and the negative pole of each motor, those on the left first.
     duties: [[f64; 2]; 4],
     /// Changes that were looked at.
     pub changes: u64,
@@ -139,8 +139,9 @@ pub struct Motors {
 }
 
 fn pins() -> impl Iterator<Item = (usize, usize, usize)> {
-    let motors = LEFT.into_iter().chain(RIGHT).enumerate();
-    motors.flat_map(|(motor, (in1, in2))| [(motor, 0, in1), (motor, 1, in2)])
+    motors()
+        .enumerate()
+        .flat_map(|(number, motor)| [(number, 0, motor.positive), (number, 1, motor.negative)])
 }
 
 impl Motors {
@@ -151,7 +152,7 @@ impl Motors {
     /// Looks at changes. Panics if a motor does what nobody has ordered.
     pub fn check(&mut self, changes: &[Change], orders: &Orders) {
         for (place, change) in changes.iter().enumerate() {
-            self.duties[change.motor][change.input] = change.duty;
+            self.duties[change.motor][change.pole] = change.duty;
             let is_whole = changes
                 .get(place + 1)
                 .is_none_or(|next| next.at_us > change.at_us);
@@ -165,8 +166,8 @@ impl Motors {
     /// Panics if a motor does now what nobody has ordered. Returns the age of the oldest lever that one is turned by.
     pub fn assert_ordered(&mut self, orders: &Orders, at_us: u64) -> u64 {
         let mut oldest_us = 0;
-        for (motor, [in1, in2]) in self.duties.into_iter().enumerate() {
-            let motion = Motion::of(in1, in2);
+        for (motor, [positive, negative]) in self.duties.into_iter().enumerate() {
+            let motion = Motion::of(positive, negative);
             let age_us = orders.permit(motor / 2, motion, at_us);
             let age_us =
                 age_us.unwrap_or_else(|| panic!("motor {motor} at {at_us} us: {motion:?}, not ordered"));
@@ -182,7 +183,7 @@ impl Motors {
     /// All changes since the last time, in their order.
     pub fn take_changes(bench: &mut Bench) -> Vec<Change> {
         let mut changes = Vec::new();
-        for (motor, input, pin) in pins() {
+        for (motor, pole, pin) in pins() {
             let edges = bench.take_edges(pin);
             assert!(
                 edges.iter().all(|(_, level)| !level),
@@ -195,7 +196,7 @@ impl Motors {
                     .map(|(at, output)| Change {
                         at_us: at / CYCLES_PER_US,
                         motor,
-                        input,
+                        pole,
                         duty: output.map_or(0.0, |output| output.duty),
                     }),
             );

@@ -9,11 +9,11 @@ use rover_battmon::vehicle::{SideDrives, VehicleSettings};
 use super::Input;
 use crate::desk::Desk;
 use crate::support::frames::{
-    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MANUAL_CONTROL, PARAM_REQUEST_LIST,
-    PARAM_REQUEST_READ, PARAM_SET, PARAM_VALUE, PING, RADIO_STATUS, RC_CHANNELS_OVERRIDE,
-    REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, TIMESYNC, encode_v2, of_message,
+    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, MANUAL_CONTROL,
+    PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PARAM_VALUE, PING, RADIO_STATUS, RC_CHANNELS_OVERRIDE,
+    REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, TIMESYNC, encode_v2_from, of_message,
 };
-use crate::support::requests::param_read_from;
+use crate::support::requests::{SIK_RADIO, param_read_from};
 
 /// The messages that have an effect.
 const MESSAGES: [u32; 15] = [
@@ -47,7 +47,11 @@ pub fn run(bytes: &[u8]) {
                 let length = usize::from(input.byte());
                 let mut payload = input.bytes(length.min(LONGEST_PAYLOAD)).to_vec();
                 payload.resize(payload.len().max(1), 0);
-                desk.receive_in_chunks(&encode_v2(message_id, &payload), 64);
+                let sender = match message_id {
+                    RADIO_STATUS => SIK_RADIO,
+                    _ => GROUND_STATION,
+                };
+                desk.receive_in_chunks(&encode_v2_from(sender, message_id, &payload), 64);
             }
             0x80..=0xBF => {
                 let length = usize::from(input.byte());

@@ -1,0 +1,48 @@
+//! Which way each wheel turns, at the poles of its motor.
+
+use crate::bench::{Bench, SECOND};
+use crate::emulator::Board;
+use crate::motor_poles::{LEFT, Motor, RIGHT, motors};
+use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, steer_for};
+use crate::support::requests::{arm, set_mode};
+
+impl Motor {
+    /// The share of time in which the PWM drives the positive and the negative pole.
+    pub fn duties(&self, board: &Board) -> (f64, f64) {
+        let duty = |pin| board.pwm_output(pin).map_or(0.0, |output| output.duty);
+        (duty(self.positive), duty(self.negative))
+    }
+}
+
+/// Both poles of all motors.
+pub fn pins() -> impl Iterator<Item = usize> {
+    motors().flat_map(|motor| [motor.positive, motor.negative])
+}
+
+const AHEAD: (f64, f64) = (0.5, 0.0);
+const BACK: (f64, f64) = (0.0, 0.5);
+
+#[test]
+fn every_wheel_turns_the_way_the_driver_steers() {
+    let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
+    bench.ask(&arm());
+    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    for (maneuver, steering, throttle, left, right) in [
+        ("ahead", 0, 500, AHEAD, AHEAD),
+        ("back", 0, -500, BACK, BACK),
+        ("turning right in place", 500, 0, AHEAD, BACK),
+        ("turning left in place", -500, 0, BACK, AHEAD),
+    ] {
+        steer_for(&mut bench, 2 * SECOND, steering, throttle);
+        for (motors, expected) in [(LEFT, left), (RIGHT, right)] {
+            for motor in motors {
+                let (positive, negative) = motor.duties(&bench);
+                assert!(
+                    (positive - expected.0).abs() < 0.01 && (negative - expected.1).abs() < 0.01,
+                    "{maneuver}, {}: {positive} at the positive pole, {negative} at the negative one",
+                    motor.name
+                );
+            }
+        }
+    }
+}
