@@ -242,23 +242,23 @@ fn a_failure_to_save_is_reported_at_most_every_five_seconds() {
 }
 
 #[test]
-fn who_asks_later_learns_of_a_failure_only_while_it_lasts() {
+fn a_list_is_preceded_by_a_failure_to_save_while_it_lasts() {
     let mut bench = Bench::running(2482);
     bench.set("SR0_EXTRA1", 5.0);
     bench.run_for(SAVED_US);
     let worn = block_the_move_to_the_second_sector(&mut bench);
     bench.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
     bench.run_for(7 * SECOND);
-    let said_in_a_list = |bench: &mut Bench| {
+    let reports_in_a_list = |bench: &mut Bench| {
         let from_us = bench.time_us();
         bench.ask(&param_request_list(VEHICLE));
         bench.run_for(2 * SECOND);
         save_failures(bench, from_us).len()
     };
-    assert_eq!(said_in_a_list(&mut bench), 1);
+    assert_eq!(reports_in_a_list(&mut bench), 1);
     bench.restore_sector(worn);
     bench.run_for(RETRIED_US);
-    assert_eq!(said_in_a_list(&mut bench), 0);
+    assert_eq!(reports_in_a_list(&mut bench), 0);
 }
 
 /// Sets a parameter, for which a sector has to be erased, and returns the sampling ticks of those ten seconds.
