@@ -13,7 +13,7 @@ use rover_battmon::battery::{
 };
 use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind, SystemState};
-use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, Unsaved, VehicleParameter};
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
     FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, PARAM_ERROR, PARAM_VALUE, ParamValue,
@@ -141,7 +141,7 @@ fn a_set_value_is_live_and_acknowledged_at_once() {
     assert_eq!(desk.parameters.get(EXTRA1), 10.0);
     let answer = desk.one_answer(&param_set_to(EVERYONE, "SR0_EXTRA1", 5.0));
     desk.assert_param_value(&answer, EXTRA1, 5.0);
-    assert_eq!(desk.parameters.next_unsaved(), Some((EXTRA1, 5.0)));
+    assert_eq!(desk.parameters.next_unsaved(), Some(Unsaved::Value(EXTRA1, 5.0)));
 }
 
 #[test]
@@ -194,7 +194,7 @@ fn a_hidden_parameter_is_set_by_name() {
     let mut desk = Desk::new();
     let hidden = BatteryParameter::VoltMult.of(Pack::Ninth);
     desk.assert_set("BATT9_VOLT_MULT", hidden, 11.0);
-    assert_eq!(desk.parameters.next_unsaved(), Some((hidden, 11.0)));
+    assert_eq!(desk.parameters.next_unsaved(), Some(Unsaved::Value(hidden, 11.0)));
     desk.assert_set("BATT9_MONITOR", BatteryParameter::Monitor.of(Pack::Ninth), 3.0);
     let answer = desk.one_answer(&param_read_by_name("BATT9_VOLT_MULT"));
     desk.assert_param_value(&answer, hidden, 11.0);

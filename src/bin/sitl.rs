@@ -62,10 +62,11 @@ mod simulator {
                 return ExitCode::FAILURE;
             }
         };
+        let flash_file = arguments.flash.clone().unwrap_or_default();
         let flash = match SimulatedFlash::open(arguments.flash) {
             Ok(flash) => flash,
             Err(error) => {
-                eprintln!("Can't use the flash file: {error}.");
+                eprintln!("Can't use the flash file {}: {error}.", flash_file.display());
                 return ExitCode::FAILURE;
             }
         };

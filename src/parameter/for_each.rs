@@ -7,13 +7,25 @@ use super::{PARAMETER_COUNT, ParameterId};
 pub struct ForEachParameter<T>([T; PARAMETER_COUNT]);
 
 impl<T: Copy + Default> ForEachParameter<T> {
-    /// What `make` says for each of them.
+    /// What `make` returns for each of them.
     pub fn from_fn(make: impl Fn(ParameterId) -> T) -> Self {
         let mut all = Self::default();
-        for id in ParameterId::all() {
-            all.set(id, make(id));
-        }
+        all.set_all(make);
         all
+    }
+
+    /// Replaces each by what `make` returns for it.
+    pub fn set_all(&mut self, make: impl Fn(ParameterId) -> T) {
+        for id in ParameterId::all() {
+            self.set(id, make(id));
+        }
+    }
+
+    /// Replaces each by what `update` makes of it.
+    pub fn update_all(&mut self, mut update: impl FnMut(T) -> T) {
+        for one in &mut self.0 {
+            *one = update(*one);
+        }
     }
 
     /// The one of `id`.

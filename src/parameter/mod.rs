@@ -9,15 +9,21 @@ pub mod documentation;
 mod for_each;
 mod id;
 mod pack;
+mod save_failures;
 mod table;
+mod unsaved;
 
 pub use baud::serial_baud;
 pub use for_each::ForEachParameter;
 pub use id::{PARAMETER_COUNT, ParameterId};
 pub use pack::Pack;
+pub use save_failures::{SAVE_RETRY_INTERVAL_US, SaveFailures, save_failure_text};
 pub use table::{BatteryParameter, Kind, Meaning, Parameter, Range, VehicleParameter, means};
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};
+pub use unsaved::Unsaved;
+
+use unsaved::Progress;
 
 use crate::battery::MAX_PACKS;
 use crate::rounding::round_to_i32;
@@ -35,14 +41,17 @@ const MONITOR_DISABLED: f32 = 0.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     values: ForEachParameter<f32>,
-    unsaved: ForEachParameter<bool>,
+    /// Of each value to flash.
+    progress: ForEachParameter<Progress>,
+    /// Of the last reset to flash.
+    reset: Progress,
     flash: Flash,
 }
 
 /// What is known of the values in flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Flash {
-    /// They are the live ones, where they are not unsaved or defaults.
+    /// They are the live ones, where those are not unsaved or defaults.
     AsLive,
     /// They were not read, and may be any.
     Unread,
@@ -58,7 +67,8 @@ impl Parameters {
     pub fn defaults() -> Self {
         Self {
             values: ForEachParameter::from_fn(ParameterId::default_value),
-            unsaved: ForEachParameter::default(),
+            progress: ForEachParameter::default(),
+            reset: Progress::Saved,
             flash: Flash::AsLive,
         }
     }
@@ -137,16 +147,19 @@ impl Parameters {
         }
     }
 
-    /// Sets the live value; a new one still has to be saved.
+    /// Sets the live value; one that is not in flash still has to be saved.
     ///
     /// # Errors
     /// The parameter does not take this value; the old one stays.
     pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), OutOfRange> {
         let id = id.into();
         let value = accept(id, value)?;
-        if self.flash == Flash::Unread || value.to_bits() != self.get(id).to_bits() {
+        let is_saved = self.flash == Flash::AsLive
+            && self.progress.get(id) == Progress::Saved
+            && value.to_bits() == self.get(id).to_bits();
+        if !is_saved {
             self.values.set(id, value);
-            self.unsaved.set(id, true);
+            self.progress.set(id, Progress::New);
         }
         Ok(())
     }
@@ -159,17 +172,6 @@ impl Parameters {
         let id = ParameterId::from_key(key).ok_or(OutOfRange)?;
         self.values.set(id, accept(id, value)?);
         Ok(())
-    }
-
-    /// A parameter whose live value is not in flash yet, and that value.
-    pub fn next_unsaved(&self) -> Option<(ParameterId, f32)> {
-        let id = ParameterId::all().find(|id| self.unsaved.get(*id))?;
-        Some((id, self.get(id)))
-    }
-
-    /// `value` is in flash now. If another one has been set meanwhile, that one still has to be saved.
-    pub fn mark_saved(&mut self, id: ParameterId, value: f32) {
-        self.unsaved.set(id, value.to_bits() != self.get(id).to_bits());
     }
 }
 
@@ -278,7 +280,7 @@ mod tests {
         let hidden = BatteryParameter::VoltMult.of(Pack::Ninth);
         assert_eq!(parameters.set(hidden, 11.0), Ok(()));
         assert_eq!(parameters.get(hidden), 11.0);
-        assert_eq!(parameters.next_unsaved(), Some((hidden, 11.0)));
+        assert_eq!(parameters.next_unsaved(), Some(Unsaved::Value(hidden, 11.0)));
         assert_eq!(parameters.get(VOLT_MULT), 3.95);
     }
 
@@ -303,40 +305,6 @@ mod tests {
             assert_eq!(parameters.set(EXTRA1, given), Ok(()));
             assert_eq!(parameters.get(EXTRA1), kept, "{given}");
         }
-    }
-
-    #[test]
-    fn only_a_changed_value_has_to_be_saved_and_once() {
-        let mut parameters = Parameters::defaults();
-        parameters.set(EXTRA1, 2.0).unwrap();
-        assert_eq!(parameters.next_unsaved(), None);
-        parameters.set(EXTRA1, 5.0).unwrap();
-        parameters.set(VOLT_MULT, 4.0).unwrap();
-        assert_eq!(parameters.next_unsaved(), Some((EXTRA1, 5.0)));
-        parameters.mark_saved(EXTRA1, 5.0);
-        assert_eq!(parameters.next_unsaved(), Some((VOLT_MULT, 4.0)));
-        parameters.mark_saved(VOLT_MULT, 4.0);
-        assert_eq!(parameters.next_unsaved(), None);
-    }
-
-    #[test]
-    fn with_stored_values_unread_a_default_has_to_be_saved_too() {
-        let mut parameters = Parameters::defaults();
-        parameters.leave_stored_unread();
-        assert_eq!(parameters.next_unsaved(), None);
-        parameters.set(EXTRA1, 2.0).unwrap();
-        assert_eq!(parameters.next_unsaved(), Some((EXTRA1, 2.0)));
-        parameters.mark_saved(EXTRA1, 2.0);
-        assert_eq!(parameters.next_unsaved(), None);
-    }
-
-    #[test]
-    fn a_value_that_changes_while_it_is_saved_is_saved_again() {
-        let mut parameters = Parameters::defaults();
-        parameters.set(EXTRA1, 5.0).unwrap();
-        parameters.set(EXTRA1, 6.0).unwrap();
-        parameters.mark_saved(EXTRA1, 5.0);
-        assert_eq!(parameters.next_unsaved(), Some((EXTRA1, 6.0)));
     }
 
     #[test]

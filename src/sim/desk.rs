@@ -6,8 +6,9 @@ use std::rc::Rc;
 
 use embassy_futures::join::{join, join_array, join3, join5};
 use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Ticker};
+use embassy_time::{Duration, Ticker, Timer};
 
+use super::tcp::POLL_MS;
 use super::{
     Client, Clients, LivingPack, PackModel, SimulatedBus, SimulatedFlash, SimulatedPack, SimulatedPackInput,
     SimulatedRover, TcpReceiver, UdpWire,
@@ -20,7 +21,7 @@ use crate::sensor::Buses;
 use crate::storage::Storage;
 use crate::tasks::{
     Link, Shared, SigningStorage, drive, keep_parameters, keep_signing, load_parameters, read_bus, read_esc,
-    reboot_requested, report_load, report_signing, sample_batteries, serve_link,
+    reboot_requested, refuse_link, report_load, report_signing, sample_batteries, serve_link,
 };
 use crate::vehicle::{Indication, Indicators};
 
@@ -73,7 +74,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
             ),
             join(
                 join_array([(); MAX_CLIENTS].map(|()| desk.serve(clients))),
-                desk.serve_udp(udp),
+                join(desk.refuse_surplus(clients), desk.serve_udp(udp)),
             ),
             desk.print_status(line_interval),
         );
@@ -82,6 +83,10 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
             Either::Second(()) => println!("Restarted."),
         }
     }
+}
+
+fn tcp_link() -> Link {
+    Link::new("TCP", LinkKind::Direct, LINK_BYTES_PER_SECOND)
 }
 
 struct Desk<'a> {
@@ -117,12 +122,32 @@ impl<'a> Desk<'a> {
                 receiver,
             } = clients.next().await;
             println!("{address} connected");
-            let link = Rc::new(Link::new("TCP", LinkKind::Direct, LINK_BYTES_PER_SECOND));
+            let link = Rc::new(tcp_link());
             self.links.borrow_mut().push(link.clone());
             serve_link(transmitter, receiver, &self.shared, &link, &UNWATCHED).await;
             self.links.borrow_mut().retain(|other| !Rc::ptr_eq(other, &link));
             println!("{address} disconnected");
         }
+    }
+
+    /// Refuses clients while all links are in use. Left to wait for one, their commands would be obeyed whenever that may
+    /// be.
+    async fn refuse_surplus(&self, clients: &Clients) -> ! {
+        loop {
+            while self.links.borrow().len() == MAX_CLIENTS
+                && let Some(client) = clients.try_next()
+            {
+                self.refuse(client).await;
+            }
+            Timer::after_millis(POLL_MS).await;
+        }
+    }
+
+    async fn refuse(&self, client: Client) {
+        println!("{} refused: all {MAX_CLIENTS} links are in use", client.address);
+        let reason = format!("Simulator: all {MAX_CLIENTS} links are in use");
+        refuse_link(client.transmitter, &self.shared, &tcp_link(), &reason, &UNWATCHED).await;
+        client.receiver.refuse();
     }
 
     /// Serves whoever listens at the other end of `wire`, or nobody.

@@ -1,10 +1,11 @@
 //! The part of the flash that is written while the firmware runs, in memory and optionally in a file.
 
 use std::cell::RefCell;
-use std::fs;
-use std::io;
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, ErrorKind, Read, Write};
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use embedded_storage_async::nor_flash::{
@@ -28,7 +29,7 @@ pub struct SimulatedFlash(Rc<RefCell<Chip>>);
 #[derive(Debug)]
 struct Chip {
     content: Vec<u8>,
-    file: Option<PathBuf>,
+    file: Option<ImageFile>,
 }
 
 /// The file that keeps the content can't be written.
@@ -44,24 +45,22 @@ impl NorFlashError for FileError {
 impl SimulatedFlash {
     /// A chip whose content is kept in `file`, or nowhere. A file that does not exist yet is an erased chip.
     ///
+    /// The file belongs to this chip until its last clone is dropped.
+    ///
     /// # Errors
-    /// The file can't be read, or is not an image of such a chip.
+    /// The file can't be read or written, is not an image of such a chip, or belongs to another one.
     pub fn open(file: Option<PathBuf>) -> io::Result<Self> {
-        let content = match file.as_ref().map(fs::read) {
-            Some(Ok(content)) if content.len() == FLASH_BYTES => content,
-            // From a simulator that knew no signing.
-            Some(Ok(mut content)) if content.len() == PARAMETER_BYTES => {
-                content.resize(FLASH_BYTES, ERASED);
-                content
+        let (file, content) = match file {
+            Some(path) => {
+                let file = ImageFile::claim(&path)?;
+                let content = file.read()?;
+                (Some(file), content)
             }
-            Some(Ok(_)) => {
-                return Err(io::Error::new(
-                    io::ErrorKind::InvalidData,
-                    "it is not a flash image",
-                ));
-            }
-            Some(Err(error)) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-            Some(Err(_)) | None => vec![ERASED; FLASH_BYTES],
+            None => (None, None),
+        };
+        let content = match content {
+            Some(content) => chip_content(content)?,
+            None => vec![ERASED; FLASH_BYTES],
         };
         Ok(Self(Rc::new(RefCell::new(Chip { content, file }))))
     }
@@ -73,20 +72,33 @@ impl SimulatedFlash {
     pub const SIGNING: Range<u32> = PARAMETER_BYTES as u32..FLASH_BYTES as u32;
 }
 
-impl Chip {
-    fn save(&self) -> Result<(), FileError> {
-        match &self.file {
-            Some(file) => fs::write(file, &self.content).map_err(FileError),
-            None => Ok(()),
-        }
+/// What a chip with this image holds.
+fn chip_content(mut image: Vec<u8>) -> io::Result<Vec<u8>> {
+    match image.len() {
+        FLASH_BYTES => {}
+        // From a simulator that knew no signing.
+        PARAMETER_BYTES => image.resize(FLASH_BYTES, ERASED),
+        _ => return Err(io::Error::new(ErrorKind::InvalidData, "it is not a flash image")),
     }
+    Ok(image)
+}
 
-    fn part(&mut self, from: u32, to: u32) -> Result<&mut [u8], FileError> {
-        let outside = || FileError(io::Error::from(io::ErrorKind::InvalidInput));
-        self.content
-            .get_mut(from as usize..to as usize)
-            .ok_or_else(outside)
+impl Chip {
+    /// Changes the content of a part, in the file first: if that fails, nothing has changed.
+    fn change(&mut self, from: u32, to: u32, change: impl FnOnce(&mut [u8])) -> Result<(), FileError> {
+        let mut content = self.content.clone();
+        let part = content.get_mut(from as usize..to as usize);
+        change(part.ok_or_else(outside)?);
+        if let Some(file) = &self.file {
+            file.replace(&content).map_err(FileError)?;
+        }
+        self.content = content;
+        Ok(())
     }
+}
+
+fn outside() -> FileError {
+    FileError(ErrorKind::InvalidInput.into())
 }
 
 impl ErrorType for SimulatedFlash {
@@ -97,8 +109,9 @@ impl ReadNorFlash for SimulatedFlash {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FileError> {
-        let mut chip = self.0.borrow_mut();
-        bytes.copy_from_slice(chip.part(offset, offset + bytes.len() as u32)?);
+        let chip = self.0.borrow();
+        let part = offset as usize..offset as usize + bytes.len();
+        bytes.copy_from_slice(chip.content.get(part).ok_or_else(outside)?);
         Ok(())
     }
 
@@ -113,16 +126,258 @@ impl NorFlash for SimulatedFlash {
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FileError> {
         let mut chip = self.0.borrow_mut();
-        chip.part(from, to)?.fill(ERASED);
-        chip.save()
+        chip.change(from, to, |part| part.fill(ERASED))
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FileError> {
         let mut chip = self.0.borrow_mut();
-        let part = chip.part(offset, offset + bytes.len() as u32)?;
-        for (cell, byte) in part.iter_mut().zip(bytes) {
-            *cell &= byte;
+        chip.change(offset, offset + bytes.len() as u32, |part| {
+            for (cell, byte) in part.iter_mut().zip(bytes) {
+                *cell &= byte;
+            }
+        })
+    }
+}
+
+/// A file that holds an image, whole at any moment, and that no other process changes.
+#[derive(Debug)]
+struct ImageFile {
+    path: PathBuf,
+    /// Where the next image is written before it takes the place of the last.
+    next: PathBuf,
+    /// A file beside the image, locked while this exists: the image itself is replaced, and a lock on it with it.
+    _lock: File,
+}
+
+impl ImageFile {
+    /// Claims the file at `path`, which need not exist yet.
+    fn claim(path: &Path) -> io::Result<Self> {
+        let path = resolved(path)?;
+        if path.exists() && !path.is_file() {
+            return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a file"));
         }
-        chip.save()
+        let lock = File::create(beside(&path, ".lock"))?;
+        lock.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => io::Error::new(ErrorKind::ResourceBusy, "another simulator uses it"),
+            TryLockError::Error(error) => error,
+        })?;
+        Ok(Self {
+            next: beside(&path, ".next"),
+            path,
+            _lock: lock,
+        })
+    }
+
+    /// The image; `None` if there is none yet.
+    fn read(&self) -> io::Result<Option<Vec<u8>>> {
+        // What may not be written is not replaced either.
+        let mut file = match OpenOptions::new().read(true).write(true).open(&self.path) {
+            Ok(file) => file,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        let mut image = Vec::new();
+        file.read_to_end(&mut image)?;
+        Ok(Some(image))
+    }
+
+    /// Puts another image in its place: until then the old one is there, whenever the process ends.
+    fn replace(&self, image: &[u8]) -> io::Result<()> {
+        let mut next = File::create(&self.next)?;
+        // There may be a key in it that others may not read.
+        if let Ok(last) = fs::metadata(&self.path) {
+            next.set_permissions(last.permissions())?;
+        }
+        next.write_all(image)?;
+        // Not the name before the content, if the machine goes down as well.
+        next.sync_all()?;
+        fs::rename(&self.next, &self.path)
+    }
+}
+
+/// The path of the file itself, without links on the way, so that every path to it gives the same.
+fn resolved(path: &Path) -> io::Result<PathBuf> {
+    if let Ok(existing) = fs::canonicalize(path) {
+        return Ok(existing);
+    }
+    let name = path
+        .file_name()
+        .ok_or_else(|| io::Error::new(ErrorKind::InvalidInput, "it has no file name"))?;
+    let folder = match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let folder = fs::canonicalize(folder)
+        .map_err(|error| io::Error::new(error.kind(), format!("its folder can't be used: {error}")))?;
+    Ok(folder.join(name))
+}
+
+fn beside(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = OsString::from(path);
+    name.push(suffix);
+    name.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::env::temp_dir;
+    use std::process;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    use embassy_futures::block_on;
+
+    use super::*;
+
+    /// A folder of this test's own, removed at its end.
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new() -> Self {
+            static NUMBER: AtomicU32 = AtomicU32::new(0);
+            let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+            let path = temp_dir().join(format!("rover-battmon-flash-{}-{number}", process::id()));
+            fs::create_dir(&path).expect("the folder is new");
+            Self(path)
+        }
+
+        fn image(&self) -> PathBuf {
+            self.0.join("flash.bin")
+        }
+
+        fn open(&self) -> io::Result<SimulatedFlash> {
+            SimulatedFlash::open(Some(self.image()))
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn byte_at(flash: &mut SimulatedFlash, offset: u32) -> u8 {
+        let mut byte = [0];
+        block_on(flash.read(offset, &mut byte)).expect("it is inside");
+        byte[0]
+    }
+
+    #[test]
+    fn what_was_written_is_there_again() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        block_on(flash.write(5, &[1])).unwrap();
+        drop(flash);
+        let mut flash = folder.open().unwrap();
+        assert_eq!((byte_at(&mut flash, 5), byte_at(&mut flash, 6)), (1, ERASED));
+    }
+
+    #[test]
+    fn an_image_is_replaced_whole_and_never_changed() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        block_on(flash.write(0, &[0xf0])).unwrap();
+        let mut before = File::open(folder.image()).unwrap();
+        block_on(flash.write(0, &[0x30])).unwrap();
+        let mut image = Vec::new();
+        before.read_to_end(&mut image).unwrap();
+        assert_eq!((image.len(), image[0]), (FLASH_BYTES, 0xf0));
+        assert_eq!(fs::read(folder.image()).unwrap()[0], 0x30);
+    }
+
+    #[test]
+    fn a_write_that_was_cut_short_leaves_the_image_before_it() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        block_on(flash.write(0, &[0xf0])).unwrap();
+        drop(flash);
+        fs::write(beside(&folder.image(), ".next"), [0; 100]).unwrap();
+        let mut flash = folder.open().unwrap();
+        assert_eq!(byte_at(&mut flash, 0), 0xf0);
+        block_on(flash.write(0, &[0x30])).unwrap();
+    }
+
+    #[test]
+    fn what_the_file_did_not_take_is_not_in_memory_either() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        block_on(flash.write(0, &[0xf0])).unwrap();
+        // No file can be written under the name of a folder.
+        let obstacle = beside(&folder.image(), ".next");
+        fs::create_dir(&obstacle).unwrap();
+        assert!(block_on(flash.write(0, &[0x30])).is_err());
+        assert!(block_on(flash.erase(0, SECTOR_BYTES as u32)).is_err());
+        assert_eq!(byte_at(&mut flash, 0), 0xf0);
+        assert_eq!(fs::read(folder.image()).unwrap()[0], 0xf0);
+
+        fs::remove_dir(&obstacle).unwrap();
+        block_on(flash.write(0, &[0x30])).unwrap();
+        assert_eq!(byte_at(&mut flash, 0), 0x30);
+    }
+
+    #[test]
+    fn a_file_belongs_to_one_chip_by_whatever_path() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        block_on(flash.write(0, &[0xf0])).unwrap();
+        let detour = folder
+            .0
+            .join("../")
+            .join(folder.0.file_name().unwrap())
+            .join("flash.bin");
+        for path in [folder.image(), detour] {
+            let error = SimulatedFlash::open(Some(path)).unwrap_err();
+            assert_eq!(error.to_string(), "another simulator uses it");
+        }
+        let clone = flash.clone();
+        drop(flash);
+        assert!(folder.open().is_err(), "a clone is the same chip");
+        drop(clone);
+        assert!(folder.open().is_ok());
+    }
+
+    #[test]
+    fn a_missing_folder_and_a_folder_for_a_file_are_refused_at_once() {
+        let folder = Folder::new();
+        for path in [
+            folder.0.join("missing/flash.bin"),
+            folder.0.clone(),
+            PathBuf::from("/"),
+        ] {
+            assert!(
+                SimulatedFlash::open(Some(path.clone())).is_err(),
+                "{}",
+                path.display()
+            );
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_no_image_is_refused_and_left_alone() {
+        let folder = Folder::new();
+        fs::write(folder.image(), "a shopping list").unwrap();
+        let error = folder.open().unwrap_err();
+        assert_eq!(error.to_string(), "it is not a flash image");
+        assert_eq!(fs::read(folder.image()).unwrap(), b"a shopping list");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_image_keeps_its_permissions_and_a_link_leads_to_it() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+
+        let folder = Folder::new();
+        drop(folder.open().unwrap());
+        fs::write(folder.image(), [ERASED; FLASH_BYTES]).unwrap();
+        fs::set_permissions(folder.image(), fs::Permissions::from_mode(0o600)).unwrap();
+        let link = folder.0.join("link");
+        symlink(folder.image(), &link).unwrap();
+        let mut flash = SimulatedFlash::open(Some(link.clone())).unwrap();
+        block_on(flash.write(0, &[0xf0])).unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(
+            fs::metadata(folder.image()).unwrap().permissions().mode() & 0o777,
+            0o600
+        );
+        assert_eq!(fs::read(folder.image()).unwrap()[0], 0xf0);
     }
 }

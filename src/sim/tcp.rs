@@ -10,7 +10,7 @@ use crate::tasks::{ByteSource, ReceiveError};
 
 /// How often a socket that was not ready is asked again, in milliseconds of simulated time. The simulator polls its few
 /// sockets instead of running an event loop for them.
-const POLL_MS: u64 = 5;
+pub(super) const POLL_MS: u64 = 5;
 
 /// Clients that have connected and wait for a link.
 pub struct Clients {
@@ -41,12 +41,17 @@ impl Clients {
     /// Waits for the next client.
     pub async fn next(&self) -> Client {
         loop {
-            match self.listener.accept().and_then(Client::new) {
-                Ok(client) => return client,
-                // A client that is gone before it was served is no reason to stop.
-                Err(_) => Timer::after_millis(POLL_MS).await,
+            if let Some(client) = self.try_next() {
+                return client;
             }
+            Timer::after_millis(POLL_MS).await;
         }
+    }
+
+    /// The next client, if one has connected.
+    pub fn try_next(&self) -> Option<Client> {
+        // A client that is gone before it was served is no reason to stop.
+        self.listener.accept().and_then(Client::new).ok()
     }
 }
 
@@ -88,6 +93,16 @@ impl Write for TcpTransmitter {
 
 /// The wire from one client.
 pub struct TcpReceiver(TcpStream);
+
+impl TcpReceiver {
+    /// Ends the connection. What the client has sent by now is never handled.
+    pub fn refuse(mut self) {
+        const DISCARDED_BYTES: usize = 65_536;
+        // Closed with something unread, a connection is reset, and with it goes what the client has not read yet. One that
+        // sends more than this only loses the reason.
+        let _ = io::Read::read(&mut self.0, &mut [0; DISCARDED_BYTES]);
+    }
+}
 
 impl ByteSource for TcpReceiver {
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {

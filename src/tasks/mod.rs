@@ -34,7 +34,7 @@ pub use link::Link;
 pub use pulses::follow_pulses;
 pub use reader::{ByteSource, ReceiveError, read_frames};
 pub use reboot::reboot_requested;
-pub use serve::serve_link;
+pub use serve::{refuse_link, serve_link};
 pub use shared::Shared;
 pub use signing::{SigningStorage, keep_signing, report_signing};
 pub use status::{IdleTime, report_status};

@@ -13,6 +13,7 @@ use crate::liveness::CheckIn;
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Action, Event};
+use crate::parameter::Parameters;
 
 /// Bytes handled in one go.
 const CHUNK_BYTES: usize = 64;
@@ -154,9 +155,7 @@ fn react(event: Event, shared: &Shared, link: &Link) {
         Event::Driven => shared.to_drive.signal(()),
         Event::ListRequested => {
             link.with(|endpoint| endpoint.say(MavSeverity::MAV_SEVERITY_INFO, BANNER));
-            for (severity, text) in shared.notices() {
-                link.with(|endpoint| endpoint.say(severity, text));
-            }
+            shared.say_notices(link);
         }
         Event::ParameterSet(id) => {
             let value = shared.parameter(id);
@@ -216,7 +215,7 @@ fn act(action: Action, shared: &Shared) {
     match action {
         Action::Reboot => shared.to_reboot.signal(()),
         Action::ResetParameters => {
-            shared.to_clear.set(true);
+            shared.with_parameters(Parameters::reset);
             shared.to_save.signal(());
         }
         Action::ResetBatteries { mask, percent } => shared.request_battery_reset(mask, percent),

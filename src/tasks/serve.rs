@@ -1,10 +1,12 @@
-//! A link that comes and goes with whoever is at its other end.
+//! A link that comes and goes with the program at its other end.
 
-use embassy_futures::select::select3;
+use embassy_futures::select::{select, select3};
+use embassy_futures::yield_now;
 use embedded_io_async::Write;
 
 use super::{ByteSource, Link, Shared, read_frames, schedule_telemetry, write_frames};
 use crate::liveness::CheckIn;
+use crate::mavlink::dialect::MavSeverity;
 
 /// Schedules, writes and reads `link` until the wire is closed or fails in either direction.
 pub async fn serve_link(
@@ -20,4 +22,22 @@ pub async fn serve_link(
         read_frames(receiver, shared, link, check_in),
     )
     .await;
+}
+
+/// Says on a link that has just been opened why it is not served, and nothing else. Nothing is read from it.
+pub async fn refuse_link(
+    transmitter: impl Write,
+    shared: &Shared,
+    link: &Link,
+    reason: &str,
+    check_in: &CheckIn,
+) {
+    link.with(|endpoint| endpoint.say(MavSeverity::MAV_SEVERITY_ERROR, reason));
+    let taken = async {
+        while !link.is_idle() {
+            yield_now().await;
+        }
+    };
+    // What is taken has been written: a new link has room for so little.
+    select(write_frames(transmitter, shared, link, check_in), taken).await;
 }

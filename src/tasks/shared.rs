@@ -6,19 +6,20 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use heapless::Vec;
 
+use super::Link;
 use super::announcements::{Announcements, Listener};
 use crate::battery::{BatteryState, MAX_PACKS, Measurement, PackStatus, ReadError};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Signing, SystemState};
-use crate::parameter::{Pack, ParameterId, Parameters};
+use crate::parameter::{Pack, ParameterId, Parameters, save_failure_text};
 use crate::sensor::{Pulses, Samples};
 use crate::vehicle::Vehicle;
 
-/// Things said about the start; one each for the parameters, the reset and the failsafes would do.
-const MAX_NOTICES: usize = 4;
+/// Texts about the start; one each for the parameters, the signing key and the failsafes would do.
+const MAX_START_NOTICES: usize = 4;
 
-/// Something every ground station should know about the start.
-pub type Notice = (MavSeverity, &'static str);
+/// Something that is reported to every ground station, whenever it connects.
+type Notice = (MavSeverity, &'static str);
 
 /// The values that more than one task uses.
 ///
@@ -33,17 +34,14 @@ pub struct Shared {
     parameters: RefCell<Parameters>,
     vehicle: RefCell<Vehicle>,
     signing: RefCell<Signing>,
-    notices: Cell<Vec<Notice, MAX_NOTICES>>,
+    start_notices: Cell<Vec<Notice, MAX_START_NOTICES>>,
     announcements: Announcements,
     /// The motors may have to be told something else.
     pub(super) to_drive: Signal<NoopRawMutex, ()>,
     /// Parameters have to be written to flash.
     pub(super) to_save: Signal<NoopRawMutex, ()>,
-    /// Everything stored has to be forgotten.
-    pub(super) to_clear: Cell<bool>,
     /// Another signing key has to be written to flash.
     pub(super) to_save_signing: Signal<NoopRawMutex, ()>,
-    pub(super) storage_busy: Cell<bool>,
     /// A ground station asks for a restart.
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
     /// A ground station gave a sign of life.
@@ -65,13 +63,11 @@ impl Shared {
             parameters: in_place(|| parameters.clone()),
             vehicle: RefCell::new(Vehicle::new()),
             signing: RefCell::new(signing),
-            notices: Cell::new(Vec::new()),
+            start_notices: Cell::new(Vec::new()),
             announcements: Announcements::new(),
             to_drive: Signal::new(),
             to_save: Signal::new(),
-            to_clear: Cell::new(false),
             to_save_signing: Signal::new(),
-            storage_busy: Cell::new(false),
             to_reboot: Signal::new(),
             ground_station_heard: Signal::new(),
         }
@@ -186,12 +182,12 @@ impl Shared {
         })
     }
 
-    /// Tells every ground station, those that connect later too.
+    /// Reports something about the start to every ground station, also to those that connect later.
     pub fn notice(&self, severity: MavSeverity, text: &'static str) {
-        let mut notices = self.notices.take();
+        let mut notices = self.start_notices.take();
         // One too many is not worth more than the log, where it stands anyway.
         let _ = notices.push((severity, text));
-        self.notices.set(notices);
+        self.start_notices.set(notices);
         self.announce(severity, text);
     }
 
@@ -207,17 +203,24 @@ impl Shared {
         self.announcements.listen()
     }
 
-    pub(super) fn notices(&self) -> Vec<Notice, MAX_NOTICES> {
-        let notices = self.notices.take();
-        self.notices.set(notices.clone());
-        notices
+    /// Says on a link what a ground station that connects now has to know: about the start, and that parameters can't be
+    /// saved while that lasts.
+    pub(super) fn say_notices(&self, link: &Link) {
+        let notices = self.start_notices.take();
+        let failure = self.with_parameters(|parameters| parameters.save_failure());
+        let failure = failure.map(|error| (MavSeverity::MAV_SEVERITY_CRITICAL, save_failure_text(error)));
+        link.with(|endpoint| {
+            for (severity, text) in notices.iter().copied().chain(failure) {
+                endpoint.say(severity, text);
+            }
+        });
+        self.start_notices.set(notices);
     }
 
-    /// Whether a value that was set is not in flash yet.
+    /// Whether a value that was set still has to be written to flash. What could not be written and waits for its retry
+    /// does not count.
     pub(super) fn has_unsaved(&self) -> bool {
-        self.storage_busy.get()
-            || self.to_clear.get()
-            || self.with_signing(|signing| signing.is_key_unsaved())
+        self.with_signing(|signing| signing.is_key_unsaved())
             || self.with_parameters(|parameters| parameters.next_unsaved().is_some())
     }
 }

@@ -7,15 +7,14 @@ use super::{Shared, mark};
 use crate::liveness::CheckIn;
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
-use crate::parameter::Parameters;
+use crate::parameter::{Parameters, SAVE_RETRY_INTERVAL_US, SaveFailures, Unsaved, save_failure_text};
 use crate::storage::{Storage, StorageError};
 
 /// How often the task is seen while there is nothing to save.
 const IDLE_CHECK: Duration = Duration::from_secs(1);
 
-/// Before what could not be written is tried again without being asked: a worn sector won't recover, and each try stops
-/// everything for the time of an erase.
-pub(super) const RETRY_INTERVAL: Duration = Duration::from_secs(60);
+/// Before what could not be written is tried again without being asked.
+pub(super) const RETRY_INTERVAL: Duration = Duration::from_micros(SAVE_RETRY_INTERVAL_US);
 
 const TOO_MANY_RESETS: &str = "5 quick resets: started with default parameters";
 
@@ -38,7 +37,7 @@ pub async fn load_parameters<F: NorFlash>(
         .await
 }
 
-/// Tells ground stations and the log what `load_parameters` found; `None` if it was not asked because of too many resets.
+/// Reports to ground stations and the log what `load_parameters` found; `None` if it was not asked because of too many resets.
 pub fn report_load(shared: &Shared, result: Option<Result<(), StorageError>>) {
     match result {
         Some(Ok(())) => info!("parameters loaded"),
@@ -56,60 +55,57 @@ pub fn report_load(shared: &Shared, result: Option<Result<(), StorageError>>) {
     }
 }
 
-/// Writes what was set to flash, and clears it when asked to.
+/// Writes what was set to flash, and clears it when the parameters were reset.
 ///
 /// A value is live and acknowledged before it is written. An erase of the flash stops everything for 45 ms, typically;
 /// the others get their turn after each operation.
 pub async fn keep_parameters<F: NorFlash>(mut storage: Storage<F>, shared: &Shared, check_in: &CheckIn) -> ! {
-    let mut retry_at = Instant::MAX;
-    let mut failure_said = false;
+    let mut failures = SaveFailures::default();
     loop {
         mark(check_in);
         let asked = with_timeout(IDLE_CHECK, shared.to_save.wait()).await.is_ok();
-        if !asked && Instant::now() < retry_at {
-            continue;
+        let retry = failures.take_retry(Instant::now().as_micros());
+        if retry {
+            shared.with_parameters(Parameters::retry_failed);
         }
-        shared.storage_busy.set(true);
-        let result = save(&mut storage, shared, check_in).await;
-        shared.storage_busy.set(false);
-        retry_at = Instant::MAX;
-        if let Err(error) = result {
-            warn!("parameter storage: {:?}", error);
-            retry_at = Instant::now() + RETRY_INTERVAL;
-            if !failure_said {
-                failure_said = true;
-                shared.notice(MavSeverity::MAV_SEVERITY_CRITICAL, failure_text(error));
-            }
+        if asked || retry {
+            save(&mut storage, shared, &mut failures, check_in).await;
         }
-    }
-}
-
-/// What an owner is told of values that are live and can't be saved.
-fn failure_text(error: StorageError) -> &'static str {
-    match error {
-        StorageError::Full => "Parameters can't be saved: too many changed",
-        StorageError::Flash | StorageError::Corrupt => "Parameters can't be saved: flash worn out?",
+        if let Some(error) = failures.take_report(Instant::now().as_micros()) {
+            shared.announce(MavSeverity::MAV_SEVERITY_CRITICAL, save_failure_text(error));
+        }
     }
 }
 
 async fn save<F: NorFlash>(
     storage: &mut Storage<F>,
     shared: &Shared,
+    failures: &mut SaveFailures,
     check_in: &CheckIn,
-) -> Result<(), StorageError> {
-    if shared.to_clear.take() {
-        shared.with_parameters(|parameters| *parameters = Parameters::defaults());
-        if let Err(error) = storage.clear().await {
-            shared.to_clear.set(true);
-            return Err(error);
+) {
+    while let Some(unsaved) = shared.with_parameters(|parameters| parameters.next_unsaved()) {
+        match write(storage, unsaved).await {
+            Ok(()) => shared.with_parameters(|parameters| parameters.mark_saved(unsaved)),
+            Err(error) => {
+                warn!("parameter storage: {:?}", error);
+                let news = shared.with_parameters(|parameters| parameters.mark_failed(unsaved, error));
+                failures.add(news, Instant::now().as_micros());
+            }
         }
-        info!("parameters reset to defaults");
-    }
-    while let Some((id, value)) = shared.with_parameters(|parameters| parameters.next_unsaved()) {
-        storage.store(id.key(), value.to_bits()).await?;
-        shared.with_parameters(|parameters| parameters.mark_saved(id, value));
-        info!("{} saved", id.name().as_str());
         mark(check_in);
+    }
+}
+
+async fn write<F: NorFlash>(storage: &mut Storage<F>, unsaved: Unsaved) -> Result<(), StorageError> {
+    match unsaved {
+        Unsaved::Reset => {
+            storage.clear().await?;
+            info!("stored parameters cleared");
+        }
+        Unsaved::Value(id, value) => {
+            storage.store(id.key(), value.to_bits()).await?;
+            info!("{} saved", id.name().as_str());
+        }
     }
     Ok(())
 }

@@ -25,13 +25,25 @@ def free_port():
         return probe.getsockname()[1]
 
 
+def simulator_command(port, *arguments):
+    return ["cargo", "run", "--quiet", "--", "--tcp", f"127.0.0.1:{port}", *arguments]
+
+
+def failed_start(*arguments):
+    """What the simulator prints when it refuses to start."""
+    command = simulator_command(free_port(), *arguments)
+    ended = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 1 and ended.stdout == "", ended
+    return ended.stderr
+
+
 class Simulator:
     """The simulator as its user starts it."""
 
     def __init__(self, *arguments, port=None):
         self.port = port or free_port()
         self.process = subprocess.Popen(
-            ["cargo", "run", "--quiet", "--", "--tcp", f"127.0.0.1:{self.port}", *arguments],
+            simulator_command(self.port, *arguments),
             cwd=REPOSITORY,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

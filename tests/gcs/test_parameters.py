@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import pytest
 from pymavlink import mavutil
 
+from conftest import failed_start
 from station import command, command_int, connect, is_about, rate_of, read, receive, set_to
 
 mavlink = mavutil.mavlink
@@ -108,6 +109,34 @@ def test_what_was_set_outlasts_a_restart_and_the_simulator(start_simulator, tmp_
     assert command(vehicle, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 2) == mavlink.MAV_RESULT_ACCEPTED
     time.sleep(0.5)
     assert read(vehicle, "SR0_EXTRA1").param_value == 2
+
+
+def test_a_flash_file_belongs_to_one_simulator_at_a_time(start_simulator, tmp_path):
+    flash = str(tmp_path / "flash")
+    first = start_simulator("--flash", flash)
+    set_to(connect(first.url), "SR0_EXTRA1", 4)
+    assert failed_start("--flash", flash) == f"Can't use the flash file {flash}: another simulator uses it.\n"
+    first.kill()
+    assert read(connect(start_simulator("--flash", flash).url), "SR0_EXTRA1").param_value == 4
+
+
+def test_a_flash_file_that_can_not_be_written_is_refused_at_the_start(tmp_path):
+    flash = str(tmp_path / "missing" / "flash")
+    printed = failed_start("--flash", flash)
+    assert printed.startswith(f"Can't use the flash file {flash}: its folder can't be used: "), printed
+
+
+def test_a_simulator_that_is_killed_while_it_saves_starts_again(start_simulator, tmp_path):
+    flash = str(tmp_path / "flash")
+    for _ in range(5):
+        simulator = start_simulator("--flash", flash)
+        vehicle = connect(simulator.url)
+        assert read(vehicle, "SR0_EXTRA1").param_value in range(2, 12)
+        for value in range(200):
+            vehicle.param_set_send("SR0_EXTRA1", 2 + value % 10)
+        time.sleep(0.05)
+        simulator.kill()
+        vehicle.close()
 
 
 def test_damaged_storage_is_said(start_simulator, tmp_path):

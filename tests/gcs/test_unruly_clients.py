@@ -96,6 +96,49 @@ def test_one_that_stops_reading(simulator):
     stuck.close()
 
 
+MAX_CLIENTS = 8
+
+ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+
+
+def arm_and_drive():
+    station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+    arm = station.command_long_encode(1, 1, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, 0, 0, 0, 0, 0, 0)
+    drive = station.manual_control_encode(1, 0, 0, 1000, 0, 0)
+    return arm.pack(station) + drive.pack(station)
+
+
+def received_until_the_end(client):
+    """The messages that come until the other end closes the connection."""
+    client.settimeout(3)
+    received = b""
+    while part := client.recv(4096):
+        received += part
+    return mavlink.MAVLink(None).parse_buffer(received) or []
+
+
+def test_one_too_many_is_refused_with_a_reason_and_never_obeyed(simulator):
+    served = [open_socket(simulator) for _ in range(MAX_CLIENTS)]
+    for client in served:
+        client.settimeout(3)
+        assert client.recv(4096), "it is served"
+
+    for _ in range(3):
+        refused = open_socket(simulator)
+        refused.sendall(arm_and_drive())
+        (text,) = received_until_the_end(refused)
+        assert text.get_type() == "STATUSTEXT", text
+        assert (text.text, text.severity) == ("Simulator: all 8 links are in use", mavlink.MAV_SEVERITY_ERROR)
+        assert (text.get_srcSystem(), text.get_srcComponent()) == (1, 1)
+
+    served[0].close()
+    time.sleep(0.5)
+    watcher = connect(simulator.url)
+    states = [message.base_mode for message in messages_of(watcher, 3) if message.get_type() == "HEARTBEAT"]
+    assert states and not any(state & ARMED for state in states), states
+    assert read(watcher, "SR0_EXTRA1").get_type() == "PARAM_VALUE"
+
+
 def flood(simulator, next_bytes):
     """Sends as fast as it goes, and reads what is answered."""
     client = open_socket(simulator)
