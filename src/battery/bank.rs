@@ -1,7 +1,7 @@
 //! Up to nine packs.
 
 use super::sum::{SumVoltage, sum};
-use super::{BatteryMonitor, FailsafeLevel, MAX_PACKS, Measurement, PackMemory, ReadError};
+use super::{BatteryMonitor, Contents, FailsafeLevel, MAX_PACKS, Measurement, PackMemory, ReadError};
 
 /// The monitors of all packs, by instance.
 #[derive(Clone, Debug, Default)]
@@ -36,7 +36,12 @@ impl BatteryBank {
         let members = (0u8..)
             .zip(&self.monitors)
             .filter(move |(instance, _)| is_member(*instance));
-        sum(members.map(|(_, monitor)| monitor.state()), voltage)
+        let measurement = sum(members.clone().map(|(_, monitor)| monitor.state()), voltage)?;
+        let charged = members.filter(|(_, monitor)| monitor.state().contents == Contents::Charge);
+        Ok(Measurement {
+            members: charged.fold(0, |mask, (instance, _)| mask | 1 << instance),
+            ..measurement
+        })
     }
 
     /// The worst failsafe level of all packs.
