@@ -38,8 +38,8 @@ pub enum ArmState {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observation<'a> {
     pub tick: Tick,
-    /// Since the tick before, in microseconds.
-    pub dt_us: u64,
+    /// Since the tick before, in microseconds (saturating).
+    pub dt_us: u32,
     pub last_healthy_us: Option<u64>,
     /// The state by this tick's reading; `None` if that has failed or no pack is connected, whatever is known from before.
     pub state: Option<&'a BatteryState>,
@@ -68,12 +68,12 @@ enum ReachedBy {
 
 /// A voltage that was seen below a threshold for so long stays below while it is unknown; a wire that breaks passes
 /// through any voltage, but not for so long.
-const LOW_FOR_SURE_US: u64 = 1_000_000;
+const LOW_FOR_SURE_US: u32 = 1_000_000;
 
 /// For how long a voltage has been below a threshold.
 #[derive(Clone, Copy, Debug, Default)]
 struct Timer {
-    below_us: Option<u64>,
+    below_us: Option<u32>,
 }
 
 /// How a voltage compares with a threshold.
@@ -97,7 +97,9 @@ impl Comparison {
 impl Timer {
     /// Whether the voltage has been below for more than `limit_us`. Only a voltage that is known starts the timer, lets it
     /// run out or resets it.
-    fn has_run_out(&mut self, dt_us: u64, comparison: Comparison, limit_us: Option<u64>) -> bool {
+    // Inlined, it would be written out once for each threshold.
+    #[inline(never)]
+    fn has_run_out(&mut self, dt_us: u32, comparison: Comparison, limit_us: Option<u32>) -> bool {
         self.below_us = match (comparison, self.below_us) {
             (Comparison::NotBelow, _) => None,
             (Comparison::Below, None) => Some(0),
@@ -156,25 +158,22 @@ impl Failsafe {
             self.reached_by = ReachedBy::ThisPack;
             return;
         };
+        if self.reached_by == ReachedBy::ThisPack || seen.resting_v.is_none() {
+            return;
+        }
+        let remaining_mah = estimated_mah(state);
         let is_above = |thresholds: &Thresholds| {
-            let is_reached = |value: Option<f32>, threshold: Option<f32>| {
-                threshold.is_none_or(|threshold| value.is_some_and(|value| value >= threshold))
-            };
-            is_reached(seen.resting_v, thresholds.voltage_v)
-                && is_reached(estimated_mah(state), thresholds.remaining_mah)
+            is_known_above(seen.resting_v, thresholds.voltage_v)
+                && is_known_above(remaining_mah, thresholds.remaining_mah)
         };
-        if self.reached_by == ReachedBy::PackBefore
-            && seen.resting_v.is_some()
-            && is_above(&settings.low)
-            && is_above(&settings.critical)
-        {
+        if [settings.low, settings.critical].iter().all(is_above) {
             self.clear();
         }
     }
 
     fn evaluate(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> FailsafeLevel {
         let (low, critical) = (&settings.low, &settings.critical);
-        let limit_us = settings.timer_s.map(|timer_s| (timer_s * 1e6) as u64);
+        let limit_us = settings.timer_s.map(|timer_s| (timer_s * 1e6) as u32);
         let voltage_v = seen.state.and_then(|state| voltage_v(state, settings));
         let is_low_voltage = |timer: &mut Timer, thresholds: &Thresholds| {
             let comparison = Comparison::of(voltage_v, thresholds.voltage_v);
@@ -205,6 +204,11 @@ pub(super) fn is_below(value: Option<f32>, threshold: Option<f32>) -> bool {
         .is_some_and(|(value, threshold)| value < threshold)
 }
 
+/// Whether the value is known and not below the threshold, if there is one.
+fn is_known_above(value: Option<f32>, threshold: Option<f32>) -> bool {
+    threshold.is_none() || value.is_some() && !is_below(value, threshold)
+}
+
 /// The voltage the thresholds are compared with.
 pub(super) fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Option<f32> {
     match settings.voltage_source {
@@ -230,7 +234,7 @@ fn estimated_mah(state: &BatteryState) -> Option<f32> {
 mod tests {
     use super::*;
 
-    const TICK_US: u64 = 100_000;
+    const TICK_US: u32 = 100_000;
 
     fn settings() -> FailsafeSettings {
         FailsafeSettings {
@@ -274,7 +278,7 @@ mod tests {
     ) -> Vec<(u64, FailsafeLevel)> {
         let mut raised = Vec::new();
         for tick in 0..seconds * 10 {
-            let now_us = from_s * 1_000_000 + tick * TICK_US;
+            let now_us = from_s * 1_000_000 + tick * u64::from(TICK_US);
             if let Some(level) = failsafe.update(&seen(now_us, arm_state, Some(state)), &settings()) {
                 raised.push((tick / 10, level));
             }
@@ -353,7 +357,7 @@ mod tests {
         };
         let mut failsafe = Failsafe::default();
         for tick in 0..300 {
-            let now_us = tick * TICK_US;
+            let now_us = tick * u64::from(TICK_US);
             let observation = seen(now_us, ArmState::Armed, Some(&sagging));
             assert_eq!(failsafe.update(&observation, &resting), None);
         }
@@ -365,7 +369,7 @@ mod tests {
         let mut raised = Vec::new();
         for tick in 0..ticks {
             let state = at(tick).map(at_voltage);
-            let observation = seen(tick * TICK_US, ArmState::Armed, state.as_ref());
+            let observation = seen(tick * u64::from(TICK_US), ArmState::Armed, state.as_ref());
             raised.extend(
                 failsafe
                     .update(&observation, &settings())
@@ -484,7 +488,11 @@ mod tests {
             let mut failsafe = critical();
             failsafe.replace_pack(Replacement::Certain);
             failsafe.update(&seen(0, arm_state, state.as_ref()), &settings());
-            assert_eq!(rest(&mut failsafe, &full), FailsafeLevel::Critical, "{arm_state:?}");
+            assert_eq!(
+                rest(&mut failsafe, &full),
+                FailsafeLevel::Critical,
+                "{arm_state:?}"
+            );
         }
     }
 }

@@ -156,7 +156,12 @@ mod tests {
         let mut reporter = HealthReporter::default();
         let mut reports = Vec::new();
         for _ in 0..60 {
-            reports.extend(contact(&mut reporter, PackStatus::NotConnected, ArmState::Armed, 1));
+            reports.extend(contact(
+                &mut reporter,
+                PackStatus::NotConnected,
+                ArmState::Armed,
+                1,
+            ));
             reports.extend(contact(&mut reporter, PackStatus::Healthy, ArmState::Armed, 89));
         }
         assert_eq!(reports, [PackEvent::ContactLost]);
@@ -178,7 +183,12 @@ mod tests {
         let mut reporter = HealthReporter::default();
         contact(&mut reporter, PackStatus::NotConnected, ArmState::Armed, 1);
         let failed = (0..1000).filter_map(|_| {
-            reporter.contact(0.1, PackStatus::Healthy, Some(ReadError::Timeout), ArmState::Armed)
+            reporter.contact(
+                0.1,
+                PackStatus::Healthy,
+                Some(ReadError::Timeout),
+                ArmState::Armed,
+            )
         });
         assert_eq!(failed.count(), 0);
     }

@@ -151,11 +151,10 @@ impl BatteryMonitor {
             }
         };
         let status = self.state.status;
-        let reports = [
-            self.health.sensor(dt_s, status, error),
-            self.health.contact(dt_s, status, error, tick.arm_state),
-        ];
-        for event in reports.into_iter().flatten() {
+        if let Some(event) = self.health.sensor(dt_s, status, error) {
+            push(&mut events, event);
+        }
+        if let Some(event) = self.health.contact(dt_s, status, error, tick.arm_state) {
             push(&mut events, event);
         }
         let freshness = match (error, status) {
@@ -174,8 +173,7 @@ impl BatteryMonitor {
     fn ingest_details(&mut self, arm_state: ArmState, measurement: &Measurement, events: &mut PackEvents) {
         let serial_number = measurement.details.serial_number;
         if let Some(replacement) = self.serial_number.update(serial_number, arm_state) {
-            // What is known of voltages is of the battery before.
-            self.swap = SwapDetector::new();
+            self.swap.forget();
             self.replace_pack(replacement, events);
         }
         if self.serial_number.fits(serial_number) {
@@ -372,7 +370,7 @@ impl BatteryMonitor {
         }
         let observation = Observation {
             tick,
-            dt_us,
+            dt_us: u32::try_from(dt_us).unwrap_or(u32::MAX),
             last_healthy_us: self.last_healthy_us,
             state: match freshness {
                 Freshness::OfThisTick => Some(state),

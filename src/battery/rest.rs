@@ -30,6 +30,12 @@ impl Rest {
         }
     }
 
+    /// As if nothing had been read yet.
+    pub fn restart(&mut self) {
+        self.smoothed.restart();
+        self.duration_s = 0.0;
+    }
+
     /// Takes a reading, and returns the voltage if it has rested for `REST_S`. What happened in a longer pause between
     /// readings is not known.
     pub fn update(&mut self, dt_s: f32, voltage_v: f32, current_a: Option<f32>) -> Option<f32> {

@@ -47,9 +47,11 @@ impl SwapDetector {
 
     /// There was no voltage of a pack for `dt_s` seconds.
     pub fn lose_contact(&mut self, dt_s: f32, arm_state: ArmState) {
-        self.rest = Rest::new();
         match arm_state {
-            ArmState::Disarmed => self.gone_s += dt_s,
+            ArmState::Disarmed => {
+                self.rest.restart();
+                self.gone_s += dt_s;
+            }
             ArmState::Armed => self.forget_rest(),
         }
     }
@@ -71,7 +73,9 @@ impl SwapDetector {
         let resting_v = self.rest.update(dt_s, voltage_v, current_a)?;
         let was_gone = core::mem::take(&mut self.gone_s) > GONE_S;
         let before_v = self.resting_v.replace(resting_v)?;
-        let highest_v = self.highest_v.map_or(before_v, |highest_v| highest_v.max(before_v));
+        let highest_v = self
+            .highest_v
+            .map_or(before_v, |highest_v| highest_v.max(before_v));
         self.highest_v = Some(highest_v);
         let is_other = was_gone && (resting_v - before_v).abs() > RECOVERY * before_v;
         is_other.then(|| {
@@ -88,8 +92,15 @@ impl SwapDetector {
         self.rest.voltage_v()
     }
 
+    /// What is known of voltages is of another pack.
+    pub fn forget(&mut self) {
+        self.forget_rest();
+        self.highest_v = None;
+    }
+
+    #[inline(never)]
     fn forget_rest(&mut self) {
-        self.rest = Rest::new();
+        self.rest.restart();
         self.gone_s = 0.0;
         self.resting_v = None;
     }

@@ -47,7 +47,9 @@ impl SystemState<'_> {
         let members = |mask: u16| {
             let packs = (0..u16::BITS).zip(self.batteries);
             let named = packs.filter(move |(instance, _)| mask & 1 << instance != 0);
-            named.fold(mask, |mask, (_, battery)| mask | battery.members & self.monitored_mask())
+            named.fold(mask, |mask, (_, battery)| {
+                mask | battery.members & self.monitored_mask()
+            })
         };
         // A sum may be of sums, each of which adds a pack at least.
         self.batteries.iter().fold(mask, |mask, _| members(mask))

@@ -176,7 +176,11 @@ fn a_battery_reset_is_read_back_exactly() {
 fn a_reset_of_a_sum_reaches_its_packs() {
     let mut parameters = WITH_CURRENT.to_vec();
     // A tank is no part of the sum.
-    parameters.extend([("BATT2_MONITOR", 10.0), ("BATT2_SUM_MASK", 5.0), ("BATT2_CAPACITY", 2200.0)]);
+    parameters.extend([
+        ("BATT2_MONITOR", 10.0),
+        ("BATT2_SUM_MASK", 5.0),
+        ("BATT2_CAPACITY", 2200.0),
+    ]);
     parameters.extend([("BATT3_MONITOR", 11.0), ("BATT3_CAPACITY", 1000.0)]);
     let mut bench = Bench::configured(HALF_FULL_3S, &parameters);
     for percent in [56, 97, 0, 100] {
@@ -188,7 +192,11 @@ fn a_reset_of_a_sum_reaches_its_packs() {
         for instance in [0, 1] {
             let status = last_of(&frames, instance);
             assert_eq!(status.remaining_pct(), percent, "pack {instance}");
-            assert_eq!(status.consumed_mah(), 22 * (100 - i32::from(percent)), "pack {instance}");
+            assert_eq!(
+                status.consumed_mah(),
+                22 * (100 - i32::from(percent)),
+                "pack {instance}"
+            );
         }
         assert_eq!(last_of(&frames, 2).remaining_pct(), 100, "the tank");
     }

@@ -250,7 +250,13 @@ fn a_pack_that_rests_elsewhere_after_a_lost_contact_is_another_one() {
         bench.run(60.0, loaded(11.1, 5.0));
         bench.run(5.0, loaded(11.2, 0.0));
         bench.run(2.0, loaded(0.3, 0.0));
-        assert!(bench.run(1.5, loaded(rests_at_v, 0.2)).consumed_mah.expect("counted") > 80.0);
+        assert!(
+            bench
+                .run(1.5, loaded(rests_at_v, 0.2))
+                .consumed_mah
+                .expect("counted")
+                > 80.0
+        );
         let state = bench.run(1.0, loaded(rests_at_v, 0.2));
         assert_eq!(bench.events, [PackEvent::Swapped], "{rests_at_v}");
         assert!(state.consumed_mah.expect("counted") < 0.1);
@@ -635,7 +641,11 @@ fn another_serial_number_is_another_pack_once_it_was_read_five_times() {
 #[test]
 fn a_serial_number_that_is_misread_or_read_while_armed_is_no_other_pack() {
     let other = with_serial_number(4712, 11.7);
-    for between in [Ok(smart(11.7)), Ok(with_serial_number(4713, 11.7)), Err(ReadError::Checksum)] {
+    for between in [
+        Ok(smart(11.7)),
+        Ok(with_serial_number(4713, 11.7)),
+        Err(ReadError::Checksum),
+    ] {
         let mut bench = Bench::new();
         bench.tick(Ok(smart(11.7)));
         bench.events.clear();
@@ -935,13 +945,16 @@ struct Evidence {
 
 impl Evidence {
     fn take(&mut self, arm_state: ArmState, reading: Result<Measurement, ReadError>) {
-        let connected = reading.ok().filter(|m| m.voltage_v.is_some_and(|v| v >= MIN_CONNECTED_VOLTAGE_V));
+        let connected = reading
+            .ok()
+            .filter(|m| m.voltage_v.is_some_and(|v| v >= MIN_CONNECTED_VOLTAGE_V));
         let read = reading.ok().and_then(|m| m.details.serial_number);
         let known = *self.serial_number.get_or_insert(read.unwrap_or(-1));
         if known == -1 {
             self.serial_number = read;
         }
-        let is_other = arm_state == ArmState::Disarmed && read.is_some_and(|read| known != -1 && read != known);
+        let is_other =
+            arm_state == ArmState::Disarmed && read.is_some_and(|read| known != -1 && read != known);
         self.other_in_a_row = if is_other { self.other_in_a_row + 1 } else { 0 };
         if self.other_in_a_row >= 5 {
             (self.is_other_serial, self.serial_number, self.other_in_a_row) = (true, read, 0);
