@@ -66,3 +66,26 @@ impl BatteryBank {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::{PackSettings, Tick};
+
+    #[test]
+    fn the_members_of_a_sum_are_packs_that_hold_charge() {
+        let mut bank = BatteryBank::new();
+        for (instance, contents) in [(1, Contents::Charge), (2, Contents::Fuel), (3, Contents::Charge)] {
+            let reading = Measurement {
+                contents,
+                voltage_v: Some(12.0),
+                ..Measurement::default()
+            };
+            let monitor = bank.monitor(instance).expect("a pack");
+            monitor.update(Tick::default(), Ok(reading), &PackSettings::default());
+        }
+        let members = |mask| bank.sum(0, mask, SumVoltage::Mean).map(|sum| sum.members);
+        assert_eq!(members(0b1111), Ok(0b1010));
+        assert_eq!(members(0b1110), Ok(0b1010));
+    }
+}

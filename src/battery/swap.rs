@@ -78,13 +78,12 @@ impl SwapDetector {
             .map_or(before_v, |highest_v| highest_v.max(before_v));
         self.highest_v = Some(highest_v);
         let is_other = was_gone && (resting_v - before_v).abs() > RECOVERY * before_v;
-        is_other.then(|| {
-            if resting_v > highest_v * (1.0 + RECOVERY) {
-                Replacement::Certain
-            } else {
-                Replacement::Likely
-            }
-        })
+        let replacement = if resting_v > highest_v * (1.0 + RECOVERY) {
+            Replacement::Certain
+        } else {
+            Replacement::Likely
+        };
+        is_other.then_some(replacement)
     }
 
     /// The voltage at which the pack rests now, if it does.
