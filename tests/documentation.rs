@@ -284,6 +284,8 @@ fn pack_events() -> Vec<PackEvent> {
         PackEvent::CellsDetected { count: 3 },
         PackEvent::CellsUnclear { voltage_v: 8.85 },
         PackEvent::Swapped,
+        PackEvent::ContactLost,
+        PackEvent::ContactBack,
         gap(Some(3.0)),
         gap(None),
         PackEvent::SensorBack,

@@ -88,6 +88,7 @@ impl Stage {
                 self.tick_pack(now_us, number, pack);
             }
         }
+        self.vehicle.follow_batteries(self.bank.worst_failsafe());
         let settings = VehicleSettings::from_parameters(&self.parameters);
         self.vehicle.update(now_us, &settings);
         self.drives.push((time_s, drive(self.vehicle.drives().left)));
@@ -152,6 +153,8 @@ impl Stage {
             }
         }
         assert_eq!(levels, [], "{name}: not expected");
+        let unexpected = story.unexpected(&self.texts, TOLERANCE_S);
+        assert!(unexpected.is_empty(), "{name}: not expected: {unexpected:?}");
     }
 }
 

@@ -1,7 +1,7 @@
 //! Up to nine packs.
 
 use super::sum::{SumVoltage, sum};
-use super::{BatteryMonitor, FailsafeLevel, MAX_PACKS, Measurement, PackMemory, ReadError};
+use super::{BatteryMonitor, Contents, FailsafeLevel, MAX_PACKS, Measurement, PackMemory, ReadError};
 
 /// The monitors of all packs, by instance.
 #[derive(Clone, Debug, Default)]
@@ -36,7 +36,12 @@ impl BatteryBank {
         let members = (0u8..)
             .zip(&self.monitors)
             .filter(move |(instance, _)| is_member(*instance));
-        sum(members.map(|(_, monitor)| monitor.state()), voltage)
+        let measurement = sum(members.clone().map(|(_, monitor)| monitor.state()), voltage)?;
+        let charged = members.filter(|(_, monitor)| monitor.state().contents == Contents::Charge);
+        Ok(Measurement {
+            members: charged.fold(0, |mask, (instance, _)| mask | 1 << instance),
+            ..measurement
+        })
     }
 
     /// The worst failsafe level of all packs.
@@ -59,5 +64,28 @@ impl BatteryBank {
         for (monitor, pack) in self.monitors.iter_mut().zip(memory) {
             monitor.restore(pack);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::{PackSettings, Tick};
+
+    #[test]
+    fn the_members_of_a_sum_are_packs_that_hold_charge() {
+        let mut bank = BatteryBank::new();
+        for (instance, contents) in [(1, Contents::Charge), (2, Contents::Fuel), (3, Contents::Charge)] {
+            let reading = Measurement {
+                contents,
+                voltage_v: Some(12.0),
+                ..Measurement::default()
+            };
+            let monitor = bank.monitor(instance).expect("a pack");
+            monitor.update(Tick::default(), Ok(reading), &PackSettings::default());
+        }
+        let members = |mask| bank.sum(0, mask, SumVoltage::Mean).map(|sum| sum.members);
+        assert_eq!(members(0b1111), Ok(0b1010));
+        assert_eq!(members(0b1110), Ok(0b1010));
     }
 }

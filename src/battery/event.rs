@@ -21,6 +21,10 @@ pub enum PackEvent {
     },
     /// Another pack was put in: estimates and consumption start over.
     Swapped,
+    /// The pack of an armed rover is not connected any more.
+    ContactLost,
+    /// It has been connected for a while again.
+    ContactBack,
     /// The current was not measured for a while.
     Gap(Gap),
     /// Its sensor has failed repeatedly; this is why, the last time.
@@ -50,6 +54,8 @@ impl fmt::Display for PackEvent {
                 write!(f, "cells unclear at {}V: set BATT_CELLS", Hundredths(*voltage_v))
             }
             Self::Swapped => f.write_str("swapped: estimates restarted"),
+            Self::ContactLost => f.write_str("not connected"),
+            Self::ContactBack => f.write_str("connected again"),
             Self::Gap(Gap {
                 duration_s,
                 counted_mah: Some(counted_mah),

@@ -1,7 +1,8 @@
 //! When a pack is too low to go on.
 
-use super::BatteryState;
 use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
+use super::swap::Replacement;
+use super::{BatteryState, Tick};
 
 /// A pack that its sensor has not seen for longer is unhealthy, in microseconds: ArduPilot's 5 s.
 const UNHEALTHY_AFTER_US: u64 = 5_000_000;
@@ -33,29 +34,86 @@ pub enum ArmState {
     Armed,
 }
 
-/// Decides the failsafe level of a pack: it only ever rises, until the battery is reset.
+/// What a tick has shown of a pack.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Observation<'a> {
+    pub tick: Tick,
+    /// Since the tick before, in microseconds (saturating).
+    pub dt_us: u32,
+    pub last_healthy_us: Option<u64>,
+    /// The state by this tick's reading; `None` if that has failed or no pack is connected, whatever is known from before.
+    pub state: Option<&'a BatteryState>,
+    /// The voltage at which the pack rests, in volts, if it does.
+    pub resting_v: Option<f32>,
+}
+
+/// Decides the failsafe level of a pack. It only rises, until the battery is reset or another pack disproves it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Failsafe {
     level: FailsafeLevel,
+    reached_by: ReachedBy,
     low: Timer,
     critical: Timer,
 }
 
-/// How long a condition has lasted.
+/// Which pack has reached the level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum ReachedBy {
+    /// The one that is in, as far as is known.
+    #[default]
+    ThisPack,
+    /// The one before. The one that is in has not been armed yet, and had contact ever since.
+    PackBefore,
+}
+
+/// A voltage that was seen below a threshold for so long stays below while it is unknown; a wire that breaks passes
+/// through any voltage, but not for so long.
+const LOW_FOR_SURE_US: u32 = 1_000_000;
+
+/// For how long a voltage has been below a threshold.
 #[derive(Clone, Copy, Debug, Default)]
 struct Timer {
-    since_us: Option<u64>,
+    below_us: Option<u32>,
+}
+
+/// How a voltage compares with a threshold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Comparison {
+    Unknown,
+    Below,
+    NotBelow,
+}
+
+impl Comparison {
+    fn of(voltage_v: Option<f32>, threshold_v: Option<f32>) -> Self {
+        match voltage_v {
+            None => Self::Unknown,
+            Some(_) if is_below(voltage_v, threshold_v) => Self::Below,
+            Some(_) => Self::NotBelow,
+        }
+    }
 }
 
 impl Timer {
-    /// Whether the condition has lasted for more than `limit_s`.
-    fn has_run_out(&mut self, now_us: u64, condition: bool, limit_s: f32) -> bool {
-        if !condition {
-            self.since_us = None;
-            return false;
-        }
-        let since_us = *self.since_us.get_or_insert(now_us);
-        now_us.saturating_sub(since_us) > (limit_s * 1e6) as u64
+    /// Whether the voltage has been below for more than `limit_us`. Only a voltage that is known starts the timer, lets it
+    /// run out or resets it.
+    // Inlined, it would be written out once for each threshold.
+    #[inline(never)]
+    fn has_run_out(&mut self, dt_us: u32, comparison: Comparison, limit_us: Option<u32>) -> bool {
+        self.below_us = match (comparison, self.below_us) {
+            (Comparison::NotBelow, _) => None,
+            (Comparison::Below, None) => Some(0),
+            (Comparison::Unknown, Some(below_us)) if below_us >= LOW_FOR_SURE_US => {
+                Some(below_us.saturating_add(dt_us))
+            }
+            (Comparison::Below, Some(below_us)) => Some(below_us.saturating_add(dt_us)),
+            (Comparison::Unknown, before) => before,
+        };
+        let is_out = self
+            .below_us
+            .zip(limit_us)
+            .is_some_and(|(below_us, limit_us)| below_us > limit_us);
+        is_out && comparison == Comparison::Below
     }
 }
 
@@ -65,21 +123,16 @@ impl Failsafe {
     }
 
     /// The level this tick raises it to, if it does.
-    pub fn update(
-        &mut self,
-        now_us: u64,
-        last_healthy_us: Option<u64>,
-        arm_state: ArmState,
-        state: &BatteryState,
-        settings: &FailsafeSettings,
-    ) -> Option<FailsafeLevel> {
-        if arm_state == ArmState::Disarmed {
+    pub fn update(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> Option<FailsafeLevel> {
+        if seen.tick.arm_state == ArmState::Disarmed {
             // A dip before disarming must not count when the rover is armed again.
             self.low = Timer::default();
             self.critical = Timer::default();
+            self.release(seen, settings);
             return None;
         }
-        let level = self.evaluate(now_us, last_healthy_us, state, settings);
+        self.reached_by = ReachedBy::ThisPack;
+        let level = self.evaluate(seen, settings);
         (level > self.level).then(|| {
             self.level = level;
             level
@@ -91,31 +144,52 @@ impl Failsafe {
         *self = Self::default();
     }
 
-    fn evaluate(
-        &mut self,
-        now_us: u64,
-        last_healthy_us: Option<u64>,
-        state: &BatteryState,
-        settings: &FailsafeSettings,
-    ) -> FailsafeLevel {
-        let is_low_voltage =
-            |thresholds: &Thresholds| is_below(voltage_v(state, settings), thresholds.voltage_v);
-        let is_low_charge =
-            |thresholds: &Thresholds| is_below(remaining_mah(state), thresholds.remaining_mah);
-        let (low, critical) = (&settings.low, &settings.critical);
-        let (low_voltage, critical_voltage) = match settings.timer_s {
-            Some(timer_s) => (
-                self.low.has_run_out(now_us, is_low_voltage(low), timer_s),
-                self.critical
-                    .has_run_out(now_us, is_low_voltage(critical), timer_s),
-            ),
-            None => (false, false),
+    /// Another pack is in.
+    pub fn replace_pack(&mut self, replacement: Replacement) {
+        self.reached_by = match replacement {
+            Replacement::Certain => ReachedBy::PackBefore,
+            Replacement::Likely => ReachedBy::ThisPack,
         };
-        if critical_voltage || is_low_charge(critical) {
+    }
+
+    /// Clears a level that another pack has reached, once the one that is in rests above all thresholds.
+    fn release(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) {
+        let Some(state) = seen.state else {
+            self.reached_by = ReachedBy::ThisPack;
+            return;
+        };
+        if self.reached_by == ReachedBy::ThisPack || seen.resting_v.is_none() {
+            return;
+        }
+        let remaining_mah = estimated_mah(state);
+        let is_above = |thresholds: &Thresholds| {
+            is_known_above(seen.resting_v, thresholds.voltage_v)
+                && is_known_above(remaining_mah, thresholds.remaining_mah)
+        };
+        if [settings.low, settings.critical].iter().all(is_above) {
+            self.clear();
+        }
+    }
+
+    fn evaluate(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> FailsafeLevel {
+        let (low, critical) = (&settings.low, &settings.critical);
+        let limit_us = settings.timer_s.map(|timer_s| (timer_s * 1e6) as u32);
+        let voltage_v = seen.state.and_then(|state| voltage_v(state, settings));
+        let is_low_voltage = |timer: &mut Timer, thresholds: &Thresholds| {
+            let comparison = Comparison::of(voltage_v, thresholds.voltage_v);
+            timer.has_run_out(seen.dt_us, comparison, limit_us)
+        };
+        let (low_voltage, critical_voltage) = (
+            is_low_voltage(&mut self.low, low),
+            is_low_voltage(&mut self.critical, critical),
+        );
+        let remaining_mah = seen.state.and_then(remaining_mah);
+        let silent_us = seen.tick.now_us.saturating_sub(seen.last_healthy_us.unwrap_or(0));
+        if critical_voltage || is_below(remaining_mah, critical.remaining_mah) {
             FailsafeLevel::Critical
-        } else if low_voltage || is_low_charge(low) {
+        } else if low_voltage || is_below(remaining_mah, low.remaining_mah) {
             FailsafeLevel::Low
-        } else if now_us.saturating_sub(last_healthy_us.unwrap_or(0)) > UNHEALTHY_AFTER_US {
+        } else if silent_us > UNHEALTHY_AFTER_US {
             FailsafeLevel::Unhealthy
         } else {
             FailsafeLevel::None
@@ -128,6 +202,11 @@ pub(super) fn is_below(value: Option<f32>, threshold: Option<f32>) -> bool {
     value
         .zip(threshold)
         .is_some_and(|(value, threshold)| value < threshold)
+}
+
+/// Whether the value is known and not below the threshold, if there is one.
+fn is_known_above(value: Option<f32>, threshold: Option<f32>) -> bool {
+    threshold.is_none() || value.is_some() && !is_below(value, threshold)
 }
 
 /// The voltage the thresholds are compared with.
@@ -143,17 +222,19 @@ pub(super) fn remaining_mah(state: &BatteryState) -> Option<f32> {
     let capacity_mah = state.capacity_mah?;
     // As in ArduPilot, thresholds of charge are for packs whose current is measured.
     let consumed_mah = state.consumed_mah?;
-    Some(match state.remaining_pct {
-        Some(remaining_pct) => capacity_mah * remaining_pct / 100.0,
-        None => capacity_mah - consumed_mah,
-    })
+    Some(estimated_mah(state).unwrap_or(capacity_mah - consumed_mah))
+}
+
+/// What is left by the state of charge.
+fn estimated_mah(state: &BatteryState) -> Option<f32> {
+    Some(state.capacity_mah? * state.remaining_pct? / 100.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const TICK_US: u64 = 100_000;
+    const TICK_US: u32 = 100_000;
 
     fn settings() -> FailsafeSettings {
         FailsafeSettings {
@@ -177,6 +258,16 @@ mod tests {
         }
     }
 
+    fn seen(now_us: u64, arm_state: ArmState, state: Option<&BatteryState>) -> Observation<'_> {
+        Observation {
+            tick: Tick { now_us, arm_state },
+            dt_us: TICK_US,
+            last_healthy_us: Some(now_us),
+            state,
+            resting_v: None,
+        }
+    }
+
     /// Lets `seconds` of ticks pass and returns the seconds after which a level was reached.
     fn run(
         failsafe: &mut Failsafe,
@@ -187,8 +278,8 @@ mod tests {
     ) -> Vec<(u64, FailsafeLevel)> {
         let mut raised = Vec::new();
         for tick in 0..seconds * 10 {
-            let now_us = from_s * 1_000_000 + tick * TICK_US;
-            if let Some(level) = failsafe.update(now_us, Some(now_us), arm_state, state, &settings()) {
+            let now_us = from_s * 1_000_000 + tick * u64::from(TICK_US);
+            if let Some(level) = failsafe.update(&seen(now_us, arm_state, Some(state)), &settings()) {
                 raised.push((tick / 10, level));
             }
         }
@@ -243,8 +334,13 @@ mod tests {
     #[test]
     fn a_sensor_that_is_silent_for_more_than_five_seconds_is_unhealthy() {
         let mut failsafe = Failsafe::default();
-        let mut at =
-            |now_us| failsafe.update(now_us, Some(0), ArmState::Armed, &at_voltage(12.0), &settings());
+        let mut at = |now_us| {
+            let silent = Observation {
+                last_healthy_us: Some(0),
+                ..seen(now_us, ArmState::Armed, None)
+            };
+            failsafe.update(&silent, &settings())
+        };
         assert_eq!(at(5_000_000), None);
         assert_eq!(at(5_100_000), Some(FailsafeLevel::Unhealthy));
     }
@@ -261,10 +357,141 @@ mod tests {
         };
         let mut failsafe = Failsafe::default();
         for tick in 0..300 {
-            let now_us = tick * TICK_US;
+            let now_us = tick * u64::from(TICK_US);
+            let observation = seen(now_us, ArmState::Armed, Some(&sagging));
+            assert_eq!(failsafe.update(&observation, &resting), None);
+        }
+    }
+
+    /// Lets ticks pass, each with the voltage `at` has for it, and returns those at which a level was reached.
+    fn levels(ticks: u64, at: impl Fn(u64) -> Option<f32>) -> Vec<(u64, FailsafeLevel)> {
+        let mut failsafe = Failsafe::default();
+        let mut raised = Vec::new();
+        for tick in 0..ticks {
+            let state = at(tick).map(at_voltage);
+            let observation = seen(tick * u64::from(TICK_US), ArmState::Armed, state.as_ref());
+            raised.extend(
+                failsafe
+                    .update(&observation, &settings())
+                    .map(|level| (tick, level)),
+            );
+        }
+        raised
+    }
+
+    #[test]
+    fn an_unknown_voltage_does_not_hold_a_low_one_up() {
+        let always = levels(200, |_| Some(9.0));
+        assert_eq!(always, [(101, FailsafeLevel::Critical)]);
+        let flickering = levels(200, |tick| (tick % 90 != 50).then_some(9.0));
+        assert_eq!(flickering, always);
+    }
+
+    #[test]
+    fn a_voltage_that_is_mostly_unknown_trips_all_the_same() {
+        // Known once a second: ten seconds until it is low for sure, and nine more.
+        let raised = levels(1000, |tick| (tick % 10 == 0).then_some(9.0));
+        let [(tick, FailsafeLevel::Critical)] = raised[..] else {
+            panic!("{raised:?}");
+        };
+        assert!(tick <= 210, "{tick}");
+    }
+
+    #[test]
+    fn a_wire_that_breaks_and_makes_trips_nothing() {
+        // What is read in the tick of a break is anything between the pack's voltage and none.
+        let breaks = |tick| match tick % 300 {
+            100 | 250 => Some(6.0),
+            101..250 => None,
+            _ => Some(12.0),
+        };
+        assert_eq!(levels(3000, breaks), []);
+    }
+
+    #[test]
+    fn only_a_known_voltage_lets_the_timer_run_out() {
+        let raised = levels(500, |tick| (!(50..300).contains(&tick)).then_some(9.0));
+        assert_eq!(raised, [(300, FailsafeLevel::Critical)]);
+    }
+
+    #[test]
+    fn a_threshold_that_is_turned_off_and_on_again_does_not_remember() {
+        let off = FailsafeSettings {
+            timer_s: None,
+            ..settings()
+        };
+        let mut failsafe = Failsafe::default();
+        run(&mut failsafe, 0, 9, ArmState::Armed, &at_voltage(9.0));
+        failsafe.update(&seen(0, ArmState::Armed, Some(&at_voltage(12.0))), &off);
+        assert_eq!(run(&mut failsafe, 20, 9, ArmState::Armed, &at_voltage(9.0)), []);
+    }
+
+    fn critical() -> Failsafe {
+        let mut failsafe = Failsafe::default();
+        run(&mut failsafe, 0, 20, ArmState::Armed, &at_voltage(9.0));
+        assert_eq!(failsafe.level(), FailsafeLevel::Critical);
+        failsafe
+    }
+
+    /// A pack of 1000 mAh.
+    fn at_rest(resting_v: f32, remaining_pct: Option<f32>) -> (f32, BatteryState) {
+        let state = BatteryState {
+            capacity_mah: Some(1000.0),
+            consumed_mah: Some(0.0),
+            remaining_pct,
+            ..at_voltage(resting_v)
+        };
+        (resting_v, state)
+    }
+
+    fn rest(failsafe: &mut Failsafe, (resting_v, state): &(f32, BatteryState)) -> FailsafeLevel {
+        let observation = Observation {
+            resting_v: Some(*resting_v),
+            ..seen(0, ArmState::Disarmed, Some(state))
+        };
+        failsafe.update(&observation, &settings());
+        failsafe.level()
+    }
+
+    #[test]
+    fn another_pack_clears_a_level_only_if_it_rests_above_all_thresholds() {
+        for (pack, expected) in [
+            (at_rest(9.8, Some(90.0)), FailsafeLevel::Critical),
+            (at_rest(10.4, Some(90.0)), FailsafeLevel::Critical),
+            (at_rest(12.0, Some(30.0)), FailsafeLevel::Critical),
+            // An unknown charge disproves nothing.
+            (at_rest(12.0, None), FailsafeLevel::Critical),
+            (at_rest(12.0, Some(90.0)), FailsafeLevel::None),
+        ] {
+            let mut failsafe = critical();
+            failsafe.replace_pack(Replacement::Certain);
+            assert_eq!(rest(&mut failsafe, &pack), expected, "{pack:?}");
+        }
+    }
+
+    #[test]
+    fn a_pack_that_may_be_the_same_clears_nothing() {
+        let full = at_rest(12.6, Some(100.0));
+        let mut failsafe = critical();
+        assert_eq!(rest(&mut failsafe, &full), FailsafeLevel::Critical);
+        failsafe.replace_pack(Replacement::Likely);
+        assert_eq!(rest(&mut failsafe, &full), FailsafeLevel::Critical);
+    }
+
+    #[test]
+    fn a_pack_has_to_disprove_before_its_contact_is_lost_or_it_is_armed() {
+        let full = at_rest(12.6, Some(100.0));
+        for (arm_state, state) in [
+            (ArmState::Disarmed, None),
+            (ArmState::Armed, Some(at_voltage(12.6))),
+        ] {
+            let mut failsafe = critical();
+            failsafe.replace_pack(Replacement::Certain);
+            failsafe.update(&seen(0, arm_state, state.as_ref()), &settings());
             assert_eq!(
-                failsafe.update(now_us, Some(now_us), ArmState::Armed, &sagging, &resting),
-                None
+                rest(&mut failsafe, &full),
+                FailsafeLevel::Critical,
+                "{arm_state:?}"
             );
         }
     }

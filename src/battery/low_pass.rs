@@ -19,6 +19,11 @@ impl LowPass {
         self.value
     }
 
+    /// The next value is the first one.
+    pub fn restart(&mut self) {
+        self.value = None;
+    }
+
     /// Takes a value that has lasted for `dt_s` seconds, and returns the smoothed one.
     pub fn update(&mut self, dt_s: f32, input: f32) -> f32 {
         let share = self.pace.share_of_step(dt_s);

@@ -37,6 +37,8 @@ pub struct Measurement {
     pub details: PackDetails,
     /// Whether the pack is about to be switched off.
     pub supply: Supply,
+    /// The packs it is the sum of, one bit for each instance, bit 0 for the first; 0 for a sensor.
+    pub members: u16,
 }
 
 /// Whether a pack is about to be switched off.

@@ -6,10 +6,10 @@ use super::charge_state::{ChargeStateMachine, Signs};
 use super::consumption::Consumption;
 use super::diagnosis::Diagnosis;
 use super::estimator::{Estimator, Reading};
-use super::failsafe::{ArmState, Failsafe};
-use super::health::HealthNews;
+use super::failsafe::{ArmState, Failsafe, Observation};
+use super::health::HealthReporter;
 use super::settings::PackSettings;
-use super::swap::SwapDetector;
+use super::swap::{Replacement, SerialNumber, SwapDetector};
 use super::{
     BatteryState, ChargeSource, Consumed, Contents, Counted, Faults, Gauge, Measurement, PackEvent,
     PackMemory, PackStatus, ReadError, Supply,
@@ -32,8 +32,9 @@ const HIGHEST_CHARGE_MAH: f32 = 10_000_000.0;
 const HIGHEST_ENERGY_WH: f32 = 1_000_000.0;
 const LOWEST_CAPACITY_MAH: f32 = 1.0;
 
-/// What can happen to a pack in one tick: cells detected, swapped, a gap, its sensor failed or back, switched off, a failsafe.
-pub const MAX_EVENTS: usize = 6;
+/// What can happen to a pack in one tick: cells detected, swapped, a gap, its sensor failed or back, its contact lost or
+/// back, switched off, a failsafe.
+pub const MAX_EVENTS: usize = 7;
 
 /// What happened to a pack in one tick.
 pub type PackEvents = Vec<PackEvent, MAX_EVENTS>;
@@ -59,14 +60,24 @@ pub struct BatteryMonitor {
     last_voltage_v: Option<f32>,
     /// What the pack's own gauge told last.
     gauge: Option<Gauge>,
-    health_news: HealthNews,
+    health: HealthReporter,
     supply: Supply,
     consumption: Consumption,
     estimator: Estimator,
     swap: SwapDetector,
+    serial_number: SerialNumber,
     diagnosis: Diagnosis,
     charge_state: ChargeStateMachine,
     failsafe: Failsafe,
+}
+
+/// Whether this tick's reading was a good one of a connected pack.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Freshness {
+    /// It was, and the state shows it.
+    OfThisTick,
+    /// It was not: the state keeps what was known before, or nothing.
+    Kept,
 }
 
 /// The last good reading.
@@ -89,11 +100,12 @@ impl BatteryMonitor {
             last_healthy_us: None,
             last_voltage_v: None,
             gauge: None,
-            health_news: HealthNews::default(),
+            health: HealthReporter::default(),
             supply: Supply::Stays,
             consumption: Consumption::default(),
             estimator: Estimator::new(),
             swap: SwapDetector::new(),
+            serial_number: SerialNumber::default(),
             diagnosis: Diagnosis::default(),
             charge_state: ChargeStateMachine::default(),
             failsafe: Failsafe::default(),
@@ -110,7 +122,7 @@ impl BatteryMonitor {
         self.failed_reads
     }
 
-    /// Takes one reading, good or failed, and tells what happened. What is known afterwards is [`state`](Self::state).
+    /// Takes one reading, good or failed, and returns what happened. What is known afterwards is [`state`](Self::state).
     pub fn update(
         &mut self,
         tick: Tick,
@@ -124,7 +136,7 @@ impl BatteryMonitor {
         let dt_s = tick_us as f32 * 1e-6;
         let error = match reading.and_then(plausible) {
             Ok(measurement) => {
-                self.listen(&measurement, &mut events);
+                self.ingest_details(tick.arm_state, &measurement, &mut events);
                 let settings = self.informed(settings);
                 self.accept(tick, dt_us, &measurement, &settings, &mut events);
                 self.last = Some(Last {
@@ -138,27 +150,41 @@ impl BatteryMonitor {
                 Some(error)
             }
         };
-        if let Some(event) = self.health_news.update(dt_s, self.state.status, error) {
+        let status = self.state.status;
+        if let Some(event) = self.health.sensor(dt_s, status, error) {
             push(&mut events, event);
         }
-        self.judge(tick, dt_s, &self.informed(settings), &mut events);
+        if let Some(event) = self.health.contact(dt_s, status, error, tick.arm_state) {
+            push(&mut events, event);
+        }
+        let freshness = match (error, status) {
+            (None, PackStatus::Healthy) => Freshness::OfThisTick,
+            _ => Freshness::Kept,
+        };
+        // The packs of a sum come and go; it is none that can be changed itself.
+        if freshness == Freshness::Kept && error != Some(ReadError::NoMember) {
+            self.swap.lose_contact(dt_s, tick.arm_state);
+        }
+        self.judge(tick, tick_us, freshness, &self.informed(settings), &mut events);
         (events, error)
     }
 
-    /// Takes what a smart battery tells of itself. Another serial number is another pack.
-    fn listen(&mut self, measurement: &Measurement, events: &mut PackEvents) {
-        let before = self.state.details.serial_number;
-        let now = measurement.details.serial_number;
-        if before.is_some() && now.is_some() && before != now {
-            self.restart();
-            push(events, PackEvent::Swapped);
+    /// Takes what a smart battery reports of itself. Details under another serial number wait until that is confirmed.
+    fn ingest_details(&mut self, arm_state: ArmState, measurement: &Measurement, events: &mut PackEvents) {
+        let serial_number = measurement.details.serial_number;
+        if let Some(replacement) = self.serial_number.update(serial_number, arm_state) {
+            self.swap.forget();
+            self.replace_pack(replacement, events);
+        }
+        if self.serial_number.fits(serial_number) {
+            self.state.details = measurement.details;
         }
         if self.supply != measurement.supply && measurement.supply == Supply::SwitchingOff {
             push(events, PackEvent::SwitchingOff);
         }
         self.supply = measurement.supply;
         self.state.contents = measurement.contents;
-        self.state.details = measurement.details;
+        self.state.members = measurement.members;
         self.state.cells = measurement.cells;
         self.gauge = measurement.gauge;
     }
@@ -196,15 +222,14 @@ impl BatteryMonitor {
             .voltage_v
             .is_some_and(|voltage_v| voltage_v < MIN_CONNECTED_VOLTAGE_V)
         {
-            self.disconnected(reading.dt_s);
+            self.disconnected();
             return;
         }
         self.state.status = PackStatus::Healthy;
         self.last_healthy_us = Some(tick.now_us);
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
-        if self.is_other_pack(tick, &reading) {
-            self.restart();
-            push(events, PackEvent::Swapped);
+        if let Some(replacement) = self.watch_for_swap(&reading) {
+            self.replace_pack(replacement, events);
         }
         if let Some(gap) = self.count(dt_us, measurement) {
             push(events, PackEvent::Gap(gap));
@@ -216,8 +241,7 @@ impl BatteryMonitor {
     }
 
     /// Without a pack the pin's voltage is not a pack voltage: unknown, not a flat battery.
-    fn disconnected(&mut self, dt_s: f32) {
-        self.swap.gone(dt_s);
+    fn disconnected(&mut self) {
         self.state.status = PackStatus::NotConnected;
         self.state.voltage_v = None;
         self.state.resting_voltage_v = None;
@@ -229,21 +253,23 @@ impl BatteryMonitor {
         self.diagnosis = Diagnosis::default();
     }
 
-    fn is_other_pack(&mut self, tick: Tick, reading: &Reading) -> bool {
+    fn watch_for_swap(&mut self, reading: &Reading) -> Option<Replacement> {
         let Some(voltage_v) = reading.voltage_v else {
-            return false;
+            self.swap.lose_contact(reading.dt_s, reading.arm_state);
+            return None;
         };
         self.swap
-            .is_other_pack(reading.dt_s, voltage_v, reading.current_a, tick.arm_state)
+            .update(reading.dt_s, voltage_v, reading.current_a, reading.arm_state)
     }
 
-    /// Forgets what was estimated and counted, for another pack.
-    fn restart(&mut self) {
+    /// Another pack is in: what was estimated and counted starts over. Its failsafe level stays until it is disproved.
+    fn replace_pack(&mut self, replacement: Replacement, events: &mut PackEvents) {
         self.consumption = Consumption::default();
         self.estimator = Estimator::new();
-        self.failsafe.clear();
+        self.failsafe.replace_pack(replacement);
         self.charge_state = ChargeStateMachine::default();
         self.last = None;
+        push(events, PackEvent::Swapped);
     }
 
     fn count(&mut self, dt_us: u64, measurement: &Measurement) -> Option<super::Gap> {
@@ -315,6 +341,7 @@ impl BatteryMonitor {
     }
 
     fn reject(&mut self) {
+        self.serial_number.miss();
         self.failed_reads = self.failed_reads.saturating_add(1);
         if self.failed_reads >= FAILED_READS_UNTIL_UNHEALTHY {
             self.state.status = PackStatus::Unhealthy;
@@ -322,7 +349,15 @@ impl BatteryMonitor {
     }
 
     /// What follows from the state, after a good reading or a failed one.
-    fn judge(&mut self, tick: Tick, dt_s: f32, settings: &PackSettings, events: &mut PackEvents) {
+    fn judge(
+        &mut self,
+        tick: Tick,
+        dt_us: u64,
+        freshness: Freshness,
+        settings: &PackSettings,
+        events: &mut PackEvents,
+    ) {
+        let dt_s = dt_us as f32 * 1e-6;
         let state = &mut self.state;
         state.chemistry = settings.chemistry;
         state.capacity_mah = settings.capacity_mah;
@@ -333,13 +368,17 @@ impl BatteryMonitor {
         if state.status == PackStatus::Healthy {
             state.faults = self.diagnosis.update(dt_s, state, settings);
         }
-        let raised = self.failsafe.update(
-            tick.now_us,
-            self.last_healthy_us,
-            tick.arm_state,
-            state,
-            &settings.failsafe,
-        );
+        let observation = Observation {
+            tick,
+            dt_us: u32::try_from(dt_us).unwrap_or(u32::MAX),
+            last_healthy_us: self.last_healthy_us,
+            state: match freshness {
+                Freshness::OfThisTick => Some(state),
+                Freshness::Kept => None,
+            },
+            resting_v: self.swap.resting_v(),
+        };
+        let raised = self.failsafe.update(&observation, &settings.failsafe);
         if let Some(level) = raised {
             push(
                 events,

@@ -13,7 +13,7 @@ const SMOOTHING_S: f32 = 0.3;
 /// A current below this is none: what an analog sensor may show at rest, and the board's own consumption.
 pub(super) const RESTING_CURRENT_A: f32 = 0.5;
 
-/// Tells how long a voltage has rested.
+/// Measures for how long a voltage has rested.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rest {
     smoothed: LowPass,
@@ -30,16 +30,28 @@ impl Rest {
         }
     }
 
-    /// Takes a reading, and returns the voltage if it has rested for `REST_S`.
+    /// As if nothing had been read yet.
+    pub fn restart(&mut self) {
+        self.smoothed.restart();
+        self.duration_s = 0.0;
+    }
+
+    /// Takes a reading, and returns the voltage if it has rested for `REST_S`. What happened in a longer pause between
+    /// readings is not known.
     pub fn update(&mut self, dt_s: f32, voltage_v: f32, current_a: Option<f32>) -> Option<f32> {
         let smoothed_v = self.smoothed.update(dt_s, voltage_v);
         let is_loaded = current_a.is_some_and(|current_a| current_a.abs() > RESTING_CURRENT_A);
-        if is_loaded || (smoothed_v - self.around_v).abs() > REST_BAND_V {
+        if is_loaded || dt_s >= REST_S || (smoothed_v - self.around_v).abs() > REST_BAND_V {
             self.around_v = smoothed_v;
             self.duration_s = 0.0;
         } else {
             self.duration_s += dt_s;
         }
-        (self.duration_s >= REST_S).then_some(smoothed_v)
+        self.voltage_v()
+    }
+
+    /// The voltage, if it has rested for `REST_S`.
+    pub fn voltage_v(&self) -> Option<f32> {
+        self.smoothed.value().filter(|_| self.duration_s >= REST_S)
     }
 }

@@ -128,6 +128,8 @@ pub struct BatteryState {
     pub reported_voltage: ReportedVoltage,
     /// Whether ground stations are told of the pack.
     pub visibility: Visibility,
+    /// The packs it is the sum of, one bit for each instance, bit 0 for the first; 0 for a pack with a sensor.
+    pub members: u16,
 }
 
 impl BatteryState {
@@ -158,6 +160,7 @@ impl BatteryState {
         details: PackDetails::NONE,
         reported_voltage: ReportedVoltage::Terminal,
         visibility: Visibility::Reported,
+        members: 0,
     };
 
     /// A pack that is not monitored.

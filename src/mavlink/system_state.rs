@@ -42,6 +42,19 @@ impl SystemState<'_> {
         self.mask_of(|battery| battery.charge_source == ChargeSource::Gauge)
     }
 
+    /// The packs in `mask` and the monitored ones that they are the sum of, one bit for each instance, bit 0 for the first.
+    pub fn with_members(&self, mask: u16) -> u16 {
+        let members = |mask: u16| {
+            let packs = (0..u16::BITS).zip(self.batteries);
+            let named = packs.filter(move |(instance, _)| mask & 1 << instance != 0);
+            named.fold(mask, |mask, (_, battery)| {
+                mask | battery.members & self.monitored_mask()
+            })
+        };
+        // A sum may be of sums, each of which adds a pack at least.
+        self.batteries.iter().fold(mask, |mask, _| members(mask))
+    }
+
     /// Whether the pack of this instance is a tank, and it is known how much that holds.
     pub fn is_tank(&self, instance: u8) -> bool {
         let battery = self.battery(instance);

@@ -173,6 +173,31 @@ fn a_battery_reset_is_read_back_exactly() {
 }
 
 #[test]
+fn a_reset_of_a_sum_reaches_its_packs() {
+    let mut parameters = WITH_CURRENT.to_vec();
+    parameters.extend([
+        ("BATT2_MONITOR", 10.0),
+        ("BATT2_SUM_MASK", 1.0),
+        ("BATT2_CAPACITY", 2200.0),
+        ("BATT2_CELLS", 3.0),
+    ]);
+    let mut bench = Bench::configured(HALF_FULL_3S, &parameters);
+    for percent in [56, 97, 0, 100] {
+        let answers = bench.ask(&command_long_2(BATTERY_RESET, 2.0, percent as f32));
+        let answer = of_message(&answers, COMMAND_ACK)[0];
+        assert_eq!((answer.u16(0), answer.u8(2)), (BATTERY_RESET, ACCEPTED));
+        bench.run_for(SECOND);
+        let frames = bench.frames();
+        for instance in [0, 1] {
+            let status = last_of(&frames, instance);
+            assert_eq!(status.remaining_pct(), percent, "pack {instance}");
+            let consumed_mah = 22 * (100 - i32::from(percent));
+            assert_eq!(status.consumed_mah(), consumed_mah, "pack {instance}");
+        }
+    }
+}
+
+#[test]
 fn what_was_consumed_survives_a_watchdog_reset_but_not_a_power_cycle() {
     let mut bench = Bench::configured(HALF_FULL_3S, &WITH_CURRENT);
     bench.adc_input(CURRENT, AdcInput::Code(ONE_VOLT));
@@ -252,7 +277,8 @@ fn cells_and_swaps_are_announced() {
     bench.adc_input(PACK, AdcInput::Code(50));
     bench.run_for(2 * SECOND);
     bench.adc_input(PACK, AdcInput::Code(HALF_FULL_3S));
-    bench.run_for(4 * SECOND);
+    // It has rested after two seconds; so long takes the number of cells once more.
+    bench.run_for(5 * SECOND);
     assert_eq!(
         texts_of(&bench.frames())[2..],
         [

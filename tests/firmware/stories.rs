@@ -174,6 +174,8 @@ fn check_texts(story: &Story, texts: &[(f64, String)]) {
         }
     }
     assert_eq!(levels, [], "{name}: not expected");
+    let unexpected = story.unexpected(texts, LATENCY_S);
+    assert!(unexpected.is_empty(), "{name}: not expected: {unexpected:?}");
 }
 
 #[test]

@@ -15,7 +15,9 @@
 //! Inputs: `voltage`, `current`, `voltage2`, `current2` (V, A), `arm`, `disarm`, `fail` and `work` (the sensor of pack 1),
 //! `reset` (percent, all packs). Outcomes: `low`, `critical`, `unhealthy` (the first pack's failsafe level), `low2`…, `says`
 //! (the beginning of a text), and `brake`, `coast` or `turn` (what the motors do). Every level and every text about a
-//! failsafe has to be expected; motors are looked at only where they are.
+//! failsafe, a lost contact or another pack has to be expected; motors are looked at only where they are.
+//!
+//! Below 2.1 V no pack is connected: `voltage 0.3` is a lost contact.
 
 /// A story that was read.
 #[derive(Debug, Default)]
@@ -61,7 +63,28 @@ pub enum Drive {
     Turn,
 }
 
+/// Texts about a pack's contact and identity, behind "Battery 1 ": a story has to expect each of them.
+const IDENTITY_TEXTS: [&str; 3] = ["not connected", "connected again", "swapped"];
+
 impl Story {
+    /// The texts about contact and identity that the story does not expect.
+    pub fn unexpected<'a>(&self, texts: &'a [(f64, String)], tolerance_s: f64) -> Vec<&'a (f64, String)> {
+        let is_about_identity = |text: &str| {
+            let what = text.split_once(' ').and_then(|(_, rest)| rest.split_once(' '));
+            what.is_some_and(|(_, what)| IDENTITY_TEXTS.iter().any(|known| what.starts_with(known)))
+        };
+        let is_expected = |time_s: f64, text: &str| {
+            self.expectations.iter().any(|(at_s, outcome)| {
+                matches!(outcome, Outcome::Says(said) if text.starts_with(said.as_str()))
+                    && (time_s - at_s).abs() <= tolerance_s
+            })
+        };
+        let texts = texts.iter();
+        texts
+            .filter(|(time_s, text)| is_about_identity(text) && !is_expected(*time_s, text))
+            .collect()
+    }
+
     /// Reads a story.
     ///
     /// # Panics

@@ -243,14 +243,51 @@ fn cells_that_are_not_set_are_detected_and_told_once() {
 }
 
 #[test]
-fn a_pack_that_was_taken_out_and_put_back_is_another_one() {
+fn a_pack_that_rests_elsewhere_after_a_lost_contact_is_another_one() {
+    // Fuller by 9 %, and emptier by 9 %.
+    for rests_at_v in [12.2, 10.2] {
+        let mut bench = Bench::new();
+        bench.run(60.0, loaded(11.1, 5.0));
+        bench.run(5.0, loaded(11.2, 0.0));
+        bench.run(2.0, loaded(0.3, 0.0));
+        assert!(
+            bench
+                .run(1.5, loaded(rests_at_v, 0.2))
+                .consumed_mah
+                .expect("counted")
+                > 80.0
+        );
+        let state = bench.run(1.0, loaded(rests_at_v, 0.2));
+        assert_eq!(bench.events, [PackEvent::Swapped], "{rests_at_v}");
+        assert!(state.consumed_mah.expect("counted") < 0.1);
+    }
+}
+
+#[test]
+fn a_pack_that_rests_where_it_did_is_the_same_and_keeps_its_count() {
+    // It may have recovered from its load meanwhile, and it may be the sensor that was silent.
+    for gone in [Ok(loaded(0.3, 0.0)), Err(ReadError::NoAnswer)] {
+        let mut bench = Bench::new();
+        bench.run(60.0, loaded(11.1, 5.0));
+        bench.run(5.0, loaded(11.2, 0.0));
+        for _ in 0..100 {
+            bench.tick(gone);
+        }
+        let state = bench.run(5.0, loaded(12.0, 0.2));
+        assert!(!bench.events.contains(&PackEvent::Swapped), "{:?}", bench.events);
+        assert!(state.consumed_mah.expect("counted") > 80.0);
+    }
+}
+
+#[test]
+fn a_pack_whose_sensor_was_silent_may_be_another_one() {
     let mut bench = Bench::new();
-    bench.run(60.0, loaded(11.1, 5.0));
-    bench.run(2.0, loaded(0.3, 0.0));
-    let state = bench.run(1.0, loaded(12.6, 0.2));
-    assert_eq!(bench.events, [PackEvent::Swapped]);
-    assert!(state.consumed_mah.expect("counted") < 0.1);
-    assert!(state.remaining_pct.expect("known") > 95.0);
+    bench.run(5.0, loaded(10.2, 0.0));
+    for _ in 0..20 {
+        bench.tick(Err(ReadError::NoAnswer));
+    }
+    bench.run(5.0, loaded(12.4, 0.0));
+    assert!(bench.events.contains(&PackEvent::Swapped), "{:?}", bench.events);
 }
 
 #[test]
@@ -287,19 +324,98 @@ fn a_pack_that_is_lost_while_armed_is_missing_after_five_seconds() {
     assert_eq!(bench.state().failsafe, FailsafeLevel::None);
     bench.run(0.3, loaded(0.4, 0.0));
     assert_eq!(bench.state().failsafe, FailsafeLevel::Unhealthy);
-    let text = bench.events[0].to_string();
+    assert_eq!(bench.events[0], PackEvent::ContactLost);
+    let text = bench.events[1].to_string();
     assert!(text.starts_with("is missing, last: 11.50V"), "{text}");
 }
 
 #[test]
-fn a_fuller_pack_at_rest_is_another_one_but_not_while_driving() {
-    for (arm_state, expected) in [(ArmState::Disarmed, 1), (ArmState::Armed, 0)] {
+fn a_voltage_that_rises_without_a_lost_contact_is_the_same_pack() {
+    for arm_state in [ArmState::Disarmed, ArmState::Armed] {
         let mut bench = Bench::new();
-        bench.run(10.0, loaded(11.1, 0.2));
+        bench.run(10.0, volts(9.0));
         bench.arm_state = arm_state;
-        bench.run(5.0, loaded(12.6, 0.2));
-        assert_eq!(bench.events.len(), expected, "{arm_state:?}");
+        bench.run(5.0, volts(12.6));
+        assert_eq!(bench.events, [], "{arm_state:?}");
     }
+}
+
+/// A bench whose pack has reached the critical level while armed, and rests since then.
+fn latched() -> Bench {
+    let mut bench = Bench::new();
+    bench.settings.failsafe = FailsafeSettings {
+        timer_s: Some(1.0),
+        low: Thresholds {
+            voltage_v: Some(10.5),
+            remaining_mah: None,
+        },
+        critical: Thresholds {
+            voltage_v: Some(9.9),
+            remaining_mah: None,
+        },
+        ..FailsafeSettings::default()
+    };
+    bench.arm_state = ArmState::Armed;
+    bench.run(10.0, loaded(9.5, 5.0));
+    assert_eq!(bench.state().failsafe, FailsafeLevel::Critical);
+    bench.arm_state = ArmState::Disarmed;
+    bench.run(10.0, loaded(10.0, 0.0));
+    bench
+}
+
+#[test]
+fn a_level_stays_with_its_pack_and_ends_with_a_fuller_one() {
+    for (rests_at_v, expected) in [
+        (10.0, FailsafeLevel::Critical),
+        // Above all thresholds, but so far a pack may recover.
+        (10.7, FailsafeLevel::Critical),
+        (9.0, FailsafeLevel::Critical),
+        (11.5, FailsafeLevel::None),
+    ] {
+        let mut bench = latched();
+        bench.run(5.0, loaded(0.3, 0.0));
+        bench.run(10.0, loaded(rests_at_v, 0.0));
+        assert_eq!(bench.state().failsafe, expected, "{rests_at_v}");
+    }
+}
+
+#[test]
+fn a_wire_that_shows_too_little_and_then_all_is_no_fuller_pack() {
+    let mut bench = latched();
+    for rests_at_v in [8.0, 10.7, 8.5, 10.7] {
+        bench.run(3.0, loaded(0.3, 0.0));
+        bench.run(10.0, loaded(rests_at_v, 0.0));
+    }
+    assert_eq!(bench.state().failsafe, FailsafeLevel::Critical);
+}
+
+#[test]
+fn a_level_of_charge_ends_with_a_pack_whose_charge_is_above_it() {
+    for (capacity_mah, expected) in [
+        (Some(2200.0), FailsafeLevel::None),
+        (Some(1000.0), FailsafeLevel::Critical),
+        (None, FailsafeLevel::Critical),
+    ] {
+        let mut bench = latched();
+        bench.settings.capacity_mah = capacity_mah;
+        bench.settings.failsafe.low.remaining_mah = Some(900.0);
+        bench.run(5.0, loaded(0.3, 0.0));
+        bench.run(10.0, loaded(11.5, 0.0));
+        assert_eq!(bench.state().failsafe, expected, "{capacity_mah:?}");
+    }
+}
+
+#[test]
+fn one_reading_without_a_pack_trips_no_threshold_of_charge() {
+    let mut bench = Bench::new();
+    bench.settings.failsafe.critical.remaining_mah = Some(300.0);
+    // By its count the pack is empty, by its voltage it is not: it was charged meanwhile.
+    bench.monitor.reset(0.0, &bench.settings);
+    bench.monitor.estimator = Estimator::new();
+    bench.arm_state = ArmState::Armed;
+    bench.run(1.0, loaded(12.2, 1.0));
+    bench.tick(Ok(loaded(0.3, 0.0)));
+    assert_eq!(bench.state().failsafe, FailsafeLevel::None);
 }
 
 #[test]
@@ -495,18 +611,82 @@ fn a_battery_reset_does_not_make_a_smart_battery_believe_anything() {
     assert_eq!(bench.state().consumed_mah, Some(600.0));
 }
 
+fn with_serial_number(serial_number: i32, voltage_v: f32) -> Measurement {
+    let mut measurement = smart(voltage_v);
+    measurement.details.serial_number = Some(serial_number);
+    measurement
+}
+
 #[test]
-fn another_serial_number_is_another_pack() {
+fn another_serial_number_is_another_pack_once_it_was_read_five_times() {
     let mut bench = Bench::new();
     bench.tick(Ok(smart(11.7)));
     bench.events.clear();
-    let mut other = smart(11.7);
-    other.details.serial_number = Some(4712);
+    let other = with_serial_number(4712, 11.7);
+    for _ in 0..4 {
+        bench.tick(Ok(other));
+    }
+    assert_eq!(bench.events, []);
+    assert_eq!(bench.state().serial_number, Some(4711));
     bench.tick(Ok(other));
     assert_eq!(bench.events, [PackEvent::Swapped]);
+    assert_eq!(bench.state().serial_number, Some(4712));
     bench.events.clear();
-    bench.tick(Ok(other));
+    for _ in 0..100 {
+        bench.tick(Ok(other));
+    }
     assert_eq!(bench.events, []);
+}
+
+#[test]
+fn a_serial_number_that_is_misread_or_read_while_armed_is_no_other_pack() {
+    let other = with_serial_number(4712, 11.7);
+    for between in [
+        Ok(smart(11.7)),
+        Ok(with_serial_number(4713, 11.7)),
+        Err(ReadError::Checksum),
+    ] {
+        let mut bench = Bench::new();
+        bench.tick(Ok(smart(11.7)));
+        bench.events.clear();
+        for _ in 0..10 {
+            for _ in 0..4 {
+                bench.tick(Ok(other));
+            }
+            bench.tick(between);
+        }
+        assert_eq!(bench.events, [], "{between:?}");
+    }
+    let mut bench = Bench::new();
+    bench.tick(Ok(smart(11.7)));
+    bench.arm_state = ArmState::Armed;
+    for _ in 0..100 {
+        bench.tick(Ok(other));
+    }
+    assert_eq!(bench.events, []);
+    bench.arm_state = ArmState::Disarmed;
+    for _ in 0..5 {
+        bench.tick(Ok(other));
+    }
+    assert_eq!(bench.events, [PackEvent::Swapped]);
+}
+
+#[test]
+fn another_smart_battery_ends_a_level_once_it_rests_above_all_thresholds() {
+    for (voltage_v, expected) in [(9.7, FailsafeLevel::Critical), (11.7, FailsafeLevel::None)] {
+        let mut bench = latched();
+        let at_rest = |serial_number| Measurement {
+            current_a: Some(0.0),
+            ..with_serial_number(serial_number, voltage_v)
+        };
+        bench.tick(Ok(at_rest(4711)));
+        bench.run(10.0, at_rest(4711));
+        assert_eq!(bench.state().failsafe, FailsafeLevel::Critical);
+        bench.run(1.0, at_rest(4712));
+        assert_eq!(bench.state().failsafe, FailsafeLevel::Critical, "not at rest yet");
+        bench.run(5.0, at_rest(4712));
+        assert_eq!(bench.state().failsafe, expected, "{voltage_v}");
+    }
 }
 
 #[test]
@@ -713,6 +893,122 @@ proptest! {
             prop_assert!(state.resistance_ohm.is_none_or(|ohm| ohm > 0.0), "{state:?}");
             prop_assert!(state.time_remaining_s.is_none_or(|seconds| seconds >= 0.0), "{state:?}");
             prop_assert!(state.voltage_v.is_none_or(|v| v >= MIN_CONNECTED_VOLTAGE_V), "{state:?}");
+        }
+    }
+}
+
+/// Some time of the same readings, or of failed ones.
+#[derive(Clone, Copy, Debug)]
+struct Stretch {
+    ticks: u32,
+    arm_state: ArmState,
+    reading: Result<Measurement, ReadError>,
+}
+
+fn any_stretch() -> impl Strategy<Value = Stretch> {
+    let voltage_v = prop::sample::select(vec![0.3f32, 6.0, 8.8, 9.5, 10.2, 10.7, 11.5, 12.4]);
+    let current_a = prop::sample::select(vec![None, Some(0.0f32), Some(5.0)]);
+    let serial_number = prop::sample::select(vec![None, None, Some(1), Some(2)]);
+    let reading = (voltage_v, current_a, serial_number).prop_map(|(voltage_v, current_a, serial_number)| {
+        Ok(Measurement {
+            current_a,
+            details: PackDetails {
+                serial_number,
+                ..PackDetails::default()
+            },
+            ..volts(voltage_v)
+        })
+    });
+    let reading = prop_oneof![8 => reading, 1 => Just(Err(ReadError::NoAnswer))];
+    let arm_state = prop_oneof![1 => Just(ArmState::Armed), 6 => Just(ArmState::Disarmed)];
+    (1u32..40, arm_state, reading).prop_map(|(ticks, arm_state, reading)| Stretch {
+        ticks,
+        arm_state,
+        reading,
+    })
+}
+
+/// What allows a level to end, since the rover was disarmed.
+#[derive(Debug, Default)]
+struct Evidence {
+    gone_ticks: u32,
+    /// The highest voltage of the pack before.
+    highest_v: f32,
+    serial_number: Option<i32>,
+    /// How often another one was read in a row, and whether that was enough.
+    other_in_a_row: u32,
+    is_other_serial: bool,
+    /// For how many ticks the voltage was the same, and which.
+    same_ticks: u32,
+    voltage_v: f32,
+}
+
+impl Evidence {
+    fn take(&mut self, arm_state: ArmState, reading: Result<Measurement, ReadError>) {
+        let connected = reading
+            .ok()
+            .filter(|m| m.voltage_v.is_some_and(|v| v >= MIN_CONNECTED_VOLTAGE_V));
+        let read = reading.ok().and_then(|m| m.details.serial_number);
+        let known = *self.serial_number.get_or_insert(read.unwrap_or(-1));
+        if known == -1 {
+            self.serial_number = read;
+        }
+        let is_other =
+            arm_state == ArmState::Disarmed && read.is_some_and(|read| known != -1 && read != known);
+        self.other_in_a_row = if is_other { self.other_in_a_row + 1 } else { 0 };
+        if self.other_in_a_row >= 5 {
+            (self.is_other_serial, self.serial_number, self.other_in_a_row) = (true, read, 0);
+            // What is known of voltages is of the battery before.
+            self.highest_v = 0.0;
+        }
+        if arm_state == ArmState::Armed {
+            (self.gone_ticks, self.is_other_serial) = (0, false);
+            self.highest_v = connected.map_or(self.highest_v, |m| m.voltage_v.unwrap_or(0.0));
+        }
+        match connected.and_then(|m| m.voltage_v) {
+            None => (self.gone_ticks, self.same_ticks) = (self.gone_ticks + 1, 0),
+            Some(voltage_v) if voltage_v == self.voltage_v && arm_state == ArmState::Disarmed => {
+                self.same_ticks += 1;
+            }
+            Some(voltage_v) => (self.voltage_v, self.same_ticks) = (voltage_v, 0),
+        }
+    }
+
+    /// Whether another pack is in that disproves thresholds up to `threshold_v`.
+    fn is_enough(&self, arm_state: ArmState, threshold_v: f32) -> bool {
+        let is_fuller = self.gone_ticks >= 10 && self.voltage_v > 1.07 * self.highest_v;
+        arm_state == ArmState::Disarmed
+            && self.same_ticks >= 15
+            && self.voltage_v >= threshold_v
+            && (self.is_other_serial || is_fuller)
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    #[test]
+    fn a_level_is_left_only_by_a_reset_or_by_another_pack_that_disproves_it(
+        stretches in prop::collection::vec((any_stretch(), prop::bool::weighted(0.02)), 1..40),
+    ) {
+        let mut bench = latched();
+        let mut evidence = Evidence { highest_v: 9.5, ..Evidence::default() };
+        for (Stretch { ticks, arm_state, reading }, reset) in stretches {
+            if reset {
+                bench.monitor.reset(50.0, &bench.settings);
+                prop_assert_eq!(bench.monitor.failsafe.level(), FailsafeLevel::None);
+            }
+            bench.arm_state = arm_state;
+            for _ in 0..ticks {
+                let before = bench.monitor.failsafe.level();
+                bench.events.clear();
+                bench.tick(reading);
+                evidence.take(arm_state, reading);
+                let is_left = bench.state().failsafe < before;
+                prop_assert!(!is_left || evidence.is_enough(arm_state, 10.5), "{evidence:?}");
+                let raises = bench.state().failsafe > before;
+                prop_assert!(!raises || arm_state == ArmState::Armed);
+            }
         }
     }
 }

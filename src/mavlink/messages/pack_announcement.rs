@@ -21,9 +21,12 @@ pub fn pack_announcement(instance: u8, event: &PackEvent) -> (MavSeverity, Strin
 /// ArduPilot says failsafes as warnings.
 fn severity(event: &PackEvent) -> MavSeverity {
     match event {
-        PackEvent::CellsDetected { .. } | PackEvent::SensorBack => MavSeverity::MAV_SEVERITY_NOTICE,
+        PackEvent::CellsDetected { .. } | PackEvent::SensorBack | PackEvent::ContactBack => {
+            MavSeverity::MAV_SEVERITY_NOTICE
+        }
         PackEvent::CellsUnclear { .. }
         | PackEvent::Swapped
+        | PackEvent::ContactLost
         | PackEvent::Gap(_)
         | PackEvent::SensorFailed(_)
         | PackEvent::SwitchingOff
@@ -60,6 +63,8 @@ mod tests {
                 "Battery 9 cells unclear at 8.85V: set BATT_CELLS",
             ),
             (PackEvent::Swapped, "Battery 9 swapped: estimates restarted"),
+            (PackEvent::ContactLost, "Battery 9 not connected"),
+            (PackEvent::ContactBack, "Battery 9 connected again"),
             (
                 gap(Some(12.0)),
                 "Battery 9 not measured for 1000000000s: 12mAh assumed",

@@ -229,12 +229,14 @@ impl Command {
         state.reported().find(|instance| f32::from(*instance) == asked)
     }
 
-    /// As ArduPilot does: it fails if a pack that is named does not exist, unless it lies beyond the last one that does,
-    /// or if it has a gauge of its own, which can't be told how full the pack is; the others are reset all the same.
+    /// Resets the packs that are named, and with a sum the packs that it is of. As in ArduPilot it fails if a pack that is
+    /// named does not exist, unless it lies beyond the last one that does, or if it has a gauge of its own, which is not
+    /// overridden; the others are reset all the same.
     fn reset_batteries(&self, state: &SystemState<'_>) -> Outcome {
         let Some(asked) = pack_mask(self.param1).filter(|_| self.param2.is_finite()) else {
             return DENIED.into();
         };
+        let asked = state.with_members(asked);
         let existing = state.monitored_mask();
         let up_to_last = u16::MAX.checked_shr(existing.leading_zeros()).unwrap_or(0);
         let mask = asked & existing & !state.gauged_mask();
@@ -389,6 +391,22 @@ mod tests {
         ] {
             assert_eq!(execute_with(&packs, 42651, asked, 50.0), outcome, "{asked}");
         }
+    }
+
+    #[test]
+    fn a_sum_is_reset_with_the_packs_it_is_of() {
+        let mut packs = packs();
+        // Of the first pack, and of two that are not monitored.
+        packs[3].members = 0b1_0011;
+        assert_eq!(execute_with(&packs, 42651, 8.0, 50.0), reset(ACCEPTED, 9, 50.0));
+        // Of a sum, in turn of a pack with a gauge.
+        packs[1] = packs[0];
+        packs[1].members = 0b1000;
+        packs[3].members = 1;
+        assert_eq!(execute_with(&packs, 42651, 2.0, 50.0), reset(ACCEPTED, 11, 50.0));
+        packs[0].charge_source = ChargeSource::Gauge;
+        assert_eq!(execute_with(&packs, 42651, 2.0, 50.0), reset(FAILED, 10, 50.0));
+        assert_eq!(execute_with(&packs, 42651, 1.0, 50.0), FAILED.into());
     }
 
     #[test]

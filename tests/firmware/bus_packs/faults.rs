@@ -7,7 +7,8 @@ use super::{BUS, DIVIDER_CODE, Second, shared};
 use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
 use crate::emulator::i2c_devices::{Garbled, Ina226, Ina3221, Pec, Reads, RegisterMap, SmartBattery};
 use crate::emulator::{LogLevel, Random};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
+use crate::support::frames::{BATTERY_STATUS, BatteryStatus, COMMAND_ACK, last_of, of_message, texts_of};
+use crate::support::requests::command_long_2;
 
 const SMART_BATTERY: f32 = 7.0;
 const INA2XX: f32 = 21.0;
@@ -335,4 +336,20 @@ fn a_battery_that_is_swapped_for_another_is_introduced_again() {
     let frames = faulty.bench.frames();
     let status = last_of(&frames, 1);
     assert_eq!((status.voltage_mv(0), status.remaining_pct()), (3_500, 50));
+}
+
+#[test]
+fn a_serial_number_that_is_misread_while_armed_is_no_swap() {
+    const SERIAL_NUMBER: u8 = 0x1c;
+    let mut faulty = with_battery(Pec::Right);
+    let armed = faulty.bench.ask(&command_long_2(400, 1.0, 21196.0));
+    assert_eq!(of_message(&armed, COMMAND_ACK)[0].u8(2), 0);
+    faulty.part.borrow_mut().set_word(SERIAL_NUMBER, 815);
+    faulty.bench.run_for(3 * SECOND);
+    let texts = texts_of(&faulty.bench.frames());
+    assert!(!texts.iter().any(|text| text.contains("swapped")), "{texts:?}");
+    // Disarmed, what is read all the time is another battery.
+    faulty.bench.ask(&command_long_2(400, 0.0, 0.0));
+    faulty.bench.run_for(3 * SECOND);
+    faulty.assert_told("Battery 2 swapped: estimates restarted");
 }

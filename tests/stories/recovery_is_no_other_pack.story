@@ -1,0 +1,15 @@
+# Only the voltage is measured. When the load ends the pack recovers, by 5 % at once and by more later: it is the same pack.
+param BATT_MONITOR 3
+param BATT_LOW_TIMER 2
+param BATT_CRT_VOLT 9.2
+param BATT_FS_CRT_ACT 5
+ 0.0  voltage 11.1 arm
+ 3.0  voltage 9.0
+expect 5.1 critical
+expect 5.1 says Battery 1 is critical
+expect 5.2 coast
+ 8.0  voltage 9.5
+12.0  voltage 10.0
+16.0  arm
+expect 17.0 coast
+end 18
