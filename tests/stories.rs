@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use rover_battmon::battery::{
-    BatteryBank, FailsafeLevel, Measurement, PackEvent, PackSettings, ReadError, Tick,
+    ArmState, BatteryBank, FailsafeLevel, Measurement, PackEvent, PackSettings, ReadError, Tick,
 };
 use rover_battmon::mavlink::pack_announcement;
 use rover_battmon::parameter::{Pack, ParameterId, Parameters};
@@ -82,7 +82,12 @@ impl Stage {
 
     fn tick(&mut self, now_us: u64) {
         let time_s = now_us as f64 * 1e-6;
-        self.vehicle.control(now_us, Lever::At(THROTTLE), Lever::At(0));
+        // A lever that is deflected while the rover is armed would have to be neutral first.
+        let throttle = match self.vehicle.arm_state() {
+            ArmState::Armed => THROTTLE,
+            ArmState::Disarmed => 0,
+        };
+        self.vehicle.control(now_us, Lever::At(throttle), Lever::At(0));
         for (number, pack) in Pack::ALL.into_iter().enumerate().take(self.sensed.len()) {
             if self.sensed[number].voltage_v.is_some() {
                 self.tick_pack(now_us, number, pack);

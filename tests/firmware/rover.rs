@@ -96,6 +96,8 @@ fn the_motors_coast_from_reset_until_the_rover_is_armed() {
         );
     }
     assert!(is_coasting(&bench));
+    // The throttle is let go of.
+    bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     bench.ask(&arm());
     bench.run_for(100 * MILLISECOND);
     assert!(is_braking(&bench), "armed in HOLD it brakes");

@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, MILLISECOND, SECOND, value_of};
 use crate::motor_poles::motors;
-use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, is_coasting};
+use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, is_braking, is_coasting};
 use crate::support::frames::{COMMAND_ACK, Frame, STATUSTEXT, of_message};
 use crate::support::requests::{
     EVERYONE, VEHICLE, arm, command_long, command_long_2, disarm, heartbeat, manual_control,
@@ -63,10 +63,6 @@ fn is_turning(bench: &Bench) -> bool {
         let (positive, negative) = motor.duties(bench);
         positive != negative
     })
-}
-
-fn is_braking(bench: &Bench) -> bool {
-    motors().all(|motor| motor.duties(bench) == (1.0, 1.0))
 }
 
 #[test]
