@@ -55,6 +55,20 @@ pub enum StorageError {
     Full,
 }
 
+/// How much of what was stored can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Condition {
+    /// Every byte is erased: nothing was ever stored.
+    Blank,
+    /// Everything.
+    Whole,
+    /// Everything but one record: a store that was cut short, or bits that changed.
+    OneRecordDamaged,
+    /// More is lost: records, the newest sector, or everything.
+    Damaged,
+}
+
 /// What a store did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -89,6 +103,7 @@ struct Log {
     is_whole: bool,
     /// What is wrong with it, if anything, can be a store that was cut short.
     is_trusted: bool,
+    condition: Condition,
 }
 
 impl<F: NorFlash> Storage<F> {
@@ -103,7 +118,7 @@ impl<F: NorFlash> Storage<F> {
         }
     }
 
-    /// Calls `found` once for every stored key, with its latest value.
+    /// Calls `found` once for every stored key, with its latest value, in the order in which those values were stored.
     ///
     /// # Errors
     /// [`StorageError::Corrupt`]: some values may be older than the latest, or missing. Those that were delivered have
@@ -130,6 +145,31 @@ impl<F: NorFlash> Storage<F> {
             Ok(())
         } else {
             Err(StorageError::Corrupt)
+        }
+    }
+
+    /// How much of what was stored can be read. Unlike [`load`](Self::load), it counts a store that was cut short as damage.
+    ///
+    /// # Errors
+    /// [`StorageError::Flash`]: reading failed.
+    pub async fn condition(&mut self) -> Result<Condition, StorageError> {
+        Ok(match self.find_log().await? {
+            Some(log) => log.condition,
+            None if self.region.is_erased().await? => Condition::Blank,
+            None => Condition::Damaged,
+        })
+    }
+
+    /// Declares everything stored out of date, as far as flash takes that: it is [`Condition::Damaged`] until something
+    /// else is stored.
+    ///
+    /// # Errors
+    /// [`StorageError::Flash`]: it may count as up to date.
+    pub async fn invalidate(&mut self) -> Result<(), StorageError> {
+        self.log = None;
+        match self.find_log().await? {
+            Some(log) => self.region.retire(log.sector).await,
+            None => Ok(()),
         }
     }
 
@@ -234,6 +274,7 @@ impl<F: NorFlash> Storage<F> {
             used,
             is_whole: true,
             is_trusted: true,
+            condition: Condition::Whole,
         })
     }
 
@@ -278,14 +319,21 @@ impl<F: NorFlash> Storage<F> {
         let mut used = 0;
         let mut records = 0;
         let mut ends_damaged = false;
+        // Slots that held a record once, as far as that can be seen.
+        let mut damaged = 0;
         for slot in 0..Self::SLOTS {
             match self.region.read_slot(sector, slot).await? {
                 Slot::Blank => continue,
                 Slot::Record(_) => {
+                    // Records have no blank slots before them.
+                    damaged = slot - records;
                     records += 1;
                     ends_damaged = false;
                 }
-                Slot::Damaged => ends_damaged = true,
+                Slot::Damaged => {
+                    damaged += 1;
+                    ends_damaged = true;
+                }
             }
             used = slot + 1;
         }
@@ -298,6 +346,12 @@ impl<F: NorFlash> Storage<F> {
             used,
             is_whole,
             is_trusted: is_whole || is_cut_short,
+            condition: match damaged {
+                _ if is_retired => Condition::Damaged,
+                0 => Condition::Whole,
+                1 => Condition::OneRecordDamaged,
+                _ => Condition::Damaged,
+            },
         }))
     }
 

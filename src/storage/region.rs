@@ -105,8 +105,17 @@ impl<F: NorFlash> Region<F> {
 
     /// True also if the very first write of all was cut short: that is no damage.
     pub async fn was_never_used(&mut self) -> Result<bool, StorageError> {
+        self.are_blank_from(MARGIN).await
+    }
+
+    /// Whether every byte is as an erase leaves it.
+    pub async fn is_erased(&mut self) -> Result<bool, StorageError> {
+        self.are_blank_from(0).await
+    }
+
+    async fn are_blank_from(&mut self, start: u32) -> Result<bool, StorageError> {
         for sector in 0..self.sectors {
-            if !self.is_blank_from(MARGIN, sector).await? {
+            if !self.is_blank_from(start, sector).await? {
                 return Ok(false);
             }
         }

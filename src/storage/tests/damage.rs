@@ -143,6 +143,60 @@ fn what_is_not_ours_is_reported_and_holds_no_value() {
     }
 }
 
+#[test]
+fn blank_flash_one_damaged_record_and_more_are_distinguished() {
+    fn condition(flash: &mut SmallFlash) -> Condition {
+        block_on(flash.storage().condition()).unwrap()
+    }
+    assert_eq!(condition(&mut SmallFlash::blank()), Condition::Blank);
+    for byte in 0..176 * 3 {
+        let mut touched = SmallFlash::blank();
+        touched.region()[byte] = 0xFE;
+        assert_eq!(condition(&mut touched), Condition::Damaged, "byte {byte}");
+    }
+
+    let (mut flash, ..) = used_region();
+    assert_eq!(condition(&mut flash), Condition::Whole);
+    let log = block_on(flash.storage().find_log()).unwrap().unwrap();
+    let sector = log.sector as usize * 176;
+    let records = sector + 16..sector + 176 - 16;
+    let retired = sector + 12..sector + 16;
+    for byte in 0..176 * 3 {
+        let mut spoiled = flash.clone();
+        spoiled.region()[byte] ^= 1;
+        let expected = match byte {
+            _ if records.contains(&byte) => Condition::OneRecordDamaged,
+            _ if retired.contains(&byte) => Condition::Damaged,
+            _ => Condition::Whole,
+        };
+        assert_eq!(condition(&mut spoiled), expected, "byte {byte}");
+        // Another record has another twelve bytes.
+        let other = records.start + (byte + 36) % records.len() / 12 * 12;
+        if records.contains(&byte) && (byte - records.start) / 12 != (other - records.start) / 12 {
+            spoiled.region()[other] ^= 1;
+            assert_eq!(
+                condition(&mut spoiled),
+                Condition::Damaged,
+                "bytes {byte} and {other}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_was_invalidated_is_damaged_until_something_else_is_stored() {
+    let (mut flash, latest, _) = used_region();
+    block_on(flash.storage().invalidate()).unwrap();
+    block_on(flash.storage().invalidate()).unwrap();
+    assert_eq!(flash.load(), (latest, Err(StorageError::Corrupt)));
+    assert_eq!(block_on(flash.storage().condition()), Ok(Condition::Damaged));
+    assert_eq!(flash.store(1, 1000), Ok(Stored::Written));
+    assert_eq!(block_on(flash.storage().condition()), Ok(Condition::Whole));
+    let mut blank = SmallFlash::blank();
+    assert_eq!(block_on(blank.storage().invalidate()), Ok(()));
+    assert_eq!(blank.operations(), 0);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
