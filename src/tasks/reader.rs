@@ -129,8 +129,7 @@ fn react(event: Event, shared: &Shared, link: &Link) {
         }
         Event::SigningSetUp(change) => {
             info!("{}: signing: {:?}", link.name(), change);
-            shared.announce(MavSeverity::MAV_SEVERITY_INFO, change.text());
-            shared.to_save_signing.signal(());
+            shared.to_save_signing.signal(change);
         }
         Event::SigningRefused(refused) => {
             if link.refusals.allows() {

@@ -4,6 +4,8 @@ use embassy_time::{Duration, Instant, Timer};
 
 use super::Shared;
 use crate::log::info;
+use crate::mavlink::SigningTrouble;
+use crate::mavlink::dialect::MavSeverity;
 
 /// What was answered and set before a restart gets this long to be sent and saved.
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -17,6 +19,13 @@ const WIRE_DELAY: Duration = Duration::from_millis(250);
 /// `all_sent` tells whether the links are idle.
 pub async fn reboot_requested(shared: &Shared, all_sent: impl Fn() -> bool) {
     shared.to_reboot.wait().await;
+    // The last moment at which it matters.
+    if shared.with_signing(|signing| signing.trouble()) == Some(SigningTrouble::NotSaved) {
+        shared.announce(
+            MavSeverity::MAV_SEVERITY_CRITICAL,
+            SigningTrouble::NotSaved.text(),
+        );
+    }
     let deadline = Instant::now() + PATIENCE;
     while (shared.has_unsaved() || !all_sent()) && Instant::now() < deadline {
         Timer::after(LOOK_INTERVAL).await;

@@ -9,7 +9,7 @@ use heapless::Vec;
 use super::announcements::{Announcements, Listener};
 use crate::battery::{BatteryState, MAX_PACKS, Measurement, PackStatus, ReadError};
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Signing, SystemState};
+use crate::mavlink::{Signing, SigningChange, SystemState};
 use crate::parameter::{Pack, ParameterId, Parameters};
 use crate::sensor::{Pulses, Samples};
 use crate::vehicle::Vehicle;
@@ -42,7 +42,7 @@ pub struct Shared {
     /// Everything stored has to be forgotten.
     pub(super) to_clear: Cell<bool>,
     /// Another signing key has to be written to flash.
-    pub(super) to_save_signing: Signal<NoopRawMutex, ()>,
+    pub(super) to_save_signing: Signal<NoopRawMutex, SigningChange>,
     pub(super) storage_busy: Cell<bool>,
     /// A ground station asks for a restart.
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
@@ -207,10 +207,13 @@ impl Shared {
         self.announcements.listen()
     }
 
-    pub(super) fn notices(&self) -> Vec<Notice, MAX_NOTICES> {
+    /// What a ground station that connects has to know: what was noticed so far, and what is wrong with signing by now.
+    pub(super) fn notices(&self) -> impl Iterator<Item = Notice> + use<> {
         let notices = self.notices.take();
         self.notices.set(notices.clone());
-        notices
+        let trouble = self.with_signing(|signing| signing.trouble());
+        let trouble = trouble.map(|trouble| (MavSeverity::MAV_SEVERITY_CRITICAL, trouble.text()));
+        notices.into_iter().chain(trouble)
     }
 
     /// Whether a value that was set is not in flash yet.

@@ -8,11 +8,14 @@ use super::{Shared, mark};
 use crate::liveness::CheckIn;
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Signing, StoredSigning, ToStore};
-use crate::storage::{Storage, StorageError};
+use crate::mavlink::{Signing, SigningChange, SigningTrouble, StoredSigning, ToStore};
+use crate::storage::{Condition, Storage, StorageError};
 
-/// How often the time is looked at. It is written down at most twice a minute.
+/// How often the time is looked at. It is written down once a minute.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
+
+/// A write that fails is repeated at once: the storage goes on in its next sector then.
+const ATTEMPTS: u8 = 2;
 
 /// What of signing is in flash, and the flash.
 pub struct SigningStorage<F> {
@@ -21,29 +24,57 @@ pub struct SigningStorage<F> {
 }
 
 impl<F: NorFlash> SigningStorage<F> {
-    /// Reads what there is.
-    ///
-    /// A key that can't be read is told by [`Signing::has_lost_key`]; what stands in flash that signing has never used is
-    /// of no interest.
-    pub async fn load(mut storage: Storage<F>) -> (Self, Signing) {
-        let mut stored = StoredSigning::default();
-        let read = storage.load(&mut |key, word| stored.found(key, word)).await;
-        if let Err(error) = read {
-            warn!("signing storage: {:?}", error);
+    /// Reads what there is. What can't be read counts as a lost key: [`Signing::trouble`] reports it.
+    pub async fn load(storage: Storage<F>) -> (Self, Signing) {
+        let mut this = Self {
+            storage,
+            stored: StoredSigning::default(),
+        };
+        let condition = this.read().await;
+        if !matches!(condition, Ok(Condition::Blank | Condition::Whole)) {
+            warn!("signing storage: {:?}", condition);
         }
-        let mut signing = stored.restore(read);
-        let mut this = Self { storage, stored };
+        let mut signing = this.stored.restore(condition);
         // Before the first frame leaves: what is signed from now on must not be signed again after the next start.
         if let Some(what) = signing.next_unsaved(Instant::now().as_micros()) {
-            match this.store(&what).await {
+            match this.save(&what).await {
                 Ok(()) => signing.mark_saved(&what),
-                Err(error) => warn!("signing storage: {:?}", error),
+                Err(_) => signing.mark_failed(),
             }
         }
         (this, signing)
     }
 
+    async fn read(&mut self) -> Result<Condition, StorageError> {
+        let stored = &mut self.stored;
+        match self.storage.load(&mut |key, word| stored.found(key, word)).await {
+            Ok(()) | Err(StorageError::Corrupt) => self.storage.condition().await,
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Writes `what` to flash. If that is impossible, what is there must not count after a restart, as far as that can be
+    /// written.
+    async fn save(&mut self, what: &ToStore) -> Result<(), StorageError> {
+        let mut result = Ok(());
+        for _ in 0..ATTEMPTS {
+            result = self.store(what).await;
+            if result.is_ok() {
+                return result;
+            }
+        }
+        warn!("signing storage: {:?}", result);
+        if self.storage.invalidate().await.is_err() {
+            warn!("signing storage: takes nothing at all");
+        }
+        result
+    }
+
     async fn store(&mut self, what: &ToStore) -> Result<(), StorageError> {
+        if *what == ToStore::Nothing {
+            self.storage.clear().await?;
+            self.stored = StoredSigning::default();
+        }
         for (key, word) in self.stored.words(what) {
             self.storage.store(key, word).await?;
             self.stored.found(key, word);
@@ -52,35 +83,39 @@ impl<F: NorFlash> SigningStorage<F> {
     }
 }
 
-/// Tells ground stations and the log if the key was lost.
+/// Logs that the key was lost. Ground stations get it from [`Shared::notices`].
 pub fn report_signing(shared: &Shared) {
     if shared.with_signing(|signing| signing.has_lost_key()) {
-        warn!("the signing key is damaged");
-        shared.notice(
-            MavSeverity::MAV_SEVERITY_CRITICAL,
-            "Signing key damaged: set it up again by USB",
-        );
+        warn!("{}", SigningTrouble::KeyLost.text());
     }
 }
 
 /// Writes another key to flash as soon as it was set up, and the time now and then.
+///
+/// A change is announced when it is in flash. While it can't be written, that is announced at each attempt.
 pub async fn keep_signing<F: NorFlash>(
     mut storage: SigningStorage<F>,
     shared: &Shared,
     check_in: &CheckIn,
 ) -> ! {
     let mut retry_at = Instant::MIN;
+    let mut to_announce: Option<SigningChange> = None;
     loop {
         mark(check_in);
-        let asked = with_timeout(LOOK_INTERVAL, shared.to_save_signing.wait())
-            .await
-            .is_ok();
-        if !asked && Instant::now() < retry_at {
+        let asked = with_timeout(LOOK_INTERVAL, shared.to_save_signing.wait()).await;
+        if asked.is_err() && Instant::now() < retry_at {
             continue;
         }
-        if let Err(error) = save(&mut storage, shared, check_in).await {
-            warn!("signing storage: {:?}", error);
+        to_announce = asked.ok().or(to_announce);
+        if save(&mut storage, shared, check_in).await.is_err() {
             retry_at = Instant::now() + RETRY_INTERVAL;
+            shared.announce(
+                MavSeverity::MAV_SEVERITY_CRITICAL,
+                SigningTrouble::NotSaved.text(),
+            );
+        } else if let Some(change) = to_announce.take() {
+            info!("signing: {:?} saved", change);
+            shared.announce(MavSeverity::MAV_SEVERITY_INFO, change.text());
         }
     }
 }
@@ -95,13 +130,11 @@ async fn save<F: NorFlash>(
         let Some(what) = shared.with_signing(|signing| signing.next_unsaved(now_us)) else {
             return Ok(());
         };
-        storage.store(&what).await?;
-        shared.with_signing(|signing| signing.mark_saved(&what));
-        match what {
-            ToStore::Key(_) | ToStore::NoKey => info!("signing key saved"),
-            // It would fill the log.
-            ToStore::Mark(_) => {}
+        if let Err(error) = storage.save(&what).await {
+            shared.with_signing(Signing::mark_failed);
+            return Err(error);
         }
+        shared.with_signing(|signing| signing.mark_saved(&what));
         mark(check_in);
     }
 }
