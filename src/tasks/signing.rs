@@ -72,6 +72,8 @@ impl<F: NorFlash> SigningStorage<F> {
 
     async fn store(&mut self, what: &ToStore) -> Result<(), StorageError> {
         if *what == ToStore::Nothing {
+            // First, so that even a clear that fails or is cut short leaves nothing that counts.
+            self.storage.invalidate().await?;
             self.storage.clear().await?;
             self.stored = StoredSigning::default();
         }

@@ -1,5 +1,8 @@
 //! Our end of a link on a desk, and a ground station at the other end.
 
+// Not every test program uses all of it.
+#![allow(dead_code)]
+
 use rover_battmon::battery::BatteryState;
 use rover_battmon::mavlink::{Endpoint, Event, Framer, LinkKind, Signing, SystemState};
 use rover_battmon::parameter::Parameters;
