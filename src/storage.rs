@@ -90,6 +90,7 @@ pub struct Storage<F> {
     /// Known since the last call that went well. `None` while flash is being written, so that whatever happened, the next
     /// call looks for itself.
     log: Option<Log>,
+    condition: Condition,
 }
 
 /// The sector that holds the stored values.
@@ -115,6 +116,7 @@ impl<F: NorFlash> Storage<F> {
         Self {
             region: Region::new(flash, range),
             log: None,
+            condition: Condition::Damaged,
         }
     }
 
@@ -124,12 +126,14 @@ impl<F: NorFlash> Storage<F> {
     /// [`StorageError::Corrupt`]: some values may be older than the latest, or missing. Those that were delivered have
     /// been stored once. [`StorageError::Flash`]: reading failed part way.
     pub async fn load(&mut self, found: &mut dyn FnMut(u16, u32)) -> Result<(), StorageError> {
+        self.condition = Condition::Damaged;
         let Some(log) = self.find_log().await? else {
-            return if self.region.was_never_used().await? {
-                Ok(())
-            } else {
-                Err(StorageError::Corrupt)
-            };
+            if self.region.is_erased().await? {
+                self.condition = Condition::Blank;
+            } else if !self.region.was_never_used().await? {
+                return Err(StorageError::Corrupt);
+            }
+            return Ok(());
         };
         for slot in 0..log.used {
             yield_now().await;
@@ -141,6 +145,7 @@ impl<F: NorFlash> Storage<F> {
                 found(key, record.value);
             }
         }
+        self.condition = log.condition;
         if log.is_trusted {
             Ok(())
         } else {
@@ -148,16 +153,10 @@ impl<F: NorFlash> Storage<F> {
         }
     }
 
-    /// How much of what was stored can be read. Unlike [`load`](Self::load), it counts a store that was cut short as damage.
-    ///
-    /// # Errors
-    /// [`StorageError::Flash`]: reading failed.
-    pub async fn condition(&mut self) -> Result<Condition, StorageError> {
-        Ok(match self.find_log().await? {
-            Some(log) => log.condition,
-            None if self.region.is_erased().await? => Condition::Blank,
-            None => Condition::Damaged,
-        })
+    /// How much of what was stored the last [`load`](Self::load) could read. Unlike its result, this counts a store that was
+    /// cut short as damage.
+    pub fn condition(&self) -> Condition {
+        self.condition
     }
 
     /// Declares everything stored out of date, as far as flash takes that: it is [`Condition::Damaged`] until something

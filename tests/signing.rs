@@ -172,7 +172,7 @@ fn a_cable_takes_everything_unless_its_owner_says_otherwise() {
 #[test]
 fn a_lost_key_locks_until_another_is_set_up_by_cable_whatever_the_cable_takes() {
     let lost = || {
-        let signing = StoredSigning::default().restore(Ok(Condition::Damaged));
+        let signing = StoredSigning::default().restore(Condition::Damaged);
         assert_eq!(signing.trouble(), Some(SigningTrouble::KeyLost));
         signing
     };

@@ -104,9 +104,7 @@ fn react(event: Event, shared: &Shared, link: &Link) {
         Event::Driven => shared.to_drive.signal(()),
         Event::ListRequested => {
             link.with(|endpoint| endpoint.say(MavSeverity::MAV_SEVERITY_INFO, BANNER));
-            for (severity, text) in shared.notices() {
-                link.with(|endpoint| endpoint.say(severity, text));
-            }
+            link.say_notices(shared);
         }
         Event::ParameterSet(id) => {
             let value = shared.parameter(id);

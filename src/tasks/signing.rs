@@ -9,13 +9,10 @@ use crate::liveness::CheckIn;
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Signing, SigningChange, SigningTrouble, StoredSigning, ToStore};
-use crate::storage::{Condition, Storage, StorageError};
+use crate::storage::{Storage, StorageError};
 
 /// How often the time is looked at. It is written down once a minute.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
-
-/// A write that fails is repeated at once: the storage goes on in its next sector then.
-const ATTEMPTS: u8 = 2;
 
 /// What of signing is in flash, and the flash.
 pub struct SigningStorage<F> {
@@ -30,44 +27,20 @@ impl<F: NorFlash> SigningStorage<F> {
             storage,
             stored: StoredSigning::default(),
         };
-        let condition = this.read().await;
-        if !matches!(condition, Ok(Condition::Blank | Condition::Whole)) {
-            warn!("signing storage: {:?}", condition);
+        let stored = &mut this.stored;
+        let read = this.storage.load(&mut |key, word| stored.found(key, word)).await;
+        if let Err(error) = read {
+            warn!("signing storage: {:?}", error);
         }
-        let mut signing = this.stored.restore(condition);
+        let mut signing = this.stored.restore(this.storage.condition());
         // Before the first frame leaves: what is signed from now on must not be signed again after the next start.
         if let Some(what) = signing.next_unsaved(Instant::now().as_micros()) {
-            match this.save(&what).await {
+            match this.store(&what).await {
                 Ok(()) => signing.mark_saved(&what),
                 Err(_) => signing.mark_failed(),
             }
         }
         (this, signing)
-    }
-
-    async fn read(&mut self) -> Result<Condition, StorageError> {
-        let stored = &mut self.stored;
-        match self.storage.load(&mut |key, word| stored.found(key, word)).await {
-            Ok(()) | Err(StorageError::Corrupt) => self.storage.condition().await,
-            Err(error) => Err(error),
-        }
-    }
-
-    /// Writes `what` to flash. If that is impossible, what is there must not count after a restart, as far as that can be
-    /// written.
-    async fn save(&mut self, what: &ToStore) -> Result<(), StorageError> {
-        let mut result = Ok(());
-        for _ in 0..ATTEMPTS {
-            result = self.store(what).await;
-            if result.is_ok() {
-                return result;
-            }
-        }
-        warn!("signing storage: {:?}", result);
-        if self.storage.invalidate().await.is_err() {
-            warn!("signing storage: takes nothing at all");
-        }
-        result
     }
 
     async fn store(&mut self, what: &ToStore) -> Result<(), StorageError> {
@@ -122,21 +95,28 @@ pub async fn keep_signing<F: NorFlash>(
     }
 }
 
+/// Writes what waits. After a failure it starts again once, in the next sector; what was there does not count any more.
 async fn save<F: NorFlash>(
     storage: &mut SigningStorage<F>,
     shared: &Shared,
     check_in: &CheckIn,
 ) -> Result<(), StorageError> {
+    let mut first_error = None;
     loop {
         let now_us = Instant::now().as_micros();
         let Some(what) = shared.with_signing(|signing| signing.next_unsaved(now_us)) else {
             return Ok(());
         };
-        if let Err(error) = storage.save(&what).await {
-            shared.with_signing(Signing::mark_failed);
-            return Err(error);
+        match storage.store(&what).await {
+            Ok(()) => shared.with_signing(|signing| signing.mark_saved(&what)),
+            Err(error) => {
+                warn!("signing storage: {:?}", error);
+                shared.with_signing(Signing::mark_failed);
+                if first_error.replace(error).is_some() {
+                    return Err(error);
+                }
+            }
         }
-        shared.with_signing(|signing| signing.mark_saved(&what));
         mark(check_in);
     }
 }

@@ -37,7 +37,10 @@ const RECORDS_OF_A_SECTOR: usize = (SECTOR_BYTES - 2 * RECORDS) / RECORD_BYTES;
 /// The words that signing stores for the owner's key.
 fn words_of_key() -> Vec<(u16, u32)> {
     let key = SigningKey::new([OWNER; 32]).expect("not all zeros");
-    StoredSigning::default().words(&ToStore::Key(key)).collect()
+    StoredSigning::default()
+        .words(&ToStore::Key(key))
+        .into_iter()
+        .collect()
 }
 
 /// The flash of signing after these words were stored.

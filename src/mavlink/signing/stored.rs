@@ -9,10 +9,12 @@
 //! Damage is judged in favour of locking. Flash that was never written holds no key. Anything else means that there was one,
 //! unless it says whole and undamaged that there is none.
 
+use heapless::Vec;
+
 use super::key::KEY_WORDS;
 use super::{InFlash, Protection, Signing, SigningKey, Timestamp};
 use crate::crc32::crc32;
-use crate::storage::{Condition, StorageError};
+use crate::storage::Condition;
 
 /// Where the words are. These numbers never change.
 const FIRST_PLACE: u16 = 0x100;
@@ -69,6 +71,9 @@ pub enum ToStore {
     /// A later time.
     Mark(Mark),
 }
+
+/// Words with the keys they are stored under: those of a secret, and a choice or a mark twice.
+pub type Words = Vec<(u16, u32), { KEY_WORDS + 2 }>;
 
 /// Which of the two places counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -134,15 +139,15 @@ impl StoredSigning {
     }
 
     /// What signing starts with, if flash is in this condition.
-    pub fn restore(&self, condition: Result<Condition, StorageError>) -> Signing {
+    pub fn restore(&self, condition: Condition) -> Signing {
         let protection = match condition {
-            Ok(Condition::Blank) => Protection::Off,
-            Ok(Condition::Whole) if self.choice == Some(NO_KEY) => Protection::Off,
+            Condition::Blank => Protection::Off,
+            Condition::Whole if self.choice == Some(NO_KEY) => Protection::Off,
             // What was set up after this key is there at least once, and would count.
-            Ok(Condition::Whole | Condition::OneRecordDamaged) => {
+            Condition::Whole | Condition::OneRecordDamaged => {
                 self.key().map_or(Protection::KeyLost, Protection::Key)
             }
-            Ok(Condition::Damaged) | Err(_) => Protection::KeyLost,
+            Condition::Damaged => Protection::KeyLost,
         };
         let is_choice_twice = self.choices == [self.choice; 2];
         let in_flash = match protection {
@@ -155,22 +160,23 @@ impl StoredSigning {
     }
 
     /// The words that have to be written for `what`, in this order.
-    pub fn words(&self, what: &ToStore) -> impl Iterator<Item = (u16, u32)> + use<> {
-        let (secret, last) = match what {
-            ToStore::Nothing => (None, None),
-            ToStore::Mark(mark) => (None, Some((MARKS, mark.0))),
-            ToStore::NoKey => (None, Some((CHOICES, NO_KEY))),
+    pub fn words(&self, what: &ToStore) -> Words {
+        let mut words = Words::new();
+        let (keys, last) = match what {
+            ToStore::Nothing => return words,
+            ToStore::Mark(mark) => (MARKS, mark.0),
+            ToStore::NoKey => (CHOICES, NO_KEY),
             ToStore::Key(key) => {
-                let (place, words) = (self.place_for(key), key.to_words());
-                let choice = choice(place, words);
-                (Some((place.start(), words)), Some((CHOICES, choice)))
+                let (place, secret) = (self.place_for(key), key.to_words());
+                for word in (place.start()..).zip(secret) {
+                    // They fit.
+                    let _ = words.push(word);
+                }
+                (CHOICES, choice(place, secret))
             }
         };
-        let secret = secret.into_iter().flat_map(|(start, words)| (start..).zip(words));
-        let last = last
-            .into_iter()
-            .flat_map(|(keys, word)| keys.map(|key| (key, word)));
-        secret.chain(last)
+        let _ = words.extend_from_slice(&keys.map(|key| (key, last)));
+        words
     }
 
     /// Which place counts.

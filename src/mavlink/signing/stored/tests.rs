@@ -1,9 +1,9 @@
+use std::vec::Vec;
+
 use proptest::prelude::*;
 
 use super::super::SigningTrouble;
 use super::*;
-
-const WHOLE: Result<Condition, StorageError> = Ok(Condition::Whole);
 
 fn key(byte: u8) -> SigningKey {
     SigningKey::new([byte; 32]).expect("not all zeros")
@@ -11,9 +11,9 @@ fn key(byte: u8) -> SigningKey {
 
 /// A flash of words, in the order in which they were stored. A power cut leaves it after any of them.
 #[derive(Clone, Default)]
-struct Words(Vec<(u16, u32)>);
+struct WordLog(Vec<(u16, u32)>);
 
-impl Words {
+impl WordLog {
     fn read(&self) -> StoredSigning {
         let mut stored = StoredSigning::default();
         self.0.iter().for_each(|(key, word)| stored.found(*key, *word));
@@ -22,9 +22,9 @@ impl Words {
 
     fn restore(&self) -> Signing {
         self.read().restore(if self.0.is_empty() {
-            Ok(Condition::Blank)
+            Condition::Blank
         } else {
-            WHOLE
+            Condition::Whole
         })
     }
 
@@ -35,7 +35,7 @@ impl Words {
             self.0 = vec![(0, 0)];
         }
         let before = self.0.len();
-        self.0.extend(self.read().words(what).take(at_most));
+        self.0.extend(self.read().words(what).into_iter().take(at_most));
         self.0.len() - before
     }
 
@@ -49,9 +49,9 @@ fn set_up(signing: &mut Signing, key: Option<SigningKey>) {
 }
 
 /// Has everything written that waits, until `at_most` so many words are; whether that was all.
-fn save(signing: &mut Signing, words: &mut Words, mut at_most: usize) -> bool {
+fn save(signing: &mut Signing, words: &mut WordLog, mut at_most: usize) -> bool {
     while let Some(what) = signing.next_unsaved(0) {
-        let wanted = words.read().words(&what).count();
+        let wanted = words.read().words(&what).len();
         if what == ToStore::Nothing && at_most == 0 {
             return false;
         }
@@ -66,8 +66,8 @@ fn save(signing: &mut Signing, words: &mut Words, mut at_most: usize) -> bool {
 }
 
 /// Flash into which this was set up, one after the other.
-fn flash_with(keys: &[Option<SigningKey>]) -> Words {
-    let mut words = Words::default();
+fn flash_with(keys: &[Option<SigningKey>]) -> WordLog {
+    let mut words = WordLog::default();
     let mut signing = words.restore();
     for key in keys {
         set_up(&mut signing, key.clone());
@@ -178,7 +178,7 @@ fn damage_leaves_the_same_choice_or_a_lost_key() {
         for first in 0..whole.0.len() {
             let mut damaged = whole.clone();
             damaged.0.remove(first);
-            let signing = damaged.read().restore(Ok(Condition::OneRecordDamaged));
+            let signing = damaged.read().restore(Condition::OneRecordDamaged);
             assert_eq!(signing.stored_mark, mark, "the time does not go back");
             let left = found(signing);
             assert!(left == Found::LostKey || left == expected, "record {first}");
@@ -186,7 +186,7 @@ fn damage_leaves_the_same_choice_or_a_lost_key() {
             for second in 0..damaged.0.len() {
                 let mut damaged = damaged.clone();
                 damaged.0.remove(second);
-                let signing = damaged.read().restore(Ok(Condition::Damaged));
+                let signing = damaged.read().restore(Condition::Damaged);
                 assert!(signing.has_lost_key());
             }
         }
@@ -196,19 +196,15 @@ fn damage_leaves_the_same_choice_or_a_lost_key() {
 #[test]
 fn flash_that_can_not_be_read_holds_a_lost_key_unless_it_is_blank() {
     for stored in [StoredSigning::default(), flash_with(&[Some(key(1)), None]).read()] {
-        for condition in [
-            Ok(Condition::OneRecordDamaged),
-            Ok(Condition::Damaged),
-            Err(StorageError::Flash),
-        ] {
+        for condition in [Condition::OneRecordDamaged, Condition::Damaged] {
             assert!(stored.restore(condition).has_lost_key());
         }
     }
     assert!(
-        StoredSigning::default().restore(WHOLE).has_lost_key(),
+        StoredSigning::default().restore(Condition::Whole).has_lost_key(),
         "no choice"
     );
-    let blank = StoredSigning::default().restore(Ok(Condition::Blank));
+    let blank = StoredSigning::default().restore(Condition::Blank);
     assert_eq!(found(blank), Found::NoKey);
 }
 
@@ -216,7 +212,7 @@ fn flash_that_can_not_be_read_holds_a_lost_key_unless_it_is_blank() {
 fn a_lost_key_stays_lost_until_another_choice_is_complete() {
     for choice in [Some(key(2)), None] {
         let mut words = flash_with(&[Some(key(1)), None]);
-        let mut signing = words.read().restore(Ok(Condition::Damaged));
+        let mut signing = words.read().restore(Condition::Damaged);
         assert_eq!(signing.trouble(), Some(SigningTrouble::KeyLost));
         assert_eq!(signing.next_unsaved(0), None, "what is there is left alone");
         set_up(&mut signing, choice.clone());
@@ -287,7 +283,7 @@ proptest! {
     fn whatever_the_words_are_they_make_no_key_that_was_not_stored(
         words in prop::collection::vec((0x100..0x124_u16, any::<u32>()), 0..40),
     ) {
-        prop_assert_eq!(Words(words).key(), None);
+        prop_assert_eq!(WordLog(words).key(), None);
     }
 
     #[test]
