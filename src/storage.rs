@@ -33,7 +33,7 @@ use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use record::{Record, Slot};
-use region::Region;
+use region::{Region, Unused};
 
 mod record;
 mod region;
@@ -107,6 +107,15 @@ struct Log {
     condition: Condition,
 }
 
+/// What a clear leaves that does not get to its end.
+#[derive(Clone, Copy, Debug)]
+enum IfCutShort {
+    /// Every value.
+    KeepAll,
+    /// Values that are out of date, or none.
+    LeaveDamage,
+}
+
 impl<F: NorFlash> Storage<F> {
     const SLOTS: u32 = Region::<F>::SLOTS;
 
@@ -128,12 +137,14 @@ impl<F: NorFlash> Storage<F> {
     pub async fn load(&mut self, found: &mut dyn FnMut(u16, u32)) -> Result<(), StorageError> {
         self.condition = Condition::Damaged;
         let Some(log) = self.find_log().await? else {
-            if self.region.is_erased().await? {
-                self.condition = Condition::Blank;
-            } else if !self.region.was_never_used().await? {
-                return Err(StorageError::Corrupt);
-            }
-            return Ok(());
+            return match self.region.unused().await? {
+                Some(Unused::Erased) => {
+                    self.condition = Condition::Blank;
+                    Ok(())
+                }
+                Some(Unused::FirstWriteCutShort) => Ok(()),
+                None => Err(StorageError::Corrupt),
+            };
         };
         for slot in 0..log.used {
             yield_now().await;
@@ -157,19 +168,6 @@ impl<F: NorFlash> Storage<F> {
     /// cut short as damage.
     pub fn condition(&self) -> Condition {
         self.condition
-    }
-
-    /// Declares everything stored out of date, as far as flash takes that: it is [`Condition::Damaged`] until something
-    /// else is stored.
-    ///
-    /// # Errors
-    /// [`StorageError::Flash`]: it may count as up to date.
-    pub async fn invalidate(&mut self) -> Result<(), StorageError> {
-        self.log = None;
-        match self.find_log().await? {
-            Some(log) => self.region.retire(log.sector).await,
-            None => Ok(()),
-        }
     }
 
     /// Stores `value` under `key`. When it returns, the value is in flash and has been read back.
@@ -209,16 +207,33 @@ impl<F: NorFlash> Storage<F> {
     ///
     /// # Errors
     /// After [`StorageError::Flash`] there are all or none, too.
-    pub async fn clear(&mut self) -> Result<(), StorageError> {
+    pub fn clear(&mut self) -> impl Future<Output = Result<(), StorageError>> {
+        self.clear_with(IfCutShort::KeepAll)
+    }
+
+    /// Forgets every value. However far it gets before a power cut or a failure, it leaves no value or
+    /// [`Condition::Damaged`]; only flash that takes no change at all stays as it was.
+    ///
+    /// # Errors
+    /// [`StorageError::Flash`]: flash could not be written.
+    pub fn start_over(&mut self) -> impl Future<Output = Result<(), StorageError>> {
+        self.clear_with(IfCutShort::LeaveDamage)
+    }
+
+    async fn clear_with(&mut self, if_cut_short: IfCutShort) -> Result<(), StorageError> {
         self.log = None;
         let log = self.find_log().await?;
         let is_clear = match &log {
             Some(log) => log.is_whole && log.used == 0,
-            None => self.region.was_never_used().await?,
+            None => self.region.unused().await?.is_some(),
         };
-        if !is_clear {
-            self.log = Some(self.start_sector(log.as_ref(), None).await?);
+        if is_clear {
+            return Ok(());
         }
+        if let (Some(log), IfCutShort::LeaveDamage) = (&log, if_cut_short) {
+            self.region.retire(log.sector).await?;
+        }
+        self.log = Some(self.start_sector(log.as_ref(), None).await?);
         Ok(())
     }
 

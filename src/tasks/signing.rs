@@ -45,9 +45,7 @@ impl<F: NorFlash> SigningStorage<F> {
 
     async fn store(&mut self, what: &ToStore) -> Result<(), StorageError> {
         if *what == ToStore::Nothing {
-            // First, so that even a clear that fails or is cut short leaves nothing that counts.
-            self.storage.invalidate().await?;
-            self.storage.clear().await?;
+            self.storage.start_over().await?;
             self.stored = StoredSigning::default();
         }
         for (key, word) in self.stored.words(what) {

@@ -187,16 +187,33 @@ fn blank_flash_one_damaged_record_and_more_are_distinguished() {
 }
 
 #[test]
-fn what_was_invalidated_is_damaged_until_something_else_is_stored() {
-    let (mut flash, latest, _) = used_region();
-    block_on(flash.storage().invalidate()).unwrap();
-    block_on(flash.storage().invalidate()).unwrap();
-    assert_eq!(flash.load(), (latest, Err(StorageError::Corrupt)));
-    assert_eq!(condition(&mut flash), Condition::Damaged);
-    assert_eq!(flash.store(1, 1000), Ok(Stored::Written));
-    assert_eq!(condition(&mut flash), Condition::Whole);
+fn a_start_over_that_fails_leaves_damage_and_one_that_succeeds_nothing() {
+    let (used, ..) = used_region();
+    let is_over = (1..).any(|operations| {
+        let mut flash = used.clone();
+        flash.refuse_after(operations);
+        let result = block_on(flash.storage().start_over());
+        flash.power_up();
+        match result {
+            Ok(()) => {
+                assert_eq!(flash.load(), (Values::new(), Ok(())));
+                assert_eq!(condition(&mut flash), Condition::Whole);
+            }
+            Err(error) => {
+                assert_eq!(error, StorageError::Flash);
+                let is_empty = flash.load().0.is_empty();
+                assert!(
+                    is_empty || condition(&mut flash) == Condition::Damaged,
+                    "{operations}"
+                );
+                assert_goes_on(flash);
+            }
+        }
+        result.is_ok()
+    });
+    assert!(is_over);
     let mut blank = SmallFlash::blank();
-    assert_eq!(block_on(blank.storage().invalidate()), Ok(()));
+    assert_eq!(block_on(blank.storage().start_over()), Ok(()));
     assert_eq!(blank.operations(), 0);
 }
 
