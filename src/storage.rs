@@ -33,7 +33,7 @@ use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use record::{Record, Slot};
-use region::Region;
+use region::{Region, Unused};
 
 mod record;
 mod region;
@@ -53,6 +53,20 @@ pub enum StorageError {
     Corrupt,
     /// There is no room for another key. What is stored stays.
     Full,
+}
+
+/// How much of what was stored can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Condition {
+    /// Every byte is erased: nothing was ever stored.
+    Blank,
+    /// Everything.
+    Whole,
+    /// Everything but one record: a store that was cut short, or bits that changed.
+    OneRecordDamaged,
+    /// More is lost: records, the newest sector, or everything.
+    Damaged,
 }
 
 /// What a store did.
@@ -76,6 +90,7 @@ pub struct Storage<F> {
     /// Known since the last call that went well. `None` while flash is being written, so that whatever happened, the next
     /// call looks for itself.
     log: Option<Log>,
+    condition: Condition,
 }
 
 /// The sector that holds the stored values.
@@ -89,6 +104,16 @@ struct Log {
     is_whole: bool,
     /// What is wrong with it, if anything, can be a store that was cut short.
     is_trusted: bool,
+    condition: Condition,
+}
+
+/// What a clear leaves that does not get to its end.
+#[derive(Clone, Copy, Debug)]
+enum IfCutShort {
+    /// Every value.
+    KeepAll,
+    /// Values that are out of date, or none.
+    LeaveDamage,
 }
 
 impl<F: NorFlash> Storage<F> {
@@ -100,20 +125,25 @@ impl<F: NorFlash> Storage<F> {
         Self {
             region: Region::new(flash, range),
             log: None,
+            condition: Condition::Damaged,
         }
     }
 
-    /// Calls `found` once for every stored key, with its latest value.
+    /// Calls `found` once for every stored key, with its latest value, in the order in which those values were stored.
     ///
     /// # Errors
     /// [`StorageError::Corrupt`]: some values may be older than the latest, or missing. Those that were delivered have
     /// been stored once. [`StorageError::Flash`]: reading failed part way.
     pub async fn load(&mut self, found: &mut dyn FnMut(u16, u32)) -> Result<(), StorageError> {
+        self.condition = Condition::Damaged;
         let Some(log) = self.find_log().await? else {
-            return if self.region.was_never_used().await? {
-                Ok(())
-            } else {
-                Err(StorageError::Corrupt)
+            return match self.region.unused().await? {
+                Some(Unused::Erased) => {
+                    self.condition = Condition::Blank;
+                    Ok(())
+                }
+                Some(Unused::FirstWriteCutShort) => Ok(()),
+                None => Err(StorageError::Corrupt),
             };
         };
         for slot in 0..log.used {
@@ -126,11 +156,18 @@ impl<F: NorFlash> Storage<F> {
                 found(key, record.value);
             }
         }
+        self.condition = log.condition;
         if log.is_trusted {
             Ok(())
         } else {
             Err(StorageError::Corrupt)
         }
+    }
+
+    /// How much of what was stored the last [`load`](Self::load) could read. Unlike its result, this counts a store that was
+    /// cut short as damage.
+    pub fn condition(&self) -> Condition {
+        self.condition
     }
 
     /// Stores `value` under `key`. When it returns, the value is in flash and has been read back.
@@ -170,16 +207,33 @@ impl<F: NorFlash> Storage<F> {
     ///
     /// # Errors
     /// After [`StorageError::Flash`] there are all or none, too.
-    pub async fn clear(&mut self) -> Result<(), StorageError> {
+    pub fn clear(&mut self) -> impl Future<Output = Result<(), StorageError>> {
+        self.clear_with(IfCutShort::KeepAll)
+    }
+
+    /// Forgets every value. However far it gets before a power cut or a failure, it leaves no value or
+    /// [`Condition::Damaged`]; only flash that takes no change at all stays as it was.
+    ///
+    /// # Errors
+    /// [`StorageError::Flash`]: flash could not be written.
+    pub fn start_over(&mut self) -> impl Future<Output = Result<(), StorageError>> {
+        self.clear_with(IfCutShort::LeaveDamage)
+    }
+
+    async fn clear_with(&mut self, if_cut_short: IfCutShort) -> Result<(), StorageError> {
         self.log = None;
         let log = self.find_log().await?;
         let is_clear = match &log {
             Some(log) => log.is_whole && log.used == 0,
-            None => self.region.was_never_used().await?,
+            None => self.region.unused().await?.is_some(),
         };
-        if !is_clear {
-            self.log = Some(self.start_sector(log.as_ref(), None).await?);
+        if is_clear {
+            return Ok(());
         }
+        if let (Some(log), IfCutShort::LeaveDamage) = (&log, if_cut_short) {
+            self.region.retire(log.sector).await?;
+        }
+        self.log = Some(self.start_sector(log.as_ref(), None).await?);
         Ok(())
     }
 
@@ -234,6 +288,7 @@ impl<F: NorFlash> Storage<F> {
             used,
             is_whole: true,
             is_trusted: true,
+            condition: Condition::Whole,
         })
     }
 
@@ -278,14 +333,21 @@ impl<F: NorFlash> Storage<F> {
         let mut used = 0;
         let mut records = 0;
         let mut ends_damaged = false;
+        // Slots that held a record once, as far as that can be seen.
+        let mut damaged = 0;
         for slot in 0..Self::SLOTS {
             match self.region.read_slot(sector, slot).await? {
                 Slot::Blank => continue,
                 Slot::Record(_) => {
+                    // Records have no blank slots before them.
+                    damaged = slot - records;
                     records += 1;
                     ends_damaged = false;
                 }
-                Slot::Damaged => ends_damaged = true,
+                Slot::Damaged => {
+                    damaged += 1;
+                    ends_damaged = true;
+                }
             }
             used = slot + 1;
         }
@@ -298,6 +360,12 @@ impl<F: NorFlash> Storage<F> {
             used,
             is_whole,
             is_trusted: is_whole || is_cut_short,
+            condition: match damaged {
+                _ if is_retired => Condition::Damaged,
+                0 => Condition::Whole,
+                1 => Condition::OneRecordDamaged,
+                _ => Condition::Damaged,
+            },
         }))
     }
 

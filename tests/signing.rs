@@ -8,8 +8,11 @@ mod support;
 
 use desk::Desk;
 use proptest::prelude::*;
-use rover_battmon::mavlink::{Endpoint, Event, LinkKind, SetupRefused, SigningChange};
+use rover_battmon::mavlink::{
+    Endpoint, Event, LinkKind, SetupRefused, SigningChange, SigningTrouble, StoredSigning,
+};
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::storage::Condition;
 use rover_battmon::vehicle::VehicleSettings;
 use signer::{NEW_YEAR, Signer};
 use support::frames::{
@@ -164,6 +167,49 @@ fn a_cable_takes_everything_unless_its_owner_says_otherwise() {
         &mut cable,
         &signer.sign(&setup_signing([OWNER; 32], NEW_YEAR))
     ));
+}
+
+#[test]
+fn a_lost_key_locks_until_another_is_set_up_by_cable_whatever_the_cable_takes() {
+    let lost = || {
+        let signing = StoredSigning::default().restore(Condition::Damaged);
+        assert_eq!(signing.trouble(), Some(SigningTrouble::KeyLost));
+        signing
+    };
+    let mut radio = desk(LinkKind::Radio);
+    radio.signing = lost();
+    for request in [changing_requests(), reading_requests()].concat() {
+        assert!(!was_obeyed(&mut radio, &request));
+        assert!(!was_obeyed(&mut radio, &Signer::new(OWNER).sign(&request)));
+    }
+    assert_eq!(radio.sent(), []);
+
+    let mut cable = desk(LinkKind::Direct);
+    cable.signing = lost();
+    cable
+        .parameters
+        .set(VehicleParameter::SignUsbAllow, NOTHING)
+        .unwrap();
+    assert!(!was_obeyed(&mut cable, &param_set("BATT_LOW_VOLT", 6.5)));
+    let events = cable.receive_in_chunks(&setup_signing([OWNER; 32], NEW_YEAR), 64);
+    assert_eq!(events, [Event::SigningSetUp(SigningChange::KeySet)]);
+    // From now on it takes the key again.
+    assert!(!was_obeyed(&mut cable, &setup_signing([STRANGER; 32], NEW_YEAR)));
+    assert!(was_obeyed(&mut cable, &Signer::new(OWNER).sign(&arm())));
+}
+
+#[test]
+fn a_frame_that_was_held_back_for_over_a_minute_does_not_count() {
+    let mut radio = protected();
+    let mut owner = Signer::new(OWNER);
+    assert!(was_obeyed(&mut radio, &owner.sign(&arm())));
+    // The owner's next frame is jammed and recorded, and the owner falls silent.
+    let held_back = owner.sign(&manual_control(1, 0, 1000));
+    radio.now_us = 61_000_000;
+    assert!(!was_obeyed(&mut radio, &held_back));
+    radio.post_due(radio.now_us);
+    owner.hear(&radio.sent());
+    assert!(was_obeyed(&mut radio, &owner.sign(&manual_control(1, 0, 1000))));
 }
 
 #[test]

@@ -181,7 +181,11 @@ impl Context<'_> {
     fn permits(&mut self, request: &Request, frame: &ReceivedFrame<'_>) -> bool {
         let accepted = AcceptUnsigned::on(self.link, self.parameters);
         let authenticity = self.signing.check(frame, self.now_us);
-        is_permitted(request.effect(&frame.payload), authenticity, accepted)
+        // Without this, a lost key could never be replaced where `SIGN_USB_ALLOW` wants everything signed with it.
+        let replaces_lost_key = matches!(request, Request::SetUpSigning)
+            && self.link == LinkKind::Direct
+            && self.signing.has_lost_key();
+        replaces_lost_key || is_permitted(request.effect(&frame.payload), authenticity, accepted)
     }
 
     /// Counts a request that is not permitted.

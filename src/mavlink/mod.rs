@@ -43,7 +43,9 @@ pub use payload::{Name, Payload};
 pub use scheduler::{Interval, IntervalRefused, NotStreamed, Periodic, StreamScheduler};
 pub use services::commands::Action;
 pub use services::signing::{SetupRefused, SigningChange};
-pub use signing::{AcceptUnsigned, LinkKind, Signing, SigningKey, StoredSigning, Timestamp, ToStore};
+pub use signing::{
+    AcceptUnsigned, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,
+};
 pub use system_state::{LinkStatistics, SystemState};
 
 /// The component id of the autopilot, `MAV_COMP_ID_AUTOPILOT1`.

@@ -16,6 +16,25 @@ pub(super) struct Region<F> {
     start: u32,
 }
 
+/// Why there is no value in a region.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unused {
+    /// Every byte is as an erase leaves it.
+    Erased,
+    /// The very first write of all did not get to its end.
+    FirstWriteCutShort,
+}
+
+impl Unused {
+    /// From where on every sector is blank.
+    fn blank_from(self) -> u32 {
+        match self {
+            Self::Erased => 0,
+            Self::FirstWriteCutShort => MARGIN,
+        }
+    }
+}
+
 const WORD: usize = size_of::<u32>();
 /// Bytes at either end of a sector that hold no records.
 const MARGIN: u32 = 16;
@@ -103,14 +122,18 @@ impl<F: NorFlash> Region<F> {
             .await
     }
 
-    /// True also if the very first write of all was cut short: that is no damage.
-    pub async fn was_never_used(&mut self) -> Result<bool, StorageError> {
+    /// Whether a value was ever stored; `None` if that can't be ruled out.
+    pub async fn unused(&mut self) -> Result<Option<Unused>, StorageError> {
+        let mut unused = Unused::Erased;
         for sector in 0..self.sectors {
-            if !self.is_blank_from(MARGIN, sector).await? {
-                return Ok(false);
+            while !self.is_blank_from(unused.blank_from(), sector).await? {
+                if unused == Unused::FirstWriteCutShort {
+                    return Ok(None);
+                }
+                unused = Unused::FirstWriteCutShort;
             }
         }
-        Ok(true)
+        Ok(Some(unused))
     }
 
     pub async fn find_blank_sector(&mut self) -> Result<Option<u32>, StorageError> {

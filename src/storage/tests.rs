@@ -77,6 +77,19 @@ fn every_value_is_found_again_after_a_reboot() {
 }
 
 #[test]
+fn values_are_delivered_in_the_order_in_which_they_were_stored() {
+    let mut flash = SmallFlash::blank();
+    // The ring has gone round, and the latest record of each key was carried along.
+    for number in 0..200_u16 {
+        let key = u16::from(number % 7 < 3) + u16::from(number % 5 == 0);
+        flash.store(key, u32::from(number)).unwrap();
+    }
+    let mut order = Vec::new();
+    block_on(flash.storage().load(&mut |_, value| order.push(value))).unwrap();
+    assert!(order.len() == 3 && order.is_sorted(), "{order:?}");
+}
+
+#[test]
 fn blank_flash_holds_nothing_and_is_not_damaged() {
     let mut flash = BoardFlash::blank();
     assert_eq!(flash.load(), (Values::new(), Ok(())));

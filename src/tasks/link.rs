@@ -90,6 +90,15 @@ impl Link {
         })
     }
 
+    /// Says what a ground station that connects has to know.
+    // In line it would be there twice.
+    #[inline(never)]
+    pub(super) fn say_notices(&self, shared: &Shared) {
+        for (severity, text) in shared.notices() {
+            self.with(|endpoint| endpoint.say(severity, text));
+        }
+    }
+
     /// Logs that a message of `stream` was dropped, once a second at most.
     pub(super) fn report_drop(&self, stream: Stream) {
         if self.drops.allows() {

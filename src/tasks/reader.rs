@@ -155,7 +155,7 @@ fn react(event: Event, shared: &Shared, link: &Link) {
         Event::Driven => shared.to_drive.signal(()),
         Event::ListRequested => {
             link.with(|endpoint| endpoint.say(MavSeverity::MAV_SEVERITY_INFO, BANNER));
-            shared.say_notices(link);
+            link.say_notices(shared);
         }
         Event::ParameterSet(id) => {
             let value = shared.parameter(id);
@@ -184,8 +184,7 @@ fn react(event: Event, shared: &Shared, link: &Link) {
         }
         Event::SigningSetUp(change) => {
             info!("{}: signing: {:?}", link.name(), change);
-            shared.announce(MavSeverity::MAV_SEVERITY_INFO, change.text());
-            shared.to_save_signing.signal(());
+            shared.to_save_signing.signal(change);
         }
         Event::SigningRefused(refused) => {
             if link.refusals.allows() {

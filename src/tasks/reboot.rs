@@ -4,6 +4,8 @@ use embassy_time::{Duration, Instant, Timer};
 
 use super::Shared;
 use crate::log::info;
+use crate::mavlink::SigningTrouble;
+use crate::mavlink::dialect::MavSeverity;
 use crate::parameter::Parameters;
 
 /// What was answered and set before a restart gets this long to be sent and saved.
@@ -21,6 +23,13 @@ pub async fn reboot_requested(shared: &Shared, all_sent: impl Fn() -> bool) {
     // What could not be saved has a last chance.
     shared.with_parameters(Parameters::retry_failed);
     shared.to_save.signal(());
+    // The last moment at which it matters.
+    if shared.with_signing(|signing| signing.trouble()) == Some(SigningTrouble::NotSaved) {
+        shared.announce(
+            MavSeverity::MAV_SEVERITY_CRITICAL,
+            SigningTrouble::NotSaved.text(),
+        );
+    }
     let deadline = Instant::now() + PATIENCE;
     while (shared.has_unsaved() || !all_sent()) && Instant::now() < deadline {
         Timer::after(LOOK_INTERVAL).await;

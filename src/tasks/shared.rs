@@ -6,11 +6,10 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use heapless::Vec;
 
-use super::Link;
 use super::announcements::{Announcements, Listener};
 use crate::battery::{BatteryState, MAX_PACKS, Measurement, PackStatus, ReadError};
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Signing, SystemState};
+use crate::mavlink::{Signing, SigningChange, SigningTrouble, SystemState};
 use crate::parameter::{Pack, ParameterId, Parameters, save_failure_text};
 use crate::sensor::{Pulses, Samples};
 use crate::vehicle::Vehicle;
@@ -41,7 +40,7 @@ pub struct Shared {
     /// Parameters have to be written to flash.
     pub(super) to_save: Signal<NoopRawMutex, ()>,
     /// Another signing key has to be written to flash.
-    pub(super) to_save_signing: Signal<NoopRawMutex, ()>,
+    pub(super) to_save_signing: Signal<NoopRawMutex, SigningChange>,
     /// A ground station asks for a restart.
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
     /// A ground station gave a sign of life.
@@ -203,18 +202,18 @@ impl Shared {
         self.announcements.listen()
     }
 
-    /// Says on a link what a ground station that connects now has to know: about the start, and that parameters can't be
-    /// saved while that lasts.
-    pub(super) fn say_notices(&self, link: &Link) {
+    /// What a ground station that connects now has to know: about the start, and what can't be saved or trusted while that
+    /// lasts.
+    pub(super) fn notices(&self) -> impl Iterator<Item = Notice> + use<> {
         let notices = self.start_notices.take();
-        let failure = self.with_parameters(|parameters| parameters.save_failure());
-        let failure = failure.map(|error| (MavSeverity::MAV_SEVERITY_CRITICAL, save_failure_text(error)));
-        link.with(|endpoint| {
-            for (severity, text) in notices.iter().copied().chain(failure) {
-                endpoint.say(severity, text);
-            }
-        });
-        self.start_notices.set(notices);
+        self.start_notices.set(notices.clone());
+        let unsaved = self.with_parameters(|parameters| parameters.save_failure());
+        let trouble = self.with_signing(|signing| signing.trouble());
+        let texts = [unsaved.map(save_failure_text), trouble.map(SigningTrouble::text)];
+        let critical = |text| (MavSeverity::MAV_SEVERITY_CRITICAL, text);
+        notices
+            .into_iter()
+            .chain(texts.into_iter().flatten().map(critical))
     }
 
     /// Whether a value that was set still has to be written to flash. What could not be written and waits for its retry

@@ -14,7 +14,7 @@ use crate::log::warn;
 /// Posts each stream of `link` at its due time, and passes on what is announced; sleeps in between.
 pub async fn schedule_telemetry(shared: &Shared, link: &Link, check_in: &CheckIn) -> ! {
     let mut announcements = shared.announcements();
-    shared.say_notices(link);
+    link.say_notices(shared);
     loop {
         post_due(shared, link);
         link.to_write.signal(());

@@ -8,7 +8,9 @@ use rover_battmon::mavlink::{SigningKey, StoredSigning, ToStore};
 use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::Storage;
 
-use crate::bench::{Bench, PARAMETER_OFFSET, SAVED_US, SECOND, SIGNING_BYTES, SIGNING_OFFSET, value_of};
+use crate::bench::{
+    Bench, PARAMETER_OFFSET, SAVED_US, SECOND, SECTOR_BYTES, SIGNING_BYTES, SIGNING_OFFSET, value_of,
+};
 use crate::bus_packs::DIVIDER_CODE;
 use crate::emulator::{FlashOperationKind, LogLevel};
 use crate::signer::Signer;
@@ -19,25 +21,49 @@ use crate::support::requests::{param_read_by_name, param_set, radio_status, rebo
 pub const OWNER: u8 = 7;
 pub const STRANGER: u8 = 8;
 
+const KEY_LOST: &str = "Signing key lost, commands locked: set up by USB";
+const NOT_SAVED: &str = "Signing not saved: set it up again after a restart";
+
+/// What signing stores under these keys: the choice between a key and none, and the time, each twice.
+const CHOICES: [u16; 2] = [0x120, 0x122];
+const MARKS: [u16; 2] = [0x121, 0x123];
+const NO_KEY: u32 = 0;
+
+/// Where a sector's records start, and their size.
+const RECORDS: usize = 16;
+const RECORD_BYTES: usize = 12;
+const RECORDS_OF_A_SECTOR: usize = (SECTOR_BYTES - 2 * RECORDS) / RECORD_BYTES;
+
+/// The words that signing stores for the owner's key.
+fn words_of_key() -> Vec<(u16, u32)> {
+    let key = SigningKey::new([OWNER; 32]).expect("not all zeros");
+    StoredSigning::default()
+        .words(&ToStore::Key(key))
+        .into_iter()
+        .collect()
+}
+
+/// The flash of signing after these words were stored.
+fn flash_with(words: impl IntoIterator<Item = (u16, u32)>) -> Vec<u8> {
+    let mut flash = SimulatedFlash::open(None).expect("it needs no file");
+    let mut storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
+    let mut content = vec![0; SIGNING_BYTES];
+    block_on(async {
+        for (key, word) in words {
+            storage.store(key, word).await.expect("a sound flash");
+        }
+        flash
+            .read(SimulatedFlash::SIGNING.start, &mut content)
+            .await
+            .expect("a sound flash");
+    });
+    content
+}
+
 /// The flash of a board whose owner has set up a key.
 pub fn flash_with_key() -> &'static [u8] {
     static FLASH: OnceLock<Vec<u8>> = OnceLock::new();
-    FLASH.get_or_init(|| {
-        let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-        let mut storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
-        let key = SigningKey::new([OWNER; 32]).expect("not all zeros");
-        let mut content = vec![0; SIGNING_BYTES];
-        block_on(async {
-            for (key, word) in StoredSigning::default().words(&ToStore::Key(key)) {
-                storage.store(key, word).await.expect("a sound flash");
-            }
-            flash
-                .read(SimulatedFlash::SIGNING.start, &mut content)
-                .await
-                .expect("a sound flash");
-        });
-        content
-    })
+    FLASH.get_or_init(|| flash_with(words_of_key()))
 }
 
 fn protected() -> Bench {
@@ -217,37 +243,119 @@ impl Restart {
     }
 }
 
-#[test]
-fn a_key_that_was_damaged_is_told_and_lets_nobody_in() {
-    let mut flash = flash_with_key().to_vec();
-    // The records start behind the first 16 bytes; this is in the first word of the key.
-    flash[16 + 5] ^= 1;
-    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, &flash);
+/// A board with this flash obeys nobody by radio, and says why.
+fn assert_locked(flash: &[u8]) {
+    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, flash);
     bench.run_for(2 * SECOND);
     let frames = bench.frames();
-    assert!(texts_of(&frames).contains(&"Signing key damaged: set it up again by USB".into()));
+    assert!(texts_of(&frames).contains(&KEY_LOST.into()));
     assert!(frames.iter().all(|frame| frame.signed.is_none()));
-    assert_eq!(sets(&mut bench, &param_set("BATT_LOW_VOLT", 6.5)), None);
-    let mut owner = Signer::new(OWNER);
-    assert_eq!(
-        sets(&mut bench, &owner.sign(&param_set("BATT_LOW_VOLT", 6.5))),
-        None
-    );
+    let request = param_set("BATT_LOW_VOLT", 6.5);
+    assert_eq!(sets(&mut bench, &request), None);
+    assert_eq!(sets(&mut bench, &Signer::new(OWNER).sign(&request)), None);
+}
+
+/// A board with this flash obeys the owner, and nobody else.
+fn assert_key_counts(flash: &[u8]) {
+    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, flash);
+    bench.run_for(SECOND);
+    let request = param_set("BATT_LOW_VOLT", 6.5);
+    assert_eq!(sets(&mut bench, &request), None);
+    let signed = station(&mut bench).sign(&request);
+    assert_eq!(sets(&mut bench, &signed), Some(6.5));
+}
+
+/// With one bit of the record changed that was stored as number `record`.
+fn with_damaged_record(flash: &[u8], record: usize) -> Vec<u8> {
+    let mut damaged = flash.to_vec();
+    damaged[RECORDS + record * RECORD_BYTES + 5] ^= 1;
+    damaged
 }
 
 #[test]
-fn other_programs_leavings_are_no_key() {
+fn a_damaged_key_locks_and_is_announced() {
+    assert_locked(&with_damaged_record(flash_with_key(), 0));
+}
+
+#[test]
+fn a_flipped_bit_in_the_newest_choice_brings_no_older_one_back() {
+    let no_key = CHOICES.map(|key| (key, NO_KEY));
+    let words: Vec<_> = no_key.into_iter().chain(words_of_key()).collect();
+    let flash = flash_with(words.clone());
+    for record in [words.len() - 2, words.len() - 1] {
+        assert_key_counts(&with_damaged_record(&flash, record));
+    }
+    // As firmware has left it that stored the choice once.
+    let words: Vec<_> = words.into_iter().filter(|(key, _)| *key != CHOICES[1]).collect();
+    assert_key_counts(&flash_with(words.clone()));
+    assert_locked(&with_damaged_record(&flash_with(words.clone()), words.len() - 1));
+}
+
+#[test]
+fn damaged_headers_lock() {
+    let mut flash = flash_with_key().to_vec();
+    for header in [0, SECTOR_BYTES - 16] {
+        flash[header + 4] ^= 1;
+    }
+    assert_locked(&flash);
+}
+
+#[test]
+fn other_programs_leavings_lock_and_blank_flash_does_not() {
     for byte in [0, 0x55, 0xa5] {
-        let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, &[byte; SIGNING_BYTES]);
+        assert_locked(&[byte; SIGNING_BYTES]);
+    }
+    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, &[0xff; SIGNING_BYTES]);
+    bench.run_for(SECOND);
+    assert!(bench.frames().iter().all(|frame| frame.signed.is_none()));
+    assert_eq!(sets(&mut bench, &param_set("BATT_LOW_VOLT", 6.5)), Some(6.5));
+    assert!(texts_of(&bench.frames()).iter().all(|text| !text.contains("key")));
+}
+
+#[test]
+fn a_damaged_mark_lets_no_recording_in() {
+    let mut owner = Signer::new(OWNER);
+    let recorded = owner.sign(&param_set("BATT_LOW_VOLT", 6.25));
+    // An hour later, in steps of 2^17 ticks.
+    let mark = (owner.timestamp + 3600 * 100_000) >> 17;
+    let marks = MARKS.map(|key| (key, mark as u32));
+    let words: Vec<_> = words_of_key().into_iter().chain(marks).collect();
+    let flash = flash_with(words.clone());
+    for record in [words.len() - 2, words.len() - 1] {
+        let damaged = with_damaged_record(&flash, record);
+        let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, &damaged);
         bench.run_for(SECOND);
-        assert!(bench.frames().iter().all(|frame| frame.signed.is_none()));
-        assert_eq!(sets(&mut bench, &param_set("BATT_LOW_VOLT", 6.5)), Some(6.5));
-        assert!(texts_of(&bench.frames()).iter().all(|text| !text.contains("key")));
+        assert_eq!(sets(&mut bench, &recorded), None, "record {record}");
+        let signed = station(&mut bench).sign(&param_set("BATT_LOW_VOLT", 6.5));
+        assert_eq!(sets(&mut bench, &signed), Some(6.5));
     }
 }
 
 #[test]
-fn the_time_is_written_down_twice_a_minute_and_nothing_else() {
+fn worn_flash_that_can_not_keep_the_time_is_announced_and_locks_after_a_restart() {
+    // One sector is full, and the next one can't be erased.
+    let words = words_of_key();
+    let older_times = (1..).take(RECORDS_OF_A_SECTOR - words.len());
+    let mut flash = flash_with(words.into_iter().chain(older_times.map(|mark| (MARKS[0], mark))));
+    flash[SECTOR_BYTES..].fill(0);
+    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, &flash);
+    bench.wear_out_sector(SIGNING_OFFSET + SECTOR_BYTES as u32);
+    bench.run_for(70 * SECOND);
+    let said = texts_of(&bench.frames());
+    let count = said.iter().filter(|text| *text == NOT_SAVED).count();
+    assert!(count >= 2, "{said:?}");
+    let signed = station(&mut bench).sign(&param_set("BATT_LOW_VOLT", 6.5));
+    assert_eq!(sets(&mut bench, &signed), Some(6.5), "in force until the restart");
+
+    bench.power_cycle();
+    bench.forget_sent();
+    bench.run_for(2 * SECOND);
+    assert!(texts_of(&bench.frames()).contains(&KEY_LOST.into()));
+    assert_eq!(sets(&mut bench, &signed), None);
+}
+
+#[test]
+fn the_time_is_written_down_once_a_minute_and_nothing_else() {
     const MINUTES: u64 = 10;
     let mut bench = protected();
     bench.take_flash_operations();
@@ -255,6 +363,7 @@ fn the_time_is_written_down_twice_a_minute_and_nothing_else() {
     let operations = bench.take_flash_operations();
     let marks = operations.len() as u64;
     println!("{marks} records of time in {MINUTES} minutes");
+    // Two records each time.
     assert!((1..=2 * MINUTES).contains(&marks), "{marks}");
     for operation in operations {
         assert_eq!(operation.kind, FlashOperationKind::PageProgram);

@@ -16,7 +16,7 @@ pub enum SigningChange {
 }
 
 impl SigningChange {
-    /// What everyone who is connected is told.
+    /// What is announced when it is in flash.
     pub fn text(self) -> &'static str {
         match self {
             Self::KeySet => "Signing key set",

@@ -13,6 +13,8 @@ mod stored;
 mod streams;
 mod timestamp;
 
+use core::mem;
+
 pub use key::SigningKey;
 pub use permission::{AcceptUnsigned, LinkKind};
 pub(super) use permission::{Authenticity, Effect, is_permitted};
@@ -38,8 +40,7 @@ pub struct Signing {
     protection: Protection,
     clock: SigningClock,
     streams: Streams,
-    /// Whether the key, or that there is none, has to be written to flash.
-    key_in_flash: InFlash,
+    in_flash: InFlash,
     /// Nothing up to now was signed after this time, as far as the flash knows.
     stored_mark: Mark,
     last_report_us: Option<u64>,
@@ -55,24 +56,54 @@ enum Protection {
     KeyLost,
 }
 
+/// What a restart would find in flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum InFlash {
-    Yes,
-    NotYet,
+    /// What is in force.
+    Current,
+    /// Another key, or this one without its second record. It counts until the choice is written: a power cut leaves
+    /// either key.
+    OtherKey,
+    /// That there is no key. It has to go before a key is written: half a key must not leave the vehicle open.
+    NoKey,
+    /// Nothing yet: a power cut leaves a lost key.
+    Nothing,
+    /// Something that can't be read, or what could not be written: a lost key.
+    Unreadable,
+}
+
+/// What ground stations have to know of the key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum SigningTrouble {
+    /// There was a key that can't be read any more.
+    KeyLost,
+    /// What was set up could not be written to flash.
+    NotSaved,
+}
+
+impl SigningTrouble {
+    /// What is announced.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::KeyLost => "Signing key lost, commands locked: set up by USB",
+            Self::NotSaved => "Signing not saved: set it up again after a restart",
+        }
+    }
 }
 
 impl Signing {
     /// Without a key.
     pub fn off() -> Self {
-        Self::new(Protection::Off, Mark::default())
+        Self::new(Protection::Off, InFlash::Current, Mark::default())
     }
 
-    fn new(protection: Protection, mark: Mark) -> Self {
+    fn new(protection: Protection, in_flash: InFlash, mark: Mark) -> Self {
         Self {
             protection,
             clock: SigningClock::starting_at(mark.time()),
             streams: Streams::after(mark.time()),
-            key_in_flash: InFlash::Yes,
+            in_flash,
             stored_mark: mark,
             last_report_us: None,
         }
@@ -83,11 +114,24 @@ impl Signing {
         matches!(self.protection, Protection::KeyLost)
     }
 
+    /// What every ground station has to know, one that connects later too.
+    pub fn trouble(&self) -> Option<SigningTrouble> {
+        match (&self.protection, self.in_flash) {
+            (Protection::KeyLost, _) => Some(SigningTrouble::KeyLost),
+            (_, InFlash::Unreadable) => Some(SigningTrouble::NotSaved),
+            _ => None,
+        }
+    }
+
     /// Takes another key, or none any more. The time goes on from `time` if that is later than ours: it never goes back,
     /// so nothing that was signed before, with any key, is accepted again.
     pub(super) fn set_up(&mut self, key: Option<SigningKey>, time: Timestamp, now_us: u64) {
-        self.protection = key.map_or(Protection::Off, Protection::Key);
-        self.key_in_flash = InFlash::NotYet;
+        let before = mem::replace(&mut self.protection, key.map_or(Protection::Off, Protection::Key));
+        self.in_flash = match (self.in_flash, before) {
+            (InFlash::Current, Protection::Off) => InFlash::NoKey,
+            (InFlash::Current, Protection::Key(_)) => InFlash::OtherKey,
+            (in_flash, _) => in_flash,
+        };
         self.clock.follow(time, now_us);
     }
 
@@ -155,29 +199,46 @@ impl Signing {
 
     /// What has to be written to flash now, one thing after the other, if anything.
     pub fn next_unsaved(&self, now_us: u64) -> Option<ToStore> {
-        match &self.protection {
+        match (&self.protection, self.in_flash) {
+            (Protection::KeyLost, _) | (Protection::Off, InFlash::Current) => None,
+            (Protection::Key(_), InFlash::NoKey | InFlash::Unreadable)
+            | (Protection::Off, InFlash::Unreadable) => Some(ToStore::Nothing),
+            (Protection::Off, InFlash::OtherKey | InFlash::NoKey | InFlash::Nothing) => Some(ToStore::NoKey),
             // The mark comes first: the flash should not be behind the frames that leave.
-            Protection::Key(key) => stored::next_mark(self.stored_mark, self.clock.now(now_us))
-                .map(ToStore::Mark)
-                .or_else(|| self.is_key_unsaved().then(|| ToStore::Key(key.clone()))),
-            Protection::Off => self.is_key_unsaved().then_some(ToStore::NoKey),
-            Protection::KeyLost => None,
+            (Protection::Key(key), InFlash::Current | InFlash::OtherKey | InFlash::Nothing) => {
+                stored::next_mark(self.stored_mark, self.clock.now(now_us))
+                    .map(ToStore::Mark)
+                    .or_else(|| self.is_key_unsaved().then(|| ToStore::Key(key.clone())))
+            }
         }
     }
 
     /// Whether another key, or that there is none any more, is not in flash yet.
     pub fn is_key_unsaved(&self) -> bool {
-        self.key_in_flash == InFlash::NotYet
+        !matches!(self.protection, Protection::KeyLost) && self.in_flash != InFlash::Current
     }
 
     /// This is in flash now. If another key was set up in the meantime, that one still has to be written.
     pub fn mark_saved(&mut self, saved: &ToStore) {
-        match (saved, &self.protection) {
-            (ToStore::Mark(mark), _) => self.stored_mark = *mark,
-            (ToStore::Key(saved), Protection::Key(key)) if saved == key => self.key_in_flash = InFlash::Yes,
-            (ToStore::NoKey, Protection::Off) => self.key_in_flash = InFlash::Yes,
-            (ToStore::Key(_) | ToStore::NoKey, _) => {}
-        }
+        self.in_flash = match (saved, &self.protection) {
+            (ToStore::Nothing, _) => {
+                self.stored_mark = Mark::default();
+                InFlash::Nothing
+            }
+            (ToStore::Mark(mark), _) => {
+                self.stored_mark = *mark;
+                return;
+            }
+            (ToStore::Key(saved), Protection::Key(key)) if saved == key => InFlash::Current,
+            (ToStore::NoKey, Protection::Off) => InFlash::Current,
+            (ToStore::Key(_), _) => InFlash::OtherKey,
+            (ToStore::NoKey, _) => InFlash::NoKey,
+        };
+    }
+
+    /// Something could not be written to flash. What is there is not to be relied on any more.
+    pub fn mark_failed(&mut self) {
+        self.in_flash = InFlash::Unreadable;
     }
 }
 
@@ -198,7 +259,7 @@ mod tests {
     }
 
     fn with_key() -> Signing {
-        Signing::new(Protection::Key(key()), Mark::default())
+        Signing::new(Protection::Key(key()), InFlash::Current, Mark::default())
     }
 
     fn check(signing: &mut Signing, bytes: &[u8]) -> Authenticity {
@@ -296,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_sender_may_be_a_minute_behind() {
+    fn a_sender_may_be_a_minute_behind_and_no_more_whether_known_or_new() {
         let now = Timestamp::from_ticks(100_000_000).unwrap();
         let mut streams = Streams::after(Timestamp::default());
         let sender = |link| StreamId {
@@ -306,6 +367,10 @@ mod tests {
         };
         assert!(!streams.accept(sender(0), Timestamp::from_ticks(93_999_999).unwrap(), now));
         assert!(streams.accept(sender(0), Timestamp::from_ticks(94_000_000).unwrap(), now));
+        // Recorded while it was jammed, and held back.
+        let held_back = Timestamp::from_ticks(94_000_001).unwrap();
+        assert!(!streams.accept(sender(0), held_back, now.later(2)));
+        assert!(streams.accept(sender(0), held_back, now.later(1)));
     }
 
     #[test]

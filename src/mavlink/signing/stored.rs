@@ -1,26 +1,38 @@
 //! What of signing outlasts a restart, as words under keys.
 //!
-//! The secret has two places. A new one is written to the place that does not count, and then one word says that this is
-//! the place that counts from now on: a power cut leaves either secret whole.
+//! The secret has two places. A new one is written to the place that does not count, and then the choice says that this
+//! is the place that counts from now on: a power cut leaves either secret whole.
+//!
+//! The choice and the mark are stored under two keys each, one record after the other. Of two choices the later one
+//! counts, of two marks the higher one: so one damaged record never brings back an older choice or an older time.
+//!
+//! Damage is judged in favour of locking. Flash that was never written holds no key. Anything else means that there was one,
+//! unless it says whole and undamaged that there is none.
+
+use heapless::Vec;
 
 use super::key::KEY_WORDS;
-use super::{Protection, Signing, SigningKey, Timestamp};
+use super::{InFlash, Protection, Signing, SigningKey, Timestamp};
 use crate::crc32::crc32;
-use crate::storage::StorageError;
+use crate::storage::Condition;
 
 /// Where the words are. These numbers never change.
 const FIRST_PLACE: u16 = 0x100;
 const SECOND_PLACE: u16 = 0x110;
-const CHOICE: u16 = 0x120;
-const MARK: u16 = 0x121;
+const CHOICES: [u16; 2] = [0x120, 0x122];
+const MARKS: [u16; 2] = [0x121, 0x123];
 
-/// [`CHOICE`]: no key.
+/// A choice: no key.
 const NO_KEY: u32 = 0;
 /// Otherwise, its lowest byte says which place counts, and the rest is from the checksum of what is there.
 const PLACE: u32 = 0xFF;
 
-/// A mark is set so far ahead, and moved when there is half of that left: so nothing is written more than twice a minute.
-const MARK_AHEAD: u64 = 60 * Timestamp::PER_SECOND;
+/// A mark is set so far ahead.
+const MARK_AHEAD: u64 = 70 * Timestamp::PER_SECOND;
+
+/// It is moved when so little is left: once in 62 s, since it takes two records. Between the two, the older mark is still
+/// ahead of everything signed.
+const MARK_LEFT: u64 = 8 * Timestamp::PER_SECOND;
 
 /// A time which everything signed so far was before, in 2^17 ticks (1.3 s), so that it fits a word.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -42,7 +54,7 @@ impl Mark {
 
 /// The mark that has to replace `stored` when our time is `now`, if it has to be replaced.
 pub(super) fn next_mark(stored: Mark, now: Timestamp) -> Option<Mark> {
-    let is_near = now.later(MARK_AHEAD / 2) > stored.time();
+    let is_near = now.later(MARK_LEFT) > stored.time();
     let next = Mark::not_before(now.later(MARK_AHEAD));
     (is_near && next != stored).then_some(next)
 }
@@ -50,6 +62,8 @@ pub(super) fn next_mark(stored: Mark, now: Timestamp) -> Option<Mark> {
 /// Something that has to be written to flash.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ToStore {
+    /// Nothing, in place of whatever is there. Until a choice follows, this counts as a lost key.
+    Nothing,
     /// Another key.
     Key(SigningKey),
     /// That there is no key any more.
@@ -57,6 +71,9 @@ pub enum ToStore {
     /// A later time.
     Mark(Mark),
 }
+
+/// Words with the keys they are stored under: those of a secret, and a choice or a mark twice.
+pub type Words = Vec<(u16, u32), { KEY_WORDS + 2 }>;
 
 /// Which of the two places counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,59 +110,73 @@ impl Place {
 pub struct StoredSigning {
     first: [Option<u32>; KEY_WORDS],
     second: [Option<u32>; KEY_WORDS],
+    /// The later one of the choices.
     choice: Option<u32>,
+    /// Under their two keys.
+    choices: [Option<u32>; 2],
     mark: Mark,
 }
 
 impl StoredSigning {
-    /// Takes a word that was found in flash.
+    /// Takes a word that was found in flash. They have to come in the order in which they were stored.
     pub fn found(&mut self, key: u16, word: u32) {
-        match key {
-            CHOICE => self.choice = Some(word),
-            MARK => self.mark = Mark(word),
-            _ => {
-                let places = [(FIRST_PLACE, &mut self.first), (SECOND_PLACE, &mut self.second)];
-                for (start, words) in places {
-                    let index = key.checked_sub(start).map(usize::from);
-                    if let Some(place) = index.and_then(|index| words.get_mut(index)) {
-                        *place = Some(word);
-                    }
-                }
+        if MARKS.contains(&key) {
+            self.mark.0 = self.mark.0.max(word);
+        }
+        for (choice_key, choice) in CHOICES.into_iter().zip(&mut self.choices) {
+            if key == choice_key {
+                *choice = Some(word);
+                self.choice = Some(word);
+            }
+        }
+        let places = [(FIRST_PLACE, &mut self.first), (SECOND_PLACE, &mut self.second)];
+        for (start, words) in places {
+            let index = key.checked_sub(start).map(usize::from);
+            if let Some(place) = index.and_then(|index| words.get_mut(index)) {
+                *place = Some(word);
             }
         }
     }
 
-    /// What signing starts with, if reading went like this.
-    ///
-    /// Without a word of ours there was no key, whatever else stood there and could not be read.
-    pub fn restore(&self, read: Result<(), StorageError>) -> Signing {
-        let protection = match (self.choice, self.key()) {
-            (None, _) if read.is_err() && self.has_words() => Protection::KeyLost,
-            (None | Some(NO_KEY), _) => Protection::Off,
-            (Some(_), Some(key)) => Protection::Key(key),
-            (Some(_), None) => Protection::KeyLost,
+    /// What signing starts with, if flash is in this condition.
+    pub fn restore(&self, condition: Condition) -> Signing {
+        let protection = match condition {
+            Condition::Blank => Protection::Off,
+            Condition::Whole if self.choice == Some(NO_KEY) => Protection::Off,
+            // What was set up after this key is there at least once, and would count.
+            Condition::Whole | Condition::OneRecordDamaged => {
+                self.key().map_or(Protection::KeyLost, Protection::Key)
+            }
+            Condition::Damaged => Protection::KeyLost,
         };
-        Signing::new(protection, self.mark)
+        let is_choice_twice = self.choices == [self.choice; 2];
+        let in_flash = match protection {
+            Protection::KeyLost => InFlash::Unreadable,
+            _ if is_choice_twice => InFlash::Current,
+            Protection::Off => InFlash::NoKey,
+            Protection::Key(_) => InFlash::OtherKey,
+        };
+        Signing::new(protection, in_flash, self.mark)
     }
 
     /// The words that have to be written for `what`, in this order.
-    pub fn words(&self, what: &ToStore) -> impl Iterator<Item = (u16, u32)> + use<> {
-        let (secret, last) = match what {
-            ToStore::Mark(mark) => (None, (MARK, mark.0)),
-            ToStore::NoKey => (None, (CHOICE, NO_KEY)),
+    pub fn words(&self, what: &ToStore) -> Words {
+        let mut words = Words::new();
+        let (keys, last) = match what {
+            ToStore::Nothing => return words,
+            ToStore::Mark(mark) => (MARKS, mark.0),
+            ToStore::NoKey => (CHOICES, NO_KEY),
             ToStore::Key(key) => {
-                let place = self.place().map_or(Place::First, Place::other);
-                let words = key.to_words();
-                (Some((place.start(), words)), (CHOICE, choice(place, words)))
+                let (place, secret) = (self.place_for(key), key.to_words());
+                for word in (place.start()..).zip(secret) {
+                    // They fit.
+                    let _ = words.push(word);
+                }
+                (CHOICES, choice(place, secret))
             }
         };
-        let secret = secret.into_iter().flat_map(|(start, words)| (start..).zip(words));
-        secret.chain([last])
-    }
-
-    fn has_words(&self) -> bool {
-        let mut secrets = self.first.iter().chain(&self.second);
-        secrets.any(Option::is_some) || self.mark != Mark::default()
+        let _ = words.extend_from_slice(&keys.map(|key| (key, last)));
+        words
     }
 
     /// Which place counts.
@@ -154,6 +185,14 @@ impl StoredSigning {
         [Place::First, Place::Second]
             .into_iter()
             .find(|place| place.number() == number)
+    }
+
+    /// Where to write `key`: not over another one that counts.
+    fn place_for(&self, key: &SigningKey) -> Place {
+        match self.place() {
+            Some(place) if self.key().as_ref() == Some(key) => place,
+            place => place.map_or(Place::First, Place::other),
+        }
     }
 
     /// The key, if it is whole.

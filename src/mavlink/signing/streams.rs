@@ -1,4 +1,4 @@
-//! Whom we have heard, so that nobody's frame counts twice.
+//! Replay protection: the latest timestamp of each sender on each of its links.
 
 use heapless::Vec;
 
@@ -7,8 +7,9 @@ use super::Timestamp;
 /// Senders that are told apart at the same time, as in ArduPilot.
 const STREAMS: usize = 16;
 
-/// A sender that is new may be so far behind: its frame may have been under way while another one's came.
-const OLDEST_OF_A_NEW_STREAM: u64 = 60 * Timestamp::PER_SECOND;
+/// A frame may be so far behind our time: it may have been under way while another one's came. What is older may be a
+/// recording of a frame that was jammed, so it is dropped even if its sender was silent since.
+const MAX_AGE: u64 = 60 * Timestamp::PER_SECOND;
 
 /// One sender on one of its links: their timestamps only grow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,14 +45,13 @@ impl Streams {
     /// Whether a frame with this time is a new one of its sender; then no frame with this time or an earlier one is, from
     /// now on. `now` is our own time.
     pub fn accept(&mut self, id: StreamId, time: Timestamp, now: Timestamp) -> bool {
-        if let Some(stream) = self.known.iter_mut().find(|stream| stream.id == id) {
-            let is_new = time > stream.latest;
-            stream.latest = stream.latest.max(time);
-            return is_new;
-        }
-        let is_new = time > self.forgotten && time.later(OLDEST_OF_A_NEW_STREAM) >= now;
-        if is_new {
-            self.add(Stream { id, latest: time });
+        let known = self.known.iter_mut().find(|stream| stream.id == id);
+        let latest = known.as_ref().map_or(self.forgotten, |stream| stream.latest);
+        let is_new = time > latest && time.later(MAX_AGE) >= now;
+        match known {
+            _ if !is_new => {}
+            Some(stream) => stream.latest = time,
+            None => self.add(Stream { id, latest: time }),
         }
         is_new
     }

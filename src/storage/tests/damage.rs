@@ -143,6 +143,80 @@ fn what_is_not_ours_is_reported_and_holds_no_value() {
     }
 }
 
+fn condition(flash: &mut SmallFlash) -> Condition {
+    let mut storage = flash.storage();
+    let _ = block_on(storage.load(&mut |_, _| {}));
+    storage.condition()
+}
+
+#[test]
+fn blank_flash_one_damaged_record_and_more_are_distinguished() {
+    assert_eq!(condition(&mut SmallFlash::blank()), Condition::Blank);
+    for byte in 0..176 * 3 {
+        let mut touched = SmallFlash::blank();
+        touched.region()[byte] = 0xFE;
+        assert_eq!(condition(&mut touched), Condition::Damaged, "byte {byte}");
+    }
+
+    let (mut flash, ..) = used_region();
+    assert_eq!(condition(&mut flash), Condition::Whole);
+    let log = block_on(flash.storage().find_log()).unwrap().unwrap();
+    let sector = log.sector as usize * 176;
+    let records = sector + 16..sector + 176 - 16;
+    let retired = sector + 12..sector + 16;
+    for byte in 0..176 * 3 {
+        let mut spoiled = flash.clone();
+        spoiled.region()[byte] ^= 1;
+        let expected = match byte {
+            _ if records.contains(&byte) => Condition::OneRecordDamaged,
+            _ if retired.contains(&byte) => Condition::Damaged,
+            _ => Condition::Whole,
+        };
+        assert_eq!(condition(&mut spoiled), expected, "byte {byte}");
+        // Another record has another twelve bytes.
+        let other = records.start + (byte + 36) % records.len() / 12 * 12;
+        if records.contains(&byte) && (byte - records.start) / 12 != (other - records.start) / 12 {
+            spoiled.region()[other] ^= 1;
+            assert_eq!(
+                condition(&mut spoiled),
+                Condition::Damaged,
+                "bytes {byte} and {other}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_start_over_that_fails_leaves_damage_and_one_that_succeeds_nothing() {
+    let (used, ..) = used_region();
+    let is_over = (1..).any(|operations| {
+        let mut flash = used.clone();
+        flash.refuse_after(operations);
+        let result = block_on(flash.storage().start_over());
+        flash.power_up();
+        match result {
+            Ok(()) => {
+                assert_eq!(flash.load(), (Values::new(), Ok(())));
+                assert_eq!(condition(&mut flash), Condition::Whole);
+            }
+            Err(error) => {
+                assert_eq!(error, StorageError::Flash);
+                let is_empty = flash.load().0.is_empty();
+                assert!(
+                    is_empty || condition(&mut flash) == Condition::Damaged,
+                    "{operations}"
+                );
+                assert_goes_on(flash);
+            }
+        }
+        result.is_ok()
+    });
+    assert!(is_over);
+    let mut blank = SmallFlash::blank();
+    assert_eq!(block_on(blank.storage().start_over()), Ok(()));
+    assert_eq!(blank.operations(), 0);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 

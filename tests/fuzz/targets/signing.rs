@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use rover_battmon::mavlink::{Endpoint, Event, LinkKind, Signing, StoredSigning};
+use rover_battmon::mavlink::{Endpoint, Event, LinkKind, Signing, StoredSigning, ToStore};
 use rover_battmon::parameter::{BatteryParameter, Pack};
+use rover_battmon::storage::Condition;
 
 use super::Input;
 use crate::desk::Desk;
@@ -47,6 +48,9 @@ impl Scene {
 
     fn save(&mut self, signing: &mut Signing, now_us: u64) {
         while let Some(what) = signing.next_unsaved(now_us) {
+            if what == ToStore::Nothing {
+                self.words.clear();
+            }
             self.words.extend(self.stored().words(&what));
             signing.mark_saved(&what);
         }
@@ -94,7 +98,7 @@ impl Scene {
 
     fn restart(&mut self) {
         self.save_now();
-        let mut signing = self.stored().restore(Ok(()));
+        let mut signing = self.stored().restore(Condition::Whole);
         self.desk.now_us = 0;
         self.save(&mut signing, 0);
         self.desk.signing = signing;
