@@ -406,3 +406,38 @@ fn every_text_about_packs_arming_and_crashes_is_in_the_guide() {
     let missing: Vec<_> = told().into_iter().filter(|text| !quoted.contains(text)).collect();
     assert!(missing.is_empty(), "{missing:#?}");
 }
+
+/// The section about latches names a test in each row: a function, or a story.
+#[test]
+fn every_test_that_the_latches_name_exists() {
+    let page = read(&top().join("docs/reliability.md"));
+    let (_, section) = page
+        .split_once("## Latches, timers and remembered inputs")
+        .expect("there is a section");
+    let section = section.split("\n## ").next().expect("a section ends");
+    let mut code = String::new();
+    for (folder, extension) in [("src", "rs"), ("tests", "rs"), ("tests/gcs", "py")] {
+        for path in files_below(&top().join(folder), extension) {
+            code += &read(&path);
+        }
+    }
+    let exists = |name: &str| {
+        let story = top().join("tests/stories").join(name).with_extension("story");
+        story.is_file() || code.contains(&format!("fn {name}(")) || code.contains(&format!("def {name}("))
+    };
+    let rows = section
+        .lines()
+        .filter(|line| line.starts_with("| ") && !line.starts_with("| what |"));
+    let mut missing = Vec::new();
+    for row in rows {
+        let tests = row
+            .trim_end_matches([' ', '|'])
+            .rsplit('|')
+            .next()
+            .unwrap_or_default();
+        let names: Vec<_> = tests.split('`').skip(1).step_by(2).collect();
+        assert!(!names.is_empty(), "no test: {row}");
+        missing.extend(names.into_iter().filter(|name| !exists(name)).map(String::from));
+    }
+    assert!(missing.is_empty(), "{missing:#?}");
+}
