@@ -190,12 +190,13 @@ mod firmware {
     /// Signing as it starts with this key in flash.
     fn with_key(key: Option<SigningKey>) -> Signing {
         let mut stored = StoredSigning::default();
-        if let Some(key) = key {
-            for (key, word) in StoredSigning::default().words(&ToStore::Key(key)) {
-                stored.found(key, word);
-            }
+        let Some(key) = key else {
+            return stored.restore(Condition::Blank);
+        };
+        for (key, word) in StoredSigning::default().words(&ToStore::Key(key)) {
+            stored.found(key, word);
         }
-        stored.restore(Ok(()))
+        stored.restore(Condition::Whole)
     }
 
     /// A 3S pack whose load changes every second.

@@ -56,7 +56,7 @@ impl<F: NorFlash> SigningStorage<F> {
     }
 }
 
-/// Logs that the key was lost. Ground stations get it from [`Shared::notices`].
+/// Logs that the key was lost. Ground stations that connect are informed while that lasts.
 pub fn report_signing(shared: &Shared) {
     if shared.with_signing(|signing| signing.has_lost_key()) {
         warn!("{}", SigningTrouble::KeyLost.text());
