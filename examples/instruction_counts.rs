@@ -21,6 +21,7 @@ mod firmware {
         FrameParser, Framer, LinkKind, Message, Signing, SigningKey, StoredSigning, Stream, SystemState,
         ToStore,
     };
+    use rover_battmon::storage::Condition;
 
     /// What a ground station sends, in chunks as they come from a port.
     const RECEIVED: &[u8] = include_bytes!("../benches/data/mixed_stream.bin");
