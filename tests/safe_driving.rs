@@ -4,17 +4,30 @@
 
 #[path = "support/desk.rs"]
 mod desk;
+#[path = "support/line.rs"]
+mod line;
 #[path = "support/signer.rs"]
 mod signer;
 mod support;
 
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::future::pending;
+
 use desk::Desk;
+use embassy_futures::join::join;
+use embassy_time::{Duration, Timer};
+use line::{BYTE_US, Line};
 use proptest::prelude::*;
 use rover_battmon::battery::ArmState;
-use rover_battmon::mavlink::{Endpoint, LinkKind};
-use rover_battmon::parameter::VehicleParameter;
+use rover_battmon::liveness::CheckIn;
+use rover_battmon::mavlink::{Endpoint, LinkKind, Signing};
+use rover_battmon::parameter::{Parameters, VehicleParameter};
+use rover_battmon::sim::clock;
+use rover_battmon::tasks::{ByteSource, Link, ReceiveError, Shared, read_frames, write_frames};
 use rover_battmon::vehicle::{Mode, MotorDrive, SideDrives, VehicleSettings};
 use signer::{NEW_YEAR, Signer};
+use support::frames::{COMMAND_ACK, STATUSTEXT, frames, of_message};
 use support::requests::{
     arm, command_long_2, disarm, do_set_mode, heartbeat, manual_control, rc_override, set_mode, setup_signing,
 };
@@ -25,6 +38,9 @@ const TICK_US: u64 = 20_000;
 const NEUTRAL: f32 = 0.05;
 const OWNER: u8 = 7;
 const STRANGER: u8 = 8;
+
+const ACCEPTED: u8 = 0;
+const FAILED: u8 = 4;
 
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21196.0;
@@ -369,4 +385,53 @@ proptest! {
     ) {
         check(&steps, LinkKind::Radio, true)?;
     }
+}
+
+/// A source that holds these bytes, and gives the next piece each time it was found empty.
+struct Held(VecDeque<Vec<u8>>);
+
+impl ByteSource for Held {
+    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
+        let Some(piece) = self.0.pop_front() else {
+            return pending().await;
+        };
+        if piece.is_empty() {
+            Timer::after_millis(10).await;
+            return Box::pin(self.receive(buffer)).await;
+        }
+        buffer[..piece.len()].copy_from_slice(&piece);
+        Ok(piece.len())
+    }
+}
+
+/// A port that a program on the host has left, or a connection that waited, may hold orders of any age.
+#[test]
+fn what_a_source_holds_when_its_link_opens_arms_nothing() {
+    let check_in = CheckIn::new("", u32::MAX);
+    let sent = RefCell::default();
+    clock::run_for(Duration::from_secs(5), async {
+        let shared = Shared::new(&Parameters::defaults(), Signing::off());
+        let link = Link::new("line", LinkKind::Direct, 11_520);
+        Timer::after_secs(2).await;
+        let found_empty = Vec::new();
+        let arm = command_long_2(ARM_DISARM, 1.0, FORCED);
+        let source = Held(VecDeque::from([arm.clone(), found_empty, arm]));
+        let line = Line {
+            byte_us: BYTE_US,
+            sent: &sent,
+        };
+        join(
+            read_frames(source, &shared, &link, &check_in),
+            write_frames(line, &shared, &link, &check_in),
+        )
+        .await
+    });
+    let answers = frames(&sent.take());
+    let acks: Vec<_> = of_message(&answers, COMMAND_ACK)
+        .iter()
+        .map(|ack| ack.u8(2))
+        .collect();
+    assert_eq!(acks, [FAILED, ACCEPTED]);
+    let texts = of_message(&answers, STATUSTEXT);
+    assert_eq!(texts[0].text(1, 50), "Command waited for too long: refused");
 }

@@ -50,7 +50,7 @@ pub trait ByteSource {
 
 /// Handles what `source` delivers until it is closed.
 pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Link, check_in: &CheckIn) {
-    let mut arrivals = Arrivals::from_now();
+    let mut arrivals = Arrivals::default();
     let mut chunk = [0; CHUNK_BYTES];
     loop {
         match arrivals.next(&mut source, &mut chunk).await {
@@ -75,18 +75,13 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
 }
 
 /// When received bytes can have come at the earliest. A source that always has bytes ready may have held them back, and so
-/// may one that was not asked for a while.
+/// may one that was not asked for a while. What it holds at first may be as old as the board's start.
+#[derive(Default)]
 struct Arrivals {
     earliest_us: u64,
 }
 
 impl Arrivals {
-    fn from_now() -> Self {
-        Self {
-            earliest_us: Instant::now().as_micros(),
-        }
-    }
-
     /// Waits for bytes, for [`PAUSE`] at most.
     async fn next(
         &mut self,
