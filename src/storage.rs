@@ -17,7 +17,8 @@
 //!
 //! # Damage
 //! A record whose CRC is wrong is passed over: its key has the value stored before, or none.
-//! - If that is the newest record, nothing is reported: a store that was cut short looks the same.
+//! - If that is the newest record, nothing is reported: a store that was cut short looks the same. Who has to know it
+//!   asks for the [`condition`](Storage::condition).
 //! - Any other damage that concerns a value, up to the loss of the sector, is [`StorageError::Corrupt`] from
 //!   [`load`](Storage::load), after all that can be read has been delivered.
 //! - The next value that is written goes to a fresh sector, together with what was readable. That ends the damage.

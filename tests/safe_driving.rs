@@ -36,6 +36,8 @@ const TIMEOUT_US: u64 = 1_500_000;
 /// The vehicle is updated this often.
 const TICK_US: u64 = 20_000;
 const NEUTRAL: f32 = 0.05;
+/// Signatures count tens of microseconds.
+const US_PER_TIMESTAMP: u64 = 10;
 const OWNER: u8 = 7;
 const STRANGER: u8 = 8;
 
@@ -319,6 +321,9 @@ fn check(steps: &[Step], link: LinkKind, with_key: bool) -> Result<(), TestCaseE
             Step::Wait(us) => {
                 let until_us = desk.now_us + us;
                 wait(&mut desk, until_us);
+                signers
+                    .iter_mut()
+                    .for_each(|signer| signer.timestamp += us / US_PER_TIMESTAMP);
             }
             Step::Receive {
                 request,

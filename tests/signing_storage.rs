@@ -150,7 +150,7 @@ fn count(frames: &[Frame], text: &str) -> usize {
     texts_of(frames).iter().filter(|said| *said == text).count()
 }
 
-/// Whom a vehicle obeys by radio.
+/// Which frames a vehicle obeys by radio.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Obeys {
     Everyone,

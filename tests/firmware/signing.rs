@@ -243,7 +243,7 @@ impl Restart {
     }
 }
 
-/// A board with this flash obeys nobody by radio, and says why.
+/// A board with this flash obeys no command by radio, and announces why.
 fn assert_locked(flash: &[u8]) {
     let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, flash);
     bench.run_for(2 * SECOND);
@@ -255,7 +255,7 @@ fn assert_locked(flash: &[u8]) {
     assert_eq!(sets(&mut bench, &Signer::new(OWNER).sign(&request)), None);
 }
 
-/// A board with this flash obeys the owner, and nobody else.
+/// A board with this flash obeys the owner alone.
 fn assert_key_counts(flash: &[u8]) {
     let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, flash);
     bench.run_for(SECOND);
