@@ -17,7 +17,8 @@ pub(super) const RESTING_CURRENT_A: f32 = 0.5;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rest {
     smoothed: LowPass,
-    around_v: f32,
+    /// What the voltage has stayed around since; `None` before the first reading.
+    around_v: Option<f32>,
     duration_s: f32,
 }
 
@@ -25,7 +26,7 @@ impl Rest {
     pub const fn new() -> Self {
         Self {
             smoothed: LowPass::new(SMOOTHING_S),
-            around_v: 0.0,
+            around_v: None,
             duration_s: 0.0,
         }
     }
@@ -33,6 +34,7 @@ impl Rest {
     /// As if nothing had been read yet.
     pub fn restart(&mut self) {
         self.smoothed.restart();
+        self.around_v = None;
         self.duration_s = 0.0;
     }
 
@@ -41,8 +43,9 @@ impl Rest {
     pub fn update(&mut self, dt_s: f32, voltage_v: f32, current_a: Option<f32>) -> Option<f32> {
         let smoothed_v = self.smoothed.update(dt_s, voltage_v);
         let is_loaded = current_a.is_some_and(|current_a| current_a.abs() > RESTING_CURRENT_A);
-        if is_loaded || dt_s >= REST_S || (smoothed_v - self.around_v).abs() > REST_BAND_V {
-            self.around_v = smoothed_v;
+        let is_near = |around_v: f32| (smoothed_v - around_v).abs() <= REST_BAND_V;
+        if is_loaded || dt_s >= REST_S || !self.around_v.is_some_and(is_near) {
+            self.around_v = Some(smoothed_v);
             self.duration_s = 0.0;
         } else {
             self.duration_s += dt_s;
