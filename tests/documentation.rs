@@ -441,3 +441,86 @@ fn every_test_that_the_latches_name_exists() {
     }
     assert!(missing.is_empty(), "{missing:#?}");
 }
+
+/// Words for which the field has better ones, such as report, announce, estimate, detect, owner and ground station.
+const REFUSED: [&str; 7] = [
+    "tell",
+    "tells",
+    "told",
+    "nobody",
+    "somebody",
+    "whom",
+    "for the sake of",
+];
+
+/// Pages that still have refused words. Only to be shortened.
+const PAGES_TO_CLEAN: [&str; 5] = [
+    "README.md",
+    "docs/adding-a-sensor.md",
+    "docs/architecture.md",
+    "docs/guides/porting.md",
+    "docs/parameters.md",
+];
+
+/// Folders of sources without refused words. Only to be extended.
+const CLEAN_FOLDERS: [&str; 3] = ["src/bin", "src/parameter/unsaved", "src/storage/tests"];
+
+/// The files in which refused words are looked for, by their path from the top: pages and clean sources.
+fn checked_files() -> Vec<String> {
+    let pages = files_below(&top().join("docs"), "md");
+    let pages = pages
+        .into_iter()
+        .chain(["README.md", "CONTRIBUTING.md"].map(|page| top().join(page)));
+    let sources = CLEAN_FOLDERS
+        .iter()
+        .flat_map(|folder| files_below(&top().join(folder), "rs"));
+    pages
+        .chain(sources)
+        .map(|path| {
+            path.strip_prefix(top())
+                .expect("it is below")
+                .display()
+                .to_string()
+        })
+        .filter(|path| !PAGES_TO_CLEAN.contains(&path.as_str()))
+        .collect()
+}
+
+/// The refused words of a text, each behind the number of its line.
+fn refused_in(text: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for (line, number) in text.lines().zip(1..) {
+        // The words of the line with single spaces between and around them.
+        let words: Vec<_> = line
+            .split(|c: char| !c.is_alphanumeric())
+            .filter(|word| !word.is_empty())
+            .collect();
+        let words = format!(" {} ", words.join(" ").to_lowercase());
+        let refused = REFUSED
+            .iter()
+            .filter(|refused| words.contains(&format!(" {refused} ")));
+        found.extend(refused.map(|refused| format!("{number}: {refused}")));
+    }
+    found
+}
+
+#[test]
+fn pages_and_clean_sources_have_no_refused_words() {
+    let files = checked_files();
+    assert!(files.len() > 40, "only {} files were found", files.len());
+    let refused_in_file = |file: &String| {
+        let refused = refused_in(&read(&top().join(file)));
+        refused
+            .into_iter()
+            .map(|refused| format!("{file}:{refused}"))
+            .collect::<Vec<_>>()
+    };
+    let refused: Vec<_> = files.iter().flat_map(refused_in_file).collect();
+    assert!(refused.is_empty(), "{refused:#?}");
+}
+
+#[test]
+fn refused_words_are_found_in_any_case_but_not_within_others() {
+    let text = "It is told.\nNobody!\nonly for the\tsake of it\na foretelling";
+    assert_eq!(refused_in(text), ["1: told", "2: nobody", "3: for the sake of"]);
+}

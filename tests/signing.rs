@@ -290,7 +290,7 @@ fn a_removed_key_protects_nothing_any_more() {
 }
 
 #[test]
-fn what_is_ignored_is_counted_and_told_once_a_minute() {
+fn what_is_ignored_is_counted_and_announced_once_a_minute() {
     let mut radio = protected();
     let mut reported = Vec::new();
     for second in 0..180 {
