@@ -1,9 +1,8 @@
 //! No stale order drives: what a lever, a command or a silence may do, at the pins of the motors.
 
 use crate::bench::{Bench, MILLISECOND, SECOND, value_of};
-use crate::rover::{
-    CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, MOTORS, VEHICLE_ID, drive_for, duty, is_coasting, pins,
-};
+use crate::motor_poles::motors;
+use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, is_braking, is_coasting};
 use crate::support::frames::{COMMAND_ACK, Frame, STATUSTEXT, of_message};
 use crate::support::requests::{
     EVERYONE, VEHICLE, arm, command_long, command_long_2, disarm, heartbeat, manual_control,
@@ -58,15 +57,12 @@ fn send_and_stand(bench: &mut Bench, message: &[u8], time_us: u64) {
     }
 }
 
-/// A motor whose driver's inputs differ.
+/// A motor whose poles are driven differently.
 fn is_turning(bench: &Bench) -> bool {
-    MOTORS
-        .into_iter()
-        .any(|(in1, in2)| duty(bench, in1) != duty(bench, in2))
-}
-
-fn is_braking(bench: &Bench) -> bool {
-    pins().all(|pin| duty(bench, pin) == 1.0)
+    motors().any(|motor| {
+        let (positive, negative) = motor.duties(bench);
+        positive != negative
+    })
 }
 
 #[test]
