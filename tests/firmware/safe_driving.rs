@@ -57,7 +57,7 @@ fn send_and_stand(bench: &mut Bench, message: &[u8], time_us: u64) {
     }
 }
 
-/// A motor whose poles are driven differently.
+/// A motor with another duty at its one pole than at the other.
 fn is_turning(bench: &Bench) -> bool {
     motors().any(|motor| {
         let (positive, negative) = motor.duties(bench);

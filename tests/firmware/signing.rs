@@ -1,50 +1,12 @@
 //! A board whose flash holds a signing key.
 
-use std::sync::OnceLock;
-
-use embassy_futures::block_on;
-use embedded_storage_async::nor_flash::ReadNorFlash;
-use rover_battmon::mavlink::{SigningKey, StoredSigning, ToStore};
-use rover_battmon::sim::SimulatedFlash;
-use rover_battmon::storage::Storage;
-
-use crate::bench::{Bench, PARAMETER_OFFSET, SAVED_US, SECOND, SIGNING_BYTES, SIGNING_OFFSET, value_of};
-use crate::bus_packs::DIVIDER_CODE;
-use crate::emulator::{FlashOperationKind, LogLevel};
+use crate::bench::{Bench, DIVIDER_CODE, MINUTE, SAVED_US, SECOND, SIGNING_BYTES, SIGNING_OFFSET, value_of};
+use crate::emulator::LogLevel;
+use crate::runs::signing_time;
 use crate::signer::Signer;
+use crate::signing_key::{OWNER, STRANGER, flash_with_key, protected};
 use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, SysStatus, of_message, texts_of};
 use crate::support::requests::{param_read_by_name, param_set, radio_status, reboot, setup_signing};
-
-/// What their keys are made of.
-pub const OWNER: u8 = 7;
-pub const STRANGER: u8 = 8;
-
-/// The flash of a board whose owner has set up a key.
-pub fn flash_with_key() -> &'static [u8] {
-    static FLASH: OnceLock<Vec<u8>> = OnceLock::new();
-    FLASH.get_or_init(|| {
-        let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-        let mut storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
-        let key = SigningKey::new([OWNER; 32]).expect("not all zeros");
-        let mut content = vec![0; SIGNING_BYTES];
-        block_on(async {
-            for (key, word) in StoredSigning::default().words(&ToStore::Key(key)) {
-                storage.store(key, word).await.expect("a sound flash");
-            }
-            flash
-                .read(SimulatedFlash::SIGNING.start, &mut content)
-                .await
-                .expect("a sound flash");
-        });
-        content
-    })
-}
-
-fn protected() -> Bench {
-    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, flash_with_key());
-    bench.run_for(SECOND);
-    bench
-}
 
 /// A board that signs and takes everything all the same.
 pub fn open_with_key() -> Bench {
@@ -248,23 +210,5 @@ fn other_programs_leavings_are_no_key() {
 
 #[test]
 fn the_time_is_written_down_twice_a_minute_and_nothing_else() {
-    const MINUTES: u64 = 10;
-    let mut bench = protected();
-    bench.take_flash_operations();
-    bench.run_for(MINUTES * 60 * SECOND);
-    let operations = bench.take_flash_operations();
-    let marks = operations.len() as u64;
-    println!("{marks} records of time in {MINUTES} minutes");
-    assert!((1..=2 * MINUTES).contains(&marks), "{marks}");
-    for operation in operations {
-        assert_eq!(operation.kind, FlashOperationKind::PageProgram);
-        let is_signing = (SIGNING_OFFSET..PARAMETER_OFFSET).contains(&operation.offset);
-        assert!(is_signing, "{:#x}", operation.offset);
-    }
-
-    // Without a key there is nothing to write down.
-    let mut bench = Bench::running(DIVIDER_CODE);
-    bench.take_flash_operations();
-    bench.run_for(MINUTES * 60 * SECOND);
-    assert!(bench.flash_operations().is_empty());
+    signing_time::run(3 * MINUTE);
 }
