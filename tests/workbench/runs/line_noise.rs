@@ -8,6 +8,8 @@ use crate::support::frames::{Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStat
 use crate::support::requests::param_set;
 
 const LINE_BYTES_PER_SECOND: usize = 11_520;
+/// At least so many are in the garbage; what is reported ends at 65535.
+const ERRORS_PER_SECOND: u16 = 500;
 /// A response that has not come after this long is asked for again.
 const TRIES: usize = 2;
 
@@ -79,5 +81,6 @@ pub fn run(length_us: u64) {
          {} flash operations, load {load} permille",
         bench.flash_operations().len()
     );
-    assert_eq!(errors, u16::MAX, "errors are counted");
+    let counted = ERRORS_PER_SECOND.saturating_mul(requests as u16);
+    assert!(errors >= counted, "errors are counted");
 }
