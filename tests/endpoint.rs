@@ -13,7 +13,9 @@ use rover_battmon::battery::{
 };
 use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind, SystemState};
-use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, Unsaved, VehicleParameter};
+use rover_battmon::parameter::{
+    BatteryParameter, Pack, ParameterId, Parameters, SimulationParameter, Unsaved, VehicleParameter,
+};
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
     FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, PARAM_ERROR, PARAM_VALUE, ParamValue,
@@ -28,8 +30,9 @@ use support::requests::{
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 
-/// 10 of the vehicle, 38 of the first pack, the switches of the other 8 packs, and 4 of the simulator.
-const LISTED_BY_DEFAULT: usize = 60;
+/// Those of the vehicle, of the first pack and of the simulator, and the switches of the other packs.
+const LISTED_BY_DEFAULT: usize =
+    VehicleParameter::COUNT + BatteryParameter::COUNT + (Pack::ALL.len() - 1) + SimulationParameter::COUNT;
 
 /// The index of a parameter that is not listed.
 const NOT_LISTED: u16 = u16::MAX;
@@ -170,16 +173,18 @@ fn a_list_has_everything_that_is_visible_in_order() {
 fn enabling_a_pack_makes_its_parameters_visible_and_disabling_hides_them() {
     let mut desk = Desk::new();
     let volt_mult = BatteryParameter::VoltMult.of(Pack::Second);
+    // Behind those of the vehicle and of the first pack.
+    let index = VehicleParameter::COUNT + BatteryParameter::COUNT + BatteryParameter::VoltMult as usize;
     let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
     assert_eq!(ParamValue(&answer).index(), NOT_LISTED);
 
     desk.assert_set("BATT2_MONITOR", BatteryParameter::Monitor.of(Pack::Second), 4.0);
     let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
     assert_eq!(
-        (ParamValue(&answer).index(), ParamValue(&answer).count()),
-        (50, 97)
+        [ParamValue(&answer).index(), ParamValue(&answer).count()].map(usize::from),
+        [index, LISTED_BY_DEFAULT + BatteryParameter::COUNT - 1]
     );
-    let answer = desk.one_answer(&param_read_by_index(50));
+    let answer = desk.one_answer(&param_read_by_index(index as i16));
     desk.assert_param_value(&answer, volt_mult, 3.95);
     let listed = desk.list(|_, _| {});
     assert_eq!(listed, desk.listed());

@@ -204,5 +204,5 @@ fn every_story_ends_as_it_is_told() {
         run(&Story::parse(name, &text));
         told += 1;
     }
-    assert!(told >= 12);
+    assert!(told > 0, "no story was found");
 }

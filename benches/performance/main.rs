@@ -9,7 +9,7 @@ mod page;
 mod running;
 mod size;
 
-#[path = "../../tests/firmware/bench.rs"]
+#[path = "../../tests/workbench/bench.rs"]
 #[allow(dead_code)]
 mod bench;
 #[path = "../../tests/support/elf.rs"]

@@ -3,9 +3,9 @@
 use std::rc::Rc;
 
 use crate::bench::{Bench, SECOND};
-use crate::bus_packs::{self, shared};
 use crate::emulator::AdcInput;
 use crate::emulator::i2c_devices::Ina226;
+use crate::i2c_bus::{BUS, shared};
 use crate::support::frames::{
     BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap, last_of,
     of_message, texts_of,
@@ -124,9 +124,7 @@ fn an_ina226_alone_is_read_and_its_loss_is_told() {
     let part = shared(Ina226::new(0.002));
     part.borrow_mut().set(11.7, 10.0);
     let mut bench = Bench::power_up_example("ina226");
-    bench
-        .i2c(bus_packs::BUS)
-        .attach(ADDRESS, Box::new(Rc::clone(&part)));
+    bench.i2c(BUS).attach(ADDRESS, Box::new(Rc::clone(&part)));
     bench.run_for(9 * SECOND);
     let frames = bench.frames();
     assert_no_sequence_gap(&frames);
@@ -152,7 +150,7 @@ fn an_ina226_alone_is_read_and_its_loss_is_told() {
     let status = last_of(&frames, 0);
     assert_eq!((status.voltage_mv(0), status.current_ca()), (12_000, -250));
 
-    bench.i2c(bus_packs::BUS).detach(ADDRESS);
+    bench.i2c(BUS).detach(ADDRESS);
     bench.run_for(2 * SECOND);
     assert_eq!(texts_of(&bench.frames()), ["Battery 1 unhealthy: no answer"]);
     assert!(bench.resets().is_empty() && bench.bus_errors().is_empty());

@@ -1,17 +1,26 @@
 //! The release firmware on an emulated RP2040: what leaves its pins, what its log says, what faults do to it.
 
+#[path = "../workbench/bench.rs"]
+mod bench;
 #[path = "../support/elf.rs"]
 mod elf;
 #[path = "../emulator/mod.rs"]
 mod emulator;
+#[path = "../workbench/i2c_bus.rs"]
+mod i2c_bus;
 #[path = "../support/motor_poles.rs"]
 mod motor_poles;
+#[path = "../workbench/runs/mod.rs"]
+mod runs;
+#[path = "../support/signer.rs"]
+mod signer;
+#[path = "../workbench/signing_key.rs"]
+mod signing_key;
 #[path = "../support/story.rs"]
 mod story;
 #[path = "../support/mod.rs"]
 mod support;
 
-mod bench;
 mod boot;
 mod boot_loop;
 mod bus_packs;
@@ -29,8 +38,6 @@ mod pulses_and_esc;
 mod rover;
 mod safe_driving;
 mod sampling;
-#[path = "../support/signer.rs"]
-mod signer;
 mod signing;
 mod slow_link;
 mod soak;

@@ -1,145 +1,26 @@
-//! Power is cut in every flash operation while parameters are being set.
+//! Power is cut in flash operations while parameters are being set: in one of six here, in each of them in `tests/endurance`.
 
-use std::collections::BTreeMap;
-use std::sync::OnceLock;
-
-use crate::bench::{Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET};
 use crate::emulator::FlashCut;
-use crate::support::frames::{PARAM_VALUE, ParamValue, of_message};
-use crate::support::requests::{VEHICLE, param_request_list, param_set};
+use crate::runs::power_cuts;
 
-const SETS: usize = 50;
+const STEP: usize = 6;
 
-/// Enough for an erase and for moving everything to the next sector.
-const BETWEEN_SETS_US: u64 = 120 * MILLISECOND;
-
-const BOOT_US: u64 = 300 * MILLISECOND;
-
-/// Enough for a list: 56 parameters, with 30 % of 11520 bytes a second.
-const LIST_US: u64 = 1000 * MILLISECOND;
-
-/// So many sets fill a sector but for a few places, so that the fifty that follow go over into the next one.
-const SETS_BEFORE: usize = 320;
-
-/// The sets of the test, the same in every run: name and value, never twice the same value in a row.
-fn sets() -> impl Iterator<Item = (&'static str, f32)> {
-    const NAMES: [&str; 4] = ["BATT_VLT_OFFSET", "SR0_EXTRA1", "BATT_VOLT_MULT", "SR0_PARAMS"];
-    (0u32..).map(|number| {
-        let mixed = number.wrapping_mul(2_654_435_761) >> 16;
-        let name = NAMES[mixed as usize % NAMES.len()];
-        let step = (number % 40) as f32;
-        let value = match name {
-            "BATT_VLT_OFFSET" => step * 0.01,
-            // The lists of the test follow this rate.
-            "SR0_PARAMS" => 10.0 + step,
-            _ => 1.0 + step,
-        };
-        (name, value)
-    })
-}
-
-/// The content of the parameters' flash after many sets.
-fn used_flash() -> &'static [u8] {
-    static USED: OnceLock<Vec<u8>> = OnceLock::new();
-    USED.get_or_init(|| {
-        let mut bench = Bench::power_up(2482);
-        bench.run_for(BOOT_US);
-        for (name, value) in sets().take(SETS_BEFORE) {
-            set(&mut bench, name, value);
-        }
-        bench.read_flash(PARAMETER_OFFSET, PARAMETER_BYTES)
-    })
-}
-
-fn set(bench: &mut Bench, name: &str, value: f32) {
-    let now_us = bench.time_us();
-    bench.uart_send(0, now_us, &param_set(name, value));
-    bench.run_for(BETWEEN_SETS_US);
-}
-
-fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
-    bench.run_until_silent();
-    let from_us = bench.time_us();
-    bench.uart_send(0, from_us, &param_request_list(VEHICLE));
-    bench.run_for(LIST_US);
-    let frames = bench.frames_since(from_us);
-    of_message(&frames, PARAM_VALUE)
-        .iter()
-        .map(|f| (ParamValue(f).name(), ParamValue(f).value()))
-        .collect()
-}
-
-/// Sets until power is cut in flash operation `operation`; then what each parameter may be. `None`: the sets were over
-/// before.
-fn set_until_cut(bench: &mut Bench, operation: u64, cut: FlashCut) -> Option<BTreeMap<String, Vec<f32>>> {
-    bench.run_for(BOOT_US);
-    let mut values: BTreeMap<_, _> = list(bench)
-        .into_iter()
-        .map(|(name, value)| (name, vec![value]))
-        .collect();
-    bench.cut_power_at_flash_operation(operation, cut);
-    for (name, value) in sets().skip(SETS_BEFORE).take(SETS) {
-        set(bench, name, value);
-        let allowed = values.get_mut(name).expect("it is listed");
-        if !bench.is_powered() {
-            allowed.push(value);
-            return Some(values);
-        }
-        *allowed = vec![value];
-    }
-    None
-}
-
-fn cut_in_every_operation(cut: FlashCut) {
-    let mut operation = 1;
-    loop {
-        let mut bench = Bench::power_up_with_parameters(2482, used_flash());
-        let Some(allowed) = set_until_cut(&mut bench, operation, cut) else {
-            break;
-        };
-        bench.power_cycle();
-        bench.run_for(BOOT_US);
-        let listed = list(&mut bench);
-        for (name, allowed) in &allowed {
-            let value = listed[name];
-            assert!(
-                allowed.contains(&value),
-                "operation {operation}, {cut:?}: {name} is {value}, not of {allowed:?}"
-            );
-        }
-        // And it goes on working.
-        set(&mut bench, "SYSID_THISMAV", 1.0);
-        set(&mut bench, "BATT_VLT_OFFSET", 1.25);
-        bench.power_cycle();
-        bench.run_for(BOOT_US);
-        assert_eq!(
-            list(&mut bench)["BATT_VLT_OFFSET"],
-            1.25,
-            "operation {operation}, {cut:?}"
-        );
-        operation += 1;
-    }
-    let cuts = operation - 1;
-    println!("{cuts} operations cut ({cut:?}), none lost, none torn");
-    assert!(cuts > SETS as u64, "the fifty sets did not reach the next sector");
+#[test]
+fn a_cut_before_an_operation_loses_nothing() {
+    power_cuts::run(FlashCut::Before, (1..).step_by(STEP));
 }
 
 #[test]
-fn a_cut_before_any_operation_loses_nothing() {
-    cut_in_every_operation(FlashCut::Before);
+fn a_cut_that_leaves_a_prefix_of_an_operation_loses_nothing() {
+    power_cuts::run(FlashCut::Prefix, (2..).step_by(STEP));
 }
 
 #[test]
-fn a_cut_that_leaves_a_prefix_of_any_operation_loses_nothing() {
-    cut_in_every_operation(FlashCut::Prefix);
+fn a_cut_that_leaves_scattered_bits_of_an_operation_loses_nothing() {
+    power_cuts::run(FlashCut::ScatteredBits, (3..).step_by(STEP));
 }
 
 #[test]
-fn a_cut_that_leaves_scattered_bits_of_any_operation_loses_nothing() {
-    cut_in_every_operation(FlashCut::ScatteredBits);
-}
-
-#[test]
-fn a_cut_after_any_operation_loses_nothing() {
-    cut_in_every_operation(FlashCut::After);
+fn a_cut_after_an_operation_loses_nothing() {
+    power_cuts::run(FlashCut::After, (4..).step_by(STEP));
 }

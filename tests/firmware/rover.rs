@@ -4,12 +4,10 @@ use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, SECOND, STACK_POINTE
 use crate::emulator::{AdcInput, Board, LogLevel, ResetCause};
 use crate::motor_poles::{LEFT, motors};
 use crate::support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, of_message};
+pub use crate::support::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
 use crate::support::requests::{arm, disarm, manual_control, set_mode};
 use crate::wheels::pins;
 
-pub const VEHICLE_ID: u8 = 1;
-pub const CUSTOM_MODE_ENABLED: u8 = 1;
-pub const MANUAL: u32 = 0;
 const ACCEPTED: u8 = 0;
 const FAILED: u8 = 4;
 
@@ -239,6 +237,8 @@ fn the_smallest_firmware_drives_by_gamepad_and_stops_without_it() {
     let mut bench = Bench::power_up_example("mavlink_rc_control");
     bench.run_for(SECOND);
     assert!(is_coasting(&bench));
+    // The throttle is let go of.
+    bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     bench.ask(&arm());
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
     drive_for(&mut bench, 2 * SECOND, -1000);

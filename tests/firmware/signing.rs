@@ -1,25 +1,12 @@
 //! A board whose flash holds a signing key.
 
-use std::sync::OnceLock;
-
-use embassy_futures::block_on;
-use embedded_storage_async::nor_flash::ReadNorFlash;
-use rover_battmon::mavlink::{SigningKey, StoredSigning, ToStore};
-use rover_battmon::sim::SimulatedFlash;
-use rover_battmon::storage::Storage;
-
-use crate::bench::{
-    Bench, PARAMETER_OFFSET, SAVED_US, SECOND, SECTOR_BYTES, SIGNING_BYTES, SIGNING_OFFSET, value_of,
-};
-use crate::bus_packs::DIVIDER_CODE;
-use crate::emulator::{FlashOperationKind, LogLevel};
+use crate::bench::{Bench, DIVIDER_CODE, MINUTE, SAVED_US, SECOND, SECTOR_BYTES, SIGNING_OFFSET, value_of};
+use crate::emulator::LogLevel;
+use crate::runs::signing_time;
 use crate::signer::Signer;
+use crate::signing_key::{OWNER, STRANGER, flash_with, flash_with_key, protected, words_of_key};
 use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, SysStatus, of_message, texts_of};
 use crate::support::requests::{param_read_by_name, param_set, radio_status, reboot, setup_signing};
-
-/// What their keys are made of.
-pub const OWNER: u8 = 7;
-pub const STRANGER: u8 = 8;
 
 const KEY_LOST: &str = "Signing key lost, commands locked: set up by USB";
 const NOT_SAVED: &str = "Signing not saved: set it up again after a restart";
@@ -33,44 +20,6 @@ const NO_KEY: u32 = 0;
 const RECORDS: usize = 16;
 const RECORD_BYTES: usize = 12;
 const RECORDS_OF_A_SECTOR: usize = (SECTOR_BYTES - 2 * RECORDS) / RECORD_BYTES;
-
-/// The words that signing stores for the owner's key.
-fn words_of_key() -> Vec<(u16, u32)> {
-    let key = SigningKey::new([OWNER; 32]).expect("not all zeros");
-    StoredSigning::default()
-        .words(&ToStore::Key(key))
-        .into_iter()
-        .collect()
-}
-
-/// The flash of signing after these words were stored.
-fn flash_with(words: impl IntoIterator<Item = (u16, u32)>) -> Vec<u8> {
-    let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let mut storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
-    let mut content = vec![0; SIGNING_BYTES];
-    block_on(async {
-        for (key, word) in words {
-            storage.store(key, word).await.expect("a sound flash");
-        }
-        flash
-            .read(SimulatedFlash::SIGNING.start, &mut content)
-            .await
-            .expect("a sound flash");
-    });
-    content
-}
-
-/// The flash of a board whose owner has set up a key.
-pub fn flash_with_key() -> &'static [u8] {
-    static FLASH: OnceLock<Vec<u8>> = OnceLock::new();
-    FLASH.get_or_init(|| flash_with(words_of_key()))
-}
-
-fn protected() -> Bench {
-    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, flash_with_key());
-    bench.run_for(SECOND);
-    bench
-}
 
 /// A board that signs and takes everything all the same.
 pub fn open_with_key() -> Bench {
@@ -356,24 +305,5 @@ fn worn_flash_that_can_not_keep_the_time_is_announced_and_locks_after_a_restart(
 
 #[test]
 fn the_time_is_written_down_once_a_minute_and_nothing_else() {
-    const MINUTES: u64 = 10;
-    let mut bench = protected();
-    bench.take_flash_operations();
-    bench.run_for(MINUTES * 60 * SECOND);
-    let operations = bench.take_flash_operations();
-    let marks = operations.len() as u64;
-    println!("{marks} records of time in {MINUTES} minutes");
-    // Two records each time.
-    assert!((1..=2 * MINUTES).contains(&marks), "{marks}");
-    for operation in operations {
-        assert_eq!(operation.kind, FlashOperationKind::PageProgram);
-        let is_signing = (SIGNING_OFFSET..PARAMETER_OFFSET).contains(&operation.offset);
-        assert!(is_signing, "{:#x}", operation.offset);
-    }
-
-    // Without a key there is nothing to write down.
-    let mut bench = Bench::running(DIVIDER_CODE);
-    bench.take_flash_operations();
-    bench.run_for(MINUTES * 60 * SECOND);
-    assert!(bench.flash_operations().is_empty());
+    signing_time::run(3 * MINUTE);
 }

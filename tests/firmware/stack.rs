@@ -1,10 +1,11 @@
 //! How deep the stack gets, interrupts included, when everything happens at once.
 
 use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::bus_packs::{BUS, nine};
 use crate::emulator::{AdcFault, LogLevel, ResetCause};
+use crate::i2c_bus::BUS;
 use crate::motor_poles::LEFT;
 use crate::rover::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
+use crate::runs::mixed_packs;
 use crate::signing;
 use crate::support::frames::{COMMAND_ACK, PARAM_VALUE, of_message};
 use crate::support::requests::{
@@ -27,8 +28,8 @@ fn busiest_board() -> Bench {
     let mut bench = signing::open_with_key();
     // The restart at the end is the start that is looked at.
     bench.forget_stack_use();
-    nine::plug_in(&mut bench);
-    for (name, value) in nine::MIXED {
+    mixed_packs::plug_in(&mut bench);
+    for (name, value) in mixed_packs::MIXED {
         bench.set(name, value);
     }
     bench.set("SR0_EXTRA1", 50.0);

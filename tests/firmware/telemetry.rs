@@ -1,75 +1,13 @@
 //! What a ground station at the telemetry port receives.
 
-use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
-use crate::emulator::{AdcInput, Conversion};
-use crate::support::frames::{
-    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap,
-    of_message,
-};
-
-/// One count of the converter, in mV of the pack.
-const COUNT_MV: f32 = 3.3 / 4095.0 * 3.95 * 1000.0;
-
-/// Three messages fall due together and leave one after the other: 117 bytes take 10.2 ms.
-const JITTER_US: u64 = 11 * MILLISECOND;
-
-/// Panics unless something happened at the interval, each time within `jitter_us` of its due time, over the whole run.
-fn assert_regular(times_us: &[u64], interval_us: u64, jitter_us: u64) {
-    let off_us = |(n, at_us): (u64, &u64)| at_us.abs_diff(times_us[0] + n * interval_us);
-    let worst_us = (0..).zip(times_us).map(off_us).max().expect("something happened");
-    println!(
-        "{} times every {} ms, at most {worst_us} us off",
-        times_us.len(),
-        interval_us / MILLISECOND
-    );
-    assert!(worst_us <= jitter_us, "{worst_us} us off: {times_us:?}");
-}
-
-/// Panics unless `conversions` are one burst for each of `ticks` ticks, 100 ms apart and without drift.
-pub fn assert_sampled_at_every_tick(conversions: &[Conversion], ticks: usize) {
-    let bursts: Vec<_> = conversions.chunks(16).collect();
-    assert_eq!(bursts.len(), ticks);
-    let begins_us: Vec<_> = bursts.iter().map(|burst| burst[0].start / 125).collect();
-    assert_regular(&begins_us, 100 * MILLISECOND, MILLISECOND);
-    for burst in bursts {
-        assert_eq!(burst.len(), 16);
-        let length_us = (burst[15].start - burst[0].start) / 125;
-        assert!(length_us < MILLISECOND, "a burst of {length_us} us");
-    }
-}
-
-/// Panics unless `frames` hold what is sent in so many seconds, each message at its rate and without drift.
-pub fn assert_exact_rates(frames: &[Frame], seconds: usize) {
-    for (message, per_second) in [(HEARTBEAT, 1), (SYS_STATUS, 2), (BATTERY_STATUS, 2)] {
-        let received = of_message(frames, message);
-        assert_eq!(received.len(), seconds * per_second, "message {message}");
-        let times_us: Vec<_> = received.iter().map(|frame| frame.at_us).collect();
-        assert_regular(&times_us, SECOND / per_second as u64, JITTER_US);
-    }
-}
+use crate::bench::{Bench, MILLISECOND, MINUTE, PACK, SECOND};
+use crate::emulator::AdcInput;
+use crate::runs::exact_rates;
+use crate::support::frames::{BATTERY_STATUS, BatteryStatus, Frame, SYS_STATUS, SysStatus, of_message};
 
 #[test]
-fn ten_minutes_at_exact_rates_without_drift() {
-    let mut bench = Bench::power_up(2482);
-    let mut conversions = Vec::new();
-    for _ in 0..600 {
-        bench.run_for(SECOND);
-        conversions.extend(bench.take_adc_record());
-    }
-    bench.assert_untroubled();
-
-    let frames = bench.frames();
-    assert_no_sequence_gap(&frames);
-    let battery = of_message(&frames, BATTERY_STATUS);
-    assert_exact_rates(&frames, 600);
-    for frame in &battery[1..] {
-        let voltage_mv = f32::from(BatteryStatus(frame).voltage_mv(0));
-        assert!((voltage_mv - 7900.0).abs() <= COUNT_MV, "{voltage_mv} mV");
-        assert_eq!(BatteryStatus(frame).charge_state(), 1);
-        assert_eq!(frame.payload_len(), 41);
-    }
-
-    assert_sampled_at_every_tick(&conversions, 6000);
+fn two_minutes_at_exact_rates_without_drift() {
+    exact_rates::run(2 * MINUTE);
 }
 
 #[test]

@@ -86,6 +86,12 @@ class MavProxy:
             self.process.wait()
 
 
+def values_in(file):
+    """The parameters in a file, by name."""
+    lines = (re.split(r"[,\s]+", line.strip()) for line in file.read_text().splitlines() if line and line[0] != "#")
+    return {name: float(value) for name, value, *_ in lines}
+
+
 @pytest.fixture
 def start_mavproxy(start_simulator, tmp_path):
     """Starts MAVProxy on a simulator of its own."""
@@ -108,9 +114,9 @@ def mavproxy(start_mavproxy):
 
 def test_it_downloads_all_parameters(mavproxy, tmp_path):
     assert mavproxy.start_up[1] == mavproxy.ask("param status", r"Have (\d+)/\1 params")[1]
-    saved = dict(line.split() for line in (tmp_path / "mav.parm").read_text().splitlines() if line[0] != "#")
+    saved = values_in(tmp_path / "mav.parm")
     assert len(saved) == int(mavproxy.start_up[1])
-    assert float(saved["SR0_EXTRA1"]) == 2
+    assert saved["SR0_EXTRA1"] == 2
 
 
 def test_it_starts_without_waiting_for_a_file_transfer(start_mavproxy):
@@ -208,13 +214,16 @@ def test_it_shows_a_failsafe_and_resets_the_battery(mavproxy):
     mavproxy.ask("status HEARTBEAT", r"custom_mode : 4, system_status : 4,")
 
 
-def test_it_loads_a_ready_file(mavproxy):
-    mavproxy.ask(f"param load {PARAMS / '3s-lipo.param'}", r"Loaded 11 parameters from .*3s-lipo.param \(changed 5\)")
+def test_it_loads_a_ready_file(mavproxy, tmp_path):
+    file = PARAMS / "3s-lipo.param"
+    values, before = values_in(file), values_in(tmp_path / "mav.parm")
+    changed = sum(before[name] != pytest.approx(value) for name, value in values.items())
+    mavproxy.ask(f"param load {file}", rf"Loaded {len(values)} parameters from .*3s-lipo.param \(changed {changed}\)")
     assert mavproxy.show("BATT_LOW_VOLT") == 10.5
 
 
 def test_it_loads_what_it_has_not_read_by_force_only(mavproxy):
     file = PARAMS / "fuel-level.param"
     mavproxy.ask(f"param load {file}", r"Unknown parameter BATT2_CAPACITY")
-    mavproxy.ask(f"param forceload {file}", r"Loaded 8 parameters from .*fuel-level.param")
+    mavproxy.ask(f"param forceload {file}", rf"Loaded {len(values_in(file))} parameters from .*fuel-level.param")
     assert mavproxy.show("BATT2_CAPACITY") == 1500

@@ -13,6 +13,13 @@ use super::frames::{
 pub const VEHICLE: [u8; 2] = [1, 1];
 pub const EVERYONE: [u8; 2] = [0, 0];
 
+/// The vehicle's system id, for messages that name no component.
+pub const VEHICLE_ID: u8 = VEHICLE[0];
+
+/// What SET_MODE has for a flag, and the mode in which the driver's levers count.
+pub const CUSTOM_MODE_ENABLED: u8 = 1;
+pub const MANUAL: u32 = 0;
+
 /// System and component id of a SiK radio: "3D", the component being `MAV_COMP_ID_TELEMETRY_RADIO`.
 pub const SIK_RADIO: [u8; 2] = [51, 68];
 

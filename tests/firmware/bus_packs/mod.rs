@@ -3,27 +3,17 @@
 mod faults;
 mod messages;
 mod more_parts;
-pub mod nine;
+mod nine;
 mod values;
 mod variants;
 
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use crate::bench::{Bench, SECOND};
+use crate::bench::{Bench, DIVIDER_CODE, SECOND};
 use crate::emulator::I2cDevice;
+use crate::i2c_bus::{BUS, shared};
 use crate::support::frames::{BatteryStatus, last_of, texts_of};
-
-/// The divider of the first pack: 7.9 V.
-pub const DIVIDER_CODE: u16 = 2482;
-
-/// The bus is that of I2C1.
-pub const BUS: usize = 1;
-
-/// A device that a test keeps a hand on.
-pub fn shared<D>(device: D) -> Rc<RefCell<D>> {
-    Rc::new(RefCell::new(device))
-}
 
 /// How the second pack is measured, and where.
 pub struct Second {

@@ -1,108 +1,16 @@
 //! Nine packs of all kinds at once.
 
-use super::{BUS, DIVIDER_CODE, shared};
-use crate::bench::{Bench, CYCLES_PER_US, SECOND};
-use crate::emulator::i2c_devices::{Ina226, Ina228, Ina260, Ina3221, Pec, SmartBattery};
-use crate::emulator::{AdcInput, LogLevel};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, last_of, of_message};
+use crate::bench::SECOND;
+use crate::runs::mixed_packs::{self, MIXED, MIXED_MV, TWO};
 
-const CURRENT_PIN: usize = 1;
-
-/// Nine packs of all kinds.
-pub const MIXED: [(&str, f32); 13] = [
-    ("BATT_MONITOR", 4.0),
-    ("BATT_CURR_PIN", 27.0),
-    ("BATT2_MONITOR", 21.0),
-    ("BATT3_MONITOR", 21.0),
-    ("BATT4_MONITOR", 21.0),
-    ("BATT5_MONITOR", 30.0),
-    ("BATT6_MONITOR", 30.0),
-    ("BATT6_CHANNEL", 2.0),
-    ("BATT7_MONITOR", 30.0),
-    ("BATT7_CHANNEL", 3.0),
-    ("BATT8_MONITOR", 7.0),
-    ("BATT9_MONITOR", 10.0),
-    ("BATT9_SUM_MASK", 6.0),
-];
-
-/// One minute of nine packs, with what each is expected to report.
-fn run(parameters: &[(&str, f32)], voltages_mv: &[u32]) {
-    let mut bench = Bench::running(DIVIDER_CODE);
-    bench.adc_input(CURRENT_PIN, AdcInput::Code(100));
-    plug_in(&mut bench);
-    for (name, value) in parameters {
-        bench.set(name, *value);
-    }
-    bench.set("SR0_EXTRA1", 10.0);
-    bench.reboot();
-    bench.run_for(SECOND);
-
-    let (from_us, awake) = (bench.time_us(), bench.awake_cycles());
-    bench.run_for(60 * SECOND);
-    let awake_permille = (bench.awake_cycles() - awake) * 1000 / (60 * SECOND * CYCLES_PER_US);
-    let transfers = bench.i2c(BUS).take_transactions().len();
-    println!(
-        "{} packs, SR0_EXTRA1 10: awake {awake_permille} permille of the time, {transfers} transfers on the bus",
-        voltages_mv.len()
-    );
-    let frames = bench.frames_since(from_us);
-    for (instance, voltage_mv) in (0u8..).zip(voltages_mv) {
-        let reports = of_message(&frames, BATTERY_STATUS);
-        let count = reports
-            .iter()
-            .filter(|frame| BatteryStatus(frame).instance() == instance)
-            .count();
-        assert!(count.abs_diff(600) <= 1, "{count} of pack {instance} in a minute");
-        let reported_mv = last_of(&frames, instance).sum_of_cells_mv();
-        assert!(
-            reported_mv.abs_diff(*voltage_mv) <= 8,
-            "pack {instance}: {reported_mv} mV"
-        );
-    }
-    assert!(of_message(&frames, SYS_STATUS).len().abs_diff(600) <= 1);
-    assert_eq!(of_message(&frames, HEARTBEAT).len(), 60);
-    let failed = bench.logged(LogLevel::Warn, "read failed");
-    assert!(failed.is_empty(), "{failed:?}");
-    let rates = bench.logged(LogLevel::Info, "samples/s");
-    let rates: Vec<_> = rates
-        .iter()
-        .filter(|(time_us, _)| *time_us > from_us + SECOND)
-        .collect();
-    assert!(rates.len() >= 58 && rates.iter().all(|(_, line)| line.contains("10 samples/s")));
-}
-
-/// The parts on the bus for [`MIXED`].
-pub fn plug_in(bench: &mut Bench) {
-    let (monitor, inside, counting) = (
-        shared(Ina226::new(0.0005)),
-        shared(Ina260::new()),
-        shared(Ina228::new(0.0005)),
-    );
-    monitor.borrow_mut().set(12.0, 1.0);
-    inside.borrow_mut().set(11.0, 2.0);
-    counting.borrow_mut().set(10.0, 3.0, 25.0);
-    let channels = shared(Ina3221::new(0.0005));
-    for (channel, volts) in [(1, 8.0), (2, 8.4), (3, 7.2)] {
-        channels.borrow_mut().set(channel, volts, 0.5);
-    }
-    let battery = shared(SmartBattery::new(Pec::Right));
-    battery.borrow_mut().set(11.1, 2.0, 25.0);
-    bench.i2c(BUS).attach(0x40, Box::new(monitor));
-    bench.i2c(BUS).attach(0x41, Box::new(inside));
-    bench.i2c(BUS).attach(0x44, Box::new(counting));
-    bench.i2c(BUS).attach(0x42, Box::new(channels));
-    bench.i2c(BUS).attach(0x0b, Box::new(battery));
-}
+const LENGTH_US: u64 = 20 * SECOND;
 
 #[test]
 fn two_packs_keep_10_hz() {
-    run(&[("BATT2_MONITOR", 21.0)], &[7_901, 12_000]);
+    mixed_packs::run(&TWO, &MIXED_MV[..2], LENGTH_US);
 }
 
 #[test]
 fn nine_packs_of_mixed_kinds_keep_10_hz() {
-    run(
-        &MIXED,
-        &[7_901, 12_000, 11_000, 10_000, 8_000, 8_400, 7_200, 11_100, 11_500],
-    );
+    mixed_packs::run(&MIXED, &MIXED_MV, LENGTH_US);
 }

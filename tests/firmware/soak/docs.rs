@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use super::fault::Fault;
-use super::tally::fixed_cells;
+use crate::runs::soak::fault::Fault;
+use crate::runs::soak::tally::fixed_cells;
 
 #[test]
 fn the_table_in_the_docs_names_every_fault_with_its_bound() {

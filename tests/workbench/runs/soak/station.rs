@@ -4,10 +4,9 @@ use super::ledger::Ledger;
 use super::motors::{Orders, Says};
 use crate::bench::{MILLISECOND, SECOND};
 use crate::emulator::Random;
-use crate::rover::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
 use crate::support::requests::{
-    VEHICLE, arm, command_long, command_long_2, disarm, heartbeat, manual_control, param_read_by_name,
-    param_request_list, param_set, ping, set_mode, timesync,
+    CUSTOM_MODE_ENABLED, MANUAL, VEHICLE, VEHICLE_ID, arm, command_long, command_long_2, disarm, heartbeat,
+    manual_control, param_read_by_name, param_request_list, param_set, ping, set_mode, timesync,
 };
 
 const GROUND_STATION: u8 = 6;

@@ -3,6 +3,8 @@
 use std::ops::{Deref, DerefMut};
 use std::sync::OnceLock;
 
+use rover_battmon::parameter::{BatteryParameter, Pack, VehicleParameter};
+
 use crate::elf::{Artifact, build};
 use crate::emulator::{AdcInput, Board, CpuState, Firmware, LogLevel, ResetCause, SentByte};
 use crate::signer::Signer;
@@ -17,6 +19,10 @@ pub const DMA_IRQ: u32 = 11;
 /// The pack's divider is on GP26.
 pub const PACK: usize = 0;
 
+/// What the converter makes of 7.9 V there.
+pub const DIVIDER_CODE: u16 = 2482;
+
+pub const MINUTE: u64 = 60 * SECOND;
 pub const SECOND: u64 = 1_000_000;
 pub const MILLISECOND: u64 = 1_000;
 
@@ -27,6 +33,9 @@ pub const PARAMETER_BYTES: usize = 4 * SECTOR_BYTES;
 pub const SIGNING_OFFSET: u32 = PARAMETER_OFFSET - SIGNING_BYTES as u32;
 pub const SIGNING_BYTES: usize = 2 * SECTOR_BYTES;
 pub const SECTOR_BYTES: usize = 4096;
+
+/// The parameters of the vehicle and of the first pack, and the switches of the other packs.
+pub const LISTED_BY_DEFAULT: usize = VehicleParameter::COUNT + BatteryParameter::COUNT + Pack::ALL.len() - 1;
 
 /// Long enough for everything that waits to be written to flash, erases included.
 pub const SAVED_US: u64 = SECOND;

@@ -14,7 +14,7 @@ use super::tally::Tally;
 use crate::bench::{Bench, MILLISECOND, SECOND, SIGNING_OFFSET, value_of};
 use crate::emulator::Random;
 use crate::signer::Signer;
-use crate::signing::{OWNER, flash_with_key};
+use crate::signing_key::{OWNER, flash_with_key};
 use crate::support::requests::{VEHICLE, param_read_by_name, param_request_list, ping};
 
 /// What the ground station sets: nothing that anything else depends on.
@@ -47,7 +47,7 @@ pub(super) const PROBE: u32 = 77;
 /// A request that was not answered is repeated.
 const TRIES: usize = 5;
 
-/// Enough for 165 parameters and for the hostile frames that are still on their way.
+/// Enough for twice the parameters of four packs and for the hostile frames that are still on their way.
 const LIST_STEPS: usize = 50;
 
 /// Whom a board obeys.

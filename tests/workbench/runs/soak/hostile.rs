@@ -6,7 +6,7 @@
 
 use crate::emulator::Random;
 use crate::signer::Signer;
-use crate::signing::STRANGER;
+use crate::signing_key::STRANGER;
 use crate::support::frames::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MANUAL_CONTROL, PARAM_REQUEST_LIST,
     PARAM_REQUEST_READ, PARAM_SET, PING, RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE, TIMESYNC,

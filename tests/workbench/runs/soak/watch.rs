@@ -4,8 +4,8 @@ use super::motors::{Change, Motors, Says};
 use super::rig::{PROBE, Rig};
 use super::station::Driver;
 use crate::bench::{CYCLES_PER_US, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET};
-use crate::bus_packs::BUS;
 use crate::emulator::{FlashOperationKind, ResetCause};
+use crate::i2c_bus::BUS;
 use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, Heartbeat, PARAM_VALUE, PING, ParamValue};
 
 /// HEARTBEAT comes once a second. What else may lie between two of them, or between a start and the first one: a slice of

@@ -4,9 +4,9 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use crate::bench::Bench;
-use crate::bus_packs::{BUS, shared};
 use crate::emulator::i2c_devices::{Garbled, Ina226, Pec, Reads, RegisterMap, SmartBattery};
 use crate::emulator::{AdcInput, Random};
+use crate::i2c_bus::{BUS, shared};
 use crate::support::frames::{BatteryStatus, Frame};
 
 const MONITOR_AT: u8 = 0x40;

@@ -1,0 +1,90 @@
+//! Hours of the release firmware on emulated RP2040s. `cargo test` leaves them out, and runs a few minutes of each in
+//! `tests/firmware` instead.
+//!
+//! `cargo test --test endurance` runs them, `cargo test --test endurance wrap` those with that word in their names.
+
+#[path = "../workbench/bench.rs"]
+#[allow(dead_code)]
+mod bench;
+#[path = "../support/elf.rs"]
+mod elf;
+#[path = "../emulator/mod.rs"]
+mod emulator;
+#[path = "../workbench/i2c_bus.rs"]
+mod i2c_bus;
+#[path = "../support/motor_poles.rs"]
+#[allow(dead_code)]
+mod motor_poles;
+#[path = "../workbench/runs/mod.rs"]
+mod runs;
+#[path = "../support/signer.rs"]
+#[allow(dead_code)]
+mod signer;
+#[path = "../workbench/signing_key.rs"]
+mod signing_key;
+#[path = "../support/mod.rs"]
+mod support;
+
+mod runner;
+mod seeded_faults;
+
+use std::process::ExitCode;
+
+use bench::{MINUTE, SECOND};
+use emulator::FlashCut;
+use runner::Run;
+use runs::mixed_packs::{self, MIXED, MIXED_MV, TWO};
+use runs::{exact_rates, line_noise, power_cuts, rates_asked_for, signing_time, time_wrap};
+
+/// The longest first, so that no processor waits for the last one.
+const RUNS: [Run; 12] = [
+    Run::new("an hour of seeded faults", seeded_faults::an_hour),
+    Run::new(
+        "half an hour of faults and strangers",
+        seeded_faults::half_an_hour_with_strangers,
+    ),
+    Run::new("ten minutes of garbage", || line_noise::run(10 * MINUTE)),
+    Run::new("power cuts before an operation", || {
+        power_cuts::run(FlashCut::Before, 1..)
+    }),
+    Run::new("power cuts that leave a prefix", || {
+        power_cuts::run(FlashCut::Prefix, 1..)
+    }),
+    Run::new("power cuts that leave scattered bits", || {
+        power_cuts::run(FlashCut::ScatteredBits, 1..)
+    }),
+    Run::new("power cuts after an operation", || {
+        power_cuts::run(FlashCut::After, 1..)
+    }),
+    Run::new("ten minutes across a wrap", || time_wrap::run(10 * MINUTE)),
+    Run::new("ten minutes with a signing key", || {
+        signing_time::run(10 * MINUTE)
+    }),
+    Run::new("a minute of two packs, and of nine", || {
+        mixed_packs::run(&TWO, &MIXED_MV[..2], MINUTE);
+        mixed_packs::run(&MIXED, &MIXED_MV, MINUTE);
+    }),
+    Run::new("rates asked for, 100 s each", || {
+        rates_asked_for::by_interval(100 * SECOND);
+        rates_asked_for::by_parameter(100 * SECOND);
+    }),
+    Run::new("ten minutes at exact rates", || exact_rates::run(10 * MINUTE)),
+];
+
+/// An hour of our time, so it only runs when it is asked for: as `day`.
+const A_DAY: Run = Run::new("a day of seeded faults", seeded_faults::a_day);
+
+fn main() -> ExitCode {
+    let words: Vec<_> = std::env::args()
+        .skip(1)
+        .filter(|word| !word.starts_with('-'))
+        .collect();
+    let mut runs = RUNS.to_vec();
+    if !words.is_empty() {
+        runs.retain(|run| words.iter().any(|word| run.name.contains(word)));
+    }
+    if words.iter().any(|word| word == "day") {
+        runs.push(A_DAY);
+    }
+    runner::run_all(&runs)
+}

@@ -1,0 +1,62 @@
+//! Runs what is to be run, says how it goes, and sums up as `cargo test` does.
+
+use std::panic::catch_unwind;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+use std::time::Instant;
+
+/// A run that panics if something is wrong.
+#[derive(Clone, Copy)]
+pub struct Run {
+    pub name: &'static str,
+    run: fn(),
+}
+
+impl Run {
+    pub const fn new(name: &'static str, run: fn()) -> Self {
+        Self { name, run }
+    }
+
+    fn passes(&self) -> bool {
+        println!("{} ...", self.name);
+        let started = Instant::now();
+        let passes = catch_unwind(self.run).is_ok();
+        let outcome = if passes { "ok" } else { "FAILED" };
+        println!(
+            "{} ... {outcome} after {} s",
+            self.name,
+            started.elapsed().as_secs()
+        );
+        passes
+    }
+}
+
+/// Runs as many at a time as there are processors.
+pub fn run_all(runs: &[Run]) -> ExitCode {
+    let started = Instant::now();
+    let next = AtomicUsize::new(0);
+    let passed = AtomicUsize::new(0);
+    let work = || {
+        while let Some(run) = runs.get(next.fetch_add(1, Ordering::Relaxed)) {
+            passed.fetch_add(usize::from(run.passes()), Ordering::Relaxed);
+        }
+    };
+    thread::scope(|scope| {
+        for _ in 0..thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(work);
+        }
+    });
+    let passed = passed.into_inner();
+    let failed = runs.len() - passed;
+    // A misspelt name is no success.
+    let is_ok = failed == 0 && passed > 0;
+    let outcome = if is_ok { "ok" } else { "FAILED" };
+    let seconds = started.elapsed().as_secs();
+    println!("test result: {outcome}. {passed} passed; {failed} failed; finished in {seconds} s");
+    if is_ok {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
+}

@@ -1,0 +1,36 @@
+//! Boards with seeded faults, and the tables of what has happened to them.
+
+use std::fs;
+use std::path::Path;
+
+use crate::bench::MINUTE;
+use crate::runs::soak::fault::Fault;
+use crate::runs::soak::tally::Tally;
+use crate::runs::soak::{Protection, run_board, run_boards};
+
+/// Each board runs for so long.
+const BOARD_US: u64 = 30 * MINUTE;
+
+pub fn an_hour() {
+    let tally = run_boards(2, BOARD_US, |sum| publish(sum, "reliability-hour.md"));
+    for fault in Fault::ALL {
+        assert!(tally.times(fault) >= 5, "{fault:?}");
+    }
+}
+
+/// Beside all that, strangers who have heard everything try to command the board.
+pub fn half_an_hour_with_strangers() {
+    let tally = run_board(1, Protection::Key, BOARD_US);
+    publish(&tally, "reliability-key.md");
+    assert!(tally.marks > 0, "the time of signatures was not written down");
+}
+
+pub fn a_day() {
+    run_boards(48, BOARD_US, |sum| publish(sum, "reliability-day.md"));
+}
+
+/// Puts the table where `.ci/run` and `.ci/soak` find it.
+fn publish(tally: &Tally, file: &str) {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(file);
+    fs::write(path, tally.to_string()).expect("the folder exists");
+}

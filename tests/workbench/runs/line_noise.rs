@@ -1,0 +1,86 @@
+//! A line full of garbage, with requests in it.
+
+use super::progress::Progress;
+use super::soak::hostile::hostile;
+use crate::bench::{Bench, DIVIDER_CODE, SECOND};
+use crate::emulator::Random;
+use crate::support::frames::{Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message};
+use crate::support::requests::param_set;
+
+const LINE_BYTES_PER_SECOND: usize = 11_520;
+/// At least so many are in the garbage; what is reported ends at 65535.
+const ERRORS_PER_SECOND: u16 = 500;
+/// A response that has not come after this long is asked for again.
+const TRIES: usize = 2;
+
+/// A second of line time with `request` somewhere in it.
+fn second_of_noise(random: &mut Random, request: &[u8]) -> Vec<u8> {
+    let mut noise = Vec::new();
+    let request_at = random.below(LINE_BYTES_PER_SECOND / 2);
+    let mut requested = false;
+    while noise.len() < LINE_BYTES_PER_SECOND - 400 {
+        if !requested && noise.len() >= request_at {
+            noise.extend(request);
+            requested = true;
+        }
+        noise.extend(hostile(random));
+    }
+    noise.resize(LINE_BYTES_PER_SECOND, 0);
+    noise
+}
+
+fn answers(bench: &mut Bench, since_us: u64) -> Vec<Frame> {
+    bench
+        .frames()
+        .into_iter()
+        .filter(|frame| frame.at_us > since_us)
+        .collect()
+}
+
+/// Loses no tick and no request in so much garbage at line rate.
+pub fn run(length_us: u64) {
+    let requests = length_us / SECOND;
+    let mut bench = Bench::power_up(DIVIDER_CODE);
+    let mut random = Random::new(0x5eed);
+    bench.run_for(SECOND);
+    let (mut conversions, mut repeated) = (0, 0);
+    bench.take_adc_record();
+    let mut progress = Progress::new("garbage at line rate", bench.time_us());
+    for number in 0..requests {
+        // Values of their own, so that each is written to flash and each answer is known.
+        let value = number as f32 * 0.001;
+        let request = param_set("BATT_VLT_OFFSET", value);
+        let answered = (0..TRIES).any(|attempt| {
+            repeated += usize::from(attempt > 0);
+            let from_us = bench.time_us();
+            let noise = second_of_noise(&mut random, &request);
+            bench.uart_send(0, from_us, &noise);
+            bench.run_for(SECOND);
+            conversions += bench.take_adc_record().len();
+            let frames = answers(&mut bench, from_us);
+            of_message(&frames, PARAM_VALUE)
+                .iter()
+                .any(|frame| ParamValue(frame).value() == value)
+        });
+        assert!(answered, "request {number} was not answered");
+        progress.at(bench.time_us());
+    }
+    assert!(bench.resets().is_empty(), "{:?}", bench.resets());
+    let seconds = requests as usize + repeated;
+    assert_eq!(conversions, seconds * 10 * 16, "sampling ticks were missed");
+
+    let frames = bench.frames();
+    let sys_status = of_message(&frames, SYS_STATUS);
+    let errors = SysStatus(sys_status[sys_status.len() - 1]).0.u16(20);
+    let (overruns, load) = (
+        bench.uart(0).overruns(),
+        SysStatus(sys_status[sys_status.len() - 1]).load_permille(),
+    );
+    println!(
+        "{seconds} s of garbage: {repeated} requests repeated, {errors} errors reported, {overruns} bytes overrun, \
+         {} flash operations, load {load} permille",
+        bench.flash_operations().len()
+    );
+    let counted = ERRORS_PER_SECOND.saturating_mul(requests as u16);
+    assert!(errors >= counted, "errors are counted");
+}

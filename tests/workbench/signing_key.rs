@@ -1,0 +1,54 @@
+//! A board whose flash holds a signing key.
+
+use std::sync::OnceLock;
+
+use embassy_futures::block_on;
+use embedded_storage_async::nor_flash::ReadNorFlash;
+use rover_battmon::mavlink::{SigningKey, StoredSigning, ToStore};
+use rover_battmon::sim::SimulatedFlash;
+use rover_battmon::storage::Storage;
+
+use crate::bench::{Bench, DIVIDER_CODE, SECOND, SIGNING_BYTES, SIGNING_OFFSET};
+
+/// What their keys are made of.
+pub const OWNER: u8 = 7;
+pub const STRANGER: u8 = 8;
+
+/// The words that signing stores for the owner's key.
+pub fn words_of_key() -> Vec<(u16, u32)> {
+    let key = SigningKey::new([OWNER; 32]).expect("not all zeros");
+    StoredSigning::default()
+        .words(&ToStore::Key(key))
+        .into_iter()
+        .collect()
+}
+
+/// The flash of signing after these words were stored.
+pub fn flash_with(words: impl IntoIterator<Item = (u16, u32)>) -> Vec<u8> {
+    let mut flash = SimulatedFlash::open(None).expect("it needs no file");
+    let mut storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
+    let mut content = vec![0; SIGNING_BYTES];
+    block_on(async {
+        for (key, word) in words {
+            storage.store(key, word).await.expect("a sound flash");
+        }
+        flash
+            .read(SimulatedFlash::SIGNING.start, &mut content)
+            .await
+            .expect("a sound flash");
+    });
+    content
+}
+
+/// The flash of a board whose owner has set up a key.
+pub fn flash_with_key() -> &'static [u8] {
+    static FLASH: OnceLock<Vec<u8>> = OnceLock::new();
+    FLASH.get_or_init(|| flash_with(words_of_key()))
+}
+
+/// Such a board, which has run for a second.
+pub fn protected() -> Bench {
+    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, flash_with_key());
+    bench.run_for(SECOND);
+    bench
+}
