@@ -94,7 +94,7 @@ pub mod storage;
 pub mod tasks;
 pub mod vehicle;
 
-#[cfg(target_os = "none")]
+#[cfg(all(target_os = "none", feature = "board"))]
 pub mod board;
 
 #[cfg(not(target_os = "none"))]
