@@ -122,10 +122,13 @@ impl BatteryMonitor {
         let dt_us = since(self.last.map(|last| last.time_us));
         let tick_us = since(self.last_tick_us.replace(tick.now_us));
         let dt_s = tick_us as f32 * 1e-6;
-        let error = match reading.and_then(plausible) {
+        let reading = reading.and_then(plausible);
+        if let Ok(measurement) = &reading {
+            self.listen(measurement, &mut events);
+        }
+        let settings = self.informed(settings);
+        let error = match reading {
             Ok(measurement) => {
-                self.listen(&measurement, &mut events);
-                let settings = self.informed(settings);
                 self.accept(tick, dt_us, &measurement, &settings, &mut events);
                 self.last = Some(Last {
                     time_us: tick.now_us,
@@ -141,7 +144,7 @@ impl BatteryMonitor {
         if let Some(event) = self.health_news.update(dt_s, self.state.status, error) {
             push(&mut events, event);
         }
-        self.judge(tick, dt_s, &self.informed(settings), &mut events);
+        self.judge(tick, dt_s, &settings, &mut events);
         (events, error)
     }
 
