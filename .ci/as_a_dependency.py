@@ -41,12 +41,11 @@ def files_of(page):
 
 
 def write(files):
-    """Writes what has changed; cargo goes by the times of files."""
+    shutil.rmtree(CRATE, ignore_errors=True)
     for name, text in files.items():
         path = CRATE / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        if not path.exists() or path.read_text() != text:
-            path.write_text(text)
+        path.write_text(text)
     shutil.copy(REPOSITORY / "Cargo.lock", CRATE)
 
 
