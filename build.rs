@@ -1,4 +1,5 @@
-//! Gives the linker its scripts when building for the board; a host build needs nothing.
+//! Gives the linker its scripts when building for the board. A host build needs nothing, and firmware for another board
+//! brings its own.
 
 use std::path::PathBuf;
 use std::{env, fs};
@@ -6,7 +7,8 @@ use std::{env, fs};
 fn main() {
     println!("cargo:rerun-if-changed=memory.x");
     println!("cargo:rerun-if-changed=build.rs");
-    if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
+    let is_for_a_board = env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("none");
+    if !is_for_a_board || env::var_os("CARGO_FEATURE_BOARD").is_none() {
         return;
     }
     let out_dir = PathBuf::from(env::var("OUT_DIR").expect("cargo sets OUT_DIR"));

@@ -22,8 +22,8 @@ def sections(elf):
         yield elf[start : elf.index(b"\0", start)].decode(), kind, flags, address, size
 
 
-def symbol(elf, wanted):
-    """The value of a symbol."""
+def symbols(elf):
+    """Name and value of each symbol."""
     by_name = {name: i for i, (name, *_) in enumerate(sections(elf))}
     table, entry_size = struct.unpack_from("<I10xH", elf, 0x20)
     header = lambda name: struct.unpack_from("<10I", elf, table + by_name[name] * entry_size)
@@ -31,9 +31,7 @@ def symbol(elf, wanted):
     _, _, _, _, offset, size, *_ = header(".symtab")
     for name, value, *_ in struct.iter_unpack("<IIIBBH", elf[offset : offset + size]):
         start = strings + name
-        if elf[start : elf.index(b"\0", start)].decode() == wanted:
-            return value
-    raise KeyError(wanted)
+        yield elf[start : elf.index(b"\0", start)].decode(), value
 
 
 def main():
@@ -50,7 +48,8 @@ def main():
             flash += size
         if address in RAM:
             ram += size
-    stack = symbol(elf, "_stack_start") - symbol(elf, "_stack_end")
+    values = dict(symbols(elf))
+    stack = values["_stack_start"] - values["_stack_end"]
     print(f"  flash {flash / 1024:.1f} KiB of {flash_kib}, static RAM {ram / 1024:.1f} KiB of {ram_kib}, "
           f"stack {stack / 1024:.0f} KiB")
     if flash > flash_kib * 1024 or ram > ram_kib * 1024:

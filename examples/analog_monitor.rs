@@ -17,19 +17,18 @@ mod firmware {
     use embassy_executor::Spawner;
     use embassy_rp::gpio::{Level, Output};
     use embassy_time::{Duration, Instant, Ticker, with_timeout};
-    use embedded_io_async::Write;
     use panic_probe as _;
     use rover_battmon::battery::{
         ArmState, BatteryMonitor, ChargeState, FailsafeSettings, Measurement, PackSettings, ReadError,
         Thresholds, Tick,
     };
     use rover_battmon::board::{self, AnalogInputs};
-    use rover_battmon::mavlink::{Endpoint, Framer, LinkKind, SystemState, pack_announcement};
+    use rover_battmon::mavlink::{LinkKind, SystemState};
     use rover_battmon::parameter::Parameters;
     use rover_battmon::sensor::{AnalogPin, VoltageDivider, read_mean};
+    use rover_battmon::tasks::WiredEndpoint;
 
     const BAUD: u32 = 115_200;
-    const SYSTEM_ID: u8 = 1;
 
     /// (30 kΩ + 10 kΩ) / 10 kΩ; compare with a multimeter.
     const DIVIDER: VoltageDivider = VoltageDivider {
@@ -46,7 +45,7 @@ mod firmware {
         let chip = embassy_rp::init(Default::default());
         let mut led = Output::new(chip.PIN_25, Level::Low);
         let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, chip.PIN_29);
-        let (mut transmitter, _receiver) =
+        let (transmitter, _receiver) =
             board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
 
         // A LiPo pack of three cells that is low once it was below 10.5 V for 10 s.
@@ -65,8 +64,8 @@ mod firmware {
         let mut monitor = BatteryMonitor::new();
         // The defaults have HEARTBEAT sent once a second, SYS_STATUS and BATTERY_STATUS twice.
         let parameters = Parameters::defaults();
-        let mut endpoint = Endpoint::new(LinkKind::Radio, BAUD / 10, Instant::now().as_micros());
-        let mut framer = Framer::new();
+        let start_us = Instant::now().as_micros();
+        let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start_us);
         let mut ticker = Ticker::every(INTERVAL);
 
         loop {
@@ -84,10 +83,7 @@ mod firmware {
                 arm_state: ArmState::Armed,
             };
             let (events, _) = monitor.update(tick, reading, &settings);
-            for event in &events {
-                let (severity, text) = pack_announcement(0, event);
-                endpoint.say(severity, &text);
-            }
+            link.announce(0, &events);
             led.set_level((monitor.state().charge_state == ChargeState::Ok).into());
 
             // Report what is due.
@@ -96,10 +92,7 @@ mod firmware {
                 batteries: &batteries,
                 ..SystemState::default()
             };
-            endpoint.post_due(tick.now_us, &state, &parameters);
-            while let Some(message) = endpoint.take(&state, &parameters) {
-                let _ = transmitter.write_all(framer.frame(&message, SYSTEM_ID)).await;
-            }
+            let _ = link.send_due(tick.now_us, &state, &parameters).await;
             ticker.next().await;
         }
     }

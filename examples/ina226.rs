@@ -16,16 +16,15 @@ mod firmware {
     use defmt_rtt as _;
     use embassy_executor::Spawner;
     use embassy_time::{Duration, Instant, Ticker};
-    use embedded_io_async::Write;
     use panic_probe as _;
     use rover_battmon::battery::{ArmState, BatteryMonitor, PackSettings, Tick};
     use rover_battmon::board::{self, SensorI2c};
-    use rover_battmon::mavlink::{Endpoint, Framer, LinkKind, SystemState, pack_announcement};
+    use rover_battmon::mavlink::{LinkKind, SystemState};
     use rover_battmon::parameter::{BatteryParameter, Pack, Parameters};
     use rover_battmon::sensor::{BusDevices, Buses, PartKind, bus_clock_hz};
+    use rover_battmon::tasks::WiredEndpoint;
 
     const BAUD: u32 = 115_200;
-    const SYSTEM_ID: u8 = 1;
 
     /// How the pack is measured and what it is: the parameters `BATT_MONITOR`, `BATT_SHUNT` and so on.
     const PACK: [(BatteryParameter, f32); 4] = [
@@ -48,15 +47,14 @@ mod firmware {
         }
         let clock_hz = bus_clock_hz(&parameters);
         let mut bus = Buses::i2c(SensorI2c::new(chip.I2C1, chip.PIN_14, chip.PIN_15, clock_hz));
-        let (mut transmitter, _receiver) =
+        let (transmitter, _receiver) =
             board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
 
         let start_us = Instant::now().as_micros();
         let mut parts = BusDevices::from_parameters(&parameters, start_us);
         let settings = PackSettings::from_parameters(&parameters, Pack::First);
         let mut monitor = BatteryMonitor::new();
-        let mut endpoint = Endpoint::new(LinkKind::Radio, BAUD / 10, start_us);
-        let mut framer = Framer::new();
+        let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start_us);
         let mut ticker = Ticker::every(INTERVAL);
 
         loop {
@@ -68,10 +66,7 @@ mod firmware {
             };
             let judge = |_, reading| {
                 let (events, _) = monitor.update(tick, reading, &settings);
-                for event in &events {
-                    let (severity, text) = pack_announcement(0, event);
-                    endpoint.say(severity, &text);
-                }
+                link.announce(0, &events);
             };
             parts.read_next(&mut bus, tick.now_us, judge).await;
 
@@ -81,10 +76,7 @@ mod firmware {
                 batteries: &batteries,
                 ..SystemState::default()
             };
-            endpoint.post_due(tick.now_us, &state, &parameters);
-            while let Some(message) = endpoint.take(&state, &parameters) {
-                let _ = transmitter.write_all(framer.frame(&message, SYSTEM_ID)).await;
-            }
+            let _ = link.send_due(tick.now_us, &state, &parameters).await;
             ticker.next().await;
         }
     }

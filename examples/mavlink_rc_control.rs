@@ -11,16 +11,14 @@ mod firmware {
     use defmt_rtt as _;
     use embassy_executor::Spawner;
     use embassy_time::{Duration, Instant, with_timeout};
-    use embedded_io_async::Write;
     use panic_probe as _;
     use rover_battmon::board::{self, BoardMotors, BoardWatchdog, MotorPeripherals};
-    use rover_battmon::mavlink::{Endpoint, Framer, LinkKind, Signing, SystemState};
+    use rover_battmon::mavlink::{LinkKind, Signing, SystemState};
     use rover_battmon::parameter::{Parameters, VehicleParameter};
-    use rover_battmon::tasks::{ByteSource, Watchdog};
+    use rover_battmon::tasks::{ByteSource, Watchdog, WiredEndpoint};
     use rover_battmon::vehicle::{Motors, Vehicle, VehicleSettings};
 
     const BAUD: u32 = 115_200;
-    const SYSTEM_ID: u8 = 1;
 
     /// So long it listens before it looks after the motors again.
     const LISTEN: Duration = Duration::from_millis(20);
@@ -36,7 +34,7 @@ mod firmware {
             right_rear: (chip.PWM_SLICE3, chip.PIN_7, chip.PIN_6),
             right_front: (chip.PWM_SLICE4, chip.PIN_9, chip.PIN_8),
         });
-        let (mut transmitter, mut receiver) =
+        let (transmitter, mut receiver) =
             board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
 
         let mut parameters = Parameters::defaults();
@@ -44,10 +42,10 @@ mod firmware {
         let _ = parameters.set(VehicleParameter::Sr0Extra1, 0.0);
         let _ = parameters.set(VehicleParameter::ArmingCheck, 0.0);
         let mut vehicle = Vehicle::new();
-        let mut endpoint = Endpoint::new(LinkKind::Radio, BAUD / 10, Instant::now().as_micros());
+        let start_us = Instant::now().as_micros();
+        let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start_us);
         // Nobody has a key: everybody may drive.
         let mut signing = Signing::off();
-        let mut framer = Framer::new();
         let mut bytes = [0; 64];
 
         loop {
@@ -58,9 +56,10 @@ mod firmware {
             };
             let now_us = Instant::now().as_micros();
             // 64 bytes at most, less than it has room for once everything before them was handled.
-            endpoint.push(received);
+            link.endpoint.push(received);
             let state = state_of(&vehicle);
-            while endpoint
+            while link
+                .endpoint
                 .handle_next(
                     now_us,
                     now_us,
@@ -78,10 +77,7 @@ mod firmware {
 
             // Answer: HEARTBEAT when it is due, acknowledgements, parameters.
             let state = state_of(&vehicle);
-            endpoint.post_due(now_us, &state, &parameters);
-            while let Some(message) = endpoint.take(&state, &parameters) {
-                let _ = transmitter.write_all(framer.frame(&message, SYSTEM_ID)).await;
-            }
+            let _ = link.send_due(now_us, &state, &parameters).await;
             watchdog.feed();
         }
     }

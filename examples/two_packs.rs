@@ -17,19 +17,18 @@ mod firmware {
     use defmt_rtt as _;
     use embassy_executor::Spawner;
     use embassy_time::{Duration, Instant, Ticker, with_timeout};
-    use embedded_io_async::Write;
     use panic_probe as _;
     use rover_battmon::battery::{
         ArmState, BatteryMonitor, Chemistry, FailsafeSettings, Measurement, PackSettings, ReadError,
         Thresholds, Tick,
     };
     use rover_battmon::board::{self, AnalogInputs};
-    use rover_battmon::mavlink::{Endpoint, Framer, LinkKind, SystemState, pack_announcement};
+    use rover_battmon::mavlink::{LinkKind, SystemState};
     use rover_battmon::parameter::Parameters;
     use rover_battmon::sensor::{AdcCount, AnalogPin, CurrentSensor, VoltageDivider, read_mean};
+    use rover_battmon::tasks::WiredEndpoint;
 
     const BAUD: u32 = 115_200;
-    const SYSTEM_ID: u8 = 1;
 
     /// 10 readings a second. One that takes longer than the timeout has failed.
     const INTERVAL: Duration = Duration::from_millis(100);
@@ -105,14 +104,14 @@ mod firmware {
     async fn main(_spawner: Spawner) {
         let chip = embassy_rp::init(Default::default());
         let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, chip.PIN_29);
-        let (mut transmitter, _receiver) =
+        let (transmitter, _receiver) =
             board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
 
         let mut packs = [drive_pack(), electronics_pack()];
         // The defaults have HEARTBEAT sent once a second, SYS_STATUS and each BATTERY_STATUS twice.
         let parameters = Parameters::defaults();
-        let mut endpoint = Endpoint::new(LinkKind::Radio, BAUD / 10, Instant::now().as_micros());
-        let mut framer = Framer::new();
+        let start_us = Instant::now().as_micros();
+        let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start_us);
         let mut ticker = Ticker::every(INTERVAL);
 
         loop {
@@ -125,10 +124,7 @@ mod firmware {
                     arm_state: ArmState::Armed,
                 };
                 let (events, _) = pack.monitor.update(tick, reading, &pack.settings);
-                for event in &events {
-                    let (severity, text) = pack_announcement(instance, event);
-                    endpoint.say(severity, &text);
-                }
+                link.announce(instance, &events);
             }
 
             // Report what is due: the instance of a BATTERY_STATUS is the pack's place here.
@@ -137,10 +133,9 @@ mod firmware {
                 batteries: &batteries,
                 ..SystemState::default()
             };
-            endpoint.post_due(Instant::now().as_micros(), &state, &parameters);
-            while let Some(message) = endpoint.take(&state, &parameters) {
-                let _ = transmitter.write_all(framer.frame(&message, SYSTEM_ID)).await;
-            }
+            let _ = link
+                .send_due(Instant::now().as_micros(), &state, &parameters)
+                .await;
             ticker.next().await;
         }
     }

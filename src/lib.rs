@@ -62,7 +62,7 @@
 //! | [`vehicle`] | the rover: arming, modes, what the motors are told |
 //! | [`crash`] | what is known of a crash after the restart |
 //! | [`tasks`] | thin `async` loops that wait, call the rooms above and publish |
-//! | `board` | the pins and peripherals of the Freenove RP2040 board (target only) |
+//! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |
 //! | `sim` | a simulated pack, clock and wire (host only) |
 //!
 //! Everything but `tasks`, `board` and `sim` does no I/O and reads no clock: time, counts and parameters come in as
@@ -73,6 +73,7 @@
 //!   [`PackSettings`](battery::PackSettings).
 //! - A part of your own on the bus: [`SensorBus`](sensor::SensorBus), and `docs/adding-a-sensor.md`.
 //! - A link without its wire, bytes in and frames out: [`Endpoint`](mavlink::Endpoint).
+//! - Firmware of your own, without the feature `board`: `docs/guides/as-a-dependency.md`.
 //! - Another board: the traits in [`tasks`], which `board` and `sim` implement.
 //! - Whole programs: the firmware `src/main.rs`, the simulator `src/bin/sitl.rs`, and one idea each in `examples/`.
 //! - How it all fits together and why: `docs/architecture.md` and `docs/decisions/`.
@@ -94,7 +95,7 @@ pub mod storage;
 pub mod tasks;
 pub mod vehicle;
 
-#[cfg(target_os = "none")]
+#[cfg(all(target_os = "none", feature = "board"))]
 pub mod board;
 
 #[cfg(not(target_os = "none"))]

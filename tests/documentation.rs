@@ -136,6 +136,67 @@ fn every_path_that_is_named_exists() {
     assert!(looked_at > 0, "no path was found");
 }
 
+/// The blocks of code in a document that begin like this, each with the line above it.
+fn code_blocks<'a>(text: &'a str, language: &str) -> Vec<(&'a str, &'a str)> {
+    let fence = format!("\n```{language}\n");
+    let mut blocks = Vec::new();
+    let mut rest = text;
+    while let Some((before, behind)) = rest.split_once(&fence) {
+        let (block, after) = behind.split_once("\n```").expect("the end of the block");
+        blocks.push((before.lines().last().unwrap_or_default(), block));
+        rest = after;
+    }
+    blocks
+}
+
+/// What a line above a block says of it: `<!-- from src/main.rs -->`.
+fn marked<'a>(line: &'a str, word: &str) -> Option<&'a str> {
+    let comment = line.strip_prefix("<!-- ")?.strip_suffix(" -->")?;
+    comment.strip_prefix(word)
+}
+
+/// What a hunk of a diff changes, as it is before.
+fn before_the_change(hunk: &str) -> String {
+    let kept = hunk.lines().filter(|line| !line.starts_with('+'));
+    kept.map(|line| line.get(1..).unwrap_or_default())
+        .collect::<Vec<_>>()
+        .join("\n")
+}
+
+#[test]
+fn code_in_a_document_is_code_that_is_compiled() {
+    let mut looked_at = 0;
+    for (document, text) in documents() {
+        for (line, block) in code_blocks(&text, "rust") {
+            // Those are built by .ci/as_a_dependency.py.
+            if marked(line, "file: ").is_some() {
+                continue;
+            }
+            let path = marked(line, "from ")
+                .unwrap_or_else(|| panic!("{}: where is it from?\n{block}", document.display()));
+            assert!(
+                read(&top().join(path)).contains(block),
+                "{}: {path} does not have\n{block}",
+                document.display()
+            );
+            looked_at += 1;
+        }
+        for (line, block) in code_blocks(&text, "diff") {
+            let path = marked(line, "from ")
+                .unwrap_or_else(|| panic!("{}: of which file?\n{block}", document.display()));
+            for hunk in block.split("@@\n").map(before_the_change) {
+                assert!(
+                    read(&top().join(path)).contains(&hunk),
+                    "{}: {path} does not have\n{hunk}",
+                    document.display()
+                );
+                looked_at += 1;
+            }
+        }
+    }
+    assert!(looked_at >= 6, "only {looked_at} blocks and hunks were found");
+}
+
 /// The pin of the Pico that each of its GPIOs is on, by the pinout of its data sheet.
 const PICO_PINS: [(u32, u32); 26] = [
     (0, 1),

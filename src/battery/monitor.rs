@@ -134,10 +134,13 @@ impl BatteryMonitor {
         let dt_us = since(self.last.map(|last| last.time_us));
         let tick_us = since(self.last_tick_us.replace(tick.now_us));
         let dt_s = tick_us as f32 * 1e-6;
-        let error = match reading.and_then(plausible) {
+        let reading = reading.and_then(plausible);
+        if let Ok(measurement) = &reading {
+            self.ingest_details(tick.arm_state, measurement, &mut events);
+        }
+        let settings = self.informed(settings);
+        let error = match reading {
             Ok(measurement) => {
-                self.ingest_details(tick.arm_state, &measurement, &mut events);
-                let settings = self.informed(settings);
                 self.accept(tick, dt_us, &measurement, &settings, &mut events);
                 self.last = Some(Last {
                     time_us: tick.now_us,
@@ -165,7 +168,7 @@ impl BatteryMonitor {
         if freshness == Freshness::Kept && error != Some(ReadError::NoMember) {
             self.swap.lose_contact(dt_s, tick.arm_state);
         }
-        self.judge(tick, tick_us, freshness, &self.informed(settings), &mut events);
+        self.judge(tick, tick_us, freshness, &settings, &mut events);
         (events, error)
     }
 

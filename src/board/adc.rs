@@ -47,10 +47,14 @@ impl AnalogInputs {
 
 impl AnalogIn for AnalogInputs {
     async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError> {
-        pac::ADC.cs().modify(|status| {
-            status.set_ainsel(pin as u8);
-            status.set_start_once(true);
-        });
+        let mut control = pac::ADC.cs().read();
+        // One that has timed out and still runs: its result would be taken for this one's, and it may be another pin's.
+        if !control.ready() {
+            return Err(ReadError::Timeout);
+        }
+        control.set_ainsel(pin as u8);
+        control.set_start_once(true);
+        pac::ADC.cs().write_value(control);
         let done = (0..LOOKS)
             .map(|_| pac::ADC.cs().read())
             .find(|status| status.ready());

@@ -6,11 +6,12 @@ use embassy_rp::i2c::{AbortReason, Async, Config, Error, I2c};
 use embassy_rp::pac;
 use embassy_rp::peripherals::{I2C1, PIN_14, PIN_15};
 use embassy_time::{Duration, Timer, with_timeout};
-use embedded_hal_async::i2c::{ErrorType, I2c as I2cBus, Operation};
+use embedded_hal_async::i2c::{I2c as _, Operation};
 
 use super::Irqs;
 use crate::battery::ReadError;
 use crate::log::warn;
+use crate::sensor::I2cBus;
 
 /// SMBus lets a device hold the clock for 25 ms and has it give up after 35 ms (T_TIMEOUT).
 const TIMEOUT: Duration = Duration::from_millis(35);
@@ -111,14 +112,10 @@ fn is_free() -> bool {
     lines == SDA | SCL
 }
 
-impl ErrorType for SensorI2c {
-    type Error = ReadError;
-}
-
 impl I2cBus for SensorI2c {
-    async fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
+    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
         let driver = self.ready().await?;
-        match with_timeout(TIMEOUT, I2cBus::transaction(driver, address, operations)).await {
+        match with_timeout(TIMEOUT, driver.transaction(address, operations)).await {
             Ok(result) => result.map_err(read_error),
             Err(_) => {
                 warn!("I2C1: {:#x} did not finish, the bus is freed", address);

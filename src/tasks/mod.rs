@@ -20,6 +20,7 @@ mod status;
 mod storage;
 mod supervisor;
 mod telemetry;
+mod wired_endpoint;
 mod writer;
 
 use embassy_time::{Duration, Instant, Timer};
@@ -41,6 +42,7 @@ pub use status::{IdleTime, report_status};
 pub use storage::{keep_parameters, load_parameters, report_load};
 pub use supervisor::{Watchdog, supervise};
 pub use telemetry::schedule_telemetry;
+pub use wired_endpoint::WiredEndpoint;
 pub use writer::write_frames;
 
 use crate::liveness::CheckIn;

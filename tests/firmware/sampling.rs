@@ -2,7 +2,10 @@
 
 use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
 use crate::emulator::{AdcFault, AdcInput, LogLevel};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, SYS_STATUS, SysStatus, of_message};
+use crate::support::frames::{BATTERY_STATUS, BatteryStatus, SYS_STATUS, SysStatus, last_of, of_message};
+
+/// The converter's input of GP27.
+const CURRENT: usize = 1;
 
 const UNKNOWN: u16 = u16::MAX;
 
@@ -97,4 +100,44 @@ fn no_voltage_is_invented_before_the_first_reading() {
     );
     assert_eq!(BatteryStatus(battery[0]).charge_state(), 0);
     assert_eq!(BatteryStatus(battery[9]).charge_state(), 6);
+}
+
+/// A conversion of GP26 that has timed out ends while GP27 is read: whenever that is, it does not count as one of GP27's.
+#[test]
+fn a_conversion_that_ends_late_is_no_reading_of_the_next_pin() {
+    let mut bench = Bench::configured(
+        2482,
+        &[
+            ("BATT2_MONITOR", 31.0),
+            ("BATT2_CURR_PIN", 27.0),
+            ("BATT2_AMP_PERVLT", 100.0),
+            ("BATT2_AMP_OFFSET", 0.0),
+        ],
+    );
+    bench.adc_input(CURRENT, AdcInput::Code(0));
+    bench.run_for(SECOND);
+    let mut failed_reads = 0;
+    for stalled_us in (2..100).step_by(2) {
+        let conversions = bench.adc_conversions();
+        assert!(bench.run_until(SECOND, |board| board.adc_conversions() > conversions));
+        bench.adc_fault(AdcFault::Stalled);
+        bench.run_for(stalled_us);
+        bench.adc_fault(AdcFault::None);
+        // A sound tick follows each one with the fault.
+        bench.run_for(150 * MILLISECOND);
+        failed_reads += bench
+            .take_log()
+            .iter()
+            .filter(|line| line.text.contains("battery 1: read failed"))
+            .count();
+    }
+    println!("{failed_reads} of 49 bursts of GP26 failed");
+    let frames = bench.frames();
+    assert_eq!(last_of(&frames, 0).voltage_mv(0), 7901);
+    let current = last_of(&frames, 1);
+    assert_eq!((current.current_ca(), current.consumed_mah()), (0, 0));
+    assert!(
+        (1..49).contains(&failed_reads),
+        "some faults end before the time-out"
+    );
 }

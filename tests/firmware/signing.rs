@@ -1,6 +1,8 @@
 //! A board whose flash holds a signing key.
 
-use crate::bench::{Bench, DIVIDER_CODE, MINUTE, SAVED_US, SECOND, SECTOR_BYTES, SIGNING_OFFSET, value_of};
+use crate::bench::{
+    Bench, DIVIDER_CODE, MINUTE, SAVED_US, SECOND, SECTOR_BYTES, SIGNING_BYTES, SIGNING_OFFSET, value_of,
+};
 use crate::emulator::LogLevel;
 use crate::runs::signing_time;
 use crate::signer::Signer;

@@ -15,7 +15,7 @@ mod wiring;
 #[cfg(test)]
 mod tests;
 
-use embedded_hal_async::i2c::{Error, ErrorKind, I2c, NoAcknowledgeSource};
+use embedded_hal_async::i2c::{Error, ErrorKind, I2c, Operation};
 use embedded_hal_async::spi::{
     ErrorKind as SpiErrorKind, ErrorType as SpiErrorType, Operation as SpiOperation, SpiDevice,
 };
@@ -51,6 +51,31 @@ pub trait SensorBus {
     async fn write(&mut self, address: Address, written: &[u8]) -> Result<(), ReadError>;
 }
 
+/// An I2C bus: any of `embedded-hal-async`, or one that knows more of a failed transfer than an [`ErrorKind`] says, such as
+/// a line that is held low or a transfer that timed out.
+pub trait I2cBus {
+    /// One transaction, as [`I2c::transaction`] has it.
+    ///
+    /// # Errors
+    /// No device acknowledges the address, or the transfer failed.
+    #[allow(async_fn_in_trait)]
+    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError>;
+}
+
+impl<B: I2c> I2cBus for B {
+    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
+        let transaction = self.transaction(address, operations).await;
+        transaction.map_err(|error| read_error(error.kind()))
+    }
+}
+
+fn read_error(kind: ErrorKind) -> ReadError {
+    match kind {
+        ErrorKind::NoAcknowledge(_) => ReadError::NoAnswer,
+        _ => ReadError::Bus,
+    }
+}
+
 /// An I2C bus, and an SPI bus with one chip select.
 pub struct Buses<I, S> {
     /// The I2C bus.
@@ -69,7 +94,7 @@ impl<I> Buses<I, NoSpi> {
     }
 }
 
-impl<I: I2c<Error: Into<ReadError>>, S: SpiDevice> SensorBus for Buses<I, S> {
+impl<I: I2cBus, S: SpiDevice> SensorBus for Buses<I, S> {
     async fn write_read(
         &mut self,
         address: Address,
@@ -78,8 +103,8 @@ impl<I: I2c<Error: Into<ReadError>>, S: SpiDevice> SensorBus for Buses<I, S> {
     ) -> Result<(), ReadError> {
         match address {
             Address::I2c(address) => {
-                let transfer = self.i2c.write_read(address, written, read);
-                transfer.await.map_err(Into::into)
+                let mut operations = [Operation::Write(written), Operation::Read(read)];
+                self.i2c.transfer(address, &mut operations).await
             }
             Address::ChipSelect => {
                 let mut operations = [SpiOperation::Write(written), SpiOperation::Read(read)];
@@ -91,7 +116,7 @@ impl<I: I2c<Error: Into<ReadError>>, S: SpiDevice> SensorBus for Buses<I, S> {
 
     async fn write(&mut self, address: Address, written: &[u8]) -> Result<(), ReadError> {
         match address {
-            Address::I2c(address) => self.i2c.write(address, written).await.map_err(Into::into),
+            Address::I2c(address) => self.i2c.transfer(address, &mut [Operation::Write(written)]).await,
             Address::ChipSelect => self.spi.write(written).await.map_err(|_| ReadError::Bus),
         }
     }
@@ -104,24 +129,5 @@ impl SpiErrorType for NoSpi {
 impl SpiDevice for NoSpi {
     async fn transaction(&mut self, _: &mut [SpiOperation<'_, u8>]) -> Result<(), SpiErrorKind> {
         Err(SpiErrorKind::Other)
-    }
-}
-
-impl Error for ReadError {
-    fn kind(&self) -> ErrorKind {
-        match self {
-            Self::NoAnswer => ErrorKind::NoAcknowledge(NoAcknowledgeSource::Unknown),
-            Self::BusStuck | Self::Bus => ErrorKind::Bus,
-            _ => ErrorKind::Other,
-        }
-    }
-}
-
-impl From<ErrorKind> for ReadError {
-    fn from(kind: ErrorKind) -> Self {
-        match kind {
-            ErrorKind::NoAcknowledge(_) => Self::NoAnswer,
-            _ => Self::Bus,
-        }
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use embassy_futures::block_on;
-use embedded_hal_async::i2c::{ErrorType, I2c, Operation};
+use embedded_hal_async::i2c::{ErrorType, NoAcknowledgeSource};
 use proptest::prelude::*;
 
 use super::*;
@@ -20,12 +20,8 @@ impl Tables {
     }
 }
 
-impl ErrorType for Tables {
-    type Error = ReadError;
-}
-
-impl I2c for Tables {
-    async fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
+impl I2cBus for Tables {
+    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
         if !self.0.keys().any(|(device, _)| *device == address) {
             return Err(ReadError::NoAnswer);
         }
@@ -47,12 +43,8 @@ impl I2c for Tables {
 /// Answers with whatever comes next, until that is used up.
 struct Anything(VecDeque<Result<u8, ReadError>>);
 
-impl ErrorType for Anything {
-    type Error = ReadError;
-}
-
-impl I2c for Anything {
-    async fn transaction(&mut self, _: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
+impl I2cBus for Anything {
+    async fn transfer(&mut self, _: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
         for operation in operations {
             if let Operation::Read(buffer) = operation {
                 for byte in buffer.iter_mut() {
@@ -304,6 +296,54 @@ fn an_address_that_no_device_can_have_is_looked_for_like_none() {
         (-1, None),
     ] {
         assert_eq!(Address::from_parameter(value), address);
+    }
+}
+
+/// A foreign bus, whose error is its own type: only its kind is known here.
+struct Refusing(ErrorKind);
+
+#[derive(Debug)]
+struct ForeignError(ErrorKind);
+
+impl Error for ForeignError {
+    fn kind(&self) -> ErrorKind {
+        self.0
+    }
+}
+
+impl ErrorType for Refusing {
+    type Error = ForeignError;
+}
+
+impl I2c for Refusing {
+    async fn transaction(&mut self, _: u8, _: &mut [Operation<'_>]) -> Result<(), ForeignError> {
+        Err(ForeignError(self.0))
+    }
+}
+
+#[test]
+fn the_error_of_a_foreign_bus_is_diagnosed_by_its_kind() {
+    for (kind, diagnosis) in [
+        (
+            ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address),
+            ReadError::NoAnswer,
+        ),
+        (
+            ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data),
+            ReadError::NoAnswer,
+        ),
+        (
+            ErrorKind::NoAcknowledge(NoAcknowledgeSource::Unknown),
+            ReadError::NoAnswer,
+        ),
+        (ErrorKind::ArbitrationLoss, ReadError::Bus),
+        (ErrorKind::Bus, ReadError::Bus),
+        (ErrorKind::Overrun, ReadError::Bus),
+        (ErrorKind::Other, ReadError::Bus),
+    ] {
+        let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), 0);
+        let told = read_next(&mut devices, &mut Buses::i2c(Refusing(kind)));
+        assert_eq!(told, [(Pack::Second, Err(diagnosis))], "{kind:?}");
     }
 }
 

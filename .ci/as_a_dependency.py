@@ -1,0 +1,79 @@
+#!/usr/bin/env python3
+"""Builds the crate that docs/guides/as-a-dependency.md describes, from the page's own text.
+
+Each block of code below a comment `<!-- file: NAME -->` is a file of that crate. They are written to a folder below
+`target/`, with this clone in place of the page's path and with the versions of its Cargo.lock, and built. The firmware has to
+link, by the page's memory.x, and to hold nothing of the Freenove board. There the clone's own `.cargo/config.toml` applies,
+too: what it adds are flags that make a program smaller.
+"""
+
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+
+from size_report import symbols
+
+REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
+PAGE = REPOSITORY / "docs/guides/as-a-dependency.md"
+CRATE = REPOSITORY / "target/as-a-dependency"
+TARGET = REPOSITORY / "target"
+FIRMWARE = TARGET / "thumbv6m-none-eabi/release/pack-monitor"
+
+FILE = re.compile(r"^<!-- file: (\S+) -->\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+PATH = 'path = "../rover-battmon"'
+
+# `rover_battmon::board`, as symbols spell it in paths and in types.
+BOARD = re.compile(r"rover_battmon(?:5|\.\.)board")
+# Where the page's memory.x has the stack begin: at the end of RAM.
+STACK_START = 0x2004_2000
+
+
+def files_of(page):
+    """The files of the crate: name and text."""
+    files = dict(FILE.findall(page))
+    manifest = files["Cargo.toml"]
+    if PATH not in manifest:
+        sys.exit(f"{PAGE.name}: Cargo.toml does not name the library by {PATH}")
+    return {**files, "Cargo.toml": manifest.replace(PATH, f'path = "{REPOSITORY}"')}
+
+
+def write(files):
+    shutil.rmtree(CRATE, ignore_errors=True)
+    for name, text in files.items():
+        path = CRATE / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    shutil.copy(REPOSITORY / "Cargo.lock", CRATE)
+
+
+def build():
+    # Build scripts and macros are shared with the firmware's own build.
+    environment = {**os.environ, "CARGO_TARGET_DIR": str(TARGET)}
+    subprocess.run(["cargo", "build", "--release"], cwd=CRATE, env=environment, check=True)
+
+
+def complaints(elf):
+    """What the firmware has that is not the page's."""
+    found = dict(symbols(elf))
+    of_board = sorted(filter(BOARD.search, found))
+    yield from (f"of the Freenove board: {name}" for name in of_board)
+    if found["HardFault"] != found.get("HardFault_"):
+        yield "the fault handler is not cortex-m-rt's"
+    if found["_stack_start"] != STACK_START:
+        yield f"the stack begins at {found['_stack_start']:#x}: by another memory.x"
+
+
+def main():
+    write(files_of(PAGE.read_text(encoding="utf-8")))
+    build()
+    found = list(complaints(FIRMWARE.read_bytes()))
+    for complaint in found:
+        print(f"  {complaint}")
+    sys.exit(1 if found else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+//! A link of a program that has one loop and no tasks.
+
+use embedded_io_async::Write;
+
+use crate::battery::PackEvent;
+use crate::mavlink::{Endpoint, Framer, LinkKind, SystemState, pack_announcement};
+use crate::parameter::{Parameters, VehicleParameter};
+
+/// Our end of a link together with its wire, for a program of one loop. Nothing is signed.
+pub struct WiredEndpoint<W> {
+    /// What is received and posted.
+    pub endpoint: Endpoint,
+    framer: Framer,
+    wire: W,
+}
+
+impl<W: Write> WiredEndpoint<W> {
+    /// A link of this kind over `wire`, which carries `bytes_per_second`. Its first HEARTBEAT is due at `now_us`.
+    pub fn new(kind: LinkKind, bytes_per_second: u32, wire: W, now_us: u64) -> Self {
+        Self {
+            endpoint: Endpoint::new(kind, bytes_per_second, now_us),
+            framer: Framer::new(),
+            wire,
+        }
+    }
+
+    /// Posts a STATUSTEXT for each event of a pack.
+    pub fn announce(&mut self, instance: u8, events: &[PackEvent]) {
+        for event in events {
+            let (severity, text) = pack_announcement(instance, event);
+            self.endpoint.say(severity, &text);
+        }
+    }
+
+    /// Builds what is due at `now_us` and what was posted, frames it and writes it.
+    ///
+    /// # Errors
+    /// The wire failed.
+    pub async fn send_due(
+        &mut self,
+        now_us: u64,
+        state: &SystemState<'_>,
+        parameters: &Parameters,
+    ) -> Result<(), W::Error> {
+        self.endpoint.post_due(now_us, state, parameters);
+        // The table's range is 1 to 255.
+        let system_id = parameters.get_whole(VehicleParameter::SysidThismav) as u8;
+        while let Some(message) = self.endpoint.take(state, parameters) {
+            self.wire
+                .write_all(self.framer.frame(&message, system_id))
+                .await?;
+        }
+        Ok(())
+    }
+}
