@@ -21,6 +21,7 @@ mod firmware {
         FrameParser, Framer, LinkKind, Message, Signing, SigningKey, StoredSigning, Stream, SystemState,
         ToStore,
     };
+    use rover_battmon::parameter::Pack;
 
     /// What a ground station sends, in chunks as they come from a port.
     const RECEIVED: &[u8] = include_bytes!("../benches/data/mixed_stream.bin");
@@ -85,12 +86,24 @@ mod firmware {
         for (name, stream, pack) in [
             ("HEARTBEAT", Stream::Heartbeat, &typical),
             ("SYS_STATUS, typical", Stream::SysStatus, &typical),
-            ("BATTERY_STATUS, typical", Stream::BatteryStatus(0), &typical),
-            ("BATTERY_STATUS, all fields", Stream::BatteryStatus(0), &full),
-            ("BATTERY_STATUS_V2", Stream::BatteryStatusV2(0), &typical),
-            ("BATTERY_INFO", Stream::BatteryInfo(0), &full),
-            ("SMART_BATTERY_INFO", Stream::SmartBatteryInfo(0), &full),
-            ("FUEL_STATUS", Stream::FuelStatus(0), &tank),
+            (
+                "BATTERY_STATUS, typical",
+                Stream::BatteryStatus(Pack::First),
+                &typical,
+            ),
+            (
+                "BATTERY_STATUS, all fields",
+                Stream::BatteryStatus(Pack::First),
+                &full,
+            ),
+            (
+                "BATTERY_STATUS_V2",
+                Stream::BatteryStatusV2(Pack::First),
+                &typical,
+            ),
+            ("BATTERY_INFO", Stream::BatteryInfo(Pack::First), &full),
+            ("SMART_BATTERY_INFO", Stream::SmartBatteryInfo(Pack::First), &full),
+            ("FUEL_STATUS", Stream::FuelStatus(Pack::First), &tank),
         ] {
             let state = SystemState {
                 batteries: core::slice::from_ref(pack),
@@ -131,7 +144,7 @@ mod firmware {
             batteries: core::slice::from_ref(&pack),
             ..SystemState::default()
         };
-        let message = Stream::BatteryStatus(0).build(&state);
+        let message = Stream::BatteryStatus(Pack::First).build(&state);
         bench.measure("serialise and sign", "BATTERY_STATUS, typical", || {
             black_box(framer.signed_frame(black_box(&message), 1, &mut signing, LinkKind::Radio, 0));
         });

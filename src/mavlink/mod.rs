@@ -32,15 +32,15 @@ pub use dispatcher::{Event, Peer};
 pub use endpoint::Endpoint;
 pub use framer::Framer;
 pub use messages::{
-    CommandAck, FileTransferNak, Message, Stream, build_autopilot_version, build_battery_info,
-    build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
+    CommandAck, DefaultRate, FileTransferNak, Message, Stream, StreamKind, Subject, build_autopilot_version,
+    build_battery_info, build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
     build_protocol_version, build_smart_battery_info, build_sys_status, pack_announcement, status_texts,
     vehicle_announcement,
 };
 pub use outbox::{NoRoom, Outbox, Posted};
 pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};
 pub use payload::{Name, Payload};
-pub use scheduler::{Interval, IntervalRefused, NotStreamed, Periodic, StreamScheduler};
+pub use scheduler::{Interval, IntervalRefused, NotStreamed, StreamScheduler};
 pub use services::commands::Action;
 pub use services::signing::{SetupRefused, SigningChange};
 pub use signing::{

@@ -1,6 +1,7 @@
 //! Whether a link has been told what a smart battery tells of itself.
 
 use crate::battery::{MAX_PACKS, PackDetails};
+use crate::parameter::Pack;
 
 /// What one link was told of each pack.
 #[derive(Debug, Default)]
@@ -9,12 +10,10 @@ pub(super) struct PackNews {
 }
 
 impl PackNews {
-    /// Whether `details` of the pack `instance` differ from what was told last; then they count as told. A pack that tells
+    /// Whether `details` of `pack` differ from what was told last; then they count as told. A pack that tells
     /// nothing of itself is no news, nor is one that falls silent and says the same again.
-    pub fn is_news(&mut self, instance: u8, details: &PackDetails) -> bool {
-        let Some(told) = self.told.get_mut(usize::from(instance)) else {
-            return false;
-        };
+    pub fn is_news(&mut self, pack: Pack, details: &PackDetails) -> bool {
+        let told = &mut self.told[pack as usize];
         let is_news = !details.is_empty() && details != told;
         if is_news {
             *told = *details;
@@ -37,22 +36,17 @@ mod tests {
     #[test]
     fn it_is_news_once_each_time_it_differs() {
         let mut news = PackNews::default();
-        for (instance, details, expected) in [
-            (0, PackDetails::default(), false),
-            (0, after(7), true),
-            (0, after(7), false),
-            (8, after(7), true),
-            (0, PackDetails::default(), false),
-            (0, after(7), false),
-            (0, after(8), true),
-            (0, after(7), true),
-            (9, after(7), false),
+        for (pack, details, expected) in [
+            (Pack::First, PackDetails::default(), false),
+            (Pack::First, after(7), true),
+            (Pack::First, after(7), false),
+            (Pack::Ninth, after(7), true),
+            (Pack::First, PackDetails::default(), false),
+            (Pack::First, after(7), false),
+            (Pack::First, after(8), true),
+            (Pack::First, after(7), true),
         ] {
-            assert_eq!(
-                news.is_news(instance, &details),
-                expected,
-                "{instance}: {details:?}"
-            );
+            assert_eq!(news.is_news(pack, &details), expected, "{pack:?}: {details:?}");
         }
     }
 }
