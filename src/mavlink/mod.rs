@@ -19,6 +19,7 @@ mod parser;
 mod payload;
 mod rates;
 mod replies;
+mod requests;
 mod scheduler;
 mod services;
 mod signing;
@@ -28,7 +29,7 @@ mod system_state;
 /// The dialect whose messages are used: `development` is `common` with BATTERY_STATUS_V2.
 pub use ::mavlink::dialects::development as dialect;
 
-pub use dispatcher::{Event, Peer};
+pub use dispatcher::Event;
 pub use endpoint::Endpoint;
 pub use framer::Framer;
 pub use messages::{
@@ -40,6 +41,7 @@ pub use messages::{
 pub use outbox::{NoRoom, Outbox, Posted};
 pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};
 pub use payload::{Name, Payload};
+pub use requests::Peer;
 pub use scheduler::{Interval, IntervalRefused, NotStreamed, StreamScheduler};
 pub use services::commands::Action;
 pub use services::signing::{SetupRefused, SigningChange};

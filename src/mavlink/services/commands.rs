@@ -1,19 +1,14 @@
 //! COMMAND_LONG and COMMAND_INT.
-//!
-//! Both are read from the raw payload, where the command's number and the first four parameters are at the same places:
-//! the `mavlink` crate refuses a whole message whose command it does not know, and then it could not be answered.
 
 use ::mavlink::MessageData;
 
 use crate::mavlink::dialect::{
     AUTOPILOT_VERSION_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavResult, PROTOCOL_VERSION_DATA,
 };
-use crate::mavlink::payload::Payload;
+use crate::mavlink::requests::Command;
 use crate::mavlink::scheduler::{Interval, IntervalRefused, StreamScheduler};
 use crate::mavlink::{Message, StreamKind, SystemState, build_autopilot_version, build_protocol_version};
 use crate::parameter::Pack;
-
-const COMMAND_AT: usize = 28;
 
 /// MAV_CMD_PREFLIGHT_STORAGE, parameter 1: reset all parameters to their defaults.
 const STORAGE_RESET: f32 = 2.0;
@@ -73,14 +68,6 @@ impl Action {
     }
 }
 
-/// A command as it was received. Ground stations fill parameters they don't use with NaN.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::mavlink) struct Command {
-    pub number: u16,
-    pub param1: f32,
-    pub param2: f32,
-}
-
 /// What came of a command.
 #[derive(Debug, PartialEq)]
 pub(in crate::mavlink) struct Outcome {
@@ -126,14 +113,6 @@ const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 const UNSUPPORTED: MavResult = MavResult::MAV_RESULT_UNSUPPORTED;
 
 impl Command {
-    pub fn read(payload: &Payload<'_>) -> Self {
-        Self {
-            number: payload.u16(COMMAND_AT),
-            param1: payload.f32(0),
-            param2: payload.f32(4),
-        }
-    }
-
     /// Whether it is answered and changes nothing.
     pub fn only_reads(&self) -> bool {
         matches!(
