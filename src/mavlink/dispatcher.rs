@@ -122,19 +122,21 @@ impl Context<'_> {
 pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, replies: Replies<'_>) -> Event {
     // The table's range is 1 to 255.
     let system_id = context.parameters.get(VehicleParameter::SysidThismav) as u8;
-    let received = ReceivedRequest::decode(frame);
-    let Some(received) = received.filter(|received| received.target.is_ours(system_id)) else {
+    let Some(received) = ReceivedRequest::decode(frame) else {
         return Event::Ignored;
     };
+    if !received.target.is_ours(system_id) {
+        return Event::Ignored;
+    }
     if context.permits(&received.request, frame) {
-        serve(received.request, received.from, context, replies)
+        serve(&received.request, received.from, context, replies)
     } else {
         context.refuse(&received.request)
     }
 }
 
 /// Does what was asked for.
-fn serve(request: Request, from: Peer, context: Context<'_>, mut replies: Replies<'_>) -> Event {
+fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Replies<'_>) -> Event {
     let Context {
         now_us,
         received_us,
@@ -159,9 +161,9 @@ fn serve(request: Request, from: Peer, context: Context<'_>, mut replies: Replie
             list.start(now_us);
             return Event::ListRequested;
         }
-        Request::ParameterRead(read) => replies.answer(parameters::read(&read, from, parameters)),
+        Request::ParameterRead(read) => replies.answer(parameters::read(read, from, parameters)),
         Request::ParameterSet(set) => {
-            return match parameters::set(&set, from, parameters, |message| replies.answer(message)) {
+            return match parameters::set(set, from, parameters, |message| replies.answer(message)) {
                 SetResult::Set(id) => {
                     rates.parameter_set(id);
                     Event::ParameterSet(id)
@@ -169,27 +171,27 @@ fn serve(request: Request, from: Peer, context: Context<'_>, mut replies: Replie
                 SetResult::Refused => Event::ParameterRefused,
             };
         }
-        Request::Command(command) => return execute(&command, from, rover, rates, replies),
+        Request::Command(command) => return execute(command, from, rover, rates, replies),
         Request::FileTransfer(transfer) => {
-            let nak = FileTransferNak::refuse(&transfer, from);
+            let nak = FileTransferNak::refuse(transfer, from);
             replies.answer_any(nak.map(Message::FileTransferNak));
         }
-        Request::DataStream(stream) => rates.request_data_stream(&stream),
-        Request::Ping(ping) => replies.answer_any(time::ping(&ping, from)),
-        Request::Timesync(timesync) => replies.answer_any(time::timesync(&timesync, from, now_us)),
+        Request::DataStream(stream) => rates.request_data_stream(stream),
+        Request::Ping(ping) => replies.answer_any(time::ping(ping, from)),
+        Request::Timesync(timesync) => replies.answer_any(time::timesync(timesync, from, now_us)),
         Request::RadioStatus(status) if is_radio(from.component_id, link) => {
-            rates.radio_status(&status, now_us);
+            rates.radio_status(status, now_us);
         }
         Request::RadioStatus(_) => return Event::Ignored,
         Request::SetMode(set_mode) => {
-            let result = rover.set_mode_by_message(&set_mode, &mut replies);
+            let result = rover.set_mode_by_message(set_mode, &mut replies);
             // As in ArduPilot, the message is acknowledged like a command of its own number.
             let number = SET_MODE_DATA::ID as u16;
             replies.acknowledge(number, result, from);
             return driven(number, result);
         }
-        Request::Control(levers) => return controlled(rover.control(&levers)),
-        Request::Heartbeat(heartbeat) if is_of_ground_station(&heartbeat) => {
+        Request::Control(levers) => return controlled(rover.control(levers)),
+        Request::Heartbeat(heartbeat) if is_of_ground_station(heartbeat) => {
             rover.ground_station_seen();
             return Event::GroundStationHeard;
         }
@@ -233,7 +235,7 @@ fn execute(
 
 /// Sets up signing. There is no acknowledgement in MAVLink, so a text says what came of it.
 fn set_up_signing(
-    request: SetUpSigning,
+    request: &SetUpSigning,
     link: LinkKind,
     signing: &mut Signing,
     now_us: u64,

@@ -45,7 +45,7 @@ impl SetupRefused {
 
 /// Does what SETUP_SIGNING asks for.
 pub(in crate::mavlink) fn set_up(
-    request: SetUpSigning,
+    request: &SetUpSigning,
     link: LinkKind,
     signing: &mut Signing,
     now_us: u64,
@@ -58,6 +58,6 @@ pub(in crate::mavlink) fn set_up(
         Some(_) => SigningChange::KeySet,
         None => SigningChange::KeyRemoved,
     };
-    signing.set_up(request.key, time, now_us);
+    signing.set_up(request.key.clone(), time, now_us);
     Ok(change)
 }
