@@ -2,11 +2,11 @@
 
 use core::iter;
 
+use super::details_change::DetailsChangeDetector;
 use super::dialect::MavSeverity;
 use super::dispatcher::{Context, Event, dispatch};
 use super::messages::chunks_of;
 use super::outbox::{Outbox, Posted};
-use super::pack_news::PackNews;
 use super::parser::FrameParser;
 use super::rates::Rates;
 use super::replies::Replies;
@@ -29,7 +29,7 @@ pub struct Endpoint {
     rates: Rates,
     list: ParameterList,
     outbox: Outbox,
-    news: PackNews,
+    details: DetailsChangeDetector,
     sent: u32,
     dropped: u32,
     /// Those of them that belonged to a stream.
@@ -50,7 +50,7 @@ impl Endpoint {
             rates: Rates::new(now_us),
             list: ParameterList::default(),
             outbox: Outbox::new(),
-            news: PackNews::default(),
+            details: DetailsChangeDetector::default(),
             sent: 0,
             dropped: 0,
             streams_dropped: 0,
@@ -109,7 +109,7 @@ impl Endpoint {
     /// change, so nothing is dropped for it.
     fn post_changes(&mut self, state: &SystemState<'_>) {
         for pack in state.reported() {
-            if self.news.is_news(pack, &state.battery(pack).details) {
+            if self.details.has_changed(pack, &state.battery(pack).details) {
                 let kinds = StreamKind::ALL.into_iter();
                 for kind in kinds.filter(|kind| kind.default_rate() == DefaultRate::OnChange) {
                     self.outbox.post(kind.of(pack));

@@ -9,12 +9,12 @@
     reason = "ground stations still use messages and commands that the dialect marks as superseded"
 )]
 
+mod details_change;
 mod dispatcher;
 mod endpoint;
 mod framer;
 mod messages;
 mod outbox;
-mod pack_news;
 mod parser;
 mod payload;
 mod rates;

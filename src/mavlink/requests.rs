@@ -26,21 +26,21 @@ pub struct Peer {
     pub component_id: u8,
 }
 
-/// Whom a message is for. Id 0 stands for every system or component.
+/// The system or component that a message is addressed to. Id 0 stands for all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Target {
     /// The message has no target.
     Everyone,
     System(u8),
-    /// This system, not every one: control inputs are for one rover.
+    /// This system only: control inputs and keys are for one rover.
     OnlySystem(u8),
     Component(Peer),
-    /// A component of this system, not of every one.
+    /// A component of this system only.
     OnlyComponent(Peer),
 }
 
 impl Target {
-    /// Whether the vehicle with this system id is meant.
+    /// Whether the vehicle with this system id is addressed.
     pub fn is_ours(self, our_system_id: u8) -> bool {
         let is_our_system = |id| [0, our_system_id].contains(&id);
         let is_our_component = |id| [0, COMPONENT_ID].contains(&id);
@@ -120,16 +120,16 @@ pub(super) struct DataStream {
 pub(super) struct Ping {
     pub time_us: u64,
     pub sequence: u32,
-    /// A system and component of 0 in a request; whoever had asked in an answer.
+    /// 0 and 0 in a request; in an answer the peer that sent the request.
     pub target: Peer,
 }
 
 /// TIMESYNC.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timesync {
-    /// The time of whoever answers, in ns; 0 in a request.
+    /// The time at the peer that answers, in ns; 0 in a request.
     pub answered_ns: i64,
-    /// The time of whoever asks, in ns.
+    /// The time at the peer that asks, in ns.
     pub asked_ns: i64,
 }
 
@@ -179,7 +179,7 @@ pub(super) struct ReceivedRequest {
 }
 
 impl ReceivedRequest {
-    /// What a frame asks for; `None` if it is of a message that nothing here answers or follows.
+    /// What a frame asks for; `None` if it is of a message that has no effect here.
     pub fn decode(frame: &ReceivedFrame<'_>) -> Option<Self> {
         let (target, request) = decode(frame.message_id, &frame.payload)?;
         Some(Self {

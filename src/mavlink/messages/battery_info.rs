@@ -14,7 +14,7 @@ use crate::parameter::Pack;
 /// MAVLink's value for a state of health that is not known: its −1, in a byte without sign.
 const HEALTH_UNKNOWN_PCT: u8 = u8::MAX;
 
-/// What `pack` is, as far as it tells or its owner has set.
+/// What `pack` is, as far as its gauge reports it or its parameters say.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels.
 pub fn build_battery_info(state: &SystemState<'_>, pack: Pack) -> BATTERY_INFO_DATA {

@@ -19,7 +19,7 @@ const HIGHEST_VOLTAGE_UNKNOWN_MV: u16 = 0;
 /// MAVLink's value for a highest current that is not known.
 const HIGHEST_CURRENT_UNKNOWN_MA: u32 = 0;
 
-/// What `pack` is, as far as it tells or its owner has set.
+/// What `pack` is, as far as its gauge reports it or its parameters say.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels, large
 /// ones saturate.

@@ -14,24 +14,22 @@ const NOT_ADDRESSED: Peer = Peer {
 
 /// Answers a PING: the same back to its sender. One that has a target is an answer itself.
 pub(in crate::mavlink) fn ping(ping: &Ping, from: Peer) -> Option<Message> {
-    (ping.target == NOT_ADDRESSED).then(|| {
-        Message::Ping(PING_DATA {
-            time_usec: ping.time_us,
-            seq: ping.sequence,
-            target_system: from.system_id,
-            target_component: from.component_id,
-        })
-    })
+    let answer = PING_DATA {
+        time_usec: ping.time_us,
+        seq: ping.sequence,
+        target_system: from.system_id,
+        target_component: from.component_id,
+    };
+    (ping.target == NOT_ADDRESSED).then_some(Message::Ping(answer))
 }
 
 /// Answers a TIMESYNC with the time since boot. One that has a time of its own is an answer itself.
 pub(in crate::mavlink) fn timesync(timesync: &Timesync, from: Peer, now_us: u64) -> Option<Message> {
-    (timesync.answered_ns == 0).then(|| {
-        Message::Timesync(TIMESYNC_DATA {
-            tc1: (now_us as i64).saturating_mul(NANOSECONDS_PER_MICROSECOND),
-            ts1: timesync.asked_ns,
-            target_system: from.system_id,
-            target_component: from.component_id,
-        })
-    })
+    let answer = TIMESYNC_DATA {
+        tc1: (now_us as i64).saturating_mul(NANOSECONDS_PER_MICROSECOND),
+        ts1: timesync.asked_ns,
+        target_system: from.system_id,
+        target_component: from.component_id,
+    };
+    (timesync.answered_ns == 0).then_some(Message::Timesync(answer))
 }
