@@ -22,6 +22,7 @@ mod firmware {
         ToStore,
     };
     use rover_battmon::parameter::Pack;
+    use rover_battmon::storage::Condition;
 
     /// What a ground station sends, in chunks as they come from a port.
     const RECEIVED: &[u8] = include_bytes!("../benches/data/mixed_stream.bin");
@@ -208,7 +209,7 @@ mod firmware {
                 stored.found(key, word);
             }
         }
-        stored.restore(Ok(()))
+        stored.restore(Condition::Whole)
     }
 
     /// A 3S pack whose load changes every second.
