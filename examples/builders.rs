@@ -4,6 +4,7 @@
 
 use rover_battmon::battery::{BatteryState, ChargeState, PackStatus};
 use rover_battmon::mavlink::{Framer, Stream, SystemState};
+use rover_battmon::parameter::Pack;
 
 fn main() {
     let batteries = [BatteryState {
@@ -18,7 +19,11 @@ fn main() {
     };
 
     let mut framer = Framer::new();
-    for stream in [Stream::Heartbeat, Stream::SysStatus, Stream::BatteryStatus(0)] {
+    for stream in [
+        Stream::Heartbeat,
+        Stream::SysStatus,
+        Stream::BatteryStatus(Pack::First),
+    ] {
         let message = stream.build(&state);
         let frame = framer.frame(&message, 1);
         println!("{message:#?}");

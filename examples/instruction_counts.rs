@@ -21,6 +21,7 @@ mod firmware {
         FrameParser, Framer, LinkKind, Message, Signing, SigningKey, StoredSigning, Stream, SystemState,
         ToStore,
     };
+    use rover_battmon::parameter::Pack;
     use rover_battmon::storage::Condition;
 
     /// What a ground station sends, in chunks as they come from a port.
@@ -86,12 +87,24 @@ mod firmware {
         for (name, stream, pack) in [
             ("HEARTBEAT", Stream::Heartbeat, &typical),
             ("SYS_STATUS, typical", Stream::SysStatus, &typical),
-            ("BATTERY_STATUS, typical", Stream::BatteryStatus(0), &typical),
-            ("BATTERY_STATUS, all fields", Stream::BatteryStatus(0), &full),
-            ("BATTERY_STATUS_V2", Stream::BatteryStatusV2(0), &typical),
-            ("BATTERY_INFO", Stream::BatteryInfo(0), &full),
-            ("SMART_BATTERY_INFO", Stream::SmartBatteryInfo(0), &full),
-            ("FUEL_STATUS", Stream::FuelStatus(0), &tank),
+            (
+                "BATTERY_STATUS, typical",
+                Stream::BatteryStatus(Pack::First),
+                &typical,
+            ),
+            (
+                "BATTERY_STATUS, all fields",
+                Stream::BatteryStatus(Pack::First),
+                &full,
+            ),
+            (
+                "BATTERY_STATUS_V2",
+                Stream::BatteryStatusV2(Pack::First),
+                &typical,
+            ),
+            ("BATTERY_INFO", Stream::BatteryInfo(Pack::First), &full),
+            ("SMART_BATTERY_INFO", Stream::SmartBatteryInfo(Pack::First), &full),
+            ("FUEL_STATUS", Stream::FuelStatus(Pack::First), &tank),
         ] {
             let state = SystemState {
                 batteries: core::slice::from_ref(pack),
@@ -132,7 +145,7 @@ mod firmware {
             batteries: core::slice::from_ref(&pack),
             ..SystemState::default()
         };
-        let message = Stream::BatteryStatus(0).build(&state);
+        let message = Stream::BatteryStatus(Pack::First).build(&state);
         bench.measure("serialise and sign", "BATTERY_STATUS, typical", || {
             black_box(framer.signed_frame(black_box(&message), 1, &mut signing, LinkKind::Radio, 0));
         });

@@ -21,6 +21,7 @@
 //! ```
 //! use rover_battmon::battery::{BatteryMonitor, ChargeState, Measurement, PackSettings, PackStatus, Tick};
 //! use rover_battmon::mavlink::{Framer, Stream, SystemState};
+//! use rover_battmon::parameter::Pack;
 //! use rover_battmon::sensor::{AdcCount, VoltageDivider};
 //!
 //! // 3600 of 4095, behind the board's divider.
@@ -43,7 +44,7 @@
 //! // A message is built when the wire takes it, numbered, and framed.
 //! let batteries = [*monitor.state()];
 //! let state = SystemState { batteries: &batteries, ..SystemState::default() };
-//! let message = Stream::BatteryStatus(0).build(&state);
+//! let message = Stream::BatteryStatus(Pack::First).build(&state);
 //! let frame = Framer::new().frame(&message, 1).to_vec();
 //! // MAVLink 2, and BATTERY_STATUS.
 //! assert_eq!((frame[0], frame[7]), (0xfd, 147));

@@ -21,6 +21,7 @@ use rover_battmon::mavlink::{
     build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
     build_smart_battery_info, build_sys_status,
 };
+use rover_battmon::parameter::Pack;
 
 fn golden_frames() -> HashMap<String, String> {
     let rows = include_str!("data/wire_mavlink2.csv").lines().skip(1);
@@ -46,27 +47,27 @@ fn with_packs(batteries: &[BatteryState]) -> SystemState<'_> {
 
 /// BATTERY_STATUS of the only pack.
 fn status_of(battery: BatteryState) -> BATTERY_STATUS_DATA {
-    build_battery_status(&with_packs(&[battery]), 0)
+    build_battery_status(&with_packs(&[battery]), Pack::First)
 }
 
 /// BATTERY_STATUS_V2 of the only pack.
 fn status_v2_of(battery: BatteryState) -> BATTERY_STATUS_V2_DATA {
-    build_battery_status_v2(&with_packs(&[battery]), 0)
+    build_battery_status_v2(&with_packs(&[battery]), Pack::First)
 }
 
 /// BATTERY_INFO of the only pack.
 fn info_of(battery: BatteryState) -> BATTERY_INFO_DATA {
-    build_battery_info(&with_packs(&[battery]), 0)
+    build_battery_info(&with_packs(&[battery]), Pack::First)
 }
 
 /// SMART_BATTERY_INFO of the only pack.
 fn smart_info_of(battery: BatteryState) -> SMART_BATTERY_INFO_DATA {
-    build_smart_battery_info(&with_packs(&[battery]), 0)
+    build_smart_battery_info(&with_packs(&[battery]), Pack::First)
 }
 
 /// FUEL_STATUS of the only tank.
 fn fuel_of(tank: BatteryState) -> FUEL_STATUS_DATA {
-    build_fuel_status(&with_packs(&[tank]), 0)
+    build_fuel_status(&with_packs(&[tank]), Pack::First)
 }
 
 /// SYS_STATUS with one pack.
@@ -242,7 +243,7 @@ fn heartbeat_says_a_disarmed_ardupilot_rover() {
 #[test]
 fn unknown_is_sent_as_the_sentinel_of_each_field() {
     let state = SystemState::default();
-    let data = build_battery_status(&state, 0);
+    let data = build_battery_status(&state, Pack::First);
     assert_eq!(data.voltages, [u16::MAX; 10]);
     assert_eq!(data.voltages_ext, [0; 4]);
     assert_eq!(data.temperature, i16::MAX);
@@ -271,7 +272,7 @@ fn unknown_is_sent_as_the_sentinel_of_each_field() {
 
 #[test]
 fn a_pack_that_does_not_exist_is_unknown_and_keeps_its_id() {
-    let data = build_battery_status(&with_packs(&[healthy(11.1)]), 3);
+    let data = build_battery_status(&with_packs(&[healthy(11.1)]), Pack::Fourth);
     assert_eq!(data.id, 3);
     assert_eq!(data.voltages, [u16::MAX; 10]);
 }
@@ -357,10 +358,10 @@ fn all_packs_that_are_monitored_have_to_be_healthy() {
 fn each_instance_has_its_own_values_and_the_first_is_in_sys_status() {
     let batteries: [BatteryState; 9] = std::array::from_fn(|instance| healthy(10.0 + instance as f32));
     let state = with_packs(&batteries);
-    for instance in 0..9 {
-        let data = build_battery_status(&state, instance);
-        assert_eq!(data.id, instance);
-        assert_eq!(data.voltages[0], 10_000 + 1000 * u16::from(instance));
+    for pack in Pack::ALL {
+        let data = build_battery_status(&state, pack);
+        assert_eq!(data.id, pack.instance());
+        assert_eq!(data.voltages[0], 10_000 + 1000 * u16::from(pack.instance()));
     }
     assert_eq!(build_sys_status(&state).voltage_battery, 10_000);
 }
@@ -486,7 +487,7 @@ fn battery_status_v2_of_which_only_the_voltage_is_known_is_byte_exact() {
 
 #[test]
 fn battery_status_v2_says_what_is_unknown_with_the_sentinel_of_each_field() {
-    let data = build_battery_status_v2(&SystemState::default(), 3);
+    let data = build_battery_status_v2(&SystemState::default(), Pack::Fourth);
     let numbers = [
         data.voltage,
         data.current,
@@ -677,7 +678,7 @@ fn fuel_by_a_flow_sensor_tells_what_was_used_and_how_fast() {
 
 #[test]
 fn what_is_not_known_of_a_tank_has_the_sentinel_of_each_field() {
-    let data = build_fuel_status(&SystemState::default(), 7);
+    let data = build_fuel_status(&SystemState::default(), Pack::Eighth);
     for number in [
         data.maximum_fuel,
         data.consumed_fuel,
@@ -755,7 +756,7 @@ fn smart_battery_info_has_the_same_in_its_own_units() {
 #[test]
 fn what_a_pack_is_is_unknown_with_the_sentinel_of_each_field() {
     let state = SystemState::default();
-    let data = build_battery_info(&state, 3);
+    let data = build_battery_info(&state, Pack::Fourth);
     let not_given = [
         data.discharge_minimum_voltage,
         data.charging_minimum_voltage,
@@ -774,7 +775,7 @@ fn what_a_pack_is_is_unknown_with_the_sentinel_of_each_field() {
     assert_eq!(*data.serial_number, [0; 32]);
     assert_eq!(*data.name, [0; 50]);
 
-    let data = build_smart_battery_info(&state, 3);
+    let data = build_smart_battery_info(&state, Pack::Fourth);
     assert_eq!((data.capacity_full_specification, data.capacity_full), (-1, -1));
     assert_eq!((data.cycle_count, data.weight, data.id), (u16::MAX, 0, 3));
     let lowest = [
@@ -1001,6 +1002,10 @@ prop_compose! {
     }
 }
 
+fn any_pack() -> impl Strategy<Value = Pack> {
+    prop::sample::select(&Pack::ALL[..])
+}
+
 fn any_packs() -> impl Strategy<Value = Vec<BatteryState>> {
     prop::collection::vec(any_battery(), 0..=9)
 }
@@ -1032,11 +1037,11 @@ fn assert_cells(data: &BATTERY_STATUS_DATA, count: usize) {
 
 proptest! {
     #[test]
-    fn any_state_gives_a_conforming_battery_status(packs in any_packs(), instance in 0u8..10) {
+    fn any_state_gives_a_conforming_battery_status(packs in any_packs(), pack in any_pack()) {
         let state = with_packs(&packs);
-        let data = build_battery_status(&state, instance);
-        prop_assert_eq!(data.id, instance);
-        let battery = state.battery(instance);
+        let data = build_battery_status(&state, pack);
+        prop_assert_eq!(data.id, pack.instance());
+        let battery = state.battery(pack);
         match battery.cells.millivolts().len() {
             0 => assert_pack_voltage(&data, battery.voltage_to_report_v()),
             count => assert_cells(&data, count),
@@ -1052,11 +1057,11 @@ proptest! {
     }
 
     #[test]
-    fn any_state_gives_a_conforming_battery_status_v2(packs in any_packs(), instance in 0u8..10) {
+    fn any_state_gives_a_conforming_battery_status_v2(packs in any_packs(), pack in any_pack()) {
         let state = with_packs(&packs);
-        let battery = state.battery(instance);
-        let data = build_battery_status_v2(&state, instance);
-        prop_assert_eq!(data.id, instance);
+        let battery = state.battery(pack);
+        let data = build_battery_status_v2(&state, pack);
+        prop_assert_eq!(data.id, pack.instance());
         for number in [data.voltage, data.current, data.capacity_consumed, data.capacity_remaining] {
             prop_assert!(number.is_finite() || number.to_bits() == NAN_BITS, "{number}");
         }
@@ -1073,9 +1078,9 @@ proptest! {
     }
 
     #[test]
-    fn any_state_gives_a_conforming_fuel_status(packs in any_packs(), instance in 0u8..10) {
-        let data = build_fuel_status(&with_packs(&packs), instance);
-        prop_assert_eq!(data.id, instance);
+    fn any_state_gives_a_conforming_fuel_status(packs in any_packs(), pack in any_pack()) {
+        let data = build_fuel_status(&with_packs(&packs), pack);
+        prop_assert_eq!(data.id, pack.instance());
         for number in [data.maximum_fuel, data.consumed_fuel, data.remaining_fuel, data.flow_rate, data.temperature] {
             prop_assert!(number.is_finite() || number.to_bits() == NAN_BITS, "{number}");
         }
@@ -1086,10 +1091,10 @@ proptest! {
     }
 
     #[test]
-    fn any_state_gives_conforming_infos(packs in any_packs(), instance in 0u8..10) {
+    fn any_state_gives_conforming_infos(packs in any_packs(), pack in any_pack()) {
         let state = with_packs(&packs);
-        let data = build_battery_info(&state, instance);
-        prop_assert_eq!(data.id, instance);
+        let data = build_battery_info(&state, pack);
+        prop_assert_eq!(data.id, pack.instance());
         for number in [data.discharge_minimum_voltage, data.nominal_voltage, data.design_capacity] {
             prop_assert!(number.is_finite() && number >= 0.0, "{number}");
         }
@@ -1103,8 +1108,8 @@ proptest! {
         let message = Message::BatteryInfo(data);
         prop_assert!(frame_hex(&message).len() <= 2 * (140 + 12));
 
-        let smart = build_smart_battery_info(&state, instance);
-        prop_assert_eq!(smart.id, instance);
+        let smart = build_smart_battery_info(&state, pack);
+        prop_assert_eq!(smart.id, pack.instance());
         prop_assert!(smart.capacity_full >= -1 && smart.capacity_full_specification >= -1);
         prop_assert_eq!(*smart.device_name, name);
         prop_assert_eq!(&smart.serial_number[..], &serial[..16]);
@@ -1127,7 +1132,7 @@ proptest! {
         prop_assert!(data.drop_rate_comm <= 10_000);
         prop_assert!(data.current_battery > i16::MIN);
         prop_assert!((-1..=100).contains(&data.battery_remaining));
-        let voltage_v = state.battery(0).voltage_to_report_v();
+        let voltage_v = state.battery(Pack::First).voltage_to_report_v();
         let known = voltage_v.is_some_and(|v| v.is_finite() && v >= 0.0);
         prop_assert_eq!(data.voltage_battery != u16::MAX, known);
         let monitored = packs.iter().any(|battery| battery.status != PackStatus::Disabled);

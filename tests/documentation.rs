@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use motor_poles::{Motor, motors};
 use rover_battmon::battery::{ArmingFailure, Contents, FailsafeLevel, Gap, PackEvent, ReadError};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
+use rover_battmon::mavlink::{DefaultRate, StreamKind, Subject};
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
 
 /// What stands in front of a path from the top of the repository.
@@ -263,6 +264,31 @@ fn table_and_picture_of_the_wiring_have_the_vendors_poles() {
         let label = format!("{number} GP{positive}/{negative}");
         assert!(picture.contains(&label), "the picture lacks {label:?}");
     }
+}
+
+/// The row of a message in the table of those that are sent regularly.
+fn row_of_stream(kind: StreamKind) -> String {
+    let comes = match kind.default_rate() {
+        DefaultRate::EverySecond => "every second",
+        DefaultRate::Extra1 => "at `SR0_EXTRA1`",
+        DefaultRate::OnRequest => "on request",
+        DefaultRate::OnChange => "on request, and on change",
+    };
+    let of = match kind.subject() {
+        Subject::Vehicle => "the vehicle",
+        Subject::EachPack => "each pack",
+        Subject::EachTank => "each tank",
+    };
+    format!("| {} ({}) | {comes} | {of} |", kind.name(), kind.message_id())
+}
+
+#[test]
+fn the_table_of_streams_has_the_rows_of_the_source() {
+    let page = read(&top().join("docs/ground-stations.md"));
+    let mut lines = page.lines();
+    assert!(lines.any(|line| line == "| message | comes | of |"));
+    let rows: Vec<_> = lines.skip(1).take_while(|line| line.starts_with('|')).collect();
+    assert_eq!(rows, StreamKind::ALL.map(row_of_stream));
 }
 
 /// A text with every number in it as `#`, so that texts of different numbers are the same.

@@ -2,39 +2,25 @@
 
 use ::mavlink::MessageData;
 
-use super::dialect::{
-    COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA, MANUAL_CONTROL_DATA,
-    MavResult, MavSeverity, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA,
-    RADIO_STATUS_DATA, RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA,
-    SETUP_SIGNING_DATA, TIMESYNC_DATA,
-};
+use super::dialect::{MavResult, MavSeverity, SET_MODE_DATA};
 use super::parser::ReceivedFrame;
-use super::payload::Payload;
 use super::rates::{Rates, is_radio};
 use super::replies::Replies;
-use super::services::commands::{Action, Command};
+use super::requests::{Command, Peer, ReceivedRequest, Request, SetUpSigning};
+use super::services::commands::Action;
 use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::signing::{self, SetupRefused, SigningChange};
 use super::services::time;
 use super::services::vehicle::{Driving, Rover, is_of_ground_station};
 use super::signing::{AcceptUnsigned, Effect, LinkKind, Signing, is_permitted};
 use super::system_state::SystemState;
-use super::{COMPONENT_ID, FileTransferNak, Message};
+use super::{FileTransferNak, Message};
 use crate::battery::ArmState;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::vehicle::Vehicle;
 
 /// Why a restart or a reset of the parameters is refused.
 const DISARM_FIRST: &str = "Not while armed: disarm first";
-
-/// Who sent a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Peer {
-    /// Its system id.
-    pub system_id: u8,
-    /// Its component id.
-    pub component_id: u8,
-}
 
 /// What came of a received message, for whoever runs the link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,93 +57,24 @@ pub enum Event {
     },
 }
 
-/// A request that concerns us.
-enum Request {
-    ParameterList,
-    ParameterRead,
-    ParameterSet,
-    Command,
-    FileTransfer,
-    DataStream,
-    Ping,
-    Timesync,
-    RadioStatus,
-    SetMode,
-    ManualControl,
-    OverrideChannels,
-    Heartbeat,
-    SetUpSigning,
-}
-
-impl Request {
-    /// What it does, at most.
-    fn effect(&self, payload: &Payload<'_>) -> Effect {
-        match self {
-            Self::RadioStatus => Effect::RadioReport,
-            Self::ParameterList | Self::ParameterRead | Self::FileTransfer | Self::Ping | Self::Timesync => {
-                Effect::Reads
-            }
-            Self::Command if Command::read(payload).only_reads() => Effect::Reads,
-            Self::Command
-            | Self::ParameterSet
-            | Self::DataStream
-            | Self::SetMode
-            | Self::ManualControl
-            | Self::OverrideChannels
-            | Self::Heartbeat
-            | Self::SetUpSigning => Effect::Changes,
-        }
+/// What a request does, at most.
+fn effect(request: &Request) -> Effect {
+    match request {
+        Request::RadioStatus(_) => Effect::RadioReport,
+        Request::ParameterList
+        | Request::ParameterRead(_)
+        | Request::FileTransfer(_)
+        | Request::Ping(_)
+        | Request::Timesync(_) => Effect::Reads,
+        Request::Command(command) if command.only_reads() => Effect::Reads,
+        Request::Command(_)
+        | Request::ParameterSet(_)
+        | Request::DataStream(_)
+        | Request::SetMode(_)
+        | Request::Control(_)
+        | Request::Heartbeat(_)
+        | Request::SetUpSigning(_) => Effect::Changes,
     }
-}
-
-/// Whom a message is for, by the places of its fields.
-enum Target {
-    /// Everyone.
-    None,
-    /// The system whose id is there, 0 meaning everyone.
-    System(usize),
-    /// The system whose id is there and no other: levers are of one rover.
-    OnlySystem(usize),
-    /// The same for the system's id there and the component's behind it.
-    Component(usize),
-    /// The system whose id is there and no other, and the component whose id is behind it, 0 meaning all of that system.
-    OnlyComponent(usize),
-}
-
-impl Target {
-    fn is_ours(&self, payload: &Payload<'_>, system_id: u8) -> bool {
-        let is_our_system = |at| [0, system_id].contains(&payload.u8(at));
-        let is_our_component = |at| [0, COMPONENT_ID].contains(&payload.u8(at));
-        match *self {
-            Self::None => true,
-            Self::System(at) => is_our_system(at),
-            Self::OnlySystem(at) => payload.u8(at) == system_id,
-            Self::Component(at) => is_our_system(at) && is_our_component(at + 1),
-            Self::OnlyComponent(at) => payload.u8(at) == system_id && is_our_component(at + 1),
-        }
-    }
-}
-
-/// What the frame asks for if it is for us.
-fn request(frame: &ReceivedFrame<'_>, system_id: u8) -> Option<Request> {
-    let (request, target) = match frame.message_id {
-        PARAM_REQUEST_LIST_DATA::ID => (Request::ParameterList, Target::Component(0)),
-        PARAM_REQUEST_READ_DATA::ID => (Request::ParameterRead, Target::Component(2)),
-        PARAM_SET_DATA::ID => (Request::ParameterSet, Target::Component(4)),
-        COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => (Request::Command, Target::Component(30)),
-        FILE_TRANSFER_PROTOCOL_DATA::ID => (Request::FileTransfer, Target::Component(1)),
-        REQUEST_DATA_STREAM_DATA::ID => (Request::DataStream, Target::Component(2)),
-        PING_DATA::ID => (Request::Ping, Target::Component(12)),
-        TIMESYNC_DATA::ID => (Request::Timesync, Target::Component(16)),
-        RADIO_STATUS_DATA::ID => (Request::RadioStatus, Target::None),
-        SET_MODE_DATA::ID => (Request::SetMode, Target::System(4)),
-        MANUAL_CONTROL_DATA::ID => (Request::ManualControl, Target::OnlySystem(10)),
-        RC_CHANNELS_OVERRIDE_DATA::ID => (Request::OverrideChannels, Target::OnlyComponent(16)),
-        HEARTBEAT_DATA::ID => (Request::Heartbeat, Target::None),
-        SETUP_SIGNING_DATA::ID => (Request::SetUpSigning, Target::OnlySystem(8)),
-        _ => return None,
-    };
-    target.is_ours(&frame.payload, system_id).then_some(request)
 }
 
 /// What a request may use and change.
@@ -182,16 +99,16 @@ impl Context<'_> {
         let accepted = AcceptUnsigned::on(self.link, self.parameters);
         let authenticity = self.signing.check(frame, self.now_us);
         // Without this, a lost key could never be replaced where `SIGN_USB_ALLOW` wants everything signed with it.
-        let replaces_lost_key = matches!(request, Request::SetUpSigning)
+        let replaces_lost_key = matches!(request, Request::SetUpSigning(_))
             && self.link == LinkKind::Direct
             && self.signing.has_lost_key();
-        replaces_lost_key || is_permitted(request.effect(&frame.payload), authenticity, accepted)
+        replaces_lost_key || is_permitted(effect(request), authenticity, accepted)
     }
 
     /// Counts a request that is not permitted.
     fn refuse(&mut self, request: &Request) -> Event {
         // Every vehicle and ground station around has a heartbeat, and no key of ours.
-        if matches!(request, Request::Heartbeat) {
+        if matches!(request, Request::Heartbeat(_)) {
             return Event::Ignored;
         }
         *self.unauthorized = self.unauthorized.wrapping_add(1);
@@ -205,20 +122,21 @@ impl Context<'_> {
 pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, replies: Replies<'_>) -> Event {
     // The table's range is 1 to 255.
     let system_id = context.parameters.get(VehicleParameter::SysidThismav) as u8;
-    match request(frame, system_id) {
-        None => Event::Ignored,
-        Some(request) if context.permits(&request, frame) => serve(request, frame, context, replies),
-        Some(request) => context.refuse(&request),
+    let Some(received) = ReceivedRequest::decode(frame) else {
+        return Event::Ignored;
+    };
+    if !received.target.is_ours(system_id) {
+        return Event::Ignored;
+    }
+    if context.permits(&received.request, frame) {
+        serve(&received.request, received.from, context, replies)
+    } else {
+        context.refuse(&received.request)
     }
 }
 
-/// Does what a frame asks for.
-fn serve(
-    request: Request,
-    frame: &ReceivedFrame<'_>,
-    context: Context<'_>,
-    mut replies: Replies<'_>,
-) -> Event {
+/// Does what was asked for.
+fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Replies<'_>) -> Event {
     let Context {
         now_us,
         received_us,
@@ -231,11 +149,6 @@ fn serve(
         signing,
         unauthorized: _,
     } = context;
-    let from = Peer {
-        system_id: frame.system_id,
-        component_id: frame.component_id,
-    };
-    let payload = &frame.payload;
     let mut rover = Rover {
         now_us,
         received_us,
@@ -248,9 +161,9 @@ fn serve(
             list.start(now_us);
             return Event::ListRequested;
         }
-        Request::ParameterRead => replies.answer(parameters::read(payload, from, parameters)),
-        Request::ParameterSet => {
-            return match parameters::set(payload, from, parameters, |message| replies.answer(message)) {
+        Request::ParameterRead(read) => replies.answer(parameters::read(read, from, parameters)),
+        Request::ParameterSet(set) => {
+            return match parameters::set(set, from, parameters, |message| replies.answer(message)) {
                 SetResult::Set(id) => {
                     rates.parameter_set(id);
                     Event::ParameterSet(id)
@@ -258,48 +171,46 @@ fn serve(
                 SetResult::Refused => Event::ParameterRefused,
             };
         }
-        Request::Command => return command(payload, from, rover, rates, replies),
-        Request::FileTransfer => {
-            let nak = FileTransferNak::refuse(payload, from.system_id, from.component_id);
+        Request::Command(command) => return execute(command, from, rover, rates, replies),
+        Request::FileTransfer(transfer) => {
+            let nak = FileTransferNak::refuse(transfer, from);
             replies.answer_any(nak.map(Message::FileTransferNak));
         }
-        Request::DataStream => rates.request_data_stream(payload),
-        Request::Ping => replies.answer_any(time::ping(payload, from)),
-        Request::Timesync => replies.answer_any(time::timesync(payload, from, now_us)),
-        Request::RadioStatus if is_radio(from.component_id, link) => rates.radio_status(payload, now_us),
-        Request::RadioStatus => return Event::Ignored,
-        Request::SetMode => {
-            let result = rover.set_mode_by_message(payload, &mut replies);
+        Request::DataStream(stream) => rates.request_data_stream(stream),
+        Request::Ping(ping) => replies.answer_any(time::ping(ping, from)),
+        Request::Timesync(timesync) => replies.answer_any(time::timesync(timesync, from, now_us)),
+        Request::RadioStatus(status) if is_radio(from.component_id, link) => {
+            rates.radio_status(status, now_us);
+        }
+        Request::RadioStatus(_) => return Event::Ignored,
+        Request::SetMode(set_mode) => {
+            let result = rover.set_mode_by_message(set_mode, &mut replies);
             // As in ArduPilot, the message is acknowledged like a command of its own number.
             let number = SET_MODE_DATA::ID as u16;
             replies.acknowledge(number, result, from);
             return driven(number, result);
         }
-        Request::ManualControl => return controlled(rover.manual_control(payload)),
-        Request::OverrideChannels => return controlled(rover.override_channels(payload)),
-        Request::Heartbeat => {
-            if !is_of_ground_station(payload) {
-                return Event::Ignored;
-            }
+        Request::Control(levers) => return controlled(rover.control(levers)),
+        Request::Heartbeat(heartbeat) if is_of_ground_station(heartbeat) => {
             rover.ground_station_seen();
             return Event::GroundStationHeard;
         }
-        Request::SetUpSigning => return set_up_signing(payload, link, signing, now_us, replies),
+        Request::Heartbeat(_) => return Event::Ignored,
+        Request::SetUpSigning(set_up) => return set_up_signing(set_up, link, signing, now_us, replies),
     }
     Event::Answered
 }
 
-/// Handles COMMAND_LONG and COMMAND_INT: a few are for the rover, the others for the link or the board.
-fn command(
-    payload: &Payload<'_>,
+/// Executes a command: a few are for the rover, the others for the link or the board.
+fn execute(
+    command: &Command,
     from: Peer,
     mut rover: Rover<'_>,
     rates: &mut Rates,
     mut replies: Replies<'_>,
 ) -> Event {
-    let command = Command::read(payload);
     if Rover::knows(command.number) {
-        let result = rover.execute(&command, &mut replies);
+        let result = rover.execute(command, &mut replies);
         replies.acknowledge(command.number, result, from);
         return driven(command.number, result);
     }
@@ -324,13 +235,13 @@ fn command(
 
 /// Sets up signing. There is no acknowledgement in MAVLink, so a text says what came of it.
 fn set_up_signing(
-    payload: &Payload<'_>,
+    request: &SetUpSigning,
     link: LinkKind,
     signing: &mut Signing,
     now_us: u64,
     mut replies: Replies<'_>,
 ) -> Event {
-    match signing::set_up(payload, link, signing, now_us) {
+    match signing::set_up(request, link, signing, now_us) {
         Ok(change) => Event::SigningSetUp(change),
         Err(refused) => {
             replies.say(MavSeverity::MAV_SEVERITY_WARNING, refused.text());

@@ -2,18 +2,18 @@
 
 use core::iter;
 
+use super::details_change::DetailsChangeDetector;
 use super::dialect::MavSeverity;
 use super::dispatcher::{Context, Event, dispatch};
 use super::messages::chunks_of;
 use super::outbox::{Outbox, Posted};
-use super::pack_news::PackNews;
 use super::parser::FrameParser;
 use super::rates::Rates;
 use super::replies::Replies;
 use super::services::parameters::ParameterList;
 use super::signing::{LinkKind, Signing};
 use super::system_state::{LinkStatistics, SystemState};
-use super::{Message, Periodic, Stream};
+use super::{DefaultRate, Message, Stream, StreamKind};
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::vehicle::Vehicle;
 
@@ -29,7 +29,7 @@ pub struct Endpoint {
     rates: Rates,
     list: ParameterList,
     outbox: Outbox,
-    news: PackNews,
+    details: DetailsChangeDetector,
     sent: u32,
     dropped: u32,
     /// Those of them that belonged to a stream.
@@ -50,7 +50,7 @@ impl Endpoint {
             rates: Rates::new(now_us),
             list: ParameterList::default(),
             outbox: Outbox::new(),
-            news: PackNews::default(),
+            details: DetailsChangeDetector::default(),
             sent: 0,
             dropped: 0,
             streams_dropped: 0,
@@ -90,43 +90,30 @@ impl Endpoint {
             self.bytes_per_second,
         );
         let mut dropped = None;
-        while let Some(message) = self.rates.scheduler.poll(now_us) {
-            dropped = self.post(message, state).or(dropped);
+        while let Some(kind) = self.rates.scheduler.poll(now_us) {
+            dropped = self.post(kind, state).or(dropped);
         }
-        self.post_news(state);
+        self.post_changes(state);
         self.report_shortfall();
         dropped
     }
 
-    /// Posts all instances of a message. A pack that is not reported has none, and its due time passes.
-    fn post(&mut self, message: Periodic, state: &SystemState<'_>) -> Option<Stream> {
-        match message {
-            Periodic::Heartbeat => self.post_stream(Stream::Heartbeat),
-            Periodic::SysStatus => self.post_stream(Stream::SysStatus),
-            Periodic::BatteryStatus => self.post_of_packs(Stream::BatteryStatus, state),
-            Periodic::BatteryStatusV2 => self.post_of_packs(Stream::BatteryStatusV2, state),
-            Periodic::BatteryInfo => self.post_of_packs(Stream::BatteryInfo, state),
-            Periodic::SmartBatteryInfo => self.post_of_packs(Stream::SmartBatteryInfo, state),
-            Periodic::FuelStatus => self.post_of_packs(Stream::FuelStatus, state),
-        }
-    }
-
-    fn post_of_packs(&mut self, stream_of: fn(u8) -> Stream, state: &SystemState<'_>) -> Option<Stream> {
-        state
-            .reported()
-            .map(stream_of)
-            .filter(|stream| stream.is_reported_in(state))
+    /// Posts all streams of a message. A pack that is not reported has none, and its due time passes.
+    fn post(&mut self, kind: StreamKind, state: &SystemState<'_>) -> Option<Stream> {
+        kind.reported_in(state)
             .filter_map(|stream| self.post_stream(stream))
             .last()
     }
 
-    /// Posts what a smart battery tells of itself, once each time that changes. One that waits already will tell it, so
-    /// nothing is dropped for it.
-    fn post_news(&mut self, state: &SystemState<'_>) {
-        for instance in state.reported() {
-            if self.news.is_news(instance, &state.battery(instance).details) {
-                self.outbox.post(Stream::BatteryInfo(instance));
-                self.outbox.post(Stream::SmartBatteryInfo(instance));
+    /// Posts the messages that are sent when the details of a smart battery change. One that waits already will report the
+    /// change, so nothing is dropped for it.
+    fn post_changes(&mut self, state: &SystemState<'_>) {
+        for pack in state.reported() {
+            if self.details.has_changed(pack, &state.battery(pack).details) {
+                let kinds = StreamKind::ALL.into_iter();
+                for kind in kinds.filter(|kind| kind.default_rate() == DefaultRate::OnChange) {
+                    self.outbox.post(kind.of(pack));
+                }
             }
         }
     }

@@ -9,16 +9,17 @@
     reason = "ground stations still use messages and commands that the dialect marks as superseded"
 )]
 
+mod details_change;
 mod dispatcher;
 mod endpoint;
 mod framer;
 mod messages;
 mod outbox;
-mod pack_news;
 mod parser;
 mod payload;
 mod rates;
 mod replies;
+mod requests;
 mod scheduler;
 mod services;
 mod signing;
@@ -28,19 +29,20 @@ mod system_state;
 /// The dialect whose messages are used: `development` is `common` with BATTERY_STATUS_V2.
 pub use ::mavlink::dialects::development as dialect;
 
-pub use dispatcher::{Event, Peer};
+pub use dispatcher::Event;
 pub use endpoint::Endpoint;
 pub use framer::Framer;
 pub use messages::{
-    CommandAck, FileTransferNak, Message, Stream, build_autopilot_version, build_battery_info,
-    build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
+    CommandAck, DefaultRate, FileTransferNak, Message, Stream, StreamKind, Subject, build_autopilot_version,
+    build_battery_info, build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
     build_protocol_version, build_smart_battery_info, build_sys_status, pack_announcement, status_texts,
     vehicle_announcement,
 };
 pub use outbox::{NoRoom, Outbox, Posted};
 pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};
 pub use payload::{Name, Payload};
-pub use scheduler::{Interval, IntervalRefused, NotStreamed, Periodic, StreamScheduler};
+pub use requests::Peer;
+pub use scheduler::{Interval, IntervalRefused, NotStreamed, StreamScheduler};
 pub use services::commands::Action;
 pub use services::signing::{SetupRefused, SigningChange};
 pub use signing::{

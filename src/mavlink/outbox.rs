@@ -2,14 +2,8 @@
 
 use heapless::Deque;
 
-use super::{Message, Stream};
-use crate::battery::MAX_PACKS;
-
-/// Streams each pack has: BATTERY_STATUS, BATTERY_STATUS_V2, BATTERY_INFO, SMART_BATTERY_INFO, FUEL_STATUS.
-const STREAMS_OF_A_PACK: usize = 5;
-
-/// Every stream there is: HEARTBEAT, SYS_STATUS and those of each pack.
-const STREAMS: usize = 2 + STREAMS_OF_A_PACK * MAX_PACKS;
+use super::{Message, Stream, StreamKind};
+use crate::parameter::Pack;
 
 /// Answers that can wait. Ground stations ask for a few things at a time and repeat what is not answered.
 const REPLIES: usize = 16;
@@ -22,8 +16,6 @@ pub enum Posted {
     Queued,
     /// It waits already: of the two messages that were to be sent, one is dropped.
     Replaced,
-    /// There is no place for its stream: it is dropped.
-    Refused,
 }
 
 /// There is no room for another answer.
@@ -33,37 +25,28 @@ pub struct NoRoom;
 
 /// What waits for the wire: answers, and streams whose message is due.
 ///
-/// HEARTBEAT goes first, then answers in the order they came, then the streams in turn, always in the same order. An
-/// answer waits as it was built. A stream waits by its name alone: whoever takes it builds its message at that moment.
-/// So every stream gets the same share of a link that is too slow, none starves, and what arrives is fresh.
+/// HEARTBEAT goes first, then answers in the order they came, then the streams in turn, always in the order of their table
+/// and of the packs. An answer waits as it was built. A stream waits by its name alone: its message is built when it is
+/// taken. So every stream gets the same share of a link that is too slow, none starves, and what arrives is fresh.
 #[derive(Debug)]
 pub struct Outbox {
     replies: Deque<Message, REPLIES>,
-    /// The streams that wait, each at its own place.
-    streams: [Option<Stream>; STREAMS],
-    /// The place whose turn it is.
-    turn: usize,
+    /// Which streams of each message wait, in the order of [`StreamKind::ALL`]: a bit for each pack, bit 0 for the first
+    /// one and for the vehicle.
+    waiting: [u16; StreamKind::COUNT],
+    turn: Turn,
 }
 
-const HEARTBEAT_PLACE: usize = 0;
-
-/// Where `stream` waits; `None` if it is of a pack that can't be.
-fn place(stream: Stream) -> Option<usize> {
-    match stream {
-        Stream::Heartbeat => Some(HEARTBEAT_PLACE),
-        Stream::SysStatus => Some(1),
-        Stream::BatteryStatus(instance) => place_of_pack(0, instance),
-        Stream::BatteryStatusV2(instance) => place_of_pack(1, instance),
-        Stream::BatteryInfo(instance) => place_of_pack(2, instance),
-        Stream::SmartBatteryInfo(instance) => place_of_pack(3, instance),
-        Stream::FuelStatus(instance) => place_of_pack(4, instance),
-    }
+/// The stream whose turn it is.
+#[derive(Debug)]
+struct Turn {
+    kind: usize,
+    pack: usize,
 }
 
-/// The places of one message of all packs are side by side, whatever the message's number.
-fn place_of_pack(message: usize, instance: u8) -> Option<usize> {
-    let instance = usize::from(instance);
-    (instance < MAX_PACKS).then_some(2 + message * MAX_PACKS + instance)
+/// The bit of a stream of this pack.
+fn bit(pack: Pack) -> u16 {
+    1 << pack as u16
 }
 
 impl Outbox {
@@ -71,19 +54,20 @@ impl Outbox {
     pub fn new() -> Self {
         Self {
             replies: Deque::new(),
-            streams: [None; STREAMS],
-            turn: HEARTBEAT_PLACE,
+            waiting: [0; StreamKind::COUNT],
+            turn: Turn { kind: 0, pack: 0 },
         }
     }
 
     /// Has the next message of `stream` wait, and says what was dropped for it, if anything.
     pub fn post(&mut self, stream: Stream) -> Posted {
-        let Some(place) = place(stream).and_then(|place| self.streams.get_mut(place)) else {
-            return Posted::Refused;
-        };
-        match place.replace(stream) {
-            None => Posted::Queued,
-            Some(_) => Posted::Replaced,
+        let waiting = &mut self.waiting[stream.kind() as usize];
+        let before = *waiting;
+        *waiting |= bit(stream.pack().unwrap_or(Pack::First));
+        if *waiting == before {
+            Posted::Replaced
+        } else {
+            Posted::Queued
         }
     }
 
@@ -102,7 +86,7 @@ impl Outbox {
 
     /// Takes out the HEARTBEAT, which has to leave before anything else.
     pub fn take_heartbeat(&mut self) -> Option<Stream> {
-        self.streams[HEARTBEAT_PLACE].take()
+        self.take_of(StreamKind::Heartbeat, Pack::First)
     }
 
     /// Takes out the oldest answer.
@@ -112,16 +96,38 @@ impl Outbox {
 
     /// Takes out the stream whose turn it is.
     pub fn take_stream(&mut self) -> Option<Stream> {
-        (0..STREAMS).find_map(|_| {
-            let place = self.turn;
-            self.turn = if place + 1 == STREAMS { 0 } else { place + 1 };
-            self.streams.get_mut(place)?.take()
-        })
+        // Once more than there are messages: the packs before the turn come last.
+        (0..=StreamKind::COUNT).find_map(|_| self.take_in_turn())
+    }
+
+    /// Takes out the next stream of the message whose turn it is. If none waits, it is the next message's turn.
+    fn take_in_turn(&mut self) -> Option<Stream> {
+        let kind = *StreamKind::ALL.get(self.turn.kind)?;
+        let mut packs = Pack::ALL.into_iter().skip(self.turn.pack);
+        let taken = packs.find_map(|pack| self.take_of(kind, pack));
+        self.turn = match taken {
+            Some(stream) => Turn {
+                pack: stream.pack().unwrap_or(Pack::First) as usize + 1,
+                ..self.turn
+            },
+            None => Turn {
+                kind: (self.turn.kind + 1) % StreamKind::COUNT,
+                pack: 0,
+            },
+        };
+        taken
+    }
+
+    fn take_of(&mut self, kind: StreamKind, pack: Pack) -> Option<Stream> {
+        let waiting = &mut self.waiting[kind as usize];
+        let waits = *waiting & bit(pack) != 0;
+        *waiting &= !bit(pack);
+        waits.then(|| kind.of(pack))
     }
 
     /// Whether nothing waits.
     pub fn is_empty(&self) -> bool {
-        self.replies.is_empty() && self.streams.iter().all(Option::is_none)
+        self.replies.is_empty() && self.waiting == [0; StreamKind::COUNT]
     }
 }
 
@@ -138,14 +144,7 @@ mod tests {
     use crate::mavlink::dialect::MavSeverity;
     use proptest::prelude::*;
 
-    const BATTERY: Stream = Stream::BatteryStatus(0);
-    const OF_A_PACK: [fn(u8) -> Stream; STREAMS_OF_A_PACK] = [
-        Stream::BatteryStatus,
-        Stream::BatteryStatusV2,
-        Stream::BatteryInfo,
-        Stream::SmartBatteryInfo,
-        Stream::FuelStatus,
-    ];
+    const BATTERY: Stream = Stream::BatteryStatus(Pack::First);
 
     fn answer(text: &str) -> Message {
         let severity = MavSeverity::MAV_SEVERITY_INFO;
@@ -212,10 +211,8 @@ mod tests {
 
     /// Those that take turns: all but HEARTBEAT.
     fn streams() -> impl Iterator<Item = Stream> + Clone {
-        let packs = OF_A_PACK
-            .into_iter()
-            .flat_map(|stream| (0..MAX_PACKS as u8).map(stream));
-        std::iter::once(Stream::SysStatus).chain(packs)
+        let all = StreamKind::ALL.into_iter().flat_map(StreamKind::streams);
+        all.filter(|stream| *stream != Stream::Heartbeat)
     }
 
     #[test]
@@ -230,17 +227,11 @@ mod tests {
         for stream in streams() {
             assert_eq!(outbox.post(stream), Posted::Queued);
         }
-        for stream in OF_A_PACK {
-            assert_eq!(outbox.post(stream(MAX_PACKS as u8)), Posted::Refused);
-        }
     }
 
     fn any_stream() -> impl Strategy<Value = Stream> {
-        prop_oneof![
-            Just(Stream::Heartbeat),
-            Just(Stream::SysStatus),
-            (prop::sample::select(&OF_A_PACK[..]), 0u8..9).prop_map(|(stream, instance)| stream(instance))
-        ]
+        let any_of = |kind: StreamKind| prop::sample::select(kind.streams().collect::<Vec<_>>());
+        prop::sample::select(&StreamKind::ALL[..]).prop_flat_map(any_of)
     }
 
     proptest! {

@@ -30,6 +30,11 @@ impl Payload<'_> {
         u32::from_le_bytes(self.bytes(offset))
     }
 
+    /// A signed 64-bit number.
+    pub fn i64(&self, offset: usize) -> i64 {
+        i64::from_le_bytes(self.bytes(offset))
+    }
+
     /// An unsigned 64-bit number.
     pub fn u64(&self, offset: usize) -> u64 {
         u64::from_le_bytes(self.bytes(offset))

@@ -1,6 +1,6 @@
 //! The rates of one link: what the parameters say, and what ground stations ask for beyond that.
 
-use super::payload::Payload;
+use super::requests::{DataStream, RadioStatus};
 use super::scheduler::StreamScheduler;
 use super::signing::LinkKind;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
@@ -8,13 +8,6 @@ use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 /// REQUEST_DATA_STREAM, stream ids: all of them, and the one with the battery in it.
 const STREAM_ALL: u8 = 0;
 const STREAM_EXTRA1: u8 = 10;
-
-/// Places in RADIO_STATUS and REQUEST_DATA_STREAM.
-const TXBUF_AT: usize = 6;
-const STREAM_ID_AT: usize = 4;
-const START_STOP_AT: usize = 5;
-
-const STOP: u8 = 0;
 
 /// Components that report the state of a radio: MAV_COMP_ID_TELEMETRY_RADIO (SiK and what follows it) and
 /// MAV_COMP_ID_UDP_BRIDGE (Wi-Fi). Their system id is their own, the vehicle's or a ground station's.
@@ -67,21 +60,16 @@ impl Rates {
     }
 
     /// REQUEST_DATA_STREAM: changes the live rate of this link and saves nothing. Ground stations send it unasked.
-    pub fn request_data_stream(&mut self, request: &Payload<'_>) {
-        if ![STREAM_ALL, STREAM_EXTRA1].contains(&request.u8(STREAM_ID_AT)) {
-            return;
+    pub fn request_data_stream(&mut self, request: &DataStream) {
+        if [STREAM_ALL, STREAM_EXTRA1].contains(&request.stream_id) {
+            let rate_hz = request.rate_hz.map_or(0.0, f32::from);
+            self.requested_hz = Some(rate_hz.min(HIGHEST_RATE_HZ));
         }
-        let rate_hz = f32::from(request.u16(0)).min(HIGHEST_RATE_HZ);
-        self.requested_hz = Some(if request.u8(START_STOP_AT) == STOP {
-            0.0
-        } else {
-            rate_hz
-        });
     }
 
     /// RADIO_STATUS of the radio on this link.
-    pub fn radio_status(&mut self, status: &Payload<'_>, now_us: u64) {
-        self.scheduler.radio_buffer_free(status.u8(TXBUF_AT), now_us);
+    pub fn radio_status(&mut self, status: &RadioStatus, now_us: u64) {
+        self.scheduler.radio_buffer_free(status.free_percent, now_us);
     }
 }
 

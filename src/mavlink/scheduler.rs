@@ -1,16 +1,11 @@
 //! When which message of one link is due.
 
-use ::mavlink::MessageData;
-
-use super::dialect::{
-    BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA, HEARTBEAT_DATA,
-    SMART_BATTERY_INFO_DATA, SYS_STATUS_DATA,
-};
 use super::slowdown::Slowdown;
+use super::{DefaultRate, StreamKind};
 use crate::cadence::Cadence;
 
-/// HEARTBEAT is sent once a second, so that a ground station notices within a few seconds that the link is gone.
-const HEARTBEAT_INTERVAL_US: u64 = 1_000_000;
+/// The interval of what is sent once a second.
+const SECOND_US: u64 = 1_000_000;
 
 const MICROSECONDS_PER_SECOND: f32 = 1e6;
 
@@ -19,71 +14,6 @@ const SHORTEST_INTERVAL_US: u64 = 20_000;
 
 /// Half an hour: not much more can be reported by MESSAGE_INTERVAL.
 const LONGEST_INTERVAL_US: u64 = 1_800_000_000;
-
-/// A message that is sent regularly. All its instances are due together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Periodic {
-    /// HEARTBEAT: it keeps its rate, whatever is asked for.
-    Heartbeat,
-    /// SYS_STATUS: it follows `SR0_EXTRA1` unless told otherwise.
-    SysStatus,
-    /// BATTERY_STATUS of every pack: it follows `SR0_EXTRA1`, too.
-    BatteryStatus,
-    /// BATTERY_STATUS_V2 of every pack: it is off unless asked for.
-    BatteryStatusV2,
-    /// BATTERY_INFO of every pack: it is off unless asked for.
-    BatteryInfo,
-    /// SMART_BATTERY_INFO of every pack: it is off unless asked for.
-    SmartBatteryInfo,
-    /// FUEL_STATUS of every tank: it is off unless asked for.
-    FuelStatus,
-}
-
-impl Periodic {
-    const ALL: [Self; 7] = [
-        Self::Heartbeat,
-        Self::SysStatus,
-        Self::BatteryStatus,
-        Self::BatteryStatusV2,
-        Self::BatteryInfo,
-        Self::SmartBatteryInfo,
-        Self::FuelStatus,
-    ];
-
-    fn message_id(self) -> u32 {
-        match self {
-            Self::Heartbeat => HEARTBEAT_DATA::ID,
-            Self::SysStatus => SYS_STATUS_DATA::ID,
-            Self::BatteryStatus => BATTERY_STATUS_DATA::ID,
-            Self::BatteryStatusV2 => BATTERY_STATUS_V2_DATA::ID,
-            Self::BatteryInfo => BATTERY_INFO_DATA::ID,
-            Self::SmartBatteryInfo => SMART_BATTERY_INFO_DATA::ID,
-            Self::FuelStatus => FUEL_STATUS_DATA::ID,
-        }
-    }
-
-    /// Its interval unless another one is asked for; `None` if it is off then.
-    fn default_interval_us(self, extra1_interval_us: Option<u64>) -> Option<u64> {
-        match self {
-            Self::Heartbeat => Some(HEARTBEAT_INTERVAL_US),
-            Self::SysStatus | Self::BatteryStatus => extra1_interval_us,
-            Self::BatteryStatusV2 | Self::BatteryInfo | Self::SmartBatteryInfo | Self::FuelStatus => None,
-        }
-    }
-
-    /// Whether it may be sent at this interval. Without a HEARTBEAT a second, ground stations lose the vehicle.
-    fn allows(self, interval: Interval) -> bool {
-        match (self, interval) {
-            (_, Interval::Default) => true,
-            (Self::Heartbeat, Interval::Off) => false,
-            (Self::Heartbeat, Interval::Every(interval_us)) => interval_us == HEARTBEAT_INTERVAL_US,
-            (_, Interval::Off) => true,
-            (_, Interval::Every(interval_us)) => {
-                (SHORTEST_INTERVAL_US..=LONGEST_INTERVAL_US).contains(&interval_us)
-            }
-        }
-    }
-}
 
 /// How often a message is sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -100,14 +30,16 @@ pub enum Interval {
 /// Decides when which message of one link is due. It reads no clock: the time comes in.
 #[derive(Clone, Debug)]
 pub struct StreamScheduler {
-    entries: [Entry; Periodic::ALL.len()],
+    /// Of each message, in the order of [`StreamKind::ALL`].
+    entries: [Entry; StreamKind::COUNT],
     extra1_interval_us: Option<u64>,
     slowdown: Slowdown,
 }
 
+/// When the streams of one message are due. They are due together.
 #[derive(Clone, Debug)]
 struct Entry {
-    message: Periodic,
+    kind: StreamKind,
     interval: Interval,
     /// `None` while it is off.
     cadence: Option<Cadence>,
@@ -116,10 +48,27 @@ struct Entry {
 }
 
 impl Entry {
+    /// Whether the message may be sent at this interval.
+    fn allows(&self, interval: Interval) -> bool {
+        match (self.kind.default_rate(), interval) {
+            (_, Interval::Default) => true,
+            (DefaultRate::EverySecond, Interval::Off) => false,
+            (DefaultRate::EverySecond, Interval::Every(interval_us)) => interval_us == SECOND_US,
+            (_, Interval::Off) => true,
+            (_, Interval::Every(interval_us)) => {
+                (SHORTEST_INTERVAL_US..=LONGEST_INTERVAL_US).contains(&interval_us)
+            }
+        }
+    }
+
     /// The interval that was asked for, before any slow-down.
     fn asked_interval_us(&self, extra1_interval_us: Option<u64>) -> Option<u64> {
         match self.interval {
-            Interval::Default => self.message.default_interval_us(extra1_interval_us),
+            Interval::Default => match self.kind.default_rate() {
+                DefaultRate::EverySecond => Some(SECOND_US),
+                DefaultRate::Extra1 => extra1_interval_us,
+                DefaultRate::OnRequest | DefaultRate::OnChange => None,
+            },
             Interval::Off => None,
             Interval::Every(interval_us) => Some(interval_us),
         }
@@ -138,26 +87,26 @@ impl Entry {
     }
 
     /// The message if it is due.
-    fn take(&mut self, now_us: u64) -> Option<Periodic> {
+    fn take(&mut self, now_us: u64) -> Option<StreamKind> {
         if !self.cadence.as_mut()?.take(now_us) {
             return None;
         }
         self.earliest_us = now_us.saturating_add(SHORTEST_INTERVAL_US);
-        Some(self.message)
+        Some(self.kind)
     }
 }
 
 impl StreamScheduler {
     /// A scheduler whose HEARTBEAT is due at `now_us`, and everything else off.
     pub fn new(now_us: u64) -> Self {
-        let entry = |message| Entry {
-            message,
+        let entry = |kind| Entry {
+            kind,
             interval: Interval::Default,
             cadence: None,
             earliest_us: now_us,
         };
         let mut scheduler = Self {
-            entries: Periodic::ALL.map(entry),
+            entries: StreamKind::ALL.map(entry),
             extra1_interval_us: None,
             slowdown: Slowdown::default(),
         };
@@ -165,8 +114,7 @@ impl StreamScheduler {
         scheduler
     }
 
-    /// Sets the default rate of SYS_STATUS and BATTERY_STATUS, in Hz (`SR0_EXTRA1`); 0 turns them off. They are sent every
-    /// half hour at least.
+    /// Sets the rate of [`DefaultRate::Extra1`], in Hz; 0 turns its messages off. They are sent every half hour at least.
     pub fn set_extra1_rate(&mut self, rate_hz: f32, now_us: u64) {
         self.extra1_interval_us =
             (rate_hz > 0.0).then(|| ((MICROSECONDS_PER_SECOND / rate_hz) as u64).min(LONGEST_INTERVAL_US));
@@ -183,11 +131,9 @@ impl StreamScheduler {
         interval: Interval,
         now_us: u64,
     ) -> Result<(), IntervalRefused> {
-        let mut entries = self.entries.iter_mut();
-        let entry = entries
-            .find(|entry| entry.message.message_id() == message_id)
-            .ok_or(IntervalRefused::NotStreamed)?;
-        if !entry.message.allows(interval) {
+        let kind = StreamKind::from_message_id(message_id).ok_or(IntervalRefused::NotStreamed)?;
+        let entry = &mut self.entries[kind as usize];
+        if !entry.allows(interval) {
             return Err(IntervalRefused::OutOfRange);
         }
         entry.interval = interval;
@@ -200,13 +146,8 @@ impl StreamScheduler {
     /// # Errors
     /// The message is not one that is streamed.
     pub fn interval_us(&self, message_id: u32) -> Result<Option<u64>, NotStreamed> {
-        let entry = self
-            .entries
-            .iter()
-            .find(|entry| entry.message.message_id() == message_id);
-        entry
-            .map(|entry| entry.asked_interval_us(self.extra1_interval_us))
-            .ok_or(NotStreamed)
+        let kind = StreamKind::from_message_id(message_id).ok_or(NotStreamed)?;
+        Ok(self.entries[kind as usize].asked_interval_us(self.extra1_interval_us))
     }
 
     /// A radio reports how much of its transmit buffer is free, in percent: streams are slowed down when it fills up,
@@ -225,7 +166,7 @@ impl StreamScheduler {
     }
 
     /// The next message that is due at `now_us`. Called until it answers `None`; each due time is given once.
-    pub fn poll(&mut self, now_us: u64) -> Option<Periodic> {
+    pub fn poll(&mut self, now_us: u64) -> Option<StreamKind> {
         self.end_stale_slowdown(now_us);
         self.entries.iter_mut().find_map(|entry| entry.take(now_us))
     }
@@ -243,8 +184,8 @@ impl StreamScheduler {
     /// Makes the due times follow what was asked for.
     fn apply(&mut self, now_us: u64) {
         for entry in &mut self.entries {
-            let delay_us = match entry.message {
-                Periodic::Heartbeat => 0,
+            let delay_us = match entry.kind.default_rate() {
+                DefaultRate::EverySecond => 0,
                 _ => self.slowdown.delay_us(),
             };
             let interval_us = entry
@@ -283,7 +224,7 @@ mod tests {
         scheduler: &mut StreamScheduler,
         until_us: u64,
         mut late_us: impl FnMut() -> u64,
-    ) -> Vec<(u64, Periodic)> {
+    ) -> Vec<(u64, StreamKind)> {
         let mut sent = Vec::new();
         loop {
             let now_us = scheduler.next_due_us() + late_us();
@@ -296,7 +237,7 @@ mod tests {
         }
     }
 
-    fn count(sent: &[(u64, Periodic)], message: Periodic) -> usize {
+    fn count(sent: &[(u64, StreamKind)], message: StreamKind) -> usize {
         sent.iter().filter(|(_, m)| *m == message).count()
     }
 
@@ -311,9 +252,9 @@ mod tests {
                 k
             });
             let expected = (600.0 * rate_hz) as usize;
-            assert_eq!(count(&sent, Periodic::Heartbeat), 600);
-            assert_eq!(count(&sent, Periodic::SysStatus), expected);
-            assert_eq!(count(&sent, Periodic::BatteryStatus), expected);
+            assert_eq!(count(&sent, StreamKind::Heartbeat), 600);
+            assert_eq!(count(&sent, StreamKind::SysStatus), expected);
+            assert_eq!(count(&sent, StreamKind::BatteryStatus), expected);
         }
     }
 
@@ -324,7 +265,7 @@ mod tests {
         scheduler.set_extra1_rate(0.0, 0);
         let sent = run(&mut scheduler, 10_000_000, || 0);
         assert_eq!(sent.len(), 10);
-        assert_eq!(count(&sent, Periodic::Heartbeat), 10);
+        assert_eq!(count(&sent, StreamKind::Heartbeat), 10);
     }
 
     #[test]
@@ -341,8 +282,8 @@ mod tests {
         // The rate of the others does not matter to them.
         scheduler.set_extra1_rate(50.0, 0);
         let sent = run(&mut scheduler, 10_000_000, || 0);
-        assert_eq!(count(&sent, Periodic::BatteryStatus), 100);
-        assert_eq!(count(&sent, Periodic::SysStatus), 0);
+        assert_eq!(count(&sent, StreamKind::BatteryStatus), 100);
+        assert_eq!(count(&sent, StreamKind::SysStatus), 0);
 
         scheduler.set_extra1_rate(2.0, 10_000_000);
         scheduler
@@ -358,9 +299,9 @@ mod tests {
     #[test]
     fn what_is_sent_on_request_only_is_off_until_then_and_again_by_default() {
         for (message_id, message) in [
-            (369, Periodic::BatteryStatusV2),
-            (370, Periodic::SmartBatteryInfo),
-            (372, Periodic::BatteryInfo),
+            (369, StreamKind::BatteryStatusV2),
+            (370, StreamKind::SmartBatteryInfo),
+            (372, StreamKind::BatteryInfo),
         ] {
             let mut scheduler = StreamScheduler::new(0);
             scheduler.set_extra1_rate(2.0, 0);
@@ -405,13 +346,13 @@ mod tests {
         for _ in 0..5 {
             scheduler.radio_buffer_free(10, 0);
         }
-        let slowed = count(&run(&mut scheduler, 4_000_000, || 0), Periodic::SysStatus);
+        let slowed = count(&run(&mut scheduler, 4_000_000, || 0), StreamKind::SysStatus);
         assert_eq!(slowed, 10, "every 100 + 5 × 60 ms");
         for _ in 0..20 {
             scheduler.radio_buffer_free(100, 4_000_000);
         }
         let sent = run(&mut scheduler, 14_000_000, || 0);
-        assert!(count(&sent, Periodic::SysStatus) >= 99);
+        assert!(count(&sent, StreamKind::SysStatus) >= 99);
     }
 
     #[test]
@@ -422,11 +363,11 @@ mod tests {
             scheduler.radio_buffer_free(0, second * 1_000_000);
             run(&mut scheduler, (second + 1) * 1_000_000, || 0);
         }
-        let slowed = count(&run(&mut scheduler, 64_000_000, || 0), Periodic::SysStatus);
+        let slowed = count(&run(&mut scheduler, 64_000_000, || 0), StreamKind::SysStatus);
         assert!((1..=2).contains(&slowed), "{slowed} in 4 s, 2.1 s apart");
         // The slow-down ends at the next due time, which is a heartbeat's at the latest.
         run(&mut scheduler, 65_000_000, || 0);
-        let sent = count(&run(&mut scheduler, 75_000_000, || 0), Periodic::SysStatus);
+        let sent = count(&run(&mut scheduler, 75_000_000, || 0), StreamKind::SysStatus);
         assert_eq!(sent, 100);
     }
 
@@ -437,7 +378,7 @@ mod tests {
         for now_us in (0..1_000_000).step_by(1000) {
             change(&mut scheduler, now_us);
             while let Some(message) = scheduler.poll(now_us) {
-                sent += usize::from(message == Periodic::SysStatus);
+                sent += usize::from(message == StreamKind::SysStatus);
             }
         }
         sent
@@ -495,7 +436,11 @@ mod tests {
         }
         assert_eq!(
             after_a_stall,
-            [Periodic::Heartbeat, Periodic::SysStatus, Periodic::BatteryStatus]
+            [
+                StreamKind::Heartbeat,
+                StreamKind::SysStatus,
+                StreamKind::BatteryStatus
+            ]
         );
         assert_eq!(scheduler.next_due_us(), 3_420_000);
     }
@@ -521,7 +466,7 @@ mod tests {
                 scheduler.set_extra1_rate(rate_hz, now_us);
                 let _ = scheduler.set_interval(BATTERY_STATUS, Interval::Every(interval_us.into()), now_us);
                 scheduler.radio_buffer_free(percent, now_us);
-                for _ in 0..=Periodic::ALL.len() {
+                for _ in 0..=StreamKind::COUNT {
                     scheduler.poll(now_us);
                 }
                 prop_assert_eq!(scheduler.poll(now_us), None);

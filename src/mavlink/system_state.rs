@@ -2,6 +2,7 @@
 
 use super::ReceiveStatistics;
 use crate::battery::{BatteryState, ChargeSource, Contents, PackStatus, Visibility};
+use crate::parameter::Pack;
 use crate::vehicle::VehicleStatus;
 
 /// Everything the telemetry of one link reports.
@@ -18,10 +19,10 @@ pub struct SystemState<'a> {
 }
 
 impl SystemState<'_> {
-    /// The pack of this instance; a pack that does not exist is one of which nothing is known.
-    pub fn battery(&self, instance: u8) -> &BatteryState {
+    /// The state of `pack`; of one that does not exist nothing is known.
+    pub fn battery(&self, pack: Pack) -> &BatteryState {
         self.batteries
-            .get(usize::from(instance))
+            .get(pack as usize)
             .unwrap_or(&BatteryState::UNKNOWN)
     }
 
@@ -55,9 +56,9 @@ impl SystemState<'_> {
         self.batteries.iter().fold(mask, |mask, _| members(mask))
     }
 
-    /// Whether the pack of this instance is a tank, and it is known how much that holds.
-    pub fn is_tank(&self, instance: u8) -> bool {
-        let battery = self.battery(instance);
+    /// Whether `pack` is a tank whose capacity is known.
+    pub fn is_tank(&self, pack: Pack) -> bool {
+        let battery = self.battery(pack);
         battery.contents == Contents::Fuel && battery.capacity_mah.is_some()
     }
 
@@ -68,14 +69,14 @@ impl SystemState<'_> {
             .fold(0, |mask, (instance, _)| mask | 1 << instance)
     }
 
-    /// The instances of the packs that have a BATTERY_STATUS of their own: those monitored and not kept on board.
-    pub fn reported(&self) -> impl Iterator<Item = u8> {
-        (0..self.batteries.len() as u8).filter(|instance| self.is_reported(*instance))
+    /// The packs that have a BATTERY_STATUS of their own: those monitored and not kept on board.
+    pub fn reported(&self) -> impl Iterator<Item = Pack> {
+        Pack::ALL.into_iter().filter(|pack| self.is_reported(*pack))
     }
 
-    /// Whether the pack of this instance is one of those.
-    pub fn is_reported(&self, instance: u8) -> bool {
-        let battery = self.batteries.get(usize::from(instance));
+    /// Whether `pack` is one of those.
+    pub fn is_reported(&self, pack: Pack) -> bool {
+        let battery = self.batteries.get(pack as usize);
         battery.is_some_and(|battery| {
             battery.status != PackStatus::Disabled && battery.visibility == Visibility::Reported
         })

@@ -74,7 +74,10 @@ impl Shared {
 
     /// What is known of the pack `instance` (0 to 8).
     pub fn battery(&self, instance: u8) -> BatteryState {
-        self.with_system_state(|state| *state.battery(instance))
+        let pack = Pack::from_instance(instance);
+        pack.map_or(BatteryState::UNKNOWN, |pack| {
+            self.with_system_state(|state| *state.battery(pack))
+        })
     }
 
     /// Publishes what is known of the pack `instance` (0 to 8).
@@ -271,6 +274,6 @@ mod tests {
         shared.publish_battery(9, &state);
         assert_eq!(shared.battery(8), state);
         assert_eq!(shared.battery(9), BatteryState::default());
-        shared.with_system_state(|state| assert!(state.reported().eq([0, 8])));
+        shared.with_system_state(|state| assert!(state.reported().eq([Pack::First, Pack::Ninth])));
     }
 }

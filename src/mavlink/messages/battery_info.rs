@@ -9,15 +9,16 @@ use super::units::{NOT_GIVEN, amp_hours, number, number_above_zero};
 use crate::battery::PackDetails;
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{BATTERY_INFO_DATA, MavBatteryFunction};
+use crate::parameter::Pack;
 
 /// MAVLink's value for a state of health that is not known: its −1, in a byte without sign.
 const HEALTH_UNKNOWN_PCT: u8 = u8::MAX;
 
-/// What the pack `instance` (0-based) is, as far as it tells or its owner has set.
+/// What `pack` is, as far as its gauge reports it or its parameters say.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels.
-pub fn build_battery_info(state: &SystemState<'_>, instance: u8) -> BATTERY_INFO_DATA {
-    let battery = state.battery(instance);
+pub fn build_battery_info(state: &SystemState<'_>, pack: Pack) -> BATTERY_INFO_DATA {
+    let battery = state.battery(pack);
     let details = &battery.details;
     BATTERY_INFO_DATA {
         discharge_minimum_voltage: number_above_zero(lowest_cell_voltage_v(battery)),
@@ -34,7 +35,7 @@ pub fn build_battery_info(state: &SystemState<'_>, instance: u8) -> BATTERY_INFO
         ),
         cycle_count: cycle_count(details),
         weight: WEIGHT_UNKNOWN_G,
-        id: instance,
+        id: pack.instance(),
         battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
         mavtype: battery_type(battery),
         state_of_health: health_pct(details),

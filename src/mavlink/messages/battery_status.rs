@@ -9,6 +9,7 @@ use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{
     BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
 };
+use crate::parameter::Pack;
 use crate::rounding::round_to_i32;
 
 /// Cells in `voltages`.
@@ -30,7 +31,7 @@ const TIME_REMAINING_UNKNOWN_S: i32 = 0;
 /// Hectojoules (100 J) in a watt-hour, the unit of `energy_consumed`.
 const HECTOJOULES_PER_WH: f32 = 36.0;
 
-/// What is known of the pack `instance` (0-based).
+/// What is known of `pack`.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels, large
 /// ones saturate.
@@ -38,10 +39,10 @@ const HECTOJOULES_PER_WH: f32 = 36.0;
 /// Cells that are measured are sent as they are, whichever of the pack's voltages is to be reported. While they aren't,
 /// that voltage stands in `voltages[0]`; above 65.534 V the rest spills into the next cells, so that their sum is the
 /// pack's voltage.
-pub fn build_battery_status(state: &SystemState<'_>, instance: u8) -> BATTERY_STATUS_DATA {
-    let battery = state.battery(instance);
+pub fn build_battery_status(state: &SystemState<'_>, pack: Pack) -> BATTERY_STATUS_DATA {
+    let battery = state.battery(pack);
     BATTERY_STATUS_DATA {
-        id: instance,
+        id: pack.instance(),
         battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
         mavtype: battery_type(battery),
         temperature: temperature_cdegc(battery.temperature_c),

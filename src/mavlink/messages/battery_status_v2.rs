@@ -4,6 +4,7 @@ use super::units::{amp_hours, finite, number, temperature_cdegc};
 use crate::battery::{BatteryState, ChargeSource, ChargeState, Faults, PackStatus};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{BATTERY_STATUS_V2_DATA, MavBatteryStatusFlags as Flags};
+use crate::parameter::Pack;
 
 /// The flag that goes with each fault. Those of things no sensor here can see (balancing, protections, a short circuit,
 /// another firmware) are never set.
@@ -38,12 +39,12 @@ const FLAGS_OF_FAULTS: [(Faults, Flags); 7] = [
 /// Faults of the pack itself: it has to be looked at before it is used again. The others pass, or are the rover's.
 const FAULTS_TO_SERVICE: Faults = Faults::CELL_FAIL.union(Faults::DEEP_DISCHARGE);
 
-/// What is known of the pack `instance` (0-based).
+/// What is known of `pack`.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels. Unlike in
 /// BATTERY_STATUS net charging can be told: `capacity_consumed` is negative then.
-pub fn build_battery_status_v2(state: &SystemState<'_>, instance: u8) -> BATTERY_STATUS_V2_DATA {
-    let battery = state.battery(instance);
+pub fn build_battery_status_v2(state: &SystemState<'_>, pack: Pack) -> BATTERY_STATUS_V2_DATA {
+    let battery = state.battery(pack);
     BATTERY_STATUS_V2_DATA {
         voltage: number(
             battery
@@ -56,7 +57,7 @@ pub fn build_battery_status_v2(state: &SystemState<'_>, instance: u8) -> BATTERY
         state_of_charge: number(state_of_charge_pct(battery)),
         status_flags: status_flags(battery),
         temperature: temperature_cdegc(battery.temperature_c),
-        id: instance,
+        id: pack.instance(),
     }
 }
 

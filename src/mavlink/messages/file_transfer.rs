@@ -7,14 +7,18 @@ use ::mavlink::bytes_mut::BytesMut;
 use ::mavlink::error::ParserError;
 use ::mavlink::{MavlinkVersion, MessageData};
 
+use crate::mavlink::Peer;
 use crate::mavlink::dialect::{FILE_TRANSFER_PROTOCOL_DATA, MavMessage};
 use crate::mavlink::payload::Payload;
+use crate::mavlink::requests::FileTransfer;
 
-/// Places in the payload: the FTP header follows three bytes of addressing.
+/// Places of fields on the wire.
 const SEQUENCE_AT: usize = 3;
 const SESSION_AT: usize = 5;
-const OPCODE_AT: usize = 6;
+const REQUEST_OPCODE_AT: usize = 8;
 
+/// Requests have lower opcodes.
+const OPCODE_ACK: u8 = 128;
 const OPCODE_NAK: u8 = 129;
 const ERROR_UNKNOWN_COMMAND: u8 = 7;
 
@@ -31,16 +35,15 @@ pub struct FileTransferNak {
 }
 
 impl FileTransferNak {
-    /// Refuses the request in `payload`. A refusal itself is not answered.
-    pub fn refuse(payload: &Payload<'_>, system_id: u8, component_id: u8) -> Option<Self> {
-        let request_opcode = payload.u8(OPCODE_AT);
-        (request_opcode < OPCODE_NAK - 1).then(|| Self {
-            target_system: system_id,
-            target_component: component_id,
+    /// Refuses a request. An answer that came instead of one is not answered.
+    pub(in crate::mavlink) fn refuse(request: &FileTransfer, to: Peer) -> Option<Self> {
+        (request.opcode < OPCODE_ACK).then(|| Self {
+            target_system: to.system_id,
+            target_component: to.component_id,
             // An answer carries the request's sequence number plus one.
-            sequence: payload.u16(SEQUENCE_AT).wrapping_add(1),
-            session: payload.u8(SESSION_AT),
-            request_opcode,
+            sequence: request.sequence.wrapping_add(1),
+            session: request.session,
+            request_opcode: request.opcode,
         })
     }
 }
@@ -81,7 +84,7 @@ impl MessageData for FileTransferNak {
             target_component: payload.u8(2),
             sequence: payload.u16(SEQUENCE_AT),
             session: payload.u8(SESSION_AT),
-            request_opcode: payload.u8(OPCODE_AT + 2),
+            request_opcode: payload.u8(REQUEST_OPCODE_AT),
         })
     }
 }

@@ -4,6 +4,7 @@ use super::units::{finite, number};
 use crate::battery::{BatteryState, ChargeSource};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{FUEL_STATUS_DATA, MavFuelType};
+use crate::parameter::Pack;
 use crate::rounding::round_to_i32;
 
 /// MAVLink's value for a level that is not known, `UINT8_MAX`.
@@ -14,13 +15,13 @@ const ML_PER_S: f32 = 1000.0 / 3600.0;
 
 const KELVIN_AT_0_CELSIUS: f32 = 273.15;
 
-/// What is known of the tank `instance` (0-based).
+/// What is known of the tank `pack`.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels. What is left
 /// and what was used is told as far as it was measured: the one by a level sensor, the other by a flow sensor. The level in
 /// percent is told by both.
-pub fn build_fuel_status(state: &SystemState<'_>, instance: u8) -> FUEL_STATUS_DATA {
-    let tank = state.battery(instance);
+pub fn build_fuel_status(state: &SystemState<'_>, pack: Pack) -> FUEL_STATUS_DATA {
+    let tank = state.battery(pack);
     let is_level_measured = tank.charge_source == ChargeSource::Gauge;
     FUEL_STATUS_DATA {
         maximum_fuel: number(tank.capacity_mah),
@@ -29,7 +30,7 @@ pub fn build_fuel_status(state: &SystemState<'_>, instance: u8) -> FUEL_STATUS_D
         flow_rate: number(tank.current_a.map(|flow_l_h| flow_l_h * ML_PER_S)),
         temperature: number(tank.temperature_c.map(|celsius| celsius + KELVIN_AT_0_CELSIUS)),
         fuel_type: MavFuelType::MAV_FUEL_TYPE_LIQUID,
-        id: instance,
+        id: pack.instance(),
         percent_remaining: match finite(tank.remaining_pct) {
             Some(percent) => round_to_i32(percent).clamp(0, 100) as u8,
             None => LEVEL_UNKNOWN_PCT,

@@ -1,21 +1,25 @@
-//! The messages that are sent: each built by a plain function, every field set explicitly.
+//! The messages that are sent: a row for each in the table below, and a plain function that builds it, every field set
+//! explicitly.
 
 mod battery_info;
 mod battery_status;
 mod battery_status_v2;
 mod command_ack;
+mod declare;
 mod file_transfer;
 mod fuel_status;
 mod heartbeat;
-mod message;
 mod pack_announcement;
 mod pack_facts;
 mod smart_battery_info;
 mod status_text;
+mod stream;
 mod sys_status;
 mod units;
 mod vehicle_announcement;
 mod version;
+
+use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, MessageData};
 
 pub use battery_info::build_battery_info;
 pub use battery_status::build_battery_status;
@@ -24,14 +28,50 @@ pub use command_ack::CommandAck;
 pub use file_transfer::FileTransferNak;
 pub use fuel_status::build_fuel_status;
 pub use heartbeat::build_heartbeat;
-pub use message::{Message, Stream};
 pub use pack_announcement::pack_announcement;
 pub use smart_battery_info::build_smart_battery_info;
 pub(super) use status_text::chunks_of;
 pub use status_text::status_texts;
+pub use stream::{DefaultRate, Subject};
 pub use sys_status::build_sys_status;
 pub use vehicle_announcement::vehicle_announcement;
 pub(super) use vehicle_announcement::{
     CheckedBy, arming_failure_text, lever_deflected_text, terminated_text,
 };
 pub use version::{build_autopilot_version, build_protocol_version};
+
+use super::SystemState;
+use super::dialect::{
+    AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA,
+    HEARTBEAT_DATA, MESSAGE_INTERVAL_DATA, PARAM_ERROR_DATA, PARAM_VALUE_DATA, PING_DATA,
+    PROTOCOL_VERSION_DATA, SMART_BATTERY_INFO_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, TIMESYNC_DATA,
+};
+use crate::parameter::Pack;
+
+// Each row of a stream: the message, its default rate, of packs also which ones, its builder. When the wire is shared,
+// streams take turns in this order.
+declare::messages! {
+    streams of the vehicle {
+        Heartbeat(HEARTBEAT_DATA): EverySecond, build_heartbeat;
+        SysStatus(SYS_STATUS_DATA): Extra1, build_sys_status;
+    }
+    streams of packs {
+        BatteryStatus(BATTERY_STATUS_DATA): Extra1, EachPack, build_battery_status;
+        BatteryStatusV2(BATTERY_STATUS_V2_DATA): OnRequest, EachPack, build_battery_status_v2;
+        BatteryInfo(BATTERY_INFO_DATA): OnChange, EachPack, build_battery_info;
+        SmartBatteryInfo(SMART_BATTERY_INFO_DATA): OnChange, EachPack, build_smart_battery_info;
+        FuelStatus(FUEL_STATUS_DATA): OnRequest, EachTank, build_fuel_status;
+    }
+    answers {
+        Ping(PING_DATA);
+        ParamValue(PARAM_VALUE_DATA);
+        CommandAck(CommandAck);
+        FileTransferNak(FileTransferNak);
+        Timesync(TIMESYNC_DATA);
+        AutopilotVersion(AUTOPILOT_VERSION_DATA);
+        MessageInterval(MESSAGE_INTERVAL_DATA);
+        StatusText(STATUSTEXT_DATA);
+        ProtocolVersion(PROTOCOL_VERSION_DATA);
+        ParamError(PARAM_ERROR_DATA);
+    }
+}

@@ -7,6 +7,7 @@ use super::pack_facts::{
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, finite, voltage_mv};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{MavBatteryFunction, SMART_BATTERY_INFO_DATA};
+use crate::parameter::Pack;
 use crate::rounding::round_to_i32;
 
 /// MAVLink's value for a capacity that is not known.
@@ -18,12 +19,12 @@ const HIGHEST_VOLTAGE_UNKNOWN_MV: u16 = 0;
 /// MAVLink's value for a highest current that is not known.
 const HIGHEST_CURRENT_UNKNOWN_MA: u32 = 0;
 
-/// What the pack `instance` (0-based) is, as far as it tells or its owner has set.
+/// What `pack` is, as far as its gauge reports it or its parameters say.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels, large
 /// ones saturate.
-pub fn build_smart_battery_info(state: &SystemState<'_>, instance: u8) -> SMART_BATTERY_INFO_DATA {
-    let battery = state.battery(instance);
+pub fn build_smart_battery_info(state: &SystemState<'_>, pack: Pack) -> SMART_BATTERY_INFO_DATA {
+    let battery = state.battery(pack);
     let details = &battery.details;
     let charged_cell_v = charged_cell_voltage_v(battery);
     SMART_BATTERY_INFO_DATA {
@@ -34,7 +35,7 @@ pub fn build_smart_battery_info(state: &SystemState<'_>, instance: u8) -> SMART_
         discharge_minimum_voltage: cell_mv(lowest_cell_voltage_v(battery)).unwrap_or(VOLTAGE_UNKNOWN_MV),
         charging_minimum_voltage: VOLTAGE_UNKNOWN_MV,
         resting_minimum_voltage: VOLTAGE_UNKNOWN_MV,
-        id: instance,
+        id: pack.instance(),
         battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
         mavtype: battery_type(battery),
         serial_number: serial_number(battery),

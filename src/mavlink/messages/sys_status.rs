@@ -4,6 +4,7 @@ use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct
 use crate::battery::{BatteryState, ChargeState, FailsafeLevel, PackStatus};
 use crate::mavlink::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
 use crate::mavlink::{ReceiveStatistics, SystemState};
+use crate::parameter::Pack;
 
 /// The primary pack's voltage, current and remaining charge, whether all packs are healthy, the processor's load and
 /// the link's losses.
@@ -13,7 +14,7 @@ use crate::mavlink::{ReceiveStatistics, SystemState};
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels, large
 /// ones saturate.
 pub fn build_sys_status(state: &SystemState<'_>) -> SYS_STATUS_DATA {
-    let battery = state.battery(0);
+    let battery = state.battery(Pack::First);
     SYS_STATUS_DATA {
         onboard_control_sensors_present: monitored_sensors(state),
         onboard_control_sensors_enabled: monitored_sensors(state),

@@ -1,20 +1,14 @@
 //! COMMAND_LONG and COMMAND_INT.
-//!
-//! Both are read from the raw payload, where the command's number and the first four parameters are at the same places:
-//! the `mavlink` crate refuses a whole message whose command it does not know, and then it could not be answered.
 
 use ::mavlink::MessageData;
 
 use crate::mavlink::dialect::{
-    AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA,
-    HEARTBEAT_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavResult, PROTOCOL_VERSION_DATA, SMART_BATTERY_INFO_DATA,
-    SYS_STATUS_DATA,
+    AUTOPILOT_VERSION_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavResult, PROTOCOL_VERSION_DATA,
 };
-use crate::mavlink::payload::Payload;
+use crate::mavlink::requests::Command;
 use crate::mavlink::scheduler::{Interval, IntervalRefused, StreamScheduler};
-use crate::mavlink::{Message, Stream, SystemState, build_autopilot_version, build_protocol_version};
-
-const COMMAND_AT: usize = 28;
+use crate::mavlink::{Message, StreamKind, SystemState, build_autopilot_version, build_protocol_version};
+use crate::parameter::Pack;
 
 /// MAV_CMD_PREFLIGHT_STORAGE, parameter 1: reset all parameters to their defaults.
 const STORAGE_RESET: f32 = 2.0;
@@ -74,14 +68,6 @@ impl Action {
     }
 }
 
-/// A command as it was received. Ground stations fill parameters they don't use with NaN.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::mavlink) struct Command {
-    pub number: u16,
-    pub param1: f32,
-    pub param2: f32,
-}
-
 /// What came of a command.
 #[derive(Debug, PartialEq)]
 pub(in crate::mavlink) struct Outcome {
@@ -127,14 +113,6 @@ const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 const UNSUPPORTED: MavResult = MavResult::MAV_RESULT_UNSUPPORTED;
 
 impl Command {
-    pub fn read(payload: &Payload<'_>) -> Self {
-        Self {
-            number: payload.u16(COMMAND_AT),
-            param1: payload.f32(0),
-            param2: payload.f32(4),
-        }
-    }
-
     /// Whether it is answered and changes nothing.
     pub fn only_reads(&self) -> bool {
         matches!(
@@ -201,14 +179,10 @@ impl Command {
         let Some(message_id) = message_id(self.param1) else {
             return DENIED.into();
         };
+        if let Some(kind) = StreamKind::from_message_id(message_id) {
+            return self.request_stream(kind, state);
+        }
         match message_id {
-            HEARTBEAT_DATA::ID => Stream::Heartbeat.build(state).into(),
-            SYS_STATUS_DATA::ID => Stream::SysStatus.build(state).into(),
-            BATTERY_STATUS_DATA::ID => self.request_of_pack(Stream::BatteryStatus, state),
-            BATTERY_STATUS_V2_DATA::ID => self.request_of_pack(Stream::BatteryStatusV2, state),
-            BATTERY_INFO_DATA::ID => self.request_of_pack(Stream::BatteryInfo, state),
-            SMART_BATTERY_INFO_DATA::ID => self.request_of_pack(Stream::SmartBatteryInfo, state),
-            FUEL_STATUS_DATA::ID => self.request_of_pack(Stream::FuelStatus, state),
             AUTOPILOT_VERSION_DATA::ID => autopilot_version(),
             PROTOCOL_VERSION_DATA::ID => protocol_version(),
             MESSAGE_INTERVAL_DATA::ID => self.message_interval(self.param2, scheduler),
@@ -216,17 +190,15 @@ impl Command {
         }
     }
 
-    fn request_of_pack(&self, stream_of: fn(u8) -> Stream, state: &SystemState<'_>) -> Outcome {
-        match self.reported_instance(state).map(stream_of) {
-            Some(stream) if stream.is_reported_in(state) => stream.build(state).into(),
-            _ => DENIED.into(),
-        }
-    }
-
-    /// The instance in parameter 2, 0 if it isn't given, if ground stations are told of that pack.
-    fn reported_instance(&self, state: &SystemState<'_>) -> Option<u8> {
+    /// The message at once: of the pack whose instance is parameter 2, 0 if it isn't given.
+    fn request_stream(&self, kind: StreamKind, state: &SystemState<'_>) -> Outcome {
         let asked = if self.param2.is_nan() { 0.0 } else { self.param2 };
-        state.reported().find(|instance| f32::from(*instance) == asked)
+        let is_of_asked_pack = |pack: Pack| f32::from(pack.instance()) == asked;
+        let mut streams = kind.reported_in(state);
+        match streams.find(|stream| stream.pack().is_none_or(is_of_asked_pack)) {
+            Some(stream) => stream.build(state).into(),
+            None => DENIED.into(),
+        }
     }
 
     /// Resets the packs that are named, and with a sum the packs that it is of. As in ArduPilot it fails if a pack that is

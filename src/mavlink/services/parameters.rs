@@ -5,7 +5,8 @@
 
 use crate::cadence::Cadence;
 use crate::mavlink::dialect::{MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_VALUE_DATA};
-use crate::mavlink::payload::{Name, Payload};
+use crate::mavlink::payload::Name;
+use crate::mavlink::requests::{ParameterRead, ParameterSet};
 use crate::mavlink::{Message, Peer};
 use crate::parameter::{ForEachParameter, Kind, ParameterId, Parameters};
 
@@ -57,8 +58,8 @@ fn param_error(name: Name, index: i16, error: MavParamError, to: Peer) -> Messag
 }
 
 /// Answers PARAM_REQUEST_READ.
-pub(in crate::mavlink) fn read(request: &Payload<'_>, from: Peer, parameters: &Parameters) -> Message {
-    let (index, name) = (request.i16(0), request.name(4));
+pub(in crate::mavlink) fn read(request: &ParameterRead, from: Peer, parameters: &Parameters) -> Message {
+    let ParameterRead { index, name } = *request;
     let id = if index == BY_NAME {
         ParameterId::from_name(name.as_bytes())
     } else {
@@ -74,12 +75,12 @@ pub(in crate::mavlink) fn read(request: &Payload<'_>, from: Peer, parameters: &P
 
 /// Answers PARAM_SET: the value that is now live, after an error if that is not the one asked for.
 pub(in crate::mavlink) fn set(
-    request: &Payload<'_>,
+    request: &ParameterSet,
     from: Peer,
     parameters: &mut Parameters,
     mut answer: impl FnMut(Message),
 ) -> SetResult {
-    let (value, name) = (request.f32(0), request.name(6));
+    let ParameterSet { name, value } = *request;
     let Some(id) = ParameterId::from_name(name.as_bytes()) else {
         answer(param_error(
             name,

@@ -1,9 +1,7 @@
 //! SETUP_SIGNING (256): another key, or none any more.
 
-use crate::mavlink::payload::Payload;
-use crate::mavlink::signing::{LinkKind, Signing, SigningKey, Timestamp};
-
-const KEY_AT: usize = 10;
+use crate::mavlink::requests::SetUpSigning;
+use crate::mavlink::signing::{LinkKind, Signing};
 
 /// What a ground station has set up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,9 +43,9 @@ impl SetupRefused {
     }
 }
 
-/// Does what SETUP_SIGNING asks for. A key of zeros removes the one there is.
+/// Does what SETUP_SIGNING asks for.
 pub(in crate::mavlink) fn set_up(
-    payload: &Payload<'_>,
+    request: &SetUpSigning,
     link: LinkKind,
     signing: &mut Signing,
     now_us: u64,
@@ -55,12 +53,11 @@ pub(in crate::mavlink) fn set_up(
     if link != LinkKind::Direct {
         return Err(SetupRefused::NotDirect);
     }
-    let time = Timestamp::from_ticks(payload.u64(0)).ok_or(SetupRefused::BadTime)?;
-    let key = SigningKey::new(payload.bytes(KEY_AT));
-    let change = match key {
+    let time = request.time.ok_or(SetupRefused::BadTime)?;
+    let change = match request.key {
         Some(_) => SigningChange::KeySet,
         None => SigningChange::KeyRemoved,
     };
-    signing.set_up(key, time, now_us);
+    signing.set_up(request.key.clone(), time, now_us);
     Ok(change)
 }

@@ -4,15 +4,14 @@ use core::fmt::Write;
 
 use heapless::String;
 
-use super::commands::Command;
 use crate::battery::{ArmState, ArmingFailure, PackSettings, arming_failures};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavType};
 use crate::mavlink::messages::{CheckedBy, arming_failure_text, lever_deflected_text, terminated_text};
-use crate::mavlink::payload::Payload;
 use crate::mavlink::replies::Replies;
+use crate::mavlink::requests::{Command, Heartbeat, Levers, SetMode};
 use crate::parameter::{Pack, Parameters, VehicleParameter};
-use crate::vehicle::{ArmingRefused, Lever, LeverName, Mode, Vehicle, VehicleSettings};
+use crate::vehicle::{ArmingRefused, LeverName, Mode, Vehicle, VehicleSettings};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
 const RUN_PREARM_CHECKS: u16 = MavCmd::MAV_CMD_RUN_PREARM_CHECKS as u16;
@@ -34,30 +33,6 @@ const RESTARTING: &str = "Arm: restarting";
 
 /// Why a request that could set the rover in motion was refused.
 const TOO_LATE: &str = "Command waited for too long: refused";
-
-/// Places in SET_MODE.
-const BASE_MODE_AT: usize = 5;
-
-/// Places in MANUAL_CONTROL: ArduPilot's Rover steers by the second axis and takes the third for its throttle.
-const STEERING_AXIS_AT: usize = 2;
-const THROTTLE_AXIS_AT: usize = 4;
-/// An axis that nobody moves.
-const NO_AXIS: i16 = i16::MAX;
-
-/// Places in RC_CHANNELS_OVERRIDE: ArduPilot's Rover steers by channel 1 and takes channel 3 for its throttle.
-const STEERING_CHANNEL_AT: usize = 0;
-const THROTTLE_CHANNEL_AT: usize = 4;
-/// Pulses of a lever that is let go and of one that stays, and those of its ends and its middle, in microseconds.
-const RELEASED_US: u16 = 0;
-const UNCHANGED_US: u16 = u16::MAX;
-const SHORTEST_US: u16 = 1000;
-const LONGEST_US: u16 = 2000;
-const MIDDLE_US: i16 = 1500;
-/// Thousandths of a lever's way for each microsecond.
-const LEVER_PER_US: i16 = 2;
-
-/// HEARTBEAT: what kind of system sent it.
-const TYPE_AT: usize = 4;
 
 const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
 const FAILED: MavResult = MavResult::MAV_RESULT_FAILED;
@@ -166,8 +141,8 @@ impl Rover<'_> {
     }
 
     /// SET_MODE: answered as the command of the same meaning.
-    pub fn set_mode_by_message(&mut self, payload: &Payload<'_>, replies: &mut Replies<'_>) -> MavResult {
-        self.set_mode(payload.u8(BASE_MODE_AT), payload.u32(0), replies)
+    pub fn set_mode_by_message(&mut self, request: &SetMode, replies: &mut Replies<'_>) -> MavResult {
+        self.set_mode(request.base_mode, request.custom_mode, replies)
     }
 
     /// As in ArduPilot, a mode without the flag for ArduPilot's own modes is denied and one that is not known fails.
@@ -195,32 +170,12 @@ impl Rover<'_> {
         }
     }
 
-    /// MANUAL_CONTROL.
-    pub fn manual_control(&mut self, payload: &Payload<'_>) -> Driving {
-        let axis = |at| match payload.i16(at) {
-            NO_AXIS => Lever::Released,
-            position => Lever::At(position),
-        };
-        self.control(axis(THROTTLE_AXIS_AT), axis(STEERING_AXIS_AT))
-    }
-
-    /// RC_CHANNELS_OVERRIDE.
-    pub fn override_channels(&mut self, payload: &Payload<'_>) -> Driving {
-        let channel = |at| match payload.u16(at) {
-            RELEASED_US => Lever::Released,
-            UNCHANGED_US => Lever::Unchanged,
-            pulse_us => {
-                let pulse_us = pulse_us.clamp(SHORTEST_US, LONGEST_US) as i16;
-                Lever::At((pulse_us - MIDDLE_US) * LEVER_PER_US)
-            }
-        };
-        self.control(channel(THROTTLE_CHANNEL_AT), channel(STEERING_CHANNEL_AT))
-    }
-
-    fn control(&mut self, throttle: Lever, steering: Lever) -> Driving {
+    /// MANUAL_CONTROL or RC_CHANNELS_OVERRIDE.
+    pub fn control(&mut self, levers: &Levers) -> Driving {
         if self.is_late() {
             return Driving::TooLate;
         }
+        let Levers { throttle, steering } = *levers;
         self.vehicle.control(self.received_us, throttle, steering);
         Driving::Obeyed
     }
@@ -254,8 +209,8 @@ fn refuse_late(replies: &mut Replies<'_>) -> MavResult {
 }
 
 /// Whether it was a ground station that sent this HEARTBEAT.
-pub(in crate::mavlink) fn is_of_ground_station(payload: &Payload<'_>) -> bool {
-    payload.u8(TYPE_AT) == MavType::MAV_TYPE_GCS as u8
+pub(in crate::mavlink) fn is_of_ground_station(heartbeat: &Heartbeat) -> bool {
+    heartbeat.system_type == MavType::MAV_TYPE_GCS as u8
 }
 
 fn whole_number(parameter: f32) -> Option<u32> {

@@ -1,0 +1,79 @@
+//! What the rows of the table of messages say of a stream.
+
+use super::{Stream, StreamKind};
+use crate::battery::MAX_PACKS;
+use crate::mavlink::SystemState;
+use crate::parameter::Pack;
+
+/// What a message is about, and with that whether there is one of it or one for each pack.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Subject {
+    /// The whole vehicle.
+    Vehicle,
+    /// A pack. There is none of a pack that is not monitored or only used on board.
+    EachPack,
+    /// A pack that is a tank whose capacity is known.
+    EachTank,
+}
+
+/// How often a message is sent unless a ground station asks for another interval.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DefaultRate {
+    /// Once a second, and at no other rate: without HEARTBEAT ground stations lose the vehicle.
+    EverySecond,
+    /// At `SR0_EXTRA1`.
+    Extra1,
+    /// Never.
+    OnRequest,
+    /// Never, but once on each link when the details of a smart battery are known or have changed.
+    OnChange,
+}
+
+impl StreamKind {
+    /// The message with this id, if it is one of those that can be sent regularly.
+    pub fn from_message_id(message_id: u32) -> Option<Self> {
+        let mut kinds = Self::ALL.into_iter();
+        kinds.find(|kind| kind.message_id() == message_id)
+    }
+
+    /// Its streams: one of the vehicle, or one of each pack that can be.
+    pub fn streams(self) -> impl Iterator<Item = Stream> + Clone {
+        let count = match self.subject() {
+            Subject::Vehicle => 1,
+            Subject::EachPack | Subject::EachTank => MAX_PACKS,
+        };
+        let packs = Pack::ALL.into_iter().take(count);
+        packs.map(move |pack| self.of(pack))
+    }
+
+    /// Those of its streams that have something to report.
+    pub(in crate::mavlink) fn reported_in(self, state: &SystemState<'_>) -> impl Iterator<Item = Stream> {
+        self.streams().filter(|stream| stream.is_reported_in(state))
+    }
+}
+
+impl Stream {
+    /// Whether there is something to report.
+    pub(in crate::mavlink) fn is_reported_in(self, state: &SystemState<'_>) -> bool {
+        let Some(pack) = self.pack() else { return true };
+        match self.kind().subject() {
+            Subject::Vehicle => true,
+            Subject::EachPack => state.is_reported(pack),
+            Subject::EachTank => state.is_reported(pack) && state.is_tank(pack),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_stream_leads_back_to_its_row() {
+        for kind in StreamKind::ALL {
+            assert_eq!(StreamKind::from_message_id(kind.message_id()), Some(kind));
+            assert!(kind.streams().all(|stream| stream.kind() == kind), "{kind:?}");
+        }
+        assert_eq!(StreamKind::from_message_id(30), None);
+    }
+}

@@ -1,0 +1,380 @@
+//! What a received message asks for.
+//!
+//! Only this file knows where the fields of a received payload are. They are read one by one: the `mavlink` crate refuses a
+//! whole message whose enum has a value that the dialect does not know, a command's number for one, and what is refused
+//! can't be answered.
+
+use ::mavlink::MessageData;
+
+use super::COMPONENT_ID;
+use super::dialect::{
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA, MANUAL_CONTROL_DATA,
+    PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA, RADIO_STATUS_DATA,
+    RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA, SETUP_SIGNING_DATA, TIMESYNC_DATA,
+};
+use super::parser::ReceivedFrame;
+use super::payload::{Name, Payload};
+use super::signing::{SigningKey, Timestamp};
+use crate::vehicle::Lever;
+
+/// Who sent a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Peer {
+    /// Its system id.
+    pub system_id: u8,
+    /// Its component id.
+    pub component_id: u8,
+}
+
+/// The system or component that a message is addressed to. Id 0 stands for all of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Target {
+    /// The message has no target.
+    Everyone,
+    System(u8),
+    /// This system only: control inputs and keys are for one rover.
+    OnlySystem(u8),
+    Component(Peer),
+    /// A component of this system only.
+    OnlyComponent(Peer),
+}
+
+impl Target {
+    /// Whether the vehicle with this system id is addressed.
+    pub fn is_ours(self, our_system_id: u8) -> bool {
+        let is_our_system = |id| [0, our_system_id].contains(&id);
+        let is_our_component = |id| [0, COMPONENT_ID].contains(&id);
+        match self {
+            Self::Everyone => true,
+            Self::System(system_id) => is_our_system(system_id),
+            Self::OnlySystem(system_id) => system_id == our_system_id,
+            Self::Component(target) => {
+                is_our_system(target.system_id) && is_our_component(target.component_id)
+            }
+            Self::OnlyComponent(target) => {
+                target.system_id == our_system_id && is_our_component(target.component_id)
+            }
+        }
+    }
+}
+
+/// What a message asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Request {
+    ParameterList,
+    ParameterRead(ParameterRead),
+    ParameterSet(ParameterSet),
+    Command(Command),
+    FileTransfer(FileTransfer),
+    DataStream(DataStream),
+    Ping(Ping),
+    Timesync(Timesync),
+    RadioStatus(RadioStatus),
+    SetMode(SetMode),
+    Control(Levers),
+    Heartbeat(Heartbeat),
+    SetUpSigning(SetUpSigning),
+}
+
+/// PARAM_REQUEST_READ.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ParameterRead {
+    /// −1 if it is asked for by name.
+    pub index: i16,
+    pub name: Name,
+}
+
+/// PARAM_SET.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ParameterSet {
+    pub name: Name,
+    pub value: f32,
+}
+
+/// COMMAND_LONG or COMMAND_INT, any number. Ground stations fill parameters they don't use with NaN.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Command {
+    pub number: u16,
+    pub param1: f32,
+    pub param2: f32,
+}
+
+/// FILE_TRANSFER_PROTOCOL.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct FileTransfer {
+    pub sequence: u16,
+    pub session: u8,
+    pub opcode: u8,
+}
+
+/// REQUEST_DATA_STREAM.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct DataStream {
+    pub stream_id: u8,
+    /// `None` to stop it.
+    pub rate_hz: Option<u16>,
+}
+
+/// PING.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Ping {
+    pub time_us: u64,
+    pub sequence: u32,
+    /// 0 and 0 in a request; in an answer the peer that sent the request.
+    pub target: Peer,
+}
+
+/// TIMESYNC.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Timesync {
+    /// The time at the peer that answers, in ns; 0 in a request.
+    pub answered_ns: i64,
+    /// The time at the peer that asks, in ns.
+    pub asked_ns: i64,
+}
+
+/// RADIO_STATUS.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct RadioStatus {
+    /// The share of the transmit buffer that is free.
+    pub free_percent: u8,
+}
+
+/// SET_MODE.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct SetMode {
+    pub base_mode: u8,
+    pub custom_mode: u32,
+}
+
+/// MANUAL_CONTROL or RC_CHANNELS_OVERRIDE.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Levers {
+    pub throttle: Lever,
+    pub steering: Lever,
+}
+
+/// HEARTBEAT.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Heartbeat {
+    /// A number of `MAV_TYPE`.
+    pub system_type: u8,
+}
+
+/// SETUP_SIGNING.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct SetUpSigning {
+    /// `None` to remove the key.
+    pub key: Option<SigningKey>,
+    /// `None` if it has more than 48 bits.
+    pub time: Option<Timestamp>,
+}
+
+/// A message that asks for something.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ReceivedRequest {
+    pub from: Peer,
+    pub target: Target,
+    pub request: Request,
+}
+
+impl ReceivedRequest {
+    /// What a frame asks for; `None` if it is of a message that has no effect here.
+    pub fn decode(frame: &ReceivedFrame<'_>) -> Option<Self> {
+        let (target, request) = decode(frame.message_id, &frame.payload)?;
+        Some(Self {
+            from: Peer {
+                system_id: frame.system_id,
+                component_id: frame.component_id,
+            },
+            target,
+            request,
+        })
+    }
+}
+
+fn decode(message_id: u32, payload: &Payload<'_>) -> Option<(Target, Request)> {
+    Some(match message_id {
+        HEARTBEAT_DATA::ID => heartbeat(payload),
+        PING_DATA::ID => ping(payload),
+        SET_MODE_DATA::ID => set_mode(payload),
+        PARAM_REQUEST_READ_DATA::ID => param_request_read(payload),
+        PARAM_REQUEST_LIST_DATA::ID => param_request_list(payload),
+        PARAM_SET_DATA::ID => param_set(payload),
+        REQUEST_DATA_STREAM_DATA::ID => request_data_stream(payload),
+        MANUAL_CONTROL_DATA::ID => manual_control(payload),
+        RC_CHANNELS_OVERRIDE_DATA::ID => rc_channels_override(payload),
+        COMMAND_INT_DATA::ID | COMMAND_LONG_DATA::ID => command(payload),
+        RADIO_STATUS_DATA::ID => radio_status(payload),
+        FILE_TRANSFER_PROTOCOL_DATA::ID => file_transfer(payload),
+        TIMESYNC_DATA::ID => timesync(payload),
+        SETUP_SIGNING_DATA::ID => setup_signing(payload),
+        _ => return None,
+    })
+}
+
+/// `target_system`, which is there, and `target_component`, which always follows it.
+fn target_at(payload: &Payload<'_>, target_system_at: usize) -> Peer {
+    Peer {
+        system_id: payload.u8(target_system_at),
+        component_id: payload.u8(target_system_at + 1),
+    }
+}
+
+fn heartbeat(payload: &Payload<'_>) -> (Target, Request) {
+    let heartbeat = Heartbeat {
+        system_type: payload.u8(4),
+    };
+    (Target::Everyone, Request::Heartbeat(heartbeat))
+}
+
+fn ping(payload: &Payload<'_>) -> (Target, Request) {
+    let target = target_at(payload, 12);
+    let ping = Ping {
+        time_us: payload.u64(0),
+        sequence: payload.u32(8),
+        target,
+    };
+    (Target::Component(target), Request::Ping(ping))
+}
+
+fn set_mode(payload: &Payload<'_>) -> (Target, Request) {
+    let target_system = payload.u8(4);
+    let set_mode = SetMode {
+        custom_mode: payload.u32(0),
+        base_mode: payload.u8(5),
+    };
+    (Target::System(target_system), Request::SetMode(set_mode))
+}
+
+fn param_request_read(payload: &Payload<'_>) -> (Target, Request) {
+    let target = target_at(payload, 2);
+    let read = ParameterRead {
+        index: payload.i16(0),
+        name: payload.name(4),
+    };
+    (Target::Component(target), Request::ParameterRead(read))
+}
+
+fn param_request_list(payload: &Payload<'_>) -> (Target, Request) {
+    let target = target_at(payload, 0);
+    (Target::Component(target), Request::ParameterList)
+}
+
+fn param_set(payload: &Payload<'_>) -> (Target, Request) {
+    let target = target_at(payload, 4);
+    let set = ParameterSet {
+        value: payload.f32(0),
+        name: payload.name(6),
+    };
+    (Target::Component(target), Request::ParameterSet(set))
+}
+
+fn request_data_stream(payload: &Payload<'_>) -> (Target, Request) {
+    const STOP: u8 = 0;
+    let target = target_at(payload, 2);
+    let req_message_rate_hz = payload.u16(0);
+    let start_stop = payload.u8(5);
+    let stream = DataStream {
+        stream_id: payload.u8(4),
+        rate_hz: (start_stop != STOP).then_some(req_message_rate_hz),
+    };
+    (Target::Component(target), Request::DataStream(stream))
+}
+
+/// ArduPilot's Rover steers by the axis y and takes z for its throttle.
+fn manual_control(payload: &Payload<'_>) -> (Target, Request) {
+    let target = payload.u8(10);
+    let levers = Levers {
+        steering: lever_of_axis(payload.i16(2)),
+        throttle: lever_of_axis(payload.i16(4)),
+    };
+    (Target::OnlySystem(target), Request::Control(levers))
+}
+
+fn lever_of_axis(position: i16) -> Lever {
+    /// An axis that the sender does not have.
+    const NO_AXIS: i16 = i16::MAX;
+    match position {
+        NO_AXIS => Lever::Released,
+        _ => Lever::At(position),
+    }
+}
+
+/// ArduPilot's Rover steers by channel 1 and takes channel 3 for its throttle.
+fn rc_channels_override(payload: &Payload<'_>) -> (Target, Request) {
+    let target = target_at(payload, 16);
+    let levers = Levers {
+        steering: lever_of_channel(payload.u16(0)),
+        throttle: lever_of_channel(payload.u16(4)),
+    };
+    (Target::OnlyComponent(target), Request::Control(levers))
+}
+
+fn lever_of_channel(pulse_us: u16) -> Lever {
+    const RELEASED_US: u16 = 0;
+    const UNCHANGED_US: u16 = u16::MAX;
+    const SHORTEST_US: u16 = 1000;
+    const LONGEST_US: u16 = 2000;
+    const MIDDLE_US: i16 = 1500;
+    /// Thousandths of a lever's way for each microsecond.
+    const LEVER_PER_US: i16 = 2;
+    match pulse_us {
+        RELEASED_US => Lever::Released,
+        UNCHANGED_US => Lever::Unchanged,
+        _ => {
+            let pulse_us = pulse_us.clamp(SHORTEST_US, LONGEST_US) as i16;
+            Lever::At((pulse_us - MIDDLE_US) * LEVER_PER_US)
+        }
+    }
+}
+
+/// These fields are at the same places in COMMAND_LONG and COMMAND_INT.
+fn command(payload: &Payload<'_>) -> (Target, Request) {
+    let target = target_at(payload, 30);
+    let command = Command {
+        param1: payload.f32(0),
+        param2: payload.f32(4),
+        number: payload.u16(28),
+    };
+    (Target::Component(target), Request::Command(command))
+}
+
+fn radio_status(payload: &Payload<'_>) -> (Target, Request) {
+    let status = RadioStatus {
+        free_percent: payload.u8(6),
+    };
+    (Target::Everyone, Request::RadioStatus(status))
+}
+
+/// The header of MAVLink FTP follows three bytes of addressing.
+fn file_transfer(payload: &Payload<'_>) -> (Target, Request) {
+    let target = target_at(payload, 1);
+    let transfer = FileTransfer {
+        sequence: payload.u16(3),
+        session: payload.u8(5),
+        opcode: payload.u8(6),
+    };
+    (Target::Component(target), Request::FileTransfer(transfer))
+}
+
+fn timesync(payload: &Payload<'_>) -> (Target, Request) {
+    let target = target_at(payload, 16);
+    let timesync = Timesync {
+        answered_ns: payload.i64(0),
+        asked_ns: payload.i64(8),
+    };
+    (Target::Component(target), Request::Timesync(timesync))
+}
+
+fn setup_signing(payload: &Payload<'_>) -> (Target, Request) {
+    let target_system = payload.u8(8);
+    let set_up = SetUpSigning {
+        time: Timestamp::from_ticks(payload.u64(0)),
+        key: SigningKey::new(payload.bytes(10)),
+    };
+    (Target::OnlySystem(target_system), Request::SetUpSigning(set_up))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,257 @@
+//! Each field against the serialiser of the dialect.
+
+use ::mavlink::MavlinkVersion;
+
+use super::*;
+use crate::mavlink::dialect::{MavCmd, MavDataStream, MavModeFlag, MavType};
+
+const VEHICLE: Peer = Peer {
+    system_id: 7,
+    component_id: 9,
+};
+
+/// What is decoded of a message.
+fn decoded(message: &impl MessageData) -> (Target, Request) {
+    let mut bytes = [0; 255];
+    let length = message.ser(MavlinkVersion::V2, &mut bytes);
+    decode(message_id(message), &Payload(&bytes[..length])).expect("it is a request")
+}
+
+fn message_id<T: MessageData>(_: &T) -> u32 {
+    T::ID
+}
+
+#[test]
+fn what_concerns_the_vehicle_and_the_link_is_decoded() {
+    let heartbeat = HEARTBEAT_DATA {
+        mavtype: MavType::MAV_TYPE_GCS,
+        ..HEARTBEAT_DATA::DEFAULT
+    };
+    let request = Request::Heartbeat(Heartbeat { system_type: 6 });
+    assert_eq!(decoded(&heartbeat), (Target::Everyone, request));
+
+    let set_mode = SET_MODE_DATA {
+        custom_mode: 0x0102_0304,
+        target_system: 7,
+        base_mode: MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+    };
+    let request = Request::SetMode(SetMode {
+        custom_mode: 0x0102_0304,
+        base_mode: 1,
+    });
+    assert_eq!(decoded(&set_mode), (Target::System(7), request));
+
+    let status = RADIO_STATUS_DATA {
+        txbuf: 42,
+        ..RADIO_STATUS_DATA::DEFAULT
+    };
+    let request = Request::RadioStatus(RadioStatus { free_percent: 42 });
+    assert_eq!(decoded(&status), (Target::Everyone, request));
+
+    for (start_stop, rate_hz) in [(1, Some(258)), (0, None)] {
+        let stream = REQUEST_DATA_STREAM_DATA {
+            req_message_rate: 258,
+            target_system: 7,
+            target_component: 9,
+            req_stream_id: MavDataStream::MAV_DATA_STREAM_EXTRA1,
+            start_stop,
+        };
+        let request = Request::DataStream(DataStream {
+            stream_id: 10,
+            rate_hz,
+        });
+        assert_eq!(decoded(&stream), (Target::Component(VEHICLE), request));
+    }
+}
+
+#[test]
+fn parameters_are_decoded() {
+    let list = PARAM_REQUEST_LIST_DATA {
+        target_system: 7,
+        target_component: 9,
+    };
+    assert_eq!(
+        decoded(&list),
+        (Target::Component(VEHICLE), Request::ParameterList)
+    );
+
+    let name = Name::from("SIXTEEN_LETTERS_");
+    let read = PARAM_REQUEST_READ_DATA {
+        param_index: -2,
+        target_system: 7,
+        target_component: 9,
+        param_id: name.0.into(),
+    };
+    let request = Request::ParameterRead(ParameterRead { index: -2, name });
+    assert_eq!(decoded(&read), (Target::Component(VEHICLE), request));
+
+    let set = PARAM_SET_DATA {
+        param_value: 1.5,
+        target_system: 7,
+        target_component: 9,
+        param_id: name.0.into(),
+        ..PARAM_SET_DATA::DEFAULT
+    };
+    let request = Request::ParameterSet(ParameterSet { name, value: 1.5 });
+    assert_eq!(decoded(&set), (Target::Component(VEHICLE), request));
+}
+
+#[test]
+fn commands_are_decoded_alike_from_either_message() {
+    let command = Request::Command(Command {
+        number: 246,
+        param1: 1.5,
+        param2: -2.5,
+    });
+    let long = COMMAND_LONG_DATA {
+        param1: 1.5,
+        param2: -2.5,
+        command: MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+        target_system: 7,
+        target_component: 9,
+        ..COMMAND_LONG_DATA::DEFAULT
+    };
+    assert_eq!(decoded(&long), (Target::Component(VEHICLE), command.clone()));
+    let int = COMMAND_INT_DATA {
+        param1: 1.5,
+        param2: -2.5,
+        command: MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+        target_system: 7,
+        target_component: 9,
+        ..COMMAND_INT_DATA::DEFAULT
+    };
+    assert_eq!(decoded(&int), (Target::Component(VEHICLE), command));
+}
+
+#[test]
+fn axes_are_levers() {
+    for (y, z, steering, throttle) in [
+        (-300, 700, Lever::At(-300), Lever::At(700)),
+        (i16::MAX, 0, Lever::Released, Lever::At(0)),
+    ] {
+        let control = MANUAL_CONTROL_DATA {
+            x: 1,
+            y,
+            z,
+            r: 2,
+            target: 7,
+            ..MANUAL_CONTROL_DATA::DEFAULT
+        };
+        let request = Request::Control(Levers { throttle, steering });
+        assert_eq!(decoded(&control), (Target::OnlySystem(7), request));
+    }
+}
+
+#[test]
+fn channels_are_levers() {
+    for (chan1_raw, chan3_raw, steering, throttle) in [
+        (1400, 1700, Lever::At(-200), Lever::At(400)),
+        (0, u16::MAX, Lever::Released, Lever::Unchanged),
+        (1, u16::MAX - 1, Lever::At(-1000), Lever::At(1000)),
+    ] {
+        let channels = RC_CHANNELS_OVERRIDE_DATA {
+            chan1_raw,
+            chan2_raw: 1111,
+            chan3_raw,
+            chan4_raw: 2222,
+            target_system: 7,
+            target_component: 9,
+            ..RC_CHANNELS_OVERRIDE_DATA::DEFAULT
+        };
+        let request = Request::Control(Levers { throttle, steering });
+        assert_eq!(decoded(&channels), (Target::OnlyComponent(VEHICLE), request));
+    }
+}
+
+#[test]
+fn times_are_decoded() {
+    let ping = PING_DATA {
+        time_usec: 0x0102_0304_0506_0708,
+        seq: 0x090A_0B0C,
+        target_system: 7,
+        target_component: 9,
+    };
+    let request = Request::Ping(Ping {
+        time_us: 0x0102_0304_0506_0708,
+        sequence: 0x090A_0B0C,
+        target: VEHICLE,
+    });
+    assert_eq!(decoded(&ping), (Target::Component(VEHICLE), request));
+
+    let timesync = TIMESYNC_DATA {
+        tc1: 0x0102_0304_0506_0708,
+        ts1: -1,
+        target_system: 7,
+        target_component: 9,
+    };
+    let request = Request::Timesync(Timesync {
+        answered_ns: 0x0102_0304_0506_0708,
+        asked_ns: -1,
+    });
+    assert_eq!(decoded(&timesync), (Target::Component(VEHICLE), request));
+}
+
+#[test]
+fn file_transfers_are_decoded() {
+    let mut payload = [0; 251];
+    payload[..4].copy_from_slice(&[0x01, 0x02, 3, 4]);
+    let transfer = FILE_TRANSFER_PROTOCOL_DATA {
+        target_network: 1,
+        target_system: 7,
+        target_component: 9,
+        payload,
+    };
+    let request = Request::FileTransfer(FileTransfer {
+        sequence: 0x0201,
+        session: 3,
+        opcode: 4,
+    });
+    assert_eq!(decoded(&transfer), (Target::Component(VEHICLE), request));
+}
+
+#[test]
+fn a_key_of_zeros_is_none_and_a_time_beyond_48_bits_is_invalid() {
+    for (secret_key, initial_timestamp, key, time) in [
+        ([5; 32], 9, SigningKey::new([5; 32]), Timestamp::from_ticks(9)),
+        ([0; 32], 1 << 48, None, None),
+    ] {
+        let setup = SETUP_SIGNING_DATA {
+            initial_timestamp,
+            target_system: 7,
+            target_component: 9,
+            secret_key,
+        };
+        let request = Request::SetUpSigning(SetUpSigning { key, time });
+        assert_eq!(decoded(&setup), (Target::OnlySystem(7), request));
+    }
+}
+
+#[test]
+fn zero_is_every_system_and_component_but_for_control_inputs_and_keys() {
+    let component = |system_id, component_id| Peer {
+        system_id,
+        component_id,
+    };
+    for (target, is_ours) in [
+        (Target::Everyone, true),
+        (Target::System(7), true),
+        (Target::System(0), true),
+        (Target::System(8), false),
+        (Target::OnlySystem(7), true),
+        (Target::OnlySystem(0), false),
+        (Target::Component(component(7, COMPONENT_ID)), true),
+        (Target::Component(component(0, 0)), true),
+        (Target::Component(component(8, 0)), false),
+        (Target::Component(component(7, 2)), false),
+        (Target::OnlyComponent(component(7, 0)), true),
+        (Target::OnlyComponent(component(0, 0)), false),
+        (Target::OnlyComponent(component(7, 2)), false),
+    ] {
+        assert_eq!(target.is_ours(7), is_ours, "{target:?}");
+    }
+}
+
+#[test]
+fn a_message_nothing_here_answers_is_no_request() {
+    assert_eq!(decode(30, &Payload(&[1; 28])), None);
+}
