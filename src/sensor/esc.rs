@@ -86,7 +86,7 @@ impl EscTelemetry {
             charge_mah,
             energy_wh: charge_mah * 1e-3 * voltage_v,
         };
-        (counted_mah > 0).then_some(Counted::SinceLast(consumed))
+        (counted_mah > 0).then_some(Counted::Increment(consumed))
     }
 }
 
@@ -114,7 +114,7 @@ mod tests {
 
     fn drawn(measurement: &Measurement) -> Option<f32> {
         match measurement.counted {
-            Some(Counted::SinceLast(consumed)) => Some(consumed.charge_mah),
+            Some(Counted::Increment(consumed)) => Some(consumed.charge_mah),
             _ => None,
         }
     }
@@ -131,7 +131,7 @@ mod tests {
         assert_eq!(measurement.temperature_c, Some(38.0));
         assert!((measurement.voltage_v.unwrap() - 15.76).abs() < 1e-4);
         assert!((measurement.current_a.unwrap() - 12.34).abs() < 1e-4);
-        let Some(Counted::SinceLast(consumed)) = measurement.counted else {
+        let Some(Counted::Increment(consumed)) = measurement.counted else {
             panic!("{measurement:?}");
         };
         assert_eq!(consumed.charge_mah, 3.0);

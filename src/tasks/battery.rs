@@ -102,7 +102,11 @@ fn are_failsafes_off(parameters: &Parameters, kinds: &[Option<MonitorKind>; MAX_
         let packs = Pack::ALL.into_iter().zip(kinds);
         packs.filter(|(_, kind)| kind.is_some())
     };
-    let is_off = |pack| PackSettings::from_parameters(parameters, pack).failsafe.is_off();
+    let is_off = |pack| {
+        PackSettings::from_parameters(parameters, pack)
+            .failsafe
+            .is_disabled()
+    };
     monitored().next().is_some() && monitored().all(|(pack, _)| is_off(pack))
 }
 

@@ -30,7 +30,7 @@ impl FlowMeter {
         Measurement {
             contents: Contents::Fuel,
             current_a: Some(self.pulses_per_s * ml_per_pulse * LITRES_PER_HOUR),
-            counted: Some(Counted::SinceLast(Consumed {
+            counted: Some(Counted::Increment(Consumed {
                 charge_mah: new * ml_per_pulse,
                 energy_wh: 0.0,
             })),
@@ -96,7 +96,7 @@ mod tests {
             let measurement = self.meter.measure(&self.pulses, 0.5, self.now_us);
             assert_eq!(measurement.contents, Contents::Fuel);
             assert_eq!(measurement.voltage_v, None);
-            let Some(Counted::SinceLast(consumed)) = measurement.counted else {
+            let Some(Counted::Increment(consumed)) = measurement.counted else {
                 panic!("{measurement:?}");
             };
             assert_eq!(consumed.energy_wh, 0.0);

@@ -139,7 +139,7 @@ mod tests {
             charge_mah: 1.5,
             energy_wh: 0.0,
         };
-        assert_eq!(flow.counted, Some(Counted::SinceLast(counted)));
+        assert_eq!(flow.counted, Some(Counted::Increment(counted)));
         for kind in [FuelKind::Flow, FuelKind::LevelPwm] {
             for pin in [-1.0, 26.0] {
                 let elsewhere = measure(kind, &[(BatteryParameter::CurrPin, pin)]);
