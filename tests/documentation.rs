@@ -308,8 +308,8 @@ fn told() -> Vec<String> {
     let rover = [
         VehicleEvent::NeedsPosition(FailsafeAction::Rtl),
         VehicleEvent::Terminated,
-        VehicleEvent::ControlsSilent,
-        VehicleEvent::GroundStationsSilent,
+        VehicleEvent::ControlsTimedOut,
+        VehicleEvent::GroundStationsTimedOut,
     ];
     let rover = rover.map(|event| event.to_string());
     let site = FaultSite {

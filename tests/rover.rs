@@ -600,13 +600,13 @@ fn a_ground_station_that_is_not_heard_any_more_is_missed_and_other_systems_are_n
 fn hold_by_a_low_battery_is_left_on_command_and_termination_is_not() {
     let mut rover = Rover::armed_in(0.0);
     rover.vehicle.battery_failsafe(FailsafeAction::Hold);
-    rover.vehicle.follow_batteries(FailsafeLevel::Low);
+    rover.vehicle.update_batteries(FailsafeLevel::Low);
     assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
     rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
     assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64 | 128, CRITICAL_STATE));
 
     rover.vehicle.battery_failsafe(FailsafeAction::Terminate);
-    rover.vehicle.follow_batteries(FailsafeLevel::Critical);
+    rover.vehicle.update_batteries(FailsafeLevel::Critical);
     assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64, EMERGENCY_STATE));
     for force in [0.0, 21196.0] {
         let request = command_long_2(ARM_DISARM, 1.0, force);
@@ -617,7 +617,7 @@ fn hold_by_a_low_battery_is_left_on_command_and_termination_is_not() {
     let texts = rover.ask(&command_long(RUN_PREARM_CHECKS, 0.0), RUN_PREARM_CHECKS, ACCEPTED);
     let expected = "PreArm: Terminated: reset the battery or restart";
     assert_eq!(texts, [(CRITICAL, expected.into())]);
-    rover.vehicle.follow_batteries(FailsafeLevel::None);
+    rover.vehicle.update_batteries(FailsafeLevel::None);
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
 }
 

@@ -11,7 +11,7 @@ use rover_battmon::battery::{
 };
 use rover_battmon::mavlink::pack_announcement;
 use rover_battmon::parameter::{Pack, ParameterId, Parameters};
-use rover_battmon::vehicle::{FailsafeAction, Lever, Mode, MotorDrive, Vehicle, VehicleSettings};
+use rover_battmon::vehicle::{FailsafeAction, Mode, MotorDrive, StickInput, Vehicle, VehicleSettings};
 use story::{Drive, Input, Level, Outcome, Story};
 
 const TICK_US: u64 = 100_000;
@@ -87,13 +87,14 @@ impl Stage {
             ArmState::Armed => THROTTLE,
             ArmState::Disarmed => 0,
         };
-        self.vehicle.control(now_us, Lever::At(throttle), Lever::At(0));
+        self.vehicle
+            .control(now_us, StickInput::Position(throttle), StickInput::Position(0));
         for (number, pack) in Pack::ALL.into_iter().enumerate().take(self.sensed.len()) {
             if self.sensed[number].voltage_v.is_some() {
                 self.tick_pack(now_us, number, pack);
             }
         }
-        self.vehicle.follow_batteries(self.bank.worst_failsafe());
+        self.vehicle.update_batteries(self.bank.worst_failsafe());
         let settings = VehicleSettings::from_parameters(&self.parameters);
         self.vehicle.update(now_us, &settings);
         self.drives.push((time_s, drive(self.vehicle.drives().left)));

@@ -81,7 +81,7 @@ pub async fn sample_batteries(
             // Nine packs take 3 ms: so long nobody else should have to wait.
             yield_now().await;
         }
-        shared.with_vehicle(|vehicle| vehicle.follow_batteries(bank.worst_failsafe()));
+        shared.with_vehicle(|vehicle| vehicle.update_batteries(bank.worst_failsafe()));
         if shared.samples().is_multiple_of(TICKS_PER_RECORD) {
             retain(memory, &bank.memory());
         }

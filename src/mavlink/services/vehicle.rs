@@ -12,7 +12,7 @@ use crate::mavlink::messages::{CheckedBy, arming_failure_text, lever_deflected_t
 use crate::mavlink::payload::Payload;
 use crate::mavlink::replies::Replies;
 use crate::parameter::{Pack, Parameters, VehicleParameter};
-use crate::vehicle::{ArmingRefused, Lever, LeverName, Mode, Vehicle, VehicleSettings};
+use crate::vehicle::{ArmingRefused, Mode, Stick, StickInput, Vehicle, VehicleSettings};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
 const RUN_PREARM_CHECKS: u16 = MavCmd::MAV_CMD_RUN_PREARM_CHECKS as u16;
@@ -130,7 +130,7 @@ impl Rover<'_> {
         let pack = self.pack_failures().next();
         let of_pack = pack.map(|(instance, failure)| Unfit::Pack(instance, failure));
         of_pack.or_else(|| {
-            let lever = self.vehicle.deflected_lever();
+            let lever = self.vehicle.deflected_stick();
             lever.filter(|_| self.checks(LEVERS_CHECKED)).map(Unfit::Lever)
         })
     }
@@ -198,8 +198,8 @@ impl Rover<'_> {
     /// MANUAL_CONTROL.
     pub fn manual_control(&mut self, payload: &Payload<'_>) -> Driving {
         let axis = |at| match payload.i16(at) {
-            NO_AXIS => Lever::Released,
-            position => Lever::At(position),
+            NO_AXIS => StickInput::Released,
+            position => StickInput::Position(position),
         };
         self.control(axis(THROTTLE_AXIS_AT), axis(STEERING_AXIS_AT))
     }
@@ -207,17 +207,17 @@ impl Rover<'_> {
     /// RC_CHANNELS_OVERRIDE.
     pub fn override_channels(&mut self, payload: &Payload<'_>) -> Driving {
         let channel = |at| match payload.u16(at) {
-            RELEASED_US => Lever::Released,
-            UNCHANGED_US => Lever::Unchanged,
+            RELEASED_US => StickInput::Released,
+            UNCHANGED_US => StickInput::Unchanged,
             pulse_us => {
                 let pulse_us = pulse_us.clamp(SHORTEST_US, LONGEST_US) as i16;
-                Lever::At((pulse_us - MIDDLE_US) * LEVER_PER_US)
+                StickInput::Position((pulse_us - MIDDLE_US) * LEVER_PER_US)
             }
         };
         self.control(channel(THROTTLE_CHANNEL_AT), channel(STEERING_CHANNEL_AT))
     }
 
-    fn control(&mut self, throttle: Lever, steering: Lever) -> Driving {
+    fn control(&mut self, throttle: StickInput, steering: StickInput) -> Driving {
         if self.is_late() {
             return Driving::TooLate;
         }
@@ -236,7 +236,7 @@ enum Unfit {
     /// A check of the pack with this instance.
     Pack(u8, ArmingFailure),
     /// This lever is deflected.
-    Lever(LeverName),
+    Lever(Stick),
 }
 
 /// What came of a control message.
