@@ -45,8 +45,8 @@ mod firmware {
     static SIGNING: CheckIn = CheckIn::new("signing", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
 
-    /// Without a host, or with one that does not read, the USB link stands still, and nothing is wrong with the board.
-    /// So the supervisor does not look at it.
+    /// Without a host, or with one that does not read, the USB link stands still, and nothing is wrong with the board. So
+    /// the supervisor does not look at it.
     static UNWATCHED: CheckIn = CheckIn::new("USB", u32::MAX);
 
     #[embassy_executor::task]
@@ -173,7 +173,7 @@ mod firmware {
                 Some(tasks::load_parameters(&mut storage, &mut parameters_at_boot).await)
             }
             ParameterSource::Defaults => {
-                parameters_at_boot.mark_not_loaded();
+                parameters_at_boot.leave_stored_unread();
                 None
             }
         };
