@@ -75,7 +75,7 @@ mod tests {
                 let simulation = PackSimulation::new(&pack, &rover, &shared);
                 for _ in 0..asked {
                     Timer::after(Duration::from_secs(3600) / asked as u32).await;
-                    assert_eq!(living.now().charge(), living.now().charge());
+                    assert_eq!(simulation.now().charge(), simulation.now().charge());
                 }
             };
             clock::run_for(Duration::from_secs(3601), hour).expect("it ends");
