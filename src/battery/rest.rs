@@ -39,9 +39,11 @@ impl Rest {
     /// Processes a reading, and returns the voltage if the pack is at rest. A gap of [`MIN_REST_S`] between readings
     /// restarts the detection.
     pub fn update(&mut self, dt_s: f32, voltage_v: f32, current_a: Option<f32>) -> Option<f32> {
+        let is_first = self.voltage.value().is_none();
         let filtered_v = self.voltage.update(dt_s, voltage_v);
         let is_loaded = current_a.is_some_and(|current_a| current_a.abs() > RESTING_CURRENT_A);
-        if is_loaded || dt_s >= MIN_REST_S || (filtered_v - self.reference_v).abs() > REST_BAND_V {
+        if is_first || is_loaded || dt_s >= MIN_REST_S || (filtered_v - self.reference_v).abs() > REST_BAND_V
+        {
             self.reference_v = filtered_v;
             self.duration_s = 0.0;
         } else {
@@ -53,5 +55,21 @@ impl Rest {
     /// The voltage, if the pack is at rest.
     pub fn voltage_v(&self) -> Option<f32> {
         self.voltage.value().filter(|_| self.duration_s >= MIN_REST_S)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gap_before_the_first_reading_is_not_rest() {
+        let mut rest = Rest::new();
+        rest.update(0.0, 11.5, None);
+        rest.reset();
+        // The previous reading was 1.5 s ago, at the same voltage.
+        assert_eq!(rest.update(1.5, 11.5, None), None);
+        assert_eq!(rest.update(1.0, 11.5, None), None);
+        assert_eq!(rest.update(1.0, 11.5, None), Some(11.5));
     }
 }
