@@ -210,7 +210,7 @@ mod firmware {
         for (key, word) in StoredSigning::default().words(&ToStore::Key(key)) {
             stored.found(key, word);
         }
-        stored.restore(Condition::Whole)
+        stored.restore(Condition::Intact)
     }
 
     /// A 3S pack whose load changes every second.

@@ -1,11 +1,11 @@
-//! Regular due times that neither drift nor catch up.
+//! Periodic due times without drift or catch-up bursts.
 
 use core::num::NonZeroU64;
 
 /// Due times at a fixed interval.
 ///
-/// Each due time is the one before plus the interval, whatever the moment it was served, so the long-term rate is exact.
-/// When whole intervals were missed they are skipped, not made up for by a burst; the phase stays.
+/// Each due time is the previous one plus the interval, however late it was served, so the long-term rate is exact.
+/// Missed intervals are skipped, and the phase is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cadence {
     interval_us: NonZeroU64,
@@ -13,7 +13,7 @@ pub struct Cadence {
 }
 
 impl Cadence {
-    /// First due at `start_us`, then every `interval_us`. An interval of 0 is taken as 1 µs.
+    /// First due at `start_us`, then every `interval_us`, at least 1 µs.
     pub fn starting_at(start_us: u64, interval_us: u64) -> Self {
         Self {
             interval_us: at_least_1_us(interval_us),
@@ -21,17 +21,17 @@ impl Cadence {
         }
     }
 
-    /// When it is due next, in µs.
+    /// Next due time, in µs.
     pub fn due_us(&self) -> u64 {
         self.due_us
     }
 
-    /// The time between two due times, in µs.
+    /// Interval, in µs.
     pub fn interval_us(&self) -> u64 {
         self.interval_us.get()
     }
 
-    /// Whether it is due at `now_us`; if so the next due time is set.
+    /// Whether it is due at `now_us`; if so, advances to the next due time.
     pub fn take(&mut self, now_us: u64) -> bool {
         if now_us < self.due_us {
             return false;
@@ -46,19 +46,19 @@ impl Cadence {
         true
     }
 
-    /// Leaves out what would be due until `time_us`.
+    /// Skips due times up to `time_us`.
     pub fn skip_until(&mut self, time_us: u64) {
         self.take(time_us);
     }
 
-    /// Changes the interval. The next due time is one new interval after the last one served, or `now_us` if that has
-    /// passed, so a faster rate takes effect at once and a slower one does not send early.
+    /// Changes the interval. The next due time is one new interval after the last one served, but not before `now_us`:
+    /// a faster rate takes effect at once, and a slower one is not early.
     pub fn set_interval(&mut self, interval_us: u64, now_us: u64) {
         let interval_us = at_least_1_us(interval_us);
         if interval_us == self.interval_us {
             return;
         }
-        // What is due already stays due.
+        // A due time that has passed stays due.
         if self.due_us > now_us {
             let last_served_us = self.due_us.saturating_sub(self.interval_us());
             self.due_us = last_served_us.saturating_add(interval_us.get()).max(now_us);
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_skipped_is_not_made_up_for() {
+    fn skipped_due_times_are_not_caught_up() {
         let mut cadence = Cadence::starting_at(50, 100);
         cadence.skip_until(480);
         assert_eq!(cadence.due_us(), 550);
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_due_stays_due_when_the_interval_changes() {
+    fn changing_the_interval_keeps_a_due_time_due() {
         let mut cadence = Cadence::starting_at(500, 100);
         cadence.set_interval(1_000, 500);
         assert!(cadence.take(500));

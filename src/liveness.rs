@@ -1,24 +1,24 @@
-//! Who is alive: each task checks in, and the watchdog is fed only while nobody is overdue.
+//! Task liveness: each task checks in, and the watchdog is fed only while none is overdue.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// One task's promise to be seen at least every `deadline_ms`.
+/// Check-in of a task with its deadline.
 ///
-/// Times are milliseconds since boot, modulo 2^32; differences stay right over the wrap.
+/// Times are milliseconds since boot, modulo 2^32.
 #[derive(Debug)]
 pub struct CheckIn {
     name: &'static str,
     deadline_ms: u32,
-    last_seen_ms: AtomicU32,
+    checked_in_ms: AtomicU32,
 }
 
 impl CheckIn {
-    /// A task called `name` that checks in at least every `deadline_ms`; it counts as seen at boot.
+    /// The task `name` has to check in at least every `deadline_ms`, first after boot.
     pub const fn new(name: &'static str, deadline_ms: u32) -> Self {
         Self {
             name,
             deadline_ms,
-            last_seen_ms: AtomicU32::new(0),
+            checked_in_ms: AtomicU32::new(0),
         }
     }
 
@@ -27,18 +27,18 @@ impl CheckIn {
         self.name
     }
 
-    /// The task is alive at `now_ms`.
+    /// Checks in at `now_ms`.
     pub fn mark(&self, now_ms: u32) {
-        self.last_seen_ms.store(now_ms, Ordering::Relaxed);
+        self.checked_in_ms.store(now_ms, Ordering::Relaxed);
     }
 
-    /// Whether the task has not been seen for longer than its deadline.
+    /// Whether the last check-in was longer ago than the deadline.
     pub fn is_overdue(&self, now_ms: u32) -> bool {
-        now_ms.wrapping_sub(self.last_seen_ms.load(Ordering::Relaxed)) > self.deadline_ms
+        now_ms.wrapping_sub(self.checked_in_ms.load(Ordering::Relaxed)) > self.deadline_ms
     }
 }
 
-/// The first of `tasks` that is overdue at `now_ms`.
+/// The first overdue one of `tasks` at `now_ms`.
 pub fn first_overdue<'a>(tasks: &[&'a CheckIn], now_ms: u32) -> Option<&'a CheckIn> {
     tasks.iter().find(|task| task.is_overdue(now_ms)).copied()
 }
@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_task_is_overdue_only_after_its_own_deadline() {
+    fn task_is_overdue_after_its_own_deadline() {
         let quick = CheckIn::new("quick", 300);
         let slow = CheckIn::new("slow", 2_000);
         let tasks = [&slow, &quick];
@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wrap_of_the_millisecond_counter_is_not_a_gap() {
+    fn millisecond_counter_may_wrap() {
         let task = CheckIn::new("task", 300);
         task.mark(u32::MAX - 99);
         assert!(!task.is_overdue(200));

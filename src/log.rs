@@ -1,7 +1,7 @@
-//! One set of logging macros: defmt on the board, standard error on a desk.
+//! Logging macros: defmt on the board, standard error on the host.
 //!
-//! A host build can't use defmt's own macros (they need its linker script), so the same call sites go to `eprintln!`
-//! there. Arguments must therefore be printable by both; enums derive `Debug`, and `defmt::Format` on the target.
+//! defmt's macros need its linker script, which a host build lacks. Arguments must be printable by both: `Debug` on the
+//! host, `defmt::Format` on the target.
 
 #[cfg(target_os = "none")]
 pub(crate) use defmt::{info, warn};
@@ -16,6 +16,6 @@ macro_rules! warning {
     ($($argument:tt)*) => { ::std::eprintln!("WARN  {}", ::std::format_args!($($argument)*)) };
 }
 
-// `warn` is also the name of a built-in attribute, so the macro needs another name where it is defined.
+// `warn` is also a built-in attribute, so the macro is defined under another name.
 #[cfg(not(target_os = "none"))]
 pub(crate) use {info, warning as warn};

@@ -173,7 +173,7 @@ mod firmware {
                 Some(tasks::load_parameters(&mut storage, &mut parameters_at_boot).await)
             }
             ParameterSource::Defaults => {
-                parameters_at_boot.leave_stored_unread();
+                parameters_at_boot.mark_not_loaded();
                 None
             }
         };

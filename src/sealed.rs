@@ -1,9 +1,8 @@
-//! Words in RAM that survive a reset, or are anything at all after power came on.
+//! Magic number and CRC guard for `.uninit` RAM, whose content is arbitrary after power-on.
 
 use crate::crc32::crc32;
 
-/// Puts `magic` into the first of `words` and a checksum of all others into the last. The magic number tells this layout
-/// from others.
+/// Writes `magic`, which identifies the layout, to the first of `words`, and the CRC of the others to the last.
 pub(crate) fn seal(words: &mut [u32], magic: u32) {
     let Some((checksum, content)) = words.split_last_mut() else {
         return;
@@ -14,7 +13,7 @@ pub(crate) fn seal(words: &mut [u32], magic: u32) {
     *checksum = crc32(content.iter().copied());
 }
 
-/// Whether somebody has sealed `words` with `magic`, and nothing has changed since.
+/// Whether `words` begin with `magic` and their CRC is valid.
 pub(crate) fn is_sealed(words: &[u32], magic: u32) -> bool {
     words.split_last().is_some_and(|(checksum, content)| {
         content.first() == Some(&magic) && *checksum == crc32(content.iter().copied())
@@ -26,7 +25,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_seal_is_broken_by_any_bit_and_by_another_magic_number() {
+    fn any_changed_bit_or_magic_number_is_invalid() {
         let mut words = [0, 1, 2, 3, 0];
         seal(&mut words, 0xCAFE);
         assert!(is_sealed(&words, 0xCAFE));

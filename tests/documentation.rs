@@ -332,7 +332,7 @@ const READ_ERRORS: [ReadError; 12] = [
     ReadError::Conversion,
     ReadError::NoPin,
     ReadError::NoCapacity,
-    ReadError::NoMember,
+    ReadError::NoHealthyMember,
     ReadError::Implausible,
     ReadError::NoAnswer,
     ReadError::BusStuck,
@@ -369,14 +369,14 @@ fn pack_events() -> Vec<PackEvent> {
     };
     let mut events = vec![
         PackEvent::CellsDetected { count: 3 },
-        PackEvent::CellsUnclear { voltage_v: 8.85 },
+        PackEvent::CellsAmbiguous { voltage_v: 8.85 },
         PackEvent::Swapped,
         PackEvent::ContactLost,
-        PackEvent::ContactBack,
+        PackEvent::ContactRestored,
         gap(Some(3.0)),
         gap(None),
-        PackEvent::SensorBack,
-        PackEvent::SwitchingOff,
+        PackEvent::SensorRecovered,
+        PackEvent::PoweringOff,
         failsafe(FailsafeLevel::Unhealthy, Contents::Charge),
         failsafe(FailsafeLevel::Low, Contents::Charge),
         failsafe(FailsafeLevel::Critical, Contents::Charge),
@@ -395,8 +395,8 @@ fn told() -> Vec<String> {
     let rover = [
         VehicleEvent::NeedsPosition(FailsafeAction::Rtl),
         VehicleEvent::Terminated,
-        VehicleEvent::ControlsSilent,
-        VehicleEvent::GroundStationsSilent,
+        VehicleEvent::ControlsTimedOut,
+        VehicleEvent::GroundStationsTimedOut,
     ];
     let rover = rover.map(|event| event.to_string());
     let site = FaultSite {

@@ -1,4 +1,4 @@
-//! A rover whose battery or driver fails, in stepped time: from the converter to the motors and the wire.
+//! Failsafes end to end in stepped time: from the ADC to the motors and the link.
 
 #[path = "support/line.rs"]
 mod line;
@@ -31,17 +31,17 @@ const SECOND: u64 = 1_000_000;
 const FULL: AdcCount = AdcCount(2482);
 const EMPTY: AdcCount = AdcCount(2000);
 
-/// The driver is there from here on, and drives at once.
+/// When the driver arms and starts driving.
 const ARMED_AT_US: u64 = SECOND;
 
-/// What a run is like.
+/// Configuration of a run.
 struct Scenario<'a> {
     parameters: &'a [(BatteryParameter, f32)],
-    /// When the pack is empty at once.
+    /// When the pack's voltage drops.
     empty_at_us: u64,
     /// When the driver stops sending.
-    silent_at_us: u64,
-    /// Something else that is sent once.
+    stops_sending_at_us: u64,
+    /// Another request with its time.
     request: (u64, Vec<u8>),
 }
 
@@ -50,13 +50,13 @@ impl Default for Scenario<'_> {
         Self {
             parameters: &[],
             empty_at_us: u64::MAX,
-            silent_at_us: u64::MAX,
+            stops_sending_at_us: u64::MAX,
             request: (u64::MAX, Vec::new()),
         }
     }
 }
 
-/// What came of it: all that the motors and the lamps were told, with the time, and what was sent.
+/// Result of a run: outputs to motors and lamps with their times, and all frames sent.
 struct Outcome {
     drives: Vec<(u64, SideDrives)>,
     shown: Vec<(u64, Indication)>,
@@ -64,13 +64,13 @@ struct Outcome {
 }
 
 impl Outcome {
-    /// When the motors were first told this after `from_us`.
-    fn told_at(&self, from_us: u64, drives: SideDrives) -> u64 {
-        let told = self
+    /// When the motors first got `drives` after `from_us`.
+    fn driven_at(&self, from_us: u64, drives: SideDrives) -> u64 {
+        let found = self
             .drives
             .iter()
-            .find(|(at_us, told)| *at_us >= from_us && *told == drives);
-        told.expect("the motors are told so").0
+            .find(|(at_us, other)| *at_us >= from_us && *other == drives);
+        found.expect("the motors get these outputs").0
     }
 
     fn texts(&self) -> Vec<String> {
@@ -80,45 +80,45 @@ impl Outcome {
             .collect()
     }
 
-    /// The state in the last HEARTBEAT.
+    /// `system_status` of the last HEARTBEAT.
     fn last_state(&self) -> u8 {
         let heartbeats = of_message(&self.frames, HEARTBEAT);
         Heartbeat(heartbeats[heartbeats.len() - 1]).system_status()
     }
 }
 
-struct Converter {
+struct SimulatedAdc {
     empty_at_us: u64,
 }
 
-impl AnalogIn for Converter {
+impl AnalogIn for SimulatedAdc {
     async fn convert(&mut self, _: AnalogPin) -> Result<AdcCount, ReadError> {
         let is_empty = Instant::now().as_micros() >= self.empty_at_us;
         Ok(if is_empty { EMPTY } else { FULL })
     }
 }
 
-/// Arms, sets the mode MANUAL, and pushes the throttle ten times a second.
+/// Arms, enters MANUAL, and sends full throttle ten times a second.
 struct Driver<'a> {
     scenario: &'a Scenario<'a>,
-    waiting: Vec<u8>,
+    pending: Vec<u8>,
     next_at_us: u64,
-    has_asked: bool,
+    has_requested: bool,
 }
 
 impl Driver<'_> {
-    /// What is sent at this moment.
-    fn says(&mut self, now_us: u64) -> Vec<u8> {
+    /// The bytes sent at `now_us`.
+    fn bytes_at(&mut self, now_us: u64) -> Vec<u8> {
         let mut bytes = Vec::new();
         if now_us == ARMED_AT_US {
             bytes.extend([arm(), do_set_mode(0.0)].concat());
         }
-        if now_us < self.scenario.silent_at_us {
+        if now_us < self.scenario.stops_sending_at_us {
             bytes.extend(manual_control(1, 0, 1000));
         }
         let (at_us, request) = &self.scenario.request;
-        if now_us >= *at_us && !self.has_asked {
-            self.has_asked = true;
+        if now_us >= *at_us && !self.has_requested {
+            self.has_requested = true;
             bytes.extend(request);
         }
         bytes
@@ -127,14 +127,14 @@ impl Driver<'_> {
 
 impl ByteSource for Driver<'_> {
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
-        while self.waiting.is_empty() {
+        while self.pending.is_empty() {
             Timer::at(Instant::from_micros(self.next_at_us)).await;
-            self.waiting = self.says(self.next_at_us);
+            self.pending = self.bytes_at(self.next_at_us);
             self.next_at_us += 100 * MILLISECOND;
         }
-        let taken = buffer.len().min(self.waiting.len());
-        buffer[..taken].copy_from_slice(&self.waiting[..taken]);
-        self.waiting.drain(..taken);
+        let taken = buffer.len().min(self.pending.len());
+        buffer[..taken].copy_from_slice(&self.pending[..taken]);
+        self.pending.drain(..taken);
         Ok(taken)
     }
 }
@@ -158,7 +158,7 @@ impl Indicators for Lamps<'_> {
 fn run(seconds: u64, scenario: &Scenario<'_>) -> Outcome {
     let check_in = CheckIn::new("", u32::MAX);
     let mut parameters = Parameters::defaults();
-    // The levers are followed at once.
+    // No slew rate limit.
     parameters.set(VehicleParameter::MotSlewrate, 0.0).unwrap();
     for (parameter, value) in [(BatteryParameter::Cells, 2.0)].iter().chain(scenario.parameters) {
         let id: ParameterId = parameter.of(Pack::First);
@@ -168,11 +168,11 @@ fn run(seconds: u64, scenario: &Scenario<'_>) -> Outcome {
     let mut memory = [RetainedRecord::BLANK; 2];
     let driver = Driver {
         scenario,
-        waiting: Vec::new(),
+        pending: Vec::new(),
         next_at_us: ARMED_AT_US,
-        has_asked: false,
+        has_requested: false,
     };
-    let pack = Converter {
+    let pack = SimulatedAdc {
         empty_at_us: scenario.empty_at_us,
     };
     clock::run_for(Duration::from_secs(seconds), async {
@@ -223,9 +223,9 @@ const HOLD_WHEN_CRITICAL: [(BatteryParameter, f32); 3] = [
 ];
 
 #[test]
-fn the_driver_drives_at_once_and_as_long_as_the_battery_is_well() {
+fn driver_drives_at_once_with_a_healthy_battery() {
     let outcome = run(10, &Scenario::default());
-    let driving_at_us = outcome.told_at(0, AHEAD);
+    let driving_at_us = outcome.driven_at(0, AHEAD);
     assert!(driving_at_us - ARMED_AT_US <= 5 * MILLISECOND, "{driving_at_us}");
     assert!(
         outcome
@@ -234,7 +234,7 @@ fn the_driver_drives_at_once_and_as_long_as_the_battery_is_well() {
             .all(|(at_us, drives)| (*drives == AHEAD) == (*at_us >= driving_at_us)
                 || at_us.abs_diff(ARMED_AT_US) <= 5 * MILLISECOND)
     );
-    // 50 times a second, and once more for each message of the driver.
+    // 50 times a second, and once per message of the driver.
     assert!(
         (590..=620).contains(&outcome.drives.len()),
         "{}",
@@ -245,8 +245,8 @@ fn the_driver_drives_at_once_and_as_long_as_the_battery_is_well() {
 }
 
 #[test]
-fn a_critical_battery_holds_the_rover_within_the_tick_that_decides() {
-    // Anywhere between two ticks of the battery.
+fn critical_battery_holds_within_the_deciding_tick() {
+    // At any offset between two battery ticks.
     for offset_us in (0..100).step_by(7).map(|offset| offset * MILLISECOND) {
         let empty_at_us = 5 * SECOND + offset_us;
         let outcome = run(
@@ -257,8 +257,8 @@ fn a_critical_battery_holds_the_rover_within_the_tick_that_decides() {
                 ..Scenario::default()
             },
         );
-        let held_at_us = outcome.told_at(empty_at_us, SideDrives::BRAKE);
-        // Seen in the next tick, and a timer of 1 s has run out when more than that has passed.
+        let held_at_us = outcome.driven_at(empty_at_us, SideDrives::BRAKE);
+        // Measured in the next tick; a timer of 1 s expires in the first tick after more than 1 s.
         let seen_at_us = empty_at_us.next_multiple_of(100 * MILLISECOND);
         let decided_at_us = seen_at_us + 1_100 * MILLISECOND;
         assert!(
@@ -266,7 +266,7 @@ fn a_critical_battery_holds_the_rover_within_the_tick_that_decides() {
             "{held_at_us} after {empty_at_us}"
         );
         assert!(held_at_us - empty_at_us <= 1_250 * MILLISECOND);
-        // The driver still pushes the throttle.
+        // The driver still sends full throttle.
         assert!(
             outcome
                 .drives
@@ -289,7 +289,7 @@ fn a_critical_battery_holds_the_rover_within_the_tick_that_decides() {
 }
 
 #[test]
-fn hold_is_left_on_command_though_the_battery_is_still_critical() {
+fn mode_can_be_changed_while_the_battery_is_critical() {
     let outcome = run(
         10,
         &Scenario {
@@ -305,7 +305,7 @@ fn hold_is_left_on_command_though_the_battery_is_still_critical() {
 }
 
 #[test]
-fn an_action_that_needs_a_position_holds_and_says_so() {
+fn action_that_needs_a_position_holds_and_announces_it() {
     let mut parameters = HOLD_WHEN_CRITICAL;
     parameters[2].1 = 1.0;
     let outcome = run(
@@ -316,7 +316,7 @@ fn an_action_that_needs_a_position_holds_and_says_so() {
             ..Scenario::default()
         },
     );
-    outcome.told_at(5 * SECOND, SideDrives::BRAKE);
+    outcome.driven_at(5 * SECOND, SideDrives::BRAKE);
     assert_eq!(
         outcome.texts(),
         [
@@ -327,7 +327,7 @@ fn an_action_that_needs_a_position_holds_and_says_so() {
 }
 
 #[test]
-fn termination_lets_it_roll_until_the_battery_is_reset() {
+fn termination_coasts_until_a_battery_reset() {
     const BATTERY_RESET: u16 = 42651;
     let mut parameters = HOLD_WHEN_CRITICAL;
     parameters[2].1 = 5.0;
@@ -354,7 +354,7 @@ fn termination_lets_it_roll_until_the_battery_is_reset() {
 }
 
 #[test]
-fn a_warning_drives_on() {
+fn warn_action_does_not_stop_the_rover() {
     let outcome = run(
         10,
         &Scenario {
@@ -373,17 +373,17 @@ fn a_warning_drives_on() {
 }
 
 #[test]
-fn a_driver_who_falls_silent_stops_the_rover_after_the_timeout() {
+fn control_time_out_stops_the_rover() {
     let outcome = run(
         10,
         &Scenario {
             parameters: &[(BatteryParameter::LowVolt, 7.0)],
-            silent_at_us: 5 * SECOND,
+            stops_sending_at_us: 5 * SECOND,
             ..Scenario::default()
         },
     );
-    // The last message came at 4.9 s; the drive looks every 20 ms whether 1.5 s have passed.
-    let held_at_us = outcome.told_at(5 * SECOND, SideDrives::BRAKE);
+    // The last message is at 4.9 s, the time-out 1.5 s, checked every 20 ms.
+    let held_at_us = outcome.driven_at(5 * SECOND, SideDrives::BRAKE);
     assert!(
         (6_400 * MILLISECOND..=6_420 * MILLISECOND).contains(&held_at_us),
         "{held_at_us}"

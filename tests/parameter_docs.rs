@@ -72,7 +72,9 @@ fn every_ready_parameter_file_has_a_failsafe_that_can_trip() {
             .into_iter()
             .filter(|pack| parameters.is_monitored(*pack))
             .map(|pack| PackSettings::from_parameters(&parameters, pack));
-        let armed: Vec<_> = settings.filter(|settings| !settings.failsafe.is_off()).collect();
+        let armed: Vec<_> = settings
+            .filter(|settings| !settings.failsafe.is_disabled())
+            .collect();
         assert!(!armed.is_empty(), "{file}: nothing ever counts as low");
         // What fails of a pack of which nothing is known but that it is well are thresholds in the wrong order.
         let well = BatteryState {

@@ -1,4 +1,4 @@
-//! What a ground station can do with the rover: frames in, frames and drives out.
+//! Requests of a ground station to the rover: frames in, frames and motor outputs out.
 
 mod support;
 
@@ -34,7 +34,7 @@ const ACTIVE_STATE: u8 = 4;
 const CRITICAL_STATE: u8 = 5;
 const EMERGENCY_STATE: u8 = 6;
 
-/// Arms without any check.
+/// Arms without checks.
 const FORCED: f32 = 21196.0;
 
 const GROUND_STATION: u8 = 6;
@@ -44,7 +44,7 @@ const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter
 const CRT_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::CrtVolt);
 const ARM_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::ArmVolt);
 
-/// A rover at our end of a fast link.
+/// A rover on a fast link.
 struct Rover {
     vehicle: Vehicle,
     batteries: Vec<BatteryState>,
@@ -52,12 +52,12 @@ struct Rover {
     endpoint: Endpoint,
     signing: Signing,
     now_us: u64,
-    /// For how long what is delivered may have waited on its way.
+    /// How long a delivered request may have been delayed.
     waited_us: u64,
 }
 
 impl Rover {
-    /// One with a pack of 11.1 V, without any limit on the throttle.
+    /// A rover with a pack of 11.1 V, without a slew rate limit.
     fn new() -> Self {
         let mut parameters = Parameters::defaults();
         parameters.set(VehicleParameter::MotSlewrate, 0.0).unwrap();
@@ -84,7 +84,7 @@ impl Rover {
         self
     }
 
-    /// Delivers requests and returns what came of the last one.
+    /// Delivers requests and returns the event of the last one.
     fn deliver(&mut self, requests: &[u8]) -> Event {
         let mut last = Event::Ignored;
         let taken = self.endpoint.push(requests);
@@ -107,7 +107,7 @@ impl Rover {
         last
     }
 
-    /// Everything that waits to leave.
+    /// All queued frames.
     fn sent(&mut self) -> Vec<Frame> {
         let mut framer = Framer::new();
         let mut bytes = Vec::new();
@@ -122,7 +122,7 @@ impl Rover {
         frames(&bytes)
     }
 
-    /// Delivers a request that is answered with this result, and returns the texts before that: severity and words.
+    /// Delivers a request, asserts its acknowledgement, and returns the preceding texts with their severities.
     fn ask(&mut self, request: &[u8], command: u16, result: u8) -> Vec<(u8, String)> {
         self.deliver(request);
         let mut answers = self.sent();
@@ -136,26 +136,26 @@ impl Rover {
         assert_eq!(self.ask(request, command, result), []);
     }
 
-    /// Lets time pass in ticks of 20 ms and returns what the rover says on its own.
+    /// Runs ticks of 20 ms and returns the texts of vehicle events.
     fn wait(&mut self, us: u64) -> Vec<String> {
         let until_us = self.now_us + us;
         let settings = VehicleSettings::from_parameters(&self.parameters);
-        let mut said = Vec::new();
+        let mut texts = Vec::new();
         while self.now_us < until_us {
             self.now_us += 20_000;
             let event = self.vehicle.update(self.now_us, &settings);
-            said.extend(event.map(|event| event.to_string()));
+            texts.extend(event.map(|event| event.to_string()));
         }
-        said
+        texts
     }
 
-    /// What the motors are told in the next tick.
+    /// Motor outputs after the next tick.
     fn drives(&mut self) -> SideDrives {
         assert_eq!(self.wait(20_000), [""; 0]);
         self.vehicle.drives()
     }
 
-    /// Mode, flags and state of the next HEARTBEAT.
+    /// Mode, flags and `system_status` of the next HEARTBEAT.
     fn heartbeat(&mut self) -> (u32, u8, u8) {
         let state = SystemState {
             vehicle: self.vehicle.status(),
@@ -174,7 +174,7 @@ impl Rover {
     }
 }
 
-/// The texts, with the chunks of each put together.
+/// The texts, reassembled from their chunks.
 fn joined(frames: &[Frame]) -> Vec<(u8, String)> {
     let mut texts: Vec<(u8, String)> = Vec::new();
     for frame in frames {
@@ -196,7 +196,7 @@ fn at_voltage(voltage_v: f32) -> BatteryState {
     }
 }
 
-/// Both sides' shares of their power; 0 rolls freely.
+/// Outputs at these duties; 0 coasts.
 fn turn(left: f32, right: f32) -> SideDrives {
     let [left, right] = [left, right].map(|share| match share {
         0.0 => MotorDrive::Coast,
@@ -206,7 +206,7 @@ fn turn(left: f32, right: f32) -> SideDrives {
 }
 
 #[test]
-fn it_is_armed_and_disarmed_by_both_kinds_of_command() {
+fn command_long_and_command_int_arm_and_disarm() {
     for request in [arm(), command_int_2(ARM_DISARM, 1.0, 0.0)] {
         let mut rover = Rover::new();
         assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
@@ -224,7 +224,7 @@ fn it_is_armed_and_disarmed_by_both_kinds_of_command() {
 }
 
 #[test]
-fn an_unfit_pack_keeps_it_from_being_armed_unless_that_is_forced() {
+fn unfit_pack_prevents_arming_unless_forced() {
     let unfit = || Rover::new().with(ARM_VOLT, 11.2).with(LOW_VOLT, 11.15);
     let mut rover = unfit();
     let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
@@ -238,12 +238,12 @@ fn an_unfit_pack_keeps_it_from_being_armed_unless_that_is_forced() {
     for no_force in [1.0, 21195.0, f32::NAN] {
         unfit().ask(&command_long_2(ARM_DISARM, 1.0, no_force), ARM_DISARM, FAILED);
     }
-    // Disarming is never refused.
+    // Disarming is always accepted.
     unfit().assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
 }
 
 #[test]
-fn the_check_of_the_batteries_can_be_turned_off() {
+fn battery_check_can_be_disabled() {
     for (checks, result) in [(0.0, ACCEPTED), (1.0, FAILED), (256.0, FAILED), (257.0, FAILED)] {
         let mut rover = Rover::new()
             .with(ARM_VOLT, 11.2)
@@ -253,7 +253,7 @@ fn the_check_of_the_batteries_can_be_turned_off() {
 }
 
 #[test]
-fn a_check_before_arming_tells_everything_that_fails_of_every_pack() {
+fn prearm_check_reports_all_failures_of_all_packs() {
     let mut rover = Rover::new()
         .with(LOW_VOLT, 11.2)
         .with(CRT_VOLT, 11.2)
@@ -286,7 +286,7 @@ fn a_check_before_arming_tells_everything_that_fails_of_every_pack() {
 }
 
 #[test]
-fn however_much_fails_the_command_is_acknowledged() {
+fn prearm_check_is_acknowledged_despite_many_failures() {
     let mut rover = Rover::new();
     rover.batteries = vec![at_voltage(5.0); 9];
     for pack in Pack::ALL {
@@ -300,13 +300,13 @@ fn however_much_fails_the_command_is_acknowledged() {
     }
     let request = command_long(RUN_PREARM_CHECKS, 0.0);
     let texts = rover.ask(&request, RUN_PREARM_CHECKS, ACCEPTED);
-    // There is room for fifteen texts beside the answer.
+    // The queue holds fifteen texts beside the acknowledgement.
     assert_eq!(texts.len(), 15);
     assert_eq!(rover.endpoint.statistics().dropped, 9 * 4 - 15);
 }
 
 #[test]
-fn modes_are_set_by_number_and_others_fail() {
+fn modes_are_set_by_number_and_unknown_ones_fail() {
     let mut rover = Rover::new();
     rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
     assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64, STANDBY_STATE));
@@ -327,7 +327,7 @@ fn modes_are_set_by_number_and_others_fail() {
 }
 
 #[test]
-fn manual_control_steers_by_y_and_drives_by_z() {
+fn manual_control_steers_by_y_and_throttles_by_z() {
     for (steering, throttle, expected) in [
         (0, 500, turn(0.5, 0.5)),
         (500, 0, turn(0.5, -0.5)),
@@ -341,12 +341,12 @@ fn manual_control_steers_by_y_and_drives_by_z() {
         let event = rover.deliver(&manual_control(1, steering, throttle));
         assert_eq!(event, Event::Driven);
         assert_eq!(rover.drives(), expected, "{steering} {throttle}");
-        assert_eq!(rover.sent(), [], "it is not answered");
+        assert_eq!(rover.sent(), [], "not acknowledged");
     }
 }
 
 #[test]
-fn manual_control_is_for_one_rover_only() {
+fn manual_control_of_other_systems_is_ignored() {
     for target in [0, 2, 255] {
         let mut rover = Rover::armed_in(0.0);
         let event = rover.deliver(&manual_control(target, 0, 1000));
@@ -355,11 +355,11 @@ fn manual_control_is_for_one_rover_only() {
 }
 
 #[test]
-fn overridden_channels_steer_until_they_are_released() {
+fn overrides_drive_until_released() {
     let mut rover = Rover::armed_in(0.0);
     for (steering_us, throttle_us, expected) in [
         (1500, 1750, turn(0.5, 0.5)),
-        // The throttle stays.
+        // The throttle is kept.
         (1250, 65535, turn(0.0, 1.0)),
         (0, 65535, turn(0.5, 0.5)),
         (65535, 900, turn(-1.0, -1.0)),
@@ -375,7 +375,7 @@ fn overridden_channels_steer_until_they_are_released() {
 }
 
 #[test]
-fn an_override_drives_the_rover_it_names_and_no_other() {
+fn override_drives_only_its_target() {
     for target in [[1, 1], [1, 0]] {
         let mut rover = Rover::armed_in(0.0);
         let event = rover.deliver(&rc_override(target, 1500, 2000));
@@ -389,12 +389,12 @@ fn an_override_drives_the_rover_it_names_and_no_other() {
 }
 
 #[test]
-fn a_steering_override_does_not_bring_an_old_throttle_back() {
+fn steering_override_does_not_resume_an_old_throttle() {
     let mut rover = Rover::armed_in(0.0);
     rover.deliver(&rc_override(VEHICLE, 1500, 2000));
     assert_eq!(rover.wait(1_520_000), ["Radio Failsafe: Hold"]);
     rover.deliver(&rc_override(VEHICLE, 1500, 65535));
-    // The throttle has not come back.
+    // No throttle message since.
     rover.ask(&do_set_mode(0.0), DO_SET_MODE, FAILED);
     rover.deliver(&rc_override(VEHICLE, 1500, 0));
     rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
@@ -403,7 +403,7 @@ fn a_steering_override_does_not_bring_an_old_throttle_back() {
 }
 
 #[test]
-fn a_throttle_times_out_while_steering_goes_on() {
+fn throttle_times_out_while_steering_continues() {
     let mut rover = Rover::armed_in(0.0);
     rover.deliver(&rc_override(VEHICLE, 1500, 2000));
     let mut texts = Vec::new();
@@ -416,7 +416,7 @@ fn a_throttle_times_out_while_steering_goes_on() {
 }
 
 #[test]
-fn a_lever_that_was_pushed_before_arming_and_is_silent_since_does_not_drive() {
+fn stick_moved_only_before_arming_does_not_drive() {
     for silence_us in [0, 1_000_000, 60_000_000] {
         let mut rover = Rover::new();
         rover.deliver(&manual_control(1, 1000, 1000));
@@ -429,7 +429,7 @@ fn a_lever_that_was_pushed_before_arming_and_is_silent_since_does_not_drive() {
 }
 
 #[test]
-fn it_is_not_armed_while_a_lever_is_deflected() {
+fn deflected_stick_prevents_arming() {
     for (steering, throttle, text) in [
         (0, 1000, "Arm: Throttle (RC3) is not neutral"),
         (0, -51, "Arm: Throttle (RC3) is not neutral"),
@@ -439,7 +439,7 @@ fn it_is_not_armed_while_a_lever_is_deflected() {
         rover.deliver(&manual_control(1, steering, throttle));
         let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
         assert_eq!(texts, [(CRITICAL, text.into())]);
-        // Centred, or gone: it is armed.
+        // Centred or timed out: arming succeeds.
         rover.deliver(&manual_control(1, 50, -50));
         rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
         let mut rover = Rover::new();
@@ -450,7 +450,7 @@ fn it_is_not_armed_while_a_lever_is_deflected() {
 }
 
 #[test]
-fn armed_by_force_or_without_the_check_a_deflected_lever_has_to_be_neutral_once() {
+fn stick_deflected_on_forced_arming_must_be_neutral_first() {
     for (checks, force) in [(1.0, FORCED), (0.0, 0.0), (256.0, 0.0)] {
         let mut rover = Rover::new().with(VehicleParameter::ArmingCheck, checks);
         rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
@@ -467,7 +467,7 @@ fn armed_by_force_or_without_the_check_a_deflected_lever_has_to_be_neutral_once(
 }
 
 #[test]
-fn what_may_have_waited_for_longer_than_the_timeout_moves_nothing() {
+fn requests_delayed_beyond_the_timeout_are_refused() {
     let mut rover = Rover::armed_in(0.0);
     rover.wait(2_000_000);
     rover.waited_us = 1_500_001;
@@ -477,7 +477,7 @@ fn what_may_have_waited_for_longer_than_the_timeout_moves_nothing() {
     }
     let refused = [(WARNING, "Command waited for too long: refused".to_string())];
     assert_eq!(rover.ask(&do_set_mode(0.0), DO_SET_MODE, FAILED), refused);
-    // What stops the rover is obeyed however late it comes.
+    // Requests that stop the rover are accepted at any delay.
     rover.assert_ack(&do_set_mode(4.0), DO_SET_MODE, ACCEPTED);
     rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
     assert_eq!(rover.ask(&arm(), ARM_DISARM, FAILED), refused);
@@ -486,7 +486,7 @@ fn what_may_have_waited_for_longer_than_the_timeout_moves_nothing() {
 }
 
 #[test]
-fn the_age_of_a_lever_counts_from_when_it_may_have_come() {
+fn stick_time_out_counts_from_the_earliest_reception() {
     let mut rover = Rover::armed_in(0.0);
     rover.wait(2_000_000);
     rover.waited_us = 1_000_000;
@@ -496,7 +496,7 @@ fn the_age_of_a_lever_counts_from_when_it_may_have_come() {
 }
 
 #[test]
-fn an_armed_rover_is_neither_restarted_nor_reset_to_defaults() {
+fn restart_and_parameter_reset_are_refused_while_armed() {
     for request in [
         reboot(),
         command_int(246, 1.0),
@@ -516,14 +516,14 @@ fn an_armed_rover_is_neither_restarted_nor_reset_to_defaults() {
             [(WARNING, "Not while armed: disarm first".to_string())]
         );
         assert_eq!((texts[1].u16(0), texts[1].u8(2)), (number, FAILED));
-        assert_eq!(rover.drives(), turn(1.0, 1.0), "it is still driven");
+        assert_eq!(rover.drives(), turn(1.0, 1.0), "still driving");
         rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
         assert!(matches!(rover.deliver(&request), Event::Command(_)));
     }
 }
 
 #[test]
-fn a_rover_that_is_about_to_restart_is_not_armed() {
+fn arming_is_refused_before_a_restart() {
     let mut rover = Rover::new();
     rover.deliver(&reboot());
     rover.sent();
@@ -534,7 +534,7 @@ fn a_rover_that_is_about_to_restart_is_not_armed() {
 }
 
 #[test]
-fn overrides_of_other_channels_do_not_stand_for_a_ground_station() {
+fn overrides_of_other_channels_are_no_heartbeat() {
     let mut rover = Rover::armed_in(0.0);
     rover.deliver(&heartbeat(GROUND_STATION));
     let mut texts = Vec::new();
@@ -546,7 +546,7 @@ fn overrides_of_other_channels_do_not_stand_for_a_ground_station() {
 }
 
 #[test]
-fn in_hold_and_disarmed_levers_move_nothing() {
+fn sticks_are_ignored_in_hold_and_disarmed() {
     let mut rover = Rover::armed_in(4.0);
     rover.deliver(&manual_control(1, 0, 1000));
     assert_eq!(rover.drives(), SideDrives::BRAKE);
@@ -557,7 +557,7 @@ fn in_hold_and_disarmed_levers_move_nothing() {
 }
 
 #[test]
-fn a_driver_who_is_not_heard_any_more_is_missed_after_the_timeout() {
+fn controls_time_out_after_fs_timeout() {
     for timeout_s in [1.0, 1.5, 10.0] {
         let mut rover = Rover::armed_in(0.0).with(VehicleParameter::FsTimeout, timeout_s);
         rover.deliver(&manual_control(1, 0, 1000));
@@ -566,7 +566,7 @@ fn a_driver_who_is_not_heard_any_more_is_missed_after_the_timeout() {
         assert_eq!(rover.wait(20_000), ["Radio Failsafe: Hold"]);
         assert_eq!(rover.vehicle.drives(), SideDrives::BRAKE);
         assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
-        assert_eq!(rover.wait(30_000_000), [""; 0], "it is said once");
+        assert_eq!(rover.wait(30_000_000), [""; 0], "announced once");
 
         let texts = rover.ask(&do_set_mode(0.0), DO_SET_MODE, FAILED);
         assert_eq!(texts, [(WARNING, "Failsafe active: mode change denied".into())]);
@@ -577,7 +577,7 @@ fn a_driver_who_is_not_heard_any_more_is_missed_after_the_timeout() {
 }
 
 #[test]
-fn a_ground_station_that_is_not_heard_any_more_is_missed_and_other_systems_are_not() {
+fn only_ground_station_heartbeats_time_out() {
     let mut rover = Rover::armed_in(0.0);
     assert_eq!(rover.deliver(&heartbeat(ONBOARD_CONTROLLER)), Event::Ignored);
     assert_eq!(rover.wait(5_000_000), [""; 0]);
@@ -586,7 +586,7 @@ fn a_ground_station_that_is_not_heard_any_more_is_missed_and_other_systems_are_n
             rover.deliver(&heartbeat(GROUND_STATION)),
             Event::GroundStationHeard
         );
-        // Also when a few of them were lost.
+        // Also after a few lost ones.
         assert_eq!(rover.wait(4_000_000), [""; 0]);
     }
     rover.deliver(&heartbeat(ONBOARD_CONTROLLER));
@@ -597,16 +597,16 @@ fn a_ground_station_that_is_not_heard_any_more_is_missed_and_other_systems_are_n
 }
 
 #[test]
-fn hold_by_a_low_battery_is_left_on_command_and_termination_is_not() {
+fn battery_hold_can_be_left_and_termination_can_not() {
     let mut rover = Rover::armed_in(0.0);
     rover.vehicle.battery_failsafe(FailsafeAction::Hold);
-    rover.vehicle.follow_batteries(FailsafeLevel::Low);
+    rover.vehicle.update_batteries(FailsafeLevel::Low);
     assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
     rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
     assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64 | 128, CRITICAL_STATE));
 
     rover.vehicle.battery_failsafe(FailsafeAction::Terminate);
-    rover.vehicle.follow_batteries(FailsafeLevel::Critical);
+    rover.vehicle.update_batteries(FailsafeLevel::Critical);
     assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64, EMERGENCY_STATE));
     for force in [0.0, 21196.0] {
         let request = command_long_2(ARM_DISARM, 1.0, force);
@@ -617,7 +617,7 @@ fn hold_by_a_low_battery_is_left_on_command_and_termination_is_not() {
     let texts = rover.ask(&command_long(RUN_PREARM_CHECKS, 0.0), RUN_PREARM_CHECKS, ACCEPTED);
     let expected = "PreArm: Terminated: reset the battery or restart";
     assert_eq!(texts, [(CRITICAL, expected.into())]);
-    rover.vehicle.follow_batteries(FailsafeLevel::None);
+    rover.vehicle.update_batteries(FailsafeLevel::None);
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
 }
 
@@ -637,7 +637,7 @@ fn request() -> impl Strategy<Value = Vec<u8>> {
 
 proptest! {
     #[test]
-    fn whatever_is_asked_for_the_motors_turn_only_when_armed_in_manual(
+    fn motors_turn_only_when_armed_in_manual(
         requests in prop::collection::vec((request(), 0u64..2_000_000), 0..60),
     ) {
         let mut rover = Rover::new();

@@ -1,6 +1,6 @@
-//! Whatever a rover receives, in whatever order and after whatever silence: its motors turn only by a lever message that is no
-//! older than `FS_TIMEOUT`, came from a permitted sender, and came after arming; a lever that was deflected when the rover was
-//! armed has to be neutral first. What the motors do is worked out here from the list of all messages, by these rules alone.
+//! Safety property, for any sequence of messages and gaps: motors turn only by a stick message that is not older than
+//! `FS_TIMEOUT`, has a permitted sender, and was received after arming; a stick deflected on arming has to be neutral
+//! first. The expected outputs are computed from the log of all messages by these rules alone.
 
 #[path = "support/desk.rs"]
 mod desk;
@@ -33,7 +33,7 @@ use support::requests::{
 };
 
 const TIMEOUT_US: u64 = 1_500_000;
-/// The vehicle is updated this often.
+/// Update interval of the vehicle.
 const TICK_US: u64 = 20_000;
 const NEUTRAL: f32 = 0.05;
 /// Signatures count tens of microseconds.
@@ -48,7 +48,7 @@ const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21196.0;
 const GROUND_STATION: u8 = 6;
 
-/// What a message says of a lever.
+/// What a message says about a stick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Says {
     At(i16),
@@ -110,8 +110,8 @@ impl Request {
         }
     }
 
-    /// What it says of steering and throttle, if it is for this rover.
-    fn levers(self) -> Option<[Says; 2]> {
+    /// Its steering and throttle, if it is for this rover.
+    fn sticks(self) -> Option<[Says; 2]> {
         match self {
             Self::ManualControl(target, steering, throttle) => {
                 target.names_us().then_some([steering, throttle])
@@ -137,7 +137,7 @@ impl Target {
     }
 }
 
-/// MANUAL_CONTROL has no value for an axis that the message is not about.
+/// MANUAL_CONTROL can't leave an axis unchanged.
 fn axis(says: Says) -> i16 {
     match says {
         Says::At(position) => position,
@@ -162,7 +162,7 @@ fn says() -> impl Strategy<Value = Says> {
     ]
 }
 
-/// An axis is somewhere or released.
+/// An axis has a position or is released.
 fn axis_says() -> impl Strategy<Value = Says> {
     says().prop_map(|says| {
         if says == Says::Nothing {
@@ -210,14 +210,14 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// Everything that bears on a lever.
+/// Log entry of a stick.
 #[derive(Clone, Copy)]
 enum Logged {
     Says { received_us: u64, says: Says },
     Armed { at_us: u64 },
 }
 
-/// Where a lever counts as being, from all that bears on it.
+/// Effective position of a stick by its log.
 fn position(log: &[Logged], now_us: u64) -> f32 {
     let since_arming = log
         .iter()
@@ -238,7 +238,7 @@ fn position(log: &[Logged], now_us: u64) -> f32 {
     }
 }
 
-/// Whether it was deflected at some arming, and neither neutral nor released since.
+/// Whether it was deflected on arming, and neither neutral nor released since.
 fn is_blocked(log: &[Logged]) -> bool {
     let mut is_blocked = false;
     let mut latest = None;
@@ -293,7 +293,7 @@ fn are_alike(one: MotorDrive, other: MotorDrive) -> bool {
     }
 }
 
-/// Lets the vehicle's ticks pass up to `until_us`.
+/// Runs the vehicle's ticks up to `until_us`.
 fn wait(desk: &mut Desk, until_us: u64) {
     let settings = VehicleSettings::from_parameters(&desk.parameters);
     while desk.now_us < until_us {
@@ -343,7 +343,7 @@ fn check(steps: &[Step], link: LinkKind, with_key: bool) -> Result<(), TestCaseE
                 let is_permitted = !with_key || matches!(sender, Sender::Owner);
                 prop_assert!(is_permitted || desk.vehicle.arm_state() == before);
                 if let Some(says) = request
-                    .levers()
+                    .sticks()
                     .filter(|_| is_permitted && waited_us <= TIMEOUT_US)
                 {
                     let received_us = desk.now_us - waited_us;
@@ -361,7 +361,7 @@ fn check(steps: &[Step], link: LinkKind, with_key: bool) -> Result<(), TestCaseE
             }
         }
         let status = desk.vehicle.status();
-        let [steering, throttle] = [0, 1].map(|lever| position(&logs[lever], desk.now_us));
+        let [steering, throttle] = [0, 1].map(|stick| position(&logs[stick], desk.now_us));
         let expected = match (status.arm_state, status.mode) {
             (ArmState::Disarmed, _) => SideDrives::COAST,
             (ArmState::Armed, Mode::Hold) => SideDrives::BRAKE,
@@ -378,14 +378,14 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2_000))]
 
     #[test]
-    fn motors_turn_only_by_a_fresh_lever_message_from_after_arming(
+    fn motors_turn_only_by_recent_stick_messages_since_arming(
         steps in prop::collection::vec(step(), 0..80),
     ) {
         check(&steps, LinkKind::Radio, false)?;
     }
 
     #[test]
-    fn with_a_key_motors_turn_only_by_its_owners_lever_messages(
+    fn with_a_key_motors_turn_only_by_signed_stick_messages(
         steps in prop::collection::vec(step(), 0..80),
     ) {
         check(&steps, LinkKind::Radio, true)?;

@@ -1,4 +1,4 @@
-//! Stories of packs, run on the core: monitors and vehicle, without tasks, links or a clock.
+//! Stories, run on the core: monitors and vehicle without tasks, links or a clock.
 
 #[path = "support/story.rs"]
 mod story;
@@ -11,18 +11,18 @@ use rover_battmon::battery::{
 };
 use rover_battmon::mavlink::pack_announcement;
 use rover_battmon::parameter::{Pack, ParameterId, Parameters};
-use rover_battmon::vehicle::{FailsafeAction, Lever, Mode, MotorDrive, Vehicle, VehicleSettings};
+use rover_battmon::vehicle::{FailsafeAction, Mode, MotorDrive, StickInput, Vehicle, VehicleSettings};
 use story::{Drive, Input, Level, Outcome, Story};
 
 const TICK_US: u64 = 100_000;
 
-/// A tick after the moment it has to follow from, and another for the rounding of times.
+/// One tick after the cause, and another for rounding.
 const TOLERANCE_S: f64 = 0.2;
 
-/// Half throttle, so that the motors would turn if they may.
+/// Half throttle, so that the motors turn when allowed.
 const THROTTLE: i16 = 500;
 
-/// A rover to which a story happens.
+/// A rover that runs a story.
 struct Stage {
     parameters: Parameters,
     bank: BatteryBank,
@@ -82,18 +82,19 @@ impl Stage {
 
     fn tick(&mut self, now_us: u64) {
         let time_s = now_us as f64 * 1e-6;
-        // A lever that is deflected while the rover is armed would have to be neutral first.
+        // A stick deflected on arming would have to be neutral first.
         let throttle = match self.vehicle.arm_state() {
             ArmState::Armed => THROTTLE,
             ArmState::Disarmed => 0,
         };
-        self.vehicle.control(now_us, Lever::At(throttle), Lever::At(0));
+        self.vehicle
+            .control(now_us, StickInput::Position(throttle), StickInput::Position(0));
         for (number, pack) in Pack::ALL.into_iter().enumerate().take(self.sensed.len()) {
             if self.sensed[number].voltage_v.is_some() {
                 self.tick_pack(now_us, number, pack);
             }
         }
-        self.vehicle.follow_batteries(self.bank.worst_failsafe());
+        self.vehicle.update_batteries(self.bank.worst_failsafe());
         let settings = VehicleSettings::from_parameters(&self.parameters);
         self.vehicle.update(now_us, &settings);
         self.drives.push((time_s, drive(self.vehicle.drives().left)));
@@ -144,7 +145,7 @@ impl Stage {
                     self.texts
                         .iter()
                         .any(|(time_s, said)| is_then(*time_s) && said.starts_with(text)),
-                    "{name}: nobody says {text:?} at {at_s} s: {:?}",
+                    "{name}: no text {text:?} at {at_s} s: {:?}",
                     self.texts
                 ),
                 Outcome::Motors(expected) => {
@@ -152,7 +153,7 @@ impl Stage {
                         .drives
                         .iter()
                         .rfind(|(time_s, _)| time_s <= at_s)
-                        .expect("it runs");
+                        .expect("a tick");
                     assert_eq!(then.1, *expected, "{name} at {at_s} s");
                 }
             }
@@ -165,7 +166,7 @@ impl Stage {
 
 fn level_of(level: FailsafeLevel) -> Level {
     match level {
-        FailsafeLevel::None => panic!("no level is none to announce"),
+        FailsafeLevel::None => panic!("no level to announce"),
         FailsafeLevel::Unhealthy => Level::Unhealthy,
         FailsafeLevel::Low => Level::Low,
         FailsafeLevel::Critical => Level::Critical,
@@ -194,15 +195,15 @@ fn run(story: &Story) {
 }
 
 #[test]
-fn every_story_ends_as_it_is_told() {
+fn every_story_has_its_expected_outcomes() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stories");
-    let mut told = 0;
+    let mut stories = 0;
     for entry in fs::read_dir(folder).expect("the folder exists") {
-        let path = entry.expect("it can be read").path();
+        let path = entry.expect("readable").path();
         let name = path.file_stem().and_then(|stem| stem.to_str()).expect("a name");
-        let text = fs::read_to_string(&path).expect("it can be read");
+        let text = fs::read_to_string(&path).expect("readable");
         run(&Story::parse(name, &text));
-        told += 1;
+        stories += 1;
     }
-    assert!(told > 0, "no story was found");
+    assert!(stories > 0, "no story was found");
 }

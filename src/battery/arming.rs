@@ -1,27 +1,27 @@
-//! What keeps a pack from driving the rover, before it is armed.
+//! Arming checks of a pack.
 
 use core::fmt;
 
 use super::failsafe::{FailsafeLevel, is_below, remaining_mah, voltage_v};
 use super::{BatteryState, PackSettings, PackStatus};
 
-/// Why a pack is not fit to drive. The words are ArduPilot's, in the order in which it looks.
+/// Why a pack fails the arming checks, in ArduPilot's words and order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ArmingFailure {
-    /// There is no pack, or its sensor does not deliver, or it did not for too long while the rover was armed.
+    /// No pack is connected, its sensor has failed, or an unhealthy failsafe is latched.
     Unhealthy,
-    /// The terminals' voltage is below `BATT_ARM_VOLT`.
+    /// The terminal voltage is below `BATT_ARM_VOLT`.
     BelowArmingVoltage,
-    /// The charge that is left is below `BATT_ARM_MAH`.
+    /// The remaining charge is below `BATT_ARM_MAH`.
     BelowArmingCapacity,
-    /// The voltage is below `BATT_LOW_VOLT`, or the pack was low before.
+    /// The voltage is below `BATT_LOW_VOLT`, or a low failsafe is latched.
     LowVoltage,
-    /// The charge that is left is below `BATT_LOW_MAH`.
+    /// The remaining charge is below `BATT_LOW_MAH`.
     LowCapacity,
-    /// The voltage is below `BATT_CRT_VOLT`, or the pack was critical before.
+    /// The voltage is below `BATT_CRT_VOLT`, or a critical failsafe is latched.
     CriticalVoltage,
-    /// The charge that is left is below `BATT_CRT_MAH`.
+    /// The remaining charge is below `BATT_CRT_MAH`.
     CriticalCapacity,
     /// `BATT_CRT_MAH` is not below `BATT_LOW_MAH`.
     CapacityOrder,
@@ -45,11 +45,10 @@ impl fmt::Display for ArmingFailure {
     }
 }
 
-/// Everything that keeps a pack from driving the rover at this moment, without any timer. A pack that is not monitored
-/// keeps nobody from anything, and what is not known is below no threshold.
+/// All failed checks of a pack, by its present values without any timer. A pack that is not monitored passes, and so
+/// does an unknown value.
 ///
-/// A failsafe level that was reached stays one until the battery is reset. It is told as one of voltage, unless it is
-/// the charge that is below its threshold now.
+/// A latched failsafe level fails as one of voltage, unless the charge is below its threshold now.
 pub fn arming_failures(
     state: &BatteryState,
     settings: &PackSettings,
@@ -59,10 +58,10 @@ pub fn arming_failures(
     let remaining_mah = remaining_mah(state);
     let low_capacity = is_below(remaining_mah, low.remaining_mah);
     let critical_capacity = is_below(remaining_mah, critical.remaining_mah);
-    let was = |level| state.failsafe == level;
+    let is_latched = |level| state.failsafe == level;
     let checks = [
         (
-            state.status != PackStatus::Healthy || was(FailsafeLevel::Unhealthy),
+            state.status != PackStatus::Healthy || is_latched(FailsafeLevel::Unhealthy),
             ArmingFailure::Unhealthy,
         ),
         (
@@ -74,21 +73,22 @@ pub fn arming_failures(
             ArmingFailure::BelowArmingCapacity,
         ),
         (
-            is_below(voltage_v, low.voltage_v) || was(FailsafeLevel::Low) && !low_capacity,
+            is_below(voltage_v, low.voltage_v) || is_latched(FailsafeLevel::Low) && !low_capacity,
             ArmingFailure::LowVoltage,
         ),
         (low_capacity, ArmingFailure::LowCapacity),
         (
-            is_below(voltage_v, critical.voltage_v) || was(FailsafeLevel::Critical) && !critical_capacity,
+            is_below(voltage_v, critical.voltage_v)
+                || is_latched(FailsafeLevel::Critical) && !critical_capacity,
             ArmingFailure::CriticalVoltage,
         ),
         (critical_capacity, ArmingFailure::CriticalCapacity),
         (
-            is_upside_down(low.remaining_mah, critical.remaining_mah),
+            is_inverted(low.remaining_mah, critical.remaining_mah),
             ArmingFailure::CapacityOrder,
         ),
         (
-            is_upside_down(low.voltage_v, critical.voltage_v),
+            is_inverted(low.voltage_v, critical.voltage_v),
             ArmingFailure::VoltageOrder,
         ),
     ];
@@ -99,8 +99,8 @@ pub fn arming_failures(
         .map(|(_, failure)| failure)
 }
 
-/// Both are set, and the critical one would come first or at the same time.
-fn is_upside_down(low: Option<f32>, critical: Option<f32>) -> bool {
+/// Whether both are set and the critical threshold is not below the low one.
+fn is_inverted(low: Option<f32>, critical: Option<f32>) -> bool {
     low.zip(critical).is_some_and(|(low, critical)| critical >= low)
 }
 
@@ -147,13 +147,13 @@ mod tests {
     }
 
     #[test]
-    fn a_full_pack_keeps_nobody_from_driving() {
+    fn full_pack_passes() {
         assert!(failures(&pack(12.6, 100.0), &settings()).is_empty());
         assert!(failures(&pack(11.0, 50.0), &settings()).is_empty());
     }
 
     #[test]
-    fn every_failure_is_told_in_ardupilots_words_and_order() {
+    fn failures_have_ardupilots_words_and_order() {
         let mut settings = settings();
         settings.failsafe.critical = thresholds(10.5, 400.0);
         let state = BatteryState {
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_off_or_not_known_fails_no_check() {
+    fn disabled_thresholds_and_unknown_values_pass() {
         assert!(failures(&pack(3.0, 0.0), &PackSettings::default()).is_empty());
         let unknown = BatteryState {
             status: PackStatus::Healthy,
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn sag_counts_for_arming_and_for_a_threshold_only_if_it_looks_at_the_terminals() {
+    fn sag_fails_only_checks_of_the_terminal_voltage() {
         let sagging = BatteryState {
             resting_voltage_v: Some(11.5),
             ..pack(10.4, 100.0)
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_level_that_was_reached_refuses_until_the_battery_is_reset() {
+    fn latched_failsafe_level_fails() {
         for (level, expected) in [
             (FailsafeLevel::Unhealthy, "unhealthy"),
             (FailsafeLevel::Low, "low voltage failsafe"),

@@ -1,4 +1,4 @@
-//! Up to nine packs.
+//! The monitors of all packs.
 
 use super::sum::{SumVoltage, sum};
 use super::{BatteryMonitor, Contents, FailsafeLevel, MAX_PACKS, Measurement, PackMemory, ReadError};
@@ -10,21 +10,21 @@ pub struct BatteryBank {
 }
 
 impl BatteryBank {
-    /// Monitors that have seen nothing yet.
+    /// Monitors without any reading yet.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The monitor of a pack; `None` beyond the last.
+    /// The monitor of an instance; `None` beyond the last.
     pub fn monitor(&mut self, instance: u8) -> Option<&mut BatteryMonitor> {
         self.monitors.get_mut(usize::from(instance))
     }
 
-    /// What the packs in `mask` amount to together, by their latest states. Bit 0 is instance 0; an empty mask means all
-    /// packs behind `own` (`BATT_SUM_MASK`). A sum never includes itself.
+    /// The sum of the packs in `mask` (`BATT_SUM_MASK`), by their latest states. Bit 0 is instance 0; an empty mask
+    /// means all instances after `own`. A sum never includes itself.
     ///
     /// # Errors
-    /// None of them is healthy.
+    /// No member is healthy.
     pub fn sum(&self, own: u8, mask: u16, voltage: SumVoltage) -> Result<Measurement, ReadError> {
         let is_member = move |instance: u8| {
             if mask == 0 {
@@ -50,7 +50,7 @@ impl BatteryBank {
         levels.max().unwrap_or_default()
     }
 
-    /// What has to survive a reset of the processor.
+    /// What is retained over a reset of the processor.
     pub fn memory(&self) -> [PackMemory; MAX_PACKS] {
         let mut memory = [PackMemory::default(); MAX_PACKS];
         for (pack, monitor) in memory.iter_mut().zip(&self.monitors) {
@@ -59,7 +59,7 @@ impl BatteryBank {
         memory
     }
 
-    /// Takes up what was known before a reset of the processor.
+    /// Continues with what was retained over a reset of the processor.
     pub fn restore(&mut self, memory: &[PackMemory; MAX_PACKS]) {
         for (monitor, pack) in self.monitors.iter_mut().zip(memory) {
             monitor.restore(pack);
@@ -73,7 +73,7 @@ mod tests {
     use crate::battery::{PackSettings, Tick};
 
     #[test]
-    fn the_members_of_a_sum_are_packs_that_hold_charge() {
+    fn sum_has_only_electric_packs_as_members() {
         let mut bank = BatteryBank::new();
         for (instance, contents) in [(1, Contents::Charge), (2, Contents::Fuel), (3, Contents::Charge)] {
             let reading = Measurement {

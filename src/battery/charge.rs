@@ -1,75 +1,74 @@
-//! State of charge, from the cells' voltage and the charge that is drawn.
+//! State of charge, from the cell voltage and the charge drawn.
 
 use super::charge_tracker::CellReading;
 use super::chemistry::Cell;
 use super::load::{CapacitySource, Load};
-use super::low_pass::Pace;
+use super::low_pass::FilterGain;
 
-/// How far sensors of the current and capacities on labels are off, as a share.
-const DRAWN_UNCERTAINTY: f32 = 0.05;
+/// Relative error of counted charge: current sensors and rated capacities.
+const COUNTING_ERROR: f32 = 0.05;
 
-/// How far a capacity is off that is only guessed from the resistance.
-const GUESSED_DRAWN_UNCERTAINTY: f32 = 0.5;
+/// The same with a capacity that is only inferred from the resistance.
+const INFERRED_COUNTING_ERROR: f32 = 0.5;
 
-/// What was counted by a guessed capacity is replaced by what the voltage tells within about so many seconds.
-const GUESS_TIME_CONSTANT_S: f32 = 60.0;
+/// Time constant with which the voltage corrects a count by an inferred capacity, in seconds.
+const CORRECTION_TIME_CONSTANT_S: f32 = 60.0;
 
-/// Bounds that are further apart leave nothing to tell: ± 30 %.
-const WIDEST: f32 = 0.6;
+/// Start reporting once the bounds are this close: ± 30 %.
+const MAX_WIDTH_TO_START: f32 = 0.6;
 
-/// What has been told is told on until they are so far apart.
-const WIDEST_ONCE_TOLD: f32 = 0.8;
+/// Hysteresis: keep reporting up to this width.
+const MAX_WIDTH_TO_CONTINUE: f32 = 0.8;
 
-/// Bounds are kept within these: beyond empty and full as far as they are uncertain.
-const LOWEST: f32 = -0.1;
-const HIGHEST: f32 = 1.1;
+/// Limits of the bounds: beyond empty and full by the uncertainty of the curves' ends.
+const MIN_BOUND: f32 = -0.1;
+const MAX_BOUND: f32 = 1.1;
 
-/// How many standard deviations of the curves of different makes the bounds are apart from the middle.
+/// Half width of the bounds, in standard deviations of the discharge curves.
 const CURVE_SIGMAS: f32 = 2.0;
 
-/// Without a current, a voltage above what is expected is believed so many times faster than one below: a load can only
-/// lower it.
+/// Without a current sensor, a voltage above the expected one corrects the estimate this many times faster than one
+/// below: a load can only lower the voltage.
 const RISE_SPEEDUP: f32 = 3.0;
 
-/// A larger sag than this is not taken for a load, in volts.
-const LARGEST_SAG_V: f32 = 0.8;
+/// Limit of the sag that is attributed to a load, in volts.
+const MAX_SAG_V: f32 = 0.8;
 
 const HOURS_PER_SECOND: f32 = 1.0 / 3600.0;
 
-/// The state of charge, between two bounds.
+/// The state of charge, with an upper and a lower bound.
 ///
-/// Counting charge moves it and parts the bounds slowly, by what current and capacity may be wrong. The voltage tells
-/// bounds of its own, as wide as the curve and the sag are uncertain; where they are narrower, they are taken over. So
-/// the voltage does not move an estimate that it does not contradict: an error of the curve stays the same however often
-/// it is looked at, and nothing is learnt from looking again.
+/// Counting charge moves all three, and widens the bounds by the errors of current and capacity. The voltage gives
+/// bounds of its own, as wide as the errors of the curve and the sag; the tighter bound wins. So a voltage that is
+/// consistent with the estimate does not move it: the error of the curve is systematic, and does not average out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct StateOfCharge {
     /// 0 empty, 1 full.
     value: f32,
     low: f32,
     high: f32,
-    /// How far apart the bounds may be for the value to be told.
-    widest: f32,
+    /// The value is unknown while the bounds are further apart.
+    max_width: f32,
 }
 
-/// How fast a state of charge gives way to what the voltage tells.
+/// The gains with which the voltage corrects a state of charge.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Paces {
-    bound: Pace,
-    guess: Pace,
+pub(super) struct FilterGains {
+    bounds: FilterGain,
+    correction: FilterGain,
 }
 
-impl Paces {
+impl FilterGains {
     pub const fn new(bound_time_constant_s: f32) -> Self {
         Self {
-            bound: Pace::new(bound_time_constant_s),
-            guess: Pace::new(GUESS_TIME_CONSTANT_S),
+            bounds: FilterGain::new(bound_time_constant_s),
+            correction: FilterGain::new(CORRECTION_TIME_CONSTANT_S),
         }
     }
 }
 
 impl StateOfCharge {
-    /// From the voltage of a cell at this load; `None` if the load is not known.
+    /// From the cell voltage under this load; `None` if the load is unknown.
     pub fn from_voltage(cell: &Cell, cell_voltage_v: f32, load: Option<Load>) -> Self {
         let resting_v = resting_voltage_v(cell, cell_voltage_v, load);
         let (low, high) = bounds(cell, resting_v, load);
@@ -77,17 +76,17 @@ impl StateOfCharge {
             value: cell.curve.state_of_charge(resting_v),
             low,
             high,
-            widest: WIDEST,
+            max_width: MAX_WIDTH_TO_START,
         }
     }
 
-    /// Somebody who knows has told, as a share from 0 to 1.
-    pub const fn told(value: f32) -> Self {
+    /// Set by a battery reset, from 0 to 1.
+    pub const fn from_reset(value: f32) -> Self {
         Self {
             value,
             low: value,
             high: value,
-            widest: WIDEST,
+            max_width: MAX_WIDTH_TO_START,
         }
     }
 
@@ -95,84 +94,83 @@ impl StateOfCharge {
         [self.value, self.low, self.high].map(f32::to_bits)
     }
 
-    /// `None` if these are no numbers a state of charge can have.
+    /// `None` if no state of charge has these words.
     pub fn from_words(words: [u32; 3]) -> Option<Self> {
         let [value, low, high] = words.map(f32::from_bits);
-        let is_possible = (0.0..=1.0).contains(&value) && low <= high && low >= LOWEST && high <= HIGHEST;
+        let is_possible =
+            (0.0..=1.0).contains(&value) && low <= high && low >= MIN_BOUND && high <= MAX_BOUND;
         is_possible.then_some(Self {
             value,
             low,
             high,
-            widest: WIDEST,
+            max_width: MAX_WIDTH_TO_START,
         })
     }
 
-    /// From 0 to 1; `None` if it may be nearly anything.
+    /// From 0 to 1; `None` if it is too uncertain.
     pub fn value(&self) -> Option<f32> {
-        (self.high - self.low <= self.widest).then_some(self.value)
+        (self.high - self.low <= self.max_width).then_some(self.value)
     }
 
     /// Takes the next reading.
-    pub fn update(&mut self, cell: &Cell, reading: &CellReading, paces: &mut Paces) {
+    pub fn update(&mut self, cell: &Cell, reading: &CellReading, gains: &mut FilterGains) {
         match (reading.load, reading.voltage_v) {
             (Some(load), Some(voltage_v)) => {
-                self.draw(reading.dt_s, load);
-                let share = paces.bound.share_of_step(reading.dt_s);
-                self.bound(share, cell, voltage_v, load);
-                if load.capacity == CapacitySource::Guessed {
-                    let share = paces.guess.share_of_step(reading.dt_s);
-                    self.look_again(cell, voltage_v, load, share);
+                self.count(reading.dt_s, load);
+                let alpha = gains.bounds.alpha(reading.dt_s);
+                self.tighten(alpha, cell, voltage_v, load);
+                if load.capacity == CapacitySource::Inferred {
+                    let alpha = gains.correction.alpha(reading.dt_s);
+                    self.correct(cell, voltage_v, load, alpha);
                 }
             }
-            (Some(load), None) => self.draw(reading.dt_s, load),
-            (None, Some(voltage_v)) => self.follow(reading.dt_s, cell, voltage_v),
+            (Some(load), None) => self.count(reading.dt_s, load),
+            (None, Some(voltage_v)) => self.infer_load(reading.dt_s, cell, voltage_v),
             (None, None) => {}
         }
-        self.widest = match self.value() {
-            Some(_) => WIDEST_ONCE_TOLD,
-            None => WIDEST,
+        self.max_width = match self.value() {
+            Some(_) => MAX_WIDTH_TO_CONTINUE,
+            None => MAX_WIDTH_TO_START,
         };
     }
 
-    /// Moves to what the voltage tells by this share of the way.
-    pub fn look_again(&mut self, cell: &Cell, cell_voltage_v: f32, load: Load, share: f32) {
-        let told = cell
+    /// Moves towards the state of charge at this voltage and load, with gain `alpha`.
+    pub fn correct(&mut self, cell: &Cell, cell_voltage_v: f32, load: Load, alpha: f32) {
+        let by_voltage = cell
             .curve
             .state_of_charge(resting_voltage_v(cell, cell_voltage_v, Some(load)));
-        self.value = (self.value + (told - self.value) * share).clamp(0.0, 1.0);
+        self.value = (self.value + (by_voltage - self.value) * alpha).clamp(0.0, 1.0);
     }
 
-    /// A load has lasted for `dt_s` seconds.
-    fn draw(&mut self, dt_s: f32, load: Load) {
+    /// Counts the charge drawn by a load in `dt_s` seconds.
+    fn count(&mut self, dt_s: f32, load: Load) {
         let drawn = load.rate_per_h * dt_s * HOURS_PER_SECOND;
-        let uncertainty = match load.capacity {
-            CapacitySource::Set => DRAWN_UNCERTAINTY,
-            CapacitySource::Guessed => GUESSED_DRAWN_UNCERTAINTY,
+        let relative_error = match load.capacity {
+            CapacitySource::Set => COUNTING_ERROR,
+            CapacitySource::Inferred => INFERRED_COUNTING_ERROR,
         };
-        let error = uncertainty * drawn.abs();
+        let error = relative_error * drawn.abs();
         self.value = (self.value - drawn).clamp(0.0, 1.0);
-        self.low = (self.low - drawn - error).clamp(LOWEST, HIGHEST);
-        self.high = (self.high - drawn + error).clamp(LOWEST, HIGHEST);
+        self.low = (self.low - drawn - error).clamp(MIN_BOUND, MAX_BOUND);
+        self.high = (self.high - drawn + error).clamp(MIN_BOUND, MAX_BOUND);
     }
 
-    /// Takes over a share of what the cell's voltage under this load tells.
-    fn bound(&mut self, share: f32, cell: &Cell, cell_voltage_v: f32, load: Load) {
+    /// Tightens the bounds towards those at this voltage and load, with gain `alpha`.
+    fn tighten(&mut self, alpha: f32, cell: &Cell, cell_voltage_v: f32, load: Load) {
         let resting_v = resting_voltage_v(cell, cell_voltage_v, Some(load));
         let (low, high) = bounds(cell, resting_v, Some(load));
-        self.low += (low - self.low).max(0.0) * share;
+        self.low += (low - self.low).max(0.0) * alpha;
         self.high = self.high.max(self.low);
-        self.high += (high - self.high).min(0.0) * share;
+        self.high += (high - self.high).min(0.0) * alpha;
         self.low = self.low.min(self.high);
         self.value = self.value.max(self.low).min(self.high).clamp(0.0, 1.0);
     }
 
-    /// The cell had this voltage for `dt_s` seconds, under a load that is not measured.
-    ///
-    /// The sag tells the load: a load of one capacity an hour takes a typical amount off the voltage. So the charge is
-    /// counted by the sag below the resting voltage, and an estimate that is too high has too large a sag and falls faster.
-    fn follow(&mut self, dt_s: f32, cell: &Cell, cell_voltage_v: f32) {
+    /// Counts the charge drawn in `dt_s` seconds by a load that is not measured but inferred from the sag, with the
+    /// typical sag at 1 C. An estimate that is too high has too large a sag, and falls faster: it converges.
+    fn infer_load(&mut self, dt_s: f32, cell: &Cell, cell_voltage_v: f32) {
         let sag_v = cell.curve.voltage_v(self.value) - cell_voltage_v;
-        let sag_v = sag_v.clamp(-LARGEST_SAG_V, LARGEST_SAG_V);
+        let sag_v = sag_v.clamp(-MAX_SAG_V, MAX_SAG_V);
         let speedup = if sag_v < 0.0 { RISE_SPEEDUP } else { 1.0 };
         let drawn = speedup * sag_v / cell.lasting_drop_v() * dt_s * HOURS_PER_SECOND;
         self.value = (self.value - drawn).clamp(0.0, 1.0);
@@ -180,19 +178,19 @@ impl StateOfCharge {
     }
 }
 
-/// The voltage of a cell without its load, as far as that is known, and within its curve.
+/// The cell voltage plus the known sag, limited to the curve.
 fn resting_voltage_v(cell: &Cell, cell_voltage_v: f32, load: Option<Load>) -> f32 {
     let sag_v = load.map_or(0.0, |load| load.sag_v);
-    // Not `clamp`, which would panic if the curve were upside down.
+    // Not `clamp`: it panics if the limits are inverted.
     (cell_voltage_v + sag_v)
         .max(cell.curve.empty_v())
         .min(cell.curve.full_v())
 }
 
-/// Between which states of charge a cell is that rests at this voltage.
+/// The bounds of the state of charge of a cell with this resting voltage.
 fn bounds(cell: &Cell, resting_v: f32, load: Option<Load>) -> (f32, f32) {
     let sag_error_v = load.map_or(0.0, |load| load.sag_error_v.abs());
     let error_v = CURVE_SIGMAS * cell.curve_spread_v + sag_error_v;
-    let at = |voltage_v| cell.curve.state_of_charge(voltage_v).clamp(LOWEST, HIGHEST);
+    let at = |voltage_v| cell.curve.state_of_charge(voltage_v).clamp(MIN_BOUND, MAX_BOUND);
     (at(resting_v - error_v), at(resting_v + error_v))
 }

@@ -1,28 +1,28 @@
-//! How much is left, in steps.
+//! The charge state, with hysteresis and debouncing.
 
 use super::failsafe::ArmState;
 use super::faults::Faults;
 use super::{ChargeState, FailsafeLevel, PackStatus};
 
-/// Below so many percent a pack is low, critical, an emergency: PX4's `BAT_LOW_THR`, `BAT_CRIT_THR`, `BAT_EMERGEN_THR`.
+/// Thresholds of low, critical and emergency, in percent: PX4's `BAT_LOW_THR`, `BAT_CRIT_THR`, `BAT_EMERGEN_THR`.
 const LOW_PCT: f32 = 15.0;
 const CRITICAL_PCT: f32 = 7.0;
 const EMERGENCY_PCT: f32 = 5.0;
 
-/// A better state needs so much more, in percent.
+/// Hysteresis towards a better state, in percent.
 const HYSTERESIS_PCT: f32 = 3.0;
 
-/// A new state has to last before it is told, in seconds: neither a spike nor the end of a climb makes it flap.
-const SETTLING_S: f32 = 3.0;
+/// Debounce time of a new state, in seconds.
+const DEBOUNCE_S: f32 = 3.0;
 
-/// A pack of a disarmed rover is being charged when this share of its capacity flows in per hour, or this current, in
-/// amperes, while the capacity is not known. What braking motors return is no charging.
+/// Charging current of a disarmed rover's pack, in capacities per hour, or in amperes while the capacity is unknown.
+/// Regenerative braking is not charging.
 const CHARGING_RATE_PER_H: f32 = 0.02;
 const CHARGING_A: f32 = 0.1;
 
-/// What the charge state follows from.
+/// The inputs of the charge state.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Signs {
+pub(super) struct Inputs {
     pub status: PackStatus,
     pub faults: Faults,
     pub failsafe: FailsafeLevel,
@@ -32,23 +32,23 @@ pub(super) struct Signs {
     pub capacity_mah: Option<f32>,
 }
 
-/// Follows the signs with hysteresis.
+/// The charge state of one pack.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ChargeStateMachine {
     state: ChargeState,
-    /// The state by the remaining charge alone.
+    /// The state by the remaining charge alone, with its hysteresis.
     by_charge: ChargeState,
     pending: ChargeState,
     pending_s: f32,
 }
 
 impl ChargeStateMachine {
-    pub fn update(&mut self, dt_s: f32, signs: &Signs) -> ChargeState {
-        self.by_charge = by_charge(self.by_charge, signs.remaining_pct);
-        let wanted = self.wanted(signs);
-        let by_failsafe = by_failsafe(signs.failsafe);
-        if self.state != ChargeState::Charging && can_hover(self.state) && wanted >= by_failsafe {
-            // It has had a timer of its own.
+    pub fn update(&mut self, dt_s: f32, inputs: &Inputs) -> ChargeState {
+        self.by_charge = by_charge(self.by_charge, inputs.remaining_pct);
+        let wanted = self.wanted(inputs);
+        let by_failsafe = by_failsafe(inputs.failsafe);
+        if self.state != ChargeState::Charging && needs_debounce(self.state) && wanted >= by_failsafe {
+            // The failsafe has debounced already, with its own timer.
             self.state = self.state.max(by_failsafe);
         }
         if wanted == self.state {
@@ -61,44 +61,44 @@ impl ChargeStateMachine {
         } else {
             self.pending_s += dt_s;
         }
-        // Sensors and faults have settled already.
-        if !(can_hover(self.state) && can_hover(wanted)) || self.pending_s >= SETTLING_S {
+        // Sensor health and faults are debounced at their source.
+        if !(needs_debounce(self.state) && needs_debounce(wanted)) || self.pending_s >= DEBOUNCE_S {
             self.state = wanted;
             self.pending_s = 0.0;
         }
         self.state
     }
 
-    fn wanted(&self, signs: &Signs) -> ChargeState {
-        match signs.status {
+    fn wanted(&self, inputs: &Inputs) -> ChargeState {
+        match inputs.status {
             PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected => {
                 return ChargeState::Undefined;
             }
             PackStatus::Unhealthy => return ChargeState::Unhealthy,
             PackStatus::Healthy => {}
         }
-        if signs.faults.contains(Faults::CELL_FAIL) {
+        if inputs.faults.contains(Faults::CELL_FAIL) {
             return ChargeState::Failed;
         }
-        if signs
+        if inputs
             .faults
             .intersects(Faults::INCOMPATIBLE_VOLTAGE | Faults::OVER_TEMPERATURE | Faults::SPIKES)
         {
             return ChargeState::Unhealthy;
         }
-        if is_charging(signs) {
+        if is_charging(inputs) {
             return ChargeState::Charging;
         }
-        let by_faults = if signs.faults.contains(Faults::DEEP_DISCHARGE) {
+        let by_faults = if inputs.faults.contains(Faults::DEEP_DISCHARGE) {
             ChargeState::Emergency
         } else {
             ChargeState::Ok
         };
-        self.by_charge.max(by_failsafe(signs.failsafe)).max(by_faults)
+        self.by_charge.max(by_failsafe(inputs.failsafe)).max(by_faults)
     }
 }
 
-/// A pack is at least as low as its failsafe level says.
+/// The minimum charge state at a failsafe level.
 fn by_failsafe(level: FailsafeLevel) -> ChargeState {
     match level {
         FailsafeLevel::None | FailsafeLevel::Unhealthy => ChargeState::Ok,
@@ -107,8 +107,8 @@ fn by_failsafe(level: FailsafeLevel) -> ChargeState {
     }
 }
 
-/// Whether a state follows from a value that may hover about a threshold.
-fn can_hover(state: ChargeState) -> bool {
+/// Whether a state depends on a value that may flap about a threshold.
+fn needs_debounce(state: ChargeState) -> bool {
     match state {
         ChargeState::Undefined | ChargeState::Unhealthy | ChargeState::Failed => false,
         ChargeState::Ok
@@ -121,7 +121,7 @@ fn can_hover(state: ChargeState) -> bool {
 
 fn by_charge(before: ChargeState, remaining_pct: Option<f32>) -> ChargeState {
     let Some(remaining_pct) = remaining_pct else {
-        // A pack that was low has not become fuller by being unknown.
+        // An unknown charge does not end a low state.
         return before.max(ChargeState::Ok);
     };
     let worst = |margin_pct: f32| {
@@ -135,23 +135,24 @@ fn by_charge(before: ChargeState, remaining_pct: Option<f32>) -> ChargeState {
             ChargeState::Ok
         }
     };
-    // Worse at the thresholds, better only above them by the hysteresis.
+    // Worsens at the threshold, improves only above it by the hysteresis.
     before.min(worst(HYSTERESIS_PCT)).max(worst(0.0))
 }
 
-fn is_charging(signs: &Signs) -> bool {
-    let threshold_a = signs.capacity_mah.map_or(CHARGING_A, |capacity_mah| {
+fn is_charging(inputs: &Inputs) -> bool {
+    let threshold_a = inputs.capacity_mah.map_or(CHARGING_A, |capacity_mah| {
         CHARGING_RATE_PER_H * capacity_mah / 1000.0
     });
-    signs.arm_state == ArmState::Disarmed && signs.current_a.is_some_and(|current_a| current_a < -threshold_a)
+    inputs.arm_state == ArmState::Disarmed
+        && inputs.current_a.is_some_and(|current_a| current_a < -threshold_a)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn healthy(remaining_pct: f32) -> Signs {
-        Signs {
+    fn healthy(remaining_pct: f32) -> Inputs {
+        Inputs {
             status: PackStatus::Healthy,
             faults: Faults::empty(),
             failsafe: FailsafeLevel::None,
@@ -162,16 +163,16 @@ mod tests {
         }
     }
 
-    fn after(machine: &mut ChargeStateMachine, seconds: f32, signs: &Signs) -> ChargeState {
+    fn after(machine: &mut ChargeStateMachine, seconds: f32, inputs: &Inputs) -> ChargeState {
         let mut state = machine.state;
         for _ in 0..(seconds * 10.0) as u32 {
-            state = machine.update(0.1, signs);
+            state = machine.update(0.1, inputs);
         }
         state
     }
 
     #[test]
-    fn it_falls_at_the_thresholds_and_rises_only_well_above_them() {
+    fn state_has_hysteresis_at_each_threshold() {
         let mut machine = ChargeStateMachine::default();
         for (remaining_pct, expected) in [
             (50.0, ChargeState::Ok),
@@ -195,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_charge_that_hovers_at_a_threshold_changes_it_once() {
+    fn charge_flapping_at_a_threshold_changes_state_once() {
         let mut machine = ChargeStateMachine::default();
         let mut changes = 0;
         let mut before = ChargeState::Undefined;
@@ -208,16 +209,16 @@ mod tests {
     }
 
     #[test]
-    fn braking_is_no_charging_but_a_charger_is() {
+    fn only_a_charger_counts_as_charging_not_braking() {
         let mut machine = ChargeStateMachine::default();
-        let charging = Signs {
+        let charging = Inputs {
             current_a: Some(-1.0),
             ..healthy(50.0)
         };
         after(&mut machine, 1.0, &healthy(50.0));
         assert_eq!(after(&mut machine, 1.0, &charging), ChargeState::Ok);
         assert_eq!(after(&mut machine, 4.0, &charging), ChargeState::Charging);
-        let driving = Signs {
+        let driving = Inputs {
             arm_state: ArmState::Armed,
             ..charging
         };
@@ -225,15 +226,15 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_sensor_and_a_failed_cell_are_told_at_once() {
+    fn failed_sensor_and_failed_cell_take_effect_at_once() {
         let mut machine = ChargeStateMachine::default();
         after(&mut machine, 1.0, &healthy(50.0));
-        let unhealthy = Signs {
+        let unhealthy = Inputs {
             status: PackStatus::Unhealthy,
             ..healthy(50.0)
         };
         assert_eq!(machine.update(0.1, &unhealthy), ChargeState::Unhealthy);
-        let failed = Signs {
+        let failed = Inputs {
             faults: Faults::CELL_FAIL,
             ..healthy(50.0)
         };
@@ -241,35 +242,35 @@ mod tests {
     }
 
     #[test]
-    fn a_failsafe_level_is_told_in_the_tick_that_reaches_it() {
+    fn failsafe_level_takes_effect_at_once() {
         let mut machine = ChargeStateMachine::default();
         after(&mut machine, 1.0, &healthy(50.0));
         for (failsafe, expected) in [
             (FailsafeLevel::Low, ChargeState::Low),
             (FailsafeLevel::Critical, ChargeState::Critical),
         ] {
-            let signs = Signs {
+            let inputs = Inputs {
                 failsafe,
                 ..healthy(50.0)
             };
-            assert_eq!(machine.update(0.1, &signs), expected);
+            assert_eq!(machine.update(0.1, &inputs), expected);
         }
-        // The battery was reset.
+        // After a battery reset.
         assert_eq!(after(&mut machine, 4.0, &healthy(50.0)), ChargeState::Ok);
     }
 
     #[test]
-    fn what_is_not_known_is_not_called_low() {
+    fn unknown_charge_is_not_low() {
         let mut machine = ChargeStateMachine::default();
-        let unknown = Signs {
+        let unknown = Inputs {
             remaining_pct: None,
             ..healthy(0.0)
         };
         assert_eq!(after(&mut machine, 1.0, &unknown), ChargeState::Ok);
-        // Nor does a low pack become a full one by being unknown.
+        // Nor does it end a low state.
         after(&mut machine, 4.0, &healthy(10.0));
         assert_eq!(after(&mut machine, 10.0, &unknown), ChargeState::Low);
-        let nothing = Signs {
+        let nothing = Inputs {
             status: PackStatus::NotConnected,
             ..unknown
         };

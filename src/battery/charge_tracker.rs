@@ -1,74 +1,74 @@
-//! From the first voltage on: follows the state of charge.
+//! Initialises the state of charge from the voltage, and tracks it.
 
-use super::charge::{Paces, StateOfCharge};
+use super::charge::{FilterGains, StateOfCharge};
 use super::chemistry::Cell;
 use super::failsafe::ArmState;
 use super::load::{Load, ResistanceSource};
 
-/// After a longer pause the charge is estimated afresh, in seconds.
-const LONGEST_PAUSE_S: f32 = 60.0;
+/// After a longer gap between readings the estimate is initialised again, in seconds.
+const MAX_GAP_S: f32 = 60.0;
 
-/// While an armed rover's load is not measured, the highest voltage in so many seconds is taken for the resting one.
-const WAIT_FOR_REST_S: f32 = 30.0;
+/// While armed without a current sensor, the maximum voltage within this time counts as the resting one, in seconds.
+const PEAK_HOLD_S: f32 = 30.0;
 
-/// An estimate that began under load is averaged for so long, in seconds: over changing loads the errors of the sag cancel
-/// out in part.
+/// An estimate that was initialised under load is averaged for this long, in seconds: over changing loads the errors of
+/// the sag partly cancel.
 const SETTLING_S: f32 = 60.0;
 
-/// How fast bounds that the voltage tells are taken over, in seconds: noise must not narrow them.
+/// Time constant with which the voltage tightens the bounds, in seconds: noise must not tighten them.
 const BOUND_TIME_CONSTANT_S: f32 = 10.0;
 
 /// The same after a battery reset.
-const TOLD_TIME_CONSTANT_S: f32 = 600.0;
+const RESET_TIME_CONSTANT_S: f32 = 600.0;
 
 /// A reading of one cell.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CellReading {
-    /// Seconds since the reading before.
+    /// Seconds since the previous reading.
     pub dt_s: f32,
-    /// The cell's voltage, in volts, if it is known.
+    /// The cell voltage, in volts, if known.
     pub voltage_v: Option<f32>,
-    /// The load, if it is known.
+    /// The load, if known.
     pub load: Option<Load>,
-    /// Without a known load: disarmed, the motors are off and the cells rest.
+    /// While the load is unknown, a disarmed rover counts as at rest.
     pub arm_state: ArmState,
 }
 
-/// Follows the state of charge of one pack.
+/// Tracks the state of charge of one pack.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum ChargeTracker {
-    /// Waits for a voltage that can be taken for a resting one.
+    /// Waits for a voltage that counts as a resting one.
     Waiting {
-        /// For how long, in seconds.
+        /// In seconds.
         waited_s: f32,
-        /// The highest voltage of a cell so far, in volts.
+        /// The maximum cell voltage so far, in volts.
         highest_v: f32,
     },
-    /// Knows.
-    Following {
-        /// What it knows.
+    /// Initialised.
+    Tracking {
+        /// The estimate.
         charge: StateOfCharge,
-        /// How well it began.
+        /// How it was initialised.
         start: Start,
-        /// How fast it gives way.
-        paces: Paces,
+        /// The gains of its corrections.
+        gains: FilterGains,
     },
 }
 
-/// How well an estimate began.
+/// How an estimate was initialised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Start {
-    /// It stands.
+    /// From a known voltage and sag, or settled since.
     Final,
-    /// Under a load whose sag is uncertain: it is the mean of what was told for so many seconds.
+    /// Under a load with an uncertain sag: the running mean of the estimates since then.
     Settling {
-        /// Since the start.
+        /// Seconds since the start.
         elapsed_s: f32,
-        /// What the sag was reckoned with; the estimate begins anew once that was learnt.
+        /// The source of the resistance; once it is measured, the estimate is initialised again.
         resistance: ResistanceSource,
     },
-    /// Somebody has told: only slowly does it give way to a voltage that contradicts it.
-    Told,
+    /// Set by a battery reset: a voltage that contradicts it corrects it slowly.
+    FromReset,
 }
 
 impl ChargeTracker {
@@ -79,33 +79,33 @@ impl ChargeTracker {
         }
     }
 
-    /// Somebody has told the state of charge, from 0 to 1.
-    pub const fn told(share: f32) -> Self {
-        Self::follow(StateOfCharge::told(share), Start::Told)
+    /// Set by a battery reset, from 0 to 1.
+    pub const fn from_reset(share: f32) -> Self {
+        Self::track(StateOfCharge::from_reset(share), Start::FromReset)
     }
 
-    const fn follow(charge: StateOfCharge, start: Start) -> Self {
+    const fn track(charge: StateOfCharge, start: Start) -> Self {
         let bound_time_constant_s = match start {
             Start::Final | Start::Settling { .. } => BOUND_TIME_CONSTANT_S,
-            Start::Told => TOLD_TIME_CONSTANT_S,
+            Start::FromReset => RESET_TIME_CONSTANT_S,
         };
-        Self::Following {
+        Self::Tracking {
             charge,
             start,
-            paces: Paces::new(bound_time_constant_s),
+            gains: FilterGains::new(bound_time_constant_s),
         }
     }
 
-    /// What is known.
+    /// The estimate, once initialised.
     pub fn charge(&self) -> Option<&StateOfCharge> {
         match self {
             Self::Waiting { .. } => None,
-            Self::Following { charge, .. } => Some(charge),
+            Self::Tracking { charge, .. } => Some(charge),
         }
     }
 
     pub fn update(&mut self, cell: &Cell, reading: &CellReading) {
-        if reading.dt_s > LONGEST_PAUSE_S || self.can_start_better(reading.load) {
+        if reading.dt_s > MAX_GAP_S || self.can_reinitialise(reading.load) {
             *self = Self::new();
         }
         match self {
@@ -114,20 +114,20 @@ impl ChargeTracker {
                 *highest_v = highest_v.max(reading.voltage_v.unwrap_or(0.0));
                 let (waited_s, highest_v) = (*waited_s, *highest_v);
                 if reading.voltage_v.is_some() {
-                    self.try_start(cell, reading, waited_s, highest_v);
+                    self.try_initialise(cell, reading, waited_s, highest_v);
                 }
             }
-            Self::Following { charge, start, paces } => {
-                charge.update(cell, reading, paces);
+            Self::Tracking { charge, start, gains } => {
+                charge.update(cell, reading, gains);
                 start.settle(charge, cell, reading);
             }
         }
     }
 
-    fn can_start_better(&self, load: Option<Load>) -> bool {
-        let was_guessed = matches!(
+    fn can_reinitialise(&self, load: Option<Load>) -> bool {
+        let resistance_was_typical = matches!(
             self,
-            Self::Following {
+            Self::Tracking {
                 start: Start::Settling {
                     resistance: ResistanceSource::Typical,
                     ..
@@ -135,24 +135,24 @@ impl ChargeTracker {
                 ..
             }
         );
-        was_guessed && load.is_some_and(|load| load.resistance == ResistanceSource::Learnt)
+        resistance_was_typical && load.is_some_and(|load| load.resistance == ResistanceSource::Measured)
     }
 
-    fn try_start(&mut self, cell: &Cell, reading: &CellReading, waited_s: f32, highest_v: f32) {
+    fn try_initialise(&mut self, cell: &Cell, reading: &CellReading, waited_s: f32, highest_v: f32) {
         let (voltage_v, start) = match (reading.load, reading.voltage_v) {
             (Some(load), Some(voltage_v)) => (voltage_v, Start::under(&load, cell)),
-            _ if reading.arm_state == ArmState::Disarmed || waited_s >= WAIT_FOR_REST_S => {
+            _ if reading.arm_state == ArmState::Disarmed || waited_s >= PEAK_HOLD_S => {
                 (highest_v, Start::Final)
             }
             _ => return,
         };
-        *self = Self::follow(StateOfCharge::from_voltage(cell, voltage_v, reading.load), start);
+        *self = Self::track(StateOfCharge::from_voltage(cell, voltage_v, reading.load), start);
     }
 }
 
 impl From<StateOfCharge> for ChargeTracker {
     fn from(charge: StateOfCharge) -> Self {
-        Self::follow(charge, Start::Final)
+        Self::track(charge, Start::Final)
     }
 }
 
@@ -177,7 +177,7 @@ impl Start {
         } else if let (Some(load), Some(voltage_v)) = (reading.load, reading.voltage_v)
             && *elapsed_s > 0.0
         {
-            charge.look_again(cell, voltage_v, load, reading.dt_s / *elapsed_s);
+            charge.correct(cell, voltage_v, load, reading.dt_s / *elapsed_s);
         }
     }
 }

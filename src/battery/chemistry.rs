@@ -1,8 +1,8 @@
-//! What cells are made of, and what follows from that.
+//! Cell chemistries and their typical parameters.
 
 use super::curve::Curve;
 
-/// What the cells are made of; the numbers are MAVLink's `MAV_BATTERY_TYPE` and those of `BATT_CHEM`.
+/// Cell chemistry, with the numbers of MAVLink's `MAV_BATTERY_TYPE` and `BATT_CHEM`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 #[repr(u8)]
@@ -18,31 +18,31 @@ pub enum Chemistry {
     NiMh = 4,
 }
 
-/// What is typical of a cell. `docs/battery-model.md` names the sources.
+/// Typical parameters of a cell. `docs/battery-model.md` names the sources.
 #[derive(Debug)]
 pub(super) struct Cell {
     /// Resting voltage against state of charge.
     pub curve: Curve,
-    /// Standard deviation of the curves of different makes and half the hysteresis, taken together, in volts.
+    /// Standard deviation of curves of different makes, with half the hysteresis, in volts.
     pub curve_spread_v: f32,
-    /// Ohmic resistance times capacity, in Ω·Ah: what a load of one capacity an hour takes off the voltage at once.
+    /// Ohmic resistance times capacity, in Ω·Ah: the immediate voltage drop at 1 C.
     pub ohmic_drop_v: f32,
-    /// How much more a lasting load takes off slowly, as a share of that.
+    /// The additional slow drop of a lasting load, relative to that.
     pub slow_share: f32,
-    /// Its nominal voltage, as makers print it on packs, in volts.
+    /// Nominal voltage as printed on packs, in volts.
     pub nominal_v: f32,
-    /// The voltage chargers usually end at, in volts; `None` where they do not go by the voltage.
+    /// Usual end-of-charge voltage, in volts; `None` where chargers do not end by voltage.
     pub charged_v: Option<f32>,
-    /// More than this no sound cell has, in volts.
-    pub highest_v: f32,
-    /// A resting cell below this is being harmed, in volts.
+    /// Maximum voltage of a sound cell, in volts.
+    pub max_v: f32,
+    /// Deep discharge: below this a cell at rest takes damage, in volts.
     pub deep_discharge_v: f32,
-    /// Less than this, at rest, is not this many cells of this chemistry, in volts.
-    pub lowest_v: f32,
+    /// Minimum plausible voltage at rest, in volts: below it, chemistry or cell count are set wrong.
+    pub min_v: f32,
 }
 
 impl Cell {
-    /// What a lasting load of one capacity an hour takes off the voltage in the end, in volts.
+    /// Steady-state voltage drop at 1 C, in volts.
     pub fn lasting_drop_v(&self) -> f32 {
         self.ohmic_drop_v * (1.0 + self.slow_share)
     }
@@ -56,12 +56,12 @@ impl Chemistry {
             .find(|chemistry| *chemistry as i32 == number)
     }
 
-    /// The nominal voltage of a cell, in volts.
+    /// Nominal cell voltage, in volts.
     pub fn nominal_cell_voltage_v(self) -> f32 {
         self.cell().nominal_v
     }
 
-    /// The voltage of a cell at which chargers usually end, in volts; `None` where they do not go by the voltage.
+    /// Usual end-of-charge cell voltage, in volts; `None` where chargers do not end by voltage.
     pub fn charged_cell_voltage_v(self) -> Option<f32> {
         self.cell().charged_v
     }
@@ -76,7 +76,8 @@ impl Chemistry {
     }
 }
 
-/// Curve: the mean of a graphite/LiCoO2 pouch cell (Ai et al. 2020, doi:10.1149/2.0122001JES) and of the chart hobbyists use.
+/// Curve: mean of a graphite/LiCoO2 pouch cell (Ai et al. 2020, doi:10.1149/2.0122001JES) and the hobbyists' usual
+/// chart.
 static LIPO: Cell = Cell {
     curve: Curve([
         3.135, 3.576, 3.665, 3.688, 3.712, 3.734, 3.752, 3.769, 3.781, 3.798, 3.817, 3.831, 3.853, 3.889,
@@ -87,12 +88,12 @@ static LIPO: Cell = Cell {
     slow_share: 0.35,
     nominal_v: 3.7,
     charged_v: Some(4.2),
-    highest_v: 4.35,
+    max_v: 4.35,
     deep_discharge_v: 3.0,
-    lowest_v: 2.0,
+    min_v: 2.0,
 };
 
-/// Curve: the mean of three cells (Safari and Delacourt 2011, doi:10.1149/1.3567007; Sunil et al. 2025; BPX's LFP 18650).
+/// Curve: mean of three cells (Safari and Delacourt 2011, doi:10.1149/1.3567007; Sunil et al. 2025; BPX's LFP 18650).
 static LIFE: Cell = Cell {
     curve: Curve([
         2.170, 3.092, 3.194, 3.218, 3.240, 3.260, 3.276, 3.284, 3.289, 3.292, 3.295, 3.299, 3.303, 3.310,
@@ -103,12 +104,12 @@ static LIFE: Cell = Cell {
     slow_share: 0.5,
     nominal_v: 3.2,
     charged_v: Some(3.65),
-    highest_v: 3.8,
+    max_v: 3.8,
     deep_discharge_v: 2.5,
-    lowest_v: 1.8,
+    min_v: 1.8,
 };
 
-/// Curve: the mean of five sources (Chen et al. 2020, doi:10.1149/1945-7111/ab9050; O'Regan et al. 2022; Molicel P42A and
+/// Curve: mean of five sources (Chen et al. 2020, doi:10.1149/1945-7111/ab9050; O'Regan et al. 2022; Molicel P42A and
 /// Samsung 40T by Sunil et al. 2025; Kim et al. 2011).
 #[expect(clippy::approx_constant, reason = "3.141 V is not π")]
 static LIION: Cell = Cell {
@@ -121,12 +122,12 @@ static LIION: Cell = Cell {
     slow_share: 0.55,
     nominal_v: 3.6,
     charged_v: Some(4.2),
-    highest_v: 4.35,
+    max_v: 4.35,
     deep_discharge_v: 2.5,
-    lowest_v: 1.8,
+    min_v: 1.8,
 };
 
-/// Curve: the mean of four of NREL's ADVISOR data sets. After charging and after discharging it differs by 90 mV.
+/// Curve: mean of four of NREL's ADVISOR data sets; the hysteresis between charging and discharging is 90 mV.
 static NIMH: Cell = Cell {
     curve: Curve([
         1.193, 1.218, 1.244, 1.258, 1.272, 1.282, 1.292, 1.299, 1.305, 1.308, 1.310, 1.316, 1.321, 1.327,
@@ -137,7 +138,7 @@ static NIMH: Cell = Cell {
     slow_share: 0.55,
     nominal_v: 1.2,
     charged_v: None,
-    highest_v: 1.65,
+    max_v: 1.65,
     deep_discharge_v: 0.9,
-    lowest_v: 0.8,
+    min_v: 0.8,
 };

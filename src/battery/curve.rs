@@ -1,24 +1,24 @@
-//! Resting voltage of a cell against its state of charge.
+//! Discharge curve: open-circuit voltage of a cell against its state of charge.
 
-/// Points of a curve: 0 %, 5 % … 100 %.
+/// Points of a curve: 0 %, 5 %, …, 100 %.
 pub(super) const POINTS: usize = 21;
 
-/// The resting voltage of one cell, in volts, at every twentieth of its charge. It rises throughout.
+/// Open-circuit voltage of a cell, in volts, in steps of 5 %; strictly increasing.
 #[derive(Debug)]
 pub(super) struct Curve(pub [f32; POINTS]);
 
 const SEGMENTS: usize = POINTS - 1;
 
-/// The share of the charge between two points.
-const SEGMENT: f32 = 1.0 / SEGMENTS as f32;
+/// State of charge between two points.
+const SEGMENT_WIDTH: f32 = 1.0 / SEGMENTS as f32;
 
 impl Curve {
-    /// The resting voltage of an empty cell, in volts.
+    /// Open-circuit voltage of an empty cell, in volts.
     pub fn empty_v(&self) -> f32 {
         self.ends(0).0
     }
 
-    /// The resting voltage of a full cell, in volts.
+    /// Open-circuit voltage of a full cell, in volts.
     pub fn full_v(&self) -> f32 {
         self.ends(SEGMENTS - 1).1
     }
@@ -31,13 +31,12 @@ impl Curve {
         low_v + (position - segment as f32) * (high_v - low_v)
     }
 
-    /// The state of charge at a resting voltage. Beyond the ends of the curve it goes on below 0 and above 1, as steep as
-    /// at the end.
+    /// The state of charge at a resting voltage; extrapolated below 0 and above 1.
     pub fn state_of_charge(&self, voltage_v: f32) -> f32 {
         let above = self.0.partition_point(|point_v| *point_v <= voltage_v);
         let segment = above.saturating_sub(1).min(SEGMENTS - 1);
         let (low_v, high_v) = self.ends(segment);
-        (segment as f32 + (voltage_v - low_v) / (high_v - low_v)) * SEGMENT
+        (segment as f32 + (voltage_v - low_v) / (high_v - low_v)) * SEGMENT_WIDTH
     }
 
     fn ends(&self, segment: usize) -> (f32, f32) {
@@ -58,7 +57,7 @@ mod tests {
     ];
 
     #[test]
-    fn every_curve_rises_throughout() {
+    fn every_curve_is_strictly_increasing() {
         for chemistry in CHEMISTRIES {
             let points = &chemistry.cell().curve.0;
             assert!(points.is_sorted_by(|low, high| low < high), "{chemistry:?}");
@@ -66,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn voltage_and_state_of_charge_belong_together() {
+    fn state_of_charge_inverts_voltage() {
         for chemistry in CHEMISTRIES {
             let curve = &chemistry.cell().curve;
             for percent in 0..=100 {

@@ -1,37 +1,37 @@
-//! What a smart battery tells of itself.
+//! Identity and ratings of a smart battery.
 
 use core::fmt;
 
 use super::Chemistry;
 
-/// The longest name that is kept, in bytes.
+/// Capacity of a name, in bytes.
 const NAME_BYTES: usize = 20;
 
-/// What a smart battery tells of itself. It changes seldom, most of it never; `None` is what it does not tell.
+/// Identity and ratings reported by a smart battery; most never change. `None` is not reported.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PackDetails {
-    /// Who made it.
+    /// Manufacturer.
     pub manufacturer: Name,
-    /// What its maker calls it.
+    /// The manufacturer's name of the device.
     pub device: Name,
     /// Serial number.
     pub serial_number: Option<i32>,
-    /// When it was made.
+    /// Date of manufacture.
     pub manufactured: Option<Date>,
-    /// What the cells are made of.
+    /// Cell chemistry.
     pub chemistry: Option<Chemistry>,
-    /// How often it was charged.
+    /// Charge cycles.
     pub cycle_count: Option<u16>,
-    /// Charge of the full pack when it was new, in milliampere-hours.
+    /// Design capacity, in milliampere-hours.
     pub design_capacity_mah: Option<f32>,
-    /// Its nominal voltage, in volts.
+    /// Design voltage, in volts.
     pub design_voltage_v: Option<f32>,
-    /// What it holds at its present age, in percent of what it held when it was new.
+    /// State of health: present full capacity, in percent of the design capacity.
     pub state_of_health_pct: Option<u8>,
 }
 
 impl PackDetails {
-    /// It tells nothing.
+    /// Nothing is reported.
     pub const NONE: Self = Self {
         manufacturer: Name::EMPTY,
         device: Name::EMPTY,
@@ -44,7 +44,7 @@ impl PackDetails {
         state_of_health_pct: None,
     };
 
-    /// Whether nothing is told.
+    /// Whether nothing is reported.
     pub fn is_empty(&self) -> bool {
         let Self {
             manufacturer,
@@ -86,7 +86,7 @@ pub struct Date {
     pub day: u8,
 }
 
-/// A short name in printable ASCII; empty if there is none.
+/// A short name in printable ASCII; empty if not reported.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Name {
     bytes: [u8; NAME_BYTES],
@@ -94,13 +94,13 @@ pub struct Name {
 }
 
 impl Name {
-    /// Nothing is told.
+    /// Not reported.
     pub const EMPTY: Self = Self {
         bytes: [0; NAME_BYTES],
         length: 0,
     };
 
-    /// The printable ones of these characters, as many as fit.
+    /// The printable characters, truncated to the capacity.
     pub fn from_ascii(characters: &[u8]) -> Self {
         let mut name = Self::EMPTY;
         let printable = characters
@@ -118,7 +118,7 @@ impl Name {
         self.bytes.get(..usize::from(self.length)).unwrap_or(&[])
     }
 
-    /// Whether there is none.
+    /// Whether it is not reported.
     pub fn is_empty(&self) -> bool {
         self.length == 0
     }
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_keeps_what_can_be_printed_and_fits() {
+    fn name_is_printable_and_truncated() {
         assert_eq!(Name::from_ascii(b"Acme\0\xff 3S").as_bytes(), b"Acme 3S");
         assert_eq!(Name::from_ascii(&[b'x'; 32]).as_bytes(), [b'x'; NAME_BYTES]);
         assert!(Name::from_ascii(b"\0\n").is_empty());

@@ -1,4 +1,4 @@
-//! What is wrong with a pack.
+//! Detection of a pack's faults.
 
 use super::BatteryState;
 use super::chemistry::Cell;
@@ -6,15 +6,15 @@ use super::failsafe::is_below;
 use super::faults::Faults;
 use super::settings::PackSettings;
 
-/// A condition has to last before it is a fault, in seconds; it is gone as soon as it has ended for as long.
-const LASTING_S: f32 = 1.0;
+/// Debounce time of a fault's beginning and end, in seconds.
+const DEBOUNCE_S: f32 = 1.0;
 
-/// Cells of a pack that differ by more are out of balance, in volts.
-const IMBALANCE_V: f32 = 0.3;
+/// Maximum difference between the cells of a sound pack, in volts.
+const MAX_IMBALANCE_V: f32 = 0.3;
 
-/// Lithium cells may be discharged between these temperatures, in degrees Celsius, by most data sheets.
-const COLDEST_C: f32 = -20.0;
-const HOTTEST_C: f32 = 60.0;
+/// Discharge temperature range of lithium cells by most data sheets, in degrees Celsius.
+const MIN_TEMPERATURE_C: f32 = -20.0;
+const MAX_TEMPERATURE_C: f32 = 60.0;
 
 const FAULTS: [Faults; 7] = [
     Faults::DEEP_DISCHARGE,
@@ -26,7 +26,7 @@ const FAULTS: [Faults; 7] = [
     Faults::INCOMPATIBLE_VOLTAGE,
 ];
 
-/// Follows the conditions of the faults over time.
+/// The faults of one pack, debounced.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Diagnosis {
     faults: Faults,
@@ -34,7 +34,7 @@ pub(super) struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// The faults of a connected pack whose other values have just been determined.
+    /// Updates the faults of a connected pack from its other values.
     pub fn update(&mut self, dt_s: f32, state: &BatteryState, settings: &PackSettings) -> Faults {
         let present = conditions(state, settings);
         for (fault, changing_s) in FAULTS.into_iter().zip(&mut self.changing_s) {
@@ -43,8 +43,8 @@ impl Diagnosis {
                 continue;
             }
             *changing_s += dt_s;
-            // A spike is over before it could last.
-            if *changing_s >= LASTING_S || (fault == Faults::SPIKES && present.contains(fault)) {
+            // A spike is shorter than the debounce time.
+            if *changing_s >= DEBOUNCE_S || (fault == Faults::SPIKES && present.contains(fault)) {
                 *changing_s = 0.0;
                 self.faults.toggle(fault);
             }
@@ -63,20 +63,20 @@ fn conditions(state: &BatteryState, settings: &PackSettings) -> Faults {
     faults.set(Faults::OVER_CURRENT, is_below(settings.power_limit_w, power_w));
     faults.set(
         Faults::OVER_TEMPERATURE,
-        is_below(Some(HOTTEST_C), state.temperature_c),
+        is_below(Some(MAX_TEMPERATURE_C), state.temperature_c),
     );
     faults.set(
         Faults::UNDER_TEMPERATURE,
-        is_below(state.temperature_c, Some(COLDEST_C)),
+        is_below(state.temperature_c, Some(MIN_TEMPERATURE_C)),
     );
     faults.set(
         Faults::CELL_FAIL,
-        is_below(Some(IMBALANCE_V), state.cells.imbalance_v()),
+        is_below(Some(MAX_IMBALANCE_V), state.cells.imbalance_v()),
     );
     faults | cell_conditions(state, cell)
 }
 
-/// What the voltage of a cell tells: of the lowest, where the sensor measures cells, else of their mean.
+/// Faults by cell voltage: of the lowest cell if cells are measured, else of their mean.
 fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
     let mut faults = Faults::empty();
     let Some(cell_count) = state.cell_count else {
@@ -84,11 +84,11 @@ fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
     };
     let mean_v = |pack_v: Option<f32>| pack_v.map(|pack_v| pack_v / f32::from(cell_count));
     let resting_v = mean_v(state.resting_or_terminal_voltage_v());
-    let highest_v = Some(cell.highest_v);
-    faults.set(Faults::SPIKES, is_below(highest_v, mean_v(state.voltage_v)));
+    let max_v = Some(cell.max_v);
+    faults.set(Faults::SPIKES, is_below(max_v, mean_v(state.voltage_v)));
     faults.set(
         Faults::INCOMPATIBLE_VOLTAGE,
-        is_below(highest_v, resting_v) || is_below(resting_v, Some(cell.lowest_v)),
+        is_below(max_v, resting_v) || is_below(resting_v, Some(cell.min_v)),
     );
     faults.set(
         Faults::DEEP_DISCHARGE,

@@ -1,4 +1,4 @@
-//! What happened to a pack that people should know.
+//! Events of a pack, and their texts.
 
 use core::fmt;
 
@@ -6,42 +6,42 @@ use super::consumption::Gap;
 use super::failsafe::FailsafeLevel;
 use super::{Contents, ReadError};
 
-/// Something that happened to a pack. Its text begins behind "Battery 1 ".
+/// An event of a pack. Its text follows "Battery 1 ".
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PackEvent {
-    /// The number of cells was found from the resting voltage.
+    /// The number of cells was detected from the resting voltage.
     CellsDetected {
         /// Cells in series.
         count: u8,
     },
-    /// The resting voltage fits no number of cells, or more than one.
-    CellsUnclear {
+    /// The resting voltage fits no number of cells, or several.
+    CellsAmbiguous {
         /// The resting voltage, in volts.
         voltage_v: f32,
     },
-    /// Another pack was put in: estimates and consumption start over.
+    /// The pack was swapped: estimates and consumption restart.
     Swapped,
-    /// The pack of an armed rover is not connected any more.
+    /// The pack was disconnected while armed.
     ContactLost,
-    /// It has been connected for a while again.
-    ContactBack,
-    /// The current was not measured for a while.
+    /// It has been connected again for a while.
+    ContactRestored,
+    /// There was a gap in the current readings.
     Gap(Gap),
-    /// Its sensor has failed repeatedly; this is why, the last time.
+    /// Its sensor has failed repeatedly, with the latest error.
     SensorFailed(ReadError),
-    /// Its sensor works again.
-    SensorBack,
-    /// Somebody is switching it off.
-    SwitchingOff,
+    /// Its sensor has recovered.
+    SensorRecovered,
+    /// Its power button is held.
+    PoweringOff,
     /// A failsafe level was reached.
     Failsafe {
         /// The level.
         level: FailsafeLevel,
-        /// What the pack holds.
+        /// Electric charge or fuel.
         contents: Contents,
-        /// The last known voltage between the terminals, in volts; 0 if there was none.
+        /// The latest known terminal voltage, in volts; 0 if unknown.
         voltage_v: f32,
-        /// Charge drawn, in milliampere-hours (of fuel: millilitres), as far as known.
+        /// Charge drawn, in milliampere-hours (of fuel: millilitres); 0 if unknown.
         consumed_mah: f32,
     },
 }
@@ -50,12 +50,12 @@ impl fmt::Display for PackEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::CellsDetected { count } => write!(f, "has {count} cells (set BATT_CELLS to be sure)"),
-            Self::CellsUnclear { voltage_v } => {
+            Self::CellsAmbiguous { voltage_v } => {
                 write!(f, "cells unclear at {}V: set BATT_CELLS", Hundredths(*voltage_v))
             }
             Self::Swapped => f.write_str("swapped: estimates restarted"),
             Self::ContactLost => f.write_str("not connected"),
-            Self::ContactBack => f.write_str("connected again"),
+            Self::ContactRestored => f.write_str("connected again"),
             Self::Gap(Gap {
                 duration_s,
                 counted_mah: Some(counted_mah),
@@ -69,8 +69,8 @@ impl fmt::Display for PackEvent {
                 write!(f, "not measured for {}s: consumption too low", whole(*duration_s))
             }
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
-            Self::SensorBack => f.write_str("healthy again"),
-            Self::SwitchingOff => f.write_str("is powering off"),
+            Self::SensorRecovered => f.write_str("healthy again"),
+            Self::PoweringOff => f.write_str("is powering off"),
             Self::Failsafe {
                 level,
                 contents: Contents::Fuel,
@@ -109,7 +109,7 @@ fn name(level: FailsafeLevel) -> &'static str {
     }
 }
 
-/// A number with two decimals. Formatting floats would cost the firmware some 20 KB.
+/// A number with two decimals. Float formatting would take some 20 KB of flash.
 struct Hundredths(f32);
 
 impl fmt::Display for Hundredths {
@@ -121,7 +121,7 @@ impl fmt::Display for Hundredths {
     }
 }
 
-/// Rounded half away from zero; saturating.
+/// Rounds half away from zero, saturating.
 fn whole(value: f32) -> i32 {
     (value + if value < 0.0 { -0.5 } else { 0.5 }) as i32
 }

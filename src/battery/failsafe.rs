@@ -1,21 +1,21 @@
-//! When a pack is too low to go on.
+//! The battery failsafe: its levels, thresholds and timers.
 
 use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
 use super::swap::Replacement;
 use super::{BatteryState, Tick};
 
-/// A pack that its sensor has not seen for longer is unhealthy, in microseconds: ArduPilot's 5 s.
+/// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
 const UNHEALTHY_AFTER_US: u64 = 5_000_000;
 
-/// How urgent it is, in ArduPilot's order.
+/// Failsafe levels in increasing severity, with ArduPilot's numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 #[repr(u8)]
 pub enum FailsafeLevel {
-    /// Nothing.
+    /// No failsafe.
     #[default]
     None = 0,
-    /// The sensor no longer delivers.
+    /// No healthy reading any more.
     Unhealthy = 1,
     /// Below `BATT_LOW_VOLT` or `BATT_LOW_MAH`.
     Low = 2,
@@ -23,7 +23,7 @@ pub enum FailsafeLevel {
     Critical = 3,
 }
 
-/// Whether the rover may move.
+/// Whether the rover is armed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ArmState {
@@ -34,20 +34,20 @@ pub enum ArmState {
     Armed,
 }
 
-/// What a tick has shown of a pack.
+/// The inputs of one tick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observation<'a> {
     pub tick: Tick,
     /// Since the tick before, in microseconds (saturating).
     pub dt_us: u32,
     pub last_healthy_us: Option<u64>,
-    /// The state by this tick's reading; `None` if that has failed or no pack is connected, whatever is known from before.
+    /// The state with this tick's reading; `None` if the read failed or no pack is connected.
     pub state: Option<&'a BatteryState>,
-    /// The voltage at which the pack rests, in volts, if it does.
+    /// The voltage at rest, in volts, if the pack is at rest.
     pub resting_v: Option<f32>,
 }
 
-/// Decides the failsafe level of a pack. It only rises, until the battery is reset or another pack disproves it.
+/// The failsafe level of a pack. It latches: it only rises until a battery reset, or until another pack disproves it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Failsafe {
     level: FailsafeLevel,
@@ -56,21 +56,21 @@ pub(super) struct Failsafe {
     critical: Timer,
 }
 
-/// Which pack has reached the level.
+/// Which pack reached the level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum ReachedBy {
-    /// The one that is in, as far as is known.
+    /// The present one, as far as known.
     #[default]
     ThisPack,
-    /// The one before. The one that is in has not been armed yet, and had contact ever since.
+    /// The previous one. The present one has neither been armed nor lost contact since the swap.
     PackBefore,
 }
 
-/// A voltage that was seen below a threshold for so long stays below while it is unknown; a wire that breaks passes
-/// through any voltage, but not for so long.
-const LOW_FOR_SURE_US: u32 = 1_000_000;
+/// A voltage that has been below its threshold for this long still counts as below while unknown, in microseconds. A
+/// breaking wire passes through any voltage, but faster.
+const HOLD_WHILE_UNKNOWN_US: u32 = 1_000_000;
 
-/// For how long a voltage has been below a threshold.
+/// How long a voltage has been below a threshold.
 #[derive(Clone, Copy, Debug, Default)]
 struct Timer {
     below_us: Option<u32>,
@@ -95,25 +95,25 @@ impl Comparison {
 }
 
 impl Timer {
-    /// Whether the voltage has been below for more than `limit_us`. Only a voltage that is known starts the timer, lets it
-    /// run out or resets it.
-    // Inlined, it would be written out once for each threshold.
+    /// Whether the voltage has been below for more than `limit_us`. Only a known voltage starts the timer, lets it
+    /// expire or resets it.
+    // Inlined, the code would be repeated for each threshold.
     #[inline(never)]
-    fn has_run_out(&mut self, dt_us: u32, comparison: Comparison, limit_us: Option<u32>) -> bool {
+    fn expires(&mut self, dt_us: u32, comparison: Comparison, limit_us: Option<u32>) -> bool {
         self.below_us = match (comparison, self.below_us) {
             (Comparison::NotBelow, _) => None,
             (Comparison::Below, None) => Some(0),
-            (Comparison::Unknown, Some(below_us)) if below_us >= LOW_FOR_SURE_US => {
+            (Comparison::Unknown, Some(below_us)) if below_us >= HOLD_WHILE_UNKNOWN_US => {
                 Some(below_us.saturating_add(dt_us))
             }
             (Comparison::Below, Some(below_us)) => Some(below_us.saturating_add(dt_us)),
             (Comparison::Unknown, before) => before,
         };
-        let is_out = self
+        let is_expired = self
             .below_us
             .zip(limit_us)
             .is_some_and(|(below_us, limit_us)| below_us > limit_us);
-        is_out && comparison == Comparison::Below
+        is_expired && comparison == Comparison::Below
     }
 }
 
@@ -122,10 +122,10 @@ impl Failsafe {
         self.level
     }
 
-    /// The level this tick raises it to, if it does.
+    /// Processes one tick, and returns the new level if it rises.
     pub fn update(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> Option<FailsafeLevel> {
         if seen.tick.arm_state == ArmState::Disarmed {
-            // A dip before disarming must not count when the rover is armed again.
+            // A dip before disarming must not count after rearming.
             self.low = Timer::default();
             self.critical = Timer::default();
             self.release(seen, settings);
@@ -139,12 +139,12 @@ impl Failsafe {
         })
     }
 
-    /// The battery was reset.
+    /// Clears level and timers, on a battery reset.
     pub fn clear(&mut self) {
         *self = Self::default();
     }
 
-    /// Another pack is in.
+    /// The pack was swapped.
     pub fn replace_pack(&mut self, replacement: Replacement) {
         self.reached_by = match replacement {
             Replacement::Certain => ReachedBy::PackBefore,
@@ -152,7 +152,7 @@ impl Failsafe {
         };
     }
 
-    /// Clears a level that another pack has reached, once the one that is in rests above all thresholds.
+    /// Clears a level of the previous pack once the present one rests above all thresholds.
     fn release(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) {
         let Some(state) = seen.state else {
             self.reached_by = ReachedBy::ThisPack;
@@ -175,21 +175,21 @@ impl Failsafe {
         let (low, critical) = (&settings.low, &settings.critical);
         let limit_us = settings.timer_s.map(|timer_s| (timer_s * 1e6) as u32);
         let voltage_v = seen.state.and_then(|state| voltage_v(state, settings));
-        let is_low_voltage = |timer: &mut Timer, thresholds: &Thresholds| {
+        let has_expired = |timer: &mut Timer, thresholds: &Thresholds| {
             let comparison = Comparison::of(voltage_v, thresholds.voltage_v);
-            timer.has_run_out(seen.dt_us, comparison, limit_us)
+            timer.expires(seen.dt_us, comparison, limit_us)
         };
         let (low_voltage, critical_voltage) = (
-            is_low_voltage(&mut self.low, low),
-            is_low_voltage(&mut self.critical, critical),
+            has_expired(&mut self.low, low),
+            has_expired(&mut self.critical, critical),
         );
         let remaining_mah = seen.state.and_then(remaining_mah);
-        let silent_us = seen.tick.now_us.saturating_sub(seen.last_healthy_us.unwrap_or(0));
+        let unhealthy_us = seen.tick.now_us.saturating_sub(seen.last_healthy_us.unwrap_or(0));
         if critical_voltage || is_below(remaining_mah, critical.remaining_mah) {
             FailsafeLevel::Critical
         } else if low_voltage || is_below(remaining_mah, low.remaining_mah) {
             FailsafeLevel::Low
-        } else if silent_us > UNHEALTHY_AFTER_US {
+        } else if unhealthy_us > UNHEALTHY_AFTER_US {
             FailsafeLevel::Unhealthy
         } else {
             FailsafeLevel::None
@@ -197,14 +197,14 @@ impl Failsafe {
     }
 }
 
-/// Whether both are known and the value lies below the threshold.
+/// Whether both are known and the value is below the threshold.
 pub(super) fn is_below(value: Option<f32>, threshold: Option<f32>) -> bool {
     value
         .zip(threshold)
         .is_some_and(|(value, threshold)| value < threshold)
 }
 
-/// Whether the value is known and not below the threshold, if there is one.
+/// Whether there is no threshold, or the value is known and not below it.
 fn is_known_above(value: Option<f32>, threshold: Option<f32>) -> bool {
     threshold.is_none() || value.is_some() && !is_below(value, threshold)
 }
@@ -217,15 +217,15 @@ pub(super) fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Op
     }
 }
 
-/// What is left by the state of charge; if that is not known, what is left if the pack was full.
+/// Remaining charge by the state of charge; while that is unknown, capacity minus consumption.
 pub(super) fn remaining_mah(state: &BatteryState) -> Option<f32> {
     let capacity_mah = state.capacity_mah?;
-    // As in ArduPilot, thresholds of charge are for packs whose current is measured.
+    // As in ArduPilot, charge thresholds apply only to packs with a current sensor.
     let consumed_mah = state.consumed_mah?;
     Some(estimated_mah(state).unwrap_or(capacity_mah - consumed_mah))
 }
 
-/// What is left by the state of charge.
+/// Remaining charge by the state of charge.
 fn estimated_mah(state: &BatteryState) -> Option<f32> {
     Some(state.capacity_mah? * state.remaining_pct? / 100.0)
 }
@@ -268,7 +268,7 @@ mod tests {
         }
     }
 
-    /// Lets `seconds` of ticks pass and returns the seconds after which a level was reached.
+    /// Runs `seconds` of ticks and returns the levels reached, with their times in seconds.
     fn run(
         failsafe: &mut Failsafe,
         from_s: u64,
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_voltage_has_to_stay_below_for_longer_than_the_timer() {
+    fn voltage_below_threshold_trips_after_the_timer() {
         let mut failsafe = Failsafe::default();
         assert_eq!(run(&mut failsafe, 0, 10, ArmState::Armed, &at_voltage(10.4)), []);
         assert_eq!(run(&mut failsafe, 10, 1, ArmState::Armed, &at_voltage(11.0)), []);
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn it_rises_and_never_falls_until_the_battery_is_reset() {
+    fn level_latches_until_a_battery_reset() {
         let mut failsafe = Failsafe::default();
         run(&mut failsafe, 0, 20, ArmState::Armed, &at_voltage(9.0));
         assert_eq!(failsafe.level(), FailsafeLevel::Critical);
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dip_before_disarming_does_not_count_when_armed_again() {
+    fn disarming_resets_the_low_voltage_timer() {
         let mut failsafe = Failsafe::default();
         run(&mut failsafe, 0, 5, ArmState::Armed, &at_voltage(10.4));
         run(&mut failsafe, 5, 30, ArmState::Disarmed, &at_voltage(10.4));
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn a_charge_below_its_threshold_counts_at_once() {
+    fn charge_below_threshold_trips_at_once() {
         let charge = |remaining_pct| BatteryState {
             capacity_mah: Some(1000.0),
             consumed_mah: Some(0.0),
@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_that_is_silent_for_more_than_five_seconds_is_unhealthy() {
+    fn no_healthy_reading_for_five_seconds_is_unhealthy() {
         let mut failsafe = Failsafe::default();
         let mut at = |now_us| {
             let silent = Observation {
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn sag_does_not_count_when_the_resting_voltage_is_compared() {
+    fn sag_is_ignored_with_the_resting_voltage_as_source() {
         let sagging = BatteryState {
             resting_voltage_v: Some(11.0),
             ..at_voltage(10.0)
@@ -363,7 +363,7 @@ mod tests {
         }
     }
 
-    /// Lets ticks pass, each with the voltage `at` has for it, and returns those at which a level was reached.
+    /// Runs `ticks` ticks at the voltages of `at`, and returns the levels reached, with their ticks.
     fn levels(ticks: u64, at: impl Fn(u64) -> Option<f32>) -> Vec<(u64, FailsafeLevel)> {
         let mut failsafe = Failsafe::default();
         let mut raised = Vec::new();
@@ -380,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_voltage_does_not_hold_a_low_one_up() {
+    fn unknown_voltage_does_not_delay_a_low_one() {
         let always = levels(200, |_| Some(9.0));
         assert_eq!(always, [(101, FailsafeLevel::Critical)]);
         let flickering = levels(200, |tick| (tick % 90 != 50).then_some(9.0));
@@ -388,8 +388,8 @@ mod tests {
     }
 
     #[test]
-    fn a_voltage_that_is_mostly_unknown_trips_all_the_same() {
-        // Known once a second: ten seconds until it is low for sure, and nine more.
+    fn mostly_unknown_low_voltage_still_trips() {
+        // Known once a second: ten seconds until it counts while unknown, and nine more.
         let raised = levels(1000, |tick| (tick % 10 == 0).then_some(9.0));
         let [(tick, FailsafeLevel::Critical)] = raised[..] else {
             panic!("{raised:?}");
@@ -398,8 +398,8 @@ mod tests {
     }
 
     #[test]
-    fn a_wire_that_breaks_and_makes_trips_nothing() {
-        // What is read in the tick of a break is anything between the pack's voltage and none.
+    fn intermittent_sense_wire_does_not_trip() {
+        // In the tick of a break, any voltage between the pack's and zero may be read.
         let breaks = |tick| match tick % 300 {
             100 | 250 => Some(6.0),
             101..250 => None,
@@ -409,13 +409,13 @@ mod tests {
     }
 
     #[test]
-    fn only_a_known_voltage_lets_the_timer_run_out() {
+    fn timer_expires_only_at_a_known_voltage() {
         let raised = levels(500, |tick| (!(50..300).contains(&tick)).then_some(9.0));
         assert_eq!(raised, [(300, FailsafeLevel::Critical)]);
     }
 
     #[test]
-    fn a_threshold_that_is_turned_off_and_on_again_does_not_remember() {
+    fn disabling_the_timer_resets_it() {
         let off = FailsafeSettings {
             timer_s: None,
             ..settings()
@@ -454,12 +454,12 @@ mod tests {
     }
 
     #[test]
-    fn another_pack_clears_a_level_only_if_it_rests_above_all_thresholds() {
+    fn swapped_pack_above_all_thresholds_clears_the_level() {
         for (pack, expected) in [
             (at_rest(9.8, Some(90.0)), FailsafeLevel::Critical),
             (at_rest(10.4, Some(90.0)), FailsafeLevel::Critical),
             (at_rest(12.0, Some(30.0)), FailsafeLevel::Critical),
-            // An unknown charge disproves nothing.
+            // An unknown charge does not clear a level.
             (at_rest(12.0, None), FailsafeLevel::Critical),
             (at_rest(12.0, Some(90.0)), FailsafeLevel::None),
         ] {
@@ -470,7 +470,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pack_that_may_be_the_same_clears_nothing() {
+    fn likely_swap_does_not_clear_the_level() {
         let full = at_rest(12.6, Some(100.0));
         let mut failsafe = critical();
         assert_eq!(rest(&mut failsafe, &full), FailsafeLevel::Critical);
@@ -479,7 +479,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pack_has_to_disprove_before_its_contact_is_lost_or_it_is_armed() {
+    fn arming_or_contact_loss_ends_the_chance_to_clear() {
         let full = at_rest(12.6, Some(100.0));
         for (arm_state, state) in [
             (ArmState::Disarmed, None),

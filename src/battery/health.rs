@@ -1,46 +1,45 @@
-//! Faults of a pack's sensor and of its contact, reported when they begin and end.
+//! Reports sensor faults and lost contacts of a pack, once when they begin and once when they end.
 
 use super::failsafe::ArmState;
 use super::{PackEvent, PackStatus, ReadError};
 
-/// So long a sensor has to work before its recovery is reported, in seconds: what fails now and then must not flood the link.
-const SENSOR_WORKS_S: f32 = 5.0;
+/// A sensor has to work for this long before its recovery is reported, in seconds: intermittent failures must not flood
+/// the link.
+const SENSOR_RECOVERY_S: f32 = 5.0;
 
-/// The same of a contact: a loose wire of a rover that drives may hold for longer.
-const CONTACT_HOLDS_S: f32 = 30.0;
+/// The same of a contact: a loose wire may hold for longer while driving.
+const CONTACT_RECOVERY_S: f32 = 30.0;
 
-/// Reports once that sensor or contact have failed, and once that they work again.
+/// The reported faults of one pack.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct HealthReporter {
     sensor: Fault,
     contact: Fault,
 }
 
-/// Whether a fault was reported.
+/// A fault that is reported once.
 #[derive(Clone, Copy, Debug, Default)]
 enum Fault {
-    /// None, or its end.
+    /// Not reported, or its end was.
     #[default]
     None,
-    /// Its beginning.
+    /// Its beginning was reported.
     Reported {
-        /// For how long there was no sign of it since, in seconds.
-        gone_s: f32,
+        /// How long it has been absent since, in seconds.
+        absent_s: f32,
     },
 }
 
-/// What a tick shows of a fault.
+/// Evidence of a fault in one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Sign {
-    /// It is there.
+enum Evidence {
     Present,
-    /// Too little to report it, and too much for its end.
-    Unclear,
-    /// It is not there.
+    /// Neither enough to report it, nor its end.
+    Ambiguous,
     Absent,
 }
 
-/// What there is to report.
+/// What has to be reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
     Begins,
@@ -48,20 +47,20 @@ enum Change {
 }
 
 impl HealthReporter {
-    /// What a tick of `dt_s` seconds, with the error of its reading if that failed, shows of the sensor.
+    /// Updates the sensor's fault after `dt_s` seconds, with the read error of this tick.
     pub fn sensor(&mut self, dt_s: f32, status: PackStatus, error: Option<ReadError>) -> Option<PackEvent> {
-        let sign = match (error, status) {
-            (Some(_), PackStatus::Unhealthy) => Sign::Present,
-            (Some(_), _) => Sign::Unclear,
-            (None, _) => Sign::Absent,
+        let evidence = match (error, status) {
+            (Some(_), PackStatus::Unhealthy) => Evidence::Present,
+            (Some(_), _) => Evidence::Ambiguous,
+            (None, _) => Evidence::Absent,
         };
-        Some(match self.sensor.update(dt_s, sign, SENSOR_WORKS_S)? {
+        Some(match self.sensor.update(dt_s, evidence, SENSOR_RECOVERY_S)? {
             Change::Begins => PackEvent::SensorFailed(error?),
-            Change::Ends => PackEvent::SensorBack,
+            Change::Ends => PackEvent::SensorRecovered,
         })
     }
 
-    /// What it shows of the contact. Without a pack a disarmed rover is on a desk.
+    /// Updates the contact's fault. A disarmed rover may have no pack.
     pub fn contact(
         &mut self,
         dt_s: f32,
@@ -69,34 +68,34 @@ impl HealthReporter {
         error: Option<ReadError>,
         arm_state: ArmState,
     ) -> Option<PackEvent> {
-        let sign = match (error, status, arm_state) {
-            (None, PackStatus::NotConnected, ArmState::Armed) => Sign::Present,
-            (None, PackStatus::Healthy, _) => Sign::Absent,
-            _ => Sign::Unclear,
+        let evidence = match (error, status, arm_state) {
+            (None, PackStatus::NotConnected, ArmState::Armed) => Evidence::Present,
+            (None, PackStatus::Healthy, _) => Evidence::Absent,
+            _ => Evidence::Ambiguous,
         };
-        Some(match self.contact.update(dt_s, sign, CONTACT_HOLDS_S)? {
+        Some(match self.contact.update(dt_s, evidence, CONTACT_RECOVERY_S)? {
             Change::Begins => PackEvent::ContactLost,
-            Change::Ends => PackEvent::ContactBack,
+            Change::Ends => PackEvent::ContactRestored,
         })
     }
 }
 
 impl Fault {
-    fn update(&mut self, dt_s: f32, sign: Sign, ends_after_s: f32) -> Option<Change> {
-        match (&mut *self, sign) {
-            (Self::None, Sign::Present) => {
-                *self = Self::Reported { gone_s: 0.0 };
+    fn update(&mut self, dt_s: f32, evidence: Evidence, recovery_s: f32) -> Option<Change> {
+        match (&mut *self, evidence) {
+            (Self::None, Evidence::Present) => {
+                *self = Self::Reported { absent_s: 0.0 };
                 return Some(Change::Begins);
             }
             (Self::None, _) => {}
-            (Self::Reported { gone_s }, Sign::Absent) => {
-                *gone_s += dt_s;
-                if *gone_s >= ends_after_s {
+            (Self::Reported { absent_s }, Evidence::Absent) => {
+                *absent_s += dt_s;
+                if *absent_s >= recovery_s {
                     *self = Self::None;
                     return Some(Change::Ends);
                 }
             }
-            (Self::Reported { gone_s }, _) => *gone_s = 0.0,
+            (Self::Reported { absent_s }, _) => *absent_s = 0.0,
         }
         None
     }
@@ -131,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_is_reported_once_and_the_recovery_after_a_while() {
+    fn failure_is_reported_once_and_recovery_debounced() {
         let mut reporter = HealthReporter::default();
         assert_eq!(reported(&mut reporter, WORKS, 100), []);
         assert_eq!(
@@ -140,19 +139,19 @@ mod tests {
         );
         assert_eq!(reported(&mut reporter, WORKS, 45), []);
         assert_eq!(reported(&mut reporter, FAILED, 1), [], "a loose contact");
-        assert_eq!(reported(&mut reporter, WORKS, 100), [PackEvent::SensorBack]);
+        assert_eq!(reported(&mut reporter, WORKS, 100), [PackEvent::SensorRecovered]);
         assert_eq!(reported(&mut reporter, FAILED, 1).len(), 1);
     }
 
     #[test]
-    fn failed_reads_of_a_pack_that_is_still_healthy_are_not_reported() {
+    fn failed_reads_of_a_healthy_pack_are_not_reported() {
         let mut reporter = HealthReporter::default();
         let glitch = (PackStatus::Healthy, Some(ReadError::Checksum));
         assert_eq!(reported(&mut reporter, glitch, 4), []);
     }
 
     #[test]
-    fn a_contact_that_flickers_is_reported_once() {
+    fn intermittent_contact_is_reported_once() {
         let mut reporter = HealthReporter::default();
         let mut reports = Vec::new();
         for _ in 0..60 {
@@ -166,11 +165,11 @@ mod tests {
         }
         assert_eq!(reports, [PackEvent::ContactLost]);
         let after = contact(&mut reporter, PackStatus::Healthy, ArmState::Disarmed, 301);
-        assert_eq!(after, [PackEvent::ContactBack]);
+        assert_eq!(after, [PackEvent::ContactRestored]);
     }
 
     #[test]
-    fn a_disarmed_rover_without_a_pack_is_not_reported() {
+    fn missing_pack_is_not_reported_while_disarmed() {
         let mut reporter = HealthReporter::default();
         let lost = PackStatus::NotConnected;
         assert_eq!(contact(&mut reporter, lost, ArmState::Disarmed, 100), []);
@@ -179,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reading_that_fails_is_no_contact() {
+    fn failed_read_does_not_restore_a_contact() {
         let mut reporter = HealthReporter::default();
         contact(&mut reporter, PackStatus::NotConnected, ArmState::Armed, 1);
         let failed = (0..1000).filter_map(|_| {

@@ -1,95 +1,95 @@
-//! What a current does to a cell.
+//! Load of a cell: its rate and voltage sag.
 
 use super::chemistry::Cell;
 
-/// How far off the resistance may be while it is only what is typical, as a share.
-const TYPICAL_UNCERTAINTY: f32 = 0.5;
+/// Relative error of a typical resistance.
+const TYPICAL_ERROR: f32 = 0.5;
 
-/// How far off the resistance may be once it was learnt, as a share.
-const LEARNT_UNCERTAINTY: f32 = 0.1;
+/// Relative error of a measured resistance.
+const MEASURED_ERROR: f32 = 0.1;
 
-/// How far off the slow part of the sag may be, as a share: it is not learnt, and in the cold it is several times larger.
-const SLOW_UNCERTAINTY: f32 = 1.5;
+/// Relative error of the slow part of the sag: it is not measured, and several times larger in the cold.
+const SLOW_ERROR: f32 = 1.5;
 
-/// What a current does to a cell.
+/// The load of a cell.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Load {
-    /// Current divided by capacity, per hour.
+    /// C rate: current divided by capacity, per hour.
     pub rate_per_h: f32,
-    /// What the load takes off the cell's voltage, in volts.
+    /// Voltage sag, in volts.
     pub sag_v: f32,
-    /// How far off that may be, in volts.
+    /// Error of the sag, in volts.
     pub sag_error_v: f32,
-    /// Where the capacity comes from.
+    /// Source of the capacity.
     pub capacity: CapacitySource,
-    /// Where the resistance comes from.
+    /// Source of the resistance.
     pub resistance: ResistanceSource,
 }
 
-/// Where a capacity comes from.
+/// Source of a capacity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum CapacitySource {
-    /// The owner has set it.
+    /// Set by the owner.
     Set,
-    /// It was guessed from the resistance.
-    Guessed,
+    /// Inferred from the resistance.
+    Inferred,
 }
 
-/// Where a resistance comes from.
+/// Source of a resistance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ResistanceSource {
-    /// Load steps have shown it.
-    Learnt,
-    /// It is typical of such a cell.
+    /// Measured from load steps.
+    Measured,
+    /// Typical of the chemistry and capacity.
     Typical,
 }
 
-/// What is known of one cell, besides what is typical.
+/// Parameters of a particular cell, as far as known.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct KnownOfCell {
+pub(super) struct CellParameters {
     /// In ampere-hours.
     pub capacity_ah: Option<f32>,
-    /// In ohms, once it was learnt.
+    /// In ohms, once measured.
     pub resistance_ohm: Option<f32>,
 }
 
-/// A current, in amperes.
+/// A current with its filtered values, in amperes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Currents {
-    /// At this moment.
+    /// Present value.
     pub now_a: f32,
-    /// Over as long as the voltage it is compared with.
+    /// With the time constant of the voltage it is compared with.
     pub smoothed_a: f32,
-    /// Over some minutes.
+    /// With the time constant of the slow sag.
     pub slow_a: f32,
 }
 
 impl Load {
-    /// The load of a current; `None` if neither capacity nor resistance is known, for then it may be small or large.
-    pub fn new(cell: &Cell, known: &KnownOfCell, currents: &Currents) -> Option<Self> {
+    /// The load of a current; `None` while both capacity and resistance are unknown.
+    pub fn new(cell: &Cell, parameters: &CellParameters, currents: &Currents) -> Option<Self> {
         let fast_a = currents.smoothed_a;
         let slow_a = currents.slow_a * cell.slow_share;
-        let (capacity_ah, capacity) = match (known.capacity_ah, known.resistance_ohm) {
+        let (capacity_ah, capacity) = match (parameters.capacity_ah, parameters.resistance_ohm) {
             (Some(capacity_ah), _) => (capacity_ah, CapacitySource::Set),
-            (None, Some(resistance_ohm)) => (cell.ohmic_drop_v / resistance_ohm, CapacitySource::Guessed),
+            (None, Some(resistance_ohm)) => (cell.ohmic_drop_v / resistance_ohm, CapacitySource::Inferred),
             (None, None) => return None,
         };
-        let (resistance_ohm, uncertain_a, resistance) = match known.resistance_ohm {
-            Some(learnt_ohm) => (
-                learnt_ohm,
-                SLOW_UNCERTAINTY * slow_a + LEARNT_UNCERTAINTY * fast_a,
-                ResistanceSource::Learnt,
+        let (resistance_ohm, error_a, resistance) = match parameters.resistance_ohm {
+            Some(measured_ohm) => (
+                measured_ohm,
+                SLOW_ERROR * slow_a + MEASURED_ERROR * fast_a,
+                ResistanceSource::Measured,
             ),
             None => (
                 cell.ohmic_drop_v / capacity_ah,
-                TYPICAL_UNCERTAINTY * (slow_a + fast_a),
+                TYPICAL_ERROR * (slow_a + fast_a),
                 ResistanceSource::Typical,
             ),
         };
         Some(Self {
             rate_per_h: currents.now_a / capacity_ah,
             sag_v: resistance_ohm * (fast_a + slow_a),
-            sag_error_v: resistance_ohm * uncertain_a,
+            sag_error_v: resistance_ohm * error_a,
             capacity,
             resistance,
         })

@@ -1,16 +1,16 @@
-//! Smoothing that does not depend on how often it is sampled.
+//! Low-pass filters whose response does not depend on the sample rate.
 
-/// A first-order low-pass filter over time. It starts with the first value it is given.
+/// First-order low-pass filter, initialised with its first input.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LowPass {
-    pace: Pace,
+    gain: FilterGain,
     value: Option<f32>,
 }
 
 impl LowPass {
     pub const fn new(time_constant_s: f32) -> Self {
         Self {
-            pace: Pace::new(time_constant_s),
+            gain: FilterGain::new(time_constant_s),
             value: None,
         }
     }
@@ -19,29 +19,29 @@ impl LowPass {
         self.value
     }
 
-    /// The next value is the first one.
-    pub fn restart(&mut self) {
+    /// The next input initialises the filter again.
+    pub fn reset(&mut self) {
         self.value = None;
     }
 
-    /// Takes a value that has lasted for `dt_s` seconds, and returns the smoothed one.
+    /// Processes an input that lasted for `dt_s` seconds, and returns the output.
     pub fn update(&mut self, dt_s: f32, input: f32) -> f32 {
-        let share = self.pace.share_of_step(dt_s);
-        let value = self.value.map_or(input, |value| value + (input - value) * share);
+        let alpha = self.gain.alpha(dt_s);
+        let value = self.value.map_or(input, |value| value + (input - value) * alpha);
         self.value = Some(value);
         value
     }
 }
 
-/// A low-pass filter that is the plain mean of what it has seen until that is as long as its time constant.
+/// Low-pass filter that is the running mean of its inputs until these span its time constant.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct WarmingLowPass {
+pub(super) struct MeanThenLowPass {
     filter: LowPass,
     time_constant_s: f32,
     age_s: f32,
 }
 
-impl WarmingLowPass {
+impl MeanThenLowPass {
     pub const fn new(time_constant_s: f32) -> Self {
         Self {
             filter: LowPass::new(time_constant_s),
@@ -50,8 +50,8 @@ impl WarmingLowPass {
         }
     }
 
-    /// As if `value` had lasted for long.
-    pub fn settle(&mut self, value: f32) {
+    /// Initialises the filter in steady state at `value`.
+    pub fn initialise(&mut self, value: f32) {
         self.filter.value = Some(value);
         self.age_s = self.time_constant_s;
     }
@@ -60,17 +60,17 @@ impl WarmingLowPass {
         self.filter.value
     }
 
-    /// Takes a value that has lasted for `dt_s` seconds.
+    /// Processes an input that lasted for `dt_s` seconds.
     pub fn update(&mut self, dt_s: f32, input: f32) {
         match self.filter.value {
             Some(mean) if self.age_s < self.time_constant_s => {
                 self.age_s += dt_s;
-                let share = if dt_s > 0.0 {
+                let alpha = if dt_s > 0.0 {
                     (dt_s / self.age_s).min(1.0)
                 } else {
                     0.0
                 };
-                self.filter.value = Some(mean + (input - mean) * share);
+                self.filter.value = Some(mean + (input - mean) * alpha);
             }
             _ => {
                 self.filter.update(dt_s, input);
@@ -79,34 +79,34 @@ impl WarmingLowPass {
     }
 }
 
-/// How much of a step a filter takes up in an interval.
+/// Gain of a first-order filter for a sample interval.
 ///
-/// Readings come at a steady pace, so the answer is nearly always the one before. It is kept: without floating point in
-/// hardware, a division takes as long as everything else a filter does.
+/// The gain of the latest interval is cached, since intervals are nearly always equal: without an FPU a division takes
+/// as long as the rest of the filter.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pace {
+pub(super) struct FilterGain {
     time_constant_s: f32,
     dt_s: f32,
-    share: f32,
+    alpha: f32,
 }
 
-impl Pace {
+impl FilterGain {
     pub const fn new(time_constant_s: f32) -> Self {
         Self {
             time_constant_s,
             dt_s: 0.0,
-            share: 0.0,
+            alpha: 0.0,
         }
     }
 
-    /// 1 − exp(−dt/τ) as the fraction 2x / (2 + x), which is right to 0.3 % up to a third of the time constant.
-    pub fn share_of_step(&mut self, dt_s: f32) -> f32 {
+    /// 1 − exp(−dt/τ), approximated by 2x / (2 + x): within 0.3 % up to a third of the time constant.
+    pub fn alpha(&mut self, dt_s: f32) -> f32 {
         if dt_s != self.dt_s {
             let x = dt_s / self.time_constant_s;
             self.dt_s = dt_s;
-            self.share = (2.0 * x / (2.0 + x)).min(1.0);
+            self.alpha = (2.0 * x / (2.0 + x)).min(1.0);
         }
-        self.share
+        self.alpha
     }
 }
 
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_is_followed_alike_at_every_rate() {
+    fn step_response_does_not_depend_on_the_sample_rate() {
         let expected = 1.0 - (-2.0f32).exp();
         for rate_hz in [5, 10, 50, 1000] {
             let value = after_one_second(rate_hz);
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_pause_takes_the_new_value() {
+    fn long_interval_takes_the_new_value() {
         let mut filter = LowPass::new(0.5);
         filter.update(0.0, 0.0);
         assert_eq!(filter.update(1e9, 7.0), 7.0);

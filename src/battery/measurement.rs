@@ -1,66 +1,66 @@
-//! What a sensor delivers.
+//! The reading of a pack's sensor.
 
 use core::fmt;
 
 use super::{CellVoltages, PackDetails};
 
-/// What a pack holds. As in ArduPilot a tank is a pack, too.
+/// What a pack stores. As in ArduPilot, a fuel tank is a pack, too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Contents {
     /// Electric charge.
     #[default]
     Charge,
-    /// Liquid fuel. Milliampere-hours are millilitres then, and amperes are litres per hour; there is neither a voltage nor
-    /// an energy.
+    /// Liquid fuel: values in milliampere-hours are millilitres, those in amperes are litres per hour. It has neither
+    /// voltage nor energy.
     Fuel,
 }
 
-/// One reading of a pack by its sensor. `None` is what the sensor does not measure.
+/// One reading of a pack. `None` is not measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
-    /// What the pack holds.
+    /// Electric charge or fuel.
     pub contents: Contents,
     /// Voltage between the pack's terminals, in volts.
     pub voltage_v: Option<f32>,
     /// Current drawn from the pack, in amperes; negative while charging.
     pub current_a: Option<f32>,
-    /// Charge and energy, where the sensor counts them itself.
+    /// Charge and energy, if the sensor counts them.
     pub counted: Option<Counted>,
-    /// What the pack's own gauge tells.
+    /// Reading of the pack's own fuel gauge.
     pub gauge: Option<Gauge>,
     /// Temperature of the pack, in degrees Celsius.
     pub temperature_c: Option<f32>,
     /// Voltage of each cell.
     pub cells: CellVoltages,
-    /// What the pack tells of itself.
+    /// Identity and ratings, of a smart battery.
     pub details: PackDetails,
-    /// Whether the pack is about to be switched off.
+    /// Whether the pack is about to power off.
     pub supply: Supply,
-    /// The packs it is the sum of, one bit for each instance, bit 0 for the first; 0 for a sensor.
+    /// The members of a sum, one bit per instance from bit 0; 0 for a sensor.
     pub members: u16,
 }
 
-/// Whether a pack is about to be switched off.
+/// Whether a pack is about to power off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Supply {
-    /// It is not, as far as is known.
+    /// Not as far as known.
     #[default]
-    Stays,
-    /// Somebody holds the button on it.
-    SwitchingOff,
+    On,
+    /// Its power button is held.
+    PoweringOff,
 }
 
-/// Charge and energy as a sensor counts them.
+/// Charge and energy counted by a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Counted {
-    /// What was drawn since the reading before, by a counter that does not stop between readings.
-    SinceLast(Consumed),
-    /// All that was drawn.
-    InAll(Consumed),
+    /// Drawn since the previous reading, by a counter that also runs between readings.
+    Increment(Consumed),
+    /// Total drawn.
+    Total(Consumed),
 }
 
-/// What has been drawn from a pack; negative after net charging.
+/// Charge and energy drawn from a pack; negative after net charging.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Consumed {
     /// Charge, in milliampere-hours.
@@ -73,7 +73,7 @@ const COULOMBS_PER_MAH: f32 = 3.6;
 const JOULES_PER_WH: f32 = 3600.0;
 
 impl Consumed {
-    /// The same in the units that parts count in.
+    /// From SI units, which sensors count in.
     pub fn from_si(charge_c: f32, energy_j: f32) -> Self {
         Self {
             charge_mah: charge_c / COULOMBS_PER_MAH,
@@ -82,54 +82,54 @@ impl Consumed {
     }
 }
 
-/// What the gauge in a smart battery tells.
+/// Reading of a smart battery's own fuel gauge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gauge {
-    /// Charge that is left, in milliampere-hours.
+    /// Remaining charge, in milliampere-hours.
     pub remaining_mah: f32,
-    /// Charge of the full pack at its present age, in milliampere-hours.
+    /// Present full capacity, in milliampere-hours.
     pub full_mah: f32,
 }
 
 impl Gauge {
-    /// How full the pack is, from 0 to 1.
-    pub fn share(&self) -> f32 {
+    /// State of charge, from 0 to 1.
+    pub fn state_of_charge(&self) -> f32 {
         (self.remaining_mah / self.full_mah).clamp(0.0, 1.0)
     }
 
-    /// What is missing from the full pack, in milliampere-hours; 0 when it holds more than it should.
+    /// Charge drawn from the full pack, in milliampere-hours; 0 if it holds more than its full capacity.
     pub fn consumed_mah(&self) -> f32 {
         (self.full_mah - self.remaining_mah).max(0.0)
     }
 }
 
-/// Why a reading of a sensor failed.
+/// Why a read of a sensor failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ReadError {
     /// The sensor did not answer in time.
     Timeout,
-    /// The converter reported a failed conversion.
+    /// The ADC reported a failed conversion.
     Conversion,
-    /// The parameters name no pin.
+    /// No pin is set.
     NoPin,
-    /// The parameters tell no capacity, and without it what is measured means nothing.
+    /// No capacity is set, which the fill level is computed from.
     NoCapacity,
-    /// None of the packs it is the sum of is healthy.
-    NoMember,
-    /// The reading is not a number a pack can have.
+    /// No member of the sum is healthy.
+    NoHealthyMember,
+    /// The value is not finite or beyond its plausible range.
     Implausible,
-    /// Nobody acknowledges the address.
+    /// The address was not acknowledged.
     NoAnswer,
-    /// Somebody holds a line of the bus.
+    /// A bus line is held low.
     BusStuck,
     /// The transfer failed in another way.
     Bus,
-    /// What came does not agree with its check byte.
+    /// The packet error code does not match.
     Checksum,
-    /// What answers at the address is another part than the one that was set.
+    /// The part at the address is not the one that is set.
     OtherPart,
-    /// Another pack's sensor is at the address.
+    /// Another pack's sensor uses the address.
     AddressTaken,
 }
 
@@ -140,7 +140,7 @@ impl fmt::Display for ReadError {
             Self::Conversion => "conversion failed",
             Self::NoPin => "no pin set",
             Self::NoCapacity => "no capacity set",
-            Self::NoMember => "no healthy pack to sum",
+            Self::NoHealthyMember => "no healthy pack to sum",
             Self::Implausible => "impossible value",
             Self::NoAnswer => "no answer",
             Self::BusStuck => "bus held low",

@@ -1,4 +1,4 @@
-//! What is known of the packs: measurements in, a [`BatteryState`] out.
+//! Battery monitoring: [`Measurement`]s in, a [`BatteryState`] per pack out.
 
 mod arming;
 mod bank;
@@ -47,5 +47,5 @@ pub use settings::{FailsafeSettings, PackSettings, Thresholds, VoltageSource};
 pub use state::{BatteryState, ChargeSource, ChargeState, PackStatus, ReportedVoltage, Visibility};
 pub use sum::{SumVoltage, sum};
 
-/// The most packs that can be monitored, instances 0 to 8: `BATT_`, `BATT2_` to `BATT9_`.
+/// Maximum number of packs, instances 0 to 8: `BATT_`, `BATT2_` to `BATT9_`.
 pub const MAX_PACKS: usize = 9;

@@ -1,51 +1,50 @@
-//! Whether a pack is at rest.
+//! Detection of rest: no load and a stable voltage.
 
 use super::low_pass::LowPass;
 
-/// How long the voltage has to stay the same.
-const REST_S: f32 = 2.0;
+/// Minimum duration of a stable voltage, in seconds.
+const MIN_REST_S: f32 = 2.0;
 
-/// By how much a resting voltage may move, in volts: the noise that is left after smoothing.
+/// Maximum change of a resting voltage, in volts: the noise after filtering.
 const REST_BAND_V: f32 = 0.02;
 
-const SMOOTHING_S: f32 = 0.3;
+const TIME_CONSTANT_S: f32 = 0.3;
 
-/// A current below this is none: what an analog sensor may show at rest, and the board's own consumption.
+/// Maximum current at rest, in amperes: the offset of an analog sensor and the board's own consumption.
 pub(super) const RESTING_CURRENT_A: f32 = 0.5;
 
-/// Measures for how long a voltage has rested.
+/// Detects rest by the duration of a stable voltage.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rest {
-    smoothed: LowPass,
-    /// What the voltage has stayed around since; `None` before the first reading.
-    around_v: Option<f32>,
+    voltage: LowPass,
+    reference_v: f32,
     duration_s: f32,
 }
 
 impl Rest {
     pub const fn new() -> Self {
         Self {
-            smoothed: LowPass::new(SMOOTHING_S),
-            around_v: None,
+            voltage: LowPass::new(TIME_CONSTANT_S),
+            reference_v: 0.0,
             duration_s: 0.0,
         }
     }
 
-    /// As if nothing had been read yet.
-    pub fn restart(&mut self) {
-        self.smoothed.restart();
-        self.around_v = None;
+    /// Starts anew with the next reading.
+    pub fn reset(&mut self) {
+        self.voltage.reset();
         self.duration_s = 0.0;
     }
 
-    /// Takes a reading, and returns the voltage if it has rested for `REST_S`. What happened in a longer pause between
-    /// readings is not known.
+    /// Processes a reading, and returns the voltage if the pack is at rest. A gap of [`MIN_REST_S`] between readings
+    /// restarts the detection.
     pub fn update(&mut self, dt_s: f32, voltage_v: f32, current_a: Option<f32>) -> Option<f32> {
-        let smoothed_v = self.smoothed.update(dt_s, voltage_v);
+        let is_first = self.voltage.value().is_none();
+        let filtered_v = self.voltage.update(dt_s, voltage_v);
         let is_loaded = current_a.is_some_and(|current_a| current_a.abs() > RESTING_CURRENT_A);
-        let is_near = |around_v: f32| (smoothed_v - around_v).abs() <= REST_BAND_V;
-        if is_loaded || dt_s >= REST_S || !self.around_v.is_some_and(is_near) {
-            self.around_v = Some(smoothed_v);
+        if is_first || is_loaded || dt_s >= MIN_REST_S || (filtered_v - self.reference_v).abs() > REST_BAND_V
+        {
+            self.reference_v = filtered_v;
             self.duration_s = 0.0;
         } else {
             self.duration_s += dt_s;
@@ -53,8 +52,24 @@ impl Rest {
         self.voltage_v()
     }
 
-    /// The voltage, if it has rested for `REST_S`.
+    /// The voltage, if the pack is at rest.
     pub fn voltage_v(&self) -> Option<f32> {
-        self.smoothed.value().filter(|_| self.duration_s >= REST_S)
+        self.voltage.value().filter(|_| self.duration_s >= MIN_REST_S)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gap_before_the_first_reading_is_not_rest() {
+        let mut rest = Rest::new();
+        rest.update(0.0, 11.5, None);
+        rest.reset();
+        // The previous reading was 1.5 s ago, at the same voltage.
+        assert_eq!(rest.update(1.5, 11.5, None), None);
+        assert_eq!(rest.update(1.0, 11.5, None), None);
+        assert_eq!(rest.update(1.0, 11.5, None), Some(11.5));
     }
 }

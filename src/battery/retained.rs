@@ -1,27 +1,27 @@
-//! What survives a reset of the processor: a record in RAM that no start-up code touches.
+//! Pack data retained over a reset of the processor, in RAM that start-up code leaves alone.
 
 use super::MAX_PACKS;
 use super::charge::StateOfCharge;
 use super::consumption::Consumption;
 use crate::sealed::{is_sealed, seal};
 
-/// Tells this layout from others, and from what RAM holds when power comes on.
+/// Identifies this layout.
 const MAGIC: u32 = u32::from_le_bytes(*b"BAT1");
 
 const HEADER_WORDS: usize = 2;
 const PACK_WORDS: usize = 8;
-/// The last one is the checksum.
+/// With the checksum as the last word.
 const RECORD_WORDS: usize = HEADER_WORDS + PACK_WORDS * MAX_PACKS + 1;
 
-/// Two records that are written by turns, so that a reset in the middle of a write leaves the other one.
+/// Two records written alternately: a reset during a write leaves the other one valid.
 pub type RetainedMemory = [RetainedRecord; 2];
 
-/// What was known of the packs, with a sequence number and a checksum, as plain words.
+/// Data of all packs with a sequence number and a checksum, as words.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
 pub struct RetainedRecord([u32; RECORD_WORDS]);
 
-/// What was known of one pack.
+/// Retained data of one pack.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PackMemory {
     pub(super) consumption: Consumption,
@@ -30,7 +30,7 @@ pub struct PackMemory {
 }
 
 impl RetainedRecord {
-    /// A record of nothing.
+    /// An empty, invalid record.
     pub const BLANK: Self = Self([0; RECORD_WORDS]);
 
     fn new(sequence: u32, packs: &[PackMemory; MAX_PACKS]) -> Self {
@@ -44,7 +44,7 @@ impl RetainedRecord {
         Self(record)
     }
 
-    /// The sequence number, if the record is whole.
+    /// The sequence number, if the record is valid.
     fn sequence(&self) -> Option<u32> {
         self.0.get(1).copied().filter(|_| is_sealed(&self.0, MAGIC))
     }
@@ -59,12 +59,12 @@ impl RetainedRecord {
     }
 }
 
-/// What the newer of the whole records tells, if there is one.
+/// The data of the newer valid record.
 pub fn recall(memory: &RetainedMemory) -> Option<[PackMemory; MAX_PACKS]> {
     newest(memory).map(|(_, record)| record.packs())
 }
 
-/// Writes what is known into the older record.
+/// Writes `packs` over the older record.
 pub fn retain(memory: &mut RetainedMemory, packs: &[PackMemory; MAX_PACKS]) {
     let (sequence, older) = match newest(memory) {
         Some((0, record)) => (record.sequence().unwrap_or(0).wrapping_add(1), 1),
@@ -87,15 +87,15 @@ fn newest(memory: &RetainedMemory) -> Option<(usize, &RetainedRecord)> {
     }
 }
 
-const KNOWS_CHARGE: u32 = 1 << 8;
+const HAS_CHARGE: u32 = 1 << 8;
 const CELLS: u32 = 0xFF;
 
 impl PackMemory {
     fn to_words(self) -> [u32; PACK_WORDS] {
         let [charge_low, charge_high, energy_low, energy_high] = self.consumption.to_words();
         let [value, low, high] = self.charge.map_or([0; 3], |charge| charge.to_words());
-        let knows_charge = if self.charge.is_some() { KNOWS_CHARGE } else { 0 };
-        let flags = u32::from(self.detected_cells.unwrap_or(0)) | knows_charge;
+        let has_charge = if self.charge.is_some() { HAS_CHARGE } else { 0 };
+        let flags = u32::from(self.detected_cells.unwrap_or(0)) | has_charge;
         [
             charge_low,
             charge_high,
@@ -122,7 +122,7 @@ impl PackMemory {
         let cells = (flags & CELLS) as u8;
         Self {
             consumption: Consumption::from_words([charge_low, charge_high, energy_low, energy_high]),
-            charge: (flags & KNOWS_CHARGE != 0)
+            charge: (flags & HAS_CHARGE != 0)
                 .then(|| StateOfCharge::from_words([value, low, high]))
                 .flatten(),
             detected_cells: (cells > 0).then_some(cells),
@@ -142,13 +142,13 @@ mod tests {
             charge_mah,
             energy_wh: -2.5,
         });
-        packs[3].charge = Some(StateOfCharge::told(0.625));
+        packs[3].charge = Some(StateOfCharge::from_reset(0.625));
         packs[3].detected_cells = Some(3);
         packs
     }
 
     #[test]
-    fn what_was_retained_is_recalled_and_the_latest_of_it() {
+    fn latest_record_is_recalled() {
         let mut memory = [RetainedRecord::BLANK; 2];
         assert_eq!(recall(&memory), None);
         for charge_mah in [1.0, 2.0, 3.0, 4.0] {
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_that_was_not_finished_leaves_the_one_before() {
+    fn torn_write_leaves_the_previous_record() {
         let mut memory = [RetainedRecord::BLANK; 2];
         retain(&mut memory, &used(1.0));
         retain(&mut memory, &used(2.0));
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn sequence_numbers_may_wrap() {
+    fn sequence_numbers_wrap() {
         let mut memory = [
             RetainedRecord::new(u32::MAX - 1, &used(1.0)),
             RetainedRecord::new(u32::MAX, &used(2.0)),
@@ -187,7 +187,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_ram_happens_to_hold_is_never_taken_for_a_record(words in prop::collection::vec(any::<u32>(), RECORD_WORDS)) {
+        fn arbitrary_words_are_no_record(words in prop::collection::vec(any::<u32>(), RECORD_WORDS)) {
             let mut record = RetainedRecord::BLANK;
             record.0.copy_from_slice(&words);
             prop_assert!(recall(&[record, record]).is_none());

@@ -1,37 +1,38 @@
-//! What the owner has set for a pack.
+//! Settings of a pack.
 
 use super::{Chemistry, ReportedVoltage, Visibility};
 use crate::parameter::{BatteryParameter, Pack, Parameters};
 
-/// What the owner has set for a pack. `None` is what is not set or turned off.
+/// Settings of a pack, from its parameters. `None` is not set or disabled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PackSettings {
-    /// What the cells are made of (`BATT_CHEM`).
+    /// Cell chemistry (`BATT_CHEM`).
     pub chemistry: Chemistry,
-    /// Cells in series (`BATT_CELLS`); `None` has them detected.
+    /// Cells in series (`BATT_CELLS`); `None` detects them.
     pub cell_count: Option<u8>,
-    /// Charge of the full pack (`BATT_CAPACITY`), in milliampere-hours.
+    /// Full capacity (`BATT_CAPACITY`), in milliampere-hours; millilitres of fuel.
     pub capacity_mah: Option<f32>,
-    /// The largest load the pack is made for (`BATT_WATT_MAX`), in watts.
+    /// Maximum load (`BATT_WATT_MAX`), in watts.
     pub power_limit_w: Option<f32>,
     /// Serial number (`BATT_SERIAL_NUM`).
     pub serial_number: Option<i32>,
-    /// Which voltage ground stations are sent (`BATT_OPTIONS` bit 6).
+    /// The voltage reported to ground stations (`BATT_OPTIONS` bit 6).
     pub reported_voltage: ReportedVoltage,
-    /// Whether ground stations are told of the pack (`BATT_OPTIONS` bit 8).
+    /// Whether the pack is reported to ground stations (`BATT_OPTIONS` bit 8).
     pub visibility: Visibility,
-    /// When the pack counts as low.
+    /// Thresholds of the failsafe.
     pub failsafe: FailsafeSettings,
-    /// What the rover needs to be armed (`BATT_ARM_VOLT` and `BATT_ARM_MAH`).
+    /// Minimum for arming (`BATT_ARM_VOLT` and `BATT_ARM_MAH`).
     pub arming: Thresholds,
 }
 
-/// When a pack counts as low or critical. `None` is off.
+/// Settings of a pack's failsafe. `None` is disabled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FailsafeSettings {
-    /// How long the voltage has to stay below (`BATT_LOW_TIMER`), in seconds; `None` turns the voltage thresholds off.
+    /// How long the voltage has to stay below a threshold (`BATT_LOW_TIMER`), in seconds; `None` disables voltage
+    /// thresholds.
     pub timer_s: Option<f32>,
-    /// Which voltage is compared (`BATT_FS_VOLTSRC`).
+    /// The voltage that is compared (`BATT_FS_VOLTSRC`).
     pub voltage_source: VoltageSource,
     /// `BATT_LOW_VOLT` and `BATT_LOW_MAH`.
     pub low: Thresholds,
@@ -40,30 +41,30 @@ pub struct FailsafeSettings {
 }
 
 impl FailsafeSettings {
-    /// Whether a pack never counts as low or critical, however empty it is.
-    pub fn is_off(&self) -> bool {
+    /// Whether no threshold is in effect.
+    pub fn is_disabled(&self) -> bool {
         let voltage_v = self.low.voltage_v.or(self.critical.voltage_v);
         let remaining_mah = self.low.remaining_mah.or(self.critical.remaining_mah);
         self.timer_s.and(voltage_v).or(remaining_mah).is_none()
     }
 }
 
-/// Below what a pack counts as low or critical, or keeps the rover from being armed. `None` is off.
+/// Thresholds of a failsafe level or of arming. `None` is disabled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Thresholds {
     /// In volts.
     pub voltage_v: Option<f32>,
-    /// Charge that is left, in milliampere-hours.
+    /// Remaining charge, in milliampere-hours; millilitres of fuel.
     pub remaining_mah: Option<f32>,
 }
 
-/// Which voltage the thresholds are compared with.
+/// The voltage that thresholds are compared with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum VoltageSource {
-    /// The voltage between the terminals.
+    /// The terminal voltage.
     #[default]
     Terminal,
-    /// The resting voltage as far as it is known, else the one between the terminals.
+    /// The resting voltage; the terminal voltage while that is unknown.
     Resting,
 }
 
@@ -75,11 +76,11 @@ const INTERNAL_USE_ONLY: i32 = 1 << 8;
 const SAG_COMPENSATED: i32 = 1;
 
 impl PackSettings {
-    /// What the parameters of a pack say at this moment.
+    /// From the live parameters of a pack.
     pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
         let whole = |parameter: BatteryParameter| parameters.get_whole(parameter.of(pack));
-        // 0 turns off or leaves open.
+        // 0 is disabled or not set.
         let above_zero = |parameter| Some(value(parameter)).filter(|value| *value > 0.0);
         let options = whole(BatteryParameter::Options);
         Self {
@@ -129,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_not_set_is_off() {
+    fn defaults_disable_what_is_not_set() {
         let settings = PackSettings::from_parameters(&Parameters::defaults(), Pack::Second);
         let expected = PackSettings {
             capacity_mah: Some(3300.0),
@@ -143,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn every_parameter_of_a_pack_reaches_its_setting_and_no_other_pack() {
+    fn every_parameter_reaches_its_setting_in_its_pack_only() {
         let mut parameters = Parameters::defaults();
         for (parameter, value) in [
             (BatteryParameter::Chem, 3.0),
@@ -196,16 +197,16 @@ mod tests {
     }
 
     #[test]
-    fn a_failsafe_is_off_without_a_threshold_that_can_count() {
+    fn failsafe_is_disabled_without_an_effective_threshold() {
         let mut settings = FailsafeSettings::default();
-        assert!(settings.is_off());
+        assert!(settings.is_disabled());
         settings.critical.voltage_v = Some(9.9);
-        assert!(settings.is_off(), "without a timer voltages don't count");
+        assert!(settings.is_disabled(), "voltage thresholds need the timer");
         settings.timer_s = Some(10.0);
-        assert!(!settings.is_off());
+        assert!(!settings.is_disabled());
         settings.critical = Thresholds::default();
         settings.low.remaining_mah = Some(100.0);
         settings.timer_s = None;
-        assert!(!settings.is_off());
+        assert!(!settings.is_disabled());
     }
 }

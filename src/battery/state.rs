@@ -1,96 +1,94 @@
-//! What is known of a pack.
+//! The state of a pack.
 
 use super::{CellVoltages, Chemistry, Contents, FailsafeLevel, Faults, PackDetails};
 
-/// Whether a pack is there and its sensor can be trusted.
+/// Whether a pack is connected and its sensor works.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum PackStatus {
     /// The pack is not monitored (`BATT_MONITOR` is 0).
     Disabled,
-    /// Nothing has been measured yet.
+    /// No reading yet.
     #[default]
     Unknown,
-    /// The sensor works and sees no pack: the board runs from USB.
+    /// The sensor works, but no pack is connected: the board is powered by USB.
     NotConnected,
     /// The pack is connected and its sensor works.
     Healthy,
-    /// The sensor has failed repeatedly; the values are the last good ones.
+    /// The sensor has failed repeatedly; the values are the last valid ones.
     Unhealthy,
 }
 
-/// How much is left in the pack, for people and ground stations: MAVLink's `MAV_BATTERY_CHARGE_STATE`.
+/// Charge state, with the numbers of MAVLink's `MAV_BATTERY_CHARGE_STATE`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 #[repr(u8)]
 pub enum ChargeState {
-    /// It can't be known.
+    /// Unknown.
     #[default]
     Undefined = 0,
-    /// Enough.
+    /// Sufficient.
     Ok = 1,
     /// Warn the driver.
     Low = 2,
     /// Stop soon.
     Critical = 3,
-    /// Stop now: the pack is being harmed.
+    /// Stop now to avoid damage to the pack.
     Emergency = 4,
     /// The pack has failed; see its faults.
     Failed = 5,
-    /// The sensor has failed, or a fault makes the pack unfit; see its faults.
+    /// The sensor or the pack has a fault; see its faults.
     Unhealthy = 6,
     /// The pack is being charged.
     Charging = 7,
 }
 
-/// Where it is known from how full a pack is.
+/// Source of a state of charge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ChargeSource {
-    /// Estimated here, from voltage and current.
+    /// Estimated from voltage and current.
     #[default]
     Estimated,
-    /// The pack has a gauge of its own.
+    /// The pack's own fuel gauge.
     Gauge,
 }
 
-/// Which of a pack's voltages a ground station is sent (`BATT_OPTIONS` bit 6).
+/// The voltage reported to ground stations (`BATT_OPTIONS` bit 6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ReportedVoltage {
-    /// The voltage between the pack's terminals.
+    /// The terminal voltage.
     #[default]
     Terminal,
-    /// The voltage it would have without a load, as far as that is known.
+    /// The voltage without load; the terminal voltage while that is unknown.
     Resting,
 }
 
-/// Whether ground stations are told of a pack (`BATT_OPTIONS` bit 8).
+/// Whether a pack is reported to ground stations (`BATT_OPTIONS` bit 8).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Visibility {
-    /// It has a BATTERY_STATUS of its own.
+    /// Reported, in a BATTERY_STATUS of its own.
     #[default]
     Reported,
-    /// It is used on board only.
+    /// Internal use only.
     Internal,
 }
 
-/// What is known of one pack. `None` means unknown; it never stands for zero.
-///
-/// The default is the state at boot: everything unknown.
+/// The state of one pack. `None` is unknown, never zero; by default everything is unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatteryState {
-    /// Whether the pack is there and its sensor can be trusted.
+    /// Whether the pack is connected and its sensor works.
     pub status: PackStatus,
-    /// What the pack holds. Charge and current of one that holds fuel are in millilitres and litres per hour.
+    /// Electric charge or fuel. Values of fuel are in millilitres and litres per hour instead of mAh and A.
     pub contents: Contents,
-    /// Voltage between the pack's terminals, in volts.
+    /// Terminal voltage, in volts.
     pub voltage_v: Option<f32>,
-    /// Voltage the pack would have without a load, in volts.
+    /// Voltage without load, in volts.
     pub resting_voltage_v: Option<f32>,
     /// Current drawn from the pack, in amperes; negative while charging.
     pub current_a: Option<f32>,
-    /// Current drawn from the pack, averaged over the last minute or so, in amperes.
+    /// Current averaged over about a minute, in amperes.
     pub average_current_a: Option<f32>,
-    /// Internal resistance of the whole pack, in ohms, once load steps have shown it.
+    /// Internal resistance of the whole pack, in ohms, measured from load steps.
     pub resistance_ohm: Option<f32>,
     /// Charge drawn since boot or the last battery reset, in milliampere-hours.
     pub consumed_mah: Option<f32>,
@@ -102,38 +100,38 @@ pub struct BatteryState {
     pub time_remaining_s: Option<f32>,
     /// Temperature of the pack, in degrees Celsius.
     pub temperature_c: Option<f32>,
-    /// How much is left, in steps.
+    /// Charge state.
     pub charge_state: ChargeState,
-    /// What is wrong with the pack.
+    /// Present faults.
     pub faults: Faults,
-    /// The failsafe level reached since the last battery reset.
+    /// The failsafe level, latched until a battery reset or swap.
     pub failsafe: FailsafeLevel,
     /// Cells in series, as set or detected.
     pub cell_count: Option<u8>,
-    /// Voltage of each cell, where the sensor measures them.
+    /// Cell voltages, if measured.
     pub cells: CellVoltages,
-    /// What the cells are made of.
+    /// Cell chemistry.
     pub chemistry: Chemistry,
-    /// Charge of the full pack, in milliampere-hours.
+    /// Full capacity, in milliampere-hours.
     pub capacity_mah: Option<f32>,
-    /// The pack's voltage that counts as critical, in volts, if the owner has set one (`BATT_CRT_VOLT`).
+    /// Critical voltage (`BATT_CRT_VOLT`), in volts, if set.
     pub critical_voltage_v: Option<f32>,
-    /// Serial number, as set or as the pack tells.
+    /// Serial number, as reported by a smart battery, else as set.
     pub serial_number: Option<i32>,
-    /// Where it is known from how full the pack is.
+    /// Source of the state of charge.
     pub charge_source: ChargeSource,
-    /// What the pack tells of itself, if it is a smart one.
+    /// Identity and ratings, of a smart battery.
     pub details: PackDetails,
-    /// Which voltage ground stations are sent.
+    /// The voltage reported to ground stations.
     pub reported_voltage: ReportedVoltage,
-    /// Whether ground stations are told of the pack.
+    /// Whether the pack is reported to ground stations.
     pub visibility: Visibility,
-    /// The packs it is the sum of, one bit for each instance, bit 0 for the first; 0 for a pack with a sensor.
+    /// The members of a sum, one bit per instance from bit 0; 0 for a pack with a sensor.
     pub members: u16,
 }
 
 impl BatteryState {
-    /// Nothing is known.
+    /// Everything unknown.
     pub const UNKNOWN: Self = Self {
         status: PackStatus::Unknown,
         contents: Contents::Charge,
@@ -171,12 +169,12 @@ impl BatteryState {
         }
     }
 
-    /// The voltage without a load, in volts; while that is not known, the one between the terminals.
+    /// The resting voltage, in volts; the terminal voltage while that is unknown.
     pub fn resting_or_terminal_voltage_v(&self) -> Option<f32> {
         self.resting_voltage_v.or(self.voltage_v)
     }
 
-    /// The voltage ground stations are sent, in volts.
+    /// The voltage reported to ground stations, in volts.
     pub fn voltage_to_report_v(&self) -> Option<f32> {
         match self.reported_voltage {
             ReportedVoltage::Resting => self.resting_or_terminal_voltage_v(),

@@ -1,23 +1,23 @@
-//! Several packs as one.
+//! Sum of several packs.
 
 use super::{BatteryState, Consumed, Contents, Counted, Measurement, PackStatus, ReadError};
 use crate::parameter::{BatteryParameter, Pack, Parameters};
 
-/// How the voltages of the packs are put together.
+/// How the members' voltages are combined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SumVoltage {
-    /// Their mean: packs side by side.
+    /// The mean, for packs in parallel.
     #[default]
     Mean,
     /// The lowest (`BATT_OPTIONS` bit 9).
     Lowest,
 }
 
-/// `BATT_OPTIONS`: the lowest voltage.
+/// `BATT_OPTIONS` bit of [`SumVoltage::Lowest`].
 const USE_LOWEST: i32 = 1 << 9;
 
 impl SumVoltage {
-    /// As the parameters of the sum say.
+    /// From the live parameters of the sum.
     pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
         if parameters.get_whole(BatteryParameter::Options.of(pack)) & USE_LOWEST != 0 {
             Self::Lowest
@@ -27,12 +27,11 @@ impl SumVoltage {
     }
 }
 
-/// What packs that are used together amount to: the voltage of those that are healthy, the sum of the currents and of
-/// what was drawn, and the mean temperature. A current is summed only if it is known of each healthy pack. Fuel does not
-/// add up with charge, and is left out.
+/// Combines packs into one: voltage and mean temperature of the healthy ones, the sum of their currents, and the sum of
+/// the consumption of all. The current is known only if that of every healthy pack is. Fuel tanks are left out.
 ///
 /// # Errors
-/// None of them is healthy.
+/// No member is healthy.
 pub fn sum<'a>(
     packs: impl Iterator<Item = &'a BatteryState> + Clone,
     voltage: SumVoltage,
@@ -40,7 +39,7 @@ pub fn sum<'a>(
     let packs = packs.filter(|pack| pack.contents == Contents::Charge);
     let healthy = packs.clone().filter(|pack| pack.status == PackStatus::Healthy);
     if healthy.clone().next().is_none() {
-        return Err(ReadError::NoMember);
+        return Err(ReadError::NoHealthyMember);
     }
     let voltages = healthy.clone().filter_map(|pack| pack.voltage_v);
     Ok(Measurement {
@@ -49,13 +48,13 @@ pub fn sum<'a>(
             SumVoltage::Lowest => voltages.reduce(f32::min),
         },
         current_a: healthy.clone().map(|pack| pack.current_a).sum(),
-        counted: consumed(packs).map(Counted::InAll),
+        counted: consumed(packs).map(Counted::Total),
         temperature_c: mean(healthy.filter_map(|pack| pack.temperature_c)),
         ..Measurement::default()
     })
 }
 
-/// What a pack has given stays given when its sensor fails.
+/// Total consumption, including packs whose sensor has failed.
 fn consumed<'a>(packs: impl Iterator<Item = &'a BatteryState> + Clone) -> Option<Consumed> {
     let monitored = packs.filter(|pack| pack.consumed_mah.is_some());
     monitored.clone().next()?;
@@ -88,14 +87,14 @@ mod tests {
     }
 
     fn drawn(charge_mah: f32, energy_wh: f32) -> Option<Counted> {
-        Some(Counted::InAll(Consumed {
+        Some(Counted::Total(Consumed {
             charge_mah,
             energy_wh,
         }))
     }
 
     #[test]
-    fn packs_side_by_side_have_the_mean_voltage_and_the_sum_of_the_currents() {
+    fn parallel_packs_have_mean_voltage_and_summed_current() {
         let packs = [pack(12.0, Some(2.0)), pack(11.0, Some(3.0))];
         let measurement = sum(packs.iter(), SumVoltage::Mean).unwrap();
         assert_eq!(measurement.voltage_v, Some(11.5));
@@ -106,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn fuel_is_left_out() {
+    fn fuel_tanks_are_left_out() {
         let tank = BatteryState {
             contents: Contents::Fuel,
             ..pack(3.0, Some(9.0))
@@ -116,17 +115,20 @@ mod tests {
         assert_eq!(measurement.voltage_v, Some(12.0));
         assert_eq!(measurement.current_a, Some(2.0));
         assert_eq!(measurement.counted, drawn(100.0, 1.0));
-        assert_eq!(sum([tank].iter(), SumVoltage::Mean), Err(ReadError::NoMember));
+        assert_eq!(
+            sum([tank].iter(), SumVoltage::Mean),
+            Err(ReadError::NoHealthyMember)
+        );
     }
 
     #[test]
-    fn a_current_that_is_not_known_of_each_is_not_known_of_all() {
+    fn current_is_unknown_unless_known_of_every_member() {
         let packs = [pack(12.0, Some(2.0)), pack(11.0, None)];
         assert_eq!(sum(packs.iter(), SumVoltage::Mean).unwrap().current_a, None);
     }
 
     #[test]
-    fn an_unhealthy_pack_is_left_out_but_not_what_it_gave() {
+    fn unhealthy_pack_counts_only_in_the_consumption() {
         let unhealthy = BatteryState {
             status: PackStatus::Unhealthy,
             ..pack(3.0, Some(9.0))
@@ -136,6 +138,9 @@ mod tests {
         assert_eq!(measurement.voltage_v, Some(12.0));
         assert_eq!(measurement.current_a, Some(2.0));
         assert_eq!(measurement.counted, drawn(200.0, 2.0));
-        assert_eq!(sum(packs[1..].iter(), SumVoltage::Mean), Err(ReadError::NoMember));
+        assert_eq!(
+            sum(packs[1..].iter(), SumVoltage::Mean),
+            Err(ReadError::NoHealthyMember)
+        );
     }
 }

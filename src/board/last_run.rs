@@ -70,7 +70,7 @@ fn count(reset_reason: ResetReason) -> QuickResets {
         | ResetReason::RunPin
         | ResetReason::Debugger
         | ResetReason::Software
-        | ResetReason::Processor => Start::AskedFor,
+        | ResetReason::Processor => Start::Requested,
     };
     let resets = QuickResets::counted(WATCHDOG.scratch2().read(), start);
     WATCHDOG.scratch2().write_value(resets.count());

@@ -1,7 +1,7 @@
-//! What is known of a crash when the board has started again, and of starts that follow each other too quickly.
+//! Crash records retained over a restart, and detection of reset loops.
 //!
-//! A [`CrashRecord`] is written by the fault handler, or at the next start from what the watchdog has left; it goes
-//! through RAM as plain words.
+//! A [`CrashRecord`] is written by the fault handler, or at the next start from the watchdog's scratch registers; it is
+//! retained in RAM as words.
 
 mod quick_resets;
 mod record;

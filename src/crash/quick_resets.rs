@@ -1,53 +1,53 @@
-//! Resets that follow each other too quickly, which may be the parameters' fault.
+//! Detection of reset loops, which stored parameters may cause.
 
-/// After so many starts that nobody asked for, one soon after the other, the parameters are not trusted any more.
+/// Consecutive unrequested starts after which the stored parameters are not loaded.
 const LIMIT: u32 = 5;
 
-/// A program that has run for so long is not in a loop of resets.
-const STEADY_AFTER_S: u64 = 30;
+/// Uptime that ends a reset loop, in seconds.
+const STABLE_AFTER_S: u64 = 30;
 
-/// How a start came about.
+/// Cause of a start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// Somebody switched the board on or restarted it.
-    AskedFor,
-    /// The program before it has crashed.
+    /// Power-on or a requested restart.
+    Requested,
+    /// The previous run crashed.
     AfterCrash,
 }
 
-/// Which parameters a start is made with.
+/// Source of the parameters of a start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParameterSource {
     /// Those in flash.
     Stored,
-    /// All at their defaults.
+    /// All defaults.
     Defaults,
 }
 
-/// Starts after a crash, without one that was asked for and without a program that ran steadily in between.
+/// Consecutive starts after a crash, without a requested one or a stable run in between.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct QuickResets(u32);
 
 impl QuickResets {
-    /// The number with this start, if there were `before` so far.
+    /// The count including this start, after `before` ones.
     pub fn counted(before: u32, start: Start) -> Self {
         match start {
-            Start::AskedFor => Self(0),
+            Start::Requested => Self(0),
             Start::AfterCrash => Self(before.saturating_add(1)),
         }
     }
 
-    /// Whether a program that has run for `uptime_s` ends the row: the next crash counts as the first.
+    /// Whether an uptime of `uptime_s` ends the loop: the next crash counts as the first.
     pub fn end_after(uptime_s: u64) -> bool {
-        uptime_s >= STEADY_AFTER_S
+        uptime_s >= STABLE_AFTER_S
     }
 
-    /// How many there were.
+    /// The count.
     pub fn count(self) -> u32 {
         self.0
     }
 
-    /// What to start with. The defaults stay until the program has run steadily or somebody restarts it.
+    /// Source of the parameters of this start: the defaults, until a stable run or a requested restart.
     pub fn parameter_source(self) -> ParameterSource {
         if self.0 < LIMIT {
             ParameterSource::Stored
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fifth_start_after_a_crash_is_made_with_defaults_and_those_after_it() {
+    fn defaults_are_used_from_the_fifth_start_after_a_crash() {
         for crashes in 0..5 {
             assert_eq!(
                 after(crashes).parameter_source(),
@@ -83,20 +83,20 @@ mod tests {
                 "{crashes}"
             );
         }
-        let for_ever = QuickResets::counted(u32::MAX, Start::AfterCrash);
-        assert_eq!(for_ever.parameter_source(), ParameterSource::Defaults);
+        let saturated = QuickResets::counted(u32::MAX, Start::AfterCrash);
+        assert_eq!(saturated.parameter_source(), ParameterSource::Defaults);
     }
 
     #[test]
-    fn half_a_minute_ends_a_row() {
+    fn thirty_seconds_of_uptime_end_a_loop() {
         assert!(!QuickResets::end_after(29));
         assert!(QuickResets::end_after(30));
     }
 
     #[test]
-    fn a_start_that_was_asked_for_begins_anew() {
+    fn requested_start_resets_the_count() {
         for crashes in [0, 4, 5, 100] {
-            let resets = QuickResets::counted(after(crashes).count(), Start::AskedFor);
+            let resets = QuickResets::counted(after(crashes).count(), Start::Requested);
             assert_eq!(resets, QuickResets::default());
         }
     }

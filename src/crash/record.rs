@@ -1,83 +1,83 @@
-//! What is known of a crash.
+//! Crash records.
 
 use core::ops::Range;
 
 use super::TaskName;
 use crate::sealed::{is_sealed, seal};
 
-/// Tells this layout from others, and from what RAM holds when power comes on.
+/// Identifies this layout.
 const MAGIC: u32 = u32::from_le_bytes(*b"CRS1");
 
-/// So much of the stack is recorded: the frames of a few functions, the innermost first.
+/// Recorded words of the stack: a few frames, the innermost first.
 pub const STACK_WORDS: usize = 32;
 
-/// Magic number, cause, the task's name, three registers, the stack, checksum.
+/// Magic number, cause, task name, three registers, stack, checksum.
 const RECORD_WORDS: usize = 2 + 4 + 3 + STACK_WORDS + 1;
 
-/// A record as plain words.
+/// A record as words.
 pub type CrashWords = [u32; RECORD_WORDS];
 
-/// How causes are coded in words.
+/// Codes of the causes.
 const FAULT: u32 = 1;
 const OVERDUE: u32 = 2;
 const HUNG: u32 = 3;
 
-/// xPSR: the number of the exception the program was in (ARMv6-M B1.4.2); external interrupts are counted from 16 on.
+/// xPSR: active exception number (ARMv6-M B1.4.2); external interrupts start at 16.
 const EXCEPTION: u32 = 0x3F;
 const FIRST_INTERRUPT: u32 = 16;
 
 /// A crash.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CrashRecord {
-    /// The task that was running or, when one was overdue, that one; `None` between tasks.
+    /// The running task, or the overdue one; `None` between tasks.
     pub task: Option<TaskName>,
-    /// What happened.
+    /// The cause.
     pub cause: CrashCause,
 }
 
-/// What ended the program.
+/// Cause of a crash.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CrashCause {
-    /// A HardFault: an illegal access, an undefined instruction, a panic.
+    /// HardFault: an illegal access, an undefined instruction, or a panic.
     Fault(FaultSite),
-    /// The task was not seen for longer than its deadline, and so the watchdog was not fed.
+    /// The task missed its check-in deadline, so the watchdog was not fed.
     Overdue,
-    /// The watchdog was not fed and nobody was overdue: something did not yield, or the processor locked up.
+    /// The watchdog was not fed although no task was overdue: a task did not yield, or the processor locked up.
     Hung,
 }
 
-/// Where a fault happened.
+/// Registers and stack at a fault.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FaultSite {
-    /// The program counter.
+    /// Program counter.
     pub pc: u32,
-    /// The link register: where the function returns to, unless it has called others.
+    /// Link register: the return address, unless the function has made calls.
     pub lr: u32,
-    /// The status register.
+    /// Program status register.
     pub xpsr: u32,
-    /// The stack from where the stack pointer was; zeros beyond its end, and if it was nowhere on the stack.
+    /// The stack from the stack pointer on; zeros beyond its end, and if the pointer was outside.
     pub stack: [u32; STACK_WORDS],
 }
 
 impl FaultSite {
-    /// The external interrupt whose handler was running.
+    /// The external interrupt whose handler was active.
     pub fn interrupt(&self) -> Option<u32> {
         (self.xpsr & EXCEPTION).checked_sub(FIRST_INTERRUPT)
     }
 
-    /// Addresses within the calls that seem to have led here, the innermost first: odd words on the stack, of which
-    /// bit 0 stands for Thumb, that lie in the program's `code`. Some may be left over from earlier calls.
+    /// Probable call sites, the innermost first: words on the stack that lie in `code` with the Thumb bit set. Some may
+    /// be stale, of earlier calls.
     pub fn call_sites(&self, code: Range<u32>) -> impl Iterator<Item = u32> {
         let words = self.stack.iter().copied();
         words
             .filter(move |word| word & 1 == 1 && code.contains(word))
-            // The halfword before the one to return to is a part of the call.
+            // Into the call instruction before the return address, less the Thumb bit.
             .map(|return_address| return_address - 3)
     }
 }
 
 impl CrashRecord {
-    /// The record as words that can be recognised.
+    /// The record as words with magic number and checksum.
     pub fn to_words(&self) -> CrashWords {
         let mut words = [0; RECORD_WORDS];
         let [_, code, a, b, c, d, pc, lr, xpsr, stack @ .., _] = &mut words;
@@ -94,7 +94,7 @@ impl CrashRecord {
         words
     }
 
-    /// The record these words are, if they are one.
+    /// The record in `words`, if they are valid.
     pub fn from_words(words: &CrashWords) -> Option<Self> {
         if !is_sealed(words, MAGIC) {
             return None;
@@ -145,17 +145,17 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_record_is_the_same_behind_its_words(record in record()) {
+        fn records_round_trip(record in record()) {
             prop_assert_eq!(CrashRecord::from_words(&record.to_words()), Some(record));
         }
 
         #[test]
-        fn what_ram_happens_to_hold_is_never_taken_for_a_record(words in prop::collection::vec(any::<u32>(), RECORD_WORDS)) {
+        fn arbitrary_words_are_no_record(words in prop::collection::vec(any::<u32>(), RECORD_WORDS)) {
             prop_assert_eq!(CrashRecord::from_words(&words.try_into().unwrap()), None);
         }
 
         #[test]
-        fn a_record_that_was_not_finished_is_none(record in record(), written in 0..RECORD_WORDS) {
+        fn torn_record_is_invalid(record in record(), written in 0..RECORD_WORDS) {
             let mut torn = [0; RECORD_WORDS];
             torn[..written].copy_from_slice(&record.to_words()[..written]);
             prop_assert_eq!(CrashRecord::from_words(&torn), None);
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cause_of_another_version_is_none() {
+    fn unknown_cause_is_invalid() {
         let mut words = CrashRecord {
             task: None,
             cause: CrashCause::Hung,
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn calls_are_odd_words_in_the_program() {
+    fn call_sites_are_odd_words_in_the_code() {
         let mut site = FaultSite {
             pc: 0,
             lr: 0,

@@ -1,4 +1,4 @@
-//! A crash in words.
+//! Crash reports as text.
 
 use core::fmt::{self, Write};
 use core::ops::Range;
@@ -7,16 +7,16 @@ use heapless::String;
 
 use super::{CrashCause, CrashRecord};
 
-/// The longest text, in bytes: two STATUSTEXT.
+/// Maximum length of a text, in bytes: two STATUSTEXT.
 const TEXT_BYTES: usize = 96;
 
-/// As many addresses as fit into a text.
+/// Number of addresses that fit into a text.
 const CALL_SITES: usize = 8;
 
-/// What happened, to whom and where, for addr2line: "Crash: hard fault in battery, PC 0x10001234 LR 0x10005679".
+/// Cause, task and addresses for addr2line: "Crash: hard fault in battery, PC 0x10001234 LR 0x10005679".
 pub fn headline(record: &CrashRecord) -> String<TEXT_BYTES> {
     let mut text = String::new();
-    // All of it fits; a test shows that.
+    // It fits, as a test proves.
     let _ = write_headline(&mut text, record);
     text
 }
@@ -42,8 +42,8 @@ fn write_headline(text: &mut impl Write, record: &CrashRecord) -> fmt::Result {
     }
 }
 
-/// The calls that seem to have led there, for addr2line, the innermost first; `None` when none are known. `code` is where
-/// the program lies.
+/// Probable call sites for addr2line, the innermost first; `None` if there are none. `code` is the program's address
+/// range.
 pub fn call_sites_text(record: &CrashRecord, code: Range<u32>) -> Option<String<TEXT_BYTES>> {
     let CrashCause::Fault(site) = &record.cause else {
         return None;
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn every_crash_is_told_in_words_that_fit() {
+    fn every_crash_has_a_text_that_fits() {
         for (record, expected) in [
             (
                 fault(Some("battery"), 0),
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn as_many_calls_are_told_as_fit() {
+    fn call_sites_are_truncated_to_fit() {
         let text = call_sites_text(&fault(None, 0), CODE).unwrap();
         let eight = " 1001abca".repeat(8);
         assert_eq!(text.as_str(), format!("Crash: called from{eight}"));

@@ -38,7 +38,7 @@ pub enum Event {
     ParameterSet(ParameterId),
     /// A ground station tried to set a parameter and was refused.
     ParameterRefused,
-    /// The rover was armed or disarmed, its mode was set, or its driver moved a lever.
+    /// The rover was armed or disarmed, its mode was set, or its driver moved a stick.
     Driven,
     /// A command, by its number, has this effect.
     Command(Action),
@@ -190,7 +190,7 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
             replies.acknowledge(number, result, from);
             return driven(number, result);
         }
-        Request::Control(levers) => return controlled(rover.control(levers)),
+        Request::Control(sticks) => return controlled(rover.control(sticks)),
         Request::Heartbeat(heartbeat) if is_of_ground_station(heartbeat) => {
             rover.ground_station_seen();
             return Event::GroundStationHeard;

@@ -15,7 +15,7 @@ use super::dialect::{
 use super::parser::ReceivedFrame;
 use super::payload::{Name, Payload};
 use super::signing::{SigningKey, Timestamp};
-use crate::vehicle::Lever;
+use crate::vehicle::StickInput;
 
 /// Who sent a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,7 +71,7 @@ pub(super) enum Request {
     Timesync(Timesync),
     RadioStatus(RadioStatus),
     SetMode(SetMode),
-    Control(Levers),
+    Control(Sticks),
     Heartbeat(Heartbeat),
     SetUpSigning(SetUpSigning),
 }
@@ -149,9 +149,9 @@ pub(super) struct SetMode {
 
 /// MANUAL_CONTROL or RC_CHANNELS_OVERRIDE.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Levers {
-    pub throttle: Lever,
-    pub steering: Lever,
+pub(super) struct Sticks {
+    pub throttle: StickInput,
+    pub steering: StickInput,
 }
 
 /// HEARTBEAT.
@@ -285,46 +285,46 @@ fn request_data_stream(payload: &Payload<'_>) -> (Target, Request) {
 /// ArduPilot's Rover steers by the axis y and takes z for its throttle.
 fn manual_control(payload: &Payload<'_>) -> (Target, Request) {
     let target = payload.u8(10);
-    let levers = Levers {
-        steering: lever_of_axis(payload.i16(2)),
-        throttle: lever_of_axis(payload.i16(4)),
+    let sticks = Sticks {
+        steering: stick_of_axis(payload.i16(2)),
+        throttle: stick_of_axis(payload.i16(4)),
     };
-    (Target::OnlySystem(target), Request::Control(levers))
+    (Target::OnlySystem(target), Request::Control(sticks))
 }
 
-fn lever_of_axis(position: i16) -> Lever {
+fn stick_of_axis(position: i16) -> StickInput {
     /// An axis that the sender does not have.
     const NO_AXIS: i16 = i16::MAX;
     match position {
-        NO_AXIS => Lever::Released,
-        _ => Lever::At(position),
+        NO_AXIS => StickInput::Released,
+        _ => StickInput::Position(position),
     }
 }
 
 /// ArduPilot's Rover steers by channel 1 and takes channel 3 for its throttle.
 fn rc_channels_override(payload: &Payload<'_>) -> (Target, Request) {
     let target = target_at(payload, 16);
-    let levers = Levers {
-        steering: lever_of_channel(payload.u16(0)),
-        throttle: lever_of_channel(payload.u16(4)),
+    let sticks = Sticks {
+        steering: stick_of_channel(payload.u16(0)),
+        throttle: stick_of_channel(payload.u16(4)),
     };
-    (Target::OnlyComponent(target), Request::Control(levers))
+    (Target::OnlyComponent(target), Request::Control(sticks))
 }
 
-fn lever_of_channel(pulse_us: u16) -> Lever {
+fn stick_of_channel(pulse_us: u16) -> StickInput {
     const RELEASED_US: u16 = 0;
     const UNCHANGED_US: u16 = u16::MAX;
     const SHORTEST_US: u16 = 1000;
     const LONGEST_US: u16 = 2000;
     const MIDDLE_US: i16 = 1500;
-    /// Thousandths of a lever's way for each microsecond.
-    const LEVER_PER_US: i16 = 2;
+    /// Thousandths of a stick's deflection for each microsecond.
+    const DEFLECTION_PER_US: i16 = 2;
     match pulse_us {
-        RELEASED_US => Lever::Released,
-        UNCHANGED_US => Lever::Unchanged,
+        RELEASED_US => StickInput::Released,
+        UNCHANGED_US => StickInput::Unchanged,
         _ => {
             let pulse_us = pulse_us.clamp(SHORTEST_US, LONGEST_US) as i16;
-            Lever::At((pulse_us - MIDDLE_US) * LEVER_PER_US)
+            StickInput::Position((pulse_us - MIDDLE_US) * DEFLECTION_PER_US)
         }
     }
 }

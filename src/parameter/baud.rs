@@ -1,6 +1,6 @@
 //! ArduPilot's coding of baud rates.
 
-/// The baud rate that a value of `SERIAL0_BAUD` stands for: roughly thousands, with the usual rates meant exactly.
+/// Baud rate of a `SERIAL0_BAUD` code: thousands, rounded.
 pub fn serial_baud(code: i32) -> u32 {
     match code {
         9 => 9_600,
@@ -13,7 +13,7 @@ pub fn serial_baud(code: i32) -> u32 {
         460 => 460_800,
         500 => 500_000,
         921 => 921_600,
-        // The default, and what a value that the table does not allow would fall back to.
+        // The default, also for an invalid code.
         _ => 115_200,
     }
 }
@@ -24,9 +24,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_code_of_the_table_is_the_rate_it_names() {
+    fn every_code_has_its_documented_rate() {
         let Range::OneOf(codes) = VehicleParameter::Serial0Baud.row().range else {
-            panic!("the codes are listed");
+            panic!("a list of codes");
         };
         for (code, rate) in codes {
             assert_eq!(serial_baud(*code).to_string(), rate.text());

@@ -1,4 +1,4 @@
-//! The tables as their owners read them: a page of the docs, and ArduPilot's metadata file for ground stations.
+//! Generated documentation of the parameters: a page of the docs, and ArduPilot's metadata file for ground stations.
 
 use std::fmt::Write;
 
@@ -11,27 +11,27 @@ pub fn markdown() -> String {
     let mut page = String::from(
         "# Parameters\n\n\
          Written by `cargo run --example parameter_docs` from the tables in `src/parameter/table/`; a test fails when it is \
-         stale. Names are ArduPilot 4.6's unless noted. A change is live at once unless a restart is noted, and kept in \
-         flash.\n\
+         stale. Names are ArduPilot 4.6's unless noted. A change takes effect at once unless a restart is noted, and is \
+         saved to flash.\n\
          \n\
          ## Vehicle\n",
     );
     for parameter in VehicleParameter::ALL {
-        write_section(&mut page, parameter.into()).expect("a string takes everything");
+        write_section(&mut page, parameter.into()).expect("infallible");
     }
     page.push_str(
         "\n\
          ## Packs\n\
-         These are the first pack's. `BATT2_…` to `BATT9_…` are the same for the others. While a pack's `MONITOR` is 0, its \
-         other parameters are not listed, but can be read and set by name all the same. A ground station sees what has \
-         become visible when it reads the list again; some set only what they have read.\n",
+         Of the first pack; `BATT2_…` to `BATT9_…` are the same for the others. While a pack's `MONITOR` is 0, its other \
+         parameters are not listed, but can be read and set by name. After enabling a pack, read the list again: some ground \
+         stations set only parameters they have read.\n",
     );
     for parameter in BatteryParameter::ALL {
-        write_section(&mut page, parameter.of(Pack::First)).expect("a string takes everything");
+        write_section(&mut page, parameter.of(Pack::First)).expect("infallible");
     }
-    page.push_str("\n## Simulator\nThe board does not have these.\n");
+    page.push_str("\n## Simulator\nNot on the board.\n");
     for parameter in SimulationParameter::ALL {
-        write_section(&mut page, parameter.into()).expect("a string takes everything");
+        write_section(&mut page, parameter.into()).expect("infallible");
     }
     page
 }
@@ -88,7 +88,7 @@ fn joined(items: impl Iterator<Item = String>) -> String {
     items.collect::<Vec<_>>().join(", ")
 }
 
-/// What the other packs have instead of the first one's default.
+/// The default of the other packs, if it differs.
 fn other_default(id: ParameterId) -> String {
     if id.default_value() == id.row().default {
         String::new()
@@ -105,7 +105,7 @@ pub fn apm_pdef_xml() -> String {
          <paramfile>\n  <vehicles>\n    <parameters name=\"Rover\">\n",
     );
     for id in ParameterId::all() {
-        write_param(&mut xml, id).expect("a string takes everything");
+        write_param(&mut xml, id).expect("infallible");
     }
     xml.push_str("    </parameters>\n  </vehicles>\n  <libraries/>\n</paramfile>\n");
     xml
@@ -179,15 +179,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_comment_is_one_that_xml_allows() {
+    fn xml_comment_is_valid() {
         let xml = apm_pdef_xml();
-        let (_, rest) = xml.split_once("<!--").expect("it begins");
-        let (comment, _) = rest.split_once("-->").expect("it ends");
+        let (_, rest) = xml.split_once("<!--").expect("its start");
+        let (comment, _) = rest.split_once("-->").expect("its end");
         assert!(!comment.contains("--"), "{comment}");
     }
 
     #[test]
-    fn meanings_of_bits_can_be_told_apart() {
+    fn meanings_of_bits_have_no_separators() {
         for id in ParameterId::all() {
             if let Range::Bits(bits) = id.row().range {
                 assert!(

@@ -1,4 +1,4 @@
-//! Something for each parameter.
+//! A map from parameters to values.
 
 use super::{PARAMETER_COUNT, ParameterId};
 
@@ -7,34 +7,34 @@ use super::{PARAMETER_COUNT, ParameterId};
 pub struct ForEachParameter<T>([T; PARAMETER_COUNT]);
 
 impl<T: Copy + Default> ForEachParameter<T> {
-    /// What `make` returns for each of them.
+    /// Initialised with `make` for each parameter.
     pub fn from_fn(make: impl Fn(ParameterId) -> T) -> Self {
         let mut all = Self::default();
         all.set_all(make);
         all
     }
 
-    /// Replaces each by what `make` returns for it.
+    /// Sets each to `make` of its parameter.
     pub fn set_all(&mut self, make: impl Fn(ParameterId) -> T) {
         for id in ParameterId::all() {
             self.set(id, make(id));
         }
     }
 
-    /// Replaces each by what `update` makes of it.
+    /// Sets each to `update` of itself.
     pub fn update_all(&mut self, mut update: impl FnMut(T) -> T) {
         for one in &mut self.0 {
             *one = update(*one);
         }
     }
 
-    /// The one of `id`.
+    /// The value of `id`.
     pub fn get(&self, id: ParameterId) -> T {
-        // Each has its place, but the compiler does not see that: an index would leave a panicking path.
+        // In bounds for every id, but an index would leave a panicking path.
         self.0.get(id.number()).copied().unwrap_or_default()
     }
 
-    /// Replaces the one of `id`.
+    /// Sets the value of `id`.
     pub fn set(&mut self, id: ParameterId, value: T) {
         if let Some(place) = self.0.get_mut(id.number()) {
             *place = value;
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_has_its_own() {
+    fn every_parameter_has_its_value() {
         let keys = ForEachParameter::from_fn(ParameterId::key);
         for id in ParameterId::all() {
             assert_eq!(keys.get(id), id.key(), "{}", id.name());

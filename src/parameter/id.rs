@@ -1,4 +1,4 @@
-//! Which parameters there are, by name, key and order.
+//! Parameter identifiers: names, flash keys, order.
 
 use core::iter;
 
@@ -10,16 +10,16 @@ use super::table::{BatteryParameter, Parameter, VehicleParameter};
 use super::{MAX_NAME_LENGTH, Pack};
 use crate::battery::MAX_PACKS;
 
-/// How far the keys of two neighbouring packs are apart.
+/// Keys reserved per pack.
 const KEYS_PER_PACK: u16 = 128;
 
-/// `BATT_MONITOR` of the first pack, unless somebody sets it: the board's divider. The others are disabled.
+/// Default `BATT_MONITOR` of the first pack: the board's divider. The other packs are disabled by default.
 const FIRST_PACK_MONITOR: f32 = 3.0;
 
-/// How many parameters there are, the hidden ones included.
+/// Number of parameters, including hidden ones.
 pub const PARAMETER_COUNT: usize = SIMULATION_START + SIMULATION_COUNT;
 
-/// Those of the simulator come last.
+/// Number of the first simulator parameter; these come last.
 const SIMULATION_START: usize = VehicleParameter::COUNT + MAX_PACKS * BatteryParameter::COUNT;
 
 #[cfg(target_os = "none")]
@@ -27,28 +27,28 @@ const SIMULATION_COUNT: usize = 0;
 #[cfg(not(target_os = "none"))]
 const SIMULATION_COUNT: usize = SimulationParameter::COUNT;
 
-/// One parameter.
+/// Identifies a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ParameterId {
-    /// One of the whole vehicle.
+    /// Of the vehicle.
     Vehicle(VehicleParameter),
-    /// One of a pack.
+    /// Of a pack.
     Battery(Pack, BatteryParameter),
-    /// One of the simulated pack.
+    /// Of the simulated pack.
     #[cfg(not(target_os = "none"))]
     Simulation(SimulationParameter),
 }
 
 impl ParameterId {
-    /// Every parameter, the hidden ones included: the vehicle's, pack after pack, and the simulator's if this is one, each in
-    /// the order of the table.
+    /// All parameters including hidden ones: the vehicle's, each pack's, the simulator's, each in the order of its
+    /// table.
     pub fn all() -> impl Iterator<Item = Self> {
         iter::successors(Some(Self::Vehicle(VehicleParameter::FIRST)), |id| id.next())
     }
 
-    /// The one behind it in [`Self::all`].
-    // Called from wherever parameters are looked for: inlined, it would be as often in the firmware.
+    /// The next one in [`Self::all`].
+    // Inlined, the code would be repeated at every search.
     #[inline(never)]
     fn next(self) -> Option<Self> {
         match self {
@@ -74,12 +74,12 @@ impl ParameterId {
         }
     }
 
-    /// The parameter whose value lies in flash under `key`.
+    /// The parameter with this flash key.
     pub fn from_key(key: u16) -> Option<Self> {
         Self::all().find(|id| id.key() == key)
     }
 
-    /// The parameter with this name. Case is ignored, as in ArduPilot.
+    /// The parameter with this name, case-insensitive as in ArduPilot.
     pub fn from_name(name: &[u8]) -> Option<Self> {
         let of_pack = |pack: Pack| {
             let parameter = BatteryParameter::from_name(strip_prefix(name, pack.prefix())?)?;
@@ -93,10 +93,10 @@ impl ParameterId {
         found
     }
 
-    /// The name a ground station knows it by.
+    /// The full name, with the pack's prefix.
     pub fn name(self) -> String<MAX_NAME_LENGTH> {
         let mut name = String::new();
-        // A test shows that every name fits.
+        // Every name fits, as a test proves.
         let _ = name.push_str(self.prefix());
         let _ = name.push_str(self.row().name);
         name
@@ -111,7 +111,7 @@ impl ParameterId {
         }
     }
 
-    /// Its place in [`Self::all`].
+    /// Position in [`Self::all`].
     pub(super) fn number(self) -> usize {
         match self {
             Self::Vehicle(parameter) => parameter as usize,
@@ -133,7 +133,7 @@ impl ParameterId {
         }
     }
 
-    /// The key of its value in flash.
+    /// Flash key.
     pub fn key(self) -> u16 {
         match self {
             Self::Vehicle(parameter) => parameter.row().key,
@@ -145,7 +145,7 @@ impl ParameterId {
         }
     }
 
-    /// The value it has until somebody sets it, in the parameter's unit.
+    /// Default value, in the parameter's unit.
     pub fn default_value(self) -> f32 {
         match self {
             Self::Battery(Pack::First, BatteryParameter::Monitor) => FIRST_PACK_MONITOR,
@@ -168,13 +168,13 @@ impl From<SimulationParameter> for ParameterId {
 }
 
 impl BatteryParameter {
-    /// This parameter of one pack.
+    /// This parameter of `pack`.
     pub fn of(self, pack: Pack) -> ParameterId {
         ParameterId::Battery(pack, self)
     }
 }
 
-/// What stands behind `prefix` in a name; case is ignored.
+/// `name` without `prefix`, case-insensitive.
 fn strip_prefix<'a>(name: &'a [u8], prefix: &str) -> Option<&'a [u8]> {
     let (begin, rest) = name.split_at_checked(prefix.len())?;
     begin.eq_ignore_ascii_case(prefix.as_bytes()).then_some(rest)
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_parameter_is_found_by_its_name_and_by_its_key_and_by_no_other() {
+    fn names_and_keys_are_unique_and_found() {
         let (mut names, mut keys) = (HashSet::new(), HashSet::new());
         for (number, id) in ParameterId::all().enumerate() {
             let name = id.name();
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn the_keys_of_a_pack_leave_those_of_the_next_alone() {
+    fn keys_of_packs_do_not_overlap() {
         let first = BatteryParameter::Monitor.row().key;
         for parameter in BatteryParameter::ALL {
             let key = parameter.row().key;
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn names_and_keys_that_are_in_use_stay() {
+    fn released_names_and_keys_are_unchanged() {
         for (name, key) in [
             ("SYSID_THISMAV", 1),
             ("SERIAL0_BAUD", 2),
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_first_pack_is_monitored_by_default() {
+    fn only_the_first_pack_is_enabled_by_default() {
         let monitors = Pack::ALL.map(|pack| BatteryParameter::Monitor.of(pack).default_value());
         assert_eq!(monitors, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     }

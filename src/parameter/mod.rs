@@ -1,7 +1,7 @@
-//! The tables of parameters, their live values, and what of them is not in flash yet.
+//! Parameter tables, live values, and what has to be saved to flash.
 //!
-//! Names, units and meanings are ArduPilot 4.6's, so that a ground station shows what its user expects.
-//! As there, a pack that is not monitored has its other parameters hidden from lists.
+//! Names, units and meanings are ArduPilot 4.6's. As there, the parameters of a disabled pack are hidden from lists,
+//! except its `MONITOR`.
 
 mod baud;
 #[cfg(not(target_os = "none"))]
@@ -28,54 +28,55 @@ use unsaved::Progress;
 use crate::battery::MAX_PACKS;
 use crate::rounding::round_to_i32;
 
-/// The characters MAVLink has room for in a parameter's name.
+/// Maximum length of a parameter's name in MAVLink.
 pub const MAX_NAME_LENGTH: usize = 16;
 
-/// A whole number that comes as a float may be off by this much, as in ArduPilot.
+/// Tolerance of a whole number received as a float, as in ArduPilot.
 const WHOLE_NUMBER_TOLERANCE: f32 = 0.01;
 
-/// `BATT_MONITOR`: the pack is not monitored.
+/// `BATT_MONITOR` of a disabled pack.
 const MONITOR_DISABLED: f32 = 0.0;
 
 /// The live values of all parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     values: ForEachParameter<f32>,
-    /// Of each value to flash.
+    /// Progress of saving each value.
     progress: ForEachParameter<Progress>,
-    /// Of the last reset to flash.
+    /// Progress of saving the last reset.
     reset: Progress,
     flash: Flash,
 }
 
-/// What is known of the values in flash.
+/// Whether the values in flash are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Flash {
-    /// They are the live ones, where those are not unsaved or defaults.
-    AsLive,
-    /// They were not read, and may be any.
-    Unread,
+    /// They equal the live ones, except for unsaved changes.
+    Loaded,
+    /// They were not loaded.
+    NotLoaded,
 }
 
-/// The parameter does not take this value.
+/// The value is out of the parameter's range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct OutOfRange;
 
 impl Parameters {
-    /// Every parameter at its default.
+    /// All parameters at their defaults.
     pub fn defaults() -> Self {
         Self {
             values: ForEachParameter::from_fn(ParameterId::default_value),
             progress: ForEachParameter::default(),
             reset: Progress::Saved,
-            flash: Flash::AsLive,
+            flash: Flash::Loaded,
         }
     }
 
-    /// What is in flash is left unread, so whatever is set has to be written, a default too.
-    pub fn leave_stored_unread(&mut self) {
-        self.flash = Flash::Unread;
+    /// Marks the values in flash as not loaded: every value that is set has to be saved, even one that equals the
+    /// default.
+    pub fn mark_not_loaded(&mut self) {
+        self.flash = Flash::NotLoaded;
     }
 
     /// The live value, in the parameter's unit.
@@ -83,7 +84,7 @@ impl Parameters {
         self.values.get(id.into())
     }
 
-    /// The live value of a parameter that is a whole number, in the parameter's unit.
+    /// The live value of a whole-number parameter, in the parameter's unit.
     pub fn get_whole(&self, id: impl Into<ParameterId>) -> i32 {
         self.whole(id.into())
     }
@@ -93,19 +94,19 @@ impl Parameters {
         round_to_i32(self.get(id))
     }
 
-    /// Every parameter a ground station is shown, in the order of their indices: all but those of packs that are not
-    /// monitored. What is not listed can be read and set all the same.
+    /// The listed parameters in the order of their indices: all except those of disabled packs, which can still be read
+    /// and set by name.
     pub fn listed(&self) -> impl Iterator<Item = ParameterId> {
         ParameterId::all().filter(|id| self.is_listed(*id))
     }
 
-    /// How many of them there are.
+    /// Number of listed parameters.
     pub fn listed_count(&self) -> usize {
         let of_packs: usize = Pack::ALL.into_iter().map(|pack| self.listed_of(pack)).sum();
         PARAMETER_COUNT - MAX_PACKS * BatteryParameter::COUNT + of_packs
     }
 
-    /// The place of a parameter among them; `None` if it is hidden.
+    /// Index of a parameter in the list; `None` if hidden.
     pub fn listed_index(&self, id: ParameterId) -> Option<usize> {
         if !self.is_listed(id) {
             return None;
@@ -124,7 +125,7 @@ impl Parameters {
         Some(id.number() - hidden_before)
     }
 
-    /// How many of a pack's are listed: all, or its switch, which is the first.
+    /// Number of listed parameters of a pack: all, or only `MONITOR`, which is the first.
     fn listed_of(&self, pack: Pack) -> usize {
         if self.is_monitored(pack) {
             BatteryParameter::COUNT
@@ -133,7 +134,7 @@ impl Parameters {
         }
     }
 
-    /// Whether a pack is monitored by the live value of its `BATT_MONITOR`.
+    /// Whether a pack is enabled by the live value of its `BATT_MONITOR`.
     pub fn is_monitored(&self, pack: Pack) -> bool {
         self.get(BatteryParameter::Monitor.of(pack)) != MONITOR_DISABLED
     }
@@ -147,14 +148,14 @@ impl Parameters {
         }
     }
 
-    /// Sets the live value; one that is not in flash still has to be saved.
+    /// Sets the live value, and marks it to be saved unless flash holds the same.
     ///
     /// # Errors
-    /// The parameter does not take this value; the old one stays.
+    /// The value is out of range; the old one is kept.
     pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), OutOfRange> {
         let id = id.into();
-        let value = accept(id, value)?;
-        let is_saved = self.flash == Flash::AsLive
+        let value = checked(id, value)?;
+        let is_saved = self.flash == Flash::Loaded
             && self.progress.get(id) == Progress::Saved
             && value.to_bits() == self.get(id).to_bits();
         if !is_saved {
@@ -164,19 +165,19 @@ impl Parameters {
         Ok(())
     }
 
-    /// Sets the live value to one that was read from flash under `key`.
+    /// Sets the live value to one loaded from flash under `key`.
     ///
     /// # Errors
-    /// No parameter has this key any more, or it does not take this value any more. The default stays.
+    /// The key is unknown or the value out of range, since an update of the firmware. The default is kept.
     pub fn restore(&mut self, key: u16, value: f32) -> Result<(), OutOfRange> {
         let id = ParameterId::from_key(key).ok_or(OutOfRange)?;
-        self.values.set(id, accept(id, value)?);
+        self.values.set(id, checked(id, value)?);
         Ok(())
     }
 }
 
-/// What a parameter becomes when it is set to `value`.
-fn accept(id: ParameterId, value: f32) -> Result<f32, OutOfRange> {
+/// `value` converted to the parameter's type, if it is in range.
+fn checked(id: ParameterId, value: f32) -> Result<f32, OutOfRange> {
     let row = id.row();
     let value = match row.kind {
         Kind::Real32 => value,
@@ -189,7 +190,7 @@ fn accept(id: ParameterId, value: f32) -> Result<f32, OutOfRange> {
     }
 }
 
-/// Truncated, as ArduPilot does with values for whole-number parameters. NaN and infinity stay what they are.
+/// Truncates a value of a whole-number parameter, as ArduPilot does. NaN and infinity are kept, to be out of range.
 fn whole_number(value: f32) -> f32 {
     let nudged = value
         + if value < 0.0 {
@@ -228,12 +229,12 @@ mod tests {
         assert_eq!(parameters, Parameters::defaults());
     }
 
-    /// Those of the vehicle, the first pack's, the others' switches, and the simulator's.
+    /// The vehicle's, all of the first pack, `MONITOR` of the others, and the simulator's.
     const LISTED_BY_DEFAULT: usize =
         VehicleParameter::COUNT + BatteryParameter::COUNT + MAX_PACKS - 1 + SimulationParameter::COUNT;
 
     #[test]
-    fn a_pack_that_is_not_monitored_is_hidden_but_for_its_switch() {
+    fn disabled_pack_is_hidden_except_its_monitor_parameter() {
         let mut parameters = Parameters::defaults();
         assert_eq!(parameters.listed().count(), LISTED_BY_DEFAULT);
         for pack in Pack::ALL {
@@ -253,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn places_and_their_number_are_those_of_the_list_whichever_packs_are_monitored() {
+    fn indices_and_count_match_the_list() {
         let mut parameters = Parameters::defaults();
         for monitored in [0b0_0000_0000, 0b1_1111_1111, 0b0_0000_0001, 0b1_0100_1010] {
             for pack in Pack::ALL {
@@ -275,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hidden_parameter_is_set_and_saved_like_any_other() {
+    fn hidden_parameter_can_be_set_and_saved() {
         let mut parameters = Parameters::defaults();
         let hidden = BatteryParameter::VoltMult.of(Pack::Ninth);
         assert_eq!(parameters.set(hidden, 11.0), Ok(()));
@@ -285,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_out_of_range_changes_nothing() {
+    fn value_out_of_range_is_rejected() {
         let mut parameters = Parameters::defaults();
         for value in [-1.0, 51.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
             assert_eq!(parameters.set(EXTRA1, value), Err(OutOfRange), "{value}");
@@ -299,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_are_truncated_as_ardupilot_does() {
+    fn whole_numbers_are_truncated_as_in_ardupilot() {
         let mut parameters = Parameters::defaults();
         for (given, kept) in [(7.0, 7.0), (7.9, 7.0), (6.995, 7.0), (0.5, 0.0)] {
             assert_eq!(parameters.set(EXTRA1, given), Ok(()));
@@ -308,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stored_value_that_no_longer_fits_leaves_the_default() {
+    fn stored_value_out_of_range_leaves_the_default() {
         let mut parameters = Parameters::defaults();
         assert_eq!(parameters.restore(3, 10.0), Ok(()));
         assert_eq!(parameters.restore(66, f32::NAN), Err(OutOfRange));

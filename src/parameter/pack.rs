@@ -1,8 +1,8 @@
-//! The packs that have parameters.
+//! Pack instances.
 
 use crate::battery::MAX_PACKS;
 
-/// One of the packs: what its parameters' names begin with, and its MAVLink instance.
+/// A pack, identified by its MAVLink instance and parameter prefix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 #[repr(u8)]
@@ -28,7 +28,7 @@ pub enum Pack {
 }
 
 impl Pack {
-    /// Every pack, in the order of their instances.
+    /// All packs, in the order of their instances.
     pub const ALL: [Self; MAX_PACKS] = [
         Self::First,
         Self::Second,
@@ -41,17 +41,17 @@ impl Pack {
         Self::Ninth,
     ];
 
-    /// MAVLink's number of the pack, 0 to 8.
+    /// MAVLink instance, 0 to 8.
     pub fn instance(self) -> u8 {
         self as u8
     }
 
-    /// The pack with this number, if there is one.
+    /// The pack with this instance, if valid.
     pub fn from_instance(instance: u8) -> Option<Self> {
         Self::ALL.get(usize::from(instance)).copied()
     }
 
-    /// What the names of its parameters begin with.
+    /// Prefix of its parameters' names.
     pub fn prefix(self) -> &'static str {
         match self {
             Self::First => "BATT_",
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pack_and_its_instance_are_the_same_pack() {
+    fn instances_round_trip() {
         for (instance, pack) in (0..).zip(Pack::ALL) {
             assert_eq!(pack.instance(), instance);
             assert_eq!(Pack::from_instance(instance), Some(pack));

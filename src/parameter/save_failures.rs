@@ -1,49 +1,48 @@
-//! When what could not be saved is tried again, and how often that is reported.
+//! Retries and reports of failures to save parameters.
 
 use crate::storage::StorageError;
 
-/// Before what could not be written is tried again without being asked: a worn sector won't recover, and each attempt
-/// stops everything for the time of an erase.
+/// Interval between automatic retries: a worn sector won't recover, and each attempt blocks for the time of an erase.
 pub const SAVE_RETRY_INTERVAL_US: u64 = 60_000_000;
 
-/// Between two reports: a file of parameters that is sent to a worn flash fails at each of them.
+/// Minimum interval between reports: loading a parameter file into a worn flash fails at every parameter.
 const REPORT_INTERVAL_US: u64 = 5_000_000;
 
-/// Failures to save: when to retry, when to report.
+/// Failures to save parameters: pending retry and report.
 #[derive(Debug, Default)]
 pub struct SaveFailures {
     retry_at_us: Option<u64>,
-    /// The latest failure that has not been reported yet.
+    /// The latest unreported error.
     to_report: Option<StorageError>,
-    silent_until_us: u64,
+    muted_until_us: u64,
 }
 
 impl SaveFailures {
-    /// Something could not be saved; `news` is what has to be reported of it.
-    pub fn add(&mut self, news: Option<StorageError>, now_us: u64) {
-        self.to_report = news.or(self.to_report);
-        // What fails later does not put off the retry of what failed first.
+    /// Adds a failure; `report` is the error if it has to be reported.
+    pub fn add(&mut self, report: Option<StorageError>, now_us: u64) {
+        self.to_report = report.or(self.to_report);
+        // A later failure does not postpone the retry.
         self.retry_at_us
             .get_or_insert(now_us.saturating_add(SAVE_RETRY_INTERVAL_US));
     }
 
-    /// Whether what failed has to be tried again at `now_us`; true once.
+    /// Whether a retry is due at `now_us`; true once.
     pub fn take_retry(&mut self, now_us: u64) -> bool {
         self.retry_at_us.take_if(|at_us| *at_us <= now_us).is_some()
     }
 
-    /// The failure that has to be reported at `now_us`, once.
+    /// The error to report at `now_us`, once.
     pub fn take_report(&mut self, now_us: u64) -> Option<StorageError> {
-        if now_us < self.silent_until_us {
+        if now_us < self.muted_until_us {
             return None;
         }
         let report = self.to_report.take()?;
-        self.silent_until_us = now_us.saturating_add(REPORT_INTERVAL_US);
+        self.muted_until_us = now_us.saturating_add(REPORT_INTERVAL_US);
         Some(report)
     }
 }
 
-/// What is reported of values that are live and can't be saved.
+/// Text of an error: the values are live, but not saved.
 pub fn save_failure_text(error: StorageError) -> &'static str {
     match error {
         StorageError::Full => "Parameters can't be saved: too many changed",
@@ -60,7 +59,7 @@ mod tests {
     const FULL: Option<StorageError> = Some(StorageError::Full);
 
     #[test]
-    fn a_retry_is_due_once_a_minute_after_the_first_failure() {
+    fn retry_is_due_once_one_minute_after_the_first_failure() {
         let mut failures = SaveFailures::default();
         assert!(!failures.take_retry(u64::MAX));
         failures.add(None, 10 * SECOND_US);
@@ -74,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn only_news_is_reported_and_once() {
+    fn error_is_reported_once() {
         let mut failures = SaveFailures::default();
         failures.add(None, 0);
         assert_eq!(failures.take_report(0), None);
@@ -84,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn reports_in_a_row_are_five_seconds_apart_and_the_latest_is_not_lost() {
+    fn reports_are_five_seconds_apart_and_the_latest_is_kept() {
         let mut failures = SaveFailures::default();
         failures.add(FLASH, 0);
         assert_eq!(failures.take_report(0), FLASH);

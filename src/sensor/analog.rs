@@ -1,18 +1,18 @@
-//! The analog pins and their converter.
+//! Analog pins and the ADC.
 
 use crate::battery::ReadError;
 
-/// The largest code of the RP2040's 12-bit converter.
+/// Full-scale code of the RP2040's 12-bit ADC.
 pub const ADC_FULL_SCALE: u16 = 4095;
 
-/// The converter's reference, in volts: ADC_VREF on the board is the 3.3 V rail.
+/// ADC reference, in volts: ADC_VREF on the board is the 3.3 V rail.
 pub const ADC_REFERENCE_V: f32 = 3.3;
 
-/// Conversions averaged into one reading. A burst takes well under a millisecond and brings the board's ripple and the
-/// converter's noise down by a factor of four.
+/// Conversions averaged into one reading. A burst takes well under a millisecond and reduces ripple and noise by a
+/// factor of four.
 pub const BURST_CONVERSIONS: u16 = 16;
 
-/// A raw code of the 12-bit converter, 0 to [`ADC_FULL_SCALE`].
+/// A raw code of the 12-bit ADC, 0 to [`ADC_FULL_SCALE`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct AdcCount(pub u16);
@@ -24,7 +24,7 @@ impl AdcCount {
     }
 }
 
-/// One of the analog pins.
+/// An analog pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum AnalogPin {
@@ -39,7 +39,7 @@ pub enum AnalogPin {
 }
 
 impl AnalogPin {
-    /// Every analog pin; a pin's number is its place.
+    /// All analog pins, in the order of their discriminants.
     pub const ALL: [Self; 4] = [Self::Gp26, Self::Gp27, Self::Gp28, Self::Gp29];
 
     /// The pin with this GPIO number (`BATT_VOLT_PIN`, `BATT_CURR_PIN`).
@@ -54,28 +54,28 @@ impl AnalogPin {
     }
 }
 
-/// The analog pins and the converter behind them.
+/// Analog pins with their ADC.
 pub trait AnalogIn {
-    /// One conversion of `pin`.
+    /// One conversion of `pin`. It may never complete: the caller applies a time-out.
     ///
     /// # Errors
-    /// The converter reported a failure. It may also never answer: the caller bounds the wait.
-    // The futures stay on one executor, so `Send` need not be promised.
+    /// The ADC reported a failed conversion.
+    // The futures stay on one executor, so they need not be `Send`.
     #[allow(async_fn_in_trait)]
     async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError>;
 }
 
-/// The rounded mean of a burst of [`BURST_CONVERSIONS`] conversions.
+/// Rounded mean of a burst of [`BURST_CONVERSIONS`] conversions.
 ///
 /// # Errors
-/// The first conversion that fails ends the burst: a mean of fewer would be noisier without anyone knowing.
+/// A conversion failed. A mean of the others would be noisier without an indication.
 pub async fn read_mean(input: &mut impl AnalogIn, pin: AnalogPin) -> Result<AdcCount, ReadError> {
     let mut sum = 0u32;
     for _ in 0..BURST_CONVERSIONS {
         sum += u32::from(input.convert(pin).await?.0);
     }
     let conversions = u32::from(BURST_CONVERSIONS);
-    // A mean of u16 values fits u16.
+    // The mean of u16 values is a u16.
     Ok(AdcCount(((sum + conversions / 2) / conversions) as u16))
 }
 
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_of_a_burst_is_rounded() {
+    fn mean_of_a_burst_is_rounded() {
         let mut low = [1000; 16];
         low[..7].fill(1001);
         assert_eq!(
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_of_full_scale_does_not_overflow() {
+    fn mean_of_full_scale_does_not_overflow() {
         let mean = block_on(read_mean(&mut recorded(&[ADC_FULL_SCALE; 16]), AnalogPin::Gp26));
         assert_eq!(mean, Ok(AdcCount(ADC_FULL_SCALE)));
     }

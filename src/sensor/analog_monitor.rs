@@ -1,46 +1,46 @@
-//! Packs on analog pins: a divider for the voltage, a sensor for the current.
+//! Analog battery monitor: voltage divider and current sensor on ADC pins.
 
 use super::fuel::level_pin;
 use super::{AdcCount, AnalogPin, FuelKind, MonitorKind};
 use crate::battery::{Measurement, ReadError};
 use crate::parameter::{BatteryParameter, Pack, Parameters};
 
-/// How a pack is wired to analog pins.
+/// Analog wiring of a pack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AnalogWiring {
-    /// Pin of the divider (`BATT_VOLT_PIN`).
+    /// Pin of the voltage divider (`BATT_VOLT_PIN`).
     pub voltage_pin: Option<AnalogPin>,
-    /// How the pack's voltage becomes the pin's.
+    /// Scale of the voltage.
     pub divider: VoltageDivider,
     /// Pin of the current sensor (`BATT_CURR_PIN`).
     pub current_pin: Option<AnalogPin>,
-    /// How the pack's current becomes the pin's voltage.
+    /// Scale of the current.
     pub current_sensor: CurrentSensor,
     /// Pin of a fuel level sensor (`BATT_FL_PIN`).
     pub level_pin: Option<AnalogPin>,
-    /// The voltage at which full throttle draws `BATT_AMP_PERVLT` amperes, in volts (`BATT_MAX_VOLT`).
+    /// Voltage at which full throttle draws `BATT_AMP_PERVLT` amperes, in volts (`BATT_MAX_VOLT`).
     pub full_throttle_voltage_v: f32,
 }
 
-/// How the pack's voltage becomes the voltage at a pin.
+/// Scale of a voltage divider.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoltageDivider {
     /// Pack voltage divided by pin voltage, without a unit (`BATT_VOLT_MULT`).
     pub multiplier: f32,
-    /// Pin voltage without a pack, in volts (`BATT_VLT_OFFSET`).
+    /// Pin voltage at zero pack voltage, in volts (`BATT_VLT_OFFSET`).
     pub offset_v: f32,
 }
 
-/// How the pack's current becomes the voltage at a pin.
+/// Scale of an analog current sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurrentSensor {
-    /// Amperes for each volt at the pin (`BATT_AMP_PERVLT`).
+    /// Amperes per volt at the pin (`BATT_AMP_PERVLT`).
     pub amperes_per_volt: f32,
-    /// Pin voltage without a current, in volts (`BATT_AMP_OFFSET`).
+    /// Pin voltage at zero current, in volts (`BATT_AMP_OFFSET`).
     pub offset_v: f32,
 }
 
-/// What the analog pins read in one tick, by pin.
+/// ADC readings of one tick, by pin.
 #[derive(Clone, Copy, Debug)]
 pub struct AnalogReadings {
     counts: [Result<AdcCount, ReadError>; AnalogPin::ALL.len()],
@@ -52,17 +52,17 @@ impl AnalogReadings {
         counts: [Err(ReadError::NoPin); AnalogPin::ALL.len()],
     };
 
-    /// Notes what a pin read.
+    /// Sets the reading of a pin.
     pub fn set(&mut self, pin: AnalogPin, count: Result<AdcCount, ReadError>) {
         if let Some(place) = self.counts.get_mut(pin as usize) {
             *place = count;
         }
     }
 
-    /// The voltage at a pin.
+    /// The voltage at a pin, in volts.
     ///
     /// # Errors
-    /// The pin is not set, or could not be read.
+    /// The pin is not set, or the read failed.
     pub(super) fn pin_voltage_v(&self, pin: Option<AnalogPin>) -> Result<f32, ReadError> {
         let pin = pin.ok_or(ReadError::NoPin)?;
         let count = self
@@ -89,7 +89,7 @@ impl CurrentSensor {
 }
 
 impl AnalogWiring {
-    /// The wiring the parameters of a pack describe at this moment.
+    /// From the live parameters of a pack.
     pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
         let pin =
@@ -110,7 +110,7 @@ impl AnalogWiring {
         }
     }
 
-    /// The pins a monitor of this kind has to read.
+    /// The pins that a monitor of this kind reads.
     pub fn pins(&self, kind: MonitorKind) -> impl Iterator<Item = AnalogPin> {
         let voltage_pin = self.voltage_pin.filter(|_| kind.reads_voltage_pin());
         let current_pin = self.current_pin.filter(|_| kind.reads_current_pin());
@@ -119,10 +119,10 @@ impl AnalogWiring {
         voltage_pin.into_iter().chain(current_pin).chain(level_pin)
     }
 
-    /// What a monitor of this kind makes of the readings; `throttle` from −1 to 1.
+    /// The measurement of a monitor of this kind; `throttle` from −1 to 1.
     ///
     /// # Errors
-    /// A pin is not set, or could not be read.
+    /// A pin is not set, or its read failed.
     pub fn measure(
         &self,
         kind: MonitorKind,
@@ -146,7 +146,8 @@ impl AnalogWiring {
         Ok(measurement)
     }
 
-    /// ArduPilot's model: the square of the throttle, in proportion to the voltage; `BATT_AMP_OFFSET` is in amperes here.
+    /// ArduPilot's model: proportional to the voltage and to the square of the throttle, plus `BATT_AMP_OFFSET` in
+    /// amperes.
     fn synthetic_current_a(&self, voltage_v: f32, throttle: f32) -> f32 {
         let share = voltage_v / self.full_throttle_voltage_v;
         share * throttle * throttle * self.current_sensor.amperes_per_volt + self.current_sensor.offset_v
@@ -184,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_become_the_voltage_the_requirement_names() {
+    fn default_scale_gives_the_required_voltage() {
         // FR-00069: 3000 counts are 9.55 V with the default multiplier.
         let measure = |count| {
             wiring()
@@ -198,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_current_sensor_measures_both_directions() {
+    fn current_sensor_is_bidirectional() {
         let measure = |count| {
             wiring()
                 .measure(MonitorKind::AnalogVoltageAndCurrent, &readings(2482, count), 0.0)
@@ -211,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_current_sensor_alone_measures_no_voltage() {
+    fn current_only_monitor_has_no_voltage() {
         let measurement = wiring()
             .measure(MonitorKind::AnalogCurrent, &readings(2482, 1241), 0.0)
             .unwrap();
@@ -220,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_synthetic_current_follows_the_square_of_the_throttle() {
+    fn synthetic_current_is_quadratic_in_the_throttle() {
         let current_a = |throttle| {
             let wiring = AnalogWiring {
                 full_throttle_voltage_v: 7.9006,
@@ -237,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pin_that_is_not_set_or_failed_is_an_error() {
+    fn unset_or_failed_pin_is_an_error() {
         let mut readings = readings(2482, 1241);
         readings.set(AnalogPin::Gp27, Err(ReadError::Timeout));
         let measure =
@@ -251,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_pins_a_kind_needs_are_read() {
+    fn each_kind_reads_only_its_pins() {
         let pins = |kind| wiring().pins(kind).collect::<Vec<_>>();
         assert_eq!(pins(MonitorKind::AnalogVoltage), [AnalogPin::Gp26]);
         assert_eq!(

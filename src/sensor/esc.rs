@@ -1,48 +1,48 @@
-//! The telemetry of a motor controller, as KISS and BLHeli_32 controllers send it.
+//! ESC telemetry in the format of KISS and BLHeli_32.
 //!
-//! | byte | content, the highest byte first |
+//! | byte | content, big-endian |
 //! |---|---|
 //! | 0 | temperature, in °C |
 //! | 1, 2 | voltage, in 10 mV |
 //! | 3, 4 | current, in 10 mA |
-//! | 5, 6 | charge that was drawn, in mAh |
-//! | 7, 8 | electrical revolutions a minute, in hundreds |
-//! | 9 | CRC-8 of the others, polynomial 0x07: the one of SMBus |
+//! | 5, 6 | charge drawn, in mAh |
+//! | 7, 8 | electrical speed, in 100 rpm |
+//! | 9 | CRC-8 of the others, polynomial 0x07, as SMBus |
 
 use crate::battery::{Consumed, Counted, Measurement};
 
 const FRAME_BYTES: usize = 10;
 
-/// A frame takes 0.9 ms without a break; what comes after a longer one is another frame.
-const LONGEST_BREAK_US: u64 = 5_000;
+/// Idle time that ends a frame, in microseconds; a frame takes 0.9 ms.
+const MAX_GAP_US: u64 = 5_000;
 
-/// More is not drawn between two frames. A counter that has gone on by more has started over.
-const HIGHEST_STEP_MAH: u16 = 5_000;
+/// Maximum plausible increment between two frames; a larger one is a restarted counter.
+const MAX_STEP_MAH: u16 = 5_000;
 
-/// Finds frames in what a motor controller sends.
+/// Frame decoder of ESC telemetry.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct EscTelemetry {
-    /// The last bytes, as many as `length` tells.
+    /// The latest `length` bytes.
     window: [u8; FRAME_BYTES],
     length: usize,
     last_us: u64,
-    /// The charge that was drawn by the frame before.
+    /// Charge counter of the previous frame.
     counted_mah: Option<u16>,
 }
 
 impl EscTelemetry {
-    /// Bytes have come, at this moment.
+    /// Bytes were received at `now_us`; a gap before them drops a partial frame.
     pub fn begin(&mut self, now_us: u64) {
-        if now_us.saturating_sub(self.last_us) > LONGEST_BREAK_US {
+        if now_us.saturating_sub(self.last_us) > MAX_GAP_US {
             self.length = 0;
         }
         self.last_us = now_us;
     }
 
-    /// Takes one of them, and tells what was measured if it ends a frame.
+    /// Processes a byte, and returns the measurement if it completes a frame.
     pub fn push(&mut self, byte: u8) -> Option<Measurement> {
         if self.length == FRAME_BYTES {
-            // No frame begins with the oldest byte: one may begin with any of the others.
+            // No frame starts at the oldest byte, but one may at any other.
             self.window.rotate_left(1);
             self.length -= 1;
         }
@@ -51,17 +51,17 @@ impl EscTelemetry {
         if self.length < FRAME_BYTES {
             return None;
         }
-        let measurement = self.read()?;
+        let measurement = self.decode()?;
         self.length = 0;
         Some(measurement)
     }
 
-    /// What the frame tells, if it is one.
-    fn read(&mut self) -> Option<Measurement> {
+    /// Decodes the window, if it is a valid frame.
+    fn decode(&mut self) -> Option<Measurement> {
         let [temperature_c, v1, v0, c1, c0, q1, q0, _, _, crc] = self.window;
         let (checked, _) = self.window.split_last_chunk::<1>()?;
         let voltage = u16::from_be_bytes([v1, v0]);
-        // Nothing but zeros, a line that is held low, has the right checksum; but no controller runs without a voltage.
+        // All zeros, a line held low, have a valid CRC, but a voltage of zero is impossible.
         if smbus_pec::pec(checked) != crc || voltage == 0 {
             return None;
         }
@@ -70,23 +70,23 @@ impl EscTelemetry {
             voltage_v: Some(voltage_v),
             current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.01),
             temperature_c: Some(f32::from(temperature_c)),
-            counted: self.count(u16::from_be_bytes([q1, q0]), voltage_v),
+            counted: self.increment(u16::from_be_bytes([q1, q0]), voltage_v),
             ..Measurement::default()
         })
     }
 
-    /// What was drawn since the frame before, by the controller's own counter, which goes on while nobody listens. `None`
-    /// for one that stands at 0: it may not count at all.
-    fn count(&mut self, counted_mah: u16, voltage_v: f32) -> Option<Counted> {
+    /// Increment of the ESC's charge counter since the previous frame, which includes missed ones. `None` at 0: the ESC
+    /// may not have a counter.
+    fn increment(&mut self, counted_mah: u16, voltage_v: f32) -> Option<Counted> {
         let before_mah = self.counted_mah.replace(counted_mah).unwrap_or(counted_mah);
         let step_mah = counted_mah.wrapping_sub(before_mah);
-        let drawn_mah = if step_mah <= HIGHEST_STEP_MAH { step_mah } else { 0 };
+        let drawn_mah = if step_mah <= MAX_STEP_MAH { step_mah } else { 0 };
         let charge_mah = f32::from(drawn_mah);
         let consumed = Consumed {
             charge_mah,
             energy_wh: charge_mah * 1e-3 * voltage_v,
         };
-        (counted_mah > 0).then_some(Counted::SinceLast(consumed))
+        (counted_mah > 0).then_some(Counted::Increment(consumed))
     }
 }
 
@@ -114,15 +114,15 @@ mod tests {
 
     fn drawn(measurement: &Measurement) -> Option<f32> {
         match measurement.counted {
-            Some(Counted::SinceLast(consumed)) => Some(consumed.charge_mah),
+            Some(Counted::Increment(consumed)) => Some(consumed.charge_mah),
             _ => None,
         }
     }
 
     #[test]
-    fn a_frame_tells_temperature_voltage_current_and_charge() {
+    fn frame_has_temperature_voltage_current_and_charge() {
         let mut telemetry = EscTelemetry::default();
-        // 25 °C, 16.80 V, 12.34 A, 300 mAh; its checksum was reckoned from the polynomial, bit by bit.
+        // 25 °C, 16.80 V, 12.34 A, 300 mAh; CRC computed by hand from the polynomial.
         let before = [0x19, 0x06, 0x90, 0x04, 0xd2, 0x01, 0x2c, 0x00, 0x64, 0x97];
         assert_eq!(drawn(&read(&mut telemetry, &before)[0]), Some(0.0));
         let [measurement] = read(&mut telemetry, &frame(303))[..] else {
@@ -131,7 +131,7 @@ mod tests {
         assert_eq!(measurement.temperature_c, Some(38.0));
         assert!((measurement.voltage_v.unwrap() - 15.76).abs() < 1e-4);
         assert!((measurement.current_a.unwrap() - 12.34).abs() < 1e-4);
-        let Some(Counted::SinceLast(consumed)) = measurement.counted else {
+        let Some(Counted::Increment(consumed)) = measurement.counted else {
             panic!("{measurement:?}");
         };
         assert_eq!(consumed.charge_mah, 3.0);
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn the_counter_may_wrap_and_one_that_starts_over_counts_nothing() {
+    fn counter_may_wrap_and_a_restart_counts_nothing() {
         let mut telemetry = EscTelemetry::default();
         for (counted_mah, drawn_mah) in [
             (65_530, Some(0.0)),
@@ -157,24 +157,28 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_is_held_low_is_no_telemetry() {
+    fn line_held_low_is_no_frame() {
         assert_eq!(read(&mut EscTelemetry::default(), &[0; 100]), []);
     }
 
     #[test]
-    fn a_frame_that_was_begun_before_a_break_is_given_up() {
+    fn gap_drops_a_partial_frame() {
         let mut telemetry = EscTelemetry::default();
         telemetry.begin(0);
         assert_eq!(read(&mut telemetry, &frame(1)[..4]), []);
         telemetry.begin(4_000);
-        assert_eq!(read(&mut telemetry, &frame(1)[4..]).len(), 1, "a late rest");
+        assert_eq!(
+            read(&mut telemetry, &frame(1)[4..]).len(),
+            1,
+            "within the maximum gap"
+        );
         assert_eq!(read(&mut telemetry, &frame(1)[..4]), []);
         telemetry.begin(10_000);
         assert_eq!(read(&mut telemetry, &frame(1)[4..]), []);
         assert_eq!(telemetry.length, 6);
     }
 
-    /// Whether some ten bytes that begin in the first `garbage` could be taken for a frame.
+    /// Whether a window that starts within `garbage` is a valid frame by chance.
     fn has_false_frame(bytes: &[u8], garbage: usize) -> bool {
         let windows = bytes.windows(FRAME_BYTES).take(garbage);
         windows
@@ -184,7 +188,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_good_frame_is_found_right_behind_garbage(
+        fn valid_frame_is_found_right_after_garbage(
             garbage in prop::collection::vec(any::<u8>(), 0..40),
             body: [u8; 9],
         ) {
@@ -198,7 +202,7 @@ mod tests {
         }
 
         #[test]
-        fn a_good_frame_is_found_behind_any_garbage_and_a_break(
+        fn valid_frame_is_found_after_garbage_and_a_gap(
             garbage in prop::collection::vec(any::<u8>(), 0..200),
             counted_mah: u16,
         ) {

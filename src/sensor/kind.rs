@@ -1,36 +1,36 @@
-//! What measures a pack.
+//! Kinds of battery monitors.
 
 use super::{FuelKind, PartKind};
 use crate::parameter::{BatteryParameter, Meaning, Pack, Parameters, means};
 
-/// What measures a pack.
+/// Kind of battery monitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum MonitorKind {
-    /// A divider on an analog pin.
+    /// Voltage divider on an analog pin.
     AnalogVoltage,
-    /// A divider and a current sensor on analog pins.
+    /// Voltage divider and current sensor on analog pins.
     AnalogVoltageAndCurrent,
-    /// The other packs together.
+    /// Sum of other packs.
     Sum,
-    /// A divider on an analog pin, and a current reckoned from the throttle.
+    /// Voltage divider on an analog pin, and a current estimated from the throttle.
     SyntheticCurrent,
-    /// A current sensor on an analog pin.
+    /// Current sensor on an analog pin.
     AnalogCurrent,
-    /// The telemetry of a motor controller.
+    /// ESC telemetry.
     Esc,
-    /// A sensor of a tank.
+    /// Fuel sensor.
     Fuel(FuelKind),
-    /// A part on the I2C bus.
+    /// Part on the I2C bus.
     Bus(PartKind),
 }
 
-/// What `BATT_MONITOR` can be, by number: ArduPilot's.
+/// Values of `BATT_MONITOR`: ArduPilot's numbers.
 pub const MONITOR_CHOICES: &[(i32, Meaning)] = &monitor_choices();
 
 const DISABLED: (i32, Meaning) = (0, means("Disabled"));
 
-/// Those that are no parts on the bus.
+/// Kinds other than parts on the I2C bus.
 const OWN: [(MonitorKind, i32, Meaning); 9] = [
     (MonitorKind::AnalogVoltage, 3, means("Analog Voltage Only")),
     (
@@ -60,7 +60,7 @@ const CHOICES: usize = 1 + OWN.len() + PartKind::ALL.len();
 const fn monitor_choices() -> [(i32, Meaning); CHOICES] {
     let mut choices = [DISABLED; CHOICES];
     let mut place = 1;
-    // Loops over ranges can't be evaluated while compiling.
+    // A `for` loop can't be evaluated at compile time.
     let mut own = 0;
     while own < OWN.len() {
         choices[place] = (OWN[own].1, OWN[own].2);
@@ -75,12 +75,12 @@ const fn monitor_choices() -> [(i32, Meaning); CHOICES] {
 }
 
 impl MonitorKind {
-    /// The kind that `BATT_MONITOR` of a pack names; `None` for a pack that is not monitored.
+    /// The kind set by a pack's `BATT_MONITOR`; `None` if disabled.
     pub fn of(parameters: &Parameters, pack: Pack) -> Option<Self> {
         Self::from_number(parameters.get_whole(BatteryParameter::Monitor.of(pack)))
     }
 
-    /// The kind with this number; `None` for 0, a pack that is not monitored.
+    /// The kind with this number; `None` for 0, disabled.
     pub fn from_number(number: i32) -> Option<Self> {
         let own = OWN.into_iter().find(|(_, own, _)| *own == number);
         own.map(|(kind, ..)| kind)
@@ -107,13 +107,13 @@ impl MonitorKind {
     }
 }
 
-/// Whether a pack is measured by pulses.
+/// Whether any pack uses the pulse input.
 pub fn needs_pulses(parameters: &Parameters) -> bool {
     let has_pulses = |kind| matches!(kind, MonitorKind::Fuel(FuelKind::Flow | FuelKind::LevelPwm));
     kinds(parameters).any(has_pulses)
 }
 
-/// Whether a pack is measured by a motor controller.
+/// Whether any pack uses ESC telemetry.
 pub fn needs_esc(parameters: &Parameters) -> bool {
     kinds(parameters).any(|kind| kind == MonitorKind::Esc)
 }

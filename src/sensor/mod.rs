@@ -1,4 +1,4 @@
-//! From the conversions of a part to a [`crate::battery::Measurement`].
+//! Sensors: raw readings in, a [`crate::battery::Measurement`] out.
 
 mod analog;
 mod analog_monitor;

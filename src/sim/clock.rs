@@ -1,7 +1,7 @@
-//! The time driver of a host build: real time, scaled real time, or time stepped by a test.
+//! Time driver of host builds: real time, scaled real time, or time stepped by a test.
 //!
-//! embassy-time's own `std` driver runs at the speed of the wall clock only, and a program can have just one driver, so
-//! this is ours. Stepped time belongs to a thread: tests that run side by side don't share it, and none ever waits.
+//! embassy-time's `std` driver runs at wall-clock speed only, and a program has a single driver. Stepped time is per
+//! thread, so parallel tests don't share it.
 
 use std::cell::RefCell;
 use std::future::Future;
@@ -21,10 +21,10 @@ thread_local! {
     static STEPPED: RefCell<Option<SteppedClock>> = const { RefCell::new(None) };
 }
 
-/// Makes emulated time pass `speedup` times as fast as the wall clock.
+/// Runs the clock at `speedup` times wall-clock speed.
 ///
 /// # Errors
-/// The clock has been read before: it can't change its speed any more.
+/// The clock is already running.
 pub fn set_speedup(speedup: f64) -> Result<(), ClockIsRunning> {
     DRIVER.start.set(Start::now(speedup)).map_err(|_| ClockIsRunning)
 }
@@ -35,8 +35,7 @@ pub struct ClockIsRunning;
 
 /// Runs `future` for `duration` of stepped time, from time 0, and returns its output if it ended.
 ///
-/// Time stands still while the future has work to do and then leaps to its next timer, so nothing waits and every run is
-/// the same.
+/// Time stands still while the future is ready and then jumps to its next timer: no waiting, and every run is the same.
 pub fn run_for<F: Future>(duration: Duration, future: F) -> Option<F::Output> {
     STEPPED.with(|stepped| *stepped.borrow_mut() = Some(SteppedClock::default()));
     let output = run_stepped(duration.as_micros(), future);
@@ -55,7 +54,7 @@ fn run_stepped<F: Future>(end_us: u64, future: F) -> Option<F::Output> {
                 return Some(output);
             }
         }
-        let due = with_stepped(|clock| clock.leap_to_next_timer(end_us))?;
+        let due = with_stepped(|clock| clock.jump_to_next_timer(end_us))?;
         for waker in due? {
             waker.wake();
         }
@@ -82,8 +81,8 @@ struct SteppedClock {
 }
 
 impl SteppedClock {
-    /// Sets the time to that of the next timer and returns whom to wake; `None` if there is none before `end_us`.
-    fn leap_to_next_timer(&mut self, end_us: u64) -> Option<Vec<Waker>> {
+    /// Jumps to the next timer and returns its wakers; `None` if there is none before `end_us`.
+    fn jump_to_next_timer(&mut self, end_us: u64) -> Option<Vec<Waker>> {
         let next_us = self.timers.next_us().filter(|next_us| *next_us < end_us)?;
         self.now_us = self.now_us.max(next_us);
         Some(self.timers.take_due(self.now_us))
@@ -150,7 +149,7 @@ impl HostClock {
         (start.at.elapsed().as_secs_f64() * start.speedup * 1e6) as u64
     }
 
-    /// Wakes whoever is due, for ever.
+    /// Wakes due timers, forever.
     fn run_alarms(&self) {
         let mut timers = self.timers.lock().expect("no alarm panics");
         loop {
@@ -195,7 +194,7 @@ mod tests {
     use embassy_time::{Instant, Timer};
 
     #[test]
-    fn stepped_time_leaps_from_timer_to_timer() {
+    fn stepped_time_jumps_from_timer_to_timer() {
         let wall = WallInstant::now();
         let end = run_for(Duration::from_secs(3600), async {
             Timer::after_secs(600).await;
@@ -207,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_future_that_outlasts_the_duration_is_dropped() {
+    fn unfinished_future_is_dropped_at_the_end() {
         let end = run_for(Duration::from_secs(10), Timer::after_secs(10));
         assert_eq!(end, None);
     }

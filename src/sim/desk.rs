@@ -1,4 +1,4 @@
-//! One vehicle on a desk, with as many ground stations as connect.
+//! The simulated vehicle and its links to ground stations.
 
 use std::cell::{Cell, RefCell};
 use std::fmt;
@@ -10,8 +10,8 @@ use embassy_time::{Duration, Ticker, Timer};
 
 use super::tcp::POLL_MS;
 use super::{
-    Client, Clients, LivingPack, PackModel, SimulatedBus, SimulatedFlash, SimulatedPack, SimulatedPackInput,
-    SimulatedRover, TcpReceiver, UdpWire,
+    Client, Clients, PackModel, PackSimulation, SimulatedBus, SimulatedFlash, SimulatedPack,
+    SimulatedPackInput, SimulatedRover, TcpReceiver, UdpWire,
 };
 use crate::battery::RetainedRecord;
 use crate::liveness::CheckIn;
@@ -25,18 +25,18 @@ use crate::tasks::{
 };
 use crate::vehicle::{Indication, Indicators};
 
-/// Ground stations that can be connected at the same time.
+/// Maximum number of TCP clients.
 const MAX_CLIENTS: usize = 8;
 
-/// What a link on this machine is taken to carry: more than any of our streams asks for.
+/// Assumed capacity of a local link: more than all streams need.
 const LINK_BYTES_PER_SECOND: u32 = 1_000_000;
 
-/// The simulator has no watchdog, so nobody looks at what its tasks check in with.
+/// The simulator has no watchdog that reads check-ins.
 static UNWATCHED: CheckIn = CheckIn::new("", u32::MAX);
 
-/// Switches the vehicle on, and on again whenever a ground station restarts it. Ground stations connect by TCP, and one
-/// may listen at the other end of `udp`. The pack and the flash outlast a restart; connections don't. A status line is
-/// printed every `line_interval`.
+/// Runs the vehicle, and restarts it at a ground station's request. Ground stations connect by TCP; another one may
+/// listen at the remote end of `udp`. Pack and flash survive a restart, connections don't. Prints a status line every
+/// `line_interval`.
 pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_interval: Duration) -> ! {
     let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
     let rover = SimulatedRover::default();
@@ -49,22 +49,22 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
         let desk = Desk::new(&parameters, signing, &pack);
         report_load(&desk.shared, Some(loaded));
         report_signing(&desk.shared);
-        let living_pack = LivingPack::new(&pack, &rover, &desk.shared);
+        let pack_simulation = PackSimulation::new(&pack, &rover, &desk.shared);
         let mut memory = [RetainedRecord::BLANK; 2];
         let vehicle = join5(
             join3(
                 sample_batteries(
-                    SimulatedPackInput::new(&living_pack, &desk.shared),
+                    SimulatedPackInput::new(&pack_simulation, &desk.shared),
                     &mut memory,
                     &desk.shared,
                     &UNWATCHED,
                 ),
                 read_bus(
-                    Buses::i2c(SimulatedBus::new(&living_pack)),
+                    Buses::i2c(SimulatedBus::new(&pack_simulation)),
                     &desk.shared,
                     &UNWATCHED,
                 ),
-                // No motor controller is simulated: a pack that is set up for one is unhealthy.
+                // No ESC is simulated: a pack with ESC telemetry is unhealthy.
                 read_esc(None::<TcpReceiver>, &desk.shared, &UNWATCHED),
             ),
             drive(&rover, NoLamps, &desk.shared, &UNWATCHED),
@@ -96,7 +96,7 @@ struct Desk<'a> {
     status: Cell<Totals>,
 }
 
-/// A desk has neither lamps nor a buzzer.
+/// The simulator has neither lamps nor a buzzer.
 struct NoLamps;
 
 impl Indicators for NoLamps {
@@ -113,7 +113,7 @@ impl<'a> Desk<'a> {
         }
     }
 
-    /// Serves one client after the other, each with a link of its own: its own schedule, sequence numbers and losses.
+    /// Serves one client after the other, each with its own link: schedule, sequence numbers and counters.
     async fn serve(&self, clients: &Clients) {
         loop {
             let Client {
@@ -130,8 +130,8 @@ impl<'a> Desk<'a> {
         }
     }
 
-    /// Refuses clients while all links are in use. Left to wait for one, their commands would be obeyed whenever that may
-    /// be.
+    /// Refuses clients while all links are in use. If queued, their commands would be executed at an arbitrary later
+    /// time.
     async fn refuse_surplus(&self, clients: &Clients) -> ! {
         loop {
             while self.links.borrow().len() == MAX_CLIENTS
@@ -150,7 +150,7 @@ impl<'a> Desk<'a> {
         client.receiver.refuse();
     }
 
-    /// Serves whoever listens at the other end of `wire`, or nobody.
+    /// Serves the remote end of `wire`, whether or not it listens.
     async fn serve_udp(&self, wire: &UdpWire) {
         let link = Link::new("UDP", LinkKind::Radio, LINK_BYTES_PER_SECOND);
         let (transmitter, receiver) = wire.split();
@@ -169,7 +169,7 @@ impl<'a> Desk<'a> {
         }
     }
 
-    /// What happened since the last call.
+    /// The status since the previous call.
     fn next_status(&self) -> Status {
         let links = self.links.borrow();
         let pack = self.pack.borrow();
@@ -184,7 +184,7 @@ impl<'a> Desk<'a> {
             current_a: pack.current_a(),
             charge: pack.charge(),
             samples: now.samples.wrapping_sub(before.samples),
-            // A client that leaves takes its count along.
+            // The count of a disconnected client is lost.
             frames: now.frames.saturating_sub(before.frames),
             dropped: links.iter().map(|link| link.statistics().dropped).sum(),
             clients: links.len(),
@@ -198,7 +198,7 @@ struct Totals {
     frames: u32,
 }
 
-/// What the terminal's status line says: rates since the line before.
+/// The terminal's status line, with rates since the previous one.
 struct Status {
     voltage_v: Option<f32>,
     current_a: f32,

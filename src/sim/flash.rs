@@ -1,4 +1,4 @@
-//! The part of the flash that is written while the firmware runs, in memory and optionally in a file.
+//! Simulated flash for parameters and signing, in memory and optionally in a file.
 
 use std::cell::RefCell;
 use std::ffi::OsString;
@@ -20,7 +20,7 @@ const FLASH_BYTES: usize = PARAMETER_BYTES + SIGNING_BYTES;
 
 const ERASED: u8 = 0xff;
 
-/// A flash chip that behaves as NOR flash does: programming clears bits, only erasing a sector sets them.
+/// NOR flash: programming clears bits, erasing a sector sets them.
 ///
 /// A clone is the same chip.
 #[derive(Clone, Debug)]
@@ -32,7 +32,7 @@ struct Chip {
     file: Option<ImageFile>,
 }
 
-/// The file that keeps the content can't be written.
+/// The image file can't be written.
 #[derive(Debug)]
 pub struct FileError(pub io::Error);
 
@@ -43,16 +43,16 @@ impl NorFlashError for FileError {
 }
 
 impl SimulatedFlash {
-    /// A chip whose content is kept in `file`, or nowhere. A file that does not exist yet is an erased chip.
+    /// A chip whose content is kept in `file`, if given; a missing file is an erased chip.
     ///
-    /// The file belongs to this chip until its last clone is dropped.
+    /// The file is locked until the last clone is dropped.
     ///
     /// # Errors
-    /// The file can't be read or written, is not an image of such a chip, or belongs to another one.
+    /// The file can't be read or written, is no flash image, or is locked by another chip.
     pub fn open(file: Option<PathBuf>) -> io::Result<Self> {
         let (file, content) = match file {
             Some(path) => {
-                let file = ImageFile::claim(&path)?;
+                let file = ImageFile::lock(&path)?;
                 let content = file.read()?;
                 (Some(file), content)
             }
@@ -65,18 +65,18 @@ impl SimulatedFlash {
         Ok(Self(Rc::new(RefCell::new(Chip { content, file }))))
     }
 
-    /// Where the parameters are.
+    /// Address range of the parameters.
     pub const PARAMETERS: Range<u32> = 0..PARAMETER_BYTES as u32;
 
-    /// Where the signing key is.
+    /// Address range of the signing key.
     pub const SIGNING: Range<u32> = PARAMETER_BYTES as u32..FLASH_BYTES as u32;
 }
 
-/// What a chip with this image holds.
+/// Chip content from an image.
 fn chip_content(mut image: Vec<u8>) -> io::Result<Vec<u8>> {
     match image.len() {
         FLASH_BYTES => {}
-        // From a simulator that knew no signing.
+        // Written by a version without signing.
         PARAMETER_BYTES => image.resize(FLASH_BYTES, ERASED),
         _ => return Err(io::Error::new(ErrorKind::InvalidData, "it is not a flash image")),
     }
@@ -84,7 +84,7 @@ fn chip_content(mut image: Vec<u8>) -> io::Result<Vec<u8>> {
 }
 
 impl Chip {
-    /// Changes the content of a part, in the file first: if that fails, nothing has changed.
+    /// Changes a range, first in the file: if that fails, nothing changes.
     fn change(&mut self, from: u32, to: u32, change: impl FnOnce(&mut [u8])) -> Result<(), FileError> {
         let mut content = self.content.clone();
         let part = content.get_mut(from as usize..to as usize);
@@ -139,19 +139,19 @@ impl NorFlash for SimulatedFlash {
     }
 }
 
-/// A file that holds an image, whole at any moment, and that no other process changes.
+/// An image file that is replaced atomically and locked against other processes.
 #[derive(Debug)]
 struct ImageFile {
     path: PathBuf,
-    /// Where the next image is written before it takes the place of the last.
+    /// Temporary file of the next image, renamed over the previous one.
     next: PathBuf,
-    /// A file beside the image, locked while this exists: the image itself is replaced, and a lock on it with it.
+    /// Lock file: a lock on the image itself would be lost when that is replaced.
     _lock: File,
 }
 
 impl ImageFile {
-    /// Claims the file at `path`, which need not exist yet.
-    fn claim(path: &Path) -> io::Result<Self> {
+    /// Locks the file at `path`, which need not exist yet.
+    fn lock(path: &Path) -> io::Result<Self> {
         let path = resolved(path)?;
         if path.exists() && !path.is_file() {
             return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a file"));
@@ -170,7 +170,7 @@ impl ImageFile {
 
     /// The image; `None` if there is none yet.
     fn read(&self) -> io::Result<Option<Vec<u8>>> {
-        // What may not be written is not replaced either.
+        // A write-protected file must not be replaced either.
         let mut file = match OpenOptions::new().read(true).write(true).open(&self.path) {
             Ok(file) => file,
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
@@ -181,21 +181,21 @@ impl ImageFile {
         Ok(Some(image))
     }
 
-    /// Puts another image in its place: until then the old one is there, whenever the process ends.
+    /// Replaces the image atomically.
     fn replace(&self, image: &[u8]) -> io::Result<()> {
         let mut next = File::create(&self.next)?;
-        // There may be a key in it that others may not read.
+        // It may contain a key, so the permissions are kept.
         if let Ok(last) = fs::metadata(&self.path) {
             next.set_permissions(last.permissions())?;
         }
         next.write_all(image)?;
-        // Not the name before the content, if the machine goes down as well.
+        // The content must be on disk before the rename, in case of a system crash.
         next.sync_all()?;
         fs::rename(&self.next, &self.path)
     }
 }
 
-/// The path of the file itself, without links on the way, so that every path to it gives the same.
+/// Canonical path of the file, which need not exist.
 fn resolved(path: &Path) -> io::Result<PathBuf> {
     if let Ok(existing) = fs::canonicalize(path) {
         return Ok(existing);
@@ -228,7 +228,7 @@ mod tests {
 
     use super::*;
 
-    /// A folder of this test's own, removed at its end.
+    /// Temporary folder of a test, removed on drop.
     struct Folder(PathBuf);
 
     impl Folder {
@@ -236,7 +236,7 @@ mod tests {
             static NUMBER: AtomicU32 = AtomicU32::new(0);
             let number = NUMBER.fetch_add(1, Ordering::Relaxed);
             let path = temp_dir().join(format!("rover-battmon-flash-{}-{number}", process::id()));
-            fs::create_dir(&path).expect("the folder is new");
+            fs::create_dir(&path).expect("a new folder");
             Self(path)
         }
 
@@ -257,12 +257,12 @@ mod tests {
 
     fn byte_at(flash: &mut SimulatedFlash, offset: u32) -> u8 {
         let mut byte = [0];
-        block_on(flash.read(offset, &mut byte)).expect("it is inside");
+        block_on(flash.read(offset, &mut byte)).expect("in range");
         byte[0]
     }
 
     #[test]
-    fn what_was_written_is_there_again() {
+    fn content_is_kept_in_the_file() {
         let folder = Folder::new();
         let mut flash = folder.open().unwrap();
         block_on(flash.write(5, &[1])).unwrap();
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn an_image_is_replaced_whole_and_never_changed() {
+    fn image_is_replaced_atomically() {
         let folder = Folder::new();
         let mut flash = folder.open().unwrap();
         block_on(flash.write(0, &[0xf0])).unwrap();
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn a_write_that_was_cut_short_leaves_the_image_before_it() {
+    fn interrupted_write_leaves_the_previous_image() {
         let folder = Folder::new();
         let mut flash = folder.open().unwrap();
         block_on(flash.write(0, &[0xf0])).unwrap();
@@ -297,11 +297,11 @@ mod tests {
     }
 
     #[test]
-    fn what_the_file_did_not_take_is_not_in_memory_either() {
+    fn failed_file_write_changes_nothing_in_memory() {
         let folder = Folder::new();
         let mut flash = folder.open().unwrap();
         block_on(flash.write(0, &[0xf0])).unwrap();
-        // No file can be written under the name of a folder.
+        // A folder with the temporary file's name makes the write fail.
         let obstacle = beside(&folder.image(), ".next");
         fs::create_dir(&obstacle).unwrap();
         assert!(block_on(flash.write(0, &[0x30])).is_err());
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_belongs_to_one_chip_by_whatever_path() {
+    fn file_is_locked_under_every_path() {
         let folder = Folder::new();
         let mut flash = folder.open().unwrap();
         block_on(flash.write(0, &[0xf0])).unwrap();
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_folder_and_a_folder_for_a_file_are_refused_at_once() {
+    fn missing_folder_or_folder_as_file_is_an_error() {
         let folder = Folder::new();
         for path in [
             folder.0.join("missing/flash.bin"),
@@ -352,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_no_image_is_refused_and_left_alone() {
+    fn file_that_is_no_image_is_refused_and_unchanged() {
         let folder = Folder::new();
         fs::write(folder.image(), "a shopping list").unwrap();
         let error = folder.open().unwrap_err();
@@ -362,7 +362,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn an_image_keeps_its_permissions_and_a_link_leads_to_it() {
+    fn image_keeps_permissions_and_symlinks() {
         use std::os::unix::fs::{PermissionsExt, symlink};
 
         let folder = Folder::new();

@@ -1,7 +1,7 @@
-//! A lithium-polymer pack that is being discharged.
+//! Model of a lithium-polymer pack.
 
-/// Resting voltage of one LiPo cell from 0 % to 100 % charge in steps of 5 %, in volts: the table printed on hobby
-/// chargers and in pack makers' guides ("LiPo voltage chart", 0.05 C discharge at room temperature).
+/// Resting voltage of a LiPo cell from 0 % to 100 % charge in steps of 5 %, in volts: the usual "LiPo voltage chart" of
+/// chargers and pack manufacturers (0.05 C discharge at room temperature).
 const CELL_RESTING_V: [f32; 21] = [
     3.27, 3.61, 3.69, 3.71, 3.73, 3.75, 3.77, 3.79, 3.80, 3.82, 3.84, 3.85, 3.87, 3.91, 3.95, 3.98, 4.02,
     4.08, 4.11, 4.15, 4.20,
@@ -9,23 +9,23 @@ const CELL_RESTING_V: [f32; 21] = [
 
 const SECONDS_PER_HOUR: f32 = 3600.0;
 
-/// What a pack is like.
+/// Parameters of a pack.
 #[derive(Clone, Copy, Debug)]
 pub struct PackModel {
     /// Cells in series.
     pub cells: u8,
-    /// Charge of the full pack, in ampere-hours.
+    /// Full capacity, in ampere-hours.
     pub capacity_ah: f32,
-    /// Voltage drop that follows the current at once, in ohms.
+    /// Resistance of the immediate voltage drop, in ohms.
     pub ohmic_resistance_ohm: f32,
-    /// Voltage drop that follows the current slowly, in ohms.
+    /// Resistance of the slow voltage drop, in ohms.
     pub polarization_resistance_ohm: f32,
-    /// How slowly, in seconds.
+    /// Time constant of the slow voltage drop, in seconds.
     pub polarization_time_s: f32,
 }
 
 impl PackModel {
-    /// A 3S 2200 mAh pack, with resistances typical for 25 C hobby packs of this size.
+    /// A 3S pack of 2200 mAh, with typical resistances of 25 C hobby packs.
     pub const LIPO_3S_2200: Self = Self {
         cells: 3,
         capacity_ah: 2.2,
@@ -35,14 +35,14 @@ impl PackModel {
     };
 }
 
-/// A pack in use.
+/// State of a pack.
 #[derive(Clone, Debug)]
 pub struct SimulatedPack {
     model: PackModel,
     charge: f32,
     polarization_v: f32,
     current_a: f32,
-    /// Instead of what its charge says.
+    /// Overrides the voltage by charge.
     open_circuit_v: Option<f32>,
 }
 
@@ -58,12 +58,12 @@ impl SimulatedPack {
         }
     }
 
-    /// Holds its resting voltage, in volts, or lets it follow the charge again.
+    /// Overrides the resting voltage, in volts; `None` follows the charge again.
     pub fn hold_open_circuit(&mut self, voltage_v: Option<f32>) {
         self.open_circuit_v = voltage_v;
     }
 
-    /// Changes the charge it has when it is full, in ampere-hours; the state of charge stays.
+    /// Changes the full capacity, in ampere-hours, and keeps the state of charge.
     pub fn set_capacity_ah(&mut self, capacity_ah: f32) {
         self.model.capacity_ah = capacity_ah;
     }
@@ -78,7 +78,7 @@ impl SimulatedPack {
         self.current_a = current_a;
     }
 
-    /// What is left, 0 to 1.
+    /// State of charge, 0 to 1.
     pub fn charge(&self) -> f32 {
         self.charge
     }
@@ -88,17 +88,17 @@ impl SimulatedPack {
         self.model.cells
     }
 
-    /// The charge it has when it is full, in ampere-hours.
+    /// Full capacity, in ampere-hours.
     pub fn capacity_ah(&self) -> f32 {
         self.model.capacity_ah
     }
 
-    /// The current being drawn, in amperes.
+    /// Present current, in amperes.
     pub fn current_a(&self) -> f32 {
         self.current_a
     }
 
-    /// Voltage between the terminals under the present load, in volts.
+    /// Terminal voltage under the present load, in volts.
     pub fn voltage_v(&self) -> f32 {
         let by_charge_v = resting_cell_voltage_v(self.charge) * f32::from(self.model.cells);
         let resting_v = self.open_circuit_v.unwrap_or(by_charge_v);
@@ -118,13 +118,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_pack_at_rest_has_4_2_v_a_cell() {
+    fn full_pack_at_rest_has_4_2_v_per_cell() {
         let pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
         assert!((pack.voltage_v() - 12.6).abs() < 1e-4);
     }
 
     #[test]
-    fn one_c_empties_it_in_an_hour_and_no_further() {
+    fn one_c_discharges_it_in_an_hour() {
         let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
         for _ in 0..1800 {
             pack.draw(2.2, 1.0);
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn a_resting_voltage_that_is_held_does_not_fall_but_sags() {
+    fn held_open_circuit_voltage_still_sags_under_load() {
         let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
         pack.hold_open_circuit(Some(10.0));
         assert_eq!(pack.voltage_v(), 10.0);
@@ -147,11 +147,11 @@ mod tests {
         assert!((pack.voltage_v() - (10.0 - 2.2 * 0.065)).abs() < 1e-4);
         pack.hold_open_circuit(None);
         pack.draw(0.0, 1000.0);
-        assert!(pack.voltage_v() > 11.3, "half of the charge is left");
+        assert!(pack.voltage_v() > 11.3, "half charged");
     }
 
     #[test]
-    fn load_sags_it_at_once_and_then_slowly() {
+    fn sag_has_an_immediate_and_a_slow_part() {
         let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
         let rest_v = pack.voltage_v();
         pack.draw(10.0, 0.01);

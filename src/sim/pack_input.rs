@@ -1,26 +1,26 @@
-//! The board's analog input, with a simulated pack behind the divider and the current sensor.
+//! Simulated analog inputs: divider and current sensor of the simulated pack.
 
 use std::future::pending;
 
-use super::{LivingPack, SimulatedPack};
+use super::{PackSimulation, SimulatedPack};
 use crate::battery::ReadError;
 use crate::parameter::SimulationParameter;
 use crate::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin};
 use crate::tasks::Shared;
 
-/// The divider of the Freenove board, as its maker's battery example has it.
+/// Divider of the Freenove board, as in the manufacturer's battery example.
 const DIVIDER: f32 = 3.95;
 
-/// A current sensor of the kind ArduPilot's defaults describe, on GP27 (`BATT_CURR_PIN` = 27, `BATT_MONITOR` = 4).
+/// Current sensor with ArduPilot's default scale, on GP27 (`BATT_CURR_PIN` = 27, `BATT_MONITOR` = 4).
 const AMPERES_PER_VOLT: f32 = 17.0;
 
-/// Peak noise at the pack's terminals, in volts: ripple of the rail and the converter's own.
+/// Peak noise referred to the pack's terminals, in volts: ripple of the rail and ADC noise.
 const NOISE_V: f32 = 0.008;
 
-/// The same when it is what `SIM_BATT_FAULT` asks for.
+/// The same with the noise fault of `SIM_BATT_FAULT`.
 const FAULTY_NOISE_V: f32 = 0.5;
 
-/// What is wrong with the measurement (`SIM_BATT_FAULT`).
+/// Simulated fault (`SIM_BATT_FAULT`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     None,
@@ -40,16 +40,16 @@ impl Fault {
     }
 }
 
-/// The pins behind the divider and the current sensor.
+/// Pins connected to the divider and the current sensor.
 pub struct SimulatedPackInput<'a> {
-    pack: &'a LivingPack<'a>,
+    pack: &'a PackSimulation<'a>,
     shared: &'a Shared,
     random: fastrand::Rng,
 }
 
 impl<'a> SimulatedPackInput<'a> {
-    /// An input that measures `pack`. The noise is the same in every run.
-    pub fn new(pack: &'a LivingPack<'a>, shared: &'a Shared) -> Self {
+    /// An input that measures `pack`, with reproducible noise.
+    pub fn new(pack: &'a PackSimulation<'a>, shared: &'a Shared) -> Self {
         Self {
             pack,
             shared,
@@ -74,7 +74,7 @@ impl<'a> SimulatedPackInput<'a> {
 
 impl AnalogIn for SimulatedPackInput<'_> {
     async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError> {
-        // Also when the converter does not answer: the pack lives on.
+        // Updates the pack, even if the ADC does not answer.
         let pack = self.pack.now();
         let fault = Fault::from_number(self.shared.whole_parameter(SimulationParameter::BattFault));
         if fault == Fault::Stalled {

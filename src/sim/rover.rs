@@ -1,31 +1,31 @@
-//! What the simulated rover draws from its pack.
+//! Power consumption of the simulated rover.
 
 use std::cell::Cell;
 
 use crate::vehicle::{MotorDrive, Motors, SideDrives};
 
-/// The board, the radio and the lamps, in amperes.
+/// Board, radio and lamps, in amperes.
 const ELECTRONICS_A: f32 = 0.3;
 
-/// A small gear motor that turns freely, and what it takes more at full power, in amperes.
+/// Idle current of a small gear motor, and its increase at full power, in amperes.
 const FREE_RUNNING_A: f32 = 0.2;
 const FULL_POWER_A: f32 = 0.8;
 
 const MOTORS_PER_SIDE: f32 = 2.0;
 
-/// A rover with four motors that stands on a desk: they turn as they are told.
+/// A rover with four motors, on blocks.
 #[derive(Debug, Default)]
 pub struct SimulatedRover {
     drives: Cell<SideDrives>,
 }
 
 impl SimulatedRover {
-    /// What the motors were told last.
+    /// Present motor outputs.
     pub fn drives(&self) -> SideDrives {
         self.drives.get()
     }
 
-    /// The current it draws, in amperes.
+    /// Total current, in amperes.
     pub fn current_a(&self) -> f32 {
         let SideDrives { left, right } = self.drives.get();
         ELECTRONICS_A + MOTORS_PER_SIDE * (motor_current_a(left) + motor_current_a(right))
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_draws_what_its_motors_need() {
+    fn current_depends_on_the_motors() {
         let rover = SimulatedRover::default();
         assert_eq!(rover.current_a(), 0.3);
         (&rover).drive(SideDrives {

@@ -1,4 +1,4 @@
-//! TCP for a wire: each client is a link of its own, so one that stops reading holds up nobody else.
+//! TCP links: one per client, so a client that stops reading does not block others.
 
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -8,18 +8,17 @@ use embedded_io_async::{ErrorType, Write};
 
 use crate::tasks::{ByteSource, ReceiveError};
 
-/// How often a socket that was not ready is asked again, in milliseconds of simulated time. The simulator polls its few
-/// sockets instead of running an event loop for them.
+/// Poll interval of sockets, in milliseconds of simulated time.
 pub(super) const POLL_MS: u64 = 5;
 
-/// Clients that have connected and wait for a link.
+/// Listener for clients.
 pub struct Clients {
     listener: TcpListener,
 }
 
-/// A client, and both directions of the wire to it.
+/// A connected client.
 pub struct Client {
-    /// Where it has connected from.
+    /// Its address.
     pub address: SocketAddr,
     /// To the client.
     pub transmitter: TcpTransmitter,
@@ -31,7 +30,7 @@ impl Clients {
     /// Listens on `address`.
     ///
     /// # Errors
-    /// The address can't be listened on, for example because the port is taken.
+    /// The address can't be bound, for example because the port is in use.
     pub fn listen(address: SocketAddr) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
@@ -48,9 +47,9 @@ impl Clients {
         }
     }
 
-    /// The next client, if one has connected.
+    /// The next client, if one is waiting.
     pub fn try_next(&self) -> Option<Client> {
-        // A client that is gone before it was served is no reason to stop.
+        // A client that has disconnected already is skipped.
         self.listener.accept().and_then(Client::new).ok()
     }
 }
@@ -68,7 +67,7 @@ impl Client {
     }
 }
 
-/// The wire to one client.
+/// Transmitter to a client.
 pub struct TcpTransmitter(TcpStream);
 
 impl ErrorType for TcpTransmitter {
@@ -91,15 +90,14 @@ impl Write for TcpTransmitter {
     }
 }
 
-/// The wire from one client.
+/// Receiver from a client.
 pub struct TcpReceiver(TcpStream);
 
 impl TcpReceiver {
-    /// Ends the connection. What the client has sent by now is never handled.
+    /// Closes the connection, and discards what the client has sent.
     pub fn refuse(mut self) {
         const DISCARDED_BYTES: usize = 65_536;
-        // Closed with something unread, a connection is reset, and with it goes what the client has not read yet. One that
-        // sends more than this only loses the reason.
+        // Closing a socket with unread data resets the connection, and the client may lose the reason of the refusal.
         let _ = io::Read::read(&mut self.0, &mut [0; DISCARDED_BYTES]);
     }
 }

@@ -1,4 +1,4 @@
-//! UDP for a wire: datagrams to where a ground station listens, and back.
+//! UDP link to a listening ground station.
 
 use std::convert::Infallible;
 use std::io;
@@ -10,20 +10,20 @@ use embedded_io_async::{ErrorType, Write};
 
 use crate::tasks::{ByteSource, ReceiveError};
 
-/// How often the socket is asked for datagrams, in milliseconds of simulated time.
+/// Poll interval of the socket, in milliseconds of simulated time.
 const POLL_MS: u64 = 5;
 
-/// No datagram of MAVLink is longer than a few frames.
+/// Buffer for a datagram of a few MAVLink frames.
 const DATAGRAM_BYTES: usize = 2048;
 
-/// The wire to one address. Whether anybody listens there makes no difference, as with a radio.
+/// UDP socket to one address, which need not listen.
 pub struct UdpWire(UdpSocket);
 
 impl UdpWire {
-    /// A wire to `address`, from any port of this machine.
+    /// A socket to `address` from any local port.
     ///
     /// # Errors
-    /// No socket can be had, or the address can't be reached from it.
+    /// The socket can't be created or connected.
     pub fn to(address: SocketAddr) -> io::Result<Self> {
         let any: SocketAddr = match address {
             SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
@@ -35,7 +35,7 @@ impl UdpWire {
         Ok(Self(socket))
     }
 
-    /// Both directions.
+    /// Transmitter and receiver.
     pub fn split(&self) -> (UdpTransmitter<'_>, UdpReceiver<'_>) {
         (
             UdpTransmitter(&self.0),
@@ -48,7 +48,7 @@ impl UdpWire {
     }
 }
 
-/// To whoever listens.
+/// Transmitter of a UDP link.
 pub struct UdpTransmitter<'a>(&'a UdpSocket);
 
 impl ErrorType for UdpTransmitter<'_> {
@@ -58,7 +58,7 @@ impl ErrorType for UdpTransmitter<'_> {
 impl Write for UdpTransmitter<'_> {
     /// Sends `bytes`, a whole frame, as one datagram.
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        // A datagram that can't be sent is lost, like one that nobody receives.
+        // A datagram that can't be sent is lost, as any datagram may be.
         let _ = self.0.send(bytes);
         Ok(bytes.len())
     }
@@ -68,11 +68,11 @@ impl Write for UdpTransmitter<'_> {
     }
 }
 
-/// From whoever listens.
+/// Receiver of a UDP link.
 pub struct UdpReceiver<'a> {
     socket: &'a UdpSocket,
     datagram: [u8; DATAGRAM_BYTES],
-    /// What of the datagram has not been handed on yet.
+    /// Unread rest of the datagram.
     rest: Range<usize>,
 }
 
@@ -81,7 +81,7 @@ impl ByteSource for UdpReceiver<'_> {
         while self.rest.is_empty() {
             match self.socket.recv(&mut self.datagram) {
                 Ok(received) => self.rest = 0..received,
-                // Nothing has come, or nobody listens at present.
+                // No datagram, or the remote port is closed at present.
                 Err(_) => Timer::after_millis(POLL_MS).await,
             }
         }

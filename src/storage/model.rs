@@ -1,23 +1,22 @@
-//! A NOR flash for tests: counts its operations, fails where it is told to, and loses power half way through one.
+//! Simulated NOR flash for tests, with operation counters, injected failures and power cuts.
 
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 use fastrand::Rng;
 
-/// What stands around the region: no operation may touch it.
+/// Content around the region, which must not change.
 const MARGIN_BYTE: u8 = 0x5A;
 
 /// A NOR flash of `SECTORS` sectors of `SECTOR` bytes with program pages of `PAGE` bytes, and a sector on either side
-/// that belongs to somebody else.
+/// outside the region.
 ///
-/// It panics at what a real one would take silently or spoil: a byte that is programmed twice between two erases, an
-/// address that is not aligned.
+/// Panics on misuse: a byte programmed twice between erases, or an unaligned address.
 #[derive(Clone)]
 pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> {
     bytes: Vec<u8>,
-    trouble: Trouble,
-    /// Bits an erase does not raise any more, as address and mask.
+    fault: Fault,
+    /// Bits stuck at 0, as address and mask.
     pub stuck: Option<(usize, u8)>,
     pub reads: u64,
     pub programs: u64,
@@ -25,7 +24,7 @@ pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usi
 }
 
 #[derive(Clone)]
-enum Trouble {
+enum Fault {
     None,
     /// Power fails in the operation after `operations` more; what it has done by then is random.
     Cut {
@@ -36,16 +35,16 @@ enum Trouble {
     Refuse {
         operations: u64,
     },
-    /// The program after `operations` more claims to be done, and has not written its first byte.
+    /// The program after `operations` more returns success without writing its first byte.
     Slip {
         operations: u64,
     },
-    /// No power: nothing works.
-    Dark,
+    /// No power: every operation fails.
+    PoweredOff,
 }
 
-/// How far an operation goes.
-enum Course {
+/// Outcome of an operation.
+enum Outcome {
     Done,
     Slipped,
     Torn(Rng),
@@ -64,13 +63,13 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
     /// The region the storage may use.
     pub const REGION: core::ops::Range<u32> = SECTOR as u32..(SECTOR * (SECTORS + 1)) as u32;
 
-    /// As from the factory.
+    /// Erased, as from the factory.
     pub fn blank() -> Self {
         let mut bytes = vec![MARGIN_BYTE; SECTOR * (SECTORS + 2)];
         bytes[SECTOR..SECTOR * (SECTORS + 1)].fill(0xFF);
         Self {
             bytes,
-            trouble: Trouble::None,
+            fault: Fault::None,
             stuck: None,
             reads: 0,
             programs: 0,
@@ -83,33 +82,33 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
         self.programs + self.erases.iter().map(|&count| u64::from(count)).sum::<u64>()
     }
 
-    /// The content of the region, for a test to spoil.
+    /// The content of the region, for tests to damage.
     pub fn region(&mut self) -> &mut [u8] {
         &mut self.bytes[SECTOR..SECTOR * (SECTORS + 1)]
     }
 
     pub fn cut_power_after(&mut self, operations: u64, seed: u64) {
-        self.trouble = Trouble::Cut {
+        self.fault = Fault::Cut {
             operations,
             random: Rng::with_seed(seed),
         };
     }
 
     pub fn refuse_after(&mut self, operations: u64) {
-        self.trouble = Trouble::Refuse { operations };
+        self.fault = Fault::Refuse { operations };
     }
 
     pub fn slip_after(&mut self, operations: u64) {
-        self.trouble = Trouble::Slip { operations };
+        self.fault = Fault::Slip { operations };
     }
 
-    pub fn is_dark(&self) -> bool {
-        matches!(self.trouble, Trouble::Dark)
+    pub fn is_powered_off(&self) -> bool {
+        matches!(self.fault, Fault::PoweredOff)
     }
 
-    /// Power comes back, and no further trouble is planned.
+    /// Restores power and clears injected failures.
     pub fn power_up(&mut self) {
-        self.trouble = Trouble::None;
+        self.fault = Fault::None;
     }
 
     pub fn assert_margins_are_untouched(&self) {
@@ -117,54 +116,52 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
         let after = &rest[SECTOR * SECTORS..];
         assert!(
             before.iter().chain(after).all(|&byte| byte == MARGIN_BYTE),
-            "wrote outside its region"
+            "write outside the region"
         );
     }
 
-    fn course(&mut self) -> Result<Course, FlashFailed> {
-        match &mut self.trouble {
-            Trouble::None => Ok(Course::Done),
-            Trouble::Dark => Err(FlashFailed),
-            Trouble::Cut {
+    fn outcome(&mut self) -> Result<Outcome, FlashFailed> {
+        match &mut self.fault {
+            Fault::None => Ok(Outcome::Done),
+            Fault::PoweredOff => Err(FlashFailed),
+            Fault::Cut {
                 operations: 0,
                 random,
             } => {
                 let random = random.clone();
-                self.trouble = Trouble::Dark;
-                Ok(Course::Torn(random))
+                self.fault = Fault::PoweredOff;
+                Ok(Outcome::Torn(random))
             }
-            Trouble::Refuse { operations: 0 } => {
-                self.trouble = Trouble::None;
+            Fault::Refuse { operations: 0 } => {
+                self.fault = Fault::None;
                 Err(FlashFailed)
             }
-            Trouble::Slip { operations: 0 } => {
-                self.trouble = Trouble::None;
-                Ok(Course::Slipped)
+            Fault::Slip { operations: 0 } => {
+                self.fault = Fault::None;
+                Ok(Outcome::Slipped)
             }
-            Trouble::Cut { operations, .. }
-            | Trouble::Refuse { operations }
-            | Trouble::Slip { operations } => {
+            Fault::Cut { operations, .. } | Fault::Refuse { operations } | Fault::Slip { operations } => {
                 *operations -= 1;
-                Ok(Course::Done)
+                Ok(Outcome::Done)
             }
         }
     }
 
     fn program_page(&mut self, address: usize, data: &[u8]) -> Result<(), FlashFailed> {
-        let course = self.course()?;
+        let outcome = self.outcome()?;
         self.programs += 1;
         let cells = &mut self.bytes[address..address + data.len()];
         assert!(
             cells.iter().all(|&cell| cell == 0xFF),
             "a byte at {address:#x} is programmed twice"
         );
-        let mut random = match course {
-            Course::Torn(random) => random,
-            Course::Done => {
+        let mut random = match outcome {
+            Outcome::Torn(random) => random,
+            Outcome::Done => {
                 cells.copy_from_slice(data);
                 return Ok(());
             }
-            Course::Slipped => {
+            Outcome::Slipped => {
                 cells[1..].copy_from_slice(&data[1..]);
                 return Ok(());
             }
@@ -183,12 +180,12 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
     }
 
     fn erase_sector(&mut self, address: usize) -> Result<(), FlashFailed> {
-        let course = self.course()?;
+        let outcome = self.outcome()?;
         self.erases[address / SECTOR - 1] += 1;
         let cells = &mut self.bytes[address..address + SECTOR];
-        match course {
-            Course::Done | Course::Slipped => cells.fill(0xFF),
-            Course::Torn(mut random) => match random.u8(..6) {
+        match outcome {
+            Outcome::Done | Outcome::Slipped => cells.fill(0xFF),
+            Outcome::Torn(mut random) => match random.u8(..6) {
                 0 => {}
                 // Parts program every bit before they erase.
                 1 => cells.fill(0),
@@ -204,7 +201,11 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
         if let Some((stuck, mask)) = self.stuck {
             self.bytes[stuck] &= !mask;
         }
-        if self.is_dark() { Err(FlashFailed) } else { Ok(()) }
+        if self.is_powered_off() {
+            Err(FlashFailed)
+        } else {
+            Ok(())
+        }
     }
 }
 
@@ -217,18 +218,18 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> ErrorType
 impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> ReadNorFlash
     for FlashModel<SECTOR, PAGE, SECTORS>
 {
-    // What embassy-rp's asynchronous flash wants; its writes take any length.
+    // As embassy-rp's asynchronous flash; writes have any length.
     const READ_SIZE: usize = 4;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashFailed> {
-        if self.is_dark() {
+        if self.is_powered_off() {
             return Err(FlashFailed);
         }
         self.reads += 1;
         let offset = offset as usize;
         assert!(
             offset.is_multiple_of(4) && bytes.len().is_multiple_of(4),
-            "a read that is not aligned"
+            "unaligned read"
         );
         bytes.copy_from_slice(&self.bytes[offset..offset + bytes.len()]);
         Ok(())
@@ -249,7 +250,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> NorFlash
         let (from, to) = (from as usize, to as usize);
         assert!(
             from.is_multiple_of(SECTOR) && to.is_multiple_of(SECTOR),
-            "an erase that is not aligned"
+            "unaligned erase"
         );
         (from..to)
             .step_by(SECTOR)

@@ -1,28 +1,28 @@
-//! What stands in flash: records and headers, each three little-endian words with the CRC-32 last.
+//! Records and headers in flash: three little-endian words each, the last one their CRC-32.
 
 use crate::crc32::crc32;
 
-/// One stored value.
+/// A stored value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Record {
     pub key: u32,
     pub value: u32,
 }
 
-/// What the place for a record holds.
+/// Content of a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Slot {
-    /// Nothing was ever written.
+    /// Erased.
     Blank,
     Record(Record),
-    /// Neither: a write that was cut short, or bits that changed.
+    /// An interrupted write, or flipped bits.
     Damaged,
 }
 
-/// The sign that a sector is complete.
+/// Header of a committed sector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Header {
-    /// Higher than that of every sector before.
+    /// Increases with every sector.
     pub sequence: u32,
 }
 
@@ -35,7 +35,7 @@ impl Record {
         seal(self.key, self.value)
     }
 
-    /// Whether the record in `bytes`, if it is one, has this key.
+    /// Whether `bytes` begin with this key; the CRC is not checked.
     pub fn may_have_key(bytes: &[u8; SIZE], key: u32) -> bool {
         bytes.starts_with(&key.to_le_bytes())
     }
@@ -53,7 +53,7 @@ impl Slot {
 impl Header {
     pub const SIZE: usize = SIZE;
 
-    /// Says that this is ours, and which layout: a firmware with another layout takes another number.
+    /// Identifies the layout.
     const MAGIC: u32 = u32::from_le_bytes(*b"PAR1");
 
     pub fn to_bytes(self) -> [u8; SIZE] {
@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn flash_without_content_holds_neither_record_nor_header() {
+    fn erased_and_zero_bytes_are_no_record_or_header() {
         assert_eq!(Slot::from_bytes([0xFF; SIZE]), Slot::Blank);
         assert_eq!(Slot::from_bytes([0; SIZE]), Slot::Damaged);
         assert_eq!(Header::from_bytes([0xFF; SIZE]), None);
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn up_to_three_changed_bits_spoil_a_record() {
+    fn up_to_three_flipped_bits_are_detected() {
         let bytes = Record {
             key: 7,
             value: 1.5_f32.to_bits(),

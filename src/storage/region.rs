@@ -1,4 +1,4 @@
-//! The region of flash as a row of sectors, each with two headers and slots for records; `storage.rs` has the layout.
+//! A region of flash as sectors with two headers and slots for records; see [`super`] for the layout.
 
 use core::ops::Range;
 
@@ -8,7 +8,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 use super::StorageError;
 use super::record::{Header, Record, Slot};
 
-/// The whole sectors of a region.
+/// The complete sectors of a region.
 #[derive(Debug)]
 pub(super) struct Region<F> {
     pub flash: F,
@@ -16,34 +16,34 @@ pub(super) struct Region<F> {
     start: u32,
 }
 
-/// Why there is no value in a region.
+/// Why a region holds no value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Unused {
-    /// Every byte is as an erase leaves it.
+    /// Erased.
     Erased,
-    /// The very first write of all did not get to its end.
-    FirstWriteCutShort,
+    /// The very first write was interrupted.
+    FirstWriteInterrupted,
 }
 
 impl Unused {
-    /// From where on every sector is blank.
+    /// Offset from which every sector is blank.
     fn blank_from(self) -> u32 {
         match self {
             Self::Erased => 0,
-            Self::FirstWriteCutShort => MARGIN,
+            Self::FirstWriteInterrupted => MARGIN,
         }
     }
 }
 
 const WORD: usize = size_of::<u32>();
-/// Bytes at either end of a sector that hold no records.
+/// Bytes at either end of a sector for headers.
 const MARGIN: u32 = 16;
-/// From the start of a sector: a word that is blank until the next sector takes over.
+/// Offset of the retired mark: a word that is blank until the next sector is active.
 const RETIRED: u32 = Header::SIZE as u32;
 
 impl<F: NorFlash> Region<F> {
     const SECTOR: u32 = F::ERASE_SIZE as u32;
-    /// The records a sector takes.
+    /// Record slots of a sector.
     pub const SLOTS: u32 = (Self::SECTOR - 2 * MARGIN) / Record::SIZE as u32;
 
     pub fn new(flash: F, range: Range<u32>) -> Self {
@@ -60,7 +60,7 @@ impl<F: NorFlash> Region<F> {
         }
     }
 
-    /// The sequence number of a sector that is complete, from whichever of its headers is good.
+    /// Sequence number of a committed sector, from either of its headers.
     pub async fn read_sequence(&mut self, sector: u32) -> Result<Option<u32>, StorageError> {
         for address in self.header_addresses(sector) {
             if let Some(header) = Header::from_bytes(self.read(address).await?) {
@@ -70,7 +70,7 @@ impl<F: NorFlash> Region<F> {
         Ok(None)
     }
 
-    /// Declares a sector complete.
+    /// Commits a sector.
     pub async fn write_sequence(&mut self, sector: u32, sequence: u32) -> Result<(), StorageError> {
         for address in self.header_addresses(sector) {
             self.write(address, &Header { sequence }.to_bytes()).await?;
@@ -78,7 +78,7 @@ impl<F: NorFlash> Region<F> {
         Ok(())
     }
 
-    /// Whether a sector with a higher sequence number existed once.
+    /// Whether a sector with a higher sequence number has been committed.
     pub async fn is_retired(&mut self, sector: u32) -> Result<bool, StorageError> {
         Ok(self.read(self.address(sector) + RETIRED).await? != [0xFF; WORD])
     }
@@ -96,7 +96,7 @@ impl<F: NorFlash> Region<F> {
         ))
     }
 
-    /// The value in `slot` if there is one for `key`.
+    /// The value in `slot`, if its key is `key`.
     pub async fn read_value(
         &mut self,
         sector: u32,
@@ -104,7 +104,7 @@ impl<F: NorFlash> Region<F> {
         key: u32,
     ) -> Result<Option<u32>, StorageError> {
         let bytes = self.read(self.slot_address(sector, slot)).await?;
-        // The key decides most often, and costs less than a CRC.
+        // Comparing the key first is cheaper than the CRC.
         if !Record::may_have_key(&bytes, key) {
             return Ok(None);
         }
@@ -122,15 +122,15 @@ impl<F: NorFlash> Region<F> {
             .await
     }
 
-    /// Whether a value was ever stored; `None` if that can't be ruled out.
+    /// Whether the region was never used; `None` if a value may have been stored.
     pub async fn unused(&mut self) -> Result<Option<Unused>, StorageError> {
         let mut unused = Unused::Erased;
         for sector in 0..self.sectors {
             while !self.is_blank_from(unused.blank_from(), sector).await? {
-                if unused == Unused::FirstWriteCutShort {
+                if unused == Unused::FirstWriteInterrupted {
                     return Ok(None);
                 }
-                unused = Unused::FirstWriteCutShort;
+                unused = Unused::FirstWriteInterrupted;
             }
         }
         Ok(Some(unused))
@@ -159,7 +159,7 @@ impl<F: NorFlash> Region<F> {
     }
 
     pub async fn erase(&mut self, sector: u32) -> Result<(), StorageError> {
-        // An erase holds up the whole processor: whoever waits already goes first. The same for `write`.
+        // An erase blocks the processor, so other ready tasks run first. The same for `write`.
         yield_now().await;
         let address = self.address(sector);
         self.flash

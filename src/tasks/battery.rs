@@ -81,7 +81,7 @@ pub async fn sample_batteries(
             // Nine packs take 3 ms: so long nobody else should have to wait.
             yield_now().await;
         }
-        shared.with_vehicle(|vehicle| vehicle.follow_batteries(bank.worst_failsafe()));
+        shared.with_vehicle(|vehicle| vehicle.update_batteries(bank.worst_failsafe()));
         if shared.samples().is_multiple_of(TICKS_PER_RECORD) {
             retain(memory, &bank.memory());
         }
@@ -102,7 +102,11 @@ fn are_failsafes_off(parameters: &Parameters, kinds: &[Option<MonitorKind>; MAX_
         let packs = Pack::ALL.into_iter().zip(kinds);
         packs.filter(|(_, kind)| kind.is_some())
     };
-    let is_off = |pack| PackSettings::from_parameters(parameters, pack).failsafe.is_off();
+    let is_off = |pack| {
+        PackSettings::from_parameters(parameters, pack)
+            .failsafe
+            .is_disabled()
+    };
     monitored().next().is_some() && monitored().all(|(pack, _)| is_off(pack))
 }
 

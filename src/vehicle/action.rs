@@ -1,33 +1,33 @@
-//! What the rover does when a pack is low.
+//! Battery failsafe actions.
 
 use core::fmt;
 
 use crate::battery::FailsafeLevel;
 use crate::parameter::{BatteryParameter, Pack, Parameters};
 
-/// What the rover does when a pack is low (`BATT_FS_LOW_ACT`) or critical (`BATT_FS_CRT_ACT`), by ArduPilot Rover's
-/// names; the more severe is the greater.
+/// Failsafe action of a low (`BATT_FS_LOW_ACT`) or critical (`BATT_FS_CRT_ACT`) pack, with ArduPilot Rover's names, in
+/// increasing severity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum FailsafeAction {
-    /// 0: people are told, and that is all.
+    /// 0: announce only.
     Warn,
-    /// 6: stays where it is by its position; this rover holds.
+    /// 6: loiter; without a position, Hold.
     LoiterOrHold,
-    /// 4: goes back on its track; this rover holds.
+    /// 4: return along the track; without a position, Hold.
     SmartRtlOrHold,
-    /// 3: goes back on its track; this rover holds.
+    /// 3: return along the track; without a position, Hold.
     SmartRtl,
-    /// 1: goes back to where it started; this rover holds.
+    /// 1: return to launch; without a position, Hold.
     Rtl,
-    /// 2: stands still.
+    /// 2: enter Hold.
     Hold,
-    /// 5: is disarmed, until it is restarted or the battery is reset.
+    /// 5: disarm until a restart or a battery reset.
     Terminate,
 }
 
 impl FailsafeAction {
-    /// The action with ArduPilot's number for it.
+    /// The action with this ArduPilot number.
     pub fn from_number(number: i32) -> Option<Self> {
         Some(match number {
             0 => Self::Warn,
@@ -41,7 +41,7 @@ impl FailsafeAction {
         })
     }
 
-    /// What the owner wants done when `pack` reaches `level`. A sensor that fails is only told of, as in ArduPilot.
+    /// The action set for `level` of `pack`. A failed sensor is only announced, as in ArduPilot.
     pub fn from_parameters(parameters: &Parameters, pack: Pack, level: FailsafeLevel) -> Self {
         let parameter = match level {
             FailsafeLevel::None | FailsafeLevel::Unhealthy => return Self::Warn,
@@ -51,7 +51,7 @@ impl FailsafeAction {
         Self::from_number(parameters.get_whole(parameter.of(pack))).unwrap_or(Self::Warn)
     }
 
-    /// Whether it takes a position.
+    /// Whether it needs a position.
     pub fn needs_position(self) -> bool {
         match self {
             Self::Warn | Self::Hold | Self::Terminate => false,
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_numbers_in_order_of_severity_are_ardupilots() {
+    fn actions_are_ordered_by_ardupilots_severity() {
         let by_severity = [0, 6, 4, 3, 1, 2, 5].map(FailsafeAction::from_number);
         assert!(by_severity.is_sorted());
         assert!(by_severity.iter().all(Option::is_some));
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn each_level_of_each_pack_has_its_own_action() {
+    fn each_level_of_each_pack_has_its_action() {
         let mut parameters = Parameters::defaults();
         for (parameter, number) in [
             (BatteryParameter::FsLowAct, 2.0),

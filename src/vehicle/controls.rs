@@ -1,24 +1,24 @@
-//! The driver's levers.
+//! The driver's sticks.
 
 use super::timed_input::TimedInput;
 use crate::battery::ArmState;
 
-/// What a control message says of a lever.
+/// What a control message says about a stick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum Lever {
-    /// Its position, from −1000 (back, left) to 1000 (ahead, right); what lies beyond counts as the end.
-    At(i16),
-    /// The driver lets go of it.
+pub enum StickInput {
+    /// Its position, from −1000 (back, left) to 1000 (ahead, right), clamped.
+    Position(i16),
+    /// The override is released.
     Released,
-    /// The message is about other levers.
+    /// The message is about other channels.
     Unchanged,
 }
 
-/// One of the driver's levers.
+/// One of the driver's sticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum LeverName {
+pub enum Stick {
     /// Ahead and back.
     Throttle,
     /// Left and right.
@@ -27,25 +27,25 @@ pub enum LeverName {
 
 const FULL_DEFLECTION: i16 = 1000;
 
-/// A lever that is deflected by no more than this counts as neutral: a worn gamepad rests some percent off its middle.
-const NEUTRAL: f32 = 0.05;
+/// Deadband of the neutral position: a worn gamepad rests a few percent off centre.
+const DEADBAND: f32 = 0.05;
 
-/// The driver's levers. Each has an age of its own: a message about one says nothing about the other.
+/// The driver's sticks. Each times out separately: a message about one does not refresh the other.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Controls {
-    throttle: LeverInput,
-    steering: LeverInput,
+    throttle: StickState,
+    steering: StickState,
 }
 
 impl Controls {
-    /// Takes a control message. Returns whether it was about a lever at all.
-    pub fn take(&mut self, received_us: u64, throttle: Lever, steering: Lever) -> bool {
-        self.throttle.take(received_us, throttle);
-        self.steering.take(received_us, steering);
-        (throttle, steering) != (Lever::Unchanged, Lever::Unchanged)
+    /// Processes a control message. Returns whether it was about a stick at all.
+    pub fn receive(&mut self, received_us: u64, throttle: StickInput, steering: StickInput) -> bool {
+        self.throttle.receive(received_us, throttle);
+        self.steering.receive(received_us, steering);
+        (throttle, steering) != (StickInput::Unchanged, StickInput::Unchanged)
     }
 
-    /// From −1 (full speed back) to 1 (full speed ahead).
+    /// From −1 (full reverse) to 1 (full ahead).
     pub fn throttle(&self) -> f32 {
         self.throttle.position()
     }
@@ -55,88 +55,88 @@ impl Controls {
         self.steering.position()
     }
 
-    /// The lever that is deflected now, so that the rover must not be armed.
-    pub fn deflected(&self) -> Option<LeverName> {
+    /// A stick that is deflected, which prevents arming.
+    pub fn deflected(&self) -> Option<Stick> {
         if self.throttle.is_deflected() {
-            Some(LeverName::Throttle)
+            Some(Stick::Throttle)
         } else if self.steering.is_deflected() {
-            Some(LeverName::Steering)
+            Some(Stick::Steering)
         } else {
             None
         }
     }
 
-    /// The rover is armed from now on. No position from before drives it.
+    /// On arming: positions from before do not drive.
     pub fn arm(&mut self) {
         self.throttle.arm();
         self.steering.arm();
     }
 
-    /// The rover is disarmed from now on.
+    /// On disarming: time-outs are cleared.
     pub fn disarm(&mut self) {
         self.throttle.input.clear_time_out();
         self.steering.input.clear_time_out();
     }
 
-    /// Lets levers that were not heard of for `timeout_us` go neutral. Returns whether that is a failure.
+    /// Centres sticks without a message for `timeout_us`. Returns whether that is a failure.
     pub fn times_out(&mut self, now_us: u64, timeout_us: u64, arm_state: ArmState) -> bool {
         let throttle = self.throttle.input.times_out(now_us, timeout_us, arm_state);
         let steering = self.steering.input.times_out(now_us, timeout_us, arm_state);
         throttle || steering
     }
 
-    /// Whether a lever timed out while the rover was armed, and was neither moved nor released since.
+    /// Whether a stick timed out while armed, without a message about it since.
     pub fn have_timed_out(&self) -> bool {
         self.throttle.input.has_timed_out() || self.steering.input.has_timed_out()
     }
 }
 
-/// What a lever has to do before it drives.
+/// Interlock that keeps a stick from driving after arming.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Gate {
-    /// Nothing: it drives.
+    /// It drives.
     #[default]
     Open,
-    /// A message has to come: the latest one is from before arming.
-    Message,
-    /// It has to be neutral once: it was deflected when the rover was armed.
-    Neutral,
+    /// Opened by the next message: the latest one is from before arming.
+    AwaitsMessage,
+    /// Opened by the neutral position: it was deflected on arming.
+    AwaitsNeutral,
 }
 
-/// A lever: where it is, and whether that counts.
+/// The state of a stick.
 #[derive(Clone, Copy, Debug, Default)]
-struct LeverInput {
+struct StickState {
     /// From −1 to 1.
     input: TimedInput<f32>,
     gate: Gate,
 }
 
-impl LeverInput {
-    fn take(&mut self, received_us: u64, lever: Lever) {
-        match lever {
-            Lever::At(position) => {
+impl StickState {
+    fn receive(&mut self, received_us: u64, input: StickInput) {
+        match input {
+            StickInput::Position(position) => {
                 let position = position.clamp(-FULL_DEFLECTION, FULL_DEFLECTION);
                 let position = f32::from(position) / f32::from(FULL_DEFLECTION);
                 self.input.receive(received_us, position);
-                if self.gate == Gate::Message || !self.is_deflected() {
+                if self.gate == Gate::AwaitsMessage || !self.is_deflected() {
                     self.gate = Gate::Open;
                 }
             }
-            // The driver lets go on purpose: that is no failure.
-            Lever::Released => *self = Self::default(),
-            Lever::Unchanged => {}
+            // A deliberate release is no failure.
+            StickInput::Released => *self = Self::default(),
+            StickInput::Unchanged => {}
         }
     }
 
     fn arm(&mut self) {
-        self.gate = if self.is_deflected() || self.gate == Gate::Neutral {
-            Gate::Neutral
+        self.gate = if self.is_deflected() || self.gate == Gate::AwaitsNeutral {
+            Gate::AwaitsNeutral
         } else {
-            Gate::Message
+            Gate::AwaitsMessage
         };
     }
 
-    /// From −1 to 1; 0 without a driver.
+    /// From −1 to 1; 0 without input.
     fn position(&self) -> f32 {
         let position = self.input.value().filter(|_| self.gate == Gate::Open);
         position.unwrap_or(0.0)
@@ -145,7 +145,7 @@ impl LeverInput {
     fn is_deflected(&self) -> bool {
         self.input
             .value()
-            .is_some_and(|position| position.abs() > NEUTRAL)
+            .is_some_and(|position| position.abs() > DEADBAND)
     }
 }
 
@@ -160,75 +160,71 @@ mod tests {
     }
 
     #[test]
-    fn a_lever_stays_until_it_is_moved_or_released() {
+    fn stick_keeps_its_position_until_the_next_message() {
         let mut controls = Controls::default();
         assert_eq!(positions(&controls), (0.0, 0.0));
-        controls.take(0, Lever::At(500), Lever::At(i16::MIN));
+        controls.receive(0, StickInput::Position(500), StickInput::Position(i16::MIN));
         assert_eq!(positions(&controls), (0.5, -1.0));
-        controls.take(0, Lever::Unchanged, Lever::Released);
+        controls.receive(0, StickInput::Unchanged, StickInput::Released);
         assert_eq!(positions(&controls), (0.5, 0.0));
-        controls.take(0, Lever::Released, Lever::Unchanged);
+        controls.receive(0, StickInput::Released, StickInput::Unchanged);
         assert_eq!(positions(&controls), (0.0, 0.0));
         assert!(!controls.times_out(u64::MAX, TIMEOUT_US, ArmState::Armed));
     }
 
     #[test]
-    fn each_lever_times_out_by_itself_and_stays_neutral() {
+    fn sticks_time_out_separately_and_stay_neutral() {
         for arm_state in [ArmState::Disarmed, ArmState::Armed] {
             let mut controls = Controls::default();
-            controls.take(0, Lever::At(1000), Lever::At(1000));
-            controls.take(1_000_000, Lever::Unchanged, Lever::At(500));
+            controls.receive(0, StickInput::Position(1000), StickInput::Position(1000));
+            controls.receive(1_000_000, StickInput::Unchanged, StickInput::Position(500));
             let is_failure = controls.times_out(1_500_001, TIMEOUT_US, arm_state);
             assert_eq!(is_failure, arm_state == ArmState::Armed);
             assert_eq!(positions(&controls), (0.0, 0.5));
-            controls.take(1_600_000, Lever::Unchanged, Lever::At(250));
+            controls.receive(1_600_000, StickInput::Unchanged, StickInput::Position(250));
             assert_eq!(positions(&controls), (0.0, 0.25));
-            assert_eq!(
-                controls.have_timed_out(),
-                is_failure,
-                "the throttle did not come back"
-            );
-            controls.take(1_700_000, Lever::Released, Lever::Unchanged);
+            assert_eq!(controls.have_timed_out(), is_failure, "no throttle message since");
+            controls.receive(1_700_000, StickInput::Released, StickInput::Unchanged);
             assert!(!controls.have_timed_out());
         }
     }
 
     #[test]
-    fn a_message_about_other_levers_refreshes_nothing() {
+    fn message_about_other_channels_refreshes_nothing() {
         let mut controls = Controls::default();
-        assert!(controls.take(0, Lever::At(1000), Lever::At(1000)));
-        assert!(!controls.take(2_000_000, Lever::Unchanged, Lever::Unchanged));
+        assert!(controls.receive(0, StickInput::Position(1000), StickInput::Position(1000)));
+        assert!(!controls.receive(2_000_000, StickInput::Unchanged, StickInput::Unchanged));
         assert!(controls.times_out(2_000_000, TIMEOUT_US, ArmState::Armed));
         assert_eq!(positions(&controls), (0.0, 0.0));
     }
 
     #[test]
-    fn no_position_from_before_arming_drives() {
+    fn position_from_before_arming_does_not_drive() {
         let mut controls = Controls::default();
-        controls.take(0, Lever::At(50), Lever::At(-50));
+        controls.receive(0, StickInput::Position(50), StickInput::Position(-50));
         assert_eq!(controls.deflected(), None);
         controls.arm();
         assert_eq!(positions(&controls), (0.0, 0.0));
-        controls.take(0, Lever::At(800), Lever::Unchanged);
+        controls.receive(0, StickInput::Position(800), StickInput::Unchanged);
         assert_eq!(positions(&controls), (0.8, 0.0));
     }
 
     #[test]
-    fn a_lever_that_was_deflected_when_armed_drives_after_it_was_neutral() {
+    fn stick_deflected_on_arming_must_be_neutral_first() {
         let mut controls = Controls::default();
-        controls.take(0, Lever::At(-1000), Lever::At(60));
-        assert_eq!(controls.deflected(), Some(LeverName::Throttle));
+        controls.receive(0, StickInput::Position(-1000), StickInput::Position(60));
+        assert_eq!(controls.deflected(), Some(Stick::Throttle));
         controls.arm();
-        controls.take(0, Lever::At(-1000), Lever::At(0));
+        controls.receive(0, StickInput::Position(-1000), StickInput::Position(0));
         assert_eq!(positions(&controls), (0.0, 0.0));
-        // Armed again meanwhile, and after a silence, too.
+        // Also after rearming and after a time-out.
         controls.disarm();
         controls.times_out(2_000_000, TIMEOUT_US, ArmState::Disarmed);
         controls.arm();
-        controls.take(2_000_000, Lever::At(-1000), Lever::At(60));
+        controls.receive(2_000_000, StickInput::Position(-1000), StickInput::Position(60));
         assert_eq!(positions(&controls), (0.0, 0.06));
-        controls.take(2_000_000, Lever::At(0), Lever::Unchanged);
-        controls.take(2_000_000, Lever::At(-1000), Lever::Unchanged);
+        controls.receive(2_000_000, StickInput::Position(0), StickInput::Unchanged);
+        controls.receive(2_000_000, StickInput::Position(-1000), StickInput::Unchanged);
         assert_eq!(positions(&controls), (-1.0, 0.06));
     }
 }

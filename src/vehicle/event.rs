@@ -1,21 +1,21 @@
-//! What the rover does on its own and people should know.
+//! Vehicle events that are announced.
 
 use core::fmt;
 
 use super::FailsafeAction;
 
-/// Something the rover does on its own.
+/// A state change without an operator's request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum VehicleEvent {
-    /// A failsafe's action takes a position, so the rover holds instead.
+    /// A failsafe action needs a position; the rover enters Hold instead.
     NeedsPosition(FailsafeAction),
-    /// A failsafe disarmed it for good.
+    /// A failsafe has terminated the drive: disarmed and locked.
     Terminated,
-    /// Control inputs stay away: it holds.
-    ControlsSilent,
-    /// No ground station is heard any more: it holds.
-    GroundStationsSilent,
+    /// Control inputs have timed out: Hold.
+    ControlsTimedOut,
+    /// Heartbeats of ground stations have timed out: Hold.
+    GroundStationsTimedOut,
 }
 
 impl fmt::Display for VehicleEvent {
@@ -23,8 +23,8 @@ impl fmt::Display for VehicleEvent {
         match self {
             Self::NeedsPosition(action) => write!(f, "{action} needs a position: Hold"),
             Self::Terminated => f.write_str("Terminated by battery failsafe"),
-            Self::ControlsSilent => f.write_str("Radio Failsafe: Hold"),
-            Self::GroundStationsSilent => f.write_str("GCS Failsafe: Hold"),
+            Self::ControlsTimedOut => f.write_str("Radio Failsafe: Hold"),
+            Self::GroundStationsTimedOut => f.write_str("GCS Failsafe: Hold"),
         }
     }
 }

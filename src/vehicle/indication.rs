@@ -1,19 +1,19 @@
-//! What the rover's lamps and buzzer tell.
+//! Indications of the rover's lamps and buzzer.
 
 /// A colour of the rover's lamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Colour {
-    /// Dark.
+    /// Lamps off.
     #[default]
     Off,
-    /// Disarmed, and nothing is wrong.
+    /// Disarmed, no failure.
     Green,
     /// Armed.
     Blue,
-    /// A pack is low, or its sensor fails, or whoever drove the rover is not heard any more.
+    /// A pack is low or its sensor has failed, or control inputs or ground stations have timed out.
     Yellow,
-    /// A pack is critical, or a failsafe has disarmed the rover for good.
+    /// A pack is critical, or the rover is terminated.
     Red,
 }
 
@@ -28,7 +28,7 @@ pub enum Tone {
     Sounding,
 }
 
-/// What lamps and buzzer show at a moment.
+/// The present indication.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct Indication {
@@ -40,6 +40,6 @@ pub struct Indication {
 
 /// The rover's lamps and buzzer.
 pub trait Indicators {
-    /// Shows this from now on. It may be told the same again and again.
+    /// Shows `indication` from now on; called repeatedly, also with the same one.
     fn show(&mut self, indication: Indication);
 }

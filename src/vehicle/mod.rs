@@ -1,4 +1,4 @@
-//! The rover: whether it is armed, in which mode, what a failsafe does, and what its motors and lamps are told.
+//! The vehicle state machine: arming, modes, control inputs, failsafes, and the outputs to motors, lamps and buzzer.
 
 mod action;
 mod controls;
@@ -7,15 +7,19 @@ mod indication;
 mod mode;
 mod motor;
 mod ramp;
-mod rover;
 mod settings;
 mod timed_input;
+#[expect(
+    clippy::module_inception,
+    reason = "the file is named after its type, the folder after the subject"
+)]
+mod vehicle;
 
 pub use action::FailsafeAction;
-pub use controls::{Lever, LeverName};
+pub use controls::{Stick, StickInput};
 pub use event::VehicleEvent;
 pub use indication::{Colour, Indication, Indicators, Tone};
 pub use mode::Mode;
 pub use motor::{MotorDrive, Motors, SideDrives};
-pub use rover::{Alert, ArmingRefused, ModeRefused, Vehicle, VehicleStatus};
 pub use settings::VehicleSettings;
+pub use vehicle::{Alert, ArmingRefused, ModeRefused, Vehicle, VehicleStatus};

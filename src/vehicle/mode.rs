@@ -1,26 +1,26 @@
-//! The modes of the rover.
+//! Driving modes.
 
-/// A mode, by its name in ArduPilot's Rover. Others need a position, which this rover does not know.
+/// A mode of ArduPilot's Rover. The others need a position estimate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 #[repr(u8)]
 pub enum Mode {
-    /// It drives as it is told.
+    /// Driven by the sticks.
     Manual = 0,
-    /// It stands still.
+    /// Brakes.
     #[default]
     Hold = 4,
 }
 
 impl Mode {
-    /// The mode with ArduPilot Rover's number for it.
+    /// The mode with this ArduPilot Rover number.
     pub fn from_number(number: u32) -> Option<Self> {
         [Self::Manual, Self::Hold]
             .into_iter()
             .find(|mode| mode.number() == number)
     }
 
-    /// ArduPilot Rover's number for it, MAVLink's `custom_mode`.
+    /// ArduPilot Rover's number: MAVLink's `custom_mode`.
     pub fn number(self) -> u32 {
         self as u32
     }

@@ -1,68 +1,67 @@
-//! What the motors are told.
+//! Motor outputs and their mixing.
 
-/// What a motor is told.
+/// Output to a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum MotorDrive {
-    /// It rolls freely: both inputs of its driver are low.
+    /// Rolls freely: both inputs of the H bridge low.
     #[default]
     Coast,
-    /// It is held by its own short circuit: both inputs of its driver are high.
+    /// Shorted: both inputs of the H bridge high.
     Brake,
-    /// It turns with this share of its power, from −1 (full speed back) to 1 (full speed ahead).
+    /// Driven at this duty, from −1 (full reverse) to 1 (full ahead).
     Turn(f32),
 }
 
-/// What the motors of both sides are told; those of one side turn alike (skid steering).
+/// Outputs of both sides; the motors of one side turn alike (skid steering).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct SideDrives {
-    /// The motors on the left.
+    /// Left motors.
     pub left: MotorDrive,
-    /// The motors on the right.
+    /// Right motors.
     pub right: MotorDrive,
 }
 
 impl SideDrives {
-    /// All motors roll freely.
+    /// All motors coast.
     pub const COAST: Self = Self {
         left: MotorDrive::Coast,
         right: MotorDrive::Coast,
     };
 
-    /// All motors are held.
+    /// All motors brake.
     pub const BRAKE: Self = Self {
         left: MotorDrive::Brake,
         right: MotorDrive::Brake,
     };
 }
 
-/// Below this share of its power a motor would only hum.
-const LEAST_SHARE: f32 = 0.01;
+/// Minimum duty; below it a motor only hums.
+const MIN_DUTY: f32 = 0.01;
 
 impl MotorDrive {
-    /// Turns with this share of its power (−1 to 1). With next to none it rolls freely: the driver has not asked it to
-    /// stop.
-    fn turn(share: f32) -> Self {
-        if share.abs() < LEAST_SHARE {
+    /// Turns at this duty (−1 to 1), or coasts below [`MIN_DUTY`]: a neutral stick is no request to brake.
+    fn turn(duty: f32) -> Self {
+        if duty.abs() < MIN_DUTY {
             Self::Coast
         } else {
-            Self::Turn(share)
+            Self::Turn(duty)
         }
     }
 
-    /// How much of its power it takes, from 0 to 1.
+    /// Share of its full power, from 0 to 1.
     fn effort(self) -> f32 {
         match self {
             Self::Coast | Self::Brake => 0.0,
-            Self::Turn(share) => share.abs(),
+            Self::Turn(duty) => duty.abs(),
         }
     }
 }
 
 impl SideDrives {
-    /// Skid steering: both from −1 to 1. What would be more than full power on one side slows both, so that the curve
-    /// stays the same.
+    /// Skid-steering mixer; both inputs from −1 to 1. Saturation of one side scales both, which preserves the
+    /// curvature.
     pub(super) fn mixed(throttle: f32, steering: f32) -> Self {
         let (left, right) = (throttle + steering, throttle - steering);
         let scale = left.abs().max(right.abs()).max(1.0);
@@ -72,7 +71,7 @@ impl SideDrives {
         }
     }
 
-    /// How much of their power all motors take together, from 0 to 1.
+    /// Mean share of full power, from 0 to 1.
     pub(super) fn effort(self) -> f32 {
         (self.left.effort() + self.right.effort()) / 2.0
     }
@@ -80,7 +79,7 @@ impl SideDrives {
 
 /// The rover's motors.
 pub trait Motors {
-    /// Tells them what to do from now on.
+    /// Applies `drives` from now on.
     fn drive(&mut self, drives: SideDrives);
 }
 
@@ -90,7 +89,7 @@ mod tests {
     use MotorDrive::{Coast, Turn};
 
     #[test]
-    fn throttle_and_steering_are_mixed_and_neither_side_gets_more_than_all() {
+    fn mixer_scales_both_sides_at_saturation() {
         for (throttle, steering, left, right) in [
             (0.0, 0.0, Coast, Coast),
             (0.5, 0.0, Turn(0.5), Turn(0.5)),
@@ -109,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn the_effort_is_the_mean_of_both_sides() {
+    fn effort_is_the_mean_of_both_sides() {
         assert_eq!(SideDrives::mixed(0.0, 1.0).effort(), 1.0);
         assert_eq!(SideDrives::mixed(1.0, 1.0).effort(), 0.5);
         assert_eq!(SideDrives::BRAKE.effort(), 0.0);

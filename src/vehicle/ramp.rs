@@ -1,6 +1,6 @@
-//! A throttle that follows its lever no faster than it may.
+//! Slew rate limiter of the throttle.
 
-/// A throttle that follows its lever no faster than it may.
+/// Slew rate limiter.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Ramp {
     value: f32,
@@ -8,19 +8,19 @@ pub(super) struct Ramp {
 }
 
 impl Ramp {
-    /// From −1 to 1.
+    /// The output, from −1 to 1.
     pub fn value(&self) -> f32 {
         self.value
     }
 
-    /// Moves towards `target` (−1 to 1) by at most `rate_per_s` since the last time; `None` moves at once.
+    /// Moves towards `target` (−1 to 1) at up to `rate_per_s`; `None` is unlimited.
     pub fn follow(&mut self, now_us: u64, target: f32, rate_per_s: Option<f32>) {
         let elapsed_us = now_us.saturating_sub(self.last_us.replace(now_us).unwrap_or(now_us));
         let change = target - self.value;
         self.value += match rate_per_s {
             Some(rate_per_s) => {
-                let most = rate_per_s * elapsed_us as f32 * 1e-6;
-                change.max(-most).min(most)
+                let max_change = rate_per_s * elapsed_us as f32 * 1e-6;
+                change.max(-max_change).min(max_change)
             }
             None => change,
         };
@@ -32,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_takes_its_time_in_both_directions() {
+    fn rate_is_limited_in_both_directions() {
         let mut ramp = Ramp::default();
         let mut after = |now_us, target| {
             ramp.follow(now_us, target, Some(1.0));
@@ -46,7 +46,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_limit_it_is_there_at_once() {
+    fn without_a_limit_the_output_follows_at_once() {
         let mut ramp = Ramp::default();
         ramp.follow(0, -1.0, None);
         assert_eq!(ramp.value(), -1.0);

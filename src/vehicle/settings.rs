@@ -1,20 +1,20 @@
-//! What the owner has set for the rover.
+//! Settings of the vehicle.
 
 use crate::parameter::{Parameters, VehicleParameter};
 
-/// What the owner has set for the rover.
+/// Settings of the vehicle, from its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VehicleSettings {
-    /// Control inputs that stay away for longer have failed (`FS_TIMEOUT`), in microseconds.
+    /// Time-out of control inputs (`FS_TIMEOUT`), in microseconds.
     pub timeout_us: u64,
-    /// Heartbeats of ground stations that stay away for longer have failed (`FS_GCS_TIMEOUT`), in microseconds.
+    /// Time-out of ground stations' heartbeats (`FS_GCS_TIMEOUT`), in microseconds.
     pub ground_station_timeout_us: u64,
-    /// How fast the throttle may change (`MOT_SLEWRATE`), in full throttles a second; `None` is at once.
+    /// Slew rate of the throttle (`MOT_SLEWRATE`), in full throttles per second; `None` is unlimited.
     pub slew_rate_per_s: Option<f32>,
 }
 
 impl VehicleSettings {
-    /// What the parameters say at this moment.
+    /// From the live parameters.
     pub fn from_parameters(parameters: &Parameters) -> Self {
         let slew_rate_pct_per_s = parameters.get(VehicleParameter::MotSlewrate);
         let microseconds = |parameter: VehicleParameter| (parameters.get(parameter) * 1e6) as u64;
@@ -31,7 +31,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn by_default_it_is_ardupilots() {
+    fn defaults_are_ardupilots() {
         let mut parameters = Parameters::defaults();
         let expected = VehicleSettings {
             timeout_us: 1_500_000,

@@ -1,8 +1,8 @@
-//! An input that times out.
+//! Input with a time-out.
 
 use crate::battery::ArmState;
 
-/// An input that has to keep coming once it has begun, and its latest value.
+/// Latest value of an input, which expires after a time-out. Monitoring starts with the first value.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TimedInput<T> {
     latest: Option<Received<T>>,
@@ -25,7 +25,7 @@ impl<T> Default for TimedInput<T> {
 }
 
 impl<T: Copy> TimedInput<T> {
-    /// A value came at `at_us`.
+    /// A value was received at `at_us`.
     pub fn receive(&mut self, at_us: u64, value: T) {
         *self = Self {
             latest: Some(Received { at_us, value }),
@@ -33,23 +33,23 @@ impl<T: Copy> TimedInput<T> {
         };
     }
 
-    /// The latest value, unless it is older than the time-out.
+    /// The latest value, until it expires.
     pub fn value(&self) -> Option<T> {
         self.latest.as_ref().map(|latest| latest.value)
     }
 
-    /// Whether it timed out while the rover was armed, and has not come since.
+    /// Whether it timed out while armed, without a value since.
     pub fn has_timed_out(&self) -> bool {
         self.has_timed_out
     }
 
-    /// The rover is disarmed: nothing depends on the input any more.
+    /// Clears the failure, on disarming.
     pub fn clear_time_out(&mut self) {
         self.has_timed_out = false;
     }
 
-    /// Drops a value that is older than the time-out. Returns whether that is a failure: an input that times out while the
-    /// rover is disarmed need not come until it has begun again.
+    /// Drops an expired value. Returns whether that is a failure: while disarmed it is none, and monitoring stops until
+    /// the next value.
     pub fn times_out(&mut self, now_us: u64, timeout_us: u64, arm_state: ArmState) -> bool {
         let is_old = |latest: &Received<T>| now_us.saturating_sub(latest.at_us) > timeout_us;
         if !self.latest.as_ref().is_some_and(is_old) {
@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_input_that_had_begun_times_out_once_while_armed() {
+    fn started_input_times_out_once_while_armed() {
         let mut input = TimedInput::default();
         assert!(!input.times_out(9_000_000, 1_000_000, ArmState::Armed));
         input.receive(9_000_000, 7);
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn an_input_that_times_out_while_disarmed_is_no_failure_later() {
+    fn time_out_while_disarmed_is_no_failure() {
         let mut input = TimedInput::default();
         input.receive(0, ());
         assert!(!input.times_out(2_000_000, 1_000_000, ArmState::Disarmed));

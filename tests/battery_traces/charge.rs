@@ -1,4 +1,4 @@
-//! How far consumption and state of charge are off.
+//! Errors of consumption and state of charge.
 
 use rover_battmon::battery::{PackEvent, PackSettings};
 
@@ -22,7 +22,7 @@ fn cells_and_capacity_set() -> PackSettings {
     }
 }
 
-/// What really remains after each sample of the discharge, in percent: it begins full.
+/// True remaining charge after each sample of the discharge from full, in percent.
 fn truth_pct(samples: &[Sample]) -> Vec<f64> {
     let drawn = drawn_mah(samples);
     drawn
@@ -31,7 +31,7 @@ fn truth_pct(samples: &[Sample]) -> Vec<f64> {
         .collect()
 }
 
-/// Root mean square of the difference, in percent of the charge, and how many samples had an estimate.
+/// RMS error, in percent of the charge, and the number of samples with an estimate.
 fn rms_error_pct(moments: &[Moment], truth_pct: &[f64]) -> (f64, usize) {
     let errors: Vec<f64> = moments
         .iter()
@@ -43,7 +43,7 @@ fn rms_error_pct(moments: &[Moment], truth_pct: &[f64]) -> (f64, usize) {
 }
 
 #[track_caller]
-fn assert_voltage_alone_is_enough(settings: &PackSettings) {
+fn assert_voltage_alone_is_sufficient(settings: &PackSettings) {
     let samples = trace(DISCHARGE);
     let moments = run(&without_current(&samples), settings);
     let (rms_pct, count) = rms_error_pct(&moments, &truth_pct(&samples));
@@ -58,20 +58,20 @@ fn assert_voltage_alone_is_enough(settings: &PackSettings) {
 }
 
 #[test]
-fn voltage_alone_tells_the_charge_to_5_percent() {
-    assert_voltage_alone_is_enough(&cells_set());
+fn charge_by_voltage_alone_is_within_5_percent() {
+    assert_voltage_alone_is_sufficient(&cells_set());
 }
 
 #[test]
-fn voltage_alone_tells_the_charge_to_5_percent_with_the_cells_detected() {
+fn charge_with_detected_cells_is_within_5_percent() {
     let detected = run(&without_current(&trace(DISCHARGE)), &PackSettings::default());
     let events: Vec<_> = detected.iter().flat_map(|moment| &moment.events).collect();
     assert_eq!(events, [&PackEvent::CellsDetected { count: 3 }]);
-    assert_voltage_alone_is_enough(&PackSettings::default());
+    assert_voltage_alone_is_sufficient(&PackSettings::default());
 }
 
 #[test]
-fn current_and_capacity_tell_the_charge_to_1_percent() {
+fn charge_by_current_and_capacity_is_within_1_percent() {
     let samples = trace(DISCHARGE);
     let moments = run(&samples, &cells_and_capacity_set());
     let (rms_pct, count) = rms_error_pct(&moments, &truth_pct(&samples));
@@ -81,7 +81,7 @@ fn current_and_capacity_tell_the_charge_to_1_percent() {
 }
 
 #[test]
-fn a_drive_that_is_entered_half_way_is_told_to_4_percent() {
+fn charge_from_boot_in_mid_drive_is_within_4_percent() {
     let samples = trace(DISCHARGE);
     let truth = truth_pct(&samples);
     let error_from = |start: usize| {
@@ -89,7 +89,7 @@ fn a_drive_that_is_entered_half_way_is_told_to_4_percent() {
         rms_error_pct(&moments, &truth[start..]).0
     };
     for start_s in (50..600).step_by(50) {
-        println!("entered at {start_s} s: {:.2} % rms", error_from(start_s * 10));
+        println!("started at {start_s} s: {:.2} % rms", error_from(start_s * 10));
     }
     let rms_pct = error_from(3000);
     assert!(rms_pct <= 4.0, "{rms_pct} % rms");
@@ -125,7 +125,7 @@ fn energy_is_the_integral_of_the_power() {
 }
 
 #[test]
-fn a_half_full_pack_is_not_called_full() {
+fn half_full_pack_is_not_estimated_full() {
     let half_full = samples(Pack::at(0.5), 10, 60.0);
     for (samples, settings) in [
         (half_full.clone(), cells_and_capacity_set()),
@@ -144,7 +144,7 @@ fn a_half_full_pack_is_not_called_full() {
     }
 }
 
-/// By how much the estimate rises within 30 s after the load has fallen by more than 5 A within a second, at most.
+/// Number of load drops by more than 5 A within a second, and the largest rise of the estimate within 30 s after one.
 fn largest_rebound_pct(samples: &[Sample], moments: &[Moment]) -> (usize, f64) {
     let mut largest_pct: f64 = 0.0;
     let mut ends = 0;
@@ -165,7 +165,7 @@ fn largest_rebound_pct(samples: &[Sample], moments: &[Moment]) -> (usize, f64) {
 }
 
 #[test]
-fn the_estimate_does_not_rise_when_a_load_ends() {
+fn estimate_does_not_rise_when_a_load_ends() {
     for (name, samples) in [
         (DISCHARGE, trace(DISCHARGE)),
         ("trace_sag.csv", trace("trace_sag.csv")),

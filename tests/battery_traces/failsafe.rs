@@ -1,4 +1,4 @@
-//! When the failsafes trip.
+//! Times at which failsafes trip.
 
 use rover_battmon::battery::{
     ChargeState, FailsafeLevel, FailsafeSettings, PackSettings, Thresholds, VoltageSource,
@@ -31,18 +31,18 @@ fn with_source(voltage_source: VoltageSource) -> PackSettings {
     settings
 }
 
-/// The times at which ArduPilot trips, too: the 9.9 s below 10.5 V and the 9 s below 9.9 V before them do not count.
+/// As in ArduPilot: the preceding 9.9 s below 10.5 V and 9 s below 9.9 V do not trip.
 const LOW_THEN_CRITICAL: [(f64, FailsafeLevel); 2] =
     [(26.1, FailsafeLevel::Low), (51.1, FailsafeLevel::Critical)];
 
 #[test]
-fn a_voltage_that_stays_low_trips_and_a_shorter_dip_does_not() {
+fn low_voltage_trips_after_the_timer_and_a_dip_does_not() {
     let moments = run(&trace(VOLTAGES), &settings());
     assert_eq!(failsafes(&moments), LOW_THEN_CRITICAL);
 }
 
 #[test]
-fn the_resting_voltage_trips_as_well_under_a_constant_load() {
+fn resting_voltage_trips_under_a_constant_load() {
     let moments = run(&trace(VOLTAGES), &with_source(VoltageSource::Resting));
     assert_eq!(failsafes(&moments), LOW_THEN_CRITICAL);
 }
@@ -57,29 +57,30 @@ fn sag_trips_the_terminal_voltage_and_not_the_resting_one() {
 }
 
 #[test]
-fn a_timer_of_zero_turns_the_voltages_off() {
+fn zero_timer_disables_voltage_thresholds() {
     let mut settings = settings();
     settings.failsafe.timer_s = None;
     assert_eq!(failsafes(&run(&trace(VOLTAGES), &settings)), []);
 }
 
 #[test]
-fn a_sensor_that_is_silent_for_more_than_five_seconds_is_unhealthy() {
+fn sensor_failed_for_five_seconds_is_unhealthy() {
     let moments = run(&trace("trace_unhealthy.csv"), &settings());
-    // The last good reading was at 9.9 s; the second silence is of 3 s only.
+    // The last valid reading is at 9.9 s; the second gap is only 3 s.
     assert_eq!(failsafes(&moments), [(15.0, FailsafeLevel::Unhealthy)]);
     assert_eq!(moments.last().unwrap().state.charge_state, ChargeState::Ok);
 }
 
 #[test]
-fn a_dip_before_disarming_does_not_trip_when_armed_again() {
+fn dip_before_disarming_does_not_trip_after_rearming() {
     let moments = run(&trace("trace_disarm_stale_timer.csv"), &settings());
-    // Armed at 36 s: ArduPilot trips at once. The voltage stays low from then on, so that it trips 10 s later.
+    // Armed at 36 s, where ArduPilot trips at once; the voltage stays low, so it trips 10 s later.
     assert_eq!(failsafes(&moments), [(46.1, FailsafeLevel::Low)]);
 }
 
-/// When the ten minutes' drive of a 3S pack of 2200 mAh counts as low and what is left then, in the guide's words.
-fn told_of_the_drive(low_v: f32, timer_s: f32, voltage_source: VoltageSource) -> String {
+/// Time of the low failsafe in the drive of ten minutes (3S, 2200 mAh) and remaining charge then, in the guide's
+/// format.
+fn low_failsafe_of_the_drive(low_v: f32, timer_s: f32, voltage_source: VoltageSource) -> String {
     let settings = PackSettings {
         cell_count: Some(3),
         capacity_mah: Some(2200.0),
@@ -99,13 +100,13 @@ fn told_of_the_drive(low_v: f32, timer_s: f32, voltage_source: VoltageSource) ->
         .iter()
         .find(|moment| moment.state.failsafe == FailsafeLevel::Low);
     low.map_or("never".into(), |moment| {
-        let remaining_pct = moment.remaining_pct().expect("it is known");
+        let remaining_pct = moment.remaining_pct().expect("known");
         format!("{:.0} s, {remaining_pct:.0} %", moment.t_s)
     })
 }
 
 #[test]
-fn the_guides_table_is_what_the_drive_shows() {
+fn table_of_the_guide_matches_the_trace() {
     let guide = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/guides/failsafe-tuning.md");
     let guide = std::fs::read_to_string(guide).expect("the guide");
     let mut rows = 0;
@@ -118,9 +119,9 @@ fn the_guides_table_is_what_the_drive_shows() {
             continue;
         };
         rows += 1;
-        let told = |source| told_of_the_drive(low_v, timer_s, source);
-        assert_eq!(told(VoltageSource::Terminal), by_terminal, "{line}");
-        assert_eq!(told(VoltageSource::Resting), by_resting, "{line}");
+        let result = |source| low_failsafe_of_the_drive(low_v, timer_s, source);
+        assert_eq!(result(VoltageSource::Terminal), by_terminal, "{line}");
+        assert_eq!(result(VoltageSource::Resting), by_resting, "{line}");
     }
     assert_eq!(rows, 7);
 }

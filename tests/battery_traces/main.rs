@@ -1,6 +1,6 @@
-//! The battery monitor over whole drives: how far its estimates are off, and when its failsafes trip.
+//! The battery monitor over whole drives: errors of its estimates, and times of its failsafes.
 //!
-//! The traces are synthetic and deterministic; `tests/data/traces/README.md` tells how they were made. Each test prints its
+//! The traces are synthetic and deterministic; `tests/data/traces/README.md` describes them. Each test prints its
 //! figure (`cargo test --test battery_traces -- --nocapture`); `docs/battery-model.md` lists them.
 
 mod charge;

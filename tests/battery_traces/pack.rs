@@ -1,4 +1,4 @@
-//! A pack that is reckoned as finely as a test wants to sample it.
+//! Simulated pack that can be sampled at any rate.
 
 use crate::replay::Sample;
 
@@ -8,10 +8,10 @@ const RESISTANCE_OHM: f64 = 0.045;
 const SLOW_RESISTANCE_OHM: f64 = 0.02;
 const SLOW_TIME_CONSTANT_S: f64 = 8.0;
 
-/// Fine enough that the load's edges fall between steps at every sample rate alike.
+/// Small enough steps for the same load edges at every sample rate.
 const STEPS_PER_SECOND: u32 = 1000;
 
-/// Until then the rover stands, disarmed.
+/// Rest before the drive, disarmed.
 const REST_S: f64 = 10.0;
 
 /// Three LiPo cells with a slow and a fast part of the sag.
@@ -21,7 +21,7 @@ pub struct Pack {
 }
 
 impl Pack {
-    /// A pack that has rested, with a state of charge from 0 to 1.
+    /// A pack at rest, with a state of charge from 0 to 1.
     pub fn at(state_of_charge: f64) -> Self {
         Self {
             state_of_charge,
@@ -40,7 +40,7 @@ impl Pack {
     }
 }
 
-/// A resting voltage as LiPo cells have it, smooth and not the monitor's own curve.
+/// Open-circuit voltage of a LiPo cell; smooth, and different from the monitor's curve.
 fn resting_cell_v(state_of_charge: f64) -> f64 {
     let s = state_of_charge;
     3.68 + 0.19 * s + 0.33 * s.powi(4) - 0.5 * (-25.0 * s).exp()
@@ -56,12 +56,12 @@ fn load_a(t_s: f64) -> f64 {
         0..12 => 4.0 + swell_a,
         12..19 => 12.0 + swell_a,
         19..30 => 7.0 + swell_a,
-        // It stands still.
+        // Standstill.
         _ => 0.2,
     }
 }
 
-/// What a sensor shows of a drive, so many times a second.
+/// Samples of a drive at this rate.
 pub fn samples(mut pack: Pack, rate_hz: u32, duration_s: f64) -> Vec<Sample> {
     let dt_s = 1.0 / f64::from(STEPS_PER_SECOND);
     let steps = (duration_s * f64::from(STEPS_PER_SECOND)) as u32;

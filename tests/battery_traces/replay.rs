@@ -1,4 +1,4 @@
-//! Samples through the monitor.
+//! Replays samples through the monitor.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ pub struct Sample {
     pub armed: bool,
 }
 
-/// What is known after a sample.
+/// The state after a sample.
 #[derive(Clone, Debug)]
 pub struct Moment {
     pub t_s: f64,
@@ -55,7 +55,7 @@ fn sample(line: &str) -> Sample {
     }
 }
 
-/// The same samples from a board that does not measure the current.
+/// The same samples without a current sensor.
 pub fn without_current(samples: &[Sample]) -> Vec<Sample> {
     samples
         .iter()
@@ -66,12 +66,12 @@ pub fn without_current(samples: &[Sample]) -> Vec<Sample> {
         .collect()
 }
 
-/// What a fresh monitor makes of the samples.
+/// Replays samples through a new monitor.
 pub fn run(samples: &[Sample], settings: &PackSettings) -> Vec<Moment> {
     run_from(BatteryMonitor::new(), samples, settings)
 }
 
-/// What this monitor makes of the samples.
+/// Replays samples through `monitor`.
 pub fn run_from(mut monitor: BatteryMonitor, samples: &[Sample], settings: &PackSettings) -> Vec<Moment> {
     samples
         .iter()
@@ -108,7 +108,7 @@ fn reading(sample: &Sample) -> Result<Measurement, ReadError> {
     })
 }
 
-/// When which failsafe level was reached, in seconds.
+/// Failsafe levels with their times, in seconds.
 pub fn failsafes(moments: &[Moment]) -> Vec<(f64, FailsafeLevel)> {
     let levels = moments.iter().flat_map(|moment| {
         moment.events.iter().filter_map(|event| match event {
@@ -119,7 +119,7 @@ pub fn failsafes(moments: &[Moment]) -> Vec<(f64, FailsafeLevel)> {
     levels.collect()
 }
 
-/// How often the charge state changed after the first sample.
+/// Changes of the charge state after the first sample.
 pub fn charge_state_changes(moments: &[Moment]) -> usize {
     moments
         .windows(2)
@@ -127,7 +127,7 @@ pub fn charge_state_changes(moments: &[Moment]) -> usize {
         .count()
 }
 
-/// Charge drawn until each sample, in milliampere-hours: a sample's current has flowed since the sample before.
+/// Charge drawn up to each sample, in milliampere-hours; each current is integrated from the previous sample.
 pub fn drawn_mah(samples: &[Sample]) -> Vec<f64> {
     let mut drawn_mah = 0.0;
     let mut before_s = samples[0].t_s;

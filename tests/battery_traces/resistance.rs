@@ -5,7 +5,7 @@ use rover_battmon::battery::PackSettings;
 use crate::replay::{Moment, Sample, run, trace};
 
 #[test]
-fn steps_show_50_milliohms_within_15_seconds() {
+fn resistance_is_known_within_15_seconds_of_steps() {
     let moments = run(&trace("trace_step_r50m.csv"), &PackSettings::default());
     let first = moments
         .iter()
@@ -30,7 +30,7 @@ fn steps_show_50_milliohms_within_15_seconds() {
     );
 }
 
-/// How far the resting voltage is above the terminal voltage, beyond what the reported resistance explains.
+/// Difference between resting and terminal voltage beyond the sag by the reported resistance, in volts.
 fn unexplained_v(moment: &Moment) -> Option<f32> {
     let state = &moment.state;
     let terminal_v = state.voltage_v?;
@@ -40,7 +40,7 @@ fn unexplained_v(moment: &Moment) -> Option<f32> {
 }
 
 #[test]
-fn a_voltage_that_falls_under_a_constant_load_is_not_booked_as_sag() {
+fn voltage_falling_at_constant_load_is_not_sag() {
     let moments = run(&trace("trace_failsafe_voltage.csv"), &PackSettings::default());
     let largest_v = moments.iter().filter_map(unexplained_v).fold(0.0, f32::max);
     println!("resting voltage: {largest_v} V unexplained at most");
@@ -48,12 +48,12 @@ fn a_voltage_that_falls_under_a_constant_load_is_not_booked_as_sag() {
     let is_unknown = |moment: &Moment| moment.state.resistance_ohm.is_none();
     assert!(
         moments.iter().all(is_unknown),
-        "a constant load shows no resistance"
+        "no resistance from a constant load"
     );
 }
 
 #[test]
-fn a_ripple_of_the_current_is_not_what_made_the_voltage_fall() {
+fn current_ripple_does_not_explain_a_falling_voltage() {
     let ripple_a = |t_s: f64| 0.25 * (2.0 * t_s).sin() as f32;
     let samples: Vec<Sample> = trace("trace_failsafe_voltage.csv")
         .into_iter()
@@ -68,7 +68,7 @@ fn a_ripple_of_the_current_is_not_what_made_the_voltage_fall() {
 }
 
 #[test]
-fn the_resting_voltage_of_a_sagging_pack_is_the_one_behind_its_resistance() {
+fn resting_voltage_compensates_the_sag() {
     let moments = run(&trace("trace_sag.csv"), &PackSettings::default());
     for moment in moments.iter().filter(|moment| moment.t_s >= 15.0) {
         let resting_v = moment.state.resting_voltage_v.expect("a resting voltage");

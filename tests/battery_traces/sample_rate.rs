@@ -1,4 +1,4 @@
-//! How often a pack is sampled must not change what is said of it.
+//! Estimates do not depend on the sample rate.
 
 use rover_battmon::battery::{BatteryMonitor, PackSettings};
 
@@ -8,37 +8,37 @@ use crate::replay::{Moment, run_from, without_current};
 const RATES_HZ: [u32; 3] = [5, 10, 50];
 const DURATION_S: f64 = 500.0;
 
-/// How the monitor begins.
+/// Initial condition of the monitor.
 #[derive(Clone, Copy, Debug)]
 enum Start {
-    /// It is switched on while the rover stands.
+    /// Boot at standstill.
     AtRest,
-    /// It is switched on in the middle of a drive.
+    /// Boot during a drive.
     UnderLoad,
-    /// It was told that the pack is full, which it is not.
-    ToldWrong,
+    /// Battery reset to full of a pack that is not.
+    WrongReset,
 }
 
 impl Start {
-    /// When it is switched on, and from when on the estimates are compared, in seconds. The first step of the load shows the
-    /// resistance, and an estimate that began under load starts anew then: in the middle of that step the rates are apart.
+    /// Times of boot and of the first comparison, in seconds. An estimate initialised under load restarts at the first
+    /// load step, which gives the resistance: within that step the sample rates differ.
     fn times_s(self) -> (f64, f64) {
         match self {
-            Self::AtRest | Self::ToldWrong => (0.0, 0.0),
+            Self::AtRest | Self::WrongReset => (0.0, 0.0),
             Self::UnderLoad => (14.0, 24.0),
         }
     }
 
     fn monitor(self, settings: &PackSettings) -> BatteryMonitor {
         let mut monitor = BatteryMonitor::new();
-        if let Self::ToldWrong = self {
+        if let Self::WrongReset = self {
             monitor.reset(100.0, settings);
         }
         monitor
     }
 }
 
-/// How far the estimates of the rates are apart at any of the times they have in common, in percent of the charge.
+/// Maximum difference between the estimates of the sample rates at common times, in percent of the charge.
 fn largest_difference_pct(settings: &PackSettings, measures_current: bool, start: Start) -> f64 {
     let (on_s, compare_from_s) = start.times_s();
     let [slow, middle, fast] = RATES_HZ.map(|rate_hz| {
@@ -74,7 +74,7 @@ fn largest_difference_pct(settings: &PackSettings, measures_current: bool, start
 }
 
 #[test]
-fn the_charge_is_the_same_at_5_10_and_50_hz() {
+fn charge_is_the_same_at_5_10_and_50_hz() {
     let cells = PackSettings {
         cell_count: Some(3),
         ..PackSettings::default()
@@ -86,7 +86,7 @@ fn the_charge_is_the_same_at_5_10_and_50_hz() {
     for (name, settings, measures_current, start) in [
         ("current and capacity", capacity, true, Start::AtRest),
         ("current and capacity", capacity, true, Start::UnderLoad),
-        ("current and capacity", capacity, true, Start::ToldWrong),
+        ("current and capacity", capacity, true, Start::WrongReset),
         ("current without capacity", cells, true, Start::AtRest),
         ("voltage only", cells, false, Start::AtRest),
     ] {

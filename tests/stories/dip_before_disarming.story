@@ -1,4 +1,4 @@
-# A dip while armed, half a minute disarmed, and armed again below the threshold: the timer starts anew.
+# A dip while armed, 30 s disarmed, and rearmed below the threshold: the timer restarts.
 # ArduPilot 4.8-dev trips on the first armed tick.
 param BATT_LOW_VOLT 10.5
  0.0  voltage 11.1 current 5 arm

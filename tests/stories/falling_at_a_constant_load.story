@@ -1,5 +1,5 @@
-# The pack falls while the load stays the same: that is no sag, so the resting voltage falls with it.
-# ArduPilot 4.8-dev takes the fall for resistance and never trips.
+# The voltage falls at a constant load: not sag, so the resting voltage falls as well.
+# ArduPilot 4.8-dev attributes the fall to resistance and never trips.
 param BATT_LOW_VOLT 10.5
 param BATT_FS_VOLTSRC 1
  0.0  voltage 11.1 current 5 arm

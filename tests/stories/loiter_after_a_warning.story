@@ -1,5 +1,5 @@
-# Low only warns; critical asks for Loiter or Hold, and without a position that is Hold.
-# ArduPilot 4.8-dev never runs action 6 after a warning.
+# Low only warns; critical executes Loiter or Hold, which is Hold without a position.
+# ArduPilot 4.8-dev never executes action 6 after a warning.
 param BATT_LOW_TIMER 2
 param BATT_LOW_VOLT 10.5
 param BATT_CRT_VOLT 9.9

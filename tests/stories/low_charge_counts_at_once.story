@@ -1,4 +1,4 @@
-# 36 A take 10 mAh a second from 1000 mAh. Thresholds of charge have no timer.
+# 36 A draw 10 mAh per second from 1000 mAh. Charge thresholds have no timer.
 param BATT_CAPACITY 1000
 param BATT_LOW_MAH 400
 param BATT_CRT_MAH 200

@@ -1,4 +1,4 @@
-# BATT_LOW_TIMER 0 turns the voltage thresholds off, as in ArduPilot.
+# BATT_LOW_TIMER 0 disables the voltage thresholds, as in ArduPilot.
 param BATT_LOW_TIMER 0
 param BATT_LOW_VOLT 10.5
 param BATT_CRT_VOLT 9.9

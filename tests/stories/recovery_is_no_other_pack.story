@@ -1,4 +1,4 @@
-# Only the voltage is measured. When the load ends the pack recovers, by 5 % at once and by more later: it is the same pack.
+# Voltage only. When the load ends the pack recovers by 5 % at once and more later: not a swap.
 param BATT_MONITOR 3
 param BATT_LOW_TIMER 2
 param BATT_CRT_VOLT 9.2

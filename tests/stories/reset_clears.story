@@ -1,4 +1,4 @@
-# A battery reset takes the failsafe back; what is still low trips again after the timer.
+# A battery reset clears the failsafe; a voltage that is still low trips again after the timer.
 param BATT_LOW_VOLT 10.5
 param BATT_LOW_TIMER 5
  0.0  voltage 11.1 current 5 arm

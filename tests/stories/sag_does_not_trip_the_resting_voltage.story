@@ -1,4 +1,4 @@
-# The same load, compared with the resting voltage: the resistance is learnt from the first step, and nothing trips.
+# The same load with the resting voltage: the resistance is known after the first step, and nothing trips.
 param BATT_LOW_VOLT 10.5
 param BATT_FS_VOLTSRC 1
  0.0  voltage 10.98 current 2 arm

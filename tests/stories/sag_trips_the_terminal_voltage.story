@@ -1,4 +1,4 @@
-# 60 mΩ: 12 A pull the pack below the threshold for 12 s. Compared with the voltage between the terminals, that trips.
+# 60 mΩ: 12 A sag the pack below the threshold for 12 s. The terminal voltage trips.
 param BATT_LOW_VOLT 10.5
 param BATT_FS_LOW_ACT 2
  0.0  voltage 10.98 current 2 arm

@@ -1,4 +1,4 @@
-# One reading without a pack every nine seconds: the timer runs on, and the contact is reported once, until it has held.
+# One reading without a pack every nine seconds: the timer continues, and the lost contact is reported once.
 param BATT_CRT_VOLT 9.9
 param BATT_FS_CRT_ACT 2
  0.0  voltage 11.1 current 5 arm

@@ -1,4 +1,4 @@
-# A sensor that is silent for more than 5 s; 3 s are nothing.
+# A sensor that fails for more than 5 s; 3 s have no effect.
 param BATT_LOW_VOLT 10.5
  0.0  voltage 11.5 current 5 arm
 10.0  fail

@@ -1,4 +1,4 @@
-# Terminate lets the motors roll, whatever comes after.
+# After Terminate the motors coast, whatever follows.
 param BATT_LOW_TIMER 2
 param BATT_LOW_VOLT 10.5
 param BATT_CRT_VOLT 9.9

@@ -1,4 +1,4 @@
-# Terminated; a full pack is put in. Once it has rested for two seconds it disproves the level, and the rover may drive.
+# Terminated; swapped for a full pack. After two seconds at rest the level is cleared, and the rover may drive.
 param BATT_LOW_TIMER 2
 param BATT_CRT_VOLT 9.9
 param BATT_FS_CRT_ACT 5

@@ -1,4 +1,4 @@
-# Terminated; the contact is lost for two seconds, and the same empty pack is back: nothing has changed.
+# Terminated; contact lost for two seconds, then the same empty pack: the level stays latched.
 param BATT_LOW_TIMER 2
 param BATT_CRT_VOLT 9.9
 param BATT_FS_CRT_ACT 5

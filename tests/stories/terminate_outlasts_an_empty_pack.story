@@ -1,4 +1,4 @@
-# Terminated; another pack is put in that is even emptier, and then the first one again: neither disproves the level.
+# Terminated; swapped for an even emptier pack, and back to the first one: the level stays latched.
 param BATT_LOW_TIMER 2
 param BATT_CRT_VOLT 9.9
 param BATT_FS_CRT_ACT 5

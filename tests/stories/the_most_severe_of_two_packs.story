@@ -1,4 +1,4 @@
-# The second pack asks for a warning only, after the first has asked for Hold: Hold stays.
+# The second pack's action is only Warn, after the first one's Hold: the rover stays in Hold.
 param BATT_LOW_TIMER 2
 param BATT_LOW_VOLT 10.5
 param BATT_FS_LOW_ACT 2

@@ -1,25 +1,23 @@
-//! Stories of packs: what happens to them, and what has to follow.
-//!
-//! A story is a text file, a line each:
+//! Stories: scenarios of packs with their inputs and expected outcomes, one per line of a text file.
 //!
 //! ```text
-//! # a remark
+//! # a comment
 //! param BATT_LOW_VOLT 10.5
 //! 5.0 voltage 10.4 current 2     from 5.0 s on
-//! 9.0 voltage2 7.9               the same for the second pack
-//! expect 15.1 low                after 15.1 s pack 1 is low
+//! 9.0 voltage2 7.9               of pack 2
+//! expect 15.1 low                pack 1 is low at 15.1 s
 //! expect 15.1 says Battery 1 is low 10.40V
 //! end 30
 //! ```
 //!
-//! Inputs: `voltage`, `current`, `voltage2`, `current2` (V, A), `arm`, `disarm`, `fail` and `work` (the sensor of pack 1),
-//! `reset` (percent, all packs). Outcomes: `low`, `critical`, `unhealthy` (the first pack's failsafe level), `low2`…, `says`
-//! (the beginning of a text), and `brake`, `coast` or `turn` (what the motors do). Every level and every text about a
-//! failsafe, a lost contact or another pack has to be expected; motors are looked at only where they are.
+//! Inputs: `voltage`, `current`, `voltage2`, `current2` (V, A), `arm`, `disarm`, `fail` and `work` (the sensor of pack
+//! 1), `reset` (percent, all packs). Outcomes: `low`, `critical`, `unhealthy` (failsafe level of pack 1), `low2`…,
+//! `says` (start of a text), and `brake`, `coast` or `turn` (the motors). Every level, and every text about a failsafe,
+//! a lost contact or a swap has to be expected; motors are checked only where expected.
 //!
 //! Below 2.1 V no pack is connected: `voltage 0.3` is a lost contact.
 
-/// A story that was read.
+/// A parsed story.
 #[derive(Debug, Default)]
 pub struct Story {
     pub name: String,
@@ -29,7 +27,7 @@ pub struct Story {
     pub end_s: f64,
 }
 
-/// Something that happens to a pack. Packs are counted from 0.
+/// An input; packs are numbered from 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Input {
     Voltage { pack: usize, volts: f32 },
@@ -41,7 +39,7 @@ pub enum Input {
     Reset { percent: f32 },
 }
 
-/// Something that has to follow.
+/// An expected outcome.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     Level { pack: usize, level: Level },
@@ -63,11 +61,11 @@ pub enum Drive {
     Turn,
 }
 
-/// Texts about a pack's contact and identity, behind "Battery 1 ": a story has to expect each of them.
+/// Texts about a pack's contact and identity, after "Battery 1 "; each has to be expected.
 const IDENTITY_TEXTS: [&str; 3] = ["not connected", "connected again", "swapped"];
 
 impl Story {
-    /// The texts about contact and identity that the story does not expect.
+    /// Texts about contact and identity that are not expected.
     pub fn unexpected<'a>(&self, texts: &'a [(f64, String)], tolerance_s: f64) -> Vec<&'a (f64, String)> {
         let is_about_identity = |text: &str| {
             let what = text.split_once(' ').and_then(|(_, rest)| rest.split_once(' '));
@@ -85,10 +83,10 @@ impl Story {
             .collect()
     }
 
-    /// Reads a story.
+    /// Parses a story.
     ///
     /// # Panics
-    /// It is not one; the message names the line.
+    /// On a syntax error, with its line.
     pub fn parse(name: &str, text: &str) -> Self {
         let mut story = Self {
             name: name.into(),
@@ -96,15 +94,15 @@ impl Story {
         };
         for (number, line) in (1..).zip(text.lines()) {
             let line = line.split('#').next().unwrap_or_default().trim();
-            if !line.is_empty() && story.take_line(line).is_none() {
-                panic!("{name}, line {number}: {line:?} is no line of a story");
+            if !line.is_empty() && story.parse_line(line).is_none() {
+                panic!("{name}, line {number}: {line:?} is not valid");
             }
         }
-        assert!(story.end_s > 0.0, "{name} has no end");
+        assert!(story.end_s > 0.0, "{name}: no end");
         story
     }
 
-    fn take_line(&mut self, line: &str) -> Option<()> {
+    fn parse_line(&mut self, line: &str) -> Option<()> {
         let mut words = line.split_whitespace();
         match words.next()? {
             "param" => self

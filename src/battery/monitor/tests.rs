@@ -6,7 +6,7 @@ use crate::battery::{
     Thresholds, VoltageSource,
 };
 
-/// A monitor, its settings and its clock.
+/// A monitor with its settings and clock.
 struct Bench {
     monitor: BatteryMonitor,
     settings: PackSettings,
@@ -42,7 +42,7 @@ impl Bench {
         error
     }
 
-    /// Lets a reading last for some seconds.
+    /// Repeats a reading for some seconds, and returns the state.
     fn run(&mut self, seconds: f32, measurement: Measurement) -> BatteryState {
         for _ in 0..(seconds * 10.0) as u32 {
             self.tick(Ok(measurement));
@@ -70,13 +70,13 @@ fn loaded(voltage_v: f32, current_a: f32) -> Measurement {
 }
 
 #[test]
-fn it_starts_unknown_and_invents_nothing() {
+fn initial_state_is_unknown() {
     assert_eq!(BatteryMonitor::new().state(), &BatteryState::default());
     assert_eq!(BatteryMonitor::new().state().status, PackStatus::Unknown);
 }
 
 #[test]
-fn failures_keep_the_last_good_value_and_the_fifth_says_unhealthy() {
+fn fifth_failed_read_is_unhealthy_and_values_are_held() {
     let mut bench = Bench::new();
     bench.tick(Ok(volts(11.1)));
     for failure in 1..=7 {
@@ -96,7 +96,7 @@ fn failures_keep_the_last_good_value_and_the_fifth_says_unhealthy() {
 }
 
 #[test]
-fn four_failures_between_good_reads_never_make_it_unhealthy() {
+fn four_failed_reads_in_a_row_stay_healthy() {
     let mut bench = Bench::new();
     for _ in 0..10 {
         bench.tick(Ok(volts(11.1)));
@@ -108,7 +108,7 @@ fn four_failures_between_good_reads_never_make_it_unhealthy() {
 }
 
 #[test]
-fn a_dead_converter_at_boot_stays_unknown_then_unhealthy() {
+fn sensor_failed_since_boot_is_unknown_then_unhealthy() {
     let mut bench = Bench::new();
     for _ in 0..4 {
         bench.tick(Err(ReadError::Timeout));
@@ -120,7 +120,7 @@ fn a_dead_converter_at_boot_stays_unknown_then_unhealthy() {
 }
 
 #[test]
-fn usb_power_is_no_pack_and_not_a_flat_one() {
+fn usb_power_alone_is_not_connected() {
     let mut bench = Bench::new();
     bench.run(1.0, volts(2.09));
     assert_eq!(bench.state().status, PackStatus::NotConnected);
@@ -131,13 +131,13 @@ fn usb_power_is_no_pack_and_not_a_flat_one() {
     assert_eq!(bench.state().status, PackStatus::Healthy);
     assert!(
         bench.events.is_empty(),
-        "the first pack is no swap: {:?}",
+        "the first pack is not a swap: {:?}",
         bench.events
     );
 }
 
 #[test]
-fn what_is_no_number_counts_as_a_failed_read() {
+fn nan_and_infinity_count_as_failed_reads() {
     for measurement in [volts(f32::NAN), loaded(11.1, f32::INFINITY)] {
         let mut bench = Bench::new();
         bench.tick(Ok(volts(11.1)));
@@ -148,19 +148,19 @@ fn what_is_no_number_counts_as_a_failed_read() {
 }
 
 #[test]
-fn a_half_full_pack_is_not_full_at_boot() {
+fn charge_at_boot_is_initialised_from_the_voltage() {
     let mut bench = Bench::new();
     let state = bench.run(1.0, loaded(3.0 * 3.817, 0.1));
     let remaining_pct = state.remaining_pct.expect("known");
     assert!((45.0..55.0).contains(&remaining_pct), "{remaining_pct}");
     assert!(
         state.consumed_mah.expect("counted") < 0.1,
-        "nothing was drawn yet"
+        "consumption starts at zero"
     );
 }
 
 #[test]
-fn the_remaining_charge_does_not_rise_when_a_load_ends() {
+fn remaining_charge_does_not_rise_when_a_load_ends() {
     for measures_current in [true, false] {
         let reading = |current_a: f32| {
             let voltage_v = 11.8 - 0.06 * current_a;
@@ -183,7 +183,7 @@ fn the_remaining_charge_does_not_rise_when_a_load_ends() {
 }
 
 #[test]
-fn an_armed_rover_whose_load_is_not_measured_is_watched_for_half_a_minute() {
+fn armed_without_current_sensor_charge_takes_30_seconds() {
     let mut bench = Bench::new();
     bench.arm_state = ArmState::Armed;
     assert_eq!(bench.run(29.0, volts(10.9)).remaining_pct, None);
@@ -191,7 +191,7 @@ fn an_armed_rover_whose_load_is_not_measured_is_watched_for_half_a_minute() {
 }
 
 #[test]
-fn flat_curves_tell_nothing_in_the_middle() {
+fn charge_is_unknown_on_the_flat_part_of_a_curve() {
     let mut bench = Bench::new();
     bench.settings.chemistry = Chemistry::LiFe;
     assert_eq!(bench.run(2.0, volts(3.0 * 3.295)).remaining_pct, None);
@@ -200,12 +200,12 @@ fn flat_curves_tell_nothing_in_the_middle() {
     let nearly_empty_pct = bench
         .run(2.0, volts(3.0 * 3.05))
         .remaining_pct
-        .expect("the steep end tells");
+        .expect("known at the steep end");
     assert!(nearly_empty_pct < 8.0, "{nearly_empty_pct}");
 }
 
 #[test]
-fn without_a_voltage_only_a_battery_reset_tells_the_charge() {
+fn without_voltage_only_a_battery_reset_sets_the_charge() {
     let current_only = Measurement {
         current_a: Some(2.2),
         ..Measurement::default()
@@ -213,38 +213,38 @@ fn without_a_voltage_only_a_battery_reset_tells_the_charge() {
     let mut bench = Bench::new();
     assert_eq!(bench.run(10.0, current_only).remaining_pct, None);
     bench.monitor.reset(50.0, &bench.settings);
-    // 36 s of one capacity an hour are one percent.
+    // 36 s at 1 C are one percent.
     let remaining_pct = bench.run(36.0, current_only).remaining_pct.expect("known");
     assert!((remaining_pct - 49.0).abs() < 0.05, "{remaining_pct}");
 }
 
 #[test]
-fn the_time_that_is_left_follows_the_average_load() {
+fn remaining_time_follows_the_average_load() {
     let mut bench = Bench::new();
     bench.run(1.0, loaded(12.6, 0.2));
     bench.monitor.reset(100.0, &bench.settings);
     let state = bench.run(600.0, loaded(11.9, 2.2));
     let remaining_s = state.time_remaining_s.expect("known");
-    // An hour's load, ten minutes of it gone.
+    // One hour at this load, less ten minutes.
     assert!((2900.0..3100.0).contains(&remaining_s), "{remaining_s}");
     assert!((state.average_current_a.expect("known") - 2.2).abs() < 0.01);
 }
 
 #[test]
-fn cells_that_are_not_set_are_detected_and_told_once() {
+fn cell_count_is_detected_and_announced_once() {
     let mut bench = Bench::new();
     bench.settings.cell_count = None;
     let state = bench.run(60.0, loaded(11.4, 0.2));
     assert_eq!(state.cell_count, Some(3));
     assert_eq!(bench.events, [PackEvent::CellsDetected { count: 3 }]);
     assert!(state.remaining_pct.is_some());
-    // Latched: a pack that sags is not a smaller one.
+    // Latched: sag does not change the count.
     assert_eq!(bench.run(60.0, loaded(8.4, 0.2)).cell_count, Some(3));
 }
 
 #[test]
-fn a_pack_that_rests_elsewhere_after_a_lost_contact_is_another_one() {
-    // Fuller by 9 %, and emptier by 9 %.
+fn other_resting_voltage_after_contact_loss_is_a_swap() {
+    // 9 % higher and 9 % lower.
     for rests_at_v in [12.2, 10.2] {
         let mut bench = Bench::new();
         bench.run(60.0, loaded(11.1, 5.0));
@@ -264,14 +264,14 @@ fn a_pack_that_rests_elsewhere_after_a_lost_contact_is_another_one() {
 }
 
 #[test]
-fn a_pack_that_rests_where_it_did_is_the_same_and_keeps_its_count() {
-    // It may have recovered from its load meanwhile, and it may be the sensor that was silent.
-    for gone in [Ok(loaded(0.3, 0.0)), Err(ReadError::NoAnswer)] {
+fn similar_resting_voltage_after_contact_loss_is_no_swap() {
+    // It may have recovered from its load meanwhile. A failed sensor is a loss of contact, too.
+    for contact_loss in [Ok(loaded(0.3, 0.0)), Err(ReadError::NoAnswer)] {
         let mut bench = Bench::new();
         bench.run(60.0, loaded(11.1, 5.0));
         bench.run(5.0, loaded(11.2, 0.0));
         for _ in 0..100 {
-            bench.tick(gone);
+            bench.tick(contact_loss);
         }
         let state = bench.run(5.0, loaded(12.0, 0.2));
         assert!(!bench.events.contains(&PackEvent::Swapped), "{:?}", bench.events);
@@ -280,7 +280,7 @@ fn a_pack_that_rests_where_it_did_is_the_same_and_keeps_its_count() {
 }
 
 #[test]
-fn a_pack_whose_sensor_was_silent_may_be_another_one() {
+fn swap_is_detected_after_a_sensor_failure() {
     let mut bench = Bench::new();
     bench.run(5.0, loaded(10.2, 0.0));
     for _ in 0..20 {
@@ -291,7 +291,7 @@ fn a_pack_whose_sensor_was_silent_may_be_another_one() {
 }
 
 #[test]
-fn a_bad_contact_is_no_swap() {
+fn short_contact_loss_is_no_swap() {
     let mut bench = Bench::new();
     bench.run(60.0, loaded(11.1, 5.0));
     bench.run(0.8, loaded(0.3, 0.0));
@@ -301,7 +301,7 @@ fn a_bad_contact_is_no_swap() {
 }
 
 #[test]
-fn a_contact_that_is_lost_while_armed_is_no_swap_and_clears_no_failsafe() {
+fn contact_loss_while_armed_is_no_swap_and_holds_failsafe() {
     let mut bench = Bench::new();
     bench.settings.failsafe.timer_s = Some(1.0);
     bench.settings.failsafe.critical.voltage_v = Some(9.9);
@@ -316,7 +316,7 @@ fn a_contact_that_is_lost_while_armed_is_no_swap_and_clears_no_failsafe() {
 }
 
 #[test]
-fn a_pack_that_is_lost_while_armed_is_missing_after_five_seconds() {
+fn pack_lost_while_armed_is_unhealthy_after_5_seconds() {
     let mut bench = Bench::new();
     bench.arm_state = ArmState::Armed;
     bench.run(10.0, loaded(11.5, 5.0));
@@ -330,7 +330,7 @@ fn a_pack_that_is_lost_while_armed_is_missing_after_five_seconds() {
 }
 
 #[test]
-fn a_voltage_that_rises_without_a_lost_contact_is_the_same_pack() {
+fn rising_voltage_without_contact_loss_is_no_swap() {
     for arm_state in [ArmState::Disarmed, ArmState::Armed] {
         let mut bench = Bench::new();
         bench.run(10.0, volts(9.0));
@@ -340,7 +340,7 @@ fn a_voltage_that_rises_without_a_lost_contact_is_the_same_pack() {
     }
 }
 
-/// A bench whose pack has reached the critical level while armed, and rests since then.
+/// A bench with a latched critical level, disarmed and at rest.
 fn latched() -> Bench {
     let mut bench = Bench::new();
     bench.settings.failsafe = FailsafeSettings {
@@ -364,10 +364,10 @@ fn latched() -> Bench {
 }
 
 #[test]
-fn a_level_stays_with_its_pack_and_ends_with_a_fuller_one() {
+fn failsafe_level_is_cleared_only_by_a_fuller_pack() {
     for (rests_at_v, expected) in [
         (10.0, FailsafeLevel::Critical),
-        // Above all thresholds, but so far a pack may recover.
+        // Above all thresholds, but within recovery.
         (10.7, FailsafeLevel::Critical),
         (9.0, FailsafeLevel::Critical),
         (11.5, FailsafeLevel::None),
@@ -380,7 +380,7 @@ fn a_level_stays_with_its_pack_and_ends_with_a_fuller_one() {
 }
 
 #[test]
-fn a_wire_that_shows_too_little_and_then_all_is_no_fuller_pack() {
+fn low_reading_through_a_bad_wire_is_no_reference() {
     let mut bench = latched();
     for rests_at_v in [8.0, 10.7, 8.5, 10.7] {
         bench.run(3.0, loaded(0.3, 0.0));
@@ -390,7 +390,7 @@ fn a_wire_that_shows_too_little_and_then_all_is_no_fuller_pack() {
 }
 
 #[test]
-fn a_level_of_charge_ends_with_a_pack_whose_charge_is_above_it() {
+fn charge_level_is_cleared_by_a_pack_above_its_threshold() {
     for (capacity_mah, expected) in [
         (Some(2200.0), FailsafeLevel::None),
         (Some(1000.0), FailsafeLevel::Critical),
@@ -406,10 +406,10 @@ fn a_level_of_charge_ends_with_a_pack_whose_charge_is_above_it() {
 }
 
 #[test]
-fn one_reading_without_a_pack_trips_no_threshold_of_charge() {
+fn one_reading_without_a_pack_does_not_trip_charge() {
     let mut bench = Bench::new();
     bench.settings.failsafe.critical.remaining_mah = Some(300.0);
-    // By its count the pack is empty, by its voltage it is not: it was charged meanwhile.
+    // Empty by its count, but not by its voltage: it was charged meanwhile.
     bench.monitor.reset(0.0, &bench.settings);
     bench.monitor.estimator = Estimator::new();
     bench.arm_state = ArmState::Armed;
@@ -419,7 +419,7 @@ fn one_reading_without_a_pack_trips_no_threshold_of_charge() {
 }
 
 #[test]
-fn a_reset_restarts_the_count_at_what_was_told() {
+fn battery_reset_sets_charge_and_consumption() {
     let mut bench = Bench::new();
     bench.run(60.0, loaded(11.4, 5.0));
     bench.monitor.reset(56.0, &bench.settings);
@@ -430,7 +430,7 @@ fn a_reset_restarts_the_count_at_what_was_told() {
 }
 
 #[test]
-fn the_voltage_the_owner_calls_critical_is_passed_on() {
+fn critical_voltage_setting_is_in_the_state() {
     let mut bench = Bench::new();
     bench.tick(Ok(volts(11.4)));
     assert_eq!(bench.state().critical_voltage_v, None);
@@ -440,7 +440,7 @@ fn the_voltage_the_owner_calls_critical_is_passed_on() {
 }
 
 #[test]
-fn what_is_remembered_over_a_reset_goes_on() {
+fn retained_data_continues_after_a_processor_reset() {
     let mut before = Bench::new();
     before.settings.cell_count = None;
     before.run(10.0, loaded(11.4, 0.2));
@@ -456,7 +456,7 @@ fn what_is_remembered_over_a_reset_goes_on() {
 }
 
 #[test]
-fn a_gap_of_the_sensor_is_counted_and_told() {
+fn gap_in_readings_is_counted_and_announced() {
     let mut bench = Bench::new();
     bench.run(1.0, loaded(11.4, 3.6));
     let before_mah = bench.state().consumed_mah.unwrap();
@@ -474,7 +474,7 @@ fn a_gap_of_the_sensor_is_counted_and_told() {
 }
 
 #[test]
-fn faults_are_found_and_go_away() {
+fn faults_begin_and_end() {
     let cases = [
         (volts(3.0 * 2.8), Faults::DEEP_DISCHARGE),
         (volts(3.0 * 4.4), Faults::SPIKES | Faults::INCOMPATIBLE_VOLTAGE),
@@ -519,7 +519,7 @@ fn faults_are_found_and_go_away() {
 }
 
 #[test]
-fn a_single_spike_is_a_fault_for_a_moment() {
+fn single_spike_is_a_short_fault() {
     let mut bench = Bench::new();
     bench.run(1.0, volts(12.0));
     assert_eq!(bench.run(0.1, volts(14.0)).faults, Faults::SPIKES);
@@ -529,7 +529,7 @@ fn a_single_spike_is_a_fault_for_a_moment() {
 }
 
 #[test]
-fn cells_that_are_corrected_are_estimated_anew() {
+fn changed_cell_count_reinitialises_the_estimate() {
     let mut bench = Bench::new();
     let as_three_pct = bench.run(1.0, volts(8.2)).remaining_pct.expect("known");
     bench.settings.cell_count = Some(2);
@@ -541,7 +541,7 @@ fn cells_that_are_corrected_are_estimated_anew() {
 }
 
 #[test]
-fn a_failsafe_is_told_with_what_was_measured() {
+fn failsafe_text_has_voltage_and_consumption() {
     let mut bench = Bench::new();
     bench.settings.failsafe = FailsafeSettings {
         timer_s: Some(1.0),
@@ -552,7 +552,7 @@ fn a_failsafe_is_told_with_what_was_measured() {
         },
         critical: Thresholds::default(),
     };
-    // Without the number of cells, the voltage alone tells nothing else.
+    // Without the cell count, the voltage has no other effect.
     bench.settings.cell_count = None;
     bench.arm_state = ArmState::Armed;
     bench.run(60.0, loaded(10.4, 6.0));
@@ -563,7 +563,7 @@ fn a_failsafe_is_told_with_what_was_measured() {
     assert_eq!(bench.state().charge_state, ChargeState::Low);
 }
 
-/// A smart battery that has given 600 of 2600 mAh.
+/// A smart battery with 2000 of 2600 mAh left.
 fn smart(voltage_v: f32) -> Measurement {
     Measurement {
         voltage_v: Some(voltage_v),
@@ -583,7 +583,7 @@ fn smart(voltage_v: f32) -> Measurement {
 }
 
 #[test]
-fn a_smart_battery_knows_its_charge_its_capacity_and_its_cells_itself() {
+fn smart_battery_overrides_charge_capacity_and_cells() {
     let mut bench = Bench::new();
     for _ in 0..100 {
         assert_eq!(bench.tick(Ok(smart(11.7))), None);
@@ -603,7 +603,7 @@ fn a_smart_battery_knows_its_charge_its_capacity_and_its_cells_itself() {
 }
 
 #[test]
-fn a_battery_reset_does_not_make_a_smart_battery_believe_anything() {
+fn battery_reset_does_not_change_a_smart_battery() {
     let mut bench = Bench::new();
     bench.tick(Ok(smart(11.7)));
     bench.monitor.reset(100.0, &bench.settings);
@@ -618,7 +618,7 @@ fn with_serial_number(serial_number: i32, voltage_v: f32) -> Measurement {
 }
 
 #[test]
-fn another_serial_number_is_another_pack_once_it_was_read_five_times() {
+fn new_serial_number_is_a_swap_after_five_readings() {
     let mut bench = Bench::new();
     bench.tick(Ok(smart(11.7)));
     bench.events.clear();
@@ -639,7 +639,7 @@ fn another_serial_number_is_another_pack_once_it_was_read_five_times() {
 }
 
 #[test]
-fn a_serial_number_that_is_misread_or_read_while_armed_is_no_other_pack() {
+fn serial_number_misread_or_read_while_armed_is_no_swap() {
     let other = with_serial_number(4712, 11.7);
     for between in [
         Ok(smart(11.7)),
@@ -672,7 +672,7 @@ fn a_serial_number_that_is_misread_or_read_while_armed_is_no_other_pack() {
 }
 
 #[test]
-fn another_smart_battery_ends_a_level_once_it_rests_above_all_thresholds() {
+fn swapped_smart_battery_clears_a_level_at_rest() {
     for (voltage_v, expected) in [(9.7, FailsafeLevel::Critical), (11.7, FailsafeLevel::None)] {
         let mut bench = latched();
         let at_rest = |serial_number| Measurement {
@@ -690,12 +690,12 @@ fn another_smart_battery_ends_a_level_once_it_rests_above_all_thresholds() {
 }
 
 #[test]
-fn what_a_sensor_has_counted_while_nobody_listened_is_not_lost() {
+fn counter_keeps_charge_drawn_during_failed_reads() {
     let mut bench = Bench::new();
     let counted = |charge_mah| Measurement {
         voltage_v: Some(11.7),
         current_a: Some(1.0),
-        counted: Some(Counted::SinceLast(Consumed {
+        counted: Some(Counted::Increment(Consumed {
             charge_mah,
             energy_wh: charge_mah * 0.0117,
         })),
@@ -713,7 +713,7 @@ fn what_a_sensor_has_counted_while_nobody_listened_is_not_lost() {
 }
 
 #[test]
-fn a_sensor_that_fails_is_told_once_and_so_is_its_return() {
+fn sensor_failure_and_recovery_are_announced_once() {
     let mut bench = Bench::new();
     bench.tick(Ok(smart(11.7)));
     bench.events.clear();
@@ -724,15 +724,15 @@ fn a_sensor_that_fails_is_told_once_and_so_is_its_return() {
     for _ in 0..100 {
         bench.tick(Ok(smart(11.7)));
     }
-    assert_eq!(bench.events[1..], [PackEvent::SensorBack]);
+    assert_eq!(bench.events[1..], [PackEvent::SensorRecovered]);
 }
 
-/// A tank whose flow is counted: millilitres since the reading before, and litres per hour.
-fn burnt(volume_ml: f32, flow_l_h: f32) -> Measurement {
+/// A reading of a flow sensor: increment in millilitres, flow in litres per hour.
+fn fuel_flow(volume_ml: f32, flow_l_h: f32) -> Measurement {
     Measurement {
         contents: Contents::Fuel,
         current_a: Some(flow_l_h),
-        counted: Some(Counted::SinceLast(Consumed {
+        counted: Some(Counted::Increment(Consumed {
             charge_mah: volume_ml,
             energy_wh: 0.0,
         })),
@@ -741,12 +741,12 @@ fn burnt(volume_ml: f32, flow_l_h: f32) -> Measurement {
 }
 
 #[test]
-fn a_tank_whose_flow_is_counted_was_full_at_the_start() {
+fn tank_with_flow_sensor_starts_full() {
     let mut bench = Bench::new();
-    bench.tick(Ok(burnt(0.0, 0.0)));
+    bench.tick(Ok(fuel_flow(0.0, 0.0)));
     assert_eq!(bench.state().remaining_pct, Some(100.0));
-    // A litre an hour is 27.8 µl in a tick: 550 of 2200 ml take 1980 s.
-    let state = bench.run(1980.0, burnt(1.0 / 36.0, 1.0));
+    // At 1 l/h a tick is 27.8 µl: 550 of 2200 ml take 1980 s.
+    let state = bench.run(1980.0, fuel_flow(1.0 / 36.0, 1.0));
     assert!((state.consumed_mah.unwrap() - 550.0).abs() < 0.1);
     assert!((state.remaining_pct.unwrap() - 75.0).abs() < 0.01);
     assert!((state.time_remaining_s.unwrap() - 1.65 * 3600.0).abs() < 1.0);
@@ -758,35 +758,35 @@ fn a_tank_whose_flow_is_counted_was_full_at_the_start() {
 }
 
 #[test]
-fn more_than_the_tank_held_leaves_it_empty_and_without_a_capacity_nobody_knows() {
+fn fill_level_is_clamped_at_zero_and_needs_a_capacity() {
     let mut bench = Bench::new();
-    bench.tick(Ok(burnt(2500.0, 1.0)));
+    bench.tick(Ok(fuel_flow(2500.0, 1.0)));
     assert_eq!(bench.state().remaining_pct, Some(0.0));
     bench.settings.capacity_mah = None;
-    bench.tick(Ok(burnt(0.0, 1.0)));
+    bench.tick(Ok(fuel_flow(0.0, 1.0)));
     assert_eq!(bench.state().remaining_pct, None);
     assert_eq!(bench.state().consumed_mah, Some(2500.0));
 }
 
 #[test]
-fn a_battery_reset_tells_what_a_tank_holds() {
+fn battery_reset_sets_the_fill_level() {
     let mut bench = Bench::new();
-    bench.tick(Ok(burnt(2000.0, 1.0)));
+    bench.tick(Ok(fuel_flow(2000.0, 1.0)));
     bench.monitor.reset(50.0, &bench.settings);
-    bench.tick(Ok(burnt(110.0, 1.0)));
+    bench.tick(Ok(fuel_flow(110.0, 1.0)));
     assert!((bench.state().remaining_pct.unwrap() - 45.0).abs() < 0.01);
     assert!((bench.state().consumed_mah.unwrap() - 1210.0).abs() < 0.01);
     assert_eq!(bench.state().consumed_wh, None);
 }
 
 #[test]
-fn a_failsafe_of_charge_works_on_a_tank() {
+fn charge_failsafe_applies_to_a_tank() {
     let mut bench = Bench::new();
     bench.settings.failsafe.low.remaining_mah = Some(500.0);
     bench.arm_state = ArmState::Armed;
-    bench.tick(Ok(burnt(1700.0, 1.0)));
+    bench.tick(Ok(fuel_flow(1700.0, 1.0)));
     assert_eq!(bench.state().failsafe, FailsafeLevel::None);
-    bench.tick(Ok(burnt(1.0, 1.0)));
+    bench.tick(Ok(fuel_flow(1.0, 1.0)));
     assert_eq!(bench.state().failsafe, FailsafeLevel::Low);
     assert_eq!(bench.events[0].to_string(), "is low, used 1701 ml");
 }
@@ -818,9 +818,9 @@ fn any_reading() -> impl Strategy<Value = Result<Measurement, ReadError>> {
             energy_wh,
         };
         if in_all {
-            Counted::InAll(consumed)
+            Counted::Total(consumed)
         } else {
-            Counted::SinceLast(consumed)
+            Counted::Increment(consumed)
         }
     });
     prop_oneof![
@@ -863,7 +863,7 @@ fn any_settings() -> impl Strategy<Value = PackSettings> {
 
 proptest! {
     #[test]
-    fn any_series_leaves_every_value_finite_and_in_its_range(
+    fn every_value_is_finite_and_in_range(
         settings in any_settings(),
         contents in prop::sample::select(vec![Contents::Charge, Contents::Fuel]),
         steps in prop::collection::vec((any_step_us(), any_reading(), any::<bool>()), 1..300),
@@ -897,7 +897,7 @@ proptest! {
     }
 }
 
-/// Some time of the same readings, or of failed ones.
+/// A number of equal readings or failed reads.
 #[derive(Clone, Copy, Debug)]
 struct Stretch {
     ticks: u32,
@@ -928,23 +928,23 @@ fn any_stretch() -> impl Strategy<Value = Stretch> {
     })
 }
 
-/// What allows a level to end, since the rover was disarmed.
+/// Evidence since disarming that allows a level to be cleared.
 #[derive(Debug, Default)]
 struct Evidence {
-    gone_ticks: u32,
-    /// The highest voltage of the pack before.
+    contact_loss_ticks: u32,
+    /// The highest voltage of the previous pack.
     highest_v: f32,
     serial_number: Option<i32>,
-    /// How often another one was read in a row, and whether that was enough.
-    other_in_a_row: u32,
-    is_other_serial: bool,
-    /// For how many ticks the voltage was the same, and which.
-    same_ticks: u32,
+    /// Consecutive readings of another one.
+    other_readings: u32,
+    is_other_confirmed: bool,
+    /// Ticks at the same voltage.
+    stable_ticks: u32,
     voltage_v: f32,
 }
 
 impl Evidence {
-    fn take(&mut self, arm_state: ArmState, reading: Result<Measurement, ReadError>) {
+    fn update(&mut self, arm_state: ArmState, reading: Result<Measurement, ReadError>) {
         let connected = reading
             .ok()
             .filter(|m| m.voltage_v.is_some_and(|v| v >= MIN_CONNECTED_VOLTAGE_V));
@@ -955,32 +955,32 @@ impl Evidence {
         }
         let is_other =
             arm_state == ArmState::Disarmed && read.is_some_and(|read| known != -1 && read != known);
-        self.other_in_a_row = if is_other { self.other_in_a_row + 1 } else { 0 };
-        if self.other_in_a_row >= 5 {
-            (self.is_other_serial, self.serial_number, self.other_in_a_row) = (true, read, 0);
-            // What is known of voltages is of the battery before.
+        self.other_readings = if is_other { self.other_readings + 1 } else { 0 };
+        if self.other_readings >= 5 {
+            (self.is_other_confirmed, self.serial_number, self.other_readings) = (true, read, 0);
+            // The voltages are those of the previous battery.
             self.highest_v = 0.0;
         }
         if arm_state == ArmState::Armed {
-            (self.gone_ticks, self.is_other_serial) = (0, false);
+            (self.contact_loss_ticks, self.is_other_confirmed) = (0, false);
             self.highest_v = connected.map_or(self.highest_v, |m| m.voltage_v.unwrap_or(0.0));
         }
         match connected.and_then(|m| m.voltage_v) {
-            None => (self.gone_ticks, self.same_ticks) = (self.gone_ticks + 1, 0),
+            None => (self.contact_loss_ticks, self.stable_ticks) = (self.contact_loss_ticks + 1, 0),
             Some(voltage_v) if voltage_v == self.voltage_v && arm_state == ArmState::Disarmed => {
-                self.same_ticks += 1;
+                self.stable_ticks += 1;
             }
-            Some(voltage_v) => (self.voltage_v, self.same_ticks) = (voltage_v, 0),
+            Some(voltage_v) => (self.voltage_v, self.stable_ticks) = (voltage_v, 0),
         }
     }
 
-    /// Whether another pack is in that disproves thresholds up to `threshold_v`.
-    fn is_enough(&self, arm_state: ArmState, threshold_v: f32) -> bool {
-        let is_fuller = self.gone_ticks >= 10 && self.voltage_v > 1.07 * self.highest_v;
+    /// Whether a swapped pack rests above `threshold_v`.
+    fn allows_clearing(&self, arm_state: ArmState, threshold_v: f32) -> bool {
+        let is_fuller = self.contact_loss_ticks >= 10 && self.voltage_v > 1.07 * self.highest_v;
         arm_state == ArmState::Disarmed
-            && self.same_ticks >= 15
+            && self.stable_ticks >= 15
             && self.voltage_v >= threshold_v
-            && (self.is_other_serial || is_fuller)
+            && (self.is_other_confirmed || is_fuller)
     }
 }
 
@@ -988,7 +988,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     #[test]
-    fn a_level_is_left_only_by_a_reset_or_by_another_pack_that_disproves_it(
+    fn level_is_cleared_only_by_reset_or_by_a_swap_above_it(
         stretches in prop::collection::vec((any_stretch(), prop::bool::weighted(0.02)), 1..40),
     ) {
         let mut bench = latched();
@@ -1003,9 +1003,9 @@ proptest! {
                 let before = bench.monitor.failsafe.level();
                 bench.events.clear();
                 bench.tick(reading);
-                evidence.take(arm_state, reading);
-                let is_left = bench.state().failsafe < before;
-                prop_assert!(!is_left || evidence.is_enough(arm_state, 10.5), "{evidence:?}");
+                evidence.update(arm_state, reading);
+                let is_cleared = bench.state().failsafe < before;
+                prop_assert!(!is_cleared || evidence.allows_clearing(arm_state, 10.5), "{evidence:?}");
                 let raises = bench.state().failsafe > before;
                 prop_assert!(!raises || arm_state == ArmState::Armed);
             }

@@ -36,7 +36,7 @@ pub use stream::{DefaultRate, Subject};
 pub use sys_status::build_sys_status;
 pub use vehicle_announcement::vehicle_announcement;
 pub(super) use vehicle_announcement::{
-    CheckedBy, arming_failure_text, lever_deflected_text, terminated_text,
+    CheckedBy, arming_failure_text, stick_deflected_text, terminated_text,
 };
 pub use version::{build_autopilot_version, build_protocol_version};
 

@@ -21,15 +21,15 @@ pub fn pack_announcement(instance: u8, event: &PackEvent) -> (MavSeverity, Strin
 /// ArduPilot says failsafes as warnings.
 fn severity(event: &PackEvent) -> MavSeverity {
     match event {
-        PackEvent::CellsDetected { .. } | PackEvent::SensorBack | PackEvent::ContactBack => {
+        PackEvent::CellsDetected { .. } | PackEvent::SensorRecovered | PackEvent::ContactRestored => {
             MavSeverity::MAV_SEVERITY_NOTICE
         }
-        PackEvent::CellsUnclear { .. }
+        PackEvent::CellsAmbiguous { .. }
         | PackEvent::Swapped
         | PackEvent::ContactLost
         | PackEvent::Gap(_)
         | PackEvent::SensorFailed(_)
-        | PackEvent::SwitchingOff
+        | PackEvent::PoweringOff
         | PackEvent::Failsafe { .. } => MavSeverity::MAV_SEVERITY_WARNING,
     }
 }
@@ -59,12 +59,12 @@ mod tests {
                 "Battery 9 has 3 cells (set BATT_CELLS to be sure)",
             ),
             (
-                PackEvent::CellsUnclear { voltage_v: 8.85 },
+                PackEvent::CellsAmbiguous { voltage_v: 8.85 },
                 "Battery 9 cells unclear at 8.85V: set BATT_CELLS",
             ),
             (PackEvent::Swapped, "Battery 9 swapped: estimates restarted"),
             (PackEvent::ContactLost, "Battery 9 not connected"),
-            (PackEvent::ContactBack, "Battery 9 connected again"),
+            (PackEvent::ContactRestored, "Battery 9 connected again"),
             (
                 gap(Some(12.0)),
                 "Battery 9 not measured for 1000000000s: 12mAh assumed",
@@ -77,8 +77,8 @@ mod tests {
                 PackEvent::SensorFailed(ReadError::AddressTaken),
                 "Battery 9 unhealthy: address already in use",
             ),
-            (PackEvent::SensorBack, "Battery 9 healthy again"),
-            (PackEvent::SwitchingOff, "Battery 9 is powering off"),
+            (PackEvent::SensorRecovered, "Battery 9 healthy again"),
+            (PackEvent::PoweringOff, "Battery 9 is powering off"),
             (
                 failsafe(FailsafeLevel::Low, Contents::Charge),
                 "Battery 9 is low 1000.00V used -1000000000 mAh",

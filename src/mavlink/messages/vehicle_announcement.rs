@@ -6,7 +6,7 @@ use heapless::String;
 
 use crate::battery::ArmingFailure;
 use crate::mavlink::dialect::MavSeverity;
-use crate::vehicle::{LeverName, VehicleEvent};
+use crate::vehicle::{Stick, VehicleEvent};
 
 /// The longest text, in bytes: two STATUSTEXT.
 const TEXT_BYTES: usize = 96;
@@ -38,8 +38,8 @@ pub fn vehicle_announcement(event: VehicleEvent) -> (MavSeverity, String<TEXT_BY
     let severity = match event {
         VehicleEvent::Terminated => MavSeverity::MAV_SEVERITY_CRITICAL,
         VehicleEvent::NeedsPosition(_)
-        | VehicleEvent::ControlsSilent
-        | VehicleEvent::GroundStationsSilent => MavSeverity::MAV_SEVERITY_WARNING,
+        | VehicleEvent::ControlsTimedOut
+        | VehicleEvent::GroundStationsTimedOut => MavSeverity::MAV_SEVERITY_WARNING,
     };
     (severity, text)
 }
@@ -56,11 +56,11 @@ pub(in crate::mavlink) fn arming_failure_text(
     text
 }
 
-/// A lever is deflected on an attempt to arm, in ArduPilot's words.
-pub(in crate::mavlink) fn lever_deflected_text(lever: LeverName) -> &'static str {
-    match lever {
-        LeverName::Throttle => "Arm: Throttle (RC3) is not neutral",
-        LeverName::Steering => "Arm: Steering (RC1) is not neutral",
+/// A stick is deflected on an attempt to arm, in ArduPilot's words.
+pub(in crate::mavlink) fn stick_deflected_text(stick: Stick) -> &'static str {
+    match stick {
+        Stick::Throttle => "Arm: Throttle (RC3) is not neutral",
+        Stick::Steering => "Arm: Steering (RC1) is not neutral",
     }
 }
 
@@ -88,8 +88,8 @@ mod tests {
                 "SmartRTL needs a position: Hold",
             ),
             (VehicleEvent::Terminated, "Terminated by battery failsafe"),
-            (VehicleEvent::ControlsSilent, "Radio Failsafe: Hold"),
-            (VehicleEvent::GroundStationsSilent, "GCS Failsafe: Hold"),
+            (VehicleEvent::ControlsTimedOut, "Radio Failsafe: Hold"),
+            (VehicleEvent::GroundStationsTimedOut, "GCS Failsafe: Hold"),
         ] {
             assert_eq!(vehicle_announcement(event).1, expected);
         }

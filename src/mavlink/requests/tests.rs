@@ -126,8 +126,8 @@ fn commands_are_decoded_alike_from_either_message() {
 #[test]
 fn axes_are_levers() {
     for (y, z, steering, throttle) in [
-        (-300, 700, Lever::At(-300), Lever::At(700)),
-        (i16::MAX, 0, Lever::Released, Lever::At(0)),
+        (-300, 700, StickInput::Position(-300), StickInput::Position(700)),
+        (i16::MAX, 0, StickInput::Released, StickInput::Position(0)),
     ] {
         let control = MANUAL_CONTROL_DATA {
             x: 1,
@@ -137,7 +137,7 @@ fn axes_are_levers() {
             target: 7,
             ..MANUAL_CONTROL_DATA::DEFAULT
         };
-        let request = Request::Control(Levers { throttle, steering });
+        let request = Request::Control(Sticks { throttle, steering });
         assert_eq!(decoded(&control), (Target::OnlySystem(7), request));
     }
 }
@@ -145,9 +145,14 @@ fn axes_are_levers() {
 #[test]
 fn channels_are_levers() {
     for (chan1_raw, chan3_raw, steering, throttle) in [
-        (1400, 1700, Lever::At(-200), Lever::At(400)),
-        (0, u16::MAX, Lever::Released, Lever::Unchanged),
-        (1, u16::MAX - 1, Lever::At(-1000), Lever::At(1000)),
+        (1400, 1700, StickInput::Position(-200), StickInput::Position(400)),
+        (0, u16::MAX, StickInput::Released, StickInput::Unchanged),
+        (
+            1,
+            u16::MAX - 1,
+            StickInput::Position(-1000),
+            StickInput::Position(1000),
+        ),
     ] {
         let channels = RC_CHANNELS_OVERRIDE_DATA {
             chan1_raw,
@@ -158,7 +163,7 @@ fn channels_are_levers() {
             target_component: 9,
             ..RC_CHANNELS_OVERRIDE_DATA::DEFAULT
         };
-        let request = Request::Control(Levers { throttle, steering });
+        let request = Request::Control(Sticks { throttle, steering });
         assert_eq!(decoded(&channels), (Target::OnlyComponent(VEHICLE), request));
     }
 }

@@ -7,11 +7,11 @@ use heapless::String;
 use crate::battery::{ArmState, ArmingFailure, PackSettings, arming_failures};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavType};
-use crate::mavlink::messages::{CheckedBy, arming_failure_text, lever_deflected_text, terminated_text};
+use crate::mavlink::messages::{CheckedBy, arming_failure_text, stick_deflected_text, terminated_text};
 use crate::mavlink::replies::Replies;
-use crate::mavlink::requests::{Command, Heartbeat, Levers, SetMode};
+use crate::mavlink::requests::{Command, Heartbeat, SetMode, Sticks};
 use crate::parameter::{Pack, Parameters, VehicleParameter};
-use crate::vehicle::{ArmingRefused, LeverName, Mode, Vehicle, VehicleSettings};
+use crate::vehicle::{ArmingRefused, Mode, Stick, Vehicle, VehicleSettings};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
 const RUN_PREARM_CHECKS: u16 = MavCmd::MAV_CMD_RUN_PREARM_CHECKS as u16;
@@ -24,8 +24,8 @@ const ARM: f32 = 1.0;
 /// Parameter 2: arm without any check. MAVLink's number for it, and the one ArduPilot's ground stations send.
 const FORCE: [f32; 2] = [21196.0, 2989.0];
 
-/// `ARMING_CHECK`: all checks, or the one of the levers or of the batteries.
-const LEVERS_CHECKED: i32 = 1 | 1 << 6;
+/// `ARMING_CHECK`: all checks, or the one of the sticks or of the batteries.
+const STICKS_CHECKED: i32 = 1 | 1 << 6;
 const BATTERY_CHECKED: i32 = 1 | 1 << 8;
 
 /// Why the rover is not armed any more.
@@ -92,7 +92,7 @@ impl Rover<'_> {
             (ArmingRefused::Unfit, Some(Unfit::Pack(instance, failure))) => {
                 explain(&arming_failure_text(CheckedBy::Attempt, instance, failure));
             }
-            (ArmingRefused::Unfit, Some(Unfit::Lever(lever))) => explain(lever_deflected_text(lever)),
+            (ArmingRefused::Unfit, Some(Unfit::Stick(stick))) => explain(stick_deflected_text(stick)),
             (ArmingRefused::Terminated, _) | (ArmingRefused::Unfit, None) => {
                 explain(&terminated_text(CheckedBy::Attempt));
             }
@@ -105,8 +105,8 @@ impl Rover<'_> {
         let pack = self.pack_failures().next();
         let of_pack = pack.map(|(instance, failure)| Unfit::Pack(instance, failure));
         of_pack.or_else(|| {
-            let lever = self.vehicle.deflected_lever();
-            lever.filter(|_| self.checks(LEVERS_CHECKED)).map(Unfit::Lever)
+            let stick = self.vehicle.deflected_stick();
+            stick.filter(|_| self.checks(STICKS_CHECKED)).map(Unfit::Stick)
         })
     }
 
@@ -171,11 +171,11 @@ impl Rover<'_> {
     }
 
     /// MANUAL_CONTROL or RC_CHANNELS_OVERRIDE.
-    pub fn control(&mut self, levers: &Levers) -> Driving {
+    pub fn control(&mut self, sticks: &Sticks) -> Driving {
         if self.is_late() {
             return Driving::TooLate;
         }
-        let Levers { throttle, steering } = *levers;
+        let Sticks { throttle, steering } = *sticks;
         self.vehicle.control(self.received_us, throttle, steering);
         Driving::Obeyed
     }
@@ -190,14 +190,14 @@ impl Rover<'_> {
 enum Unfit {
     /// A check of the pack with this instance.
     Pack(u8, ArmingFailure),
-    /// This lever is deflected.
-    Lever(LeverName),
+    /// This stick is deflected.
+    Stick(Stick),
 }
 
 /// What came of a control message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mavlink) enum Driving {
-    /// The levers are where it says.
+    /// The sticks are where it says.
     Obeyed,
     /// It may have waited for longer than control inputs count.
     TooLate,

@@ -142,9 +142,9 @@ impl StoredSigning {
     pub fn restore(&self, condition: Condition) -> Signing {
         let protection = match condition {
             Condition::Blank => Protection::Off,
-            Condition::Whole if self.choice == Some(NO_KEY) => Protection::Off,
+            Condition::Intact if self.choice == Some(NO_KEY) => Protection::Off,
             // What was set up after this key is there at least once, and would count.
-            Condition::Whole | Condition::OneRecordDamaged => {
+            Condition::Intact | Condition::OneRecordDamaged => {
                 self.key().map_or(Protection::KeyLost, Protection::Key)
             }
             Condition::Damaged => Protection::KeyLost,

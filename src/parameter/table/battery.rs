@@ -1,11 +1,11 @@
-//! The parameters each pack has of its own.
+//! Parameters of a pack.
 
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
 use super::{Kind, Parameter, Range, means};
 use crate::sensor::MONITOR_CHOICES;
 
-/// The analog pins of the board, by GPIO number.
+/// Analog pins of the board, by GPIO number.
 const ANALOG_PINS: Range = Range::OneOf(&[
     (-1, means("none")),
     (26, means("GP26")),
@@ -14,7 +14,7 @@ const ANALOG_PINS: Range = Range::OneOf(&[
     (29, means("GP29")),
 ]);
 
-/// The same, and the pins of a converter on the bus, by ArduPilot's numbers.
+/// Also the channels of an ADC on the I2C bus, with ArduPilot's numbers.
 const VOLTAGE_PINS: Range = Range::OneOf(&[
     (-1, means("none")),
     (26, means("GP26")),
@@ -27,7 +27,7 @@ const VOLTAGE_PINS: Range = Range::OneOf(&[
     (53, means("AD7091R-5, channel 3")),
 ]);
 
-/// The same, and the pin for pulses.
+/// Also the pulse input.
 const CURRENT_PINS: Range = Range::OneOf(&[
     (-1, means("none")),
     (17, means("GP17, pulses")),
@@ -41,7 +41,7 @@ const CURRENT_PINS: Range = Range::OneOf(&[
     (53, means("AD7091R-5, channel 3")),
 ]);
 
-/// What ArduPilot's Rover can do about a battery.
+/// Failsafe actions of ArduPilot's Rover.
 const FAILSAFE_ACTIONS: Range = Range::OneOf(&[
     (0, means("Warn only")),
     (1, means("RTL")),
@@ -53,7 +53,7 @@ const FAILSAFE_ACTIONS: Range = Range::OneOf(&[
 ]);
 
 parameters! {
-    /// A parameter that each pack has of its own.
+    /// A parameter of a pack.
     BatteryParameter
 
     Monitor {
@@ -66,7 +66,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "Battery monitoring",
-        description: "How the pack is monitored. While it is 0, the pack's other parameters are not listed.",
+        description: "Kind of sensor. While it is 0, the pack's other parameters are not listed.",
     }
     VoltPin {
         key: 65,
@@ -78,7 +78,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Battery voltage pin",
-        description: "The GPIO number of the analog pin that senses the battery's voltage. \
+        description: "GPIO number of the analog pin that measures the pack's voltage. \
                       The Freenove board has its divider on GP26.",
     }
     VoltMult {
@@ -116,7 +116,7 @@ parameters! {
         unit: "mAh",
         takes_effect: TakesEffect::AtOnce,
         label: "Capacity",
-        description: "The charge the full pack holds; of a tank, the millilitres. 0: not known.",
+        description: "Capacity of the full pack; of a tank, in millilitres. 0: unknown.",
     }
     CurrPin {
         key: 69,
@@ -128,8 +128,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Battery current pin",
-        description: "The GPIO number of the analog pin that a current sensor is wired to. The Freenove board has no \
-                      current sensor. GP17 is for the pulses of a fuel sensor (FuelFlow, FuelLevelPWM), and for nothing else.",
+        description: "GPIO number of the current sensor's analog pin. The Freenove board has no current sensor. \
+                      GP17 is only for the pulses of a fuel sensor (FuelFlow, FuelLevelPWM).",
     }
     AmpPervlt {
         key: 70,
@@ -140,9 +140,8 @@ parameters! {
         step: 0.1,
         unit: "A/V",
         takes_effect: TakesEffect::AtOnce,
-        label: "Current sensor's scale",
-        description: "How many amperes one volt at the current pin stands for. For FuelFlow: how many millilitres one pulse \
-                      stands for.",
+        label: "Current sensor scale",
+        description: "Amperes per volt at the current pin; for FuelFlow, millilitres per pulse.",
     }
     AmpOffset {
         key: 71,
@@ -153,8 +152,8 @@ parameters! {
         step: 0.001,
         unit: "V",
         takes_effect: TakesEffect::AtOnce,
-        label: "Current sensor's offset",
-        description: "The voltage at the current pin while no current flows.",
+        label: "Current sensor offset",
+        description: "Voltage at the current pin at zero current.",
     }
     Options {
         key: 72,
@@ -170,22 +169,22 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Options",
-        description: "What is done differently for this pack. The resting voltage is the one the pack would have without \
-                      load. A pack for internal use is monitored but not reported. The last option is for a sum of packs: \
-                      it takes their lowest voltage instead of the mean.",
+        description: "Options of this pack. The resting voltage is the voltage without load. A pack for internal use is \
+                      monitored but not reported. The last option makes a sum of packs report their lowest voltage instead \
+                      of the mean.",
     }
     SerialNum {
         key: 73,
         name: "SERIAL_NUM",
         kind: Kind::Int32,
         default: -1.0,
-        // Every whole number up to there is a float.
+        // A float represents every whole number in this range.
         range: Range::Between(-1.0, 16_777_215.0),
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Serial number",
-        description: "A number to tell this pack from others of its kind. -1: none.",
+        description: "Serial number that identifies this pack. -1: none.",
     }
     SumMask {
         key: 74,
@@ -207,7 +206,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Packs of a sum",
-        description: "The packs that a sum of packs adds up. 0: all with a higher number than its own.",
+        description: "Members of a sum of packs. 0: all packs with a higher number.",
     }
     MaxVolt {
         key: 75,
@@ -219,7 +218,7 @@ parameters! {
         unit: "V",
         takes_effect: TakesEffect::AtOnce,
         label: "Voltage when full",
-        description: "The full pack's voltage without load, from which a synthetic current is estimated.",
+        description: "Resting voltage of the full pack, for the synthetic current sensor.",
     }
     Chem {
         key: 76,
@@ -231,7 +230,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Chemistry",
-        description: "What the cells are made of. (ArduPilot has no such parameter.)",
+        description: "Cell chemistry. (ArduPilot has no such parameter.)",
     }
     Cells {
         key: 77,
@@ -243,7 +242,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Cells in series",
-        description: "How many cells are in series. 0: taken from the voltage at rest, for LiPo and Li-ion only. \
+        description: "Number of cells in series. 0: detected from the resting voltage, LiPo and Li-ion only. \
                       (ArduPilot has no such parameter.)",
     }
     LowTimer {
@@ -255,9 +254,9 @@ parameters! {
         step: 1.0,
         unit: "s",
         takes_effect: TakesEffect::AtOnce,
-        label: "Time until a low voltage counts",
-        description: "How long the voltage has to stay below a threshold before the pack counts as low or critical. \
-                      0 turns both voltage thresholds off.",
+        label: "Low voltage timer",
+        description: "How long the voltage has to stay below a threshold before the pack is low or critical. \
+                      0 disables both voltage thresholds.",
     }
     FsVoltsrc {
         key: 79,
@@ -269,8 +268,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Voltage for the thresholds",
-        description: "Whether the voltage thresholds look at the voltage as it is measured, or at the one the pack would \
-                      have without load.",
+        description: "Voltage compared with the thresholds: as measured, or compensated for the sag under load.",
     }
     LowVolt {
         key: 80,
@@ -283,7 +281,7 @@ parameters! {
         takes_effect: TakesEffect::AtOnce,
         label: "Low voltage",
         description: "Below this voltage for longer than LOW_TIMER, while the rover is armed, the pack is low: FS_LOW_ACT \
-                      says what happens then. Below it at any moment, the rover does not arm. 0 turns it off.",
+                      is executed. The rover does not arm below it. 0: disabled.",
     }
     LowMah {
         key: 81,
@@ -295,8 +293,8 @@ parameters! {
         unit: "mAh",
         takes_effect: TakesEffect::AtOnce,
         label: "Low charge",
-        description: "With less charge left than this, while the rover is armed, the pack is low: FS_LOW_ACT says what \
-                      happens then. It does not arm with less, either. 0 turns it off.",
+        description: "With less remaining charge than this, while the rover is armed, the pack is low: FS_LOW_ACT is \
+                      executed. The rover does not arm below it. 0: disabled.",
     }
     CrtVolt {
         key: 82,
@@ -309,7 +307,7 @@ parameters! {
         takes_effect: TakesEffect::AtOnce,
         label: "Critical voltage",
         description: "Below this voltage for longer than LOW_TIMER, while the rover is armed, the pack is critical: FS_CRT_ACT \
-                      says what happens then. Below it at any moment, the rover does not arm. 0 turns it off.",
+                      is executed. The rover does not arm below it. 0: disabled.",
     }
     CrtMah {
         key: 83,
@@ -321,8 +319,8 @@ parameters! {
         unit: "mAh",
         takes_effect: TakesEffect::AtOnce,
         label: "Critical charge",
-        description: "With less charge left than this, while the rover is armed, the pack is critical: FS_CRT_ACT says what \
-                      happens then. It does not arm with less, either. 0 turns it off.",
+        description: "With less remaining charge than this, while the rover is armed, the pack is critical: FS_CRT_ACT is \
+                      executed. The rover does not arm below it. 0: disabled.",
     }
     WattMax {
         key: 84,
@@ -333,8 +331,8 @@ parameters! {
         step: 1.0,
         unit: "W",
         takes_effect: TakesEffect::AtOnce,
-        label: "Highest power",
-        description: "A load above this power is reported as an over-current fault. 0 turns it off.",
+        label: "Maximum power",
+        description: "A load above this power is reported as an over-current fault. 0: disabled.",
     }
     FsLowAct {
         key: 85,
@@ -346,8 +344,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Action when low",
-        description: "What the rover does when the pack is low. This rover knows no position, so it holds where an action \
-                      needs one (RTL, SmartRTL, Loiter). Terminate disarms it until a restart or a battery reset.",
+        description: "Failsafe action when the pack is low. Without a position estimate, RTL, SmartRTL and Loiter enter \
+                      Hold. Terminate disarms until a restart or a battery reset.",
     }
     FsCrtAct {
         key: 86,
@@ -359,8 +357,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Action when critical",
-        description: "What the rover does when the pack is critical. This rover knows no position, so it holds where an \
-                      action needs one (RTL, SmartRTL, Loiter). Terminate disarms it until a restart or a battery reset.",
+        description: "Failsafe action when the pack is critical. Without a position estimate, RTL, SmartRTL and Loiter \
+                      enter Hold. Terminate disarms until a restart or a battery reset.",
     }
     ArmVolt {
         key: 87,
@@ -371,8 +369,8 @@ parameters! {
         step: 0.1,
         unit: "V",
         takes_effect: TakesEffect::AtOnce,
-        label: "Voltage to arm",
-        description: "Below this measured voltage the rover does not arm. 0 turns it off.",
+        label: "Minimum voltage to arm",
+        description: "The rover does not arm below this measured voltage. 0: disabled.",
     }
     ArmMah {
         key: 88,
@@ -383,9 +381,8 @@ parameters! {
         step: 50.0,
         unit: "mAh",
         takes_effect: TakesEffect::AtOnce,
-        label: "Charge to arm",
-        description: "With less charge left than this the rover does not arm. It takes a pack whose current is measured. \
-                      0 turns it off.",
+        label: "Minimum charge to arm",
+        description: "The rover does not arm with less remaining charge. Needs a current sensor. 0: disabled.",
     }
     I2cBus {
         key: 89,
@@ -397,7 +394,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "I2C bus",
-        description: "The bus that the pack's power monitor or smart battery is wired to. This board has one.",
+        description: "I2C bus of the pack's power monitor or smart battery. This board has one.",
     }
     I2cAddr {
         key: 90,
@@ -409,8 +406,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "I2C address",
-        description: "The address of the pack's power monitor or smart battery on the bus. 0: it is looked for where parts \
-                      of its kind usually are. With several of a kind, set each one's.",
+        description: "I2C address of the pack's power monitor or smart battery. 0: the usual addresses of its kind are \
+                      probed. With several of a kind, set each address.",
     }
     Shunt {
         key: 91,
@@ -422,7 +419,7 @@ parameters! {
         unit: "Ohm",
         takes_effect: TakesEffect::AfterReboot,
         label: "Shunt resistor",
-        description: "The resistor at the power monitor that the pack's current flows through. The INA260 has its own.",
+        description: "Shunt resistor of the power monitor. The INA260 has its own.",
     }
     MaxAmps {
         key: 92,
@@ -433,9 +430,9 @@ parameters! {
         step: 0.1,
         unit: "A",
         takes_effect: TakesEffect::AfterReboot,
-        label: "Highest current",
-        description: "The highest current that the INA228's own counters have to count. It measures no more than 163.84 mV \
-                      across the shunt. The other power monitors do without.",
+        label: "Maximum current",
+        description: "Full scale of the INA228's current and counters, which is limited to 163.84 mV across the shunt. \
+                      Other power monitors ignore it.",
     }
     Channel {
         key: 93,
@@ -447,7 +444,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "Channel",
-        description: "The channel of the INA3221 that measures the pack. Packs with the same address share the chip.",
+        description: "Channel of the INA3221 that measures the pack. Packs with the same address share the chip.",
     }
     FlVltMin {
         key: 94,
@@ -459,7 +456,7 @@ parameters! {
         unit: "V",
         takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: voltage when empty",
-        description: "The voltage at the pin when the tank is empty, straightened by FL_FF and its like.",
+        description: "Voltage of the empty tank, after linearisation by FL_FF, FL_FS, FL_FT and FL_OFF.",
     }
     FlVMult {
         key: 95,
@@ -471,7 +468,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: voltage multiplier",
-        description: "1 divided by the difference between the voltage of the full tank and that of the empty one.",
+        description: "Reciprocal of the voltage difference between full and empty tank.",
     }
     FlFltr {
         key: 96,
@@ -483,7 +480,7 @@ parameters! {
         unit: "Hz",
         takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: filter",
-        description: "Where the filter against sloshing cuts off; 0.2 to 0.5 Hz suit. -1 turns it off.",
+        description: "Cutoff frequency of the filter against sloshing, usually 0.2 to 0.5 Hz. -1: disabled.",
     }
     FlPin {
         key: 97,
@@ -495,7 +492,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: pin",
-        description: "The GPIO number of the analog pin that a fuel level sensor is wired to.",
+        description: "GPIO number of the fuel level sensor's analog pin.",
     }
     FlFf {
         key: 98,
@@ -507,7 +504,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: first order term",
-        description: "The voltage at the pin is straightened: FL_OFF + FL_FF * V + FL_FS * V^2 + FL_FT * V^3.",
+        description: "The pin's voltage V is linearised: FL_OFF + FL_FF * V + FL_FS * V^2 + FL_FT * V^3.",
     }
     FlFs {
         key: 99,

@@ -1,17 +1,17 @@
-//! Which values a parameter takes.
+//! Valid values of a parameter.
 
-/// Which values a parameter takes.
+/// Valid values of a parameter.
 #[derive(Clone, Copy, Debug)]
 pub enum Range {
-    /// From the first to the second, both included.
+    /// From minimum to maximum, inclusive.
     Between(f32, f32),
-    /// One of these, each with its meaning.
+    /// One of these values, with their meanings.
     OneOf(&'static [(i32, Meaning)]),
-    /// The sum of any of these bits, by number from 0, each with its meaning; 0 for none.
+    /// A bit mask of these bits, with their meanings.
     Bits(&'static [(u8, Meaning)]),
 }
 
-/// What one of a parameter's values means. It is for the documentation; the firmware goes without.
+/// Meaning of a value for the documentation; empty in the firmware.
 #[derive(Clone, Copy, Debug)]
 pub struct Meaning {
     #[cfg(not(target_os = "none"))]
@@ -28,21 +28,21 @@ pub const fn means(#[cfg_attr(target_os = "none", expect(unused))] text: &'stati
 
 #[cfg(not(target_os = "none"))]
 impl Meaning {
-    /// As the documentation says it.
+    /// The text of the documentation.
     pub fn text(self) -> &'static str {
         self.text
     }
 }
 
 impl Range {
-    /// Whether `value` is one of them; NaN never is.
+    /// Whether `value` is valid; NaN is not.
     pub fn contains(&self, value: f32) -> bool {
         match *self {
             Self::Between(lowest, highest) => (lowest..=highest).contains(&value),
             Self::OneOf(values) => values.iter().any(|(allowed, _)| *allowed as f32 == value),
             Self::Bits(bits) => {
                 let known = bits.iter().fold(0, |mask, (bit, _)| mask | 1 << bit);
-                // The cast ends at the limits of u32, so what lies beyond them differs from what comes back.
+                // The cast saturates, so values beyond u32 differ after the round trip.
                 let mask = value as u32;
                 mask as f32 == value && mask & !known == 0
             }
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn one_of_takes_what_is_listed() {
+    fn one_of_contains_only_the_listed_values() {
         let range = const { Range::OneOf(&[(-1, means("none")), (26, means("GP26"))]) };
         for value in [-1.0, 26.0] {
             assert!(range.contains(value), "{value}");
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_take_every_sum_of_those_that_are_known() {
+    fn bits_contain_every_combination_of_known_bits() {
         let range = const { Range::Bits(&[(6, means("")), (8, means("")), (9, means(""))]) };
         for value in [0.0, 64.0, 256.0, 512.0, 320.0, 832.0] {
             assert!(range.contains(value), "{value}");

@@ -1,4 +1,4 @@
-//! The parameters of the simulated pack. The board does not have them.
+//! Parameters of the simulated pack; not on the board.
 
 use super::{Documentation, Kind, Parameter, Range, TakesEffect, means};
 
@@ -15,9 +15,9 @@ parameters! {
         step: 0.1,
         unit: "V",
         takes_effect: TakesEffect::AtOnce,
-        label: "Simulated pack's voltage",
-        description: "The resting voltage the simulated pack has from now on. 0 lets it follow its charge. \
-                      The board's divider, which is simulated too, ends at 13 V.",
+        label: "Simulated pack voltage",
+        description: "Resting voltage of the simulated pack. 0: from its state of charge. \
+                      The simulated divider saturates at 13 V, as the board's.",
     }
     BattCapAh {
         key: 2049,
@@ -28,8 +28,8 @@ parameters! {
         step: 0.1,
         unit: "Ah",
         takes_effect: TakesEffect::AtOnce,
-        label: "Simulated pack's capacity",
-        description: "The charge of the simulated pack when it is full. A change keeps its state of charge.",
+        label: "Simulated pack capacity",
+        description: "Full capacity of the simulated pack. A change keeps the state of charge.",
     }
     BattCurrent {
         key: 2050,
@@ -41,7 +41,7 @@ parameters! {
         unit: "A",
         takes_effect: TakesEffect::AtOnce,
         label: "Simulated extra load",
-        description: "A load of the simulated pack besides the rover; negative to charge it.",
+        description: "Load in addition to the rover's own; negative to charge the pack.",
     }
     BattFault {
         key: 2051,
@@ -50,14 +50,14 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[
             (0, means("None")),
-            (1, means("Converter does not answer")),
-            (2, means("Sense wire is off")),
-            (3, means("Noise of half a volt")),
+            (1, means("ADC does not answer")),
+            (2, means("Sense wire disconnected")),
+            (3, means("Noise of 0.5 V")),
         ]),
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Simulated fault",
-        description: "What is wrong with the measurement of the simulated pack.",
+        description: "Fault of the simulated pack's sensor.",
     }
 }

@@ -1,10 +1,10 @@
-//! The parameters of the whole vehicle.
+//! Parameters of the vehicle.
 
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
 use super::{Kind, Parameter, Range, means};
 
-/// What a link accepts without a signature.
+/// Unsigned messages a link accepts.
 const UNSIGNED_ALLOWED: Range = Range::OneOf(&[
     (0, means("Nothing")),
     (1, means("Requests that only read")),
@@ -12,7 +12,7 @@ const UNSIGNED_ALLOWED: Range = Range::OneOf(&[
 ]);
 
 parameters! {
-    /// A parameter of the whole vehicle.
+    /// A parameter of the vehicle.
     VehicleParameter
 
     SysidThismav {
@@ -25,7 +25,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "MAVLink system id",
-        description: "The system id by which this vehicle is told from others on the same link.",
+        description: "System id of this vehicle, unique on the link.",
     }
     Serial0Baud {
         key: 2,
@@ -49,7 +49,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "Telemetry baud rate",
-        description: "The baud rate of the telemetry port UART0, in ArduPilot's coding.",
+        description: "Baud rate of the telemetry port UART0, in ArduPilot's coding.",
     }
     Sr0Extra1 {
         key: 3,
@@ -61,7 +61,7 @@ parameters! {
         unit: "Hz",
         takes_effect: TakesEffect::AtOnce,
         label: "Rate of the battery telemetry",
-        description: "How often SYS_STATUS and each BATTERY_STATUS are sent. 0 sends none. \
+        description: "Rate of SYS_STATUS and each BATTERY_STATUS. 0: off. \
                       (ArduPilot streams these in EXT_STAT and EXTRA3.)",
     }
     Sr0Params {
@@ -74,8 +74,8 @@ parameters! {
         unit: "Hz",
         takes_effect: TakesEffect::AtOnce,
         label: "Rate of parameter lists",
-        description: "How often a batch of parameters is sent while a ground station reads the list. \
-                      Whatever the rate, the list takes at most 30 % of the link.",
+        description: "Rate of batches while a ground station reads the parameter list, which takes at most 30 % of \
+                      the link.",
     }
     ArmingCheck {
         key: 5,
@@ -87,7 +87,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Checks before arming",
-        description: "What is checked before the rover arms. 0 checks nothing.",
+        description: "Arming checks. 0: none.",
     }
     FsTimeout {
         key: 6,
@@ -98,8 +98,8 @@ parameters! {
         step: 0.5,
         unit: "s",
         takes_effect: TakesEffect::AtOnce,
-        label: "Time until a silent driver counts",
-        description: "When control inputs have come and stay away for longer, an armed rover holds.",
+        label: "Time-out of control inputs",
+        description: "Without control inputs for longer, once there were any, an armed rover enters Hold.",
     }
     FsGcsTimeout {
         key: 8,
@@ -110,9 +110,9 @@ parameters! {
         step: 1.0,
         unit: "s",
         takes_effect: TakesEffect::AtOnce,
-        label: "Time until a silent ground station counts",
-        description: "When the heartbeats of ground stations have come and stay away for longer, an armed rover holds. \
-                      They come once a second.",
+        label: "Time-out of ground stations",
+        description: "Without a ground station's heartbeat for longer, once there was one, an armed rover enters Hold. \
+                      Heartbeats are sent once a second.",
     }
     SignUartAllow {
         key: 9,
@@ -124,7 +124,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Unsigned messages on the telemetry port",
-        description: "What the telemetry port accepts without the right signature while a signing key is set. \
+        description: "Messages without a valid signature that the telemetry port accepts while a signing key is set. \
                       RADIO_STATUS is always accepted.",
     }
     SignUsbAllow {
@@ -137,8 +137,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Unsigned messages on USB",
-        description: "What USB accepts without the right signature while a signing key is set. \
-                      With less than everything, somebody who has lost the key can't set up another one.",
+        description: "Messages without a valid signature that USB accepts while a signing key is set. \
+                      Unless everything is accepted, a lost key can't be replaced.",
     }
     MotSlewrate {
         key: 7,
@@ -149,7 +149,7 @@ parameters! {
         step: 1.0,
         unit: "%/s",
         takes_effect: TakesEffect::AtOnce,
-        label: "Fastest change of throttle",
-        description: "How fast the throttle follows its lever, in percent of full throttle each second. 0: at once.",
+        label: "Throttle slew rate",
+        description: "Maximum rate of change of the throttle, in percent of full throttle per second. 0: unlimited.",
     }
 }

@@ -11,7 +11,7 @@ const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const PARAMS: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Params);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 
-/// Those of `changes`, which are not in flash yet.
+/// Parameters with unsaved `changes`.
 fn changed(changes: &[(ParameterId, f32)]) -> Parameters {
     let mut parameters = Parameters::defaults();
     for (id, value) in changes {
@@ -20,39 +20,38 @@ fn changed(changes: &[(ParameterId, f32)]) -> Parameters {
     parameters
 }
 
-/// Writes everything that is due to a flash that answers as `answer` does; returns what it was asked for and what has to
-/// be reported.
+/// Writes all due changes to a flash that returns `answer`; returns the writes and the errors to report.
 fn save(
     parameters: &mut Parameters,
     answer: impl Fn(Unsaved) -> Result<(), StorageError>,
 ) -> (Vec<Unsaved>, Vec<StorageError>) {
-    let (mut asked, mut reports) = (Vec::new(), Vec::new());
+    let (mut written, mut reports) = (Vec::new(), Vec::new());
     while let Some(unsaved) = parameters.next_unsaved() {
-        asked.push(unsaved);
-        assert!(asked.len() <= PARAMETER_COUNT + 1, "it does not end");
+        written.push(unsaved);
+        assert!(written.len() <= PARAMETER_COUNT + 1, "endless");
         match answer(unsaved) {
             Ok(()) => parameters.mark_saved(unsaved),
             Err(error) => reports.extend(parameters.mark_failed(unsaved, error)),
         }
     }
-    (asked, reports)
+    (written, reports)
 }
 
 #[test]
-fn only_a_changed_value_has_to_be_saved_and_once() {
+fn only_changed_values_are_saved_once() {
     let mut parameters = changed(&[(EXTRA1, 2.0)]);
     assert_eq!(parameters.next_unsaved(), None);
     parameters.set(EXTRA1, 5.0).unwrap();
     parameters.set(VOLT_MULT, 4.0).unwrap();
-    let (asked, _) = save(&mut parameters, |_| Ok(()));
-    assert_eq!(asked, [Value(EXTRA1, 5.0), Value(VOLT_MULT, 4.0)]);
+    let (written, _) = save(&mut parameters, |_| Ok(()));
+    assert_eq!(written, [Value(EXTRA1, 5.0), Value(VOLT_MULT, 4.0)]);
     assert_eq!(parameters.next_unsaved(), None);
 }
 
 #[test]
-fn with_stored_values_unread_a_default_has_to_be_saved_too() {
+fn defaults_are_saved_if_flash_was_not_loaded() {
     let mut parameters = Parameters::defaults();
-    parameters.leave_stored_unread();
+    parameters.mark_not_loaded();
     assert_eq!(parameters.next_unsaved(), None);
     parameters.set(EXTRA1, 2.0).unwrap();
     assert_eq!(parameters.next_unsaved(), Some(Value(EXTRA1, 2.0)));
@@ -61,7 +60,7 @@ fn with_stored_values_unread_a_default_has_to_be_saved_too() {
 }
 
 #[test]
-fn a_value_that_changes_while_it_is_saved_is_saved_again() {
+fn value_changed_during_saving_is_saved_again() {
     let mut parameters = changed(&[(EXTRA1, 5.0)]);
     parameters.set(EXTRA1, 6.0).unwrap();
     parameters.mark_saved(Value(EXTRA1, 5.0));
@@ -69,22 +68,22 @@ fn a_value_that_changes_while_it_is_saved_is_saved_again() {
 }
 
 #[test]
-fn a_reset_is_live_at_once_and_cleared_before_anything_is_stored() {
+fn reset_is_live_at_once_and_erases_before_storing() {
     let mut parameters = changed(&[(EXTRA1, 5.0), (VOLT_MULT, 4.0)]);
     parameters.reset();
     assert_eq!(parameters.get(EXTRA1), 2.0);
     parameters.set(VOLT_MULT, 4.1).unwrap();
-    let (asked, _) = save(&mut parameters, |_| Ok(()));
-    assert_eq!(asked, [Reset, Value(VOLT_MULT, 4.1)]);
+    let (written, _) = save(&mut parameters, |_| Ok(()));
+    assert_eq!(written, [Reset, Value(VOLT_MULT, 4.1)]);
     assert_eq!(parameters.get(VOLT_MULT), 4.1);
 }
 
 #[test]
-fn what_is_set_after_a_reset_that_failed_stays_and_waits_for_it() {
+fn value_set_after_a_failed_reset_waits_for_the_reset() {
     let mut parameters = changed(&[(EXTRA1, 5.0)]);
     parameters.reset();
     assert_eq!(save(&mut parameters, |_| Err(Flash)), (vec![Reset], vec![Flash]));
-    assert_eq!(parameters.next_unsaved(), None, "it waits");
+    assert_eq!(parameters.next_unsaved(), None, "waits for a retry");
 
     parameters.set(VOLT_MULT, 4.1).unwrap();
     assert_eq!(save(&mut parameters, |_| Err(Flash)), (vec![Reset], vec![Flash]));
@@ -93,44 +92,44 @@ fn what_is_set_after_a_reset_that_failed_stays_and_waits_for_it() {
     assert_eq!(parameters.get(VOLT_MULT), 4.1);
 
     parameters.retry_failed();
-    let (asked, _) = save(&mut parameters, |_| Ok(()));
-    assert_eq!(asked, [Reset, Value(VOLT_MULT, 4.1)]);
+    let (written, _) = save(&mut parameters, |_| Ok(()));
+    assert_eq!(written, [Reset, Value(VOLT_MULT, 4.1)]);
     assert_eq!(parameters.save_failure(), None);
 }
 
 #[test]
-fn one_without_room_does_not_keep_back_the_others() {
+fn value_without_space_does_not_block_the_others() {
     let no_room_for_extra1 = |unsaved| match unsaved {
         Value(EXTRA1, _) => Err(Full),
         _ => Ok(()),
     };
     let mut parameters = changed(&[(EXTRA1, 5.0), (PARAMS, 7.0), (VOLT_MULT, 4.0)]);
-    let (asked, reports) = save(&mut parameters, no_room_for_extra1);
+    let (written, reports) = save(&mut parameters, no_room_for_extra1);
     assert_eq!(
-        asked,
+        written,
         [Value(EXTRA1, 5.0), Value(PARAMS, 7.0), Value(VOLT_MULT, 4.0)]
     );
     assert_eq!((reports, parameters.save_failure()), (vec![Full], Some(Full)));
 
     parameters.set(PARAMS, 8.0).unwrap();
-    let (asked, reports) = save(&mut parameters, no_room_for_extra1);
-    assert_eq!((asked, reports), (vec![Value(PARAMS, 8.0)], vec![]));
+    let (written, reports) = save(&mut parameters, no_room_for_extra1);
+    assert_eq!((written, reports), (vec![Value(PARAMS, 8.0)], vec![]));
 }
 
 #[test]
-fn a_flash_that_fails_is_asked_once_and_everything_waits() {
+fn failed_flash_is_tried_once_and_all_changes_wait() {
     for error in [Flash, Corrupt] {
         let mut parameters = changed(&[(EXTRA1, 5.0), (PARAMS, 7.0)]);
-        let (asked, reports) = save(&mut parameters, |_| Err(error));
-        assert_eq!((asked, reports), (vec![Value(EXTRA1, 5.0)], vec![error]));
+        let (written, reports) = save(&mut parameters, |_| Err(error));
+        assert_eq!((written, reports), (vec![Value(EXTRA1, 5.0)], vec![error]));
         parameters.retry_failed();
-        let (asked, _) = save(&mut parameters, |_| Ok(()));
-        assert_eq!(asked, [Value(EXTRA1, 5.0), Value(PARAMS, 7.0)]);
+        let (written, _) = save(&mut parameters, |_| Ok(()));
+        assert_eq!(written, [Value(EXTRA1, 5.0), Value(PARAMS, 7.0)]);
     }
 }
 
 #[test]
-fn a_failure_is_reported_again_for_another_set_and_for_another_reason() {
+fn failure_is_reported_again_after_a_set_or_a_new_error() {
     let mut parameters = changed(&[(EXTRA1, 5.0)]);
     let mut reports_of = |set: Option<(ParameterId, f32)>, error| {
         if let Some((id, value)) = set {
@@ -149,7 +148,7 @@ fn a_failure_is_reported_again_for_another_set_and_for_another_reason() {
 }
 
 #[test]
-fn a_reset_forgets_what_could_not_be_saved() {
+fn reset_clears_failed_changes() {
     let mut parameters = changed(&[(EXTRA1, 5.0)]);
     save(&mut parameters, |_| Err(Full));
     parameters.reset();
@@ -157,20 +156,20 @@ fn a_reset_forgets_what_could_not_be_saved() {
     assert_eq!(parameters.save_failure(), None);
 }
 
-/// What a ground station does, and what becomes of an attempt to write.
+/// A request of a ground station, or an attempt to write.
 #[derive(Clone, Debug)]
 enum Step {
     Set(usize, f32),
     Reset,
     Retry,
-    /// One write, and how it ends.
+    /// One write with its result.
     Write(Result<(), StorageError>),
-    /// One write that ends well, during which this happens.
+    /// One successful write with a request during it.
     WriteWhile(Box<Step>),
 }
 
 fn steps() -> impl Strategy<Value = Vec<Step>> {
-    // Few parameters and few values, so that they meet.
+    // Few parameters and values, so that they collide.
     let asked = prop_oneof![
         6 => (0..6_usize, 1..4_u8).prop_map(|(number, value)| Step::Set(number, f32::from(value))),
         1 => Just(Step::Reset),
@@ -197,7 +196,7 @@ fn numbered(number: usize) -> ParameterId {
     }
 }
 
-/// The parameters, what they should be, and the flash.
+/// The parameters, their expected values, and the flash.
 #[derive(Default)]
 struct Model {
     live: Parameters,
@@ -218,7 +217,7 @@ impl Model {
                 self.expected.clear();
             }
             Step::Retry => self.live.retry_failed(),
-            Step::Write(_) | Step::WriteWhile(_) => unreachable!("nothing is asked"),
+            Step::Write(_) | Step::WriteWhile(_) => unreachable!("no request"),
         }
     }
 
@@ -269,7 +268,7 @@ impl Model {
         }
     }
 
-    /// What a restart would find.
+    /// The parameters after a restart.
     fn after_a_restart(&self) -> Parameters {
         let mut parameters = Parameters::defaults();
         for (key, value) in &self.stored {
@@ -281,7 +280,7 @@ impl Model {
 
 proptest! {
     #[test]
-    fn whatever_fails_what_was_set_last_is_live_and_in_flash_once_that_works(steps in steps()) {
+    fn latest_values_are_live_and_saved_once_flash_works(steps in steps()) {
         let mut model = Model::default();
         for step in &steps {
             model.take(step);

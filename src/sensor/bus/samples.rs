@@ -67,7 +67,7 @@ impl Samples {
     fn add_measurement(&mut self, measurement: &Measurement) {
         self.voltage.add(measurement.voltage_v);
         self.current.add(measurement.current_a);
-        if let Some(Counted::SinceLast(more)) = measurement.counted {
+        if let Some(Counted::Increment(more)) = measurement.counted {
             let counted = self.counted.get_or_insert_default();
             counted.charge_mah += more.charge_mah;
             counted.energy_wh += more.energy_wh;
@@ -98,7 +98,7 @@ impl Samples {
         Ok(Measurement {
             voltage_v: self.voltage.value(),
             current_a: self.current.value(),
-            counted: self.counted.map(Counted::SinceLast).or(last.counted),
+            counted: self.counted.map(Counted::Increment).or(last.counted),
             ..last
         })
     }
@@ -113,7 +113,7 @@ mod tests {
             voltage_v: Some(voltage_v),
             current_a: Some(current_a),
             counted: counted_mah.map(|charge_mah| {
-                Counted::SinceLast(Consumed {
+                Counted::Increment(Consumed {
                     charge_mah,
                     energy_wh: 0.25,
                 })
@@ -137,7 +137,7 @@ mod tests {
             charge_mah: 1.5,
             energy_wh: 0.5,
         };
-        assert_eq!(mean.counted, Some(Counted::SinceLast(counted)));
+        assert_eq!(mean.counted, Some(Counted::Increment(counted)));
     }
 
     #[test]

@@ -257,7 +257,7 @@ fn counters_go_on_over_their_end_and_their_sign() {
         counters(&mut bus, to, energy + energy_steps);
         let told = read_one(&mut devices, &mut bus).unwrap();
         assert_eq!(told.voltage_v, Some(12.0));
-        let Some(crate::battery::Counted::SinceLast(counted)) = told.counted else {
+        let Some(crate::battery::Counted::Increment(counted)) = told.counted else {
             panic!("{told:?}");
         };
         assert!((counted.charge_mah - 36.0 * sign).abs() < 0.001, "{counted:?}");

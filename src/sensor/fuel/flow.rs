@@ -1,36 +1,36 @@
-//! How much fuel flows, from a sensor that gives a pulse for each so many millilitres.
+//! Fuel flow sensor with a fixed volume per pulse.
 
 use super::Pulses;
 use crate::battery::{Consumed, Contents, Counted, Measurement};
 
-/// After so long without a pulse nothing flows.
-const LONGEST_PAUSE_US: u64 = 10_000_000;
+/// Time without a pulse after which the flow is zero, in microseconds.
+const MAX_PERIOD_US: u64 = 10_000_000;
 
-/// A millilitre a second, in litres an hour.
+/// Litres per hour in one millilitre per second.
 const LITRES_PER_HOUR: f32 = 3.6;
 
-/// Counts what flows into an engine.
+/// Flow meter: volume and flow rate from pulses.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct FlowMeter {
-    /// What was known in the tick before.
-    seen: Pulses,
+    /// The pulses at the previous call.
+    previous: Pulses,
     pulses_per_s: f32,
 }
 
 impl FlowMeter {
-    /// What has flowed since the last call, and how fast.
+    /// Volume since the previous call, and the present flow rate.
     pub fn measure(&mut self, pulses: &Pulses, ml_per_pulse: f32, now_us: u64) -> Measurement {
-        let before = core::mem::replace(&mut self.seen, *pulses);
+        let before = core::mem::replace(&mut self.previous, *pulses);
         let new = pulses.count.wrapping_sub(before.count) as f32;
         self.pulses_per_s = match (before.last_rise_us, pulses.last_rise_us) {
             (Some(from_us), Some(to_us)) if to_us > from_us => new / seconds(to_us - from_us),
-            (_, Some(last_us)) => self.after_pause(now_us.saturating_sub(last_us)),
+            (_, Some(last_us)) => self.decayed_rate(now_us.saturating_sub(last_us)),
             (_, None) => 0.0,
         };
         Measurement {
             contents: Contents::Fuel,
             current_a: Some(self.pulses_per_s * ml_per_pulse * LITRES_PER_HOUR),
-            counted: Some(Counted::SinceLast(Consumed {
+            counted: Some(Counted::Increment(Consumed {
                 charge_mah: new * ml_per_pulse,
                 energy_wh: 0.0,
             })),
@@ -38,12 +38,12 @@ impl FlowMeter {
         }
     }
 
-    /// As long as the next pulse has not come, it is no faster than if it came now.
-    fn after_pause(&self, pause_us: u64) -> f32 {
-        if pause_us >= LONGEST_PAUSE_US {
+    /// The rate decays while no pulse arrives: at most that of a pulse right now.
+    fn decayed_rate(&self, pause_us: u64) -> f32 {
+        if pause_us >= MAX_PERIOD_US {
             return 0.0;
         }
-        // Dividing by 0 gives infinity, of which the lower of both is never made.
+        // A division by 0 gives infinity, which the minimum ignores.
         self.pulses_per_s.min(1.0 / seconds(pause_us))
     }
 }
@@ -58,7 +58,7 @@ mod tests {
 
     const TICK_US: u64 = 100_000;
 
-    /// A sensor of 0.5 ml a pulse and its meter.
+    /// A sensor of 0.5 ml per pulse with its meter.
     struct Bench {
         meter: FlowMeter,
         pulses: Pulses,
@@ -78,7 +78,7 @@ mod tests {
             }
         }
 
-        /// Seconds with a pulse every so often, the first at once.
+        /// Runs for seconds with a pulse every `period_us`, the first at once.
         fn run(&mut self, seconds: u64, period_us: Option<u64>) {
             let start_us = self.now_us;
             let mut next_us = period_us.map(|_| start_us);
@@ -96,7 +96,7 @@ mod tests {
             let measurement = self.meter.measure(&self.pulses, 0.5, self.now_us);
             assert_eq!(measurement.contents, Contents::Fuel);
             assert_eq!(measurement.voltage_v, None);
-            let Some(Counted::SinceLast(consumed)) = measurement.counted else {
+            let Some(Counted::Increment(consumed)) = measurement.counted else {
                 panic!("{measurement:?}");
             };
             assert_eq!(consumed.energy_wh, 0.0);
@@ -106,8 +106,8 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_flow_is_measured_exactly_whatever_falls_into_a_tick() {
-        // 12 ms is 8.3 pulses a tick, 150 ms one in most ticks, 2.5 s one in every 25th.
+    fn steady_flow_is_exact_at_any_pulse_rate() {
+        // 8.3 pulses per tick, one in most ticks, and one in every 25th.
         for period_us in [12_000, 150_000, 2_500_000] {
             let mut bench = Bench::new();
             bench.run(60, Some(period_us));
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flow_that_ends_fades_and_is_nothing_after_ten_seconds() {
+    fn stopped_flow_decays_to_zero_in_ten_seconds() {
         let mut bench = Bench::new();
         bench.run(10, Some(100_000));
         assert!((bench.flow_l_h - 18.0).abs() < 0.1);
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_pulse_nothing_flows_and_one_alone_tells_no_speed() {
+    fn flow_rate_needs_two_pulses() {
         let mut bench = Bench::new();
         bench.run(5, None);
         assert_eq!((bench.flow_l_h, bench.volume_ml), (0.0, 0.0));
@@ -149,10 +149,10 @@ mod tests {
     }
 
     #[test]
-    fn the_counter_may_wrap() {
+    fn pulse_counter_may_wrap() {
         let mut bench = Bench::new();
         bench.pulses.count = u32::MAX;
-        bench.meter.seen = bench.pulses;
+        bench.meter.previous = bench.pulses;
         bench.run(1, Some(100_000));
         assert_eq!(bench.volume_ml, 5.0);
     }

@@ -1,4 +1,4 @@
-//! How full a tank is, from a voltage or from the width of pulses.
+//! Fuel level sensors with analog or pulse-width output.
 
 use core::f32::consts::TAU;
 
@@ -6,18 +6,18 @@ use super::Pulses;
 use crate::battery::{Contents, Gauge, Measurement, ReadError};
 use crate::parameter::{BatteryParameter, Pack, Parameters};
 
-/// Pulses of a servo's kind: of an empty tank, of a full one, and how far beyond they may be. ArduPilot's numbers.
+/// Servo pulse widths of an empty and a full tank, and their tolerance; ArduPilot's numbers.
 const EMPTY_US: u32 = 1100;
 const FULL_US: u32 = 1900;
 const TOLERANCE_US: u32 = 20;
 
-/// After so long without a pulse the level is not known.
-const LONGEST_SILENCE_US: u64 = 250_000;
+/// Time-out of the pulses, in microseconds.
+const TIMEOUT_US: u64 = 250_000;
 
-/// How the voltage at a pin tells the level: ArduPilot's formula.
+/// Scale of an analog level sensor; ArduPilot's formula.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LevelScale {
-    /// Straightens the sensor: its reading in volts is this, and the next two times the voltage's powers (`BATT_FL_OFF`).
+    /// Coefficients of the linearisation, a polynomial of the pin's voltage: constant term (`BATT_FL_OFF`).
     offset_v: f32,
     /// `BATT_FL_FF`.
     first_order: f32,
@@ -25,16 +25,16 @@ pub(super) struct LevelScale {
     second_order: f32,
     /// `BATT_FL_FT`.
     third_order: f32,
-    /// The straightened reading of an empty tank, in volts (`BATT_FL_VLT_MIN`).
+    /// Linearised voltage of the empty tank, in volts (`BATT_FL_VLT_MIN`).
     empty_v: f32,
-    /// How full the tank is for each volt more: 1 divided by what lies between empty and full (`BATT_FL_V_MULT`).
+    /// Fill level per volt, from 0 to 1 (`BATT_FL_V_MULT`).
     share_per_volt: f32,
-    /// Where the filter against sloshing cuts off, in Hz (`BATT_FL_FLTR`); `None` is no filter.
+    /// Cutoff frequency of the filter against sloshing, in Hz (`BATT_FL_FLTR`); `None` is disabled.
     cutoff_hz: Option<f32>,
 }
 
 impl LevelScale {
-    /// What the parameters of a pack say at this moment.
+    /// From the live parameters of a pack.
     pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
         Self {
@@ -48,20 +48,20 @@ impl LevelScale {
         }
     }
 
-    fn straightened_v(&self, pin_v: f32) -> f32 {
+    fn linearised_v(&self, pin_v: f32) -> f32 {
         self.offset_v + pin_v * (self.first_order + pin_v * (self.second_order + pin_v * self.third_order))
     }
 }
 
-/// Follows the level by a voltage, without the sloshing.
+/// Analog level meter with a low-pass filter against sloshing.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LevelMeter {
-    /// When the voltage was read last, and the filtered one.
+    /// Time in µs and output of the filter at the previous reading.
     last: Option<(u64, f32)>,
 }
 
 impl LevelMeter {
-    /// What the voltage at the pin tells of a tank of this capacity.
+    /// Measurement of a tank with this capacity.
     pub fn measure(
         &mut self,
         scale: &LevelScale,
@@ -69,7 +69,7 @@ impl LevelMeter {
         capacity_ml: Option<f32>,
         now_us: u64,
     ) -> Result<Measurement, ReadError> {
-        let level_v = self.filter(scale.straightened_v(pin_v), scale.cutoff_hz, now_us);
+        let level_v = self.filter(scale.linearised_v(pin_v), scale.cutoff_hz, now_us);
         tank((level_v - scale.empty_v) * scale.share_per_volt, capacity_ml)
     }
 
@@ -86,14 +86,14 @@ impl LevelMeter {
     }
 }
 
-/// What pulses tell of a tank of this capacity.
+/// Pulse-width measurement of a tank with this capacity.
 pub(super) fn level_by_pulses(
     pulses: &Pulses,
     capacity_ml: Option<f32>,
     now_us: u64,
 ) -> Result<Measurement, ReadError> {
     let last_us = pulses.last_fall_us.ok_or(ReadError::Timeout)?;
-    if now_us.saturating_sub(last_us) > LONGEST_SILENCE_US {
+    if now_us.saturating_sub(last_us) > TIMEOUT_US {
         return Err(ReadError::Timeout);
     }
     let width_us = pulses.width_us();
@@ -104,13 +104,13 @@ pub(super) fn level_by_pulses(
     tank(above_empty_us / (FULL_US - EMPTY_US) as f32, capacity_ml)
 }
 
-/// A tank that is so full, from 0 to 1; a sensor may show somewhat more or less.
-fn tank(share: f32, capacity_ml: Option<f32>) -> Result<Measurement, ReadError> {
+/// Measurement of a tank at this fill level, clamped to 0 to 1.
+fn tank(fill_level: f32, capacity_ml: Option<f32>) -> Result<Measurement, ReadError> {
     let full_ml = capacity_ml.ok_or(ReadError::NoCapacity)?;
     Ok(Measurement {
         contents: Contents::Fuel,
         gauge: Some(Gauge {
-            remaining_mah: share.clamp(0.0, 1.0) * full_ml,
+            remaining_mah: fill_level.clamp(0.0, 1.0) * full_ml,
             full_mah: full_ml,
         }),
         ..Measurement::default()
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[track_caller]
-    fn assert_left(measurement: Result<Measurement, ReadError>, expected_ml: f32) {
+    fn assert_remaining(measurement: Result<Measurement, ReadError>, expected_ml: f32) {
         let measurement = measurement.expect("measured");
         let gauge = measurement.gauge.expect("a gauge");
         assert!(
@@ -150,15 +150,15 @@ mod tests {
     }
 
     #[test]
-    fn the_defaults_are_empty_at_half_a_volt_and_full_at_two_and_a_half() {
+    fn default_scale_is_empty_at_500_mv_and_full_at_2500_mv() {
         let scale = scale(&[]);
-        for (pin_v, left_ml) in [(0.5, 0.0), (1.0, 500.0), (2.5, 2000.0), (0.2, 0.0), (3.3, 2000.0)] {
-            assert_left(read(&scale, pin_v), left_ml);
+        for (pin_v, remaining_ml) in [(0.5, 0.0), (1.0, 500.0), (2.5, 2000.0), (0.2, 0.0), (3.3, 2000.0)] {
+            assert_remaining(read(&scale, pin_v), remaining_ml);
         }
     }
 
     #[test]
-    fn a_crooked_sensor_is_straightened() {
+    fn nonlinear_sensor_is_linearised() {
         let scale = scale(&[
             (BatteryParameter::FlFf, 0.5),
             (BatteryParameter::FlFs, -0.25),
@@ -168,37 +168,37 @@ mod tests {
             (BatteryParameter::FlVMult, 0.4),
         ]);
         // 0.75 + 0.5 · 2 − 0.25 · 4 + 0.125 · 8 = 1.75 V.
-        assert_left(read(&scale, 2.0), 2000.0 * 0.4 * 1.5);
+        assert_remaining(read(&scale, 2.0), 2000.0 * 0.4 * 1.5);
     }
 
     #[test]
-    fn sloshing_is_filtered_at_the_cut_off() {
+    fn sloshing_is_low_pass_filtered() {
         let scale = scale(&[]);
         let mut meter = LevelMeter::default();
-        assert_left(meter.measure(&scale, 2.5, Some(2000.0), 0), 2000.0);
-        // After 1 / (2 π 0.3 Hz) = 0.53 s some 1/e of a step is left, a tick's width taken into account.
-        let mut left_ml = 0.0;
+        assert_remaining(meter.measure(&scale, 2.5, Some(2000.0), 0), 2000.0);
+        // The time constant is 1 / (2 π 0.3 Hz) = 0.53 s: 1/e of a step remains, less the effect of the tick.
+        let mut remaining_ml = 0.0;
         for tick in 1..=5 {
             let measurement = meter.measure(&scale, 0.5, Some(2000.0), tick * TICK_US).unwrap();
-            left_ml = measurement.gauge.unwrap().remaining_mah;
+            remaining_ml = measurement.gauge.unwrap().remaining_mah;
         }
-        assert!((800.0..900.0).contains(&left_ml), "{left_ml} ml");
+        assert!((800.0..900.0).contains(&remaining_ml), "{remaining_ml} ml");
         for tick in 6..=60 {
             meter.measure(&scale, 0.5, Some(2000.0), tick * TICK_US).unwrap();
         }
-        assert_left(meter.measure(&scale, 0.5, Some(2000.0), 61 * TICK_US), 0.0);
+        assert_remaining(meter.measure(&scale, 0.5, Some(2000.0), 61 * TICK_US), 0.0);
     }
 
     #[test]
-    fn without_the_filter_the_level_follows_at_once() {
+    fn disabled_filter_follows_at_once() {
         let scale = scale(&[(BatteryParameter::FlFltr, -1.0)]);
         let mut meter = LevelMeter::default();
-        assert_left(meter.measure(&scale, 2.5, Some(2000.0), 0), 2000.0);
-        assert_left(meter.measure(&scale, 1.5, Some(2000.0), TICK_US), 1000.0);
+        assert_remaining(meter.measure(&scale, 2.5, Some(2000.0), 0), 2000.0);
+        assert_remaining(meter.measure(&scale, 1.5, Some(2000.0), TICK_US), 1000.0);
     }
 
     #[test]
-    fn without_a_capacity_the_level_means_nothing() {
+    fn level_needs_a_capacity() {
         let measured = LevelMeter::default().measure(&scale(&[]), 1.0, None, 0);
         assert_eq!(measured, Err(ReadError::NoCapacity));
     }
@@ -213,8 +213,8 @@ mod tests {
     }
 
     #[test]
-    fn pulses_tell_the_level_from_empty_to_full() {
-        for (width_us, left_ml) in [
+    fn pulse_width_is_scaled_from_empty_to_full() {
+        for (width_us, remaining_ml) in [
             (1081, 0.0),
             (1100, 0.0),
             (1300, 500.0),
@@ -222,7 +222,10 @@ mod tests {
             (1900, 2000.0),
             (1919, 2000.0),
         ] {
-            assert_left(level_by_pulses(&pulses(width_us), Some(2000.0), 100_000), left_ml);
+            assert_remaining(
+                level_by_pulses(&pulses(width_us), Some(2000.0), 100_000),
+                remaining_ml,
+            );
         }
         for width_us in [1, 1080, 1920, 20_000] {
             let measured = level_by_pulses(&pulses(width_us), Some(2000.0), 100_000);
@@ -231,9 +234,9 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_that_falls_silent_is_noticed_after_a_quarter_of_a_second() {
+    fn pulses_time_out_after_250_ms() {
         let read = |now_us| level_by_pulses(&pulses(1500), Some(2000.0), now_us);
-        assert_left(read(41_500 + 250_000), 1000.0);
+        assert_remaining(read(41_500 + 250_000), 1000.0);
         assert_eq!(read(41_500 + 250_001), Err(ReadError::Timeout));
         let never = level_by_pulses(&Pulses::NONE, Some(2000.0), 100_000);
         assert_eq!(never, Err(ReadError::Timeout));

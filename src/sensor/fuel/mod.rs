@@ -1,4 +1,4 @@
-//! Tanks: what measures them, and what has to be remembered for that.
+//! Fuel sensors.
 
 mod flow;
 mod level;
@@ -13,30 +13,30 @@ use super::{AnalogPin, AnalogReadings};
 use crate::battery::{Measurement, ReadError};
 use crate::parameter::{BatteryParameter, Pack, Parameters};
 
-/// What measures a tank.
+/// Kind of fuel sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum FuelKind {
-    /// A pulse for each so many millilitres.
+    /// Flow sensor with a fixed volume per pulse.
     Flow,
-    /// Pulses whose width tells the level.
+    /// Level sensor with a pulse-width output.
     LevelPwm,
-    /// A voltage that tells the level.
+    /// Level sensor with an analog output.
     LevelAnalog,
 }
 
-/// What the pins have told, and when.
+/// Inputs of a fuel measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct FuelReadings<'a> {
-    /// The analog ones.
+    /// Readings of the analog pins.
     pub pins: &'a AnalogReadings,
-    /// The one with pulses.
+    /// Pulses on the pulse input.
     pub pulses: &'a Pulses,
-    /// In µs.
+    /// Time, in µs.
     pub now_us: u64,
 }
 
-/// What is remembered of a tank between two readings.
+/// State of a fuel sensor between readings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FuelMeter {
     level: LevelMeter,
@@ -44,10 +44,10 @@ pub struct FuelMeter {
 }
 
 impl FuelMeter {
-    /// What a sensor of this kind, wired as the parameters of its pack say, tells now.
+    /// Measurement of a sensor of this kind, with the wiring of its pack's parameters.
     ///
     /// # Errors
-    /// It has no pin, the pin could not be read, or what it says can't be understood.
+    /// The pin or the capacity is not set, the read failed or timed out, or the reading is implausible.
     pub fn measure(
         &mut self,
         kind: FuelKind,
@@ -74,12 +74,12 @@ impl FuelMeter {
     }
 }
 
-/// The pin with a voltage that tells the level (`BATT_FL_PIN`).
+/// Pin of an analog level sensor (`BATT_FL_PIN`).
 pub(super) fn level_pin(parameters: &Parameters, pack: Pack) -> Option<AnalogPin> {
     AnalogPin::from_gpio(parameters.get_whole(BatteryParameter::FlPin.of(pack)))
 }
 
-/// The pulses, if the pack is wired to their pin (`BATT_CURR_PIN`).
+/// The pulses, if the pack uses the pulse input (`BATT_CURR_PIN`).
 fn pulses<'a>(
     parameters: &Parameters,
     pack: Pack,
@@ -118,28 +118,28 @@ mod tests {
         FuelMeter::default().measure(kind, &parameters, Pack::First, &readings)
     }
 
-    fn left_ml(measurement: Result<Measurement, ReadError>) -> f32 {
+    fn remaining_ml(measurement: Result<Measurement, ReadError>) -> f32 {
         measurement.unwrap().gauge.unwrap().remaining_mah.round()
     }
 
     #[test]
-    fn a_level_is_read_from_its_own_pin_only() {
+    fn level_is_read_from_its_own_pin() {
         let read = |pin| measure(FuelKind::LevelAnalog, &[(BatteryParameter::FlPin, pin)]);
-        assert_eq!(left_ml(read(28.0)), 1650.0, "half of 3300 ml");
-        assert_eq!(read(27.0), Err(ReadError::NoPin), "nobody has read it");
+        assert_eq!(remaining_ml(read(28.0)), 1650.0, "half of 3300 ml");
+        assert_eq!(read(27.0), Err(ReadError::NoPin), "not read");
         assert_eq!(measure(FuelKind::LevelAnalog, &[]), Err(ReadError::NoPin));
     }
 
     #[test]
-    fn pulses_come_from_the_one_pin_that_has_them() {
+    fn pulses_are_read_from_the_pulse_input_only() {
         let wired = (BatteryParameter::CurrPin, 17.0);
-        assert_eq!(left_ml(measure(FuelKind::LevelPwm, &[wired])), 2475.0);
+        assert_eq!(remaining_ml(measure(FuelKind::LevelPwm, &[wired])), 2475.0);
         let flow = measure(FuelKind::Flow, &[wired, (BatteryParameter::AmpPervlt, 0.5)]).unwrap();
         let counted = Consumed {
             charge_mah: 1.5,
             energy_wh: 0.0,
         };
-        assert_eq!(flow.counted, Some(Counted::SinceLast(counted)));
+        assert_eq!(flow.counted, Some(Counted::Increment(counted)));
         for kind in [FuelKind::Flow, FuelKind::LevelPwm] {
             for pin in [-1.0, 26.0] {
                 let elsewhere = measure(kind, &[(BatteryParameter::CurrPin, pin)]);
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_capacity_of_nothing_is_none() {
+    fn zero_capacity_is_not_set() {
         let wired = [
             (BatteryParameter::CurrPin, 17.0),
             (BatteryParameter::Capacity, 0.0),
@@ -157,7 +157,7 @@ mod tests {
         assert_eq!(measure(FuelKind::LevelPwm, &wired), Err(ReadError::NoCapacity));
         assert!(
             measure(FuelKind::Flow, &wired).is_ok(),
-            "what has flowed is known"
+            "the flow needs no capacity"
         );
     }
 }

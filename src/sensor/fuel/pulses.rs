@@ -1,23 +1,23 @@
-//! Pulses on a digital pin.
+//! Pulse counting and timing on a digital pin.
 
-/// The GPIO number of the pin whose pulses are counted (`BATT_CURR_PIN`).
+/// GPIO number of the pulse input (`BATT_CURR_PIN`).
 pub const PULSE_GPIO: i32 = 17;
 
-/// What the pulses on a pin have told since the start.
+/// Count and timing of pulses since boot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pulses {
-    /// How many have begun, modulo 2^32.
+    /// Rising edges, modulo 2^32.
     pub(super) count: u32,
-    /// When the last one began, in µs.
+    /// Time of the last rising edge, in µs.
     pub(super) last_rise_us: Option<u64>,
-    /// When the last one ended, in µs.
+    /// Time of the last falling edge, in µs.
     pub(super) last_fall_us: Option<u64>,
-    /// How long the last ones lasted, in µs.
+    /// Widths of the last three, in µs.
     widths_us: [u32; 3],
 }
 
 impl Pulses {
-    /// None yet.
+    /// No pulses.
     pub const NONE: Self = Self {
         count: 0,
         last_rise_us: None,
@@ -25,13 +25,13 @@ impl Pulses {
         widths_us: [0; 3],
     };
 
-    /// A pulse has begun.
+    /// Rising edge.
     pub fn rise(&mut self, now_us: u64) {
         self.count = self.count.wrapping_add(1);
         self.last_rise_us = Some(now_us);
     }
 
-    /// It has ended.
+    /// Falling edge.
     pub fn fall(&mut self, now_us: u64) {
         let Some(rise_us) = self.last_rise_us else { return };
         let width_us = now_us.saturating_sub(rise_us);
@@ -40,8 +40,7 @@ impl Pulses {
         self.last_fall_us = Some(now_us);
     }
 
-    /// How long a pulse lasts, in µs: the median of the last three. One that a busy processor has measured wrongly does not
-    /// count.
+    /// Pulse width, in µs: the median of three, which rejects one measured late by a busy processor.
     pub(super) fn width_us(&self) -> u32 {
         let [a, b, c] = self.widths_us;
         a.min(b).max(a.max(b).min(c))
@@ -72,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn one_pulse_that_was_measured_wrongly_does_not_count() {
+    fn median_rejects_one_wrong_width() {
         for wrong_us in [0, 700, 2900, 1 << 40] {
             for place in 0..3 {
                 let mut widths_us = [1500; 3];
@@ -83,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_whose_beginning_nobody_saw_is_none() {
+    fn falling_edge_without_a_rising_one_is_ignored() {
         let mut pulses = Pulses::NONE;
         pulses.fall(10);
         assert_eq!(pulses, Pulses::NONE);

@@ -1,13 +1,13 @@
-//! INA226: a power monitor in the pack's positive wire (Texas Instruments SBOS547).
+//! Simulated INA226, a high-side power monitor (Texas Instruments SBOS547).
 
 use embedded_hal_async::i2c::ErrorKind;
 
 use super::{Device, SimulatedPack};
 
-/// Where the monitor is with both address pins at ground.
+/// Address with both address pins at ground.
 pub const ADDRESS: u8 = 0x40;
 
-/// The shunt, in ohms: full scale is 41 A.
+/// Shunt, in ohms: full scale is 41 A.
 pub const SHUNT_OHM: f32 = 0.002;
 
 const CONFIGURATION: u8 = 0x00;
@@ -24,14 +24,14 @@ const MAX_BUS_CODE: f32 = 32_767.0;
 const TEXAS_INSTRUMENTS: u16 = 0x5449;
 const INA226: u16 = 0x2260;
 
-/// It measures at once, whatever conversion times it is told. It is never calibrated: current and power stay 0.
+/// Converts immediately, whatever the configured conversion time. Without calibration: current and power stay 0.
 pub(super) struct PowerMonitor {
     configuration: u16,
-    /// The register that is read.
+    /// Register pointer.
     pointer: u8,
-    /// What was written since the START: the pointer and a value.
+    /// Bytes written since the START: pointer and value.
     written: Vec<u8>,
-    /// The register as it was when the read began.
+    /// The register latched at the start of the read.
     latched: [u8; 2],
     bytes_read: usize,
 }
@@ -66,7 +66,7 @@ impl PowerMonitor {
     }
 }
 
-/// Positive when the pack is being discharged. Rust's conversion holds it at the ends of its range, as the part does.
+/// Positive during discharge. The cast saturates, as the part does.
 fn shunt_code(current_a: f32) -> i16 {
     (current_a * SHUNT_OHM / SHUNT_LSB_V).round() as i16
 }

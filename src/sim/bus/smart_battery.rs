@@ -1,10 +1,10 @@
-//! The pack's own fuel gauge (Smart Battery Data Specification 1.1), with packet error codes.
+//! Simulated smart battery (Smart Battery Data Specification 1.1) with packet error codes.
 
 use embedded_hal_async::i2c::{ErrorKind, NoAcknowledgeSource};
 
 use super::{Device, SimulatedPack};
 
-/// Where a smart battery always is.
+/// Address of every smart battery.
 pub const ADDRESS: u8 = 0x0b;
 
 const BATTERY_MODE: u8 = 0x03;
@@ -24,10 +24,10 @@ const SERIAL_NUMBER: u8 = 0x1c;
 const MANUFACTURER_NAME: u8 = 0x20;
 const DEVICE_NAME: u8 = 0x21;
 const DEVICE_CHEMISTRY: u8 = 0x22;
-/// Cell voltages are by custom at 0x3f for the first cell, and down from there.
+/// By convention the first cell's voltage is at 0x3f, the others below.
 const FIRST_CELL_VOLTAGE: u8 = 0x3f;
 
-/// BatteryMode: capacities are in mAh, not in 10 mWh.
+/// BatteryMode: capacities in mAh, not in 10 mWh.
 const CAPACITY_IN_MAH: u16 = 0;
 /// BatteryStatus.
 const INITIALISED: u16 = 1 << 7;
@@ -42,10 +42,10 @@ const SERIAL: u16 = 4711;
 const ROOM_TEMPERATURE: u16 = 2982;
 const NOMINAL_CELL_MV: u16 = 3700;
 
-/// It has no memory of its own: what is written to its registers is acknowledged and forgotten.
+/// Stateless: writes to registers are acknowledged and ignored.
 pub(super) struct SmartBattery {
     command: Option<u8>,
-    /// What a read is still to give.
+    /// Remaining bytes of a read.
     answer: std::vec::IntoIter<u8>,
 }
 
@@ -55,7 +55,7 @@ enum Value {
 }
 
 impl Value {
-    /// A word goes low byte first, a block after its length.
+    /// Little-endian word, or block after its length.
     fn bytes(&self) -> Vec<u8> {
         match self {
             Self::Word(word) => word.to_le_bytes().to_vec(),
@@ -78,7 +78,7 @@ impl Device for SmartBattery {
         self.command = None;
     }
 
-    /// A command it does not know is refused.
+    /// An unknown command is not acknowledged.
     fn write(&mut self, byte: u8, pack: &SimulatedPack) -> Result<(), ErrorKind> {
         if self.command.is_some() {
             return Ok(());
@@ -95,13 +95,13 @@ impl Device for SmartBattery {
         self.answer = answer.unwrap_or_default().into_iter();
     }
 
-    /// A line that nobody pulls low reads as ones.
+    /// A released line reads as ones.
     fn read(&mut self) -> u8 {
         self.answer.next().unwrap_or(0xff)
     }
 }
 
-/// What a command reads; `None` if the battery does not know it.
+/// Value of a command; `None` if unknown.
 fn value(command: u8, pack: &SimulatedPack) -> Option<Value> {
     let capacity_ah = pack.capacity_ah();
     let word = match command {
@@ -140,12 +140,12 @@ fn status(pack: &SimulatedPack) -> u16 {
     }
 }
 
-/// In thousandths. Rust's conversion holds it at the ends of its range.
+/// In thousandths, saturating.
 fn milli(value: f32) -> u16 {
     (value * 1e3).round() as u16
 }
 
-/// What a read gives: the value and its packet error code, which covers addresses and command as well.
+/// Bytes of a read: value and packet error code, which also covers addresses and command.
 fn answer(command: u8, pack: &SimulatedPack) -> Option<Vec<u8>> {
     let mut bytes = value(command, pack)?.bytes();
     let message = [&[ADDRESS << 1, command, ADDRESS << 1 | 1], &bytes[..]].concat();

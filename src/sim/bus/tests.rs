@@ -8,14 +8,14 @@ use crate::mavlink::Signing;
 use crate::parameter::{Parameters, SimulationParameter};
 use crate::tasks::Shared;
 
-const NOBODY: u8 = 0x41;
+const UNUSED_ADDRESS: u8 = 0x41;
 const REFUSED: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data);
-/// The rover's electronics draw 0.3 A more.
+/// In addition to 0.3 A of the rover's electronics.
 const LOAD_A: f32 = 4.7;
-/// Twenty-five times the time in which the pack settles.
+/// 25 time constants of the pack.
 const SETTLING: Duration = Duration::from_secs(200);
 
-/// Runs `test` on the bus of a pack that rests at 12 V and has given, or been given, a current for 200 s.
+/// Runs `test` on the bus of a pack with a resting voltage of 12 V, after 200 s of constant current.
 fn on_bus<R>(load_a: f32, test: impl AsyncFnOnce(&mut SimulatedBus<'_>) -> R) -> R {
     let mut parameters = Parameters::defaults();
     for (parameter, value) in [
@@ -30,9 +30,9 @@ fn on_bus<R>(load_a: f32, test: impl AsyncFnOnce(&mut SimulatedBus<'_>) -> R) ->
         Shared::new(&parameters, Signing::off()),
     );
     let settle_and_test = async {
-        let living = LivingPack::new(&pack, &rover, &shared);
+        let simulation = PackSimulation::new(&pack, &rover, &shared);
         Timer::after(SETTLING).await;
-        test(&mut SimulatedBus::new(&living)).await
+        test(&mut SimulatedBus::new(&simulation)).await
     };
     clock::run_for(SETTLING * 2, settle_and_test).expect("the test ends")
 }
@@ -48,7 +48,7 @@ async fn monitor_register(bus: &mut SimulatedBus<'_>, register: u8) -> u16 {
     u16::from_be_bytes(read(bus, POWER_MONITOR_ADDRESS, register).await)
 }
 
-/// A word of the smart battery, whose packet error code is checked.
+/// A word of the smart battery, with its packet error code checked.
 async fn word(bus: &mut SimulatedBus<'_>, command: u8) -> u16 {
     let [low, high, pec] = read(bus, SMART_BATTERY_ADDRESS, command).await;
     assert_eq!(pec, crc8(&[0x16, command, 0x17, low, high]), "{command:#x}");
@@ -71,12 +71,12 @@ fn crc8(bytes: &[u8]) -> u8 {
 }
 
 #[test]
-fn the_tests_packet_error_code_has_the_published_check_value() {
+fn crc8_has_the_published_check_value() {
     assert_eq!(crc8(b"123456789"), 0xf4);
 }
 
 #[test]
-fn the_monitor_measures_voltage_and_current_of_the_pack() {
+fn power_monitor_measures_the_packs_voltage_and_current() {
     on_bus(LOAD_A, async |bus| {
         assert_eq!(monitor_register(bus, 0xfe).await, 0x5449);
         assert_eq!(monitor_register(bus, 0xff).await, 0x2260);
@@ -87,7 +87,7 @@ fn the_monitor_measures_voltage_and_current_of_the_pack() {
 }
 
 #[test]
-fn the_monitor_is_configured_and_reset() {
+fn power_monitor_can_be_configured_and_reset() {
     on_bus(LOAD_A, async |bus| {
         assert_eq!(monitor_register(bus, 0x00).await, 0x4127);
         for (written, then) in [(0x4527u16, 0x4527), (0xc527, 0x4127)] {
@@ -99,7 +99,7 @@ fn the_monitor_is_configured_and_reset() {
 }
 
 #[test]
-fn the_smart_battery_knows_the_same_pack() {
+fn smart_battery_reports_the_same_pack() {
     on_bus(LOAD_A, async |bus| {
         for (command, expected) in [
             (0x03, 0),
@@ -127,7 +127,7 @@ fn the_smart_battery_knows_the_same_pack() {
 }
 
 #[test]
-fn a_pack_that_is_charged_has_its_current_the_other_way() {
+fn charging_current_is_negative() {
     on_bus(-2.3, async |bus| {
         assert_eq!(monitor_register(bus, 0x01).await as i16, -1600);
         assert_eq!(word(bus, 0x0a).await, 2000);
@@ -136,7 +136,7 @@ fn a_pack_that_is_charged_has_its_current_the_other_way() {
 }
 
 #[test]
-fn what_is_beyond_a_register_is_its_end() {
+fn registers_saturate() {
     on_bus(100.0, async |bus| {
         assert_eq!(monitor_register(bus, 0x01).await, 0x7fff);
         assert_eq!(word(bus, 0x0a).await as i16, i16::MIN);
@@ -144,7 +144,7 @@ fn what_is_beyond_a_register_is_its_end() {
 }
 
 #[test]
-fn the_smart_battery_has_a_name() {
+fn smart_battery_has_names() {
     on_bus(LOAD_A, async |bus| {
         let chemistry: [u8; 6] = read(bus, SMART_BATTERY_ADDRESS, 0x22).await;
         assert_eq!(chemistry[..5], *b"\x04LION");
@@ -157,24 +157,27 @@ fn the_smart_battery_has_a_name() {
 }
 
 #[test]
-fn who_is_not_there_and_what_is_not_known_is_not_acknowledged() {
+fn unknown_addresses_and_commands_are_not_acknowledged() {
     on_bus(LOAD_A, async |bus| {
         let mut bytes = [0; 2];
         let absent = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
-        assert_eq!(bus.write_read(NOBODY, &[0], &mut bytes).await, Err(absent));
-        assert_eq!(bus.read(NOBODY, &mut bytes).await, Err(absent));
+        assert_eq!(
+            bus.write_read(UNUSED_ADDRESS, &[0], &mut bytes).await,
+            Err(absent)
+        );
+        assert_eq!(bus.read(UNUSED_ADDRESS, &mut bytes).await, Err(absent));
         for command in [0x3c, 0x40, 0x77] {
             let result = bus
                 .write_read(SMART_BATTERY_ADDRESS, &[command], &mut bytes)
                 .await;
             assert_eq!(result, Err(REFUSED), "{command:#x}");
         }
-        assert_eq!(word(bus, 0x10).await, 2200, "the next one is answered");
+        assert_eq!(word(bus, 0x10).await, 2200, "the next command is acknowledged");
     });
 }
 
 #[test]
-fn a_transfer_takes_the_time_of_its_bits() {
+fn transfer_takes_the_time_of_its_bits() {
     on_bus(LOAD_A, async |bus| {
         let begun = Instant::now();
         word(bus, 0x09).await;
@@ -182,7 +185,7 @@ fn a_transfer_takes_the_time_of_its_bits() {
         let bits = 1 + 18 + 1 + 36 + 1;
         assert_eq!(begun.elapsed(), Duration::from_micros(10 * bits));
         let begun = Instant::now();
-        assert!(bus.read(NOBODY, &mut [0]).await.is_err());
+        assert!(bus.read(UNUSED_ADDRESS, &mut [0]).await.is_err());
         assert_eq!(
             begun.elapsed(),
             Duration::from_micros(110),
@@ -192,7 +195,7 @@ fn a_transfer_takes_the_time_of_its_bits() {
 }
 
 #[test]
-fn reads_in_a_row_go_on_and_a_transfer_that_was_given_up_is_forgotten() {
+fn consecutive_reads_continue_and_aborted_transfers_reset() {
     on_bus(LOAD_A, async |bus| {
         let (mut low, mut high) = ([0], [0]);
         let word_in_halves = &mut [

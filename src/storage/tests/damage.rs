@@ -1,4 +1,4 @@
-//! Damaged and foreign content: reported, survived, and never a value that was not stored.
+//! Damaged and foreign content is reported, and never gives a value that was not stored.
 
 use std::collections::BTreeSet;
 
@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A region that has gone round, and every value each key ever had.
+/// A wrapped region, its values, and all values each key ever had.
 fn used_region() -> (SmallFlash, Values, BTreeSet<(u16, u32)>) {
     let mut flash = SmallFlash::blank();
     let mut latest = Values::new();
@@ -21,17 +21,13 @@ fn used_region() -> (SmallFlash, Values, BTreeSet<(u16, u32)>) {
     (flash, latest, ever)
 }
 
-/// Whatever the flash holds: stores go on, and after a clear nothing is left of the damage.
-fn assert_goes_on(mut flash: SmallFlash) {
+/// Stores still work, and a store or a clear ends the damage.
+fn assert_recovers(mut flash: SmallFlash) {
     let mut cleared = flash.clone();
     let (mut found, _) = flash.load();
     assert_eq!(flash.store(5, 125), Ok(Stored::Written));
     found.insert(5, 125);
-    assert_eq!(
-        flash.load(),
-        (found, Ok(())),
-        "a value that is written ends the damage"
-    );
+    assert_eq!(flash.load(), (found, Ok(())), "a store ends the damage");
 
     assert_eq!(cleared.clear(), Ok(()));
     assert_eq!(cleared.load(), (Values::new(), Ok(())));
@@ -43,7 +39,7 @@ fn assert_goes_on(mut flash: SmallFlash) {
 }
 
 #[test]
-fn any_single_bit_that_flips_costs_at_most_one_record_and_is_reported_unless_it_looks_like_a_power_cut() {
+fn single_flipped_bit_loses_at_most_one_record() {
     let (mut flash, latest, ever) = used_region();
     let mut storage = flash.storage();
     let log = block_on(storage.find_log()).unwrap().unwrap();
@@ -72,18 +68,18 @@ fn any_single_bit_that_flips_costs_at_most_one_record_and_is_reported_unless_it_
         );
         match slot_of(bit / 8) {
             Some(slot) if slot + 1 < log.used => assert_eq!(result, Err(StorageError::Corrupt)),
-            // The last record, or the first blank slot, may be a store that was cut short.
+            // The last record or the first blank slot may be an interrupted store.
             Some(slot) if slot <= log.used => assert_eq!(result, Ok(())),
             Some(_) => assert_eq!(result, Err(StorageError::Corrupt)),
             None => assert!(differing.is_empty(), "bit {bit}"),
         }
         assert!(differing.len() <= 1, "bit {bit}");
-        assert_goes_on(spoiled);
+        assert_recovers(spoiled);
     }
 }
 
 #[test]
-fn a_damaged_page_costs_no_more_than_its_own_records_and_is_reported() {
+fn damaged_page_loses_only_its_records() {
     let (mut flash, latest, ever) = used_region();
     let log = block_on(flash.storage().find_log()).unwrap().unwrap();
     // Both ends of the sector, each with a header.
@@ -102,13 +98,13 @@ fn a_damaged_page_costs_no_more_than_its_own_records_and_is_reported() {
                     .count()
                     >= kept
             );
-            assert_goes_on(spoiled);
+            assert_recovers(spoiled);
         }
     }
 }
 
 #[test]
-fn the_loss_of_the_whole_sector_brings_back_older_values_and_is_reported() {
+fn lost_sector_restores_older_values_and_is_reported() {
     let (mut flash, latest, ever) = used_region();
     let log = block_on(flash.storage().find_log()).unwrap().unwrap();
     for fill in [0x00, 0xA5, 0xFF] {
@@ -118,28 +114,28 @@ fn the_loss_of_the_whole_sector_brings_back_older_values_and_is_reported() {
         assert_eq!(result, Err(StorageError::Corrupt));
         assert!(found.keys().eq(latest.keys()));
         assert!(found.iter().all(|(&key, &value)| ever.contains(&(key, value))));
-        assert_goes_on(spoiled);
+        assert_recovers(spoiled);
     }
 }
 
 #[test]
-fn a_cleared_region_that_gets_damaged_can_be_cleared_again() {
+fn damaged_cleared_region_can_be_cleared_again() {
     let (mut flash, ..) = used_region();
     flash.clear().unwrap();
     let log = block_on(flash.storage().find_log()).unwrap().unwrap();
-    // The word that says that another sector has taken over.
+    // The retired mark.
     flash.region()[log.sector as usize * 176 + 12] = 0xFE;
     assert_eq!(flash.load(), (Values::new(), Err(StorageError::Corrupt)));
-    assert_goes_on(flash);
+    assert_recovers(flash);
 }
 
 #[test]
-fn what_is_not_ours_is_reported_and_holds_no_value() {
+fn foreign_content_is_reported_and_empty() {
     for fill in [0x00, 0x01, 0xA5, 0xFE] {
         let mut flash = SmallFlash::blank();
         flash.region().fill(fill);
         assert_eq!(flash.load(), (Values::new(), Err(StorageError::Corrupt)));
-        assert_goes_on(flash);
+        assert_recovers(flash);
     }
 }
 
@@ -150,7 +146,7 @@ fn condition(flash: &mut SmallFlash) -> Condition {
 }
 
 #[test]
-fn blank_flash_one_damaged_record_and_more_are_distinguished() {
+fn condition_counts_damaged_records() {
     assert_eq!(condition(&mut SmallFlash::blank()), Condition::Blank);
     for byte in 0..176 * 3 {
         let mut touched = SmallFlash::blank();
@@ -159,7 +155,7 @@ fn blank_flash_one_damaged_record_and_more_are_distinguished() {
     }
 
     let (mut flash, ..) = used_region();
-    assert_eq!(condition(&mut flash), Condition::Whole);
+    assert_eq!(condition(&mut flash), Condition::Intact);
     let log = block_on(flash.storage().find_log()).unwrap().unwrap();
     let sector = log.sector as usize * 176;
     let records = sector + 16..sector + 176 - 16;
@@ -170,10 +166,10 @@ fn blank_flash_one_damaged_record_and_more_are_distinguished() {
         let expected = match byte {
             _ if records.contains(&byte) => Condition::OneRecordDamaged,
             _ if retired.contains(&byte) => Condition::Damaged,
-            _ => Condition::Whole,
+            _ => Condition::Intact,
         };
         assert_eq!(condition(&mut spoiled), expected, "byte {byte}");
-        // Another record has another twelve bytes.
+        // Another record is another twelve bytes.
         let other = records.start + (byte + 36) % records.len() / 12 * 12;
         if records.contains(&byte) && (byte - records.start) / 12 != (other - records.start) / 12 {
             spoiled.region()[other] ^= 1;
@@ -187,7 +183,7 @@ fn blank_flash_one_damaged_record_and_more_are_distinguished() {
 }
 
 #[test]
-fn a_start_over_that_fails_leaves_damage_and_one_that_succeeds_nothing() {
+fn failed_start_over_leaves_damage() {
     let (used, ..) = used_region();
     let is_over = (1..).any(|operations| {
         let mut flash = used.clone();
@@ -197,7 +193,7 @@ fn a_start_over_that_fails_leaves_damage_and_one_that_succeeds_nothing() {
         match result {
             Ok(()) => {
                 assert_eq!(flash.load(), (Values::new(), Ok(())));
-                assert_eq!(condition(&mut flash), Condition::Whole);
+                assert_eq!(condition(&mut flash), Condition::Intact);
             }
             Err(error) => {
                 assert_eq!(error, StorageError::Flash);
@@ -206,7 +202,7 @@ fn a_start_over_that_fails_leaves_damage_and_one_that_succeeds_nothing() {
                     is_empty || condition(&mut flash) == Condition::Damaged,
                     "{operations}"
                 );
-                assert_goes_on(flash);
+                assert_recovers(flash);
             }
         }
         result.is_ok()
@@ -221,15 +217,15 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn random_content_is_reported_and_holds_no_value(content in prop::collection::vec(any::<u8>(), 176 * 3)) {
+    fn random_content_is_reported_and_empty(content in prop::collection::vec(any::<u8>(), 176 * 3)) {
         let mut flash = SmallFlash::blank();
         flash.region().copy_from_slice(&content);
         prop_assert_eq!(flash.load(), (Values::new(), Err(StorageError::Corrupt)));
-        assert_goes_on(flash);
+        assert_recovers(flash);
     }
 
     #[test]
-    fn no_damage_brings_up_a_value_that_was_never_stored(
+    fn damage_never_yields_a_value_that_was_not_stored(
         damage in prop::collection::vec((0..176 * 3_usize, any::<u8>()), 1..60),
     ) {
         let (mut flash, latest, ever) = used_region();
@@ -239,9 +235,9 @@ proptest! {
         let (found, result) = flash.load();
         prop_assert!(found.iter().all(|(&key, &value)| ever.contains(&(key, value))));
         if result.is_ok() {
-            // At most the newest record, which counts as cut short.
+            // At most the newest record, as by an interrupted store.
             prop_assert!(latest.iter().filter(|&(key, value)| found.get(key) != Some(value)).count() <= 1);
         }
-        assert_goes_on(flash);
+        assert_recovers(flash);
     }
 }

@@ -28,7 +28,7 @@ impl Step {
     }
 }
 
-/// Few keys, so that they are stored again and again; few values, so that some are stored unchanged.
+/// Few keys and values, so that some stores change nothing.
 fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
         30 => (0..8_u16, 0..6_u8).prop_map(|(key, value)| Step::Store(key, u32::from(value))),
@@ -37,11 +37,11 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// Runs `steps` on storage that stays open. When power fails, the step under way is done or not done, all others hold, and
-/// the rest of the steps is left.
+/// Runs `steps` on one `Storage` until a power cut, after which the interrupted step is either done or not, and all
+/// previous ones are done.
 ///
-/// Returns the number of steps done, for certain or not.
-fn run_until_dark<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
+/// Returns the number of steps run, including the interrupted one.
+fn run_until_power_cut<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
     flash: &mut FlashModel<SECTOR, PAGE, SECTORS>,
     steps: &[Step],
     values: &mut Values,
@@ -53,10 +53,13 @@ fn run_until_dark<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
         if step.run(&mut storage).is_ok() {
             continue;
         }
-        assert!(storage.region.flash.is_dark(), "{step:?} failed with power on");
+        assert!(
+            storage.region.flash.is_powered_off(),
+            "{step:?} failed with power on"
+        );
         storage.region.flash.power_up();
         let (found, result) = flash.load();
-        assert_eq!(result, Ok(()), "a power cut is no damage, in {step:?}");
+        assert_eq!(result, Ok(()), "a power cut is not damage, in {step:?}");
         assert!(
             found == before || found == *values,
             "{step:?}: {before:?} became {found:?}"
@@ -67,8 +70,8 @@ fn run_until_dark<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
     steps.len()
 }
 
-/// Cuts power in every operation `steps` take, in `ways` ways each; after every cut, cuts it once more a little later; and
-/// then lets the rest of the steps run.
+/// Cuts power in every operation of `steps`, in `ways` ways each, once more soon after, and then runs the remaining
+/// steps.
 fn cut_everywhere<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
     prepared: &FlashModel<SECTOR, PAGE, SECTORS>,
     steps: &[Step],
@@ -77,20 +80,20 @@ fn cut_everywhere<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
     let mut flash = prepared.clone();
     let stored_before = flash.load().0;
     let mut values = stored_before.clone();
-    run_until_dark(&mut flash, steps, &mut values);
+    run_until_power_cut(&mut flash, steps, &mut values);
     let operations = flash.operations() - prepared.operations();
-    assert!(operations > 0 && !flash.is_dark());
+    assert!(operations > 0 && !flash.is_powered_off());
 
     for (operation, way) in (0..operations).flat_map(|operation| (0..ways).map(move |way| (operation, way))) {
         let seed = operation * ways + way;
         let mut flash = prepared.clone();
         let mut values = stored_before.clone();
         flash.cut_power_after(operation, seed);
-        let mut done = run_until_dark(&mut flash, steps, &mut values);
+        let mut done = run_until_power_cut(&mut flash, steps, &mut values);
         flash.cut_power_after(seed % 17, !seed);
-        done += run_until_dark(&mut flash, &steps[done..], &mut values);
+        done += run_until_power_cut(&mut flash, &steps[done..], &mut values);
         flash.power_up();
-        done += run_until_dark(&mut flash, &steps[done..], &mut values);
+        done += run_until_power_cut(&mut flash, &steps[done..], &mut values);
         assert_eq!(done, steps.len());
         assert_eq!(flash.load(), (values, Ok(())));
         flash.assert_margins_are_untouched();
@@ -98,8 +101,8 @@ fn cut_everywhere<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
 }
 
 #[test]
-fn a_power_cut_in_any_operation_leaves_the_old_or_the_new_value() {
-    // Alternating keys and one that stays; moves to the next sector come early, late and at a clear.
+fn power_cut_in_any_operation_leaves_old_or_new_value() {
+    // Alternating keys and a constant one; sector moves happen early, late and at a clear.
     let steps: Vec<Step> = (0..45_u16)
         .map(|number| match number {
             20 => Step::Clear,
@@ -111,7 +114,7 @@ fn a_power_cut_in_any_operation_leaves_the_old_or_the_new_value() {
 }
 
 #[test]
-fn a_power_cut_in_any_operation_of_a_move_on_the_board_leaves_the_old_or_the_new_value() {
+fn power_cut_during_a_move_of_the_boards_sectors() {
     let mut flash = BoardFlash::blank();
     let mut storage = flash.storage();
     for number in 0..BOARD_SLOTS - 3 {
@@ -122,7 +125,7 @@ fn a_power_cut_in_any_operation_of_a_move_on_the_board_leaves_the_old_or_the_new
 }
 
 #[test]
-fn an_operation_that_fails_leaves_the_old_or_the_new_value_and_the_next_call_works() {
+fn failed_operation_leaves_old_or_new_value() {
     for operation in 0..60 {
         let mut flash = SmallFlash::blank();
         let mut expected = Values::new();
@@ -144,7 +147,7 @@ fn an_operation_that_fails_leaves_the_old_or_the_new_value_and_the_next_call_wor
 }
 
 #[test]
-fn a_write_that_did_not_take_is_an_error_and_costs_no_other_value() {
+fn write_without_effect_is_detected() {
     for operation in 0..50 {
         let mut flash = SmallFlash::blank();
         let mut expected = Values::new();
@@ -168,7 +171,7 @@ fn a_write_that_did_not_take_is_an_error_and_costs_no_other_value() {
 }
 
 #[test]
-fn a_worn_bit_is_an_error_and_no_lost_value() {
+fn stuck_bit_is_an_error_without_loss() {
     for bit in 0..176 * 8 {
         let mut flash = SmallFlash::blank();
         flash.stuck = Some((2 * 176 + bit / 8, 1 << (bit % 8)));
@@ -185,13 +188,13 @@ fn a_worn_bit_is_an_error_and_no_lost_value() {
                 }
             }
         }
-        assert!(failures > 0, "the second sector can't be used");
+        assert!(failures > 0, "the second sector is unusable");
         assert_eq!(flash.load(), (expected, Ok(())));
     }
 }
 
 #[test]
-fn a_store_that_is_dropped_half_way_leaves_the_old_or_the_new_value() {
+fn dropped_store_leaves_old_or_new_value() {
     let mut flash = SmallFlash::blank();
     let mut expected = Values::new();
     let mut storage = flash.storage();
@@ -222,14 +225,14 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn any_stores_with_a_power_cut_in_every_operation_leave_old_or_new_values(
+    fn arbitrary_stores_survive_power_cuts(
         before in prop::collection::vec(step(), 0..30),
         mut steps in prop::collection::vec(step(), 0..30),
     ) {
         let mut flash = SmallFlash::blank();
         let mut values = Values::new();
-        run_until_dark(&mut flash, &before, &mut values);
-        // The others may all be unchanged values.
+        run_until_power_cut(&mut flash, &before, &mut values);
+        // All stores may be of unchanged values.
         steps.push(Step::Store(99, 1));
         cut_everywhere(&flash, &steps, 8);
     }

@@ -98,7 +98,7 @@ impl Scene {
 
     fn restart(&mut self) {
         self.save_now();
-        let mut signing = self.stored().restore(Condition::Whole);
+        let mut signing = self.stored().restore(Condition::Intact);
         self.desk.now_us = 0;
         self.save(&mut signing, 0);
         self.desk.signing = signing;

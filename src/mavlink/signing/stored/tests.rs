@@ -24,7 +24,7 @@ impl WordLog {
         self.read().restore(if self.0.is_empty() {
             Condition::Blank
         } else {
-            Condition::Whole
+            Condition::Intact
         })
     }
 
@@ -201,7 +201,7 @@ fn flash_that_can_not_be_read_holds_a_lost_key_unless_it_is_blank() {
         }
     }
     assert!(
-        StoredSigning::default().restore(Condition::Whole).has_lost_key(),
+        StoredSigning::default().restore(Condition::Intact).has_lost_key(),
         "no choice"
     );
     let blank = StoredSigning::default().restore(Condition::Blank);

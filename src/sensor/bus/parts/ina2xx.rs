@@ -382,7 +382,7 @@ impl Counting {
             energy: registers.read(self.counters.energy_register).await?,
         };
         let last = self.last.replace(codes);
-        Ok(last.map(|last| Counted::SinceLast(self.counted(&codes, &last))))
+        Ok(last.map(|last| Counted::Increment(self.counted(&codes, &last))))
     }
 
     /// The energy counts up whichever way the current flows, so it goes by the sign of the charge.

@@ -121,7 +121,7 @@ fn counted(charge_steps: f32, energy_steps: f32, wiring: &Wiring) -> Counted {
     let current_step_a = SENSE_STEP_V / wiring.shunt_ohm;
     let charge_c = charge_steps * CHARGE_STEPS * current_step_a * TICK_S;
     let energy_j = energy_steps * ENERGY_STEPS * current_step_a * VOLTAGE_STEP_V * TICK_S;
-    Counted::SinceLast(Consumed::from_si(charge_c, energy_j))
+    Counted::Increment(Consumed::from_si(charge_c, energy_j))
 }
 
 #[cfg(test)]

@@ -274,7 +274,7 @@ impl SmartBattery {
     /// Whether somebody is switching it off: by holding its button.
     async fn supply(&mut self, bus: &mut impl SensorBus) -> Result<Supply, ReadError> {
         let Some(Button { command, byte, bit }) = self.dialect.button else {
-            return Ok(Supply::Stays);
+            return Ok(Supply::On);
         };
         let state: [u8; BUTTON_BYTES] = self.commands(bus).block(command).await?;
         let is_pressed = state.get(byte).is_some_and(|byte| byte & bit != 0);
@@ -284,9 +284,9 @@ impl SmartBattery {
             0
         };
         Ok(if self.presses >= PRESSES_UNTIL_OFF {
-            Supply::SwitchingOff
+            Supply::PoweringOff
         } else {
-            Supply::Stays
+            Supply::On
         })
     }
 }

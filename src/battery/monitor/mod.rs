@@ -1,8 +1,8 @@
-//! From a series of measurements to the state of a pack.
+//! The monitor of one pack: from its measurements to its state, events and failsafe level.
 
 use heapless::Vec;
 
-use super::charge_state::{ChargeStateMachine, Signs};
+use super::charge_state::{ChargeStateMachine, Inputs};
 use super::consumption::Consumption;
 use super::diagnosis::Diagnosis;
 use super::estimator::{Estimator, Reading};
@@ -15,96 +15,96 @@ use super::{
     PackMemory, PackStatus, ReadError, Supply,
 };
 
-/// Below this voltage no pack is connected, in volts: the divider then sees what leaks in while the board runs from USB.
-/// The same limit as PX4's `BATTERY_CONNECTED` test.
+/// Below this voltage no pack is connected, in volts: what leaks into the divider while the board is powered by USB.
+/// PX4's `BATTERY_CONNECTED` test has the same limit.
 pub const MIN_CONNECTED_VOLTAGE_V: f32 = 2.1;
 
-/// After this many failed reads in a row the state says unhealthy: half a second at 10 Hz.
+/// Consecutive failed reads after which a pack is unhealthy: half a second at 10 Hz.
 pub const FAILED_READS_UNTIL_UNHEALTHY: u32 = 5;
 
-/// More than this no pack of a rover has, whatever its sensor says: in volts, amperes and degrees Celsius.
+/// Plausibility limits of a reading, in volts, amperes and degrees Celsius.
 const HIGHEST_VOLTAGE_V: f32 = 1_000.0;
 const HIGHEST_CURRENT_A: f32 = 10_000.0;
 const HIGHEST_TEMPERATURE_C: f32 = 1_000.0;
 
-/// No pack of a rover holds more, or less: in milliampere-hours and watt-hours.
+/// Plausibility limits of charge, energy and capacity, in milliampere-hours and watt-hours.
 const HIGHEST_CHARGE_MAH: f32 = 10_000_000.0;
 const HIGHEST_ENERGY_WH: f32 = 1_000_000.0;
 const LOWEST_CAPACITY_MAH: f32 = 1.0;
 
-/// What can happen to a pack in one tick: cells detected, swapped, a gap, its sensor failed or back, its contact lost or
-/// back, switched off, a failsafe.
+/// The most events of one tick: cells detected, pack swapped, gap, sensor failed or recovered, contact lost or
+/// restored, powering off, failsafe.
 pub const MAX_EVENTS: usize = 7;
 
-/// What happened to a pack in one tick.
+/// The events of one tick.
 pub type PackEvents = Vec<PackEvent, MAX_EVENTS>;
 
-/// One tick of the clock, as far as a battery is concerned.
+/// When an update happens, and whether the rover is armed then.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tick {
-    /// Microseconds since some start; it may stand still or leap.
+    /// Microseconds since an arbitrary epoch; may stall or jump.
     pub now_us: u64,
-    /// Whether the rover may move.
+    /// Whether the rover is armed.
     pub arm_state: ArmState,
 }
 
-/// Follows one pack.
+/// Monitors one pack.
 #[derive(Clone, Debug)]
 pub struct BatteryMonitor {
     state: BatteryState,
     failed_reads: u32,
     last_tick_us: Option<u64>,
-    last: Option<Last>,
+    last_reading: Option<LastReading>,
     last_healthy_us: Option<u64>,
-    /// The last voltage of a connected pack, in volts.
+    /// The latest voltage while connected, in volts.
     last_voltage_v: Option<f32>,
-    /// What the pack's own gauge told last.
+    /// The latest report of the pack's own fuel gauge.
     gauge: Option<Gauge>,
     health: HealthReporter,
     supply: Supply,
     consumption: Consumption,
     estimator: Estimator,
-    swap: SwapDetector,
+    swap_detector: SwapDetector,
     serial_number: SerialNumber,
     diagnosis: Diagnosis,
     charge_state: ChargeStateMachine,
     failsafe: Failsafe,
 }
 
-/// Whether this tick's reading was a good one of a connected pack.
+/// Whether the state shows this tick's reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Freshness {
-    /// It was, and the state shows it.
-    OfThisTick,
-    /// It was not: the state keeps what was known before, or nothing.
-    Kept,
+    /// A valid reading of a connected pack.
+    Fresh,
+    /// The read failed or no pack is connected: earlier values, or none.
+    Stale,
 }
 
-/// The last good reading.
+/// The latest valid reading.
 #[derive(Clone, Copy, Debug)]
-struct Last {
+struct LastReading {
     time_us: u64,
     current_a: Option<f32>,
 }
 
 impl BatteryMonitor {
-    /// A monitor that has seen nothing yet.
-    // Inlined, it would be written out once for each pack of a bank.
+    /// A monitor without any reading yet.
+    // Inlined, the code would be repeated for each pack of a bank.
     #[inline(never)]
     pub fn new() -> Self {
         Self {
             state: BatteryState::default(),
             failed_reads: 0,
             last_tick_us: None,
-            last: None,
+            last_reading: None,
             last_healthy_us: None,
             last_voltage_v: None,
             gauge: None,
             health: HealthReporter::default(),
-            supply: Supply::Stays,
+            supply: Supply::On,
             consumption: Consumption::default(),
             estimator: Estimator::new(),
-            swap: SwapDetector::new(),
+            swap_detector: SwapDetector::new(),
             serial_number: SerialNumber::default(),
             diagnosis: Diagnosis::default(),
             charge_state: ChargeStateMachine::default(),
@@ -112,17 +112,18 @@ impl BatteryMonitor {
         }
     }
 
-    /// What is known now.
+    /// The present state.
     pub fn state(&self) -> &BatteryState {
         &self.state
     }
 
-    /// How many reads have failed since the last good one (saturating).
+    /// Failed reads since the last valid one (saturating).
     pub fn failed_reads(&self) -> u32 {
         self.failed_reads
     }
 
-    /// Takes one reading, good or failed, and returns what happened. What is known afterwards is [`state`](Self::state).
+    /// Processes one reading, valid or failed, and returns the events and the read error. [`state`](Self::state) is the
+    /// result.
     pub fn update(
         &mut self,
         tick: Tick,
@@ -131,18 +132,18 @@ impl BatteryMonitor {
     ) -> (PackEvents, Option<ReadError>) {
         let mut events = PackEvents::new();
         let since = |time_us: Option<u64>| time_us.map_or(0, |time_us| tick.now_us.saturating_sub(time_us));
-        let dt_us = since(self.last.map(|last| last.time_us));
+        let dt_us = since(self.last_reading.map(|last| last.time_us));
         let tick_us = since(self.last_tick_us.replace(tick.now_us));
         let dt_s = tick_us as f32 * 1e-6;
-        let reading = reading.and_then(plausible);
+        let reading = reading.and_then(check_plausible);
         if let Ok(measurement) = &reading {
-            self.ingest_details(tick.arm_state, measurement, &mut events);
+            self.ingest_gauge_data(tick.arm_state, measurement, &mut events);
         }
-        let settings = self.informed(settings);
+        let settings = self.effective_settings(settings);
         let error = match reading {
             Ok(measurement) => {
                 self.accept(tick, dt_us, &measurement, &settings, &mut events);
-                self.last = Some(Last {
+                self.last_reading = Some(LastReading {
                     time_us: tick.now_us,
                     current_a: measurement.current_a,
                 });
@@ -161,29 +162,30 @@ impl BatteryMonitor {
             push(&mut events, event);
         }
         let freshness = match (error, status) {
-            (None, PackStatus::Healthy) => Freshness::OfThisTick,
-            _ => Freshness::Kept,
+            (None, PackStatus::Healthy) => Freshness::Fresh,
+            _ => Freshness::Stale,
         };
-        // The packs of a sum come and go; it is none that can be changed itself.
-        if freshness == Freshness::Kept && error != Some(ReadError::NoMember) {
-            self.swap.lose_contact(dt_s, tick.arm_state);
+        // A sum without healthy members has not lost a contact: it can't be swapped itself.
+        if freshness == Freshness::Stale && error != Some(ReadError::NoHealthyMember) {
+            self.swap_detector.lose_contact(dt_s, tick.arm_state);
         }
-        self.judge(tick, tick_us, freshness, &settings, &mut events);
+        self.evaluate_failsafes(tick, tick_us, freshness, &settings, &mut events);
         (events, error)
     }
 
-    /// Takes what a smart battery reports of itself. Details under another serial number wait until that is confirmed.
-    fn ingest_details(&mut self, arm_state: ArmState, measurement: &Measurement, events: &mut PackEvents) {
+    /// Takes over what a smart battery reports about itself. Details with a new serial number are ignored until the
+    /// number is confirmed.
+    fn ingest_gauge_data(&mut self, arm_state: ArmState, measurement: &Measurement, events: &mut PackEvents) {
         let serial_number = measurement.details.serial_number;
         if let Some(replacement) = self.serial_number.update(serial_number, arm_state) {
-            self.swap.forget();
+            self.swap_detector.reset();
             self.replace_pack(replacement, events);
         }
-        if self.serial_number.fits(serial_number) {
+        if self.serial_number.matches(serial_number) {
             self.state.details = measurement.details;
         }
-        if self.supply != measurement.supply && measurement.supply == Supply::SwitchingOff {
-            push(events, PackEvent::SwitchingOff);
+        if self.supply != measurement.supply && measurement.supply == Supply::PoweringOff {
+            push(events, PackEvent::PoweringOff);
         }
         self.supply = measurement.supply;
         self.state.contents = measurement.contents;
@@ -192,8 +194,8 @@ impl BatteryMonitor {
         self.gauge = measurement.gauge;
     }
 
-    /// What the owner has set, with what a smart battery knows better.
-    fn informed(&self, settings: &PackSettings) -> PackSettings {
+    /// The owner's settings, overridden by what a smart battery reports; a cell count that is set wins.
+    fn effective_settings(&self, settings: &PackSettings) -> PackSettings {
         let details = &self.state.details;
         let cells = self.state.cells.millivolts().len() as u8;
         PackSettings {
@@ -225,26 +227,26 @@ impl BatteryMonitor {
             .voltage_v
             .is_some_and(|voltage_v| voltage_v < MIN_CONNECTED_VOLTAGE_V)
         {
-            self.disconnected();
+            self.clear_readings();
             return;
         }
         self.state.status = PackStatus::Healthy;
         self.last_healthy_us = Some(tick.now_us);
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
-        if let Some(replacement) = self.watch_for_swap(&reading) {
+        if let Some(replacement) = self.detect_swap(&reading) {
             self.replace_pack(replacement, events);
         }
-        if let Some(gap) = self.count(dt_us, measurement) {
+        if let Some(gap) = self.update_consumption(dt_us, measurement) {
             push(events, PackEvent::Gap(gap));
         }
         if let Some(event) = self.estimator.update(&reading, settings) {
             push(events, event);
         }
-        self.describe(measurement, settings);
+        self.update_state(measurement, settings);
     }
 
-    /// Without a pack the pin's voltage is not a pack voltage: unknown, not a flat battery.
-    fn disconnected(&mut self) {
+    /// Without a pack the voltage at the pin means nothing: the values become unknown, the pack is not empty.
+    fn clear_readings(&mut self) {
         self.state.status = PackStatus::NotConnected;
         self.state.voltage_v = None;
         self.state.resting_voltage_v = None;
@@ -256,32 +258,33 @@ impl BatteryMonitor {
         self.diagnosis = Diagnosis::default();
     }
 
-    fn watch_for_swap(&mut self, reading: &Reading) -> Option<Replacement> {
+    fn detect_swap(&mut self, reading: &Reading) -> Option<Replacement> {
         let Some(voltage_v) = reading.voltage_v else {
-            self.swap.lose_contact(reading.dt_s, reading.arm_state);
+            self.swap_detector.lose_contact(reading.dt_s, reading.arm_state);
             return None;
         };
-        self.swap
+        self.swap_detector
             .update(reading.dt_s, voltage_v, reading.current_a, reading.arm_state)
     }
 
-    /// Another pack is in: what was estimated and counted starts over. Its failsafe level stays until it is disproved.
+    /// The pack was swapped: estimates and counts restart. The failsafe level stays latched until the new pack
+    /// disproves it.
     fn replace_pack(&mut self, replacement: Replacement, events: &mut PackEvents) {
         self.consumption = Consumption::default();
         self.estimator = Estimator::new();
         self.failsafe.replace_pack(replacement);
         self.charge_state = ChargeStateMachine::default();
-        self.last = None;
+        self.last_reading = None;
         push(events, PackEvent::Swapped);
     }
 
-    fn count(&mut self, dt_us: u64, measurement: &Measurement) -> Option<super::Gap> {
+    fn update_consumption(&mut self, dt_us: u64, measurement: &Measurement) -> Option<super::Gap> {
         match measurement.counted {
-            Some(Counted::InAll(consumed)) => {
+            Some(Counted::Total(consumed)) => {
                 self.consumption.restart(consumed);
                 return None;
             }
-            Some(Counted::SinceLast(counted)) => {
+            Some(Counted::Increment(counted)) => {
                 self.consumption.add_counted(counted);
                 return None;
             }
@@ -290,7 +293,7 @@ impl BatteryMonitor {
         let gap = self.integrate(dt_us, measurement);
         match measurement.gauge {
             Some(gauge) => {
-                // The energy is integrated; the charge the pack knows itself, whatever was missed.
+                // Energy is integrated here; the charge is the gauge's, so a gap does not matter.
                 self.consumption.set_charge_mah(gauge.consumed_mah());
                 None
             }
@@ -300,20 +303,20 @@ impl BatteryMonitor {
 
     fn integrate(&mut self, dt_us: u64, measurement: &Measurement) -> Option<super::Gap> {
         let current_a = measurement.current_a?;
-        let previous_a = self.last?.current_a?;
+        let previous_a = self.last_reading?.current_a?;
         self.consumption
-            .add(dt_us, previous_a, current_a, measurement.voltage_v)
+            .integrate(dt_us, previous_a, current_a, measurement.voltage_v)
     }
 
-    fn describe(&mut self, measurement: &Measurement, settings: &PackSettings) {
+    fn update_state(&mut self, measurement: &Measurement, settings: &PackSettings) {
         let Measurement {
             voltage_v, current_a, ..
         } = *measurement;
         let is_counted = current_a.is_some() || measurement.counted.is_some() || measurement.gauge.is_some();
-        let share = match (measurement.gauge, measurement.contents) {
-            (Some(gauge), _) => Some(gauge.share()),
+        let state_of_charge = match (measurement.gauge, measurement.contents) {
+            (Some(gauge), _) => Some(gauge.state_of_charge()),
             (None, Contents::Charge) => self.estimator.state_of_charge(),
-            (None, Contents::Fuel) => self.fuel_share(settings),
+            (None, Contents::Fuel) => self.fill_level(settings),
         };
         let state = &mut self.state;
         state.voltage_v = voltage_v;
@@ -326,10 +329,10 @@ impl BatteryMonitor {
         state.consumed_mah = is_counted.then(|| self.consumption.charge_mah());
         state.consumed_wh = (is_counted && voltage_v.is_some() && measurement.contents == Contents::Charge)
             .then(|| self.consumption.energy_wh());
-        state.remaining_pct = share.map(|share| share * 100.0);
+        state.remaining_pct = state_of_charge.map(|share| share * 100.0);
         state.time_remaining_s = current_a
-            .and(share)
-            .and_then(|share| self.estimator.time_remaining_s(share, settings));
+            .and(state_of_charge)
+            .and_then(|state_of_charge| self.estimator.time_remaining_s(state_of_charge, settings));
         state.charge_source = match measurement.gauge {
             Some(_) => ChargeSource::Gauge,
             None => ChargeSource::Estimated,
@@ -337,22 +340,22 @@ impl BatteryMonitor {
         state.cell_count = self.estimator.cell_count(settings);
     }
 
-    /// How full a tank is whose flow is counted: it was full at the start, or what the last battery reset has told.
-    fn fuel_share(&self, settings: &PackSettings) -> Option<f32> {
+    /// Fill level of a tank whose flow is counted: it starts full, or at the level of the last battery reset.
+    fn fill_level(&self, settings: &PackSettings) -> Option<f32> {
         let capacity_ml = settings.capacity_mah?;
         Some((1.0 - self.consumption.charge_mah() / capacity_ml).clamp(0.0, 1.0))
     }
 
     fn reject(&mut self) {
-        self.serial_number.miss();
+        self.serial_number.read_failed();
         self.failed_reads = self.failed_reads.saturating_add(1);
         if self.failed_reads >= FAILED_READS_UNTIL_UNHEALTHY {
             self.state.status = PackStatus::Unhealthy;
         }
     }
 
-    /// What follows from the state, after a good reading or a failed one.
-    fn judge(
+    /// Faults, failsafe level and charge state, after every tick: a failed read counts, too.
+    fn evaluate_failsafes(
         &mut self,
         tick: Tick,
         dt_us: u64,
@@ -376,10 +379,10 @@ impl BatteryMonitor {
             dt_us: u32::try_from(dt_us).unwrap_or(u32::MAX),
             last_healthy_us: self.last_healthy_us,
             state: match freshness {
-                Freshness::OfThisTick => Some(state),
-                Freshness::Kept => None,
+                Freshness::Fresh => Some(state),
+                Freshness::Stale => None,
             },
-            resting_v: self.swap.resting_v(),
+            resting_v: self.swap_detector.resting_v(),
         };
         let raised = self.failsafe.update(&observation, &settings.failsafe);
         if let Some(level) = raised {
@@ -394,7 +397,7 @@ impl BatteryMonitor {
             );
         }
         state.failsafe = self.failsafe.level();
-        let signs = Signs {
+        let inputs = Inputs {
             status: state.status,
             faults: state.faults,
             failsafe: state.failsafe,
@@ -403,10 +406,10 @@ impl BatteryMonitor {
             current_a: state.current_a,
             capacity_mah: state.capacity_mah,
         };
-        state.charge_state = self.charge_state.update(dt_s, &signs);
+        state.charge_state = self.charge_state.update(dt_s, &inputs);
     }
 
-    /// What has to survive a reset of the processor.
+    /// What is retained over a reset of the processor.
     pub fn memory(&self) -> PackMemory {
         let (charge, detected_cells) = self.estimator.memory();
         PackMemory {
@@ -416,14 +419,14 @@ impl BatteryMonitor {
         }
     }
 
-    /// Takes up what was known before a reset of the processor.
+    /// Continues with what was retained over a reset of the processor.
     pub fn restore(&mut self, memory: &PackMemory) {
         self.consumption = memory.consumption;
         self.estimator.restore(memory.charge, memory.detected_cells);
     }
 
-    /// The battery was reset: so much is left, in percent (0 to 100). What is no number changes nothing, and a pack with a
-    /// gauge of its own knows better.
+    /// Battery reset: sets the remaining charge, in percent (0 to 100). Ignored if that is not finite, and for a pack
+    /// with its own fuel gauge.
     pub fn reset(&mut self, remaining_pct: f32, settings: &PackSettings) {
         if !remaining_pct.is_finite() || self.gauge.is_some() {
             return;
@@ -445,19 +448,19 @@ impl Default for BatteryMonitor {
     }
 }
 
-/// There is one place for every kind of event.
+/// Never full: there is room for one event of every kind.
 fn push(events: &mut PackEvents, event: PackEvent) {
     let _ = events.push(event);
 }
 
-fn plausible(measurement: Measurement) -> Result<Measurement, ReadError> {
+fn check_plausible(measurement: Measurement) -> Result<Measurement, ReadError> {
     let Measurement {
         voltage_v,
         current_a,
         temperature_c,
         ..
     } = measurement;
-    // NaN is not within any limit.
+    // NaN is within no limit.
     let is_within = |value: Option<f32>, limit: f32| value.is_none_or(|value| value.abs() <= limit);
     let is_gauge = |gauge: &Gauge| {
         (0.0..=HIGHEST_CHARGE_MAH).contains(&gauge.remaining_mah)
@@ -465,7 +468,7 @@ fn plausible(measurement: Measurement) -> Result<Measurement, ReadError> {
             && gauge.full_mah <= HIGHEST_CHARGE_MAH
     };
     let is_count = |counted: Counted| {
-        let (Counted::InAll(consumed) | Counted::SinceLast(consumed)) = counted;
+        let (Counted::Total(consumed) | Counted::Increment(consumed)) = counted;
         is_within(Some(consumed.charge_mah), HIGHEST_CHARGE_MAH)
             && is_within(Some(consumed.energy_wh), HIGHEST_ENERGY_WH)
     };

@@ -1,8 +1,8 @@
-//! What there is to know of every parameter: one table for the vehicle, one for each pack, one for the simulator.
+//! Parameter tables: of the vehicle, of a pack, of the simulator.
 
-/// Declares one table: the names of its parameters in code, and a row for each, in the same order.
+/// Declares a table: an enum of its parameters, and a row for each.
 ///
-/// What only the documentation needs is left out of the firmware: it would be 7 KB of it.
+/// Documentation fields are left out of the firmware, where they would take 7 KB of flash.
 macro_rules! parameters {
     ($(#[$about:meta])* $group:ident $($id:ident {
         key: $key:expr,
@@ -25,22 +25,22 @@ macro_rules! parameters {
         }
 
         impl $group {
-            /// How many there are.
+            /// Number of parameters in the table.
             pub const COUNT: usize = [$(Self::$id),*].len();
 
-            /// Every one of them, in the order of the table.
+            /// All parameters, in the order of the table.
             pub const ALL: [Self; Self::COUNT] = [$(Self::$id),*];
 
-            /// The first of them.
+            /// The first parameter.
             pub const FIRST: Self = Self::ALL[0];
 
-            /// The one whose row has this name. Case is ignored.
+            /// The parameter with this name, case-insensitive.
             pub(in crate::parameter) fn from_name(name: &[u8]) -> Option<Self> {
                 let is_meant = |parameter: &Self| parameter.row().name.as_bytes().eq_ignore_ascii_case(name);
                 Self::ALL.iter().copied().find(is_meant)
             }
 
-            /// Its row in the table.
+            /// Row in the table.
             pub fn row(self) -> &'static Parameter {
                 match self {
                     $(Self::$id => const {
@@ -81,40 +81,39 @@ pub use vehicle::VehicleParameter;
 /// One row of a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter {
-    /// The key of its value in flash, for a pack's parameter that of the first pack. It stays for ever and is never given
-    /// to another parameter.
+    /// Flash key, of a pack's parameter that of the first pack. Never changed or reused.
     pub key: u16,
-    /// Its name, ArduPilot 4.6's where that has the parameter. A pack's parameter has the pack's prefix before it.
+    /// Name, ArduPilot 4.6's if it has the parameter; of a pack's parameter without the pack's prefix.
     pub name: &'static str,
-    /// The type a ground station is told.
+    /// Type reported to ground stations.
     pub kind: Kind,
-    /// The value it has until somebody sets it, in the parameter's unit, unless
-    /// [`ParameterId::default_value`](super::ParameterId::default_value) makes an exception.
+    /// Default value, in the parameter's unit;
+    /// [`ParameterId::default_value`](super::ParameterId::default_value) has an exception.
     pub default: f32,
-    /// Which values it takes.
+    /// Valid values.
     pub range: Range,
-    /// What its owner wants to know of it.
+    /// Documentation for users.
     #[cfg(not(target_os = "none"))]
     pub documentation: Documentation,
 }
 
-/// What a parameter's owner wants to know of it. The firmware goes without.
+/// Documentation of a parameter for users; not in the firmware.
 #[cfg(not(target_os = "none"))]
 #[derive(Clone, Copy, Debug)]
 pub struct Documentation {
-    /// The step by which a ground station's controls change it, in the parameter's unit.
+    /// Increment of a ground station's controls, in the parameter's unit.
     pub step: f32,
-    /// The unit of its value, empty for a plain number.
+    /// Unit, empty for a plain number.
     pub unit: &'static str,
     /// When a change takes effect.
     pub takes_effect: TakesEffect,
-    /// A few words for a list.
+    /// Short label.
     pub label: &'static str,
-    /// What it does, for its owner.
+    /// Description.
     pub description: &'static str,
 }
 
-/// The type of a parameter's value. On the wire every value travels as a float.
+/// Type of a parameter. On the wire every value is a float.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A whole number, `MAV_PARAM_TYPE_INT8`.
@@ -131,8 +130,8 @@ pub enum Kind {
 #[cfg(not(target_os = "none"))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TakesEffect {
-    /// With the next reading or message.
+    /// Immediately.
     AtOnce,
-    /// When the board has been restarted.
+    /// After a restart of the board.
     AfterReboot,
 }

@@ -1,32 +1,30 @@
-//! Words stored under keys: a log in flash that survives a power cut at any moment.
+//! Power-fail-safe key-value log in flash, for parameters and for the signing key.
 //!
-//! The parameters are kept in one, what message signing has to remember in another.
-//!
-//! The region is a ring of sectors. The one with the highest sequence number holds every stored value:
+//! The region is a ring of sectors. The active one, with the highest sequence number, holds every stored value:
 //!
 //! | bytes of a sector | content |
 //! |---|---|
 //! | first 12 | header: magic, sequence number, CRC-32 |
-//! | 4 | blank until the next sector has taken over |
+//! | 4 | retired mark: blank until the next sector is active |
 //! | 12 each | records: key, value, CRC-32 |
-//! | last 16 | the header once more, 4 bytes unused |
+//! | last 16 | copy of the header, 4 bytes unused |
 //!
-//! A store appends one record. When the sector is full, the next one is erased, gets the newest record of every key, and
-//! takes over with its header, which is written last. So nothing that counts is ever erased or overwritten, and a power
-//! cut leaves either the old state or the new one, whatever the erase or the write that it interrupts leaves behind.
+//! A store appends a record. When the sector is full, the next one is erased, gets the latest record of every key, and
+//! becomes active with its header, which is written last. So valid data is never erased or overwritten, and a power cut
+//! leaves either the old state or the new one, whatever the interrupted erase or write leaves behind.
 //!
 //! # Damage
-//! A record whose CRC is wrong is passed over: its key has the value stored before, or none.
-//! - If that is the newest record, nothing is reported: a store that was cut short looks the same. Who has to know it
-//!   asks for the [`condition`](Storage::condition).
-//! - Any other damage that concerns a value, up to the loss of the sector, is [`StorageError::Corrupt`] from
-//!   [`load`](Storage::load), after all that can be read has been delivered.
-//! - The next value that is written goes to a fresh sector, together with what was readable. That ends the damage.
-//!   So does [`clear`](Storage::clear), with nothing stored.
+//! A record with a wrong CRC is skipped: its key has the previous value, or none.
+//! - In the newest record this is not reported: an interrupted store looks the same. The
+//!   [`condition`](Storage::condition) reports it.
+//! - Any other damage to a value, up to the loss of the sector, is [`StorageError::Corrupt`] from
+//!   [`load`](Storage::load), after all readable values have been delivered.
+//! - The next value is written to a fresh sector with all readable ones, which ends the damage. So does
+//!   [`clear`](Storage::clear).
 //!
 //! # Cost
-//! With the board's sectors of 4096 bytes, a value takes 12 bytes and a sector holds 338 records. A load or a move to the
-//! next sector compares every record with all later ones (reading is cheap there) instead of keeping a table in RAM.
+//! A value takes 12 bytes, and the board's sectors of 4096 bytes hold 338 records. A load or a move to the next sector
+//! compares every record with all later ones instead of keeping a table in RAM: reads are cheap.
 
 use core::ops::Range;
 
@@ -44,84 +42,83 @@ mod model;
 #[cfg(test)]
 mod tests;
 
-/// Why the storage could not do what it was asked.
+/// Why an operation failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum StorageError {
-    /// The flash reported an error, or does not hold what was just written to it.
+    /// The flash driver reported an error, or reading back failed to verify.
     Flash,
-    /// What is stored was damaged by something other than a power cut, or is not ours.
+    /// The content is damaged by something other than a power cut, or has another format.
     Corrupt,
-    /// There is no room for another key. What is stored stays.
+    /// No space for another key. Stored values are kept.
     Full,
 }
 
-/// How much of what was stored can be read.
+/// Integrity of the stored values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Condition {
-    /// Every byte is erased: nothing was ever stored.
+    /// Erased: nothing was ever stored.
     Blank,
-    /// Everything.
-    Whole,
-    /// Everything but one record: a store that was cut short, or bits that changed.
+    /// All values are readable.
+    Intact,
+    /// One record is damaged: an interrupted store, or flipped bits.
     OneRecordDamaged,
-    /// More is lost: records, the newest sector, or everything.
+    /// Several records, the active sector or everything is damaged.
     Damaged,
 }
 
-/// What a store did.
+/// Result of a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Stored {
-    /// The value is in flash now.
+    /// Written and verified.
     Written,
-    /// It was there already, bit for bit; nothing was written.
+    /// Flash holds the same bits already; nothing was written.
     Unchanged,
 }
 
-/// Values of 32 bits in a region of flash, each under a key that never changes its meaning.
+/// Key-value store of 32-bit values in a region of flash.
 ///
-/// A key nobody asks for any more stays, so another firmware finds its values again.
+/// Unknown keys are kept, for another firmware version.
 ///
-/// Between two flash operations other tasks get a turn. A future that is dropped half way is like a power cut.
+/// Yields to other tasks between flash operations. Dropping a future before it completes is like a power cut.
 #[derive(Debug)]
 pub struct Storage<F> {
     region: Region<F>,
-    /// Known since the last call that went well. `None` while flash is being written, so that whatever happened, the next
-    /// call looks for itself.
+    /// Cached by the last successful call. `None` during writes, so that the next call scans the flash after a failure.
     log: Option<Log>,
     condition: Condition,
 }
 
-/// The sector that holds the stored values.
+/// The active sector.
 #[derive(Clone, Copy, Debug)]
 struct Log {
     sector: u32,
     sequence: u32,
-    /// Every slot from here on is blank.
+    /// Slots from here on are blank.
     used: u32,
-    /// Nothing is wrong with it: another record may follow.
-    is_whole: bool,
-    /// What is wrong with it, if anything, can be a store that was cut short.
+    /// Undamaged: another record may be appended.
+    is_intact: bool,
+    /// Undamaged, or damaged as by an interrupted store.
     is_trusted: bool,
     condition: Condition,
 }
 
-/// What a clear leaves that does not get to its end.
+/// What an interrupted clear leaves.
 #[derive(Clone, Copy, Debug)]
-enum IfCutShort {
-    /// Every value.
+enum IfInterrupted {
+    /// All values.
     KeepAll,
-    /// Values that are out of date, or none.
+    /// Outdated values reported as damage, or none.
     LeaveDamage,
 }
 
 impl<F: NorFlash> Storage<F> {
     const SLOTS: u32 = Region::<F>::SLOTS;
 
-    /// The storage in the whole sectors of `range`, an address range of `flash`. It takes two at least; with fewer,
-    /// every store is [`StorageError::Full`]. Nothing is read or written yet.
+    /// Storage in the complete sectors of `range`, an address range of `flash`. With fewer than two sectors, every
+    /// store is [`StorageError::Full`]. Does not access the flash.
     pub fn new(flash: F, range: Range<u32>) -> Self {
         Self {
             region: Region::new(flash, range),
@@ -130,11 +127,10 @@ impl<F: NorFlash> Storage<F> {
         }
     }
 
-    /// Calls `found` once for every stored key, with its latest value, in the order in which those values were stored.
+    /// Calls `found` with the latest value of every key, in the order in which these were stored.
     ///
     /// # Errors
-    /// [`StorageError::Corrupt`]: some values may be older than the latest, or missing. Those that were delivered have
-    /// been stored once. [`StorageError::Flash`]: reading failed part way.
+    /// [`StorageError::Corrupt`]: some values may be outdated or missing. [`StorageError::Flash`]: a read failed.
     pub async fn load(&mut self, found: &mut dyn FnMut(u16, u32)) -> Result<(), StorageError> {
         self.condition = Condition::Damaged;
         let Some(log) = self.find_log().await? else {
@@ -143,7 +139,7 @@ impl<F: NorFlash> Storage<F> {
                     self.condition = Condition::Blank;
                     Ok(())
                 }
-                Some(Unused::FirstWriteCutShort) => Ok(()),
+                Some(Unused::FirstWriteInterrupted) => Ok(()),
                 None => Err(StorageError::Corrupt),
             };
         };
@@ -152,7 +148,7 @@ impl<F: NorFlash> Storage<F> {
             let Some(record) = self.read_if_latest(&log, slot).await? else {
                 continue;
             };
-            // Another firmware's records may have wider keys.
+            // Another firmware version may have wider keys.
             if let Ok(key) = u16::try_from(record.key) {
                 found(key, record.value);
             }
@@ -165,16 +161,15 @@ impl<F: NorFlash> Storage<F> {
         }
     }
 
-    /// How much of what was stored the last [`load`](Self::load) could read. Unlike its result, this counts a store that was
-    /// cut short as damage.
+    /// Integrity found by the last [`load`](Self::load). Unlike its result, this counts an interrupted store as damage.
     pub fn condition(&self) -> Condition {
         self.condition
     }
 
-    /// Stores `value` under `key`. When it returns, the value is in flash and has been read back.
+    /// Stores `value` under `key`, and verifies it.
     ///
     /// # Errors
-    /// The value that was stored before is still there; after [`StorageError::Flash`] it may be the new one.
+    /// The previous value is kept; after [`StorageError::Flash`] it may be the new one.
     pub async fn store(&mut self, key: u16, value: u32) -> Result<Stored, StorageError> {
         let record = Record {
             key: key.into(),
@@ -191,7 +186,7 @@ impl<F: NorFlash> Storage<F> {
             self.log = Some(log);
             return Ok(Stored::Unchanged);
         }
-        let log = if log.is_whole && log.used < Self::SLOTS {
+        let log = if log.is_intact && log.used < Self::SLOTS {
             self.region.write_record(log.sector, log.used, record).await?;
             Log {
                 used: log.used + 1,
@@ -204,42 +199,41 @@ impl<F: NorFlash> Storage<F> {
         Ok(Stored::Written)
     }
 
-    /// Forgets every value, at once: a power cut leaves all or none.
+    /// Erases all values atomically: a power cut leaves all or none.
     ///
     /// # Errors
-    /// After [`StorageError::Flash`] there are all or none, too.
+    /// [`StorageError::Flash`] leaves all or none, too.
     pub fn clear(&mut self) -> impl Future<Output = Result<(), StorageError>> {
-        self.clear_with(IfCutShort::KeepAll)
+        self.clear_with(IfInterrupted::KeepAll)
     }
 
-    /// Forgets every value. However far it gets before a power cut or a failure, it leaves no value or
-    /// [`Condition::Damaged`]; only flash that takes no change at all stays as it was.
+    /// Erases all values. A power cut or failure leaves no value or [`Condition::Damaged`], unless no write takes
+    /// effect at all.
     ///
     /// # Errors
-    /// [`StorageError::Flash`]: flash could not be written.
+    /// [`StorageError::Flash`]: a write failed.
     pub fn start_over(&mut self) -> impl Future<Output = Result<(), StorageError>> {
-        self.clear_with(IfCutShort::LeaveDamage)
+        self.clear_with(IfInterrupted::LeaveDamage)
     }
 
-    async fn clear_with(&mut self, if_cut_short: IfCutShort) -> Result<(), StorageError> {
+    async fn clear_with(&mut self, if_interrupted: IfInterrupted) -> Result<(), StorageError> {
         self.log = None;
         let log = self.find_log().await?;
         let is_clear = match &log {
-            Some(log) => log.is_whole && log.used == 0,
+            Some(log) => log.is_intact && log.used == 0,
             None => self.region.unused().await?.is_some(),
         };
         if is_clear {
             return Ok(());
         }
-        if let (Some(log), IfCutShort::LeaveDamage) = (&log, if_cut_short) {
+        if let (Some(log), IfInterrupted::LeaveDamage) = (&log, if_interrupted) {
             self.region.retire(log.sector).await?;
         }
         self.log = Some(self.start_sector(log.as_ref(), None).await?);
         Ok(())
     }
 
-    /// Puts the next sector in charge: with the newest record of every key in `old` and `newest`, or empty if there is
-    /// no `newest`.
+    /// Activates the next sector, with the latest record of every key in `old` and `newest`, or empty without `newest`.
     async fn start_sector(&mut self, old: Option<&Log>, newest: Option<Record>) -> Result<Log, StorageError> {
         if self.region.sectors < 2 {
             return Err(StorageError::Full);
@@ -252,14 +246,14 @@ impl<F: NorFlash> Storage<F> {
             }
             None => (self.region.find_blank_sector().await?.unwrap_or(0), 1),
         };
-        // Before the erase, so that a key that is offered again and again does not wear the flash.
+        // Before the erase, so that repeated attempts to store another key do not wear the flash.
         if let (Some(old), Some(newest)) = (old, newest)
-            && !self.has_room_for(newest.key, old).await?
+            && !self.has_space_for(newest.key, old).await?
         {
             return Err(StorageError::Full);
         }
-        // A sector whose erase was cut short may read as blank and yet not keep what is written to it, so one that may
-        // have been in use is erased whatever it reads. In a region that was never used, an erase could only do harm.
+        // After an interrupted erase a sector may read as blank without retaining data, so one that may have been used
+        // is erased in any case. A region that was never used needs no erase.
         if old.is_some() || !self.region.is_blank(sector).await? {
             self.region.erase(sector).await?;
         }
@@ -267,7 +261,7 @@ impl<F: NorFlash> Storage<F> {
         if let (Some(old), Some(newest)) = (old, newest) {
             for slot in 0..old.used {
                 yield_now().await;
-                if let Some(record) = self.read_if_carried(old, slot, newest.key).await? {
+                if let Some(record) = self.read_if_copied(old, slot, newest.key).await? {
                     self.region.write_record(sector, used, record).await?;
                     used += 1;
                 }
@@ -277,37 +271,37 @@ impl<F: NorFlash> Storage<F> {
             self.region.write_record(sector, used, newest).await?;
             used += 1;
         }
-        // A power cut before this leaves the old sector in charge, one after it the new sector.
+        // Commit: a power cut before this leaves the old sector active, one after it the new sector.
         self.region.write_sequence(sector, sequence).await?;
         if let Some(old) = old {
-            // If the new sector is ever lost, this tells that the old one is out of date.
+            // Marks the old sector as outdated, in case the new one is lost.
             self.region.retire(old.sector).await?;
         }
         Ok(Log {
             sector,
             sequence,
             used,
-            is_whole: true,
+            is_intact: true,
             is_trusted: true,
-            condition: Condition::Whole,
+            condition: Condition::Intact,
         })
     }
 
-    async fn has_room_for(&mut self, key: u32, log: &Log) -> Result<bool, StorageError> {
+    async fn has_space_for(&mut self, key: u32, log: &Log) -> Result<bool, StorageError> {
         if log.used < Self::SLOTS {
             return Ok(true);
         }
         for slot in 0..log.used {
             yield_now().await;
-            if self.read_if_carried(log, slot, key).await?.is_none() {
+            if self.read_if_copied(log, slot, key).await?.is_none() {
                 return Ok(true);
             }
         }
         Ok(false)
     }
 
-    /// The record in `slot`, if it goes to the next sector together with a new one for `key`.
-    async fn read_if_carried(
+    /// The record in `slot`, if it has to be copied to the next sector with a new record of `key`.
+    async fn read_if_copied(
         &mut self,
         log: &Log,
         slot: u32,
@@ -317,7 +311,7 @@ impl<F: NorFlash> Storage<F> {
         Ok(record.filter(|record| record.key != key))
     }
 
-    /// The sector with the highest sequence number, and its state.
+    /// Scans for the active sector.
     async fn find_log(&mut self) -> Result<Option<Log>, StorageError> {
         let mut newest: Option<(u32, u32)> = None;
         for sector in 0..self.region.sectors {
@@ -334,13 +328,13 @@ impl<F: NorFlash> Storage<F> {
         let mut used = 0;
         let mut records = 0;
         let mut ends_damaged = false;
-        // Slots that held a record once, as far as that can be seen.
+        // Damaged slots, as far as they can be recognised.
         let mut damaged = 0;
         for slot in 0..Self::SLOTS {
             match self.region.read_slot(sector, slot).await? {
                 Slot::Blank => continue,
                 Slot::Record(_) => {
-                    // Records have no blank slots before them.
+                    // Blank slots before a record are damaged ones.
                     damaged = slot - records;
                     records += 1;
                     ends_damaged = false;
@@ -353,24 +347,24 @@ impl<F: NorFlash> Storage<F> {
             used = slot + 1;
         }
         let is_retired = self.region.is_retired(sector).await?;
-        let is_whole = records == used && !is_retired;
-        let is_cut_short = records + 1 == used && ends_damaged && !is_retired;
+        let is_intact = records == used && !is_retired;
+        let is_interrupted_store = records + 1 == used && ends_damaged && !is_retired;
         Ok(Some(Log {
             sector,
             sequence,
             used,
-            is_whole,
-            is_trusted: is_whole || is_cut_short,
+            is_intact,
+            is_trusted: is_intact || is_interrupted_store,
             condition: match damaged {
                 _ if is_retired => Condition::Damaged,
-                0 => Condition::Whole,
+                0 => Condition::Intact,
                 1 => Condition::OneRecordDamaged,
                 _ => Condition::Damaged,
             },
         }))
     }
 
-    /// The record in `slot`, unless it is damaged or a later one has its key.
+    /// The record in `slot`, unless it is damaged or superseded by a later one.
     async fn read_if_latest(&mut self, log: &Log, slot: u32) -> Result<Option<Record>, StorageError> {
         let Slot::Record(record) = self.region.read_slot(log.sector, slot).await? else {
             return Ok(None);

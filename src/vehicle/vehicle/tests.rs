@@ -26,7 +26,7 @@ fn armed_in(mode: Mode) -> Vehicle {
     vehicle
 }
 
-/// Lets ticks pass and returns what happened, and when.
+/// Runs ticks and returns the events with their times.
 fn run(vehicle: &mut Vehicle, from_us: u64, to_us: u64) -> Vec<(u64, VehicleEvent)> {
     (from_us..=to_us)
         .step_by(TICK_US as usize)
@@ -35,19 +35,19 @@ fn run(vehicle: &mut Vehicle, from_us: u64, to_us: u64) -> Vec<(u64, VehicleEven
 }
 
 #[test]
-fn it_starts_disarmed_in_hold_and_rolls_freely() {
+fn starts_disarmed_in_hold_and_coasts() {
     let vehicle = Vehicle::new();
     assert_eq!(vehicle.status(), VehicleStatus::default());
     assert_eq!(vehicle.drives(), SideDrives::COAST);
 }
 
 #[test]
-fn hold_brakes_and_manual_follows_the_levers_as_fast_as_it_may() {
+fn hold_brakes_and_manual_follows_the_sticks() {
     let mut vehicle = armed_in(Mode::Hold);
     assert_eq!(vehicle.drives(), SideDrives::BRAKE);
     vehicle.set_mode(Mode::Manual).unwrap();
     assert_eq!(vehicle.drives(), SideDrives::COAST);
-    vehicle.control(0, Lever::At(1000), Lever::At(0));
+    vehicle.control(0, StickInput::Position(1000), StickInput::Position(0));
     vehicle.update(0, &SETTINGS);
     vehicle.update(500_000, &SETTINGS);
     assert_eq!(vehicle.drives(), both(0.5));
@@ -57,13 +57,13 @@ fn hold_brakes_and_manual_follows_the_levers_as_fast_as_it_may() {
     vehicle.set_mode(Mode::Hold).unwrap();
     assert_eq!(vehicle.drives(), SideDrives::BRAKE);
     vehicle.set_mode(Mode::Manual).unwrap();
-    assert_eq!(vehicle.drives(), SideDrives::COAST, "it starts anew");
+    assert_eq!(vehicle.drives(), SideDrives::COAST, "the limiter is reset");
 }
 
 #[test]
-fn levers_that_were_pushed_long_before_arming_do_not_drive() {
+fn sticks_timed_out_before_arming_do_not_drive() {
     let mut vehicle = Vehicle::new();
-    vehicle.control(0, Lever::At(1000), Lever::At(1000));
+    vehicle.control(0, StickInput::Position(1000), StickInput::Position(1000));
     run(&mut vehicle, 0, 3_000_000);
     vehicle.arm(3_000_000, true).unwrap();
     vehicle.set_mode(Mode::Manual).unwrap();
@@ -72,50 +72,54 @@ fn levers_that_were_pushed_long_before_arming_do_not_drive() {
 }
 
 #[test]
-fn controls_that_fall_silent_hold_it_once_until_they_come_back() {
+fn control_time_out_holds_until_inputs_resume() {
     let mut vehicle = armed_in(Mode::Manual);
-    vehicle.control(0, Lever::At(1000), Lever::At(0));
+    vehicle.control(0, StickInput::Position(1000), StickInput::Position(0));
     let events = run(&mut vehicle, 0, 10_000_000);
-    assert_eq!(events, [(1_520_000, VehicleEvent::ControlsSilent)]);
+    assert_eq!(events, [(1_520_000, VehicleEvent::ControlsTimedOut)]);
     assert_eq!(vehicle.drives(), SideDrives::BRAKE);
     assert_eq!(vehicle.status().alert, Alert::Failsafe);
     assert_eq!(vehicle.set_mode(Mode::Manual), Err(ModeRefused));
     assert_eq!(vehicle.set_mode(Mode::Hold), Ok(()));
-    vehicle.control(10_000_000, Lever::At(0), Lever::At(0));
+    vehicle.control(10_000_000, StickInput::Position(0), StickInput::Position(0));
     assert_eq!(vehicle.status().alert, Alert::None);
     assert_eq!(vehicle.status().mode, Mode::Hold);
     assert_eq!(vehicle.set_mode(Mode::Manual), Ok(()));
 }
 
 #[test]
-fn ground_stations_that_fall_silent_hold_it_and_a_driver_is_one() {
+fn heartbeat_time_out_holds_and_control_counts_as_one() {
     let mut vehicle = armed_in(Mode::Manual);
     vehicle.ground_station_seen(0);
     for second in 0..5 {
-        vehicle.control(second * 1_000_000, Lever::At(100), Lever::At(0));
+        vehicle.control(
+            second * 1_000_000,
+            StickInput::Position(100),
+            StickInput::Position(0),
+        );
         assert_eq!(
             run(&mut vehicle, second * 1_000_000, (second + 1) * 1_000_000),
             []
         );
     }
-    vehicle.control(5_000_000, Lever::Released, Lever::Released);
+    vehicle.control(5_000_000, StickInput::Released, StickInput::Released);
     assert_eq!(
         run(&mut vehicle, 5_000_000, 9_000_000),
-        [(6_520_000, VehicleEvent::GroundStationsSilent)]
+        [(6_520_000, VehicleEvent::GroundStationsTimedOut)]
     );
     vehicle.disarm();
     assert_eq!(vehicle.status().alert, Alert::None);
 }
 
 #[test]
-fn nobody_has_to_come_who_has_not_come_yet() {
+fn inputs_never_received_do_not_time_out() {
     let mut vehicle = armed_in(Mode::Manual);
     assert_eq!(run(&mut vehicle, 0, 60_000_000), []);
     assert_eq!(vehicle.status().mode, Mode::Manual);
 }
 
 #[test]
-fn every_action_but_a_warning_ends_in_hold_or_disarmed() {
+fn every_action_but_warn_holds_or_disarms() {
     for (number, mode, arm_state, event) in [
         (0, Mode::Manual, ArmState::Armed, None),
         (1, Mode::Hold, ArmState::Armed, Some("RTL needs a position: Hold")),
@@ -146,18 +150,18 @@ fn every_action_but_a_warning_ends_in_hold_or_disarmed() {
         ),
     ] {
         let mut vehicle = armed_in(Mode::Manual);
-        // ArduPilot never does 6 after a warning.
+        // ArduPilot never executes 6 after a warning.
         vehicle.battery_failsafe(FailsafeAction::Warn);
         let action = FailsafeAction::from_number(number).unwrap();
-        let said = vehicle.battery_failsafe(action).map(|event| event.to_string());
-        assert_eq!(said.as_deref(), event, "{number}");
+        let text = vehicle.battery_failsafe(action).map(|event| event.to_string());
+        assert_eq!(text.as_deref(), event, "{number}");
         let status = vehicle.status();
         assert_eq!((status.mode, status.arm_state), (mode, arm_state), "{number}");
     }
 }
 
 #[test]
-fn the_most_severe_action_wins_and_one_as_severe_is_done_again() {
+fn most_severe_action_wins_and_equal_ones_repeat() {
     let mut vehicle = armed_in(Mode::Manual);
     vehicle.battery_failsafe(FailsafeAction::Hold);
     vehicle.set_mode(Mode::Manual).unwrap();
@@ -168,18 +172,18 @@ fn the_most_severe_action_wins_and_one_as_severe_is_done_again() {
 }
 
 #[test]
-fn a_reset_battery_ends_what_was_done_about_it() {
+fn battery_reset_ends_termination() {
     let mut vehicle = armed_in(Mode::Manual);
     vehicle.battery_failsafe(FailsafeAction::Terminate);
-    vehicle.follow_batteries(FailsafeLevel::Critical);
+    vehicle.update_batteries(FailsafeLevel::Critical);
     assert_eq!(vehicle.status().alert, Alert::Terminated);
     assert_eq!(vehicle.arm(0, true), Err(ArmingRefused::Terminated));
-    vehicle.follow_batteries(FailsafeLevel::None);
+    vehicle.update_batteries(FailsafeLevel::None);
     assert_eq!(vehicle.status().alert, Alert::None);
     assert_eq!(vehicle.arm(0, true), Ok(()));
 }
 
-/// The buzzer in steps of 100 ms.
+/// The buzzer's output in steps of 100 ms.
 fn tones(vehicle: &Vehicle, from_us: u64, steps: u64) -> String {
     (0..steps)
         .map(
@@ -192,7 +196,7 @@ fn tones(vehicle: &Vehicle, from_us: u64, steps: u64) -> String {
 }
 
 #[test]
-fn lamps_and_buzzer_tell_how_it_is() {
+fn lamps_and_buzzer_indicate_the_state() {
     let mut vehicle = Vehicle::new();
     let colour = |vehicle: &Vehicle| vehicle.indication(0).colour;
     assert_eq!(colour(&vehicle), Colour::Green);
@@ -201,49 +205,49 @@ fn lamps_and_buzzer_tell_how_it_is() {
     assert_eq!(tones(&vehicle, 1_000_000, 10), "xxxxx.....");
     vehicle.arm(3_000_000, true).unwrap();
     assert_eq!(colour(&vehicle), Colour::Blue);
-    vehicle.follow_batteries(FailsafeLevel::Low);
+    vehicle.update_batteries(FailsafeLevel::Low);
     assert_eq!(colour(&vehicle), Colour::Yellow);
     assert_eq!(
         tones(&vehicle, 4_000_000, 40),
         "x...................x..................."
     );
-    vehicle.follow_batteries(FailsafeLevel::Critical);
+    vehicle.update_batteries(FailsafeLevel::Critical);
     assert_eq!(colour(&vehicle), Colour::Red);
     assert_eq!(tones(&vehicle, 4_000_000, 20), "x.x.x.....x.x.x.....");
 }
 
-/// Anything that can happen to a rover.
+/// Any input of the state machine.
 #[derive(Clone, Debug)]
-enum Happening {
+enum Input {
     Arm(bool),
     Disarm,
     Mode(Mode),
-    Control(Lever, Lever),
+    Control(StickInput, StickInput),
     GroundStation,
     Failsafe(i32),
     Batteries(FailsafeLevel),
     Wait(u64),
 }
 
-fn lever() -> impl Strategy<Value = Lever> {
+fn stick_input() -> impl Strategy<Value = StickInput> {
     prop_oneof![
-        4 => any::<i16>().prop_map(Lever::At),
-        1 => Just(Lever::Released),
-        1 => Just(Lever::Unchanged),
+        4 => any::<i16>().prop_map(StickInput::Position),
+        1 => Just(StickInput::Released),
+        1 => Just(StickInput::Unchanged),
     ]
 }
 
-fn happening() -> impl Strategy<Value = Happening> {
+fn input() -> impl Strategy<Value = Input> {
     use FailsafeLevel::{Critical, Low, None, Unhealthy};
     prop_oneof![
-        any::<bool>().prop_map(Happening::Arm),
-        Just(Happening::Disarm),
-        prop_oneof![Just(Mode::Manual), Just(Mode::Hold)].prop_map(Happening::Mode),
-        (lever(), lever()).prop_map(|(throttle, steering)| Happening::Control(throttle, steering)),
-        Just(Happening::GroundStation),
-        (0..=6).prop_map(Happening::Failsafe),
-        prop::sample::select(vec![None, Unhealthy, Low, Critical]).prop_map(Happening::Batteries),
-        (0u64..3_000_000).prop_map(Happening::Wait),
+        any::<bool>().prop_map(Input::Arm),
+        Just(Input::Disarm),
+        prop_oneof![Just(Mode::Manual), Just(Mode::Hold)].prop_map(Input::Mode),
+        (stick_input(), stick_input()).prop_map(|(throttle, steering)| Input::Control(throttle, steering)),
+        Just(Input::GroundStation),
+        (0..=6).prop_map(Input::Failsafe),
+        prop::sample::select(vec![None, Unhealthy, Low, Critical]).prop_map(Input::Batteries),
+        (0u64..3_000_000).prop_map(Input::Wait),
     ]
 }
 
@@ -256,24 +260,24 @@ fn is_in_range(drive: MotorDrive) -> bool {
 
 proptest! {
     #[test]
-    fn whatever_happens_the_motors_are_told_something_sound(
-        happenings in prop::collection::vec(happening(), 0..200),
+    fn outputs_are_valid_for_any_sequence_of_inputs(
+        inputs in prop::collection::vec(input(), 0..200),
         slew_rate_per_s in prop::option::of(0.01f32..10.0),
     ) {
         let settings = VehicleSettings { slew_rate_per_s, ..SETTINGS };
         let (mut vehicle, mut now_us) = (Vehicle::new(), 0);
-        for happening in happenings {
-            match happening {
-                Happening::Arm(is_fit) => drop(vehicle.arm(now_us, is_fit)),
-                Happening::Disarm => vehicle.disarm(),
-                Happening::Mode(mode) => drop(vehicle.set_mode(mode)),
-                Happening::Control(throttle, steering) => vehicle.control(now_us, throttle, steering),
-                Happening::GroundStation => vehicle.ground_station_seen(now_us),
-                Happening::Failsafe(number) => {
+        for input in inputs {
+            match input {
+                Input::Arm(is_fit) => drop(vehicle.arm(now_us, is_fit)),
+                Input::Disarm => vehicle.disarm(),
+                Input::Mode(mode) => drop(vehicle.set_mode(mode)),
+                Input::Control(throttle, steering) => vehicle.control(now_us, throttle, steering),
+                Input::GroundStation => vehicle.ground_station_seen(now_us),
+                Input::Failsafe(number) => {
                     vehicle.battery_failsafe(FailsafeAction::from_number(number).unwrap());
                 }
-                Happening::Batteries(worst) => vehicle.follow_batteries(worst),
-                Happening::Wait(us) => {
+                Input::Batteries(worst) => vehicle.update_batteries(worst),
+                Input::Wait(us) => {
                     now_us += us;
                     vehicle.update(now_us, &settings);
                 }

@@ -13,12 +13,12 @@ mod power_cuts;
 
 /// As on the board.
 type BoardFlash = FlashModel<4096, 256, 4>;
-/// Twelve records a sector, so that a few stores go round the ring.
+/// Twelve records per sector, so that a few stores wrap around the ring.
 type SmallFlash = FlashModel<176, 64, 3>;
 
 const BOARD_SLOTS: u32 = Storage::<BoardFlash>::SLOTS;
-// Every parameter there can be fits a sector, and a record that replaces one of them, unless more than six of the nine packs
-// are tanks and have every parameter of their level sensor changed, along with all others.
+// All parameters fit a sector with one record to spare, unless more than six of the nine packs are tanks with every
+// parameter of their level sensor changed, along with all others.
 const LEVEL_PARAMETERS: usize = 8;
 const _: () = assert!(((crate::parameter::PARAMETER_COUNT - 3 * LEVEL_PARAMETERS) as u32) < BOARD_SLOTS);
 
@@ -26,7 +26,7 @@ const SMALL_SLOTS: u32 = Storage::<SmallFlash>::SLOTS;
 
 type Values = BTreeMap<u16, u32>;
 
-/// The calls on freshly started storage, as after a reboot.
+/// Calls with a new `Storage`, as after a reboot.
 trait Reboot: NorFlash + Sized {
     fn storage(&mut self) -> Storage<&mut Self>;
 
@@ -60,7 +60,7 @@ fn values(pairs: &[(u16, u32)]) -> Values {
 }
 
 #[test]
-fn every_value_is_found_again_after_a_reboot() {
+fn every_value_is_loaded_after_a_reboot() {
     let mut flash = BoardFlash::blank();
     let stored = [
         (0, 0),
@@ -77,9 +77,9 @@ fn every_value_is_found_again_after_a_reboot() {
 }
 
 #[test]
-fn values_are_delivered_in_the_order_in_which_they_were_stored() {
+fn values_are_loaded_in_the_order_of_their_stores() {
     let mut flash = SmallFlash::blank();
-    // The ring has gone round, and the latest record of each key was carried along.
+    // The ring has wrapped, and the latest record of each key was copied.
     for number in 0..200_u16 {
         let key = u16::from(number % 7 < 3) + u16::from(number % 5 == 0);
         flash.store(key, u32::from(number)).unwrap();
@@ -90,15 +90,15 @@ fn values_are_delivered_in_the_order_in_which_they_were_stored() {
 }
 
 #[test]
-fn blank_flash_holds_nothing_and_is_not_damaged() {
+fn blank_flash_is_empty_and_undamaged() {
     let mut flash = BoardFlash::blank();
     assert_eq!(flash.load(), (Values::new(), Ok(())));
     assert_eq!(flash.clear(), Ok(()));
-    assert_eq!(flash.operations(), 0, "there was nothing to write");
+    assert_eq!(flash.operations(), 0, "nothing to write");
 }
 
 #[test]
-fn an_unchanged_value_writes_nothing() {
+fn unchanged_value_is_not_written() {
     let mut flash = BoardFlash::blank();
     for value in [2, u32::MAX, 1 << 31, 0] {
         assert_eq!(flash.store(7, value), Ok(Stored::Written));
@@ -112,7 +112,7 @@ fn an_unchanged_value_writes_nothing() {
 }
 
 #[test]
-fn clearing_forgets_every_value_and_the_next_ones_are_kept() {
+fn clear_erases_all_values_and_later_ones_are_kept() {
     let mut flash = SmallFlash::blank();
     for round in 1..20_u16 {
         flash.store(1, u32::from(round)).unwrap();
@@ -121,17 +121,17 @@ fn clearing_forgets_every_value_and_the_next_ones_are_kept() {
         assert_eq!(flash.load(), (Values::new(), Ok(())));
         let operations = flash.operations();
         assert_eq!(flash.clear(), Ok(()));
-        assert_eq!(flash.operations(), operations, "it was clear already");
+        assert_eq!(flash.operations(), operations, "already clear");
     }
 }
 
 #[test]
-fn keys_that_no_table_has_any_more_stay_while_the_log_goes_round() {
+fn unknown_keys_are_kept_when_the_ring_wraps() {
     let mut flash = SmallFlash::blank();
     for key in [40_000, 3, 2] {
         flash.store(key, u32::from(key)).unwrap();
     }
-    // The next firmware knows key 2 and a new one.
+    // The next firmware version has key 2 and a new one.
     for round in 0..300_u16 {
         flash.store(2 + round % 2 * 5, u32::from(round)).unwrap();
     }
@@ -143,7 +143,7 @@ fn keys_that_no_table_has_any_more_stay_while_the_log_goes_round() {
 }
 
 #[test]
-fn a_record_with_a_key_wider_than_ours_is_passed_over_and_kept() {
+fn record_with_a_wider_key_is_skipped_and_kept() {
     let mut flash = SmallFlash::blank();
     let mut storage = flash.storage();
     let log = block_on(storage.start_sector(None, None)).unwrap();
@@ -165,7 +165,7 @@ fn a_record_with_a_key_wider_than_ours_is_passed_over_and_kept() {
 }
 
 #[test]
-fn one_value_takes_an_erase_every_338_stores_and_all_sectors_wear_alike() {
+fn one_erase_per_338_stores_and_even_wear() {
     let mut flash = BoardFlash::blank();
     assert_eq!(BOARD_SLOTS, 338);
     let rounds = 4;
@@ -177,12 +177,12 @@ fn one_value_takes_an_erase_every_338_stores_and_all_sectors_wear_alike() {
         flash.load(),
         (Values::from([(1, rounds * 4 * BOARD_SLOTS - 1)]), Ok(()))
     );
-    // The first sector was blank when it was first used; the others are erased even so.
+    // The first sector was blank at its first use; the others are erased in any case.
     assert_eq!(flash.erases, [rounds - 1, rounds, rounds, rounds]);
 }
 
 #[test]
-fn a_store_reads_a_sector_at_most_and_a_move_of_250_values_stays_affordable() {
+fn reads_of_a_store_and_of_a_sector_move_are_bounded() {
     let mut flash = BoardFlash::blank();
     let mut storage = flash.storage();
     for key in 0..250 {
@@ -193,11 +193,7 @@ fn a_store_reads_a_sector_at_most_and_a_move_of_250_values_stays_affordable() {
     }
     let reads = storage.region.flash.reads;
     block_on(storage.store(0, 1)).unwrap();
-    assert_eq!(
-        storage.region.flash.reads - reads,
-        338,
-        "one read for every record"
-    );
+    assert_eq!(storage.region.flash.reads - reads, 338, "one read per record");
 
     let (reads, programs) = (storage.region.flash.reads, storage.region.flash.programs);
     assert_eq!(block_on(storage.store(0, 3)), Ok(Stored::Written));
@@ -211,7 +207,7 @@ fn a_store_reads_a_sector_at_most_and_a_move_of_250_values_stays_affordable() {
         "this store moved to the next sector"
     );
     assert!(reads < 60_000, "{reads} reads");
-    // One for each record, one more where a record lies across two pages, two headers, the mark on the old sector.
+    // One per record, one more if it crosses a page, two headers, and the retired mark of the old sector.
     assert!(programs < 250 + 11 + 4, "{programs} programs");
 
     let reads = flash.reads;
@@ -220,7 +216,7 @@ fn a_store_reads_a_sector_at_most_and_a_move_of_250_values_stays_affordable() {
 }
 
 #[test]
-fn when_there_is_no_room_for_another_key_the_rest_stays_and_can_change() {
+fn full_storage_keeps_its_values_and_can_change_them() {
     let mut flash = SmallFlash::blank();
     let slots = u16::try_from(SMALL_SLOTS).unwrap();
     let mut expected = Values::new();
@@ -233,7 +229,7 @@ fn when_there_is_no_room_for_another_key_the_rest_stays_and_can_change() {
     assert_eq!(
         flash.operations(),
         operations,
-        "trying again and again must not wear the flash"
+        "repeated attempts must not wear the flash"
     );
     assert_eq!(flash.load(), (expected.clone(), Ok(())));
     for key in 0..slots {
@@ -244,7 +240,7 @@ fn when_there_is_no_room_for_another_key_the_rest_stays_and_can_change() {
 }
 
 #[test]
-fn a_region_of_less_than_two_whole_sectors_stores_nothing() {
+fn region_of_less_than_two_sectors_is_full() {
     let start = SmallFlash::REGION.start;
     for range in [
         0..0,
@@ -264,7 +260,7 @@ fn a_region_of_less_than_two_whole_sectors_stores_nothing() {
 }
 
 #[test]
-fn other_tasks_run_between_two_flash_operations_and_between_two_records() {
+fn yields_between_flash_operations_and_records() {
     fn polls(future: impl Future<Output = Result<(), StorageError>>) -> u64 {
         let mut future = pin!(future);
         let mut context = Context::from_waker(Waker::noop());

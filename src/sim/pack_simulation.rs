@@ -1,4 +1,4 @@
-//! The pack as time goes by: whoever measures it lets it live up to the present first.
+//! The simulated pack over time, updated to the present before every measurement.
 
 use std::cell::{Cell, RefCell};
 
@@ -8,19 +8,19 @@ use super::{SimulatedPack, SimulatedRover};
 use crate::parameter::SimulationParameter;
 use crate::tasks::Shared;
 
-/// Longer steps are cut, so that the pack's slow voltage stays right when the simulator is fast.
+/// Longer steps are divided, for the accuracy of the slow voltage at high speedups.
 const MAX_STEP: Duration = Duration::from_millis(100);
 
-/// A pack from which a rover drives. All that measure it share one, so that no time is lived twice.
-pub struct LivingPack<'a> {
+/// Simulates the pack of a rover, for all simulated sensors.
+pub struct PackSimulation<'a> {
     pack: &'a RefCell<SimulatedPack>,
     rover: &'a SimulatedRover,
     shared: &'a Shared,
     lived_until: Cell<Instant>,
 }
 
-impl<'a> LivingPack<'a> {
-    /// A pack that lives from now on. `shared` has the parameters that change it.
+impl<'a> PackSimulation<'a> {
+    /// A pack simulated from now on, with the simulation parameters in `shared`.
     pub fn new(pack: &'a RefCell<SimulatedPack>, rover: &'a SimulatedRover, shared: &'a Shared) -> Self {
         Self {
             pack,
@@ -30,13 +30,13 @@ impl<'a> LivingPack<'a> {
         }
     }
 
-    /// The pack as it is at present. It is a copy, so that nobody has the pack borrowed while it lives on.
+    /// A copy of the pack in its present state.
     pub fn now(&self) -> SimulatedPack {
-        self.live_until(Instant::now());
+        self.update_until(Instant::now());
         self.pack.borrow().clone()
     }
 
-    fn live_until(&self, now: Instant) {
+    fn update_until(&self, now: Instant) {
         let held_v = self.shared.parameter(SimulationParameter::BattVoltage);
         let load_a = self.rover.current_a() + self.shared.parameter(SimulationParameter::BattCurrent);
         let mut pack = self.pack.borrow_mut();
@@ -64,7 +64,7 @@ mod tests {
     use crate::parameter::Parameters;
 
     #[test]
-    fn it_lives_as_long_as_it_is_asked_and_once_however_often_it_is() {
+    fn charge_does_not_depend_on_the_number_of_measurements() {
         let charge_after = |asked: u64| {
             let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
             let (rover, shared) = (
@@ -72,10 +72,10 @@ mod tests {
                 Shared::new(&Parameters::defaults(), Signing::off()),
             );
             let hour = async {
-                let living = LivingPack::new(&pack, &rover, &shared);
+                let simulation = PackSimulation::new(&pack, &rover, &shared);
                 for _ in 0..asked {
                     Timer::after(Duration::from_secs(3600) / asked as u32).await;
-                    assert_eq!(living.now().charge(), living.now().charge());
+                    assert_eq!(simulation.now().charge(), simulation.now().charge());
                 }
             };
             clock::run_for(Duration::from_secs(3601), hour).expect("it ends");

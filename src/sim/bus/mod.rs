@@ -1,4 +1,4 @@
-//! The board's I2C bus, with a power monitor and a smart battery on it that measure the simulated pack.
+//! Simulated I2C bus with a power monitor and a smart battery, which measure the simulated pack.
 
 mod power_monitor;
 mod smart_battery;
@@ -8,39 +8,39 @@ use embedded_hal_async::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Op
 
 use self::power_monitor::PowerMonitor;
 use self::smart_battery::SmartBattery;
-use super::{LivingPack, SimulatedPack};
+use super::{PackSimulation, SimulatedPack};
 
 pub use self::power_monitor::{ADDRESS as POWER_MONITOR_ADDRESS, SHUNT_OHM};
 pub use self::smart_battery::ADDRESS as SMART_BATTERY_ADDRESS;
 
-/// At the 100 kHz of SMBus.
+/// Bit time at SMBus's 100 kHz.
 const CLOCK: Duration = Duration::from_micros(10);
 
-/// A START, a RESTART or a STOP takes about as long as a bit.
+/// Duration of a START, RESTART or STOP.
 const CONDITION_CLOCKS: usize = 1;
 
-/// Eight bits and the acknowledgement.
+/// Eight bits and the acknowledge bit.
 const BYTE_CLOCKS: usize = 9;
 
-/// What a device has to do between a START and the STOP.
+/// A device on the bus.
 trait Device {
-    /// It was addressed to be written to.
+    /// It was addressed for writing.
     fn start_write(&mut self);
 
-    /// Takes a byte.
+    /// Receives a byte.
     ///
     /// # Errors
-    /// It does not acknowledge it.
+    /// The byte is not acknowledged.
     fn write(&mut self, byte: u8, pack: &SimulatedPack) -> Result<(), ErrorKind>;
 
-    /// It was addressed to be read from, with the pack as it is at that moment.
+    /// It was addressed for reading, with the present state of the pack.
     fn start_read(&mut self, pack: &SimulatedPack);
 
-    /// Gives a byte.
+    /// Sends a byte.
     fn read(&mut self) -> u8;
 }
 
-/// Who sends the bytes after the address.
+/// Direction of the bytes after the address.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Direction {
     Write,
@@ -56,16 +56,16 @@ impl Direction {
     }
 }
 
-/// An INA226 and a smart battery. A transfer takes the time of its bits.
+/// Bus with an INA226 and a smart battery. A transfer takes the time of its bits.
 pub struct SimulatedBus<'a> {
-    pack: &'a LivingPack<'a>,
+    pack: &'a PackSimulation<'a>,
     power_monitor: PowerMonitor,
     smart_battery: SmartBattery,
 }
 
 impl<'a> SimulatedBus<'a> {
     /// A bus whose devices measure `pack`.
-    pub fn new(pack: &'a LivingPack<'a>) -> Self {
+    pub fn new(pack: &'a PackSimulation<'a>) -> Self {
         Self {
             pack,
             power_monitor: PowerMonitor::new(),
@@ -81,7 +81,7 @@ impl<'a> SimulatedBus<'a> {
         }
     }
 
-    /// From the START to before the STOP.
+    /// From the START to the last byte before the STOP.
     async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ErrorKind> {
         let mut under_way = None;
         for operation in operations {
@@ -110,7 +110,7 @@ impl<'a> SimulatedBus<'a> {
 
 async fn exchange(
     device: &mut dyn Device,
-    pack: &LivingPack<'_>,
+    pack: &PackSimulation<'_>,
     operation: &mut Operation<'_>,
 ) -> Result<(), ErrorKind> {
     match operation {

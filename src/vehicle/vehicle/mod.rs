@@ -1,19 +1,19 @@
-//! The rover as a whole.
+//! Vehicle state machine.
 
 use super::controls::Controls;
 use super::ramp::Ramp;
 use super::timed_input::TimedInput;
 use super::{
-    Colour, FailsafeAction, Indication, Lever, LeverName, Mode, SideDrives, Tone, VehicleEvent,
+    Colour, FailsafeAction, Indication, Mode, SideDrives, Stick, StickInput, Tone, VehicleEvent,
     VehicleSettings,
 };
 use crate::battery::{ArmState, FailsafeLevel};
 
-/// The buzzer, in microseconds: one long tone when arming is refused.
+/// Buzzer: one long tone when arming is refused, in microseconds.
 const REFUSED_TONE_US: u64 = 500_000;
-/// One short tone every two seconds as a warning.
+/// One short tone per period as a warning.
 const WARNING_PERIOD_US: u64 = 2_000_000;
-/// Three short tones in each second, with pauses as long between them, when it is urgent.
+/// Three short tones per period, with pauses of equal length, when urgent.
 const URGENT_PERIOD_US: u64 = 1_000_000;
 const URGENT_TONES: u64 = 3;
 const SHORT_TONE_US: u64 = 100_000;
@@ -23,43 +23,43 @@ const SHORT_TONE_US: u64 = 100_000;
 pub enum ArmingRefused {
     /// A check has failed.
     Unfit,
-    /// A failsafe has disarmed it for good.
+    /// A failsafe has terminated the drive.
     Terminated,
     /// The board is about to restart.
     Restarting,
 }
 
-/// Whoever drove the rover is not heard any more, so the mode can't be left for one that drives.
+/// Mode change denied: control inputs or ground stations have timed out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ModeRefused;
 
-/// How bad it is, for ground stations.
+/// Severity for ground stations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Alert {
-    /// Nothing is wrong.
+    /// No failure.
     #[default]
     None,
-    /// A failsafe is active: a pack is low or critical, or control inputs or ground stations have fallen silent.
+    /// A failsafe is active: a pack is low or critical, or control inputs or ground stations have timed out.
     Failsafe,
-    /// A failsafe has disarmed the rover for good.
+    /// A failsafe has terminated the drive.
     Terminated,
 }
 
-/// What ground stations are told of the rover.
+/// Status for ground stations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct VehicleStatus {
-    /// Its mode.
+    /// The mode.
     pub mode: Mode,
-    /// Whether it may move.
+    /// Whether it is armed.
     pub arm_state: ArmState,
-    /// How bad it is.
+    /// Severity of its failures.
     pub alert: Alert,
 }
 
-/// The rover: what it is told, what befalls it, and what its motors, lamps and buzzer do about it.
+/// Vehicle state machine: commands, control inputs and failsafes in; outputs for motors, lamps and buzzer out.
 ///
-/// It starts disarmed, in [`Mode::Hold`]. Times are microseconds since some start.
+/// Starts disarmed, in [`Mode::Hold`]. Times are microseconds since an arbitrary epoch.
 #[derive(Clone, Debug, Default)]
 pub struct Vehicle {
     mode: Mode,
@@ -67,24 +67,24 @@ pub struct Vehicle {
     controls: Controls,
     ground_stations: TimedInput<()>,
     throttle: Ramp,
-    /// The worst level of all packs.
+    /// The worst failsafe level of all packs.
     battery: FailsafeLevel,
-    /// The most severe action since all packs were well.
+    /// The most severe action since no pack had a failsafe level.
     action: Option<FailsafeAction>,
     refused_at_us: Option<u64>,
     is_restarting: bool,
 }
 
 impl Vehicle {
-    /// A rover that was just switched on.
+    /// The state at boot.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Arms it, if `is_fit` says that all checks have passed or need not.
+    /// Arms, if `is_fit`: all checks have passed, or arming is forced.
     ///
     /// # Errors
-    /// It stays disarmed, and the buzzer tells.
+    /// It stays disarmed, and the buzzer sounds.
     pub fn arm(&mut self, now_us: u64, is_fit: bool) -> Result<(), ArmingRefused> {
         let refused = if self.is_terminated() {
             ArmingRefused::Terminated
@@ -102,7 +102,7 @@ impl Vehicle {
         Err(refused)
     }
 
-    /// Disarms it: the motors roll freely.
+    /// Disarms: the motors coast.
     pub fn disarm(&mut self) {
         self.arm_state = ArmState::Disarmed;
         self.throttle = Ramp::default();
@@ -110,44 +110,43 @@ impl Vehicle {
         self.ground_stations.clear_time_out();
     }
 
-    /// The board is about to restart: it must not be armed meanwhile.
+    /// Prevents arming until the pending restart of the board.
     pub fn prepare_restart(&mut self) {
         self.is_restarting = true;
     }
 
-    /// The lever that is deflected, so that the motors would turn as soon as the rover is armed.
-    pub fn deflected_lever(&self) -> Option<LeverName> {
+    /// A deflected stick: the motors would turn on arming.
+    pub fn deflected_stick(&self) -> Option<Stick> {
         self.controls.deflected()
     }
 
-    /// Changes the mode, also from one that a battery's failsafe has set.
+    /// Changes the mode, also out of a battery failsafe's Hold.
     ///
     /// # Errors
-    /// It holds because control inputs or ground stations have fallen silent; they have to come back first.
+    /// Control inputs or ground stations have timed out and not resumed: only Hold is allowed.
     pub fn set_mode(&mut self, mode: Mode) -> Result<(), ModeRefused> {
-        if mode != Mode::Hold && self.is_abandoned() {
+        if mode != Mode::Hold && self.has_timed_out() {
             return Err(ModeRefused);
         }
         self.enter(mode);
         Ok(())
     }
 
-    /// The driver's levers: throttle ahead and steering to the right are positive. Who moves one is a ground station, so
-    /// that counts as a heartbeat of one that is monitored.
-    pub fn control(&mut self, received_us: u64, throttle: Lever, steering: Lever) {
-        let is_driver = self.controls.take(received_us, throttle, steering);
+    /// A control message: throttle ahead and steering to the right are positive. Its sender is a ground station, so it
+    /// also counts as a heartbeat if these are monitored.
+    pub fn control(&mut self, received_us: u64, throttle: StickInput, steering: StickInput) {
+        let is_driver = self.controls.receive(received_us, throttle, steering);
         if is_driver && self.ground_stations.value().is_some() {
             self.ground_stations.receive(received_us, ());
         }
     }
 
-    /// The heartbeat of a ground station.
+    /// A ground station's heartbeat.
     pub fn ground_station_seen(&mut self, received_us: u64) {
         self.ground_stations.receive(received_us, ());
     }
 
-    /// A pack has reached a failsafe level for which the owner wants this. The most severe action so far wins; one that is
-    /// as severe is done again.
+    /// Executes the action of a failsafe level that a pack has reached, unless a more severe one was executed before.
     pub fn battery_failsafe(&mut self, action: FailsafeAction) -> Option<VehicleEvent> {
         if self.action.is_some_and(|worst| action < worst) {
             return None;
@@ -166,18 +165,17 @@ impl Vehicle {
             .then_some(VehicleEvent::NeedsPosition(action))
     }
 
-    /// The worst failsafe level of all packs. When all are well again, because the battery was reset, what was done about
-    /// it is over, too.
-    pub fn follow_batteries(&mut self, worst: FailsafeLevel) {
+    /// Updates the worst failsafe level of all packs. `None`, after a battery reset or swap, clears the latched action.
+    pub fn update_batteries(&mut self, worst: FailsafeLevel) {
         self.battery = worst;
         if worst == FailsafeLevel::None {
             self.action = None;
         }
     }
 
-    /// Lets time pass, and tells if something has failed by it.
+    /// Updates time-outs and the slew rate limiter. Returns an event if an input has timed out.
     pub fn update(&mut self, now_us: u64, settings: &VehicleSettings) -> Option<VehicleEvent> {
-        let event = self.fail(now_us, settings);
+        let event = self.check_time_outs(now_us, settings);
         if event.is_some() {
             self.enter(Mode::Hold);
         }
@@ -188,17 +186,17 @@ impl Vehicle {
         event
     }
 
-    /// What has fallen silent, one at a time.
-    fn fail(&mut self, now_us: u64, settings: &VehicleSettings) -> Option<VehicleEvent> {
+    /// The input that has timed out; if both have, the second is returned by the next call.
+    fn check_time_outs(&mut self, now_us: u64, settings: &VehicleSettings) -> Option<VehicleEvent> {
         if self
             .controls
             .times_out(now_us, settings.timeout_us, self.arm_state)
         {
-            return Some(VehicleEvent::ControlsSilent);
+            return Some(VehicleEvent::ControlsTimedOut);
         }
         self.ground_stations
             .times_out(now_us, settings.ground_station_timeout_us, self.arm_state)
-            .then_some(VehicleEvent::GroundStationsSilent)
+            .then_some(VehicleEvent::GroundStationsTimedOut)
     }
 
     fn enter(&mut self, mode: Mode) {
@@ -208,7 +206,7 @@ impl Vehicle {
         self.mode = mode;
     }
 
-    /// What the motors are told now.
+    /// Present motor outputs.
     pub fn drives(&self) -> SideDrives {
         match (self.arm_state, self.mode) {
             (ArmState::Disarmed, _) => SideDrives::COAST,
@@ -219,12 +217,12 @@ impl Vehicle {
         }
     }
 
-    /// How much of their power the motors take, from 0 to 1: what a synthetic current is estimated from.
+    /// Share of the motors' full power, from 0 to 1, for the synthetic current sensor.
     pub fn effort(&self) -> f32 {
         self.drives().effort()
     }
 
-    /// What the lamps and the buzzer show at `now_us`.
+    /// Indication of lamps and buzzer at `now_us`.
     pub fn indication(&self, now_us: u64) -> Indication {
         Indication {
             colour: self.colour(),
@@ -265,17 +263,17 @@ impl Vehicle {
     }
 
     fn is_warning(&self) -> bool {
-        self.battery > FailsafeLevel::None || self.is_abandoned()
+        self.battery > FailsafeLevel::None || self.has_timed_out()
     }
 
-    /// What ground stations are told.
+    /// Status for ground stations.
     pub fn status(&self) -> VehicleStatus {
         VehicleStatus {
             mode: self.mode,
             arm_state: self.arm_state,
             alert: if self.is_terminated() {
                 Alert::Terminated
-            } else if self.battery >= FailsafeLevel::Low || self.is_abandoned() {
+            } else if self.battery >= FailsafeLevel::Low || self.has_timed_out() {
                 Alert::Failsafe
             } else {
                 Alert::None
@@ -283,12 +281,12 @@ impl Vehicle {
         }
     }
 
-    /// Whether it may move.
+    /// Whether it is armed.
     pub fn arm_state(&self) -> ArmState {
         self.arm_state
     }
 
-    /// Whether a failsafe has disarmed it for good.
+    /// Whether a failsafe has terminated the drive: disarmed until a restart or a battery reset.
     pub fn is_terminated(&self) -> bool {
         self.action == Some(FailsafeAction::Terminate)
     }
@@ -297,8 +295,8 @@ impl Vehicle {
         self.arm_state == ArmState::Armed && self.mode == Mode::Manual
     }
 
-    /// Whether control inputs or ground stations have fallen silent.
-    fn is_abandoned(&self) -> bool {
+    /// Whether control inputs or ground stations have timed out and not resumed.
+    fn has_timed_out(&self) -> bool {
         self.controls.have_timed_out() || self.ground_stations.has_timed_out()
     }
 }

@@ -1,28 +1,28 @@
-//! What of the live values is not in flash yet, and what has become of the attempts to write it.
+//! Unsaved changes and failed attempts to save them.
 
 use super::{Flash, ParameterId, Parameters};
 use crate::storage::StorageError;
 
-/// How far a change has come on its way to flash.
+/// Progress of saving a change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Progress {
-    /// Nothing has to be written.
+    /// Nothing to write.
     #[default]
     Saved,
-    /// It has to be written.
+    /// To be written.
     New,
-    /// It could not be written, and waits for [`Parameters::retry_failed`].
+    /// Failed; waits for [`Parameters::retry_failed`].
     Failed(StorageError),
-    /// It could not be written, and has to be written now.
+    /// Failed before; to be written again.
     Retried(StorageError),
 }
 
-/// Something that has to be done to the flash for it to hold the live values.
+/// A change that has to be written to flash.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unsaved {
-    /// Everything stored has to be cleared: the parameters were reset.
+    /// Erase all stored values: the parameters were reset.
     Reset,
-    /// This value of a parameter has to be stored.
+    /// Store this value of a parameter.
     Value(ParameterId, f32),
 }
 
@@ -47,25 +47,25 @@ impl Progress {
 }
 
 impl Parameters {
-    /// Sets every live value to its default, once and for all; what is stored still has to be cleared.
+    /// Resets all live values to their defaults, and marks the stored ones to be erased.
     pub fn reset(&mut self) {
         self.values.set_all(ParameterId::default_value);
         self.progress.update_all(|_| Progress::Saved);
         self.reset = Progress::New;
-        self.flash = Flash::AsLive;
+        self.flash = Flash::Loaded;
     }
 
-    /// What has to be written now; `None` if everything is saved or waits for a retry.
+    /// The next change to write; `None` if all are saved or wait for a retry.
     pub fn next_unsaved(&self) -> Option<Unsaved> {
         let changed = ParameterId::all().find(|id| self.progress.get(*id).is_due());
         if self.reset != Progress::Saved {
-            // What was stored before would be cleared with the rest.
+            // Values stored before the reset would be erased with it.
             return (self.reset.is_due() || changed.is_some()).then_some(Unsaved::Reset);
         }
         changed.map(|id| Unsaved::Value(id, self.get(id)))
     }
 
-    /// It is in flash now. A value that was replaced meanwhile still has to be saved.
+    /// A change was written. A value that has changed since still has to be saved.
     pub fn mark_saved(&mut self, saved: Unsaved) {
         match saved {
             Unsaved::Reset => self.reset = Progress::Saved,
@@ -77,17 +77,16 @@ impl Parameters {
         }
     }
 
-    /// It could not be written, so it waits for a retry; and with it everything else that has to be written, unless the
-    /// flash is sound and just has no room for this one.
+    /// Writing a change failed: it waits for a retry, and so do all other changes unless flash is only full.
     ///
-    /// Returns the failure if it is news: of a change that has not failed before, or not for this reason.
+    /// Returns the error if it has to be reported: a change failed for the first time, or for another reason.
     pub fn mark_failed(&mut self, unsaved: Unsaved, error: StorageError) -> Option<StorageError> {
-        let mut is_news = false;
+        let mut is_new = false;
         let mut fail = |progress: Progress| {
             if !progress.is_due() {
                 return progress;
             }
-            is_news |= progress.failure() != Some(error);
+            is_new |= progress.failure() != Some(error);
             Progress::Failed(error)
         };
         match unsaved {
@@ -99,16 +98,16 @@ impl Parameters {
                 self.progress.update_all(fail);
             }
         }
-        is_news.then_some(error)
+        is_new.then_some(error)
     }
 
-    /// Has everything written once more that could not be written.
+    /// Retries all failed changes.
     pub fn retry_failed(&mut self) {
         self.reset = self.reset.retried();
         self.progress.update_all(Progress::retried);
     }
 
-    /// Why a change is not in flash, if one could not be written.
+    /// The error of a change that could not be saved, if there is one.
     pub fn save_failure(&self) -> Option<StorageError> {
         let of_values = || ParameterId::all().find_map(|id| self.progress.get(id).failure());
         self.reset.failure().or_else(of_values)
