@@ -471,8 +471,8 @@ fn requests_delayed_beyond_the_timeout_are_refused() {
     let mut rover = Rover::armed_in(0.0);
     rover.wait(2_000_000);
     rover.waited_us = 1_500_001;
-    for lever in [manual_control(1, 0, 1000), rc_override(VEHICLE, 1500, 2000)] {
-        assert_eq!(rover.deliver(&lever), Event::ControlTooLate);
+    for request in [manual_control(1, 0, 1000), rc_override(VEHICLE, 1500, 2000)] {
+        assert_eq!(rover.deliver(&request), Event::ControlTooLate);
         assert_eq!(rover.drives(), SideDrives::COAST);
     }
     let refused = [(WARNING, "Command waited for too long: refused".to_string())];
