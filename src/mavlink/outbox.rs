@@ -1,5 +1,7 @@
 //! Messages that wait for the wire.
 
+use core::mem;
+
 use heapless::Deque;
 
 use super::{Message, Stream, StreamKind};
@@ -41,7 +43,7 @@ pub struct Outbox {
 #[derive(Debug)]
 struct Turn {
     kind: usize,
-    pack: usize,
+    pack: u32,
 }
 
 /// The bit of a stream of this pack.
@@ -86,7 +88,8 @@ impl Outbox {
 
     /// Takes out the HEARTBEAT, which has to leave before anything else.
     pub fn take_heartbeat(&mut self) -> Option<Stream> {
-        self.take_of(StreamKind::Heartbeat, Pack::First)
+        let waiting = &mut self.waiting[StreamKind::Heartbeat as usize];
+        (mem::take(waiting) != 0).then_some(Stream::Heartbeat)
     }
 
     /// Takes out the oldest answer.
@@ -103,26 +106,19 @@ impl Outbox {
     /// Takes out the next stream of the message whose turn it is. If none waits, it is the next message's turn.
     fn take_in_turn(&mut self) -> Option<Stream> {
         let kind = *StreamKind::ALL.get(self.turn.kind)?;
-        let mut packs = Pack::ALL.into_iter().skip(self.turn.pack);
-        let taken = packs.find_map(|pack| self.take_of(kind, pack));
-        self.turn = match taken {
-            Some(stream) => Turn {
-                pack: stream.pack().unwrap_or(Pack::First) as usize + 1,
-                ..self.turn
-            },
-            None => Turn {
+        let waiting = &mut self.waiting[kind as usize];
+        let in_turn = *waiting & u16::MAX << self.turn.pack;
+        // Without a bit there are sixteen zeros, which is no pack.
+        let Some(pack) = Pack::from_instance(in_turn.trailing_zeros() as u8) else {
+            self.turn = Turn {
                 kind: (self.turn.kind + 1) % StreamKind::COUNT,
                 pack: 0,
-            },
+            };
+            return None;
         };
-        taken
-    }
-
-    fn take_of(&mut self, kind: StreamKind, pack: Pack) -> Option<Stream> {
-        let waiting = &mut self.waiting[kind as usize];
-        let waits = *waiting & bit(pack) != 0;
         *waiting &= !bit(pack);
-        waits.then(|| kind.of(pack))
+        self.turn.pack = pack as u32 + 1;
+        Some(kind.of(pack))
     }
 
     /// Whether nothing waits.
