@@ -60,7 +60,7 @@
 //! | [`parameter`] | the table of parameters and their live values |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
-//! | [`vehicle`] | the rover: arming, modes, what the motors are told |
+//! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
 //! | [`crash`] | what is known of a crash after the restart |
 //! | [`tasks`] | thin `async` loops that wait, call the rooms above and publish |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |

@@ -26,7 +26,7 @@ impl Buzzer {
         let buzzer = Self {
             pin: Output::new(pin, Level::Low),
         };
-        (buzzer, BuzzerSwitch { told: Tone::Silent })
+        (buzzer, BuzzerSwitch { latest: Tone::Silent })
     }
 
     /// Does what the switch says, for ever; asleep while that is silence.
@@ -54,14 +54,14 @@ impl Buzzer {
 
 /// Switches the buzzer on and off.
 pub struct BuzzerSwitch {
-    told: Tone,
+    latest: Tone,
 }
 
 impl BuzzerSwitch {
     /// It sounds or is silent from now on, within 250 µs.
     pub fn set(&mut self, tone: Tone) {
-        if tone != self.told {
-            self.told = tone;
+        if tone != self.latest {
+            self.latest = tone;
             TONE.signal(tone);
         }
     }

@@ -11,18 +11,18 @@ const WORDS: usize = size_of::<CrashWords>() / 4;
 #[unsafe(link_section = ".uninit.CRASH")]
 static CRASH: RetainedWords<WORDS> = RetainedWords::new();
 
-/// Writes a crash down. The latest takes the place of one that has not been told yet: it is what keeps the board from
-/// running now, and the log has told the other.
+/// Writes a crash down. The latest takes the place of one that was not reported yet: it is what keeps the board from
+/// running now, and the log has the other.
 pub(super) fn write(record: &CrashRecord) {
     CRASH.set(record.to_words());
 }
 
-/// The crash that was not told yet.
+/// The crash that was not reported yet.
 pub(super) fn read() -> Option<CrashRecord> {
     CrashRecord::from_words(&CRASH.get())
 }
 
-/// The same, as whoever tells of the crash sees it.
+/// The same, as the task that reports the crash sees it.
 pub struct BoardCrashMemory;
 
 impl CrashMemory for BoardCrashMemory {

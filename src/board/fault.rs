@@ -1,8 +1,8 @@
-//! What is still done when the program has gone wrong. Panics end here too, after panic-probe has told them.
+//! What is still done when the program has gone wrong. Panics end here too, after panic-probe has logged them.
 //!
 //! A hang doesn't come here, and neither does a fault that can't be stacked, because the stack ran over: then it is the
 //! watchdog's reset that leaves the motors to roll. A debugger that catches vectors halts before the handler's first
-//! instruction, so the reset at its end takes nothing from a bench; without one, nobody is there to read the log.
+//! instruction, so the reset at its end takes nothing from a bench; without one, the log is not read.
 #![expect(
     unsafe_code,
     reason = "the vector table finds the handler by its unmangled name, and whoever defines it answers for that"

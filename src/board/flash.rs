@@ -49,7 +49,7 @@ impl BoardFlash {
         Self(driver)
     }
 
-    /// The driver, for one operation. Nobody waits while he has it, so there is nobody else who does.
+    /// The driver, for one operation. It is never held across an await, so it can't be borrowed twice.
     fn driver(&self) -> Result<RefMut<'_, Driver>, Error> {
         self.0.try_borrow_mut().map_err(|_| Error::Other)
     }

@@ -28,7 +28,7 @@ const SCL: u32 = 1 << 15;
 /// `TX_ABRT_SOURCE`: a byte was not acknowledged (RP2040 datasheet, IC_TX_ABRT_SOURCE).
 const DATA_NOT_ACKNOWLEDGED: u32 = 1 << 3;
 
-/// I2C1, SDA on GP14 and SCL on GP15. The pins stay untouched until somebody uses the bus.
+/// I2C1, SDA on GP14 and SCL on GP15. The pins stay untouched until the bus is used.
 ///
 /// Every transfer ends: after a time-out the bus is freed as far as that is possible, and the peripheral starts over, since
 /// a transfer that was given up leaves it in the middle.
@@ -60,7 +60,7 @@ impl SensorI2c {
         }
     }
 
-    /// Clocks until nobody holds SDA, then a STOP.
+    /// Clocks until no part holds SDA, then a STOP.
     async fn free(&mut self) {
         self.driver = None;
         let mut scl = OutputOpenDrain::new(self.scl.reborrow(), Level::High);
@@ -106,7 +106,7 @@ impl SensorI2c {
     }
 }
 
-/// Whether nobody holds a line low; between transfers the pull-ups keep them high.
+/// Whether no part holds a line low; between transfers the pull-ups keep them high.
 fn is_free() -> bool {
     let lines = pac::SIO.gpio_in(0).read() & (SDA | SCL);
     lines == SDA | SCL

@@ -12,7 +12,7 @@ use crate::log::warn;
 pub struct LastRun {
     /// Why it ended.
     pub reset_reason: ResetReason,
-    /// The crash that no ground station has been told of yet. It may be longer ago.
+    /// The crash that was not reported to a ground station yet. It may be older than the last run.
     pub crash: Option<CrashRecord>,
     /// How many programs have crashed one soon after the other.
     pub quick_resets: QuickResets,
@@ -38,7 +38,7 @@ impl LastRun {
         }
     }
 
-    /// Tells the log all about the crash.
+    /// Logs everything about the crash.
     pub fn log(&self) {
         let Some(crash) = &self.crash else { return };
         warn!("{}", headline(crash).as_str());

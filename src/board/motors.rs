@@ -40,7 +40,7 @@ pub type MotorPins<S, Positive, Negative> =
 
 /// The motors, each behind a DRV8837. A wheel turns ahead while the positive pole of its motor is driven.
 ///
-/// What they are told takes effect when their PWM's counter wraps, within 2 ms, and for both inputs of a driver at once.
+/// A new drive takes effect when their PWM's counter wraps, within 2 ms, and for both inputs of a driver at once.
 pub struct BoardMotors {
     left: [Motor; 2],
     right: [Motor; 2],

@@ -17,7 +17,7 @@ use crate::battery::{RetainedMemory, RetainedRecord};
 pub(super) struct RetainedWords<const N: usize>([AtomicU32; N]);
 
 impl<const N: usize> RetainedWords<N> {
-    /// The zeros are for the compiler: nobody writes them.
+    /// The zeros are for the compiler: they are never written.
     pub const fn new() -> Self {
         Self([const { AtomicU32::new(0) }; N])
     }
@@ -38,7 +38,7 @@ impl<const N: usize> RetainedWords<N> {
 static mut BATTERY_MEMORY: MaybeUninit<RetainedMemory> = MaybeUninit::uninit();
 
 /// What the firmware before this start has retained: records that have yet to be checked. After a power cycle, or when
-/// somebody has pressed RUN, there is nothing to go on with: another pack may be plugged in.
+/// RUN was pressed, there is nothing to continue from: another pack may be plugged in.
 ///
 /// It may be called once: `main` does.
 // Inlined, it would add to the stack of everything `main` calls.
@@ -51,11 +51,11 @@ pub fn retained_memory(reset_reason: ResetReason) -> &'static mut RetainedMemory
         | ResetReason::Software
         | ResetReason::Processor => {}
         ResetReason::PowerOn | ResetReason::RunPin | ResetReason::Debugger => {
-            // SAFETY: nobody else has a reference: this is called once, before the tasks run.
+            // SAFETY: no other reference exists: this is called once, before the tasks run.
             unsafe { memory.write(MaybeUninit::new([RetainedRecord::BLANK; 2])) };
         }
     }
-    // SAFETY: nobody else has a reference, as above. The records are plain words, of which every bit pattern is valid; the
+    // SAFETY: no other reference exists, as above. The records are plain words, of which every bit pattern is valid; the
     // RAM behind them has been written since power came on, by the firmware before this start.
     unsafe { (*memory).assume_init_mut() }
 }

@@ -23,7 +23,7 @@ pub struct SpiPeripherals {
     pub select: Peri<'static, PIN_22>,
 }
 
-/// SPI1 in mode 1. The pins stay untouched until somebody uses the bus: the kit's line sensors are on three of them.
+/// SPI1 in mode 1. The pins stay untouched until the bus is used: the kit's line sensors are on three of them.
 pub struct SensorSpi {
     /// `None` once it runs.
     peripherals: Option<SpiPeripherals>,

@@ -13,7 +13,7 @@ use static_cell::ConstStaticCell;
 use super::Irqs;
 use crate::tasks::{ByteSource, ReceiveError};
 
-/// No interrupt tells that the FIFO has run empty.
+/// No interrupt reports that the FIFO has run empty.
 const LOOK_INTERVAL: Duration = Duration::from_millis(1);
 
 /// What arrives while another task has its turn.

@@ -107,7 +107,7 @@ impl UsbPort {
     }
 }
 
-/// Whether somebody is at the other end.
+/// Whether a program has the port open.
 struct Line {
     control: ControlChanged<'static>,
     bus: &'static Bus,

@@ -52,7 +52,7 @@ pub enum Event {
     SigningRefused(SetupRefused),
     /// It was not signed as it would have to be, and had no effect.
     Unauthorized {
-        /// How many there have been on this link, if everyone should be told now.
+        /// How many there have been on this link, if it is time to announce it.
         to_report: Option<u32>,
     },
 }

@@ -20,7 +20,7 @@ use crate::vehicle::Vehicle;
 /// A few messages dropped may be a hiccup; so many are a link that is too slow.
 const DROPS_UNTIL_SHORTFALL: u32 = 10;
 
-/// Our end of one link. Bytes and times come in, messages and events come out; the wire is somebody else's.
+/// Our end of one link. Bytes and times come in, messages and events come out; the wire is not part of it.
 #[derive(Debug)]
 pub struct Endpoint {
     kind: LinkKind,
@@ -128,7 +128,7 @@ impl Endpoint {
         Some(stream)
     }
 
-    /// Tells the ground station once that it gets less than it asked for.
+    /// Reports once that the link carries less than was requested.
     fn report_shortfall(&mut self) {
         if !self.shortfall_said && self.streams_dropped >= DROPS_UNTIL_SHORTFALL {
             self.shortfall_said = true;

@@ -65,7 +65,7 @@ pub struct ReceivedFrame<'a> {
 ///
 /// After a start byte that turns out to start no good frame it goes on at the very next byte, so a frame is never lost
 /// to garbage before it, and at most one longest frame of bytes passes before it is found. A frame of a known message is
-/// taken whole, also if nobody wants it: what looks like a frame inside its payload is none.
+/// taken whole, also if it is of no use: what looks like a frame inside its payload is none.
 #[derive(Debug)]
 pub struct FrameParser {
     buffer: [u8; BUFFER_BYTES],
@@ -77,7 +77,7 @@ pub struct FrameParser {
 
 /// What stands at the start of the buffer.
 enum Candidate {
-    /// More bytes are needed to tell.
+    /// More bytes are needed to decide.
     Incomplete,
     /// No frame starts here.
     NoFrame,

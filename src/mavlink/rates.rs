@@ -24,7 +24,7 @@ pub(super) struct Rates {
     requested_hz: Option<f32>,
     /// `SR0_EXTRA1` when it was looked at last.
     parameter_hz: f32,
-    /// What the scheduler was told last.
+    /// The rate that was scheduled last.
     scheduled_hz: f32,
 }
 

@@ -26,7 +26,7 @@ impl Replies<'_> {
         }
     }
 
-    /// Tells `to` what became of its command.
+    /// Acknowledges a command to its sender.
     pub fn acknowledge(&mut self, command: u16, result: MavResult, to: Peer) {
         self.answer(Message::CommandAck(CommandAck {
             command,

@@ -58,7 +58,7 @@ impl Announcements {
     pub fn listen(&self) -> Listener<'_> {
         let subscriber = self.0.subscriber();
         if subscriber.is_err() {
-            warn!("too many links: one is told no news");
+            warn!("too many links: one gets no announcements");
         }
         Listener(subscriber.ok())
     }

@@ -78,7 +78,7 @@ pub async fn sample_batteries(
         let sums = in_order().filter(|(_, kind)| *kind == Some(MonitorKind::Sum));
         for (pack, kind) in measured.chain(sums) {
             update(&mut bank, pack, kind, tick, &mut sensors, shared);
-            // Nine packs take 3 ms: so long nobody else should have to wait.
+            // Nine packs take 3 ms: no other task should wait so long.
             yield_now().await;
         }
         shared.with_vehicle(|vehicle| vehicle.update_batteries(bank.worst_failsafe()));
@@ -194,7 +194,7 @@ fn act(pack: Pack, level: FailsafeLevel, shared: &Shared) {
 }
 
 /// `None` as long as there is nothing to measure by: a part on the bus or a motor controller that has not been asked yet, or a sum in the first
-/// tick, when parts on the bus have told nothing.
+/// tick, when parts on the bus have no reading yet.
 fn measure(
     bank: &BatteryBank,
     pack: Pack,
@@ -234,7 +234,7 @@ fn measure(
     }))
 }
 
-/// Once it is unhealthy, a pack's failed reads tell nothing new; one in a second shows that they go on.
+/// Once it is unhealthy, a pack's failed reads are no news; one in a second shows that they go on.
 fn log_failure(pack: Pack, error: ReadError, failed_reads: u32) {
     if failed_reads <= FAILED_READS_UNTIL_UNHEALTHY || failed_reads.is_multiple_of(LOGGED_FAILURE) {
         warn!(

@@ -6,7 +6,7 @@ use super::{LONGEST_SLEEP, Shared, mark};
 use crate::liveness::CheckIn;
 use crate::sensor::{BusDevices, SensorBus};
 
-/// Reads each part when it is due and hands what it tells to the battery task, which averages it. A part that hangs holds up
+/// Reads each part when it is due and hands its reading to the battery task, which averages it. A part that hangs holds up
 /// this task, and no other.
 pub async fn read_bus(mut bus: impl SensorBus, shared: &Shared, check_in: &CheckIn) -> ! {
     let now_us = Instant::now().as_micros();

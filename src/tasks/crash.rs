@@ -1,4 +1,4 @@
-//! Tells of a crash after the restart.
+//! Reports a crash after the restart.
 
 use core::ops::Range;
 
@@ -9,15 +9,15 @@ use crate::crash::{CrashRecord, call_sites_text, headline};
 use crate::mavlink::dialect::MavSeverity;
 
 /// Longer than what is said about a crash takes to leave at 9600 baud, behind everything else that may wait.
-const UNTIL_TOLD: Duration = Duration::from_secs(2);
+const UNTIL_SENT: Duration = Duration::from_secs(2);
 
 /// Where a crash is written down.
 pub trait CrashMemory {
-    /// A ground station has been told of the crash.
+    /// The crash was reported to a ground station.
     fn forget(&mut self);
 }
 
-/// Tells ground stations of a crash as soon as one is heard. Without one, or with a reset before it is told, the record
+/// Reports a crash to ground stations as soon as one is heard. Without one, or with a reset before that, the record
 /// stays for the next start. `code` is where the program lies.
 pub async fn report_crash(
     crash: &CrashRecord,
@@ -30,6 +30,6 @@ pub async fn report_crash(
     if let Some(calls) = call_sites_text(crash, code) {
         shared.announce(MavSeverity::MAV_SEVERITY_CRITICAL, &calls);
     }
-    Timer::after(UNTIL_TOLD).await;
+    Timer::after(UNTIL_SENT).await;
     memory.forget();
 }

@@ -12,7 +12,7 @@ use crate::vehicle::{Indicators, Motors, VehicleEvent, VehicleSettings, VehicleS
 /// 50 Hz, the rate of ArduPilot Rover's throttle output.
 const INTERVAL: Duration = Duration::from_millis(20);
 
-/// Tells `motors` and `indicators` what the vehicle wants of them, every 20 ms and at once when it was commanded or a
+/// Sets `motors` and `indicators` to the vehicle's outputs, every 20 ms and at once when it was commanded or a
 /// failsafe has acted. Says what the vehicle does on its own.
 pub async fn drive(
     mut motors: impl Motors,
@@ -40,7 +40,7 @@ pub async fn drive(
     }
 }
 
-/// Tells every ground station what the vehicle does on its own.
+/// Announces what the vehicle does on its own.
 pub(super) fn say(event: VehicleEvent, shared: &Shared) {
     let (severity, text) = vehicle_announcement(event);
     info!("{}", text.as_str());

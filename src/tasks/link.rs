@@ -10,7 +10,7 @@ use super::Shared;
 use crate::log::warn;
 use crate::mavlink::{Endpoint, LinkKind, LinkStatistics, Message, Stream};
 
-/// Something that can happen many times a second is told to the log this often.
+/// Minimum interval between log lines about something that can happen many times a second.
 const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
 /// A link: our end of it, and who has to wake up when something happens at it.

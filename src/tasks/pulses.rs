@@ -27,7 +27,7 @@ pub async fn follow_pulses(
 ) -> ! {
     let Some(mut pin) = pin else { idle(check_in).await };
     let mut pulses = Pulses::NONE;
-    // What is high at the start began nobody knows when.
+    // The start of a pulse that is high at the start is unknown.
     let mut awaited = Awaited::Low;
     loop {
         let change = async {
@@ -46,7 +46,7 @@ pub async fn follow_pulses(
     }
 }
 
-/// Takes a change that has come just now, and tells what has to come next.
+/// Takes a change that has come just now, and returns what has to come next.
 fn note(change: Awaited, pulses: &mut Pulses) -> Awaited {
     let now_us = Instant::now().as_micros();
     match change {

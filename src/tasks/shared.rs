@@ -1,4 +1,4 @@
-//! What the tasks tell each other.
+//! Data shared between tasks.
 
 use core::cell::{Cell, RefCell};
 
@@ -35,7 +35,7 @@ pub struct Shared {
     signing: RefCell<Signing>,
     start_notices: Cell<Vec<Notice, MAX_START_NOTICES>>,
     announcements: Announcements,
-    /// The motors may have to be told something else.
+    /// The outputs to the motors may have changed.
     pub(super) to_drive: Signal<NoopRawMutex, ()>,
     /// Parameters have to be written to flash.
     pub(super) to_save: Signal<NoopRawMutex, ()>,
@@ -111,7 +111,7 @@ impl Shared {
         }
     }
 
-    /// What a pack's part on the bus has told since the last call; `None` before it has been asked.
+    /// The readings of a pack's part on the bus since the last call; `None` before it has been asked.
     pub(super) fn take_samples(&self, pack: Pack) -> Option<Result<Measurement, ReadError>> {
         let cell = self.bus_samples.get(usize::from(pack.instance()))?;
         let mut samples = cell.get();
@@ -120,7 +120,7 @@ impl Shared {
         reading
     }
 
-    /// What the pulses on their pin have told so far.
+    /// What was measured of the pulses on their pin so far.
     pub(super) fn pulses(&self) -> Pulses {
         self.pulses.get()
     }
@@ -193,7 +193,7 @@ impl Shared {
         self.announce(severity, text);
     }
 
-    /// Tells every ground station that is connected, once. What is longer than [`ANNOUNCEMENT_BYTES`] is cut off.
+    /// Announces to every ground station that is connected, once. What is longer than [`ANNOUNCEMENT_BYTES`] is cut off.
     ///
     /// [`ANNOUNCEMENT_BYTES`]: super::ANNOUNCEMENT_BYTES
     pub fn announce(&self, severity: MavSeverity, text: &str) {

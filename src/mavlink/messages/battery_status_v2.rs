@@ -42,7 +42,7 @@ const FAULTS_TO_SERVICE: Faults = Faults::CELL_FAIL.union(Faults::DEEP_DISCHARGE
 /// What is known of `pack`.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels. Unlike in
-/// BATTERY_STATUS net charging can be told: `capacity_consumed` is negative then.
+/// BATTERY_STATUS net charging can be reported: `capacity_consumed` is negative then.
 pub fn build_battery_status_v2(state: &SystemState<'_>, pack: Pack) -> BATTERY_STATUS_V2_DATA {
     let battery = state.battery(pack);
     BATTERY_STATUS_V2_DATA {

@@ -41,7 +41,7 @@ impl MessageData for CommandAck {
         let mut bytes = BytesMut::new(payload);
         bytes.put_u16_le(self.command);
         bytes.put_u8(self.result as u8);
-        // progress and result_param2: nothing to tell.
+        // progress and result_param2: nothing to report.
         while bytes.len() < TARGET_SYSTEM_AT {
             bytes.put_u8(0);
         }

@@ -18,8 +18,8 @@ const KELVIN_AT_0_CELSIUS: f32 = 273.15;
 /// What is known of the tank `pack`.
 ///
 /// Any content of `state` gives a conforming message: unknown or impossible values become MAVLink's sentinels. What is left
-/// and what was used is told as far as it was measured: the one by a level sensor, the other by a flow sensor. The level in
-/// percent is told by both.
+/// and what was used is reported as far as it was measured: the one by a level sensor, the other by a flow sensor. The level in
+/// percent is reported by both.
 pub fn build_fuel_status(state: &SystemState<'_>, pack: Pack) -> FUEL_STATUS_DATA {
     let tank = state.battery(pack);
     let is_level_measured = tank.charge_source == ChargeSource::Gauge;

@@ -40,7 +40,7 @@ mod tests {
     use crate::battery::{Contents, FailsafeLevel, Gap, ReadError};
 
     #[test]
-    fn every_event_is_told_in_words_that_fit() {
+    fn every_event_has_a_text_that_fits() {
         let gap = |counted_mah| {
             PackEvent::Gap(Gap {
                 duration_s: 1e9,

@@ -81,7 +81,7 @@ mod tests {
     use crate::vehicle::FailsafeAction;
 
     #[test]
-    fn every_event_is_told_in_words_that_fit() {
+    fn every_event_has_a_text_that_fits() {
         for (event, expected) in [
             (
                 VehicleEvent::NeedsPosition(FailsafeAction::SmartRtl),
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_check_is_told_in_ardupilots_words() {
+    fn a_failed_check_has_ardupilots_words() {
         assert_eq!(
             arming_failure_text(CheckedBy::Request, 8, ArmingFailure::CapacityOrder),
             "PreArm: Battery 9 capacity failsafe critical >= low"

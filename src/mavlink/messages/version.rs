@@ -10,7 +10,7 @@ const MAVLINK_1: u16 = 100;
 pub fn build_autopilot_version() -> AUTOPILOT_VERSION_DATA {
     AUTOPILOT_VERSION_DATA {
         capabilities: capabilities(),
-        // No board or maker is told apart yet.
+        // Boards and makers are not distinguished yet.
         uid: 0,
         uid2: [0; 18],
         vendor_id: 0,

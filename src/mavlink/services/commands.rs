@@ -124,7 +124,7 @@ impl Command {
         )
     }
 
-    /// Does what the command asks of the link, and tells what to answer and what the vehicle has to do.
+    /// Does what the command asks of the link, and returns the answer and what the vehicle has to do.
     pub fn execute(&self, scheduler: &mut StreamScheduler, state: &SystemState<'_>, now_us: u64) -> Outcome {
         match self.number {
             PREFLIGHT_STORAGE if self.param1 == STORAGE_RESET => Action::ResetParameters.into(),
@@ -403,15 +403,15 @@ mod tests {
     }
 
     #[test]
-    fn the_interval_told_is_the_one_set() {
-        let told = |outcome: Outcome| match outcome.message {
+    fn the_interval_reported_is_the_one_set() {
+        let reported = |outcome: Outcome| match outcome.message {
             Some(Message::MessageInterval(data)) => (data.message_id, data.interval_us),
             other => panic!("{other:?}"),
         };
-        assert_eq!(told(execute(510, 369.0, 0.0)), (369, -1));
-        assert_eq!(told(execute(510, 147.0, 0.0)), (147, 500_000));
-        assert_eq!(told(execute(510, 0.0, 0.0)), (0, 1_000_000));
-        assert_eq!(told(execute(510, 30.0, 0.0)), (30, 0));
+        assert_eq!(reported(execute(510, 369.0, 0.0)), (369, -1));
+        assert_eq!(reported(execute(510, 147.0, 0.0)), (147, 500_000));
+        assert_eq!(reported(execute(510, 0.0, 0.0)), (0, 1_000_000));
+        assert_eq!(reported(execute(510, 30.0, 0.0)), (30, 0));
         let mut scheduler = StreamScheduler::new(0);
         let off = Command {
             number: 511,
@@ -428,7 +428,7 @@ mod tests {
             param2: f32::NAN,
         };
         assert_eq!(
-            told(get.execute(&mut scheduler, &SystemState::default(), 0)),
+            reported(get.execute(&mut scheduler, &SystemState::default(), 0)),
             (1, -1)
         );
     }

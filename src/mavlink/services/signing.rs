@@ -34,7 +34,7 @@ pub enum SetupRefused {
 }
 
 impl SetupRefused {
-    /// What its owner is told.
+    /// What its sender gets as an answer.
     pub fn text(self) -> &'static str {
         match self {
             Self::NotDirect => "Signing is set up by USB only",

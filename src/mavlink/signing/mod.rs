@@ -34,7 +34,7 @@ pub(super) const TRAILER_BYTES: usize = LINK_BYTES + timestamp::BYTES + key::SIG
 /// Refused messages are reported this often at most.
 const REPORT_INTERVAL_US: u64 = 60_000_000;
 
-/// What the vehicle knows of signing: the key, the time, and whom it has heard.
+/// What the vehicle knows of signing: the key, the time, and the senders heard.
 #[derive(Debug)]
 pub struct Signing {
     protection: Protection,
@@ -52,7 +52,7 @@ enum Protection {
     /// There is no key: anybody anything.
     Off,
     Key(SigningKey),
-    /// There was a key, and it can't be read any more. Nobody has the right one until another is set up.
+    /// There was a key, and it can't be read any more. No sender has the right one until another is set up.
     KeyLost,
 }
 
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn a_seventeenth_sender_is_heard_and_nobody_is_heard_twice() {
+    fn a_seventeenth_sender_is_heard_and_none_is_heard_twice() {
         let now = Timestamp::from_ticks(5_000).unwrap();
         let mut streams = Streams::after(Timestamp::default());
         let sender = |number: u8| StreamId {

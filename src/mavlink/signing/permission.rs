@@ -6,7 +6,7 @@ use crate::parameter::{Parameters, VehicleParameter};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum LinkKind {
-    /// A cable to somebody who has the vehicle in his hands: USB, and TCP in the simulator. The only kind on which
+    /// A cable to a person who has the vehicle in hand: USB, and TCP in the simulator. The only kind on which
     /// signing can be set up.
     Direct,
     /// Whoever is near enough is at the other end: the telemetry port, and UDP in the simulator.
@@ -50,7 +50,7 @@ impl AcceptUnsigned {
     }
 }
 
-/// Whether a frame was sent by somebody who has the key.
+/// Whether a frame was sent by a holder of the key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mavlink) enum Authenticity {
     /// There is no key to prove it with.

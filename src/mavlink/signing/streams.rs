@@ -4,7 +4,7 @@ use heapless::Vec;
 
 use super::Timestamp;
 
-/// Senders that are told apart at the same time, as in ArduPilot.
+/// Senders that are distinguished at the same time, as in ArduPilot.
 const STREAMS: usize = 16;
 
 /// A frame may be so far behind our time: it may have been under way while another one's came. What is older may be a
@@ -34,7 +34,7 @@ pub(super) struct Streams {
 }
 
 impl Streams {
-    /// Nobody is known, and nothing up to `forgotten` counts again.
+    /// No sender is known, and nothing up to `forgotten` counts again.
     pub fn after(forgotten: Timestamp) -> Self {
         Self {
             known: Vec::new(),

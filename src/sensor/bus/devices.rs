@@ -11,7 +11,7 @@ use crate::parameter::{Pack, Parameters};
 use crate::sensor::MonitorKind;
 use crate::sensor::kind::kinds;
 
-/// A part that has failed so often in a row is given time, for the sake of the others.
+/// Failures in a row before a part's back-off period, so that it does not hold up the others.
 const FAILURES_UNTIL_REST: u8 = 3;
 
 /// And so much of it: ArduPilot looks for a missing part as often.
@@ -102,7 +102,7 @@ impl BusDevices {
         due.min()
     }
 
-    /// Reads the part that has waited longest, if it is due at `now_us`, and hands over what it tells of each of its packs.
+    /// Reads the part that has waited longest, if it is due at `now_us`, and hands over its reading of each of its packs.
     pub async fn read_next(
         &mut self,
         bus: &mut impl SensorBus,
@@ -213,17 +213,17 @@ async fn find(
         }
         Place::Unknown => {
             let free = kind.addresses().iter().filter(|address| !taken.contains(address));
-            let mut nobody = ReadError::NoAnswer;
+            let mut error = ReadError::NoAnswer;
             for address in free {
                 match kind.set_up(bus, *address, wiring).await {
                     Ok(part) => return Ok((*address, part)),
                     Err(ReadError::NoAnswer) => {}
-                    // It may be somebody else's.
-                    Err(ReadError::OtherPart) => nobody = ReadError::OtherPart,
+                    // It may be another part's.
+                    Err(ReadError::OtherPart) => error = ReadError::OtherPart,
                     Err(error) => return Err(error),
                 }
             }
-            Err(nobody)
+            Err(error)
         }
     }
 }

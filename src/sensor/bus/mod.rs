@@ -33,7 +33,7 @@ pub trait SensorBus {
     /// Writes `written`, then reads, without letting go in between.
     ///
     /// # Errors
-    /// Nobody is there, or the transfer failed.
+    /// No part answers, or the transfer failed.
     // The futures stay on one executor, so `Send` need not be promised.
     #[allow(async_fn_in_trait)]
     async fn write_read(
@@ -46,7 +46,7 @@ pub trait SensorBus {
     /// Writes.
     ///
     /// # Errors
-    /// Nobody is there, or the transfer failed.
+    /// No part answers, or the transfer failed.
     #[allow(async_fn_in_trait)]
     async fn write(&mut self, address: Address, written: &[u8]) -> Result<(), ReadError>;
 }

@@ -5,7 +5,7 @@ use crate::battery::{Measurement, ReadError};
 
 /// A driver of a part on the bus.
 pub(super) trait Part: Sized {
-    /// What tells the kinds of such a part from each other.
+    /// What distinguishes the kinds of such a part.
     type Model: 'static;
 
     /// The time between two readings, in µs. What comes in between two ticks of the battery task is averaged.
@@ -23,7 +23,7 @@ pub(super) trait Part: Sized {
     /// Makes sure that what answers is such a part, and prepares it.
     ///
     /// # Errors
-    /// Nobody answers, or it is another part.
+    /// No part answers, or it is another one.
     async fn set_up(
         bus: &mut impl SensorBus,
         address: Address,
@@ -31,8 +31,8 @@ pub(super) trait Part: Sized {
         model: &'static Self::Model,
     ) -> Result<Self, ReadError>;
 
-    /// Makes sure that it is still the part that was set up, as it was set up. It may have lost its supply, or somebody has
-    /// plugged in another one.
+    /// Makes sure that it is still the part that was set up, as it was set up. It may have lost its supply, or
+    /// another one may be plugged in.
     ///
     /// # Errors
     /// [`ReadError::OtherPart`] if it has to be set up again.
@@ -41,7 +41,7 @@ pub(super) trait Part: Sized {
     /// One reading of the pack that is wired like this.
     ///
     /// # Errors
-    /// The transfer failed, or the part told nonsense.
+    /// The transfer failed, or the part answered nonsense.
     async fn read(&mut self, bus: &mut impl SensorBus, wiring: &Wiring) -> Result<Measurement, ReadError>;
 }
 

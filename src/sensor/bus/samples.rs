@@ -1,4 +1,4 @@
-//! What a part has told between two ticks of the battery task.
+//! The readings of a part between two ticks of the battery task.
 
 use crate::battery::{Consumed, Counted, Measurement, ReadError};
 
@@ -10,7 +10,7 @@ pub struct Samples {
     /// What was counted since the readings were taken.
     counted: Option<Consumed>,
     last: Option<Measurement>,
-    /// Why the latest reading failed. A part that is given a rest has not told why again.
+    /// Why the latest reading failed. A part in its back-off period is not read again.
     error: Option<ReadError>,
     attempts: Attempts,
 }
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_reading_the_last_reason_is_told() {
+    fn without_a_reading_the_last_reason_is_returned() {
         let mut samples = Samples::new();
         samples.add(Err(ReadError::NoAnswer));
         samples.add(Err(ReadError::BusStuck));

@@ -74,7 +74,7 @@ impl<'a, B: SensorBus> SmBus<'a, B> {
     }
 
     async fn name(&mut self, command: u8) -> Result<Name, ReadError> {
-        // How long a block is, its first byte tells. So it is asked twice.
+        // The first byte of a block is its length, so it is read twice.
         let mut answer = [0; 1 + BLOCK_BYTES];
         let Some(length) = answer.first_mut() else {
             return Ok(Name::EMPTY);

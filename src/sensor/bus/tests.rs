@@ -74,21 +74,21 @@ fn second_is(kind: PartKind) -> Parameters {
     parameters(&[(Pack::Second, BatteryParameter::Monitor, kind.number() as f32)])
 }
 
-/// Reads the part that is due next, and collects what it tells.
+/// Reads the part that is due next, and collects its readings.
 fn read_next(
     devices: &mut BusDevices,
     bus: &mut impl SensorBus,
 ) -> Vec<(Pack, Result<Measurement, ReadError>)> {
-    let mut told = Vec::new();
+    let mut readings = Vec::new();
     let now_us = devices.next_due_us().expect("there is a part");
-    block_on(devices.read_next(bus, now_us, |pack, reading| told.push((pack, reading))));
-    told
+    block_on(devices.read_next(bus, now_us, |pack, reading| readings.push((pack, reading))));
+    readings
 }
 
 fn read_one(devices: &mut BusDevices, bus: &mut Wires) -> Result<Measurement, ReadError> {
-    let told = read_next(devices, bus);
-    assert_eq!(told.len(), 1, "{told:?}");
-    told[0].1
+    let readings = read_next(devices, bus);
+    assert_eq!(readings.len(), 1, "{readings:?}");
+    readings[0].1
 }
 
 /// A battery that follows version 1.1 of the specification, with these words instead of its own.
@@ -140,14 +140,14 @@ fn read_battery(mut bus: Wires) -> Measurement {
 
 #[test]
 fn a_smart_battery_introduces_itself() {
-    let told = read_battery(battery(&[]));
-    assert_near(told.voltage_v, 7.4);
-    assert_near(told.current_a, 1.5);
-    assert_near(told.temperature_c, 24.95);
-    let gauge = told.gauge.unwrap();
+    let reading = read_battery(battery(&[]));
+    assert_near(reading.voltage_v, 7.4);
+    assert_near(reading.current_a, 1.5);
+    assert_near(reading.temperature_c, 24.95);
+    let gauge = reading.gauge.unwrap();
     assert_eq!((gauge.remaining_mah, gauge.full_mah), (1300.0, 2600.0));
-    assert_eq!(told.cells.millivolts(), [3690, 3710]);
-    let details = told.details;
+    assert_eq!(reading.cells.millivolts(), [3690, 3710]);
+    let details = reading.details;
     assert_eq!(
         (details.manufacturer.as_bytes(), details.device.as_bytes()),
         (&b"Acme"[..], &b"2S"[..])
@@ -169,19 +169,19 @@ fn a_smart_battery_introduces_itself() {
 }
 
 #[test]
-fn a_battery_that_counts_energy_tells_its_charge_at_its_design_voltage() {
+fn a_battery_that_counts_energy_has_its_charge_at_its_design_voltage() {
     // 1.3 × 10 Wh at 7.2 V.
-    let told = read_battery(battery(&[(0x03, 1 << 15)]));
-    assert_near(told.gauge.map(|gauge| gauge.remaining_mah), 13_000.0 / 7.2);
+    let reading = read_battery(battery(&[(0x03, 1 << 15)]));
+    assert_near(reading.gauge.map(|gauge| gauge.remaining_mah), 13_000.0 / 7.2);
 }
 
 #[test]
 fn a_large_battery_counts_in_larger_steps() {
     // Voltages in steps of 10 mV, currents and capacities in steps of 100.
-    let told = read_battery(battery(&[(0x1a, 0x2121), (0x09, 740)]));
-    assert_near(told.voltage_v, 7.4);
-    assert_near(told.current_a, 150.0);
-    assert_eq!(told.gauge.unwrap().full_mah, 260_000.0);
+    let reading = read_battery(battery(&[(0x1a, 0x2121), (0x09, 740)]));
+    assert_near(reading.voltage_v, 7.4);
+    assert_near(reading.current_a, 150.0);
+    assert_eq!(reading.gauge.unwrap().full_mah, 260_000.0);
 }
 
 #[test]
@@ -190,14 +190,14 @@ fn a_milliampere_is_a_current_and_no_blank_word() {
 }
 
 #[test]
-fn what_a_battery_does_not_tell_is_unknown() {
+fn what_a_battery_does_not_report_is_unknown() {
     let mut bus = battery(&[(0x17, 0xffff), (0x18, 0), (0x10, 0xffff), (0x1b, 0)]);
     for command in [0x08, 0x20, 0x21, 0x22, 0x1c] {
         bus.i2c.0.remove(&(0x0b, command));
     }
-    let told = read_battery(bus);
-    assert_eq!((told.temperature_c, told.gauge), (None, None));
-    let details = told.details;
+    let reading = read_battery(bus);
+    assert_eq!((reading.temperature_c, reading.gauge), (None, None));
+    let details = reading.details;
     assert!(details.manufacturer.is_empty() && details.device.is_empty());
     assert_eq!((details.serial_number, details.cycle_count), (None, None));
     assert_eq!(
@@ -209,11 +209,11 @@ fn what_a_battery_does_not_tell_is_unknown() {
 
 #[test]
 fn commands_a_maker_uses_for_something_else_are_no_cells() {
-    let told = read_battery(battery(&[(0x3f, 1234), (0x3e, 555)]));
-    assert!(told.cells.millivolts().is_empty());
+    let reading = read_battery(battery(&[(0x3f, 1234), (0x3e, 555)]));
+    assert!(reading.cells.millivolts().is_empty());
     // A third one that would be a cell by itself is not one of two that amount to the pack's voltage.
-    let told = read_battery(battery(&[(0x3d, 3700)]));
-    assert_eq!(told.cells.millivolts().len(), 2);
+    let reading = read_battery(battery(&[(0x3d, 3700)]));
+    assert_eq!(reading.cells.millivolts().len(), 2);
 }
 
 #[test]
@@ -255,10 +255,10 @@ fn counters_go_on_over_their_end_and_their_sign() {
             "the first time"
         );
         counters(&mut bus, to, energy + energy_steps);
-        let told = read_one(&mut devices, &mut bus).unwrap();
-        assert_eq!(told.voltage_v, Some(12.0));
-        let Some(crate::battery::Counted::Increment(counted)) = told.counted else {
-            panic!("{told:?}");
+        let reading = read_one(&mut devices, &mut bus).unwrap();
+        assert_eq!(reading.voltage_v, Some(12.0));
+        let Some(crate::battery::Counted::Increment(counted)) = reading.counted else {
+            panic!("{reading:?}");
         };
         assert!((counted.charge_mah - 36.0 * sign).abs() < 0.001, "{counted:?}");
         assert!((counted.energy_wh - 0.36 * sign).abs() < 1e-5, "{counted:?}");
@@ -342,8 +342,8 @@ fn the_error_of_a_foreign_bus_is_diagnosed_by_its_kind() {
         (ErrorKind::Other, ReadError::Bus),
     ] {
         let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), 0);
-        let told = read_next(&mut devices, &mut Buses::i2c(Refusing(kind)));
-        assert_eq!(told, [(Pack::Second, Err(diagnosis))], "{kind:?}");
+        let reading = read_next(&mut devices, &mut Buses::i2c(Refusing(kind)));
+        assert_eq!(reading, [(Pack::Second, Err(diagnosis))], "{kind:?}");
     }
 }
 
@@ -377,7 +377,7 @@ proptest! {
 
     /// An honest part with any numbers in its registers: recognised, so that these get through.
     #[test]
-    fn whatever_an_honest_battery_tells_the_pack_stays_sound(
+    fn whatever_an_honest_battery_reports_the_pack_stays_sound(
         words in prop::collection::vec((0u8..0x40, any::<u16>()), 0..40),
         ticks in 1usize..20,
     ) {

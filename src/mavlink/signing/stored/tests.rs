@@ -260,7 +260,7 @@ fn the_mark_is_ahead_of_everything_signed_and_moves_once_a_minute() {
 }
 
 #[test]
-fn after_a_restart_time_goes_on_where_nobody_has_been() {
+fn after_a_restart_time_goes_on_after_all_that_was_signed() {
     let mut words = flash_with(&[Some(key(1))]);
     let mut latest = Timestamp::default();
     for _ in 0..5 {

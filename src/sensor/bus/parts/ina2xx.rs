@@ -15,7 +15,7 @@ use crate::sensor::bus::{Address, SensorBus, Wiring};
 /// The lowest four bits of an identification are the revision.
 const REVISION: u16 = 0xf;
 
-/// How a part is told from others, set up and read.
+/// How a part is distinguished from others, set up and read.
 #[derive(Debug)]
 struct Model {
     name: &'static str,
@@ -30,7 +30,7 @@ struct Model {
     counters: Option<Counters>,
 }
 
-/// What a part is told by.
+/// What a part is recognised by.
 #[derive(Debug)]
 enum Identity {
     /// Its maker's number and its own, in these registers.
@@ -81,7 +81,7 @@ struct Counters {
     energy_step: f32,
 }
 
-/// Parts that are told from each other by their identification.
+/// Parts that are distinguished by their identification.
 #[derive(Debug)]
 pub(in crate::sensor::bus) struct Family {
     addresses: &'static [Address],

@@ -43,13 +43,13 @@ const WITHOUT_CODE: &[u8] = b"Hitachi maxell";
 /// The highest power of ten that values are in steps of.
 const HIGHEST_EXPONENT: u16 = 3;
 
-/// A word nobody has filled in.
+/// A word that is not filled in.
 const BLANK: u16 = 0xffff;
 
-/// What a battery with a button tells of it.
+/// What a battery with a button reports of it.
 const BUTTON_BYTES: usize = 6;
 
-/// Somebody who holds the button for so many readings in a row means it, as in ArduPilot.
+/// The button counts as held after so many readings in a row, as in ArduPilot.
 const PRESSES_UNTIL_OFF: u8 = 7;
 
 const ZERO_CELSIUS_K: f32 = 273.15;
@@ -271,7 +271,7 @@ impl SmartBattery {
         Ok(hottest.map(|tenths_k| f32::from(tenths_k) * 0.1 - ZERO_CELSIUS_K))
     }
 
-    /// Whether somebody is switching it off: by holding its button.
+    /// Whether it is being switched off by its button.
     async fn supply(&mut self, bus: &mut impl SensorBus) -> Result<Supply, ReadError> {
         let Some(Button { command, byte, bit }) = self.dialect.button else {
             return Ok(Supply::On);
@@ -330,12 +330,12 @@ fn power_of_ten(exponent: u16) -> f32 {
     (0..exponent).fold(1.0, |power, _| power * 10.0)
 }
 
-/// What a word is worth; 0 is what nobody has filled in.
+/// What a word is worth; 0 is not filled in.
 fn filled(word: Option<u16>, step: f32) -> Option<f32> {
     word.filter(|word| *word > 0).map(|word| f32::from(word) * step)
 }
 
-/// A word that somebody has filled in. What the lines read when nobody sends is the same.
+/// A word that is filled in. Undriven lines read as one that is not.
 fn known(word: Option<u16>) -> Option<u16> {
     word.filter(|word| *word != BLANK)
 }

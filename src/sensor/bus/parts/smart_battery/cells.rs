@@ -15,13 +15,13 @@ const CELL_SUM_TOLERANCE: f32 = 0.05;
 /// Bytes of a block of cells: four, whether there are as many or not.
 const BLOCK_BYTES: usize = 8;
 
-/// What a battery tells of its cells, in millivolts, from the first on.
+/// What a battery reports of its cells, in millivolts, from the first on.
 pub(super) type CellWords = [Option<u16>; MAX_CELLS];
 
 /// Where the voltages of the cells are.
 #[derive(Debug)]
 pub(super) enum Cells {
-    /// It does not tell them all.
+    /// It does not report them all.
     None,
     /// Each in a word, the first at this command and the next below it: a custom, since the specification leaves these
     /// commands to the maker. How many there are shows their sum.

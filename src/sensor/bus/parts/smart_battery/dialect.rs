@@ -9,7 +9,7 @@ use crate::sensor::bus::smbus::PacketErrorCode;
 /// How a maker's batteries differ from the specification.
 #[derive(Debug)]
 pub(in crate::sensor::bus) struct Dialect {
-    /// Whether they have a packet error code; `None` if the specification they follow tells.
+    /// Whether they have a packet error code; `None` if the specification information says so.
     pub(super) code: Option<PacketErrorCode>,
     /// What the words for capacities have to be multiplied with.
     pub(super) capacity_factor: f32,
@@ -91,7 +91,7 @@ pub(in crate::sensor::bus) static SUI_3_CELLS: Dialect = Dialect {
     ..SPECIFIED
 };
 
-/// Six cells, of which it tells four; so none is reported, since ground stations would add them up to less than the pack.
+/// Six cells, of which it reports four; so none is reported, since ground stations would add them up to less than the pack.
 pub(in crate::sensor::bus) static SUI_6_CELLS: Dialect = Dialect {
     cells: Cells::None,
     voltage: Voltage::OfPack,
