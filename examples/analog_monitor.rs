@@ -24,7 +24,7 @@ mod firmware {
     };
     use rover_battmon::board::{self, AnalogInputs};
     use rover_battmon::mavlink::{LinkKind, SystemState};
-    use rover_battmon::parameter::Parameters;
+    use rover_battmon::parameter::{Pack, Parameters};
     use rover_battmon::sensor::{AnalogPin, VoltageDivider, read_mean};
     use rover_battmon::tasks::WiredEndpoint;
 
@@ -82,8 +82,8 @@ mod firmware {
                 // Only then failsafes count, and nothing here can be disarmed.
                 arm_state: ArmState::Armed,
             };
-            let (events, _) = monitor.update(tick, reading, &settings);
-            link.announce(0, &events);
+            let update = monitor.update(tick, reading, &settings);
+            link.announce(Pack::First, &update.events);
             led.set_level((monitor.state().charge_state == ChargeState::Ok).into());
 
             // Report what is due.

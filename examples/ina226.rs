@@ -65,8 +65,8 @@ mod firmware {
                 arm_state: ArmState::Armed,
             };
             let judge = |_, reading| {
-                let (events, _) = monitor.update(tick, reading, &settings);
-                link.announce(0, &events);
+                let update = monitor.update(tick, reading, &settings);
+                link.announce(Pack::First, &update.events);
             };
             parts.read_next(&mut bus, tick.now_us, judge).await;
 

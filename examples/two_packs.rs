@@ -24,7 +24,7 @@ mod firmware {
     };
     use rover_battmon::board::{self, AnalogInputs};
     use rover_battmon::mavlink::{LinkKind, SystemState};
-    use rover_battmon::parameter::Parameters;
+    use rover_battmon::parameter::{Pack, Parameters};
     use rover_battmon::sensor::{AdcCount, AnalogPin, CurrentSensor, VoltageDivider, read_mean};
     use rover_battmon::tasks::WiredEndpoint;
 
@@ -35,7 +35,7 @@ mod firmware {
     const TIMEOUT: Duration = Duration::from_millis(2);
 
     /// How a pack is wired, what its owner has set, and what is known of it.
-    struct Pack {
+    struct MonitoredPack {
         voltage_pin: AnalogPin,
         divider: VoltageDivider,
         current: Option<(AnalogPin, CurrentSensor)>,
@@ -44,8 +44,8 @@ mod firmware {
     }
 
     /// Three LiPo cells with a sensor of 20 A for each volt.
-    fn drive_pack() -> Pack {
-        Pack {
+    fn drive_pack() -> MonitoredPack {
+        MonitoredPack {
             voltage_pin: AnalogPin::Gp26,
             divider: VoltageDivider {
                 multiplier: 4.0,
@@ -70,8 +70,8 @@ mod firmware {
     }
 
     /// Two 18650 cells.
-    fn electronics_pack() -> Pack {
-        Pack {
+    fn electronics_pack() -> MonitoredPack {
+        MonitoredPack {
             voltage_pin: AnalogPin::Gp28,
             divider: VoltageDivider {
                 multiplier: 3.0,
@@ -116,15 +116,15 @@ mod firmware {
 
         loop {
             // Measure each pack, judge it by its own settings, and tell what happened to it.
-            for (instance, pack) in (0..).zip(&mut packs) {
+            for (instance, pack) in Pack::ALL.into_iter().zip(&mut packs) {
                 let reading = measure(pack, &mut pins).await;
                 let tick = Tick {
                     now_us: Instant::now().as_micros(),
                     // Only then failsafes count, and nothing here can be disarmed.
                     arm_state: ArmState::Armed,
                 };
-                let (events, _) = pack.monitor.update(tick, reading, &pack.settings);
-                link.announce(instance, &events);
+                let update = pack.monitor.update(tick, reading, &pack.settings);
+                link.announce(instance, &update.events);
             }
 
             // Report what is due: the instance of a BATTERY_STATUS is the pack's place here.
@@ -140,7 +140,7 @@ mod firmware {
         }
     }
 
-    async fn measure(pack: &Pack, pins: &mut AnalogInputs) -> Result<Measurement, ReadError> {
+    async fn measure(pack: &MonitoredPack, pins: &mut AnalogInputs) -> Result<Measurement, ReadError> {
         let count = read(pins, pack.voltage_pin).await?;
         let mut measurement = Measurement {
             voltage_v: Some(pack.divider.pack_voltage_v(count.pin_voltage_v())),

@@ -37,7 +37,7 @@
 //! let settings = PackSettings { cell_count: Some(3), ..PackSettings::default() };
 //! let mut monitor = BatteryMonitor::new();
 //! let tick = Tick { now_us: 100_000, ..Tick::default() };
-//! monitor.update(tick, Ok(reading), &settings);
+//! let _ = monitor.update(tick, Ok(reading), &settings);
 //! assert_eq!(monitor.state().status, PackStatus::Healthy);
 //! assert_eq!(monitor.state().charge_state, ChargeState::Ok);
 //!
@@ -85,6 +85,7 @@ mod log;
 mod rounding;
 mod sealed;
 
+pub mod autopilot;
 pub mod battery;
 pub mod cadence;
 pub mod crash;

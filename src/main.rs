@@ -7,17 +7,17 @@ mod firmware {
     use defmt_rtt as _;
     use embassy_executor::{SpawnError, SpawnToken, Spawner};
     use panic_probe as _;
+    use rover_battmon::autopilot::Start;
     use rover_battmon::battery::RetainedMemory;
     use rover_battmon::board::{
         self, AnalogInputs, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog,
         Buzzer, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c, SensorSpi,
         SpiPeripherals, UartReceiver, UartTransmitter, UsbDevice, UsbPort,
     };
-    use rover_battmon::crash::{CrashRecord, ParameterSource};
+    use rover_battmon::crash::CrashRecord;
     use rover_battmon::liveness::CheckIn;
-    use rover_battmon::mavlink::{LinkKind, Signing};
-    use rover_battmon::parameter::{Parameters, VehicleParameter, serial_baud};
-    use rover_battmon::sensor::{self, Buses};
+    use rover_battmon::mavlink::LinkKind;
+    use rover_battmon::sensor::Buses;
     use rover_battmon::storage::Storage;
     use rover_battmon::tasks::{self, Link, Shared, SigningStorage};
     use static_cell::StaticCell;
@@ -167,35 +167,24 @@ mod firmware {
 
         let flash = BoardFlash::new(FLASH.init(board::flash_driver(peripherals.FLASH)));
         let mut storage = Storage::new(flash, board::PARAMETER_RANGE);
-        let mut parameters_at_boot = Parameters::defaults();
-        let loaded = match last_run.quick_resets.parameter_source() {
-            ParameterSource::Stored => {
-                Some(tasks::load_parameters(&mut storage, &mut parameters_at_boot).await)
-            }
-            ParameterSource::Defaults => {
-                parameters_at_boot.mark_not_loaded();
-                None
-            }
-        };
-        let bus_clock_hz = sensor::bus_clock_hz(&parameters_at_boot);
-        let (needs_esc, needs_pulses) = (
-            sensor::needs_esc(&parameters_at_boot),
-            sensor::needs_pulses(&parameters_at_boot),
-        );
-        let (signing_storage, signing_at_boot) =
-            SigningStorage::load(Storage::new(flash, board::SIGNING_RANGE)).await;
-        let shared = share(&parameters_at_boot, signing_at_boot);
-        tasks::report_load(shared, loaded);
-        tasks::report_signing(shared);
+        let memory = board::retained_memory(last_run.reset_reason);
+        let (start_values, signing_storage) = tasks::boot(
+            &mut storage,
+            Storage::new(flash, board::SIGNING_RANGE),
+            last_run.quick_resets.parameter_source(),
+            memory,
+        )
+        .await;
+        let shared = share(start_values);
+        let wiring = shared.with(|autopilot| autopilot.wiring());
 
-        let baud = serial_baud(shared.whole_parameter(VehicleParameter::Serial0Baud));
-        let link = open_telemetry(baud);
+        let link = open_telemetry(wiring.telemetry_baud);
         let (transmitter, receiver) = board::telemetry_uart(
             peripherals.UART0,
             peripherals.PIN_0,
             peripherals.PIN_1,
             peripherals.DMA_CH0,
-            baud,
+            wiring.telemetry_baud,
         );
         let (device, port) = board::usb_port(peripherals.USB);
         let input = AnalogInputs::new(
@@ -211,7 +200,7 @@ mod firmware {
                 peripherals.I2C1,
                 peripherals.PIN_14,
                 peripherals.PIN_15,
-                bus_clock_hz,
+                wiring.i2c_clock_hz,
             ),
             spi: SensorSpi::new(SpiPeripherals {
                 spi: peripherals.SPI1,
@@ -223,8 +212,10 @@ mod firmware {
         };
 
         // Their pins stay untouched while no pack needs them.
-        let esc_wire = needs_esc.then(|| board::esc_uart(peripherals.UART1, peripherals.PIN_5));
-        let pulse_pin = needs_pulses.then(|| board::pulse_input(peripherals.PIN_17));
+        let esc_wire = wiring
+            .uses_esc
+            .then(|| board::esc_uart(peripherals.UART1, peripherals.PIN_5));
+        let pulse_pin = wiring.uses_pulses.then(|| board::pulse_input(peripherals.PIN_17));
 
         let motors = BoardMotors::new(MotorPeripherals {
             left_front: (peripherals.PWM_SLICE1, peripherals.PIN_18, peripherals.PIN_19),
@@ -234,7 +225,6 @@ mod firmware {
         });
         let (indicators, sounder) = board::indicators(peripherals.PIN_2, peripherals.PIN_16);
 
-        let memory = board::retained_memory(last_run.reset_reason);
         start(spawner, DRIVE.name(), drive(motors, indicators, shared));
         start(spawner, "buzzer", buzzer(sounder));
         start(spawner, BATTERY.name(), battery(input, memory, shared));
@@ -256,8 +246,8 @@ mod firmware {
 
     // Built where they stay: on the stack of `main` they would take several times their size.
     #[inline(never)]
-    fn share(parameters: &Parameters, signing: Signing) -> &'static Shared {
-        SHARED.init_with(|| Shared::new(parameters, signing))
+    fn share(start: Start) -> &'static Shared {
+        SHARED.init_with(|| Shared::new(start))
     }
 
     #[inline(never)]

@@ -10,9 +10,10 @@ use std::future::pending;
 use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
 use line::{BYTE_US, Line, Sent};
+use rover_battmon::autopilot::Start;
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::liveness::CheckIn;
-use rover_battmon::mavlink::{LinkKind, Signing};
+use rover_battmon::mavlink::LinkKind;
 use rover_battmon::parameter::Parameters;
 use rover_battmon::sim::clock;
 use rover_battmon::tasks::{
@@ -85,7 +86,7 @@ fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<(u64, String)>; 2] {
         next_at_us: from_us,
     };
     clock::run_for(Duration::from_secs(10), async {
-        let shared = Shared::new(&Parameters::defaults(), Signing::off());
+        let shared = Shared::new(Start::with_parameters(Parameters::defaults()));
         let [first, second] = ["first", "second"].map(|name| Link::new(name, LinkKind::Radio, 11_520));
         let serve = async |link, sent| {
             let line = Line {

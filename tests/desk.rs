@@ -10,11 +10,11 @@ use std::collections::VecDeque;
 use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
 use line::Line;
+use rover_battmon::autopilot::{Announcement, Start};
 use rover_battmon::battery::{ReadError, RetainedRecord};
 use rover_battmon::liveness::CheckIn;
-use rover_battmon::mavlink::dialect::MavSeverity;
-use rover_battmon::mavlink::{LinkKind, Signing};
-use rover_battmon::parameter::Parameters;
+use rover_battmon::mavlink::LinkKind;
+use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
 use rover_battmon::sim::clock;
 use rover_battmon::tasks::{
@@ -48,6 +48,14 @@ impl AnalogIn for StallingConverter {
     }
 }
 
+/// With a failsafe threshold, so that none is announced to be missing.
+fn with_threshold() -> Parameters {
+    let mut parameters = Parameters::defaults();
+    let threshold: ParameterId = BatteryParameter::LowVolt.of(Pack::First);
+    parameters.set(threshold, 1.0).unwrap();
+    parameters
+}
+
 /// 10 bits a byte.
 fn byte_us(baud: u64) -> u64 {
     10_000_000 / baud
@@ -63,7 +71,7 @@ fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_secs(seconds), async {
         let (shared, link) = (
-            Shared::new(&Parameters::defaults(), Signing::off()),
+            Shared::new(Start::with_parameters(with_threshold())),
             Link::new("line", LinkKind::Radio, baud as u32 / 10),
         );
         join3(
@@ -162,7 +170,7 @@ fn sent_while(baud: u64, script: impl AsyncFn(&Shared)) -> [Vec<Frame>; 2] {
         (Link::new("line", LinkKind::Radio, baud as u32 / 10), line)
     });
     clock::run_for(Duration::from_secs(20), async {
-        let shared = Shared::new(&Parameters::defaults(), Signing::off());
+        let shared = Shared::new(Start::with_parameters(with_threshold()));
         let serve = async |(link, line): (Link, Line<'_>)| {
             let telemetry = schedule_telemetry(&shared, &link, &check_in);
             join(telemetry, write_frames(line, &shared, &link, &check_in)).await
@@ -180,14 +188,12 @@ fn texts(frames: &[Frame]) -> Vec<(u64, String)> {
         .collect()
 }
 
-const WARNING: MavSeverity = MavSeverity::MAV_SEVERITY_WARNING;
-
 #[test]
 fn what_is_announced_is_said_once_and_at_once_on_every_link() {
     let said = sent_while(57_600, async |shared| {
         for number in 1..=5 {
             Timer::after_millis(1_030).await;
-            shared.announce(WARNING, &format!("Battery {number} is low"));
+            shared.announce(Announcement::Crash(&format!("Battery {number} is low")));
         }
     });
     for frames in said {
@@ -207,7 +213,10 @@ fn all_packs_can_be_announced_in_the_same_tick() {
     let said = sent_while(57_600, async |shared| {
         Timer::after_millis(1_030).await;
         for number in 1..=9 {
-            shared.announce(WARNING, &format!("Battery {number}: {}", "x".repeat(80)));
+            shared.announce(Announcement::Crash(&format!(
+                "Battery {number}: {}",
+                "x".repeat(80)
+            )));
         }
     });
     for frames in said {
@@ -228,7 +237,7 @@ fn all_packs_can_be_announced_in_the_same_tick() {
 fn a_text_that_is_too_long_is_cut_off_between_characters() {
     let [frames, _] = sent_while(57_600, async |shared| {
         Timer::after_millis(1_030).await;
-        shared.announce(WARNING, &format!("{}°C", "x".repeat(95)));
+        shared.announce(Announcement::Crash(&format!("{}°C", "x".repeat(95))));
     });
     let texts = texts(&frames);
     assert_eq!(texts[0].1.len() + texts[1].1.len(), 95);
@@ -241,7 +250,10 @@ fn a_link_that_is_too_slow_loses_the_oldest_and_no_other_link_does() {
     let [slow, fast] = sent_while(1_200, async |shared| {
         for number in 1..=TEXTS {
             Timer::after_millis(20).await;
-            shared.announce(WARNING, &format!("number {number:3} {}", "x".repeat(30)));
+            shared.announce(Announcement::Crash(&format!(
+                "number {number:3} {}",
+                "x".repeat(30)
+            )));
         }
     });
     assert_eq!(texts(&fast).len(), TEXTS);
@@ -258,13 +270,7 @@ fn a_link_that_is_too_slow_loses_the_oldest_and_no_other_link_does() {
 }
 
 #[test]
-fn a_notice_is_said_to_who_is_connected_and_to_who_connects_later() {
-    let [frames, _] = sent_while(57_600, async |shared| {
-        Timer::after_millis(1_030).await;
-        shared.notice(WARNING, "Parameters can't be saved");
-    });
-    assert_eq!(texts(&frames).len(), 1);
-
+fn a_notice_about_the_start_is_sent_to_a_link_that_opens_later() {
     let check_in = CheckIn::new("", u32::MAX);
     let sent = RefCell::new(Vec::new());
     let line = Line {
@@ -273,17 +279,16 @@ fn a_notice_is_said_to_who_is_connected_and_to_who_connects_later() {
     };
     clock::run_for(Duration::from_secs(5), async {
         let (shared, link) = (
-            Shared::new(&Parameters::defaults(), Signing::off()),
+            Shared::new(Start::with_parameters(Parameters::defaults())),
             Link::new("late", LinkKind::Radio, 5_760),
         );
-        shared.notice(WARNING, "Parameters can't be saved");
-        shared.announce(WARNING, "Nobody was there to hear it");
+        shared.announce(Announcement::Crash("before there was a link"));
         let telemetry = schedule_telemetry(&shared, &link, &check_in);
         join(telemetry, write_frames(line, &shared, &link, &check_in)).await
     });
     let late = texts(&support::frames::frames(&sent.take()));
     assert_eq!(late.len(), 1, "{late:?}");
-    assert_eq!(late[0].1, "Parameters can't be saved");
+    assert_eq!(late[0].1, "Battery failsafes are off: set BATT_LOW_VOLT");
 }
 
 /// When it was fed, and who has kept it from being fed since then.

@@ -59,22 +59,21 @@ impl Desk {
         loop {
             for frame in of_message(&frames, PARAM_VALUE) {
                 let name = ParamValue(frame).name();
-                meanwhile(&name, &mut self.parameters);
+                meanwhile(&name, self.autopilot.parameters_mut());
                 listed.push(name);
             }
-            let due_us = self.endpoint.next_due_us();
+            let due_us = self.next_due_us();
             if due_us > 30_000_000 {
                 return listed;
             }
-            self.endpoint
-                .post_due(due_us, &SystemState::default(), &self.parameters);
+            self.post_due(due_us);
             frames = self.sent();
         }
     }
 
     /// The names of what is listed now.
     fn listed(&self) -> Vec<String> {
-        self.parameters
+        self.parameters()
             .listed()
             .map(|id| id.name().as_str().into())
             .collect()
@@ -84,9 +83,9 @@ impl Desk {
         assert_eq!(frame.message_id, PARAM_VALUE);
         let answer = ParamValue(frame);
         assert_eq!(answer.name(), id.name().as_str());
-        let index = self.parameters.listed().position(|listed| listed == id);
+        let index = self.parameters().listed().position(|listed| listed == id);
         assert_eq!(answer.index(), index.map_or(NOT_LISTED, |index| index as u16));
-        assert_eq!(usize::from(answer.count()), self.parameters.listed().count());
+        assert_eq!(usize::from(answer.count()), self.parameters().listed().count());
         assert_eq!(answer.value(), value, "{}", answer.name());
     }
 
@@ -110,7 +109,7 @@ fn every_parameter_is_read_by_name_and_what_is_listed_by_index() {
         let answer = desk.one_answer(&param_read_by_name(&id.name()));
         desk.assert_param_value(&answer, id, id.default_value());
     }
-    let listed: Vec<_> = desk.parameters.listed().collect();
+    let listed: Vec<_> = desk.parameters().listed().collect();
     for (index, id) in (0..).zip(listed) {
         let answer = desk.one_answer(&param_read_by_index(index));
         assert_eq!(ParamValue(&answer).index(), index as u16);
@@ -141,10 +140,13 @@ fn what_does_not_exist_is_an_error_that_says_so() {
 fn a_set_value_is_live_and_acknowledged_at_once() {
     let mut desk = Desk::new();
     desk.assert_set("SR0_EXTRA1", EXTRA1, 10.0);
-    assert_eq!(desk.parameters.get(EXTRA1), 10.0);
+    assert_eq!(desk.parameters().get(EXTRA1), 10.0);
     let answer = desk.one_answer(&param_set_to(EVERYONE, "SR0_EXTRA1", 5.0));
     desk.assert_param_value(&answer, EXTRA1, 5.0);
-    assert_eq!(desk.parameters.next_unsaved(), Some(Unsaved::Value(EXTRA1, 5.0)));
+    assert_eq!(
+        desk.parameters().next_unsaved(),
+        Some(Unsaved::Value(EXTRA1, 5.0))
+    );
 }
 
 #[test]
@@ -158,7 +160,7 @@ fn a_value_out_of_range_is_refused_and_the_old_one_shown() {
         assert_eq!(answers[0].u8(20), VALUE_OUT_OF_RANGE);
         desk.assert_param_value(&answers[1], EXTRA1, 2.0);
     }
-    assert_eq!(desk.parameters.next_unsaved(), None);
+    assert_eq!(desk.parameters().next_unsaved(), None);
 }
 
 #[test]
@@ -199,7 +201,10 @@ fn a_hidden_parameter_is_set_by_name() {
     let mut desk = Desk::new();
     let hidden = BatteryParameter::VoltMult.of(Pack::Ninth);
     desk.assert_set("BATT9_VOLT_MULT", hidden, 11.0);
-    assert_eq!(desk.parameters.next_unsaved(), Some(Unsaved::Value(hidden, 11.0)));
+    assert_eq!(
+        desk.parameters().next_unsaved(),
+        Some(Unsaved::Value(hidden, 11.0))
+    );
     desk.assert_set("BATT9_MONITOR", BatteryParameter::Monitor.of(Pack::Ninth), 3.0);
     let answer = desk.one_answer(&param_read_by_name("BATT9_VOLT_MULT"));
     desk.assert_param_value(&answer, hidden, 11.0);
@@ -209,10 +214,9 @@ fn a_hidden_parameter_is_set_by_name() {
 fn list_while(trigger: &str, pack: Pack, monitor: f32) -> (Vec<String>, Vec<String>) {
     let mut desk = Desk::new();
     // So slow that the parameters leave one by one.
-    desk.endpoint = Endpoint::new(LinkKind::Radio, 960, 0);
-    let _ = desk
-        .parameters
-        .set(BatteryParameter::Monitor.of(Pack::Fifth), 3.0);
+    desk.connect_slowly(LinkKind::Radio, 960);
+    let fifth: ParameterId = BatteryParameter::Monitor.of(Pack::Fifth);
+    desk.set(fifth, 3.0);
     let mut listed = desk.list(|sent, parameters| {
         if sent == trigger {
             let _ = parameters.set(BatteryParameter::Monitor.of(pack), monitor);
@@ -414,8 +418,8 @@ fn sent_for(desk: &mut Desk, seconds: u64) -> Vec<Frame> {
 /// The same until a time.
 fn sent_until(desk: &mut Desk, until_us: u64) -> Vec<Frame> {
     let mut sent = Vec::new();
-    while desk.endpoint.next_due_us() < until_us {
-        desk.post_due(desk.endpoint.next_due_us());
+    while desk.next_due_us() < until_us {
+        desk.post_due(desk.next_due_us());
         sent.extend(desk.sent());
     }
     desk.now_us = until_us;
@@ -455,7 +459,7 @@ fn a_ground_station_moves_over_to_the_newer_messages() {
     ));
     assert_ack(&answer, SET_MESSAGE_INTERVAL, ACCEPTED);
     assert_eq!(counts(&sent_for(&mut desk, 60), MESSAGES), [0, 0, 0, 12]);
-    assert_eq!(desk.endpoint.statistics().dropped, 0);
+    assert_eq!(desk.statistics().dropped, 0);
 }
 
 #[test]
@@ -489,7 +493,7 @@ fn the_heartbeats_interval_cannot_be_changed_and_its_acknowledgement_says_so() {
 /// A link whose radio has reported a full buffer 40 times, or another sender has.
 fn after_forty_reports(kind: LinkKind, sender: [u8; 2]) -> Desk {
     let mut desk = Desk::with_packs(&[healthy()]);
-    desk.endpoint = Endpoint::new(kind, 100_000, 0);
+    desk.connect(kind);
     for _ in 0..40 {
         desk.receive_in_chunks(&radio_status_from(sender, 0), 64);
     }
@@ -586,7 +590,7 @@ fn fuel_is_told_of_tanks_only_and_only_to_those_who_ask() {
         .map(|frame| frame.u8(24))
         .collect();
     assert_eq!(of_tanks, [1, 3].repeat(6));
-    assert_eq!(desk.endpoint.statistics().dropped, 0);
+    assert_eq!(desk.statistics().dropped, 0);
 }
 
 /// The cycle counts that were told unasked in ten seconds, with the instance, by BATTERY_INFO and by SMART_BATTERY_INFO.
@@ -613,17 +617,17 @@ fn what_a_smart_battery_tells_of_itself_is_told_once_each_time_it_changes() {
     let mut desk = Desk::with_packs(&[healthy(), with_cycles(7), internal]);
     assert_eq!(told(&mut desk), [(1, 7)]);
     assert_eq!(told(&mut desk), []);
-    desk.batteries[1].voltage_v = Some(10.0);
+    desk.change_battery(Pack::Second, |battery| battery.voltage_v = Some(10.0));
     assert_eq!(told(&mut desk), []);
-    desk.batteries[1] = with_cycles(8);
+    desk.change_battery(Pack::Second, |battery| *battery = with_cycles(8));
     assert_eq!(told(&mut desk), [(1, 8)]);
-    desk.batteries[1].details = PackDetails::default();
+    desk.change_battery(Pack::Second, |battery| battery.details = PackDetails::default());
     assert_eq!(told(&mut desk), []);
-    desk.batteries = vec![with_cycles(8); 3];
+    desk.set_batteries(&[with_cycles(8); 3]);
     assert_eq!(told(&mut desk), [(0, 8), (2, 8)]);
 
     // Another link is told once, too, however late it is opened.
-    desk.endpoint = Endpoint::new(LinkKind::Radio, 100_000, desk.now_us);
+    desk.connect(LinkKind::Radio);
     assert_eq!(told(&mut desk), [(0, 8), (1, 8), (2, 8)]);
     assert_eq!(told(&mut desk), []);
 }
@@ -640,7 +644,7 @@ fn news_of_a_pack_that_is_streamed_anyway_is_no_drop() {
         counts(&sent_for(&mut desk, 10), [SMART_BATTERY_INFO, BATTERY_INFO]),
         [1, 10]
     );
-    assert_eq!(desk.endpoint.statistics().dropped, 0);
+    assert_eq!(desk.statistics().dropped, 0);
 }
 
 #[test]
@@ -688,7 +692,7 @@ fn count(frames: &[Frame]) -> ([usize; MAX_PACKS], usize) {
 fn sent_in(desk: &mut Desk, seconds: u64, messages: usize) -> Vec<Frame> {
     let mut sent = Vec::new();
     loop {
-        let due_us = desk.endpoint.next_due_us();
+        let due_us = desk.next_due_us();
         if due_us >= seconds * 1_000_000 {
             return sent;
         }
@@ -701,13 +705,11 @@ fn sent_in(desk: &mut Desk, seconds: u64, messages: usize) -> Vec<Frame> {
 fn nine_packs_are_each_sent_at_the_full_rate() {
     for rate_hz in [1, 2, 10, 50] {
         let mut desk = Desk::with_packs(&[healthy(); MAX_PACKS]);
-        desk.parameters
-            .set(VehicleParameter::Sr0Extra1, rate_hz as f32)
-            .expect("it is in range");
+        desk.set(VehicleParameter::Sr0Extra1, rate_hz as f32);
         let (packs, sys_status) = count(&sent_in(&mut desk, 60, usize::MAX));
         assert_eq!(packs, [60 * rate_hz; MAX_PACKS]);
         assert_eq!(sys_status, 60 * rate_hz);
-        assert_eq!(desk.endpoint.statistics().dropped, 0);
+        assert_eq!(desk.statistics().dropped, 0);
     }
 }
 
@@ -716,11 +718,11 @@ fn what_waits_says_how_things_are_when_it_leaves() {
     let gone = Visibility::Internal;
     let mut desk = Desk::with_packs(&[healthy(); 3]);
     desk.post_due(0);
-    desk.batteries[0].voltage_v = Some(10.0);
-    desk.batteries[1].visibility = gone;
-    desk.batteries[2].status = PackStatus::Disabled;
+    desk.change_battery(Pack::First, |battery| battery.voltage_v = Some(10.0));
+    desk.change_battery(Pack::Second, |battery| battery.visibility = gone);
+    desk.change_battery(Pack::Third, |battery| battery.status = PackStatus::Disabled);
     // The link's counters are those of that moment, too.
-    desk.endpoint.count_overrun();
+    desk.channel.count_overrun();
     let sent = desk.sent();
     let of_packs = of_message(&sent, BATTERY_STATUS);
     let voltages: Vec<_> = of_packs
@@ -733,7 +735,7 @@ fn what_waits_says_how_things_are_when_it_leaves() {
         "no word of packs that are not reported any more"
     );
     assert_eq!(SysStatus(of_message(&sent, SYS_STATUS)[0]).errors_comm(), 1);
-    assert_eq!(desk.endpoint.statistics().sent, 3);
+    assert_eq!(desk.statistics().sent, 3);
 }
 
 #[test]
@@ -776,7 +778,7 @@ fn nine_packs_share_a_link_that_is_too_slow_evenly_and_heartbeat_goes_first() {
         );
         let waiting = desk.sent().len();
         let dropped = 1200 * 10 - packs.iter().sum::<usize>() - sys_status - waiting;
-        assert_eq!(desk.endpoint.statistics().dropped as usize, dropped);
+        assert_eq!(desk.statistics().dropped as usize, dropped);
     }
 }
 
@@ -794,9 +796,9 @@ fn file_transfer_is_refused_at_once() {
 #[test]
 fn a_long_text_leaves_in_chunks() {
     let mut desk = Desk::new();
-    desk.endpoint
+    desk.channel
         .say(MavSeverity::MAV_SEVERITY_WARNING, &"x".repeat(70));
-    desk.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, "short");
+    desk.channel.say(MavSeverity::MAV_SEVERITY_INFO, "short");
     let texts = desk.sent();
     assert!(texts.iter().all(|frame| frame.message_id == STATUSTEXT));
     let parts: Vec<_> = texts
@@ -937,8 +939,8 @@ proptest! {
                 let results: Vec<_> = of_message(&answers, COMMAND_ACK).iter().map(|ack| ack.u8(2)).collect();
                 prop_assert_eq!((answers.len(), &results), (results.len(), &request.results()), "{:?}", request);
                 let until_us = desk.now_us + wait_us;
-                while desk.endpoint.next_due_us() < until_us {
-                    let due_us = desk.endpoint.next_due_us();
+                while desk.next_due_us() < until_us {
+                    let due_us = desk.next_due_us();
                     desk.post_due(due_us);
                     for frame in desk.sent() {
                         let Some(before_us) = last_us.insert(frame.message_id, due_us) else {
@@ -966,7 +968,7 @@ proptest! {
         ),
     ) {
         let mut desk = Desk::with_packs(&[healthy()]);
-        desk.parameters.set(EXTRA1, rate_hz.into()).expect("it is in range");
+        desk.set(EXTRA1, rate_hz.into());
         for (radio, buffer_free, wait_us) in reports {
             desk.receive_in_chunks(&radio_status_from(radio, buffer_free), 64);
             let until_us = desk.now_us + wait_us;
@@ -986,7 +988,7 @@ proptest! {
         let events = desk.receive_in_chunks(&bytes, chunk);
         prop_assume!(!swallowed(&events));
         prop_assert!(events.contains(&Event::ParameterSet(VOLT_MULT)), "{events:?}");
-        prop_assert_eq!(desk.parameters.get(VOLT_MULT), 4.25);
+        prop_assert_eq!(desk.parameters().get(VOLT_MULT), 4.25);
     }
 
     /// The same without bytes behind it: the pause of the sender does it.
@@ -995,7 +997,7 @@ proptest! {
         let mut desk = Desk::new();
         let bytes = [garbage, param_set("BATT_VOLT_MULT", 4.25)].concat();
         let mut events = desk.receive_in_chunks(&bytes, chunk);
-        desk.endpoint.give_up_waiting();
+        desk.channel.give_up_waiting();
         events.extend(desk.handle_all());
         prop_assume!(!swallowed(&events));
         prop_assert!(events.contains(&Event::ParameterSet(VOLT_MULT)), "{events:?}");
@@ -1007,7 +1009,7 @@ proptest! {
         let bytes = [&garbage[..], &param_read_by_index(2), &garbage, &command_long(999, 0.0), &garbage].concat();
         let (mut desk, mut other) = (Desk::new(), Desk::new());
         prop_assert_eq!(desk.receive_in_chunks(&bytes, 1), other.receive_in_chunks(&bytes, chunk));
-        prop_assert_eq!(desk.endpoint.statistics(), other.endpoint.statistics());
+        prop_assert_eq!(desk.statistics(), other.statistics());
     }
 
     /// A frame with any single bit flipped does nothing, unless the bit is one the checksum does not cover.
@@ -1019,7 +1021,7 @@ proptest! {
         frame[bit / 8] ^= 1 << (bit % 8);
         let events = desk.receive_in_chunks(&[frame, vec![0; 293]].concat(), 64);
         prop_assert!(!events.contains(&Event::ParameterSet(EXTRA1)));
-        prop_assert_eq!(desk.parameters.get(EXTRA1), 2.0);
+        prop_assert_eq!(desk.parameters().get(EXTRA1), 2.0);
     }
 
     #[test]
@@ -1027,11 +1029,11 @@ proptest! {
         let mut desk = Desk::new();
         desk.receive_in_chunks(&bytes, 64);
         if pause {
-            desk.endpoint.give_up_waiting();
+            desk.channel.give_up_waiting();
         }
         desk.sent();
         for id in ParameterId::all() {
-            prop_assert!(id.row().range.contains(desk.parameters.get(id)));
+            prop_assert!(id.row().range.contains(desk.parameters().get(id)));
         }
     }
 }
@@ -1051,5 +1053,5 @@ fn telemetry_goes_on_while_requests_flood_in() {
         16,
         "as many as there is room for"
     );
-    assert_eq!(desk.endpoint.statistics().dropped, 34, "the others are counted");
+    assert_eq!(desk.statistics().dropped, 34, "the others are counted");
 }

@@ -10,9 +10,10 @@ use embassy_futures::join::join4;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
 use line::{BYTE_US, Line};
+use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{ReadError, RetainedRecord};
 use rover_battmon::liveness::CheckIn;
-use rover_battmon::mavlink::{LinkKind, Signing};
+use rover_battmon::mavlink::LinkKind;
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::sim::clock;
@@ -177,7 +178,7 @@ fn run(seconds: u64, scenario: &Scenario<'_>) -> Outcome {
     };
     clock::run_for(Duration::from_secs(seconds), async {
         let (shared, link) = (
-            Shared::new(&parameters, Signing::off()),
+            Shared::new(Start::with_parameters(parameters)),
             Link::new("line", LinkKind::Radio, 11_520),
         );
         join4(

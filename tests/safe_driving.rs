@@ -19,13 +19,14 @@ use embassy_futures::join::join;
 use embassy_time::{Duration, Timer};
 use line::{BYTE_US, Line};
 use proptest::prelude::*;
+use rover_battmon::autopilot::Start;
 use rover_battmon::battery::ArmState;
 use rover_battmon::liveness::CheckIn;
-use rover_battmon::mavlink::{Endpoint, LinkKind, Signing};
+use rover_battmon::mavlink::LinkKind;
 use rover_battmon::parameter::{Parameters, VehicleParameter};
 use rover_battmon::sim::clock;
 use rover_battmon::tasks::{ByteSource, Link, ReceiveError, Shared, read_frames, write_frames};
-use rover_battmon::vehicle::{Mode, MotorDrive, SideDrives, VehicleSettings};
+use rover_battmon::vehicle::{Mode, MotorDrive, SideDrives};
 use signer::{NEW_YEAR, Signer};
 use support::frames::{COMMAND_ACK, STATUSTEXT, frames, of_message};
 use support::requests::{
@@ -295,10 +296,9 @@ fn are_alike(one: MotorDrive, other: MotorDrive) -> bool {
 
 /// Runs the vehicle's ticks up to `until_us`.
 fn wait(desk: &mut Desk, until_us: u64) {
-    let settings = VehicleSettings::from_parameters(&desk.parameters);
     while desk.now_us < until_us {
         desk.now_us = until_us.min(desk.now_us + TICK_US);
-        desk.vehicle.update(desk.now_us, &settings);
+        desk.drive();
     }
 }
 
@@ -306,14 +306,14 @@ fn check(steps: &[Step], link: LinkKind, with_key: bool) -> Result<(), TestCaseE
     let mut desk = Desk::new();
     let mut signers = [Signer::new(OWNER), Signer::new(STRANGER)];
     if with_key {
-        desk.endpoint = Endpoint::new(LinkKind::Direct, 100_000, 0);
+        desk.connect(LinkKind::Direct);
         desk.receive_in_chunks(&setup_signing([OWNER; 32], NEW_YEAR), 64);
         signers
             .iter_mut()
             .for_each(|signer| signer.timestamp = NEW_YEAR + 1_000_000);
     }
-    desk.endpoint = Endpoint::new(link, 100_000, 0);
-    desk.parameters.set(VehicleParameter::MotSlewrate, 0.0).unwrap();
+    desk.connect(link);
+    desk.set(VehicleParameter::MotSlewrate, 0.0);
     desk.now_us = 10_000_000;
     let mut logs = [Vec::new(), Vec::new()];
     for step in steps {
@@ -336,12 +336,12 @@ fn check(steps: &[Step], link: LinkKind, with_key: bool) -> Result<(), TestCaseE
                     Sender::Stranger => signers[1].sign(&frame),
                     Sender::Unsigned => frame,
                 };
-                let before = desk.vehicle.arm_state();
+                let before = desk.vehicle().arm_state();
                 desk.waited_us = waited_us;
                 desk.receive_in_chunks(&frame, 64);
                 desk.sent();
                 let is_permitted = !with_key || matches!(sender, Sender::Owner);
-                prop_assert!(is_permitted || desk.vehicle.arm_state() == before);
+                prop_assert!(is_permitted || desk.vehicle().arm_state() == before);
                 if let Some(says) = request
                     .sticks()
                     .filter(|_| is_permitted && waited_us <= TIMEOUT_US)
@@ -351,23 +351,22 @@ fn check(steps: &[Step], link: LinkKind, with_key: bool) -> Result<(), TestCaseE
                         log.push(Logged::Says { received_us, says });
                     }
                 }
-                if (before, desk.vehicle.arm_state()) == (ArmState::Disarmed, ArmState::Armed) {
+                if (before, desk.vehicle().arm_state()) == (ArmState::Disarmed, ArmState::Armed) {
                     prop_assert!(waited_us <= TIMEOUT_US);
                     logs.iter_mut()
                         .for_each(|log| log.push(Logged::Armed { at_us: desk.now_us }));
                 }
-                let settings = VehicleSettings::from_parameters(&desk.parameters);
-                desk.vehicle.update(desk.now_us, &settings);
+                desk.drive();
             }
         }
-        let status = desk.vehicle.status();
+        let status = desk.vehicle().status();
         let [steering, throttle] = [0, 1].map(|stick| position(&logs[stick], desk.now_us));
         let expected = match (status.arm_state, status.mode) {
             (ArmState::Disarmed, _) => SideDrives::COAST,
             (ArmState::Armed, Mode::Hold) => SideDrives::BRAKE,
             (ArmState::Armed, Mode::Manual) => mixed(throttle, steering),
         };
-        let drives = desk.vehicle.drives();
+        let drives = desk.vehicle().drives();
         let is_right = are_alike(drives.left, expected.left) && are_alike(drives.right, expected.right);
         prop_assert!(is_right, "{drives:?}, not {expected:?}");
     }
@@ -415,7 +414,7 @@ fn what_a_source_holds_when_its_link_opens_arms_nothing() {
     let check_in = CheckIn::new("", u32::MAX);
     let sent = RefCell::default();
     clock::run_for(Duration::from_secs(5), async {
-        let shared = Shared::new(&Parameters::defaults(), Signing::off());
+        let shared = Shared::new(Start::with_parameters(Parameters::defaults()));
         let link = Link::new("line", LinkKind::Direct, 11_520);
         Timer::after_secs(2).await;
         let found_empty = Vec::new();

@@ -8,12 +8,11 @@ mod support;
 
 use desk::Desk;
 use proptest::prelude::*;
-use rover_battmon::mavlink::{
-    Endpoint, Event, LinkKind, SetupRefused, SigningChange, SigningTrouble, StoredSigning,
-};
+use rover_battmon::autopilot::Start;
+use rover_battmon::mavlink::{Event, LinkKind, SetupRefused, SigningChange, SigningTrouble, StoredSigning};
 use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::storage::Condition;
-use rover_battmon::vehicle::VehicleSettings;
+
 use signer::{NEW_YEAR, Signer};
 use support::frames::{
     COMMAND_ACK, HEARTBEAT, PARAM_SET, PARAM_VALUE, SYS_STATUS, SysStatus, encode_v1, of_message, texts_of,
@@ -39,7 +38,7 @@ const EVERYTHING: f32 = 2.0;
 
 fn desk(kind: LinkKind) -> Desk {
     let mut desk = Desk::new();
-    desk.endpoint = Endpoint::new(kind, 100_000, 0);
+    desk.connect(kind);
     desk
 }
 
@@ -48,7 +47,7 @@ fn protected() -> Desk {
     let mut desk = desk(LinkKind::Direct);
     let events = desk.receive_in_chunks(&setup_signing([OWNER; 32], NEW_YEAR), 64);
     assert_eq!(events, [Event::SigningSetUp(SigningChange::KeySet)]);
-    desk.endpoint = Endpoint::new(LinkKind::Radio, 100_000, 0);
+    desk.connect(LinkKind::Radio);
     desk
 }
 
@@ -124,7 +123,7 @@ fn without_the_key_the_radio_is_deaf_to_everything_but_radios() {
     assert!(!was_obeyed(&mut radio, &v1));
     assert!(was_obeyed(&mut radio, &radio_status(50)));
     assert_eq!(radio.sent(), [], "nobody is answered");
-    assert_eq!(radio.parameters, Parameters::defaults());
+    assert_eq!(*radio.parameters(), Parameters::defaults());
     let mut signer = Signer::new(OWNER);
     for request in [reading_requests(), changing_requests()].concat() {
         assert!(was_obeyed(&mut radio, &signer.sign(&request)));
@@ -134,10 +133,7 @@ fn without_the_key_the_radio_is_deaf_to_everything_but_radios() {
 #[test]
 fn requests_alone_can_be_allowed_without_the_key() {
     let mut radio = protected();
-    radio
-        .parameters
-        .set(VehicleParameter::SignUartAllow, REQUESTS)
-        .unwrap();
+    radio.set(VehicleParameter::SignUartAllow, REQUESTS);
     for request in reading_requests() {
         assert!(was_obeyed(&mut radio, &request));
     }
@@ -149,15 +145,12 @@ fn requests_alone_can_be_allowed_without_the_key() {
 #[test]
 fn a_cable_takes_everything_unless_its_owner_says_otherwise() {
     let mut cable = protected();
-    cable.endpoint = Endpoint::new(LinkKind::Direct, 100_000, 0);
+    cable.connect(LinkKind::Direct);
     for request in [reading_requests(), changing_requests()].concat() {
         assert!(was_obeyed(&mut cable, &request));
     }
     // The last one was another key. Now the cable is as deaf as the radio.
-    cable
-        .parameters
-        .set(VehicleParameter::SignUsbAllow, NOTHING)
-        .unwrap();
+    cable.set(VehicleParameter::SignUsbAllow, NOTHING);
     for request in [reading_requests(), changing_requests()].concat() {
         assert!(!was_obeyed(&mut cable, &request));
     }
@@ -171,25 +164,25 @@ fn a_cable_takes_everything_unless_its_owner_says_otherwise() {
 
 #[test]
 fn a_lost_key_locks_until_another_is_set_up_by_cable_whatever_the_cable_takes() {
-    let lost = || {
+    let without_key = |kind| {
         let signing = StoredSigning::default().restore(Condition::Damaged);
         assert_eq!(signing.trouble(), Some(SigningTrouble::KeyLost));
-        signing
+        let mut desk = Desk::starting(Start {
+            signing,
+            ..Start::with_parameters(Parameters::defaults())
+        });
+        desk.connect(kind);
+        desk
     };
-    let mut radio = desk(LinkKind::Radio);
-    radio.signing = lost();
+    let mut radio = without_key(LinkKind::Radio);
     for request in [changing_requests(), reading_requests()].concat() {
         assert!(!was_obeyed(&mut radio, &request));
         assert!(!was_obeyed(&mut radio, &Signer::new(OWNER).sign(&request)));
     }
     assert_eq!(radio.sent(), []);
 
-    let mut cable = desk(LinkKind::Direct);
-    cable.signing = lost();
-    cable
-        .parameters
-        .set(VehicleParameter::SignUsbAllow, NOTHING)
-        .unwrap();
+    let mut cable = without_key(LinkKind::Direct);
+    cable.set(VehicleParameter::SignUsbAllow, NOTHING);
     assert!(!was_obeyed(&mut cable, &param_set("BATT_LOW_VOLT", 6.5)));
     let events = cable.receive_in_chunks(&setup_signing([OWNER; 32], NEW_YEAR), 64);
     assert_eq!(events, [Event::SigningSetUp(SigningChange::KeySet)]);
@@ -215,10 +208,7 @@ fn a_frame_that_was_held_back_for_over_a_minute_does_not_count() {
 #[test]
 fn everything_can_be_allowed_on_the_radio_too() {
     let mut radio = protected();
-    radio
-        .parameters
-        .set(VehicleParameter::SignUartAllow, EVERYTHING)
-        .unwrap();
+    radio.set(VehicleParameter::SignUartAllow, EVERYTHING);
     assert!(was_obeyed(&mut radio, &param_set("BATT_LOW_VOLT", 6.5)));
 }
 
@@ -232,10 +222,10 @@ fn a_frame_that_was_heard_once_does_not_count_again() {
     assert!(was_obeyed(&mut radio, &second));
     assert!(!was_obeyed(&mut radio, &first));
     assert!(!was_obeyed(&mut radio, &second));
-    assert_eq!(radio.parameters.get(LOW_VOLT), 7.0);
+    assert_eq!(radio.parameters().get(LOW_VOLT), 7.0);
 
     // On another link of the same vehicle neither.
-    radio.endpoint = Endpoint::new(LinkKind::Radio, 100_000, 0);
+    radio.connect(LinkKind::Radio);
     assert!(!was_obeyed(&mut radio, &second));
 }
 
@@ -279,11 +269,11 @@ fn our_time_follows_who_is_ahead() {
 #[test]
 fn a_removed_key_protects_nothing_any_more() {
     let mut cable = protected();
-    cable.endpoint = Endpoint::new(LinkKind::Direct, 100_000, 0);
+    cable.connect(LinkKind::Direct);
     assert!(cable.ask(&ping(1, 1))[0].signed.is_some());
     let events = cable.receive_in_chunks(&setup_signing([0; 32], 0), 64);
     assert_eq!(events, [Event::SigningSetUp(SigningChange::KeyRemoved)]);
-    cable.endpoint = Endpoint::new(LinkKind::Radio, 100_000, 0);
+    cable.connect(LinkKind::Radio);
     let answers = cable.ask(&param_set("BATT_LOW_VOLT", 6.5));
     assert_eq!(of_message(&answers, PARAM_VALUE).len(), 1);
     assert!(answers.iter().all(|frame| frame.signed.is_none()));
@@ -323,17 +313,17 @@ fn a_ground_station_without_the_key_does_not_keep_the_failsafe_from_acting() {
     let mut radio = protected();
     let mut owner = Signer::new(OWNER);
     radio.receive_in_chunks(&owner.sign(&heartbeat(gcs)), 64);
-    radio.parameters.set(VehicleParameter::ArmingCheck, 0.0).unwrap();
+    radio.set(VehicleParameter::ArmingCheck, 0.0);
     assert!(was_obeyed(&mut radio, &owner.sign(&arm())));
-    let settings = VehicleSettings::from_parameters(&radio.parameters);
-    let mut said = None;
     for second in 1..10 {
         radio.now_us = second * 1_000_000;
         radio.receive_in_chunks(&heartbeat(gcs), 64);
-        said = said.or(radio.vehicle.update(radio.now_us, &settings));
+        radio.drive();
     }
+    radio.post_due(radio.now_us);
+    let texts = texts_of(&radio.sent());
     assert!(
-        said.is_some(),
+        texts.contains(&"GCS Failsafe: Hold".to_string()),
         "the ground station with the key has been silent for 9 s"
     );
 }
@@ -375,6 +365,6 @@ proptest! {
         for event in radio.receive_in_chunks(&frame, 64) {
             prop_assert!(matches!(event, Event::Unauthorized { .. } | Event::Ignored), "{event:?}");
         }
-        prop_assert_eq!(&radio.parameters, &Parameters::defaults());
+        prop_assert_eq!(radio.parameters(), &Parameters::defaults());
     }
 }

@@ -24,14 +24,14 @@ use fastrand::Rng;
 use flash::{FLASH_BYTES, Fault, SmallFlash};
 use line::{BYTE_US, Line};
 use proptest::prelude::*;
+use rover_battmon::autopilot::Start;
 use rover_battmon::liveness::CheckIn;
 use rover_battmon::mavlink::{Event, LinkKind, Signing};
-use rover_battmon::parameter::Parameters;
+use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters};
 use rover_battmon::sim::clock;
 use rover_battmon::storage::Storage;
 use rover_battmon::tasks::{
-    ByteSource, Link, ReceiveError, Shared, SigningStorage, keep_signing, reboot_requested, report_signing,
-    serve_link,
+    ByteSource, Link, ReceiveError, Shared, SigningStorage, keep_signing, reboot_requested, serve_link,
 };
 use signer::{NEW_YEAR, Signer};
 use support::frames::{Frame, frames, texts_of};
@@ -78,6 +78,14 @@ fn run(seconds: u64, flash: &SmallFlash, requests: &[(u64, Vec<u8>)]) -> Run {
     run_while(seconds, flash, requests, pending())
 }
 
+/// No pack, whose announcements would come in between.
+fn without_packs() -> Parameters {
+    let mut parameters = Parameters::defaults();
+    let monitor: ParameterId = BatteryParameter::Monitor.of(Pack::First);
+    parameters.set(monitor, 0.0).unwrap();
+    parameters
+}
+
 /// The same, while something else happens.
 fn run_while(
     seconds: u64,
@@ -91,8 +99,10 @@ fn run_while(
     clock::run_for(Duration::from_secs(seconds), async {
         let storage = Storage::new(flash.clone(), 0..FLASH_BYTES as u32);
         let (storage, signing) = SigningStorage::load(storage).await;
-        let shared = Shared::new(&Parameters::defaults(), signing);
-        report_signing(&shared);
+        let shared = Shared::new(Start {
+            signing,
+            ..Start::with_parameters(without_packs())
+        });
         let serve = async |kind, sent, requests| {
             let link = Link::new("link", kind, 11_520);
             let byte_us = BYTE_US;
@@ -168,9 +178,12 @@ fn start(flash: &SmallFlash) -> Signing {
 
 /// What a vehicle does when it is started with this flash. `recorded` is what its owner has sent before.
 fn obeys(flash: &SmallFlash, recorded: &[u8]) -> Obeys {
-    let mut desk = Desk::new();
-    desk.signing = start(flash);
-    let is_lost = desk.signing.has_lost_key();
+    let signing = start(flash);
+    let is_lost = signing.has_lost_key();
+    let mut desk = Desk::starting(Start {
+        signing,
+        ..Start::with_parameters(Parameters::defaults())
+    });
     let mut takes = |request: &[u8]| {
         let events = desk.receive_in_chunks(request, 64);
         let is_refused = |event: &Event| matches!(event, Event::Unauthorized { .. });

@@ -1,18 +1,31 @@
-//! Stories, run on the core: monitors and vehicle without tasks, links or a clock.
+//! Stories, run on the core: voltages at its pins and frames in, texts and motor outputs out.
 
+#[path = "support/desk.rs"]
+mod desk;
 #[path = "support/story.rs"]
 mod story;
+mod support;
 
-use std::fs;
-use std::path::Path;
+use desk::Desk;
+use rover_battmon::autopilot::Start;
+use rover_battmon::battery::{ArmState, ReadError};
+use rover_battmon::parameter::{ParameterId, Parameters};
+use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogPin, AnalogReadings};
+use rover_battmon::vehicle::MotorDrive;
+use story::{Drive, Input, Story};
+use support::frames::{Frame, STATUSTEXT};
+use support::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID, command_long_2, manual_control, set_mode};
 
-use rover_battmon::battery::{
-    ArmState, BatteryBank, FailsafeLevel, Measurement, PackEvent, PackSettings, ReadError, Tick,
-};
-use rover_battmon::mavlink::pack_announcement;
-use rover_battmon::parameter::{Pack, ParameterId, Parameters};
-use rover_battmon::vehicle::{FailsafeAction, Mode, MotorDrive, StickInput, Vehicle, VehicleSettings};
-use story::{Drive, Input, Level, Outcome, Story};
+/// Dividers of both packs, and the first one's current sensor.
+const DIVIDERS: [AnalogPin; 2] = [AnalogPin::Gp26, AnalogPin::Gp28];
+const CURRENT_SENSOR: AnalogPin = AnalogPin::Gp27;
+
+const DIVIDER: f32 = 3.95;
+const AMPERES_PER_VOLT: f32 = 17.0;
+
+const COMPONENT_ARM_DISARM: u16 = 400;
+const FORCE: f32 = 21196.0;
+const BATTERY_RESET: u16 = 42651;
 
 const TICK_US: u64 = 100_000;
 
@@ -22,15 +35,12 @@ const TOLERANCE_S: f64 = 0.2;
 /// Half throttle, so that the motors turn when allowed.
 const THROTTLE: i16 = 500;
 
-/// A rover that runs a story.
+/// An autopilot that runs a story.
 struct Stage {
-    parameters: Parameters,
-    bank: BatteryBank,
-    vehicle: Vehicle,
-    /// Voltage and current of the first two packs.
-    sensed: [Measurement; 2],
+    desk: Desk,
+    /// Without a pack no voltage.
+    readings: AnalogReadings,
     sensor_fails: bool,
-    levels: Vec<(f64, usize, Level)>,
     texts: Vec<(f64, String)>,
     drives: Vec<(f64, Drive)>,
 }
@@ -46,130 +56,79 @@ impl Stage {
             let id = ParameterId::from_name(name.as_bytes()).unwrap_or_else(|| panic!("no {name}"));
             assert_eq!(parameters.set(id, *value), Ok(()), "{name} {value}");
         }
+        let mut readings = AnalogReadings::NONE;
+        for pin in AnalogPin::ALL {
+            readings.set(pin, Ok(AdcCount(0)));
+        }
         Self {
-            parameters,
-            bank: BatteryBank::new(),
-            vehicle: Vehicle::new(),
-            sensed: [Measurement::default(); 2],
+            desk: Desk::starting(Start::with_parameters(parameters)),
+            readings,
             sensor_fails: false,
-            levels: Vec::new(),
             texts: Vec::new(),
             drives: Vec::new(),
         }
     }
 
-    fn take(&mut self, now_us: u64, input: Input) {
+    fn take(&mut self, input: Input) {
         match input {
-            Input::Voltage { pack, volts } => self.sensed[pack].voltage_v = Some(volts),
-            Input::Current { pack, amperes } => self.sensed[pack].current_a = Some(amperes),
-            Input::Arm => {
-                let _ = self.vehicle.arm(now_us, true);
-                let _ = self.vehicle.set_mode(Mode::Manual);
+            Input::Voltage { pack, volts } => self.set_pin(DIVIDERS[pack], volts / DIVIDER),
+            Input::Current { pack, amperes } => {
+                assert_eq!(pack, 0, "only the first pack has a current sensor");
+                self.set_pin(CURRENT_SENSOR, amperes / AMPERES_PER_VOLT);
             }
-            Input::Disarm => self.vehicle.disarm(),
+            Input::Arm => {
+                // A stick deflected on arming would have to be neutral first.
+                self.receive(&manual_control(VEHICLE_ID, 0, 0));
+                self.receive(&command_long_2(COMPONENT_ARM_DISARM, 1.0, FORCE));
+                self.receive(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+            }
+            Input::Disarm => self.receive(&command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0)),
             Input::SensorFails => self.sensor_fails = true,
             Input::SensorWorks => self.sensor_fails = false,
-            Input::Reset { percent } => {
-                for pack in Pack::ALL {
-                    let settings = PackSettings::from_parameters(&self.parameters, pack);
-                    if let Some(monitor) = self.bank.monitor(pack.instance()) {
-                        monitor.reset(percent, &settings);
-                    }
-                }
-            }
+            Input::Reset { percent } => self.receive(&command_long_2(BATTERY_RESET, 65535.0, percent)),
         }
     }
 
-    fn tick(&mut self, now_us: u64) {
-        let time_s = now_us as f64 * 1e-6;
-        // A stick deflected on arming would have to be neutral first.
-        let throttle = match self.vehicle.arm_state() {
-            ArmState::Armed => THROTTLE,
-            ArmState::Disarmed => 0,
-        };
-        self.vehicle
-            .control(now_us, StickInput::Position(throttle), StickInput::Position(0));
-        for (number, pack) in Pack::ALL.into_iter().enumerate().take(self.sensed.len()) {
-            if self.sensed[number].voltage_v.is_some() {
-                self.tick_pack(now_us, number, pack);
-            }
-        }
-        self.vehicle.update_batteries(self.bank.worst_failsafe());
-        let settings = VehicleSettings::from_parameters(&self.parameters);
-        self.vehicle.update(now_us, &settings);
-        self.drives.push((time_s, drive(self.vehicle.drives().left)));
+    fn set_pin(&mut self, pin: AnalogPin, pin_v: f32) {
+        let count = pin_v / ADC_REFERENCE_V * f32::from(ADC_FULL_SCALE);
+        self.readings.set(pin, Ok(AdcCount(count.round() as u16)));
     }
 
-    fn tick_pack(&mut self, now_us: u64, number: usize, pack: Pack) {
-        let time_s = now_us as f64 * 1e-6;
-        let reading = if number == 0 && self.sensor_fails {
-            Err(ReadError::Timeout)
-        } else {
-            Ok(self.sensed[number])
-        };
-        let settings = PackSettings::from_parameters(&self.parameters, pack);
-        let tick = Tick {
-            now_us,
-            arm_state: self.vehicle.arm_state(),
-        };
-        let Some(monitor) = self.bank.monitor(pack.instance()) else {
-            return;
-        };
-        let (events, _) = monitor.update(tick, reading, &settings);
-        for event in events {
-            self.texts
-                .push((time_s, pack_announcement(pack.instance(), &event).1.to_string()));
-            if let PackEvent::Failsafe { level, .. } = event {
-                self.levels.push((time_s, number, level_of(level)));
-                let action = FailsafeAction::from_parameters(&self.parameters, pack, level);
-                self.vehicle.battery_failsafe(action);
-            }
-        }
+    fn receive(&mut self, request: &[u8]) {
+        self.desk.receive_in_chunks(request, request.len());
     }
 
-    fn check(&self, story: &Story) {
-        let name = &story.name;
-        let mut levels = self.levels.clone();
-        for (at_s, outcome) in &story.expectations {
-            let is_then = |time_s: f64| (time_s - at_s).abs() <= TOLERANCE_S;
-            match outcome {
-                Outcome::Level { pack, level } => {
-                    let found = levels
-                        .iter()
-                        .position(|(time_s, who, what)| is_then(*time_s) && who == pack && what == level);
-                    let found = found
-                        .unwrap_or_else(|| panic!("{name}: no {level:?} at {at_s} s: {:?}", self.levels));
-                    levels.remove(found);
-                }
-                Outcome::Says(text) => assert!(
-                    self.texts
-                        .iter()
-                        .any(|(time_s, said)| is_then(*time_s) && said.starts_with(text)),
-                    "{name}: no text {text:?} at {at_s} s: {:?}",
-                    self.texts
-                ),
-                Outcome::Motors(expected) => {
-                    let then = self
-                        .drives
-                        .iter()
-                        .rfind(|(time_s, _)| time_s <= at_s)
-                        .expect("a tick");
-                    assert_eq!(then.1, *expected, "{name} at {at_s} s");
-                }
+    fn readings(&self) -> AnalogReadings {
+        let mut readings = self.readings;
+        if self.sensor_fails {
+            for pin in [DIVIDERS[0], CURRENT_SENSOR] {
+                readings.set(pin, Err(ReadError::Timeout));
             }
         }
-        assert_eq!(levels, [], "{name}: not expected");
-        let unexpected = story.unexpected(&self.texts, TOLERANCE_S);
-        assert!(unexpected.is_empty(), "{name}: not expected: {unexpected:?}");
+        readings
     }
-}
 
-fn level_of(level: FailsafeLevel) -> Level {
-    match level {
-        FailsafeLevel::None => panic!("no level to announce"),
-        FailsafeLevel::Unhealthy => Level::Unhealthy,
-        FailsafeLevel::Low => Level::Low,
-        FailsafeLevel::Critical => Level::Critical,
+    fn tick(&mut self) {
+        let time_s = self.desk.now_us as f64 * 1e-6;
+        if self.desk.vehicle().arm_state() == ArmState::Armed {
+            self.receive(&manual_control(VEHICLE_ID, 0, THROTTLE));
+        }
+        self.desk.sample(self.readings());
+        let drives = self.desk.drive();
+        self.drives.push((time_s, drive(drives.left)));
+        self.desk.post_due(self.desk.now_us);
+        let sent = self.desk.sent();
+        let texts = sent.iter().filter(|frame| frame.message_id == STATUSTEXT);
+        self.texts
+            .extend(texts.map(|frame: &Frame| (time_s, frame.text(1, 50))));
+        self.desk.now_us += TICK_US;
+    }
+
+    fn check_motors(&self, story: &Story) {
+        for (at_s, expected) in story.motors() {
+            let then = self.drives.iter().rfind(|(time_s, _)| *time_s <= at_s);
+            assert_eq!(then.expect("a tick").1, expected, "{} at {at_s} s", story.name);
+        }
     }
 }
 
@@ -187,23 +146,17 @@ fn run(story: &Story) {
     for tick in 0..=(story.end_s * 10.0) as u64 {
         let now_us = tick * TICK_US;
         while let Some((_, input)) = inputs.next_if(|(at_s, _)| at_s * 1e6 <= now_us as f64 + 1.0) {
-            stage.take(now_us, *input);
+            stage.take(*input);
         }
-        stage.tick(now_us);
+        stage.tick();
     }
-    stage.check(story);
+    story.check_texts(&stage.texts, TOLERANCE_S);
+    stage.check_motors(story);
 }
 
 #[test]
 fn every_story_has_its_expected_outcomes() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stories");
-    let mut stories = 0;
-    for entry in fs::read_dir(folder).expect("the folder exists") {
-        let path = entry.expect("readable").path();
-        let name = path.file_stem().and_then(|stem| stem.to_str()).expect("a name");
-        let text = fs::read_to_string(&path).expect("readable");
-        run(&Story::parse(name, &text));
-        stories += 1;
+    for story in Story::all() {
+        run(&story);
     }
-    assert!(stories > 0, "no story was found");
 }

@@ -12,12 +12,12 @@ pub fn run(trace: &Trace, inputs: Inputs, parameters: &Parameters) -> Vec<Row> {
     let settings = PackSettings::from_parameters(parameters, Pack::First);
     let mut monitor = BatteryMonitor::new();
     let rows = trace.samples.iter().map(|sample| {
-        let (events, _) = monitor.update(tick(sample), reading(sample, inputs), &settings);
+        let update = monitor.update(tick(sample), reading(sample, inputs), &settings);
         Row {
             time_s: sample.time_s,
             state: *monitor.state(),
             failsafe: monitor.state().failsafe,
-            events: events.iter().map(ToString::to_string).collect(),
+            events: update.events.iter().map(ToString::to_string).collect(),
         }
     });
     rows.collect()

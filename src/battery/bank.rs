@@ -82,7 +82,7 @@ mod tests {
                 ..Measurement::default()
             };
             let monitor = bank.monitor(instance).expect("a pack");
-            monitor.update(Tick::default(), Ok(reading), &PackSettings::default());
+            let _ = monitor.update(Tick::default(), Ok(reading), &PackSettings::default());
         }
         let members = |mask| bank.sum(0, mask, SumVoltage::Mean).map(|sum| sum.members);
         assert_eq!(members(0b1111), Ok(0b1010));

@@ -40,7 +40,8 @@ pub use failsafe::{ArmState, FailsafeLevel};
 pub use faults::Faults;
 pub use measurement::{Consumed, Contents, Counted, Gauge, Measurement, ReadError, Supply};
 pub use monitor::{
-    BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MAX_EVENTS, MIN_CONNECTED_VOLTAGE_V, PackEvents, Tick,
+    BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MAX_EVENTS, MIN_CONNECTED_VOLTAGE_V, PackEvents,
+    PackUpdate, Tick,
 };
 pub use retained::{PackMemory, RetainedMemory, RetainedRecord, recall, retain};
 pub use settings::{FailsafeSettings, PackSettings, Thresholds, VoltageSource};

@@ -57,6 +57,16 @@ pub enum Event {
     },
 }
 
+impl Event {
+    /// Whether it left something to send on its link, or changed the link's rates.
+    pub fn concerns_link(&self) -> bool {
+        !matches!(
+            self,
+            Self::Ignored | Self::GroundStationHeard | Self::ControlTooLate | Self::Unauthorized { .. }
+        )
+    }
+}
+
 /// What a request does, at most.
 fn effect(request: &Request) -> Effect {
     match request {

@@ -13,15 +13,17 @@ use super::{
     Client, Clients, PackModel, PackSimulation, SimulatedBus, SimulatedFlash, SimulatedPack,
     SimulatedPackInput, SimulatedRover, TcpReceiver, UdpWire,
 };
+use crate::autopilot::Start;
 use crate::battery::RetainedRecord;
+use crate::crash::ParameterSource;
 use crate::liveness::CheckIn;
-use crate::mavlink::{LinkKind, Signing};
-use crate::parameter::Parameters;
+use crate::mavlink::LinkKind;
+use crate::parameter::Pack;
 use crate::sensor::Buses;
 use crate::storage::Storage;
 use crate::tasks::{
-    Link, Shared, SigningStorage, drive, keep_parameters, keep_signing, load_parameters, read_bus, read_esc,
-    reboot_requested, refuse_link, report_load, report_signing, sample_batteries, serve_link,
+    Link, Shared, boot, drive, keep_parameters, keep_signing, read_bus, read_esc, reboot_requested,
+    refuse_link, sample_batteries, serve_link,
 };
 use crate::vehicle::{Indication, Indicators};
 
@@ -42,15 +44,12 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
     let rover = SimulatedRover::default();
     loop {
         let mut storage = Storage::new(flash.clone(), SimulatedFlash::PARAMETERS);
-        let mut parameters = Parameters::defaults();
-        let loaded = load_parameters(&mut storage, &mut parameters).await;
-        let (signing_storage, signing) =
-            SigningStorage::load(Storage::new(flash.clone(), SimulatedFlash::SIGNING)).await;
-        let desk = Desk::new(&parameters, signing, &pack);
-        report_load(&desk.shared, Some(loaded));
-        report_signing(&desk.shared);
-        let pack_simulation = PackSimulation::new(&pack, &rover, &desk.shared);
+        let signing_storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
         let mut memory = [RetainedRecord::BLANK; 2];
+        let (start, signing_storage) =
+            boot(&mut storage, signing_storage, ParameterSource::Stored, &memory).await;
+        let desk = Desk::new(start, &pack);
+        let pack_simulation = PackSimulation::new(&pack, &rover, &desk.shared);
         let vehicle = join5(
             join3(
                 sample_batteries(
@@ -104,9 +103,9 @@ impl Indicators for NoLamps {
 }
 
 impl<'a> Desk<'a> {
-    fn new(parameters: &Parameters, signing: Signing, pack: &'a RefCell<SimulatedPack>) -> Self {
+    fn new(start: Start, pack: &'a RefCell<SimulatedPack>) -> Self {
         Self {
-            shared: Shared::new(parameters, signing),
+            shared: Shared::new(start),
             pack,
             links: RefCell::default(),
             status: Cell::default(),
@@ -175,12 +174,14 @@ impl<'a> Desk<'a> {
         let pack = self.pack.borrow();
         let before = self.status.get();
         let now = Totals {
-            samples: self.shared.samples(),
+            samples: self.shared.with(|autopilot| autopilot.samples()),
             frames: links.iter().map(|link| link.statistics().sent).sum(),
         };
         self.status.set(now);
         Status {
-            voltage_v: self.shared.battery(0).voltage_v,
+            voltage_v: self
+                .shared
+                .with(|autopilot| autopilot.battery(Pack::First).voltage_v),
             current_a: pack.current_a(),
             charge: pack.charge(),
             samples: now.samples.wrapping_sub(before.samples),

@@ -76,7 +76,10 @@ impl AnalogIn for SimulatedPackInput<'_> {
     async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError> {
         // Updates the pack, even if the ADC does not answer.
         let pack = self.pack.now();
-        let fault = Fault::from_number(self.shared.whole_parameter(SimulationParameter::BattFault));
+        let fault = Fault::from_number(
+            self.shared
+                .with(|autopilot| autopilot.parameters().get_whole(SimulationParameter::BattFault)),
+        );
         if fault == Fault::Stalled {
             pending::<()>().await;
         }

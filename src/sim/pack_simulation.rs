@@ -37,11 +37,15 @@ impl<'a> PackSimulation<'a> {
     }
 
     fn update_until(&self, now: Instant) {
-        let held_v = self.shared.parameter(SimulationParameter::BattVoltage);
-        let load_a = self.rover.current_a() + self.shared.parameter(SimulationParameter::BattCurrent);
+        let parameter = |parameter| {
+            self.shared
+                .with(|autopilot| autopilot.parameters().get(parameter))
+        };
+        let held_v = parameter(SimulationParameter::BattVoltage);
+        let load_a = self.rover.current_a() + parameter(SimulationParameter::BattCurrent);
         let mut pack = self.pack.borrow_mut();
         pack.hold_open_circuit((held_v > 0.0).then_some(held_v));
-        pack.set_capacity_ah(self.shared.parameter(SimulationParameter::BattCapAh));
+        pack.set_capacity_ah(parameter(SimulationParameter::BattCapAh));
         while self.lived_until.get() < now {
             let step = (now - self.lived_until.get()).min(MAX_STEP);
             pack.draw(load_a, seconds(step));
@@ -60,7 +64,7 @@ mod tests {
 
     use super::super::{PackModel, clock};
     use super::*;
-    use crate::mavlink::Signing;
+    use crate::autopilot::Start;
     use crate::parameter::Parameters;
 
     #[test]
@@ -69,7 +73,7 @@ mod tests {
             let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
             let (rover, shared) = (
                 SimulatedRover::default(),
-                Shared::new(&Parameters::defaults(), Signing::off()),
+                Shared::new(Start::with_parameters(Parameters::defaults())),
             );
             let hour = async {
                 let simulation = PackSimulation::new(&pack, &rover, &shared);

@@ -6,11 +6,10 @@ use super::{LONGEST_SLEEP, Shared, mark};
 use crate::liveness::CheckIn;
 use crate::sensor::{BusDevices, SensorBus};
 
-/// Reads each part when it is due and hands its reading to the battery task, which averages it. A part that hangs holds up
-/// this task, and no other.
+/// Reads each part when it is due. A part that hangs holds up this task, and no other.
 pub async fn read_bus(mut bus: impl SensorBus, shared: &Shared, check_in: &CheckIn) -> ! {
     let now_us = Instant::now().as_micros();
-    let mut devices = shared.with_parameters(|parameters| BusDevices::from_parameters(parameters, now_us));
+    let mut devices = shared.with(|autopilot| BusDevices::from_parameters(autopilot.parameters(), now_us));
     loop {
         mark(check_in);
         let wake = Instant::now() + LONGEST_SLEEP;
@@ -18,7 +17,7 @@ pub async fn read_bus(mut bus: impl SensorBus, shared: &Shared, check_in: &Check
         Timer::at(due.unwrap_or(wake).min(wake)).await;
         devices
             .read_next(&mut bus, Instant::now().as_micros(), |pack, reading| {
-                shared.add_sample(pack, reading);
+                shared.with(|autopilot| autopilot.add_bus_reading(pack, reading));
             })
             .await;
     }

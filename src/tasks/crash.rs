@@ -5,10 +5,10 @@ use core::ops::Range;
 use embassy_time::{Duration, Timer};
 
 use super::Shared;
+use crate::autopilot::Announcement;
 use crate::crash::{CrashRecord, call_sites_text, headline};
-use crate::mavlink::dialect::MavSeverity;
 
-/// Longer than what is said about a crash takes to leave at 9600 baud, behind everything else that may wait.
+/// Longer than a crash report takes to leave at 9600 baud, behind everything else that may wait.
 const UNTIL_SENT: Duration = Duration::from_secs(2);
 
 /// Where a crash is written down.
@@ -18,7 +18,7 @@ pub trait CrashMemory {
 }
 
 /// Reports a crash to ground stations as soon as one is heard. Without one, or with a reset before that, the record
-/// stays for the next start. `code` is where the program lies.
+/// stays for the next start. `code` is the address range of the program.
 pub async fn report_crash(
     crash: &CrashRecord,
     code: Range<u32>,
@@ -26,9 +26,9 @@ pub async fn report_crash(
     shared: &Shared,
 ) {
     shared.ground_station_heard.wait().await;
-    shared.announce(MavSeverity::MAV_SEVERITY_CRITICAL, &headline(crash));
+    shared.announce(Announcement::Crash(&headline(crash)));
     if let Some(calls) = call_sites_text(crash, code) {
-        shared.announce(MavSeverity::MAV_SEVERITY_CRITICAL, &calls);
+        shared.announce(Announcement::Crash(&calls));
     }
     Timer::after(UNTIL_SENT).await;
     memory.forget();

@@ -2,13 +2,11 @@
 
 use embassy_futures::yield_now;
 use embassy_time::{Instant, with_timeout};
-use heapless::Vec;
 
 use super::{ByteSource, LONGEST_SLEEP, ReceiveError, Shared, idle, mark};
-use crate::battery::{MAX_PACKS, Measurement, ReadError};
+use crate::battery::ReadError;
 use crate::liveness::CheckIn;
-use crate::parameter::Pack;
-use crate::sensor::{EscTelemetry, MonitorKind};
+use crate::sensor::EscTelemetry;
 
 /// Bytes handled in one go: a few frames.
 const CHUNK_BYTES: usize = 32;
@@ -16,8 +14,7 @@ const CHUNK_BYTES: usize = 32;
 /// Hands each frame of `source` to the battery task, for every pack that is measured so. Without a source nothing is ever
 /// heard of them.
 pub async fn read_esc(source: Option<impl ByteSource>, shared: &Shared, check_in: &CheckIn) -> ! {
-    let packs = packs(shared);
-    deliver(&packs, Err(ReadError::NoAnswer), shared);
+    shared.with(|autopilot| autopilot.add_esc_reading(Err(ReadError::NoAnswer)));
     let Some(mut source) = source else {
         idle(check_in).await
     };
@@ -29,7 +26,7 @@ pub async fn read_esc(source: Option<impl ByteSource>, shared: &Shared, check_in
                 telemetry.begin(Instant::now().as_micros());
                 for byte in chunk.get(..received).unwrap_or(&chunk) {
                     if let Some(measurement) = telemetry.push(*byte) {
-                        deliver(&packs, Ok(measurement), shared);
+                        shared.with(|autopilot| autopilot.add_esc_reading(Ok(measurement)));
                     }
                 }
             }
@@ -40,24 +37,5 @@ pub async fn read_esc(source: Option<impl ByteSource>, shared: &Shared, check_in
         mark(check_in);
         // A sender that never pauses must leave the others their turn.
         yield_now().await;
-    }
-}
-
-/// The packs that were set up so at the start.
-fn packs(shared: &Shared) -> Vec<Pack, MAX_PACKS> {
-    shared.with_parameters(|parameters| {
-        let is_measured_so = |pack: &Pack| MonitorKind::of(parameters, *pack) == Some(MonitorKind::Esc);
-        let mut packs = Vec::new();
-        for pack in Pack::ALL.into_iter().filter(is_measured_so) {
-            // There is room for every pack.
-            let _ = packs.push(pack);
-        }
-        packs
-    })
-}
-
-fn deliver(packs: &[Pack], reading: Result<Measurement, ReadError>, shared: &Shared) {
-    for pack in packs {
-        shared.add_sample(*pack, reading);
     }
 }

@@ -3,8 +3,8 @@
 //! They are plain generic `async fn`s, the same ones on the board and in the simulator. Each binary wraps them in
 //! `#[embassy_executor::task]`s of one line, since tasks can't be generic.
 
-mod announcements;
 mod battery;
+mod boot;
 mod bus;
 mod crash;
 mod drive;
@@ -25,8 +25,8 @@ mod writer;
 
 use embassy_time::{Duration, Instant, Timer};
 
-pub use announcements::ANNOUNCEMENT_BYTES;
 pub use battery::sample_batteries;
+pub use boot::boot;
 pub use bus::read_bus;
 pub use crash::{CrashMemory, report_crash};
 pub use drive::drive;
@@ -37,9 +37,9 @@ pub use reader::{ByteSource, ReceiveError, read_frames};
 pub use reboot::reboot_requested;
 pub use serve::{refuse_link, serve_link};
 pub use shared::Shared;
-pub use signing::{SigningStorage, keep_signing, report_signing};
+pub use signing::{SigningStorage, keep_signing};
 pub use status::{IdleTime, report_status};
-pub use storage::{keep_parameters, load_parameters, report_load};
+pub use storage::keep_parameters;
 pub use supervisor::{Watchdog, supervise};
 pub use telemetry::schedule_telemetry;
 pub use wired_endpoint::WiredEndpoint;

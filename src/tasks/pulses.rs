@@ -38,7 +38,7 @@ pub async fn follow_pulses(
         };
         if with_timeout(LONGEST_SLEEP, change).await.is_ok() {
             awaited = note(awaited, &mut pulses);
-            shared.publish_pulses(pulses);
+            shared.with(|autopilot| autopilot.set_pulses(pulses));
         }
         mark(check_in);
         // A pin that never rests must leave the others their turn.

@@ -1,19 +1,15 @@
 //! Reads one link and handles what ground stations ask for.
 
-use core::fmt::Write;
 use core::pin::pin;
 use core::task::Poll;
 
 use embassy_futures::{poll_once, yield_now};
 use embassy_time::{Duration, Instant, with_timeout};
-use heapless::String;
 
-use super::{ANNOUNCEMENT_BYTES, Link, Shared, mark};
+use super::{Link, Shared, mark};
 use crate::liveness::CheckIn;
-use crate::log::{info, warn};
-use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Action, Event};
-use crate::parameter::Parameters;
+use crate::log::warn;
+use crate::mavlink::Event;
 
 /// Bytes handled in one go.
 const CHUNK_BYTES: usize = 64;
@@ -24,8 +20,6 @@ const PAUSE: Duration = Duration::from_millis(250);
 
 /// A wait for [`PAUSE`] takes so much longer at most while the task gets its turns: the others' longest step.
 const LONGEST_STEP: Duration = Duration::from_millis(50);
-
-const BANNER: &str = concat!("rover-battmon ", env!("CARGO_PKG_VERSION"));
 
 /// Why nothing was received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,12 +53,12 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
                 handle(bytes, arrivals.earliest_us, shared, link);
             }
             Some(Err(ReceiveError::BytesLost)) => {
-                link.with(|endpoint| endpoint.count_overrun());
+                link.with(|channel| channel.count_overrun());
                 warn!("{}: received bytes were lost", link.name());
             }
             Some(Err(ReceiveError::Closed)) => return,
             None => {
-                link.with(|endpoint| endpoint.give_up_waiting());
+                link.with(|channel| channel.give_up_waiting());
                 handle(&[], arrivals.earliest_us, shared, link);
             }
         }
@@ -113,10 +107,13 @@ fn earliest_after_wait(began: Instant, ended: Instant) -> Instant {
 /// Handles all frames that end in `bytes`, which can't have come before `earliest_us`.
 fn handle(mut bytes: &[u8], earliest_us: u64, shared: &Shared, link: &Link) {
     loop {
-        let taken = link.with(|endpoint| endpoint.push(bytes));
+        let taken = link.with(|channel| channel.push(bytes));
         bytes = bytes.get(taken..).unwrap_or(&[]);
         while let Some(event) = handle_next(earliest_us, shared, link) {
-            react(event, shared, link);
+            if event.concerns_link() {
+                link.to_write.signal(());
+                link.to_schedule.signal(());
+            }
         }
         if bytes.is_empty() {
             return;
@@ -126,94 +123,9 @@ fn handle(mut bytes: &[u8], earliest_us: u64, shared: &Shared, link: &Link) {
 
 fn handle_next(earliest_us: u64, shared: &Shared, link: &Link) -> Option<Event> {
     let now_us = Instant::now().as_micros();
-    shared.with_system_state(|state| {
-        link.with(|endpoint| {
-            shared.with_parameters(|parameters| {
-                shared.with_vehicle(|vehicle| {
-                    shared.with_signing(|signing| {
-                        endpoint.handle_next(now_us, earliest_us, state, parameters, vehicle, signing)
-                    })
-                })
-            })
-        })
+    link.serve(shared, |autopilot, channel| {
+        autopilot.handle_next(channel, now_us, earliest_us)
     })
-}
-
-fn react(event: Event, shared: &Shared, link: &Link) {
-    match event {
-        Event::Ignored => return,
-        Event::GroundStationHeard => {
-            shared.ground_station_heard.signal(());
-            return;
-        }
-        Event::Answered => {}
-        Event::Driven => shared.to_drive.signal(()),
-        Event::ListRequested => {
-            link.with(|endpoint| endpoint.say(MavSeverity::MAV_SEVERITY_INFO, BANNER));
-            link.say_notices(shared);
-        }
-        Event::ParameterSet(id) => {
-            let value = shared.parameter(id);
-            info!("{}: {} set to {}", link.name(), id.name().as_str(), value);
-            shared.to_save.signal(());
-        }
-        Event::ParameterRefused => {
-            if link.refusals.allows() {
-                warn!("{}: a parameter was refused", link.name());
-            }
-        }
-        Event::Command(action) => {
-            info!("{}: {:?}", link.name(), action);
-            act(action, shared);
-        }
-        Event::CommandRefused(number) => {
-            if link.refusals.allows() {
-                warn!("{}: command {} refused", link.name(), number);
-            }
-        }
-        Event::ControlTooLate => {
-            if link.refusals.allows() {
-                warn!("{}: a control input came too late", link.name());
-            }
-            return;
-        }
-        Event::SigningSetUp(change) => {
-            info!("{}: signing: {:?}", link.name(), change);
-            shared.to_save_signing.signal(change);
-        }
-        Event::SigningRefused(refused) => {
-            if link.refusals.allows() {
-                warn!("{}: signing not set up: {:?}", link.name(), refused);
-            }
-        }
-        Event::Unauthorized { to_report } => {
-            if let Some(count) = to_report {
-                report_unauthorized(count, shared, link);
-            }
-            return;
-        }
-    }
-    link.to_write.signal(());
-    link.to_schedule.signal(());
-}
-
-fn report_unauthorized(count: u32, shared: &Shared, link: &Link) {
-    warn!("{}: not signed with the key, ignored: {}", link.name(), count);
-    let mut text: String<ANNOUNCEMENT_BYTES> = String::new();
-    // It fits.
-    let _ = write!(text, "{}: not signed with the key, ignored: {count}", link.name());
-    shared.announce(MavSeverity::MAV_SEVERITY_WARNING, &text);
-}
-
-fn act(action: Action, shared: &Shared) {
-    match action {
-        Action::Reboot => shared.to_reboot.signal(()),
-        Action::ResetParameters => {
-            shared.with_parameters(Parameters::reset);
-            shared.to_save.signal(());
-        }
-        Action::ResetBatteries { mask, percent } => shared.request_battery_reset(mask, percent),
-    }
 }
 
 #[cfg(test)]

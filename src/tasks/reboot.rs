@@ -4,9 +4,6 @@ use embassy_time::{Duration, Instant, Timer};
 
 use super::Shared;
 use crate::log::info;
-use crate::mavlink::SigningTrouble;
-use crate::mavlink::dialect::MavSeverity;
-use crate::parameter::Parameters;
 
 /// What was answered and set before a restart gets this long to be sent and saved.
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -20,18 +17,9 @@ const WIRE_DELAY: Duration = Duration::from_millis(250);
 /// `all_sent` returns whether the links are idle.
 pub async fn reboot_requested(shared: &Shared, all_sent: impl Fn() -> bool) {
     shared.to_reboot.wait().await;
-    // What could not be saved has a last chance.
-    shared.with_parameters(Parameters::retry_failed);
-    shared.to_save.signal(());
-    // The last moment at which it matters.
-    if shared.with_signing(|signing| signing.trouble()) == Some(SigningTrouble::NotSaved) {
-        shared.announce(
-            MavSeverity::MAV_SEVERITY_CRITICAL,
-            SigningTrouble::NotSaved.text(),
-        );
-    }
+    shared.with(|autopilot| autopilot.prepare_restart());
     let deadline = Instant::now() + PATIENCE;
-    while (shared.has_unsaved() || !all_sent()) && Instant::now() < deadline {
+    while (shared.with(|autopilot| autopilot.has_unsaved()) || !all_sent()) && Instant::now() < deadline {
         Timer::after(LOOK_INTERVAL).await;
     }
     Timer::after(WIRE_DELAY).await;

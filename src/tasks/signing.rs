@@ -3,12 +3,10 @@
 use embassy_time::{Duration, Instant, with_timeout};
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::storage::RETRY_INTERVAL;
 use super::{Shared, mark};
 use crate::liveness::CheckIn;
-use crate::log::{info, warn};
-use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Signing, SigningChange, SigningTrouble, StoredSigning, ToStore};
+use crate::log::warn;
+use crate::mavlink::{Signing, StoredSigning, ToStore};
 use crate::storage::{Storage, StorageError};
 
 /// How often the time is looked at. It is written down once a minute.
@@ -56,65 +54,24 @@ impl<F: NorFlash> SigningStorage<F> {
     }
 }
 
-/// Logs that the key was lost. Ground stations that connect are informed while that lasts.
-pub fn report_signing(shared: &Shared) {
-    if shared.with_signing(|signing| signing.has_lost_key()) {
-        warn!("{}", SigningTrouble::KeyLost.text());
-    }
-}
-
 /// Writes another key to flash as soon as it was set up, and the time now and then.
-///
-/// A change is announced when it is in flash. While it can't be written, that is announced at each attempt.
 pub async fn keep_signing<F: NorFlash>(
     mut storage: SigningStorage<F>,
     shared: &Shared,
     check_in: &CheckIn,
 ) -> ! {
-    let mut retry_at = Instant::MIN;
-    let mut to_announce: Option<SigningChange> = None;
     loop {
         mark(check_in);
-        let asked = with_timeout(LOOK_INTERVAL, shared.to_save_signing.wait()).await;
-        if asked.is_err() && Instant::now() < retry_at {
-            continue;
+        // With or without a request: the time has to be written, or a retry may be due.
+        let _ = with_timeout(LOOK_INTERVAL, shared.to_save_signing.wait()).await;
+        while let Some(unsaved) =
+            shared.with(|autopilot| autopilot.next_unsaved_signing(Instant::now().as_micros()))
+        {
+            let result = storage.store(&unsaved).await;
+            shared.with(|autopilot| {
+                autopilot.signing_written(&unsaved, result, Instant::now().as_micros());
+            });
+            mark(check_in);
         }
-        to_announce = asked.ok().or(to_announce);
-        if save(&mut storage, shared, check_in).await.is_err() {
-            retry_at = Instant::now() + RETRY_INTERVAL;
-            shared.announce(
-                MavSeverity::MAV_SEVERITY_CRITICAL,
-                SigningTrouble::NotSaved.text(),
-            );
-        } else if let Some(change) = to_announce.take() {
-            info!("signing: {:?} saved", change);
-            shared.announce(MavSeverity::MAV_SEVERITY_INFO, change.text());
-        }
-    }
-}
-
-/// Writes what waits. After a failure it starts again once, in the next sector; what was there does not count any more.
-async fn save<F: NorFlash>(
-    storage: &mut SigningStorage<F>,
-    shared: &Shared,
-    check_in: &CheckIn,
-) -> Result<(), StorageError> {
-    let mut first_error = None;
-    loop {
-        let now_us = Instant::now().as_micros();
-        let Some(what) = shared.with_signing(|signing| signing.next_unsaved(now_us)) else {
-            return Ok(());
-        };
-        match storage.store(&what).await {
-            Ok(()) => shared.with_signing(|signing| signing.mark_saved(&what)),
-            Err(error) => {
-                warn!("signing storage: {:?}", error);
-                shared.with_signing(Signing::mark_failed);
-                if first_error.replace(error).is_some() {
-                    return Err(error);
-                }
-            }
-        }
-        mark(check_in);
     }
 }

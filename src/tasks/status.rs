@@ -22,7 +22,7 @@ pub async fn report_status(idle: impl IdleTime, shared: &Shared, link: &Link, ch
     loop {
         seconds.next().await;
         let now = Snapshot::take(&idle, shared, link);
-        shared.publish_load(now.load_permille_since(&before));
+        shared.with(|autopilot| autopilot.set_load(now.load_permille_since(&before)));
         log(shared, link, &now, &before);
         before = now;
         mark(check_in);
@@ -43,7 +43,7 @@ impl Snapshot {
         Self {
             time_us: Instant::now().as_micros() as u32,
             idle_us: idle.idle_us(),
-            samples: shared.samples(),
+            samples: shared.with(|autopilot| autopilot.samples()),
             sent: statistics.sent,
             dropped: statistics.dropped,
         }
@@ -60,14 +60,17 @@ impl Snapshot {
 }
 
 fn log(shared: &Shared, link: &Link, now: &Snapshot, before: &Snapshot) {
-    shared.with_system_state(|state| state.batteries.iter().zip(1u8..).for_each(log_pack));
+    shared.with(|autopilot| {
+        let state = autopilot.system_state();
+        state.batteries.iter().zip(1u8..).for_each(log_pack);
+    });
     info!(
         "{} samples/s; {}: {} frames/s, {} dropped; load {} permille",
         now.samples.wrapping_sub(before.samples),
         link.name(),
         now.sent.wrapping_sub(before.sent),
         now.dropped.wrapping_sub(before.dropped),
-        shared.load_permille(),
+        shared.with(|autopilot| autopilot.load_permille()),
     );
 }
 

@@ -2,9 +2,10 @@
 
 use embedded_io_async::Write;
 
+use crate::autopilot::Announcement;
 use crate::battery::PackEvent;
-use crate::mavlink::{Endpoint, Framer, LinkKind, SystemState, pack_announcement};
-use crate::parameter::{Parameters, VehicleParameter};
+use crate::mavlink::{Endpoint, Framer, LinkKind, SystemState};
+use crate::parameter::{Pack, Parameters, VehicleParameter};
 
 /// Our end of a link together with its wire, for a program of one loop. Nothing is signed.
 pub struct WiredEndpoint<W> {
@@ -25,10 +26,10 @@ impl<W: Write> WiredEndpoint<W> {
     }
 
     /// Posts a STATUSTEXT for each event of a pack.
-    pub fn announce(&mut self, instance: u8, events: &[PackEvent]) {
+    pub fn announce(&mut self, pack: Pack, events: &[PackEvent]) {
         for event in events {
-            let (severity, text) = pack_announcement(instance, event);
-            self.endpoint.say(severity, &text);
+            let announcement = Announcement::Pack(pack, event);
+            self.endpoint.say(announcement.severity(), &announcement.text());
         }
     }
 

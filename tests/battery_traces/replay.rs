@@ -76,11 +76,11 @@ pub fn run_from(mut monitor: BatteryMonitor, samples: &[Sample], settings: &Pack
     samples
         .iter()
         .map(|sample| {
-            let (events, _) = monitor.update(tick(sample), reading(sample), settings);
+            let update = monitor.update(tick(sample), reading(sample), settings);
             Moment {
                 t_s: sample.t_s,
                 state: *monitor.state(),
-                events: events.to_vec(),
+                events: update.events.to_vec(),
             }
         })
         .collect()

@@ -1,12 +1,9 @@
 //! The stories of `tests/stories/` on the release firmware: voltages at its pins, texts on its wire, motors at its pins.
 
-use std::fs;
-use std::path::Path;
-
 use crate::bench::{Bench, MILLISECOND};
 use crate::emulator::{AdcFault, AdcInput};
 use crate::motor_poles::LEFT;
-use crate::story::{Drive, Input, Level, Outcome, Story};
+use crate::story::{Drive, Input, Story};
 use crate::support::frames::{STATUSTEXT, of_message};
 use crate::support::requests::{command_long_2, manual_control, set_mode};
 
@@ -114,79 +111,32 @@ impl Stage {
     }
 }
 
-/// What a text tells of a pack's failsafe.
-fn level_of(text: &str) -> Option<(usize, Level)> {
-    let rest = text.strip_prefix("Battery ")?;
-    let (number, rest) = rest.split_once(" is ")?;
-    let level = match rest.split_whitespace().next()? {
-        "missing," => Level::Unhealthy,
-        "low" => Level::Low,
-        "critical" => Level::Critical,
-        _ => return None,
-    };
-    Some((number.parse::<usize>().ok()? - 1, level))
-}
-
 fn run(story: &Story) {
     let name = &story.name;
     let mut stage = Stage::new(story);
     let mut inputs = story.inputs.iter().peekable();
-    let mut looks: Vec<_> = story.expectations.iter().collect();
-    looks.retain(|(_, outcome)| matches!(outcome, Outcome::Motors(_)));
+    let mut looks: Vec<_> = story.motors().collect();
     while stage.time_s() < story.end_s {
         let now_s = stage.time_s();
         while let Some((_, input)) = inputs.next_if(|(at_s, _)| *at_s <= now_s + 1e-6) {
             stage.take(*input);
         }
-        looks.retain(|(at_s, outcome)| {
+        looks.retain(|(at_s, expected)| {
             let is_due = *at_s + LATENCY_S <= now_s;
             if is_due {
-                assert_eq!(Outcome::Motors(stage.motors()), *outcome, "{name} at {now_s} s");
+                assert_eq!(stage.motors(), *expected, "{name} at {now_s} s");
             }
             !is_due
         });
         stage.step();
     }
     assert!(looks.is_empty(), "{name} ends too soon");
-    check_texts(story, &stage.texts());
-}
-
-fn check_texts(story: &Story, texts: &[(f64, String)]) {
-    let name = &story.name;
-    let is_then = |time_s: f64, at_s: f64| (-LATENCY_S..=LATENCY_S).contains(&(time_s - at_s));
-    let mut levels: Vec<_> = texts
-        .iter()
-        .filter_map(|(time_s, text)| Some((*time_s, level_of(text)?)))
-        .collect();
-    for (at_s, outcome) in &story.expectations {
-        match outcome {
-            Outcome::Level { pack, level } => {
-                let found = levels
-                    .iter()
-                    .position(|(time_s, what)| is_then(*time_s, *at_s) && *what == (*pack, *level));
-                levels.remove(found.unwrap_or_else(|| panic!("{name}: no {level:?} at {at_s} s: {texts:?}")));
-            }
-            Outcome::Says(expected) => assert!(
-                texts
-                    .iter()
-                    .any(|(time_s, text)| is_then(*time_s, *at_s) && text.starts_with(expected)),
-                "{name}: nobody says {expected:?} at {at_s} s: {texts:?}"
-            ),
-            Outcome::Motors(_) => {}
-        }
-    }
-    assert_eq!(levels, [], "{name}: not expected");
-    let unexpected = story.unexpected(texts, LATENCY_S);
-    assert!(unexpected.is_empty(), "{name}: not expected: {unexpected:?}");
+    story.check_texts(&stage.texts(), LATENCY_S);
 }
 
 #[test]
-fn every_story_ends_on_the_board_as_it_is_told() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stories");
-    for entry in fs::read_dir(folder).expect("the folder exists") {
-        let path = entry.expect("it can be read").path();
-        let name = path.file_stem().and_then(|stem| stem.to_str()).expect("a name");
-        let text = fs::read_to_string(&path).expect("it can be read");
-        run(&Story::parse(name, &text));
+fn every_story_has_its_expected_outcomes_on_the_board() {
+    for story in Story::all() {
+        run(&story);
     }
 }

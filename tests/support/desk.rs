@@ -1,44 +1,113 @@
-//! Our end of a link on a desk, and a ground station at the other end.
+//! The autopilot on a desk: one link, with a ground station at the other end, and no tasks.
 
 // Each test program uses its own part.
 #![allow(dead_code)]
 
-use rover_battmon::battery::BatteryState;
-use rover_battmon::mavlink::{Endpoint, Event, Framer, LinkKind, Signing, SystemState};
-use rover_battmon::parameter::Parameters;
-use rover_battmon::vehicle::Vehicle;
+use rover_battmon::autopilot::{Autopilot, Channel, SamplingProgress, Start};
+use rover_battmon::battery::{BatteryState, PackStatus, RetainedRecord};
+use rover_battmon::mavlink::{Event, Framer, LinkKind, LinkStatistics};
+use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters};
+use rover_battmon::sensor::AnalogReadings;
+use rover_battmon::vehicle::{SideDrives, Vehicle};
 
 use crate::support::frames::{Frame, frames};
 
-/// Our end of a fast link, and the parameters and packs it serves.
+const FAST: u32 = 100_000;
+
+const MONITOR: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::Monitor);
+
+/// The autopilot, and our end of a link.
 pub struct Desk {
-    pub batteries: Vec<BatteryState>,
-    pub endpoint: Endpoint,
+    pub autopilot: Autopilot,
+    pub channel: Channel,
     pub framer: Framer,
-    pub parameters: Parameters,
-    pub vehicle: Vehicle,
-    pub signing: Signing,
     pub now_us: u64,
     /// For how long what is delivered may have waited on its way.
     pub waited_us: u64,
 }
 
 impl Desk {
+    /// A desk without packs.
     pub fn new() -> Self {
         Self::with_packs(&[])
     }
 
+    /// A desk with packs in these states. None of them is sampled, since none was monitored at the start.
     pub fn with_packs(batteries: &[BatteryState]) -> Self {
+        let mut parameters = Parameters::defaults();
+        let monitor = parameters.get(MONITOR);
+        parameters.restore(MONITOR.key(), 0.0).unwrap();
+        let mut desk = Self::starting(Start::with_parameters(parameters));
+        let parameters = desk.autopilot.parameters_mut();
+        parameters.restore(MONITOR.key(), monitor).unwrap();
+        desk.set_batteries(batteries);
+        desk
+    }
+
+    /// A desk after this start.
+    pub fn starting(start: Start) -> Self {
         Self {
-            batteries: batteries.to_vec(),
-            endpoint: Endpoint::new(LinkKind::Radio, 100_000, 0),
+            autopilot: Autopilot::new(start),
+            channel: Channel::new("desk", LinkKind::Radio, FAST, 0),
             framer: Framer::new(),
-            parameters: Parameters::defaults(),
-            vehicle: Vehicle::new(),
-            signing: Signing::off(),
             now_us: 0,
             waited_us: 0,
         }
+    }
+
+    /// Connects by another link, which is fast.
+    pub fn connect(&mut self, kind: LinkKind) {
+        self.connect_slowly(kind, FAST);
+    }
+
+    /// Connects by another link that carries `bytes_per_second`.
+    pub fn connect_slowly(&mut self, kind: LinkKind, bytes_per_second: u32) {
+        self.channel = Channel::new("desk", kind, bytes_per_second, self.now_us);
+    }
+
+    pub fn parameters(&self) -> &Parameters {
+        self.autopilot.parameters()
+    }
+
+    /// Sets a parameter that is in range, not by the link.
+    pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) {
+        self.autopilot.parameters_mut().set(id, value).expect("in range");
+    }
+
+    pub fn vehicle(&self) -> &Vehicle {
+        self.autopilot.vehicle()
+    }
+
+    /// Sets the states of the first packs; the others are disabled.
+    pub fn set_batteries(&mut self, batteries: &[BatteryState]) {
+        let disabled = BatteryState {
+            status: PackStatus::Disabled,
+            ..BatteryState::default()
+        };
+        for (place, pack) in Pack::ALL.into_iter().enumerate() {
+            let state = batteries.get(place).unwrap_or(&disabled);
+            self.autopilot.set_battery(pack, *state);
+        }
+    }
+
+    /// Changes the state of a pack.
+    pub fn change_battery(&mut self, pack: Pack, change: impl FnOnce(&mut BatteryState)) {
+        let mut state = *self.autopilot.battery(pack);
+        change(&mut state);
+        self.autopilot.set_battery(pack, state);
+    }
+
+    /// Samples all packs once.
+    pub fn sample(&mut self, readings: AnalogReadings) {
+        let mut sampling = self.autopilot.begin_sampling(self.now_us, readings);
+        while self.autopilot.sample_next(&mut sampling) != SamplingProgress::Complete {}
+        let mut memory = [RetainedRecord::BLANK; 2];
+        self.autopilot.end_sampling(sampling, &mut memory);
+    }
+
+    /// Updates the vehicle, and returns the motors' outputs.
+    pub fn drive(&mut self) -> SideDrives {
+        self.autopilot.drive(self.now_us).drives
     }
 
     /// Delivers bytes in chunks of `chunk` and returns what came of them.
@@ -46,7 +115,7 @@ impl Desk {
         let mut events = Vec::new();
         for mut part in bytes.chunks(chunk) {
             while !part.is_empty() {
-                let taken = self.endpoint.push(part);
+                let taken = self.channel.push(part);
                 assert!(taken > 0, "no room for another byte");
                 part = &part[taken..];
                 events.extend(self.handle_all());
@@ -57,24 +126,26 @@ impl Desk {
 
     /// Handles every frame of what was delivered.
     pub fn handle_all(&mut self) -> Vec<Event> {
-        let state = state_of(&self.batteries, &self.vehicle);
+        let received_us = self.now_us.saturating_sub(self.waited_us);
         std::iter::from_fn(|| {
-            self.endpoint.handle_next(
-                self.now_us,
-                self.now_us.saturating_sub(self.waited_us),
-                &state,
-                &mut self.parameters,
-                &mut self.vehicle,
-                &mut self.signing,
-            )
+            self.autopilot
+                .handle_next(&mut self.channel, self.now_us, received_us)
         })
         .collect()
     }
 
     /// Posts what is due at `now_us`.
     pub fn post_due(&mut self, now_us: u64) {
-        let state = state_of(&self.batteries, &self.vehicle);
-        self.endpoint.post_due(now_us, &state, &self.parameters);
+        self.autopilot.post_due(&mut self.channel, now_us);
+    }
+
+    /// When something is due next.
+    pub fn next_due_us(&self) -> u64 {
+        self.channel.next_due_us()
+    }
+
+    pub fn statistics(&self) -> LinkStatistics {
+        self.channel.statistics()
     }
 
     /// Delivers a request and returns the answers.
@@ -91,26 +162,15 @@ impl Desk {
     /// The messages that leave while the wire takes so many.
     pub fn sent_at_most(&mut self, messages: usize) -> Vec<Frame> {
         let mut bytes = Vec::new();
-        let state = state_of(&self.batteries, &self.vehicle);
-        let link = self.endpoint.kind();
         for _ in 0..messages {
-            let Some(message) = self.endpoint.take(&state, &self.parameters) else {
+            let frame = self
+                .autopilot
+                .next_frame(&mut self.channel, &mut self.framer, self.now_us);
+            let Some(frame) = frame else {
                 break;
             };
-            let frame = self
-                .framer
-                .signed_frame(&message, 1, &mut self.signing, link, self.now_us);
             bytes.extend(frame.iter().map(|byte| (0, *byte)));
         }
         frames(&bytes)
-    }
-}
-
-/// What is told of packs and a vehicle.
-fn state_of<'a>(batteries: &'a [BatteryState], vehicle: &Vehicle) -> SystemState<'a> {
-    SystemState {
-        batteries,
-        vehicle: vehicle.status(),
-        ..SystemState::default()
     }
 }

@@ -17,6 +17,10 @@
 //!
 //! Below 2.1 V no pack is connected: `voltage 0.3` is a lost contact.
 
+use std::fs::{self, DirEntry};
+use std::io;
+use std::path::Path;
+
 /// A parsed story.
 #[derive(Debug, Default)]
 pub struct Story {
@@ -64,9 +68,80 @@ pub enum Drive {
 /// Texts about a pack's contact and identity, after "Battery 1 "; each has to be expected.
 const IDENTITY_TEXTS: [&str; 3] = ["not connected", "connected again", "swapped"];
 
+/// The failsafe level that a text announces, and its pack.
+fn level_of(text: &str) -> Option<(usize, Level)> {
+    let rest = text.strip_prefix("Battery ")?;
+    let (number, rest) = rest.split_once(" is ")?;
+    let level = match rest.split_whitespace().next()? {
+        "missing," => Level::Unhealthy,
+        "low" => Level::Low,
+        "critical" => Level::Critical,
+        _ => return None,
+    };
+    Some((number.parse::<usize>().ok()? - 1, level))
+}
+
 impl Story {
+    /// Parses the stories in `tests/stories/`.
+    pub fn all() -> Vec<Self> {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stories");
+        let parse = |entry: io::Result<DirEntry>| {
+            let path = entry.expect("readable").path();
+            let name = path.file_stem().and_then(|stem| stem.to_str()).expect("a name");
+            Self::parse(name, &fs::read_to_string(&path).expect("readable"))
+        };
+        let stories: Vec<_> = fs::read_dir(folder)
+            .expect("the folder exists")
+            .map(parse)
+            .collect();
+        assert!(!stories.is_empty(), "no story was found");
+        stories
+    }
+
+    /// What the motors are expected to do, with the time at which that is checked.
+    pub fn motors(&self) -> impl Iterator<Item = (f64, Drive)> {
+        self.expectations
+            .iter()
+            .filter_map(|(at_s, outcome)| match outcome {
+                Outcome::Motors(drive) => Some((*at_s, *drive)),
+                Outcome::Level { .. } | Outcome::Says(_) => None,
+            })
+    }
+
+    /// Asserts that these texts were sent, each with its time, and no level or text that has to be expected beside them.
+    pub fn check_texts(&self, texts: &[(f64, String)], tolerance_s: f64) {
+        let name = &self.name;
+        let is_then = |time_s: f64, at_s: f64| (time_s - at_s).abs() <= tolerance_s;
+        let mut levels: Vec<_> = texts
+            .iter()
+            .filter_map(|(time_s, text)| Some((*time_s, level_of(text)?)))
+            .collect();
+        for (at_s, outcome) in &self.expectations {
+            match outcome {
+                Outcome::Level { pack, level } => {
+                    let found = levels
+                        .iter()
+                        .position(|(time_s, what)| is_then(*time_s, *at_s) && *what == (*pack, *level));
+                    levels.remove(
+                        found.unwrap_or_else(|| panic!("{name}: no {level:?} at {at_s} s: {texts:?}")),
+                    );
+                }
+                Outcome::Says(expected) => assert!(
+                    texts
+                        .iter()
+                        .any(|(time_s, text)| is_then(*time_s, *at_s) && text.starts_with(expected)),
+                    "{name}: no text {expected:?} at {at_s} s: {texts:?}"
+                ),
+                Outcome::Motors(_) => {}
+            }
+        }
+        assert_eq!(levels, [], "{name}: not expected");
+        let unexpected = self.unexpected(texts, tolerance_s);
+        assert!(unexpected.is_empty(), "{name}: not expected: {unexpected:?}");
+    }
+
     /// Texts about contact and identity that are not expected.
-    pub fn unexpected<'a>(&self, texts: &'a [(f64, String)], tolerance_s: f64) -> Vec<&'a (f64, String)> {
+    fn unexpected<'a>(&self, texts: &'a [(f64, String)], tolerance_s: f64) -> Vec<&'a (f64, String)> {
         let is_about_identity = |text: &str| {
             let what = text.split_once(' ').and_then(|(_, rest)| rest.split_once(' '));
             what.is_some_and(|(_, what)| IDENTITY_TEXTS.iter().any(|known| what.starts_with(known)))
@@ -87,7 +162,7 @@ impl Story {
     ///
     /// # Panics
     /// On a syntax error, with its line.
-    pub fn parse(name: &str, text: &str) -> Self {
+    fn parse(name: &str, text: &str) -> Self {
         let mut story = Self {
             name: name.into(),
             ..Self::default()

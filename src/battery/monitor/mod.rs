@@ -11,8 +11,8 @@ use super::health::HealthReporter;
 use super::settings::PackSettings;
 use super::swap::{Replacement, SerialNumber, SwapDetector};
 use super::{
-    BatteryState, ChargeSource, Consumed, Contents, Counted, Faults, Gauge, Measurement, PackEvent,
-    PackMemory, PackStatus, ReadError, Supply,
+    BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge, Measurement,
+    PackEvent, PackMemory, PackStatus, ReadError, Supply,
 };
 
 /// Below this voltage no pack is connected, in volts: what leaks into the divider while the board is powered by USB.
@@ -38,6 +38,18 @@ pub const MAX_EVENTS: usize = 7;
 
 /// The events of one tick.
 pub type PackEvents = Vec<PackEvent, MAX_EVENTS>;
+
+/// Outcome of an update, besides the new state.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[must_use = "a failsafe level that was reached has to act"]
+pub struct PackUpdate {
+    /// To be announced.
+    pub events: PackEvents,
+    /// Why the read failed.
+    pub error: Option<ReadError>,
+    /// The failsafe level that was reached in this tick. Its action has to be taken.
+    pub failsafe: Option<FailsafeLevel>,
+}
 
 /// When an update happens, and whether the rover is armed then.
 #[derive(Clone, Copy, Debug, Default)]
@@ -122,14 +134,13 @@ impl BatteryMonitor {
         self.failed_reads
     }
 
-    /// Processes one reading, valid or failed, and returns the events and the read error. [`state`](Self::state) is the
-    /// result.
+    /// Processes one reading, valid or failed. [`state`](Self::state) is the result.
     pub fn update(
         &mut self,
         tick: Tick,
         reading: Result<Measurement, ReadError>,
         settings: &PackSettings,
-    ) -> (PackEvents, Option<ReadError>) {
+    ) -> PackUpdate {
         let mut events = PackEvents::new();
         let since = |time_us: Option<u64>| time_us.map_or(0, |time_us| tick.now_us.saturating_sub(time_us));
         let dt_us = since(self.last_reading.map(|last| last.time_us));
@@ -169,8 +180,12 @@ impl BatteryMonitor {
         if freshness == Freshness::Stale && error != Some(ReadError::NoHealthyMember) {
             self.swap_detector.lose_contact(dt_s, tick.arm_state);
         }
-        self.evaluate_failsafes(tick, tick_us, freshness, &settings, &mut events);
-        (events, error)
+        let failsafe = self.evaluate_failsafes(tick, tick_us, freshness, &settings, &mut events);
+        PackUpdate {
+            events,
+            error,
+            failsafe,
+        }
     }
 
     /// Takes over what a smart battery reports about itself. Details with a new serial number are ignored until the
@@ -354,7 +369,8 @@ impl BatteryMonitor {
         }
     }
 
-    /// Faults, failsafe level and charge state, after every tick: a failed read counts, too.
+    /// Faults, failsafe level and charge state, after every tick: a failed read counts, too. Returns a level that was
+    /// reached.
     fn evaluate_failsafes(
         &mut self,
         tick: Tick,
@@ -362,7 +378,7 @@ impl BatteryMonitor {
         freshness: Freshness,
         settings: &PackSettings,
         events: &mut PackEvents,
-    ) {
+    ) -> Option<FailsafeLevel> {
         let dt_s = dt_us as f32 * 1e-6;
         let state = &mut self.state;
         state.chemistry = settings.chemistry;
@@ -407,6 +423,7 @@ impl BatteryMonitor {
             capacity_mah: state.capacity_mah,
         };
         state.charge_state = self.charge_state.update(dt_s, &inputs);
+        raised
     }
 
     /// What is retained over a reset of the processor.

@@ -37,9 +37,9 @@ impl Bench {
             now_us: self.now_us,
             arm_state: self.arm_state,
         };
-        let (events, error) = self.monitor.update(tick, reading, &self.settings);
-        self.events.extend(events);
-        error
+        let update = self.monitor.update(tick, reading, &self.settings);
+        self.events.extend(update.events);
+        update.error
     }
 
     /// Repeats a reading for some seconds, and returns the state.

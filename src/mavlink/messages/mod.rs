@@ -1,6 +1,7 @@
 //! The messages that are sent: a row for each in the table below, and a plain function that builds it, every field set
 //! explicitly.
 
+mod arming_text;
 mod battery_info;
 mod battery_status;
 mod battery_status_v2;
@@ -9,18 +10,17 @@ mod declare;
 mod file_transfer;
 mod fuel_status;
 mod heartbeat;
-mod pack_announcement;
 mod pack_facts;
 mod smart_battery_info;
 mod status_text;
 mod stream;
 mod sys_status;
 mod units;
-mod vehicle_announcement;
 mod version;
 
 use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, MessageData};
 
+pub(super) use arming_text::{CheckedBy, arming_failure_text, stick_deflected_text, terminated_text};
 pub use battery_info::build_battery_info;
 pub use battery_status::build_battery_status;
 pub use battery_status_v2::build_battery_status_v2;
@@ -28,16 +28,11 @@ pub use command_ack::CommandAck;
 pub use file_transfer::FileTransferNak;
 pub use fuel_status::build_fuel_status;
 pub use heartbeat::build_heartbeat;
-pub use pack_announcement::pack_announcement;
 pub use smart_battery_info::build_smart_battery_info;
 pub(super) use status_text::chunks_of;
 pub use status_text::status_texts;
 pub use stream::{DefaultRate, Subject};
 pub use sys_status::build_sys_status;
-pub use vehicle_announcement::vehicle_announcement;
-pub(super) use vehicle_announcement::{
-    CheckedBy, arming_failure_text, stick_deflected_text, terminated_text,
-};
 pub use version::{build_autopilot_version, build_protocol_version};
 
 use super::SystemState;

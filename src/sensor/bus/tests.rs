@@ -367,7 +367,7 @@ proptest! {
                 prop_assert_eq!(pack, Pack::Second);
                 now_us += 100_000;
                 let tick = Tick { now_us, ..Tick::default() };
-                monitor.update(tick, reading, &PackSettings::default());
+                let _ = monitor.update(tick, reading, &PackSettings::default());
                 let state = monitor.state();
                 let values = [state.voltage_v, state.current_a, state.consumed_mah, state.remaining_pct];
                 prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
@@ -388,7 +388,7 @@ proptest! {
         for tick in 1..=ticks as u64 {
             for (_, reading) in read_next(&mut devices, &mut bus) {
                 let tick = Tick { now_us: tick * 100_000, ..Tick::default() };
-                monitor.update(tick, reading, &PackSettings::default());
+                let _ = monitor.update(tick, reading, &PackSettings::default());
             }
             let state = monitor.state();
             prop_assert!(state.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{:?}", state);

@@ -4,7 +4,7 @@
 use rover_battmon::battery::ArmState;
 use rover_battmon::battery::BatteryState;
 use rover_battmon::parameter::{ParameterId, VehicleParameter};
-use rover_battmon::vehicle::{SideDrives, VehicleSettings};
+use rover_battmon::vehicle::SideDrives;
 
 use super::Input;
 use crate::desk::Desk;
@@ -69,20 +69,19 @@ pub fn run(bytes: &[u8]) {
 }
 
 fn drive(desk: &mut Desk) {
-    let settings = VehicleSettings::from_parameters(&desk.parameters);
-    let _ = desk.vehicle.update(desk.now_us, &settings);
-    let is_armed = desk.vehicle.arm_state() == ArmState::Armed;
-    assert!(is_armed || desk.vehicle.drives() == SideDrives::COAST);
+    let drives = desk.drive();
+    let is_armed = desk.vehicle().arm_state() == ArmState::Armed;
+    assert!(is_armed || drives == SideDrives::COAST);
 }
 
 fn assert_sound(desk: &mut Desk) {
     for id in ParameterId::all() {
-        let value = desk.parameters.get(id);
-        let mut same = desk.parameters.clone();
+        let value = desk.parameters().get(id);
+        let mut same = desk.parameters().clone();
         assert!(same.set(id, value).is_ok(), "{} = {value}", id.name().as_str());
         assert_eq!(same.get(id).to_bits(), value.to_bits(), "{}", id.name().as_str());
     }
-    desk.endpoint.give_up_waiting();
+    desk.channel.give_up_waiting();
     desk.handle_all();
     // Whatever still waits leaves first.
     for _ in 0..1000 {
@@ -90,7 +89,7 @@ fn assert_sound(desk: &mut Desk) {
             break;
         }
     }
-    let system_id = desk.parameters.get_whole(VehicleParameter::SysidThismav) as u8;
+    let system_id = desk.parameters().get_whole(VehicleParameter::SysidThismav) as u8;
     let answers = desk.ask(&param_read_from([system_id, 1], "BATT_MONITOR"));
     assert_eq!(of_message(&answers, PARAM_VALUE).len(), 1, "{answers:?}");
 }

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use rover_battmon::mavlink::{Endpoint, Event, LinkKind, Signing, StoredSigning, ToStore};
-use rover_battmon::parameter::{BatteryParameter, Pack};
+use rover_battmon::autopilot::Start;
+use rover_battmon::mavlink::{Event, LinkKind, StoredSigning, ToStore};
+use rover_battmon::parameter::{BatteryParameter, Pack, Parameters};
 use rover_battmon::storage::Condition;
 
 use super::Input;
@@ -26,9 +27,9 @@ impl Scene {
     fn new() -> Self {
         let mut desk = Desk::new();
         let owner = Signer::new(OWNER);
-        desk.endpoint = Endpoint::new(LinkKind::Direct, 100_000, 0);
+        desk.connect(LinkKind::Direct);
         desk.receive_in_chunks(&setup_signing(owner.key, owner.timestamp), 64);
-        desk.endpoint = Endpoint::new(LinkKind::Radio, 100_000, 0);
+        desk.connect(LinkKind::Radio);
         Self {
             desk,
             words: BTreeMap::new(),
@@ -46,16 +47,6 @@ impl Scene {
         stored
     }
 
-    fn save(&mut self, signing: &mut Signing, now_us: u64) {
-        while let Some(what) = signing.next_unsaved(now_us) {
-            if what == ToStore::Nothing {
-                self.words.clear();
-            }
-            self.words.extend(self.stored().words(&what));
-            signing.mark_saved(&what);
-        }
-    }
-
     /// Another request of the owner's, recorded by a stranger.
     fn sign(&mut self) -> Vec<u8> {
         self.set += 0.001;
@@ -71,15 +62,15 @@ impl Scene {
 
     fn low_volt(&self) -> f32 {
         self.desk
-            .parameters
+            .parameters()
             .get(BatteryParameter::LowVolt.of(Pack::First))
     }
 
     /// Delivers what a stranger can send, and then nothing for a while.
     fn attack(&mut self, bytes: &[u8]) {
-        let before = self.desk.parameters.clone();
+        let before = self.desk.parameters().clone();
         let mut events = self.desk.receive_in_chunks(bytes, 64);
-        self.desk.endpoint.give_up_waiting();
+        self.desk.channel.give_up_waiting();
         events.extend(self.desk.handle_all());
         for event in events {
             assert!(
@@ -87,22 +78,28 @@ impl Scene {
                 "{event:?}"
             );
         }
-        assert!(self.desk.parameters == before);
+        assert!(*self.desk.parameters() == before);
     }
 
     fn save_now(&mut self) {
-        let mut signing = std::mem::replace(&mut self.desk.signing, Signing::off());
-        self.save(&mut signing, self.desk.now_us);
-        self.desk.signing = signing;
+        let now_us = self.desk.now_us;
+        while let Some(unsaved) = self.desk.autopilot.next_unsaved_signing(now_us) {
+            if unsaved == ToStore::Nothing {
+                self.words.clear();
+            }
+            self.words.extend(self.stored().words(&unsaved));
+            self.desk.autopilot.signing_written(&unsaved, Ok(()), now_us);
+        }
     }
 
     fn restart(&mut self) {
         self.save_now();
-        let mut signing = self.stored().restore(Condition::Intact);
-        self.desk.now_us = 0;
-        self.save(&mut signing, 0);
-        self.desk.signing = signing;
-        self.desk.endpoint = Endpoint::new(LinkKind::Radio, 100_000, 0);
+        self.desk = Desk::starting(Start {
+            parameters: self.desk.parameters().clone(),
+            signing: self.stored().restore(Condition::Intact),
+            ..Start::with_parameters(Parameters::defaults())
+        });
+        self.save_now();
     }
 
     /// The owner's ground station hears the vehicle, and goes on from its time.

@@ -1,12 +1,11 @@
-//! What the rover does on its own, and why it can't be armed, in words.
+//! Reasons why the rover can't be armed, as text.
 
 use core::fmt::Write;
 
 use heapless::String;
 
 use crate::battery::ArmingFailure;
-use crate::mavlink::dialect::MavSeverity;
-use crate::vehicle::{Stick, VehicleEvent};
+use crate::vehicle::Stick;
 
 /// The longest text, in bytes: two STATUSTEXT.
 const TEXT_BYTES: usize = 96;
@@ -28,20 +27,6 @@ impl CheckedBy {
             Self::Attempt => "Arm",
         }
     }
-}
-
-/// How urgent it is, and what to say of an event of the rover.
-pub fn vehicle_announcement(event: VehicleEvent) -> (MavSeverity, String<TEXT_BYTES>) {
-    let mut text = String::new();
-    // A text that does not fit is cut off; a test shows that all do.
-    let _ = write!(text, "{event}");
-    let severity = match event {
-        VehicleEvent::Terminated => MavSeverity::MAV_SEVERITY_CRITICAL,
-        VehicleEvent::NeedsPosition(_)
-        | VehicleEvent::ControlsTimedOut
-        | VehicleEvent::GroundStationsTimedOut => MavSeverity::MAV_SEVERITY_WARNING,
-    };
-    (severity, text)
 }
 
 /// Why the pack `instance` (0 to 8) keeps the rover from being armed: "PreArm: Battery 1 ..." or "Arm: Battery 1 ...".
@@ -78,22 +63,6 @@ pub(in crate::mavlink) fn terminated_text(checked_by: CheckedBy) -> String<TEXT_
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vehicle::FailsafeAction;
-
-    #[test]
-    fn every_event_has_a_text_that_fits() {
-        for (event, expected) in [
-            (
-                VehicleEvent::NeedsPosition(FailsafeAction::SmartRtl),
-                "SmartRTL needs a position: Hold",
-            ),
-            (VehicleEvent::Terminated, "Terminated by battery failsafe"),
-            (VehicleEvent::ControlsTimedOut, "Radio Failsafe: Hold"),
-            (VehicleEvent::GroundStationsTimedOut, "GCS Failsafe: Hold"),
-        ] {
-            assert_eq!(vehicle_announcement(event).1, expected);
-        }
-    }
 
     #[test]
     fn a_failed_check_has_ardupilots_words() {

@@ -1,0 +1,204 @@
+//! What is announced to ground stations: the one place with its severities.
+
+use core::fmt::{self, Write};
+
+use heapless::String;
+
+use crate::battery::PackEvent;
+use crate::mavlink::dialect::MavSeverity;
+use crate::mavlink::{SigningChange, SigningTrouble};
+use crate::parameter::{Pack, save_failure_text};
+use crate::storage::StorageError;
+use crate::vehicle::VehicleEvent;
+
+/// Maximum length of an announcement, in bytes: two STATUSTEXT. The rest is cut off.
+pub const ANNOUNCEMENT_BYTES: usize = 96;
+
+/// The text of an announcement.
+pub type AnnouncementText = String<ANNOUNCEMENT_BYTES>;
+
+/// Something that ground stations are informed of by STATUSTEXT.
+#[derive(Clone, Copy, Debug)]
+pub enum Announcement<'a> {
+    /// An event of a pack.
+    Pack(Pack, &'a PackEvent),
+    /// The vehicle changed its state without a request.
+    Vehicle(VehicleEvent),
+    /// Packs are monitored, and none of them has a failsafe threshold.
+    FailsafesOff,
+    /// The stored parameters were not loaded, after repeated quick resets.
+    DefaultParameters,
+    /// The stored parameters could not all be read.
+    ParametersDamaged,
+    /// Parameters can't be written to flash.
+    ParametersNotSaved(StorageError),
+    /// A signing key, or its removal, is in flash.
+    SigningSaved(SigningChange),
+    /// The signing key is lost, or can't be written to flash.
+    Signing(SigningTrouble),
+    /// Messages were ignored since they were not signed with the key.
+    Unauthorized {
+        /// The link they came from.
+        link: &'static str,
+        /// How many so far.
+        count: u32,
+    },
+    /// A line of a crash report.
+    Crash(&'a str),
+}
+
+impl Announcement<'_> {
+    /// How urgent it is. As in ArduPilot, battery failsafes are warnings.
+    pub fn severity(&self) -> MavSeverity {
+        match self {
+            Self::Pack(
+                _,
+                PackEvent::CellsDetected { .. } | PackEvent::SensorRecovered | PackEvent::ContactRestored,
+            ) => MavSeverity::MAV_SEVERITY_NOTICE,
+            Self::Pack(
+                _,
+                PackEvent::CellsAmbiguous { .. }
+                | PackEvent::Swapped
+                | PackEvent::ContactLost
+                | PackEvent::Gap(_)
+                | PackEvent::SensorFailed(_)
+                | PackEvent::PoweringOff
+                | PackEvent::Failsafe { .. },
+            ) => MavSeverity::MAV_SEVERITY_WARNING,
+            Self::Vehicle(VehicleEvent::Terminated) => MavSeverity::MAV_SEVERITY_CRITICAL,
+            Self::Vehicle(
+                VehicleEvent::NeedsPosition(_)
+                | VehicleEvent::ControlsTimedOut
+                | VehicleEvent::GroundStationsTimedOut,
+            ) => MavSeverity::MAV_SEVERITY_WARNING,
+            Self::SigningSaved(_) => MavSeverity::MAV_SEVERITY_INFO,
+            Self::FailsafesOff | Self::Unauthorized { .. } => MavSeverity::MAV_SEVERITY_WARNING,
+            Self::DefaultParameters
+            | Self::ParametersDamaged
+            | Self::ParametersNotSaved(_)
+            | Self::Signing(_)
+            | Self::Crash(_) => MavSeverity::MAV_SEVERITY_CRITICAL,
+        }
+    }
+
+    /// The text, cut off if it is too long.
+    pub fn text(&self) -> AnnouncementText {
+        let mut text = Fitting(AnnouncementText::new());
+        // `Fitting` never fails.
+        let _ = write!(text, "{self}");
+        text.0
+    }
+}
+
+impl fmt::Display for Announcement<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Pack(pack, event) => write!(f, "Battery {} {event}", pack.instance() + 1),
+            Self::Vehicle(event) => write!(f, "{event}"),
+            Self::FailsafesOff => f.write_str("Battery failsafes are off: set BATT_LOW_VOLT"),
+            Self::DefaultParameters => f.write_str("5 quick resets: started with default parameters"),
+            Self::ParametersDamaged => f.write_str("Parameter storage damaged: check parameters"),
+            Self::ParametersNotSaved(error) => f.write_str(save_failure_text(*error)),
+            Self::SigningSaved(change) => f.write_str(change.text()),
+            Self::Signing(trouble) => f.write_str(trouble.text()),
+            Self::Unauthorized { link, count } => {
+                write!(f, "{link}: not signed with the key, ignored: {count}")
+            }
+            Self::Crash(line) => f.write_str(line),
+        }
+    }
+}
+
+/// Takes what fits, to the last whole character.
+struct Fitting(AnnouncementText);
+
+impl Write for Fitting {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        let room = self.0.capacity() - self.0.len();
+        let fitting = text.get(..text.floor_char_boundary(room)).unwrap_or_default();
+        // It fits.
+        let _ = self.0.push_str(fitting);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::{Contents, FailsafeLevel, Gap, ReadError};
+    use crate::vehicle::FailsafeAction;
+
+    #[test]
+    fn every_event_has_a_text_that_fits() {
+        let gap = |counted_mah| {
+            PackEvent::Gap(Gap {
+                duration_s: 1e9,
+                counted_mah,
+            })
+        };
+        let failsafe = |level, contents| PackEvent::Failsafe {
+            level,
+            contents,
+            voltage_v: 1000.0,
+            consumed_mah: -1e9,
+        };
+        for (event, expected) in [
+            (
+                PackEvent::CellsDetected { count: 3 },
+                "Battery 9 has 3 cells (set BATT_CELLS to be sure)",
+            ),
+            (
+                PackEvent::CellsAmbiguous { voltage_v: 8.85 },
+                "Battery 9 cells unclear at 8.85V: set BATT_CELLS",
+            ),
+            (PackEvent::Swapped, "Battery 9 swapped: estimates restarted"),
+            (PackEvent::ContactLost, "Battery 9 not connected"),
+            (PackEvent::ContactRestored, "Battery 9 connected again"),
+            (
+                gap(Some(12.0)),
+                "Battery 9 not measured for 1000000000s: 12mAh assumed",
+            ),
+            (
+                gap(None),
+                "Battery 9 not measured for 1000000000s: consumption too low",
+            ),
+            (
+                PackEvent::SensorFailed(ReadError::AddressTaken),
+                "Battery 9 unhealthy: address already in use",
+            ),
+            (PackEvent::SensorRecovered, "Battery 9 healthy again"),
+            (PackEvent::PoweringOff, "Battery 9 is powering off"),
+            (
+                failsafe(FailsafeLevel::Low, Contents::Charge),
+                "Battery 9 is low 1000.00V used -1000000000 mAh",
+            ),
+            (
+                failsafe(FailsafeLevel::Unhealthy, Contents::Charge),
+                "Battery 9 is missing, last: 1000.00V used -1000000000 mAh",
+            ),
+            (
+                failsafe(FailsafeLevel::Critical, Contents::Fuel),
+                "Battery 9 is critical, used -1000000000 ml",
+            ),
+        ] {
+            assert_eq!(Announcement::Pack(Pack::Ninth, &event).text(), expected);
+        }
+        for (event, expected) in [
+            (
+                VehicleEvent::NeedsPosition(FailsafeAction::SmartRtl),
+                "SmartRTL needs a position: Hold",
+            ),
+            (VehicleEvent::Terminated, "Terminated by battery failsafe"),
+            (VehicleEvent::ControlsTimedOut, "Radio Failsafe: Hold"),
+            (VehicleEvent::GroundStationsTimedOut, "GCS Failsafe: Hold"),
+        ] {
+            assert_eq!(Announcement::Vehicle(event).text(), expected);
+        }
+    }
+
+    #[test]
+    fn long_text_is_cut_off_at_a_whole_character() {
+        let line = format!("{}°C", "x".repeat(95));
+        assert_eq!(Announcement::Crash(&line).text().as_str(), "x".repeat(95));
+    }
+}

@@ -1,0 +1,52 @@
+//! Motors, lamps and buzzer, and battery failsafes on their way to them.
+
+use super::announcement::Announcement;
+use super::{Autopilot, Work};
+use crate::battery::FailsafeLevel;
+use crate::log::info;
+use crate::parameter::Pack;
+use crate::vehicle::{FailsafeAction, Indication, SideDrives, VehicleSettings};
+
+/// Outputs to motors, lamps and buzzer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outputs {
+    /// The motors.
+    pub drives: SideDrives,
+    /// Lamps and buzzer.
+    pub indication: Indication,
+}
+
+impl Autopilot {
+    /// Updates time-outs and ramps of the vehicle; has to be called every 20 ms, and at once after [`Work::DRIVE`].
+    pub fn drive(&mut self, now_us: u64) -> Outputs {
+        let settings = VehicleSettings::from_parameters(&self.parameters);
+        if let Some(event) = self.vehicle.update(now_us, &settings) {
+            self.announce(Announcement::Vehicle(event));
+        }
+        self.log_status();
+        Outputs {
+            drives: self.vehicle.drives(),
+            indication: self.vehicle.indication(now_us),
+        }
+    }
+
+    /// Takes the action that is set for a pack that has reached `level`.
+    pub(super) fn act_on_failsafe(&mut self, pack: Pack, level: FailsafeLevel) {
+        let action = FailsafeAction::from_parameters(&self.parameters, pack, level);
+        if let Some(event) = self.vehicle.battery_failsafe(action) {
+            self.announce(Announcement::Vehicle(event));
+        }
+        self.work |= Work::DRIVE;
+    }
+
+    fn log_status(&mut self) {
+        let status = self.vehicle.status();
+        if status != self.logged_status {
+            info!(
+                "rover: {:?}, {:?}, alert {:?}",
+                status.arm_state, status.mode, status.alert
+            );
+            self.logged_status = status;
+        }
+    }
+}

@@ -1,0 +1,159 @@
+//! Links to ground stations: what is sent and received, and what a request leads to.
+
+use super::announcement::{ANNOUNCEMENT_BYTES, Announcement};
+use super::broadcast::Next;
+use super::channel::Channel;
+use super::{Autopilot, Work};
+use crate::log::{info, warn};
+use crate::mavlink::dialect::MavSeverity;
+use crate::mavlink::{Action, Event, Framer, Message, SystemState};
+use crate::parameter::{ParameterId, VehicleParameter};
+
+/// Sent to a ground station that reads all parameters.
+const BANNER: &str = concat!("rover-battmon ", env!("CARGO_PKG_VERSION"));
+
+impl Autopilot {
+    /// A link has been opened: sends what every ground station has to know. Announcements follow from now on.
+    pub fn open(&self, channel: &mut Channel) {
+        channel.position = self.broadcast.end();
+        self.send_notices(channel);
+    }
+
+    /// What a ground station that connects has to know: about the start, and what can't be saved or trusted now.
+    fn send_notices(&self, channel: &mut Channel) {
+        let unsaved = self.parameters.save_failure();
+        let unsaved = unsaved.map(Announcement::ParametersNotSaved);
+        let trouble = self.signing.trouble().map(Announcement::Signing);
+        let start = self.start_notices.iter().copied();
+        for notice in start.chain(unsaved).chain(trouble) {
+            channel.endpoint.say(notice.severity(), &notice.text());
+        }
+    }
+
+    /// Posts what was announced and every stream that is due at `now_us`.
+    pub fn post_due(&self, channel: &mut Channel, now_us: u64) {
+        self.post_announcements(channel);
+        let state = self.system_state();
+        let dropped = channel.endpoint.post_due(now_us, &state, &self.parameters);
+        if let Some(stream) = dropped
+            && channel.drop_log.allows(now_us)
+        {
+            warn!(
+                "{}: link too slow, dropped {:?}, {} messages so far",
+                channel.name(),
+                stream,
+                channel.statistics().dropped
+            );
+        }
+    }
+
+    /// Announcements for which there is no room wait for the next call.
+    fn post_announcements(&self, channel: &mut Channel) {
+        while channel.endpoint.has_room_to_say(ANNOUNCEMENT_BYTES) {
+            match self.broadcast.next(&mut channel.position) {
+                Some(Next::Announced(announced)) => {
+                    channel.endpoint.say(announced.severity, &announced.text);
+                }
+                Some(Next::Lost(lost)) => {
+                    warn!("{}: busy, {} announcements were not sent", channel.name(), lost);
+                }
+                None => return,
+            }
+        }
+    }
+
+    /// The message that leaves next.
+    pub fn take(&self, channel: &mut Channel) -> Option<Message> {
+        channel.endpoint.take(&self.system_state(), &self.parameters)
+    }
+
+    /// The frame of the message that leaves next, signed if there is a key.
+    pub fn next_frame<'a>(
+        &mut self,
+        channel: &mut Channel,
+        framer: &'a mut Framer,
+        now_us: u64,
+    ) -> Option<&'a [u8]> {
+        let message = self.take(channel);
+        // By reference: a message is large, and each move copies it.
+        let message = message.as_ref()?;
+        // The table's range is 1 to 255.
+        let system_id = self.parameters.get_whole(VehicleParameter::SysidThismav) as u8;
+        Some(framer.signed_frame(message, system_id, &mut self.signing, channel.kind(), now_us))
+    }
+
+    /// Handles the next frame of what was pushed; `None` when there is none. It can't have been received before
+    /// `received_us`: received bytes may have waited on their way. What has waited for longer than `FS_TIMEOUT` does not
+    /// move the rover.
+    pub fn handle_next(&mut self, channel: &mut Channel, now_us: u64, received_us: u64) -> Option<Event> {
+        // Not `system_state()`: it would borrow the vehicle, too.
+        let state = SystemState {
+            batteries: self.packs.states(),
+            vehicle: self.vehicle.status(),
+            load_permille: self.load_permille,
+            ..SystemState::default()
+        };
+        let event = channel.endpoint.handle_next(
+            now_us,
+            received_us,
+            &state,
+            &mut self.parameters,
+            &mut self.vehicle,
+            &mut self.signing,
+        )?;
+        self.react(&event, channel, now_us);
+        Some(event)
+    }
+
+    fn react(&mut self, event: &Event, channel: &mut Channel, now_us: u64) {
+        match *event {
+            Event::Ignored | Event::Answered => {}
+            Event::GroundStationHeard => self.work |= Work::GROUND_STATION_HEARD,
+            Event::Driven => self.work |= Work::DRIVE,
+            Event::ListRequested => {
+                channel.say(MavSeverity::MAV_SEVERITY_INFO, BANNER);
+                self.send_notices(channel);
+            }
+            Event::ParameterSet(id) => self.parameter_set(id, channel),
+            Event::Command(action) => {
+                info!("{}: {:?}", channel.name(), action);
+                self.act(action);
+            }
+            Event::SigningSetUp(change) => {
+                info!("{}: signing: {:?}", channel.name(), change);
+                self.save_signing(change);
+            }
+            Event::Unauthorized { to_report } => {
+                if let Some(count) = to_report {
+                    let link = channel.name();
+                    self.announce(Announcement::Unauthorized { link, count });
+                }
+            }
+            Event::ParameterRefused
+            | Event::CommandRefused(_)
+            | Event::ControlTooLate
+            | Event::SigningRefused(_) => {
+                if channel.refusal_log.allows(now_us) {
+                    warn!("{}: refused: {:?}", channel.name(), *event);
+                }
+            }
+        }
+    }
+
+    fn parameter_set(&mut self, id: ParameterId, channel: &Channel) {
+        let value = self.parameters.get(id);
+        info!("{}: {} set to {}", channel.name(), id.name().as_str(), value);
+        self.work |= Work::SAVE_PARAMETERS;
+    }
+
+    fn act(&mut self, action: Action) {
+        match action {
+            Action::Reboot => self.work |= Work::RESTART,
+            Action::ResetParameters => {
+                self.parameters.reset();
+                self.work |= Work::SAVE_PARAMETERS;
+            }
+            Action::ResetBatteries { mask, percent } => self.packs.reset(mask, percent, &self.parameters),
+        }
+    }
+}

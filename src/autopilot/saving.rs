@@ -1,0 +1,108 @@
+//! What has to be written to flash: parameters and the signing key.
+
+use super::announcement::Announcement;
+use super::{Autopilot, Work};
+use crate::log::{info, warn};
+use crate::mavlink::{SigningChange, SigningTrouble, ToStore};
+use crate::parameter::{SAVE_RETRY_INTERVAL_US, Unsaved};
+use crate::storage::StorageError;
+
+/// Progress of writing the signing key.
+#[derive(Debug, Default)]
+pub(super) struct SigningSave {
+    /// To announce once it is in flash.
+    change: Option<SigningChange>,
+    attempt: Attempt,
+    /// After a failure, when to start again without a request.
+    retry_at_us: u64,
+}
+
+/// A failed write is repeated once, in the next sector.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Attempt {
+    #[default]
+    First,
+    Second,
+}
+
+impl Autopilot {
+    /// The parameter to write to flash next. A value is live and acknowledged before it is written.
+    pub fn next_unsaved_parameter(&mut self, now_us: u64) -> Option<Unsaved> {
+        if self.save_failures.take_retry(now_us) {
+            self.parameters.retry_failed();
+        }
+        if let Some(error) = self.save_failures.take_report(now_us) {
+            self.announce(Announcement::ParametersNotSaved(error));
+        }
+        self.parameters.next_unsaved()
+    }
+
+    /// Result of writing `unsaved`.
+    pub fn parameter_written(&mut self, unsaved: Unsaved, result: Result<(), StorageError>, now_us: u64) {
+        match (result, unsaved) {
+            (Ok(()), Unsaved::Reset) => info!("stored parameters cleared"),
+            (Ok(()), Unsaved::Value(id, _)) => info!("{} saved", id.name().as_str()),
+            (Err(error), _) => {
+                warn!("parameter storage: {:?}", error);
+                let report = self.parameters.mark_failed(unsaved, error);
+                self.save_failures.add(report, now_us);
+                return;
+            }
+        }
+        self.parameters.mark_saved(unsaved);
+    }
+
+    /// The signing data to write to flash next: a key as soon as it was set up, and the time once a minute.
+    pub fn next_unsaved_signing(&mut self, now_us: u64) -> Option<ToStore> {
+        if now_us < self.signing_save.retry_at_us {
+            return None;
+        }
+        let unsaved = self.signing.next_unsaved(now_us);
+        if unsaved.is_none() {
+            self.signing_save.attempt = Attempt::First;
+            if let Some(change) = self.signing_save.change.take() {
+                self.announce(Announcement::SigningSaved(change));
+            }
+        }
+        unsaved
+    }
+
+    /// Result of writing `unsaved`. After a failure everything is written once more, to the next sector.
+    pub fn signing_written(&mut self, unsaved: &ToStore, result: Result<(), StorageError>, now_us: u64) {
+        let Err(error) = result else {
+            self.signing.mark_saved(unsaved);
+            return;
+        };
+        warn!("signing storage: {:?}", error);
+        self.signing.mark_failed();
+        match self.signing_save.attempt {
+            Attempt::First => self.signing_save.attempt = Attempt::Second,
+            Attempt::Second => {
+                self.signing_save.attempt = Attempt::First;
+                self.signing_save.retry_at_us = now_us.saturating_add(SAVE_RETRY_INTERVAL_US);
+                self.announce(Announcement::Signing(SigningTrouble::NotSaved));
+            }
+        }
+    }
+
+    pub(super) fn save_signing(&mut self, change: SigningChange) {
+        self.signing_save.change = Some(change);
+        self.signing_save.retry_at_us = 0;
+        self.work |= Work::SAVE_SIGNING;
+    }
+
+    /// Before a restart: what could not be saved has a last chance, and a signing key that is not saved is announced.
+    pub fn prepare_restart(&mut self) {
+        self.parameters.retry_failed();
+        self.work |= Work::SAVE_PARAMETERS;
+        if self.signing.trouble() == Some(SigningTrouble::NotSaved) {
+            self.announce(Announcement::Signing(SigningTrouble::NotSaved));
+        }
+    }
+
+    /// Whether a value that was set still has to be written to flash. What could not be written and waits for its retry
+    /// does not count.
+    pub fn has_unsaved(&self) -> bool {
+        self.signing.is_key_unsaved() || self.parameters.next_unsaved().is_some()
+    }
+}

@@ -1,0 +1,22 @@
+//! Work that a call leaves for other tasks.
+
+use bitflags::bitflags;
+
+bitflags! {
+    /// What other tasks have to do after a call.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct Work: u8 {
+        /// The outputs may have changed: [`Autopilot::drive`](super::Autopilot::drive).
+        const DRIVE = 1;
+        /// Something was announced: [`Autopilot::post_due`](super::Autopilot::post_due) on every link.
+        const ANNOUNCED = 1 << 1;
+        /// Parameters have to be written to flash.
+        const SAVE_PARAMETERS = 1 << 2;
+        /// The signing key has to be written to flash.
+        const SAVE_SIGNING = 1 << 3;
+        /// A ground station requested a restart.
+        const RESTART = 1 << 4;
+        /// A ground station sent a HEARTBEAT.
+        const GROUND_STATION_HEARD = 1 << 5;
+    }
+}
