@@ -167,15 +167,15 @@ mod firmware {
 
         let flash = BoardFlash::new(FLASH.init(board::flash_driver(peripherals.FLASH)));
         let mut storage = Storage::new(flash, board::PARAMETER_RANGE);
-        let memory = board::retained_memory(last_run.reset_reason);
-        let (start_values, signing_storage) = tasks::boot(
+        let mut stored = Start::default();
+        let signing_storage = tasks::boot(
             &mut storage,
             Storage::new(flash, board::SIGNING_RANGE),
             last_run.quick_resets.parameter_source(),
-            memory,
+            &mut stored,
         )
         .await;
-        let shared = share(start_values);
+        let shared = share(&stored);
         let wiring = shared.with(|autopilot| autopilot.wiring());
 
         let link = open_telemetry(wiring.telemetry_baud);
@@ -225,6 +225,7 @@ mod firmware {
         });
         let (indicators, sounder) = board::indicators(peripherals.PIN_2, peripherals.PIN_16);
 
+        let memory = board::retained_memory(last_run.reset_reason);
         start(spawner, DRIVE.name(), drive(motors, indicators, shared));
         start(spawner, "buzzer", buzzer(sounder));
         start(spawner, BATTERY.name(), battery(input, memory, shared));
@@ -246,7 +247,7 @@ mod firmware {
 
     // Built where they stay: on the stack of `main` they would take several times their size.
     #[inline(never)]
-    fn share(start: Start) -> &'static Shared {
+    fn share(start: &Start) -> &'static Shared {
         SHARED.init_with(|| Shared::new(start))
     }
 

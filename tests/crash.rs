@@ -86,7 +86,7 @@ fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<(u64, String)>; 2] {
         next_at_us: from_us,
     };
     clock::run_for(Duration::from_secs(10), async {
-        let shared = Shared::new(Start::with_parameters(Parameters::defaults()));
+        let shared = Shared::new(&Start::with_parameters(Parameters::defaults()));
         let [first, second] = ["first", "second"].map(|name| Link::new(name, LinkKind::Radio, 11_520));
         let serve = async |link, sent| {
             let line = Line {

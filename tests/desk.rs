@@ -71,7 +71,7 @@ fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_secs(seconds), async {
         let (shared, link) = (
-            Shared::new(Start::with_parameters(with_threshold())),
+            Shared::new(&Start::with_parameters(with_threshold())),
             Link::new("line", LinkKind::Radio, baud as u32 / 10),
         );
         join3(
@@ -170,7 +170,7 @@ fn sent_while(baud: u64, script: impl AsyncFn(&Shared)) -> [Vec<Frame>; 2] {
         (Link::new("line", LinkKind::Radio, baud as u32 / 10), line)
     });
     clock::run_for(Duration::from_secs(20), async {
-        let shared = Shared::new(Start::with_parameters(with_threshold()));
+        let shared = Shared::new(&Start::with_parameters(with_threshold()));
         let serve = async |(link, line): (Link, Line<'_>)| {
             let telemetry = schedule_telemetry(&shared, &link, &check_in);
             join(telemetry, write_frames(line, &shared, &link, &check_in)).await
@@ -279,7 +279,7 @@ fn a_notice_about_the_start_is_sent_to_a_link_that_opens_later() {
     };
     clock::run_for(Duration::from_secs(5), async {
         let (shared, link) = (
-            Shared::new(Start::with_parameters(Parameters::defaults())),
+            Shared::new(&Start::with_parameters(Parameters::defaults())),
             Link::new("late", LinkKind::Radio, 5_760),
         );
         shared.announce(Announcement::Crash("before there was a link"));

@@ -178,7 +178,7 @@ fn run(seconds: u64, scenario: &Scenario<'_>) -> Outcome {
     };
     clock::run_for(Duration::from_secs(seconds), async {
         let (shared, link) = (
-            Shared::new(Start::with_parameters(parameters)),
+            Shared::new(&Start::with_parameters(parameters)),
             Link::new("line", LinkKind::Radio, 11_520),
         );
         join4(

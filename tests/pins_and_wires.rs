@@ -129,7 +129,7 @@ fn states(
     let states = RefCell::new(Vec::new());
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(Duration::from_millis(seconds * 1000 + 50), async {
-        let shared = Shared::new(Start::with_parameters(parameters));
+        let shared = Shared::new(&Start::with_parameters(parameters));
         let watch = async {
             loop {
                 Timer::after_secs(1).await;

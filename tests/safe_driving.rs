@@ -414,7 +414,7 @@ fn what_a_source_holds_when_its_link_opens_arms_nothing() {
     let check_in = CheckIn::new("", u32::MAX);
     let sent = RefCell::default();
     clock::run_for(Duration::from_secs(5), async {
-        let shared = Shared::new(Start::with_parameters(Parameters::defaults()));
+        let shared = Shared::new(&Start::with_parameters(Parameters::defaults()));
         let link = Link::new("line", LinkKind::Direct, 11_520);
         Timer::after_secs(2).await;
         let found_empty = Vec::new();

@@ -98,11 +98,9 @@ fn run_while(
     let requests = requests.iter().cloned().collect();
     clock::run_for(Duration::from_secs(seconds), async {
         let storage = Storage::new(flash.clone(), 0..FLASH_BYTES as u32);
-        let (storage, signing) = SigningStorage::load(storage).await;
-        let shared = Shared::new(Start {
-            signing,
-            ..Start::with_parameters(without_packs())
-        });
+        let mut start = Start::with_parameters(without_packs());
+        let storage = SigningStorage::load(storage, &mut start.signing).await;
+        let shared = Shared::new(&start);
         let serve = async |kind, sent, requests| {
             let link = Link::new("link", kind, 11_520);
             let byte_us = BYTE_US;
@@ -169,11 +167,10 @@ enum Obeys {
 }
 
 fn start(flash: &SmallFlash) -> Signing {
-    block_on(SigningStorage::load(Storage::new(
-        flash.clone(),
-        0..FLASH_BYTES as u32,
-    )))
-    .1
+    let mut signing = Signing::off();
+    let storage = Storage::new(flash.clone(), 0..FLASH_BYTES as u32);
+    block_on(SigningStorage::load(storage, &mut signing));
+    signing
 }
 
 /// What a vehicle does when it is started with this flash. `recorded` is what its owner has sent before.

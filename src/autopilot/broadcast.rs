@@ -38,6 +38,13 @@ pub(super) enum Next<'a> {
 pub(super) struct Position(u32);
 
 impl Broadcast {
+    /// Nothing was announced yet.
+    // Not inlined: it is built where it stays.
+    #[inline(never)]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
     /// Adds an announcement; the oldest one goes if there is no room.
     pub fn add(&mut self, announcement: &Announcement<'_>) {
         if self.latest.is_full() {

@@ -4,9 +4,10 @@ use heapless::Vec;
 
 use super::Autopilot;
 use super::announcement::Announcement;
+use super::start::in_place;
 use crate::battery::{
-    BatteryBank, BatteryState, FAILED_READS_UNTIL_UNHEALTHY, MAX_PACKS, Measurement, PackMemory,
-    PackSettings, PackStatus, PackUpdate, ReadError, RetainedMemory, SumVoltage, Tick, retain,
+    BatteryBank, BatteryState, FAILED_READS_UNTIL_UNHEALTHY, MAX_PACKS, Measurement, PackSettings,
+    PackStatus, PackUpdate, ReadError, RetainedMemory, SumVoltage, Tick, recall, retain,
 };
 use crate::log::{info, warn};
 use crate::parameter::{BatteryParameter, Pack, Parameters};
@@ -60,22 +61,18 @@ pub enum SamplingProgress {
 }
 
 impl Packs {
-    // Inlined, it would be built on the caller's stack and copied.
+    // Not inlined: see `in_place`.
     #[inline(never)]
     pub fn new(parameters: &Parameters) -> Self {
         Self {
-            bank: BatteryBank::new(),
-            order: sampling_order(parameters),
-            samples: [Samples::new(); MAX_PACKS],
+            bank: in_place(BatteryBank::new),
+            order: in_place(|| sampling_order(parameters)),
+            samples: in_place(|| [Samples::new(); MAX_PACKS]),
             pulses: Pulses::NONE,
-            meters: [FuelMeter::default(); MAX_PACKS],
-            states: states_at_boot(parameters),
+            meters: in_place(|| [FuelMeter::default(); MAX_PACKS]),
+            states: in_place(|| states_at_boot(parameters)),
             ticks: 0,
         }
-    }
-
-    pub fn restore(&mut self, memory: &[PackMemory; MAX_PACKS]) {
-        self.bank.restore(memory);
     }
 
     pub fn states(&self) -> &[BatteryState] {
@@ -90,16 +87,6 @@ impl Packs {
 
     pub fn ticks(&self) -> u32 {
         self.ticks
-    }
-
-    /// Whether packs are monitored, and none of them has a failsafe threshold.
-    pub fn are_failsafes_off(&self, parameters: &Parameters) -> bool {
-        let is_off = |pack: Pack| {
-            PackSettings::from_parameters(parameters, pack)
-                .failsafe
-                .is_disabled()
-        };
-        !self.order.is_empty() && self.order.iter().all(|(pack, _)| is_off(*pack))
     }
 
     /// Battery reset of the packs in `mask` (one bit per instance).
@@ -173,6 +160,14 @@ impl Packs {
 }
 
 impl Autopilot {
+    /// Continues with what was retained of the packs over a reset, before the first tick.
+    pub fn restore_packs(&mut self, memory: &RetainedMemory) {
+        if let Some(packs) = recall(memory) {
+            self.packs.bank.restore(&packs);
+            info!("battery: consumption kept over the reset");
+        }
+    }
+
     /// The pins to read before the next sampling tick.
     pub fn pins_to_read(&self) -> Vec<AnalogPin, PIN_COUNT> {
         self.packs.needed_pins(&self.parameters)

@@ -6,16 +6,16 @@ use super::announcement::Announcement;
 use super::broadcast::Broadcast;
 use super::packs::Packs;
 use super::saving::SigningSave;
-use super::{Autopilot, Work};
-use crate::battery::{MAX_PACKS, PackMemory};
+use super::{Autopilot, MAX_START_NOTICES, Work};
+use crate::battery::PackSettings;
 use crate::log::{info, warn};
 use crate::mavlink::{Signing, SigningTrouble};
-use crate::parameter::{Parameters, SaveFailures, VehicleParameter, serial_baud};
+use crate::parameter::{Pack, Parameters, SaveFailures, VehicleParameter, serial_baud};
 use crate::sensor;
 use crate::storage::StorageError;
 use crate::vehicle::{Vehicle, VehicleStatus};
 
-/// Everything known before the tasks start.
+/// Everything that is read from flash before the tasks start.
 #[derive(Debug)]
 pub struct Start {
     /// The parameters.
@@ -24,8 +24,6 @@ pub struct Start {
     pub parameter_load: ParameterLoad,
     /// The signing key and its time.
     pub signing: Signing,
-    /// What was retained of the packs over a reset.
-    pub packs: Option<[PackMemory; MAX_PACKS]>,
 }
 
 /// Result of loading the parameters.
@@ -52,66 +50,46 @@ pub struct Wiring {
     pub uses_pulses: bool,
 }
 
+impl Default for Start {
+    // Not inlined: see `in_place`.
+    #[inline(never)]
+    fn default() -> Self {
+        Self {
+            parameter_load: ParameterLoad::Loaded,
+            signing: Signing::off(),
+            parameters: Parameters::defaults(),
+        }
+    }
+}
+
 impl Start {
-    /// A start with these parameters, without a key, and with nothing retained.
+    /// A start with these parameters and without a key.
     pub fn with_parameters(parameters: Parameters) -> Self {
         Self {
             parameters,
-            parameter_load: ParameterLoad::Loaded,
-            signing: Signing::off(),
-            packs: None,
+            ..Self::default()
         }
     }
 }
 
 impl Autopilot {
     /// The autopilot at boot; nothing has been measured yet.
-    // Inlined, it would take several times its size of the caller's stack.
+    // Not inlined: see `in_place`.
     #[inline(never)]
-    pub fn new(start: Start) -> Self {
-        let mut autopilot = Self {
-            packs: Packs::new(&start.parameters),
-            parameters: start.parameters,
-            vehicle: Vehicle::new(),
-            signing: start.signing,
+    pub fn new(start: &Start) -> Self {
+        Self {
+            start_notices: report(start),
+            signing: in_place(|| start.signing.clone()),
+            parameters: in_place(|| start.parameters.clone()),
+            vehicle: in_place(Vehicle::new),
             load_permille: 0,
-            start_notices: Vec::new(),
-            broadcast: Broadcast::default(),
             save_failures: SaveFailures::default(),
             signing_save: SigningSave::default(),
             logged_status: VehicleStatus::default(),
             work: Work::empty(),
-        };
-        if let Some(memory) = &start.packs {
-            autopilot.packs.restore(memory);
-            info!("battery: consumption kept over the reset");
+            broadcast: Broadcast::new(),
+            packs: Packs::new(&start.parameters),
         }
-        autopilot.report_start(start.parameter_load);
-        autopilot
-    }
-
-    fn report_start(&mut self, load: ParameterLoad) {
-        match load {
-            ParameterLoad::Loaded => info!("parameters loaded"),
-            ParameterLoad::Skipped => self.notice(Announcement::DefaultParameters),
-            ParameterLoad::Damaged(error) => {
-                warn!("parameter storage: {:?}", error);
-                self.notice(Announcement::ParametersDamaged);
-            }
-        }
-        if self.signing.has_lost_key() {
-            warn!("{}", SigningTrouble::KeyLost.text());
-        }
-        if self.packs.are_failsafes_off(&self.parameters) {
-            self.notice(Announcement::FailsafesOff);
-        }
-    }
-
-    /// Announces something about the start to every ground station, also to those that connect later.
-    fn notice(&mut self, announcement: Announcement<'static>) {
-        // There is room for every notice.
-        let _ = self.start_notices.push(announcement);
-        self.announce(announcement);
     }
 
     /// The peripherals that the parameters call for.
@@ -124,4 +102,54 @@ impl Autopilot {
             uses_pulses: sensor::needs_pulses(parameters),
         }
     }
+}
+
+/// A part that is built where it stays. Inlined, it would be built on the stack and copied.
+#[inline(never)]
+pub(super) fn in_place<T>(content: impl FnOnce() -> T) -> T {
+    content()
+}
+
+/// Logs the result of the start, and returns what ground stations have to know of it when they connect.
+#[inline(never)]
+fn report(start: &Start) -> Vec<Announcement<'static>, MAX_START_NOTICES> {
+    let load = match start.parameter_load {
+        ParameterLoad::Loaded => {
+            info!("parameters loaded");
+            None
+        }
+        ParameterLoad::Skipped => {
+            warn!("parameters not loaded");
+            Some(Announcement::DefaultParameters)
+        }
+        ParameterLoad::Damaged(error) => {
+            warn!("parameter storage: {:?}", error);
+            Some(Announcement::ParametersDamaged)
+        }
+    };
+    if start.signing.has_lost_key() {
+        warn!("{}", SigningTrouble::KeyLost.text());
+    }
+    let failsafes = are_failsafes_off(&start.parameters).then_some(Announcement::FailsafesOff);
+    let mut notices = Vec::new();
+    for notice in load.into_iter().chain(failsafes) {
+        info!("{}", notice.text().as_str());
+        // There is room for both.
+        let _ = notices.push(notice);
+    }
+    notices
+}
+
+/// Whether packs are monitored, and none of them has a failsafe threshold.
+fn are_failsafes_off(parameters: &Parameters) -> bool {
+    let is_off = |pack: &Pack| {
+        PackSettings::from_parameters(parameters, *pack)
+            .failsafe
+            .is_disabled()
+    };
+    let mut monitored = Pack::ALL
+        .into_iter()
+        .filter(|pack| parameters.is_monitored(*pack))
+        .peekable();
+    monitored.peek().is_some() && monitored.all(|pack| is_off(&pack))
 }

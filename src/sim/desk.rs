@@ -45,10 +45,10 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
     loop {
         let mut storage = Storage::new(flash.clone(), SimulatedFlash::PARAMETERS);
         let signing_storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
+        let mut start = Start::default();
+        let signing_storage = boot(&mut storage, signing_storage, ParameterSource::Stored, &mut start).await;
+        let desk = Desk::new(&start, &pack);
         let mut memory = [RetainedRecord::BLANK; 2];
-        let (start, signing_storage) =
-            boot(&mut storage, signing_storage, ParameterSource::Stored, &memory).await;
-        let desk = Desk::new(start, &pack);
         let pack_simulation = PackSimulation::new(&pack, &rover, &desk.shared);
         let vehicle = join5(
             join3(
@@ -103,7 +103,7 @@ impl Indicators for NoLamps {
 }
 
 impl<'a> Desk<'a> {
-    fn new(start: Start, pack: &'a RefCell<SimulatedPack>) -> Self {
+    fn new(start: &Start, pack: &'a RefCell<SimulatedPack>) -> Self {
         Self {
             shared: Shared::new(start),
             pack,

@@ -73,7 +73,7 @@ mod tests {
             let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
             let (rover, shared) = (
                 SimulatedRover::default(),
-                Shared::new(Start::with_parameters(Parameters::defaults())),
+                Shared::new(&Start::with_parameters(Parameters::defaults())),
             );
             let hour = async {
                 let simulation = PackSimulation::new(&pack, &rover, &shared);

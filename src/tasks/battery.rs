@@ -26,6 +26,7 @@ pub async fn sample_batteries(
     shared: &Shared,
     check_in: &CheckIn,
 ) -> ! {
+    shared.with(|autopilot| autopilot.restore_packs(memory));
     let start_us = Instant::now().as_micros().next_multiple_of(RESOLUTION_US);
     let mut ticks = Cadence::starting_at(start_us, SAMPLING_INTERVAL_US);
     loop {

@@ -30,9 +30,11 @@ pub struct Shared {
 
 impl Shared {
     /// The core at boot.
-    pub fn new(start: Start) -> Self {
+    // Not inlined: see `in_place`.
+    #[inline(never)]
+    pub fn new(start: &Start) -> Self {
         Self {
-            autopilot: RefCell::new(Autopilot::new(start)),
+            autopilot: in_place(|| Autopilot::new(start)),
             announced: Watch::new(),
             to_drive: Signal::new(),
             to_save: Signal::new(),
@@ -82,4 +84,10 @@ impl Shared {
             self.announced.sender().send(());
         }
     }
+}
+
+/// A cell that is built where it stays. Inlined, it would be built on the stack and copied.
+#[inline(never)]
+fn in_place<T>(content: impl FnOnce() -> T) -> RefCell<T> {
+    RefCell::new(content())
 }

@@ -19,8 +19,8 @@ pub struct SigningStorage<F> {
 }
 
 impl<F: NorFlash> SigningStorage<F> {
-    /// Reads what there is. What can't be read counts as a lost key: [`Signing::trouble`] reports it.
-    pub async fn load(storage: Storage<F>) -> (Self, Signing) {
+    /// Reads what there is into `signing`. What can't be read counts as a lost key: [`Signing::trouble`] reports it.
+    pub async fn load(storage: Storage<F>, signing: &mut Signing) -> Self {
         let mut this = Self {
             storage,
             stored: StoredSigning::default(),
@@ -30,7 +30,7 @@ impl<F: NorFlash> SigningStorage<F> {
         if let Err(error) = read {
             warn!("signing storage: {:?}", error);
         }
-        let mut signing = this.stored.restore(this.storage.condition());
+        *signing = this.stored.restore(this.storage.condition());
         // Before the first frame leaves: what is signed from now on must not be signed again after the next start.
         if let Some(what) = signing.next_unsaved(Instant::now().as_micros()) {
             match this.store(&what).await {
@@ -38,7 +38,7 @@ impl<F: NorFlash> SigningStorage<F> {
                 Err(_) => signing.mark_failed(),
             }
         }
-        (this, signing)
+        this
     }
 
     async fn store(&mut self, what: &ToStore) -> Result<(), StorageError> {

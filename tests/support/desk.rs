@@ -47,7 +47,7 @@ impl Desk {
     /// A desk after this start.
     pub fn starting(start: Start) -> Self {
         Self {
-            autopilot: Autopilot::new(start),
+            autopilot: Autopilot::new(&start),
             channel: Channel::new("desk", LinkKind::Radio, FAST, 0),
             framer: Framer::new(),
             now_us: 0,

@@ -5,7 +5,7 @@ use super::Timestamp;
 const US_PER_TICK: u64 = 10;
 
 /// A clock that never goes back and follows whoever is ahead.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct SigningClock {
     at_boot: Timestamp,
     /// No two frames have the same.

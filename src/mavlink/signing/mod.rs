@@ -35,7 +35,7 @@ pub(super) const TRAILER_BYTES: usize = LINK_BYTES + timestamp::BYTES + key::SIG
 const REPORT_INTERVAL_US: u64 = 60_000_000;
 
 /// What the vehicle knows of signing: the key, the time, and the senders heard.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Signing {
     protection: Protection,
     clock: SigningClock,
@@ -47,7 +47,7 @@ pub struct Signing {
 }
 
 /// Who may do what.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 enum Protection {
     /// There is no key: anybody anything.
     Off,

@@ -26,7 +26,7 @@ struct Stream {
 }
 
 /// The latest timestamp of each sender.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Streams {
     known: Vec<Stream, STREAMS>,
     /// What a sender who is not known any more has sent is not later than this.

@@ -27,7 +27,7 @@ fn on_bus<R>(load_a: f32, test: impl AsyncFnOnce(&mut SimulatedBus<'_>) -> R) ->
     let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
     let (rover, shared) = (
         SimulatedRover::default(),
-        Shared::new(Start::with_parameters(parameters.clone())),
+        Shared::new(&Start::with_parameters(parameters.clone())),
     );
     let settle_and_test = async {
         let simulation = PackSimulation::new(&pack, &rover, &shared);
