@@ -10,78 +10,74 @@ use super::{
 pub fn markdown() -> String {
     let mut page = String::from(
         "# Parameters\n\n\
-         Written by `cargo run --example parameter_docs` from the tables in `src/parameter/table/`; a test fails when it is \
-         stale. Names are ArduPilot 4.6's unless noted. A change takes effect at once unless a restart is noted, and is \
-         saved to flash.\n\
-         \n\
-         ## Vehicle\n",
+         Written by `cargo run --example parameter_docs`. Names are ArduPilot 4.6's unless noted. A change takes effect at \
+         once, or after a restart where that is noted, and is saved to flash.\n",
     );
-    for parameter in VehicleParameter::ALL {
-        write_section(&mut page, parameter.into()).expect("infallible");
-    }
-    page.push_str(
-        "\n\
+    let vehicle = VehicleParameter::ALL.into_iter().map(ParameterId::from);
+    write_table(&mut page, "\n## Vehicle\n", vehicle).expect("infallible");
+    let packs = "\n\
          ## Packs\n\
          Of the first pack; `BATT2_…` to `BATT9_…` are the same for the others. While a pack's `MONITOR` is 0, its other \
          parameters are not listed, but can be read and set by name. After enabling a pack, read the list again: some ground \
-         stations set only parameters they have read.\n",
-    );
-    for parameter in BatteryParameter::ALL {
-        write_section(&mut page, parameter.of(Pack::First)).expect("infallible");
-    }
-    page.push_str("\n## Simulator\nNot on the board.\n");
-    for parameter in SimulationParameter::ALL {
-        write_section(&mut page, parameter.into()).expect("infallible");
-    }
+         stations set only parameters they have read.\n\n";
+    let first_pack = BatteryParameter::ALL
+        .into_iter()
+        .map(|parameter| parameter.of(Pack::First));
+    write_table(&mut page, packs, first_pack).expect("infallible");
+    let simulator = SimulationParameter::ALL.into_iter().map(ParameterId::from);
+    write_table(&mut page, "\n## Simulator only\n", simulator).expect("infallible");
     page
 }
 
-fn write_section(page: &mut String, id: ParameterId) -> std::fmt::Result {
+fn write_table(
+    page: &mut String,
+    introduction: &str,
+    parameters: impl Iterator<Item = ParameterId>,
+) -> std::fmt::Result {
+    page.push_str(introduction);
+    page.push_str("| parameter | meaning | values | default |\n|---|---|---|---|\n");
+    for id in parameters {
+        write_row(page, id)?;
+    }
+    Ok(())
+}
+
+fn write_row(page: &mut String, id: ParameterId) -> std::fmt::Result {
     let row = id.row();
-    let about = &row.documentation;
+    let restart = match row.documentation.takes_effect {
+        TakesEffect::AfterReboot => " (restart)",
+        TakesEffect::AtOnce => "",
+    };
     writeln!(
         page,
-        "\n### {}\n{}. {}\n",
+        "| `{}`{restart} | {} | {} | {}{} |",
         id.name(),
-        about.label,
-        about.description
-    )?;
-    let unit = if about.unit.is_empty() {
-        String::new()
-    } else {
-        format!(" {}", about.unit)
-    };
+        row.documentation.description,
+        values(row),
+        id.default_value(),
+        other_default(id)
+    )
+}
+
+/// The values a parameter can have.
+fn values(row: &Parameter) -> String {
     match row.range {
         Range::Between(lowest, highest) => {
-            writeln!(
-                page,
-                "- range: {lowest} to {highest}{unit}, in steps of {}",
-                about.step
-            )?;
+            let values = format!("{lowest} to {highest} {}", row.documentation.unit);
+            values.trim_end().into()
         }
-        Range::OneOf(values) => {
-            let values = values
+        Range::OneOf(values) => joined(
+            values
                 .iter()
-                .map(|(code, meaning)| format!("{code} ({})", meaning.text()));
-            writeln!(page, "- one of: {}", joined(values))?;
-        }
+                .map(|(code, meaning)| format!("{code} ({})", meaning.text())),
+        ),
         Range::Bits(bits) => {
             let bits = bits
                 .iter()
                 .map(|(bit, meaning)| format!("{} (bit {bit}: {})", 1 << bit, meaning.text()));
-            writeln!(page, "- the sum of any of: {}", joined(bits))?;
+            format!("the sum of {}", joined(bits))
         }
     }
-    writeln!(
-        page,
-        "- default: {}{unit}{}",
-        id.default_value(),
-        other_default(id)
-    )?;
-    if about.takes_effect == TakesEffect::AfterReboot {
-        writeln!(page, "- takes effect after a restart")?;
-    }
-    Ok(())
 }
 
 fn joined(items: impl Iterator<Item = String>) -> String {
@@ -93,7 +89,7 @@ fn other_default(id: ParameterId) -> String {
     if id.default_value() == id.row().default {
         String::new()
     } else {
-        format!("; of the other packs: {}", id.row().default)
+        format!("; other packs: {}", id.row().default)
     }
 }
 

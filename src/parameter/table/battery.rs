@@ -78,8 +78,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Battery voltage pin",
-        description: "GPIO number of the analog pin that measures the pack's voltage. \
-                      The Freenove board has its divider on GP26.",
+        description: "Pin that measures the pack's voltage. The Freenove board has its divider on GP26.",
     }
     VoltMult {
         key: 66,
@@ -91,8 +90,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Voltage multiplier",
-        description: "The battery's voltage divided by the voltage at the pin. To calibrate, multiply it by the voltage \
-                      a multimeter shows and divide by the one reported.",
+        description: "The battery's voltage divided by the pin's. To calibrate, multiply it by the voltage a \
+                      multimeter shows and divide by the one reported.",
     }
     VltOffset {
         key: 67,
@@ -128,8 +127,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Battery current pin",
-        description: "GPIO number of the current sensor's analog pin. The Freenove board has no current sensor. \
-                      GP17 is only for the pulses of a fuel sensor (FuelFlow, FuelLevelPWM).",
+        description: "Pin of the current sensor. The Freenove board has none. GP17 is only for the pulses of a fuel \
+                      sensor (FuelFlow, FuelLevelPWM).",
     }
     AmpPervlt {
         key: 70,
@@ -169,9 +168,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Options",
-        description: "Options of this pack. The resting voltage is the voltage without load. A pack for internal use is \
-                      monitored but not reported. The last option makes a sum of packs report their lowest voltage instead \
-                      of the mean.",
+        description: "The resting voltage is the voltage without load. A pack for internal use is monitored but not \
+                      reported. Without bit 9 a sum of packs reports the mean of their voltages.",
     }
     SerialNum {
         key: 73,
@@ -255,8 +253,7 @@ parameters! {
         unit: "s",
         takes_effect: TakesEffect::AtOnce,
         label: "Low voltage timer",
-        description: "How long the voltage has to stay below a threshold before the pack is low or critical. \
-                      0 disables both voltage thresholds.",
+        description: "Time the voltage has to stay below a threshold. 0 disables both voltage thresholds.",
     }
     FsVoltsrc {
         key: 79,
@@ -280,8 +277,8 @@ parameters! {
         unit: "V",
         takes_effect: TakesEffect::AtOnce,
         label: "Low voltage",
-        description: "Below this voltage for longer than LOW_TIMER, while the rover is armed, the pack is low: FS_LOW_ACT \
-                      is executed. The rover does not arm below it. 0: disabled.",
+        description: "Below this voltage for longer than LOW_TIMER an armed rover executes FS_LOW_ACT. Below it a \
+                      rover does not arm. 0: disabled.",
     }
     LowMah {
         key: 81,
@@ -293,8 +290,8 @@ parameters! {
         unit: "mAh",
         takes_effect: TakesEffect::AtOnce,
         label: "Low charge",
-        description: "With less remaining charge than this, while the rover is armed, the pack is low: FS_LOW_ACT is \
-                      executed. The rover does not arm below it. 0: disabled.",
+        description: "With less remaining charge than this an armed rover executes FS_LOW_ACT, and a disarmed one \
+                      does not arm. 0: disabled.",
     }
     CrtVolt {
         key: 82,
@@ -306,8 +303,8 @@ parameters! {
         unit: "V",
         takes_effect: TakesEffect::AtOnce,
         label: "Critical voltage",
-        description: "Below this voltage for longer than LOW_TIMER, while the rover is armed, the pack is critical: FS_CRT_ACT \
-                      is executed. The rover does not arm below it. 0: disabled.",
+        description: "Below this voltage for longer than LOW_TIMER an armed rover executes FS_CRT_ACT. Below it a \
+                      rover does not arm. 0: disabled.",
     }
     CrtMah {
         key: 83,
@@ -319,8 +316,8 @@ parameters! {
         unit: "mAh",
         takes_effect: TakesEffect::AtOnce,
         label: "Critical charge",
-        description: "With less remaining charge than this, while the rover is armed, the pack is critical: FS_CRT_ACT is \
-                      executed. The rover does not arm below it. 0: disabled.",
+        description: "With less remaining charge than this an armed rover executes FS_CRT_ACT, and a disarmed one \
+                      does not arm. 0: disabled.",
     }
     WattMax {
         key: 84,
@@ -344,8 +341,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Action when low",
-        description: "Failsafe action when the pack is low. Without a position estimate, RTL, SmartRTL and Loiter enter \
-                      Hold. Terminate disarms until a restart or a battery reset.",
+        description: "Action when the pack is low. RTL, SmartRTL and Loiter need a position and enter Hold. Terminate \
+                      disarms until a restart or a battery reset.",
     }
     FsCrtAct {
         key: 86,
@@ -357,8 +354,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Action when critical",
-        description: "Failsafe action when the pack is critical. Without a position estimate, RTL, SmartRTL and Loiter \
-                      enter Hold. Terminate disarms until a restart or a battery reset.",
+        description: "Action when the pack is critical. RTL, SmartRTL and Loiter need a position and enter Hold. \
+                      Terminate disarms until a restart or a battery reset.",
     }
     ArmVolt {
         key: 87,
@@ -394,7 +391,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "I2C bus",
-        description: "I2C bus of the pack's power monitor or smart battery. This board has one.",
+        description: "Bus of the pack's power monitor or smart battery.",
     }
     I2cAddr {
         key: 90,
@@ -406,8 +403,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "I2C address",
-        description: "I2C address of the pack's power monitor or smart battery. 0: the usual addresses of its kind are \
-                      probed. With several of a kind, set each address.",
+        description: "Address on the bus. 0: the usual addresses of its kind are probed. With several of a kind, set \
+                      each address.",
     }
     Shunt {
         key: 91,
@@ -431,8 +428,8 @@ parameters! {
         unit: "A",
         takes_effect: TakesEffect::AfterReboot,
         label: "Maximum current",
-        description: "Full scale of the INA228's current and counters, which is limited to 163.84 mV across the shunt. \
-                      Other power monitors ignore it.",
+        description: "Full scale of the INA228's current and counters, at most 163.84 mV across the shunt. Other \
+                      power monitors ignore it.",
     }
     Channel {
         key: 93,
@@ -492,7 +489,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: pin",
-        description: "GPIO number of the fuel level sensor's analog pin.",
+        description: "Pin of the fuel level sensor.",
     }
     FlFf {
         key: 98,

@@ -74,8 +74,7 @@ parameters! {
         unit: "Hz",
         takes_effect: TakesEffect::AtOnce,
         label: "Rate of parameter lists",
-        description: "Rate of batches while a ground station reads the parameter list, which takes at most 30 % of \
-                      the link.",
+        description: "Rate of batches of a parameter list, which takes at most 30 % of the link.",
     }
     ArmingCheck {
         key: 5,
@@ -124,8 +123,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Unsigned messages on the telemetry port",
-        description: "Messages without a valid signature that the telemetry port accepts while a signing key is set. \
-                      RADIO_STATUS is always accepted.",
+        description: "Unsigned messages accepted on the telemetry port while a signing key is set, besides \
+                      RADIO_STATUS.",
     }
     SignUsbAllow {
         key: 10,
@@ -137,8 +136,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Unsigned messages on USB",
-        description: "Messages without a valid signature that USB accepts while a signing key is set. \
-                      Unless everything is accepted, a lost key can't be replaced.",
+        description: "Unsigned messages accepted on USB while a signing key is set. Unless everything is, a lost key \
+                      can't be replaced.",
     }
     MotSlewrate {
         key: 7,
@@ -150,6 +149,6 @@ parameters! {
         unit: "%/s",
         takes_effect: TakesEffect::AtOnce,
         label: "Throttle slew rate",
-        description: "Maximum rate of change of the throttle, in percent of full throttle per second. 0: unlimited.",
+        description: "Maximum rate of change of the throttle. 0: unlimited.",
     }
 }
