@@ -10,7 +10,8 @@ use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavTy
 use crate::mavlink::messages::{CheckedBy, arming_failure_text, stick_deflected_text, terminated_text};
 use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::{Command, Heartbeat, SetMode, Sticks};
-use crate::parameter::{Pack, Parameters, VehicleParameter};
+use crate::pack::Pack;
+use crate::parameter::{Parameters, VehicleParameter};
 use crate::vehicle::{ArmingRefused, Mode, Stick, Vehicle, VehicleSettings};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
