@@ -21,7 +21,7 @@
 //! ```
 //! use rover_battmon::battery::{BatteryMonitor, ChargeState, Measurement, PackSettings, PackStatus, Tick};
 //! use rover_battmon::mavlink::{Framer, Stream, SystemState};
-//! use rover_battmon::parameter::Pack;
+//! use rover_battmon::pack::Pack;
 //! use rover_battmon::sensor::{AdcCount, VoltageDivider};
 //!
 //! // 3600 of 4095, behind the board's divider.
@@ -58,6 +58,7 @@
 //! | [`sensor`] | turning conversions of a part into a [`battery::Measurement`] |
 //! | [`battery`] | turning measurements into a [`battery::BatteryState`] |
 //! | [`parameter`] | the table of parameters and their live values |
+//! | [`pack`] | which packs there are |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
@@ -91,6 +92,7 @@ pub mod cadence;
 pub mod crash;
 pub mod liveness;
 pub mod mavlink;
+pub mod pack;
 pub mod parameter;
 pub mod sensor;
 pub mod storage;

@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-use super::failsafe::{FailsafeLevel, is_below, remaining_mah, voltage_v};
-use super::{BatteryState, PackSettings, PackStatus};
+use super::failsafe::{is_below, remaining_mah, voltage_v};
+use super::{BatteryState, FailsafeLevel, PackSettings, PackStatus};
 
 /// Why a pack fails the arming checks, in ArduPilot's words and order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

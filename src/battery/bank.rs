@@ -1,7 +1,8 @@
 //! The monitors of all packs.
 
 use super::sum::{SumVoltage, sum};
-use super::{BatteryMonitor, Contents, FailsafeLevel, MAX_PACKS, Measurement, PackMemory, ReadError};
+use super::{BatteryMonitor, Contents, FailsafeLevel, Measurement, PackMemory, ReadError};
+use crate::pack::MAX_PACKS;
 
 /// The monitors of all packs, by instance.
 #[derive(Clone, Debug, Default)]

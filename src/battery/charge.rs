@@ -1,6 +1,6 @@
 //! State of charge, from the cell voltage and the charge drawn.
 
-use super::charge_tracker::CellReading;
+use super::ArmState;
 use super::chemistry::Cell;
 use super::load::{CapacitySource, Load};
 use super::low_pass::FilterGain;
@@ -35,6 +35,19 @@ const RISE_SPEEDUP: f32 = 3.0;
 const MAX_SAG_V: f32 = 0.8;
 
 const HOURS_PER_SECOND: f32 = 1.0 / 3600.0;
+
+/// A reading of one cell.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CellReading {
+    /// Seconds since the previous reading.
+    pub dt_s: f32,
+    /// The cell voltage, in volts, if known.
+    pub voltage_v: Option<f32>,
+    /// The load, if known.
+    pub load: Option<Load>,
+    /// While the load is unknown, a disarmed rover counts as at rest.
+    pub arm_state: ArmState,
+}
 
 /// The state of charge, with an upper and a lower bound.
 ///

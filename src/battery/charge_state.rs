@@ -1,8 +1,7 @@
 //! The charge state, with hysteresis and debouncing.
 
-use super::failsafe::ArmState;
 use super::faults::Faults;
-use super::{ChargeState, FailsafeLevel, PackStatus};
+use super::{ArmState, ChargeState, FailsafeLevel, PackStatus};
 
 /// Thresholds of low, critical and emergency, in percent: PX4's `BAT_LOW_THR`, `BAT_CRIT_THR`, `BAT_EMERGEN_THR`.
 const LOW_PCT: f32 = 15.0;

@@ -1,8 +1,8 @@
 //! Initialises the state of charge from the voltage, and tracks it.
 
-use super::charge::{FilterGains, StateOfCharge};
+use super::ArmState;
+use super::charge::{CellReading, FilterGains, StateOfCharge};
 use super::chemistry::Cell;
-use super::failsafe::ArmState;
 use super::load::{Load, ResistanceSource};
 
 /// After a longer gap between readings the estimate is initialised again, in seconds.
@@ -20,19 +20,6 @@ const BOUND_TIME_CONSTANT_S: f32 = 10.0;
 
 /// The same after a battery reset.
 const RESET_TIME_CONSTANT_S: f32 = 600.0;
-
-/// A reading of one cell.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct CellReading {
-    /// Seconds since the previous reading.
-    pub dt_s: f32,
-    /// The cell voltage, in volts, if known.
-    pub voltage_v: Option<f32>,
-    /// The load, if known.
-    pub load: Option<Load>,
-    /// While the load is unknown, a disarmed rover counts as at rest.
-    pub arm_state: ArmState,
-}
 
 /// Tracks the state of charge of one pack.
 #[derive(Clone, Copy, Debug)]

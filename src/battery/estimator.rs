@@ -1,16 +1,15 @@
 //! Estimates of a pack: resistance, resting voltage, cell count, state of charge, remaining time.
 
-use super::Chemistry;
 use super::cell_count::CellCount;
-use super::charge::StateOfCharge;
-use super::charge_tracker::{CellReading, ChargeTracker};
+use super::charge::{CellReading, StateOfCharge};
+use super::charge_tracker::ChargeTracker;
 use super::event::PackEvent;
-use super::failsafe::ArmState;
 use super::load::{CellParameters, Currents, Load};
 use super::low_pass::{LowPass, MeanThenLowPass};
 use super::resistance::ResistanceEstimator;
 use super::rest::RESTING_CURRENT_A;
 use super::settings::PackSettings;
+use super::{ArmState, Chemistry};
 
 /// Time constant of voltage and current before they are compared with the curve, in seconds: it hides a delay between
 /// the two sensors, and that of the cells.

@@ -3,8 +3,7 @@
 use core::fmt;
 
 use super::consumption::Gap;
-use super::failsafe::FailsafeLevel;
-use super::{Contents, ReadError};
+use super::{Contents, FailsafeLevel, ReadError};
 
 /// An event of a pack. Its text follows "Battery 1 ".
 #[derive(Clone, Copy, Debug, PartialEq)]

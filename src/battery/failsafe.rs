@@ -2,37 +2,10 @@
 
 use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
 use super::swap::Replacement;
-use super::{BatteryState, Tick};
+use super::{ArmState, BatteryState, FailsafeLevel, Tick};
 
 /// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
 const UNHEALTHY_AFTER_US: u64 = 5_000_000;
-
-/// Failsafe levels in increasing severity, with ArduPilot's numbers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-#[repr(u8)]
-pub enum FailsafeLevel {
-    /// No failsafe.
-    #[default]
-    None = 0,
-    /// No healthy reading any more.
-    Unhealthy = 1,
-    /// Below `BATT_LOW_VOLT` or `BATT_LOW_MAH`.
-    Low = 2,
-    /// Below `BATT_CRT_VOLT` or `BATT_CRT_MAH`.
-    Critical = 3,
-}
-
-/// Whether the rover is armed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum ArmState {
-    /// The motors are off.
-    #[default]
-    Disarmed,
-    /// The motors may turn.
-    Armed,
-}
 
 /// The inputs of one tick.
 #[derive(Clone, Copy, Debug)]

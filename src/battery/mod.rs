@@ -1,5 +1,6 @@
 //! Battery monitoring: [`Measurement`]s in, a [`BatteryState`] per pack out.
 
+mod arm_state;
 mod arming;
 mod bank;
 mod cell_count;
@@ -15,6 +16,7 @@ mod diagnosis;
 mod estimator;
 mod event;
 mod failsafe;
+mod failsafe_level;
 mod faults;
 mod health;
 mod load;
@@ -28,7 +30,9 @@ mod settings;
 mod state;
 mod sum;
 mod swap;
+mod tick;
 
+pub use arm_state::ArmState;
 pub use arming::{ArmingFailure, arming_failures};
 pub use bank::BatteryBank;
 pub use cells::{CellVoltages, MAX_CELLS};
@@ -36,17 +40,16 @@ pub use chemistry::Chemistry;
 pub use consumption::Gap;
 pub use details::{Date, Name, PackDetails};
 pub use event::PackEvent;
-pub use failsafe::{ArmState, FailsafeLevel};
+pub use failsafe_level::FailsafeLevel;
 pub use faults::Faults;
 pub use measurement::{Consumed, Contents, Counted, Gauge, Measurement, ReadError, Supply};
 pub use monitor::{
-    BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MAX_EVENTS, MIN_CONNECTED_VOLTAGE_V, PackEvents,
-    PackUpdate, Tick,
+    BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MAX_EVENTS, MIN_CONNECTED_VOLTAGE_V, PackEvents, PackUpdate,
 };
 pub use retained::{PackMemory, RetainedMemory, RetainedRecord, recall, retain};
 pub use settings::{FailsafeSettings, PackSettings, Thresholds, VoltageSource};
 pub use state::{BatteryState, ChargeSource, ChargeState, PackStatus, ReportedVoltage, Visibility};
 pub use sum::{SumVoltage, sum};
+pub use tick::Tick;
 
-/// Maximum number of packs, instances 0 to 8: `BATT_`, `BATT2_` to `BATT9_`.
-pub const MAX_PACKS: usize = 9;
+pub use crate::pack::MAX_PACKS;

@@ -1,8 +1,8 @@
 //! Pack data retained over a reset of the processor, in RAM that start-up code leaves alone.
 
-use super::MAX_PACKS;
 use super::charge::StateOfCharge;
 use super::consumption::Consumption;
+use crate::pack::MAX_PACKS;
 use crate::sealed::{is_sealed, seal};
 
 /// Identifies this layout.

@@ -1,7 +1,8 @@
 //! Settings of a pack.
 
 use super::{Chemistry, ReportedVoltage, Visibility};
-use crate::parameter::{BatteryParameter, Pack, Parameters};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters};
 
 /// Settings of a pack, from its parameters. `None` is not set or disabled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

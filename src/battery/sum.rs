@@ -1,7 +1,8 @@
 //! Sum of several packs.
 
 use super::{BatteryState, Consumed, Contents, Counted, Measurement, PackStatus, ReadError};
-use crate::parameter::{BatteryParameter, Pack, Parameters};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters};
 
 /// How the members' voltages are combined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! Detection of a swapped pack.
 
-use super::failsafe::ArmState;
+use super::ArmState;
 use super::rest::Rest;
 
 /// Minimum loss of contact for a swap, in seconds.

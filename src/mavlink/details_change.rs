@@ -1,7 +1,7 @@
 //! When a smart battery's details have to be reported again.
 
-use crate::battery::{MAX_PACKS, PackDetails};
-use crate::parameter::Pack;
+use crate::battery::PackDetails;
+use crate::pack::{MAX_PACKS, Pack};
 
 /// The details of each pack that were reported last on one link.
 #[derive(Debug, Default)]

@@ -11,7 +11,7 @@ use super::services::commands::Action;
 use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::signing::{self, SetupRefused, SigningChange};
 use super::services::time;
-use super::services::vehicle::{Driving, Rover, is_of_ground_station};
+use super::services::vehicle::{Driving, VehicleService, is_of_ground_station};
 use super::signing::{AcceptUnsigned, Effect, LinkKind, Signing, is_permitted};
 use super::system_state::SystemState;
 use super::{FileTransferNak, Message};
@@ -159,7 +159,7 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
         signing,
         unauthorized: _,
     } = context;
-    let mut rover = Rover {
+    let mut service = VehicleService {
         now_us,
         received_us,
         state,
@@ -181,7 +181,7 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
                 SetResult::Refused => Event::ParameterRefused,
             };
         }
-        Request::Command(command) => return execute(command, from, rover, rates, replies),
+        Request::Command(command) => return execute(command, from, service, rates, replies),
         Request::FileTransfer(transfer) => {
             let nak = FileTransferNak::refuse(transfer, from);
             replies.answer_any(nak.map(Message::FileTransferNak));
@@ -194,15 +194,15 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
         }
         Request::RadioStatus(_) => return Event::Ignored,
         Request::SetMode(set_mode) => {
-            let result = rover.set_mode_by_message(set_mode, &mut replies);
+            let result = service.set_mode_by_message(set_mode, &mut replies);
             // As in ArduPilot, the message is acknowledged like a command of its own number.
             let number = SET_MODE_DATA::ID as u16;
             replies.acknowledge(number, result, from);
             return driven(number, result);
         }
-        Request::Control(sticks) => return controlled(rover.control(sticks)),
+        Request::Control(sticks) => return controlled(service.control(sticks)),
         Request::Heartbeat(heartbeat) if is_of_ground_station(heartbeat) => {
-            rover.ground_station_seen();
+            service.ground_station_seen();
             return Event::GroundStationHeard;
         }
         Request::Heartbeat(_) => return Event::Ignored,
@@ -211,27 +211,27 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
     Event::Answered
 }
 
-/// Executes a command: a few are for the rover, the others for the link or the board.
+/// Executes a command: a few are for the vehicle, the others for the link or the board.
 fn execute(
     command: &Command,
     from: Peer,
-    mut rover: Rover<'_>,
+    mut service: VehicleService<'_>,
     rates: &mut Rates,
     mut replies: Replies<'_>,
 ) -> Event {
-    if Rover::knows(command.number) {
-        let result = rover.execute(command, &mut replies);
+    if VehicleService::knows(command.number) {
+        let result = service.execute(command, &mut replies);
         replies.acknowledge(command.number, result, from);
         return driven(command.number, result);
     }
-    let outcome = command.execute(&mut rates.scheduler, rover.state, rover.now_us);
-    if outcome.action.is_some_and(Action::needs_disarmed) && rover.vehicle.arm_state() == ArmState::Armed {
+    let outcome = command.execute(&mut rates.scheduler, service.state, service.now_us);
+    if outcome.action.is_some_and(Action::needs_disarmed) && service.vehicle.arm_state() == ArmState::Armed {
         replies.explain(MavSeverity::MAV_SEVERITY_WARNING, DISARM_FIRST);
         replies.acknowledge(command.number, MavResult::MAV_RESULT_FAILED, from);
         return Event::CommandRefused(command.number);
     }
     if outcome.action == Some(Action::Reboot) {
-        rover.vehicle.prepare_restart();
+        service.vehicle.prepare_restart();
     }
     replies.acknowledge(command.number, outcome.result, from);
     replies.answer_any(outcome.message);
@@ -268,7 +268,7 @@ fn controlled(driving: Driving) -> Event {
     }
 }
 
-/// What came of a command to the rover.
+/// What came of a command to the service.
 fn driven(command: u16, result: MavResult) -> Event {
     match result {
         MavResult::MAV_RESULT_ACCEPTED => Event::Driven,

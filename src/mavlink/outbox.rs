@@ -5,7 +5,7 @@ use core::mem;
 use heapless::Deque;
 
 use super::{Message, Stream, StreamKind};
-use crate::parameter::Pack;
+use crate::pack::Pack;
 
 /// Answers that can wait. Ground stations ask for a few things at a time and repeat what is not answered.
 const REPLIES: usize = 16;

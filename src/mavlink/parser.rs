@@ -4,7 +4,6 @@ use ::mavlink::{Message as _, calculate_crc};
 
 use super::dialect::MavMessage;
 use super::payload::Payload;
-use super::signing::TRAILER_BYTES;
 
 const START_V1: u8 = 0xfe;
 const START_V2: u8 = 0xfd;
@@ -14,6 +13,9 @@ const CRC_BYTES: usize = 2;
 
 /// The only incompatibility flag a frame may carry here: it is signed.
 pub(super) const FLAG_SIGNED: u8 = 0x01;
+
+/// What a signed frame has behind its checksum: the link's number, the timestamp and the signature.
+pub(super) const TRAILER_BYTES: usize = 13;
 
 /// The longest frame: MAVLink 2 with a full payload and a signature.
 const MAX_FRAME_BYTES: usize = HEADER_V2_BYTES + u8::MAX as usize + CRC_BYTES + TRAILER_BYTES;

@@ -2,7 +2,7 @@
 
 use super::ReceiveStatistics;
 use crate::battery::{BatteryState, ChargeSource, Contents, PackStatus, Visibility};
-use crate::parameter::Pack;
+use crate::pack::Pack;
 use crate::vehicle::VehicleStatus;
 
 /// Everything the telemetry of one link reports.

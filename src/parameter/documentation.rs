@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 use super::{
-    BatteryParameter, Pack, Parameter, ParameterId, Range, SimulationParameter, TakesEffect, VehicleParameter,
+    BatteryParameter, Parameter, ParameterId, Range, SimulationParameter, TakesEffect, VehicleParameter,
 };
+use crate::pack::Pack;
 
 /// The page `docs/parameters.md`.
 pub fn markdown() -> String {

@@ -7,8 +7,10 @@ use heapless::String;
 #[cfg(not(target_os = "none"))]
 use super::table::SimulationParameter;
 use super::table::{BatteryParameter, Parameter, VehicleParameter};
-use super::{MAX_NAME_LENGTH, Pack};
-use crate::battery::MAX_PACKS;
+use crate::pack::{MAX_PACKS, Pack};
+
+/// Maximum length of a parameter's name in MAVLink.
+pub const MAX_NAME_LENGTH: usize = 16;
 
 /// Keys reserved per pack.
 const KEYS_PER_PACK: u16 = 128;

@@ -54,6 +54,40 @@ impl AnalogPin {
     }
 }
 
+/// ADC readings of one tick, by pin.
+#[derive(Clone, Copy, Debug)]
+pub struct AnalogReadings {
+    counts: [Result<AdcCount, ReadError>; AnalogPin::ALL.len()],
+}
+
+impl AnalogReadings {
+    /// No pin was read.
+    pub const NONE: Self = Self {
+        counts: [Err(ReadError::NoPin); AnalogPin::ALL.len()],
+    };
+
+    /// Sets the reading of a pin.
+    pub fn set(&mut self, pin: AnalogPin, count: Result<AdcCount, ReadError>) {
+        if let Some(place) = self.counts.get_mut(pin as usize) {
+            *place = count;
+        }
+    }
+
+    /// The voltage at a pin, in volts.
+    ///
+    /// # Errors
+    /// The pin is not set, or the read failed.
+    pub(super) fn pin_voltage_v(&self, pin: Option<AnalogPin>) -> Result<f32, ReadError> {
+        let pin = pin.ok_or(ReadError::NoPin)?;
+        let count = self
+            .counts
+            .get(pin as usize)
+            .copied()
+            .unwrap_or(Err(ReadError::NoPin))?;
+        Ok(count.pin_voltage_v())
+    }
+}
+
 /// Analog pins with their ADC.
 pub trait AnalogIn {
     /// One conversion of `pin`. It may never complete: the caller applies a time-out.

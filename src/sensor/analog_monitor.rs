@@ -1,115 +1,9 @@
 //! Analog battery monitor: voltage divider and current sensor on ADC pins.
 
-use super::fuel::level_pin;
-use super::{AdcCount, AnalogPin, FuelKind, MonitorKind};
+use super::{AnalogPin, AnalogReadings, AnalogWiring, FuelKind, MonitorKind};
 use crate::battery::{Measurement, ReadError};
-use crate::parameter::{BatteryParameter, Pack, Parameters};
-
-/// Analog wiring of a pack.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AnalogWiring {
-    /// Pin of the voltage divider (`BATT_VOLT_PIN`).
-    pub voltage_pin: Option<AnalogPin>,
-    /// Scale of the voltage.
-    pub divider: VoltageDivider,
-    /// Pin of the current sensor (`BATT_CURR_PIN`).
-    pub current_pin: Option<AnalogPin>,
-    /// Scale of the current.
-    pub current_sensor: CurrentSensor,
-    /// Pin of a fuel level sensor (`BATT_FL_PIN`).
-    pub level_pin: Option<AnalogPin>,
-    /// Voltage at which full throttle draws `BATT_AMP_PERVLT` amperes, in volts (`BATT_MAX_VOLT`).
-    pub full_throttle_voltage_v: f32,
-}
-
-/// Scale of a voltage divider.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct VoltageDivider {
-    /// Pack voltage divided by pin voltage, without a unit (`BATT_VOLT_MULT`).
-    pub multiplier: f32,
-    /// Pin voltage at zero pack voltage, in volts (`BATT_VLT_OFFSET`).
-    pub offset_v: f32,
-}
-
-/// Scale of an analog current sensor.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CurrentSensor {
-    /// Amperes per volt at the pin (`BATT_AMP_PERVLT`).
-    pub amperes_per_volt: f32,
-    /// Pin voltage at zero current, in volts (`BATT_AMP_OFFSET`).
-    pub offset_v: f32,
-}
-
-/// ADC readings of one tick, by pin.
-#[derive(Clone, Copy, Debug)]
-pub struct AnalogReadings {
-    counts: [Result<AdcCount, ReadError>; AnalogPin::ALL.len()],
-}
-
-impl AnalogReadings {
-    /// No pin was read.
-    pub const NONE: Self = Self {
-        counts: [Err(ReadError::NoPin); AnalogPin::ALL.len()],
-    };
-
-    /// Sets the reading of a pin.
-    pub fn set(&mut self, pin: AnalogPin, count: Result<AdcCount, ReadError>) {
-        if let Some(place) = self.counts.get_mut(pin as usize) {
-            *place = count;
-        }
-    }
-
-    /// The voltage at a pin, in volts.
-    ///
-    /// # Errors
-    /// The pin is not set, or the read failed.
-    pub(super) fn pin_voltage_v(&self, pin: Option<AnalogPin>) -> Result<f32, ReadError> {
-        let pin = pin.ok_or(ReadError::NoPin)?;
-        let count = self
-            .counts
-            .get(pin as usize)
-            .copied()
-            .unwrap_or(Err(ReadError::NoPin))?;
-        Ok(count.pin_voltage_v())
-    }
-}
-
-impl VoltageDivider {
-    /// The pack's voltage, in volts: `(pin voltage − offset) × multiplier`.
-    pub fn pack_voltage_v(&self, pin_voltage_v: f32) -> f32 {
-        (pin_voltage_v - self.offset_v) * self.multiplier
-    }
-}
-
-impl CurrentSensor {
-    /// The pack's current, in amperes: `(pin voltage − offset) × amperes per volt`; negative while charging.
-    pub fn current_a(&self, pin_voltage_v: f32) -> f32 {
-        (pin_voltage_v - self.offset_v) * self.amperes_per_volt
-    }
-}
 
 impl AnalogWiring {
-    /// From the live parameters of a pack.
-    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
-        let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
-        let pin =
-            |parameter: BatteryParameter| AnalogPin::from_gpio(parameters.get_whole(parameter.of(pack)));
-        Self {
-            voltage_pin: pin(BatteryParameter::VoltPin),
-            divider: VoltageDivider {
-                multiplier: value(BatteryParameter::VoltMult),
-                offset_v: value(BatteryParameter::VltOffset),
-            },
-            current_pin: pin(BatteryParameter::CurrPin),
-            current_sensor: CurrentSensor {
-                amperes_per_volt: value(BatteryParameter::AmpPervlt),
-                offset_v: value(BatteryParameter::AmpOffset),
-            },
-            level_pin: level_pin(parameters, pack),
-            full_throttle_voltage_v: value(BatteryParameter::MaxVolt),
-        }
-    }
-
     /// The pins that a monitor of this kind reads.
     pub fn pins(&self, kind: MonitorKind) -> impl Iterator<Item = AnalogPin> {
         let voltage_pin = self.voltage_pin.filter(|_| kind.reads_voltage_pin());
@@ -157,6 +51,9 @@ impl AnalogWiring {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pack::Pack;
+    use crate::parameter::{BatteryParameter, Parameters};
+    use crate::sensor::AdcCount;
 
     fn wiring() -> AnalogWiring {
         let mut parameters = Parameters::defaults();

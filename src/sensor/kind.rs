@@ -1,7 +1,8 @@
 //! Kinds of battery monitors.
 
 use super::{FuelKind, PartKind};
-use crate::parameter::{BatteryParameter, Meaning, Pack, Parameters, means};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters};
 
 /// Kind of battery monitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,54 +26,18 @@ pub enum MonitorKind {
     Bus(PartKind),
 }
 
-/// Values of `BATT_MONITOR`: ArduPilot's numbers.
-pub const MONITOR_CHOICES: &[(i32, Meaning)] = &monitor_choices();
-
-const DISABLED: (i32, Meaning) = (0, means("Disabled"));
-
-/// Kinds other than parts on the I2C bus.
-const OWN: [(MonitorKind, i32, Meaning); 9] = [
-    (MonitorKind::AnalogVoltage, 3, means("Analog Voltage Only")),
-    (
-        MonitorKind::AnalogVoltageAndCurrent,
-        4,
-        means("Analog Voltage and Current"),
-    ),
-    (MonitorKind::Esc, 9, means("ESC")),
-    (MonitorKind::Sum, 10, means("Sum Of Selected Monitors")),
-    (MonitorKind::Fuel(FuelKind::Flow), 11, means("FuelFlow")),
-    (MonitorKind::Fuel(FuelKind::LevelPwm), 12, means("FuelLevelPWM")),
-    (
-        MonitorKind::Fuel(FuelKind::LevelAnalog),
-        24,
-        means("FuelLevelAnalog"),
-    ),
-    (
-        MonitorKind::SyntheticCurrent,
-        25,
-        means("Synthetic Current and Analog Voltage"),
-    ),
-    (MonitorKind::AnalogCurrent, 31, means("Analog Current Only")),
+/// Values of `BATT_MONITOR` for kinds other than parts on the I2C bus: ArduPilot's numbers.
+const OWN: [(MonitorKind, i32); 9] = [
+    (MonitorKind::AnalogVoltage, 3),
+    (MonitorKind::AnalogVoltageAndCurrent, 4),
+    (MonitorKind::Esc, 9),
+    (MonitorKind::Sum, 10),
+    (MonitorKind::Fuel(FuelKind::Flow), 11),
+    (MonitorKind::Fuel(FuelKind::LevelPwm), 12),
+    (MonitorKind::Fuel(FuelKind::LevelAnalog), 24),
+    (MonitorKind::SyntheticCurrent, 25),
+    (MonitorKind::AnalogCurrent, 31),
 ];
-
-const CHOICES: usize = 1 + OWN.len() + PartKind::ALL.len();
-
-const fn monitor_choices() -> [(i32, Meaning); CHOICES] {
-    let mut choices = [DISABLED; CHOICES];
-    let mut place = 1;
-    // A `for` loop can't be evaluated at compile time.
-    let mut own = 0;
-    while own < OWN.len() {
-        choices[place] = (OWN[own].1, OWN[own].2);
-        (own, place) = (own + 1, place + 1);
-    }
-    let mut part = 0;
-    while part < PartKind::ALL.len() {
-        choices[place] = (PartKind::ALL[part].number(), means(PartKind::ALL[part].label()));
-        (part, place) = (part + 1, place + 1);
-    }
-    choices
-}
 
 impl MonitorKind {
     /// The kind set by a pack's `BATT_MONITOR`; `None` if disabled.
@@ -82,8 +47,8 @@ impl MonitorKind {
 
     /// The kind with this number; `None` for 0, disabled.
     pub fn from_number(number: i32) -> Option<Self> {
-        let own = OWN.into_iter().find(|(_, own, _)| *own == number);
-        own.map(|(kind, ..)| kind)
+        let own = OWN.into_iter().find(|(_, own)| *own == number);
+        own.map(|(kind, _)| kind)
             .or_else(|| PartKind::from_number(number).map(Self::Bus))
     }
 
@@ -118,8 +83,28 @@ pub fn needs_esc(parameters: &Parameters) -> bool {
     kinds(parameters).any(|kind| kind == MonitorKind::Esc)
 }
 
-pub(super) fn kinds(parameters: &Parameters) -> impl Iterator<Item = MonitorKind> {
+fn kinds(parameters: &Parameters) -> impl Iterator<Item = MonitorKind> {
     Pack::ALL
         .into_iter()
         .filter_map(|pack| MonitorKind::of(parameters, pack))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameter::Range;
+
+    #[test]
+    fn parameter_accepts_every_kind_and_no_other() {
+        let Range::OneOf(choices) = BatteryParameter::Monitor.row().range else {
+            panic!("a list of kinds");
+        };
+        let own = OWN.into_iter().map(|(_, number)| number);
+        let parts = PartKind::ALL.iter().map(|kind| kind.number());
+        let mut numbers: Vec<i32> = [0].into_iter().chain(own).chain(parts).collect();
+        numbers.sort_unstable();
+        let mut accepted: Vec<i32> = choices.iter().map(|(number, _)| *number).collect();
+        accepted.sort_unstable();
+        assert_eq!(accepted, numbers);
+    }
 }

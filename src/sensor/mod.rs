@@ -2,18 +2,20 @@
 
 mod analog;
 mod analog_monitor;
+mod analog_wiring;
 mod bus;
 mod esc;
 mod fuel;
 mod kind;
 
 pub use analog::{
-    ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS, read_mean,
+    ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, AnalogReadings, BURST_CONVERSIONS,
+    read_mean,
 };
-pub use analog_monitor::{AnalogReadings, AnalogWiring, CurrentSensor, VoltageDivider};
+pub use analog_wiring::{AnalogWiring, CurrentSensor, VoltageDivider};
 pub use bus::{
     Address, BusDevices, Buses, I2cBus, NoSpi, PartKind, Samples, SensorBus, Wiring, bus_clock_hz,
 };
 pub use esc::EscTelemetry;
 pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses};
-pub use kind::{MONITOR_CHOICES, MonitorKind, needs_esc, needs_pulses};
+pub use kind::{MonitorKind, needs_esc, needs_pulses};

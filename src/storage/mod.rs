@@ -31,28 +31,19 @@ use core::ops::Range;
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
-use record::{Record, Slot};
-use region::{Region, Unused};
-
+mod error;
 mod record;
 mod region;
+
+pub use error::StorageError;
+
+use record::{Record, Slot};
+use region::{Region, Unused};
 
 #[cfg(test)]
 mod model;
 #[cfg(test)]
 mod tests;
-
-/// Why an operation failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum StorageError {
-    /// The flash driver reported an error, or reading back failed to verify.
-    Flash,
-    /// The content is damaged by something other than a power cut, or has another format.
-    Corrupt,
-    /// No space for another key. Stored values are kept.
-    Full,
-}
 
 /// Integrity of the stored values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

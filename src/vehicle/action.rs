@@ -3,7 +3,8 @@
 use core::fmt;
 
 use crate::battery::FailsafeLevel;
-use crate::parameter::{BatteryParameter, Pack, Parameters};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters};
 
 /// Failsafe action of a low (`BATT_FS_LOW_ACT`) or critical (`BATT_FS_CRT_ACT`) pack, with ArduPilot Rover's names, in
 /// increasing severity.

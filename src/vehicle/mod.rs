@@ -21,5 +21,5 @@ pub use event::VehicleEvent;
 pub use indication::{Colour, Indication, Indicators, Tone};
 pub use mode::Mode;
 pub use motor::{MotorDrive, Motors, SideDrives};
-pub use settings::VehicleSettings;
+pub use settings::{VehicleSettings, control_timeout_us};
 pub use vehicle::{Alert, ArmingRefused, ModeRefused, Vehicle, VehicleStatus};

@@ -5,7 +5,7 @@ use crate::parameter::{Parameters, VehicleParameter};
 /// Settings of the vehicle, from its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VehicleSettings {
-    /// Time-out of control inputs (`FS_TIMEOUT`), in microseconds.
+    /// Time-out of control inputs, in microseconds: [`control_timeout_us`].
     pub timeout_us: u64,
     /// Time-out of ground stations' heartbeats (`FS_GCS_TIMEOUT`), in microseconds.
     pub ground_station_timeout_us: u64,
@@ -17,13 +17,22 @@ impl VehicleSettings {
     /// From the live parameters.
     pub fn from_parameters(parameters: &Parameters) -> Self {
         let slew_rate_pct_per_s = parameters.get(VehicleParameter::MotSlewrate);
-        let microseconds = |parameter: VehicleParameter| (parameters.get(parameter) * 1e6) as u64;
         Self {
-            timeout_us: microseconds(VehicleParameter::FsTimeout),
-            ground_station_timeout_us: microseconds(VehicleParameter::FsGcsTimeout),
+            timeout_us: control_timeout_us(parameters),
+            ground_station_timeout_us: microseconds(parameters, VehicleParameter::FsGcsTimeout),
             slew_rate_per_s: (slew_rate_pct_per_s > 0.0).then_some(slew_rate_pct_per_s / 100.0),
         }
     }
+}
+
+/// Time-out of control inputs (`FS_TIMEOUT`), in microseconds.
+pub fn control_timeout_us(parameters: &Parameters) -> u64 {
+    microseconds(parameters, VehicleParameter::FsTimeout)
+}
+
+/// A time that is set in seconds.
+fn microseconds(parameters: &Parameters, seconds: VehicleParameter) -> u64 {
+    (parameters.get(seconds) * 1e6) as u64
 }
 
 #[cfg(test)]

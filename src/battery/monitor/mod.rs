@@ -6,13 +6,13 @@ use super::charge_state::{ChargeStateMachine, Inputs};
 use super::consumption::Consumption;
 use super::diagnosis::Diagnosis;
 use super::estimator::{Estimator, Reading};
-use super::failsafe::{ArmState, Failsafe, Observation};
+use super::failsafe::{Failsafe, Observation};
 use super::health::HealthReporter;
 use super::settings::PackSettings;
 use super::swap::{Replacement, SerialNumber, SwapDetector};
 use super::{
-    BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge, Measurement,
-    PackEvent, PackMemory, PackStatus, ReadError, Supply,
+    ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge,
+    Measurement, PackEvent, PackMemory, PackStatus, ReadError, Supply, Tick,
 };
 
 /// Below this voltage no pack is connected, in volts: what leaks into the divider while the board is powered by USB.
@@ -49,15 +49,6 @@ pub struct PackUpdate {
     pub error: Option<ReadError>,
     /// The failsafe level that was reached in this tick. Its action has to be taken.
     pub failsafe: Option<FailsafeLevel>,
-}
-
-/// When an update happens, and whether the rover is armed then.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Tick {
-    /// Microseconds since an arbitrary epoch; may stall or jump.
-    pub now_us: u64,
-    /// Whether the rover is armed.
-    pub arm_state: ArmState,
 }
 
 /// Monitors one pack.

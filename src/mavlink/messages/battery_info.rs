@@ -9,7 +9,7 @@ use super::units::{NOT_GIVEN, amp_hours, number, number_above_zero};
 use crate::battery::PackDetails;
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{BATTERY_INFO_DATA, MavBatteryFunction};
-use crate::parameter::Pack;
+use crate::pack::Pack;
 
 /// MAVLink's value for a state of health that is not known: its −1, in a byte without sign.
 const HEALTH_UNKNOWN_PCT: u8 = u8::MAX;

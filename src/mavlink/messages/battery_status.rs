@@ -9,7 +9,7 @@ use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{
     BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
 };
-use crate::parameter::Pack;
+use crate::pack::Pack;
 use crate::rounding::round_to_i32;
 
 /// Cells in `voltages`.

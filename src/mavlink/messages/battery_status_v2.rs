@@ -4,7 +4,7 @@ use super::units::{amp_hours, finite, number, temperature_cdegc};
 use crate::battery::{BatteryState, ChargeSource, ChargeState, Faults, PackStatus};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{BATTERY_STATUS_V2_DATA, MavBatteryStatusFlags as Flags};
-use crate::parameter::Pack;
+use crate::pack::Pack;
 
 /// The flag that goes with each fault. Those of things no sensor here can see (balancing, protections, a short circuit,
 /// another firmware) are never set.

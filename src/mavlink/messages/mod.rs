@@ -41,7 +41,7 @@ use super::dialect::{
     HEARTBEAT_DATA, MESSAGE_INTERVAL_DATA, PARAM_ERROR_DATA, PARAM_VALUE_DATA, PING_DATA,
     PROTOCOL_VERSION_DATA, SMART_BATTERY_INFO_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, TIMESYNC_DATA,
 };
-use crate::parameter::Pack;
+use crate::pack::Pack;
 
 // Each row of a stream: the message, its default rate, of packs also which ones, its builder. When the wire is shared,
 // streams take turns in this order.

@@ -4,7 +4,7 @@ use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct
 use crate::battery::{BatteryState, ChargeState, FailsafeLevel, PackStatus};
 use crate::mavlink::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
 use crate::mavlink::{ReceiveStatistics, SystemState};
-use crate::parameter::Pack;
+use crate::pack::Pack;
 
 /// The primary pack's voltage, current and remaining charge, whether all packs are healthy, the processor's load and
 /// the link's losses.

@@ -8,7 +8,7 @@ use crate::mavlink::dialect::{
 use crate::mavlink::requests::Command;
 use crate::mavlink::scheduler::{Interval, IntervalRefused, StreamScheduler};
 use crate::mavlink::{Message, StreamKind, SystemState, build_autopilot_version, build_protocol_version};
-use crate::parameter::Pack;
+use crate::pack::Pack;
 
 /// MAV_CMD_PREFLIGHT_STORAGE, parameter 1: reset all parameters to their defaults.
 const STORAGE_RESET: f32 = 2.0;

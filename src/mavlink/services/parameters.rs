@@ -170,7 +170,8 @@ impl ParameterList {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameter::{BatteryParameter, PARAMETER_COUNT, Pack};
+    use crate::pack::Pack;
+    use crate::parameter::{BatteryParameter, PARAMETER_COUNT};
 
     /// Everything is listed.
     fn all_packs() -> Parameters {

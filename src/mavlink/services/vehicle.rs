@@ -10,8 +10,9 @@ use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavTy
 use crate::mavlink::messages::{CheckedBy, arming_failure_text, stick_deflected_text, terminated_text};
 use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::{Command, Heartbeat, SetMode, Sticks};
-use crate::parameter::{Pack, Parameters, VehicleParameter};
-use crate::vehicle::{ArmingRefused, Mode, Stick, Vehicle, VehicleSettings};
+use crate::pack::Pack;
+use crate::parameter::{Parameters, VehicleParameter};
+use crate::vehicle::{ArmingRefused, Mode, Stick, Vehicle, control_timeout_us};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
 const RUN_PREARM_CHECKS: u16 = MavCmd::MAV_CMD_RUN_PREARM_CHECKS as u16;
@@ -38,18 +39,19 @@ const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
 const FAILED: MavResult = MavResult::MAV_RESULT_FAILED;
 const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 
-/// The rover a request is for, and what says whether it is fit to be armed.
-pub(in crate::mavlink) struct Rover<'a> {
+/// Handles one request for the vehicle: executes it, or refuses it and says why.
+pub(in crate::mavlink) struct VehicleService<'a> {
     pub now_us: u64,
     /// The request can't have been received earlier.
     pub received_us: u64,
+    /// What says, with the parameters, whether the rover is fit to be armed.
     pub state: &'a SystemState<'a>,
     pub parameters: &'a Parameters,
     pub vehicle: &'a mut Vehicle,
 }
 
-impl Rover<'_> {
-    /// Whether the rover executes commands of this number.
+impl VehicleService<'_> {
+    /// Whether commands of this number are for the vehicle.
     pub fn knows(number: u16) -> bool {
         [ARM_DISARM, RUN_PREARM_CHECKS, DO_SET_MODE].contains(&number)
     }
@@ -74,8 +76,7 @@ impl Rover<'_> {
 
     /// Whether the request may have waited for so long that what moves the rover no longer counts.
     fn is_late(&self) -> bool {
-        let timeout_us = VehicleSettings::from_parameters(self.parameters).timeout_us;
-        self.now_us.saturating_sub(self.received_us) > timeout_us
+        self.now_us.saturating_sub(self.received_us) > control_timeout_us(self.parameters)
     }
 
     fn arm(&mut self, forced: bool, replies: &mut Replies<'_>) -> MavResult {

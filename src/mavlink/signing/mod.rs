@@ -12,24 +12,25 @@ mod permission;
 mod stored;
 mod streams;
 mod timestamp;
+mod to_store;
 
 use core::mem;
 
 pub use key::SigningKey;
 pub use permission::{AcceptUnsigned, LinkKind};
 pub(super) use permission::{Authenticity, Effect, is_permitted};
-pub use stored::{StoredSigning, ToStore};
+pub use stored::StoredSigning;
 pub use timestamp::Timestamp;
+pub use to_store::ToStore;
 
 use clock::SigningClock;
-use stored::Mark;
 use streams::{StreamId, Streams};
+use to_store::{Mark, next_mark};
 
-use super::parser::ReceivedFrame;
+use super::parser::{ReceivedFrame, TRAILER_BYTES};
 
-/// What a signed frame has behind its checksum: the link's number, the timestamp and the signature.
 const LINK_BYTES: usize = 1;
-pub(super) const TRAILER_BYTES: usize = LINK_BYTES + timestamp::BYTES + key::SIGNATURE_BYTES;
+const _: () = assert!(TRAILER_BYTES == LINK_BYTES + timestamp::BYTES + key::SIGNATURE_BYTES);
 
 /// Refused messages are reported this often at most.
 const REPORT_INTERVAL_US: u64 = 60_000_000;
@@ -206,7 +207,7 @@ impl Signing {
             (Protection::Off, InFlash::OtherKey | InFlash::NoKey | InFlash::Nothing) => Some(ToStore::NoKey),
             // The mark comes first: the flash should not be behind the frames that leave.
             (Protection::Key(key), InFlash::Current | InFlash::OtherKey | InFlash::Nothing) => {
-                stored::next_mark(self.stored_mark, self.clock.now(now_us))
+                next_mark(self.stored_mark, self.clock.now(now_us))
                     .map(ToStore::Mark)
                     .or_else(|| self.is_key_unsaved().then(|| ToStore::Key(key.clone())))
             }
@@ -323,10 +324,7 @@ mod tests {
         assert_eq!(Timestamp::from_ticks(1 << 48), None);
         let mut clock = SigningClock::starting_at(end);
         assert_eq!((clock.next(u64::MAX), clock.next(u64::MAX)), (end, end));
-        assert_eq!(
-            stored::next_mark(Mark::default(), end).map(|mark| mark.time()),
-            Some(end)
-        );
+        assert_eq!(next_mark(Mark::default(), end).map(|mark| mark.time()), Some(end));
     }
 
     #[test]

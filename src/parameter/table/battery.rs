@@ -3,7 +3,32 @@
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
 use super::{Kind, Parameter, Range, means};
-use crate::sensor::MONITOR_CHOICES;
+
+/// Kinds of sensors, with ArduPilot's numbers; a test in `src/sensor/kind.rs` compares them with those there are.
+const MONITORS: Range = Range::OneOf(&[
+    (0, means("Disabled")),
+    (3, means("Analog Voltage Only")),
+    (4, means("Analog Voltage and Current")),
+    (9, means("ESC")),
+    (10, means("Sum Of Selected Monitors")),
+    (11, means("FuelFlow")),
+    (12, means("FuelLevelPWM")),
+    (24, means("FuelLevelAnalog")),
+    (25, means("Synthetic Current and Analog Voltage")),
+    (31, means("Analog Current Only")),
+    (7, means("SMBus-Generic")),
+    (5, means("Solo")),
+    (13, means("SMBUS-SUI3")),
+    (14, means("SMBUS-SUI6")),
+    (15, means("NeoDesign")),
+    (16, means("SMBus-Maxell")),
+    (19, means("Rotoye")),
+    (21, means("INA2XX")),
+    (26, means("INA239_SPI")),
+    (22, means("LTC2946")),
+    (28, means("AD7091R5")),
+    (30, means("INA3221")),
+]);
 
 /// Analog pins of the board, by GPIO number.
 const ANALOG_PINS: Range = Range::OneOf(&[
@@ -61,7 +86,7 @@ parameters! {
         name: "MONITOR",
         kind: Kind::Int8,
         default: 0.0,
-        range: Range::OneOf(MONITOR_CHOICES),
+        range: MONITORS,
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AfterReboot,

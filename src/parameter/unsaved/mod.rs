@@ -1,21 +1,9 @@
 //! Unsaved changes and failed attempts to save them.
 
-use super::{Flash, ParameterId, Parameters};
+use super::ParameterId;
+use super::parameters::{Flash, Parameters};
+use super::progress::Progress;
 use crate::storage::StorageError;
-
-/// Progress of saving a change.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Progress {
-    /// Nothing to write.
-    #[default]
-    Saved,
-    /// To be written.
-    New,
-    /// Failed; waits for [`Parameters::retry_failed`].
-    Failed(StorageError),
-    /// Failed before; to be written again.
-    Retried(StorageError),
-}
 
 /// A change that has to be written to flash.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,26 +12,6 @@ pub enum Unsaved {
     Reset,
     /// Store this value of a parameter.
     Value(ParameterId, f32),
-}
-
-impl Progress {
-    fn is_due(self) -> bool {
-        matches!(self, Self::New | Self::Retried(_))
-    }
-
-    fn failure(self) -> Option<StorageError> {
-        match self {
-            Self::Failed(error) | Self::Retried(error) => Some(error),
-            Self::Saved | Self::New => None,
-        }
-    }
-
-    fn retried(self) -> Self {
-        match self {
-            Self::Failed(error) => Self::Retried(error),
-            other => other,
-        }
-    }
 }
 
 impl Parameters {

@@ -2,7 +2,8 @@ use std::collections::BTreeMap;
 
 use proptest::prelude::*;
 
-use crate::parameter::{BatteryParameter, PARAMETER_COUNT, Pack, ParameterId, Parameters, VehicleParameter};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, PARAMETER_COUNT, ParameterId, Parameters, VehicleParameter};
 use crate::storage::StorageError::{self, Corrupt, Flash, Full};
 
 use super::Unsaved::{self, Reset, Value};

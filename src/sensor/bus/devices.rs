@@ -5,11 +5,10 @@ use heapless::Vec;
 use super::part::FAST_MODE_HZ;
 use super::registry::AnyPart;
 use super::{Address, PartKind, SensorBus, Wiring};
-use crate::battery::{MAX_PACKS, Measurement, ReadError};
+use crate::battery::{Measurement, ReadError};
 use crate::cadence::Cadence;
-use crate::parameter::{Pack, Parameters};
-use crate::sensor::MonitorKind;
-use crate::sensor::kind::kinds;
+use crate::pack::{MAX_PACKS, Pack};
+use crate::parameter::Parameters;
 
 /// Failures in a row before a part's back-off period, so that it does not hold up the others.
 const FAILURES_UNTIL_REST: u8 = 3;
@@ -52,7 +51,7 @@ impl BusDevices {
     pub fn from_parameters(parameters: &Parameters, now_us: u64) -> Self {
         let mut devices = Self::default();
         for pack in Pack::ALL {
-            if let Some(MonitorKind::Bus(kind)) = MonitorKind::of(parameters, pack) {
+            if let Some(kind) = PartKind::of(parameters, pack) {
                 devices.add(kind, pack, Wiring::from_parameters(parameters, pack), now_us);
             }
         }
@@ -134,11 +133,13 @@ impl BusDevices {
 
 /// The fastest clock that every part the parameters name stands, in Hz.
 pub fn bus_clock_hz(parameters: &Parameters) -> u32 {
-    let clocks = kinds(parameters).filter_map(|kind| match kind {
-        MonitorKind::Bus(kind) => Some(kind.highest_clock_hz()),
-        _ => None,
-    });
-    clocks.min().unwrap_or(FAST_MODE_HZ)
+    let kinds = Pack::ALL
+        .into_iter()
+        .filter_map(|pack| PartKind::of(parameters, pack));
+    kinds
+        .map(PartKind::highest_clock_hz)
+        .min()
+        .unwrap_or(FAST_MODE_HZ)
 }
 
 impl BusDevice {

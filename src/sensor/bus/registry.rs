@@ -4,12 +4,14 @@ use super::part::Part;
 use super::parts::{Ad7091r5, Ina2xx, Ina3221, Ltc2946, SmartBattery, ina2xx, smart_battery};
 use super::{Address, SensorBus, Wiring};
 use crate::battery::{Measurement, ReadError};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters};
 
-/// For each driver its kinds, a line each: what it is, its number in `BATT_MONITOR` and its name there (ArduPilot's), and
-/// what the driver has to know of it.
+/// For each driver its kinds, a line each: what it is, its number in `BATT_MONITOR` (ArduPilot's), and what the driver has
+/// to know of it.
 macro_rules! parts {
     ($($driver:ident {
-        $($(#[$doc:meta])* $kind:ident = $number:literal, $label:literal, $model:expr;)+
+        $($(#[$doc:meta])* $kind:ident = $number:literal, $model:expr;)+
     })+) => {
         /// A kind of part on the bus.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,13 +34,6 @@ macro_rules! parts {
             pub const fn number(self) -> i32 {
                 match self {
                     $($(Self::$kind => $number,)+)+
-                }
-            }
-
-            /// What a ground station calls it.
-            pub const fn label(self) -> &'static str {
-                match self {
-                    $($(Self::$kind => $label,)+)+
                 }
             }
 
@@ -115,41 +110,46 @@ macro_rules! parts {
 parts! {
     SmartBattery {
         /// A battery with a gauge of its own.
-        SmartBattery = 7, "SMBus-Generic", smart_battery::GENERIC;
+        SmartBattery = 7, smart_battery::GENERIC;
         /// The battery of 3D Robotics' Solo.
-        Solo = 5, "Solo", smart_battery::SOLO;
+        Solo = 5, smart_battery::SOLO;
         /// SUI's battery of three cells.
-        Sui3Cells = 13, "SMBUS-SUI3", smart_battery::SUI_3_CELLS;
+        Sui3Cells = 13, smart_battery::SUI_3_CELLS;
         /// SUI's battery of six cells.
-        Sui6Cells = 14, "SMBUS-SUI6", smart_battery::SUI_6_CELLS;
+        Sui6Cells = 14, smart_battery::SUI_6_CELLS;
         /// NeoDesign's battery.
-        NeoDesign = 15, "NeoDesign", smart_battery::NEO_DESIGN;
+        NeoDesign = 15, smart_battery::NEO_DESIGN;
         /// Maxell's battery.
-        Maxell = 16, "SMBus-Maxell", smart_battery::MAXELL;
+        Maxell = 16, smart_battery::MAXELL;
         /// Rotoye's Batmon.
-        Rotoye = 19, "Rotoye", smart_battery::ROTOYE;
+        Rotoye = 19, smart_battery::ROTOYE;
     }
     Ina2xx {
         /// Texas Instruments' INA226, INA228 and their like; which one it is shows its identification.
-        Ina2xx = 21, "INA2XX", ina2xx::ON_I2C;
+        Ina2xx = 21, ina2xx::ON_I2C;
         /// Texas Instruments' INA239, at the SPI bus.
-        Ina239 = 26, "INA239_SPI", ina2xx::ON_SPI;
+        Ina239 = 26, ina2xx::ON_SPI;
     }
     Ltc2946 {
         /// Analog Devices' LTC2946.
-        Ltc2946 = 22, "LTC2946", ();
+        Ltc2946 = 22, ();
     }
     Ad7091r5 {
         /// Analog Devices' AD7091R-5: four more analog pins.
-        Ad7091r5 = 28, "AD7091R5", ();
+        Ad7091r5 = 28, ();
     }
     Ina3221 {
         /// Texas Instruments' INA3221: three packs on one chip.
-        Ina3221 = 30, "INA3221", ();
+        Ina3221 = 30, ();
     }
 }
 
 impl PartKind {
+    /// The kind of part that measures a pack (`BATT_MONITOR`); `None` if no part on the bus does.
+    pub(super) fn of(parameters: &Parameters, pack: Pack) -> Option<Self> {
+        Self::from_number(parameters.get_whole(BatteryParameter::Monitor.of(pack)))
+    }
+
     /// The kind with this number of `BATT_MONITOR`.
     pub fn from_number(number: i32) -> Option<Self> {
         Self::ALL.iter().copied().find(|kind| kind.number() == number)

@@ -8,7 +8,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{BatteryMonitor, Chemistry, Date, Measurement, PackSettings, Tick};
-use crate::parameter::{BatteryParameter, Pack, Parameters};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters};
 
 /// Devices as tables: by address and register, the bytes that are read. What is written is not kept.
 #[derive(Default)]

@@ -1,7 +1,8 @@
 //! How a pack is wired to a part.
 
 use super::Address;
-use crate::parameter::{BatteryParameter, Pack, Parameters};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters};
 use crate::sensor::AnalogWiring;
 
 /// How a pack is wired to a part on the bus.

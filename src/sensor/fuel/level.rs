@@ -4,7 +4,8 @@ use core::f32::consts::TAU;
 
 use super::Pulses;
 use crate::battery::{Contents, Gauge, Measurement, ReadError};
-use crate::parameter::{BatteryParameter, Pack, Parameters};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters};
 
 /// Servo pulse widths of an empty and a full tank, and their tolerance; ArduPilot's numbers.
 const EMPTY_US: u32 = 1100;

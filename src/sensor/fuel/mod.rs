@@ -11,7 +11,8 @@ pub use pulses::Pulses;
 
 use super::{AnalogPin, AnalogReadings};
 use crate::battery::{Measurement, ReadError};
-use crate::parameter::{BatteryParameter, Pack, Parameters};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters};
 
 /// Kind of fuel sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,14 +1,16 @@
 //! Simulated I2C bus with a power monitor and a smart battery, which measure the simulated pack.
 
+mod device;
 mod power_monitor;
 mod smart_battery;
 
 use embassy_time::{Duration, Timer};
 use embedded_hal_async::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
 
+use self::device::Device;
 use self::power_monitor::PowerMonitor;
 use self::smart_battery::SmartBattery;
-use super::{PackSimulation, SimulatedPack};
+use super::PackSimulation;
 
 pub use self::power_monitor::{ADDRESS as POWER_MONITOR_ADDRESS, SHUNT_OHM};
 pub use self::smart_battery::ADDRESS as SMART_BATTERY_ADDRESS;
@@ -21,24 +23,6 @@ const CONDITION_CLOCKS: usize = 1;
 
 /// Eight bits and the acknowledge bit.
 const BYTE_CLOCKS: usize = 9;
-
-/// A device on the bus.
-trait Device {
-    /// It was addressed for writing.
-    fn start_write(&mut self);
-
-    /// Receives a byte.
-    ///
-    /// # Errors
-    /// The byte is not acknowledged.
-    fn write(&mut self, byte: u8, pack: &SimulatedPack) -> Result<(), ErrorKind>;
-
-    /// It was addressed for reading, with the present state of the pack.
-    fn start_read(&mut self, pack: &SimulatedPack);
-
-    /// Sends a byte.
-    fn read(&mut self) -> u8;
-}
 
 /// Direction of the bytes after the address.
 #[derive(Clone, Copy, PartialEq, Eq)]

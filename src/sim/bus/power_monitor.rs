@@ -2,7 +2,8 @@
 
 use embedded_hal_async::i2c::ErrorKind;
 
-use super::{Device, SimulatedPack};
+use super::device::Device;
+use crate::sim::SimulatedPack;
 
 /// Address with both address pins at ground.
 pub const ADDRESS: u8 = 0x40;

@@ -2,7 +2,8 @@
 
 use embedded_hal_async::i2c::{ErrorKind, NoAcknowledgeSource};
 
-use super::{Device, SimulatedPack};
+use super::device::Device;
+use crate::sim::SimulatedPack;
 
 /// Address of every smart battery.
 pub const ADDRESS: u8 = 0x0b;

@@ -2,7 +2,7 @@ use std::cell::RefCell;
 
 use embassy_time::{Instant, with_timeout};
 
-use super::super::{PackModel, SimulatedRover, clock};
+use super::super::{PackModel, SimulatedPack, SimulatedRover, clock};
 use super::*;
 use crate::autopilot::Start;
 use crate::parameter::{Parameters, SimulationParameter};

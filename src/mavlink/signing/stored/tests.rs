@@ -2,7 +2,8 @@ use std::vec::Vec;
 
 use proptest::prelude::*;
 
-use super::super::SigningTrouble;
+use super::super::to_store::next_mark;
+use super::super::{SigningTrouble, Timestamp};
 use super::*;
 
 fn key(byte: u8) -> SigningKey {

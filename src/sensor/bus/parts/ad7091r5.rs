@@ -2,8 +2,9 @@
 //!
 //! It has no identification: its configuration, read back, has to do.
 
-use crate::battery::{MAX_PACKS, Measurement, ReadError};
+use crate::battery::{Measurement, ReadError};
 use crate::log::info;
+use crate::pack::MAX_PACKS;
 use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
 use crate::sensor::bus::registers::Registers;
 use crate::sensor::bus::{Address, SensorBus, Wiring};

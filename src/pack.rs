@@ -1,6 +1,7 @@
-//! Pack instances.
+//! Which packs there are.
 
-use crate::battery::MAX_PACKS;
+/// Maximum number of packs, instances 0 to 8: `BATT_`, `BATT2_` to `BATT9_`.
+pub const MAX_PACKS: usize = 9;
 
 /// A pack, identified by its MAVLink instance and parameter prefix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,0 +1,313 @@
+//! The live values of all parameters.
+
+use super::progress::Progress;
+use super::{BatteryParameter, ForEachParameter, Kind, PARAMETER_COUNT, ParameterId};
+use crate::pack::{MAX_PACKS, Pack};
+use crate::rounding::round_to_i32;
+
+/// Tolerance of a whole number received as a float, as in ArduPilot.
+const WHOLE_NUMBER_TOLERANCE: f32 = 0.01;
+
+/// `BATT_MONITOR` of a disabled pack.
+const MONITOR_DISABLED: f32 = 0.0;
+
+/// The live values of all parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    pub(super) values: ForEachParameter<f32>,
+    /// Progress of saving each value.
+    pub(super) progress: ForEachParameter<Progress>,
+    /// Progress of saving the last reset.
+    pub(super) reset: Progress,
+    pub(super) flash: Flash,
+}
+
+/// Whether the values in flash are known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Flash {
+    /// They equal the live ones, except for unsaved changes.
+    Loaded,
+    /// They were not loaded.
+    NotLoaded,
+}
+
+/// The value is out of the parameter's range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub struct OutOfRange;
+
+impl Parameters {
+    /// All parameters at their defaults.
+    pub fn defaults() -> Self {
+        Self {
+            values: ForEachParameter::from_fn(ParameterId::default_value),
+            progress: ForEachParameter::default(),
+            reset: Progress::Saved,
+            flash: Flash::Loaded,
+        }
+    }
+
+    /// Marks the values in flash as not loaded: every value that is set has to be saved, even one that equals the
+    /// default.
+    pub fn mark_not_loaded(&mut self) {
+        self.flash = Flash::NotLoaded;
+    }
+
+    /// The live value, in the parameter's unit.
+    pub fn get(&self, id: impl Into<ParameterId>) -> f32 {
+        self.values.get(id.into())
+    }
+
+    /// The live value of a whole-number parameter, in the parameter's unit.
+    pub fn get_whole(&self, id: impl Into<ParameterId>) -> i32 {
+        self.whole(id.into())
+    }
+
+    #[inline(never)]
+    fn whole(&self, id: ParameterId) -> i32 {
+        round_to_i32(self.get(id))
+    }
+
+    /// The listed parameters in the order of their indices: all except those of disabled packs, which can still be read
+    /// and set by name.
+    pub fn listed(&self) -> impl Iterator<Item = ParameterId> {
+        ParameterId::all().filter(|id| self.is_listed(*id))
+    }
+
+    /// Number of listed parameters.
+    pub fn listed_count(&self) -> usize {
+        let of_packs: usize = Pack::ALL.into_iter().map(|pack| self.listed_of(pack)).sum();
+        PARAMETER_COUNT - MAX_PACKS * BatteryParameter::COUNT + of_packs
+    }
+
+    /// Index of a parameter in the list; `None` if hidden.
+    pub fn listed_index(&self, id: ParameterId) -> Option<usize> {
+        if !self.is_listed(id) {
+            return None;
+        }
+        let packs_before = match id {
+            ParameterId::Vehicle(_) => 0,
+            ParameterId::Battery(pack, _) => usize::from(pack.instance()),
+            #[cfg(not(target_os = "none"))]
+            ParameterId::Simulation(_) => MAX_PACKS,
+        };
+        let hidden_before: usize = Pack::ALL
+            .into_iter()
+            .take(packs_before)
+            .map(|pack| BatteryParameter::COUNT - self.listed_of(pack))
+            .sum();
+        Some(id.number() - hidden_before)
+    }
+
+    /// Number of listed parameters of a pack: all, or only `MONITOR`, which is the first.
+    fn listed_of(&self, pack: Pack) -> usize {
+        if self.is_monitored(pack) {
+            BatteryParameter::COUNT
+        } else {
+            1
+        }
+    }
+
+    /// Whether a pack is enabled by the live value of its `BATT_MONITOR`.
+    pub fn is_monitored(&self, pack: Pack) -> bool {
+        self.get(BatteryParameter::Monitor.of(pack)) != MONITOR_DISABLED
+    }
+
+    fn is_listed(&self, id: ParameterId) -> bool {
+        match id {
+            ParameterId::Vehicle(_) | ParameterId::Battery(_, BatteryParameter::Monitor) => true,
+            #[cfg(not(target_os = "none"))]
+            ParameterId::Simulation(_) => true,
+            ParameterId::Battery(pack, _) => self.is_monitored(pack),
+        }
+    }
+
+    /// Sets the live value, and marks it to be saved unless flash holds the same.
+    ///
+    /// # Errors
+    /// The value is out of range; the old one is kept.
+    pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), OutOfRange> {
+        let id = id.into();
+        let value = checked(id, value)?;
+        let is_saved = self.flash == Flash::Loaded
+            && self.progress.get(id) == Progress::Saved
+            && value.to_bits() == self.get(id).to_bits();
+        if !is_saved {
+            self.values.set(id, value);
+            self.progress.set(id, Progress::New);
+        }
+        Ok(())
+    }
+
+    /// Sets the live value to one loaded from flash under `key`.
+    ///
+    /// # Errors
+    /// The key is unknown or the value out of range, since an update of the firmware. The default is kept.
+    pub fn restore(&mut self, key: u16, value: f32) -> Result<(), OutOfRange> {
+        let id = ParameterId::from_key(key).ok_or(OutOfRange)?;
+        self.values.set(id, checked(id, value)?);
+        Ok(())
+    }
+}
+
+/// `value` converted to the parameter's type, if it is in range.
+fn checked(id: ParameterId, value: f32) -> Result<f32, OutOfRange> {
+    let row = id.row();
+    let value = match row.kind {
+        Kind::Real32 => value,
+        Kind::Int8 | Kind::Int16 | Kind::Int32 => whole_number(value),
+    };
+    if row.range.contains(value) {
+        Ok(value)
+    } else {
+        Err(OutOfRange)
+    }
+}
+
+/// Truncates a value of a whole-number parameter, as ArduPilot does. NaN and infinity are kept, to be out of range.
+fn whole_number(value: f32) -> f32 {
+    let nudged = value
+        + if value < 0.0 {
+            -WHOLE_NUMBER_TOLERANCE
+        } else {
+            WHOLE_NUMBER_TOLERANCE
+        };
+    if nudged.is_finite() {
+        nudged as i32 as f32
+    } else {
+        value
+    }
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self::defaults()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameter::{SimulationParameter, Unsaved, VehicleParameter};
+    use proptest::prelude::*;
+
+    const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
+    const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
+
+    #[test]
+    fn every_default_is_in_its_own_range() {
+        let mut parameters = Parameters::defaults();
+        for id in ParameterId::all() {
+            assert_eq!(parameters.get(id), id.default_value(), "{}", id.name());
+            assert_eq!(parameters.set(id, id.default_value()), Ok(()), "{}", id.name());
+        }
+        assert_eq!(parameters, Parameters::defaults());
+    }
+
+    /// The vehicle's, all of the first pack, `MONITOR` of the others, and the simulator's.
+    const LISTED_BY_DEFAULT: usize =
+        VehicleParameter::COUNT + BatteryParameter::COUNT + MAX_PACKS - 1 + SimulationParameter::COUNT;
+
+    #[test]
+    fn disabled_pack_is_hidden_except_its_monitor_parameter() {
+        let mut parameters = Parameters::defaults();
+        assert_eq!(parameters.listed().count(), LISTED_BY_DEFAULT);
+        for pack in Pack::ALL {
+            parameters.set(BatteryParameter::Monitor.of(pack), 4.0).unwrap();
+        }
+        assert_eq!(parameters.listed().count(), PARAMETER_COUNT);
+        for pack in Pack::ALL {
+            parameters.set(BatteryParameter::Monitor.of(pack), 0.0).unwrap();
+            let hidden = |id: &ParameterId| matches!(id, ParameterId::Battery(other, _) if *other == pack);
+            let listed: Vec<_> = parameters.listed().filter(hidden).collect();
+            assert_eq!(listed, [BatteryParameter::Monitor.of(pack)]);
+        }
+        assert_eq!(
+            parameters.listed().count(),
+            VehicleParameter::COUNT + MAX_PACKS + SimulationParameter::COUNT
+        );
+    }
+
+    #[test]
+    fn indices_and_count_match_the_list() {
+        let mut parameters = Parameters::defaults();
+        for monitored in [0b0_0000_0000, 0b1_1111_1111, 0b0_0000_0001, 0b1_0100_1010] {
+            for pack in Pack::ALL {
+                let monitor = if monitored & 1 << pack.instance() != 0 {
+                    4.0
+                } else {
+                    0.0
+                };
+                parameters
+                    .set(BatteryParameter::Monitor.of(pack), monitor)
+                    .unwrap();
+            }
+            assert_eq!(parameters.listed_count(), parameters.listed().count());
+            for id in ParameterId::all() {
+                let place = parameters.listed().position(|listed| listed == id);
+                assert_eq!(parameters.listed_index(id), place, "{}", id.name());
+            }
+        }
+    }
+
+    #[test]
+    fn hidden_parameter_can_be_set_and_saved() {
+        let mut parameters = Parameters::defaults();
+        let hidden = BatteryParameter::VoltMult.of(Pack::Ninth);
+        assert_eq!(parameters.set(hidden, 11.0), Ok(()));
+        assert_eq!(parameters.get(hidden), 11.0);
+        assert_eq!(parameters.next_unsaved(), Some(Unsaved::Value(hidden, 11.0)));
+        assert_eq!(parameters.get(VOLT_MULT), 3.95);
+    }
+
+    #[test]
+    fn value_out_of_range_is_rejected() {
+        let mut parameters = Parameters::defaults();
+        for value in [-1.0, 51.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
+            assert_eq!(parameters.set(EXTRA1, value), Err(OutOfRange), "{value}");
+            assert_eq!(parameters.get(EXTRA1), 2.0);
+        }
+        assert_eq!(
+            parameters.set(BatteryParameter::Monitor.of(Pack::First), 1.0),
+            Err(OutOfRange)
+        );
+        assert_eq!(parameters.next_unsaved(), None);
+    }
+
+    #[test]
+    fn whole_numbers_are_truncated_as_in_ardupilot() {
+        let mut parameters = Parameters::defaults();
+        for (given, kept) in [(7.0, 7.0), (7.9, 7.0), (6.995, 7.0), (0.5, 0.0)] {
+            assert_eq!(parameters.set(EXTRA1, given), Ok(()));
+            assert_eq!(parameters.get(EXTRA1), kept, "{given}");
+        }
+    }
+
+    #[test]
+    fn stored_value_out_of_range_leaves_the_default() {
+        let mut parameters = Parameters::defaults();
+        assert_eq!(parameters.restore(3, 10.0), Ok(()));
+        assert_eq!(parameters.restore(66, f32::NAN), Err(OutOfRange));
+        assert_eq!(parameters.restore(9999, 1.0), Err(OutOfRange));
+        assert_eq!(parameters.get(EXTRA1), 10.0);
+        assert_eq!(parameters.get(VOLT_MULT), 3.95);
+        assert_eq!(parameters.next_unsaved(), None);
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_is_set_every_value_stays_in_its_range(
+            changes in prop::collection::vec((0..PARAMETER_COUNT, any::<f32>(), -200.0f32..2000.0), 0..100),
+        ) {
+            let mut parameters = Parameters::defaults();
+            for (number, wild, plausible) in changes {
+                let id = ParameterId::all().nth(number).expect("there are as many");
+                let _ = parameters.set(id, wild);
+                let _ = parameters.set(id, plausible);
+            }
+            for id in ParameterId::all() {
+                prop_assert!(id.row().range.contains(parameters.get(id)), "{}", id.name());
+            }
+        }
+    }
+}
