@@ -63,7 +63,8 @@
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
 //! | [`crash`] | what is known of a crash after the restart |
-//! | [`tasks`] | thin `async` loops that wait, call the rooms above and publish |
+//! | [`autopilot`] | the core object: owns parameters, packs, vehicle and signing, and decides between them |
+//! | [`tasks`] | thin `async` loops that wait, call the core and publish |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |
 //! | `sim` | a simulated pack, clock and wire (host only) |
 //!
@@ -74,6 +75,7 @@
 //! - One pack and its life: [`BatteryMonitor`](battery::BatteryMonitor), [`BatteryState`](battery::BatteryState),
 //!   [`PackSettings`](battery::PackSettings).
 //! - A part of your own on the bus: [`SensorBus`](sensor::SensorBus), and `docs/adding-a-sensor.md`.
+//! - Everything at once, without hardware, links and clock: [`Autopilot`](autopilot::Autopilot).
 //! - A link without its wire, bytes in and frames out: [`Endpoint`](mavlink::Endpoint).
 //! - Firmware of your own, without the feature `board`: `docs/guides/as-a-dependency.md`.
 //! - Another board: the traits in [`tasks`], which `board` and `sim` implement.
@@ -82,6 +84,7 @@
 #![cfg_attr(target_os = "none", no_std)]
 
 mod crc32;
+mod in_place;
 mod log;
 mod rounding;
 mod sealed;

@@ -1,7 +1,8 @@
 //! Motors, lamps and buzzer, and battery failsafes on their way to them.
 
 use super::announcement::Announcement;
-use super::{Autopilot, Work};
+use super::autopilot::Autopilot;
+use super::work::Work;
 use crate::battery::FailsafeLevel;
 use crate::log::info;
 use crate::parameter::Pack;

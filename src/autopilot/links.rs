@@ -1,9 +1,10 @@
 //! Links to ground stations: what is sent and received, and what a request leads to.
 
 use super::announcement::{ANNOUNCEMENT_BYTES, Announcement};
+use super::autopilot::Autopilot;
 use super::broadcast::Next;
 use super::channel::Channel;
-use super::{Autopilot, Work};
+use super::work::Work;
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Action, Event, Framer, Message, SystemState};

@@ -1,29 +1,13 @@
 //! What has to be written to flash: parameters and the signing key.
 
 use super::announcement::Announcement;
-use super::{Autopilot, Work};
+use super::autopilot::Autopilot;
+use super::signing_save::Attempt;
+use super::work::Work;
 use crate::log::{info, warn};
 use crate::mavlink::{SigningChange, SigningTrouble, ToStore};
 use crate::parameter::{SAVE_RETRY_INTERVAL_US, Unsaved};
 use crate::storage::StorageError;
-
-/// Progress of writing the signing key.
-#[derive(Debug, Default)]
-pub(super) struct SigningSave {
-    /// To announce once it is in flash.
-    change: Option<SigningChange>,
-    attempt: Attempt,
-    /// After a failure, when to start again without a request.
-    retry_at_us: u64,
-}
-
-/// A failed write is repeated once, in the next sector.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Attempt {
-    #[default]
-    First,
-    Second,
-}
 
 impl Autopilot {
     /// The parameter to write to flash next. A value is live and acknowledged before it is written.

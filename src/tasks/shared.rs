@@ -7,6 +7,7 @@ use embassy_sync::signal::Signal;
 use embassy_sync::watch::{Receiver, Watch};
 
 use crate::autopilot::{Announcement, Autopilot, Start, Work};
+use crate::in_place::in_place;
 
 /// Links that can be woken by an announcement. The simulator has the most: eight by TCP and one by UDP. A further one
 /// sends announcements when its next stream is due.
@@ -34,7 +35,7 @@ impl Shared {
     #[inline(never)]
     pub fn new(start: &Start) -> Self {
         Self {
-            autopilot: in_place(|| Autopilot::new(start)),
+            autopilot: in_place(|| RefCell::new(Autopilot::new(start))),
             announced: Watch::new(),
             to_drive: Signal::new(),
             to_save: Signal::new(),
@@ -84,10 +85,4 @@ impl Shared {
             self.announced.sender().send(());
         }
     }
-}
-
-/// A cell that is built where it stays. Inlined, it would be built on the stack and copied.
-#[inline(never)]
-fn in_place<T>(content: impl FnOnce() -> T) -> RefCell<T> {
-    RefCell::new(content())
 }

@@ -1,0 +1,112 @@
+//! The core object.
+
+use super::announcement::Announcement;
+use super::broadcast::Broadcast;
+use super::packs::Packs;
+use super::signing_save::SigningSave;
+use super::start::{Start, StartNotices};
+use super::work::Work;
+use crate::battery::BatteryState;
+use crate::in_place::in_place;
+use crate::log::info;
+use crate::mavlink::{Signing, SystemState};
+use crate::pack::Pack;
+use crate::parameter::{Parameters, SaveFailures};
+use crate::vehicle::{Vehicle, VehicleStatus};
+
+/// The autopilot without its hardware, links and clock.
+///
+/// Times are microseconds since an arbitrary epoch, on the board since boot.
+#[derive(Debug)]
+pub struct Autopilot {
+    pub(super) parameters: Parameters,
+    pub(super) packs: Packs,
+    pub(super) vehicle: Vehicle,
+    pub(super) signing: Signing,
+    pub(super) load_permille: u16,
+    pub(super) start_notices: StartNotices,
+    pub(super) broadcast: Broadcast,
+    pub(super) save_failures: SaveFailures,
+    pub(super) signing_save: SigningSave,
+    /// The vehicle's status in the latest log line.
+    pub(super) logged_status: VehicleStatus,
+    pub(super) work: Work,
+}
+
+impl Autopilot {
+    /// The autopilot at boot; nothing has been measured yet.
+    // Not inlined: see `in_place`.
+    #[inline(never)]
+    pub fn new(start: &Start) -> Self {
+        Self {
+            start_notices: start.notices(),
+            signing: in_place(|| start.signing.clone()),
+            parameters: in_place(|| start.parameters.clone()),
+            vehicle: in_place(Vehicle::new),
+            load_permille: 0,
+            save_failures: SaveFailures::default(),
+            signing_save: SigningSave::default(),
+            logged_status: VehicleStatus::default(),
+            work: Work::empty(),
+            broadcast: Broadcast::new(),
+            packs: Packs::new(&start.parameters),
+        }
+    }
+
+    /// The live parameters.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// The live parameters, for a program that sets them itself.
+    pub fn parameters_mut(&mut self) -> &mut Parameters {
+        &mut self.parameters
+    }
+
+    /// The vehicle.
+    pub fn vehicle(&self) -> &Vehicle {
+        &self.vehicle
+    }
+
+    /// The state of a pack.
+    pub fn battery(&self, pack: Pack) -> &BatteryState {
+        self.packs.state(pack)
+    }
+
+    /// Sampling ticks so far, modulo 2^32.
+    pub fn samples(&self) -> u32 {
+        self.packs.ticks()
+    }
+
+    /// Busy share of the processor over the last second, in tenths of a percent.
+    pub fn load_permille(&self) -> u16 {
+        self.load_permille
+    }
+
+    /// Sets the busy share of the processor over the last second, in tenths of a percent.
+    pub fn set_load(&mut self, load_permille: u16) {
+        self.load_permille = load_permille;
+    }
+
+    /// Everything telemetry reports now, apart from a link's own counters.
+    pub fn system_state(&self) -> SystemState<'_> {
+        SystemState {
+            batteries: self.packs.states(),
+            vehicle: self.vehicle.status(),
+            load_permille: self.load_permille,
+            ..SystemState::default()
+        }
+    }
+
+    /// Announces something to all connected ground stations, once.
+    pub fn announce(&mut self, announcement: Announcement<'_>) {
+        info!("announced: {}", announcement.text().as_str());
+        self.broadcast.add(&announcement);
+        self.work |= Work::ANNOUNCED;
+    }
+
+    /// What other tasks have to do since the last call.
+    pub fn take_work(&mut self) -> Work {
+        core::mem::take(&mut self.work)
+    }
+}

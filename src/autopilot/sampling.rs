@@ -1,0 +1,183 @@
+//! Sampling: a tick every 100 ms, pack after pack.
+
+use heapless::Vec;
+
+use super::announcement::Announcement;
+use super::autopilot::Autopilot;
+use super::packs::PIN_COUNT;
+use crate::battery::{
+    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackSettings, PackStatus, PackUpdate, ReadError,
+    RetainedMemory, Tick, recall, retain,
+};
+use crate::log::{info, warn};
+use crate::pack::Pack;
+use crate::sensor::{AnalogPin, AnalogReadings, MonitorKind, Pulses};
+
+/// Readings count as taken at a whole millisecond: so intervals are nearly always equal, and the filters need not divide
+/// anew.
+const RESOLUTION_US: u64 = 1_000;
+
+/// One in so many of an unhealthy pack's failed reads is logged.
+const LOGGED_FAILURE: u32 = 10;
+
+/// Ticks between records of what has to survive a reset: a second.
+const TICKS_PER_RECORD: u32 = 10;
+
+/// A sampling tick in progress.
+#[derive(Debug)]
+pub struct SamplingTick {
+    tick: Tick,
+    readings: AnalogReadings,
+    /// Position in the order of sampling.
+    next: usize,
+}
+
+/// Progress of a sampling tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
+pub enum SamplingProgress {
+    /// Another pack may be left.
+    Sampled(Pack),
+    /// All packs are done.
+    Complete,
+}
+
+impl Autopilot {
+    /// Continues with what was retained of the packs over a reset, before the first tick.
+    pub fn restore_packs(&mut self, memory: &RetainedMemory) {
+        if let Some(packs) = recall(memory) {
+            self.packs.bank.restore(&packs);
+            info!("battery: consumption kept over the reset");
+        }
+    }
+
+    /// The pins to read before the next sampling tick.
+    pub fn pins_to_read(&self) -> Vec<AnalogPin, PIN_COUNT> {
+        self.packs.needed_pins(&self.parameters)
+    }
+
+    /// Begins a sampling tick with what the pins read; due every 100 ms.
+    pub fn begin_sampling(&self, now_us: u64, readings: AnalogReadings) -> SamplingTick {
+        SamplingTick {
+            tick: Tick {
+                now_us: now_us - now_us % RESOLUTION_US,
+                arm_state: self.vehicle.arm_state(),
+            },
+            readings,
+            next: 0,
+        }
+    }
+
+    /// Samples the next pack. A failsafe that it reaches has acted on the vehicle when this returns.
+    ///
+    /// Nine packs take a few milliseconds: other tasks may run after each.
+    pub fn sample_next(&mut self, sampling: &mut SamplingTick) -> SamplingProgress {
+        let Some((pack, kind)) = self.packs.order.get(sampling.next).copied() else {
+            return SamplingProgress::Complete;
+        };
+        sampling.next += 1;
+        let reading = self.packs.measure(
+            pack,
+            kind,
+            sampling.tick.now_us,
+            &sampling.readings,
+            &self.parameters,
+            self.vehicle.effort(),
+        );
+        if let Some(reading) = reading {
+            self.update_pack(pack, sampling.tick, reading);
+        }
+        SamplingProgress::Sampled(pack)
+    }
+
+    /// Ends a sampling tick. Once a second `memory` is updated.
+    pub fn end_sampling(&mut self, _: SamplingTick, memory: &mut RetainedMemory) {
+        self.vehicle.update_batteries(self.packs.bank.worst_failsafe());
+        if self.packs.ticks.is_multiple_of(TICKS_PER_RECORD) {
+            retain(memory, &self.packs.bank.memory());
+        }
+        self.packs.ticks = self.packs.ticks.wrapping_add(1);
+    }
+
+    fn update_pack(&mut self, pack: Pack, tick: Tick, reading: Result<Measurement, ReadError>) {
+        let settings = PackSettings::from_parameters(&self.parameters, pack);
+        let Some(monitor) = self.packs.bank.monitor(pack.instance()) else {
+            return;
+        };
+        let before = monitor.state().status;
+        let PackUpdate {
+            events,
+            error,
+            failsafe,
+        } = monitor.update(tick, reading, &settings);
+        if let Some(error) = error {
+            log_failure(pack, error, monitor.failed_reads());
+        }
+        log_change(pack, before, monitor.state().status);
+        if let Some(state) = self.packs.states.get_mut(usize::from(pack.instance())) {
+            *state = *monitor.state();
+        }
+        for event in &events {
+            self.announce(Announcement::Pack(pack, event));
+        }
+        if let Some(level) = failsafe {
+            self.act_on_failsafe(pack, level);
+        }
+    }
+
+    /// Takes a reading of a pack's part on the bus, or the reason why there is none.
+    pub fn add_bus_reading(&mut self, pack: Pack, reading: Result<Measurement, ReadError>) {
+        if let Some(samples) = self.packs.samples.get_mut(usize::from(pack.instance())) {
+            samples.add(reading);
+        }
+    }
+
+    /// Takes a reading of ESC telemetry, for every pack that uses it, or the reason why there is none.
+    pub fn add_esc_reading(&mut self, reading: Result<Measurement, ReadError>) {
+        for (pack, kind) in &self.packs.order {
+            if *kind == MonitorKind::Esc
+                && let Some(samples) = self.packs.samples.get_mut(usize::from(pack.instance()))
+            {
+                samples.add(reading);
+            }
+        }
+    }
+
+    /// Sets the measurement of the pulses so far.
+    pub fn set_pulses(&mut self, pulses: Pulses) {
+        self.packs.pulses = pulses;
+    }
+
+    /// Sets the state of a pack that is not monitored here.
+    pub fn set_battery(&mut self, pack: Pack, state: BatteryState) {
+        if let Some(place) = self.packs.states.get_mut(usize::from(pack.instance())) {
+            *place = state;
+        }
+    }
+}
+
+/// Further failed reads of an unhealthy pack are no news; one in a second shows that they go on.
+fn log_failure(pack: Pack, error: ReadError, failed_reads: u32) {
+    if failed_reads <= FAILED_READS_UNTIL_UNHEALTHY || failed_reads.is_multiple_of(LOGGED_FAILURE) {
+        warn!(
+            "battery {}: read failed, {:?}, {} in a row",
+            pack.instance() + 1,
+            error,
+            failed_reads
+        );
+    }
+}
+
+fn log_change(pack: Pack, before: PackStatus, now: PackStatus) {
+    if before == now {
+        return;
+    }
+    let number = pack.instance() + 1;
+    match now {
+        PackStatus::Unhealthy => warn!("battery {}: unhealthy, keeping the last good value", number),
+        PackStatus::NotConnected => warn!("battery {}: not connected", number),
+        PackStatus::Disabled | PackStatus::Unknown | PackStatus::Healthy => {
+            info!("battery {}: {:?}", number, now)
+        }
+    }
+}

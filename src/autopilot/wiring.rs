@@ -1,0 +1,31 @@
+//! The peripherals that the parameters call for.
+
+use super::autopilot::Autopilot;
+use crate::parameter::{VehicleParameter, serial_baud};
+use crate::sensor;
+
+/// Peripherals that the parameters call for. Those that are not used stay untouched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wiring {
+    /// Baud rate of the telemetry port (`SERIAL0_BAUD`).
+    pub telemetry_baud: u32,
+    /// Clock of the I2C bus, in hertz.
+    pub i2c_clock_hz: u32,
+    /// Whether a pack uses ESC telemetry.
+    pub uses_esc: bool,
+    /// Whether a pack uses the pulse input.
+    pub uses_pulses: bool,
+}
+
+impl Autopilot {
+    /// The peripherals that the parameters call for.
+    pub fn wiring(&self) -> Wiring {
+        let parameters = &self.parameters;
+        Wiring {
+            telemetry_baud: serial_baud(parameters.get_whole(VehicleParameter::Serial0Baud)),
+            i2c_clock_hz: sensor::bus_clock_hz(parameters),
+            uses_esc: sensor::needs_esc(parameters),
+            uses_pulses: sensor::needs_pulses(parameters),
+        }
+    }
+}
