@@ -127,6 +127,7 @@ impl Autopilot {
             Event::Unauthorized { to_report } => {
                 if let Some(count) = to_report {
                     let link = channel.name();
+                    warn!("{}: not signed with the key, ignored: {}", link, count);
                     self.announce(Announcement::Unauthorized { link, count });
                 }
             }

@@ -65,7 +65,7 @@ impl Start {
                 None
             }
             ParameterLoad::Skipped => {
-                warn!("parameters not loaded");
+                warn!("{}", Announcement::DefaultParameters.text().as_str());
                 Some(Announcement::DefaultParameters)
             }
             ParameterLoad::Damaged(error) => {
@@ -77,9 +77,11 @@ impl Start {
             warn!("{}", SigningTrouble::KeyLost.text());
         }
         let failsafes = are_failsafes_off(&self.parameters).then_some(Announcement::FailsafesOff);
+        if failsafes.is_some() {
+            info!("battery failsafes are off");
+        }
         let mut notices = Vec::new();
         for notice in load.into_iter().chain(failsafes) {
-            info!("{}", notice.text().as_str());
             // There is room for both.
             let _ = notices.push(notice);
         }
