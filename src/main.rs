@@ -24,7 +24,7 @@ mod firmware {
 
     static FLASH: StaticCell<FlashDriver> = StaticCell::new();
     static SHARED: StaticCell<Shared> = StaticCell::new();
-    static TELEMETRY: StaticCell<Link> = StaticCell::new();
+    static UART0: StaticCell<Link> = StaticCell::new();
 
     /// A byte on the line has ten bits.
     const BITS_PER_BYTE: u32 = 10;
@@ -34,20 +34,20 @@ mod firmware {
 
     // Each deadline is several of the task's own intervals.
     static BATTERY: CheckIn = CheckIn::new("battery", 1_000);
-    static BUS: CheckIn = CheckIn::new("I2C1", 2_500);
-    static ESC: CheckIn = CheckIn::new("UART1 reader", 2_500);
+    static BUS: CheckIn = CheckIn::new("bus", 2_500);
+    static ESC: CheckIn = CheckIn::new("esc", 2_500);
     static PULSES: CheckIn = CheckIn::new("pulses", 2_500);
     static DRIVE: CheckIn = CheckIn::new("drive", 500);
-    static SCHEDULER: CheckIn = CheckIn::new("telemetry", 2_500);
-    static WRITER: CheckIn = CheckIn::new("UART0 writer", 2_500);
-    static READER: CheckIn = CheckIn::new("UART0 reader", 2_500);
-    static STORAGE: CheckIn = CheckIn::new("parameters", 5_000);
+    static TELEMETRY: CheckIn = CheckIn::new("telemetry", 2_500);
+    static UART0_WRITER: CheckIn = CheckIn::new("UART0 writer", 2_500);
+    static UART0_READER: CheckIn = CheckIn::new("UART0 reader", 2_500);
+    static PARAMETERS: CheckIn = CheckIn::new("parameters", 5_000);
     static SIGNING: CheckIn = CheckIn::new("signing", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
 
     /// Without a host, or with one that does not read, the USB link stands still, and nothing is wrong with the board. So
     /// the supervisor does not look at it.
-    static UNWATCHED: CheckIn = CheckIn::new("USB", u32::MAX);
+    static UNWATCHED: CheckIn = CheckIn::new("USB link", u32::MAX);
 
     #[embassy_executor::task]
     async fn battery(input: AnalogInputs, memory: &'static mut RetainedMemory, shared: &'static Shared) -> ! {
@@ -81,20 +81,23 @@ mod firmware {
 
     #[embassy_executor::task]
     async fn telemetry(shared: &'static Shared, link: &'static Link) -> ! {
-        tasks::schedule_telemetry(shared, link, &SCHEDULER).await
+        tasks::schedule_telemetry(shared, link, &TELEMETRY).await
     }
 
     #[embassy_executor::task]
-    async fn writer(wire: UartTransmitter, shared: &'static Shared, link: &'static Link) {
-        if tasks::write_frames(wire, shared, link, &WRITER).await.is_err() {
+    async fn uart0_writer(wire: UartTransmitter, shared: &'static Shared, link: &'static Link) {
+        if tasks::write_frames(wire, shared, link, &UART0_WRITER)
+            .await
+            .is_err()
+        {
             // The writer no longer checks in, so the watchdog restarts the board.
             warn!("UART0: writing failed");
         }
     }
 
     #[embassy_executor::task]
-    async fn reader(wire: UartReceiver, shared: &'static Shared, link: &'static Link) {
-        tasks::read_frames(wire, shared, link, &READER).await;
+    async fn uart0_reader(wire: UartReceiver, shared: &'static Shared, link: &'static Link) {
+        tasks::read_frames(wire, shared, link, &UART0_READER).await;
     }
 
     #[embassy_executor::task]
@@ -119,7 +122,7 @@ mod firmware {
 
     #[embassy_executor::task]
     async fn parameters(storage: Storage<BoardFlash>, shared: &'static Shared) -> ! {
-        tasks::keep_parameters(storage, shared, &STORAGE).await
+        tasks::keep_parameters(storage, shared, &PARAMETERS).await
     }
 
     #[embassy_executor::task]
@@ -135,7 +138,17 @@ mod firmware {
     #[embassy_executor::task]
     async fn supervisor(mut watchdog: BoardWatchdog) -> ! {
         let watched = [
-            &BATTERY, &BUS, &ESC, &PULSES, &DRIVE, &SCHEDULER, &WRITER, &READER, &STORAGE, &SIGNING, &STATUS,
+            &BATTERY,
+            &BUS,
+            &ESC,
+            &PULSES,
+            &DRIVE,
+            &TELEMETRY,
+            &UART0_WRITER,
+            &UART0_READER,
+            &PARAMETERS,
+            &SIGNING,
+            &STATUS,
         ];
         tasks::supervise(&watched, &mut watchdog).await
     }
@@ -229,15 +242,19 @@ mod firmware {
         start(spawner, DRIVE.name(), drive(motors, indicators, shared));
         start(spawner, "buzzer", buzzer(sounder));
         start(spawner, BATTERY.name(), battery(input, memory, shared));
-        start(spawner, SCHEDULER.name(), telemetry(shared, link));
-        start(spawner, WRITER.name(), writer(transmitter, shared, link));
-        start(spawner, READER.name(), reader(receiver, shared, link));
+        start(spawner, TELEMETRY.name(), telemetry(shared, link));
+        start(
+            spawner,
+            UART0_WRITER.name(),
+            uart0_writer(transmitter, shared, link),
+        );
+        start(spawner, UART0_READER.name(), uart0_reader(receiver, shared, link));
         start(spawner, BUS.name(), bus(sensor_bus, shared));
         start(spawner, ESC.name(), esc(esc_wire, shared));
         start(spawner, PULSES.name(), pulses(pulse_pin, shared));
         start(spawner, "USB device", usb_device(device));
         start(spawner, UNWATCHED.name(), usb_link(port, shared));
-        start(spawner, STORAGE.name(), parameters(storage, shared));
+        start(spawner, PARAMETERS.name(), parameters(storage, shared));
         start(spawner, SIGNING.name(), signing(signing_storage, shared));
         start(spawner, STATUS.name(), status(shared, link));
         start(spawner, "reboot", reboot(shared, link));
@@ -253,7 +270,7 @@ mod firmware {
 
     #[inline(never)]
     fn open_telemetry(baud: u32) -> &'static Link {
-        TELEMETRY.init_with(|| Link::new("UART0", LinkKind::Radio, baud / BITS_PER_BYTE))
+        UART0.init_with(|| Link::new("UART0", LinkKind::Radio, baud / BITS_PER_BYTE))
     }
 
     /// A task that can't be started never checks in, so the watchdog restarts the board. A crash names it by `name`.
