@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use motor_poles::{Motor, motors};
-use rover_battmon::battery::{ArmingFailure, Contents, FailsafeLevel, Gap, PackEvent, ReadError};
+use rover_battmon::battery::{ArmingFailure, BusError, Contents, FailsafeLevel, Gap, PackEvent, ReadError};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamKind, Subject};
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
@@ -327,17 +327,18 @@ fn number_length(text: &str) -> usize {
     }
 }
 
-const READ_ERRORS: [ReadError; 12] = [
+const READ_ERRORS: [ReadError; 13] = [
     ReadError::Timeout,
     ReadError::Conversion,
     ReadError::NoPin,
     ReadError::NoCapacity,
     ReadError::NoHealthyMember,
     ReadError::Implausible,
-    ReadError::NoAnswer,
-    ReadError::BusStuck,
-    ReadError::Bus,
-    ReadError::Checksum,
+    ReadError::Bus(BusError::NoAnswer),
+    ReadError::Bus(BusError::Timeout),
+    ReadError::Bus(BusError::Stuck),
+    ReadError::Bus(BusError::Transfer),
+    ReadError::Bus(BusError::Checksum),
     ReadError::OtherPart,
     ReadError::AddressTaken,
 ];

@@ -23,6 +23,7 @@ mod load;
 mod low_pass;
 mod measurement;
 mod monitor;
+mod read_error;
 mod resistance;
 mod rest;
 mod retained;
@@ -42,10 +43,11 @@ pub use details::{Date, Name, PackDetails};
 pub use event::PackEvent;
 pub use failsafe_level::FailsafeLevel;
 pub use faults::Faults;
-pub use measurement::{Consumed, Contents, Counted, Gauge, Measurement, ReadError, Supply};
+pub use measurement::{Consumed, Contents, Counted, Gauge, Measurement, Supply};
 pub use monitor::{
     BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MAX_EVENTS, MIN_CONNECTED_VOLTAGE_V, PackEvents,
 };
+pub use read_error::{BusError, ReadError};
 pub use retained::{PackMemory, RetainedMemory, RetainedRecord, recall, retain};
 pub use settings::{FailsafeSettings, PackSettings, Thresholds, VoltageSource};
 pub use state::{BatteryState, ChargeSource, ChargeState, PackStatus, ReportedVoltage, Visibility};

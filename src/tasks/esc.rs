@@ -5,7 +5,7 @@ use embassy_time::{Instant, with_timeout};
 use heapless::Vec;
 
 use super::{ByteSource, LONGEST_SLEEP, ReceiveError, Shared, idle, mark};
-use crate::battery::{MAX_PACKS, Measurement, ReadError};
+use crate::battery::{BusError, MAX_PACKS, Measurement, ReadError};
 use crate::liveness::CheckIn;
 use crate::parameter::Pack;
 use crate::sensor::{EscTelemetry, MonitorKind};
@@ -17,7 +17,7 @@ const CHUNK_BYTES: usize = 32;
 /// heard of them.
 pub async fn read_esc(source: Option<impl ByteSource>, shared: &Shared, check_in: &CheckIn) -> ! {
     let packs = packs(shared);
-    deliver(&packs, Err(ReadError::NoAnswer), shared);
+    deliver(&packs, Err(ReadError::Bus(BusError::NoAnswer)), shared);
     let Some(mut source) = source else {
         idle(check_in).await
     };

@@ -2,8 +2,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel, FailsafeSettings, Faults, PackDetails,
-    Thresholds, VoltageSource,
+    BusError, CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel, FailsafeSettings, Faults,
+    PackDetails, Thresholds, VoltageSource,
 };
 
 /// A monitor with its settings and clock.
@@ -266,7 +266,7 @@ fn other_resting_voltage_after_contact_loss_is_a_swap() {
 #[test]
 fn similar_resting_voltage_after_contact_loss_is_no_swap() {
     // It may have recovered from its load meanwhile. A failed sensor is a loss of contact, too.
-    for contact_loss in [Ok(loaded(0.3, 0.0)), Err(ReadError::NoAnswer)] {
+    for contact_loss in [Ok(loaded(0.3, 0.0)), Err(ReadError::Bus(BusError::NoAnswer))] {
         let mut bench = Bench::new();
         bench.run(60.0, loaded(11.1, 5.0));
         bench.run(5.0, loaded(11.2, 0.0));
@@ -284,7 +284,7 @@ fn swap_is_detected_after_a_sensor_failure() {
     let mut bench = Bench::new();
     bench.run(5.0, loaded(10.2, 0.0));
     for _ in 0..20 {
-        bench.tick(Err(ReadError::NoAnswer));
+        bench.tick(Err(ReadError::Bus(BusError::NoAnswer)));
     }
     bench.run(5.0, loaded(12.4, 0.0));
     assert!(bench.events.contains(&PackEvent::Swapped), "{:?}", bench.events);
@@ -644,7 +644,7 @@ fn serial_number_misread_or_read_while_armed_is_no_swap() {
     for between in [
         Ok(smart(11.7)),
         Ok(with_serial_number(4713, 11.7)),
-        Err(ReadError::Checksum),
+        Err(ReadError::Bus(BusError::Checksum)),
     ] {
         let mut bench = Bench::new();
         bench.tick(Ok(smart(11.7)));
@@ -703,7 +703,7 @@ fn counter_keeps_charge_drawn_during_failed_reads() {
     };
     bench.tick(Ok(counted(0.0)));
     for _ in 0..100 {
-        bench.tick(Err(ReadError::NoAnswer));
+        bench.tick(Err(ReadError::Bus(BusError::NoAnswer)));
     }
     bench.events.clear();
     bench.tick(Ok(counted(50.0)));
@@ -718,9 +718,12 @@ fn sensor_failure_and_recovery_are_announced_once() {
     bench.tick(Ok(smart(11.7)));
     bench.events.clear();
     for _ in 0..100 {
-        bench.tick(Err(ReadError::NoAnswer));
+        bench.tick(Err(ReadError::Bus(BusError::NoAnswer)));
     }
-    assert_eq!(bench.events, [PackEvent::SensorFailed(ReadError::NoAnswer)]);
+    assert_eq!(
+        bench.events,
+        [PackEvent::SensorFailed(ReadError::Bus(BusError::NoAnswer))]
+    );
     for _ in 0..100 {
         bench.tick(Ok(smart(11.7)));
     }
@@ -919,7 +922,7 @@ fn any_stretch() -> impl Strategy<Value = Stretch> {
             ..volts(voltage_v)
         })
     });
-    let reading = prop_oneof![8 => reading, 1 => Just(Err(ReadError::NoAnswer))];
+    let reading = prop_oneof![8 => reading, 1 => Just(Err(ReadError::Bus(BusError::NoAnswer)))];
     let arm_state = prop_oneof![1 => Just(ArmState::Armed), 6 => Just(ArmState::Disarmed)];
     (1u32..40, arm_state, reading).prop_map(|(ticks, arm_state, reading)| Stretch {
         ticks,
