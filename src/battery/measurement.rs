@@ -9,8 +9,8 @@ pub enum Contents {
     /// Electric charge.
     #[default]
     Charge,
-    /// Liquid fuel: values in milliampere-hours are millilitres, those in amperes are litres per hour. It has neither
-    /// voltage nor energy.
+    /// Liquid fuel: in a [`Measurement`], values in milliampere-hours are millilitres then, and those in amperes are litres
+    /// per hour. It has neither voltage nor energy.
     Fuel,
 }
 

@@ -1,5 +1,6 @@
 //! Battery monitoring: [`Measurement`]s in, a [`BatteryState`] per pack out.
 
+mod amount;
 mod arm_state;
 mod arming;
 mod bank;
@@ -33,6 +34,7 @@ mod sum;
 mod swap;
 mod tick;
 
+pub use amount::Amount;
 pub use arm_state::ArmState;
 pub use arming::{ArmingFailure, arming_failures};
 pub use bank::BatteryBank;

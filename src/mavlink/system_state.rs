@@ -1,7 +1,7 @@
 //! Everything telemetry reports, at one moment.
 
 use super::ReceiveStatistics;
-use crate::battery::{BatteryState, ChargeSource, Contents, PackStatus, Visibility};
+use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
 use crate::pack::Pack;
 use crate::vehicle::VehicleStatus;
 
@@ -58,8 +58,7 @@ impl SystemState<'_> {
 
     /// Whether `pack` is a tank whose capacity is known.
     pub fn is_tank(&self, pack: Pack) -> bool {
-        let battery = self.battery(pack);
-        battery.contents == Contents::Fuel && battery.capacity_mah.is_some()
+        self.battery(pack).capacity_ml().is_some()
     }
 
     fn mask_of(&self, is_meant: impl Fn(&BatteryState) -> bool) -> u16 {

@@ -37,7 +37,7 @@ fn severity(event: &PackEvent) -> MavSeverity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{Contents, FailsafeLevel, Gap, ReadError};
+    use crate::battery::{Amount, FailsafeLevel, Gap, ReadError};
 
     #[test]
     fn every_event_has_a_text_that_fits() {
@@ -47,11 +47,10 @@ mod tests {
                 counted_mah,
             })
         };
-        let failsafe = |level, contents| PackEvent::Failsafe {
+        let failsafe = |level, consumed| PackEvent::Failsafe {
             level,
-            contents,
             voltage_v: 1000.0,
-            consumed_mah: -1e9,
+            consumed,
         };
         for (event, expected) in [
             (
@@ -80,15 +79,15 @@ mod tests {
             (PackEvent::SensorRecovered, "Battery 9 healthy again"),
             (PackEvent::PoweringOff, "Battery 9 is powering off"),
             (
-                failsafe(FailsafeLevel::Low, Contents::Charge),
+                failsafe(FailsafeLevel::Low, Amount::Mah(-1e9)),
                 "Battery 9 is low 1000.00V used -1000000000 mAh",
             ),
             (
-                failsafe(FailsafeLevel::Unhealthy, Contents::Charge),
+                failsafe(FailsafeLevel::Unhealthy, Amount::Mah(-1e9)),
                 "Battery 9 is missing, last: 1000.00V used -1000000000 mAh",
             ),
             (
-                failsafe(FailsafeLevel::Critical, Contents::Fuel),
+                failsafe(FailsafeLevel::Critical, Amount::Ml(-1e9)),
                 "Battery 9 is critical, used -1000000000 ml",
             ),
         ] {

@@ -370,7 +370,7 @@ proptest! {
                 let tick = Tick { now_us, ..Tick::default() };
                 monitor.update(tick, reading, &PackSettings::default());
                 let state = monitor.state();
-                let values = [state.voltage_v, state.current_a, state.consumed_mah, state.remaining_pct];
+                let values = [state.voltage_v, state.current_a, state.consumed_mah(), state.remaining_pct];
                 prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
             }
         }
@@ -393,7 +393,7 @@ proptest! {
             }
             let state = monitor.state();
             prop_assert!(state.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{:?}", state);
-            let values = [state.voltage_v, state.current_a, state.consumed_mah, state.time_remaining_s];
+            let values = [state.voltage_v, state.current_a, state.consumed_mah(), state.time_remaining_s];
             prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
         }
     }
