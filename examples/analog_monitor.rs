@@ -24,6 +24,7 @@ mod firmware {
     };
     use rover_battmon::board::{self, AnalogInputs};
     use rover_battmon::mavlink::{LinkKind, SystemState};
+    use rover_battmon::pack::Pack;
     use rover_battmon::parameter::Parameters;
     use rover_battmon::sensor::{AnalogPin, VoltageDivider, read_mean};
     use rover_battmon::tasks::WiredEndpoint;
@@ -83,7 +84,7 @@ mod firmware {
                 arm_state: ArmState::Armed,
             };
             let (events, _) = monitor.update(tick, reading, &settings);
-            link.announce(0, &events);
+            link.announce(Pack::First, &events);
             led.set_level((monitor.state().charge_state == ChargeState::Ok).into());
 
             // Report what is due.

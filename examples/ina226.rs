@@ -66,7 +66,7 @@ mod firmware {
             };
             let judge = |_, reading| {
                 let (events, _) = monitor.update(tick, reading, &settings);
-                link.announce(0, &events);
+                link.announce(Pack::First, &events);
             };
             parts.read_next(&mut bus, tick.now_us, judge).await;
 

@@ -116,7 +116,7 @@ mod firmware {
 
         loop {
             // Measure each pack, judge it by its own settings, and tell what happened to it.
-            for (instance, pack) in (0..).zip(&mut packs) {
+            for (place, pack) in rover_battmon::pack::Pack::ALL.into_iter().zip(&mut packs) {
                 let reading = measure(pack, &mut pins).await;
                 let tick = Tick {
                     now_us: Instant::now().as_micros(),
@@ -124,7 +124,7 @@ mod firmware {
                     arm_state: ArmState::Armed,
                 };
                 let (events, _) = pack.monitor.update(tick, reading, &pack.settings);
-                link.announce(instance, &events);
+                link.announce(place, &events);
             }
 
             // Report what is due: the instance of a BATTERY_STATUS is the pack's place here.

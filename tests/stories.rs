@@ -72,9 +72,7 @@ impl Stage {
             Input::Reset { percent } => {
                 for pack in Pack::ALL {
                     let settings = PackSettings::from_parameters(&self.parameters, pack);
-                    if let Some(monitor) = self.bank.monitor(pack.instance()) {
-                        monitor.reset(percent, &settings);
-                    }
+                    self.bank.monitor(pack).reset(percent, &settings);
                 }
             }
         }
@@ -112,13 +110,10 @@ impl Stage {
             now_us,
             arm_state: self.vehicle.arm_state(),
         };
-        let Some(monitor) = self.bank.monitor(pack.instance()) else {
-            return;
-        };
-        let (events, _) = monitor.update(tick, reading, &settings);
+        let (events, _) = self.bank.monitor(pack).update(tick, reading, &settings);
         for event in events {
             self.texts
-                .push((time_s, pack_announcement(pack.instance(), &event).1.to_string()));
+                .push((time_s, pack_announcement(pack, &event).1.to_string()));
             if let PackEvent::Failsafe { level, .. } = event {
                 self.levels.push((time_s, number, level_of(level)));
                 let action = FailsafeAction::from_parameters(&self.parameters, pack, level);

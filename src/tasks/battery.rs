@@ -160,9 +160,7 @@ fn update(
     let Some(reading) = measure(bank, pack, kind, tick.now_us, sensors, shared) else {
         return;
     };
-    let Some(monitor) = bank.monitor(instance) else {
-        return;
-    };
+    let monitor = bank.monitor(pack);
     if let Some(percent) = shared.take_battery_reset(instance) {
         monitor.reset(percent, &settings);
     }
@@ -173,7 +171,7 @@ fn update(
     }
     log_change(pack, before, monitor.state().status);
     for event in events {
-        let (severity, text) = pack_announcement(instance, &event);
+        let (severity, text) = pack_announcement(pack, &event);
         info!("{}", text.as_str());
         shared.announce(severity, &text);
         if let PackEvent::Failsafe { level, .. } = event {
@@ -213,11 +211,7 @@ fn measure(
     Some(shared.with_parameters(|parameters| match kind {
         MonitorKind::Sum => {
             let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
-            bank.sum(
-                pack.instance(),
-                mask,
-                SumVoltage::from_parameters(parameters, pack),
-            )
+            bank.sum(pack, mask, SumVoltage::from_parameters(parameters, pack))
         }
         MonitorKind::Fuel(kind) => {
             let meter = meters.get_mut(usize::from(pack.instance()));

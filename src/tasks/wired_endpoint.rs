@@ -4,6 +4,7 @@ use embedded_io_async::Write;
 
 use crate::battery::PackEvent;
 use crate::mavlink::{Endpoint, Framer, LinkKind, SystemState, pack_announcement};
+use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
 
 /// Our end of a link together with its wire, for a program of one loop. Nothing is signed.
@@ -25,9 +26,9 @@ impl<W: Write> WiredEndpoint<W> {
     }
 
     /// Posts a STATUSTEXT for each event of a pack.
-    pub fn announce(&mut self, instance: u8, events: &[PackEvent]) {
+    pub fn announce(&mut self, pack: Pack, events: &[PackEvent]) {
         for event in events {
-            let (severity, text) = pack_announcement(instance, event);
+            let (severity, text) = pack_announcement(pack, event);
             self.endpoint.say(severity, &text);
         }
     }

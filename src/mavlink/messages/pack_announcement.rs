@@ -6,15 +6,16 @@ use heapless::String;
 
 use crate::battery::PackEvent;
 use crate::mavlink::dialect::MavSeverity;
+use crate::pack::Pack;
 
 /// The longest text, in bytes: two STATUSTEXT.
 const TEXT_BYTES: usize = 96;
 
-/// How urgent an event of the pack `instance` (0 to 8) is, and what to say: "Battery 1 ...".
-pub fn pack_announcement(instance: u8, event: &PackEvent) -> (MavSeverity, String<TEXT_BYTES>) {
+/// How urgent an event of `pack` is, and what to say: "Battery 1 ...".
+pub fn pack_announcement(pack: Pack, event: &PackEvent) -> (MavSeverity, String<TEXT_BYTES>) {
     let mut text = String::new();
     // A text that does not fit is cut off; a test shows that all do.
-    let _ = write!(text, "Battery {} {event}", u16::from(instance) + 1);
+    let _ = write!(text, "Battery {} {event}", pack.number());
     (severity(event), text)
 }
 
@@ -91,7 +92,7 @@ mod tests {
                 "Battery 9 is critical, used -1000000000 ml",
             ),
         ] {
-            assert_eq!(pack_announcement(8, &event).1, expected);
+            assert_eq!(pack_announcement(Pack::Ninth, &event).1, expected);
         }
     }
 }
