@@ -13,8 +13,8 @@ mod firmware {
     use embassy_rp::gpio::{Level, Output};
     use panic_probe as _;
     use rover_battmon::battery::{
-        BatteryMonitor, BatteryState, CellVoltages, ChargeState, Contents, Faults, Measurement, PackDetails,
-        PackSettings, PackStatus, Tick,
+        Amount, BatteryMonitor, BatteryState, CellVoltages, ChargeState, Contents, Faults, Measurement,
+        PackDetails, PackSettings, PackStatus, Tick,
     };
     use rover_battmon::mavlink::dialect::{MavParamType, PARAM_VALUE_DATA};
     use rover_battmon::mavlink::{
@@ -164,7 +164,7 @@ mod firmware {
             charge_state: ChargeState::Ok,
             voltage_v: Some(11.62),
             current_a: Some(4.31),
-            consumed_mah: Some(612.0),
+            consumed: Some(Amount::Mah(612.0)),
             consumed_wh: Some(7.2),
             remaining_pct: Some(72.3),
             time_remaining_s: Some(1342.0),
@@ -176,7 +176,7 @@ mod firmware {
         BatteryState {
             temperature_c: Some(31.5),
             faults: Faults::all(),
-            capacity_mah: Some(2200.0),
+            capacity: Some(Amount::Mah(2200.0)),
             cells: CellVoltages::from_millivolts(&[3870; 14]),
             details: PackDetails {
                 serial_number: Some(4711),
@@ -194,8 +194,8 @@ mod firmware {
         BatteryState {
             status: PackStatus::Healthy,
             contents: Contents::Fuel,
-            capacity_mah: Some(1500.0),
-            consumed_mah: Some(400.0),
+            capacity: Some(Amount::Ml(1500.0)),
+            consumed: Some(Amount::Ml(400.0)),
             remaining_pct: Some(73.3),
             ..BatteryState::UNKNOWN
         }

@@ -4,7 +4,7 @@
 pub const MAX_PACKS: usize = 9;
 
 /// A pack, identified by its MAVLink instance and parameter prefix.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 #[repr(u8)]
 pub enum Pack {
@@ -47,6 +47,16 @@ impl Pack {
         self as u8
     }
 
+    /// What users call it: its instance and 1, as in the parameters' names.
+    pub fn number(self) -> u8 {
+        self.instance() + 1
+    }
+
+    /// Its bit in masks of packs: bit 0 for the first.
+    pub fn bit(self) -> u16 {
+        1 << self.instance()
+    }
+
     /// The pack with this instance, if valid.
     pub fn from_instance(instance: u8) -> Option<Self> {
         Self::ALL.get(usize::from(instance)).copied()
@@ -76,6 +86,7 @@ mod tests {
     fn instances_round_trip() {
         for (instance, pack) in (0..).zip(Pack::ALL) {
             assert_eq!(pack.instance(), instance);
+            assert_eq!(pack.bit(), 1 << instance);
             assert_eq!(Pack::from_instance(instance), Some(pack));
         }
         assert_eq!(Pack::from_instance(MAX_PACKS as u8), None);

@@ -8,8 +8,8 @@ use std::collections::HashMap;
 
 use proptest::prelude::*;
 use rover_battmon::battery::{
-    BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Contents, Date, FailsafeLevel, Faults,
-    MAX_CELLS, Name, PackDetails, PackStatus, ReportedVoltage, Visibility,
+    Amount, BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Contents, Date, FailsafeLevel,
+    Faults, MAX_CELLS, Name, PackDetails, PackStatus, ReportedVoltage, Visibility,
 };
 use rover_battmon::mavlink::dialect::{
     BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA, MavBatteryChargeState,
@@ -89,7 +89,7 @@ fn battery_status_is_byte_exact_where_another_autopilot_fills_the_fields_alike()
     let golden = golden_frames();
     let full = BatteryState {
         current_a: Some(5.0),
-        consumed_mah: Some(123.0),
+        consumed: Some(Amount::Mah(123.0)),
         remaining_pct: Some(94.6),
         time_remaining_s: Some(1234.0),
         temperature_c: Some(25.0),
@@ -98,14 +98,14 @@ fn battery_status_is_byte_exact_where_another_autopilot_fills_the_fields_alike()
     let emergency = BatteryState {
         charge_state: ChargeState::Emergency,
         current_a: Some(5.0),
-        consumed_mah: Some(2100.0),
+        consumed: Some(Amount::Mah(2100.0)),
         remaining_pct: Some(5.0),
         time_remaining_s: Some(10.0),
         ..healthy(10.0)
     };
     let cells = BatteryState {
         current_a: Some(10.0),
-        consumed_mah: Some(100.0),
+        consumed: Some(Amount::Mah(100.0)),
         remaining_pct: Some(90.0),
         cells: CellVoltages::from_millivolts(&[3800; 12]),
         ..healthy(45.6)
@@ -131,7 +131,7 @@ fn battery_status_is_byte_exact_with_ardupilots_function_and_type() {
     };
     let counting = |voltage_v, current_a, consumed_mah, consumed_wh, remaining_pct| BatteryState {
         current_a: Some(current_a),
-        consumed_mah: Some(consumed_mah),
+        consumed: Some(Amount::Mah(consumed_mah)),
         consumed_wh: Some(consumed_wh),
         remaining_pct: Some(remaining_pct),
         ..healthy(voltage_v)
@@ -166,7 +166,7 @@ fn battery_status_is_byte_exact_with_ardupilots_function_and_type() {
 fn three_cells_are_byte_exact_but_for_the_unused_ones() {
     let battery = BatteryState {
         current_a: Some(5.0),
-        consumed_mah: Some(100.0),
+        consumed: Some(Amount::Mah(100.0)),
         consumed_wh: Some(1.0),
         remaining_pct: Some(95.0),
         temperature_c: Some(25.0),
@@ -505,9 +505,9 @@ fn battery_status_v2_says_what_is_unknown_with_the_sentinel_of_each_field() {
 fn battery_status_v2_is_in_volts_amperes_ampere_hours_and_percent() {
     let battery = BatteryState {
         current_a: Some(-400.5),
-        consumed_mah: Some(1234.0),
+        consumed: Some(Amount::Mah(1234.0)),
         remaining_pct: Some(37.5),
-        capacity_mah: Some(2200.0),
+        capacity: Some(Amount::Mah(2200.0)),
         temperature_c: Some(-12.34),
         resting_voltage_v: Some(71.5),
         reported_voltage: ReportedVoltage::Resting,
@@ -517,9 +517,9 @@ fn battery_status_v2_is_in_volts_amperes_ampere_hours_and_percent() {
     assert_eq!((data.voltage, data.current), (71.5, -400.5));
     assert_eq!((data.capacity_consumed, data.capacity_remaining), (1.234, 0.825));
     assert_eq!((data.state_of_charge, data.temperature), (37.5, -1234));
-    for (capacity_mah, remaining_pct) in [(None, Some(50.0)), (Some(2200.0), None)] {
+    for (capacity, remaining_pct) in [(None, Some(50.0)), (Some(Amount::Mah(2200.0)), None)] {
         let data = status_v2_of(BatteryState {
-            capacity_mah,
+            capacity,
             remaining_pct,
             ..battery
         });
@@ -528,7 +528,7 @@ fn battery_status_v2_is_in_volts_amperes_ampere_hours_and_percent() {
     }
     // Net charging can be told.
     let charged = BatteryState {
-        consumed_mah: Some(-50.0),
+        consumed: Some(Amount::Mah(-50.0)),
         ..battery
     };
     assert_eq!(status_v2_of(charged).capacity_consumed, -0.05);
@@ -602,7 +602,7 @@ fn only_a_gauge_counts_from_the_full_pack() {
 fn as_set() -> BatteryState {
     BatteryState {
         cell_count: Some(3),
-        capacity_mah: Some(2200.0),
+        capacity: Some(Amount::Mah(2200.0)),
         critical_voltage_v: Some(9.9),
         ..healthy(11.1)
     }
@@ -612,7 +612,7 @@ fn as_set() -> BatteryState {
 fn smart() -> BatteryState {
     BatteryState {
         cell_count: Some(4),
-        capacity_mah: Some(4875.0),
+        capacity: Some(Amount::Mah(4875.0)),
         critical_voltage_v: Some(12.0),
         serial_number: Some(48_879),
         chemistry: Chemistry::LiIon,
@@ -641,9 +641,9 @@ fn tank() -> BatteryState {
     BatteryState {
         contents: Contents::Fuel,
         voltage_v: None,
-        capacity_mah: Some(2000.0),
+        capacity: Some(Amount::Ml(2000.0)),
         remaining_pct: Some(25.0),
-        consumed_mah: Some(1500.0),
+        consumed: Some(Amount::Ml(1500.0)),
         ..healthy(0.0)
     }
 }
@@ -931,16 +931,21 @@ const FAILSAFE_LEVELS: [FailsafeLevel; 4] = [
     FailsafeLevel::Critical,
 ];
 
+fn any_amount() -> impl Strategy<Value = Option<Amount>> {
+    let contents = prop::sample::select(&[Contents::Charge, Contents::Fuel][..]);
+    (contents, any_value()).prop_map(|(contents, number)| Some(Amount::of(contents, number?)))
+}
+
 prop_compose! {
     /// What a sensor measures.
     fn any_measured()(
         voltage_v in any_value(), resting_voltage_v in any_value(), current_a in any_value(),
-        consumed_mah in any_value(), consumed_wh in any_value(), remaining_pct in any_value(),
+        consumed in any_amount(), consumed_wh in any_value(), remaining_pct in any_value(),
         time_remaining_s in any_value(), temperature_c in any_value(),
         cells in prop::collection::vec(any::<u16>(), 0..=MAX_CELLS + 2),
     ) -> BatteryState {
         BatteryState {
-            voltage_v, resting_voltage_v, current_a, consumed_mah, consumed_wh, remaining_pct, time_remaining_s,
+            voltage_v, resting_voltage_v, current_a, consumed, consumed_wh, remaining_pct, time_remaining_s,
             temperature_c, cells: CellVoltages::from_millivolts(&cells), ..BatteryState::default()
         }
     }
@@ -969,11 +974,11 @@ prop_compose! {
 prop_compose! {
     /// What is set of a pack, or told by it.
     fn any_identity()(
-        details in any_details(), cell_count in any::<Option<u8>>(), capacity_mah in any_value(),
+        details in any_details(), cell_count in any::<Option<u8>>(), capacity in any_amount(),
         critical_voltage_v in any_value(), serial_number in any::<Option<i32>>(), gauge in any::<bool>(),
     ) -> BatteryState {
         BatteryState {
-            details, cell_count, capacity_mah, critical_voltage_v, serial_number,
+            details, cell_count, capacity, critical_voltage_v, serial_number,
             charge_source: if gauge { ChargeSource::Gauge } else { ChargeSource::Estimated },
             ..BatteryState::default()
         }
@@ -993,7 +998,7 @@ prop_compose! {
             visibility: if internal { Visibility::Internal } else { Visibility::Reported },
             details: identity.details,
             cell_count: identity.cell_count,
-            capacity_mah: identity.capacity_mah,
+            capacity: identity.capacity,
             critical_voltage_v: identity.critical_voltage_v,
             serial_number: identity.serial_number,
             charge_source: identity.charge_source,

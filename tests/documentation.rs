@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use motor_poles::{Motor, motors};
-use rover_battmon::battery::{ArmingFailure, Contents, FailsafeLevel, Gap, PackEvent, ReadError};
+use rover_battmon::battery::{Amount, ArmingFailure, BusError, FailsafeLevel, Gap, PackEvent, ReadError};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamKind, Subject};
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
@@ -327,17 +327,18 @@ fn number_length(text: &str) -> usize {
     }
 }
 
-const READ_ERRORS: [ReadError; 12] = [
+const READ_ERRORS: [ReadError; 13] = [
     ReadError::Timeout,
     ReadError::Conversion,
     ReadError::NoPin,
     ReadError::NoCapacity,
     ReadError::NoHealthyMember,
     ReadError::Implausible,
-    ReadError::NoAnswer,
-    ReadError::BusStuck,
-    ReadError::Bus,
-    ReadError::Checksum,
+    ReadError::Bus(BusError::NoAnswer),
+    ReadError::Bus(BusError::Timeout),
+    ReadError::Bus(BusError::Stuck),
+    ReadError::Bus(BusError::Transfer),
+    ReadError::Bus(BusError::Checksum),
     ReadError::OtherPart,
     ReadError::AddressTaken,
 ];
@@ -355,11 +356,10 @@ const ARMING_FAILURES: [ArmingFailure; 9] = [
 ];
 
 fn pack_events() -> Vec<PackEvent> {
-    let failsafe = |level, contents| PackEvent::Failsafe {
+    let failsafe = |level, consumed| PackEvent::Failsafe {
         level,
-        contents,
         voltage_v: 10.42,
-        consumed_mah: 120.0,
+        consumed,
     };
     let gap = |counted_mah| {
         PackEvent::Gap(Gap {
@@ -377,10 +377,10 @@ fn pack_events() -> Vec<PackEvent> {
         gap(None),
         PackEvent::SensorRecovered,
         PackEvent::PoweringOff,
-        failsafe(FailsafeLevel::Unhealthy, Contents::Charge),
-        failsafe(FailsafeLevel::Low, Contents::Charge),
-        failsafe(FailsafeLevel::Critical, Contents::Charge),
-        failsafe(FailsafeLevel::Low, Contents::Fuel),
+        failsafe(FailsafeLevel::Unhealthy, Amount::Mah(120.0)),
+        failsafe(FailsafeLevel::Low, Amount::Mah(120.0)),
+        failsafe(FailsafeLevel::Critical, Amount::Mah(120.0)),
+        failsafe(FailsafeLevel::Low, Amount::Ml(120.0)),
     ];
     events.extend(READ_ERRORS.map(PackEvent::SensorFailed));
     events

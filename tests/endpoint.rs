@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use desk::Desk;
 use proptest::prelude::*;
 use rover_battmon::battery::{
-    BatteryState, ChargeSource, ChargeState, Contents, MAX_PACKS, PackDetails, PackStatus, Visibility,
+    Amount, BatteryState, ChargeSource, ChargeState, Contents, MAX_PACKS, PackDetails, PackStatus, Visibility,
 };
 use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind, SystemState};
@@ -546,7 +546,7 @@ fn tank() -> BatteryState {
     BatteryState {
         contents: Contents::Fuel,
         voltage_v: None,
-        capacity_mah: Some(2000.0),
+        capacity: Some(Amount::Ml(2000.0)),
         remaining_pct: Some(50.0),
         ..healthy()
     }
@@ -555,7 +555,7 @@ fn tank() -> BatteryState {
 #[test]
 fn fuel_is_told_of_tanks_only_and_only_to_those_who_ask() {
     let without_capacity = BatteryState {
-        capacity_mah: None,
+        capacity: None,
         ..tank()
     };
     let internal = BatteryState {

@@ -172,7 +172,7 @@ fn what_flows_through_a_sensor_is_missing_from_the_tank() {
         (last.status, last.contents),
         (PackStatus::Healthy, Contents::Fuel)
     );
-    assert_eq!((last.consumed_mah, last.current_a), (Some(50.0), Some(0.0)));
+    assert_eq!((last.consumed_ml(), last.current_a), (Some(50.0), Some(0.0)));
     assert!((last.remaining_pct.unwrap() - 50.0).abs() < 0.01);
     assert_eq!((last.voltage_v, last.consumed_wh), (None, None));
     let flowing = &states[5];
@@ -188,7 +188,7 @@ fn pulses_that_are_short_or_fast_are_counted() {
         period_us: 1_000,
     };
     let states = states(5, &FLOW, Some(pin), None);
-    assert_eq!(states[4].consumed_mah, Some(1000.0));
+    assert_eq!(states[4].consumed_ml(), Some(1000.0));
     assert_eq!(states[4].remaining_pct, Some(0.0));
 }
 
@@ -201,7 +201,7 @@ fn what_is_high_at_the_start_is_no_pulse() {
         period_us: 2_000_000,
     };
     let states = states(5, &FLOW, Some(pin), None);
-    assert_eq!(states[4].consumed_mah, Some(0.0));
+    assert_eq!(states[4].consumed_ml(), Some(0.0));
 }
 
 #[test]
@@ -217,7 +217,7 @@ fn the_width_of_pulses_is_the_level_and_silence_is_unhealthy() {
     assert_eq!(states[1].status, PackStatus::Unhealthy, "nothing yet");
     assert_eq!(states[5].status, PackStatus::Healthy);
     assert_eq!(states[5].remaining_pct, Some(25.0));
-    assert_eq!(states[5].consumed_mah, Some(1500.0));
+    assert_eq!(states[5].consumed_ml(), Some(1500.0));
     // A quarter of a second until the level is not known, and half a second more until that counts.
     assert_eq!(states[9].status, PackStatus::Healthy);
     assert_eq!(states[10].status, PackStatus::Unhealthy);
@@ -241,7 +241,7 @@ fn a_motor_controller_tells_voltage_current_and_temperature_until_it_falls_silen
     assert!((working.current_a.unwrap() - 12.34).abs() < 1e-3);
     assert_eq!(working.temperature_c, Some(25.0));
     assert_eq!(
-        working.consumed_mah,
+        working.consumed_mah(),
         Some(0.0),
         "its own counter stands, so nothing is integrated"
     );

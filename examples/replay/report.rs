@@ -45,7 +45,7 @@ fn line(row: &Row) -> String {
         row.time_s.to_string(),
         field(state.voltage_v),
         field(state.current_a),
-        field(state.consumed_mah),
+        field(state.consumed_mah()),
         field(state.consumed_wh),
         field(state.resistance_ohm),
         field(state.resting_or_terminal_voltage_v()),
@@ -65,7 +65,7 @@ fn field(value: Option<f32>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rover_battmon::battery::ChargeState;
+    use rover_battmon::battery::{Amount, ChargeState};
 
     #[test]
     fn what_is_unknown_is_empty_and_the_resting_voltage_falls_back() {
@@ -88,7 +88,7 @@ mod tests {
             state: BatteryState {
                 voltage_v: Some(11.0),
                 current_a: Some(2.0),
-                consumed_mah: Some(3.0),
+                consumed: Some(Amount::Mah(3.0)),
                 consumed_wh: Some(4.0),
                 resistance_ohm: Some(0.5),
                 resting_voltage_v: Some(12.0),

@@ -93,7 +93,7 @@ impl Announcement<'_> {
 impl fmt::Display for Announcement<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Pack(pack, event) => write!(f, "Battery {} {event}", pack.instance() + 1),
+            Self::Pack(pack, event) => write!(f, "Battery {} {event}", pack.number()),
             Self::Vehicle(event) => write!(f, "{event}"),
             Self::FailsafesOff => f.write_str("Battery failsafes are off: set BATT_LOW_VOLT"),
             Self::DefaultParameters => f.write_str("5 quick resets: started with default parameters"),
@@ -125,7 +125,7 @@ impl Write for Fitting {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{Contents, FailsafeLevel, Gap, ReadError};
+    use crate::battery::{Amount, FailsafeLevel, Gap, ReadError};
     use crate::vehicle::FailsafeAction;
 
     #[test]
@@ -136,11 +136,10 @@ mod tests {
                 counted_mah,
             })
         };
-        let failsafe = |level, contents| PackEvent::Failsafe {
+        let failsafe = |level, consumed| PackEvent::Failsafe {
             level,
-            contents,
             voltage_v: 1000.0,
-            consumed_mah: -1e9,
+            consumed,
         };
         for (event, expected) in [
             (
@@ -169,15 +168,15 @@ mod tests {
             (PackEvent::SensorRecovered, "Battery 9 healthy again"),
             (PackEvent::PoweringOff, "Battery 9 is powering off"),
             (
-                failsafe(FailsafeLevel::Low, Contents::Charge),
+                failsafe(FailsafeLevel::Low, Amount::Mah(-1e9)),
                 "Battery 9 is low 1000.00V used -1000000000 mAh",
             ),
             (
-                failsafe(FailsafeLevel::Unhealthy, Contents::Charge),
+                failsafe(FailsafeLevel::Unhealthy, Amount::Mah(-1e9)),
                 "Battery 9 is missing, last: 1000.00V used -1000000000 mAh",
             ),
             (
-                failsafe(FailsafeLevel::Critical, Contents::Fuel),
+                failsafe(FailsafeLevel::Critical, Amount::Ml(-1e9)),
                 "Battery 9 is critical, used -1000000000 ml",
             ),
         ] {

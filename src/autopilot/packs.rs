@@ -48,9 +48,7 @@ impl Packs {
     }
 
     pub fn state(&self, pack: Pack) -> &BatteryState {
-        self.states
-            .get(usize::from(pack.instance()))
-            .unwrap_or(&BatteryState::UNKNOWN)
+        &self.states[pack as usize]
     }
 
     pub fn ticks(&self) -> u32 {
@@ -60,10 +58,9 @@ impl Packs {
     /// Battery reset of the packs in `mask` (one bit per instance).
     pub fn reset(&mut self, mask: u16, percent: f32, parameters: &Parameters) {
         for (pack, _) in &self.order {
-            if mask & 1 << pack.instance() != 0
-                && let Some(monitor) = self.bank.monitor(pack.instance())
-            {
-                monitor.reset(percent, &PackSettings::from_parameters(parameters, *pack));
+            if mask & pack.bit() != 0 {
+                let settings = PackSettings::from_parameters(parameters, *pack);
+                self.bank.monitor(*pack).reset(percent, &settings);
             }
         }
     }
@@ -100,14 +97,13 @@ impl Packs {
         parameters: &Parameters,
         effort: f32,
     ) -> Option<Result<Measurement, ReadError>> {
-        let place = usize::from(pack.instance());
         Some(match kind {
-            MonitorKind::Bus(_) | MonitorKind::Esc => return self.samples.get_mut(place)?.take(),
+            MonitorKind::Bus(_) | MonitorKind::Esc => return self.samples[pack as usize].take(),
             MonitorKind::Sum if self.ticks == 0 => return None,
             MonitorKind::Sum => {
                 let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
                 let voltage = SumVoltage::from_parameters(parameters, pack);
-                self.bank.sum(pack.instance(), mask, voltage)
+                self.bank.sum(pack, mask, voltage)
             }
             MonitorKind::Fuel(kind) => {
                 let readings = FuelReadings {
@@ -115,8 +111,7 @@ impl Packs {
                     pulses: &self.pulses,
                     now_us,
                 };
-                let meter = self.meters.get_mut(place)?;
-                meter.measure(kind, parameters, pack, &readings)
+                self.meters[pack as usize].measure(kind, parameters, pack, &readings)
             }
             MonitorKind::AnalogVoltage
             | MonitorKind::AnalogVoltageAndCurrent

@@ -101,9 +101,7 @@ impl Autopilot {
 
     fn update_pack(&mut self, pack: Pack, tick: Tick, reading: Result<Measurement, ReadError>) {
         let settings = PackSettings::from_parameters(&self.parameters, pack);
-        let Some(monitor) = self.packs.bank.monitor(pack.instance()) else {
-            return;
-        };
+        let monitor = self.packs.bank.monitor(pack);
         let before = monitor.state().status;
         let PackUpdate {
             events,
@@ -114,9 +112,7 @@ impl Autopilot {
             log_failure(pack, error, monitor.failed_reads());
         }
         log_change(pack, before, monitor.state().status);
-        if let Some(state) = self.packs.states.get_mut(usize::from(pack.instance())) {
-            *state = *monitor.state();
-        }
+        self.packs.states[pack as usize] = *monitor.state();
         for event in &events {
             self.announce(Announcement::Pack(pack, event));
         }
@@ -127,18 +123,14 @@ impl Autopilot {
 
     /// Takes a reading of a pack's part on the bus, or the reason why there is none.
     pub fn add_bus_reading(&mut self, pack: Pack, reading: Result<Measurement, ReadError>) {
-        if let Some(samples) = self.packs.samples.get_mut(usize::from(pack.instance())) {
-            samples.add(reading);
-        }
+        self.packs.samples[pack as usize].add(reading);
     }
 
     /// Takes a reading of ESC telemetry, for every pack that uses it, or the reason why there is none.
     pub fn add_esc_reading(&mut self, reading: Result<Measurement, ReadError>) {
         for (pack, kind) in &self.packs.order {
-            if *kind == MonitorKind::Esc
-                && let Some(samples) = self.packs.samples.get_mut(usize::from(pack.instance()))
-            {
-                samples.add(reading);
+            if *kind == MonitorKind::Esc {
+                self.packs.samples[*pack as usize].add(reading);
             }
         }
     }
@@ -150,9 +142,7 @@ impl Autopilot {
 
     /// Sets the state of a pack that is not monitored here.
     pub fn set_battery(&mut self, pack: Pack, state: BatteryState) {
-        if let Some(place) = self.packs.states.get_mut(usize::from(pack.instance())) {
-            *place = state;
-        }
+        self.packs.states[pack as usize] = state;
     }
 }
 
@@ -161,7 +151,7 @@ fn log_failure(pack: Pack, error: ReadError, failed_reads: u32) {
     if failed_reads <= FAILED_READS_UNTIL_UNHEALTHY || failed_reads.is_multiple_of(LOGGED_FAILURE) {
         warn!(
             "battery {}: read failed, {:?}, {} in a row",
-            pack.instance() + 1,
+            pack.number(),
             error,
             failed_reads
         );
@@ -172,7 +162,7 @@ fn log_change(pack: Pack, before: PackStatus, now: PackStatus) {
     if before == now {
         return;
     }
-    let number = pack.instance() + 1;
+    let number = pack.number();
     match now {
         PackStatus::Unhealthy => warn!("battery {}: unhealthy, keeping the last good value", number),
         PackStatus::NotConnected => warn!("battery {}: not connected", number),

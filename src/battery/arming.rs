@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::failsafe::{is_below, remaining_mah, voltage_v};
+use super::failsafe::{is_below, remaining, voltage_v};
 use super::{BatteryState, FailsafeLevel, PackSettings, PackStatus};
 
 /// Why a pack fails the arming checks, in ArduPilot's words and order.
@@ -55,7 +55,7 @@ pub fn arming_failures(
 ) -> impl Iterator<Item = ArmingFailure> + use<> {
     let (low, critical) = (&settings.failsafe.low, &settings.failsafe.critical);
     let voltage_v = voltage_v(state, &settings.failsafe);
-    let remaining_mah = remaining_mah(state);
+    let remaining_mah = remaining(state);
     let low_capacity = is_below(remaining_mah, low.remaining_mah);
     let critical_capacity = is_below(remaining_mah, critical.remaining_mah);
     let is_latched = |level| state.failsafe == level;
@@ -107,6 +107,7 @@ fn is_inverted(low: Option<f32>, critical: Option<f32>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::Amount;
     use crate::battery::{FailsafeSettings, Thresholds, VoltageSource};
 
     fn thresholds(voltage_v: f32, remaining_mah: f32) -> Thresholds {
@@ -133,8 +134,8 @@ mod tests {
         BatteryState {
             status: PackStatus::Healthy,
             voltage_v: Some(voltage_v),
-            capacity_mah: Some(1000.0),
-            consumed_mah: Some(0.0),
+            capacity: Some(Amount::Mah(1000.0)),
+            consumed: Some(Amount::Mah(0.0)),
             remaining_pct: Some(remaining_pct),
             ..BatteryState::default()
         }

@@ -2,9 +2,9 @@
 
 use super::sum::{SumVoltage, sum};
 use super::{BatteryMonitor, Contents, FailsafeLevel, Measurement, PackMemory, ReadError};
-use crate::pack::MAX_PACKS;
+use crate::pack::{MAX_PACKS, Pack};
 
-/// The monitors of all packs, by instance.
+/// The monitors of all packs.
 #[derive(Clone, Debug, Default)]
 pub struct BatteryBank {
     monitors: [BatteryMonitor; MAX_PACKS],
@@ -16,31 +16,32 @@ impl BatteryBank {
         Self::default()
     }
 
-    /// The monitor of an instance; `None` beyond the last.
-    pub fn monitor(&mut self, instance: u8) -> Option<&mut BatteryMonitor> {
-        self.monitors.get_mut(usize::from(instance))
+    /// The monitor of a pack.
+    pub fn monitor(&mut self, pack: Pack) -> &mut BatteryMonitor {
+        &mut self.monitors[pack as usize]
     }
 
-    /// The sum of the packs in `mask` (`BATT_SUM_MASK`), by their latest states. Bit 0 is instance 0; an empty mask
-    /// means all instances after `own`. A sum never includes itself.
+    /// The sum of the packs in `mask` (`BATT_SUM_MASK`), by their latest states. Bit 0 is the first; an empty mask
+    /// means all packs after `own`. A sum never includes itself.
     ///
     /// # Errors
     /// No member is healthy.
-    pub fn sum(&self, own: u8, mask: u16, voltage: SumVoltage) -> Result<Measurement, ReadError> {
-        let is_member = move |instance: u8| {
+    pub fn sum(&self, own: Pack, mask: u16, voltage: SumVoltage) -> Result<Measurement, ReadError> {
+        let is_member = move |pack: Pack| {
             if mask == 0 {
-                instance > own
+                pack > own
             } else {
-                instance != own && mask & (1 << instance) != 0
+                pack != own && mask & pack.bit() != 0
             }
         };
-        let members = (0u8..)
+        let members = Pack::ALL
+            .iter()
             .zip(&self.monitors)
-            .filter(move |(instance, _)| is_member(*instance));
+            .filter(move |(pack, _)| is_member(**pack));
         let measurement = sum(members.clone().map(|(_, monitor)| monitor.state()), voltage)?;
         let charged = members.filter(|(_, monitor)| monitor.state().contents == Contents::Charge);
         Ok(Measurement {
-            members: charged.fold(0, |mask, (instance, _)| mask | 1 << instance),
+            members: charged.fold(0, |mask, (pack, _)| mask | pack.bit()),
             ..measurement
         })
     }
@@ -76,16 +77,24 @@ mod tests {
     #[test]
     fn sum_has_only_electric_packs_as_members() {
         let mut bank = BatteryBank::new();
-        for (instance, contents) in [(1, Contents::Charge), (2, Contents::Fuel), (3, Contents::Charge)] {
+        for (pack, contents) in [
+            (Pack::Second, Contents::Charge),
+            (Pack::Third, Contents::Fuel),
+            (Pack::Fourth, Contents::Charge),
+        ] {
             let reading = Measurement {
                 contents,
                 voltage_v: Some(12.0),
                 ..Measurement::default()
             };
-            let monitor = bank.monitor(instance).expect("a pack");
-            let _ = monitor.update(Tick::default(), Ok(reading), &PackSettings::default());
+            let _ = bank
+                .monitor(pack)
+                .update(Tick::default(), Ok(reading), &PackSettings::default());
         }
-        let members = |mask| bank.sum(0, mask, SumVoltage::Mean).map(|sum| sum.members);
+        let members = |mask| {
+            bank.sum(Pack::First, mask, SumVoltage::Mean)
+                .map(|sum| sum.members)
+        };
         assert_eq!(members(0b1111), Ok(0b1010));
         assert_eq!(members(0b1110), Ok(0b1010));
     }

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use super::consumption::Gap;
-use super::{Contents, FailsafeLevel, ReadError};
+use super::{Amount, FailsafeLevel, ReadError};
 
 /// An event of a pack. Its text follows "Battery 1 ".
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,12 +36,10 @@ pub enum PackEvent {
     Failsafe {
         /// The level.
         level: FailsafeLevel,
-        /// Electric charge or fuel.
-        contents: Contents,
         /// The latest known terminal voltage, in volts; 0 if unknown.
         voltage_v: f32,
-        /// Charge drawn, in milliampere-hours (of fuel: millilitres); 0 if unknown.
-        consumed_mah: f32,
+        /// Charge or fuel drawn; 0 if unknown.
+        consumed: Amount,
     },
 }
 
@@ -72,15 +70,13 @@ impl fmt::Display for PackEvent {
             Self::PoweringOff => f.write_str("is powering off"),
             Self::Failsafe {
                 level,
-                contents: Contents::Fuel,
-                consumed_mah: consumed_ml,
+                consumed: Amount::Ml(ml),
                 ..
-            } => write!(f, "is {}, used {} ml", name(*level), whole(*consumed_ml)),
+            } => write!(f, "is {}, used {} ml", name(*level), whole(*ml)),
             Self::Failsafe {
                 level,
-                contents: Contents::Charge,
                 voltage_v,
-                consumed_mah,
+                consumed: Amount::Mah(mah),
             } => {
                 let last = if *level == FailsafeLevel::Unhealthy {
                     ", last:"
@@ -92,7 +88,7 @@ impl fmt::Display for PackEvent {
                     "is {}{last} {}V used {} mAh",
                     name(*level),
                     Hundredths(*voltage_v),
-                    whole(*consumed_mah)
+                    whole(*mah)
                 )
             }
         }

@@ -134,7 +134,7 @@ impl Failsafe {
         if self.reached_by == ReachedBy::ThisPack || seen.resting_v.is_none() {
             return;
         }
-        let remaining_mah = estimated_mah(state);
+        let remaining_mah = estimated_remaining(state);
         let is_above = |thresholds: &Thresholds| {
             is_known_above(seen.resting_v, thresholds.voltage_v)
                 && is_known_above(remaining_mah, thresholds.remaining_mah)
@@ -156,7 +156,7 @@ impl Failsafe {
             has_expired(&mut self.low, low),
             has_expired(&mut self.critical, critical),
         );
-        let remaining_mah = seen.state.and_then(remaining_mah);
+        let remaining_mah = seen.state.and_then(remaining);
         let unhealthy_us = seen.tick.now_us.saturating_sub(seen.last_healthy_us.unwrap_or(0));
         if critical_voltage || is_below(remaining_mah, critical.remaining_mah) {
             FailsafeLevel::Critical
@@ -190,22 +190,24 @@ pub(super) fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Op
     }
 }
 
-/// Remaining charge by the state of charge; while that is unknown, capacity minus consumption.
-pub(super) fn remaining_mah(state: &BatteryState) -> Option<f32> {
-    let capacity_mah = state.capacity_mah?;
+/// Remaining charge or fuel by the state of charge; while that is unknown, capacity minus consumption. In mAh or ml, as
+/// the thresholds.
+pub(super) fn remaining(state: &BatteryState) -> Option<f32> {
+    let capacity = state.capacity?.number();
     // As in ArduPilot, charge thresholds apply only to packs with a current sensor.
-    let consumed_mah = state.consumed_mah?;
-    Some(estimated_mah(state).unwrap_or(capacity_mah - consumed_mah))
+    let consumed = state.consumed?.number();
+    Some(estimated_remaining(state).unwrap_or(capacity - consumed))
 }
 
-/// Remaining charge by the state of charge.
-fn estimated_mah(state: &BatteryState) -> Option<f32> {
-    Some(state.capacity_mah? * state.remaining_pct? / 100.0)
+/// Remaining charge or fuel by the state of charge.
+fn estimated_remaining(state: &BatteryState) -> Option<f32> {
+    Some(state.capacity?.number() * state.remaining_pct? / 100.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::Amount;
 
     const TICK_US: u32 = 100_000;
 
@@ -291,8 +293,8 @@ mod tests {
     #[test]
     fn charge_below_threshold_trips_at_once() {
         let charge = |remaining_pct| BatteryState {
-            capacity_mah: Some(1000.0),
-            consumed_mah: Some(0.0),
+            capacity: Some(Amount::Mah(1000.0)),
+            consumed: Some(Amount::Mah(0.0)),
             remaining_pct: Some(remaining_pct),
             ..at_voltage(12.0)
         };
@@ -409,8 +411,8 @@ mod tests {
     /// A pack of 1000 mAh.
     fn at_rest(resting_v: f32, remaining_pct: Option<f32>) -> (f32, BatteryState) {
         let state = BatteryState {
-            capacity_mah: Some(1000.0),
-            consumed_mah: Some(0.0),
+            capacity: Some(Amount::Mah(1000.0)),
+            consumed: Some(Amount::Mah(0.0)),
             remaining_pct,
             ..at_voltage(resting_v)
         };

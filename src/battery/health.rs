@@ -103,8 +103,10 @@ impl Fault {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::BusError;
 
-    const FAILED: (PackStatus, Option<ReadError>) = (PackStatus::Unhealthy, Some(ReadError::NoAnswer));
+    const FAILED: (PackStatus, Option<ReadError>) =
+        (PackStatus::Unhealthy, Some(ReadError::Bus(BusError::NoAnswer)));
     const WORKS: (PackStatus, Option<ReadError>) = (PackStatus::Healthy, None);
 
     fn reported(
@@ -134,7 +136,7 @@ mod tests {
         assert_eq!(reported(&mut reporter, WORKS, 100), []);
         assert_eq!(
             reported(&mut reporter, FAILED, 100),
-            [PackEvent::SensorFailed(ReadError::NoAnswer)]
+            [PackEvent::SensorFailed(ReadError::Bus(BusError::NoAnswer))]
         );
         assert_eq!(reported(&mut reporter, WORKS, 45), []);
         assert_eq!(reported(&mut reporter, FAILED, 1), [], "a loose contact");
@@ -145,7 +147,7 @@ mod tests {
     #[test]
     fn failed_reads_of_a_healthy_pack_are_not_reported() {
         let mut reporter = HealthReporter::default();
-        let glitch = (PackStatus::Healthy, Some(ReadError::Checksum));
+        let glitch = (PackStatus::Healthy, Some(ReadError::Bus(BusError::Checksum)));
         assert_eq!(reported(&mut reporter, glitch, 4), []);
     }
 

@@ -1,7 +1,5 @@
 //! The reading of a pack's sensor.
 
-use core::fmt;
-
 use super::{CellVoltages, PackDetails};
 
 /// What a pack stores. As in ArduPilot, a fuel tank is a pack, too.
@@ -11,8 +9,8 @@ pub enum Contents {
     /// Electric charge.
     #[default]
     Charge,
-    /// Liquid fuel: values in milliampere-hours are millilitres, those in amperes are litres per hour. It has neither
-    /// voltage nor energy.
+    /// Liquid fuel: in a [`Measurement`], values in milliampere-hours are millilitres then, and those in amperes are litres
+    /// per hour. It has neither voltage nor energy.
     Fuel,
 }
 
@@ -100,54 +98,5 @@ impl Gauge {
     /// Charge drawn from the full pack, in milliampere-hours; 0 if it holds more than its full capacity.
     pub fn consumed_mah(&self) -> f32 {
         (self.full_mah - self.remaining_mah).max(0.0)
-    }
-}
-
-/// Why a read of a sensor failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum ReadError {
-    /// The sensor did not answer in time.
-    Timeout,
-    /// The ADC reported a failed conversion.
-    Conversion,
-    /// No pin is set.
-    NoPin,
-    /// No capacity is set, which the fill level is computed from.
-    NoCapacity,
-    /// No member of the sum is healthy.
-    NoHealthyMember,
-    /// The value is not finite or beyond its plausible range.
-    Implausible,
-    /// The address was not acknowledged.
-    NoAnswer,
-    /// A bus line is held low.
-    BusStuck,
-    /// The transfer failed in another way.
-    Bus,
-    /// The packet error code does not match.
-    Checksum,
-    /// The part at the address is not the one that is set.
-    OtherPart,
-    /// Another pack's sensor uses the address.
-    AddressTaken,
-}
-
-impl fmt::Display for ReadError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Timeout => "no reading in time",
-            Self::Conversion => "conversion failed",
-            Self::NoPin => "no pin set",
-            Self::NoCapacity => "no capacity set",
-            Self::NoHealthyMember => "no healthy pack to sum",
-            Self::Implausible => "impossible value",
-            Self::NoAnswer => "no answer",
-            Self::BusStuck => "bus held low",
-            Self::Bus => "bus error",
-            Self::Checksum => "wrong checksum",
-            Self::OtherPart => "unknown part",
-            Self::AddressTaken => "address already in use",
-        })
     }
 }

@@ -1,5 +1,6 @@
 //! Battery monitoring: [`Measurement`]s in, a [`BatteryState`] per pack out.
 
+mod amount;
 mod arm_state;
 mod arming;
 mod bank;
@@ -23,6 +24,7 @@ mod load;
 mod low_pass;
 mod measurement;
 mod monitor;
+mod read_error;
 mod resistance;
 mod rest;
 mod retained;
@@ -32,6 +34,7 @@ mod sum;
 mod swap;
 mod tick;
 
+pub use amount::Amount;
 pub use arm_state::ArmState;
 pub use arming::{ArmingFailure, arming_failures};
 pub use bank::BatteryBank;
@@ -42,10 +45,11 @@ pub use details::{Date, Name, PackDetails};
 pub use event::PackEvent;
 pub use failsafe_level::FailsafeLevel;
 pub use faults::Faults;
-pub use measurement::{Consumed, Contents, Counted, Gauge, Measurement, ReadError, Supply};
+pub use measurement::{Consumed, Contents, Counted, Gauge, Measurement, Supply};
 pub use monitor::{
     BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MAX_EVENTS, MIN_CONNECTED_VOLTAGE_V, PackEvents, PackUpdate,
 };
+pub use read_error::{BusError, ReadError};
 pub use retained::{PackMemory, RetainedMemory, RetainedRecord, recall, retain};
 pub use settings::{FailsafeSettings, PackSettings, Thresholds, VoltageSource};
 pub use state::{BatteryState, ChargeSource, ChargeState, PackStatus, ReportedVoltage, Visibility};

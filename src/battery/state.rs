@@ -1,6 +1,6 @@
 //! The state of a pack.
 
-use super::{CellVoltages, Chemistry, Contents, FailsafeLevel, Faults, PackDetails};
+use super::{Amount, CellVoltages, Chemistry, Contents, FailsafeLevel, Faults, PackDetails};
 
 /// Whether a pack is connected and its sensor works.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -78,7 +78,7 @@ pub enum Visibility {
 pub struct BatteryState {
     /// Whether the pack is connected and its sensor works.
     pub status: PackStatus,
-    /// Electric charge or fuel. Values of fuel are in millilitres and litres per hour instead of mAh and A.
+    /// Electric charge or fuel. The currents of fuel are in litres per hour instead of amperes.
     pub contents: Contents,
     /// Terminal voltage, in volts.
     pub voltage_v: Option<f32>,
@@ -90,8 +90,8 @@ pub struct BatteryState {
     pub average_current_a: Option<f32>,
     /// Internal resistance of the whole pack, in ohms, measured from load steps.
     pub resistance_ohm: Option<f32>,
-    /// Charge drawn since boot or the last battery reset, in milliampere-hours.
-    pub consumed_mah: Option<f32>,
+    /// Charge or fuel drawn since boot or the last battery reset.
+    pub consumed: Option<Amount>,
     /// Energy drawn since boot or the last battery reset, in watt-hours.
     pub consumed_wh: Option<f32>,
     /// Remaining charge, in percent of a full pack (0 to 100).
@@ -112,8 +112,8 @@ pub struct BatteryState {
     pub cells: CellVoltages,
     /// Cell chemistry.
     pub chemistry: Chemistry,
-    /// Full capacity, in milliampere-hours.
-    pub capacity_mah: Option<f32>,
+    /// Full capacity.
+    pub capacity: Option<Amount>,
     /// Critical voltage (`BATT_CRT_VOLT`), in volts, if set.
     pub critical_voltage_v: Option<f32>,
     /// Serial number, as reported by a smart battery, else as set.
@@ -140,7 +140,7 @@ impl BatteryState {
         current_a: None,
         average_current_a: None,
         resistance_ohm: None,
-        consumed_mah: None,
+        consumed: None,
         consumed_wh: None,
         remaining_pct: None,
         time_remaining_s: None,
@@ -151,7 +151,7 @@ impl BatteryState {
         cell_count: None,
         cells: CellVoltages::NONE,
         chemistry: Chemistry::LiPo,
-        capacity_mah: None,
+        capacity: None,
         critical_voltage_v: None,
         serial_number: None,
         charge_source: ChargeSource::Estimated,
@@ -167,6 +167,26 @@ impl BatteryState {
             status: PackStatus::Disabled,
             ..Self::UNKNOWN
         }
+    }
+
+    /// Charge drawn since boot or the last battery reset, in milliampere-hours; `None` also for a tank.
+    pub fn consumed_mah(&self) -> Option<f32> {
+        self.consumed?.mah()
+    }
+
+    /// Fuel used since boot or the last battery reset, in millilitres; `None` also for a pack with a charge.
+    pub fn consumed_ml(&self) -> Option<f32> {
+        self.consumed?.ml()
+    }
+
+    /// Full capacity, in milliampere-hours; `None` also for a tank.
+    pub fn capacity_mah(&self) -> Option<f32> {
+        self.capacity?.mah()
+    }
+
+    /// Volume of the full tank, in millilitres; `None` also for a pack with a charge.
+    pub fn capacity_ml(&self) -> Option<f32> {
+        self.capacity?.ml()
     }
 
     /// The resting voltage, in volts; the terminal voltage while that is unknown.

@@ -57,10 +57,10 @@ pub fn sum<'a>(
 
 /// Total consumption, including packs whose sensor has failed.
 fn consumed<'a>(packs: impl Iterator<Item = &'a BatteryState> + Clone) -> Option<Consumed> {
-    let monitored = packs.filter(|pack| pack.consumed_mah.is_some());
+    let monitored = packs.filter(|pack| pack.consumed_mah().is_some());
     monitored.clone().next()?;
     Some(Consumed {
-        charge_mah: monitored.clone().filter_map(|pack| pack.consumed_mah).sum(),
+        charge_mah: monitored.clone().filter_map(|pack| pack.consumed_mah()).sum(),
         energy_wh: monitored.filter_map(|pack| pack.consumed_wh).sum(),
     })
 }
@@ -75,13 +75,14 @@ fn mean(values: impl Iterator<Item = f32>) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::Amount;
 
     fn pack(voltage_v: f32, current_a: Option<f32>) -> BatteryState {
         BatteryState {
             status: PackStatus::Healthy,
             voltage_v: Some(voltage_v),
             current_a,
-            consumed_mah: current_a.map(|_| 100.0),
+            consumed: current_a.map(|_| Amount::Mah(100.0)),
             consumed_wh: current_a.map(|_| 1.0),
             ..BatteryState::default()
         }

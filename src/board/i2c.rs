@@ -9,7 +9,7 @@ use embassy_time::{Duration, Timer, with_timeout};
 use embedded_hal_async::i2c::{I2c as _, Operation};
 
 use super::Irqs;
-use crate::battery::ReadError;
+use crate::battery::BusError;
 use crate::log::warn;
 use crate::sensor::I2cBus;
 
@@ -81,7 +81,7 @@ impl SensorI2c {
     }
 
     /// Makes sure that both lines are free.
-    async fn ready(&mut self) -> Result<&mut I2c<'static, I2C1, Async>, ReadError> {
+    async fn ready(&mut self) -> Result<&mut I2c<'static, I2C1, Async>, BusError> {
         if self.driver.is_some() && !is_free() {
             self.free().await;
         }
@@ -101,7 +101,7 @@ impl SensorI2c {
         if is_free() {
             Ok(driver)
         } else {
-            Err(ReadError::BusStuck)
+            Err(BusError::Stuck)
         }
     }
 }
@@ -113,25 +113,23 @@ fn is_free() -> bool {
 }
 
 impl I2cBus for SensorI2c {
-    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
+    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
         let driver = self.ready().await?;
         match with_timeout(TIMEOUT, driver.transaction(address, operations)).await {
-            Ok(result) => result.map_err(read_error),
+            Ok(result) => result.map_err(bus_error),
             Err(_) => {
                 warn!("I2C1: {:#x} did not finish, the bus is freed", address);
                 self.free().await;
-                Err(ReadError::Timeout)
+                Err(BusError::Timeout)
             }
         }
     }
 }
 
-fn read_error(error: Error) -> ReadError {
+fn bus_error(error: Error) -> BusError {
     match error {
-        Error::Abort(AbortReason::NoAcknowledge) => ReadError::NoAnswer,
-        Error::Abort(AbortReason::Other(source)) if source & DATA_NOT_ACKNOWLEDGED != 0 => {
-            ReadError::NoAnswer
-        }
-        _ => ReadError::Bus,
+        Error::Abort(AbortReason::NoAcknowledge) => BusError::NoAnswer,
+        Error::Abort(AbortReason::Other(source)) if source & DATA_NOT_ACKNOWLEDGED != 0 => BusError::NoAnswer,
+        _ => BusError::Transfer,
     }
 }

@@ -46,11 +46,6 @@ struct Turn {
     pack: u32,
 }
 
-/// The bit of a stream of this pack.
-fn bit(pack: Pack) -> u16 {
-    1 << pack as u16
-}
-
 impl Outbox {
     /// An empty outbox.
     pub fn new() -> Self {
@@ -65,7 +60,7 @@ impl Outbox {
     pub fn post(&mut self, stream: Stream) -> Posted {
         let waiting = &mut self.waiting[stream.kind() as usize];
         let before = *waiting;
-        *waiting |= bit(stream.pack().unwrap_or(Pack::First));
+        *waiting |= stream.pack().unwrap_or(Pack::First).bit();
         if *waiting == before {
             Posted::Replaced
         } else {
@@ -116,7 +111,7 @@ impl Outbox {
             };
             return None;
         };
-        *waiting &= !bit(pack);
+        *waiting &= !pack.bit();
         self.turn.pack = pack as u32 + 1;
         Some(kind.of(pack))
     }

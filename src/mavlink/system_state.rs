@@ -1,7 +1,7 @@
 //! Everything telemetry reports, at one moment.
 
 use super::ReceiveStatistics;
-use crate::battery::{BatteryState, ChargeSource, Contents, PackStatus, Visibility};
+use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
 use crate::pack::Pack;
 use crate::vehicle::VehicleStatus;
 
@@ -33,21 +33,21 @@ impl SystemState<'_> {
             .filter(|battery| battery.status != PackStatus::Disabled)
     }
 
-    /// The packs that are monitored, one bit for each instance, bit 0 for the first.
+    /// The packs that are monitored, a bit each, bit 0 for the first.
     pub fn monitored_mask(&self) -> u16 {
         self.mask_of(|battery| battery.status != PackStatus::Disabled)
     }
 
-    /// The packs whose charge is known from a gauge of their own, one bit for each instance, bit 0 for the first.
+    /// The packs whose charge is known from a gauge of their own, a bit each, bit 0 for the first.
     pub fn gauged_mask(&self) -> u16 {
         self.mask_of(|battery| battery.charge_source == ChargeSource::Gauge)
     }
 
-    /// The packs in `mask` and the monitored ones that they are the sum of, one bit for each instance, bit 0 for the first.
+    /// The packs in `mask` and the monitored ones that they are the sum of, a bit each, bit 0 for the first.
     pub fn with_members(&self, mask: u16) -> u16 {
         let members = |mask: u16| {
-            let packs = (0..u16::BITS).zip(self.batteries);
-            let named = packs.filter(move |(instance, _)| mask & 1 << instance != 0);
+            let packs = Pack::ALL.iter().zip(self.batteries);
+            let named = packs.filter(move |(pack, _)| mask & pack.bit() != 0);
             named.fold(mask, |mask, (_, battery)| {
                 mask | battery.members & self.monitored_mask()
             })
@@ -58,15 +58,14 @@ impl SystemState<'_> {
 
     /// Whether `pack` is a tank whose capacity is known.
     pub fn is_tank(&self, pack: Pack) -> bool {
-        let battery = self.battery(pack);
-        battery.contents == Contents::Fuel && battery.capacity_mah.is_some()
+        self.battery(pack).capacity_ml().is_some()
     }
 
     fn mask_of(&self, is_meant: impl Fn(&BatteryState) -> bool) -> u16 {
-        let packs = (0..u16::BITS).zip(self.batteries);
+        let packs = Pack::ALL.iter().zip(self.batteries);
         packs
             .filter(|(_, battery)| is_meant(battery))
-            .fold(0, |mask, (instance, _)| mask | 1 << instance)
+            .fold(0, |mask, (pack, _)| mask | pack.bit())
     }
 
     /// The packs that have a BATTERY_STATUS of their own: those monitored and not kept on board.

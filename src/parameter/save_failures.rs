@@ -46,16 +46,17 @@ impl SaveFailures {
 pub fn save_failure_text(error: StorageError) -> &'static str {
     match error {
         StorageError::Full => "Parameters can't be saved: too many changed",
-        StorageError::Flash | StorageError::Corrupt => "Parameters can't be saved: flash worn out?",
+        StorageError::Flash(_) | StorageError::Corrupt => "Parameters can't be saved: flash worn out?",
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::storage::FlashFault;
 
     const SECOND_US: u64 = 1_000_000;
-    const FLASH: Option<StorageError> = Some(StorageError::Flash);
+    const FLASH: Option<StorageError> = Some(StorageError::Flash(FlashFault::NotVerified));
     const FULL: Option<StorageError> = Some(StorageError::Full);
 
     #[test]

@@ -1,13 +1,50 @@
 //! Why an operation failed.
 
+use core::mem::discriminant;
+
+use embedded_storage_async::nor_flash::{NorFlashError, NorFlashErrorKind};
+
 /// Why an operation failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum StorageError {
-    /// The flash driver reported an error, or reading back failed to verify.
-    Flash,
+    /// The flash failed.
+    Flash(FlashFault),
     /// The content is damaged by something other than a power cut, or has another format.
     Corrupt,
     /// No space for another key. Stored values are kept.
     Full,
+}
+
+/// What failed in the flash: the kind of the driver's error, or a difference that the driver did not notice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum FlashFault {
+    /// What was erased or written reads back otherwise: the flash is worn out, or the operation had no effect.
+    NotVerified,
+    /// The driver refused addresses that are not aligned.
+    NotAligned,
+    /// The driver refused addresses beyond the flash.
+    OutOfBounds,
+    /// The driver failed in another way.
+    Other,
+}
+
+// Every parameter has room for one.
+const _: () = assert!(size_of::<StorageError>() == 1);
+
+impl StorageError {
+    /// The error of a flash driver.
+    pub(super) fn of_driver(error: impl NorFlashError) -> Self {
+        Self::Flash(match error.kind() {
+            NorFlashErrorKind::NotAligned => FlashFault::NotAligned,
+            NorFlashErrorKind::OutOfBounds => FlashFault::OutOfBounds,
+            _ => FlashFault::Other,
+        })
+    }
+
+    /// Whether both are the same error, whatever it was in the flash.
+    pub fn is_like(self, other: Self) -> bool {
+        discriminant(&self) == discriminant(&other)
+    }
 }

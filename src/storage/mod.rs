@@ -35,7 +35,7 @@ mod error;
 mod record;
 mod region;
 
-pub use error::StorageError;
+pub use error::{FlashFault, StorageError};
 
 use record::{Record, Slot};
 use region::{Region, Unused};

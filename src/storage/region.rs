@@ -5,8 +5,8 @@ use core::ops::Range;
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::StorageError;
 use super::record::{Header, Record, Slot};
+use super::{FlashFault, StorageError};
 
 /// The complete sectors of a region.
 #[derive(Debug)]
@@ -165,9 +165,9 @@ impl<F: NorFlash> Region<F> {
         self.flash
             .erase(address, address + Self::SECTOR)
             .await
-            .map_err(|_| StorageError::Flash)?;
+            .map_err(StorageError::of_driver)?;
         if !self.is_blank(sector).await? {
-            return Err(StorageError::Flash);
+            return Err(StorageError::Flash(FlashFault::NotVerified));
         }
         Ok(())
     }
@@ -177,9 +177,9 @@ impl<F: NorFlash> Region<F> {
         self.flash
             .write(address, bytes)
             .await
-            .map_err(|_| StorageError::Flash)?;
+            .map_err(StorageError::of_driver)?;
         if self.read(address).await? != *bytes {
-            return Err(StorageError::Flash);
+            return Err(StorageError::Flash(FlashFault::NotVerified));
         }
         Ok(())
     }
@@ -189,7 +189,7 @@ impl<F: NorFlash> Region<F> {
         self.flash
             .read(address, &mut bytes)
             .await
-            .map_err(|_| StorageError::Flash)?;
+            .map_err(StorageError::of_driver)?;
         Ok(bytes)
     }
 

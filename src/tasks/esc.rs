@@ -4,7 +4,7 @@ use embassy_futures::yield_now;
 use embassy_time::{Instant, with_timeout};
 
 use super::{ByteSource, LONGEST_SLEEP, ReceiveError, Shared, idle, mark};
-use crate::battery::ReadError;
+use crate::battery::{BusError, ReadError};
 use crate::liveness::CheckIn;
 use crate::sensor::EscTelemetry;
 
@@ -14,7 +14,7 @@ const CHUNK_BYTES: usize = 32;
 /// Hands each frame of `source` to the battery task, for every pack that is measured so. Without a source nothing is ever
 /// heard of them.
 pub async fn read_esc(source: Option<impl ByteSource>, shared: &Shared, check_in: &CheckIn) -> ! {
-    shared.with(|autopilot| autopilot.add_esc_reading(Err(ReadError::NoAnswer)));
+    shared.with(|autopilot| autopilot.add_esc_reading(Err(ReadError::Bus(BusError::NoAnswer))));
     let Some(mut source) = source else {
         idle(check_in).await
     };

@@ -5,7 +5,8 @@ use embedded_io_async::Write;
 use crate::autopilot::Announcement;
 use crate::battery::PackEvent;
 use crate::mavlink::{Endpoint, Framer, LinkKind, SystemState};
-use crate::parameter::{Pack, Parameters, VehicleParameter};
+use crate::pack::Pack;
+use crate::parameter::{Parameters, VehicleParameter};
 
 /// Our end of a link together with its wire, for a program of one loop. Nothing is signed.
 pub struct WiredEndpoint<W> {

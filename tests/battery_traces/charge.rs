@@ -100,7 +100,7 @@ fn consumption_is_the_integral_of_the_current() {
     let samples = trace(DISCHARGE);
     let expected_mah = *drawn_mah(&samples).last().unwrap();
     let moments = run(&samples, &cells_and_capacity_set());
-    let consumed_mah = f64::from(moments.last().unwrap().state.consumed_mah.expect("consumption"));
+    let consumed_mah = f64::from(moments.last().unwrap().state.consumed_mah().expect("consumption"));
     let error = (consumed_mah / expected_mah - 1.0).abs();
     println!("consumption: {consumed_mah:.4} mAh, {:.5} % off", error * 100.0);
     assert!(error <= 5e-5, "{consumed_mah} instead of {expected_mah} mAh");

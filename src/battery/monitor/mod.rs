@@ -11,7 +11,7 @@ use super::health::HealthReporter;
 use super::settings::PackSettings;
 use super::swap::{Replacement, SerialNumber, SwapDetector};
 use super::{
-    ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge,
+    Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge,
     Measurement, PackEvent, PackMemory, PackStatus, ReadError, Supply, Tick,
 };
 
@@ -332,7 +332,7 @@ impl BatteryMonitor {
             .and_then(|(voltage_v, current_a)| self.estimator.resting_voltage_v(voltage_v, current_a));
         state.average_current_a = current_a.and(self.estimator.average_current_a());
         state.resistance_ohm = self.estimator.resistance_ohm();
-        state.consumed_mah = is_counted.then(|| self.consumption.charge_mah());
+        state.consumed = is_counted.then(|| Amount::of(measurement.contents, self.consumption.charge_mah()));
         state.consumed_wh = (is_counted && voltage_v.is_some() && measurement.contents == Contents::Charge)
             .then(|| self.consumption.energy_wh());
         state.remaining_pct = state_of_charge.map(|share| share * 100.0);
@@ -373,7 +373,9 @@ impl BatteryMonitor {
         let dt_s = dt_us as f32 * 1e-6;
         let state = &mut self.state;
         state.chemistry = settings.chemistry;
-        state.capacity_mah = settings.capacity_mah;
+        state.capacity = settings
+            .capacity_mah
+            .map(|capacity| Amount::of(state.contents, capacity));
         state.critical_voltage_v = settings.failsafe.critical.voltage_v;
         state.serial_number = settings.serial_number;
         state.reported_voltage = settings.reported_voltage;
@@ -397,9 +399,8 @@ impl BatteryMonitor {
                 events,
                 PackEvent::Failsafe {
                     level,
-                    contents: state.contents,
                     voltage_v: self.last_voltage_v.unwrap_or(0.0),
-                    consumed_mah: state.consumed_mah.unwrap_or(0.0),
+                    consumed: state.consumed.unwrap_or(Amount::of(state.contents, 0.0)),
                 },
             );
         }
@@ -411,7 +412,7 @@ impl BatteryMonitor {
             remaining_pct: state.remaining_pct,
             arm_state: tick.arm_state,
             current_a: state.current_a,
-            capacity_mah: state.capacity_mah,
+            capacity_mah: state.capacity_mah(),
         };
         state.charge_state = self.charge_state.update(dt_s, &inputs);
         raised

@@ -2,8 +2,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel, FailsafeSettings, Faults, PackDetails,
-    Thresholds, VoltageSource,
+    Amount, BusError, CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel, FailsafeSettings,
+    Faults, PackDetails, Thresholds, VoltageSource,
 };
 
 /// A monitor with its settings and clock.
@@ -154,7 +154,7 @@ fn charge_at_boot_is_initialised_from_the_voltage() {
     let remaining_pct = state.remaining_pct.expect("known");
     assert!((45.0..55.0).contains(&remaining_pct), "{remaining_pct}");
     assert!(
-        state.consumed_mah.expect("counted") < 0.1,
+        state.consumed_mah().expect("counted") < 0.1,
         "consumption starts at zero"
     );
 }
@@ -253,20 +253,20 @@ fn other_resting_voltage_after_contact_loss_is_a_swap() {
         assert!(
             bench
                 .run(1.5, loaded(rests_at_v, 0.2))
-                .consumed_mah
+                .consumed_mah()
                 .expect("counted")
                 > 80.0
         );
         let state = bench.run(1.0, loaded(rests_at_v, 0.2));
         assert_eq!(bench.events, [PackEvent::Swapped], "{rests_at_v}");
-        assert!(state.consumed_mah.expect("counted") < 0.1);
+        assert!(state.consumed_mah().expect("counted") < 0.1);
     }
 }
 
 #[test]
 fn similar_resting_voltage_after_contact_loss_is_no_swap() {
     // It may have recovered from its load meanwhile. A failed sensor is a loss of contact, too.
-    for contact_loss in [Ok(loaded(0.3, 0.0)), Err(ReadError::NoAnswer)] {
+    for contact_loss in [Ok(loaded(0.3, 0.0)), Err(ReadError::Bus(BusError::NoAnswer))] {
         let mut bench = Bench::new();
         bench.run(60.0, loaded(11.1, 5.0));
         bench.run(5.0, loaded(11.2, 0.0));
@@ -275,7 +275,7 @@ fn similar_resting_voltage_after_contact_loss_is_no_swap() {
         }
         let state = bench.run(5.0, loaded(12.0, 0.2));
         assert!(!bench.events.contains(&PackEvent::Swapped), "{:?}", bench.events);
-        assert!(state.consumed_mah.expect("counted") > 80.0);
+        assert!(state.consumed_mah().expect("counted") > 80.0);
     }
 }
 
@@ -284,7 +284,7 @@ fn swap_is_detected_after_a_sensor_failure() {
     let mut bench = Bench::new();
     bench.run(5.0, loaded(10.2, 0.0));
     for _ in 0..20 {
-        bench.tick(Err(ReadError::NoAnswer));
+        bench.tick(Err(ReadError::Bus(BusError::NoAnswer)));
     }
     bench.run(5.0, loaded(12.4, 0.0));
     assert!(bench.events.contains(&PackEvent::Swapped), "{:?}", bench.events);
@@ -297,7 +297,7 @@ fn short_contact_loss_is_no_swap() {
     bench.run(0.8, loaded(0.3, 0.0));
     let state = bench.run(1.0, loaded(11.1, 5.0));
     assert!(bench.events.is_empty(), "{:?}", bench.events);
-    assert!(state.consumed_mah.expect("counted") > 80.0);
+    assert!(state.consumed_mah().expect("counted") > 80.0);
 }
 
 #[test]
@@ -311,7 +311,7 @@ fn contact_loss_while_armed_is_no_swap_and_holds_failsafe() {
     bench.run(3.0, loaded(0.3, 0.0));
     bench.run(1.0, loaded(9.5, 5.0));
     assert_eq!(bench.state().failsafe, FailsafeLevel::Critical);
-    assert!(bench.state().consumed_mah.expect("counted") > 13.0);
+    assert!(bench.state().consumed_mah().expect("counted") > 13.0);
     assert!(!bench.events.contains(&PackEvent::Swapped), "{:?}", bench.events);
 }
 
@@ -425,7 +425,7 @@ fn battery_reset_sets_charge_and_consumption() {
     bench.monitor.reset(56.0, &bench.settings);
     bench.tick(Ok(loaded(11.4, 0.0)));
     assert!((bench.state().remaining_pct.unwrap() - 56.0).abs() < 0.01);
-    assert!((bench.state().consumed_mah.unwrap() - 0.44 * 2200.0).abs() < 0.1);
+    assert!((bench.state().consumed_mah().unwrap() - 0.44 * 2200.0).abs() < 0.1);
     assert!((bench.state().consumed_wh.unwrap() - 0.44 * 2.2 * 11.4).abs() < 0.01);
 }
 
@@ -450,7 +450,7 @@ fn retained_data_continues_after_a_processor_reset() {
     after.monitor.restore(&before.monitor.memory());
     after.tick(Ok(loaded(11.2, 5.0)));
     let state = after.state();
-    assert!((state.consumed_mah.unwrap() - last.consumed_mah.unwrap()).abs() < 0.01);
+    assert!((state.consumed_mah().unwrap() - last.consumed_mah().unwrap()).abs() < 0.01);
     assert!((state.remaining_pct.unwrap() - last.remaining_pct.unwrap()).abs() < 0.01);
     assert_eq!(state.cell_count, Some(3));
 }
@@ -459,12 +459,12 @@ fn retained_data_continues_after_a_processor_reset() {
 fn gap_in_readings_is_counted_and_announced() {
     let mut bench = Bench::new();
     bench.run(1.0, loaded(11.4, 3.6));
-    let before_mah = bench.state().consumed_mah.unwrap();
+    let before_mah = bench.state().consumed_mah().unwrap();
     for _ in 0..100 {
         bench.tick(Err(ReadError::Timeout));
     }
     bench.tick(Ok(loaded(11.4, 3.6)));
-    let counted_mah = bench.state().consumed_mah.unwrap() - before_mah;
+    let counted_mah = bench.state().consumed_mah().unwrap() - before_mah;
     assert!((counted_mah - 10.1).abs() < 0.01, "{counted_mah}");
     assert!(
         matches!(bench.events[..], [PackEvent::SensorFailed(_), PackEvent::Gap(_)]),
@@ -589,8 +589,8 @@ fn smart_battery_overrides_charge_capacity_and_cells() {
         assert_eq!(bench.tick(Ok(smart(11.7))), None);
     }
     let state = *bench.state();
-    assert_eq!(state.consumed_mah, Some(600.0));
-    assert_eq!(state.capacity_mah, Some(2600.0));
+    assert_eq!(state.consumed_mah(), Some(600.0));
+    assert_eq!(state.capacity_mah(), Some(2600.0));
     assert!((state.remaining_pct.unwrap() - 76.92).abs() < 0.01);
     assert_eq!(state.charge_source, ChargeSource::Gauge);
     assert_eq!((state.cell_count, state.serial_number), (Some(3), Some(4711)));
@@ -608,7 +608,7 @@ fn battery_reset_does_not_change_a_smart_battery() {
     bench.tick(Ok(smart(11.7)));
     bench.monitor.reset(100.0, &bench.settings);
     bench.tick(Ok(smart(11.7)));
-    assert_eq!(bench.state().consumed_mah, Some(600.0));
+    assert_eq!(bench.state().consumed_mah(), Some(600.0));
 }
 
 fn with_serial_number(serial_number: i32, voltage_v: f32) -> Measurement {
@@ -644,7 +644,7 @@ fn serial_number_misread_or_read_while_armed_is_no_swap() {
     for between in [
         Ok(smart(11.7)),
         Ok(with_serial_number(4713, 11.7)),
-        Err(ReadError::Checksum),
+        Err(ReadError::Bus(BusError::Checksum)),
     ] {
         let mut bench = Bench::new();
         bench.tick(Ok(smart(11.7)));
@@ -703,11 +703,11 @@ fn counter_keeps_charge_drawn_during_failed_reads() {
     };
     bench.tick(Ok(counted(0.0)));
     for _ in 0..100 {
-        bench.tick(Err(ReadError::NoAnswer));
+        bench.tick(Err(ReadError::Bus(BusError::NoAnswer)));
     }
     bench.events.clear();
     bench.tick(Ok(counted(50.0)));
-    assert_eq!(bench.state().consumed_mah, Some(50.0));
+    assert_eq!(bench.state().consumed_mah(), Some(50.0));
     assert!((bench.state().consumed_wh.unwrap() - 0.585).abs() < 1e-6);
     assert_eq!(bench.events, [], "no gap");
 }
@@ -718,9 +718,12 @@ fn sensor_failure_and_recovery_are_announced_once() {
     bench.tick(Ok(smart(11.7)));
     bench.events.clear();
     for _ in 0..100 {
-        bench.tick(Err(ReadError::NoAnswer));
+        bench.tick(Err(ReadError::Bus(BusError::NoAnswer)));
     }
-    assert_eq!(bench.events, [PackEvent::SensorFailed(ReadError::NoAnswer)]);
+    assert_eq!(
+        bench.events,
+        [PackEvent::SensorFailed(ReadError::Bus(BusError::NoAnswer))]
+    );
     for _ in 0..100 {
         bench.tick(Ok(smart(11.7)));
     }
@@ -747,7 +750,7 @@ fn tank_with_flow_sensor_starts_full() {
     assert_eq!(bench.state().remaining_pct, Some(100.0));
     // At 1 l/h a tick is 27.8 µl: 550 of 2200 ml take 1980 s.
     let state = bench.run(1980.0, fuel_flow(1.0 / 36.0, 1.0));
-    assert!((state.consumed_mah.unwrap() - 550.0).abs() < 0.1);
+    assert!((state.consumed_ml().unwrap() - 550.0).abs() < 0.1);
     assert!((state.remaining_pct.unwrap() - 75.0).abs() < 0.01);
     assert!((state.time_remaining_s.unwrap() - 1.65 * 3600.0).abs() < 1.0);
     assert_eq!((state.voltage_v, state.consumed_wh), (None, None));
@@ -765,7 +768,7 @@ fn fill_level_is_clamped_at_zero_and_needs_a_capacity() {
     bench.settings.capacity_mah = None;
     bench.tick(Ok(fuel_flow(0.0, 1.0)));
     assert_eq!(bench.state().remaining_pct, None);
-    assert_eq!(bench.state().consumed_mah, Some(2500.0));
+    assert_eq!(bench.state().consumed_ml(), Some(2500.0));
 }
 
 #[test]
@@ -775,7 +778,7 @@ fn battery_reset_sets_the_fill_level() {
     bench.monitor.reset(50.0, &bench.settings);
     bench.tick(Ok(fuel_flow(110.0, 1.0)));
     assert!((bench.state().remaining_pct.unwrap() - 45.0).abs() < 0.01);
-    assert!((bench.state().consumed_mah.unwrap() - 1210.0).abs() < 0.01);
+    assert!((bench.state().consumed_ml().unwrap() - 1210.0).abs() < 0.01);
     assert_eq!(bench.state().consumed_wh, None);
 }
 
@@ -882,7 +885,7 @@ proptest! {
             let state = *bench.state();
             let values = [
                 state.voltage_v, state.resting_voltage_v, state.current_a, state.average_current_a,
-                state.resistance_ohm, state.consumed_mah, state.consumed_wh, state.remaining_pct,
+                state.resistance_ohm, state.consumed.map(Amount::number), state.consumed_wh, state.remaining_pct,
                 state.time_remaining_s, state.temperature_c,
             ];
             for value in values.into_iter().flatten() {
@@ -919,7 +922,7 @@ fn any_stretch() -> impl Strategy<Value = Stretch> {
             ..volts(voltage_v)
         })
     });
-    let reading = prop_oneof![8 => reading, 1 => Just(Err(ReadError::NoAnswer))];
+    let reading = prop_oneof![8 => reading, 1 => Just(Err(ReadError::Bus(BusError::NoAnswer)))];
     let arm_state = prop_oneof![1 => Just(ArmState::Armed), 6 => Just(ArmState::Disarmed)];
     (1u32..40, arm_state, reading).prop_map(|(ticks, arm_state, reading)| Stretch {
         ticks,

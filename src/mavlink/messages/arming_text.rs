@@ -5,6 +5,7 @@ use core::fmt::Write;
 use heapless::String;
 
 use crate::battery::ArmingFailure;
+use crate::pack::Pack;
 use crate::vehicle::Stick;
 
 /// The longest text, in bytes: two STATUSTEXT.
@@ -29,15 +30,19 @@ impl CheckedBy {
     }
 }
 
-/// Why the pack `instance` (0 to 8) keeps the rover from being armed: "PreArm: Battery 1 ..." or "Arm: Battery 1 ...".
+/// Why `pack` keeps the rover from being armed: "PreArm: Battery 1 ..." or "Arm: Battery 1 ...".
 pub(in crate::mavlink) fn arming_failure_text(
     checked_by: CheckedBy,
-    instance: u8,
+    pack: Pack,
     failure: ArmingFailure,
 ) -> String<TEXT_BYTES> {
     let mut text = String::new();
-    let number = u16::from(instance) + 1;
-    let _ = write!(text, "{}: Battery {number} {failure}", checked_by.prefix());
+    let _ = write!(
+        text,
+        "{}: Battery {} {failure}",
+        checked_by.prefix(),
+        pack.number()
+    );
     text
 }
 
@@ -67,11 +72,11 @@ mod tests {
     #[test]
     fn a_failed_check_has_ardupilots_words() {
         assert_eq!(
-            arming_failure_text(CheckedBy::Request, 8, ArmingFailure::CapacityOrder),
+            arming_failure_text(CheckedBy::Request, Pack::Ninth, ArmingFailure::CapacityOrder),
             "PreArm: Battery 9 capacity failsafe critical >= low"
         );
         assert_eq!(
-            arming_failure_text(CheckedBy::Attempt, 0, ArmingFailure::BelowArmingVoltage),
+            arming_failure_text(CheckedBy::Attempt, Pack::First, ArmingFailure::BelowArmingVoltage),
             "Arm: Battery 1 below minimum arming voltage"
         );
     }

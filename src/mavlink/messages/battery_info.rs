@@ -1,9 +1,8 @@
 //! BATTERY_INFO (372).
 
 use super::pack_facts::{
-    WEIGHT_UNKNOWN_G, battery_type, cells_in_series, charged_cell_voltage_v, cycle_count,
-    design_capacity_mah, full_capacity_mah, lowest_cell_voltage_v, manufacture_date, name, nominal_voltage_v,
-    serial_number,
+    WEIGHT_UNKNOWN_G, battery_type, cells_in_series, charged_cell_voltage_v, cycle_count, design_capacity,
+    full_capacity, lowest_cell_voltage_v, manufacture_date, name, nominal_voltage_v, serial_number,
 };
 use super::units::{NOT_GIVEN, amp_hours, number, number_above_zero};
 use crate::battery::PackDetails;
@@ -29,10 +28,8 @@ pub fn build_battery_info(state: &SystemState<'_>, pack: Pack) -> BATTERY_INFO_D
         nominal_voltage: number_above_zero(nominal_voltage_v(battery)),
         discharge_maximum_current: NOT_GIVEN,
         discharge_maximum_burst_current: NOT_GIVEN,
-        design_capacity: number_above_zero(amp_hours(design_capacity_mah(battery))),
-        full_charge_capacity: number(
-            amp_hours(full_capacity_mah(battery)).filter(|charge_ah| *charge_ah >= 0.0),
-        ),
+        design_capacity: number_above_zero(amp_hours(design_capacity(battery))),
+        full_charge_capacity: number(amp_hours(full_capacity(battery)).filter(|charge_ah| *charge_ah >= 0.0)),
         cycle_count: cycle_count(details),
         weight: WEIGHT_UNKNOWN_G,
         id: pack.instance(),

@@ -4,7 +4,7 @@ use super::pack_facts::battery_type;
 use super::units::{
     MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, finite, remaining_pct, temperature_cdegc, voltage_mv,
 };
-use crate::battery::{BatteryState, CellVoltages, ChargeState, Faults};
+use crate::battery::{Amount, BatteryState, CellVoltages, ChargeState, Faults};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{
     BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
@@ -48,7 +48,7 @@ pub fn build_battery_status(state: &SystemState<'_>, pack: Pack) -> BATTERY_STAT
         temperature: temperature_cdegc(battery.temperature_c),
         voltages: voltages(battery),
         current_battery: current_ca(battery.current_a),
-        current_consumed: consumed(battery.consumed_mah),
+        current_consumed: consumed(battery.consumed.map(Amount::number)),
         energy_consumed: consumed(battery.consumed_wh.map(|wh| wh * HECTOJOULES_PER_WH)),
         battery_remaining: remaining_pct(battery.remaining_pct),
         time_remaining: time_remaining_s(battery.time_remaining_s),

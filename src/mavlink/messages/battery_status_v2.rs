@@ -1,7 +1,7 @@
 //! BATTERY_STATUS_V2 (369).
 
 use super::units::{amp_hours, finite, number, temperature_cdegc};
-use crate::battery::{BatteryState, ChargeSource, ChargeState, Faults, PackStatus};
+use crate::battery::{Amount, BatteryState, ChargeSource, ChargeState, Faults, PackStatus};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{BATTERY_STATUS_V2_DATA, MavBatteryStatusFlags as Flags};
 use crate::pack::Pack;
@@ -52,8 +52,8 @@ pub fn build_battery_status_v2(state: &SystemState<'_>, pack: Pack) -> BATTERY_S
                 .filter(|voltage_v| *voltage_v >= 0.0),
         ),
         current: number(battery.current_a),
-        capacity_consumed: number(amp_hours(battery.consumed_mah)),
-        capacity_remaining: number(amp_hours(remaining_mah(battery))),
+        capacity_consumed: number(amp_hours(battery.consumed.map(Amount::number))),
+        capacity_remaining: number(amp_hours(remaining(battery))),
         state_of_charge: number(state_of_charge_pct(battery)),
         status_flags: status_flags(battery),
         temperature: temperature_cdegc(battery.temperature_c),
@@ -65,10 +65,13 @@ fn state_of_charge_pct(battery: &BatteryState) -> Option<f32> {
     finite(battery.remaining_pct).map(|percent| percent.clamp(0.0, 100.0))
 }
 
-/// The charge that is left, in milliampere-hours.
-fn remaining_mah(battery: &BatteryState) -> Option<f32> {
-    let capacity_mah = battery.capacity_mah.filter(|capacity_mah| *capacity_mah >= 0.0)?;
-    Some(capacity_mah * state_of_charge_pct(battery)? / 100.0)
+/// The charge that is left, in milliampere-hours; of fuel, in millilitres.
+fn remaining(battery: &BatteryState) -> Option<f32> {
+    let capacity = battery
+        .capacity
+        .map(Amount::number)
+        .filter(|capacity| *capacity >= 0.0)?;
+    Some(capacity * state_of_charge_pct(battery)? / 100.0)
 }
 
 fn status_flags(battery: &BatteryState) -> Flags {

@@ -24,8 +24,8 @@ pub fn build_fuel_status(state: &SystemState<'_>, pack: Pack) -> FUEL_STATUS_DAT
     let tank = state.battery(pack);
     let is_level_measured = tank.charge_source == ChargeSource::Gauge;
     FUEL_STATUS_DATA {
-        maximum_fuel: number(tank.capacity_mah),
-        consumed_fuel: number(tank.consumed_mah.filter(|_| !is_level_measured)),
+        maximum_fuel: number(tank.capacity_ml()),
+        consumed_fuel: number(tank.consumed_ml().filter(|_| !is_level_measured)),
         remaining_fuel: number(remaining_ml(tank).filter(|_| is_level_measured)),
         flow_rate: number(tank.current_a.map(|flow_l_h| flow_l_h * ML_PER_S)),
         temperature: number(tank.temperature_c.map(|celsius| celsius + KELVIN_AT_0_CELSIUS)),
@@ -40,5 +40,5 @@ pub fn build_fuel_status(state: &SystemState<'_>, pack: Pack) -> FUEL_STATUS_DAT
 
 fn remaining_ml(tank: &BatteryState) -> Option<f32> {
     let share = finite(tank.remaining_pct)?.clamp(0.0, 100.0) / 100.0;
-    Some(tank.capacity_mah? * share)
+    Some(tank.capacity_ml()? * share)
 }

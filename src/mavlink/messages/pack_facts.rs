@@ -6,7 +6,7 @@ use core::iter;
 use ::mavlink::types::CharArray;
 use heapless::String;
 
-use crate::battery::{BatteryState, ChargeSource, Chemistry, Contents, Date, PackDetails};
+use crate::battery::{Amount, BatteryState, ChargeSource, Chemistry, Contents, Date, PackDetails};
 use crate::mavlink::dialect::MavBatteryType;
 
 /// MAVLink's value for a number of charges that is not known, `UINT16_MAX`.
@@ -63,21 +63,23 @@ pub(super) fn nominal_voltage_v(battery: &BatteryState) -> Option<f32> {
         .or(battery.cell_count.map(of_cells))
 }
 
-/// The charge of the pack when it was new, in milliampere-hours: its own, else what the owner has set.
-pub(super) fn design_capacity_mah(battery: &BatteryState) -> Option<f32> {
+/// The charge of the pack when it was new, in milliampere-hours: its own, else what the owner has set. Of a tank, its volume
+/// in millilitres.
+pub(super) fn design_capacity(battery: &BatteryState) -> Option<f32> {
     battery
         .details
         .design_capacity_mah
         .or(match battery.charge_source {
-            ChargeSource::Estimated => battery.capacity_mah,
+            ChargeSource::Estimated => battery.capacity.map(Amount::number),
             ChargeSource::Gauge => None,
         })
 }
 
-/// The charge of the full pack at its present age, in milliampere-hours: only a gauge knows.
-pub(super) fn full_capacity_mah(battery: &BatteryState) -> Option<f32> {
+/// The charge of the full pack at its present age, in milliampere-hours: only a gauge knows. Of a tank, its volume in
+/// millilitres.
+pub(super) fn full_capacity(battery: &BatteryState) -> Option<f32> {
     match battery.charge_source {
-        ChargeSource::Gauge => battery.capacity_mah,
+        ChargeSource::Gauge => battery.capacity.map(Amount::number),
         ChargeSource::Estimated => None,
     }
 }

@@ -1,8 +1,8 @@
 //! SMART_BATTERY_INFO (370), which BATTERY_INFO supersedes: the same facts in whole numbers.
 
 use super::pack_facts::{
-    WEIGHT_UNKNOWN_G, battery_type, cells_in_series, charged_cell_voltage_v, cycle_count,
-    design_capacity_mah, full_capacity_mah, lowest_cell_voltage_v, manufacture_date, name, serial_number,
+    WEIGHT_UNKNOWN_G, battery_type, cells_in_series, charged_cell_voltage_v, cycle_count, design_capacity,
+    full_capacity, lowest_cell_voltage_v, manufacture_date, name, serial_number,
 };
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, finite, voltage_mv};
 use crate::mavlink::SystemState;
@@ -28,8 +28,8 @@ pub fn build_smart_battery_info(state: &SystemState<'_>, pack: Pack) -> SMART_BA
     let details = &battery.details;
     let charged_cell_v = charged_cell_voltage_v(battery);
     SMART_BATTERY_INFO_DATA {
-        capacity_full_specification: capacity_mah(design_capacity_mah(battery)),
-        capacity_full: capacity_mah(full_capacity_mah(battery)),
+        capacity_full_specification: capacity_mah(design_capacity(battery)),
+        capacity_full: capacity_mah(full_capacity(battery)),
         cycle_count: cycle_count(details),
         weight: WEIGHT_UNKNOWN_G,
         discharge_minimum_voltage: cell_mv(lowest_cell_voltage_v(battery)).unwrap_or(VOLTAGE_UNKNOWN_MV),

@@ -90,8 +90,8 @@ impl VehicleService<'_> {
         let mut explain = |text: &str| replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, text);
         match (refused, unfit) {
             (ArmingRefused::Restarting, _) => explain(RESTARTING),
-            (ArmingRefused::Unfit, Some(Unfit::Pack(instance, failure))) => {
-                explain(&arming_failure_text(CheckedBy::Attempt, instance, failure));
+            (ArmingRefused::Unfit, Some(Unfit::Pack(pack, failure))) => {
+                explain(&arming_failure_text(CheckedBy::Attempt, pack, failure));
             }
             (ArmingRefused::Unfit, Some(Unfit::Stick(stick))) => explain(stick_deflected_text(stick)),
             (ArmingRefused::Terminated, _) | (ArmingRefused::Unfit, None) => {
@@ -103,8 +103,8 @@ impl VehicleService<'_> {
 
     /// The first check that fails on an attempt to arm.
     fn unfit(&self) -> Option<Unfit> {
-        let pack = self.pack_failures().next();
-        let of_pack = pack.map(|(instance, failure)| Unfit::Pack(instance, failure));
+        let first = self.pack_failures().next();
+        let of_pack = first.map(|(pack, failure)| Unfit::Pack(pack, failure));
         of_pack.or_else(|| {
             let stick = self.vehicle.deflected_stick();
             stick.filter(|_| self.checks(STICKS_CHECKED)).map(Unfit::Stick)
@@ -124,20 +124,20 @@ impl VehicleService<'_> {
             let text = terminated_text(CheckedBy::Request);
             replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
         }
-        for (instance, failure) in self.pack_failures() {
-            let text = arming_failure_text(CheckedBy::Request, instance, failure);
+        for (pack, failure) in self.pack_failures() {
+            let text = arming_failure_text(CheckedBy::Request, pack, failure);
             replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
         }
         ACCEPTED
     }
 
-    /// What fails of each pack, by its instance, as far as it is checked.
-    fn pack_failures(&self) -> impl Iterator<Item = (u8, ArmingFailure)> {
+    /// What fails of each pack, as far as it is checked.
+    fn pack_failures(&self) -> impl Iterator<Item = (Pack, ArmingFailure)> {
         let is_checked = self.checks(BATTERY_CHECKED);
         let packs = Pack::ALL.into_iter().zip(self.state.batteries);
         packs.filter(move |_| is_checked).flat_map(|(pack, battery)| {
             let settings = PackSettings::from_parameters(self.parameters, pack);
-            arming_failures(battery, &settings).map(move |failure| (pack.instance(), failure))
+            arming_failures(battery, &settings).map(move |failure| (pack, failure))
         })
     }
 
@@ -189,8 +189,8 @@ impl VehicleService<'_> {
 
 /// What fails on an attempt to arm.
 enum Unfit {
-    /// A check of the pack with this instance.
-    Pack(u8, ArmingFailure),
+    /// A check of this pack.
+    Pack(Pack, ArmingFailure),
     /// This stick is deflected.
     Stick(Stick),
 }

@@ -47,14 +47,14 @@ impl Parameters {
 
     /// Writing a change failed: it waits for a retry, and so do all other changes unless flash is only full.
     ///
-    /// Returns the error if it has to be reported: a change failed for the first time, or for another reason.
+    /// Returns the error if it has to be reported: a change failed for the first time, or not like before.
     pub fn mark_failed(&mut self, unsaved: Unsaved, error: StorageError) -> Option<StorageError> {
         let mut is_new = false;
         let mut fail = |progress: Progress| {
             if !progress.is_due() {
                 return progress;
             }
-            is_new |= progress.failure() != Some(error);
+            is_new |= !progress.failure().is_some_and(|before| before.is_like(error));
             Progress::Failed(error)
         };
         match unsaved {

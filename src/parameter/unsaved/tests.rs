@@ -4,13 +4,16 @@ use proptest::prelude::*;
 
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, PARAMETER_COUNT, ParameterId, Parameters, VehicleParameter};
-use crate::storage::StorageError::{self, Corrupt, Flash, Full};
+use crate::storage::FlashFault;
+use crate::storage::StorageError::{self, Corrupt, Full};
 
 use super::Unsaved::{self, Reset, Value};
 
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const PARAMS: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Params);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
+
+const FLASH: StorageError = StorageError::Flash(FlashFault::NotVerified);
 
 /// Parameters with unsaved `changes`.
 fn changed(changes: &[(ParameterId, f32)]) -> Parameters {
@@ -83,13 +86,13 @@ fn reset_is_live_at_once_and_erases_before_storing() {
 fn value_set_after_a_failed_reset_waits_for_the_reset() {
     let mut parameters = changed(&[(EXTRA1, 5.0)]);
     parameters.reset();
-    assert_eq!(save(&mut parameters, |_| Err(Flash)), (vec![Reset], vec![Flash]));
+    assert_eq!(save(&mut parameters, |_| Err(FLASH)), (vec![Reset], vec![FLASH]));
     assert_eq!(parameters.next_unsaved(), None, "waits for a retry");
 
     parameters.set(VOLT_MULT, 4.1).unwrap();
-    assert_eq!(save(&mut parameters, |_| Err(Flash)), (vec![Reset], vec![Flash]));
+    assert_eq!(save(&mut parameters, |_| Err(FLASH)), (vec![Reset], vec![FLASH]));
     parameters.retry_failed();
-    assert_eq!(save(&mut parameters, |_| Err(Flash)), (vec![Reset], vec![]));
+    assert_eq!(save(&mut parameters, |_| Err(FLASH)), (vec![Reset], vec![]));
     assert_eq!(parameters.get(VOLT_MULT), 4.1);
 
     parameters.retry_failed();
@@ -119,7 +122,7 @@ fn value_without_space_does_not_block_the_others() {
 
 #[test]
 fn failed_flash_is_tried_once_and_all_changes_wait() {
-    for error in [Flash, Corrupt] {
+    for error in [FLASH, Corrupt] {
         let mut parameters = changed(&[(EXTRA1, 5.0), (PARAMS, 7.0)]);
         let (written, reports) = save(&mut parameters, |_| Err(error));
         assert_eq!((written, reports), (vec![Value(EXTRA1, 5.0)], vec![error]));
@@ -139,11 +142,16 @@ fn failure_is_reported_again_after_a_set_or_a_new_error() {
         parameters.retry_failed();
         save(&mut parameters, |_| Err(error)).1
     };
-    assert_eq!(reports_of(None, Flash), [Flash]);
-    assert_eq!(reports_of(None, Flash), []);
-    assert_eq!(reports_of(Some((PARAMS, 7.0)), Flash), [Flash]);
-    assert_eq!(reports_of(Some((EXTRA1, 6.0)), Flash), [Flash]);
-    assert_eq!(reports_of(Some((EXTRA1, 6.0)), Flash), [Flash], "the same value");
+    assert_eq!(reports_of(None, FLASH), [FLASH]);
+    assert_eq!(reports_of(None, FLASH), []);
+    assert_eq!(
+        reports_of(None, StorageError::Flash(FlashFault::Other)),
+        [],
+        "the flash again"
+    );
+    assert_eq!(reports_of(Some((PARAMS, 7.0)), FLASH), [FLASH]);
+    assert_eq!(reports_of(Some((EXTRA1, 6.0)), FLASH), [FLASH]);
+    assert_eq!(reports_of(Some((EXTRA1, 6.0)), FLASH), [FLASH], "the same value");
     assert_eq!(reports_of(None, Full), [Full, Full], "one for each");
     assert_eq!(reports_of(None, Full), []);
 }
@@ -176,7 +184,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
         1 => Just(Step::Reset),
         1 => Just(Step::Retry),
     ];
-    let result = prop_oneof![3 => Just(Ok(())), 1 => Just(Err(Flash)), 1 => Just(Err(Full))];
+    let result = prop_oneof![3 => Just(Ok(())), 1 => Just(Err(FLASH)), 1 => Just(Err(Full))];
     let step = prop_oneof![
         3 => asked.clone(),
         3 => result.prop_map(Step::Write),

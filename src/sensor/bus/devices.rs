@@ -5,7 +5,7 @@ use heapless::Vec;
 use super::part::FAST_MODE_HZ;
 use super::registry::AnyPart;
 use super::{Address, PartKind, SensorBus, Wiring};
-use crate::battery::{Measurement, ReadError};
+use crate::battery::{BusError, Measurement, ReadError};
 use crate::cadence::Cadence;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::Parameters;
@@ -173,7 +173,7 @@ impl BusDevice {
         for (pack, wiring) in &self.packs {
             match part.read(bus, wiring).await {
                 // Another pack of the part may be wired all right.
-                Err(ReadError::NoPin) => deliver(*pack, Err(ReadError::NoPin)),
+                Err(error) if error.is_configuration() => deliver(*pack, Err(error)),
                 reading => deliver(*pack, Ok(reading?)),
             }
         }
@@ -188,7 +188,7 @@ impl BusDevice {
             }
             // What was set up is not there any more, or is not set up any more. Even whether there is a check byte depends
             // on the part.
-            Err(ReadError::OtherPart | ReadError::Checksum) => self.part = None,
+            Err(ReadError::OtherPart | ReadError::Bus(BusError::Checksum)) => self.part = None,
             Err(_) => {}
         }
         self.failures = self.failures.saturating_add(1);
@@ -214,11 +214,11 @@ async fn find(
         }
         Place::Unknown => {
             let free = kind.addresses().iter().filter(|address| !taken.contains(address));
-            let mut error = ReadError::NoAnswer;
+            let mut error = ReadError::Bus(BusError::NoAnswer);
             for address in free {
                 match kind.set_up(bus, *address, wiring).await {
                     Ok(part) => return Ok((*address, part)),
-                    Err(ReadError::NoAnswer) => {}
+                    Err(ReadError::Bus(BusError::NoAnswer)) => {}
                     // It may be another part's.
                     Err(ReadError::OtherPart) => error = ReadError::OtherPart,
                     Err(error) => return Err(error),

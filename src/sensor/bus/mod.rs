@@ -26,7 +26,7 @@ pub use registry::PartKind;
 pub use samples::Samples;
 pub use wiring::Wiring;
 
-use crate::battery::ReadError;
+use crate::battery::BusError;
 
 /// The wires to the parts. Transfers must end: whoever implements the buses bounds the wait and frees one that hangs.
 pub trait SensorBus {
@@ -36,19 +36,15 @@ pub trait SensorBus {
     /// No part answers, or the transfer failed.
     // The futures stay on one executor, so `Send` need not be promised.
     #[allow(async_fn_in_trait)]
-    async fn write_read(
-        &mut self,
-        address: Address,
-        written: &[u8],
-        read: &mut [u8],
-    ) -> Result<(), ReadError>;
+    async fn write_read(&mut self, address: Address, written: &[u8], read: &mut [u8])
+    -> Result<(), BusError>;
 
     /// Writes.
     ///
     /// # Errors
     /// No part answers, or the transfer failed.
     #[allow(async_fn_in_trait)]
-    async fn write(&mut self, address: Address, written: &[u8]) -> Result<(), ReadError>;
+    async fn write(&mut self, address: Address, written: &[u8]) -> Result<(), BusError>;
 }
 
 /// An I2C bus: any of `embedded-hal-async`, or one that knows more of a failed transfer than an [`ErrorKind`] says, such as
@@ -59,20 +55,20 @@ pub trait I2cBus {
     /// # Errors
     /// No device acknowledges the address, or the transfer failed.
     #[allow(async_fn_in_trait)]
-    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError>;
+    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError>;
 }
 
 impl<B: I2c> I2cBus for B {
-    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
+    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
         let transaction = self.transaction(address, operations).await;
-        transaction.map_err(|error| read_error(error.kind()))
+        transaction.map_err(|error| bus_error(error.kind()))
     }
 }
 
-fn read_error(kind: ErrorKind) -> ReadError {
+fn bus_error(kind: ErrorKind) -> BusError {
     match kind {
-        ErrorKind::NoAcknowledge(_) => ReadError::NoAnswer,
-        _ => ReadError::Bus,
+        ErrorKind::NoAcknowledge(_) => BusError::NoAnswer,
+        _ => BusError::Transfer,
     }
 }
 
@@ -100,7 +96,7 @@ impl<I: I2cBus, S: SpiDevice> SensorBus for Buses<I, S> {
         address: Address,
         written: &[u8],
         read: &mut [u8],
-    ) -> Result<(), ReadError> {
+    ) -> Result<(), BusError> {
         match address {
             Address::I2c(address) => {
                 let mut operations = [Operation::Write(written), Operation::Read(read)];
@@ -109,15 +105,15 @@ impl<I: I2cBus, S: SpiDevice> SensorBus for Buses<I, S> {
             Address::ChipSelect => {
                 let mut operations = [SpiOperation::Write(written), SpiOperation::Read(read)];
                 let transfer = self.spi.transaction(&mut operations);
-                transfer.await.map_err(|_| ReadError::Bus)
+                transfer.await.map_err(|_| BusError::Transfer)
             }
         }
     }
 
-    async fn write(&mut self, address: Address, written: &[u8]) -> Result<(), ReadError> {
+    async fn write(&mut self, address: Address, written: &[u8]) -> Result<(), BusError> {
         match address {
             Address::I2c(address) => self.i2c.transfer(address, &mut [Operation::Write(written)]).await,
-            Address::ChipSelect => self.spi.write(written).await.map_err(|_| ReadError::Bus),
+            Address::ChipSelect => self.spi.write(written).await.map_err(|_| BusError::Transfer),
         }
     }
 }

@@ -39,11 +39,13 @@ impl<'a, B: SensorBus> Registers<'a, B> {
             Address::ChipSelect => register << SPI_REGISTER_SHIFT,
         };
         let [high, low] = value.to_be_bytes();
-        self.bus.write(self.address, &[command, high, low]).await
+        self.bus.write(self.address, &[command, high, low]).await?;
+        Ok(())
     }
 
     pub async fn write_u8(&mut self, register: u8, value: u8) -> Result<(), ReadError> {
-        self.bus.write(self.address, &[register, value]).await
+        self.bus.write(self.address, &[register, value]).await?;
+        Ok(())
     }
 
     /// Makes sure that these registers of a byte hold these values.

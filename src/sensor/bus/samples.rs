@@ -107,6 +107,7 @@ impl Samples {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::BusError;
 
     fn measured(voltage_v: f32, current_a: f32, counted_mah: Option<f32>) -> Result<Measurement, ReadError> {
         Ok(Measurement {
@@ -128,7 +129,7 @@ mod tests {
         let mut samples = Samples::new();
         samples.add(measured(12.0, 1.0, None));
         samples.add(measured(11.0, 2.0, Some(0.5)));
-        samples.add(Err(ReadError::NoAnswer));
+        samples.add(Err(ReadError::Bus(BusError::NoAnswer)));
         samples.add(measured(10.0, 6.0, Some(1.0)));
         let mean = samples.take().unwrap().unwrap();
         assert_eq!((mean.voltage_v, mean.current_a), (Some(11.0), Some(3.0)));
@@ -152,12 +153,12 @@ mod tests {
     #[test]
     fn without_a_reading_the_last_reason_is_returned() {
         let mut samples = Samples::new();
-        samples.add(Err(ReadError::NoAnswer));
-        samples.add(Err(ReadError::BusStuck));
-        assert_eq!(samples.take(), Some(Err(ReadError::BusStuck)));
+        samples.add(Err(ReadError::Bus(BusError::NoAnswer)));
+        samples.add(Err(ReadError::Bus(BusError::Stuck)));
+        assert_eq!(samples.take(), Some(Err(BusError::Stuck.into())));
         assert_eq!(
             samples.take(),
-            Some(Err(ReadError::BusStuck)),
+            Some(Err(BusError::Stuck.into())),
             "it has not been asked again"
         );
         samples.add(measured(12.0, 1.0, None));

@@ -1,7 +1,7 @@
 //! Commands of a smart battery: words and blocks, the lowest byte first, with a packet error code if it has them.
 
 use super::{Address, SensorBus};
-use crate::battery::{Name, ReadError};
+use crate::battery::{BusError, Name, ReadError};
 
 /// Whether a device sends a packet error code behind its data (SMBus 1.1 and later).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,7 +80,7 @@ impl<'a, B: SensorBus> SmBus<'a, B> {
             return Ok(Name::EMPTY);
         };
         match self.transfer(command, core::slice::from_mut(length)).await {
-            Err(ReadError::NoAnswer) => return Ok(Name::EMPTY),
+            Err(ReadError::Bus(BusError::NoAnswer)) => return Ok(Name::EMPTY),
             other => other?,
         }
         let bytes = usize::from(*length);
@@ -94,7 +94,7 @@ impl<'a, B: SensorBus> SmBus<'a, B> {
     async fn is_answered(&mut self, command: u8, data: &mut [u8]) -> Result<bool, ReadError> {
         match self.read(command, data).await {
             Ok(()) => Ok(true),
-            Err(ReadError::NoAnswer) => Ok(false),
+            Err(ReadError::Bus(BusError::NoAnswer)) => Ok(false),
             Err(error) => Err(error),
         }
     }
@@ -109,7 +109,7 @@ impl<'a, B: SensorBus> SmBus<'a, B> {
         self.transfer(command, answer).await?;
         let (code, received) = answer.split_last().ok_or(ReadError::Implausible)?;
         if packet_error_code(self.address, command, received) != *code {
-            return Err(ReadError::Checksum);
+            return Err(BusError::Checksum.into());
         }
         for (place, byte) in data.iter_mut().zip(received) {
             *place = *byte;
@@ -118,7 +118,8 @@ impl<'a, B: SensorBus> SmBus<'a, B> {
     }
 
     async fn transfer(&mut self, command: u8, answer: &mut [u8]) -> Result<(), ReadError> {
-        self.bus.write_read(self.address, &[command], answer).await
+        self.bus.write_read(self.address, &[command], answer).await?;
+        Ok(())
     }
 }
 

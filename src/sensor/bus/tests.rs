@@ -7,7 +7,7 @@ use embedded_hal_async::i2c::{ErrorType, NoAcknowledgeSource};
 use proptest::prelude::*;
 
 use super::*;
-use crate::battery::{BatteryMonitor, Chemistry, Date, Measurement, PackSettings, Tick};
+use crate::battery::{BatteryMonitor, Chemistry, Date, Measurement, PackSettings, ReadError, Tick};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
 
@@ -22,16 +22,16 @@ impl Tables {
 }
 
 impl I2cBus for Tables {
-    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
+    async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
         if !self.0.keys().any(|(device, _)| *device == address) {
-            return Err(ReadError::NoAnswer);
+            return Err(BusError::NoAnswer);
         }
         let mut register = 0;
         for operation in operations {
             match operation {
                 Operation::Write(bytes) => register = bytes[0],
                 Operation::Read(buffer) => {
-                    let bytes = self.0.get(&(address, register)).ok_or(ReadError::NoAnswer)?;
+                    let bytes = self.0.get(&(address, register)).ok_or(BusError::NoAnswer)?;
                     buffer.fill(0xff);
                     buffer.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
                 }
@@ -42,14 +42,14 @@ impl I2cBus for Tables {
 }
 
 /// Answers with whatever comes next, until that is used up.
-struct Anything(VecDeque<Result<u8, ReadError>>);
+struct Anything(VecDeque<Result<u8, BusError>>);
 
 impl I2cBus for Anything {
-    async fn transfer(&mut self, _: u8, operations: &mut [Operation<'_>]) -> Result<(), ReadError> {
+    async fn transfer(&mut self, _: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
         for operation in operations {
             if let Operation::Read(buffer) = operation {
                 for byte in buffer.iter_mut() {
-                    *byte = self.0.pop_front().unwrap_or(Err(ReadError::NoAnswer))?;
+                    *byte = self.0.pop_front().unwrap_or(Err(BusError::NoAnswer))?;
                 }
             }
         }
@@ -273,7 +273,7 @@ fn a_part_that_is_refused_three_times_is_given_time() {
     let mut due_us = Vec::new();
     for _ in 0..5 {
         due_us.push(devices.next_due_us().unwrap());
-        assert_eq!(read_one(&mut devices, &mut bus), Err(ReadError::NoAnswer));
+        assert_eq!(read_one(&mut devices, &mut bus), Err(BusError::NoAnswer.into()));
     }
     let waits_ms: Vec<_> = due_us.windows(2).map(|due| (due[1] - due[0]) / 1000).collect();
     assert_eq!(waits_ms, [25, 25, 225, 225]);
@@ -327,24 +327,24 @@ fn the_error_of_a_foreign_bus_is_diagnosed_by_its_kind() {
     for (kind, diagnosis) in [
         (
             ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address),
-            ReadError::NoAnswer,
+            BusError::NoAnswer,
         ),
         (
             ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data),
-            ReadError::NoAnswer,
+            BusError::NoAnswer,
         ),
         (
             ErrorKind::NoAcknowledge(NoAcknowledgeSource::Unknown),
-            ReadError::NoAnswer,
+            BusError::NoAnswer,
         ),
-        (ErrorKind::ArbitrationLoss, ReadError::Bus),
-        (ErrorKind::Bus, ReadError::Bus),
-        (ErrorKind::Overrun, ReadError::Bus),
-        (ErrorKind::Other, ReadError::Bus),
+        (ErrorKind::ArbitrationLoss, BusError::Transfer),
+        (ErrorKind::Bus, BusError::Transfer),
+        (ErrorKind::Overrun, BusError::Transfer),
+        (ErrorKind::Other, BusError::Transfer),
     ] {
         let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), 0);
         let reading = read_next(&mut devices, &mut Buses::i2c(Refusing(kind)));
-        assert_eq!(reading, [(Pack::Second, Err(diagnosis))], "{kind:?}");
+        assert_eq!(reading, [(Pack::Second, Err(diagnosis.into()))], "{kind:?}");
     }
 }
 
@@ -354,7 +354,7 @@ proptest! {
         bytes in prop::collection::vec(prop_oneof![
             8 => any::<u8>().prop_map(Ok),
             2 => Just(Ok(0xff)),
-            1 => prop::sample::select(vec![ReadError::NoAnswer, ReadError::Timeout, ReadError::BusStuck]).prop_map(Err),
+            1 => prop::sample::select(vec![BusError::NoAnswer, BusError::Timeout, BusError::Stuck]).prop_map(Err),
         ], 0..2000),
         kind in prop::sample::select(PartKind::ALL.to_vec()),
     ) {
@@ -370,7 +370,7 @@ proptest! {
                 let tick = Tick { now_us, ..Tick::default() };
                 let _ = monitor.update(tick, reading, &PackSettings::default());
                 let state = monitor.state();
-                let values = [state.voltage_v, state.current_a, state.consumed_mah, state.remaining_pct];
+                let values = [state.voltage_v, state.current_a, state.consumed_mah(), state.remaining_pct];
                 prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
             }
         }
@@ -393,7 +393,7 @@ proptest! {
             }
             let state = monitor.state();
             prop_assert!(state.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{:?}", state);
-            let values = [state.voltage_v, state.current_a, state.consumed_mah, state.time_remaining_s];
+            let values = [state.voltage_v, state.current_a, state.consumed_mah(), state.time_remaining_s];
             prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
         }
     }

@@ -196,7 +196,7 @@ fn failed_start_over_leaves_damage() {
                 assert_eq!(condition(&mut flash), Condition::Intact);
             }
             Err(error) => {
-                assert_eq!(error, StorageError::Flash);
+                assert_eq!(error, StorageError::Flash(FlashFault::Other));
                 let is_empty = flash.load().0.is_empty();
                 assert!(
                     is_empty || condition(&mut flash) == Condition::Damaged,

@@ -135,7 +135,7 @@ fn failed_operation_leaves_old_or_new_value() {
         for number in 0..60_u16 {
             let step = Step::Store(number % 4, u32::from(number));
             if let Err(error) = step.run(&mut storage) {
-                assert_eq!(error, StorageError::Flash);
+                assert_eq!(error, StorageError::Flash(FlashFault::Other));
                 failures += 1;
                 step.run(&mut storage).unwrap();
             }
@@ -156,7 +156,7 @@ fn write_without_effect_is_detected() {
         for number in 0..60_u16 {
             let step = Step::Store(number % 4, u32::from(number));
             if let Err(error) = step.run(&mut storage) {
-                assert_eq!(error, StorageError::Flash);
+                assert_eq!(error, StorageError::Flash(FlashFault::NotVerified));
                 step.run(&mut storage).unwrap();
             }
             step.apply(&mut expected);
@@ -183,7 +183,7 @@ fn stuck_bit_is_an_error_without_loss() {
             match step.run(&mut storage) {
                 Ok(()) => step.apply(&mut expected),
                 Err(error) => {
-                    assert_eq!(error, StorageError::Flash);
+                    assert_eq!(error, StorageError::Flash(FlashFault::NotVerified));
                     failures += 1;
                 }
             }

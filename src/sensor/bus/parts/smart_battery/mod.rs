@@ -9,7 +9,7 @@ pub(in crate::sensor::bus) use dialect::{
     Dialect, GENERIC, MAXELL, NEO_DESIGN, ROTOYE, SOLO, SUI_3_CELLS, SUI_6_CELLS,
 };
 
-use crate::battery::{Chemistry, Date, Gauge, Measurement, Name, PackDetails, ReadError, Supply};
+use crate::battery::{BusError, Chemistry, Date, Gauge, Measurement, Name, PackDetails, ReadError, Supply};
 use crate::log::info;
 use crate::sensor::bus::part::Part;
 use crate::sensor::bus::smbus::{PacketErrorCode, SmBus};
@@ -174,7 +174,7 @@ impl Part for SmartBattery {
         }
         let [serial] = self.commands(bus).words([SERIAL_NUMBER]).await?;
         match serial {
-            None => Err(ReadError::NoAnswer),
+            None => Err(BusError::NoAnswer.into()),
             Some(_) if serial == self.serial => Ok(()),
             Some(_) => Err(ReadError::OtherPart),
         }
@@ -196,8 +196,8 @@ impl Part for SmartBattery {
             .read(&mut self.commands(bus), self.cells)
             .await?;
         let voltage_v = match self.dialect.voltage {
-            Voltage::OfPack => pack_v.ok_or(ReadError::NoAnswer)?,
-            Voltage::SumOfCells => sum_v(&cells_mv, self.cells).ok_or(ReadError::NoAnswer)?,
+            Voltage::OfPack => pack_v.ok_or(BusError::NoAnswer)?,
+            Voltage::SumOfCells => sum_v(&cells_mv, self.cells).ok_or(BusError::NoAnswer)?,
         };
         Ok(Measurement {
             voltage_v: Some(voltage_v),
