@@ -92,14 +92,19 @@ class Module:
         self.file = file
         self.bindings = {}
         self.imports = []
+        self.reexports = []
         reexported = {}
         for use in USE.finditer(code):
             for names, alias in leaves(use["tree"]):
                 self.bindings[alias] = names
-                (reexported.__setitem__(alias, names) if use["public"] else self.imports.append(names))
+                if use["public"]:
+                    reexported[alias] = names
+                else:
+                    self.imports.append(names)
         self.body = MODULE.sub(" ", USE.sub(" ", code))
         used = set(NAME.findall(self.body))
-        self.imports += [names for alias, names in reexported.items() if alias in used]
+        for alias, names in reexported.items():
+            (self.imports if alias in used else self.reexports).append(names)
         for path_in_code in PATH.finditer(self.body):
             self.imports.append(tuple(re.split(r"\s*::\s*", path_in_code[0].replace("$", ""))))
 
@@ -151,8 +156,11 @@ class Crate:
         """For each pair of files the names that the first takes from the second."""
         found = collections.defaultdict(set)
         for module in [*self.modules.values(), *self.binaries]:
-            for names in module.imports:
+            for names in module.imports + module.reexports:
                 target = self.definer(module, names)
+                # Handing on what a child defines is no import.
+                if target and names in module.reexports and target.path[: len(module.path)] == module.path:
+                    continue
                 # What stands behind an imported name is of the import's file, unless that name is a module.
                 if names[0] in module.bindings and self.definer(module, names[:1]) is target:
                     continue
