@@ -4,7 +4,7 @@
 
 use rover_battmon::battery::{BatteryState, ChargeState, PackStatus};
 use rover_battmon::mavlink::{Framer, Stream, SystemState};
-use rover_battmon::parameter::Pack;
+use rover_battmon::pack::Pack;
 
 fn main() {
     let batteries = [BatteryState {

@@ -20,7 +20,8 @@ mod firmware {
     use rover_battmon::battery::{ArmState, BatteryMonitor, PackSettings, Tick};
     use rover_battmon::board::{self, SensorI2c};
     use rover_battmon::mavlink::{LinkKind, SystemState};
-    use rover_battmon::parameter::{BatteryParameter, Pack, Parameters};
+    use rover_battmon::pack::Pack;
+    use rover_battmon::parameter::{BatteryParameter, Parameters};
     use rover_battmon::sensor::{BusDevices, Buses, PartKind, bus_clock_hz};
     use rover_battmon::tasks::WiredEndpoint;
 

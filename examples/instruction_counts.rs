@@ -21,7 +21,7 @@ mod firmware {
         FrameParser, Framer, LinkKind, Message, Signing, SigningKey, StoredSigning, Stream, SystemState,
         ToStore,
     };
-    use rover_battmon::parameter::Pack;
+    use rover_battmon::pack::Pack;
     use rover_battmon::storage::Condition;
 
     /// What a ground station sends, in chunks as they come from a port.

@@ -24,7 +24,8 @@ mod firmware {
     };
     use rover_battmon::board::{self, AnalogInputs};
     use rover_battmon::mavlink::{LinkKind, SystemState};
-    use rover_battmon::parameter::{Pack, Parameters};
+    use rover_battmon::pack::Pack;
+    use rover_battmon::parameter::Parameters;
     use rover_battmon::sensor::{AdcCount, AnalogPin, CurrentSensor, VoltageDivider, read_mean};
     use rover_battmon::tasks::WiredEndpoint;
 

@@ -21,7 +21,7 @@ use rover_battmon::mavlink::{
     build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
     build_smart_battery_info, build_sys_status,
 };
-use rover_battmon::parameter::Pack;
+use rover_battmon::pack::Pack;
 
 fn golden_frames() -> HashMap<String, String> {
     let rows = include_str!("data/wire_mavlink2.csv").lines().skip(1);

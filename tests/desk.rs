@@ -14,7 +14,8 @@ use rover_battmon::autopilot::{Announcement, Start};
 use rover_battmon::battery::{ReadError, RetainedRecord};
 use rover_battmon::liveness::CheckIn;
 use rover_battmon::mavlink::LinkKind;
-use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
 use rover_battmon::sim::clock;
 use rover_battmon::tasks::{

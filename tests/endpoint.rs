@@ -9,12 +9,14 @@ use std::collections::HashMap;
 use desk::Desk;
 use proptest::prelude::*;
 use rover_battmon::battery::{
-    Amount, BatteryState, ChargeSource, ChargeState, Contents, MAX_PACKS, PackDetails, PackStatus, Visibility,
+    Amount, BatteryState, ChargeSource, ChargeState, Contents, PackDetails, PackStatus, Visibility,
 };
 use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind, SystemState};
+use rover_battmon::pack::MAX_PACKS;
+use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{
-    BatteryParameter, Pack, ParameterId, Parameters, SimulationParameter, Unsaved, VehicleParameter,
+    BatteryParameter, ParameterId, Parameters, SimulationParameter, Unsaved, VehicleParameter,
 };
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use rover_battmon::battery::{BatteryState, PackSettings, PackStatus, arming_failures};
-use rover_battmon::parameter::{Pack, ParameterId, Parameters, documentation};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{ParameterId, Parameters, documentation};
 
 fn docs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("docs")

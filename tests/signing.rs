@@ -10,7 +10,8 @@ use desk::Desk;
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::mavlink::{Event, LinkKind, SetupRefused, SigningChange, SigningTrouble, StoredSigning};
-use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::storage::Condition;
 
 use signer::{NEW_YEAR, Signer};

@@ -19,7 +19,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use rover_battmon::battery::PackSettings;
-use rover_battmon::parameter::{Pack, Parameters};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::Parameters;
 
 use crate::plot::Caption;
 use crate::report::Row;

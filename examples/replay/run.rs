@@ -1,7 +1,8 @@
 //! A trace through the monitor.
 
 use rover_battmon::battery::{ArmState, BatteryMonitor, Measurement, PackSettings, ReadError, Tick};
-use rover_battmon::parameter::{Pack, Parameters};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::Parameters;
 
 use crate::report::Row;
 use crate::settings::Inputs;

@@ -3,7 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 
 use crate::trace::Trace;
 

@@ -7,7 +7,8 @@ use heapless::String;
 use crate::battery::PackEvent;
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{SigningChange, SigningTrouble};
-use crate::parameter::{Pack, save_failure_text};
+use crate::pack::Pack;
+use crate::parameter::save_failure_text;
 use crate::storage::StorageError;
 use crate::vehicle::VehicleEvent;
 

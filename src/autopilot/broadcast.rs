@@ -3,8 +3,8 @@
 use heapless::Deque;
 
 use super::announcement::{Announcement, AnnouncementText};
-use crate::battery::MAX_PACKS;
 use crate::mavlink::dialect::MavSeverity;
+use crate::pack::MAX_PACKS;
 
 /// Announcements kept for links that are busy: one of each pack in the same tick, and a few more.
 const KEPT: usize = MAX_PACKS + 3;

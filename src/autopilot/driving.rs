@@ -5,7 +5,7 @@ use super::autopilot::Autopilot;
 use super::work::Work;
 use crate::battery::FailsafeLevel;
 use crate::log::info;
-use crate::parameter::Pack;
+use crate::pack::Pack;
 use crate::vehicle::{FailsafeAction, Indication, SideDrives, VehicleSettings};
 
 /// Outputs to motors, lamps and buzzer.

@@ -55,5 +55,3 @@ pub use settings::{FailsafeSettings, PackSettings, Thresholds, VoltageSource};
 pub use state::{BatteryState, ChargeSource, ChargeState, PackStatus, ReportedVoltage, Visibility};
 pub use sum::{SumVoltage, sum};
 pub use tick::Tick;
-
-pub use crate::pack::MAX_PACKS;

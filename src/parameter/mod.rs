@@ -23,5 +23,3 @@ pub use table::{BatteryParameter, Kind, Meaning, Parameter, Range, VehicleParame
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};
 pub use unsaved::Unsaved;
-
-pub use crate::pack::Pack;

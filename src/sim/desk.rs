@@ -18,7 +18,7 @@ use crate::battery::RetainedRecord;
 use crate::crash::ParameterSource;
 use crate::liveness::CheckIn;
 use crate::mavlink::LinkKind;
-use crate::parameter::Pack;
+use crate::pack::Pack;
 use crate::sensor::Buses;
 use crate::storage::Storage;
 use crate::tasks::{

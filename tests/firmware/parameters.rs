@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use rover_battmon::parameter::{BatteryParameter, Pack, VehicleParameter};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 
 use crate::bench::{Bench, LISTED_BY_DEFAULT, MILLISECOND, SAVED_US, SECOND, value_of};
 use crate::runs::rates_asked_for;

@@ -6,7 +6,8 @@
 use rover_battmon::autopilot::{Autopilot, Channel, SamplingProgress, Start};
 use rover_battmon::battery::{BatteryState, PackStatus, RetainedRecord};
 use rover_battmon::mavlink::{Event, Framer, LinkKind, LinkStatistics};
-use rover_battmon::parameter::{BatteryParameter, Pack, ParameterId, Parameters};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::vehicle::{SideDrives, Vehicle};
 

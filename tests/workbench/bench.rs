@@ -3,7 +3,8 @@
 use std::ops::{Deref, DerefMut};
 use std::sync::OnceLock;
 
-use rover_battmon::parameter::{BatteryParameter, Pack, VehicleParameter};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 
 use crate::elf::{Artifact, build};
 use crate::emulator::{AdcInput, Board, CpuState, Firmware, LogLevel, ResetCause, SentByte};

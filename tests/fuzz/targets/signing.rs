@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use rover_battmon::autopilot::Start;
 use rover_battmon::mavlink::{Event, LinkKind, StoredSigning, ToStore};
-use rover_battmon::parameter::{BatteryParameter, Pack, Parameters};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::storage::Condition;
 
 use super::Input;
