@@ -17,7 +17,7 @@ use rover_battmon::mavlink::dialect::{
     MavSysStatusSensor, MavSysStatusSensorExtended, SMART_BATTERY_INFO_DATA, SYS_STATUS_DATA,
 };
 use rover_battmon::mavlink::{
-    Framer, LinkStatistics, Message, ReceiveStatistics, SystemState, build_battery_info,
+    ArmingReadiness, Framer, LinkStatistics, Message, ReceiveStatistics, SystemState, build_battery_info,
     build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
     build_smart_battery_info, build_sys_status,
 };
@@ -187,6 +187,16 @@ fn three_cells_are_byte_exact_but_for_the_unused_ones() {
     );
 }
 
+/// The golden frames have no other sensor.
+fn with_battery_sensor_alone(data: SYS_STATUS_DATA) -> SYS_STATUS_DATA {
+    SYS_STATUS_DATA {
+        onboard_control_sensors_present: data.onboard_control_sensors_present & BATTERY_SENSOR,
+        onboard_control_sensors_enabled: data.onboard_control_sensors_enabled & BATTERY_SENSOR,
+        onboard_control_sensors_health: data.onboard_control_sensors_health & BATTERY_SENSOR,
+        ..data
+    }
+}
+
 #[test]
 fn sys_status_is_byte_exact() {
     let batteries = [BatteryState {
@@ -198,13 +208,14 @@ fn sys_status_is_byte_exact() {
         load_permille: 250,
         ..with_packs(&batteries)
     };
-    let message = Message::SysStatus(build_sys_status(&state));
+    let message = Message::SysStatus(with_battery_sensor_alone(build_sys_status(&state)));
     assert_eq!(frame_hex(&message), golden_frames()["sys_status_batt"]);
 }
 
 #[test]
 fn sys_status_without_a_monitored_battery_is_byte_exact() {
-    let message = Message::SysStatus(system_with(BatteryState::disabled()));
+    let data = with_battery_sensor_alone(system_with(BatteryState::disabled()));
+    let message = Message::SysStatus(data);
     assert_eq!(frame_hex(&message), golden_frames()["sys_status_none"]);
 }
 
@@ -282,7 +293,7 @@ const NO_SENSOR: MavSysStatusSensor = MavSysStatusSensor::empty();
 
 /// The battery's bits in SYS_STATUS: present, enabled, healthy.
 fn sensors(batteries: &[BatteryState]) -> [MavSysStatusSensor; 3] {
-    let data = build_sys_status(&with_packs(batteries));
+    let data = with_battery_sensor_alone(build_sys_status(&with_packs(batteries)));
     [
         data.onboard_control_sensors_present,
         data.onboard_control_sensors_enabled,
@@ -320,6 +331,26 @@ fn a_pack_is_healthy_while_its_sensor_works_and_it_has_not_failed() {
         };
         assert_eq!(sensors(&[battery]), expected, "{charge_state:?}");
         assert_eq!(status_of(battery).charge_state as usize, number);
+    }
+}
+
+/// What Mission Planner takes for a safety switch and for the readiness to arm, and MAVProxy for a fence.
+#[test]
+fn motors_arming_checks_and_fence_have_their_bits() {
+    const MOTORS: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS;
+    const CHECKS: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
+    const FENCE: MavSysStatusSensor = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
+    for (readiness, healthy) in [
+        (ArmingReadiness::NotReady, MOTORS | FENCE),
+        (ArmingReadiness::Ready, MOTORS | FENCE | CHECKS),
+    ] {
+        let data = build_sys_status(&SystemState {
+            readiness,
+            ..SystemState::default()
+        });
+        assert_eq!(data.onboard_control_sensors_present, MOTORS | CHECKS);
+        assert_eq!(data.onboard_control_sensors_enabled, MOTORS | CHECKS);
+        assert_eq!(data.onboard_control_sensors_health, healthy);
     }
 }
 
@@ -472,8 +503,8 @@ fn dropped_messages_are_counted_and_saturate() {
         },
         ..SystemState::default()
     };
-    assert_eq!(build_sys_status(&dropped(7)).errors_count1, 7);
-    assert_eq!(build_sys_status(&dropped(70_000)).errors_count1, u16::MAX);
+    assert_eq!(build_sys_status(&dropped(7)).errors_count3, 7);
+    assert_eq!(build_sys_status(&dropped(70_000)).errors_count3, u16::MAX);
 }
 
 /// MAVLink's NaN, bit for bit.
@@ -1141,8 +1172,11 @@ proptest! {
         let known = voltage_v.is_some_and(|v| v.is_finite() && v >= 0.0);
         prop_assert_eq!(data.voltage_battery != u16::MAX, known);
         let monitored = packs.iter().any(|battery| battery.status != PackStatus::Disabled);
-        prop_assert_eq!(data.onboard_control_sensors_present, if monitored { BATTERY_SENSOR } else { NO_SENSOR });
-        prop_assert!(data.onboard_control_sensors_present.contains(data.onboard_control_sensors_health));
+        prop_assert_eq!(data.onboard_control_sensors_present.contains(BATTERY_SENSOR), monitored);
+        prop_assert_eq!(data.onboard_control_sensors_enabled, data.onboard_control_sensors_present);
+        prop_assert!(monitored || !data.onboard_control_sensors_health.contains(BATTERY_SENSOR));
+        // Mission Planner shows these as internal errors.
+        prop_assert_eq!([data.errors_count1, data.errors_count2, data.errors_count4], [0; 3]);
     }
 
     #[test]

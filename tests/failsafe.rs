@@ -278,7 +278,7 @@ fn critical_battery_holds_within_the_deciding_tick() {
         assert_eq!(outcome.texts(), ["Battery 1 is critical 6.37V used 0 mAh"]);
         assert_eq!(outcome.last_state(), CRITICAL_STATE);
         let sys_status = of_message(&outcome.frames, SYS_STATUS);
-        assert_eq!(SysStatus(sys_status[sys_status.len() - 1]).sensors_healthy(), 0);
+        assert!(!SysStatus(sys_status[sys_status.len() - 1]).is_battery_healthy());
         let (_, shown) = outcome.shown[outcome.shown.len() - 1];
         assert_eq!(shown.colour, Colour::Red);
         assert!(

@@ -13,7 +13,7 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::{MotorDrive, SideDrives};
-use support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, frames};
+use support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, SysStatus, frames};
 use support::requests::{
     EVERYONE, VEHICLE, arm, command_int, command_int_2, command_long, command_long_2, disarm, do_set_mode,
     heartbeat, manual_control, rc_override, reboot, set_mode,
@@ -129,6 +129,14 @@ impl Rover {
     /// Motor outputs now.
     fn outputs(&self) -> SideDrives {
         self.0.vehicle().drives()
+    }
+
+    /// Whether the next SYS_STATUS reports that the arming checks pass.
+    fn is_ready(&mut self) -> bool {
+        let mut framer = Framer::new();
+        let message = Stream::SysStatus.build(&self.0.autopilot.system_state());
+        let bytes: Vec<_> = framer.frame(&message, 1).iter().map(|byte| (0, *byte)).collect();
+        SysStatus(&frames(&bytes)[0]).is_ready_to_arm()
     }
 
     /// Mode, flags and `system_status` of the next HEARTBEAT.
@@ -257,6 +265,55 @@ fn prearm_check_reports_all_failures_of_all_packs() {
         RUN_PREARM_CHECKS,
         TEMPORARILY_REJECTED,
     );
+}
+
+/// The readiness to arm that SYS_STATUS reports is the answer that an attempt gets.
+#[test]
+fn sys_status_is_ready_to_arm_when_an_attempt_succeeds() {
+    type Prepare = fn(&mut Rover);
+    let conditions: [(Prepare, u8); 8] = [
+        (|_| (), ACCEPTED),
+        (|rover| rover.0.set(ARM_VOLT, 11.2), FAILED),
+        (|rover| rover.0.set(LOW_VOLT, 11.2), FAILED),
+        (
+            |rover| {
+                rover.0.set(ARM_VOLT, 11.2);
+                rover.0.set(VehicleParameter::ArmingCheck, 0.0);
+            },
+            ACCEPTED,
+        ),
+        (
+            |rover| {
+                rover.deliver(&manual_control(1, 0, 1000));
+            },
+            FAILED,
+        ),
+        (
+            |rover| {
+                rover.deliver(&reboot());
+            },
+            FAILED,
+        ),
+        (|rover| rover.sample(0.3, 2), FAILED),
+        (
+            |rover| {
+                rover.deliver(&arm());
+            },
+            ACCEPTED,
+        ),
+    ];
+    for (number, (prepare, result)) in conditions.into_iter().enumerate() {
+        let mut rover = Rover(Desk::starting(Start::with_parameters(Parameters::defaults())));
+        assert!(!rover.is_ready(), "not checked yet");
+        rover.sample(11.1, 2);
+        assert!(rover.is_ready());
+        prepare(&mut rover);
+        rover.0.sent();
+        let voltage_v = if number == 6 { 0.3 } else { 11.1 };
+        rover.sample(voltage_v, 1);
+        assert_eq!(rover.is_ready(), result == ACCEPTED, "condition {number}");
+        rover.ask(&arm(), ARM_DISARM, result);
+    }
 }
 
 #[test]

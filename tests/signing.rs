@@ -298,7 +298,8 @@ fn what_is_ignored_is_counted_and_announced_once_a_minute() {
     radio.post_due(3 * MINUTE_US);
     let frames = radio.sent();
     let status = SysStatus(of_message(&frames, SYS_STATUS)[0]);
-    assert_eq!(status.errors_count2(), 180);
+    assert_eq!(status.dropped(), 0);
+    assert_eq!(radio.statistics().unauthorized, 180);
 }
 
 #[test]

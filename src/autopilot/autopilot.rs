@@ -9,7 +9,7 @@ use super::work::Work;
 use crate::battery::BatteryState;
 use crate::in_place::in_place;
 use crate::log::info;
-use crate::mavlink::{Signing, SystemState};
+use crate::mavlink::{ArmingReadiness, Signing, SystemState};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, SaveFailures};
 use crate::vehicle::{Vehicle, VehicleStatus};
@@ -23,6 +23,8 @@ pub struct Autopilot {
     pub(super) packs: Packs,
     pub(super) vehicle: Vehicle,
     pub(super) signing: Signing,
+    /// Whether the arming checks pass, checked once a second.
+    pub(super) readiness: ArmingReadiness,
     pub(super) load_permille: u16,
     pub(super) start_notices: StartNotices,
     pub(super) broadcast: Broadcast,
@@ -43,6 +45,7 @@ impl Autopilot {
             signing: in_place(|| start.signing.clone()),
             parameters: in_place(|| start.parameters.clone()),
             vehicle: in_place(Vehicle::new),
+            readiness: ArmingReadiness::default(),
             load_permille: 0,
             save_failures: SaveFailures::default(),
             signing_save: SigningSave::default(),
@@ -93,6 +96,7 @@ impl Autopilot {
         SystemState {
             batteries: self.packs.states(),
             vehicle: self.vehicle.status(),
+            readiness: self.readiness,
             load_permille: self.load_permille,
             ..SystemState::default()
         }

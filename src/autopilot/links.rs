@@ -91,6 +91,7 @@ impl Autopilot {
         let state = SystemState {
             batteries: self.packs.states(),
             vehicle: self.vehicle.status(),
+            readiness: self.readiness,
             load_permille: self.load_permille,
             ..SystemState::default()
         };

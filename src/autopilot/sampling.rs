@@ -10,6 +10,7 @@ use crate::battery::{
     RetainedMemory, Tick, recall, retain,
 };
 use crate::log::{info, warn};
+use crate::mavlink::ArmingReadiness;
 use crate::pack::Pack;
 use crate::sensor::{AnalogPin, AnalogReadings, MonitorKind, Pulses};
 
@@ -20,8 +21,8 @@ const RESOLUTION_US: u64 = 1_000;
 /// One in so many of an unhealthy pack's failed reads is logged.
 const LOGGED_FAILURE: u32 = 10;
 
-/// Ticks between records of what has to survive a reset: a second.
-const TICKS_PER_RECORD: u32 = 10;
+/// Once a second what has to survive a reset is recorded, and the arming checks run.
+const TICKS_PER_SECOND: u32 = 10;
 
 /// A sampling tick in progress.
 #[derive(Debug)]
@@ -90,11 +91,12 @@ impl Autopilot {
         SamplingProgress::Sampled(pack)
     }
 
-    /// Ends a sampling tick. Once a second `memory` is updated.
+    /// Ends a sampling tick. Once a second `memory` is updated and the arming checks run.
     pub fn end_sampling(&mut self, _: SamplingTick, memory: &mut RetainedMemory) {
         self.vehicle.update_batteries(self.packs.bank.worst_failsafe());
-        if self.packs.ticks.is_multiple_of(TICKS_PER_RECORD) {
+        if self.packs.ticks.is_multiple_of(TICKS_PER_SECOND) {
             retain(memory, &self.packs.bank.memory());
+            self.readiness = ArmingReadiness::of(&self.system_state(), &self.parameters, &self.vehicle);
         }
         self.packs.ticks = self.packs.ticks.wrapping_add(1);
     }

@@ -9,6 +9,7 @@
     reason = "ground stations still use messages and commands that the dialect marks as superseded"
 )]
 
+mod arming;
 mod details_change;
 mod dispatcher;
 mod endpoint;
@@ -29,6 +30,7 @@ mod system_state;
 /// The dialect whose messages are used: `development` is `common` with BATTERY_STATUS_V2.
 pub use ::mavlink::dialects::development as dialect;
 
+pub use arming::{ArmingObstacle, ArmingReadiness, arming_obstacles};
 pub use dispatcher::Event;
 pub use endpoint::Endpoint;
 pub use framer::Framer;

@@ -1,6 +1,6 @@
 //! Everything telemetry reports, at one moment.
 
-use super::ReceiveStatistics;
+use super::{ArmingReadiness, ReceiveStatistics};
 use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
 use crate::pack::Pack;
 use crate::vehicle::VehicleStatus;
@@ -12,6 +12,8 @@ pub struct SystemState<'a> {
     pub batteries: &'a [BatteryState],
     /// The rover's mode, and whether it is armed.
     pub vehicle: VehicleStatus,
+    /// Whether the vehicle would be armed on request.
+    pub readiness: ArmingReadiness,
     /// Busy share of the processor over the last second, in tenths of a percent (0 to 1000).
     pub load_permille: u16,
     /// What happened on the link this state is sent over.

@@ -258,10 +258,7 @@ fn a_battery_that_is_not_monitored_is_not_reported() {
     assert!(of_message(&frames, BATTERY_STATUS).is_empty());
     let sys_status = of_message(&frames, SYS_STATUS);
     assert_eq!(sys_status.len(), 10);
-    assert_eq!(
-        crate::support::frames::SysStatus(sys_status[9]).sensors_present(),
-        0
-    );
+    assert!(!crate::support::frames::SysStatus(sys_status[9]).has_battery_sensor());
 }
 
 #[test]

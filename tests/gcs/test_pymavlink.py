@@ -67,13 +67,18 @@ def test_fields_decode(start_simulator):
     assert 95 <= battery.battery_remaining <= 100
 
     status = messages["SYS_STATUS"][-1]
-    sensor = mavutil.mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
-    assert status.onboard_control_sensors_present == sensor
-    assert status.onboard_control_sensors_enabled == sensor
-    assert status.onboard_control_sensors_health == sensor
+    mavlink = mavutil.mavlink
+    sensors = (
+        mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+        | mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+        | mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    )
+    assert status.onboard_control_sensors_present == sensors
+    assert status.onboard_control_sensors_enabled == sensors
+    assert status.onboard_control_sensors_health == sensors | mavlink.MAV_SYS_STATUS_GEOFENCE
     assert abs(status.voltage_battery - battery.voltages[0]) < 100
     assert (status.current_battery, status.battery_remaining) == (-1, battery.battery_remaining)
-    assert (status.load, status.errors_count1) == (0, 0)
+    assert (status.load, status.errors_count1, status.errors_count2, status.errors_count4) == (0, 0, 0, 0)
 
 
 def test_several_clients_and_one_that_does_not_read(start_simulator):

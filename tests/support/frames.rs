@@ -335,16 +335,25 @@ impl BatteryStatus<'_> {
     }
 }
 
+/// Bits of SYS_STATUS: MAV_SYS_STATUS_SENSOR_BATTERY, MAV_SYS_STATUS_PREARM_CHECK.
+const BATTERY_SENSOR: u32 = 1 << 25;
+const PREARM_CHECK: u32 = 1 << 28;
+
 /// Fields of SYS_STATUS, at their places on the wire.
 pub struct SysStatus<'a>(pub &'a Frame);
 
 impl SysStatus<'_> {
-    pub fn sensors_present(&self) -> u32 {
-        self.0.u32(0)
+    pub fn has_battery_sensor(&self) -> bool {
+        self.0.u32(0) & BATTERY_SENSOR != 0
     }
 
-    pub fn sensors_healthy(&self) -> u32 {
-        self.0.u32(8)
+    pub fn is_battery_healthy(&self) -> bool {
+        self.0.u32(8) & BATTERY_SENSOR != 0
+    }
+
+    /// The arming checks pass.
+    pub fn is_ready_to_arm(&self) -> bool {
+        self.0.u32(8) & PREARM_CHECK != 0
     }
 
     pub fn load_permille(&self) -> u16 {
@@ -359,12 +368,10 @@ impl SysStatus<'_> {
         self.0.u16(20)
     }
 
-    pub fn errors_count1(&self) -> u16 {
-        self.0.u16(22)
-    }
-
-    pub fn errors_count2(&self) -> u16 {
-        self.0.u16(24)
+    /// Messages that were dropped; the other three counts are 0.
+    pub fn dropped(&self) -> u16 {
+        assert_eq!([self.0.u16(22), self.0.u16(24), self.0.u16(28)], [0; 3]);
+        self.0.u16(26)
     }
 }
 

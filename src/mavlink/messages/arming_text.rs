@@ -4,8 +4,7 @@ use core::fmt::Write;
 
 use heapless::String;
 
-use crate::battery::ArmingFailure;
-use crate::pack::Pack;
+use crate::mavlink::arming::ArmingObstacle;
 use crate::vehicle::Stick;
 
 /// The longest text, in bytes: two STATUSTEXT.
@@ -30,53 +29,43 @@ impl CheckedBy {
     }
 }
 
-/// Why `pack` keeps the rover from being armed: "PreArm: Battery 1 ..." or "Arm: Battery 1 ...".
-pub(in crate::mavlink) fn arming_failure_text(
-    checked_by: CheckedBy,
-    pack: Pack,
-    failure: ArmingFailure,
-) -> String<TEXT_BYTES> {
+/// Why the rover can't be armed, in ArduPilot's words: "PreArm: Battery 1 ..." or "Arm: Battery 1 ...".
+pub(in crate::mavlink) fn arming_text(checked_by: CheckedBy, obstacle: ArmingObstacle) -> String<TEXT_BYTES> {
     let mut text = String::new();
-    let _ = write!(
-        text,
-        "{}: Battery {} {failure}",
-        checked_by.prefix(),
-        pack.number()
-    );
-    text
-}
-
-/// A stick is deflected on an attempt to arm, in ArduPilot's words.
-pub(in crate::mavlink) fn stick_deflected_text(stick: Stick) -> &'static str {
-    match stick {
-        Stick::Throttle => "Arm: Throttle (RC3) is not neutral",
-        Stick::Steering => "Arm: Steering (RC1) is not neutral",
-    }
-}
-
-/// A failsafe has disarmed the rover for good.
-pub(in crate::mavlink) fn terminated_text(checked_by: CheckedBy) -> String<TEXT_BYTES> {
-    let mut text = String::new();
-    let _ = write!(
-        text,
-        "{}: Terminated: reset the battery or restart",
-        checked_by.prefix()
-    );
+    let prefix = checked_by.prefix();
+    // The longest fits.
+    let _ = match obstacle {
+        ArmingObstacle::Terminated => write!(text, "{prefix}: Terminated: reset the battery or restart"),
+        ArmingObstacle::Restarting => write!(text, "{prefix}: restarting"),
+        ArmingObstacle::Pack(pack, failure) => {
+            write!(text, "{prefix}: Battery {} {failure}", pack.number())
+        }
+        ArmingObstacle::Stick(Stick::Throttle) => write!(text, "{prefix}: Throttle (RC3) is not neutral"),
+        ArmingObstacle::Stick(Stick::Steering) => write!(text, "{prefix}: Steering (RC1) is not neutral"),
+    };
     text
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::ArmingFailure;
+    use crate::pack::Pack;
 
     #[test]
     fn a_failed_check_has_ardupilots_words() {
         assert_eq!(
-            arming_failure_text(CheckedBy::Request, Pack::Ninth, ArmingFailure::CapacityOrder),
+            arming_text(
+                CheckedBy::Request,
+                ArmingObstacle::Pack(Pack::Ninth, ArmingFailure::CapacityOrder)
+            ),
             "PreArm: Battery 9 capacity failsafe critical >= low"
         );
         assert_eq!(
-            arming_failure_text(CheckedBy::Attempt, Pack::First, ArmingFailure::BelowArmingVoltage),
+            arming_text(
+                CheckedBy::Attempt,
+                ArmingObstacle::Pack(Pack::First, ArmingFailure::BelowArmingVoltage)
+            ),
             "Arm: Battery 1 below minimum arming voltage"
         );
     }

@@ -20,7 +20,7 @@ mod version;
 
 use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, MessageData};
 
-pub(super) use arming_text::{CheckedBy, arming_failure_text, stick_deflected_text, terminated_text};
+pub(super) use arming_text::{CheckedBy, arming_text};
 pub use battery_info::build_battery_info;
 pub use battery_status::build_battery_status;
 pub use battery_status_v2::build_battery_status_v2;

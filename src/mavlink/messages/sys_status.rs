@@ -3,7 +3,7 @@
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct, voltage_mv};
 use crate::battery::{BatteryState, ChargeState, FailsafeLevel, PackStatus};
 use crate::mavlink::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
-use crate::mavlink::{ReceiveStatistics, SystemState};
+use crate::mavlink::{ArmingReadiness, ReceiveStatistics, SystemState};
 use crate::pack::Pack;
 
 /// The primary pack's voltage, current and remaining charge, whether all packs are healthy, the processor's load and
@@ -16,19 +16,20 @@ use crate::pack::Pack;
 pub fn build_sys_status(state: &SystemState<'_>) -> SYS_STATUS_DATA {
     let battery = state.battery(Pack::First);
     SYS_STATUS_DATA {
-        onboard_control_sensors_present: monitored_sensors(state),
-        onboard_control_sensors_enabled: monitored_sensors(state),
+        onboard_control_sensors_present: present_sensors(state),
+        onboard_control_sensors_enabled: present_sensors(state),
         onboard_control_sensors_health: healthy_sensors(state),
         load: state.load_permille.min(1000),
         voltage_battery: pack_voltage_mv(battery),
         current_battery: current_ca(battery.current_a),
         drop_rate_comm: drop_rate_percent_hundredths(&state.link.received),
         errors_comm: saturate(state.link.received.errors()),
-        // MAVLink leaves the meaning of the four counters to the autopilot: ours are messages dropped for lack of room, and
-        // those that were ignored for want of a signature.
-        errors_count1: saturate(state.link.dropped),
-        errors_count2: saturate(state.link.unauthorized),
-        errors_count3: 0,
+        // ArduPilot's mask of internal errors: Mission Planner shows anything else as an internal error, for ever.
+        errors_count1: 0,
+        errors_count2: 0,
+        // Messages dropped for lack of room. Those that were not signed as required are announced.
+        errors_count3: saturate(state.link.dropped),
+        // ArduPilot's count of internal errors.
         errors_count4: 0,
         battery_remaining: remaining_pct(battery.remaining_pct),
         onboard_control_sensors_present_extended: MavSysStatusSensorExtended::empty(),
@@ -49,22 +50,31 @@ fn drop_rate_percent_hundredths(received: &ReceiveStatistics) -> u16 {
     (lost * 10_000).checked_div(all).unwrap_or(0) as u16
 }
 
-fn monitored_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
-    battery_sensor_if(state.monitored().next().is_some())
+/// The motors, the arming checks, and the packs if any is monitored. Without the bit of the motors Mission Planner shows
+/// a safety switch that is on; without the one of the checks, readiness to arm.
+fn present_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
+    let mut sensors = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+        | MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
+    sensors.set(
+        MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY,
+        state.monitored().next().is_some(),
+    );
+    sensors
 }
 
-/// One bit stands for all packs: it is set while all of them are sound.
+/// Those of them that are sound, and a fence that is not breached, since there is none: MAVProxy announces a breach by
+/// the bit of its health alone.
 fn healthy_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
-    let all_healthy = state.monitored().all(is_healthy);
-    battery_sensor_if(all_healthy) & monitored_sensors(state)
-}
-
-fn battery_sensor_if(condition: bool) -> MavSysStatusSensor {
-    if condition {
-        MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY
-    } else {
-        MavSysStatusSensor::empty()
+    let mut sensors = present_sensors(state) | MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
+    sensors.set(
+        MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK,
+        state.readiness == ArmingReadiness::Ready,
+    );
+    // One bit stands for all packs.
+    if !state.monitored().all(is_healthy) {
+        sensors.remove(MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY);
     }
+    sensors
 }
 
 /// A pack that has failed is not healthy, even if its sensor works, nor, as in ArduPilot, one that has reached a

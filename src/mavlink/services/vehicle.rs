@@ -4,15 +4,15 @@ use core::fmt::Write;
 
 use heapless::String;
 
-use crate::battery::{ArmState, ArmingFailure, PackSettings, arming_failures};
+use crate::battery::ArmState;
 use crate::mavlink::SystemState;
+use crate::mavlink::arming::{ArmingObstacle, arming_obstacles};
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavType};
-use crate::mavlink::messages::{CheckedBy, arming_failure_text, stick_deflected_text, terminated_text};
+use crate::mavlink::messages::{CheckedBy, arming_text};
 use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::{Command, Heartbeat, SetMode, Sticks};
-use crate::pack::Pack;
-use crate::parameter::{Parameters, VehicleParameter};
-use crate::vehicle::{ArmingRefused, Mode, Stick, Vehicle, control_timeout_us};
+use crate::parameter::Parameters;
+use crate::vehicle::{Mode, Vehicle, control_timeout_us};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
 const RUN_PREARM_CHECKS: u16 = MavCmd::MAV_CMD_RUN_PREARM_CHECKS as u16;
@@ -24,13 +24,6 @@ const ARM: f32 = 1.0;
 
 /// Parameter 2: arm without any check. MAVLink's number for it, and the one ArduPilot's ground stations send.
 const FORCE: [f32; 2] = [21196.0, 2989.0];
-
-/// `ARMING_CHECK`: all checks, or the one of the sticks or of the batteries.
-const STICKS_CHECKED: i32 = 1 | 1 << 6;
-const BATTERY_CHECKED: i32 = 1 | 1 << 8;
-
-/// Why the rover is not armed any more.
-const RESTARTING: &str = "Arm: restarting";
 
 /// Why a request that could set the rover in motion was refused.
 const TOO_LATE: &str = "Command waited for too long: refused";
@@ -83,62 +76,30 @@ impl VehicleService<'_> {
         if self.vehicle.arm_state() == ArmState::Armed {
             return ACCEPTED;
         }
-        let unfit = if forced { None } else { self.unfit() };
-        let Err(refused) = self.vehicle.arm(self.now_us, unfit.is_none()) else {
+        let obstacle = self.obstacles().next();
+        let is_fit = forced || obstacle.is_none();
+        if self.vehicle.arm(self.now_us, is_fit).is_ok() {
             return ACCEPTED;
-        };
-        let mut explain = |text: &str| replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, text);
-        match (refused, unfit) {
-            (ArmingRefused::Restarting, _) => explain(RESTARTING),
-            (ArmingRefused::Unfit, Some(Unfit::Pack(pack, failure))) => {
-                explain(&arming_failure_text(CheckedBy::Attempt, pack, failure));
-            }
-            (ArmingRefused::Unfit, Some(Unfit::Stick(stick))) => explain(stick_deflected_text(stick)),
-            (ArmingRefused::Terminated, _) | (ArmingRefused::Unfit, None) => {
-                explain(&terminated_text(CheckedBy::Attempt));
-            }
+        }
+        if let Some(obstacle) = obstacle {
+            explain(CheckedBy::Attempt, obstacle, replies);
         }
         FAILED
     }
 
-    /// The first check that fails on an attempt to arm.
-    fn unfit(&self) -> Option<Unfit> {
-        let first = self.pack_failures().next();
-        let of_pack = first.map(|(pack, failure)| Unfit::Pack(pack, failure));
-        of_pack.or_else(|| {
-            let stick = self.vehicle.deflected_stick();
-            stick.filter(|_| self.checks(STICKS_CHECKED)).map(Unfit::Stick)
-        })
+    fn obstacles(&self) -> impl Iterator<Item = ArmingObstacle> {
+        arming_obstacles(self.state, self.parameters, self.vehicle)
     }
 
-    fn checks(&self, what: i32) -> bool {
-        self.parameters.get_whole(VehicleParameter::ArmingCheck) & what != 0
-    }
-
-    /// Says everything that keeps the rover from being armed.
+    /// Reports everything that keeps the rover from being armed.
     fn check(&self, replies: &mut Replies<'_>) -> MavResult {
         if self.vehicle.arm_state() == ArmState::Armed {
             return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
         }
-        if self.vehicle.is_terminated() {
-            let text = terminated_text(CheckedBy::Request);
-            replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
-        }
-        for (pack, failure) in self.pack_failures() {
-            let text = arming_failure_text(CheckedBy::Request, pack, failure);
-            replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
+        for obstacle in self.obstacles() {
+            explain(CheckedBy::Request, obstacle, replies);
         }
         ACCEPTED
-    }
-
-    /// What fails of each pack, as far as it is checked.
-    fn pack_failures(&self) -> impl Iterator<Item = (Pack, ArmingFailure)> {
-        let is_checked = self.checks(BATTERY_CHECKED);
-        let packs = Pack::ALL.into_iter().zip(self.state.batteries);
-        packs.filter(move |_| is_checked).flat_map(|(pack, battery)| {
-            let settings = PackSettings::from_parameters(self.parameters, pack);
-            arming_failures(battery, &settings).map(move |failure| (pack, failure))
-        })
     }
 
     /// SET_MODE: answered as the command of the same meaning.
@@ -187,14 +148,6 @@ impl VehicleService<'_> {
     }
 }
 
-/// What fails on an attempt to arm.
-enum Unfit {
-    /// A check of this pack.
-    Pack(Pack, ArmingFailure),
-    /// This stick is deflected.
-    Stick(Stick),
-}
-
 /// What came of a control message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mavlink) enum Driving {
@@ -202,6 +155,11 @@ pub(in crate::mavlink) enum Driving {
     Obeyed,
     /// It may have waited for longer than control inputs count.
     TooLate,
+}
+
+fn explain(checked_by: CheckedBy, obstacle: ArmingObstacle, replies: &mut Replies<'_>) {
+    let text = arming_text(checked_by, obstacle);
+    replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
 }
 
 fn refuse_late(replies: &mut Replies<'_>) -> MavResult {

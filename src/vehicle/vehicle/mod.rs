@@ -291,6 +291,11 @@ impl Vehicle {
         self.action == Some(FailsafeAction::Terminate)
     }
 
+    /// Whether the board is about to restart.
+    pub fn is_restarting(&self) -> bool {
+        self.is_restarting
+    }
+
     fn is_driving(&self) -> bool {
         self.arm_state == ArmState::Armed && self.mode == Mode::Manual
     }

@@ -1,0 +1,73 @@
+//! The checks before arming: one list for an attempt to arm, RUN_PREARM_CHECKS and SYS_STATUS.
+
+use super::SystemState;
+use crate::battery::{ArmState, ArmingFailure, PackSettings, arming_failures};
+use crate::pack::Pack;
+use crate::parameter::{Parameters, VehicleParameter};
+use crate::vehicle::{Stick, Vehicle};
+
+/// `ARMING_CHECK`: all checks, or the one of the sticks or of the batteries.
+const STICKS_CHECKED: i32 = 1 | 1 << 6;
+const BATTERY_CHECKED: i32 = 1 | 1 << 8;
+
+/// A reason why the vehicle can't be armed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum ArmingObstacle {
+    /// A failsafe has terminated the drive. Forced arming does not help.
+    Terminated,
+    /// The board is about to restart. Forced arming does not help.
+    Restarting,
+    /// A check of this pack fails.
+    Pack(Pack, ArmingFailure),
+    /// This stick is deflected.
+    Stick(Stick),
+}
+
+/// Whether the vehicle would be armed on request (SYS_STATUS, PREARM_CHECK).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ArmingReadiness {
+    /// A check fails, or the checks have not run yet.
+    #[default]
+    NotReady,
+    /// All checks pass, or it is armed.
+    Ready,
+}
+
+impl ArmingReadiness {
+    /// The readiness now.
+    pub fn of(state: &SystemState<'_>, parameters: &Parameters, vehicle: &Vehicle) -> Self {
+        let is_armed = vehicle.arm_state() == ArmState::Armed;
+        if is_armed || arming_obstacles(state, parameters, vehicle).next().is_none() {
+            Self::Ready
+        } else {
+            Self::NotReady
+        }
+    }
+}
+
+/// Everything that keeps the vehicle from being armed now, as far as it is checked (`ARMING_CHECK`).
+pub fn arming_obstacles(
+    state: &SystemState<'_>,
+    parameters: &Parameters,
+    vehicle: &Vehicle,
+) -> impl Iterator<Item = ArmingObstacle> {
+    let checks = parameters.get_whole(VehicleParameter::ArmingCheck);
+    let terminated = vehicle.is_terminated().then_some(ArmingObstacle::Terminated);
+    let restarting = vehicle.is_restarting().then_some(ArmingObstacle::Restarting);
+    let packs = Pack::ALL.into_iter().zip(state.batteries);
+    let checked = packs.filter(move |_| checks & BATTERY_CHECKED != 0);
+    let of_packs = checked.flat_map(|(pack, battery)| {
+        let settings = PackSettings::from_parameters(parameters, pack);
+        arming_failures(battery, &settings).map(move |failure| ArmingObstacle::Pack(pack, failure))
+    });
+    let stick = vehicle.deflected_stick();
+    let of_sticks = stick
+        .filter(|_| checks & STICKS_CHECKED != 0)
+        .map(ArmingObstacle::Stick);
+    terminated
+        .into_iter()
+        .chain(restarting)
+        .chain(of_packs)
+        .chain(of_sticks)
+}
