@@ -59,6 +59,7 @@
 //! | [`battery`] | turning measurements into a [`battery::BatteryState`] |
 //! | [`parameter`] | the table of parameters and their live values |
 //! | [`pack`] | which packs there are |
+//! | [`time`] | moments |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
@@ -100,6 +101,7 @@ pub mod parameter;
 pub mod sensor;
 pub mod storage;
 pub mod tasks;
+pub mod time;
 pub mod vehicle;
 
 #[cfg(all(target_os = "none", feature = "board"))]
