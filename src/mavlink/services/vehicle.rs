@@ -12,6 +12,7 @@ use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::{Command, Heartbeat, SetMode, Sticks};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
+use crate::time::Instant;
 use crate::vehicle::{ArmingRefused, Mode, Stick, Vehicle, control_timeout_us};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
@@ -41,9 +42,9 @@ const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 
 /// Handles one request for the vehicle: executes it, or refuses it and says why.
 pub(in crate::mavlink) struct VehicleService<'a> {
-    pub now_us: u64,
+    pub now: Instant,
     /// The request can't have been received earlier.
-    pub received_us: u64,
+    pub received_at: Instant,
     /// What says, with the parameters, whether the rover is fit to be armed.
     pub state: &'a SystemState<'a>,
     pub parameters: &'a Parameters,
@@ -76,7 +77,7 @@ impl VehicleService<'_> {
 
     /// Whether the request may have waited for so long that what moves the rover no longer counts.
     fn is_late(&self) -> bool {
-        self.now_us.saturating_sub(self.received_us) > control_timeout_us(self.parameters)
+        self.now.us_since(self.received_at) > control_timeout_us(self.parameters)
     }
 
     fn arm(&mut self, forced: bool, replies: &mut Replies<'_>) -> MavResult {
@@ -84,7 +85,7 @@ impl VehicleService<'_> {
             return ACCEPTED;
         }
         let unfit = if forced { None } else { self.unfit() };
-        let Err(refused) = self.vehicle.arm(self.now_us, unfit.is_none()) else {
+        let Err(refused) = self.vehicle.arm(self.now, unfit.is_none()) else {
             return ACCEPTED;
         };
         let mut explain = |text: &str| replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, text);
@@ -177,13 +178,13 @@ impl VehicleService<'_> {
             return Driving::TooLate;
         }
         let Sticks { throttle, steering } = *sticks;
-        self.vehicle.control(self.received_us, throttle, steering);
+        self.vehicle.control(self.received_at, throttle, steering);
         Driving::Obeyed
     }
 
     /// HEARTBEAT of a ground station.
     pub fn ground_station_seen(&mut self) {
-        self.vehicle.ground_station_seen(self.received_us);
+        self.vehicle.ground_station_seen(self.received_at);
     }
 }
 
