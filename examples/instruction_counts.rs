@@ -254,7 +254,7 @@ mod firmware {
                 current_a: self.measures_current.then_some(current_a),
                 ..Measurement::default()
             };
-            black_box(
+            let _ = black_box(
                 self.monitor
                     .update(self.tick, black_box(Ok(measurement)), &self.settings),
             );
