@@ -16,7 +16,7 @@ mod firmware {
     use defmt_rtt as _;
     use embassy_executor::Spawner;
     use embassy_rp::gpio::{Level, Output};
-    use embassy_time::{Duration, Instant, Ticker, with_timeout};
+    use embassy_time::{Duration, Ticker, with_timeout};
     use panic_probe as _;
     use rover_battmon::battery::{
         ArmState, BatteryMonitor, ChargeState, FailsafeSettings, Measurement, PackSettings, ReadError,
@@ -27,7 +27,7 @@ mod firmware {
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::Parameters;
     use rover_battmon::sensor::{AnalogPin, VoltageDivider, read_mean};
-    use rover_battmon::tasks::WiredEndpoint;
+    use rover_battmon::tasks::{WiredEndpoint, now};
 
     const BAUD: u32 = 115_200;
 
@@ -65,8 +65,7 @@ mod firmware {
         let mut monitor = BatteryMonitor::new();
         // The defaults have HEARTBEAT sent once a second, SYS_STATUS and BATTERY_STATUS twice.
         let parameters = Parameters::defaults();
-        let start_us = Instant::now().as_micros();
-        let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start_us);
+        let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, now());
         let mut ticker = Ticker::every(INTERVAL);
 
         loop {
@@ -79,7 +78,7 @@ mod firmware {
 
             // Judge, and tell what happened.
             let tick = Tick {
-                now_us: Instant::now().as_micros(),
+                now: now(),
                 // Only then failsafes count, and nothing here can be disarmed.
                 arm_state: ArmState::Armed,
             };
@@ -93,7 +92,7 @@ mod firmware {
                 batteries: &batteries,
                 ..SystemState::default()
             };
-            let _ = link.send_due(tick.now_us, &state, &parameters).await;
+            let _ = link.send_due(tick.now, &state, &parameters).await;
             ticker.next().await;
         }
     }

@@ -15,7 +15,7 @@
 mod firmware {
     use defmt_rtt as _;
     use embassy_executor::Spawner;
-    use embassy_time::{Duration, Instant, Ticker};
+    use embassy_time::{Duration, Ticker};
     use panic_probe as _;
     use rover_battmon::battery::{ArmState, BatteryMonitor, PackSettings, Tick};
     use rover_battmon::board::{self, SensorI2c};
@@ -23,7 +23,7 @@ mod firmware {
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::{BatteryParameter, Parameters};
     use rover_battmon::sensor::{BusDevices, Buses, PartKind, bus_clock_hz};
-    use rover_battmon::tasks::WiredEndpoint;
+    use rover_battmon::tasks::{WiredEndpoint, now};
 
     const BAUD: u32 = 115_200;
 
@@ -51,17 +51,17 @@ mod firmware {
         let (transmitter, _receiver) =
             board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
 
-        let start_us = Instant::now().as_micros();
-        let mut parts = BusDevices::from_parameters(&parameters, start_us);
+        let start = now();
+        let mut parts = BusDevices::from_parameters(&parameters, start);
         let settings = PackSettings::from_parameters(&parameters, Pack::First);
         let mut monitor = BatteryMonitor::new();
-        let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start_us);
+        let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start);
         let mut ticker = Ticker::every(INTERVAL);
 
         loop {
             // Ask the part, judge what it tells, and tell what happened. One that does not answer is given a rest.
             let tick = Tick {
-                now_us: Instant::now().as_micros(),
+                now: now(),
                 // Only then failsafes count, and nothing here can be disarmed.
                 arm_state: ArmState::Armed,
             };
@@ -69,7 +69,7 @@ mod firmware {
                 let update = monitor.update(tick, reading, &settings);
                 link.announce(Pack::First, &update.events);
             };
-            parts.read_next(&mut bus, tick.now_us, judge).await;
+            parts.read_next(&mut bus, tick.now, judge).await;
 
             // Report what is due.
             let batteries = [*monitor.state()];
@@ -77,7 +77,7 @@ mod firmware {
                 batteries: &batteries,
                 ..SystemState::default()
             };
-            let _ = link.send_due(tick.now_us, &state, &parameters).await;
+            let _ = link.send_due(tick.now, &state, &parameters).await;
             ticker.next().await;
         }
     }

@@ -23,6 +23,7 @@ mod firmware {
     };
     use rover_battmon::pack::Pack;
     use rover_battmon::storage::Condition;
+    use rover_battmon::time::Instant;
 
     /// What a ground station sends, in chunks as they come from a port.
     const RECEIVED: &[u8] = include_bytes!("../benches/data/mixed_stream.bin");
@@ -147,7 +148,13 @@ mod firmware {
         };
         let message = Stream::BatteryStatus(Pack::First).build(&state);
         bench.measure("serialise and sign", "BATTERY_STATUS, typical", || {
-            black_box(framer.signed_frame(black_box(&message), 1, &mut signing, LinkKind::Radio, 0));
+            black_box(framer.signed_frame(
+                black_box(&message),
+                1,
+                &mut signing,
+                LinkKind::Radio,
+                Instant::EPOCH,
+            ));
         });
     }
 
@@ -236,8 +243,8 @@ mod firmware {
         }
 
         fn update(&mut self) {
-            self.tick.now_us += 100_000;
-            let current_a = if (self.tick.now_us / 1_000_000).is_multiple_of(2) {
+            self.tick.now = self.tick.now.after_us(100_000);
+            let current_a = if (self.tick.now.as_micros() / 1_000_000).is_multiple_of(2) {
                 2.0
             } else {
                 7.0
@@ -247,7 +254,7 @@ mod firmware {
                 current_a: self.measures_current.then_some(current_a),
                 ..Measurement::default()
             };
-            black_box(
+            let _ = black_box(
                 self.monitor
                     .update(self.tick, black_box(Ok(measurement)), &self.settings),
             );

@@ -10,12 +10,12 @@
 mod firmware {
     use defmt_rtt as _;
     use embassy_executor::Spawner;
-    use embassy_time::{Duration, Instant, with_timeout};
+    use embassy_time::{Duration, with_timeout};
     use panic_probe as _;
     use rover_battmon::board::{self, BoardMotors, BoardWatchdog, MotorPeripherals};
     use rover_battmon::mavlink::{LinkKind, Signing, SystemState};
     use rover_battmon::parameter::{Parameters, VehicleParameter};
-    use rover_battmon::tasks::{ByteSource, Watchdog, WiredEndpoint};
+    use rover_battmon::tasks::{ByteSource, Watchdog, WiredEndpoint, now};
     use rover_battmon::vehicle::{Motors, Vehicle, VehicleSettings};
 
     const BAUD: u32 = 115_200;
@@ -42,8 +42,7 @@ mod firmware {
         let _ = parameters.set(VehicleParameter::Sr0Extra1, 0.0);
         let _ = parameters.set(VehicleParameter::ArmingCheck, 0.0);
         let mut vehicle = Vehicle::new();
-        let start_us = Instant::now().as_micros();
-        let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start_us);
+        let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, now());
         // Nobody has a key: everybody may drive.
         let mut signing = Signing::off();
         let mut bytes = [0; 64];
@@ -54,30 +53,23 @@ mod firmware {
                 Ok(Ok(count)) => bytes.get(..count).unwrap_or(&[]),
                 Ok(Err(_)) | Err(_) => &[],
             };
-            let now_us = Instant::now().as_micros();
+            let now = now();
             // 64 bytes at most, less than it has room for once everything before them was handled.
             link.endpoint.push(received);
             let state = state_of(&vehicle);
             while link
                 .endpoint
-                .handle_next(
-                    now_us,
-                    now_us,
-                    &state,
-                    &mut parameters,
-                    &mut vehicle,
-                    &mut signing,
-                )
+                .handle_next(now, now, &state, &mut parameters, &mut vehicle, &mut signing)
                 .is_some()
             {}
 
             // Obey, or stop when nobody is heard any more.
-            let _ = vehicle.update(now_us, &VehicleSettings::from_parameters(&parameters));
+            let _ = vehicle.update(now, &VehicleSettings::from_parameters(&parameters));
             motors.drive(vehicle.drives());
 
             // Answer: HEARTBEAT when it is due, acknowledgements, parameters.
             let state = state_of(&vehicle);
-            let _ = link.send_due(now_us, &state, &parameters).await;
+            let _ = link.send_due(now, &state, &parameters).await;
             watchdog.feed();
         }
     }

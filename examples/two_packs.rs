@@ -16,7 +16,7 @@
 mod firmware {
     use defmt_rtt as _;
     use embassy_executor::Spawner;
-    use embassy_time::{Duration, Instant, Ticker, with_timeout};
+    use embassy_time::{Duration, Ticker, with_timeout};
     use panic_probe as _;
     use rover_battmon::battery::{
         ArmState, BatteryMonitor, Chemistry, FailsafeSettings, Measurement, PackSettings, ReadError,
@@ -27,7 +27,7 @@ mod firmware {
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::Parameters;
     use rover_battmon::sensor::{AdcCount, AnalogPin, CurrentSensor, VoltageDivider, read_mean};
-    use rover_battmon::tasks::WiredEndpoint;
+    use rover_battmon::tasks::{WiredEndpoint, now};
 
     const BAUD: u32 = 115_200;
 
@@ -111,8 +111,7 @@ mod firmware {
         let mut packs = [drive_pack(), electronics_pack()];
         // The defaults have HEARTBEAT sent once a second, SYS_STATUS and each BATTERY_STATUS twice.
         let parameters = Parameters::defaults();
-        let start_us = Instant::now().as_micros();
-        let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, start_us);
+        let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, now());
         let mut ticker = Ticker::every(INTERVAL);
 
         loop {
@@ -120,7 +119,7 @@ mod firmware {
             for (instance, pack) in Pack::ALL.into_iter().zip(&mut packs) {
                 let reading = measure(pack, &mut pins).await;
                 let tick = Tick {
-                    now_us: Instant::now().as_micros(),
+                    now: now(),
                     // Only then failsafes count, and nothing here can be disarmed.
                     arm_state: ArmState::Armed,
                 };
@@ -134,9 +133,7 @@ mod firmware {
                 batteries: &batteries,
                 ..SystemState::default()
             };
-            let _ = link
-                .send_due(Instant::now().as_micros(), &state, &parameters)
-                .await;
+            let _ = link.send_due(now(), &state, &parameters).await;
             ticker.next().await;
         }
     }

@@ -2,6 +2,8 @@
 
 use core::num::NonZeroU64;
 
+use crate::time::Instant;
+
 /// Due times at a fixed interval.
 ///
 /// Each due time is the previous one plus the interval, however late it was served, so the long-term rate is exact.
@@ -9,21 +11,21 @@ use core::num::NonZeroU64;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cadence {
     interval_us: NonZeroU64,
-    due_us: u64,
+    due: Instant,
 }
 
 impl Cadence {
-    /// First due at `start_us`, then every `interval_us`, at least 1 µs.
-    pub fn starting_at(start_us: u64, interval_us: u64) -> Self {
+    /// First due at `start`, then every `interval_us`, at least 1 µs.
+    pub fn starting_at(start: Instant, interval_us: u64) -> Self {
         Self {
             interval_us: at_least_1_us(interval_us),
-            due_us: start_us,
+            due: start,
         }
     }
 
-    /// Next due time, in µs.
-    pub fn due_us(&self) -> u64 {
-        self.due_us
+    /// Next due time.
+    pub fn due(&self) -> Instant {
+        self.due
     }
 
     /// Interval, in µs.
@@ -31,37 +33,35 @@ impl Cadence {
         self.interval_us.get()
     }
 
-    /// Whether it is due at `now_us`; if so, advances to the next due time.
-    pub fn take(&mut self, now_us: u64) -> bool {
-        if now_us < self.due_us {
+    /// Whether it is due at `now`; if so, advances to the next due time.
+    pub fn take(&mut self, now: Instant) -> bool {
+        if now < self.due {
             return false;
         }
-        self.due_us = self.due_us.saturating_add(self.interval_us());
-        if self.due_us <= now_us {
-            let missed = (now_us - self.due_us) / self.interval_us + 1;
-            self.due_us = self
-                .due_us
-                .saturating_add(missed.saturating_mul(self.interval_us()));
+        self.due = self.due.after_us(self.interval_us());
+        if self.due <= now {
+            let missed = now.us_since(self.due) / self.interval_us + 1;
+            self.due = self.due.after_us(missed.saturating_mul(self.interval_us()));
         }
         true
     }
 
-    /// Skips due times up to `time_us`.
-    pub fn skip_until(&mut self, time_us: u64) {
-        self.take(time_us);
+    /// Skips due times up to `time`.
+    pub fn skip_until(&mut self, time: Instant) {
+        self.take(time);
     }
 
-    /// Changes the interval. The next due time is one new interval after the last one served, but not before `now_us`:
+    /// Changes the interval. The next due time is one new interval after the last one served, but not before `now`:
     /// a faster rate takes effect at once, and a slower one is not early.
-    pub fn set_interval(&mut self, interval_us: u64, now_us: u64) {
+    pub fn set_interval(&mut self, interval_us: u64, now: Instant) {
         let interval_us = at_least_1_us(interval_us);
         if interval_us == self.interval_us {
             return;
         }
         // A due time that has passed stays due.
-        if self.due_us > now_us {
-            let last_served_us = self.due_us.saturating_sub(self.interval_us());
-            self.due_us = last_served_us.saturating_add(interval_us.get()).max(now_us);
+        if self.due > now {
+            let last_served = self.due.before_us(self.interval_us());
+            self.due = last_served.after_us(interval_us.get()).max(now);
         }
         self.interval_us = interval_us;
     }
@@ -74,52 +74,53 @@ fn at_least_1_us(interval_us: u64) -> NonZeroU64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::at_us;
     use proptest::prelude::*;
 
     #[test]
     fn due_times_do_not_drift_with_late_service() {
-        let mut cadence = Cadence::starting_at(0, 100);
+        let mut cadence = Cadence::starting_at(Instant::EPOCH, 100);
         for tick in 0..1000u64 {
             let late = tick * 7 % 100;
-            assert!(cadence.take(tick * 100 + late), "tick {tick} not due");
-            assert!(!cadence.take(tick * 100 + late), "tick {tick} due twice");
+            assert!(cadence.take(at_us(tick * 100 + late)), "tick {tick} not due");
+            assert!(!cadence.take(at_us(tick * 100 + late)), "tick {tick} due twice");
         }
-        assert_eq!(cadence.due_us(), 100_000);
+        assert_eq!(cadence.due(), at_us(100_000));
     }
 
     #[test]
     fn missed_intervals_are_skipped_and_the_phase_kept() {
-        let mut cadence = Cadence::starting_at(50, 100);
-        assert!(cadence.take(50));
-        assert!(cadence.take(471));
-        assert_eq!(cadence.due_us(), 550);
-        assert!(!cadence.take(549));
+        let mut cadence = Cadence::starting_at(at_us(50), 100);
+        assert!(cadence.take(at_us(50)));
+        assert!(cadence.take(at_us(471)));
+        assert_eq!(cadence.due(), at_us(550));
+        assert!(!cadence.take(at_us(549)));
     }
 
     #[test]
     fn skipped_due_times_are_not_caught_up() {
-        let mut cadence = Cadence::starting_at(50, 100);
-        cadence.skip_until(480);
-        assert_eq!(cadence.due_us(), 550);
-        cadence.skip_until(500);
-        assert_eq!(cadence.due_us(), 550);
+        let mut cadence = Cadence::starting_at(at_us(50), 100);
+        cadence.skip_until(at_us(480));
+        assert_eq!(cadence.due(), at_us(550));
+        cadence.skip_until(at_us(500));
+        assert_eq!(cadence.due(), at_us(550));
     }
 
     #[test]
     fn a_faster_interval_takes_effect_at_once() {
-        let mut cadence = Cadence::starting_at(0, 1_000);
-        assert!(cadence.take(0));
-        cadence.set_interval(100, 50);
-        assert_eq!(cadence.due_us(), 100);
-        cadence.set_interval(1_000, 60);
-        assert_eq!(cadence.due_us(), 1_000);
+        let mut cadence = Cadence::starting_at(Instant::EPOCH, 1_000);
+        assert!(cadence.take(Instant::EPOCH));
+        cadence.set_interval(100, at_us(50));
+        assert_eq!(cadence.due(), at_us(100));
+        cadence.set_interval(1_000, at_us(60));
+        assert_eq!(cadence.due(), at_us(1_000));
     }
 
     #[test]
     fn changing_the_interval_keeps_a_due_time_due() {
-        let mut cadence = Cadence::starting_at(500, 100);
-        cadence.set_interval(1_000, 500);
-        assert!(cadence.take(500));
+        let mut cadence = Cadence::starting_at(at_us(500), 100);
+        cadence.set_interval(1_000, at_us(500));
+        assert!(cadence.take(at_us(500)));
     }
 
     proptest! {
@@ -127,12 +128,13 @@ mod tests {
         fn the_next_due_time_is_always_ahead_and_in_phase(
             start in 0u64..1 << 40, interval in 1u64..1 << 32, late in 0u64..1 << 44,
         ) {
+            let start = at_us(start);
             let mut cadence = Cadence::starting_at(start, interval);
-            let now = start + late;
+            let now = start.after_us(late);
             prop_assert!(cadence.take(now));
-            prop_assert!(cadence.due_us() > now);
-            prop_assert!(cadence.due_us() - now <= interval);
-            prop_assert_eq!((cadence.due_us() - start) % interval, 0);
+            prop_assert!(cadence.due() > now);
+            prop_assert!(cadence.due().us_since(now) <= interval);
+            prop_assert_eq!(cadence.due().us_since(start) % interval, 0);
         }
     }
 }

@@ -23,6 +23,7 @@
 //! use rover_battmon::mavlink::{Framer, Stream, SystemState};
 //! use rover_battmon::pack::Pack;
 //! use rover_battmon::sensor::{AdcCount, VoltageDivider};
+//! use rover_battmon::time::Instant;
 //!
 //! // 3600 of 4095, behind the board's divider.
 //! let count = AdcCount(3600);
@@ -36,7 +37,7 @@
 //! // A 3S pack. `Err(ReadError::...)` would be a reading that failed.
 //! let settings = PackSettings { cell_count: Some(3), ..PackSettings::default() };
 //! let mut monitor = BatteryMonitor::new();
-//! let tick = Tick { now_us: 100_000, ..Tick::default() };
+//! let tick = Tick { now: Instant::from_micros(100_000), ..Tick::default() };
 //! let _ = monitor.update(tick, Ok(reading), &settings);
 //! assert_eq!(monitor.state().status, PackStatus::Healthy);
 //! assert_eq!(monitor.state().charge_state, ChargeState::Ok);
@@ -59,6 +60,7 @@
 //! | [`battery`] | turning measurements into a [`battery::BatteryState`] |
 //! | [`parameter`] | the table of parameters and their live values |
 //! | [`pack`] | which packs there are |
+//! | [`time`] | moments |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
@@ -100,6 +102,7 @@ pub mod parameter;
 pub mod sensor;
 pub mod storage;
 pub mod tasks;
+pub mod time;
 pub mod vehicle;
 
 #[cfg(all(target_os = "none", feature = "board"))]

@@ -18,6 +18,7 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{
     BatteryParameter, ParameterId, Parameters, SimulationParameter, Unsaved, VehicleParameter,
 };
+use rover_battmon::time::Instant;
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
     FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, PARAM_ERROR, PARAM_VALUE, ParamValue,
@@ -817,7 +818,7 @@ fn answers_are_byte_exact() {
         .map(|row| row.split(',').collect::<Vec<_>>())
         .map(|columns| (columns[0], columns[4]))
         .collect();
-    let mut endpoint = Endpoint::new(LinkKind::Radio, 100_000, 0);
+    let mut endpoint = Endpoint::new(LinkKind::Radio, 100_000, Instant::EPOCH);
     endpoint.say(
         MavSeverity::MAV_SEVERITY_WARNING,
         "Battery 1 is low 10.40V used 36 mAh",

@@ -3,6 +3,7 @@
 use rover_battmon::battery::{ArmState, BatteryMonitor, Measurement, PackSettings, ReadError, Tick};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
+use rover_battmon::time::Instant;
 
 use crate::report::Row;
 use crate::settings::Inputs;
@@ -26,7 +27,7 @@ pub fn run(trace: &Trace, inputs: Inputs, parameters: &Parameters) -> Vec<Row> {
 
 fn tick(sample: &Sample) -> Tick {
     Tick {
-        now_us: (sample.time_s * 1e6).round() as u64,
+        now: Instant::from_micros((sample.time_s * 1e6).round() as u64),
         arm_state: if sample.armed {
             ArmState::Armed
         } else {

@@ -15,8 +15,6 @@ use crate::parameter::{Parameters, SaveFailures};
 use crate::vehicle::{Vehicle, VehicleStatus};
 
 /// The autopilot without its hardware, links and clock.
-///
-/// Times are microseconds since an arbitrary epoch, on the board since boot.
 #[derive(Debug)]
 pub struct Autopilot {
     pub(super) parameters: Parameters,

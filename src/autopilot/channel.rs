@@ -2,6 +2,7 @@
 
 use super::broadcast::Position;
 use crate::mavlink::{Endpoint, LinkKind, LinkStatistics};
+use crate::time::Instant;
 
 /// Minimum interval between log lines about something that may happen many times a second.
 const LOG_INTERVAL_US: u64 = 1_000_000;
@@ -20,28 +21,26 @@ pub struct Channel {
 /// Allows one log line per [`LOG_INTERVAL_US`].
 #[derive(Debug, Default)]
 pub(super) struct LogLimit {
-    last_us: Option<u64>,
+    last: Option<Instant>,
 }
 
 impl LogLimit {
-    /// Whether a line may be logged at `now_us`; then it counts as logged.
-    pub fn allows(&mut self, now_us: u64) -> bool {
-        let is_due = self
-            .last_us
-            .is_none_or(|last_us| now_us.saturating_sub(last_us) >= LOG_INTERVAL_US);
+    /// Whether a line may be logged at `now`; then it counts as logged.
+    pub fn allows(&mut self, now: Instant) -> bool {
+        let is_due = self.last.is_none_or(|last| now.us_since(last) >= LOG_INTERVAL_US);
         if is_due {
-            self.last_us = Some(now_us);
+            self.last = Some(now);
         }
         is_due
     }
 }
 
 impl Channel {
-    /// A link of this kind that carries `bytes_per_second`; its first HEARTBEAT is due at `now_us`.
-    pub fn new(name: &'static str, kind: LinkKind, bytes_per_second: u32, now_us: u64) -> Self {
+    /// A link of this kind that carries `bytes_per_second`; its first HEARTBEAT is due at `now`.
+    pub fn new(name: &'static str, kind: LinkKind, bytes_per_second: u32, now: Instant) -> Self {
         Self {
             name,
-            endpoint: Endpoint::new(kind, bytes_per_second, now_us),
+            endpoint: Endpoint::new(kind, bytes_per_second, now),
             position: Position::default(),
             drop_log: LogLimit::default(),
             refusal_log: LogLimit::default(),
@@ -68,9 +67,9 @@ impl Channel {
         self.endpoint.is_idle()
     }
 
-    /// When [`Autopilot::post_due`](super::Autopilot::post_due) has to be called next, in µs.
-    pub fn next_due_us(&self) -> u64 {
-        self.endpoint.next_due_us()
+    /// When [`Autopilot::post_due`](super::Autopilot::post_due) has to be called next.
+    pub fn next_due(&self) -> Instant {
+        self.endpoint.next_due()
     }
 
     /// Takes as many of the received `bytes` as there is room for, and returns how many; at least one after
@@ -98,13 +97,14 @@ impl Channel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::at_us;
 
     #[test]
     fn one_line_is_logged_per_second() {
         let mut limit = LogLimit::default();
-        assert!(limit.allows(0));
-        assert!(!limit.allows(999_999));
-        assert!(limit.allows(1_000_000));
-        assert!(!limit.allows(1_000_000));
+        assert!(limit.allows(Instant::EPOCH));
+        assert!(!limit.allows(at_us(999_999)));
+        assert!(limit.allows(at_us(1_000_000)));
+        assert!(!limit.allows(at_us(1_000_000)));
     }
 }

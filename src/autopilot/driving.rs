@@ -6,6 +6,7 @@ use super::work::Work;
 use crate::battery::FailsafeLevel;
 use crate::log::info;
 use crate::pack::Pack;
+use crate::time::Instant;
 use crate::vehicle::{FailsafeAction, Indication, SideDrives, VehicleSettings};
 
 /// Outputs to motors, lamps and buzzer.
@@ -19,15 +20,15 @@ pub struct Outputs {
 
 impl Autopilot {
     /// Updates time-outs and ramps of the vehicle; has to be called every 20 ms, and at once after [`Work::DRIVE`].
-    pub fn drive(&mut self, now_us: u64) -> Outputs {
+    pub fn drive(&mut self, now: Instant) -> Outputs {
         let settings = VehicleSettings::from_parameters(&self.parameters);
-        if let Some(event) = self.vehicle.update(now_us, &settings) {
+        if let Some(event) = self.vehicle.update(now, &settings) {
             self.announce(Announcement::Vehicle(event));
         }
         self.log_status();
         Outputs {
             drives: self.vehicle.drives(),
-            indication: self.vehicle.indication(now_us),
+            indication: self.vehicle.indication(now),
         }
     }
 

@@ -9,6 +9,7 @@ use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Action, Event, Framer, Message, SystemState};
 use crate::parameter::{ParameterId, VehicleParameter};
+use crate::time::Instant;
 
 /// Sent to a ground station that reads all parameters.
 const BANNER: &str = concat!("rover-battmon ", env!("CARGO_PKG_VERSION"));
@@ -31,13 +32,13 @@ impl Autopilot {
         }
     }
 
-    /// Posts what was announced and every stream that is due at `now_us`.
-    pub fn post_due(&self, channel: &mut Channel, now_us: u64) {
+    /// Posts what was announced and every stream that is due at `now`.
+    pub fn post_due(&self, channel: &mut Channel, now: Instant) {
         self.post_announcements(channel);
         let state = self.system_state();
-        let dropped = channel.endpoint.post_due(now_us, &state, &self.parameters);
+        let dropped = channel.endpoint.post_due(now, &state, &self.parameters);
         if let Some(stream) = dropped
-            && channel.drop_log.allows(now_us)
+            && channel.drop_log.allows(now)
         {
             warn!(
                 "{}: link too slow, dropped {:?}, {} messages so far",
@@ -73,20 +74,25 @@ impl Autopilot {
         &mut self,
         channel: &mut Channel,
         framer: &'a mut Framer,
-        now_us: u64,
+        now: Instant,
     ) -> Option<&'a [u8]> {
         let message = self.take(channel);
         // By reference: a message is large, and each move copies it.
         let message = message.as_ref()?;
         // The table's range is 1 to 255.
         let system_id = self.parameters.get_whole(VehicleParameter::SysidThismav) as u8;
-        Some(framer.signed_frame(message, system_id, &mut self.signing, channel.kind(), now_us))
+        Some(framer.signed_frame(message, system_id, &mut self.signing, channel.kind(), now))
     }
 
     /// Handles the next frame of what was pushed; `None` when there is none. It can't have been received before
-    /// `received_us`: received bytes may have waited on their way. What has waited for longer than `FS_TIMEOUT` does not
+    /// `received_at`: received bytes may have waited on their way. What has waited for longer than `FS_TIMEOUT` does not
     /// move the rover.
-    pub fn handle_next(&mut self, channel: &mut Channel, now_us: u64, received_us: u64) -> Option<Event> {
+    pub fn handle_next(
+        &mut self,
+        channel: &mut Channel,
+        now: Instant,
+        received_at: Instant,
+    ) -> Option<Event> {
         // Not `system_state()`: it would borrow the vehicle, too.
         let state = SystemState {
             batteries: self.packs.states(),
@@ -96,18 +102,18 @@ impl Autopilot {
             ..SystemState::default()
         };
         let event = channel.endpoint.handle_next(
-            now_us,
-            received_us,
+            now,
+            received_at,
             &state,
             &mut self.parameters,
             &mut self.vehicle,
             &mut self.signing,
         )?;
-        self.react(&event, channel, now_us);
+        self.react(&event, channel, now);
         Some(event)
     }
 
-    fn react(&mut self, event: &Event, channel: &mut Channel, now_us: u64) {
+    fn react(&mut self, event: &Event, channel: &mut Channel, now: Instant) {
         match *event {
             Event::Ignored | Event::Answered => {}
             Event::GroundStationHeard => self.work |= Work::GROUND_STATION_HEARD,
@@ -136,7 +142,7 @@ impl Autopilot {
             | Event::CommandRefused(_)
             | Event::ControlTooLate
             | Event::SigningRefused(_) => {
-                if channel.refusal_log.allows(now_us) {
+                if channel.refusal_log.allows(now) {
                     warn!("{}: refused: {:?}", channel.name(), *event);
                 }
             }

@@ -11,6 +11,7 @@ use crate::parameter::{BatteryParameter, Parameters};
 use crate::sensor::{
     AnalogPin, AnalogReadings, AnalogWiring, FuelMeter, FuelReadings, MonitorKind, Pulses, Samples,
 };
+use crate::time::Instant;
 
 /// Number of analog pins.
 pub(super) const PIN_COUNT: usize = AnalogPin::ALL.len();
@@ -85,14 +86,14 @@ impl Packs {
         pins
     }
 
-    /// Measures a pack at `now_us`, from what the pins read and the share of full throttle, for a synthetic current.
+    /// Measures a pack at `now`, from what the pins read and the share of full throttle, for a synthetic current.
     /// `None` as long as there is nothing to measure by: a part on the bus or an ESC that has not been read yet, or a
     /// sum in the first tick, when parts on the bus have no reading yet.
     pub fn measure(
         &mut self,
         pack: Pack,
         kind: MonitorKind,
-        now_us: u64,
+        now: Instant,
         readings: &AnalogReadings,
         parameters: &Parameters,
         effort: f32,
@@ -109,7 +110,7 @@ impl Packs {
                 let readings = FuelReadings {
                     pins: readings,
                     pulses: &self.pulses,
-                    now_us,
+                    now,
                 };
                 self.meters[pack as usize].measure(kind, parameters, pack, &readings)
             }

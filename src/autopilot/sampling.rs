@@ -13,6 +13,7 @@ use crate::log::{info, warn};
 use crate::mavlink::ArmingReadiness;
 use crate::pack::Pack;
 use crate::sensor::{AnalogPin, AnalogReadings, MonitorKind, Pulses};
+use crate::time::Instant;
 
 /// Readings count as taken at a whole millisecond: so intervals are nearly always equal, and the filters need not divide
 /// anew.
@@ -58,10 +59,10 @@ impl Autopilot {
     }
 
     /// Begins a sampling tick with what the pins read; due every 100 ms.
-    pub fn begin_sampling(&self, now_us: u64, readings: AnalogReadings) -> SamplingTick {
+    pub fn begin_sampling(&self, now: Instant, readings: AnalogReadings) -> SamplingTick {
         SamplingTick {
             tick: Tick {
-                now_us: now_us - now_us % RESOLUTION_US,
+                now: now.before_us(now.as_micros() % RESOLUTION_US),
                 arm_state: self.vehicle.arm_state(),
             },
             readings,
@@ -80,7 +81,7 @@ impl Autopilot {
         let reading = self.packs.measure(
             pack,
             kind,
-            sampling.tick.now_us,
+            sampling.tick.now,
             &sampling.readings,
             &self.parameters,
             self.vehicle.effort(),

@@ -8,28 +8,29 @@ use crate::log::{info, warn};
 use crate::mavlink::{SigningChange, SigningTrouble, ToStore};
 use crate::parameter::{SAVE_RETRY_INTERVAL_US, Unsaved};
 use crate::storage::StorageError;
+use crate::time::Instant;
 
 impl Autopilot {
     /// The parameter to write to flash next. A value is live and acknowledged before it is written.
-    pub fn next_unsaved_parameter(&mut self, now_us: u64) -> Option<Unsaved> {
-        if self.save_failures.take_retry(now_us) {
+    pub fn next_unsaved_parameter(&mut self, now: Instant) -> Option<Unsaved> {
+        if self.save_failures.take_retry(now) {
             self.parameters.retry_failed();
         }
-        if let Some(error) = self.save_failures.take_report(now_us) {
+        if let Some(error) = self.save_failures.take_report(now) {
             self.announce(Announcement::ParametersNotSaved(error));
         }
         self.parameters.next_unsaved()
     }
 
     /// Result of writing `unsaved`.
-    pub fn parameter_written(&mut self, unsaved: Unsaved, result: Result<(), StorageError>, now_us: u64) {
+    pub fn parameter_written(&mut self, unsaved: Unsaved, result: Result<(), StorageError>, now: Instant) {
         match (result, unsaved) {
             (Ok(()), Unsaved::Reset) => info!("stored parameters cleared"),
             (Ok(()), Unsaved::Value(id, _)) => info!("{} saved", id.name().as_str()),
             (Err(error), _) => {
                 warn!("parameter storage: {:?}", error);
                 let report = self.parameters.mark_failed(unsaved, error);
-                self.save_failures.add(report, now_us);
+                self.save_failures.add(report, now);
                 return;
             }
         }
@@ -37,11 +38,11 @@ impl Autopilot {
     }
 
     /// The signing data to write to flash next: a key as soon as it was set up, and the time once a minute.
-    pub fn next_unsaved_signing(&mut self, now_us: u64) -> Option<ToStore> {
-        if now_us < self.signing_save.retry_at_us {
+    pub fn next_unsaved_signing(&mut self, now: Instant) -> Option<ToStore> {
+        if now < self.signing_save.retry_at {
             return None;
         }
-        let unsaved = self.signing.next_unsaved(now_us);
+        let unsaved = self.signing.next_unsaved(now);
         if unsaved.is_none() {
             self.signing_save.attempt = Attempt::First;
             if let Some(change) = self.signing_save.change.take() {
@@ -52,7 +53,7 @@ impl Autopilot {
     }
 
     /// Result of writing `unsaved`. After a failure everything is written once more, to the next sector.
-    pub fn signing_written(&mut self, unsaved: &ToStore, result: Result<(), StorageError>, now_us: u64) {
+    pub fn signing_written(&mut self, unsaved: &ToStore, result: Result<(), StorageError>, now: Instant) {
         let Err(error) = result else {
             self.signing.mark_saved(unsaved);
             return;
@@ -63,7 +64,7 @@ impl Autopilot {
             Attempt::First => self.signing_save.attempt = Attempt::Second,
             Attempt::Second => {
                 self.signing_save.attempt = Attempt::First;
-                self.signing_save.retry_at_us = now_us.saturating_add(SAVE_RETRY_INTERVAL_US);
+                self.signing_save.retry_at = now.after_us(SAVE_RETRY_INTERVAL_US);
                 self.announce(Announcement::Signing(SigningTrouble::NotSaved));
             }
         }
@@ -71,7 +72,7 @@ impl Autopilot {
 
     pub(super) fn save_signing(&mut self, change: SigningChange) {
         self.signing_save.change = Some(change);
-        self.signing_save.retry_at_us = 0;
+        self.signing_save.retry_at = Instant::EPOCH;
         self.work |= Work::SAVE_SIGNING;
     }
 

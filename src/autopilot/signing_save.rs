@@ -1,6 +1,7 @@
 //! Progress of writing the signing key to flash.
 
 use crate::mavlink::SigningChange;
+use crate::time::Instant;
 
 /// Progress of writing the signing key.
 #[derive(Debug, Default)]
@@ -9,7 +10,7 @@ pub(super) struct SigningSave {
     pub change: Option<SigningChange>,
     pub attempt: Attempt,
     /// After a failure, when to start again without a request.
-    pub retry_at_us: u64,
+    pub retry_at: Instant,
 }
 
 /// A failed write is repeated once, in the next sector.

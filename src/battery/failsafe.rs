@@ -3,6 +3,7 @@
 use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
 use super::swap::Replacement;
 use super::{ArmState, BatteryState, FailsafeLevel, Tick};
+use crate::time::Instant;
 
 /// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
 const UNHEALTHY_AFTER_US: u64 = 5_000_000;
@@ -13,7 +14,7 @@ pub(super) struct Observation<'a> {
     pub tick: Tick,
     /// Since the tick before, in microseconds (saturating).
     pub dt_us: u32,
-    pub last_healthy_us: Option<u64>,
+    pub last_healthy: Option<Instant>,
     /// The state with this tick's reading; `None` if the read failed or no pack is connected.
     pub state: Option<&'a BatteryState>,
     /// The voltage at rest, in volts, if the pack is at rest.
@@ -157,7 +158,8 @@ impl Failsafe {
             has_expired(&mut self.critical, critical),
         );
         let remaining_mah = seen.state.and_then(remaining);
-        let unhealthy_us = seen.tick.now_us.saturating_sub(seen.last_healthy_us.unwrap_or(0));
+        let last_healthy = seen.last_healthy.unwrap_or(Instant::EPOCH);
+        let unhealthy_us = seen.tick.now.us_since(last_healthy);
         if critical_voltage || is_below(remaining_mah, critical.remaining_mah) {
             FailsafeLevel::Critical
         } else if low_voltage || is_below(remaining_mah, low.remaining_mah) {
@@ -208,6 +210,7 @@ fn estimated_remaining(state: &BatteryState) -> Option<f32> {
 mod tests {
     use super::*;
     use crate::battery::Amount;
+    use crate::time::at_us;
 
     const TICK_US: u32 = 100_000;
 
@@ -233,11 +236,11 @@ mod tests {
         }
     }
 
-    fn seen(now_us: u64, arm_state: ArmState, state: Option<&BatteryState>) -> Observation<'_> {
+    fn seen(now: Instant, arm_state: ArmState, state: Option<&BatteryState>) -> Observation<'_> {
         Observation {
-            tick: Tick { now_us, arm_state },
+            tick: Tick { now, arm_state },
             dt_us: TICK_US,
-            last_healthy_us: Some(now_us),
+            last_healthy: Some(now),
             state,
             resting_v: None,
         }
@@ -253,8 +256,8 @@ mod tests {
     ) -> Vec<(u64, FailsafeLevel)> {
         let mut raised = Vec::new();
         for tick in 0..seconds * 10 {
-            let now_us = from_s * 1_000_000 + tick * u64::from(TICK_US);
-            if let Some(level) = failsafe.update(&seen(now_us, arm_state, Some(state)), &settings()) {
+            let now = at_us(from_s * 1_000_000 + tick * u64::from(TICK_US));
+            if let Some(level) = failsafe.update(&seen(now, arm_state, Some(state)), &settings()) {
                 raised.push((tick / 10, level));
             }
         }
@@ -309,10 +312,10 @@ mod tests {
     #[test]
     fn no_healthy_reading_for_five_seconds_is_unhealthy() {
         let mut failsafe = Failsafe::default();
-        let mut at = |now_us| {
+        let mut at = |us| {
             let silent = Observation {
-                last_healthy_us: Some(0),
-                ..seen(now_us, ArmState::Armed, None)
+                last_healthy: Some(Instant::EPOCH),
+                ..seen(at_us(us), ArmState::Armed, None)
             };
             failsafe.update(&silent, &settings())
         };
@@ -332,8 +335,8 @@ mod tests {
         };
         let mut failsafe = Failsafe::default();
         for tick in 0..300 {
-            let now_us = tick * u64::from(TICK_US);
-            let observation = seen(now_us, ArmState::Armed, Some(&sagging));
+            let now = at_us(tick * u64::from(TICK_US));
+            let observation = seen(now, ArmState::Armed, Some(&sagging));
             assert_eq!(failsafe.update(&observation, &resting), None);
         }
     }
@@ -344,7 +347,7 @@ mod tests {
         let mut raised = Vec::new();
         for tick in 0..ticks {
             let state = at(tick).map(at_voltage);
-            let observation = seen(tick * u64::from(TICK_US), ArmState::Armed, state.as_ref());
+            let observation = seen(at_us(tick * u64::from(TICK_US)), ArmState::Armed, state.as_ref());
             raised.extend(
                 failsafe
                     .update(&observation, &settings())
@@ -397,7 +400,10 @@ mod tests {
         };
         let mut failsafe = Failsafe::default();
         run(&mut failsafe, 0, 9, ArmState::Armed, &at_voltage(9.0));
-        failsafe.update(&seen(0, ArmState::Armed, Some(&at_voltage(12.0))), &off);
+        failsafe.update(
+            &seen(Instant::EPOCH, ArmState::Armed, Some(&at_voltage(12.0))),
+            &off,
+        );
         assert_eq!(run(&mut failsafe, 20, 9, ArmState::Armed, &at_voltage(9.0)), []);
     }
 
@@ -422,7 +428,7 @@ mod tests {
     fn rest(failsafe: &mut Failsafe, (resting_v, state): &(f32, BatteryState)) -> FailsafeLevel {
         let observation = Observation {
             resting_v: Some(*resting_v),
-            ..seen(0, ArmState::Disarmed, Some(state))
+            ..seen(Instant::EPOCH, ArmState::Disarmed, Some(state))
         };
         failsafe.update(&observation, &settings());
         failsafe.level()
@@ -462,7 +468,7 @@ mod tests {
         ] {
             let mut failsafe = critical();
             failsafe.replace_pack(Replacement::Certain);
-            failsafe.update(&seen(0, arm_state, state.as_ref()), &settings());
+            failsafe.update(&seen(Instant::EPOCH, arm_state, state.as_ref()), &settings());
             assert_eq!(
                 rest(&mut failsafe, &full),
                 FailsafeLevel::Critical,

@@ -5,8 +5,8 @@ use embassy_rp::gpio::{Level, Output};
 use embassy_rp::peripherals::PIN_2;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Instant, Timer};
 
+use crate::tasks::{now, timer_at};
 use crate::vehicle::Tone;
 
 /// Half a period of 2 kHz.
@@ -39,14 +39,12 @@ impl Buzzer {
     }
 
     async fn sound_until_silenced(&mut self) {
-        let mut due_us = Instant::now().as_micros();
+        let mut due = now();
         while TONE.try_take() != Some(Tone::Silent) {
             self.pin.toggle();
             // What was missed (flash was erased) is not made up for: that would be a shrill tone.
-            due_us = due_us
-                .saturating_add(TOGGLE_INTERVAL_US)
-                .max(Instant::now().as_micros());
-            Timer::at(Instant::from_micros(due_us)).await;
+            due = due.after_us(TOGGLE_INTERVAL_US).max(now());
+            timer_at(due).await;
         }
         self.pin.set_low();
     }

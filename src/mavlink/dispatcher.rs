@@ -17,6 +17,7 @@ use super::system_state::SystemState;
 use super::{FileTransferNak, Message};
 use crate::battery::ArmState;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
+use crate::time::Instant;
 use crate::vehicle::Vehicle;
 
 /// Why a restart or a reset of the parameters is refused.
@@ -89,9 +90,9 @@ fn effect(request: &Request) -> Effect {
 
 /// What a request may use and change.
 pub(super) struct Context<'a> {
-    pub now_us: u64,
+    pub now: Instant,
     /// The frame can't have been received earlier.
-    pub received_us: u64,
+    pub received_at: Instant,
     pub state: &'a SystemState<'a>,
     pub parameters: &'a mut Parameters,
     pub list: &'a mut ParameterList,
@@ -107,7 +108,7 @@ impl Context<'_> {
     /// Whether whoever sent `frame` may do what it asks for.
     fn permits(&mut self, request: &Request, frame: &ReceivedFrame<'_>) -> bool {
         let accepted = AcceptUnsigned::on(self.link, self.parameters);
-        let authenticity = self.signing.check(frame, self.now_us);
+        let authenticity = self.signing.check(frame, self.now);
         // Without this, a lost key could never be replaced where `SIGN_USB_ALLOW` wants everything signed with it.
         let replaces_lost_key = matches!(request, Request::SetUpSigning(_))
             && self.link == LinkKind::Direct
@@ -123,7 +124,7 @@ impl Context<'_> {
         }
         *self.unauthorized = self.unauthorized.wrapping_add(1);
         Event::Unauthorized {
-            to_report: self.signing.may_report(self.now_us).then_some(*self.unauthorized),
+            to_report: self.signing.may_report(self.now).then_some(*self.unauthorized),
         }
     }
 }
@@ -148,8 +149,8 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, repl
 /// Does what was asked for.
 fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Replies<'_>) -> Event {
     let Context {
-        now_us,
-        received_us,
+        now,
+        received_at,
         state,
         parameters,
         list,
@@ -160,15 +161,15 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
         unauthorized: _,
     } = context;
     let mut service = VehicleService {
-        now_us,
-        received_us,
+        now,
+        received_at,
         state,
         parameters,
         vehicle,
     };
     match request {
         Request::ParameterList => {
-            list.start(now_us);
+            list.start(now);
             return Event::ListRequested;
         }
         Request::ParameterRead(read) => replies.answer(parameters::read(read, from, parameters)),
@@ -188,9 +189,9 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
         }
         Request::DataStream(stream) => rates.request_data_stream(stream),
         Request::Ping(ping) => replies.answer_any(time::ping(ping, from)),
-        Request::Timesync(timesync) => replies.answer_any(time::timesync(timesync, from, now_us)),
+        Request::Timesync(timesync) => replies.answer_any(time::timesync(timesync, from, now)),
         Request::RadioStatus(status) if is_radio(from.component_id, link) => {
-            rates.radio_status(status, now_us);
+            rates.radio_status(status, now);
         }
         Request::RadioStatus(_) => return Event::Ignored,
         Request::SetMode(set_mode) => {
@@ -206,7 +207,7 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
             return Event::GroundStationHeard;
         }
         Request::Heartbeat(_) => return Event::Ignored,
-        Request::SetUpSigning(set_up) => return set_up_signing(set_up, link, signing, now_us, replies),
+        Request::SetUpSigning(set_up) => return set_up_signing(set_up, link, signing, now, replies),
     }
     Event::Answered
 }
@@ -224,7 +225,7 @@ fn execute(
         replies.acknowledge(command.number, result, from);
         return driven(command.number, result);
     }
-    let outcome = command.execute(&mut rates.scheduler, service.state, service.now_us);
+    let outcome = command.execute(&mut rates.scheduler, service.state, service.now);
     if outcome.action.is_some_and(Action::needs_disarmed) && service.vehicle.arm_state() == ArmState::Armed {
         replies.explain(MavSeverity::MAV_SEVERITY_WARNING, DISARM_FIRST);
         replies.acknowledge(command.number, MavResult::MAV_RESULT_FAILED, from);
@@ -248,10 +249,10 @@ fn set_up_signing(
     request: &SetUpSigning,
     link: LinkKind,
     signing: &mut Signing,
-    now_us: u64,
+    now: Instant,
     mut replies: Replies<'_>,
 ) -> Event {
-    match signing::set_up(request, link, signing, now_us) {
+    match signing::set_up(request, link, signing, now) {
         Ok(change) => Event::SigningSetUp(change),
         Err(refused) => {
             replies.say(MavSeverity::MAV_SEVERITY_WARNING, refused.text());

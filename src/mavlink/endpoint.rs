@@ -15,6 +15,7 @@ use super::signing::{LinkKind, Signing};
 use super::system_state::{LinkStatistics, SystemState};
 use super::{DefaultRate, Message, Stream, StreamKind};
 use crate::parameter::{Parameters, VehicleParameter};
+use crate::time::Instant;
 use crate::vehicle::Vehicle;
 
 /// A few messages dropped may be a hiccup; so many are a link that is too slow.
@@ -41,13 +42,13 @@ pub struct Endpoint {
 }
 
 impl Endpoint {
-    /// An end of a link of this kind that carries `bytes_per_second`, whose first HEARTBEAT is due at `now_us`.
-    pub fn new(kind: LinkKind, bytes_per_second: u32, now_us: u64) -> Self {
+    /// An end of a link of this kind that carries `bytes_per_second`, whose first HEARTBEAT is due at `now`.
+    pub fn new(kind: LinkKind, bytes_per_second: u32, now: Instant) -> Self {
         Self {
             kind,
             bytes_per_second,
             parser: FrameParser::new(),
-            rates: Rates::new(now_us),
+            rates: Rates::new(now),
             list: ParameterList::default(),
             outbox: Outbox::new(),
             details: DetailsChangeDetector::default(),
@@ -75,22 +76,22 @@ impl Endpoint {
         }
     }
 
-    /// Posts everything that is due at `now_us`, and says what was dropped for it, if anything. What the messages say is
+    /// Posts everything that is due at `now`, and says what was dropped for it, if anything. What the messages say is
     /// decided when they leave.
     pub fn post_due(
         &mut self,
-        now_us: u64,
+        now: Instant,
         state: &SystemState<'_>,
         parameters: &Parameters,
     ) -> Option<Stream> {
-        self.rates.follow(parameters, now_us);
+        self.rates.follow(parameters, now);
         self.list.release(
-            now_us,
+            now,
             parameters.get(VehicleParameter::Sr0Params),
             self.bytes_per_second,
         );
         let mut dropped = None;
-        while let Some(kind) = self.rates.scheduler.poll(now_us) {
+        while let Some(kind) = self.rates.scheduler.poll(now) {
             dropped = self.post(kind, state).or(dropped);
         }
         self.post_changes(state);
@@ -139,12 +140,10 @@ impl Endpoint {
         }
     }
 
-    /// When [`Self::post_due`] has to be called next, in µs.
-    pub fn next_due_us(&self) -> u64 {
-        let streams_us = self.rates.scheduler.next_due_us();
-        self.list
-            .next_due_us()
-            .map_or(streams_us, |list_us| list_us.min(streams_us))
+    /// When [`Self::post_due`] has to be called next.
+    pub fn next_due(&self) -> Instant {
+        let streams = self.rates.scheduler.next_due();
+        self.list.next_due().map_or(streams, |list| list.min(streams))
     }
 
     /// The message that leaves next: HEARTBEAT, answers, the share of a parameter list, telemetry. Telemetry is built
@@ -208,12 +207,12 @@ impl Endpoint {
         self.parser.give_up_waiting();
     }
 
-    /// Handles the next frame of what was pushed; `None` when there is none. It can't have been received before `received_us`:
+    /// Handles the next frame of what was pushed; `None` when there is none. It can't have been received before `received_at`:
     /// bytes that come may have waited on their way. Nothing that has waited for longer than `FS_TIMEOUT` moves the rover.
     pub fn handle_next(
         &mut self,
-        now_us: u64,
-        received_us: u64,
+        now: Instant,
+        received_at: Instant,
         state: &SystemState<'_>,
         parameters: &mut Parameters,
         vehicle: &mut Vehicle,
@@ -223,8 +222,8 @@ impl Endpoint {
         let frame = self.parser.next_frame()?;
         let state = SystemState { link, ..*state };
         let context = Context {
-            now_us,
-            received_us,
+            now,
+            received_at,
             state: &state,
             parameters,
             list: &mut self.list,

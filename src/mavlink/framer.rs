@@ -5,6 +5,7 @@ use ::mavlink::{MAVLinkV2MessageRaw, MavHeader};
 use super::parser::FLAG_SIGNED;
 use super::signing::{LinkKind, Signing};
 use super::{COMPONENT_ID, Message};
+use crate::time::Instant;
 
 /// Makes the frames of one link and numbers them.
 ///
@@ -28,14 +29,14 @@ impl Framer {
         self.frame.raw_bytes()
     }
 
-    /// The MAVLink 2 frame of `message`, sent by `system_id` on a link of this kind at `now_us`; signed if there is a key.
+    /// The MAVLink 2 frame of `message`, sent by `system_id` on a link of this kind at `now`; signed if there is a key.
     pub fn signed_frame(
         &mut self,
         message: &Message,
         system_id: u8,
         signing: &mut Signing,
         link: LinkKind,
-        now_us: u64,
+        now: Instant,
     ) -> &[u8] {
         if !signing.signs() {
             return self.frame(message, system_id);
@@ -43,7 +44,7 @@ impl Framer {
         self.serialize(message, system_id, FLAG_SIGNED);
         let frame_bytes = self.frame.raw_bytes().len();
         if let Some(frame) = self.frame.as_mut_slice().get_mut(..frame_bytes) {
-            signing.sign(frame, link, now_us);
+            signing.sign(frame, link, now);
         }
         self.frame.raw_bytes()
     }

@@ -4,6 +4,7 @@ use super::requests::{DataStream, RadioStatus};
 use super::scheduler::StreamScheduler;
 use super::signing::LinkKind;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
+use crate::time::Instant;
 
 /// REQUEST_DATA_STREAM, stream ids: all of them, and the one with the battery in it.
 const STREAM_ALL: u8 = 0;
@@ -29,9 +30,9 @@ pub(super) struct Rates {
 }
 
 impl Rates {
-    pub fn new(now_us: u64) -> Self {
+    pub fn new(now: Instant) -> Self {
         Self {
-            scheduler: StreamScheduler::new(now_us),
+            scheduler: StreamScheduler::new(now),
             requested_hz: None,
             parameter_hz: 0.0,
             scheduled_hz: 0.0,
@@ -39,7 +40,7 @@ impl Rates {
     }
 
     /// Follows the parameters. A parameter that was set on another link wins here, too, if that changed it.
-    pub fn follow(&mut self, parameters: &Parameters, now_us: u64) {
+    pub fn follow(&mut self, parameters: &Parameters, now: Instant) {
         let parameter_hz = parameters.get(VehicleParameter::Sr0Extra1);
         if parameter_hz != self.parameter_hz {
             self.requested_hz = None;
@@ -48,7 +49,7 @@ impl Rates {
         let rate_hz = self.requested_hz.unwrap_or(parameter_hz);
         if rate_hz != self.scheduled_hz {
             self.scheduled_hz = rate_hz;
-            self.scheduler.set_extra1_rate(rate_hz, now_us);
+            self.scheduler.set_extra1_rate(rate_hz, now);
         }
     }
 
@@ -68,8 +69,8 @@ impl Rates {
     }
 
     /// RADIO_STATUS of the radio on this link.
-    pub fn radio_status(&mut self, status: &RadioStatus, now_us: u64) {
-        self.scheduler.radio_buffer_free(status.free_percent, now_us);
+    pub fn radio_status(&mut self, status: &RadioStatus, now: Instant) {
+        self.scheduler.radio_buffer_free(status.free_percent, now);
     }
 }
 

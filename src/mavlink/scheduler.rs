@@ -3,6 +3,7 @@
 use super::slowdown::Slowdown;
 use super::{DefaultRate, StreamKind};
 use crate::cadence::Cadence;
+use crate::time::Instant;
 
 /// The interval of what is sent once a second.
 const SECOND_US: u64 = 1_000_000;
@@ -44,7 +45,7 @@ struct Entry {
     /// `None` while it is off.
     cadence: Option<Cadence>,
     /// When it may be due again at the earliest, were it turned off and on: requests must not exceed the highest rate.
-    earliest_us: u64,
+    earliest: Instant,
 }
 
 impl Entry {
@@ -75,50 +76,50 @@ impl Entry {
     }
 
     /// Makes the due times follow an interval.
-    fn follow(&mut self, interval_us: Option<u64>, now_us: u64) {
+    fn follow(&mut self, interval_us: Option<u64>, now: Instant) {
         match (interval_us, &mut self.cadence) {
-            (Some(interval_us), Some(running)) => running.set_interval(interval_us, now_us),
+            (Some(interval_us), Some(running)) => running.set_interval(interval_us, now),
             (Some(interval_us), None) => {
-                let start_us = now_us.max(self.earliest_us);
-                self.cadence = Some(Cadence::starting_at(start_us, interval_us));
+                let start = now.max(self.earliest);
+                self.cadence = Some(Cadence::starting_at(start, interval_us));
             }
             (None, _) => self.cadence = None,
         }
     }
 
     /// The message if it is due.
-    fn take(&mut self, now_us: u64) -> Option<StreamKind> {
-        if !self.cadence.as_mut()?.take(now_us) {
+    fn take(&mut self, now: Instant) -> Option<StreamKind> {
+        if !self.cadence.as_mut()?.take(now) {
             return None;
         }
-        self.earliest_us = now_us.saturating_add(SHORTEST_INTERVAL_US);
+        self.earliest = now.after_us(SHORTEST_INTERVAL_US);
         Some(self.kind)
     }
 }
 
 impl StreamScheduler {
-    /// A scheduler whose HEARTBEAT is due at `now_us`, and everything else off.
-    pub fn new(now_us: u64) -> Self {
+    /// A scheduler whose HEARTBEAT is due at `now`, and everything else off.
+    pub fn new(now: Instant) -> Self {
         let entry = |kind| Entry {
             kind,
             interval: Interval::Default,
             cadence: None,
-            earliest_us: now_us,
+            earliest: now,
         };
         let mut scheduler = Self {
             entries: StreamKind::ALL.map(entry),
             extra1_interval_us: None,
             slowdown: Slowdown::default(),
         };
-        scheduler.apply(now_us);
+        scheduler.apply(now);
         scheduler
     }
 
     /// Sets the rate of [`DefaultRate::Extra1`], in Hz; 0 turns its messages off. They are sent every half hour at least.
-    pub fn set_extra1_rate(&mut self, rate_hz: f32, now_us: u64) {
+    pub fn set_extra1_rate(&mut self, rate_hz: f32, now: Instant) {
         self.extra1_interval_us =
             (rate_hz > 0.0).then(|| ((MICROSECONDS_PER_SECOND / rate_hz) as u64).min(LONGEST_INTERVAL_US));
-        self.apply(now_us);
+        self.apply(now);
     }
 
     /// Sets the interval of a message, for all its instances.
@@ -129,7 +130,7 @@ impl StreamScheduler {
         &mut self,
         message_id: u32,
         interval: Interval,
-        now_us: u64,
+        now: Instant,
     ) -> Result<(), IntervalRefused> {
         let kind = StreamKind::from_message_id(message_id).ok_or(IntervalRefused::NotStreamed)?;
         let entry = &mut self.entries[kind as usize];
@@ -137,7 +138,7 @@ impl StreamScheduler {
             return Err(IntervalRefused::OutOfRange);
         }
         entry.interval = interval;
-        self.apply(now_us);
+        self.apply(now);
         Ok(())
     }
 
@@ -152,37 +153,37 @@ impl StreamScheduler {
 
     /// A radio reports how much of its transmit buffer is free, in percent: streams are slowed down when it fills up,
     /// until it is empty again or the radio silent for five seconds.
-    pub fn radio_buffer_free(&mut self, percent: u8, now_us: u64) {
-        self.end_stale_slowdown(now_us);
-        self.slowdown.report(percent, now_us);
-        self.apply(now_us);
+    pub fn radio_buffer_free(&mut self, percent: u8, now: Instant) {
+        self.end_stale_slowdown(now);
+        self.slowdown.report(percent, now);
+        self.apply(now);
     }
 
-    fn end_stale_slowdown(&mut self, now_us: u64) {
-        if self.slowdown.is_stale(now_us) {
+    fn end_stale_slowdown(&mut self, now: Instant) {
+        if self.slowdown.is_stale(now) {
             self.slowdown = Slowdown::default();
-            self.apply(now_us);
+            self.apply(now);
         }
     }
 
-    /// The next message that is due at `now_us`. Called until it answers `None`; each due time is given once.
-    pub fn poll(&mut self, now_us: u64) -> Option<StreamKind> {
-        self.end_stale_slowdown(now_us);
-        self.entries.iter_mut().find_map(|entry| entry.take(now_us))
+    /// The next message that is due at `now`. Called until it answers `None`; each due time is given once.
+    pub fn poll(&mut self, now: Instant) -> Option<StreamKind> {
+        self.end_stale_slowdown(now);
+        self.entries.iter_mut().find_map(|entry| entry.take(now))
     }
 
-    /// When the next message is due, in µs.
-    pub fn next_due_us(&self) -> u64 {
+    /// When the next message is due.
+    pub fn next_due(&self) -> Instant {
         let due = self
             .entries
             .iter()
             .filter_map(|entry| entry.cadence.as_ref())
-            .map(Cadence::due_us);
-        due.min().unwrap_or(u64::MAX)
+            .map(Cadence::due);
+        due.min().unwrap_or(Instant::MAX)
     }
 
     /// Makes the due times follow what was asked for.
-    fn apply(&mut self, now_us: u64) {
+    fn apply(&mut self, now: Instant) {
         for entry in &mut self.entries {
             let delay_us = match entry.kind.default_rate() {
                 DefaultRate::EverySecond => 0,
@@ -191,7 +192,7 @@ impl StreamScheduler {
             let interval_us = entry
                 .asked_interval_us(self.extra1_interval_us)
                 .map(|asked_us| asked_us.saturating_add(delay_us));
-            entry.follow(interval_us, now_us);
+            entry.follow(interval_us, now);
         }
     }
 }
@@ -214,6 +215,7 @@ pub enum IntervalRefused {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::at_us;
     use proptest::prelude::*;
 
     const SYS_STATUS: u32 = 1;
@@ -224,28 +226,28 @@ mod tests {
         scheduler: &mut StreamScheduler,
         until_us: u64,
         mut late_us: impl FnMut() -> u64,
-    ) -> Vec<(u64, StreamKind)> {
+    ) -> Vec<(Instant, StreamKind)> {
         let mut sent = Vec::new();
         loop {
-            let now_us = scheduler.next_due_us() + late_us();
-            if now_us >= until_us {
+            let now = scheduler.next_due().after_us(late_us());
+            if now >= at_us(until_us) {
                 return sent;
             }
-            while let Some(message) = scheduler.poll(now_us) {
-                sent.push((now_us, message));
+            while let Some(message) = scheduler.poll(now) {
+                sent.push((now, message));
             }
         }
     }
 
-    fn count(sent: &[(u64, StreamKind)], message: StreamKind) -> usize {
+    fn count(sent: &[(Instant, StreamKind)], message: StreamKind) -> usize {
         sent.iter().filter(|(_, m)| *m == message).count()
     }
 
     #[test]
     fn rates_are_exact_over_ten_minutes_of_late_service() {
         for rate_hz in [1.0, 2.0, 10.0, 50.0] {
-            let mut scheduler = StreamScheduler::new(0);
-            scheduler.set_extra1_rate(rate_hz, 0);
+            let mut scheduler = StreamScheduler::new(Instant::EPOCH);
+            scheduler.set_extra1_rate(rate_hz, Instant::EPOCH);
             let mut k = 0;
             let sent = run(&mut scheduler, 600_000_000, || {
                 k = (k * 31 + 7) % 1000;
@@ -260,9 +262,9 @@ mod tests {
 
     #[test]
     fn a_rate_of_zero_sends_heartbeats_only() {
-        let mut scheduler = StreamScheduler::new(0);
-        scheduler.set_extra1_rate(2.0, 0);
-        scheduler.set_extra1_rate(0.0, 0);
+        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
+        scheduler.set_extra1_rate(2.0, Instant::EPOCH);
+        scheduler.set_extra1_rate(0.0, Instant::EPOCH);
         let sent = run(&mut scheduler, 10_000_000, || 0);
         assert_eq!(sent.len(), 10);
         assert_eq!(count(&sent, StreamKind::Heartbeat), 10);
@@ -270,28 +272,31 @@ mod tests {
 
     #[test]
     fn one_message_can_be_turned_off_sped_up_and_put_back() {
-        let mut scheduler = StreamScheduler::new(0);
-        scheduler.set_extra1_rate(2.0, 0);
+        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
+        scheduler.set_extra1_rate(2.0, Instant::EPOCH);
         assert_eq!(
-            scheduler.set_interval(BATTERY_STATUS, Interval::Every(100_000), 0),
+            scheduler.set_interval(BATTERY_STATUS, Interval::Every(100_000), Instant::EPOCH),
             Ok(())
         );
-        assert_eq!(scheduler.set_interval(SYS_STATUS, Interval::Off, 0), Ok(()));
+        assert_eq!(
+            scheduler.set_interval(SYS_STATUS, Interval::Off, Instant::EPOCH),
+            Ok(())
+        );
         assert_eq!(scheduler.interval_us(BATTERY_STATUS), Ok(Some(100_000)));
         assert_eq!(scheduler.interval_us(SYS_STATUS), Ok(None));
         // The rate of the others does not matter to them.
-        scheduler.set_extra1_rate(50.0, 0);
+        scheduler.set_extra1_rate(50.0, Instant::EPOCH);
         let sent = run(&mut scheduler, 10_000_000, || 0);
         assert_eq!(count(&sent, StreamKind::BatteryStatus), 100);
         assert_eq!(count(&sent, StreamKind::SysStatus), 0);
 
-        scheduler.set_extra1_rate(2.0, 10_000_000);
+        scheduler.set_extra1_rate(2.0, at_us(10_000_000));
         scheduler
-            .set_interval(BATTERY_STATUS, Interval::Default, 10_000_000)
+            .set_interval(BATTERY_STATUS, Interval::Default, at_us(10_000_000))
             .unwrap();
         assert_eq!(scheduler.interval_us(BATTERY_STATUS), Ok(Some(500_000)));
         assert_eq!(
-            scheduler.set_interval(30, Interval::Off, 0),
+            scheduler.set_interval(30, Interval::Off, Instant::EPOCH),
             Err(IntervalRefused::NotStreamed)
         );
     }
@@ -303,16 +308,16 @@ mod tests {
             (370, StreamKind::SmartBatteryInfo),
             (372, StreamKind::BatteryInfo),
         ] {
-            let mut scheduler = StreamScheduler::new(0);
-            scheduler.set_extra1_rate(2.0, 0);
+            let mut scheduler = StreamScheduler::new(Instant::EPOCH);
+            scheduler.set_extra1_rate(2.0, Instant::EPOCH);
             assert_eq!(scheduler.interval_us(message_id), Ok(None));
             assert_eq!(count(&run(&mut scheduler, 10_000_000, || 0), message), 0);
             scheduler
-                .set_interval(message_id, Interval::Every(100_000), 10_000_000)
+                .set_interval(message_id, Interval::Every(100_000), at_us(10_000_000))
                 .unwrap();
             assert_eq!(count(&run(&mut scheduler, 20_000_000, || 0), message), 100);
             scheduler
-                .set_interval(message_id, Interval::Default, 20_000_000)
+                .set_interval(message_id, Interval::Default, at_us(20_000_000))
                 .unwrap();
             assert_eq!(count(&run(&mut scheduler, 30_000_000, || 0), message), 0);
         }
@@ -320,36 +325,36 @@ mod tests {
 
     #[test]
     fn heartbeat_keeps_its_rate() {
-        let mut scheduler = StreamScheduler::new(0);
+        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
         for interval in [
             Interval::Off,
             Interval::Every(100_000),
             Interval::Every(2_000_000),
         ] {
             assert_eq!(
-                scheduler.set_interval(0, interval, 0),
+                scheduler.set_interval(0, interval, Instant::EPOCH),
                 Err(IntervalRefused::OutOfRange)
             );
         }
         for interval in [Interval::Default, Interval::Every(1_000_000)] {
-            assert_eq!(scheduler.set_interval(0, interval, 0), Ok(()));
+            assert_eq!(scheduler.set_interval(0, interval, Instant::EPOCH), Ok(()));
             assert_eq!(scheduler.interval_us(0), Ok(Some(1_000_000)));
         }
-        scheduler.radio_buffer_free(0, 0);
+        scheduler.radio_buffer_free(0, Instant::EPOCH);
         assert_eq!(run(&mut scheduler, 10_000_000, || 0).len(), 10);
     }
 
     #[test]
     fn a_radio_whose_buffer_fills_slows_the_streams_until_it_is_empty_again() {
-        let mut scheduler = StreamScheduler::new(0);
-        scheduler.set_extra1_rate(10.0, 0);
+        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
+        scheduler.set_extra1_rate(10.0, Instant::EPOCH);
         for _ in 0..5 {
-            scheduler.radio_buffer_free(10, 0);
+            scheduler.radio_buffer_free(10, Instant::EPOCH);
         }
         let slowed = count(&run(&mut scheduler, 4_000_000, || 0), StreamKind::SysStatus);
         assert_eq!(slowed, 10, "every 100 + 5 × 60 ms");
         for _ in 0..20 {
-            scheduler.radio_buffer_free(100, 4_000_000);
+            scheduler.radio_buffer_free(100, at_us(4_000_000));
         }
         let sent = run(&mut scheduler, 14_000_000, || 0);
         assert!(count(&sent, StreamKind::SysStatus) >= 99);
@@ -357,10 +362,10 @@ mod tests {
 
     #[test]
     fn a_radio_that_falls_silent_slows_nothing_after_five_seconds() {
-        let mut scheduler = StreamScheduler::new(0);
-        scheduler.set_extra1_rate(10.0, 0);
+        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
+        scheduler.set_extra1_rate(10.0, Instant::EPOCH);
         for second in 0..60 {
-            scheduler.radio_buffer_free(0, second * 1_000_000);
+            scheduler.radio_buffer_free(0, at_us(second * 1_000_000));
             run(&mut scheduler, (second + 1) * 1_000_000, || 0);
         }
         let slowed = count(&run(&mut scheduler, 64_000_000, || 0), StreamKind::SysStatus);
@@ -372,12 +377,12 @@ mod tests {
     }
 
     /// How often SYS_STATUS is sent in a second, with a change every millisecond.
-    fn sent_while(mut change: impl FnMut(&mut StreamScheduler, u64)) -> usize {
-        let mut scheduler = StreamScheduler::new(0);
+    fn sent_while(mut change: impl FnMut(&mut StreamScheduler, Instant)) -> usize {
+        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
         let mut sent = 0;
-        for now_us in (0..1_000_000).step_by(1000) {
-            change(&mut scheduler, now_us);
-            while let Some(message) = scheduler.poll(now_us) {
+        for now in (0..1_000_000).step_by(1000).map(at_us) {
+            change(&mut scheduler, now);
+            while let Some(message) = scheduler.poll(now) {
                 sent += usize::from(message == StreamKind::SysStatus);
             }
         }
@@ -391,17 +396,17 @@ mod tests {
             Interval::Default,
             Interval::Every(LONGEST_INTERVAL_US),
         ] {
-            let sent = sent_while(|scheduler, now_us| {
+            let sent = sent_while(|scheduler, now| {
                 for interval in [other, Interval::Every(SHORTEST_INTERVAL_US)] {
-                    scheduler.set_interval(SYS_STATUS, interval, now_us).unwrap();
+                    scheduler.set_interval(SYS_STATUS, interval, now).unwrap();
                 }
             });
             assert_eq!(sent, 50, "{other:?}");
         }
         for other_hz in [0.0, f32::MIN_POSITIVE] {
-            let sent = sent_while(|scheduler, now_us| {
+            let sent = sent_while(|scheduler, now| {
                 for rate_hz in [other_hz, 50.0] {
-                    scheduler.set_extra1_rate(rate_hz, now_us);
+                    scheduler.set_extra1_rate(rate_hz, now);
                 }
             });
             assert_eq!(sent, 50, "{other_hz} Hz");
@@ -410,7 +415,7 @@ mod tests {
 
     #[test]
     fn an_interval_is_between_20_ms_and_half_an_hour() {
-        let mut scheduler = StreamScheduler::new(0);
+        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
         for (interval_us, result) in [
             (0, Err(IntervalRefused::OutOfRange)),
             (19_999, Err(IntervalRefused::OutOfRange)),
@@ -420,18 +425,21 @@ mod tests {
             (u64::MAX, Err(IntervalRefused::OutOfRange)),
         ] {
             let interval = Interval::Every(interval_us);
-            assert_eq!(scheduler.set_interval(SYS_STATUS, interval, 0), result);
+            assert_eq!(
+                scheduler.set_interval(SYS_STATUS, interval, Instant::EPOCH),
+                result
+            );
         }
         assert_eq!(scheduler.interval_us(SYS_STATUS), Ok(Some(1_800_000_000)));
     }
 
     #[test]
     fn a_late_tick_is_not_made_up_for_by_a_burst() {
-        let mut scheduler = StreamScheduler::new(0);
-        scheduler.set_extra1_rate(50.0, 0);
-        while scheduler.poll(0).is_some() {}
+        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
+        scheduler.set_extra1_rate(50.0, Instant::EPOCH);
+        while scheduler.poll(Instant::EPOCH).is_some() {}
         let mut after_a_stall = Vec::new();
-        while let Some(message) = scheduler.poll(3_400_001) {
+        while let Some(message) = scheduler.poll(at_us(3_400_001)) {
             after_a_stall.push(message);
         }
         assert_eq!(
@@ -442,17 +450,17 @@ mod tests {
                 StreamKind::BatteryStatus
             ]
         );
-        assert_eq!(scheduler.next_due_us(), 3_420_000);
+        assert_eq!(scheduler.next_due(), at_us(3_420_000));
     }
 
     #[test]
     fn repeating_the_rate_changes_nothing() {
-        let mut scheduler = StreamScheduler::new(0);
-        scheduler.set_extra1_rate(2.0, 0);
-        while scheduler.poll(0).is_some() {}
-        let before = scheduler.next_due_us();
-        scheduler.set_extra1_rate(2.0, 499_999);
-        assert_eq!(scheduler.next_due_us(), before);
+        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
+        scheduler.set_extra1_rate(2.0, Instant::EPOCH);
+        while scheduler.poll(Instant::EPOCH).is_some() {}
+        let before = scheduler.next_due();
+        scheduler.set_extra1_rate(2.0, at_us(499_999));
+        assert_eq!(scheduler.next_due(), before);
     }
 
     proptest! {
@@ -460,18 +468,18 @@ mod tests {
         fn whatever_rates_are_asked_for_the_next_due_time_lies_ahead_of_what_was_served(
             changes in prop::collection::vec((any::<f32>(), any::<u32>(), any::<u8>(), 0u64..5_000_000), 1..50),
         ) {
-            let mut scheduler = StreamScheduler::new(0);
-            let mut now_us = 0;
+            let mut scheduler = StreamScheduler::new(Instant::EPOCH);
+            let mut now = Instant::EPOCH;
             for (rate_hz, interval_us, percent, wait_us) in changes {
-                scheduler.set_extra1_rate(rate_hz, now_us);
-                let _ = scheduler.set_interval(BATTERY_STATUS, Interval::Every(interval_us.into()), now_us);
-                scheduler.radio_buffer_free(percent, now_us);
+                scheduler.set_extra1_rate(rate_hz, now);
+                let _ = scheduler.set_interval(BATTERY_STATUS, Interval::Every(interval_us.into()), now);
+                scheduler.radio_buffer_free(percent, now);
                 for _ in 0..=StreamKind::COUNT {
-                    scheduler.poll(now_us);
+                    scheduler.poll(now);
                 }
-                prop_assert_eq!(scheduler.poll(now_us), None);
-                prop_assert!(scheduler.next_due_us() > now_us);
-                now_us += wait_us;
+                prop_assert_eq!(scheduler.poll(now), None);
+                prop_assert!(scheduler.next_due() > now);
+                now = now.after_us(wait_us);
             }
         }
     }

@@ -10,6 +10,7 @@
 //! | 9 | CRC-8 of the others, polynomial 0x07, as SMBus |
 
 use crate::battery::{Consumed, Counted, Measurement};
+use crate::time::Instant;
 
 const FRAME_BYTES: usize = 10;
 
@@ -25,18 +26,18 @@ pub struct EscTelemetry {
     /// The latest `length` bytes.
     window: [u8; FRAME_BYTES],
     length: usize,
-    last_us: u64,
+    last_received: Instant,
     /// Charge counter of the previous frame.
     counted_mah: Option<u16>,
 }
 
 impl EscTelemetry {
-    /// Bytes were received at `now_us`; a gap before them drops a partial frame.
-    pub fn begin(&mut self, now_us: u64) {
-        if now_us.saturating_sub(self.last_us) > MAX_GAP_US {
+    /// Bytes were received at `now`; a gap before them drops a partial frame.
+    pub fn begin(&mut self, now: Instant) {
+        if now.us_since(self.last_received) > MAX_GAP_US {
             self.length = 0;
         }
-        self.last_us = now_us;
+        self.last_received = now;
     }
 
     /// Processes a byte, and returns the measurement if it completes a frame.
@@ -93,6 +94,7 @@ impl EscTelemetry {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::at_us;
     use proptest::prelude::*;
 
     fn sealed(body: [u8; FRAME_BYTES - 1]) -> [u8; FRAME_BYTES] {
@@ -164,16 +166,16 @@ mod tests {
     #[test]
     fn gap_drops_a_partial_frame() {
         let mut telemetry = EscTelemetry::default();
-        telemetry.begin(0);
+        telemetry.begin(Instant::EPOCH);
         assert_eq!(read(&mut telemetry, &frame(1)[..4]), []);
-        telemetry.begin(4_000);
+        telemetry.begin(at_us(4_000));
         assert_eq!(
             read(&mut telemetry, &frame(1)[4..]).len(),
             1,
             "within the maximum gap"
         );
         assert_eq!(read(&mut telemetry, &frame(1)[..4]), []);
-        telemetry.begin(10_000);
+        telemetry.begin(at_us(10_000));
         assert_eq!(read(&mut telemetry, &frame(1)[4..]), []);
         assert_eq!(telemetry.length, 6);
     }
@@ -207,9 +209,9 @@ mod tests {
             counted_mah: u16,
         ) {
             let mut telemetry = EscTelemetry::default();
-            telemetry.begin(1_000_000);
+            telemetry.begin(at_us(1_000_000));
             read(&mut telemetry, &garbage);
-            telemetry.begin(1_032_000);
+            telemetry.begin(at_us(1_032_000));
             prop_assert_eq!(read(&mut telemetry, &frame(counted_mah)).len(), 1);
         }
     }

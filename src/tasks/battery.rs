@@ -1,14 +1,15 @@
 //! Samples the packs at 10 Hz.
 
 use embassy_futures::yield_now;
-use embassy_time::{Duration, Instant, Timer, with_timeout};
+use embassy_time::{Duration, with_timeout};
 
-use super::{Shared, mark};
+use super::{Shared, mark, now, timer_at};
 use crate::autopilot::SamplingProgress;
 use crate::battery::{ReadError, RetainedMemory};
 use crate::cadence::Cadence;
 use crate::liveness::CheckIn;
 use crate::sensor::{AnalogIn, AnalogReadings, read_mean};
+use crate::time::Instant;
 
 /// 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.
 const SAMPLING_INTERVAL_US: u64 = 100_000;
@@ -27,14 +28,14 @@ pub async fn sample_batteries(
     check_in: &CheckIn,
 ) -> ! {
     shared.with(|autopilot| autopilot.restore_packs(memory));
-    let start_us = Instant::now().as_micros().next_multiple_of(RESOLUTION_US);
-    let mut ticks = Cadence::starting_at(start_us, SAMPLING_INTERVAL_US);
+    let start = Instant::from_micros(now().as_micros().next_multiple_of(RESOLUTION_US));
+    let mut ticks = Cadence::starting_at(start, SAMPLING_INTERVAL_US);
     loop {
-        Timer::at(Instant::from_micros(ticks.due_us())).await;
-        let now_us = Instant::now().as_micros();
-        ticks.take(now_us);
+        timer_at(ticks.due()).await;
+        let now = now();
+        ticks.take(now);
         let readings = read_pins(&mut input, shared).await;
-        let mut sampling = shared.with(|autopilot| autopilot.begin_sampling(now_us, readings));
+        let mut sampling = shared.with(|autopilot| autopilot.begin_sampling(now, readings));
         while shared.with(|autopilot| autopilot.sample_next(&mut sampling)) != SamplingProgress::Complete {
             // No other task should wait for all packs.
             yield_now().await;

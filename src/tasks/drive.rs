@@ -1,9 +1,9 @@
 //! Drives the rover's motors, lamps and buzzer.
 
 use embassy_futures::select::select;
-use embassy_time::{Duration, Instant, Ticker};
+use embassy_time::{Duration, Ticker};
 
-use super::{Shared, mark};
+use super::{Shared, mark, now};
 use crate::liveness::CheckIn;
 use crate::vehicle::{Indicators, Motors};
 
@@ -20,8 +20,7 @@ pub async fn drive(
 ) -> ! {
     let mut ticks = Ticker::every(INTERVAL);
     loop {
-        let now_us = Instant::now().as_micros();
-        let outputs = shared.with(|autopilot| autopilot.drive(now_us));
+        let outputs = shared.with(|autopilot| autopilot.drive(now()));
         motors.drive(outputs.drives);
         indicators.show(outputs.indication);
         mark(check_in);

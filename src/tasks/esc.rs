@@ -1,9 +1,9 @@
 //! Reads the telemetry of a motor controller.
 
 use embassy_futures::yield_now;
-use embassy_time::{Instant, with_timeout};
+use embassy_time::with_timeout;
 
-use super::{ByteSource, LONGEST_SLEEP, ReceiveError, Shared, idle, mark};
+use super::{ByteSource, LONGEST_SLEEP, ReceiveError, Shared, idle, mark, now};
 use crate::battery::{BusError, ReadError};
 use crate::liveness::CheckIn;
 use crate::sensor::EscTelemetry;
@@ -23,7 +23,7 @@ pub async fn read_esc(source: Option<impl ByteSource>, shared: &Shared, check_in
     loop {
         match with_timeout(LONGEST_SLEEP, source.receive(&mut chunk)).await {
             Ok(Ok(received)) => {
-                telemetry.begin(Instant::now().as_micros());
+                telemetry.begin(now());
                 for byte in chunk.get(..received).unwrap_or(&chunk) {
                     if let Some(measurement) = telemetry.push(*byte) {
                         shared.with(|autopilot| autopilot.add_esc_reading(Ok(measurement)));

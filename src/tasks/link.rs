@@ -4,9 +4,8 @@ use core::cell::RefCell;
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::Instant;
 
-use super::Shared;
+use super::{Shared, now};
 use crate::autopilot::{Autopilot, Channel};
 use crate::mavlink::{LinkKind, LinkStatistics};
 
@@ -24,9 +23,8 @@ pub struct Link {
 impl Link {
     /// A link of this kind called `name` in the log, that carries `bytes_per_second`.
     pub fn new(name: &'static str, kind: LinkKind, bytes_per_second: u32) -> Self {
-        let now_us = Instant::now().as_micros();
         Self {
-            channel: RefCell::new(Channel::new(name, kind, bytes_per_second, now_us)),
+            channel: RefCell::new(Channel::new(name, kind, bytes_per_second, now())),
             to_write: Signal::new(),
             to_schedule: Signal::new(),
         }

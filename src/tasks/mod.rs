@@ -6,6 +6,7 @@
 mod battery;
 mod boot;
 mod bus;
+mod clock;
 mod crash;
 mod drive;
 mod esc;
@@ -23,11 +24,12 @@ mod telemetry;
 mod wired_endpoint;
 mod writer;
 
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Timer};
 
 pub use battery::sample_batteries;
 pub use boot::boot;
 pub use bus::read_bus;
+pub use clock::{now, timer_at};
 pub use crash::{CrashMemory, report_crash};
 pub use drive::drive;
 pub use esc::read_esc;
@@ -45,6 +47,8 @@ pub use telemetry::schedule_telemetry;
 pub use wired_endpoint::WiredEndpoint;
 pub use writer::write_frames;
 
+use clock::now_ms;
+
 use crate::liveness::CheckIn;
 
 /// A task for which nothing comes shows twice a second that it is alive.
@@ -60,6 +64,5 @@ async fn idle(check_in: &CheckIn) -> ! {
 
 /// The task behind `check_in` is alive now.
 fn mark(check_in: &CheckIn) {
-    // Liveness counts modulo 2^32 on purpose.
-    check_in.mark(Instant::now().as_millis() as u32);
+    check_in.mark(now_ms());
 }

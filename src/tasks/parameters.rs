@@ -1,9 +1,9 @@
 //! Keeps the parameters in flash.
 
-use embassy_time::{Duration, Instant, with_timeout};
+use embassy_time::{Duration, with_timeout};
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::{Shared, mark};
+use super::{Shared, mark, now};
 use crate::liveness::CheckIn;
 use crate::parameter::Unsaved;
 use crate::storage::{Storage, StorageError};
@@ -20,12 +20,10 @@ pub async fn keep_parameters<F: NorFlash>(mut storage: Storage<F>, shared: &Shar
         mark(check_in);
         // With or without a request: a retry may be due.
         let _ = with_timeout(IDLE_CHECK, shared.to_save.wait()).await;
-        while let Some(unsaved) =
-            shared.with(|autopilot| autopilot.next_unsaved_parameter(Instant::now().as_micros()))
-        {
+        while let Some(unsaved) = shared.with(|autopilot| autopilot.next_unsaved_parameter(now())) {
             let result = write(&mut storage, unsaved).await;
             shared.with(|autopilot| {
-                autopilot.parameter_written(unsaved, result, Instant::now().as_micros());
+                autopilot.parameter_written(unsaved, result, now());
             });
             mark(check_in);
         }

@@ -3,10 +3,10 @@
 use core::convert::Infallible;
 
 use embassy_futures::yield_now;
-use embassy_time::{Instant, with_timeout};
+use embassy_time::with_timeout;
 use embedded_hal_async::digital::Wait;
 
-use super::{LONGEST_SLEEP, Shared, idle, mark};
+use super::{LONGEST_SLEEP, Shared, idle, mark, now};
 use crate::liveness::CheckIn;
 use crate::sensor::Pulses;
 
@@ -48,14 +48,13 @@ pub async fn follow_pulses(
 
 /// Takes a change that has come just now, and returns what has to come next.
 fn note(change: Awaited, pulses: &mut Pulses) -> Awaited {
-    let now_us = Instant::now().as_micros();
     match change {
         Awaited::High => {
-            pulses.rise(now_us);
+            pulses.rise(now());
             Awaited::Low
         }
         Awaited::Low => {
-            pulses.fall(now_us);
+            pulses.fall(now());
             Awaited::High
         }
     }

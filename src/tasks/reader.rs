@@ -4,12 +4,13 @@ use core::pin::pin;
 use core::task::Poll;
 
 use embassy_futures::{poll_once, yield_now};
-use embassy_time::{Duration, Instant, with_timeout};
+use embassy_time::{Duration, with_timeout};
 
-use super::{Link, Shared, mark};
+use super::{Link, Shared, mark, now};
 use crate::liveness::CheckIn;
 use crate::log::warn;
 use crate::mavlink::Event;
+use crate::time::Instant;
 
 /// Bytes handled in one go.
 const CHUNK_BYTES: usize = 64;
@@ -50,7 +51,7 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
         match arrivals.next(&mut source, &mut chunk).await {
             Some(Ok(received)) => {
                 let bytes = chunk.get(..received).unwrap_or(&chunk);
-                handle(bytes, arrivals.earliest_us, shared, link);
+                handle(bytes, arrivals.earliest, shared, link);
             }
             Some(Err(ReceiveError::BytesLost)) => {
                 link.with(|channel| channel.count_overrun());
@@ -59,7 +60,7 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
             Some(Err(ReceiveError::Closed)) => return,
             None => {
                 link.with(|channel| channel.give_up_waiting());
-                handle(&[], arrivals.earliest_us, shared, link);
+                handle(&[], arrivals.earliest, shared, link);
             }
         }
         mark(check_in);
@@ -72,7 +73,7 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
 /// may one that was not asked for a while. What it holds at first may be as old as the board's start.
 #[derive(Default)]
 struct Arrivals {
-    earliest_us: u64,
+    earliest: Instant,
 }
 
 impl Arrivals {
@@ -87,9 +88,9 @@ impl Arrivals {
             return Some(received);
         }
         // It is empty, so what comes next has not come yet.
-        let empty_at = Instant::now();
+        let empty_at = now();
         let received = with_timeout(PAUSE, receive).await.ok();
-        self.earliest_us = earliest_after_wait(empty_at, Instant::now()).as_micros();
+        self.earliest = earliest_after_wait(empty_at, now());
         received
     }
 }
@@ -97,19 +98,19 @@ impl Arrivals {
 /// When bytes can have come at the earliest that ended a wait for them. Such a wait is no longer than [`PAUSE`]; what lies
 /// beyond was a delay of this task, in which they may have come at any moment.
 fn earliest_after_wait(began: Instant, ended: Instant) -> Instant {
-    if ended - began > PAUSE + LONGEST_STEP {
+    if ended.us_since(began) > (PAUSE + LONGEST_STEP).as_micros() {
         began
     } else {
         ended
     }
 }
 
-/// Handles all frames that end in `bytes`, which can't have come before `earliest_us`.
-fn handle(mut bytes: &[u8], earliest_us: u64, shared: &Shared, link: &Link) {
+/// Handles all frames that end in `bytes`, which can't have come before `earliest`.
+fn handle(mut bytes: &[u8], earliest: Instant, shared: &Shared, link: &Link) {
     loop {
         let taken = link.with(|channel| channel.push(bytes));
         bytes = bytes.get(taken..).unwrap_or(&[]);
-        while let Some(event) = handle_next(earliest_us, shared, link) {
+        while let Some(event) = handle_next(earliest, shared, link) {
             if event.concerns_link() {
                 link.to_write.signal(());
                 link.to_schedule.signal(());
@@ -121,20 +122,20 @@ fn handle(mut bytes: &[u8], earliest_us: u64, shared: &Shared, link: &Link) {
     }
 }
 
-fn handle_next(earliest_us: u64, shared: &Shared, link: &Link) -> Option<Event> {
-    let now_us = Instant::now().as_micros();
+fn handle_next(earliest: Instant, shared: &Shared, link: &Link) -> Option<Event> {
     link.serve(shared, |autopilot, channel| {
-        autopilot.handle_next(channel, now_us, earliest_us)
+        autopilot.handle_next(channel, now(), earliest)
     })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::at_us;
 
     #[test]
     fn bytes_that_end_a_wait_came_now_unless_the_task_was_delayed() {
-        let at = Instant::from_millis;
+        let at = |ms: u64| at_us(ms * 1_000);
         for (ended_ms, earliest_ms) in [(1_000, 1_000), (1_300, 1_300), (1_301, 1_000), (9_000, 1_000)] {
             assert_eq!(earliest_after_wait(at(1_000), at(ended_ms)), at(earliest_ms));
         }

@@ -1,8 +1,8 @@
 //! Restarts the vehicle when a ground station asks for it.
 
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Timer};
 
-use super::Shared;
+use super::{Shared, now};
 use crate::log::info;
 
 /// What was answered and set before a restart gets this long to be sent and saved.
@@ -18,8 +18,8 @@ const WIRE_DELAY: Duration = Duration::from_millis(250);
 pub async fn reboot_requested(shared: &Shared, all_sent: impl Fn() -> bool) {
     shared.to_reboot.wait().await;
     shared.with(|autopilot| autopilot.prepare_restart());
-    let deadline = Instant::now() + PATIENCE;
-    while (shared.with(|autopilot| autopilot.has_unsaved()) || !all_sent()) && Instant::now() < deadline {
+    let deadline = now().after_us(PATIENCE.as_micros());
+    while (shared.with(|autopilot| autopilot.has_unsaved()) || !all_sent()) && now() < deadline {
         Timer::after(LOOK_INTERVAL).await;
     }
     Timer::after(WIRE_DELAY).await;

@@ -1,9 +1,9 @@
 //! Keeps the signing key, and the time signatures have reached, in flash.
 
-use embassy_time::{Duration, Instant, with_timeout};
+use embassy_time::{Duration, with_timeout};
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::{Shared, mark};
+use super::{Shared, mark, now};
 use crate::liveness::CheckIn;
 use crate::log::warn;
 use crate::mavlink::{Signing, StoredSigning, ToStore};
@@ -32,7 +32,7 @@ impl<F: NorFlash> SigningStorage<F> {
         }
         *signing = this.stored.restore(this.storage.condition());
         // Before the first frame leaves: what is signed from now on must not be signed again after the next start.
-        if let Some(what) = signing.next_unsaved(Instant::now().as_micros()) {
+        if let Some(what) = signing.next_unsaved(now()) {
             match this.store(&what).await {
                 Ok(()) => signing.mark_saved(&what),
                 Err(_) => signing.mark_failed(),
@@ -64,12 +64,10 @@ pub async fn keep_signing<F: NorFlash>(
         mark(check_in);
         // With or without a request: the time has to be written, or a retry may be due.
         let _ = with_timeout(LOOK_INTERVAL, shared.to_save_signing.wait()).await;
-        while let Some(unsaved) =
-            shared.with(|autopilot| autopilot.next_unsaved_signing(Instant::now().as_micros()))
-        {
+        while let Some(unsaved) = shared.with(|autopilot| autopilot.next_unsaved_signing(now())) {
             let result = storage.store(&unsaved).await;
             shared.with(|autopilot| {
-                autopilot.signing_written(&unsaved, result, Instant::now().as_micros());
+                autopilot.signing_written(&unsaved, result, now());
             });
             mark(check_in);
         }

@@ -1,8 +1,8 @@
 //! What is logged each second, and the processor's load.
 
-use embassy_time::{Duration, Instant, Ticker};
+use embassy_time::{Duration, Ticker};
 
-use super::{Link, Shared, mark};
+use super::{Link, Shared, mark, now};
 use crate::battery::{BatteryState, PackStatus};
 use crate::liveness::CheckIn;
 use crate::log::info;
@@ -41,7 +41,7 @@ impl Snapshot {
     fn take(idle: &impl IdleTime, shared: &Shared, link: &Link) -> Self {
         let statistics = link.statistics();
         Self {
-            time_us: Instant::now().as_micros() as u32,
+            time_us: now().as_micros() as u32,
             idle_us: idle.idle_us(),
             samples: shared.with(|autopilot| autopilot.samples()),
             sent: statistics.sent,

@@ -1,7 +1,8 @@
 //! Feeds the watchdog while every task is alive.
 
-use embassy_time::{Duration, Instant, Ticker};
+use embassy_time::{Duration, Ticker};
 
+use super::clock::now_ms;
 use crate::liveness::{CheckIn, first_overdue};
 use crate::log::warn;
 
@@ -21,7 +22,7 @@ pub trait Watchdog {
 pub async fn supervise(tasks: &[&CheckIn], watchdog: &mut impl Watchdog) -> ! {
     let mut looks = Ticker::every(LOOK_INTERVAL);
     loop {
-        match first_overdue(tasks, Instant::now().as_millis() as u32) {
+        match first_overdue(tasks, now_ms()) {
             None => watchdog.feed(),
             Some(task) => {
                 warn!("task {} is overdue, not feeding the watchdog", task.name());

@@ -7,6 +7,7 @@ use crate::battery::PackEvent;
 use crate::mavlink::{Endpoint, Framer, LinkKind, SystemState};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
+use crate::time::Instant;
 
 /// Our end of a link together with its wire, for a program of one loop. Nothing is signed.
 pub struct WiredEndpoint<W> {
@@ -17,10 +18,10 @@ pub struct WiredEndpoint<W> {
 }
 
 impl<W: Write> WiredEndpoint<W> {
-    /// A link of this kind over `wire`, which carries `bytes_per_second`. Its first HEARTBEAT is due at `now_us`.
-    pub fn new(kind: LinkKind, bytes_per_second: u32, wire: W, now_us: u64) -> Self {
+    /// A link of this kind over `wire`, which carries `bytes_per_second`. Its first HEARTBEAT is due at `now`.
+    pub fn new(kind: LinkKind, bytes_per_second: u32, wire: W, now: Instant) -> Self {
         Self {
-            endpoint: Endpoint::new(kind, bytes_per_second, now_us),
+            endpoint: Endpoint::new(kind, bytes_per_second, now),
             framer: Framer::new(),
             wire,
         }
@@ -34,17 +35,17 @@ impl<W: Write> WiredEndpoint<W> {
         }
     }
 
-    /// Builds what is due at `now_us` and what was posted, frames it and writes it.
+    /// Builds what is due at `now` and what was posted, frames it and writes it.
     ///
     /// # Errors
     /// The wire failed.
     pub async fn send_due(
         &mut self,
-        now_us: u64,
+        now: Instant,
         state: &SystemState<'_>,
         parameters: &Parameters,
     ) -> Result<(), W::Error> {
-        self.endpoint.post_due(now_us, state, parameters);
+        self.endpoint.post_due(now, state, parameters);
         // The table's range is 1 to 255.
         let system_id = parameters.get_whole(VehicleParameter::SysidThismav) as u8;
         while let Some(message) = self.endpoint.take(state, parameters) {

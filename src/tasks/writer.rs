@@ -1,9 +1,8 @@
 //! Writes the messages of one link to its wire.
 
-use embassy_time::Instant;
 use embedded_io_async::Write;
 
-use super::{Link, Shared, mark};
+use super::{Link, Shared, mark, now};
 use crate::liveness::CheckIn;
 use crate::mavlink::Framer;
 
@@ -19,9 +18,8 @@ pub async fn write_frames<W: Write>(
 ) -> Result<(), W::Error> {
     let mut framer = Framer::new();
     loop {
-        let now_us = Instant::now().as_micros();
         let frame = link.serve(shared, |autopilot, channel| {
-            autopilot.next_frame(channel, &mut framer, now_us)
+            autopilot.next_frame(channel, &mut framer, now())
         });
         let Some(frame) = frame else {
             link.to_write.wait().await;

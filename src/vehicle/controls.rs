@@ -2,6 +2,7 @@
 
 use super::timed_input::TimedInput;
 use crate::battery::ArmState;
+use crate::time::Instant;
 
 /// What a control message says about a stick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,9 +40,9 @@ pub(super) struct Controls {
 
 impl Controls {
     /// Processes a control message. Returns whether it was about a stick at all.
-    pub fn receive(&mut self, received_us: u64, throttle: StickInput, steering: StickInput) -> bool {
-        self.throttle.receive(received_us, throttle);
-        self.steering.receive(received_us, steering);
+    pub fn receive(&mut self, received_at: Instant, throttle: StickInput, steering: StickInput) -> bool {
+        self.throttle.receive(received_at, throttle);
+        self.steering.receive(received_at, steering);
         (throttle, steering) != (StickInput::Unchanged, StickInput::Unchanged)
     }
 
@@ -79,9 +80,9 @@ impl Controls {
     }
 
     /// Centres sticks without a message for `timeout_us`. Returns whether that is a failure.
-    pub fn times_out(&mut self, now_us: u64, timeout_us: u64, arm_state: ArmState) -> bool {
-        let throttle = self.throttle.input.times_out(now_us, timeout_us, arm_state);
-        let steering = self.steering.input.times_out(now_us, timeout_us, arm_state);
+    pub fn times_out(&mut self, now: Instant, timeout_us: u64, arm_state: ArmState) -> bool {
+        let throttle = self.throttle.input.times_out(now, timeout_us, arm_state);
+        let steering = self.steering.input.times_out(now, timeout_us, arm_state);
         throttle || steering
     }
 
@@ -112,12 +113,12 @@ struct StickState {
 }
 
 impl StickState {
-    fn receive(&mut self, received_us: u64, input: StickInput) {
+    fn receive(&mut self, received_at: Instant, input: StickInput) {
         match input {
             StickInput::Position(position) => {
                 let position = position.clamp(-FULL_DEFLECTION, FULL_DEFLECTION);
                 let position = f32::from(position) / f32::from(FULL_DEFLECTION);
-                self.input.receive(received_us, position);
+                self.input.receive(received_at, position);
                 if self.gate == Gate::AwaitsMessage || !self.is_deflected() {
                     self.gate = Gate::Open;
                 }
@@ -152,6 +153,7 @@ impl StickState {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::at_us;
 
     const TIMEOUT_US: u64 = 1_500_000;
 
@@ -163,28 +165,36 @@ mod tests {
     fn stick_keeps_its_position_until_the_next_message() {
         let mut controls = Controls::default();
         assert_eq!(positions(&controls), (0.0, 0.0));
-        controls.receive(0, StickInput::Position(500), StickInput::Position(i16::MIN));
+        controls.receive(
+            Instant::EPOCH,
+            StickInput::Position(500),
+            StickInput::Position(i16::MIN),
+        );
         assert_eq!(positions(&controls), (0.5, -1.0));
-        controls.receive(0, StickInput::Unchanged, StickInput::Released);
+        controls.receive(Instant::EPOCH, StickInput::Unchanged, StickInput::Released);
         assert_eq!(positions(&controls), (0.5, 0.0));
-        controls.receive(0, StickInput::Released, StickInput::Unchanged);
+        controls.receive(Instant::EPOCH, StickInput::Released, StickInput::Unchanged);
         assert_eq!(positions(&controls), (0.0, 0.0));
-        assert!(!controls.times_out(u64::MAX, TIMEOUT_US, ArmState::Armed));
+        assert!(!controls.times_out(Instant::MAX, TIMEOUT_US, ArmState::Armed));
     }
 
     #[test]
     fn sticks_time_out_separately_and_stay_neutral() {
         for arm_state in [ArmState::Disarmed, ArmState::Armed] {
             let mut controls = Controls::default();
-            controls.receive(0, StickInput::Position(1000), StickInput::Position(1000));
-            controls.receive(1_000_000, StickInput::Unchanged, StickInput::Position(500));
-            let is_failure = controls.times_out(1_500_001, TIMEOUT_US, arm_state);
+            controls.receive(
+                Instant::EPOCH,
+                StickInput::Position(1000),
+                StickInput::Position(1000),
+            );
+            controls.receive(at_us(1_000_000), StickInput::Unchanged, StickInput::Position(500));
+            let is_failure = controls.times_out(at_us(1_500_001), TIMEOUT_US, arm_state);
             assert_eq!(is_failure, arm_state == ArmState::Armed);
             assert_eq!(positions(&controls), (0.0, 0.5));
-            controls.receive(1_600_000, StickInput::Unchanged, StickInput::Position(250));
+            controls.receive(at_us(1_600_000), StickInput::Unchanged, StickInput::Position(250));
             assert_eq!(positions(&controls), (0.0, 0.25));
             assert_eq!(controls.have_timed_out(), is_failure, "no throttle message since");
-            controls.receive(1_700_000, StickInput::Released, StickInput::Unchanged);
+            controls.receive(at_us(1_700_000), StickInput::Released, StickInput::Unchanged);
             assert!(!controls.have_timed_out());
         }
     }
@@ -192,39 +202,63 @@ mod tests {
     #[test]
     fn message_about_other_channels_refreshes_nothing() {
         let mut controls = Controls::default();
-        assert!(controls.receive(0, StickInput::Position(1000), StickInput::Position(1000)));
-        assert!(!controls.receive(2_000_000, StickInput::Unchanged, StickInput::Unchanged));
-        assert!(controls.times_out(2_000_000, TIMEOUT_US, ArmState::Armed));
+        assert!(controls.receive(
+            Instant::EPOCH,
+            StickInput::Position(1000),
+            StickInput::Position(1000)
+        ));
+        assert!(!controls.receive(at_us(2_000_000), StickInput::Unchanged, StickInput::Unchanged));
+        assert!(controls.times_out(at_us(2_000_000), TIMEOUT_US, ArmState::Armed));
         assert_eq!(positions(&controls), (0.0, 0.0));
     }
 
     #[test]
     fn position_from_before_arming_does_not_drive() {
         let mut controls = Controls::default();
-        controls.receive(0, StickInput::Position(50), StickInput::Position(-50));
+        controls.receive(
+            Instant::EPOCH,
+            StickInput::Position(50),
+            StickInput::Position(-50),
+        );
         assert_eq!(controls.deflected(), None);
         controls.arm();
         assert_eq!(positions(&controls), (0.0, 0.0));
-        controls.receive(0, StickInput::Position(800), StickInput::Unchanged);
+        controls.receive(Instant::EPOCH, StickInput::Position(800), StickInput::Unchanged);
         assert_eq!(positions(&controls), (0.8, 0.0));
     }
 
     #[test]
     fn stick_deflected_on_arming_must_be_neutral_first() {
         let mut controls = Controls::default();
-        controls.receive(0, StickInput::Position(-1000), StickInput::Position(60));
+        controls.receive(
+            Instant::EPOCH,
+            StickInput::Position(-1000),
+            StickInput::Position(60),
+        );
         assert_eq!(controls.deflected(), Some(Stick::Throttle));
         controls.arm();
-        controls.receive(0, StickInput::Position(-1000), StickInput::Position(0));
+        controls.receive(
+            Instant::EPOCH,
+            StickInput::Position(-1000),
+            StickInput::Position(0),
+        );
         assert_eq!(positions(&controls), (0.0, 0.0));
         // Also after rearming and after a time-out.
         controls.disarm();
-        controls.times_out(2_000_000, TIMEOUT_US, ArmState::Disarmed);
+        controls.times_out(at_us(2_000_000), TIMEOUT_US, ArmState::Disarmed);
         controls.arm();
-        controls.receive(2_000_000, StickInput::Position(-1000), StickInput::Position(60));
+        controls.receive(
+            at_us(2_000_000),
+            StickInput::Position(-1000),
+            StickInput::Position(60),
+        );
         assert_eq!(positions(&controls), (0.0, 0.06));
-        controls.receive(2_000_000, StickInput::Position(0), StickInput::Unchanged);
-        controls.receive(2_000_000, StickInput::Position(-1000), StickInput::Unchanged);
+        controls.receive(at_us(2_000_000), StickInput::Position(0), StickInput::Unchanged);
+        controls.receive(
+            at_us(2_000_000),
+            StickInput::Position(-1000),
+            StickInput::Unchanged,
+        );
         assert_eq!(positions(&controls), (-1.0, 0.06));
     }
 }

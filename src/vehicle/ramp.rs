@@ -1,10 +1,12 @@
 //! Slew rate limiter of the throttle.
 
+use crate::time::Instant;
+
 /// Slew rate limiter.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Ramp {
     value: f32,
-    last_us: Option<u64>,
+    last: Option<Instant>,
 }
 
 impl Ramp {
@@ -14,8 +16,8 @@ impl Ramp {
     }
 
     /// Moves towards `target` (−1 to 1) at up to `rate_per_s`; `None` is unlimited.
-    pub fn follow(&mut self, now_us: u64, target: f32, rate_per_s: Option<f32>) {
-        let elapsed_us = now_us.saturating_sub(self.last_us.replace(now_us).unwrap_or(now_us));
+    pub fn follow(&mut self, now: Instant, target: f32, rate_per_s: Option<f32>) {
+        let elapsed_us = now.us_since(self.last.replace(now).unwrap_or(now));
         let change = target - self.value;
         self.value += match rate_per_s {
             Some(rate_per_s) => {
@@ -30,12 +32,13 @@ impl Ramp {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::at_us;
 
     #[test]
     fn rate_is_limited_in_both_directions() {
         let mut ramp = Ramp::default();
-        let mut after = |now_us, target| {
-            ramp.follow(now_us, target, Some(1.0));
+        let mut after = |us, target| {
+            ramp.follow(at_us(us), target, Some(1.0));
             ramp.value()
         };
         assert_eq!(after(5_000_000, 1.0), 0.0);
@@ -48,7 +51,7 @@ mod tests {
     #[test]
     fn without_a_limit_the_output_follows_at_once() {
         let mut ramp = Ramp::default();
-        ramp.follow(0, -1.0, None);
+        ramp.follow(Instant::EPOCH, -1.0, None);
         assert_eq!(ramp.value(), -1.0);
     }
 }

@@ -1,6 +1,7 @@
 //! Input with a time-out.
 
 use crate::battery::ArmState;
+use crate::time::Instant;
 
 /// Latest value of an input, which expires after a time-out. Monitoring starts with the first value.
 #[derive(Clone, Copy, Debug)]
@@ -11,7 +12,7 @@ pub(super) struct TimedInput<T> {
 
 #[derive(Clone, Copy, Debug)]
 struct Received<T> {
-    at_us: u64,
+    at: Instant,
     value: T,
 }
 
@@ -25,10 +26,10 @@ impl<T> Default for TimedInput<T> {
 }
 
 impl<T: Copy> TimedInput<T> {
-    /// A value was received at `at_us`.
-    pub fn receive(&mut self, at_us: u64, value: T) {
+    /// A value was received at `at`.
+    pub fn receive(&mut self, at: Instant, value: T) {
         *self = Self {
-            latest: Some(Received { at_us, value }),
+            latest: Some(Received { at, value }),
             has_timed_out: false,
         };
     }
@@ -50,8 +51,8 @@ impl<T: Copy> TimedInput<T> {
 
     /// Drops an expired value. Returns whether that is a failure: while disarmed it is none, and monitoring stops until
     /// the next value.
-    pub fn times_out(&mut self, now_us: u64, timeout_us: u64, arm_state: ArmState) -> bool {
-        let is_old = |latest: &Received<T>| now_us.saturating_sub(latest.at_us) > timeout_us;
+    pub fn times_out(&mut self, now: Instant, timeout_us: u64, arm_state: ArmState) -> bool {
+        let is_old = |latest: &Received<T>| now.us_since(latest.at) > timeout_us;
         if !self.latest.as_ref().is_some_and(is_old) {
             return false;
         }
@@ -64,27 +65,28 @@ impl<T: Copy> TimedInput<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::at_us;
 
     #[test]
     fn started_input_times_out_once_while_armed() {
         let mut input = TimedInput::default();
-        assert!(!input.times_out(9_000_000, 1_000_000, ArmState::Armed));
-        input.receive(9_000_000, 7);
-        assert!(!input.times_out(10_000_000, 1_000_000, ArmState::Armed));
+        assert!(!input.times_out(at_us(9_000_000), 1_000_000, ArmState::Armed));
+        input.receive(at_us(9_000_000), 7);
+        assert!(!input.times_out(at_us(10_000_000), 1_000_000, ArmState::Armed));
         assert_eq!(input.value(), Some(7));
-        assert!(input.times_out(10_000_001, 1_000_000, ArmState::Armed));
+        assert!(input.times_out(at_us(10_000_001), 1_000_000, ArmState::Armed));
         assert!(input.has_timed_out() && input.value().is_none());
-        assert!(!input.times_out(20_000_000, 1_000_000, ArmState::Armed));
-        input.receive(20_000_000, 8);
+        assert!(!input.times_out(at_us(20_000_000), 1_000_000, ArmState::Armed));
+        input.receive(at_us(20_000_000), 8);
         assert!(input.value() == Some(8) && !input.has_timed_out());
     }
 
     #[test]
     fn time_out_while_disarmed_is_no_failure() {
         let mut input = TimedInput::default();
-        input.receive(0, ());
-        assert!(!input.times_out(2_000_000, 1_000_000, ArmState::Disarmed));
-        assert!(!input.times_out(3_000_000, 1_000_000, ArmState::Armed));
+        input.receive(Instant::EPOCH, ());
+        assert!(!input.times_out(at_us(2_000_000), 1_000_000, ArmState::Disarmed));
+        assert!(!input.times_out(at_us(3_000_000), 1_000_000, ArmState::Armed));
         assert!(!input.has_timed_out());
     }
 }

@@ -6,6 +6,7 @@ use rover_battmon::battery::{
     ArmState, BatteryMonitor, BatteryState, FailsafeLevel, Measurement, PackEvent, PackSettings, ReadError,
     Tick,
 };
+use rover_battmon::time::Instant;
 
 /// One reading of a pack.
 #[derive(Clone, Copy, Debug)]
@@ -88,7 +89,7 @@ pub fn run_from(mut monitor: BatteryMonitor, samples: &[Sample], settings: &Pack
 
 fn tick(sample: &Sample) -> Tick {
     Tick {
-        now_us: (sample.t_s * 1e6).round() as u64,
+        now: Instant::from_micros((sample.t_s * 1e6).round() as u64),
         arm_state: if sample.armed {
             ArmState::Armed
         } else {

@@ -9,6 +9,7 @@ use rover_battmon::mavlink::{Event, Framer, LinkKind, LinkStatistics};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 use rover_battmon::sensor::AnalogReadings;
+use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{SideDrives, Vehicle};
 
 use crate::support::frames::{Frame, frames};
@@ -49,11 +50,15 @@ impl Desk {
     pub fn starting(start: Start) -> Self {
         Self {
             autopilot: Autopilot::new(&start),
-            channel: Channel::new("desk", LinkKind::Radio, FAST, 0),
+            channel: Channel::new("desk", LinkKind::Radio, FAST, Instant::EPOCH),
             framer: Framer::new(),
             now_us: 0,
             waited_us: 0,
         }
+    }
+
+    pub fn now(&self) -> Instant {
+        Instant::from_micros(self.now_us)
     }
 
     /// Connects by another link, which is fast.
@@ -63,7 +68,7 @@ impl Desk {
 
     /// Connects by another link that carries `bytes_per_second`.
     pub fn connect_slowly(&mut self, kind: LinkKind, bytes_per_second: u32) {
-        self.channel = Channel::new("desk", kind, bytes_per_second, self.now_us);
+        self.channel = Channel::new("desk", kind, bytes_per_second, self.now());
     }
 
     pub fn parameters(&self) -> &Parameters {
@@ -100,7 +105,7 @@ impl Desk {
 
     /// Samples all packs once.
     pub fn sample(&mut self, readings: AnalogReadings) {
-        let mut sampling = self.autopilot.begin_sampling(self.now_us, readings);
+        let mut sampling = self.autopilot.begin_sampling(self.now(), readings);
         while self.autopilot.sample_next(&mut sampling) != SamplingProgress::Complete {}
         let mut memory = [RetainedRecord::BLANK; 2];
         self.autopilot.end_sampling(sampling, &mut memory);
@@ -108,7 +113,7 @@ impl Desk {
 
     /// Updates the vehicle, and returns the motors' outputs.
     pub fn drive(&mut self) -> SideDrives {
-        self.autopilot.drive(self.now_us).drives
+        self.autopilot.drive(self.now()).drives
     }
 
     /// Delivers bytes in chunks of `chunk` and returns what came of them.
@@ -127,22 +132,20 @@ impl Desk {
 
     /// Handles every frame of what was delivered.
     pub fn handle_all(&mut self) -> Vec<Event> {
-        let received_us = self.now_us.saturating_sub(self.waited_us);
-        std::iter::from_fn(|| {
-            self.autopilot
-                .handle_next(&mut self.channel, self.now_us, received_us)
-        })
-        .collect()
+        let now = self.now();
+        let received_at = now.before_us(self.waited_us);
+        std::iter::from_fn(|| self.autopilot.handle_next(&mut self.channel, now, received_at)).collect()
     }
 
     /// Posts what is due at `now_us`.
     pub fn post_due(&mut self, now_us: u64) {
-        self.autopilot.post_due(&mut self.channel, now_us);
+        self.autopilot
+            .post_due(&mut self.channel, Instant::from_micros(now_us));
     }
 
     /// When something is due next.
     pub fn next_due_us(&self) -> u64 {
-        self.channel.next_due_us()
+        self.channel.next_due().as_micros()
     }
 
     pub fn statistics(&self) -> LinkStatistics {
@@ -164,9 +167,10 @@ impl Desk {
     pub fn sent_at_most(&mut self, messages: usize) -> Vec<Frame> {
         let mut bytes = Vec::new();
         for _ in 0..messages {
+            let now = self.now();
             let frame = self
                 .autopilot
-                .next_frame(&mut self.channel, &mut self.framer, self.now_us);
+                .next_frame(&mut self.channel, &mut self.framer, now);
             let Some(frame) = frame else {
                 break;
             };

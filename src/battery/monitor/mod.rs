@@ -14,6 +14,7 @@ use super::{
     Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge,
     Measurement, PackEvent, PackMemory, PackStatus, ReadError, Supply, Tick,
 };
+use crate::time::Instant;
 
 /// Below this voltage no pack is connected, in volts: what leaks into the divider while the board is powered by USB.
 /// PX4's `BATTERY_CONNECTED` test has the same limit.
@@ -56,9 +57,9 @@ pub struct PackUpdate {
 pub struct BatteryMonitor {
     state: BatteryState,
     failed_reads: u32,
-    last_tick_us: Option<u64>,
+    last_tick: Option<Instant>,
     last_reading: Option<LastReading>,
-    last_healthy_us: Option<u64>,
+    last_healthy: Option<Instant>,
     /// The latest voltage while connected, in volts.
     last_voltage_v: Option<f32>,
     /// The latest report of the pack's own fuel gauge.
@@ -86,7 +87,7 @@ enum Freshness {
 /// The latest valid reading.
 #[derive(Clone, Copy, Debug)]
 struct LastReading {
-    time_us: u64,
+    time: Instant,
     current_a: Option<f32>,
 }
 
@@ -98,9 +99,9 @@ impl BatteryMonitor {
         Self {
             state: BatteryState::default(),
             failed_reads: 0,
-            last_tick_us: None,
+            last_tick: None,
             last_reading: None,
-            last_healthy_us: None,
+            last_healthy: None,
             last_voltage_v: None,
             gauge: None,
             health: HealthReporter::default(),
@@ -133,9 +134,9 @@ impl BatteryMonitor {
         settings: &PackSettings,
     ) -> PackUpdate {
         let mut events = PackEvents::new();
-        let since = |time_us: Option<u64>| time_us.map_or(0, |time_us| tick.now_us.saturating_sub(time_us));
-        let dt_us = since(self.last_reading.map(|last| last.time_us));
-        let tick_us = since(self.last_tick_us.replace(tick.now_us));
+        let since = |time: Option<Instant>| time.map_or(0, |time| tick.now.us_since(time));
+        let dt_us = since(self.last_reading.map(|last| last.time));
+        let tick_us = since(self.last_tick.replace(tick.now));
         let dt_s = tick_us as f32 * 1e-6;
         let reading = reading.and_then(check_plausible);
         if let Ok(measurement) = &reading {
@@ -146,7 +147,7 @@ impl BatteryMonitor {
             Ok(measurement) => {
                 self.accept(tick, dt_us, &measurement, &settings, &mut events);
                 self.last_reading = Some(LastReading {
-                    time_us: tick.now_us,
+                    time: tick.now,
                     current_a: measurement.current_a,
                 });
                 None
@@ -237,7 +238,7 @@ impl BatteryMonitor {
             return;
         }
         self.state.status = PackStatus::Healthy;
-        self.last_healthy_us = Some(tick.now_us);
+        self.last_healthy = Some(tick.now);
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
         if let Some(replacement) = self.detect_swap(&reading) {
             self.replace_pack(replacement, events);
@@ -386,7 +387,7 @@ impl BatteryMonitor {
         let observation = Observation {
             tick,
             dt_us: u32::try_from(dt_us).unwrap_or(u32::MAX),
-            last_healthy_us: self.last_healthy_us,
+            last_healthy: self.last_healthy,
             state: match freshness {
                 Freshness::Fresh => Some(state),
                 Freshness::Stale => None,

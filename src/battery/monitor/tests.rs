@@ -5,12 +5,13 @@ use crate::battery::{
     Amount, BusError, CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel, FailsafeSettings,
     Faults, PackDetails, Thresholds, VoltageSource,
 };
+use crate::time::{Instant, at_us};
 
 /// A monitor with its settings and clock.
 struct Bench {
     monitor: BatteryMonitor,
     settings: PackSettings,
-    now_us: u64,
+    now: Instant,
     arm_state: ArmState,
     events: Vec<PackEvent, 32>,
 }
@@ -25,16 +26,16 @@ impl Bench {
                 capacity_mah: Some(2200.0),
                 ..PackSettings::default()
             },
-            now_us: 0,
+            now: Instant::EPOCH,
             arm_state: ArmState::Disarmed,
             events: Vec::new(),
         }
     }
 
     fn tick(&mut self, reading: Result<Measurement, ReadError>) -> Option<ReadError> {
-        self.now_us += 100_000;
+        self.now = self.now.after_us(100_000);
         let tick = Tick {
-            now_us: self.now_us,
+            now: self.now,
             arm_state: self.arm_state,
         };
         let update = self.monitor.update(tick, reading, &self.settings);
@@ -875,7 +876,7 @@ proptest! {
         let mut bench = Bench::new();
         bench.settings = settings;
         for (number, (step_us, reading, armed)) in steps.into_iter().enumerate() {
-            bench.now_us = bench.now_us.saturating_add(step_us).min(u64::MAX / 2);
+            bench.now = bench.now.after_us(step_us).min(at_us(u64::MAX / 2));
             bench.arm_state = if armed { ArmState::Armed } else { ArmState::Disarmed };
             bench.events.clear();
             bench.tick(reading.map(|measurement| Measurement { contents, ..measurement }));

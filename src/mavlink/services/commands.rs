@@ -9,6 +9,7 @@ use crate::mavlink::requests::Command;
 use crate::mavlink::scheduler::{Interval, IntervalRefused, StreamScheduler};
 use crate::mavlink::{Message, StreamKind, SystemState, build_autopilot_version, build_protocol_version};
 use crate::pack::Pack;
+use crate::time::Instant;
 
 /// MAV_CMD_PREFLIGHT_STORAGE, parameter 1: reset all parameters to their defaults.
 const STORAGE_RESET: f32 = 2.0;
@@ -125,12 +126,12 @@ impl Command {
     }
 
     /// Does what the command asks of the link, and returns the answer and what the vehicle has to do.
-    pub fn execute(&self, scheduler: &mut StreamScheduler, state: &SystemState<'_>, now_us: u64) -> Outcome {
+    pub fn execute(&self, scheduler: &mut StreamScheduler, state: &SystemState<'_>, now: Instant) -> Outcome {
         match self.number {
             PREFLIGHT_STORAGE if self.param1 == STORAGE_RESET => Action::ResetParameters.into(),
             PREFLIGHT_REBOOT_SHUTDOWN if self.param1 == REBOOT_AUTOPILOT => Action::Reboot.into(),
             PREFLIGHT_STORAGE | PREFLIGHT_REBOOT_SHUTDOWN => DENIED.into(),
-            SET_MESSAGE_INTERVAL => self.set_message_interval(scheduler, now_us).into(),
+            SET_MESSAGE_INTERVAL => self.set_message_interval(scheduler, now).into(),
             GET_MESSAGE_INTERVAL => self.message_interval(self.param1, scheduler),
             BATTERY_RESET => self.reset_batteries(state),
             REQUEST_MESSAGE => self.request_message(scheduler, state),
@@ -141,7 +142,7 @@ impl Command {
         }
     }
 
-    fn set_message_interval(&self, scheduler: &mut StreamScheduler, now_us: u64) -> MavResult {
+    fn set_message_interval(&self, scheduler: &mut StreamScheduler, now: Instant) -> MavResult {
         let Some(message_id) = message_id(self.param1) else {
             return DENIED;
         };
@@ -151,7 +152,7 @@ impl Command {
             // What is negative or no number becomes 0, which no message can have.
             interval_us => Interval::Every(interval_us as u64),
         };
-        match scheduler.set_interval(message_id, interval, now_us) {
+        match scheduler.set_interval(message_id, interval, now) {
             Ok(()) => ACCEPTED,
             Err(IntervalRefused::OutOfRange) => DENIED,
             Err(IntervalRefused::NotStreamed) => UNSUPPORTED,
@@ -269,14 +270,14 @@ mod tests {
             batteries: packs,
             ..SystemState::default()
         };
-        let mut scheduler = StreamScheduler::new(0);
-        scheduler.set_extra1_rate(2.0, 0);
+        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
+        scheduler.set_extra1_rate(2.0, Instant::EPOCH);
         Command {
             number,
             param1,
             param2,
         }
-        .execute(&mut scheduler, &state, 0)
+        .execute(&mut scheduler, &state, Instant::EPOCH)
     }
 
     #[test]
@@ -398,7 +399,11 @@ mod tests {
             param1: -1.0,
             param2: 50.0,
         };
-        let outcome = command.execute(&mut StreamScheduler::new(0), &SystemState::default(), 0);
+        let outcome = command.execute(
+            &mut StreamScheduler::new(Instant::EPOCH),
+            &SystemState::default(),
+            Instant::EPOCH,
+        );
         assert_eq!(outcome, FAILED.into());
     }
 
@@ -412,14 +417,15 @@ mod tests {
         assert_eq!(reported(execute(510, 147.0, 0.0)), (147, 500_000));
         assert_eq!(reported(execute(510, 0.0, 0.0)), (0, 1_000_000));
         assert_eq!(reported(execute(510, 30.0, 0.0)), (30, 0));
-        let mut scheduler = StreamScheduler::new(0);
+        let mut scheduler = StreamScheduler::new(Instant::EPOCH);
         let off = Command {
             number: 511,
             param1: 1.0,
             param2: -1.0,
         };
         assert_eq!(
-            off.execute(&mut scheduler, &SystemState::default(), 0).result,
+            off.execute(&mut scheduler, &SystemState::default(), Instant::EPOCH)
+                .result,
             MavResult::MAV_RESULT_ACCEPTED
         );
         let get = Command {
@@ -428,7 +434,7 @@ mod tests {
             param2: f32::NAN,
         };
         assert_eq!(
-            reported(get.execute(&mut scheduler, &SystemState::default(), 0)),
+            reported(get.execute(&mut scheduler, &SystemState::default(), Instant::EPOCH)),
             (1, -1)
         );
     }

@@ -9,6 +9,7 @@ use crate::mavlink::payload::Name;
 use crate::mavlink::requests::{ParameterRead, ParameterSet};
 use crate::mavlink::{Message, Peer};
 use crate::parameter::{ForEachParameter, Kind, ParameterId, Parameters};
+use crate::time::Instant;
 
 /// A PARAM_VALUE on the wire: header, 25 bytes of payload, checksum.
 const PARAM_VALUE_FRAME_BYTES: f32 = 37.0;
@@ -114,41 +115,41 @@ pub(in crate::mavlink) struct ParameterList {
 struct Sending {
     sent: ForEachParameter<bool>,
     batches: Cadence,
-    credited_us: u64,
+    credited_at: Instant,
     /// Bytes that may leave now.
     credit_bytes: f32,
 }
 
 impl ParameterList {
     /// Starts the list, or starts it again.
-    pub fn start(&mut self, now_us: u64) {
+    pub fn start(&mut self, now: Instant) {
         self.sending = Some(Sending {
             sent: ForEachParameter::default(),
-            batches: Cadence::starting_at(now_us, 1),
-            credited_us: now_us,
+            batches: Cadence::starting_at(now, 1),
+            credited_at: now,
             credit_bytes: PARAM_VALUE_FRAME_BYTES,
         });
     }
 
-    /// When the next batch is due, in µs; `None` while no list is being sent.
-    pub fn next_due_us(&self) -> Option<u64> {
-        self.sending.as_ref().map(|sending| sending.batches.due_us())
+    /// When the next batch is due; `None` while no list is being sent.
+    pub fn next_due(&self) -> Option<Instant> {
+        self.sending.as_ref().map(|sending| sending.batches.due())
     }
 
     /// Lets the next batch go if it is due: what the list's share of a link of `bytes_per_second` has been good for since
     /// the last one. `rate_hz` is `SR0_PARAMS`.
-    pub fn release(&mut self, now_us: u64, rate_hz: f32, bytes_per_second: u32) {
+    pub fn release(&mut self, now: Instant, rate_hz: f32, bytes_per_second: u32) {
         let Some(sending) = &mut self.sending else { return };
-        sending.batches.set_interval((1e6 / rate_hz) as u64, now_us);
-        if !sending.batches.take(now_us) {
+        sending.batches.set_interval((1e6 / rate_hz) as u64, now);
+        if !sending.batches.take(now) {
             return;
         }
         let share = bytes_per_second as f32 * LIST_SHARE;
-        let elapsed_s = now_us.saturating_sub(sending.credited_us) as f32 / 1e6;
+        let elapsed_s = now.us_since(sending.credited_at) as f32 / 1e6;
         // What a batch leaves over of a frame counts for the next.
         let most_bytes = share / rate_hz + PARAM_VALUE_FRAME_BYTES;
         sending.credit_bytes = (sending.credit_bytes + share * elapsed_s).min(most_bytes);
-        sending.credited_us = now_us;
+        sending.credited_at = now;
     }
 
     /// The next parameter of the batch.
@@ -172,6 +173,7 @@ mod tests {
     use super::*;
     use crate::pack::Pack;
     use crate::parameter::{BatteryParameter, PARAMETER_COUNT};
+    use crate::time::at_us;
 
     /// Everything is listed.
     fn all_packs() -> Parameters {
@@ -186,21 +188,21 @@ mod tests {
         let parameters = Parameters::defaults();
         let mut list = ParameterList::default();
         let mut seconds = Vec::new();
-        let (mut now_us, mut lists) = (0, 0);
+        let (mut now, mut lists) = (Instant::EPOCH, 0);
         // Ask again whenever the list is through, so that its share is asked for all the time.
-        while now_us < 20_000_000 {
-            if list.next_due_us().is_none() {
+        while now < at_us(20_000_000) {
+            if list.next_due().is_none() {
                 lists += 1;
                 let credit = list.sending.take();
                 assert!(credit.is_none());
-                list.start(now_us);
+                list.start(now);
             }
-            list.release(now_us, rate_hz, bytes_per_second);
+            list.release(now, rate_hz, bytes_per_second);
             while list.take(&parameters).is_some() {
-                seconds.resize((now_us / 1_000_000) as usize + 1, 0);
+                seconds.resize((now.as_micros() / 1_000_000) as usize + 1, 0);
                 *seconds.last_mut().unwrap() += PARAM_VALUE_FRAME_BYTES as usize;
             }
-            now_us = list.next_due_us().unwrap_or(now_us).max(now_us + 1000);
+            now = list.next_due().unwrap_or(now).max(now.after_us(1000));
         }
         assert!(lists > 1);
         seconds
@@ -228,10 +230,10 @@ mod tests {
     fn a_list_is_complete_and_in_order() {
         let parameters = all_packs();
         let mut list = ParameterList::default();
-        list.start(0);
+        list.start(Instant::EPOCH);
         let mut indices = Vec::new();
-        while let Some(now_us) = list.next_due_us() {
-            list.release(now_us, 10.0, 960);
+        while let Some(now) = list.next_due() {
+            list.release(now, 10.0, 960);
             while let Some(Message::ParamValue(value)) = list.take(&parameters) {
                 assert_eq!(value.param_count, PARAMETER_COUNT as u16);
                 indices.push(usize::from(value.param_index));

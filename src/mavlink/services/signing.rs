@@ -2,6 +2,7 @@
 
 use crate::mavlink::requests::SetUpSigning;
 use crate::mavlink::signing::{LinkKind, Signing};
+use crate::time::Instant;
 
 /// What a ground station has set up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,7 +49,7 @@ pub(in crate::mavlink) fn set_up(
     request: &SetUpSigning,
     link: LinkKind,
     signing: &mut Signing,
-    now_us: u64,
+    now: Instant,
 ) -> Result<SigningChange, SetupRefused> {
     if link != LinkKind::Direct {
         return Err(SetupRefused::NotDirect);
@@ -58,6 +59,6 @@ pub(in crate::mavlink) fn set_up(
         Some(_) => SigningChange::KeySet,
         None => SigningChange::KeyRemoved,
     };
-    signing.set_up(request.key.clone(), time, now_us);
+    signing.set_up(request.key.clone(), time, now);
     Ok(change)
 }

@@ -3,6 +3,7 @@
 use crate::mavlink::dialect::{PING_DATA, TIMESYNC_DATA};
 use crate::mavlink::requests::{Ping, Timesync};
 use crate::mavlink::{Message, Peer};
+use crate::time::Instant;
 
 const NANOSECONDS_PER_MICROSECOND: i64 = 1000;
 
@@ -24,9 +25,9 @@ pub(in crate::mavlink) fn ping(ping: &Ping, from: Peer) -> Option<Message> {
 }
 
 /// Answers a TIMESYNC with the time since boot. One that has a time of its own is an answer itself.
-pub(in crate::mavlink) fn timesync(timesync: &Timesync, from: Peer, now_us: u64) -> Option<Message> {
+pub(in crate::mavlink) fn timesync(timesync: &Timesync, from: Peer, now: Instant) -> Option<Message> {
     let answer = TIMESYNC_DATA {
-        tc1: (now_us as i64).saturating_mul(NANOSECONDS_PER_MICROSECOND),
+        tc1: (now.as_micros() as i64).saturating_mul(NANOSECONDS_PER_MICROSECOND),
         ts1: timesync.asked_ns,
         target_system: from.system_id,
         target_component: from.component_id,

@@ -12,6 +12,7 @@ use crate::mavlink::messages::{CheckedBy, arming_text};
 use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::{Command, Heartbeat, SetMode, Sticks};
 use crate::parameter::Parameters;
+use crate::time::Instant;
 use crate::vehicle::{Mode, Vehicle, control_timeout_us};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
@@ -34,9 +35,9 @@ const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
 
 /// Handles one request for the vehicle: executes it, or refuses it and says why.
 pub(in crate::mavlink) struct VehicleService<'a> {
-    pub now_us: u64,
+    pub now: Instant,
     /// The request can't have been received earlier.
-    pub received_us: u64,
+    pub received_at: Instant,
     /// What says, with the parameters, whether the rover is fit to be armed.
     pub state: &'a SystemState<'a>,
     pub parameters: &'a Parameters,
@@ -69,7 +70,7 @@ impl VehicleService<'_> {
 
     /// Whether the request may have waited for so long that what moves the rover no longer counts.
     fn is_late(&self) -> bool {
-        self.now_us.saturating_sub(self.received_us) > control_timeout_us(self.parameters)
+        self.now.us_since(self.received_at) > control_timeout_us(self.parameters)
     }
 
     fn arm(&mut self, forced: bool, replies: &mut Replies<'_>) -> MavResult {
@@ -78,7 +79,7 @@ impl VehicleService<'_> {
         }
         let obstacle = self.obstacles().next();
         let is_fit = forced || obstacle.is_none();
-        if self.vehicle.arm(self.now_us, is_fit).is_ok() {
+        if self.vehicle.arm(self.now, is_fit).is_ok() {
             return ACCEPTED;
         }
         if let Some(obstacle) = obstacle {
@@ -138,13 +139,13 @@ impl VehicleService<'_> {
             return Driving::TooLate;
         }
         let Sticks { throttle, steering } = *sticks;
-        self.vehicle.control(self.received_us, throttle, steering);
+        self.vehicle.control(self.received_at, throttle, steering);
         Driving::Obeyed
     }
 
     /// HEARTBEAT of a ground station.
     pub fn ground_station_seen(&mut self) {
-        self.vehicle.ground_station_seen(self.received_us);
+        self.vehicle.ground_station_seen(self.received_at);
     }
 }
 

@@ -1,6 +1,7 @@
 //! The vehicle's own time for signatures.
 
 use super::Timestamp;
+use crate::time::Instant;
 
 const US_PER_TICK: u64 = 10;
 
@@ -21,20 +22,22 @@ impl SigningClock {
         }
     }
 
-    /// What it shows.
-    pub fn now(&self, now_us: u64) -> Timestamp {
-        self.at_boot.later(now_us / US_PER_TICK).max(self.last_given)
+    /// What it shows at `now`.
+    pub fn time_at(&self, now: Instant) -> Timestamp {
+        self.at_boot
+            .later(now.as_micros() / US_PER_TICK)
+            .max(self.last_given)
     }
 
     /// Goes on from `seen` if that is ahead.
-    pub fn follow(&mut self, seen: Timestamp, now_us: u64) {
-        let ahead = seen.ticks().saturating_sub(self.now(now_us).ticks());
+    pub fn follow(&mut self, seen: Timestamp, now: Instant) {
+        let ahead = seen.ticks().saturating_sub(self.time_at(now).ticks());
         self.at_boot = self.at_boot.later(ahead);
     }
 
     /// The time for the next frame, later than that of every frame before.
-    pub fn next(&mut self, now_us: u64) -> Timestamp {
-        self.last_given = self.now(now_us).max(self.last_given.later(1));
+    pub fn next(&mut self, now: Instant) -> Timestamp {
+        self.last_given = self.time_at(now).max(self.last_given.later(1));
         self.last_given
     }
 }

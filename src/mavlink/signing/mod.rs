@@ -28,6 +28,7 @@ use streams::{StreamId, Streams};
 use to_store::{Mark, next_mark};
 
 use super::parser::{ReceivedFrame, TRAILER_BYTES};
+use crate::time::Instant;
 
 const LINK_BYTES: usize = 1;
 const _: () = assert!(TRAILER_BYTES == LINK_BYTES + timestamp::BYTES + key::SIGNATURE_BYTES);
@@ -44,7 +45,7 @@ pub struct Signing {
     in_flash: InFlash,
     /// Nothing up to now was signed after this time, as far as the flash knows.
     stored_mark: Mark,
-    last_report_us: Option<u64>,
+    last_report: Option<Instant>,
 }
 
 /// Who may do what.
@@ -106,7 +107,7 @@ impl Signing {
             streams: Streams::after(mark.time()),
             in_flash,
             stored_mark: mark,
-            last_report_us: None,
+            last_report: None,
         }
     }
 
@@ -126,18 +127,18 @@ impl Signing {
 
     /// Takes another key, or none any more. The time goes on from `time` if that is later than ours: it never goes back,
     /// so nothing that was signed before, with any key, is accepted again.
-    pub(super) fn set_up(&mut self, key: Option<SigningKey>, time: Timestamp, now_us: u64) {
+    pub(super) fn set_up(&mut self, key: Option<SigningKey>, time: Timestamp, now: Instant) {
         let before = mem::replace(&mut self.protection, key.map_or(Protection::Off, Protection::Key));
         self.in_flash = match (self.in_flash, before) {
             (InFlash::Current, Protection::Off) => InFlash::NoKey,
             (InFlash::Current, Protection::Key(_)) => InFlash::OtherKey,
             (in_flash, _) => in_flash,
         };
-        self.clock.follow(time, now_us);
+        self.clock.follow(time, now);
     }
 
     /// Judges who sent a frame.
-    pub(super) fn check(&mut self, frame: &ReceivedFrame<'_>, now_us: u64) -> Authenticity {
+    pub(super) fn check(&mut self, frame: &ReceivedFrame<'_>, now: Instant) -> Authenticity {
         let key = match &self.protection {
             Protection::Off => return Authenticity::Unprotected,
             Protection::KeyLost => return Authenticity::Unproven,
@@ -157,8 +158,8 @@ impl Signing {
             link: before_time.last().copied().unwrap_or_default(),
         };
         // The last check has an effect, so it comes after the one that proves who asks for it.
-        if key.signature(signed) == *signature && self.streams.accept(stream, time, self.clock.now(now_us)) {
-            self.clock.follow(time, now_us);
+        if key.signature(signed) == *signature && self.streams.accept(stream, time, self.clock.time_at(now)) {
+            self.clock.follow(time, now);
             Authenticity::Proven
         } else {
             Authenticity::Unproven
@@ -171,7 +172,7 @@ impl Signing {
     }
 
     /// Fills in the last [`TRAILER_BYTES`] of a frame whose header says that it is signed.
-    pub(super) fn sign(&mut self, frame: &mut [u8], link: LinkKind, now_us: u64) {
+    pub(super) fn sign(&mut self, frame: &mut [u8], link: LinkKind, now: Instant) {
         let Protection::Key(key) = &self.protection else {
             return;
         };
@@ -179,7 +180,7 @@ impl Signing {
             return;
         };
         if let Some((before_time, time)) = before.split_last_chunk_mut() {
-            *time = self.clock.next(now_us).to_bytes();
+            *time = self.clock.next(now).to_bytes();
             if let Some(number) = before_time.last_mut() {
                 *number = link.number();
             }
@@ -188,18 +189,18 @@ impl Signing {
     }
 
     /// Whether it is time for another report of refused messages; then it counts as made.
-    pub(super) fn may_report(&mut self, now_us: u64) -> bool {
+    pub(super) fn may_report(&mut self, now: Instant) -> bool {
         let due = self
-            .last_report_us
-            .is_none_or(|last_us| now_us.saturating_sub(last_us) >= REPORT_INTERVAL_US);
+            .last_report
+            .is_none_or(|last| now.us_since(last) >= REPORT_INTERVAL_US);
         if due {
-            self.last_report_us = Some(now_us);
+            self.last_report = Some(now);
         }
         due
     }
 
     /// What has to be written to flash now, one thing after the other, if anything.
-    pub fn next_unsaved(&self, now_us: u64) -> Option<ToStore> {
+    pub fn next_unsaved(&self, now: Instant) -> Option<ToStore> {
         match (&self.protection, self.in_flash) {
             (Protection::KeyLost, _) | (Protection::Off, InFlash::Current) => None,
             (Protection::Key(_), InFlash::NoKey | InFlash::Unreadable)
@@ -207,7 +208,7 @@ impl Signing {
             (Protection::Off, InFlash::OtherKey | InFlash::NoKey | InFlash::Nothing) => Some(ToStore::NoKey),
             // The mark comes first: the flash should not be behind the frames that leave.
             (Protection::Key(key), InFlash::Current | InFlash::OtherKey | InFlash::Nothing) => {
-                next_mark(self.stored_mark, self.clock.now(now_us))
+                next_mark(self.stored_mark, self.clock.time_at(now))
                     .map(ToStore::Mark)
                     .or_else(|| self.is_key_unsaved().then(|| ToStore::Key(key.clone())))
             }
@@ -247,6 +248,7 @@ impl Signing {
 mod tests {
     use super::super::parser::FrameParser;
     use super::*;
+    use crate::time::at_us;
 
     /// Signed by pymavlink 2.4.50 with the key 1, 2, … 32 as link 7 at 0x0123456789ab: a HEARTBEAT of system 255,
     /// component 190.
@@ -266,7 +268,7 @@ mod tests {
     fn check(signing: &mut Signing, bytes: &[u8]) -> Authenticity {
         let mut parser = FrameParser::new();
         parser.push(bytes);
-        signing.check(&parser.next_frame().expect("a frame"), 0)
+        signing.check(&parser.next_frame().expect("a frame"), Instant::EPOCH)
     }
 
     #[test]
@@ -274,7 +276,11 @@ mod tests {
         let mut signing = with_key();
         assert_eq!(check(&mut signing, &HEARTBEAT), Authenticity::Proven);
         assert_eq!(check(&mut signing, &HEARTBEAT), Authenticity::Unproven);
-        assert_eq!(signing.clock.now(0).ticks(), 0x0123_4567_89ab, "we follow");
+        assert_eq!(
+            signing.clock.time_at(Instant::EPOCH).ticks(),
+            0x0123_4567_89ab,
+            "we follow"
+        );
     }
 
     #[test]
@@ -295,10 +301,10 @@ mod tests {
         let mut signing = with_key();
         signing
             .clock
-            .follow(Timestamp::from_ticks(0x0123_4567_89aa).unwrap(), 0);
+            .follow(Timestamp::from_ticks(0x0123_4567_89aa).unwrap(), Instant::EPOCH);
         let mut bytes = HEARTBEAT;
         bytes[HEARTBEAT.len() - TRAILER_BYTES..].fill(0);
-        signing.sign(&mut bytes, LinkKind::Radio, 10);
+        signing.sign(&mut bytes, LinkKind::Radio, at_us(10));
         // Everything but the link's number, and what follows from that.
         assert_eq!(bytes[..21], HEARTBEAT[..21]);
         assert_eq!(bytes[21], 0);
@@ -309,13 +315,13 @@ mod tests {
     #[test]
     fn no_two_frames_have_the_same_time_and_it_never_goes_back() {
         let mut clock = SigningClock::starting_at(Timestamp::from_ticks(1000).unwrap());
-        let times = [0, 0, 0, 5, 100, 100].map(|now_us| clock.next(now_us).ticks());
+        let times = [0, 0, 0, 5, 100, 100].map(|us| clock.next(at_us(us)).ticks());
         assert_eq!(times, [1001, 1002, 1003, 1004, 1010, 1011]);
-        clock.follow(Timestamp::from_ticks(500).unwrap(), 100);
-        assert_eq!(clock.next(100).ticks(), 1012);
-        clock.follow(Timestamp::from_ticks(90_000).unwrap(), 200);
-        assert_eq!(clock.next(200).ticks(), 90_000);
-        assert_eq!(clock.next(300).ticks(), 90_010);
+        clock.follow(Timestamp::from_ticks(500).unwrap(), at_us(100));
+        assert_eq!(clock.next(at_us(100)).ticks(), 1012);
+        clock.follow(Timestamp::from_ticks(90_000).unwrap(), at_us(200));
+        assert_eq!(clock.next(at_us(200)).ticks(), 90_000);
+        assert_eq!(clock.next(at_us(300)).ticks(), 90_010);
     }
 
     #[test]
@@ -323,7 +329,7 @@ mod tests {
         let end = Timestamp::from_ticks((1 << 48) - 1).unwrap();
         assert_eq!(Timestamp::from_ticks(1 << 48), None);
         let mut clock = SigningClock::starting_at(end);
-        assert_eq!((clock.next(u64::MAX), clock.next(u64::MAX)), (end, end));
+        assert_eq!((clock.next(Instant::MAX), clock.next(Instant::MAX)), (end, end));
         assert_eq!(next_mark(Mark::default(), end).map(|mark| mark.time()), Some(end));
     }
 
@@ -376,7 +382,7 @@ mod tests {
         let mut signing = with_key();
         let other = SigningKey::new([9; 32]).unwrap();
         for key in [key(), other.clone()] {
-            signing.set_up(Some(key), Timestamp::default(), 0);
+            signing.set_up(Some(key), Timestamp::default(), Instant::EPOCH);
         }
         signing.mark_saved(&ToStore::Key(key()));
         signing.mark_saved(&ToStore::NoKey);

@@ -9,6 +9,7 @@ use crate::battery::{BusError, Measurement, ReadError};
 use crate::cadence::Cadence;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::Parameters;
+use crate::time::Instant;
 
 /// Failures in a row before a part's back-off period, so that it does not hold up the others.
 const FAILURES_UNTIL_REST: u8 = 3;
@@ -48,17 +49,17 @@ pub struct BusDevices {
 
 impl BusDevices {
     /// The parts the parameters name. Packs share a part with several channels if their address is set alike.
-    pub fn from_parameters(parameters: &Parameters, now_us: u64) -> Self {
+    pub fn from_parameters(parameters: &Parameters, now: Instant) -> Self {
         let mut devices = Self::default();
         for pack in Pack::ALL {
             if let Some(kind) = PartKind::of(parameters, pack) {
-                devices.add(kind, pack, Wiring::from_parameters(parameters, pack), now_us);
+                devices.add(kind, pack, Wiring::from_parameters(parameters, pack), now);
             }
         }
         devices
     }
 
-    fn add(&mut self, kind: PartKind, pack: Pack, wiring: Wiring, now_us: u64) {
+    fn add(&mut self, kind: PartKind, pack: Pack, wiring: Wiring, now: Instant) {
         let shared = self
             .devices
             .iter_mut()
@@ -84,7 +85,7 @@ impl BusDevices {
             failures: 0,
             // Between two ticks of the battery task, which starts at the same time: a delay on the bus must not put two
             // readings into one tick and none into the next.
-            cadence: Cadence::starting_at(now_us + interval_us / 2, interval_us),
+            cadence: Cadence::starting_at(now.after_us(interval_us / 2), interval_us),
         });
     }
 
@@ -95,17 +96,17 @@ impl BusDevices {
         })
     }
 
-    /// When the next part has to be read, in µs.
-    pub fn next_due_us(&self) -> Option<u64> {
-        let due = self.devices.iter().map(|device| device.cadence.due_us());
+    /// When the next part has to be read.
+    pub fn next_due(&self) -> Option<Instant> {
+        let due = self.devices.iter().map(|device| device.cadence.due());
         due.min()
     }
 
-    /// Reads the part that has waited longest, if it is due at `now_us`, and hands over its reading of each of its packs.
+    /// Reads the part that has waited longest, if it is due at `now`, and hands over its reading of each of its packs.
     pub async fn read_next(
         &mut self,
         bus: &mut impl SensorBus,
-        now_us: u64,
+        now: Instant,
         mut deliver: impl FnMut(Pack, Result<Measurement, ReadError>),
     ) {
         let mut taken: Vec<Address, MAX_PACKS> = Vec::new();
@@ -113,16 +114,13 @@ impl BusDevices {
             // There is room for the part of every pack.
             let _ = taken.push(address);
         }
-        let waiting = self
-            .devices
-            .iter_mut()
-            .min_by_key(|device| device.cadence.due_us());
+        let waiting = self.devices.iter_mut().min_by_key(|device| device.cadence.due());
         let Some(device) = waiting else { return };
-        if !device.cadence.take(now_us) {
+        if !device.cadence.take(now) {
             return;
         }
         let result = device.read(bus, &taken, &mut deliver).await;
-        device.note(result, now_us);
+        device.note(result, now);
         if let Err(error) = result {
             for (pack, _) in &device.packs {
                 deliver(*pack, Err(error));
@@ -180,7 +178,7 @@ impl BusDevice {
         Ok(())
     }
 
-    fn note(&mut self, result: Result<(), ReadError>, now_us: u64) {
+    fn note(&mut self, result: Result<(), ReadError>, now: Instant) {
         match result {
             Ok(()) => {
                 self.failures = 0;
@@ -193,7 +191,7 @@ impl BusDevice {
         }
         self.failures = self.failures.saturating_add(1);
         if self.failures >= FAILURES_UNTIL_REST {
-            self.cadence.skip_until(now_us.saturating_add(REST_US));
+            self.cadence.skip_until(now.after_us(REST_US));
         }
     }
 }

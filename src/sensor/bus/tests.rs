@@ -10,6 +10,7 @@ use super::*;
 use crate::battery::{BatteryMonitor, Chemistry, Date, Measurement, PackSettings, ReadError, Tick};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
+use crate::time::{Instant, at_us};
 
 /// Devices as tables: by address and register, the bytes that are read. What is written is not kept.
 #[derive(Default)]
@@ -81,8 +82,8 @@ fn read_next(
     bus: &mut impl SensorBus,
 ) -> Vec<(Pack, Result<Measurement, ReadError>)> {
     let mut readings = Vec::new();
-    let now_us = devices.next_due_us().expect("there is a part");
-    block_on(devices.read_next(bus, now_us, |pack, reading| readings.push((pack, reading))));
+    let now = devices.next_due().expect("there is a part");
+    block_on(devices.read_next(bus, now, |pack, reading| readings.push((pack, reading))));
     readings
 }
 
@@ -134,7 +135,7 @@ fn assert_near(value: Option<f32>, expected: f32) {
 }
 
 fn read_battery(mut bus: Wires) -> Measurement {
-    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), 0);
+    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
     read_one(&mut devices, &mut bus).expect("it answers");
     read_one(&mut devices, &mut bus).expect("it answers again")
 }
@@ -219,7 +220,7 @@ fn commands_a_maker_uses_for_something_else_are_no_cells() {
 
 #[test]
 fn a_battery_of_an_unknown_scale_is_refused() {
-    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), 0);
+    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
     let mut bus = battery(&[(0x1a, 0x4021)]);
     assert_eq!(read_one(&mut devices, &mut bus), Err(ReadError::OtherPart));
 }
@@ -247,7 +248,7 @@ fn counters_go_on_over_their_end_and_their_sign() {
     let energy_steps = (1296.0 / (171.661_38e-6 * 51.2)) as u64;
     for (from, to, sign) in [(top, top.wrapping_add(steps), 1.0), (-100, -100 - steps, -1.0)] {
         let mut bus = wires(Tables::default());
-        let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), 0);
+        let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), Instant::EPOCH);
         let energy = (1u64 << 40) - 5;
         counters(&mut bus, from, energy);
         assert_eq!(
@@ -268,14 +269,17 @@ fn counters_go_on_over_their_end_and_their_sign() {
 
 #[test]
 fn a_part_that_is_refused_three_times_is_given_time() {
-    let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), 0);
+    let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), Instant::EPOCH);
     let mut bus = wires(Tables::default());
-    let mut due_us = Vec::new();
+    let mut due = Vec::new();
     for _ in 0..5 {
-        due_us.push(devices.next_due_us().unwrap());
+        due.push(devices.next_due().unwrap());
         assert_eq!(read_one(&mut devices, &mut bus), Err(BusError::NoAnswer.into()));
     }
-    let waits_ms: Vec<_> = due_us.windows(2).map(|due| (due[1] - due[0]) / 1000).collect();
+    let waits_ms: Vec<_> = due
+        .windows(2)
+        .map(|pair| pair[1].us_since(pair[0]) / 1000)
+        .collect();
     assert_eq!(waits_ms, [25, 25, 225, 225]);
 }
 
@@ -342,7 +346,7 @@ fn the_error_of_a_foreign_bus_is_diagnosed_by_its_kind() {
         (ErrorKind::Overrun, BusError::Transfer),
         (ErrorKind::Other, BusError::Transfer),
     ] {
-        let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), 0);
+        let mut devices = BusDevices::from_parameters(&second_is(PartKind::Ina2xx), Instant::EPOCH);
         let reading = read_next(&mut devices, &mut Buses::i2c(Refusing(kind)));
         assert_eq!(reading, [(Pack::Second, Err(diagnosis.into()))], "{kind:?}");
     }
@@ -358,16 +362,16 @@ proptest! {
         ], 0..2000),
         kind in prop::sample::select(PartKind::ALL.to_vec()),
     ) {
-        let mut devices = BusDevices::from_parameters(&second_is(kind), 0);
+        let mut devices = BusDevices::from_parameters(&second_is(kind), Instant::EPOCH);
         let mut bus = Buses::i2c(Anything(bytes.into()));
         let mut monitor = BatteryMonitor::new();
-        let mut now_us = 0;
+        let mut now = Instant::EPOCH;
         // A part that is not on the I2C bus takes nothing from it.
         for _ in 0..200 {
             for (pack, reading) in read_next(&mut devices, &mut bus) {
                 prop_assert_eq!(pack, Pack::Second);
-                now_us += 100_000;
-                let tick = Tick { now_us, ..Tick::default() };
+                now = now.after_us(100_000);
+                let tick = Tick { now, ..Tick::default() };
                 let _ = monitor.update(tick, reading, &PackSettings::default());
                 let state = monitor.state();
                 let values = [state.voltage_v, state.current_a, state.consumed_mah(), state.remaining_pct];
@@ -384,11 +388,11 @@ proptest! {
     ) {
         let words: Vec<_> = words.into_iter().filter(|(command, _)| ![0x20, 0x21, 0x22].contains(command)).collect();
         let mut bus = battery(&words);
-        let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), 0);
+        let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
         let mut monitor = BatteryMonitor::new();
         for tick in 1..=ticks as u64 {
             for (_, reading) in read_next(&mut devices, &mut bus) {
-                let tick = Tick { now_us: tick * 100_000, ..Tick::default() };
+                let tick = Tick { now: at_us(tick * 100_000), ..Tick::default() };
                 let _ = monitor.update(tick, reading, &PackSettings::default());
             }
             let state = monitor.state();

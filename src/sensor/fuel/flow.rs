@@ -2,6 +2,7 @@
 
 use super::Pulses;
 use crate::battery::{Consumed, Contents, Counted, Measurement};
+use crate::time::Instant;
 
 /// Time without a pulse after which the flow is zero, in microseconds.
 const MAX_PERIOD_US: u64 = 10_000_000;
@@ -19,12 +20,12 @@ pub(super) struct FlowMeter {
 
 impl FlowMeter {
     /// Volume since the previous call, and the present flow rate.
-    pub fn measure(&mut self, pulses: &Pulses, ml_per_pulse: f32, now_us: u64) -> Measurement {
+    pub fn measure(&mut self, pulses: &Pulses, ml_per_pulse: f32, now: Instant) -> Measurement {
         let before = core::mem::replace(&mut self.previous, *pulses);
         let new = pulses.count.wrapping_sub(before.count) as f32;
-        self.pulses_per_s = match (before.last_rise_us, pulses.last_rise_us) {
-            (Some(from_us), Some(to_us)) if to_us > from_us => new / seconds(to_us - from_us),
-            (_, Some(last_us)) => self.decayed_rate(now_us.saturating_sub(last_us)),
+        self.pulses_per_s = match (before.last_rise, pulses.last_rise) {
+            (Some(from), Some(to)) if to > from => new / seconds(to.us_since(from)),
+            (_, Some(last)) => self.decayed_rate(now.us_since(last)),
             (_, None) => 0.0,
         };
         Measurement {
@@ -62,7 +63,7 @@ mod tests {
     struct Bench {
         meter: FlowMeter,
         pulses: Pulses,
-        now_us: u64,
+        now: Instant,
         volume_ml: f32,
         flow_l_h: f32,
     }
@@ -72,7 +73,7 @@ mod tests {
             Self {
                 meter: FlowMeter::default(),
                 pulses: Pulses::NONE,
-                now_us: 0,
+                now: Instant::EPOCH,
                 volume_ml: 0.0,
                 flow_l_h: 0.0,
             }
@@ -80,20 +81,20 @@ mod tests {
 
         /// Runs for seconds with a pulse every `period_us`, the first at once.
         fn run(&mut self, seconds: u64, period_us: Option<u64>) {
-            let start_us = self.now_us;
-            let mut next_us = period_us.map(|_| start_us);
+            let start = self.now;
+            let mut next = period_us.map(|_| start);
             for _ in 0..seconds * 10 {
-                self.now_us += TICK_US;
-                while let Some(due_us) = next_us.filter(|due_us| *due_us < self.now_us) {
-                    self.pulses.rise(due_us);
-                    next_us = period_us.map(|period_us| due_us + period_us);
+                self.now = self.now.after_us(TICK_US);
+                while let Some(due) = next.filter(|due| *due < self.now) {
+                    self.pulses.rise(due);
+                    next = period_us.map(|period_us| due.after_us(period_us));
                 }
                 self.tick();
             }
         }
 
         fn tick(&mut self) {
-            let measurement = self.meter.measure(&self.pulses, 0.5, self.now_us);
+            let measurement = self.meter.measure(&self.pulses, 0.5, self.now);
             assert_eq!(measurement.contents, Contents::Fuel);
             assert_eq!(measurement.voltage_v, None);
             let Some(Counted::Increment(consumed)) = measurement.counted else {
@@ -143,7 +144,7 @@ mod tests {
         let mut bench = Bench::new();
         bench.run(5, None);
         assert_eq!((bench.flow_l_h, bench.volume_ml), (0.0, 0.0));
-        bench.pulses.rise(bench.now_us);
+        bench.pulses.rise(bench.now);
         bench.tick();
         assert_eq!((bench.flow_l_h, bench.volume_ml), (0.0, 0.5));
     }

@@ -6,6 +6,7 @@ use super::Pulses;
 use crate::battery::{Contents, Gauge, Measurement, ReadError};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
+use crate::time::Instant;
 
 /// Servo pulse widths of an empty and a full tank, and their tolerance; ArduPilot's numbers.
 const EMPTY_US: u32 = 1100;
@@ -57,8 +58,8 @@ impl LevelScale {
 /// Analog level meter with a low-pass filter against sloshing.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LevelMeter {
-    /// Time in µs and output of the filter at the previous reading.
-    last: Option<(u64, f32)>,
+    /// Time and output of the filter at the previous reading.
+    last: Option<(Instant, f32)>,
 }
 
 impl LevelMeter {
@@ -68,21 +69,21 @@ impl LevelMeter {
         scale: &LevelScale,
         pin_v: f32,
         capacity_ml: Option<f32>,
-        now_us: u64,
+        now: Instant,
     ) -> Result<Measurement, ReadError> {
-        let level_v = self.filter(scale.linearised_v(pin_v), scale.cutoff_hz, now_us);
+        let level_v = self.filter(scale.linearised_v(pin_v), scale.cutoff_hz, now);
         tank((level_v - scale.empty_v) * scale.share_per_volt, capacity_ml)
     }
 
-    fn filter(&mut self, voltage_v: f32, cutoff_hz: Option<f32>, now_us: u64) -> f32 {
+    fn filter(&mut self, voltage_v: f32, cutoff_hz: Option<f32>, now: Instant) -> f32 {
         let filtered_v = match (self.last, cutoff_hz) {
-            (Some((last_us, last_v)), Some(cutoff_hz)) => {
-                let steps = TAU * cutoff_hz * now_us.saturating_sub(last_us) as f32 * 1e-6;
+            (Some((last, last_v)), Some(cutoff_hz)) => {
+                let steps = TAU * cutoff_hz * now.us_since(last) as f32 * 1e-6;
                 last_v + (voltage_v - last_v) * steps / (1.0 + steps)
             }
             _ => voltage_v,
         };
-        self.last = Some((now_us, filtered_v));
+        self.last = Some((now, filtered_v));
         filtered_v
     }
 }
@@ -91,10 +92,10 @@ impl LevelMeter {
 pub(super) fn level_by_pulses(
     pulses: &Pulses,
     capacity_ml: Option<f32>,
-    now_us: u64,
+    now: Instant,
 ) -> Result<Measurement, ReadError> {
-    let last_us = pulses.last_fall_us.ok_or(ReadError::Timeout)?;
-    if now_us.saturating_sub(last_us) > TIMEOUT_US {
+    let last = pulses.last_fall.ok_or(ReadError::Timeout)?;
+    if now.us_since(last) > TIMEOUT_US {
         return Err(ReadError::Timeout);
     }
     let width_us = pulses.width_us();
@@ -121,6 +122,7 @@ fn tank(fill_level: f32, capacity_ml: Option<f32>) -> Result<Measurement, ReadEr
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::at_us;
 
     const TICK_US: u64 = 100_000;
 
@@ -147,7 +149,7 @@ mod tests {
     }
 
     fn read(scale: &LevelScale, pin_v: f32) -> Result<Measurement, ReadError> {
-        LevelMeter::default().measure(scale, pin_v, Some(2000.0), 0)
+        LevelMeter::default().measure(scale, pin_v, Some(2000.0), Instant::EPOCH)
     }
 
     #[test]
@@ -176,39 +178,43 @@ mod tests {
     fn sloshing_is_low_pass_filtered() {
         let scale = scale(&[]);
         let mut meter = LevelMeter::default();
-        assert_remaining(meter.measure(&scale, 2.5, Some(2000.0), 0), 2000.0);
+        assert_remaining(meter.measure(&scale, 2.5, Some(2000.0), Instant::EPOCH), 2000.0);
         // The time constant is 1 / (2 π 0.3 Hz) = 0.53 s: 1/e of a step remains, less the effect of the tick.
         let mut remaining_ml = 0.0;
         for tick in 1..=5 {
-            let measurement = meter.measure(&scale, 0.5, Some(2000.0), tick * TICK_US).unwrap();
+            let measurement = meter
+                .measure(&scale, 0.5, Some(2000.0), at_us(tick * TICK_US))
+                .unwrap();
             remaining_ml = measurement.gauge.unwrap().remaining_mah;
         }
         assert!((800.0..900.0).contains(&remaining_ml), "{remaining_ml} ml");
         for tick in 6..=60 {
-            meter.measure(&scale, 0.5, Some(2000.0), tick * TICK_US).unwrap();
+            meter
+                .measure(&scale, 0.5, Some(2000.0), at_us(tick * TICK_US))
+                .unwrap();
         }
-        assert_remaining(meter.measure(&scale, 0.5, Some(2000.0), 61 * TICK_US), 0.0);
+        assert_remaining(meter.measure(&scale, 0.5, Some(2000.0), at_us(61 * TICK_US)), 0.0);
     }
 
     #[test]
     fn disabled_filter_follows_at_once() {
         let scale = scale(&[(BatteryParameter::FlFltr, -1.0)]);
         let mut meter = LevelMeter::default();
-        assert_remaining(meter.measure(&scale, 2.5, Some(2000.0), 0), 2000.0);
-        assert_remaining(meter.measure(&scale, 1.5, Some(2000.0), TICK_US), 1000.0);
+        assert_remaining(meter.measure(&scale, 2.5, Some(2000.0), Instant::EPOCH), 2000.0);
+        assert_remaining(meter.measure(&scale, 1.5, Some(2000.0), at_us(TICK_US)), 1000.0);
     }
 
     #[test]
     fn level_needs_a_capacity() {
-        let measured = LevelMeter::default().measure(&scale(&[]), 1.0, None, 0);
+        let measured = LevelMeter::default().measure(&scale(&[]), 1.0, None, Instant::EPOCH);
         assert_eq!(measured, Err(ReadError::NoCapacity));
     }
 
     fn pulses(width_us: u64) -> Pulses {
         let mut pulses = Pulses::NONE;
         for start_us in [0, 20_000, 40_000] {
-            pulses.rise(start_us);
-            pulses.fall(start_us + width_us);
+            pulses.rise(at_us(start_us));
+            pulses.fall(at_us(start_us + width_us));
         }
         pulses
     }
@@ -224,22 +230,22 @@ mod tests {
             (1919, 2000.0),
         ] {
             assert_remaining(
-                level_by_pulses(&pulses(width_us), Some(2000.0), 100_000),
+                level_by_pulses(&pulses(width_us), Some(2000.0), at_us(100_000)),
                 remaining_ml,
             );
         }
         for width_us in [1, 1080, 1920, 20_000] {
-            let measured = level_by_pulses(&pulses(width_us), Some(2000.0), 100_000);
+            let measured = level_by_pulses(&pulses(width_us), Some(2000.0), at_us(100_000));
             assert_eq!(measured, Err(ReadError::Implausible), "{width_us}");
         }
     }
 
     #[test]
     fn pulses_time_out_after_250_ms() {
-        let read = |now_us| level_by_pulses(&pulses(1500), Some(2000.0), now_us);
+        let read = |us| level_by_pulses(&pulses(1500), Some(2000.0), at_us(us));
         assert_remaining(read(41_500 + 250_000), 1000.0);
         assert_eq!(read(41_500 + 250_001), Err(ReadError::Timeout));
-        let never = level_by_pulses(&Pulses::NONE, Some(2000.0), 100_000);
+        let never = level_by_pulses(&Pulses::NONE, Some(2000.0), at_us(100_000));
         assert_eq!(never, Err(ReadError::Timeout));
     }
 }

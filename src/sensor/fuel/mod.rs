@@ -13,6 +13,7 @@ use super::{AnalogPin, AnalogReadings};
 use crate::battery::{Measurement, ReadError};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
+use crate::time::Instant;
 
 /// Kind of fuel sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,8 +34,8 @@ pub struct FuelReadings<'a> {
     pub pins: &'a AnalogReadings,
     /// Pulses on the pulse input.
     pub pulses: &'a Pulses,
-    /// Time, in µs.
-    pub now_us: u64,
+    /// When they were taken.
+    pub now: Instant,
 }
 
 /// State of a fuel sensor between readings.
@@ -56,20 +57,20 @@ impl FuelMeter {
         pack: Pack,
         readings: &FuelReadings<'_>,
     ) -> Result<Measurement, ReadError> {
-        let now_us = readings.now_us;
+        let now = readings.now;
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
         let capacity_ml = Some(value(BatteryParameter::Capacity)).filter(|capacity_ml| *capacity_ml > 0.0);
         match kind {
             FuelKind::Flow => {
                 let pulses = pulses(parameters, pack, readings)?;
                 let ml_per_pulse = value(BatteryParameter::AmpPervlt);
-                Ok(self.flow.measure(pulses, ml_per_pulse, now_us))
+                Ok(self.flow.measure(pulses, ml_per_pulse, now))
             }
-            FuelKind::LevelPwm => level_by_pulses(pulses(parameters, pack, readings)?, capacity_ml, now_us),
+            FuelKind::LevelPwm => level_by_pulses(pulses(parameters, pack, readings)?, capacity_ml, now),
             FuelKind::LevelAnalog => {
                 let pin_v = readings.pins.pin_voltage_v(level_pin(parameters, pack))?;
                 let scale = LevelScale::from_parameters(parameters, pack);
-                self.level.measure(&scale, pin_v, capacity_ml, now_us)
+                self.level.measure(&scale, pin_v, capacity_ml, now)
             }
         }
     }
@@ -97,6 +98,7 @@ mod tests {
     use super::*;
     use crate::battery::{Consumed, Counted};
     use crate::sensor::AdcCount;
+    use crate::time::at_us;
 
     fn measure(kind: FuelKind, changes: &[(BatteryParameter, f32)]) -> Result<Measurement, ReadError> {
         let mut parameters = Parameters::defaults();
@@ -108,13 +110,13 @@ mod tests {
         pins.set(AnalogPin::Gp28, Ok(AdcCount(1861)));
         let mut pulses = Pulses::NONE;
         for start_us in [0, 20_000, 40_000] {
-            pulses.rise(start_us);
-            pulses.fall(start_us + 1700);
+            pulses.rise(at_us(start_us));
+            pulses.fall(at_us(start_us + 1700));
         }
         let readings = FuelReadings {
             pins: &pins,
             pulses: &pulses,
-            now_us: 100_000,
+            now: at_us(100_000),
         };
         FuelMeter::default().measure(kind, &parameters, Pack::First, &readings)
     }

@@ -1,5 +1,7 @@
 //! Pulse counting and timing on a digital pin.
 
+use crate::time::Instant;
+
 /// GPIO number of the pulse input (`BATT_CURR_PIN`).
 pub const PULSE_GPIO: i32 = 17;
 
@@ -8,10 +10,10 @@ pub const PULSE_GPIO: i32 = 17;
 pub struct Pulses {
     /// Rising edges, modulo 2^32.
     pub(super) count: u32,
-    /// Time of the last rising edge, in µs.
-    pub(super) last_rise_us: Option<u64>,
-    /// Time of the last falling edge, in µs.
-    pub(super) last_fall_us: Option<u64>,
+    /// Time of the last rising edge.
+    pub(super) last_rise: Option<Instant>,
+    /// Time of the last falling edge.
+    pub(super) last_fall: Option<Instant>,
     /// Widths of the last three, in µs.
     widths_us: [u32; 3],
 }
@@ -20,24 +22,24 @@ impl Pulses {
     /// No pulses.
     pub const NONE: Self = Self {
         count: 0,
-        last_rise_us: None,
-        last_fall_us: None,
+        last_rise: None,
+        last_fall: None,
         widths_us: [0; 3],
     };
 
     /// Rising edge.
-    pub fn rise(&mut self, now_us: u64) {
+    pub fn rise(&mut self, now: Instant) {
         self.count = self.count.wrapping_add(1);
-        self.last_rise_us = Some(now_us);
+        self.last_rise = Some(now);
     }
 
     /// Falling edge.
-    pub fn fall(&mut self, now_us: u64) {
-        let Some(rise_us) = self.last_rise_us else { return };
-        let width_us = now_us.saturating_sub(rise_us);
+    pub fn fall(&mut self, now: Instant) {
+        let Some(rise) = self.last_rise else { return };
+        let width_us = now.us_since(rise);
         let [latest, before, _] = self.widths_us;
         self.widths_us = [u32::try_from(width_us).unwrap_or(u32::MAX), latest, before];
-        self.last_fall_us = Some(now_us);
+        self.last_fall = Some(now);
     }
 
     /// Pulse width, in µs: the median of three, which rejects one measured late by a busy processor.
@@ -50,13 +52,14 @@ impl Pulses {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::at_us;
 
     /// Pulses of these widths, one every 20 ms.
     fn pulses(widths_us: &[u64]) -> Pulses {
         let mut pulses = Pulses::NONE;
         for (start_us, width_us) in (0..).step_by(20_000).zip(widths_us) {
-            pulses.rise(start_us);
-            pulses.fall(start_us + width_us);
+            pulses.rise(at_us(start_us));
+            pulses.fall(at_us(start_us + width_us));
         }
         pulses
     }
@@ -65,8 +68,8 @@ mod tests {
     fn pulses_are_counted_and_timed() {
         let pulses = pulses(&[1500, 1501, 1502]);
         assert_eq!(pulses.count, 3);
-        assert_eq!(pulses.last_rise_us, Some(40_000));
-        assert_eq!(pulses.last_fall_us, Some(41_502));
+        assert_eq!(pulses.last_rise, Some(at_us(40_000)));
+        assert_eq!(pulses.last_fall, Some(at_us(41_502)));
         assert_eq!(pulses.width_us(), 1501);
     }
 
@@ -84,7 +87,7 @@ mod tests {
     #[test]
     fn falling_edge_without_a_rising_one_is_ignored() {
         let mut pulses = Pulses::NONE;
-        pulses.fall(10);
+        pulses.fall(at_us(10));
         assert_eq!(pulses, Pulses::NONE);
     }
 }

@@ -8,6 +8,7 @@ use super::{
     VehicleSettings,
 };
 use crate::battery::{ArmState, FailsafeLevel};
+use crate::time::Instant;
 
 /// Buzzer: one long tone when arming is refused, in microseconds.
 const REFUSED_TONE_US: u64 = 500_000;
@@ -59,7 +60,7 @@ pub struct VehicleStatus {
 
 /// Vehicle state machine: commands, control inputs and failsafes in; outputs for motors, lamps and buzzer out.
 ///
-/// Starts disarmed, in [`Mode::Hold`]. Times are microseconds since an arbitrary epoch.
+/// Starts disarmed, in [`Mode::Hold`].
 #[derive(Clone, Debug, Default)]
 pub struct Vehicle {
     mode: Mode,
@@ -71,7 +72,7 @@ pub struct Vehicle {
     battery: FailsafeLevel,
     /// The most severe action since no pack had a failsafe level.
     action: Option<FailsafeAction>,
-    refused_at_us: Option<u64>,
+    refused_at: Option<Instant>,
     is_restarting: bool,
 }
 
@@ -85,7 +86,7 @@ impl Vehicle {
     ///
     /// # Errors
     /// It stays disarmed, and the buzzer sounds.
-    pub fn arm(&mut self, now_us: u64, is_fit: bool) -> Result<(), ArmingRefused> {
+    pub fn arm(&mut self, now: Instant, is_fit: bool) -> Result<(), ArmingRefused> {
         let refused = if self.is_terminated() {
             ArmingRefused::Terminated
         } else if self.is_restarting {
@@ -95,10 +96,10 @@ impl Vehicle {
         } else {
             self.arm_state = ArmState::Armed;
             self.controls.arm();
-            self.refused_at_us = None;
+            self.refused_at = None;
             return Ok(());
         };
-        self.refused_at_us = Some(now_us);
+        self.refused_at = Some(now);
         Err(refused)
     }
 
@@ -134,16 +135,16 @@ impl Vehicle {
 
     /// A control message: throttle ahead and steering to the right are positive. Its sender is a ground station, so it
     /// also counts as a heartbeat if these are monitored.
-    pub fn control(&mut self, received_us: u64, throttle: StickInput, steering: StickInput) {
-        let is_driver = self.controls.receive(received_us, throttle, steering);
+    pub fn control(&mut self, received_at: Instant, throttle: StickInput, steering: StickInput) {
+        let is_driver = self.controls.receive(received_at, throttle, steering);
         if is_driver && self.ground_stations.value().is_some() {
-            self.ground_stations.receive(received_us, ());
+            self.ground_stations.receive(received_at, ());
         }
     }
 
     /// A ground station's heartbeat.
-    pub fn ground_station_seen(&mut self, received_us: u64) {
-        self.ground_stations.receive(received_us, ());
+    pub fn ground_station_seen(&mut self, received_at: Instant) {
+        self.ground_stations.receive(received_at, ());
     }
 
     /// Executes the action of a failsafe level that a pack has reached, unless a more severe one was executed before.
@@ -174,28 +175,25 @@ impl Vehicle {
     }
 
     /// Updates time-outs and the slew rate limiter. Returns an event if an input has timed out.
-    pub fn update(&mut self, now_us: u64, settings: &VehicleSettings) -> Option<VehicleEvent> {
-        let event = self.check_time_outs(now_us, settings);
+    pub fn update(&mut self, now: Instant, settings: &VehicleSettings) -> Option<VehicleEvent> {
+        let event = self.check_time_outs(now, settings);
         if event.is_some() {
             self.enter(Mode::Hold);
         }
         if self.is_driving() {
             self.throttle
-                .follow(now_us, self.controls.throttle(), settings.slew_rate_per_s);
+                .follow(now, self.controls.throttle(), settings.slew_rate_per_s);
         }
         event
     }
 
     /// The input that has timed out; if both have, the second is returned by the next call.
-    fn check_time_outs(&mut self, now_us: u64, settings: &VehicleSettings) -> Option<VehicleEvent> {
-        if self
-            .controls
-            .times_out(now_us, settings.timeout_us, self.arm_state)
-        {
+    fn check_time_outs(&mut self, now: Instant, settings: &VehicleSettings) -> Option<VehicleEvent> {
+        if self.controls.times_out(now, settings.timeout_us, self.arm_state) {
             return Some(VehicleEvent::ControlsTimedOut);
         }
         self.ground_stations
-            .times_out(now_us, settings.ground_station_timeout_us, self.arm_state)
+            .times_out(now, settings.ground_station_timeout_us, self.arm_state)
             .then_some(VehicleEvent::GroundStationsTimedOut)
     }
 
@@ -222,11 +220,11 @@ impl Vehicle {
         self.drives().effort()
     }
 
-    /// Indication of lamps and buzzer at `now_us`.
-    pub fn indication(&self, now_us: u64) -> Indication {
+    /// Indication of lamps and buzzer at `now`.
+    pub fn indication(&self, now: Instant) -> Indication {
         Indication {
             colour: self.colour(),
-            tone: if self.sounds(now_us) {
+            tone: if self.sounds(now) {
                 Tone::Sounding
             } else {
                 Tone::Silent
@@ -246,15 +244,15 @@ impl Vehicle {
         }
     }
 
-    fn sounds(&self, now_us: u64) -> bool {
-        let was_refused = |at_us| now_us.saturating_sub(at_us) < REFUSED_TONE_US;
-        if self.refused_at_us.is_some_and(was_refused) {
+    fn sounds(&self, now: Instant) -> bool {
+        let was_refused = |at| now.us_since(at) < REFUSED_TONE_US;
+        if self.refused_at.is_some_and(was_refused) {
             true
         } else if self.is_urgent() {
-            let slot = now_us % URGENT_PERIOD_US / SHORT_TONE_US;
+            let slot = now.as_micros() % URGENT_PERIOD_US / SHORT_TONE_US;
             slot.is_multiple_of(2) && slot < 2 * URGENT_TONES
         } else {
-            self.is_warning() && now_us % WARNING_PERIOD_US < SHORT_TONE_US
+            self.is_warning() && now.as_micros() % WARNING_PERIOD_US < SHORT_TONE_US
         }
     }
 

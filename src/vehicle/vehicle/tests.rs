@@ -1,6 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::time::at_us;
 use crate::vehicle::MotorDrive;
 
 const TIMEOUT_US: u64 = 1_500_000;
@@ -21,7 +22,7 @@ fn both(share: f32) -> SideDrives {
 
 fn armed_in(mode: Mode) -> Vehicle {
     let mut vehicle = Vehicle::new();
-    assert_eq!(vehicle.arm(0, true), Ok(()));
+    assert_eq!(vehicle.arm(Instant::EPOCH, true), Ok(()));
     assert_eq!(vehicle.set_mode(mode), Ok(()));
     vehicle
 }
@@ -30,7 +31,7 @@ fn armed_in(mode: Mode) -> Vehicle {
 fn run(vehicle: &mut Vehicle, from_us: u64, to_us: u64) -> Vec<(u64, VehicleEvent)> {
     (from_us..=to_us)
         .step_by(TICK_US as usize)
-        .filter_map(|now_us| vehicle.update(now_us, &SETTINGS).map(|event| (now_us, event)))
+        .filter_map(|us| vehicle.update(at_us(us), &SETTINGS).map(|event| (us, event)))
         .collect()
 }
 
@@ -47,9 +48,13 @@ fn hold_brakes_and_manual_follows_the_sticks() {
     assert_eq!(vehicle.drives(), SideDrives::BRAKE);
     vehicle.set_mode(Mode::Manual).unwrap();
     assert_eq!(vehicle.drives(), SideDrives::COAST);
-    vehicle.control(0, StickInput::Position(1000), StickInput::Position(0));
-    vehicle.update(0, &SETTINGS);
-    vehicle.update(500_000, &SETTINGS);
+    vehicle.control(
+        Instant::EPOCH,
+        StickInput::Position(1000),
+        StickInput::Position(0),
+    );
+    vehicle.update(Instant::EPOCH, &SETTINGS);
+    vehicle.update(at_us(500_000), &SETTINGS);
     assert_eq!(vehicle.drives(), both(0.5));
     assert_eq!(vehicle.effort(), 0.5);
     run(&mut vehicle, 520_000, 1_200_000);
@@ -63,9 +68,13 @@ fn hold_brakes_and_manual_follows_the_sticks() {
 #[test]
 fn sticks_timed_out_before_arming_do_not_drive() {
     let mut vehicle = Vehicle::new();
-    vehicle.control(0, StickInput::Position(1000), StickInput::Position(1000));
+    vehicle.control(
+        Instant::EPOCH,
+        StickInput::Position(1000),
+        StickInput::Position(1000),
+    );
     run(&mut vehicle, 0, 3_000_000);
-    vehicle.arm(3_000_000, true).unwrap();
+    vehicle.arm(at_us(3_000_000), true).unwrap();
     vehicle.set_mode(Mode::Manual).unwrap();
     assert_eq!(run(&mut vehicle, 3_000_000, 5_000_000), []);
     assert_eq!(vehicle.drives(), SideDrives::COAST);
@@ -74,14 +83,22 @@ fn sticks_timed_out_before_arming_do_not_drive() {
 #[test]
 fn control_time_out_holds_until_inputs_resume() {
     let mut vehicle = armed_in(Mode::Manual);
-    vehicle.control(0, StickInput::Position(1000), StickInput::Position(0));
+    vehicle.control(
+        Instant::EPOCH,
+        StickInput::Position(1000),
+        StickInput::Position(0),
+    );
     let events = run(&mut vehicle, 0, 10_000_000);
     assert_eq!(events, [(1_520_000, VehicleEvent::ControlsTimedOut)]);
     assert_eq!(vehicle.drives(), SideDrives::BRAKE);
     assert_eq!(vehicle.status().alert, Alert::Failsafe);
     assert_eq!(vehicle.set_mode(Mode::Manual), Err(ModeRefused));
     assert_eq!(vehicle.set_mode(Mode::Hold), Ok(()));
-    vehicle.control(10_000_000, StickInput::Position(0), StickInput::Position(0));
+    vehicle.control(
+        at_us(10_000_000),
+        StickInput::Position(0),
+        StickInput::Position(0),
+    );
     assert_eq!(vehicle.status().alert, Alert::None);
     assert_eq!(vehicle.status().mode, Mode::Hold);
     assert_eq!(vehicle.set_mode(Mode::Manual), Ok(()));
@@ -90,10 +107,10 @@ fn control_time_out_holds_until_inputs_resume() {
 #[test]
 fn heartbeat_time_out_holds_and_control_counts_as_one() {
     let mut vehicle = armed_in(Mode::Manual);
-    vehicle.ground_station_seen(0);
+    vehicle.ground_station_seen(Instant::EPOCH);
     for second in 0..5 {
         vehicle.control(
-            second * 1_000_000,
+            at_us(second * 1_000_000),
             StickInput::Position(100),
             StickInput::Position(0),
         );
@@ -102,7 +119,7 @@ fn heartbeat_time_out_holds_and_control_counts_as_one() {
             []
         );
     }
-    vehicle.control(5_000_000, StickInput::Released, StickInput::Released);
+    vehicle.control(at_us(5_000_000), StickInput::Released, StickInput::Released);
     assert_eq!(
         run(&mut vehicle, 5_000_000, 9_000_000),
         [(6_520_000, VehicleEvent::GroundStationsTimedOut)]
@@ -177,17 +194,17 @@ fn battery_reset_ends_termination() {
     vehicle.battery_failsafe(FailsafeAction::Terminate);
     vehicle.update_batteries(FailsafeLevel::Critical);
     assert_eq!(vehicle.status().alert, Alert::Terminated);
-    assert_eq!(vehicle.arm(0, true), Err(ArmingRefused::Terminated));
+    assert_eq!(vehicle.arm(Instant::EPOCH, true), Err(ArmingRefused::Terminated));
     vehicle.update_batteries(FailsafeLevel::None);
     assert_eq!(vehicle.status().alert, Alert::None);
-    assert_eq!(vehicle.arm(0, true), Ok(()));
+    assert_eq!(vehicle.arm(Instant::EPOCH, true), Ok(()));
 }
 
 /// The buzzer's output in steps of 100 ms.
 fn tones(vehicle: &Vehicle, from_us: u64, steps: u64) -> String {
     (0..steps)
         .map(
-            |step| match vehicle.indication(from_us + step * 100_000 + 50_000).tone {
+            |step| match vehicle.indication(at_us(from_us + step * 100_000 + 50_000)).tone {
                 Tone::Sounding => 'x',
                 Tone::Silent => '.',
             },
@@ -198,12 +215,12 @@ fn tones(vehicle: &Vehicle, from_us: u64, steps: u64) -> String {
 #[test]
 fn lamps_and_buzzer_indicate_the_state() {
     let mut vehicle = Vehicle::new();
-    let colour = |vehicle: &Vehicle| vehicle.indication(0).colour;
+    let colour = |vehicle: &Vehicle| vehicle.indication(Instant::EPOCH).colour;
     assert_eq!(colour(&vehicle), Colour::Green);
     assert_eq!(tones(&vehicle, 0, 40), "........................................");
-    assert_eq!(vehicle.arm(1_000_000, false), Err(ArmingRefused::Unfit));
+    assert_eq!(vehicle.arm(at_us(1_000_000), false), Err(ArmingRefused::Unfit));
     assert_eq!(tones(&vehicle, 1_000_000, 10), "xxxxx.....");
-    vehicle.arm(3_000_000, true).unwrap();
+    vehicle.arm(at_us(3_000_000), true).unwrap();
     assert_eq!(colour(&vehicle), Colour::Blue);
     vehicle.update_batteries(FailsafeLevel::Low);
     assert_eq!(colour(&vehicle), Colour::Yellow);
@@ -265,21 +282,21 @@ proptest! {
         slew_rate_per_s in prop::option::of(0.01f32..10.0),
     ) {
         let settings = VehicleSettings { slew_rate_per_s, ..SETTINGS };
-        let (mut vehicle, mut now_us) = (Vehicle::new(), 0);
+        let (mut vehicle, mut now) = (Vehicle::new(), Instant::EPOCH);
         for input in inputs {
             match input {
-                Input::Arm(is_fit) => drop(vehicle.arm(now_us, is_fit)),
+                Input::Arm(is_fit) => drop(vehicle.arm(now, is_fit)),
                 Input::Disarm => vehicle.disarm(),
                 Input::Mode(mode) => drop(vehicle.set_mode(mode)),
-                Input::Control(throttle, steering) => vehicle.control(now_us, throttle, steering),
-                Input::GroundStation => vehicle.ground_station_seen(now_us),
+                Input::Control(throttle, steering) => vehicle.control(now, throttle, steering),
+                Input::GroundStation => vehicle.ground_station_seen(now),
                 Input::Failsafe(number) => {
                     vehicle.battery_failsafe(FailsafeAction::from_number(number).unwrap());
                 }
                 Input::Batteries(worst) => vehicle.update_batteries(worst),
                 Input::Wait(us) => {
-                    now_us += us;
-                    vehicle.update(now_us, &settings);
+                    now = now.after_us(us);
+                    vehicle.update(now, &settings);
                 }
             }
             let (drives, status) = (vehicle.drives(), vehicle.status());

@@ -83,13 +83,13 @@ impl Scene {
     }
 
     fn save_now(&mut self) {
-        let now_us = self.desk.now_us;
-        while let Some(unsaved) = self.desk.autopilot.next_unsaved_signing(now_us) {
+        let now = self.desk.now();
+        while let Some(unsaved) = self.desk.autopilot.next_unsaved_signing(now) {
             if unsaved == ToStore::Nothing {
                 self.words.clear();
             }
             self.words.extend(self.stored().words(&unsaved));
-            self.desk.autopilot.signing_written(&unsaved, Ok(()), now_us);
+            self.desk.autopilot.signing_written(&unsaved, Ok(()), now);
         }
     }
 

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use super::super::to_store::next_mark;
 use super::super::{SigningTrouble, Timestamp};
 use super::*;
+use crate::time::{Instant, at_us};
 
 fn key(byte: u8) -> SigningKey {
     SigningKey::new([byte; 32]).expect("not all zeros")
@@ -46,12 +47,12 @@ impl WordLog {
 }
 
 fn set_up(signing: &mut Signing, key: Option<SigningKey>) {
-    signing.set_up(key, Timestamp::from_ticks(1_000_000_000).unwrap(), 0);
+    signing.set_up(key, Timestamp::from_ticks(1_000_000_000).unwrap(), Instant::EPOCH);
 }
 
 /// Has everything written that waits, until `at_most` so many words are; whether that was all.
 fn save(signing: &mut Signing, words: &mut WordLog, mut at_most: usize) -> bool {
-    while let Some(what) = signing.next_unsaved(0) {
+    while let Some(what) = signing.next_unsaved(Instant::EPOCH) {
         let wanted = words.read().words(&what).len();
         if what == ToStore::Nothing && at_most == 0 {
             return false;
@@ -215,10 +216,14 @@ fn a_lost_key_stays_lost_until_another_choice_is_complete() {
         let mut words = flash_with(&[Some(key(1)), None]);
         let mut signing = words.read().restore(Condition::Damaged);
         assert_eq!(signing.trouble(), Some(SigningTrouble::KeyLost));
-        assert_eq!(signing.next_unsaved(0), None, "what is there is left alone");
+        assert_eq!(
+            signing.next_unsaved(Instant::EPOCH),
+            None,
+            "what is there is left alone"
+        );
         set_up(&mut signing, choice.clone());
         assert_eq!(signing.trouble(), Some(SigningTrouble::NotSaved));
-        assert_eq!(signing.next_unsaved(0), Some(ToStore::Nothing));
+        assert_eq!(signing.next_unsaved(Instant::EPOCH), Some(ToStore::Nothing));
         assert!(save(&mut signing, &mut words, usize::MAX));
         assert_eq!(signing.trouble(), None);
         assert_eq!(found(words.restore()), choice.map_or(Found::NoKey, Found::Key));
@@ -232,7 +237,7 @@ fn what_could_not_be_written_is_unsaved_until_it_is_written_from_the_start() {
     signing.mark_failed();
     assert!(signing.signs() && signing.is_key_unsaved());
     assert_eq!(signing.trouble(), Some(SigningTrouble::NotSaved));
-    assert_eq!(signing.next_unsaved(0), Some(ToStore::Nothing));
+    assert_eq!(signing.next_unsaved(Instant::EPOCH), Some(ToStore::Nothing));
     assert!(save(&mut signing, &mut words, usize::MAX));
     assert_eq!((signing.trouble(), signing.is_key_unsaved()), (None, false));
     assert_eq!(words.key(), Some(key(1)));
@@ -267,12 +272,12 @@ fn after_a_restart_time_goes_on_after_all_that_was_signed() {
     for _ in 0..5 {
         let mut signing = words.restore();
         for second in 0..40 {
-            let now_us = second * 1_000_000;
-            while let Some(what) = signing.next_unsaved(now_us) {
+            let now = at_us(second * 1_000_000);
+            while let Some(what) = signing.next_unsaved(now) {
                 words.write(&what, usize::MAX);
                 signing.mark_saved(&what);
             }
-            let next = signing.clock.next(now_us);
+            let next = signing.clock.next(now);
             assert!(next > latest);
             latest = next;
         }
