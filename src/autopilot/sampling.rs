@@ -10,7 +10,7 @@ use crate::battery::{
     RetainedMemory, Tick, recall, retain,
 };
 use crate::log::{info, warn};
-use crate::mavlink::ArmingReadiness;
+use crate::mavlink::arming_readiness;
 use crate::pack::Pack;
 use crate::sensor::{AnalogPin, AnalogReadings, MonitorKind, Pulses};
 use crate::time::Instant;
@@ -97,7 +97,7 @@ impl Autopilot {
         self.vehicle.update_batteries(self.packs.bank.worst_failsafe());
         if self.packs.ticks.is_multiple_of(TICKS_PER_SECOND) {
             retain(memory, &self.packs.bank.memory());
-            self.readiness = ArmingReadiness::of(&self.system_state(), &self.parameters, &self.vehicle);
+            self.readiness = arming_readiness(&self.system_state(), &self.parameters, &self.vehicle);
         }
         self.packs.ticks = self.packs.ticks.wrapping_add(1);
     }

@@ -1,6 +1,6 @@
 //! The checks before arming: one list for an attempt to arm, RUN_PREARM_CHECKS and SYS_STATUS.
 
-use super::SystemState;
+use super::{ArmingReadiness, SystemState};
 use crate::battery::{ArmState, ArmingFailure, PackSettings, arming_failures};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
@@ -22,28 +22,6 @@ pub enum ArmingObstacle {
     Pack(Pack, ArmingFailure),
     /// This stick is deflected.
     Stick(Stick),
-}
-
-/// Whether the vehicle would be armed on request (SYS_STATUS, PREARM_CHECK).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ArmingReadiness {
-    /// A check fails, or the checks have not run yet.
-    #[default]
-    NotReady,
-    /// All checks pass, or it is armed.
-    Ready,
-}
-
-impl ArmingReadiness {
-    /// The readiness now.
-    pub fn of(state: &SystemState<'_>, parameters: &Parameters, vehicle: &Vehicle) -> Self {
-        let is_armed = vehicle.arm_state() == ArmState::Armed;
-        if is_armed || arming_obstacles(state, parameters, vehicle).next().is_none() {
-            Self::Ready
-        } else {
-            Self::NotReady
-        }
-    }
 }
 
 /// Everything that keeps the vehicle from being armed now, as far as it is checked (`ARMING_CHECK`).
@@ -70,4 +48,18 @@ pub fn arming_obstacles(
         .chain(restarting)
         .chain(of_packs)
         .chain(of_sticks)
+}
+
+/// Whether the vehicle would be armed on request now.
+pub fn arming_readiness(
+    state: &SystemState<'_>,
+    parameters: &Parameters,
+    vehicle: &Vehicle,
+) -> ArmingReadiness {
+    let is_armed = vehicle.arm_state() == ArmState::Armed;
+    if is_armed || arming_obstacles(state, parameters, vehicle).next().is_none() {
+        ArmingReadiness::Ready
+    } else {
+        ArmingReadiness::NotReady
+    }
 }

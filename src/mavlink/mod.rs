@@ -30,7 +30,7 @@ mod system_state;
 /// The dialect whose messages are used: `development` is `common` with BATTERY_STATUS_V2.
 pub use ::mavlink::dialects::development as dialect;
 
-pub use arming::{ArmingObstacle, ArmingReadiness, arming_obstacles};
+pub use arming::{ArmingObstacle, arming_obstacles, arming_readiness};
 pub use dispatcher::Event;
 pub use endpoint::Endpoint;
 pub use framer::Framer;
@@ -49,7 +49,7 @@ pub use services::signing::{SetupRefused, SigningChange};
 pub use signing::{
     AcceptUnsigned, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,
 };
-pub use system_state::{LinkStatistics, SystemState};
+pub use system_state::{ArmingReadiness, LinkStatistics, SystemState};
 
 /// The component id of the autopilot, `MAV_COMP_ID_AUTOPILOT1`.
 pub const COMPONENT_ID: u8 = 1;

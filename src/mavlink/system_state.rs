@@ -1,6 +1,6 @@
 //! Everything telemetry reports, at one moment.
 
-use super::{ArmingReadiness, ReceiveStatistics};
+use super::ReceiveStatistics;
 use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
 use crate::pack::Pack;
 use crate::vehicle::VehicleStatus;
@@ -82,6 +82,16 @@ impl SystemState<'_> {
             battery.status != PackStatus::Disabled && battery.visibility == Visibility::Reported
         })
     }
+}
+
+/// Whether the vehicle would be armed on request (SYS_STATUS, PREARM_CHECK).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ArmingReadiness {
+    /// A check fails, or the checks have not run yet.
+    #[default]
+    NotReady,
+    /// All checks pass, or it is armed.
+    Ready,
 }
 
 /// Counters of one link since boot. They wrap at 2^32.
