@@ -693,7 +693,7 @@ fn fuel_by_a_level_sensor_is_byte_exact() {
 }
 
 #[test]
-fn fuel_by_a_flow_sensor_tells_what_was_used_and_how_fast() {
+fn fuel_by_a_flow_sensor_reports_consumption_and_rate() {
     let flow = BatteryState {
         current_a: Some(3.6),
         temperature_c: Some(20.0),
@@ -743,7 +743,7 @@ fn battery_info_of_what_an_owner_has_set_is_byte_exact() {
 }
 
 #[test]
-fn battery_info_has_what_a_smart_battery_tells() {
+fn battery_info_has_the_details_of_a_smart_battery() {
     let data = info_of(smart());
     assert_eq!(
         (data.discharge_minimum_voltage, data.charging_maximum_voltage),
@@ -890,7 +890,7 @@ fn a_name_is_that_of_the_maker_or_of_the_product_if_the_other_is_missing() {
 }
 
 #[test]
-fn a_day_that_does_not_exist_is_not_told() {
+fn an_invalid_date_is_not_reported() {
     for (year, month, day) in [
         (10_000, 1, 1),
         (2026, 0, 1),

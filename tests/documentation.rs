@@ -387,7 +387,7 @@ fn pack_events() -> Vec<PackEvent> {
 }
 
 /// What the firmware says of packs, of arming and of the rover, without its numbers.
-fn told() -> Vec<String> {
+fn announced() -> Vec<String> {
     let packs = pack_events()
         .into_iter()
         .map(|event| format!("Battery 1 {event}"));
@@ -474,10 +474,10 @@ fn quoted() -> Vec<String> {
 
 #[test]
 fn every_text_the_guide_quotes_is_said_by_the_firmware() {
-    let (told, literals) = (told(), literals());
+    let (announced, literals) = (announced(), literals());
     let is_said = |text: &String| {
         let text = without_numbers(text);
-        told.contains(&text)
+        announced.contains(&text)
             || literals
                 .iter()
                 .filter(|literal| literal.replace('#', "").len() >= LEAST_FIXED_BYTES)
@@ -490,7 +490,10 @@ fn every_text_the_guide_quotes_is_said_by_the_firmware() {
 #[test]
 fn every_text_about_packs_arming_and_crashes_is_in_the_guide() {
     let quoted: Vec<_> = quoted().iter().map(|text| without_numbers(text)).collect();
-    let missing: Vec<_> = told().into_iter().filter(|text| !quoted.contains(text)).collect();
+    let missing: Vec<_> = announced()
+        .into_iter()
+        .filter(|text| !quoted.contains(text))
+        .collect();
     assert!(missing.is_empty(), "{missing:#?}");
 }
 

@@ -81,7 +81,7 @@ fn builders_prints_frames_that_a_ground_station_understands() {
 }
 
 #[test]
-fn replay_tells_of_each_reading_what_the_monitor_made_of_it_and_draws_it() {
+fn replay_reports_the_estimates_for_each_reading_and_plots_them() {
     let drawn = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("discharge.svg");
     let text = printed(run("replay", &drawing(drawn.to_str().expect("a path"))));
     let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());

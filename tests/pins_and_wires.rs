@@ -229,7 +229,7 @@ fn the_width_of_pulses_is_the_level_and_silence_is_unhealthy() {
 const FRAME: [u8; 10] = [0x19, 0x06, 0x90, 0x04, 0xd2, 0x01, 0x2c, 0x00, 0x64, 0x97];
 
 #[test]
-fn a_motor_controller_tells_voltage_current_and_temperature_until_it_falls_silent() {
+fn an_esc_reports_voltage_current_and_temperature_until_it_times_out() {
     let telemetry = Telemetry {
         bytes: FRAME.to_vec(),
         interval_us: 32_000,

@@ -100,7 +100,7 @@ fn a_key_can_be_set_up_by_cable_only() {
 }
 
 #[test]
-fn a_setup_with_an_impossible_time_or_for_somebody_else_changes_nothing() {
+fn a_setup_with_an_impossible_time_or_another_target_changes_nothing() {
     let mut cable = desk(LinkKind::Direct);
     let events = cable.receive_in_chunks(&setup_signing([OWNER; 32], 1 << 48), 64);
     assert_eq!(events, [Event::SigningRefused(SetupRefused::BadTime)]);

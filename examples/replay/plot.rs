@@ -94,16 +94,16 @@ fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
         state.remaining_pct
     })];
     let panel = Panel::new("Remaining charge (%)", 2, time, Axis::over([0.0, 100.0], 5));
-    let mut told = Vec::new();
+    let mut shown = Vec::new();
     for (from_s, to_s, state) in bands(rows) {
         let (name, colour) = looks(state);
         panel.band(svg, from_s, to_s, colour);
-        if !told.contains(&(name, colour)) {
-            told.push((name, colour));
+        if !shown.contains(&(name, colour)) {
+            shown.push((name, colour));
         }
     }
     panel.draw(svg, &lines);
-    panel.legend_of_bands(svg, &told);
+    panel.legend_of_bands(svg, &shown);
     marks(svg, &panel, rows);
     events(svg, &panel, rows);
 }

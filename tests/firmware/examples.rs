@@ -119,7 +119,7 @@ fn two_packs_are_reported_and_judged_each_by_its_own_settings() {
 }
 
 #[test]
-fn an_ina226_alone_is_read_and_its_loss_is_told() {
+fn an_ina226_alone_is_read_and_its_loss_is_announced() {
     const ADDRESS: u8 = 0x40;
     let part = shared(Ina226::new(0.002));
     part.borrow_mut().set(11.7, 10.0);

@@ -39,7 +39,7 @@ pub fn drive_for(bench: &mut Bench, time_us: u64, throttle: i16) {
     steer_for(bench, time_us, 0, throttle);
 }
 
-/// Lets time pass with a hand on both levers.
+/// Lets time pass with a hand on both sticks.
 pub fn steer_for(bench: &mut Bench, time_us: u64, steering: i16, throttle: i16) {
     for _ in 0..time_us / (100 * MILLISECOND) {
         let now_us = bench.time_us();

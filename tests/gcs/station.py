@@ -115,8 +115,8 @@ def volts(status):
     return sum(mv for mv in status.voltages if mv != 65535) / 1000
 
 
-def levers(url, throttle, steering=0):
-    """Somebody at the levers, on a connection of their own; each call sends MANUAL_CONTROL once and waits a little."""
+def sticks(url, throttle, steering=0):
+    """Somebody at the sticks, on a connection of their own; each call sends MANUAL_CONTROL once and waits a little."""
     connection = mavutil.mavlink_connection(url, source_system=254)
 
     def send():

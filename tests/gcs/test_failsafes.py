@@ -5,7 +5,7 @@ import time
 import pytest
 from pymavlink import mavutil
 
-from station import Background, command, connect, fresh, levers, receive, result_of, set_to
+from station import Background, command, connect, fresh, sticks, receive, result_of, set_to
 
 mavlink = mavutil.mavlink
 
@@ -139,7 +139,7 @@ def start_rover_with_current_sensor(start_rover):
 
 
 def driven(rover, throttle=0):
-    return Background(levers(rover.url, throttle))
+    return Background(sticks(rover.url, throttle))
 
 
 def test_a_low_voltage_counts_after_the_timer_and_until_the_battery_is_reset(start_rover):
@@ -405,7 +405,7 @@ def test_a_measurement_that_fails(start_rover, fault, charge_state, last):
         assert rover.battery_is_healthy()
 
 
-def test_it_holds_when_the_levers_fall_silent(start_rover):
+def test_it_holds_when_the_stick_input_times_out(start_rover):
     rover = start_rover(1)
     rover.start_driving()
     with driven(rover, throttle=300):
@@ -439,7 +439,7 @@ def test_it_is_not_armed_while_the_throttle_is_pushed(start_rover):
 
 def test_orders_that_waited_while_the_simulator_stood_still_move_nothing(start_rover):
     rover = start_rover(1)
-    push = levers(rover.url, throttle=1000)
+    push = sticks(rover.url, throttle=1000)
     rover.start_driving()
     rover.simulator.suspend()
     for _ in range(5):
@@ -479,7 +479,7 @@ def test_it_holds_when_the_ground_station_falls_silent(start_rover):
     rover.hears("GCS Failsafe: Hold", within=6)
     assert rover.now() - silent > 5
     assert rover.state() == (HOLD, True, CRITICAL)
-    assert not rover.has_said("Radio"), "nobody was at the levers"
+    assert not rover.has_said("Radio"), "nobody was at the sticks"
     heartbeat()
     assert rover.state() == (HOLD, True, ACTIVE)
     assert rover.set_mode(MANUAL) == ACCEPTED

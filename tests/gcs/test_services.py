@@ -49,7 +49,7 @@ def interval_of(vehicle, message_id):
     return answer.interval_us
 
 
-def test_the_interval_that_is_set_is_kept_and_told(vehicle):
+def test_a_set_interval_is_kept_and_reported(vehicle):
     assert interval_of(vehicle, BATTERY_STATUS) == 500_000
     assert command(vehicle, SET_INTERVAL, BATTERY_STATUS, 100_000) == ACCEPTED
     assert interval_of(vehicle, BATTERY_STATUS) == 100_000

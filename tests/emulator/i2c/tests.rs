@@ -335,7 +335,7 @@ fn levels_of_the_fifos_make_interrupts_and_dma_requests() {
 }
 
 #[test]
-fn tx_empty_waits_for_the_byte_if_told_to() {
+fn tx_empty_waits_for_the_byte_with_tx_empty_ctrl() {
     let mut i2c = i2c();
     command(&mut i2c, &[1 | STOP], 0);
     assert_eq!(raw(&mut i2c, 1) & TX_EMPTY, TX_EMPTY);

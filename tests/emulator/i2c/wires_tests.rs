@@ -33,7 +33,7 @@ fn pins_read(board: &mut Board) -> (bool, bool) {
 }
 
 #[test]
-fn lines_that_nobody_pulls_are_high() {
+fn lines_that_no_device_pulls_are_high() {
     assert_eq!(pins_read(&mut moving_board(0)), (true, true));
     assert_eq!(pins_read(&mut moving_board(1)), (false, true));
 }

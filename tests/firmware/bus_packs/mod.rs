@@ -71,8 +71,8 @@ pub fn assert_survives_unplugging<D: I2cDevice + 'static>(
     lose_supply(&mut part.borrow_mut());
     bench.i2c(BUS).attach(address, Box::new(Rc::clone(part)));
     bench.run_for(7 * SECOND);
-    let told = texts_of(&bench.frames());
-    let of_pack: Vec<_> = told.iter().filter(|text| text.contains("healthy")).collect();
+    let announced = texts_of(&bench.frames());
+    let of_pack: Vec<_> = announced.iter().filter(|text| text.contains("healthy")).collect();
     assert_eq!(
         of_pack,
         ["Battery 2 unhealthy: no answer", "Battery 2 healthy again"]

@@ -60,10 +60,10 @@ impl Old {
     /// Panics unless its clock is right.
     fn assert_time(&mut self) {
         let asked_us = self.bench.time_us() + self.ahead_us;
-        let told_us = self.ask_time_us();
+        let reported_us = self.ask_time_us();
         assert!(
-            (asked_us..asked_us + 100 * MILLISECOND).contains(&told_us),
-            "{told_us} us, asked at {asked_us} us"
+            (asked_us..asked_us + 100 * MILLISECOND).contains(&reported_us),
+            "{reported_us} us, asked at {asked_us} us"
         );
     }
 
