@@ -1,4 +1,4 @@
-//! Telling of a crash, in stepped time: from the heartbeat of a ground station to the wires.
+//! Crash reports, in stepped time: from the heartbeat of a ground station to the wires.
 
 #[path = "support/line.rs"]
 mod line;
@@ -28,7 +28,7 @@ const SECOND: u64 = 1_000_000;
 const GROUND_STATION: u8 = 6;
 const ONBOARD_CONTROLLER: u8 = 18;
 
-/// Somebody who sends a heartbeat every second from some time on.
+/// A system that sends a heartbeat every second from some time on.
 struct System {
     kind: u8,
     next_at_us: u64,

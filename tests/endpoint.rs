@@ -413,7 +413,7 @@ fn battery_status_is_requested_by_instance() {
     }
 }
 
-/// What is sent at due times from `desk.now_us` on, for so many seconds.
+/// What is sent at due times from `desk.now_us` on, for this many seconds.
 fn sent_for(desk: &mut Desk, seconds: u64) -> Vec<Frame> {
     sent_until(desk, desk.now_us + seconds * 1_000_000)
 }
@@ -596,7 +596,7 @@ fn fuel_status_is_sent_for_tanks_only_and_only_on_request() {
     assert_eq!(desk.statistics().dropped, 0);
 }
 
-/// The cycle counts that were told unasked in ten seconds, with the instance, by BATTERY_INFO and by SMART_BATTERY_INFO.
+/// The cycle counts that were sent without a request in ten seconds, with the instance, by BATTERY_INFO and by SMART_BATTERY_INFO.
 fn sent_cycles(desk: &mut Desk) -> Vec<(u8, u16)> {
     let sent = sent_for(desk, 10);
     let info: Vec<_> = of_message(&sent, BATTERY_INFO)
@@ -629,7 +629,7 @@ fn smart_battery_details_are_sent_once_per_change() {
     desk.set_batteries(&[with_cycles(8); 3]);
     assert_eq!(sent_cycles(&mut desk), [(0, 8), (2, 8)]);
 
-    // Another link is told once, too, however late it is opened.
+    // Another link gets them once, too, however late it is opened.
     desk.connect(LinkKind::Radio);
     assert_eq!(sent_cycles(&mut desk), [(0, 8), (1, 8), (2, 8)]);
     assert_eq!(sent_cycles(&mut desk), []);

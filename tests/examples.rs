@@ -97,7 +97,7 @@ fn replay_reports_the_estimates_for_each_reading_and_plots_them() {
         .count()
         - 1;
     assert_eq!(rows.len(), readings);
-    // The traces' README tells what is left.
+    // The traces' README states the remaining charge.
     let left_pct: f64 = rows[readings - 1][REMAINING_PCT].parse().expect("a number");
     assert!((left_pct - 33.5).abs() < 1.0, "{left_pct} %");
     let events: Vec<_> = rows

@@ -84,7 +84,7 @@ impl Wait for PulsedPin {
     }
 
     async fn wait_for_any_edge(&mut self) -> Result<(), Infallible> {
-        unimplemented!("nobody waits for it")
+        unimplemented!("no driver waits for it")
     }
 }
 
@@ -106,7 +106,7 @@ impl ByteSource for Telemetry {
     }
 }
 
-/// A converter nobody needs.
+/// A converter that no test reads.
 struct NoConverter;
 
 impl AnalogIn for NoConverter {
@@ -115,7 +115,7 @@ impl AnalogIn for NoConverter {
     }
 }
 
-/// What is known of the second pack, set up like this, each second.
+/// The state of the second pack with these settings, each second.
 fn states(
     seconds: u64,
     settings: &[(BatteryParameter, f32)],

@@ -1,4 +1,4 @@
-//! What the monitor made of a trace, as a picture: voltages, current, and the remaining charge with what was told of it.
+//! The estimates for a trace, as a picture: voltages, current, and the remaining charge with the charge states.
 
 mod axis;
 mod panel;
@@ -22,7 +22,7 @@ const RESTING: &str = "#d1662c";
 const CURRENT: &str = "#2c7a4b";
 const REMAINING: &str = "#5b3a8c";
 
-/// Texts of events are written in so many lines by turns, so that they do not cover each other.
+/// Texts of events are written in this many lines by turns, so that they do not cover each other.
 const EVENT_LINES: usize = 6;
 
 /// What is drawn beside the rows.

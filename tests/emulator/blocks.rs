@@ -131,7 +131,7 @@ impl SystemBus {
         }
     }
 
-    /// Tell the blocks whether the wired pins lead to them.
+    /// Pass to the blocks whether the wired pins lead to them.
     pub fn connect_pins(&mut self) {
         self.pin_settings = PinSettings::of(&self.chip);
         for number in 0..self.uart_pins.len() {

@@ -1,4 +1,4 @@
-//! Tests of wires at pins, and of blocks that nobody models.
+//! Tests of wires at pins, and of unmodelled blocks.
 
 use super::bench::*;
 use super::board::Board;

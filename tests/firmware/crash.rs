@@ -1,4 +1,4 @@
-//! What a crash leaves behind, and who is told of it after the restart.
+//! Crash records, and to which systems they are reported after the restart.
 
 use crate::bench::{
     Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, STACK_POINTER,
@@ -15,7 +15,7 @@ const CRITICAL: u8 = 2;
 /// A 2S pack at 7.9 V.
 const PACK_CODE: u16 = 2482;
 
-/// Sampling ticks fall on whole tenths of a second after boot, the motors are told something every 20 ms; this is between
+/// Sampling ticks fall on whole tenths of a second after boot, the motors are set every 20 ms; this is between
 /// two of either.
 const BETWEEN_TICKS_US: u64 = 5_050 * MILLISECOND;
 
@@ -79,16 +79,19 @@ fn said_to(bench: &mut Bench, kind: u8) -> Vec<String> {
     said_since(bench, from_us)
 }
 
-/// What the first ground station is told, that nobody is told before it, and nobody after it.
+/// The report to the first ground station. Panics if there is one before it, or another after it.
 fn reported_once(bench: &mut Bench) -> Vec<String> {
-    assert!(said_since(bench, 0).is_empty(), "told before anybody was there");
+    assert!(
+        said_since(bench, 0).is_empty(),
+        "reported before a ground station was heard"
+    );
     assert!(said_to(bench, ONBOARD_CONTROLLER).is_empty());
     let reported = said_to(bench, GROUND_STATION);
-    assert!(said_to(bench, GROUND_STATION).is_empty(), "told twice");
+    assert!(said_to(bench, GROUND_STATION).is_empty(), "reported twice");
     bench.reboot();
     assert!(
         said_to(bench, GROUND_STATION).is_empty(),
-        "told again after a restart"
+        "reported again after a restart"
     );
     println!("{reported:?}");
     reported
@@ -135,7 +138,7 @@ fn the_task_is_the_one_that_runs() {
 fn a_panic_is_reported_with_its_callers() {
     let mut bench = between_ticks();
     bench.panic();
-    // Whoever called it: any place in the program, as it stands in the link register.
+    // The caller: any place in the program, as it stands in the link register.
     let caller = bench.symbol("main") & !THUMB;
     bench.set_register(LINK_REGISTER, caller + 4 + THUMB);
     assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
@@ -270,7 +273,7 @@ fn intended_resets_are_not_reported_as_crashes() {
     assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
     assert_eq!(reported_once(&mut bench).len(), 1);
 
-    // A debugger resets the processor alone, and the watchdog still tells of the last time.
+    // A debugger resets the processor alone, and the watchdog still has the reason of the last reset.
     bench.reset_processor();
     bench.run_for(500 * MILLISECOND);
     assert_eq!(bench.logged(LogLevel::Info, "started by Processor").len(), 1);

@@ -79,7 +79,7 @@ fn the_analog_monitor_reports_the_pack_at_its_divider_and_lights_the_led_while_i
 }
 
 #[test]
-fn two_packs_are_reported_and_judged_each_by_its_own_settings() {
+fn two_packs_are_reported_and_monitored_each_by_its_own_settings() {
     let mut bench = Bench::power_up_example("two_packs");
     bench.adc_input(GP26, at_pin(11.4 / 4.0));
     bench.adc_input(GP27, at_pin(12.0 / 20.0));

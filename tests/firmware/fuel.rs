@@ -1,4 +1,4 @@
-//! Tanks: what their sensors tell, and what becomes of it on the wire.
+//! Tanks: from the sensors' signals to the messages.
 
 use crate::bench::{Bench, SECOND};
 use crate::emulator::AdcInput;
@@ -154,7 +154,7 @@ fn a_missing_pin_or_capacity_is_announced() {
 }
 
 #[test]
-fn a_pin_is_read_once_a_tick_whoever_shares_it() {
+fn a_shared_pin_is_read_once_a_tick() {
     let mut bench = with_tank(&[("BATT3_MONITOR", 24.0), ("BATT3_FL_PIN", 28.0)]);
     let before = bench.adc_conversions();
     bench.run_for(10 * SECOND);

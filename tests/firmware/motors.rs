@@ -114,7 +114,7 @@ fn a_change_comes_into_force_within_a_period_and_for_both_poles_at_once() {
     board.run_for(PWM_PERIOD_US);
     pins().for_each(|pin| board.record_pin(pin));
     run_to(&mut board, "full spin");
-    // Its log line is written after the motors were told.
+    // Its log line is written after the motors were set.
     let logged = board.time_cycles();
     board.run_for(PWM_PERIOD_US);
     for motor in motors() {

@@ -63,7 +63,7 @@ fn requests(round: u16) -> Vec<Vec<u8>> {
     ]
 }
 
-/// Ground stations ask, and somebody drives.
+/// Ground stations send requests, and one drives.
 fn load_for(bench: &mut Bench, seconds: u16) {
     let mut owner = signing::station(bench);
     for round in 0..seconds {

@@ -59,7 +59,7 @@ def test_a_synthetic_current_is_what_the_rover_takes_at_rest(vehicle_with):
         ("3s-lipo.param", 12.6, range(90, 101)),
         ("2s-18650.param", 8.4, range(90, 101)),
         ("3s-life.param", 10.6, range(90, 101)),
-        # The sources of its curve differ by too much to tell.
+        # The sources of its curve differ by too much for an estimate.
         ("6s-nimh.param", 8.4, [UNKNOWN]),
     ],
 )

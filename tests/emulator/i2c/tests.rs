@@ -23,7 +23,7 @@ const HIGH: Cycle = 126 + 11 + 7;
 const CLOCK: Cycle = 188 + HIGH;
 const BYTE: Cycle = 9 * CLOCK;
 
-/// Answers 0xa0, 0xa1, ...; refuses the byte `refused`, stretches as long as it is told.
+/// Answers 0xa0, 0xa1, ...; refuses the byte `refused`, stretches SCL for `stretch`.
 #[derive(Default)]
 pub struct Probe {
     pub written: Vec<u8>,

@@ -1,4 +1,4 @@
-//! What goes wrong on the bus: it makes its own pack unhealthy, is told once, ends by itself, and delays no other pack.
+//! Faults on the bus: each makes its own pack unhealthy, is announced once, is recovered from, and delays no other pack.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -54,8 +54,8 @@ impl<D> Faulty<D> {
         assert!(!self.bench.logged(LogLevel::Info, "battery 3: Healthy").is_empty());
     }
 
-    /// `fault` makes the second pack unhealthy within five seconds, which is told once with this reason; when it has
-    /// ended, the pack is back by itself, which is told once, too. The other packs keep their rate.
+    /// `fault` makes the second pack unhealthy within five seconds, which is announced once with this reason; when it
+    /// has ended, the pack recovers by itself, which is announced once, too. The other packs keep their rate.
     fn assert_survives(&mut self, reason: &str, fault: impl FnOnce(&mut Self), end: impl FnOnce(&mut Self)) {
         fault(self);
         let from_us = self.bench.time_us();

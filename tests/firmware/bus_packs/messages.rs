@@ -1,4 +1,4 @@
-//! What a smart battery tells of itself, in the messages made for that.
+//! The details of a smart battery, in the messages for them.
 
 use super::{BUS, shared, with_second_pack};
 use crate::bench::{Bench, SECOND};

@@ -58,7 +58,7 @@ pub fn after_a_second<R>(bench: &mut Bench, look: impl FnOnce(BatteryStatus<'_>)
     look(last_of(&frames, 1))
 }
 
-/// Unplugging the second pack's part is told once, and so is plugging it in again.
+/// Unplugging the second pack's part is announced once, and so is plugging it in again.
 pub fn assert_survives_unplugging<D: I2cDevice + 'static>(
     bench: &mut Bench,
     address: u8,

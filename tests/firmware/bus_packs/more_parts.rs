@@ -107,7 +107,7 @@ fn an_ltc2946_counts_charge_and_energy_itself() {
     bench.i2c(BUS).attach(0x6f, Box::new(Rc::clone(&part)));
     bench.run_for(9 * SECOND);
     after_a_second(&mut bench, |status| {
-        // 10 mAh and 4.32 hJ a second, also while nobody listened.
+        // 10 mAh and 4.32 hJ a second, also while it was not read.
         let (mah, hj) = (status.consumed_mah() - before_mah, status.energy_hj() - before_hj);
         assert!(mah.abs_diff(200) <= 2, "{mah} mAh");
         assert!(hj.abs_diff(86) <= 2, "{hj} hJ");

@@ -61,7 +61,7 @@ impl Ledger {
         settings.for_each(|setting| setting.reported_us = None);
     }
 
-    /// The board tells a parameter's value. Panics if it can't be that one.
+    /// The board reports a parameter's value. Panics if that value is impossible.
     pub fn reported(&mut self, name: &str, value: f32, at_us: u64) {
         let started_us = self.started_us;
         let Some(entry) = self.entries.get_mut(name) else {

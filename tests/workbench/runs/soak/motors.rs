@@ -8,7 +8,7 @@ use crate::motor_poles::motors;
 /// What the start of a frame among garbage has swallowed is found 293 bytes later, and a driver sends 400 a second.
 const SWALLOWED_MS: u64 = 730;
 
-/// FS_TIMEOUT, and on top of it: what garbage may hold a stick up; an erase of the flash; a tick of the drive task.
+/// FS_TIMEOUT, and on top of it: how long garbage may delay stick input; an erase of the flash; a tick of the drive task.
 const STICK_US: u64 = (1_500 + SWALLOWED_MS + 45 + 20) * MILLISECOND;
 
 /// A HEARTBEAT that was built before the order to arm was found may still say "disarmed".
@@ -89,7 +89,7 @@ impl Orders {
         }
     }
 
-    /// The age of the stick by which a side may move so.
+    /// The age of the stick input that permits this motion of a side.
     fn permit(&self, side: usize, motion: Motion, at_us: u64) -> Option<u64> {
         let power = match motion {
             Motion::Coast => return Some(0),
@@ -132,7 +132,7 @@ pub struct Motors {
     duties: [[f64; 2]; 4],
     /// Changes that were looked at.
     pub changes: u64,
-    /// The oldest stick that a motor was turned by.
+    /// The age of the oldest stick input that turned a motor.
     pub oldest_stick_us: u64,
     /// When one was seen to turn last.
     pub turned_us: Option<u64>,
@@ -149,7 +149,7 @@ impl Motors {
         pins().for_each(|(_, _, pin)| bench.record_pin(pin));
     }
 
-    /// Looks at changes. Panics if a motor does what nobody has ordered.
+    /// Checks changes. Panics if a motor does what was not ordered.
     pub fn check(&mut self, changes: &[Change], orders: &Orders) {
         for (place, change) in changes.iter().enumerate() {
             self.duties[change.motor][change.pole] = change.duty;
@@ -163,7 +163,7 @@ impl Motors {
         self.changes += changes.len() as u64;
     }
 
-    /// Panics if a motor does now what nobody has ordered. Returns the age of the oldest stick that one is turned by.
+    /// Panics if a motor does now what was not ordered. Returns the age of the oldest stick input that turns one.
     pub fn assert_ordered(&mut self, orders: &Orders, at_us: u64) -> u64 {
         let mut oldest_us = 0;
         for (motor, [positive, negative]) in self.duties.into_iter().enumerate() {

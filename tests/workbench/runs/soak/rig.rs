@@ -36,7 +36,7 @@ const FLOOD_BYTES: usize = 800;
 /// Signed frames are longer.
 const SIGNED_FLOOD_BYTES: usize = 650;
 
-/// So many of the owner's frames a stranger has recorded. The latest of them may not have arrived, and then they are no
+/// How many of the owner's frames a stranger has recorded. The latest of them may not have arrived, and then they are no
 /// recordings yet.
 const RECORDED: usize = 200;
 const TOO_NEW: usize = 50;
@@ -50,7 +50,7 @@ const TRIES: usize = 5;
 /// Enough for twice the parameters of four packs and for the hostile frames that are still on their way.
 const LIST_STEPS: usize = 50;
 
-/// Whom a board obeys.
+/// Which senders a board obeys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protection {
     /// Everyone.
@@ -73,7 +73,7 @@ pub struct Rig {
     pub(super) orders: Orders,
     pub(super) motors: Motors,
     pub(super) receiver: Receiver,
-    /// What was told of the parameters last.
+    /// The last reported value of each parameter.
     pub(super) reported: BTreeMap<String, f32>,
     /// The last HEARTBEAT, or the start.
     pub(super) alive_us: u64,
@@ -109,7 +109,7 @@ impl Rig {
         for (name, value) in packs::PARAMETERS {
             bench.set(name, value);
         }
-        // So that a stick is obeyed at once, and a list is over soon.
+        // So that stick input takes effect at once, and a list is over soon.
         bench.set("MOT_SLEWRATE", 0.0);
         bench.set("SR0_PARAMS", 50.0);
         bench.reboot();
@@ -183,7 +183,7 @@ impl Rig {
         self.flood(behind);
     }
 
-    /// Hostile frames of about so many bytes, if the line is shared.
+    /// Hostile frames of about this many bytes, if the line is shared.
     fn flood(&mut self, bytes: usize) {
         let mut sent = 0;
         while self.line.condition == Condition::Shared && sent < bytes {

@@ -30,7 +30,7 @@ enum Doing {
 pub enum Driver {
     /// Leaves the sticks neutral until the rover is seen to be armed.
     Careful,
-    /// Pushes a stick from the start and arms by force: the stick must not drive, since it is never neutral.
+    /// Deflects a stick from the start and arms by force: it must not drive, since it is never neutral.
     Hasty,
 }
 
@@ -48,7 +48,7 @@ pub struct Station {
     sees_armed: bool,
     heartbeat_due_us: u64,
     repeat_due_us: u64,
-    /// The stick, left and right, in thousandths.
+    /// The stick positions, in thousandths.
     steering: i16,
     throttle: i16,
     /// No value is set twice.

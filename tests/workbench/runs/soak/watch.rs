@@ -12,7 +12,7 @@ use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, Heartbeat, PARAM_
 /// the list of parameters, an erase of the flash, a step of this.
 const SILENCE_US: u64 = 1_300 * MILLISECOND;
 
-/// Without a fault: a step of this in which the station has just stopped to send sticks, and one in which the rover is told.
+/// Without a fault: a step of this in which the station has just stopped sending stick input, and one until the rover acts on it.
 const PROMPT_US: u64 = 250 * MILLISECOND;
 
 /// Flash is written only so long after a parameter was set, or after a start.
@@ -29,7 +29,7 @@ impl Rig {
         let frames = self.receive(None);
         self.take_all(&changes, &frames);
         self.look_at_flash();
-        // Nobody else looks at them, and they grow.
+        // They are not used elsewhere, and grow.
         self.bench.i2c(BUS).take_transactions();
         self.bench.take_log();
         let silence_us = self.now_us() - self.alive_us;
@@ -115,7 +115,7 @@ impl Rig {
             }
             assert!(
                 operation.time_us <= since_us + WRITING_US,
-                "nobody has set anything: {operation:?}"
+                "no parameter was set: {operation:?}"
             );
             match operation.kind {
                 FlashOperationKind::PageProgram => self.tally.programs += 1,
@@ -124,12 +124,12 @@ impl Rig {
         }
     }
 
-    /// No motor turns now that must not. Without a fault they follow the stick at once, and have turned by the end of a drive.
+    /// No motor turns now that must not. Without a fault they follow the stick input at once, and have turned by the end of a drive.
     fn look_at_drive(&mut self) {
         let stick_us = self.motors.assert_ordered(&self.orders, self.now_us());
         assert!(
             self.calm_since_us.is_none() || stick_us <= PROMPT_US,
-            "by a stick {stick_us} us ago"
+            "by stick input {stick_us} us old"
         );
         let Some(drive) = self.station.take_finished_drive() else {
             return;
