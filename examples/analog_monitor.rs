@@ -7,7 +7,7 @@
 //! | GND | ground of both |
 //!
 //! Flash it with `cargo run --release --target thumbv6m-none-eabi --example analog_monitor`. The Pico's own LED is lit while
-//! the pack is fine (a Pico W's is not at GP25, and stays dark). The remaining charge is known after half a minute: nobody measures the load, so the highest voltage
+//! the pack is fine (a Pico W's is not at GP25, and stays dark). The remaining charge is known after half a minute: the load is not measured, so the highest voltage
 //! until then is taken for the one at rest. It only speaks: a ground station shows the battery, and finds no parameters to set.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -76,7 +76,7 @@ mod firmware {
                 ..Measurement::default()
             });
 
-            // Judge, and tell what happened.
+            // Update the pack's state, and announce its events.
             let tick = Tick {
                 now: now(),
                 // Only then failsafes count, and nothing here can be disarmed.

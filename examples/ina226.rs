@@ -59,7 +59,7 @@ mod firmware {
         let mut ticker = Ticker::every(INTERVAL);
 
         loop {
-            // Ask the part, judge what it tells, and tell what happened. One that does not answer is given a rest.
+            // Read the part, update the pack's state, and announce its events. A part that does not answer is polled less often.
             let tick = Tick {
                 now: now(),
                 // Only then failsafes count, and nothing here can be disarmed.

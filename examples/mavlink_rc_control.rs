@@ -43,12 +43,12 @@ mod firmware {
         let _ = parameters.set(VehicleParameter::ArmingCheck, 0.0);
         let mut vehicle = Vehicle::new();
         let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, now());
-        // Nobody has a key: everybody may drive.
+        // No key is set: every sender may drive.
         let mut signing = Signing::off();
         let mut bytes = [0; 64];
 
         loop {
-            // Listen: what ground stations ask for, and where their sticks are.
+            // Receive requests and stick input of ground stations.
             let received = match with_timeout(LISTEN, receiver.receive(&mut bytes)).await {
                 Ok(Ok(count)) => bytes.get(..count).unwrap_or(&[]),
                 Ok(Err(_)) | Err(_) => &[],
@@ -63,7 +63,7 @@ mod firmware {
                 .is_some()
             {}
 
-            // Obey, or stop when nobody is heard any more.
+            // Follow the stick input, or stop when it times out.
             let _ = vehicle.update(now, &VehicleSettings::from_parameters(&parameters));
             motors.drive(vehicle.drives());
 

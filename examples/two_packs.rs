@@ -35,7 +35,7 @@ mod firmware {
     const INTERVAL: Duration = Duration::from_millis(100);
     const TIMEOUT: Duration = Duration::from_millis(2);
 
-    /// How a pack is wired, what its owner has set, and what is known of it.
+    /// A pack's wiring, its settings, and its state.
     struct MonitoredPack {
         voltage_pin: AnalogPin,
         divider: VoltageDivider,
@@ -115,7 +115,7 @@ mod firmware {
         let mut ticker = Ticker::every(INTERVAL);
 
         loop {
-            // Measure each pack, judge it by its own settings, and tell what happened to it.
+            // Measure each pack, update its state by its own settings, and announce its events.
             for (instance, pack) in Pack::ALL.into_iter().zip(&mut packs) {
                 let reading = measure(pack, &mut pins).await;
                 let tick = Tick {

@@ -557,7 +557,7 @@ fn battery_status_v2_is_in_volts_amperes_ampere_hours_and_percent() {
         assert!(data.capacity_remaining.is_nan());
         assert_eq!(data.state_of_charge.is_nan(), remaining_pct.is_none());
     }
-    // Net charging can be told.
+    // Net charging can be reported.
     let charged = BatteryState {
         consumed: Some(Amount::Mah(-50.0)),
         ..battery
@@ -629,7 +629,7 @@ fn only_a_gauge_counts_from_the_full_pack() {
     assert_eq!(status_v2_of(gauged).status_flags.bits(), 262_144);
 }
 
-/// What an owner sets of a pack that tells nothing itself.
+/// What an owner sets of a pack that reports nothing itself.
 fn as_set() -> BatteryState {
     BatteryState {
         cell_count: Some(3),
@@ -639,7 +639,7 @@ fn as_set() -> BatteryState {
     }
 }
 
-/// A pack that tells everything.
+/// A pack that reports all values.
 fn smart() -> BatteryState {
     BatteryState {
         cell_count: Some(4),
@@ -693,7 +693,7 @@ fn fuel_by_a_level_sensor_is_byte_exact() {
 }
 
 #[test]
-fn fuel_by_a_flow_sensor_tells_what_was_used_and_how_fast() {
+fn fuel_by_a_flow_sensor_reports_consumption_and_rate() {
     let flow = BatteryState {
         current_a: Some(3.6),
         temperature_c: Some(20.0),
@@ -743,7 +743,7 @@ fn battery_info_of_what_an_owner_has_set_is_byte_exact() {
 }
 
 #[test]
-fn battery_info_has_what_a_smart_battery_tells() {
+fn battery_info_has_the_details_of_a_smart_battery() {
     let data = info_of(smart());
     assert_eq!(
         (data.discharge_minimum_voltage, data.charging_maximum_voltage),
@@ -890,7 +890,7 @@ fn a_name_is_that_of_the_maker_or_of_the_product_if_the_other_is_missing() {
 }
 
 #[test]
-fn a_day_that_does_not_exist_is_not_told() {
+fn an_invalid_date_is_not_reported() {
     for (year, month, day) in [
         (10_000, 1, 1),
         (2026, 0, 1),
@@ -989,7 +989,7 @@ prop_compose! {
 }
 
 prop_compose! {
-    /// What a smart battery tells of itself.
+    /// The details a smart battery reports.
     fn any_details()(
         manufacturer in prop::collection::vec(any::<u8>(), 0..32), device in prop::collection::vec(any::<u8>(), 0..32),
         manufactured in prop::option::of(any_date()), cycle_count in any::<Option<u16>>(),
@@ -1003,7 +1003,7 @@ prop_compose! {
 }
 
 prop_compose! {
-    /// What is set of a pack, or told by it.
+    /// What is set for a pack, or reported by it.
     fn any_identity()(
         details in any_details(), cell_count in any::<Option<u8>>(), capacity in any_amount(),
         critical_voltage_v in any_value(), serial_number in any::<Option<i32>>(), gauge in any::<bool>(),

@@ -1,4 +1,4 @@
-//! Telling of a crash, in stepped time: from the heartbeat of a ground station to the wires.
+//! Crash reports, in stepped time: from the heartbeat of a ground station to the wires.
 
 #[path = "support/line.rs"]
 mod line;
@@ -28,7 +28,7 @@ const SECOND: u64 = 1_000_000;
 const GROUND_STATION: u8 = 6;
 const ONBOARD_CONTROLLER: u8 = 18;
 
-/// Somebody who sends a heartbeat every second from some time on.
+/// A system that sends a heartbeat every second from some time on.
 struct System {
     kind: u8,
     next_at_us: u64,
@@ -114,7 +114,7 @@ fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<(u64, String)>; 2] {
 }
 
 #[test]
-fn every_link_is_told_once_when_a_ground_station_is_heard_and_then_it_is_forgotten() {
+fn each_link_reports_a_crash_once_and_the_record_is_cleared() {
     let memory = Memory::default();
     for texts in run(GROUND_STATION, 3 * SECOND, &memory) {
         let said: Vec<_> = texts.iter().map(|(_, text)| text.as_str()).collect();
@@ -126,8 +126,8 @@ fn every_link_is_told_once_when_a_ground_station_is_heard_and_then_it_is_forgott
                 "Crash: called from 1000abca 1000abca 1000abca 1000"
             ]
         );
-        let told_us = texts[0].0..texts[1].0;
-        assert!(3 * SECOND < told_us.start && told_us.end < 3 * SECOND + 100_000);
+        let reported_us = texts[0].0..texts[1].0;
+        assert!(3 * SECOND < reported_us.start && reported_us.end < 3 * SECOND + 100_000);
     }
     assert_eq!(
         memory.0.get().map(|at_us| at_us / SECOND),
@@ -137,7 +137,7 @@ fn every_link_is_told_once_when_a_ground_station_is_heard_and_then_it_is_forgott
 }
 
 #[test]
-fn nobody_else_is_told_and_it_is_kept() {
+fn other_systems_get_no_crash_report_and_the_record_is_kept() {
     let memory = Memory::default();
     assert_eq!(run(ONBOARD_CONTROLLER, SECOND, &memory), [vec![], vec![]]);
     assert_eq!(memory.0.get(), None);

@@ -387,7 +387,7 @@ fn pack_events() -> Vec<PackEvent> {
 }
 
 /// What the firmware says of packs, of arming and of the rover, without its numbers.
-fn told() -> Vec<String> {
+fn announced() -> Vec<String> {
     let packs = pack_events()
         .into_iter()
         .map(|event| format!("Battery 1 {event}"));
@@ -451,7 +451,7 @@ fn matches(pattern: &str, text: &str) -> bool {
         && pattern.split(' ').zip(text.split(' ')).all(is_alike)
 }
 
-/// Below this a literal has too little of its own to tell a text by it.
+/// Below this a literal has too little fixed text to identify what it matches.
 const LEAST_FIXED_BYTES: usize = 8;
 
 /// What the tables of the guide headed "text" quote in their first column.
@@ -474,10 +474,10 @@ fn quoted() -> Vec<String> {
 
 #[test]
 fn every_text_the_guide_quotes_is_said_by_the_firmware() {
-    let (told, literals) = (told(), literals());
+    let (announced, literals) = (announced(), literals());
     let is_said = |text: &String| {
         let text = without_numbers(text);
-        told.contains(&text)
+        announced.contains(&text)
             || literals
                 .iter()
                 .filter(|literal| literal.replace('#', "").len() >= LEAST_FIXED_BYTES)
@@ -490,7 +490,10 @@ fn every_text_the_guide_quotes_is_said_by_the_firmware() {
 #[test]
 fn every_text_about_packs_arming_and_crashes_is_in_the_guide() {
     let quoted: Vec<_> = quoted().iter().map(|text| without_numbers(text)).collect();
-    let missing: Vec<_> = told().into_iter().filter(|text| !quoted.contains(text)).collect();
+    let missing: Vec<_> = announced()
+        .into_iter()
+        .filter(|text| !quoted.contains(text))
+        .collect();
     assert!(missing.is_empty(), "{missing:#?}");
 }
 
@@ -540,21 +543,38 @@ const REFUSED: [&str; 7] = [
     "for the sake of",
 ];
 
-/// The files in which refused words are looked for, by their path from the top: pages and sources.
+/// The folders in which refused words are looked for, with the extensions of the files there.
+const CHECKED: [(&str, &[&str]); 5] = [
+    ("docs", &["md"]),
+    ("src", &["rs"]),
+    ("tests", &["rs", "py", "md", "txt", "story"]),
+    ("examples", &["rs", "md"]),
+    ("benches", &["rs", "md"]),
+];
+
+/// The files in which refused words are looked for, by their path from the top. This one has the list of them.
 fn checked_files() -> Vec<String> {
-    let pages = files_below(&top().join("docs"), "md");
-    let pages = pages
-        .into_iter()
-        .chain(["README.md", "CONTRIBUTING.md"].map(|page| top().join(page)));
-    let sources = files_below(&top().join("src"), "rs");
+    let pages = ["README.md", "CONTRIBUTING.md"].map(|page| top().join(page));
+    let in_folders = CHECKED.iter().flat_map(|(folder, extensions)| {
+        let folder = top().join(folder);
+        extensions
+            .iter()
+            .flat_map(move |extension| files_below(&folder, extension))
+    });
+    // Scripts, most of them without an extension.
+    let scripts = fs::read_dir(top().join(".ci")).expect("the folder can be listed");
+    let scripts = scripts.map(|entry| entry.expect("it can be listed").path());
     pages
-        .chain(sources)
+        .into_iter()
+        .chain(in_folders)
+        .chain(scripts.filter(|path| path.is_file()))
         .map(|path| {
             path.strip_prefix(top())
                 .expect("it is below")
                 .display()
                 .to_string()
         })
+        .filter(|path| path != file!())
         .collect()
 }
 
@@ -577,9 +597,9 @@ fn refused_in(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn pages_and_sources_have_no_refused_words() {
+fn pages_sources_and_tests_have_no_refused_words() {
     let files = checked_files();
-    assert!(files.len() > 40, "only {} files were found", files.len());
+    assert!(files.len() > 300, "only {} files were found", files.len());
     let refused_in_file = |file: &String| {
         let refused = refused_in(&read(&top().join(file)));
         refused

@@ -413,7 +413,7 @@ fn battery_status_is_requested_by_instance() {
     }
 }
 
-/// What is sent at due times from `desk.now_us` on, for so many seconds.
+/// What is sent at due times from `desk.now_us` on, for this many seconds.
 fn sent_for(desk: &mut Desk, seconds: u64) -> Vec<Frame> {
     sent_until(desk, desk.now_us + seconds * 1_000_000)
 }
@@ -556,7 +556,7 @@ fn tank() -> BatteryState {
 }
 
 #[test]
-fn fuel_is_told_of_tanks_only_and_only_to_those_who_ask() {
+fn fuel_status_is_sent_for_tanks_only_and_only_on_request() {
     let without_capacity = BatteryState {
         capacity: None,
         ..tank()
@@ -596,8 +596,8 @@ fn fuel_is_told_of_tanks_only_and_only_to_those_who_ask() {
     assert_eq!(desk.statistics().dropped, 0);
 }
 
-/// The cycle counts that were told unasked in ten seconds, with the instance, by BATTERY_INFO and by SMART_BATTERY_INFO.
-fn told(desk: &mut Desk) -> Vec<(u8, u16)> {
+/// The cycle counts that were sent without a request in ten seconds, with the instance, by BATTERY_INFO and by SMART_BATTERY_INFO.
+fn sent_cycles(desk: &mut Desk) -> Vec<(u8, u16)> {
     let sent = sent_for(desk, 10);
     let info: Vec<_> = of_message(&sent, BATTERY_INFO)
         .iter()
@@ -612,27 +612,27 @@ fn told(desk: &mut Desk) -> Vec<(u8, u16)> {
 }
 
 #[test]
-fn what_a_smart_battery_tells_of_itself_is_told_once_each_time_it_changes() {
+fn smart_battery_details_are_sent_once_per_change() {
     let internal = BatteryState {
         visibility: Visibility::Internal,
         ..with_cycles(9)
     };
     let mut desk = Desk::with_packs(&[healthy(), with_cycles(7), internal]);
-    assert_eq!(told(&mut desk), [(1, 7)]);
-    assert_eq!(told(&mut desk), []);
+    assert_eq!(sent_cycles(&mut desk), [(1, 7)]);
+    assert_eq!(sent_cycles(&mut desk), []);
     desk.change_battery(Pack::Second, |battery| battery.voltage_v = Some(10.0));
-    assert_eq!(told(&mut desk), []);
+    assert_eq!(sent_cycles(&mut desk), []);
     desk.change_battery(Pack::Second, |battery| *battery = with_cycles(8));
-    assert_eq!(told(&mut desk), [(1, 8)]);
+    assert_eq!(sent_cycles(&mut desk), [(1, 8)]);
     desk.change_battery(Pack::Second, |battery| battery.details = PackDetails::default());
-    assert_eq!(told(&mut desk), []);
+    assert_eq!(sent_cycles(&mut desk), []);
     desk.set_batteries(&[with_cycles(8); 3]);
-    assert_eq!(told(&mut desk), [(0, 8), (2, 8)]);
+    assert_eq!(sent_cycles(&mut desk), [(0, 8), (2, 8)]);
 
-    // Another link is told once, too, however late it is opened.
+    // Another link gets them once, too, however late it is opened.
     desk.connect(LinkKind::Radio);
-    assert_eq!(told(&mut desk), [(0, 8), (1, 8), (2, 8)]);
-    assert_eq!(told(&mut desk), []);
+    assert_eq!(sent_cycles(&mut desk), [(0, 8), (1, 8), (2, 8)]);
+    assert_eq!(sent_cycles(&mut desk), []);
 }
 
 #[test]

@@ -81,7 +81,7 @@ fn builders_prints_frames_that_a_ground_station_understands() {
 }
 
 #[test]
-fn replay_tells_of_each_reading_what_the_monitor_made_of_it_and_draws_it() {
+fn replay_reports_the_estimates_for_each_reading_and_plots_them() {
     let drawn = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("discharge.svg");
     let text = printed(run("replay", &drawing(drawn.to_str().expect("a path"))));
     let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
@@ -97,7 +97,7 @@ fn replay_tells_of_each_reading_what_the_monitor_made_of_it_and_draws_it() {
         .count()
         - 1;
     assert_eq!(rows.len(), readings);
-    // The traces' README tells what is left.
+    // The traces' README states the remaining charge.
     let left_pct: f64 = rows[readings - 1][REMAINING_PCT].parse().expect("a number");
     assert!((left_pct - 33.5).abs() < 1.0, "{left_pct} %");
     let events: Vec<_> = rows

@@ -84,7 +84,7 @@ impl Wait for PulsedPin {
     }
 
     async fn wait_for_any_edge(&mut self) -> Result<(), Infallible> {
-        unimplemented!("nobody waits for it")
+        unimplemented!("no driver waits for it")
     }
 }
 
@@ -106,7 +106,7 @@ impl ByteSource for Telemetry {
     }
 }
 
-/// A converter nobody needs.
+/// A converter that no test reads.
 struct NoConverter;
 
 impl AnalogIn for NoConverter {
@@ -115,7 +115,7 @@ impl AnalogIn for NoConverter {
     }
 }
 
-/// What is known of the second pack, set up like this, each second.
+/// The state of the second pack with these settings, each second.
 fn states(
     seconds: u64,
     settings: &[(BatteryParameter, f32)],
@@ -229,7 +229,7 @@ fn the_width_of_pulses_is_the_level_and_silence_is_unhealthy() {
 const FRAME: [u8; 10] = [0x19, 0x06, 0x90, 0x04, 0xd2, 0x01, 0x2c, 0x00, 0x64, 0x97];
 
 #[test]
-fn a_motor_controller_tells_voltage_current_and_temperature_until_it_falls_silent() {
+fn an_esc_reports_voltage_current_and_temperature_until_it_times_out() {
     let telemetry = Telemetry {
         bytes: FRAME.to_vec(),
         interval_us: 32_000,

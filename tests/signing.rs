@@ -100,7 +100,7 @@ fn a_key_can_be_set_up_by_cable_only() {
 }
 
 #[test]
-fn a_setup_with_an_impossible_time_or_for_somebody_else_changes_nothing() {
+fn a_setup_with_an_impossible_time_or_another_target_changes_nothing() {
     let mut cable = desk(LinkKind::Direct);
     let events = cable.receive_in_chunks(&setup_signing([OWNER; 32], 1 << 48), 64);
     assert_eq!(events, [Event::SigningRefused(SetupRefused::BadTime)]);
@@ -123,7 +123,7 @@ fn without_the_key_the_radio_is_deaf_to_everything_but_radios() {
     let v1 = encode_v1(PARAM_SET, &param_set_payload(VEHICLE, "BATT_LOW_VOLT", 6.5));
     assert!(!was_obeyed(&mut radio, &v1));
     assert!(was_obeyed(&mut radio, &radio_status(50)));
-    assert_eq!(radio.sent(), [], "nobody is answered");
+    assert_eq!(radio.sent(), [], "no request is answered");
     assert_eq!(*radio.parameters(), Parameters::defaults());
     let mut signer = Signer::new(OWNER);
     for request in [reading_requests(), changing_requests()].concat() {
@@ -259,7 +259,7 @@ fn our_time_follows_who_is_ahead() {
     let frames = radio.ask(&signer.sign(&param_read_by_name("BATT_LOW_VOLT")));
     let answer = of_message(&frames, PARAM_VALUE)[0];
     assert!(Signer::new(OWNER).verify(answer).1 >= NEW_YEAR + 1_000_000_000);
-    // Somebody else with the key, two hours behind, has to catch up first: it could be a recording.
+    // Another sender with the key, two hours behind, is refused until it catches up: it could be a replay.
     let mut late = Signer::new(OWNER);
     late.link = 4;
     assert!(!was_obeyed(&mut radio, &late.sign(&arm())));

@@ -74,7 +74,7 @@ struct Run {
     late_cable: Vec<Frame>,
 }
 
-/// Runs a vehicle with this flash until a restart is asked for, or for so many seconds. Requests come by cable.
+/// Runs a vehicle with this flash until a restart is requested, or for this many seconds. Requests come by cable.
 fn run(seconds: u64, flash: &SmallFlash, requests: &[(u64, Vec<u8>)]) -> Run {
     run_while(seconds, flash, requests, pending())
 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::fmt;
 
-/// So much more than before is a regression.
+/// An increase above this is a regression.
 const TOLERANCE: f64 = 0.10;
 
 /// Something that was measured.

@@ -68,7 +68,7 @@ pub fn tables() -> Vec<Table> {
     ]
 }
 
-/// A board with so many packs, each of which is measured by voltage and current.
+/// A board with this many packs, each of which is measured by voltage and current.
 fn with_packs(count: u8) -> Bench {
     let mut parameters = vec![("SERIAL0_BAUD".to_owned(), BAUD)];
     for number in 1..=count {

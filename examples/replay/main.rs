@@ -83,7 +83,7 @@ fn picture(arguments: &Arguments, parameters: &Parameters, rows: &[Row]) -> Stri
 
 fn print(rows: &[Row]) -> io::Result<()> {
     match io::stdout().write_all(report::csv(rows).as_bytes()) {
-        // Whoever reads the rows has seen enough of them.
+        // The reader of the rows has closed the pipe.
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         result => result,
     }

@@ -1,4 +1,4 @@
-//! What the monitor made of a trace, as a picture: voltages, current, and the remaining charge with what was told of it.
+//! The estimates for a trace, as a picture: voltages, current, and the remaining charge with the charge states.
 
 mod axis;
 mod panel;
@@ -22,7 +22,7 @@ const RESTING: &str = "#d1662c";
 const CURRENT: &str = "#2c7a4b";
 const REMAINING: &str = "#5b3a8c";
 
-/// Texts of events are written in so many lines by turns, so that they do not cover each other.
+/// Texts of events are written in this many lines by turns, so that they do not cover each other.
 const EVENT_LINES: usize = 6;
 
 /// What is drawn beside the rows.
@@ -94,16 +94,16 @@ fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
         state.remaining_pct
     })];
     let panel = Panel::new("Remaining charge (%)", 2, time, Axis::over([0.0, 100.0], 5));
-    let mut told = Vec::new();
+    let mut shown = Vec::new();
     for (from_s, to_s, state) in bands(rows) {
         let (name, colour) = looks(state);
         panel.band(svg, from_s, to_s, colour);
-        if !told.contains(&(name, colour)) {
-            told.push((name, colour));
+        if !shown.contains(&(name, colour)) {
+            shown.push((name, colour));
         }
     }
     panel.draw(svg, &lines);
-    panel.legend_of_bands(svg, &told);
+    panel.legend_of_bands(svg, &shown);
     marks(svg, &panel, rows);
     events(svg, &panel, rows);
 }

@@ -1,4 +1,4 @@
-//! What the monitor made of a trace, as CSV: one row a reading.
+//! The estimates for a trace, as CSV: one row a reading.
 //!
 //! | column | |
 //! |---|---|
@@ -8,7 +8,7 @@
 //! | `remaining_pct` | −1 while unknown |
 //! | `charge_state` | MAVLink's `MAV_BATTERY_CHARGE_STATE` |
 //! | `failsafe` | 0 none, 1 unhealthy, 2 low, 3 critical |
-//! | `events` | what a ground station would be told, separated by `;`, without commas |
+//! | `events` | what would be announced to a ground station, separated by `;`, without commas |
 
 use std::fmt::Write;
 
@@ -22,7 +22,7 @@ const HEADER: &str = "t_s,voltage_v,current_a,consumed_mah,consumed_wh,resistanc
 pub struct Row {
     /// Seconds since the trace's start.
     pub time_s: f64,
-    /// What is known of the pack.
+    /// The state of the pack.
     pub state: BatteryState,
     /// How urgent it is.
     pub failsafe: FailsafeLevel,

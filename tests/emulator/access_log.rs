@@ -1,5 +1,5 @@
-//! A record of the accesses a test may want to know of: those to nowhere, and those to blocks that
-//! nobody models.
+//! A record of the accesses a test may check: those to unmapped addresses, and those to unmodelled
+//! blocks.
 
 use std::collections::BTreeMap;
 
@@ -21,7 +21,7 @@ pub struct BusErrorRecord {
     pub direction: Direction,
 }
 
-/// Accesses to a block that nobody models.
+/// Accesses to an unmodelled block.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnmodelledAccess {
     pub block: &'static str,

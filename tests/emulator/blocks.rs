@@ -40,7 +40,7 @@ impl SystemBus {
                 self.soc.read(Id::Gpio, address & 0xfff, self.now)
             }
             Model::Crate => {
-                self.tell_chip_the_time();
+                self.pass_time_to_chip();
                 self.chip.read32(address)
             }
             Model::Storage => self.stored_register(address),
@@ -86,7 +86,7 @@ impl SystemBus {
 
     fn write_crate_block(&mut self, block: &Block, address: u32, value: u32) {
         let held_before = self.chip.resets.state;
-        self.tell_chip_the_time();
+        self.pass_time_to_chip();
         self.chip.write32(address, value);
         if block.base == RESETS_BASE {
             self.apply_resets(held_before);
@@ -97,7 +97,7 @@ impl SystemBus {
     }
 
     /// The crate's PLLs count cycles until they lock.
-    fn tell_chip_the_time(&mut self) {
+    fn pass_time_to_chip(&mut self) {
         self.chip.advance_lazy_scheduled(self.now - self.chip_now);
         self.chip_now = self.now;
     }
@@ -131,7 +131,7 @@ impl SystemBus {
         }
     }
 
-    /// Tell the blocks whether the wired pins lead to them.
+    /// Pass to the blocks whether the wired pins lead to them.
     pub fn connect_pins(&mut self) {
         self.pin_settings = PinSettings::of(&self.chip);
         for number in 0..self.uart_pins.len() {

@@ -222,7 +222,7 @@ impl Board {
         micros(end)
     }
 
-    /// Whether the chip sees a pin as high, whoever makes it so.
+    /// Whether the chip sees a pin as high, whatever drives it.
     pub fn input_level(&mut self, pin: usize) -> bool {
         self.bus.sample_inputs();
         bit(self.bus.chip.gpio_in, pin as u32)

@@ -1,5 +1,5 @@
 //! The bus: sends every access of the processor and of the DMA to the memory or the block it is
-//! meant for, and reports those that are meant for nobody.
+//! meant for, and reports those to unmapped addresses.
 
 use std::collections::BTreeMap;
 
@@ -24,7 +24,7 @@ pub enum Width {
     Word = 4,
 }
 
-/// An access nobody answers ("unmapped address ranges raise a bus error when accessed", 2.2).
+/// An access to no block ("unmapped address ranges raise a bus error when accessed", 2.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusError;
 

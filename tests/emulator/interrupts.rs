@@ -1,4 +1,4 @@
-//! From interrupt lines to pending interrupts, and who may preempt whom (ARMv6-M B1.5, B3.4).
+//! From interrupt lines to pending interrupts, and which may preempt which (ARMv6-M B1.5, B3.4).
 
 use rp2040_emu::bus::ppb::Ppb;
 use rp2040_emu::core::Nvic;

@@ -12,7 +12,7 @@ pub enum Model {
     Crate,
     /// Registers that read back what was written; nothing that is emulated depends on them.
     Storage,
-    /// Nobody: registers read back what was written, and the access is recorded.
+    /// No model: registers read back what was written, and the access is recorded.
     None,
 }
 

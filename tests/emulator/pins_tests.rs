@@ -1,4 +1,4 @@
-//! Tests of wires at pins, and of blocks that nobody models.
+//! Tests of wires at pins, and of unmodelled blocks.
 
 use super::bench::*;
 use super::board::Board;
@@ -98,7 +98,7 @@ fn a_pin_level_is_known_when_the_processor_drives_it() {
 }
 
 #[test]
-fn blocks_that_nobody_models_read_back_and_are_recorded() {
+fn unmodelled_blocks_read_back_and_are_recorded() {
     let mut board = idle_board();
     board.write_register(SPI0, 5);
     assert!(board.unmodelled().is_empty(), "held in reset, the write is lost");

@@ -135,7 +135,7 @@ impl Board {
         self.bus.attention = true;
     }
 
-    /// The flash chip is not reset with the RP2040: it ends what it was told to do, and the boot ROM
+    /// The flash chip is not reset with the RP2040: it completes the running operation, and the boot ROM
     /// finds no second stage with a valid checksum until it has (2.8.1.3.1).
     fn prepare_flash(&mut self, entry: u32) {
         self.bus.all_code_is_stale = true;

@@ -106,7 +106,7 @@ impl Ssi {
     }
 
     /// A byte goes to the chip and one comes back. The address and mode bits of a read are no
-    /// bytes; nobody looks at what that read returns.
+    /// bytes; what that read returns is not used.
     fn send(&mut self, value: u32) {
         let sends_bytes = field(self.register(CTRLR0), 16, 5) == FRAME_OF_8;
         if self.is_enabled() && sends_bytes {

@@ -1,4 +1,4 @@
-//! Runs what is to be run, says how it goes, and sums up as `cargo test` does.
+//! Runs the selected runs, reports the progress, and sums up as `cargo test` does.
 
 use std::panic::catch_unwind;
 use std::process::ExitCode;

@@ -26,7 +26,7 @@ fn the_banner_names_version_and_reset_reason() {
 }
 
 #[test]
-fn two_lines_a_second_tell_voltage_and_rates() {
+fn two_lines_a_second_report_voltage_and_rates() {
     let mut bench = Bench::power_up(2482);
     bench.run_for(10 * SECOND + SECOND / 2);
     let lines = bench.logged(LogLevel::Info, "samples/s");

@@ -39,7 +39,7 @@ fn crash_quickly(bench: &mut Bench, times: usize) -> Vec<Frame> {
     frames
 }
 
-fn tells_why(frames: &[Frame]) -> bool {
+fn reports_cause(frames: &[Frame]) -> bool {
     let texts = of_message(frames, STATUSTEXT);
     texts
         .iter()
@@ -55,7 +55,7 @@ fn five_quick_resets_start_with_defaults_and_leave_flash_alone() {
     let mut bench = configured();
     bench.ask(&arm());
     let frames = crash_quickly(&mut bench, 5);
-    assert!(tells_why(&frames), "{frames:?}");
+    assert!(reports_cause(&frames), "{frames:?}");
     assert_eq!(bench.logged(LogLevel::Warn, NOTICE).len(), 1);
     assert_eq!(value(&mut bench), Some(DEFAULT));
     let heartbeats = of_message(&frames, HEARTBEAT);
@@ -69,7 +69,7 @@ fn five_quick_resets_start_with_defaults_and_leave_flash_alone() {
 fn four_do_not() {
     let mut bench = configured();
     let frames = crash_quickly(&mut bench, 4);
-    assert!(!tells_why(&frames));
+    assert!(!reports_cause(&frames));
     assert_eq!(value(&mut bench), Some(VALUE));
 }
 
@@ -77,9 +77,9 @@ fn four_do_not() {
 fn one_more_crash_stays_with_defaults_and_one_after_half_a_minute_does_not() {
     let mut bench = configured();
     let frames = crash_quickly(&mut bench, 6);
-    assert!(tells_why(&frames));
+    assert!(reports_cause(&frames));
     let frames = crash_after(&mut bench, 31 * SECOND);
-    assert!(!tells_why(&frames));
+    assert!(!reports_cause(&frames));
     assert_eq!(value(&mut bench), Some(VALUE));
 }
 
@@ -98,14 +98,14 @@ fn restarts_that_were_asked_for_do_not_count() {
     crash_quickly(&mut bench, 4);
     bench.reboot();
     let frames = crash_quickly(&mut bench, 4);
-    assert!(!tells_why(&frames));
+    assert!(!reports_cause(&frames));
     for _ in 0..5 {
         bench.reboot();
     }
     assert_eq!(value(&mut bench), Some(VALUE));
     bench.press_run();
     let frames = crash_quickly(&mut bench, 4);
-    assert!(!tells_why(&frames));
+    assert!(!reports_cause(&frames));
 }
 
 #[test]
@@ -113,7 +113,7 @@ fn crashes_half_a_minute_apart_are_no_loop() {
     let mut bench = configured();
     for _ in 0..5 {
         let frames = crash_after(&mut bench, 31 * SECOND);
-        assert!(!tells_why(&frames));
+        assert!(!reports_cause(&frames));
     }
     assert_eq!(value(&mut bench), Some(VALUE));
 }

@@ -116,12 +116,12 @@ fn the_pack_is_reset_by_either_form_of_the_command() {
 }
 
 #[test]
-fn intervals_and_messages_are_told_on_request() {
+fn intervals_and_messages_are_sent_on_request() {
     let mut bench = running();
     let answers = bench.ask(&command_long(GET_MESSAGE_INTERVAL, 147.0));
     assert_eq!(result(&answers), ACCEPTED);
-    let told = of_message(&answers, MESSAGE_INTERVAL)[0];
-    assert_eq!((told.i32(0), told.u16(4)), (500_000, 147));
+    let interval = of_message(&answers, MESSAGE_INTERVAL)[0];
+    assert_eq!((interval.i32(0), interval.u16(4)), (500_000, 147));
 
     for (request, message) in [
         (command_long(REQUEST_MESSAGE, 148.0), AUTOPILOT_VERSION),
@@ -195,10 +195,10 @@ fn ping_and_timesync_are_answered() {
     let answers = bench.ask(&timesync(42));
     let time = of_message(&answers, TIMESYNC)[0];
     assert_eq!(time.u32(8), 42);
-    let told_us = (u64::from(time.u32(0)) | u64::from(time.u32(4)) << 32) / 1000;
+    let reported_us = (u64::from(time.u32(0)) | u64::from(time.u32(4)) << 32) / 1000;
     assert!(
-        told_us >= asked_us && told_us < asked_us + SECOND / 10,
-        "{told_us} us, asked at {asked_us} us"
+        reported_us >= asked_us && reported_us < asked_us + SECOND / 10,
+        "{reported_us} us, asked at {asked_us} us"
     );
 }
 

@@ -1,4 +1,4 @@
-//! What a crash leaves behind, and who is told of it after the restart.
+//! Crash records, and to which systems they are reported after the restart.
 
 use crate::bench::{
     Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, STACK_POINTER,
@@ -15,7 +15,7 @@ const CRITICAL: u8 = 2;
 /// A 2S pack at 7.9 V.
 const PACK_CODE: u16 = 2482;
 
-/// Sampling ticks fall on whole tenths of a second after boot, the motors are told something every 20 ms; this is between
+/// Sampling ticks fall on whole tenths of a second after boot, the motors are set every 20 ms; this is between
 /// two of either.
 const BETWEEN_TICKS_US: u64 = 5_050 * MILLISECOND;
 
@@ -79,19 +79,22 @@ fn said_to(bench: &mut Bench, kind: u8) -> Vec<String> {
     said_since(bench, from_us)
 }
 
-/// What the first ground station is told, that nobody is told before it, and nobody after it.
-fn told_once(bench: &mut Bench) -> Vec<String> {
-    assert!(said_since(bench, 0).is_empty(), "told before anybody was there");
+/// The report to the first ground station. Panics if there is one before it, or another after it.
+fn reported_once(bench: &mut Bench) -> Vec<String> {
+    assert!(
+        said_since(bench, 0).is_empty(),
+        "reported before a ground station was heard"
+    );
     assert!(said_to(bench, ONBOARD_CONTROLLER).is_empty());
-    let told = said_to(bench, GROUND_STATION);
-    assert!(said_to(bench, GROUND_STATION).is_empty(), "told twice");
+    let reported = said_to(bench, GROUND_STATION);
+    assert!(said_to(bench, GROUND_STATION).is_empty(), "reported twice");
     bench.reboot();
     assert!(
         said_to(bench, GROUND_STATION).is_empty(),
-        "told again after a restart"
+        "reported again after a restart"
     );
-    println!("{told:?}");
-    told
+    println!("{reported:?}");
+    reported
 }
 
 fn assert_logged(bench: &Bench, text: &str) {
@@ -100,7 +103,7 @@ fn assert_logged(bench: &Bench, text: &str) {
 }
 
 #[test]
-fn an_undefined_instruction_is_told_with_its_place_and_its_task() {
+fn an_undefined_instruction_is_reported_with_its_address_and_task() {
     let mut bench = in_drive();
     let link_register = bench.register(LINK_REGISTER);
     bench.run_undefined_instruction();
@@ -109,7 +112,7 @@ fn an_undefined_instruction_is_told_with_its_place_and_its_task() {
         format!("Crash: hard fault in drive, PC {UNDEFINED_INSTRUCTION:#010x} LR {link_register:#010x}");
     assert_logged(&bench, &headline);
     assert_logged(&bench, "xPSR 0x");
-    assert_eq!(told_once(&mut bench)[0], headline);
+    assert_eq!(reported_once(&mut bench)[0], headline);
 }
 
 #[test]
@@ -124,28 +127,30 @@ fn the_task_is_the_one_that_runs() {
     assert!(bench.run_until(15 * MILLISECOND, is_in_another));
     bench.set_register(PROGRAM_COUNTER, UNDEFINED_INSTRUCTION);
     assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
-    let told = told_once(&mut bench);
+    let reported = reported_once(&mut bench);
     assert!(
-        told[0].starts_with("Crash: hard fault in UART0 reader, PC "),
-        "{told:?}"
+        reported[0].starts_with("Crash: hard fault in UART0 reader, PC "),
+        "{reported:?}"
     );
 }
 
 #[test]
-fn a_panic_is_told_with_the_call_that_led_to_it() {
+fn a_panic_is_reported_with_its_callers() {
     let mut bench = between_ticks();
     bench.panic();
-    // Whoever called it: any place in the program, as it stands in the link register.
+    // The caller: any place in the program, as it stands in the link register.
     let caller = bench.symbol("main") & !THUMB;
     bench.set_register(LINK_REGISTER, caller + 4 + THUMB);
     assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
     assert!(!bench.logged(LogLevel::Error, "panicked").is_empty());
-    let told = told_once(&mut bench);
+    let reported = reported_once(&mut bench);
     assert!(
-        told[0].starts_with("Crash: hard fault in drive, PC 0x10"),
-        "{told:?}"
+        reported[0].starts_with("Crash: hard fault in drive, PC 0x10"),
+        "{reported:?}"
     );
-    let calls = told[1].strip_prefix("Crash: called from ").expect("the calls");
+    let calls = reported[1]
+        .strip_prefix("Crash: called from ")
+        .expect("the calls");
     let calls: Vec<_> = calls.split(' ').collect();
     assert!(
         calls.contains(&&*format!("{:08x}", caller + 2)),
@@ -162,8 +167,8 @@ fn a_fault_in_an_interrupt_names_it() {
     assert!(bench.run_until(SECOND, is_in_timer));
     bench.set_register(PROGRAM_COUNTER, UNDEFINED_INSTRUCTION);
     assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
-    let told = told_once(&mut bench);
-    assert!(told[0].ends_with(" in IRQ 0"), "{told:?}");
+    let reported = reported_once(&mut bench);
+    assert!(reported[0].ends_with(" in IRQ 0"), "{reported:?}");
 }
 
 #[test]
@@ -171,7 +176,7 @@ fn a_fault_before_the_watchdog_runs_restarts_the_board_too() {
     let mut bench = Bench::power_up(PACK_CODE);
     bench.run_undefined_instruction();
     assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
-    assert!(told_once(&mut bench)[0].starts_with("Crash: hard fault in "));
+    assert!(reported_once(&mut bench)[0].starts_with("Crash: hard fault in "));
 }
 
 #[test]
@@ -181,7 +186,7 @@ fn the_start_is_named_like_a_task() {
     bench.run_for(4 * MILLISECOND);
     bench.hang_program();
     assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
-    assert_eq!(told_once(&mut bench), ["Crash: hung or locked up in main"]);
+    assert_eq!(reported_once(&mut bench), ["Crash: hung or locked up in main"]);
 }
 
 #[test]
@@ -190,15 +195,15 @@ fn a_task_that_never_yields_is_named() {
     bench.hang_program();
     assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
     assert_logged(&bench, "Crash: hung or locked up in drive");
-    assert_eq!(told_once(&mut bench), ["Crash: hung or locked up in drive"]);
+    assert_eq!(reported_once(&mut bench), ["Crash: hung or locked up in drive"]);
 }
 
 #[test]
-fn a_hang_outside_of_tasks_is_told_so() {
+fn a_hang_outside_of_tasks_is_reported_as_such() {
     let mut bench = between_ticks();
     bench.hang_program();
     assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
-    assert_eq!(told_once(&mut bench), ["Crash: hung or locked up in no task"]);
+    assert_eq!(reported_once(&mut bench), ["Crash: hung or locked up in no task"]);
 }
 
 #[test]
@@ -207,7 +212,7 @@ fn a_stack_overflow_names_the_task() {
     let used_up = bench.symbol("_stack_end") + 8;
     bench.set_register(STACK_POINTER, used_up);
     assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
-    assert_eq!(told_once(&mut bench), ["Crash: hung or locked up in drive"]);
+    assert_eq!(reported_once(&mut bench), ["Crash: hung or locked up in drive"]);
 }
 
 #[test]
@@ -218,7 +223,7 @@ fn a_task_that_waits_for_ever_is_named() {
     assert!(bench.run_until(5 * SECOND, |board| !board.resets().is_empty()));
     bench.restore_interrupt(DMA_IRQ);
     bench.run_for(500 * MILLISECOND);
-    assert_eq!(told_once(&mut bench), ["Crash: UART0 writer was overdue"]);
+    assert_eq!(reported_once(&mut bench), ["Crash: UART0 writer was overdue"]);
 }
 
 #[test]
@@ -236,39 +241,39 @@ fn a_task_that_was_overdue_and_came_back_is_not_blamed_for_what_happens_later() 
     assert!(bench.resets().is_empty(), "it is alive again");
     bench.hang_program();
     assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
-    assert_eq!(told_once(&mut bench), ["Crash: hung or locked up in no task"]);
+    assert_eq!(reported_once(&mut bench), ["Crash: hung or locked up in no task"]);
 }
 
 #[test]
-fn nobody_there_to_be_told_and_the_record_stays_over_further_resets() {
+fn without_a_ground_station_the_record_survives_further_resets() {
     let mut bench = in_drive();
     bench.run_undefined_instruction();
     assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
     bench.reboot();
     bench.press_run();
     bench.run_for(500 * MILLISECOND);
-    assert!(told_once(&mut bench)[0].starts_with("Crash: hard fault in drive"));
+    assert!(reported_once(&mut bench)[0].starts_with("Crash: hard fault in drive"));
 }
 
 #[test]
-fn the_latest_crash_is_the_one_that_is_told() {
+fn the_latest_crash_is_reported() {
     let mut bench = in_drive();
     bench.run_undefined_instruction();
     assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);
     bench.hang_program();
     assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
-    assert_eq!(told_once(&mut bench), ["Crash: hung or locked up in no task"]);
+    assert_eq!(reported_once(&mut bench), ["Crash: hung or locked up in no task"]);
     assert_logged(&bench, "Crash: hard fault in drive");
 }
 
 #[test]
-fn what_somebody_does_on_purpose_is_no_crash() {
+fn intended_resets_are_not_reported_as_crashes() {
     let mut bench = between_ticks();
     bench.hang_program();
     assert_reset(&mut bench, ResetCause::WatchdogTimer, TIMEOUT_US);
-    assert_eq!(told_once(&mut bench).len(), 1);
+    assert_eq!(reported_once(&mut bench).len(), 1);
 
-    // A debugger resets the processor alone, and the watchdog still tells of the last time.
+    // A debugger resets the processor alone, and the watchdog still has the reason of the last reset.
     bench.reset_processor();
     bench.run_for(500 * MILLISECOND);
     assert_eq!(bench.logged(LogLevel::Info, "started by Processor").len(), 1);
@@ -286,7 +291,7 @@ fn what_somebody_does_on_purpose_is_no_crash() {
 }
 
 #[test]
-fn telemetry_goes_on_while_a_crash_is_told() {
+fn telemetry_continues_while_a_crash_is_reported() {
     let mut bench = in_drive();
     bench.run_undefined_instruction();
     assert_reset(&mut bench, ResetCause::WatchdogForce, AT_ONCE_US);

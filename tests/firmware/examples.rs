@@ -79,7 +79,7 @@ fn the_analog_monitor_reports_the_pack_at_its_divider_and_lights_the_led_while_i
 }
 
 #[test]
-fn two_packs_are_reported_and_judged_each_by_its_own_settings() {
+fn two_packs_are_reported_and_monitored_each_by_its_own_settings() {
     let mut bench = Bench::power_up_example("two_packs");
     bench.adc_input(GP26, at_pin(11.4 / 4.0));
     bench.adc_input(GP27, at_pin(12.0 / 20.0));
@@ -119,7 +119,7 @@ fn two_packs_are_reported_and_judged_each_by_its_own_settings() {
 }
 
 #[test]
-fn an_ina226_alone_is_read_and_its_loss_is_told() {
+fn an_ina226_alone_is_read_and_its_loss_is_announced() {
     const ADDRESS: u8 = 0x40;
     let part = shared(Ina226::new(0.002));
     part.borrow_mut().set(11.7, 10.0);

@@ -1,4 +1,4 @@
-//! Tanks: what their sensors tell, and what becomes of it on the wire.
+//! Tanks: from the sensors' signals to the messages.
 
 use crate::bench::{Bench, SECOND};
 use crate::emulator::AdcInput;
@@ -122,9 +122,9 @@ fn fuel_is_streamed_to_those_who_ask_and_of_tanks_only() {
     let from_us = bench.time_us();
     bench.run_for(10 * SECOND);
     let frames = bench.frames_since(from_us);
-    let told = of_message(&frames, FUEL_STATUS);
-    assert_eq!(told.len(), 10);
-    assert!(told.iter().all(|frame| frame.u8(24) == 1));
+    let sent = of_message(&frames, FUEL_STATUS);
+    assert_eq!(sent.len(), 10);
+    assert!(sent.iter().all(|frame| frame.u8(24) == 1));
 }
 
 #[test]
@@ -137,7 +137,7 @@ fn a_tank_with_a_level_sensor_is_not_reset() {
 }
 
 #[test]
-fn without_a_pin_or_a_capacity_the_owner_is_told_why_there_is_no_level() {
+fn a_missing_pin_or_capacity_is_announced() {
     for (missing, reason) in [
         (("BATT2_FL_PIN", -1.0), "Battery 2 unhealthy: no pin set"),
         (("BATT2_CAPACITY", 0.0), "Battery 2 unhealthy: no capacity set"),
@@ -154,7 +154,7 @@ fn without_a_pin_or_a_capacity_the_owner_is_told_why_there_is_no_level() {
 }
 
 #[test]
-fn a_pin_is_read_once_a_tick_whoever_shares_it() {
+fn a_shared_pin_is_read_once_a_tick() {
     let mut bench = with_tank(&[("BATT3_MONITOR", 24.0), ("BATT3_FL_PIN", 28.0)]);
     let before = bench.adc_conversions();
     bench.run_for(10 * SECOND);

@@ -114,8 +114,8 @@ fn a_change_comes_into_force_within_a_period_and_for_both_poles_at_once() {
     board.run_for(PWM_PERIOD_US);
     pins().for_each(|pin| board.record_pin(pin));
     run_to(&mut board, "full spin");
-    // Its log line is written after the motors were told.
-    let told = board.time_cycles();
+    // Its log line is written after the motors were set.
+    let logged = board.time_cycles();
     board.run_for(PWM_PERIOD_US);
     for motor in motors() {
         let times: Vec<u64> = [motor.positive, motor.negative]
@@ -125,7 +125,7 @@ fn a_change_comes_into_force_within_a_period_and_for_both_poles_at_once() {
             .collect();
         assert!(!times.is_empty(), "{motor:?}");
         assert!(times.iter().all(|&at| at == times[0]), "{times:?}");
-        assert!(times[0] <= told + PWM_PERIOD_US * CYCLES_PER_US);
+        assert!(times[0] <= logged + PWM_PERIOD_US * CYCLES_PER_US);
     }
 }
 

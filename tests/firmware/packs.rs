@@ -66,7 +66,7 @@ fn nine_packs_are_sampled_and_reported_at_10_hz() {
     }
     assert!(of_message(&frames, SYS_STATUS).len().abs_diff(600) <= 1);
     assert_eq!(of_message(&frames, HEARTBEAT).len(), 60);
-    // Each tick reads each of the two pins once, whoever needs it.
+    // Each tick reads each of the two pins once, for all packs that use it.
     assert_eq!((bench.adc_conversions() - conversions).div_ceil(32), 600);
     let samples = bench.log_lines()[log_lines..]
         .iter()
@@ -120,7 +120,7 @@ fn a_current_without_a_voltage_and_one_without_a_sensor() {
             ("BATT2_AMP_OFFSET", 0.5),
         ],
     );
-    // What the voltage has told before the restart would be kept.
+    // The estimate from the voltage before the restart would be kept.
     bench.power_cycle();
     bench.adc_input(CURRENT, AdcInput::Code(ONE_VOLT));
     bench.run_for(2 * SECOND);
@@ -128,7 +128,7 @@ fn a_current_without_a_voltage_and_one_without_a_sensor() {
     let current_only = last_of(&frames, 0);
     assert_eq!(current_only.voltage_mv(0), u16::MAX);
     assert!(current_only.current_ca().abs_diff(1700) <= 1);
-    assert_eq!(current_only.remaining_pct(), -1, "nobody knows how full it was");
+    assert_eq!(current_only.remaining_pct(), -1, "its state of charge is unknown");
     // No throttle: the offset alone.
     let synthetic = last_of(&frames, 1);
     assert_eq!((synthetic.voltage_mv(0), synthetic.current_ca()), (7901, 50));

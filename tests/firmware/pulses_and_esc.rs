@@ -90,7 +90,7 @@ fn fast_pulses_are_not_lost() {
 }
 
 #[test]
-fn the_width_of_pulses_tells_the_level_and_silence_is_told() {
+fn the_pulse_width_gives_the_level_and_a_timeout_is_announced() {
     let mut bench = with_tank(FUEL_LEVEL_PWM, &[]);
     for (width_us, pct) in [(1900, 100), (1500, 50), (1100, 0)] {
         let from_us = bench.time_us() + MILLISECOND;
@@ -148,7 +148,7 @@ fn the_frame_of_the_facts_is_the_one_the_tests_make() {
 }
 
 #[test]
-fn a_motor_controller_tells_voltage_current_temperature_and_charge() {
+fn an_esc_reports_voltage_current_temperature_and_charge() {
     let mut bench = with_esc();
     for tick in 0..50u16 {
         send(&mut bench, &telemetry(40, 1680, 1234, 300 + tick));
@@ -182,7 +182,7 @@ fn noise_between_the_frames_of_a_controller_costs_none_of_the_later_ones() {
 }
 
 #[test]
-fn a_controller_that_falls_silent_is_told_and_taken_up_again() {
+fn an_esc_timeout_is_announced_and_the_pack_recovers() {
     let mut bench = with_esc();
     for _ in 0..20 {
         send(&mut bench, &telemetry(30, 1200, 500, 0));

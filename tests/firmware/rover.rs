@@ -39,7 +39,7 @@ pub fn drive_for(bench: &mut Bench, time_us: u64, throttle: i16) {
     steer_for(bench, time_us, 0, throttle);
 }
 
-/// Lets time pass with a hand on both levers.
+/// Lets time pass with constant stick input.
 pub fn steer_for(bench: &mut Bench, time_us: u64, steering: i16, throttle: i16) {
     for _ in 0..time_us / (100 * MILLISECOND) {
         let now_us = bench.time_us();
@@ -68,7 +68,7 @@ fn driving(parameters: &[(&str, f32)]) -> Bench {
 /// The pin that is low while the rover drives ahead and high while it brakes.
 const BRAKING_PIN: usize = LEFT[0].negative;
 
-/// When that pin went high for good, in microseconds.
+/// When that pin first stayed high, in microseconds.
 fn braked_at_us(bench: &mut Bench) -> u64 {
     let changes = bench.take_pwm_changes(BRAKING_PIN);
     let braked = changes

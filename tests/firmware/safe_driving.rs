@@ -1,4 +1,4 @@
-//! No stale order drives: what a lever, a command or a silence may do, at the pins of the motors.
+//! No stale order drives: the effect of stick input, commands and timeouts at the pins of the motors.
 
 use crate::bench::{Bench, MILLISECOND, SECOND, value_of};
 use crate::motor_poles::motors;
@@ -22,7 +22,7 @@ const UNCHANGED_US: u16 = u16::MAX;
 const MIDDLE_US: u16 = 1500;
 const FULL_US: u16 = 2000;
 
-/// A rover that follows its levers at once.
+/// A rover that follows stick input at once.
 fn rover() -> Bench {
     Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0), ("MOT_SLEWRATE", 0.0)])
 }
@@ -89,7 +89,7 @@ fn a_throttle_that_is_not_repeated_stops_while_steering_goes_on() {
 }
 
 #[test]
-fn a_lever_that_was_pushed_while_disarmed_and_is_silent_since_does_not_drive() {
+fn stick_input_from_before_arming_does_not_drive_after_a_timeout() {
     let mut bench = rover();
     to_manual(&mut bench);
     bench.ask(&manual_control(VEHICLE_ID, 0, 1000));
@@ -107,7 +107,7 @@ fn it_is_not_armed_while_the_throttle_is_pushed() {
     assert_eq!(result(&answers), FAILED);
     assert_eq!(texts(&answers), ["Arm: Throttle (RC3) is not neutral"]);
     assert!(is_coasting(&bench));
-    // By force it is, and the lever has to be neutral once.
+    // Forced arming is accepted, and the stick has to be neutral once.
     drive_for(&mut bench, 200 * MILLISECOND, 1000);
     assert_eq!(
         result(&bench.ask(&command_long_2(ARM_DISARM, 1.0, FORCED))),

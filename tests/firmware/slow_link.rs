@@ -56,13 +56,13 @@ fn heartbeat_keeps_its_rate_and_every_stream_its_share() {
         "drops are counted"
     );
 
-    let told: Vec<_> = of_message(&frames, STATUSTEXT)
+    let announced: Vec<_> = of_message(&frames, STATUSTEXT)
         .iter()
         .map(|frame| frame.text(1, 50))
         .filter(|text| text.starts_with("Link"))
         .collect();
     assert_eq!(
-        told,
+        announced,
         ["Link too slow for its rates: telemetry reduced"],
         "said once"
     );

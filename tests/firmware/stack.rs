@@ -63,15 +63,15 @@ fn requests(round: u16) -> Vec<Vec<u8>> {
     ]
 }
 
-/// Ground stations ask, and somebody drives.
+/// Ground stations send requests, and one drives.
 fn load_for(bench: &mut Bench, seconds: u16) {
     let mut owner = signing::station(bench);
     for round in 0..seconds {
         for request in requests(round) {
             let now_us = bench.time_us();
             let free_us = bench.uart_send(0, now_us, &owner.sign(&request));
-            let levers = owner.sign(&manual_control(VEHICLE_ID, 200, 600));
-            bench.uart_send(0, free_us, &levers);
+            let sticks = owner.sign(&manual_control(VEHICLE_ID, 200, 600));
+            bench.uart_send(0, free_us, &sticks);
             bench.run_for(100 * MILLISECOND);
         }
     }

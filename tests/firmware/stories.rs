@@ -74,7 +74,7 @@ impl Stage {
                     .adc_input(CURRENT_SENSOR, code(f64::from(amperes) / AMPERES_PER_VOLT));
             }
             Input::Arm => {
-                // A lever that is deflected while the rover is armed would have to be neutral first.
+                // A stick deflected on arming would have to be neutral first.
                 self.send(&manual_control(VEHICLE_ID, 0, 0));
                 self.send(&command_long_2(COMPONENT_ARM_DISARM, 1.0, FORCE));
                 self.send(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));

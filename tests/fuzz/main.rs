@@ -1,6 +1,6 @@
 //! A bounded run of what is fuzzed: the corpus, changes to it, and any bytes.
 //!
-//! `libfuzzer/` runs the same functions for as long as one likes; its README says how.
+//! `libfuzzer/` runs the same functions without a time limit, as its README describes.
 
 #[path = "../support/desk.rs"]
 mod desk;

@@ -218,7 +218,7 @@ def draw(lines, title):
 def main():
     title = f"MAVProxy {version('mavproxy')} and the simulator (cargo run)"
     PICTURE.parent.mkdir(exist_ok=True)
-    # The port the simulator has unless told otherwise.
+    # The simulator's default port.
     PICTURE.write_text(draw(record(5760), title))
 
 

@@ -100,14 +100,14 @@ def knows_its_voltage(status):
 
 
 def pack(connection, instance, is_known=knows_its_voltage):
-    """The pack's BATTERY_STATUS once its sensor has told something."""
+    """The pack's BATTERY_STATUS once its sensor has delivered a reading."""
     request, message = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
     for _ in range(20):
         assert command(connection, request, message, instance) == mavlink.MAV_RESULT_ACCEPTED
         status = receive(connection, ["BATTERY_STATUS"])
         if status.id == instance and is_known(status):
             return status
-    raise AssertionError(f"pack {instance} never told anything: {status}")
+    raise AssertionError(f"pack {instance} never reported a reading: {status}")
 
 
 def volts(status):
@@ -115,8 +115,8 @@ def volts(status):
     return sum(mv for mv in status.voltages if mv != 65535) / 1000
 
 
-def levers(url, throttle, steering=0):
-    """Somebody at the levers, on a connection of their own; each call sends MANUAL_CONTROL once and waits a little."""
+def sticks(url, throttle, steering=0):
+    """Stick input on a connection of its own; each call sends MANUAL_CONTROL once and waits a little."""
     connection = mavutil.mavlink_connection(url, source_system=254)
 
     def send():
@@ -141,7 +141,7 @@ class Background:
         try:
             while not self.over.is_set():
                 self.act()
-        except Exception as error:  # Told at the end of the block.
+        except Exception as error:  # Raised again at the end of the block.
             self.error = error
 
     def __enter__(self):

@@ -35,7 +35,7 @@ def test_all_three_see_the_same_pack(vehicle):
     assert monitor.energy_consumed >= 0 and battery.energy_consumed >= 0
 
 
-def test_a_smart_battery_tells_who_it_is(vehicle):
+def test_a_smart_battery_identifies_itself(vehicle):
     pack(vehicle, 2)
     request = mavlink.MAV_CMD_REQUEST_MESSAGE
     number = mavlink.MAVLINK_MSG_ID_SMART_BATTERY_INFO

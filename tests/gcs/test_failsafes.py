@@ -1,11 +1,11 @@
-"""Arming, driving and the failsafes, as somebody at a ground station goes through them."""
+"""Arming, driving and the failsafes, from a ground station."""
 
 import time
 
 import pytest
 from pymavlink import mavutil
 
-from station import Background, command, connect, fresh, levers, receive, result_of, set_to
+from station import Background, command, connect, fresh, receive, result_of, set_to, sticks
 
 mavlink = mavutil.mavlink
 
@@ -139,7 +139,7 @@ def start_rover_with_current_sensor(start_rover):
 
 
 def driven(rover, throttle=0):
-    return Background(levers(rover.url, throttle))
+    return Background(sticks(rover.url, throttle))
 
 
 def test_a_low_voltage_counts_after_the_timer_and_until_the_battery_is_reset(start_rover):
@@ -155,7 +155,7 @@ def test_a_low_voltage_counts_after_the_timer_and_until_the_battery_is_reset(sta
         assert not rover.battery_is_healthy()
 
         rover.set(SIM_BATT_VOLTAGE=11.5)
-        # A charge state has to last for 3 s before it is told.
+        # A charge state has to last for 3 s before it is reported.
         rover.let_pass(5)
         battery = rover.battery()
         assert battery.voltages[0] > 11_300
@@ -394,7 +394,7 @@ def test_a_measurement_that_fails(start_rover, fault, charge_state, last):
         rover.hears(f"Battery 1 is missing, last: {last}", within=6.5)
         # The 5 s begin with the last good reading, one tick before.
         assert rover.now() - failed > 4.8
-        # It is only told of: no voltage is not a low one.
+        # It is only announced: a missing voltage is not a low one.
         assert rover.state() == (MANUAL, True, ACTIVE)
 
         rover.set(SIM_BATT_FAULT=0)
@@ -405,7 +405,7 @@ def test_a_measurement_that_fails(start_rover, fault, charge_state, last):
         assert rover.battery_is_healthy()
 
 
-def test_it_holds_when_the_levers_fall_silent(start_rover):
+def test_it_holds_when_the_stick_input_times_out(start_rover):
     rover = start_rover(1)
     rover.start_driving()
     with driven(rover, throttle=300):
@@ -439,7 +439,7 @@ def test_it_is_not_armed_while_the_throttle_is_pushed(start_rover):
 
 def test_orders_that_waited_while_the_simulator_stood_still_move_nothing(start_rover):
     rover = start_rover(1)
-    push = levers(rover.url, throttle=1000)
+    push = sticks(rover.url, throttle=1000)
     rover.start_driving()
     rover.simulator.suspend()
     for _ in range(5):
@@ -479,7 +479,7 @@ def test_it_holds_when_the_ground_station_falls_silent(start_rover):
     rover.hears("GCS Failsafe: Hold", within=6)
     assert rover.now() - silent > 5
     assert rover.state() == (HOLD, True, CRITICAL)
-    assert not rover.has_said("Radio"), "nobody was at the levers"
+    assert not rover.has_said("Radio"), "no stick input was received"
     heartbeat()
     assert rover.state() == (HOLD, True, ACTIVE)
     assert rover.set_mode(MANUAL) == ACCEPTED

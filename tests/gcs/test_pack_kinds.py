@@ -59,7 +59,7 @@ def test_a_synthetic_current_is_what_the_rover_takes_at_rest(vehicle_with):
         ("3s-lipo.param", 12.6, range(90, 101)),
         ("2s-18650.param", 8.4, range(90, 101)),
         ("3s-life.param", 10.6, range(90, 101)),
-        # The sources of its curve differ by too much to tell.
+        # The sources of its curve differ by too much for an estimate.
         ("6s-nimh.param", 8.4, [UNKNOWN]),
     ],
 )
@@ -80,7 +80,7 @@ def test_two_packs_and_their_sum(vehicle_with):
     assert monitor.current_battery == pytest.approx(430, abs=10)
 
 
-def test_a_tank_is_told_of_in_millilitres(vehicle_with):
+def test_a_tank_is_reported_in_millilitres(vehicle_with):
     # The simulator has no tank. Its current sensor's pin has 0.25 V at 4.3 A: a level for other ends than the file's.
     vehicle = vehicle_with("fuel-level.param", BATT2_FL_PIN=27, BATT2_FL_VLT_MIN=0.01, BATT2_FL_V_MULT=2)
     status = pack(vehicle, 1, is_known=lambda status: status.battery_remaining >= 0)

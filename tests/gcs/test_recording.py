@@ -62,8 +62,8 @@ def test_a_log_of_a_ground_station_becomes_a_recording(start_simulator, script, 
     assert all(row["current_a"] == "" for row in recorded)
     known = [float(row["voltage_v"]) for row in recorded if row["voltage_v"]]
     assert max(known) > 12.4 and known[-1] < 10.1
-    (told,) = replay(drive, "BATT_CELLS=3", "BATT_LOW_VOLT=10.5", "BATT_LOW_TIMER=1")
-    assert told.startswith("is low 9.9")
+    (event,) = replay(drive, "BATT_CELLS=3", "BATT_LOW_VOLT=10.5", "BATT_LOW_TIMER=1")
+    assert event.startswith("is low 9.9")
 
 
 def test_a_link_is_recorded_until_ctrl_c(start_simulator, script, tmp_path):

@@ -49,7 +49,7 @@ def interval_of(vehicle, message_id):
     return answer.interval_us
 
 
-def test_the_interval_that_is_set_is_kept_and_told(vehicle):
+def test_a_set_interval_is_kept_and_reported(vehicle):
     assert interval_of(vehicle, BATTERY_STATUS) == 500_000
     assert command(vehicle, SET_INTERVAL, BATTERY_STATUS, 100_000) == ACCEPTED
     assert interval_of(vehicle, BATTERY_STATUS) == 100_000
@@ -289,7 +289,7 @@ def test_answers_go_only_where_the_request_came_from(two_links):
 def test_a_ground_station_on_udp_may_come_late_and_come_back(start_simulator):
     udp_port = free_port()
     start_simulator("--udp", f"127.0.0.1:{udp_port}")
-    time.sleep(2)  # Nobody listens.
+    time.sleep(2)  # No station listens.
     for _ in range(2):
         connection = connect(f"udpin:127.0.0.1:{udp_port}")
         messages = messages_of(connection, 2)

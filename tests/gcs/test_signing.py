@@ -71,7 +71,7 @@ def vehicle(start_simulator):
     return vehicle
 
 
-def test_who_has_the_key_is_obeyed_and_nobody_else(vehicle):
+def test_only_signed_commands_are_obeyed(vehicle):
     assert is_deaf(vehicle.radio), "without a key"
     sign_with(vehicle.radio, KEY)
     assert set_to(vehicle.radio, "BATT_LOW_VOLT", 10.5).param_value == 10.5
@@ -153,7 +153,7 @@ def test_a_key_that_was_removed_protects_nothing_any_more(vehicle):
     assert not any(message.get_signed() for message in messages_of(vehicle.radio, 2))
 
 
-def test_a_ground_station_without_the_key_is_told_once_a_minute(vehicle):
+def test_a_ground_station_without_the_key_is_warned_once_a_minute(vehicle):
     texts = []
     for _ in range(20):
         vehicle.radio.mav.param_request_read_send(1, 1, b"BATT_LOW_VOLT", -1)

@@ -64,7 +64,7 @@ fn panic_functions(program: &Program, calls: &[Call]) -> BTreeMap<u32, String> {
         found.values().any(|name| name.ends_with("rust_begin_unwind")),
         "no panic handler: {found:?}"
     );
-    // A function of core that can panic is not a site of its own: whoever calls it is one.
+    // A function of core that can panic is not a site of its own: its caller is.
     loop {
         let callers = calls.iter().filter(|call| found.contains_key(&call.to));
         let new: Vec<&Symbol> = callers

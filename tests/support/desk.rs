@@ -163,7 +163,7 @@ impl Desk {
         self.sent_at_most(usize::MAX)
     }
 
-    /// The messages that leave while the wire takes so many.
+    /// The messages that leave while the wire takes this many.
     pub fn sent_at_most(&mut self, messages: usize) -> Vec<Frame> {
         let mut bytes = Vec::new();
         for _ in 0..messages {

@@ -50,7 +50,7 @@ pub fn build(artifact: Artifact) -> PathBuf {
 /// With rustup's automatic installation off, the targets of rust-toolchain.toml are not added by themselves.
 fn add_target_if_missing() {
     let Ok(installed) = rustup(&["target", "list", "--installed"]) else {
-        // Not a rustup toolchain: the build itself will tell.
+        // Not a rustup toolchain: if the target is missing, the build reports it.
         return;
     };
     if installed.lines().any(|target| target == TARGET) {

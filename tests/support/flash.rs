@@ -23,15 +23,15 @@ struct Chip {
     worn: Option<usize>,
 }
 
-/// What becomes of writes and erases.
+/// What happens to writes and erases.
 #[derive(Clone)]
 pub enum Fault {
     None,
-    /// After so many more they change nothing and return an error.
+    /// After this many more they change nothing and return an error.
     Refuses {
         after: u64,
     },
-    /// Power fails in the middle of the one after so many more.
+    /// Power fails in the middle of the one after this many more.
     PowerCut {
         after: u64,
         random: Rng,

@@ -16,7 +16,7 @@ pub const EVERYONE: [u8; 2] = [0, 0];
 /// The vehicle's system id, for messages that name no component.
 pub const VEHICLE_ID: u8 = VEHICLE[0];
 
-/// What SET_MODE has for a flag, and the mode in which the driver's levers count.
+/// The flag of SET_MODE, and the mode that follows stick input.
 pub const CUSTOM_MODE_ENABLED: u8 = 1;
 pub const MANUAL: u32 = 0;
 

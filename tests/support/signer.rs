@@ -7,7 +7,7 @@ use crate::support::frames::{Frame, SIGNATURE_BYTES, declare_signed};
 /// 2026-01-01 00:00 UTC, in tens of microseconds since 2015.
 pub const NEW_YEAR: u64 = 4018 * 86_400 * 100_000;
 
-/// Somebody with a key.
+/// A sender with a key.
 #[derive(Clone)]
 pub struct Signer {
     pub key: [u8; 32],
@@ -36,8 +36,8 @@ impl Signer {
         signed
     }
 
-    /// Goes on from the time of whoever sent these frames, if that is ahead. All of them are signed with this key.
-    // Not every test program has somebody who listens.
+    /// Takes over the timestamps of these frames if they are ahead. All of them are signed with this key.
+    // Not every test program uses it.
     #[allow(dead_code)]
     pub fn hear<'a>(&mut self, frames: impl IntoIterator<Item = &'a Frame>) {
         for frame in frames {

@@ -14,7 +14,7 @@ use crate::support::frames::{
 };
 use crate::support::requests::{PREFLIGHT_REBOOT_SHUTDOWN, param_set, reboot};
 
-/// DMA_IRQ_0, by which the end of each frame at the telemetry port is told (RP2040 datasheet 2.3.2).
+/// DMA_IRQ_0, which signals the end of each frame at the telemetry port (RP2040 datasheet 2.3.2).
 pub const DMA_IRQ: u32 = 11;
 
 /// The pack's divider is on GP26.
@@ -63,7 +63,7 @@ fn firmware() -> &'static Firmware {
     FIRMWARE.get_or_init(|| Firmware::load(build(Artifact::Binary("rover-battmon"))))
 }
 
-/// What answers tell of a parameter.
+/// A parameter's value by the answers.
 pub fn value_of(answers: &[Frame], name: &str) -> Option<f32> {
     let values = of_message(answers, PARAM_VALUE);
     values
@@ -189,7 +189,7 @@ impl Bench {
         self.set_register(PROGRAM_COUNTER, entry);
     }
 
-    /// Has everything that is asked from now on signed, by somebody who listens to the board.
+    /// Signs all requests from now on, with timestamps that follow the board's.
     pub fn sign_with(&mut self, signer: Signer) {
         self.signer = Some(signer);
     }

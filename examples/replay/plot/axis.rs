@@ -9,7 +9,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// A scale that holds all of these values, with about so many ticks.
+    /// A scale that holds all of these values, with about this many ticks.
     pub fn over(values: impl IntoIterator<Item = f64>, ticks: u32) -> Self {
         let (lowest, highest) = values
             .into_iter()

@@ -1,6 +1,6 @@
 //! A value over time, thinned out until it can be drawn.
 
-/// Of so many neighbours the lowest and the highest are drawn: no spike is lost.
+/// Of this many neighbours the lowest and the highest are drawn: no spike is lost.
 const MOST_CHUNKS: usize = 1000;
 
 /// A point of a line: seconds and a value.

@@ -52,7 +52,7 @@ impl Svg {
         ));
     }
 
-    /// A line through points; `name` tells a reader of the document what it is.
+    /// A line through points; `name` identifies it to a reader of the document.
     pub fn polyline(&mut self, points: &[(f64, f64)], stroke: &str, name: &str) {
         let points: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         self.write(format_args!(

@@ -259,7 +259,7 @@ fn a_worn_sector_keeps_its_bits_and_says_nothing() {
     );
     board.power_cycle();
     erase(&mut board, OFFSET, SECTOR);
-    assert_eq!(board.read_flash(OFFSET, 1), [0x5a], "for good");
+    assert_eq!(board.read_flash(OFFSET, 1), [0x5a], "permanently");
 }
 
 fn run_code(code: &[u16], function: &[u8; 2], arguments: [u32; 4]) {

@@ -1,4 +1,4 @@
-//! What the flash chip is told to do, how long that takes it, and the record that is kept of it.
+//! The commands of the flash chip, how long they take, and the record that is kept of them.
 
 use std::ops::Range;
 
@@ -7,7 +7,7 @@ use super::cut::FlashCut;
 
 /// The smallest part that can be erased (W25Q16JV, Sector Erase 20h).
 pub const SECTOR_SIZE: u32 = 4096;
-/// The larger part that the boot ROM erases at once, if it is told to (64 KB Block Erase D8h).
+/// The larger part that the boot ROM erases at once, if requested (64 KB Block Erase D8h).
 pub const BLOCK_SIZE: u32 = 64 * 1024;
 /// What is programmed at once (Page Program 02h).
 pub const PAGE_SIZE: u32 = 256;
@@ -48,7 +48,7 @@ impl FlashTiming {
 pub enum FlashOperationKind {
     /// 4 KB.
     SectorErase,
-    /// 64 KB at once. A ROM function told not to use it erases sector by sector instead.
+    /// 64 KB at once. A ROM function called without block erase erases sector by sector instead.
     BlockErase,
     /// 256 bytes.
     PageProgram,

@@ -35,7 +35,7 @@ pub trait I2cDevice {
     fn stop(&mut self) {}
 
     /// For how many cycles it holds SCL low, asked after its address and after each byte; `NEVER` is
-    /// until a test lets go of it.
+    /// until a test releases it.
     fn stretch(&mut self) -> Cycle {
         0
     }

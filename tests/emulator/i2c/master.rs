@@ -55,7 +55,7 @@ impl Command {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Action {
-    /// START or RESTART and the address byte, for the sake of a command.
+    /// START or RESTART and the address byte that a command requires.
     Address(Command),
     Data(Command),
     Stop,
@@ -301,7 +301,7 @@ impl Master {
     fn receive(&mut self, byte: u8) {
         let first = if self.first_byte { FIRST_DATA_BYTE } else { 0 };
         self.first_byte = false;
-        // Nobody waits for what is read after the block was disabled.
+        // What is read after the block was disabled is discarded.
         if self.stopping {
             return;
         }
@@ -330,8 +330,8 @@ impl Master {
     }
 }
 
-/// Arbitration is lost at the first one that is sent while somebody holds SDA low (4.3.8): after so
-/// many clocks. A STOP has to let SDA rise, too.
+/// Arbitration is lost at the first one that is sent while another device holds SDA low (4.3.8):
+/// after this many clocks. A STOP has to let SDA rise, too.
 fn lost_after(action: Action, settings: &Settings, wires: &Wires) -> Option<u32> {
     if !wires.sda_is_held() {
         return None;

@@ -65,7 +65,7 @@ impl I2c {
         self.wires.attach_also(address, device);
     }
 
-    /// Take whatever is at this address off the bus: nobody acknowledges it any more.
+    /// Take whatever is at this address off the bus: it is not acknowledged any more.
     pub fn detach(&mut self, address: u8) {
         self.wires.detach(address);
     }

@@ -1,4 +1,4 @@
-//! Devices that share an address, by mistake or because nobody knew better.
+//! Devices that share an address, by mistake or for lack of knowledge.
 
 use super::super::clock::Cycle;
 use super::device::{Ack, I2cDevice, I2cDirection};
@@ -13,7 +13,7 @@ impl Neighbours {
         self.0.push(device);
     }
 
-    /// Every device sees what was sent, whoever else has acknowledged it.
+    /// Every device sees what was sent, even if another one has acknowledged it.
     fn ask_all(&mut self, mut ask: impl FnMut(&mut dyn I2cDevice) -> Ack) -> Ack {
         self.0
             .iter_mut()

@@ -23,7 +23,7 @@ const HIGH: Cycle = 126 + 11 + 7;
 const CLOCK: Cycle = 188 + HIGH;
 const BYTE: Cycle = 9 * CLOCK;
 
-/// Answers 0xa0, 0xa1, ...; refuses the byte `refused`, stretches as long as it is told.
+/// Answers 0xa0, 0xa1, ...; refuses the byte `refused`, stretches SCL for `stretch`.
 #[derive(Default)]
 pub struct Probe {
     pub written: Vec<u8>,
@@ -335,7 +335,7 @@ fn levels_of_the_fifos_make_interrupts_and_dma_requests() {
 }
 
 #[test]
-fn tx_empty_waits_for_the_byte_if_told_to() {
+fn tx_empty_waits_for_the_byte_with_tx_empty_ctrl() {
     let mut i2c = i2c();
     command(&mut i2c, &[1 | STOP], 0);
     assert_eq!(raw(&mut i2c, 1) & TX_EMPTY, TX_EMPTY);

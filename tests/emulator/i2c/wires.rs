@@ -30,9 +30,9 @@ const IDLE: Levels = Levels { scl: true, sda: true };
 
 pub struct Wires {
     devices: BTreeMap<u8, Neighbours>,
-    /// Until then somebody else than the master holds SCL low.
+    /// Until then something other than the master holds SCL low.
     scl_free_at: Cycle,
-    /// So many clocks of SCL until somebody lets go of SDA.
+    /// How many clocks of SCL it takes until SDA is released.
     sda_held_for: u32,
     by_hand: Levels,
     under_way: Option<I2cTransaction>,
@@ -158,7 +158,7 @@ impl Wires {
         self.after_byte(ack, end)
     }
 
-    /// A line that nobody pulls reads as ones, one that is held as zeros.
+    /// A line that no device pulls reads as ones, one that is held as zeros.
     pub fn read(&mut self, end: Cycle) -> u8 {
         let sent = self.device().map_or(0xff, |device| device.read());
         let byte = if self.sda_is_held() { 0 } else { sent };
@@ -182,7 +182,7 @@ impl Wires {
         }
     }
 
-    /// A byte did not get through because somebody held SDA.
+    /// A byte did not get through because SDA was held low.
     pub fn lose_arbitration(&mut self, address: u8, clocks: u32, start: Cycle, now: Cycle) {
         self.clock(clocks);
         let transaction = self.under_way.take().unwrap_or(I2cTransaction {

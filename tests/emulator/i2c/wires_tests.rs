@@ -11,7 +11,7 @@ const SCL: u32 = 15;
 const SIO_GPIO_IN: u32 = 0xd000_0004;
 const SIO_GPIO_OE_XOR: u32 = 0xd000_002c;
 
-/// A board whose program moves SCL so many times, then reads the pins into R3.
+/// A board whose program moves SCL this many times, then reads the pins into R3.
 fn moving_board(moves: usize) -> Board {
     let mut program = vec![store(0, 1); moves];
     program.extend([load(3, 2), HANG]);
@@ -33,7 +33,7 @@ fn pins_read(board: &mut Board) -> (bool, bool) {
 }
 
 #[test]
-fn lines_that_nobody_pulls_are_high() {
+fn lines_that_no_device_pulls_are_high() {
     assert_eq!(pins_read(&mut moving_board(0)), (true, true));
     assert_eq!(pins_read(&mut moving_board(1)), (false, true));
 }

@@ -89,7 +89,7 @@ impl Spi {
         self.wires.detach(select);
     }
 
-    /// What the chip reads while nobody drives the line to it; all ones at first.
+    /// What the chip reads while no device drives its data line; all ones at first.
     pub fn set_floating(&mut self, byte: u8) {
         self.wires.set_floating(byte);
     }

@@ -181,7 +181,7 @@ fn a_disabled_block_keeps_what_it_has() {
 }
 
 #[test]
-fn only_the_selected_device_hears_and_nobody_is_the_floating_line() {
+fn only_the_selected_device_is_clocked_else_the_line_floats() {
     let (mut spi, device) = spi_with(SETTINGS);
     spi.observe_selects(1 << 21, 0);
     write(&mut spi, SSPDR, 1, 0);

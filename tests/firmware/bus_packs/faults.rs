@@ -1,4 +1,4 @@
-//! What goes wrong on the bus: it makes its own pack unhealthy, is told once, ends by itself, and delays no other pack.
+//! Faults on the bus: each makes its own pack unhealthy, is announced once, is recovered from, and delays no other pack.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -54,8 +54,8 @@ impl<D> Faulty<D> {
         assert!(!self.bench.logged(LogLevel::Info, "battery 3: Healthy").is_empty());
     }
 
-    /// `fault` makes the second pack unhealthy within five seconds, which is told once with this reason; when it has
-    /// ended, the pack is back by itself, which is told once, too. The other packs keep their rate.
+    /// `fault` makes the second pack unhealthy within five seconds, which is announced once with this reason; when it
+    /// has ended, the pack recovers by itself, which is announced once, too. The other packs keep their rate.
     fn assert_survives(&mut self, reason: &str, fault: impl FnOnce(&mut Self), end: impl FnOnce(&mut Self)) {
         fault(self);
         let from_us = self.bench.time_us();
@@ -71,7 +71,7 @@ impl<D> Faulty<D> {
             (self.bench.time_us() - from_us) / MILLISECOND
         );
         self.bench.run_for(10 * SECOND);
-        self.assert_told(&format!("Battery 2 unhealthy: {reason}"));
+        self.assert_announced_once(&format!("Battery 2 unhealthy: {reason}"));
         let frames = self.bench.frames();
         assert_eq!(last_of(&frames, 1).charge_state(), UNHEALTHY);
         assert_ne!(last_of(&frames, 0).charge_state(), UNHEALTHY);
@@ -79,8 +79,8 @@ impl<D> Faulty<D> {
 
         end(self);
         self.bench.run_for(8 * SECOND);
-        self.assert_told("Battery 2 healthy again");
-        self.assert_told(&format!("Battery 2 unhealthy: {reason}"));
+        self.assert_announced_once("Battery 2 healthy again");
+        self.assert_announced_once(&format!("Battery 2 unhealthy: {reason}"));
         let frames = self.bench.frames();
         assert_ne!(last_of(&frames, 1).charge_state(), UNHEALTHY);
         assert_eq!(last_of(&frames, 1).sum_of_cells_mv(), 12_000);
@@ -92,10 +92,10 @@ impl<D> Faulty<D> {
         assert!(self.bench.bus_errors().is_empty());
     }
 
-    fn assert_told(&mut self, text: &str) {
+    fn assert_announced_once(&mut self, text: &str) {
         let texts = texts_of(&self.bench.frames());
-        let told = texts.iter().filter(|told| *told == text).count();
-        assert_eq!(told, 1, "{text}: {texts:?}");
+        let announced = texts.iter().filter(|announced| *announced == text).count();
+        assert_eq!(announced, 1, "{text}: {texts:?}");
     }
 
     /// Every tick of the first pack is on time, and so is every report of it.
@@ -212,9 +212,13 @@ fn two_packs_set_to_one_address() {
     ];
     second.configure(&mut bench, &part, &parameters);
     bench.run_for(10 * SECOND);
-    let told = texts_of(&bench.frames());
+    let announced = texts_of(&bench.frames());
     let wanted = "Battery 3 unhealthy: address already in use";
-    assert_eq!(told.iter().filter(|text| *text == wanted).count(), 1, "{told:?}");
+    assert_eq!(
+        announced.iter().filter(|text| *text == wanted).count(),
+        1,
+        "{announced:?}"
+    );
     let frames = bench.frames();
     assert_eq!(last_of(&frames, 1).voltage_mv(0), 12_000);
     assert_eq!(last_of(&frames, 2).voltage_mv(0), u16::MAX);
@@ -227,13 +231,13 @@ fn assert_bus_is_held(hold: impl FnOnce(&mut Bench), release: impl FnOnce(&mut B
     let from_us = faulty.bench.time_us();
     faulty.bench.run_for(10 * SECOND);
     for pack in [2, 3] {
-        faulty.assert_told(&format!("Battery {pack} unhealthy: bus held low"));
+        faulty.assert_announced_once(&format!("Battery {pack} unhealthy: bus held low"));
     }
     faulty.assert_rate_of_others_since(from_us);
     release(&mut faulty.bench);
     faulty.bench.run_for(8 * SECOND);
     for pack in [2, 3] {
-        faulty.assert_told(&format!("Battery {pack} healthy again"));
+        faulty.assert_announced_once(&format!("Battery {pack} healthy again"));
     }
 }
 
@@ -332,7 +336,7 @@ fn a_battery_that_is_swapped_for_another_is_introduced_again() {
     other.set(10.5, 0.0, 20.0);
     faulty.bench.i2c(BUS).attach(BATTERY_AT, Box::new(other));
     faulty.bench.run_for(3 * SECOND);
-    faulty.assert_told("Battery 2 swapped: estimates restarted");
+    faulty.assert_announced_once("Battery 2 swapped: estimates restarted");
     let frames = faulty.bench.frames();
     let status = last_of(&frames, 1);
     assert_eq!((status.voltage_mv(0), status.remaining_pct()), (3_500, 50));
@@ -351,5 +355,5 @@ fn a_serial_number_that_is_misread_while_armed_is_no_swap() {
     // Disarmed, what is read all the time is another battery.
     faulty.bench.ask(&command_long_2(400, 0.0, 0.0));
     faulty.bench.run_for(3 * SECOND);
-    faulty.assert_told("Battery 2 swapped: estimates restarted");
+    faulty.assert_announced_once("Battery 2 swapped: estimates restarted");
 }

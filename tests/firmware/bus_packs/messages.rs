@@ -1,4 +1,4 @@
-//! What a smart battery tells of itself, in the messages made for that.
+//! The details of a smart battery, in the messages for them.
 
 use super::{BUS, shared, with_second_pack};
 use crate::bench::{Bench, SECOND};
@@ -123,7 +123,7 @@ fn the_second_version_of_battery_status_is_for_those_who_ask() {
 }
 
 #[test]
-fn a_battery_with_a_gauge_can_not_be_told_how_full_it_is() {
+fn a_battery_reset_fails_for_a_battery_with_a_gauge() {
     let (mut bench, _) = with_battery();
     bench.run_for(SECOND);
     let answers = bench.ask(&command_long_2(BATTERY_RESET, 2.0, 100.0));

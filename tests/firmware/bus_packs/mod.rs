@@ -58,7 +58,7 @@ pub fn after_a_second<R>(bench: &mut Bench, look: impl FnOnce(BatteryStatus<'_>)
     look(last_of(&frames, 1))
 }
 
-/// Unplugging the second pack's part is told once, and so is plugging it in again.
+/// Unplugging the second pack's part is announced once, and so is plugging it in again.
 pub fn assert_survives_unplugging<D: I2cDevice + 'static>(
     bench: &mut Bench,
     address: u8,
@@ -71,8 +71,8 @@ pub fn assert_survives_unplugging<D: I2cDevice + 'static>(
     lose_supply(&mut part.borrow_mut());
     bench.i2c(BUS).attach(address, Box::new(Rc::clone(part)));
     bench.run_for(7 * SECOND);
-    let told = texts_of(&bench.frames());
-    let of_pack: Vec<_> = told.iter().filter(|text| text.contains("healthy")).collect();
+    let announced = texts_of(&bench.frames());
+    let of_pack: Vec<_> = announced.iter().filter(|text| text.contains("healthy")).collect();
     assert_eq!(
         of_pack,
         ["Battery 2 unhealthy: no answer", "Battery 2 healthy again"]

@@ -72,7 +72,7 @@ fn an_ina239_is_read_by_spi() {
 }
 
 #[test]
-fn an_ina239_that_is_unplugged_is_told_and_taken_up_again() {
+fn an_unplugged_ina239_is_announced_and_recovers() {
     let part = shared(Ina239::new(0.0002));
     part.borrow_mut().set(24.0, 12.0, 25.0);
     let mut bench = with_ina239(&part);
@@ -107,7 +107,7 @@ fn an_ltc2946_counts_charge_and_energy_itself() {
     bench.i2c(BUS).attach(0x6f, Box::new(Rc::clone(&part)));
     bench.run_for(9 * SECOND);
     after_a_second(&mut bench, |status| {
-        // 10 mAh and 4.32 hJ a second, also while nobody listened.
+        // 10 mAh and 4.32 hJ a second, also while it was not read.
         let (mah, hj) = (status.consumed_mah() - before_mah, status.energy_hj() - before_hj);
         assert!(mah.abs_diff(200) <= 2, "{mah} mAh");
         assert!(hj.abs_diff(86) <= 2, "{hj} hJ");
@@ -154,11 +154,11 @@ fn a_converter_on_the_bus_is_four_more_analog_pins() {
 
     bench.i2c(BUS).detach(0x2f);
     bench.run_for(3 * SECOND);
-    let told = texts_of(&bench.frames());
+    let announced = texts_of(&bench.frames());
     for pack in [2, 3] {
         assert!(
-            told.contains(&format!("Battery {pack} unhealthy: no answer")),
-            "{told:?}"
+            announced.contains(&format!("Battery {pack} unhealthy: no answer")),
+            "{announced:?}"
         );
     }
     part.borrow_mut().power_cycle();
@@ -178,14 +178,16 @@ fn a_pack_without_a_pin_of_the_converter_does_not_take_the_next_one_along() {
     ];
     let mut bench = with_second_pack(AD7091R5, 0x2f, &part, &parameters);
     bench.run_for(2 * SECOND);
-    let told = texts_of(&bench.frames());
+    let announced = texts_of(&bench.frames());
     assert!(
-        told.contains(&"Battery 2 unhealthy: no pin set".into()),
-        "{told:?}"
+        announced.contains(&"Battery 2 unhealthy: no pin set".into()),
+        "{announced:?}"
     );
     assert!(
-        !told.iter().any(|text| text.starts_with("Battery 3 unhealthy")),
-        "{told:?}"
+        !announced
+            .iter()
+            .any(|text| text.starts_with("Battery 3 unhealthy")),
+        "{announced:?}"
     );
     let frames = bench.frames();
     assert!(last_of(&frames, 2).voltage_mv(0).abs_diff(12_000) <= 5);

@@ -76,7 +76,7 @@ fn an_ina228_counts_charge_and_energy_itself() {
 }
 
 #[test]
-fn an_ina228_counts_on_while_nobody_listens() {
+fn an_ina228_counts_on_while_it_is_not_read() {
     let part = shared(Ina228::new(0.001));
     part.borrow_mut().set(12.0, 36.0, 25.0);
     let parameters = [("BATT2_I2C_ADDR", 64.0), ("BATT2_SHUNT", 0.001)];
@@ -132,7 +132,7 @@ fn an_ina3221_measures_three_packs_with_one_set_of_transfers() {
 }
 
 #[test]
-fn a_smart_battery_tells_everything() {
+fn a_smart_battery_reports_all_values() {
     let part = shared(SmartBattery::new(Pec::Right));
     part.borrow_mut().set(11.1, 2.5, 31.0);
     part.borrow_mut().set_capacity(2600, 5000);

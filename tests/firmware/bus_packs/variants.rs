@@ -43,7 +43,7 @@ fn a_maxell_holds_twice_what_its_words_say() {
 }
 
 #[test]
-fn a_rotoye_tells_the_hottest_place_and_large_currents() {
+fn a_rotoye_reports_its_hottest_sensor_and_large_currents() {
     let part = shared(SmartBattery::new(Pec::Right));
     part.borrow_mut().set(22.2, 10.0, 30.0);
     // A thermistor at 45 degrees, and none at the other place.
@@ -79,7 +79,7 @@ fn a_sui_of_three_cells_has_them_in_a_block() {
 }
 
 #[test]
-fn a_sui_of_six_cells_tells_the_voltage_of_the_pack_and_no_invented_cells() {
+fn a_six_cell_sui_reports_the_pack_voltage_and_no_invented_cells() {
     let mut battery = SmartBattery::new(Pec::None);
     battery.set(24.6, 0.0, 25.0);
     battery.set_block(0x28, &block(&[4100, 4100, 4100, 4100]));
@@ -134,8 +134,12 @@ fn a_solo_has_blocks_and_a_button_that_switches_it_off() {
     assert!(!texts_of(&bench.frames()).contains(&off()));
     part.borrow_mut().set_block(0x23, &[0, 8, 0, 0, 0, 0]);
     bench.run_for(3 * SECOND);
-    let told = texts_of(&bench.frames());
-    assert_eq!(told.iter().filter(|text| **text == off()).count(), 1, "{told:?}");
+    let announced = texts_of(&bench.frames());
+    assert_eq!(
+        announced.iter().filter(|text| **text == off()).count(),
+        1,
+        "{announced:?}"
+    );
     bench.i2c(BUS).detach(ADDRESS);
     bench.run_for(2 * SECOND);
     assert!(texts_of(&bench.frames()).contains(&"Battery 2 unhealthy: no answer".into()));

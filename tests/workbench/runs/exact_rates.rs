@@ -38,7 +38,7 @@ pub fn assert_sampled_at_every_tick(conversions: &[Conversion], ticks: usize) {
     }
 }
 
-/// Panics unless `frames` hold what is sent in so many seconds, each message at its rate and without drift.
+/// Panics unless `frames` hold what is sent in this many seconds, each message at its rate and without drift.
 pub fn assert_exact_rates(frames: &[Frame], seconds: usize) {
     for (message, per_second) in [(HEARTBEAT, 1), (SYS_STATUS, 2), (BATTERY_STATUS, 2)] {
         let received = of_message(frames, message);

@@ -8,7 +8,7 @@ use crate::support::frames::{Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStat
 use crate::support::requests::param_set;
 
 const LINE_BYTES_PER_SECOND: usize = 11_520;
-/// At least so many are in the garbage; what is reported ends at 65535.
+/// The garbage holds at least this many; the reported count saturates at 65535.
 const ERRORS_PER_SECOND: u16 = 500;
 /// A response that has not come after this long is asked for again.
 const TRIES: usize = 2;
@@ -37,7 +37,7 @@ fn answers(bench: &mut Bench, since_us: u64) -> Vec<Frame> {
         .collect()
 }
 
-/// Loses no tick and no request in so much garbage at line rate.
+/// Loses no tick and no request in garbage at line rate.
 pub fn run(length_us: u64) {
     let requests = length_us / SECOND;
     let mut bench = Bench::power_up(DIVIDER_CODE);

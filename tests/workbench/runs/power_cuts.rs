@@ -22,7 +22,7 @@ const BOOT_US: u64 = 300 * MILLISECOND;
 /// Twice what a list takes, which has 30 % of 11520 bytes a second; a PARAM_VALUE has at most 37 of them.
 const LIST_US: u64 = 2 * SECOND * 37 * LISTED_BY_DEFAULT as u64 / 3456;
 
-/// So many sets fill a sector but for a few places, so that the fifty that follow go over into the next one.
+/// The number of sets that fill a sector but for a few places, so that the fifty that follow go over into the next one.
 const SETS_BEFORE: usize = 320;
 
 /// The sets of the test, the same in every run: name and value, never twice the same value in a row.

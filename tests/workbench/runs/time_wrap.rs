@@ -36,7 +36,7 @@ impl Old {
         let mut bench = Bench::power_up(code);
         let started = bench.run_until(SECOND, |board| !board.log_lines().is_empty());
         assert!(started, "no banner");
-        // Nobody has asked it yet.
+        // No request has been sent yet.
         bench.preset_timer(wrap_us - before_us);
         let now_us = bench.time_us();
         while bench.time_us() < ALL_SEEN_US {
@@ -60,10 +60,10 @@ impl Old {
     /// Panics unless its clock is right.
     fn assert_time(&mut self) {
         let asked_us = self.bench.time_us() + self.ahead_us;
-        let told_us = self.ask_time_us();
+        let reported_us = self.ask_time_us();
         assert!(
-            (asked_us..asked_us + 100 * MILLISECOND).contains(&told_us),
-            "{told_us} us, asked at {asked_us} us"
+            (asked_us..asked_us + 100 * MILLISECOND).contains(&reported_us),
+            "{reported_us} us, asked at {asked_us} us"
         );
     }
 
@@ -113,5 +113,5 @@ fn run_across(wrap_us: u64, length_us: u64) {
     assert_no_sequence_gap(&frames);
     assert_exact_rates(&frames, seconds as usize);
     assert_sampled_at_every_tick(&conversions, 10 * seconds as usize);
-    assert!(old.bench.flash_operations().is_empty(), "nobody has set anything");
+    assert!(old.bench.flash_operations().is_empty(), "no parameter was set");
 }

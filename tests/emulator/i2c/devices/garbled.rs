@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn it_takes_what_is_written_and_behaves_when_told_to() {
+    fn it_accepts_writes_and_returns_its_own_values_when_set_to() {
         let mut device = Garbled::new(Ina226::new(0.002), Reads::Fixed(0));
         device.set(12.0, 1.0);
         assert_eq!(read(&mut device, BUS_VOLTAGE, 2), 0);

@@ -193,7 +193,7 @@ impl Registers for Ina228 {
         self.charge_c += self.current_a() * seconds;
     }
 
-    /// Nobody says when it was: what flows until it is addressed is not counted.
+    /// The time of the reset is unknown: what flows until it is addressed is not counted.
     fn reset(&mut self) {
         *self = Self::after_reset(self.shunt_ohm, self.load, None);
     }

@@ -289,7 +289,7 @@ mod tests {
         device
     }
 
-    /// The time at which so many ticks of 16.404 ms are over.
+    /// The time at which this many ticks of 16.404 ms are over.
     fn after_ticks(ticks: u64) -> Cycle {
         ticks * cycles(16_404)
     }

@@ -167,7 +167,7 @@ impl SmartBattery {
         self.values.remove(&command);
     }
 
-    /// Hold SCL for so many cycles after every byte, as a busy fuel gauge does.
+    /// Hold SCL for this many cycles after every byte, as a busy fuel gauge does.
     pub fn set_stretch(&mut self, cycles: Cycle) {
         self.stretch = cycles;
     }

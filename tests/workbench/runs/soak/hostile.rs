@@ -30,9 +30,9 @@ enum Hostile {
     WrongLength,
     /// A request with a wrong checksum.
     WrongChecksum,
-    /// A request with an incompatibility flag that nobody knows.
+    /// A request with an unknown incompatibility flag.
     UnknownFlag,
-    /// A message that nobody knows.
+    /// An unknown message.
     UnknownMessage,
     /// Any payload, sound in itself, for another system.
     ForAnother,
@@ -180,7 +180,7 @@ fn nonsense(random: &mut Random) -> Vec<u8> {
         4 => command_int(UNKNOWN_COMMANDS + random.below(500) as u16, -1e30),
         5 => set_mode(1, 1, 1000 + random.below(1000) as u32),
         6 => ftp_open(random.below(1000) as u16, "../../etc"),
-        // A lever is one rover's, and other channels are no sign of a driver.
+        // Stick input is for one rover only, and other channels are no stick input.
         7 => {
             let (target, pulse_us) = random.pick(&[(EVERYONE, 2000), ([1, 154], 2000), (VEHICLE, u16::MAX)]);
             rc_override(target, pulse_us, pulse_us)

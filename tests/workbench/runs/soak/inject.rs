@@ -149,7 +149,7 @@ impl Rig {
         self.wait_for_watchdog();
     }
 
-    /// Nothing more is sent, so that the driver's last lever is the last one for good.
+    /// Nothing more is sent, so that no stick input follows the driver's last one.
     fn wait_for_watchdog(&mut self) {
         let begun_us = self.now_us();
         let resets = self.resets;

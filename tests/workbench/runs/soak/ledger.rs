@@ -9,7 +9,7 @@ struct Setting {
     value: f32,
     sent_us: u64,
     /// The board has said that it has it.
-    told_us: Option<u64>,
+    reported_us: Option<u64>,
 }
 
 #[derive(Debug)]
@@ -50,7 +50,7 @@ impl Ledger {
         entry.since.push(Setting {
             value,
             sent_us: at_us,
-            told_us: None,
+            reported_us: None,
         });
     }
 
@@ -58,11 +58,11 @@ impl Ledger {
     pub fn restart(&mut self, at_us: u64) {
         self.started_us = at_us;
         let settings = self.entries.values_mut().flat_map(|entry| &mut entry.since);
-        settings.for_each(|setting| setting.told_us = None);
+        settings.for_each(|setting| setting.reported_us = None);
     }
 
-    /// The board tells a parameter's value. Panics if it can't be that one.
-    pub fn told(&mut self, name: &str, value: f32, at_us: u64) {
+    /// The board reports a parameter's value. Panics if that value is impossible.
+    pub fn reported(&mut self, name: &str, value: f32, at_us: u64) {
         let started_us = self.started_us;
         let Some(entry) = self.entries.get_mut(name) else {
             return;
@@ -74,7 +74,7 @@ impl Ledger {
             "{name} is {value}: {entry:?}"
         );
         if let Some(place) = place {
-            entry.since[place].told_us.get_or_insert(at_us);
+            entry.since[place].reported_us.get_or_insert(at_us);
         }
         // After a start it is what was saved, and nothing else that was set before is left.
         if place.is_none_or(|place| entry.since[place].sent_us < started_us) {
@@ -96,8 +96,8 @@ impl Entry {
     fn settle(&mut self, now_us: u64) {
         let is_saved = |setting: &Setting| {
             setting
-                .told_us
-                .is_some_and(|told_us| told_us + SAVED_US <= now_us)
+                .reported_us
+                .is_some_and(|reported_us| reported_us + SAVED_US <= now_us)
         };
         if let Some(place) = self.since.iter().rposition(is_saved) {
             self.saved = self.since[place].value;

@@ -11,7 +11,7 @@ pub enum Condition {
     Clean,
     Noisy,
     Lossy,
-    /// Somebody else sends on it, too.
+    /// Another sender uses it, too.
     Shared,
     /// Nothing arrives.
     Dead,

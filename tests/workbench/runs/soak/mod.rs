@@ -45,7 +45,7 @@ pub fn run_board(seed: u64, protection: Protection, length_us: u64) -> Tally {
         rig.suffer(fault);
         progress.at(rig.now_us());
     }
-    assert_eq!(rig.list(), before, "parameters that nobody has set");
+    assert_eq!(rig.list(), before, "parameters that were not set");
     rig.sum_up(from_us)
 }
 

@@ -8,8 +8,8 @@ use crate::motor_poles::motors;
 /// What the start of a frame among garbage has swallowed is found 293 bytes later, and a driver sends 400 a second.
 const SWALLOWED_MS: u64 = 730;
 
-/// FS_TIMEOUT, and on top of it: what garbage may hold a lever up; an erase of the flash; a tick of the drive task.
-const LEVER_US: u64 = (1_500 + SWALLOWED_MS + 45 + 20) * MILLISECOND;
+/// FS_TIMEOUT, and on top of it: how long garbage may delay stick input; an erase of the flash; a tick of the drive task.
+const STICK_US: u64 = (1_500 + SWALLOWED_MS + 45 + 20) * MILLISECOND;
 
 /// A HEARTBEAT that was built before the order to arm was found may still say "disarmed".
 const ORDER_US: u64 = (SWALLOWED_MS + 50) * MILLISECOND;
@@ -44,7 +44,7 @@ pub struct Orders {
     /// When the order to arm was sent first and last; `None` while the rover has to be disarmed.
     armed: Option<ArmOrders>,
     /// Shares of the power for the left and the right side, latest last.
-    levers: VecDeque<(u64, [f64; 2])>,
+    sticks: VecDeque<(u64, [f64; 2])>,
 }
 
 /// It is repeated until the rover is seen to be armed.
@@ -70,16 +70,16 @@ impl Orders {
     }
 
     /// A control message is sent.
-    pub fn lever(&mut self, at_us: u64, powers: [f64; 2]) {
-        let is_old = |(sent_us, _): &(u64, _)| sent_us + LEVER_US < at_us;
-        while self.levers.front().is_some_and(is_old) {
-            self.levers.pop_front();
+    pub fn stick(&mut self, at_us: u64, powers: [f64; 2]) {
+        let is_old = |(sent_us, _): &(u64, _)| sent_us + STICK_US < at_us;
+        while self.sticks.front().is_some_and(is_old) {
+            self.sticks.pop_front();
         }
-        self.levers.push_back((at_us, powers));
+        self.sticks.push_back((at_us, powers));
     }
 
     /// A HEARTBEAT that says whether the rover is armed. Panics if it must not be.
-    pub fn told(&mut self, says: Says, at_us: u64) {
+    pub fn reported(&mut self, says: Says, at_us: u64) {
         match says {
             Says::Armed => assert!(self.armed.is_some(), "armed without an order"),
             Says::Disarmed if self.armed.is_some_and(|armed| armed.last_us + ORDER_US < at_us) => {
@@ -89,7 +89,7 @@ impl Orders {
         }
     }
 
-    /// The age of the lever by which a side may move so.
+    /// The age of the stick input that permits this motion of a side.
     fn permit(&self, side: usize, motion: Motion, at_us: u64) -> Option<u64> {
         let power = match motion {
             Motion::Coast => return Some(0),
@@ -100,13 +100,13 @@ impl Orders {
         let fits = |ordered: f64| power * ordered > 0.0 && power.abs() <= ordered.abs() + ROUNDING;
         // No position from before arming drives.
         let counting = self
-            .levers
+            .sticks
             .iter()
             .rev()
             .filter(|(sent_us, _)| *sent_us >= armed.first_us);
         let mut ages = counting.filter(|(_, powers)| fits(powers[side]));
         let age_us = ages.next().map(|(sent_us, _)| at_us.saturating_sub(*sent_us));
-        age_us.filter(|age_us| *age_us <= LEVER_US)
+        age_us.filter(|age_us| *age_us <= STICK_US)
     }
 }
 
@@ -132,8 +132,8 @@ pub struct Motors {
     duties: [[f64; 2]; 4],
     /// Changes that were looked at.
     pub changes: u64,
-    /// The oldest lever that a motor was turned by.
-    pub oldest_lever_us: u64,
+    /// The age of the oldest stick input that turned a motor.
+    pub oldest_stick_us: u64,
     /// When one was seen to turn last.
     pub turned_us: Option<u64>,
 }
@@ -149,7 +149,7 @@ impl Motors {
         pins().for_each(|(_, _, pin)| bench.record_pin(pin));
     }
 
-    /// Looks at changes. Panics if a motor does what nobody has ordered.
+    /// Checks changes. Panics if a motor does what was not ordered.
     pub fn check(&mut self, changes: &[Change], orders: &Orders) {
         for (place, change) in changes.iter().enumerate() {
             self.duties[change.motor][change.pole] = change.duty;
@@ -163,7 +163,7 @@ impl Motors {
         self.changes += changes.len() as u64;
     }
 
-    /// Panics if a motor does now what nobody has ordered. Returns the age of the oldest lever that one is turned by.
+    /// Panics if a motor does now what was not ordered. Returns the age of the oldest stick input that turns one.
     pub fn assert_ordered(&mut self, orders: &Orders, at_us: u64) -> u64 {
         let mut oldest_us = 0;
         for (motor, [positive, negative]) in self.duties.into_iter().enumerate() {
@@ -176,7 +176,7 @@ impl Motors {
                 self.turned_us = Some(at_us);
             }
         }
-        self.oldest_lever_us = self.oldest_lever_us.max(oldest_us);
+        self.oldest_stick_us = self.oldest_stick_us.max(oldest_us);
         oldest_us
     }
 

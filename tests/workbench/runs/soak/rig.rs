@@ -36,7 +36,7 @@ const FLOOD_BYTES: usize = 800;
 /// Signed frames are longer.
 const SIGNED_FLOOD_BYTES: usize = 650;
 
-/// So many of the owner's frames a stranger has recorded. The latest of them may not have arrived, and then they are no
+/// How many of the owner's frames a stranger has recorded. The latest of them may not have arrived, and then they are no
 /// recordings yet.
 const RECORDED: usize = 200;
 const TOO_NEW: usize = 50;
@@ -50,7 +50,7 @@ const TRIES: usize = 5;
 /// Enough for twice the parameters of four packs and for the hostile frames that are still on their way.
 const LIST_STEPS: usize = 50;
 
-/// Whom a board obeys.
+/// Which senders a board obeys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protection {
     /// Everyone.
@@ -73,8 +73,8 @@ pub struct Rig {
     pub(super) orders: Orders,
     pub(super) motors: Motors,
     pub(super) receiver: Receiver,
-    /// What was told of the parameters last.
-    pub(super) told: BTreeMap<String, f32>,
+    /// The last reported value of each parameter.
+    pub(super) reported: BTreeMap<String, f32>,
     /// The last HEARTBEAT, or the start.
     pub(super) alive_us: u64,
     /// The first HEARTBEAT since news are expected, and the first answer to one of [`Self::probe`]'s.
@@ -109,7 +109,7 @@ impl Rig {
         for (name, value) in packs::PARAMETERS {
             bench.set(name, value);
         }
-        // So that a lever is obeyed at once, and a list is over soon.
+        // So that stick input takes effect at once, and a list is over soon.
         bench.set("MOT_SLEWRATE", 0.0);
         bench.set("SR0_PARAMS", 50.0);
         bench.reboot();
@@ -129,7 +129,7 @@ impl Rig {
             orders: Orders::default(),
             motors: Motors::default(),
             receiver: Receiver::default(),
-            told: BTreeMap::new(),
+            reported: BTreeMap::new(),
             alive_us: 0,
             heard_us: None,
             answered_us: None,
@@ -183,7 +183,7 @@ impl Rig {
         self.flood(behind);
     }
 
-    /// Hostile frames of about so many bytes, if the line is shared.
+    /// Hostile frames of about this many bytes, if the line is shared.
     fn flood(&mut self, bytes: usize) {
         let mut sent = 0;
         while self.line.condition == Condition::Shared && sent < bytes {
@@ -265,23 +265,23 @@ impl Rig {
     pub fn read_back(&mut self) {
         let names: Vec<_> = self.ledger.names().cloned().collect();
         for name in names {
-            self.told.remove(&name);
-            let told = (0..TRIES).any(|_| {
+            self.reported.remove(&name);
+            let reported = (0..TRIES).any(|_| {
                 self.send(&param_read_by_name(&name));
                 self.run_for(2 * STEP_US);
-                self.told.contains_key(&name)
+                self.reported.contains_key(&name)
             });
-            assert!(told, "{name} is not told");
+            assert!(reported, "{name} is not reported");
             self.tally.read_back += 1;
         }
     }
 
     /// All parameters but those that are set.
     pub fn list(&mut self) -> BTreeMap<String, f32> {
-        self.told.clear();
+        self.reported.clear();
         self.send(&param_request_list(VEHICLE));
         (0..LIST_STEPS).for_each(|_| self.step());
-        let mut listed = self.told.clone();
+        let mut listed = self.reported.clone();
         listed.retain(|name, _| !SET.contains(&name.as_str()));
         listed
     }
@@ -297,7 +297,7 @@ impl Rig {
         self.tally.settings = self.station.settings;
         self.tally.motor_changes = self.motors.changes;
         self.tally.least_left_us = self.bench.smallest_watchdog_slack_us();
-        self.tally.oldest_lever_us = self.motors.oldest_lever_us;
+        self.tally.oldest_stick_us = self.motors.oldest_stick_us;
         self.tally
     }
 }

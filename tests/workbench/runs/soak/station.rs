@@ -28,9 +28,9 @@ enum Doing {
 /// How a driver arms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Driver {
-    /// Leaves the levers neutral until the rover is seen to be armed.
+    /// Leaves the sticks neutral until the rover is seen to be armed.
     Careful,
-    /// Pushes a lever from the start and arms by force: the lever must not drive, since it is never neutral.
+    /// Deflects a stick from the start and arms by force: it must not drive, since it is never neutral.
     Hasty,
 }
 
@@ -48,7 +48,7 @@ pub struct Station {
     sees_armed: bool,
     heartbeat_due_us: u64,
     repeat_due_us: u64,
-    /// The lever, left and right, in thousandths.
+    /// The stick positions, in thousandths.
     steering: i16,
     throttle: i16,
     /// No value is set twice.
@@ -149,7 +149,7 @@ impl Station {
                     0 => Driver::Hasty,
                     _ => Driver::Careful,
                 };
-                self.move_lever();
+                self.move_stick();
                 None
             }
         }
@@ -169,7 +169,7 @@ impl Station {
         param_set(&name, self.next_value)
     }
 
-    fn move_lever(&mut self) {
+    fn move_stick(&mut self) {
         let power = self.random.below(801) as i16 + 200;
         (self.steering, self.throttle) = match self.random.below(4) {
             0 => (power, 0),
@@ -192,7 +192,7 @@ impl Station {
             });
             messages.push(set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
             if self.driver == Driver::Careful && self.random.below(2) == 0 {
-                self.move_lever();
+                self.move_stick();
             }
         }
         let (steering, throttle) = if is_pushing {
@@ -201,7 +201,7 @@ impl Station {
             (0, 0)
         };
         let [forward, right] = [throttle, steering].map(|axis| f64::from(axis) / 1000.0);
-        orders.lever(now_us, [forward + right, forward - right]);
+        orders.stick(now_us, [forward + right, forward - right]);
         messages.push(manual_control(VEHICLE_ID, steering, throttle));
     }
 }

@@ -25,7 +25,7 @@ pub struct Tally {
     pub drives: u64,
     pub calm_drives: u64,
     pub motor_changes: u64,
-    pub oldest_lever_us: u64,
+    pub oldest_stick_us: u64,
     pub settings: u64,
     pub read_back: u64,
     pub programs: u64,
@@ -68,7 +68,7 @@ impl Tally {
         self.drives += other.drives;
         self.calm_drives += other.calm_drives;
         self.motor_changes += other.motor_changes;
-        self.oldest_lever_us = self.oldest_lever_us.max(other.oldest_lever_us);
+        self.oldest_stick_us = self.oldest_stick_us.max(other.oldest_stick_us);
         self.settings += other.settings;
         self.read_back += other.read_back;
         self.programs += other.programs;
@@ -126,7 +126,7 @@ impl fmt::Display for Tally {
             self.motor_changes,
             self.drives,
             self.calm_drives,
-            self.oldest_lever_us as f64 / 1e6
+            self.oldest_stick_us as f64 / 1e6
         )?;
         writeln!(
             f,

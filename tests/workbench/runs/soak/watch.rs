@@ -12,7 +12,7 @@ use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, Heartbeat, PARAM_
 /// the list of parameters, an erase of the flash, a step of this.
 const SILENCE_US: u64 = 1_300 * MILLISECOND;
 
-/// Without a fault: a step of this in which the station has just stopped to send levers, and one in which the rover is told.
+/// Without a fault: a step of this in which the station has just stopped sending stick input, and one until the rover acts on it.
 const PROMPT_US: u64 = 250 * MILLISECOND;
 
 /// Flash is written only so long after a parameter was set, or after a start.
@@ -29,7 +29,7 @@ impl Rig {
         let frames = self.receive(None);
         self.take_all(&changes, &frames);
         self.look_at_flash();
-        // Nobody else looks at them, and they grow.
+        // They are not used elsewhere, and grow.
         self.bench.i2c(BUS).take_transactions();
         self.bench.take_log();
         let silence_us = self.now_us() - self.alive_us;
@@ -83,9 +83,10 @@ impl Rig {
                 self.answered_us.get_or_insert(frame.at_us);
             }
             PARAM_VALUE => {
-                let told = ParamValue(frame);
-                self.ledger.told(&told.name(), told.value(), frame.at_us);
-                self.told.insert(told.name(), told.value());
+                let reported = ParamValue(frame);
+                self.ledger
+                    .reported(&reported.name(), reported.value(), frame.at_us);
+                self.reported.insert(reported.name(), reported.value());
             }
             _ => {}
         }
@@ -100,7 +101,7 @@ impl Rig {
         } else {
             Says::Disarmed
         };
-        self.orders.told(says, frame.at_us);
+        self.orders.reported(says, frame.at_us);
         self.station.see(says, frame.at_us);
     }
 
@@ -114,7 +115,7 @@ impl Rig {
             }
             assert!(
                 operation.time_us <= since_us + WRITING_US,
-                "nobody has set anything: {operation:?}"
+                "no parameter was set: {operation:?}"
             );
             match operation.kind {
                 FlashOperationKind::PageProgram => self.tally.programs += 1,
@@ -123,12 +124,12 @@ impl Rig {
         }
     }
 
-    /// No motor turns now that must not. Without a fault they follow the lever at once, and have turned by the end of a drive.
+    /// No motor turns now that must not. Without a fault they follow the stick input at once, and have turned by the end of a drive.
     fn look_at_drive(&mut self) {
-        let lever_us = self.motors.assert_ordered(&self.orders, self.now_us());
+        let stick_us = self.motors.assert_ordered(&self.orders, self.now_us());
         assert!(
-            self.calm_since_us.is_none() || lever_us <= PROMPT_US,
-            "by a lever {lever_us} us ago"
+            self.calm_since_us.is_none() || stick_us <= PROMPT_US,
+            "by stick input {stick_us} us old"
         );
         let Some(drive) = self.station.take_finished_drive() else {
             return;
