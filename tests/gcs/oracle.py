@@ -454,8 +454,8 @@ class QGroundControlShows:
 class QGroundControl:
     """QGroundControl's toolbar and voice.
 
-    `layout` is the layout of message 369 it is built with. The version that was read has the older one; what a later one
-    does with `state_of_charge` is unread, and taken to be the same.
+    `layout` is the layout of message 369 it is built with. The version that was read has the older one; what a later
+    one does with `state_of_charge` is unread, and taken to be the same.
     """
 
     def __init__(self, layout=WITH_PERCENT_REMAINING):

@@ -522,7 +522,8 @@ def test_the_console_shows_the_batteries():
     station = proxy(parameter("BATT_MONITOR", 3), battery(percent=-1, current=-1))
     assert station.shows(0).battery == "Batt1: 12.00V "
     assert station.shows(0).bat == "Flight battery:   -1%"
-    station = proxy(parameter("BATT_MONITOR", 4), parameter("BATT2_MONITOR", 7), battery(), battery(number=1, ext=[9] * 4))
+    settings = [parameter("BATT_MONITOR", 4), parameter("BATT2_MONITOR", 7)]
+    station = proxy(*settings, battery(), battery(number=1, ext=[9] * 4))
     assert station.shows(0).battery == "Batt1: 90%/12.00V 1.0A Batt2: 90%/12.00V 1.0A "
 
 
@@ -551,7 +552,8 @@ def test_safety_by_the_motor_outputs():
 
 
 def test_modes_and_arming_are_said():
-    station = proxy(heartbeat(mode=4), heartbeat(mode=4, armed=True), heartbeat(mode=0, armed=True), heartbeat(), every=3)
+    hold, driving = heartbeat(mode=4, armed=True), heartbeat(mode=0, armed=True)
+    station = proxy(heartbeat(mode=4), hold, driving, heartbeat(), every=3)
     assert station.said == ["online system 1", "Mode HOLD", "ARMED", "Mode MANUAL", "DISARMED", "Mode HOLD"]
     assert proxy(heartbeat(mode=4), heartbeat(mode=0), every=2).said == ["online system 1", "Mode HOLD"]
 
