@@ -588,13 +588,13 @@ fn every_fault_has_its_flag() {
 }
 
 #[test]
-fn a_pack_that_is_not_there_not_trusted_or_nearly_empty_is_not_ready() {
+fn a_pack_that_may_not_be_used_is_not_ready() {
     const NOT_READY: u32 = 1;
     const CHARGING: u32 = 2;
     for (status, expected) in [
-        (PackStatus::Disabled, NOT_READY),
+        (PackStatus::Disabled, 0),
         (PackStatus::Unknown, 0),
-        (PackStatus::NotConnected, NOT_READY),
+        (PackStatus::NotConnected, 0),
         (PackStatus::Healthy, 0),
         (PackStatus::Unhealthy, NOT_READY),
     ] {
@@ -603,6 +603,21 @@ fn a_pack_that_is_not_there_not_trusted_or_nearly_empty_is_not_ready() {
             ..BatteryState::default()
         };
         assert_eq!(status_v2_of(battery).status_flags.bits(), expected, "{status:?}");
+    }
+    for failsafe in FAILSAFE_LEVELS {
+        let battery = BatteryState {
+            failsafe,
+            ..healthy(11.1)
+        };
+        let expected = match failsafe {
+            FailsafeLevel::None => 0,
+            _ => NOT_READY,
+        };
+        assert_eq!(
+            status_v2_of(battery).status_flags.bits(),
+            expected,
+            "{failsafe:?}"
+        );
     }
     for (charge_state, expected) in CHARGE_STATES
         .into_iter()

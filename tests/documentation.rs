@@ -343,8 +343,10 @@ const READ_ERRORS: [ReadError; 13] = [
     ReadError::AddressTaken,
 ];
 
-const ARMING_FAILURES: [ArmingFailure; 9] = [
+const ARMING_FAILURES: [ArmingFailure; 11] = [
     ArmingFailure::Unhealthy,
+    ArmingFailure::Failed,
+    ArmingFailure::Emergency,
     ArmingFailure::BelowArmingVoltage,
     ArmingFailure::BelowArmingCapacity,
     ArmingFailure::LowVoltage,

@@ -22,8 +22,11 @@ const RESOLUTION_US: u64 = 1_000;
 /// One in so many of an unhealthy pack's failed reads is logged.
 const LOGGED_FAILURE: u32 = 10;
 
-/// Once a second what has to survive a reset is recorded, and the arming checks run.
+/// Once a second what has to survive a reset is recorded, and the arming checks run. Not in the same tick: together they
+/// would hold up other tasks for longer.
 const TICKS_PER_SECOND: u32 = 10;
+const RECORDING_TICK: u32 = 0;
+const CHECKING_TICK: u32 = 5;
 
 /// A sampling tick in progress.
 #[derive(Debug)]
@@ -95,9 +98,12 @@ impl Autopilot {
     /// Ends a sampling tick. Once a second `memory` is updated and the arming checks run.
     pub fn end_sampling(&mut self, _: SamplingTick, memory: &mut RetainedMemory) {
         self.vehicle.update_batteries(self.packs.bank.worst_failsafe());
-        if self.packs.ticks.is_multiple_of(TICKS_PER_SECOND) {
-            retain(memory, &self.packs.bank.memory());
-            self.readiness = arming_readiness(&self.system_state(), &self.parameters, &self.vehicle);
+        match self.packs.ticks % TICKS_PER_SECOND {
+            RECORDING_TICK => retain(memory, &self.packs.bank.memory()),
+            CHECKING_TICK => {
+                self.readiness = arming_readiness(&self.system_state(), &self.parameters, &self.vehicle);
+            }
+            _ => {}
         }
         self.packs.ticks = self.packs.ticks.wrapping_add(1);
     }

@@ -3,14 +3,18 @@
 use core::fmt;
 
 use super::failsafe::{is_below, remaining, voltage_v};
-use super::{BatteryState, FailsafeLevel, PackSettings, PackStatus};
+use super::{BatteryState, ChargeState, FailsafeLevel, PackSettings, PackStatus};
 
-/// Why a pack fails the arming checks, in ArduPilot's words and order.
+/// Why a pack fails the arming checks, in ArduPilot's words and order where it has the check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ArmingFailure {
     /// No pack is connected, its sensor has failed, or an unhealthy failsafe is latched.
     Unhealthy,
+    /// The pack has failed: a cell is broken.
+    Failed,
+    /// The charge state is EMERGENCY.
+    Emergency,
     /// The terminal voltage is below `BATT_ARM_VOLT`.
     BelowArmingVoltage,
     /// The remaining charge is below `BATT_ARM_MAH`.
@@ -33,6 +37,8 @@ impl fmt::Display for ArmingFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Unhealthy => "unhealthy",
+            Self::Failed => "has failed",
+            Self::Emergency => "is nearly empty",
             Self::BelowArmingVoltage => "below minimum arming voltage",
             Self::BelowArmingCapacity => "below minimum arming capacity",
             Self::LowVoltage => "low voltage failsafe",
@@ -63,6 +69,11 @@ pub fn arming_failures(
         (
             state.status != PackStatus::Healthy || is_latched(FailsafeLevel::Unhealthy),
             ArmingFailure::Unhealthy,
+        ),
+        (state.charge_state == ChargeState::Failed, ArmingFailure::Failed),
+        (
+            state.charge_state == ChargeState::Emergency,
+            ArmingFailure::Emergency,
         ),
         (
             is_below(state.voltage_v, settings.arming.voltage_v),
@@ -114,6 +125,23 @@ mod tests {
         Thresholds {
             voltage_v: Some(voltage_v),
             remaining_mah: Some(remaining_mah),
+        }
+    }
+
+    #[test]
+    fn pack_that_failed_or_is_nearly_empty_fails_without_thresholds() {
+        for (charge_state, expected) in [
+            (ChargeState::Critical, None),
+            (ChargeState::Emergency, Some(ArmingFailure::Emergency)),
+            (ChargeState::Failed, Some(ArmingFailure::Failed)),
+        ] {
+            let state = BatteryState {
+                status: PackStatus::Healthy,
+                charge_state,
+                ..BatteryState::default()
+            };
+            let failures: Vec<_> = arming_failures(&state, &PackSettings::default()).collect();
+            assert_eq!(failures, Vec::from_iter(expected), "{charge_state:?}");
         }
     }
 

@@ -1,7 +1,7 @@
 //! BATTERY_STATUS_V2 (369).
 
 use super::units::{amp_hours, finite, number, temperature_cdegc};
-use crate::battery::{Amount, BatteryState, ChargeSource, ChargeState, Faults, PackStatus};
+use crate::battery::{Amount, BatteryState, ChargeSource, ChargeState, FailsafeLevel, Faults, PackStatus};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{BATTERY_STATUS_V2_DATA, MavBatteryStatusFlags as Flags};
 use crate::pack::Pack;
@@ -90,6 +90,8 @@ fn fault_flags(faults: Faults) -> Flags {
     flags
 }
 
+/// A pack that may not be used: one that is critical or has failed, whose sensor has failed, or that has reached a failsafe
+/// level, since arming is refused then. QGroundControl shows it as an emergency; so nothing is set while no pack is there.
 fn readiness_flags(battery: &BatteryState) -> Flags {
     let is_fit = match battery.charge_state {
         ChargeState::Undefined | ChargeState::Ok | ChargeState::Low | ChargeState::Charging => true,
@@ -97,9 +99,15 @@ fn readiness_flags(battery: &BatteryState) -> Flags {
             false
         }
     };
-    match battery.status {
-        PackStatus::Healthy | PackStatus::Unknown if is_fit => Flags::empty(),
-        _ => Flags::MAV_BATTERY_STATUS_FLAGS_NOT_READY_TO_USE,
+    let is_ready = match battery.status {
+        PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected => true,
+        PackStatus::Healthy => is_fit && battery.failsafe == FailsafeLevel::None,
+        PackStatus::Unhealthy => false,
+    };
+    if is_ready {
+        Flags::empty()
+    } else {
+        Flags::MAV_BATTERY_STATUS_FLAGS_NOT_READY_TO_USE
     }
 }
 
