@@ -71,12 +71,12 @@ impl Autopilot {
 
     /// The state of a pack.
     pub fn battery(&self, pack: Pack) -> &BatteryState {
-        self.packs.state(pack)
+        &self.packs.states[pack as usize]
     }
 
     /// Sampling ticks so far, modulo 2^32.
     pub fn samples(&self) -> u32 {
-        self.packs.ticks()
+        self.packs.ticks
     }
 
     /// Busy share of the processor over the last second, in tenths of a percent.
@@ -91,24 +91,36 @@ impl Autopilot {
 
     /// Everything telemetry reports now, apart from a link's own counters.
     pub fn system_state(&self) -> SystemState<'_> {
-        SystemState {
-            batteries: self.packs.states(),
-            vehicle: self.vehicle.status(),
-            readiness: self.readiness,
-            load_permille: self.load_permille,
-            ..SystemState::default()
-        }
+        let (packs, vehicle) = (&self.packs, &self.vehicle);
+        system_state(packs, vehicle, self.readiness, self.load_permille)
     }
 
     /// Announces something to all connected ground stations, once.
     pub fn announce(&mut self, announcement: Announcement<'_>) {
-        info!("announced: {}", announcement.text().as_str());
-        self.broadcast.add(&announcement);
+        let text = announcement.text();
+        info!("announced: {}", text.as_str());
+        self.broadcast.add(announcement.severity(), text);
         self.work |= Work::ANNOUNCED;
     }
 
     /// What other tasks have to do since the last call.
     pub fn take_work(&mut self) -> Work {
         core::mem::take(&mut self.work)
+    }
+}
+
+/// Everything telemetry reports, from the parts it is read from: while a request is handled, others are changed.
+pub(super) fn system_state<'a>(
+    packs: &'a Packs,
+    vehicle: &Vehicle,
+    readiness: ArmingReadiness,
+    load_permille: u16,
+) -> SystemState<'a> {
+    SystemState {
+        batteries: &packs.states,
+        vehicle: vehicle.status(),
+        readiness,
+        load_permille,
+        ..SystemState::default()
     }
 }

@@ -2,7 +2,7 @@
 
 use heapless::Deque;
 
-use super::announcement::{Announcement, AnnouncementText};
+use super::announcement::AnnouncementText;
 use crate::mavlink::dialect::MavSeverity;
 use crate::pack::MAX_PACKS;
 
@@ -46,16 +46,13 @@ impl Broadcast {
     }
 
     /// Adds an announcement; the oldest one goes if there is no room.
-    pub fn add(&mut self, announcement: &Announcement<'_>) {
+    pub fn add(&mut self, severity: MavSeverity, text: AnnouncementText) {
         if self.latest.is_full() {
             self.latest.pop_front();
             self.oldest = self.oldest.wrapping_add(1);
         }
         // There is room now.
-        let _ = self.latest.push_back(Announced {
-            severity: announcement.severity(),
-            text: announcement.text(),
-        });
+        let _ = self.latest.push_back(Announced { severity, text });
     }
 
     /// The position behind the latest announcement.
@@ -81,6 +78,11 @@ impl Broadcast {
 mod tests {
     use super::*;
 
+    fn announce(broadcast: &mut Broadcast, number: usize) {
+        let text = AnnouncementText::try_from(number.to_string().as_str()).unwrap();
+        broadcast.add(MavSeverity::MAV_SEVERITY_INFO, text);
+    }
+
     fn texts(broadcast: &Broadcast, position: &mut Position) -> Vec<String> {
         let mut texts = Vec::new();
         while let Some(next) = broadcast.next(position) {
@@ -100,12 +102,12 @@ mod tests {
                 ..Broadcast::default()
             };
             let mut from_start = broadcast.end();
-            broadcast.add(&Announcement::Crash("1"));
+            announce(&mut broadcast, 1);
             let mut later = broadcast.end();
             assert_eq!(texts(&broadcast, &mut from_start), ["1"]);
             assert_eq!(texts(&broadcast, &mut later), [""; 0]);
             for number in 2..=11 {
-                broadcast.add(&Announcement::Crash(&number.to_string()));
+                announce(&mut broadcast, number);
             }
             let expected: Vec<_> = (2..=11).map(|number| number.to_string()).collect();
             assert_eq!(texts(&broadcast, &mut from_start), expected);
@@ -122,7 +124,7 @@ mod tests {
             };
             let mut position = broadcast.end();
             for number in 0..KEPT + 3 {
-                broadcast.add(&Announcement::Crash(&number.to_string()));
+                announce(&mut broadcast, number);
             }
             let texts = texts(&broadcast, &mut position);
             assert_eq!(texts[..2], ["3 lost", "3"]);

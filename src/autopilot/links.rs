@@ -1,13 +1,13 @@
 //! Links to ground stations: what is sent and received, and what a request leads to.
 
 use super::announcement::{ANNOUNCEMENT_BYTES, Announcement};
-use super::autopilot::Autopilot;
+use super::autopilot::{Autopilot, system_state};
 use super::broadcast::Next;
 use super::channel::Channel;
 use super::work::Work;
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Action, Event, Framer, Message, SystemState};
+use crate::mavlink::{Action, Event, Framer, Message};
 use crate::parameter::{ParameterId, VehicleParameter};
 use crate::time::Instant;
 
@@ -93,14 +93,8 @@ impl Autopilot {
         now: Instant,
         received_at: Instant,
     ) -> Option<Event> {
-        // Not `system_state()`: it would borrow the vehicle, too.
-        let state = SystemState {
-            batteries: self.packs.states(),
-            vehicle: self.vehicle.status(),
-            readiness: self.readiness,
-            load_permille: self.load_permille,
-            ..SystemState::default()
-        };
+        // Of the packs alone: the vehicle is changed meanwhile.
+        let state = system_state(&self.packs, &self.vehicle, self.readiness, self.load_permille);
         let event = channel.endpoint.handle_next(
             now,
             received_at,

@@ -26,7 +26,7 @@ pub use announcement::{ANNOUNCEMENT_BYTES, Announcement, AnnouncementText};
 pub use autopilot::Autopilot;
 pub use channel::Channel;
 pub use driving::Outputs;
-pub use sampling::{SamplingProgress, SamplingTick};
+pub use sampling::{SAMPLING_INTERVAL_US, SAMPLING_RESOLUTION_US, SamplingProgress, SamplingTick};
 pub use start::{ParameterLoad, Start};
 pub use wiring::Wiring;
 pub use work::Work;

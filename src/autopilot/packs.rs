@@ -44,18 +44,6 @@ impl Packs {
         }
     }
 
-    pub fn states(&self) -> &[BatteryState] {
-        &self.states
-    }
-
-    pub fn state(&self, pack: Pack) -> &BatteryState {
-        &self.states[pack as usize]
-    }
-
-    pub fn ticks(&self) -> u32 {
-        self.ticks
-    }
-
     /// Battery reset of the packs in `mask` (one bit per instance).
     pub fn reset(&mut self, mask: u16, percent: f32, parameters: &Parameters) {
         for (pack, _) in &self.order {

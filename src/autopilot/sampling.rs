@@ -15,16 +15,19 @@ use crate::pack::Pack;
 use crate::sensor::{AnalogPin, AnalogReadings, MonitorKind, Pulses};
 use crate::time::Instant;
 
-/// Readings count as taken at a whole millisecond: so intervals are nearly always equal, and the filters need not divide
-/// anew.
-const RESOLUTION_US: u64 = 1_000;
+/// Interval of sampling ticks: 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.
+pub const SAMPLING_INTERVAL_US: u64 = 100_000;
+
+/// Ticks are due, and readings count as taken, at a whole millisecond: so intervals are nearly always equal, and the
+/// filters need not divide anew.
+pub const SAMPLING_RESOLUTION_US: u64 = 1_000;
 
 /// One in so many of an unhealthy pack's failed reads is logged.
 const LOGGED_FAILURE: u32 = 10;
 
 /// Once a second what has to survive a reset is recorded, and the arming checks run. Not in the same tick: together they
 /// would hold up other tasks for longer.
-const TICKS_PER_SECOND: u32 = 10;
+const TICKS_PER_SECOND: u32 = (1_000_000 / SAMPLING_INTERVAL_US) as u32;
 const RECORDING_TICK: u32 = 0;
 const CHECKING_TICK: u32 = 5;
 
@@ -42,7 +45,7 @@ pub struct SamplingTick {
 #[must_use]
 pub enum SamplingProgress {
     /// Another pack may be left.
-    Sampled(Pack),
+    Sampled,
     /// All packs are done.
     Complete,
 }
@@ -61,11 +64,11 @@ impl Autopilot {
         self.packs.needed_pins(&self.parameters)
     }
 
-    /// Begins a sampling tick with what the pins read; due every 100 ms.
+    /// Begins a sampling tick with what the pins read; due every [`SAMPLING_INTERVAL_US`].
     pub fn begin_sampling(&self, now: Instant, readings: AnalogReadings) -> SamplingTick {
         SamplingTick {
             tick: Tick {
-                now: now.before_us(now.as_micros() % RESOLUTION_US),
+                now: now.before_us(now.as_micros() % SAMPLING_RESOLUTION_US),
                 arm_state: self.vehicle.arm_state(),
             },
             readings,
@@ -92,7 +95,7 @@ impl Autopilot {
         if let Some(reading) = reading {
             self.update_pack(pack, sampling.tick, reading);
         }
-        SamplingProgress::Sampled(pack)
+        SamplingProgress::Sampled
     }
 
     /// Ends a sampling tick. Once a second `memory` is updated and the arming checks run.

@@ -269,7 +269,7 @@ fn controlled(driving: Driving) -> Event {
     }
 }
 
-/// What came of a command to the service.
+/// What came of a command to the vehicle.
 fn driven(command: u16, result: MavResult) -> Event {
     match result {
         MavResult::MAV_RESULT_ACCEPTED => Event::Driven,

@@ -4,18 +4,12 @@ use embassy_futures::yield_now;
 use embassy_time::{Duration, with_timeout};
 
 use super::{Shared, mark, now, timer_at};
-use crate::autopilot::SamplingProgress;
+use crate::autopilot::{SAMPLING_INTERVAL_US, SAMPLING_RESOLUTION_US, SamplingProgress};
 use crate::battery::{ReadError, RetainedMemory};
 use crate::cadence::Cadence;
 use crate::liveness::CheckIn;
 use crate::sensor::{AnalogIn, AnalogReadings, read_mean};
 use crate::time::Instant;
-
-/// 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.
-const SAMPLING_INTERVAL_US: u64 = 100_000;
-
-/// Ticks are due at a whole millisecond.
-const RESOLUTION_US: u64 = 1_000;
 
 /// A read that takes longer counts as failed.
 const READ_TIMEOUT: Duration = Duration::from_millis(2);
@@ -28,7 +22,7 @@ pub async fn sample_batteries(
     check_in: &CheckIn,
 ) -> ! {
     shared.with(|autopilot| autopilot.restore_packs(memory));
-    let start = Instant::from_micros(now().as_micros().next_multiple_of(RESOLUTION_US));
+    let start = Instant::from_micros(now().as_micros().next_multiple_of(SAMPLING_RESOLUTION_US));
     let mut ticks = Cadence::starting_at(start, SAMPLING_INTERVAL_US);
     loop {
         timer_at(ticks.due()).await;
