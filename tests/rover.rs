@@ -4,14 +4,14 @@
 mod desk;
 mod support;
 
-use desk::Desk;
+use desk::{Desk, adc_count};
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, FailsafeLevel, PackStatus};
 use rover_battmon::mavlink::{Event, Framer, Stream};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
-use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogPin, AnalogReadings};
+use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::{MotorDrive, SideDrives};
 use support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, SysStatus, frames};
 use support::requests::{
@@ -110,9 +110,8 @@ impl Rover {
     /// Samples a pack of this voltage for some seconds.
     fn sample(&mut self, voltage_v: f32, seconds: u64) {
         let pin_v = voltage_v / self.0.parameters().get(VOLT_MULT);
-        let count = pin_v / ADC_REFERENCE_V * f32::from(ADC_FULL_SCALE);
         let mut readings = AnalogReadings::NONE;
-        readings.set(AnalogPin::Gp26, Ok(AdcCount(count.round() as u16)));
+        readings.set(AnalogPin::Gp26, Ok(adc_count(pin_v)));
         for _ in 0..seconds * 10 {
             self.0.now_us += 100_000;
             self.0.sample(readings);

@@ -6,15 +6,15 @@ mod desk;
 mod story;
 mod support;
 
-use desk::Desk;
+use desk::{Desk, adc_count};
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{ArmState, ReadError};
 use rover_battmon::parameter::{ParameterId, Parameters};
-use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogPin, AnalogReadings};
+use rover_battmon::sensor::{AdcCount, AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::MotorDrive;
 use story::{Drive, Input, Story};
 use support::frames::{Frame, STATUSTEXT};
-use support::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID, command_long_2, manual_control, set_mode};
+use support::requests::{VEHICLE_ID, manual_control};
 
 /// Dividers of both packs, and the first one's current sensor.
 const DIVIDERS: [AnalogPin; 2] = [AnalogPin::Gp26, AnalogPin::Gp28];
@@ -22,10 +22,6 @@ const CURRENT_SENSOR: AnalogPin = AnalogPin::Gp27;
 
 const DIVIDER: f32 = 3.95;
 const AMPERES_PER_VOLT: f32 = 17.0;
-
-const COMPONENT_ARM_DISARM: u16 = 400;
-const FORCE: f32 = 21196.0;
-const BATTERY_RESET: u16 = 42651;
 
 const TICK_US: u64 = 100_000;
 
@@ -76,22 +72,14 @@ impl Stage {
                 assert_eq!(pack, 0, "only the first pack has a current sensor");
                 self.set_pin(CURRENT_SENSOR, amperes / AMPERES_PER_VOLT);
             }
-            Input::Arm => {
-                // A stick deflected on arming would have to be neutral first.
-                self.receive(&manual_control(VEHICLE_ID, 0, 0));
-                self.receive(&command_long_2(COMPONENT_ARM_DISARM, 1.0, FORCE));
-                self.receive(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
-            }
-            Input::Disarm => self.receive(&command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0)),
             Input::SensorFails => self.sensor_fails = true,
             Input::SensorWorks => self.sensor_fails = false,
-            Input::Reset { percent } => self.receive(&command_long_2(BATTERY_RESET, 65535.0, percent)),
+            Input::Request(request) => self.receive(&request.frames()),
         }
     }
 
     fn set_pin(&mut self, pin: AnalogPin, pin_v: f32) {
-        let count = pin_v / ADC_REFERENCE_V * f32::from(ADC_FULL_SCALE);
-        self.readings.set(pin, Ok(AdcCount(count.round() as u16)));
+        self.readings.set(pin, Ok(adc_count(pin_v)));
     }
 
     fn receive(&mut self, request: &[u8]) {

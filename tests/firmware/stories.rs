@@ -5,7 +5,7 @@ use crate::emulator::{AdcFault, AdcInput};
 use crate::motor_poles::LEFT;
 use crate::story::{Drive, Input, Story};
 use crate::support::frames::{STATUSTEXT, of_message};
-use crate::support::requests::{command_long_2, manual_control, set_mode};
+use crate::support::requests::{VEHICLE_ID, manual_control};
 
 /// ADC channels: dividers of both packs, and the first one's current sensor.
 const DIVIDERS: [usize; 2] = [0, 2];
@@ -14,13 +14,6 @@ const CURRENT_SENSOR: usize = 1;
 const DIVIDER: f64 = 3.95;
 const AMPERES_PER_VOLT: f64 = 17.0;
 const COUNTS_PER_VOLT: f64 = 4095.0 / 3.3;
-
-const COMPONENT_ARM_DISARM: u16 = 400;
-const FORCE: f32 = 21196.0;
-const BATTERY_RESET: u16 = 42651;
-const CUSTOM_MODE_ENABLED: u8 = 1;
-const MANUAL: u32 = 0;
-const VEHICLE_ID: u8 = 1;
 
 /// Half throttle, so that the motors would turn if they may.
 const THROTTLE: i16 = 500;
@@ -73,16 +66,9 @@ impl Stage {
                 self.bench
                     .adc_input(CURRENT_SENSOR, code(f64::from(amperes) / AMPERES_PER_VOLT));
             }
-            Input::Arm => {
-                // A stick deflected on arming would have to be neutral first.
-                self.send(&manual_control(VEHICLE_ID, 0, 0));
-                self.send(&command_long_2(COMPONENT_ARM_DISARM, 1.0, FORCE));
-                self.send(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
-            }
-            Input::Disarm => self.send(&command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0)),
             Input::SensorFails => self.bench.adc_fault(AdcFault::Stalled),
             Input::SensorWorks => self.bench.adc_fault(AdcFault::None),
-            Input::Reset { percent } => self.send(&command_long_2(BATTERY_RESET, 65535.0, percent)),
+            Input::Request(request) => self.send(&request.frames()),
         }
     }
 

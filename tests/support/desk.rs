@@ -8,7 +8,7 @@ use rover_battmon::battery::{BatteryState, PackStatus, RetainedRecord};
 use rover_battmon::mavlink::{Event, Framer, LinkKind, LinkStatistics};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
-use rover_battmon::sensor::AnalogReadings;
+use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogReadings};
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{SideDrives, Vehicle};
 
@@ -17,6 +17,11 @@ use crate::support::frames::{Frame, frames};
 const FAST: u32 = 100_000;
 
 const MONITOR: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::Monitor);
+
+/// What the converter makes of this voltage at a pin.
+pub fn adc_count(pin_v: f32) -> AdcCount {
+    AdcCount((pin_v / ADC_REFERENCE_V * f32::from(ADC_FULL_SCALE)).round() as u16)
+}
 
 /// The autopilot, and our end of a link.
 pub struct Desk {

@@ -21,6 +21,10 @@ use std::fs::{self, DirEntry};
 use std::io;
 use std::path::Path;
 
+use crate::support::requests::{
+    CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID, command_long_2, manual_control, set_mode,
+};
+
 /// A parsed story.
 #[derive(Debug, Default)]
 pub struct Story {
@@ -36,11 +40,41 @@ pub struct Story {
 pub enum Input {
     Voltage { pack: usize, volts: f32 },
     Current { pack: usize, amperes: f32 },
-    Arm,
-    Disarm,
     SensorFails,
     SensorWorks,
-    Reset { percent: f32 },
+    Request(Request),
+}
+
+/// What a ground station asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Request {
+    /// Forced, and in mode MANUAL.
+    Arm,
+    Disarm,
+    Reset {
+        percent: f32,
+    },
+}
+
+const COMPONENT_ARM_DISARM: u16 = 400;
+const FORCE: f32 = 21196.0;
+const BATTERY_RESET: u16 = 42651;
+
+impl Request {
+    /// The frames of the request.
+    pub fn frames(self) -> Vec<u8> {
+        match self {
+            // A stick deflected on arming would have to be neutral first.
+            Self::Arm => [
+                manual_control(VEHICLE_ID, 0, 0),
+                command_long_2(COMPONENT_ARM_DISARM, 1.0, FORCE),
+                set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL),
+            ]
+            .concat(),
+            Self::Disarm => command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0),
+            Self::Reset { percent } => command_long_2(BATTERY_RESET, 65535.0, percent),
+        }
+    }
 }
 
 /// An expected outcome.
@@ -215,9 +249,9 @@ fn input<'a>(word: &str, words: &mut impl Iterator<Item = &'a str>) -> Option<In
             pack,
             amperes: number()?,
         },
-        "reset" => Input::Reset { percent: number()? },
-        "arm" => Input::Arm,
-        "disarm" => Input::Disarm,
+        "reset" => Input::Request(Request::Reset { percent: number()? }),
+        "arm" => Input::Request(Request::Arm),
+        "disarm" => Input::Request(Request::Disarm),
         "fail" => Input::SensorFails,
         "work" => Input::SensorWorks,
         _ => return None,
