@@ -307,5 +307,5 @@ fn worn_flash_that_can_not_keep_the_time_is_announced_and_locks_after_a_restart(
 
 #[test]
 fn the_time_is_written_down_once_a_minute_and_nothing_else() {
-    signing_time::run(3 * MINUTE);
+    signing_time::run(2 * MINUTE);
 }
