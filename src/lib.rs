@@ -86,6 +86,7 @@
 #![cfg_attr(target_os = "none", no_std)]
 
 mod crc32;
+mod decimals;
 mod in_place;
 mod log;
 mod rounding;

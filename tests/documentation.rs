@@ -7,7 +7,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use motor_poles::{Motor, motors};
-use rover_battmon::battery::{Amount, ArmingFailure, BusError, FailsafeLevel, Gap, PackEvent, ReadError};
+use rover_battmon::battery::{
+    Amount, ArmingFailure, BusError, ChargeState, FailsafeLevel, Faults, Gap, PackEvent, ReadError,
+};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamKind, Subject};
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
@@ -384,6 +386,14 @@ fn pack_events() -> Vec<PackEvent> {
         failsafe(FailsafeLevel::Critical, Amount::Mah(120.0)),
         failsafe(FailsafeLevel::Low, Amount::Ml(120.0)),
     ];
+    let entered = |state| PackEvent::Charge {
+        state,
+        remaining_pct: Some(15.0),
+        voltage_v: Some(10.95),
+    };
+    events.extend([ChargeState::Low, ChargeState::Critical, ChargeState::Emergency].map(entered));
+    events.push(PackEvent::Charging);
+    events.extend(Faults::all().iter().map(PackEvent::Faults));
     events.extend(READ_ERRORS.map(PackEvent::SensorFailed));
     events
 }

@@ -16,7 +16,7 @@ use rover_battmon::vehicle::{MotorDrive, SideDrives};
 use support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, SysStatus, frames};
 use support::requests::{
     EVERYONE, VEHICLE, arm, command_int, command_int_2, command_long, command_long_2, disarm, do_set_mode,
-    heartbeat, manual_control, rc_override, reboot, set_mode,
+    heartbeat, manual_control, param_request_list, param_set, rc_override, reboot, set_mode,
 };
 
 const ARM_DISARM: u16 = 400;
@@ -182,6 +182,35 @@ fn turn(left: f32, right: f32) -> SideDrives {
         _ => MotorDrive::Turn(share),
     });
     SideDrives { left, right }
+}
+
+#[test]
+fn a_ground_station_is_given_thresholds_to_copy_while_none_is_set() {
+    let pack = |cell_count| BatteryState {
+        cell_count,
+        ..at_voltage(11.1)
+    };
+    let texts = |rover: &mut Rover| {
+        rover.deliver(&param_request_list(VEHICLE));
+        let mut sent = rover.0.sent();
+        sent.retain(|frame| frame.message_id == STATUSTEXT);
+        let texts = joined(&sent).into_iter().map(|(_, text)| text);
+        texts.skip(1).collect::<Vec<_>>()
+    };
+    let mut rover = Rover::new();
+    rover.0.set_batteries(&[pack(None)]);
+    let off = "Battery failsafes are off: set BATT_LOW_VOLT";
+    assert_eq!(texts(&mut rover), [off], "unknown cells");
+    rover.0.set_batteries(&[pack(Some(3))]);
+    assert_eq!(
+        texts(&mut rover),
+        [off, "Set BATT_LOW_VOLT 10.50, BATT_CRT_VOLT 10.20"]
+    );
+    for (name, value) in [("BATT_LOW_VOLT", 10.5), ("BATT_CRT_VOLT", 10.2)] {
+        rover.deliver(&param_set(name, value));
+    }
+    rover.0.sent();
+    assert_eq!(texts(&mut rover), [""; 0]);
 }
 
 #[test]

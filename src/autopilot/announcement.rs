@@ -4,11 +4,12 @@ use core::fmt::{self, Write};
 
 use heapless::String;
 
-use crate::battery::PackEvent;
+use crate::battery::{PackEvent, SuggestedThresholds};
+use crate::decimals::Hundredths;
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{SigningChange, SigningTrouble};
 use crate::pack::Pack;
-use crate::parameter::save_failure_text;
+use crate::parameter::{BatteryParameter, save_failure_text};
 use crate::storage::StorageError;
 use crate::vehicle::VehicleEvent;
 
@@ -27,6 +28,8 @@ pub enum Announcement<'a> {
     Vehicle(VehicleEvent),
     /// Packs are monitored, and none of them has a failsafe threshold.
     FailsafesOff,
+    /// Thresholds for a pack without any.
+    Suggestion(Pack, SuggestedThresholds),
     /// The stored parameters were not loaded, after repeated quick resets.
     DefaultParameters,
     /// The stored parameters could not all be read.
@@ -54,7 +57,10 @@ impl Announcement<'_> {
         match self {
             Self::Pack(
                 _,
-                PackEvent::CellsDetected { .. } | PackEvent::SensorRecovered | PackEvent::ContactRestored,
+                PackEvent::CellsDetected { .. }
+                | PackEvent::SensorRecovered
+                | PackEvent::ContactRestored
+                | PackEvent::Charging,
             ) => MavSeverity::MAV_SEVERITY_NOTICE,
             Self::Pack(
                 _,
@@ -64,6 +70,8 @@ impl Announcement<'_> {
                 | PackEvent::Gap(_)
                 | PackEvent::SensorFailed(_)
                 | PackEvent::PoweringOff
+                | PackEvent::Charge { .. }
+                | PackEvent::Faults(_)
                 | PackEvent::Failsafe { .. },
             ) => MavSeverity::MAV_SEVERITY_WARNING,
             Self::Vehicle(VehicleEvent::Terminated) => MavSeverity::MAV_SEVERITY_CRITICAL,
@@ -72,6 +80,7 @@ impl Announcement<'_> {
                 | VehicleEvent::ControlsTimedOut
                 | VehicleEvent::GroundStationsTimedOut,
             ) => MavSeverity::MAV_SEVERITY_WARNING,
+            Self::Suggestion(..) => MavSeverity::MAV_SEVERITY_NOTICE,
             Self::SigningSaved(_) => MavSeverity::MAV_SEVERITY_INFO,
             Self::FailsafesOff | Self::Unauthorized { .. } => MavSeverity::MAV_SEVERITY_WARNING,
             Self::DefaultParameters
@@ -97,6 +106,14 @@ impl fmt::Display for Announcement<'_> {
             Self::Pack(pack, event) => write!(f, "Battery {} {event}", pack.number()),
             Self::Vehicle(event) => write!(f, "{event}"),
             Self::FailsafesOff => f.write_str("Battery failsafes are off: set BATT_LOW_VOLT"),
+            Self::Suggestion(pack, suggested) => write!(
+                f,
+                "Set {} {}, {} {}",
+                BatteryParameter::LowVolt.of(*pack).name(),
+                Hundredths(suggested.low_v),
+                BatteryParameter::CrtVolt.of(*pack).name(),
+                Hundredths(suggested.critical_v)
+            ),
             Self::DefaultParameters => f.write_str("5 quick resets: started with default parameters"),
             Self::ParametersDamaged => f.write_str("Parameter storage damaged: check parameters"),
             Self::ParametersNotSaved(error) => f.write_str(save_failure_text(*error)),
@@ -126,7 +143,7 @@ impl Write for Fitting {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::{Amount, FailsafeLevel, Gap, ReadError};
+    use crate::battery::{Amount, ChargeState, FailsafeLevel, Faults, Gap, ReadError};
     use crate::vehicle::FailsafeAction;
 
     #[test]
@@ -169,6 +186,39 @@ mod tests {
             (PackEvent::SensorRecovered, "Battery 9 healthy again"),
             (PackEvent::PoweringOff, "Battery 9 is powering off"),
             (
+                PackEvent::Charge {
+                    state: ChargeState::Low,
+                    remaining_pct: Some(14.6),
+                    voltage_v: Some(10.95),
+                },
+                "Battery 9 low: 10.95V 15% left",
+            ),
+            (
+                PackEvent::Charge {
+                    state: ChargeState::Critical,
+                    remaining_pct: Some(6.0),
+                    voltage_v: None,
+                },
+                "Battery 9 critical: 6% left",
+            ),
+            (
+                PackEvent::Charge {
+                    state: ChargeState::Emergency,
+                    remaining_pct: None,
+                    voltage_v: Some(8.7),
+                },
+                "Battery 9 emergency: 8.70V",
+            ),
+            (PackEvent::Charging, "Battery 9 charging"),
+            (
+                PackEvent::Faults(Faults::CELL_FAIL | Faults::OVER_CURRENT),
+                "Battery 9 fault: cell failed, over current",
+            ),
+            (
+                PackEvent::Faults(Faults::all() - Faults::SPIKES - Faults::UNDER_TEMPERATURE),
+                "Battery 9 fault: cell failed, deep discharge, over temperature, over current, voltage does not f",
+            ),
+            (
                 failsafe(FailsafeLevel::Low, Amount::Mah(-1e9)),
                 "Battery 9 is low 1000.00V used -1000000000 mAh",
             ),
@@ -194,6 +244,17 @@ mod tests {
         ] {
             assert_eq!(Announcement::Vehicle(event).text(), expected);
         }
+    }
+
+    #[test]
+    fn a_suggestion_can_be_copied_and_fits_one_message() {
+        let suggested = SuggestedThresholds {
+            low_v: 16.0 * 3.5,
+            critical_v: 16.0 * 3.4,
+        };
+        let text = Announcement::Suggestion(Pack::Ninth, suggested).text();
+        assert_eq!(text, "Set BATT9_LOW_VOLT 56.00, BATT9_CRT_VOLT 54.40");
+        assert!(text.len() <= 50);
     }
 
     #[test]

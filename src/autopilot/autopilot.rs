@@ -4,7 +4,7 @@ use super::announcement::Announcement;
 use super::broadcast::Broadcast;
 use super::packs::Packs;
 use super::signing_save::SigningSave;
-use super::start::{Start, StartNotices};
+use super::start::Start;
 use super::work::Work;
 use crate::battery::BatteryState;
 use crate::in_place::in_place;
@@ -24,7 +24,7 @@ pub struct Autopilot {
     /// Whether the arming checks pass, checked once a second.
     pub(super) readiness: ArmingReadiness,
     pub(super) load_permille: u16,
-    pub(super) start_notices: StartNotices,
+    pub(super) start_notice: Option<Announcement<'static>>,
     pub(super) broadcast: Broadcast,
     pub(super) save_failures: SaveFailures,
     pub(super) signing_save: SigningSave,
@@ -39,7 +39,7 @@ impl Autopilot {
     #[inline(never)]
     pub fn new(start: &Start) -> Self {
         Self {
-            start_notices: start.notices(),
+            start_notice: start.notice(),
             signing: in_place(|| start.signing.clone()),
             parameters: in_place(|| start.parameters.clone()),
             vehicle: in_place(Vehicle::new),

@@ -5,9 +5,11 @@ use super::autopilot::{Autopilot, system_state};
 use super::broadcast::Next;
 use super::channel::Channel;
 use super::work::Work;
+use crate::battery::{PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Action, Event, Framer, Message};
+use crate::pack::Pack;
 use crate::parameter::{ParameterId, VehicleParameter};
 use crate::time::Instant;
 
@@ -26,10 +28,35 @@ impl Autopilot {
         let unsaved = self.parameters.save_failure();
         let unsaved = unsaved.map(Announcement::ParametersNotSaved);
         let trouble = self.signing.trouble().map(Announcement::Signing);
-        let start = self.start_notices.iter().copied();
-        for notice in start.chain(unsaved).chain(trouble) {
-            channel.endpoint.say(notice.severity(), &notice.text());
+        let failsafes = self.are_failsafes_off().then_some(Announcement::FailsafesOff);
+        let suggestions = Pack::ALL.into_iter().filter_map(|pack| self.suggestion(pack));
+        let notices = self.start_notice.into_iter().chain(unsaved).chain(trouble);
+        for notice in notices.chain(failsafes).chain(suggestions) {
+            if channel.endpoint.has_room_to_say(ANNOUNCEMENT_BYTES) {
+                channel.endpoint.say(notice.severity(), &notice.text());
+            }
         }
+    }
+
+    /// Whether packs are monitored, and none of them has a failsafe threshold.
+    fn are_failsafes_off(&self) -> bool {
+        let is_off = |pack: Pack| {
+            PackSettings::from_parameters(&self.parameters, pack)
+                .failsafe
+                .is_disabled()
+        };
+        let mut monitored = Pack::ALL
+            .into_iter()
+            .filter(|pack| self.parameters.is_monitored(*pack))
+            .peekable();
+        monitored.peek().is_some() && monitored.all(is_off)
+    }
+
+    /// Thresholds for a pack that has none.
+    pub(super) fn suggestion(&self, pack: Pack) -> Option<Announcement<'static>> {
+        let settings = PackSettings::from_parameters(&self.parameters, pack);
+        let suggested = SuggestedThresholds::of(self.battery(pack), &settings)?;
+        Some(Announcement::Suggestion(pack, suggested))
     }
 
     /// Posts what was announced and every stream that is due at `now`.

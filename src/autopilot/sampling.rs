@@ -6,8 +6,8 @@ use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::packs::PIN_COUNT;
 use crate::battery::{
-    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackSettings, PackStatus, PackUpdate, ReadError,
-    RetainedMemory, Tick, recall, retain,
+    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus, PackUpdate,
+    ReadError, RetainedMemory, Tick, recall, retain,
 };
 use crate::log::{info, warn};
 use crate::mavlink::arming_readiness;
@@ -100,7 +100,9 @@ impl Autopilot {
 
     /// Ends a sampling tick. Once a second `memory` is updated and the arming checks run.
     pub fn end_sampling(&mut self, _: SamplingTick, memory: &mut RetainedMemory) {
-        self.vehicle.update_batteries(self.packs.bank.worst_failsafe());
+        let bank = &self.packs.bank;
+        self.vehicle
+            .update_batteries(bank.worst_failsafe(), bank.most_urgent_alert());
         match self.packs.ticks % TICKS_PER_SECOND {
             RECORDING_TICK => retain(memory, &self.packs.bank.memory()),
             CHECKING_TICK => {
@@ -127,6 +129,11 @@ impl Autopilot {
         self.packs.states[pack as usize] = *monitor.state();
         for event in &events {
             self.announce(Announcement::Pack(pack, event));
+            if let PackEvent::CellsDetected { .. } = event
+                && let Some(suggestion) = self.suggestion(pack)
+            {
+                self.announce(suggestion);
+            }
         }
         if let Some(level) = failsafe {
             self.act_on_failsafe(pack, level);

@@ -1,17 +1,10 @@
 //! The start: what was read from flash, and what it announces.
 
-use heapless::Vec;
-
 use super::announcement::Announcement;
-use crate::battery::PackSettings;
 use crate::log::{info, warn};
 use crate::mavlink::{Signing, SigningTrouble};
-use crate::pack::Pack;
 use crate::parameter::Parameters;
 use crate::storage::StorageError;
-
-/// Announcements about the start that are repeated to every ground station that connects: parameters and failsafes.
-pub(super) type StartNotices = Vec<Announcement<'static>, 2>;
 
 /// Everything that is read from flash before the tasks start.
 #[derive(Debug)]
@@ -56,10 +49,12 @@ impl Start {
         }
     }
 
-    /// Logs the result of the start, and returns what ground stations have to know of it when they connect.
-    #[inline(never)]
-    pub(super) fn notices(&self) -> StartNotices {
-        let load = match self.parameter_load {
+    /// Logs the result of the start, and returns what every ground station that connects has to know of it.
+    pub(super) fn notice(&self) -> Option<Announcement<'static>> {
+        if self.signing.has_lost_key() {
+            warn!("{}", SigningTrouble::KeyLost.text());
+        }
+        match self.parameter_load {
             ParameterLoad::Loaded => {
                 info!("parameters loaded");
                 None
@@ -72,33 +67,6 @@ impl Start {
                 warn!("parameter storage: {:?}", error);
                 Some(Announcement::ParametersDamaged)
             }
-        };
-        if self.signing.has_lost_key() {
-            warn!("{}", SigningTrouble::KeyLost.text());
         }
-        let failsafes = are_failsafes_off(&self.parameters).then_some(Announcement::FailsafesOff);
-        if failsafes.is_some() {
-            info!("battery failsafes are off");
-        }
-        let mut notices = Vec::new();
-        for notice in load.into_iter().chain(failsafes) {
-            // There is room for both.
-            let _ = notices.push(notice);
-        }
-        notices
     }
-}
-
-/// Whether packs are monitored, and none of them has a failsafe threshold.
-fn are_failsafes_off(parameters: &Parameters) -> bool {
-    let is_off = |pack: &Pack| {
-        PackSettings::from_parameters(parameters, *pack)
-            .failsafe
-            .is_disabled()
-    };
-    let mut monitored = Pack::ALL
-        .into_iter()
-        .filter(|pack| parameters.is_monitored(*pack))
-        .peekable();
-    monitored.peek().is_some() && monitored.all(|pack| is_off(&pack))
 }

@@ -217,6 +217,18 @@ mod tests {
     }
 
     #[test]
+    fn the_charge_is_checked_without_a_current_sensor() {
+        let state = BatteryState {
+            consumed: None,
+            ..pack(12.0, 30.0)
+        };
+        assert_eq!(
+            failures(&state, &settings()),
+            ["below minimum arming capacity", "low capacity failsafe"]
+        );
+    }
+
+    #[test]
     fn sag_fails_only_checks_of_the_terminal_voltage() {
         let sagging = BatteryState {
             resting_voltage_v: Some(11.5),

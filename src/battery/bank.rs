@@ -1,7 +1,7 @@
 //! The monitors of all packs.
 
 use super::sum::{SumVoltage, sum};
-use super::{BatteryMonitor, Contents, FailsafeLevel, Measurement, PackMemory, ReadError};
+use super::{BatteryAlert, BatteryMonitor, Contents, FailsafeLevel, Measurement, PackMemory, ReadError};
 use crate::pack::{MAX_PACKS, Pack};
 
 /// The monitors of all packs.
@@ -50,6 +50,15 @@ impl BatteryBank {
     pub fn worst_failsafe(&self) -> FailsafeLevel {
         let levels = self.monitors.iter().map(|monitor| monitor.state().failsafe);
         levels.max().unwrap_or_default()
+    }
+
+    /// The most urgent alert of all packs.
+    pub fn most_urgent_alert(&self) -> BatteryAlert {
+        let alerts = self
+            .monitors
+            .iter()
+            .map(|monitor| BatteryAlert::of(monitor.state()));
+        alerts.max().unwrap_or_default()
     }
 
     /// What is retained over a reset of the processor.

@@ -125,6 +125,11 @@ impl StateOfCharge {
         (self.high - self.low <= self.max_width).then_some(self.value)
     }
 
+    /// Upper bound of a value that is known, from 0 to 1.
+    pub fn at_most(&self) -> Option<f32> {
+        self.value().map(|value| self.high.max(value).min(1.0))
+    }
+
     /// Takes the next reading.
     pub fn update(&mut self, cell: &Cell, reading: &CellReading, gains: &mut FilterGains) {
         match (reading.load, reading.voltage_v) {

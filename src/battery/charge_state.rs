@@ -1,12 +1,8 @@
 //! The charge state, with hysteresis and debouncing.
 
 use super::faults::Faults;
+use super::settings::ChargeLimits;
 use super::{ArmState, ChargeState, FailsafeLevel, PackStatus};
-
-/// Thresholds of low, critical and emergency, in percent: PX4's `BAT_LOW_THR`, `BAT_CRIT_THR`, `BAT_EMERGEN_THR`.
-const LOW_PCT: f32 = 15.0;
-const CRITICAL_PCT: f32 = 7.0;
-const EMERGENCY_PCT: f32 = 5.0;
 
 /// Hysteresis towards a better state, in percent.
 const HYSTERESIS_PCT: f32 = 3.0;
@@ -19,6 +15,9 @@ const DEBOUNCE_S: f32 = 3.0;
 const CHARGING_RATE_PER_H: f32 = 0.02;
 const CHARGING_A: f32 = 0.1;
 
+/// Share of that current down to which charging goes on: a charger lowers it at the end.
+const CHARGING_HYSTERESIS: f32 = 0.5;
+
 /// The inputs of the charge state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inputs {
@@ -26,6 +25,7 @@ pub(super) struct Inputs {
     pub faults: Faults,
     pub failsafe: FailsafeLevel,
     pub remaining_pct: Option<f32>,
+    pub limits: ChargeLimits,
     pub arm_state: ArmState,
     pub current_a: Option<f32>,
     pub capacity_mah: Option<f32>,
@@ -43,7 +43,7 @@ pub(super) struct ChargeStateMachine {
 
 impl ChargeStateMachine {
     pub fn update(&mut self, dt_s: f32, inputs: &Inputs) -> ChargeState {
-        self.by_charge = by_charge(self.by_charge, inputs.remaining_pct);
+        self.by_charge = by_charge(self.by_charge, inputs.remaining_pct, &inputs.limits);
         let wanted = self.wanted(inputs);
         let by_failsafe = by_failsafe(inputs.failsafe);
         if self.state != ChargeState::Charging && needs_debounce(self.state) && wanted >= by_failsafe {
@@ -85,7 +85,7 @@ impl ChargeStateMachine {
         {
             return ChargeState::Unhealthy;
         }
-        if is_charging(inputs) {
+        if is_charging(inputs, self.state) {
             return ChargeState::Charging;
         }
         let by_faults = if inputs.faults.contains(Faults::DEEP_DISCHARGE) {
@@ -98,7 +98,7 @@ impl ChargeStateMachine {
 }
 
 /// The minimum charge state at a failsafe level.
-fn by_failsafe(level: FailsafeLevel) -> ChargeState {
+pub(super) fn by_failsafe(level: FailsafeLevel) -> ChargeState {
     match level {
         FailsafeLevel::None | FailsafeLevel::Unhealthy => ChargeState::Ok,
         FailsafeLevel::Low => ChargeState::Low,
@@ -118,17 +118,20 @@ fn needs_debounce(state: ChargeState) -> bool {
     }
 }
 
-fn by_charge(before: ChargeState, remaining_pct: Option<f32>) -> ChargeState {
+fn by_charge(before: ChargeState, remaining_pct: Option<f32>, limits: &ChargeLimits) -> ChargeState {
     let Some(remaining_pct) = remaining_pct else {
         // An unknown charge does not end a low state.
         return before.max(ChargeState::Ok);
     };
     let worst = |margin_pct: f32| {
-        if remaining_pct < EMERGENCY_PCT + margin_pct {
+        let is_below = |limit_pct: Option<f32>| {
+            limit_pct.is_some_and(|limit_pct| remaining_pct < limit_pct + margin_pct)
+        };
+        if is_below(limits.emergency_pct) {
             ChargeState::Emergency
-        } else if remaining_pct < CRITICAL_PCT + margin_pct {
+        } else if is_below(limits.critical_pct) {
             ChargeState::Critical
-        } else if remaining_pct < LOW_PCT + margin_pct {
+        } else if is_below(limits.low_pct) {
             ChargeState::Low
         } else {
             ChargeState::Ok
@@ -138,10 +141,14 @@ fn by_charge(before: ChargeState, remaining_pct: Option<f32>) -> ChargeState {
     before.min(worst(HYSTERESIS_PCT)).max(worst(0.0))
 }
 
-fn is_charging(inputs: &Inputs) -> bool {
-    let threshold_a = inputs.capacity_mah.map_or(CHARGING_A, |capacity_mah| {
+fn is_charging(inputs: &Inputs, before: ChargeState) -> bool {
+    let begins_at_a = inputs.capacity_mah.map_or(CHARGING_A, |capacity_mah| {
         CHARGING_RATE_PER_H * capacity_mah / 1000.0
     });
+    let threshold_a = match before {
+        ChargeState::Charging => CHARGING_HYSTERESIS * begins_at_a,
+        _ => begins_at_a,
+    };
     inputs.arm_state == ArmState::Disarmed
         && inputs.current_a.is_some_and(|current_a| current_a < -threshold_a)
 }
@@ -156,6 +163,11 @@ mod tests {
             faults: Faults::empty(),
             failsafe: FailsafeLevel::None,
             remaining_pct: Some(remaining_pct),
+            limits: ChargeLimits {
+                low_pct: Some(15.0),
+                critical_pct: Some(7.0),
+                emergency_pct: Some(5.0),
+            },
             arm_state: ArmState::Disarmed,
             current_a: Some(0.1),
             capacity_mah: Some(2200.0),
@@ -222,6 +234,41 @@ mod tests {
             ..charging
         };
         assert_eq!(after(&mut machine, 4.0, &driving), ChargeState::Ok);
+    }
+
+    #[test]
+    fn charging_goes_on_while_the_charger_lowers_the_current() {
+        let mut machine = ChargeStateMachine::default();
+        let charged_by = |amperes: f32| Inputs {
+            current_a: Some(-amperes),
+            ..healthy(50.0)
+        };
+        after(&mut machine, 4.0, &charged_by(0.05));
+        assert_eq!(machine.state, ChargeState::Charging);
+        assert_eq!(
+            after(&mut machine, 10.0, &charged_by(0.03)),
+            ChargeState::Charging
+        );
+        assert_eq!(after(&mut machine, 4.0, &charged_by(0.02)), ChargeState::Ok);
+        assert_eq!(after(&mut machine, 10.0, &charged_by(0.03)), ChargeState::Ok);
+    }
+
+    #[test]
+    fn a_limit_of_zero_disables_its_state() {
+        let mut machine = ChargeStateMachine::default();
+        let inputs = Inputs {
+            limits: ChargeLimits {
+                critical_pct: Some(7.0),
+                ..ChargeLimits::default()
+            },
+            ..healthy(3.0)
+        };
+        assert_eq!(after(&mut machine, 4.0, &inputs), ChargeState::Critical);
+        let none = Inputs {
+            limits: ChargeLimits::default(),
+            ..inputs
+        };
+        assert_eq!(after(&mut machine, 4.0, &none), ChargeState::Ok);
     }
 
     #[test]

@@ -35,6 +35,10 @@ pub(super) struct Cell {
     pub charged_v: Option<f32>,
     /// Maximum voltage of a sound cell, in volts.
     pub max_v: f32,
+    /// Usual threshold of a low pack under a moderate load, in volts: about a fifth of the charge is left.
+    pub low_v: f32,
+    /// Usual threshold of a critical pack under a moderate load, in volts: far below, cells are damaged.
+    pub critical_v: f32,
     /// Deep discharge: below this a cell at rest takes damage, in volts.
     pub deep_discharge_v: f32,
     /// Minimum plausible voltage at rest, in volts: below it, chemistry or cell count are set wrong.
@@ -89,6 +93,8 @@ static LIPO: Cell = Cell {
     nominal_v: 3.7,
     charged_v: Some(4.2),
     max_v: 4.35,
+    low_v: 3.5,
+    critical_v: 3.4,
     deep_discharge_v: 3.0,
     min_v: 2.0,
 };
@@ -105,6 +111,8 @@ static LIFE: Cell = Cell {
     nominal_v: 3.2,
     charged_v: Some(3.65),
     max_v: 3.8,
+    low_v: 3.0,
+    critical_v: 2.8,
     deep_discharge_v: 2.5,
     min_v: 1.8,
 };
@@ -123,6 +131,8 @@ static LIION: Cell = Cell {
     nominal_v: 3.6,
     charged_v: Some(4.2),
     max_v: 4.35,
+    low_v: 3.3,
+    critical_v: 3.0,
     deep_discharge_v: 2.5,
     min_v: 1.8,
 };
@@ -139,6 +149,8 @@ static NIMH: Cell = Cell {
     nominal_v: 1.2,
     charged_v: None,
     max_v: 1.65,
+    low_v: 1.1,
+    critical_v: 1.0,
     deep_discharge_v: 0.9,
     min_v: 0.8,
 };

@@ -16,7 +16,8 @@ const MAX_IMBALANCE_V: f32 = 0.3;
 const MIN_TEMPERATURE_C: f32 = -20.0;
 const MAX_TEMPERATURE_C: f32 = 60.0;
 
-const FAULTS: [Faults; 7] = [
+/// All faults.
+pub(super) const FAULTS: [Faults; 7] = [
     Faults::DEEP_DISCHARGE,
     Faults::SPIKES,
     Faults::CELL_FAIL,

@@ -172,6 +172,11 @@ impl Estimator {
         self.charge.charge().and_then(StateOfCharge::value)
     }
 
+    /// Upper bound of a state of charge that is known, from 0 to 1.
+    pub fn state_of_charge_at_most(&self) -> Option<f32> {
+        self.charge.charge().and_then(StateOfCharge::at_most)
+    }
+
     /// The average load, in amperes.
     pub fn average_current_a(&self) -> Option<f32> {
         self.average_current.value()

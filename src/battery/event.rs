@@ -2,8 +2,11 @@
 
 use core::fmt;
 
+use heapless::Vec;
+
 use super::consumption::Gap;
-use super::{Amount, FailsafeLevel, ReadError};
+use super::{Amount, ChargeState, FailsafeLevel, Faults, ReadError};
+use crate::decimals::{Hundredths, whole};
 
 /// An event of a pack. Its text follows "Battery 1 ".
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +35,19 @@ pub enum PackEvent {
     SensorRecovered,
     /// Its power button is held.
     PoweringOff,
+    /// A worse charge state was entered than before: LOW, CRITICAL or EMERGENCY.
+    Charge {
+        /// The charge state.
+        state: ChargeState,
+        /// Remaining charge, in percent, if known.
+        remaining_pct: Option<f32>,
+        /// Terminal voltage, in volts, if known.
+        voltage_v: Option<f32>,
+    },
+    /// It is being charged.
+    Charging,
+    /// These faults have begun.
+    Faults(Faults),
     /// A failsafe level was reached.
     Failsafe {
         /// The level.
@@ -41,6 +57,18 @@ pub enum PackEvent {
         /// Charge or fuel drawn; 0 if unknown.
         consumed: Amount,
     },
+}
+
+/// The most events of one tick: cells detected, pack swapped, gap, sensor failed or recovered, contact lost or
+/// restored, powering off, failsafe, charge state, charging, faults.
+const MAX_EVENTS: usize = 10;
+
+/// The events of one tick.
+pub type PackEvents = Vec<PackEvent, MAX_EVENTS>;
+
+/// Never full: there is room for one event of every kind.
+pub(super) fn push(events: &mut PackEvents, event: PackEvent) {
+    let _ = events.push(event);
 }
 
 impl fmt::Display for PackEvent {
@@ -68,6 +96,29 @@ impl fmt::Display for PackEvent {
             Self::SensorFailed(error) => write!(f, "unhealthy: {error}"),
             Self::SensorRecovered => f.write_str("healthy again"),
             Self::PoweringOff => f.write_str("is powering off"),
+            Self::Charge {
+                state,
+                remaining_pct,
+                voltage_v,
+            } => {
+                write!(f, "{}:", charge_state_name(*state))?;
+                if let Some(voltage_v) = voltage_v {
+                    write!(f, " {}V", Hundredths(*voltage_v))?;
+                }
+                match remaining_pct {
+                    Some(remaining_pct) => write!(f, " {}% left", whole(*remaining_pct)),
+                    None => Ok(()),
+                }
+            }
+            Self::Charging => f.write_str("charging"),
+            Self::Faults(faults) => {
+                let mut separator = "fault: ";
+                for (_, name) in FAULT_NAMES.iter().filter(|(fault, _)| faults.contains(*fault)) {
+                    write!(f, "{separator}{name}")?;
+                    separator = ", ";
+                }
+                Ok(())
+            }
             Self::Failsafe {
                 level,
                 consumed: Amount::Ml(ml),
@@ -95,6 +146,25 @@ impl fmt::Display for PackEvent {
     }
 }
 
+const FAULT_NAMES: [(Faults, &str); 7] = [
+    (Faults::CELL_FAIL, "cell failed"),
+    (Faults::DEEP_DISCHARGE, "deep discharge"),
+    (Faults::OVER_TEMPERATURE, "over temperature"),
+    (Faults::UNDER_TEMPERATURE, "under temperature"),
+    (Faults::OVER_CURRENT, "over current"),
+    (Faults::INCOMPATIBLE_VOLTAGE, "voltage does not fit cells"),
+    (Faults::SPIKES, "voltage spikes"),
+];
+
+fn charge_state_name(state: ChargeState) -> &'static str {
+    match state {
+        ChargeState::Emergency => "emergency",
+        ChargeState::Critical => "critical",
+        ChargeState::Low => "low",
+        _ => "fine",
+    }
+}
+
 fn name(level: FailsafeLevel) -> &'static str {
     match level {
         FailsafeLevel::None => "fine",
@@ -102,21 +172,4 @@ fn name(level: FailsafeLevel) -> &'static str {
         FailsafeLevel::Low => "low",
         FailsafeLevel::Critical => "critical",
     }
-}
-
-/// A number with two decimals. Float formatting would take some 20 KB of flash.
-struct Hundredths(f32);
-
-impl fmt::Display for Hundredths {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let hundredths = whole(self.0 * 100.0);
-        let sign = if hundredths < 0 { "-" } else { "" };
-        let magnitude = hundredths.unsigned_abs();
-        write!(f, "{sign}{}.{:02}", magnitude / 100, magnitude % 100)
-    }
-}
-
-/// Rounds half away from zero, saturating.
-fn whole(value: f32) -> i32 {
-    (value + if value < 0.0 { -0.5 } else { 0.5 }) as i32
 }

@@ -1,5 +1,6 @@
 //! The battery failsafe: its levels, thresholds and timers.
 
+use super::condition::{Change, Condition, Evidence};
 use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
 use super::swap::Replacement;
 use super::{ArmState, BatteryState, FailsafeLevel, Tick};
@@ -7,6 +8,9 @@ use crate::time::Instant;
 
 /// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
 const UNHEALTHY_AFTER_US: u64 = 5_000_000;
+
+/// After healthy readings for this long, in seconds, the next loss acts again.
+const HEALTHY_AGAIN_S: f32 = 5.0;
 
 /// The inputs of one tick.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +21,8 @@ pub(super) struct Observation<'a> {
     pub last_healthy: Option<Instant>,
     /// The state with this tick's reading; `None` if the read failed or no pack is connected.
     pub state: Option<&'a BatteryState>,
+    /// Upper bound of the remaining charge, in percent, if it is estimated from the voltage.
+    pub remaining_at_most_pct: Option<f32>,
     /// The voltage at rest, in volts, if the pack is at rest.
     pub resting_v: Option<f32>,
 }
@@ -26,6 +32,7 @@ pub(super) struct Observation<'a> {
 pub(super) struct Failsafe {
     level: FailsafeLevel,
     reached_by: ReachedBy,
+    loss: Condition,
     low: Timer,
     critical: Timer,
 }
@@ -96,21 +103,26 @@ impl Failsafe {
         self.level
     }
 
-    /// Processes one tick, and returns the new level if it rises.
+    /// Processes one tick, and returns a level that is reached. That the pack is unhealthy is also returned at a higher
+    /// level: no threshold can be reached from then on.
     pub fn update(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> Option<FailsafeLevel> {
         if seen.tick.arm_state == ArmState::Disarmed {
             // A dip before disarming must not count after rearming.
             self.low = Timer::default();
             self.critical = Timer::default();
+            self.loss = Condition::default();
             self.release(seen, settings);
             return None;
         }
         self.reached_by = ReachedBy::ThisPack;
-        let level = self.evaluate(seen, settings);
-        (level > self.level).then(|| {
-            self.level = level;
-            level
-        })
+        let level = if self.is_lost(seen) {
+            FailsafeLevel::Unhealthy
+        } else {
+            let level = self.evaluate(seen, settings);
+            (level > self.level).then_some(level)?
+        };
+        self.level = self.level.max(level);
+        Some(level)
     }
 
     /// Clears level and timers, on a battery reset.
@@ -145,6 +157,22 @@ impl Failsafe {
         }
     }
 
+    /// Whether a loss of the pack begins: there has been no healthy reading for too long.
+    fn is_lost(&mut self, seen: &Observation<'_>) -> bool {
+        let last_healthy = seen.last_healthy.unwrap_or(Instant::EPOCH);
+        let unhealthy_us = seen.tick.now.us_since(last_healthy);
+        let evidence = if unhealthy_us > UNHEALTHY_AFTER_US {
+            Evidence::Present
+        } else if seen.state.is_none() {
+            Evidence::Ambiguous
+        } else {
+            Evidence::Absent
+        };
+        let dt_s = seen.dt_us as f32 * 1e-6;
+        self.loss.update(dt_s, evidence, HEALTHY_AGAIN_S) == Some(Change::Begins)
+    }
+
+    /// The level by the thresholds.
     fn evaluate(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> FailsafeLevel {
         let (low, critical) = (&settings.low, &settings.critical);
         let limit_us = settings.timer_s.map(|timer_s| (timer_s * 1e6) as u32);
@@ -157,15 +185,13 @@ impl Failsafe {
             has_expired(&mut self.low, low),
             has_expired(&mut self.critical, critical),
         );
-        let remaining_mah = seen.state.and_then(remaining);
-        let last_healthy = seen.last_healthy.unwrap_or(Instant::EPOCH);
-        let unhealthy_us = seen.tick.now.us_since(last_healthy);
+        let remaining_mah = seen
+            .state
+            .and_then(|state| most_remaining(state, seen.remaining_at_most_pct));
         if critical_voltage || is_below(remaining_mah, critical.remaining_mah) {
             FailsafeLevel::Critical
         } else if low_voltage || is_below(remaining_mah, low.remaining_mah) {
             FailsafeLevel::Low
-        } else if unhealthy_us > UNHEALTHY_AFTER_US {
-            FailsafeLevel::Unhealthy
         } else {
             FailsafeLevel::None
         }
@@ -195,10 +221,16 @@ pub(super) fn voltage_v(state: &BatteryState, settings: &FailsafeSettings) -> Op
 /// Remaining charge or fuel by the state of charge; while that is unknown, capacity minus consumption. In mAh or ml, as
 /// the thresholds.
 pub(super) fn remaining(state: &BatteryState) -> Option<f32> {
-    let capacity = state.capacity?.number();
-    // As in ArduPilot, charge thresholds apply only to packs with a current sensor.
-    let consumed = state.consumed?.number();
-    Some(estimated_remaining(state).unwrap_or(capacity - consumed))
+    estimated_remaining(state).or_else(|| Some(state.capacity?.number() - state.consumed?.number()))
+}
+
+/// The same; without a current sensor at most as much as may be left: an estimate from the voltage alone must not trip a
+/// threshold by its error.
+fn most_remaining(state: &BatteryState, at_most_pct: Option<f32>) -> Option<f32> {
+    match state.consumed {
+        Some(_) => remaining(state),
+        None => Some(state.capacity?.number() * at_most_pct? / 100.0),
+    }
 }
 
 /// Remaining charge or fuel by the state of charge.
@@ -242,6 +274,7 @@ mod tests {
             dt_us: TICK_US,
             last_healthy: Some(now),
             state,
+            remaining_at_most_pct: None,
             resting_v: None,
         }
     }

@@ -1,5 +1,6 @@
 //! Reports sensor faults and lost contacts of a pack, once when they begin and once when they end.
 
+use super::condition::{Change, Condition, Evidence};
 use super::{ArmState, PackEvent, PackStatus, ReadError};
 
 /// A sensor has to work for this long before its recovery is reported, in seconds: intermittent failures must not flood
@@ -12,37 +13,8 @@ const CONTACT_RECOVERY_S: f32 = 30.0;
 /// The reported faults of one pack.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct HealthReporter {
-    sensor: Fault,
-    contact: Fault,
-}
-
-/// A fault that is reported once.
-#[derive(Clone, Copy, Debug, Default)]
-enum Fault {
-    /// Not reported, or its end was.
-    #[default]
-    None,
-    /// Its beginning was reported.
-    Reported {
-        /// How long it has been absent since, in seconds.
-        absent_s: f32,
-    },
-}
-
-/// Evidence of a fault in one tick.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Evidence {
-    Present,
-    /// Neither enough to report it, nor its end.
-    Ambiguous,
-    Absent,
-}
-
-/// What has to be reported.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Change {
-    Begins,
-    Ends,
+    sensor: Condition,
+    contact: Condition,
 }
 
 impl HealthReporter {
@@ -76,27 +48,6 @@ impl HealthReporter {
             Change::Begins => PackEvent::ContactLost,
             Change::Ends => PackEvent::ContactRestored,
         })
-    }
-}
-
-impl Fault {
-    fn update(&mut self, dt_s: f32, evidence: Evidence, recovery_s: f32) -> Option<Change> {
-        match (&mut *self, evidence) {
-            (Self::None, Evidence::Present) => {
-                *self = Self::Reported { absent_s: 0.0 };
-                return Some(Change::Begins);
-            }
-            (Self::None, _) => {}
-            (Self::Reported { absent_s }, Evidence::Absent) => {
-                *absent_s += dt_s;
-                if *absent_s >= recovery_s {
-                    *self = Self::None;
-                    return Some(Change::Ends);
-                }
-            }
-            (Self::Reported { absent_s }, _) => *absent_s = 0.0,
-        }
-        None
     }
 }
 

@@ -1,5 +1,6 @@
 //! Battery monitoring: [`Measurement`]s in, a [`BatteryState`] per pack out.
 
+mod alert;
 mod amount;
 mod arm_state;
 mod arming;
@@ -7,9 +8,11 @@ mod bank;
 mod cell_count;
 mod cells;
 mod charge;
+mod charge_reporter;
 mod charge_state;
 mod charge_tracker;
 mod chemistry;
+mod condition;
 mod consumption;
 mod curve;
 mod details;
@@ -30,10 +33,12 @@ mod rest;
 mod retained;
 mod settings;
 mod state;
+mod suggestion;
 mod sum;
 mod swap;
 mod tick;
 
+pub use alert::BatteryAlert;
 pub use amount::Amount;
 pub use arm_state::ArmState;
 pub use arming::{ArmingFailure, arming_failures};
@@ -42,16 +47,15 @@ pub use cells::{CellVoltages, MAX_CELLS};
 pub use chemistry::Chemistry;
 pub use consumption::Gap;
 pub use details::{Date, Name, PackDetails};
-pub use event::PackEvent;
+pub use event::{PackEvent, PackEvents};
 pub use failsafe_level::FailsafeLevel;
 pub use faults::Faults;
 pub use measurement::{Consumed, Contents, Counted, Gauge, Measurement, Supply};
-pub use monitor::{
-    BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MAX_EVENTS, MIN_CONNECTED_VOLTAGE_V, PackEvents, PackUpdate,
-};
+pub use monitor::{BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MIN_CONNECTED_VOLTAGE_V, PackUpdate};
 pub use read_error::{BusError, ReadError};
 pub use retained::{PackMemory, RetainedMemory, RetainedRecord, recall, retain};
-pub use settings::{FailsafeSettings, PackSettings, Thresholds, VoltageSource};
+pub use settings::{ChargeLimits, FailsafeSettings, PackSettings, Thresholds, VoltageSource};
 pub use state::{BatteryState, ChargeSource, ChargeState, PackStatus, ReportedVoltage, Visibility};
+pub use suggestion::SuggestedThresholds;
 pub use sum::{SumVoltage, sum};
 pub use tick::Tick;

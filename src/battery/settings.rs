@@ -21,10 +21,23 @@ pub struct PackSettings {
     pub reported_voltage: ReportedVoltage,
     /// Whether the pack is reported to ground stations (`BATT_OPTIONS` bit 8).
     pub visibility: Visibility,
+    /// Limits of the charge states.
+    pub charge_limits: ChargeLimits,
     /// Thresholds of the failsafe.
     pub failsafe: FailsafeSettings,
     /// Minimum for arming (`BATT_ARM_VOLT` and `BATT_ARM_MAH`).
     pub arming: Thresholds,
+}
+
+/// Remaining charge below which a charge state is entered, in percent. `None` is disabled.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ChargeLimits {
+    /// LOW (`BATT_LOW_PCT`).
+    pub low_pct: Option<f32>,
+    /// CRITICAL (`BATT_CRT_PCT`).
+    pub critical_pct: Option<f32>,
+    /// EMERGENCY (`BATT_EMR_PCT`).
+    pub emergency_pct: Option<f32>,
 }
 
 /// Settings of a pack's failsafe. `None` is disabled.
@@ -102,6 +115,11 @@ impl PackSettings {
             } else {
                 Visibility::Reported
             },
+            charge_limits: ChargeLimits {
+                low_pct: above_zero(BatteryParameter::LowPct),
+                critical_pct: above_zero(BatteryParameter::CrtPct),
+                emergency_pct: above_zero(BatteryParameter::EmrPct),
+            },
             failsafe: FailsafeSettings {
                 timer_s: above_zero(BatteryParameter::LowTimer),
                 voltage_source: if whole(BatteryParameter::FsVoltsrc) == SAG_COMPENSATED {
@@ -135,6 +153,11 @@ mod tests {
         let settings = PackSettings::from_parameters(&Parameters::defaults(), Pack::Second);
         let expected = PackSettings {
             capacity_mah: Some(3300.0),
+            charge_limits: ChargeLimits {
+                low_pct: Some(15.0),
+                critical_pct: Some(7.0),
+                emergency_pct: Some(5.0),
+            },
             failsafe: FailsafeSettings {
                 timer_s: Some(10.0),
                 ..FailsafeSettings::default()
@@ -154,6 +177,9 @@ mod tests {
             (BatteryParameter::WattMax, 90.0),
             (BatteryParameter::SerialNum, 7.0),
             (BatteryParameter::Options, 320.0),
+            (BatteryParameter::LowPct, 30.0),
+            (BatteryParameter::CrtPct, 20.0),
+            (BatteryParameter::EmrPct, 0.0),
             (BatteryParameter::LowTimer, 5.0),
             (BatteryParameter::FsVoltsrc, 1.0),
             (BatteryParameter::LowVolt, 6.6),
@@ -173,6 +199,11 @@ mod tests {
             serial_number: Some(7),
             reported_voltage: ReportedVoltage::Resting,
             visibility: Visibility::Internal,
+            charge_limits: ChargeLimits {
+                low_pct: Some(30.0),
+                critical_pct: Some(20.0),
+                emergency_pct: None,
+            },
             failsafe: FailsafeSettings {
                 timer_s: Some(5.0),
                 voltage_source: VoltageSource::Resting,

@@ -74,6 +74,7 @@ fn wire_bits(colour: Colour) -> u32 {
         Colour::Off => (0, 0, 0),
         Colour::Green => (0, BRIGHTNESS, 0),
         Colour::Blue => (0, 0, BRIGHTNESS),
+        Colour::White => (BRIGHTNESS, BRIGHTNESS, BRIGHTNESS),
         Colour::Yellow => (BRIGHTNESS, BRIGHTNESS, 0),
         Colour::Red => (BRIGHTNESS, 0, 0),
     };

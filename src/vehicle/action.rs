@@ -6,7 +6,7 @@ use crate::battery::FailsafeLevel;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
 
-/// Failsafe action of a low (`BATT_FS_LOW_ACT`) or critical (`BATT_FS_CRT_ACT`) pack, with ArduPilot Rover's names, in
+/// Failsafe action of a low (`BATT_FS_LOW_ACT`), critical (`BATT_FS_CRT_ACT`) or unhealthy (`BATT_FS_UNH_ACT`) pack, with ArduPilot Rover's names, in
 /// increasing severity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -42,10 +42,11 @@ impl FailsafeAction {
         })
     }
 
-    /// The action set for `level` of `pack`. A failed sensor is only announced, as in ArduPilot.
+    /// The action set for `level` of `pack`.
     pub fn from_parameters(parameters: &Parameters, pack: Pack, level: FailsafeLevel) -> Self {
         let parameter = match level {
-            FailsafeLevel::None | FailsafeLevel::Unhealthy => return Self::Warn,
+            FailsafeLevel::None => return Self::Warn,
+            FailsafeLevel::Unhealthy => BatteryParameter::FsUnhAct,
             FailsafeLevel::Low => BatteryParameter::FsLowAct,
             FailsafeLevel::Critical => BatteryParameter::FsCrtAct,
         };

@@ -11,9 +11,12 @@ pub enum Colour {
     Green,
     /// Armed.
     Blue,
-    /// A pack is low or its sensor has failed, or control inputs or ground stations have timed out.
+    /// Disarmed, and a pack is being charged.
+    White,
+    /// A pack is low or has a fault, its sensor has failed while armed, or control inputs or ground stations have timed
+    /// out.
     Yellow,
-    /// A pack is critical, or the rover is terminated.
+    /// A pack is critical, nearly empty or has failed, or the rover is terminated.
     Red,
 }
 

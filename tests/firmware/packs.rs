@@ -2,6 +2,7 @@
 
 use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
 use crate::emulator::{AdcInput, LogLevel};
+use crate::motors::{LAMPS, decode};
 use crate::support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, SYS_STATUS, SysStatus, last_of, of_message,
     texts_of,
@@ -264,6 +265,29 @@ fn the_resting_voltage_is_sent_when_that_is_asked_for() {
 }
 
 #[test]
+fn a_nearly_empty_pack_is_announced_and_shown_without_any_threshold() {
+    let mut bench = Bench::configured(HALF_FULL_3S, &[("BATT_CELLS", 3.0)]);
+    bench.run_for(3 * SECOND);
+    bench.record_pin(LAMPS);
+    // Another pack, of 9.9 V: it is known to be another one when it has rested.
+    bench.adc_input(PACK, AdcInput::Code(50));
+    bench.run_for(2 * SECOND);
+    bench.run_until_silent();
+    let plugged_in_us = bench.time_us();
+    bench.adc_input(PACK, AdcInput::Code(3110));
+    bench.run_for(6 * SECOND);
+    assert_eq!(
+        texts_of(&bench.frames_since(plugged_in_us)),
+        [
+            "Battery 1 swapped: estimates restarted",
+            "Battery 1 emergency: 9.90V 2% left"
+        ]
+    );
+    let red = [0, 16, 0].repeat(8);
+    assert_eq!(decode(&bench.take_edges(LAMPS)), red);
+}
+
+#[test]
 fn cells_and_swaps_are_announced() {
     let mut bench = Bench::running(2482);
     bench.run_for(3 * SECOND);
@@ -271,7 +295,8 @@ fn cells_and_swaps_are_announced() {
         texts_of(&bench.frames()),
         [
             "Battery failsafes are off: set BATT_LOW_VOLT",
-            "Battery 1 has 2 cells (set BATT_CELLS to be sure)"
+            "Battery 1 has 2 cells (set BATT_CELLS to be sure)",
+            "Set BATT_LOW_VOLT 7.00, BATT_CRT_VOLT 6.80"
         ]
     );
     bench.adc_input(PACK, AdcInput::Code(50));
@@ -280,10 +305,11 @@ fn cells_and_swaps_are_announced() {
     // It has rested after two seconds; so long takes the number of cells once more.
     bench.run_for(5 * SECOND);
     assert_eq!(
-        texts_of(&bench.frames())[2..],
+        texts_of(&bench.frames())[3..],
         [
             "Battery 1 swapped: estimates restarted",
-            "Battery 1 has 3 cells (set BATT_CELLS to be sure)"
+            "Battery 1 has 3 cells (set BATT_CELLS to be sure)",
+            "Set BATT_LOW_VOLT 10.50, BATT_CRT_VOLT 10.20"
         ]
     );
 }

@@ -7,7 +7,9 @@ param BATT_FS_CRT_ACT 5
  3.0  voltage 9.0
 expect 5.1 critical
 expect 5.1 says Battery 1 is critical
+expect 3.9 says Battery 1 fault: deep discharge
 expect 5.2 coast
+expect 7.0 says Battery 1 emergency: 9.00V
  8.0  voltage 9.5
 12.0  voltage 10.0
 16.0  arm

@@ -10,6 +10,7 @@ expect 5.2 coast
  6.0  voltage 9.7 current 0
 12.0  voltage 0.3
 14.0  voltage 9.7
+expect 17.1 says Battery 1 emergency: 9.70V
 20.0  arm
 expect 21.0 coast
 end 22

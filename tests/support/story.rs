@@ -12,8 +12,8 @@
 //!
 //! Inputs: `voltage`, `current`, `voltage2`, `current2` (V, A), `arm`, `disarm`, `fail` and `work` (the sensor of pack
 //! 1), `reset` (percent, all packs). Outcomes: `low`, `critical`, `unhealthy` (failsafe level of pack 1), `low2`…,
-//! `says` (start of a text), and `brake`, `coast` or `turn` (the motors). Every level, and every text about a failsafe,
-//! a lost contact or a swap has to be expected; motors are checked only where expected.
+//! `says` (start of a text), and `brake`, `coast` or `turn` (the motors). Every level, and every text about a charge
+//! state, charging, a fault, a lost contact or a swap has to be expected; motors are checked only where expected.
 //!
 //! Below 2.1 V no pack is connected: `voltage 0.3` is a lost contact.
 
@@ -99,8 +99,17 @@ pub enum Drive {
     Turn,
 }
 
-/// Texts about a pack's contact and identity, after "Battery 1 "; each has to be expected.
-const IDENTITY_TEXTS: [&str; 3] = ["not connected", "connected again", "swapped"];
+/// Texts about a pack, after "Battery 1 ", each of which has to be expected.
+const TEXTS_TO_EXPECT: [&str; 8] = [
+    "not connected",
+    "connected again",
+    "swapped",
+    "low:",
+    "critical:",
+    "emergency:",
+    "charging",
+    "fault:",
+];
 
 /// The failsafe level that a text announces, and its pack.
 fn level_of(text: &str) -> Option<(usize, Level)> {
@@ -174,11 +183,11 @@ impl Story {
         assert!(unexpected.is_empty(), "{name}: not expected: {unexpected:?}");
     }
 
-    /// Texts about contact and identity that are not expected.
+    /// Texts that have to be expected, and are not.
     fn unexpected<'a>(&self, texts: &'a [(f64, String)], tolerance_s: f64) -> Vec<&'a (f64, String)> {
-        let is_about_identity = |text: &str| {
+        let has_to_be_expected = |text: &str| {
             let what = text.split_once(' ').and_then(|(_, rest)| rest.split_once(' '));
-            what.is_some_and(|(_, what)| IDENTITY_TEXTS.iter().any(|known| what.starts_with(known)))
+            what.is_some_and(|(_, what)| TEXTS_TO_EXPECT.iter().any(|known| what.starts_with(known)))
         };
         let is_expected = |time_s: f64, text: &str| {
             self.expectations.iter().any(|(at_s, outcome)| {
@@ -188,7 +197,7 @@ impl Story {
         };
         let texts = texts.iter();
         texts
-            .filter(|(time_s, text)| is_about_identity(text) && !is_expected(*time_s, text))
+            .filter(|(time_s, text)| has_to_be_expected(text) && !is_expected(*time_s, text))
             .collect()
     }
 

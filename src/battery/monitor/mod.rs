@@ -1,18 +1,18 @@
 //! The monitor of one pack: from its measurements to its state, events and failsafe level.
 
-use heapless::Vec;
-
+use super::charge_reporter::ChargeReporter;
 use super::charge_state::{ChargeStateMachine, Inputs};
 use super::consumption::Consumption;
 use super::diagnosis::Diagnosis;
 use super::estimator::{Estimator, Reading};
+use super::event::push;
 use super::failsafe::{Failsafe, Observation};
 use super::health::HealthReporter;
 use super::settings::PackSettings;
 use super::swap::{Replacement, SerialNumber, SwapDetector};
 use super::{
     Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge,
-    Measurement, PackEvent, PackMemory, PackStatus, ReadError, Supply, Tick,
+    Measurement, PackEvent, PackEvents, PackMemory, PackStatus, ReadError, Supply, Tick,
 };
 use crate::time::Instant;
 
@@ -32,13 +32,6 @@ const HIGHEST_TEMPERATURE_C: f32 = 1_000.0;
 const HIGHEST_CHARGE_MAH: f32 = 10_000_000.0;
 const HIGHEST_ENERGY_WH: f32 = 1_000_000.0;
 const LOWEST_CAPACITY_MAH: f32 = 1.0;
-
-/// The most events of one tick: cells detected, pack swapped, gap, sensor failed or recovered, contact lost or
-/// restored, powering off, failsafe.
-pub const MAX_EVENTS: usize = 7;
-
-/// The events of one tick.
-pub type PackEvents = Vec<PackEvent, MAX_EVENTS>;
 
 /// Outcome of an update, besides the new state.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -72,6 +65,7 @@ pub struct BatteryMonitor {
     serial_number: SerialNumber,
     diagnosis: Diagnosis,
     charge_state: ChargeStateMachine,
+    charge_reporter: ChargeReporter,
     failsafe: Failsafe,
 }
 
@@ -112,6 +106,7 @@ impl BatteryMonitor {
             serial_number: SerialNumber::default(),
             diagnosis: Diagnosis::default(),
             charge_state: ChargeStateMachine::default(),
+            charge_reporter: ChargeReporter::default(),
             failsafe: Failsafe::default(),
         }
     }
@@ -186,6 +181,7 @@ impl BatteryMonitor {
         let serial_number = measurement.details.serial_number;
         if let Some(replacement) = self.serial_number.update(serial_number, arm_state) {
             self.swap_detector.reset();
+            self.charge_reporter = ChargeReporter::default();
             self.replace_pack(replacement, events);
         }
         if self.serial_number.matches(serial_number) {
@@ -280,6 +276,7 @@ impl BatteryMonitor {
         self.consumption = Consumption::default();
         self.estimator = Estimator::new();
         self.failsafe.replace_pack(replacement);
+        self.diagnosis = Diagnosis::default();
         self.charge_state = ChargeStateMachine::default();
         self.last_reading = None;
         push(events, PackEvent::Swapped);
@@ -392,6 +389,10 @@ impl BatteryMonitor {
                 Freshness::Fresh => Some(state),
                 Freshness::Stale => None,
             },
+            remaining_at_most_pct: self
+                .estimator
+                .state_of_charge_at_most()
+                .map(|share| share * 100.0),
             resting_v: self.swap_detector.resting_v(),
         };
         let raised = self.failsafe.update(&observation, &settings.failsafe);
@@ -411,11 +412,13 @@ impl BatteryMonitor {
             faults: state.faults,
             failsafe: state.failsafe,
             remaining_pct: state.remaining_pct,
+            limits: settings.charge_limits,
             arm_state: tick.arm_state,
             current_a: state.current_a,
             capacity_mah: state.capacity_mah(),
         };
         state.charge_state = self.charge_state.update(dt_s, &inputs);
+        self.charge_reporter.update(dt_s, tick.arm_state, state, events);
         raised
     }
 
@@ -456,11 +459,6 @@ impl Default for BatteryMonitor {
     fn default() -> Self {
         Self::new()
     }
-}
-
-/// Never full: there is room for one event of every kind.
-fn push(events: &mut PackEvents, event: PackEvent) {
-    let _ = events.push(event);
 }
 
 fn check_plausible(measurement: Measurement) -> Result<Measurement, ReadError> {

@@ -13,7 +13,7 @@ struct Bench {
     settings: PackSettings,
     now: Instant,
     arm_state: ArmState,
-    events: Vec<PackEvent, 32>,
+    events: Vec<PackEvent>,
 }
 
 impl Bench {

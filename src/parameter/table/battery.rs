@@ -316,7 +316,8 @@ parameters! {
         takes_effect: TakesEffect::AtOnce,
         label: "Low charge",
         description: "With less remaining charge than this an armed rover executes FS_LOW_ACT, and a disarmed one \
-                      does not arm. 0: disabled.",
+                      does not arm. Without a current sensor FS_LOW_ACT waits until the charge is surely less. \
+                      0: disabled.",
     }
     CrtVolt {
         key: 82,
@@ -342,7 +343,8 @@ parameters! {
         takes_effect: TakesEffect::AtOnce,
         label: "Critical charge",
         description: "With less remaining charge than this an armed rover executes FS_CRT_ACT, and a disarmed one \
-                      does not arm. 0: disabled.",
+                      does not arm. Without a current sensor FS_CRT_ACT waits until the charge is surely less. \
+                      0: disabled.",
     }
     WattMax {
         key: 84,
@@ -404,7 +406,7 @@ parameters! {
         unit: "mAh",
         takes_effect: TakesEffect::AtOnce,
         label: "Minimum charge to arm",
-        description: "The rover does not arm with less remaining charge. Needs a current sensor. 0: disabled.",
+        description: "The rover does not arm with less remaining charge. 0: disabled.",
     }
     I2cBus {
         key: 89,
@@ -563,5 +565,57 @@ parameters! {
         takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: offset term",
         description: "See FL_FF.",
+    }
+    LowPct {
+        key: 102,
+        name: "LOW_PCT",
+        kind: Kind::Real32,
+        default: 15.0,
+        range: Range::Between(0.0, 100.0),
+        step: 1.0,
+        unit: "%",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Low charge state",
+        description: "Below this remaining charge the pack is announced as low. No action follows. 0: disabled. \
+                      (ArduPilot has no such parameter; PX4's is BAT_LOW_THR.)",
+    }
+    CrtPct {
+        key: 103,
+        name: "CRT_PCT",
+        kind: Kind::Real32,
+        default: 7.0,
+        range: Range::Between(0.0, 100.0),
+        step: 1.0,
+        unit: "%",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Critical charge state",
+        description: "Below this remaining charge the pack is announced as critical. No action follows. 0: disabled. \
+                      (ArduPilot has no such parameter; PX4's is BAT_CRIT_THR.)",
+    }
+    EmrPct {
+        key: 104,
+        name: "EMR_PCT",
+        kind: Kind::Real32,
+        default: 5.0,
+        range: Range::Between(0.0, 100.0),
+        step: 1.0,
+        unit: "%",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Emergency charge state",
+        description: "Below this remaining charge the pack is announced as nearly empty, and a disarmed rover does \
+                      not arm. 0: disabled. (ArduPilot has no such parameter; PX4's is BAT_EMERGEN_THR.)",
+    }
+    FsUnhAct {
+        key: 105,
+        name: "FS_UNH_ACT",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: FAILSAFE_ACTIONS,
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Action when unhealthy",
+        description: "Action when an armed rover has had no healthy reading of the pack for 5 s: no threshold can be \
+                      reached then. (ArduPilot has no such parameter and warns.)",
     }
 }

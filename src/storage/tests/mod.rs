@@ -17,10 +17,10 @@ type BoardFlash = FlashModel<4096, 256, 4>;
 type SmallFlash = FlashModel<176, 64, 3>;
 
 const BOARD_SLOTS: u32 = Storage::<BoardFlash>::SLOTS;
-// All parameters fit a sector with one record to spare, unless more than six of the nine packs are tanks with every
+// All parameters fit a sector with one record to spare, unless more than two of the nine packs are tanks with every
 // parameter of their level sensor changed, along with all others.
 const LEVEL_PARAMETERS: usize = 8;
-const _: () = assert!(((crate::parameter::PARAMETER_COUNT - 3 * LEVEL_PARAMETERS) as u32) < BOARD_SLOTS);
+const _: () = assert!(((crate::parameter::PARAMETER_COUNT - 7 * LEVEL_PARAMETERS) as u32) < BOARD_SLOTS);
 
 const SMALL_SLOTS: u32 = Storage::<SmallFlash>::SLOTS;
 

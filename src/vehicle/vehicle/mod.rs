@@ -7,7 +7,7 @@ use super::{
     Colour, FailsafeAction, Indication, Mode, SideDrives, Stick, StickInput, Tone, VehicleEvent,
     VehicleSettings,
 };
-use crate::battery::{ArmState, FailsafeLevel};
+use crate::battery::{ArmState, BatteryAlert, FailsafeLevel};
 use crate::time::Instant;
 
 /// Buzzer: one long tone when arming is refused, in microseconds.
@@ -70,6 +70,8 @@ pub struct Vehicle {
     throttle: Ramp,
     /// The worst failsafe level of all packs.
     battery: FailsafeLevel,
+    /// The most urgent alert of all packs.
+    battery_alert: BatteryAlert,
     /// The most severe action since no pack had a failsafe level.
     action: Option<FailsafeAction>,
     refused_at: Option<Instant>,
@@ -166,9 +168,11 @@ impl Vehicle {
             .then_some(VehicleEvent::NeedsPosition(action))
     }
 
-    /// Updates the worst failsafe level of all packs. `None`, after a battery reset or swap, clears the latched action.
-    pub fn update_batteries(&mut self, worst: FailsafeLevel) {
+    /// Updates the worst failsafe level and the most urgent alert of all packs. No level, after a battery reset or swap,
+    /// clears the latched action.
+    pub fn update_batteries(&mut self, worst: FailsafeLevel, alert: BatteryAlert) {
         self.battery = worst;
+        self.battery_alert = alert;
         if worst == FailsafeLevel::None {
             self.action = None;
         }
@@ -239,6 +243,8 @@ impl Vehicle {
             Colour::Yellow
         } else if self.arm_state == ArmState::Armed {
             Colour::Blue
+        } else if self.battery_alert == BatteryAlert::Charging {
+            Colour::White
         } else {
             Colour::Green
         }
@@ -257,11 +263,11 @@ impl Vehicle {
     }
 
     fn is_urgent(&self) -> bool {
-        self.is_terminated() || self.battery == FailsafeLevel::Critical
+        self.is_terminated() || self.battery_alert == BatteryAlert::Urgent
     }
 
     fn is_warning(&self) -> bool {
-        self.battery > FailsafeLevel::None || self.has_timed_out()
+        self.battery_alert == BatteryAlert::Warning || self.has_timed_out()
     }
 
     /// Status for ground stations.

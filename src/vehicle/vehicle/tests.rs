@@ -192,10 +192,10 @@ fn most_severe_action_wins_and_equal_ones_repeat() {
 fn battery_reset_ends_termination() {
     let mut vehicle = armed_in(Mode::Manual);
     vehicle.battery_failsafe(FailsafeAction::Terminate);
-    vehicle.update_batteries(FailsafeLevel::Critical);
+    vehicle.update_batteries(FailsafeLevel::Critical, BatteryAlert::Urgent);
     assert_eq!(vehicle.status().alert, Alert::Terminated);
     assert_eq!(vehicle.arm(Instant::EPOCH, true), Err(ArmingRefused::Terminated));
-    vehicle.update_batteries(FailsafeLevel::None);
+    vehicle.update_batteries(FailsafeLevel::None, BatteryAlert::None);
     assert_eq!(vehicle.status().alert, Alert::None);
     assert_eq!(vehicle.arm(Instant::EPOCH, true), Ok(()));
 }
@@ -222,15 +222,31 @@ fn lamps_and_buzzer_indicate_the_state() {
     assert_eq!(tones(&vehicle, 1_000_000, 10), "xxxxx.....");
     vehicle.arm(at_us(3_000_000), true).unwrap();
     assert_eq!(colour(&vehicle), Colour::Blue);
-    vehicle.update_batteries(FailsafeLevel::Low);
+    vehicle.update_batteries(FailsafeLevel::Low, BatteryAlert::Warning);
     assert_eq!(colour(&vehicle), Colour::Yellow);
     assert_eq!(
         tones(&vehicle, 4_000_000, 40),
         "x...................x..................."
     );
-    vehicle.update_batteries(FailsafeLevel::Critical);
+    vehicle.update_batteries(FailsafeLevel::Critical, BatteryAlert::Urgent);
     assert_eq!(colour(&vehicle), Colour::Red);
     assert_eq!(tones(&vehicle, 4_000_000, 20), "x.x.x.....x.x.x.....");
+}
+
+#[test]
+fn a_charge_state_is_indicated_without_a_failsafe() {
+    let mut vehicle = Vehicle::new();
+    for (alert, colour, expected_tones) in [
+        (BatteryAlert::Charging, Colour::White, "...................."),
+        (BatteryAlert::Warning, Colour::Yellow, "x..................."),
+        (BatteryAlert::Urgent, Colour::Red, "x.x.x.....x.x.x....."),
+        (BatteryAlert::None, Colour::Green, "...................."),
+    ] {
+        vehicle.update_batteries(FailsafeLevel::None, alert);
+        assert_eq!(vehicle.indication(Instant::EPOCH).colour, colour);
+        assert_eq!(tones(&vehicle, 4_000_000, 20), expected_tones);
+        assert_eq!(vehicle.status().alert, Alert::None, "{alert:?} is no failsafe");
+    }
 }
 
 /// Any input of the state machine.
@@ -293,7 +309,7 @@ proptest! {
                 Input::Failsafe(number) => {
                     vehicle.battery_failsafe(FailsafeAction::from_number(number).unwrap());
                 }
-                Input::Batteries(worst) => vehicle.update_batteries(worst),
+                Input::Batteries(worst) => vehicle.update_batteries(worst, BatteryAlert::None),
                 Input::Wait(us) => {
                     now = now.after_us(us);
                     vehicle.update(now, &settings);

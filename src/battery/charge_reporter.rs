@@ -1,0 +1,268 @@
+//! Reports a pack's charge states and faults, once when they begin.
+
+use super::charge_state::by_failsafe;
+use super::condition::{Change, Condition, Evidence};
+use super::diagnosis::FAULTS;
+use super::event::push;
+use super::{ArmState, BatteryState, ChargeState, Faults, PackEvent, PackEvents, PackStatus};
+
+/// What was reported has to be absent for this long before it is reported again, in seconds: a load that comes and goes
+/// must not flood the link.
+const RECOVERY_S: f32 = 30.0;
+
+/// After so long without a pack, in seconds, a disarmed rover may have another one: what is reported then is news.
+const UNPLUGGED_S: f32 = 1.0;
+
+/// Nothing is reported for this long after a pack was plugged in, in seconds: until it has rested and is known to be
+/// another one, its charge is that of the pack before.
+const SETTLING_S: f32 = 3.0;
+
+/// The reported charge state and faults of one pack.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ChargeReporter {
+    /// The worst charge state, UNDEFINED to EMERGENCY, that has not been better since for [`RECOVERY_S`].
+    worst: ChargeState,
+    /// How long the present one has been better, in seconds.
+    better_s: f32,
+    /// How long no pack has been connected while disarmed, in seconds.
+    unplugged_s: f32,
+    /// How long nothing is reported from now on, in seconds.
+    settling_s: f32,
+    charging: Condition,
+    faults: [Condition; FAULTS.len()],
+}
+
+impl ChargeReporter {
+    /// Adds to `events` what begins with this state, `dt_s` seconds after the one before.
+    pub fn update(&mut self, dt_s: f32, arm_state: ArmState, state: &BatteryState, events: &mut PackEvents) {
+        if arm_state == ArmState::Disarmed && state.status == PackStatus::NotConnected {
+            self.unplugged_s += dt_s;
+        } else if core::mem::take(&mut self.unplugged_s) >= UNPLUGGED_S {
+            *self = Self {
+                settling_s: SETTLING_S,
+                ..Self::default()
+            };
+        }
+        if self.settling_s > 0.0 {
+            self.settling_s -= dt_s;
+            return;
+        }
+        if let Some(event) = self.charge(dt_s, state) {
+            push(events, event);
+        }
+        if self.begins_to_charge(dt_s, state) {
+            push(events, PackEvent::Charging);
+        }
+        let faults = self.new_faults(dt_s, state);
+        if !faults.is_empty() {
+            push(events, PackEvent::Faults(faults));
+        }
+    }
+
+    fn charge(&mut self, dt_s: f32, state: &BatteryState) -> Option<PackEvent> {
+        let present = state.charge_state;
+        if present > ChargeState::Emergency || present == ChargeState::Undefined {
+            // Neither better nor worse.
+            return None;
+        }
+        if present < self.worst {
+            self.better_s += dt_s;
+            if self.better_s >= RECOVERY_S {
+                (self.worst, self.better_s) = (present, 0.0);
+            }
+            return None;
+        }
+        self.better_s = 0.0;
+        let before = core::mem::replace(&mut self.worst, present);
+        // A failsafe level that is reached is announced as such.
+        let is_news = present > before && present > by_failsafe(state.failsafe);
+        // The voltage of a deep discharge contradicts any charge.
+        let is_by_voltage = state.faults.contains(Faults::DEEP_DISCHARGE);
+        is_news.then_some(PackEvent::Charge {
+            state: present,
+            remaining_pct: state.remaining_pct.filter(|_| !is_by_voltage),
+            voltage_v: state.voltage_v,
+        })
+    }
+
+    fn begins_to_charge(&mut self, dt_s: f32, state: &BatteryState) -> bool {
+        let evidence = Evidence::of(state.charge_state == ChargeState::Charging);
+        self.charging.update(dt_s, evidence, RECOVERY_S) == Some(Change::Begins)
+    }
+
+    fn new_faults(&mut self, dt_s: f32, state: &BatteryState) -> Faults {
+        let mut new = Faults::empty();
+        for (fault, condition) in FAULTS.into_iter().zip(&mut self.faults) {
+            let evidence = match state.status {
+                PackStatus::Healthy => Evidence::of(state.faults.contains(fault)),
+                _ => Evidence::Ambiguous,
+            };
+            if condition.update(dt_s, evidence, RECOVERY_S) == Some(Change::Begins) {
+                new |= fault;
+            }
+        }
+        new
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::FailsafeLevel;
+
+    fn state(charge_state: ChargeState) -> BatteryState {
+        BatteryState {
+            status: PackStatus::Healthy,
+            charge_state,
+            remaining_pct: Some(14.0),
+            ..BatteryState::default()
+        }
+    }
+
+    fn reported(reporter: &mut ChargeReporter, seconds: u32, state: &BatteryState) -> Vec<PackEvent> {
+        let mut events = Vec::new();
+        for _ in 0..seconds * 10 {
+            let mut of_tick = PackEvents::new();
+            reporter.update(0.1, ArmState::Disarmed, state, &mut of_tick);
+            events.extend(of_tick);
+        }
+        events
+    }
+
+    fn charge(state: ChargeState) -> PackEvent {
+        PackEvent::Charge {
+            state,
+            remaining_pct: Some(14.0),
+            voltage_v: None,
+        }
+    }
+
+    #[test]
+    fn each_worse_state_is_reported_once() {
+        let mut reporter = ChargeReporter::default();
+        for (present, expected) in [
+            (ChargeState::Undefined, None),
+            (ChargeState::Ok, None),
+            (ChargeState::Low, Some(ChargeState::Low)),
+            (ChargeState::Critical, Some(ChargeState::Critical)),
+            (ChargeState::Unhealthy, None),
+            (ChargeState::Critical, None),
+            (ChargeState::Undefined, None),
+            (ChargeState::Critical, None),
+            (ChargeState::Emergency, Some(ChargeState::Emergency)),
+            (ChargeState::Failed, None),
+            (ChargeState::Emergency, None),
+        ] {
+            let expected: Vec<_> = expected.map(charge).into_iter().collect();
+            assert_eq!(
+                reported(&mut reporter, 60, &state(present)),
+                expected,
+                "{present:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_pack_that_is_empty_at_once_is_reported_by_its_worst_state_alone() {
+        let mut reporter = ChargeReporter::default();
+        let events = reported(&mut reporter, 10, &state(ChargeState::Emergency));
+        assert_eq!(events, [charge(ChargeState::Emergency)]);
+    }
+
+    #[test]
+    fn a_state_that_comes_and_goes_with_the_load_is_reported_once() {
+        let mut reporter = ChargeReporter::default();
+        let mut events = Vec::new();
+        for _ in 0..60 {
+            events.extend(reported(&mut reporter, 5, &state(ChargeState::Critical)));
+            events.extend(reported(&mut reporter, 20, &state(ChargeState::Ok)));
+        }
+        assert_eq!(events, [charge(ChargeState::Critical)]);
+        reported(&mut reporter, 31, &state(ChargeState::Ok));
+        let again = reported(&mut reporter, 5, &state(ChargeState::Critical));
+        assert_eq!(again, [charge(ChargeState::Critical)]);
+    }
+
+    #[test]
+    fn what_a_failsafe_announces_is_not_reported_again() {
+        let mut reporter = ChargeReporter::default();
+        let tripped = |charge_state, failsafe| BatteryState {
+            failsafe,
+            ..state(charge_state)
+        };
+        let low = tripped(ChargeState::Low, FailsafeLevel::Low);
+        assert_eq!(reported(&mut reporter, 10, &low), []);
+        let nearly_empty = tripped(ChargeState::Emergency, FailsafeLevel::Low);
+        assert_eq!(
+            reported(&mut reporter, 10, &nearly_empty),
+            [charge(ChargeState::Emergency)]
+        );
+    }
+
+    #[test]
+    fn charging_is_reported_once_and_a_loose_charger_does_not_repeat_it() {
+        let mut reporter = ChargeReporter::default();
+        let mut events = Vec::new();
+        for _ in 0..20 {
+            events.extend(reported(&mut reporter, 6, &state(ChargeState::Charging)));
+            events.extend(reported(&mut reporter, 6, &state(ChargeState::Low)));
+        }
+        assert_eq!(events, [PackEvent::Charging, charge(ChargeState::Low)]);
+    }
+
+    #[test]
+    fn a_pack_that_is_plugged_in_is_reported_anew() {
+        let mut reporter = ChargeReporter::default();
+        let low = state(ChargeState::Low);
+        let unplugged = BatteryState {
+            status: PackStatus::NotConnected,
+            ..state(ChargeState::Undefined)
+        };
+        assert_eq!(reported(&mut reporter, 1, &low), [charge(ChargeState::Low)]);
+        reported(&mut reporter, 2, &unplugged);
+        assert_eq!(reported(&mut reporter, 2, &state(ChargeState::Emergency)), []);
+        assert_eq!(reported(&mut reporter, 2, &low), [charge(ChargeState::Low)]);
+        // The contact bounces.
+        let mut events = PackEvents::new();
+        for _ in 0..10 {
+            reporter.update(0.1, ArmState::Disarmed, &unplugged, &mut events);
+            reporter.update(0.1, ArmState::Disarmed, &low, &mut events);
+        }
+        assert!(events.is_empty());
+        // A wire that is loose while driving is no other pack.
+        for _ in 0..50 {
+            reporter.update(0.1, ArmState::Armed, &unplugged, &mut events);
+        }
+        reporter.update(0.1, ArmState::Armed, &low, &mut events);
+        assert!(events.is_empty());
+    }
+
+    #[test]
+    fn faults_that_begin_are_reported_together_and_once() {
+        let mut reporter = ChargeReporter::default();
+        let with = |faults, status| BatteryState {
+            faults,
+            status,
+            ..state(ChargeState::Ok)
+        };
+        let two = Faults::OVER_CURRENT | Faults::DEEP_DISCHARGE;
+        let mut events = Vec::new();
+        for _ in 0..20 {
+            events.extend(reported(&mut reporter, 2, &with(two, PackStatus::Healthy)));
+            events.extend(reported(
+                &mut reporter,
+                9,
+                &with(Faults::empty(), PackStatus::Healthy),
+            ));
+        }
+        assert_eq!(events, [PackEvent::Faults(two)]);
+        // A sensor that fails does not end a fault.
+        reported(&mut reporter, 60, &with(Faults::empty(), PackStatus::Unhealthy));
+        assert_eq!(reported(&mut reporter, 2, &with(two, PackStatus::Healthy)), []);
+        let three = two | Faults::CELL_FAIL;
+        assert_eq!(
+            reported(&mut reporter, 2, &with(three, PackStatus::Healthy)),
+            [PackEvent::Faults(Faults::CELL_FAIL)]
+        );
+    }
+}
