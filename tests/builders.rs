@@ -309,7 +309,7 @@ const ABSENT: [MavSysStatusSensor; 3] = [NO_SENSOR; 3];
 fn a_pack_is_healthy_while_its_sensor_works_and_it_has_not_failed() {
     for (status, expected) in [
         (PackStatus::Disabled, ABSENT),
-        (PackStatus::Unknown, UNSOUND),
+        (PackStatus::Unknown, SOUND),
         (PackStatus::NotConnected, UNSOUND),
         (PackStatus::Healthy, SOUND),
         (PackStatus::Unhealthy, UNSOUND),
@@ -375,13 +375,17 @@ fn all_packs_that_are_monitored_have_to_be_healthy() {
         visibility: Visibility::Internal,
         ..battery
     };
-    let (sound, unknown, disabled) = (healthy(11.1), BatteryState::default(), BatteryState::disabled());
+    let (sound, disabled) = (healthy(11.1), BatteryState::disabled());
+    let unsound = BatteryState {
+        status: PackStatus::Unhealthy,
+        ..sound
+    };
     assert_eq!(sensors(&[]), ABSENT);
     assert_eq!(sensors(&[disabled; 9]), ABSENT);
     assert_eq!(sensors(&[disabled, sound, disabled]), SOUND);
     assert_eq!(sensors(&[sound; 9]), SOUND);
-    assert_eq!(sensors(&[sound, sound, unknown]), UNSOUND);
-    assert_eq!(sensors(&[sound, on_board_only(unknown)]), UNSOUND);
+    assert_eq!(sensors(&[sound, sound, unsound]), UNSOUND);
+    assert_eq!(sensors(&[sound, on_board_only(unsound)]), UNSOUND);
     assert_eq!(sensors(&[on_board_only(sound)]), SOUND);
 }
 

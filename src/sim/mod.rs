@@ -6,6 +6,7 @@
 mod bus;
 pub mod clock;
 mod desk;
+mod fault;
 mod flash;
 mod pack;
 mod pack_input;

@@ -44,6 +44,8 @@ pub struct SimulatedPack {
     current_a: f32,
     /// Overrides the voltage by charge.
     open_circuit_v: Option<f32>,
+    /// How far the first cell is below the others, in volts.
+    first_cell_drop_v: f32,
 }
 
 impl SimulatedPack {
@@ -55,12 +57,18 @@ impl SimulatedPack {
             polarization_v: 0.0,
             current_a: 0.0,
             open_circuit_v: None,
+            first_cell_drop_v: 0.0,
         }
     }
 
     /// Overrides the resting voltage, in volts; `None` follows the charge again.
     pub fn hold_open_circuit(&mut self, voltage_v: Option<f32>) {
         self.open_circuit_v = voltage_v;
+    }
+
+    /// Puts the first cell below the others, by so many volts.
+    pub fn lower_first_cell(&mut self, drop_v: f32) {
+        self.first_cell_drop_v = drop_v;
     }
 
     /// Changes the full capacity, in ampere-hours, and keeps the state of charge.
@@ -102,7 +110,17 @@ impl SimulatedPack {
     pub fn voltage_v(&self) -> f32 {
         let by_charge_v = resting_cell_voltage_v(self.charge) * f32::from(self.model.cells);
         let resting_v = self.open_circuit_v.unwrap_or(by_charge_v);
-        resting_v - self.current_a * self.model.ohmic_resistance_ohm - self.polarization_v
+        let sag_v = self.current_a * self.model.ohmic_resistance_ohm + self.polarization_v;
+        resting_v - sag_v - self.first_cell_drop_v
+    }
+
+    /// Voltage of a cell under the present load, in volts; `None` if it has no such cell.
+    pub fn cell_voltage_v(&self, index: u8) -> Option<f32> {
+        let sound_v = (self.voltage_v() + self.first_cell_drop_v) / f32::from(self.model.cells);
+        match index {
+            0 => Some(sound_v - self.first_cell_drop_v),
+            _ => (index < self.model.cells).then_some(sound_v),
+        }
     }
 }
 
@@ -148,6 +166,18 @@ mod tests {
         pack.hold_open_circuit(None);
         pack.draw(0.0, 1000.0);
         assert!(pack.voltage_v() > 11.3, "half charged");
+    }
+
+    #[test]
+    fn pack_is_lower_by_what_its_first_cell_is_below_the_others() {
+        let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
+        pack.lower_first_cell(1.0);
+        let cells_v: Vec<_> = (0..4).map_while(|cell| pack.cell_voltage_v(cell)).collect();
+        for (cell_v, expected_v) in cells_v.iter().zip([3.2, 4.2, 4.2]) {
+            assert!((cell_v - expected_v).abs() < 1e-4, "{cells_v:?}");
+        }
+        assert_eq!(cells_v.len(), 3);
+        assert!((pack.voltage_v() - 11.6).abs() < 1e-4);
     }
 
     #[test]

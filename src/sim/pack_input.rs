@@ -2,9 +2,9 @@
 
 use std::future::pending;
 
+use super::fault::Fault;
 use super::{PackSimulation, SimulatedPack};
 use crate::battery::ReadError;
-use crate::parameter::SimulationParameter;
 use crate::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin};
 use crate::tasks::Shared;
 
@@ -19,26 +19,6 @@ const NOISE_V: f32 = 0.008;
 
 /// The same with the noise fault of `SIM_BATT_FAULT`.
 const FAULTY_NOISE_V: f32 = 0.5;
-
-/// Simulated fault (`SIM_BATT_FAULT`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Fault {
-    None,
-    Stalled,
-    WireOff,
-    Noisy,
-}
-
-impl Fault {
-    fn from_number(number: i32) -> Self {
-        match number {
-            1 => Self::Stalled,
-            2 => Self::WireOff,
-            3 => Self::Noisy,
-            _ => Self::None,
-        }
-    }
-}
 
 /// Pins connected to the divider and the current sensor.
 pub struct SimulatedPackInput<'a> {
@@ -60,7 +40,7 @@ impl<'a> SimulatedPackInput<'a> {
     fn pin_voltage_v(&mut self, pack: &SimulatedPack, pin: AnalogPin, fault: Fault) -> f32 {
         let noise_v = match fault {
             Fault::Noisy => FAULTY_NOISE_V,
-            Fault::None | Fault::Stalled | Fault::WireOff => NOISE_V,
+            Fault::None | Fault::Stalled | Fault::WireOff | Fault::WeakCell => NOISE_V,
         };
         let noise_v = (self.random.f32() * 2.0 - 1.0) * noise_v;
         match pin {
@@ -76,10 +56,7 @@ impl AnalogIn for SimulatedPackInput<'_> {
     async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError> {
         // Updates the pack, even if the ADC does not answer.
         let pack = self.pack.now();
-        let fault = Fault::from_number(
-            self.shared
-                .with(|autopilot| autopilot.parameters().get_whole(SimulationParameter::BattFault)),
-        );
+        let fault = Fault::now(self.shared);
         if fault == Fault::Stalled {
             pending::<()>().await;
         }

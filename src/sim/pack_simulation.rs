@@ -4,12 +4,16 @@ use std::cell::{Cell, RefCell};
 
 use embassy_time::{Duration, Instant};
 
+use super::fault::Fault;
 use super::{SimulatedPack, SimulatedRover};
 use crate::parameter::SimulationParameter;
 use crate::tasks::Shared;
 
 /// Longer steps are divided, for the accuracy of the slow voltage at high speedups.
 const MAX_STEP: Duration = Duration::from_millis(100);
+
+/// How far the cell of [`Fault::WeakCell`] is below the others, in volts.
+const WEAK_CELL_DROP_V: f32 = 1.0;
 
 /// Simulates the pack of a rover, for all simulated sensors.
 pub struct PackSimulation<'a> {
@@ -43,7 +47,12 @@ impl<'a> PackSimulation<'a> {
         };
         let held_v = parameter(SimulationParameter::BattVoltage);
         let load_a = self.rover.current_a() + parameter(SimulationParameter::BattCurrent);
+        let weak_cell_drop_v = match Fault::now(self.shared) {
+            Fault::WeakCell => WEAK_CELL_DROP_V,
+            Fault::None | Fault::Stalled | Fault::WireOff | Fault::Noisy => 0.0,
+        };
         let mut pack = self.pack.borrow_mut();
+        pack.lower_first_cell(weak_cell_drop_v);
         pack.hold_open_circuit((held_v > 0.0).then_some(held_v));
         pack.set_capacity_ah(parameter(SimulationParameter::BattCapAh));
         while self.lived_until.get() < now {

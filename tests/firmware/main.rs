@@ -38,6 +38,7 @@ mod pulses_and_esc;
 mod rover;
 mod safe_driving;
 mod sampling;
+mod shown;
 mod signing;
 mod slow_link;
 mod soak;

@@ -21,13 +21,13 @@ pytestmark = pytest.mark.xdist_group("mavproxy")
 class MavProxy:
     """A running MAVProxy that has downloaded the parameters."""
 
-    def __init__(self, url, home, *arguments):
+    def __init__(self, url, home, *arguments, **environment):
         self.lines = queue.Queue()
         self.process = subprocess.Popen(
             [sys.executable, MAVPROXY, "--master", url, "--state-basedir", home, *arguments],
             cwd=home,
             # No start-up script of the user's.
-            env={**os.environ, "HOME": str(home), "PYTHONUNBUFFERED": "1"},
+            env={**os.environ, "HOME": str(home), "PYTHONUNBUFFERED": "1", **environment},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -217,18 +217,30 @@ fn crc16(bytes: impl Iterator<Item = u8>) -> u16 {
 ///
 /// Panics on anything that is not a frame with a right checksum: a clean wire carries nothing else.
 pub fn frames(sent: &[(u64, u8)]) -> Vec<Frame> {
-    let mut frames = Vec::new();
-    let mut rest = sent;
-    while rest.len() >= HEADER_BYTES {
-        let trailer_bytes = if rest[2].1 == SIGNED { TRAILER_BYTES } else { 0 };
-        let length = HEADER_BYTES + usize::from(rest[1].1) + CRC_BYTES + trailer_bytes;
-        if rest.len() < length {
-            break;
-        }
-        frames.push(frame(&rest[..length]));
-        rest = &rest[length..];
+    spans(sent).map(frame).collect()
+}
+
+/// The frames as a `.tlog`, which ground stations replay: each after the time of its last byte, in µs.
+pub fn tlog(sent: &[(u64, u8)]) -> Vec<u8> {
+    let mut log = Vec::new();
+    for span in spans(sent) {
+        log.extend(span[span.len() - 1].0.to_be_bytes());
+        log.extend(span.iter().map(|(_, byte)| byte));
     }
-    frames
+    log
+}
+
+/// The bytes of each whole frame.
+fn spans(sent: &[(u64, u8)]) -> impl Iterator<Item = &[(u64, u8)]> {
+    let mut rest = sent;
+    std::iter::from_fn(move || {
+        let is_signed = rest.get(2)?.1 == SIGNED;
+        let trailer_bytes = if is_signed { TRAILER_BYTES } else { 0 };
+        let length = HEADER_BYTES + usize::from(rest[1].1) + CRC_BYTES + trailer_bytes;
+        let (span, later) = rest.split_at_checked(length)?;
+        rest = later;
+        Some(span)
+    })
 }
 
 fn frame(sent: &[(u64, u8)]) -> Frame {

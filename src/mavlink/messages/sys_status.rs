@@ -78,10 +78,12 @@ fn healthy_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
 }
 
 /// A pack that has failed is not healthy, even if its sensor works, nor, as in ArduPilot, one that has reached a
-/// failsafe level, until the battery is reset.
+/// failsafe level, until the battery is reset. Until its first reading nothing is wrong with it: Mission Planner would
+/// announce a bad battery after every start. What gives no reading is unhealthy soon.
 fn is_healthy(battery: &BatteryState) -> bool {
     let unfit = matches!(battery.charge_state, ChargeState::Failed | ChargeState::Unhealthy);
-    battery.status == PackStatus::Healthy && battery.failsafe == FailsafeLevel::None && !unfit
+    let works = matches!(battery.status, PackStatus::Healthy | PackStatus::Unknown);
+    works && battery.failsafe == FailsafeLevel::None && !unfit
 }
 
 fn pack_voltage_mv(battery: &BatteryState) -> u16 {

@@ -53,11 +53,12 @@ parameters! {
             (1, means("ADC does not answer")),
             (2, means("Sense wire disconnected")),
             (3, means("Noise of 0.5 V")),
+            (4, means("First cell 1 V lower")),
         ]),
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Simulated fault",
-        description: "Fault of the simulated pack's sensor.",
+        description: "Fault of the simulated pack or its sensor. Cells are measured by its smart battery only.",
     }
 }

@@ -122,16 +122,9 @@ fn value(command: u8, pack: &SimulatedPack) -> Option<Value> {
         MANUFACTURER_NAME => return Some(Value::Block(b"Simulated")),
         DEVICE_NAME => return Some(Value::Block(b"Desk pack")),
         DEVICE_CHEMISTRY => return Some(Value::Block(b"LION")),
-        _ if is_cell(command, pack) => milli(pack.voltage_v() / f32::from(pack.cells())),
-        _ => return None,
+        _ => milli(pack.cell_voltage_v(FIRST_CELL_VOLTAGE.checked_sub(command)?)?),
     };
     Some(Value::Word(word))
-}
-
-fn is_cell(command: u8, pack: &SimulatedPack) -> bool {
-    FIRST_CELL_VOLTAGE
-        .checked_sub(command)
-        .is_some_and(|index| index < pack.cells())
 }
 
 fn status(pack: &SimulatedPack) -> u16 {
