@@ -151,7 +151,7 @@ impl Autopilot {
 
     fn act(&mut self, action: Action) {
         match action {
-            Action::Reboot => self.work |= Work::RESTART,
+            Action::Restart(_) => self.work |= Work::RESTART,
             Action::ResetParameters => {
                 self.parameters.reset();
                 self.work |= Work::SAVE_PARAMETERS;
