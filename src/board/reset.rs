@@ -73,7 +73,7 @@ pub fn restart(into: Restart) -> ! {
 }
 
 /// The boot ROM notes in the watchdog's scratch registers what to start, and resets the chip by its time-out 5 ms later:
-/// the firmware's own countdown ends with that (RP2040 datasheet 2.8.3.1.4, 4.7). The pins are in their reset state from
+/// the firmware's own countdown ends with that (RP2040 datasheet 2.8.3.1.5, 4.7). The pins are in their reset state from
 /// then on: not driven, with a pull-down.
 fn restart_into_boot_loader() -> ! {
     // No pin that shows activity, for each may lead to a motor, and both interfaces. The ROM leaves these zeros in scratch
