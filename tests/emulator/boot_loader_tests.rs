@@ -27,7 +27,10 @@ fn restarting(arguments: [u32; 2], handlers: &[(u32, &[u16])]) -> Board {
     board.bus.write32(GPIO_OE_SET, 1 << PIN);
     board.set_register(0, arguments[0]);
     board.set_register(1, arguments[1]);
-    board.set_register(5, boot_rom::address_of(b"UB").expect("a function of the boot ROM"));
+    board.set_register(
+        5,
+        boot_rom::address_of(b"UB").expect("a function of the boot ROM"),
+    );
     board
 }
 
@@ -48,8 +51,16 @@ fn the_chip_is_reset_into_the_boot_loader_after_5_ms_with_its_arguments() {
             disable_interface_mask: 2,
         })
     );
-    assert_eq!(board.read_register(SCRATCH4), 0, "zeroed before control is transferred");
-    assert_eq!(board.pin_level(PIN as usize), None, "pins are in their reset state");
+    assert_eq!(
+        board.read_register(SCRATCH4),
+        0,
+        "zeroed before control is transferred"
+    );
+    assert_eq!(
+        board.pin_level(PIN as usize),
+        None,
+        "pins are in their reset state"
+    );
 }
 
 #[test]

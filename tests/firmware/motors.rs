@@ -8,8 +8,8 @@ use crate::emulator::{Board, Firmware};
 use crate::motor_poles::{LEFT, Motor, RIGHT, motors};
 use crate::wheels::pins;
 
-const BUZZER: usize = 2;
-const LAMPS: usize = 16;
+pub const BUZZER: usize = 2;
+pub const LAMPS: usize = 16;
 
 const PWM_PERIOD_US: u64 = 2 * MILLISECOND;
 const NS_PER_CYCLE: u64 = 8;
@@ -165,7 +165,7 @@ fn a_panic_lets_the_motors_coast_at_once() {
 
 /// The lamps' bytes from the edges at their wire, held against the WS2812's times: high for 0.35 µs (0) or 0.7 µs (1),
 /// each ±0.15 µs, 1.25 µs ±0.6 µs a bit, and less than 50 µs low before the next lamp.
-fn decode(edges: &[(u64, bool)]) -> Vec<u8> {
+pub fn decode(edges: &[(u64, bool)]) -> Vec<u8> {
     let pulses: Vec<(u64, u64)> = edges
         .chunks(2)
         .map(|pulse| {
