@@ -6,7 +6,7 @@ use heapless::String;
 
 use crate::battery::PackEvent;
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{SigningChange, SigningTrouble};
+use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
 use crate::pack::Pack;
 use crate::parameter::save_failure_text;
 use crate::storage::StorageError;
@@ -79,6 +79,14 @@ impl Announcement<'_> {
             | Self::ParametersNotSaved(_)
             | Self::Signing(_)
             | Self::Crash(_) => MavSeverity::MAV_SEVERITY_CRITICAL,
+        }
+    }
+
+    /// The command it is sent as, too: a companion computer may act on it.
+    pub fn command(&self) -> Option<BroadcastCommand> {
+        match self {
+            Self::Pack(pack, PackEvent::PoweringOff) => Some(BroadcastCommand::power_off_initiated(*pack)),
+            _ => None,
         }
     }
 
@@ -194,6 +202,20 @@ mod tests {
         ] {
             assert_eq!(Announcement::Vehicle(event).text(), expected);
         }
+    }
+
+    #[test]
+    fn only_a_pack_that_powers_off_is_announced_by_a_command() {
+        let command = |event| Announcement::Pack(Pack::Ninth, &event).command();
+        let power_off = BroadcastCommand {
+            number: 42000,
+            param1: 9.0,
+        };
+        assert_eq!(command(PackEvent::PoweringOff), Some(power_off));
+        for event in [PackEvent::ContactLost, PackEvent::Swapped] {
+            assert_eq!(command(event), None);
+        }
+        assert_eq!(Announcement::FailsafesOff.command(), None);
     }
 
     #[test]
