@@ -155,8 +155,8 @@ mod firmware {
 
     #[embassy_executor::task]
     async fn reboot(shared: &'static Shared, link: &'static Link) {
-        tasks::reboot_requested(shared, || link.is_idle()).await;
-        board::restart();
+        let restart = tasks::reboot_requested(shared, || link.is_idle()).await;
+        board::restart(restart);
     }
 
     #[embassy_executor::task]

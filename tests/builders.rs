@@ -17,8 +17,8 @@ use rover_battmon::mavlink::dialect::{
     MavSysStatusSensor, MavSysStatusSensorExtended, SMART_BATTERY_INFO_DATA, SYS_STATUS_DATA,
 };
 use rover_battmon::mavlink::{
-    ArmingReadiness, Framer, LinkStatistics, Message, ReceiveStatistics, SystemState, build_battery_info,
-    build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
+    ArmingReadiness, BroadcastCommand, Framer, LinkStatistics, Message, ReceiveStatistics, SystemState,
+    build_battery_info, build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
     build_smart_battery_info, build_sys_status,
 };
 use rover_battmon::pack::Pack;
@@ -249,6 +249,24 @@ fn heartbeat_says_a_disarmed_ardupilot_rover() {
     // custom_mode 4 (HOLD), type 10, autopilot 3, base_mode 1, status 3 (standby), version 3; packed by pymavlink.
     let golden = "fd090000000101000000040000000a0301030330d6";
     assert_eq!(frame_hex(&Message::Heartbeat(heartbeat)), golden);
+}
+
+#[test]
+fn a_pack_that_powers_off_is_a_command_to_every_component() {
+    // Target system and component 0, command 42000, parameter 1 the pack's number, confirmation 0; packed by pymavlink.
+    for (pack, golden) in [
+        (
+            Pack::Second,
+            "fd1e00000001014c00000000004000000000000000000000000000000000000000000000000010a4d9ca",
+        ),
+        (
+            Pack::Ninth,
+            "fd1e00000001014c00000000104100000000000000000000000000000000000000000000000010a428ef",
+        ),
+    ] {
+        let command = BroadcastCommand::power_off_initiated(pack);
+        assert_eq!(frame_hex(&Message::BroadcastCommand(command)), golden);
+    }
 }
 
 #[test]

@@ -19,6 +19,7 @@ use rover_battmon::parameter::{
     BatteryParameter, ParameterId, Parameters, SimulationParameter, Unsaved, VehicleParameter,
 };
 use rover_battmon::time::Instant;
+use rover_battmon::vehicle::Restart;
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
     FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, PARAM_ERROR, PARAM_VALUE, ParamValue,
@@ -27,7 +28,7 @@ use support::frames::{
 use support::requests::{
     EVERYONE, PREFLIGHT_REBOOT_SHUTDOWN, SIK_RADIO, VEHICLE, command_int, command_int_2, command_long,
     command_long_2, ftp_open, param_read_by_index, param_read_by_name, param_request_list, param_set,
-    param_set_payload, param_set_to, radio_status_from, reboot, request_data_stream,
+    param_set_payload, param_set_to, radio_status_from, reboot, reboot_to_boot_loader, request_data_stream,
 };
 
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
@@ -316,6 +317,7 @@ fn commands_are_executed_denied_or_unsupported() {
         (PREFLIGHT_STORAGE, 2.0, ACCEPTED),
         (PREFLIGHT_STORAGE, 0.0, DENIED),
         (PREFLIGHT_REBOOT_SHUTDOWN, 1.0, ACCEPTED),
+        (PREFLIGHT_REBOOT_SHUTDOWN, 3.0, ACCEPTED),
         (PREFLIGHT_REBOOT_SHUTDOWN, f32::NAN, DENIED),
         (410, 0.0, UNSUPPORTED),
         (65535, 1.0, UNSUPPORTED),
@@ -324,9 +326,13 @@ fn commands_are_executed_denied_or_unsupported() {
         assert_ack(&desk.one_answer(&command_long(number, param1)), number, result);
         assert_ack(&desk.one_answer(&command_int(number, param1)), number, result);
     }
-    let mut desk = Desk::new();
-    let events = desk.receive_in_chunks(&reboot(), 64);
-    assert_eq!(events, [Event::Command(Action::Reboot)]);
+    for (request, restart) in [
+        (reboot(), Restart::Firmware),
+        (reboot_to_boot_loader(), Restart::BootLoader),
+    ] {
+        let events = Desk::new().receive_in_chunks(&request, 64);
+        assert_eq!(events, [Event::Command(Action::Restart(restart))]);
+    }
 }
 
 const BATTERY_RESET: u16 = 42651;

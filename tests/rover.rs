@@ -16,7 +16,8 @@ use rover_battmon::vehicle::{MotorDrive, SideDrives};
 use support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, SysStatus, frames};
 use support::requests::{
     EVERYONE, VEHICLE, arm, command_int, command_int_2, command_long, command_long_2, disarm, do_set_mode,
-    heartbeat, manual_control, param_request_list, param_set, rc_override, reboot, set_mode,
+    heartbeat, manual_control, param_request_list, param_set, rc_override, reboot, reboot_to_boot_loader,
+    set_mode,
 };
 
 const ARM_DISARM: u16 = 400;
@@ -560,6 +561,8 @@ fn restart_and_parameter_reset_are_refused_while_armed() {
     for request in [
         reboot(),
         command_int(246, 1.0),
+        reboot_to_boot_loader(),
+        command_int(246, 3.0),
         command_long(245, 2.0),
         command_int(245, 2.0),
     ] {
@@ -584,12 +587,14 @@ fn restart_and_parameter_reset_are_refused_while_armed() {
 
 #[test]
 fn arming_is_refused_before_a_restart() {
-    let mut rover = Rover::new();
-    rover.deliver(&reboot());
-    rover.0.sent();
-    for force in [0.0, FORCED] {
-        let texts = rover.ask(&command_long_2(ARM_DISARM, 1.0, force), ARM_DISARM, FAILED);
-        assert_eq!(texts, [(CRITICAL, "Arm: restarting".to_string())]);
+    for request in [reboot(), reboot_to_boot_loader()] {
+        let mut rover = Rover::new();
+        rover.deliver(&request);
+        rover.0.sent();
+        for force in [0.0, FORCED] {
+            let texts = rover.ask(&command_long_2(ARM_DISARM, 1.0, force), ARM_DISARM, FAILED);
+            assert_eq!(texts, [(CRITICAL, "Arm: restarting".to_string())]);
+        }
     }
 }
 

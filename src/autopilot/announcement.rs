@@ -7,7 +7,7 @@ use heapless::String;
 use crate::battery::{PackEvent, SuggestedThresholds};
 use crate::decimals::Hundredths;
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{SigningChange, SigningTrouble};
+use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, save_failure_text};
 use crate::storage::StorageError;
@@ -88,6 +88,14 @@ impl Announcement<'_> {
             | Self::ParametersNotSaved(_)
             | Self::Signing(_)
             | Self::Crash(_) => MavSeverity::MAV_SEVERITY_CRITICAL,
+        }
+    }
+
+    /// The command it is sent as, too: a companion computer may act on it.
+    pub fn command(&self) -> Option<BroadcastCommand> {
+        match self {
+            Self::Pack(pack, PackEvent::PoweringOff) => Some(BroadcastCommand::power_off_initiated(*pack)),
+            _ => None,
         }
     }
 
@@ -255,6 +263,20 @@ mod tests {
         let text = Announcement::Suggestion(Pack::Ninth, suggested).text();
         assert_eq!(text, "Set BATT9_LOW_VOLT 56.00, BATT9_CRT_VOLT 54.40");
         assert!(text.len() <= 50);
+    }
+
+    #[test]
+    fn only_a_pack_that_powers_off_is_announced_by_a_command() {
+        let command = |event| Announcement::Pack(Pack::Ninth, &event).command();
+        let power_off = BroadcastCommand {
+            number: 42000,
+            param1: 9.0,
+        };
+        assert_eq!(command(PackEvent::PoweringOff), Some(power_off));
+        for event in [PackEvent::ContactLost, PackEvent::Swapped] {
+            assert_eq!(command(event), None);
+        }
+        assert_eq!(Announcement::FailsafesOff.command(), None);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The core object.
 
 use super::announcement::Announcement;
-use super::broadcast::Broadcast;
+use super::broadcast::{Announced, Broadcast};
 use super::packs::Packs;
 use super::signing_save::SigningSave;
 use super::start::Start;
@@ -99,7 +99,10 @@ impl Autopilot {
     pub fn announce(&mut self, announcement: Announcement<'_>) {
         let text = announcement.text();
         info!("announced: {}", text.as_str());
-        self.broadcast.add(announcement.severity(), text);
+        self.broadcast.add(Announced::Text(announcement.severity(), text));
+        if let Some(command) = announcement.command() {
+            self.broadcast.add(Announced::Command(command));
+        }
         self.work |= Work::ANNOUNCED;
     }
 

@@ -3,6 +3,7 @@
 use heapless::Deque;
 
 use super::announcement::AnnouncementText;
+use crate::mavlink::BroadcastCommand;
 use crate::mavlink::dialect::MavSeverity;
 use crate::pack::MAX_PACKS;
 
@@ -11,9 +12,11 @@ const KEPT: usize = MAX_PACKS + 3;
 
 /// An announcement that waits to be sent.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Announced {
-    pub severity: MavSeverity,
-    pub text: AnnouncementText,
+pub(super) enum Announced {
+    /// As a text.
+    Text(MavSeverity, AnnouncementText),
+    /// As a command.
+    Command(BroadcastCommand),
 }
 
 /// The latest announcements, for links that have not sent them yet.
@@ -46,13 +49,13 @@ impl Broadcast {
     }
 
     /// Adds an announcement; the oldest one goes if there is no room.
-    pub fn add(&mut self, severity: MavSeverity, text: AnnouncementText) {
+    pub fn add(&mut self, announced: Announced) {
         if self.latest.is_full() {
             self.latest.pop_front();
             self.oldest = self.oldest.wrapping_add(1);
         }
         // There is room now.
-        let _ = self.latest.push_back(Announced { severity, text });
+        let _ = self.latest.push_back(announced);
     }
 
     /// The position behind the latest announcement.
@@ -80,14 +83,15 @@ mod tests {
 
     fn announce(broadcast: &mut Broadcast, number: usize) {
         let text = AnnouncementText::try_from(number.to_string().as_str()).unwrap();
-        broadcast.add(MavSeverity::MAV_SEVERITY_INFO, text);
+        broadcast.add(Announced::Text(MavSeverity::MAV_SEVERITY_INFO, text));
     }
 
     fn texts(broadcast: &Broadcast, position: &mut Position) -> Vec<String> {
         let mut texts = Vec::new();
         while let Some(next) = broadcast.next(position) {
             texts.push(match next {
-                Next::Announced(announced) => announced.text.to_string(),
+                Next::Announced(Announced::Text(_, text)) => text.to_string(),
+                Next::Announced(Announced::Command(command)) => command.number.to_string(),
                 Next::Lost(lost) => format!("{lost} lost"),
             });
         }

@@ -2,7 +2,7 @@
 
 use super::announcement::{ANNOUNCEMENT_BYTES, Announcement};
 use super::autopilot::{Autopilot, system_state};
-use super::broadcast::Next;
+use super::broadcast::{Announced, Next};
 use super::channel::Channel;
 use super::work::Work;
 use crate::battery::{PackSettings, SuggestedThresholds};
@@ -80,9 +80,10 @@ impl Autopilot {
     fn post_announcements(&self, channel: &mut Channel) {
         while channel.endpoint.has_room_to_say(ANNOUNCEMENT_BYTES) {
             match self.broadcast.next(&mut channel.position) {
-                Some(Next::Announced(announced)) => {
-                    channel.endpoint.say(announced.severity, &announced.text);
+                Some(Next::Announced(Announced::Text(severity, text))) => {
+                    channel.endpoint.say(*severity, text);
                 }
+                Some(Next::Announced(Announced::Command(command))) => channel.endpoint.command(*command),
                 Some(Next::Lost(lost)) => {
                     warn!("{}: busy, {} announcements were not sent", channel.name(), lost);
                 }
@@ -178,7 +179,7 @@ impl Autopilot {
 
     fn act(&mut self, action: Action) {
         match action {
-            Action::Reboot => self.work |= Work::RESTART,
+            Action::Restart(_) => self.work |= Work::RESTART,
             Action::ResetParameters => {
                 self.parameters.reset();
                 self.work |= Work::SAVE_PARAMETERS;

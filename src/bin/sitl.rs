@@ -40,9 +40,13 @@ mod simulator {
         }
     }
 
+    /// Whether the simulator has to end.
+    static STOP: AtomicBool = AtomicBool::new(false);
+
     #[embassy_executor::task]
-    async fn simulator(clients: Clients, udp: UdpWire, flash: SimulatedFlash, line_interval: Duration) -> ! {
-        sim::run(&clients, &udp, flash, line_interval).await
+    async fn simulator(clients: Clients, udp: UdpWire, flash: SimulatedFlash, line_interval: Duration) {
+        sim::run(&clients, &udp, flash, line_interval).await;
+        STOP.store(true, Ordering::Relaxed);
     }
 
     pub fn main() -> ExitCode {
@@ -70,7 +74,6 @@ mod simulator {
                 return ExitCode::FAILURE;
             }
         };
-        static STOP: AtomicBool = AtomicBool::new(false);
         if let Err(error) = ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)) {
             eprintln!("Ctrl-C will end the simulator at once: {error}.");
         }

@@ -1,6 +1,8 @@
 //! Why the chip started, and how to restart it.
 
-use embassy_rp::pac;
+use embassy_rp::{pac, rom_data};
+
+use crate::vehicle::Restart;
 
 /// Why the chip started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
@@ -63,7 +65,25 @@ pub(super) fn take_reset_reason(predecessor: Predecessor) -> ResetReason {
 }
 
 /// Restarts the chip at once.
-pub fn restart() -> ! {
+pub fn restart(into: Restart) -> ! {
+    match into {
+        Restart::Firmware => reset(),
+        Restart::BootLoader => restart_into_boot_loader(),
+    }
+}
+
+/// The boot ROM notes in the watchdog's scratch registers what to start, and resets the chip by its time-out 5 ms later:
+/// the firmware's own countdown ends with that (RP2040 datasheet 2.8.3.1.5, 4.7). The pins are in their reset state from
+/// then on: not driven, with a pull-down.
+fn restart_into_boot_loader() -> ! {
+    // No pin that shows activity, for each may lead to a motor, and both interfaces. The ROM leaves these zeros in scratch
+    // registers 0 and 1, where the firmware that is flashed then finds no predecessor.
+    rom_data::reset_to_usb_boot(0, 0);
+    wait_for_reset()
+}
+
+/// Resets the chip at once.
+fn reset() -> ! {
     // Everything but the oscillators, as embassy does when it starts the watchdog; a fault may come before that.
     pac::PSM.wdsel().write(|restarted| {
         restarted.0 = !0;
@@ -71,6 +91,10 @@ pub fn restart() -> ! {
         restarted.set_xosc(false);
     });
     pac::WATCHDOG.ctrl().modify(|control| control.set_trigger(true));
+    wait_for_reset()
+}
+
+fn wait_for_reset() -> ! {
     loop {
         cortex_m::asm::nop();
     }
@@ -79,5 +103,5 @@ pub fn restart() -> ! {
 /// Restarts the chip at once, and has the next start know that a fault is why.
 pub(super) fn restart_after_fault() -> ! {
     pac::WATCHDOG.scratch3().write_value(FAULT);
-    restart()
+    reset()
 }

@@ -32,7 +32,7 @@ pub fn arming_obstacles(
 ) -> impl Iterator<Item = ArmingObstacle> {
     let checks = parameters.get_whole(VehicleParameter::ArmingCheck);
     let terminated = vehicle.is_terminated().then_some(ArmingObstacle::Terminated);
-    let restarting = vehicle.is_restarting().then_some(ArmingObstacle::Restarting);
+    let restarting = vehicle.pending_restart().map(|_| ArmingObstacle::Restarting);
     let packs = Pack::ALL.into_iter().zip(state.batteries);
     let checked = packs.filter(move |_| checks & BATTERY_CHECKED != 0);
     let of_packs = checked.flat_map(|(pack, battery)| {

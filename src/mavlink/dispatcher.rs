@@ -231,8 +231,8 @@ fn execute(
         replies.acknowledge(command.number, MavResult::MAV_RESULT_FAILED, from);
         return Event::CommandRefused(command.number);
     }
-    if outcome.action == Some(Action::Reboot) {
-        service.vehicle.prepare_restart();
+    if let Some(Action::Restart(restart)) = outcome.action {
+        service.vehicle.prepare_restart(restart);
     }
     replies.acknowledge(command.number, outcome.result, from);
     replies.answer_any(outcome.message);

@@ -13,7 +13,7 @@ use super::replies::Replies;
 use super::services::parameters::ParameterList;
 use super::signing::{LinkKind, Signing};
 use super::system_state::{LinkStatistics, SystemState};
-use super::{DefaultRate, Message, Stream, StreamKind};
+use super::{BroadcastCommand, DefaultRate, Message, Stream, StreamKind};
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::time::Instant;
 use crate::vehicle::Vehicle;
@@ -183,12 +183,20 @@ impl Endpoint {
 
     /// Sends a text, in as many messages as it needs.
     pub fn say(&mut self, severity: MavSeverity, text: &str) {
-        let mut replies = Replies {
+        self.replies().say(severity, text);
+    }
+
+    /// Sends a command to every component in reach.
+    pub fn command(&mut self, command: BroadcastCommand) {
+        self.replies().answer(Message::BroadcastCommand(command));
+    }
+
+    fn replies(&mut self) -> Replies<'_> {
+        Replies {
             outbox: &mut self.outbox,
             dropped: &mut self.dropped,
             texts: &mut self.texts,
-        };
-        replies.say(severity, text);
+        }
     }
 
     /// Takes as many of the received `bytes` as there is room for, and says how many; at least one after

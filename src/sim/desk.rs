@@ -25,7 +25,7 @@ use crate::tasks::{
     Link, Shared, boot, drive, keep_parameters, keep_signing, read_bus, read_esc, reboot_requested,
     refuse_link, sample_batteries, serve_link,
 };
-use crate::vehicle::{Indication, Indicators};
+use crate::vehicle::{Indication, Indicators, Restart};
 
 /// Maximum number of TCP clients.
 const MAX_CLIENTS: usize = 8;
@@ -38,8 +38,8 @@ static UNWATCHED: CheckIn = CheckIn::new("", u32::MAX);
 
 /// Runs the vehicle, and restarts it at a ground station's request. Ground stations connect by TCP; another one may
 /// listen at the remote end of `udp`. Pack and flash survive a restart, connections don't. Prints a status line every
-/// `line_interval`.
-pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_interval: Duration) -> ! {
+/// `line_interval`. Returns when a ground station requests the boot loader, which is not simulated.
+pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_interval: Duration) {
     let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
     let rover = SimulatedRover::default();
     loop {
@@ -79,7 +79,10 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
         );
         match select(vehicle, reboot_requested(&desk.shared, || desk.all_sent())).await {
             Either::First((_, never, ..)) => never,
-            Either::Second(()) => println!("Restarted."),
+            Either::Second(Restart::Firmware) => println!("Restarted."),
+            Either::Second(Restart::BootLoader) => {
+                return println!("A board would wait in its boot loader for another firmware.");
+            }
         }
     }
 }

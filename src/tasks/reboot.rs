@@ -4,6 +4,7 @@ use embassy_time::{Duration, Timer};
 
 use super::{Shared, now};
 use crate::log::info;
+use crate::vehicle::Restart;
 
 /// What was answered and set before a restart gets this long to be sent and saved.
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -13,9 +14,9 @@ const LOOK_INTERVAL: Duration = Duration::from_millis(20);
 /// After the last message was given to the wire: what its buffers may still hold at 9600 baud.
 const WIRE_DELAY: Duration = Duration::from_millis(250);
 
-/// Waits until a restart is asked for, and then until what was answered and set before has been sent and saved.
-/// `all_sent` returns whether the links are idle.
-pub async fn reboot_requested(shared: &Shared, all_sent: impl Fn() -> bool) {
+/// Waits until a restart is asked for, and then until what was answered and set before has been sent and saved. Returns
+/// what to restart into. `all_sent` returns whether the links are idle.
+pub async fn reboot_requested(shared: &Shared, all_sent: impl Fn() -> bool) -> Restart {
     shared.to_reboot.wait().await;
     shared.with(|autopilot| autopilot.prepare_restart());
     let deadline = now().after_us(PATIENCE.as_micros());
@@ -23,5 +24,8 @@ pub async fn reboot_requested(shared: &Shared, all_sent: impl Fn() -> bool) {
         Timer::after(LOOK_INTERVAL).await;
     }
     Timer::after(WIRE_DELAY).await;
-    info!("restarting");
+    let restart = shared.with(|autopilot| autopilot.vehicle().pending_restart());
+    let restart = restart.unwrap_or_default();
+    info!("restarting: {:?}", restart);
+    restart
 }

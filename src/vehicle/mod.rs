@@ -7,6 +7,7 @@ mod indication;
 mod mode;
 mod motor;
 mod ramp;
+mod restart;
 mod settings;
 mod timed_input;
 #[expect(
@@ -21,5 +22,6 @@ pub use event::VehicleEvent;
 pub use indication::{Colour, Indication, Indicators, Tone};
 pub use mode::Mode;
 pub use motor::{MotorDrive, Motors, SideDrives};
+pub use restart::Restart;
 pub use settings::{VehicleSettings, control_timeout_us};
 pub use vehicle::{Alert, ArmingRefused, ModeRefused, Vehicle, VehicleStatus};

@@ -72,7 +72,7 @@ impl Board {
             firmware: firmware.clone(),
             seeds,
         };
-        board.start_firmware();
+        board.boot();
         board
     }
 

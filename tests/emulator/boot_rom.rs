@@ -8,6 +8,7 @@
 use rp2040_emu::CortexM0Plus;
 use rp2040_emu::core::CoreBus;
 
+use super::boot_loader::reset_to_usb_boot;
 use super::bus::SystemBus;
 use super::flash::Job;
 use super::memory::ROM_SIZE;
@@ -31,9 +32,15 @@ pub const WAIT_FOR_FLASH: u32 = TRAPS + 2 * (1 + FUNCTIONS.len() as u32);
 pub const BRANCH_TO_SELF: u32 = 0x0300;
 pub const UNDEFINED_INSTRUCTION: u32 = 0x0304;
 
+/// Where the boot ROM sleeps until the watchdog resets the chip, and in its USB boot loader.
+pub const WAIT_FOR_RESET: u32 = 0x0308;
+pub const USB_BOOT: u32 = 0x030c;
+
 const BX_LR: u16 = 0x4770;
 const B_SELF: u16 = 0xe7fe;
 const UDF: u16 = 0xde00;
+const WFI: u16 = 0xbf30;
+const B_PREVIOUS: u16 = 0xe7fd;
 
 /// A function of the boot ROM: its two-letter code and its name in the datasheet (2.8.3.1).
 struct RomFunction {
@@ -130,6 +137,10 @@ pub fn image() -> Vec<u8> {
     }
     put(BRANCH_TO_SELF as usize, B_SELF);
     put(UNDEFINED_INSTRUCTION as usize, UDF);
+    for sleep in [WAIT_FOR_RESET, USB_BOOT] {
+        put(sleep as usize, WFI);
+        put(sleep as usize + 2, B_PREVIOUS);
+    }
     rom
 }
 
@@ -164,6 +175,10 @@ pub fn call(core: &mut CortexM0Plus, bus: &mut SystemBus) -> u64 {
     let outcome = match core.regs.pc() {
         WAIT_FOR_FLASH => Some((arguments[0], LOOKUP_CYCLES)),
         TRAPS => Some((look_up(arguments[0], arguments[1]), LOOKUP_CYCLES)),
+        pc if function_at(pc).code == b"UB" => {
+            reset_to_usb_boot(core, bus);
+            return LOOKUP_CYCLES;
+        }
         pc => run(function_at(pc), arguments, bus),
     };
     let Some((result, cycles)) = outcome else {

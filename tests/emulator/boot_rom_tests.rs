@@ -55,9 +55,9 @@ fn memory_functions() {
 }
 
 #[test]
-#[should_panic(expected = "reset_to_usb_boot ('UB')")]
+#[should_panic(expected = "wait_for_vector ('WV')")]
 fn a_function_that_is_not_modelled_fails_by_name() {
-    call_function(b"UB", [0; 3], |_| {});
+    call_function(b"WV", [0; 3], |_| {});
 }
 
 #[test]

@@ -16,7 +16,7 @@
 //!
 //! The emulator knows nothing of the firmware's source: it sees pins, registers, wires, and the
 //! symbols of the ELF. Processor core, NVIC, clocks, PLLs, RESETS, SIO, IO_BANK0 and PADS_BANK0
-//! come from the crate `rp2040-emu`; memory, bus, boot ROM, flash, TIMER, WATCHDOG, PSM, VREG and
+//! come from the crate `rp2040-emu`; memory, bus, boot ROM and the way into its USB boot loader, flash, TIMER, WATCHDOG, PSM, VREG and
 //! CHIP_RESET, both UARTs, both I2C blocks and SPI1 as masters, GPIO inputs and their interrupts, the
 //! ADC, the PWM, the DMA and everything about time and sleep are in this folder, one file each, with
 //! tests against the figures of the RP2040 datasheet. Section numbers are those of its builds in which
@@ -67,6 +67,9 @@ mod adc;
 mod bench;
 mod blocks;
 mod board;
+mod boot_loader;
+#[cfg(test)]
+mod boot_loader_tests;
 mod boot_rom;
 #[cfg(test)]
 mod boot_rom_tests;
@@ -119,6 +122,7 @@ mod xip_control;
 pub use access_log::{BusErrorRecord, Direction, UnmodelledAccess};
 pub use adc::{AdcFault, AdcInput, Conversion, code_of_volts};
 pub use board::Board;
+pub use boot_loader::BootLoader;
 pub use boot_rom::UNDEFINED_INSTRUCTION;
 pub use cpu::CpuState;
 pub use firmware::Firmware;

@@ -1,6 +1,7 @@
 //! The ways the chip starts again, and what each of them leaves as it was (datasheet 2.12, 2.13).
 
 use super::board::Board;
+use super::boot_loader::{WatchdogBoot, take_watchdog_boot};
 use super::boot_rom::WAIT_FOR_FLASH;
 use super::chip_reset::{ChipLevelReset, ChipReset};
 use super::clock::micros;
@@ -91,7 +92,7 @@ impl Board {
             cause,
         });
         self.reset_hardware(cause);
-        self.start_firmware();
+        self.boot();
     }
 
     fn reset_hardware(&mut self, cause: ResetCause) {
@@ -113,9 +114,17 @@ impl Board {
         self.bus.soc.chip_reset = ChipReset::after(reset);
     }
 
+    /// What the boot ROM does after a reset.
+    pub(super) fn boot(&mut self) {
+        let random = Random::new(self.next_seed());
+        match take_watchdog_boot(&mut self.bus) {
+            Some(WatchdogBoot { stack_pointer, entry }) => self.start_processor(stack_pointer, entry, random),
+            None => self.start_firmware(random),
+        }
+    }
+
     /// What boot ROM and second stage do before the firmware's first instruction.
-    pub(super) fn start_firmware(&mut self) {
-        let mut random = Random::new(self.next_seed());
+    fn start_firmware(&mut self, mut random: Random) {
         random.fill(&mut self.bus.memory.ram[BOOT_ROM_RAM]);
         self.reset_timer_as_the_boot_rom_does();
         let word = |address| {
@@ -125,9 +134,13 @@ impl Board {
                 .unwrap_or(0)
         };
         let (stack_pointer, entry) = (word(VECTOR_TABLE), word(VECTOR_TABLE + 4));
-        self.cpu = Cpu::at_reset(stack_pointer, entry, &mut random);
+        self.start_processor(stack_pointer, entry, random);
         self.prepare_flash(entry);
         self.bus.chip.ppb[0].vtor = VECTOR_TABLE;
+    }
+
+    fn start_processor(&mut self, stack_pointer: u32, entry: u32, mut random: Random) {
+        self.cpu = Cpu::at_reset(stack_pointer, entry, &mut random);
         self.bus.chip.event_flag[0] = false;
         self.bus.chip.wfe_waiting[0] = false;
         self.lines.forget_levels();

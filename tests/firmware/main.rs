@@ -22,6 +22,7 @@ mod story;
 mod support;
 
 mod boot;
+mod boot_loader;
 mod boot_loop;
 mod bus_packs;
 mod commands;

@@ -8,7 +8,7 @@ use crate::emulator::{Board, Firmware};
 use crate::motor_poles::{LEFT, Motor, RIGHT, motors};
 use crate::wheels::pins;
 
-const BUZZER: usize = 2;
+pub const BUZZER: usize = 2;
 pub const LAMPS: usize = 16;
 
 const PWM_PERIOD_US: u64 = 2 * MILLISECOND;

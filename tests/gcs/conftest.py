@@ -64,6 +64,10 @@ class Simulator:
     def interrupt(self):
         """Presses Ctrl-C; returns the exit code and what it had printed since the first line."""
         os.killpg(self.process.pid, signal.SIGINT)
+        return self.wait()
+
+    def wait(self):
+        """Waits until it ends; returns the exit code and what it had printed since the first line."""
         self.process.wait(timeout=20)
         self.reader.join(timeout=20)
         return self.process.returncode, "".join(self.output)

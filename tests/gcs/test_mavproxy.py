@@ -176,6 +176,17 @@ def test_it_asks_for_the_version(mavproxy):
     mavproxy.ask("status AUTOPILOT_VERSION", r"AUTOPILOT_VERSION \{capabilities : \d+")
 
 
+def test_it_restarts_into_the_boot_loader_which_ends_the_simulator(start_simulator, tmp_path):
+    simulator = start_simulator()
+    mavproxy = MavProxy(simulator.url, tmp_path)
+    try:
+        mavproxy.ask("reboot bootloader", r"Got COMMAND_ACK: PREFLIGHT_REBOOT_SHUTDOWN: ACCEPTED")
+        code, output = simulator.wait()
+    finally:
+        mavproxy.kill()
+    assert code == 0 and output.endswith("for another firmware.\nStopped.\n"), output
+
+
 def test_it_arms_and_drives(mavproxy):
     mavproxy.type("param set BATT_ARM_VOLT 13")
     assert mavproxy.show("BATT_ARM_VOLT") == 13

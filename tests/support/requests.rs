@@ -144,6 +144,10 @@ pub fn reboot() -> Vec<u8> {
     command_long(PREFLIGHT_REBOOT_SHUTDOWN, 1.0)
 }
 
+pub fn reboot_to_boot_loader() -> Vec<u8> {
+    command_long(PREFLIGHT_REBOOT_SHUTDOWN, 3.0)
+}
+
 /// Arms, with all checks.
 pub fn arm() -> Vec<u8> {
     command_long(400, 1.0)

@@ -10,12 +10,14 @@ use crate::mavlink::scheduler::{Interval, IntervalRefused, StreamScheduler};
 use crate::mavlink::{Message, StreamKind, SystemState, build_autopilot_version, build_protocol_version};
 use crate::pack::Pack;
 use crate::time::Instant;
+use crate::vehicle::Restart;
 
 /// MAV_CMD_PREFLIGHT_STORAGE, parameter 1: reset all parameters to their defaults.
 const STORAGE_RESET: f32 = 2.0;
 
-/// MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, parameter 1: reboot the autopilot.
+/// MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, parameter 1: reboot the autopilot, also to stay in its boot loader.
 const REBOOT_AUTOPILOT: f32 = 1.0;
+const REBOOT_TO_BOOT_LOADER: f32 = 3.0;
 
 /// MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES and its like, parameter 1: send it.
 const REQUEST: f32 = 1.0;
@@ -47,7 +49,7 @@ const REQUEST_AUTOPILOT_CAPABILITIES: u16 = MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CA
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Action {
     /// Restart the board once what was answered and set has been sent and saved.
-    Reboot,
+    Restart(Restart),
     /// Forget everything stored and go back to the defaults.
     ResetParameters,
     /// These packs have this much charge now.
@@ -63,7 +65,7 @@ impl Action {
     /// Whether it must not happen to a rover that may be moving.
     pub(in crate::mavlink) fn needs_disarmed(self) -> bool {
         match self {
-            Self::Reboot | Self::ResetParameters => true,
+            Self::Restart(_) | Self::ResetParameters => true,
             Self::ResetBatteries { .. } => false,
         }
     }
@@ -129,7 +131,12 @@ impl Command {
     pub fn execute(&self, scheduler: &mut StreamScheduler, state: &SystemState<'_>, now: Instant) -> Outcome {
         match self.number {
             PREFLIGHT_STORAGE if self.param1 == STORAGE_RESET => Action::ResetParameters.into(),
-            PREFLIGHT_REBOOT_SHUTDOWN if self.param1 == REBOOT_AUTOPILOT => Action::Reboot.into(),
+            PREFLIGHT_REBOOT_SHUTDOWN if self.param1 == REBOOT_AUTOPILOT => {
+                Action::Restart(Restart::Firmware).into()
+            }
+            PREFLIGHT_REBOOT_SHUTDOWN if self.param1 == REBOOT_TO_BOOT_LOADER => {
+                Action::Restart(Restart::BootLoader).into()
+            }
             PREFLIGHT_STORAGE | PREFLIGHT_REBOOT_SHUTDOWN => DENIED.into(),
             SET_MESSAGE_INTERVAL => self.set_message_interval(scheduler, now).into(),
             GET_MESSAGE_INTERVAL => self.message_interval(self.param1, scheduler),
@@ -285,11 +292,13 @@ mod tests {
         for param1 in [0.0, 1.0, 3.0, -1.0, f32::NAN] {
             assert_eq!(execute(245, param1, 0.0), DENIED.into());
         }
-        for param1 in [0.0, 2.0, 3.0, f32::NAN] {
+        for param1 in [0.0, 2.0, 2.5, 4.0, -3.0, f32::NAN] {
             assert_eq!(execute(246, param1, 0.0), DENIED.into());
         }
         assert_eq!(execute(245, 2.0, f32::NAN), Action::ResetParameters.into());
-        assert_eq!(execute(246, 1.0, f32::NAN), Action::Reboot.into());
+        for (param1, restart) in [(1.0, Restart::Firmware), (3.0, Restart::BootLoader)] {
+            assert_eq!(execute(246, param1, f32::NAN), Action::Restart(restart).into());
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::controls::Controls;
 use super::ramp::Ramp;
 use super::timed_input::TimedInput;
 use super::{
-    Colour, FailsafeAction, Indication, Mode, SideDrives, Stick, StickInput, Tone, VehicleEvent,
+    Colour, FailsafeAction, Indication, Mode, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent,
     VehicleSettings,
 };
 use crate::battery::{ArmState, BatteryAlert, FailsafeLevel};
@@ -75,7 +75,7 @@ pub struct Vehicle {
     /// The most severe action since no pack had a failsafe level.
     action: Option<FailsafeAction>,
     refused_at: Option<Instant>,
-    is_restarting: bool,
+    pending_restart: Option<Restart>,
 }
 
 impl Vehicle {
@@ -91,7 +91,7 @@ impl Vehicle {
     pub fn arm(&mut self, now: Instant, is_fit: bool) -> Result<(), ArmingRefused> {
         let refused = if self.is_terminated() {
             ArmingRefused::Terminated
-        } else if self.is_restarting {
+        } else if self.pending_restart.is_some() {
             ArmingRefused::Restarting
         } else if !is_fit {
             ArmingRefused::Unfit
@@ -114,8 +114,8 @@ impl Vehicle {
     }
 
     /// Prevents arming until the pending restart of the board.
-    pub fn prepare_restart(&mut self) {
-        self.is_restarting = true;
+    pub fn prepare_restart(&mut self, restart: Restart) {
+        self.pending_restart = self.pending_restart.max(Some(restart));
     }
 
     /// A deflected stick: the motors would turn on arming.
@@ -226,6 +226,10 @@ impl Vehicle {
 
     /// Indication of lamps and buzzer at `now`.
     pub fn indication(&self, now: Instant) -> Indication {
+        // The lamps keep their colour in the boot loader, where it would mean nothing.
+        if self.pending_restart == Some(Restart::BootLoader) {
+            return Indication::default();
+        }
         Indication {
             colour: self.colour(),
             tone: if self.sounds(now) {
@@ -295,9 +299,9 @@ impl Vehicle {
         self.action == Some(FailsafeAction::Terminate)
     }
 
-    /// Whether the board is about to restart.
-    pub fn is_restarting(&self) -> bool {
-        self.is_restarting
+    /// What the board is about to restart into.
+    pub fn pending_restart(&self) -> Option<Restart> {
+        self.pending_restart
     }
 
     fn is_driving(&self) -> bool {

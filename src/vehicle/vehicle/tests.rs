@@ -326,3 +326,30 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn lamps_and_buzzer_are_off_before_the_boot_loader_alone() {
+    let mut vehicle = Vehicle::new();
+    vehicle.update_batteries(FailsafeLevel::Critical);
+    vehicle.prepare_restart(Restart::Firmware);
+    assert_eq!(vehicle.indication(Instant::EPOCH).colour, Colour::Red);
+    vehicle.prepare_restart(Restart::BootLoader);
+    assert_eq!(vehicle.indication(Instant::EPOCH), Indication::default());
+}
+
+#[test]
+fn a_requested_boot_loader_is_not_revoked_by_a_restart() {
+    use Restart::{BootLoader, Firmware};
+    for (requests, pending) in [
+        (vec![], None),
+        (vec![Firmware, Firmware], Some(Firmware)),
+        (vec![Firmware, BootLoader], Some(BootLoader)),
+        (vec![BootLoader, BootLoader, Firmware, Firmware], Some(BootLoader)),
+    ] {
+        let mut vehicle = Vehicle::new();
+        for restart in requests {
+            vehicle.prepare_restart(restart);
+        }
+        assert_eq!(vehicle.pending_restart(), pending);
+    }
+}

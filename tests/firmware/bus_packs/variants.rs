@@ -1,9 +1,9 @@
 //! Smart batteries that differ from the specification.
 
 use super::{BUS, after_a_second, assert_survives_unplugging, shared, with_second_pack};
-use crate::bench::SECOND;
+use crate::bench::{Bench, SECOND};
 use crate::emulator::i2c_devices::{Pec, SmartBattery};
-use crate::support::frames::{BatteryStatus, texts_of};
+use crate::support::frames::{BatteryStatus, COMMAND_LONG, of_message, texts_of};
 
 const ADDRESS: u8 = 0x0b;
 
@@ -125,22 +125,30 @@ fn a_solo_has_blocks_and_a_button_that_switches_it_off() {
         assert_eq!(cells(&status, 5), [3900, 3901, 3902, 3903, 65535]);
         assert_eq!(status.current_ca(), 250);
     });
-    let off = || "Battery 2 is powering off".to_string();
-    // A short press does nothing.
-    part.borrow_mut().set_block(0x23, &[0, 8, 0, 0, 0, 0]);
-    bench.run_for(SECOND / 2);
-    part.borrow_mut().set_block(0x23, &[0; 6]);
-    bench.run_for(SECOND);
-    assert!(!texts_of(&bench.frames()).contains(&off()));
-    part.borrow_mut().set_block(0x23, &[0, 8, 0, 0, 0, 0]);
-    bench.run_for(3 * SECOND);
-    let announced = texts_of(&bench.frames());
-    assert_eq!(
-        announced.iter().filter(|text| **text == off()).count(),
-        1,
-        "{announced:?}"
-    );
+    // A short press does nothing; a long one is announced while it lasts, and another one again.
+    for (press_us, announced) in [(SECOND / 2, 0), (3 * SECOND, 1), (SECOND / 2, 1), (2 * SECOND, 2)] {
+        part.borrow_mut().set_block(0x23, &[0, 8, 0, 0, 0, 0]);
+        bench.run_for(press_us);
+        part.borrow_mut().set_block(0x23, &[0; 6]);
+        bench.run_for(SECOND);
+        assert_eq!(power_offs(&mut bench), announced);
+    }
     bench.i2c(BUS).detach(ADDRESS);
     bench.run_for(2 * SECOND);
     assert!(texts_of(&bench.frames()).contains(&"Battery 2 unhealthy: no answer".into()));
+}
+
+/// How often it was announced that the second pack powers off: each time by a text and by a command.
+fn power_offs(bench: &mut Bench) -> usize {
+    let frames = bench.frames();
+    let texts = texts_of(&frames);
+    let texts = texts.iter().filter(|text| *text == "Battery 2 is powering off");
+    let commands = of_message(&frames, COMMAND_LONG);
+    for command in &commands {
+        // Parameter 1 is the pack's number, the target is every component of every system.
+        assert_eq!((command.f32(0), command.u16(28)), (2.0, 42000));
+        assert_eq!((command.u8(30), command.u8(31)), (0, 0));
+    }
+    assert_eq!(texts.count(), commands.len());
+    commands.len()
 }

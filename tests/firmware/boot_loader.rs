@@ -1,0 +1,104 @@
+//! Restarting into the boot ROM's USB boot loader, to be flashed anew without the button.
+
+use crate::bench::{Bench, SECOND, value_of};
+use crate::emulator::{BootLoader, LogLevel, PwmOutput, ResetCause};
+use crate::motors::{BUZZER, LAMPS, decode};
+use crate::rover::{GOOD_3S, is_coasting};
+use crate::signing::station;
+use crate::signing_key::protected;
+use crate::support::frames::{COMMAND_ACK, Frame, of_message, texts_of};
+use crate::support::requests::{
+    PREFLIGHT_REBOOT_SHUTDOWN, heartbeat, param_read_by_name, reboot, reboot_to_boot_loader,
+};
+use crate::wheels::pins;
+
+const ACCEPTED: u8 = 0;
+
+fn acknowledged(answers: &[Frame]) -> Vec<(u16, u8)> {
+    let acks = of_message(answers, COMMAND_ACK);
+    acks.iter().map(|ack| (ack.u16(0), ack.u8(2))).collect()
+}
+
+/// Waits until the board is in its boot loader, by the one reset of it.
+fn run_into_boot_loader(bench: &mut Bench) {
+    assert!(bench.run_until(4 * SECOND, |board| board.boot_loader().is_some()));
+    let causes: Vec<_> = bench.resets().iter().map(|reset| reset.cause).collect();
+    assert_eq!(causes, [ResetCause::WatchdogTimer]);
+}
+
+#[test]
+fn it_restarts_into_the_boot_loader_with_everything_off_and_saved() {
+    let mut bench = Bench::running(GOOD_3S);
+    for pin in pins().chain([LAMPS, BUZZER]) {
+        bench.record_pin(pin);
+    }
+    bench.set("BATT_VOLT_MULT", 4.1);
+    let answers = bench.ask(&reboot_to_boot_loader());
+    assert_eq!(acknowledged(&answers), [(PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED)]);
+    assert!(is_coasting(&bench));
+    run_into_boot_loader(&mut bench);
+
+    // No activity pin, both interfaces.
+    assert_eq!(
+        bench.boot_loader(),
+        Some(BootLoader {
+            gpio_activity_pin_mask: 0,
+            disable_interface_mask: 0,
+        })
+    );
+    let shown = decode(&bench.take_edges(LAMPS));
+    assert_eq!(shown, [0; 3 * 8], "the lamps are switched off, once");
+    assert!(bench.take_edges(BUZZER).is_empty());
+    for pin in pins() {
+        let changes = bench.take_pwm_changes(pin);
+        let coasts = |output: Option<PwmOutput>| output.is_none_or(|output| output.duty == 0.0);
+        assert!(changes.iter().all(|(_, output)| coasts(*output)), "GP{pin}");
+        assert_eq!(bench.pin_level(pin), None, "GP{pin} is not driven");
+    }
+
+    // The watchdog does not end it.
+    bench.run_for(10 * SECOND);
+    run_into_boot_loader(&mut bench);
+    assert!(!bench.watchdog_is_enabled());
+
+    bench.forget_sent();
+    bench.finish_boot_loader();
+    bench.run_for(2 * SECOND);
+    let answers = bench.ask(&param_read_by_name("BATT_VOLT_MULT"));
+    assert_eq!(value_of(&answers, "BATT_VOLT_MULT"), Some(4.1));
+    bench.ask(&heartbeat(6));
+    bench.run_for(3 * SECOND);
+    assert!(!bench.logged(LogLevel::Info, "started by PowerOn").is_empty());
+    assert!(bench.logged(LogLevel::Warn, "").is_empty(), "no crash");
+    let texts = texts_of(&bench.frames());
+    assert!(texts.iter().all(|text| !text.contains("rash")), "{texts:?}");
+}
+
+/// Mission Planner's "Force Bootloader" sends each of the two requests twice.
+#[test]
+fn a_restart_requested_after_the_boot_loader_does_not_revoke_it() {
+    let mut bench = Bench::running(GOOD_3S);
+    let requests = [
+        reboot_to_boot_loader(),
+        reboot_to_boot_loader(),
+        reboot(),
+        reboot(),
+    ];
+    let answers = bench.ask(&requests.concat());
+    assert_eq!(acknowledged(&answers), [(PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED); 4]);
+    run_into_boot_loader(&mut bench);
+}
+
+#[test]
+fn with_a_key_the_boot_loader_is_entered_for_its_owner_alone() {
+    let mut bench = protected();
+    assert_eq!(acknowledged(&bench.ask(&reboot_to_boot_loader())), []);
+    bench.run_for(4 * SECOND);
+    assert!(bench.resets().is_empty());
+    let signed = station(&mut bench).sign(&reboot_to_boot_loader());
+    assert_eq!(
+        acknowledged(&bench.ask(&signed)),
+        [(PREFLIGHT_REBOOT_SHUTDOWN, ACCEPTED)]
+    );
+    run_into_boot_loader(&mut bench);
+}
