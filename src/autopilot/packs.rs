@@ -91,8 +91,9 @@ impl Packs {
         effort: f32,
     ) -> Option<Result<Measurement, ReadError>> {
         Some(match kind {
-            MonitorKind::Bus(_) | MonitorKind::Esc => return self.samples[pack as usize].take(),
-            MonitorKind::External => return self.external_reading(pack, now),
+            MonitorKind::Bus(_) | MonitorKind::Esc | MonitorKind::External => {
+                return self.sampled(pack, kind, now);
+            }
             MonitorKind::Sum if self.ticks == 0 => return None,
             MonitorKind::Sum => {
                 let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
@@ -117,14 +118,20 @@ impl Packs {
         })
     }
 
-    /// What another component has reported since the last tick. It may report less often: between its readings the state
-    /// stays as it is.
-    fn external_reading(&mut self, pack: Pack, now: Instant) -> Option<Result<Measurement, ReadError>> {
-        match self.samples[pack as usize].take() {
-            Some(Ok(measurement)) => Some(Ok(measurement)),
-            _ if self.sources[pack as usize].is_lost(now) => Some(Err(ReadError::Timeout)),
-            _ => None,
+    /// What was sampled since the last tick. Another component may report less often: between its readings the state stays as
+    /// it is.
+    fn sampled(
+        &mut self,
+        pack: Pack,
+        kind: MonitorKind,
+        now: Instant,
+    ) -> Option<Result<Measurement, ReadError>> {
+        let reading = self.samples[pack as usize].take();
+        if kind != MonitorKind::External || matches!(reading, Some(Ok(_))) {
+            return reading;
         }
+        let is_lost = self.sources[pack as usize].is_lost(now);
+        is_lost.then_some(Err(ReadError::Timeout))
     }
 }
 
