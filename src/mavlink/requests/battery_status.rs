@@ -2,7 +2,6 @@
 
 use core::array;
 
-use super::{Request, Target};
 use crate::battery::{CellVoltages, MAX_CELLS};
 use crate::mavlink::payload::Payload;
 use crate::pack::Pack;
@@ -35,13 +34,13 @@ const HECTOJOULES_PER_WATT_HOUR: f32 = 36.0;
 type CellFields = [u16; MAX_CELLS];
 
 /// `None` if there is no such pack, or if its voltage is unknown: a component whose sensor has failed is no source.
-pub(super) fn battery_status(payload: &Payload<'_>) -> Option<(Target, Request)> {
+pub(super) fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
     let pack = Pack::from_instance(payload.u8(ID))?;
     let fields = cell_fields(payload);
     let known = known_fields(&fields)?;
     let current_ca = payload.i16(CURRENT_BATTERY);
     let temperature_cdegc = payload.i16(TEMPERATURE);
-    let reading = ExternalReading {
+    Some(ExternalReading {
         pack,
         voltage_v: sum_v(known),
         cells: cells(known),
@@ -51,8 +50,7 @@ pub(super) fn battery_status(payload: &Payload<'_>) -> Option<(Target, Request)>
         state_of_charge: share(payload.u8(BATTERY_REMAINING)),
         temperature_c: (temperature_cdegc != TEMPERATURE_UNKNOWN_CDEGC)
             .then(|| f32::from(temperature_cdegc) / HUNDREDTHS),
-    };
-    Some((Target::Everyone, Request::PackReading(reading)))
+    })
 }
 
 fn cell_fields(payload: &Payload<'_>) -> CellFields {
@@ -133,10 +131,7 @@ mod tests {
     }
 
     fn reading(payload: &[u8]) -> Option<ExternalReading> {
-        match battery_status(&Payload(payload))? {
-            (Target::Everyone, Request::PackReading(reading)) => Some(reading),
-            other => panic!("{other:?}"),
-        }
+        pack_reading(&Payload(payload))
     }
 
     #[test]

@@ -20,6 +20,7 @@ use super::payload::{Name, Payload};
 use super::signing::{SigningKey, Timestamp};
 use crate::sensor::ExternalReading;
 use crate::vehicle::StickInput;
+use battery_status::pack_reading;
 
 /// Who sent a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -215,7 +216,7 @@ fn decode(message_id: u32, payload: &Payload<'_>) -> Option<(Target, Request)> {
         FILE_TRANSFER_PROTOCOL_DATA::ID => file_transfer(payload),
         TIMESYNC_DATA::ID => timesync(payload),
         SETUP_SIGNING_DATA::ID => setup_signing(payload),
-        BATTERY_STATUS_DATA::ID => battery_status::battery_status(payload)?,
+        BATTERY_STATUS_DATA::ID => battery_status(payload)?,
         _ => return None,
     })
 }
@@ -372,6 +373,11 @@ fn timesync(payload: &Payload<'_>) -> (Target, Request) {
         asked_ns: payload.i64(8),
     };
     (Target::Component(target), Request::Timesync(timesync))
+}
+
+fn battery_status(payload: &Payload<'_>) -> Option<(Target, Request)> {
+    let reading = pack_reading(payload)?;
+    Some((Target::Everyone, Request::PackReading(reading)))
 }
 
 fn setup_signing(payload: &Payload<'_>) -> (Target, Request) {
