@@ -39,7 +39,7 @@ impl Packs {
             bank: in_place(BatteryBank::new),
             order: in_place(|| sampling_order(parameters)),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
-            sources: [ExternalSource::default(); MAX_PACKS],
+            sources: in_place(|| [ExternalSource::default(); MAX_PACKS]),
             pulses: Pulses::NONE,
             meters: in_place(|| [FuelMeter::default(); MAX_PACKS]),
             states: in_place(|| states_at_boot(parameters)),
