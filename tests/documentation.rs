@@ -560,7 +560,7 @@ const CHECKED: [(&str, &[&str]); 5] = [
     ("docs", &["md"]),
     ("src", &["rs"]),
     ("tests", &["rs", "py", "md", "txt", "story"]),
-    ("examples", &["rs", "md"]),
+    ("examples", &["rs", "py", "md"]),
     ("benches", &["rs", "md"]),
 ];
 

@@ -11,6 +11,7 @@ use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Action, Event, Framer, Message};
 use crate::pack::Pack;
 use crate::parameter::{ParameterId, VehicleParameter};
+use crate::sensor::Admission;
 use crate::time::Instant;
 
 /// Sent to a ground station that reads all parameters.
@@ -131,11 +132,11 @@ impl Autopilot {
             &mut self.vehicle,
             &mut self.signing,
         )?;
-        self.react(&event, channel, now);
+        self.react(&event, channel, now, received_at);
         Some(event)
     }
 
-    fn react(&mut self, event: &Event, channel: &mut Channel, now: Instant) {
+    fn react(&mut self, event: &Event, channel: &mut Channel, now: Instant, received_at: Instant) {
         match *event {
             Event::Ignored | Event::Answered => {}
             Event::GroundStationHeard => self.work |= Work::GROUND_STATION_HEARD,
@@ -158,6 +159,14 @@ impl Autopilot {
                     let link = channel.name();
                     warn!("{}: not signed with the key, ignored: {}", link, count);
                     self.announce(Announcement::Unauthorized { link, count });
+                }
+            }
+            Event::Measured {
+                component_id,
+                ref reading,
+            } => {
+                if let Some(admission) = self.add_external_reading(component_id, reading, received_at, now) {
+                    log_admission(admission, component_id, reading.pack, channel, now);
                 }
             }
             Event::ParameterRefused
@@ -185,6 +194,23 @@ impl Autopilot {
                 self.work |= Work::SAVE_PARAMETERS;
             }
             Action::ResetBatteries { mask, percent } => self.packs.reset(mask, percent, &self.parameters),
+        }
+    }
+}
+
+fn log_admission(admission: Admission, component_id: u8, pack: Pack, channel: &mut Channel, now: Instant) {
+    let number = pack.number();
+    match admission {
+        Admission::Known => {}
+        Admission::New => info!("battery {}: measured by component {}", number, component_id),
+        Admission::OtherSource | Admission::TooLate => {
+            if channel.refusal_log.allows(now) {
+                let link = channel.name();
+                warn!(
+                    "{}: battery {}: component {} refused: {:?}",
+                    link, number, component_id, admission
+                );
+            }
         }
     }
 }

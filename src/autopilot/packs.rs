@@ -9,7 +9,8 @@ use crate::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::sensor::{
-    AnalogPin, AnalogReadings, AnalogWiring, FuelMeter, FuelReadings, MonitorKind, Pulses, Samples,
+    AnalogPin, AnalogReadings, AnalogWiring, ExternalSource, FuelMeter, FuelReadings, MonitorKind, Pulses,
+    Samples,
 };
 use crate::time::Instant;
 
@@ -23,6 +24,7 @@ pub(super) struct Packs {
     /// The monitored packs in the order in which they are sampled. Their kinds take effect at boot.
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
     pub samples: [Samples; MAX_PACKS],
+    pub sources: [ExternalSource; MAX_PACKS],
     pub pulses: Pulses,
     meters: [FuelMeter; MAX_PACKS],
     pub states: [BatteryState; MAX_PACKS],
@@ -37,6 +39,7 @@ impl Packs {
             bank: in_place(BatteryBank::new),
             order: in_place(|| sampling_order(parameters)),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
+            sources: in_place(|| [ExternalSource::default(); MAX_PACKS]),
             pulses: Pulses::NONE,
             meters: in_place(|| [FuelMeter::default(); MAX_PACKS]),
             states: in_place(|| states_at_boot(parameters)),
@@ -75,8 +78,9 @@ impl Packs {
     }
 
     /// Measures a pack at `now`, from what the pins read and the share of full throttle, for a synthetic current.
-    /// `None` as long as there is nothing to measure by: a part on the bus or an ESC that has not been read yet, or a
-    /// sum in the first tick, when parts on the bus have no reading yet.
+    /// `None` as long as there is nothing to measure by: a part on the bus or an ESC that has not been read yet, another
+    /// component that has not reported since the last tick, or a sum in the first tick, when parts on the bus have no
+    /// reading yet.
     pub fn measure(
         &mut self,
         pack: Pack,
@@ -87,7 +91,9 @@ impl Packs {
         effort: f32,
     ) -> Option<Result<Measurement, ReadError>> {
         Some(match kind {
-            MonitorKind::Bus(_) | MonitorKind::Esc => return self.samples[pack as usize].take(),
+            MonitorKind::Bus(_) | MonitorKind::Esc | MonitorKind::External => {
+                return self.sampled(pack, kind, now);
+            }
             MonitorKind::Sum if self.ticks == 0 => return None,
             MonitorKind::Sum => {
                 let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
@@ -110,6 +116,22 @@ impl Packs {
                 wiring.measure(kind, readings, effort)
             }
         })
+    }
+
+    /// What was sampled since the last tick. Another component may report less often: between its readings the state stays as
+    /// it is.
+    fn sampled(
+        &mut self,
+        pack: Pack,
+        kind: MonitorKind,
+        now: Instant,
+    ) -> Option<Result<Measurement, ReadError>> {
+        let reading = self.samples[pack as usize].take();
+        if kind != MonitorKind::External || matches!(reading, Some(Ok(_))) {
+            return reading;
+        }
+        let is_lost = self.sources[pack as usize].is_lost(now);
+        is_lost.then_some(Err(ReadError::Timeout))
     }
 }
 

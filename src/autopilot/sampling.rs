@@ -12,7 +12,7 @@ use crate::battery::{
 use crate::log::{info, warn};
 use crate::mavlink::arming_readiness;
 use crate::pack::Pack;
-use crate::sensor::{AnalogPin, AnalogReadings, MonitorKind, Pulses};
+use crate::sensor::{Admission, AnalogPin, AnalogReadings, ExternalReading, MonitorKind, Pulses};
 use crate::time::Instant;
 
 /// Interval of sampling ticks: 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.
@@ -152,6 +152,26 @@ impl Autopilot {
                 self.packs.samples[*pack as usize].add(reading);
             }
         }
+    }
+
+    /// Takes a reading of a pack by another component, which can't have been received before `received_at`; `None` if the
+    /// pack is not measured so.
+    pub(super) fn add_external_reading(
+        &mut self,
+        component_id: u8,
+        reading: &ExternalReading,
+        received_at: Instant,
+        now: Instant,
+    ) -> Option<Admission> {
+        let pack = reading.pack;
+        if !self.packs.order.contains(&(pack, MonitorKind::External)) {
+            return None;
+        }
+        let admission = self.packs.sources[pack as usize].admit(component_id, received_at, now);
+        if let Admission::Known | Admission::New = admission {
+            self.packs.samples[pack as usize].add(Ok(reading.into()));
+        }
+        Some(admission)
     }
 
     /// Sets the measurement of the pulses so far.

@@ -27,6 +27,8 @@ pub struct Measurement {
     pub counted: Option<Counted>,
     /// Reading of the pack's own fuel gauge.
     pub gauge: Option<Gauge>,
+    /// State of charge, 0 to 1, if the sensor reports it without a capacity.
+    pub state_of_charge: Option<f32>,
     /// Temperature of the pack, in degrees Celsius.
     pub temperature_c: Option<f32>,
     /// Voltage of each cell.
@@ -56,6 +58,8 @@ pub enum Counted {
     Increment(Consumed),
     /// Total drawn.
     Total(Consumed),
+    /// Total charge drawn, in milliampere-hours; the sensor does not count energy.
+    TotalCharge(f32),
 }
 
 /// Charge and energy drawn from a pack; negative after net charging.

@@ -51,6 +51,8 @@ pub enum ChargeSource {
     Estimated,
     /// The pack's own fuel gauge.
     Gauge,
+    /// Reported by the sensor, without a capacity.
+    Reported,
 }
 
 /// The voltage reported to ground stations (`BATT_OPTIONS` bit 6).

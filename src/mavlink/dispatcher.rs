@@ -14,9 +14,10 @@ use super::services::time;
 use super::services::vehicle::{Driving, VehicleService, is_of_ground_station};
 use super::signing::{AcceptUnsigned, Effect, LinkKind, Signing, is_permitted};
 use super::system_state::SystemState;
-use super::{FileTransferNak, Message};
+use super::{COMPONENT_ID, FileTransferNak, Message};
 use crate::battery::ArmState;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
+use crate::sensor::{ExternalReading, MonitorKind};
 use crate::time::Instant;
 use crate::vehicle::Vehicle;
 
@@ -51,6 +52,13 @@ pub enum Event {
     SigningSetUp(SigningChange),
     /// Signing was not set up.
     SigningRefused(SetupRefused),
+    /// Another component of the vehicle has measured a pack.
+    Measured {
+        /// The component's id.
+        component_id: u8,
+        /// What it has measured.
+        reading: ExternalReading,
+    },
     /// It was not signed as it would have to be, and had no effect.
     Unauthorized {
         /// How many there have been on this link, if it is time to announce it.
@@ -63,7 +71,11 @@ impl Event {
     pub fn concerns_link(&self) -> bool {
         !matches!(
             self,
-            Self::Ignored | Self::GroundStationHeard | Self::ControlTooLate | Self::Unauthorized { .. }
+            Self::Ignored
+                | Self::GroundStationHeard
+                | Self::ControlTooLate
+                | Self::Measured { .. }
+                | Self::Unauthorized { .. }
         )
     }
 }
@@ -84,7 +96,8 @@ fn effect(request: &Request) -> Effect {
         | Request::SetMode(_)
         | Request::Control(_)
         | Request::Heartbeat(_)
-        | Request::SetUpSigning(_) => Effect::Changes,
+        | Request::SetUpSigning(_)
+        | Request::PackReading(_) => Effect::Changes,
     }
 }
 
@@ -136,7 +149,7 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, repl
     let Some(received) = ReceivedRequest::decode(frame) else {
         return Event::Ignored;
     };
-    if !received.target.is_ours(system_id) {
+    if !received.target.is_ours(system_id) || !is_expected(&received, system_id, context.parameters) {
         return Event::Ignored;
     }
     if context.permits(&received.request, frame) {
@@ -144,6 +157,17 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, repl
     } else {
         context.refuse(&received.request)
     }
+}
+
+/// Whether a BATTERY_STATUS is of a pack that another component of this vehicle measures, and by one: other packs and
+/// vehicles have theirs, which are no concern of ours, signed or not.
+fn is_expected(received: &ReceivedRequest, system_id: u8, parameters: &Parameters) -> bool {
+    let Request::PackReading(reading) = &received.request else {
+        return true;
+    };
+    received.from.system_id == system_id
+        && received.from.component_id != COMPONENT_ID
+        && MonitorKind::of(parameters, reading.pack) == Some(MonitorKind::External)
 }
 
 /// Does what was asked for.
@@ -208,6 +232,12 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
         }
         Request::Heartbeat(_) => return Event::Ignored,
         Request::SetUpSigning(set_up) => return set_up_signing(set_up, link, signing, now, replies),
+        Request::PackReading(reading) => {
+            return Event::Measured {
+                component_id: from.component_id,
+                reading: *reading,
+            };
+        }
     }
     Event::Answered
 }

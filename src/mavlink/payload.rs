@@ -30,6 +30,11 @@ impl Payload<'_> {
         u32::from_le_bytes(self.bytes(offset))
     }
 
+    /// A signed 32-bit number.
+    pub fn i32(&self, offset: usize) -> i32 {
+        i32::from_le_bytes(self.bytes(offset))
+    }
+
     /// A signed 64-bit number.
     pub fn i64(&self, offset: usize) -> i64 {
         i64::from_le_bytes(self.bytes(offset))

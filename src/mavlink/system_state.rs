@@ -40,9 +40,10 @@ impl SystemState<'_> {
         self.mask_of(|battery| battery.status != PackStatus::Disabled)
     }
 
-    /// The packs whose charge is known from a gauge of their own, a bit each, bit 0 for the first.
+    /// The packs whose charge is known from a gauge of their own or reported by another component, a bit each, bit 0 for the
+    /// first.
     pub fn gauged_mask(&self) -> u16 {
-        self.mask_of(|battery| battery.charge_source == ChargeSource::Gauge)
+        self.mask_of(|battery| battery.charge_source != ChargeSource::Estimated)
     }
 
     /// The packs in `mask` and the monitored ones that they are the sum of, a bit each, bit 0 for the first.

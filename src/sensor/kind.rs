@@ -20,6 +20,8 @@ pub enum MonitorKind {
     AnalogCurrent,
     /// ESC telemetry.
     Esc,
+    /// Another component of the vehicle, such as a companion computer.
+    External,
     /// Fuel sensor.
     Fuel(FuelKind),
     /// Part on the I2C bus.
@@ -27,7 +29,7 @@ pub enum MonitorKind {
 }
 
 /// Values of `BATT_MONITOR` for kinds other than parts on the I2C bus: ArduPilot's numbers.
-const OWN: [(MonitorKind, i32); 9] = [
+const OWN: [(MonitorKind, i32); 10] = [
     (MonitorKind::AnalogVoltage, 3),
     (MonitorKind::AnalogVoltageAndCurrent, 4),
     (MonitorKind::Esc, 9),
@@ -36,6 +38,7 @@ const OWN: [(MonitorKind, i32); 9] = [
     (MonitorKind::Fuel(FuelKind::LevelPwm), 12),
     (MonitorKind::Fuel(FuelKind::LevelAnalog), 24),
     (MonitorKind::SyntheticCurrent, 25),
+    (MonitorKind::External, 29),
     (MonitorKind::AnalogCurrent, 31),
 ];
 
@@ -55,7 +58,9 @@ impl MonitorKind {
     pub(super) fn reads_voltage_pin(self) -> bool {
         match self {
             Self::AnalogVoltage | Self::AnalogVoltageAndCurrent | Self::SyntheticCurrent => true,
-            Self::AnalogCurrent | Self::Sum | Self::Esc | Self::Fuel(_) | Self::Bus(_) => false,
+            Self::AnalogCurrent | Self::Sum | Self::Esc | Self::External | Self::Fuel(_) | Self::Bus(_) => {
+                false
+            }
         }
     }
 
@@ -66,6 +71,7 @@ impl MonitorKind {
             | Self::SyntheticCurrent
             | Self::Sum
             | Self::Esc
+            | Self::External
             | Self::Fuel(_)
             | Self::Bus(_) => false,
         }

@@ -5,6 +5,7 @@ mod analog_monitor;
 mod analog_wiring;
 mod bus;
 mod esc;
+mod external;
 mod fuel;
 mod kind;
 
@@ -17,5 +18,6 @@ pub use bus::{
     Address, BusDevices, Buses, I2cBus, NoSpi, PartKind, Samples, SensorBus, Wiring, bus_clock_hz,
 };
 pub use esc::EscTelemetry;
+pub use external::{Admission, ExternalReading, ExternalSource};
 pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses};
 pub use kind::{MonitorKind, needs_esc, needs_pulses};

@@ -28,6 +28,7 @@ mod bus_packs;
 mod commands;
 mod crash;
 mod examples;
+mod external_pack;
 mod faults;
 mod fuel;
 mod link_noise;

@@ -1,4 +1,5 @@
 //! What several test programs share.
 
 pub mod frames;
+pub mod pack_report;
 pub mod requests;

@@ -292,13 +292,13 @@ impl BatteryMonitor {
                 self.consumption.add_counted(counted);
                 return None;
             }
-            None => {}
+            Some(Counted::TotalCharge(_)) | None => {}
         }
         let gap = self.integrate(dt_us, measurement);
-        match measurement.gauge {
-            Some(gauge) => {
-                // Energy is integrated here; the charge is the gauge's, so a gap does not matter.
-                self.consumption.set_charge_mah(gauge.consumed_mah());
+        match counted_charge_mah(measurement) {
+            Some(charge_mah) => {
+                // Energy is integrated here; the charge is counted elsewhere, so a gap does not matter.
+                self.consumption.set_charge_mah(charge_mah);
                 None
             }
             None => gap,
@@ -319,7 +319,9 @@ impl BatteryMonitor {
         let is_counted = current_a.is_some() || measurement.counted.is_some() || measurement.gauge.is_some();
         let state_of_charge = match (measurement.gauge, measurement.contents) {
             (Some(gauge), _) => Some(gauge.state_of_charge()),
-            (None, Contents::Charge) => self.estimator.state_of_charge(),
+            (None, Contents::Charge) => measurement
+                .state_of_charge
+                .or_else(|| self.estimator.state_of_charge()),
             (None, Contents::Fuel) => self.fill_level(settings),
         };
         let state = &mut self.state;
@@ -337,9 +339,10 @@ impl BatteryMonitor {
         state.time_remaining_s = current_a
             .and(state_of_charge)
             .and_then(|state_of_charge| self.estimator.time_remaining_s(state_of_charge, settings));
-        state.charge_source = match measurement.gauge {
-            Some(_) => ChargeSource::Gauge,
-            None => ChargeSource::Estimated,
+        state.charge_source = match (measurement.gauge, measurement.state_of_charge) {
+            (Some(_), _) => ChargeSource::Gauge,
+            (None, Some(_)) => ChargeSource::Reported,
+            (None, None) => ChargeSource::Estimated,
         };
         state.cell_count = self.estimator.cell_count(settings);
     }
@@ -439,9 +442,9 @@ impl BatteryMonitor {
     }
 
     /// Battery reset: sets the remaining charge, in percent (0 to 100). Ignored if that is not finite, and for a pack
-    /// with its own fuel gauge.
+    /// whose state of charge is not estimated here.
     pub fn reset(&mut self, remaining_pct: f32, settings: &PackSettings) {
-        if !remaining_pct.is_finite() || self.gauge.is_some() {
+        if !remaining_pct.is_finite() || self.state.charge_source != ChargeSource::Estimated {
             return;
         }
         let share = (remaining_pct / 100.0).clamp(0.0, 1.0);
@@ -461,6 +464,14 @@ impl Default for BatteryMonitor {
     }
 }
 
+/// Total charge drawn by a count other than ours that leaves the energy to us.
+fn counted_charge_mah(measurement: &Measurement) -> Option<f32> {
+    match measurement.counted {
+        Some(Counted::TotalCharge(charge_mah)) => Some(charge_mah),
+        _ => measurement.gauge.map(|gauge| gauge.consumed_mah()),
+    }
+}
+
 fn check_plausible(measurement: Measurement) -> Result<Measurement, ReadError> {
     let Measurement {
         voltage_v,
@@ -476,14 +487,21 @@ fn check_plausible(measurement: Measurement) -> Result<Measurement, ReadError> {
             && gauge.full_mah <= HIGHEST_CHARGE_MAH
     };
     let is_count = |counted: Counted| {
-        let (Counted::Total(consumed) | Counted::Increment(consumed)) = counted;
-        is_within(Some(consumed.charge_mah), HIGHEST_CHARGE_MAH)
-            && is_within(Some(consumed.energy_wh), HIGHEST_ENERGY_WH)
+        let (charge_mah, energy_wh) = match counted {
+            Counted::Total(consumed) | Counted::Increment(consumed) => {
+                (consumed.charge_mah, Some(consumed.energy_wh))
+            }
+            Counted::TotalCharge(charge_mah) => (charge_mah, None),
+        };
+        is_within(Some(charge_mah), HIGHEST_CHARGE_MAH) && is_within(energy_wh, HIGHEST_ENERGY_WH)
     };
     if is_within(voltage_v, HIGHEST_VOLTAGE_V)
         && is_within(current_a, HIGHEST_CURRENT_A)
         && is_within(temperature_c, HIGHEST_TEMPERATURE_C)
         && measurement.gauge.as_ref().is_none_or(is_gauge)
+        && measurement
+            .state_of_charge
+            .is_none_or(|share| (0.0..=1.0).contains(&share))
         && measurement.counted.is_none_or(is_count)
     {
         Ok(measurement)

@@ -604,6 +604,34 @@ fn smart_battery_overrides_charge_capacity_and_cells() {
 }
 
 #[test]
+fn reported_charge_is_used_without_a_capacity_and_its_count_without_energy() {
+    let mut bench = Bench::new();
+    bench.settings.capacity_mah = None;
+    let reported = Measurement {
+        counted: Some(Counted::TotalCharge(800.0)),
+        state_of_charge: Some(0.42),
+        ..loaded(11.1, 3.6)
+    };
+    bench.run(10.0, reported);
+    let state = *bench.state();
+    assert_eq!(state.remaining_pct, Some(42.0));
+    assert_eq!(state.charge_source, ChargeSource::Reported);
+    assert_eq!((state.consumed_mah(), state.capacity), (Some(800.0), None));
+    // 9.9 s of 39.96 W.
+    let wh = state.consumed_wh.unwrap();
+    assert!((wh - 9.9 * 39.96 / 3600.0).abs() < 1e-4, "{wh}");
+    bench.monitor.reset(100.0, &bench.settings);
+    assert_eq!(bench.run(0.1, reported).remaining_pct, Some(42.0));
+    for out_of_range in [-0.01, 1.01, f32::NAN] {
+        let measurement = Measurement {
+            state_of_charge: Some(out_of_range),
+            ..reported
+        };
+        assert_eq!(bench.tick(Ok(measurement)), Some(ReadError::Implausible));
+    }
+}
+
+#[test]
 fn battery_reset_does_not_change_a_smart_battery() {
     let mut bench = Bench::new();
     bench.tick(Ok(smart(11.7)));
@@ -816,19 +844,20 @@ fn any_reading() -> impl Strategy<Value = Result<Measurement, ReadError>> {
         remaining_mah,
         full_mah,
     });
-    let counted = (any_number(), any_number(), any::<bool>()).prop_map(|(charge_mah, energy_wh, in_all)| {
+    let counted = (any_number(), any_number(), 0..3).prop_map(|(charge_mah, energy_wh, kind)| {
         let consumed = Consumed {
             charge_mah,
             energy_wh,
         };
-        if in_all {
-            Counted::Total(consumed)
-        } else {
-            Counted::Increment(consumed)
+        match kind {
+            0 => Counted::Total(consumed),
+            1 => Counted::Increment(consumed),
+            _ => Counted::TotalCharge(charge_mah),
         }
     });
+    let state_of_charge = prop::option::of(any_number());
     prop_oneof![
-        8 => (numbers, known, cells, gauge, counted).prop_map(|((voltage_v, current_a, temperature_c), known, cells, gauge, counted)| {
+        8 => (numbers, known, cells, gauge, counted, state_of_charge).prop_map(|((voltage_v, current_a, temperature_c), known, cells, gauge, counted, state_of_charge)| {
             Ok(Measurement {
                 contents: Contents::Charge,
                 voltage_v: known.0.then_some(voltage_v),
@@ -837,6 +866,7 @@ fn any_reading() -> impl Strategy<Value = Result<Measurement, ReadError>> {
                 cells: CellVoltages::from_millivolts(&cells),
                 counted: (known.0 && known.2).then_some(counted),
                 gauge: known.1.then_some(gauge),
+                state_of_charge,
                 ..Measurement::default()
             })
         }),

@@ -70,7 +70,7 @@ pub(super) fn design_capacity(battery: &BatteryState) -> Option<f32> {
         .details
         .design_capacity_mah
         .or(match battery.charge_source {
-            ChargeSource::Estimated => battery.capacity.map(Amount::number),
+            ChargeSource::Estimated | ChargeSource::Reported => battery.capacity.map(Amount::number),
             ChargeSource::Gauge => None,
         })
 }
@@ -80,7 +80,7 @@ pub(super) fn design_capacity(battery: &BatteryState) -> Option<f32> {
 pub(super) fn full_capacity(battery: &BatteryState) -> Option<f32> {
     match battery.charge_source {
         ChargeSource::Gauge => battery.capacity.map(Amount::number),
-        ChargeSource::Estimated => None,
+        ChargeSource::Estimated | ChargeSource::Reported => None,
     }
 }
 

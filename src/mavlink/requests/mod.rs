@@ -1,21 +1,26 @@
 //! What a received message asks for.
 //!
-//! Only this file knows where the fields of a received payload are. They are read one by one: the `mavlink` crate refuses a
+//! Only this folder knows where the fields of a received payload are. They are read one by one: the `mavlink` crate refuses a
 //! whole message whose enum has a value that the dialect does not know, a command's number for one, and what is refused
 //! can't be answered.
+
+mod battery_status;
 
 use ::mavlink::MessageData;
 
 use super::COMPONENT_ID;
 use super::dialect::{
-    COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA, MANUAL_CONTROL_DATA,
-    PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA, RADIO_STATUS_DATA,
-    RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA, SETUP_SIGNING_DATA, TIMESYNC_DATA,
+    BATTERY_STATUS_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA,
+    MANUAL_CONTROL_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA,
+    RADIO_STATUS_DATA, RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA,
+    SETUP_SIGNING_DATA, TIMESYNC_DATA,
 };
 use super::parser::ReceivedFrame;
 use super::payload::{Name, Payload};
 use super::signing::{SigningKey, Timestamp};
+use crate::sensor::ExternalReading;
 use crate::vehicle::StickInput;
+use battery_status::pack_reading;
 
 /// Who sent a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,6 +79,8 @@ pub(super) enum Request {
     Control(Sticks),
     Heartbeat(Heartbeat),
     SetUpSigning(SetUpSigning),
+    /// BATTERY_STATUS.
+    PackReading(ExternalReading),
 }
 
 /// PARAM_REQUEST_READ.
@@ -209,6 +216,7 @@ fn decode(message_id: u32, payload: &Payload<'_>) -> Option<(Target, Request)> {
         FILE_TRANSFER_PROTOCOL_DATA::ID => file_transfer(payload),
         TIMESYNC_DATA::ID => timesync(payload),
         SETUP_SIGNING_DATA::ID => setup_signing(payload),
+        BATTERY_STATUS_DATA::ID => battery_status(payload)?,
         _ => return None,
     })
 }
@@ -365,6 +373,11 @@ fn timesync(payload: &Payload<'_>) -> (Target, Request) {
         asked_ns: payload.i64(8),
     };
     (Target::Component(target), Request::Timesync(timesync))
+}
+
+fn battery_status(payload: &Payload<'_>) -> Option<(Target, Request)> {
+    let reading = pack_reading(payload)?;
+    Some((Target::Everyone, Request::PackReading(reading)))
 }
 
 fn setup_signing(payload: &Payload<'_>) -> (Target, Request) {

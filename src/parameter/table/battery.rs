@@ -15,6 +15,7 @@ const MONITORS: Range = Range::OneOf(&[
     (12, means("FuelLevelPWM")),
     (24, means("FuelLevelAnalog")),
     (25, means("Synthetic Current and Analog Voltage")),
+    (29, means("Scripting, by a companion computer")),
     (31, means("Analog Current Only")),
     (7, means("SMBus-Generic")),
     (5, means("Solo")),

@@ -1,0 +1,257 @@
+//! BATTERY_STATUS of another component: MAVLink's sentinels become `None`.
+
+use core::array;
+
+use crate::battery::{CellVoltages, MAX_CELLS};
+use crate::mavlink::payload::Payload;
+use crate::pack::Pack;
+use crate::sensor::ExternalReading;
+
+/// Fields of `voltages`; those of `voltages_ext` follow after other fields.
+const CELLS: usize = 10;
+
+const CURRENT_CONSUMED: usize = 0;
+const ENERGY_CONSUMED: usize = 4;
+const TEMPERATURE: usize = 8;
+const VOLTAGES: usize = 10;
+const CURRENT_BATTERY: usize = 30;
+const ID: usize = 32;
+const BATTERY_REMAINING: usize = 35;
+const VOLTAGES_EXT: usize = 41;
+
+const VOLTAGE_UNKNOWN_MV: u16 = u16::MAX;
+const TEMPERATURE_UNKNOWN_CDEGC: i16 = i16::MAX;
+const CURRENT_UNKNOWN_CA: i16 = -1;
+
+/// A cell has no more, in millivolts: what is above is the voltage of several.
+const HIGHEST_CELL_MV: u16 = 5_000;
+
+// Divisors, since a product with the inverse is not the number nearest to what was sent: 10.5 V would be below 10.5 V.
+const MILLIVOLTS_PER_VOLT: f32 = 1e3;
+const HUNDREDTHS: f32 = 1e2;
+const HECTOJOULES_PER_WATT_HOUR: f32 = 36.0;
+
+type CellFields = [u16; MAX_CELLS];
+
+/// `None` if there is no such pack, or if its voltage is unknown: a component whose sensor has failed is no source.
+pub(super) fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
+    let pack = Pack::from_instance(payload.u8(ID))?;
+    let fields = cell_fields(payload);
+    let known = known_fields(&fields)?;
+    let current_ca = payload.i16(CURRENT_BATTERY);
+    let temperature_cdegc = payload.i16(TEMPERATURE);
+    Some(ExternalReading {
+        pack,
+        voltage_v: sum_v(known),
+        cells: cells(known),
+        current_a: (current_ca != CURRENT_UNKNOWN_CA).then(|| f32::from(current_ca) / HUNDREDTHS),
+        consumed_mah: amount(payload.i32(CURRENT_CONSUMED)),
+        consumed_wh: amount(payload.i32(ENERGY_CONSUMED)).map(|hj| hj / HECTOJOULES_PER_WATT_HOUR),
+        state_of_charge: share(payload.u8(BATTERY_REMAINING)),
+        temperature_c: (temperature_cdegc != TEMPERATURE_UNKNOWN_CDEGC)
+            .then(|| f32::from(temperature_cdegc) / HUNDREDTHS),
+    })
+}
+
+fn cell_fields(payload: &Payload<'_>) -> CellFields {
+    array::from_fn(|cell| match cell.checked_sub(CELLS) {
+        None => payload.u16(VOLTAGES + 2 * cell),
+        Some(cell) => payload.u16(VOLTAGES_EXT + 2 * cell),
+    })
+}
+
+/// The fields up to the first unknown one. `None` if that is the first of all, or if others are known behind it: their sum is
+/// not the pack's voltage.
+fn known_fields(fields: &CellFields) -> Option<&[u16]> {
+    let is_unknown = |mv: &u16| *mv == VOLTAGE_UNKNOWN_MV;
+    let end = fields.iter().position(is_unknown).unwrap_or(MAX_CELLS);
+    let (known, rest) = fields.split_at_checked(end)?;
+    // 0 is an unused field of `voltages_ext`.
+    let is_whole = rest.iter().all(|mv| is_unknown(mv) || *mv == 0);
+    (is_whole && !known.is_empty()).then_some(known)
+}
+
+/// The sum of the fields, whether each is a cell or they are one voltage. 0 V is a pack that is not connected.
+fn sum_v(known: &[u16]) -> f32 {
+    let sum_mv: u32 = known.iter().copied().map(u32::from).sum();
+    sum_mv as f32 / MILLIVOLTS_PER_VOLT
+}
+
+/// Fields are cells if there are several, and none has more than a cell can have. Zeros at the end are unused fields.
+fn cells(known: &[u16]) -> CellVoltages {
+    let count = known.iter().rposition(|mv| *mv > 0).map_or(0, |last| last + 1);
+    let used = known.get(..count).unwrap_or_default();
+    let are_cells = count > 1 && used.iter().all(|mv| *mv <= HIGHEST_CELL_MV);
+    CellVoltages::from_millivolts(if are_cells { used } else { &[] })
+}
+
+/// −1 is unknown, and no other negative number is an amount.
+fn amount(field: i32) -> Option<f32> {
+    (field >= 0).then_some(field as f32)
+}
+
+/// 0 to 100 %. −1, here 255, is unknown, and nothing else is a percentage.
+fn share(percent: u8) -> Option<f32> {
+    (percent <= 100).then(|| f32::from(percent) / HUNDREDTHS)
+}
+
+#[cfg(test)]
+mod tests {
+    use ::mavlink::{MavlinkVersion, MessageData};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::mavlink::dialect::BATTERY_STATUS_DATA;
+
+    const UNKNOWN: u16 = u16::MAX;
+
+    /// All that is known is the voltage of the first pack.
+    fn at_12_volts() -> BATTERY_STATUS_DATA {
+        BATTERY_STATUS_DATA {
+            id: 0,
+            voltages: fields([12_000]),
+            current_battery: -1,
+            current_consumed: -1,
+            energy_consumed: -1,
+            battery_remaining: -1,
+            temperature: i16::MAX,
+            ..BATTERY_STATUS_DATA::DEFAULT
+        }
+    }
+
+    /// The other fields are unknown.
+    fn fields<const N: usize>(known: [u16; N]) -> [u16; CELLS] {
+        array::from_fn(|cell| known.get(cell).copied().unwrap_or(UNKNOWN))
+    }
+
+    fn decoded(message: &BATTERY_STATUS_DATA) -> Option<ExternalReading> {
+        let mut bytes = [0; 255];
+        let length = message.ser(MavlinkVersion::V2, &mut bytes);
+        reading(&bytes[..length])
+    }
+
+    fn reading(payload: &[u8]) -> Option<ExternalReading> {
+        pack_reading(&Payload(payload))
+    }
+
+    #[test]
+    fn every_field_is_decoded() {
+        let message = BATTERY_STATUS_DATA {
+            id: 2,
+            voltages: fields([4000, 3900, 4100]),
+            current_battery: -250,
+            current_consumed: 1234,
+            energy_consumed: 72,
+            battery_remaining: 42,
+            temperature: -550,
+            ..at_12_volts()
+        };
+        let expected = ExternalReading {
+            pack: Pack::Third,
+            voltage_v: 12.0,
+            cells: CellVoltages::from_millivolts(&[4000, 3900, 4100]),
+            current_a: Some(-2.5),
+            consumed_mah: Some(1234.0),
+            consumed_wh: Some(2.0),
+            state_of_charge: Some(0.42),
+            temperature_c: Some(-5.5),
+        };
+        assert_eq!(decoded(&message), Some(expected));
+    }
+
+    #[test]
+    fn sentinels_are_unknown() {
+        let expected = ExternalReading {
+            pack: Pack::First,
+            voltage_v: 12.0,
+            cells: CellVoltages::NONE,
+            current_a: None,
+            consumed_mah: None,
+            consumed_wh: None,
+            state_of_charge: None,
+            temperature_c: None,
+        };
+        assert_eq!(decoded(&at_12_volts()), Some(expected));
+        for (battery_remaining, consumed) in [(101, -2), (-2, i32::MIN), (127, -1)] {
+            let message = BATTERY_STATUS_DATA {
+                battery_remaining,
+                current_consumed: consumed,
+                energy_consumed: consumed,
+                ..at_12_volts()
+            };
+            assert_eq!(decoded(&message), Some(expected), "out of range");
+        }
+    }
+
+    #[test]
+    fn fields_are_cells_or_one_voltage() {
+        let ten = [4000; CELLS];
+        for (voltages, voltages_ext, volts, cells) in [
+            (fields([12_000]), [0; 4], 12.0, &[][..]),
+            (fields([3700]), [0; 4], 3.7, &[]),
+            (fields([65_534, 8_466]), [0; 4], 74.0, &[]),
+            (fields([4000, 3500]), [0; 4], 7.5, &[4000, 3500]),
+            (fields([4000, 0, 3500]), [0; 4], 7.5, &[4000, 0, 3500]),
+            (
+                ten,
+                [4000, 3000, 0, 0],
+                47.0,
+                &[
+                    4000, 4000, 4000, 4000, 4000, 4000, 4000, 4000, 4000, 4000, 4000, 3000,
+                ],
+            ),
+            (ten, [UNKNOWN; 4], 40.0, &ten),
+            // As some senders fill unused fields.
+            ([12_000, 0, 0, 0, 0, 0, 0, 0, 0, 0], [0; 4], 12.0, &[]),
+            ([4000, 3500, 0, 0, 0, 0, 0, 0, 0, 0], [0; 4], 7.5, &[4000, 3500]),
+            ([0; CELLS], [0; 4], 0.0, &[]),
+        ] {
+            let message = BATTERY_STATUS_DATA {
+                voltages,
+                voltages_ext,
+                ..at_12_volts()
+            };
+            let reading = decoded(&message).unwrap_or_else(|| panic!("{voltages:?}"));
+            assert_eq!(reading.voltage_v, volts, "{voltages:?}");
+            assert_eq!(reading.cells.millivolts(), cells, "{voltages:?}");
+        }
+    }
+
+    #[test]
+    fn without_a_whole_voltage_or_a_pack_there_is_no_reading() {
+        let with_voltages = |voltages| BATTERY_STATUS_DATA {
+            voltages,
+            current_battery: 100,
+            battery_remaining: 50,
+            ..at_12_volts()
+        };
+        assert_eq!(decoded(&with_voltages(fields([]))), None);
+        assert_eq!(decoded(&with_voltages(fields([4000, UNKNOWN, 4000]))), None);
+        let behind_unknown = BATTERY_STATUS_DATA {
+            voltages_ext: [4000, 0, 0, 0],
+            ..at_12_volts()
+        };
+        assert_eq!(decoded(&behind_unknown), None);
+        for id in [9, 10, 255] {
+            assert_eq!(decoded(&BATTERY_STATUS_DATA { id, ..at_12_volts() }), None);
+        }
+    }
+
+    proptest! {
+        /// Any payload, however short, is no reading or one whose values are in the range of their fields.
+        #[test]
+        fn any_payload_gives_finite_values_or_none(payload in prop::collection::vec(any::<u8>(), 0..60)) {
+            let Some(reading) = reading(&payload) else { return Ok(()) };
+            prop_assert!((0.0..=14.0 * 65.534).contains(&reading.voltage_v));
+            prop_assert!(reading.current_a.is_none_or(|current_a| current_a.abs() <= 327.68));
+            prop_assert!(reading.temperature_c.is_none_or(|celsius| celsius.abs() <= 327.68));
+            prop_assert!(reading.state_of_charge.is_none_or(|share| (0.0..=1.0).contains(&share)));
+            for amount in [reading.consumed_mah, reading.consumed_wh].into_iter().flatten() {
+                prop_assert!((0.0..=2_147_483_648.0).contains(&amount));
+            }
+            let cells_mv: u32 = reading.cells.millivolts().iter().copied().map(u32::from).sum();
+            let are_the_voltage = (cells_mv as f32 * 1e-3 - reading.voltage_v).abs() < 1e-3;
+            prop_assert!(cells_mv == 0 || are_the_voltage);
+        }
+    }
+}

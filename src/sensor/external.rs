@@ -1,0 +1,176 @@
+//! Packs that another component of the vehicle measures, such as a companion computer.
+
+use crate::battery::{CellVoltages, Consumed, Counted, Measurement};
+use crate::pack::Pack;
+use crate::time::Instant;
+
+/// A component that has been silent for this long is lost, in microseconds. Over a longer interval the current would not be
+/// integrated without a gap.
+const TIMEOUT_US: u64 = 2_000_000;
+
+/// A reading of a pack by another component. `None` is not reported; without a voltage there is no reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExternalReading {
+    /// The pack.
+    pub pack: Pack,
+    /// Voltage between the pack's terminals, in volts.
+    pub voltage_v: f32,
+    /// Voltage of each cell.
+    pub cells: CellVoltages,
+    /// Current drawn from the pack, in amperes; negative while charging.
+    pub current_a: Option<f32>,
+    /// Charge drawn, as the component counts it, in milliampere-hours.
+    pub consumed_mah: Option<f32>,
+    /// Energy drawn, as the component counts it, in watt-hours.
+    pub consumed_wh: Option<f32>,
+    /// State of charge, 0 to 1.
+    pub state_of_charge: Option<f32>,
+    /// Temperature of the pack, in degrees Celsius.
+    pub temperature_c: Option<f32>,
+}
+
+impl ExternalReading {
+    fn counted(&self) -> Option<Counted> {
+        let charge_mah = self.consumed_mah?;
+        Some(match self.consumed_wh {
+            Some(energy_wh) => Counted::Total(Consumed {
+                charge_mah,
+                energy_wh,
+            }),
+            None => Counted::TotalCharge(charge_mah),
+        })
+    }
+}
+
+impl From<&ExternalReading> for Measurement {
+    fn from(reading: &ExternalReading) -> Self {
+        Self {
+            voltage_v: Some(reading.voltage_v),
+            current_a: reading.current_a,
+            counted: reading.counted(),
+            state_of_charge: reading.state_of_charge,
+            temperature_c: reading.temperature_c,
+            cells: reading.cells,
+            ..Self::default()
+        }
+    }
+}
+
+#[cfg(target_os = "none")]
+impl defmt::Format for ExternalReading {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{}", self.pack);
+    }
+}
+
+/// The component that measures a pack: the first that reports it, until it is lost.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ExternalSource {
+    component_id: Option<u8>,
+    /// When its latest reading was received, or the board's start.
+    heard: Instant,
+}
+
+/// Whether a component's reading counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Admission {
+    /// The component measures the pack.
+    Known,
+    /// The component measures the pack from now on.
+    New,
+    /// Another component measures the pack.
+    OtherSource,
+    /// The reading may have waited for too long on its way.
+    TooLate,
+}
+
+impl ExternalSource {
+    /// Judges a reading that can't have been received before `received_at`.
+    pub fn admit(&mut self, component_id: u8, received_at: Instant, now: Instant) -> Admission {
+        if now.us_since(received_at) >= TIMEOUT_US {
+            return Admission::TooLate;
+        }
+        let admission = match self.component_id {
+            Some(known) if known == component_id => Admission::Known,
+            Some(_) if !self.is_lost(now) => return Admission::OtherSource,
+            _ => Admission::New,
+        };
+        self.component_id = Some(component_id);
+        self.heard = self.heard.max(received_at);
+        admission
+    }
+
+    /// Whether it has been silent for too long.
+    pub fn is_lost(&self, now: Instant) -> bool {
+        now.us_since(self.heard) >= TIMEOUT_US
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::at_us;
+    use proptest::prelude::*;
+
+    const FIRST: u8 = 191;
+    const SECOND: u8 = 192;
+    const LAST_IN_TIME_US: u64 = TIMEOUT_US - 1;
+
+    #[test]
+    fn first_component_is_kept_until_it_is_lost() {
+        let mut source = ExternalSource::default();
+        let mut at = |component_id, us| source.admit(component_id, at_us(us), at_us(us));
+        assert_eq!(at(FIRST, 0), Admission::New);
+        assert_eq!(at(SECOND, 0), Admission::OtherSource);
+        assert_eq!(at(FIRST, LAST_IN_TIME_US), Admission::Known);
+        assert_eq!(at(SECOND, TIMEOUT_US), Admission::OtherSource);
+        let lost_at_us = LAST_IN_TIME_US + TIMEOUT_US;
+        assert_eq!(at(SECOND, lost_at_us), Admission::New);
+        assert_eq!(at(FIRST, lost_at_us), Admission::OtherSource);
+    }
+
+    #[test]
+    fn reading_counts_from_when_it_may_have_been_received() {
+        let mut source = ExternalSource::default();
+        let now = at_us(10 * TIMEOUT_US);
+        let late = now.before_us(TIMEOUT_US);
+        assert_eq!(source.admit(FIRST, late, now), Admission::TooLate);
+        assert!(source.is_lost(now));
+        let in_time = now.before_us(LAST_IN_TIME_US);
+        assert_eq!(source.admit(FIRST, in_time, now), Admission::New);
+        assert!(!source.is_lost(now) && source.is_lost(now.after_us(1)));
+        // The same component by a faster link, then again by the slow one.
+        assert_eq!(source.admit(FIRST, now, now), Admission::Known);
+        assert_eq!(source.admit(FIRST, in_time, now), Admission::Known);
+        assert!(!source.is_lost(now.after_us(LAST_IN_TIME_US)));
+    }
+
+    proptest! {
+        /// However components take turns, one measures the pack at any time, and it changes only after a silence.
+        #[test]
+        fn source_changes_only_after_a_silence(
+            steps in prop::collection::vec((1..4u8, 0..3 * TIMEOUT_US), 1..100)
+        ) {
+            let mut source = ExternalSource::default();
+            let mut now = Instant::EPOCH;
+            let mut last: Option<(u8, Instant)> = None;
+            for (component_id, after_us) in steps {
+                now = now.after_us(after_us);
+                match source.admit(component_id, now, now) {
+                    Admission::Known => prop_assert_eq!(last.map(|(known, _)| known), Some(component_id)),
+                    Admission::New => {
+                        prop_assert!(last.is_none_or(|(_, heard)| now.us_since(heard) >= TIMEOUT_US));
+                    }
+                    Admission::OtherSource => {
+                        let (known, heard) = last.expect("one was heard");
+                        prop_assert!(known != component_id && now.us_since(heard) < TIMEOUT_US);
+                        continue;
+                    }
+                    Admission::TooLate => unreachable!("received now"),
+                }
+                last = Some((component_id, now));
+            }
+        }
+    }
+}

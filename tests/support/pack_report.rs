@@ -1,0 +1,61 @@
+//! BATTERY_STATUS as a companion computer sends it.
+
+// Each test program uses its own part.
+#![allow(dead_code)]
+
+use super::frames::{BATTERY_STATUS, encode_v2_from};
+
+/// System and component id of a companion computer of the vehicle (`MAV_COMP_ID_ONBOARD_COMPUTER`), and of another one.
+pub const COMPANION: [u8; 2] = [1, 191];
+pub const OTHER_COMPANION: [u8; 2] = [1, 192];
+
+/// `BATT_MONITOR` of a pack that another component measures.
+pub const EXTERNAL: f32 = 29.0;
+
+pub const UNKNOWN_MV: u16 = u16::MAX;
+
+/// What is reported of a pack.
+#[derive(Clone)]
+pub struct PackReport {
+    pub instance: u8,
+    pub voltages_mv: [u16; 10],
+    pub current_ca: i16,
+    pub consumed_mah: i32,
+    pub energy_hj: i32,
+    pub remaining_pct: i8,
+    pub temperature_cdegc: i16,
+}
+
+impl PackReport {
+    /// The voltage alone.
+    pub fn of_voltage(instance: u8, voltage_mv: u16) -> Self {
+        let mut voltages_mv = [UNKNOWN_MV; 10];
+        voltages_mv[0] = voltage_mv;
+        Self {
+            instance,
+            voltages_mv,
+            current_ca: -1,
+            consumed_mah: -1,
+            energy_hj: -1,
+            remaining_pct: -1,
+            temperature_cdegc: i16::MAX,
+        }
+    }
+
+    /// Of a companion computer.
+    pub fn frame(&self) -> Vec<u8> {
+        self.frame_from(COMPANION)
+    }
+
+    pub fn frame_from(&self, sender: [u8; 2]) -> Vec<u8> {
+        let mut payload = Vec::new();
+        payload.extend(self.consumed_mah.to_le_bytes());
+        payload.extend(self.energy_hj.to_le_bytes());
+        payload.extend(self.temperature_cdegc.to_le_bytes());
+        payload.extend(self.voltages_mv.iter().flat_map(|mv| mv.to_le_bytes()));
+        payload.extend(self.current_ca.to_le_bytes());
+        // Function ALL, type LIPO.
+        payload.extend([self.instance, 1, 1, self.remaining_pct as u8]);
+        encode_v2_from(sender, BATTERY_STATUS, &payload)
+    }
+}
