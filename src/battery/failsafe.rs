@@ -21,7 +21,7 @@ pub(super) struct Observation<'a> {
     pub last_healthy: Option<Instant>,
     /// The state with this tick's reading; `None` if the read failed or no pack is connected.
     pub state: Option<&'a BatteryState>,
-    /// Upper bound of the remaining charge, in percent, if it is estimated from the voltage.
+    /// Upper bound of the remaining charge, in percent, if it is known.
     pub remaining_at_most_pct: Option<f32>,
     /// The voltage at rest, in volts, if the pack is at rest.
     pub resting_v: Option<f32>,

@@ -392,10 +392,13 @@ impl BatteryMonitor {
                 Freshness::Fresh => Some(state),
                 Freshness::Stale => None,
             },
-            remaining_at_most_pct: self
-                .estimator
-                .state_of_charge_at_most()
-                .map(|share| share * 100.0),
+            remaining_at_most_pct: match state.charge_source {
+                ChargeSource::Estimated => self
+                    .estimator
+                    .state_of_charge_at_most()
+                    .map(|share| share * 100.0),
+                ChargeSource::Gauge | ChargeSource::Reported => state.remaining_pct,
+            },
             resting_v: self.swap_detector.resting_v(),
         };
         let raised = self.failsafe.update(&observation, &settings.failsafe);
@@ -454,6 +457,8 @@ impl BatteryMonitor {
             energy_wh: charge_mah / 1000.0 * self.state.voltage_v.unwrap_or(0.0),
         });
         self.estimator.set_state_of_charge(share);
+        self.charge_state = ChargeStateMachine::default();
+        self.charge_reporter = ChargeReporter::default();
         self.failsafe.clear();
     }
 }

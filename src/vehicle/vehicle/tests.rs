@@ -330,7 +330,7 @@ proptest! {
 #[test]
 fn lamps_and_buzzer_are_off_before_the_boot_loader_alone() {
     let mut vehicle = Vehicle::new();
-    vehicle.update_batteries(FailsafeLevel::Critical);
+    vehicle.update_batteries(FailsafeLevel::Critical, BatteryAlert::Urgent);
     vehicle.prepare_restart(Restart::Firmware);
     assert_eq!(vehicle.indication(Instant::EPOCH).colour, Colour::Red);
     vehicle.prepare_restart(Restart::BootLoader);
