@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use motor_poles::{Motor, motors};
 use rover_battmon::battery::{Amount, ArmingFailure, BusError, FailsafeLevel, Gap, PackEvent, ReadError};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
-use rover_battmon::mavlink::{DefaultRate, StreamKind, Subject};
+use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
 
 /// What stands in front of a path from the top of the repository.
@@ -270,7 +270,10 @@ fn table_and_picture_of_the_wiring_have_the_vendors_poles() {
 fn row_of_stream(kind: StreamKind) -> String {
     let comes = match kind.default_rate() {
         DefaultRate::EverySecond => "every second",
-        DefaultRate::Extra1 => "at `SR0_EXTRA1`",
+        DefaultRate::Extra1(StreamGroup::ExtendedStatus) => {
+            "at `SR0_EXTRA1`, or as requested of EXTENDED_STATUS"
+        }
+        DefaultRate::Extra1(StreamGroup::Extra3) => "at `SR0_EXTRA1`, or as requested of EXTRA3",
         DefaultRate::OnRequest => "on request",
         DefaultRate::OnChange => "on request, and on change",
     };

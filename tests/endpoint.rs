@@ -845,6 +845,135 @@ fn swallowed(events: &[Event]) -> bool {
     !events.is_empty() && events.iter().all(|event| *event == Event::Ignored)
 }
 
+const STREAM_ALL: u8 = 0;
+const STREAM_RAW_SENSORS: u8 = 1;
+const STREAM_EXTENDED_STATUS: u8 = 2;
+const STREAM_RC_CHANNELS: u8 = 3;
+const STREAM_POSITION: u8 = 6;
+const STREAM_EXTRA1: u8 = 10;
+const STREAM_EXTRA2: u8 = 11;
+const STREAM_EXTRA3: u8 = 12;
+
+/// How many SYS_STATUS and BATTERY_STATUS of the first pack are sent in ten seconds.
+fn status_rates(desk: &mut Desk) -> [usize; 2] {
+    counts(&sent_for(desk, 10), [SYS_STATUS, BATTERY_STATUS])
+}
+
+#[test]
+fn each_stream_group_moves_its_message_and_the_latest_request_counts() {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    assert_eq!(status_rates(&mut desk), [20, 20]);
+    for (stream, rate_hz, start_stop, expected) in [
+        (STREAM_EXTENDED_STATUS, 5, 1, [50, 20]),
+        (STREAM_EXTRA3, 1, 1, [50, 10]),
+        (STREAM_EXTRA1, 4, 1, [40, 40]),
+        (STREAM_EXTRA3, 10, 1, [40, 100]),
+        (STREAM_ALL, 2, 1, [20, 20]),
+        (STREAM_EXTENDED_STATUS, u16::MAX, 1, [500, 20]),
+        // Without a start, whatever the rate; and a rate of 0.
+        (STREAM_EXTENDED_STATUS, 10, 0, [0, 20]),
+        (STREAM_EXTRA3, 0, 1, [0, 0]),
+        (STREAM_EXTRA3, 5, 1, [0, 50]),
+        (STREAM_ALL, 4, 0, [0, 0]),
+        (STREAM_EXTRA1, 1, 1, [10, 10]),
+    ] {
+        desk.ask(&request_data_stream(stream, rate_hz, start_stop));
+        assert_eq!(status_rates(&mut desk), expected, "{stream} at {rate_hz} Hz");
+    }
+    for other in (0..=u8::MAX).filter(|id| ![0, 2, 10, 12].contains(id)) {
+        desk.ask(&request_data_stream(other, 50, 1));
+        desk.ask(&request_data_stream(other, 50, 0));
+    }
+    assert_eq!(status_rates(&mut desk), [10, 10]);
+    assert_eq!(desk.parameters().get(EXTRA1), 2.0, "nothing of it is set");
+
+    // Another link has its own rates.
+    desk.connect(LinkKind::Radio);
+    assert_eq!(status_rates(&mut desk), [20, 20]);
+}
+
+/// Its order, with the rates it has by default: SYS_STATUS follows *Attitude*, which comes after *Status*.
+#[test]
+fn mission_planners_requests_give_the_rate_of_attitude_and_of_sensor() {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    let round = |desk: &mut Desk, attitude_hz| {
+        for (stream, rate_hz) in [
+            (STREAM_EXTENDED_STATUS, 2),
+            (STREAM_POSITION, 2),
+            (STREAM_EXTRA1, attitude_hz),
+            (STREAM_EXTRA2, attitude_hz),
+            (STREAM_EXTRA3, 2),
+            (STREAM_RAW_SENSORS, 2),
+            (STREAM_RC_CHANNELS, 2),
+        ] {
+            // It does not request a rate of 0.
+            if rate_hz > 0 {
+                desk.ask(&request_data_stream(stream, rate_hz, 1));
+            }
+        }
+        status_rates(desk)
+    };
+    for _ in 0..3 {
+        assert_eq!(round(&mut desk, 4), [40, 20]);
+    }
+    assert_eq!(round(&mut desk, 0), [20, 20]);
+    // A rate that is chosen in its panel holds until the next round.
+    desk.ask(&request_data_stream(STREAM_EXTENDED_STATUS, 10, 1));
+    assert_eq!(status_rates(&mut desk), [100, 20]);
+}
+
+#[test]
+fn setting_sr0_extra1_ends_requests_and_a_request_after_it_counts() {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    for (stream, moved) in [
+        (STREAM_EXTENDED_STATUS, [50, 20]),
+        (STREAM_EXTRA3, [20, 50]),
+        (STREAM_EXTRA1, [50, 50]),
+    ] {
+        desk.ask(&request_data_stream(stream, 5, 1));
+        assert_eq!(status_rates(&mut desk), moved);
+        // To the value it has.
+        desk.assert_set("SR0_EXTRA1", EXTRA1, 2.0);
+        assert_eq!(status_rates(&mut desk), [20, 20]);
+        // Before either is followed.
+        desk.receive_in_chunks(&param_set("SR0_EXTRA1", 10.0), 64);
+        desk.ask(&request_data_stream(stream, 5, 1));
+        assert_eq!(
+            status_rates(&mut desk),
+            moved.map(|rate| if rate == 20 { 100 } else { rate })
+        );
+        desk.ask(&request_data_stream(stream, 5, 1));
+        desk.assert_set("SR0_EXTRA1", EXTRA1, 2.0);
+        assert_eq!(status_rates(&mut desk), [20, 20]);
+    }
+    // Set on another link: it was set before the request.
+    desk.set(EXTRA1, 10.0);
+    desk.ask(&request_data_stream(STREAM_EXTRA3, 5, 1));
+    assert_eq!(status_rates(&mut desk), [100, 50]);
+    desk.set(EXTRA1, 4.0);
+    assert_eq!(status_rates(&mut desk), [40, 40]);
+}
+
+#[test]
+fn an_interval_outranks_stream_requests_until_it_is_put_back() {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    let set_interval = |desk: &mut Desk, interval_us| {
+        desk.ask(&command_long_2(
+            SET_MESSAGE_INTERVAL,
+            BATTERY_STATUS as f32,
+            interval_us,
+        ));
+    };
+    set_interval(&mut desk, -1.0);
+    for stream in [STREAM_EXTRA3, STREAM_EXTRA1, STREAM_ALL] {
+        desk.ask(&request_data_stream(stream, 5, 1));
+        assert_eq!(status_rates(&mut desk)[1], 0, "stream {stream}");
+    }
+    desk.ask(&request_data_stream(STREAM_EXTRA3, 2, 1));
+    set_interval(&mut desk, 0.0);
+    assert_eq!(status_rates(&mut desk), [50, 20], "the latest request of each");
+}
+
 /// What changes the rates of a link.
 #[derive(Clone, Copy, Debug)]
 enum RateRequest {
@@ -918,7 +1047,7 @@ fn rate_request() -> impl Strategy<Value = RateRequest> {
     let rate = prop_oneof![prop::sample::select(vec![0, 1, 50, u16::MAX]), any::<u16>()];
     prop_oneof![
         (message, interval).prop_map(|(message, interval_us)| RateRequest::Interval { message, interval_us }),
-        (prop::sample::select(vec![0u8, 2, 10, 255]), rate, 0u8..3).prop_map(
+        (prop::sample::select(vec![0u8, 2, 10, 12, 255]), rate, 0u8..3).prop_map(
             |(stream, rate_hz, start_stop)| RateRequest::DataStream {
                 stream,
                 rate_hz,

@@ -187,7 +187,7 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
             let nak = FileTransferNak::refuse(transfer, from);
             replies.answer_any(nak.map(Message::FileTransferNak));
         }
-        Request::DataStream(stream) => rates.request_data_stream(stream),
+        Request::DataStream(stream) => rates.request_data_stream(stream, parameters, now),
         Request::Ping(ping) => replies.answer_any(time::ping(ping, from)),
         Request::Timesync(timesync) => replies.answer_any(time::timesync(timesync, from, now)),
         Request::RadioStatus(status) if is_radio(from.component_id, link) => {

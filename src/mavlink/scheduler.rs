@@ -1,7 +1,7 @@
 //! When which message of one link is due.
 
 use super::slowdown::Slowdown;
-use super::{DefaultRate, StreamKind};
+use super::{DefaultRate, StreamGroup, StreamKind};
 use crate::cadence::Cadence;
 use crate::time::Instant;
 
@@ -19,7 +19,7 @@ const LONGEST_INTERVAL_US: u64 = 1_800_000_000;
 /// How often a message is sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interval {
-    /// As its parameter says; never, if it has none.
+    /// By the message's [`DefaultRate`].
     #[default]
     Default,
     /// Never.
@@ -33,7 +33,6 @@ pub enum Interval {
 pub struct StreamScheduler {
     /// Of each message, in the order of [`StreamKind::ALL`].
     entries: [Entry; StreamKind::COUNT],
-    extra1_interval_us: Option<u64>,
     slowdown: Slowdown,
 }
 
@@ -42,6 +41,8 @@ pub struct StreamScheduler {
 struct Entry {
     kind: StreamKind,
     interval: Interval,
+    /// The interval by default, in µs; `None` is never.
+    default_us: Option<u64>,
     /// `None` while it is off.
     cadence: Option<Cadence>,
     /// When it may be due again at the earliest, were it turned off and on: requests must not exceed the highest rate.
@@ -63,13 +64,9 @@ impl Entry {
     }
 
     /// The interval that was asked for, before any slow-down.
-    fn asked_interval_us(&self, extra1_interval_us: Option<u64>) -> Option<u64> {
+    fn asked_interval_us(&self) -> Option<u64> {
         match self.interval {
-            Interval::Default => match self.kind.default_rate() {
-                DefaultRate::EverySecond => Some(SECOND_US),
-                DefaultRate::Extra1 => extra1_interval_us,
-                DefaultRate::OnRequest | DefaultRate::OnChange => None,
-            },
+            Interval::Default => self.default_us,
             Interval::Off => None,
             Interval::Every(interval_us) => Some(interval_us),
         }
@@ -103,22 +100,35 @@ impl StreamScheduler {
         let entry = |kind| Entry {
             kind,
             interval: Interval::Default,
+            default_us: (kind.default_rate() == DefaultRate::EverySecond).then_some(SECOND_US),
             cadence: None,
             earliest: now,
         };
         let mut scheduler = Self {
             entries: StreamKind::ALL.map(entry),
-            extra1_interval_us: None,
             slowdown: Slowdown::default(),
         };
         scheduler.apply(now);
         scheduler
     }
 
-    /// Sets the rate of [`DefaultRate::Extra1`], in Hz; 0 turns its messages off. They are sent every half hour at least.
+    /// Sets the default rate of both groups of streams, in Hz, as [`Self::set_group_rate`] does.
     pub fn set_extra1_rate(&mut self, rate_hz: f32, now: Instant) {
-        self.extra1_interval_us =
+        for group in [StreamGroup::ExtendedStatus, StreamGroup::Extra3] {
+            self.set_group_rate(group, rate_hz, now);
+        }
+    }
+
+    /// Sets the default rate of the messages of a group of streams, in Hz; 0 turns them off. They are sent every half hour
+    /// at least.
+    pub fn set_group_rate(&mut self, group: StreamGroup, rate_hz: f32, now: Instant) {
+        let interval_us =
             (rate_hz > 0.0).then(|| ((MICROSECONDS_PER_SECOND / rate_hz) as u64).min(LONGEST_INTERVAL_US));
+        for entry in &mut self.entries {
+            if entry.kind.default_rate() == DefaultRate::Extra1(group) {
+                entry.default_us = interval_us;
+            }
+        }
         self.apply(now);
     }
 
@@ -148,7 +158,7 @@ impl StreamScheduler {
     /// The message is not one that is streamed.
     pub fn interval_us(&self, message_id: u32) -> Result<Option<u64>, NotStreamed> {
         let kind = StreamKind::from_message_id(message_id).ok_or(NotStreamed)?;
-        Ok(self.entries[kind as usize].asked_interval_us(self.extra1_interval_us))
+        Ok(self.entries[kind as usize].asked_interval_us())
     }
 
     /// A radio reports how much of its transmit buffer is free, in percent: streams are slowed down when it fills up,
@@ -190,7 +200,7 @@ impl StreamScheduler {
                 _ => self.slowdown.delay_us(),
             };
             let interval_us = entry
-                .asked_interval_us(self.extra1_interval_us)
+                .asked_interval_us()
                 .map(|asked_us| asked_us.saturating_add(delay_us));
             entry.follow(interval_us, now);
         }

@@ -31,7 +31,7 @@ pub use heartbeat::build_heartbeat;
 pub use smart_battery_info::build_smart_battery_info;
 pub(super) use status_text::chunks_of;
 pub use status_text::status_texts;
-pub use stream::{DefaultRate, Subject};
+pub use stream::{DefaultRate, StreamGroup, Subject};
 pub use sys_status::build_sys_status;
 pub use version::{build_autopilot_version, build_protocol_version};
 
@@ -48,10 +48,10 @@ use crate::pack::Pack;
 declare::messages! {
     streams of the vehicle {
         Heartbeat(HEARTBEAT_DATA): EverySecond, build_heartbeat;
-        SysStatus(SYS_STATUS_DATA): Extra1, build_sys_status;
+        SysStatus(SYS_STATUS_DATA): Extra1(ExtendedStatus), build_sys_status;
     }
     streams of packs {
-        BatteryStatus(BATTERY_STATUS_DATA): Extra1, EachPack, build_battery_status;
+        BatteryStatus(BATTERY_STATUS_DATA): Extra1(Extra3), EachPack, build_battery_status;
         BatteryStatusV2(BATTERY_STATUS_V2_DATA): OnRequest, EachPack, build_battery_status_v2;
         BatteryInfo(BATTERY_INFO_DATA): OnChange, EachPack, build_battery_info;
         SmartBatteryInfo(SMART_BATTERY_INFO_DATA): OnChange, EachPack, build_smart_battery_info;

@@ -15,13 +15,22 @@ pub enum Subject {
     EachTank,
 }
 
+/// The group of streams in which ArduPilot sends a message (MAV_DATA_STREAM).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StreamGroup {
+    /// MAV_DATA_STREAM_EXTENDED_STATUS.
+    ExtendedStatus,
+    /// MAV_DATA_STREAM_EXTRA3.
+    Extra3,
+}
+
 /// How often a message is sent unless a ground station asks for another interval.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DefaultRate {
     /// Once a second, and at no other rate: without HEARTBEAT ground stations lose the vehicle.
     EverySecond,
-    /// At `SR0_EXTRA1`.
-    Extra1,
+    /// At `SR0_EXTRA1`, until a ground station requests another rate of this group of ArduPilot's streams.
+    Extra1(StreamGroup),
     /// Never.
     OnRequest,
     /// Never, but once on each link when the details of a smart battery are known or have changed.
