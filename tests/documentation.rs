@@ -275,12 +275,14 @@ fn row_of_stream(kind: StreamKind) -> String {
         }
         DefaultRate::Extra1(StreamGroup::Extra3) => "at `SR0_EXTRA1`, or as requested of EXTRA3",
         DefaultRate::OnRequest => "on request",
-        DefaultRate::OnChange => "on request, and on change",
+        DefaultRate::OnChange => "on request, on change, and for a new ground station",
     };
     let of = match kind.subject() {
         Subject::Vehicle => "the vehicle",
         Subject::EachPack => "each pack",
         Subject::EachTank => "each tank",
+        Subject::EachKnownResistance => "each pack whose resistance is known",
+        Subject::EachKnownRestingVoltage => "each pack whose resting voltage is known",
     };
     format!("| {} ({}) | {comes} | {of} |", kind.name(), kind.message_id())
 }

@@ -21,13 +21,13 @@ use rover_battmon::parameter::{
 use rover_battmon::time::Instant;
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
-    FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, PARAM_ERROR, PARAM_VALUE, ParamValue,
-    SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS, SysStatus, encode_v1, of_message,
+    FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, NAMED_VALUE_FLOAT, PARAM_ERROR,
+    PARAM_VALUE, ParamValue, SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS, SysStatus, encode_v1, of_message,
 };
 use support::requests::{
     EVERYONE, PREFLIGHT_REBOOT_SHUTDOWN, SIK_RADIO, VEHICLE, command_int, command_int_2, command_long,
-    command_long_2, ftp_open, param_read_by_index, param_read_by_name, param_request_list, param_set,
-    param_set_payload, param_set_to, radio_status_from, reboot, request_data_stream,
+    command_long_2, ftp_open, heartbeat_from, param_read_by_index, param_read_by_name, param_request_list,
+    param_set, param_set_payload, param_set_to, radio_status_from, reboot, request_data_stream,
 };
 
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
@@ -650,6 +650,141 @@ fn news_of_a_pack_that_is_streamed_anyway_is_no_drop() {
     assert_eq!(desk.statistics().dropped, 0);
 }
 
+const TYPE_GROUND_STATION: u8 = 6;
+const TYPE_ONBOARD_CONTROLLER: u8 = 18;
+
+/// The instances of BATTERY_INFO, after asserting that SMART_BATTERY_INFO was sent of the same.
+fn described(sent: &[Frame]) -> Vec<u8> {
+    let instances = |message, at| -> Vec<_> {
+        let frames = of_message(sent, message);
+        frames.iter().map(|frame| frame.u8(at)).collect()
+    };
+    let info = instances(BATTERY_INFO, 44);
+    assert_eq!(instances(SMART_BATTERY_INFO, 18), info);
+    info
+}
+
+/// The packs that are described in `seconds` in which these senders, in turn, send a HEARTBEAT a second each.
+fn described_to(desk: &mut Desk, kind: u8, senders: &[[u8; 2]], seconds: u64) -> Vec<u8> {
+    let mut sent = Vec::new();
+    for _ in 0..seconds {
+        for sender in senders {
+            desk.receive_in_chunks(&heartbeat_from(*sender, kind), 64);
+        }
+        sent.extend(sent_for(desk, 1));
+    }
+    described(&sent)
+}
+
+#[test]
+fn packs_are_described_to_each_new_ground_station_once() {
+    const OTHER_STATION: [u8; 2] = [255, 230];
+    let internal = BatteryState {
+        visibility: Visibility::Internal,
+        ..healthy()
+    };
+    let mut desk = Desk::with_packs(&[healthy(), internal, healthy()]);
+    let mut described_to = |kind, senders: &[_], seconds| described_to(&mut desk, kind, senders, seconds);
+    assert_eq!(described_to(TYPE_ONBOARD_CONTROLLER, &[[1, 191]], 20), []);
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[GROUND_STATION], 1), [0, 2]);
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[GROUND_STATION], 100), []);
+    assert_eq!(
+        described_to(TYPE_GROUND_STATION, &[GROUND_STATION, OTHER_STATION], 100),
+        [0, 2]
+    );
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[], 31), []);
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[OTHER_STATION], 100), [0, 2]);
+    desk.connect(LinkKind::Radio);
+    let again = self::described_to(&mut desk, TYPE_GROUND_STATION, &[OTHER_STATION], 100);
+    assert_eq!(again, [0, 2], "it is new on another link");
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
+#[test]
+fn strangers_with_changing_ids_have_packs_described_every_ten_seconds_at_most() {
+    let mut desk = Desk::with_packs(&[healthy(); MAX_PACKS]);
+    let strangers: Vec<_> = (0..=u8::MAX).map(|id| [id, id.wrapping_mul(7)]).collect();
+    let sent = described_to(&mut desk, TYPE_GROUND_STATION, &strangers, 60);
+    assert_eq!(sent, [0, 1, 2, 3, 4, 5, 6, 7, 8].repeat(6));
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
+#[test]
+fn descriptions_come_every_ten_seconds_by_the_default_interval() {
+    let mut desk = Desk::with_packs(&[healthy(), healthy()]);
+    for (interval_us, expected) in [(0.0, 6), (20_000_000.0, 3), (-1.0, 0)] {
+        for message in [BATTERY_INFO, SMART_BATTERY_INFO] {
+            desk.ask(&command_long_2(SET_MESSAGE_INTERVAL, message as f32, interval_us));
+        }
+        assert_eq!(described(&sent_for(&mut desk, 60)), [0, 1].repeat(expected));
+    }
+}
+
+/// The names and values of NAMED_VALUE_FLOAT.
+fn named_values(sent: &[Frame]) -> Vec<(String, f32)> {
+    let frames = of_message(sent, NAMED_VALUE_FLOAT);
+    frames.iter().map(|f| (f.text(8, 10), f.f32(4))).collect()
+}
+
+#[test]
+fn resistance_and_resting_voltage_are_sent_on_request_while_they_are_known() {
+    let known = BatteryState {
+        resistance_ohm: Some(0.0625),
+        resting_voltage_v: Some(11.5),
+        ..healthy()
+    };
+    let resistance_only = BatteryState {
+        resting_voltage_v: None,
+        ..known
+    };
+    let unused = BatteryState {
+        status: PackStatus::Disabled,
+        ..known
+    };
+    let mut desk = Desk::with_packs(&[known, healthy(), resistance_only, unused]);
+    assert_eq!(named_values(&sent_for(&mut desk, 60)), []);
+
+    let of_first = [("BAT1_RES".into(), 62.5), ("BAT1_VREST".into(), 11.5)];
+    let of_third = [("BAT3_RES".into(), 62.5)];
+    for (instance, expected) in [(0.0, &of_first[..]), (f32::NAN, &of_first), (2.0, &of_third)] {
+        let answers = desk.ask(&command_long_2(
+            REQUEST_MESSAGE,
+            NAMED_VALUE_FLOAT as f32,
+            instance,
+        ));
+        assert_ack(&answers[0], REQUEST_MESSAGE, ACCEPTED);
+        assert_eq!(named_values(&answers), expected);
+        assert_eq!(answers.len(), 1 + expected.len());
+        assert_eq!(
+            answers[1].u32(0),
+            (desk.now_us / 1000) as u32,
+            "ms since the start"
+        );
+    }
+    for instance in [1.0, 3.0, 4.0, 9.0] {
+        let request = command_long_2(REQUEST_MESSAGE, NAMED_VALUE_FLOAT as f32, instance);
+        assert_ack(&desk.one_answer(&request), REQUEST_MESSAGE, DENIED);
+    }
+
+    let set_interval = |desk: &mut Desk, interval_us| {
+        let request = command_long_2(SET_MESSAGE_INTERVAL, NAMED_VALUE_FLOAT as f32, interval_us);
+        assert_ack(&desk.one_answer(&request), SET_MESSAGE_INTERVAL, ACCEPTED);
+    };
+    set_interval(&mut desk, 1_000_000.0);
+    let once = ["BAT1_RES", "BAT3_RES", "BAT1_VREST"];
+    let names = |sent: &[Frame]| -> Vec<_> { named_values(sent).into_iter().map(|(name, _)| name).collect() };
+    assert_eq!(names(&sent_for(&mut desk, 5)), once.repeat(5));
+    desk.change_battery(Pack::First, |battery| battery.resistance_ohm = None);
+    assert_eq!(
+        names(&sent_for(&mut desk, 2)),
+        ["BAT3_RES", "BAT1_VREST"].repeat(2)
+    );
+    // By default it is off.
+    set_interval(&mut desk, 0.0);
+    assert_eq!(named_values(&sent_for(&mut desk, 60)), []);
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
 #[test]
 fn a_pack_with_a_gauge_of_its_own_is_not_reset() {
     let gauged = BatteryState {
@@ -988,7 +1123,7 @@ enum RateRequest {
     },
 }
 
-const STREAMED: [u32; 7] = [
+const STREAMED: [u32; 8] = [
     HEARTBEAT,
     SYS_STATUS,
     BATTERY_STATUS,
@@ -996,6 +1131,7 @@ const STREAMED: [u32; 7] = [
     SMART_BATTERY_INFO,
     FUEL_STATUS,
     BATTERY_INFO,
+    NAMED_VALUE_FLOAT,
 ];
 
 impl RateRequest {

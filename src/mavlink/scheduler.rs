@@ -10,6 +10,9 @@ const SECOND_US: u64 = 1_000_000;
 
 const MICROSECONDS_PER_SECOND: f32 = 1e6;
 
+/// The default interval of messages whose content hardly ever changes.
+const RARELY_US: u64 = 10_000_000;
+
 /// 50 Hz, the highest rate a stream is sent at.
 const SHORTEST_INTERVAL_US: u64 = 20_000;
 
@@ -50,6 +53,10 @@ struct Entry {
 }
 
 impl Entry {
+    fn sends(&self, message_id: u32) -> bool {
+        self.kind.message_id() == message_id
+    }
+
     /// Whether the message may be sent at this interval.
     fn allows(&self, interval: Interval) -> bool {
         match (self.kind.default_rate(), interval) {
@@ -97,10 +104,17 @@ impl Entry {
 impl StreamScheduler {
     /// A scheduler whose HEARTBEAT is due at `now`, and everything else off.
     pub fn new(now: Instant) -> Self {
-        let entry = |kind| Entry {
+        let entry = |kind: StreamKind| Entry {
             kind,
-            interval: Interval::Default,
-            default_us: (kind.default_rate() == DefaultRate::EverySecond).then_some(SECOND_US),
+            interval: match kind.default_rate() {
+                DefaultRate::EverySecond | DefaultRate::Extra1(_) => Interval::Default,
+                DefaultRate::OnRequest | DefaultRate::OnChange => Interval::Off,
+            },
+            default_us: match kind.default_rate() {
+                DefaultRate::EverySecond => Some(SECOND_US),
+                DefaultRate::OnChange => Some(RARELY_US),
+                DefaultRate::Extra1(_) | DefaultRate::OnRequest => None,
+            },
             cadence: None,
             earliest: now,
         };
@@ -132,7 +146,7 @@ impl StreamScheduler {
         self.apply(now);
     }
 
-    /// Sets the interval of a message, for all its instances.
+    /// Sets the interval of a message, for all its instances and names.
     ///
     /// # Errors
     /// The message is not one that is streamed, or the interval not one it can have.
@@ -142,14 +156,16 @@ impl StreamScheduler {
         interval: Interval,
         now: Instant,
     ) -> Result<(), IntervalRefused> {
-        let kind = StreamKind::from_message_id(message_id).ok_or(IntervalRefused::NotStreamed)?;
-        let entry = &mut self.entries[kind as usize];
-        if !entry.allows(interval) {
-            return Err(IntervalRefused::OutOfRange);
+        let mut result = Err(IntervalRefused::NotStreamed);
+        for entry in self.entries.iter_mut().filter(|entry| entry.sends(message_id)) {
+            if !entry.allows(interval) {
+                return Err(IntervalRefused::OutOfRange);
+            }
+            entry.interval = interval;
+            result = Ok(());
         }
-        entry.interval = interval;
         self.apply(now);
-        Ok(())
+        result
     }
 
     /// The interval of a message at present, in µs: `None` while it is off.
@@ -157,8 +173,8 @@ impl StreamScheduler {
     /// # Errors
     /// The message is not one that is streamed.
     pub fn interval_us(&self, message_id: u32) -> Result<Option<u64>, NotStreamed> {
-        let kind = StreamKind::from_message_id(message_id).ok_or(NotStreamed)?;
-        Ok(self.entries[kind as usize].asked_interval_us())
+        let entry = self.entries.iter().find(|entry| entry.sends(message_id));
+        entry.map(Entry::asked_interval_us).ok_or(NotStreamed)
     }
 
     /// A radio reports how much of its transmit buffer is free, in percent: streams are slowed down when it fills up,
@@ -312,11 +328,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_sent_on_request_only_is_off_until_then_and_again_by_default() {
-        for (message_id, message) in [
-            (369, StreamKind::BatteryStatusV2),
-            (370, StreamKind::SmartBatteryInfo),
-            (372, StreamKind::BatteryInfo),
+    fn what_is_sent_on_request_only_is_off_until_then_and_rare_by_default() {
+        for (message_id, message, by_default_us) in [
+            (369, StreamKind::BatteryStatusV2, None),
+            (370, StreamKind::SmartBatteryInfo, Some(10_000_000)),
+            (371, StreamKind::FuelStatus, None),
+            (372, StreamKind::BatteryInfo, Some(10_000_000)),
         ] {
             let mut scheduler = StreamScheduler::new(Instant::EPOCH);
             scheduler.set_extra1_rate(2.0, Instant::EPOCH);
@@ -329,7 +346,13 @@ mod tests {
             scheduler
                 .set_interval(message_id, Interval::Default, at_us(20_000_000))
                 .unwrap();
-            assert_eq!(count(&run(&mut scheduler, 30_000_000, || 0), message), 0);
+            assert_eq!(scheduler.interval_us(message_id), Ok(by_default_us));
+            let sent = count(&run(&mut scheduler, 120_000_000, || 0), message);
+            assert_eq!(sent, by_default_us.map_or(0, |_| 10));
+            scheduler
+                .set_interval(message_id, Interval::Off, at_us(120_000_000))
+                .unwrap();
+            assert_eq!(count(&run(&mut scheduler, 150_000_000, || 0), message), 0);
         }
     }
 

@@ -3,6 +3,7 @@
 use super::ReceiveStatistics;
 use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
 use crate::pack::Pack;
+use crate::time::Instant;
 use crate::vehicle::VehicleStatus;
 
 /// Everything the telemetry of one link reports.
@@ -18,6 +19,8 @@ pub struct SystemState<'a> {
     pub load_permille: u16,
     /// What happened on the link this state is sent over.
     pub link: LinkStatistics,
+    /// The present moment; its epoch is the start.
+    pub now: Instant,
 }
 
 impl SystemState<'_> {
