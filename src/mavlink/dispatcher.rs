@@ -208,9 +208,9 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
         Request::Heartbeat(heartbeat) if is_of_ground_station(heartbeat) => {
             service.ground_station_seen();
             if stations.heartbeat(from, now) == Introduction::Due {
-                state
-                    .reported()
-                    .for_each(|pack| replies.outbox.post_details(pack));
+                for pack in state.reported() {
+                    replies.outbox.post_details(pack);
+                }
             }
             return Event::GroundStationHeard;
         }
@@ -247,8 +247,9 @@ fn execute(
         Some(Answer::Message(message)) => replies.answer(message),
         Some(Answer::Streams(requested)) => {
             let state = service.state;
-            let streams = requested.reported_in(state);
-            streams.for_each(|stream| replies.answer(stream.build(state)));
+            for stream in requested.reported_in(state) {
+                replies.answer(stream.build(state));
+            }
         }
         None => {}
     }

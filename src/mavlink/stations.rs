@@ -1,7 +1,5 @@
 //! The ground stations on one link.
 
-use heapless::Vec;
-
 use super::Peer;
 use crate::time::Instant;
 
@@ -21,11 +19,17 @@ pub(super) enum Introduction {
     NotDue,
 }
 
+#[derive(Clone, Copy, Debug)]
+struct Heard {
+    station: Peer,
+    /// When its last HEARTBEAT came.
+    at: Instant,
+}
+
 /// The ground stations that were heard on one link.
 #[derive(Debug, Default)]
 pub(super) struct Stations {
-    /// Each with the time of its last HEARTBEAT.
-    heard: Vec<(Peer, Instant), MAX_STATIONS>,
+    heard: [Option<Heard>; MAX_STATIONS],
     /// When the next introduction may be at the earliest.
     earliest: Instant,
 }
@@ -33,17 +37,23 @@ pub(super) struct Stations {
 impl Stations {
     /// HEARTBEAT of a ground station. The introduction of one that is too early for it is due at a later HEARTBEAT.
     pub fn heartbeat(&mut self, station: Peer, now: Instant) -> Introduction {
-        self.heard.retain(|(_, at)| now.us_since(*at) <= SILENCE_US);
-        if let Some((_, at)) = self.heard.iter_mut().find(|(known, _)| *known == station) {
-            *at = now;
+        let is_known = |heard: &&mut Heard| heard.station == station && now.us_since(heard.at) <= SILENCE_US;
+        if let Some(known) = self.heard.iter_mut().flatten().find(is_known) {
+            known.at = now;
             return Introduction::NotDue;
         }
         if now < self.earliest {
             return Introduction::NotDue;
         }
         self.earliest = now.after_us(INTRODUCTION_INTERVAL_US);
-        // One for which there is no room stays new.
-        let _ = self.heard.push((station, now));
+        // It replaces the one that has been silent for longest.
+        if let Some(place) = self
+            .heard
+            .iter_mut()
+            .min_by_key(|heard| heard.map(|heard| heard.at))
+        {
+            *place = Some(Heard { station, at: now });
+        }
         Introduction::Due
     }
 }
@@ -87,11 +97,11 @@ mod tests {
     #[test]
     fn more_stations_than_are_remembered_are_introduced_in_turn() {
         let mut stations = Stations::default();
-        let mut introduced = Vec::<_, 64>::new();
+        let mut introduced = Vec::new();
         for at_s in 0..300 {
             for system_id in 1..=6 {
                 if stations.heartbeat(station(system_id, 190), at_us(at_s * SECOND)) == Due {
-                    introduced.push(system_id).expect("room");
+                    introduced.push(system_id);
                 }
             }
         }

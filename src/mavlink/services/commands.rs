@@ -90,8 +90,9 @@ impl RequestedStreams {
     /// Those that have something to report: of NAMED_VALUE_FLOAT one for each name.
     pub fn reported_in(&self, state: &SystemState<'_>) -> impl Iterator<Item = Stream> {
         let kinds = StreamKind::with_message_id(self.message_id);
-        let streams = kinds.flat_map(|kind| kind.reported_in(state));
-        streams.filter(|stream| stream.pack().is_none_or(|pack| self.pack == Some(pack)))
+        let streams = kinds.map(|kind| kind.of(self.pack.unwrap_or(Pack::First)));
+        let asked = streams.filter(|stream| stream.pack().is_none() || stream.pack() == self.pack);
+        asked.filter(|stream| stream.is_reported_in(state))
     }
 }
 
