@@ -677,14 +677,15 @@ fn described_to(desk: &mut Desk, kind: u8, senders: &[[u8; 2]], seconds: u64) ->
 }
 
 #[test]
-fn packs_are_described_to_each_new_ground_station_once() {
+fn smart_batteries_are_described_to_each_new_ground_station_once() {
     const OTHER_STATION: [u8; 2] = [255, 230];
     let internal = BatteryState {
         visibility: Visibility::Internal,
-        ..healthy()
+        ..with_cycles(3)
     };
-    let mut desk = Desk::with_packs(&[healthy(), internal, healthy()]);
+    let mut desk = Desk::with_packs(&[with_cycles(1), internal, with_cycles(2), healthy()]);
     let mut described_to = |kind, senders: &[_], seconds| described_to(&mut desk, kind, senders, seconds);
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[], 10), [0, 2], "on change");
     assert_eq!(described_to(TYPE_ONBOARD_CONTROLLER, &[[1, 191]], 20), []);
     assert_eq!(described_to(TYPE_GROUND_STATION, &[GROUND_STATION], 1), [0, 2]);
     assert_eq!(described_to(TYPE_GROUND_STATION, &[GROUND_STATION], 100), []);
@@ -695,14 +696,16 @@ fn packs_are_described_to_each_new_ground_station_once() {
     assert_eq!(described_to(TYPE_GROUND_STATION, &[], 31), []);
     assert_eq!(described_to(TYPE_GROUND_STATION, &[OTHER_STATION], 100), [0, 2]);
     desk.connect(LinkKind::Radio);
+    assert_eq!(described(&sent_for(&mut desk, 10)), [0, 2], "on change");
     let again = self::described_to(&mut desk, TYPE_GROUND_STATION, &[OTHER_STATION], 100);
     assert_eq!(again, [0, 2], "it is new on another link");
     assert_eq!(desk.statistics().dropped, 0);
 }
 
 #[test]
-fn strangers_with_changing_ids_have_packs_described_every_ten_seconds_at_most() {
-    let mut desk = Desk::with_packs(&[healthy(); MAX_PACKS]);
+fn strangers_with_changing_ids_have_batteries_described_every_ten_seconds_at_most() {
+    let mut desk = Desk::with_packs(&[with_cycles(1); MAX_PACKS]);
+    assert_eq!(described(&sent_for(&mut desk, 1)).len(), MAX_PACKS, "on change");
     let strangers: Vec<_> = (0..=u8::MAX).map(|id| [id, id.wrapping_mul(7)]).collect();
     let sent = described_to(&mut desk, TYPE_GROUND_STATION, &strangers, 60);
     assert_eq!(sent, [0, 1, 2, 3, 4, 5, 6, 7, 8].repeat(6));

@@ -9,7 +9,7 @@ mod support;
 use desk::Desk;
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
-use rover_battmon::battery::{BatteryState, PackStatus};
+use rover_battmon::battery::{BatteryState, PackDetails, PackStatus};
 use rover_battmon::mavlink::{Event, LinkKind, SetupRefused, SigningChange, SigningTrouble, StoredSigning};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
@@ -312,11 +312,15 @@ fn other_vehicles_heartbeats_are_no_news() {
 }
 
 #[test]
-fn packs_are_described_to_a_ground_station_with_the_key_only() {
+fn smart_batteries_are_described_to_a_ground_station_with_the_key_only() {
     let gcs = 6;
     let mut radio = protected();
     radio.set_batteries(&[BatteryState {
         status: PackStatus::Healthy,
+        details: PackDetails {
+            cycle_count: Some(7),
+            ..PackDetails::default()
+        },
         ..BatteryState::default()
     }]);
     radio.receive_in_chunks(&heartbeat(gcs), 64);

@@ -208,7 +208,7 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
         Request::Heartbeat(heartbeat) if is_of_ground_station(heartbeat) => {
             service.ground_station_seen();
             if stations.heartbeat(from, now) == Introduction::Due {
-                for pack in state.reported() {
+                for pack in state.described() {
                     replies.outbox.post_details(pack);
                 }
             }

@@ -111,7 +111,7 @@ impl Endpoint {
 
     /// Posts the messages that are sent when the details of a smart battery change.
     fn post_changes(&mut self, state: &SystemState<'_>) {
-        for pack in state.reported() {
+        for pack in state.described() {
             if self.details.has_changed(pack, &state.battery(pack).details) {
                 self.outbox.post_details(pack);
             }

@@ -12,7 +12,7 @@ const SILENCE_US: u64 = 30_000_000;
 /// Two introductions are at least so far apart, in µs: strangers with changing ids must not flood the link.
 const INTRODUCTION_INTERVAL_US: u64 = 10_000_000;
 
-/// Whether what the packs are has to be sent for a station that was heard.
+/// Whether what smart batteries are has to be sent for a station that was heard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Introduction {
     Due,

@@ -78,7 +78,13 @@ impl SystemState<'_> {
         Pack::ALL.into_iter().filter(|pack| self.is_reported(*pack))
     }
 
-    /// Whether `pack` is one of those.
+    /// Those of them that report what they are: smart batteries.
+    pub fn described(&self) -> impl Iterator<Item = Pack> {
+        self.reported()
+            .filter(|pack| !self.battery(*pack).details.is_empty())
+    }
+
+    /// Whether `pack` is one of those that are reported.
     pub fn is_reported(&self, pack: Pack) -> bool {
         let battery = self.batteries.get(pack as usize);
         battery.is_some_and(|battery| {

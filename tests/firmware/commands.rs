@@ -5,11 +5,11 @@ use crate::emulator::LogLevel;
 use crate::runs::rates_asked_for::{self, assert_rates};
 use crate::support::frames::{
     AUTOPILOT_VERSION, BATTERY_INFO, BATTERY_STATUS, COMMAND_ACK, Frame, GROUND_STATION, HEARTBEAT,
-    MESSAGE_INTERVAL, PING, PROTOCOL_VERSION, SMART_BATTERY_INFO, SYS_STATUS, TIMESYNC, of_message,
+    MESSAGE_INTERVAL, PING, PROTOCOL_VERSION, SYS_STATUS, TIMESYNC, of_message,
 };
 use crate::support::requests::{
-    SIK_RADIO, command_int, command_int_2, command_long, command_long_2, heartbeat_from, param_set, ping,
-    radio_status, radio_status_from, request_data_stream, timesync,
+    SIK_RADIO, command_int, command_int_2, command_long, command_long_2, param_set, ping, radio_status,
+    radio_status_from, request_data_stream, timesync,
 };
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
@@ -193,26 +193,8 @@ fn a_requested_stream_rate_is_live_until_the_parameter_is_set() {
 }
 
 #[test]
-fn the_pack_is_described_to_each_new_ground_station_and_rarely_by_default() {
-    const TYPE_GROUND_STATION: u8 = 6;
+fn what_hardly_changes_comes_every_ten_seconds_by_default() {
     let mut bench = running();
-    bench.ask(&heartbeat_from(GROUND_STATION, TYPE_GROUND_STATION));
-    // With the next heartbeat of ours at the latest.
-    let from_us = bench.time_us() - SECOND;
-    bench.run_for(SECOND);
-    let frames = bench.frames_since(from_us);
-    for message in [BATTERY_INFO, SMART_BATTERY_INFO] {
-        assert_eq!(of_message(&frames, message).len(), 1, "message {message}");
-    }
-    // The same one, and strangers, for eight seconds.
-    let from_us = bench.time_us();
-    for stranger in 0..8 {
-        bench.ask(&heartbeat_from(GROUND_STATION, TYPE_GROUND_STATION));
-        bench.ask(&heartbeat_from([stranger, 190], TYPE_GROUND_STATION));
-        bench.run_for(SECOND / 2);
-    }
-    assert_eq!(of_message(&bench.frames_since(from_us), BATTERY_INFO).len(), 0);
-
     let answers = bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, BATTERY_INFO as f32, 0.0));
     assert_eq!(result(&answers), ACCEPTED);
     assert_rates(

@@ -37,7 +37,7 @@ pub enum DefaultRate {
     Extra1(StreamGroup),
     /// Never.
     OnRequest,
-    /// Never, but once on each link when the details of a smart battery are known or have changed, and when a ground
+    /// Never, but of a smart battery once on each link when its details are known or have changed, and when a ground
     /// station is new on it. Once the default interval is requested, every ten seconds.
     OnChange,
 }
