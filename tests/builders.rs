@@ -19,9 +19,10 @@ use rover_battmon::mavlink::dialect::{
 use rover_battmon::mavlink::{
     ArmingReadiness, BroadcastCommand, Framer, LinkStatistics, Message, ReceiveStatistics, SystemState,
     build_battery_info, build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
-    build_smart_battery_info, build_sys_status,
+    build_resistance, build_resting_voltage, build_smart_battery_info, build_sys_status,
 };
 use rover_battmon::pack::Pack;
+use rover_battmon::time::Instant;
 
 fn golden_frames() -> HashMap<String, String> {
     let rows = include_str!("data/wire_mavlink2.csv").lines().skip(1);
@@ -774,6 +775,25 @@ fn a_tank_is_no_battery_of_any_chemistry() {
 }
 
 #[test]
+fn resistance_and_resting_voltage_are_byte_exact() {
+    let battery = BatteryState {
+        resistance_ohm: Some(0.04525),
+        resting_voltage_v: Some(11.5),
+        ..healthy(11.1)
+    };
+    let batteries = [battery; 9];
+    let state = SystemState {
+        now: Instant::from_micros(1_234_567_890),
+        ..with_packs(&batteries)
+    };
+    let golden = golden_frames();
+    let message = Message::Resistance(build_resistance(&state, Pack::First));
+    assert_eq!(frame_hex(&message), golden["named_value_float_resistance"]);
+    let message = Message::RestingVoltage(build_resting_voltage(&state, Pack::Ninth));
+    assert_eq!(frame_hex(&message), golden["named_value_float_resting_voltage"]);
+}
+
+#[test]
 fn battery_info_of_what_an_owner_has_set_is_byte_exact() {
     let message = Message::BatteryInfo(info_of(as_set()));
     assert_eq!(frame_hex(&message), golden_frames()["battery_info_372"]);
@@ -1010,10 +1030,10 @@ prop_compose! {
         voltage_v in any_value(), resting_voltage_v in any_value(), current_a in any_value(),
         consumed in any_amount(), consumed_wh in any_value(), remaining_pct in any_value(),
         time_remaining_s in any_value(), temperature_c in any_value(),
-        cells in prop::collection::vec(any::<u16>(), 0..=MAX_CELLS + 2),
+        resistance_ohm in any_value(), cells in prop::collection::vec(any::<u16>(), 0..=MAX_CELLS + 2),
     ) -> BatteryState {
         BatteryState {
-            voltage_v, resting_voltage_v, current_a, consumed, consumed_wh, remaining_pct, time_remaining_s,
+            voltage_v, resting_voltage_v, resistance_ohm, current_a, consumed, consumed_wh, remaining_pct, time_remaining_s,
             temperature_c, cells: CellVoltages::from_millivolts(&cells), ..BatteryState::default()
         }
     }
@@ -1161,6 +1181,21 @@ proptest! {
         prop_assert!(data.percent_remaining <= 100 || data.percent_remaining == 255);
         let message = Message::FuelStatus(data);
         prop_assert!(frame_hex(&message).len() <= 2 * (26 + 12));
+    }
+
+    #[test]
+    fn any_state_gives_conforming_named_values(packs in any_packs(), pack in any_pack(), now_us in any::<u64>()) {
+        let state = SystemState { now: Instant::from_micros(now_us), ..with_packs(&packs) };
+        let number = pack.instance() + 1;
+        for (data, name, length) in [
+            (build_resistance(&state, pack), format!("BAT{number}_RES"), 8),
+            (build_resting_voltage(&state, pack), format!("BAT{number}_VREST"), 10),
+        ] {
+            prop_assert_eq!(&data.name[..length], name.as_bytes());
+            prop_assert!(data.name[length..].iter().all(|byte| *byte == 0));
+            prop_assert!(data.value.is_finite() || data.value.to_bits() == NAN_BITS, "{}", data.value);
+            prop_assert_eq!(u64::from(data.time_boot_ms), now_us / 1000 % (1 << 32));
+        }
     }
 
     #[test]

@@ -11,7 +11,7 @@ use rover_battmon::battery::{
     Amount, ArmingFailure, BusError, ChargeState, FailsafeLevel, Faults, Gap, PackEvent, ReadError,
 };
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
-use rover_battmon::mavlink::{DefaultRate, StreamKind, Subject};
+use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
 
 /// What stands in front of a path from the top of the repository.
@@ -272,14 +272,19 @@ fn table_and_picture_of_the_wiring_have_the_vendors_poles() {
 fn row_of_stream(kind: StreamKind) -> String {
     let comes = match kind.default_rate() {
         DefaultRate::EverySecond => "every second",
-        DefaultRate::Extra1 => "at `SR0_EXTRA1`",
+        DefaultRate::Extra1(StreamGroup::ExtendedStatus) => {
+            "at `SR0_EXTRA1`, or as requested of EXTENDED_STATUS"
+        }
+        DefaultRate::Extra1(StreamGroup::Extra3) => "at `SR0_EXTRA1`, or as requested of EXTRA3",
         DefaultRate::OnRequest => "on request",
-        DefaultRate::OnChange => "on request, and on change",
+        DefaultRate::OnChange => "on request, on change, and for a new ground station",
     };
     let of = match kind.subject() {
         Subject::Vehicle => "the vehicle",
         Subject::EachPack => "each pack",
         Subject::EachTank => "each tank",
+        Subject::EachKnownResistance => "each pack whose resistance is known",
+        Subject::EachKnownRestingVoltage => "each pack whose resting voltage is known",
     };
     format!("| {} ({}) | {comes} | {of} |", kind.name(), kind.message_id())
 }

@@ -22,13 +22,14 @@ use rover_battmon::time::Instant;
 use rover_battmon::vehicle::Restart;
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
-    FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, PARAM_ERROR, PARAM_VALUE, ParamValue,
-    SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS, SysStatus, encode_v1, of_message,
+    FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, NAMED_VALUE_FLOAT, PARAM_ERROR,
+    PARAM_VALUE, ParamValue, SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS, SysStatus, encode_v1, of_message,
 };
 use support::requests::{
     EVERYONE, PREFLIGHT_REBOOT_SHUTDOWN, SIK_RADIO, VEHICLE, command_int, command_int_2, command_long,
-    command_long_2, ftp_open, param_read_by_index, param_read_by_name, param_request_list, param_set,
-    param_set_payload, param_set_to, radio_status_from, reboot, reboot_to_boot_loader, request_data_stream,
+    command_long_2, ftp_open, heartbeat_from, param_read_by_index, param_read_by_name, param_request_list,
+    param_set, param_set_payload, param_set_to, radio_status_from, reboot, reboot_to_boot_loader,
+    request_data_stream,
 };
 
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
@@ -656,6 +657,144 @@ fn news_of_a_pack_that_is_streamed_anyway_is_no_drop() {
     assert_eq!(desk.statistics().dropped, 0);
 }
 
+const TYPE_GROUND_STATION: u8 = 6;
+const TYPE_ONBOARD_CONTROLLER: u8 = 18;
+
+/// The instances of BATTERY_INFO, after asserting that SMART_BATTERY_INFO was sent of the same.
+fn described(sent: &[Frame]) -> Vec<u8> {
+    let instances = |message, at| -> Vec<_> {
+        let frames = of_message(sent, message);
+        frames.iter().map(|frame| frame.u8(at)).collect()
+    };
+    let info = instances(BATTERY_INFO, 44);
+    assert_eq!(instances(SMART_BATTERY_INFO, 18), info);
+    info
+}
+
+/// The packs that are described in `seconds` in which these senders, in turn, send a HEARTBEAT a second each.
+fn described_to(desk: &mut Desk, kind: u8, senders: &[[u8; 2]], seconds: u64) -> Vec<u8> {
+    let mut sent = Vec::new();
+    for _ in 0..seconds {
+        for sender in senders {
+            desk.receive_in_chunks(&heartbeat_from(*sender, kind), 64);
+        }
+        sent.extend(sent_for(desk, 1));
+    }
+    described(&sent)
+}
+
+#[test]
+fn smart_batteries_are_described_to_each_new_ground_station_once() {
+    const OTHER_STATION: [u8; 2] = [255, 230];
+    let internal = BatteryState {
+        visibility: Visibility::Internal,
+        ..with_cycles(3)
+    };
+    let mut desk = Desk::with_packs(&[with_cycles(1), internal, with_cycles(2), healthy()]);
+    let mut described_to = |kind, senders: &[_], seconds| described_to(&mut desk, kind, senders, seconds);
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[], 10), [0, 2], "on change");
+    assert_eq!(described_to(TYPE_ONBOARD_CONTROLLER, &[[1, 191]], 20), []);
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[GROUND_STATION], 1), [0, 2]);
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[GROUND_STATION], 100), []);
+    assert_eq!(
+        described_to(TYPE_GROUND_STATION, &[GROUND_STATION, OTHER_STATION], 100),
+        [0, 2]
+    );
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[], 31), []);
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[OTHER_STATION], 100), [0, 2]);
+    desk.connect(LinkKind::Radio);
+    assert_eq!(described(&sent_for(&mut desk, 10)), [0, 2], "on change");
+    let again = self::described_to(&mut desk, TYPE_GROUND_STATION, &[OTHER_STATION], 100);
+    assert_eq!(again, [0, 2], "it is new on another link");
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
+#[test]
+fn strangers_with_changing_ids_have_batteries_described_every_ten_seconds_at_most() {
+    let mut desk = Desk::with_packs(&[with_cycles(1); MAX_PACKS]);
+    assert_eq!(described(&sent_for(&mut desk, 1)).len(), MAX_PACKS, "on change");
+    let strangers: Vec<_> = (0..=u8::MAX).map(|id| [id, id.wrapping_mul(7)]).collect();
+    let sent = described_to(&mut desk, TYPE_GROUND_STATION, &strangers, 60);
+    assert_eq!(sent, [0, 1, 2, 3, 4, 5, 6, 7, 8].repeat(6));
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
+#[test]
+fn descriptions_come_every_ten_seconds_by_the_default_interval() {
+    let mut desk = Desk::with_packs(&[healthy(), healthy()]);
+    for (interval_us, expected) in [(0.0, 6), (20_000_000.0, 3), (-1.0, 0)] {
+        for message in [BATTERY_INFO, SMART_BATTERY_INFO] {
+            desk.ask(&command_long_2(SET_MESSAGE_INTERVAL, message as f32, interval_us));
+        }
+        assert_eq!(described(&sent_for(&mut desk, 60)), [0, 1].repeat(expected));
+    }
+}
+
+/// The names and values of NAMED_VALUE_FLOAT.
+fn named_values(sent: &[Frame]) -> Vec<(String, f32)> {
+    let frames = of_message(sent, NAMED_VALUE_FLOAT);
+    frames.iter().map(|f| (f.text(8, 10), f.f32(4))).collect()
+}
+
+#[test]
+fn resistance_and_resting_voltage_are_sent_on_request_while_they_are_known() {
+    let known = BatteryState {
+        resistance_ohm: Some(0.0625),
+        resting_voltage_v: Some(11.5),
+        ..healthy()
+    };
+    let resistance_only = BatteryState {
+        resting_voltage_v: None,
+        ..known
+    };
+    let unused = BatteryState {
+        status: PackStatus::Disabled,
+        ..known
+    };
+    let mut desk = Desk::with_packs(&[known, healthy(), resistance_only, unused]);
+    assert_eq!(named_values(&sent_for(&mut desk, 60)), []);
+
+    let of_first = [("BAT1_RES".into(), 62.5), ("BAT1_VREST".into(), 11.5)];
+    let of_third = [("BAT3_RES".into(), 62.5)];
+    for (instance, expected) in [(0.0, &of_first[..]), (f32::NAN, &of_first), (2.0, &of_third)] {
+        let answers = desk.ask(&command_long_2(
+            REQUEST_MESSAGE,
+            NAMED_VALUE_FLOAT as f32,
+            instance,
+        ));
+        assert_ack(&answers[0], REQUEST_MESSAGE, ACCEPTED);
+        assert_eq!(named_values(&answers), expected);
+        assert_eq!(answers.len(), 1 + expected.len());
+        assert_eq!(
+            answers[1].u32(0),
+            (desk.now_us / 1000) as u32,
+            "ms since the start"
+        );
+    }
+    for instance in [1.0, 3.0, 4.0, 9.0] {
+        let request = command_long_2(REQUEST_MESSAGE, NAMED_VALUE_FLOAT as f32, instance);
+        assert_ack(&desk.one_answer(&request), REQUEST_MESSAGE, DENIED);
+    }
+
+    let set_interval = |desk: &mut Desk, interval_us| {
+        let request = command_long_2(SET_MESSAGE_INTERVAL, NAMED_VALUE_FLOAT as f32, interval_us);
+        assert_ack(&desk.one_answer(&request), SET_MESSAGE_INTERVAL, ACCEPTED);
+    };
+    set_interval(&mut desk, 1_000_000.0);
+    let once = ["BAT1_RES", "BAT3_RES", "BAT1_VREST"];
+    let names = |sent: &[Frame]| -> Vec<_> { named_values(sent).into_iter().map(|(name, _)| name).collect() };
+    assert_eq!(names(&sent_for(&mut desk, 5)), once.repeat(5));
+    desk.change_battery(Pack::First, |battery| battery.resistance_ohm = None);
+    assert_eq!(
+        names(&sent_for(&mut desk, 2)),
+        ["BAT3_RES", "BAT1_VREST"].repeat(2)
+    );
+    // By default it is off.
+    set_interval(&mut desk, 0.0);
+    assert_eq!(named_values(&sent_for(&mut desk, 60)), []);
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
 #[test]
 fn a_pack_with_a_gauge_of_its_own_is_not_reset() {
     let gauged = BatteryState {
@@ -851,6 +990,135 @@ fn swallowed(events: &[Event]) -> bool {
     !events.is_empty() && events.iter().all(|event| *event == Event::Ignored)
 }
 
+const STREAM_ALL: u8 = 0;
+const STREAM_RAW_SENSORS: u8 = 1;
+const STREAM_EXTENDED_STATUS: u8 = 2;
+const STREAM_RC_CHANNELS: u8 = 3;
+const STREAM_POSITION: u8 = 6;
+const STREAM_EXTRA1: u8 = 10;
+const STREAM_EXTRA2: u8 = 11;
+const STREAM_EXTRA3: u8 = 12;
+
+/// How many SYS_STATUS and BATTERY_STATUS of the first pack are sent in ten seconds.
+fn status_rates(desk: &mut Desk) -> [usize; 2] {
+    counts(&sent_for(desk, 10), [SYS_STATUS, BATTERY_STATUS])
+}
+
+#[test]
+fn each_stream_group_moves_its_message_and_the_latest_request_counts() {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    assert_eq!(status_rates(&mut desk), [20, 20]);
+    for (stream, rate_hz, start_stop, expected) in [
+        (STREAM_EXTENDED_STATUS, 5, 1, [50, 20]),
+        (STREAM_EXTRA3, 1, 1, [50, 10]),
+        (STREAM_EXTRA1, 4, 1, [40, 40]),
+        (STREAM_EXTRA3, 10, 1, [40, 100]),
+        (STREAM_ALL, 2, 1, [20, 20]),
+        (STREAM_EXTENDED_STATUS, u16::MAX, 1, [500, 20]),
+        // Without a start, whatever the rate; and a rate of 0.
+        (STREAM_EXTENDED_STATUS, 10, 0, [0, 20]),
+        (STREAM_EXTRA3, 0, 1, [0, 0]),
+        (STREAM_EXTRA3, 5, 1, [0, 50]),
+        (STREAM_ALL, 4, 0, [0, 0]),
+        (STREAM_EXTRA1, 1, 1, [10, 10]),
+    ] {
+        desk.ask(&request_data_stream(stream, rate_hz, start_stop));
+        assert_eq!(status_rates(&mut desk), expected, "{stream} at {rate_hz} Hz");
+    }
+    for other in (0..=u8::MAX).filter(|id| ![0, 2, 10, 12].contains(id)) {
+        desk.ask(&request_data_stream(other, 50, 1));
+        desk.ask(&request_data_stream(other, 50, 0));
+    }
+    assert_eq!(status_rates(&mut desk), [10, 10]);
+    assert_eq!(desk.parameters().get(EXTRA1), 2.0, "nothing of it is set");
+
+    // Another link has its own rates.
+    desk.connect(LinkKind::Radio);
+    assert_eq!(status_rates(&mut desk), [20, 20]);
+}
+
+/// Its order, with the rates it has by default: SYS_STATUS follows *Attitude*, which comes after *Status*.
+#[test]
+fn mission_planners_requests_give_the_rate_of_attitude_and_of_sensor() {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    let round = |desk: &mut Desk, attitude_hz| {
+        for (stream, rate_hz) in [
+            (STREAM_EXTENDED_STATUS, 2),
+            (STREAM_POSITION, 2),
+            (STREAM_EXTRA1, attitude_hz),
+            (STREAM_EXTRA2, attitude_hz),
+            (STREAM_EXTRA3, 2),
+            (STREAM_RAW_SENSORS, 2),
+            (STREAM_RC_CHANNELS, 2),
+        ] {
+            // It does not request a rate of 0.
+            if rate_hz > 0 {
+                desk.ask(&request_data_stream(stream, rate_hz, 1));
+            }
+        }
+        status_rates(desk)
+    };
+    for _ in 0..3 {
+        assert_eq!(round(&mut desk, 4), [40, 20]);
+    }
+    assert_eq!(round(&mut desk, 0), [20, 20]);
+    // A rate that is chosen in its panel holds until the next round.
+    desk.ask(&request_data_stream(STREAM_EXTENDED_STATUS, 10, 1));
+    assert_eq!(status_rates(&mut desk), [100, 20]);
+}
+
+#[test]
+fn setting_sr0_extra1_ends_requests_and_a_request_after_it_counts() {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    for (stream, moved) in [
+        (STREAM_EXTENDED_STATUS, [50, 20]),
+        (STREAM_EXTRA3, [20, 50]),
+        (STREAM_EXTRA1, [50, 50]),
+    ] {
+        desk.ask(&request_data_stream(stream, 5, 1));
+        assert_eq!(status_rates(&mut desk), moved);
+        // To the value it has.
+        desk.assert_set("SR0_EXTRA1", EXTRA1, 2.0);
+        assert_eq!(status_rates(&mut desk), [20, 20]);
+        // Before either is followed.
+        desk.receive_in_chunks(&param_set("SR0_EXTRA1", 10.0), 64);
+        desk.ask(&request_data_stream(stream, 5, 1));
+        assert_eq!(
+            status_rates(&mut desk),
+            moved.map(|rate| if rate == 20 { 100 } else { rate })
+        );
+        desk.ask(&request_data_stream(stream, 5, 1));
+        desk.assert_set("SR0_EXTRA1", EXTRA1, 2.0);
+        assert_eq!(status_rates(&mut desk), [20, 20]);
+    }
+    // Set on another link: it was set before the request.
+    desk.set(EXTRA1, 10.0);
+    desk.ask(&request_data_stream(STREAM_EXTRA3, 5, 1));
+    assert_eq!(status_rates(&mut desk), [100, 50]);
+    desk.set(EXTRA1, 4.0);
+    assert_eq!(status_rates(&mut desk), [40, 40]);
+}
+
+#[test]
+fn an_interval_outranks_stream_requests_until_it_is_put_back() {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    let set_interval = |desk: &mut Desk, interval_us| {
+        desk.ask(&command_long_2(
+            SET_MESSAGE_INTERVAL,
+            BATTERY_STATUS as f32,
+            interval_us,
+        ));
+    };
+    set_interval(&mut desk, -1.0);
+    for stream in [STREAM_EXTRA3, STREAM_EXTRA1, STREAM_ALL] {
+        desk.ask(&request_data_stream(stream, 5, 1));
+        assert_eq!(status_rates(&mut desk)[1], 0, "stream {stream}");
+    }
+    desk.ask(&request_data_stream(STREAM_EXTRA3, 2, 1));
+    set_interval(&mut desk, 0.0);
+    assert_eq!(status_rates(&mut desk), [50, 20], "the latest request of each");
+}
+
 /// What changes the rates of a link.
 #[derive(Clone, Copy, Debug)]
 enum RateRequest {
@@ -865,7 +1133,7 @@ enum RateRequest {
     },
 }
 
-const STREAMED: [u32; 7] = [
+const STREAMED: [u32; 8] = [
     HEARTBEAT,
     SYS_STATUS,
     BATTERY_STATUS,
@@ -873,6 +1141,7 @@ const STREAMED: [u32; 7] = [
     SMART_BATTERY_INFO,
     FUEL_STATUS,
     BATTERY_INFO,
+    NAMED_VALUE_FLOAT,
 ];
 
 impl RateRequest {
@@ -924,7 +1193,7 @@ fn rate_request() -> impl Strategy<Value = RateRequest> {
     let rate = prop_oneof![prop::sample::select(vec![0, 1, 50, u16::MAX]), any::<u16>()];
     prop_oneof![
         (message, interval).prop_map(|(message, interval_us)| RateRequest::Interval { message, interval_us }),
-        (prop::sample::select(vec![0u8, 2, 10, 255]), rate, 0u8..3).prop_map(
+        (prop::sample::select(vec![0u8, 2, 10, 12, 255]), rate, 0u8..3).prop_map(
             |(stream, rate_hz, start_stop)| RateRequest::DataStream {
                 stream,
                 rate_hz,

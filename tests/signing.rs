@@ -9,6 +9,7 @@ mod support;
 use desk::Desk;
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
+use rover_battmon::battery::{BatteryState, PackDetails, PackStatus};
 use rover_battmon::mavlink::{Event, LinkKind, SetupRefused, SigningChange, SigningTrouble, StoredSigning};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
@@ -16,7 +17,8 @@ use rover_battmon::storage::Condition;
 
 use signer::{NEW_YEAR, Signer};
 use support::frames::{
-    COMMAND_ACK, HEARTBEAT, PARAM_SET, PARAM_VALUE, SYS_STATUS, SysStatus, encode_v1, of_message, texts_of,
+    BATTERY_INFO, COMMAND_ACK, HEARTBEAT, PARAM_SET, PARAM_VALUE, SYS_STATUS, SysStatus, encode_v1,
+    of_message, texts_of,
 };
 use support::requests::{
     EVERYONE, VEHICLE, arm, command_long, heartbeat, manual_control, param_read_by_name, param_request_list,
@@ -309,6 +311,24 @@ fn other_vehicles_heartbeats_are_no_news() {
     let mut radio = protected();
     let events = radio.receive_in_chunks(&heartbeat(2), 64);
     assert_eq!(events, [Event::Ignored]);
+}
+
+#[test]
+fn smart_batteries_are_described_to_a_ground_station_with_the_key_only() {
+    let gcs = 6;
+    let mut radio = protected();
+    radio.set_batteries(&[BatteryState {
+        status: PackStatus::Healthy,
+        details: PackDetails {
+            cycle_count: Some(7),
+            ..PackDetails::default()
+        },
+        ..BatteryState::default()
+    }]);
+    radio.receive_in_chunks(&heartbeat(gcs), 64);
+    assert_eq!(of_message(&radio.sent(), BATTERY_INFO).len(), 0);
+    radio.receive_in_chunks(&Signer::new(OWNER).sign(&heartbeat(gcs)), 64);
+    assert_eq!(of_message(&radio.sent(), BATTERY_INFO).len(), 1);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::work::Work;
 use crate::battery::{PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Action, Event, Framer, Message};
+use crate::mavlink::{Action, Event, Framer, Message, SystemState};
 use crate::pack::Pack;
 use crate::parameter::{ParameterId, VehicleParameter};
 use crate::sensor::Admission;
@@ -94,8 +94,12 @@ impl Autopilot {
     }
 
     /// The message that leaves next.
-    pub fn take(&self, channel: &mut Channel) -> Option<Message> {
-        channel.endpoint.take(&self.system_state(), &self.parameters)
+    pub fn take(&self, channel: &mut Channel, now: Instant) -> Option<Message> {
+        let state = SystemState {
+            now,
+            ..self.system_state()
+        };
+        channel.endpoint.take(&state, &self.parameters)
     }
 
     /// The frame of the message that leaves next, signed if there is a key.
@@ -105,7 +109,7 @@ impl Autopilot {
         framer: &'a mut Framer,
         now: Instant,
     ) -> Option<&'a [u8]> {
-        let message = self.take(channel);
+        let message = self.take(channel, now);
         // By reference: a message is large, and each move copies it.
         let message = message.as_ref()?;
         // The table's range is 1 to 255.
@@ -123,7 +127,10 @@ impl Autopilot {
         received_at: Instant,
     ) -> Option<Event> {
         // Of the packs alone: the vehicle is changed meanwhile.
-        let state = system_state(&self.packs, &self.vehicle, self.readiness, self.load_permille);
+        let state = SystemState {
+            now,
+            ..system_state(&self.packs, &self.vehicle, self.readiness, self.load_permille)
+        };
         let event = channel.endpoint.handle_next(
             now,
             received_at,

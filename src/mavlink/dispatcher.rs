@@ -7,12 +7,13 @@ use super::parser::ReceivedFrame;
 use super::rates::{Rates, is_radio};
 use super::replies::Replies;
 use super::requests::{Command, Peer, ReceivedRequest, Request, SetUpSigning};
-use super::services::commands::Action;
+use super::services::commands::{Action, Answer};
 use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::signing::{self, SetupRefused, SigningChange};
 use super::services::time;
 use super::services::vehicle::{Driving, VehicleService, is_of_ground_station};
 use super::signing::{AcceptUnsigned, Effect, LinkKind, Signing, is_permitted};
+use super::stations::{Introduction, Stations};
 use super::system_state::SystemState;
 use super::{COMPONENT_ID, FileTransferNak, Message};
 use crate::battery::ArmState;
@@ -110,6 +111,7 @@ pub(super) struct Context<'a> {
     pub parameters: &'a mut Parameters,
     pub list: &'a mut ParameterList,
     pub rates: &'a mut Rates,
+    pub stations: &'a mut Stations,
     pub vehicle: &'a mut Vehicle,
     pub link: LinkKind,
     pub signing: &'a mut Signing,
@@ -179,6 +181,7 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
         parameters,
         list,
         rates,
+        stations,
         vehicle,
         link,
         signing,
@@ -211,7 +214,7 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
             let nak = FileTransferNak::refuse(transfer, from);
             replies.answer_any(nak.map(Message::FileTransferNak));
         }
-        Request::DataStream(stream) => rates.request_data_stream(stream),
+        Request::DataStream(stream) => rates.request_data_stream(stream, parameters, now),
         Request::Ping(ping) => replies.answer_any(time::ping(ping, from)),
         Request::Timesync(timesync) => replies.answer_any(time::timesync(timesync, from, now)),
         Request::RadioStatus(status) if is_radio(from.component_id, link) => {
@@ -228,6 +231,11 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
         Request::Control(sticks) => return controlled(service.control(sticks)),
         Request::Heartbeat(heartbeat) if is_of_ground_station(heartbeat) => {
             service.ground_station_seen();
+            if stations.heartbeat(from, now) == Introduction::Due {
+                for pack in state.described() {
+                    replies.outbox.post_details(pack);
+                }
+            }
             return Event::GroundStationHeard;
         }
         Request::Heartbeat(_) => return Event::Ignored,
@@ -265,7 +273,16 @@ fn execute(
         service.vehicle.prepare_restart(restart);
     }
     replies.acknowledge(command.number, outcome.result, from);
-    replies.answer_any(outcome.message);
+    match outcome.answer {
+        Some(Answer::Message(message)) => replies.answer(message),
+        Some(Answer::Streams(requested)) => {
+            let state = service.state;
+            for stream in requested.reported_in(state) {
+                replies.answer(stream.build(state));
+            }
+        }
+        None => {}
+    }
     match outcome.action {
         // Even a command that fails for one pack has an effect on the others.
         Some(action) => Event::Command(action),

@@ -12,8 +12,9 @@ use super::rates::Rates;
 use super::replies::Replies;
 use super::services::parameters::ParameterList;
 use super::signing::{LinkKind, Signing};
+use super::stations::Stations;
 use super::system_state::{LinkStatistics, SystemState};
-use super::{BroadcastCommand, DefaultRate, Message, Stream, StreamKind};
+use super::{BroadcastCommand, Message, Stream, StreamKind};
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::time::Instant;
 use crate::vehicle::Vehicle;
@@ -31,6 +32,7 @@ pub struct Endpoint {
     list: ParameterList,
     outbox: Outbox,
     details: DetailsChangeDetector,
+    stations: Stations,
     sent: u32,
     dropped: u32,
     /// Those of them that belonged to a stream.
@@ -52,6 +54,7 @@ impl Endpoint {
             list: ParameterList::default(),
             outbox: Outbox::new(),
             details: DetailsChangeDetector::default(),
+            stations: Stations::default(),
             sent: 0,
             dropped: 0,
             streams_dropped: 0,
@@ -106,15 +109,11 @@ impl Endpoint {
             .last()
     }
 
-    /// Posts the messages that are sent when the details of a smart battery change. One that waits already will report the
-    /// change, so nothing is dropped for it.
+    /// Posts the messages that are sent when the details of a smart battery change.
     fn post_changes(&mut self, state: &SystemState<'_>) {
-        for pack in state.reported() {
+        for pack in state.described() {
             if self.details.has_changed(pack, &state.battery(pack).details) {
-                let kinds = StreamKind::ALL.into_iter();
-                for kind in kinds.filter(|kind| kind.default_rate() == DefaultRate::OnChange) {
-                    self.outbox.post(kind.of(pack));
-                }
+                self.outbox.post_details(pack);
             }
         }
     }
@@ -236,6 +235,7 @@ impl Endpoint {
             parameters,
             list: &mut self.list,
             rates: &mut self.rates,
+            stations: &mut self.stations,
             vehicle,
             link: self.kind,
             signing,

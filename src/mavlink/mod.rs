@@ -25,6 +25,7 @@ mod scheduler;
 mod services;
 mod signing;
 mod slowdown;
+mod stations;
 mod system_state;
 
 /// The dialect whose messages are used: `development` is `common` with BATTERY_STATUS_V2.
@@ -35,10 +36,10 @@ pub use dispatcher::Event;
 pub use endpoint::Endpoint;
 pub use framer::Framer;
 pub use messages::{
-    BroadcastCommand, CommandAck, DefaultRate, FileTransferNak, Message, Stream, StreamKind, Subject,
-    build_autopilot_version, build_battery_info, build_battery_status, build_battery_status_v2,
-    build_fuel_status, build_heartbeat, build_protocol_version, build_smart_battery_info, build_sys_status,
-    status_texts,
+    BroadcastCommand, CommandAck, DefaultRate, FileTransferNak, Message, Stream, StreamGroup, StreamKind,
+    Subject, build_autopilot_version, build_battery_info, build_battery_status, build_battery_status_v2,
+    build_fuel_status, build_heartbeat, build_protocol_version, build_resistance, build_resting_voltage,
+    build_smart_battery_info, build_sys_status, status_texts,
 };
 pub use outbox::{NoRoom, Outbox, Posted};
 pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};

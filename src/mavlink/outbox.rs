@@ -4,7 +4,7 @@ use core::mem;
 
 use heapless::Deque;
 
-use super::{Message, Stream, StreamKind};
+use super::{DefaultRate, Message, Stream, StreamKind};
 use crate::pack::Pack;
 
 /// Answers that can wait. Ground stations ask for a few things at a time and repeat what is not answered.
@@ -65,6 +65,14 @@ impl Outbox {
             Posted::Replaced
         } else {
             Posted::Queued
+        }
+    }
+
+    /// Has the messages wait that say what `pack` is. One that waits already says the same, so nothing is dropped for it.
+    pub fn post_details(&mut self, pack: Pack) {
+        let kinds = StreamKind::ALL.into_iter();
+        for kind in kinds.filter(|kind| kind.default_rate() == DefaultRate::OnChange) {
+            self.post(kind.of(pack));
         }
     }
 

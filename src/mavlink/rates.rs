@@ -1,14 +1,17 @@
 //! The rates of one link: what the parameters say, and what ground stations ask for beyond that.
 
+use super::StreamGroup;
 use super::requests::{DataStream, RadioStatus};
 use super::scheduler::StreamScheduler;
 use super::signing::LinkKind;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::time::Instant;
 
-/// REQUEST_DATA_STREAM, stream ids: all of them, and the one with the battery in it.
+/// REQUEST_DATA_STREAM, stream ids: all of them, ArduPilot's of SYS_STATUS and of BATTERY_STATUS, and the one of both here.
 const STREAM_ALL: u8 = 0;
+const STREAM_EXTENDED_STATUS: u8 = 2;
 const STREAM_EXTRA1: u8 = 10;
+const STREAM_EXTRA3: u8 = 12;
 
 /// Components that report the state of a radio: MAV_COMP_ID_TELEMETRY_RADIO (SiK and what follows it) and
 /// MAV_COMP_ID_UDP_BRIDGE (Wi-Fi). Their system id is their own, the vehicle's or a ground station's.
@@ -21,34 +24,23 @@ const HIGHEST_RATE_HZ: f32 = 50.0;
 #[derive(Debug)]
 pub(super) struct Rates {
     pub scheduler: StreamScheduler,
-    /// What a ground station asked for by REQUEST_DATA_STREAM. It holds on this link until `SR0_EXTRA1` is set.
-    requested_hz: Option<f32>,
-    /// `SR0_EXTRA1` when it was looked at last.
-    parameter_hz: f32,
-    /// The rate that was scheduled last.
-    scheduled_hz: f32,
+    /// `SR0_EXTRA1` when it was followed last; `None` if it is to be followed again.
+    followed_hz: Option<f32>,
 }
 
 impl Rates {
     pub fn new(now: Instant) -> Self {
         Self {
             scheduler: StreamScheduler::new(now),
-            requested_hz: None,
-            parameter_hz: 0.0,
-            scheduled_hz: 0.0,
+            followed_hz: None,
         }
     }
 
     /// Follows the parameters. A parameter that was set on another link wins here, too, if that changed it.
     pub fn follow(&mut self, parameters: &Parameters, now: Instant) {
-        let parameter_hz = parameters.get(VehicleParameter::Sr0Extra1);
-        if parameter_hz != self.parameter_hz {
-            self.requested_hz = None;
-        }
-        self.parameter_hz = parameter_hz;
-        let rate_hz = self.requested_hz.unwrap_or(parameter_hz);
-        if rate_hz != self.scheduled_hz {
-            self.scheduled_hz = rate_hz;
+        let rate_hz = parameters.get(VehicleParameter::Sr0Extra1);
+        if self.followed_hz != Some(rate_hz) {
+            self.followed_hz = Some(rate_hz);
             self.scheduler.set_extra1_rate(rate_hz, now);
         }
     }
@@ -56,15 +48,22 @@ impl Rates {
     /// A ground station on this link has set a parameter, maybe to the value it had.
     pub fn parameter_set(&mut self, id: ParameterId) {
         if id == VehicleParameter::Sr0Extra1.into() {
-            self.requested_hz = None;
+            self.followed_hz = None;
         }
     }
 
-    /// REQUEST_DATA_STREAM: changes the live rate of this link and saves nothing. Ground stations send it unasked.
-    pub fn request_data_stream(&mut self, request: &DataStream) {
-        if [STREAM_ALL, STREAM_EXTRA1].contains(&request.stream_id) {
-            let rate_hz = request.rate_hz.map_or(0.0, f32::from);
-            self.requested_hz = Some(rate_hz.min(HIGHEST_RATE_HZ));
+    /// REQUEST_DATA_STREAM: changes live rates of this link and saves nothing. Ground stations send it unasked. Of each
+    /// message the latest request counts, until `SR0_EXTRA1` is set.
+    pub fn request_data_stream(&mut self, request: &DataStream, parameters: &Parameters, now: Instant) {
+        // What was set before the request must not override it later.
+        self.follow(parameters, now);
+        let rate_hz = request.rate_hz.map_or(0.0, f32::from).min(HIGHEST_RATE_HZ);
+        let scheduler = &mut self.scheduler;
+        match request.stream_id {
+            STREAM_ALL | STREAM_EXTRA1 => scheduler.set_extra1_rate(rate_hz, now),
+            STREAM_EXTENDED_STATUS => scheduler.set_group_rate(StreamGroup::ExtendedStatus, rate_hz, now),
+            STREAM_EXTRA3 => scheduler.set_group_rate(StreamGroup::Extra3, rate_hz, now),
+            _ => {}
         }
     }
 

@@ -1,7 +1,7 @@
 //! When which message of one link is due.
 
 use super::slowdown::Slowdown;
-use super::{DefaultRate, StreamKind};
+use super::{DefaultRate, StreamGroup, StreamKind};
 use crate::cadence::Cadence;
 use crate::time::Instant;
 
@@ -9,6 +9,9 @@ use crate::time::Instant;
 const SECOND_US: u64 = 1_000_000;
 
 const MICROSECONDS_PER_SECOND: f32 = 1e6;
+
+/// The default interval of messages whose content hardly ever changes.
+const RARELY_US: u64 = 10_000_000;
 
 /// 50 Hz, the highest rate a stream is sent at.
 const SHORTEST_INTERVAL_US: u64 = 20_000;
@@ -19,7 +22,7 @@ const LONGEST_INTERVAL_US: u64 = 1_800_000_000;
 /// How often a message is sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interval {
-    /// As its parameter says; never, if it has none.
+    /// By the message's [`DefaultRate`].
     #[default]
     Default,
     /// Never.
@@ -33,7 +36,6 @@ pub enum Interval {
 pub struct StreamScheduler {
     /// Of each message, in the order of [`StreamKind::ALL`].
     entries: [Entry; StreamKind::COUNT],
-    extra1_interval_us: Option<u64>,
     slowdown: Slowdown,
 }
 
@@ -42,6 +44,8 @@ pub struct StreamScheduler {
 struct Entry {
     kind: StreamKind,
     interval: Interval,
+    /// The interval by default, in µs; `None` is never.
+    default_us: Option<u64>,
     /// `None` while it is off.
     cadence: Option<Cadence>,
     /// When it may be due again at the earliest, were it turned off and on: requests must not exceed the highest rate.
@@ -49,6 +53,10 @@ struct Entry {
 }
 
 impl Entry {
+    fn sends(&self, message_id: u32) -> bool {
+        self.kind.message_id() == message_id
+    }
+
     /// Whether the message may be sent at this interval.
     fn allows(&self, interval: Interval) -> bool {
         match (self.kind.default_rate(), interval) {
@@ -63,13 +71,9 @@ impl Entry {
     }
 
     /// The interval that was asked for, before any slow-down.
-    fn asked_interval_us(&self, extra1_interval_us: Option<u64>) -> Option<u64> {
+    fn asked_interval_us(&self) -> Option<u64> {
         match self.interval {
-            Interval::Default => match self.kind.default_rate() {
-                DefaultRate::EverySecond => Some(SECOND_US),
-                DefaultRate::Extra1 => extra1_interval_us,
-                DefaultRate::OnRequest | DefaultRate::OnChange => None,
-            },
+            Interval::Default => self.default_us,
             Interval::Off => None,
             Interval::Every(interval_us) => Some(interval_us),
         }
@@ -100,29 +104,49 @@ impl Entry {
 impl StreamScheduler {
     /// A scheduler whose HEARTBEAT is due at `now`, and everything else off.
     pub fn new(now: Instant) -> Self {
-        let entry = |kind| Entry {
+        let entry = |kind: StreamKind| Entry {
             kind,
-            interval: Interval::Default,
+            interval: match kind.default_rate() {
+                DefaultRate::EverySecond | DefaultRate::Extra1(_) => Interval::Default,
+                DefaultRate::OnRequest | DefaultRate::OnChange => Interval::Off,
+            },
+            default_us: match kind.default_rate() {
+                DefaultRate::EverySecond => Some(SECOND_US),
+                DefaultRate::OnChange => Some(RARELY_US),
+                DefaultRate::Extra1(_) | DefaultRate::OnRequest => None,
+            },
             cadence: None,
             earliest: now,
         };
         let mut scheduler = Self {
             entries: StreamKind::ALL.map(entry),
-            extra1_interval_us: None,
             slowdown: Slowdown::default(),
         };
         scheduler.apply(now);
         scheduler
     }
 
-    /// Sets the rate of [`DefaultRate::Extra1`], in Hz; 0 turns its messages off. They are sent every half hour at least.
+    /// Sets the default rate of both groups of streams, in Hz, as [`Self::set_group_rate`] does.
     pub fn set_extra1_rate(&mut self, rate_hz: f32, now: Instant) {
-        self.extra1_interval_us =
+        for group in [StreamGroup::ExtendedStatus, StreamGroup::Extra3] {
+            self.set_group_rate(group, rate_hz, now);
+        }
+    }
+
+    /// Sets the default rate of the messages of a group of streams, in Hz; 0 turns them off. They are sent every half hour
+    /// at least.
+    pub fn set_group_rate(&mut self, group: StreamGroup, rate_hz: f32, now: Instant) {
+        let interval_us =
             (rate_hz > 0.0).then(|| ((MICROSECONDS_PER_SECOND / rate_hz) as u64).min(LONGEST_INTERVAL_US));
+        for entry in &mut self.entries {
+            if entry.kind.default_rate() == DefaultRate::Extra1(group) {
+                entry.default_us = interval_us;
+            }
+        }
         self.apply(now);
     }
 
-    /// Sets the interval of a message, for all its instances.
+    /// Sets the interval of a message, for all its instances and names.
     ///
     /// # Errors
     /// The message is not one that is streamed, or the interval not one it can have.
@@ -132,14 +156,16 @@ impl StreamScheduler {
         interval: Interval,
         now: Instant,
     ) -> Result<(), IntervalRefused> {
-        let kind = StreamKind::from_message_id(message_id).ok_or(IntervalRefused::NotStreamed)?;
-        let entry = &mut self.entries[kind as usize];
-        if !entry.allows(interval) {
-            return Err(IntervalRefused::OutOfRange);
+        let mut result = Err(IntervalRefused::NotStreamed);
+        for entry in self.entries.iter_mut().filter(|entry| entry.sends(message_id)) {
+            if !entry.allows(interval) {
+                return Err(IntervalRefused::OutOfRange);
+            }
+            entry.interval = interval;
+            result = Ok(());
         }
-        entry.interval = interval;
         self.apply(now);
-        Ok(())
+        result
     }
 
     /// The interval of a message at present, in µs: `None` while it is off.
@@ -147,8 +173,8 @@ impl StreamScheduler {
     /// # Errors
     /// The message is not one that is streamed.
     pub fn interval_us(&self, message_id: u32) -> Result<Option<u64>, NotStreamed> {
-        let kind = StreamKind::from_message_id(message_id).ok_or(NotStreamed)?;
-        Ok(self.entries[kind as usize].asked_interval_us(self.extra1_interval_us))
+        let entry = self.entries.iter().find(|entry| entry.sends(message_id));
+        entry.map(Entry::asked_interval_us).ok_or(NotStreamed)
     }
 
     /// A radio reports how much of its transmit buffer is free, in percent: streams are slowed down when it fills up,
@@ -190,7 +216,7 @@ impl StreamScheduler {
                 _ => self.slowdown.delay_us(),
             };
             let interval_us = entry
-                .asked_interval_us(self.extra1_interval_us)
+                .asked_interval_us()
                 .map(|asked_us| asked_us.saturating_add(delay_us));
             entry.follow(interval_us, now);
         }
@@ -302,11 +328,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_sent_on_request_only_is_off_until_then_and_again_by_default() {
-        for (message_id, message) in [
-            (369, StreamKind::BatteryStatusV2),
-            (370, StreamKind::SmartBatteryInfo),
-            (372, StreamKind::BatteryInfo),
+    fn what_is_sent_on_request_only_is_off_until_then_and_rare_by_default() {
+        for (message_id, message, by_default_us) in [
+            (369, StreamKind::BatteryStatusV2, None),
+            (370, StreamKind::SmartBatteryInfo, Some(10_000_000)),
+            (371, StreamKind::FuelStatus, None),
+            (372, StreamKind::BatteryInfo, Some(10_000_000)),
         ] {
             let mut scheduler = StreamScheduler::new(Instant::EPOCH);
             scheduler.set_extra1_rate(2.0, Instant::EPOCH);
@@ -319,7 +346,13 @@ mod tests {
             scheduler
                 .set_interval(message_id, Interval::Default, at_us(20_000_000))
                 .unwrap();
-            assert_eq!(count(&run(&mut scheduler, 30_000_000, || 0), message), 0);
+            assert_eq!(scheduler.interval_us(message_id), Ok(by_default_us));
+            let sent = count(&run(&mut scheduler, 120_000_000, || 0), message);
+            assert_eq!(sent, by_default_us.map_or(0, |_| 10));
+            scheduler
+                .set_interval(message_id, Interval::Off, at_us(120_000_000))
+                .unwrap();
+            assert_eq!(count(&run(&mut scheduler, 150_000_000, || 0), message), 0);
         }
     }
 

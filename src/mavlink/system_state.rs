@@ -3,6 +3,7 @@
 use super::ReceiveStatistics;
 use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
 use crate::pack::Pack;
+use crate::time::Instant;
 use crate::vehicle::VehicleStatus;
 
 /// Everything the telemetry of one link reports.
@@ -18,6 +19,8 @@ pub struct SystemState<'a> {
     pub load_permille: u16,
     /// What happened on the link this state is sent over.
     pub link: LinkStatistics,
+    /// The present moment; its epoch is the start.
+    pub now: Instant,
 }
 
 impl SystemState<'_> {
@@ -76,7 +79,13 @@ impl SystemState<'_> {
         Pack::ALL.into_iter().filter(|pack| self.is_reported(*pack))
     }
 
-    /// Whether `pack` is one of those.
+    /// Those of them that report what they are: smart batteries.
+    pub fn described(&self) -> impl Iterator<Item = Pack> {
+        self.reported()
+            .filter(|pack| !self.battery(*pack).details.is_empty())
+    }
+
+    /// Whether `pack` is one of those that are reported.
     pub fn is_reported(&self, pack: Pack) -> bool {
         let battery = self.batteries.get(pack as usize);
         battery.is_some_and(|battery| {

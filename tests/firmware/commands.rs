@@ -4,8 +4,8 @@ use crate::bench::{Bench, SECOND};
 use crate::emulator::LogLevel;
 use crate::runs::rates_asked_for::{self, assert_rates};
 use crate::support::frames::{
-    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, PING,
-    PROTOCOL_VERSION, SYS_STATUS, TIMESYNC, of_message,
+    AUTOPILOT_VERSION, BATTERY_INFO, BATTERY_STATUS, COMMAND_ACK, Frame, GROUND_STATION, HEARTBEAT,
+    MESSAGE_INTERVAL, PING, PROTOCOL_VERSION, SYS_STATUS, TIMESYNC, of_message,
 };
 use crate::support::requests::{
     SIK_RADIO, command_int, command_int_2, command_long, command_long_2, param_set, ping, radio_status,
@@ -25,7 +25,9 @@ const UNSUPPORTED: u8 = 3;
 const FAILED: u8 = 4;
 
 const STREAM_ALL: u8 = 0;
+const STREAM_EXTENDED_STATUS: u8 = 2;
 const STREAM_EXTRA1: u8 = 10;
+const STREAM_EXTRA3: u8 = 12;
 
 fn running() -> Bench {
     let mut bench = Bench::power_up(2482);
@@ -170,15 +172,36 @@ fn a_requested_stream_rate_is_live_until_the_parameter_is_set() {
     assert_rates(&mut bench, 100 * SECOND, &[(BATTERY_STATUS, 10.0)]);
     bench.ask(&request_data_stream(STREAM_ALL, 4, 1));
     assert_rates(&mut bench, 100 * SECOND, &[(SYS_STATUS, 4.0)]);
+    bench.ask(&request_data_stream(STREAM_EXTENDED_STATUS, 5, 1));
+    bench.ask(&request_data_stream(STREAM_EXTRA3, 1, 1));
     // Another stream than ours.
     bench.ask(&request_data_stream(11, 50, 1));
-    assert_rates(&mut bench, 100 * SECOND, &[(SYS_STATUS, 4.0)]);
+    assert_rates(
+        &mut bench,
+        20 * SECOND,
+        &[(SYS_STATUS, 5.0), (BATTERY_STATUS, 1.0)],
+    );
+    bench.ask(&request_data_stream(STREAM_EXTENDED_STATUS, 5, 0));
+    assert_eq!(count(&mut bench, SYS_STATUS, 5), 0);
+    assert_eq!(count(&mut bench, BATTERY_STATUS, 5), 5);
     bench.ask(&request_data_stream(STREAM_EXTRA1, 10, 0));
     assert_eq!(count(&mut bench, BATTERY_STATUS, 5), 0);
     // To the value it has had all the time.
     bench.ask(&param_set("SR0_EXTRA1", 2.0));
     assert_rates(&mut bench, 100 * SECOND, &[(BATTERY_STATUS, 2.0)]);
     assert!(bench.flash_operations().is_empty(), "nothing of it was saved");
+}
+
+#[test]
+fn what_hardly_changes_comes_every_ten_seconds_by_default() {
+    let mut bench = running();
+    let answers = bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, BATTERY_INFO as f32, 0.0));
+    assert_eq!(result(&answers), ACCEPTED);
+    assert_rates(
+        &mut bench,
+        60 * SECOND,
+        &[(BATTERY_INFO, 0.1), (BATTERY_STATUS, 2.0)],
+    );
 }
 
 #[test]

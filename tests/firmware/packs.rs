@@ -4,8 +4,8 @@ use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
 use crate::emulator::{AdcInput, LogLevel};
 use crate::motors::{LAMPS, decode};
 use crate::support::frames::{
-    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, SYS_STATUS, SysStatus, last_of, of_message,
-    texts_of,
+    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, NAMED_VALUE_FLOAT, SYS_STATUS, SysStatus,
+    last_of, of_message, texts_of,
 };
 use crate::support::requests::command_long_2;
 
@@ -13,7 +13,9 @@ use crate::support::requests::command_long_2;
 const CURRENT: usize = 1;
 
 const BATTERY_RESET: u16 = 42651;
+const REQUEST_MESSAGE: u16 = 512;
 const ACCEPTED: u8 = 0;
+const DENIED: u8 = 2;
 
 /// 1241 counts are 1.0 V at a pin: 17 A by ArduPilot's default sensor.
 const ONE_VOLT: u16 = 1241;
@@ -238,6 +240,13 @@ fn a_pack_for_internal_use_is_not_reported() {
 fn the_resting_voltage_is_sent_when_that_is_asked_for() {
     let mut bench = Bench::configured(HALF_FULL_3S, &WITH_CURRENT);
     bench.set("BATT_OPTIONS", 64.0);
+    let estimates = command_long_2(REQUEST_MESSAGE, NAMED_VALUE_FLOAT as f32, 0.0);
+    let answers = bench.ask(&estimates);
+    assert_eq!(
+        of_message(&answers, COMMAND_ACK)[0].u8(2),
+        DENIED,
+        "nothing is known yet"
+    );
     // 50 mΩ: 17 A take 0.85 V off the pack, 267 counts.
     for step in 0..6 {
         let (voltage, current) = if step % 2 == 0 {
@@ -261,6 +270,20 @@ fn the_resting_voltage_is_sent_when_that_is_asked_for() {
             .voltage_mv()
             .abs_diff(11_402)
             < 60
+    );
+
+    let answers = bench.ask(&estimates);
+    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
+    let values = of_message(&answers, NAMED_VALUE_FLOAT);
+    let names: Vec<_> = values.iter().map(|value| value.text(8, 10)).collect();
+    assert_eq!(names, ["BAT1_RES", "BAT1_VREST"]);
+    let (resistance_mohm, resting_v) = (values[0].f32(4), values[1].f32(4));
+    assert!((resistance_mohm - 50.0).abs() < 3.0, "{resistance_mohm} mΩ");
+    assert!((resting_v - 11.402).abs() < 0.06, "{resting_v} V");
+    let age_ms = bench.time_us() / 1000 - u64::from(values[0].u32(0));
+    assert!(
+        age_ms < 5000,
+        "{age_ms} ms since the restart with its settings are missing"
     );
 }
 

@@ -206,6 +206,14 @@ def test_a_data_stream_request_holds_until_the_parameter_is_set(vehicle, stream)
     assert is_about(rate_of(vehicle, "BATTERY_STATUS"), 4)
 
 
+def test_the_streams_of_ardupilot_move_their_messages(vehicle):
+    vehicle.mav.request_data_stream_send(1, 1, mavlink.MAV_DATA_STREAM_EXTENDED_STATUS, 8, 1)
+    vehicle.mav.request_data_stream_send(1, 1, mavlink.MAV_DATA_STREAM_EXTRA3, 5, 1)
+    messages = messages_of(vehicle, 4)
+    assert is_about(count(messages, "SYS_STATUS") / 4, 8)
+    assert is_about(count(messages, "BATTERY_STATUS") / 4, 5)
+
+
 def test_data_streams_are_stopped_and_others_ignored(vehicle):
     vehicle.mav.request_data_stream_send(1, 1, mavlink.MAV_DATA_STREAM_POSITION, 10, 1)
     assert is_about(rate_of(vehicle, "BATTERY_STATUS"), 2)

@@ -4,9 +4,9 @@
 #![allow(dead_code)]
 
 use super::frames::{
-    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MANUAL_CONTROL, PARAM_REQUEST_LIST,
-    PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS, RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE,
-    SETUP_SIGNING, TIMESYNC, encode_v2, encode_v2_from,
+    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, MANUAL_CONTROL,
+    PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS, RC_CHANNELS_OVERRIDE,
+    REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, TIMESYNC, encode_v2, encode_v2_from,
 };
 
 /// The vehicle's system and component id.
@@ -183,7 +183,11 @@ pub fn rc_override(target: [u8; 2], steering_us: u16, throttle_us: u16) -> Vec<u
 
 /// The heartbeat of a ground station (6), or of another kind of system.
 pub fn heartbeat(kind: u8) -> Vec<u8> {
-    encode_v2(HEARTBEAT, &[0, 0, 0, 0, kind, 8, 0, 4, 3])
+    heartbeat_from(GROUND_STATION, kind)
+}
+
+pub fn heartbeat_from(sender: [u8; 2], kind: u8) -> Vec<u8> {
+    encode_v2_from(sender, HEARTBEAT, &[0, 0, 0, 0, kind, 8, 0, 4, 3])
 }
 
 pub fn setup_signing(key: [u8; 32], initial_timestamp: u64) -> Vec<u8> {

@@ -11,6 +11,7 @@ mod declare;
 mod file_transfer;
 mod fuel_status;
 mod heartbeat;
+mod named_value_float;
 mod pack_facts;
 mod smart_battery_info;
 mod status_text;
@@ -30,18 +31,20 @@ pub use command_long::BroadcastCommand;
 pub use file_transfer::FileTransferNak;
 pub use fuel_status::build_fuel_status;
 pub use heartbeat::build_heartbeat;
+pub use named_value_float::{build_resistance, build_resting_voltage};
 pub use smart_battery_info::build_smart_battery_info;
 pub(super) use status_text::chunks_of;
 pub use status_text::status_texts;
-pub use stream::{DefaultRate, Subject};
+pub use stream::{DefaultRate, StreamGroup, Subject};
 pub use sys_status::build_sys_status;
 pub use version::{build_autopilot_version, build_protocol_version};
 
 use super::SystemState;
 use super::dialect::{
     AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA,
-    HEARTBEAT_DATA, MESSAGE_INTERVAL_DATA, PARAM_ERROR_DATA, PARAM_VALUE_DATA, PING_DATA,
-    PROTOCOL_VERSION_DATA, SMART_BATTERY_INFO_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, TIMESYNC_DATA,
+    HEARTBEAT_DATA, MESSAGE_INTERVAL_DATA, NAMED_VALUE_FLOAT_DATA, PARAM_ERROR_DATA, PARAM_VALUE_DATA,
+    PING_DATA, PROTOCOL_VERSION_DATA, SMART_BATTERY_INFO_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
+    TIMESYNC_DATA,
 };
 use crate::pack::Pack;
 
@@ -50,14 +53,16 @@ use crate::pack::Pack;
 declare::messages! {
     streams of the vehicle {
         Heartbeat(HEARTBEAT_DATA): EverySecond, build_heartbeat;
-        SysStatus(SYS_STATUS_DATA): Extra1, build_sys_status;
+        SysStatus(SYS_STATUS_DATA): Extra1(ExtendedStatus), build_sys_status;
     }
     streams of packs {
-        BatteryStatus(BATTERY_STATUS_DATA): Extra1, EachPack, build_battery_status;
+        BatteryStatus(BATTERY_STATUS_DATA): Extra1(Extra3), EachPack, build_battery_status;
         BatteryStatusV2(BATTERY_STATUS_V2_DATA): OnRequest, EachPack, build_battery_status_v2;
         BatteryInfo(BATTERY_INFO_DATA): OnChange, EachPack, build_battery_info;
         SmartBatteryInfo(SMART_BATTERY_INFO_DATA): OnChange, EachPack, build_smart_battery_info;
         FuelStatus(FUEL_STATUS_DATA): OnRequest, EachTank, build_fuel_status;
+        Resistance(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownResistance, build_resistance;
+        RestingVoltage(NAMED_VALUE_FLOAT_DATA): OnRequest, EachKnownRestingVoltage, build_resting_voltage;
     }
     answers {
         Ping(PING_DATA);

@@ -13,6 +13,19 @@ pub enum Subject {
     EachPack,
     /// A pack that is a tank whose capacity is known.
     EachTank,
+    /// A pack whose internal resistance is known.
+    EachKnownResistance,
+    /// A pack whose resting voltage is known.
+    EachKnownRestingVoltage,
+}
+
+/// The group of streams in which ArduPilot sends a message (MAV_DATA_STREAM).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StreamGroup {
+    /// MAV_DATA_STREAM_EXTENDED_STATUS.
+    ExtendedStatus,
+    /// MAV_DATA_STREAM_EXTRA3.
+    Extra3,
 }
 
 /// How often a message is sent unless a ground station asks for another interval.
@@ -20,26 +33,27 @@ pub enum Subject {
 pub enum DefaultRate {
     /// Once a second, and at no other rate: without HEARTBEAT ground stations lose the vehicle.
     EverySecond,
-    /// At `SR0_EXTRA1`.
-    Extra1,
+    /// At `SR0_EXTRA1`, until a ground station requests another rate of this group of ArduPilot's streams.
+    Extra1(StreamGroup),
     /// Never.
     OnRequest,
-    /// Never, but once on each link when the details of a smart battery are known or have changed.
+    /// Never, but of a smart battery once on each link when its details are known or have changed, and when a ground
+    /// station is new on it. Once the default interval is requested, every ten seconds.
     OnChange,
 }
 
 impl StreamKind {
-    /// The message with this id, if it is one of those that can be sent regularly.
-    pub fn from_message_id(message_id: u32) -> Option<Self> {
-        let mut kinds = Self::ALL.into_iter();
-        kinds.find(|kind| kind.message_id() == message_id)
+    /// Those with this message id: none unless it can be sent regularly, several of NAMED_VALUE_FLOAT.
+    pub fn with_message_id(message_id: u32) -> impl Iterator<Item = Self> {
+        let kinds = Self::ALL.into_iter();
+        kinds.filter(move |kind| kind.message_id() == message_id)
     }
 
     /// Its streams: one of the vehicle, or one of each pack that can be.
     pub fn streams(self) -> impl Iterator<Item = Stream> + Clone {
         let count = match self.subject() {
             Subject::Vehicle => 1,
-            Subject::EachPack | Subject::EachTank => MAX_PACKS,
+            _ => MAX_PACKS,
         };
         let packs = Pack::ALL.into_iter().take(count);
         packs.map(move |pack| self.of(pack))
@@ -55,11 +69,14 @@ impl Stream {
     /// Whether there is something to report.
     pub(in crate::mavlink) fn is_reported_in(self, state: &SystemState<'_>) -> bool {
         let Some(pack) = self.pack() else { return true };
-        match self.kind().subject() {
-            Subject::Vehicle => true,
-            Subject::EachPack => state.is_reported(pack),
-            Subject::EachTank => state.is_reported(pack) && state.is_tank(pack),
-        }
+        let battery = state.battery(pack);
+        state.is_reported(pack)
+            && match self.kind().subject() {
+                Subject::Vehicle | Subject::EachPack => true,
+                Subject::EachTank => state.is_tank(pack),
+                Subject::EachKnownResistance => battery.resistance_ohm.is_some(),
+                Subject::EachKnownRestingVoltage => battery.resting_voltage_v.is_some(),
+            }
     }
 }
 
@@ -70,9 +87,9 @@ mod tests {
     #[test]
     fn each_stream_leads_back_to_its_row() {
         for kind in StreamKind::ALL {
-            assert_eq!(StreamKind::from_message_id(kind.message_id()), Some(kind));
+            assert!(StreamKind::with_message_id(kind.message_id()).any(|other| other == kind));
             assert!(kind.streams().all(|stream| stream.kind() == kind), "{kind:?}");
         }
-        assert_eq!(StreamKind::from_message_id(30), None);
+        assert_eq!(StreamKind::with_message_id(30).next(), None);
     }
 }

@@ -7,7 +7,9 @@ use crate::mavlink::dialect::{
 };
 use crate::mavlink::requests::Command;
 use crate::mavlink::scheduler::{Interval, IntervalRefused, StreamScheduler};
-use crate::mavlink::{Message, StreamKind, SystemState, build_autopilot_version, build_protocol_version};
+use crate::mavlink::{
+    Message, Stream, StreamKind, SystemState, build_autopilot_version, build_protocol_version,
+};
 use crate::pack::Pack;
 use crate::time::Instant;
 use crate::vehicle::Restart;
@@ -71,12 +73,37 @@ impl Action {
     }
 }
 
+/// What a command asked for.
+#[derive(Debug, PartialEq)]
+pub(in crate::mavlink) enum Answer {
+    Message(Message),
+    Streams(RequestedStreams),
+}
+
+/// Messages that are streamed, to be sent once.
+#[derive(Debug, PartialEq)]
+pub(in crate::mavlink) struct RequestedStreams {
+    message_id: u32,
+    /// `None` if there is no such pack; that does not matter to messages of the vehicle.
+    pack: Option<Pack>,
+}
+
+impl RequestedStreams {
+    /// Those that have something to report: of NAMED_VALUE_FLOAT one for each name.
+    pub fn reported_in(&self, state: &SystemState<'_>) -> impl Iterator<Item = Stream> {
+        let kinds = StreamKind::with_message_id(self.message_id);
+        let streams = kinds.map(|kind| kind.of(self.pack.unwrap_or(Pack::First)));
+        let asked = streams.filter(|stream| stream.pack().is_none() || stream.pack() == self.pack);
+        asked.filter(|stream| stream.is_reported_in(state))
+    }
+}
+
 /// What came of a command.
 #[derive(Debug, PartialEq)]
 pub(in crate::mavlink) struct Outcome {
     pub result: MavResult,
     /// What was asked for, to be sent after the acknowledgement.
-    pub message: Option<Message>,
+    pub answer: Option<Answer>,
     pub action: Option<Action>,
 }
 
@@ -84,7 +111,7 @@ impl From<MavResult> for Outcome {
     fn from(result: MavResult) -> Self {
         Self {
             result,
-            message: None,
+            answer: None,
             action: None,
         }
     }
@@ -94,19 +121,25 @@ impl From<Action> for Outcome {
     fn from(action: Action) -> Self {
         Self {
             result: ACCEPTED,
-            message: None,
+            answer: None,
             action: Some(action),
+        }
+    }
+}
+
+impl From<Answer> for Outcome {
+    fn from(answer: Answer) -> Self {
+        Self {
+            result: ACCEPTED,
+            answer: Some(answer),
+            action: None,
         }
     }
 }
 
 impl From<Message> for Outcome {
     fn from(message: Message) -> Self {
-        Self {
-            result: ACCEPTED,
-            message: Some(message),
-            action: None,
-        }
+        Answer::Message(message).into()
     }
 }
 
@@ -187,25 +220,28 @@ impl Command {
         let Some(message_id) = message_id(self.param1) else {
             return DENIED.into();
         };
-        if let Some(kind) = StreamKind::from_message_id(message_id) {
-            return self.request_stream(kind, state);
-        }
         match message_id {
             AUTOPILOT_VERSION_DATA::ID => autopilot_version(),
             PROTOCOL_VERSION_DATA::ID => protocol_version(),
             MESSAGE_INTERVAL_DATA::ID => self.message_interval(self.param2, scheduler),
-            _ => UNSUPPORTED.into(),
+            _ => self.request_streams(message_id, state),
         }
     }
 
     /// The message at once: of the pack whose instance is parameter 2, 0 if it isn't given.
-    fn request_stream(&self, kind: StreamKind, state: &SystemState<'_>) -> Outcome {
+    fn request_streams(&self, message_id: u32, state: &SystemState<'_>) -> Outcome {
         let asked = if self.param2.is_nan() { 0.0 } else { self.param2 };
-        let is_of_asked_pack = |pack: Pack| f32::from(pack.instance()) == asked;
-        let mut streams = kind.reported_in(state);
-        match streams.find(|stream| stream.pack().is_none_or(is_of_asked_pack)) {
-            Some(stream) => stream.build(state).into(),
-            None => DENIED.into(),
+        let mut packs = Pack::ALL.into_iter();
+        let requested = RequestedStreams {
+            message_id,
+            pack: packs.find(|pack| f32::from(pack.instance()) == asked),
+        };
+        if StreamKind::with_message_id(message_id).next().is_none() {
+            UNSUPPORTED.into()
+        } else if requested.reported_in(state).next().is_none() {
+            DENIED.into()
+        } else {
+            Answer::Streams(requested).into()
         }
     }
 
@@ -224,7 +260,7 @@ impl Command {
         let complete = mask != 0 && asked & up_to_last == mask;
         Outcome {
             result: if complete { ACCEPTED } else { FAILED },
-            message: None,
+            answer: None,
             action: (mask != 0).then_some(Action::ResetBatteries { mask, percent }),
         }
     }
@@ -322,10 +358,11 @@ mod tests {
     fn battery_status_is_sent_of_a_reported_pack_by_its_instance() {
         for instance in [0.0, -0.0, f32::NAN] {
             let outcome = execute(512, 147.0, instance);
-            let Some(Message::BatteryStatus(data)) = outcome.message else {
-                panic!("{outcome:?}");
+            let requested = RequestedStreams {
+                message_id: 147,
+                pack: Some(Pack::First),
             };
-            assert_eq!((outcome.result, data.id), (ACCEPTED, 0));
+            assert_eq!(outcome, Answer::Streams(requested).into());
         }
         // None there, on board only, none there, no instance at all.
         for instance in [1.0, 3.0, 4.0, 5.0, 255.0, 256.0, -1.0, 0.5, f32::INFINITY] {
@@ -336,7 +373,7 @@ mod tests {
     fn reset(result: MavResult, mask: u16, percent: f32) -> Outcome {
         Outcome {
             result,
-            message: None,
+            answer: None,
             action: Some(Action::ResetBatteries { mask, percent }),
         }
     }
@@ -418,8 +455,8 @@ mod tests {
 
     #[test]
     fn the_interval_reported_is_the_one_set() {
-        let reported = |outcome: Outcome| match outcome.message {
-            Some(Message::MessageInterval(data)) => (data.message_id, data.interval_us),
+        let reported = |outcome: Outcome| match outcome.answer {
+            Some(Answer::Message(Message::MessageInterval(data))) => (data.message_id, data.interval_us),
             other => panic!("{other:?}"),
         };
         assert_eq!(reported(execute(510, 369.0, 0.0)), (369, -1));

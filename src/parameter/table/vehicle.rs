@@ -61,8 +61,9 @@ parameters! {
         unit: "Hz",
         takes_effect: TakesEffect::AtOnce,
         label: "Rate of the battery telemetry",
-        description: "Rate of SYS_STATUS and each BATTERY_STATUS. 0: off. \
-                      (ArduPilot streams these in EXT_STAT and EXTRA3.)",
+        description: "Rate of SYS_STATUS and each BATTERY_STATUS. 0: off. A ground station's stream requests change its \
+                      link's rates until this is set: EXTENDED_STATUS that of SYS_STATUS, EXTRA3 that of \
+                      BATTERY_STATUS, EXTRA1 and ALL both.",
     }
     Sr0Params {
         key: 4,

@@ -4,10 +4,10 @@ use super::{BUS, shared, with_second_pack};
 use crate::bench::{Bench, SECOND};
 use crate::emulator::i2c_devices::{Pec, SmartBattery};
 use crate::support::frames::{
-    BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, Frame, SMART_BATTERY_INFO,
-    of_message, texts_of,
+    BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, Frame, GROUND_STATION,
+    SMART_BATTERY_INFO, of_message, texts_of,
 };
-use crate::support::requests::command_long_2;
+use crate::support::requests::{command_long_2, heartbeat_from};
 
 const SMART_BATTERY: f32 = 7.0;
 const SET_MESSAGE_INTERVAL: u16 = 511;
@@ -71,6 +71,33 @@ fn a_smart_battery_is_introduced_once_and_again_when_it_changes() {
     let frames = bench.frames_since(from_us);
     assert_eq!(count(&frames, BATTERY_INFO), 1);
     assert_eq!(of_message(&frames, BATTERY_INFO)[0].u16(40), 13);
+}
+
+#[test]
+fn a_smart_battery_is_described_to_each_new_ground_station() {
+    const TYPE_GROUND_STATION: u8 = 6;
+    let (mut bench, _) = with_battery();
+    bench.run_for(2 * SECOND);
+    let from_us = bench.time_us();
+    bench.ask(&heartbeat_from(GROUND_STATION, TYPE_GROUND_STATION));
+    // With the next message of a stream at the latest.
+    bench.run_for(SECOND);
+    let frames = bench.frames_since(from_us);
+    for (message, instance_at) in [(BATTERY_INFO, 44), (SMART_BATTERY_INFO, 18)] {
+        let instances: Vec<_> = of_message(&frames, message)
+            .iter()
+            .map(|frame| frame.u8(instance_at))
+            .collect();
+        assert_eq!(instances, [1], "message {message}");
+    }
+    // The same one, and strangers, for some five seconds.
+    let from_us = bench.time_us();
+    for stranger in 0..8 {
+        bench.ask(&heartbeat_from(GROUND_STATION, TYPE_GROUND_STATION));
+        bench.ask(&heartbeat_from([stranger, 190], TYPE_GROUND_STATION));
+        bench.run_for(SECOND / 4);
+    }
+    assert_eq!(count(&bench.frames_since(from_us), BATTERY_INFO), 0);
 }
 
 #[test]

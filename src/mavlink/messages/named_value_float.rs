@@ -1,0 +1,41 @@
+//! NAMED_VALUE_FLOAT (251): estimates of a pack for which no other message has a field.
+
+use super::units::number;
+use crate::mavlink::SystemState;
+use crate::mavlink::dialect::NAMED_VALUE_FLOAT_DATA;
+use crate::pack::Pack;
+
+/// The longest name, in bytes. One that is as long has no 0 at its end.
+const NAME_BYTES: usize = 10;
+
+const MILLIOHMS_PER_OHM: f32 = 1000.0;
+
+const MICROSECONDS_PER_MILLISECOND: u64 = 1000;
+
+/// The internal resistance of `pack`, in milliohms: `BAT1_RES` of the first one. NaN while it is unknown.
+pub fn build_resistance(state: &SystemState<'_>, pack: Pack) -> NAMED_VALUE_FLOAT_DATA {
+    let resistance_ohm = state.battery(pack).resistance_ohm;
+    let resistance_mohm = resistance_ohm.map(|resistance_ohm| resistance_ohm * MILLIOHMS_PER_OHM);
+    named_value(state, pack, *b"BAT#_RES\0\0", resistance_mohm)
+}
+
+/// The voltage of `pack` without its load, in volts: `BAT1_VREST` of the first one. NaN while it is unknown.
+pub fn build_resting_voltage(state: &SystemState<'_>, pack: Pack) -> NAMED_VALUE_FLOAT_DATA {
+    named_value(state, pack, *b"BAT#_VREST", state.battery(pack).resting_voltage_v)
+}
+
+/// A value under a name whose `#` becomes the number of the pack.
+fn named_value(
+    state: &SystemState<'_>,
+    pack: Pack,
+    mut name: [u8; NAME_BYTES],
+    value: Option<f32>,
+) -> NAMED_VALUE_FLOAT_DATA {
+    name[3] = b'0' + pack.number();
+    NAMED_VALUE_FLOAT_DATA {
+        // As every autopilot's, it starts again after 49 days.
+        time_boot_ms: (state.now.as_micros() / MICROSECONDS_PER_MILLISECOND) as u32,
+        value: number(value),
+        name: name.into(),
+    }
+}

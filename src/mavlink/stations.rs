@@ -1,0 +1,128 @@
+//! The ground stations on one link.
+
+use super::Peer;
+use crate::time::Instant;
+
+/// As many are remembered.
+const MAX_STATIONS: usize = 4;
+
+/// A station that was silent for longer is new when it is heard again: it may have been restarted.
+const SILENCE_US: u64 = 30_000_000;
+
+/// Two introductions are at least so far apart, in µs: strangers with changing ids must not flood the link.
+const INTRODUCTION_INTERVAL_US: u64 = 10_000_000;
+
+/// Whether what smart batteries are has to be sent for a station that was heard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Introduction {
+    Due,
+    NotDue,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Heard {
+    station: Peer,
+    /// When its last HEARTBEAT came.
+    at: Instant,
+}
+
+/// The ground stations that were heard on one link.
+#[derive(Debug, Default)]
+pub(super) struct Stations {
+    heard: [Option<Heard>; MAX_STATIONS],
+    /// When the next introduction may be at the earliest.
+    earliest: Instant,
+}
+
+impl Stations {
+    /// HEARTBEAT of a ground station. The introduction of one that is too early for it is due at a later HEARTBEAT.
+    pub fn heartbeat(&mut self, station: Peer, now: Instant) -> Introduction {
+        let is_known = |heard: &&mut Heard| heard.station == station && now.us_since(heard.at) <= SILENCE_US;
+        if let Some(known) = self.heard.iter_mut().flatten().find(is_known) {
+            known.at = now;
+            return Introduction::NotDue;
+        }
+        if now < self.earliest {
+            return Introduction::NotDue;
+        }
+        self.earliest = now.after_us(INTRODUCTION_INTERVAL_US);
+        // It replaces the one that has been silent for longest.
+        if let Some(place) = self
+            .heard
+            .iter_mut()
+            .min_by_key(|heard| heard.map(|heard| heard.at))
+        {
+            *place = Some(Heard { station, at: now });
+        }
+        Introduction::Due
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Introduction::{Due, NotDue};
+    use super::*;
+    use crate::time::at_us;
+    use proptest::prelude::*;
+
+    const SECOND: u64 = 1_000_000;
+
+    fn station(system_id: u8, component_id: u8) -> Peer {
+        Peer {
+            system_id,
+            component_id,
+        }
+    }
+
+    #[test]
+    fn a_station_is_introduced_once_until_it_was_silent_for_long() {
+        let mut stations = Stations::default();
+        for (at_s, station, expected) in [
+            (0, station(255, 190), Due),
+            (1, station(255, 190), NotDue),
+            // Another component is another station; it waits for its turn.
+            (2, station(255, 230), NotDue),
+            (9, station(255, 230), NotDue),
+            (10, station(255, 230), Due),
+            (11, station(255, 230), NotDue),
+            (31, station(255, 190), NotDue),
+            (61, station(255, 190), NotDue),
+            (92, station(255, 190), Due),
+        ] {
+            let introduction = stations.heartbeat(station, at_us(at_s * SECOND));
+            assert_eq!(introduction, expected, "{station:?} after {at_s} s");
+        }
+    }
+
+    #[test]
+    fn more_stations_than_are_remembered_are_introduced_in_turn() {
+        let mut stations = Stations::default();
+        let mut introduced = Vec::new();
+        for at_s in 0..300 {
+            for system_id in 1..=6 {
+                if stations.heartbeat(station(system_id, 190), at_us(at_s * SECOND)) == Due {
+                    introduced.push(system_id);
+                }
+            }
+        }
+        assert_eq!(introduced[..4], [1, 2, 3, 4]);
+        assert_eq!(introduced.len(), 30, "every ten seconds");
+    }
+
+    proptest! {
+        #[test]
+        fn strangers_cause_one_introduction_in_ten_seconds_at_most(
+            heard in prop::collection::vec((any::<u8>(), any::<u8>(), 0u64..2 * SECOND), 1..300),
+        ) {
+            let mut stations = Stations::default();
+            let (mut now_us, mut last_us) = (0, None);
+            for (system_id, component_id, wait_us) in heard {
+                now_us += wait_us;
+                if stations.heartbeat(station(system_id, component_id), at_us(now_us)) == Due {
+                    prop_assert!(last_us.is_none_or(|last_us| now_us - last_us >= INTRODUCTION_INTERVAL_US));
+                    last_us = Some(now_us);
+                }
+            }
+        }
+    }
+}
