@@ -8,8 +8,8 @@ use std::collections::HashMap;
 
 use proptest::prelude::*;
 use rover_battmon::battery::{
-    Amount, BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Contents, Date, FailsafeLevel,
-    Faults, MAX_CELLS, Name, PackDetails, PackStatus, ReportedVoltage, Visibility,
+    Amount, ArmState, BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Contents, Date,
+    FailsafeLevel, Faults, MAX_CELLS, Name, PackDetails, PackStatus, ReportedVoltage, Visibility,
 };
 use rover_battmon::mavlink::dialect::{
     BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA, MavBatteryChargeState,
@@ -23,6 +23,7 @@ use rover_battmon::mavlink::{
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::time::Instant;
+use rover_battmon::vehicle::VehicleStatus;
 
 fn golden_frames() -> HashMap<String, String> {
     let rows = include_str!("data/wire_mavlink2.csv").lines().skip(1);
@@ -329,7 +330,7 @@ fn a_pack_is_healthy_while_its_sensor_works_and_it_has_not_failed() {
     for (status, expected) in [
         (PackStatus::Disabled, ABSENT),
         (PackStatus::Unknown, SOUND),
-        (PackStatus::NotConnected, UNSOUND),
+        (PackStatus::NotConnected, SOUND),
         (PackStatus::Healthy, SOUND),
         (PackStatus::Unhealthy, UNSOUND),
     ] {
@@ -339,6 +340,19 @@ fn a_pack_is_healthy_while_its_sensor_works_and_it_has_not_failed() {
         };
         assert_eq!(sensors(&[battery]), expected, "{status:?}");
     }
+    let unplugged = BatteryState {
+        status: PackStatus::NotConnected,
+        ..BatteryState::default()
+    };
+    let armed = SystemState {
+        vehicle: VehicleStatus {
+            arm_state: ArmState::Armed,
+            ..VehicleStatus::default()
+        },
+        ..with_packs(std::slice::from_ref(&unplugged))
+    };
+    let data = with_battery_sensor_alone(build_sys_status(&armed));
+    assert_eq!(data.onboard_control_sensors_health, NO_SENSOR, "while armed");
     for (number, charge_state) in CHARGE_STATES.into_iter().enumerate() {
         let battery = BatteryState {
             charge_state,

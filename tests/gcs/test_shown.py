@@ -624,6 +624,7 @@ def test_usb_only(usb_only):
     assert old.ground.batteries[0].colour == "text" and old.ground.batteries[0].text == "n/a"
     for link in (old, usb_only.new):
         assert set(link.ground_spoken) <= WITHOUT_THRESHOLDS, "a desk is quiet"
+        assert set(link.planner_spoken) <= WITHOUT_THRESHOLDS
     assert old.planner.internal_error is None
     assert old.planner.batteries[0].voltage_v == 0
 

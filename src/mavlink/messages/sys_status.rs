@@ -1,7 +1,7 @@
 //! SYS_STATUS (1).
 
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct, voltage_mv};
-use crate::battery::{BatteryState, ChargeState, FailsafeLevel, PackStatus};
+use crate::battery::{ArmState, BatteryState, ChargeState, FailsafeLevel, PackStatus};
 use crate::mavlink::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
 use crate::mavlink::{ArmingReadiness, ReceiveStatistics, SystemState};
 use crate::pack::Pack;
@@ -71,18 +71,24 @@ fn healthy_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
         state.readiness == ArmingReadiness::Ready,
     );
     // One bit stands for all packs.
-    if !state.monitored().all(is_healthy) {
+    let mut packs = state.monitored();
+    if !packs.all(|battery| is_healthy(battery, state.vehicle.arm_state)) {
         sensors.remove(MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY);
     }
     sensors
 }
 
 /// A pack that has failed is not healthy, even if its sensor works, nor, as in ArduPilot, one that has reached a
-/// failsafe level, until the battery is reset. Until its first reading nothing is wrong with it: Mission Planner would
-/// announce a bad battery after every start. What gives no reading is unhealthy soon.
-fn is_healthy(battery: &BatteryState) -> bool {
+/// failsafe level, until the battery is reset. Until its first reading nothing is wrong with it, nor while a disarmed
+/// rover has no pack: Mission Planner would announce a bad battery after every start, and without end on a desk. What
+/// gives no reading is unhealthy soon.
+fn is_healthy(battery: &BatteryState, arm_state: ArmState) -> bool {
     let unfit = matches!(battery.charge_state, ChargeState::Failed | ChargeState::Unhealthy);
-    let works = matches!(battery.status, PackStatus::Healthy | PackStatus::Unknown);
+    let works = match battery.status {
+        PackStatus::Healthy | PackStatus::Unknown => true,
+        PackStatus::NotConnected => arm_state == ArmState::Disarmed,
+        PackStatus::Unhealthy | PackStatus::Disabled => false,
+    };
     works && battery.failsafe == FailsafeLevel::None && !unfit
 }
 
