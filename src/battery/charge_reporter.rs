@@ -30,6 +30,8 @@ pub(super) struct ChargeReporter {
     settling_s: f32,
     charging: Condition,
     faults: [Condition; FAULTS.len()],
+    /// Those of them that are reported and have not ended.
+    reported: Faults,
 }
 
 impl ChargeReporter {
@@ -92,15 +94,21 @@ impl ChargeReporter {
 
     fn new_faults(&mut self, dt_s: f32, state: &BatteryState) -> Faults {
         let mut new = Faults::empty();
+        if state.faults.union(self.reported).is_empty() {
+            return new;
+        }
         for (fault, condition) in FAULTS.into_iter().zip(&mut self.faults) {
             let evidence = match state.status {
                 PackStatus::Healthy => Evidence::of(state.faults.contains(fault)),
                 _ => Evidence::Ambiguous,
             };
-            if condition.update(dt_s, evidence, RECOVERY_S) == Some(Change::Begins) {
-                new |= fault;
+            match condition.update(dt_s, evidence, RECOVERY_S) {
+                Some(Change::Begins) => new |= fault,
+                Some(Change::Ends) => self.reported -= fault,
+                None => {}
             }
         }
+        self.reported |= new;
         new
     }
 }

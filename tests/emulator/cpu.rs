@@ -14,6 +14,8 @@ const IPSR_MASK: u32 = 0x1ff;
 const HARD_FAULT: u32 = 3;
 const WFI: u32 = 0xbf30;
 const THUMB: u32 = 1 << 24;
+/// ISB SY, as a little-endian word: 0xf3bf, then 0x8f6f.
+const ISB: u32 = 0x8f6f_f3bf;
 
 /// What the processor is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +43,8 @@ pub struct Cpu {
     pub core: CortexM0Plus,
     state: CpuState,
     derailment: Option<Derailment>,
+    /// Whether the instruction before changed PRIMASK.
+    changed_primask: bool,
 }
 
 impl Cpu {
@@ -57,6 +61,7 @@ impl Cpu {
             core,
             state: CpuState::Running,
             derailment: None,
+            changed_primask: false,
         }
     }
 
@@ -111,10 +116,26 @@ impl Cpu {
             return boot_rom::call(&mut self.core, bus);
         }
         self.drop_stale_code(bus);
+        if self.is_barrier_of_critical_section(bus, pc) {
+            self.changed_primask = false;
+            self.core.regs.r[15] = pc + 4;
+            return 1;
+        }
+        let primask = self.core.regs.primask;
         let cycles = self.step_with_preemption(bus);
+        self.changed_primask = self.core.regs.primask != primask;
         bus.system_control.active_exception = self.active_exception();
         self.note_sleep_or_lockup(bus, pc);
         u64::from(cycles.max(1))
+    }
+
+    /// Whether the next instruction is the ISB with which every critical section ends. The crate forgets all it has decoded
+    /// then, which takes longer than the section; here stale code is dropped when it is written.
+    fn is_barrier_of_critical_section(&self, bus: &SystemBus, pc: u32) -> bool {
+        self.changed_primask
+            && !self.takes_interrupt(bus)
+            && bus.memory.load(pc, Width::Half) == Some(ISB & 0xffff)
+            && bus.memory.load(pc + 2, Width::Half) == Some(ISB >> 16)
     }
 
     /// Whether it stands in the boot ROM and waits for the flash chip. Only an interrupt goes on.

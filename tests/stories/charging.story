@@ -11,4 +11,4 @@ expect 8.1 says Battery 1 charging
 25.0  current 22.5
 expect 27.0 turn
 30.0  disarm
-end 40
+end 35
