@@ -227,7 +227,9 @@ def test_it_shows_a_failsafe_and_resets_the_battery(mavproxy):
 
 def test_it_loads_a_ready_file(mavproxy, tmp_path):
     file = PARAMS / "3s-lipo.param"
-    values, before = values_in(file), values_in(tmp_path / "mav.parm")
+    saved = tmp_path / "before.parm"
+    mavproxy.ask(f"param save {saved}", r"Saved \d+ parameters to")
+    values, before = values_in(file), values_in(saved)
     changed = sum(before[name] != pytest.approx(value) for name, value in values.items())
     mavproxy.ask(f"param load {file}", rf"Loaded {len(values)} parameters from .*3s-lipo.param \(changed {changed}\)")
     assert mavproxy.show("BATT_LOW_VOLT") == 10.5
