@@ -228,7 +228,7 @@ def test_it_shows_a_failsafe_and_resets_the_battery(mavproxy):
 def test_it_loads_a_ready_file(mavproxy, tmp_path):
     file = PARAMS / "3s-lipo.param"
     saved = tmp_path / "before.parm"
-    mavproxy.ask(f"param save {saved}", r"Saved \d+ parameters to")
+    mavproxy.ask(f"param save {saved}", r"Saved \d+ parameters to .*before.parm")
     values, before = values_in(file), values_in(saved)
     changed = sum(before[name] != pytest.approx(value) for name, value in values.items())
     mavproxy.ask(f"param load {file}", rf"Loaded {len(values)} parameters from .*3s-lipo.param \(changed {changed}\)")
