@@ -28,6 +28,11 @@ def messages_of(connection, seconds):
     """Everything that comes within the given time from now on."""
     while connection.recv_match(blocking=False):
         pass
+    return unread_messages_of(connection, seconds)
+
+
+def unread_messages_of(connection, seconds):
+    """What has come and was not read yet, and everything that comes within the given time."""
     messages = []
     end = time.monotonic() + seconds
     while (left := end - time.monotonic()) > 0:

@@ -10,7 +10,7 @@ import pytest
 from pymavlink import mavutil
 
 from conftest import free_port
-from station import connect, messages_of, read, receive, set_to
+from station import connect, messages_of, read, receive, set_to, unread_messages_of
 from test_mavproxy import MavProxy
 
 mavlink = mavutil.mavlink
@@ -83,7 +83,7 @@ def test_another_key_opens_nothing(vehicle):
     vehicle.radio.setup_signing(OTHER_KEY, sign_outgoing=True, allow_unsigned_callback=lambda *_: True)
     vehicle.radio.mav.param_request_read_send(1, 1, b"BATT_LOW_VOLT", -1)
     # What comes is signed with a key this station does not have.
-    messages = messages_of(vehicle.radio, 2)
+    messages = unread_messages_of(vehicle.radio, 2)
     assert "PARAM_VALUE" not in {message.get_type() for message in messages}
     texts = [message.text for message in messages if message.get_type() == "STATUSTEXT"]
     assert any(text.endswith("not signed with the key, ignored: 1") for text in texts), texts
