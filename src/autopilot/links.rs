@@ -33,9 +33,9 @@ impl Autopilot {
         let suggestions = Pack::ALL.into_iter().filter_map(|pack| self.suggestion(pack));
         let notices = self.start_notice.into_iter().chain(unsaved).chain(trouble);
         for notice in notices.chain(failsafes).chain(suggestions) {
-            if channel.endpoint.has_room_to_say(ANNOUNCEMENT_BYTES) {
-                channel.endpoint.say(notice.severity(), &notice.text());
-            }
+            let text = notice.text();
+            info!("{}: {}", channel.name(), text.as_str());
+            channel.endpoint.say(notice.severity(), &text);
         }
     }
 

@@ -30,8 +30,6 @@ pub(super) struct ChargeReporter {
     settling_s: f32,
     charging: Condition,
     faults: [Condition; FAULTS.len()],
-    /// Those of them that are reported and have not ended.
-    reported: Faults,
 }
 
 impl ChargeReporter {
@@ -94,7 +92,7 @@ impl ChargeReporter {
 
     fn new_faults(&mut self, dt_s: f32, state: &BatteryState) -> Faults {
         let mut new = Faults::empty();
-        if state.faults.union(self.reported).is_empty() {
+        if state.faults.is_empty() && self.faults.iter().all(Condition::is_absent) {
             return new;
         }
         for (fault, condition) in FAULTS.into_iter().zip(&mut self.faults) {
@@ -102,13 +100,10 @@ impl ChargeReporter {
                 PackStatus::Healthy => Evidence::of(state.faults.contains(fault)),
                 _ => Evidence::Ambiguous,
             };
-            match condition.update(dt_s, evidence, RECOVERY_S) {
-                Some(Change::Begins) => new |= fault,
-                Some(Change::Ends) => self.reported -= fault,
-                None => {}
+            if condition.update(dt_s, evidence, RECOVERY_S) == Some(Change::Begins) {
+                new |= fault;
             }
         }
-        self.reported |= new;
         new
     }
 }
