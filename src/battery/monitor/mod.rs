@@ -12,7 +12,7 @@ use super::settings::PackSettings;
 use super::swap::{Replacement, SerialNumber, SwapDetector};
 use super::{
     Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge,
-    Measurement, PackEvent, PackEvents, PackMemory, PackStatus, ReadError, Supply, Tick,
+    LearntPack, Measurement, PackEvent, PackEvents, PackMemory, PackStatus, ReadError, Supply, Tick,
 };
 use crate::time::Instant;
 
@@ -67,6 +67,14 @@ pub struct BatteryMonitor {
     charge_state: ChargeStateMachine,
     charge_reporter: ChargeReporter,
     failsafe: Failsafe,
+    learnt: Option<Learnt>,
+}
+
+/// What is learnt of the pack, once flash was read.
+#[derive(Clone, Copy, Debug)]
+struct Learnt {
+    pack: LearntPack,
+    is_saved: bool,
 }
 
 /// Whether the state shows this tick's reading.
@@ -108,6 +116,7 @@ impl BatteryMonitor {
             charge_state: ChargeStateMachine::default(),
             charge_reporter: ChargeReporter::default(),
             failsafe: Failsafe::default(),
+            learnt: None,
         }
     }
 
@@ -442,6 +451,44 @@ impl BatteryMonitor {
     pub fn restore(&mut self, memory: &PackMemory) {
         self.consumption = memory.consumption;
         self.estimator.restore(memory.charge, memory.detected_cells);
+    }
+
+    /// What is learnt of the pack; `None` until [`restore_learnt`](Self::restore_learnt).
+    pub fn learnt(&self) -> Option<&LearntPack> {
+        self.learnt.as_ref().map(|learnt| &learnt.pack)
+    }
+
+    /// Continues with what flash holds of the pack, at the start and after a change of its serial number.
+    pub fn restore_learnt(&mut self, pack: LearntPack) {
+        self.learnt = Some(Learnt { pack, is_saved: true });
+    }
+
+    /// What has to be written to flash.
+    pub fn unsaved_learnt(&self) -> Option<&LearntPack> {
+        self.learnt
+            .as_ref()
+            .filter(|learnt| !learnt.is_saved)
+            .map(|learnt| &learnt.pack)
+    }
+
+    /// `saved` is in flash now.
+    pub fn mark_learnt_saved(&mut self, saved: &LearntPack) {
+        if let Some(learnt) = &mut self.learnt
+            && learnt.pack == *saved
+        {
+            learnt.is_saved = true;
+        }
+    }
+
+    /// Erases what is learnt of the pack.
+    pub fn forget_learnt(&mut self) {
+        if let Some(learnt) = &mut self.learnt {
+            learnt.pack = LearntPack {
+                serial_number: learnt.pack.serial_number,
+                ..LearntPack::default()
+            };
+            learnt.is_saved = false;
+        }
     }
 
     /// Battery reset: sets the remaining charge, in percent (0 to 100). Ignored if that is not finite, and for a pack

@@ -1,0 +1,223 @@
+//! What is learnt of a pack over its drives, and kept in flash.
+
+use core::ops::RangeInclusive;
+
+use super::Chemistry;
+
+/// Points of the charge at which the curve's offset is learnt.
+pub(super) const OFFSET_POINTS: usize = 5;
+
+/// Words of a [`LearntPack`] in flash.
+pub const LEARNT_WORDS: usize = 8 + OFFSET_POINTS;
+
+/// Plausibility limits: of a capacity in milliampere-hours, of a resistance in ohms, of an offset in millivolts.
+const CAPACITIES_MAH: RangeInclusive<f32> = 1.0..=10_000_000.0;
+const RESISTANCES_OHM: RangeInclusive<f32> = 1e-6..=100.0;
+const HIGHEST_OFFSET_MV: i16 = 1_000;
+
+/// The word of a pack without a serial number, as `BATT_SERIAL_NUM`.
+const NO_SERIAL_NUMBER: i32 = -1;
+
+/// Knowledge of a pack that outlasts a power cycle. `None` is not learnt yet.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LearntPack {
+    pub(super) chemistry: Chemistry,
+    /// Cells in series; 0 while they are unknown.
+    pub(super) cell_count: u8,
+    /// The pack's serial number (`BATT_SERIAL_NUM`), if set.
+    pub(super) serial_number: Option<i32>,
+    /// Drives from which something was learnt.
+    pub(super) drives: u16,
+    pub(super) capacity: Option<LearntCapacity>,
+    pub(super) resistance: Option<LearntResistance>,
+    pub(super) offsets: [Offset; OFFSET_POINTS],
+    /// The state of charge when the pack was last at rest.
+    pub(super) charge: Option<LastCharge>,
+}
+
+/// A learnt capacity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LearntCapacity {
+    pub capacity_mah: f32,
+    /// Standard deviation, relative to the capacity.
+    pub sigma: f32,
+}
+
+/// A cell's resistance when warm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LearntResistance {
+    /// The lowest of recent drives, in ohms.
+    pub now_ohm: f32,
+    /// That of the first drive, in ohms: what ageing is measured against.
+    pub first_ohm: f32,
+}
+
+/// How far the cell's curve lies above that of its chemistry at one charge, in tenths of a millivolt.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Offset {
+    pub mean_100uv: i16,
+    /// Standard deviation; 0: not learnt.
+    pub sigma_100uv: i16,
+}
+
+/// A state of charge that is kept.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LastCharge {
+    /// From 0 to 1.
+    pub share: f32,
+    /// Standard deviation.
+    pub sigma: f32,
+}
+
+impl LearntPack {
+    /// The pack's serial number, if set.
+    pub fn serial_number(&self) -> Option<i32> {
+        self.serial_number
+    }
+
+    /// Capacity, in milliampere-hours, once learnt.
+    pub fn capacity_mah(&self) -> Option<f32> {
+        self.capacity.map(|capacity| capacity.capacity_mah)
+    }
+
+    /// Resistance of the whole pack when warm, in ohms, once learnt.
+    pub fn resistance_ohm(&self) -> Option<f32> {
+        self.resistance
+            .map(|resistance| resistance.now_ohm * f32::from(self.cell_count))
+    }
+
+    /// As words for flash.
+    pub fn to_words(&self) -> [u32; LEARNT_WORDS] {
+        let capacity = self.capacity.unwrap_or(LearntCapacity {
+            capacity_mah: 0.0,
+            sigma: 0.0,
+        });
+        let resistance = self.resistance.unwrap_or(LearntResistance {
+            now_ohm: 0.0,
+            first_ohm: 0.0,
+        });
+        let charge = self.charge.unwrap_or(LastCharge {
+            share: -1.0,
+            sigma: 0.0,
+        });
+        let mut words = [0; LEARNT_WORDS];
+        let (fields, offsets) = words.split_at_mut(LEARNT_WORDS - OFFSET_POINTS);
+        fields.copy_from_slice(&[
+            u32::from_le_bytes([
+                self.chemistry as u8,
+                self.cell_count,
+                self.drives.to_le_bytes()[0],
+                self.drives.to_le_bytes()[1],
+            ]),
+            self.serial_number.unwrap_or(NO_SERIAL_NUMBER) as u32,
+            capacity.capacity_mah.to_bits(),
+            capacity.sigma.to_bits(),
+            resistance.now_ohm.to_bits(),
+            resistance.first_ohm.to_bits(),
+            charge.share.to_bits(),
+            charge.sigma.to_bits(),
+        ]);
+        for (word, offset) in offsets.iter_mut().zip(&self.offsets) {
+            let [mean_low, mean_high] = offset.mean_100uv.to_le_bytes();
+            let [sigma_low, sigma_high] = offset.sigma_100uv.to_le_bytes();
+            *word = u32::from_le_bytes([mean_low, mean_high, sigma_low, sigma_high]);
+        }
+        words
+    }
+
+    /// `None` if no pack has these words.
+    pub fn from_words(words: &[u32; LEARNT_WORDS]) -> Option<Self> {
+        let [
+            kind,
+            serial_number,
+            capacity_mah,
+            capacity_sigma,
+            now_ohm,
+            first_ohm,
+            share,
+            sigma,
+            offsets @ ..,
+        ] = words;
+        let [chemistry, cell_count, drives @ ..] = kind.to_le_bytes();
+        let [capacity_mah, capacity_sigma, now_ohm, first_ohm, share, sigma] =
+            [capacity_mah, capacity_sigma, now_ohm, first_ohm, share, sigma]
+                .map(|word| f32::from_bits(*word));
+        let is_sigma = |sigma: f32| (0.0..=1.0).contains(&sigma);
+        let mut learnt = Self {
+            chemistry: Chemistry::from_number(chemistry.into())?,
+            cell_count,
+            serial_number: Some(*serial_number as i32).filter(|number| *number != NO_SERIAL_NUMBER),
+            drives: u16::from_le_bytes(drives),
+            capacity: (CAPACITIES_MAH.contains(&capacity_mah) && is_sigma(capacity_sigma)).then_some(
+                LearntCapacity {
+                    capacity_mah,
+                    sigma: capacity_sigma,
+                },
+            ),
+            resistance: (RESISTANCES_OHM.contains(&now_ohm) && RESISTANCES_OHM.contains(&first_ohm))
+                .then_some(LearntResistance { now_ohm, first_ohm }),
+            offsets: [Offset::default(); OFFSET_POINTS],
+            charge: ((0.0..=1.0).contains(&share) && is_sigma(sigma)).then_some(LastCharge { share, sigma }),
+        };
+        for (offset, word) in learnt.offsets.iter_mut().zip(offsets) {
+            let [mean_low, mean_high, sigma_low, sigma_high] = word.to_le_bytes();
+            let read = Offset {
+                mean_100uv: i16::from_le_bytes([mean_low, mean_high]),
+                sigma_100uv: i16::from_le_bytes([sigma_low, sigma_high]),
+            };
+            let limit_100uv = HIGHEST_OFFSET_MV * 10;
+            if (-limit_100uv..=limit_100uv).contains(&read.mean_100uv)
+                && (0..=limit_100uv).contains(&read.sigma_100uv)
+            {
+                *offset = read;
+            }
+        }
+        Some(learnt)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn words_restore_what_was_learnt() {
+        let learnt = LearntPack {
+            chemistry: Chemistry::LiIon,
+            cell_count: 3,
+            serial_number: Some(7),
+            drives: 258,
+            capacity: Some(LearntCapacity {
+                capacity_mah: 2950.0,
+                sigma: 0.02,
+            }),
+            resistance: Some(LearntResistance {
+                now_ohm: 0.030,
+                first_ohm: 0.028,
+            }),
+            offsets: [-400, -200, 0, 100, 350].map(|mean_100uv| Offset {
+                mean_100uv,
+                sigma_100uv: 80,
+            }),
+            charge: Some(LastCharge {
+                share: 0.6,
+                sigma: 0.03,
+            }),
+        };
+        for learnt in [learnt, LearntPack::default()] {
+            assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn arbitrary_words_give_plausible_values(words in prop::array::uniform13(any::<u32>())) {
+            let Some(learnt) = LearntPack::from_words(&words) else { return Ok(()) };
+            prop_assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));
+            prop_assert!(learnt.capacity_mah().is_none_or(|capacity_mah| capacity_mah >= 1.0));
+            prop_assert!(learnt.charge.is_none_or(|charge| (0.0..=1.0).contains(&charge.share)));
+        }
+    }
+}
