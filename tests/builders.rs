@@ -700,6 +700,7 @@ fn smart() -> BatteryState {
         serial_number: Some(48_879),
         chemistry: Chemistry::LiIon,
         charge_source: ChargeSource::Gauge,
+        state_of_health_pct: Some(97),
         details: PackDetails {
             manufacturer: Name::from_ascii(b"Acme"),
             device: Name::from_ascii(b"BP 4S"),
@@ -1080,7 +1081,7 @@ prop_compose! {
         critical_voltage_v in any_value(), serial_number in any::<Option<i32>>(), gauge in any::<bool>(),
     ) -> BatteryState {
         BatteryState {
-            details, cell_count, capacity, critical_voltage_v, serial_number,
+            state_of_health_pct: details.state_of_health_pct, details, cell_count, capacity, critical_voltage_v, serial_number,
             charge_source: if gauge { ChargeSource::Gauge } else { ChargeSource::Estimated },
             ..BatteryState::default()
         }

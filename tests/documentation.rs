@@ -391,13 +391,20 @@ fn pack_events() -> Vec<PackEvent> {
         failsafe(FailsafeLevel::Critical, Amount::Mah(120.0)),
         failsafe(FailsafeLevel::Low, Amount::Ml(120.0)),
     ];
-    let entered = |state| PackEvent::Charge {
-        state,
-        remaining_pct: Some(15.0),
-        voltage_v: Some(10.95),
-    };
-    events.extend([ChargeState::Low, ChargeState::Critical, ChargeState::Emergency].map(entered));
+    for usable_pct in [15.0, 9.0] {
+        let entered = |state| PackEvent::Charge {
+            state,
+            remaining_pct: Some(15.0),
+            usable_pct: Some(usable_pct),
+            voltage_v: Some(10.95),
+        };
+        events.extend([ChargeState::Low, ChargeState::Critical, ChargeState::Emergency].map(entered));
+    }
     events.push(PackEvent::Charging);
+    events.push(PackEvent::Learnt {
+        capacity_mah: 2995.0,
+        resistance_ohm: 0.087,
+    });
     events.extend(Faults::all().iter().map(PackEvent::Faults));
     events.extend(READ_ERRORS.map(PackEvent::SensorFailed));
     events

@@ -60,7 +60,8 @@ impl Announcement<'_> {
                 PackEvent::CellsDetected { .. }
                 | PackEvent::SensorRecovered
                 | PackEvent::ContactRestored
-                | PackEvent::Charging,
+                | PackEvent::Charging
+                | PackEvent::Learnt { .. },
             ) => MavSeverity::MAV_SEVERITY_NOTICE,
             Self::Pack(
                 _,
@@ -197,6 +198,7 @@ mod tests {
                 PackEvent::Charge {
                     state: ChargeState::Low,
                     remaining_pct: Some(14.6),
+                    usable_pct: Some(14.6),
                     voltage_v: Some(10.95),
                 },
                 "Battery 9 low: 10.95V 15% left",
@@ -204,20 +206,29 @@ mod tests {
             (
                 PackEvent::Charge {
                     state: ChargeState::Critical,
-                    remaining_pct: Some(6.0),
+                    remaining_pct: Some(38.0),
+                    usable_pct: Some(6.0),
                     voltage_v: None,
                 },
-                "Battery 9 critical: 6% left",
+                "Battery 9 critical: 6% usable",
             ),
             (
                 PackEvent::Charge {
                     state: ChargeState::Emergency,
                     remaining_pct: None,
+                    usable_pct: None,
                     voltage_v: Some(8.7),
                 },
                 "Battery 9 emergency: 8.70V",
             ),
             (PackEvent::Charging, "Battery 9 charging"),
+            (
+                PackEvent::Learnt {
+                    capacity_mah: 2994.6,
+                    resistance_ohm: 0.0871,
+                },
+                "Battery 9 learnt: 2995 mAh, 87 mOhm",
+            ),
             (
                 PackEvent::Faults(Faults::CELL_FAIL | Faults::OVER_CURRENT),
                 "Battery 9 fault: cell failed, over current",

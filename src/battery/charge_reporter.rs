@@ -81,6 +81,7 @@ impl ChargeReporter {
         is_news.then_some(PackEvent::Charge {
             state: present,
             remaining_pct: state.remaining_pct.filter(|_| !is_by_voltage),
+            usable_pct: state.usable_pct,
             voltage_v: state.voltage_v,
         })
     }
@@ -118,6 +119,7 @@ mod tests {
             status: PackStatus::Healthy,
             charge_state,
             remaining_pct: Some(14.0),
+            usable_pct: Some(14.0),
             ..BatteryState::default()
         }
     }
@@ -136,6 +138,7 @@ mod tests {
         PackEvent::Charge {
             state,
             remaining_pct: Some(14.0),
+            usable_pct: Some(14.0),
             voltage_v: None,
         }
     }

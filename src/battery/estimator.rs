@@ -1,28 +1,26 @@
 //! Estimates of a pack: resistance, resting voltage, cell count, state of charge, remaining time.
 
 use super::cell_count::CellCount;
-use super::charge::{CellReading, StateOfCharge};
-use super::charge_tracker::ChargeTracker;
+use super::charge::{CellModel, ChargeEstimate, ChargeEstimator, KnownCharge, Second};
 use super::event::PackEvent;
-use super::load::{CellParameters, Currents, Load};
-use super::low_pass::{LowPass, MeanThenLowPass};
+use super::low_pass::MeanThenLowPass;
 use super::resistance::ResistanceEstimator;
-use super::rest::RESTING_CURRENT_A;
 use super::settings::PackSettings;
-use super::{ArmState, Chemistry};
-
-/// Time constant of voltage and current before they are compared with the curve, in seconds: it hides a delay between
-/// the two sensors, and that of the cells.
-const SMOOTHING_TIME_CONSTANT_S: f32 = 3.0;
-
-/// Time constant of the slow part of the sag, in seconds.
-const SLOW_SAG_TIME_CONSTANT_S: f32 = 300.0;
+use super::{ArmState, Chemistry, LearntPack};
 
 /// Time constant of the average load, which gives the remaining time, in seconds.
 const AVERAGE_TIME_CONSTANT_S: f32 = 60.0;
 
-/// Below this average load the remaining time is not reported, in amperes.
+/// Below this average load the remaining time is not reported, in amperes, and in capacities per hour.
 const MIN_AVERAGE_LOAD_A: f32 = 0.01;
+const MIN_AVERAGE_RATE_PER_H: f32 = 0.005;
+
+/// A state of charge is reported from this standard deviation on, and up to that one.
+const MAX_SIGMA_TO_START: f32 = 0.25;
+const MAX_SIGMA_TO_CONTINUE: f32 = 0.27;
+
+/// Bounds of the state of charge are so many standard deviations away.
+const BOUND_SIGMAS: f32 = 2.0;
 
 const AH_PER_MAH: f32 = 0.001;
 const SECONDS_PER_HOUR: f32 = 3600.0;
@@ -37,18 +35,47 @@ pub(super) struct Reading {
     pub arm_state: ArmState,
 }
 
+/// What an update of the estimators brings about.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Findings {
+    /// Cell detection ended.
+    pub event: Option<PackEvent>,
+    /// What is to be kept of the pack: it was learnt, or came to rest.
+    pub kept: Option<LearntPack>,
+}
+
 /// The estimators of one pack.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Estimator {
     resistance: ResistanceEstimator,
     cells: CellCount,
-    voltage: LowPass,
-    current: LowPass,
-    slow_current: MeanThenLowPass,
     average_current: MeanThenLowPass,
-    charge: ChargeTracker,
+    charge: ChargeEstimator,
+    confidence: Confidence,
     /// The chemistry and cell count setting of the present estimate.
     estimated_for: Option<(Chemistry, Option<u8>)>,
+}
+
+/// Whether the state of charge is certain enough to be reported.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Confidence {
+    Unknown,
+    Known,
+}
+
+impl Confidence {
+    /// Of an estimate with this standard deviation.
+    fn of(sigma: f32, before: Self) -> Self {
+        let limit = match before {
+            Self::Unknown => MAX_SIGMA_TO_START,
+            Self::Known => MAX_SIGMA_TO_CONTINUE,
+        };
+        if sigma <= limit {
+            Self::Known
+        } else {
+            Self::Unknown
+        }
+    }
 }
 
 impl Estimator {
@@ -56,39 +83,30 @@ impl Estimator {
         Self {
             resistance: ResistanceEstimator::new(),
             cells: CellCount::new(),
-            voltage: LowPass::new(SMOOTHING_TIME_CONSTANT_S),
-            current: LowPass::new(SMOOTHING_TIME_CONSTANT_S),
-            slow_current: MeanThenLowPass::new(SLOW_SAG_TIME_CONSTANT_S),
             average_current: MeanThenLowPass::new(AVERAGE_TIME_CONSTANT_S),
-            charge: ChargeTracker::new(),
+            charge: ChargeEstimator::new(),
+            confidence: Confidence::Unknown,
             estimated_for: None,
         }
     }
 
-    /// Processes a reading. Returns an event when cell detection ends.
-    pub fn update(&mut self, reading: &Reading, settings: &PackSettings) -> Option<PackEvent> {
-        if let Some(voltage_v) = reading.voltage_v {
-            self.voltage.update(reading.dt_s, voltage_v);
-        }
-        if let Some(current_a) = reading.current_a {
-            self.update_current(reading.dt_s, current_a);
-        }
+    /// Processes a reading of a pack of which `learnt` is known.
+    pub fn update(&mut self, reading: &Reading, settings: &PackSettings, learnt: &LearntPack) -> Findings {
         if let (Some(voltage_v), Some(current_a)) = (reading.voltage_v, reading.current_a) {
             self.resistance.update(reading.dt_s, voltage_v, current_a);
         }
         let event = self.detect_cells(reading, settings);
-        self.update_charge(reading, settings);
-        event
-    }
-
-    fn update_current(&mut self, dt_s: f32, current_a: f32) {
-        self.current.update(dt_s, current_a);
-        if self.slow_current.value().is_none() && current_a.abs() <= RESTING_CURRENT_A {
-            // First seen at rest, the pack is assumed to have rested; under load, to have had that load.
-            self.slow_current.initialise(current_a);
+        let cells = (settings.chemistry, settings.cell_count);
+        let before = self.estimated_for.replace(cells);
+        if before.is_some_and(|before| before != cells) {
+            // The estimate so far was made with wrong settings.
+            self.charge = ChargeEstimator::new();
         }
-        self.slow_current.update(dt_s, current_a);
-        self.average_current.update(dt_s, current_a);
+        let second = self
+            .charge
+            .add(reading.dt_s, reading.voltage_v, reading.current_a);
+        let kept = second.and_then(|second| self.update_second(&second, reading.arm_state, settings, learnt));
+        Findings { event, kept }
     }
 
     fn detect_cells(&mut self, reading: &Reading, settings: &PackSettings) -> Option<PackEvent> {
@@ -103,53 +121,40 @@ impl Estimator {
         )
     }
 
-    fn update_charge(&mut self, reading: &Reading, settings: &PackSettings) {
-        let cells = (settings.chemistry, settings.cell_count);
-        if self
-            .estimated_for
-            .replace(cells)
-            .is_some_and(|before| before != cells)
-        {
-            // The estimate so far was made with wrong settings.
-            self.charge = ChargeTracker::new();
+    fn update_second(
+        &mut self,
+        second: &Second,
+        arm_state: ArmState,
+        settings: &PackSettings,
+        learnt: &LearntPack,
+    ) -> Option<LearntPack> {
+        if let Some(current_a) = second.current_a {
+            self.average_current.update(second.duration_s, current_a);
         }
-        let cell_reading = self.cell_reading(reading, settings);
-        self.charge.update(settings.chemistry.cell(), &cell_reading);
+        let model = self.model(settings, learnt);
+        let kept = self.charge.update(second, arm_state, &model);
+        self.confidence = match self.charge.estimate() {
+            Some(estimate) => Confidence::of(estimate.sigma, self.confidence),
+            None => Confidence::Unknown,
+        };
+        kept
     }
 
-    fn cell_reading(&self, reading: &Reading, settings: &PackSettings) -> CellReading {
-        let cell_count = self.cell_count(settings).map(f32::from);
-        let pack_v = self.voltage.value().filter(|_| reading.voltage_v.is_some());
-        CellReading {
-            dt_s: reading.dt_s,
-            voltage_v: pack_v.zip(cell_count).map(|(pack_v, count)| pack_v / count),
-            load: reading
-                .current_a
-                .and_then(|current_a| self.load(current_a, settings)),
-            arm_state: reading.arm_state,
-        }
-    }
-
-    fn load(&self, current_a: f32, settings: &PackSettings) -> Option<Load> {
-        let cell_count = self.cell_count(settings).map(f32::from);
-        let parameters = CellParameters {
-            capacity_ah: settings
+    fn model<'a>(&self, settings: &PackSettings, learnt: &'a LearntPack) -> CellModel<'a> {
+        let cell_count = self.cell_count(settings);
+        CellModel {
+            chemistry: settings.chemistry,
+            cell: settings.chemistry.cell(),
+            cell_count,
+            rated_ah: settings
                 .capacity_mah
                 .map(|capacity_mah| capacity_mah * AH_PER_MAH),
-            resistance_ohm: self
+            measured_ohm: self
                 .resistance_ohm()
                 .zip(cell_count)
-                .map(|(pack_ohm, count)| pack_ohm / count),
-        };
-        Load::new(
-            settings.chemistry.cell(),
-            &parameters,
-            &Currents {
-                now_a: current_a,
-                smoothed_a: self.current.value().unwrap_or(current_a),
-                slow_a: self.slow_current.value().unwrap_or(current_a),
-            },
-        )
+                .map(|(pack_ohm, count)| pack_ohm / f32::from(count)),
+            learnt,
+        }
     }
 
     /// Cells in series, as set, else as detected.
@@ -167,14 +172,23 @@ impl Estimator {
         Some(voltage_v + current_a * self.resistance.resistance_ohm()?)
     }
 
+    /// The estimate of the charge, if it is certain enough.
+    pub fn charge(&self) -> Option<&ChargeEstimate> {
+        match self.confidence {
+            Confidence::Known => self.charge.estimate(),
+            Confidence::Unknown => None,
+        }
+    }
+
     /// State of charge, from 0 to 1.
     pub fn state_of_charge(&self) -> Option<f32> {
-        self.charge.charge().and_then(StateOfCharge::value)
+        self.charge().map(|charge| charge.share)
     }
 
     /// Upper bound of a state of charge that is known, from 0 to 1.
     pub fn state_of_charge_at_most(&self) -> Option<f32> {
-        self.charge.charge().and_then(StateOfCharge::at_most)
+        self.charge()
+            .map(|charge| (charge.share + BOUND_SIGMAS * charge.sigma).min(1.0))
     }
 
     /// The average load, in amperes.
@@ -182,25 +196,33 @@ impl Estimator {
         self.average_current.value()
     }
 
-    /// Seconds until a pack with this state of charge (0 to 1) is empty at the average load.
-    pub fn time_remaining_s(&self, state_of_charge: f32, settings: &PackSettings) -> Option<f32> {
-        let charge_ah = state_of_charge * settings.capacity_mah? * AH_PER_MAH;
+    /// Seconds until the average load has drawn this share (0 to 1) of a pack with this capacity.
+    pub fn time_to_draw_s(&self, share: f32, capacity_mah: f32) -> Option<f32> {
         let average_a = self
             .average_current
             .value()
             .filter(|average_a| *average_a > MIN_AVERAGE_LOAD_A)?;
-        Some(charge_ah / average_a * SECONDS_PER_HOUR)
+        Some(share * capacity_mah * AH_PER_MAH / average_a * SECONDS_PER_HOUR)
+    }
+
+    /// Seconds until the pack can't serve its load any more, where the current is not measured.
+    pub fn inferred_time_remaining_s(&self) -> Option<f32> {
+        let charge = self.charge()?;
+        let rate_per_h = charge
+            .rate_per_h
+            .filter(|rate_per_h| *rate_per_h > MIN_AVERAGE_RATE_PER_H)?;
+        Some(charge.available / rate_per_h * SECONDS_PER_HOUR)
     }
 
     /// What is retained over a reset: state of charge and detected cell count.
-    pub fn memory(&self) -> (Option<StateOfCharge>, Option<u8>) {
-        (self.charge.charge().copied(), self.cells.cells())
+    pub fn memory(&self) -> (Option<KnownCharge>, Option<u8>) {
+        (self.charge.known(), self.cells.cells())
     }
 
     /// Continues with what was retained over a reset.
-    pub fn restore(&mut self, charge: Option<StateOfCharge>, detected_cells: Option<u8>) {
+    pub fn restore(&mut self, charge: Option<KnownCharge>, detected_cells: Option<u8>) {
         if let Some(charge) = charge {
-            self.charge = ChargeTracker::from(charge);
+            self.set_known(charge);
         }
         if let Some(count) = detected_cells {
             self.cells.restore(count);
@@ -209,6 +231,11 @@ impl Estimator {
 
     /// Sets the state of charge, from 0 to 1, on a battery reset.
     pub fn set_state_of_charge(&mut self, share: f32) {
-        self.charge = ChargeTracker::from_reset(share);
+        self.set_known(KnownCharge::set(share));
+    }
+
+    fn set_known(&mut self, charge: KnownCharge) {
+        self.charge = ChargeEstimator::from_known(charge);
+        self.confidence = Confidence::of(charge.sigma, self.confidence);
     }
 }

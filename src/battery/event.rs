@@ -41,11 +41,20 @@ pub enum PackEvent {
         state: ChargeState,
         /// Remaining charge, in percent, if known.
         remaining_pct: Option<f32>,
+        /// What the load can still draw, in percent of what it can draw from a full pack, if known.
+        usable_pct: Option<f32>,
         /// Terminal voltage, in volts, if known.
         voltage_v: Option<f32>,
     },
     /// It is being charged.
     Charging,
+    /// Its capacity and resistance were learnt for the first time.
+    Learnt {
+        /// Capacity, in milliampere-hours.
+        capacity_mah: f32,
+        /// Resistance of the whole pack when warm, in ohms.
+        resistance_ohm: f32,
+    },
     /// These faults have begun.
     Faults(Faults),
     /// A failsafe level was reached.
@@ -60,8 +69,11 @@ pub enum PackEvent {
 }
 
 /// The most events of one tick: cells detected, pack swapped, gap, sensor failed or recovered, contact lost or
-/// restored, powering off, failsafe, charge state, charging, faults.
-const MAX_EVENTS: usize = 10;
+/// restored, powering off, failsafe, charge state, charging, faults, learnt.
+const MAX_EVENTS: usize = 11;
+
+/// Charge that remains and is not usable is mentioned from here on, in percent.
+const WORTH_SAYING_PCT: f32 = 3.0;
 
 /// The events of one tick.
 pub type PackEvents = Vec<PackEvent, MAX_EVENTS>;
@@ -99,18 +111,33 @@ impl fmt::Display for PackEvent {
             Self::Charge {
                 state,
                 remaining_pct,
+                usable_pct,
                 voltage_v,
             } => {
                 write!(f, "{}:", charge_state_name(*state))?;
                 if let Some(voltage_v) = voltage_v {
                     write!(f, " {}V", Hundredths(*voltage_v))?;
                 }
-                match remaining_pct {
-                    Some(remaining_pct) => write!(f, " {}% left", whole(*remaining_pct)),
-                    None => Ok(()),
+                match (remaining_pct, usable_pct) {
+                    (Some(remaining_pct), Some(usable_pct))
+                        if remaining_pct - usable_pct >= WORTH_SAYING_PCT =>
+                    {
+                        write!(f, " {}% usable", whole(*usable_pct))
+                    }
+                    (Some(remaining_pct), _) => write!(f, " {}% left", whole(*remaining_pct)),
+                    (None, _) => Ok(()),
                 }
             }
             Self::Charging => f.write_str("charging"),
+            Self::Learnt {
+                capacity_mah,
+                resistance_ohm,
+            } => write!(
+                f,
+                "learnt: {} mAh, {} mOhm",
+                whole(*capacity_mah),
+                whole(resistance_ohm * 1e3)
+            ),
             Self::Faults(faults) => {
                 let mut separator = "fault: ";
                 for (_, name) in FAULT_NAMES.iter().filter(|(fault, _)| faults.contains(*fault)) {

@@ -8,18 +8,22 @@ use super::Chemistry;
 pub(super) const OFFSET_POINTS: usize = 5;
 
 /// Words of a [`LearntPack`] in flash.
-pub const LEARNT_WORDS: usize = 8 + OFFSET_POINTS;
+pub const LEARNT_WORDS: usize = 9 + OFFSET_POINTS;
 
-/// Plausibility limits: of a capacity in milliampere-hours, of a resistance in ohms, of an offset in millivolts.
+/// Plausibility limits: of a capacity in milliampere-hours, of a resistance in ohms, of a cell in volts, of an offset in millivolts.
 const CAPACITIES_MAH: RangeInclusive<f32> = 1.0..=10_000_000.0;
 const RESISTANCES_OHM: RangeInclusive<f32> = 1e-6..=100.0;
+const CELL_VOLTAGES_V: RangeInclusive<f32> = 0.1..=10.0;
 const HIGHEST_OFFSET_MV: i16 = 1_000;
+
+/// Loss of capacity that makes a pack as old as twice its resistance does.
+const END_OF_LIFE_LOSS: f32 = 0.2;
 
 /// The word of a pack without a serial number, as `BATT_SERIAL_NUM`.
 const NO_SERIAL_NUMBER: i32 = -1;
 
 /// Knowledge of a pack that outlasts a power cycle. `None` is not learnt yet.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LearntPack {
     pub(super) chemistry: Chemistry,
     /// Cells in series; 0 while they are unknown.
@@ -41,6 +45,21 @@ pub(super) struct LearntCapacity {
     pub capacity_mah: f32,
     /// Standard deviation, relative to the capacity.
     pub sigma: f32,
+}
+
+impl LearntCapacity {
+    /// From ampere-hours.
+    pub fn new(ah: f32, sigma: f32) -> Self {
+        Self {
+            capacity_mah: ah * 1e3,
+            sigma,
+        }
+    }
+
+    /// In ampere-hours.
+    pub fn ah(&self) -> f32 {
+        self.capacity_mah * 1e-3
+    }
 }
 
 /// A cell's resistance when warm.
@@ -67,9 +86,56 @@ pub(super) struct LastCharge {
     pub share: f32,
     /// Standard deviation.
     pub sigma: f32,
+    /// The voltage of a cell that has rested since then, in volts.
+    pub resting_v: f32,
+}
+
+impl Offset {
+    /// The point below a state of charge from 0 to 1, and the weight of the point above.
+    pub fn position(share: f32) -> (usize, f32) {
+        let position = (share * OFFSET_POINTS as f32 - 0.5)
+            .max(0.0)
+            .min((OFFSET_POINTS - 1) as f32);
+        let point = (position as usize).min(OFFSET_POINTS - 2);
+        (point, position - point as f32)
+    }
+
+    /// In volts.
+    pub fn mean_v(&self) -> f32 {
+        f32::from(self.mean_100uv) * 1e-4
+    }
+
+    /// Standard deviation in volts; `None` if it is not learnt.
+    pub fn sigma_v(&self) -> Option<f32> {
+        (self.sigma_100uv > 0).then(|| f32::from(self.sigma_100uv) * 1e-4)
+    }
+
+    /// From volts, limited to what is plausible.
+    pub fn from_v(mean_v: f32, sigma_v: f32) -> Self {
+        let limit = f32::from(HIGHEST_OFFSET_MV) * 10.0;
+        Self {
+            mean_100uv: (mean_v * 1e4).max(-limit).min(limit) as i16,
+            sigma_100uv: (sigma_v * 1e4).max(1.0).min(limit) as i16,
+        }
+    }
 }
 
 impl LearntPack {
+    /// Nothing is known.
+    pub const UNKNOWN: Self = Self {
+        chemistry: Chemistry::LiPo,
+        cell_count: 0,
+        serial_number: None,
+        drives: 0,
+        capacity: None,
+        resistance: None,
+        offsets: [Offset {
+            mean_100uv: 0,
+            sigma_100uv: 0,
+        }; OFFSET_POINTS],
+        charge: None,
+    };
+
     /// The pack's serial number, if set.
     pub fn serial_number(&self) -> Option<i32> {
         self.serial_number
@@ -86,6 +152,40 @@ impl LearntPack {
             .map(|resistance| resistance.now_ohm * f32::from(self.cell_count))
     }
 
+    /// Capacity in milliampere-hours and resistance in ohms, once learnt.
+    pub(super) fn learnt(&self) -> Option<(f32, f32)> {
+        self.capacity_mah().zip(self.resistance_ohm())
+    }
+
+    /// State of health, in percent: the capacity relative to the rated one, and the resistance relative to that of the
+    /// first drive, of which twice as much counts as a fifth of the capacity; the lower one. The end of life is usually
+    /// drawn at 80 % of the capacity or twice the resistance.
+    pub fn health_pct(&self, rated_mah: Option<f32>) -> Option<u8> {
+        let by_capacity = self
+            .capacity
+            .zip(rated_mah)
+            .map(|(learnt, rated_mah)| learnt.capacity_mah / rated_mah)?;
+        let by_resistance = self.resistance.map_or(1.0, |learnt| {
+            1.0 - END_OF_LIFE_LOSS * (learnt.now_ohm / learnt.first_ohm - 1.0)
+        });
+        // Saturating; a NaN becomes 0.
+        Some((by_capacity.min(by_resistance).max(0.0).min(1.0) * 100.0 + 0.5) as u8)
+    }
+
+    /// Whether this may have been learnt of a pack with this chemistry and as many cells.
+    pub(super) fn matches(&self, chemistry: Chemistry, cell_count: Option<u8>) -> bool {
+        let is_blank = self.cell_count == 0;
+        is_blank || (self.chemistry == chemistry && cell_count.is_none_or(|count| count == self.cell_count))
+    }
+
+    /// The same without the last charge, which another charging has overtaken.
+    pub(super) fn without_charge(&self) -> Self {
+        Self {
+            charge: None,
+            ..*self
+        }
+    }
+
     /// As words for flash.
     pub fn to_words(&self) -> [u32; LEARNT_WORDS] {
         let capacity = self.capacity.unwrap_or(LearntCapacity {
@@ -99,6 +199,7 @@ impl LearntPack {
         let charge = self.charge.unwrap_or(LastCharge {
             share: -1.0,
             sigma: 0.0,
+            resting_v: 0.0,
         });
         let mut words = [0; LEARNT_WORDS];
         let (fields, offsets) = words.split_at_mut(LEARNT_WORDS - OFFSET_POINTS);
@@ -116,6 +217,7 @@ impl LearntPack {
             resistance.first_ohm.to_bits(),
             charge.share.to_bits(),
             charge.sigma.to_bits(),
+            charge.resting_v.to_bits(),
         ]);
         for (word, offset) in offsets.iter_mut().zip(&self.offsets) {
             let [mean_low, mean_high] = offset.mean_100uv.to_le_bytes();
@@ -136,12 +238,28 @@ impl LearntPack {
             first_ohm,
             share,
             sigma,
+            resting_v,
             offsets @ ..,
         ] = words;
         let [chemistry, cell_count, drives @ ..] = kind.to_le_bytes();
-        let [capacity_mah, capacity_sigma, now_ohm, first_ohm, share, sigma] =
-            [capacity_mah, capacity_sigma, now_ohm, first_ohm, share, sigma]
-                .map(|word| f32::from_bits(*word));
+        let [
+            capacity_mah,
+            capacity_sigma,
+            now_ohm,
+            first_ohm,
+            share,
+            sigma,
+            resting_v,
+        ] = [
+            capacity_mah,
+            capacity_sigma,
+            now_ohm,
+            first_ohm,
+            share,
+            sigma,
+            resting_v,
+        ]
+        .map(|word| f32::from_bits(*word));
         let is_sigma = |sigma: f32| (0.0..=1.0).contains(&sigma);
         let mut learnt = Self {
             chemistry: Chemistry::from_number(chemistry.into())?,
@@ -157,7 +275,12 @@ impl LearntPack {
             resistance: (RESISTANCES_OHM.contains(&now_ohm) && RESISTANCES_OHM.contains(&first_ohm))
                 .then_some(LearntResistance { now_ohm, first_ohm }),
             offsets: [Offset::default(); OFFSET_POINTS],
-            charge: ((0.0..=1.0).contains(&share) && is_sigma(sigma)).then_some(LastCharge { share, sigma }),
+            charge: ((0.0..=1.0).contains(&share) && is_sigma(sigma) && CELL_VOLTAGES_V.contains(&resting_v))
+                .then_some(LastCharge {
+                    share,
+                    sigma,
+                    resting_v,
+                }),
         };
         for (offset, word) in learnt.offsets.iter_mut().zip(offsets) {
             let [mean_low, mean_high, sigma_low, sigma_high] = word.to_le_bytes();
@@ -204,16 +327,17 @@ mod tests {
             charge: Some(LastCharge {
                 share: 0.6,
                 sigma: 0.03,
+                resting_v: 3.71,
             }),
         };
-        for learnt in [learnt, LearntPack::default()] {
+        for learnt in [learnt, LearntPack::UNKNOWN] {
             assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));
         }
     }
 
     proptest! {
         #[test]
-        fn arbitrary_words_give_plausible_values(words in prop::array::uniform13(any::<u32>())) {
+        fn arbitrary_words_give_plausible_values(words in prop::array::uniform14(any::<u32>())) {
             let Some(learnt) = LearntPack::from_words(&words) else { return Ok(()) };
             prop_assert_eq!(LearntPack::from_words(&learnt.to_words()), Some(learnt));
             prop_assert!(learnt.capacity_mah().is_none_or(|capacity_mah| capacity_mah >= 1.0));

@@ -1,15 +1,15 @@
 //! Pack data retained over a reset of the processor, in RAM that start-up code leaves alone.
 
-use super::charge::StateOfCharge;
+use super::charge::KnownCharge;
 use super::consumption::Consumption;
 use crate::pack::MAX_PACKS;
 use crate::sealed::{is_sealed, seal};
 
 /// Identifies this layout.
-const MAGIC: u32 = u32::from_le_bytes(*b"BAT1");
+const MAGIC: u32 = u32::from_le_bytes(*b"BAT2");
 
 const HEADER_WORDS: usize = 2;
-const PACK_WORDS: usize = 8;
+const PACK_WORDS: usize = 7;
 /// With the checksum as the last word.
 const RECORD_WORDS: usize = HEADER_WORDS + PACK_WORDS * MAX_PACKS + 1;
 
@@ -25,7 +25,7 @@ pub struct RetainedRecord([u32; RECORD_WORDS]);
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PackMemory {
     pub(super) consumption: Consumption,
-    pub(super) charge: Option<StateOfCharge>,
+    pub(super) charge: Option<KnownCharge>,
     pub(super) detected_cells: Option<u8>,
 }
 
@@ -93,7 +93,7 @@ const CELLS: u32 = 0xFF;
 impl PackMemory {
     fn to_words(self) -> [u32; PACK_WORDS] {
         let [charge_low, charge_high, energy_low, energy_high] = self.consumption.to_words();
-        let [value, low, high] = self.charge.map_or([0; 3], |charge| charge.to_words());
+        let [share, sigma] = self.charge.map_or([0; 2], KnownCharge::to_words);
         let has_charge = if self.charge.is_some() { HAS_CHARGE } else { 0 };
         let flags = u32::from(self.detected_cells.unwrap_or(0)) | has_charge;
         [
@@ -101,9 +101,8 @@ impl PackMemory {
             charge_high,
             energy_low,
             energy_high,
-            value,
-            low,
-            high,
+            share,
+            sigma,
             flags,
         ]
     }
@@ -114,16 +113,15 @@ impl PackMemory {
             charge_high,
             energy_low,
             energy_high,
-            value,
-            low,
-            high,
+            share,
+            sigma,
             flags,
         ] = words;
         let cells = (flags & CELLS) as u8;
         Self {
             consumption: Consumption::from_words([charge_low, charge_high, energy_low, energy_high]),
             charge: (flags & HAS_CHARGE != 0)
-                .then(|| StateOfCharge::from_words([value, low, high]))
+                .then(|| KnownCharge::from_words([share, sigma]))
                 .flatten(),
             detected_cells: (cells > 0).then_some(cells),
         }
@@ -142,7 +140,7 @@ mod tests {
             charge_mah,
             energy_wh: -2.5,
         });
-        packs[3].charge = Some(StateOfCharge::from_reset(0.625));
+        packs[3].charge = Some(KnownCharge::set(0.625));
         packs[3].detected_cells = Some(3);
         packs
     }

@@ -98,7 +98,12 @@ pub struct BatteryState {
     pub consumed_wh: Option<f32>,
     /// Remaining charge, in percent of a full pack (0 to 100).
     pub remaining_pct: Option<f32>,
-    /// Time until the pack is empty at the average load, in seconds.
+    /// Standard deviation of [`remaining_pct`](Self::remaining_pct), in percent of a full pack, where it is estimated.
+    pub remaining_sigma_pct: Option<f32>,
+    /// What the load can still draw, in percent of what it can draw from a full pack (0 to 100): less than what remains
+    /// in a cold or worn pack.
+    pub usable_pct: Option<f32>,
+    /// Time until the pack can't serve the average load any more, in seconds.
     pub time_remaining_s: Option<f32>,
     /// Temperature of the pack, in degrees Celsius.
     pub temperature_c: Option<f32>,
@@ -116,6 +121,10 @@ pub struct BatteryState {
     pub chemistry: Chemistry,
     /// Full capacity.
     pub capacity: Option<Amount>,
+    /// Capacity that was learnt, in milliampere-hours.
+    pub learnt_capacity_mah: Option<f32>,
+    /// State of health, in percent, as reported by a smart battery, else as learnt.
+    pub state_of_health_pct: Option<u8>,
     /// Critical voltage (`BATT_CRT_VOLT`), in volts, if set.
     pub critical_voltage_v: Option<f32>,
     /// Serial number, as reported by a smart battery, else as set.
@@ -145,6 +154,8 @@ impl BatteryState {
         consumed: None,
         consumed_wh: None,
         remaining_pct: None,
+        remaining_sigma_pct: None,
+        usable_pct: None,
         time_remaining_s: None,
         temperature_c: None,
         charge_state: ChargeState::Undefined,
@@ -154,6 +165,8 @@ impl BatteryState {
         cells: CellVoltages::NONE,
         chemistry: Chemistry::LiPo,
         capacity: None,
+        learnt_capacity_mah: None,
+        state_of_health_pct: None,
         critical_voltage_v: None,
         serial_number: None,
         charge_source: ChargeSource::Estimated,

@@ -12,7 +12,7 @@ const SLOW_TIME_CONSTANT_S: f64 = 8.0;
 const STEPS_PER_SECOND: u32 = 1000;
 
 /// Rest before the drive, disarmed.
-const REST_S: f64 = 10.0;
+const REST_S: f64 = 30.0;
 
 /// Three LiPo cells with a slow and a fast part of the sag.
 pub struct Pack {

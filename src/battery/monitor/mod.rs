@@ -74,8 +74,22 @@ pub struct BatteryMonitor {
 #[derive(Clone, Copy, Debug)]
 struct Learnt {
     pack: LearntPack,
-    is_saved: bool,
+    standing: Standing,
 }
+
+/// How what is learnt relates to what flash holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Standing {
+    /// The same.
+    Saved,
+    /// It has to be written.
+    Unsaved,
+    /// The pack was swapped: flash holds what was learnt of the one before, until this one is learnt.
+    Swapped,
+}
+
+/// Nothing is known of a pack.
+static UNKNOWN_PACK: LearntPack = LearntPack::UNKNOWN;
 
 /// Whether the state shows this tick's reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -191,7 +205,7 @@ impl BatteryMonitor {
         if let Some(replacement) = self.serial_number.update(serial_number, arm_state) {
             self.swap_detector.reset();
             self.charge_reporter = ChargeReporter::default();
-            self.replace_pack(replacement, events);
+            self.replace_pack(replacement, None, events);
         }
         if self.serial_number.matches(serial_number) {
             self.state.details = measurement.details;
@@ -246,14 +260,12 @@ impl BatteryMonitor {
         self.last_healthy = Some(tick.now);
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
         if let Some(replacement) = self.detect_swap(&reading) {
-            self.replace_pack(replacement, events);
+            self.replace_pack(replacement, settings.serial_number, events);
         }
         if let Some(gap) = self.update_consumption(dt_us, measurement) {
             push(events, PackEvent::Gap(gap));
         }
-        if let Some(event) = self.estimator.update(&reading, settings) {
-            push(events, event);
-        }
+        self.update_estimates(&reading, settings, events);
         self.update_state(measurement, settings);
     }
 
@@ -265,6 +277,8 @@ impl BatteryMonitor {
         self.state.current_a = None;
         self.state.average_current_a = None;
         self.state.remaining_pct = None;
+        self.state.remaining_sigma_pct = None;
+        self.state.usable_pct = None;
         self.state.time_remaining_s = None;
         self.state.faults = Faults::empty();
         self.diagnosis = Diagnosis::default();
@@ -280,8 +294,22 @@ impl BatteryMonitor {
     }
 
     /// The pack was swapped: estimates and counts restart. The failsafe level stays latched until the new pack
-    /// disproves it.
-    fn replace_pack(&mut self, replacement: Replacement, events: &mut PackEvents) {
+    /// disproves it. What was learnt is that of the pack before, unless a serial number says which pack it is.
+    fn replace_pack(
+        &mut self,
+        replacement: Replacement,
+        serial_number: Option<i32>,
+        events: &mut PackEvents,
+    ) {
+        if let Some(learnt) = &mut self.learnt {
+            match serial_number {
+                Some(_) => learnt.pack = learnt.pack.without_charge(),
+                None => {
+                    learnt.pack = LearntPack::UNKNOWN;
+                    learnt.standing = Standing::Swapped;
+                }
+            }
+        }
         self.consumption = Consumption::default();
         self.estimator = Estimator::new();
         self.failsafe.replace_pack(replacement);
@@ -289,6 +317,30 @@ impl BatteryMonitor {
         self.charge_state = ChargeStateMachine::default();
         self.last_reading = None;
         push(events, PackEvent::Swapped);
+    }
+
+    fn update_estimates(&mut self, reading: &Reading, settings: &PackSettings, events: &mut PackEvents) {
+        let cell_count = self.estimator.cell_count(settings);
+        let learnt = self.learnt.as_ref().map(|learnt| &learnt.pack);
+        let known = learnt.filter(|learnt| learnt.matches(settings.chemistry, cell_count));
+        let findings = self
+            .estimator
+            .update(reading, settings, known.unwrap_or(&UNKNOWN_PACK));
+        if let Some(event) = findings.event {
+            push(events, event);
+        }
+        if let (Some(kept), Some(learnt), None) = (findings.kept, &mut self.learnt, self.gauge) {
+            if let (None, Some((capacity_mah, resistance_ohm))) = (learnt.pack.learnt(), kept.learnt()) {
+                push(
+                    events,
+                    PackEvent::Learnt {
+                        capacity_mah,
+                        resistance_ohm,
+                    },
+                );
+            }
+            learnt.keep(&kept, settings.serial_number);
+        }
     }
 
     fn update_consumption(&mut self, dt_us: u64, measurement: &Measurement) -> Option<super::Gap> {
@@ -345,15 +397,46 @@ impl BatteryMonitor {
         state.consumed_wh = (is_counted && voltage_v.is_some() && measurement.contents == Contents::Charge)
             .then(|| self.consumption.energy_wh());
         state.remaining_pct = state_of_charge.map(|share| share * 100.0);
-        state.time_remaining_s = current_a
-            .and(state_of_charge)
-            .and_then(|state_of_charge| self.estimator.time_remaining_s(state_of_charge, settings));
         state.charge_source = match (measurement.gauge, measurement.state_of_charge) {
             (Some(_), _) => ChargeSource::Gauge,
             (None, Some(_)) => ChargeSource::Reported,
             (None, None) => ChargeSource::Estimated,
         };
         state.cell_count = self.estimator.cell_count(settings);
+        self.update_learnt(settings);
+        self.update_usable(settings);
+    }
+
+    fn update_learnt(&mut self, settings: &PackSettings) {
+        let learnt = self.learnt().copied();
+        let state = &mut self.state;
+        state.learnt_capacity_mah = learnt.and_then(|learnt| learnt.capacity_mah());
+        state.state_of_health_pct = state
+            .details
+            .state_of_health_pct
+            .or_else(|| learnt?.health_pct(settings.capacity_mah));
+    }
+
+    /// What the load can still draw, and for how long.
+    fn update_usable(&mut self, settings: &PackSettings) {
+        let state = &mut self.state;
+        let share = state.remaining_pct.map(|percent| percent / 100.0);
+        let charge = match state.charge_source {
+            ChargeSource::Estimated if state.contents == Contents::Charge => self.estimator.charge(),
+            _ => None,
+        };
+        state.remaining_sigma_pct = charge.map(|charge| charge.sigma * 100.0);
+        state.usable_pct = charge
+            .map(|charge| charge.usable_share * 100.0)
+            .or(state.remaining_pct);
+        let available = charge.map(|charge| charge.available).or(share);
+        let capacity_mah = state.learnt_capacity_mah.or(settings.capacity_mah);
+        state.time_remaining_s = match state.current_a {
+            Some(_) => available
+                .zip(capacity_mah)
+                .and_then(|(available, capacity_mah)| self.estimator.time_to_draw_s(available, capacity_mah)),
+            None => charge.and(self.estimator.inferred_time_remaining_s()),
+        };
     }
 
     /// Fill level of a tank whose flow is counted: it starts full, or at the level of the last battery reset.
@@ -426,7 +509,7 @@ impl BatteryMonitor {
             status: state.status,
             faults: state.faults,
             failsafe: state.failsafe,
-            remaining_pct: state.remaining_pct,
+            remaining_pct: state.usable_pct,
             limits: settings.charge_limits,
             arm_state: tick.arm_state,
             current_a: state.current_a,
@@ -460,14 +543,17 @@ impl BatteryMonitor {
 
     /// Continues with what flash holds of the pack, at the start and after a change of its serial number.
     pub fn restore_learnt(&mut self, pack: LearntPack) {
-        self.learnt = Some(Learnt { pack, is_saved: true });
+        self.learnt = Some(Learnt {
+            pack,
+            standing: Standing::Saved,
+        });
     }
 
     /// What has to be written to flash.
     pub fn unsaved_learnt(&self) -> Option<&LearntPack> {
         self.learnt
             .as_ref()
-            .filter(|learnt| !learnt.is_saved)
+            .filter(|learnt| learnt.standing == Standing::Unsaved)
             .map(|learnt| &learnt.pack)
     }
 
@@ -476,7 +562,7 @@ impl BatteryMonitor {
         if let Some(learnt) = &mut self.learnt
             && learnt.pack == *saved
         {
-            learnt.is_saved = true;
+            learnt.standing = Standing::Saved;
         }
     }
 
@@ -485,9 +571,9 @@ impl BatteryMonitor {
         if let Some(learnt) = &mut self.learnt {
             learnt.pack = LearntPack {
                 serial_number: learnt.pack.serial_number,
-                ..LearntPack::default()
+                ..LearntPack::UNKNOWN
             };
-            learnt.is_saved = false;
+            learnt.standing = Standing::Unsaved;
         }
     }
 
@@ -513,6 +599,18 @@ impl BatteryMonitor {
 impl Default for BatteryMonitor {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+impl Learnt {
+    fn keep(&mut self, kept: &LearntPack, serial_number: Option<i32>) {
+        self.pack = LearntPack {
+            serial_number,
+            ..*kept
+        };
+        if self.standing != Standing::Swapped || kept.learnt().is_some() {
+            self.standing = Standing::Unsaved;
+        }
     }
 }
 

@@ -151,7 +151,7 @@ fn nan_and_infinity_count_as_failed_reads() {
 #[test]
 fn charge_at_boot_is_initialised_from_the_voltage() {
     let mut bench = Bench::new();
-    let state = bench.run(1.0, loaded(3.0 * 3.817, 0.1));
+    let state = bench.run(2.5, loaded(3.0 * 3.817, 0.1));
     let remaining_pct = state.remaining_pct.expect("known");
     assert!((45.0..55.0).contains(&remaining_pct), "{remaining_pct}");
     assert!(
@@ -172,7 +172,7 @@ fn remaining_charge_does_not_rise_when_a_load_ends() {
             }
         };
         let mut bench = Bench::new();
-        bench.run(5.0, reading(0.2));
+        bench.run(30.0, reading(0.2));
         bench.arm_state = ArmState::Armed;
         let under_load = bench.run(20.0, reading(15.0)).remaining_pct.expect("known");
         let after = bench.run(10.0, reading(0.2)).remaining_pct.expect("known");
@@ -413,6 +413,7 @@ fn one_reading_without_a_pack_does_not_trip_charge() {
     // Empty by its count, but not by its voltage: it was charged meanwhile.
     bench.monitor.reset(0.0, &bench.settings);
     bench.monitor.estimator = Estimator::new();
+    bench.run(3.0, loaded(12.2, 0.1));
     bench.arm_state = ArmState::Armed;
     bench.run(1.0, loaded(12.2, 1.0));
     bench.tick(Ok(loaded(0.3, 0.0)));
@@ -532,9 +533,9 @@ fn single_spike_is_a_short_fault() {
 #[test]
 fn changed_cell_count_reinitialises_the_estimate() {
     let mut bench = Bench::new();
-    let as_three_pct = bench.run(1.0, volts(8.2)).remaining_pct.expect("known");
+    let as_three_pct = bench.run(1.1, volts(8.2)).remaining_pct.expect("known");
     bench.settings.cell_count = Some(2);
-    let as_two_pct = bench.run(1.0, volts(8.2)).remaining_pct.expect("known");
+    let as_two_pct = bench.run(1.1, volts(8.2)).remaining_pct.expect("known");
     assert!(
         as_three_pct < 5.0 && as_two_pct > 80.0,
         "{as_three_pct} % and {as_two_pct} %"

@@ -5,7 +5,7 @@ use super::pack_facts::{
     full_capacity, lowest_cell_voltage_v, manufacture_date, name, nominal_voltage_v, serial_number,
 };
 use super::units::{NOT_GIVEN, amp_hours, number, number_above_zero};
-use crate::battery::PackDetails;
+use crate::battery::BatteryState;
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{BATTERY_INFO_DATA, MavBatteryFunction};
 use crate::pack::Pack;
@@ -35,7 +35,7 @@ pub fn build_battery_info(state: &SystemState<'_>, pack: Pack) -> BATTERY_INFO_D
         id: pack.instance(),
         battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
         mavtype: battery_type(battery),
-        state_of_health: health_pct(details),
+        state_of_health: health_pct(battery),
         cells_in_series: cells_in_series(battery),
         manufacture_date: manufacture_date(details, ""),
         serial_number: serial_number(battery),
@@ -44,8 +44,8 @@ pub fn build_battery_info(state: &SystemState<'_>, pack: Pack) -> BATTERY_INFO_D
 }
 
 /// A gauge may count more than it held when it was new.
-fn health_pct(details: &PackDetails) -> u8 {
-    match details.state_of_health_pct {
+fn health_pct(battery: &BatteryState) -> u8 {
+    match battery.state_of_health_pct {
         Some(percent) => percent.min(100),
         None => HEALTH_UNKNOWN_PCT,
     }

@@ -75,12 +75,12 @@ pub(super) fn design_capacity(battery: &BatteryState) -> Option<f32> {
         })
 }
 
-/// The charge of the full pack at its present age, in milliampere-hours: only a gauge knows. Of a tank, its volume in
+/// The charge of the full pack at its present age, in milliampere-hours: by its gauge, else as learnt. Of a tank, its volume in
 /// millilitres.
 pub(super) fn full_capacity(battery: &BatteryState) -> Option<f32> {
     match battery.charge_source {
         ChargeSource::Gauge => battery.capacity.map(Amount::number),
-        ChargeSource::Estimated | ChargeSource::Reported => None,
+        ChargeSource::Estimated | ChargeSource::Reported => battery.learnt_capacity_mah,
     }
 }
 

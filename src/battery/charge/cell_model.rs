@@ -1,0 +1,162 @@
+//! What is known of a pack's cells: their chemistry, and what was learnt of this pack.
+
+use crate::battery::Chemistry;
+use crate::battery::chemistry::Cell;
+use crate::battery::learnt::{LearntPack, Offset};
+
+/// Standard deviation of a rated capacity, relative to it.
+const RATED_SIGMA: f32 = 0.04;
+
+/// The same of a capacity that is inferred from the resistance.
+const INFERRED_SIGMA: f32 = 0.5;
+
+/// Uncertainty of the charge that belongs to a point of a curve: where the curve is steep, it outweighs that of the
+/// voltage.
+const CURVE_SHARE_SIGMA: f32 = 0.015;
+
+/// Width over which the slope of the curve is taken: its corners must not count.
+const SLOPE_WIDTH: f32 = 0.05;
+
+/// Lower limit of the slope, in volts per state of charge: a tenth of that of LiFe.
+const MIN_SLOPE_V: f32 = 0.01;
+
+/// Steps of the search for the charge at a voltage: to a 16,000th.
+const SEARCH_STEPS: u32 = 14;
+
+/// A cell as far as known.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::battery) struct CellModel<'a> {
+    /// Cell chemistry.
+    pub chemistry: Chemistry,
+    /// Typical parameters of the chemistry.
+    pub cell: &'static Cell,
+    /// Cells in series, once known.
+    pub cell_count: Option<u8>,
+    /// Rated capacity, in ampere-hours, if set.
+    pub rated_ah: Option<f32>,
+    /// Resistance of a cell, in ohms, once measured.
+    pub measured_ohm: Option<f32>,
+    /// What was learnt of this pack.
+    pub learnt: &'a LearntPack,
+}
+
+/// A capacity with its uncertainty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::battery) struct Capacity {
+    pub ah: f32,
+    /// Standard deviation, relative to the capacity.
+    pub sigma: f32,
+}
+
+impl CellModel<'_> {
+    /// The capacity: learnt, else set, else inferred from the resistance.
+    pub fn capacity(&self) -> Option<Capacity> {
+        let learnt = self.learnt.capacity.map(|learnt| Capacity {
+            ah: learnt.ah(),
+            sigma: learnt.sigma,
+        });
+        let rated = self.rated_ah.map(|ah| Capacity {
+            ah,
+            sigma: RATED_SIGMA,
+        });
+        let inferred = self.measured_ohm.map(|ohm| Capacity {
+            ah: self.cell.ohmic_drop_v / ohm,
+            sigma: INFERRED_SIGMA,
+        });
+        learnt.or(rated).or(inferred)
+    }
+
+    /// The resistance of a cell, in ohms: measured, else typical of a cell with this capacity.
+    pub fn resistance_ohm(&self, capacity: &Capacity) -> f32 {
+        self.measured_ohm.unwrap_or(self.cell.ohmic_drop_v / capacity.ah)
+    }
+
+    /// Resting voltage at a state of charge from 0 to 1, in volts.
+    pub fn voltage_v(&self, share: f32) -> f32 {
+        self.cell.curve.voltage_v(share) + self.interpolate(share, Offset::mean_v)
+    }
+
+    /// The state of charge from 0 to 1 at a resting voltage.
+    pub fn share(&self, resting_v: f32) -> f32 {
+        if resting_v >= self.voltage_v(1.0) {
+            return 1.0;
+        }
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..SEARCH_STEPS {
+            let middle = 0.5 * (low + high);
+            if self.voltage_v(middle) < resting_v {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        low
+    }
+
+    /// Slope of the curve, in volts per state of charge.
+    pub fn slope_v(&self, share: f32) -> f32 {
+        let low = (share - 0.5 * SLOPE_WIDTH).max(0.0).min(1.0 - SLOPE_WIDTH);
+        let rise_v = self.voltage_v(low + SLOPE_WIDTH) - self.voltage_v(low);
+        (rise_v / SLOPE_WIDTH).max(MIN_SLOPE_V)
+    }
+
+    /// Standard deviation of the curve, in volts.
+    pub fn curve_sigma_v(&self, share: f32, slope_v: f32) -> f32 {
+        let typical_v = self.cell.curve_sigma_v;
+        let sigma_v = self.interpolate(share, |offset| offset.sigma_v().unwrap_or(typical_v));
+        let steep_v = CURVE_SHARE_SIGMA * slope_v;
+        libm::sqrtf(sigma_v * sigma_v + steep_v * steep_v)
+    }
+
+    /// A property of the offsets between their points; constant beyond the first and last.
+    fn interpolate(&self, share: f32, property: impl Fn(&Offset) -> f32) -> f32 {
+        let (point, weight) = Offset::position(share);
+        let at = |point: usize| self.learnt.offsets.get(point).map_or(0.0, &property);
+        let (low, high) = (at(point), at(point + 1));
+        low + (high - low) * weight
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::learnt::OFFSET_POINTS;
+
+    const CHEMISTRIES: [Chemistry; 4] = [
+        Chemistry::LiPo,
+        Chemistry::LiFe,
+        Chemistry::LiIon,
+        Chemistry::NiMh,
+    ];
+
+    #[test]
+    fn share_inverts_voltage_with_and_without_offsets() {
+        let offset = LearntPack {
+            offsets: [-0.010, -0.005, 0.0, 0.005, 0.010].map(|mean_v| Offset::from_v(mean_v, 0.01)),
+            ..LearntPack::UNKNOWN
+        };
+        assert_eq!(offset.offsets.len(), OFFSET_POINTS);
+        for chemistry in CHEMISTRIES {
+            for learnt in [&LearntPack::UNKNOWN, &offset] {
+                let model = CellModel {
+                    chemistry,
+                    cell: chemistry.cell(),
+                    cell_count: Some(3),
+                    rated_ah: None,
+                    measured_ohm: None,
+                    learnt,
+                };
+                for percent in 0..=100 {
+                    let share = percent as f32 / 100.0;
+                    let back = model.share(model.voltage_v(share));
+                    assert!(
+                        (back - share).abs() < 2e-3,
+                        "{chemistry:?} at {percent} %: {back}"
+                    );
+                }
+                assert_eq!(model.share(10.0), 1.0);
+                assert_eq!(model.share(0.0), 0.0);
+            }
+        }
+    }
+}

@@ -1,0 +1,281 @@
+//! A Kalman filter for the charge of a cell whose current is measured.
+
+use super::block::{Block, Load};
+use super::cell_model::{Capacity, CellModel};
+
+/// The states: state of charge; relative error of the inverse capacity; offset of the curve, in its standard deviations;
+/// slow sag relative to the fast one.
+const STATES: usize = 4;
+type Vector = [f32; STATES];
+type Matrix = [Vector; STATES];
+
+/// Charge over which the offset of a curve changes: that of neighbouring parts is alike.
+const OFFSET_SPAN: f32 = 0.3;
+
+/// Time in which the slow share returns to what is typical, in seconds: it was seen at another load.
+const SLOW_SHARE_TIME_CONSTANT_S: f32 = 3000.0;
+
+/// Standard deviation of a voltage, in volts: noise of the board, and of a sag relative to it.
+const NOISE_V: f32 = 0.008;
+const SAG_NOISE: f32 = 0.1;
+/// A sag above this, in volts, is predicted much worse: the cell is nearly empty or cold.
+const LARGE_SAG_V: f32 = 0.3;
+
+/// No cell has a larger sag, in volts.
+const MAX_SAG_V: f32 = 5.0;
+
+/// Errors of the model last for minutes: so many measurements are as good as one.
+const CORRELATED_STEPS: f32 = 50.0;
+
+/// An estimate more certain than this is counted: a voltage corrects it by what is beyond one standard deviation.
+const COUNTED_SIGMA: f32 = 0.035;
+
+/// Limits of the states.
+const MIN_SHARE: f32 = -0.02;
+const MAX_OFFSET: f32 = 2.0;
+const MAX_SLOW_SHARE: f32 = 4.0;
+const MAX_CAPACITY_ERROR: f32 = 0.6;
+
+/// Limit of a standard deviation of the state of charge: that of any charge being as likely.
+const MAX_SIGMA: f32 = 0.29;
+
+/// The estimate with its covariance.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Filter {
+    state: Vector,
+    covariance: Matrix,
+}
+
+/// How a voltage fits the estimate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fit {
+    /// Measured minus expected voltage, in standard deviations.
+    pub deviations: f32,
+}
+
+impl Filter {
+    /// With this state of charge and standard deviation.
+    pub fn from_share(share: f32, sigma: f32, model: &CellModel, capacity: &Capacity) -> Self {
+        let mut covariance = typical_covariance(model, capacity);
+        covariance[0][0] = square(sigma);
+        Self {
+            state: [share, 0.0, 0.0, model.cell.slow_share],
+            covariance,
+        }
+    }
+
+    /// From the voltage of a cell under this load: what is unknown of curve and sag is unknown of the charge.
+    pub fn from_voltage(load: &Load, cell_v: f32, model: &CellModel, capacity: &Capacity) -> Self {
+        let sag = Sag::new(load, model.resistance_ohm(capacity));
+        let sag_v = sag.at(model.cell.slow_share);
+        let share = model.share(cell_v + sag_v);
+        let slope_v = model.slope_v(share);
+        let mut filter = Self::from_share(share, 0.0, model, capacity);
+        let slow_variance = filter.covariance[3][3];
+        let by_offset = -model.curve_sigma_v(share, slope_v) / slope_v;
+        let by_slow_share = sag.slow_v / slope_v;
+        let noise = noise_variance(sag_v) / square(slope_v);
+        let variance = square(by_offset) + square(by_slow_share) * slow_variance + noise;
+        if variance > square(MAX_SIGMA) {
+            filter.covariance[0][0] = square(MAX_SIGMA);
+            return filter;
+        }
+        filter.covariance[0][0] = variance;
+        filter.set_covariance(2, by_offset);
+        filter.set_covariance(3, by_slow_share * slow_variance);
+        filter
+    }
+
+    fn set_covariance(&mut self, with: usize, value: f32) {
+        self.covariance[0][with] = value;
+        self.covariance[with][0] = value;
+    }
+
+    /// State of charge.
+    pub fn share(&self) -> f32 {
+        self.state[0]
+    }
+
+    /// Standard deviation of the state of charge.
+    pub fn sigma(&self) -> f32 {
+        libm::sqrtf(self.covariance[0][0])
+    }
+
+    /// A charge was drawn, in capacities.
+    pub fn draw(&mut self, drawn: f32) {
+        self.state[0] -= drawn;
+    }
+
+    /// Factor by which a drawn charge counts.
+    pub fn counted(&self) -> f32 {
+        1.0 + self.state[1]
+    }
+
+    /// Takes a block: counts its charge, and corrects the estimate by its voltage, if that was measured.
+    pub fn update(&mut self, block: &Block, model: &CellModel, capacity: &Capacity) -> Option<Fit> {
+        let drawn = block.load.drawn_ah() / capacity.ah;
+        self.predict(drawn, block.load.duration_s, model);
+        let fit = block.cell_v.map(|cell_v| {
+            let sag = Sag::new(&block.load, model.resistance_ohm(capacity));
+            self.correct(cell_v, &sag, 0.5 * drawn, model)
+        });
+        self.limit();
+        fit
+    }
+
+    /// Takes the voltage of a cell that has rested.
+    pub fn rest(&mut self, cell_v: f32, model: &CellModel) {
+        self.correct(cell_v, &Sag::NONE, 0.0, model);
+        self.limit();
+    }
+
+    fn predict(&mut self, drawn: f32, dt_s: f32, model: &CellModel) {
+        self.state[0] -= drawn * self.counted();
+        // What the error of the capacity adds to that of the charge.
+        let by_capacity = self.covariance[1];
+        for (with, covariance) in by_capacity.into_iter().enumerate() {
+            self.covariance[0][with] -= drawn * covariance;
+        }
+        for row in &mut self.covariance {
+            row[0] -= drawn * row[1];
+        }
+        self.forget(2, 1.0 - (drawn.abs() / OFFSET_SPAN).min(1.0), 0.0, 1.0);
+        self.forget(
+            3,
+            1.0 - (dt_s / SLOW_SHARE_TIME_CONSTANT_S).min(1.0),
+            model.cell.slow_share,
+            square(model.cell.slow_share_sigma),
+        );
+    }
+
+    /// State `index` returns to its mean; `kept` is what is left of the deviation.
+    fn forget(&mut self, index: usize, kept: f32, mean: f32, variance: f32) {
+        self.state[index] = mean + (self.state[index] - mean) * kept;
+        for covariance in &mut self.covariance[index] {
+            *covariance *= kept;
+        }
+        for row in &mut self.covariance {
+            row[index] *= kept;
+        }
+        self.covariance[index][index] += (1.0 - square(kept)) * variance;
+    }
+
+    /// Corrects by the voltage of a cell, when `since` of its charge had not been drawn yet.
+    fn correct(&mut self, cell_v: f32, sag: &Sag, since: f32, model: &CellModel) -> Fit {
+        let [share, _, offset, slow_share] = self.state;
+        let share = share + since;
+        let slope_v = model.slope_v(share);
+        let curve_sigma_v = model.curve_sigma_v(share, slope_v);
+        let resting_v = model.voltage_v(share);
+        let noise = noise_variance(sag.at(slow_share));
+        let typical_variance = square(slope_v) * self.covariance[0][0]
+            + square(curve_sigma_v)
+            + square(sag.slow_v * model.cell.slow_share_sigma)
+            + noise;
+        let unexplained_v = cell_v - (resting_v - sag.at(model.cell.slow_share));
+        let deviations = unexplained_v / libm::sqrtf(typical_variance);
+        let innovation_v = cell_v - (resting_v + curve_sigma_v * offset - sag.at(slow_share));
+        let gradient = [slope_v, 0.0, curve_sigma_v, -sag.slow_v];
+        self.apply(
+            &gradient,
+            innovation_v * self.weight(deviations),
+            noise * CORRELATED_STEPS,
+        );
+        Fit { deviations }
+    }
+
+    /// Weight of a voltage that is so many standard deviations off.
+    fn weight(&self, deviations: f32) -> f32 {
+        if self.covariance[0][0] >= square(COUNTED_SIGMA) {
+            return 1.0;
+        }
+        (1.0 - 1.0 / deviations.abs().max(1.0)).max(0.0)
+    }
+
+    /// The Kalman update.
+    fn apply(&mut self, gradient: &Vector, innovation_v: f32, noise: f32) {
+        let by_state = self.covariance.map(|row| dot(&row, gradient));
+        let variance = dot(&by_state, gradient) + noise;
+        if !(variance > 0.0) {
+            return;
+        }
+        for ((state, row), covariance) in self.state.iter_mut().zip(&mut self.covariance).zip(by_state) {
+            let gain = covariance / variance;
+            *state += gain * innovation_v;
+            for (element, covariance) in row.iter_mut().zip(by_state) {
+                *element -= gain * covariance;
+            }
+        }
+    }
+
+    fn limit(&mut self) {
+        let [share, capacity_error, offset, slow_share] = &mut self.state;
+        *share = share.max(MIN_SHARE).min(1.0);
+        *capacity_error = capacity_error.max(-MAX_CAPACITY_ERROR).min(MAX_CAPACITY_ERROR);
+        *offset = offset.max(-MAX_OFFSET).min(MAX_OFFSET);
+        *slow_share = slow_share.max(0.0).min(MAX_SLOW_SHARE);
+        for (index, row) in self.covariance.iter_mut().enumerate() {
+            row[index] = row[index].max(1e-8);
+        }
+        if self.covariance[0][0] > square(MAX_SIGMA) {
+            let shrink = MAX_SIGMA / libm::sqrtf(self.covariance[0][0]);
+            for element in &mut self.covariance[0] {
+                *element *= shrink;
+            }
+            for row in &mut self.covariance {
+                row[0] *= shrink;
+            }
+        }
+    }
+}
+
+/// The voltage that a load takes off.
+#[derive(Clone, Copy, Debug)]
+struct Sag {
+    /// The immediate part, in volts.
+    fast_v: f32,
+    /// The slow part, if it is as large as the immediate one, in volts.
+    slow_v: f32,
+}
+
+impl Sag {
+    const NONE: Self = Self {
+        fast_v: 0.0,
+        slow_v: 0.0,
+    };
+
+    fn new(load: &Load, ohm: f32) -> Self {
+        let limit = |voltage_v: f32| voltage_v.max(-MAX_SAG_V).min(MAX_SAG_V);
+        Self {
+            fast_v: limit(ohm * load.current_a),
+            slow_v: limit(ohm * load.slow_a),
+        }
+    }
+
+    /// The sag with this slow share, in volts.
+    fn at(&self, slow_share: f32) -> f32 {
+        self.fast_v + self.slow_v * slow_share
+    }
+}
+
+fn typical_covariance(model: &CellModel, capacity: &Capacity) -> Matrix {
+    let mut covariance = [[0.0; STATES]; STATES];
+    covariance[1][1] = square(capacity.sigma);
+    covariance[2][2] = 1.0;
+    covariance[3][3] = square(model.cell.slow_share_sigma);
+    covariance
+}
+
+/// Variance of a measured voltage under a sag, in square volts.
+fn noise_variance(sag_v: f32) -> f32 {
+    let sag_noise_v = SAG_NOISE * sag_v * (1.0 + square(sag_v / LARGE_SAG_V));
+    square(NOISE_V) + square(sag_noise_v)
+}
+
+fn dot(a: &Vector, b: &Vector) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn square(value: f32) -> f32 {
+    value * value
+}

@@ -1,0 +1,357 @@
+//! State of charge: counted where the current is measured, corrected by the voltage; learnt from drive to drive.
+//!
+//! Sums are kept at every reading; everything else runs once a second, and the comparison with the model once in ten.
+
+mod block;
+mod cell_model;
+mod drive;
+mod filter;
+mod memory;
+mod polarisation;
+mod rest_timer;
+mod second;
+mod start;
+mod usable;
+mod voltage_only;
+
+pub(super) use cell_model::{Capacity, CellModel};
+pub(super) use second::Second;
+
+use super::learnt::LastCharge;
+use super::{ArmState, LearntPack};
+use block::{Block, BlockSum, Load};
+use drive::Drive;
+use filter::{Filter, Fit};
+use polarisation::Polarisation;
+use rest_timer::RestTimer;
+use second::Gathering;
+use start::{Found, Start, is_resting};
+use usable::Reserve;
+use voltage_only::VoltageOnly;
+
+/// After a longer gap between readings the estimate starts anew, in seconds.
+const MAX_GAP_S: f32 = 60.0;
+
+/// A voltage that is further from the expected one, in standard deviations, contradicts the estimate. After so many
+/// seconds more of contradiction than of agreement it starts anew.
+const CONTRADICTION: f32 = 2.0;
+const MAX_CONTRADICTION_S: f32 = 120.0;
+
+/// Standard deviation of a state of charge that the owner sets.
+const SET_SIGMA: f32 = 0.01;
+
+/// Estimates the charge of one pack, and learns the pack.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ChargeEstimator {
+    gathering: Gathering,
+    phase: Phase,
+    polarisation: Polarisation,
+    block: BlockSum,
+    reserve: Reserve,
+    contradicted_s: f32,
+    drive: Option<Drive>,
+    rest: RestTimer,
+    arm_state: ArmState,
+    estimate: Option<ChargeEstimate>,
+}
+
+/// How the charge is estimated.
+#[derive(Clone, Copy, Debug)]
+enum Phase {
+    /// Not yet.
+    Starting(Start),
+    /// From a state of charge that is known.
+    Known(KnownCharge),
+    /// By the current.
+    Counting(Filter),
+    /// By the voltage alone.
+    VoltageOnly(VoltageOnly),
+}
+
+/// A state of charge that is kept over a reset, or set by the owner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct KnownCharge {
+    /// From 0 to 1.
+    pub share: f32,
+    /// Standard deviation.
+    pub sigma: f32,
+}
+
+/// The estimate of a second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ChargeEstimate {
+    /// State of charge, from 0 to 1.
+    pub share: f32,
+    /// Its standard deviation.
+    pub sigma: f32,
+    /// What such a load can still draw, relative to the capacity, from 0 to 1.
+    pub available: f32,
+    /// The same relative to what it can draw from a full pack.
+    pub usable_share: f32,
+    /// Charge drawn, in capacities per hour, where the current is not measured.
+    pub rate_per_h: Option<f32>,
+}
+
+impl KnownCharge {
+    /// As the owner says, from 0 to 1.
+    pub const fn set(share: f32) -> Self {
+        Self {
+            share,
+            sigma: SET_SIGMA,
+        }
+    }
+
+    pub fn to_words(self) -> [u32; 2] {
+        [self.share, self.sigma].map(f32::to_bits)
+    }
+
+    /// `None` if no state of charge has these words.
+    pub fn from_words(words: [u32; 2]) -> Option<Self> {
+        let [share, sigma] = words.map(f32::from_bits);
+        let is_possible = (0.0..=1.0).contains(&share) && (0.0..=1.0).contains(&sigma);
+        is_possible.then_some(Self { share, sigma })
+    }
+}
+
+impl ChargeEstimator {
+    pub const fn new() -> Self {
+        Self::in_phase(Phase::Starting(Start::NEW))
+    }
+
+    /// Continues with a known charge.
+    pub const fn from_known(charge: KnownCharge) -> Self {
+        let mut known = Self::in_phase(Phase::Known(charge));
+        known.estimate = Some(ChargeEstimate {
+            share: charge.share,
+            sigma: charge.sigma,
+            available: charge.share,
+            usable_share: charge.share,
+            rate_per_h: None,
+        });
+        known
+    }
+
+    const fn in_phase(phase: Phase) -> Self {
+        Self {
+            gathering: Gathering::NEW,
+            phase,
+            polarisation: Polarisation::unknown(),
+            block: BlockSum::NEW,
+            reserve: Reserve::NEW,
+            contradicted_s: 0.0,
+            drive: None,
+            rest: RestTimer::new(),
+            arm_state: ArmState::Disarmed,
+            estimate: None,
+        }
+    }
+
+    /// The latest estimate, if there is one.
+    pub fn estimate(&self) -> Option<&ChargeEstimate> {
+        self.estimate.as_ref()
+    }
+
+    /// What is kept over a reset.
+    pub fn known(&self) -> Option<KnownCharge> {
+        let ChargeEstimate { share, sigma, .. } = self.estimate?;
+        Some(KnownCharge { share, sigma })
+    }
+
+    /// Takes a reading, and returns the means of a second that it completes.
+    pub fn add(&mut self, dt_s: f32, voltage_v: Option<f32>, current_a: Option<f32>) -> Option<Second> {
+        if dt_s > MAX_GAP_S {
+            *self = Self::new();
+        }
+        if let Phase::Starting(start) = &mut self.phase {
+            start.add(dt_s, voltage_v);
+        }
+        self.gathering.add(dt_s, voltage_v, current_a)
+    }
+
+    /// Takes a second. Returns what is to be kept of the pack, when it was learnt or came to rest.
+    pub fn update(&mut self, second: &Second, arm_state: ArmState, model: &CellModel) -> Option<LearntPack> {
+        let count = f32::from(model.cell_count?);
+        let cell_v = second.voltage_v.map(|voltage_v| voltage_v / count);
+        let was_disarmed = core::mem::replace(&mut self.arm_state, arm_state) == ArmState::Armed
+            && arm_state == ArmState::Disarmed;
+        let rest = match (second.current_a, model.capacity()) {
+            (Some(current_a), Some(capacity)) => {
+                self.polarisation.update(second.duration_s, current_a);
+                let load = Load {
+                    duration_s: second.duration_s,
+                    current_a,
+                    slow_a: self.polarisation.current_a(),
+                };
+                self.count(&load, cell_v, model, &capacity);
+                is_resting(current_a, &capacity).then_some(load)
+            }
+            _ => self
+                .infer(second.duration_s, cell_v, arm_state, model)
+                .then_some(Load {
+                    duration_s: second.duration_s,
+                    ..Load::NONE
+                }),
+        };
+        let kept = match rest {
+            Some(load) if self.rest.rest(load.duration_s) || was_disarmed => self.keep(&load, cell_v, model),
+            Some(_) => None,
+            None => {
+                self.rest = RestTimer::new();
+                None
+            }
+        };
+        self.estimate = self.estimate_now(
+            kept.as_ref()
+                .map_or(*model, |learnt| CellModel { learnt, ..*model }),
+        );
+        kept
+    }
+
+    fn count(&mut self, load: &Load, cell_v: Option<f32>, model: &CellModel, capacity: &Capacity) {
+        match &mut self.phase {
+            Phase::Starting(start) => {
+                let found = cell_v.and_then(|cell_v| start.update(load, cell_v, model, capacity));
+                if let Some(found) = found {
+                    self.begin_counting(&found);
+                }
+            }
+            Phase::Known(charge) => {
+                self.phase = Phase::Counting(Filter::from_share(charge.share, charge.sigma, model, capacity));
+            }
+            Phase::VoltageOnly(estimate) => {
+                self.phase = match estimate.share() {
+                    Some(share) => {
+                        Phase::Counting(Filter::from_share(share, estimate.sigma(model), model, capacity))
+                    }
+                    None => Phase::Starting(Start::NEW),
+                }
+            }
+            Phase::Counting(filter) => {
+                if let Some(cell_v) = cell_v {
+                    self.reserve
+                        .update(load.duration_s, model.voltage_v(filter.share()) - cell_v);
+                }
+                if let Some(block) = self.block.add(load, cell_v) {
+                    self.compare(&block, model, capacity);
+                }
+            }
+        }
+    }
+
+    fn begin_counting(&mut self, found: &Found) {
+        let filter = match found {
+            Found::Rested(filter) => {
+                self.polarisation = Polarisation::at_rest();
+                filter
+            }
+            Found::UnderLoad(filter) => filter,
+        };
+        self.drive = Some(Drive::new(filter));
+        self.phase = Phase::Counting(*filter);
+    }
+
+    fn compare(&mut self, block: &Block, model: &CellModel, capacity: &Capacity) {
+        let Phase::Counting(filter) = &mut self.phase else {
+            return;
+        };
+        if let Some(drive) = &mut self.drive {
+            drive.add(block, filter.share(), model);
+        }
+        let is_charging = block.load.current_a < 0.0;
+        self.contradicted_s = match filter.update(block, model, capacity) {
+            Some(Fit { deviations }) if deviations.abs() > CONTRADICTION => {
+                self.contradicted_s + block.load.duration_s
+            }
+            Some(_) => (self.contradicted_s - block.load.duration_s).max(0.0),
+            None => self.contradicted_s,
+        };
+        if self.contradicted_s >= MAX_CONTRADICTION_S
+            && let Some(cell_v) = block.cell_v
+        {
+            self.contradicted_s = 0.0;
+            *filter = Filter::from_voltage(&block.load, cell_v, model, capacity);
+        }
+        if is_charging && filter.share() >= 1.0 {
+            self.drive = Some(Drive::new(filter));
+        }
+        self.reserve.settle(model);
+    }
+
+    /// Infers the load from the voltage. Returns whether the pack rests.
+    fn infer(&mut self, dt_s: f32, cell_v: Option<f32>, arm_state: ArmState, model: &CellModel) -> bool {
+        let Some(cell_v) = cell_v else {
+            return false;
+        };
+        match &mut self.phase {
+            Phase::Starting(_) => {
+                self.phase = Phase::VoltageOnly(VoltageOnly::from_voltage(cell_v, arm_state, model))
+            }
+            Phase::Known(charge) => self.phase = Phase::VoltageOnly(VoltageOnly::from_share(charge.share)),
+            Phase::VoltageOnly(estimate) => {
+                let rests = estimate.update(dt_s, cell_v, arm_state, model);
+                self.reserve.update(dt_s, estimate.sag_v());
+                self.reserve.settle(model);
+                return rests;
+            }
+            // Readings without a current between others.
+            Phase::Counting(_) => {}
+        }
+        false
+    }
+
+    /// What is kept of a pack that rests.
+    fn keep(&mut self, rest: &Load, cell_v: Option<f32>, model: &CellModel) -> Option<LearntPack> {
+        let cell_v = cell_v?;
+        let learnt = self
+            .drive
+            .as_mut()
+            .and_then(|drive| drive.learn(rest, cell_v, model));
+        if let (Some(learnt), Some(drive), Phase::Counting(filter)) = (&learnt, &self.drive, &mut self.phase)
+        {
+            let model = CellModel { learnt, ..*model };
+            if let Some(capacity) = model.capacity() {
+                let (share, sigma) = drive.share(&capacity);
+                *filter = Filter::from_share(share, sigma, &model, &capacity);
+            }
+        }
+        let mut kept = learnt.unwrap_or(*model.learnt);
+        kept.chemistry = model.chemistry;
+        kept.cell_count = model.cell_count?;
+        let ohm = self.drive.as_ref().and_then(Drive::mean_ohm).unwrap_or(0.0);
+        let estimate = self.estimate_now(CellModel {
+            learnt: &kept,
+            ..*model
+        })?;
+        kept.charge = Some(LastCharge {
+            share: estimate.share,
+            sigma: estimate.sigma,
+            resting_v: cell_v + ohm * (rest.current_a + model.cell.slow_share * rest.slow_a),
+        });
+        Some(kept)
+    }
+
+    fn estimate_now(&self, model: CellModel) -> Option<ChargeEstimate> {
+        let (share, sigma, rate_per_h) = match &self.phase {
+            Phase::Starting(start) => {
+                let filter = start.provisional()?;
+                (filter.share(), filter.sigma(), None)
+            }
+            Phase::Known(charge) => (charge.share, charge.sigma, None),
+            Phase::Counting(filter) => {
+                let drawn = self.block.drawn_ah() / model.capacity()?.ah;
+                (filter.share() - drawn * filter.counted(), filter.sigma(), None)
+            }
+            Phase::VoltageOnly(estimate) => {
+                (estimate.share()?, estimate.sigma(&model), estimate.rate_per_h())
+            }
+        };
+        let share = share.max(0.0).min(1.0);
+        Some(ChargeEstimate {
+            share,
+            sigma,
+            available: self.reserve.available(share),
+            usable_share: self.reserve.usable(share),
+            rate_per_h,
+        })
+    }
+}

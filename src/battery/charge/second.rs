@@ -1,0 +1,92 @@
+//! Means over a second: all that follows runs once a second, at any sampling rate.
+
+/// Duration of a second, less what the sampling interval may vary, in seconds.
+const DURATION_S: f32 = 0.999;
+
+/// The very first one is shorter, in seconds: there is an estimate soon after the start.
+const FIRST_S: f32 = 0.249;
+
+/// Sums up to a second.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gathering {
+    complete_s: f32,
+    duration_s: f32,
+    voltage: Sum,
+    current: Sum,
+}
+
+/// A weighted sum of what was measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sum {
+    value_s: f32,
+    duration_s: f32,
+}
+
+/// Means over a second, or over the sampling interval if that is longer. `None` is not measured.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::battery) struct Second {
+    /// In seconds.
+    pub duration_s: f32,
+    /// Of the whole pack, in volts.
+    pub voltage_v: Option<f32>,
+    /// In amperes.
+    pub current_a: Option<f32>,
+}
+
+impl Sum {
+    /// Nothing yet.
+    pub const NEW: Self = Self {
+        value_s: 0.0,
+        duration_s: 0.0,
+    };
+
+    pub fn add(&mut self, dt_s: f32, value: f32) {
+        self.value_s += value * dt_s;
+        self.duration_s += dt_s;
+    }
+
+    /// The integral, in units of the value times seconds.
+    pub fn integral(&self) -> f32 {
+        self.value_s
+    }
+
+    /// The mean, if at least half of `duration_s` is covered.
+    pub fn mean(&self, duration_s: f32) -> Option<f32> {
+        let is_covered = self.duration_s > 0.0 && self.duration_s >= 0.5 * duration_s;
+        is_covered.then(|| self.value_s / self.duration_s)
+    }
+}
+
+impl Gathering {
+    /// Nothing yet.
+    pub const NEW: Self = Self {
+        complete_s: FIRST_S,
+        duration_s: 0.0,
+        voltage: Sum::NEW,
+        current: Sum::NEW,
+    };
+
+    /// Takes a reading; returns the means once a second is complete.
+    pub fn add(&mut self, dt_s: f32, voltage_v: Option<f32>, current_a: Option<f32>) -> Option<Second> {
+        self.duration_s += dt_s;
+        if let Some(voltage_v) = voltage_v {
+            self.voltage.add(dt_s, voltage_v);
+        }
+        if let Some(current_a) = current_a {
+            self.current.add(dt_s, current_a);
+        }
+        if self.duration_s < self.complete_s {
+            return None;
+        }
+        let next = Self {
+            complete_s: DURATION_S,
+            ..Self::NEW
+        };
+        let complete = core::mem::replace(self, next);
+        Some(Second {
+            duration_s: complete.duration_s,
+            voltage_v: complete.voltage.mean(complete.duration_s),
+            current_a: complete.current.mean(complete.duration_s),
+        })
+    }
+}

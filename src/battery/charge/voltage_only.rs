@@ -1,0 +1,172 @@
+//! State of charge of a pack whose current is not measured.
+
+use super::cell_model::CellModel;
+use super::memory::last_charge;
+use crate::battery::ArmState;
+use crate::battery::low_pass::{LowPass, MeanThenLowPass};
+
+/// Time constants, in seconds: of the mean voltage about which the load varies it; of the size of the sag; of a resting
+/// voltage that is believed; of the rate that gives the time left.
+const MEAN_TIME_CONSTANT_S: f32 = 60.0;
+const SCALE_TIME_CONSTANT_S: f32 = 400.0;
+const REST_TIME_CONSTANT_S: f32 = 10.0;
+const RATE_TIME_CONSTANT_S: f32 = 120.0;
+
+/// A pack that is found under load is estimated after the first time, in seconds, and once more after the second.
+const SETTLING_S: f32 = 60.0;
+const FIRST_ESTIMATE_S: f32 = 30.0;
+
+/// Maximum change of the voltage of a cell at rest from one second to the next, in volts.
+const RESTING_CHANGE_V: f32 = 0.006;
+
+/// Limits of the sag relative to that of a typical warm cell.
+const MIN_SCALE: f32 = 1.0;
+const MAX_SCALE: f32 = 4.0;
+
+/// A smaller sag is noise, in volts.
+const MIN_SAG_V: f32 = 0.005;
+
+/// Limit of the sag that is attributed to a load, in volts.
+const MAX_SAG_V: f32 = 0.8;
+
+/// A voltage above the expected one corrects the estimate this many times faster than one below: a load can only lower
+/// the voltage.
+const RISE_SPEEDUP: f32 = 3.0;
+
+/// Uncertainty of the sag, relative to it.
+const SAG_SIGMA: f32 = 0.2;
+
+const HOURS_PER_SECOND: f32 = 1.0 / 3600.0;
+
+/// An estimate that infers the load from the sag below its own resting voltage.
+///
+/// One that is too high sees too large a sag, and falls faster: it converges. How large the sag is for a load depends on
+/// the cells and their temperature; it is inferred from how much the changes of the load vary the voltage.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct VoltageOnly {
+    share: f32,
+    sag_v: f32,
+    /// Sag relative to that of a typical cell.
+    scale: f32,
+    mean_v: MeanThenLowPass,
+    variance: MeanThenLowPass,
+    rate_per_h: LowPass,
+    before_v: f32,
+    /// Time until a pack that was found under load is estimated, in seconds.
+    unsettled_s: f32,
+    highest_v: f32,
+}
+
+impl VoltageOnly {
+    /// From the first voltage of a cell.
+    pub fn from_voltage(cell_v: f32, arm_state: ArmState, model: &CellModel) -> Self {
+        let kept = last_charge(cell_v, model).map(|last| last.share);
+        Self {
+            unsettled_s: match arm_state {
+                ArmState::Disarmed => 0.0,
+                ArmState::Armed => SETTLING_S,
+            },
+            ..Self::from_share(kept.unwrap_or_else(|| model.share(cell_v)))
+        }
+    }
+
+    /// From a known state of charge.
+    pub const fn from_share(share: f32) -> Self {
+        Self {
+            share,
+            sag_v: 0.0,
+            scale: MIN_SCALE,
+            mean_v: MeanThenLowPass::new(MEAN_TIME_CONSTANT_S),
+            variance: MeanThenLowPass::new(MEAN_TIME_CONSTANT_S),
+            rate_per_h: LowPass::new(RATE_TIME_CONSTANT_S),
+            before_v: 0.0,
+            unsettled_s: 0.0,
+            highest_v: 0.0,
+        }
+    }
+
+    /// State of charge; `None` while the pack was found under load a short time ago.
+    pub fn share(&self) -> Option<f32> {
+        (self.unsettled_s <= SETTLING_S - FIRST_ESTIMATE_S).then_some(self.share)
+    }
+
+    /// Sag below the resting voltage, in volts.
+    pub fn sag_v(&self) -> f32 {
+        self.sag_v
+    }
+
+    /// Charge drawn, in capacities per hour, averaged over two minutes.
+    pub fn rate_per_h(&self) -> Option<f32> {
+        self.rate_per_h.value()
+    }
+
+    /// Standard deviation of the state of charge.
+    pub fn sigma(&self, model: &CellModel) -> f32 {
+        let slope_v = model.slope_v(self.share);
+        let curve_v = model.curve_sigma_v(self.share, slope_v);
+        let sag_v = SAG_SIGMA * self.sag_by_variation_v(model);
+        libm::sqrtf(curve_v * curve_v + sag_v * sag_v) / slope_v
+    }
+
+    /// Takes the mean voltage of a cell over `dt_s` seconds. Returns whether the pack rests.
+    pub fn update(&mut self, dt_s: f32, cell_v: f32, arm_state: ArmState, model: &CellModel) -> bool {
+        let is_stable = (cell_v - self.before_v).abs() < RESTING_CHANGE_V;
+        self.before_v = cell_v;
+        if is_stable && arm_state == ArmState::Disarmed {
+            self.rest(dt_s, cell_v, model);
+            return true;
+        }
+        let sag_v = model.voltage_v(self.share) - cell_v;
+        self.adapt_scale(dt_s, cell_v, sag_v, model);
+        self.settle(dt_s, cell_v, model);
+        self.sag_v = sag_v.max(-MAX_SAG_V).min(MAX_SAG_V);
+        let speedup = if sag_v < 0.0 { RISE_SPEEDUP } else { 1.0 };
+        let rate_per_h = speedup * self.sag_v / (model.cell.lasting_drop_v() * self.scale);
+        self.rate_per_h.update(dt_s, rate_per_h);
+        self.share = (self.share - rate_per_h * dt_s * HOURS_PER_SECOND)
+            .max(0.0)
+            .min(1.0);
+        false
+    }
+
+    /// A pack at rest is as its voltage says, unless that is still as it was kept.
+    fn rest(&mut self, dt_s: f32, cell_v: f32, model: &CellModel) {
+        let kept = last_charge(cell_v, model).map(|last| last.share);
+        let target = kept.unwrap_or_else(|| model.share(cell_v));
+        self.share += (target - self.share) * (dt_s / REST_TIME_CONSTANT_S).min(1.0);
+        self.unsettled_s = 0.0;
+        self.sag_v = 0.0;
+        self.rate_per_h.reset();
+    }
+
+    /// A pack that was found under load is at least as full as its highest voltage, and its sag, say.
+    fn settle(&mut self, dt_s: f32, cell_v: f32, model: &CellModel) {
+        if self.unsettled_s <= 0.0 {
+            return;
+        }
+        let is_unknown = self.share().is_none();
+        self.unsettled_s -= dt_s;
+        self.highest_v = self.highest_v.max(cell_v);
+        let is_known_now = is_unknown && self.share().is_some();
+        if is_known_now || self.unsettled_s <= 0.0 {
+            let mean_v = self.mean_v.value().unwrap_or(cell_v);
+            let resting_v = (mean_v + self.sag_by_variation_v(model)).max(self.highest_v);
+            self.share = self.share.max(model.share(resting_v));
+        }
+    }
+
+    fn adapt_scale(&mut self, dt_s: f32, cell_v: f32, sag_v: f32, model: &CellModel) {
+        self.mean_v.update(dt_s, cell_v);
+        let from_mean_v = cell_v - self.mean_v.value().unwrap_or(cell_v);
+        self.variance.update(dt_s, from_mean_v * from_mean_v);
+        let by_variation_v = self.sag_by_variation_v(model);
+        let sag_v = sag_v.max(MIN_SAG_V);
+        let change = (by_variation_v - sag_v) / by_variation_v.max(sag_v);
+        let scale = self.scale * (1.0 + change * (dt_s / SCALE_TIME_CONSTANT_S).min(1.0));
+        self.scale = scale.max(MIN_SCALE).min(MAX_SCALE);
+    }
+
+    fn sag_by_variation_v(&self, model: &CellModel) -> f32 {
+        model.cell.sag_by_variation * libm::sqrtf(self.variance.value().unwrap_or(0.0))
+    }
+}
