@@ -236,7 +236,7 @@ fn run(function: &RomFunction, arguments: [u32; 4], bus: &mut SystemBus) -> Opti
             (a, FLASH_FUNCTION_CYCLES)
         }
         b"FC" => {
-            bus.soc.xip_control.is_stale = false;
+            bus.soc.xip_control.flush();
             (a, FLASH_FUNCTION_CYCLES)
         }
         b"RE" => return change_flash(function, Job::erase, arguments, bus),

@@ -32,9 +32,11 @@
 //! and flash read by processor or DMA while it is busy, not set up for reads, or not flushed from
 //! the cache.
 //!
+//! What the cache in front of the flash would miss can be counted ([`Board::count_xip_misses`]).
+//!
 //! # What is not, and may not be claimed
 //!
-//! * Exact cycles: XIP cache misses, bus contention and the wait states of the APB are left out,
+//! * Exact cycles: XIP cache misses take no time, bus contention and the wait states of the APB are left out,
 //!   taken branches and SIO loads differ from silicon by a cycle. Milliseconds and instruction
 //!   counts are sound, cycle figures are not.
 //! * `clk_sys` is 125 MHz from the first instruction, `clk_peri` the same, `clk_adc` 48 MHz.
@@ -117,6 +119,7 @@ mod thumb;
 mod timer;
 mod uart;
 mod watchdog;
+mod xip_cache;
 mod xip_control;
 
 pub use access_log::{BusErrorRecord, Direction, UnmodelledAccess};
