@@ -32,7 +32,9 @@
 //! and flash read by processor or DMA while it is busy, not set up for reads, or not flushed from
 //! the cache.
 //!
-//! What the cache in front of the flash would miss can be counted ([`Board::count_xip_misses`]).
+//! The ROM's routines for singles that firmware calls give what the ROM gives, bit for bit, after the
+//! cycles that it takes on average, which count as instructions. What the cache in front of the flash
+//! would miss can be counted ([`Board::count_xip_misses`]).
 //!
 //! # What is not, and may not be claimed
 //!
@@ -106,6 +108,7 @@ mod register;
 mod reset;
 #[cfg(test)]
 mod reset_tests;
+mod rom_floats;
 mod rtt;
 mod run;
 #[cfg(test)]
@@ -126,7 +129,7 @@ pub use access_log::{BusErrorRecord, Direction, UnmodelledAccess};
 pub use adc::{AdcFault, AdcInput, Conversion, code_of_volts};
 pub use board::Board;
 pub use boot_loader::BootLoader;
-pub use boot_rom::UNDEFINED_INSTRUCTION;
+pub use boot_rom::{BRANCH_TO_SELF, UNDEFINED_INSTRUCTION};
 pub use cpu::CpuState;
 pub use firmware::Firmware;
 pub use flash::{FlashCut, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
