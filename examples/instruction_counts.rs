@@ -35,6 +35,7 @@ mod firmware {
     #[entry]
     fn main() -> ! {
         let peripherals = embassy_rp::init(Default::default());
+        rover_battmon::board::use_rom_floats();
         let mut bench = Bench {
             measuring: Output::new(peripherals.PIN_22, Level::Low),
         };

@@ -4,21 +4,21 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 /// Check-in of a task with its deadline.
 ///
-/// Times are milliseconds since boot, modulo 2^32.
+/// Times are microseconds since boot, modulo 2^32: what is looked at several times a second is noticed long before that.
 #[derive(Debug)]
 pub struct CheckIn {
     name: &'static str,
-    deadline_ms: u32,
-    checked_in_ms: AtomicU32,
+    deadline_us: u32,
+    checked_in_us: AtomicU32,
 }
 
 impl CheckIn {
-    /// The task `name` has to check in at least every `deadline_ms`, first after boot.
+    /// The task `name` has to check in at least every `deadline_ms`, 71 minutes at most, first after boot.
     pub const fn new(name: &'static str, deadline_ms: u32) -> Self {
         Self {
             name,
-            deadline_ms,
-            checked_in_ms: AtomicU32::new(0),
+            deadline_us: deadline_ms.saturating_mul(1_000),
+            checked_in_us: AtomicU32::new(0),
         }
     }
 
@@ -27,20 +27,20 @@ impl CheckIn {
         self.name
     }
 
-    /// Checks in at `now_ms`.
-    pub fn mark(&self, now_ms: u32) {
-        self.checked_in_ms.store(now_ms, Ordering::Relaxed);
+    /// Checks in at `now_us`.
+    pub fn mark(&self, now_us: u32) {
+        self.checked_in_us.store(now_us, Ordering::Relaxed);
     }
 
     /// Whether the last check-in was longer ago than the deadline.
-    pub fn is_overdue(&self, now_ms: u32) -> bool {
-        now_ms.wrapping_sub(self.checked_in_ms.load(Ordering::Relaxed)) > self.deadline_ms
+    pub fn is_overdue(&self, now_us: u32) -> bool {
+        now_us.wrapping_sub(self.checked_in_us.load(Ordering::Relaxed)) > self.deadline_us
     }
 }
 
-/// The first overdue one of `tasks` at `now_ms`.
-pub fn first_overdue<'a>(tasks: &[&'a CheckIn], now_ms: u32) -> Option<&'a CheckIn> {
-    tasks.iter().find(|task| task.is_overdue(now_ms)).copied()
+/// The first overdue one of `tasks` at `now_us`.
+pub fn first_overdue<'a>(tasks: &[&'a CheckIn], now_us: u32) -> Option<&'a CheckIn> {
+    tasks.iter().find(|task| task.is_overdue(now_us)).copied()
 }
 
 #[cfg(test)]
@@ -52,19 +52,19 @@ mod tests {
         let quick = CheckIn::new("quick", 300);
         let slow = CheckIn::new("slow", 2_000);
         let tasks = [&slow, &quick];
-        assert!(first_overdue(&tasks, 300).is_none());
-        assert_eq!(first_overdue(&tasks, 301).map(CheckIn::name), Some("quick"));
-        quick.mark(301);
-        assert!(first_overdue(&tasks, 601).is_none());
-        quick.mark(1_900);
-        assert_eq!(first_overdue(&tasks, 2_001).map(CheckIn::name), Some("slow"));
+        assert!(first_overdue(&tasks, 300_000).is_none());
+        assert_eq!(first_overdue(&tasks, 300_001).map(CheckIn::name), Some("quick"));
+        quick.mark(300_001);
+        assert!(first_overdue(&tasks, 600_001).is_none());
+        quick.mark(1_900_000);
+        assert_eq!(first_overdue(&tasks, 2_000_001).map(CheckIn::name), Some("slow"));
     }
 
     #[test]
-    fn millisecond_counter_may_wrap() {
+    fn microsecond_counter_may_wrap() {
         let task = CheckIn::new("task", 300);
-        task.mark(u32::MAX - 99);
-        assert!(!task.is_overdue(200));
-        assert!(task.is_overdue(201));
+        task.mark(u32::MAX - 99_999);
+        assert!(!task.is_overdue(200_000));
+        assert!(task.is_overdue(200_001));
     }
 }

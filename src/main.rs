@@ -169,6 +169,7 @@ mod firmware {
     #[embassy_executor::main]
     async fn main(spawner: Spawner) {
         let last_run = LastRun::take();
+        board::use_rom_floats();
         let peripherals = embassy_rp::init(Default::default());
         let watchdog = BoardWatchdog::start(peripherals.WATCHDOG);
         info!(

@@ -137,8 +137,8 @@ fn states(
                 states
                     .borrow_mut()
                     .push(shared.with(|autopilot| *autopilot.battery(Pack::Second)));
-                let now_ms = Instant::now().as_millis() as u32;
-                assert!(check_ins.iter().all(|check_in| !check_in.is_overdue(now_ms)));
+                let now_us = Instant::now().as_micros() as u32;
+                assert!(check_ins.iter().all(|check_in| !check_in.is_overdue(now_us)));
             }
         };
         let drivers = join(

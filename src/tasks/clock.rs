@@ -14,7 +14,7 @@ pub fn timer_at(due: Instant) -> Timer {
     Timer::at(embassy_time::Instant::from_micros(due.as_micros()))
 }
 
-/// Milliseconds by the same clock, modulo 2^32: liveness counts so on purpose.
-pub(super) fn now_ms() -> u32 {
-    (now().as_micros() / 1_000) as u32
+/// Microseconds by the same clock, modulo 2^32: liveness counts so on purpose.
+pub(super) fn now_us() -> u32 {
+    now().as_micros() as u32
 }

@@ -47,7 +47,7 @@ pub use telemetry::schedule_telemetry;
 pub use wired_endpoint::WiredEndpoint;
 pub use writer::write_frames;
 
-use clock::now_ms;
+use clock::now_us;
 
 use crate::liveness::CheckIn;
 
@@ -64,5 +64,5 @@ async fn idle(check_in: &CheckIn) -> ! {
 
 /// The task behind `check_in` is alive now.
 fn mark(check_in: &CheckIn) {
-    check_in.mark(now_ms());
+    check_in.mark(now_us());
 }

@@ -2,7 +2,7 @@
 
 use embassy_time::{Duration, Ticker};
 
-use super::clock::now_ms;
+use super::clock::now_us;
 use crate::liveness::{CheckIn, first_overdue};
 use crate::log::warn;
 
@@ -22,7 +22,7 @@ pub trait Watchdog {
 pub async fn supervise(tasks: &[&CheckIn], watchdog: &mut impl Watchdog) -> ! {
     let mut looks = Ticker::every(LOOK_INTERVAL);
     loop {
-        match first_overdue(tasks, now_ms()) {
+        match first_overdue(tasks, now_us()) {
             None => watchdog.feed(),
             Some(task) => {
                 warn!("task {} is overdue, not feeding the watchdog", task.name());

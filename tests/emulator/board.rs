@@ -25,6 +25,7 @@ use super::reset::ResetRecord;
 use super::rtt::RttWatch;
 use super::spi::Spi;
 use super::uart::{BitTime, Uart};
+use super::xip_cache::XipCache;
 
 pub(super) const STACK_POINTER: usize = 13;
 
@@ -288,6 +289,17 @@ impl Board {
     /// Instructions executed since power-up.
     pub fn instructions(&self) -> u64 {
         self.bus.instructions
+    }
+
+    /// Count from now on what the cache in front of the flash would miss. It is empty at first.
+    pub fn count_xip_misses(&mut self) {
+        self.bus.soc.xip_control.cache = Some(XipCache::default());
+    }
+
+    /// Lines of 8 bytes that had to be read from the flash chip since [`Self::count_xip_misses`].
+    pub fn xip_misses(&self) -> u64 {
+        let cache = self.bus.soc.xip_control.cache.as_ref();
+        cache.map_or(0, XipCache::misses)
     }
 
     /// Cycles since power-up in which the processor was not asleep.

@@ -12,6 +12,7 @@ use super::boot_loader::reset_to_usb_boot;
 use super::bus::SystemBus;
 use super::flash::Job;
 use super::memory::ROM_SIZE;
+use super::rom_floats::FloatRoutine;
 
 /// Where the ROM says what it is and where its tables are (2.8.3.1).
 const MAGIC: usize = 0x10;
@@ -22,6 +23,13 @@ const LOOKUP_POINTER: usize = 0x18;
 
 const FUNCTION_TABLE: u16 = 0x0100;
 const DATA_TABLE: u16 = 0x0180;
+/// The table of the routines for singles (2.8.3.2), which the data table has as "SF". After the routines that are modelled
+/// it has undefined instructions.
+const SOFT_FLOAT_TABLE: u16 = 0x0400;
+const SOFT_FLOAT_TABLE_WORDS: u16 = 0x80 / 4;
+/// Trap addresses of [`FloatRoutine::ALL`].
+const FLOAT_TRAPS: u32 = 0x0320;
+const FLOAT_TRAPS_END: u32 = FLOAT_TRAPS + 2 * FloatRoutine::ALL.len() as u32;
 /// Trap addresses: the lookup function, then [`FUNCTIONS`] in order, then [`WAIT_FOR_FLASH`].
 const TRAPS: u32 = 0x0200;
 /// Where the boot ROM waits for a flash chip that was busy at a reset. It goes on at the address in
@@ -135,6 +143,16 @@ pub fn image() -> Vec<u8> {
     for trap in (TRAPS..=WAIT_FOR_FLASH).step_by(2) {
         put(trap as usize, BX_LR);
     }
+    for trap in (FLOAT_TRAPS..FLOAT_TRAPS_END).step_by(2) {
+        put(trap as usize, BX_LR);
+    }
+    for number in 0..SOFT_FLOAT_TABLE_WORDS {
+        let trap = FLOAT_TRAPS + 2 * u32::from(number);
+        let is_modelled = usize::from(number) < FloatRoutine::ALL.len();
+        let address = if is_modelled { trap } else { UNDEFINED_INSTRUCTION };
+        put(usize::from(SOFT_FLOAT_TABLE + 4 * number), address as u16 | 1);
+        put(usize::from(SOFT_FLOAT_TABLE + 4 * number + 2), 0);
+    }
     put(BRANCH_TO_SELF as usize, B_SELF);
     put(UNDEFINED_INSTRUCTION as usize, UDF);
     for sleep in [WAIT_FOR_RESET, USB_BOOT] {
@@ -146,16 +164,23 @@ pub fn image() -> Vec<u8> {
 
 /// Whether the host carries out what is at an address.
 pub fn is_function(pc: u32) -> bool {
-    (TRAPS..=WAIT_FOR_FLASH).contains(&pc)
+    (TRAPS..=WAIT_FOR_FLASH).contains(&pc) || float_routine_at(pc).is_some()
+}
+
+fn float_routine_at(pc: u32) -> Option<FloatRoutine> {
+    let number = pc.checked_sub(FLOAT_TRAPS)? / 2;
+    FloatRoutine::ALL.get(number as usize).copied()
 }
 
 /// Whether what is at an address waits while the flash chip is busy.
 pub fn waits_for_flash(pc: u32) -> bool {
-    pc == WAIT_FOR_FLASH || is_function(pc) && pc != TRAPS && matches!(function_at(pc).code, b"RE" | b"RP")
+    let is_of_flash = |function: &RomFunction| matches!(function.code, b"RE" | b"RP");
+    pc == WAIT_FOR_FLASH || function_at(pc).is_some_and(is_of_flash)
 }
 
-fn function_at(pc: u32) -> &'static RomFunction {
-    &FUNCTIONS[((pc - TRAPS) / 2) as usize - 1]
+fn function_at(pc: u32) -> Option<&'static RomFunction> {
+    let number = pc.checked_sub(TRAPS)? / 2;
+    FUNCTIONS.get((number as usize).checked_sub(1)?)
 }
 
 /// Where a function is, with the Thumb bit.
@@ -171,15 +196,19 @@ pub fn call(core: &mut CortexM0Plus, bus: &mut SystemBus) -> u64 {
         bus.attention = true;
         return 0;
     }
+    let pc = core.regs.pc();
     let arguments = [core.reg(0), core.reg(1), core.reg(2), core.reg(3)];
-    let outcome = match core.regs.pc() {
-        WAIT_FOR_FLASH => Some((arguments[0], LOOKUP_CYCLES)),
-        TRAPS => Some((look_up(arguments[0], arguments[1]), LOOKUP_CYCLES)),
-        pc if function_at(pc).code == b"UB" => {
+    let outcome = match function_at(pc) {
+        Some(function) if function.code == b"UB" => {
             reset_to_usb_boot(core, bus);
             return LOOKUP_CYCLES;
         }
-        pc => run(function_at(pc), arguments, bus),
+        Some(function) => run(function, arguments, bus),
+        None if pc == TRAPS => Some((look_up(arguments[0], arguments[1]), LOOKUP_CYCLES)),
+        None => Some(match float_routine_at(pc) {
+            Some(routine) => calculate(routine, core, bus),
+            None => (arguments[0], LOOKUP_CYCLES),
+        }),
     };
     let Some((result, cycles)) = outcome else {
         return 0;
@@ -190,6 +219,7 @@ pub fn call(core: &mut CortexM0Plus, bus: &mut SystemBus) -> u64 {
 }
 
 /// Roughly what the ROM's loops take; nothing in a test may depend on it.
+const CHANGED: u32 = 0xdead_dead;
 const LOOKUP_CYCLES: u64 = 50;
 const BIT_FUNCTION_CYCLES: u64 = 20;
 const FLASH_FUNCTION_CYCLES: u64 = 200;
@@ -198,12 +228,24 @@ fn look_up(table: u32, code: u32) -> u32 {
     let letters = [code as u8, (code >> 8) as u8];
     match address_of(&letters) {
         Some(address) if table == u32::from(FUNCTION_TABLE) => address,
+        _ if table == u32::from(DATA_TABLE) && letters == *b"SF" => u32::from(SOFT_FLOAT_TABLE),
         _ => panic!(
             "the firmware looks up '{}' in the boot ROM's table at {table:#x}, which the emulator's \
              boot ROM does not have",
             String::from_utf8_lossy(&letters)
         ),
     }
+}
+
+/// Result and cycles, which count as instructions, too: an instruction of the routines takes little more than a cycle. What
+/// the caller has in the registers that a function may change is gone.
+fn calculate(routine: FloatRoutine, core: &mut CortexM0Plus, bus: &mut SystemBus) -> (u32, u64) {
+    let result = routine.result(core.reg(0), core.reg(1));
+    for number in [1, 2, 3, 12] {
+        core.set_reg(number, CHANGED);
+    }
+    bus.instructions += routine.cycles();
+    (result, routine.cycles())
 }
 
 /// Result and cycles; `None` while the function is not finished.
@@ -236,7 +278,7 @@ fn run(function: &RomFunction, arguments: [u32; 4], bus: &mut SystemBus) -> Opti
             (a, FLASH_FUNCTION_CYCLES)
         }
         b"FC" => {
-            bus.soc.xip_control.is_stale = false;
+            bus.soc.xip_control.flush();
             (a, FLASH_FUNCTION_CYCLES)
         }
         b"RE" => return change_flash(function, Job::erase, arguments, bus),

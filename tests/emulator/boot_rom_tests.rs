@@ -5,31 +5,43 @@ use super::thumb::*;
 
 const RAM: u32 = 0x2000_0000;
 
-/// Look a function up by the ROM's own table and lookup routine, and call it; returns R0.
-fn call_function(
-    code: &[u8; 2],
-    arguments: [u32; 3],
-    prepare: impl Fn(&mut super::Board),
-) -> (u32, super::Board) {
-    let mut board = board(&[call(5), NOP, HANG], &[]);
-    prepare(&mut board);
-    let halfword = |board: &super::Board, address| {
-        u32::from_le_bytes(board.read_memory(address, 4).try_into().expect("4 bytes")) & 0xffff
-    };
-    let (table, lookup) = (halfword(&board, 0x14), halfword(&board, 0x18));
-    board.set_register(0, table);
-    board.set_register(1, u32::from(u16::from_le_bytes(*code)));
-    board.set_register(5, lookup);
-    board.run_for(5);
-    let function = board.register(0);
-    for (number, argument) in arguments.into_iter().enumerate() {
-        board.set_register(number, argument);
+/// Where the ROM has the addresses of its tables (2.8.3.1).
+const FUNCTIONS: u32 = 0x14;
+const DATA: u32 = 0x16;
+
+/// A board whose program calls what is in R5.
+fn caller() -> super::Board {
+    board(&[call(5), NOP, HANG], &[])
+}
+
+fn call_address(board: &mut super::Board, function: u32, arguments: &[u32]) -> u32 {
+    for (number, argument) in arguments.iter().enumerate() {
+        board.set_register(number, *argument);
     }
     board.set_register(5, function);
     board.set_register(15, MAIN);
     board.run_for(5);
     assert_eq!(board.pc(), MAIN + 4, "returned");
-    (board.register(0), board)
+    board.register(0)
+}
+
+/// Look something up in a table of the ROM by its lookup routine.
+fn look_up(board: &mut super::Board, table: u32, code: &[u8; 2]) -> u32 {
+    let halfword = |board: &super::Board, address: u32| board.read_word(address) & 0xffff;
+    let (table, lookup) = (halfword(board, table), halfword(board, 0x18));
+    call_address(board, lookup, &[table, u32::from(u16::from_le_bytes(*code))])
+}
+
+/// Look a function up and call it; returns R0.
+fn call_function(
+    code: &[u8; 2],
+    arguments: [u32; 3],
+    prepare: impl Fn(&mut super::Board),
+) -> (u32, super::Board) {
+    let mut board = caller();
+    prepare(&mut board);
+    let function = look_up(&mut board, FUNCTIONS, code);
+    (call_address(&mut board, function, &arguments), board)
 }
 
 #[test]
@@ -52,6 +64,23 @@ fn memory_functions() {
     );
     let (result, board) = call_function(b"MS", [RAM, 0xaa, 2], |board| board.write_memory(RAM, b"...."));
     assert_eq!((result, board.read_memory(RAM, 4)), (RAM, b"\xaa\xaa..".to_vec()));
+}
+
+/// The table has a word for each routine: fadd, fsub, fmul, fdiv (2.8.3.2).
+#[test]
+fn singles_are_calculated_for_as_long_as_the_rom_takes() {
+    for (number, expected, cycles) in [(0, 8.0f32, 71), (1, 4.0, 74), (2, 12.0, 69), (3, 3.0, 71)] {
+        let mut board = caller();
+        let table = look_up(&mut board, DATA, b"SF");
+        let routine = board.read_word(table + 4 * number);
+        let operands = [6.0f32, 2.0].map(f32::to_bits);
+        let instructions = board.instructions();
+        let result = call_address(&mut board, routine, &operands);
+        assert_eq!(f32::from_bits(result), expected, "routine {number}");
+        // The call and the return take some, and the loop at the end goes on for 5 µs.
+        let elsewhere = board.instructions() - instructions - cycles;
+        assert!((2..5 * 125 / 2).contains(&elsewhere), "{elsewhere}");
+    }
 }
 
 #[test]

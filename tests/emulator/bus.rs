@@ -113,7 +113,7 @@ impl SystemBus {
 
     pub fn load(&mut self, address: u32, width: Width) -> Result<u32, BusError> {
         if is_flash(address) {
-            self.check_flash_readable(address);
+            self.read_flash(address);
         }
         if let Some(value) = self.memory.load(address, width) {
             return Ok(value);
@@ -136,6 +136,13 @@ impl SystemBus {
         match address >> 28 {
             0x1 | 0x4 | 0x5 => self.store_register(address, value, width),
             _ => Err(BusError),
+        }
+    }
+
+    fn read_flash(&mut self, address: u32) {
+        self.check_flash_readable(address);
+        if let Some(cache) = &mut self.soc.xip_control.cache {
+            cache.read(address);
         }
     }
 
@@ -173,7 +180,7 @@ impl SystemBus {
     /// Note that an instruction was fetched, for [`Self::note_stored`].
     pub(super) fn note_fetched(&mut self, pc: u32) {
         if is_flash(pc) {
-            self.check_flash_readable(pc);
+            self.read_flash(pc);
         } else if pc >= RAM_BASE && !self.code_in_ram.contains(&pc) {
             let (start, end) = match self.code_in_ram.is_empty() {
                 true => (pc, pc),

@@ -32,9 +32,13 @@
 //! and flash read by processor or DMA while it is busy, not set up for reads, or not flushed from
 //! the cache.
 //!
+//! The ROM's routines for singles that firmware calls give what the ROM gives, bit for bit, after the
+//! cycles that it takes on average, which count as instructions. What the cache in front of the flash
+//! would miss can be counted ([`Board::count_xip_misses`]).
+//!
 //! # What is not, and may not be claimed
 //!
-//! * Exact cycles: XIP cache misses, bus contention and the wait states of the APB are left out,
+//! * Exact cycles: XIP cache misses take no time, bus contention and the wait states of the APB are left out,
 //!   taken branches and SIO loads differ from silicon by a cycle. Milliseconds and instruction
 //!   counts are sound, cycle figures are not.
 //! * `clk_sys` is 125 MHz from the first instruction, `clk_peri` the same, `clk_adc` 48 MHz.
@@ -104,6 +108,7 @@ mod register;
 mod reset;
 #[cfg(test)]
 mod reset_tests;
+mod rom_floats;
 mod rtt;
 mod run;
 #[cfg(test)]
@@ -117,13 +122,14 @@ mod thumb;
 mod timer;
 mod uart;
 mod watchdog;
+mod xip_cache;
 mod xip_control;
 
 pub use access_log::{BusErrorRecord, Direction, UnmodelledAccess};
 pub use adc::{AdcFault, AdcInput, Conversion, code_of_volts};
 pub use board::Board;
 pub use boot_loader::BootLoader;
-pub use boot_rom::UNDEFINED_INSTRUCTION;
+pub use boot_rom::{BRANCH_TO_SELF, UNDEFINED_INSTRUCTION};
 pub use cpu::CpuState;
 pub use firmware::Firmware;
 pub use flash::{FlashCut, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};

@@ -152,7 +152,7 @@ impl Board {
     /// finds no second stage with a valid checksum until it has (2.8.1.3.1).
     fn prepare_flash(&mut self, entry: u32) {
         self.bus.all_code_is_stale = true;
-        self.bus.soc.xip_control.is_stale = false;
+        self.bus.soc.xip_control.flush();
         self.bus.soc.ssi.set_up_for_reads();
         if self.bus.memory.flash.is_busy() {
             self.cpu.core.set_reg(14, entry);

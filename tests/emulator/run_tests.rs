@@ -2,7 +2,7 @@
 
 use super::adc::AdcInput;
 use super::bench::*;
-use super::thumb::{BX_LR, HANG, STACK_TOP, WFI, adds, back, board, idle_board, pop, push};
+use super::thumb::{BX_LR, HANG, MAIN, STACK_TOP, WFI, adds, back, board, idle_board, load, pop, push};
 
 #[test]
 fn cutting_a_run_into_pieces_changes_nothing() {
@@ -86,4 +86,21 @@ fn the_deepest_stack_is_remembered_with_the_handlers_on_it() {
         STACK_TOP - 44,
         "a reset does not undo it"
     );
+}
+
+/// The flash cache is looked up by the processor's fetches and loads.
+#[test]
+fn cache_misses_are_counted_from_when_that_is_asked_for() {
+    // Loads from R5 and R6, and goes round in one line of flash.
+    let mut board = board(&[load(0, 5), load(0, 6), back(2)], &[]);
+    board.set_register(5, MAIN);
+    board.set_register(6, MAIN + 0x100);
+    board.run_for(10);
+    assert_eq!(board.xip_misses(), 0, "not asked for");
+    board.count_xip_misses();
+    board.run_for(10);
+    assert_eq!(board.xip_misses(), 2);
+    board.write_register(0x1400_0004, 1);
+    board.run_for(10);
+    assert_eq!(board.xip_misses(), 4, "after a flush");
 }

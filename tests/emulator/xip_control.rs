@@ -1,11 +1,13 @@
 //! XIP_CTRL, the control registers of the cache in front of the flash (datasheet 2.6.3.6).
 //!
-//! The cache itself is not modelled, but that it holds old bytes after an erase or a program is:
-//! until it is flushed, a read of flash is a mistake of the firmware. Streaming is not modelled.
+//! That the cache holds old bytes after an erase or a program is modelled: until it is flushed, a read
+//! of flash is a mistake of the firmware. What it misses is counted when a test asks for it. Streaming
+//! is not modelled.
 
 use super::clock::Cycle;
 use super::peripheral::Peripheral;
 use super::register::RegisterWrite;
+use super::xip_cache::XipCache;
 
 const CTRL: u32 = 0x00;
 const FLUSH: u32 = 0x04;
@@ -22,6 +24,18 @@ pub struct XipControl {
     control: u32,
     /// Flash has changed since the cache was flushed.
     pub is_stale: bool,
+    /// Counts what the cache misses, while that is asked for.
+    pub cache: Option<XipCache>,
+}
+
+impl XipControl {
+    /// Drop what the cache holds.
+    pub fn flush(&mut self) {
+        self.is_stale = false;
+        if let Some(cache) = &mut self.cache {
+            cache.flush();
+        }
+    }
 }
 
 impl Default for XipControl {
@@ -29,6 +43,7 @@ impl Default for XipControl {
         Self {
             control: CTRL_RESET,
             is_stale: false,
+            cache: None,
         }
     }
 }
@@ -46,7 +61,7 @@ impl Peripheral for XipControl {
     fn write(&mut self, offset: u32, write: RegisterWrite, _now: Cycle) {
         match offset {
             CTRL => write.update(&mut self.control, CTRL_MASK),
-            FLUSH if write.value & 1 != 0 => self.is_stale = false,
+            FLUSH if write.value & 1 != 0 => self.flush(),
             STREAM_CTR if write.value != 0 => {
                 panic!("the firmware streams from flash (XIP_CTRL.STREAM_CTR), which is not modelled")
             }
@@ -55,7 +70,8 @@ impl Peripheral for XipControl {
     }
 
     fn reset(&mut self, _now: Cycle) {
-        *self = Self::default();
+        self.control = CTRL_RESET;
+        self.flush();
     }
 }
 

@@ -30,6 +30,7 @@ mod crash;
 mod examples;
 mod external_pack;
 mod faults;
+mod floats;
 mod fuel;
 mod link_noise;
 mod motors;

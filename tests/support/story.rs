@@ -64,11 +64,12 @@ impl Request {
     /// The frames of the request.
     pub fn frames(self) -> Vec<u8> {
         match self {
-            // A stick deflected on arming would have to be neutral first.
+            // A stick deflected on arming would have to be neutral first. A mode that is set afterwards could end the HOLD of
+            // a failsafe that armed packs reach at once.
             Self::Arm => [
                 manual_control(VEHICLE_ID, 0, 0),
-                command_long_2(COMPONENT_ARM_DISARM, 1.0, FORCE),
                 set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL),
+                command_long_2(COMPONENT_ARM_DISARM, 1.0, FORCE),
             ]
             .concat(),
             Self::Disarm => command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0),
