@@ -10,6 +10,7 @@ use super::*;
 
 mod damage;
 mod power_cuts;
+mod wide;
 
 /// As on the board.
 type BoardFlash = FlashModel<4096, 256, 4>;
@@ -146,7 +147,7 @@ fn unknown_keys_are_kept_when_the_ring_wraps() {
 fn record_with_a_wider_key_is_skipped_and_kept() {
     let mut flash = SmallFlash::blank();
     let mut storage = flash.storage();
-    let log = block_on(storage.start_sector(None, None)).unwrap();
+    let log = block_on(storage.start_sector(None, None, None)).unwrap();
     let foreign = Record {
         key: 0x1_0002,
         value: 9,
