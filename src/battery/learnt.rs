@@ -70,6 +70,14 @@ pub(super) struct LastCharge {
 }
 
 impl LearntPack {
+    /// Nothing is learnt yet of the pack with this serial number.
+    pub fn of(serial_number: Option<i32>) -> Self {
+        Self {
+            serial_number,
+            ..Self::default()
+        }
+    }
+
     /// The pack's serial number, if set.
     pub fn serial_number(&self) -> Option<i32> {
         self.serial_number
