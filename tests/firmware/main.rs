@@ -31,6 +31,7 @@ mod examples;
 mod external_pack;
 mod faults;
 mod fuel;
+mod learnt;
 mod link_noise;
 mod motors;
 mod packs;
