@@ -2,7 +2,7 @@
 
 use super::announcement::Announcement;
 use super::broadcast::{Announced, Broadcast};
-use super::learnt::LearntSave;
+use super::learnt_save::LearntSave;
 use super::packs::Packs;
 use super::signing_save::SigningSave;
 use super::start::Start;

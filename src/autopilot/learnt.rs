@@ -45,15 +45,6 @@ pub enum LearntJob {
     Read(PackIdentity),
 }
 
-/// Failures to write what is learnt.
-#[derive(Debug, Default)]
-pub(super) struct LearntSave {
-    /// The latest one, until a write succeeds.
-    pub failure: Option<StorageError>,
-    /// When to try again.
-    retry_at: Option<Instant>,
-}
-
 impl Autopilot {
     /// What has to be done in flash next. What is not saved comes before a read: the read may be of another pack in the
     /// same place.

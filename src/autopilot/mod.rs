@@ -14,6 +14,7 @@ mod broadcast;
 mod channel;
 mod driving;
 mod learnt;
+mod learnt_save;
 mod links;
 mod packs;
 mod sampling;

@@ -171,7 +171,7 @@ fn cut_in_every_operation(keys: &[u32], ways: u64) {
 
 #[test]
 fn power_cut_in_any_operation_leaves_old_or_new_words() {
-    let keys: Vec<u32> = (0..30).map(|number| number % 9 << 4).collect();
+    let keys: Vec<u32> = (0..30).map(|number| (number % 9) << 4).collect();
     cut_in_every_operation(&keys, 12);
 }
 
