@@ -135,6 +135,21 @@ fn stored_pack_is_read_at_the_start_and_shown() {
 }
 
 #[test]
+fn nine_packs_read_at_once_are_all_shown() {
+    let mut desk = desk_with(&Pack::ALL);
+    while let Some(LearntJob::Read(identity)) = job(&mut desk) {
+        desk.autopilot
+            .learnt_read(identity, Ok(Some(words(None, 2950.0))));
+    }
+    let mut shown = Vec::new();
+    for _ in 0..3 {
+        shown.extend(values(&posted(&mut desk)));
+    }
+    assert_eq!(shown.len(), 2 * Pack::ALL.len(), "{shown:?}");
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
+#[test]
 fn what_does_not_fit_is_not_used() {
     let no_chemistry = [0; LEARNT_WORDS];
     for stored in [

@@ -277,6 +277,18 @@ mod tests {
     }
 
     #[test]
+    fn image_of_an_earlier_version_keeps_its_content() {
+        for bytes in [PARAMETER_BYTES, LEARNT_AT] {
+            let folder = Folder::new();
+            fs::write(folder.image(), vec![7; bytes]).unwrap();
+            let mut flash = folder.open().unwrap();
+            assert_eq!(byte_at(&mut flash, bytes as u32 - 1), 7);
+            assert_eq!(byte_at(&mut flash, bytes as u32), ERASED);
+            assert_eq!(byte_at(&mut flash, FLASH_BYTES as u32 - 1), ERASED);
+        }
+    }
+
+    #[test]
     fn image_is_replaced_atomically() {
         let folder = Folder::new();
         let mut flash = folder.open().unwrap();
