@@ -8,7 +8,7 @@ mod firmware {
     use embassy_executor::{SpawnError, SpawnToken, Spawner};
     use panic_probe as _;
     use rover_battmon::autopilot::Start;
-    use rover_battmon::battery::RetainedMemory;
+    use rover_battmon::battery::{LEARNT_WORDS, RetainedMemory};
     use rover_battmon::board::{
         self, AnalogInputs, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog,
         Buzzer, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c, SensorSpi,
@@ -43,6 +43,7 @@ mod firmware {
     static UART0_READER: CheckIn = CheckIn::new("UART0 reader", 2_500);
     static PARAMETERS: CheckIn = CheckIn::new("parameters", 5_000);
     static SIGNING: CheckIn = CheckIn::new("signing", 5_000);
+    static LEARNT: CheckIn = CheckIn::new("learnt", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
 
     /// Without a host, or with one that does not read, the USB link stands still, and nothing is wrong with the board. So
@@ -131,6 +132,11 @@ mod firmware {
     }
 
     #[embassy_executor::task]
+    async fn learnt(storage: Storage<BoardFlash, [u32; LEARNT_WORDS]>, shared: &'static Shared) -> ! {
+        tasks::keep_learnt(storage, shared, &LEARNT).await
+    }
+
+    #[embassy_executor::task]
     async fn status(shared: &'static Shared, link: &'static Link) -> ! {
         tasks::report_status(ExecutorIdleTime, shared, link, &STATUS).await
     }
@@ -148,6 +154,7 @@ mod firmware {
             &UART0_READER,
             &PARAMETERS,
             &SIGNING,
+            &LEARNT,
             &STATUS,
         ];
         tasks::supervise(&watched, &mut watchdog).await
@@ -257,6 +264,8 @@ mod firmware {
         start(spawner, UNWATCHED.name(), usb_link(port, shared));
         start(spawner, PARAMETERS.name(), parameters(storage, shared));
         start(spawner, SIGNING.name(), signing(signing_storage, shared));
+        let learnt_storage = Storage::new(flash, board::LEARNT_RANGE);
+        start(spawner, LEARNT.name(), learnt(learnt_storage, shared));
         start(spawner, STATUS.name(), status(shared, link));
         start(spawner, "reboot", reboot(shared, link));
         start(spawner, "crash report", report_crash(last_run.crash, shared));

@@ -36,6 +36,8 @@ pub enum Announcement<'a> {
     ParametersDamaged,
     /// Parameters can't be written to flash.
     ParametersNotSaved(StorageError),
+    /// What is learnt of a pack can't be written to flash.
+    LearntNotSaved,
     /// A signing key, or its removal, is in flash.
     SigningSaved(SigningChange),
     /// The signing key is lost, or can't be written to flash.
@@ -83,7 +85,9 @@ impl Announcement<'_> {
             ) => MavSeverity::MAV_SEVERITY_WARNING,
             Self::Suggestion(..) => MavSeverity::MAV_SEVERITY_NOTICE,
             Self::SigningSaved(_) => MavSeverity::MAV_SEVERITY_INFO,
-            Self::FailsafesOff | Self::Unauthorized { .. } => MavSeverity::MAV_SEVERITY_WARNING,
+            Self::FailsafesOff | Self::LearntNotSaved | Self::Unauthorized { .. } => {
+                MavSeverity::MAV_SEVERITY_WARNING
+            }
             Self::DefaultParameters
             | Self::ParametersDamaged
             | Self::ParametersNotSaved(_)
@@ -126,6 +130,7 @@ impl fmt::Display for Announcement<'_> {
             Self::DefaultParameters => f.write_str("5 quick resets: started with default parameters"),
             Self::ParametersDamaged => f.write_str("Parameter storage damaged: check parameters"),
             Self::ParametersNotSaved(error) => f.write_str(save_failure_text(*error)),
+            Self::LearntNotSaved => f.write_str("Learnt battery data not saved: flash worn out?"),
             Self::SigningSaved(change) => f.write_str(change.text()),
             Self::Signing(trouble) => f.write_str(trouble.text()),
             Self::Unauthorized { link, count } => {

@@ -2,6 +2,7 @@
 
 use super::announcement::Announcement;
 use super::broadcast::{Announced, Broadcast};
+use super::learnt_save::LearntSave;
 use super::packs::Packs;
 use super::signing_save::SigningSave;
 use super::start::Start;
@@ -28,6 +29,7 @@ pub struct Autopilot {
     pub(super) broadcast: Broadcast,
     pub(super) save_failures: SaveFailures,
     pub(super) signing_save: SigningSave,
+    pub(super) learnt_save: LearntSave,
     /// The vehicle's status in the latest log line.
     pub(super) logged_status: VehicleStatus,
     pub(super) work: Work,
@@ -47,6 +49,7 @@ impl Autopilot {
             load_permille: 0,
             save_failures: SaveFailures::default(),
             signing_save: SigningSave::default(),
+            learnt_save: LearntSave::default(),
             logged_status: VehicleStatus::default(),
             work: Work::empty(),
             broadcast: Broadcast::new(),

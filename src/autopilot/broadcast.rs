@@ -5,7 +5,7 @@ use heapless::Deque;
 use super::announcement::AnnouncementText;
 use crate::mavlink::BroadcastCommand;
 use crate::mavlink::dialect::MavSeverity;
-use crate::pack::MAX_PACKS;
+use crate::pack::{MAX_PACKS, Pack};
 
 /// Announcements kept for links that are busy: one of each pack in the same tick, and a few more.
 const KEPT: usize = MAX_PACKS + 3;
@@ -17,6 +17,8 @@ pub(super) enum Announced {
     Text(MavSeverity, AnnouncementText),
     /// As a command.
     Command(BroadcastCommand),
+    /// As the parameters that show what is learnt of a pack.
+    Learnt(Pack),
 }
 
 /// The latest announcements, for links that have not sent them yet.
@@ -92,6 +94,7 @@ mod tests {
             texts.push(match next {
                 Next::Announced(Announced::Text(_, text)) => text.to_string(),
                 Next::Announced(Announced::Command(command)) => command.number.to_string(),
+                Next::Announced(Announced::Learnt(pack)) => pack.number().to_string(),
                 Next::Lost(lost) => format!("{lost} lost"),
             });
         }

@@ -4,13 +4,14 @@ use super::announcement::{ANNOUNCEMENT_BYTES, Announcement};
 use super::autopilot::{Autopilot, system_state};
 use super::broadcast::{Announced, Next};
 use super::channel::Channel;
+use super::learnt::shown_by;
 use super::work::Work;
 use crate::battery::{PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{Action, Event, Framer, Message, SystemState};
 use crate::pack::Pack;
-use crate::parameter::{ParameterId, VehicleParameter};
+use crate::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use crate::sensor::Admission;
 use crate::time::Instant;
 
@@ -31,8 +32,9 @@ impl Autopilot {
         let trouble = self.signing.trouble().map(Announcement::Signing);
         let failsafes = self.are_failsafes_off().then_some(Announcement::FailsafesOff);
         let suggestions = Pack::ALL.into_iter().filter_map(|pack| self.suggestion(pack));
+        let learnt = self.learnt_save.failure.map(|_| Announcement::LearntNotSaved);
         let notices = self.start_notice.into_iter().chain(unsaved).chain(trouble);
-        for notice in notices.chain(failsafes).chain(suggestions) {
+        for notice in notices.chain(learnt).chain(failsafes).chain(suggestions) {
             let text = notice.text();
             info!("{}: {}", channel.name(), text.as_str());
             channel.endpoint.say(notice.severity(), &text);
@@ -85,6 +87,11 @@ impl Autopilot {
                     channel.endpoint.say(*severity, text);
                 }
                 Some(Next::Announced(Announced::Command(command))) => channel.endpoint.command(*command),
+                Some(Next::Announced(Announced::Learnt(pack))) => {
+                    for id in shown_by(*pack) {
+                        channel.endpoint.show(id, &self.parameters);
+                    }
+                }
                 Some(Next::Lost(lost)) => {
                     warn!("{}: busy, {} announcements were not sent", channel.name(), lost);
                 }
@@ -153,6 +160,7 @@ impl Autopilot {
                 self.send_notices(channel);
             }
             Event::ParameterSet(id) => self.parameter_set(id, channel),
+            Event::Triggered(id) => self.triggered(id, channel),
             Event::Command(action) => {
                 info!("{}: {:?}", channel.name(), action);
                 self.act(action);
@@ -190,7 +198,15 @@ impl Autopilot {
     fn parameter_set(&mut self, id: ParameterId, channel: &Channel) {
         let value = self.parameters.get(id);
         info!("{}: {} set to {}", channel.name(), id.name().as_str(), value);
-        self.work |= Work::SAVE_PARAMETERS;
+        // Another serial number is another pack.
+        self.work |= Work::SAVE_PARAMETERS | Work::KEEP_LEARNT;
+    }
+
+    fn triggered(&mut self, id: ParameterId, channel: &Channel) {
+        info!("{}: {}", channel.name(), id.name().as_str());
+        if let ParameterId::Battery(pack, BatteryParameter::LrnErase) = id {
+            self.erase_learnt(pack);
+        }
     }
 
     fn act(&mut self, action: Action) {
@@ -198,7 +214,7 @@ impl Autopilot {
             Action::Restart(_) => self.work |= Work::RESTART,
             Action::ResetParameters => {
                 self.parameters.reset();
-                self.work |= Work::SAVE_PARAMETERS;
+                self.work |= Work::SAVE_PARAMETERS | Work::KEEP_LEARNT;
             }
             Action::ResetBatteries { mask, percent } => self.packs.reset(mask, percent, &self.parameters),
         }

@@ -127,6 +127,7 @@ impl Autopilot {
         }
         log_change(pack, before, monitor.state().status);
         self.packs.states[pack as usize] = *monitor.state();
+        self.keep_learnt(pack);
         for event in &events {
             self.announce(Announcement::Pack(pack, event));
             if let PackEvent::CellsDetected { .. } = event

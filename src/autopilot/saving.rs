@@ -1,4 +1,4 @@
-//! What has to be written to flash: parameters and the signing key.
+//! What has to be written to flash: parameters and the signing key. What is learnt of the packs: [`super::learnt`].
 
 use super::announcement::Announcement;
 use super::autopilot::Autopilot;
@@ -80,14 +80,17 @@ impl Autopilot {
     pub fn prepare_restart(&mut self) {
         self.parameters.retry_failed();
         self.work |= Work::SAVE_PARAMETERS;
+        self.retry_learnt();
         if self.signing.trouble() == Some(SigningTrouble::NotSaved) {
             self.announce(Announcement::Signing(SigningTrouble::NotSaved));
         }
     }
 
-    /// Whether a value that was set still has to be written to flash. What could not be written and waits for its retry
+    /// Whether a value that was set or learnt still has to be written to flash. What could not be written and waits for its retry
     /// does not count.
     pub fn has_unsaved(&self) -> bool {
-        self.signing.is_key_unsaved() || self.parameters.next_unsaved().is_some()
+        self.signing.is_key_unsaved()
+            || self.parameters.next_unsaved().is_some()
+            || self.next_unsaved_learnt().is_some()
     }
 }

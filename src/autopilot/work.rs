@@ -14,9 +14,11 @@ bitflags! {
         const SAVE_PARAMETERS = 1 << 2;
         /// The signing key has to be written to flash.
         const SAVE_SIGNING = 1 << 3;
+        /// What is learnt of the packs has to be read from flash or written to it.
+        const KEEP_LEARNT = 1 << 4;
         /// A ground station requested a restart.
-        const RESTART = 1 << 4;
+        const RESTART = 1 << 5;
         /// A ground station sent a HEARTBEAT.
-        const GROUND_STATION_HEARD = 1 << 5;
+        const GROUND_STATION_HEARD = 1 << 6;
     }
 }

@@ -21,6 +21,11 @@ impl BatteryBank {
         &mut self.monitors[pack as usize]
     }
 
+    /// All monitors, with their packs.
+    pub fn monitors(&self) -> impl Iterator<Item = (Pack, &BatteryMonitor)> {
+        Pack::ALL.into_iter().zip(&self.monitors)
+    }
+
     /// The sum of the packs in `mask` (`BATT_SUM_MASK`), by their latest states. Bit 0 is the first; an empty mask
     /// means all packs after `own`. A sum never includes itself.
     ///

@@ -114,8 +114,8 @@ impl Offset {
     pub fn from_v(mean_v: f32, sigma_v: f32) -> Self {
         let limit = f32::from(HIGHEST_OFFSET_MV) * 10.0;
         Self {
-            mean_100uv: (mean_v * 1e4).max(-limit).min(limit) as i16,
-            sigma_100uv: (sigma_v * 1e4).max(1.0).min(limit) as i16,
+            mean_100uv: (mean_v * 1e4).clamp(-limit, limit) as i16,
+            sigma_100uv: (sigma_v * 1e4).clamp(1.0, limit) as i16,
         }
     }
 }
@@ -135,6 +135,14 @@ impl LearntPack {
         }; OFFSET_POINTS],
         charge: None,
     };
+
+    /// Nothing is learnt yet of the pack with this serial number.
+    pub fn of(serial_number: Option<i32>) -> Self {
+        Self {
+            serial_number,
+            ..Self::UNKNOWN
+        }
+    }
 
     /// The pack's serial number, if set.
     pub fn serial_number(&self) -> Option<i32> {
@@ -169,7 +177,7 @@ impl LearntPack {
             1.0 - END_OF_LIFE_LOSS * (learnt.now_ohm / learnt.first_ohm - 1.0)
         });
         // Saturating; a NaN becomes 0.
-        Some((by_capacity.min(by_resistance).max(0.0).min(1.0) * 100.0 + 0.5) as u8)
+        Some((by_capacity.min(by_resistance).clamp(0.0, 1.0) * 100.0 + 0.5) as u8)
     }
 
     /// Whether this may have been learnt of a pack with this chemistry and as many cells.

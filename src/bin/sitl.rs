@@ -28,7 +28,7 @@ mod simulator {
         #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = speedup)]
         speedup: f64,
 
-        /// Keep the parameters in this file, as the board keeps them in its flash
+        /// Keep parameters, key and what is learnt of packs in this file, as the board does in its flash
         #[arg(long, value_name = "FILE")]
         flash: Option<PathBuf>,
     }

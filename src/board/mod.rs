@@ -29,7 +29,7 @@ use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, usb as rp_usb};
 pub use adc::AnalogInputs;
 pub use buzzer::Buzzer;
 pub use crash_memory::BoardCrashMemory;
-pub use flash::{BoardFlash, FlashDriver, PARAMETER_RANGE, SIGNING_RANGE, flash_driver};
+pub use flash::{BoardFlash, FlashDriver, LEARNT_RANGE, PARAMETER_RANGE, SIGNING_RANGE, flash_driver};
 pub use floats::use_rom_floats;
 pub use i2c::SensorI2c;
 pub use idle::ExecutorIdleTime;

@@ -1,6 +1,9 @@
 //! Gives what was received to the service it is for.
 
+use core::fmt::Write;
+
 use ::mavlink::MessageData;
+use heapless::String;
 
 use super::dialect::{MavResult, MavSeverity, SET_MODE_DATA};
 use super::parser::ReceivedFrame;
@@ -39,6 +42,8 @@ pub enum Event {
     ListRequested,
     /// A parameter was set by a ground station.
     ParameterSet(ParameterId),
+    /// A ground station triggered what a parameter does.
+    Triggered(ParameterId),
     /// A ground station tried to set a parameter and was refused.
     ParameterRefused,
     /// The rover was armed or disarmed, its mode was set, or its driver moved a stick.
@@ -79,6 +84,14 @@ impl Event {
                 | Self::Unauthorized { .. }
         )
     }
+}
+
+/// The text of a refused PARAM_SET, as in ArduPilot. It is in one STATUSTEXT.
+fn write_denied(id: ParameterId) -> String<50> {
+    let mut text = String::new();
+    // Every name fits.
+    let _ = write!(text, "Param write denied ({})", id.name());
+    text
 }
 
 /// What a request does, at most.
@@ -206,7 +219,12 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
                     rates.parameter_set(id);
                     Event::ParameterSet(id)
                 }
+                SetResult::Triggered(id) => Event::Triggered(id),
                 SetResult::Refused => Event::ParameterRefused,
+                SetResult::ReadOnly(id) => {
+                    replies.say(MavSeverity::MAV_SEVERITY_WARNING, &write_denied(id));
+                    Event::ParameterRefused
+                }
             };
         }
         Request::Command(command) => return execute(command, from, service, rates, replies),

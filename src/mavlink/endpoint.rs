@@ -10,12 +10,12 @@ use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;
 use super::rates::Rates;
 use super::replies::Replies;
-use super::services::parameters::ParameterList;
+use super::services::parameters::{ParameterList, param_value};
 use super::signing::{LinkKind, Signing};
 use super::stations::Stations;
 use super::system_state::{LinkStatistics, SystemState};
 use super::{BroadcastCommand, Message, Stream, StreamKind};
-use crate::parameter::{Parameters, VehicleParameter};
+use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::time::Instant;
 use crate::vehicle::Vehicle;
 
@@ -183,6 +183,11 @@ impl Endpoint {
     /// Sends a text, in as many messages as it needs.
     pub fn say(&mut self, severity: MavSeverity, text: &str) {
         self.replies().say(severity, text);
+    }
+
+    /// Sends the value of a parameter that has changed by itself.
+    pub fn show(&mut self, id: ParameterId, parameters: &Parameters) {
+        self.replies().answer(param_value(id, parameters));
     }
 
     /// Sends a command to every component in reach.

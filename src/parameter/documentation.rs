@@ -3,7 +3,8 @@
 use std::fmt::Write;
 
 use super::{
-    BatteryParameter, Parameter, ParameterId, Range, SimulationParameter, TakesEffect, VehicleParameter,
+    Access, BatteryParameter, Parameter, ParameterId, Range, SimulationParameter, TakesEffect,
+    VehicleParameter,
 };
 use crate::pack::Pack;
 
@@ -12,7 +13,8 @@ pub fn markdown() -> String {
     let mut page = String::from(
         "# Parameters\n\n\
          Written by `cargo run --example parameter_docs`. Names are ArduPilot 4.6's unless noted. A change takes effect at \
-         once, or after a restart where that is noted, and is saved to flash.\n",
+         once, or after a restart where that is noted, and is saved to flash, but for values that are read only or return \
+         to 0.\n",
     );
     let vehicle = VehicleParameter::ALL.into_iter().map(ParameterId::from);
     write_table(&mut page, "\n## Vehicle\n", vehicle).expect("infallible");
@@ -45,13 +47,15 @@ fn write_table(
 
 fn write_row(page: &mut String, id: ParameterId) -> std::fmt::Result {
     let row = id.row();
-    let restart = match row.documentation.takes_effect {
-        TakesEffect::AfterReboot => " (restart)",
-        TakesEffect::AtOnce => "",
+    let note = match (row.documentation.takes_effect, row.access) {
+        (_, Access::ReadOnly) => " (read only)",
+        (_, Access::Trigger) => " (returns to 0)",
+        (TakesEffect::AfterReboot, Access::Setting) => " (restart)",
+        (TakesEffect::AtOnce, Access::Setting) => "",
     };
     writeln!(
         page,
-        "| `{}`{restart} | {} | {} | {}{} |",
+        "| `{}`{note} | {} | {} | {}{} |",
         id.name(),
         row.documentation.description,
         values(row),
@@ -128,6 +132,11 @@ fn write_param(xml: &mut String, id: ParameterId) -> std::fmt::Result {
     }
     if about.takes_effect == TakesEffect::AfterReboot {
         writeln!(xml, "        <field name=\"RebootRequired\">True</field>")?;
+    }
+    if row.access == Access::ReadOnly {
+        // Ground stations leave a volatile one out when they compare files of parameters.
+        writeln!(xml, "        <field name=\"ReadOnly\">True</field>")?;
+        writeln!(xml, "        <field name=\"Volatile\">True</field>")?;
     }
     writeln!(xml, "      </param>")
 }

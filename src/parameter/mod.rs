@@ -17,9 +17,9 @@ mod unsaved;
 pub use baud::serial_baud;
 pub use for_each::ForEachParameter;
 pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
-pub use parameters::{OutOfRange, Parameters};
+pub use parameters::{Parameters, Refused, triggers};
 pub use save_failures::{SAVE_RETRY_INTERVAL_US, SaveFailures, save_failure_text};
-pub use table::{BatteryParameter, Kind, Meaning, Parameter, Range, VehicleParameter, means};
+pub use table::{Access, BatteryParameter, Kind, Meaning, Parameter, Range, VehicleParameter, means};
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};
 pub use unsaved::Unsaved;

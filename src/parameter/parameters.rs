@@ -1,7 +1,7 @@
 //! The live values of all parameters.
 
 use super::progress::Progress;
-use super::{BatteryParameter, ForEachParameter, Kind, PARAMETER_COUNT, ParameterId};
+use super::{Access, BatteryParameter, ForEachParameter, Kind, PARAMETER_COUNT, ParameterId};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::rounding::round_to_i32;
 
@@ -31,10 +31,18 @@ pub(super) enum Flash {
     NotLoaded,
 }
 
-/// The value is out of the parameter's range.
+/// Why a value is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub struct OutOfRange;
+pub enum Refused {
+    /// It is out of the parameter's range, or there is no such parameter.
+    OutOfRange,
+    /// The parameter shows a value of the firmware's own.
+    ReadOnly,
+}
+
+/// The value by which a trigger acts.
+const TRIGGERED: f32 = 1.0;
 
 impl Parameters {
     /// All parameters at their defaults.
@@ -122,13 +130,18 @@ impl Parameters {
         }
     }
 
-    /// Sets the live value, and marks it to be saved unless flash holds the same.
+    /// Sets the live value, and marks it to be saved unless flash holds the same. A trigger stays at 0: whoever sets it acts
+    /// on it if it [`triggers`].
     ///
     /// # Errors
-    /// The value is out of range; the old one is kept.
-    pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), OutOfRange> {
+    /// The value is refused; the old one is kept.
+    pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), Refused> {
         let id = id.into();
-        let value = checked(id, value)?;
+        let value = match id.row().access {
+            Access::Setting => checked(id, value)?,
+            Access::ReadOnly => return Err(Refused::ReadOnly),
+            Access::Trigger => return checked(id, value).map(drop),
+        };
         let is_saved = self.flash == Flash::Loaded
             && self.progress.get(id) == Progress::Saved
             && value.to_bits() == self.get(id).to_bits();
@@ -139,19 +152,33 @@ impl Parameters {
         Ok(())
     }
 
+    /// Sets what a read-only parameter shows, and returns whether that has changed. A value out of range is not shown.
+    pub fn show(&mut self, id: ParameterId, value: f32) -> bool {
+        match checked(id, value) {
+            Ok(value) if id.row().access == Access::ReadOnly && value != self.get(id) => {
+                self.values.set(id, value);
+                true
+            }
+            _ => false,
+        }
+    }
+
     /// Sets the live value to one loaded from flash under `key`.
     ///
     /// # Errors
-    /// The key is unknown or the value out of range, since an update of the firmware. The default is kept.
-    pub fn restore(&mut self, key: u16, value: f32) -> Result<(), OutOfRange> {
-        let id = ParameterId::from_key(key).ok_or(OutOfRange)?;
+    /// The key is unknown, of no setting, or the value out of range, since an update of the firmware. The default is kept.
+    pub fn restore(&mut self, key: u16, value: f32) -> Result<(), Refused> {
+        let id = ParameterId::from_key(key).ok_or(Refused::OutOfRange)?;
+        if id.row().access != Access::Setting {
+            return Err(Refused::ReadOnly);
+        }
         self.values.set(id, checked(id, value)?);
         Ok(())
     }
 }
 
 /// `value` converted to the parameter's type, if it is in range.
-fn checked(id: ParameterId, value: f32) -> Result<f32, OutOfRange> {
+fn checked(id: ParameterId, value: f32) -> Result<f32, Refused> {
     let row = id.row();
     let value = match row.kind {
         Kind::Real32 => value,
@@ -160,8 +187,13 @@ fn checked(id: ParameterId, value: f32) -> Result<f32, OutOfRange> {
     if row.range.contains(value) {
         Ok(value)
     } else {
-        Err(OutOfRange)
+        Err(Refused::OutOfRange)
     }
+}
+
+/// Whether setting `id` to `value` triggers its action.
+pub fn triggers(id: ParameterId, value: f32) -> bool {
+    id.row().access == Access::Trigger && checked(id, value) == Ok(TRIGGERED)
 }
 
 /// Truncates a value of a whole-number parameter, as ArduPilot does. NaN and infinity are kept, to be out of range.
@@ -199,7 +231,11 @@ mod tests {
         let mut parameters = Parameters::defaults();
         for id in ParameterId::all() {
             assert_eq!(parameters.get(id), id.default_value(), "{}", id.name());
-            assert_eq!(parameters.set(id, id.default_value()), Ok(()), "{}", id.name());
+            let expected = match id.row().access {
+                Access::Setting | Access::Trigger => Ok(()),
+                Access::ReadOnly => Err(Refused::ReadOnly),
+            };
+            assert_eq!(parameters.set(id, id.default_value()), expected, "{}", id.name());
         }
         assert_eq!(parameters, Parameters::defaults());
     }
@@ -264,12 +300,12 @@ mod tests {
     fn value_out_of_range_is_rejected() {
         let mut parameters = Parameters::defaults();
         for value in [-1.0, 51.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
-            assert_eq!(parameters.set(EXTRA1, value), Err(OutOfRange), "{value}");
+            assert_eq!(parameters.set(EXTRA1, value), Err(Refused::OutOfRange), "{value}");
             assert_eq!(parameters.get(EXTRA1), 2.0);
         }
         assert_eq!(
             parameters.set(BatteryParameter::Monitor.of(Pack::First), 1.0),
-            Err(OutOfRange)
+            Err(Refused::OutOfRange)
         );
         assert_eq!(parameters.next_unsaved(), None);
     }
@@ -283,12 +319,53 @@ mod tests {
         }
     }
 
+    const LRN_CAP: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LrnCap);
+    const LRN_ERASE: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LrnErase);
+
+    #[test]
+    fn read_only_value_is_shown_kept_by_a_reset_and_never_saved() {
+        let mut parameters = Parameters::defaults();
+        assert!(parameters.show(LRN_CAP, 2950.0));
+        assert!(!parameters.show(LRN_CAP, 2950.0));
+        for value in [2950.0, 0.0, 1.0, f32::NAN] {
+            assert_eq!(parameters.set(LRN_CAP, value), Err(Refused::ReadOnly));
+            assert_eq!(parameters.restore(LRN_CAP.key(), value), Err(Refused::ReadOnly));
+        }
+        for value in [f32::NAN, -1.0, 1e9] {
+            assert!(!parameters.show(LRN_CAP, value));
+        }
+        assert!(!parameters.show(EXTRA1, 5.0), "a setting");
+        assert_eq!(parameters.next_unsaved(), None);
+        parameters.reset();
+        assert_eq!(parameters.get(LRN_CAP), 2950.0);
+        parameters.mark_saved(Unsaved::Reset);
+        assert_eq!(parameters.next_unsaved(), None);
+    }
+
+    #[test]
+    fn trigger_reads_0_and_is_never_saved() {
+        let mut parameters = Parameters::defaults();
+        parameters.mark_not_loaded();
+        for (value, expected) in [(0.0, false), (0.5, false), (0.995, true), (1.0, true)] {
+            assert_eq!(parameters.set(LRN_ERASE, value), Ok(()));
+            assert_eq!(triggers(LRN_ERASE, value), expected, "{value}");
+            assert_eq!(parameters.get(LRN_ERASE), 0.0);
+        }
+        for value in [2.0, -1.0, f32::NAN] {
+            assert_eq!(parameters.set(LRN_ERASE, value), Err(Refused::OutOfRange));
+            assert!(!triggers(LRN_ERASE, value), "{value}");
+        }
+        assert!(!triggers(EXTRA1, 1.0), "a setting");
+        assert_eq!(parameters.restore(LRN_ERASE.key(), 1.0), Err(Refused::ReadOnly));
+        assert_eq!(parameters.next_unsaved(), None);
+    }
+
     #[test]
     fn stored_value_out_of_range_leaves_the_default() {
         let mut parameters = Parameters::defaults();
         assert_eq!(parameters.restore(3, 10.0), Ok(()));
-        assert_eq!(parameters.restore(66, f32::NAN), Err(OutOfRange));
-        assert_eq!(parameters.restore(9999, 1.0), Err(OutOfRange));
+        assert_eq!(parameters.restore(66, f32::NAN), Err(Refused::OutOfRange));
+        assert_eq!(parameters.restore(9999, 1.0), Err(Refused::OutOfRange));
         assert_eq!(parameters.get(EXTRA1), 10.0);
         assert_eq!(parameters.get(VOLT_MULT), 3.95);
         assert_eq!(parameters.next_unsaved(), None);

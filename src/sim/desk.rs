@@ -22,8 +22,8 @@ use crate::pack::Pack;
 use crate::sensor::Buses;
 use crate::storage::Storage;
 use crate::tasks::{
-    Link, Shared, boot, drive, keep_parameters, keep_signing, read_bus, read_esc, reboot_requested,
-    refuse_link, sample_batteries, serve_link,
+    Link, Shared, boot, drive, keep_learnt, keep_parameters, keep_signing, read_bus, read_esc,
+    reboot_requested, refuse_link, sample_batteries, serve_link,
 };
 use crate::vehicle::{Indication, Indicators, Restart};
 
@@ -45,6 +45,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
     loop {
         let mut storage = Storage::new(flash.clone(), SimulatedFlash::PARAMETERS);
         let signing_storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
+        let learnt_storage = Storage::new(flash.clone(), SimulatedFlash::LEARNT);
         let mut start = Start::default();
         let signing_storage = boot(&mut storage, signing_storage, ParameterSource::Stored, &mut start).await;
         let desk = Desk::new(&start, &pack);
@@ -67,9 +68,10 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
                 read_esc(None::<TcpReceiver>, &desk.shared, &UNWATCHED),
             ),
             drive(&rover, NoLamps, &desk.shared, &UNWATCHED),
-            join(
+            join3(
                 keep_parameters(storage, &desk.shared, &UNWATCHED),
                 keep_signing(signing_storage, &desk.shared, &UNWATCHED),
+                keep_learnt(learnt_storage, &desk.shared, &UNWATCHED),
             ),
             join(
                 join_array([(); MAX_CLIENTS].map(|()| desk.serve(clients))),

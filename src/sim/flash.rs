@@ -1,4 +1,4 @@
-//! Simulated flash for parameters and signing, in memory and optionally in a file.
+//! Simulated flash for parameters, signing and what is learnt of the packs, in memory and optionally in a file.
 
 use std::cell::RefCell;
 use std::ffi::OsString;
@@ -12,11 +12,13 @@ use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-/// As on the board: four sectors for the parameters, two for signing.
+/// As on the board: four sectors for the parameters, two for signing, four for what is learnt of the packs.
 const SECTOR_BYTES: usize = 4096;
 const PARAMETER_BYTES: usize = 4 * SECTOR_BYTES;
 const SIGNING_BYTES: usize = 2 * SECTOR_BYTES;
-const FLASH_BYTES: usize = PARAMETER_BYTES + SIGNING_BYTES;
+const LEARNT_BYTES: usize = 4 * SECTOR_BYTES;
+const LEARNT_AT: usize = PARAMETER_BYTES + SIGNING_BYTES;
+const FLASH_BYTES: usize = LEARNT_AT + LEARNT_BYTES;
 
 const ERASED: u8 = 0xff;
 
@@ -69,15 +71,18 @@ impl SimulatedFlash {
     pub const PARAMETERS: Range<u32> = 0..PARAMETER_BYTES as u32;
 
     /// Address range of the signing key.
-    pub const SIGNING: Range<u32> = PARAMETER_BYTES as u32..FLASH_BYTES as u32;
+    pub const SIGNING: Range<u32> = PARAMETER_BYTES as u32..LEARNT_AT as u32;
+
+    /// Address range of what is learnt of the packs.
+    pub const LEARNT: Range<u32> = LEARNT_AT as u32..FLASH_BYTES as u32;
 }
 
 /// Chip content from an image.
 fn chip_content(mut image: Vec<u8>) -> io::Result<Vec<u8>> {
     match image.len() {
         FLASH_BYTES => {}
-        // Written by a version without signing.
-        PARAMETER_BYTES => image.resize(FLASH_BYTES, ERASED),
+        // Written by a version without signing, or without learning.
+        PARAMETER_BYTES | LEARNT_AT => image.resize(FLASH_BYTES, ERASED),
         _ => return Err(io::Error::new(ErrorKind::InvalidData, "it is not a flash image")),
     }
     Ok(image)
@@ -269,6 +274,18 @@ mod tests {
         drop(flash);
         let mut flash = folder.open().unwrap();
         assert_eq!((byte_at(&mut flash, 5), byte_at(&mut flash, 6)), (1, ERASED));
+    }
+
+    #[test]
+    fn image_of_an_earlier_version_keeps_its_content() {
+        for bytes in [PARAMETER_BYTES, LEARNT_AT] {
+            let folder = Folder::new();
+            fs::write(folder.image(), vec![7; bytes]).unwrap();
+            let mut flash = folder.open().unwrap();
+            assert_eq!(byte_at(&mut flash, bytes as u32 - 1), 7);
+            assert_eq!(byte_at(&mut flash, bytes as u32), ERASED);
+            assert_eq!(byte_at(&mut flash, FLASH_BYTES as u32 - 1), ERASED);
+        }
     }
 
     #[test]

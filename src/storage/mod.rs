@@ -1,4 +1,4 @@
-//! Power-fail-safe key-value log in flash, for parameters and for the signing key.
+//! Power-fail-safe key-value log in flash, for parameters, the signing key, and what is learnt of the packs.
 //!
 //! The region is a ring of sectors. The active one, with the highest sequence number, holds every stored value:
 //!
@@ -6,7 +6,7 @@
 //! |---|---|
 //! | first 12 | header: magic, sequence number, CRC-32 |
 //! | 4 | retired mark: blank until the next sector is active |
-//! | 12 each | records: key, value, CRC-32 |
+//! | 12 each, of wider values 60 | records: key, value, CRC-32 |
 //! | last 16 | copy of the header, 4 bytes unused |
 //!
 //! A store appends a record. When the sector is full, the next one is erased, gets the latest record of every key, and
@@ -23,7 +23,8 @@
 //!   [`clear`](Storage::clear).
 //!
 //! # Cost
-//! A value takes 12 bytes, and the board's sectors of 4096 bytes hold 338 records. A load or a move to the next sector
+//! A value of one word takes 12 bytes, and the board's sectors of 4096 bytes hold 338 records; one of 14 words takes 64
+//! bytes, and there are 63. A load or a move to the next sector
 //! compares every record with all later ones instead of keeping a table in RAM: reads are cheap.
 
 use core::ops::Range;
@@ -34,8 +35,10 @@ use embedded_storage_async::nor_flash::NorFlash;
 mod error;
 mod record;
 mod region;
+mod value;
 
 pub use error::{FlashFault, StorageError};
+pub use value::Value;
 
 use record::{Record, Slot};
 use region::{Region, Unused};
@@ -69,14 +72,14 @@ pub enum Stored {
     Unchanged,
 }
 
-/// Key-value store of 32-bit values in a region of flash.
+/// Key-value store of values of one width in a region of flash.
 ///
 /// Unknown keys are kept, for another firmware version.
 ///
 /// Yields to other tasks between flash operations. Dropping a future before it completes is like a power cut.
 #[derive(Debug)]
-pub struct Storage<F> {
-    region: Region<F>,
+pub struct Storage<F, V = u32> {
+    region: Region<F, V>,
     /// Cached by the last successful call. `None` during writes, so that the next call scans the flash after a failure.
     log: Option<Log>,
     condition: Condition,
@@ -105,8 +108,9 @@ enum IfInterrupted {
     LeaveDamage,
 }
 
-impl<F: NorFlash> Storage<F> {
-    const SLOTS: u32 = Region::<F>::SLOTS;
+impl<F: NorFlash, V: Value> Storage<F, V> {
+    /// Values that fit.
+    pub const SLOTS: u32 = Region::<F, V>::SLOTS;
 
     /// Storage in the complete sectors of `range`, an address range of `flash`. With fewer than two sectors, every
     /// store is [`StorageError::Full`]. Does not access the flash.
@@ -118,11 +122,11 @@ impl<F: NorFlash> Storage<F> {
         }
     }
 
-    /// Calls `found` with the latest value of every key, in the order in which these were stored.
+    /// Calls `found` with the latest value of every key of 16 bits, in the order in which these were stored.
     ///
     /// # Errors
     /// [`StorageError::Corrupt`]: some values may be outdated or missing. [`StorageError::Flash`]: a read failed.
-    pub async fn load(&mut self, found: &mut dyn FnMut(u16, u32)) -> Result<(), StorageError> {
+    pub async fn load(&mut self, found: &mut dyn FnMut(u16, V)) -> Result<(), StorageError> {
         self.condition = Condition::Damaged;
         let Some(log) = self.find_log().await? else {
             return match self.region.unused().await? {
@@ -157,20 +161,45 @@ impl<F: NorFlash> Storage<F> {
         self.condition
     }
 
+    /// The latest readable value of `key`.
+    ///
+    /// # Errors
+    /// [`StorageError::Flash`]: a read failed.
+    pub async fn read(&mut self, key: u32) -> Result<Option<V>, StorageError> {
+        if self.log.is_none() {
+            self.log = self.find_log().await?;
+        }
+        match self.log {
+            Some(log) => self.latest_value(&log, key).await,
+            None => Ok(None),
+        }
+    }
+
     /// Stores `value` under `key`, and verifies it.
     ///
     /// # Errors
     /// The previous value is kept; after [`StorageError::Flash`] it may be the new one.
-    pub async fn store(&mut self, key: u16, value: u32) -> Result<Stored, StorageError> {
-        let record = Record {
-            key: key.into(),
-            value,
-        };
+    pub fn store(&mut self, key: u16, value: V) -> impl Future<Output = Result<Stored, StorageError>> {
+        self.store_replacing(key.into(), value, &|_| false)
+    }
+
+    /// The same for any key, where `is_dispensable` returns whether the value of a key may be lost if there is no room: the one that
+    /// was stored first is.
+    ///
+    /// # Errors
+    /// As of [`store`](Self::store).
+    pub async fn store_replacing(
+        &mut self,
+        key: u32,
+        value: V,
+        is_dispensable: &dyn Fn(u32) -> bool,
+    ) -> Result<Stored, StorageError> {
+        let record = Record { key, value };
         let log = match self.log.take() {
             Some(log) => log,
             None => match self.find_log().await? {
                 Some(log) => log,
-                None => self.start_sector(None, None).await?,
+                None => self.start_sector(None, None, None).await?,
             },
         };
         if self.latest_value(&log, record.key).await? == Some(record.value) {
@@ -184,7 +213,9 @@ impl<F: NorFlash> Storage<F> {
                 ..log
             }
         } else {
-            self.start_sector(Some(&log), Some(record)).await?
+            // Before the erase, so that repeated attempts to store another key do not wear the flash.
+            let left_out = self.find_place(key, &log, is_dispensable).await?;
+            self.start_sector(Some(&log), Some(record), left_out).await?
         };
         self.log = Some(log);
         Ok(Stored::Written)
@@ -220,12 +251,18 @@ impl<F: NorFlash> Storage<F> {
         if let (Some(log), IfInterrupted::LeaveDamage) = (&log, if_interrupted) {
             self.region.retire(log.sector).await?;
         }
-        self.log = Some(self.start_sector(log.as_ref(), None).await?);
+        self.log = Some(self.start_sector(log.as_ref(), None, None).await?);
         Ok(())
     }
 
-    /// Activates the next sector, with the latest record of every key in `old` and `newest`, or empty without `newest`.
-    async fn start_sector(&mut self, old: Option<&Log>, newest: Option<Record>) -> Result<Log, StorageError> {
+    /// Activates the next sector, with `newest` and the latest record of every other key in `old` but for the one in the
+    /// slot `left_out`; empty without `newest`.
+    async fn start_sector(
+        &mut self,
+        old: Option<&Log>,
+        newest: Option<Record<V>>,
+        left_out: Option<u32>,
+    ) -> Result<Log, StorageError> {
         if self.region.sectors < 2 {
             return Err(StorageError::Full);
         }
@@ -237,12 +274,6 @@ impl<F: NorFlash> Storage<F> {
             }
             None => (self.region.find_blank_sector().await?.unwrap_or(0), 1),
         };
-        // Before the erase, so that repeated attempts to store another key do not wear the flash.
-        if let (Some(old), Some(newest)) = (old, newest)
-            && !self.has_space_for(newest.key, old).await?
-        {
-            return Err(StorageError::Full);
-        }
         // After an interrupted erase a sector may read as blank without retaining data, so one that may have been used
         // is erased in any case. A region that was never used needs no erase.
         if old.is_some() || !self.region.is_blank(sector).await? {
@@ -252,7 +283,9 @@ impl<F: NorFlash> Storage<F> {
         if let (Some(old), Some(newest)) = (old, newest) {
             for slot in 0..old.used {
                 yield_now().await;
-                if let Some(record) = self.read_if_copied(old, slot, newest.key).await? {
+                if left_out != Some(slot)
+                    && let Some(record) = self.read_if_copied(old, slot, newest.key).await?
+                {
                     self.region.write_record(sector, used, record).await?;
                     used += 1;
                 }
@@ -278,17 +311,26 @@ impl<F: NorFlash> Storage<F> {
         })
     }
 
-    async fn has_space_for(&mut self, key: u32, log: &Log) -> Result<bool, StorageError> {
+    /// The slot of the record that makes room for `key` when `log` moves to the next sector; `None` if there is room.
+    async fn find_place(
+        &mut self,
+        key: u32,
+        log: &Log,
+        is_dispensable: &dyn Fn(u32) -> bool,
+    ) -> Result<Option<u32>, StorageError> {
         if log.used < Self::SLOTS {
-            return Ok(true);
+            return Ok(None);
         }
+        let mut first = None;
         for slot in 0..log.used {
             yield_now().await;
-            if self.read_if_copied(log, slot, key).await?.is_none() {
-                return Ok(true);
+            match self.read_if_copied(log, slot, key).await? {
+                None => return Ok(None),
+                Some(record) if first.is_none() && is_dispensable(record.key) => first = Some(slot),
+                Some(_) => {}
             }
         }
-        Ok(false)
+        first.map(Some).ok_or(StorageError::Full)
     }
 
     /// The record in `slot`, if it has to be copied to the next sector with a new record of `key`.
@@ -297,7 +339,7 @@ impl<F: NorFlash> Storage<F> {
         log: &Log,
         slot: u32,
         key: u32,
-    ) -> Result<Option<Record>, StorageError> {
+    ) -> Result<Option<Record<V>>, StorageError> {
         let record = self.read_if_latest(log, slot).await?;
         Ok(record.filter(|record| record.key != key))
     }
@@ -356,7 +398,7 @@ impl<F: NorFlash> Storage<F> {
     }
 
     /// The record in `slot`, unless it is damaged or superseded by a later one.
-    async fn read_if_latest(&mut self, log: &Log, slot: u32) -> Result<Option<Record>, StorageError> {
+    async fn read_if_latest(&mut self, log: &Log, slot: u32) -> Result<Option<Record<V>>, StorageError> {
         let Slot::Record(record) = self.region.read_slot(log.sector, slot).await? else {
             return Ok(None);
         };
@@ -373,7 +415,7 @@ impl<F: NorFlash> Storage<F> {
         Ok(Some(record))
     }
 
-    async fn latest_value(&mut self, log: &Log, key: u32) -> Result<Option<u32>, StorageError> {
+    async fn latest_value(&mut self, log: &Log, key: u32) -> Result<Option<V>, StorageError> {
         for slot in (0..log.used).rev() {
             if let Some(value) = self.region.read_value(log.sector, slot, key).await? {
                 return Ok(Some(value));

@@ -1,19 +1,22 @@
 //! A region of flash as sectors with two headers and slots for records; see [`super`] for the layout.
 
+use core::marker::PhantomData;
 use core::ops::Range;
 
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::record::{Header, Record, Slot};
+use super::value::Value;
 use super::{FlashFault, StorageError};
 
 /// The complete sectors of a region.
 #[derive(Debug)]
-pub(super) struct Region<F> {
+pub(super) struct Region<F, V> {
     pub flash: F,
     pub sectors: u32,
     start: u32,
+    values: PhantomData<V>,
 }
 
 /// Why a region holds no value.
@@ -41,10 +44,10 @@ const MARGIN: u32 = 16;
 /// Offset of the retired mark: a word that is blank until the next sector is active.
 const RETIRED: u32 = Header::SIZE as u32;
 
-impl<F: NorFlash> Region<F> {
+impl<F: NorFlash, V: Value> Region<F, V> {
     const SECTOR: u32 = F::ERASE_SIZE as u32;
     /// Record slots of a sector.
-    pub const SLOTS: u32 = (Self::SECTOR - 2 * MARGIN) / Record::SIZE as u32;
+    pub const SLOTS: u32 = (Self::SECTOR - 2 * MARGIN) / Record::<V>::SIZE as u32;
 
     pub fn new(flash: F, range: Range<u32>) -> Self {
         const {
@@ -57,13 +60,14 @@ impl<F: NorFlash> Region<F> {
             flash,
             sectors,
             start: first.saturating_mul(Self::SECTOR),
+            values: PhantomData,
         }
     }
 
     /// Sequence number of a committed sector, from either of its headers.
     pub async fn read_sequence(&mut self, sector: u32) -> Result<Option<u32>, StorageError> {
         for address in self.header_addresses(sector) {
-            if let Some(header) = Header::from_bytes(self.read(address).await?) {
+            if let Some(header) = Header::from_bytes(&self.read(address).await?, V::MAGIC) {
                 return Ok(Some(header.sequence));
             }
         }
@@ -73,7 +77,8 @@ impl<F: NorFlash> Region<F> {
     /// Commits a sector.
     pub async fn write_sequence(&mut self, sector: u32, sequence: u32) -> Result<(), StorageError> {
         for address in self.header_addresses(sector) {
-            self.write(address, &Header { sequence }.to_bytes()).await?;
+            self.write(address, &Header { sequence }.to_bytes(V::MAGIC))
+                .await?;
         }
         Ok(())
     }
@@ -90,36 +95,43 @@ impl<F: NorFlash> Region<F> {
         self.write(self.address(sector) + RETIRED, &[0; WORD]).await
     }
 
-    pub async fn read_slot(&mut self, sector: u32, slot: u32) -> Result<Slot, StorageError> {
-        Ok(Slot::from_bytes(
-            self.read(self.slot_address(sector, slot)).await?,
-        ))
+    pub async fn read_slot(&mut self, sector: u32, slot: u32) -> Result<Slot<V>, StorageError> {
+        Ok(Slot::from_bytes(&self.read_record(sector, slot).await?))
     }
 
     /// The value in `slot`, if its key is `key`.
-    pub async fn read_value(
-        &mut self,
-        sector: u32,
-        slot: u32,
-        key: u32,
-    ) -> Result<Option<u32>, StorageError> {
-        let bytes = self.read(self.slot_address(sector, slot)).await?;
+    pub async fn read_value(&mut self, sector: u32, slot: u32, key: u32) -> Result<Option<V>, StorageError> {
+        let bytes = self.read_record(sector, slot).await?;
         // Comparing the key first is cheaper than the CRC.
-        if !Record::may_have_key(&bytes, key) {
+        if !Record::<V>::may_have_key(&bytes, key) {
             return Ok(None);
         }
-        Ok(match Slot::from_bytes(bytes) {
+        Ok(match Slot::from_bytes(&bytes) {
             Slot::Record(record) => Some(record.value),
             Slot::Blank | Slot::Damaged => None,
         })
     }
 
-    pub async fn write_record(&mut self, sector: u32, slot: u32, record: Record) -> Result<(), StorageError> {
+    async fn read_record(&mut self, sector: u32, slot: u32) -> Result<V::Record, StorageError> {
+        let mut bytes = V::ERASED;
+        self.read_into(self.slot_address(sector, slot), bytes.as_mut())
+            .await?;
+        Ok(bytes)
+    }
+
+    pub async fn write_record(
+        &mut self,
+        sector: u32,
+        slot: u32,
+        record: Record<V>,
+    ) -> Result<(), StorageError> {
         if slot >= Self::SLOTS {
             return Err(StorageError::Full);
         }
-        self.write(self.slot_address(sector, slot), &record.to_bytes())
-            .await
+        let bytes = record.to_bytes();
+        self.program(self.slot_address(sector, slot), bytes.as_ref())
+            .await?;
+        verified(self.read_record(sector, slot).await? == bytes)
     }
 
     /// Whether the region was never used; `None` if a value may have been stored.
@@ -159,38 +171,40 @@ impl<F: NorFlash> Region<F> {
     }
 
     pub async fn erase(&mut self, sector: u32) -> Result<(), StorageError> {
-        // An erase blocks the processor, so other ready tasks run first. The same for `write`.
+        // An erase blocks the processor, so other ready tasks run first. The same for `program`.
         yield_now().await;
         let address = self.address(sector);
         self.flash
             .erase(address, address + Self::SECTOR)
             .await
             .map_err(StorageError::of_driver)?;
-        if !self.is_blank(sector).await? {
-            return Err(StorageError::Flash(FlashFault::NotVerified));
-        }
-        Ok(())
+        verified(self.is_blank(sector).await?)
     }
 
     async fn write<const N: usize>(&mut self, address: u32, bytes: &[u8; N]) -> Result<(), StorageError> {
+        self.program(address, bytes).await?;
+        verified(self.read(address).await? == *bytes)
+    }
+
+    async fn program(&mut self, address: u32, bytes: &[u8]) -> Result<(), StorageError> {
         yield_now().await;
         self.flash
             .write(address, bytes)
             .await
-            .map_err(StorageError::of_driver)?;
-        if self.read(address).await? != *bytes {
-            return Err(StorageError::Flash(FlashFault::NotVerified));
-        }
-        Ok(())
+            .map_err(StorageError::of_driver)
     }
 
     async fn read<const N: usize>(&mut self, address: u32) -> Result<[u8; N], StorageError> {
         let mut bytes = [0; N];
-        self.flash
-            .read(address, &mut bytes)
-            .await
-            .map_err(StorageError::of_driver)?;
+        self.read_into(address, &mut bytes).await?;
         Ok(bytes)
+    }
+
+    async fn read_into(&mut self, address: u32, bytes: &mut [u8]) -> Result<(), StorageError> {
+        self.flash
+            .read(address, bytes)
+            .await
+            .map_err(StorageError::of_driver)
     }
 
     fn address(&self, sector: u32) -> u32 {
@@ -203,6 +217,15 @@ impl<F: NorFlash> Region<F> {
     }
 
     fn slot_address(&self, sector: u32, slot: u32) -> u32 {
-        self.address(sector) + MARGIN + slot * Record::SIZE as u32
+        self.address(sector) + MARGIN + slot * Record::<V>::SIZE as u32
+    }
+}
+
+/// The result of a flash operation, by what was read back.
+fn verified(is_as_written: bool) -> Result<(), StorageError> {
+    if is_as_written {
+        Ok(())
+    } else {
+        Err(StorageError::Flash(FlashFault::NotVerified))
     }
 }

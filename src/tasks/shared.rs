@@ -25,6 +25,7 @@ pub struct Shared {
     pub(super) to_drive: Signal<NoopRawMutex, ()>,
     pub(super) to_save: Signal<NoopRawMutex, ()>,
     pub(super) to_save_signing: Signal<NoopRawMutex, ()>,
+    pub(super) to_keep_learnt: Signal<NoopRawMutex, ()>,
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
     pub(super) ground_station_heard: Signal<NoopRawMutex, ()>,
 }
@@ -40,6 +41,7 @@ impl Shared {
             to_drive: Signal::new(),
             to_save: Signal::new(),
             to_save_signing: Signal::new(),
+            to_keep_learnt: Signal::new(),
             to_reboot: Signal::new(),
             ground_station_heard: Signal::new(),
         }
@@ -73,6 +75,7 @@ impl Shared {
             (Work::DRIVE, &self.to_drive),
             (Work::SAVE_PARAMETERS, &self.to_save),
             (Work::SAVE_SIGNING, &self.to_save_signing),
+            (Work::KEEP_LEARNT, &self.to_keep_learnt),
             (Work::RESTART, &self.to_reboot),
             (Work::GROUND_STATION_HEARD, &self.ground_station_heard),
         ];

@@ -216,8 +216,8 @@ fn what_was_consumed_survives_a_watchdog_reset_but_not_a_power_cycle() {
     let frames = bench.frames();
     let after = last_of(&frames, 0);
     let lost_mah = before.consumed_mah() - after.consumed_mah();
-    // A second more has been drawn since: 4.7 mAh.
-    assert!((-12..=0).contains(&lost_mah), "{lost_mah} mAh");
+    // What is recorded is up to a second old: 4.7 mAh. Since the restart at least half as much was drawn and reported.
+    assert!((-12..=3).contains(&lost_mah), "{lost_mah} mAh");
     assert!(after.remaining_pct().abs_diff(before.remaining_pct()) <= 1);
     assert!(!bench.logged(LogLevel::Info, "consumption kept").is_empty());
 

@@ -33,6 +33,9 @@ pub const PARAMETER_BYTES: usize = 4 * SECTOR_BYTES;
 /// The signing key is in the two sectors before them.
 pub const SIGNING_OFFSET: u32 = PARAMETER_OFFSET - SIGNING_BYTES as u32;
 pub const SIGNING_BYTES: usize = 2 * SECTOR_BYTES;
+/// What is learnt of the packs is in the four sectors before that.
+pub const LEARNT_OFFSET: u32 = SIGNING_OFFSET - LEARNT_BYTES as u32;
+pub const LEARNT_BYTES: usize = 4 * SECTOR_BYTES;
 pub const SECTOR_BYTES: usize = 4096;
 
 /// The parameters of the vehicle and of the first pack, and the switches of the other packs.

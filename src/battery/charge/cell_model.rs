@@ -95,7 +95,7 @@ impl CellModel<'_> {
 
     /// Slope of the curve, in volts per state of charge.
     pub fn slope_v(&self, share: f32) -> f32 {
-        let low = (share - 0.5 * SLOPE_WIDTH).max(0.0).min(1.0 - SLOPE_WIDTH);
+        let low = (share - 0.5 * SLOPE_WIDTH).clamp(0.0, 1.0 - SLOPE_WIDTH);
         let rise_v = self.voltage_v(low + SLOPE_WIDTH) - self.voltage_v(low);
         (rise_v / SLOPE_WIDTH).max(MIN_SLOPE_V)
     }

@@ -196,9 +196,6 @@ impl Filter {
     fn apply(&mut self, gradient: &Vector, innovation_v: f32, noise: f32) {
         let by_state = self.covariance.map(|row| dot(&row, gradient));
         let variance = dot(&by_state, gradient) + noise;
-        if !(variance > 0.0) {
-            return;
-        }
         for ((state, row), covariance) in self.state.iter_mut().zip(&mut self.covariance).zip(by_state) {
             let gain = covariance / variance;
             *state += gain * innovation_v;
@@ -210,10 +207,10 @@ impl Filter {
 
     fn limit(&mut self) {
         let [share, capacity_error, offset, slow_share] = &mut self.state;
-        *share = share.max(MIN_SHARE).min(1.0);
-        *capacity_error = capacity_error.max(-MAX_CAPACITY_ERROR).min(MAX_CAPACITY_ERROR);
-        *offset = offset.max(-MAX_OFFSET).min(MAX_OFFSET);
-        *slow_share = slow_share.max(0.0).min(MAX_SLOW_SHARE);
+        *share = share.clamp(MIN_SHARE, 1.0);
+        *capacity_error = capacity_error.clamp(-MAX_CAPACITY_ERROR, MAX_CAPACITY_ERROR);
+        *offset = offset.clamp(-MAX_OFFSET, MAX_OFFSET);
+        *slow_share = slow_share.clamp(0.0, MAX_SLOW_SHARE);
         for (index, row) in self.covariance.iter_mut().enumerate() {
             row[index] = row[index].max(1e-8);
         }
@@ -245,7 +242,7 @@ impl Sag {
     };
 
     fn new(load: &Load, ohm: f32) -> Self {
-        let limit = |voltage_v: f32| voltage_v.max(-MAX_SAG_V).min(MAX_SAG_V);
+        let limit = |voltage_v: f32| voltage_v.clamp(-MAX_SAG_V, MAX_SAG_V);
         Self {
             fast_v: limit(ohm * load.current_a),
             slow_v: limit(ohm * load.slow_a),

@@ -345,7 +345,7 @@ impl ChargeEstimator {
                 (estimate.share()?, estimate.sigma(&model), estimate.rate_per_h())
             }
         };
-        let share = share.max(0.0).min(1.0);
+        let share = share.clamp(0.0, 1.0);
         Some(ChargeEstimate {
             share,
             sigma,

@@ -119,13 +119,11 @@ impl VoltageOnly {
         let sag_v = model.voltage_v(self.share) - cell_v;
         self.adapt_scale(dt_s, cell_v, sag_v, model);
         self.settle(dt_s, cell_v, model);
-        self.sag_v = sag_v.max(-MAX_SAG_V).min(MAX_SAG_V);
+        self.sag_v = sag_v.clamp(-MAX_SAG_V, MAX_SAG_V);
         let speedup = if sag_v < 0.0 { RISE_SPEEDUP } else { 1.0 };
         let rate_per_h = speedup * self.sag_v / (model.cell.lasting_drop_v() * self.scale);
         self.rate_per_h.update(dt_s, rate_per_h);
-        self.share = (self.share - rate_per_h * dt_s * HOURS_PER_SECOND)
-            .max(0.0)
-            .min(1.0);
+        self.share = (self.share - rate_per_h * dt_s * HOURS_PER_SECOND).clamp(0.0, 1.0);
         false
     }
 
@@ -163,7 +161,7 @@ impl VoltageOnly {
         let sag_v = sag_v.max(MIN_SAG_V);
         let change = (by_variation_v - sag_v) / by_variation_v.max(sag_v);
         let scale = self.scale * (1.0 + change * (dt_s / SCALE_TIME_CONSTANT_S).min(1.0));
-        self.scale = scale.max(MIN_SCALE).min(MAX_SCALE);
+        self.scale = scale.clamp(MIN_SCALE, MAX_SCALE);
     }
 
     fn sag_by_variation_v(&self, model: &CellModel) -> f32 {

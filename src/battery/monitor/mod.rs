@@ -560,7 +560,7 @@ impl BatteryMonitor {
     /// `saved` is in flash now.
     pub fn mark_learnt_saved(&mut self, saved: &LearntPack) {
         if let Some(learnt) = &mut self.learnt
-            && learnt.pack == *saved
+            && learnt.pack.to_words() == saved.to_words()
         {
             learnt.standing = Standing::Saved;
         }

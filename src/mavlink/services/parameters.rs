@@ -8,7 +8,7 @@ use crate::mavlink::dialect::{MavParamError, MavParamType, PARAM_ERROR_DATA, PAR
 use crate::mavlink::payload::Name;
 use crate::mavlink::requests::{ParameterRead, ParameterSet};
 use crate::mavlink::{Message, Peer};
-use crate::parameter::{ForEachParameter, Kind, ParameterId, Parameters};
+use crate::parameter::{ForEachParameter, Kind, ParameterId, Parameters, Refused, triggers};
 use crate::time::Instant;
 
 /// A PARAM_VALUE on the wire: header, 25 bytes of payload, checksum.
@@ -27,13 +27,20 @@ const NOT_LISTED: u16 = u16::MAX;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mavlink) enum SetResult {
     Set(ParameterId),
+    Triggered(ParameterId),
     Refused,
+    /// Refused since it is read only.
+    ReadOnly(ParameterId),
 }
 
 /// The PARAM_VALUE of a parameter.
-fn param_value(id: ParameterId, parameters: &Parameters) -> Message {
+pub(in crate::mavlink) fn param_value(id: ParameterId, parameters: &Parameters) -> Message {
+    param_value_of(id, parameters.get(id), parameters)
+}
+
+fn param_value_of(id: ParameterId, value: f32, parameters: &Parameters) -> Message {
     Message::ParamValue(PARAM_VALUE_DATA {
-        param_value: parameters.get(id),
+        param_value: value,
         param_count: parameters.listed_count() as u16,
         param_index: parameters
             .listed_index(id)
@@ -74,7 +81,8 @@ pub(in crate::mavlink) fn read(request: &ParameterRead, from: Peer, parameters: 
     }
 }
 
-/// Answers PARAM_SET: the value that is now live, after an error if that is not the one asked for.
+/// Answers PARAM_SET: the value that is now live, after an error if that is not the one asked for. A trigger's value is
+/// acknowledged first, since ground stations repeat what they do not see, and then it reads 0 again.
 pub(in crate::mavlink) fn set(
     request: &ParameterSet,
     from: Peer,
@@ -92,11 +100,20 @@ pub(in crate::mavlink) fn set(
         return SetResult::Refused;
     };
     let result = match parameters.set(id, value) {
+        Ok(()) if triggers(id, value) => {
+            answer(param_value_of(id, value, parameters));
+            SetResult::Triggered(id)
+        }
         Ok(()) => SetResult::Set(id),
-        Err(_) => {
+        Err(Refused::OutOfRange) => {
             let error = MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE;
             answer(param_error(name, BY_NAME, error, from));
             SetResult::Refused
+        }
+        Err(Refused::ReadOnly) => {
+            let error = MavParamError::MAV_PARAM_ERROR_READ_ONLY;
+            answer(param_error(name, BY_NAME, error, from));
+            SetResult::ReadOnly(id)
         }
     };
     answer(param_value(id, parameters));

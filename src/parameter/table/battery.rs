@@ -1,8 +1,8 @@
 //! Parameters of a pack.
 
+use super::{Access, Kind, Parameter, Range, means};
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
-use super::{Kind, Parameter, Range, means};
 
 /// Kinds of sensors, with ArduPilot's numbers; a test in `src/sensor/kind.rs` compares them with those there are.
 const MONITORS: Range = Range::OneOf(&[
@@ -618,5 +618,47 @@ parameters! {
         label: "Action when unhealthy",
         description: "Action when an armed rover has had no healthy reading of the pack for 5 s: no threshold can be \
                       reached then. (ArduPilot has no such parameter and warns.)",
+    }
+    LrnCap {
+        key: 106,
+        name: "LRN_CAP",
+        kind: Kind::Int32,
+        default: 0.0,
+        range: Range::Between(0.0, 10_000_000.0),
+        access: Access::ReadOnly,
+        step: 1.0,
+        unit: "mAh",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Learnt capacity",
+        description: "Capacity of the full pack, learnt from its drives. 0: not learnt. (ArduPilot has no such \
+                      parameter.)",
+    }
+    LrnRes {
+        key: 107,
+        name: "LRN_RES",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(0.0, 100_000_000.0),
+        access: Access::ReadOnly,
+        step: 0.1,
+        unit: "mOhm",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Learnt resistance",
+        description: "Resistance of the warm pack, learnt from its drives. 0: not learnt. (ArduPilot has no such \
+                      parameter.)",
+    }
+    LrnErase {
+        key: 108,
+        name: "LRN_ERASE",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[(0, means("Keep")), (1, means("Erase"))]),
+        access: Access::Trigger,
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Erase what is learnt",
+        description: "Set to 1, it erases what is learnt of the pack with the present SERIAL_NUM, and reads 0 again. \
+                      A reset of all parameters keeps it. (ArduPilot has no such parameter.)",
     }
 }

@@ -1,6 +1,6 @@
 //! Parameter tables: of the vehicle, of a pack, of the simulator.
 
-/// Declares a table: an enum of its parameters, and a row for each.
+/// Declares a table: an enum of its parameters, and a row for each. Without `access` it is a setting.
 ///
 /// Documentation fields are left out of the firmware, where they would take 7 KB of flash.
 macro_rules! parameters {
@@ -10,6 +10,7 @@ macro_rules! parameters {
         kind: $kind:expr,
         default: $default:expr,
         range: $range:expr,
+        $(access: $access:expr,)?
         step: $step:expr,
         unit: $unit:expr,
         takes_effect: $takes_effect:expr,
@@ -50,6 +51,7 @@ macro_rules! parameters {
                             kind: $kind,
                             default: $default,
                             range: $range,
+                            access: [$($access,)? Access::Setting][0],
                             #[cfg(not(target_os = "none"))]
                             documentation: Documentation {
                                 step: $step,
@@ -92,6 +94,8 @@ pub struct Parameter {
     pub default: f32,
     /// Valid values.
     pub range: Range,
+    /// Who changes it, and whether it is saved.
+    pub access: Access,
     /// Documentation for users.
     #[cfg(not(target_os = "none"))]
     pub documentation: Documentation,
@@ -124,6 +128,17 @@ pub enum Kind {
     Int32,
     /// `MAV_PARAM_TYPE_REAL32`.
     Real32,
+}
+
+/// Who changes a parameter, and whether it is saved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// A ground station sets it, and it is saved.
+    Setting,
+    /// It shows a value of the firmware's own. Not saved.
+    ReadOnly,
+    /// A ground station sets it to 1, which acts at once; it reads 0. Not saved.
+    Trigger,
 }
 
 /// When a change of a parameter takes effect.

@@ -1,8 +1,8 @@
 //! Parameters of the vehicle.
 
+use super::{Access, Kind, Parameter, Range, means};
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
-use super::{Kind, Parameter, Range, means};
 
 /// Unsigned messages a link accepts.
 const UNSIGNED_ALLOWED: Range = Range::OneOf(&[

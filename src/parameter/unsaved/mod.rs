@@ -1,8 +1,8 @@
 //! Unsaved changes and failed attempts to save them.
 
-use super::ParameterId;
 use super::parameters::{Flash, Parameters};
 use super::progress::Progress;
+use super::{Access, ParameterId};
 use crate::storage::StorageError;
 
 /// A change that has to be written to flash.
@@ -15,9 +15,11 @@ pub enum Unsaved {
 }
 
 impl Parameters {
-    /// Resets all live values to their defaults, and marks the stored ones to be erased.
+    /// Resets all settings to their defaults, and marks the stored ones to be erased.
     pub fn reset(&mut self) {
-        self.values.set_all(ParameterId::default_value);
+        for id in ParameterId::all().filter(|id| id.row().access == Access::Setting) {
+            self.values.set(id, id.default_value());
+        }
         self.progress.update_all(|_| Progress::Saved);
         self.reset = Progress::New;
         self.flash = Flash::Loaded;

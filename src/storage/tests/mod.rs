@@ -7,9 +7,11 @@ use embassy_futures::block_on;
 
 use super::model::FlashModel;
 use super::*;
+use crate::parameter::{Access, ParameterId};
 
 mod damage;
 mod power_cuts;
+mod wide;
 
 /// As on the board.
 type BoardFlash = FlashModel<4096, 256, 4>;
@@ -17,10 +19,6 @@ type BoardFlash = FlashModel<4096, 256, 4>;
 type SmallFlash = FlashModel<176, 64, 3>;
 
 const BOARD_SLOTS: u32 = Storage::<BoardFlash>::SLOTS;
-// All parameters fit a sector with one record to spare, unless more than two of the nine packs are tanks with every
-// parameter of their level sensor changed, along with all others.
-const LEVEL_PARAMETERS: usize = 8;
-const _: () = assert!(((crate::parameter::PARAMETER_COUNT - 7 * LEVEL_PARAMETERS) as u32) < BOARD_SLOTS);
 
 const SMALL_SLOTS: u32 = Storage::<SmallFlash>::SLOTS;
 
@@ -53,6 +51,15 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> Reboot
     fn storage(&mut self) -> Storage<&mut Self> {
         Storage::new(self, Self::REGION)
     }
+}
+
+/// All settings fit a sector with one record to spare, unless more than two of the nine packs are tanks with every parameter
+/// of their level sensor changed, along with all others.
+#[test]
+fn settings_fit_a_sector() {
+    const LEVEL_PARAMETERS: usize = 8;
+    let settings = ParameterId::all().filter(|id| id.row().access == Access::Setting);
+    assert!(settings.count() - 7 * LEVEL_PARAMETERS < BOARD_SLOTS as usize);
 }
 
 fn values(pairs: &[(u16, u32)]) -> Values {
@@ -146,7 +153,7 @@ fn unknown_keys_are_kept_when_the_ring_wraps() {
 fn record_with_a_wider_key_is_skipped_and_kept() {
     let mut flash = SmallFlash::blank();
     let mut storage = flash.storage();
-    let log = block_on(storage.start_sector(None, None)).unwrap();
+    let log = block_on(storage.start_sector(None, None, None)).unwrap();
     let foreign = Record {
         key: 0x1_0002,
         value: 9,

@@ -1,0 +1,204 @@
+//! Values of 14 words, as of what is learnt of a pack, where a value may give way to another.
+
+use std::collections::BTreeSet;
+
+use proptest::prelude::*;
+
+use super::*;
+
+type Words = [u32; 14];
+
+/// Six records a sector.
+type WideFlash = FlashModel<400, 64, 3>;
+
+const SLOTS: u32 = Storage::<WideFlash, Words>::SLOTS;
+
+fn storage(flash: &mut WideFlash) -> Storage<&mut WideFlash, Words> {
+    Storage::new(flash, WideFlash::REGION)
+}
+
+/// Each word differs, so that a torn record shows.
+fn words(number: u32) -> Words {
+    core::array::from_fn(|word| number.wrapping_mul(2_654_435_761).rotate_left(word as u32))
+}
+
+fn read(flash: &mut WideFlash, key: u32) -> Option<Words> {
+    block_on(storage(flash).read(key)).expect("a sound flash")
+}
+
+fn store(flash: &mut WideFlash, key: u32, number: u32) {
+    block_on(storage(flash).store_replacing(key, words(number), &|_| false)).expect("there is room");
+}
+
+#[test]
+fn board_sector_holds_63_wide_records() {
+    assert_eq!(Storage::<BoardFlash, Words>::SLOTS, 63);
+    let mut flash = BoardFlash::blank();
+    let mut storage: Storage<_, Words> = Storage::new(&mut flash, BoardFlash::REGION);
+    for number in 0..4 * 63 {
+        assert_eq!(block_on(storage.store(3, words(number))), Ok(Stored::Written));
+    }
+    assert_eq!(block_on(storage.read(3)), Ok(Some(words(4 * 63 - 1))));
+    assert_eq!(flash.erases, [0, 1, 1, 1]);
+}
+
+#[test]
+fn wide_key_is_read_after_a_reboot() {
+    let mut flash = WideFlash::blank();
+    assert_eq!(read(&mut flash, 7), None);
+    for key in [7, 7 << 4, u32::MAX] {
+        store(&mut flash, key, key);
+    }
+    for key in [7, 7 << 4, u32::MAX] {
+        assert_eq!(read(&mut flash, key), Some(words(key)));
+    }
+    assert_eq!(read(&mut flash, 8), None);
+    flash.assert_margins_are_untouched();
+}
+
+#[test]
+fn region_of_another_width_is_empty_and_is_taken_over() {
+    let mut flash = WideFlash::blank();
+    for number in 0..80_u16 {
+        block_on(Storage::<_, u32>::new(&mut flash, WideFlash::REGION).store(number % 5, 9)).unwrap();
+    }
+    for key in 0..5 {
+        assert_eq!(read(&mut flash, key), None);
+    }
+    store(&mut flash, 3, 1);
+    assert_eq!(read(&mut flash, 3), Some(words(1)));
+}
+
+#[test]
+fn first_dispensable_value_gives_way_to_another() {
+    let mut flash = WideFlash::blank();
+    for key in 0..SLOTS {
+        store(&mut flash, key, key);
+    }
+    let mut full = storage(&mut flash);
+    assert_eq!(block_on(full.store(99, words(99))), Err(StorageError::Full));
+    let in_use = |key: u32| key < 2;
+    let stored = block_on(full.store_replacing(99, words(99), &|key| !in_use(key)));
+    assert_eq!(stored, Ok(Stored::Written));
+    for key in (0..SLOTS).chain([99]) {
+        let expected = (key != 2).then(|| words(key));
+        assert_eq!(read(&mut flash, key), expected, "key {key}");
+    }
+    assert_eq!(
+        block_on(storage(&mut flash).store_replacing(100, words(100), &|_| false)),
+        Err(StorageError::Full)
+    );
+}
+
+#[test]
+fn value_of_its_own_key_makes_room_first() {
+    let mut flash = WideFlash::blank();
+    for key in 0..SLOTS {
+        store(&mut flash, key, key);
+    }
+    for number in 100..120 {
+        block_on(storage(&mut flash).store_replacing(3, words(number), &|_| true)).unwrap();
+    }
+    for key in 0..SLOTS {
+        let expected = words(if key == 3 { 119 } else { key });
+        assert_eq!(read(&mut flash, key), Some(expected), "key {key}");
+    }
+}
+
+#[test]
+fn flipped_bit_gives_an_earlier_value_or_none() {
+    let mut flash = WideFlash::blank();
+    for number in 0..22 {
+        store(&mut flash, number % 4, number);
+    }
+    for bit in 0..400 * 3 * 8 {
+        let mut spoiled = flash.clone();
+        spoiled.region()[bit / 8] ^= 1 << (bit % 8);
+        for key in 0..4 {
+            let found = read(&mut spoiled, key);
+            let is_of_key = (0..22).any(|number| number % 4 == key && found == Some(words(number)));
+            assert!(is_of_key || found.is_none(), "bit {bit}, key {key}");
+        }
+        store(&mut spoiled, 2, 50);
+        assert_eq!(read(&mut spoiled, 2), Some(words(50)), "bit {bit}");
+    }
+}
+
+/// Stores until a power cut, which leaves the old value or the new one, or the value that gave way: nothing else changes.
+fn cut_in_every_operation(keys: &[u32], ways: u64) {
+    let prepared = WideFlash::blank();
+    for operation in 0.. {
+        for way in 0..ways {
+            let mut flash = prepared.clone();
+            flash.cut_power_after(operation, operation * ways + way);
+            let mut before: Vec<(u32, u32)> = Vec::new();
+            let cut_at = keys.iter().zip(0..).find(|(key, number)| {
+                let mut storage = storage(&mut flash);
+                let is_cut = block_on(storage.store_replacing(**key, words(*number), &|_| true)).is_err();
+                if !is_cut {
+                    before.retain(|(stored, _)| stored != *key);
+                    before.push((**key, *number));
+                    if before.len() > SLOTS as usize {
+                        before.remove(0);
+                    }
+                }
+                is_cut
+            });
+            let Some((key, number)) = cut_at else {
+                return assert!(operation > 0);
+            };
+            flash.power_up();
+            let is_full = before.len() == SLOTS as usize;
+            let gives_way = (is_full && before.iter().all(|(stored, _)| stored != key)).then(|| before[0].0);
+            let is_new = read(&mut flash, *key) == Some(words(number));
+            for (stored, value) in &before {
+                let found = read(&mut flash, *stored);
+                let is_old = found == Some(words(*value));
+                let is_replaced =
+                    is_new && (stored == key || (found.is_none() && gives_way == Some(*stored)));
+                assert!(
+                    is_old || is_replaced,
+                    "operation {operation}, way {way}, key {stored}: {found:?}"
+                );
+            }
+            block_on(storage(&mut flash).store_replacing(*key, words(1000), &|_| true))
+                .expect("a sound flash");
+            assert_eq!(read(&mut flash, *key), Some(words(1000)));
+            flash.assert_margins_are_untouched();
+        }
+    }
+}
+
+#[test]
+fn power_cut_in_any_operation_leaves_old_or_new_words() {
+    let keys: Vec<u32> = (0..30).map(|number| (number % 9) << 4).collect();
+    cut_in_every_operation(&keys, 12);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn arbitrary_stores_of_words_survive_power_cuts(keys in prop::collection::vec(0..10_u32, 1..25)) {
+        cut_in_every_operation(&keys, 3);
+    }
+
+    #[test]
+    fn damage_never_yields_words_that_were_not_stored(
+        damage in prop::collection::vec((0..400 * 3_usize, any::<u8>()), 1..60),
+    ) {
+        let mut flash = WideFlash::blank();
+        let mut ever = BTreeSet::new();
+        for number in 0..40 {
+            store(&mut flash, number % 5, number);
+            ever.insert((number % 5, words(number)));
+        }
+        for (byte, value) in damage {
+            flash.region()[byte] = value;
+        }
+        for key in 0..5 {
+            let found = read(&mut flash, key);
+            prop_assert!(found.is_none_or(|found| ever.contains(&(key, found))));
+        }
+    }
+}

@@ -1,0 +1,256 @@
+//! What is learnt of a pack, in the board's flash.
+
+use embassy_futures::block_on;
+use embedded_storage_async::nor_flash::ReadNorFlash;
+use rover_battmon::autopilot::PackIdentity;
+use rover_battmon::battery::LEARNT_WORDS;
+use rover_battmon::pack::Pack;
+use rover_battmon::sim::SimulatedFlash;
+use rover_battmon::storage::Storage;
+
+use crate::bench::{
+    Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, SAVED_US, SECOND, SECTOR_BYTES, value_of,
+};
+use crate::emulator::{FlashCut, LogLevel};
+use crate::support::frames::{PARAM_ERROR, STATUSTEXT, of_message};
+use crate::support::requests::{command_long, param_read_by_name, param_set, reboot};
+
+type Words = [u32; LEARNT_WORDS];
+
+const PREFLIGHT_STORAGE: u16 = 245;
+
+/// Records that a sector takes.
+const SLOTS: u32 = 63;
+
+const FIRST: PackIdentity = PackIdentity {
+    pack: Pack::First,
+    serial_number: None,
+};
+const FIRST_7: PackIdentity = PackIdentity {
+    pack: Pack::First,
+    serial_number: Some(7),
+};
+
+/// Words of a pack of two cells of which this capacity and 20 mOhm a cell were learnt.
+fn words(serial_number: Option<i32>, capacity_mah: f32) -> Words {
+    let [lipo, cells] = [1, 2];
+    let mut words = [0; LEARNT_WORDS];
+    words[0] = u32::from_le_bytes([lipo, cells, 1, 0]);
+    words[1] = serial_number.unwrap_or(-1) as u32;
+    words[2] = capacity_mah.to_bits();
+    words[3] = 0.02_f32.to_bits();
+    words[4] = 0.02_f32.to_bits();
+    words[5] = 0.02_f32.to_bits();
+    words[6] = (-1.0_f32).to_bits();
+    words
+}
+
+/// The flash after these capacities were learnt, one after the other.
+fn flash_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Vec<u8> {
+    let mut flash = SimulatedFlash::open(None).expect("it needs no file");
+    let mut storage = Storage::new(flash.clone(), SimulatedFlash::LEARNT);
+    let mut content = vec![0; LEARNT_BYTES];
+    block_on(async {
+        for (identity, capacity_mah) in learnt {
+            let value = words(identity.serial_number, capacity_mah);
+            let stored = storage.store_replacing(identity.key(), value, &|_| true).await;
+            stored.expect("a sound flash");
+        }
+        let start = SimulatedFlash::LEARNT.start;
+        flash.read(start, &mut content).await.expect("a sound flash");
+    });
+    content
+}
+
+/// A full sector of records of two packs: the next write moves both to the next sector.
+fn full_sector() -> impl Iterator<Item = (PackIdentity, f32)> {
+    let earlier = (2..SLOTS).map(|number| (FIRST, 2900.0 + number as f32));
+    earlier.chain([(FIRST, 2950.0), (FIRST_7, 1000.0)])
+}
+
+fn board_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Bench {
+    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, LEARNT_OFFSET, &flash_with(learnt));
+    bench.run_for(SECOND);
+    bench
+}
+
+fn read(bench: &mut Bench, name: &str) -> f32 {
+    let answers = bench.ask(&param_read_by_name(name));
+    value_of(&answers, name).expect("an answer")
+}
+
+fn capacity_mah(bench: &mut Bench) -> f32 {
+    read(bench, "BATT_LRN_CAP")
+}
+
+#[test]
+fn it_is_read_by_the_second_sampling_tick_and_survives_power_cycles_and_a_parameter_reset() {
+    let mut bench = board_with([(FIRST, 2950.0)]);
+    let loaded = bench.logged(LogLevel::Info, "battery 1: learnt data are stored: true");
+    assert_eq!(loaded.len(), 1);
+    // Each tick converts 16 times.
+    let ticks: Vec<u64> = bench
+        .take_adc_record()
+        .chunks(16)
+        .map(|burst| burst[0].start / 125)
+        .collect();
+    assert!(
+        loaded[0].0 < ticks[1],
+        "{loaded:?}, second tick at {} us",
+        ticks[1]
+    );
+    println!("read at {} us, first tick at {} us", loaded[0].0, ticks[0]);
+
+    assert_eq!(capacity_mah(&mut bench), 2950.0);
+    assert_eq!(read(&mut bench, "BATT_LRN_RES"), 40.0);
+    bench.assert_untroubled();
+    bench.power_cycle();
+    bench.run_for(SECOND);
+    assert_eq!(capacity_mah(&mut bench), 2950.0);
+    bench.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
+    bench.run_for(SAVED_US);
+    assert_eq!(capacity_mah(&mut bench), 2950.0);
+    bench.reboot();
+    assert_eq!(capacity_mah(&mut bench), 2950.0);
+    let is_learnt = |offset| (LEARNT_OFFSET..LEARNT_OFFSET + LEARNT_BYTES as u32).contains(&offset);
+    let writes = bench
+        .flash_operations()
+        .iter()
+        .filter(|operation| is_learnt(operation.offset))
+        .count();
+    assert_eq!(writes, 0, "nothing was learnt");
+}
+
+#[test]
+fn it_does_not_survive_being_erased() {
+    let mut bench = board_with([(FIRST, 2950.0), (FIRST_7, 1000.0)]);
+    let answers = bench.ask(&param_set("BATT_LRN_ERASE", 1.0));
+    assert_eq!(value_of(&answers, "BATT_LRN_ERASE"), Some(1.0), "acknowledged");
+    assert_eq!(
+        value_of(&answers, "BATT_LRN_CAP"),
+        Some(0.0),
+        "sent as it has changed"
+    );
+    assert_eq!(read(&mut bench, "BATT_LRN_ERASE"), 0.0);
+    bench.run_for(SAVED_US);
+    bench.power_cycle();
+    bench.run_for(SECOND);
+    assert_eq!(capacity_mah(&mut bench), 0.0);
+    assert_eq!(read(&mut bench, "BATT_LRN_ERASE"), 0.0);
+    bench.set("BATT_SERIAL_NUM", 7.0);
+    bench.run_for(SAVED_US);
+    assert_eq!(capacity_mah(&mut bench), 1000.0, "another pack is untouched");
+    let warnings = bench.logged(LogLevel::Warn, "");
+    assert!(warnings.is_empty(), "{warnings:?}");
+}
+
+#[test]
+fn another_serial_number_does_not_see_it() {
+    let mut bench = board_with([(FIRST, 2950.0), (FIRST_7, 1000.0)]);
+    for (serial_number, expected) in [(8.0, 0.0), (7.0, 1000.0), (-1.0, 2950.0), (7.0, 1000.0)] {
+        bench.set("BATT_SERIAL_NUM", serial_number);
+        bench.run_for(SAVED_US);
+        assert_eq!(capacity_mah(&mut bench), expected, "{serial_number}");
+    }
+    bench.reboot();
+    assert_eq!(capacity_mah(&mut bench), 1000.0);
+}
+
+#[test]
+fn it_is_written_before_a_restart() {
+    let mut bench = board_with(full_sector());
+    let now_us = bench.time_us();
+    let resets = bench.resets().len();
+    bench.uart_send(0, now_us, &param_set("BATT_LRN_ERASE", 1.0));
+    bench.uart_send(0, now_us + MILLISECOND, &reboot());
+    assert!(bench.run_until(4 * SECOND, |board| board.resets().len() > resets));
+    bench.run_for(SECOND);
+    assert_eq!(capacity_mah(&mut bench), 0.0);
+}
+
+#[test]
+fn read_only_values_can_not_be_set() {
+    let mut bench = board_with([(FIRST, 2950.0)]);
+    let answers = bench.ask(&param_set("BATT_LRN_CAP", 5000.0));
+    assert_eq!(value_of(&answers, "BATT_LRN_CAP"), Some(2950.0));
+    assert_eq!(of_message(&answers, PARAM_ERROR).len(), 1);
+    let texts = of_message(&answers, STATUSTEXT);
+    assert_eq!(texts[0].text(1, 50), "Param write denied (BATT_LRN_CAP)");
+    bench.run_for(SAVED_US);
+    assert!(bench.flash_operations().is_empty());
+}
+
+#[test]
+fn damaged_region_starts_anew_and_works_again() {
+    for content in [vec![0; LEARNT_BYTES], vec![0xa5; LEARNT_BYTES]] {
+        let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, LEARNT_OFFSET, &content);
+        bench.run_for(SECOND);
+        assert_eq!(capacity_mah(&mut bench), 0.0);
+        bench.set("BATT_LRN_ERASE", 1.0);
+        bench.run_for(SAVED_US);
+        bench.assert_untroubled();
+        let written = bench.read_flash(LEARNT_OFFSET, LEARNT_BYTES);
+        assert_ne!(written, content, "a record was stored");
+    }
+}
+
+#[test]
+fn worn_out_region_is_announced_once_and_nothing_else_suffers() {
+    let mut bench = board_with(full_sector());
+    for sector in 0..LEARNT_BYTES / SECTOR_BYTES {
+        bench.wear_out_sector(LEARNT_OFFSET + (sector * SECTOR_BYTES) as u32);
+    }
+    bench.write_flash(LEARNT_OFFSET + SECTOR_BYTES as u32, &[0; 3 * SECTOR_BYTES]);
+    let from_us = bench.time_us();
+    bench.set("BATT_LRN_ERASE", 1.0);
+    bench.set("BATT_LOW_VOLT", 6.5);
+    bench.run_for(10 * SECOND);
+    let frames = bench.frames_since(from_us);
+    let texts = of_message(&frames, STATUSTEXT)
+        .into_iter()
+        .map(|frame| frame.text(1, 50));
+    let announced = texts
+        .filter(|text| text == "Learnt battery data not saved: flash worn out?")
+        .count();
+    assert_eq!(announced, 1);
+    assert!(bench.resets().is_empty());
+    bench.power_cycle();
+    bench.run_for(SECOND);
+    assert_eq!(read(&mut bench, "BATT_LOW_VOLT"), 6.5);
+    assert_eq!(capacity_mah(&mut bench), 2950.0, "it was not erased");
+}
+
+#[test]
+fn a_power_cut_in_any_flash_operation_of_a_write_leaves_old_or_new() {
+    let flash = flash_with(full_sector());
+    for cut in [
+        FlashCut::Before,
+        FlashCut::Prefix,
+        FlashCut::ScatteredBits,
+        FlashCut::After,
+    ] {
+        for operation in 1.. {
+            let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, LEARNT_OFFSET, &flash);
+            bench.run_for(300 * MILLISECOND);
+            bench.cut_power_at_flash_operation(operation, cut);
+            let now_us = bench.time_us();
+            bench.uart_send(0, now_us, &param_set("BATT_LRN_ERASE", 1.0));
+            bench.run_for(150 * MILLISECOND);
+            if bench.is_powered() {
+                assert!(operation > 6, "an erase and five programs, or more");
+                break;
+            }
+            bench.forget_sent();
+            bench.power_cycle();
+            bench.run_for(300 * MILLISECOND);
+            let found = capacity_mah(&mut bench);
+            assert!(
+                [0.0, 2950.0].contains(&found),
+                "operation {operation}, {cut:?}: {found}"
+            );
+            bench.set("BATT_SERIAL_NUM", 7.0);
+            bench.run_for(50 * MILLISECOND);
+            assert_eq!(capacity_mah(&mut bench), 1000.0, "operation {operation}, {cut:?}");
+        }
+    }
+}
