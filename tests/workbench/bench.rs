@@ -7,7 +7,7 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 
 use crate::elf::{Artifact, build};
-use crate::emulator::{AdcInput, Board, CpuState, Firmware, LogLevel, ResetCause, SentByte};
+use crate::emulator::{AdcInput, Board, CpuState, Firmware, FlashOperation, LogLevel, ResetCause, SentByte};
 use crate::signer::Signer;
 use crate::support::frames::{
     BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, frames, of_message,
@@ -37,6 +37,11 @@ pub const SIGNING_BYTES: usize = 2 * SECTOR_BYTES;
 pub const LEARNT_OFFSET: u32 = SIGNING_OFFSET - LEARNT_BYTES as u32;
 pub const LEARNT_BYTES: usize = 4 * SECTOR_BYTES;
 pub const SECTOR_BYTES: usize = 4096;
+
+/// What is learnt of a pack is written whenever it rests, without anyone's request.
+pub fn is_learnt(operation: &FlashOperation) -> bool {
+    (LEARNT_OFFSET..SIGNING_OFFSET).contains(&operation.offset)
+}
 
 /// The parameters of the vehicle and of the first pack, and the switches of the other packs.
 pub const LISTED_BY_DEFAULT: usize = VehicleParameter::COUNT + BatteryParameter::COUNT + Pack::ALL.len() - 1;

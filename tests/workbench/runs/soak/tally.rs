@@ -32,6 +32,8 @@ pub struct Tally {
     pub erases: u64,
     /// Writes and erases for the time of signatures.
     pub marks: u64,
+    /// Flash operations for what is learnt of the packs.
+    pub learnt: u64,
     /// Of the watchdog's time, whenever it was fed.
     pub least_left_us: Option<u64>,
 }
@@ -74,6 +76,7 @@ impl Tally {
         self.programs += other.programs;
         self.erases += other.erases;
         self.marks += other.marks;
+        self.learnt += other.learnt;
         let both = [self.least_left_us, other.least_left_us];
         self.least_left_us = both.into_iter().flatten().min();
     }
@@ -137,6 +140,11 @@ impl fmt::Display for Tally {
             f,
             "- {} pages of flash written and {} sectors erased, none of them without a parameter that was set;",
             self.programs, self.erases
+        )?;
+        writeln!(
+            f,
+            "- {} flash operations for what is learnt of the packs;",
+            self.learnt
         )?;
         if self.marks > 0 {
             writeln!(f, "- the time of signatures written down {} times;", self.marks)?;

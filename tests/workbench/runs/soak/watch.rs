@@ -3,7 +3,7 @@
 use super::motors::{Change, Motors, Says};
 use super::rig::{PROBE, Rig};
 use super::station::Driver;
-use crate::bench::{CYCLES_PER_US, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET};
+use crate::bench::{CYCLES_PER_US, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET, is_learnt};
 use crate::emulator::{FlashOperationKind, ResetCause};
 use crate::i2c_bus::BUS;
 use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, Heartbeat, PARAM_VALUE, PING, ParamValue};
@@ -109,6 +109,10 @@ impl Rig {
     fn look_at_flash(&mut self) {
         let since_us = self.ledger.sent_us.max(self.ledger.started_us);
         for operation in self.bench.take_flash_operations() {
+            if is_learnt(&operation) {
+                self.tally.learnt += 1;
+                continue;
+            }
             if self.owner.is_some() && (SIGNING_OFFSET..PARAMETER_OFFSET).contains(&operation.offset) {
                 self.tally.marks += 1;
                 continue;
