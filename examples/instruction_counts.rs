@@ -230,7 +230,16 @@ mod firmware {
     }
 
     impl PackInUse {
+        /// In use for two minutes, after a rest: its charge is known.
         fn new(measures_current: bool) -> Self {
+            let mut pack = Self::at_rest(measures_current);
+            for _ in 0..1200 {
+                pack.update();
+            }
+            pack
+        }
+
+        fn at_rest(measures_current: bool) -> Self {
             Self {
                 monitor: BatteryMonitor::new(),
                 settings: PackSettings {

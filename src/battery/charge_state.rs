@@ -13,6 +13,7 @@ const DEBOUNCE_S: f32 = 3.0;
 /// Charging current of a disarmed rover's pack, in capacities per hour, or in amperes while the capacity is unknown.
 /// Regenerative braking is not charging.
 const CHARGING_RATE_PER_H: f32 = 0.02;
+const AH_PER_MAH: f32 = 0.001;
 const CHARGING_A: f32 = 0.1;
 
 /// Share of that current down to which charging goes on: a charger lowers it at the end.
@@ -143,7 +144,7 @@ fn by_charge(before: ChargeState, remaining_pct: Option<f32>, limits: &ChargeLim
 
 fn is_charging(inputs: &Inputs, before: ChargeState) -> bool {
     let begins_at_a = inputs.capacity_mah.map_or(CHARGING_A, |capacity_mah| {
-        CHARGING_RATE_PER_H * capacity_mah / 1000.0
+        CHARGING_RATE_PER_H * AH_PER_MAH * capacity_mah
     });
     let threshold_a = match before {
         ChargeState::Charging => CHARGING_HYSTERESIS * begins_at_a,

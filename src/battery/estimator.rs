@@ -40,8 +40,8 @@ pub(super) struct Reading {
 pub(super) struct Findings {
     /// Cell detection ended.
     pub event: Option<PackEvent>,
-    /// What is to be kept of the pack: it was learnt, or came to rest.
-    pub kept: Option<LearntPack>,
+    /// A second is complete, with what is to be kept of the pack, if it was learnt or rests.
+    pub second: Option<Option<LearntPack>>,
 }
 
 /// The estimators of one pack.
@@ -105,8 +105,8 @@ impl Estimator {
         let second = self
             .charge
             .add(reading.dt_s, reading.voltage_v, reading.current_a);
-        let kept = second.and_then(|second| self.update_second(&second, reading.arm_state, settings, learnt));
-        Findings { event, kept }
+        let second = second.map(|second| self.update_second(&second, reading.arm_state, settings, learnt));
+        Findings { event, second }
     }
 
     fn detect_cells(&mut self, reading: &Reading, settings: &PackSettings) -> Option<PackEvent> {
@@ -128,6 +128,7 @@ impl Estimator {
         settings: &PackSettings,
         learnt: &LearntPack,
     ) -> Option<LearntPack> {
+        self.resistance.settle();
         if let Some(current_a) = second.current_a {
             self.average_current.update(second.duration_s, current_a);
         }

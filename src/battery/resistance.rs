@@ -1,6 +1,6 @@
 //! Internal resistance, estimated from load steps.
 
-use super::low_pass::{FilterGain, LowPass};
+use super::low_pass::FilterGain;
 
 /// Upper corner of the band-pass filter, in seconds: below it are noise, and a delay of one sample between the sensors.
 const FAST_TIME_CONSTANT_S: f32 = 0.3;
@@ -32,8 +32,10 @@ const MIN_EXCITATION_S: f32 = 1.5;
 /// is no resistance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ResistanceEstimator {
-    voltage: BandPass,
-    current: BandPass,
+    fast: FilterGain,
+    slow: FilterGain,
+    /// Of voltage and current, from the first reading on.
+    bands: Option<(BandPass, BandPass)>,
     forgetting: FilterGain,
     /// ∫ −dV·dI dt
     voltage_by_current: f32,
@@ -41,44 +43,65 @@ pub(super) struct ResistanceEstimator {
     current_squared: f32,
     /// Duration of excitation, up to [`MIN_EXCITATION_S`].
     excitation_s: f32,
+    /// The resistance by these, in ohms, once known.
+    resistance_ohm: Option<f32>,
 }
 
+/// Two low-pass filters, of which the difference is taken.
 #[derive(Clone, Copy, Debug)]
 struct BandPass {
-    fast: LowPass,
-    slow: LowPass,
+    fast: f32,
+    slow: f32,
+}
+
+/// The gains of these filters for a sample interval.
+#[derive(Clone, Copy, Debug)]
+struct Gains {
+    fast: f32,
+    slow: f32,
 }
 
 impl BandPass {
-    const fn new() -> Self {
+    /// In steady state at the first input.
+    fn start(input: f32) -> Self {
         Self {
-            fast: LowPass::new(FAST_TIME_CONSTANT_S),
-            slow: LowPass::new(SLOW_TIME_CONSTANT_S),
+            fast: input,
+            slow: input,
         }
     }
 
-    fn update(&mut self, dt_s: f32, input: f32) -> f32 {
-        self.fast.update(dt_s, input) - self.slow.update(dt_s, input)
+    fn update(&mut self, gains: Gains, input: f32) -> f32 {
+        self.fast += (input - self.fast) * gains.fast;
+        self.slow += (input - self.slow) * gains.slow;
+        self.fast - self.slow
     }
 }
 
 impl ResistanceEstimator {
     pub const fn new() -> Self {
         Self {
-            voltage: BandPass::new(),
-            current: BandPass::new(),
+            fast: FilterGain::new(FAST_TIME_CONSTANT_S),
+            slow: FilterGain::new(SLOW_TIME_CONSTANT_S),
+            bands: None,
             forgetting: FilterGain::new(FORGETTING_TIME_CONSTANT_S),
             voltage_by_current: 0.0,
             current_squared: 0.0,
             excitation_s: 0.0,
+            resistance_ohm: None,
         }
     }
 
     /// Processes a reading `dt_s` seconds after the previous one.
     pub fn update(&mut self, dt_s: f32, voltage_v: f32, current_a: f32) {
-        let voltage_step_v = self.voltage.update(dt_s, voltage_v);
-        let current_step_a = self.current.update(dt_s, current_a);
-        let load_a = self.current.slow.value().unwrap_or(current_a);
+        let gains = Gains {
+            fast: self.fast.alpha(dt_s),
+            slow: self.slow.alpha(dt_s),
+        };
+        let start = || (BandPass::start(voltage_v), BandPass::start(current_a));
+        let (voltage, current) = self.bands.get_or_insert_with(start);
+        let voltage_step_v = voltage.update(gains, voltage_v);
+        let current_step_a = current.update(gains, current_a);
+        let load_a = current.slow;
         if current_step_a.abs() < MIN_STEP_A.max(MIN_RELATIVE_STEP * load_a.abs()) {
             return;
         }
@@ -88,8 +111,17 @@ impl ResistanceEstimator {
         self.current_squared = self.current_squared * kept + current_step_a * current_step_a * dt_s;
     }
 
+    /// Brings the resistance up to date: a division, which once a second is enough for.
+    pub fn settle(&mut self) {
+        self.resistance_ohm = self.slope_ohm();
+    }
+
     /// The resistance of the pack, in ohms, once known.
     pub fn resistance_ohm(&self) -> Option<f32> {
+        self.resistance_ohm
+    }
+
+    fn slope_ohm(&self) -> Option<f32> {
         if self.current_squared < MIN_EXCITATION_A2S || self.excitation_s < MIN_EXCITATION_S {
             return None;
         }
@@ -111,6 +143,7 @@ mod tests {
             let (voltage_v, current_a) = at(sample as f32 / rate_hz);
             estimator.update(1.0 / rate_hz, voltage_v, current_a);
         }
+        estimator.settle();
         estimator.resistance_ohm()
     }
 

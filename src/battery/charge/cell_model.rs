@@ -2,6 +2,7 @@
 
 use crate::battery::Chemistry;
 use crate::battery::chemistry::Cell;
+use crate::battery::curve::POINTS;
 use crate::battery::learnt::{LearntPack, Offset};
 
 /// Standard deviation of a rated capacity, relative to it.
@@ -20,8 +21,8 @@ const SLOPE_WIDTH: f32 = 0.05;
 /// Lower limit of the slope, in volts per state of charge: a tenth of that of LiFe.
 const MIN_SLOPE_V: f32 = 0.01;
 
-/// Steps of the search for the charge at a voltage: to a 16,000th.
-const SEARCH_STEPS: u32 = 14;
+/// State of charge between two points of the curve.
+const POINT_WIDTH: f32 = 1.0 / (POINTS - 1) as f32;
 
 /// A cell as far as known.
 #[derive(Clone, Copy, Debug)]
@@ -78,19 +79,22 @@ impl CellModel<'_> {
 
     /// The state of charge from 0 to 1 at a resting voltage.
     pub fn share(&self, resting_v: f32) -> f32 {
-        if resting_v >= self.voltage_v(1.0) {
-            return 1.0;
-        }
-        let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..SEARCH_STEPS {
-            let middle = 0.5 * (low + high);
-            if self.voltage_v(middle) < resting_v {
+        // Curve and offsets are linear between the points of the curve.
+        let at = |point: usize| self.voltage_v(point as f32 * POINT_WIDTH);
+        let (mut low, mut high) = (0, POINTS - 1);
+        while high - low > 1 {
+            let middle = (low + high) / 2;
+            if at(middle) < resting_v {
                 low = middle;
             } else {
                 high = middle;
             }
         }
-        low
+        let (low_v, high_v) = (at(low), at(high));
+        // Offsets may make a flat curve fall.
+        let rise_v = (high_v - low_v).max(MIN_SLOPE_V * POINT_WIDTH);
+        let beyond = ((resting_v - low_v) / rise_v).clamp(0.0, 1.0);
+        (low as f32 + beyond) * POINT_WIDTH
     }
 
     /// Slope of the curve, in volts per state of charge.
@@ -110,6 +114,10 @@ impl CellModel<'_> {
 
     /// A property of the offsets between their points; constant beyond the first and last.
     fn interpolate(&self, share: f32, property: impl Fn(&Offset) -> f32) -> f32 {
+        if self.learnt.capacity.is_none() {
+            // Nothing is learnt: the offsets are alike.
+            return property(&Offset::default());
+        }
         let (point, weight) = Offset::position(share);
         let at = |point: usize| self.learnt.offsets.get(point).map_or(0.0, &property);
         let (low, high) = (at(point), at(point + 1));

@@ -11,8 +11,15 @@ const FIRST_S: f32 = 0.249;
 pub(super) struct Gathering {
     complete_s: f32,
     duration_s: f32,
-    voltage: Sum,
-    current: Sum,
+    voltage: Part,
+    current: Part,
+}
+
+/// A sum over most of a second.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    value_s: f32,
+    missing_s: f32,
 }
 
 /// A weighted sum of what was measured.
@@ -57,24 +64,40 @@ impl Sum {
     }
 }
 
+impl Part {
+    const NEW: Self = Self {
+        value_s: 0.0,
+        missing_s: 0.0,
+    };
+
+    fn add(&mut self, dt_s: f32, value: Option<f32>) {
+        match value {
+            Some(value) => self.value_s += value * dt_s,
+            None => self.missing_s += dt_s,
+        }
+    }
+
+    /// The mean, if at least half of `duration_s` was measured.
+    fn mean(&self, duration_s: f32) -> Option<f32> {
+        let measured_s = duration_s - self.missing_s;
+        (measured_s > 0.0 && measured_s >= 0.5 * duration_s).then(|| self.value_s / measured_s)
+    }
+}
+
 impl Gathering {
     /// Nothing yet.
     pub const NEW: Self = Self {
         complete_s: FIRST_S,
         duration_s: 0.0,
-        voltage: Sum::NEW,
-        current: Sum::NEW,
+        voltage: Part::NEW,
+        current: Part::NEW,
     };
 
     /// Takes a reading; returns the means once a second is complete.
     pub fn add(&mut self, dt_s: f32, voltage_v: Option<f32>, current_a: Option<f32>) -> Option<Second> {
         self.duration_s += dt_s;
-        if let Some(voltage_v) = voltage_v {
-            self.voltage.add(dt_s, voltage_v);
-        }
-        if let Some(current_a) = current_a {
-            self.current.add(dt_s, current_a);
-        }
+        self.voltage.add(dt_s, voltage_v);
+        self.current.add(dt_s, current_a);
         if self.duration_s < self.complete_s {
             return None;
         }

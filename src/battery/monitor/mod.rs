@@ -4,7 +4,7 @@ use super::charge_reporter::ChargeReporter;
 use super::charge_state::{ChargeStateMachine, Inputs};
 use super::consumption::Consumption;
 use super::diagnosis::Diagnosis;
-use super::estimator::{Estimator, Reading};
+use super::estimator::{Estimator, Findings, Reading};
 use super::event::push;
 use super::failsafe::{Failsafe, Observation};
 use super::health::HealthReporter;
@@ -151,19 +151,21 @@ impl BatteryMonitor {
         reading: Result<Measurement, ReadError>,
         settings: &PackSettings,
     ) -> PackUpdate {
-        let mut events = PackEvents::new();
+        let mut update = PackUpdate::default();
+        let events = &mut update.events;
         let since = |time: Option<Instant>| time.map_or(0, |time| tick.now.us_since(time));
         let dt_us = since(self.last_reading.map(|last| last.time));
         let tick_us = since(self.last_tick.replace(tick.now));
         let dt_s = tick_us as f32 * 1e-6;
-        let reading = reading.and_then(check_plausible);
-        if let Ok(measurement) = &reading {
-            self.ingest_gauge_data(tick.arm_state, measurement, &mut events);
+        let reading = reading.as_ref().map_err(|error| *error).and_then(check_plausible);
+        if let Ok(measurement) = reading {
+            self.ingest_gauge_data(tick.arm_state, measurement, events);
         }
-        let settings = self.effective_settings(settings);
+        let reported = self.reported_settings(settings);
+        let settings = reported.as_ref().unwrap_or(settings);
         let error = match reading {
             Ok(measurement) => {
-                self.accept(tick, dt_us, &measurement, &settings, &mut events);
+                self.accept(tick, dt_us, measurement, settings, events);
                 self.last_reading = Some(LastReading {
                     time: tick.now,
                     current_a: measurement.current_a,
@@ -177,10 +179,10 @@ impl BatteryMonitor {
         };
         let status = self.state.status;
         if let Some(event) = self.health.sensor(dt_s, status, error) {
-            push(&mut events, event);
+            push(events, event);
         }
         if let Some(event) = self.health.contact(dt_s, status, error, tick.arm_state) {
-            push(&mut events, event);
+            push(events, event);
         }
         let freshness = match (error, status) {
             (None, PackStatus::Healthy) => Freshness::Fresh,
@@ -190,12 +192,9 @@ impl BatteryMonitor {
         if freshness == Freshness::Stale && error != Some(ReadError::NoHealthyMember) {
             self.swap_detector.lose_contact(dt_s, tick.arm_state);
         }
-        let failsafe = self.evaluate_failsafes(tick, tick_us, freshness, &settings, &mut events);
-        PackUpdate {
-            events,
-            error,
-            failsafe,
-        }
+        update.failsafe = self.evaluate_failsafes(tick, tick_us, freshness, settings, events);
+        update.error = error;
+        update
     }
 
     /// Takes over what a smart battery reports about itself. Details with a new serial number are ignored until the
@@ -220,17 +219,24 @@ impl BatteryMonitor {
         self.gauge = measurement.gauge;
     }
 
-    /// The owner's settings, overridden by what a smart battery reports; a cell count that is set wins.
-    fn effective_settings(&self, settings: &PackSettings) -> PackSettings {
+    /// The owner's settings, overridden by what a smart battery reports, if it does; a cell count that is set wins.
+    fn reported_settings(&self, settings: &PackSettings) -> Option<PackSettings> {
         let details = &self.state.details;
         let cells = self.state.cells.millivolts().len() as u8;
-        PackSettings {
+        if details.chemistry.is_none()
+            && details.serial_number.is_none()
+            && self.gauge.is_none()
+            && cells == 0
+        {
+            return None;
+        }
+        Some(PackSettings {
             chemistry: details.chemistry.unwrap_or(settings.chemistry),
             cell_count: settings.cell_count.or((cells > 0).then_some(cells)),
             capacity_mah: self.gauge.map(|gauge| gauge.full_mah).or(settings.capacity_mah),
             serial_number: details.serial_number.or(settings.serial_number),
             ..*settings
-        }
+        })
     }
 
     fn accept(
@@ -265,8 +271,16 @@ impl BatteryMonitor {
         if let Some(gap) = self.update_consumption(dt_us, measurement) {
             push(events, PackEvent::Gap(gap));
         }
-        self.update_estimates(&reading, settings, events);
+        let findings = self.update_estimates(&reading, settings);
         self.update_state(measurement, settings);
+        if let Some(event) = findings.event {
+            push(events, event);
+        }
+        if let Some(kept) = findings.second {
+            self.keep(kept, settings, events);
+            self.update_learnt(settings);
+            self.update_usable(settings);
+        }
     }
 
     /// Without a pack the voltage at the pin means nothing: the values become unknown, the pack is not empty.
@@ -319,17 +333,17 @@ impl BatteryMonitor {
         push(events, PackEvent::Swapped);
     }
 
-    fn update_estimates(&mut self, reading: &Reading, settings: &PackSettings, events: &mut PackEvents) {
+    fn update_estimates(&mut self, reading: &Reading, settings: &PackSettings) -> Findings {
         let cell_count = self.estimator.cell_count(settings);
         let learnt = self.learnt.as_ref().map(|learnt| &learnt.pack);
         let known = learnt.filter(|learnt| learnt.matches(settings.chemistry, cell_count));
-        let findings = self
-            .estimator
-            .update(reading, settings, known.unwrap_or(&UNKNOWN_PACK));
-        if let Some(event) = findings.event {
-            push(events, event);
-        }
-        if let (Some(kept), Some(learnt), None) = (findings.kept, &mut self.learnt, self.gauge) {
+        self.estimator
+            .update(reading, settings, known.unwrap_or(&UNKNOWN_PACK))
+    }
+
+    /// Keeps what was learnt of a pack, or of its rest. A pack with a gauge knows better.
+    fn keep(&mut self, kept: Option<LearntPack>, settings: &PackSettings, events: &mut PackEvents) {
+        if let (Some(kept), Some(learnt), None) = (kept, &mut self.learnt, self.gauge) {
             if let (None, Some((capacity_mah, resistance_ohm))) = (learnt.pack.learnt(), kept.learnt()) {
                 push(
                     events,
@@ -403,8 +417,6 @@ impl BatteryMonitor {
             (None, None) => ChargeSource::Estimated,
         };
         state.cell_count = self.estimator.cell_count(settings);
-        self.update_learnt(settings);
-        self.update_usable(settings);
     }
 
     fn update_learnt(&mut self, settings: &PackSettings) {
@@ -622,13 +634,13 @@ fn counted_charge_mah(measurement: &Measurement) -> Option<f32> {
     }
 }
 
-fn check_plausible(measurement: Measurement) -> Result<Measurement, ReadError> {
+fn check_plausible(measurement: &Measurement) -> Result<&Measurement, ReadError> {
     let Measurement {
         voltage_v,
         current_a,
         temperature_c,
         ..
-    } = measurement;
+    } = *measurement;
     // NaN is within no limit.
     let is_within = |value: Option<f32>, limit: f32| value.is_none_or(|value| value.abs() <= limit);
     let is_gauge = |gauge: &Gauge| {
