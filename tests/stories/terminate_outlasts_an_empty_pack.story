@@ -10,7 +10,6 @@ expect 5.1 says Battery 1 is critical
 12.0  voltage 0.3
 14.0  voltage 8.8
 expect 16.1 says Battery 1 swapped
-expect 17.1 says Battery 1 emergency: 8.80V
 20.0  arm
 expect 21.0 coast
 22.0  voltage 0.3

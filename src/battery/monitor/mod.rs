@@ -278,8 +278,7 @@ impl BatteryMonitor {
         }
         if let Some(kept) = findings.second {
             self.keep(kept, settings, events);
-            self.update_learnt(settings);
-            self.update_usable(settings);
+            self.update_time_remaining(settings);
         }
     }
 
@@ -417,22 +416,26 @@ impl BatteryMonitor {
             (None, None) => ChargeSource::Estimated,
         };
         state.cell_count = self.estimator.cell_count(settings);
+        if state.remaining_pct.is_none() {
+            state.time_remaining_s = None;
+        }
+        self.update_learnt(settings);
+        self.update_usable();
     }
 
     fn update_learnt(&mut self, settings: &PackSettings) {
-        let learnt = self.learnt().copied();
+        let learnt = self.learnt.as_ref().map(|learnt| &learnt.pack);
         let state = &mut self.state;
-        state.learnt_capacity_mah = learnt.and_then(|learnt| learnt.capacity_mah());
+        state.learnt_capacity_mah = learnt.and_then(LearntPack::capacity_mah);
         state.state_of_health_pct = state
             .details
             .state_of_health_pct
             .or_else(|| learnt?.health_pct(settings.capacity_mah));
     }
 
-    /// What the load can still draw, and for how long.
-    fn update_usable(&mut self, settings: &PackSettings) {
+    /// What the load can still draw.
+    fn update_usable(&mut self) {
         let state = &mut self.state;
-        let share = state.remaining_pct.map(|percent| percent / 100.0);
         let charge = match state.charge_source {
             ChargeSource::Estimated if state.contents == Contents::Charge => self.estimator.charge(),
             _ => None,
@@ -441,13 +444,26 @@ impl BatteryMonitor {
         state.usable_pct = charge
             .map(|charge| charge.usable_share * 100.0)
             .or(state.remaining_pct);
-        let available = charge.map(|charge| charge.available).or(share);
-        let capacity_mah = state.learnt_capacity_mah.or(settings.capacity_mah);
-        state.time_remaining_s = match state.current_a {
-            Some(_) => available
-                .zip(capacity_mah)
-                .and_then(|(available, capacity_mah)| self.estimator.time_to_draw_s(available, capacity_mah)),
-            None => charge.and(self.estimator.inferred_time_remaining_s()),
+    }
+
+    /// How long the load can still be served: once a second, since it takes a division.
+    fn update_time_remaining(&mut self, settings: &PackSettings) {
+        let state = &mut self.state;
+        let charge = state.remaining_sigma_pct.and_then(|_| self.estimator.charge());
+        state.time_remaining_s = match (state.current_a, charge) {
+            (Some(_), Some(charge)) => state
+                .learnt_capacity_mah
+                .or(settings.capacity_mah)
+                .and_then(|capacity_mah| self.estimator.time_to_draw_s(charge.available, capacity_mah)),
+            (Some(_), None) => {
+                state
+                    .remaining_pct
+                    .zip(settings.capacity_mah)
+                    .and_then(|(percent, capacity_mah)| {
+                        self.estimator.time_to_draw_s(percent / 100.0, capacity_mah)
+                    })
+            }
+            (None, _) => charge.and(self.estimator.inferred_time_remaining_s()),
         };
     }
 
