@@ -45,6 +45,7 @@ const SET_SIGMA: f32 = 0.01;
 pub(super) struct ChargeEstimator {
     gathering: Gathering,
     phase: Phase,
+    /// Of the current in amperes; of the load in capacities per hour where it is inferred from the voltage.
     polarisation: Polarisation,
     block: BlockSum,
     reserve: Reserve,
@@ -219,6 +220,7 @@ impl ChargeEstimator {
                 self.phase = Phase::Counting(Filter::from_share(charge.share, charge.sigma, model, capacity));
             }
             Phase::VoltageOnly(estimate) => {
+                self.polarisation = Polarisation::unknown();
                 self.phase = match estimate.share() {
                     Some(share) => {
                         Phase::Counting(Filter::from_share(share, estimate.sigma(model), model, capacity))
@@ -284,11 +286,16 @@ impl ChargeEstimator {
         };
         match &mut self.phase {
             Phase::Starting(_) => {
-                self.phase = Phase::VoltageOnly(VoltageOnly::from_voltage(cell_v, arm_state, model))
+                self.infer_from(VoltageOnly::from_voltage(cell_v, arm_state, model));
             }
-            Phase::Known(charge) => self.phase = Phase::VoltageOnly(VoltageOnly::from_share(charge.share)),
+            Phase::Known(KnownCharge { share, .. }) => {
+                let share = *share;
+                self.infer_from(VoltageOnly::from_share(share));
+            }
             Phase::VoltageOnly(estimate) => {
-                let rests = estimate.update(dt_s, cell_v, arm_state, model);
+                let slow_per_h = self.polarisation.current_a();
+                let rests = estimate.update(dt_s, cell_v, slow_per_h, arm_state, model);
+                self.polarisation.update(dt_s, estimate.load_per_h(model));
                 self.reserve.update(dt_s, estimate.sag_v());
                 self.reserve.settle(model);
                 return rests;
@@ -297,6 +304,11 @@ impl ChargeEstimator {
             Phase::Counting(_) => {}
         }
         false
+    }
+
+    fn infer_from(&mut self, estimate: VoltageOnly) {
+        self.polarisation = Polarisation::at_rest();
+        self.phase = Phase::VoltageOnly(estimate);
     }
 
     /// What is kept of a pack that rests.
