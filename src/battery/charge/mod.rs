@@ -32,10 +32,12 @@ use voltage_only::VoltageOnly;
 /// After a longer gap between readings the estimate starts anew, in seconds.
 const MAX_GAP_S: f32 = 60.0;
 
-/// A voltage that is further from the expected one, in standard deviations, contradicts the estimate. After so many
-/// seconds more of contradiction than of agreement it starts anew.
-const CONTRADICTION: f32 = 2.0;
-const MAX_CONTRADICTION_S: f32 = 120.0;
+/// A voltage that is further from the expected one, in standard deviations, contradicts the estimate. What exceeds that,
+/// up to the second figure, is summed over time, what falls below is subtracted; at the third, in standard deviations
+/// times seconds, the estimate starts anew: within a minute to two.
+const CONTRADICTION: f32 = 1.75;
+const MAX_EXCESS: f32 = 0.5;
+const MAX_CONTRADICTION_S: f32 = 25.0;
 
 /// Standard deviation of a state of charge that the owner sets.
 const SET_SIGMA: f32 = 0.01;
@@ -260,13 +262,10 @@ impl ChargeEstimator {
             drive.add(block, filter.share(), model);
         }
         let is_charging = block.load.current_a < 0.0;
-        self.contradicted_s = match filter.update(block, model, capacity) {
-            Some(Fit { deviations }) if deviations.abs() > CONTRADICTION => {
-                self.contradicted_s + block.load.duration_s
-            }
-            Some(_) => (self.contradicted_s - block.load.duration_s).max(0.0),
-            None => self.contradicted_s,
-        };
+        if let Some(Fit { deviations }) = filter.update(block, model, capacity) {
+            let excess = (deviations.abs() - CONTRADICTION).min(MAX_EXCESS);
+            self.contradicted_s = (self.contradicted_s + excess * block.load.duration_s).max(0.0);
+        }
         if self.contradicted_s >= MAX_CONTRADICTION_S
             && let Some(cell_v) = block.cell_v
         {
