@@ -25,7 +25,7 @@ const ASSIGNMENTS: [&str; 5] = [
 
 /// A column of the rows that `replay` writes.
 const REMAINING_PCT: usize = 7;
-const EVENTS: usize = 11;
+const EVENTS: usize = 13;
 
 /// `cargo run --example NAME -- ARGUMENTS`, from the repository's root.
 fn run(name: &str, arguments: &[&str]) -> Output {
@@ -116,6 +116,89 @@ fn replay_reports_the_estimates_for_each_reading_and_plots_them() {
         "{PICTURE} is stale: run `cargo run --example replay -- {} > /dev/null`",
         drawing(PICTURE).join(" ")
     );
+}
+
+/// A file in a folder for this test run, which does not exist yet.
+fn no_file(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_file(&path);
+    path
+}
+
+/// A drive of a 3S pack of 2.0 Ah, labelled 2.2 Ah: a rest when full, ten minutes under load, and a rest.
+fn drive_with_rests() -> String {
+    let mut text = String::from("t_s,voltage_v,current_a,armed\n");
+    let mut drawn_ah = 0.0;
+    let mut slow_a = 0.0;
+    for sample in 0..14_000 {
+        let t_s = f64::from(sample) * 0.1;
+        let current_a = match t_s {
+            60.0..700.0 if (t_s % 20.0) < 12.0 => 12.0,
+            60.0..700.0 => 4.0,
+            _ => 0.1,
+        };
+        drawn_ah += current_a * 0.1 / 3600.0;
+        slow_a += (current_a - slow_a) * 0.01;
+        let share: f64 = 1.0 - drawn_ah / 2.0;
+        let resting_v = 3.0 * (3.68 + 0.19 * share + 0.33 * share.powi(4) - 0.5 * (-25.0 * share).exp());
+        let voltage_v = resting_v - 0.036 * current_a - 0.018 * slow_a;
+        let armed = u8::from((60.0..700.0).contains(&t_s));
+        text += &format!("{t_s:.1},{voltage_v:.4},{current_a},{armed}\n");
+    }
+    text
+}
+
+#[test]
+fn replay_continues_with_what_earlier_drives_taught() {
+    let trace = no_file("drive_with_rests.csv");
+    fs::write(&trace, drive_with_rests()).expect("a file");
+    let learned = no_file("learned.txt");
+    let [trace, learned_name] = [&trace, &learned].map(|path| path.to_str().expect("a path"));
+    let arguments = [
+        "--param",
+        "BATT_CELLS=3",
+        "--param",
+        "BATT_CAPACITY=2200",
+        "--learned",
+        learned_name,
+        trace,
+    ];
+    let left_pct = || -> f64 {
+        let text = printed(run("replay", &arguments));
+        // While the load still lasts.
+        let row = text.lines().nth(6_900).expect("a row");
+        row.split(',')
+            .nth(REMAINING_PCT)
+            .expect("a column")
+            .parse()
+            .expect("a number")
+    };
+    let first_pct = left_pct();
+    let text = fs::read_to_string(&learned).expect("it is created");
+    let second_pct = left_pct();
+    println!("{first_pct} %, then {second_pct} %\n{text}");
+    assert!(text.lines().any(|line| line == "drives 1"), "{text}");
+    assert!(
+        (first_pct - second_pct) > 2.0,
+        "{first_pct} %, then {second_pct} %"
+    );
+}
+
+#[test]
+fn replay_leaves_a_bad_file_of_what_was_learnt_alone() {
+    let learned = no_file("bad.txt");
+    let bad = "drives 1\ncapacity_mah_sigma much\n";
+    fs::write(&learned, bad).expect("a file");
+    let name = learned.to_str().expect("a path");
+    let output = run("replay", &["--learned", name, TRACE]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(output.stdout.is_empty());
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(
+        errors,
+        format!("error: {name}: line 2 is not a property of a pack\n")
+    );
+    assert_eq!(fs::read_to_string(&learned).expect("a file"), bad);
 }
 
 #[test]

@@ -5,7 +5,8 @@
 //! ```
 //!
 //! A trace is a CSV file with the columns `t_s`, `voltage_v`, `current_a`, `healthy` and `armed`: see [`trace`]. What the
-//! monitor made of each reading goes to standard output, in the columns of [`report`].
+//! monitor made of each reading goes to standard output, in the columns of [`report`]. With `--learned FILE` the drives of
+//! one pack follow each other: what was learnt of it is read before the trace and written after it.
 mod plot;
 mod report;
 mod run;
@@ -18,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
-use rover_battmon::battery::PackSettings;
+use rover_battmon::battery::{LearntPack, PackSettings};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 
@@ -42,6 +43,10 @@ struct Arguments {
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
 
+    /// What was learnt of the pack: read before the trace, if there is such a file, and written after it
+    #[arg(long, value_name = "FILE")]
+    learned: Option<PathBuf>,
+
     /// The recording: t_s,voltage_v,current_a,healthy,armed
     #[arg(value_name = "TRACE.csv")]
     trace: PathBuf,
@@ -58,15 +63,35 @@ fn main() -> ExitCode {
 }
 
 fn replay(arguments: &Arguments) -> Result<(), String> {
-    let about = |path: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
     let text = fs::read_to_string(&arguments.trace).map_err(|error| about(&arguments.trace, &error))?;
     let trace = Trace::parse(&text).map_err(|error| about(&arguments.trace, &error))?;
     let parameters = settings::parameters(&arguments.assignments, &trace)?;
-    let rows = run::run(&trace, Inputs::from_parameters(&parameters)?, &parameters);
+    let inputs = Inputs::from_parameters(&parameters)?;
+    let mut learnt = match &arguments.learned {
+        Some(path) => read_learnt(path)?,
+        None => LearntPack::UNKNOWN,
+    };
+    let rows = run::run(&trace, inputs, &parameters, &mut learnt);
+    if let Some(path) = &arguments.learned {
+        fs::write(path, learnt.to_string()).map_err(|error| about(path, &error))?;
+    }
     if let Some(path) = &arguments.plot {
         fs::write(path, picture(arguments, &parameters, &rows)).map_err(|error| about(path, &error))?;
     }
     print(&rows).map_err(|error| format!("standard output: {error}"))
+}
+
+fn about(path: &Path, error: &dyn std::fmt::Display) -> String {
+    format!("{}: {error}", path.display())
+}
+
+/// What was learnt in earlier drives; nothing before the first.
+fn read_learnt(path: &Path) -> Result<LearntPack, String> {
+    match fs::read_to_string(path) {
+        Ok(text) => text.parse().map_err(|error| about(path, &error)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(LearntPack::UNKNOWN),
+        Err(error) => Err(about(path, &error)),
+    }
 }
 
 /// The rows as a picture that says what it shows.

@@ -1,4 +1,5 @@
-//! The estimates for a trace, as a picture: voltages, current, and the remaining charge with the charge states.
+//! The estimates for a trace, as a picture: voltages, current, and the remaining charge with its uncertainty, the
+//! usable charge and the charge states.
 
 mod axis;
 mod panel;
@@ -21,6 +22,12 @@ const VOLTAGE: &str = "#1f5fa8";
 const RESTING: &str = "#d1662c";
 const CURRENT: &str = "#2c7a4b";
 const REMAINING: &str = "#5b3a8c";
+const USABLE: &str = "#b0407a";
+
+/// The band around the remaining charge: so many standard deviations, and how it is called.
+const BAND_SIGMAS: f32 = 2.0;
+const BAND: &str = "± 2 sigma";
+const BAND_COLOUR: &str = "#c9b8e0";
 
 /// Texts of events are written in this many lines by turns, so that they do not cover each other.
 const EVENT_LINES: usize = 6;
@@ -90,11 +97,12 @@ fn currents(svg: &mut Svg, time: &Axis, rows: &[Row]) {
 }
 
 fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
-    let lines = [series(rows, "remaining charge", REMAINING, |state| {
-        state.remaining_pct
-    })];
+    let lines = [
+        series(rows, "remaining charge", REMAINING, |state| state.remaining_pct),
+        series(rows, "usable charge", USABLE, |state| state.usable_pct),
+    ];
     let panel = Panel::new("Remaining charge (%)", 2, time, Axis::over([0.0, 100.0], 5));
-    let mut shown = Vec::new();
+    let mut shown = vec![(BAND, BAND_COLOUR)];
     for (from_s, to_s, state) in bands(rows) {
         let (name, colour) = looks(state);
         panel.band(svg, from_s, to_s, colour);
@@ -102,8 +110,15 @@ fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
             shown.push((name, colour));
         }
     }
+    let [lower, upper] = [-BAND_SIGMAS, BAND_SIGMAS].map(|sigmas| {
+        series(rows, BAND, BAND_COLOUR, move |state| {
+            let limit_pct = state.remaining_pct? + sigmas * state.remaining_sigma_pct?;
+            Some(limit_pct.clamp(0.0, 100.0))
+        })
+    });
+    panel.between(svg, &lower, &upper);
     panel.draw(svg, &lines);
-    panel.legend_of_bands(svg, &shown);
+    panel.legend(svg, lines.len(), &shown);
     marks(svg, &panel, rows);
     events(svg, &panel, rows);
 }
@@ -164,6 +179,8 @@ mod tests {
                 voltage_v: Some(12.0 - sample as f32 / 1e4),
                 current_a: (sample % 50 != 7).then_some(sample as f32 % 5.0),
                 remaining_pct: Some(100.0 - sample as f32 / 100.0),
+                remaining_sigma_pct: (sample % 3000 >= 100).then_some(1.0 + sample as f32 / 1e3),
+                usable_pct: Some(90.0 - sample as f32 / 80.0),
                 charge_state: if sample < 3000 {
                     ChargeState::Ok
                 } else {
@@ -256,8 +273,28 @@ mod tests {
     }
 
     #[test]
+    fn the_uncertainty_is_a_band_around_the_remaining_charge_where_it_is_known() {
+        let svg = picture(&rows());
+        let bands: Vec<&str> = svg.lines().filter(|line| line.contains("<polygon")).collect();
+        assert_eq!(bands.len(), 2);
+        // Full at 10 s, ± 2.2 %, of which the upper part is cut off: the outline ends where it began.
+        let (_, points) = bands[0].split_once("points=\"").expect("points");
+        let ends = [
+            points.split_once(' ').expect("two").0,
+            points.rsplit_once(' ').expect("two").1,
+        ];
+        let y = ends.map(|point| {
+            let (_, y) = point.trim_end_matches("\"/>").split_once(',').expect("a point");
+            y.parse::<f64>().expect("a number")
+        });
+        let per_percent = 1.8;
+        assert!((y[0] - 616.0).abs() < 0.2, "{y:?}");
+        assert!((y[1] - y[0] - 3.2 * per_percent).abs() < 0.3, "{y:?}");
+    }
+
+    #[test]
     fn a_line_has_at_most_two_thousand_points() {
-        for name in ["terminal voltage", "current", "remaining charge"] {
+        for name in ["terminal voltage", "current", "remaining charge", "usable charge"] {
             let points: usize = picture(&rows())
                 .lines()
                 .filter(|line| line.contains("<polyline") && line.contains(name))

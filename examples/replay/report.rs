@@ -6,6 +6,8 @@
 //! | `voltage_v`, `current_a`, `consumed_mah`, `consumed_wh`, `resistance_ohm`, `time_remaining_s` | empty while unknown |
 //! | `voltage_resting_v` | while it is unknown, the voltage between the terminals |
 //! | `remaining_pct` | −1 while unknown |
+//! | `remaining_sigma_pct` | its standard deviation; empty while unknown |
+//! | `usable_pct` | what the load can still draw, of what it can from a full pack; empty while unknown |
 //! | `charge_state` | MAVLink's `MAV_BATTERY_CHARGE_STATE` |
 //! | `failsafe` | 0 none, 1 unhealthy, 2 low, 3 critical |
 //! | `events` | what would be announced to a ground station, separated by `;`, without commas |
@@ -15,7 +17,7 @@ use std::fmt::Write;
 use rover_battmon::battery::{BatteryState, FailsafeLevel};
 
 const HEADER: &str = "t_s,voltage_v,current_a,consumed_mah,consumed_wh,resistance_ohm,voltage_resting_v,\
-                      remaining_pct,time_remaining_s,charge_state,failsafe,events\n";
+                      remaining_pct,remaining_sigma_pct,usable_pct,time_remaining_s,charge_state,failsafe,events\n";
 
 /// What is known after one reading.
 #[derive(Clone, Debug)]
@@ -50,6 +52,8 @@ fn line(row: &Row) -> String {
         field(state.resistance_ohm),
         field(state.resting_or_terminal_voltage_v()),
         state.remaining_pct.unwrap_or(-1.0).to_string(),
+        field(state.remaining_sigma_pct),
+        field(state.usable_pct),
         field(state.time_remaining_s),
         (state.charge_state as u8).to_string(),
         (row.failsafe as u8).to_string(),
@@ -78,7 +82,7 @@ mod tests {
             failsafe: FailsafeLevel::None,
             events: vec![],
         };
-        assert_eq!(csv(&[row]), format!("{HEADER}0.1,11.1,,,,,11.1,-1,,0,0,\n"));
+        assert_eq!(csv(&[row]), format!("{HEADER}0.1,11.1,,,,,11.1,-1,,,,0,0,\n"));
     }
 
     #[test]
@@ -93,6 +97,8 @@ mod tests {
                 resistance_ohm: Some(0.5),
                 resting_voltage_v: Some(12.0),
                 remaining_pct: Some(6.0),
+                remaining_sigma_pct: Some(1.5),
+                usable_pct: Some(5.0),
                 time_remaining_s: Some(7.0),
                 charge_state: ChargeState::Critical,
                 ..BatteryState::default()
@@ -102,7 +108,7 @@ mod tests {
         };
         assert_eq!(
             csv(&[row]),
-            format!("{HEADER}2,11,2,3,4,0.5,12,6,7,3,2,is low very;swapped\n")
+            format!("{HEADER}2,11,2,3,4,0.5,12,6,1.5,5,7,3,2,is low very;swapped\n")
         );
     }
 }

@@ -1,6 +1,8 @@
 //! A trace through the monitor.
 
-use rover_battmon::battery::{ArmState, BatteryMonitor, Measurement, PackSettings, ReadError, Tick};
+use rover_battmon::battery::{
+    ArmState, BatteryMonitor, LearntPack, Measurement, PackSettings, ReadError, Tick,
+};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 use rover_battmon::time::Instant;
@@ -9,10 +11,12 @@ use crate::report::Row;
 use crate::settings::Inputs;
 use crate::trace::{Sample, Trace};
 
-/// What a fresh monitor makes of each reading of the trace.
-pub fn run(trace: &Trace, inputs: Inputs, parameters: &Parameters) -> Vec<Row> {
+/// What a fresh monitor makes of each reading of the trace, of a pack of which `learnt` is known. That is updated as
+/// flash would be.
+pub fn run(trace: &Trace, inputs: Inputs, parameters: &Parameters, learnt: &mut LearntPack) -> Vec<Row> {
     let settings = PackSettings::from_parameters(parameters, Pack::First);
     let mut monitor = BatteryMonitor::new();
+    monitor.restore_learnt(*learnt);
     let rows = trace.samples.iter().map(|sample| {
         let update = monitor.update(tick(sample), reading(sample, inputs), &settings);
         Row {
@@ -22,7 +26,11 @@ pub fn run(trace: &Trace, inputs: Inputs, parameters: &Parameters) -> Vec<Row> {
             events: update.events.iter().map(ToString::to_string).collect(),
         }
     });
-    rows.collect()
+    let rows = rows.collect();
+    if let Some(unsaved) = monitor.unsaved_learnt() {
+        *learnt = *unsaved;
+    }
+    rows
 }
 
 fn tick(sample: &Sample) -> Tick {

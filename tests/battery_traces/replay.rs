@@ -87,7 +87,8 @@ pub fn run_from(mut monitor: BatteryMonitor, samples: &[Sample], settings: &Pack
         .collect()
 }
 
-fn tick(sample: &Sample) -> Tick {
+/// When a sample was taken.
+pub fn tick(sample: &Sample) -> Tick {
     Tick {
         now: Instant::from_micros((sample.t_s * 1e6).round() as u64),
         arm_state: if sample.armed {
@@ -98,7 +99,8 @@ fn tick(sample: &Sample) -> Tick {
     }
 }
 
-fn reading(sample: &Sample) -> Result<Measurement, ReadError> {
+/// What the sensor delivered.
+pub fn reading(sample: &Sample) -> Result<Measurement, ReadError> {
     if !sample.healthy {
         return Err(ReadError::Timeout);
     }

@@ -17,8 +17,9 @@ const EVENT: &str = "#a01818";
 const LINE_HEIGHT: f64 = 16.0;
 const SWATCH: f64 = 12.0;
 
-/// Room for an entry of a legend.
-const ENTRY_WIDTH: f64 = 150.0;
+/// Where a legend begins, behind the title, and the room for an entry.
+const LEGEND_LEFT: f64 = LEFT + 140.0;
+const ENTRY_WIDTH: f64 = 112.0;
 
 /// A diagram over time.
 pub struct Panel<'a> {
@@ -87,16 +88,24 @@ impl<'a> Panel<'a> {
         svg.rectangle((from, self.top), (to - from, self.bottom - self.top), colour);
     }
 
-    /// What the colours of the background mean.
-    pub fn legend_of_bands(&self, svg: &mut Svg, bands: &[(&str, &str)]) {
-        for (entry, (name, colour)) in bands.iter().enumerate() {
-            // The line has the first place.
-            self.legend_entry(svg, entry + 1, name, colour);
+    /// Colours what lies between two lines that are known at the same times.
+    pub fn between(&self, svg: &mut Svg, lower: &Series, upper: &Series) {
+        for (low, high) in lower.pieces().iter().zip(upper.pieces()) {
+            let outline = high.iter().chain(low.iter().rev());
+            let points: Vec<Point> = outline.map(|(t, v)| (self.x(*t), self.y(*v))).collect();
+            svg.polygon(&points, upper.colour, upper.name);
+        }
+    }
+
+    /// What further colours mean: behind this many lines.
+    pub fn legend(&self, svg: &mut Svg, lines: usize, colours: &[(&str, &str)]) {
+        for (entry, (name, colour)) in colours.iter().enumerate() {
+            self.legend_entry(svg, lines + entry, name, colour);
         }
     }
 
     fn legend_entry(&self, svg: &mut Svg, entry: usize, name: &str, colour: &str) {
-        let x = LEFT + ENTRY_WIDTH * (entry as f64 + 1.5);
+        let x = LEGEND_LEFT + ENTRY_WIDTH * entry as f64;
         let y = self.top - 12.0;
         svg.rectangle((x, y - SWATCH + 2.0), (SWATCH, SWATCH), colour);
         svg.text((x + SWATCH + 5.0, y), Anchor::Start, name);

@@ -54,11 +54,19 @@ impl Svg {
 
     /// A line through points; `name` identifies it to a reader of the document.
     pub fn polyline(&mut self, points: &[(f64, f64)], stroke: &str, name: &str) {
-        let points: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         self.write(format_args!(
             "<polyline data-name=\"{}\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"1.5\" points=\"{}\"/>",
             escaped(name),
-            points.join(" ")
+            pairs(points)
+        ));
+    }
+
+    /// A filled area within points; `name` identifies it to a reader of the document.
+    pub fn polygon(&mut self, points: &[(f64, f64)], fill: &str, name: &str) {
+        self.write(format_args!(
+            "<polygon data-name=\"{}\" fill=\"{fill}\" fill-opacity=\"0.6\" points=\"{}\"/>",
+            escaped(name),
+            pairs(points)
         ));
     }
 
@@ -105,6 +113,11 @@ impl Svg {
         // A String takes everything.
         let _ = writeln!(self.text, "{element}");
     }
+}
+
+fn pairs(points: &[(f64, f64)]) -> String {
+    let points: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+    points.join(" ")
 }
 
 fn escaped(text: &str) -> String {

@@ -32,10 +32,12 @@ use voltage_only::VoltageOnly;
 /// After a longer gap between readings the estimate starts anew, in seconds.
 const MAX_GAP_S: f32 = 60.0;
 
-/// A voltage that is further from the expected one, in standard deviations, contradicts the estimate. After so many
-/// seconds more of contradiction than of agreement it starts anew.
-const CONTRADICTION: f32 = 2.0;
-const MAX_CONTRADICTION_S: f32 = 120.0;
+/// A voltage that is further from the expected one, in standard deviations, contradicts the estimate. What exceeds that,
+/// up to the second figure, is summed over time, what falls below is subtracted; at the third, in standard deviations
+/// times seconds, the estimate starts anew: within a minute to two.
+const CONTRADICTION: f32 = 1.75;
+const MAX_EXCESS: f32 = 0.5;
+const MAX_CONTRADICTION_S: f32 = 25.0;
 
 /// Standard deviation of a state of charge that the owner sets.
 const SET_SIGMA: f32 = 0.01;
@@ -45,6 +47,7 @@ const SET_SIGMA: f32 = 0.01;
 pub(super) struct ChargeEstimator {
     gathering: Gathering,
     phase: Phase,
+    /// Of the current in amperes; of the load in capacities per hour where it is inferred from the voltage.
     polarisation: Polarisation,
     block: BlockSum,
     reserve: Reserve,
@@ -219,6 +222,7 @@ impl ChargeEstimator {
                 self.phase = Phase::Counting(Filter::from_share(charge.share, charge.sigma, model, capacity));
             }
             Phase::VoltageOnly(estimate) => {
+                self.polarisation = Polarisation::unknown();
                 self.phase = match estimate.share() {
                     Some(share) => {
                         Phase::Counting(Filter::from_share(share, estimate.sigma(model), model, capacity))
@@ -258,13 +262,10 @@ impl ChargeEstimator {
             drive.add(block, filter.share(), model);
         }
         let is_charging = block.load.current_a < 0.0;
-        self.contradicted_s = match filter.update(block, model, capacity) {
-            Some(Fit { deviations }) if deviations.abs() > CONTRADICTION => {
-                self.contradicted_s + block.load.duration_s
-            }
-            Some(_) => (self.contradicted_s - block.load.duration_s).max(0.0),
-            None => self.contradicted_s,
-        };
+        if let Some(Fit { deviations }) = filter.update(block, model, capacity) {
+            let excess = (deviations.abs() - CONTRADICTION).min(MAX_EXCESS);
+            self.contradicted_s = (self.contradicted_s + excess * block.load.duration_s).max(0.0);
+        }
         if self.contradicted_s >= MAX_CONTRADICTION_S
             && let Some(cell_v) = block.cell_v
         {
@@ -284,11 +285,16 @@ impl ChargeEstimator {
         };
         match &mut self.phase {
             Phase::Starting(_) => {
-                self.phase = Phase::VoltageOnly(VoltageOnly::from_voltage(cell_v, arm_state, model))
+                self.infer_from(VoltageOnly::from_voltage(cell_v, arm_state, model));
             }
-            Phase::Known(charge) => self.phase = Phase::VoltageOnly(VoltageOnly::from_share(charge.share)),
+            Phase::Known(KnownCharge { share, .. }) => {
+                let share = *share;
+                self.infer_from(VoltageOnly::from_share(share));
+            }
             Phase::VoltageOnly(estimate) => {
-                let rests = estimate.update(dt_s, cell_v, arm_state, model);
+                let slow_per_h = self.polarisation.current_a();
+                let rests = estimate.update(dt_s, cell_v, slow_per_h, arm_state, model);
+                self.polarisation.update(dt_s, estimate.load_per_h(model));
                 self.reserve.update(dt_s, estimate.sag_v());
                 self.reserve.settle(model);
                 return rests;
@@ -297,6 +303,11 @@ impl ChargeEstimator {
             Phase::Counting(_) => {}
         }
         false
+    }
+
+    fn infer_from(&mut self, estimate: VoltageOnly) {
+        self.polarisation = Polarisation::at_rest();
+        self.phase = Phase::VoltageOnly(estimate);
     }
 
     /// What is kept of a pack that rests.

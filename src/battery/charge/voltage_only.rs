@@ -9,15 +9,22 @@ use crate::battery::low_pass::{LowPass, MeanThenLowPass};
 /// voltage that is believed; of the rate that gives the time left.
 const MEAN_TIME_CONSTANT_S: f32 = 60.0;
 const SCALE_TIME_CONSTANT_S: f32 = 400.0;
-const REST_TIME_CONSTANT_S: f32 = 10.0;
+const REST_TIME_CONSTANT_S: f32 = 3.0;
 const RATE_TIME_CONSTANT_S: f32 = 120.0;
 
 /// A pack that is found under load is estimated after the first time, in seconds, and once more after the second.
 const SETTLING_S: f32 = 60.0;
 const FIRST_ESTIMATE_S: f32 = 30.0;
 
-/// Maximum change of the voltage of a cell at rest from one second to the next, in volts.
+/// A rested cell's voltage stays within this of its mean for this long, in volts and seconds.
 const RESTING_CHANGE_V: f32 = 0.006;
+const RESTED_S: f32 = 20.0;
+
+/// A voltage that was not steady for so many seconds, for more than this share of the last minute, is that of a load,
+/// though the rover is disarmed.
+const STEADY_S: f32 = 5.0;
+const MAX_UNREST: f32 = 0.2;
+const UNREST_TIME_CONSTANT_S: f32 = 60.0;
 
 /// Limits of the sag relative to that of a typical warm cell.
 const MIN_SCALE: f32 = 1.0;
@@ -51,10 +58,46 @@ pub(super) struct VoltageOnly {
     mean_v: MeanThenLowPass,
     variance: MeanThenLowPass,
     rate_per_h: LowPass,
-    before_v: f32,
+    rest: Rest,
     /// Time until a pack that was found under load is estimated, in seconds.
     unsettled_s: f32,
     highest_v: f32,
+}
+
+/// Whether the pack rests.
+#[derive(Clone, Copy, Debug)]
+struct Rest {
+    mean_v: MeanThenLowPass,
+    steady_s: f32,
+    /// Share of the time in which the voltage was not steady while disarmed.
+    unrest: f32,
+}
+
+impl Rest {
+    const NEW: Self = Self {
+        mean_v: MeanThenLowPass::new(RESTED_S),
+        steady_s: 0.0,
+        unrest: 0.0,
+    };
+
+    /// Takes the mean voltage of a cell over `dt_s` seconds. Returns whether it is that of a rest.
+    fn update(&mut self, dt_s: f32, cell_v: f32, arm_state: ArmState) -> bool {
+        if arm_state == ArmState::Armed {
+            *self = Self::NEW;
+            return false;
+        }
+        let is_near = |mean_v: f32| (cell_v - mean_v).abs() < RESTING_CHANGE_V;
+        if self.mean_v.value().is_some_and(is_near) {
+            self.steady_s += dt_s;
+        } else {
+            self.steady_s = 0.0;
+            self.mean_v = MeanThenLowPass::new(RESTED_S);
+        }
+        self.mean_v.update(dt_s, cell_v);
+        let unrest = if self.steady_s < STEADY_S { 1.0 } else { 0.0 };
+        self.unrest += (unrest - self.unrest) * (dt_s / UNREST_TIME_CONSTANT_S).min(1.0);
+        self.steady_s >= RESTED_S && self.unrest < MAX_UNREST
+    }
 }
 
 impl VoltageOnly {
@@ -79,7 +122,7 @@ impl VoltageOnly {
             mean_v: MeanThenLowPass::new(MEAN_TIME_CONSTANT_S),
             variance: MeanThenLowPass::new(MEAN_TIME_CONSTANT_S),
             rate_per_h: LowPass::new(RATE_TIME_CONSTANT_S),
-            before_v: 0.0,
+            rest: Rest::NEW,
             unsettled_s: 0.0,
             highest_v: 0.0,
         }
@@ -108,12 +151,26 @@ impl VoltageOnly {
         libm::sqrtf(curve_v * curve_v + sag_v * sag_v) / slope_v
     }
 
+    /// The load, in capacities per hour.
+    pub fn load_per_h(&self, model: &CellModel) -> f32 {
+        self.sag_v / (model.cell.lasting_drop_v() * self.scale)
+    }
+
     /// Takes the mean voltage of a cell over `dt_s` seconds. Returns whether the pack rests.
-    pub fn update(&mut self, dt_s: f32, cell_v: f32, arm_state: ArmState, model: &CellModel) -> bool {
-        let is_stable = (cell_v - self.before_v).abs() < RESTING_CHANGE_V;
-        self.before_v = cell_v;
-        if is_stable && arm_state == ArmState::Disarmed {
-            self.rest(dt_s, cell_v, model);
+    ///
+    /// `slow_per_h` is what is left of earlier loads, in capacities per hour
+    /// ([`Polarisation::current_a`](super::polarisation::Polarisation::current_a)).
+    pub fn update(
+        &mut self,
+        dt_s: f32,
+        cell_v: f32,
+        slow_per_h: f32,
+        arm_state: ArmState,
+        model: &CellModel,
+    ) -> bool {
+        if self.rest.update(dt_s, cell_v, arm_state) {
+            let slow_v = model.cell.slow_share * model.cell.ohmic_drop_v * self.scale * slow_per_h;
+            self.rest(dt_s, cell_v, slow_v, model);
             return true;
         }
         let sag_v = model.voltage_v(self.share) - cell_v;
@@ -121,16 +178,16 @@ impl VoltageOnly {
         self.settle(dt_s, cell_v, model);
         self.sag_v = sag_v.clamp(-MAX_SAG_V, MAX_SAG_V);
         let speedup = if sag_v < 0.0 { RISE_SPEEDUP } else { 1.0 };
-        let rate_per_h = speedup * self.sag_v / (model.cell.lasting_drop_v() * self.scale);
+        let rate_per_h = speedup * self.load_per_h(model);
         self.rate_per_h.update(dt_s, rate_per_h);
         self.share = (self.share - rate_per_h * dt_s * HOURS_PER_SECOND).clamp(0.0, 1.0);
         false
     }
 
     /// A pack at rest is as its voltage says, unless that is still as it was kept.
-    fn rest(&mut self, dt_s: f32, cell_v: f32, model: &CellModel) {
+    fn rest(&mut self, dt_s: f32, cell_v: f32, slow_v: f32, model: &CellModel) {
         let kept = last_charge(cell_v, model).map(|last| last.share);
-        let target = kept.unwrap_or_else(|| model.share(cell_v));
+        let target = kept.unwrap_or_else(|| model.share(cell_v + slow_v));
         self.share += (target - self.share) * (dt_s / REST_TIME_CONSTANT_S).min(1.0);
         self.unsettled_s = 0.0;
         self.sag_v = 0.0;
