@@ -43,6 +43,10 @@ pub(super) struct ResistanceEstimator {
     excitation_s: f32,
 }
 
+/// Readings that are further apart than the filter reaches show a step by their difference, up to this interval, in
+/// seconds.
+const MAX_INTERVAL_S: f32 = 15.0;
+
 #[derive(Clone, Copy, Debug)]
 struct BandPass {
     fast: LowPass,
@@ -58,7 +62,12 @@ impl BandPass {
     }
 
     fn update(&mut self, dt_s: f32, input: f32) -> f32 {
-        self.fast.update(dt_s, input) - self.slow.update(dt_s, input)
+        let before = self.slow.value();
+        let change = self.fast.update(dt_s, input) - self.slow.update(dt_s, input);
+        match before {
+            Some(before) if dt_s > SLOW_TIME_CONSTANT_S && dt_s <= MAX_INTERVAL_S => input - before,
+            _ => change,
+        }
     }
 }
 
@@ -82,6 +91,7 @@ impl ResistanceEstimator {
         if current_step_a.abs() < MIN_STEP_A.max(MIN_RELATIVE_STEP * load_a.abs()) {
             return;
         }
+        let dt_s = dt_s.min(SLOW_TIME_CONSTANT_S);
         self.excitation_s = (self.excitation_s + dt_s).min(MIN_EXCITATION_S);
         let kept = 1.0 - self.forgetting.alpha(dt_s);
         self.voltage_by_current = self.voltage_by_current * kept - voltage_step_v * current_step_a * dt_s;
@@ -140,6 +150,15 @@ mod tests {
             });
             assert_close(estimated, 0.05, 0.01);
         }
+    }
+
+    #[test]
+    fn a_reading_every_ten_seconds_shows_steps() {
+        let estimated = estimated_from(600.0, 0.1, |t_s| {
+            let current_a = square(t_s / 20.0, 1.0, 3.0);
+            (12.0 - 0.05 * current_a, current_a)
+        });
+        assert_close(estimated, 0.05, 0.01);
     }
 
     #[test]

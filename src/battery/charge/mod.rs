@@ -19,7 +19,7 @@ pub(super) use second::Second;
 
 use super::learnt::LastCharge;
 use super::{ArmState, LearntPack};
-use block::{Block, BlockSum, Load};
+use block::{Block, BlockSum, HOURS_PER_SECOND, Load};
 use drive::Drive;
 use filter::{Filter, Fit};
 use polarisation::Polarisation;
@@ -29,8 +29,15 @@ use start::{Found, Start, is_resting};
 use usable::Reserve;
 use voltage_only::VoltageOnly;
 
-/// After a longer gap between readings the estimate starts anew, in seconds.
-const MAX_GAP_S: f32 = 60.0;
+/// After a longer time without a reading, in seconds, the load meanwhile is taken for that of the time before: one
+/// reading does not stand for so long.
+const GAP_S: f32 = 15.0;
+
+/// After a longer gap the estimate starts anew, in seconds.
+const MAX_GAP_S: f32 = 600.0;
+
+/// Standard deviation of a load in a gap, in capacities per hour.
+const GAP_RATE_PER_H: f32 = 1.0;
 
 /// A voltage that is further from the expected one, in standard deviations, contradicts the estimate. What exceeds that,
 /// up to the second figure, is summed over time, what falls below is subtracted; at the third, in standard deviations
@@ -167,6 +174,16 @@ impl ChargeEstimator {
         }
         if let Phase::Starting(start) = &mut self.phase {
             start.add(dt_s, voltage_v);
+        }
+        if dt_s > GAP_S
+            && let (Phase::Counting(filter), Some(before_a)) = (&mut self.phase, self.polarisation.mean_a())
+        {
+            let sigma = GAP_RATE_PER_H * HOURS_PER_SECOND * dt_s;
+            filter.doubt(sigma);
+            if let Some(drive) = &mut self.drive {
+                drive.doubt(sigma);
+            }
+            return self.gathering.add(dt_s, None, current_a.map(|_| before_a));
         }
         self.gathering.add(dt_s, voltage_v, current_a)
     }
