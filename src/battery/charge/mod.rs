@@ -355,7 +355,8 @@ impl ChargeEstimator {
             sigma: estimate.sigma,
             resting_v: cell_v + ohm * (rest.current_a + model.cell.slow_share * rest.slow_a),
         });
-        Some(kept)
+        // Without what is implausible, as flash would give it back.
+        LearntPack::from_words(&kept.to_words())
     }
 
     fn estimate_now(&self, model: CellModel) -> Option<ChargeEstimate> {
