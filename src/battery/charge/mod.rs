@@ -25,7 +25,7 @@ use filter::{Filter, Fit};
 use polarisation::Polarisation;
 use rest_timer::RestTimer;
 use second::Gathering;
-use start::{Found, Start, is_resting};
+use start::{Found, Start, charged, is_resting};
 use usable::Reserve;
 use voltage_only::VoltageOnly;
 
@@ -288,6 +288,9 @@ impl ChargeEstimator {
         {
             self.contradicted_s = 0.0;
             *filter = Filter::from_voltage(&block.load, cell_v, model, capacity);
+        }
+        if let Some(charged) = charged(block, model, capacity) {
+            *filter = charged;
         }
         if is_charging && filter.share() >= 1.0 {
             self.drive = Some(Drive::new(filter));
