@@ -25,6 +25,9 @@ const MIN_EXCITATION_A2S: f32 = 0.25;
 /// Minimum duration of excitation, in seconds: within a step, a delayed voltage shows too small a resistance.
 const MIN_EXCITATION_S: f32 = 1.5;
 
+/// Readings up to this interval show a step, in seconds.
+const MAX_INTERVAL_S: f32 = 15.0;
+
 /// Estimates the resistance by least squares over changes of voltage and current.
 ///
 /// Both pass the same band-pass filter, 0.3 to 2 s; the resistance is the slope of the filtered voltage over the
@@ -59,6 +62,16 @@ struct BandPass {
 struct Gains {
     fast: f32,
     slow: f32,
+    change: Change,
+}
+
+/// What shows a step.
+#[derive(Clone, Copy, Debug)]
+enum Change {
+    /// The filters.
+    Filtered,
+    /// The difference of readings that are further apart than the filters reach.
+    Difference,
 }
 
 impl BandPass {
@@ -71,9 +84,13 @@ impl BandPass {
     }
 
     fn update(&mut self, gains: Gains, input: f32) -> f32 {
+        let before = self.slow;
         self.fast += (input - self.fast) * gains.fast;
         self.slow += (input - self.slow) * gains.slow;
-        self.fast - self.slow
+        match gains.change {
+            Change::Filtered => self.fast - self.slow,
+            Change::Difference => input - before,
+        }
     }
 }
 
@@ -96,6 +113,11 @@ impl ResistanceEstimator {
         let gains = Gains {
             fast: self.fast.alpha(dt_s),
             slow: self.slow.alpha(dt_s),
+            change: if dt_s > SLOW_TIME_CONSTANT_S && dt_s <= MAX_INTERVAL_S {
+                Change::Difference
+            } else {
+                Change::Filtered
+            },
         };
         let start = || (BandPass::start(voltage_v), BandPass::start(current_a));
         let (voltage, current) = self.bands.get_or_insert_with(start);
@@ -105,6 +127,7 @@ impl ResistanceEstimator {
         if current_step_a.abs() < MIN_STEP_A.max(MIN_RELATIVE_STEP * load_a.abs()) {
             return;
         }
+        let dt_s = dt_s.min(SLOW_TIME_CONSTANT_S);
         self.excitation_s = (self.excitation_s + dt_s).min(MIN_EXCITATION_S);
         let kept = 1.0 - self.forgetting.alpha(dt_s);
         self.voltage_by_current = self.voltage_by_current * kept - voltage_step_v * current_step_a * dt_s;
@@ -173,6 +196,15 @@ mod tests {
             });
             assert_close(estimated, 0.05, 0.01);
         }
+    }
+
+    #[test]
+    fn a_reading_every_ten_seconds_shows_steps() {
+        let estimated = estimated_from(600.0, 0.1, |t_s| {
+            let current_a = square(t_s / 20.0, 1.0, 3.0);
+            (12.0 - 0.05 * current_a, current_a)
+        });
+        assert_close(estimated, 0.05, 0.01);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use rover_battmon::battery::{PackEvent, PackSettings};
 
-use crate::pack::{Pack, samples};
+use crate::pack::{Pack, charging, samples};
 use crate::replay::{Moment, Sample, charge_state_changes, drawn_mah, run, trace, without_current};
 
 const DISCHARGE: &str = "trace_discharge_3s_10min.csv";
@@ -68,6 +68,31 @@ fn charge_with_detected_cells_is_within_5_percent() {
     let events: Vec<_> = detected.iter().flat_map(|moment| &moment.events).collect();
     assert_eq!(events, [&PackEvent::CellsDetected { count: 3 }]);
     assert_voltage_alone_is_sufficient(&PackSettings::default());
+}
+
+/// Standing still between loads is no rest whose voltage is believed.
+#[test]
+fn charge_by_voltage_alone_does_not_need_the_arm_state() {
+    let samples = trace(DISCHARGE);
+    let mut disarmed = without_current(&samples);
+    disarmed.iter_mut().for_each(|sample| sample.armed = false);
+    let (rms_pct, _) = rms_error_pct(&run(&disarmed, &cells_set()), &truth_pct(&samples));
+    println!("voltage only, disarmed: {rms_pct:.2} % rms");
+    assert!(rms_pct <= 5.0, "{rms_pct} % rms");
+}
+
+#[test]
+fn a_gap_of_two_minutes_costs_a_few_percent() {
+    let samples = trace(DISCHARGE);
+    let truth = truth_pct(&samples);
+    let (seen, truth): (Vec<Sample>, Vec<f64>) = samples
+        .iter()
+        .zip(truth)
+        .filter(|(sample, _)| !(200.0..320.0).contains(&sample.t_s))
+        .unzip();
+    let (rms_pct, _) = rms_error_pct(&run(&seen, &cells_and_capacity_set()), &truth);
+    println!("a gap of two minutes: {rms_pct:.2} % rms");
+    assert!(rms_pct <= 3.0, "{rms_pct} % rms");
 }
 
 #[test]
@@ -180,5 +205,19 @@ fn estimate_does_not_rise_when_a_load_ends() {
             assert!(ends > 20, "only {ends} samples at the end of a load");
             assert!(rise_pct <= 0.5, "{name}: {rise_pct} %");
         }
+    }
+}
+
+#[test]
+fn a_pack_charged_in_place_is_full_whatever_its_label() {
+    for capacity_mah in [1800.0, 2200.0, 2800.0] {
+        let settings = PackSettings {
+            capacity_mah: Some(capacity_mah),
+            ..cells_set()
+        };
+        let moments = run(&charging(Pack::at(0.4), 10), &settings);
+        let last_pct = moments.last().unwrap().remaining_pct().expect("an estimate");
+        println!("charged, label {capacity_mah}: {last_pct:.1} %");
+        assert!(last_pct > 99.0, "label {capacity_mah}: {last_pct} %");
     }
 }

@@ -6,6 +6,7 @@
 mod charge;
 mod failsafe;
 mod pack;
+mod plausibility;
 mod recordings;
 mod replay;
 mod resistance;

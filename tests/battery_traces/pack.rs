@@ -29,13 +29,15 @@ impl Pack {
         }
     }
 
-    fn draw(&mut self, current_a: f64, dt_s: f64) {
+    /// Draws a current for `dt_s` seconds.
+    pub fn draw(&mut self, current_a: f64, dt_s: f64) {
         self.state_of_charge -= current_a * dt_s / 3600.0 / CAPACITY_AH;
         let target_v = SLOW_RESISTANCE_OHM * current_a;
         self.slow_sag_v += (target_v - self.slow_sag_v) * (1.0 - (-dt_s / SLOW_TIME_CONSTANT_S).exp());
     }
 
-    fn voltage_v(&self, current_a: f64) -> f64 {
+    /// Terminal voltage under this current.
+    pub fn voltage_v(&self, current_a: f64) -> f64 {
         CELLS * resting_cell_v(self.state_of_charge) - RESISTANCE_OHM * current_a - self.slow_sag_v
     }
 }
@@ -44,6 +46,30 @@ impl Pack {
 fn resting_cell_v(state_of_charge: f64) -> f64 {
     let s = state_of_charge;
     3.68 + 0.19 * s + 0.33 * s.powi(4) - 0.5 * (-25.0 * s).exp()
+}
+
+/// An hour and a half on a charger of 2 A that ends at 4.2 V a cell, and ten minutes at rest, disarmed.
+pub fn charging(mut pack: Pack, rate_hz: u32) -> Vec<Sample> {
+    let dt_s = 1.0 / f64::from(rate_hz);
+    let mut current_a = 0.0;
+    let sample = |number: u32| {
+        let t_s = f64::from(number) * dt_s;
+        let above_v = pack.voltage_v(current_a) - CELLS * 4.2;
+        current_a = match t_s {
+            // The charger holds its voltage by its current.
+            60.0..5_400.0 => (current_a + 5.0 * above_v - 0.1).clamp(-2.0, 0.0),
+            _ => 0.0,
+        };
+        pack.draw(current_a, dt_s);
+        Sample {
+            t_s,
+            voltage_v: pack.voltage_v(current_a) as f32,
+            current_a: Some(current_a as f32),
+            healthy: true,
+            armed: false,
+        }
+    };
+    (0..6_000 * rate_hz).map(sample).collect()
 }
 
 /// The load of a drive, in amperes.

@@ -432,3 +432,94 @@ fn a_half_empty_pack_believed_full_is_found_out() {
     }
     assert!(missed.is_empty(), "{missed:?}");
 }
+
+/// A drive as a worse sensor would have recorded it.
+#[derive(Clone, Copy, Debug)]
+enum Sensor {
+    /// A reading every ten seconds.
+    Slow,
+    /// 8 mV and 0.1 A of noise, RMS.
+    Noisy,
+    /// The current arrives 0.3 s late.
+    LateCurrent,
+    /// Silent for 30 s in every ten minutes.
+    ShortGaps,
+    /// Silent for two minutes after a third of the drive.
+    LongGap,
+}
+
+impl Sensor {
+    fn of(self, samples: &[Sample]) -> Vec<Sample> {
+        let start_s = samples[0].t_s;
+        let last_s = samples.last().expect("samples").t_s;
+        let gap_s = start_s + (last_s - start_s) / 3.0;
+        let mut random = Random(1);
+        let mut next_s = start_s;
+        let mut seen = Vec::new();
+        for (number, sample) in samples.iter().enumerate() {
+            let elapsed_s = sample.t_s - start_s;
+            let is_lost = match self {
+                Self::Slow => sample.t_s < next_s,
+                Self::ShortGaps => (300.0..330.0).contains(&(elapsed_s % 600.0)),
+                Self::LongGap => (gap_s..gap_s + 120.0).contains(&sample.t_s),
+                Self::Noisy | Self::LateCurrent => false,
+            };
+            if is_lost {
+                continue;
+            }
+            next_s = sample.t_s + 9.95;
+            let mut sample = *sample;
+            match self {
+                Self::Noisy => {
+                    sample.voltage_v += 0.008 * random.normal();
+                    sample.current_a = sample
+                        .current_a
+                        .map(|current_a| current_a + 0.1 * random.normal());
+                }
+                Self::LateCurrent => sample.current_a = samples[number.saturating_sub(3)].current_a,
+                Self::Slow | Self::ShortGaps | Self::LongGap => {}
+            }
+            seen.push(sample);
+        }
+        seen
+    }
+}
+
+/// A sequence of numbers that is always the same.
+struct Random(u64);
+
+impl Random {
+    /// The sum of twelve uniform ones, less its mean, has a standard deviation of 1.
+    fn normal(&mut self) -> f32 {
+        let uniform = |_| {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (self.0 >> 40) as f32 / (1 << 24) as f32
+        };
+        (0..12).map(uniform).sum::<f32>() - 6.0
+    }
+}
+
+/// Readings every ten seconds miss much of the load of these drives: counting alone is off by as much.
+#[test]
+fn a_worse_sensor_costs_a_few_percent() {
+    for sensor in [
+        Sensor::Slow,
+        Sensor::Noisy,
+        Sensor::LateCurrent,
+        Sensor::ShortGaps,
+        Sensor::LongGap,
+    ] {
+        let what = format!("{sensor:?}");
+        let table = Table::of(&what, |recording| {
+            let samples = sensor.of(&recording.samples);
+            let mut all = recording.samples.iter().zip(&recording.truth_pct);
+            let mut truth = |seen: &Sample| {
+                all.find(|(sample, _)| sample.t_s >= seen.t_s)
+                    .map(|(_, pct)| *pct)
+            };
+            let truth_pct: Vec<f64> = samples.iter().filter_map(&mut truth).collect();
+            score(&samples, &truth_pct, &settings(LABEL_MAH), &LearntPack::UNKNOWN)
+        });
+        table.assert_means(&what, |_| 5.0);
+    }
+}

@@ -80,6 +80,11 @@ impl Drive {
         }
     }
 
+    /// A charge with this standard deviation, in capacities, was drawn unseen.
+    pub fn doubt(&mut self, sigma: f32) {
+        self.start_sigma = root_of_squares(self.start_sigma, sigma);
+    }
+
     /// Takes a block, near this state of charge.
     pub fn add(&mut self, block: &Block, share: f32, model: &CellModel) {
         let Load {

@@ -106,6 +106,11 @@ impl Filter {
         self.state[0] -= drawn;
     }
 
+    /// A charge with this standard deviation, in capacities, was drawn unseen.
+    pub fn doubt(&mut self, sigma: f32) {
+        self.covariance[0][0] = (self.covariance[0][0] + square(sigma)).min(square(MAX_SIGMA));
+    }
+
     /// Factor by which a drawn charge counts.
     pub fn counted(&self) -> f32 {
         1.0 + self.state[1]

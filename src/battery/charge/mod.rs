@@ -19,18 +19,25 @@ pub(super) use second::Second;
 
 use super::learnt::LastCharge;
 use super::{ArmState, LearntPack};
-use block::{Block, BlockSum, Load};
+use block::{Block, BlockSum, HOURS_PER_SECOND, Load};
 use drive::Drive;
 use filter::{Filter, Fit};
 use polarisation::Polarisation;
 use rest_timer::RestTimer;
 use second::Gathering;
-use start::{Found, Start, is_resting};
+use start::{Found, Start, charged, is_resting};
 use usable::Reserve;
 use voltage_only::VoltageOnly;
 
-/// After a longer gap between readings the estimate starts anew, in seconds.
-const MAX_GAP_S: f32 = 60.0;
+/// After a longer time without a reading, in seconds, the load meanwhile is taken for that of the time before: one
+/// reading does not stand for so long.
+const GAP_S: f32 = 15.0;
+
+/// After a longer gap the estimate starts anew, in seconds.
+const MAX_GAP_S: f32 = 600.0;
+
+/// Standard deviation of a load in a gap, in capacities per hour.
+const GAP_RATE_PER_H: f32 = 1.0;
 
 /// A voltage that is further from the expected one, in standard deviations, contradicts the estimate. What exceeds that,
 /// up to the second figure, is summed over time, what falls below is subtracted; at the third, in standard deviations
@@ -168,6 +175,16 @@ impl ChargeEstimator {
         if let Phase::Starting(start) = &mut self.phase {
             start.add(dt_s, voltage_v);
         }
+        if dt_s > GAP_S
+            && let (Phase::Counting(filter), Some(before_a)) = (&mut self.phase, self.polarisation.mean_a())
+        {
+            let sigma = GAP_RATE_PER_H * HOURS_PER_SECOND * dt_s;
+            filter.doubt(sigma);
+            if let Some(drive) = &mut self.drive {
+                drive.doubt(sigma);
+            }
+            return self.gathering.add(dt_s, None, current_a.map(|_| before_a));
+        }
         self.gathering.add(dt_s, voltage_v, current_a)
     }
 
@@ -272,6 +289,9 @@ impl ChargeEstimator {
             self.contradicted_s = 0.0;
             *filter = Filter::from_voltage(&block.load, cell_v, model, capacity);
         }
+        if let Some(charged) = charged(block, model, capacity) {
+            *filter = charged;
+        }
         if is_charging && filter.share() >= 1.0 {
             self.drive = Some(Drive::new(filter));
         }
@@ -338,7 +358,8 @@ impl ChargeEstimator {
             sigma: estimate.sigma,
             resting_v: cell_v + ohm * (rest.current_a + model.cell.slow_share * rest.slow_a),
         });
-        Some(kept)
+        // Without what is implausible, as flash would give it back.
+        LearntPack::from_words(&kept.to_words())
     }
 
     fn estimate_now(&self, model: CellModel) -> Option<ChargeEstimate> {

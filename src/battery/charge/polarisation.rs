@@ -37,6 +37,12 @@ impl Polarisation {
         }
     }
 
+    /// The current averaged over minutes, in amperes.
+    pub fn mean_a(&self) -> Option<f32> {
+        let [_, middle, _] = &self.0;
+        middle.value()
+    }
+
     /// The current whose fast sag equals the slow one, for a slow share of 1, in amperes.
     pub fn current_a(&self) -> f32 {
         let parts = self.0.iter().zip(PARTS);

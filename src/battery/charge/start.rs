@@ -1,6 +1,6 @@
 //! The first estimate of a pack whose current is measured.
 
-use super::block::{HOURS_PER_SECOND, Load};
+use super::block::{Block, HOURS_PER_SECOND, Load};
 use super::cell_model::{Capacity, CellModel};
 use super::filter::Filter;
 use super::memory::remembered;
@@ -17,6 +17,9 @@ const FIRST_AVERAGE_S: f32 = 3.0;
 
 /// Maximum current at rest, in capacities per hour.
 const RESTING_RATE_PER_H: f32 = 0.1;
+
+/// Mean current of the last minutes, in capacities per hour, from which on a pack was charged: more than a sensor's offset.
+const CHARGED_RATE_PER_H: f32 = 0.05;
 
 /// Maximum change of the voltage of a cell at rest from one second to the next, in volts.
 const RESTING_CHANGE_V: f32 = 0.006;
@@ -207,6 +210,16 @@ impl Start {
 /// Whether a current is that of a pack at rest.
 pub(super) fn is_resting(current_a: f32, capacity: &Capacity) -> bool {
     current_a.abs() < RESTING_RATE_PER_H * capacity.ah
+}
+
+/// The estimate at the end of charging: the current has fallen at the voltage of a full pack.
+pub(super) fn charged(block: &Block, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
+    let was_charged = block.load.slow_a < -CHARGED_RATE_PER_H * capacity.ah;
+    if !was_charged || !is_resting(block.load.current_a, capacity) {
+        return None;
+    }
+    let by_voltage = Filter::from_voltage(&block.load, block.cell_v?, model, capacity);
+    certain(&by_voltage, model, capacity).filter(|certain| certain.share() >= FULL_SHARE)
 }
 
 /// The estimate for a voltage that only charging brings about, unless the curve is flat there.
