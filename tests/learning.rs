@@ -333,6 +333,7 @@ fn a_swapped_pack_does_not_inherit() {
         rover.texts
     );
     assert_eq!(rover.state().learnt_capacity_mah, None);
+    assert_eq!(rover.learnt_mah(), 0.0);
     assert_eq!(
         rover.writes, writes,
         "flash keeps what it has until this pack is learnt"
