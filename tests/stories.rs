@@ -7,12 +7,13 @@ mod story;
 mod support;
 
 use desk::{Desk, adc_count};
-use rover_battmon::autopilot::Start;
+use rover_battmon::autopilot::{LearntJob, Start};
 use rover_battmon::battery::{ArmState, ReadError};
+use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::MotorDrive;
-use story::{Drive, Input, Story};
+use story::{Drive, Input, Source, Story, Supplied};
 use support::frames::{Frame, STATUSTEXT};
 use support::requests::{VEHICLE_ID, manual_control};
 
@@ -39,6 +40,8 @@ struct Stage {
     sensor_fails: bool,
     texts: Vec<(f64, String)>,
     drives: Vec<(f64, Drive)>,
+    healths: Vec<(f64, Option<u8>)>,
+    source: Source,
 }
 
 impl Stage {
@@ -62,11 +65,15 @@ impl Stage {
             sensor_fails: false,
             texts: Vec::new(),
             drives: Vec::new(),
+            healths: Vec::new(),
+            source: Source::default(),
         }
     }
 
     fn take(&mut self, input: Input) {
+        self.source.take(input);
         match input {
+            Input::Pack { .. } | Input::Load { .. } => {}
             Input::Voltage { pack, volts } => self.set_pin(DIVIDERS[pack], volts / DIVIDER),
             Input::Current { pack, amperes } => {
                 assert_eq!(pack, 0, "only the first pack has a current sensor");
@@ -101,15 +108,44 @@ impl Stage {
         if self.desk.vehicle().arm_state() == ArmState::Armed {
             self.receive(&manual_control(VEHICLE_ID, 0, THROTTLE));
         }
+        if let Some(Supplied { volts, amperes }) = self.source.supply(TICK_US as f32 * 1e-6) {
+            self.set_pin(DIVIDERS[0], volts / DIVIDER);
+            self.set_pin(CURRENT_SENSOR, amperes / AMPERES_PER_VOLT);
+        }
         self.desk.sample(self.readings());
+        self.read_flash();
         let drives = self.desk.drive();
         self.drives.push((time_s, drive(drives.left)));
+        let health_pct = self.desk.autopilot.battery(Pack::First).state_of_health_pct;
+        self.healths.push((time_s, health_pct));
         self.desk.post_due(self.desk.now_us);
         let sent = self.desk.sent();
         let texts = sent.iter().filter(|frame| frame.message_id == STATUSTEXT);
         self.texts
             .extend(texts.map(|frame: &Frame| (time_s, frame.text(1, 50))));
         self.desk.now_us += TICK_US;
+    }
+
+    /// Nothing is learnt before flash was read; it is blank.
+    fn read_flash(&mut self) {
+        let now = self.desk.now();
+        while let Some(job) = self.desk.autopilot.next_learnt_job(now) {
+            match job {
+                LearntJob::Read(identity) => self.desk.autopilot.learnt_read(identity, Ok(None)),
+                LearntJob::Write(identity, learnt) => {
+                    self.desk
+                        .autopilot
+                        .learnt_written(identity.pack, &learnt, Ok(()), now);
+                }
+            }
+        }
+    }
+
+    fn check_healths(&self, story: &Story) {
+        for (at_s, expected_pct) in story.healths() {
+            let then = self.healths.iter().rfind(|(time_s, _)| *time_s <= at_s);
+            story.check_health(at_s, then.expect("a tick").1, expected_pct);
+        }
     }
 
     fn check_motors(&self, story: &Story) {
@@ -140,6 +176,7 @@ fn run(story: &Story) {
     }
     story.check_texts(&stage.texts, TOLERANCE_S);
     stage.check_motors(story);
+    stage.check_healths(story);
 }
 
 #[test]

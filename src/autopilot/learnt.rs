@@ -171,7 +171,7 @@ impl Autopilot {
     }
 
     /// Shows what is learnt of the pack in its parameters. Ground stations are sent them if they have changed.
-    fn show_learnt(&mut self, pack: Pack) {
+    pub(super) fn show_learnt(&mut self, pack: Pack) {
         let learnt = self.packs.bank.monitor(pack).learnt();
         let capacity_mah = learnt.and_then(LearntPack::capacity_mah).unwrap_or(0.0);
         let resistance_ohm = learnt.and_then(LearntPack::resistance_ohm).unwrap_or(0.0);

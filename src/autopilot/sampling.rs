@@ -130,6 +130,9 @@ impl Autopilot {
         self.keep_learnt(pack);
         for event in &events {
             self.announce(Announcement::Pack(pack, event));
+            if *event == PackEvent::Swapped {
+                self.show_learnt(pack);
+            }
             if let PackEvent::CellsDetected { .. } = event
                 && let Some(suggestion) = self.suggestion(pack)
             {

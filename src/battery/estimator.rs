@@ -32,6 +32,8 @@ pub(super) struct Reading {
     pub dt_s: f32,
     pub voltage_v: Option<f32>,
     pub current_a: Option<f32>,
+    /// Since the previous reading; `None` also in a long gap.
+    pub mean_current_a: Option<f32>,
     pub arm_state: ArmState,
 }
 
@@ -104,7 +106,7 @@ impl Estimator {
         }
         let second = self
             .charge
-            .add(reading.dt_s, reading.voltage_v, reading.current_a);
+            .add(reading.dt_s, reading.voltage_v, reading.mean_current_a);
         let second = second.map(|second| self.update_second(&second, reading.arm_state, settings, learnt));
         Findings { event, second }
     }
@@ -233,6 +235,16 @@ impl Estimator {
     /// Sets the state of charge, from 0 to 1, on a battery reset.
     pub fn set_state_of_charge(&mut self, share: f32) {
         self.set_known(KnownCharge::set(share));
+    }
+
+    /// The owner says that this is another pack.
+    pub fn change_pack(&mut self) {
+        self.charge.change_pack();
+    }
+
+    /// What was seen of the pack so far must not be learnt.
+    pub fn restart_drive(&mut self) {
+        self.charge.restart_drive();
     }
 
     fn set_known(&mut self, charge: KnownCharge) {

@@ -16,6 +16,13 @@ const RESISTANCES_OHM: RangeInclusive<f32> = 1e-6..=100.0;
 const CELL_VOLTAGES_V: RangeInclusive<f32> = 0.1..=10.0;
 const HIGHEST_OFFSET_MV: i16 = 1_000;
 
+/// A learnt capacity that differs from the rated one by a larger factor is that of another pack.
+const MAX_TO_RATED: f32 = 2.0;
+
+/// Changes of a charge that are not worth a write to flash: of the state of charge, and of a resting cell in volts.
+const LIKE_SHARE: f32 = 0.005;
+const LIKE_VOLTAGE_V: f32 = 0.002;
+
 /// Loss of capacity that makes a pack as old as twice its resistance does.
 const END_OF_LIFE_LOSS: f32 = 0.2;
 
@@ -88,6 +95,13 @@ pub(super) struct LastCharge {
     pub sigma: f32,
     /// The voltage of a cell that has rested since then, in volts.
     pub resting_v: f32,
+}
+
+impl LastCharge {
+    fn is_like(&self, other: &Self) -> bool {
+        (self.share - other.share).abs() < LIKE_SHARE
+            && (self.resting_v - other.resting_v).abs() < LIKE_VOLTAGE_V
+    }
 }
 
 impl Offset {
@@ -180,10 +194,35 @@ impl LearntPack {
         Some((by_capacity.min(by_resistance).clamp(0.0, 1.0) * 100.0 + 0.5) as u8)
     }
 
-    /// Whether this may have been learnt of a pack with this chemistry and as many cells.
-    pub(super) fn matches(&self, chemistry: Chemistry, cell_count: Option<u8>) -> bool {
+    /// Whether this may have been learnt of a pack with this chemistry, as many cells, and such a rated capacity.
+    pub(super) fn matches(
+        &self,
+        chemistry: Chemistry,
+        cell_count: Option<u8>,
+        rated_mah: Option<f32>,
+    ) -> bool {
         let is_blank = self.cell_count == 0;
-        is_blank || (self.chemistry == chemistry && cell_count.is_none_or(|count| count == self.cell_count))
+        is_blank
+            || (self.chemistry == chemistry
+                && cell_count.is_none_or(|count| count == self.cell_count)
+                && self.is_plausible_for(rated_mah))
+    }
+
+    fn is_plausible_for(&self, rated_mah: Option<f32>) -> bool {
+        self.capacity_mah()
+            .zip(rated_mah)
+            .is_none_or(|(learnt_mah, rated_mah)| {
+                learnt_mah <= MAX_TO_RATED * rated_mah && rated_mah <= MAX_TO_RATED * learnt_mah
+            })
+    }
+
+    /// Whether this adds nothing to `other` that would be worth a write to flash.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        let has_like_charge = match (&self.charge, &other.charge) {
+            (Some(charge), Some(other)) => charge.is_like(other),
+            (charge, other) => charge == other,
+        };
+        has_like_charge && self.without_charge() == other.without_charge()
     }
 
     /// The same without the last charge, which another charging has overtaken.

@@ -29,8 +29,8 @@ impl PackModel {
     pub const LIPO_3S_2200: Self = Self {
         cells: 3,
         capacity_ah: 2.2,
-        ohmic_resistance_ohm: 0.045,
-        polarization_resistance_ohm: 0.020,
+        ohmic_resistance_ohm: 0.036,
+        polarization_resistance_ohm: 0.018,
         polarization_time_s: 8.0,
     };
 }
@@ -162,7 +162,7 @@ mod tests {
         for _ in 0..1800 {
             pack.draw(2.2, 1.0);
         }
-        assert!((pack.voltage_v() - (10.0 - 2.2 * 0.065)).abs() < 1e-4);
+        assert!((pack.voltage_v() - (10.0 - 2.2 * 0.054)).abs() < 1e-4);
         pack.hold_open_circuit(None);
         pack.draw(0.0, 1000.0);
         assert!(pack.voltage_v() > 11.3, "half charged");
@@ -188,7 +188,7 @@ mod tests {
         let at_once_v = rest_v - pack.voltage_v();
         pack.draw(10.0, 40.0);
         let settled_v = rest_v - pack.voltage_v();
-        assert!((at_once_v - 0.45).abs() < 0.01, "{at_once_v}");
-        assert!(settled_v > at_once_v + 0.18, "{settled_v}");
+        assert!((at_once_v - 0.36).abs() < 0.01, "{at_once_v}");
+        assert!(settled_v > at_once_v + 0.16, "{settled_v}");
     }
 }

@@ -94,7 +94,7 @@ mod tests {
             clock::run_for(Duration::from_secs(3601), hour).expect("it ends");
             pack.borrow().charge()
         };
-        let expected = 1.0 - 0.3 / 2.2;
+        let expected = 1.0 - 0.2 / 2.2;
         for asked in [1, 36_000] {
             let charge = charge_after(asked);
             assert!((charge - expected).abs() < 2e-3, "{asked} times: {charge}");

@@ -5,7 +5,7 @@ use std::cell::Cell;
 use crate::vehicle::{MotorDrive, Motors, SideDrives};
 
 /// Board, radio and lamps, in amperes.
-const ELECTRONICS_A: f32 = 0.3;
+const ELECTRONICS_A: f32 = 0.2;
 
 /// Idle current of a small gear motor, and its increase at full power, in amperes.
 const FREE_RUNNING_A: f32 = 0.2;
@@ -52,13 +52,13 @@ mod tests {
     #[test]
     fn current_depends_on_the_motors() {
         let rover = SimulatedRover::default();
-        assert_eq!(rover.current_a(), 0.3);
+        assert_eq!(rover.current_a(), 0.2);
         (&rover).drive(SideDrives {
             left: MotorDrive::Turn(1.0),
             right: MotorDrive::Turn(-0.5),
         });
-        assert!((rover.current_a() - 3.1).abs() < 1e-5, "{}", rover.current_a());
+        assert!((rover.current_a() - 3.0).abs() < 1e-5, "{}", rover.current_a());
         (&rover).drive(SideDrives::BRAKE);
-        assert_eq!(rover.current_a(), 0.3);
+        assert_eq!(rover.current_a(), 0.2);
     }
 }

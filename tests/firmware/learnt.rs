@@ -22,11 +22,11 @@ const PREFLIGHT_STORAGE: u16 = 245;
 /// Records that a sector takes.
 const SLOTS: u32 = 63;
 
-const FIRST: PackIdentity = PackIdentity {
+pub const FIRST: PackIdentity = PackIdentity {
     pack: Pack::First,
     serial_number: None,
 };
-const FIRST_7: PackIdentity = PackIdentity {
+pub const FIRST_7: PackIdentity = PackIdentity {
     pack: Pack::First,
     serial_number: Some(7),
 };
@@ -46,7 +46,7 @@ fn words(serial_number: Option<i32>, capacity_mah: f32) -> Words {
 }
 
 /// The flash after these capacities were learnt, one after the other.
-fn flash_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Vec<u8> {
+pub fn flash_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Vec<u8> {
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
     let mut storage = Storage::new(flash.clone(), SimulatedFlash::LEARNT);
     let mut content = vec![0; LEARNT_BYTES];
@@ -63,7 +63,7 @@ fn flash_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Vec<u8> 
 }
 
 /// A full sector of records of two packs: the next write moves both to the next sector.
-fn full_sector() -> impl Iterator<Item = (PackIdentity, f32)> {
+pub fn full_sector() -> impl Iterator<Item = (PackIdentity, f32)> {
     let earlier = (2..SLOTS).map(|number| (FIRST, 2900.0 + number as f32));
     earlier.chain([(FIRST, 2950.0), (FIRST_7, 1000.0)])
 }

@@ -32,6 +32,7 @@ mod external_pack;
 mod faults;
 mod floats;
 mod fuel;
+mod learning;
 mod learnt;
 mod link_noise;
 mod motors;

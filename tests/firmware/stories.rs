@@ -3,9 +3,9 @@
 use crate::bench::{Bench, MILLISECOND};
 use crate::emulator::{AdcFault, AdcInput};
 use crate::motor_poles::LEFT;
-use crate::story::{Drive, Input, Story};
-use crate::support::frames::{STATUSTEXT, of_message};
-use crate::support::requests::{VEHICLE_ID, manual_control};
+use crate::story::{Drive, Input, Source, Story, Supplied};
+use crate::support::frames::{BATTERY_INFO, STATUSTEXT, of_message};
+use crate::support::requests::{VEHICLE_ID, command_long, manual_control};
 
 /// ADC channels: dividers of both packs, and the first one's current sensor.
 const DIVIDERS: [usize; 2] = [0, 2];
@@ -14,6 +14,8 @@ const CURRENT_SENSOR: usize = 1;
 const DIVIDER: f64 = 3.95;
 const AMPERES_PER_VOLT: f64 = 17.0;
 const COUNTS_PER_VOLT: f64 = 4095.0 / 3.3;
+
+const REQUEST_MESSAGE: u16 = 512;
 
 /// Half throttle, so that the motors would turn if they may.
 const THROTTLE: i16 = 500;
@@ -28,6 +30,7 @@ const LATENCY_S: f64 = 0.25;
 struct Stage {
     bench: Bench,
     start_us: u64,
+    source: Source,
 }
 
 impl Stage {
@@ -42,7 +45,11 @@ impl Stage {
         );
         let bench = Bench::configured(0, &parameters);
         let start_us = bench.time_us();
-        Self { bench, start_us }
+        Self {
+            bench,
+            start_us,
+            source: Source::default(),
+        }
     }
 
     fn time_s(&self) -> f64 {
@@ -54,17 +61,19 @@ impl Stage {
         self.bench.uart_send(0, now_us, request);
     }
 
+    fn set_pin(&mut self, channel: usize, pin_v: f64) {
+        let code = (pin_v * COUNTS_PER_VOLT).round() as u16;
+        self.bench.adc_input(channel, AdcInput::Code(code));
+    }
+
     fn take(&mut self, input: Input) {
-        let code = |pin_v: f64| AdcInput::Code((pin_v * COUNTS_PER_VOLT).round() as u16);
+        self.source.take(input);
         match input {
-            Input::Voltage { pack, volts } => {
-                self.bench
-                    .adc_input(DIVIDERS[pack], code(f64::from(volts) / DIVIDER));
-            }
+            Input::Pack { .. } | Input::Load { .. } => {}
+            Input::Voltage { pack, volts } => self.set_pin(DIVIDERS[pack], f64::from(volts) / DIVIDER),
             Input::Current { pack, amperes } => {
                 assert_eq!(pack, 0, "only the first pack has a current sensor");
-                self.bench
-                    .adc_input(CURRENT_SENSOR, code(f64::from(amperes) / AMPERES_PER_VOLT));
+                self.set_pin(CURRENT_SENSOR, f64::from(amperes) / AMPERES_PER_VOLT);
             }
             Input::SensorFails => self.bench.adc_fault(AdcFault::Stalled),
             Input::SensorWorks => self.bench.adc_fault(AdcFault::None),
@@ -73,6 +82,10 @@ impl Stage {
     }
 
     fn step(&mut self) {
+        if let Some(Supplied { volts, amperes }) = self.source.supply(STEP_US as f32 * 1e-6) {
+            self.set_pin(DIVIDERS[0], f64::from(volts) / DIVIDER);
+            self.set_pin(CURRENT_SENSOR, f64::from(amperes) / AMPERES_PER_VOLT);
+        }
         self.send(&manual_control(VEHICLE_ID, 0, THROTTLE));
         self.bench.run_for(STEP_US);
     }
@@ -84,6 +97,16 @@ impl Stage {
             (1.0, 1.0) => Drive::Brake,
             _ => Drive::Turn,
         }
+    }
+
+    /// The first pack's state of health, in percent, by BATTERY_INFO.
+    fn health_pct(&mut self) -> Option<u8> {
+        const UNKNOWN_PCT: u8 = 255;
+        let answers = self
+            .bench
+            .ask(&command_long(REQUEST_MESSAGE, BATTERY_INFO as f32));
+        let info = of_message(&answers, BATTERY_INFO)[0];
+        Some(info.u8(47)).filter(|percent| *percent != UNKNOWN_PCT)
     }
 
     /// The texts since the start, with the time at which they had left.
@@ -102,6 +125,7 @@ fn run(story: &Story) {
     let mut stage = Stage::new(story);
     let mut inputs = story.inputs.iter().peekable();
     let mut looks: Vec<_> = story.motors().collect();
+    let mut healths = story.healths().peekable();
     while stage.time_s() < story.end_s {
         let now_s = stage.time_s();
         while let Some((_, input)) = inputs.next_if(|(at_s, _)| *at_s <= now_s + 1e-6) {
@@ -114,8 +138,12 @@ fn run(story: &Story) {
             }
             !is_due
         });
+        if let Some((at_s, expected_pct)) = healths.next_if(|(at_s, _)| *at_s + LATENCY_S <= now_s) {
+            story.check_health(at_s, stage.health_pct(), expected_pct);
+        }
         stage.step();
     }
+    assert!(healths.next().is_none(), "{name} ends too soon");
     assert!(looks.is_empty(), "{name} ends too soon");
     story.check_texts(&stage.texts(), LATENCY_S);
 }

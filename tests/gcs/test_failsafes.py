@@ -310,9 +310,9 @@ def test_the_load_follows_the_throttle(start_rover_with_current_sensor):
         rover.let_pass(1)
         holding = rover.battery().current_battery
     # Hundredths of an ampere: the electronics alone, and with four motors.
-    assert standing == pytest.approx(30, abs=3)
-    assert full == pytest.approx(430, abs=10)
-    assert holding == pytest.approx(30, abs=3)
+    assert standing == pytest.approx(20, abs=3)
+    assert full == pytest.approx(420, abs=10)
+    assert holding == pytest.approx(20, abs=3)
 
 
 def test_checks_before_arming(start_rover):

@@ -19,7 +19,7 @@ def settings(file):
 
 @pytest.fixture
 def vehicle_with(start_simulator):
-    """A vehicle that was given a file of docs/params/ and restarted, and draws 4 A beside its own 0.3 A."""
+    """A vehicle that was given a file of docs/params/ and restarted, and draws 4 A beside its own 0.2 A."""
 
     def load(file, **more):
         simulator = start_simulator()
@@ -43,7 +43,7 @@ OK = mavlink.MAV_BATTERY_CHARGE_STATE_OK
 def test_a_current_is_measured_and_counted(vehicle_with, file):
     status = pack(vehicle_with(file), 0)
     assert 11.5 < volts(status) < 12.6
-    assert status.current_battery == pytest.approx(430, abs=10)
+    assert status.current_battery == pytest.approx(420, abs=10)
     assert status.current_consumed >= 0 and status.battery_remaining >= 95
     assert status.charge_state == OK
 
@@ -77,7 +77,7 @@ def test_two_packs_and_their_sum(vehicle_with):
     assert charge_states(vehicle, range(3)) == [OK] * 3
     assert volts(both) == pytest.approx((volts(divider) + volts(monitor)) / 2, abs=0.05)
     assert divider.current_battery == both.current_battery == UNKNOWN, "of one of them it is not known"
-    assert monitor.current_battery == pytest.approx(430, abs=10)
+    assert monitor.current_battery == pytest.approx(420, abs=10)
 
 
 def test_a_tank_is_reported_in_millilitres(vehicle_with):

@@ -11,15 +11,19 @@
 //! ```
 //!
 //! Inputs: `voltage`, `current`, `voltage2`, `current2` (V, A), `arm`, `disarm`, `fail` and `work` (the sensor of pack
-//! 1), `reset` (percent, all packs). Outcomes: `low`, `critical`, `unhealthy` (failsafe level of pack 1), `low2`…,
-//! `says` (start of a text), and `brake`, `coast` or `turn` (the motors). Every level, and every text about a charge
-//! state, charging, a fault, a lost contact or a swap has to be expected; motors are checked only where expected.
+//! 1), `reset` (percent, all packs), `pack` (pack 1 is a simulated full pack of two cells, with so many mAh and mOhm, until
+//! the next `voltage`) and its `load` (two currents by turns, four seconds each). Outcomes: `low`, `critical`, `unhealthy`
+//! (failsafe level of pack 1), `low2`…, `says` (start of a text, `*` stands for any; `says~2` within two seconds more), `health` (of pack 1, within 3 %, or `unknown`), and
+//! `brake`, `coast` or `turn` (the motors). Every level, and every text about a charge state, charging, a fault, a lost
+//! contact, a swap or what was learnt has to be expected; motors and health are checked only where expected.
 //!
 //! Below 2.1 V no pack is connected: `voltage 0.3` is a lost contact.
 
 use std::fs::{self, DirEntry};
 use std::io;
 use std::path::Path;
+
+use rover_battmon::sim::{PackModel, SimulatedPack};
 
 use crate::support::requests::{
     CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID, command_long_2, manual_control, set_mode,
@@ -40,9 +44,65 @@ pub struct Story {
 pub enum Input {
     Voltage { pack: usize, volts: f32 },
     Current { pack: usize, amperes: f32 },
+    Pack { capacity_mah: f32, resistance_mohm: f32 },
+    Load { currents_a: [f32; 2] },
     SensorFails,
     SensorWorks,
     Request(Request),
+}
+
+/// The simulated pack of a story, once there is one.
+#[derive(Debug, Default)]
+pub struct Source {
+    pack: Option<SimulatedPack>,
+    currents_a: [f32; 2],
+    loaded_s: f32,
+}
+
+/// What a simulated pack is measured at.
+#[derive(Clone, Copy, Debug)]
+pub struct Supplied {
+    pub volts: f32,
+    pub amperes: f32,
+}
+
+impl Source {
+    /// Takes an input of the first pack.
+    pub fn take(&mut self, input: Input) {
+        match input {
+            Input::Pack {
+                capacity_mah,
+                resistance_mohm,
+            } => {
+                let ohm = resistance_mohm * 1e-3;
+                self.pack = Some(SimulatedPack::full(PackModel {
+                    cells: 2,
+                    capacity_ah: capacity_mah * 1e-3,
+                    ohmic_resistance_ohm: ohm,
+                    polarization_resistance_ohm: 0.5 * ohm,
+                    ..PackModel::LIPO_3S_2200
+                }));
+                self.currents_a = [0.0; 2];
+            }
+            Input::Load { currents_a } => {
+                self.currents_a = currents_a;
+                self.loaded_s = 0.0;
+            }
+            Input::Voltage { pack: 0, .. } => self.pack = None,
+            _ => {}
+        }
+    }
+
+    /// Lets `dt_s` seconds pass; `None` without a simulated pack.
+    pub fn supply(&mut self, dt_s: f32) -> Option<Supplied> {
+        let pack = self.pack.as_mut()?;
+        let turn = (self.loaded_s / LOAD_TURN_S) as usize % self.currents_a.len();
+        let amperes = self.currents_a[turn];
+        self.loaded_s += dt_s;
+        pack.draw(amperes, dt_s);
+        let volts = pack.voltage_v();
+        Some(Supplied { volts, amperes })
+    }
 }
 
 /// What a ground station asks for.
@@ -55,6 +115,12 @@ pub enum Request {
         percent: f32,
     },
 }
+
+/// How long each current of a load lasts, in seconds.
+const LOAD_TURN_S: f32 = 4.0;
+
+/// Tolerance of a state of health, in percent.
+const HEALTH_TOLERANCE_PCT: u8 = 3;
 
 const COMPONENT_ARM_DISARM: u16 = 400;
 const FORCE: f32 = 21196.0;
@@ -81,9 +147,18 @@ impl Request {
 /// An expected outcome.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
-    Level { pack: usize, level: Level },
-    Says(String),
+    Level {
+        pack: usize,
+        level: Level,
+    },
+    /// A text that starts so. An estimate of one second may cross a limit in the next.
+    Says {
+        start: String,
+        slack_s: f64,
+    },
     Motors(Drive),
+    /// In percent; `None` is unknown.
+    Health(Option<u8>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,7 +176,7 @@ pub enum Drive {
 }
 
 /// Texts about a pack, after "Battery 1 ", each of which has to be expected.
-const TEXTS_TO_EXPECT: [&str; 8] = [
+const TEXTS_TO_EXPECT: [&str; 9] = [
     "not connected",
     "connected again",
     "swapped",
@@ -110,6 +185,7 @@ const TEXTS_TO_EXPECT: [&str; 8] = [
     "emergency:",
     "charging",
     "fault:",
+    "learnt:",
 ];
 
 /// The failsafe level that a text announces, and its pack.
@@ -148,14 +224,32 @@ impl Story {
             .iter()
             .filter_map(|(at_s, outcome)| match outcome {
                 Outcome::Motors(drive) => Some((*at_s, *drive)),
-                Outcome::Level { .. } | Outcome::Says(_) => None,
+                Outcome::Level { .. } | Outcome::Says { .. } | Outcome::Health(_) => None,
             })
+    }
+
+    /// The expected states of health, with the time at which they are checked.
+    pub fn healths(&self) -> impl Iterator<Item = (f64, Option<u8>)> {
+        self.expectations
+            .iter()
+            .filter_map(|(at_s, outcome)| match outcome {
+                Outcome::Health(health_pct) => Some((*at_s, *health_pct)),
+                Outcome::Level { .. } | Outcome::Says { .. } | Outcome::Motors(_) => None,
+            })
+    }
+
+    /// Asserts a state of health.
+    pub fn check_health(&self, at_s: f64, found_pct: Option<u8>, expected_pct: Option<u8>) {
+        let is_expected = match (found_pct, expected_pct) {
+            (Some(found), Some(expected)) => found.abs_diff(expected) <= HEALTH_TOLERANCE_PCT,
+            (found, expected) => found == expected,
+        };
+        assert!(is_expected, "{}: health {found_pct:?} at {at_s} s", self.name);
     }
 
     /// Asserts that these texts were sent, each with its time, and no level or text that has to be expected beside them.
     pub fn check_texts(&self, texts: &[(f64, String)], tolerance_s: f64) {
         let name = &self.name;
-        let is_then = |time_s: f64, at_s: f64| (time_s - at_s).abs() <= tolerance_s;
         let mut levels: Vec<_> = texts
             .iter()
             .filter_map(|(time_s, text)| Some((*time_s, level_of(text)?)))
@@ -163,20 +257,20 @@ impl Story {
         for (at_s, outcome) in &self.expectations {
             match outcome {
                 Outcome::Level { pack, level } => {
-                    let found = levels
-                        .iter()
-                        .position(|(time_s, what)| is_then(*time_s, *at_s) && *what == (*pack, *level));
+                    let found = levels.iter().position(|(time_s, what)| {
+                        is_about(*time_s, *at_s, tolerance_s) && *what == (*pack, *level)
+                    });
                     levels.remove(
                         found.unwrap_or_else(|| panic!("{name}: no {level:?} at {at_s} s: {texts:?}")),
                     );
                 }
-                Outcome::Says(expected) => assert!(
-                    texts
-                        .iter()
-                        .any(|(time_s, text)| is_then(*time_s, *at_s) && text.starts_with(expected)),
-                    "{name}: no text {expected:?} at {at_s} s: {texts:?}"
+                Outcome::Says { start, slack_s } => assert!(
+                    texts.iter().any(|(time_s, text)| {
+                        is_about(*time_s, *at_s, tolerance_s + slack_s) && starts_so(text, start)
+                    }),
+                    "{name}: no text {start:?} at {at_s} s: {texts:?}"
                 ),
-                Outcome::Motors(_) => {}
+                Outcome::Motors(_) | Outcome::Health(_) => {}
             }
         }
         assert_eq!(levels, [], "{name}: not expected");
@@ -192,8 +286,8 @@ impl Story {
         };
         let is_expected = |time_s: f64, text: &str| {
             self.expectations.iter().any(|(at_s, outcome)| {
-                matches!(outcome, Outcome::Says(said) if text.starts_with(said.as_str()))
-                    && (time_s - at_s).abs() <= tolerance_s
+                matches!(outcome, Outcome::Says { start, slack_s } if starts_so(text, start)
+                    && is_about(time_s, *at_s, tolerance_s + slack_s))
             })
         };
         let texts = texts.iter();
@@ -244,6 +338,18 @@ impl Story {
     }
 }
 
+/// An asterisk stands for any text.
+fn starts_so(text: &str, start: &str) -> bool {
+    match start.split_once('*') {
+        Some((start, later)) => text.starts_with(start) && text.contains(later),
+        None => text.starts_with(start),
+    }
+}
+
+fn is_about(time_s: f64, at_s: f64, tolerance_s: f64) -> bool {
+    (time_s - at_s).abs() <= tolerance_s
+}
+
 fn input<'a>(word: &str, words: &mut impl Iterator<Item = &'a str>) -> Option<Input> {
     let (word, pack) = match word.strip_suffix('2') {
         Some(word) => (word, 1),
@@ -258,6 +364,13 @@ fn input<'a>(word: &str, words: &mut impl Iterator<Item = &'a str>) -> Option<In
         "current" => Input::Current {
             pack,
             amperes: number()?,
+        },
+        "pack" => Input::Pack {
+            capacity_mah: number()?,
+            resistance_mohm: number()?,
+        },
+        "load" => Input::Load {
+            currents_a: [number()?, number()?],
         },
         "reset" => Input::Request(Request::Reset { percent: number()? }),
         "arm" => Input::Request(Request::Arm),
@@ -280,7 +393,15 @@ fn outcome(words: &[&str]) -> Option<Outcome> {
         ["brake"] => Outcome::Motors(Drive::Brake),
         ["coast"] => Outcome::Motors(Drive::Coast),
         ["turn"] => Outcome::Motors(Drive::Turn),
-        ["says", text @ ..] if !text.is_empty() => Outcome::Says(text.join(" ")),
+        ["health", "unknown"] => Outcome::Health(None),
+        ["health", percent] => Outcome::Health(Some(percent.parse().ok()?)),
+        [says, text @ ..] if says.starts_with("says") && !text.is_empty() => Outcome::Says {
+            start: text.join(" "),
+            slack_s: match says.strip_prefix("says")? {
+                "" => 0.0,
+                slack => slack.strip_prefix('~')?.parse().ok()?,
+            },
+        },
         _ => return None,
     })
 }

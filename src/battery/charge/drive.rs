@@ -1,9 +1,10 @@
 //! A drive, from which the pack is learnt when it rests again.
 
-use super::block::{Block, Load};
+use super::block::{Block, HOURS_PER_SECOND, Load};
 use super::cell_model::{Capacity, CellModel};
 use super::filter::Filter;
 use super::second::Sum;
+use super::start::is_resting;
 use crate::battery::learnt::{LearntCapacity, LearntPack, LearntResistance, OFFSET_POINTS, Offset};
 
 /// Charge to be drawn between two rests, in capacities; Texas Instruments' gauges ask for 0.37 (SLUA450).
@@ -28,6 +29,9 @@ const RATED_SIGMA: f32 = 0.15;
 /// What a capacity may change from drive to drive, relative to it.
 const DRIFT_SIGMA: f32 = 0.01;
 
+/// What the offset of a current sensor may count at rest, in capacities per hour: a parked rover teaches little.
+const REST_DRIFT_PER_H: f32 = 0.05;
+
 /// A capacity further from the expected one, in standard deviations, is not believed.
 const GATE: f32 = 3.0;
 
@@ -47,6 +51,8 @@ pub(super) struct Drive {
     start_share: f32,
     start_sigma: f32,
     drawn_ah: f32,
+    /// Time at rest, in hours.
+    rested_h: f32,
     ohm: Sum,
     parts: [Part; OFFSET_POINTS],
     /// What was known before, once something was learnt from this drive: each rest is evaluated anew.
@@ -74,6 +80,7 @@ impl Drive {
             start_share: start.share(),
             start_sigma: start.sigma(),
             drawn_ah: 0.0,
+            rested_h: 0.0,
             ohm: Sum::NEW,
             parts: [Part::NEW; OFFSET_POINTS],
             before: None,
@@ -86,7 +93,7 @@ impl Drive {
     }
 
     /// Takes a block, near this state of charge.
-    pub fn add(&mut self, block: &Block, share: f32, model: &CellModel) {
+    pub fn add(&mut self, block: &Block, share: f32, model: &CellModel, capacity: &Capacity) {
         let Load {
             duration_s,
             current_a,
@@ -94,6 +101,9 @@ impl Drive {
         } = block.load;
         let middle_ah = self.drawn_ah + 0.5 * block.load.drawn_ah();
         self.drawn_ah += block.load.drawn_ah();
+        if is_resting(current_a, capacity) {
+            self.rested_h += duration_s * HOURS_PER_SECOND;
+        }
         let (Some(cell_v), Some(ohm)) = (block.cell_v, model.measured_ohm) else {
             return;
         };
@@ -195,7 +205,8 @@ impl Drive {
         let used = self.start_share - end.share();
         let drawn = self.drawn_ah / expected.ah;
         let innovation = used / drawn - 1.0;
-        let measured_sigma = root_of_squares(self.start_sigma, end.sigma()) / drawn;
+        let rests_sigma = root_of_squares(self.start_sigma, end.sigma());
+        let measured_sigma = root_of_squares(rests_sigma, REST_DRIFT_PER_H * self.rested_h) / drawn;
         let variance = expected.sigma * expected.sigma;
         let total = variance + measured_sigma * measured_sigma;
         if innovation * innovation > GATE * GATE * total {

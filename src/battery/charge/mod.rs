@@ -167,6 +167,21 @@ impl ChargeEstimator {
         Some(KnownCharge { share, sigma })
     }
 
+    /// The owner says that this is another pack. Under load, counting goes on: a start there is worse.
+    pub fn change_pack(&mut self) {
+        match self.arm_state {
+            ArmState::Disarmed => *self = Self::new(),
+            ArmState::Armed => self.restart_drive(),
+        }
+    }
+
+    /// What was seen of the pack so far must not be learnt.
+    pub fn restart_drive(&mut self) {
+        if let (Some(drive), Phase::Counting(filter)) = (&mut self.drive, &self.phase) {
+            *drive = Drive::new(filter);
+        }
+    }
+
     /// Takes a reading, and returns the means of a second that it completes.
     pub fn add(&mut self, dt_s: f32, voltage_v: Option<f32>, current_a: Option<f32>) -> Option<Second> {
         if dt_s > MAX_GAP_S {
@@ -213,7 +228,11 @@ impl ChargeEstimator {
                 }),
         };
         let kept = match rest {
-            Some(load) if self.rest.rest(load.duration_s) || was_disarmed => self.keep(&load, cell_v, model),
+            Some(load) if self.rest.rest(load.duration_s) => {
+                let learnt = self.learn(&load, cell_v, model);
+                self.keep(&load, cell_v, learnt, model)
+            }
+            Some(load) if was_disarmed => self.keep(&load, cell_v, None, model),
             Some(_) => None,
             None => {
                 self.rest = RestTimer::new();
@@ -276,7 +295,7 @@ impl ChargeEstimator {
             return;
         };
         if let Some(drive) = &mut self.drive {
-            drive.add(block, filter.share(), model);
+            drive.add(block, filter.share(), model, capacity);
         }
         let is_charging = block.load.current_a < 0.0;
         if let Some(Fit { deviations }) = filter.update(block, model, capacity) {
@@ -330,21 +349,32 @@ impl ChargeEstimator {
         self.phase = Phase::VoltageOnly(estimate);
     }
 
-    /// What is kept of a pack that rests.
-    fn keep(&mut self, rest: &Load, cell_v: Option<f32>, model: &CellModel) -> Option<LearntPack> {
-        let cell_v = cell_v?;
-        let learnt = self
-            .drive
-            .as_mut()
-            .and_then(|drive| drive.learn(rest, cell_v, model));
-        if let (Some(learnt), Some(drive), Phase::Counting(filter)) = (&learnt, &self.drive, &mut self.phase)
-        {
-            let model = CellModel { learnt, ..*model };
+    /// Learns the pack when it has rested, and continues with what its charge has to be then.
+    fn learn(&mut self, rest: &Load, cell_v: Option<f32>, model: &CellModel) -> Option<LearntPack> {
+        let drive = self.drive.as_mut()?;
+        let learnt = drive.learn(rest, cell_v?, model)?;
+        if let Phase::Counting(filter) = &mut self.phase {
+            let model = CellModel {
+                learnt: &learnt,
+                ..*model
+            };
             if let Some(capacity) = model.capacity() {
                 let (share, sigma) = drive.share(&capacity);
                 *filter = Filter::from_share(share, sigma, &model, &capacity);
             }
         }
+        Some(learnt)
+    }
+
+    /// What is kept of a pack that rests.
+    fn keep(
+        &self,
+        rest: &Load,
+        cell_v: Option<f32>,
+        learnt: Option<LearntPack>,
+        model: &CellModel,
+    ) -> Option<LearntPack> {
+        let cell_v = cell_v?;
         let mut kept = learnt.unwrap_or(*model.learnt);
         kept.chemistry = model.chemistry;
         kept.cell_count = model.cell_count?;

@@ -2,7 +2,7 @@
 
 use super::charge_reporter::ChargeReporter;
 use super::charge_state::{ChargeStateMachine, Inputs};
-use super::consumption::Consumption;
+use super::consumption::{Consumption, mean_current_a};
 use super::diagnosis::Diagnosis;
 use super::estimator::{Estimator, Findings, Reading};
 use super::event::push;
@@ -249,10 +249,14 @@ impl BatteryMonitor {
     ) {
         self.failed_reads = 0;
         self.state.temperature_c = measurement.temperature_c;
+        let previous_a = self.last_reading.and_then(|last| last.current_a);
         let reading = Reading {
             dt_s: dt_us as f32 * 1e-6,
             voltage_v: measurement.voltage_v,
             current_a: measurement.current_a,
+            mean_current_a: measurement
+                .current_a
+                .and_then(|current_a| mean_current_a(dt_us, previous_a, current_a)),
             arm_state: tick.arm_state,
         };
         if measurement
@@ -318,7 +322,7 @@ impl BatteryMonitor {
             match serial_number {
                 Some(_) => learnt.pack = learnt.pack.without_charge(),
                 None => {
-                    learnt.pack = LearntPack::UNKNOWN;
+                    learnt.pack = LearntPack::of(learnt.pack.serial_number);
                     learnt.standing = Standing::Swapped;
                 }
             }
@@ -333,17 +337,21 @@ impl BatteryMonitor {
     }
 
     fn update_estimates(&mut self, reading: &Reading, settings: &PackSettings) -> Findings {
+        let can_learn = self.can_learn();
         let cell_count = self.estimator.cell_count(settings);
-        let learnt = self.learnt.as_ref().map(|learnt| &learnt.pack);
-        let known = learnt.filter(|learnt| learnt.matches(settings.chemistry, cell_count));
+        let learnt = self.learnt.as_ref().filter(|_| can_learn);
+        let known = learnt.and_then(|learnt| learnt.known(settings, cell_count));
         self.estimator
             .update(reading, settings, known.unwrap_or(&UNKNOWN_PACK))
     }
 
-    /// Keeps what was learnt of a pack, or of its rest. A pack with a gauge knows better.
+    /// Keeps what was learnt of a pack, or of its rest.
     fn keep(&mut self, kept: Option<LearntPack>, settings: &PackSettings, events: &mut PackEvents) {
-        if let (Some(kept), Some(learnt), None) = (kept, &mut self.learnt, self.gauge) {
-            if let (None, Some((capacity_mah, resistance_ohm))) = (learnt.pack.learnt(), kept.learnt()) {
+        let can_learn = self.can_learn();
+        let cell_count = self.estimator.cell_count(settings);
+        if let (Some(kept), Some(learnt), true) = (kept, &mut self.learnt, can_learn) {
+            let before = learnt.known(settings, cell_count).and_then(LearntPack::learnt);
+            if let (None, Some((capacity_mah, resistance_ohm))) = (before, kept.learnt()) {
                 push(
                     events,
                     PackEvent::Learnt {
@@ -352,8 +360,16 @@ impl BatteryMonitor {
                     },
                 );
             }
-            learnt.keep(&kept, settings.serial_number);
+            match before {
+                Some(_) => learnt.keep(&kept),
+                None => learnt.replace(&kept),
+            }
         }
+    }
+
+    /// Whether the pack is learnt here: not one that knows itself, nor a sum of others, nor a tank.
+    fn can_learn(&self) -> bool {
+        self.gauge.is_none() && self.state.members == 0 && self.state.contents == Contents::Charge
     }
 
     fn update_consumption(&mut self, dt_us: u64, measurement: &Measurement) -> Option<super::Gap> {
@@ -424,7 +440,9 @@ impl BatteryMonitor {
     }
 
     fn update_learnt(&mut self, settings: &PackSettings) {
-        let learnt = self.learnt.as_ref().map(|learnt| &learnt.pack);
+        let cell_count = self.estimator.cell_count(settings);
+        let learnt = self.learnt.as_ref().filter(|_| self.can_learn());
+        let learnt = learnt.and_then(|learnt| learnt.known(settings, cell_count));
         let state = &mut self.state;
         state.learnt_capacity_mah = learnt.and_then(LearntPack::capacity_mah);
         state.state_of_health_pct = state
@@ -571,6 +589,9 @@ impl BatteryMonitor {
 
     /// Continues with what flash holds of the pack, at the start and after a change of its serial number.
     pub fn restore_learnt(&mut self, pack: LearntPack) {
+        if self.learnt.is_some() {
+            self.estimator.change_pack();
+        }
         self.learnt = Some(Learnt {
             pack,
             standing: Standing::Saved,
@@ -597,11 +618,9 @@ impl BatteryMonitor {
     /// Erases what is learnt of the pack.
     pub fn forget_learnt(&mut self) {
         if let Some(learnt) = &mut self.learnt {
-            learnt.pack = LearntPack {
-                serial_number: learnt.pack.serial_number,
-                ..LearntPack::UNKNOWN
-            };
+            learnt.pack = LearntPack::of(learnt.pack.serial_number);
             learnt.standing = Standing::Unsaved;
+            self.estimator.restart_drive();
         }
     }
 
@@ -631,13 +650,34 @@ impl Default for BatteryMonitor {
 }
 
 impl Learnt {
-    fn keep(&mut self, kept: &LearntPack, serial_number: Option<i32>) {
-        self.pack = LearntPack {
-            serial_number,
+    /// What is learnt of the pack, unless the settings say that it is another one.
+    fn known(&self, settings: &PackSettings, cell_count: Option<u8>) -> Option<&LearntPack> {
+        let matches = self
+            .pack
+            .matches(settings.chemistry, cell_count, settings.capacity_mah);
+        matches.then_some(&self.pack)
+    }
+
+    /// Takes over what was learnt in addition. Flash is spared what it holds already.
+    fn keep(&mut self, kept: &LearntPack) {
+        let kept = LearntPack {
+            serial_number: self.pack.serial_number,
             ..*kept
         };
+        if kept.is_like(&self.pack) {
+            return;
+        }
+        self.pack = kept;
         if self.standing != Standing::Swapped || kept.learnt().is_some() {
             self.standing = Standing::Unsaved;
+        }
+    }
+
+    /// Takes over what was learnt of a pack with other settings. Those may be a mistake: until the pack is learnt, what
+    /// is known of the one before stays.
+    fn replace(&mut self, kept: &LearntPack) {
+        if kept.learnt().is_some() || self.pack.learnt().is_none() {
+            self.keep(kept);
         }
     }
 }

@@ -1,0 +1,10 @@
+# A cold pack has several times the resistance: its load ends the drive long before it is empty, and what is usable is low
+# while more is left. It is not learnt.
+param BATT_CAPACITY 30
+param BATT_CELLS 2
+  0.0  pack 30 700
+  5.0  load 1.3 0.4
+expect  84.0 says~1 Battery 1 low: 7.0*V 12% usable
+expect  93.4 says~1 Battery 1 critical: 6.3*% usable
+expect  98.0 says~1 Battery 1 emergency: 6.9*V 0% usable
+end 100
