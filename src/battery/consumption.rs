@@ -40,14 +40,18 @@ impl Consumption {
         current_a: f32,
         voltage_v: Option<f32>,
     ) -> Option<Gap> {
-        let before = *self;
-        let mean_a = mean_current_a(dt_us, Some(previous_a), current_a);
-        if let Some(mean_a) = mean_a {
-            self.add(dt_us, mean_a, voltage_v);
+        if dt_us <= MAX_INTERVAL_US {
+            self.add(dt_us, current_a, voltage_v);
+            return None;
         }
-        (dt_us > MAX_INTERVAL_US).then(|| Gap {
+        let before = *self;
+        let is_interpolated = dt_us <= MAX_INTERPOLATED_GAP_US;
+        if is_interpolated {
+            self.add(dt_us, 0.5 * (previous_a + current_a), voltage_v);
+        }
+        Some(Gap {
             duration_s: dt_us as f32 * 1e-6,
-            counted_mah: mean_a.map(|_| self.charge_mah() - before.charge_mah()),
+            counted_mah: is_interpolated.then(|| self.charge_mah() - before.charge_mah()),
         })
     }
 
@@ -98,15 +102,6 @@ impl Consumption {
 
     pub fn energy_wh(&self) -> f32 {
         self.energy_nj as f32 / NANOJOULES_PER_WH
-    }
-}
-
-/// Mean current in the `dt_us` since the previous reading; `None` in a gap that is not interpolated.
-pub(super) fn mean_current_a(dt_us: u64, previous_a: Option<f32>, current_a: f32) -> Option<f32> {
-    match dt_us {
-        0..=MAX_INTERVAL_US => Some(current_a),
-        0..=MAX_INTERPOLATED_GAP_US => previous_a.map(|previous_a| 0.5 * (previous_a + current_a)),
-        _ => None,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::charge_reporter::ChargeReporter;
 use super::charge_state::{ChargeStateMachine, Inputs};
-use super::consumption::{Consumption, mean_current_a};
+use super::consumption::Consumption;
 use super::diagnosis::Diagnosis;
 use super::estimator::{Estimator, Findings, Reading};
 use super::event::push;
@@ -249,14 +249,10 @@ impl BatteryMonitor {
     ) {
         self.failed_reads = 0;
         self.state.temperature_c = measurement.temperature_c;
-        let previous_a = self.last_reading.and_then(|last| last.current_a);
         let reading = Reading {
             dt_s: dt_us as f32 * 1e-6,
             voltage_v: measurement.voltage_v,
             current_a: measurement.current_a,
-            mean_current_a: measurement
-                .current_a
-                .and_then(|current_a| mean_current_a(dt_us, previous_a, current_a)),
             arm_state: tick.arm_state,
         };
         if measurement
@@ -350,8 +346,8 @@ impl BatteryMonitor {
         let can_learn = self.can_learn();
         let cell_count = self.estimator.cell_count(settings);
         if let (Some(kept), Some(learnt), true) = (kept, &mut self.learnt, can_learn) {
-            let before = learnt.known(settings, cell_count).and_then(LearntPack::learnt);
-            if let (None, Some((capacity_mah, resistance_ohm))) = (before, kept.learnt()) {
+            let known = learnt.known(settings, cell_count).map(LearntPack::learnt);
+            if let (None, Some((capacity_mah, resistance_ohm))) = (known.flatten(), kept.learnt()) {
                 push(
                     events,
                     PackEvent::Learnt {
@@ -360,7 +356,7 @@ impl BatteryMonitor {
                     },
                 );
             }
-            match before {
+            match known {
                 Some(_) => learnt.keep(&kept),
                 None => learnt.replace(&kept),
             }
