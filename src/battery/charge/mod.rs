@@ -261,7 +261,7 @@ impl ChargeEstimator {
                 self.polarisation = Polarisation::unknown();
                 self.phase = match estimate.share() {
                     Some(share) => {
-                        Phase::Counting(Filter::from_share(share, estimate.sigma(model), model, capacity))
+                        Phase::Counting(Filter::from_share(share, estimate.sigma(), model, capacity))
                     }
                     None => Phase::Starting(Start::NEW),
                 }
@@ -326,16 +326,23 @@ impl ChargeEstimator {
             Phase::Starting(_) => {
                 self.infer_from(VoltageOnly::from_voltage(cell_v, arm_state, model));
             }
-            Phase::Known(KnownCharge { share, .. }) => {
-                let share = *share;
-                self.infer_from(VoltageOnly::from_share(share));
+            Phase::Known(KnownCharge { share, sigma }) => {
+                let estimate = VoltageOnly::from_share(*share, *sigma);
+                self.infer_from(estimate);
             }
             Phase::VoltageOnly(estimate) => {
                 let slow_per_h = self.polarisation.current_a();
                 let rests = estimate.update(dt_s, cell_v, slow_per_h, arm_state, model);
                 self.polarisation.update(dt_s, estimate.load_per_h(model));
                 self.reserve.update(dt_s, estimate.sag_v());
-                self.reserve.settle(model);
+                let second = Load {
+                    duration_s: dt_s,
+                    ..Load::NONE
+                };
+                if self.block.add(&second, None).is_some() {
+                    estimate.assess(model);
+                    self.reserve.settle(model);
+                }
                 return rests;
             }
             // Readings without a current between others.
@@ -403,9 +410,7 @@ impl ChargeEstimator {
                 let drawn = self.block.drawn_ah() / model.capacity()?.ah;
                 (filter.share() - drawn * filter.counted(), filter.sigma(), None)
             }
-            Phase::VoltageOnly(estimate) => {
-                (estimate.share()?, estimate.sigma(&model), estimate.rate_per_h())
-            }
+            Phase::VoltageOnly(estimate) => (estimate.share()?, estimate.sigma(), estimate.rate_per_h()),
         };
         let share = share.clamp(0.0, 1.0);
         Some(ChargeEstimate {

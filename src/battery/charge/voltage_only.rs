@@ -52,6 +52,7 @@ const HOURS_PER_SECOND: f32 = 1.0 / 3600.0;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct VoltageOnly {
     share: f32,
+    sigma: f32,
     sag_v: f32,
     /// Sag relative to that of a typical cell.
     scale: f32,
@@ -104,19 +105,19 @@ impl VoltageOnly {
     /// From the first voltage of a cell.
     pub fn from_voltage(cell_v: f32, arm_state: ArmState, model: &CellModel) -> Self {
         let kept = last_charge(cell_v, model).map(|last| last.share);
-        Self {
-            unsettled_s: match arm_state {
-                ArmState::Disarmed => 0.0,
-                ArmState::Armed => SETTLING_S,
-            },
-            ..Self::from_share(kept.unwrap_or_else(|| model.share(cell_v)))
+        let mut estimate = Self::from_share(kept.unwrap_or_else(|| model.share(cell_v)), 0.0);
+        if arm_state == ArmState::Armed {
+            estimate.unsettled_s = SETTLING_S;
         }
+        estimate.assess(model);
+        estimate
     }
 
-    /// From a known state of charge.
-    pub const fn from_share(share: f32) -> Self {
+    /// From a state of charge that is known to this standard deviation.
+    pub const fn from_share(share: f32, sigma: f32) -> Self {
         Self {
             share,
+            sigma,
             sag_v: 0.0,
             scale: MIN_SCALE,
             mean_v: MeanThenLowPass::new(MEAN_TIME_CONSTANT_S),
@@ -144,11 +145,16 @@ impl VoltageOnly {
     }
 
     /// Standard deviation of the state of charge.
-    pub fn sigma(&self, model: &CellModel) -> f32 {
+    pub fn sigma(&self) -> f32 {
+        self.sigma
+    }
+
+    /// Brings the standard deviation up to date.
+    pub fn assess(&mut self, model: &CellModel) {
         let slope_v = model.slope_v(self.share);
         let curve_v = model.curve_sigma_v(self.share, slope_v);
         let sag_v = SAG_SIGMA * self.sag_by_variation_v(model);
-        libm::sqrtf(curve_v * curve_v + sag_v * sag_v) / slope_v
+        self.sigma = libm::sqrtf(curve_v * curve_v + sag_v * sag_v) / slope_v;
     }
 
     /// The load, in capacities per hour.
