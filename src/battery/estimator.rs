@@ -90,6 +90,11 @@ impl Estimator {
         }
     }
 
+    /// Delays what is done once in a second, before the first reading.
+    pub fn delay(&mut self, delay_s: f32) {
+        self.charge.delay(delay_s);
+    }
+
     /// Processes a reading of a pack of which `learnt` is known.
     pub fn update(&mut self, reading: &Reading, settings: &PackSettings, learnt: &LearntPack) -> Findings {
         if let (Some(voltage_v), Some(current_a)) = (reading.voltage_v, reading.current_a) {

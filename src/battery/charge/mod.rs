@@ -156,6 +156,11 @@ impl ChargeEstimator {
         }
     }
 
+    /// Delays the first second, and with it all that follow.
+    pub fn delay(&mut self, delay_s: f32) {
+        self.gathering.delay(delay_s);
+    }
+
     /// The latest estimate, if there is one.
     pub fn estimate(&self) -> Option<&ChargeEstimate> {
         self.estimate.as_ref()

@@ -93,6 +93,11 @@ impl Gathering {
         current: Part::NEW,
     };
 
+    /// Delays the end of the first one.
+    pub fn delay(&mut self, delay_s: f32) {
+        self.complete_s += delay_s;
+    }
+
     /// Takes a reading; returns the means once a second is complete.
     pub fn add(&mut self, dt_s: f32, voltage_v: Option<f32>, current_a: Option<f32>) -> Option<Second> {
         self.duration_s += dt_s;

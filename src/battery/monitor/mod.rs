@@ -134,6 +134,11 @@ impl BatteryMonitor {
         }
     }
 
+    /// Delays what is done once in a second, and the first estimate with it, before the first reading.
+    pub(super) fn delay(&mut self, delay_s: f32) {
+        self.estimator.delay(delay_s);
+    }
+
     /// The present state.
     pub fn state(&self) -> &BatteryState {
         &self.state
