@@ -103,11 +103,12 @@ impl Consumption {
 
 /// Mean current in the `dt_us` since the previous reading; `None` in a gap that is not interpolated.
 pub(super) fn mean_current_a(dt_us: u64, previous_a: Option<f32>, current_a: f32) -> Option<f32> {
-    match dt_us {
-        0..=MAX_INTERVAL_US => Some(current_a),
-        0..=MAX_INTERPOLATED_GAP_US => previous_a.map(|previous_a| 0.5 * (previous_a + current_a)),
-        _ => None,
+    if dt_us <= MAX_INTERVAL_US {
+        return Some(current_a);
     }
+    previous_a
+        .filter(|_| dt_us <= MAX_INTERPOLATED_GAP_US)
+        .map(|previous_a| 0.5 * (previous_a + current_a))
 }
 
 impl From<Consumed> for Consumption {

@@ -81,7 +81,7 @@ def test_two_packs_and_their_sum(vehicle_with):
 
 
 def test_a_tank_is_reported_in_millilitres(vehicle_with):
-    # The simulator has no tank. Its current sensor's pin has 0.25 V at 4.3 A: a level for other ends than the file's.
+    # The simulator has no tank. Its current sensor's pin has 0.25 V at 4.2 A: a level for other ends than the file's.
     vehicle = vehicle_with("fuel-level.param", BATT2_FL_PIN=27, BATT2_FL_VLT_MIN=0.01, BATT2_FL_V_MULT=2)
     status = pack(vehicle, 1, is_known=lambda status: status.battery_remaining >= 0)
     assert volts(status) == 0 and status.current_battery == UNKNOWN
