@@ -58,7 +58,7 @@ def test_a_drive_teaches_the_pack_until_it_is_erased(start_simulator):
 
 def test_mavproxy_saves_and_loads_what_is_learnt_without_an_error(start_mavproxy, tmp_path):  # noqa: F811
     mavproxy = start_mavproxy("--streamrate=-1")
-    mavproxy.ask("param save all.parm BATT_*", r"Saved \d+ parameters")
+    mavproxy.ask("param save all.parm BATT_*", r"Saved \d+ parameters to all.parm")
     saved = values_in(tmp_path / "all.parm")
     assert {name: saved[name] for name in saved if "LRN" in name} == {
         "BATT_LRN_CAP": 0,
