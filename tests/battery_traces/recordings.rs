@@ -248,7 +248,8 @@ impl Table {
         table
     }
 
-    /// Asserts that the mean of each group is within the goal for its temperature.
+    /// Asserts that the mean of each group is within the goal for its temperature. A single drive may exceed it by a quarter:
+    /// the goals are those of whole groups.
     #[track_caller]
     fn assert_means(&self, what: &str, goal: impl Fn(i32) -> f64) {
         let mut missed = Vec::new();
@@ -256,7 +257,8 @@ impl Table {
             let mean = figures.iter().sum::<f64>() / figures.len() as f64;
             let goal = goal(*temperature_c);
             println!("{what:32} {group:>6}: mean {mean:5.2}, goal {goal:5.2}");
-            if mean.is_nan() || mean > goal {
+            let limit = if figures.len() == 1 { 1.25 * goal } else { goal };
+            if mean.is_nan() || mean > limit {
                 missed.push(format!("{group}: {mean:.2} instead of {goal:.2}"));
             }
         }

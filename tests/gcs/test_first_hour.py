@@ -89,8 +89,8 @@ def test_the_readme_leads_from_a_clone_to_the_battery():
 
         assert [typed for typed, _ in exchanges(session)].count("bat") > 0
         for typed, shown in exchanges(session):
-            # What was set takes a moment to be seen.
-            assert any(says(station, typed, shown) for _ in range(10)), f"{typed}: {station.output}"
+            # What was set takes a moment to be seen; the charge of a pack at rest follows within half a minute.
+            assert any(says(station, typed, shown) for _ in range(45)), f"{typed}: {station.output}"
 
         simulator = programs[0]
         simulator.stop()
