@@ -317,7 +317,7 @@ fn the_watchdog_is_fed_until_a_task_is_overdue() {
     clock::run_for(Duration::from_secs(10), async {
         let check_in = async {
             loop {
-                busy.mark(Instant::now().as_millis() as u32);
+                busy.mark(Instant::now().as_micros() as u32);
                 Timer::after_millis(100).await;
             }
         };

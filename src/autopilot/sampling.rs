@@ -84,6 +84,11 @@ impl Autopilot {
             return SamplingProgress::Complete;
         };
         sampling.next += 1;
+        if self.packs.ticks == 0 {
+            // What is done of a pack once in a second is done of one pack in a tick.
+            let delay_s = f32::from(pack.instance()) * SAMPLING_INTERVAL_US as f32 * 1e-6;
+            self.packs.bank.monitor(pack).delay(delay_s);
+        }
         let reading = self.packs.measure(
             pack,
             kind,

@@ -4,10 +4,6 @@ use super::sum::{SumVoltage, sum};
 use super::{BatteryAlert, BatteryMonitor, Contents, FailsafeLevel, Measurement, PackMemory, ReadError};
 use crate::pack::{MAX_PACKS, Pack};
 
-/// What a monitor does once in a second it does this much later for each pack than for the one before, in seconds: a
-/// sampling tick is as long as its longest turn.
-const STAGGER_S: f32 = 0.1;
-
 /// The monitors of all packs.
 #[derive(Clone, Debug, Default)]
 pub struct BatteryBank {
@@ -17,11 +13,7 @@ pub struct BatteryBank {
 impl BatteryBank {
     /// Monitors without any reading yet.
     pub fn new() -> Self {
-        let mut bank = Self::default();
-        for (pack, monitor) in Pack::ALL.into_iter().zip(&mut bank.monitors) {
-            monitor.delay(f32::from(pack.instance()) * STAGGER_S);
-        }
-        bank
+        Self::default()
     }
 
     /// The monitor of a pack.

@@ -40,18 +40,14 @@ impl Consumption {
         current_a: f32,
         voltage_v: Option<f32>,
     ) -> Option<Gap> {
-        if dt_us <= MAX_INTERVAL_US {
-            self.add(dt_us, current_a, voltage_v);
-            return None;
-        }
         let before = *self;
-        let is_interpolated = dt_us <= MAX_INTERPOLATED_GAP_US;
-        if is_interpolated {
-            self.add(dt_us, 0.5 * (previous_a + current_a), voltage_v);
+        let mean_a = mean_current_a(dt_us, Some(previous_a), current_a);
+        if let Some(mean_a) = mean_a {
+            self.add(dt_us, mean_a, voltage_v);
         }
-        Some(Gap {
+        (dt_us > MAX_INTERVAL_US).then(|| Gap {
             duration_s: dt_us as f32 * 1e-6,
-            counted_mah: is_interpolated.then(|| self.charge_mah() - before.charge_mah()),
+            counted_mah: mean_a.map(|_| self.charge_mah() - before.charge_mah()),
         })
     }
 
@@ -103,6 +99,16 @@ impl Consumption {
     pub fn energy_wh(&self) -> f32 {
         self.energy_nj as f32 / NANOJOULES_PER_WH
     }
+}
+
+/// Mean current in the `dt_us` since the previous reading; `None` in a gap that is not interpolated.
+pub(super) fn mean_current_a(dt_us: u64, previous_a: Option<f32>, current_a: f32) -> Option<f32> {
+    if dt_us <= MAX_INTERVAL_US {
+        return Some(current_a);
+    }
+    previous_a
+        .filter(|_| dt_us <= MAX_INTERPOLATED_GAP_US)
+        .map(|previous_a| 0.5 * (previous_a + current_a))
 }
 
 impl From<Consumed> for Consumption {

@@ -32,6 +32,8 @@ pub(super) struct Reading {
     pub dt_s: f32,
     pub voltage_v: Option<f32>,
     pub current_a: Option<f32>,
+    /// Since the previous reading; `None` also in a long gap.
+    pub mean_current_a: Option<f32>,
     pub arm_state: ArmState,
 }
 
@@ -109,7 +111,7 @@ impl Estimator {
         }
         let second = self
             .charge
-            .add(reading.dt_s, reading.voltage_v, reading.current_a);
+            .add(reading.dt_s, reading.voltage_v, reading.mean_current_a);
         let second = second.map(|second| self.update_second(&second, reading.arm_state, settings, learnt));
         Findings { event, second }
     }

@@ -128,6 +128,11 @@ impl ChargeEstimator {
         Self::in_phase(Phase::Starting(Start::NEW))
     }
 
+    /// Delays the end of the first second, and with it all that follow.
+    pub fn delay(&mut self, delay_s: f32) {
+        self.gathering.delay(delay_s);
+    }
+
     /// Continues with a known charge.
     pub const fn from_known(charge: KnownCharge) -> Self {
         let mut known = Self::in_phase(Phase::Known(charge));
@@ -154,11 +159,6 @@ impl ChargeEstimator {
             arm_state: ArmState::Disarmed,
             estimate: None,
         }
-    }
-
-    /// Delays the first second, and with it all that follow.
-    pub fn delay(&mut self, delay_s: f32) {
-        self.gathering.delay(delay_s);
     }
 
     /// The latest estimate, if there is one.
@@ -203,7 +203,9 @@ impl ChargeEstimator {
             if let Some(drive) = &mut self.drive {
                 drive.doubt(sigma);
             }
-            return self.gathering.add(dt_s, None, current_a.map(|_| before_a));
+            return self
+                .gathering
+                .add(dt_s, None, Some(current_a.unwrap_or(before_a)));
         }
         self.gathering.add(dt_s, voltage_v, current_a)
     }
@@ -214,7 +216,7 @@ impl ChargeEstimator {
         let cell_v = second.voltage_v.map(|voltage_v| voltage_v / count);
         let was_disarmed = core::mem::replace(&mut self.arm_state, arm_state) == ArmState::Armed
             && arm_state == ArmState::Disarmed;
-        let rest = match (second.current_a, model.capacity()) {
+        let (load, rests) = match (second.current_a, model.capacity()) {
             (Some(current_a), Some(capacity)) => {
                 self.polarisation.update(second.duration_s, current_a);
                 let load = Load {
@@ -223,26 +225,27 @@ impl ChargeEstimator {
                     slow_a: self.polarisation.current_a(),
                 };
                 self.count(&load, cell_v, model, &capacity);
-                is_resting(current_a, &capacity).then_some(load)
+                (load, is_resting(current_a, &capacity))
             }
-            _ => self
-                .infer(second.duration_s, cell_v, arm_state, model)
-                .then_some(Load {
+            _ => {
+                let load = Load {
                     duration_s: second.duration_s,
                     ..Load::NONE
-                }),
+                };
+                let rests = self.infer(second.duration_s, cell_v, arm_state, model);
+                (load, rests)
+            }
         };
-        let kept = match rest {
-            Some(load) if self.rest.rest(load.duration_s) => {
-                let learnt = self.learn(&load, cell_v, model);
-                self.keep(&load, cell_v, learnt, model)
-            }
-            Some(load) if was_disarmed => self.keep(&load, cell_v, None, model),
-            Some(_) => None,
-            None => {
-                self.rest = RestTimer::new();
-                None
-            }
+        if !rests {
+            self.rest = RestTimer::new();
+        }
+        let kept = if rests && self.rest.rest(load.duration_s) {
+            let learnt = self.learn(&load, cell_v, model);
+            self.keep(&load, cell_v, learnt, model)
+        } else if was_disarmed {
+            self.keep(&load, cell_v, None, model)
+        } else {
+            None
         };
         self.estimate = self.estimate_now(
             kept.as_ref()

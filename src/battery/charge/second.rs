@@ -86,16 +86,20 @@ impl Part {
 
 impl Gathering {
     /// Nothing yet.
-    pub const NEW: Self = Self {
-        complete_s: FIRST_S,
-        duration_s: 0.0,
-        voltage: Part::NEW,
-        current: Part::NEW,
-    };
+    pub const NEW: Self = Self::complete_at(FIRST_S);
 
     /// Delays the end of the first one.
     pub fn delay(&mut self, delay_s: f32) {
         self.complete_s += delay_s;
+    }
+
+    const fn complete_at(complete_s: f32) -> Self {
+        Self {
+            complete_s,
+            duration_s: 0.0,
+            voltage: Part::NEW,
+            current: Part::NEW,
+        }
     }
 
     /// Takes a reading; returns the means once a second is complete.
@@ -106,11 +110,7 @@ impl Gathering {
         if self.duration_s < self.complete_s {
             return None;
         }
-        let next = Self {
-            complete_s: DURATION_S,
-            ..Self::NEW
-        };
-        let complete = core::mem::replace(self, next);
+        let complete = core::mem::replace(self, Self::complete_at(DURATION_S));
         Some(Second {
             duration_s: complete.duration_s,
             voltage_v: complete.voltage.mean(complete.duration_s),

@@ -2,7 +2,7 @@
 
 use super::charge_reporter::ChargeReporter;
 use super::charge_state::{ChargeStateMachine, Inputs};
-use super::consumption::Consumption;
+use super::consumption::{Consumption, mean_current_a};
 use super::diagnosis::Diagnosis;
 use super::estimator::{Estimator, Findings, Reading};
 use super::event::push;
@@ -135,7 +135,7 @@ impl BatteryMonitor {
     }
 
     /// Delays what is done once in a second, and the first estimate with it, before the first reading.
-    pub(super) fn delay(&mut self, delay_s: f32) {
+    pub fn delay(&mut self, delay_s: f32) {
         self.estimator.delay(delay_s);
     }
 
@@ -254,10 +254,14 @@ impl BatteryMonitor {
     ) {
         self.failed_reads = 0;
         self.state.temperature_c = measurement.temperature_c;
+        let previous_a = self.last_reading.and_then(|last| last.current_a);
         let reading = Reading {
             dt_s: dt_us as f32 * 1e-6,
             voltage_v: measurement.voltage_v,
             current_a: measurement.current_a,
+            mean_current_a: measurement
+                .current_a
+                .and_then(|current_a| mean_current_a(dt_us, previous_a, current_a)),
             arm_state: tick.arm_state,
         };
         if measurement
