@@ -28,6 +28,9 @@ const C_SERIALISE: [(&str, f64); 6] = [
 const RECEIVE_GOAL: f64 = 0.6;
 const SERIALISE_GOAL: f64 = 0.56;
 
+/// Goal of a pack's tick, in instructions.
+const TICK_GOAL: f64 = 6_000.0;
+
 pub fn tables() -> Vec<Table> {
     let counts = count();
     let table = |title, verb: &str, figure: fn(&str, f64) -> Figure| {
@@ -52,7 +55,7 @@ pub fn tables() -> Vec<Table> {
             Figure::new(format!("{what}, from the state of the packs"), instructions)
         }),
         table("a tick of a pack", "update a pack by", |what, instructions| {
-            Figure::new(format!("measured: {what}"), instructions)
+            Figure::new(format!("measured: {what}"), instructions).with_goal(TICK_GOAL)
         }),
     ]
 }
