@@ -4,6 +4,6 @@ param BATT_CAPACITY 30
 param BATT_CELLS 2
   0.0  pack 30 700
   5.0  load 1.3 0.4
-expect  74.4 says~1 Battery 1 low: 7.0*% usable
-expect  82.4 says~1 Battery 1 emergency: 7.0*V 3% usable
+expect  71.9 says~1 Battery 1 low: 6.4*% usable
+expect  80.4 says~1 Battery 1 emergency: 6.3*% usable
 end 100

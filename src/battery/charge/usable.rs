@@ -3,7 +3,7 @@
 use super::cell_model::CellModel;
 
 /// Time in which a peak of the sag is forgotten, in seconds.
-const FORGETTING_S: f32 = 1800.0;
+const FORGETTING_S: f32 = 3600.0;
 
 /// The sag grows towards the end.
 const GROWTH: f32 = 1.2;
