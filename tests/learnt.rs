@@ -23,6 +23,7 @@ use rover_battmon::sim::clock;
 use rover_battmon::storage::{FlashFault, Storage, StorageError};
 use rover_battmon::tasks::{Shared, keep_learnt, reboot_requested};
 use support::frames::{Frame, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT, of_message, texts_of};
+use support::learnt_record::learnt_words;
 use support::requests::{command_long, param_read_by_name, param_set, reboot};
 
 type Words = [u32; LEARNT_WORDS];
@@ -33,21 +34,6 @@ const NOT_SAVED: &str = "Learnt battery data not saved: flash worn out?";
 const MINUTE_US: u64 = 60_000_000;
 
 const FAILED: Result<(), StorageError> = Err(StorageError::Flash(FlashFault::NotVerified));
-
-/// Words of a pack of two cells of which this capacity and 20 mOhm a cell were learnt.
-fn words(serial_number: Option<i32>, capacity_mah: f32) -> Words {
-    let [lipo, cells] = [1, 2];
-    let mut words = [0; LEARNT_WORDS];
-    words[0] = u32::from_le_bytes([lipo, cells, 1, 0]);
-    words[1] = serial_number.unwrap_or(-1) as u32;
-    words[2] = capacity_mah.to_bits();
-    words[3] = 0.02_f32.to_bits();
-    words[4] = 0.02_f32.to_bits();
-    words[5] = 0.02_f32.to_bits();
-    words[6] = 0.5_f32.to_bits();
-    words[7] = 0.03_f32.to_bits();
-    words
-}
 
 fn of(pack: Pack, serial_number: Option<i32>) -> PackIdentity {
     PackIdentity { pack, serial_number }
@@ -118,7 +104,7 @@ fn posted(desk: &mut Desk) -> Vec<Frame> {
 fn stored_pack_is_read_at_the_start_and_shown() {
     let mut desk = desk_with(&[Pack::First, Pack::Third]);
     assert_eq!(job(&mut desk), read_of(Pack::First, None));
-    let stored = words(None, 2949.7);
+    let stored = learnt_words(None, 2949.7);
     desk.autopilot
         .learnt_read(of(Pack::First, None), Ok(Some(stored)));
     assert_eq!(job(&mut desk), read_of(Pack::Third, None));
@@ -139,7 +125,7 @@ fn nine_packs_read_at_once_are_all_shown() {
     let mut desk = desk_with(&Pack::ALL);
     while let Some(LearntJob::Read(identity)) = job(&mut desk) {
         desk.autopilot
-            .learnt_read(identity, Ok(Some(words(None, 2950.0))));
+            .learnt_read(identity, Ok(Some(learnt_words(None, 2950.0))));
     }
     let mut shown = Vec::new();
     for _ in 0..3 {
@@ -153,7 +139,7 @@ fn nine_packs_read_at_once_are_all_shown() {
 fn what_does_not_fit_is_not_used() {
     let no_chemistry = [0; LEARNT_WORDS];
     for stored in [
-        Ok(Some(words(Some(5), 2950.0))),
+        Ok(Some(learnt_words(Some(5), 2950.0))),
         Ok(Some(no_chemistry)),
         Ok(None),
         Err(StorageError::Flash(FlashFault::Other)),
@@ -168,7 +154,7 @@ fn what_does_not_fit_is_not_used() {
 #[test]
 fn implausible_values_are_shown_as_not_learnt() {
     for capacity_mah in [f32::NAN, f32::INFINITY, -5.0, 1e9] {
-        let mut desk = desk_after_reading(Some(words(None, capacity_mah)));
+        let mut desk = desk_after_reading(Some(learnt_words(None, capacity_mah)));
         assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
         assert_eq!(value(&mut desk, "BATT_LRN_RES"), 40.0);
     }
@@ -176,7 +162,7 @@ fn implausible_values_are_shown_as_not_learnt() {
 
 #[test]
 fn another_serial_number_is_another_pack() {
-    let mut desk = desk_after_reading(Some(words(None, 2950.0)));
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
     desk.autopilot.take_work();
     desk.ask(&param_set("BATT_SERIAL_NUM", 7.0));
     assert!(desk.autopilot.take_work().contains(Work::KEEP_LEARNT));
@@ -186,7 +172,7 @@ fn another_serial_number_is_another_pack() {
 
     desk.ask(&param_set("BATT_SERIAL_NUM", -1.0));
     assert_eq!(job(&mut desk), read_of(Pack::First, None));
-    let stored = words(None, 2950.0);
+    let stored = learnt_words(None, 2950.0);
     desk.autopilot
         .learnt_read(of(Pack::First, None), Ok(Some(stored)));
     assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 2950.0);
@@ -198,7 +184,7 @@ fn serial_number_set_while_another_is_read() {
     desk.ask(&param_set("BATT_SERIAL_NUM", 7.0));
     assert_eq!(job(&mut desk), read_of(Pack::First, Some(7)));
     desk.ask(&param_set("BATT_SERIAL_NUM", 8.0));
-    let stored = words(Some(7), 2950.0);
+    let stored = learnt_words(Some(7), 2950.0);
     desk.autopilot
         .learnt_read(of(Pack::First, Some(7)), Ok(Some(stored)));
     assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0, "it is of another pack");
@@ -214,7 +200,7 @@ fn instances_with_the_same_serial_number_are_two_packs() {
     let identities = [Pack::First, Pack::Second].map(|pack| of(pack, Some(7)));
     for (identity, capacity_mah) in identities.into_iter().zip([1000.0, 2000.0]) {
         assert_eq!(job(&mut desk), Some(LearntJob::Read(identity)));
-        let stored = words(Some(7), capacity_mah);
+        let stored = learnt_words(Some(7), capacity_mah);
         desk.autopilot.learnt_read(identity, Ok(Some(stored)));
     }
     assert_ne!(identities[0].key(), identities[1].key());
@@ -229,7 +215,7 @@ fn instances_with_the_same_serial_number_are_two_packs() {
 
 #[test]
 fn read_only_parameters_are_refused() {
-    let mut desk = desk_after_reading(Some(words(None, 2950.0)));
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
     desk.autopilot.take_work();
     for value in [2950.0, 0.0, 1234.0, f32::NAN, -1.0] {
         let answers = desk.ask(&param_set("BATT_LRN_CAP", value));
@@ -245,7 +231,7 @@ fn read_only_parameters_are_refused() {
 
 #[test]
 fn erasing_is_acknowledged_reads_0_and_is_written() {
-    let mut desk = desk_after_reading(Some(words(None, 2950.0)));
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
     let answers = desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
     let erase = |value| ("BATT_LRN_ERASE".to_string(), value);
     assert_eq!(values(&answers), [erase(1.0), erase(0.0)]);
@@ -263,7 +249,7 @@ fn erasing_is_acknowledged_reads_0_and_is_written() {
 
 #[test]
 fn a_parameter_file_with_0_erases_nothing() {
-    let mut desk = desk_after_reading(Some(words(None, 2950.0)));
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
     for value in [0.0, 0.5] {
         let answers = desk.ask(&param_set("BATT_LRN_ERASE", value));
         assert_eq!(values(&answers), [("BATT_LRN_ERASE".into(), 0.0)]);
@@ -278,8 +264,8 @@ fn a_parameter_file_with_0_erases_nothing() {
 
 #[test]
 fn erased_while_a_write_is_under_way() {
-    let mut desk = desk_after_reading(Some(words(None, 2950.0)));
-    let under_way = LearntPack::from_words(&words(None, 2950.0)).unwrap();
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
+    let under_way = LearntPack::from_words(&learnt_words(None, 2950.0)).unwrap();
     desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
     written(&mut desk, &under_way, Ok(()));
     assert_eq!(
@@ -294,7 +280,7 @@ fn erased_before_it_is_read_and_while_it_is_read() {
     let mut desk = desk_with(&[Pack::First]);
     assert_eq!(job(&mut desk), read_of(Pack::First, None));
     desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
-    let stored = words(None, 2950.0);
+    let stored = learnt_words(None, 2950.0);
     desk.autopilot
         .learnt_read(of(Pack::First, None), Ok(Some(stored)));
     assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
@@ -303,7 +289,7 @@ fn erased_before_it_is_read_and_while_it_is_read() {
 
 #[test]
 fn erased_right_after_the_serial_number_was_set_is_the_new_pack() {
-    let mut desk = desk_after_reading(Some(words(None, 2950.0)));
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
     desk.ask(&param_set("BATT_SERIAL_NUM", 7.0));
     desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
     assert_eq!(job(&mut desk), erasure_of(Pack::First, Some(7)));
@@ -324,13 +310,13 @@ fn pack_that_is_not_monitored_can_be_erased() {
 
 #[test]
 fn a_parameter_reset_keeps_what_is_learnt() {
-    let mut desk = desk_after_reading(Some(words(None, 2950.0)));
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
     desk.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
     assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 2950.0);
     assert_eq!(job(&mut desk), None);
 
     desk.ask(&param_set("BATT_SERIAL_NUM", 7.0));
-    let stored = words(Some(7), 1000.0);
+    let stored = learnt_words(Some(7), 1000.0);
     desk.autopilot
         .learnt_read(of(Pack::First, Some(7)), Ok(Some(stored)));
     desk.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
@@ -343,7 +329,7 @@ fn a_parameter_reset_keeps_what_is_learnt() {
 
 #[test]
 fn failed_write_is_announced_once_and_repeated_after_a_minute() {
-    let mut desk = desk_after_reading(Some(words(None, 2950.0)));
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
     desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
     let erased = LearntPack::of(None);
     for attempt in 0..3 {
@@ -408,7 +394,7 @@ fn only_monitored_packs_are_in_use() {
 
 #[test]
 fn sampling_writes_nothing_while_nothing_is_learnt() {
-    let mut desk = desk_after_reading(Some(words(None, 2950.0)));
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
     for _ in 0..20 {
         desk.now_us += 100_000;
         desk.sample(AnalogReadings::NONE);
@@ -421,7 +407,7 @@ fn storage(flash: &SmallFlash) -> Storage<SmallFlash, Words> {
 }
 
 fn store(flash: &SmallFlash, identity: PackIdentity, capacity_mah: f32) {
-    let value = words(identity.serial_number, capacity_mah);
+    let value = learnt_words(identity.serial_number, capacity_mah);
     block_on(storage(flash).store_replacing(identity.key(), value, &|_| true)).expect("a sound flash");
 }
 
@@ -505,7 +491,10 @@ fn the_task_writes_again_a_minute_after_a_failure() {
         flash.set_fault(Fault::None);
         Timer::after_secs(until_s).await;
     };
-    for (until_s, expected) in [(58, words(None, 2950.0)), (62, LearntPack::of(None).to_words())] {
+    for (until_s, expected) in [
+        (58, learnt_words(None, 2950.0)),
+        (62, LearntPack::of(None).to_words()),
+    ] {
         let duration = Duration::from_secs(100);
         run_task(&flash, duration, async |shared| erase(shared, until_s).await);
         assert_eq!(stored(&flash, of(Pack::First, None)), Some(expected));
@@ -541,12 +530,12 @@ fn power_cut_in_any_operation_of_a_write_loses_no_pack() {
                 let found = stored(&flash, of(Pack::First, None));
                 let erased = LearntPack::of(None).to_words();
                 assert!(
-                    found == Some(words(None, 2950.0)) || found == Some(erased),
+                    found == Some(learnt_words(None, 2950.0)) || found == Some(erased),
                     "{stored_before} stored, operation {after}, seed {seed}: {found:?}"
                 );
                 assert_eq!(
                     stored(&flash, of(Pack::Second, Some(3))),
-                    Some(words(Some(3), 500.0))
+                    Some(learnt_words(Some(3), 500.0))
                 );
             }
             if !was_cut {

@@ -166,7 +166,7 @@ impl Autopilot {
     fn identity(&self, pack: Pack) -> PackIdentity {
         PackIdentity {
             pack,
-            serial_number: PackSettings::from_parameters(&self.parameters, pack).serial_number,
+            serial_number: PackSettings::serial_number(&self.parameters, pack),
         }
     }
 

@@ -124,6 +124,25 @@ impl Offset {
         (self.sigma_100uv > 0).then(|| f32::from(self.sigma_100uv) * 1e-4)
     }
 
+    fn to_word(self) -> u32 {
+        let [mean_low, mean_high] = self.mean_100uv.to_le_bytes();
+        let [sigma_low, sigma_high] = self.sigma_100uv.to_le_bytes();
+        u32::from_le_bytes([mean_low, mean_high, sigma_low, sigma_high])
+    }
+
+    /// `None` if no curve has this offset.
+    fn from_word(word: u32) -> Option<Self> {
+        let [mean_low, mean_high, sigma_low, sigma_high] = word.to_le_bytes();
+        let offset = Self {
+            mean_100uv: i16::from_le_bytes([mean_low, mean_high]),
+            sigma_100uv: i16::from_le_bytes([sigma_low, sigma_high]),
+        };
+        let limit_100uv = HIGHEST_OFFSET_MV * 10;
+        let is_plausible = (-limit_100uv..=limit_100uv).contains(&offset.mean_100uv)
+            && (0..=limit_100uv).contains(&offset.sigma_100uv);
+        is_plausible.then_some(offset)
+    }
+
     /// From volts, limited to what is plausible.
     pub fn from_v(mean_v: f32, sigma_v: f32) -> Self {
         let limit = f32::from(HIGHEST_OFFSET_MV) * 10.0;
@@ -267,18 +286,17 @@ impl LearntPack {
             charge.resting_v.to_bits(),
         ]);
         for (word, offset) in offsets.iter_mut().zip(&self.offsets) {
-            let [mean_low, mean_high] = offset.mean_100uv.to_le_bytes();
-            let [sigma_low, sigma_high] = offset.sigma_100uv.to_le_bytes();
-            *word = u32::from_le_bytes([mean_low, mean_high, sigma_low, sigma_high]);
+            *word = offset.to_word();
         }
         words
     }
 
     /// `None` if no pack has these words.
     pub fn from_words(words: &[u32; LEARNT_WORDS]) -> Option<Self> {
+        let [kind, serial_number, _, _, _, _, _, _, _, offsets @ ..] = words;
         let [
-            kind,
-            serial_number,
+            _,
+            _,
             capacity_mah,
             capacity_sigma,
             now_ohm,
@@ -286,27 +304,9 @@ impl LearntPack {
             share,
             sigma,
             resting_v,
-            offsets @ ..,
-        ] = words;
+            ..,
+        ] = words.map(f32::from_bits);
         let [chemistry, cell_count, drives @ ..] = kind.to_le_bytes();
-        let [
-            capacity_mah,
-            capacity_sigma,
-            now_ohm,
-            first_ohm,
-            share,
-            sigma,
-            resting_v,
-        ] = [
-            capacity_mah,
-            capacity_sigma,
-            now_ohm,
-            first_ohm,
-            share,
-            sigma,
-            resting_v,
-        ]
-        .map(|word| f32::from_bits(*word));
         let is_sigma = |sigma: f32| (0.0..=1.0).contains(&sigma);
         let mut learnt = Self {
             chemistry: Chemistry::from_number(chemistry.into())?,
@@ -330,17 +330,7 @@ impl LearntPack {
                 }),
         };
         for (offset, word) in learnt.offsets.iter_mut().zip(offsets) {
-            let [mean_low, mean_high, sigma_low, sigma_high] = word.to_le_bytes();
-            let read = Offset {
-                mean_100uv: i16::from_le_bytes([mean_low, mean_high]),
-                sigma_100uv: i16::from_le_bytes([sigma_low, sigma_high]),
-            };
-            let limit_100uv = HIGHEST_OFFSET_MV * 10;
-            if (-limit_100uv..=limit_100uv).contains(&read.mean_100uv)
-                && (0..=limit_100uv).contains(&read.sigma_100uv)
-            {
-                *offset = read;
-            }
+            *offset = Offset::from_word(*word).unwrap_or_default();
         }
         Some(learnt)
     }

@@ -90,6 +90,12 @@ const INTERNAL_USE_ONLY: i32 = 1 << 8;
 const SAG_COMPENSATED: i32 = 1;
 
 impl PackSettings {
+    /// The serial number alone, which says whose learnt data a pack has.
+    pub fn serial_number(parameters: &Parameters, pack: Pack) -> Option<i32> {
+        let number = parameters.get_whole(BatteryParameter::SerialNum.of(pack));
+        Some(number).filter(|number| *number >= 0)
+    }
+
     /// From the live parameters of a pack.
     pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
@@ -104,7 +110,7 @@ impl PackSettings {
                 .filter(|count| *count > 0),
             capacity_mah: above_zero(BatteryParameter::Capacity),
             power_limit_w: above_zero(BatteryParameter::WattMax),
-            serial_number: Some(whole(BatteryParameter::SerialNum)).filter(|number| *number >= 0),
+            serial_number: Self::serial_number(parameters, pack),
             reported_voltage: if options & SEND_RESTING_VOLTAGE != 0 {
                 ReportedVoltage::Resting
             } else {

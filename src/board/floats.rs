@@ -41,24 +41,16 @@ pub fn use_rom_floats() {
     DIVIDE.store(float_funcs::fdiv::ptr() as *mut (), Ordering::Relaxed);
 }
 
-/// An operation that goes to `$routine` with finite operands, and to `$compilers` with others.
+/// An operation that goes to `$routine`, or to `$compilers` if the guard jumps to `1f`.
 macro_rules! operation {
-    ($name:ident, $routine:ident, $compilers:ident) => {
+    ($name:ident, $routine:ident, $compilers:ident, $($guard:literal),+) => {
         // SAFETY: the EABI's name and signature. R2 and R3 are the callee's to change; both ways end with a jump to a
         // function of the same signature, which returns to the caller.
         #[unsafe(no_mangle)]
         #[unsafe(naked)]
         extern "C" fn $name(a: f32, b: f32) -> f32 {
             naked_asm!(
-                // Without its sign, what is not finite is not below this.
-                "movs r2, #0xff",
-                "lsls r2, r2, #24",
-                "lsls r3, r0, #1",
-                "cmp r3, r2",
-                "bhs 1f",
-                "lsls r3, r1, #1",
-                "cmp r3, r2",
-                "bhs 1f",
+                $($guard,)+
                 "ldr r3, 2f",
                 "ldr r3, [r3]",
                 "bx r3",
@@ -75,40 +67,47 @@ macro_rules! operation {
     };
 }
 
-operation!(__aeabi_fadd, ADD, __addsf3);
-operation!(__aeabi_fsub, SUBTRACT, __subsf3);
-operation!(__aeabi_fmul, MULTIPLY, __mulsf3);
-
-/// The ROM's division takes the hardware divider, which an interrupt's handler must not take from under it: so handlers, too,
-/// divide by the compiler's routine. Nothing else in the program uses the divider.
-// SAFETY: as the operations above.
-#[unsafe(no_mangle)]
-#[unsafe(naked)]
-extern "C" fn __aeabi_fdiv(a: f32, b: f32) -> f32 {
-    naked_asm!(
-        "mrs r3, ipsr",
-        "cmp r3, #0",
-        "bne 1f",
-        "lsls r3, r0, #1",
-        "lsrs r3, r3, #24",
-        "cmp r3, #0xff",
-        "beq 1f",
-        // The divisor's exponent: neither 0 nor the highest.
-        "lsls r3, r1, #1",
-        "lsrs r3, r3, #24",
-        "beq 1f",
-        "cmp r3, #0xff",
-        "beq 1f",
-        "ldr r3, 2f",
-        "ldr r3, [r3]",
-        "bx r3",
-        "1:",
-        "ldr r3, 3f",
-        "bx r3",
-        ".p2align 2",
-        "2: .word {routine}",
-        "3: .word {compilers}",
-        routine = sym DIVIDE,
-        compilers = sym __divsf3,
-    )
+/// An operation that goes to `$routine` with finite operands.
+macro_rules! operation_of_finite {
+    ($name:ident, $routine:ident, $compilers:ident) => {
+        operation!(
+            $name,
+            $routine,
+            $compilers,
+            // Without its sign, what is not finite is not below this.
+            "movs r2, #0xff",
+            "lsls r2, r2, #24",
+            "lsls r3, r0, #1",
+            "cmp r3, r2",
+            "bhs 1f",
+            "lsls r3, r1, #1",
+            "cmp r3, r2",
+            "bhs 1f"
+        );
+    };
 }
+
+operation_of_finite!(__aeabi_fadd, ADD, __addsf3);
+operation_of_finite!(__aeabi_fsub, SUBTRACT, __subsf3);
+operation_of_finite!(__aeabi_fmul, MULTIPLY, __mulsf3);
+
+// The ROM's division takes the hardware divider, which an interrupt's handler must not take from under it: so handlers, too,
+// divide by the compiler's routine. Nothing else in the program uses the divider.
+operation!(
+    __aeabi_fdiv,
+    DIVIDE,
+    __divsf3,
+    "mrs r3, ipsr",
+    "cmp r3, #0",
+    "bne 1f",
+    "lsls r3, r0, #1",
+    "lsrs r3, r3, #24",
+    "cmp r3, #0xff",
+    "beq 1f",
+    // The divisor's exponent: neither 0 nor the highest.
+    "lsls r3, r1, #1",
+    "lsrs r3, r3, #24",
+    "beq 1f",
+    "cmp r3, #0xff",
+    "beq 1f"
+);

@@ -3,7 +3,6 @@
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::autopilot::PackIdentity;
-use rover_battmon::battery::LEARNT_WORDS;
 use rover_battmon::pack::Pack;
 use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::Storage;
@@ -13,9 +12,8 @@ use crate::bench::{
 };
 use crate::emulator::{FlashCut, LogLevel};
 use crate::support::frames::{PARAM_ERROR, STATUSTEXT, of_message};
+use crate::support::learnt_record::learnt_words;
 use crate::support::requests::{command_long, param_read_by_name, param_set, reboot};
-
-type Words = [u32; LEARNT_WORDS];
 
 const PREFLIGHT_STORAGE: u16 = 245;
 
@@ -31,20 +29,6 @@ pub const FIRST_7: PackIdentity = PackIdentity {
     serial_number: Some(7),
 };
 
-/// Words of a pack of two cells of which this capacity and 20 mOhm a cell were learnt.
-fn words(serial_number: Option<i32>, capacity_mah: f32) -> Words {
-    let [lipo, cells] = [1, 2];
-    let mut words = [0; LEARNT_WORDS];
-    words[0] = u32::from_le_bytes([lipo, cells, 1, 0]);
-    words[1] = serial_number.unwrap_or(-1) as u32;
-    words[2] = capacity_mah.to_bits();
-    words[3] = 0.02_f32.to_bits();
-    words[4] = 0.02_f32.to_bits();
-    words[5] = 0.02_f32.to_bits();
-    words[6] = (-1.0_f32).to_bits();
-    words
-}
-
 /// The flash after these capacities were learnt, one after the other.
 pub fn flash_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Vec<u8> {
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
@@ -52,7 +36,7 @@ pub fn flash_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Vec<
     let mut content = vec![0; LEARNT_BYTES];
     block_on(async {
         for (identity, capacity_mah) in learnt {
-            let value = words(identity.serial_number, capacity_mah);
+            let value = learnt_words(identity.serial_number, capacity_mah);
             let stored = storage.store_replacing(identity.key(), value, &|_| true).await;
             stored.expect("a sound flash");
         }

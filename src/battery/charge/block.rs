@@ -44,6 +44,11 @@ impl Load {
         slow_a: 0.0,
     };
 
+    /// The voltage it takes off a cell with this resistance and slow share, in volts.
+    pub fn sag_v(&self, ohm: f32, slow_share: f32) -> f32 {
+        ohm * (self.current_a + slow_share * self.slow_a)
+    }
+
     /// Charge drawn, in ampere-hours.
     pub fn drawn_ah(&self) -> f32 {
         self.current_a * self.duration_s * HOURS_PER_SECOND

@@ -1,5 +1,6 @@
 //! What is known of a pack's cells: their chemistry, and what was learnt of this pack.
 
+use super::deviation::root_of_squares;
 use crate::battery::Chemistry;
 use crate::battery::chemistry::Cell;
 use crate::battery::curve::POINTS;
@@ -109,7 +110,7 @@ impl CellModel<'_> {
         let typical_v = self.cell.curve_sigma_v;
         let sigma_v = self.interpolate(share, |offset| offset.sigma_v().unwrap_or(typical_v));
         let steep_v = CURVE_SHARE_SIGMA * slope_v;
-        libm::sqrtf(sigma_v * sigma_v + steep_v * steep_v)
+        root_of_squares(sigma_v, steep_v)
     }
 
     /// A property of the offsets between their points; constant beyond the first and last.

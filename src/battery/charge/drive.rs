@@ -2,6 +2,7 @@
 
 use super::block::{Block, HOURS_PER_SECOND, Load};
 use super::cell_model::{Capacity, CellModel};
+use super::deviation::root_of_squares;
 use super::filter::Filter;
 use super::second::Sum;
 use super::start::is_resting;
@@ -97,7 +98,7 @@ impl Drive {
         let Load {
             duration_s,
             current_a,
-            slow_a,
+            ..
         } = block.load;
         let middle_ah = self.drawn_ah + 0.5 * block.load.drawn_ah();
         self.drawn_ah += block.load.drawn_ah();
@@ -111,7 +112,7 @@ impl Drive {
         let (point, weight) = Offset::position(share);
         let nearest = if weight < 0.5 { point } else { point + 1 };
         if let Some(part) = self.parts.get_mut(nearest) {
-            let resting_v = cell_v + ohm * (current_a + model.cell.slow_share * slow_a);
+            let resting_v = cell_v + block.load.sag_v(ohm, model.cell.slow_share);
             part.resting_v.add(duration_s, resting_v);
             part.drawn_ah.add(duration_s, middle_ah);
         }
@@ -261,8 +262,4 @@ fn learn_resistance(before: Option<LearntResistance>, ohm: f32) -> LearntResista
             ..kept
         },
     }
-}
-
-fn root_of_squares(a: f32, b: f32) -> f32 {
-    libm::sqrtf(a * a + b * b)
 }

@@ -1,6 +1,7 @@
 //! The charge of a pack that was kept over a power cycle.
 
 use super::cell_model::{Capacity, CellModel};
+use super::deviation::root_of_squares;
 use super::filter::Filter;
 use crate::battery::learnt::LastCharge;
 
@@ -19,7 +20,7 @@ pub(super) fn last_charge(cell_v: f32, model: &CellModel) -> Option<LastCharge> 
 /// The estimate for a pack that rests at this voltage of a cell, weighing the kept charge against the voltage.
 pub(super) fn remembered(cell_v: f32, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
     let last = last_charge(cell_v, model)?;
-    let sigma = libm::sqrtf(last.sigma * last.sigma + PAUSE_SIGMA * PAUSE_SIGMA);
+    let sigma = root_of_squares(last.sigma, PAUSE_SIGMA);
     let mut filter = Filter::from_share(last.share, sigma, model, capacity);
     filter.rest(cell_v, model);
     Some(filter)

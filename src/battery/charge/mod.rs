@@ -4,6 +4,7 @@
 
 mod block;
 mod cell_model;
+mod deviation;
 mod drive;
 mod filter;
 mod memory;
@@ -401,7 +402,7 @@ impl ChargeEstimator {
         kept.charge = Some(LastCharge {
             share: estimate.share,
             sigma: estimate.sigma,
-            resting_v: cell_v + ohm * (rest.current_a + model.cell.slow_share * rest.slow_a),
+            resting_v: cell_v + rest.sag_v(ohm, model.cell.slow_share),
         });
         // Without what is implausible, as flash would give it back.
         LearntPack::from_words(&kept.to_words())

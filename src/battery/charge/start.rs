@@ -156,7 +156,7 @@ impl Start {
         if let Some(certain) = first.and_then(|first| certain(&first, model, capacity)) {
             return Some(self.drawn_since(certain, capacity));
         }
-        let highest = self.highest(model, capacity)?;
+        let highest = self.highest(first, model, capacity)?;
         if self.averaged_s >= AVERAGING_S {
             return Some(highest);
         }
@@ -183,7 +183,7 @@ impl Start {
     }
 
     /// A load only lowers the voltage: of several estimates the highest counts.
-    fn highest(&self, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
+    fn highest(&self, first: Option<Filter>, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
         let current_a = self.current_a.mean(self.averaged_s)?;
         let load = Load {
             duration_s: self.averaged_s,
@@ -193,9 +193,7 @@ impl Start {
         let drawn = load.drawn_ah() / capacity.ah;
         let mut averaged = Filter::from_voltage(&load, self.cell_v.mean(self.averaged_s)?, model, capacity);
         averaged.draw(0.5 * drawn);
-        let first = self
-            .first(model, capacity)
-            .map(|first| self.drawn_since(first, capacity));
+        let first = first.map(|first| self.drawn_since(first, capacity));
         let others = first.into_iter().chain(self.at_rest);
         Some(others.fold(averaged, |highest, other| {
             if other.share() > highest.share() {

@@ -1,6 +1,8 @@
 //! State of charge of a pack whose current is not measured.
 
+use super::block::HOURS_PER_SECOND;
 use super::cell_model::CellModel;
+use super::deviation::root_of_squares;
 use super::memory::last_charge;
 use crate::battery::ArmState;
 use crate::battery::low_pass::{LowPass, MeanThenLowPass};
@@ -42,8 +44,6 @@ const RISE_SPEEDUP: f32 = 3.0;
 
 /// Uncertainty of the sag, relative to it.
 const SAG_SIGMA: f32 = 0.2;
-
-const HOURS_PER_SECOND: f32 = 1.0 / 3600.0;
 
 /// An estimate that infers the load from the sag below its own resting voltage.
 ///
@@ -154,7 +154,7 @@ impl VoltageOnly {
         let slope_v = model.slope_v(self.share);
         let curve_v = model.curve_sigma_v(self.share, slope_v);
         let sag_v = SAG_SIGMA * self.sag_by_variation_v(model);
-        self.sigma = libm::sqrtf(curve_v * curve_v + sag_v * sag_v) / slope_v;
+        self.sigma = root_of_squares(curve_v, sag_v) / slope_v;
     }
 
     /// The load, in capacities per hour.

@@ -1,5 +1,6 @@
 //! The monitor of one pack: from its measurements to its state, events and failsafe level.
 
+use super::charge::ChargeEstimate;
 use super::charge_reporter::ChargeReporter;
 use super::charge_state::{ChargeStateMachine, Inputs};
 use super::consumption::{Consumption, mean_current_a};
@@ -456,13 +457,20 @@ impl BatteryMonitor {
             .or_else(|| learnt?.health_pct(settings.capacity_mah));
     }
 
+    /// The estimate that is reported, if the charge is estimated here.
+    fn estimated_charge(&self) -> Option<ChargeEstimate> {
+        let is_estimated = self.state.charge_source == ChargeSource::Estimated;
+        let is_charge = self.state.contents == Contents::Charge;
+        self.estimator
+            .charge()
+            .filter(|_| is_estimated && is_charge)
+            .copied()
+    }
+
     /// What the load can still draw.
     fn update_usable(&mut self) {
+        let charge = self.estimated_charge();
         let state = &mut self.state;
-        let charge = match state.charge_source {
-            ChargeSource::Estimated if state.contents == Contents::Charge => self.estimator.charge(),
-            _ => None,
-        };
         state.remaining_sigma_pct = charge.map(|charge| charge.sigma * 100.0);
         state.usable_pct = charge
             .map(|charge| charge.usable_share * 100.0)
@@ -471,8 +479,8 @@ impl BatteryMonitor {
 
     /// How long the load can still be served: once a second, since it takes a division.
     fn update_time_remaining(&mut self, settings: &PackSettings) {
+        let charge = self.estimated_charge();
         let state = &mut self.state;
-        let charge = state.remaining_sigma_pct.and_then(|_| self.estimator.charge());
         state.time_remaining_s = match (state.current_a, charge) {
             (Some(_), Some(charge)) => state
                 .learnt_capacity_mah
