@@ -105,7 +105,7 @@ def test_what_runs_until_it_is_stopped_has_to_stay_and_to_end(tmp_path, monkeypa
 
 
 def test_what_cargo_says_is_not_the_programs_word():
-    built = "   Compiling rover-battmon v0.1.0\n    Finished `dev` profile in 1.0s\n     Running `target/debug/sitl`\n"
+    built = "   Compiling rover-battmon v0.1.0\n    Finished `dev` profile in 1.0s\n     Running `target/debug/rover-battmon-sitl`\n"
     assert not documented.FIRST_LINE.search(built)
     assert not documented.FIRST_LINE.search(built + "   Comp")
     assert documented.FIRST_LINE.search(built + "MAVLink on tcp:127.0.0.1:5760\n")

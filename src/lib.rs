@@ -82,6 +82,7 @@
 //! - Firmware of your own, without the feature `board`: `docs/guides/as-a-dependency.md`.
 //! - Another board: the traits in [`tasks`], which `board` and `sim` implement.
 //! - Whole programs: the firmware `src/main.rs`, the simulator `src/bin/sitl.rs`, and one idea each in `examples/`.
+//! - What a version of it promises: `docs/versions.md`.
 //! - How it all fits together and why: `docs/architecture.md` and `docs/decisions/`.
 #![cfg_attr(target_os = "none", no_std)]
 

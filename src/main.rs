@@ -297,7 +297,7 @@ mod firmware {
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    eprintln!("This is the firmware for the board. Flash and run it with `cargo board`.");
-    eprintln!("Without a board, `cargo run` starts the simulator.");
+    eprintln!("This is the firmware for the board. Flash a release's UF2 file, or type `cargo board` in a clone.");
+    eprintln!("Without a board: the simulator, `rover-battmon-sitl`, or `cargo run` in a clone.");
     std::process::exit(2);
 }

@@ -14,7 +14,7 @@ mod simulator {
 
     /// Simulates the rover and its battery monitor: a full 3S pack, four motors, MAVLink on TCP and UDP.
     #[derive(Parser)]
-    #[command(name = "sitl", version, about)]
+    #[command(name = "rover-battmon-sitl", version, about)]
     struct Arguments {
         /// Where ground stations connect by TCP
         #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:5760")]
