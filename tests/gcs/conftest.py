@@ -1,4 +1,8 @@
-"""Starts the simulator for the tests that talk to it with real ground-station software."""
+"""Starts the simulator for the tests that talk to it with real ground-station software.
+
+With `--board PORT` they talk to the board, or to a simulator that runs already, at that port instead: those tests that
+are marked `board`, each from default parameters. The parameters it had are set again at the end.
+"""
 
 import os
 import pathlib
@@ -13,6 +17,9 @@ import pytest
 
 # pymavlink reads this when it is imported: without it, it would answer in MAVLink 1.
 os.environ["MAVLINK20"] = "1"
+
+# After it: pymavlink reads it.
+import station  # noqa: E402
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 PARAMS = REPOSITORY / "docs" / "params"
@@ -85,13 +92,59 @@ class Simulator:
             self.process.wait()
 
 
+def pytest_addoption(parser):
+    parser.addoption("--board", metavar="PORT", help="a serial port, or tcp:HOST:PORT: what runs there is tested")
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "board: needs nothing that only the simulator has")
+
+
+def pytest_collection_modifyitems(config, items):
+    if config.getoption("--board"):
+        others = [item for item in items if not item.get_closest_marker("board")]
+        config.hook.pytest_deselected(items=others)
+        items[:] = [item for item in items if item.get_closest_marker("board")]
+
+
+class Board:
+    """What runs already and goes on after the test."""
+
+    def __init__(self, url):
+        self.url = url
+        vehicle = station.connect(url)
+        reset = station.command(vehicle, station.mavlink.MAV_CMD_PREFLIGHT_STORAGE, 2)
+        assert reset == station.mavlink.MAV_RESULT_ACCEPTED
+        station.restarted(vehicle, url).close()
+
+    def kill(self):
+        pass
+
+
+@pytest.fixture(scope="session", autouse=True)
+def boards_parameters(pytestconfig):
+    """Sets what was set on the board before the tests."""
+    url = pytestconfig.getoption("--board")
+    if not url:
+        yield
+        return
+    before = station.read_list(station.connect(url))
+    yield
+    vehicle = station.connect(url)
+    # Of a pack that is enabled again, the others become visible first.
+    for name in sorted(before, key=lambda name: not name.endswith("_MONITOR")):
+        station.set_to(vehicle, name, before[name])
+    station.restarted(vehicle, url).close()
+
+
 @pytest.fixture
-def start_simulator():
+def start_simulator(pytestconfig):
     """Starts simulators with the given arguments and ends them after the test."""
     started = []
 
     def start(*arguments):
-        started.append(Simulator(*arguments))
+        board = pytestconfig.getoption("--board")
+        started.append(Board(board, *arguments) if board else Simulator(*arguments))
         return started[-1]
 
     yield start

@@ -13,9 +13,21 @@ RATE_TOLERANCE = 0.15
 
 
 def connect(url):
-    connection = mavutil.mavlink_connection(url, source_system=255)
+    connection = opened(url)
     assert connection.wait_heartbeat(timeout=10) is not None, f"no heartbeat on {url}"
     return connection
+
+
+def opened(url, seconds=10):
+    """The connection. A port over USB is missing while its board restarts."""
+    end = time.monotonic() + seconds
+    while True:
+        try:
+            return mavutil.mavlink_connection(url, source_system=255)
+        except OSError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.2)
 
 
 def receive(connection, names, timeout=3):
@@ -62,6 +74,21 @@ def read(connection, name):
 def set_to(connection, name, value):
     connection.param_set_send(name, value)
     return receive(connection, ["PARAM_VALUE", "PARAM_ERROR"])
+
+
+def read_list(connection):
+    """What is listed: value by name, in the order of the indices."""
+    # pymavlink's own param_fetch_all does nothing when it is called twice within two seconds.
+    connection.mav.param_request_list_send(1, 1)
+    listed = {}
+    first = receive(connection, ["PARAM_VALUE"])
+    listed[first.param_index] = first
+    while len(listed) < first.param_count:
+        message = receive(connection, ["PARAM_VALUE"])
+        assert message.param_index not in listed
+        listed[message.param_index] = message
+    assert sorted(listed) == list(range(first.param_count))
+    return {listed[index].param_id: listed[index].param_value for index in sorted(listed)}
 
 
 def command(connection, number, *parameters):

@@ -112,6 +112,7 @@ def mavproxy(start_mavproxy):
     return start_mavproxy("--streamrate=-1")
 
 
+@pytest.mark.board
 def test_it_downloads_all_parameters(mavproxy, tmp_path):
     assert mavproxy.start_up[1] == mavproxy.ask("param status", r"Have (\d+)/\1 params")[1]
     saved = values_in(tmp_path / "mav.parm")
@@ -119,6 +120,7 @@ def test_it_downloads_all_parameters(mavproxy, tmp_path):
     assert saved["SR0_EXTRA1"] == 2
 
 
+@pytest.mark.board
 def test_it_starts_without_waiting_for_a_file_transfer(start_mavproxy):
     started = time.monotonic()
     start_mavproxy()
@@ -126,6 +128,7 @@ def test_it_starts_without_waiting_for_a_file_transfer(start_mavproxy):
     assert time.monotonic() - started < 11
 
 
+@pytest.mark.board
 def test_it_shows_and_sets_parameters(mavproxy):
     assert mavproxy.show("SR0_EXTRA1") == 2
     mavproxy.type("param set SR0_EXTRA1 6")
@@ -136,6 +139,7 @@ def test_it_shows_and_sets_parameters(mavproxy):
     assert voltage(mavproxy) > 24
 
 
+@pytest.mark.board
 def test_it_says_that_a_value_was_refused(mavproxy):
     for name, value, kept in [("BATT_VOLT_MULT", "1000", 3.95), ("SR0_EXTRA1", "51", 2), ("BATT_MONITOR", "6", 3)]:
         mavproxy.ask(f"param set {name} {value}", rf"Failed to set {name} to {value} \(invalid returned value")
@@ -154,6 +158,7 @@ def test_it_shows_the_battery(mavproxy):
     assert 4.0 < float(cell[1]) < 4.22
 
 
+@pytest.mark.board
 def test_it_loses_nothing(mavproxy):
     time.sleep(3)
     link = mavproxy.ask("link", r"link 1 OK \((\d+) packets, .* (\d+) lost")
@@ -161,6 +166,7 @@ def test_it_loses_nothing(mavproxy):
     assert link[2] == "0"
 
 
+@pytest.mark.board
 def test_its_stream_rate_is_followed_and_not_saved(start_mavproxy):
     mavproxy = start_mavproxy("--streamrate=8")
     assert is_about(mavproxy.rate_of("BATTERY_STATUS"), 8)
@@ -170,6 +176,7 @@ def test_its_stream_rate_is_followed_and_not_saved(start_mavproxy):
     assert mavproxy.show("SR0_EXTRA1") == 2
 
 
+@pytest.mark.board
 def test_it_asks_for_the_version(mavproxy):
     mavproxy.ask("version", r"Got COMMAND_ACK: REQUEST_MESSAGE: ACCEPTED")
     time.sleep(0.5)
@@ -235,6 +242,7 @@ def test_it_loads_a_ready_file(mavproxy, tmp_path):
     assert mavproxy.show("BATT_LOW_VOLT") == 10.5
 
 
+@pytest.mark.board
 def test_it_loads_what_it_has_not_read_by_force_only(mavproxy):
     file = PARAMS / "fuel-level.param"
     mavproxy.ask(f"param load {file}", r"Unknown parameter BATT2_CAPACITY")

@@ -10,7 +10,7 @@ import pytest
 from pymavlink import mavutil
 
 from conftest import failed_start
-from station import command, command_int, connect, is_about, rate_of, read, receive, set_to
+from station import command, command_int, connect, is_about, rate_of, read, read_list, receive, set_to
 
 mavlink = mavutil.mavlink
 
@@ -18,21 +18,6 @@ mavlink = mavutil.mavlink
 @pytest.fixture
 def vehicle(start_simulator):
     return connect(start_simulator().url)
-
-
-def read_list(vehicle):
-    """What is listed: value by name, in the order of the indices."""
-    # pymavlink's own param_fetch_all does nothing when it is called twice within two seconds.
-    vehicle.mav.param_request_list_send(1, 1)
-    listed = {}
-    first = receive(vehicle, ["PARAM_VALUE"])
-    listed[first.param_index] = first
-    while len(listed) < first.param_count:
-        message = receive(vehicle, ["PARAM_VALUE"])
-        assert message.param_index not in listed
-        listed[message.param_index] = message
-    assert sorted(listed) == list(range(first.param_count))
-    return {listed[index].param_id: listed[index].param_value for index in sorted(listed)}
 
 
 def described():
@@ -51,6 +36,7 @@ def visible(packs):
     return {name for name in described() if is_visible(name)}
 
 
+@pytest.mark.board
 def test_list(vehicle):
     values = read_list(vehicle)
     assert values.keys() == visible({1})
@@ -60,6 +46,7 @@ def test_list(vehicle):
         assert read(vehicle, name).param_value == value
 
 
+@pytest.mark.board
 def test_read_by_index_and_unknown_names(vehicle):
     vehicle.mav.param_request_read_send(1, 1, b"", 2)
     message = receive(vehicle, ["PARAM_VALUE"])
@@ -83,6 +70,7 @@ def test_set_and_refuse(vehicle):
         assert receive(vehicle, ["PARAM_VALUE"]).param_value == pytest.approx(7.9)
 
 
+@pytest.mark.board
 def test_a_pack_that_is_enabled_shows_its_parameters(vehicle):
     assert set_to(vehicle, "BATT2_VOLT_MULT", 11).param_index == 65535, "not listed"
     assert set_to(vehicle, "BATT2_MONITOR", 3).param_count == len(visible({1, 2}))
@@ -95,6 +83,7 @@ def test_a_pack_that_is_enabled_shows_its_parameters(vehicle):
     assert set_to(vehicle, "BATT2_MONITOR", 0).param_count == len(visible({1, *range(3, 10)}))
 
 
+@pytest.mark.board
 def test_the_rate_follows_the_parameter(vehicle):
     set_to(vehicle, "SR0_EXTRA1", 10)
     assert is_about(rate_of(vehicle, "BATTERY_STATUS"), 10)
@@ -169,6 +158,7 @@ def test_battery_reset(vehicle):
     assert command(vehicle, reset, 1) == mavlink.MAV_RESULT_DENIED
 
 
+@pytest.mark.board
 def test_unknown_commands_and_file_transfer_are_refused_at_once(vehicle):
     for number in (mavlink.MAV_CMD_GET_HOME_POSITION, 65535):
         assert command(vehicle, number) == mavlink.MAV_RESULT_UNSUPPORTED

@@ -5,6 +5,7 @@ import socket
 import subprocess
 import time
 
+import pytest
 from pymavlink import mavutil
 
 from station import connect, set_to
@@ -33,6 +34,7 @@ def assert_rate(messages, name, seconds, hertz):
     assert abs(len(messages[name]) - seconds * hertz) <= 1, (name, len(messages[name]))
 
 
+@pytest.mark.board
 def test_default_rates_without_loss(start_simulator):
     simulator = start_simulator()
     connection, messages = listen(simulator.url, 10)

@@ -49,6 +49,7 @@ def interval_of(vehicle, message_id):
     return answer.interval_us
 
 
+@pytest.mark.board
 def test_a_set_interval_is_kept_and_reported(vehicle):
     assert interval_of(vehicle, BATTERY_STATUS) == 500_000
     assert command(vehicle, SET_INTERVAL, BATTERY_STATUS, 100_000) == ACCEPTED
@@ -58,6 +59,7 @@ def test_a_set_interval_is_kept_and_reported(vehicle):
     assert is_about(count(messages, "SYS_STATUS") / 4, 2), "the other message keeps its own"
 
 
+@pytest.mark.board
 def test_minus_one_turns_off_and_zero_restores_the_default(vehicle):
     assert command(vehicle, SET_INTERVAL, BATTERY_STATUS, -1) == ACCEPTED
     assert interval_of(vehicle, BATTERY_STATUS) == -1
@@ -70,6 +72,7 @@ def test_minus_one_turns_off_and_zero_restores_the_default(vehicle):
     assert is_about(rate_of(vehicle, "BATTERY_STATUS"), 2)
 
 
+@pytest.mark.board
 @pytest.mark.parametrize("send", [command, command_int])
 def test_bad_intervals_are_denied_and_change_nothing(vehicle, send):
     for interval_us in (-2, 1, math.nan, math.inf, -math.inf):
@@ -79,6 +82,7 @@ def test_bad_intervals_are_denied_and_change_nothing(vehicle, send):
     assert interval_of(vehicle, BATTERY_STATUS) == 500_000
 
 
+@pytest.mark.board
 @pytest.mark.parametrize("send", [command, command_int])
 def test_messages_it_does_not_send_are_unsupported(vehicle, send):
     for message_id in (ATTITUDE, mavlink.MAVLINK_MSG_ID_HOME_POSITION):
@@ -87,6 +91,7 @@ def test_messages_it_does_not_send_are_unsupported(vehicle, send):
     assert interval_of(vehicle, ATTITUDE) == 0, "not available"
 
 
+@pytest.mark.board
 def test_a_ground_station_moves_over_to_battery_status_v2(vehicle):
     """What QGroundControl does."""
     newer = ("UNKNOWN_369", "UNKNOWN_372", "SMART_BATTERY_INFO")
@@ -172,6 +177,7 @@ def test_every_message_can_be_requested(vehicle, send):
     assert count(messages_of(vehicle, 1), "BATTERY_STATUS") == 0, "one answer each"
 
 
+@pytest.mark.board
 def test_versions(vehicle):
     assert command(vehicle, mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 1) == ACCEPTED
     version = receive(vehicle, ["AUTOPILOT_VERSION"])
@@ -193,6 +199,7 @@ def test_versions(vehicle):
     receive(vehicle, ["AUTOPILOT_VERSION"])
 
 
+@pytest.mark.board
 @pytest.mark.parametrize("stream", [mavlink.MAV_DATA_STREAM_ALL, mavlink.MAV_DATA_STREAM_EXTRA1])
 def test_a_data_stream_request_holds_until_the_parameter_is_set(vehicle, stream):
     vehicle.mav.request_data_stream_send(1, 1, stream, 8, 1)
@@ -206,6 +213,7 @@ def test_a_data_stream_request_holds_until_the_parameter_is_set(vehicle, stream)
     assert is_about(rate_of(vehicle, "BATTERY_STATUS"), 4)
 
 
+@pytest.mark.board
 def test_the_streams_of_ardupilot_move_their_messages(vehicle):
     vehicle.mav.request_data_stream_send(1, 1, mavlink.MAV_DATA_STREAM_EXTENDED_STATUS, 8, 1)
     vehicle.mav.request_data_stream_send(1, 1, mavlink.MAV_DATA_STREAM_EXTRA3, 5, 1)
@@ -214,6 +222,7 @@ def test_the_streams_of_ardupilot_move_their_messages(vehicle):
     assert is_about(count(messages, "BATTERY_STATUS") / 4, 5)
 
 
+@pytest.mark.board
 def test_data_streams_are_stopped_and_others_ignored(vehicle):
     vehicle.mav.request_data_stream_send(1, 1, mavlink.MAV_DATA_STREAM_POSITION, 10, 1)
     assert is_about(rate_of(vehicle, "BATTERY_STATUS"), 2)
@@ -226,6 +235,7 @@ def test_data_streams_are_stopped_and_others_ignored(vehicle):
     assert is_about(rate_of(vehicle, "BATTERY_STATUS"), 4)
 
 
+@pytest.mark.board
 def test_ping(vehicle):
     vehicle.mav.ping_send(123_456_789_012, 7, 0, 0)
     answer = receive(vehicle, ["PING"])
@@ -236,6 +246,7 @@ def test_ping(vehicle):
     assert count(messages_of(vehicle, 1), "PING") == 0
 
 
+@pytest.mark.board
 def test_timesync(vehicle):
     times = []
     for sent in (1, 2**62, 123):
