@@ -244,7 +244,8 @@ mod firmware {
             right_rear: (peripherals.PWM_SLICE3, peripherals.PIN_7, peripherals.PIN_6),
             right_front: (peripherals.PWM_SLICE4, peripherals.PIN_9, peripherals.PIN_8),
         });
-        let (indicators, sounder) = board::indicators(peripherals.PIN_2, peripherals.PIN_16);
+        let (indicators, sounder) =
+            board::indicators(peripherals.PIN_2, peripherals.PIO1, peripherals.PIN_16);
 
         let memory = board::retained_memory(last_run.reset_reason);
         start(spawner, DRIVE.name(), drive(motors, indicators, shared));

@@ -231,12 +231,12 @@ impl Board {
 
     /// The level at which the processor or the PWM drives a pin; `None` when neither does.
     pub fn pin_level(&self, pin: usize) -> Option<bool> {
-        driven_level(&self.bus.chip, &self.bus.soc.pwm, pin, self.bus.now)
+        driven_level(&self.bus.chip, &self.bus.soc, pin, self.bus.now)
     }
 
     /// What the PWM makes of a pin; `None` when it does not drive it.
     pub fn pwm_output(&self, pin: usize) -> Option<PwmOutput> {
-        match pin_drive(&self.bus.chip, &self.bus.soc.pwm, pin, self.bus.now) {
+        match pin_drive(&self.bus.chip, &self.bus.soc, pin, self.bus.now) {
             PinDrive::Pwm(output) => Some(output),
             PinDrive::Nothing | PinDrive::Level(_) => None,
         }

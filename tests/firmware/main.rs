@@ -32,6 +32,7 @@ mod external_pack;
 mod faults;
 mod floats;
 mod fuel;
+mod lamps;
 mod learning;
 mod learnt;
 mod link_noise;
