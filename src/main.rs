@@ -175,10 +175,11 @@ mod firmware {
 
     #[embassy_executor::main]
     async fn main(spawner: Spawner) {
+        board::guard_stack();
         let last_run = LastRun::take();
         board::use_rom_floats();
         let peripherals = embassy_rp::init(Default::default());
-        let watchdog = BoardWatchdog::start(peripherals.WATCHDOG);
+        let mut watchdog = BoardWatchdog::start(peripherals.WATCHDOG);
         info!(
             "rover-battmon {}, started by {}",
             env!("CARGO_PKG_VERSION"),
@@ -189,13 +190,13 @@ mod firmware {
         let flash = BoardFlash::new(FLASH.init(board::flash_driver(peripherals.FLASH)));
         let mut storage = Storage::new(flash, board::PARAMETER_RANGE);
         let mut stored = Start::default();
-        let signing_storage = tasks::boot(
+        let boot = tasks::boot(
             &mut storage,
             Storage::new(flash, board::SIGNING_RANGE),
             last_run.quick_resets.parameter_source(),
             &mut stored,
-        )
-        .await;
+        );
+        let signing_storage = watchdog.feed_during(boot).await;
         let shared = share(&stored);
         let wiring = shared.with(|autopilot| autopilot.wiring());
 

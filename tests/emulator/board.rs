@@ -40,6 +40,8 @@ pub struct Board {
     pub(super) log: LogDecoder,
     pub(super) resets: Vec<ResetRecord>,
     pub(super) awake_cycles: u64,
+    /// The cores a debugger has halted, one bit each.
+    pub(super) halted_cores: u32,
     /// The deepest the stack has been.
     pub(super) lowest_stack_pointer: u32,
     /// Where the runs asked for so far end: overshoot by an instruction does not add up.
@@ -67,6 +69,7 @@ impl Board {
             log: LogDecoder::new(firmware.log_table()),
             resets: Vec::new(),
             awake_cycles: 0,
+            halted_cores: 0,
             lowest_stack_pointer: u32::MAX,
             run_end: 0,
             powered: true,

@@ -42,7 +42,7 @@
 //!   taken branches and SIO loads differ from silicon by a cycle. Milliseconds and instruction
 //!   counts are sound, cycle figures are not.
 //! * `clk_sys` is 125 MHz from the first instruction, `clk_peri` the same, `clk_adc` 48 MHz.
-//! * Core 1, USB, SPI0, RTC, SysTick and MPU: their registers read back what was
+//! * Core 1, USB, SPI0, RTC and SysTick: their registers read back what was
 //!   written or zero, and every access is recorded in [`Board::unmodelled`].
 //! * The NMI never comes. A pin's function, the direction of SIO and the pad's output disable decide
 //!   what drives it; the overrides of IO_BANK0 do nothing. UART, SPI, PWM and PIO do not reach the inputs
@@ -96,6 +96,7 @@ mod interrupts;
 mod log;
 mod memory;
 mod memory_map;
+mod mpu;
 mod peripheral;
 mod pin_record;
 mod pins;

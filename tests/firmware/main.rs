@@ -27,6 +27,7 @@ mod boot_loop;
 mod bus_packs;
 mod commands;
 mod crash;
+mod debugger;
 mod examples;
 mod external_pack;
 mod faults;
