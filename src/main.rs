@@ -3,6 +3,8 @@
 
 #[cfg(target_os = "none")]
 mod firmware {
+    use core::pin::pin;
+
     use defmt::{info, warn};
     use defmt_rtt as _;
     use embassy_executor::{SpawnError, SpawnToken, Spawner};
@@ -190,13 +192,14 @@ mod firmware {
         let flash = BoardFlash::new(FLASH.init(board::flash_driver(peripherals.FLASH)));
         let mut storage = Storage::new(flash, board::PARAMETER_RANGE);
         let mut stored = Start::default();
-        let boot = tasks::boot(
-            &mut storage,
-            Storage::new(flash, board::SIGNING_RANGE),
-            last_run.quick_resets.parameter_source(),
-            &mut stored,
-        );
-        let signing_storage = watchdog.feed_during(boot).await;
+        let signing_storage = watchdog
+            .feed_during(pin!(tasks::boot(
+                &mut storage,
+                Storage::new(flash, board::SIGNING_RANGE),
+                last_run.quick_resets.parameter_source(),
+                &mut stored,
+            )))
+            .await;
         let shared = share(&stored);
         let wiring = shared.with(|autopilot| autopilot.wiring());
 
