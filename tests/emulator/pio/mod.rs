@@ -77,6 +77,12 @@ struct Interrupt {
     forced: u32,
 }
 
+impl Interrupt {
+    fn is_used(&self) -> bool {
+        self.enabled | self.forced != 0
+    }
+}
+
 #[derive(Debug)]
 pub struct Pio {
     place: PioPlace,
@@ -356,7 +362,8 @@ impl Peripheral for Pio {
 
     fn interrupt_lines(&self) -> u32 {
         (0..self.interrupts.len()).fold(0, |lines, number| {
-            let is_raised = self.interrupt_status(number) != 0;
+            // Looked at before each instruction that follows an access to a register: mostly nothing is enabled.
+            let is_raised = self.interrupts[number].is_used() && self.interrupt_status(number) != 0;
             lines | u32::from(is_raised) << (self.place.interrupt_line + number as u32)
         })
     }
