@@ -72,7 +72,8 @@ mod firmware {
             right_rear: (peripherals.PWM_SLICE3, peripherals.PIN_7, peripherals.PIN_6),
             right_front: (peripherals.PWM_SLICE4, peripherals.PIN_9, peripherals.PIN_8),
         });
-        let (mut indicators, sounder) = board::indicators(peripherals.PIN_2, peripherals.PIN_16);
+        let (mut indicators, sounder) =
+            board::indicators(peripherals.PIN_2, peripherals.PIO1, peripherals.PIN_16);
         spawner.spawn(buzzer(sounder).expect("it is the only one"));
 
         for (name, drives) in DRIVES {

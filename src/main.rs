@@ -3,6 +3,8 @@
 
 #[cfg(target_os = "none")]
 mod firmware {
+    use core::pin::pin;
+
     use defmt::{info, warn};
     use defmt_rtt as _;
     use embassy_executor::{SpawnError, SpawnToken, Spawner};
@@ -175,10 +177,11 @@ mod firmware {
 
     #[embassy_executor::main]
     async fn main(spawner: Spawner) {
+        board::guard_stack();
         let last_run = LastRun::take();
         board::use_rom_floats();
         let peripherals = embassy_rp::init(Default::default());
-        let watchdog = BoardWatchdog::start(peripherals.WATCHDOG);
+        let mut watchdog = BoardWatchdog::start(peripherals.WATCHDOG);
         info!(
             "rover-battmon {}, started by {}",
             env!("CARGO_PKG_VERSION"),
@@ -189,13 +192,14 @@ mod firmware {
         let flash = BoardFlash::new(FLASH.init(board::flash_driver(peripherals.FLASH)));
         let mut storage = Storage::new(flash, board::PARAMETER_RANGE);
         let mut stored = Start::default();
-        let signing_storage = tasks::boot(
-            &mut storage,
-            Storage::new(flash, board::SIGNING_RANGE),
-            last_run.quick_resets.parameter_source(),
-            &mut stored,
-        )
-        .await;
+        let signing_storage = watchdog
+            .feed_during(pin!(tasks::boot(
+                &mut storage,
+                Storage::new(flash, board::SIGNING_RANGE),
+                last_run.quick_resets.parameter_source(),
+                &mut stored,
+            )))
+            .await;
         let shared = share(&stored);
         let wiring = shared.with(|autopilot| autopilot.wiring());
 
@@ -244,7 +248,8 @@ mod firmware {
             right_rear: (peripherals.PWM_SLICE3, peripherals.PIN_7, peripherals.PIN_6),
             right_front: (peripherals.PWM_SLICE4, peripherals.PIN_9, peripherals.PIN_8),
         });
-        let (indicators, sounder) = board::indicators(peripherals.PIN_2, peripherals.PIN_16);
+        let (indicators, sounder) =
+            board::indicators(peripherals.PIN_2, peripherals.PIO1, peripherals.PIN_16);
 
         let memory = board::retained_memory(last_run.reset_reason);
         start(spawner, DRIVE.name(), drive(motors, indicators, shared));

@@ -2,7 +2,7 @@
 //!
 //! A hang doesn't come here, and neither does a fault that can't be stacked, because the stack ran over: then it is the
 //! watchdog's reset that leaves the motors to roll. A debugger that catches vectors halts before the handler's first
-//! instruction, so the reset at its end takes nothing from a bench; without one, the log is not read.
+//! instruction: then, too.
 #![expect(
     unsafe_code,
     reason = "the vector table finds the handler by its unmangled name, and whoever defines it answers for that"

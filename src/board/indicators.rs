@@ -1,7 +1,7 @@
 //! Lamps and buzzer together.
 
 use embassy_rp::Peri;
-use embassy_rp::peripherals::{PIN_2, PIN_16};
+use embassy_rp::peripherals::{PIN_2, PIN_16, PIO1};
 
 use super::buzzer::{Buzzer, BuzzerSwitch};
 use super::lamps::Lamps;
@@ -14,10 +14,14 @@ pub struct BoardIndicators {
 }
 
 /// Takes lamps and buzzer. The buzzer has to be run to sound.
-pub fn indicators(buzzer: Peri<'static, PIN_2>, lamps: Peri<'static, PIN_16>) -> (BoardIndicators, Buzzer) {
+pub fn indicators(
+    buzzer: Peri<'static, PIN_2>,
+    pio: Peri<'static, PIO1>,
+    lamps: Peri<'static, PIN_16>,
+) -> (BoardIndicators, Buzzer) {
     let (buzzer, switch) = Buzzer::new(buzzer);
     let indicators = BoardIndicators {
-        lamps: Lamps::new(lamps),
+        lamps: Lamps::new(pio, lamps),
         buzzer: switch,
     };
     (indicators, buzzer)

@@ -18,13 +18,14 @@ mod reset;
 mod retained;
 mod running;
 mod spi;
+mod stack_guard;
 mod uart;
 mod usb;
 mod watchdog;
 
-use embassy_rp::peripherals::{DMA_CH0, I2C1, UART0, UART1, USB};
+use embassy_rp::peripherals::{DMA_CH0, I2C1, PIO1, UART0, UART1, USB};
 use embassy_rp::uart::BufferedInterruptHandler;
-use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, usb as rp_usb};
+use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, pio, usb as rp_usb};
 
 pub use adc::AnalogInputs;
 pub use buzzer::Buzzer;
@@ -42,6 +43,7 @@ pub use reset::{ResetReason, restart};
 pub use retained::retained_memory;
 pub use running::name_task;
 pub use spi::{SensorSpi, SpiPeripherals};
+pub use stack_guard::guard_stack;
 pub use uart::{UartReceiver, UartTransmitter, esc_uart, telemetry_uart};
 pub use usb::{UsbDevice, UsbPort, UsbReceiver, UsbTransmitter, usb_port};
 pub use watchdog::BoardWatchdog;
@@ -49,6 +51,7 @@ pub use watchdog::BoardWatchdog;
 bind_interrupts!(struct Irqs {
     DMA_IRQ_0 => dma::InterruptHandler<DMA_CH0>;
     I2C1_IRQ => rp_i2c::InterruptHandler<I2C1>;
+    PIO1_IRQ_0 => pio::InterruptHandler<PIO1>;
     UART0_IRQ => BufferedInterruptHandler<UART0>;
     UART1_IRQ => BufferedInterruptHandler<UART1>;
     USBCTRL_IRQ => rp_usb::InterruptHandler<USB>;

@@ -1,7 +1,9 @@
 //! The chip's watchdog.
 
-use embassy_rp::Peri;
+use embassy_futures::select::{Either, select};
+use embassy_futures::yield_now;
 use embassy_rp::peripherals::WATCHDOG;
+use embassy_rp::{Peri, pac};
 use embassy_time::{Duration, Instant};
 
 use super::{last_run, running};
@@ -11,16 +13,39 @@ use crate::tasks::Watchdog;
 /// that a rover which hangs stands within a second.
 const TIMEOUT: Duration = Duration::from_millis(1000);
 
+/// Ten times of what reading the flash takes with an erase as slow as the chip's datasheet permits.
+const LONGEST_BOOT: Duration = Duration::from_secs(5);
+
 /// The chip's watchdog, running.
 pub struct BoardWatchdog(embassy_rp::watchdog::Watchdog);
 
 impl BoardWatchdog {
-    /// Starts the watchdog. It pauses while a debugger has stopped the processor.
+    /// Starts the watchdog. A debugger does not pause it, and does not stop the time either: while the processor is
+    /// halted, the motors run on (`docs/decisions/0049-debuggers-and-the-watchdog.md`).
     pub fn start(peripheral: Peri<'static, WATCHDOG>) -> Self {
         let mut watchdog = embassy_rp::watchdog::Watchdog::new(peripheral);
-        watchdog.pause_on_debug(true);
+        watchdog.pause_on_debug(false);
+        pac::TIMER.dbgpause().write_value(pac::timer::regs::Dbgpause(0));
         watchdog.start(TIMEOUT);
         Self(watchdog)
+    }
+
+    /// Feeds it each time `boot` yields, which it does between two flash operations; for five seconds at most. A flash
+    /// operation that never ends, and a boot that doesn't, are ended by a reset.
+    pub async fn feed_during<T>(&mut self, boot: impl Future<Output = T>) -> T {
+        match select(boot, self.feed_until(Instant::now() + LONGEST_BOOT)).await {
+            Either::First(booted) => booted,
+            Either::Second(never) => never,
+        }
+    }
+
+    async fn feed_until(&mut self, end: Instant) -> ! {
+        loop {
+            if Instant::now() < end {
+                self.feed();
+            }
+            yield_now().await;
+        }
     }
 }
 

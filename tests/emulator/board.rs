@@ -40,6 +40,8 @@ pub struct Board {
     pub(super) log: LogDecoder,
     pub(super) resets: Vec<ResetRecord>,
     pub(super) awake_cycles: u64,
+    /// The cores a debugger has halted, one bit each.
+    pub(super) halted_cores: u32,
     /// The deepest the stack has been.
     pub(super) lowest_stack_pointer: u32,
     /// Where the runs asked for so far end: overshoot by an instruction does not add up.
@@ -67,6 +69,7 @@ impl Board {
             log: LogDecoder::new(firmware.log_table()),
             resets: Vec::new(),
             awake_cycles: 0,
+            halted_cores: 0,
             lowest_stack_pointer: u32::MAX,
             run_end: 0,
             powered: true,
@@ -231,12 +234,12 @@ impl Board {
 
     /// The level at which the processor or the PWM drives a pin; `None` when neither does.
     pub fn pin_level(&self, pin: usize) -> Option<bool> {
-        driven_level(&self.bus.chip, &self.bus.soc.pwm, pin, self.bus.now)
+        driven_level(&self.bus.chip, &self.bus.soc, pin, self.bus.now)
     }
 
     /// What the PWM makes of a pin; `None` when it does not drive it.
     pub fn pwm_output(&self, pin: usize) -> Option<PwmOutput> {
-        match pin_drive(&self.bus.chip, &self.bus.soc.pwm, pin, self.bus.now) {
+        match pin_drive(&self.bus.chip, &self.bus.soc, pin, self.bus.now) {
             PinDrive::Pwm(output) => Some(output),
             PinDrive::Nothing | PinDrive::Level(_) => None,
         }

@@ -29,6 +29,7 @@ impl SystemBus {
         let loaded = match address >> 28 {
             IOPORT if address < SIO_END => Ok(self.load_sio(address, width)),
             SYSTEM_CONTROL => Ok(self.load_system_control(address, width)),
+            _ if !self.mpu_permits(address, Direction::Read) => Err(BusError),
             _ => self.load(address, width),
         };
         loaded.unwrap_or_else(|BusError| {
@@ -47,11 +48,17 @@ impl SystemBus {
                 self.store_system_control(address, value);
                 Ok(())
             }
+            _ if !self.mpu_permits(address, Direction::Write) => Err(BusError),
             _ => self.store(address, value, width),
         };
         if stored.is_err() {
             self.fail(address, Direction::Write);
         }
+    }
+
+    fn mpu_permits(&self, address: u32, direction: Direction) -> bool {
+        let control = &self.system_control;
+        control.mpu.permits(address, direction, control.active_exception)
     }
 
     fn fail(&mut self, address: u32, direction: Direction) {

@@ -32,6 +32,25 @@ impl Board {
         self.bus.attention = true;
     }
 
+    /// A debugger halts cores (one bit each), or lets them go on. A reset of the chip ends it.
+    pub fn halt_cores(&mut self, cores: u32) {
+        let now = self.bus.now;
+        self.halted_cores = cores;
+        self.bus.soc.timer.set_halted_cores(cores, now);
+        self.bus.soc.watchdog.set_halted_cores(cores, now);
+        self.bus.attention = true;
+    }
+
+    /// A probe that reads the log in blocking mode, as it sets it up, has its cable pulled: nothing reads any more.
+    pub fn pull_probe_cable(&mut self) {
+        self.bus.rtt.pull_cable(&mut self.bus.memory);
+    }
+
+    /// Have nothing between the registers of XIP_SSI and RAM, which the datasheet leaves open, answer without a bus error.
+    pub fn answer_below_ram(&mut self) {
+        self.bus.answers_below_ram = true;
+    }
+
     /// Overwrite a core register, the stack pointer for example; numbers as in
     /// [`Board::register`].
     pub fn set_register(&mut self, number: usize, value: u32) {

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use super::board::Board;
 use super::bus::SystemBus;
 use super::clock::Cycle;
-use super::pins::{PinDrive, pin_drive};
+use super::pins::{PinDrive, level_drive, pin_drive, pio_of};
+use super::pio::Pio;
 use super::pwm::PwmOutput;
 
 /// A pin has another level from this moment on.
@@ -67,8 +68,14 @@ impl SystemBus {
     pub(super) fn observe_pins(&mut self) {
         self.observe_i2c_lines();
         self.observe_inputs();
+        let pio_changes = self.soc.pios.each_mut().map(Pio::take_changes);
         for (&pin, record) in &mut self.pin_recorder.records {
-            record.note(pin_drive(&self.chip, &self.soc.pwm, pin, self.now), self.now);
+            if let Some(number) = pio_of(&self.chip, pin) {
+                for &(at, outputs) in &pio_changes[number] {
+                    record.note(level_drive(outputs.level(pin)), at);
+                }
+            }
+            record.note(pin_drive(&self.chip, &self.soc, pin, self.now), self.now);
         }
     }
 }
@@ -76,7 +83,7 @@ impl SystemBus {
 impl Board {
     /// Record what happens at a pin from now on.
     pub fn record_pin(&mut self, pin: usize) {
-        let drive = pin_drive(&self.bus.chip, &self.bus.soc.pwm, pin, self.bus.now);
+        let drive = pin_drive(&self.bus.chip, &self.bus.soc, pin, self.bus.now);
         let record = PinRecord::starting_with(drive);
         self.bus.pin_recorder.records.insert(pin, record);
     }

@@ -7,8 +7,9 @@ use super::clock::Cycle;
 use super::gpio::{BusLevels, PINS, PadState};
 use super::i2c::Levels;
 use super::peripheral::Peripheral;
-use super::pwm::{Pwm, PwmOutput};
+use super::pwm::PwmOutput;
 use super::register::bit;
+use super::soc::Soc;
 use super::spi::SpiConnection;
 use super::uart::PinConnection;
 
@@ -18,6 +19,8 @@ const FUNCTION_UART: u32 = 2;
 const FUNCTION_I2C: u32 = 3;
 const FUNCTION_PWM: u32 = 4;
 const FUNCTION_SIO: u32 = 5;
+const FUNCTION_PIO0: u32 = 6;
+const FUNCTION_PIO1: u32 = 7;
 /// PADS_BANK0: pull-up, input enable, output disable (datasheet 2.19.6.3).
 const PAD_PULL_UP: u32 = 3;
 const PAD_INPUT_ENABLE: u32 = 6;
@@ -169,40 +172,58 @@ fn pins_that(condition: impl Fn(usize) -> bool) -> u32 {
 pub enum PinDrive {
     /// Nothing in the chip: it is what is connected to it that decides.
     Nothing,
-    /// The processor, through SIO.
+    /// The processor through SIO, or a PIO block.
     Level(bool),
     Pwm(PwmOutput),
 }
 
 /// What drives a pin as the pin multiplexer and the pad are set.
-pub fn pin_drive(chip: &CrateBus, pwm: &Pwm, pin: usize, now: Cycle) -> PinDrive {
+pub fn pin_drive(chip: &CrateBus, soc: &Soc, pin: usize, now: Cycle) -> PinDrive {
     let is_output = bit(chip.sio.gpio_oe_masked(), pin as u32);
     match chip.io_bank0.funcsel(pin) {
         _ if bit(chip.pads_bank0.pads[pin], PAD_OUTPUT_DISABLE) => PinDrive::Nothing,
-        FUNCTION_PWM => PinDrive::Pwm(pwm.output(pin, now)),
+        FUNCTION_PWM => PinDrive::Pwm(soc.pwm.output(pin, now)),
         FUNCTION_SIO if is_output => PinDrive::Level(bit(chip.sio.gpio_out_masked(), pin as u32)),
+        FUNCTION_PIO0 => level_drive(soc.pios[0].level(pin)),
+        FUNCTION_PIO1 => level_drive(soc.pios[1].level(pin)),
         _ => PinDrive::Nothing,
     }
 }
 
+/// What drives a pin that may be driven to a level.
+pub fn level_drive(level: Option<bool>) -> PinDrive {
+    level.map_or(PinDrive::Nothing, PinDrive::Level)
+}
+
+/// The PIO block to which a pin leads.
+pub fn pio_of(chip: &CrateBus, pin: usize) -> Option<usize> {
+    match chip.io_bank0.funcsel(pin) {
+        _ if bit(chip.pads_bank0.pads[pin], PAD_OUTPUT_DISABLE) => None,
+        FUNCTION_PIO0 => Some(0),
+        FUNCTION_PIO1 => Some(1),
+        _ => None,
+    }
+}
+
 /// The level a pin is driven to at a moment; `None` when nothing in the chip drives it.
-pub fn driven_level(chip: &CrateBus, pwm: &Pwm, pin: usize, now: Cycle) -> Option<bool> {
-    match pin_drive(chip, pwm, pin, now) {
+pub fn driven_level(chip: &CrateBus, soc: &Soc, pin: usize, now: Cycle) -> Option<bool> {
+    match pin_drive(chip, soc, pin, now) {
         PinDrive::Nothing => None,
         PinDrive::Level(level) => Some(level),
-        PinDrive::Pwm(_) => Some(pwm.level(pin, now)),
+        PinDrive::Pwm(_) => Some(soc.pwm.level(pin, now)),
     }
 }
 
 impl SystemBus {
     /// To be called whenever a pin may have changed: the processor can move the lines of an I2C bus.
     pub(super) fn observe_i2c_lines(&mut self) {
-        for (i2c, pins) in self.soc.i2cs.iter_mut().zip(self.i2c_pins) {
-            let level = |pin| driven_level(&self.chip, &self.soc.pwm, pin, self.now).unwrap_or(true);
-            i2c.drive_by_hand(Levels {
-                scl: level(pins.scl),
-                sda: level(pins.sda),
-            });
+        let level = |pin| driven_level(&self.chip, &self.soc, pin, self.now).unwrap_or(true);
+        let lines = self.i2c_pins.map(|pins| Levels {
+            scl: level(pins.scl),
+            sda: level(pins.sda),
+        });
+        for (i2c, levels) in self.soc.i2cs.iter_mut().zip(lines) {
+            i2c.drive_by_hand(levels);
         }
     }
 
@@ -220,6 +241,11 @@ impl SystemBus {
             .observe_selects(driven & !pads.driven_high, self.now);
         let bus = self.i2c_lines();
         self.soc.gpio.set_pads(pads, bus);
+        let levels = self.soc.gpio.levels();
+        self.soc
+            .pios
+            .iter_mut()
+            .for_each(|pio| pio.set_inputs(levels, self.now));
     }
 
     fn i2c_lines(&self) -> BusLevels {

@@ -91,6 +91,9 @@ impl Board {
             time_us: micros(self.bus.now),
             cause,
         });
+        if cause != ResetCause::ProcessorOnly {
+            self.halt_cores(0);
+        }
         self.reset_hardware(cause);
         self.boot();
     }

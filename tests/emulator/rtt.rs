@@ -12,12 +12,18 @@ const BUFFER: u32 = 28;
 const SIZE: u32 = 32;
 const WRITE_OFFSET: u32 = 36;
 const READ_OFFSET: u32 = 40;
+const FLAGS: u32 = 44;
+
+/// "Block if FIFO full", which a host that reads sets.
+const BLOCKING: u32 = 2;
 
 #[derive(Default)]
 pub struct RttWatch {
     control_block: Option<u32>,
     /// The firmware has moved the write offset and the bytes were not taken yet.
     pub written: bool,
+    /// Nothing reads any more.
+    cable_is_pulled: bool,
     /// The firmware has initialised the channel since the last reset.
     channel_known: bool,
 }
@@ -27,6 +33,14 @@ impl RttWatch {
         Self {
             control_block,
             ..Self::default()
+        }
+    }
+
+    /// The probe has set up blocking mode, and reads no more.
+    pub fn pull_cable(&mut self, memory: &mut Memory) {
+        self.cable_is_pulled = true;
+        if let Some(control_block) = self.control_block {
+            memory.store(control_block + FLAGS, BLOCKING, Width::Word);
         }
     }
 
@@ -46,7 +60,7 @@ impl RttWatch {
     /// Take the bytes between the read and the write offset, and move the read offset.
     pub fn take(&mut self, memory: &mut Memory) -> Vec<u8> {
         self.written = false;
-        let Some(control_block) = self.control_block else {
+        let Some(control_block) = self.control_block.filter(|_| !self.cable_is_pulled) else {
             return Vec::new();
         };
         let word = |offset| memory.load(control_block + offset, Width::Word).unwrap_or(0);

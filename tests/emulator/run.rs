@@ -4,6 +4,7 @@
 use super::board::{Board, STACK_POINTER};
 use super::boot_rom;
 use super::clock::{Cycle, cycles};
+use super::register::bit;
 
 const PROGRAM_COUNTER: usize = 15;
 
@@ -72,7 +73,9 @@ impl Board {
         }
         let start = self.bus.now;
         let event = self.bus.next_event();
-        if self.cpu.waits_for_flash(&self.bus) {
+        if bit(self.halted_cores, 0) {
+            self.bus.now = event.min(end).max(start + 1);
+        } else if self.cpu.waits_for_flash(&self.bus) {
             self.bus.now = event.min(awake_end).max(start + 1);
             self.awake_cycles += self.bus.now - start;
         } else if self.cpu.is_running() {

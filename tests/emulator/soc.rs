@@ -8,6 +8,7 @@ use super::gpio::Gpio;
 use super::i2c::{I2c, I2cPlace};
 use super::memory_map::{BLOCKS, Model};
 use super::peripheral::Peripheral;
+use super::pio::{Pio, PioPlace};
 use super::power_state::PowerState;
 use super::pwm::Pwm;
 use super::register::{RegisterWrite, bit};
@@ -36,6 +37,8 @@ pub enum Id {
     Dma,
     XipControl,
     Ssi,
+    Pio0,
+    Pio1,
 }
 
 /// Interrupt lines from datasheet 2.3.2, DMA requests from 2.5.3.1.
@@ -68,6 +71,16 @@ const SPI1_PLACE: SpiPlace = SpiPlace {
     dma_request_tx: 18,
     dma_request_rx: 19,
 };
+const PIO_PLACES: [PioPlace; 2] = [
+    PioPlace {
+        interrupt_line: 7,
+        dma_request: 0,
+    },
+    PioPlace {
+        interrupt_line: 9,
+        dma_request: 8,
+    },
+];
 
 pub struct Soc {
     pub power_state: PowerState,
@@ -83,6 +96,7 @@ pub struct Soc {
     pub dma: Dma,
     pub xip_control: XipControl,
     pub ssi: Ssi,
+    pub pios: [Pio; 2],
 }
 
 impl Soc {
@@ -101,12 +115,14 @@ impl Soc {
             dma: Dma::new(),
             xip_control: XipControl::default(),
             ssi: Ssi::default(),
+            pios: PIO_PLACES.map(Pio::new),
         }
     }
 
-    fn all(&self) -> [&dyn Peripheral; 15] {
+    fn all(&self) -> [&dyn Peripheral; 17] {
         let [uart0, uart1] = &self.uarts;
         let [i2c0, i2c1] = &self.i2cs;
+        let [pio0, pio1] = &self.pios;
         [
             &self.power_state,
             &self.gpio,
@@ -123,12 +139,15 @@ impl Soc {
             &self.dma,
             &self.xip_control,
             &self.ssi,
+            pio0,
+            pio1,
         ]
     }
 
-    fn all_mut(&mut self) -> [&mut dyn Peripheral; 15] {
+    fn all_mut(&mut self) -> [&mut dyn Peripheral; 17] {
         let [uart0, uart1] = &mut self.uarts;
         let [i2c0, i2c1] = &mut self.i2cs;
+        let [pio0, pio1] = &mut self.pios;
         [
             &mut self.power_state,
             &mut self.gpio,
@@ -145,6 +164,8 @@ impl Soc {
             &mut self.dma,
             &mut self.xip_control,
             &mut self.ssi,
+            pio0,
+            pio1,
         ]
     }
 
@@ -165,6 +186,8 @@ impl Soc {
             Id::Dma => &mut self.dma,
             Id::XipControl => &mut self.xip_control,
             Id::Ssi => &mut self.ssi,
+            Id::Pio0 => &mut self.pios[0],
+            Id::Pio1 => &mut self.pios[1],
         }
     }
 

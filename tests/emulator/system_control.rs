@@ -1,11 +1,12 @@
 //! The processor's own registers at 0xe0000000: NVIC and System Control Block (datasheet 2.4.8).
 //!
 //! The crate `rp2040-emu` keeps them; what it gets wrong is put right here: the six software
-//! interrupts 26 to 31 (2.3.2), ICSR.VECTACTIVE and AIRCR.SYSRESETREQ. SysTick, the MPU and
+//! interrupts 26 to 31 (2.3.2), ICSR.VECTACTIVE and AIRCR.SYSRESETREQ. The MPU is ours. SysTick and
 //! SCR.SEVONPEND are not modelled: accesses to them are recorded.
 
 use super::access_log::Direction;
 use super::bus::{SystemBus, Width, lane};
+use super::mpu::{self, Mpu};
 
 const NVIC_ISER: u32 = 0xe000_e100;
 const NVIC_ICER: u32 = 0xe000_e180;
@@ -30,6 +31,7 @@ pub struct SystemControl {
     pub reset_requested: bool,
     /// IPSR: the exception being handled, 0 in thread mode.
     pub active_exception: u32,
+    pub mpu: Mpu,
 }
 
 impl SystemBus {
@@ -37,6 +39,7 @@ impl SystemBus {
         let register = address & !3;
         let word = match register {
             ICSR => self.chip.read32(register) | self.system_control.active_exception,
+            mpu::TYPE..=mpu::RASR => self.system_control.mpu.read(register),
             NVIC_ISER
             | NVIC_ICER
             | NVIC_ISPR
@@ -65,6 +68,7 @@ impl SystemBus {
             NVIC_ISPR => nvic.pending |= value,
             NVIC_ICPR => nvic.pending &= !value,
             AIRCR => self.request_reset(value),
+            mpu::TYPE..=mpu::RASR => self.system_control.mpu.write(address, value),
             NVIC_IPR0..=NVIC_IPR7 | ICSR | VTOR | SHPR2 | SHPR3 => self.chip.write32(address, value),
             _ => {
                 self.note_unmodelled("PPB", address, Direction::Write);

@@ -15,6 +15,8 @@ const TIMERAWH: u32 = 0x24;
 const TIMERAWL: u32 = 0x28;
 const DBGPAUSE: u32 = 0x2c;
 const PAUSE: u32 = 0x30;
+/// The bit for core 0, before that for core 1.
+const DBGPAUSE_DBG0: u32 = 1;
 const INTR: u32 = 0x34;
 const INTE: u32 = 0x38;
 const INTF: u32 = 0x3c;
@@ -40,6 +42,8 @@ pub struct Timer {
     due: [Option<u64>; ALARMS],
     paused: bool,
     dbgpause: u32,
+    /// The cores a debugger has halted, one bit each.
+    halted_cores: u32,
     intr: u32,
     inte: u32,
     intf: u32,
@@ -73,8 +77,15 @@ impl Timer {
         }
     }
 
+    /// A debugger halts cores, or lets them go on.
+    pub fn set_halted_cores(&mut self, cores: u32, now: Cycle) {
+        self.rebase(now);
+        self.halted_cores = cores;
+    }
+
     fn running_tick(&self) -> Option<Tick> {
-        self.tick.filter(|_| !self.paused)
+        let is_paused = self.paused || self.dbgpause >> DBGPAUSE_DBG0 & self.halted_cores != 0;
+        self.tick.filter(|_| !is_paused)
     }
 
     fn rebase(&mut self, now: Cycle) {
@@ -143,7 +154,10 @@ impl Peripheral for Timer {
                     }
                 }
             }
-            DBGPAUSE => write.update(&mut self.dbgpause, 0b110),
+            DBGPAUSE => {
+                self.rebase(now);
+                write.update(&mut self.dbgpause, 0b110);
+            }
             PAUSE => {
                 self.rebase(now);
                 self.paused = bit(write.applied_to(u32::from(self.paused)), 0);
@@ -160,6 +174,7 @@ impl Peripheral for Timer {
             tick: self.tick,
             base_cycle: now,
             dbgpause: 0b110,
+            halted_cores: self.halted_cores,
             ..Self::default()
         };
     }
@@ -289,6 +304,21 @@ mod tests {
         assert_eq!(timer.count(cycles(100)), 10);
         write(&mut timer, PAUSE, 0, cycles(100));
         assert_eq!(timer.count(cycles(101)), 11);
+    }
+
+    #[test]
+    fn a_halted_core_pauses_it_unless_that_is_switched_off() {
+        for (core, its_bit) in [(0, 0b010), (1, 0b100)] {
+            let mut timer = running();
+            timer.reset(0);
+            assert_eq!(timer.read(DBGPAUSE, 0), 0b110, "4.6.5");
+            timer.set_halted_cores(1 << core, cycles(10));
+            assert_eq!(timer.count(cycles(100)), 10, "core {core}");
+            write(&mut timer, DBGPAUSE, 0b110 & !its_bit, cycles(100));
+            assert_eq!(timer.count(cycles(101)), 11, "core {core}");
+            timer.set_halted_cores(0b11 & !(1 << core), cycles(101));
+            assert_eq!(timer.count(cycles(200)), 11, "the other one");
+        }
     }
 
     #[test]

@@ -13,6 +13,8 @@ const SCRATCH7: u32 = 0x28;
 const TICK: u32 = 0x2c;
 
 const CTRL_PAUSE_MASK: u32 = 0b111 << 24;
+/// The bit for core 0, before that for core 1.
+const CTRL_PAUSE_DBG0: u32 = 25;
 const CTRL_ENABLE: u32 = 30;
 const CTRL_TRIGGER: u32 = 31;
 const COUNT_MASK: u32 = 0x00ff_ffff;
@@ -34,6 +36,8 @@ pub enum WatchdogReset {
 
 pub struct Watchdog {
     ctrl: u32,
+    /// The cores a debugger has halted, one bit each.
+    halted_cores: u32,
     /// The counter had `base_count` at `base_cycle`.
     base_cycle: Cycle,
     base_count: u32,
@@ -49,6 +53,7 @@ impl Watchdog {
     pub fn new() -> Self {
         Self {
             ctrl: CTRL_PAUSE_MASK,
+            halted_cores: 0,
             base_cycle: 0,
             base_count: 0,
             reason: 0,
@@ -78,6 +83,7 @@ impl Watchdog {
     pub fn forget(&mut self, now: Cycle) {
         *self = Self {
             base_cycle: now,
+            halted_cores: self.halted_cores,
             smallest_slack: self.smallest_slack,
             feeds: self.feeds,
             ..Self::new()
@@ -86,6 +92,17 @@ impl Watchdog {
 
     pub fn is_enabled(&self) -> bool {
         bit(self.ctrl, CTRL_ENABLE)
+    }
+
+    /// Enabled, and not paused by a debugger.
+    fn is_counting(&self) -> bool {
+        self.is_enabled() && self.ctrl >> CTRL_PAUSE_DBG0 & self.halted_cores & 0b11 == 0
+    }
+
+    /// A debugger halts cores, or lets them go on.
+    pub fn set_halted_cores(&mut self, cores: u32, now: Cycle) {
+        self.set_count(self.count(now), now);
+        self.halted_cores = cores;
     }
 
     /// How close the countdown came to zero before it was fed, at its closest, in microseconds.
@@ -99,7 +116,7 @@ impl Watchdog {
     }
 
     fn count(&self, now: Cycle) -> u32 {
-        let running_tick = self.tick().filter(|_| self.is_enabled());
+        let running_tick = self.tick().filter(|_| self.is_counting());
         let ticks = running_tick.map_or(0, |tick| tick.count_in(now - self.base_cycle));
         let counts = ticks.saturating_mul(u64::from(COUNTS_PER_TICK));
         self.base_count
@@ -113,7 +130,7 @@ impl Watchdog {
 
     /// A count of zero at the moment of enabling is noticed by the next tick.
     fn deadline(&self) -> Cycle {
-        let Some(tick) = self.tick().filter(|_| self.is_enabled()) else {
+        let Some(tick) = self.tick().filter(|_| self.is_counting()) else {
             return NEVER;
         };
         let ticks = self.base_count.div_ceil(COUNTS_PER_TICK).max(1);
@@ -248,6 +265,20 @@ mod tests {
         write(&mut watchdog, CTRL, 0, cycles(500));
         assert_eq!(watchdog.read(CTRL, cycles(9000)) & COUNT_MASK, 1000);
         assert_eq!(watchdog.next_event(), NEVER);
+    }
+
+    #[test]
+    fn a_halted_core_pauses_it_when_it_is_to() {
+        for (core, its_bit) in [(0, 1 << 25), (1, 1 << 26)] {
+            let mut watchdog = started(2000);
+            assert_eq!(Watchdog::new().read(CTRL, 0), 0b111 << 24, "4.7.6");
+            watchdog.set_halted_cores(1 << core, cycles(500));
+            assert_eq!(watchdog.next_event(), cycles(1000), "no pause, core {core}");
+            write(&mut watchdog, CTRL, 1 << CTRL_ENABLE | its_bit, cycles(500));
+            assert_eq!(watchdog.next_event(), NEVER, "core {core}");
+            watchdog.set_halted_cores(0, cycles(700));
+            assert_eq!(watchdog.next_event(), cycles(1200), "core {core}");
+        }
     }
 
     #[test]

@@ -1,7 +1,13 @@
 //! The start, and the log.
 
-use crate::bench::{Bench, SECOND};
-use crate::emulator::LogLevel;
+use embassy_futures::block_on;
+use embedded_storage_async::nor_flash::ReadNorFlash;
+use rover_battmon::sim::SimulatedFlash;
+use rover_battmon::storage::Storage;
+
+use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, SIGNING_OFFSET};
+use crate::emulator::{FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
+use crate::signing_key::{flash_with, words_of_key};
 
 #[test]
 fn the_banner_names_version_and_reset_reason() {
@@ -82,4 +88,67 @@ fn only_usb_is_used_of_what_the_emulator_does_not_model() {
     bench.run_for(3 * SECOND);
     let unmodelled: Vec<_> = bench.unmodelled().keys().copied().collect();
     assert_eq!(unmodelled, USB_BLOCKS);
+}
+
+const RECORDS_OF_A_SECTOR: usize = 338;
+
+/// Parameters with as many records as a sector takes, all of the same one.
+fn full_parameters() -> Vec<u8> {
+    const SR0_PARAMS: u16 = 4;
+    let mut flash = SimulatedFlash::open(None).expect("it needs no file");
+    let mut storage = Storage::new(flash.clone(), SimulatedFlash::PARAMETERS);
+    let mut content = vec![0; PARAMETER_BYTES];
+    block_on(async {
+        for number in 0..RECORDS_OF_A_SECTOR {
+            let value = 3.0 + (number % 40) as f32;
+            let stored = storage.store(SR0_PARAMS, value.to_bits()).await;
+            stored.expect("a sound flash");
+        }
+        let read = flash.read(SimulatedFlash::PARAMETERS.start, &mut content).await;
+        read.expect("a sound flash");
+    });
+    content
+}
+
+/// Signing's sectors, the first outdated and the second full: the time that each start writes has to move back.
+fn full_signing() -> Vec<u8> {
+    const MARK: u16 = 0x121;
+    let words = words_of_key();
+    let moved = words.iter().filter(|(key, _)| *key != MARK).count();
+    let marks = 2 * RECORDS_OF_A_SECTOR - words.len() - moved;
+    flash_with(
+        words
+            .into_iter()
+            .chain((1..=marks as u32).map(|time| (MARK, time))),
+    )
+}
+
+/// With both sectors full, the first start erases one, at the slowest that the flash chip's datasheet permits.
+#[test]
+fn the_slowest_flash_takes_less_than_half_of_the_watchdogs_second_at_the_start() {
+    let mut bench = Bench::power_up_with_parameters(DIVIDER_CODE, &full_parameters());
+    bench.write_flash(SIGNING_OFFSET, &full_signing());
+    bench.flash_timing(FlashTiming::MAXIMUM);
+    bench.run_for(3 * SECOND);
+    let is_erase = |operation: &&FlashOperation| operation.kind == FlashOperationKind::SectorErase;
+    let erased = bench.flash_operations().iter().find(is_erase);
+    let erased = erased.expect("the time moves to the other sector");
+    assert!(erased.time_us < SECOND / 2, "at the start");
+    assert!(bench.resets().is_empty(), "{:?}", bench.resets());
+    let slack_us = bench.smallest_watchdog_slack_us().expect("it was fed");
+    println!(
+        "{} ms of its second used at most, erase from {} us",
+        (SECOND - slack_us) / MILLISECOND,
+        erased.time_us
+    );
+    assert!(slack_us > SECOND / 2, "{slack_us} us");
+}
+
+/// What keeps the program in one place with interrupts off, as a flash chip that stays busy does.
+#[test]
+fn a_start_that_hangs_is_reset() {
+    let mut bench = Bench::power_up(DIVIDER_CODE);
+    assert!(bench.run_until(SECOND, |board| board.watchdog_is_enabled()));
+    bench.hang_program();
+    assert!(bench.run_until(SECOND + 50 * MILLISECOND, |board| !board.resets().is_empty()));
 }

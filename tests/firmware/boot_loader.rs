@@ -2,7 +2,8 @@
 
 use crate::bench::{Bench, SECOND, value_of};
 use crate::emulator::{BootLoader, LogLevel, PwmOutput, ResetCause};
-use crate::motors::{BUZZER, LAMPS, decode};
+use crate::lamps::{LAMPS, decode};
+use crate::motors::BUZZER;
 use crate::rover::{GOOD_3S, is_coasting};
 use crate::signing::station;
 use crate::signing_key::protected;

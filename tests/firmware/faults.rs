@@ -173,9 +173,8 @@ fn a_healthy_firmware_feeds_the_watchdog_long_before_its_time() {
     assert!(slack_us > 850 * MILLISECOND, "{slack_us} us");
 }
 
-#[test]
-fn a_stack_overflow_harms_no_data_and_ends_in_a_reset() {
-    let mut bench = Bench::power_up(2482);
+/// Uses up the stack, so that the next interrupt's frame no longer fits.
+fn overflow_the_stack(bench: &mut Bench) {
     bench.run_until_time(BETWEEN_TICKS_US);
     let stack = bench.symbol("_stack_end")..bench.symbol("_stack_start");
     assert!(
@@ -188,24 +187,35 @@ fn a_stack_overflow_harms_no_data_and_ends_in_a_reset() {
             bench.read_memory(section.start, section.len())
         })
     };
-
-    // The stack is used up: the next interrupt's frame no longer fits.
-    let before = contents(&bench);
+    let before = contents(bench);
     bench.set_register(STACK_POINTER, stack.start + 8);
     assert!(
         bench.run_until(SECOND, |board| board.is_locked_up()),
         "{:x?}",
         bench.bus_errors()
     );
-    assert!(contents(&bench) == before, "data changed");
+    assert!(contents(bench) == before, "data changed");
 
     assert!(bench.run_until(1_050 * MILLISECOND, |board| !board.resets().is_empty()));
     let [.., uninit_before] = before;
-    let [.., uninit_after] = contents(&bench);
+    let [.., uninit_after] = contents(bench);
     assert!(uninit_after == uninit_before, ".uninit did not survive the reset");
     bench.run_for(SECOND);
     assert_eq!(
         bench.logged(LogLevel::Info, "started by WatchdogTimeout").len(),
         1
     );
+}
+
+#[test]
+fn a_stack_overflow_harms_no_data_and_ends_in_a_reset() {
+    overflow_the_stack(&mut Bench::power_up(2482));
+}
+
+/// The datasheet does not say what answers below RAM.
+#[test]
+fn a_stack_overflow_ends_so_without_a_bus_error_below_ram_too() {
+    let mut bench = Bench::power_up(2482);
+    bench.answer_below_ram();
+    overflow_the_stack(&mut bench);
 }

@@ -5,11 +5,11 @@ use std::sync::OnceLock;
 use crate::bench::{CYCLES_PER_US, MILLISECOND, SECOND};
 use crate::elf::{Artifact, build};
 use crate::emulator::{Board, Firmware};
+use crate::lamps::{LAMPS, decode, lengths};
 use crate::motor_poles::{LEFT, Motor, RIGHT, motors};
 use crate::wheels::pins;
 
 pub const BUZZER: usize = 2;
-pub const LAMPS: usize = 16;
 
 const PWM_PERIOD_US: u64 = 2 * MILLISECOND;
 const NS_PER_CYCLE: u64 = 8;
@@ -163,36 +163,6 @@ fn a_panic_lets_the_motors_coast_at_once() {
     assert!(board.bus_errors().is_empty());
 }
 
-/// The lamps' bytes from the edges at their wire, held against the WS2812's times: high for 0.35 µs (0) or 0.7 µs (1),
-/// each ±0.15 µs, 1.25 µs ±0.6 µs a bit, and less than 50 µs low before the next lamp.
-pub fn decode(edges: &[(u64, bool)]) -> Vec<u8> {
-    let pulses: Vec<(u64, u64)> = edges
-        .chunks(2)
-        .map(|pulse| {
-            let [(rise, true), (fall, false)] = pulse else {
-                panic!("not a pulse: {pulse:?}");
-            };
-            (*rise * NS_PER_CYCLE, *fall * NS_PER_CYCLE)
-        })
-        .collect();
-    for (index, pair) in pulses.windows(2).enumerate() {
-        let period = pair[1].0 - pair[0].0;
-        let longest = if index % 24 == 23 { 50_000 } else { 1850 };
-        assert!((650..=longest).contains(&period), "bit {index} takes {period} ns");
-    }
-    let bits: Vec<u8> = pulses
-        .iter()
-        .map(|(rise, fall)| match fall - rise {
-            200..=500 => 0,
-            550..=850 => 1,
-            other => panic!("high for {other} ns"),
-        })
-        .collect();
-    bits.chunks(8)
-        .map(|bits| bits.iter().fold(0, |byte, bit| byte << 1 | bit))
-        .collect()
-}
-
 #[test]
 fn eight_lamps_are_sent_the_colour_when_it_changes() {
     let mut board = board_at("nothing yet");
@@ -211,6 +181,7 @@ fn eight_lamps_are_sent_the_colour_when_it_changes() {
         ("off", [0, 0, 0]),
     ] {
         run_to(&mut board, step);
+        board.run_for(MILLISECOND);
         let edges = board.take_edges(LAMPS);
         assert_eq!(decode(&edges), bytes.repeat(8), "{step}");
         let (first, last) = (edges[0].0, edges[edges.len() - 1].0);
@@ -219,6 +190,7 @@ fn eight_lamps_are_sent_the_colour_when_it_changes() {
     run_to(&mut board, "tone");
     assert!(board.take_edges(LAMPS).is_empty(), "the colour stays");
     run_to(&mut board, "green tone");
+    board.run_for(MILLISECOND);
     let edges = board.take_edges(LAMPS);
     assert_eq!(
         decode(&edges),
@@ -228,20 +200,17 @@ fn eight_lamps_are_sent_the_colour_when_it_changes() {
 }
 
 #[test]
-fn the_pulses_at_the_lamps_have_room_on_both_sides() {
+fn the_pulses_at_the_lamps_are_exact() {
     let mut board = board_at("coast again");
     board.record_pin(LAMPS);
     run_to(&mut board, "yellow");
-    let edges = board.take_edges(LAMPS);
-    let mut lengths: Vec<u64> = edges
-        .windows(2)
-        .filter(|pair| pair[0].1)
-        .map(|pair| (pair[1].0 - pair[0].0) * NS_PER_CYCLE)
-        .collect();
-    lengths.sort_unstable();
-    lengths.dedup();
-    println!("the line is high for {lengths:?} ns");
-    assert_eq!(lengths.len(), 2, "{lengths:?}");
+    board.run_for(MILLISECOND);
+    // A zero and a one of a program whose cycle is 120 ns.
+    assert_eq!(
+        lengths(&board.take_edges(LAMPS)),
+        (vec![360, 720], vec![1200]),
+        "ns"
+    );
 }
 
 #[test]

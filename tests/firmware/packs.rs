@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
 use crate::emulator::{AdcInput, LogLevel};
-use crate::motors::{LAMPS, decode};
+use crate::lamps::{LAMPS, decode};
 use crate::support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, NAMED_VALUE_FLOAT, SYS_STATUS, SysStatus,
     last_of, of_message, texts_of,

@@ -1,0 +1,88 @@
+//! What a debug probe does to a running board: it halts cores, and its cable is pulled.
+
+use crate::bench::{Bench, MILLISECOND, SECOND};
+use crate::emulator::ResetCause;
+use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, is_coasting};
+use crate::support::frames::{HEARTBEAT, STATUSTEXT, of_message};
+use crate::support::requests::{arm, heartbeat, set_mode};
+
+const CORE_0: u32 = 0b01;
+const CORE_1: u32 = 0b10;
+const NONE: u32 = 0;
+
+/// Its watchdog's second and a little more.
+const RESET_WITHIN_US: u64 = 1_050 * MILLISECOND;
+
+const GROUND_STATION: u8 = 6;
+
+fn driving() -> Bench {
+    let mut bench = Bench::configured(GOOD_3S, &[("BATT_CELLS", 3.0)]);
+    bench.ask(&arm());
+    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    drive_for(&mut bench, SECOND, 500);
+    assert!(!is_coasting(&bench));
+    bench
+}
+
+#[test]
+fn a_rover_whose_processor_is_halted_stands_within_a_second() {
+    let mut bench = driving();
+    let resets = bench.resets().len();
+    bench.halt_cores(CORE_0);
+    assert!(bench.run_until(RESET_WITHIN_US, |board| board.resets().len() > resets));
+    assert_eq!(bench.resets()[resets].cause, ResetCause::WatchdogTimer);
+    assert!(is_coasting(&bench));
+    // The crash says so to the next ground station that is heard.
+    bench.run_for(SECOND);
+    let from_us = bench.time_us();
+    bench.uart_send(0, from_us, &heartbeat(GROUND_STATION));
+    bench.run_for(SECOND);
+    assert!(is_coasting(&bench));
+    let frames = bench.frames_since(from_us);
+    let texts: Vec<String> = of_message(&frames, STATUSTEXT)
+        .iter()
+        .map(|frame| frame.text(1, 50))
+        .collect();
+    assert!(texts.iter().any(|text| text.contains("hung")), "{texts:?}");
+}
+
+#[test]
+fn a_short_halt_resets_nothing_and_the_time_goes_on() {
+    let mut bench = Bench::running(GOOD_3S);
+    let from_us = bench.time_us();
+    for _ in 0..5 {
+        bench.halt_cores(CORE_0);
+        bench.run_for(600 * MILLISECOND);
+        bench.halt_cores(NONE);
+        bench.run_for(400 * MILLISECOND);
+    }
+    bench.run_until_silent();
+    assert!(bench.resets().is_empty(), "{:?}", bench.resets());
+    let heartbeats = of_message(&bench.frames_since(from_us), HEARTBEAT).len();
+    assert!((5..=6).contains(&heartbeats), "{heartbeats} in five seconds");
+}
+
+#[test]
+fn a_halted_core_1_stops_neither_time_nor_watchdog() {
+    let mut bench = Bench::running(GOOD_3S);
+    bench.halt_cores(CORE_1);
+    let from_us = bench.time_us();
+    bench.run_for(5 * SECOND);
+    let heartbeats = of_message(&bench.frames_since(from_us), HEARTBEAT).len();
+    assert_eq!(heartbeats, 5);
+    bench.hang_program();
+    assert!(bench.run_until(RESET_WITHIN_US, |board| !board.resets().is_empty()));
+    assert_eq!(bench.resets()[0].cause, ResetCause::WatchdogTimer);
+}
+
+/// A host that reads the log has it block when its buffer is full.
+#[test]
+fn a_pulled_probe_cable_does_not_stop_the_firmware() {
+    let mut bench = Bench::running(GOOD_3S);
+    bench.pull_probe_cable();
+    let from_us = bench.time_us();
+    bench.run_for(60 * SECOND);
+    assert!(bench.resets().is_empty(), "{:?}", bench.resets());
+    assert_eq!(of_message(&bench.frames_since(from_us), HEARTBEAT).len(), 60);
+    assert!(bench.smallest_watchdog_slack_us() > Some(850 * MILLISECOND));
+}
