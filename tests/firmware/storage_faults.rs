@@ -3,7 +3,7 @@
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::sim::SimulatedFlash;
-use rover_battmon::storage::Storage;
+use rover_battmon::storage::{Erase, Storage};
 
 use crate::bench::{Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SAVED_US, SECOND, SECTOR_BYTES};
 use crate::emulator::{FlashOperationKind, FlashTiming};
@@ -180,7 +180,7 @@ fn full_sector(known: u16) -> Vec<u8> {
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
     let mut storage = Storage::new(flash.clone(), SimulatedFlash::PARAMETERS);
     for key in (40_000..40_000 + SLOTS - 1).chain([known]) {
-        block_on(storage.store(key, 3_f32.to_bits())).expect("there is room");
+        block_on(storage.store(key, 3_f32.to_bits(), &Erase::always)).expect("there is room");
     }
     let mut image = vec![0; PARAMETER_BYTES];
     block_on(flash.read(SimulatedFlash::PARAMETERS.start, &mut image)).expect("it is inside");

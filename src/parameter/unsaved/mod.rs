@@ -2,7 +2,7 @@
 
 use super::parameters::{Flash, Parameters};
 use super::progress::Progress;
-use super::{Access, ParameterId};
+use super::{Access, ParameterId, SaveFailure};
 use crate::storage::StorageError;
 
 /// A change that has to be written to flash.
@@ -77,10 +77,15 @@ impl Parameters {
         self.progress.update_all(Progress::retried);
     }
 
-    /// The error of a change that could not be saved, if there is one.
-    pub fn save_failure(&self) -> Option<StorageError> {
-        let of_values = || ParameterId::all().find_map(|id| self.progress.get(id).failure());
-        self.reset.failure().or_else(of_values)
+    /// The changes that could not be saved, if there are any.
+    pub fn save_failure(&self) -> Option<SaveFailure> {
+        let of_values = ParameterId::all().filter_map(|id| self.progress.get(id).failure());
+        let mut failures = self.reset.failure().into_iter().chain(of_values);
+        let error = failures.next()?;
+        Some(SaveFailure {
+            error,
+            changes: 1 + failures.count(),
+        })
     }
 }
 
