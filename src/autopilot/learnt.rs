@@ -104,7 +104,8 @@ impl Autopilot {
         };
         log_failure("learnt data", error);
         self.learnt_save.retry_at = Some(now.after_us(SAVE_RETRY_INTERVAL_US));
-        if self.learnt_save.failure.replace(error) != Some(error) {
+        let before = self.learnt_save.failure.replace(error);
+        if !before.is_some_and(|before| before.is_like(error)) {
             self.announce(Announcement::LearntNotSaved(error));
         }
     }

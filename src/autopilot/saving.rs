@@ -7,7 +7,7 @@ use super::work::Work;
 use crate::battery::ArmState;
 use crate::log::{info, warn};
 use crate::mavlink::{SigningChange, SigningTrouble, ToStore};
-use crate::parameter::{SAVE_RETRY_INTERVAL_US, SaveFailure, Unsaved};
+use crate::parameter::{SAVE_RETRY_INTERVAL_US, Unsaved};
 use crate::storage::{Erase, StorageError};
 use crate::time::Instant;
 
@@ -50,8 +50,8 @@ impl Autopilot {
         if error == StorageError::NoErasedSpace && self.may_erase() == Erase::Allowed {
             return;
         }
-        if let Some(failure) = self.parameters.save_failure() {
-            self.announce(Announcement::ParametersNotSaved(SaveFailure { error, ..failure }));
+        if let Some(failure) = self.parameters.unsaved_by(error) {
+            self.announce(Announcement::ParametersNotSaved(failure));
         }
     }
 

@@ -17,9 +17,9 @@ const COLLECTION_US: u64 = 1_000_000;
 /// Changes that could not be saved: they are live.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SaveFailure {
-    /// Why the first of them could not.
+    /// Why.
     pub error: StorageError,
-    /// How many there are; a reset is one.
+    /// How many are not saved; a reset is one.
     pub changes: usize,
 }
 

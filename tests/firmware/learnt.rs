@@ -42,6 +42,7 @@ pub fn flash_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Vec<
                 .await;
             stored.expect("a sound flash");
         }
+        storage.prepare(&Erase::always).await.expect("a sound flash");
         let start = SimulatedFlash::LEARNT.start;
         flash.read(start, &mut content).await.expect("a sound flash");
     });

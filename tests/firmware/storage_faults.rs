@@ -300,17 +300,14 @@ fn a_typical_erase_loses_no_sampling_tick() {
 #[test]
 fn the_slowest_erase_makes_ticks_coalesce_and_invents_none() {
     let (bench, ticks) = ticks_around_an_erase(FlashTiming::MAXIMUM);
-    // 400 ms cover four ticks at most, of which one is served late.
-    assert!((96..100).contains(&ticks.len()), "{} ticks", ticks.len());
+    // 400 ms cover four ticks at most, of which one is served late. One sector is erased for the value and one ahead.
+    assert!((92..100).contains(&ticks.len()), "{} ticks", ticks.len());
     // No two closer together than the end of the erase and the next regular tick allow, and none twice.
     let phase_us = ticks[ticks.len() - 1] % 100_000;
     let regular = ticks
         .iter()
         .filter(|tick| (**tick % 100_000).abs_diff(phase_us) < MILLISECOND)
         .count();
-    assert!(
-        ticks.len() - regular <= 1,
-        "only the tick after the erase is late"
-    );
+    assert!(ticks.len() - regular <= 2, "only the tick after an erase is late");
     assert!(bench.resets().is_empty(), "the watchdog waited");
 }

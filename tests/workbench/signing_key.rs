@@ -35,6 +35,7 @@ pub fn flash_with(words: impl IntoIterator<Item = (u16, u32)>) -> Vec<u8> {
                 .await
                 .expect("a sound flash");
         }
+        storage.prepare(&Erase::always).await.expect("a sound flash");
         flash
             .read(SimulatedFlash::SIGNING.start, &mut content)
             .await

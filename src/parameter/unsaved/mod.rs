@@ -1,5 +1,7 @@
 //! Unsaved changes and failed attempts to save them.
 
+use core::iter;
+
 use super::parameters::{Flash, Parameters};
 use super::progress::Progress;
 use super::{Access, ParameterId, SaveFailure};
@@ -77,15 +79,25 @@ impl Parameters {
         self.progress.update_all(Progress::retried);
     }
 
-    /// The changes that could not be saved, if there are any.
+    /// Why changes could not be saved, if that is so.
     pub fn save_failure(&self) -> Option<SaveFailure> {
-        let of_values = ParameterId::all().filter_map(|id| self.progress.get(id).failure());
-        let mut failures = self.reset.failure().into_iter().chain(of_values);
-        let error = failures.next()?;
-        Some(SaveFailure {
-            error,
-            changes: 1 + failures.count(),
-        })
+        let error = self.all_progress().find_map(Progress::failure)?;
+        self.unsaved_by(error)
+    }
+
+    /// The changes that are not saved, if there are any, as a failure with this error.
+    pub fn unsaved_by(&self, error: StorageError) -> Option<SaveFailure> {
+        let changes = self
+            .all_progress()
+            .filter(|progress| *progress != Progress::Saved)
+            .count();
+        (changes > 0).then_some(SaveFailure { error, changes })
+    }
+
+    /// How far the reset and all values are.
+    fn all_progress(&self) -> impl Iterator<Item = Progress> {
+        let of_values = ParameterId::all().map(|id| self.progress.get(id));
+        iter::once(self.reset).chain(of_values)
     }
 }
 
