@@ -20,7 +20,7 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::sim::clock;
-use rover_battmon::storage::{FlashFault, Storage, StorageError};
+use rover_battmon::storage::{Erase, FlashFault, Storage, StorageError};
 use rover_battmon::tasks::{Shared, keep_learnt, reboot_requested};
 use support::frames::{Frame, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT, of_message, texts_of};
 use support::learnt_record::learnt_words;
@@ -408,7 +408,8 @@ fn storage(flash: &SmallFlash) -> Storage<SmallFlash, Words> {
 
 fn store(flash: &SmallFlash, identity: PackIdentity, capacity_mah: f32) {
     let value = learnt_words(identity.serial_number, capacity_mah);
-    block_on(storage(flash).store_replacing(identity.key(), value, &|_| true)).expect("a sound flash");
+    block_on(storage(flash).store_replacing(identity.key(), value, &|_| true, &Erase::always))
+        .expect("a sound flash");
 }
 
 fn stored(flash: &SmallFlash, identity: PackIdentity) -> Option<Words> {

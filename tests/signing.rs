@@ -21,11 +21,14 @@ use support::frames::{
     of_message, texts_of,
 };
 use support::requests::{
-    EVERYONE, VEHICLE, arm, command_long, heartbeat, manual_control, param_read_by_name, param_request_list,
-    param_set, param_set_payload, ping, radio_status, reboot, reboot_to_boot_loader, set_mode, setup_signing,
-    setup_signing_of,
+    EVERYONE, VEHICLE, arm, command_long, command_long_2, disarm, heartbeat, manual_control,
+    param_read_by_name, param_request_list, param_set, param_set_payload, ping, radio_status, reboot,
+    reboot_to_boot_loader, set_mode, setup_signing, setup_signing_of,
 };
 
+const ARM_DISARM: u16 = 400;
+/// Arms without checks.
+const FORCED: f32 = 21196.0;
 const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LowVolt);
 
 /// What their keys are made of.
@@ -148,10 +151,26 @@ fn requests_alone_can_be_allowed_without_the_key() {
 }
 
 #[test]
+fn no_key_is_set_up_or_removed_while_armed() {
+    for (mut cable, key) in [(protected(), [0; 32]), (desk(LinkKind::Direct), [STRANGER; 32])] {
+        cable.connect(LinkKind::Direct);
+        cable.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+        let events = cable.receive_in_chunks(&setup_signing(key, NEW_YEAR), 64);
+        assert_eq!(events, [Event::SigningRefused(SetupRefused::Armed)]);
+        assert!(texts_of(&cable.sent()).contains(&"Not while armed: disarm first".to_owned()));
+        cable.ask(&disarm());
+        let events = cable.receive_in_chunks(&setup_signing(key, NEW_YEAR), 64);
+        assert!(matches!(events[0], Event::SigningSetUp(_)));
+    }
+}
+
+#[test]
 fn a_cable_takes_everything_unless_its_owner_says_otherwise() {
     let mut cable = protected();
     cable.connect(LinkKind::Direct);
     for request in [reading_requests(), changing_requests()].concat() {
+        // Before the key is set up, which is the last one.
+        cable.ask(&disarm());
         assert!(was_obeyed(&mut cable, &request));
     }
     // The last one was another key. Now the cable is as deaf as the radio.

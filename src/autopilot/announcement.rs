@@ -9,7 +9,7 @@ use crate::decimals::Hundredths;
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, save_failure_text};
+use crate::parameter::{BatteryParameter, SaveFailure};
 use crate::storage::StorageError;
 use crate::vehicle::VehicleEvent;
 
@@ -35,9 +35,11 @@ pub enum Announcement<'a> {
     /// The stored parameters could not all be read.
     ParametersDamaged,
     /// Parameters can't be written to flash.
-    ParametersNotSaved(StorageError),
+    ParametersNotSaved(SaveFailure),
+    /// What is announced of parameters that can't be written is over.
+    ParametersSaved,
     /// What is learnt of a pack can't be written to flash.
-    LearntNotSaved,
+    LearntNotSaved(StorageError),
     /// A signing key, or its removal, is in flash.
     SigningSaved(SigningChange),
     /// The signing key is lost, or can't be written to flash.
@@ -84,8 +86,12 @@ impl Announcement<'_> {
                 | VehicleEvent::GroundStationsTimedOut,
             ) => MavSeverity::MAV_SEVERITY_WARNING,
             Self::Suggestion(..) => MavSeverity::MAV_SEVERITY_NOTICE,
-            Self::SigningSaved(_) => MavSeverity::MAV_SEVERITY_INFO,
-            Self::FailsafesOff | Self::LearntNotSaved | Self::Unauthorized { .. } => {
+            Self::SigningSaved(_) | Self::ParametersSaved => MavSeverity::MAV_SEVERITY_INFO,
+            Self::ParametersNotSaved(SaveFailure {
+                error: StorageError::NoErasedSpace,
+                ..
+            }) => MavSeverity::MAV_SEVERITY_WARNING,
+            Self::FailsafesOff | Self::LearntNotSaved(_) | Self::Unauthorized { .. } => {
                 MavSeverity::MAV_SEVERITY_WARNING
             }
             Self::DefaultParameters
@@ -129,8 +135,12 @@ impl fmt::Display for Announcement<'_> {
             ),
             Self::DefaultParameters => f.write_str("5 quick resets: started with default parameters"),
             Self::ParametersDamaged => f.write_str("Parameter storage damaged: check parameters"),
-            Self::ParametersNotSaved(error) => f.write_str(save_failure_text(*error)),
-            Self::LearntNotSaved => f.write_str("Learnt battery data not saved: flash worn out?"),
+            Self::ParametersNotSaved(failure) => write!(f, "{failure}"),
+            Self::ParametersSaved => f.write_str("Parameters saved"),
+            Self::LearntNotSaved(StorageError::NoErasedSpace) => {
+                f.write_str("Learnt battery data not saved until disarmed")
+            }
+            Self::LearntNotSaved(_) => f.write_str("Learnt battery data not saved: flash worn out?"),
             Self::SigningSaved(change) => f.write_str(change.text()),
             Self::Signing(trouble) => f.write_str(trouble.text()),
             Self::Unauthorized { link, count } => {

@@ -30,8 +30,8 @@ pub struct Autopilot {
     pub(super) save_failures: SaveFailures,
     pub(super) signing_save: SigningSave,
     pub(super) learnt_save: LearntSave,
-    /// The vehicle's status in the latest log line.
-    pub(super) logged_status: VehicleStatus,
+    /// The vehicle's status when it was last driven.
+    pub(super) known_status: VehicleStatus,
     pub(super) work: Work,
 }
 
@@ -50,7 +50,7 @@ impl Autopilot {
             save_failures: SaveFailures::default(),
             signing_save: SigningSave::default(),
             learnt_save: LearntSave::default(),
-            logged_status: VehicleStatus::default(),
+            known_status: VehicleStatus::default(),
             work: Work::empty(),
             broadcast: Broadcast::new(),
             packs: Packs::new(&start.parameters),

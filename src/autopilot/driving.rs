@@ -3,7 +3,7 @@
 use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::work::Work;
-use crate::battery::FailsafeLevel;
+use crate::battery::{ArmState, FailsafeLevel};
 use crate::log::info;
 use crate::pack::Pack;
 use crate::time::Instant;
@@ -25,7 +25,7 @@ impl Autopilot {
         if let Some(event) = self.vehicle.update(now, &settings) {
             self.announce(Announcement::Vehicle(event));
         }
-        self.log_status();
+        self.follow_status();
         Outputs {
             drives: self.vehicle.drives(),
             indication: self.vehicle.indication(now),
@@ -41,14 +41,19 @@ impl Autopilot {
         self.work |= Work::DRIVE;
     }
 
-    fn log_status(&mut self) {
+    /// Logs a change of the vehicle's status, and saves what has waited for disarming.
+    fn follow_status(&mut self) {
         let status = self.vehicle.status();
-        if status != self.logged_status {
-            info!(
-                "rover: {:?}, {:?}, alert {:?}",
-                status.arm_state, status.mode, status.alert
-            );
-            self.logged_status = status;
+        if status == self.known_status {
+            return;
         }
+        info!(
+            "rover: {:?}, {:?}, alert {:?}",
+            status.arm_state, status.mode, status.alert
+        );
+        if (self.known_status.arm_state, status.arm_state) == (ArmState::Armed, ArmState::Disarmed) {
+            self.save_after_disarming();
+        }
+        self.known_status = status;
     }
 }

@@ -3,6 +3,7 @@
 use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::broadcast::Announced;
+use super::saving::log_failure;
 use super::work::Work;
 use crate::battery::{LEARNT_WORDS, LearntPack, PackSettings};
 use crate::log::{info, warn};
@@ -101,10 +102,11 @@ impl Autopilot {
             self.packs.bank.monitor(pack).mark_learnt_saved(learnt);
             return;
         };
-        warn!("battery {}: learnt data: {:?}", pack.number(), error);
+        log_failure("learnt data", error);
         self.learnt_save.retry_at = Some(now.after_us(SAVE_RETRY_INTERVAL_US));
-        if self.learnt_save.failure.replace(error).is_none() {
-            self.announce(Announcement::LearntNotSaved);
+        let before = self.learnt_save.failure.replace(error);
+        if !before.is_some_and(|before| before.is_like(error)) {
+            self.announce(Announcement::LearntNotSaved(error));
         }
     }
 

@@ -32,7 +32,7 @@ impl Autopilot {
         let trouble = self.signing.trouble().map(Announcement::Signing);
         let failsafes = self.are_failsafes_off().then_some(Announcement::FailsafesOff);
         let suggestions = Pack::ALL.into_iter().filter_map(|pack| self.suggestion(pack));
-        let learnt = self.learnt_save.failure.map(|_| Announcement::LearntNotSaved);
+        let learnt = self.learnt_save.failure.map(Announcement::LearntNotSaved);
         let notices = self.start_notice.into_iter().chain(unsaved).chain(trouble);
         for notice in notices.chain(learnt).chain(failsafes).chain(suggestions) {
             let text = notice.text();

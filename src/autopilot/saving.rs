@@ -4,22 +4,55 @@ use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::signing_save::Attempt;
 use super::work::Work;
+use crate::battery::ArmState;
 use crate::log::{info, warn};
 use crate::mavlink::{SigningChange, SigningTrouble, ToStore};
 use crate::parameter::{SAVE_RETRY_INTERVAL_US, Unsaved};
-use crate::storage::StorageError;
+use crate::storage::{Erase, StorageError};
 use crate::time::Instant;
 
 impl Autopilot {
+    /// Whether flash may be erased now. That stops everything for up to 400 ms, which must not happen to a rover that may be
+    /// moving.
+    pub fn may_erase(&self) -> Erase {
+        match self.vehicle.arm_state() {
+            ArmState::Armed => Erase::Forbidden,
+            ArmState::Disarmed => Erase::Allowed,
+        }
+    }
+
+    /// The vehicle was disarmed: saves what has waited for erased space, and has it erased ahead for the next drive.
+    pub(super) fn save_after_disarming(&mut self) {
+        self.parameters.retry_failed();
+        self.signing_save.retry_at = Instant::EPOCH;
+        self.retry_learnt();
+        self.work |= Work::SAVE_PARAMETERS | Work::SAVE_SIGNING;
+    }
+
     /// The parameter to write to flash next. A value is live and acknowledged before it is written.
     pub fn next_unsaved_parameter(&mut self, now: Instant) -> Option<Unsaved> {
         if self.save_failures.take_retry(now) {
             self.parameters.retry_failed();
         }
         if let Some(error) = self.save_failures.take_report(now) {
-            self.announce(Announcement::ParametersNotSaved(error));
+            self.report_unsaved(error);
         }
-        self.parameters.next_unsaved()
+        let unsaved = self.parameters.next_unsaved();
+        if unsaved.is_none() && self.parameters.save_failure().is_none() && self.save_failures.take_recovery()
+        {
+            self.announce(Announcement::ParametersSaved);
+        }
+        unsaved
+    }
+
+    /// Announces that parameters can't be saved, unless they were by now, or are about to be.
+    fn report_unsaved(&mut self, error: StorageError) {
+        if error == StorageError::NoErasedSpace && self.may_erase() == Erase::Allowed {
+            return;
+        }
+        if let Some(failure) = self.parameters.unsaved_by(error) {
+            self.announce(Announcement::ParametersNotSaved(failure));
+        }
     }
 
     /// Result of writing `unsaved`.
@@ -28,7 +61,7 @@ impl Autopilot {
             (Ok(()), Unsaved::Reset) => info!("stored parameters cleared"),
             (Ok(()), Unsaved::Value(id, _)) => info!("{} saved", id.name().as_str()),
             (Err(error), _) => {
-                warn!("parameter storage: {:?}", error);
+                log_failure("parameter", error);
                 let report = self.parameters.mark_failed(unsaved, error);
                 self.save_failures.add(report, now);
                 return;
@@ -42,7 +75,8 @@ impl Autopilot {
         if now < self.signing_save.retry_at {
             return None;
         }
-        let unsaved = self.signing.next_unsaved(now);
+        let armed_us = self.signing_save.armed_us(self.vehicle.arm_state(), now);
+        let unsaved = self.signing.next_unsaved(now, armed_us);
         if unsaved.is_none() {
             self.signing_save.attempt = Attempt::First;
             if let Some(change) = self.signing_save.change.take() {
@@ -58,7 +92,12 @@ impl Autopilot {
             self.signing.mark_saved(unsaved);
             return;
         };
-        warn!("signing storage: {:?}", error);
+        log_failure("signing", error);
+        if error == StorageError::NoErasedSpace {
+            // What is in flash is as good as before.
+            self.signing_save.retry_at = now.after_us(SAVE_RETRY_INTERVAL_US);
+            return;
+        }
         self.signing.mark_failed();
         match self.signing_save.attempt {
             Attempt::First => self.signing_save.attempt = Attempt::Second,
@@ -92,5 +131,13 @@ impl Autopilot {
         self.signing.is_key_unsaved()
             || self.parameters.next_unsaved().is_some()
             || self.next_unsaved_learnt().is_some()
+    }
+}
+
+/// Logs why something was not written: to wait until the vehicle is disarmed is no fault.
+pub(super) fn log_failure(storage: &str, error: StorageError) {
+    match error {
+        StorageError::NoErasedSpace => info!("{} storage: no erased space until disarmed", storage),
+        error => warn!("{} storage: {:?}", storage, error),
     }
 }

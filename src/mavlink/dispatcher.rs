@@ -9,7 +9,8 @@ use super::dialect::{MavResult, MavSeverity, SET_MODE_DATA};
 use super::parser::ReceivedFrame;
 use super::rates::{Rates, is_radio};
 use super::replies::Replies;
-use super::requests::{Command, Peer, ReceivedRequest, Request, SetUpSigning};
+use super::requests::{Command, Peer, ReceivedRequest, Request};
+use super::services::DISARM_FIRST;
 use super::services::commands::{Action, Answer};
 use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::signing::{self, SetupRefused, SigningChange};
@@ -24,9 +25,6 @@ use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::sensor::{ExternalReading, MonitorKind};
 use crate::time::Instant;
 use crate::vehicle::Vehicle;
-
-/// Why a restart or a reset of the parameters is refused.
-const DISARM_FIRST: &str = "Not while armed: disarm first";
 
 /// What came of a received message, for whoever runs the link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -257,7 +255,11 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
             return Event::GroundStationHeard;
         }
         Request::Heartbeat(_) => return Event::Ignored,
-        Request::SetUpSigning(set_up) => return set_up_signing(set_up, link, signing, now, replies),
+        Request::SetUpSigning(set_up) => {
+            let arm_state = service.vehicle.arm_state();
+            let result = signing::set_up(set_up, link, arm_state, signing, now);
+            return signing_set_up(result, replies);
+        }
         Request::PackReading(reading) => {
             return Event::Measured {
                 component_id: from.component_id,
@@ -309,15 +311,9 @@ fn execute(
     }
 }
 
-/// Sets up signing. There is no acknowledgement in MAVLink, so a text says what came of it.
-fn set_up_signing(
-    request: &SetUpSigning,
-    link: LinkKind,
-    signing: &mut Signing,
-    now: Instant,
-    mut replies: Replies<'_>,
-) -> Event {
-    match signing::set_up(request, link, signing, now) {
+/// What came of setting up signing. There is no acknowledgement in MAVLink, so a text says it.
+fn signing_set_up(result: Result<SigningChange, SetupRefused>, mut replies: Replies<'_>) -> Event {
+    match result {
         Ok(change) => Event::SigningSetUp(change),
         Err(refused) => {
             replies.say(MavSeverity::MAV_SEVERITY_WARNING, refused.text());

@@ -18,7 +18,7 @@ pub use baud::serial_baud;
 pub use for_each::ForEachParameter;
 pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
 pub use parameters::{Parameters, Refused, triggers};
-pub use save_failures::{SAVE_RETRY_INTERVAL_US, SaveFailures, save_failure_text};
+pub use save_failures::{SAVE_RETRY_INTERVAL_US, SaveFailure, SaveFailures};
 pub use table::{Access, BatteryParameter, Kind, Meaning, Parameter, Range, VehicleParameter, means};
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};

@@ -1,5 +1,7 @@
 //! Retries and reports of failures to save parameters.
 
+use core::{fmt, mem};
+
 use crate::storage::StorageError;
 use crate::time::Instant;
 
@@ -9,6 +11,30 @@ pub const SAVE_RETRY_INTERVAL_US: u64 = 60_000_000;
 /// Minimum interval between reports: loading a parameter file into a worn flash fails at every parameter.
 const REPORT_INTERVAL_US: u64 = 5_000_000;
 
+/// When the first of several changes has to wait for erased space, the others get this long to be reported with it.
+const COLLECTION_US: u64 = 1_000_000;
+
+/// Changes that could not be saved: they are live.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SaveFailure {
+    /// Why.
+    pub error: StorageError,
+    /// How many are not saved; a reset is one.
+    pub changes: usize,
+}
+
+impl fmt::Display for SaveFailure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.error {
+            StorageError::NoErasedSpace => write!(f, "Parameters: {} not saved until disarmed", self.changes),
+            StorageError::Full => f.write_str("Parameters can't be saved: too many changed"),
+            StorageError::Flash(_) | StorageError::Corrupt => {
+                f.write_str("Parameters can't be saved: flash worn out?")
+            }
+        }
+    }
+}
+
 /// Failures to save parameters: pending retry and report.
 #[derive(Debug, Default)]
 pub struct SaveFailures {
@@ -16,11 +42,23 @@ pub struct SaveFailures {
     /// The latest unreported error.
     to_report: Option<StorageError>,
     muted_until: Instant,
+    /// Whether one was reported since everything was saved.
+    reported: Reported,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Reported {
+    #[default]
+    Nothing,
+    Failure,
 }
 
 impl SaveFailures {
     /// Adds a failure; `report` is the error if it has to be reported.
     pub fn add(&mut self, report: Option<StorageError>, now: Instant) {
+        if report == Some(StorageError::NoErasedSpace) && self.to_report.is_none() {
+            self.muted_until = self.muted_until.max(now.after_us(COLLECTION_US));
+        }
         self.to_report = report.or(self.to_report);
         // A later failure does not postpone the retry.
         self.retry_at.get_or_insert(now.after_us(SAVE_RETRY_INTERVAL_US));
@@ -38,15 +76,13 @@ impl SaveFailures {
         }
         let report = self.to_report.take()?;
         self.muted_until = now.after_us(REPORT_INTERVAL_US);
+        self.reported = Reported::Failure;
         Some(report)
     }
-}
 
-/// Text of an error: the values are live, but not saved.
-pub fn save_failure_text(error: StorageError) -> &'static str {
-    match error {
-        StorageError::Full => "Parameters can't be saved: too many changed",
-        StorageError::Flash(_) | StorageError::Corrupt => "Parameters can't be saved: flash worn out?",
+    /// Whether a failure was reported; once, after everything was saved.
+    pub fn take_recovery(&mut self) -> bool {
+        mem::take(&mut self.reported) == Reported::Failure
     }
 }
 
@@ -59,6 +95,7 @@ mod tests {
     const SECOND_US: u64 = 1_000_000;
     const FLASH: Option<StorageError> = Some(StorageError::Flash(FlashFault::NotVerified));
     const FULL: Option<StorageError> = Some(StorageError::Full);
+    const UNERASED: Option<StorageError> = Some(StorageError::NoErasedSpace);
 
     #[test]
     fn retry_is_due_once_one_minute_after_the_first_failure() {
@@ -96,5 +133,45 @@ mod tests {
         assert_eq!(failures.take_report(at_us(5 * SECOND_US)), FULL);
         failures.add(FLASH, at_us(10 * SECOND_US));
         assert_eq!(failures.take_report(at_us(10 * SECOND_US)), FLASH);
+    }
+
+    #[test]
+    fn changes_that_wait_for_erased_space_are_reported_together() {
+        let mut failures = SaveFailures::default();
+        for ms in 0..20 {
+            failures.add(UNERASED, at_us(ms * 100_000));
+            let expected = if ms == 10 { UNERASED } else { None };
+            assert_eq!(failures.take_report(at_us(ms * 100_000)), expected, "{ms}");
+        }
+        assert_eq!(failures.take_report(at_us(6 * SECOND_US - 1)), None);
+        assert_eq!(failures.take_report(at_us(6 * SECOND_US)), UNERASED);
+    }
+
+    #[test]
+    fn recovery_is_reported_once_and_only_after_a_report() {
+        let mut failures = SaveFailures::default();
+        failures.add(UNERASED, Instant::EPOCH);
+        assert!(!failures.take_recovery(), "not reported yet");
+        assert_eq!(failures.take_report(at_us(SECOND_US)), UNERASED);
+        assert!(failures.take_recovery());
+        assert!(!failures.take_recovery());
+    }
+
+    #[test]
+    fn texts_fit_one_message() {
+        for (error, text) in [
+            (StorageError::Full, "Parameters can't be saved: too many changed"),
+            (
+                StorageError::Corrupt,
+                "Parameters can't be saved: flash worn out?",
+            ),
+            (
+                StorageError::NoErasedSpace,
+                "Parameters: 388 not saved until disarmed",
+            ),
+        ] {
+            assert_eq!(SaveFailure { error, changes: 388 }.to_string(), text);
+            assert!(text.len() <= 50);
+        }
     }
 }

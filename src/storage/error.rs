@@ -14,6 +14,8 @@ pub enum StorageError {
     Corrupt,
     /// No space for another key. Stored values are kept.
     Full,
+    /// A sector has to be erased, which is forbidden now. Nothing was written.
+    NoErasedSpace,
 }
 
 /// What failed in the flash: the kind of the driver's error, or a difference that the driver did not notice.

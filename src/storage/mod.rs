@@ -7,11 +7,15 @@
 //! | first 12 | header: magic, sequence number, CRC-32 |
 //! | 4 | retired mark: blank until the next sector is active |
 //! | 12 each, of wider values 60 | records: key, value, CRC-32 |
-//! | last 16 | copy of the header, 4 bytes unused |
+//! | last 16 | copy of the header; 4 bytes of mark if the sector was erased ahead |
 //!
-//! A store appends a record. When the sector is full, the next one is erased, gets the latest record of every key, and
+//! A store appends a record. When the sector is full, the next one gets the latest record of every key, and
 //! becomes active with its header, which is written last. So valid data is never erased or overwritten, and a power cut
 //! leaves either the old state or the new one, whatever the interrupted erase or write leaves behind.
+//!
+//! # Erases
+//! An erase stops the processor for long. [`Storage::prepare`] erases the next sector ahead of need, so that a move costs
+//! writes of pages only. A move to a sector that is not prepared erases it first, or fails where that is forbidden.
 //!
 //! # Damage
 //! A record with a wrong CRC is skipped: its key has the previous value, or none.
@@ -32,11 +36,13 @@ use core::ops::Range;
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
+mod erase;
 mod error;
 mod record;
 mod region;
 mod value;
 
+pub use erase::{Erase, MayErase};
 pub use error::{FlashFault, StorageError};
 pub use value::Value;
 
@@ -83,6 +89,16 @@ pub struct Storage<F, V = u32> {
     /// Cached by the last successful call. `None` during writes, so that the next call scans the flash after a failure.
     log: Option<Log>,
     condition: Condition,
+    preparation: Preparation,
+}
+
+/// Whether the next sector has to be prepared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Preparation {
+    /// It was not looked at since the last move.
+    Due,
+    /// It is erased, or can't be.
+    Done,
 }
 
 /// The active sector.
@@ -119,6 +135,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
             region: Region::new(flash, range),
             log: None,
             condition: Condition::Damaged,
+            preparation: Preparation::Due,
         }
     }
 
@@ -175,12 +192,46 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         }
     }
 
+    /// Erases the sector that the next move needs, once, if it is not erased and that is allowed. Without a stored value
+    /// there is none.
+    ///
+    /// # Errors
+    /// [`StorageError::Flash`]: the sector can't be erased. The next move will try again.
+    pub async fn prepare(&mut self, may_erase: MayErase<'_>) -> Result<(), StorageError> {
+        if self.preparation == Preparation::Done || may_erase() == Erase::Forbidden {
+            return Ok(());
+        }
+        if self.log.is_none() {
+            self.log = self.find_log().await?;
+        }
+        let Some(log) = self.log.filter(|_| self.region.sectors >= 2) else {
+            return Ok(());
+        };
+        let next = self.region.after(log.sector);
+        let prepared = if self.region.is_erased_ahead(next).await? {
+            Ok(())
+        } else {
+            self.region.erase_ahead(next, may_erase).await
+        };
+        if prepared == Err(StorageError::NoErasedSpace) {
+            // Forbidden in the meantime: another time.
+            return Ok(());
+        }
+        self.preparation = Preparation::Done;
+        prepared
+    }
+
     /// Stores `value` under `key`, and verifies it.
     ///
     /// # Errors
     /// The previous value is kept; after [`StorageError::Flash`] it may be the new one.
-    pub fn store(&mut self, key: u16, value: V) -> impl Future<Output = Result<Stored, StorageError>> {
-        self.store_replacing(key.into(), value, &|_| false)
+    pub fn store(
+        &mut self,
+        key: u16,
+        value: V,
+        may_erase: MayErase<'_>,
+    ) -> impl Future<Output = Result<Stored, StorageError>> {
+        self.store_replacing(key.into(), value, &|_| false, may_erase)
     }
 
     /// The same for any key, where `is_dispensable` returns whether the value of a key may be lost if there is no room: the one that
@@ -193,13 +244,14 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         key: u32,
         value: V,
         is_dispensable: &dyn Fn(u32) -> bool,
+        may_erase: MayErase<'_>,
     ) -> Result<Stored, StorageError> {
         let record = Record { key, value };
         let log = match self.log.take() {
             Some(log) => log,
             None => match self.find_log().await? {
                 Some(log) => log,
-                None => self.start_sector(None, None, None).await?,
+                None => self.start_sector(None, None, None, may_erase).await?,
             },
         };
         if self.latest_value(&log, record.key).await? == Some(record.value) {
@@ -215,7 +267,14 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         } else {
             // Before the erase, so that repeated attempts to store another key do not wear the flash.
             let left_out = self.find_place(key, &log, is_dispensable).await?;
-            self.start_sector(Some(&log), Some(record), left_out).await?
+            let started = self
+                .start_sector(Some(&log), Some(record), left_out, may_erase)
+                .await;
+            if started.is_err_and(|error| error == StorageError::NoErasedSpace) {
+                // Nothing has changed, and more attempts may follow.
+                self.log = Some(log);
+            }
+            started?
         };
         self.log = Some(log);
         Ok(Stored::Written)
@@ -224,21 +283,26 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
     /// Erases all values atomically: a power cut leaves all or none.
     ///
     /// # Errors
-    /// [`StorageError::Flash`] leaves all or none, too.
-    pub fn clear(&mut self) -> impl Future<Output = Result<(), StorageError>> {
-        self.clear_with(IfInterrupted::KeepAll)
+    /// [`StorageError::Flash`] leaves all or none, too. [`StorageError::NoErasedSpace`] leaves all.
+    pub fn clear(&mut self, may_erase: MayErase<'_>) -> impl Future<Output = Result<(), StorageError>> {
+        self.clear_with(IfInterrupted::KeepAll, may_erase)
     }
 
     /// Erases all values. A power cut or failure leaves no value or [`Condition::Damaged`], unless no write takes
     /// effect at all.
     ///
     /// # Errors
-    /// [`StorageError::Flash`]: a write failed.
-    pub fn start_over(&mut self) -> impl Future<Output = Result<(), StorageError>> {
-        self.clear_with(IfInterrupted::LeaveDamage)
+    /// [`StorageError::Flash`]: a write failed. [`StorageError::NoErasedSpace`]: an erase was forbidden; if not from the
+    /// beginning, this counts as an interruption.
+    pub fn start_over(&mut self, may_erase: MayErase<'_>) -> impl Future<Output = Result<(), StorageError>> {
+        self.clear_with(IfInterrupted::LeaveDamage, may_erase)
     }
 
-    async fn clear_with(&mut self, if_interrupted: IfInterrupted) -> Result<(), StorageError> {
+    async fn clear_with(
+        &mut self,
+        if_interrupted: IfInterrupted,
+        may_erase: MayErase<'_>,
+    ) -> Result<(), StorageError> {
         self.log = None;
         let log = self.find_log().await?;
         let is_clear = match &log {
@@ -249,9 +313,13 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
             return Ok(());
         }
         if let (Some(log), IfInterrupted::LeaveDamage) = (&log, if_interrupted) {
+            let next = self.region.after(log.sector);
+            if may_erase() == Erase::Forbidden && !self.region.is_erased_ahead(next).await? {
+                return Err(StorageError::NoErasedSpace);
+            }
             self.region.retire(log.sector).await?;
         }
-        self.log = Some(self.start_sector(log.as_ref(), None, None).await?);
+        self.log = Some(self.start_sector(log.as_ref(), None, None, may_erase).await?);
         Ok(())
     }
 
@@ -262,23 +330,28 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         old: Option<&Log>,
         newest: Option<Record<V>>,
         left_out: Option<u32>,
+        may_erase: MayErase<'_>,
     ) -> Result<Log, StorageError> {
         if self.region.sectors < 2 {
             return Err(StorageError::Full);
         }
         let (sector, sequence) = match old {
             Some(old) => {
-                let next = old.sector + 1;
                 let sequence = old.sequence.checked_add(1).ok_or(StorageError::Corrupt)?;
-                (if next < self.region.sectors { next } else { 0 }, sequence)
+                (self.region.after(old.sector), sequence)
             }
             None => (self.region.find_blank_sector().await?.unwrap_or(0), 1),
         };
-        // After an interrupted erase a sector may read as blank without retaining data, so one that may have been used
-        // is erased in any case. A region that was never used needs no erase.
-        if old.is_some() || !self.region.is_blank(sector).await? {
-            self.region.erase(sector).await?;
+        // After an interrupted erase a sector may read as blank without retaining data, so to be blank is not enough. A
+        // region that was never used needs no erase.
+        let is_erased = match old {
+            Some(_) => self.region.is_erased_ahead(sector).await?,
+            None => self.region.is_blank(sector).await?,
+        };
+        if !is_erased {
+            self.region.erase(sector, may_erase).await?;
         }
+        self.preparation = Preparation::Due;
         let mut used = 0;
         if let (Some(old), Some(newest)) = (old, newest) {
             for slot in 0..old.used {

@@ -8,7 +8,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use super::record::{Header, Record, Slot};
 use super::value::Value;
-use super::{FlashFault, StorageError};
+use super::{Erase, FlashFault, MayErase, StorageError};
 
 /// The complete sectors of a region.
 #[derive(Debug)]
@@ -43,6 +43,15 @@ const WORD: usize = size_of::<u32>();
 const MARGIN: u32 = 16;
 /// Offset of the retired mark: a word that is blank until the next sector is active.
 const RETIRED: u32 = Header::SIZE as u32;
+/// The last word of a sector that was erased ahead of its use, written once the erase was complete.
+const ERASED_AHEAD: [u8; WORD] = *b"ERSD";
+/// The end of such a sector.
+const END_ERASED_AHEAD: [u8; MARGIN as usize] = {
+    let mut end = [0xFF; MARGIN as usize];
+    let (_, mark) = end.split_at_mut(MARGIN as usize - WORD);
+    mark.copy_from_slice(&ERASED_AHEAD);
+    end
+};
 
 impl<F: NorFlash, V: Value> Region<F, V> {
     const SECTOR: u32 = F::ERASE_SIZE as u32;
@@ -162,7 +171,11 @@ impl<F: NorFlash, V: Value> Region<F, V> {
     }
 
     async fn is_blank_from(&mut self, start: u32, sector: u32) -> Result<bool, StorageError> {
-        for offset in (start..Self::SECTOR).step_by(MARGIN as usize) {
+        self.is_blank_in(start..Self::SECTOR, sector).await
+    }
+
+    async fn is_blank_in(&mut self, offsets: Range<u32>, sector: u32) -> Result<bool, StorageError> {
+        for offset in offsets.step_by(MARGIN as usize) {
             if self.read(self.address(sector) + offset).await? != [0xFF; MARGIN as usize] {
                 return Ok(false);
             }
@@ -170,9 +183,28 @@ impl<F: NorFlash, V: Value> Region<F, V> {
         Ok(true)
     }
 
-    pub async fn erase(&mut self, sector: u32) -> Result<(), StorageError> {
+    /// Whether the sector was erased ahead, and nothing was written to it since. Its mark distinguishes it from a sector
+    /// whose erase was interrupted, which may read as blank without retaining data.
+    pub async fn is_erased_ahead(&mut self, sector: u32) -> Result<bool, StorageError> {
+        let end = Self::SECTOR - MARGIN;
+        Ok(self.read(self.address(sector) + end).await? == END_ERASED_AHEAD
+            && self.is_blank_in(0..end, sector).await?)
+    }
+
+    /// Erases a sector ahead of its use.
+    pub async fn erase_ahead(&mut self, sector: u32, may_erase: MayErase<'_>) -> Result<(), StorageError> {
+        self.erase(sector, may_erase).await?;
+        let mark = self.address(sector) + Self::SECTOR - WORD as u32;
+        self.write(mark, &ERASED_AHEAD).await
+    }
+
+    pub async fn erase(&mut self, sector: u32, may_erase: MayErase<'_>) -> Result<(), StorageError> {
         // An erase blocks the processor, so other ready tasks run first. The same for `program`.
         yield_now().await;
+        // After they ran: they may have armed the vehicle.
+        if may_erase() == Erase::Forbidden {
+            return Err(StorageError::NoErasedSpace);
+        }
         let address = self.address(sector);
         self.flash
             .erase(address, address + Self::SECTOR)
@@ -205,6 +237,12 @@ impl<F: NorFlash, V: Value> Region<F, V> {
             .read(address, bytes)
             .await
             .map_err(StorageError::of_driver)
+    }
+
+    /// The sector after this one in the ring.
+    pub fn after(&self, sector: u32) -> u32 {
+        let next = sector + 1;
+        if next < self.sectors { next } else { 0 }
     }
 
     fn address(&self, sector: u32) -> u32 {

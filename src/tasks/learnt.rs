@@ -3,6 +3,7 @@
 use embassy_time::{Duration, with_timeout};
 use embedded_storage_async::nor_flash::NorFlash;
 
+use super::prepare::prepare;
 use super::{Shared, mark, now};
 use crate::autopilot::LearntJob;
 use crate::battery::LEARNT_WORDS;
@@ -24,6 +25,7 @@ pub async fn keep_learnt<F: NorFlash>(
             run(job, &mut storage, shared).await;
             mark(check_in);
         }
+        prepare(&mut storage, shared).await;
         // With or without a request: a retry may be due.
         let _ = with_timeout(IDLE_CHECK, shared.to_keep_learnt.wait()).await;
     }
@@ -37,8 +39,9 @@ async fn run<F: NorFlash>(job: LearntJob, storage: &mut Storage<F, [u32; LEARNT_
         }
         LearntJob::Write(identity, learnt) => {
             let is_dispensable = |key| shared.with(|autopilot| !autopilot.is_learnt_in_use(key));
+            let may_erase = || shared.may_erase();
             let written = storage
-                .store_replacing(identity.key(), learnt.to_words(), &is_dispensable)
+                .store_replacing(identity.key(), learnt.to_words(), &is_dispensable, &may_erase)
                 .await;
             shared.with(|autopilot| {
                 autopilot.learnt_written(identity.pack, &learnt, written.map(drop), now());

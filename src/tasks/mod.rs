@@ -13,6 +13,7 @@ mod esc;
 mod learnt;
 mod link;
 mod parameters;
+mod prepare;
 mod pulses;
 mod reader;
 mod reboot;

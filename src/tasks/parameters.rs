@@ -3,6 +3,7 @@
 use embassy_time::{Duration, with_timeout};
 use embedded_storage_async::nor_flash::NorFlash;
 
+use super::prepare::prepare;
 use super::{Shared, mark, now};
 use crate::liveness::CheckIn;
 use crate::parameter::Unsaved;
@@ -13,15 +14,15 @@ const IDLE_CHECK: Duration = Duration::from_secs(1);
 
 /// Writes what was set to flash, and clears it when the parameters were reset.
 ///
-/// A value is live and acknowledged before it is written. An erase of the flash stops everything for 45 ms, typically;
-/// other tasks may run after each operation.
+/// A value is live and acknowledged before it is written. Other tasks may run after each operation.
 pub async fn keep_parameters<F: NorFlash>(mut storage: Storage<F>, shared: &Shared, check_in: &CheckIn) -> ! {
     loop {
         mark(check_in);
+        prepare(&mut storage, shared).await;
         // With or without a request: a retry may be due.
         let _ = with_timeout(IDLE_CHECK, shared.to_save.wait()).await;
         while let Some(unsaved) = shared.with(|autopilot| autopilot.next_unsaved_parameter(now())) {
-            let result = write(&mut storage, unsaved).await;
+            let result = write(&mut storage, unsaved, shared).await;
             shared.with(|autopilot| {
                 autopilot.parameter_written(unsaved, result, now());
             });
@@ -30,9 +31,17 @@ pub async fn keep_parameters<F: NorFlash>(mut storage: Storage<F>, shared: &Shar
     }
 }
 
-async fn write<F: NorFlash>(storage: &mut Storage<F>, unsaved: Unsaved) -> Result<(), StorageError> {
+async fn write<F: NorFlash>(
+    storage: &mut Storage<F>,
+    unsaved: Unsaved,
+    shared: &Shared,
+) -> Result<(), StorageError> {
+    let may_erase = || shared.may_erase();
     match unsaved {
-        Unsaved::Reset => storage.clear().await,
-        Unsaved::Value(id, value) => storage.store(id.key(), value.to_bits()).await.map(drop),
+        Unsaved::Reset => storage.clear(&may_erase).await,
+        Unsaved::Value(id, value) => {
+            let stored = storage.store(id.key(), value.to_bits(), &may_erase).await;
+            stored.map(drop)
+        }
     }
 }

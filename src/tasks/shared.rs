@@ -8,6 +8,7 @@ use embassy_sync::watch::{Receiver, Watch};
 
 use crate::autopilot::{Announcement, Autopilot, Start, Work};
 use crate::in_place::in_place;
+use crate::storage::Erase;
 
 /// Links that can be woken by an announcement. The simulator has the most: eight by TCP and one by UDP. A further one
 /// sends announcements when its next stream is due.
@@ -56,6 +57,11 @@ impl Shared {
             self.wake(work);
         }
         result
+    }
+
+    /// Whether flash may be erased now, for [`Storage`](crate::storage::Storage).
+    pub(super) fn may_erase(&self) -> Erase {
+        self.with(|autopilot| autopilot.may_erase())
     }
 
     /// Announces something to all connected ground stations, once.

@@ -3,14 +3,18 @@
 use embassy_time::{Duration, with_timeout};
 use embedded_storage_async::nor_flash::NorFlash;
 
+use super::prepare::prepare;
 use super::{Shared, mark, now};
 use crate::liveness::CheckIn;
 use crate::log::warn;
 use crate::mavlink::{Signing, StoredSigning, ToStore};
-use crate::storage::{Storage, StorageError};
+use crate::storage::{Erase, MayErase, Storage, StorageError};
 
 /// How often the time is looked at. It is written down once a minute.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
+
+/// Time armed so far, before the tasks start.
+const NOT_ARMED_US: u64 = 0;
 
 /// What of signing is in flash, and the flash.
 pub struct SigningStorage<F> {
@@ -32,8 +36,8 @@ impl<F: NorFlash> SigningStorage<F> {
         }
         *signing = this.stored.restore(this.storage.condition());
         // Before the first frame leaves: what is signed from now on must not be signed again after the next start.
-        if let Some(what) = signing.next_unsaved(now()) {
-            match this.store(&what).await {
+        if let Some(what) = signing.next_unsaved(now(), NOT_ARMED_US) {
+            match this.store(&what, &Erase::always).await {
                 Ok(()) => signing.mark_saved(&what),
                 Err(_) => signing.mark_failed(),
             }
@@ -41,13 +45,13 @@ impl<F: NorFlash> SigningStorage<F> {
         this
     }
 
-    async fn store(&mut self, what: &ToStore) -> Result<(), StorageError> {
+    async fn store(&mut self, what: &ToStore, may_erase: MayErase<'_>) -> Result<(), StorageError> {
         if *what == ToStore::Nothing {
-            self.storage.start_over().await?;
+            self.storage.start_over(may_erase).await?;
             self.stored = StoredSigning::default();
         }
         for (key, word) in self.stored.words(what) {
-            self.storage.store(key, word).await?;
+            self.storage.store(key, word, may_erase).await?;
             self.stored.found(key, word);
         }
         Ok(())
@@ -62,10 +66,11 @@ pub async fn keep_signing<F: NorFlash>(
 ) -> ! {
     loop {
         mark(check_in);
+        prepare(&mut storage.storage, shared).await;
         // With or without a request: the time has to be written, or a retry may be due.
         let _ = with_timeout(LOOK_INTERVAL, shared.to_save_signing.wait()).await;
         while let Some(unsaved) = shared.with(|autopilot| autopilot.next_unsaved_signing(now())) {
-            let result = storage.store(&unsaved).await;
+            let result = storage.store(&unsaved, &|| shared.may_erase()).await;
             shared.with(|autopilot| {
                 autopilot.signing_written(&unsaved, result, now());
             });

@@ -5,7 +5,7 @@ use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::autopilot::PackIdentity;
 use rover_battmon::pack::Pack;
 use rover_battmon::sim::SimulatedFlash;
-use rover_battmon::storage::Storage;
+use rover_battmon::storage::{Erase, Storage};
 
 use crate::bench::{
     Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, SAVED_US, SECOND, SECTOR_BYTES, value_of,
@@ -37,9 +37,12 @@ pub fn flash_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Vec<
     block_on(async {
         for (identity, capacity_mah) in learnt {
             let value = learnt_words(identity.serial_number, capacity_mah);
-            let stored = storage.store_replacing(identity.key(), value, &|_| true).await;
+            let stored = storage
+                .store_replacing(identity.key(), value, &|_| true, &Erase::always)
+                .await;
             stored.expect("a sound flash");
         }
+        storage.prepare(&Erase::always).await.expect("a sound flash");
         let start = SimulatedFlash::LEARNT.start;
         flash.read(start, &mut content).await.expect("a sound flash");
     });

@@ -21,6 +21,7 @@ mod story;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod armed_storage;
 mod boot;
 mod boot_loader;
 mod boot_loop;

@@ -3,7 +3,7 @@
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::sim::SimulatedFlash;
-use rover_battmon::storage::Storage;
+use rover_battmon::storage::{Erase, Storage};
 
 use crate::bench::{Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SAVED_US, SECOND, SECTOR_BYTES};
 use crate::emulator::{FlashOperationKind, FlashTiming};
@@ -180,7 +180,7 @@ fn full_sector(known: u16) -> Vec<u8> {
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
     let mut storage = Storage::new(flash.clone(), SimulatedFlash::PARAMETERS);
     for key in (40_000..40_000 + SLOTS - 1).chain([known]) {
-        block_on(storage.store(key, 3_f32.to_bits())).expect("there is room");
+        block_on(storage.store(key, 3_f32.to_bits(), &Erase::always)).expect("there is room");
     }
     let mut image = vec![0; PARAMETER_BYTES];
     block_on(flash.read(SimulatedFlash::PARAMETERS.start, &mut image)).expect("it is inside");
@@ -300,17 +300,14 @@ fn a_typical_erase_loses_no_sampling_tick() {
 #[test]
 fn the_slowest_erase_makes_ticks_coalesce_and_invents_none() {
     let (bench, ticks) = ticks_around_an_erase(FlashTiming::MAXIMUM);
-    // 400 ms cover four ticks at most, of which one is served late.
-    assert!((96..100).contains(&ticks.len()), "{} ticks", ticks.len());
+    // 400 ms cover four ticks at most, of which one is served late. One sector is erased for the value and one ahead.
+    assert!((92..100).contains(&ticks.len()), "{} ticks", ticks.len());
     // No two closer together than the end of the erase and the next regular tick allow, and none twice.
     let phase_us = ticks[ticks.len() - 1] % 100_000;
     let regular = ticks
         .iter()
         .filter(|tick| (**tick % 100_000).abs_diff(phase_us) < MILLISECOND)
         .count();
-    assert!(
-        ticks.len() - regular <= 1,
-        "only the tick after the erase is late"
-    );
+    assert!(ticks.len() - regular <= 2, "only the tick after an erase is late");
     assert!(bench.resets().is_empty(), "the watchdog waited");
 }

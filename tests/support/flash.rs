@@ -24,6 +24,7 @@ struct Chip {
     fault: Fault,
     /// A sector that does not change any more.
     worn: Option<usize>,
+    erases: u32,
 }
 
 /// What happens to writes and erases.
@@ -67,6 +68,7 @@ impl SmallFlash {
             bytes,
             fault: Fault::None,
             worn: None,
+            erases: 0,
         })))
     }
 
@@ -76,6 +78,11 @@ impl SmallFlash {
 
     pub fn set_fault(&self, fault: Fault) {
         self.0.borrow_mut().fault = fault;
+    }
+
+    /// Sectors erased so far, with or without success.
+    pub fn erases(&self) -> u32 {
+        self.0.borrow().erases
     }
 
     pub fn wear_out(&self, sector: usize) {
@@ -152,6 +159,7 @@ impl NorFlash for SmallFlash {
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashFailed> {
         let mut chip = self.0.borrow_mut();
+        chip.erases += 1;
         let course = chip.course(from)?;
         let cells = &mut chip.bytes[from as usize..to as usize];
         match course {

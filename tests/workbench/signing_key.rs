@@ -6,7 +6,7 @@ use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::mavlink::{SigningKey, StoredSigning, ToStore};
 use rover_battmon::sim::SimulatedFlash;
-use rover_battmon::storage::Storage;
+use rover_battmon::storage::{Erase, Storage};
 
 use crate::bench::{Bench, DIVIDER_CODE, SECOND, SIGNING_BYTES, SIGNING_OFFSET};
 
@@ -30,8 +30,12 @@ pub fn flash_with(words: impl IntoIterator<Item = (u16, u32)>) -> Vec<u8> {
     let mut content = vec![0; SIGNING_BYTES];
     block_on(async {
         for (key, word) in words {
-            storage.store(key, word).await.expect("a sound flash");
+            storage
+                .store(key, word, &Erase::always)
+                .await
+                .expect("a sound flash");
         }
+        storage.prepare(&Erase::always).await.expect("a sound flash");
         flash
             .read(SimulatedFlash::SIGNING.start, &mut content)
             .await

@@ -5,3 +5,6 @@ pub(super) mod parameters;
 pub(super) mod signing;
 pub(super) mod time;
 pub(super) mod vehicle;
+
+/// Why a restart, a reset of the parameters or a signing key is refused.
+pub(super) const DISARM_FIRST: &str = "Not while armed: disarm first";

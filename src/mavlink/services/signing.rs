@@ -1,5 +1,7 @@
 //! SETUP_SIGNING (256): another key, or none any more.
 
+use super::DISARM_FIRST;
+use crate::battery::ArmState;
 use crate::mavlink::requests::SetUpSigning;
 use crate::mavlink::signing::{LinkKind, Signing};
 use crate::time::Instant;
@@ -32,6 +34,8 @@ pub enum SetupRefused {
     NotDirect,
     /// The initial timestamp has more than 48 bits.
     BadTime,
+    /// Flash may have no space for the key that is erased, and can't get any while the rover may be moving.
+    Armed,
 }
 
 impl SetupRefused {
@@ -39,6 +43,7 @@ impl SetupRefused {
     pub fn text(self) -> &'static str {
         match self {
             Self::NotDirect => "Signing is set up by USB only",
+            Self::Armed => DISARM_FIRST,
             Self::BadTime => "Signing not set up: bad timestamp",
         }
     }
@@ -48,11 +53,15 @@ impl SetupRefused {
 pub(in crate::mavlink) fn set_up(
     request: &SetUpSigning,
     link: LinkKind,
+    arm_state: ArmState,
     signing: &mut Signing,
     now: Instant,
 ) -> Result<SigningChange, SetupRefused> {
     if link != LinkKind::Direct {
         return Err(SetupRefused::NotDirect);
+    }
+    if arm_state == ArmState::Armed {
+        return Err(SetupRefused::Armed);
     }
     let time = request.time.ok_or(SetupRefused::BadTime)?;
     let change = match request.key {

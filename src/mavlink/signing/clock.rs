@@ -3,7 +3,7 @@
 use super::Timestamp;
 use crate::time::Instant;
 
-const US_PER_TICK: u64 = 10;
+pub(super) const US_PER_TICK: u64 = 10;
 
 /// A clock that never goes back and follows whoever is ahead.
 #[derive(Clone, Debug)]

@@ -199,8 +199,9 @@ impl Signing {
         due
     }
 
-    /// What has to be written to flash now, one thing after the other, if anything.
-    pub fn next_unsaved(&self, now: Instant) -> Option<ToStore> {
+    /// What has to be written to flash now, one thing after the other, if anything. The vehicle has been armed for
+    /// `armed_us`, 0 if it is not.
+    pub fn next_unsaved(&self, now: Instant, armed_us: u64) -> Option<ToStore> {
         match (&self.protection, self.in_flash) {
             (Protection::KeyLost, _) | (Protection::Off, InFlash::Current) => None,
             (Protection::Key(_), InFlash::NoKey | InFlash::Unreadable)
@@ -208,7 +209,7 @@ impl Signing {
             (Protection::Off, InFlash::OtherKey | InFlash::NoKey | InFlash::Nothing) => Some(ToStore::NoKey),
             // The mark comes first: the flash should not be behind the frames that leave.
             (Protection::Key(key), InFlash::Current | InFlash::OtherKey | InFlash::Nothing) => {
-                next_mark(self.stored_mark, self.clock.time_at(now))
+                next_mark(self.stored_mark, self.clock.time_at(now), armed_us)
                     .map(ToStore::Mark)
                     .or_else(|| self.is_key_unsaved().then(|| ToStore::Key(key.clone())))
             }
@@ -330,7 +331,10 @@ mod tests {
         assert_eq!(Timestamp::from_ticks(1 << 48), None);
         let mut clock = SigningClock::starting_at(end);
         assert_eq!((clock.next(Instant::MAX), clock.next(Instant::MAX)), (end, end));
-        assert_eq!(next_mark(Mark::default(), end).map(|mark| mark.time()), Some(end));
+        assert_eq!(
+            next_mark(Mark::default(), end, 0).map(|mark| mark.time()),
+            Some(end)
+        );
     }
 
     #[test]

@@ -1,9 +1,15 @@
 //! What of signing has to be written to flash.
 
+use super::clock::US_PER_TICK;
 use super::{SigningKey, Timestamp};
 
 /// A mark is set so far ahead.
 const MARK_AHEAD: u64 = 70 * Timestamp::PER_SECOND;
+
+/// While the vehicle is armed no sector can be erased, and the marks have to do with the space there is. So they are set
+/// ahead by this share of the time armed, if that is more: 159 marks, which an erased sector has room for at least, last
+/// for 60 days.
+const SHARE_OF_ARMED_TIME: u64 = 16;
 
 /// It is moved when so little is left: once in 62 s, since it takes two records. Between the two, the older mark is still
 /// ahead of everything signed.
@@ -27,10 +33,12 @@ impl Mark {
     }
 }
 
-/// The mark that has to replace `stored` when our time is `now`, if it has to be replaced.
-pub(super) fn next_mark(stored: Mark, now: Timestamp) -> Option<Mark> {
+/// The mark that has to replace `stored` when our time is `now`, if it has to be replaced. The vehicle has been armed for
+/// `armed_us`, 0 if it is not.
+pub(super) fn next_mark(stored: Mark, now: Timestamp, armed_us: u64) -> Option<Mark> {
     let is_near = now.later(MARK_LEFT) > stored.time();
-    let next = Mark::not_before(now.later(MARK_AHEAD));
+    let ahead = MARK_AHEAD.max(armed_us / US_PER_TICK / SHARE_OF_ARMED_TIME);
+    let next = Mark::not_before(now.later(ahead));
     (is_near && next != stored).then_some(next)
 }
 

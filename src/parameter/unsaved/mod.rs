@@ -1,8 +1,10 @@
 //! Unsaved changes and failed attempts to save them.
 
+use core::iter;
+
 use super::parameters::{Flash, Parameters};
 use super::progress::Progress;
-use super::{Access, ParameterId};
+use super::{Access, ParameterId, SaveFailure};
 use crate::storage::StorageError;
 
 /// A change that has to be written to flash.
@@ -77,10 +79,25 @@ impl Parameters {
         self.progress.update_all(Progress::retried);
     }
 
-    /// The error of a change that could not be saved, if there is one.
-    pub fn save_failure(&self) -> Option<StorageError> {
-        let of_values = || ParameterId::all().find_map(|id| self.progress.get(id).failure());
-        self.reset.failure().or_else(of_values)
+    /// Why changes could not be saved, if that is so.
+    pub fn save_failure(&self) -> Option<SaveFailure> {
+        let error = self.all_progress().find_map(Progress::failure)?;
+        self.unsaved_by(error)
+    }
+
+    /// The changes that are not saved, if there are any, as a failure with this error.
+    pub fn unsaved_by(&self, error: StorageError) -> Option<SaveFailure> {
+        let changes = self
+            .all_progress()
+            .filter(|progress| *progress != Progress::Saved)
+            .count();
+        (changes > 0).then_some(SaveFailure { error, changes })
+    }
+
+    /// How far the reset and all values are.
+    fn all_progress(&self) -> impl Iterator<Item = Progress> {
+        let of_values = ParameterId::all().map(|id| self.progress.get(id));
+        iter::once(self.reset).chain(of_values)
     }
 }
 

@@ -3,9 +3,11 @@ use std::collections::BTreeMap;
 use proptest::prelude::*;
 
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, PARAMETER_COUNT, ParameterId, Parameters, VehicleParameter};
+use crate::parameter::{
+    BatteryParameter, PARAMETER_COUNT, ParameterId, Parameters, SaveFailure, VehicleParameter,
+};
 use crate::storage::FlashFault;
-use crate::storage::StorageError::{self, Corrupt, Full};
+use crate::storage::StorageError::{self, Corrupt, Full, NoErasedSpace};
 
 use super::Unsaved::{self, Reset, Value};
 
@@ -113,7 +115,10 @@ fn value_without_space_does_not_block_the_others() {
         written,
         [Value(EXTRA1, 5.0), Value(PARAMS, 7.0), Value(VOLT_MULT, 4.0)]
     );
-    assert_eq!((reports, parameters.save_failure()), (vec![Full], Some(Full)));
+    assert_eq!(
+        (reports, parameters.save_failure().map(|failure| failure.error)),
+        (vec![Full], Some(Full))
+    );
 
     parameters.set(PARAMS, 8.0).unwrap();
     let (written, reports) = save(&mut parameters, no_room_for_extra1);
@@ -130,6 +135,32 @@ fn failed_flash_is_tried_once_and_all_changes_wait() {
         let (written, _) = save(&mut parameters, |_| Ok(()));
         assert_eq!(written, [Value(EXTRA1, 5.0), Value(PARAMS, 7.0)]);
     }
+}
+
+#[test]
+fn changes_without_erased_space_are_counted_and_wait_together() {
+    let mut parameters = changed(&[(EXTRA1, 5.0), (PARAMS, 7.0)]);
+    assert_eq!(parameters.save_failure(), None);
+    let (written, reports) = save(&mut parameters, |_| Err(NoErasedSpace));
+    assert_eq!((written.len(), reports), (1, vec![NoErasedSpace]));
+    parameters.set(VOLT_MULT, 4.0).unwrap();
+    parameters.set(PARAMS, 8.0).unwrap();
+    save(&mut parameters, |_| Err(NoErasedSpace));
+    let failure = parameters.save_failure();
+    assert_eq!(
+        failure,
+        Some(SaveFailure {
+            error: NoErasedSpace,
+            changes: 3
+        })
+    );
+    parameters.retry_failed();
+    let (written, _) = save(&mut parameters, |_| Ok(()));
+    assert_eq!(
+        written,
+        [Value(EXTRA1, 5.0), Value(PARAMS, 8.0), Value(VOLT_MULT, 4.0)]
+    );
+    assert_eq!(parameters.save_failure(), None);
 }
 
 #[test]
@@ -184,7 +215,12 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
         1 => Just(Step::Reset),
         1 => Just(Step::Retry),
     ];
-    let result = prop_oneof![3 => Just(Ok(())), 1 => Just(Err(FLASH)), 1 => Just(Err(Full))];
+    let result = prop_oneof![
+        3 => Just(Ok(())),
+        1 => Just(Err(FLASH)),
+        1 => Just(Err(Full)),
+        1 => Just(Err(NoErasedSpace)),
+    ];
     let step = prop_oneof![
         3 => asked.clone(),
         3 => result.prop_map(Step::Write),

@@ -14,7 +14,7 @@ fn used_region() -> (SmallFlash, Values, BTreeSet<(u16, u32)>) {
     let mut storage = flash.storage();
     for number in 0..60_u16 {
         let (key, value) = (number % 4, u32::from(number));
-        block_on(storage.store(key, value)).unwrap();
+        block_on(storage.store(key, value, &Erase::always)).unwrap();
         latest.insert(key, value);
         ever.insert((key, value));
     }
@@ -188,7 +188,7 @@ fn failed_start_over_leaves_damage() {
     let is_over = (1..).any(|operations| {
         let mut flash = used.clone();
         flash.refuse_after(operations);
-        let result = block_on(flash.storage().start_over());
+        let result = block_on(flash.storage().start_over(&Erase::always));
         flash.power_up();
         match result {
             Ok(()) => {
@@ -209,7 +209,7 @@ fn failed_start_over_leaves_damage() {
     });
     assert!(is_over);
     let mut blank = SmallFlash::blank();
-    assert_eq!(block_on(blank.storage().start_over()), Ok(()));
+    assert_eq!(block_on(blank.storage().start_over(&Erase::always)), Ok(()));
     assert_eq!(blank.operations(), 0);
 }
 

@@ -10,6 +10,7 @@ use super::*;
 use crate::parameter::{Access, ParameterId};
 
 mod damage;
+mod erase_ahead;
 mod power_cuts;
 mod wide;
 
@@ -29,11 +30,15 @@ trait Reboot: NorFlash + Sized {
     fn storage(&mut self) -> Storage<&mut Self>;
 
     fn store(&mut self, key: u16, value: u32) -> Result<Stored, StorageError> {
-        block_on(self.storage().store(key, value))
+        block_on(self.storage().store(key, value, &Erase::always))
     }
 
     fn clear(&mut self) -> Result<(), StorageError> {
-        block_on(self.storage().clear())
+        block_on(self.storage().clear(&Erase::always))
+    }
+
+    fn prepare(&mut self) -> Result<(), StorageError> {
+        block_on(self.storage().prepare(&Erase::always))
     }
 
     fn load(&mut self) -> (Values, Result<(), StorageError>) {
@@ -112,8 +117,14 @@ fn unchanged_value_is_not_written() {
         let operations = flash.operations();
         assert_eq!(flash.store(7, value), Ok(Stored::Unchanged));
         let mut storage = flash.storage();
-        assert_eq!(block_on(storage.store(7, value)), Ok(Stored::Unchanged));
-        assert_eq!(block_on(storage.store(7, value)), Ok(Stored::Unchanged));
+        assert_eq!(
+            block_on(storage.store(7, value, &Erase::always)),
+            Ok(Stored::Unchanged)
+        );
+        assert_eq!(
+            block_on(storage.store(7, value, &Erase::always)),
+            Ok(Stored::Unchanged)
+        );
         assert_eq!(flash.operations(), operations);
     }
 }
@@ -153,7 +164,7 @@ fn unknown_keys_are_kept_when_the_ring_wraps() {
 fn record_with_a_wider_key_is_skipped_and_kept() {
     let mut flash = SmallFlash::blank();
     let mut storage = flash.storage();
-    let log = block_on(storage.start_sector(None, None, None)).unwrap();
+    let log = block_on(storage.start_sector(None, None, None, &Erase::always)).unwrap();
     let foreign = Record {
         key: 0x1_0002,
         value: 9,
@@ -178,7 +189,10 @@ fn one_erase_per_338_stores_and_even_wear() {
     let rounds = 4;
     let mut storage = flash.storage();
     for number in 0..rounds * 4 * BOARD_SLOTS {
-        assert_eq!(block_on(storage.store(1, number)), Ok(Stored::Written));
+        assert_eq!(
+            block_on(storage.store(1, number, &Erase::always)),
+            Ok(Stored::Written)
+        );
     }
     assert_eq!(
         flash.load(),
@@ -193,17 +207,17 @@ fn reads_of_a_store_and_of_a_sector_move_are_bounded() {
     let mut flash = BoardFlash::blank();
     let mut storage = flash.storage();
     for key in 0..250 {
-        block_on(storage.store(key, 1)).unwrap();
+        block_on(storage.store(key, 1, &Erase::always)).unwrap();
     }
     for value in 0..88_u16 {
-        block_on(storage.store(249 - value, 2)).unwrap();
+        block_on(storage.store(249 - value, 2, &Erase::always)).unwrap();
     }
     let reads = storage.region.flash.reads;
-    block_on(storage.store(0, 1)).unwrap();
+    block_on(storage.store(0, 1, &Erase::always)).unwrap();
     assert_eq!(storage.region.flash.reads - reads, 338, "one read per record");
 
     let (reads, programs) = (storage.region.flash.reads, storage.region.flash.programs);
-    assert_eq!(block_on(storage.store(0, 3)), Ok(Stored::Written));
+    assert_eq!(block_on(storage.store(0, 3, &Erase::always)), Ok(Stored::Written));
     let (reads, programs) = (
         storage.region.flash.reads - reads,
         storage.region.flash.programs - programs,
@@ -261,7 +275,10 @@ fn region_of_less_than_two_sectors_is_full() {
             block_on(storage.load(&mut |_, _| panic!("found a value"))),
             Ok(())
         );
-        assert_eq!(block_on(storage.store(1, 1)), Err(StorageError::Full));
+        assert_eq!(
+            block_on(storage.store(1, 1, &Erase::always)),
+            Err(StorageError::Full)
+        );
         assert_eq!(flash.operations(), 0);
     }
 }
@@ -277,18 +294,18 @@ fn yields_between_flash_operations_and_records() {
     let mut flash = BoardFlash::blank();
     let mut storage = flash.storage();
     for number in 0..BOARD_SLOTS {
-        block_on(storage.store(u16::try_from(number % 30).unwrap(), number)).unwrap();
+        block_on(storage.store(u16::try_from(number % 30).unwrap(), number, &Erase::always)).unwrap();
     }
     let records = u64::from(BOARD_SLOTS);
     assert!(polls(storage.load(&mut |_, _| {})) > records);
 
     let operations = storage.region.flash.operations();
-    let turns = polls(async { storage.store(0, 25).await.map(drop) });
+    let turns = polls(async { storage.store(0, 25, &Erase::always).await.map(drop) });
     let operations_of_move = storage.region.flash.operations() - operations;
     assert!(operations_of_move > 30 && turns > records + 30, "{turns} turns");
 
     let operations = storage.region.flash.operations();
-    let turns = polls(storage.clear());
+    let turns = polls(storage.clear(&Erase::always));
     assert!(
         turns > storage.region.flash.operations() - operations,
         "{turns} turns"

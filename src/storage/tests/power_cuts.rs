@@ -8,13 +8,15 @@ use super::*;
 enum Step {
     Store(u16, u32),
     Clear,
+    Prepare,
 }
 
 impl Step {
     fn run<F: NorFlash>(self, storage: &mut Storage<F>) -> Result<(), StorageError> {
         match self {
-            Self::Store(key, value) => block_on(storage.store(key, value)).map(drop),
-            Self::Clear => block_on(storage.clear()),
+            Self::Store(key, value) => block_on(storage.store(key, value, &Erase::always)).map(drop),
+            Self::Clear => block_on(storage.clear(&Erase::always)),
+            Self::Prepare => block_on(storage.prepare(&Erase::always)),
         }
     }
 
@@ -24,6 +26,7 @@ impl Step {
                 values.insert(key, value);
             }
             Self::Clear => values.clear(),
+            Self::Prepare => {}
         }
     }
 }
@@ -34,6 +37,7 @@ fn step() -> impl Strategy<Value = Step> {
         30 => (0..8_u16, 0..6_u8).prop_map(|(key, value)| Step::Store(key, u32::from(value))),
         3 => (any::<u16>(), any::<u32>()).prop_map(|(key, bits)| Step::Store(key % 10, bits)),
         1 => Just(Step::Clear),
+        4 => Just(Step::Prepare),
     ]
 }
 
@@ -111,6 +115,9 @@ fn power_cut_in_any_operation_leaves_old_or_new_value() {
         })
         .collect();
     cut_everywhere(&SmallFlash::blank(), &steps, 200);
+    // The same, with each sector erased ahead.
+    let steps: Vec<Step> = steps.into_iter().flat_map(|step| [step, Step::Prepare]).collect();
+    cut_everywhere(&SmallFlash::blank(), &steps, 100);
 }
 
 #[test]
@@ -118,10 +125,15 @@ fn power_cut_during_a_move_of_the_boards_sectors() {
     let mut flash = BoardFlash::blank();
     let mut storage = flash.storage();
     for number in 0..BOARD_SLOTS - 3 {
-        block_on(storage.store(u16::try_from(number % 30).unwrap(), number)).unwrap();
+        block_on(storage.store(u16::try_from(number % 30).unwrap(), number, &Erase::always)).unwrap();
     }
-    let steps: Vec<Step> = (0..6).map(|key| Step::Store(key, 25)).collect();
-    cut_everywhere(&flash, &steps, 20);
+    let stores = (0..6).map(|key| Step::Store(key, 25));
+    cut_everywhere(&flash, &stores.clone().collect::<Vec<_>>(), 20);
+    let prepared: Vec<_> = iter::once(Step::Prepare)
+        .chain(stores)
+        .chain([Step::Prepare])
+        .collect();
+    cut_everywhere(&flash, &prepared, 20);
 }
 
 #[test]
@@ -203,7 +215,7 @@ fn dropped_store_leaves_old_or_new_value() {
         let (key, value) = (number % 4, u32::from(number));
         let mut context = Context::from_waker(Waker::noop());
         let finished = {
-            let mut future = pin!(storage.store(key, value));
+            let mut future = pin!(storage.store(key, value, &Erase::always));
             (0..number % 37).any(|_| future.as_mut().poll(&mut context).is_ready())
         };
         let mut stored = None;

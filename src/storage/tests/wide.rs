@@ -27,7 +27,8 @@ fn read(flash: &mut WideFlash, key: u32) -> Option<Words> {
 }
 
 fn store(flash: &mut WideFlash, key: u32, number: u32) {
-    block_on(storage(flash).store_replacing(key, words(number), &|_| false)).expect("there is room");
+    block_on(storage(flash).store_replacing(key, words(number), &|_| false, &Erase::always))
+        .expect("there is room");
 }
 
 #[test]
@@ -36,7 +37,10 @@ fn board_sector_holds_63_wide_records() {
     let mut flash = BoardFlash::blank();
     let mut storage: Storage<_, Words> = Storage::new(&mut flash, BoardFlash::REGION);
     for number in 0..4 * 63 {
-        assert_eq!(block_on(storage.store(3, words(number))), Ok(Stored::Written));
+        assert_eq!(
+            block_on(storage.store(3, words(number), &Erase::always)),
+            Ok(Stored::Written)
+        );
     }
     assert_eq!(block_on(storage.read(3)), Ok(Some(words(4 * 63 - 1))));
     assert_eq!(flash.erases, [0, 1, 1, 1]);
@@ -60,7 +64,8 @@ fn wide_key_is_read_after_a_reboot() {
 fn region_of_another_width_is_empty_and_is_taken_over() {
     let mut flash = WideFlash::blank();
     for number in 0..80_u16 {
-        block_on(Storage::<_, u32>::new(&mut flash, WideFlash::REGION).store(number % 5, 9)).unwrap();
+        block_on(Storage::<_, u32>::new(&mut flash, WideFlash::REGION).store(number % 5, 9, &Erase::always))
+            .unwrap();
     }
     for key in 0..5 {
         assert_eq!(read(&mut flash, key), None);
@@ -76,16 +81,19 @@ fn first_dispensable_value_gives_way_to_another() {
         store(&mut flash, key, key);
     }
     let mut full = storage(&mut flash);
-    assert_eq!(block_on(full.store(99, words(99))), Err(StorageError::Full));
+    assert_eq!(
+        block_on(full.store(99, words(99), &Erase::always)),
+        Err(StorageError::Full)
+    );
     let in_use = |key: u32| key < 2;
-    let stored = block_on(full.store_replacing(99, words(99), &|key| !in_use(key)));
+    let stored = block_on(full.store_replacing(99, words(99), &|key| !in_use(key), &Erase::always));
     assert_eq!(stored, Ok(Stored::Written));
     for key in (0..SLOTS).chain([99]) {
         let expected = (key != 2).then(|| words(key));
         assert_eq!(read(&mut flash, key), expected, "key {key}");
     }
     assert_eq!(
-        block_on(storage(&mut flash).store_replacing(100, words(100), &|_| false)),
+        block_on(storage(&mut flash).store_replacing(100, words(100), &|_| false, &Erase::always)),
         Err(StorageError::Full)
     );
 }
@@ -97,7 +105,7 @@ fn value_of_its_own_key_makes_room_first() {
         store(&mut flash, key, key);
     }
     for number in 100..120 {
-        block_on(storage(&mut flash).store_replacing(3, words(number), &|_| true)).unwrap();
+        block_on(storage(&mut flash).store_replacing(3, words(number), &|_| true, &Erase::always)).unwrap();
     }
     for key in 0..SLOTS {
         let expected = words(if key == 3 { 119 } else { key });
@@ -124,8 +132,15 @@ fn flipped_bit_gives_an_earlier_value_or_none() {
     }
 }
 
+/// Whether sectors are erased ahead.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Ahead {
+    Never,
+    BeforeEachStore,
+}
+
 /// Stores until a power cut, which leaves the old value or the new one, or the value that gave way: nothing else changes.
-fn cut_in_every_operation(keys: &[u32], ways: u64) {
+fn cut_in_every_operation(keys: &[u32], ways: u64, ahead: Ahead) {
     let prepared = WideFlash::blank();
     for operation in 0.. {
         for way in 0..ways {
@@ -134,7 +149,15 @@ fn cut_in_every_operation(keys: &[u32], ways: u64) {
             let mut before: Vec<(u32, u32)> = Vec::new();
             let cut_at = keys.iter().zip(0..).find(|(key, number)| {
                 let mut storage = storage(&mut flash);
-                let is_cut = block_on(storage.store_replacing(**key, words(*number), &|_| true)).is_err();
+                let stored = block_on(async {
+                    if ahead == Ahead::BeforeEachStore {
+                        storage.prepare(&Erase::always).await?;
+                    }
+                    storage
+                        .store_replacing(**key, words(*number), &|_| true, &Erase::always)
+                        .await
+                });
+                let is_cut = stored.is_err();
                 if !is_cut {
                     before.retain(|(stored, _)| stored != *key);
                     before.push((**key, *number));
@@ -161,7 +184,7 @@ fn cut_in_every_operation(keys: &[u32], ways: u64) {
                     "operation {operation}, way {way}, key {stored}: {found:?}"
                 );
             }
-            block_on(storage(&mut flash).store_replacing(*key, words(1000), &|_| true))
+            block_on(storage(&mut flash).store_replacing(*key, words(1000), &|_| true, &Erase::always))
                 .expect("a sound flash");
             assert_eq!(read(&mut flash, *key), Some(words(1000)));
             flash.assert_margins_are_untouched();
@@ -172,7 +195,8 @@ fn cut_in_every_operation(keys: &[u32], ways: u64) {
 #[test]
 fn power_cut_in_any_operation_leaves_old_or_new_words() {
     let keys: Vec<u32> = (0..30).map(|number| (number % 9) << 4).collect();
-    cut_in_every_operation(&keys, 12);
+    cut_in_every_operation(&keys, 12, Ahead::Never);
+    cut_in_every_operation(&keys, 12, Ahead::BeforeEachStore);
 }
 
 proptest! {
@@ -180,7 +204,8 @@ proptest! {
 
     #[test]
     fn arbitrary_stores_of_words_survive_power_cuts(keys in prop::collection::vec(0..10_u32, 1..25)) {
-        cut_in_every_operation(&keys, 3);
+        cut_in_every_operation(&keys, 3, Ahead::Never);
+        cut_in_every_operation(&keys, 3, Ahead::BeforeEachStore);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::task::{Context, Poll, Waker};
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::NorFlash;
 use rover_battmon::sim::SimulatedFlash;
-use rover_battmon::storage::Storage;
+use rover_battmon::storage::{Erase, Storage};
 
 use super::Input;
 
@@ -72,12 +72,12 @@ pub fn run(bytes: &[u8]) {
         match step % 16 {
             0..=7 => {
                 let value = u32::from(input.u16());
-                match block_on(storage.store(key, value)) {
+                match block_on(storage.store(key, value, &Erase::always)) {
                     Ok(_) => expected.now(key, value),
                     Err(error) => assert!(expected.is_damaged, "{error:?}"),
                 }
             }
-            8 => match block_on(storage.clear()) {
+            8 => match block_on(storage.clear(&Erase::always)) {
                 Ok(()) => expected
                     .values
                     .values_mut()
@@ -87,7 +87,7 @@ pub fn run(bytes: &[u8]) {
             9..=11 => {
                 let (value, polls) = (u32::from(input.u16()), usize::from(input.byte()));
                 expected.perhaps(key, value);
-                let mut store = pin!(storage.store(key, value));
+                let mut store = pin!(storage.store(key, value, &Erase::always));
                 let mut context = Context::from_waker(Waker::noop());
                 let _ = (0..polls).any(|_| matches!(store.as_mut().poll(&mut context), Poll::Ready(_)));
             }

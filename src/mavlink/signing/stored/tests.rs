@@ -52,7 +52,7 @@ fn set_up(signing: &mut Signing, key: Option<SigningKey>) {
 
 /// Has everything written that waits, until `at_most` so many words are; whether that was all.
 fn save(signing: &mut Signing, words: &mut WordLog, mut at_most: usize) -> bool {
-    while let Some(what) = signing.next_unsaved(Instant::EPOCH) {
+    while let Some(what) = signing.next_unsaved(Instant::EPOCH, 0) {
         let wanted = words.read().words(&what).len();
         if what == ToStore::Nothing && at_most == 0 {
             return false;
@@ -217,13 +217,13 @@ fn a_lost_key_stays_lost_until_another_choice_is_complete() {
         let mut signing = words.read().restore(Condition::Damaged);
         assert_eq!(signing.trouble(), Some(SigningTrouble::KeyLost));
         assert_eq!(
-            signing.next_unsaved(Instant::EPOCH),
+            signing.next_unsaved(Instant::EPOCH, 0),
             None,
             "what is there is left alone"
         );
         set_up(&mut signing, choice.clone());
         assert_eq!(signing.trouble(), Some(SigningTrouble::NotSaved));
-        assert_eq!(signing.next_unsaved(Instant::EPOCH), Some(ToStore::Nothing));
+        assert_eq!(signing.next_unsaved(Instant::EPOCH, 0), Some(ToStore::Nothing));
         assert!(save(&mut signing, &mut words, usize::MAX));
         assert_eq!(signing.trouble(), None);
         assert_eq!(found(words.restore()), choice.map_or(Found::NoKey, Found::Key));
@@ -237,7 +237,7 @@ fn what_could_not_be_written_is_unsaved_until_it_is_written_from_the_start() {
     signing.mark_failed();
     assert!(signing.signs() && signing.is_key_unsaved());
     assert_eq!(signing.trouble(), Some(SigningTrouble::NotSaved));
-    assert_eq!(signing.next_unsaved(Instant::EPOCH), Some(ToStore::Nothing));
+    assert_eq!(signing.next_unsaved(Instant::EPOCH, 0), Some(ToStore::Nothing));
     assert!(save(&mut signing, &mut words, usize::MAX));
     assert_eq!((signing.trouble(), signing.is_key_unsaved()), (None, false));
     assert_eq!(words.key(), Some(key(1)));
@@ -251,7 +251,7 @@ fn the_mark_is_ahead_of_everything_signed_and_moves_once_a_minute() {
     let start = 37_000_000_000_000_u64;
     for second in 0..3600 {
         let now = Timestamp::default().later(start + second * Timestamp::PER_SECOND);
-        if let Some(next) = next_mark(mark, now) {
+        if let Some(next) = next_mark(mark, now, 0) {
             assert!(next.time() > mark.time());
             // If the first record of the next one is damaged, the older one still has to be ahead.
             assert!(mark == Mark::default() || mark.time() > now.later(5 * Timestamp::PER_SECOND));
@@ -265,6 +265,30 @@ fn the_mark_is_ahead_of_everything_signed_and_moves_once_a_minute() {
     assert!((50..=60).contains(&moved), "{moved} times in an hour");
 }
 
+/// Records of the board's sector of flash that are not the key, a choice or a mark which a move takes along.
+const ROOM_FOR_MARKS: u64 = (338 - 2 * KEY_WORDS as u64 - 4) / 2;
+
+#[test]
+fn marks_of_two_months_armed_fit_an_erased_sector_and_stay_ahead() {
+    let start = Timestamp::default().later(37_000_000_000_000);
+    let mut mark = next_mark(Mark::default(), start, 0).expect("the first");
+    let (mut second, mut moved) = (0, 0);
+    while second < 60 * 24 * 3600 {
+        let now = start.later(second * Timestamp::PER_SECOND);
+        if let Some(next) = next_mark(mark, now, second * 1_000_000) {
+            assert!(next.time() > mark.time() && mark.time() > now.later(5 * Timestamp::PER_SECOND));
+            mark = next;
+            moved += 1;
+        }
+        let ahead_s = (mark.time().ticks() - now.ticks()) / Timestamp::PER_SECOND;
+        assert!(ahead_s >= 7, "{ahead_s} at {second} s");
+        assert!(ahead_s <= 72.max(second / 16 + 2), "{ahead_s} at {second} s");
+        // Nothing happens until it is near.
+        second += ahead_s.saturating_sub(10).max(1);
+    }
+    assert!(moved <= ROOM_FOR_MARKS, "{moved} of {ROOM_FOR_MARKS}");
+}
+
 #[test]
 fn after_a_restart_time_goes_on_after_all_that_was_signed() {
     let mut words = flash_with(&[Some(key(1))]);
@@ -273,7 +297,7 @@ fn after_a_restart_time_goes_on_after_all_that_was_signed() {
         let mut signing = words.restore();
         for second in 0..40 {
             let now = at_us(second * 1_000_000);
-            while let Some(what) = signing.next_unsaved(now) {
+            while let Some(what) = signing.next_unsaved(now, 0) {
                 words.write(&what, usize::MAX);
                 signing.mark_saved(&what);
             }

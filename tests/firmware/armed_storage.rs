@@ -1,0 +1,306 @@
+//! Flash of an armed rover: nothing is erased, whatever is requested, and what is set is saved or reported.
+
+use embassy_futures::block_on;
+use embedded_storage_async::nor_flash::ReadNorFlash;
+use rover_battmon::autopilot::PackIdentity;
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, VehicleParameter};
+use rover_battmon::sim::SimulatedFlash;
+use rover_battmon::storage::{Erase, Storage};
+
+use crate::bench::{
+    Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND,
+    SIGNING_OFFSET, value_of,
+};
+use crate::emulator::{FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
+use crate::learnt;
+use crate::motor_poles::LEFT;
+use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for};
+use crate::signing_key;
+use crate::support::frames::{
+    COMMAND_ACK, HEARTBEAT, Heartbeat, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message, texts_of,
+};
+use crate::support::requests::{
+    arm, command_long, disarm, manual_control, param_read_by_name, param_set, set_mode,
+};
+
+const PREFLIGHT_STORAGE: u16 = 245;
+const ACCEPTED: u8 = 0;
+const FAILED: u8 = 4;
+const ARMED: u8 = 128;
+
+/// Records that a sector takes: of parameters and signing, and of learnt data.
+const SLOTS: u16 = 338;
+const LEARNT_SLOTS: i32 = 63;
+
+/// The parameters of a rover that follows sticks at once, and its flash after these and so many of another firmware.
+fn parameters(foreign: u16) -> Vec<u8> {
+    let cells: ParameterId = BatteryParameter::Cells.of(Pack::First);
+    let set = [
+        (cells.key(), 3.0),
+        (ParameterId::Vehicle(VehicleParameter::MotSlewrate).key(), 0.0),
+        (ParameterId::Vehicle(VehicleParameter::SignUartAllow).key(), 2.0),
+    ];
+    let mut flash = SimulatedFlash::open(None).expect("it needs no file");
+    let mut storage = Storage::new(flash.clone(), SimulatedFlash::PARAMETERS);
+    let mut image = vec![0; PARAMETER_BYTES];
+    block_on(async {
+        let others = (40_000..40_000 + foreign).map(|key| (key, 1.0_f32));
+        for (key, value) in others.chain(set) {
+            let stored = storage.store(key, value.to_bits(), &Erase::always).await;
+            stored.expect("there is room");
+        }
+        let start = SimulatedFlash::PARAMETERS.start;
+        flash.read(start, &mut image).await.expect("it is inside");
+    });
+    image
+}
+
+/// The signing data with a key, and marks that leave no more than `room` records.
+fn signing(room: u16) -> Vec<u8> {
+    let key = signing_key::words_of_key();
+    let marks = (0..SLOTS - room - key.len() as u16).map(|number| {
+        let under = [0x121, 0x123][usize::from(number % 2)];
+        (under, u32::from(number) + 1)
+    });
+    signing_key::flash_with(key.iter().copied().chain(marks))
+}
+
+/// A sector of learnt data of as many packs as it takes: each write of another pack needs a sector.
+fn learnt_data() -> Vec<u8> {
+    let packs = (100..100 + LEARNT_SLOTS - 1).map(|number| {
+        let serial_number = Some(number);
+        (
+            PackIdentity {
+                pack: Pack::First,
+                serial_number,
+            },
+            2950.0,
+        )
+    });
+    learnt::flash_with(packs.chain([(learnt::FIRST, 2950.0)]))
+}
+
+/// A rover with this flash, disarmed.
+fn rover_with(learnt: &[u8], signing: &[u8], parameters: &[u8]) -> Bench {
+    assert_eq!(LEARNT_OFFSET as usize + learnt.len(), SIGNING_OFFSET as usize);
+    assert_eq!(SIGNING_OFFSET as usize + signing.len(), PARAMETER_OFFSET as usize);
+    let image = [learnt, signing, parameters].concat();
+    let mut bench = Bench::power_up_with_flash(GOOD_3S, LEARNT_OFFSET, &image);
+    bench.run_for(3 * SECOND);
+    bench
+}
+
+/// A rover whose parameters have room for `free` records in the active sector and in the one erased ahead.
+fn rover_with_room(free: u16) -> Bench {
+    let mut bench = Bench::power_up_with_flash(GOOD_3S, PARAMETER_OFFSET, &parameters(SLOTS - 3 - free));
+    bench.run_for(3 * SECOND);
+    bench
+}
+
+fn arm_and_drive(bench: &mut Bench) {
+    drive_for(bench, 200 * MILLISECOND, 0);
+    let answers = bench.ask(&arm());
+    assert_eq!(
+        of_message(&answers, COMMAND_ACK)[0].u8(2),
+        ACCEPTED,
+        "{answers:?}"
+    );
+    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    bench.take_flash_operations();
+}
+
+fn read(bench: &mut Bench, name: &str) -> Option<f32> {
+    value_of(&bench.ask(&param_read_by_name(name)), name)
+}
+
+fn erases(operations: &[FlashOperation]) -> usize {
+    let is_erase = |operation: &&FlashOperation| operation.kind == FlashOperationKind::SectorErase;
+    operations.iter().filter(is_erase).count()
+}
+
+/// Without restarts and warnings, but for parameters of another firmware and a command that is refused.
+fn assert_untroubled(bench: &Bench) {
+    assert!(bench.resets().is_empty(), "{:?}", bench.resets());
+    let warnings = bench.logged(LogLevel::Warn, "");
+    let expected = ["stored parameter ", "UART0: refused: CommandRefused"];
+    let is_expected = |text: &str| expected.iter().any(|start| text.starts_with(start));
+    let other = warnings.iter().find(|(_, text)| !is_expected(text));
+    assert_eq!(other, None);
+}
+
+fn texts_since(bench: &mut Bench, from_us: u64) -> Vec<String> {
+    let texts = texts_of(&bench.frames_since(from_us));
+    let is_of_storage = |text: &String| text.contains("aved");
+    texts.into_iter().filter(is_of_storage).collect()
+}
+
+#[test]
+fn nothing_is_erased_while_armed_and_what_has_no_space_is_saved_after_disarming() {
+    let mut bench = rover_with_room(15);
+    bench.set("BATT_CAPACITY", 777.0);
+    bench.run_for(SECOND);
+    arm_and_drive(&mut bench);
+    let from_us = bench.time_us();
+    // Twice what there is room for, and some of each parameter once.
+    let filling = (0..60).map(|number| {
+        let name = ["BATT_LOW_VOLT", "BATT_CRT_VOLT"][number % 2];
+        (name.to_owned(), 6.0 + number as f32 / 100.0)
+    });
+    let more = (1..=9).map(|pack| {
+        let number = if pack == 1 {
+            String::new()
+        } else {
+            pack.to_string()
+        };
+        (format!("BATT{number}_CAPACITY"), 1234.0)
+    });
+    for (name, value) in filling.chain(more) {
+        let now_us = bench.time_us();
+        let request = [param_set(&name, value), manual_control(VEHICLE_ID, 0, 500)].concat();
+        bench.uart_send(0, now_us, &request);
+        bench.run_for(40 * MILLISECOND);
+    }
+    let refused = bench.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
+    assert_eq!(of_message(&refused, COMMAND_ACK)[0].u8(2), FAILED);
+    drive_for(&mut bench, 7 * SECOND, 500);
+
+    let operations = bench.take_flash_operations();
+    assert_eq!(erases(&operations), 0, "{operations:?}");
+    assert!(operations.len() > 15, "there was room for some");
+    let texts = texts_since(&mut bench, from_us);
+    let last = texts.last().expect("a report");
+    assert_eq!(last, "Parameters: 11 not saved until disarmed", "{texts:?}");
+    for name in ["BATT_CAPACITY", "BATT9_CAPACITY"] {
+        assert_eq!(read(&mut bench, name), Some(1234.0), "live");
+    }
+
+    let disarmed_us = bench.time_us();
+    bench.ask(&disarm());
+    bench.run_for(2 * SECOND);
+    assert_eq!(texts_since(&mut bench, disarmed_us), ["Parameters saved"]);
+    assert!(erases(&bench.take_flash_operations()) >= 1);
+    assert_untroubled(&bench);
+
+    bench.power_cycle();
+    bench.run_for(SECOND);
+    for name in ["BATT_CAPACITY", "BATT9_CAPACITY"] {
+        assert_eq!(read(&mut bench, name), Some(1234.0), "saved");
+    }
+    assert_eq!(read(&mut bench, "BATT_CRT_VOLT"), Some(6.59));
+}
+
+#[test]
+fn power_lost_while_armed_brings_saved_values_back() {
+    let mut bench = rover_with_room(5);
+    bench.set("BATT_CAPACITY", 777.0);
+    bench.run_for(SECOND);
+    arm_and_drive(&mut bench);
+    for number in 0..12 {
+        bench.set("BATT_LOW_VOLT", 6.0 + number as f32);
+    }
+    bench.set("BATT_CAPACITY", 1234.0);
+    bench.run_for(SECOND);
+    assert_eq!(read(&mut bench, "BATT_CAPACITY"), Some(1234.0), "live");
+    bench.power_cycle();
+    bench.run_for(SECOND);
+    assert_eq!(read(&mut bench, "BATT_CAPACITY"), Some(777.0));
+    let damaged = texts_of(&bench.frames());
+    assert!(
+        !damaged.iter().any(|text| text.contains("damaged")),
+        "{damaged:?}"
+    );
+    bench.set("BATT_CAPACITY", 888.0);
+    bench.run_for(SECOND);
+    bench.power_cycle();
+    bench.run_for(SECOND);
+    assert_eq!(read(&mut bench, "BATT_CAPACITY"), Some(888.0));
+}
+
+#[test]
+fn full_sectors_of_time_and_learnt_data_move_without_an_erase() {
+    let mut bench = rover_with(&learnt_data(), &signing(3), &parameters(0));
+    bench.flash_timing(FlashTiming::MAXIMUM);
+    arm_and_drive(&mut bench);
+    let from_us = bench.time_us();
+    for number in 0..7 {
+        bench.ask(&param_set("BATT_SERIAL_NUM", number as f32));
+        bench.ask(&param_set("BATT_LRN_ERASE", 1.0));
+        drive_for(&mut bench, 10 * SECOND, 500);
+    }
+    let heartbeats = bench.frames_since(from_us);
+    let heartbeats = of_message(&heartbeats, HEARTBEAT);
+    assert!(
+        heartbeats
+            .iter()
+            .all(|frame| Heartbeat(frame).base_mode() & ARMED != 0)
+    );
+    let operations = bench.take_flash_operations();
+    assert_eq!(erases(&operations), 0, "{operations:?}");
+    let pages_in = |from: u32, to: u32| {
+        let is_there = |operation: &&FlashOperation| (from..to).contains(&operation.offset);
+        operations.iter().filter(is_there).count()
+    };
+    assert!(pages_in(LEARNT_OFFSET, SIGNING_OFFSET) > 60, "it has moved");
+    assert!(pages_in(SIGNING_OFFSET, PARAMETER_OFFSET) > 12, "it has moved");
+    assert_eq!(
+        texts_since(&mut bench, from_us),
+        ["Learnt battery data not saved until disarmed"]
+    );
+    bench.ask(&disarm());
+    bench.run_for(4 * SECOND);
+    assert!(erases(&bench.take_flash_operations()) >= 2, "prepared again");
+    assert_untroubled(&bench);
+}
+
+/// Not later than this after the last byte of a stick input its effect has to be at the motors.
+const STICK_TO_MOTOR_US: u64 = 50 * MILLISECOND;
+
+#[test]
+fn two_hundred_sets_at_full_rate_delay_no_stick_and_lose_no_byte() {
+    // The parameters move to the sector that was erased ahead, and fill it.
+    let mut bench = rover_with_room(30);
+    arm_and_drive(&mut bench);
+    bench.record_pin(LEFT[0].positive);
+    let from_us = bench.time_us();
+    let mut at_us = from_us;
+    let (mut stick_due_us, mut throttle) = (from_us, 0);
+    let mut sticks = Vec::new();
+    for number in 0..200 {
+        if at_us >= stick_due_us {
+            stick_due_us += 50 * MILLISECOND;
+            throttle = if throttle == 300 { 600 } else { 300 };
+            at_us = bench.uart_send(0, at_us, &manual_control(VEHICLE_ID, 0, throttle));
+            sticks.push((at_us, f64::from(throttle) / 1000.0));
+        }
+        let value = 1.0 + number as f32 / 1000.0;
+        at_us = bench.uart_send(0, at_us, &param_set("BATT_VOLT_MULT", value));
+    }
+    bench.run_until_time(at_us + SECOND);
+
+    assert!(sticks.len() >= 10, "at 20 Hz");
+    let changes = bench.take_pwm_changes(LEFT[0].positive);
+    let mut latest_us = 0;
+    for (received_us, duty) in sticks {
+        let change = changes.iter().find(|(at, output)| {
+            let is_this = output.is_some_and(|output| (output.duty - duty).abs() < 0.01);
+            at / CYCLES_PER_US >= received_us && is_this
+        });
+        let (at, _) = change.unwrap_or_else(|| panic!("no motor follows the stick at {received_us} us"));
+        latest_us = latest_us.max(at / CYCLES_PER_US - received_us);
+    }
+    println!("the motor follows {latest_us} us after the stick's last byte at the latest");
+    assert!(latest_us <= STICK_TO_MOTOR_US);
+
+    assert_eq!(erases(&bench.take_flash_operations()), 0);
+    let frames = bench.frames_since(from_us);
+    let answers = of_message(&frames, PARAM_VALUE);
+    let acknowledged = answers
+        .iter()
+        .filter(|frame| ParamValue(frame).name() == "BATT_VOLT_MULT");
+    assert_eq!(acknowledged.count(), 200, "each is acknowledged");
+    let status = of_message(&frames, SYS_STATUS);
+    let status = SysStatus(status.last().expect("telemetry goes on"));
+    assert_eq!(status.errors_comm(), 0, "received bytes or frames were lost");
+    assert!(bench.resets().is_empty(), "{:?}", bench.resets());
+}
