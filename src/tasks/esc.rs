@@ -32,7 +32,7 @@ pub async fn read_esc(source: Option<impl ByteSource>, shared: &Shared, check_in
             }
             Ok(Err(ReceiveError::Closed)) => idle(check_in).await,
             // Silence, or bytes that were lost: without a frame the pack will be unhealthy.
-            Ok(Err(ReceiveError::BytesLost)) | Err(_) => {}
+            Ok(Err(ReceiveError::LineError | ReceiveError::BytesLost(_))) | Err(_) => {}
         }
         mark(check_in);
         // A sender that never pauses must leave the others their turn.

@@ -26,8 +26,10 @@ const LONGEST_STEP: Duration = Duration::from_millis(50);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ReceiveError {
-    /// Bytes were lost on the way; more can be received.
-    BytesLost,
+    /// The line was noisy, or bytes came faster than the port took them: some are wrong or missing. More can be received.
+    LineError,
+    /// So many bytes were not taken in time, and are lost. More can be received.
+    BytesLost(u32),
     /// The other end is gone.
     Closed,
 }
@@ -53,9 +55,13 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
                 let bytes = chunk.get(..received).unwrap_or(&chunk);
                 handle(bytes, arrivals.earliest, shared, link);
             }
-            Some(Err(ReceiveError::BytesLost)) => {
+            Some(Err(ReceiveError::LineError)) => {
                 link.with(|channel| channel.count_overrun());
-                warn!("{}: received bytes were lost", link.name());
+                warn!("{}: line error", link.name());
+            }
+            Some(Err(ReceiveError::BytesLost(bytes))) => {
+                link.with(|channel| channel.count_overrun());
+                warn!("{}: {} received bytes were lost", link.name(), bytes);
             }
             Some(Err(ReceiveError::Closed)) => return,
             None => {
