@@ -38,15 +38,15 @@ const LONGEST_BYTE: Duration = Duration::from_millis(2);
 /// As much as comes in 45 ms, the typical erase of a sector, at 921,600 baud.
 const TELEMETRY_RING_BYTES: usize = 4096;
 
-/// As much as comes in 44 ms.
-const ESC_RING_BYTES: usize = 512;
+/// As much as comes in 89 ms.
+const ESC_RING_BYTES: usize = 1024;
 
 /// A ring of the DMA begins at a multiple of its length.
 #[repr(C, align(4096))]
 struct TelemetryRing([AtomicU8; TELEMETRY_RING_BYTES]);
 const _: () = assert!(align_of::<TelemetryRing>() == TELEMETRY_RING_BYTES);
 
-#[repr(C, align(512))]
+#[repr(C, align(1024))]
 struct EscRing([AtomicU8; ESC_RING_BYTES]);
 const _: () = assert!(align_of::<EscRing>() == ESC_RING_BYTES);
 

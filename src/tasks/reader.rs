@@ -1,9 +1,10 @@
 //! Reads one link and handles what ground stations ask for.
 
+use core::future::poll_fn;
 use core::pin::pin;
 use core::task::Poll;
 
-use embassy_futures::{poll_once, yield_now};
+use embassy_futures::yield_now;
 use embassy_time::{Duration, with_timeout};
 
 use super::{Link, Shared, mark, now};
@@ -90,7 +91,9 @@ impl Arrivals {
         chunk: &mut [u8],
     ) -> Option<Result<usize, ReceiveError>> {
         let mut receive = pin!(source.receive(chunk));
-        if let Poll::Ready(received) = poll_once(receive.as_mut()) {
+        // With the task's own waker: a source may wait for a timer, which takes no other.
+        let first_poll = poll_fn(|context| Poll::Ready(receive.as_mut().poll(context))).await;
+        if let Poll::Ready(received) = first_poll {
             return Some(received);
         }
         // It is empty, so what comes next has not come yet.

@@ -72,7 +72,7 @@ impl Board {
         }
         let start = self.bus.now;
         let event = self.bus.next_event();
-        if self.cpu.waits_for_flash(&self.bus) {
+        if self.cpu.waits_in_rom(&self.bus) {
             self.bus.now = event.min(awake_end).max(start + 1);
             self.awake_cycles += self.bus.now - start;
         } else if self.cpu.is_running() {
