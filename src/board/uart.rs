@@ -5,7 +5,6 @@
 )]
 
 use core::convert::Infallible;
-
 use core::pin::pin;
 use core::sync::atomic::AtomicU8;
 
@@ -19,7 +18,7 @@ use embassy_rp::peripherals::{
     DMA_CH0, DMA_CH8, DMA_CH9, DMA_CH10, DMA_CH11, PIN_0, PIN_1, PIN_5, UART0, UART1,
 };
 use embassy_rp::uart::{Async, Config, Instance, RxPin, UartRx, UartTx};
-use embassy_time::{Duration, Timer, with_timeout};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{ErrorType, Write};
 
 use super::Irqs;
@@ -29,7 +28,7 @@ use crate::tasks::{ByteSource, ReceiveError};
 /// No interrupt reports that the FIFO has run empty, or that the ring has got a byte.
 const LOOK_INTERVAL: Duration = Duration::from_millis(1);
 
-/// Looks in vain before the next one waits for a start bit. Bytes of a frame follow each other faster.
+/// Looks in vain after which the next start bit is waited for. Bytes of a frame follow each other faster.
 const LOOKS_IN_SILENCE: u8 = 2;
 
 /// A byte takes 1.04 ms at 9600 baud, the lowest rate there is.
@@ -155,6 +154,8 @@ pub struct UartReceiver {
     registers: Uart,
     line: Input<'static>,
     ring: ReceiveRing,
+    /// The ring was empty a [`LOOK_INTERVAL`] before. Bytes come one by one: looked for sooner, they would be handled so.
+    look_again_at: Instant,
     looks_in_vain: u8,
 }
 
@@ -164,6 +165,7 @@ impl UartReceiver {
             registers,
             line,
             ring,
+            look_again_at: Instant::MIN,
             looks_in_vain: 0,
         }
     }
@@ -175,19 +177,15 @@ impl UartReceiver {
         read.map_err(|overtaken| ReceiveError::BytesLost(overtaken.bytes_lost))
     }
 
-    /// Waits until another look may find something.
-    async fn wait(&mut self) {
-        if self.looks_in_vain < LOOKS_IN_SILENCE {
-            self.looks_in_vain += 1;
-            return Timer::after(LOOK_INTERVAL).await;
-        }
-        let mut start_bit = pin!(self.line.wait_for_falling_edge());
-        // A byte that was under way before need not have another edge.
-        let waited = with_timeout(LONGEST_BYTE, start_bit.as_mut()).await;
+    /// Waits for the line to fall, or until a byte is there that was under way before: it need not have another edge.
+    async fn start_bit(&mut self) {
+        let mut edge = pin!(self.line.wait_for_falling_edge());
+        let waited = with_timeout(LONGEST_BYTE, edge.as_mut()).await;
         if waited.is_err() && self.ring.is_empty() {
-            start_bit.await;
+            edge.await;
         }
         self.looks_in_vain = 0;
+        self.look_again_at = Instant::now() + LOOK_INTERVAL;
     }
 
     /// Whether the port saw noise, or its FIFO overran, since the last look. Its raw interrupts stay until they are cleared.
@@ -211,12 +209,22 @@ impl ByteSource for UartReceiver {
     /// The line was noisy, or bytes came for so long without being read that some are lost. It goes on with the next byte.
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
         loop {
+            // Too late, it is no wait: whoever asks learns that bytes may have waited.
+            if Instant::now() < self.look_again_at {
+                Timer::at(self.look_again_at).await;
+            }
             let received = self.look(buffer)?;
+            if received < buffer.len() {
+                self.look_again_at = Instant::now() + LOOK_INTERVAL;
+            }
             if received > 0 {
                 self.looks_in_vain = 0;
                 return Ok(received);
             }
-            self.wait().await;
+            self.looks_in_vain = self.looks_in_vain.saturating_add(1);
+            if self.looks_in_vain >= LOOKS_IN_SILENCE {
+                self.start_bit().await;
+            }
         }
     }
 }

@@ -76,7 +76,7 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
     }
 }
 
-/// When received bytes can have come at the earliest. A source that always has bytes ready may have held them back, and so
+/// When received bytes can have come at the earliest, but for the few milliseconds between two looks at a ring. A source that always has bytes ready may have held them back, and so
 /// may one that was not asked for a while. What it holds at first may be as old as the board's start.
 #[derive(Default)]
 struct Arrivals {

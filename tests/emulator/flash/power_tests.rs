@@ -38,7 +38,7 @@ fn a_cut_before_an_erase_leaves_the_sector_and_one_after_it_leaves_it_erased() {
     let board = cut_at(1, FlashCut::After);
     assert!(!board.is_powered());
     assert_eq!(sector(&board), [0xff; SECTOR as usize]);
-    assert!((45_000..45_100).contains(&board.time_us()), "{}", board.time_us());
+    assert!((45_100..45_200).contains(&board.time_us()), "{}", board.time_us());
 }
 
 #[test]
