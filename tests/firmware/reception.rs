@@ -69,7 +69,7 @@ impl Sets {
         1.0 + f32::from(number) / 1024.0
     }
 
-    /// Sends the next value and `fill` frames for somebody else, and lets time pass until the line is nearly free.
+    /// Sends the next value and `fill` frames for another system, and lets time pass until the line is nearly free.
     fn send(&mut self, bench: &mut Bench, fill: usize) {
         let bytes = [param_set("BATT_VOLT_MULT", Self::value(self.next)), fillers(fill)].concat();
         self.next += 1;

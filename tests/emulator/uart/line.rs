@@ -80,7 +80,7 @@ impl Frame {
     }
 }
 
-/// What the chip's end of a wire does while nobody drives the other one.
+/// What the chip's end of a wire does while the other one is open.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pull {
     Up,
@@ -95,7 +95,7 @@ enum OtherEnd {
     /// A sender, which holds it high between its frames.
     #[default]
     Sender,
-    /// Nobody, since this time.
+    /// It is open, since this time.
     Open(Cycle),
 }
 
