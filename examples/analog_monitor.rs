@@ -22,7 +22,7 @@ mod firmware {
         ArmState, BatteryMonitor, ChargeState, FailsafeSettings, Measurement, PackSettings, ReadError,
         Thresholds, Tick,
     };
-    use rover_battmon::board::{self, AnalogInputs};
+    use rover_battmon::board::{self, AnalogInputs, TelemetryUart};
     use rover_battmon::mavlink::{LinkKind, SystemState};
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::Parameters;
@@ -46,8 +46,14 @@ mod firmware {
         let chip = embassy_rp::init(Default::default());
         let mut led = Output::new(chip.PIN_25, Level::Low);
         let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, chip.PIN_29);
-        let (transmitter, _receiver) =
-            board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
+        let parts = TelemetryUart {
+            uart: chip.UART0,
+            tx_pin: chip.PIN_0,
+            rx_pin: chip.PIN_1,
+            tx_dma: chip.DMA_CH0,
+            rx_dma: (chip.DMA_CH8, chip.DMA_CH9),
+        };
+        let (transmitter, _receiver) = board::telemetry_uart(parts, BAUD);
 
         // A LiPo pack of three cells that is low once it was below 10.5 V for 10 s.
         let settings = PackSettings {

@@ -18,7 +18,7 @@ mod firmware {
     use embassy_time::{Duration, Ticker};
     use panic_probe as _;
     use rover_battmon::battery::{ArmState, BatteryMonitor, PackSettings, Tick};
-    use rover_battmon::board::{self, SensorI2c};
+    use rover_battmon::board::{self, SensorI2c, TelemetryUart};
     use rover_battmon::mavlink::{LinkKind, SystemState};
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::{BatteryParameter, Parameters};
@@ -48,8 +48,14 @@ mod firmware {
         }
         let clock_hz = bus_clock_hz(&parameters);
         let mut bus = Buses::i2c(SensorI2c::new(chip.I2C1, chip.PIN_14, chip.PIN_15, clock_hz));
-        let (transmitter, _receiver) =
-            board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
+        let parts = TelemetryUart {
+            uart: chip.UART0,
+            tx_pin: chip.PIN_0,
+            rx_pin: chip.PIN_1,
+            tx_dma: chip.DMA_CH0,
+            rx_dma: (chip.DMA_CH8, chip.DMA_CH9),
+        };
+        let (transmitter, _receiver) = board::telemetry_uart(parts, BAUD);
 
         let start = now();
         let mut parts = BusDevices::from_parameters(&parameters, start);

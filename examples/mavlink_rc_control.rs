@@ -12,7 +12,7 @@ mod firmware {
     use embassy_executor::Spawner;
     use embassy_time::{Duration, with_timeout};
     use panic_probe as _;
-    use rover_battmon::board::{self, BoardMotors, BoardWatchdog, MotorPeripherals};
+    use rover_battmon::board::{self, BoardMotors, BoardWatchdog, MotorPeripherals, TelemetryUart};
     use rover_battmon::mavlink::{LinkKind, Signing, SystemState};
     use rover_battmon::parameter::{Parameters, VehicleParameter};
     use rover_battmon::tasks::{ByteSource, Watchdog, WiredEndpoint, now};
@@ -34,8 +34,14 @@ mod firmware {
             right_rear: (chip.PWM_SLICE3, chip.PIN_7, chip.PIN_6),
             right_front: (chip.PWM_SLICE4, chip.PIN_9, chip.PIN_8),
         });
-        let (transmitter, mut receiver) =
-            board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
+        let parts = TelemetryUart {
+            uart: chip.UART0,
+            tx_pin: chip.PIN_0,
+            rx_pin: chip.PIN_1,
+            tx_dma: chip.DMA_CH0,
+            rx_dma: (chip.DMA_CH8, chip.DMA_CH9),
+        };
+        let (transmitter, mut receiver) = board::telemetry_uart(parts, BAUD);
 
         let mut parameters = Parameters::defaults();
         // Nothing measures a battery here, so none is sent, and none is checked before arming.

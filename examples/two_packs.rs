@@ -22,7 +22,7 @@ mod firmware {
         ArmState, BatteryMonitor, Chemistry, FailsafeSettings, Measurement, PackSettings, ReadError,
         Thresholds, Tick,
     };
-    use rover_battmon::board::{self, AnalogInputs};
+    use rover_battmon::board::{self, AnalogInputs, TelemetryUart};
     use rover_battmon::mavlink::{LinkKind, SystemState};
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::Parameters;
@@ -105,8 +105,14 @@ mod firmware {
     async fn main(_spawner: Spawner) {
         let chip = embassy_rp::init(Default::default());
         let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, chip.PIN_29);
-        let (transmitter, _receiver) =
-            board::telemetry_uart(chip.UART0, chip.PIN_0, chip.PIN_1, chip.DMA_CH0, BAUD);
+        let parts = TelemetryUart {
+            uart: chip.UART0,
+            tx_pin: chip.PIN_0,
+            rx_pin: chip.PIN_1,
+            tx_dma: chip.DMA_CH0,
+            rx_dma: (chip.DMA_CH8, chip.DMA_CH9),
+        };
+        let (transmitter, _receiver) = board::telemetry_uart(parts, BAUD);
 
         let mut packs = [drive_pack(), electronics_pack()];
         // The defaults have HEARTBEAT sent once a second, SYS_STATUS and each BATTERY_STATUS twice.

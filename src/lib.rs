@@ -101,6 +101,7 @@ pub mod liveness;
 pub mod mavlink;
 pub mod pack;
 pub mod parameter;
+pub mod ring_reader;
 pub mod sensor;
 pub mod storage;
 pub mod tasks;

@@ -13,8 +13,8 @@ mod firmware {
     use rover_battmon::battery::{LEARNT_WORDS, RetainedMemory};
     use rover_battmon::board::{
         self, AnalogInputs, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog,
-        Buzzer, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c, SensorSpi,
-        SpiPeripherals, UartReceiver, UartTransmitter, UsbDevice, UsbPort,
+        Buzzer, EscUart, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c,
+        SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbDevice, UsbPort,
     };
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::liveness::CheckIn;
@@ -204,13 +204,14 @@ mod firmware {
         let wiring = shared.with(|autopilot| autopilot.wiring());
 
         let link = open_telemetry(wiring.telemetry_baud);
-        let (transmitter, receiver) = board::telemetry_uart(
-            peripherals.UART0,
-            peripherals.PIN_0,
-            peripherals.PIN_1,
-            peripherals.DMA_CH0,
-            wiring.telemetry_baud,
-        );
+        let telemetry_parts = TelemetryUart {
+            uart: peripherals.UART0,
+            tx_pin: peripherals.PIN_0,
+            rx_pin: peripherals.PIN_1,
+            tx_dma: peripherals.DMA_CH0,
+            rx_dma: (peripherals.DMA_CH8, peripherals.DMA_CH9),
+        };
+        let (transmitter, receiver) = board::telemetry_uart(telemetry_parts, wiring.telemetry_baud);
         let (device, port) = board::usb_port(peripherals.USB);
         let input = AnalogInputs::new(
             peripherals.ADC,
@@ -237,9 +238,12 @@ mod firmware {
         };
 
         // Their pins stay untouched while no pack needs them.
-        let esc_wire = wiring
-            .uses_esc
-            .then(|| board::esc_uart(peripherals.UART1, peripherals.PIN_5));
+        let esc_parts = EscUart {
+            uart: peripherals.UART1,
+            rx_pin: peripherals.PIN_5,
+            rx_dma: (peripherals.DMA_CH10, peripherals.DMA_CH11),
+        };
+        let esc_wire = wiring.uses_esc.then(|| board::esc_uart(esc_parts));
         let pulse_pin = wiring.uses_pulses.then(|| board::pulse_input(peripherals.PIN_17));
 
         let motors = BoardMotors::new(MotorPeripherals {
@@ -302,7 +306,9 @@ mod firmware {
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    eprintln!("This is the firmware for the board. Flash a release's UF2 file, or type `cargo board` in a clone.");
+    eprintln!(
+        "This is the firmware for the board. Flash a release's UF2 file, or type `cargo board` in a clone."
+    );
     eprintln!("Without a board: the simulator, `rover-battmon-sitl`, or `cargo run` in a clone.");
     std::process::exit(2);
 }

@@ -44,7 +44,8 @@ pub fn flash_driver(peripheral: Peri<'static, FLASH>) -> FlashDriver {
 /// The flash chip.
 ///
 /// While it erases or programs, the processor can't read its program from it: interrupts are off and everything stands
-/// still, typically 45 ms for an erase and 0.4 ms for a page. So one sector is erased at a time, only while disarmed, and after each operation
+/// still, typically 45 ms for an erase and 0.6 ms for a page, of which the chip takes 0.4 ms. So one sector is erased at a
+/// time, only while disarmed, and after each operation
 /// everybody else gets a turn, the one who feeds the watchdog too.
 #[derive(Clone, Copy)]
 pub struct BoardFlash(&'static FlashDriver);

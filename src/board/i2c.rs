@@ -22,6 +22,9 @@ const RECOVERY_CLOCKS: usize = 9;
 /// 100 kHz, which every device stands.
 const HALF_CLOCK: Duration = Duration::from_micros(5);
 
+/// Until a line is high that only the chip's own pull-up lifts: 80 kΩ at most, and the 400 pF of the longest bus.
+const RISE_TIME: Duration = Duration::from_micros(100);
+
 const SDA: u32 = 1 << 14;
 const SCL: u32 = 1 << 15;
 
@@ -65,6 +68,8 @@ impl SensorI2c {
         self.driver = None;
         let mut scl = OutputOpenDrain::new(self.scl.reborrow(), Level::High);
         let mut sda = OutputOpenDrain::new(self.sda.reborrow(), Level::High);
+        scl.set_pullup(true);
+        sda.set_pullup(true);
         for _ in 0..RECOVERY_CLOCKS {
             if sda.is_high() {
                 break;
@@ -98,11 +103,11 @@ impl SensorI2c {
             };
             I2c::new_async(peripheral, scl, sda, Irqs, self.config)
         });
-        if is_free() {
-            Ok(driver)
-        } else {
-            Err(BusError::Stuck)
+        if !is_free() {
+            // The driver has just turned the pull-ups on.
+            Timer::after(RISE_TIME).await;
         }
+        is_free().then_some(driver).ok_or(BusError::Stuck)
     }
 }
 

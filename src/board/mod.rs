@@ -14,6 +14,7 @@ mod last_run;
 mod memory_map;
 mod motors;
 mod pulses;
+mod receive_ring;
 mod reset;
 mod retained;
 mod running;
@@ -23,8 +24,7 @@ mod uart;
 mod usb;
 mod watchdog;
 
-use embassy_rp::peripherals::{DMA_CH0, I2C1, PIO1, UART0, UART1, USB};
-use embassy_rp::uart::BufferedInterruptHandler;
+use embassy_rp::peripherals::{DMA_CH0, I2C1, PIO1, USB};
 use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, pio, usb as rp_usb};
 
 pub use adc::AnalogInputs;
@@ -44,7 +44,7 @@ pub use retained::retained_memory;
 pub use running::name_task;
 pub use spi::{SensorSpi, SpiPeripherals};
 pub use stack_guard::guard_stack;
-pub use uart::{UartReceiver, UartTransmitter, esc_uart, telemetry_uart};
+pub use uart::{EscUart, TelemetryUart, UartReceiver, UartTransmitter, esc_uart, telemetry_uart};
 pub use usb::{UsbDevice, UsbPort, UsbReceiver, UsbTransmitter, usb_port};
 pub use watchdog::BoardWatchdog;
 
@@ -52,7 +52,5 @@ bind_interrupts!(struct Irqs {
     DMA_IRQ_0 => dma::InterruptHandler<DMA_CH0>;
     I2C1_IRQ => rp_i2c::InterruptHandler<I2C1>;
     PIO1_IRQ_0 => pio::InterruptHandler<PIO1>;
-    UART0_IRQ => BufferedInterruptHandler<UART0>;
-    UART1_IRQ => BufferedInterruptHandler<UART1>;
     USBCTRL_IRQ => rp_usb::InterruptHandler<USB>;
 });

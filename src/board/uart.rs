@@ -1,44 +1,81 @@
 //! The telemetry port, and the one of a motor controller.
-#![expect(unsafe_code, reason = "the telemetry port's halves are driven differently")]
+#![expect(
+    unsafe_code,
+    reason = "the telemetry port's halves are driven differently, and a pin has two"
+)]
 
 use core::convert::Infallible;
+use core::pin::pin;
+use core::sync::atomic::AtomicU8;
 
 use embassy_rp::Peri;
-use embassy_rp::peripherals::{DMA_CH0, PIN_0, PIN_1, PIN_5, UART0, UART1};
-use embassy_rp::uart::{Async, BufferedUartRx, Config, UartTx};
-use embassy_time::{Duration, Timer};
-use embedded_io_async::{ErrorType, Read, Write};
-use static_cell::ConstStaticCell;
+use embassy_rp::gpio::{Input, Pull};
+use embassy_rp::pac;
+use embassy_rp::pac::dma::vals::TreqSel;
+use embassy_rp::pac::uart::Uart;
+use embassy_rp::pac::uart::regs::Uarticr;
+use embassy_rp::peripherals::{
+    DMA_CH0, DMA_CH8, DMA_CH9, DMA_CH10, DMA_CH11, PIN_0, PIN_1, PIN_5, UART0, UART1,
+};
+use embassy_rp::uart::{Async, Config, Instance, RxPin, UartRx, UartTx};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
+use embedded_io_async::{ErrorType, Write};
 
 use super::Irqs;
+use super::receive_ring::ReceiveRing;
 use crate::tasks::{ByteSource, ReceiveError};
 
-/// No interrupt reports that the FIFO has run empty.
+/// No interrupt reports that the FIFO has run empty, or that the ring has got a byte.
 const LOOK_INTERVAL: Duration = Duration::from_millis(1);
 
-/// What arrives while another task has its turn.
-const RECEIVE_BUFFER_BYTES: usize = 512;
+/// Looks in vain after which the next start bit is waited for. Bytes of a frame follow each other faster.
+const LOOKS_IN_SILENCE: u8 = 2;
 
-/// UART0 on GP0 (out) and GP1 (in), 8N1. What is sent goes out by DMA channel 0, what is received comes in by interrupts.
-///
-/// # Panics
-/// When called twice: the buffer exists once.
-pub fn telemetry_uart(
-    uart: Peri<'static, UART0>,
-    tx_pin: Peri<'static, PIN_0>,
-    rx_pin: Peri<'static, PIN_1>,
-    dma: Peri<'static, DMA_CH0>,
-    baud: u32,
-) -> (UartTransmitter, UartReceiver) {
-    static RECEIVE_BUFFER: ConstStaticCell<[u8; RECEIVE_BUFFER_BYTES]> =
-        ConstStaticCell::new([0; RECEIVE_BUFFER_BYTES]);
+/// A byte takes 1.04 ms at 9600 baud, the lowest rate there is.
+const LONGEST_BYTE: Duration = Duration::from_millis(2);
+
+/// As much as comes in 45 ms, the typical erase of a sector, at 921,600 baud.
+const TELEMETRY_RING_BYTES: usize = 4096;
+
+/// As much as comes in 89 ms.
+const ESC_RING_BYTES: usize = 1024;
+
+/// A ring of the DMA begins at a multiple of its length.
+#[repr(C, align(4096))]
+struct TelemetryRing([AtomicU8; TELEMETRY_RING_BYTES]);
+const _: () = assert!(align_of::<TelemetryRing>() == TELEMETRY_RING_BYTES);
+
+#[repr(C, align(1024))]
+struct EscRing([AtomicU8; ESC_RING_BYTES]);
+const _: () = assert!(align_of::<EscRing>() == ESC_RING_BYTES);
+
+/// What the telemetry port is made of: UART0 on GP0 (out) and GP1 (in).
+pub struct TelemetryUart {
+    /// The port.
+    pub uart: Peri<'static, UART0>,
+    /// Its output.
+    pub tx_pin: Peri<'static, PIN_0>,
+    /// Its input.
+    pub rx_pin: Peri<'static, PIN_1>,
+    /// Sends.
+    pub tx_dma: Peri<'static, DMA_CH0>,
+    /// Receives, and starts that again.
+    pub rx_dma: (Peri<'static, DMA_CH8>, Peri<'static, DMA_CH9>),
+}
+
+/// The two halves of the telemetry port, 8N1 at `baud`.
+pub fn telemetry_uart(parts: TelemetryUart, baud: u32) -> (UartTransmitter, UartReceiver) {
+    static RING: TelemetryRing = TelemetryRing([const { AtomicU8::new(0) }; TELEMETRY_RING_BYTES]);
     let mut config = Config::default();
     config.baudrate = baud;
-    // SAFETY: the two halves use different registers of the port, but for those of its set-up, which both write alike, here.
-    let other_half = unsafe { uart.clone_unchecked() };
-    let transmitter = UartTx::new(uart, tx_pin, dma, Irqs, config);
-    let receiver = BufferedUartRx::new(other_half, Irqs, rx_pin, RECEIVE_BUFFER.take(), config);
-    (UartTransmitter(transmitter), UartReceiver(receiver))
+    // SAFETY: the two halves use different registers of the port, but for those of its set-up, which is done here, and for its
+    // DMA control, in which the receiving half sets its bit here and the sending one has a bit of its own.
+    let other_half = unsafe { parts.uart.clone_unchecked() };
+    let transmitter = UartTx::new(parts.uart, parts.tx_pin, parts.tx_dma, Irqs, config);
+    let line = receiving_pin(other_half, parts.rx_pin, config);
+    let ring = ReceiveRing::start(parts.rx_dma, pac::UART0, TreqSel::UART0_RX, &RING.0);
+    let receiver = UartReceiver::new(pac::UART0, line, ring);
+    (UartTransmitter(transmitter), receiver)
 }
 
 /// The sending half of the telemetry port. A frame costs one interrupt, however long it is; bytes by interrupts would take
@@ -68,27 +105,126 @@ impl Write for UartTransmitter {
 /// KISS and BLHeli_32 controllers send at this rate.
 const ESC_BAUD: u32 = 115_200;
 
-/// Some twelve frames.
-const ESC_BUFFER_BYTES: usize = 128;
-
-/// UART1 on GP5, which only listens to a motor controller's telemetry; 8N1, by interrupts.
-///
-/// # Panics
-/// When called twice: the buffer exists once.
-pub fn esc_uart(uart: Peri<'static, UART1>, rx_pin: Peri<'static, PIN_5>) -> UartReceiver {
-    static BUFFER: ConstStaticCell<[u8; ESC_BUFFER_BYTES]> = ConstStaticCell::new([0; ESC_BUFFER_BYTES]);
-    let mut config = Config::default();
-    config.baudrate = ESC_BAUD;
-    UartReceiver(BufferedUartRx::new(uart, Irqs, rx_pin, BUFFER.take(), config))
+/// What listens to a motor controller's telemetry: UART1 on GP5.
+pub struct EscUart {
+    /// The port.
+    pub uart: Peri<'static, UART1>,
+    /// Its input.
+    pub rx_pin: Peri<'static, PIN_5>,
+    /// Receives, and starts that again.
+    pub rx_dma: (Peri<'static, DMA_CH10>, Peri<'static, DMA_CH11>),
 }
 
-/// The receiving half of a port.
-pub struct UartReceiver(BufferedUartRx);
+/// The port for a motor controller's telemetry, 8N1.
+pub fn esc_uart(parts: EscUart) -> UartReceiver {
+    static RING: EscRing = EscRing([const { AtomicU8::new(0) }; ESC_RING_BYTES]);
+    let mut config = Config::default();
+    config.baudrate = ESC_BAUD;
+    let line = receiving_pin(parts.uart, parts.rx_pin, config);
+    let ring = ReceiveRing::start(parts.rx_dma, pac::UART1, TreqSel::UART1_RX, &RING.0);
+    UartReceiver::new(pac::UART1, line, ring)
+}
+
+/// Sets a UART up to receive at `pin`, and returns the pin as one whose start bits can be waited for.
+///
+/// An open line would be noise: the pin is pulled up, to the level of a silent line, and has the hysteresis of its Schmitt
+/// trigger. The UART's own set-up turns both off.
+fn receiving_pin<T: Instance>(
+    uart: Peri<'static, T>,
+    pin: Peri<'static, impl RxPin<T>>,
+    config: Config,
+) -> Input<'static> {
+    // SAFETY: the UART's driver sets the pin up and does nothing with it later. What is waited for is the pin's interrupt,
+    // which no other driver uses.
+    let uart_pin = unsafe { pin.clone_unchecked() };
+    let number = usize::from(pin.pin());
+    // Before the UART, as it makes the pin one of the processor.
+    let line = Input::new(pin, Pull::Up);
+    UartRx::new_blocking(uart, uart_pin, config);
+    pac::PADS_BANK0.gpio(number).modify(|pad| {
+        pad.set_pue(true);
+        pad.set_schmitt(true);
+    });
+    line
+}
+
+/// The receiving half of a port: DMA brings every byte into a ring, which is looked at every millisecond while bytes come.
+/// While none come, the next start bit is waited for.
+pub struct UartReceiver {
+    registers: Uart,
+    line: Input<'static>,
+    ring: ReceiveRing,
+    /// The ring was empty a [`LOOK_INTERVAL`] before. Bytes come one by one: looked for sooner, they would be handled so.
+    look_again_at: Instant,
+    looks_in_vain: u8,
+}
+
+impl UartReceiver {
+    fn new(registers: Uart, line: Input<'static>, ring: ReceiveRing) -> Self {
+        Self {
+            registers,
+            line,
+            ring,
+            look_again_at: Instant::MIN,
+            looks_in_vain: 0,
+        }
+    }
+
+    /// What has come since the last look.
+    fn look(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
+        self.check_line()?;
+        let read = self.ring.read(buffer);
+        read.map_err(|overtaken| ReceiveError::BytesLost(overtaken.bytes_lost))
+    }
+
+    /// Waits for the line to fall, or until a byte is there that was under way before: it need not have another edge.
+    async fn start_bit(&mut self) {
+        let mut edge = pin!(self.line.wait_for_falling_edge());
+        let waited = with_timeout(LONGEST_BYTE, edge.as_mut()).await;
+        if waited.is_err() && self.ring.is_empty() {
+            edge.await;
+        }
+        self.looks_in_vain = 0;
+        self.look_again_at = Instant::now() + LOOK_INTERVAL;
+    }
+
+    /// Whether the port saw noise, or its FIFO overran, since the last look. Its raw interrupts stay until they are cleared.
+    fn check_line(&mut self) -> Result<(), ReceiveError> {
+        let raw = self.registers.uartris().read();
+        if !(raw.oeris() || raw.beris() || raw.peris() || raw.feris()) {
+            return Ok(());
+        }
+        let mut seen = Uarticr(0);
+        seen.set_oeic(raw.oeris());
+        seen.set_beic(raw.beris());
+        seen.set_peic(raw.peris());
+        seen.set_feic(raw.feris());
+        self.registers.uarticr().write_value(seen);
+        Err(ReceiveError::LineError)
+    }
+}
 
 impl ByteSource for UartReceiver {
     /// # Errors
-    /// The receiver overran, or the line was noisy. It goes on with the next byte.
+    /// The line was noisy, or bytes came for so long without being read that some are lost. It goes on with the next byte.
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
-        self.0.read(buffer).await.map_err(|_| ReceiveError::BytesLost)
+        loop {
+            // Too late, it is no wait: whoever asks learns that bytes may have waited.
+            if Instant::now() < self.look_again_at {
+                Timer::at(self.look_again_at).await;
+            }
+            let received = self.look(buffer)?;
+            if received < buffer.len() {
+                self.look_again_at = Instant::now() + LOOK_INTERVAL;
+            }
+            if received > 0 {
+                self.looks_in_vain = 0;
+                return Ok(received);
+            }
+            self.looks_in_vain = self.looks_in_vain.saturating_add(1);
+            if self.looks_in_vain >= LOOKS_IN_SILENCE {
+                self.start_bit().await;
+            }
+        }
     }
 }

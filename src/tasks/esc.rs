@@ -6,6 +6,7 @@ use embassy_time::with_timeout;
 use super::{ByteSource, LONGEST_SLEEP, ReceiveError, Shared, idle, mark, now};
 use crate::battery::{BusError, ReadError};
 use crate::liveness::CheckIn;
+use crate::log::warn;
 use crate::sensor::EscTelemetry;
 
 /// Bytes handled in one go: a few frames.
@@ -31,8 +32,11 @@ pub async fn read_esc(source: Option<impl ByteSource>, shared: &Shared, check_in
                 }
             }
             Ok(Err(ReceiveError::Closed)) => idle(check_in).await,
-            // Silence, or bytes that were lost: without a frame the pack will be unhealthy.
-            Ok(Err(ReceiveError::BytesLost)) | Err(_) => {}
+            Ok(Err(ReceiveError::BytesLost(bytes))) => {
+                warn!("motor controller: {} received bytes were lost", bytes);
+            }
+            // Silence or noise: without a frame the pack will be unhealthy.
+            Ok(Err(ReceiveError::LineError)) | Err(_) => {}
         }
         mark(check_in);
         // A sender that never pauses must leave the others their turn.

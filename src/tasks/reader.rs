@@ -1,9 +1,10 @@
 //! Reads one link and handles what ground stations ask for.
 
+use core::future::poll_fn;
 use core::pin::pin;
 use core::task::Poll;
 
-use embassy_futures::{poll_once, yield_now};
+use embassy_futures::yield_now;
 use embassy_time::{Duration, with_timeout};
 
 use super::{Link, Shared, mark, now};
@@ -26,8 +27,10 @@ const LONGEST_STEP: Duration = Duration::from_millis(50);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum ReceiveError {
-    /// Bytes were lost on the way; more can be received.
-    BytesLost,
+    /// The line was noisy, or bytes came faster than the port took them: some are wrong or missing. More can be received.
+    LineError,
+    /// So many bytes were not taken in time, and are lost. More can be received.
+    BytesLost(u32),
     /// The other end is gone.
     Closed,
 }
@@ -53,9 +56,13 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
                 let bytes = chunk.get(..received).unwrap_or(&chunk);
                 handle(bytes, arrivals.earliest, shared, link);
             }
-            Some(Err(ReceiveError::BytesLost)) => {
+            Some(Err(ReceiveError::LineError)) => {
                 link.with(|channel| channel.count_overrun());
-                warn!("{}: received bytes were lost", link.name());
+                warn!("{}: line error", link.name());
+            }
+            Some(Err(ReceiveError::BytesLost(bytes))) => {
+                link.with(|channel| channel.count_overrun());
+                warn!("{}: {} received bytes were lost", link.name(), bytes);
             }
             Some(Err(ReceiveError::Closed)) => return,
             None => {
@@ -69,7 +76,7 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
     }
 }
 
-/// When received bytes can have come at the earliest. A source that always has bytes ready may have held them back, and so
+/// When received bytes can have come at the earliest, but for the few milliseconds between two looks at a ring. A source that always has bytes ready may have held them back, and so
 /// may one that was not asked for a while. What it holds at first may be as old as the board's start.
 #[derive(Default)]
 struct Arrivals {
@@ -84,7 +91,9 @@ impl Arrivals {
         chunk: &mut [u8],
     ) -> Option<Result<usize, ReceiveError>> {
         let mut receive = pin!(source.receive(chunk));
-        if let Poll::Ready(received) = poll_once(receive.as_mut()) {
+        // With the task's own waker: a source may wait for a timer, which takes no other.
+        let first_poll = poll_fn(|context| Poll::Ready(receive.as_mut().poll(context))).await;
+        if let Poll::Ready(received) = first_poll {
             return Some(received);
         }
         // It is empty, so what comes next has not come yet.

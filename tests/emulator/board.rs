@@ -111,6 +111,13 @@ impl Board {
         self.bus.attention = true;
     }
 
+    /// Take the wire off the pin at which a UART receives: it is open from now on.
+    pub fn disconnect_uart_receiver(&mut self, number: usize) {
+        let now = self.bus.now;
+        self.bus.soc.uarts[number].disconnect_receiver(now);
+        self.bus.attention = true;
+    }
+
     /// Send bytes to the chip, back to back, from `at_us` on or when the wire is free. Returns the
     /// time at which the last stop bit is over. Uses the baud rate the firmware has programmed;
     /// panics before it has.

@@ -10,7 +10,8 @@ use rp2040_emu::core::CoreBus;
 
 use super::boot_loader::reset_to_usb_boot;
 use super::bus::SystemBus;
-use super::flash::Job;
+use super::clock::Cycle;
+use super::flash::{Job, Step, transfer_cycles};
 use super::memory::ROM_SIZE;
 use super::rom_floats::FloatRoutine;
 
@@ -172,8 +173,14 @@ fn float_routine_at(pc: u32) -> Option<FloatRoutine> {
     FloatRoutine::ALL.get(number as usize).copied()
 }
 
+/// Whether what is at an address goes on only at a later moment, unless there is an interrupt.
+pub fn waits(bus: &SystemBus, pc: u32) -> bool {
+    let works = |work: &RomWork| work.function == pc && work.end_after(bus.now).is_some();
+    bus.memory.flash.is_busy() && waits_for_flash(pc) || bus.rom_work.as_ref().is_some_and(works)
+}
+
 /// Whether what is at an address waits while the flash chip is busy.
-pub fn waits_for_flash(pc: u32) -> bool {
+fn waits_for_flash(pc: u32) -> bool {
     let is_of_flash = |function: &RomFunction| matches!(function.code, b"RE" | b"RP");
     pc == WAIT_FOR_FLASH || function_at(pc).is_some_and(is_of_flash)
 }
@@ -192,18 +199,18 @@ pub fn address_of(code: &[u8; 2]) -> Option<u32> {
 /// Do what the function does at which the processor stands, leave its result in R0 and return to
 /// the caller; or do a part of it and stay. Returns the cycles charged.
 pub fn call(core: &mut CortexM0Plus, bus: &mut SystemBus) -> u64 {
-    if bus.memory.flash.is_busy() && waits_for_flash(core.regs.pc()) {
+    let pc = core.regs.pc();
+    if waits(bus, pc) {
         bus.attention = true;
         return 0;
     }
-    let pc = core.regs.pc();
     let arguments = [core.reg(0), core.reg(1), core.reg(2), core.reg(3)];
     let outcome = match function_at(pc) {
         Some(function) if function.code == b"UB" => {
             reset_to_usb_boot(core, bus);
             return LOOKUP_CYCLES;
         }
-        Some(function) => run(function, arguments, bus),
+        Some(function) => run(function, pc, arguments, bus),
         None if pc == TRAPS => Some((look_up(arguments[0], arguments[1]), LOOKUP_CYCLES)),
         None => Some(match float_routine_at(pc) {
             Some(routine) => calculate(routine, core, bus),
@@ -216,6 +223,38 @@ pub fn call(core: &mut CortexM0Plus, bus: &mut SystemBus) -> u64 {
     core.set_reg(0, result);
     core.set_reg(15, core.reg(14) & !1);
     cycles
+}
+
+/// What `flash_exit_xip` waits twice for the pads' pulls: 2048 rounds of a loop of three cycles.
+const PULL_WAIT_CYCLES: Cycle = 2048 * 3;
+/// What it sends to the chip: four bytes after each wait, and two.
+const EXIT_XIP_BYTES: u64 = 4 + 4 + 2;
+const EXIT_XIP_CYCLES: Cycle = 2 * PULL_WAIT_CYCLES + transfer_cycles(EXIT_XIP_BYTES);
+
+/// A function of the ROM is at work until a moment, in which interrupts can be taken.
+pub struct RomWork {
+    function: u32,
+    until: Cycle,
+}
+
+impl RomWork {
+    /// When it ends, if that is after `now`.
+    pub fn end_after(&self, now: Cycle) -> Option<Cycle> {
+        (self.until > now).then_some(self.until)
+    }
+}
+
+/// Whether the function at which the processor stands has worked for so long. Begins that work if it has not.
+fn has_worked(bus: &mut SystemBus, pc: u32, cycles: Cycle) -> bool {
+    if bus.rom_work.take_if(|work| work.function == pc).is_some() {
+        return true;
+    }
+    bus.rom_work = Some(RomWork {
+        function: pc,
+        until: bus.now + cycles,
+    });
+    bus.attention = true;
+    false
 }
 
 /// Roughly what the ROM's loops take; nothing in a test may depend on it.
@@ -249,7 +288,7 @@ fn calculate(routine: FloatRoutine, core: &mut CortexM0Plus, bus: &mut SystemBus
 }
 
 /// Result and cycles; `None` while the function is not finished.
-fn run(function: &RomFunction, arguments: [u32; 4], bus: &mut SystemBus) -> Option<(u32, u64)> {
+fn run(function: &RomFunction, pc: u32, arguments: [u32; 4], bus: &mut SystemBus) -> Option<(u32, u64)> {
     let [a, b, c, _] = arguments;
     Some(match function.code {
         b"P3" => (a.count_ones(), BIT_FUNCTION_CYCLES),
@@ -271,6 +310,9 @@ fn run(function: &RomFunction, arguments: [u32; 4], bus: &mut SystemBus) -> Opti
         b"IF" => (a, FLASH_FUNCTION_CYCLES),
         b"EX" => {
             bus.soc.ssi.set_up_for_commands();
+            if !has_worked(bus, pc, EXIT_XIP_CYCLES) {
+                return None;
+            }
             (a, FLASH_FUNCTION_CYCLES)
         }
         b"CX" => {
@@ -281,8 +323,8 @@ fn run(function: &RomFunction, arguments: [u32; 4], bus: &mut SystemBus) -> Opti
             bus.soc.xip_control.flush();
             (a, FLASH_FUNCTION_CYCLES)
         }
-        b"RE" => return change_flash(function, Job::erase, arguments, bus),
-        b"RP" => return change_flash(function, Job::program, arguments, bus),
+        b"RE" => return change_flash(function, pc, Job::erase, arguments, bus),
+        b"RP" => return change_flash(function, pc, Job::program, arguments, bus),
         _ => panic!(
             "the firmware called the boot ROM function {} ('{}'), which the emulator does not model",
             function.name,
@@ -295,6 +337,7 @@ fn run(function: &RomFunction, arguments: [u32; 4], bus: &mut SystemBus) -> Opti
 /// with the same arguments until then.
 fn change_flash(
     function: &RomFunction,
+    pc: u32,
     begin: fn([u32; 4]) -> Job,
     arguments: [u32; 4],
     bus: &mut SystemBus,
@@ -306,11 +349,17 @@ fn change_flash(
     );
     let mut job = bus.flash_job.take().unwrap_or_else(|| begin(arguments));
     job.check_caller(arguments);
-    let Some(command) = job.next_command(bus) else {
-        return Some((arguments[0], FLASH_FUNCTION_CYCLES));
-    };
-    bus.memory.flash.begin(command, bus.now);
-    bus.soc.xip_control.is_stale = true;
+    match job.next_step(bus) {
+        Step::Send(bytes) => {
+            has_worked(bus, pc, transfer_cycles(bytes));
+        }
+        Step::Wait(command) => {
+            bus.rom_work = None;
+            bus.memory.flash.begin(command, bus.now);
+            bus.soc.xip_control.is_stale = true;
+        }
+        Step::Done => return Some((arguments[0], FLASH_FUNCTION_CYCLES)),
+    }
     bus.flash_job = Some(job);
     bus.attention = true;
     None

@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use rp2040_emu::Bus as CrateBus;
 
 use super::access_log::{AccessLog, Direction};
-use super::clock::{CLK_SYS_HZ, Cycle};
+use super::boot_rom::RomWork;
+use super::clock::{CLK_SYS_HZ, Cycle, NEVER};
 use super::dma::{Transfer, TransferEnd};
 use super::flash::Job;
 use super::memory::{Memory, RAM_BASE, is_cached_flash, is_flash};
@@ -61,6 +62,8 @@ pub struct SystemBus {
     pub(super) all_code_is_stale: bool,
     /// The boot ROM function for flash that is at work.
     pub(super) flash_job: Option<Job>,
+    /// What a boot ROM function does while the processor stands at it.
+    pub(super) rom_work: Option<RomWork>,
     /// The part of RAM that instructions were fetched from: stores into it make decoded
     /// instructions stale.
     pub(super) code_in_ram: std::ops::Range<u32>,
@@ -91,6 +94,7 @@ impl SystemBus {
             stale_code: Vec::new(),
             all_code_is_stale: false,
             flash_job: None,
+            rom_work: None,
             code_in_ram: 0..0,
             unmodelled_registers: BTreeMap::new(),
             accesses: AccessLog::default(),
@@ -114,6 +118,7 @@ impl SystemBus {
         self.fault = None;
         self.system_control.mpu = Mpu::default();
         self.flash_job = None;
+        self.rom_work = None;
         self.code_in_ram = 0..0;
         self.rtt.forget_channel();
         self.attention = true;
@@ -245,7 +250,13 @@ impl SystemBus {
 
     /// When [`Self::advance`] is needed next.
     pub fn next_event(&self) -> Cycle {
-        let event = self.soc.next_event().min(self.memory.flash.next_event());
+        let rom_work = self.rom_work.as_ref().and_then(|work| work.end_after(self.now));
+        let event = self
+            .soc
+            .next_event()
+            .min(self.memory.flash.next_event())
+            .min(self.next_change_for_processor())
+            .min(rom_work.unwrap_or(NEVER));
         if !self.soc.dma.is_busy() {
             return event;
         }

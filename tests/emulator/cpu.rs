@@ -138,11 +138,9 @@ impl Cpu {
             && bus.memory.load(pc + 2, Width::Half) == Some(ISB >> 16)
     }
 
-    /// Whether it stands in the boot ROM and waits for the flash chip. Only an interrupt goes on.
-    pub fn waits_for_flash(&self, bus: &SystemBus) -> bool {
-        bus.memory.flash.is_busy()
-            && boot_rom::waits_for_flash(self.core.regs.pc())
-            && !self.takes_interrupt(bus)
+    /// Whether it stands in the boot ROM and waits, for the flash chip or the wires to it. Only an interrupt goes on.
+    pub fn waits_in_rom(&self, bus: &SystemBus) -> bool {
+        boot_rom::waits(bus, self.core.regs.pc()) && !self.takes_interrupt(bus)
     }
 
     fn takes_interrupt(&self, bus: &SystemBus) -> bool {

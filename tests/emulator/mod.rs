@@ -90,6 +90,7 @@ mod faults;
 mod faults_tests;
 mod firmware;
 mod flash;
+mod floating;
 mod gpio;
 mod i2c;
 mod interrupts;

@@ -3,7 +3,7 @@
 use rp2040_emu::Bus as CrateBus;
 
 use super::bus::SystemBus;
-use super::clock::Cycle;
+use super::clock::{Cycle, NEVER};
 use super::gpio::{BusLevels, PINS, PadState};
 use super::i2c::Levels;
 use super::peripheral::Peripheral;
@@ -11,7 +11,7 @@ use super::pwm::PwmOutput;
 use super::register::bit;
 use super::soc::Soc;
 use super::spi::SpiConnection;
-use super::uart::PinConnection;
+use super::uart::{PinConnection, Pull};
 
 /// GPIO_CTRL.FUNCSEL values (datasheet 2.19.2).
 const FUNCTION_SPI: u32 = 1;
@@ -21,7 +21,8 @@ const FUNCTION_PWM: u32 = 4;
 const FUNCTION_SIO: u32 = 5;
 const FUNCTION_PIO0: u32 = 6;
 const FUNCTION_PIO1: u32 = 7;
-/// PADS_BANK0: pull-up, input enable, output disable (datasheet 2.19.6.3).
+/// PADS_BANK0: pull-down, pull-up, input enable, output disable (datasheet 2.19.6.3).
+const PAD_PULL_DOWN: u32 = 2;
 const PAD_PULL_UP: u32 = 3;
 const PAD_INPUT_ENABLE: u32 = 6;
 const PAD_OUTPUT_DISABLE: u32 = 7;
@@ -62,6 +63,16 @@ pub fn uart_connection(chip: &CrateBus, uart: usize, pins: UartPins) -> PinConne
     PinConnection {
         tx: is_uart(pins.tx) && !bit(pad(pins.tx), PAD_OUTPUT_DISABLE),
         rx: is_uart(pins.rx) && bit(pad(pins.rx), PAD_INPUT_ENABLE),
+        rx_pull: pull(pad(pins.rx)),
+    }
+}
+
+/// Both at once are a bus keeper (2.19.4); a line that something drives later is none of its tests.
+fn pull(pad: u32) -> Pull {
+    match (bit(pad, PAD_PULL_UP), bit(pad, PAD_PULL_DOWN)) {
+        (true, _) => Pull::Up,
+        (false, true) => Pull::Down,
+        (false, false) => Pull::None,
     }
 }
 
@@ -147,6 +158,8 @@ pub fn spi_connection(chip: &CrateBus, pins: SpiPins) -> SpiConnection {
 pub struct PinSettings {
     /// SIO decides whether they are driven.
     pub sio_outputs: u32,
+    /// Nothing but SIO could drive them, and no pull holds them.
+    pub may_float: u32,
     pub pulled_up: u32,
     pub input_enabled: u32,
 }
@@ -157,6 +170,9 @@ impl PinSettings {
         let is_output = |pin| chip.io_bank0.funcsel(pin) == FUNCTION_SIO && !pad(pin, PAD_OUTPUT_DISABLE);
         Self {
             sio_outputs: pins_that(is_output),
+            may_float: pins_that(|pin| {
+                chip.io_bank0.funcsel(pin) == FUNCTION_SIO && pull(chip.pads_bank0.pads[pin]) == Pull::None
+            }),
             pulled_up: pins_that(|pin| pad(pin, PAD_PULL_UP)),
             input_enabled: pins_that(|pin| pad(pin, PAD_INPUT_ENABLE)),
         }
@@ -234,12 +250,13 @@ impl SystemBus {
             driven,
             driven_high: driven & self.chip.sio.gpio_out_masked(),
             pulled_up: self.pin_settings.pulled_up,
+            may_float: self.pin_settings.may_float,
             input_enabled: self.pin_settings.input_enabled,
         };
         self.soc
             .spi1
             .observe_selects(driven & !pads.driven_high, self.now);
-        let bus = self.i2c_lines();
+        let bus = self.bus_lines();
         self.soc.gpio.set_pads(pads, bus);
         let levels = self.soc.gpio.levels();
         self.soc
@@ -248,15 +265,30 @@ impl SystemBus {
             .for_each(|pio| pio.set_inputs(levels, self.now));
     }
 
-    fn i2c_lines(&self) -> BusLevels {
+    /// When a pin that the processor waits for may change by what a UART receives.
+    pub(super) fn next_change_for_processor(&self) -> Cycle {
+        let waited_for = self.soc.gpio.watched();
+        let uarts = self.soc.uarts.iter().zip(self.uart_pins);
+        uarts
+            .filter(|(_, pins)| bit(waited_for, pins.rx as u32))
+            .map(|(uart, _)| uart.next_received_change(self.now))
+            .min()
+            .unwrap_or(NEVER)
+    }
+
+    fn bus_lines(&self) -> BusLevels {
         let mut lines = BusLevels::default();
+        for (uart, pins) in self.soc.uarts.iter().zip(self.uart_pins) {
+            if let Some(level) = uart.received_level(self.now) {
+                lines.set(pins.rx, level);
+            }
+        }
         for (i2c, pins) in self.soc.i2cs.iter().zip(self.i2c_pins) {
             let Some(levels) = i2c.levels(self.now) else {
                 continue;
             };
             for (pin, level) in [(pins.scl, levels.scl), (pins.sda, levels.sda)] {
-                lines.pins |= 1 << pin;
-                lines.high |= u32::from(level) << pin;
+                lines.set(pin, level);
             }
         }
         lines

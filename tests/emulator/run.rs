@@ -75,7 +75,7 @@ impl Board {
         let event = self.bus.next_event();
         if bit(self.halted_cores, 0) {
             self.bus.now = event.min(end).max(start + 1);
-        } else if self.cpu.waits_for_flash(&self.bus) {
+        } else if self.cpu.waits_in_rom(&self.bus) {
             self.bus.now = event.min(awake_end).max(start + 1);
             self.awake_cycles += self.bus.now - start;
         } else if self.cpu.is_running() {

@@ -4,6 +4,7 @@ use super::adc::Adc;
 use super::chip_reset::{ChipLevelReset, ChipReset};
 use super::clock::{Cycle, NEVER};
 use super::dma::Dma;
+use super::floating::Floating;
 use super::gpio::Gpio;
 use super::i2c::{I2c, I2cPlace};
 use super::memory_map::{BLOCKS, Model};
@@ -15,7 +16,7 @@ use super::register::{RegisterWrite, bit};
 use super::spi::{Spi, SpiPlace};
 use super::ssi::Ssi;
 use super::timer::Timer;
-use super::uart::{Uart, UartPlace};
+use super::uart::{Line, Uart, UartPlace};
 use super::watchdog::Watchdog;
 use super::xip_control::XipControl;
 
@@ -101,10 +102,11 @@ pub struct Soc {
 
 impl Soc {
     pub fn new(noise_seed: u64) -> Self {
+        let noise = Floating::new(noise_seed);
         Self {
             power_state: PowerState::default(),
-            gpio: Gpio::default(),
-            uarts: UART_PLACES.map(Uart::new),
+            gpio: Gpio::new(noise),
+            uarts: [0, 1].map(|number| Uart::new(UART_PLACES[number], Line::new(noise, number))),
             i2cs: I2C_PLACES.map(I2c::new),
             spi1: Spi::new(SPI1_PLACE),
             adc: Adc::new(noise_seed),

@@ -3,7 +3,7 @@
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::sim::SimulatedFlash;
-use rover_battmon::storage::Storage;
+use rover_battmon::storage::{Erase, Storage};
 
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, SIGNING_OFFSET};
 use crate::emulator::{FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
@@ -101,7 +101,7 @@ fn full_parameters() -> Vec<u8> {
     block_on(async {
         for number in 0..RECORDS_OF_A_SECTOR {
             let value = 3.0 + (number % 40) as f32;
-            let stored = storage.store(SR0_PARAMS, value.to_bits()).await;
+            let stored = storage.store(SR0_PARAMS, value.to_bits(), &Erase::always).await;
             stored.expect("a sound flash");
         }
         let read = flash.read(SimulatedFlash::PARAMETERS.start, &mut content).await;

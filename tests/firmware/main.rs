@@ -43,6 +43,7 @@ mod packs;
 mod parameters;
 mod power_cuts;
 mod pulses_and_esc;
+mod reception;
 mod rover;
 mod safe_driving;
 mod sampling;

@@ -118,7 +118,7 @@ fn crc8(bytes: &[u8]) -> u8 {
 }
 
 /// Temperature, voltage, current, consumption and speed, as KISS controllers send them.
-fn telemetry(celsius: u8, centivolts: u16, centiamperes: u16, mah: u16) -> Vec<u8> {
+pub fn telemetry(celsius: u8, centivolts: u16, centiamperes: u16, mah: u16) -> Vec<u8> {
     let mut frame = vec![celsius];
     for word in [centivolts, centiamperes, mah, 100] {
         frame.extend(word.to_be_bytes());

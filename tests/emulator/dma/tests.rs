@@ -258,3 +258,40 @@ fn uart_data_goes_out_at_the_pace_of_the_wire() {
     assert_eq!(bytes, (0..200).collect::<Vec<u8>>());
     assert_eq!(sent[199].end - sent[0].start, 200 * 10850);
 }
+
+/// Chaining (2.5.2.2), a ring for the write address (2.5.1), a trigger by TRANS_COUNT in its alias group (2.5.2.1): the first
+/// channel receives six bytes at a time, the second one writes 6 into the first one's count whenever that has ended.
+#[test]
+fn a_second_channel_starts_one_that_receives_into_a_ring_again_and_again() {
+    const UART1: u32 = 0x4003_8000;
+    const DREQ_UART1_RX: u32 = 23 << 15;
+    const AL1_TRANS_COUNT_TRIG: u32 = 0x1c;
+    let mut board = board();
+    board.write_register(0x4001_4000 + 8 * 9 + 4, 2);
+    for (offset, value) in [(0x24, 67), (0x28, 52), (0x2c, 0x70), (0x30, 0x301), (0x48, 1)] {
+        board.write_register(UART1 + offset, value);
+    }
+    write(&mut board, 0, READ_ADDR, UART1);
+    write(&mut board, 0, WRITE_ADDR, TO);
+    let receive = EN | INCR_WRITE | RING_WRITE_8_BYTES | DREQ_UART1_RX | IRQ_QUIET;
+    write(&mut board, 0, AL1_CTRL, receive | chain_to(1));
+    board.write_memory(FROM, &6u32.to_le_bytes());
+    write(&mut board, 1, READ_ADDR, FROM);
+    write(&mut board, 1, WRITE_ADDR, DMA + AL1_TRANS_COUNT_TRIG);
+    write(&mut board, 1, TRANS_COUNT, 1);
+    write(
+        &mut board,
+        1,
+        CTRL_TRIG,
+        EN | WORD | chain_to(1) | PERMANENT | IRQ_QUIET,
+    );
+
+    board.uart_send(1, 100, &(1..=20).collect::<Vec<u8>>());
+    board.run_for(2000);
+    assert_eq!(board.uart(1).overruns(), 0);
+    assert_eq!(read(&mut board, 0, TRANS_COUNT), 4, "two of the fourth six");
+    assert_eq!(read(&mut board, 0, WRITE_ADDR), TO + 20 % 8);
+    assert_eq!(board.read_memory(TO, 9), [17, 18, 19, 20, 13, 14, 15, 16, 0xee]);
+    assert_ne!(read(&mut board, 0, CTRL_TRIG) & BUSY, 0, "it goes on");
+    assert_eq!(board.read_register(DMA + INTR), 0, "without an interrupt");
+}

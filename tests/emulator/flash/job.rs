@@ -4,12 +4,30 @@
 use rp2040_emu::core::CoreBus;
 
 use super::super::bus::SystemBus;
+use super::super::clock::Cycle;
 use super::super::memory::FLASH_SIZE;
 use super::operation::{BLOCK_SIZE, Command};
 use super::{PAGE_SIZE, SECTOR_SIZE};
 
 /// The command for erasing a block that the model knows: 64 KB.
 const BLOCK_ERASE: u32 = 0xd8;
+
+/// Cycles the serial interface takes for a byte: one bit every six cycles (its BAUDR, as the ROM sets it).
+const CYCLES_PER_BYTE: Cycle = 8 * 6;
+
+/// What sending bytes to the chip takes, in cycles.
+pub const fn transfer_cycles(bytes: u64) -> Cycle {
+    bytes * CYCLES_PER_BYTE
+}
+
+/// What the ROM does next.
+pub enum Step {
+    /// Send a command of so many bytes to the chip, with what comes before and after it.
+    Send(u64),
+    /// Let the chip carry it out, and ask for its state until it has.
+    Wait(Command),
+    Done,
+}
 
 /// What is left to do of a call of one of the two functions.
 pub struct Job {
@@ -18,6 +36,8 @@ pub struct Job {
     next: u32,
     end: u32,
     work: Work,
+    /// The command that is being sent.
+    sent: Option<Command>,
 }
 
 enum Work {
@@ -46,6 +66,7 @@ impl Job {
                 block_size,
                 block_command,
             },
+            sent: None,
         }
     }
 
@@ -61,6 +82,7 @@ impl Job {
             work: Work::Program {
                 data_less_offset: data.wrapping_sub(offset),
             },
+            sent: None,
         }
     }
 
@@ -72,8 +94,21 @@ impl Job {
         );
     }
 
+    /// What is next; after each step it is asked for again.
+    pub fn next_step(&mut self, bus: &mut SystemBus) -> Step {
+        if let Some(command) = self.sent.take() {
+            return Step::Wait(command);
+        }
+        let Some(command) = self.next_command(bus) else {
+            return Step::Done;
+        };
+        let bytes = command.bytes_sent();
+        self.sent = Some(command);
+        Step::Send(bytes)
+    }
+
     /// The next command for the chip; `None` when all is done.
-    pub fn next_command(&mut self, bus: &mut SystemBus) -> Option<Command> {
+    fn next_command(&mut self, bus: &mut SystemBus) -> Option<Command> {
         if self.next >= self.end {
             return None;
         }

@@ -23,7 +23,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::clock::{Cycle, NEVER, micros};
 use super::random::Random;
 pub use cut::FlashCut;
-pub use job::Job;
+pub use job::{Job, Step, transfer_cycles};
 use operation::Command;
 pub use operation::{FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
 use operation::{PAGE_SIZE, SECTOR_SIZE};

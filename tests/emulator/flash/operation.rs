@@ -12,8 +12,7 @@ pub const BLOCK_SIZE: u32 = 64 * 1024;
 /// What is programmed at once (Page Program 02h).
 pub const PAGE_SIZE: u32 = 256;
 
-/// How long the chip is busy. The bytes on the serial wires before that are not counted: 256 of
-/// them are some 20 µs.
+/// How long the chip is busy. What the boot ROM takes to send it a command comes on top.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlashTiming {
     pub sector_erase_us: u64,
@@ -92,6 +91,16 @@ impl Command {
             Self::EraseBlock { .. } => FlashOperationKind::BlockErase,
             Self::ProgramPage { .. } => FlashOperationKind::PageProgram,
         }
+    }
+
+    /// Bytes that go to the chip for it: write enable, command, address and data, and the two of the status read that finds
+    /// it ready.
+    pub fn bytes_sent(&self) -> u64 {
+        let data = match self {
+            Self::EraseSector { .. } | Self::EraseBlock { .. } => 0,
+            Self::ProgramPage { data, .. } => data.len() as u64,
+        };
+        1 + 4 + data + 2
     }
 
     /// The part of flash it is about.

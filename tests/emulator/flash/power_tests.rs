@@ -33,12 +33,12 @@ fn a_cut_before_an_erase_leaves_the_sector_and_one_after_it_leaves_it_erased() {
     let board = cut_at(1, FlashCut::Before);
     assert!(!board.is_powered());
     assert_eq!(sector(&board), OLD);
-    assert!(board.time_us() < 100, "at once: {}", board.time_us());
+    assert!(board.time_us() < 200, "at once: {}", board.time_us());
     assert!(board.flash_erase_counts().is_empty());
     let board = cut_at(1, FlashCut::After);
     assert!(!board.is_powered());
     assert_eq!(sector(&board), [0xff; SECTOR as usize]);
-    assert!((45_000..45_100).contains(&board.time_us()), "{}", board.time_us());
+    assert!((45_100..45_200).contains(&board.time_us()), "{}", board.time_us());
 }
 
 #[test]
@@ -99,7 +99,7 @@ fn run_until_ends_with_the_power() {
     board.cut_power_at_flash_operation(1, FlashCut::Before);
     start_erase(&mut board, OFFSET, SECTOR);
     assert!(!board.run_until(1_000_000, |_| false));
-    assert!(board.time_us() < 100);
+    assert!(board.time_us() < 200);
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! The pins as inputs: the level at each pad, what a test's wires make of it over time, and the
 //! interrupts of IO_BANK0 that follow from it (datasheet 2.19.3).
 //!
-//! The levels of SIO, of an I2C bus, of a test's wire and of the pads' pulls reach the inputs; those
-//! of UART, SPI and PWM do not. The overrides of GPIO_CTRL, wake from dormant mode and the interrupts
+//! The levels of SIO, of an I2C bus, of what a UART receives, of a test's wire and of the pads' pulls
+//! reach the inputs; what UART, SPI and PWM send does not. Without any of them an input is noise. An edge
+//! of noise, or of what a UART receives, is noticed while its interrupt is enabled. The overrides of GPIO_CTRL, wake from dormant mode and the interrupts
 //! of core 1 are not modelled.
 
 mod registers;
@@ -11,6 +12,7 @@ mod tests;
 mod wires;
 
 use super::clock::Cycle;
+use super::floating::Floating;
 pub use registers::is_interrupt_register;
 use wires::Wires;
 pub use wires::{PinWire, Pulses};
@@ -25,6 +27,8 @@ pub struct PadState {
     pub driven: u32,
     pub driven_high: u32,
     pub pulled_up: u32,
+    /// Noise, unless a wire drives them.
+    pub may_float: u32,
     pub input_enabled: u32,
 }
 
@@ -35,11 +39,23 @@ pub struct BusLevels {
     pub high: u32,
 }
 
+impl BusLevels {
+    pub fn set(&mut self, pin: usize, is_high: bool) {
+        self.pins |= 1 << pin;
+        self.high |= u32::from(is_high) << pin;
+    }
+}
+
 #[derive(Default)]
 pub struct Gpio {
     pads: PadState,
     bus: BusLevels,
     wires: Wires,
+    noise: Floating,
+    /// What a pin without any level is now.
+    floating_high: u32,
+    /// When that may change.
+    noise_changes_at: Cycle,
     /// What the inputs are.
     levels: u32,
     /// Edges since they were cleared.
@@ -50,6 +66,14 @@ pub struct Gpio {
 }
 
 impl Gpio {
+    /// Pins that float as `noise` has it.
+    pub fn new(noise: Floating) -> Self {
+        Self {
+            noise,
+            ..Self::default()
+        }
+    }
+
     /// What the inputs are, as GPIO_IN shows them.
     pub fn levels(&self) -> u32 {
         self.levels
@@ -80,8 +104,16 @@ impl Gpio {
         let (pads, wires) = (&self.pads, &self.wires);
         let wired = wires.connected & !pads.driven;
         let open = !(pads.driven | wired);
-        let alone = pads.driven & pads.driven_high | wired & wires.high | open & pads.pulled_up;
+        let alone = pads.driven & pads.driven_high
+            | wired & wires.high
+            | open & pads.pulled_up
+            | self.floating() & self.floating_high;
         alone & !self.bus.pins | self.bus.high & self.bus.pins
+    }
+
+    /// Pins that neither the chip nor a wire nor a pull gives a level.
+    fn floating(&self) -> u32 {
+        self.pads.may_float & !(self.pads.driven | self.wires.connected)
     }
 
     /// A disabled input reads as low (2.19.4).

@@ -64,6 +64,17 @@ impl Gpio {
         }
     }
 
+    /// Pins with an interrupt that is enabled.
+    pub fn watched(&self) -> u32 {
+        let registers = self.enable.iter().enumerate();
+        registers.fold(0, |watched, (register, &enable)| match enable {
+            0 => watched,
+            _ => pins_of(register)
+                .filter(|(_, place)| enable >> place & 0xf != 0)
+                .fold(watched, |watched, (pin, _)| watched | 1 << pin),
+        })
+    }
+
     fn status(&self, register: usize) -> u32 {
         match self.enable[register] {
             0 => self.force[register],
@@ -100,12 +111,19 @@ impl Peripheral for Gpio {
             pads: self.pads,
             bus: self.bus,
             wires: std::mem::take(&mut self.wires),
+            noise: self.noise,
+            floating_high: self.floating_high,
             levels: self.levels,
             ..Self::default()
         };
     }
 
     fn advance(&mut self, now: Cycle) {
+        if self.floating() != 0 {
+            self.floating_high = self.noise.levels_at(now);
+            self.noise_changes_at = self.noise.next_change(now);
+            self.follow_levels();
+        }
         while let Some(changes) = self.wires.take_due(now) {
             for (pin, wire) in changes {
                 self.connect(pin, wire);
@@ -114,7 +132,11 @@ impl Peripheral for Gpio {
     }
 
     fn next_event(&self) -> Cycle {
-        self.wires.next_change()
+        let change = self.wires.next_change();
+        if self.floating() & self.watched() == 0 {
+            return change;
+        }
+        change.min(self.noise_changes_at)
     }
 
     fn interrupt_lines(&self) -> u32 {

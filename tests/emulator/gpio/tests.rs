@@ -254,3 +254,49 @@ fn a_change_is_there_at_its_time_while_the_processor_runs() {
     assert_eq!(board.register(3), 1 << 20);
     assert_eq!(board.time_cycles() / cycles(1), 51);
 }
+
+/// Input enable alone, without the pull-down of the reset value (2.19.6.3).
+#[test]
+fn an_input_without_a_wire_and_a_pull_is_noise() {
+    let mut board = edge_counter(EDGE_LOW);
+    select_function(&mut board, 7, FUNCTION_SIO);
+    board.run_for(10_000);
+    assert_eq!(board.register(7), 0, "pulled down");
+    board.write_register(PADS_BANK0 + 4 + 4 * 7, 1 << 6);
+    board.run_for(10_000);
+    let edges = board.register(7);
+    assert!((40..200).contains(&edges), "{edges} edges in 10 ms");
+    board.write_register(PADS_BANK0 + 4 + 4 * 7, PULL_UP_AND_INPUT);
+    board.run_for(100);
+    let edges = board.register(7);
+    board.run_for(10_000);
+    assert_eq!(board.register(7), edges, "pulled up");
+    board.write_register(PADS_BANK0 + 4 + 4 * 7, 1 << 6);
+    board.drive_pin(7, PinWire::High);
+    board.run_for(100);
+    let edges = board.register(7);
+    board.run_for(10_000);
+    assert_eq!(board.register(7), edges, "driven");
+}
+
+/// The interrupts of a pin follow its level whatever its function is (2.19.3).
+#[test]
+fn a_start_bit_at_a_uarts_pin_is_an_edge() {
+    let mut board = edge_counter(EDGE_LOW);
+    start_uart0(&mut board);
+    select_function(&mut board, 1, FUNCTION_UART);
+    board.set_register(0, EDGE_LOW << 4);
+    board.set_register(1, IO_BANK0 + INTR0);
+    board.write_register(IO_BANK0 + PROC0_INTE0, EDGE_LOW << 4);
+    let over = board.uart_send(0, 1000, b"\xff\x55");
+    board.run_for(1000 - 1);
+    assert_eq!(board.register(7), 0);
+    board.run_for(6);
+    assert_eq!(board.register(7), 1, "the start bit");
+    board.run_until_time(over + 10);
+    assert_eq!(
+        board.register(7),
+        1 + 5,
+        "the start bit of 0x55 and its four zeros"
+    );
+}

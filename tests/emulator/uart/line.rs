@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use super::super::clock::Cycle;
+use super::super::floating::Floating;
 
 /// Times on the wire are kept in 1/64 of a cycle, the resolution of a fractional baud divisor
 /// (a bit takes 16 × (IBRD + FBRD / 64) cycles).
@@ -62,6 +63,14 @@ impl Frame {
         time < self.start || self.level_of(index)
     }
 
+    /// The first change after `time`, in whole cycles: the level is the new one then.
+    fn change_after(self, time: Cycle) -> Option<Cycle> {
+        (0..FRAME_BITS)
+            .filter(|&index| self.level_of(index) != (index == 0 || self.level_of(index - 1)))
+            .map(|index| self.start + (self.bit.fractions * index).div_ceil(FRACTION))
+            .find(|&change| change > time)
+    }
+
     /// The first change from high to low at or after `time`.
     fn falling_edge(self, time: Cycle) -> Option<Cycle> {
         (0..FRAME_BITS)
@@ -71,16 +80,79 @@ impl Frame {
     }
 }
 
+/// What the chip's end of a wire does while the other one is open.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pull {
+    Up,
+    Down,
+    #[default]
+    None,
+}
+
+/// Who decides the level of the line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum OtherEnd {
+    /// A sender, which holds it high between its frames.
+    #[default]
+    Sender,
+    /// It is open, since this time.
+    Open(Cycle),
+}
+
 /// The frames that are not over yet, in order of time; between them the line is high.
 #[derive(Default)]
 pub struct Line {
     frames: VecDeque<Frame>,
     free_at: Cycle,
+    other_end: OtherEnd,
+    pull: Pull,
+    noise: Floating,
+    /// Which of the inputs of `noise` it is.
+    input: usize,
 }
 
 impl Line {
-    /// Put bytes on the wire back to back, from `start` or from the end of what is there already.
+    /// A line at input `input` of those that may float as `noise` has it.
+    pub fn new(noise: Floating, input: usize) -> Self {
+        Self {
+            noise,
+            input,
+            ..Self::default()
+        }
+    }
+
+    /// From `now` on nothing is connected to the chip's pin. What is on the wire is lost.
+    pub fn disconnect(&mut self, now: Cycle) {
+        self.frames.clear();
+        self.other_end = OtherEnd::Open(now);
+    }
+
+    /// How the pad pulls from `now` on.
+    pub fn pull(&mut self, pull: Pull, now: Cycle) {
+        if pull == self.pull {
+            return;
+        }
+        self.pull = pull;
+        if let OtherEnd::Open(since) = &mut self.other_end {
+            *since = now;
+        }
+    }
+
+    fn floats_high_at(&self, time: Cycle) -> bool {
+        self.noise.levels_at(time) >> self.input & 1 != 0
+    }
+
+    /// The first time from `time` on at which noise falls.
+    fn noise_falls(&self, time: Cycle) -> Option<Cycle> {
+        let changes = std::iter::successors(Some(time), |&time| Some(self.noise.next_change(time)));
+        changes
+            .skip(1)
+            .find(|&change| self.floats_high_at(change - 1) && !self.floats_high_at(change))
+    }
+
+    /// Connect a sender, and put its bytes on the wire back to back, from `start` or from the end of what is there already.
     pub fn send(&mut self, bytes: &[u8], start: Cycle, bit: BitTime) {
+        self.other_end = OtherEnd::Sender;
         let mut start = start.max(self.free_at);
         for &byte in bytes {
             let frame = Frame { start, bit, byte };
@@ -91,13 +163,33 @@ impl Line {
     }
 
     pub fn level_at(&self, time: Cycle) -> bool {
+        match (self.other_end, self.pull) {
+            (OtherEnd::Sender, _) => {}
+            (OtherEnd::Open(_), Pull::Up) => return true,
+            (OtherEnd::Open(_), Pull::Down) => return false,
+            (OtherEnd::Open(_), Pull::None) => return self.floats_high_at(time),
+        }
         let frame = self.frames.iter().find(|frame| time < frame.end());
         frame.is_none_or(|frame| frame.level_at(time))
     }
 
     /// The next start bit a receiver that listens from `time` sees.
     pub fn falling_edge(&self, time: Cycle) -> Option<Cycle> {
-        self.frames.iter().find_map(|frame| frame.falling_edge(time))
+        match (self.other_end, self.pull) {
+            (OtherEnd::Sender, _) => self.frames.iter().find_map(|frame| frame.falling_edge(time)),
+            (OtherEnd::Open(_), Pull::Up) => None,
+            (OtherEnd::Open(since), Pull::Down) => (since >= time).then_some(since),
+            (OtherEnd::Open(since), Pull::None) => self.noise_falls(time.max(since)),
+        }
+    }
+
+    /// When the level may be another one after `time`.
+    pub fn change_after(&self, time: Cycle) -> Option<Cycle> {
+        match (self.other_end, self.pull) {
+            (OtherEnd::Sender, _) => self.frames.iter().find_map(|frame| frame.change_after(time)),
+            (OtherEnd::Open(_), Pull::Up | Pull::Down) => None,
+            (OtherEnd::Open(_), Pull::None) => Some(self.noise.next_change(time)),
+        }
     }
 
     /// Forget what was over before `time`.
@@ -128,6 +220,32 @@ mod tests {
         let expected = [0, 1, 0, 1, 0, 0, 0, 0, 0, 1].map(|level| level == 1);
         assert_eq!(levels, expected);
         assert!(line.level_at(900) && line.level_at(2500), "idle is high");
+    }
+
+    #[test]
+    fn the_level_is_another_one_at_each_change() {
+        let mut line = Line::default();
+        line.send(b"\x00U\xff~", 1000, BitTime::of_baud(115_200));
+        let changes: Vec<Cycle> =
+            std::iter::successors(line.change_after(0), |&change| line.change_after(change)).collect();
+        // Both edges of a byte of zeros, all ten of 0x55, two of ones, four of 0x7e.
+        assert_eq!(changes.len(), 2 + 10 + 2 + 4);
+        for change in changes {
+            assert_ne!(line.level_at(change), line.level_at(change - 1), "{change}");
+        }
+    }
+
+    #[test]
+    fn an_open_line_follows_the_pull_and_is_noise_without_one() {
+        let mut line = Line::new(Floating::new(5), 1);
+        line.pull(Pull::Up, 0);
+        line.disconnect(100);
+        assert_eq!((line.level_at(200), line.falling_edge(0)), (true, None));
+        line.pull(Pull::Down, 1000);
+        assert_eq!((line.level_at(2000), line.falling_edge(100)), (false, Some(1000)));
+        line.pull(Pull::None, 3000);
+        let edge = line.falling_edge(3000).expect("noise falls again and again");
+        assert!(line.level_at(edge - 1) && !line.level_at(edge));
     }
 
     #[test]

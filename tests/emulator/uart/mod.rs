@@ -16,7 +16,7 @@ mod transmitter;
 use super::clock::{Cycle, NEVER};
 use super::peripheral::Peripheral;
 use super::register::{RegisterWrite, bit, field};
-pub use line::BitTime;
+pub use line::{BitTime, Line, Pull};
 use receiver::{BREAK, FRAMING, Receiver, Reception};
 use settings::Settings;
 pub use transmitter::SentByte;
@@ -54,6 +54,8 @@ pub struct UartPlace {
 pub struct PinConnection {
     pub tx: bool,
     pub rx: bool,
+    /// How the pad of the receiving pin pulls.
+    pub rx_pull: Pull,
 }
 
 pub struct Uart {
@@ -77,12 +79,13 @@ pub struct Uart {
 }
 
 impl Uart {
-    pub fn new(place: UartPlace) -> Self {
+    /// A UART that receives from `line`.
+    pub fn new(place: UartPlace, line: Line) -> Self {
         Self {
             place,
             pins: PinConnection::default(),
             transmitter: Transmitter::default(),
-            receiver: Receiver::default(),
+            receiver: Receiver::new(line),
             settings: Settings::latch(0, 0, 0),
             lcr_h: 0,
             ibrd: 0,
@@ -132,6 +135,24 @@ impl Uart {
     pub fn set_pins(&mut self, pins: PinConnection, now: Cycle) {
         self.advance(now);
         self.pins = pins;
+        self.receiver.line.pull(pins.rx_pull, now);
+    }
+
+    /// Take the wire off the receiving pin.
+    pub fn disconnect_receiver(&mut self, now: Cycle) {
+        self.advance(now);
+        self.receiver.line.disconnect(now);
+    }
+
+    /// The level at the receiving pin; `None` when the pin does not lead here.
+    pub fn received_level(&self, now: Cycle) -> Option<bool> {
+        self.pins.rx.then(|| self.receiver.line.level_at(now))
+    }
+
+    /// When that may change after `now`.
+    pub fn next_received_change(&self, now: Cycle) -> Cycle {
+        let change = self.receiver.line.change_after(now);
+        change.filter(|_| self.pins.rx).unwrap_or(NEVER)
     }
 
     fn enabled(&self, half: u32) -> bool {
@@ -223,6 +244,7 @@ impl Uart {
                 Reception::Received(flags) => self.note_received(flags),
                 Reception::Overrun => self.ris |= OE,
                 Reception::Timeout => self.ris |= RT,
+                Reception::FalseStart => {}
             }
         }
     }

@@ -24,6 +24,8 @@ pub enum Reception {
     Overrun,
     /// The line has been quiet for 32 bits with data waiting.
     Timeout,
+    /// It fell for less than half a bit.
+    FalseStart,
 }
 
 #[derive(Default)]
@@ -41,6 +43,13 @@ pub struct Receiver {
 }
 
 impl Receiver {
+    pub fn new(line: Line) -> Self {
+        Self {
+            line,
+            ..Self::default()
+        }
+    }
+
     pub fn level(&self) -> usize {
         self.fifo.len()
     }
@@ -80,6 +89,17 @@ impl Receiver {
         (sampled <= now).then(|| self.receive(sampled, settings))
     }
 
+    /// "The start bit is valid if UARTRXD is still LOW on the eighth cycle of Baud16, otherwise a false start bit is detected
+    /// and it is ignored" (PL011 TRM, 2.4.3).
+    fn skip_false_start(&mut self, start: Cycle, settings: &Settings) -> bool {
+        let middle = start + sample_offset(settings.bit, 0);
+        let is_false = self.line.level_at(middle);
+        if is_false {
+            self.listening_from = middle;
+        }
+        is_false
+    }
+
     pub fn next_event(&self, settings: &Settings) -> Cycle {
         self.sampling_ends(settings).min(self.timeout_at.unwrap_or(NEVER))
     }
@@ -95,6 +115,9 @@ impl Receiver {
     fn receive(&mut self, sampled: Cycle, settings: &Settings) -> Reception {
         let stop_offset = sample_offset(settings.bit, settings.bits_before_stop());
         let start = sampled - stop_offset;
+        if self.skip_false_start(start, settings) {
+            return Reception::FalseStart;
+        }
         let bit_at = |number| self.line.level_at(start + sample_offset(settings.bit, number));
         let mut character: u16 = (0..settings.data_bits)
             .map(|number| u16::from(bit_at(number + 1)) << number)

@@ -4,7 +4,7 @@ use super::super::clock::{Cycle, NEVER};
 use super::super::peripheral::Peripheral;
 use super::super::register::{RegisterWrite, bit};
 use super::settings::Settings;
-use super::{ALL_INTERRUPTS, CR_RXE, CR_TXE, DMACR_DMAONERR, DMACR_RXDMAE, DMACR_TXDMAE, ERRORS, Uart};
+use super::{ALL_INTERRUPTS, CR_RXE, CR_TXE, DMACR_DMAONERR, DMACR_RXDMAE, DMACR_TXDMAE, ERRORS, Line, Uart};
 
 pub const UARTDR: u32 = 0x00;
 pub const UARTRSR: u32 = 0x04;
@@ -79,7 +79,7 @@ impl Peripheral for Uart {
             receiver,
             sent: std::mem::take(&mut self.sent),
             sent_unconnected: self.sent_unconnected,
-            ..Self::new(self.place)
+            ..Self::new(self.place, Line::default())
         };
     }
 

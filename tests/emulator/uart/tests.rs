@@ -17,6 +17,14 @@ const BIT: Cycle = 1085;
 const TRIGGER_1_8: u32 = 0;
 const TRIGGER_7_8: u32 = 4;
 
+fn connected(is_connected: bool) -> PinConnection {
+    PinConnection {
+        tx: is_connected,
+        rx: is_connected,
+        rx_pull: Pull::None,
+    }
+}
+
 fn write(uart: &mut Uart, offset: u32, value: u32, now: Cycle) {
     uart.advance(now);
     uart.write(offset, RegisterWrite::plain(value), now);
@@ -30,8 +38,8 @@ fn read(uart: &mut Uart, offset: u32, now: Cycle) -> u32 {
 
 /// 115200 8N1 with FIFOs, both pins connected, all interrupts enabled.
 fn uart(lcr_h: u32) -> Uart {
-    let mut uart = Uart::new(PLACE);
-    uart.set_pins(PinConnection { tx: true, rx: true }, 0);
+    let mut uart = Uart::new(PLACE, Line::default());
+    uart.set_pins(connected(true), 0);
     write(&mut uart, UARTIBRD, 67, 0);
     write(&mut uart, UARTFBRD, 52, 0);
     write(&mut uart, UARTLCR_H, lcr_h, 0);
@@ -151,7 +159,7 @@ fn a_disabled_uart_keeps_what_it_has_and_hears_nothing() {
 #[test]
 fn what_leaves_through_another_pin_does_not_reach_the_wire() {
     let mut uart = uart(LCR_8N1 | LCR_FEN);
-    uart.set_pins(PinConnection { tx: false, rx: false }, 0);
+    uart.set_pins(connected(false), 0);
     write(&mut uart, UARTDR, 1, 0);
     send_to(&mut uart, b"unheard", 0);
     uart.advance(cycles(10_000));
@@ -289,4 +297,42 @@ fn reset_forgets_the_chip_and_keeps_the_wire() {
         "TXFE and RXFE"
     );
     assert_eq!(read(&mut uart, UARTIFLS, cycles(1000)), 0x12);
+}
+
+fn open_line(pull: Pull) -> Uart {
+    let mut uart = uart(LCR_8N1 | LCR_FEN);
+    uart.disconnect_receiver(0);
+    let pins = PinConnection {
+        rx_pull: pull,
+        ..connected(true)
+    };
+    uart.set_pins(pins, 0);
+    uart
+}
+
+#[test]
+fn an_open_line_is_silent_when_it_is_pulled_up_and_noise_without_a_pull() {
+    let mut pulled = open_line(Pull::Up);
+    assert_eq!(read(&mut pulled, UARTRIS, cycles(100_000)), 0);
+    assert_eq!(pulled.next_event(), NEVER);
+    let mut noisy = open_line(Pull::None);
+    let ris = read(&mut noisy, UARTRIS, cycles(100_000));
+    assert_eq!(ris & (FE | BE | OE), FE | BE | OE);
+}
+
+#[test]
+fn a_line_that_is_pulled_down_is_one_break() {
+    let mut uart = open_line(Pull::Up);
+    let pins = PinConnection {
+        rx_pull: Pull::Down,
+        ..connected(true)
+    };
+    uart.set_pins(pins, 1000);
+    assert_eq!(read(&mut uart, UARTRIS, cycles(1000)) & (FE | BE), FE | BE);
+    write(&mut uart, UARTICR, ALL_INTERRUPTS, cycles(1000));
+    assert_eq!(
+        read(&mut uart, UARTRIS, cycles(100_000)) & (FE | BE),
+        0,
+        "until it was high again"
+    );
 }

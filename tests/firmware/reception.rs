@@ -1,0 +1,235 @@
+//! What is received at the UARTs, while flash is written, at full rate both ways, and with nothing wired.
+
+use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, MINUTE, SAVED_US, SECOND};
+use crate::emulator::{FlashOperationKind, FlashTiming, LogLevel, UartPins};
+use crate::rover::GOOD_3S;
+use crate::support::frames::{
+    COMMAND_ACK, Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, TIMESYNC, of_message,
+};
+use crate::support::requests::{command_long_2, disarm, param_set, param_set_to, timesync};
+
+/// Of another system: what is addressed to it fills the line, and is checked and dropped.
+const ELSEWHERE: [u8; 2] = [77, 1];
+
+const ARM_DISARM: u16 = 400;
+const FORCED: f32 = 21196.0;
+
+const TELEMETRY: usize = 0;
+const ESC: usize = 1;
+
+/// PADS_BANK0 of GP1 (datasheet 2.19.6.3): input enable alone, as the UART's driver leaves it.
+const PAD_OF_GP1: u32 = 0x4001_c008;
+const INPUT_ENABLE: u32 = 1 << 6;
+
+fn fillers(count: usize) -> Vec<u8> {
+    param_set_to(ELSEWHERE, "BATT_VOLT_MULT", 1.0).repeat(count)
+}
+
+/// What the vehicle counts of the link's errors: bad checksums, line errors, bytes it did not read in time.
+fn errors(bench: &mut Bench) -> u16 {
+    let frames = bench.frames();
+    let sys_status = of_message(&frames, SYS_STATUS);
+    SysStatus(sys_status.last().expect("telemetry flows")).0.u16(20)
+}
+
+fn assert_nothing_lost(bench: &mut Bench) {
+    bench.run_for(SECOND);
+    assert_eq!(bench.uart(TELEMETRY).overruns(), 0);
+    assert_eq!(errors(bench), 0);
+    for text in ["line error", "bytes were lost"] {
+        assert_eq!(bench.logged(LogLevel::Warn, text), [], "{text}");
+    }
+}
+
+fn has_operation(bench: &Bench, kind: FlashOperationKind) -> bool {
+    bench
+        .flash_operations()
+        .iter()
+        .any(|operation| operation.kind == kind)
+}
+
+/// A line that is never silent, with a parameter that is set again and again.
+struct Sets {
+    next: u16,
+    line_free_at_us: u64,
+    cycle_bytes: usize,
+}
+
+impl Sets {
+    fn begin(bench: &mut Bench) -> Self {
+        bench.take_flash_operations();
+        Self {
+            next: 0,
+            line_free_at_us: bench.time_us(),
+            cycle_bytes: 0,
+        }
+    }
+
+    fn value(number: u16) -> f32 {
+        1.0 + f32::from(number) / 1024.0
+    }
+
+    /// Sends the next value and `fill` frames for another system, and lets time pass until the line is nearly free.
+    fn send(&mut self, bench: &mut Bench, fill: usize) {
+        let bytes = [param_set("BATT_VOLT_MULT", Self::value(self.next)), fillers(fill)].concat();
+        self.next += 1;
+        self.cycle_bytes = bytes.len();
+        self.line_free_at_us = bench.uart_send(TELEMETRY, 0, &bytes);
+        bench.run_until_time(self.line_free_at_us - MILLISECOND);
+    }
+
+    /// The values that were answered.
+    fn answered(frames: &[Frame]) -> Vec<u16> {
+        let values = of_message(frames, PARAM_VALUE);
+        let number = |frame: &&Frame| ((ParamValue(frame).value() - 1.0) * 1024.0) as u16;
+        values.iter().map(number).collect()
+    }
+}
+
+/// Sends sets until flash has been erased and written, and for a while after.
+fn set_until_erased(bench: &mut Bench, fill: usize) -> Sets {
+    let mut sets = Sets::begin(bench);
+    while !has_operation(bench, FlashOperationKind::SectorErase) {
+        sets.send(bench, fill);
+        assert!(sets.next < 2000, "no erase");
+    }
+    for _ in 0..20 {
+        sets.send(bench, fill);
+    }
+    assert!(has_operation(bench, FlashOperationKind::PageProgram));
+    sets
+}
+
+#[test]
+fn a_full_line_loses_no_byte_while_flash_is_written_and_erased() {
+    let mut bench = Bench::running(DIVIDER_CODE);
+    let from_us = bench.time_us();
+    let sets = set_until_erased(&mut bench, 1);
+    assert_nothing_lost(&mut bench);
+    let answered = Sets::answered(&bench.frames_since(from_us));
+    assert_eq!(answered, (0..sets.next).collect::<Vec<_>>());
+    println!("{} parameters set on a full line at 115200 baud", sets.next);
+}
+
+#[test]
+fn bytes_lost_in_the_longest_erase_are_counted_and_the_link_recovers() {
+    let mut bench = Bench::running(DIVIDER_CODE);
+    bench.flash_timing(FlashTiming::MAXIMUM);
+    let from_us = bench.time_us();
+    let sets = set_until_erased(&mut bench, 1);
+    bench.run_for(SECOND);
+
+    let lines = bench.logged(LogLevel::Warn, "received bytes were lost");
+    let lost: usize = lines
+        .iter()
+        .map(|(_, text)| {
+            let words: Vec<&str> = text.split(' ').collect();
+            words[1]
+                .parse::<usize>()
+                .expect("UART0: 4630 received bytes were lost")
+        })
+        .sum();
+    let answered = Sets::answered(&bench.frames_since(from_us));
+    let missing = usize::from(sets.next) - answered.len();
+    println!(
+        "{lost} bytes lost in {lines:?}, {missing} of {} sets not answered",
+        sets.next
+    );
+    assert!(lost > 4096, "an erase of 400 ms is longer than the ring");
+    // A part of a cycle is lost at each end of a gap.
+    let cycles_lost = lost / sets.cycle_bytes;
+    assert!((cycles_lost..=cycles_lost + 2 * lines.len()).contains(&missing));
+    assert!(errors(&mut bench) >= lines.len() as u16);
+    assert_eq!(bench.uart(TELEMETRY).overruns(), 0, "DMA never stopped");
+    let last = answered.last().copied();
+    assert_eq!(last, Some(sets.next - 1), "the link recovers");
+    assert!(bench.resets().is_empty());
+}
+
+/// Long enough for the count of what was received to begin anew.
+const FULL_RATE_US: u64 = 3200 * MILLISECOND;
+
+#[test]
+fn no_byte_is_lost_at_921600_baud_both_ways_with_lamps_changing() {
+    let parameters = [("SERIAL0_BAUD", 921.0), ("BATT_CELLS", 3.0), ("SR0_EXTRA1", 50.0)];
+    let mut bench = Bench::configured(GOOD_3S, &parameters);
+    bench.run_for(SAVED_US);
+    bench.take_log();
+    let from_us = bench.time_us();
+    let (mut asked, mut commands) = (0, 0);
+    let armed_by_force = command_long_2(ARM_DISARM, 1.0, FORCED);
+    let mut free_at_us = 0;
+    while bench.time_us() < from_us + FULL_RATE_US {
+        let mut bytes = if commands % 2 == 0 {
+            armed_by_force.clone()
+        } else {
+            disarm()
+        };
+        commands += 1;
+        // A quarter of a second.
+        for _ in 0..50 {
+            bytes.extend(timesync(0x0123_4567_89ab_0000 + asked));
+            bytes.extend(fillers(12));
+            asked += 1;
+        }
+        free_at_us = bench.uart_send(TELEMETRY, 0, &bytes);
+        bench.run_until_time(free_at_us - MILLISECOND);
+    }
+    bench.run_until_time(free_at_us + SECOND);
+    let frames = bench.frames_since(from_us);
+    assert_eq!(of_message(&frames, TIMESYNC).len() as i64, asked);
+    let acknowledged = of_message(&frames, COMMAND_ACK);
+    assert_eq!(acknowledged.len(), commands);
+    let results: Vec<u8> = acknowledged.iter().map(|frame| frame.u8(2)).collect();
+    assert_eq!(results, vec![0; commands], "armed and disarmed");
+    assert_nothing_lost(&mut bench);
+}
+
+#[test]
+fn an_unwired_gp1_has_no_errors_in_a_minute() {
+    let mut bench = Bench::power_up(DIVIDER_CODE);
+    bench.disconnect_uart_receiver(TELEMETRY);
+    bench.run_for(MINUTE);
+    assert_eq!(errors(&mut bench), 0);
+    bench.assert_untroubled();
+}
+
+#[test]
+fn without_its_pull_up_an_unwired_gp1_is_noise() {
+    let mut bench = Bench::running(DIVIDER_CODE);
+    bench.disconnect_uart_receiver(TELEMETRY);
+    bench.write_register(PAD_OF_GP1, INPUT_ENABLE);
+    bench.run_for(2 * SECOND);
+    assert!(errors(&mut bench) > 100);
+    assert!(!bench.logged(LogLevel::Warn, "line error").is_empty());
+}
+
+/// Of a motor controller: 30 °C, 12 V, 5 A, so many mAh.
+fn esc_frame(mah: u16) -> Vec<u8> {
+    crate::pulses_and_esc::telemetry(30, 1200, 500, mah)
+}
+
+#[test]
+fn no_frame_of_a_motor_controller_is_lost_while_flash_is_written_and_erased() {
+    let mut bench = Bench::running(DIVIDER_CODE);
+    bench.wire_uart(ESC, UartPins { tx: 4, rx: 5 });
+    bench.set("BATT2_MONITOR", 9.0);
+    bench.reboot();
+    bench.take_flash_operations();
+    let from_us = bench.time_us();
+    let mut free_at_us = from_us;
+    let mut number = 0;
+    while !has_operation(&bench, FlashOperationKind::SectorErase) {
+        assert!(number < 4000, "no erase");
+        let set = param_set("BATT_VOLT_MULT", Sets::value(number));
+        bench.uart_send(TELEMETRY, 0, &set);
+        // The line of the controller is never silent.
+        let frames: Vec<u8> = (0..8).flat_map(|_| esc_frame(number)).collect();
+        free_at_us = bench.uart_send_at_baud(ESC, free_at_us, &frames, 115_200);
+        number += 1;
+        bench.run_until_time(free_at_us - MILLISECOND);
+    }
+    bench.run_until_time(free_at_us + 200 * MILLISECOND);
+    assert_eq!(bench.uart(ESC).overruns(), 0);
+    assert_eq!(bench.logged(LogLevel::Warn, "bytes were lost"), []);
+}
