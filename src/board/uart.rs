@@ -154,8 +154,8 @@ pub struct UartReceiver {
     registers: Uart,
     line: Input<'static>,
     ring: ReceiveRing,
-    /// The ring was empty a [`LOOK_INTERVAL`] before. Bytes come one by one: looked for sooner, they would be handled so.
-    look_again_at: Instant,
+    /// When the ring was found empty. Looked for sooner than a [`LOOK_INTERVAL`] later, bytes would be handled one by one.
+    emptied_at: Instant,
     looks_in_vain: u8,
 }
 
@@ -165,7 +165,7 @@ impl UartReceiver {
             registers,
             line,
             ring,
-            look_again_at: Instant::MIN,
+            emptied_at: Instant::MIN,
             looks_in_vain: 0,
         }
     }
@@ -185,7 +185,7 @@ impl UartReceiver {
             edge.await;
         }
         self.looks_in_vain = 0;
-        self.look_again_at = Instant::now() + LOOK_INTERVAL;
+        self.emptied_at = Instant::now();
     }
 
     /// Whether the port saw noise, or its FIFO overran, since the last look. Its raw interrupts stay until they are cleared.
@@ -209,13 +209,14 @@ impl ByteSource for UartReceiver {
     /// The line was noisy, or bytes came for so long without being read that some are lost. It goes on with the next byte.
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
         loop {
-            // Too late, it is no wait: whoever asks learns that bytes may have waited.
-            if Instant::now() < self.look_again_at {
-                Timer::at(self.look_again_at).await;
+            // Later than that, it is no wait at all: bytes may have been there for long.
+            let since_empty = Instant::now().saturating_duration_since(self.emptied_at);
+            if since_empty < LOOK_INTERVAL {
+                Timer::after(LOOK_INTERVAL).await;
             }
             let received = self.look(buffer)?;
             if received < buffer.len() {
-                self.look_again_at = Instant::now() + LOOK_INTERVAL;
+                self.emptied_at = Instant::now();
             }
             if received > 0 {
                 self.looks_in_vain = 0;
