@@ -32,6 +32,7 @@ pub async fn keep_learnt<F: NorFlash>(
 }
 
 async fn run<F: NorFlash>(job: LearntJob, storage: &mut Storage<F, [u32; LEARNT_WORDS]>, shared: &Shared) {
+    let _turn = shared.flash_turn().await;
     match job {
         LearntJob::Read(identity) => {
             let stored = storage.read(identity.key()).await;

@@ -36,6 +36,7 @@ async fn write<F: NorFlash>(
     unsaved: Unsaved,
     shared: &Shared,
 ) -> Result<(), StorageError> {
+    let _turn = shared.flash_turn().await;
     let may_erase = || shared.may_erase();
     match unsaved {
         Unsaved::Reset => storage.clear(&may_erase).await,

@@ -8,6 +8,7 @@ use crate::storage::{Storage, Value};
 
 /// Erases the sector that `storage` needs next, unless the vehicle is armed.
 pub(super) async fn prepare<F: NorFlash, V: Value>(storage: &mut Storage<F, V>, shared: &Shared) {
+    let _turn = shared.flash_turn().await;
     if let Err(error) = storage.prepare(&|| shared.may_erase()).await {
         warn!("storage: no sector erased ahead: {:?}", error);
     }

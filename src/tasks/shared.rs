@@ -3,6 +3,7 @@
 use core::cell::RefCell;
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::{Mutex, MutexGuard};
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::{Receiver, Watch};
 
@@ -23,6 +24,7 @@ pub(super) type AnnouncementReceiver<'a> = Receiver<'a, NoopRawMutex, (), MAX_LI
 pub struct Shared {
     autopilot: RefCell<Autopilot>,
     announced: Watch<NoopRawMutex, (), MAX_LINKS>,
+    flash_turn: Mutex<NoopRawMutex, ()>,
     pub(super) to_drive: Signal<NoopRawMutex, ()>,
     pub(super) to_save: Signal<NoopRawMutex, ()>,
     pub(super) to_save_signing: Signal<NoopRawMutex, ()>,
@@ -39,6 +41,7 @@ impl Shared {
         Self {
             autopilot: in_place(|| RefCell::new(Autopilot::new(start))),
             announced: Watch::new(),
+            flash_turn: Mutex::new(()),
             to_drive: Signal::new(),
             to_save: Signal::new(),
             to_save_signing: Signal::new(),
@@ -57,6 +60,14 @@ impl Shared {
             self.wake(work);
         }
         result
+    }
+
+    /// Waits until no other task writes to flash; it is this one's turn until the result is dropped.
+    ///
+    /// An erase takes up to 400 ms. Were each of three tasks to erase a sector in its turn of one round, nothing else would run
+    /// in between, and the watchdog would not be fed in time.
+    pub(super) async fn flash_turn(&self) -> MutexGuard<'_, NoopRawMutex, ()> {
+        self.flash_turn.lock().await
     }
 
     /// Whether flash may be erased now, for [`Storage`](crate::storage::Storage).

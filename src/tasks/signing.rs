@@ -70,7 +70,9 @@ pub async fn keep_signing<F: NorFlash>(
         // With or without a request: the time has to be written, or a retry may be due.
         let _ = with_timeout(LOOK_INTERVAL, shared.to_save_signing.wait()).await;
         while let Some(unsaved) = shared.with(|autopilot| autopilot.next_unsaved_signing(now())) {
+            let turn = shared.flash_turn().await;
             let result = storage.store(&unsaved, &|| shared.may_erase()).await;
+            drop(turn);
             shared.with(|autopilot| {
                 autopilot.signing_written(&unsaved, result, now());
             });
