@@ -1,0 +1,55 @@
+//! The streams that are expected, and when their messages came.
+
+use crate::board_check::evidence::Evidence;
+use crate::mavlink::dialect::MavMessage;
+
+/// A stream and the times of its messages, in µs.
+pub(super) struct Timing {
+    pub name: &'static str,
+    /// By its rate.
+    pub interval_us: f64,
+    pub times_us: Vec<u64>,
+}
+
+impl Timing {
+    /// The intervals between its messages, in µs.
+    pub fn intervals_us(&self) -> impl Iterator<Item = f64> {
+        self.times_us.windows(2).map(|pair| match pair {
+            [earlier, later] => (later - earlier) as f64,
+            // A window has two.
+            _ => 0.0,
+        })
+    }
+}
+
+/// HEARTBEAT, and the streams that `SR0_EXTRA1` turns on: BATTERY_STATUS of the first pack if it is monitored.
+pub(super) fn timings(evidence: &Evidence) -> Vec<Timing> {
+    const HEARTBEAT_HZ: f32 = 1.0;
+    let battery_hz = evidence.parameter("SR0_EXTRA1").unwrap_or(0.0);
+    let is_monitored = evidence.parameter("BATT_MONITOR").unwrap_or(0.0) > 0.0;
+    let streams: [(_, _, fn(&MavMessage) -> bool); 3] = [
+        ("HEARTBEAT", HEARTBEAT_HZ, |message| {
+            matches!(message, MavMessage::HEARTBEAT(_))
+        }),
+        ("SYS_STATUS", battery_hz, |message| {
+            matches!(message, MavMessage::SYS_STATUS(_))
+        }),
+        (
+            "BATTERY_STATUS",
+            if is_monitored { battery_hz } else { 0.0 },
+            |message| matches!(message, MavMessage::BATTERY_STATUS(status) if status.id == 0),
+        ),
+    ];
+    let expected = streams.into_iter().filter(|(_, hz, _)| *hz > 0.0);
+    expected
+        .map(|(name, hz, is_of)| Timing {
+            name,
+            interval_us: 1e6 / f64::from(hz),
+            times_us: evidence
+                .in_window()
+                .filter(|received| is_of(&received.message))
+                .map(|received| received.at.as_micros())
+                .collect(),
+        })
+        .collect()
+}
