@@ -105,13 +105,15 @@ impl Record {
         texts
     }
 
-    /// The breaks that no restart explains.
+    /// The breaks that no start of the board explains.
     pub fn unexplained_gaps(&self) -> impl Iterator<Item = &Gap> {
-        let is_by_restart = |gap: &&Gap| {
-            let mut starts = self.starts.iter();
-            starts.any(|start| gap.at <= start.at && start.at.us_since(gap.at) < RESTART_NOTICED_US)
-        };
-        self.gaps.iter().filter(move |gap| !is_by_restart(gap))
+        self.gaps.iter().filter(|gap| !self.is_broken_by_start(gap.at))
+    }
+
+    /// Whether the board may have started just before `at`.
+    pub fn is_broken_by_start(&self, at: Instant) -> bool {
+        let mut starts = self.starts.iter();
+        starts.any(|start| at <= start.at && start.at.us_since(at) < RESTART_NOTICED_US)
     }
 }
 

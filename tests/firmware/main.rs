@@ -2,6 +2,8 @@
 
 #[path = "../workbench/bench.rs"]
 mod bench;
+#[path = "../support/checked.rs"]
+mod checked;
 #[path = "../support/elf.rs"]
 mod elf;
 #[path = "../emulator/mod.rs"]
@@ -21,6 +23,7 @@ mod story;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod board_check;
 mod boot;
 mod boot_loader;
 mod boot_loop;

@@ -37,5 +37,5 @@ fn jitters_us(timing: &Timing) -> Vec<f64> {
         let count = (interval_us / timing.interval_us).round().max(1.0);
         (interval_us - count * timing.interval_us).abs()
     };
-    timing.intervals_us().map(of_interval).collect()
+    timing.measured_us.iter().copied().map(of_interval).collect()
 }

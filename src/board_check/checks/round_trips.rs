@@ -18,11 +18,9 @@ fn judge(evidence: &Evidence) -> Outcome {
     let Some(window) = evidence.window else {
         return not_reached();
     };
-    let trips = evidence
-        .record
-        .round_trips
-        .iter()
-        .filter(|trip| window.contains(trip.asked_at));
+    let record = &evidence.record;
+    let is_judged = |at| window.contains(at) && !record.is_broken_by_start(at);
+    let trips = record.round_trips.iter().filter(|trip| is_judged(trip.asked_at));
     let took: Vec<_> = trips.map(|trip| trip.took_us).collect();
     let mut answered_us: Vec<_> = took.iter().flatten().copied().collect();
     answered_us.sort_unstable();
@@ -41,7 +39,7 @@ fn judge(evidence: &Evidence) -> Outcome {
         Some("The board answers slowly.")
     } else {
         // A frame that was lost or damaged is counted as such.
-        (unanswered > evidence.record.gaps.len()).then_some("The board leaves requests unanswered.")
+        (unanswered > record.gaps.len()).then_some("The board leaves requests unanswered.")
     };
     outcome(measured, against)
 }

@@ -3,23 +3,13 @@
 use crate::board_check::evidence::Evidence;
 use crate::mavlink::dialect::MavMessage;
 
-/// A stream and the times of its messages, in µs.
+/// A stream and the intervals between its messages.
 pub(super) struct Timing {
     pub name: &'static str,
     /// By its rate.
     pub interval_us: f64,
-    pub times_us: Vec<u64>,
-}
-
-impl Timing {
-    /// The intervals between its messages, in µs.
-    pub fn intervals_us(&self) -> impl Iterator<Item = f64> {
-        self.times_us.windows(2).map(|pair| match pair {
-            [earlier, later] => (later - earlier) as f64,
-            // A window has two.
-            _ => 0.0,
-        })
-    }
+    /// As measured, except where the board has started anew.
+    pub measured_us: Vec<f64>,
 }
 
 /// HEARTBEAT, and the streams that `SR0_EXTRA1` turns on: BATTERY_STATUS of the first pack if it is monitored.
@@ -45,11 +35,17 @@ pub(super) fn timings(evidence: &Evidence) -> Vec<Timing> {
         .map(|(name, hz, is_of)| Timing {
             name,
             interval_us: 1e6 / f64::from(hz),
-            times_us: evidence
-                .in_window()
-                .filter(|received| is_of(&received.message))
-                .map(|received| received.at.as_micros())
-                .collect(),
+            measured_us: intervals_us(evidence, is_of),
         })
+        .collect()
+}
+
+fn intervals_us(evidence: &Evidence, is_of: fn(&MavMessage) -> bool) -> Vec<f64> {
+    let messages = evidence.in_window().filter(|received| is_of(&received.message));
+    let times: Vec<_> = messages.map(|received| received.at).collect();
+    let intervals = times.iter().zip(times.iter().skip(1));
+    intervals
+        .filter(|(_, later)| !evidence.record.is_broken_by_start(**later))
+        .map(|(earlier, later)| later.us_since(*earlier) as f64)
         .collect()
 }

@@ -25,7 +25,10 @@ const DEFLECTION: i16 = 200;
 /// Control inputs of a step: half a second of ramp, and a second and a half.
 const INPUTS: i16 = 40;
 
-/// A disarmed rover's requests are repeated: what stops the motors must arrive.
+/// Until the wheels stand still.
+const STANDSTILL_US: u64 = 500_000;
+
+/// What stops the motors must arrive, so it is repeated.
 const STOP_ATTEMPTS: usize = 3;
 
 impl MotorStep {
@@ -66,7 +69,9 @@ pub(in super::super) fn turn_motors(
         session.show(&format!("  {}", step.name()));
         let turned = turn(session, step);
         stop(session);
-        let result = match turned? {
+        let turned = turned?;
+        session.listen_for(STANDSTILL_US)?;
+        let result = match turned {
             None => confirm(session, &step.question())?,
             Some(failed) => failed,
         };
