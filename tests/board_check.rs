@@ -4,6 +4,8 @@
 mod checked;
 #[path = "support/desk.rs"]
 mod desk;
+#[path = "support/page.rs"]
+mod page;
 mod support;
 
 use std::cell::RefCell;
@@ -12,6 +14,8 @@ use std::rc::Rc;
 
 use checked::{Checked, Turned, Watcher, failed, not_measured};
 use desk::{Desk, adc_count};
+use page::assert_part;
+use proptest::prelude::*;
 use rover_battmon::autopilot::{Announcement, Start, Work};
 use rover_battmon::board_check::{
     CHECKS, Calibrate, Multimeter, Part, Plan, Port, PortClosed, Report, Verdict, run,
@@ -52,6 +56,10 @@ enum Fault {
     None,
     Silent,
     PortCloses,
+    VanishesWhileItRestarts,
+    NeverComesBack,
+    /// Each byte is flipped or lost so often, of 65536, either way.
+    Noise(u16),
     SecondBoard,
     WrongComponent,
     NotARover,
@@ -348,7 +356,20 @@ impl TamperedLine {
             Fault::DamagedFrames if is_hit => frame[14] ^= 0x40,
             _ => {}
         }
-        frame
+        self.with_noise(frame)
+    }
+
+    fn with_noise(&mut self, mut bytes: Vec<u8>) -> Vec<u8> {
+        let Fault::Noise(rate) = self.fault else {
+            return bytes;
+        };
+        bytes.retain(|_| self.random.u16(..) >= rate);
+        for byte in &mut bytes {
+            if self.random.u16(..) < rate {
+                *byte ^= 1 << self.random.u8(..8);
+            }
+        }
+        bytes
     }
 }
 
@@ -373,13 +394,18 @@ impl Port for TamperedLine {
     fn send(&mut self, bytes: &[u8]) -> Result<(), PortClosed> {
         let is_restart = bytes[7] == COMMAND_LONG as u8 && bytes[10 + 28] == 246;
         if !(self.fault == Fault::RestartIgnored && is_restart) {
-            self.board.deliver(bytes);
+            let bytes = self.with_noise(bytes.to_vec());
+            self.board.deliver(&bytes);
         }
         Ok(())
     }
 
     fn receive(&mut self, deadline: Instant, bytes: &mut Vec<u8>) -> Result<(), PortClosed> {
         if self.fault == Fault::PortCloses && self.board.now_us > LISTENING_US && self.is_once() {
+            return Err(PortClosed);
+        }
+        let vanishes = matches!(self.fault, Fault::VanishesWhileItRestarts | Fault::NeverComesBack);
+        if vanishes && self.board.now_us < self.board.started_us {
             return Err(PortClosed);
         }
         loop {
@@ -396,6 +422,10 @@ impl Port for TamperedLine {
     }
 
     fn reopen(&mut self, _: Instant) -> Result<(), PortClosed> {
+        if self.fault == Fault::NeverComesBack {
+            return Err(PortClosed);
+        }
+        self.board.run_until(self.board.started_us + STEP_US);
         Ok(())
     }
 }
@@ -572,6 +602,55 @@ fn the_parameter_has_its_old_value_afterwards() {
 }
 
 #[test]
+fn ctrl_c_behind_the_set_parameter_sets_it_back() {
+    let mut owner = Watcher {
+        stops_after: Some("Setting a parameter"),
+        ..Watcher::default()
+    };
+    let mut line = TamperedLine::new(Fault::None, owner.turned.clone());
+    let report = run(&mut line, &mut owner, &Plan::default());
+    assert_eq!(failed(&report), ["parameter kept"]);
+    assert!(
+        report.findings()[0].contains("it was 10, and may be 11"),
+        "{:?}",
+        report.findings()
+    );
+    assert_eq!(
+        line.board.desk.parameters().get(VehicleParameter::Sr0Params),
+        10.0
+    );
+}
+
+#[test]
+fn a_port_that_vanishes_while_the_board_restarts_is_opened_again() {
+    let report = check(Fault::VanishesWhileItRestarts, &EVERYTHING);
+    assert_eq!(failed(&report), [""; 0], "{}", report.markdown("desk"));
+    let report = check(Fault::NeverComesBack, &EVERYTHING);
+    assert_eq!(failed(&report), ["connection", "parameter kept"]);
+    assert!(not_measured(&report).contains(&"crash record"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whatever the line does to either side, there is a report, and what may still turn stops by the board's time-out.
+    #[test]
+    fn any_noise_ends_in_a_report_and_standing_wheels(rate in 0_u16..3000, seed: u64) {
+        let mut owner = Watcher::default();
+        let mut line = TamperedLine::new(Fault::Noise(rate), owner.turned.clone());
+        line.random = fastrand::Rng::with_seed(seed);
+        let report = run(&mut line, &mut owner, &EVERYTHING);
+        prop_assert_eq!(report.rows().len(), CHECKS.len());
+        let end_us = line.board.now_us + 3 * SECOND;
+        while line.board.now_us < end_us {
+            line.board.step();
+        }
+        let drives = line.board.desk.vehicle().drives();
+        prop_assert!([SideDrives::COAST, SideDrives::BRAKE].contains(&drives), "{:?}", drives);
+    }
+}
+
+#[test]
 fn noise_is_no_board() {
     /// A line on which anything comes, heartbeats of a ground station, too.
     struct Noise {
@@ -601,4 +680,14 @@ fn noise_is_no_board() {
     };
     let report = run(&mut noise, &mut Watcher::default(), &Plan::default());
     assert_eq!(report.verdict(), Verdict::NotConnected);
+}
+
+#[test]
+fn the_checks_are_on_the_page() {
+    let mut table = String::from("| check | measures | expected | when it differs |\n|---|---|---|---|\n");
+    for check in CHECKS {
+        let (name, measures, expected, advice) = (check.name, check.measures, check.expected, check.advice);
+        table += &format!("| {name} | {measures} | {expected} | {advice} |\n");
+    }
+    assert_part("checks", &table, str::to_string);
 }

@@ -37,15 +37,15 @@ mod board_check {
         report: PathBuf,
 
         /// Ask for the voltage that a multimeter shows at the pack
-        #[arg(long, conflicts_with = "voltage")]
+        #[arg(long, group = "measured")]
         multimeter: bool,
 
         /// The voltage that a multimeter shows at the pack
-        #[arg(long, value_name = "VOLTS", value_parser = positive)]
+        #[arg(long, value_name = "VOLTS", value_parser = positive, group = "measured")]
         voltage: Option<f32>,
 
         /// Set BATT_VOLT_MULT so that the board shows what the multimeter does
-        #[arg(long)]
+        #[arg(long, requires = "measured")]
         apply: bool,
 
         /// Provoke a fault, and check that it is recorded

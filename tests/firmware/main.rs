@@ -12,6 +12,8 @@ mod emulator;
 mod i2c_bus;
 #[path = "../support/motor_poles.rs"]
 mod motor_poles;
+#[path = "../support/page.rs"]
+mod page;
 #[path = "../workbench/runs/mod.rs"]
 mod runs;
 #[path = "../support/signer.rs"]

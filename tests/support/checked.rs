@@ -88,6 +88,8 @@ pub struct Watcher {
     pub multimeter: &'static str,
     /// Presses Ctrl-C as soon as a wheel turns.
     pub is_startled: bool,
+    /// Presses Ctrl-C after a line that begins so.
+    pub stops_after: Option<&'static str>,
     pub shown: Vec<String>,
     pub answer: Option<String>,
 }
@@ -111,7 +113,13 @@ impl Owner for Watcher {
     }
 
     fn has_stopped(&mut self) -> bool {
-        self.is_startled && *self.turned.borrow() != Turned::default()
+        let is_turning = *self.turned.borrow() != Turned::default();
+        let has_seen_enough = |start| {
+            self.shown
+                .last()
+                .is_some_and(|line: &String| line.starts_with(start))
+        };
+        self.is_startled && is_turning || self.stops_after.is_some_and(has_seen_enough)
     }
 }
 

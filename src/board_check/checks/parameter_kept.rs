@@ -23,11 +23,9 @@ fn judge(evidence: &Evidence) -> Outcome {
 fn judge_trial(trial: &KeptTrial) -> Outcome {
     let measured = measured(trial);
     let KeptTrial { name, old, new, .. } = *trial;
-    if trial.answered.is_some() && trial.restored != Some(old) {
-        return failed(
-            measured,
-            format!("{name} may still be {new}: set it back to {old}."),
-        );
+    if trial.restored != Some(old) {
+        let sentence = format!("That {name} was set back is not certain: it was {old}, and may be {new}.");
+        return failed(measured, sentence);
     }
     let against = match trial.restarted {
         _ if trial.answered != Some(new) => Some(format!("{name} could not be set.")),

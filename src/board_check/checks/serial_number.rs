@@ -7,7 +7,7 @@ pub(super) const CHECK: Check = Check {
     name: "serial number",
     measures: "`uid`, vendor and product in AUTOPILOT_VERSION",
     expected: "a number, if the firmware sends one",
-    advice: "None.",
+    advice: "Nothing: it only names the board.",
     judge,
 };
 

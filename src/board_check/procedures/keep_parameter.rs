@@ -2,7 +2,7 @@
 
 use super::super::evidence::{Evidence, KeptTrial};
 use super::super::session::{Interruption, Restarted, Session};
-use super::parameters::{read, set};
+use super::parameters::{answer_of, post_set, read};
 
 /// The rate of parameter lists: nothing else depends on it.
 const NAME: &str = "SR0_PARAMS";
@@ -13,7 +13,7 @@ const MAX: f32 = 50.0;
 /// MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: restart the autopilot.
 const RESTART: [f32; 4] = [1.0, 0.0, 0.0, 0.0];
 
-/// Goes through it, if the list had the parameter.
+/// Goes through it, if the list had the parameter. Whatever ends it, the old value is set again.
 pub(in super::super) fn keep_parameter(
     session: &mut Session<'_>,
     evidence: &mut Evidence,
@@ -21,7 +21,6 @@ pub(in super::super) fn keep_parameter(
     let Some(old) = evidence.parameter(NAME) else {
         return Ok(());
     };
-    // What came of it stays when the check has to end in between.
     let trial = evidence.kept.insert(KeptTrial {
         name: NAME,
         old,
@@ -31,12 +30,20 @@ pub(in super::super) fn keep_parameter(
         read: None,
         restored: None,
     });
-    trial.answered = set(session, NAME, trial.new)?;
+    let ended = set_and_restart(session, trial);
+    post_set(session, NAME, old);
+    ended?;
+    trial.restored = answer_of(session, NAME)?;
+    Ok(())
+}
+
+fn set_and_restart(session: &mut Session<'_>, trial: &mut KeptTrial) -> Result<(), Interruption> {
+    post_set(session, NAME, trial.new);
+    trial.answered = answer_of(session, NAME)?;
     let restarted = session.restart(RESTART)?;
     trial.restarted = Some(restarted);
     if matches!(restarted, Restarted::After(_)) {
         trial.read = read(session, NAME)?;
     }
-    trial.restored = set(session, NAME, old)?;
     Ok(())
 }

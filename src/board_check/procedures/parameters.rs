@@ -103,6 +103,12 @@ pub(in super::super) fn set(
     name: &str,
     value: f32,
 ) -> Result<Option<f32>, Interruption> {
+    post_set(session, name, value);
+    answer_of(session, name)
+}
+
+/// Sets a parameter without waiting.
+pub(in super::super) fn post_set(session: &mut Session<'_>, name: &str, value: f32) {
     session.send(&MavMessage::PARAM_SET(PARAM_SET_DATA {
         param_value: value,
         target_system: session.system_id(),
@@ -110,10 +116,13 @@ pub(in super::super) fn set(
         param_id: name.into(),
         param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
     }));
-    answer_of(session, name)
 }
 
-fn answer_of(session: &mut Session<'_>, name: &str) -> Result<Option<f32>, Interruption> {
+/// The value of a parameter that the board answers; `None` without an answer.
+pub(in super::super) fn answer_of(
+    session: &mut Session<'_>,
+    name: &str,
+) -> Result<Option<f32>, Interruption> {
     session.wait_for(ANSWER_TIMEOUT_US, |message| {
         let value = any_value(message)?;
         (value.param_id.to_str() == Ok(name)).then_some(value.param_value)

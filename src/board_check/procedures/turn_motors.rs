@@ -1,6 +1,6 @@
 //! Turns the wheels, one side after the other, and asks the owner what they did.
 //!
-//! Whatever ends a step, the sticks are centred and the rover is disarmed. Should this program end first, the firmware's
+//! Whatever ends a step, the rover is disarmed. Should this program end first, the firmware's
 //! own time-out of control inputs (`FS_TIMEOUT`) stops the motors.
 
 use super::super::evidence::{Evidence, MotorStep, StepResult, Trial};
@@ -104,11 +104,12 @@ fn turn(session: &mut Session<'_>, step: MotorStep) -> Result<Option<StepResult>
     Ok(None)
 }
 
-/// Centres the sticks and disarms. It waits for nothing, so nothing keeps it from being sent.
+/// Disarms, which lets the wheels roll at once, and centres the sticks: centred first, the ramp of the throttle would turn
+/// the other side for a moment. It waits for nothing, so nothing keeps it from being sent.
 fn stop(session: &mut Session<'_>) {
     for _ in 0..STOP_ATTEMPTS {
-        steer(session, 0, 0);
         session.post_command(ARM_DISARM, DISARM);
+        steer(session, 0, 0);
     }
 }
 

@@ -1,0 +1,90 @@
+"""`board-check` as its user runs it, against the simulator."""
+
+import signal
+import socket
+import subprocess
+import time
+
+from pymavlink import mavutil
+
+from conftest import REPOSITORY
+from station import connect, receive
+
+BOARD_CHECK = ["cargo", "run", "--quiet", "--bin", "board-check", "--"]
+
+# Half a minute, and the time to build it.
+TIMEOUT = 300
+
+
+def board_check(port, report, *arguments, answers=""):
+    return subprocess.run(
+        [*BOARD_CHECK, port, "--report", report, *arguments],
+        cwd=REPOSITORY,
+        input=answers,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+    )
+
+
+def rows(report):
+    """What came of each check by the report."""
+    cells = (line.split(" | ") for line in report.read_text().splitlines() if line.startswith("| "))
+    return {row[0].removeprefix("| "): row[1] for row in cells}
+
+
+def test_a_sound_vehicle_passes(start_simulator, tmp_path):
+    report = tmp_path / "report.md"
+    ended = board_check(start_simulator().url, report, "--voltage", "12.6")
+    assert ended.returncode == 0, ended
+    assert f"The report is in {report}." in ended.stdout
+    results = rows(report)
+    unknown = {name for name, result in results.items() if result == "not measured"}
+    not_sent = {"firmware hash", "serial number", "load"}
+    not_asked = {"crash record", "left wheels ahead", "right wheels ahead", "left wheels back", "right wheels back"}
+    assert unknown == not_sent | not_asked
+    assert "**failed**" not in results.values()
+
+
+def test_a_wheel_that_turns_wrong_and_a_crash_without_a_record_fail(start_simulator, tmp_path):
+    report = tmp_path / "report.md"
+    url = start_simulator().url
+    ended = board_check(url, report, "--motors", "--provoke-fault", answers="y\ny\nn\ny\ny\n")
+    assert ended.returncode == 1, ended
+    failed = {name for name, result in rows(report).items() if result == "**failed**"}
+    # The simulator has no memory that outlasts a crash.
+    assert failed == {"right wheels ahead", "crash record"}
+
+
+def test_ctrl_c_stops_the_wheels(start_simulator, tmp_path):
+    url = start_simulator().url
+    process = subprocess.Popen(
+        [*BOARD_CHECK, url, "--report", tmp_path / "report.md", "--motors"],
+        cwd=REPOSITORY,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    process.stdin.write("y\n")
+    process.stdin.flush()
+    while "left wheels ahead" not in process.stdout.readline():
+        assert process.poll() is None
+    vehicle = connect(url)
+    armed = mavutil.mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    while not receive(vehicle, ["HEARTBEAT"]).base_mode & armed:
+        pass
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=10) == 1
+    time.sleep(0.2)
+    while vehicle.recv_match(blocking=False):
+        pass
+    assert not receive(vehicle, ["HEARTBEAT"]).base_mode & armed
+
+
+def test_a_silent_port_is_no_board(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        ended = board_check(f"tcp:127.0.0.1:{silent.getsockname()[1]}", tmp_path / "report.md")
+    assert ended.returncode == 2, ended
+    assert "No autopilot's heartbeat was received." in ended.stdout
+    ended = board_check("/dev/no-such-port", tmp_path / "report.md")
+    assert ended.returncode == 2 and "Can't open /dev/no-such-port" in ended.stderr
