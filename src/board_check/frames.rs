@@ -27,17 +27,10 @@ pub struct Frame {
     pub component_id: u8,
     /// The sender's count of frames, modulo 256.
     pub sequence: u8,
+    /// Whether bytes stand before it that are no part of a good frame.
+    pub is_after_damage: bool,
     /// Its content; `None` if a field has a value that the dialect does not know.
     pub message: Option<MavMessage>,
-}
-
-/// What stands in the bytes received.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Found {
-    /// Bytes that are no part of a good frame, up to the next one.
-    Damage,
-    /// A frame.
-    Frame(Frame),
 }
 
 /// Finds frames in what is received.
@@ -47,21 +40,22 @@ pub struct FrameReader {
 }
 
 impl FrameReader {
-    /// Takes bytes and returns what they complete.
-    pub fn take(&mut self, bytes: &[u8]) -> Vec<Found> {
+    /// Takes bytes and returns the frames that they complete.
+    pub fn take(&mut self, bytes: &[u8]) -> Vec<Frame> {
         self.waiting.extend(bytes);
-        let mut found = Vec::new();
+        let mut frames = Vec::new();
         while let Some((start, length, frame)) = self.find() {
-            if start > 0 {
-                found.push(Found::Damage);
-            }
-            found.push(Found::Frame(frame));
+            let is_after_damage = start > 0;
+            frames.push(Frame {
+                is_after_damage,
+                ..frame
+            });
             self.waiting.drain(..start + length);
         }
         // A byte in front of where a frame may have begun stays: it is damage, to be counted with the next frame.
         let surplus = self.waiting.len().saturating_sub(LONGEST_FRAME + 1);
         self.waiting.drain(..surplus);
-        found
+        frames
     }
 
     /// The first good frame: where it starts and how long it is. What looks like the start of a frame does not hide it.
@@ -107,6 +101,7 @@ fn examine(bytes: &[u8]) -> Option<(usize, Frame)> {
         system_id,
         component_id,
         sequence,
+        is_after_damage: false,
         message: MavMessage::parse(MavlinkVersion::V2, message_id, payload).ok(),
     };
     Some((end, frame))
@@ -128,47 +123,56 @@ pub fn frame(sequence: u8, message: &MavMessage) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mavlink::dialect::{PING_DATA, TIMESYNC_DATA};
+    use crate::mavlink::dialect::TIMESYNC_DATA;
     use proptest::prelude::*;
 
-    fn ping(sequence: u8) -> Vec<u8> {
-        frame(sequence, &MavMessage::PING(PING_DATA::DEFAULT))
+    const MESSAGE: MavMessage = MavMessage::TIMESYNC(TIMESYNC_DATA {
+        tc1: -5,
+        ts1: 7,
+        target_system: 1,
+        target_component: 1,
+    });
+
+    fn numbered(sequence: u8) -> Vec<u8> {
+        frame(sequence, &MESSAGE)
     }
 
-    fn sequences(found: &[Found]) -> Vec<Option<u8>> {
-        let sequence = |found: &Found| match found {
-            Found::Damage => None,
-            Found::Frame(frame) => Some(frame.sequence),
-        };
-        found.iter().map(sequence).collect()
+    fn sequences(frames: &[Frame]) -> Vec<u8> {
+        frames.iter().map(|frame| frame.sequence).collect()
     }
 
     #[test]
     fn frames_are_found_behind_damage_and_false_starts() {
-        let mut damaged = ping(2);
+        let mut damaged = numbered(2);
         damaged[12] ^= 1;
         let false_start = [START, 255, 0, 0, 0, 1, 1];
-        let bytes = [ping(1), damaged, ping(3), false_start.to_vec(), ping(4)].concat();
-        let found = FrameReader::default().take(&bytes);
-        assert_eq!(sequences(&found), [Some(1), None, Some(3), None, Some(4)]);
+        let bytes = [
+            numbered(1),
+            damaged,
+            numbered(3),
+            numbered(4),
+            false_start.to_vec(),
+            numbered(5),
+        ]
+        .concat();
+        let frames = FrameReader::default().take(&bytes);
+        let found: Vec<_> = frames
+            .iter()
+            .map(|frame| (frame.sequence, frame.is_after_damage))
+            .collect();
+        assert_eq!(found, [(1, false), (3, true), (4, false), (5, true)]);
     }
 
     #[test]
     fn frame_is_read_as_it_was_written() {
-        let message = MavMessage::TIMESYNC(TIMESYNC_DATA {
-            tc1: -5,
-            ts1: 7,
-            target_system: 1,
-            target_component: 1,
-        });
-        let found = FrameReader::default().take(&frame(9, &message));
         let expected = Frame {
             system_id: 255,
             component_id: 190,
             sequence: 9,
-            message: Some(message),
+            is_after_damage: false,
+            message: Some(MESSAGE),
         };
-        assert_eq!(found, [Found::Frame(expected)]);
+        assert_eq!(FrameReader::default().take(&numbered(9)), [expected]);
     }
 
     proptest! {
@@ -182,16 +186,16 @@ mod tests {
                 reader.take(part);
             }
             prop_assert!(reader.waiting.len() <= LONGEST_FRAME + 1);
-            let found = reader.take(&ping(7));
-            prop_assert_eq!(sequences(&found).last(), Some(&Some(7)));
+            let frames = reader.take(&numbered(7));
+            prop_assert_eq!(sequences(&frames).last().copied(), Some(7));
         }
 
         #[test]
         fn frames_are_found_alike_in_any_chunks(chunk in 1_usize..60) {
-            let bytes = (0..20).flat_map(ping).collect::<Vec<_>>();
+            let bytes = (0..20).flat_map(numbered).collect::<Vec<_>>();
             let mut reader = FrameReader::default();
-            let found: Vec<_> = bytes.chunks(chunk).flat_map(|part| reader.take(part)).collect();
-            prop_assert_eq!(sequences(&found), (0..20).map(Some).collect::<Vec<_>>());
+            let frames: Vec<_> = bytes.chunks(chunk).flat_map(|part| reader.take(part)).collect();
+            prop_assert_eq!(sequences(&frames), (0..20).collect::<Vec<_>>());
         }
     }
 }

@@ -19,7 +19,7 @@ pub use checks::{CHECKS, Check, Outcome};
 pub use evidence::{
     Calibration, Evidence, FaultTrial, KeptTrial, MotorStep, ParameterList, StepResult, Trial, Window,
 };
-pub use frames::{Found, Frame, FrameReader, frame};
+pub use frames::{Frame, FrameReader, frame};
 pub use plan::{Calibrate, Multimeter, Part, Plan};
 pub use port::{Answer, Owner, Port, PortClosed};
 pub use record::{Gap, Received, Record, RoundTrip, Start, StartCause, Text};

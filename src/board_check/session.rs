@@ -1,6 +1,6 @@
 //! The talk with the board: keeps in touch, listens, asks, and keeps a record of everything.
 
-use super::frames::{Found, Frame, FrameReader, frame};
+use super::frames::{Frame, FrameReader, frame};
 use super::port::{Answer, Owner, Port, PortClosed};
 use super::record::{Gap, Received, Record, RoundTrip, Start, StartCause};
 use crate::mavlink::dialect::{
@@ -345,11 +345,9 @@ impl<'a> Session<'a> {
 
     fn take(&mut self, bytes: &[u8]) {
         let at = self.port.now();
-        for found in self.reader.take(bytes) {
-            match found {
-                Found::Damage => self.is_damaged = true,
-                Found::Frame(frame) => self.take_frame(frame, at),
-            }
+        for frame in self.reader.take(bytes) {
+            self.is_damaged |= frame.is_after_damage;
+            self.take_frame(frame, at);
         }
     }
 

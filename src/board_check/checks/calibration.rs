@@ -42,7 +42,7 @@ fn judge_calibration(calibration: &Calibration) -> Outcome {
             measured_v,
         );
     }
-    let is_off = !((shown_v - measured_v).abs() <= WORST_V);
+    let is_off = (shown_v - measured_v).abs() > WORST_V;
     outcome(
         measured,
         is_off.then(|| format!("The voltage is off: set BATT_VOLT_MULT to {exact:.3}.")),

@@ -12,12 +12,14 @@ pub(super) struct Timing {
     pub measured_us: Vec<f64>,
 }
 
+type IsOfStream = fn(&MavMessage) -> bool;
+
 /// HEARTBEAT, and the streams that `SR0_EXTRA1` turns on: BATTERY_STATUS of the first pack if it is monitored.
 pub(super) fn timings(evidence: &Evidence) -> Vec<Timing> {
     const HEARTBEAT_HZ: f32 = 1.0;
     let battery_hz = evidence.parameter("SR0_EXTRA1").unwrap_or(0.0);
     let is_monitored = evidence.parameter("BATT_MONITOR").unwrap_or(0.0) > 0.0;
-    let streams: [(_, _, fn(&MavMessage) -> bool); 3] = [
+    let streams: [(_, _, IsOfStream); 3] = [
         ("HEARTBEAT", HEARTBEAT_HZ, |message| {
             matches!(message, MavMessage::HEARTBEAT(_))
         }),
@@ -40,7 +42,7 @@ pub(super) fn timings(evidence: &Evidence) -> Vec<Timing> {
         .collect()
 }
 
-fn intervals_us(evidence: &Evidence, is_of: fn(&MavMessage) -> bool) -> Vec<f64> {
+fn intervals_us(evidence: &Evidence, is_of: IsOfStream) -> Vec<f64> {
     let messages = evidence.in_window().filter(|received| is_of(&received.message));
     let times: Vec<_> = messages.map(|received| received.at).collect();
     let intervals = times.iter().zip(times.iter().skip(1));

@@ -40,7 +40,8 @@ pub(in super::super) fn calibrate(
 
 fn ask(session: &mut Session<'_>) -> Result<Option<f32>, Interruption> {
     let answer = session.ask("What does the multimeter show at the pack, in volts? (return to skip)")?;
-    Ok(answer.and_then(|line| line.trim().replace(',', ".").parse().ok()))
+    let number = answer.and_then(|line| line.trim().replace(',', ".").parse().ok());
+    Ok(number.filter(|measured_v: &f32| measured_v.is_finite() && *measured_v > 0.0))
 }
 
 /// The mean of what the board reports from now on, in volts; `None` if no pack is connected.
