@@ -1,8 +1,8 @@
 //! Checks a board over MAVLink, as any ground station could, and writes a report (host only).
 //!
-//! [`run`] goes through the procedures: they listen, ask, set, restart and drive through a [`Session`], and leave
-//! [`Evidence`]. Each row of [`CHECKS`] judges that evidence, without I/O and without a clock, and [`Report`] has what
-//! came of it. Bytes, time and the owner's answers come through [`Port`] and [`Owner`], so that tests need no wall time.
+//! [`run()`] goes through the procedures: they listen, ask, set, restart and drive, and leave evidence. Each row of
+//! [`CHECKS`] judges that evidence, without I/O and without a clock, and [`Report`] has what came of it. Bytes, time and
+//! the owner's answers come through [`Port`] and [`Owner`], so that tests need no wall time.
 
 mod checks;
 mod evidence;
@@ -16,13 +16,7 @@ mod run;
 mod session;
 
 pub use checks::{CHECKS, Check, Outcome};
-pub use evidence::{
-    Calibration, Evidence, FaultTrial, KeptTrial, MotorStep, ParameterList, StepResult, Trial, Window,
-};
-pub use frames::{Frame, FrameReader, frame};
 pub use plan::{Calibrate, Multimeter, Part, Plan};
 pub use port::{Answer, Owner, Port, PortClosed};
-pub use record::{Gap, Received, Record, RoundTrip, Start, StartCause, Text};
 pub use report::{Report, Verdict};
 pub use run::run;
-pub use session::{Interruption, Restarted, Session};

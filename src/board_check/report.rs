@@ -27,7 +27,7 @@ pub struct Report {
 
 impl Report {
     /// Judges the evidence of a check.
-    pub fn of(evidence: &Evidence) -> Self {
+    pub(super) fn of(evidence: &Evidence) -> Self {
         let rows = judge_all(evidence);
         let has_failed = rows
             .iter()

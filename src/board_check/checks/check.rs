@@ -19,7 +19,7 @@ pub struct Check {
 
 impl Check {
     /// What came of it.
-    pub fn judge(&self, evidence: &Evidence) -> Outcome {
+    pub(super) fn judge(&self, evidence: &Evidence) -> Outcome {
         (self.judge)(evidence)
     }
 }
