@@ -23,7 +23,7 @@ use rover_battmon::board_check::{
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::BatteryParameter;
 use rover_battmon::parameter::{Parameters, VehicleParameter};
-use rover_battmon::sensor::{AnalogPin, AnalogReadings};
+use rover_battmon::sensor::{ADC_REFERENCE_V, AnalogPin, AnalogReadings};
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{MotorDrive, Restart, SideDrives};
 use support::frames::{
@@ -81,6 +81,8 @@ enum Fault {
     WrongCells,
     NoisyVoltage,
     NoCrashRecord,
+    OtherCrashRecord,
+    BeyondTheDivider,
     LeftReversed,
     SidesSwapped,
     ArmingRefused,
@@ -103,7 +105,11 @@ struct DeskBoard {
 impl DeskBoard {
     fn new(fault: Fault, turned: Rc<RefCell<Turned>>) -> Self {
         let mut parameters = Parameters::defaults();
-        let cells = if fault == Fault::WrongCells { 1.0 } else { 2.0 };
+        let cells = match fault {
+            Fault::WrongCells => 1.0,
+            Fault::BeyondTheDivider => 3.0,
+            _ => 2.0,
+        };
         let id = BatteryParameter::Cells.of(Pack::First);
         parameters.set(id, cells).expect("in range");
         if fault == Fault::ArmingRefused {
@@ -179,7 +185,12 @@ impl DeskBoard {
         } else {
             0.01
         };
-        let pack_v = PACK_V + noise_v * (2.0 * self.noise.f32() - 1.0);
+        let pack_v = match self.fault {
+            // Full scale.
+            Fault::BeyondTheDivider => DIVIDER * ADC_REFERENCE_V,
+            _ => PACK_V,
+        };
+        let pack_v = pack_v - noise_v * self.noise.f32();
         let mut readings = AnalogReadings::NONE;
         readings.set(AnalogPin::Gp26, Ok(adc_count(pack_v / DIVIDER)));
         readings
@@ -205,7 +216,10 @@ impl DeskBoard {
             self.restart_at_us = Some(self.now_us + SHUTDOWN_US);
         }
         if work.contains(Work::GROUND_STATION_HEARD) && std::mem::take(&mut self.has_crashed) {
-            let text = "Crash: hard fault in reboot, PC 0x10001234 LR 0x10005679";
+            let text = match self.fault {
+                Fault::OtherCrashRecord => "Crash: battery was overdue",
+                _ => "Crash: hard fault in reboot, PC 0x10001234 LR 0x10005679",
+            };
             self.desk.autopilot.announce(Announcement::Crash(text));
         }
     }
@@ -491,6 +505,10 @@ fn each_fault_fails_its_check_and_no_other() {
         multimeter: Multimeter::Shows(8.4),
         ..plan
     };
+    let beyond = Plan {
+        multimeter: Multimeter::None,
+        ..plan
+    };
     let cases: Vec<(Fault, Plan, &[&str])> = vec![
         (Fault::PortCloses, plan, &["connection"]),
         (Fault::SecondBoard, plan, &["one board"]),
@@ -516,6 +534,8 @@ fn each_fault_fails_its_check_and_no_other() {
         (Fault::NoisyVoltage, plan, &["voltage noise"]),
         (Fault::None, other_voltage, &["calibration"]),
         (Fault::NoCrashRecord, plan, &["crash record"]),
+        (Fault::OtherCrashRecord, plan, &["crash record"]),
+        (Fault::BeyondTheDivider, beyond, &["voltage"]),
         (
             Fault::LeftReversed,
             plan,

@@ -5,6 +5,9 @@ use super::restarts::CRASH;
 use crate::board_check::evidence::{Evidence, FaultTrial};
 use crate::board_check::session::Restarted;
 
+/// The fault is provoked in the task that restarts the board.
+const EXPECTED: &str = "Crash: hard fault in reboot";
+
 pub(super) const CHECK: Check = Check {
     name: "crash record",
     measures: "the board's report of a fault that was provoked",
@@ -34,7 +37,13 @@ fn judge_fault(trial: &FaultTrial, evidence: &Evidence) -> Outcome {
         .iter()
         .filter(|text| text.at >= trial.asked_at && text.text.starts_with(CRASH));
     match crashes.next() {
-        Some(crash) => outcome(format!("`{}`", crash.text), None::<String>),
+        Some(crash) => {
+            let is_other = !crash.text.starts_with(EXPECTED);
+            outcome(
+                format!("`{}`", crash.text),
+                is_other.then_some("Another crash was reported."),
+            )
+        }
         None => failed(
             "restarted, no report",
             "The board restarted and reported no crash.",

@@ -12,13 +12,18 @@ pub(super) struct Timing {
     pub measured_us: Vec<f64>,
 }
 
+/// `BATT_OPTIONS`: the pack has no BATTERY_STATUS.
+const INTERNAL_USE_ONLY: u32 = 1 << 8;
+
 type IsOfStream = fn(&MavMessage) -> bool;
 
-/// HEARTBEAT, and the streams that `SR0_EXTRA1` turns on: BATTERY_STATUS of the first pack if it is monitored.
+/// HEARTBEAT, and the streams that `SR0_EXTRA1` turns on: BATTERY_STATUS of the first pack if it is reported.
 pub(super) fn timings(evidence: &Evidence) -> Vec<Timing> {
     const HEARTBEAT_HZ: f32 = 1.0;
     let battery_hz = evidence.parameter("SR0_EXTRA1").unwrap_or(0.0);
     let is_monitored = evidence.parameter("BATT_MONITOR").unwrap_or(0.0) > 0.0;
+    let options = evidence.parameter("BATT_OPTIONS").unwrap_or(0.0) as u32;
+    let is_reported = is_monitored && options & INTERNAL_USE_ONLY == 0;
     let streams: [(_, _, IsOfStream); 3] = [
         ("HEARTBEAT", HEARTBEAT_HZ, |message| {
             matches!(message, MavMessage::HEARTBEAT(_))
@@ -28,7 +33,7 @@ pub(super) fn timings(evidence: &Evidence) -> Vec<Timing> {
         }),
         (
             "BATTERY_STATUS",
-            if is_monitored { battery_hz } else { 0.0 },
+            if is_reported { battery_hz } else { 0.0 },
             |message| matches!(message, MavMessage::BATTERY_STATUS(status) if status.id == 0),
         ),
     ];
