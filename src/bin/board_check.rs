@@ -109,8 +109,9 @@ mod board_check {
                 stream.set_nodelay(true)?;
                 return Ok(Self::Tcp(stream));
             }
-            // The firmware serves a USB port that is opened with DTR.
-            let port = serialport::new(name, baud).dtr_on_open(true).open()?;
+            let mut port = serialport::new(name, baud).open()?;
+            // The firmware serves a USB port once this line is set; ports without it need none.
+            let _ = port.write_data_terminal_ready(true);
             Ok(Self::Serial(port))
         }
 

@@ -1,9 +1,14 @@
 """`board-check` as its user runs it, against the simulator."""
 
+import contextlib
+import os
+import select
 import signal
 import socket
 import subprocess
+import threading
 import time
+import tty
 
 from pymavlink import mavutil
 
@@ -86,6 +91,45 @@ def test_ctrl_c_stops_the_wheels(start_simulator, tmp_path):
     while vehicle.recv_match(blocking=False):
         pass
     assert not receive(vehicle, ["HEARTBEAT"]).base_mode & armed
+
+
+def serve_serial(path, simulator_port):
+    """A serial port that is the simulator's; it vanishes with the simulator's connection, as a board's on USB does."""
+    # Until the simulator is ended.
+    with contextlib.suppress(OSError):
+        while True:
+            with socket.create_connection(("127.0.0.1", simulator_port)) as board:
+                ours, theirs = os.openpty()
+                tty.setraw(theirs)
+                path.symlink_to(os.ttyname(theirs))
+                carry(board, ours)
+                path.unlink()
+                os.close(theirs)
+                os.close(ours)
+
+
+def carry(board, port):
+    """Carries bytes both ways until the board closes."""
+    while True:
+        ready, _, _ = select.select([board, port], [], [])
+        if port in ready:
+            board.sendall(os.read(port, 4096))
+        if board in ready:
+            sent = board.recv(4096)
+            if not sent:
+                return
+            os.write(port, sent)
+
+
+def test_a_serial_port_that_vanishes_with_the_restart_passes(start_simulator, tmp_path):
+    port, report = tmp_path / "ttyACM0", tmp_path / "report.md"
+    arguments = (port, start_simulator().port)
+    threading.Thread(target=serve_serial, args=arguments, daemon=True).start()
+    while not port.exists():
+        time.sleep(0.01)
+    ended = board_check(str(port), report)
+    assert failed(rows(report)) <= BY_THE_CLOCK, ended
+    assert "restarted in" in report.read_text()
 
 
 def test_a_silent_port_is_no_board(tmp_path):
