@@ -69,6 +69,7 @@
 //! | [`tasks`] | thin `async` loops that wait, call the core and publish |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |
 //! | `sim` | a simulated pack, clock and wire (host only) |
+//! | `board_check` | the check of a board over MAVLink, and its report (host only) |
 //!
 //! Everything but `tasks`, `board` and `sim` does no I/O and reads no clock: time, counts and parameters come in as
 //! arguments, states and messages come out. That is what makes the behaviour testable on a desk.
@@ -111,5 +112,7 @@ pub mod vehicle;
 #[cfg(all(target_os = "none", feature = "board"))]
 pub mod board;
 
+#[cfg(not(target_os = "none"))]
+pub mod board_check;
 #[cfg(not(target_os = "none"))]
 pub mod sim;

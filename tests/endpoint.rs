@@ -28,8 +28,8 @@ use support::frames::{
 use support::requests::{
     EVERYONE, PREFLIGHT_REBOOT_SHUTDOWN, SIK_RADIO, VEHICLE, command_int, command_int_2, command_long,
     command_long_2, ftp_open, heartbeat_from, param_read_by_index, param_read_by_name, param_request_list,
-    param_set, param_set_payload, param_set_to, radio_status_from, reboot, reboot_to_boot_loader,
-    request_data_stream,
+    param_set, param_set_payload, param_set_to, provoke_fault, radio_status_from, reboot,
+    reboot_to_boot_loader, request_data_stream,
 };
 
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
@@ -330,6 +330,7 @@ fn commands_are_executed_denied_or_unsupported() {
     for (request, restart) in [
         (reboot(), Restart::Firmware),
         (reboot_to_boot_loader(), Restart::BootLoader),
+        (provoke_fault(), Restart::Fault),
     ] {
         let events = Desk::new().receive_in_chunks(&request, 64);
         assert_eq!(events, [Event::Command(Action::Restart(restart))]);

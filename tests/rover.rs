@@ -16,8 +16,8 @@ use rover_battmon::vehicle::{MotorDrive, SideDrives};
 use support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, SysStatus, frames};
 use support::requests::{
     EVERYONE, VEHICLE, arm, command_int, command_int_2, command_long, command_long_2, disarm, do_set_mode,
-    heartbeat, manual_control, param_request_list, param_set, rc_override, reboot, reboot_to_boot_loader,
-    set_mode,
+    heartbeat, manual_control, param_request_list, param_set, provoke_fault, rc_override, reboot,
+    reboot_to_boot_loader, set_mode,
 };
 
 const ARM_DISARM: u16 = 400;
@@ -562,6 +562,7 @@ fn restart_and_parameter_reset_are_refused_while_armed() {
         reboot(),
         command_int(246, 1.0),
         reboot_to_boot_loader(),
+        provoke_fault(),
         command_int(246, 3.0),
         command_long(245, 2.0),
         command_int(245, 2.0),
@@ -587,7 +588,7 @@ fn restart_and_parameter_reset_are_refused_while_armed() {
 
 #[test]
 fn arming_is_refused_before_a_restart() {
-    for request in [reboot(), reboot_to_boot_loader()] {
+    for request in [reboot(), reboot_to_boot_loader(), provoke_fault()] {
         let mut rover = Rover::new();
         rover.deliver(&request);
         rover.0.sent();

@@ -22,8 +22,8 @@ use support::frames::{
 };
 use support::requests::{
     EVERYONE, VEHICLE, arm, command_long, command_long_2, disarm, heartbeat, manual_control,
-    param_read_by_name, param_request_list, param_set, param_set_payload, ping, radio_status, reboot,
-    reboot_to_boot_loader, set_mode, setup_signing, setup_signing_of,
+    param_read_by_name, param_request_list, param_set, param_set_payload, ping, provoke_fault, radio_status,
+    reboot, reboot_to_boot_loader, set_mode, setup_signing, setup_signing_of,
 };
 
 const ARM_DISARM: u16 = 400;
@@ -71,6 +71,7 @@ fn changing_requests() -> Vec<Vec<u8>> {
         arm(),
         reboot(),
         reboot_to_boot_loader(),
+        provoke_fault(),
         set_mode(1, 1, 0),
         manual_control(1, 0, 500),
         setup_signing([STRANGER; 32], NEW_YEAR),

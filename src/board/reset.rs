@@ -68,6 +68,8 @@ pub(super) fn take_reset_reason(predecessor: Predecessor) -> ResetReason {
 pub fn restart(into: Restart) -> ! {
     match into {
         Restart::Firmware => reset(),
+        // An undefined instruction: the fault handler writes the crash record and resets.
+        Restart::Fault => cortex_m::asm::udf(),
         Restart::BootLoader => restart_into_boot_loader(),
     }
 }

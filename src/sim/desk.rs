@@ -82,6 +82,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
         match select(vehicle, reboot_requested(&desk.shared, || desk.all_sent())).await {
             Either::First((_, never, ..)) => never,
             Either::Second(Restart::Firmware) => println!("Restarted."),
+            Either::Second(Restart::Fault) => println!("A board would have crashed. Restarted."),
             Either::Second(Restart::BootLoader) => {
                 return println!("A board would wait in its boot loader for another firmware.");
             }

@@ -8,6 +8,8 @@ pub enum Restart {
     /// The firmware.
     #[default]
     Firmware,
+    /// The firmware, by way of a provoked processor fault: a test of the crash record.
+    Fault,
     /// The chip's own boot loader, which takes another firmware by USB.
     BootLoader,
 }

@@ -1,11 +1,11 @@
 //! Crash records, and to which systems they are reported after the restart.
 
 use crate::bench::{
-    Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, STACK_POINTER,
+    Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, STACK_POINTER, value_of,
 };
 use crate::emulator::{Board, LogLevel, ResetCause, UNDEFINED_INSTRUCTION};
-use crate::support::frames::{HEARTBEAT, STATUSTEXT, of_message};
-use crate::support::requests::{heartbeat, ping};
+use crate::support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, of_message};
+use crate::support::requests::{heartbeat, param_read_by_name, ping, provoke_fault};
 
 const GROUND_STATION: u8 = 6;
 const ONBOARD_CONTROLLER: u8 = 18;
@@ -113,6 +113,22 @@ fn an_undefined_instruction_is_reported_with_its_address_and_task() {
     assert_logged(&bench, &headline);
     assert_logged(&bench, "xPSR 0x");
     assert_eq!(reported_once(&mut bench)[0], headline);
+}
+
+#[test]
+fn a_fault_is_provoked_by_command_once_everything_is_saved() {
+    let mut bench = between_ticks();
+    bench.set("BATT_VOLT_MULT", 4.1);
+    let answers = bench.ask(&provoke_fault());
+    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0);
+    assert_reset(&mut bench, ResetCause::WatchdogForce, 4 * SECOND);
+    let reported = reported_once(&mut bench);
+    assert!(
+        reported[0].starts_with("Crash: hard fault in reboot, PC 0x100"),
+        "{reported:?}"
+    );
+    let answers = bench.ask(&param_read_by_name("BATT_VOLT_MULT"));
+    assert_eq!(value_of(&answers, "BATT_VOLT_MULT"), Some(4.1));
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 #[path = "../workbench/bench.rs"]
 mod bench;
+#[path = "../support/checked.rs"]
+mod checked;
 #[path = "../support/elf.rs"]
 mod elf;
 #[path = "../emulator/mod.rs"]
@@ -10,6 +12,8 @@ mod emulator;
 mod i2c_bus;
 #[path = "../support/motor_poles.rs"]
 mod motor_poles;
+#[path = "../support/page.rs"]
+mod page;
 #[path = "../workbench/runs/mod.rs"]
 mod runs;
 #[path = "../support/signer.rs"]
@@ -22,6 +26,7 @@ mod story;
 mod support;
 
 mod armed_storage;
+mod board_check;
 mod boot;
 mod boot_loader;
 mod boot_loop;

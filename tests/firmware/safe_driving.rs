@@ -6,7 +6,7 @@ use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, 
 use crate::support::frames::{COMMAND_ACK, Frame, STATUSTEXT, of_message};
 use crate::support::requests::{
     EVERYONE, VEHICLE, arm, command_long, command_long_2, disarm, heartbeat, manual_control,
-    param_read_by_name, rc_override, reboot, reboot_to_boot_loader, set_mode,
+    param_read_by_name, provoke_fault, rc_override, reboot, reboot_to_boot_loader, set_mode,
 };
 
 const ACCEPTED: u8 = 0;
@@ -126,6 +126,7 @@ fn a_driving_rover_is_neither_restarted_nor_reset_to_defaults() {
     for request in [
         reboot(),
         reboot_to_boot_loader(),
+        provoke_fault(),
         command_long(RESET_PARAMETERS, 2.0),
     ] {
         bench.ask(&manual_control(VEHICLE_ID, 0, 1000));

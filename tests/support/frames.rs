@@ -197,6 +197,13 @@ pub fn declare_signed(frame: &[u8]) -> Vec<u8> {
     declared
 }
 
+/// The frame with the checksum of what it says now.
+pub fn resealed(frame: &[u8]) -> Vec<u8> {
+    let mut sealed = frame[..frame.len() - CRC_BYTES].to_vec();
+    append_checksum(&mut sealed);
+    sealed
+}
+
 /// The same as a MAVLink 1 frame.
 pub fn encode_v1(message_id: u32, payload: &[u8]) -> Vec<u8> {
     let mut frame = vec![0xfe, payload.len() as u8, 0, 255, 190, message_id as u8];

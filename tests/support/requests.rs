@@ -75,11 +75,14 @@ pub fn command_long(number: u16, param1: f32) -> Vec<u8> {
 }
 
 pub fn command_long_2(number: u16, param1: f32, param2: f32) -> Vec<u8> {
+    command_long_4(number, [param1, param2, f32::NAN, f32::NAN])
+}
+
+pub fn command_long_4(number: u16, parameters: [f32; 4]) -> Vec<u8> {
     let mut payload = [0; 33];
-    payload[..4].copy_from_slice(&param1.to_le_bytes());
-    payload[4..8].copy_from_slice(&param2.to_le_bytes());
-    for unused in 2..7 {
-        payload[4 * unused..4 * unused + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    let unused = [f32::NAN; 3];
+    for (place, parameter) in parameters.into_iter().chain(unused).enumerate() {
+        payload[4 * place..4 * place + 4].copy_from_slice(&parameter.to_le_bytes());
     }
     payload[28..30].copy_from_slice(&number.to_le_bytes());
     payload[30..32].copy_from_slice(&VEHICLE);
@@ -142,6 +145,11 @@ pub fn radio_status_from(sender: [u8; 2], buffer_free: u8) -> Vec<u8> {
 
 pub fn reboot() -> Vec<u8> {
     command_long(PREFLIGHT_REBOOT_SHUTDOWN, 1.0)
+}
+
+/// Provokes a processor fault.
+pub fn provoke_fault() -> Vec<u8> {
+    command_long_4(PREFLIGHT_REBOOT_SHUTDOWN, [42.0, 24.0, 71.0, 94.0])
 }
 
 pub fn reboot_to_boot_loader() -> Vec<u8> {

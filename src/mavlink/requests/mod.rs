@@ -104,6 +104,8 @@ pub(super) struct Command {
     pub number: u16,
     pub param1: f32,
     pub param2: f32,
+    pub param3: f32,
+    pub param4: f32,
 }
 
 /// FILE_TRANSFER_PROTOCOL.
@@ -343,6 +345,8 @@ fn command(payload: &Payload<'_>) -> (Target, Request) {
     let command = Command {
         param1: payload.f32(0),
         param2: payload.f32(4),
+        param3: payload.f32(8),
+        param4: payload.f32(12),
         number: payload.u16(28),
     };
     (Target::Component(target), Request::Command(command))

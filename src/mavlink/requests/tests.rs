@@ -102,10 +102,14 @@ fn commands_are_decoded_alike_from_either_message() {
         number: 246,
         param1: 1.5,
         param2: -2.5,
+        param3: 3.5,
+        param4: -4.5,
     });
     let long = COMMAND_LONG_DATA {
         param1: 1.5,
         param2: -2.5,
+        param3: 3.5,
+        param4: -4.5,
         command: MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
         target_system: 7,
         target_component: 9,
@@ -115,6 +119,8 @@ fn commands_are_decoded_alike_from_either_message() {
     let int = COMMAND_INT_DATA {
         param1: 1.5,
         param2: -2.5,
+        param3: 3.5,
+        param4: -4.5,
         command: MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
         target_system: 7,
         target_component: 9,

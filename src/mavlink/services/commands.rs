@@ -21,6 +21,9 @@ const STORAGE_RESET: f32 = 2.0;
 const REBOOT_AUTOPILOT: f32 = 1.0;
 const REBOOT_TO_BOOT_LOADER: f32 = 3.0;
 
+/// The same command, parameters 1 to 4: execute what is no code. ArduPilot's numbers for it.
+const PROVOKE_FAULT: [f32; 4] = [42.0, 24.0, 71.0, 94.0];
+
 /// MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES and its like, parameter 1: send it.
 const REQUEST: f32 = 1.0;
 
@@ -170,6 +173,9 @@ impl Command {
             PREFLIGHT_REBOOT_SHUTDOWN if self.param1 == REBOOT_TO_BOOT_LOADER => {
                 Action::Restart(Restart::BootLoader).into()
             }
+            PREFLIGHT_REBOOT_SHUTDOWN if self.parameters() == PROVOKE_FAULT => {
+                Action::Restart(Restart::Fault).into()
+            }
             PREFLIGHT_STORAGE | PREFLIGHT_REBOOT_SHUTDOWN => DENIED.into(),
             SET_MESSAGE_INTERVAL => self.set_message_interval(scheduler, now).into(),
             GET_MESSAGE_INTERVAL => self.message_interval(self.param1, scheduler),
@@ -180,6 +186,10 @@ impl Command {
             REQUEST_PROTOCOL_VERSION | REQUEST_AUTOPILOT_CAPABILITIES => DENIED.into(),
             _ => UNSUPPORTED.into(),
         }
+    }
+
+    fn parameters(&self) -> [f32; 4] {
+        [self.param1, self.param2, self.param3, self.param4]
     }
 
     fn set_message_interval(&self, scheduler: &mut StreamScheduler, now: Instant) -> MavResult {
@@ -319,6 +329,8 @@ mod tests {
             number,
             param1,
             param2,
+            param3: f32::NAN,
+            param4: f32::NAN,
         }
         .execute(&mut scheduler, &state, Instant::EPOCH)
     }
@@ -334,6 +346,30 @@ mod tests {
         assert_eq!(execute(245, 2.0, f32::NAN), Action::ResetParameters.into());
         for (param1, restart) in [(1.0, Restart::Firmware), (3.0, Restart::BootLoader)] {
             assert_eq!(execute(246, param1, f32::NAN), Action::Restart(restart).into());
+        }
+    }
+
+    #[test]
+    fn fault_is_provoked_by_all_four_numbers_only() {
+        let execute = |[param1, param2, param3, param4]: [f32; 4]| {
+            let command = Command {
+                number: 246,
+                param1,
+                param2,
+                param3,
+                param4,
+            };
+            let mut scheduler = StreamScheduler::new(Instant::EPOCH);
+            command.execute(&mut scheduler, &SystemState::default(), Instant::EPOCH)
+        };
+        let outcome = execute(PROVOKE_FAULT);
+        assert_eq!(outcome, Action::Restart(Restart::Fault).into());
+        for place in 0..4 {
+            for other in [0.0, 93.0, -PROVOKE_FAULT[place], f32::NAN] {
+                let mut parameters = PROVOKE_FAULT;
+                parameters[place] = other;
+                assert_eq!(execute(parameters), DENIED.into(), "{parameters:?}");
+            }
         }
     }
 
@@ -444,6 +480,8 @@ mod tests {
             number: 42651,
             param1: -1.0,
             param2: 50.0,
+            param3: f32::NAN,
+            param4: f32::NAN,
         };
         let outcome = command.execute(
             &mut StreamScheduler::new(Instant::EPOCH),
@@ -468,6 +506,8 @@ mod tests {
             number: 511,
             param1: 1.0,
             param2: -1.0,
+            param3: f32::NAN,
+            param4: f32::NAN,
         };
         assert_eq!(
             off.execute(&mut scheduler, &SystemState::default(), Instant::EPOCH)
@@ -478,6 +518,8 @@ mod tests {
             number: 510,
             param1: 1.0,
             param2: f32::NAN,
+            param3: f32::NAN,
+            param4: f32::NAN,
         };
         assert_eq!(
             reported(get.execute(&mut scheduler, &SystemState::default(), Instant::EPOCH)),

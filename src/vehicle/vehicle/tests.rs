@@ -339,12 +339,14 @@ fn lamps_and_buzzer_are_off_before_the_boot_loader_alone() {
 
 #[test]
 fn a_requested_boot_loader_is_not_revoked_by_a_restart() {
-    use Restart::{BootLoader, Firmware};
+    use Restart::{BootLoader, Fault, Firmware};
     for (requests, pending) in [
         (vec![], None),
         (vec![Firmware, Firmware], Some(Firmware)),
         (vec![Firmware, BootLoader], Some(BootLoader)),
         (vec![BootLoader, BootLoader, Firmware, Firmware], Some(BootLoader)),
+        (vec![Firmware, Fault, Firmware], Some(Fault)),
+        (vec![BootLoader, Fault], Some(BootLoader)),
     ] {
         let mut vehicle = Vehicle::new();
         for restart in requests {

@@ -1,0 +1,425 @@
+//! The talk with the board: keeps in touch, listens, asks, and keeps a record of everything.
+
+use super::frames::{Frame, FrameReader, frame};
+use super::port::{Answer, Owner, Port, PortClosed};
+use super::record::{Gap, Received, Record, RoundTrip, Start, StartCause};
+use crate::mavlink::dialect::{
+    COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult, MavState,
+    MavType, TIMESYNC_DATA,
+};
+use crate::time::Instant;
+
+const HEARTBEAT_INTERVAL_US: u64 = 1_000_000;
+
+/// Between two requests for the board's time, which measure round trips and reveal restarts.
+const TIMESYNC_INTERVAL_US: u64 = 500_000;
+
+/// Between two looks at whether the owner has stopped the check or answered.
+const LOOK_INTERVAL_US: u64 = 100_000;
+
+/// A command is answered within this; at 9600 baud a list may be ahead of the answer.
+const ACK_TIMEOUT_US: u64 = 2_000_000;
+
+/// Until what was set is saved (3.3 s), the board has started and its port is there again.
+const RESTART_TIMEOUT_US: u64 = 12_000_000;
+
+/// Requests are for the autopilot, `MAV_COMP_ID_AUTOPILOT1`, whatever id the board sends with.
+pub(super) const AUTOPILOT: u8 = 1;
+
+const MAVLINK_VERSION: u8 = 3;
+
+/// Why the check ends early.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interruption {
+    /// The owner stopped it.
+    Stopped,
+    /// The port was lost and did not come back.
+    Lost,
+}
+
+/// What came of a restart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Restarted {
+    /// The board runs again; how long that took, in µs.
+    After(u64),
+    /// It was refused.
+    Refused(MavResult),
+    /// The request was not answered.
+    Unanswered,
+    /// It was accepted, and the board's time ran on.
+    NotSeen,
+}
+
+/// A request for the board's time that waits for its answer.
+#[derive(Clone, Copy, Debug)]
+struct Asked {
+    at: Instant,
+    stamp_ns: i64,
+}
+
+/// The talk with the board.
+pub struct Session<'a> {
+    port: &'a mut dyn Port,
+    owner: &'a mut dyn Owner,
+    reader: FrameReader,
+    sequence: u8,
+    board: Option<(u8, u8)>,
+    next_heartbeat: Instant,
+    next_timesync: Instant,
+    asked: Option<Asked>,
+    uptime_ns: Option<i64>,
+    expected_start: StartCause,
+    last_sequence: Option<u8>,
+    is_damaged: bool,
+    record: Record,
+}
+
+impl<'a> Session<'a> {
+    /// A talk that begins now.
+    pub fn new(port: &'a mut dyn Port, owner: &'a mut dyn Owner) -> Self {
+        let now = port.now();
+        Self {
+            port,
+            owner,
+            reader: FrameReader::default(),
+            sequence: 0,
+            board: None,
+            next_heartbeat: now,
+            next_timesync: now,
+            asked: None,
+            uptime_ns: None,
+            expected_start: StartCause::Unrequested,
+            last_sequence: None,
+            is_damaged: false,
+            record: Record::default(),
+        }
+    }
+
+    /// What was heard so far.
+    pub fn record(&self) -> &Record {
+        &self.record
+    }
+
+    /// Ends the talk.
+    pub fn into_record(self) -> Record {
+        self.record
+    }
+
+    /// The board's system and component id; `None` while it was not heard.
+    pub fn board(&self) -> Option<(u8, u8)> {
+        self.board
+    }
+
+    /// The system that requests are for.
+    pub(super) fn system_id(&self) -> u8 {
+        self.board.map_or(0, |(system_id, _)| system_id)
+    }
+
+    /// The time.
+    pub fn now(&mut self) -> Instant {
+        self.port.now()
+    }
+
+    /// Shows the owner a line.
+    pub fn show(&mut self, line: &str) {
+        self.owner.show(line);
+    }
+
+    /// Sends a message. A line that is gone is noticed where answers are waited for.
+    pub fn send(&mut self, message: &MavMessage) {
+        let bytes = frame(self.sequence, message);
+        self.sequence = self.sequence.wrapping_add(1);
+        // The same line is gone for `receive`, which reports it.
+        let _ = self.port.send(&bytes);
+    }
+
+    /// Listens until `deadline`.
+    ///
+    /// # Errors
+    /// The check has to end.
+    pub fn listen_until(&mut self, deadline: Instant) -> Result<(), Interruption> {
+        while self.port.now() < deadline {
+            self.listen_once(deadline)?;
+        }
+        Ok(())
+    }
+
+    /// Listens for so many µs.
+    ///
+    /// # Errors
+    /// The check has to end.
+    pub fn listen_for(&mut self, us: u64) -> Result<(), Interruption> {
+        let deadline = self.port.now().after_us(us);
+        self.listen_until(deadline)
+    }
+
+    /// Waits for a message from now on in which `find` finds something, for so many µs.
+    ///
+    /// # Errors
+    /// The check has to end.
+    pub fn wait_for<T>(
+        &mut self,
+        timeout_us: u64,
+        mut find: impl FnMut(&MavMessage) -> Option<T>,
+    ) -> Result<Option<T>, Interruption> {
+        let deadline = self.port.now().after_us(timeout_us);
+        let mut seen = self.record.received.len();
+        loop {
+            let new = self.record.received.get(seen..).unwrap_or_default();
+            if let Some(found) = new.iter().find_map(|received| find(&received.message)) {
+                return Ok(Some(found));
+            }
+            seen = self.record.received.len();
+            if self.port.now() >= deadline {
+                return Ok(None);
+            }
+            self.listen_once(deadline)?;
+        }
+    }
+
+    /// Sends a command and waits for what came of it; `None` without an answer.
+    ///
+    /// # Errors
+    /// The check has to end.
+    pub fn command(
+        &mut self,
+        command: MavCmd,
+        parameters: [f32; 4],
+    ) -> Result<Option<MavResult>, Interruption> {
+        self.post_command(command, parameters);
+        self.wait_for(ACK_TIMEOUT_US, |message| match message {
+            MavMessage::COMMAND_ACK(ack) if ack.command == command => Some(ack.result),
+            _ => None,
+        })
+    }
+
+    /// Sends a command without waiting.
+    pub fn post_command(&mut self, command: MavCmd, [param1, param2, param3, param4]: [f32; 4]) {
+        self.send(&MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            param1,
+            param2,
+            param3,
+            param4,
+            param5: 0.0,
+            param6: 0.0,
+            param7: 0.0,
+            command,
+            target_system: self.system_id(),
+            target_component: AUTOPILOT,
+            confirmation: 0,
+        }));
+    }
+
+    /// Has the board restart, by MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN with these parameters, and waits until it runs again.
+    ///
+    /// # Errors
+    /// The check has to end.
+    pub fn restart(&mut self, parameters: [f32; 4]) -> Result<Restarted, Interruption> {
+        let asked_at = self.port.now();
+        let before = self.record.starts.len();
+        self.expected_start = StartCause::Requested;
+        let answer = self.command(MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, parameters)?;
+        let restarted = match answer {
+            Some(MavResult::MAV_RESULT_ACCEPTED) => self.await_start(before, asked_at)?,
+            Some(result) => Restarted::Refused(result),
+            None => Restarted::Unanswered,
+        };
+        self.expected_start = StartCause::Unrequested;
+        Ok(restarted)
+    }
+
+    fn await_start(&mut self, before: usize, asked_at: Instant) -> Result<Restarted, Interruption> {
+        let deadline = asked_at.after_us(RESTART_TIMEOUT_US);
+        while self.record.starts.len() == before {
+            if self.port.now() >= deadline {
+                return Ok(Restarted::NotSeen);
+            }
+            self.listen_once(deadline)?;
+        }
+        // A line that was opened again carries something only once the board's program serves it.
+        let left_us = deadline.us_since(self.port.now());
+        self.wait_for(left_us, |_| Some(()))?;
+        Ok(Restarted::After(self.port.now().us_since(asked_at)))
+    }
+
+    /// Asks the owner, and listens to the board meanwhile; `None` if there is no one to ask.
+    ///
+    /// # Errors
+    /// The check has to end.
+    pub fn ask(&mut self, question: &str) -> Result<Option<String>, Interruption> {
+        self.owner.ask(question);
+        loop {
+            match self.owner.answer() {
+                Answer::Line(line) => return Ok(Some(line)),
+                Answer::Unavailable => return Ok(None),
+                Answer::Pending => {
+                    let look = self.port.now().after_us(LOOK_INTERVAL_US);
+                    self.listen_until(look)?;
+                }
+            }
+        }
+    }
+
+    /// Waits for bytes once, for [`LOOK_INTERVAL_US`] at most.
+    fn listen_once(&mut self, deadline: Instant) -> Result<(), Interruption> {
+        if self.owner.has_stopped() {
+            return Err(Interruption::Stopped);
+        }
+        let now = self.port.now();
+        self.keep_in_touch(now);
+        let look = now.after_us(LOOK_INTERVAL_US);
+        let wake = [deadline, self.next_heartbeat, self.next_timesync]
+            .into_iter()
+            .fold(look, Ord::min);
+        let mut bytes = Vec::new();
+        match self.port.receive(wake, &mut bytes) {
+            Ok(()) => self.take(&bytes),
+            Err(PortClosed) => self.reopen()?,
+        }
+        Ok(())
+    }
+
+    fn keep_in_touch(&mut self, now: Instant) {
+        if now >= self.next_heartbeat {
+            self.next_heartbeat = now.after_us(HEARTBEAT_INTERVAL_US);
+            self.send(&MavMessage::HEARTBEAT(heartbeat()));
+        }
+        if now >= self.next_timesync {
+            self.next_timesync = now.after_us(TIMESYNC_INTERVAL_US);
+            self.ask_time(now);
+        }
+    }
+
+    fn ask_time(&mut self, now: Instant) {
+        let unanswered = self.asked.take();
+        if self.board.is_none() {
+            return;
+        }
+        if let Some(asked) = unanswered {
+            self.note_round_trip(asked.at, None);
+        }
+        // Nanoseconds, and never 0.
+        let stamp_ns = (now.as_micros() as i64).saturating_mul(1000).saturating_add(1);
+        self.asked = Some(Asked { at: now, stamp_ns });
+        self.send(&MavMessage::TIMESYNC(TIMESYNC_DATA {
+            tc1: 0,
+            ts1: stamp_ns,
+            target_system: self.system_id(),
+            target_component: AUTOPILOT,
+        }));
+    }
+
+    /// Notes a round trip, unless the board is restarting.
+    fn note_round_trip(&mut self, asked_at: Instant, took_us: Option<u64>) {
+        if self.expected_start == StartCause::Unrequested {
+            self.record.round_trips.push(RoundTrip { asked_at, took_us });
+        }
+    }
+
+    fn reopen(&mut self) -> Result<(), Interruption> {
+        let at = self.port.now();
+        let deadline = at.after_us(RESTART_TIMEOUT_US);
+        self.begin_anew();
+        self.port
+            .reopen(deadline)
+            .map_err(|PortClosed| Interruption::Lost)?;
+        match self.expected_start {
+            StartCause::Unrequested => self.record.port_losses.push(at),
+            // The line went with the program, so this is the restart. Whether its time began anew no longer matters.
+            cause @ StartCause::Requested => {
+                let at = self.port.now();
+                self.record.starts.push(Start { at, cause });
+                self.uptime_ns = None;
+            }
+        }
+        Ok(())
+    }
+
+    /// What comes next is no continuation of what came before.
+    fn begin_anew(&mut self) {
+        self.reader = FrameReader::default();
+        self.last_sequence = None;
+        self.is_damaged = false;
+        self.asked = None;
+    }
+
+    fn take(&mut self, bytes: &[u8]) {
+        let at = self.port.now();
+        for frame in self.reader.take(bytes) {
+            self.is_damaged |= frame.is_after_damage;
+            self.take_frame(frame, at);
+        }
+    }
+
+    fn take_frame(&mut self, frame: Frame, at: Instant) {
+        let sender = (frame.system_id, frame.component_id);
+        if is_autopilot(frame.message.as_ref()) {
+            match self.board {
+                None => self.board = Some(sender),
+                Some(board) if board != sender => {
+                    self.record.others.insert(sender);
+                }
+                Some(_) => {}
+            }
+        }
+        if self.board != Some(sender) {
+            return;
+        }
+        self.note_gap(frame.sequence, at);
+        if let Some(message) = frame.message {
+            if let MavMessage::TIMESYNC(timesync) = &message {
+                self.take_time(timesync, at);
+            }
+            self.record.received.push(Received { at, message });
+        }
+    }
+
+    /// Compares a frame's number with the one before. Damage in front of the very first frame is the end of another one.
+    fn note_gap(&mut self, sequence: u8, at: Instant) {
+        let is_damage = std::mem::take(&mut self.is_damaged);
+        let Some(last) = self.last_sequence.replace(sequence) else {
+            return;
+        };
+        let missing = sequence.wrapping_sub(last).wrapping_sub(1);
+        if self.expected_start == StartCause::Unrequested && (missing > 0 || is_damage) {
+            self.record.gaps.push(Gap {
+                at,
+                missing,
+                is_damage,
+            });
+        }
+    }
+
+    /// An answer to the latest request for the time.
+    fn take_time(&mut self, answer: &TIMESYNC_DATA, at: Instant) {
+        let Some(asked) = self
+            .asked
+            .filter(|asked| answer.tc1 != 0 && answer.ts1 == asked.stamp_ns)
+        else {
+            return;
+        };
+        self.asked = None;
+        self.note_round_trip(asked.at, Some(at.us_since(asked.at)));
+        let before_ns = self.uptime_ns.replace(answer.tc1);
+        if before_ns.is_some_and(|before_ns| answer.tc1 < before_ns) {
+            let cause = self.expected_start;
+            self.record.starts.push(Start { at, cause });
+        }
+    }
+}
+
+fn heartbeat() -> HEARTBEAT_DATA {
+    HEARTBEAT_DATA {
+        custom_mode: 0,
+        mavtype: MavType::MAV_TYPE_GCS,
+        autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+        base_mode: MavModeFlag::empty(),
+        system_status: MavState::MAV_STATE_ACTIVE,
+        mavlink_version: MAVLINK_VERSION,
+    }
+}
+
+/// Whether a message is the heartbeat of an autopilot: other components and ground stations name none.
+fn is_autopilot(message: Option<&MavMessage>) -> bool {
+    matches!(message, Some(MavMessage::HEARTBEAT(heartbeat)) if heartbeat.autopilot != MavAutopilot::MAV_AUTOPILOT_INVALID)
+}

@@ -1,0 +1,199 @@
+//! `board-check` against the release firmware, at its telemetry port.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use rover_battmon::board_check::{Calibrate, Multimeter, Part, Plan, Report, Verdict, run};
+
+use crate::bench::{
+    Bench, DIVIDER_CODE, MILLISECOND, PACK, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND, SECTOR_BYTES,
+};
+use crate::checked::{Checked, Line, Turned, Watcher, failed, not_measured};
+use crate::emulator::{AdcInput, SentByte};
+use crate::motor_poles::{LEFT, Motor, RIGHT};
+use crate::page::assert_part;
+
+const BAUD: u32 = 115_200;
+
+const STEP_US: u64 = 5 * MILLISECOND;
+
+/// In the time in which the check listens.
+const LISTENING_US: u64 = 10 * SECOND;
+
+/// What is wrong with the board or its line.
+#[derive(Clone, Copy, PartialEq)]
+enum Fault {
+    None,
+    /// M2's plug is turned round.
+    LeftRearReversed,
+    HangsOnce,
+    DamagedLine,
+}
+
+struct BenchBoard {
+    bench: Bench,
+    turned: Rc<RefCell<Turned>>,
+    fault: Fault,
+    has_hung: bool,
+    sent_bytes: usize,
+}
+
+impl BenchBoard {
+    /// How a side turns; wheels that disagree are no side that turns.
+    fn side(&self, motors: [Motor; 2]) -> f32 {
+        let [front, rear] = motors.map(|motor| {
+            let (positive, negative) = motor.duties(&self.bench);
+            let is_reversed = self.fault == Fault::LeftRearReversed && motor.positive == LEFT[1].positive;
+            let duty = (positive - negative) as f32;
+            if is_reversed { -duty } else { duty }
+        });
+        if front * rear > 0.0 { front } else { 0.0 }
+    }
+
+    fn step(&mut self) -> Vec<u8> {
+        let is_time = self.bench.time_us() > LISTENING_US;
+        if self.fault == Fault::HangsOnce && is_time && !std::mem::replace(&mut self.has_hung, true) {
+            self.bench.hang_program();
+        }
+        self.bench.run_for(STEP_US);
+        let (left, right) = (self.side(LEFT), self.side(RIGHT));
+        self.turned.borrow_mut().note(left, right);
+        let sent = self.bench.uart(0).take_sent();
+        sent.into_iter()
+            .map(|SentByte { byte, .. }| self.carry(byte))
+            .collect()
+    }
+
+    /// Of every thousandth byte a bit is flipped on a line that is damaged.
+    fn carry(&mut self, byte: u8) -> u8 {
+        self.sent_bytes += 1;
+        let is_hit = self.fault == Fault::DamagedLine && self.sent_bytes.is_multiple_of(1000);
+        if is_hit { byte ^ 1 } else { byte }
+    }
+}
+
+impl Checked for BenchBoard {
+    fn now_us(&mut self) -> u64 {
+        self.bench.time_us()
+    }
+
+    fn deliver(&mut self, bytes: &[u8]) {
+        let now_us = self.bench.time_us();
+        self.bench.uart_send_at_baud(0, now_us, bytes, BAUD);
+    }
+
+    fn run_until(&mut self, until_us: u64) -> Vec<u8> {
+        loop {
+            let sent = self.step();
+            if !sent.is_empty() || self.bench.time_us() >= until_us {
+                return sent;
+            }
+        }
+    }
+}
+
+const EVERYTHING: Plan = Plan {
+    fault: Part::Run,
+    motors: Part::Run,
+    multimeter: Multimeter::Shows(7.93),
+    calibrate: Calibrate::Offer,
+    firmware_hash: None,
+};
+
+fn check(bench: Bench, fault: Fault, plan: &Plan) -> Report {
+    let mut owner = Watcher::default();
+    let mut line = Line(BenchBoard {
+        bench,
+        turned: owner.turned.clone(),
+        fault,
+        has_hung: false,
+        sent_bytes: 0,
+    });
+    let report = run(&mut line, &mut owner, plan);
+    println!("{}", report.markdown("emulated board"));
+    report
+}
+
+fn sound() -> Bench {
+    Bench::power_up(DIVIDER_CODE)
+}
+
+#[test]
+fn a_sound_board_passes_and_its_report_is_on_the_page() {
+    let report = check(sound(), Fault::None, &EVERYTHING);
+    assert_eq!(failed(&report), [""; 0]);
+    assert_eq!(not_measured(&report), ["firmware hash", "serial number"]);
+    assert_eq!(report.verdict(), Verdict::Passed);
+    // Two levels down, for it stands below a heading of the page. Every change of the firmware changes figures.
+    let report = report.markdown("of the emulated board").replace("# ", "### ");
+    assert_part("report", &report, without_figures);
+}
+
+#[test]
+fn a_reversed_wheel_is_seen() {
+    let plan = Plan {
+        motors: Part::Run,
+        ..Plan::default()
+    };
+    let report = check(sound(), Fault::LeftRearReversed, &plan);
+    assert_eq!(failed(&report), ["left wheels ahead", "left wheels back"]);
+}
+
+#[test]
+fn a_watchdog_restart_is_found_and_named() {
+    let report = check(sound(), Fault::HangsOnce, &Plan::default());
+    assert_eq!(failed(&report), ["restarts"]);
+    assert!(
+        report.findings()[0].contains("Crash: hung or locked up"),
+        "{:?}",
+        report.findings()
+    );
+}
+
+#[test]
+fn a_parameter_that_worn_flash_does_not_keep_is_found() {
+    let mut bench = sound();
+    for sector in 0..PARAMETER_BYTES / SECTOR_BYTES {
+        bench.wear_out_sector(PARAMETER_OFFSET + (sector * SECTOR_BYTES) as u32);
+    }
+    bench.write_flash(PARAMETER_OFFSET, &[0; PARAMETER_BYTES]);
+    let report = check(bench, Fault::None, &Plan::default());
+    assert_eq!(failed(&report), ["parameter kept", "announcements"]);
+}
+
+#[test]
+fn a_damaged_line_and_a_noisy_divider_are_found() {
+    let mut bench = sound();
+    let mut codes = [0_u16, 130].into_iter().cycle();
+    let mut noise = 0;
+    // Twice a second, as often as it is reported.
+    let noisy = move |cycle: u64| {
+        if cycle.is_multiple_of(7) {
+            noise = codes.next().unwrap_or(0);
+        }
+        DIVIDER_CODE + noise
+    };
+    bench.adc_input(PACK, AdcInput::CodeAt(Box::new(noisy)));
+    let report = check(bench, Fault::DamagedLine, &Plan::default());
+    assert_eq!(failed(&report), ["damaged frames", "voltage noise"]);
+}
+
+/// The text with `#` for each word that begins with a digit: numbers and addresses.
+fn without_figures(text: &str) -> String {
+    let is_in_word = |c: char| c.is_ascii_alphanumeric() || c == '.';
+    let mut result = String::new();
+    for part in text.split_inclusive(|c| !is_in_word(c)) {
+        let word = part.trim_end_matches(|c| !is_in_word(c));
+        if word.starts_with(|c: char| c.is_ascii_digit()) {
+            result.push('#');
+            result += &part[word.len()..];
+        } else {
+            result += part;
+        }
+    }
+    // How many calls led to a fault is a figure, too.
+    while result.contains("# #") {
+        result = result.replace("# #", "#");
+    }
+    result
+}

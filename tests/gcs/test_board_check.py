@@ -1,0 +1,141 @@
+"""`board-check` as its user runs it, against the simulator."""
+
+import contextlib
+import os
+import select
+import signal
+import socket
+import subprocess
+import threading
+import time
+import tty
+
+from pymavlink import mavutil
+
+from conftest import REPOSITORY
+from station import connect, receive
+
+BOARD_CHECK = ["cargo", "run", "--quiet", "--bin", "board-check", "--"]
+
+# Half a minute, and the time to build it.
+TIMEOUT = 300
+
+
+def board_check(port, report, *arguments, answers=""):
+    return subprocess.run(
+        [*BOARD_CHECK, port, "--report", report, *arguments],
+        cwd=REPOSITORY,
+        input=answers,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+    )
+
+
+def rows(report):
+    """What came of each check by the report."""
+    cells = (line.split(" | ") for line in report.read_text().splitlines() if line.startswith("| "))
+    return {row[0].removeprefix("| "): row[1] for row in cells}
+
+
+# Wall time on a shared machine is not exact.
+BY_THE_CLOCK = {"rates", "jitter", "round trips"}
+
+
+def failed(results):
+    return {name for name, result in results.items() if result == "**failed**"}
+
+
+def test_a_sound_vehicle_passes(start_simulator, tmp_path):
+    report = tmp_path / "report.md"
+    ended = board_check(start_simulator().url, report, "--voltage", "12.6")
+    assert f"The report is in {report}." in ended.stdout
+    results = rows(report)
+    assert failed(results) <= BY_THE_CLOCK, ended
+    assert ended.returncode == (1 if failed(results) else 0), ended
+    unknown = {name for name, result in results.items() if result == "not measured"}
+    not_sent = {"firmware hash", "serial number", "load"}
+    not_asked = {"crash record", "left wheels ahead", "right wheels ahead", "left wheels back", "right wheels back"}
+    assert unknown == not_sent | not_asked
+
+
+def test_a_wheel_that_turns_wrong_and_a_crash_without_a_record_fail(start_simulator, tmp_path):
+    report = tmp_path / "report.md"
+    url = start_simulator().url
+    ended = board_check(url, report, "--motors", "--provoke-fault", answers="y\ny\nn\ny\ny\n")
+    assert ended.returncode == 1, ended
+    # The simulator has no memory that outlasts a crash.
+    assert failed(rows(report)) - BY_THE_CLOCK == {"right wheels ahead", "crash record"}
+
+
+def test_ctrl_c_stops_the_wheels(start_simulator, tmp_path):
+    url = start_simulator().url
+    process = subprocess.Popen(
+        [*BOARD_CHECK, url, "--report", tmp_path / "report.md", "--motors"],
+        cwd=REPOSITORY,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    process.stdin.write("y\n")
+    process.stdin.flush()
+    while "left wheels ahead" not in process.stdout.readline():
+        assert process.poll() is None
+    vehicle = connect(url)
+    armed = mavutil.mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    while not receive(vehicle, ["HEARTBEAT"]).base_mode & armed:
+        pass
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=10) == 1
+    time.sleep(0.2)
+    while vehicle.recv_match(blocking=False):
+        pass
+    assert not receive(vehicle, ["HEARTBEAT"]).base_mode & armed
+
+
+def serve_serial(path, simulator_port):
+    """A serial port that is the simulator's; it vanishes with the simulator's connection, as a board's on USB does."""
+    # Until the simulator is ended.
+    with contextlib.suppress(OSError):
+        while True:
+            with socket.create_connection(("127.0.0.1", simulator_port)) as board:
+                ours, theirs = os.openpty()
+                tty.setraw(theirs)
+                path.symlink_to(os.ttyname(theirs))
+                carry(board, ours)
+                path.unlink()
+                os.close(theirs)
+                os.close(ours)
+
+
+def carry(board, port):
+    """Carries bytes both ways until the board closes."""
+    while True:
+        ready, _, _ = select.select([board, port], [], [])
+        if port in ready:
+            board.sendall(os.read(port, 4096))
+        if board in ready:
+            sent = board.recv(4096)
+            if not sent:
+                return
+            os.write(port, sent)
+
+
+def test_a_serial_port_that_vanishes_with_the_restart_passes(start_simulator, tmp_path):
+    port, report = tmp_path / "ttyACM0", tmp_path / "report.md"
+    arguments = (port, start_simulator().port)
+    threading.Thread(target=serve_serial, args=arguments, daemon=True).start()
+    while not port.exists():
+        time.sleep(0.01)
+    ended = board_check(str(port), report)
+    assert failed(rows(report)) <= BY_THE_CLOCK, ended
+    assert "restarted in" in report.read_text()
+
+
+def test_a_silent_port_is_no_board(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        ended = board_check(f"tcp:127.0.0.1:{silent.getsockname()[1]}", tmp_path / "report.md")
+    assert ended.returncode == 2, ended
+    assert "No autopilot's heartbeat was received." in ended.stdout
+    ended = board_check("/dev/no-such-port", tmp_path / "report.md")
+    assert ended.returncode == 2 and "Can't open /dev/no-such-port" in ended.stderr

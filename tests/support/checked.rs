@@ -1,0 +1,140 @@
+//! A board at the end of a line for `board-check`, and the owner beside it. Time is the board's.
+
+// Each test program uses its own part.
+#![allow(dead_code)]
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use rover_battmon::board_check::{Answer, Outcome, Owner, Port, PortClosed, Report};
+use rover_battmon::time::Instant;
+
+/// What is at the other end of the line.
+pub trait Checked {
+    /// The time.
+    fn now_us(&mut self) -> u64;
+
+    /// Bytes arrive.
+    fn deliver(&mut self, bytes: &[u8]);
+
+    /// Lets time pass until something was sent, until `until_us` at the latest; returns what was sent.
+    fn run_until(&mut self, until_us: u64) -> Vec<u8>;
+}
+
+/// A line that carries everything as it is.
+pub struct Line<B>(pub B);
+
+impl<B: Checked> Port for Line<B> {
+    fn now(&mut self) -> Instant {
+        Instant::from_micros(self.0.now_us())
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), PortClosed> {
+        self.0.deliver(bytes);
+        Ok(())
+    }
+
+    fn receive(&mut self, deadline: Instant, bytes: &mut Vec<u8>) -> Result<(), PortClosed> {
+        bytes.extend(self.0.run_until(deadline.as_micros()));
+        Ok(())
+    }
+
+    fn reopen(&mut self, _: Instant) -> Result<(), PortClosed> {
+        unreachable!("it never closes")
+    }
+}
+
+/// How fast the wheels of each side have turned since the last question, from −1 to 1, wherever that was most.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Turned {
+    pub left: f32,
+    pub right: f32,
+}
+
+impl Turned {
+    pub fn note(&mut self, left: f32, right: f32) {
+        let further = |a: f32, b: f32| if b.abs() > a.abs() { b } else { a };
+        self.left = further(self.left, left);
+        self.right = further(self.right, right);
+    }
+
+    /// What the question about it is answered with.
+    fn answer(self, question: &str) -> &'static str {
+        // A motor does not start below.
+        const LEAST: f32 = 0.15;
+        let (turning, still) = if question.contains("both left wheels turn") {
+            (self.left, self.right)
+        } else {
+            (self.right, self.left)
+        };
+        let is_right_way = if question.contains("turn ahead") {
+            turning > LEAST
+        } else {
+            turning < -LEAST
+        };
+        if is_right_way && still.abs() < LEAST {
+            "y"
+        } else {
+            "n"
+        }
+    }
+}
+
+/// An owner who looks at the wheels.
+#[derive(Default)]
+pub struct Watcher {
+    pub turned: Rc<RefCell<Turned>>,
+    /// What the multimeter shows.
+    pub multimeter: &'static str,
+    /// Presses Ctrl-C as soon as a wheel turns.
+    pub is_startled: bool,
+    /// Presses Ctrl-C after a line that begins so.
+    pub stops_after: Option<&'static str>,
+    pub shown: Vec<String>,
+    pub answer: Option<String>,
+}
+
+impl Owner for Watcher {
+    fn show(&mut self, line: &str) {
+        self.shown.push(line.into());
+    }
+
+    fn ask(&mut self, question: &str) {
+        let answer = match question {
+            _ if question.contains("all wheels off the ground") => "y",
+            _ if question.contains("multimeter") => self.multimeter,
+            _ => self.turned.take().answer(question),
+        };
+        self.answer = Some(answer.into());
+    }
+
+    fn answer(&mut self) -> Answer {
+        self.answer.take().map_or(Answer::Unavailable, Answer::Line)
+    }
+
+    fn has_stopped(&mut self) -> bool {
+        let is_turning = *self.turned.borrow() != Turned::default();
+        let has_seen_enough = |start| {
+            self.shown
+                .last()
+                .is_some_and(|line: &String| line.starts_with(start))
+        };
+        self.is_startled && is_turning || self.stops_after.is_some_and(has_seen_enough)
+    }
+}
+
+/// The names of the checks that failed.
+pub fn failed(report: &Report) -> Vec<&'static str> {
+    let rows = report.rows().iter();
+    rows.filter(|(_, outcome)| matches!(outcome, Outcome::Failed { .. }))
+        .map(|(check, _)| check.name)
+        .collect()
+}
+
+/// The names of the checks that were not measured.
+pub fn not_measured(report: &Report) -> Vec<&'static str> {
+    let rows = report.rows().iter();
+    rows.filter(|(_, outcome)| matches!(outcome, Outcome::NotMeasured(_)))
+        .map(|(check, _)| check.name)
+        .collect()
+}
