@@ -25,6 +25,7 @@ use super::reset::ResetRecord;
 use super::rtt::RttWatch;
 use super::spi::Spi;
 use super::uart::{BitTime, Uart};
+use super::usb::UsbHost;
 use super::xip_cache::XipCache;
 
 pub(super) const STACK_POINTER: usize = 13;
@@ -157,6 +158,14 @@ impl Board {
         self.bus.spi1_pins = pins;
         self.bus.connect_pins();
         self.bus.attention = true;
+    }
+
+    /// The host at the USB port; its cable is not connected at first.
+    pub fn usb(&mut self) -> &mut UsbHost {
+        self.bus.attention = true;
+        let usb = &mut self.bus.soc.usb;
+        usb.advance(self.bus.now);
+        &mut usb.host
     }
 
     /// Put a signal on an ADC channel: 0 to 3 are GP26 to GP29, 4 is the temperature sensor.

@@ -15,6 +15,7 @@ use super::spi::{Spi, SpiPlace};
 use super::ssi::Ssi;
 use super::timer::Timer;
 use super::uart::{Uart, UartPlace};
+use super::usb::Usb;
 use super::watchdog::Watchdog;
 use super::xip_control::XipControl;
 
@@ -36,6 +37,7 @@ pub enum Id {
     Dma,
     XipControl,
     Ssi,
+    Usb,
 }
 
 /// Interrupt lines from datasheet 2.3.2, DMA requests from 2.5.3.1.
@@ -83,6 +85,7 @@ pub struct Soc {
     pub dma: Dma,
     pub xip_control: XipControl,
     pub ssi: Ssi,
+    pub usb: Usb,
 }
 
 impl Soc {
@@ -101,10 +104,11 @@ impl Soc {
             dma: Dma::new(),
             xip_control: XipControl::default(),
             ssi: Ssi::default(),
+            usb: Usb::new(),
         }
     }
 
-    fn all(&self) -> [&dyn Peripheral; 15] {
+    fn all(&self) -> [&dyn Peripheral; 16] {
         let [uart0, uart1] = &self.uarts;
         let [i2c0, i2c1] = &self.i2cs;
         [
@@ -123,10 +127,11 @@ impl Soc {
             &self.dma,
             &self.xip_control,
             &self.ssi,
+            &self.usb,
         ]
     }
 
-    fn all_mut(&mut self) -> [&mut dyn Peripheral; 15] {
+    fn all_mut(&mut self) -> [&mut dyn Peripheral; 16] {
         let [uart0, uart1] = &mut self.uarts;
         let [i2c0, i2c1] = &mut self.i2cs;
         [
@@ -145,6 +150,7 @@ impl Soc {
             &mut self.dma,
             &mut self.xip_control,
             &mut self.ssi,
+            &mut self.usb,
         ]
     }
 
@@ -165,6 +171,7 @@ impl Soc {
             Id::Dma => &mut self.dma,
             Id::XipControl => &mut self.xip_control,
             Id::Ssi => &mut self.ssi,
+            Id::Usb => &mut self.usb,
         }
     }
 

@@ -52,4 +52,5 @@ mod storage_faults;
 mod stories;
 mod telemetry;
 mod time_wrap;
+mod usb;
 mod wheels;
