@@ -24,6 +24,7 @@ use super::register::bit;
 use super::reset::ResetRecord;
 use super::rtt::RttWatch;
 use super::spi::Spi;
+use super::ssi::Ssi;
 use super::uart::{BitTime, Uart};
 use super::usb::UsbHost;
 use super::xip_cache::XipCache;
@@ -57,9 +58,11 @@ impl Board {
         let mut seeds = Random::new(seed);
         // Not from the sequence below, which stays what it is if flash needs no chance.
         let flash = FlashChip::new(firmware.flash().to_vec(), !seed);
+        let unique_id = Random::new(!seed).next_u64().to_be_bytes();
         let mut memory = Memory::new(boot_rom::image(), flash);
         Random::new(seeds.next_u64()).fill(&mut memory.ram);
         let mut bus = SystemBus::new(memory, seeds.next_u64());
+        bus.soc.ssi = Ssi::to_chip(unique_id);
         bus.rtt = RttWatch::new(firmware.find_symbol("_SEGGER_RTT"));
         let mut board = Self {
             cpu: Cpu::at_reset(0, 0, &mut seeds),

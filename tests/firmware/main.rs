@@ -43,6 +43,7 @@ mod pulses_and_esc;
 mod rover;
 mod safe_driving;
 mod sampling;
+mod session;
 mod shown;
 mod signing;
 mod slow_link;

@@ -96,6 +96,12 @@ pub enum Wire {
     Usb,
 }
 
+/// The bytes with the time of each one's end in µs.
+fn timed(sent: &[SentByte]) -> impl Iterator<Item = (u64, u8)> {
+    sent.iter()
+        .map(|SentByte { byte, end, .. }| (end / CYCLES_PER_US, *byte))
+}
+
 /// A powered board with the release firmware in its flash and a ground station at its telemetry port.
 pub struct Bench {
     board: Board,
@@ -260,11 +266,14 @@ impl Bench {
     /// Everything that has left the port since power-up, with the time of each byte's end in µs.
     pub fn sent(&mut self) -> &[(u64, u8)] {
         let new = self.take_sent();
-        self.sent.extend(
-            new.iter()
-                .map(|SentByte { byte, end, .. }| (end / CYCLES_PER_US, *byte)),
-        );
+        self.sent.extend(timed(&new));
         &self.sent
+    }
+
+    /// The frames that have left the UART since this was asked last, whatever wire the ground station uses.
+    pub fn uart_frames(&mut self) -> Vec<Frame> {
+        let sent: Vec<_> = timed(&self.board.uart(0).take_sent()).collect();
+        frames(&sent)
     }
 
     /// Forgets what was sent up to now: what a reset has cut off is no frame.

@@ -1,7 +1,8 @@
 //! A host with one port: it notices a device, resets and enumerates it, and has a program that opens its serial port.
 //!
 //! Its times are those of USB 2.0, chapter 7.1.7. Transactions follow each other within frames of 1 ms, with their length
-//! at full speed; what a transaction does, it does when it begins. After a NAK the host tries again in the next frame.
+//! at full speed; what a transaction does, it does when it begins. After a NAK the host tries again in the next frame,
+//! and there it begins the next control transfer.
 //! The interrupt endpoint of the serial port is not polled.
 
 use std::collections::VecDeque;
@@ -352,10 +353,12 @@ impl Host {
             Step::Waits => self.control_waits = true,
             Step::Completed(received) => {
                 self.transfers.pop_front();
+                self.control_waits = true;
                 self.completed(request, &received);
             }
             Step::Failed(failure) => {
                 self.transfers.pop_front();
+                self.control_waits = true;
                 self.failed(request, failure);
             }
         }
