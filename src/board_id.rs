@@ -15,9 +15,13 @@ impl BoardId {
 
     /// As hexadecimal digits, first byte first: what Raspberry Pi's own tools show of a board.
     pub fn serial_number(self) -> String<SERIAL_NUMBER_CHARS> {
+        let mut text = String::new();
         let nibbles = self.0.into_iter().flat_map(|byte| [byte >> 4, byte & 0xf]);
-        let digits = nibbles.filter_map(|nibble| char::from_digit(nibble.into(), 16));
-        digits.map(|digit| digit.to_ascii_uppercase()).collect()
+        for digit in nibbles.filter_map(|nibble| char::from_digit(nibble.into(), 16)) {
+            // They all fit.
+            let _ = text.push(digit.to_ascii_uppercase());
+        }
+        text
     }
 }
 

@@ -11,7 +11,7 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
 use embassy_usb::class::cdc_acm::{CdcAcmClass, ControlChanged, Receiver, Sender, State};
-use embassy_usb::{Builder, Config, Handler};
+use embassy_usb::{Builder, Config, Handler, UsbDevice};
 use embedded_io_async::{ErrorKind, ErrorType, Write};
 
 use super::Irqs;
@@ -77,30 +77,17 @@ impl UsbPort {
         serve: &impl AsyncFn(UsbTransmitter<'_, '_>, UsbReceiver<'_, '_>),
     ) -> UsbFault {
         let serial_number = self.id.map(BoardId::serial_number);
-        let mut configuration = [0; CONFIGURATION_BYTES];
-        let mut object_store = [0; OBJECT_STORE_BYTES];
-        let mut control = [0; CONTROL_BYTES];
-        let mut state = State::new();
         let bus = Bus::default();
         let mut handler = BusHandler(&bus);
-
-        let mut config = Config::new(VENDOR_ID, PRODUCT_ID);
-        config.manufacturer = Some("rover-battmon");
-        config.product = Some("rover-battmon MAVLink");
-        config.serial_number = serial_number.as_deref();
-        let mut builder = Builder::new(
-            Driver::new(self.peripheral.reborrow(), Irqs),
-            config,
-            &mut configuration,
-            &mut object_store,
-            &mut [],
-            &mut control,
+        let mut memory = Memory::default();
+        let (mut device, class) = build(
+            self.peripheral.reborrow(),
+            serial_number.as_deref(),
+            &mut memory,
+            &mut handler,
         );
-        builder.handler(&mut handler);
-        let class = CdcAcmClass::new(&mut builder, &mut state, PACKET_BYTES as u16);
         let (sender, receiver, control) = class.split_with_control();
         let line = Line { control, bus: &bus };
-        let mut device = builder.build();
 
         match select3(
             device.run(),
@@ -113,6 +100,51 @@ impl UsbPort {
             Either3::Third(fault) => fault,
         }
     }
+}
+
+/// What the device keeps of itself.
+struct Memory<'d> {
+    configuration: [u8; CONFIGURATION_BYTES],
+    object_store: [u8; OBJECT_STORE_BYTES],
+    control: [u8; CONTROL_BYTES],
+    serial: State<'d>,
+}
+
+impl Default for Memory<'_> {
+    fn default() -> Self {
+        Self {
+            configuration: [0; CONFIGURATION_BYTES],
+            object_store: [0; OBJECT_STORE_BYTES],
+            control: [0; CONTROL_BYTES],
+            serial: State::new(),
+        }
+    }
+}
+
+/// Puts a serial port on the USB and pulls D+ up.
+// Inlined, it would add to the stack of everything that serves the port.
+#[inline(never)]
+fn build<'d>(
+    peripheral: Peri<'d, USB>,
+    serial_number: Option<&'d str>,
+    memory: &'d mut Memory<'d>,
+    handler: &'d mut BusHandler<'d>,
+) -> (UsbDevice<'d, UsbDriver<'d>>, CdcAcmClass<'d, UsbDriver<'d>>) {
+    let mut config = Config::new(VENDOR_ID, PRODUCT_ID);
+    config.manufacturer = Some("rover-battmon");
+    config.product = Some("rover-battmon MAVLink");
+    config.serial_number = serial_number;
+    let mut builder = Builder::new(
+        Driver::new(peripheral, Irqs),
+        config,
+        &mut memory.configuration,
+        &mut memory.object_store,
+        &mut [],
+        &mut memory.control,
+    );
+    builder.handler(handler);
+    let class = CdcAcmClass::new(&mut builder, &mut memory.serial, PACKET_BYTES as u16);
+    (builder.build(), class)
 }
 
 /// A program on the host opens the port, and closes it or is unplugged.
