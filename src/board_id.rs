@@ -13,6 +13,11 @@ impl BoardId {
     /// Its size.
     pub const BYTES: usize = 8;
 
+    /// As a number: its hexadecimal digits are those of [`Self::serial_number`].
+    pub fn number(self) -> u64 {
+        u64::from_be_bytes(self.0)
+    }
+
     /// As hexadecimal digits, first byte first: what Raspberry Pi's own tools show of a board.
     pub fn serial_number(self) -> String<SERIAL_NUMBER_CHARS> {
         let mut text = String::new();
@@ -33,6 +38,7 @@ mod tests {
     fn the_serial_number_has_two_digits_a_byte() {
         let id = BoardId([0xe6, 0x60, 0x58, 0x38, 0x83, 0x45, 0x0a, 0x2c]);
         assert_eq!(id.serial_number(), "E660583883450A2C");
+        assert_eq!(format!("{:016X}", id.number()), id.serial_number().as_str());
         assert_eq!(BoardId([0; 8]).serial_number(), "0000000000000000");
     }
 }

@@ -192,6 +192,7 @@ mod firmware {
             &mut stored,
         )
         .await;
+        stored.board_id = id;
         let shared = share(&stored);
         let wiring = shared.with(|autopilot| autopilot.wiring());
 

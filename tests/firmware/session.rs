@@ -74,7 +74,14 @@ fn command(bench: &mut Bench) {
     }
     assert_rates(bench, 5 * SECOND, &[(BATTERY_STATUS, 10.0), (HEARTBEAT, 1.0)]);
     let answers = bench.ask(&command_long(REQUEST_MESSAGE, AUTOPILOT_VERSION as f32));
-    assert_eq!(of_message(&answers, AUTOPILOT_VERSION).len(), 1);
+    let version = of_message(&answers, AUTOPILOT_VERSION)[0];
+    // The field uid, which the log has, too.
+    let id = format!("{:08X}{:08X}", version.u32(12), version.u32(8));
+    assert_eq!(
+        bench.logged(LogLevel::Info, &format!("board {id}")).len(),
+        2,
+        "two starts"
+    );
 }
 
 fn ask_for_the_time(bench: &mut Bench) {

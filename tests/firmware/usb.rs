@@ -193,6 +193,33 @@ fn a_cable_pulled_while_sending_and_plugged_in_again() {
     bench.assert_untroubled();
 }
 
+/// Without the watch a new cable would not help.
+#[test]
+fn a_cable_pulled_in_the_middle_of_a_transfer_and_plugged_in_again() {
+    for (request, point) in ABORTS {
+        let mut bench = opened();
+        bench.usb().request(request, Some(point));
+        bench.run_for(5 * MILLISECOND);
+        bench.usb().unplug();
+        bench.run_for(3 * SECOND);
+        bench.usb().plug();
+        assert_back(&mut bench, &format!("pulled in {request:?} {point:?}"));
+        assert_eq!(rebuilds(&bench), 1, "{request:?} {point:?}");
+        assert_uart_undisturbed(&bench.uart_frames());
+        assert_nothing_else(&bench);
+    }
+}
+
+#[test]
+fn a_board_that_gets_its_power_from_the_host_has_its_link_a_second_later() {
+    let mut bench = Bench::power_up(DIVIDER_CODE);
+    bench.usb().plug();
+    bench.usb().open();
+    assert!(bench.run_until(SECOND, |board| board.usb().is_open()));
+    bench.run_for(10 * SECOND);
+    bench.assert_untroubled();
+}
+
 #[test]
 fn a_program_that_never_reads_disturbs_neither_uart_nor_device() {
     let mut bench = opened();
