@@ -1,4 +1,4 @@
-//! What tells one board from another.
+//! The number by which boards are distinguished.
 
 use heapless::String;
 

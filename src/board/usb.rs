@@ -51,7 +51,7 @@ pub struct UsbPort {
 }
 
 impl UsbPort {
-    /// The port of the board with this id, by which hosts tell boards apart.
+    /// The port of the board with this id, by which hosts distinguish boards.
     pub fn new(peripheral: Peri<'static, USB>, id: Option<BoardId>) -> Self {
         Self {
             peripheral,
