@@ -1,11 +1,11 @@
 //! The board at a USB host: what hosts do, and what they do to it.
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, Wire, value_of};
-use crate::emulator::{AbortPoint, ControlRequest, HostEvent, LogLevel, Random, Reading};
+use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, Wire, value_of};
+use crate::emulator::{AbortPoint, ControlRequest, FlashTiming, HostEvent, LogLevel, Random, Reading};
 use crate::support::frames::{
     BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, assert_no_sequence_gap, of_message,
 };
-use crate::support::requests::{VEHICLE, param_read_by_name, param_request_list};
+use crate::support::requests::{VEHICLE, param_read_by_name, param_request_list, param_set};
 
 /// How long a program on the host has to do without its link, at most.
 const BACK_WITHIN_US: u64 = 2 * SECOND;
@@ -139,6 +139,25 @@ fn after_a_bus_error_the_link_is_back_in_two_seconds() {
     assert_nothing_else(&bench);
 }
 
+/// Not all of an enumeration: each time the next packet is hit.
+#[test]
+fn a_bus_error_while_the_host_enumerates_the_board() {
+    for after_us in [150, 160, 230, 235, 240, 245, 250].map(|ms| ms * MILLISECOND) {
+        let mut bench = Bench::running(DIVIDER_CODE);
+        bench.run_until_silent();
+        bench.uart_frames();
+        bench.usb().plug();
+        bench.usb().open();
+        bench.run_for(after_us);
+        bench.usb().corrupt_next_packet();
+        bench.use_wire(Wire::Usb);
+        assert_back(&mut bench, &format!("a bus error {after_us} us after the cable"));
+        assert_eq!(rebuilds(&bench), 1);
+        assert_uart_undisturbed(&bench.uart_frames());
+        assert_nothing_else(&bench);
+    }
+}
+
 #[test]
 fn a_hundred_opens_and_closes_with_aborts_and_bus_errors() {
     let mut bench = opened();
@@ -231,6 +250,24 @@ fn a_program_that_never_reads_disturbs_neither_uart_nor_device() {
     assert_back(&mut bench, "it reads again");
     assert_eq!(rebuilds(&bench), 0);
     assert_nothing_else(&bench);
+}
+
+/// Nothing runs during an erase, the watch included, while the host goes on asking.
+#[test]
+fn the_slowest_erase_is_no_fault_of_the_device() {
+    // Nothing there can be kept, so the first value that is written needs an erased sector.
+    let mut bench = Bench::power_up_with_parameters(DIVIDER_CODE, &[0; PARAMETER_BYTES]);
+    bench.flash_timing(FlashTiming::MAXIMUM);
+    bench.run_for(SECOND);
+    bench.use_wire(Wire::Usb);
+    bench.send(&param_set("BATT_LOW_VOLT", 6.5));
+    for _ in 0..200 {
+        bench.usb().request(ControlRequest::GetLineCoding, None);
+        bench.run_for(10 * MILLISECOND);
+    }
+    assert!(!bench.flash_erase_counts().is_empty());
+    assert_eq!(rebuilds(&bench), 0);
+    assert_back(&mut bench, "an erase");
 }
 
 #[test]

@@ -226,7 +226,7 @@ impl Bench {
     pub fn plug_usb(&mut self) {
         self.usb().plug();
         self.usb().open();
-        let opened = self.run_until(SECOND, |board| board.usb().is_open());
+        let opened = self.run_until(2 * SECOND, |board| board.usb().is_open());
         assert!(opened, "{:?}", self.usb().take_events());
     }
 

@@ -156,7 +156,7 @@ impl ControlTransfer {
     }
 
     /// One transaction.
-    pub fn step(&mut self, address: u8, controller: &mut Controller, now: Cycle) -> Step {
+    pub fn step(&mut self, address: u8, delivery: Delivery, controller: &mut Controller, now: Cycle) -> Step {
         let deadline = *self.deadline.get_or_insert(now + TIMEOUT);
         if now >= deadline {
             return Step::Failed(Failure::TimedOut);
@@ -167,7 +167,7 @@ impl ControlTransfer {
         let endpoint = Endpoint { address, number: 0 };
         match (self.stage, self.request.is_input()) {
             (Stage::Setup, _) => self.set_up(controller, address),
-            (Stage::Data, true) => self.receive(controller, endpoint),
+            (Stage::Data, true) => self.receive(controller, endpoint, delivery),
             (Stage::Data, false) => self.send(controller, endpoint),
             (Stage::Status, true) => self.send_status(controller, endpoint),
             (Stage::Status, false) => self.receive_status(controller, endpoint),
@@ -192,8 +192,8 @@ impl ControlTransfer {
         }
     }
 
-    fn receive(&mut self, controller: &mut Controller, endpoint: Endpoint) -> Step {
-        match controller.input(endpoint, Delivery::Acknowledged) {
+    fn receive(&mut self, controller: &mut Controller, endpoint: Endpoint, delivery: Delivery) -> Step {
+        match controller.input(endpoint, delivery) {
             Some(Sent::Data(toggle, bytes)) if toggle == self.toggle => {
                 self.received.extend(&bytes);
                 self.toggle = toggle.flipped();

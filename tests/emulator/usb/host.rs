@@ -173,7 +173,7 @@ impl Host {
         self.serial.reading = reading;
     }
 
-    /// The next packet from the device meets a bus error (RP2040-E15).
+    /// The next packet of data from the device meets a bus error (RP2040-E15).
     pub fn corrupt_next_packet(&mut self) {
         self.corrupt_next = true;
     }
@@ -315,11 +315,16 @@ impl Host {
     /// One transaction of this frame, or the end of its work.
     fn transact(&mut self, controller: &mut Controller, may_ask: bool) {
         let fits = self.now + transaction_time(PACKET_BYTES) <= self.next_frame;
+        let could_answer = controller.is_working();
         let moved = match self.transfers.is_empty() || self.control_waits || !may_ask || !fits {
             false => Some(self.control(controller)),
             true if fits => self.serial_transaction(controller),
             true => None,
         };
+        if could_answer && !controller.is_working() {
+            self.corrupt_next = false;
+            self.note(HostEvent::BusError);
+        }
         // What a transaction led to may have its own time.
         if matches!(self.port, Port::Enabled { .. }) {
             let next = moved.map_or(self.next_frame, |bytes| self.now + transaction_time(bytes));
@@ -327,28 +332,27 @@ impl Host {
         }
     }
 
-    fn serial_transaction(&mut self, controller: &mut Controller) -> Option<usize> {
-        let delivery = match self.corrupt_next {
+    fn delivery(&self) -> Delivery {
+        match self.corrupt_next {
             true => Delivery::BusError,
             false => Delivery::Acknowledged,
-        };
-        let could_answer = controller.is_working();
-        let moved = self.serial.transact(self.address, delivery, controller, self.now);
-        if could_answer && !controller.is_working() {
-            self.corrupt_next = false;
-            self.note(HostEvent::BusError);
         }
-        moved
+    }
+
+    fn serial_transaction(&mut self, controller: &mut Controller) -> Option<usize> {
+        let delivery = self.delivery();
+        self.serial.transact(self.address, delivery, controller, self.now)
     }
 
     // ----- Control transfers --------------------------------------------------------------------------
 
     fn control(&mut self, controller: &mut Controller) -> usize {
+        let delivery = self.delivery();
         let Some(transfer) = self.transfers.front_mut() else {
             return 0;
         };
         let request = transfer.request;
-        match transfer.step(self.address, controller, self.now) {
+        match transfer.step(self.address, delivery, controller, self.now) {
             Step::Moved(bytes) => return bytes,
             Step::Waits => self.control_waits = true,
             Step::Completed(received) => {
