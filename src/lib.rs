@@ -96,6 +96,7 @@ mod sealed;
 
 pub mod autopilot;
 pub mod battery;
+pub mod board_id;
 pub mod cadence;
 pub mod crash;
 pub mod liveness;
@@ -107,6 +108,7 @@ pub mod sensor;
 pub mod storage;
 pub mod tasks;
 pub mod time;
+pub mod usb_watch;
 pub mod vehicle;
 
 #[cfg(all(target_os = "none", feature = "board"))]

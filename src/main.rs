@@ -14,7 +14,7 @@ mod firmware {
     use rover_battmon::board::{
         self, AnalogInputs, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog,
         Buzzer, EscUart, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c,
-        SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbDevice, UsbPort,
+        SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort,
     };
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::liveness::CheckIn;
@@ -103,24 +103,15 @@ mod firmware {
         tasks::read_frames(wire, shared, link, &UART0_READER).await;
     }
 
-    #[embassy_executor::task]
-    async fn usb_device(mut device: UsbDevice) -> ! {
-        device.run().await
-    }
-
     /// Serves one program on the host after the other, each with a link of its own: its own schedule, sequence numbers
     /// and losses.
     #[embassy_executor::task]
-    async fn usb_link(mut port: UsbPort, shared: &'static Shared) -> ! {
-        loop {
-            port.opened().await;
-            info!("USB: opened");
+    async fn usb(mut port: UsbPort, shared: &'static Shared) -> ! {
+        port.run(async |transmitter, receiver| {
             let link = Link::new("USB", LinkKind::Direct, USB_BYTES_PER_SECOND);
-            let (transmitter, receiver) = port.split();
             tasks::serve_link(transmitter, receiver, shared, &link, &UNWATCHED).await;
-            port.closed().await;
-            info!("USB: closed");
-        }
+        })
+        .await
     }
 
     #[embassy_executor::task]
@@ -189,7 +180,12 @@ mod firmware {
         );
         last_run.log();
 
-        let flash = BoardFlash::new(FLASH.init(board::flash_driver(peripherals.FLASH)));
+        let flash_driver = FLASH.init(board::flash_driver(peripherals.FLASH));
+        let id = board::board_id(flash_driver);
+        if let Some(id) = id {
+            info!("board {}", id.serial_number().as_str());
+        }
+        let flash = BoardFlash::new(flash_driver);
         let mut storage = Storage::new(flash, board::PARAMETER_RANGE);
         let mut stored = Start::default();
         let signing_storage = watchdog
@@ -200,6 +196,7 @@ mod firmware {
                 &mut stored,
             )))
             .await;
+        stored.board_id = id;
         let shared = share(&stored);
         let wiring = shared.with(|autopilot| autopilot.wiring());
 
@@ -212,7 +209,7 @@ mod firmware {
             rx_dma: (peripherals.DMA_CH8, peripherals.DMA_CH9),
         };
         let (transmitter, receiver) = board::telemetry_uart(telemetry_parts, wiring.telemetry_baud);
-        let (device, port) = board::usb_port(peripherals.USB);
+        let usb_port = UsbPort::new(peripherals.USB, id);
         let input = AnalogInputs::new(
             peripherals.ADC,
             peripherals.PIN_26,
@@ -269,8 +266,7 @@ mod firmware {
         start(spawner, BUS.name(), bus(sensor_bus, shared));
         start(spawner, ESC.name(), esc(esc_wire, shared));
         start(spawner, PULSES.name(), pulses(pulse_pin, shared));
-        start(spawner, "USB device", usb_device(device));
-        start(spawner, UNWATCHED.name(), usb_link(port, shared));
+        start(spawner, UNWATCHED.name(), usb(usb_port, shared));
         start(spawner, PARAMETERS.name(), parameters(storage, shared));
         start(spawner, SIGNING.name(), signing(signing_storage, shared));
         let learnt_storage = Storage::new(flash, board::LEARNT_RANGE);

@@ -8,6 +8,7 @@ use super::signing_save::SigningSave;
 use super::start::Start;
 use super::work::Work;
 use crate::battery::BatteryState;
+use crate::board_id::BoardId;
 use crate::in_place::in_place;
 use crate::log::info;
 use crate::mavlink::{ArmingReadiness, Signing, SystemState};
@@ -25,6 +26,7 @@ pub struct Autopilot {
     /// Whether the arming checks pass, checked once a second.
     pub(super) readiness: ArmingReadiness,
     pub(super) load_permille: u16,
+    pub(super) board_id: Option<BoardId>,
     pub(super) start_notice: Option<Announcement<'static>>,
     pub(super) broadcast: Broadcast,
     pub(super) save_failures: SaveFailures,
@@ -47,6 +49,7 @@ impl Autopilot {
             vehicle: in_place(Vehicle::new),
             readiness: ArmingReadiness::default(),
             load_permille: 0,
+            board_id: start.board_id,
             save_failures: SaveFailures::default(),
             signing_save: SigningSave::default(),
             learnt_save: LearntSave::default(),
@@ -95,7 +98,10 @@ impl Autopilot {
     /// Everything telemetry reports now, apart from a link's own counters.
     pub fn system_state(&self) -> SystemState<'_> {
         let (packs, vehicle) = (&self.packs, &self.vehicle);
-        system_state(packs, vehicle, self.readiness, self.load_permille)
+        SystemState {
+            board_id: self.board_id,
+            ..system_state(packs, vehicle, self.readiness, self.load_permille)
+        }
     }
 
     /// Announces something to all connected ground stations, once.

@@ -9,6 +9,8 @@ use embassy_rp::flash::{Blocking, ERASE_SIZE, Error, Flash};
 use embassy_rp::peripherals::FLASH;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
+use crate::board_id::BoardId;
+
 /// The Pico's flash chip, a W25Q16JV.
 const FLASH_BYTES: usize = 2 * 1024 * 1024;
 
@@ -39,6 +41,15 @@ type Driver = Flash<'static, FLASH, Blocking, FLASH_BYTES>;
 /// The driver of the flash chip.
 pub fn flash_driver(peripheral: Peri<'static, FLASH>) -> FlashDriver {
     RefCell::new(Flash::new_blocking(peripheral))
+}
+
+/// The chip's own number; `None` if it can't be read.
+// Its buffers must not add to the stack of `main`.
+#[inline(never)]
+pub fn board_id(driver: &FlashDriver) -> Option<BoardId> {
+    let mut id = BoardId([0; BoardId::BYTES]);
+    driver.try_borrow_mut().ok()?.blocking_unique_id(&mut id.0).ok()?;
+    Some(id)
 }
 
 /// The flash chip.

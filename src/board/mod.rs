@@ -30,7 +30,9 @@ use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, pio, usb as rp_usb};
 pub use adc::AnalogInputs;
 pub use buzzer::Buzzer;
 pub use crash_memory::BoardCrashMemory;
-pub use flash::{BoardFlash, FlashDriver, LEARNT_RANGE, PARAMETER_RANGE, SIGNING_RANGE, flash_driver};
+pub use flash::{
+    BoardFlash, FlashDriver, LEARNT_RANGE, PARAMETER_RANGE, SIGNING_RANGE, board_id, flash_driver,
+};
 pub use floats::use_rom_floats;
 pub use i2c::SensorI2c;
 pub use idle::ExecutorIdleTime;
@@ -45,7 +47,7 @@ pub use running::name_task;
 pub use spi::{SensorSpi, SpiPeripherals};
 pub use stack_guard::guard_stack;
 pub use uart::{EscUart, TelemetryUart, UartReceiver, UartTransmitter, esc_uart, telemetry_uart};
-pub use usb::{UsbDevice, UsbPort, UsbReceiver, UsbTransmitter, usb_port};
+pub use usb::{UsbPort, UsbReceiver, UsbTransmitter};
 pub use watchdog::BoardWatchdog;
 
 bind_interrupts!(struct Irqs {

@@ -2,19 +2,22 @@
 
 use core::cell::Cell;
 
-use embassy_futures::select::{Either, select};
-use embassy_rp::Peri;
+use embassy_futures::select::{Either, Either3, select, select3};
+use embassy_rp::interrupt::{self, InterruptExt};
 use embassy_rp::peripherals::USB;
 use embassy_rp::usb::Driver;
+use embassy_rp::{Peri, pac};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Timer};
 use embassy_usb::class::cdc_acm::{CdcAcmClass, ControlChanged, Receiver, Sender, State};
-use embassy_usb::{Builder, Config, Handler};
+use embassy_usb::{Builder, Config, Handler, UsbDevice};
 use embedded_io_async::{ErrorKind, ErrorType, Write};
-use static_cell::{ConstStaticCell, StaticCell};
 
 use super::Irqs;
+use crate::board_id::BoardId;
 use crate::tasks::{ByteSource, ReceiveError};
+use crate::usb_watch::{ControlPipe, OBSERVATION_INTERVAL_MS, UsbFault, UsbObservation, UsbWatch};
 
 /// Raspberry Pi's vendor id, and the product id its Pico SDK gives to CDC serial ports: hosts have a driver for it.
 const VENDOR_ID: u16 = 0x2E8A;
@@ -32,88 +35,183 @@ const OBJECT_STORE_BYTES: usize = 12;
 /// The longest string descriptor, the product's name in UTF-16, takes 44.
 const CONTROL_BYTES: usize = 64;
 
-type UsbDriver = Driver<'static, USB>;
+const OBSERVATION_INTERVAL: Duration = Duration::from_millis(OBSERVATION_INTERVAL_MS);
 
-/// Answers the host's requests, and has to be run for anything else to happen at the port.
-pub type UsbDevice = embassy_usb::UsbDevice<'static, UsbDriver>;
+/// How long D+ is let go of, so that every host and hub sees the device leave.
+const DETACHED: Duration = Duration::from_millis(100);
 
-/// Puts a serial port on the USB and pulls D+ up.
-///
-/// # Panics
-/// When called twice: the buffers exist once.
-// Inlined, it would add to the stack of everything `main` calls.
-#[inline(never)]
-pub fn usb_port(usb: Peri<'static, USB>) -> (UsbDevice, UsbPort) {
-    static CONFIGURATION: ConstStaticCell<[u8; CONFIGURATION_BYTES]> =
-        ConstStaticCell::new([0; CONFIGURATION_BYTES]);
-    static OBJECT_STORE: ConstStaticCell<[u8; OBJECT_STORE_BYTES]> =
-        ConstStaticCell::new([0; OBJECT_STORE_BYTES]);
-    static CONTROL: ConstStaticCell<[u8; CONTROL_BYTES]> = ConstStaticCell::new([0; CONTROL_BYTES]);
-    static SERIAL: StaticCell<State<'static>> = StaticCell::new();
-    static BUS: StaticCell<Bus> = StaticCell::new();
-    static BUS_HANDLER: StaticCell<BusHandler> = StaticCell::new();
+type UsbDriver<'d> = Driver<'d, USB>;
 
-    let mut config = Config::new(VENDOR_ID, PRODUCT_ID);
-    config.manufacturer = Some("rover-battmon");
-    config.product = Some("rover-battmon MAVLink");
-    let mut builder = Builder::new(
-        Driver::new(usb, Irqs),
-        config,
-        CONFIGURATION.take(),
-        OBJECT_STORE.take(),
-        &mut [],
-        CONTROL.take(),
-    );
-    let bus: &'static Bus = BUS.init(Bus::default());
-    builder.handler(BUS_HANDLER.init(BusHandler(bus)));
-    let serial = CdcAcmClass::new(&mut builder, SERIAL.init(State::new()), PACKET_BYTES as u16);
-    let (sender, receiver, control) = serial.split_with_control();
-    let port = UsbPort {
-        sender,
-        receiver,
-        line: Line { control, bus },
-    };
-    (builder.build(), port)
-}
-
-/// The serial port as the host's programs see it: one opens it, and closes it or is unplugged.
+/// The serial port at the host.
 pub struct UsbPort {
-    sender: Sender<'static, UsbDriver>,
-    receiver: Receiver<'static, UsbDriver>,
-    line: Line,
+    peripheral: Peri<'static, USB>,
+    id: Option<BoardId>,
+    /// How often the device was stuck and has been built anew.
+    rebuilds: u32,
 }
 
 impl UsbPort {
-    /// Waits until a program on the host has the port open.
-    pub async fn opened(&self) {
-        self.line.wait_until(true).await;
+    /// The port of the board with this id, by which hosts distinguish boards.
+    pub fn new(peripheral: Peri<'static, USB>, id: Option<BoardId>) -> Self {
+        Self {
+            peripheral,
+            id,
+            rebuilds: 0,
+        }
     }
 
-    /// Waits until no program has the port open.
-    pub async fn closed(&self) {
-        self.line.wait_until(false).await;
+    /// Puts the serial port on the USB and has `serve` serve one program on the host after the other. A device that is
+    /// stuck is built anew, which the host sees as one that was unplugged and plugged in again.
+    pub async fn run(&mut self, serve: impl AsyncFn(UsbTransmitter<'_, '_>, UsbReceiver<'_, '_>)) -> ! {
+        loop {
+            let fault = self.run_until_stuck(&serve).await;
+            self.rebuilds = self.rebuilds.saturating_add(1);
+            defmt::warn!("USB: stuck ({}), built anew ({} times)", fault, self.rebuilds);
+            detach().await;
+        }
     }
 
-    /// Both directions of the wire to the program that has the port open.
-    pub fn split(&mut self) -> (UsbTransmitter<'_>, UsbReceiver<'_>) {
+    /// The device is looked after first whenever this is polled, so that the watch sees what it has left undone.
+    async fn run_until_stuck(
+        &mut self,
+        serve: &impl AsyncFn(UsbTransmitter<'_, '_>, UsbReceiver<'_, '_>),
+    ) -> UsbFault {
+        let serial_number = self.id.map(BoardId::serial_number);
+        let bus = Bus::default();
+        let mut handler = BusHandler(&bus);
+        let mut memory = Memory::default();
+        let (mut device, class) = build(
+            self.peripheral.reborrow(),
+            serial_number.as_deref(),
+            &mut memory,
+            &mut handler,
+        );
+        let (sender, receiver, control) = class.split_with_control();
+        let line = Line { control, bus: &bus };
+
+        match select3(
+            device.run(),
+            serve_programs(sender, receiver, &line, serve),
+            watch(&bus),
+        )
+        .await
+        {
+            Either3::First(never) | Either3::Second(never) => never,
+            Either3::Third(fault) => fault,
+        }
+    }
+}
+
+/// What the device keeps of itself.
+struct Memory<'d> {
+    configuration: [u8; CONFIGURATION_BYTES],
+    object_store: [u8; OBJECT_STORE_BYTES],
+    control: [u8; CONTROL_BYTES],
+    serial: State<'d>,
+}
+
+impl Default for Memory<'_> {
+    fn default() -> Self {
+        Self {
+            configuration: [0; CONFIGURATION_BYTES],
+            object_store: [0; OBJECT_STORE_BYTES],
+            control: [0; CONTROL_BYTES],
+            serial: State::new(),
+        }
+    }
+}
+
+/// Puts a serial port on the USB and pulls D+ up.
+// Inlined, it would add to the stack of everything that serves the port.
+#[inline(never)]
+fn build<'d>(
+    peripheral: Peri<'d, USB>,
+    serial_number: Option<&'d str>,
+    memory: &'d mut Memory<'d>,
+    handler: &'d mut BusHandler<'d>,
+) -> (UsbDevice<'d, UsbDriver<'d>>, CdcAcmClass<'d, UsbDriver<'d>>) {
+    let mut config = Config::new(VENDOR_ID, PRODUCT_ID);
+    config.manufacturer = Some("rover-battmon");
+    config.product = Some("rover-battmon MAVLink");
+    config.serial_number = serial_number;
+    let mut builder = Builder::new(
+        Driver::new(peripheral, Irqs),
+        config,
+        &mut memory.configuration,
+        &mut memory.object_store,
+        &mut [],
+        &mut memory.control,
+    );
+    builder.handler(handler);
+    let class = CdcAcmClass::new(&mut builder, &mut memory.serial, PACKET_BYTES as u16);
+    (builder.build(), class)
+}
+
+/// A program on the host opens the port, and closes it or is unplugged.
+async fn serve_programs<'d>(
+    mut sender: Sender<'d, UsbDriver<'d>>,
+    mut receiver: Receiver<'d, UsbDriver<'d>>,
+    line: &Line<'d>,
+    serve: &impl AsyncFn(UsbTransmitter<'_, '_>, UsbReceiver<'_, '_>),
+) -> ! {
+    loop {
+        line.wait_until(true).await;
+        defmt::info!("USB: opened");
         let receiver = UsbReceiver {
-            receiver: &mut self.receiver,
-            line: &self.line,
+            receiver: &mut receiver,
+            line,
             packet: [0; PACKET_BYTES],
             taken: 0,
             received: 0,
         };
-        (UsbTransmitter(&mut self.sender), receiver)
+        serve(UsbTransmitter(&mut sender), receiver).await;
+        line.wait_until(false).await;
+        defmt::info!("USB: closed");
     }
 }
 
-/// Whether a program has the port open.
-struct Line {
-    control: ControlChanged<'static>,
-    bus: &'static Bus,
+/// Ends when the device is stuck.
+async fn watch(bus: &Bus) -> UsbFault {
+    let mut watch = UsbWatch::default();
+    loop {
+        Timer::after(OBSERVATION_INTERVAL).await;
+        if let Some(fault) = watch.observe(observe(bus)) {
+            return fault;
+        }
+    }
 }
 
-impl Line {
+fn observe(bus: &Bus) -> UsbObservation {
+    let status = pac::USB.sie_status().read();
+    let has_answer = pac::USB_DPRAM.ep_in_buffer_control(0).read().available(0);
+    let is_busy = status.setup_rec() || status.bus_reset() || has_answer;
+    UsbObservation {
+        control: if is_busy {
+            ControlPipe::Busy
+        } else {
+            ControlPipe::Idle
+        },
+        frame: bus.expects_frames().then(|| pac::USB.sof_rd().read().count()),
+    }
+}
+
+/// Takes the device off the bus and puts the controller into the state after a reset. Everything that uses it is gone by
+/// now.
+async fn detach() {
+    interrupt::USBCTRL_IRQ.disable();
+    pac::RESETS.reset().modify(|resets| resets.set_usbctrl(true));
+    Timer::after(DETACHED).await;
+    pac::RESETS.reset().modify(|resets| resets.set_usbctrl(false));
+    while !pac::RESETS.reset_done().read().usbctrl() {}
+}
+
+/// Whether a program has the port open.
+struct Line<'d> {
+    control: ControlChanged<'d>,
+    bus: &'d Bus,
+}
+
+impl Line<'_> {
     /// A program that opens the port raises DTR. One that is unplugged can't lower it, but then the bus falls silent.
     fn is_open(&self) -> bool {
         self.control.dtr() && self.bus.configured.get() && !self.bus.suspended.get()
@@ -133,17 +231,30 @@ impl Line {
 /// What the host has done with the device. All tasks run on one executor, so plain cells hold it.
 #[derive(Default)]
 struct Bus {
+    addressed: Cell<bool>,
     configured: Cell<bool>,
     suspended: Cell<bool>,
     changed: Signal<NoopRawMutex, ()>,
 }
 
-struct BusHandler(&'static Bus);
+impl Bus {
+    /// A host that has given an address begins a frame each millisecond, until it suspends or resets the bus.
+    fn expects_frames(&self) -> bool {
+        self.addressed.get() && !self.suspended.get()
+    }
+}
 
-impl Handler for BusHandler {
+struct BusHandler<'d>(&'d Bus);
+
+impl Handler for BusHandler<'_> {
     fn reset(&mut self) {
+        self.0.addressed.set(false);
         self.0.suspended.set(false);
         self.configured(false);
+    }
+
+    fn addressed(&mut self, _address: u8) {
+        self.0.addressed.set(true);
     }
 
     fn configured(&mut self, configured: bool) {
@@ -158,13 +269,13 @@ impl Handler for BusHandler {
 }
 
 /// The wire to the host.
-pub struct UsbTransmitter<'a>(&'a mut Sender<'static, UsbDriver>);
+pub struct UsbTransmitter<'a, 'd>(&'a mut Sender<'d, UsbDriver<'d>>);
 
-impl ErrorType for UsbTransmitter<'_> {
+impl ErrorType for UsbTransmitter<'_, '_> {
     type Error = ErrorKind;
 }
 
-impl Write for UsbTransmitter<'_> {
+impl Write for UsbTransmitter<'_, '_> {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
         let packet = bytes.get(..PACKET_BYTES).unwrap_or(bytes);
         self.send(packet).await?;
@@ -180,7 +291,7 @@ impl Write for UsbTransmitter<'_> {
     }
 }
 
-impl UsbTransmitter<'_> {
+impl UsbTransmitter<'_, '_> {
     /// Waits until the host has taken the packet before, and hands over this one.
     async fn send(&mut self, packet: &[u8]) -> Result<(), ErrorKind> {
         self.0
@@ -191,16 +302,16 @@ impl UsbTransmitter<'_> {
 }
 
 /// The wire from the host.
-pub struct UsbReceiver<'a> {
-    receiver: &'a mut Receiver<'static, UsbDriver>,
-    line: &'a Line,
+pub struct UsbReceiver<'a, 'd> {
+    receiver: &'a mut Receiver<'d, UsbDriver<'d>>,
+    line: &'a Line<'d>,
     /// A packet has to be fetched whole, whatever room there is in the caller's buffer.
     packet: [u8; PACKET_BYTES],
     taken: usize,
     received: usize,
 }
 
-impl ByteSource for UsbReceiver<'_> {
+impl ByteSource for UsbReceiver<'_, '_> {
     /// # Errors
     /// The port was closed or unplugged. Bytes can't be lost: the host keeps them until they are fetched.
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
@@ -217,7 +328,7 @@ impl ByteSource for UsbReceiver<'_> {
     }
 }
 
-impl UsbReceiver<'_> {
+impl UsbReceiver<'_, '_> {
     /// Waits for the next packet, which may be empty. A closed port is noticed here, because the driver's read would
     /// just go on waiting.
     async fn fetch(&mut self) -> Result<(), ReceiveError> {

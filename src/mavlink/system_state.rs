@@ -2,6 +2,7 @@
 
 use super::ReceiveStatistics;
 use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
+use crate::board_id::BoardId;
 use crate::pack::Pack;
 use crate::time::Instant;
 use crate::vehicle::VehicleStatus;
@@ -21,6 +22,8 @@ pub struct SystemState<'a> {
     pub link: LinkStatistics,
     /// The present moment; its epoch is the start.
     pub now: Instant,
+    /// The board's own number; `None` if it is unknown.
+    pub board_id: Option<BoardId>,
 }
 
 impl SystemState<'_> {

@@ -24,6 +24,10 @@ impl SystemBus {
     pub(super) fn store_register(&mut self, address: u32, value: u32, width: Width) -> Result<(), BusError> {
         let block = block_at(address).ok_or(BusError)?;
         self.attention = true;
+        if block.model == Model::UsbMemory {
+            self.store_usb_memory(block, address, value, width);
+            return Ok(());
+        }
         self.write_block(block, address & !3, replicated(value, width));
         self.observe_pins();
         Ok(())
@@ -36,6 +40,7 @@ impl SystemBus {
         }
         match block.model {
             Model::Own(id) => self.soc.read(id, address & 0xfff, self.now),
+            Model::UsbMemory => self.soc.usb.dpram_word(address & 0x3fff),
             Model::Crate if is_gpio_interrupt(block, address) => {
                 self.soc.read(Id::Gpio, address & 0xfff, self.now)
             }
@@ -48,6 +53,16 @@ impl SystemBus {
                 self.note_unmodelled(block.name, address, Direction::Read);
                 self.stored_register(address)
             }
+        }
+    }
+
+    /// It has no aliases, and takes bytes and halves as they are (4.1.2.5).
+    fn store_usb_memory(&mut self, block: &Block, address: u32, value: u32, width: Width) {
+        if !self.is_held(block) {
+            let length = width as usize;
+            self.soc
+                .usb
+                .store_dpram(address & 0x3fff, value, length, self.now);
         }
     }
 
@@ -67,6 +82,7 @@ impl SystemBus {
             }
             Model::Crate => self.write_crate_block(block, address, value),
             Model::Storage => self.store_into_register(address, write),
+            Model::UsbMemory => {}
             Model::None => {
                 self.note_unmodelled(block.name, address, Direction::Write);
                 self.store_into_register(address, write);

@@ -24,7 +24,9 @@ use super::register::bit;
 use super::reset::ResetRecord;
 use super::rtt::RttWatch;
 use super::spi::Spi;
+use super::ssi::Ssi;
 use super::uart::{BitTime, Uart};
+use super::usb::UsbHost;
 use super::xip_cache::XipCache;
 
 pub(super) const STACK_POINTER: usize = 13;
@@ -58,9 +60,11 @@ impl Board {
         let mut seeds = Random::new(seed);
         // Not from the sequence below, which stays what it is if flash needs no chance.
         let flash = FlashChip::new(firmware.flash().to_vec(), !seed);
+        let unique_id = Random::new(!seed).next_u64().to_be_bytes();
         let mut memory = Memory::new(boot_rom::image(), flash);
         Random::new(seeds.next_u64()).fill(&mut memory.ram);
         let mut bus = SystemBus::new(memory, seeds.next_u64());
+        bus.soc.ssi = Ssi::to_chip(unique_id);
         bus.rtt = RttWatch::new(firmware.find_symbol("_SEGGER_RTT"));
         let mut board = Self {
             cpu: Cpu::at_reset(0, 0, &mut seeds),
@@ -167,6 +171,14 @@ impl Board {
         self.bus.spi1_pins = pins;
         self.bus.connect_pins();
         self.bus.attention = true;
+    }
+
+    /// The host at the USB port; its cable is not connected at first.
+    pub fn usb(&mut self) -> &mut UsbHost {
+        self.bus.attention = true;
+        let usb = &mut self.bus.soc.usb;
+        usb.advance(self.bus.now);
+        &mut usb.host
     }
 
     /// Put a signal on an ADC channel: 0 to 3 are GP26 to GP29, 4 is the temperature sensor.

@@ -8,6 +8,8 @@ use super::soc::Id;
 pub enum Model {
     /// A model of this folder.
     Own(Id),
+    /// The memory that USB device controller and processor share.
+    UsbMemory,
     /// The crate `rp2040-emu`.
     Crate,
     /// Registers that read back what was written; nothing that is emulated depends on them.
@@ -73,8 +75,8 @@ pub static BLOCKS: [Block; 37] = [
     ),
     block("TBMAN", 0x4006_c000, Model::None, Some(20)),
     block("DMA", 0x5000_0000, Model::Own(Id::Dma), Some(2)),
-    block("USBCTRL_DPRAM", 0x5010_0000, Model::None, Some(24)),
-    block("USBCTRL", 0x5011_0000, Model::None, Some(24)),
+    block("USBCTRL_DPRAM", 0x5010_0000, Model::UsbMemory, Some(24)),
+    block("USBCTRL", 0x5011_0000, Model::Own(Id::Usb), Some(24)),
     block("PIO0", 0x5020_0000, Model::Own(Id::Pio0), Some(10)),
     block("PIO1", 0x5030_0000, Model::Own(Id::Pio1), Some(11)),
     block("XIP_AUX", 0x5040_0000, Model::None, None),

@@ -18,7 +18,7 @@
 //! symbols of the ELF. Processor core, NVIC, clocks, PLLs, RESETS, SIO, IO_BANK0 and PADS_BANK0
 //! come from the crate `rp2040-emu`; memory, bus, boot ROM and the way into its USB boot loader, flash, TIMER, WATCHDOG, PSM, VREG and
 //! CHIP_RESET, both UARTs, both I2C blocks and SPI1 as masters, GPIO inputs and their interrupts, the
-//! ADC, the PWM, the PIO, the DMA and everything about time and sleep are in this folder, one file each, with
+//! ADC, the PWM, the PIO, the DMA, the USB device controller with a host at its cable, and everything about time and sleep are in this folder, one file each, with
 //! tests against the figures of the RP2040 datasheet. Section numbers are those of its builds in which
 //! the watchdog is 4.7 and the ADC 4.9.
 //!
@@ -42,7 +42,7 @@
 //!   taken branches and SIO loads differ from silicon by a cycle. Milliseconds and instruction
 //!   counts are sound, cycle figures are not.
 //! * `clk_sys` is 125 MHz from the first instruction, `clk_peri` the same, `clk_adc` 48 MHz.
-//! * Core 1, USB, SPI0, RTC and SysTick: their registers read back what was
+//! * Core 1, SPI0, RTC and SysTick: their registers read back what was
 //!   written or zero, and every access is recorded in [`Board::unmodelled`].
 //! * The NMI never comes. A pin's function, the direction of SIO and the pad's output disable decide
 //!   what drives it; the overrides of IO_BANK0 do nothing. UART, SPI, PWM and PIO do not reach the inputs
@@ -124,6 +124,7 @@ mod system_control;
 mod thumb;
 mod timer;
 mod uart;
+mod usb;
 mod watchdog;
 mod xip_cache;
 mod xip_control;
@@ -146,3 +147,4 @@ pub use random::Random;
 pub use reset::{ResetCause, ResetRecord};
 pub use spi::{Spi, SpiClock, SpiDevice, SpiMode, SpiTransaction, devices as spi_devices};
 pub use uart::SentByte;
+pub use usb::{AbortPoint, ControlRequest, Failure, HostEvent, Reading, UsbDescription, UsbHost};

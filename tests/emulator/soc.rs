@@ -17,6 +17,7 @@ use super::spi::{Spi, SpiPlace};
 use super::ssi::Ssi;
 use super::timer::Timer;
 use super::uart::{Line, Uart, UartPlace};
+use super::usb::Usb;
 use super::watchdog::Watchdog;
 use super::xip_control::XipControl;
 
@@ -40,6 +41,7 @@ pub enum Id {
     Ssi,
     Pio0,
     Pio1,
+    Usb,
 }
 
 /// Interrupt lines from datasheet 2.3.2, DMA requests from 2.5.3.1.
@@ -98,6 +100,7 @@ pub struct Soc {
     pub xip_control: XipControl,
     pub ssi: Ssi,
     pub pios: [Pio; 2],
+    pub usb: Usb,
 }
 
 impl Soc {
@@ -118,10 +121,11 @@ impl Soc {
             xip_control: XipControl::default(),
             ssi: Ssi::default(),
             pios: PIO_PLACES.map(Pio::new),
+            usb: Usb::new(),
         }
     }
 
-    fn all(&self) -> [&dyn Peripheral; 17] {
+    fn all(&self) -> [&dyn Peripheral; 18] {
         let [uart0, uart1] = &self.uarts;
         let [i2c0, i2c1] = &self.i2cs;
         let [pio0, pio1] = &self.pios;
@@ -143,10 +147,11 @@ impl Soc {
             &self.ssi,
             pio0,
             pio1,
+            &self.usb,
         ]
     }
 
-    fn all_mut(&mut self) -> [&mut dyn Peripheral; 17] {
+    fn all_mut(&mut self) -> [&mut dyn Peripheral; 18] {
         let [uart0, uart1] = &mut self.uarts;
         let [i2c0, i2c1] = &mut self.i2cs;
         let [pio0, pio1] = &mut self.pios;
@@ -168,6 +173,7 @@ impl Soc {
             &mut self.ssi,
             pio0,
             pio1,
+            &mut self.usb,
         ]
     }
 
@@ -190,6 +196,7 @@ impl Soc {
             Id::Ssi => &mut self.ssi,
             Id::Pio0 => &mut self.pios[0],
             Id::Pio1 => &mut self.pios[1],
+            Id::Usb => &mut self.usb,
         }
     }
 

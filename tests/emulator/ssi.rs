@@ -3,7 +3,7 @@
 //!
 //! The firmware runs its copy of the second stage after every flash operation to read flash by
 //! address again. It is executed as it is; whether reads work follows from what it has written here.
-//! The chip answers the serial commands that a second stage sends; any other fails by name.
+//! The chip answers the serial commands that a second stage sends, and with its unique id; any other fails by name.
 
 use std::collections::VecDeque;
 
@@ -12,6 +12,7 @@ use super::peripheral::Peripheral;
 use super::register::{RegisterWrite, bit, field};
 
 const CTRLR0: u32 = 0x00;
+const CTRLR1: u32 = 0x04;
 const SSIENR: u32 = 0x08;
 const RXFLR: u32 = 0x24;
 const SR: u32 = 0x28;
@@ -36,6 +37,9 @@ const READ_STATUS_1: u8 = 0x05;
 const READ_STATUS_2: u8 = 0x35;
 const WRITE_ENABLE: u8 = 0x06;
 const WRITE_DISABLE: u8 = 0x04;
+/// "Read Unique ID Number": after four dummy bytes the chip's 64 bits, first byte first (W25Q16JV, 8.2).
+const READ_UNIQUE_ID: u8 = 0x4b;
+const UNIQUE_ID_DUMMY_BYTES: usize = 4;
 const STATUS_1: u8 = 0;
 const STATUS_2_QUAD_ENABLED: u8 = 1 << 1;
 
@@ -44,6 +48,8 @@ pub struct Ssi {
     received: VecDeque<u8>,
     /// The answer to the command before, given with the next byte.
     answer: Option<u8>,
+    /// Of the flash chip, and so not touched by a reset.
+    unique_id: [u8; 8],
 }
 
 impl Default for Ssi {
@@ -52,11 +58,20 @@ impl Default for Ssi {
             registers: [0; REGISTERS],
             received: VecDeque::new(),
             answer: None,
+            unique_id: [0; 8],
         }
     }
 }
 
 impl Ssi {
+    /// The interface to the chip with this id.
+    pub fn to_chip(unique_id: [u8; 8]) -> Self {
+        Self {
+            unique_id,
+            ..Self::default()
+        }
+    }
+
     /// Whether a read of the flash's address range is turned into a read of the chip.
     pub fn serves_reads(&self) -> bool {
         let control = self.register(CTRLR0);
@@ -108,11 +123,29 @@ impl Ssi {
     /// A byte goes to the chip and one comes back. The address and mode bits of a read are no
     /// bytes; what that read returns is not used.
     fn send(&mut self, value: u32) {
-        let sends_bytes = field(self.register(CTRLR0), 16, 5) == FRAME_OF_8;
-        if self.is_enabled() && sends_bytes {
-            let received = self.exchange(value as u8);
-            self.received.push_back(received);
+        let control = self.register(CTRLR0);
+        let sends_bytes = field(control, 16, 5) == FRAME_OF_8;
+        if !self.is_enabled() || !sends_bytes {
+            return;
         }
+        if field(control, 8, 2) == TMOD_EEPROM_READ {
+            self.read_after(value as u8);
+            return;
+        }
+        let received = self.exchange(value as u8);
+        self.received.push_back(received);
+    }
+
+    /// "EEPROM_READ": what comes back while the command is sent is dropped, and then as many frames are received as CTRLR1.NDF
+    /// says, and one more (4.10.13).
+    fn read_after(&mut self, command: u8) {
+        assert!(
+            command == READ_UNIQUE_ID,
+            "the firmware reads after the command {command:#04x}, which is not modelled"
+        );
+        let frames = field(self.register(CTRLR1), 0, 16) as usize + 1;
+        let sent = [0xff; UNIQUE_ID_DUMMY_BYTES].into_iter().chain(self.unique_id);
+        self.received.extend(sent.take(frames));
     }
 
     fn exchange(&mut self, byte: u8) -> u8 {
@@ -154,7 +187,7 @@ impl Peripheral for Ssi {
     }
 
     fn reset(&mut self, _now: Cycle) {
-        *self = Self::default();
+        *self = Self::to_chip(self.unique_id);
     }
 }
 
@@ -178,6 +211,21 @@ mod tests {
             ssi.read(DR0, 0);
             assert_eq!(ssi.read(DR0, 0), status, "{command:#x}");
             assert_eq!(ssi.read(SR, 0), SR_TX_NOT_FULL | SR_TX_EMPTY);
+        }
+    }
+
+    #[test]
+    fn the_unique_id_comes_after_four_dummy_bytes_and_outlasts_a_reset() {
+        let mut ssi = Ssi::to_chip([1, 2, 3, 4, 5, 6, 7, 8]);
+        for _ in 0..2 {
+            write(&mut ssi, CTRLR0, FRAME_OF_8 << 16 | TMOD_EEPROM_READ << 8);
+            write(&mut ssi, CTRLR1, 11);
+            write(&mut ssi, SSIENR, 1);
+            write(&mut ssi, DR0, READ_UNIQUE_ID.into());
+            assert_eq!(ssi.read(RXFLR, 0), 12);
+            let received: Vec<u32> = (0..12).map(|_| ssi.read(DR0, 0)).collect();
+            assert_eq!(received[4..], [1, 2, 3, 4, 5, 6, 7, 8]);
+            ssi.reset(0);
         }
     }
 

@@ -19,13 +19,13 @@ const PREFLIGHT_STORAGE: u16 = 245;
 const ACCEPTED: u8 = 0;
 const UNSUPPORTED: u8 = 3;
 
-fn read(bench: &mut Bench, name: &str) -> f32 {
+pub fn read(bench: &mut Bench, name: &str) -> f32 {
     let answers = bench.ask(&param_read_by_name(name));
     value_of(&answers, name).unwrap_or_else(|| panic!("{name} was not answered: {answers:?}"))
 }
 
 /// All parameters, by a list.
-fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
+pub fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
     let mut answers = bench.ask(&param_request_list(VEHICLE));
     let from_us = answers.last().map_or(0, |frame| frame.at_us);
     bench.run_for(2 * SECOND);

@@ -115,6 +115,18 @@ fn three_tenths_of_the_stack_stay_free_under_the_heaviest_load() {
         "nine packs at 50 Hz, requests, writes to flash, motors",
     );
 
+    bench.plug_usb();
+    bench.usb().send(&param_request_list(VEHICLE));
+    load_for(&mut bench, 3);
+    bench.usb().corrupt_next_packet();
+    load_for(&mut bench, 3);
+    assert!(bench.usb().is_open());
+    assert_eq!(bench.logged(LogLevel::Warn, "USB: stuck").len(), 1);
+    assert_free(
+        &mut bench,
+        "the same with a second ground station by USB, once built anew",
+    );
+
     bench.adc_fault(AdcFault::Stalled);
     bench.i2c(BUS).hold_sda(u32::MAX);
     load_for(&mut bench, 6);

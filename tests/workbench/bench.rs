@@ -88,9 +88,24 @@ pub fn running_task(board: &mut Board) -> Option<u32> {
     Some(board.read_register(RUNNING)).filter(|noted| *noted > MAIN)
 }
 
-/// A powered board with the release firmware in its flash and a wire at its telemetry port.
+/// The wire over which a ground station talks to the board.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wire {
+    #[default]
+    Uart,
+    Usb,
+}
+
+/// The bytes with the time of each one's end in µs.
+fn timed(sent: &[SentByte]) -> impl Iterator<Item = (u64, u8)> {
+    sent.iter()
+        .map(|SentByte { byte, end, .. }| (end / CYCLES_PER_US, *byte))
+}
+
+/// A powered board with the release firmware in its flash and a ground station at its telemetry port.
 pub struct Bench {
     board: Board,
+    wire: Wire,
     sent: Vec<(u64, u8)>,
     /// Signs what is asked.
     signer: Option<Signer>,
@@ -133,6 +148,7 @@ impl Bench {
         board.adc_input(PACK, AdcInput::Code(code));
         Self {
             board,
+            wire: Wire::default(),
             sent: Vec::new(),
             signer: None,
         }
@@ -197,6 +213,41 @@ impl Bench {
         self.set_register(PROGRAM_COUNTER, entry);
     }
 
+    /// The ground station connects this wire and talks over it from now on.
+    pub fn use_wire(&mut self, wire: Wire) {
+        self.forget_sent();
+        self.wire = wire;
+        if wire == Wire::Usb {
+            self.plug_usb();
+        }
+    }
+
+    /// A host is plugged in, and a program opens the port.
+    pub fn plug_usb(&mut self) {
+        self.usb().plug();
+        self.usb().open();
+        let opened = self.run_until(2 * SECOND, |board| board.usb().is_open());
+        assert!(opened, "{:?}", self.usb().take_events());
+    }
+
+    fn take_sent(&mut self) -> Vec<SentByte> {
+        match self.wire {
+            Wire::Uart => self.board.uart(0).take_sent(),
+            Wire::Usb => self.board.usb().take_received(),
+        }
+    }
+
+    /// Sends bytes to the board.
+    pub fn send(&mut self, bytes: &[u8]) {
+        match self.wire {
+            Wire::Uart => {
+                let now_us = self.time_us();
+                self.board.uart_send(0, now_us, bytes);
+            }
+            Wire::Usb => self.board.usb().send(bytes),
+        }
+    }
+
     /// Signs all requests from now on, with timestamps that follow the board's.
     pub fn sign_with(&mut self, signer: Signer) {
         self.signer = Some(signer);
@@ -212,14 +263,17 @@ impl Bench {
         signed
     }
 
-    /// Everything that has left the telemetry port since power-up, with the time of each byte's end in µs.
+    /// Everything that has left the port since power-up, with the time of each byte's end in µs.
     pub fn sent(&mut self) -> &[(u64, u8)] {
-        let new = self.board.uart(0).take_sent();
-        self.sent.extend(
-            new.iter()
-                .map(|SentByte { byte, end, .. }| (end / CYCLES_PER_US, *byte)),
-        );
+        let new = self.take_sent();
+        self.sent.extend(timed(&new));
         &self.sent
+    }
+
+    /// The frames that have left the UART since this was asked last, whatever wire the ground station uses.
+    pub fn uart_frames(&mut self) -> Vec<Frame> {
+        let sent: Vec<_> = timed(&self.board.uart(0).take_sent()).collect();
+        frames(&sent)
     }
 
     /// Forgets what was sent up to now: what a reset has cut off is no frame.
@@ -238,7 +292,7 @@ impl Bench {
     pub fn ask(&mut self, request: &[u8]) -> Vec<Frame> {
         let asked_us = self.time_us();
         let request = self.sign(request);
-        self.board.uart_send(0, asked_us, &request);
+        self.send(&request);
         self.board.run_for(ANSWER_TIME_US);
         let telemetry = [HEARTBEAT, SYS_STATUS, BATTERY_STATUS];
         self.frames()

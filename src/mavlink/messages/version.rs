@@ -1,18 +1,19 @@
 //! AUTOPILOT_VERSION (148) and PROTOCOL_VERSION (300): who we are.
 
+use crate::board_id::BoardId;
 use crate::mavlink::dialect::{AUTOPILOT_VERSION_DATA, MavProtocolCapability, PROTOCOL_VERSION_DATA};
 
 /// MAVLink 2, as PROTOCOL_VERSION writes it.
 const MAVLINK_2: u16 = 200;
 const MAVLINK_1: u16 = 100;
 
-/// What this vehicle can do and which version it runs.
-pub fn build_autopilot_version() -> AUTOPILOT_VERSION_DATA {
+/// What this vehicle can do, which version it runs and which board it is; an id that is unknown is 0.
+pub fn build_autopilot_version(board_id: Option<BoardId>) -> AUTOPILOT_VERSION_DATA {
     AUTOPILOT_VERSION_DATA {
         capabilities: capabilities(),
-        // Boards and makers are not distinguished yet.
-        uid: 0,
+        uid: board_id.map_or(0, BoardId::number),
         uid2: [0; 18],
+        // Kinds of boards and makers are not distinguished yet.
         vendor_id: 0,
         product_id: 0,
         board_version: 0,

@@ -182,7 +182,7 @@ impl Command {
             BATTERY_RESET => self.reset_batteries(state),
             REQUEST_MESSAGE => self.request_message(scheduler, state),
             REQUEST_PROTOCOL_VERSION if self.param1 == REQUEST => protocol_version(),
-            REQUEST_AUTOPILOT_CAPABILITIES if self.param1 == REQUEST => autopilot_version(),
+            REQUEST_AUTOPILOT_CAPABILITIES if self.param1 == REQUEST => autopilot_version(state),
             REQUEST_PROTOCOL_VERSION | REQUEST_AUTOPILOT_CAPABILITIES => DENIED.into(),
             _ => UNSUPPORTED.into(),
         }
@@ -231,7 +231,7 @@ impl Command {
             return DENIED.into();
         };
         match message_id {
-            AUTOPILOT_VERSION_DATA::ID => autopilot_version(),
+            AUTOPILOT_VERSION_DATA::ID => autopilot_version(state),
             PROTOCOL_VERSION_DATA::ID => protocol_version(),
             MESSAGE_INTERVAL_DATA::ID => self.message_interval(self.param2, scheduler),
             _ => self.request_streams(message_id, state),
@@ -285,8 +285,8 @@ fn pack_mask(parameter: f32) -> Option<u16> {
     }
 }
 
-fn autopilot_version() -> Outcome {
-    Message::AutopilotVersion(build_autopilot_version()).into()
+fn autopilot_version(state: &SystemState<'_>) -> Outcome {
+    Message::AutopilotVersion(build_autopilot_version(state.board_id)).into()
 }
 
 fn protocol_version() -> Outcome {
