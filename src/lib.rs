@@ -99,6 +99,7 @@ pub mod battery;
 pub mod board_id;
 pub mod cadence;
 pub mod crash;
+pub mod identity;
 pub mod liveness;
 pub mod mavlink;
 pub mod pack;

@@ -8,7 +8,7 @@ use super::signing_save::SigningSave;
 use super::start::Start;
 use super::work::Work;
 use crate::battery::BatteryState;
-use crate::board_id::BoardId;
+use crate::identity::Identity;
 use crate::in_place::in_place;
 use crate::log::info;
 use crate::mavlink::{ArmingReadiness, Signing, SystemState};
@@ -26,7 +26,7 @@ pub struct Autopilot {
     /// Whether the arming checks pass, checked once a second.
     pub(super) readiness: ArmingReadiness,
     pub(super) load_permille: u16,
-    pub(super) board_id: Option<BoardId>,
+    pub(super) identity: Identity,
     pub(super) start_notice: Option<Announcement<'static>>,
     pub(super) broadcast: Broadcast,
     pub(super) save_failures: SaveFailures,
@@ -49,7 +49,7 @@ impl Autopilot {
             vehicle: in_place(Vehicle::new),
             readiness: ArmingReadiness::default(),
             load_permille: 0,
-            board_id: start.board_id,
+            identity: start.identity,
             save_failures: SaveFailures::default(),
             signing_save: SigningSave::default(),
             learnt_save: LearntSave::default(),
@@ -99,7 +99,7 @@ impl Autopilot {
     pub fn system_state(&self) -> SystemState<'_> {
         let (packs, vehicle) = (&self.packs, &self.vehicle);
         SystemState {
-            board_id: self.board_id,
+            identity: self.identity,
             ..system_state(packs, vehicle, self.readiness, self.load_permille)
         }
     }

@@ -136,7 +136,7 @@ impl Autopilot {
         // Of the packs alone: the vehicle is changed meanwhile.
         let state = SystemState {
             now,
-            board_id: self.board_id,
+            identity: self.identity,
             ..system_state(&self.packs, &self.vehicle, self.readiness, self.load_permille)
         };
         let event = channel.endpoint.handle_next(

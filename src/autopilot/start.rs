@@ -1,7 +1,7 @@
 //! The start: what was read from flash, and what it announces.
 
 use super::announcement::Announcement;
-use crate::board_id::BoardId;
+use crate::identity::Identity;
 use crate::log::{info, warn};
 use crate::mavlink::{Signing, SigningTrouble};
 use crate::parameter::Parameters;
@@ -16,8 +16,8 @@ pub struct Start {
     pub parameter_load: ParameterLoad,
     /// The signing key and its time.
     pub signing: Signing,
-    /// The board's own number; `None` if it is unknown.
-    pub board_id: Option<BoardId>,
+    /// Which board and program it is.
+    pub identity: Identity,
 }
 
 /// Result of loading the parameters.
@@ -38,7 +38,7 @@ impl Default for Start {
         Self {
             parameter_load: ParameterLoad::Loaded,
             signing: Signing::off(),
-            board_id: None,
+            identity: Identity::default(),
             parameters: Parameters::defaults(),
         }
     }

@@ -3,11 +3,18 @@
 
 use core::ops::Range;
 
+use embassy_rp::flash::FLASH_BASE;
+
 unsafe extern "C" {
     static _stack_end: u32;
     static _stack_start: u32;
     static __stext: u32;
     static __etext: u32;
+    static __srodata: u32;
+    static __erodata: u32;
+    static __sidata: u32;
+    static __sdata: u32;
+    static __edata: u32;
 }
 
 /// Where the main stack lies.
@@ -15,9 +22,21 @@ pub(super) fn stack() -> Range<u32> {
     address(&raw const _stack_end)..address(&raw const _stack_start)
 }
 
-/// Where the program lies in flash.
+/// Where the program's code lies in flash.
 pub fn program_code() -> Range<u32> {
     address(&raw const __stext)..address(&raw const __etext)
+}
+
+/// Where the whole program lies in flash: boot loader, vectors and code; constants; initial values of variables. What is
+/// between these parts is up to the one who flashes it.
+pub(super) fn program_image() -> [Range<u32>; 3] {
+    let values = address(&raw const __sidata);
+    let value_bytes = address(&raw const __edata) - address(&raw const __sdata);
+    [
+        address(FLASH_BASE)..address(&raw const __etext),
+        address(&raw const __srodata)..address(&raw const __erodata),
+        values..values + value_bytes,
+    ]
 }
 
 fn address(symbol: *const u32) -> u32 {

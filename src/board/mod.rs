@@ -4,6 +4,7 @@ mod adc;
 mod buzzer;
 mod crash_memory;
 mod fault;
+mod firmware_hash;
 mod flash;
 mod floats;
 mod i2c;
@@ -30,6 +31,7 @@ use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, pio, usb as rp_usb};
 pub use adc::AnalogInputs;
 pub use buzzer::Buzzer;
 pub use crash_memory::BoardCrashMemory;
+pub use firmware_hash::firmware_hash;
 pub use flash::{
     BoardFlash, FlashDriver, LEARNT_RANGE, PARAMETER_RANGE, SIGNING_RANGE, board_id, flash_driver,
 };

@@ -2,7 +2,7 @@
 
 use super::ReceiveStatistics;
 use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
-use crate::board_id::BoardId;
+use crate::identity::Identity;
 use crate::pack::Pack;
 use crate::time::Instant;
 use crate::vehicle::VehicleStatus;
@@ -22,8 +22,8 @@ pub struct SystemState<'a> {
     pub link: LinkStatistics,
     /// The present moment; its epoch is the start.
     pub now: Instant,
-    /// The board's own number; `None` if it is unknown.
-    pub board_id: Option<BoardId>,
+    /// Which board and program it is.
+    pub identity: Identity,
 }
 
 impl SystemState<'_> {

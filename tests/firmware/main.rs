@@ -37,6 +37,7 @@ mod debugger;
 mod examples;
 mod external_pack;
 mod faults;
+mod firmware_hash;
 mod floats;
 mod fuel;
 mod lamps;

@@ -2,6 +2,7 @@
 
 use super::check::{Check, Outcome, failed, not_measured, outcome};
 use crate::board_check::evidence::Evidence;
+use crate::identity::Identity;
 use crate::mavlink::build_autopilot_version;
 
 pub(super) const CHECK: Check = Check {
@@ -25,7 +26,7 @@ fn judge(evidence: &Evidence) -> Outcome {
         return failed("no answer", "The board does not answer which version it runs.");
     };
     let [major, minor, patch, _] = version.flight_sw_version.to_be_bytes();
-    let differs = version.flight_sw_version != build_autopilot_version(None).flight_sw_version;
+    let differs = version.flight_sw_version != build_autopilot_version(Identity::default()).flight_sw_version;
     outcome(
         format!("{major}.{minor}.{patch}"),
         differs.then_some("Board and program are of different versions."),

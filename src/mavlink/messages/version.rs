@@ -1,17 +1,18 @@
 //! AUTOPILOT_VERSION (148) and PROTOCOL_VERSION (300): who we are.
 
 use crate::board_id::BoardId;
+use crate::identity::{FirmwareHash, Identity};
 use crate::mavlink::dialect::{AUTOPILOT_VERSION_DATA, MavProtocolCapability, PROTOCOL_VERSION_DATA};
 
 /// MAVLink 2, as PROTOCOL_VERSION writes it.
 const MAVLINK_2: u16 = 200;
 const MAVLINK_1: u16 = 100;
 
-/// What this vehicle can do, which version it runs and which board it is; an id that is unknown is 0.
-pub fn build_autopilot_version(board_id: Option<BoardId>) -> AUTOPILOT_VERSION_DATA {
+/// What this vehicle can do, which version and program it runs and which board it is; what is unknown is 0.
+pub fn build_autopilot_version(identity: Identity) -> AUTOPILOT_VERSION_DATA {
     AUTOPILOT_VERSION_DATA {
         capabilities: capabilities(),
-        uid: board_id.map_or(0, BoardId::number),
+        uid: identity.board_id.map_or(0, BoardId::number),
         uid2: [0; 18],
         // Kinds of boards and makers are not distinguished yet.
         vendor_id: 0,
@@ -20,7 +21,7 @@ pub fn build_autopilot_version(board_id: Option<BoardId>) -> AUTOPILOT_VERSION_D
         flight_sw_version: flight_version(),
         middleware_sw_version: 0,
         os_sw_version: 0,
-        flight_custom_version: [0; 8],
+        flight_custom_version: identity.firmware_hash.map_or([0; 8], FirmwareHash::digits),
         middleware_custom_version: [0; 8],
         os_custom_version: [0; 8],
     }

@@ -286,7 +286,7 @@ fn pack_mask(parameter: f32) -> Option<u16> {
 }
 
 fn autopilot_version(state: &SystemState<'_>) -> Outcome {
-    Message::AutopilotVersion(build_autopilot_version(state.board_id)).into()
+    Message::AutopilotVersion(build_autopilot_version(state.identity)).into()
 }
 
 fn protocol_version() -> Outcome {

@@ -1,0 +1,130 @@
+//! The hash of the program in flash: on the wire, in the log, and by the file that was flashed.
+
+use std::sync::OnceLock;
+
+use object::LittleEndian;
+use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
+
+use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND};
+use crate::elf::{Artifact, build};
+use crate::emulator::LogLevel;
+use crate::support::frames::{AUTOPILOT_VERSION, of_message};
+use crate::support::requests::command_long;
+
+const REQUEST_MESSAGE: u16 = 512;
+
+const FLASH_BASE: u32 = 0x1000_0000;
+
+/// `flight_custom_version` in AUTOPILOT_VERSION.
+const HASH_AT: usize = 36;
+const HASH_CHARS: usize = 8;
+
+/// Offset in flash and bytes of each part of the program, in the order of offsets.
+type Parts = Vec<(u32, Vec<u8>)>;
+
+/// As the file of the release firmware describes it.
+fn parts() -> &'static Parts {
+    static PARTS: OnceLock<Parts> = OnceLock::new();
+    PARTS.get_or_init(|| {
+        let file = std::fs::read(build(Artifact::Binary("rover-battmon"))).expect("it was built");
+        let elf = ElfFile32::<LittleEndian>::parse(&*file).expect("cargo links ELF files");
+        let endian = elf.elf_header().endian().expect("it has one");
+        let segments = elf.elf_program_headers().iter();
+        let loaded = segments.filter(|segment| segment.p_type(endian) == object::elf::PT_LOAD);
+        let mut parts: Parts = loaded
+            .map(|segment| {
+                let bytes = segment.data(endian, &*file).expect("it is in the file");
+                (segment.p_paddr(endian), bytes.to_vec())
+            })
+            .filter(|(_, bytes)| !bytes.is_empty())
+            .map(|(address, bytes)| (address - FLASH_BASE, bytes))
+            .collect();
+        parts.sort();
+        parts
+    })
+}
+
+/// Bit by bit, as IEEE 802.3 has it.
+fn crc32(bytes: impl Iterator<Item = u8>) -> u32 {
+    let bits = bytes.flat_map(|byte| (0..8).map(move |bit| byte >> bit & 1));
+    !bits.fold(!0, |crc, bit| {
+        let is_out = (crc ^ u32::from(bit)) & 1 != 0;
+        if is_out { crc >> 1 ^ 0xEDB8_8320 } else { crc >> 1 }
+    })
+}
+
+fn hash_of(parts: &Parts) -> String {
+    let bytes = parts.iter().flat_map(|(_, bytes)| bytes.iter().copied());
+    format!("{:08x}", crc32(bytes))
+}
+
+fn reported(mut bench: Bench) -> String {
+    bench.run_for(100 * MILLISECOND);
+    let answers = bench.ask(&command_long(REQUEST_MESSAGE, 148.0));
+    of_message(&answers, AUTOPILOT_VERSION)[0].text(HASH_AT, HASH_CHARS)
+}
+
+#[test]
+fn it_is_that_of_the_file() {
+    assert_eq!(
+        crc32(b"123456789".iter().copied()),
+        0xCBF4_3926,
+        "check value of CRC-32"
+    );
+    assert_eq!(reported(Bench::power_up(DIVIDER_CODE)), hash_of(parts()));
+}
+
+#[test]
+fn it_is_logged_and_takes_no_time_that_matters() {
+    const LONGEST_US: u64 = 60 * MILLISECOND;
+    let mut bench = Bench::power_up(DIVIDER_CODE);
+    bench.run_for(100 * MILLISECOND);
+    let banner = bench.logged(LogLevel::Info, "started by");
+    let program = bench.logged(LogLevel::Info, &format!("program {}", hash_of(parts())));
+    let took_us = program[0].0 - banner[0].0;
+    println!(
+        "the hash of {} bytes took {took_us} us",
+        parts().iter().map(|(_, bytes)| bytes.len()).sum::<usize>()
+    );
+    assert!(took_us < LONGEST_US, "{took_us} us");
+}
+
+/// Where a text that is sent after crashes only is in flash.
+fn unused_text() -> u32 {
+    let text = b"called from";
+    let places = parts().iter().flat_map(|(offset, bytes)| {
+        let found = bytes.windows(text.len()).position(|window| window == text);
+        found.map(|at| offset + at as u32)
+    });
+    places.last().expect("the firmware has it")
+}
+
+#[test]
+fn a_single_byte_changes_it() {
+    let offset = unused_text();
+    let mut changed = parts().clone();
+    let part = changed.iter_mut().rfind(|(start, _)| *start <= offset);
+    let (start, bytes) = part.expect("it is in a part");
+    let byte = &mut bytes[(offset - *start) as usize];
+    *byte ^= 1;
+    let byte = *byte;
+    assert_ne!(hash_of(&changed), hash_of(parts()));
+    assert_eq!(
+        reported(Bench::power_up_with_flash(DIVIDER_CODE, offset, &[byte])),
+        hash_of(&changed)
+    );
+}
+
+#[test]
+fn what_is_between_and_behind_the_parts_does_not_change_it() {
+    // UF2 files fill pages of 256 bytes.
+    let (last, bytes) = parts().last().expect("it has some");
+    let image_bytes = last + (bytes.len() as u32).next_multiple_of(256);
+    let mut image = vec![0x5a; image_bytes as usize];
+    for (offset, bytes) in parts() {
+        let start = *offset as usize;
+        image[start..start + bytes.len()].copy_from_slice(bytes);
+    }
+    let bench = Bench::power_up_with_flash(DIVIDER_CODE, 0, &image);
+    assert_eq!(reported(bench), hash_of(parts()));
+}
