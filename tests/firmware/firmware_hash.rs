@@ -91,11 +91,11 @@ fn it_is_logged_soon_and_does_not_delay_the_start() {
 /// only.
 pub fn flipped_byte() -> (u32, u8) {
     let text = b"called from";
-    let places = parts().iter().filter_map(|(offset, bytes)| {
+    let mut places = parts().iter().filter_map(|(offset, bytes)| {
         let at = bytes.windows(text.len()).position(|window| window == text)?;
         Some((offset + at as u32, bytes[at] ^ 1))
     });
-    places.last().expect("the firmware has it")
+    places.next_back().expect("the firmware has it")
 }
 
 #[test]
