@@ -19,16 +19,34 @@ const fn remainders() -> [u32; 16] {
     remainders
 }
 
-/// The checksum of `words`, as of their bytes in little-endian order. Neither all zeros nor all ones are sealed by it.
-pub(crate) fn crc32(words: impl IntoIterator<Item = u32>) -> u32 {
-    let crc = words.into_iter().fold(u32::MAX, |mut crc, word| {
-        crc ^= word;
+/// The checksum of words that come one after the other, as of their bytes in little-endian order.
+pub(crate) struct Crc32(u32);
+
+impl Crc32 {
+    /// Of no words.
+    pub(crate) fn new() -> Self {
+        Self(u32::MAX)
+    }
+
+    /// Takes the next word.
+    pub(crate) fn add(&mut self, word: u32) {
+        self.0 ^= word;
         for _ in 0..u32::BITS / 4 {
-            crc = (crc >> 4) ^ REMAINDERS[(crc & 0xf) as usize];
+            self.0 = (self.0 >> 4) ^ REMAINDERS[(self.0 & 0xf) as usize];
         }
-        crc
-    });
-    !crc
+    }
+
+    /// The checksum of all words so far.
+    pub(crate) fn value(&self) -> u32 {
+        !self.0
+    }
+}
+
+/// The checksum of `words`. Neither all zeros nor all ones are sealed by it.
+pub(crate) fn crc32(words: impl IntoIterator<Item = u32>) -> u32 {
+    let mut crc = Crc32::new();
+    words.into_iter().for_each(|word| crc.add(word));
+    crc.value()
 }
 
 #[cfg(test)]

@@ -2,8 +2,13 @@
 
 use core::array;
 
+use embassy_futures::yield_now;
+
 use crate::board_id::BoardId;
-use crate::crc32::crc32;
+use crate::crc32::{Crc32, crc32};
+
+/// What is read of a program at a time takes some 50 µs.
+const WORDS_A_TURN: usize = 64;
 
 /// What distinguishes a board and its program from others; `None` if it is unknown, as on a host.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,6 +27,18 @@ pub struct FirmwareHash(u32);
 impl FirmwareHash {
     /// Hexadecimal digits of a hash.
     pub const DIGITS: usize = 8;
+
+    /// The hash of a program of these words, which is read a little at a time: others get their turn while it is read.
+    pub(crate) async fn of_slowly(program: impl IntoIterator<Item = u32>) -> Self {
+        let mut crc = Crc32::new();
+        for (index, word) in program.into_iter().enumerate() {
+            crc.add(word);
+            if index % WORDS_A_TURN == 0 {
+                yield_now().await;
+            }
+        }
+        Self(crc.value())
+    }
 
     /// The hash of a program of these words.
     pub fn of(program: impl IntoIterator<Item = u32>) -> Self {
@@ -45,6 +62,8 @@ impl FirmwareHash {
 
 #[cfg(test)]
 mod tests {
+    use embassy_futures::block_on;
+
     use super::*;
 
     #[test]
@@ -54,6 +73,7 @@ mod tests {
         let hash = FirmwareHash::of(words);
         assert_eq!(&hash.digits(), b"9ae0daaf");
         assert_eq!(hash.number(), 0x9ae0_daaf);
+        assert_eq!(block_on(FirmwareHash::of_slowly(words)), hash);
         assert_eq!(&FirmwareHash(0x0120_ffff).digits(), b"0120ffff");
     }
 }

@@ -17,7 +17,6 @@ mod firmware {
         SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort,
     };
     use rover_battmon::crash::CrashRecord;
-    use rover_battmon::identity::Identity;
     use rover_battmon::liveness::CheckIn;
     use rover_battmon::mavlink::LinkKind;
     use rover_battmon::sensor::Buses;
@@ -161,6 +160,11 @@ mod firmware {
     }
 
     #[embassy_executor::task]
+    async fn hash_program(shared: &'static Shared) {
+        tasks::hash_program(board::program(), shared).await;
+    }
+
+    #[embassy_executor::task]
     async fn report_crash(crash: Option<CrashRecord>, shared: &'static Shared) {
         if let Some(crash) = crash {
             tasks::report_crash(&crash, board::program_code(), &mut BoardCrashMemory, shared).await;
@@ -182,7 +186,10 @@ mod firmware {
         last_run.log();
 
         let flash_driver = FLASH.init(board::flash_driver(peripherals.FLASH));
-        let identity = identify(flash_driver);
+        let id = board::board_id(flash_driver);
+        if let Some(id) = id {
+            info!("board {}", id.serial_number().as_str());
+        }
         let flash = BoardFlash::new(flash_driver);
         let mut storage = Storage::new(flash, board::PARAMETER_RANGE);
         let mut stored = Start::default();
@@ -194,7 +201,7 @@ mod firmware {
                 &mut stored,
             )))
             .await;
-        stored.identity = identity;
+        stored.identity.board_id = id;
         let shared = share(&stored);
         let wiring = shared.with(|autopilot| autopilot.wiring());
 
@@ -207,7 +214,7 @@ mod firmware {
             rx_dma: (peripherals.DMA_CH8, peripherals.DMA_CH9),
         };
         let (transmitter, receiver) = board::telemetry_uart(telemetry_parts, wiring.telemetry_baud);
-        let usb_port = UsbPort::new(peripherals.USB, identity.board_id);
+        let usb_port = UsbPort::new(peripherals.USB, id);
         let input = AnalogInputs::new(
             peripherals.ADC,
             peripherals.PIN_26,
@@ -272,22 +279,8 @@ mod firmware {
         start(spawner, STATUS.name(), status(shared, link));
         start(spawner, "reboot", reboot(shared, link));
         start(spawner, "crash report", report_crash(last_run.crash, shared));
+        start(spawner, "program hash", hash_program(shared));
         start(spawner, "supervisor", supervisor(watchdog));
-    }
-
-    // Its buffers must not add to the stack of `main`.
-    #[inline(never)]
-    fn identify(flash_driver: &FlashDriver) -> Identity {
-        let hash = board::firmware_hash();
-        info!("program {=u32:08x}", hash.number());
-        let board_id = board::board_id(flash_driver);
-        if let Some(id) = board_id {
-            info!("board {}", id.serial_number().as_str());
-        }
-        Identity {
-            board_id,
-            firmware_hash: Some(hash),
-        }
     }
 
     // Built where they stay: on the stack of `main` they would take several times their size.

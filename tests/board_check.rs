@@ -18,8 +18,9 @@ use page::assert_part;
 use proptest::prelude::*;
 use rover_battmon::autopilot::{Announcement, Start, Work};
 use rover_battmon::board_check::{
-    CHECKS, Calibrate, Multimeter, Part, Plan, Port, PortClosed, Report, Verdict, run,
+    CHECKS, Calibrate, Multimeter, Part, Plan, Port, PortClosed, Report, Verdict, hash_of_elf, run,
 };
+use rover_battmon::identity::FirmwareHash;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::BatteryParameter;
 use rover_battmon::parameter::{Parameters, VehicleParameter};
@@ -498,7 +499,7 @@ fn each_fault_fails_its_check_and_no_other() {
     ];
     let plan = EVERYTHING;
     let other_build = Plan {
-        firmware_hash: Some([1; 8]),
+        firmware_hash: Some(FirmwareHash::of([1])),
         ..plan
     };
     let other_voltage = Plan {
@@ -710,4 +711,59 @@ fn the_checks_are_on_the_page() {
         table += &format!("| {name} | {measures} | {expected} | {advice} |\n");
     }
     assert_part("checks", &table, str::to_string);
+}
+
+/// An ELF file of 32 bits with these segments: type, address, bytes.
+fn elf_file(segments: &[(u32, u32, &[u8])]) -> Vec<u8> {
+    const HEADER_BYTES: usize = 52;
+    const PROGRAM_HEADER_BYTES: usize = 32;
+    let mut file = b"\x7fELF\x01\x01".to_vec();
+    file.resize(HEADER_BYTES, 0);
+    file[0x1c] = HEADER_BYTES as u8;
+    file[0x2a] = PROGRAM_HEADER_BYTES as u8;
+    file[0x2c] = segments.len() as u8;
+    let mut contents: Vec<u8> = Vec::new();
+    for (kind, address, bytes) in segments {
+        let offset = HEADER_BYTES + segments.len() * PROGRAM_HEADER_BYTES + contents.len();
+        let size = bytes.len() as u32;
+        for word in [*kind, offset as u32, 0x2000_0000, *address, size, size, 0, 4] {
+            file.extend(word.to_le_bytes());
+        }
+        contents.extend(*bytes);
+    }
+    file.extend(contents);
+    file
+}
+
+#[test]
+fn the_hash_of_a_file_is_that_of_its_loaded_segments_by_their_addresses() {
+    const LOAD: u32 = 1;
+    const NOTE: u32 = 4;
+    let file = elf_file(&[
+        (LOAD, 0x1000_0100, b"5678"),
+        (NOTE, 0x1000_0080, b"note"),
+        (LOAD, 0x2000_b000, b""),
+        (LOAD, 0x1000_0000, b"1234"),
+    ]);
+    // `zlib.crc32(b"12345678")`
+    let hash = hash_of_elf(&file).expect("a whole file");
+    assert_eq!(&hash.digits(), b"9ae0daaf");
+    for length in 0..file.len() {
+        assert_eq!(
+            hash_of_elf(&file[..length]),
+            None,
+            "{length} of {} bytes",
+            file.len()
+        );
+    }
+    assert_eq!(hash_of_elf(&elf_file(&[(NOTE, 0, b"note")])), None);
+    assert_eq!(hash_of_elf(&elf_file(&[(LOAD, 0, b"odd")])), None);
+}
+
+proptest! {
+    #[test]
+    fn any_file_has_a_hash_or_none(start in 0..=6_usize, rest in prop::collection::vec(any::<u8>(), 0..200)) {
+        let file = [&b"\x7fELF\x01\x01"[..start], &rest].concat();
+        let _ = hash_of_elf(&file);
+    }
 }

@@ -8,7 +8,7 @@ use super::signing_save::SigningSave;
 use super::start::Start;
 use super::work::Work;
 use crate::battery::BatteryState;
-use crate::identity::Identity;
+use crate::identity::{FirmwareHash, Identity};
 use crate::in_place::in_place;
 use crate::log::info;
 use crate::mavlink::{ArmingReadiness, Signing, SystemState};
@@ -93,6 +93,11 @@ impl Autopilot {
     /// Sets the busy share of the processor over the last second, in tenths of a percent.
     pub fn set_load(&mut self, load_permille: u16) {
         self.load_permille = load_permille;
+    }
+
+    /// Sets the program's hash, which is known a moment after the start.
+    pub fn set_firmware_hash(&mut self, hash: FirmwareHash) {
+        self.identity.firmware_hash = Some(hash);
     }
 
     /// Everything telemetry reports now, apart from a link's own counters.

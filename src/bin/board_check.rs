@@ -13,8 +13,9 @@ mod board_check {
 
     use clap::Parser;
     use rover_battmon::board_check::{
-        Answer, Calibrate, Multimeter, Owner, Part, Plan, Port, PortClosed, Verdict, run,
+        Answer, Calibrate, Multimeter, Owner, Part, Plan, Port, PortClosed, Verdict, hash_of_elf, run,
     };
+    use rover_battmon::identity::FirmwareHash;
     use rover_battmon::time::Instant;
     use serialport::SerialPort;
 
@@ -56,9 +57,9 @@ mod board_check {
         #[arg(long)]
         motors: bool,
 
-        /// The firmware's hash, 16 hexadecimal digits
-        #[arg(long, value_name = "HASH", value_parser = hash)]
-        firmware_hash: Option<[u8; 8]>,
+        /// The ELF file of the build that the board has to run
+        #[arg(long, value_name = "FILE", value_parser = hash_of_file)]
+        firmware: Option<FirmwareHash>,
     }
 
     fn positive(text: &str) -> Result<f32, String> {
@@ -68,11 +69,9 @@ mod board_check {
         }
     }
 
-    fn hash(text: &str) -> Result<[u8; 8], String> {
-        match u64::from_str_radix(text, 16) {
-            Ok(number) if text.len() == 16 => Ok(number.to_be_bytes()),
-            _ => Err("16 hexadecimal digits are needed".into()),
-        }
+    fn hash_of_file(name: &str) -> Result<FirmwareHash, String> {
+        let file = fs::read(name).map_err(|error| error.to_string())?;
+        hash_of_elf(&file).ok_or_else(|| "the firmware's ELF file is needed".into())
     }
 
     impl Arguments {
@@ -91,7 +90,7 @@ mod board_check {
                 } else {
                     Calibrate::Offer
                 },
-                firmware_hash: self.firmware_hash,
+                firmware_hash: self.firmware,
             }
         }
     }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::record::{Received, Record};
 use super::session::{Interruption, Restarted};
+use crate::identity::FirmwareHash;
 use crate::mavlink::dialect::{AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, MavMessage, SYS_STATUS_DATA};
 use crate::time::Instant;
 
@@ -162,7 +163,7 @@ pub struct Evidence {
     /// Its version; `None` if it did not answer.
     pub version: Option<AUTOPILOT_VERSION_DATA>,
     /// The firmware's hash that is expected, if any.
-    pub expected_hash: Option<[u8; 8]>,
+    pub expected_hash: Option<FirmwareHash>,
     /// Its parameters.
     pub parameters: Option<ParameterList>,
     /// When it was left alone.

@@ -5,6 +5,7 @@
 //! the owner's answers come through [`Port`] and [`Owner`], so that tests need no wall time.
 
 mod checks;
+mod elf;
 mod evidence;
 mod frames;
 mod plan;
@@ -16,6 +17,7 @@ mod run;
 mod session;
 
 pub use checks::{CHECKS, Check, Outcome};
+pub use elf::hash_of_elf;
 pub use plan::{Calibrate, Multimeter, Part, Plan};
 pub use port::{Answer, Owner, Port, PortClosed};
 pub use report::{Report, Verdict};

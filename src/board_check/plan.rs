@@ -1,6 +1,7 @@
 //! What the owner asks for.
 
 use super::evidence::{Evidence, Trial};
+use crate::identity::FirmwareHash;
 
 /// Whether a part that is run on request only is run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,7 +47,7 @@ pub struct Plan {
     /// Calibrate it.
     pub calibrate: Calibrate,
     /// The firmware's hash, if it has to be a certain one.
-    pub firmware_hash: Option<[u8; 8]>,
+    pub firmware_hash: Option<FirmwareHash>,
 }
 
 impl Plan {

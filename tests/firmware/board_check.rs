@@ -3,13 +3,16 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use rover_battmon::board_check::{Calibrate, Multimeter, Part, Plan, Report, Verdict, run};
+use rover_battmon::board_check::{Calibrate, Multimeter, Part, Plan, Report, Verdict, hash_of_elf, run};
+use rover_battmon::identity::FirmwareHash;
 
 use crate::bench::{
     Bench, DIVIDER_CODE, MILLISECOND, PACK, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND, SECTOR_BYTES,
 };
 use crate::checked::{Checked, Line, Turned, Watcher, failed, not_measured};
+use crate::elf::{Artifact, build};
 use crate::emulator::{AdcInput, SentByte};
+use crate::firmware_hash::flipped_byte;
 use crate::motor_poles::{LEFT, Motor, RIGHT};
 use crate::page::assert_part;
 
@@ -114,19 +117,51 @@ fn check(bench: Bench, fault: Fault, plan: &Plan) -> Report {
     report
 }
 
+/// The hash of the release firmware's file.
+fn released() -> FirmwareHash {
+    let file = std::fs::read(build(Artifact::Binary("rover-battmon"))).expect("it was built");
+    hash_of_elf(&file).expect("cargo links ELF files")
+}
+
 fn sound() -> Bench {
     Bench::power_up(DIVIDER_CODE)
 }
 
+/// Waits until the firmware knows its hash.
+fn hashed(mut bench: Bench) -> Bench {
+    bench.run_for(200 * MILLISECOND);
+    bench
+}
+
 #[test]
 fn a_sound_board_passes_and_its_report_is_on_the_page() {
-    let report = check(sound(), Fault::None, &EVERYTHING);
+    let plan = Plan {
+        firmware_hash: Some(released()),
+        ..EVERYTHING
+    };
+    let report = check(hashed(sound()), Fault::None, &plan);
     assert_eq!(failed(&report), [""; 0]);
-    assert_eq!(not_measured(&report), ["firmware hash"]);
+    assert_eq!(not_measured(&report), [""; 0]);
     assert_eq!(report.verdict(), Verdict::Passed);
     // Two levels down, for it stands below a heading of the page. Every change of the firmware changes figures.
     let report = report.markdown("of the emulated board").replace("# ", "### ");
     assert_part("report", &report, without_figures);
+}
+
+#[test]
+fn another_program_is_found() {
+    let plan = Plan {
+        firmware_hash: Some(released()),
+        ..Plan::default()
+    };
+    let (offset, byte) = flipped_byte();
+    let bench = Bench::power_up_with_flash(DIVIDER_CODE, offset, &[byte]);
+    let report = check(hashed(bench), Fault::None, &plan);
+    assert_eq!(failed(&report), ["firmware hash"]);
+    assert!(
+        !report.markdown("").contains("| **failed** | none |"),
+        "it has a hash"
+    );
 }
 
 #[test]
@@ -178,13 +213,14 @@ fn a_damaged_line_and_a_noisy_divider_are_found() {
     assert_eq!(failed(&report), ["damaged frames", "voltage noise"]);
 }
 
-/// The text with `#` for each word that begins with a digit: numbers and addresses.
+/// The text with `#` for each word that begins with a digit, and for a hash: numbers and addresses.
 fn without_figures(text: &str) -> String {
     let is_in_word = |c: char| c.is_ascii_alphanumeric() || c == '.';
     let mut result = String::new();
     for part in text.split_inclusive(|c| !is_in_word(c)) {
         let word = part.trim_end_matches(|c| !is_in_word(c));
-        if word.starts_with(|c: char| c.is_ascii_digit()) {
+        let is_hash = word.len() == FirmwareHash::DIGITS && word.chars().all(|c| c.is_ascii_hexdigit());
+        if is_hash || word.starts_with(|c: char| c.is_ascii_digit()) {
             result.push('#');
             result += &part[word.len()..];
         } else {

@@ -59,6 +59,12 @@ def test_a_sound_vehicle_passes(start_simulator, tmp_path):
     assert unknown == not_sent | not_asked
 
 
+def test_only_an_elf_file_names_a_build(tmp_path):
+    report = tmp_path / "report.md"
+    ended = board_check("tcp:127.0.0.1:9", report, "--firmware", REPOSITORY / "Cargo.toml")
+    assert ended.returncode == 2 and "the firmware's ELF file is needed" in ended.stderr
+
+
 def test_a_wheel_that_turns_wrong_and_a_crash_without_a_record_fail(start_simulator, tmp_path):
     report = tmp_path / "report.md"
     url = start_simulator().url

@@ -2,7 +2,7 @@
 
 use super::check::{Check, Outcome, failed, not_measured, outcome};
 use crate::board_check::evidence::Evidence;
-use crate::identity::Identity;
+use crate::identity::{FirmwareHash, Identity};
 use crate::mavlink::build_autopilot_version;
 
 pub(super) const CHECK: Check = Check {
@@ -13,11 +13,14 @@ pub(super) const CHECK: Check = Check {
     judge,
 };
 
+/// What a simulator sends.
+const NO_HASH: [u8; FirmwareHash::DIGITS] = [0; _];
+
 pub(super) const HASH_CHECK: Check = Check {
     name: "firmware hash",
     measures: "`flight_custom_version` in AUTOPILOT_VERSION",
-    expected: "what `--firmware-hash` says",
-    advice: "Compare the flashed file with the release's hashes.",
+    expected: "the hash of the file given by `--firmware`",
+    advice: "Flash the UF2 file that belongs to this ELF file.",
     judge: judge_hash,
 };
 
@@ -38,13 +41,15 @@ fn judge_hash(evidence: &Evidence) -> Outcome {
         return not_measured("no answer");
     };
     let hash = version.flight_custom_version;
-    let shown: String = hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    let shown = match hash {
+        NO_HASH => "none".into(),
+        _ => String::from_utf8_lossy(&hash).into_owned(),
+    };
     match evidence.expected_hash {
         Some(expected) => outcome(
             shown,
-            (hash != expected).then_some("The board runs another build."),
+            (hash != expected.digits()).then_some("The board runs another build."),
         ),
-        None if hash == [0; 8] => not_measured("the firmware sends none"),
-        None => not_measured(format!("{shown}, nothing to compare with")),
+        None => not_measured(format!("{shown}; not asked for: `--firmware`")),
     }
 }
