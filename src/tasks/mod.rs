@@ -10,6 +10,7 @@ mod clock;
 mod crash;
 mod drive;
 mod esc;
+mod flash_turns;
 mod learnt;
 mod link;
 mod parameters;
