@@ -10,7 +10,6 @@ mod clock;
 mod crash;
 mod drive;
 mod esc;
-mod flash_turns;
 mod learnt;
 mod link;
 mod parameters;
