@@ -3,7 +3,7 @@
 use core::cell::RefCell;
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
-use embassy_sync::semaphore::{FairSemaphore, Semaphore, SemaphoreReleaser};
+use embassy_sync::mutex::{Mutex, MutexGuard};
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::{Receiver, Watch};
 
@@ -15,13 +15,6 @@ use crate::storage::Erase;
 /// sends announcements when its next stream is due.
 const MAX_LINKS: usize = 9;
 
-/// The tasks that write to flash: parameters, signing, learnt.
-const FLASH_TASKS: usize = 3;
-
-/// In the order in which they were asked for: a plain mutex is taken by whoever releases it and comes again, and a task that
-/// always has something to write would keep the others from theirs until the watchdog misses them.
-type FlashTurns = FairSemaphore<NoopRawMutex, FLASH_TASKS>;
-
 /// Wakes up a link when something was announced.
 pub(super) type AnnouncementReceiver<'a> = Receiver<'a, NoopRawMutex, (), MAX_LINKS>;
 
@@ -31,7 +24,7 @@ pub(super) type AnnouncementReceiver<'a> = Receiver<'a, NoopRawMutex, (), MAX_LI
 pub struct Shared {
     autopilot: RefCell<Autopilot>,
     announced: Watch<NoopRawMutex, (), MAX_LINKS>,
-    flash_turns: FlashTurns,
+    flash_turn: Mutex<NoopRawMutex, ()>,
     pub(super) to_drive: Signal<NoopRawMutex, ()>,
     pub(super) to_save: Signal<NoopRawMutex, ()>,
     pub(super) to_save_signing: Signal<NoopRawMutex, ()>,
@@ -48,7 +41,7 @@ impl Shared {
         Self {
             autopilot: in_place(|| RefCell::new(Autopilot::new(start))),
             announced: Watch::new(),
-            flash_turns: FlashTurns::new(1),
+            flash_turn: Mutex::new(()),
             to_drive: Signal::new(),
             to_save: Signal::new(),
             to_save_signing: Signal::new(),
@@ -73,9 +66,8 @@ impl Shared {
     ///
     /// An erase takes up to 400 ms. Were each of three tasks to erase a sector in its turn of one round, nothing else would run
     /// in between, and the watchdog would not be fed in time.
-    pub(super) async fn flash_turn(&self) -> Option<SemaphoreReleaser<'_, FlashTurns>> {
-        // `None` is no turn: more would be waiting than there are tasks.
-        self.flash_turns.acquire(1).await.ok()
+    pub(super) async fn flash_turn(&self) -> MutexGuard<'_, NoopRawMutex, ()> {
+        self.flash_turn.lock().await
     }
 
     /// Whether flash may be erased now, for [`Storage`](crate::storage::Storage).
@@ -112,37 +104,5 @@ impl Shared {
         if work.contains(Work::ANNOUNCED) {
             self.announced.sender().send(());
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use core::cell::Cell;
-
-    use embassy_futures::block_on;
-    use embassy_futures::select::select3;
-    use embassy_futures::yield_now;
-
-    use super::*;
-
-    /// Writes whenever it may, as often as that is.
-    async fn write_for_ever(shared: &Shared, turns: &Cell<u32>, others: &Cell<u32>) {
-        while turns.get() < 100 {
-            assert!(turns.get() <= others.get() + 2, "{turns:?} to {others:?}");
-            let _turn = shared.flash_turn().await;
-            yield_now().await;
-            turns.set(turns.get() + 1);
-        }
-    }
-
-    #[test]
-    fn tasks_that_always_have_something_to_write_take_turns() {
-        let shared = Shared::new(&Start::default());
-        let [parameters, signing, learnt] = [const { Cell::new(0) }; 3];
-        block_on(select3(
-            write_for_ever(&shared, &parameters, &signing),
-            write_for_ever(&shared, &signing, &learnt),
-            write_for_ever(&shared, &learnt, &parameters),
-        ));
     }
 }
