@@ -210,6 +210,24 @@ fn parameters_without_space_are_live_reported_and_saved_after_disarming() {
 }
 
 #[test]
+fn a_failure_that_is_over_before_its_announcement_is_not_announced_as_over() {
+    run(&Regions::blank(), async |station| {
+        station.set("BATT_LOW_VOLT", 5.0);
+        station.wait(2).await;
+        station.armed(async || drop(fill(station, 0).await)).await;
+        let texts = station.set("BATT_CAPACITY", 1234.0);
+        assert_eq!(texts, [""; 0]);
+        Timer::after_millis(200).await;
+        station.disarm();
+        assert_eq!(
+            station.wait(70).await,
+            ["Parameters saved"],
+            "the failures before"
+        );
+    });
+}
+
+#[test]
 fn power_lost_while_armed_brings_the_saved_values_back() {
     let regions = Regions::blank();
     run(&regions, async |station| {

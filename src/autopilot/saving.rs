@@ -52,6 +52,7 @@ impl Autopilot {
         }
         if let Some(failure) = self.parameters.unsaved_by(error) {
             self.announce(Announcement::ParametersNotSaved(failure));
+            self.save_failures.mark_announced();
         }
     }
 

@@ -157,6 +157,8 @@ pub struct UartReceiver {
     /// When the ring was found empty. Looked for sooner than a [`LOOK_INTERVAL`] later, bytes would be handled one by one.
     emptied_at: Instant,
     looks_in_vain: u8,
+    /// When noise was reported.
+    noisy_at: Instant,
 }
 
 impl UartReceiver {
@@ -167,6 +169,7 @@ impl UartReceiver {
             ring,
             emptied_at: Instant::MIN,
             looks_in_vain: 0,
+            noisy_at: Instant::MIN,
         }
     }
 
@@ -188,8 +191,15 @@ impl UartReceiver {
         self.emptied_at = Instant::now();
     }
 
-    /// Whether the port saw noise, or its FIFO overran, since the last look. Its raw interrupts stay until they are cleared.
+    /// Whether the port saw noise, or its FIFO overran. Its raw interrupts stay until they are cleared.
+    ///
+    /// At most once per [`LOOK_INTERVAL`]: on a line that is nothing but noise there would be an error at every look, and
+    /// no look at what was received.
     fn check_line(&mut self) -> Result<(), ReceiveError> {
+        let now = Instant::now();
+        if now.saturating_duration_since(self.noisy_at) < LOOK_INTERVAL {
+            return Ok(());
+        }
         let raw = self.registers.uartris().read();
         if !(raw.oeris() || raw.beris() || raw.peris() || raw.feris()) {
             return Ok(());
@@ -200,6 +210,7 @@ impl UartReceiver {
         seen.set_peic(raw.peris());
         seen.set_feic(raw.feris());
         self.registers.uarticr().write_value(seen);
+        self.noisy_at = now;
         Err(ReceiveError::LineError)
     }
 }

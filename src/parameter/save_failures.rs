@@ -42,12 +42,12 @@ pub struct SaveFailures {
     /// The latest unreported error.
     to_report: Option<StorageError>,
     muted_until: Instant,
-    /// Whether one was reported since everything was saved.
-    reported: Reported,
+    /// Whether one was announced since everything was saved.
+    announced: Announced,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Reported {
+enum Announced {
     #[default]
     Nothing,
     Failure,
@@ -76,13 +76,17 @@ impl SaveFailures {
         }
         let report = self.to_report.take()?;
         self.muted_until = now.after_us(REPORT_INTERVAL_US);
-        self.reported = Reported::Failure;
         Some(report)
     }
 
-    /// Whether a failure was reported; once, after everything was saved.
+    /// What [`take_report`](Self::take_report) has returned was announced: it may have been over by then.
+    pub fn mark_announced(&mut self) {
+        self.announced = Announced::Failure;
+    }
+
+    /// Whether a failure was announced; once, after everything was saved.
     pub fn take_recovery(&mut self) -> bool {
-        mem::take(&mut self.reported) == Reported::Failure
+        mem::take(&mut self.announced) == Announced::Failure
     }
 }
 
@@ -148,11 +152,12 @@ mod tests {
     }
 
     #[test]
-    fn recovery_is_reported_once_and_only_after_a_report() {
+    fn recovery_is_reported_once_and_only_after_an_announcement() {
         let mut failures = SaveFailures::default();
         failures.add(UNERASED, Instant::EPOCH);
-        assert!(!failures.take_recovery(), "not reported yet");
         assert_eq!(failures.take_report(at_us(SECOND_US)), UNERASED);
+        assert!(!failures.take_recovery(), "not announced");
+        failures.mark_announced();
         assert!(failures.take_recovery());
         assert!(!failures.take_recovery());
     }

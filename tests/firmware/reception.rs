@@ -204,6 +204,34 @@ fn without_its_pull_up_an_unwired_gp1_is_noise() {
     assert!(!bench.logged(LogLevel::Warn, "line error").is_empty());
 }
 
+#[test]
+fn a_line_that_is_nothing_but_noise_is_looked_at_every_millisecond() {
+    let mut bench = Bench::configured(GOOD_3S, &[("SERIAL0_BAUD", 921.0)]);
+    bench.run_for(SAVED_US);
+    bench.take_log();
+    // Low for twice as long as a byte: each is a framing error, and there are some 40 in a millisecond.
+    let from_us = bench.time_us();
+    let noise_ends_us = bench.uart_send_at_baud(TELEMETRY, from_us, &[0; 46_080], 460_800);
+    bench.run_until_time(noise_ends_us);
+    let reports = bench.logged(LogLevel::Warn, "line error").len();
+    println!(
+        "{reports} errors reported in {} ms",
+        (noise_ends_us - from_us) / MILLISECOND
+    );
+    assert!((400..=1000).contains(&reports), "{reports}");
+    assert_eq!(
+        bench.logged(LogLevel::Warn, "bytes were lost"),
+        [],
+        "they are read"
+    );
+    bench.run_for(SECOND);
+    let asked_us = bench.time_us();
+    bench.uart_send(TELEMETRY, 0, &timesync(1));
+    bench.run_for(SECOND);
+    let frames = bench.frames_since(asked_us);
+    assert_eq!(of_message(&frames, TIMESYNC).len(), 1);
+}
+
 /// Of a motor controller: 30 °C, 12 V, 5 A, so many mAh.
 fn esc_frame(mah: u16) -> Vec<u8> {
     crate::pulses_and_esc::telemetry(30, 1200, 500, mah)
