@@ -1,7 +1,7 @@
 //! Reads a ring that is written without end by a writer that never waits.
 
 /// What has been written is counted modulo this. The reader has to look before so much more is written: at 921,600 baud
-/// that takes 2.8 s, and the watchdog restarts the board when nothing is read for longer than a second.
+/// that takes 2.8 s. A reader that is late by more miscounts what it has lost, and is about to be missed by the watchdog.
 pub const COUNT_PERIOD: u32 = 1 << 18;
 
 /// The writer was so far ahead that unread bytes have been overwritten. All that was unread is dropped: this many bytes.

@@ -9,6 +9,7 @@ use std::cell::RefCell;
 use embassy_futures::block_on;
 use embassy_futures::join::join3;
 use embassy_futures::select::select;
+use embassy_futures::yield_now;
 use embassy_time::{Duration, Timer};
 use flash::{FLASH_BYTES, SmallFlash};
 use rover_battmon::autopilot::{Channel, Start};
@@ -300,6 +301,19 @@ fn marks_of_the_signing_time_and_learnt_data_erase_nothing() {
         &mut start,
     ));
     assert!(!start.signing.has_lost_key() && !start.signing.is_key_unsaved());
+}
+
+#[test]
+fn parameters_that_are_set_without_a_pause_leave_signing_its_turn() {
+    let regions = Regions::blank();
+    run(&regions, async |station| {
+        let mut texts = texts_of(&station.ask(&setup_signing([OWNER; 32], 0)));
+        for number in 0..1000 {
+            texts.extend(station.set("BATT_CAPACITY", 1000.0 + number as f32));
+            yield_now().await;
+        }
+        assert!(texts.contains(&"Signing key set".into()), "{texts:?}");
+    });
 }
 
 #[test]

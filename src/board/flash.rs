@@ -43,21 +43,21 @@ pub fn flash_driver(peripheral: Peri<'static, FLASH>) -> FlashDriver {
     RefCell::new(Flash::new_blocking(peripheral))
 }
 
-/// The chip's own number; `None` if it can't be read.
+/// The chip's own number; `None` if it has none, as a copy of the chip may: then nothing drives the line.
 // Its buffers must not add to the stack of `main`.
 #[inline(never)]
 pub fn board_id(driver: &FlashDriver) -> Option<BoardId> {
     let mut id = BoardId([0; BoardId::BYTES]);
     driver.try_borrow_mut().ok()?.blocking_unique_id(&mut id.0).ok()?;
-    Some(id)
+    let is_silence = id.number() == 0 || id.number() == u64::MAX;
+    (!is_silence).then_some(id)
 }
 
 /// The flash chip.
 ///
 /// While it erases or programs, the processor can't read its program from it: interrupts are off and everything stands
 /// still, typically 45 ms for an erase and 0.6 ms for a page, of which the chip takes 0.4 ms. So one sector is erased at a
-/// time, only while disarmed, and after each operation
-/// everybody else gets a turn, the one who feeds the watchdog too.
+/// time, only while disarmed, and after each operation everybody else gets a turn, the one who feeds the watchdog too.
 #[derive(Clone, Copy)]
 pub struct BoardFlash(&'static FlashDriver);
 
