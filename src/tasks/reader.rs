@@ -54,7 +54,7 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
         match arrivals.next(&mut source, &mut chunk).await {
             Some(Ok(received)) => {
                 let bytes = chunk.get(..received).unwrap_or(&chunk);
-                handle(bytes, arrivals.earliest, shared, link);
+                handle(bytes, arrivals.earliest, shared, link).await;
             }
             Some(Err(ReceiveError::LineError)) => {
                 link.with(|channel| channel.count_overrun());
@@ -67,7 +67,7 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
             Some(Err(ReceiveError::Closed)) => return,
             None => {
                 link.with(|channel| channel.give_up_waiting());
-                handle(&[], arrivals.earliest, shared, link);
+                handle(&[], arrivals.earliest, shared, link).await;
             }
         }
         mark(check_in);
@@ -76,8 +76,9 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
     }
 }
 
-/// When received bytes can have come at the earliest, but for the few milliseconds between two looks at a ring. A source that always has bytes ready may have held them back, and so
-/// may one that was not asked for a while. What it holds at first may be as old as the board's start.
+/// When received bytes can have come at the earliest, but for the few milliseconds between two looks at a ring. A source that
+/// always has bytes ready may have held them back, and so may one that was not asked for a while. What it holds at first may
+/// be as old as the board's start.
 #[derive(Default)]
 struct Arrivals {
     earliest: Instant,
@@ -114,8 +115,9 @@ fn earliest_after_wait(began: Instant, ended: Instant) -> Instant {
     }
 }
 
-/// Handles all frames that end in `bytes`, which can't have come before `earliest`.
-fn handle(mut bytes: &[u8], earliest: Instant, shared: &Shared, link: &Link) {
+/// Handles all frames that end in `bytes`, which can't have come before `earliest`. After each the others have their turn:
+/// what a fast line brings in a millisecond takes longer than a sample may be late.
+async fn handle(mut bytes: &[u8], earliest: Instant, shared: &Shared, link: &Link) {
     loop {
         let taken = link.with(|channel| channel.push(bytes));
         bytes = bytes.get(taken..).unwrap_or(&[]);
@@ -124,6 +126,7 @@ fn handle(mut bytes: &[u8], earliest: Instant, shared: &Shared, link: &Link) {
                 link.to_write.signal(());
                 link.to_schedule.signal(());
             }
+            yield_now().await;
         }
         if bytes.is_empty() {
             return;

@@ -29,6 +29,9 @@ impl Parameters {
 
     /// The next change to write; `None` if all are saved or wait for a retry.
     pub fn next_unsaved(&self) -> Option<Unsaved> {
+        if !self.all_progress().any(Progress::is_due) {
+            return None;
+        }
         let changed = ParameterId::all().find(|id| self.progress.get(*id).is_due());
         if self.reset != Progress::Saved {
             // Values stored before the reset would be erased with it.
@@ -96,8 +99,7 @@ impl Parameters {
 
     /// How far the reset and all values are.
     fn all_progress(&self) -> impl Iterator<Item = Progress> {
-        let of_values = ParameterId::all().map(|id| self.progress.get(id));
-        iter::once(self.reset).chain(of_values)
+        iter::once(self.reset).chain(self.progress.values())
     }
 }
 
