@@ -103,10 +103,7 @@ impl Autopilot {
     /// Everything telemetry reports now, apart from a link's own counters.
     pub fn system_state(&self) -> SystemState<'_> {
         let (packs, vehicle) = (&self.packs, &self.vehicle);
-        SystemState {
-            identity: self.identity,
-            ..system_state(packs, vehicle, self.readiness, self.load_permille)
-        }
+        system_state(packs, vehicle, self.identity, self.readiness, self.load_permille)
     }
 
     /// Announces something to all connected ground stations, once.
@@ -130,12 +127,14 @@ impl Autopilot {
 pub(super) fn system_state<'a>(
     packs: &'a Packs,
     vehicle: &Vehicle,
+    identity: Identity,
     readiness: ArmingReadiness,
     load_permille: u16,
 ) -> SystemState<'a> {
     SystemState {
         batteries: &packs.states,
         vehicle: vehicle.status(),
+        identity,
         readiness,
         load_permille,
         ..SystemState::default()

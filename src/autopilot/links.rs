@@ -136,8 +136,13 @@ impl Autopilot {
         // Of the packs alone: the vehicle is changed meanwhile.
         let state = SystemState {
             now,
-            identity: self.identity,
-            ..system_state(&self.packs, &self.vehicle, self.readiness, self.load_permille)
+            ..system_state(
+                &self.packs,
+                &self.vehicle,
+                self.identity,
+                self.readiness,
+                self.load_permille,
+            )
         };
         let event = channel.endpoint.handle_next(
             now,
