@@ -1,6 +1,6 @@
 //! Keeps the parameters in flash.
 
-use embassy_time::{Duration, Timer, with_timeout};
+use embassy_time::{Duration, with_timeout};
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::prepare::prepare;
@@ -11,10 +11,6 @@ use crate::storage::{Storage, StorageError};
 
 /// How often the task is seen while there is nothing to save.
 const IDLE_CHECK: Duration = Duration::from_secs(1);
-
-/// The other tasks' turn to write to flash. Without it a ground station that sets parameters without a pause would keep them
-/// from theirs, as the turn goes to whoever asks next, until the watchdog misses them.
-const PAUSE: Duration = Duration::from_millis(1);
 
 /// Writes what was set to flash, and clears it when the parameters were reset.
 ///
@@ -31,7 +27,6 @@ pub async fn keep_parameters<F: NorFlash>(mut storage: Storage<F>, shared: &Shar
                 autopilot.parameter_written(unsaved, result, now());
             });
             mark(check_in);
-            Timer::after(PAUSE).await;
         }
     }
 }

@@ -3,7 +3,7 @@
 use core::cell::RefCell;
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
-use embassy_sync::mutex::{Mutex, MutexGuard};
+use embassy_sync::semaphore::{FairSemaphore, Semaphore, SemaphoreReleaser};
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::{Receiver, Watch};
 
@@ -15,6 +15,13 @@ use crate::storage::Erase;
 /// sends announcements when its next stream is due.
 const MAX_LINKS: usize = 9;
 
+/// The tasks that write to flash: parameters, signing, learnt.
+const FLASH_TASKS: usize = 3;
+
+/// Turns at the flash, in the order in which they are asked for: a task that always has something to write must not keep the
+/// others from theirs until the watchdog misses them.
+type FlashTurns = FairSemaphore<NoopRawMutex, FLASH_TASKS>;
+
 /// Wakes up a link when something was announced.
 pub(super) type AnnouncementReceiver<'a> = Receiver<'a, NoopRawMutex, (), MAX_LINKS>;
 
@@ -24,7 +31,7 @@ pub(super) type AnnouncementReceiver<'a> = Receiver<'a, NoopRawMutex, (), MAX_LI
 pub struct Shared {
     autopilot: RefCell<Autopilot>,
     announced: Watch<NoopRawMutex, (), MAX_LINKS>,
-    flash_turn: Mutex<NoopRawMutex, ()>,
+    flash_turns: FlashTurns,
     pub(super) to_drive: Signal<NoopRawMutex, ()>,
     pub(super) to_save: Signal<NoopRawMutex, ()>,
     pub(super) to_save_signing: Signal<NoopRawMutex, ()>,
@@ -41,7 +48,7 @@ impl Shared {
         Self {
             autopilot: in_place(|| RefCell::new(Autopilot::new(start))),
             announced: Watch::new(),
-            flash_turn: Mutex::new(()),
+            flash_turns: FlashTurns::new(1),
             to_drive: Signal::new(),
             to_save: Signal::new(),
             to_save_signing: Signal::new(),
@@ -66,8 +73,9 @@ impl Shared {
     ///
     /// An erase takes up to 400 ms. Were each of three tasks to erase a sector in its turn of one round, nothing else would run
     /// in between, and the watchdog would not be fed in time.
-    pub(super) async fn flash_turn(&self) -> MutexGuard<'_, NoopRawMutex, ()> {
-        self.flash_turn.lock().await
+    pub(super) async fn flash_turn(&self) -> Option<SemaphoreReleaser<'_, FlashTurns>> {
+        // The queue has a place for each of them.
+        self.flash_turns.acquire(1).await.ok()
     }
 
     /// Whether flash may be erased now, for [`Storage`](crate::storage::Storage).

@@ -214,7 +214,13 @@ def test_it_arms_and_drives(mavproxy):
     os.kill(mavproxy.process.pid, signal.SIGCONT)
     mavproxy.wait_for(r"AP: Radio Failsafe: Hold")
     mavproxy.wait_for(r"Mode HOLD")
-    mavproxy.ask("mode MANUAL", r"Mode MANUAL")
+    # The failsafe lasts until the next override.
+    for _ in range(10):
+        if mavproxy.ask("mode MANUAL", r"Mode MANUAL|mode change denied").group() == "Mode MANUAL":
+            break
+        time.sleep(0.5)
+    else:
+        raise AssertionError("the mode was denied after the controls were back")
     mavproxy.ask("mode HOLD", r"Mode HOLD")
     mavproxy.ask("disarm", r"^DISARMED")
 
