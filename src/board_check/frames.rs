@@ -1,4 +1,6 @@
 //! From bytes to MAVLink 2 frames and back.
+//!
+//! Not by the firmware's own parser, which is under test here, and which skips the damage between frames that is reported here.
 
 use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message, calculate_crc};
 
