@@ -186,8 +186,10 @@ impl Station {
         }
         if self.is_time_to_repeat(now_us) {
             orders.arm(now_us);
+            // A failsafe that is still latched refuses: by force from the second time on, or a short drive ends before it begins.
+            let is_first = now_us < self.began_us + REPEAT_US;
             messages.push(match (self.driver, self.random.below(2)) {
-                (Driver::Careful, 0) => arm(),
+                (Driver::Careful, 0) if is_first => arm(),
                 _ => command_long_2(ARM_DISARM, 1.0, FORCED),
             });
             messages.push(set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
