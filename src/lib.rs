@@ -62,6 +62,7 @@
 //! | [`pack`] | which packs there are |
 //! | [`time`] | moments |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
+//! | [`flash_map`] | what lies where in flash |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
 //! | [`crash`] | what is known of a crash after the restart |
@@ -99,6 +100,7 @@ pub mod battery;
 pub mod board_id;
 pub mod cadence;
 pub mod crash;
+pub mod flash_map;
 pub mod identity;
 pub mod liveness;
 pub mod mavlink;

@@ -17,6 +17,7 @@ mod firmware {
         SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort,
     };
     use rover_battmon::crash::CrashRecord;
+    use rover_battmon::flash_map;
     use rover_battmon::liveness::CheckIn;
     use rover_battmon::mavlink::LinkKind;
     use rover_battmon::sensor::Buses;
@@ -191,12 +192,12 @@ mod firmware {
             info!("board {}", id.serial_number().as_str());
         }
         let flash = BoardFlash::new(flash_driver);
-        let mut storage = Storage::new(flash, board::PARAMETER_RANGE);
+        let mut storage = Storage::new(flash, flash_map::PARAMETERS);
         let mut stored = Start::default();
         let signing_storage = watchdog
             .feed_during(pin!(tasks::boot(
                 &mut storage,
-                Storage::new(flash, board::SIGNING_RANGE),
+                Storage::new(flash, flash_map::SIGNING),
                 last_run.quick_resets.parameter_source(),
                 &mut stored,
             )))
@@ -274,7 +275,7 @@ mod firmware {
         start(spawner, UNWATCHED.name(), usb(usb_port, shared));
         start(spawner, PARAMETERS.name(), parameters(storage, shared));
         start(spawner, SIGNING.name(), signing(signing_storage, shared));
-        let learnt_storage = Storage::new(flash, board::LEARNT_RANGE);
+        let learnt_storage = Storage::new(flash, flash_map::LEARNT);
         start(spawner, LEARNT.name(), learnt(learnt_storage, shared));
         start(spawner, STATUS.name(), status(shared, link));
         start(spawner, "reboot", reboot(shared, link));

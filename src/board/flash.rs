@@ -1,7 +1,6 @@
 //! The parts of the flash chip that are written while the firmware runs.
 
 use core::cell::{RefCell, RefMut};
-use core::ops::Range;
 
 use embassy_futures::yield_now;
 use embassy_rp::Peri;
@@ -10,33 +9,14 @@ use embassy_rp::peripherals::FLASH;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 use crate::board_id::BoardId;
+use crate::flash_map;
 
-/// The Pico's flash chip, a W25Q16JV.
-const FLASH_BYTES: usize = 2 * 1024 * 1024;
-
-/// The program is in the first 768 KiB (`memory.x`). What is kept is at the end, each part where it was in every release,
-/// so that an update finds it: a new part goes below the others.
-const PARAMETER_BYTES: u32 = 16 * 1024;
-const SIGNING_BYTES: u32 = 8 * 1024;
-const LEARNT_BYTES: u32 = 16 * 1024;
-
-const PARAMETERS_AT: u32 = FLASH_BYTES as u32 - PARAMETER_BYTES;
-const SIGNING_AT: u32 = PARAMETERS_AT - SIGNING_BYTES;
-const LEARNT_AT: u32 = SIGNING_AT - LEARNT_BYTES;
-
-/// Where the parameters are, as offsets from the start of the flash.
-pub const PARAMETER_RANGE: Range<u32> = PARAMETERS_AT..PARAMETERS_AT + PARAMETER_BYTES;
-
-/// Where the signing key is, as offsets from the start of the flash.
-pub const SIGNING_RANGE: Range<u32> = SIGNING_AT..SIGNING_AT + SIGNING_BYTES;
-
-/// Where what is learnt of the packs is, as offsets from the start of the flash.
-pub const LEARNT_RANGE: Range<u32> = LEARNT_AT..LEARNT_AT + LEARNT_BYTES;
+const CHIP_BYTES: usize = flash_map::CHIP_BYTES as usize;
 
 /// The driver of the flash chip, which everyone who writes to it shares.
 pub type FlashDriver = RefCell<Driver>;
 
-type Driver = Flash<'static, FLASH, Blocking, FLASH_BYTES>;
+type Driver = Flash<'static, FLASH, Blocking, CHIP_BYTES>;
 
 /// The driver of the flash chip.
 pub fn flash_driver(peripheral: Peri<'static, FLASH>) -> FlashDriver {
@@ -85,7 +65,7 @@ impl ReadNorFlash for BoardFlash {
     }
 
     fn capacity(&self) -> usize {
-        FLASH_BYTES
+        CHIP_BYTES
     }
 }
 

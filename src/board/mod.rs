@@ -31,9 +31,7 @@ use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, pio, usb as rp_usb};
 pub use adc::AnalogInputs;
 pub use buzzer::Buzzer;
 pub use crash_memory::BoardCrashMemory;
-pub use flash::{
-    BoardFlash, FlashDriver, LEARNT_RANGE, PARAMETER_RANGE, SIGNING_RANGE, board_id, flash_driver,
-};
+pub use flash::{BoardFlash, FlashDriver, board_id, flash_driver};
 pub use floats::use_rom_floats;
 pub use i2c::SensorI2c;
 pub use idle::ExecutorIdleTime;

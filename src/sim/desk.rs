@@ -16,6 +16,7 @@ use super::{
 use crate::autopilot::Start;
 use crate::battery::RetainedRecord;
 use crate::crash::ParameterSource;
+use crate::flash_map;
 use crate::liveness::CheckIn;
 use crate::mavlink::LinkKind;
 use crate::pack::Pack;
@@ -43,9 +44,9 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
     let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
     let rover = SimulatedRover::default();
     loop {
-        let mut storage = Storage::new(flash.clone(), SimulatedFlash::PARAMETERS);
-        let signing_storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
-        let learnt_storage = Storage::new(flash.clone(), SimulatedFlash::LEARNT);
+        let mut storage = Storage::new(flash.clone(), flash_map::PARAMETERS);
+        let signing_storage = Storage::new(flash.clone(), flash_map::SIGNING);
+        let learnt_storage = Storage::new(flash.clone(), flash_map::LEARNT);
         let mut start = Start::default();
         let signing_storage = boot(&mut storage, signing_storage, ParameterSource::Stored, &mut start).await;
         let desk = Desk::new(&start, &pack);

@@ -1,9 +1,9 @@
-//! Simulated flash for parameters, signing and what is learnt of the packs, in memory and optionally in a file.
+//! Simulated flash chip behind the program ([`flash_map`]), in memory and optionally in a file.
 
 use std::cell::RefCell;
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -12,13 +12,11 @@ use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-/// As on the board: four sectors for the parameters, two for signing, four for what is learnt of the packs.
-const SECTOR_BYTES: usize = 4096;
-const PARAMETER_BYTES: usize = 4 * SECTOR_BYTES;
-const SIGNING_BYTES: usize = 2 * SECTOR_BYTES;
-const LEARNT_BYTES: usize = 4 * SECTOR_BYTES;
-const LEARNT_AT: usize = PARAMETER_BYTES + SIGNING_BYTES;
-const FLASH_BYTES: usize = LEARNT_AT + LEARNT_BYTES;
+use crate::flash_map;
+
+/// The image begins behind the program.
+const IMAGE: Range<u32> = flash_map::PROGRAM.end..flash_map::CHIP_BYTES;
+const IMAGE_BYTES: usize = (IMAGE.end - IMAGE.start) as usize;
 
 const ERASED: u8 = 0xff;
 
@@ -30,6 +28,7 @@ pub struct SimulatedFlash(Rc<RefCell<Chip>>);
 
 #[derive(Debug)]
 struct Chip {
+    /// What the range [`IMAGE`] holds.
     content: Vec<u8>,
     file: Option<ImageFile>,
 }
@@ -52,54 +51,100 @@ impl SimulatedFlash {
     /// # Errors
     /// The file can't be read or written, is no flash image, or is locked by another chip.
     pub fn open(file: Option<PathBuf>) -> io::Result<Self> {
-        let (file, content) = match file {
-            Some(path) => {
-                let file = ImageFile::lock(&path)?;
-                let content = file.read()?;
-                (Some(file), content)
-            }
-            None => (None, None),
+        let chip = match file {
+            Some(path) => Chip::in_file(ImageFile::lock(&path)?)?,
+            None => Chip {
+                content: blank(),
+                file: None,
+            },
         };
-        let content = match content {
-            Some(content) => chip_content(content)?,
-            None => vec![ERASED; FLASH_BYTES],
-        };
-        Ok(Self(Rc::new(RefCell::new(Chip { content, file }))))
+        Ok(Self(Rc::new(RefCell::new(chip))))
     }
-
-    /// Address range of the parameters.
-    pub const PARAMETERS: Range<u32> = 0..PARAMETER_BYTES as u32;
-
-    /// Address range of the signing key.
-    pub const SIGNING: Range<u32> = PARAMETER_BYTES as u32..LEARNT_AT as u32;
-
-    /// Address range of what is learnt of the packs.
-    pub const LEARNT: Range<u32> = LEARNT_AT as u32..FLASH_BYTES as u32;
 }
 
-/// Chip content from an image.
-fn chip_content(mut image: Vec<u8>) -> io::Result<Vec<u8>> {
-    match image.len() {
-        FLASH_BYTES => {}
-        // Written by a version without signing, or without learning.
-        PARAMETER_BYTES | LEARNT_AT => image.resize(FLASH_BYTES, ERASED),
-        _ => return Err(io::Error::new(ErrorKind::InvalidData, "it is not a flash image")),
+fn blank() -> Vec<u8> {
+    vec![ERASED; IMAGE_BYTES]
+}
+
+/// The content of a chip from an image of an earlier version.
+fn taken_over(image: &[u8]) -> io::Result<Vec<u8>> {
+    /// These followed each other, the later ones since later versions.
+    const PARTS: [Range<u32>; 3] = [flash_map::PARAMETERS, flash_map::SIGNING, flash_map::LEARNT];
+    let mut content = blank();
+    let mut rest = image;
+    for part in PARTS {
+        let place = place(part).and_then(|place| content.get_mut(place));
+        let place = place.ok_or_else(no_image)?;
+        let (bytes, later) = rest.split_at_checked(place.len()).ok_or_else(no_image)?;
+        place.copy_from_slice(bytes);
+        rest = later;
+        if rest.is_empty() {
+            return Ok(content);
+        }
     }
-    Ok(image)
+    Err(no_image())
+}
+
+/// Where a range of the chip is in the image; `None` outside it.
+fn place(range: Range<u32>) -> Option<Range<usize>> {
+    let start = range.start.checked_sub(IMAGE.start)? as usize;
+    let end = range.end.checked_sub(IMAGE.start)? as usize;
+    (start <= end && end <= IMAGE_BYTES).then_some(start..end)
 }
 
 impl Chip {
-    /// Changes a range, first in the file: if that fails, nothing changes.
-    fn change(&mut self, from: u32, to: u32, change: impl FnOnce(&mut [u8])) -> Result<(), FileError> {
-        let mut content = self.content.clone();
-        let part = content.get_mut(from as usize..to as usize);
-        change(part.ok_or_else(outside)?);
-        if let Some(file) = &self.file {
-            file.replace(&content).map_err(FileError)?;
-        }
-        self.content = content;
-        Ok(())
+    /// The chip of an image file, which is written if there is none yet, or one of an earlier version.
+    fn in_file(file: ImageFile) -> io::Result<Self> {
+        let content = match file.read()? {
+            Some(content) if content.len() == IMAGE_BYTES => content,
+            older_or_none => {
+                let content = older_or_none.map_or_else(|| Ok(blank()), |image| taken_over(&image))?;
+                file.replace(&content)?;
+                content
+            }
+        };
+        Ok(Self {
+            content,
+            file: Some(file),
+        })
     }
+
+    /// The content of a range.
+    fn part(&self, from: u32, to: u32) -> Result<&[u8], FileError> {
+        let part = place(from..to).and_then(|place| self.content.get(place));
+        part.ok_or_else(outside)
+    }
+
+    /// Changes a range; if the file can't be written, nothing changes.
+    fn change(&mut self, from: u32, to: u32, change: impl FnOnce(&mut [u8])) -> Result<(), FileError> {
+        let place = place(from..to).ok_or_else(outside)?;
+        let part = self.content.get_mut(place.clone()).ok_or_else(outside)?;
+        let before = part.to_vec();
+        change(part);
+        let kept = self.keep(from, place.clone());
+        if kept.is_err() {
+            self.content[place].copy_from_slice(&before);
+        }
+        kept
+    }
+
+    /// Writes a range that has changed to the file.
+    fn keep(&self, from: u32, place: Range<usize>) -> Result<(), FileError> {
+        let Some(file) = &self.file else {
+            return Ok(());
+        };
+        let written = if flash_map::LOG.contains(&from) {
+            // The log is written often, and may lose its end.
+            file.overwrite(place.start as u64, &self.content[place])
+        } else {
+            file.replace(&self.content)
+        };
+        written.map_err(FileError)
+    }
+}
+
+fn no_image() -> io::Error {
+    io::Error::new(ErrorKind::InvalidData, "it is not a flash image")
 }
 
 fn outside() -> FileError {
@@ -115,19 +160,18 @@ impl ReadNorFlash for SimulatedFlash {
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FileError> {
         let chip = self.0.borrow();
-        let part = offset as usize..offset as usize + bytes.len();
-        bytes.copy_from_slice(chip.content.get(part).ok_or_else(outside)?);
+        bytes.copy_from_slice(chip.part(offset, offset + bytes.len() as u32)?);
         Ok(())
     }
 
     fn capacity(&self) -> usize {
-        FLASH_BYTES
+        flash_map::CHIP_BYTES as usize
     }
 }
 
 impl NorFlash for SimulatedFlash {
     const WRITE_SIZE: usize = 1;
-    const ERASE_SIZE: usize = SECTOR_BYTES;
+    const ERASE_SIZE: usize = flash_map::SECTOR_BYTES as usize;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FileError> {
         let mut chip = self.0.borrow_mut();
@@ -144,7 +188,7 @@ impl NorFlash for SimulatedFlash {
     }
 }
 
-/// An image file that is replaced atomically and locked against other processes.
+/// An image file that is locked against other processes. All but the log is replaced atomically.
 #[derive(Debug)]
 struct ImageFile {
     path: PathBuf,
@@ -197,6 +241,13 @@ impl ImageFile {
         // The content must be on disk before the rename, in case of a system crash.
         next.sync_all()?;
         fs::rename(&self.next, &self.path)
+    }
+
+    /// Overwrites a part of the image in its place.
+    fn overwrite(&self, offset: u64, bytes: &[u8]) -> io::Result<()> {
+        let mut image = OpenOptions::new().write(true).open(&self.path)?;
+        image.seek(SeekFrom::Start(offset))?;
+        image.write_all(bytes)
     }
 }
 
@@ -266,76 +317,137 @@ mod tests {
         byte[0]
     }
 
-    #[test]
-    fn content_is_kept_in_the_file() {
-        let folder = Folder::new();
-        let mut flash = folder.open().unwrap();
-        block_on(flash.write(5, &[1])).unwrap();
-        drop(flash);
-        let mut flash = folder.open().unwrap();
-        assert_eq!((byte_at(&mut flash, 5), byte_at(&mut flash, 6)), (1, ERASED));
+    /// The first parameter's place, and the first of the log.
+    const PARAMETER: u32 = flash_map::PARAMETERS.start;
+    const LOG: u32 = flash_map::LOG.start;
+
+    /// The byte at an address, in the image.
+    fn in_image(folder: &Folder, address: u32) -> u8 {
+        fs::read(folder.image()).unwrap()[place(address..address + 1).unwrap().start]
     }
 
     #[test]
-    fn image_of_an_earlier_version_keeps_its_content() {
-        for bytes in [PARAMETER_BYTES, LEARNT_AT] {
+    fn content_is_kept_in_the_file() {
+        for address in [LOG, flash_map::LOG.end - 2, PARAMETER, flash_map::CHIP_BYTES - 2] {
             let folder = Folder::new();
-            fs::write(folder.image(), vec![7; bytes]).unwrap();
             let mut flash = folder.open().unwrap();
-            assert_eq!(byte_at(&mut flash, bytes as u32 - 1), 7);
-            assert_eq!(byte_at(&mut flash, bytes as u32), ERASED);
-            assert_eq!(byte_at(&mut flash, FLASH_BYTES as u32 - 1), ERASED);
+            block_on(flash.write(address, &[1])).unwrap();
+            drop(flash);
+            let mut flash = folder.open().unwrap();
+            let found = [address, address + 1].map(|address| byte_at(&mut flash, address));
+            assert_eq!(found, [1, ERASED], "{address}");
         }
+    }
+
+    #[test]
+    fn program_and_what_is_beyond_the_chip_are_outside() {
+        let mut flash = SimulatedFlash::open(None).unwrap();
+        for address in [0, LOG - 1, flash_map::CHIP_BYTES] {
+            assert!(block_on(flash.read(address, &mut [0])).is_err());
+            assert!(block_on(flash.write(address, &[0])).is_err());
+        }
+    }
+
+    #[test]
+    fn image_of_an_earlier_version_is_taken_over_to_its_places() {
+        const KIB: usize = 1024;
+        let image: Vec<u8> = [vec![1; 16 * KIB], vec![2; 8 * KIB], vec![3; 16 * KIB]].concat();
+        // Parameters; with signing; with what is learnt.
+        for (bytes, expected) in [
+            (16 * KIB, [1, ERASED, ERASED]),
+            (24 * KIB, [1, 2, ERASED]),
+            (40 * KIB, [1, 2, 3]),
+        ] {
+            let folder = Folder::new();
+            fs::write(folder.image(), &image[..bytes]).unwrap();
+            let mut flash = folder.open().unwrap();
+            let parts = [flash_map::PARAMETERS, flash_map::SIGNING, flash_map::LEARNT];
+            for (part, expected) in parts.into_iter().zip(expected) {
+                for address in [part.start, part.end - 1] {
+                    assert_eq!(byte_at(&mut flash, address), expected, "{bytes}, {address}");
+                    assert_eq!(in_image(&folder, address), expected, "{bytes}, {address}");
+                }
+            }
+            assert_eq!(byte_at(&mut flash, flash_map::LOG.end - 1), ERASED);
+        }
+    }
+
+    #[test]
+    fn log_is_written_in_place_and_is_kept_when_the_image_is_replaced() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        let mut before = File::open(folder.image()).unwrap();
+        block_on(flash.write(LOG + 3, &[7])).unwrap();
+        let mut image = Vec::new();
+        before.read_to_end(&mut image).unwrap();
+        assert_eq!((image.len(), image[3]), (IMAGE_BYTES, 7), "the same file");
+        block_on(flash.write(PARAMETER, &[8])).unwrap();
+        assert_eq!((in_image(&folder, LOG + 3), in_image(&folder, PARAMETER)), (7, 8));
+        block_on(flash.erase(LOG, LOG + flash_map::SECTOR_BYTES)).unwrap();
+        assert_eq!(
+            (in_image(&folder, LOG + 3), in_image(&folder, PARAMETER)),
+            (ERASED, 8)
+        );
+    }
+
+    #[test]
+    fn failed_write_of_the_log_changes_nothing_in_memory() {
+        let folder = Folder::new();
+        let mut flash = folder.open().unwrap();
+        fs::remove_file(folder.image()).unwrap();
+        assert!(block_on(flash.write(LOG, &[0x30])).is_err());
+        assert_eq!(byte_at(&mut flash, LOG), ERASED);
     }
 
     #[test]
     fn image_is_replaced_atomically() {
         let folder = Folder::new();
         let mut flash = folder.open().unwrap();
-        block_on(flash.write(0, &[0xf0])).unwrap();
+        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
         let mut before = File::open(folder.image()).unwrap();
-        block_on(flash.write(0, &[0x30])).unwrap();
+        block_on(flash.write(PARAMETER, &[0x30])).unwrap();
         let mut image = Vec::new();
         before.read_to_end(&mut image).unwrap();
-        assert_eq!((image.len(), image[0]), (FLASH_BYTES, 0xf0));
-        assert_eq!(fs::read(folder.image()).unwrap()[0], 0x30);
+        let parameter = image[place(PARAMETER..PARAMETER + 1).unwrap().start];
+        assert_eq!((image.len(), parameter), (IMAGE_BYTES, 0xf0));
+        assert_eq!(in_image(&folder, PARAMETER), 0x30);
     }
 
     #[test]
     fn interrupted_write_leaves_the_previous_image() {
         let folder = Folder::new();
         let mut flash = folder.open().unwrap();
-        block_on(flash.write(0, &[0xf0])).unwrap();
+        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
         drop(flash);
         fs::write(beside(&folder.image(), ".next"), [0; 100]).unwrap();
         let mut flash = folder.open().unwrap();
-        assert_eq!(byte_at(&mut flash, 0), 0xf0);
-        block_on(flash.write(0, &[0x30])).unwrap();
+        assert_eq!(byte_at(&mut flash, PARAMETER), 0xf0);
+        block_on(flash.write(PARAMETER, &[0x30])).unwrap();
     }
 
     #[test]
     fn failed_file_write_changes_nothing_in_memory() {
         let folder = Folder::new();
         let mut flash = folder.open().unwrap();
-        block_on(flash.write(0, &[0xf0])).unwrap();
+        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
         // A folder with the temporary file's name makes the write fail.
         let obstacle = beside(&folder.image(), ".next");
         fs::create_dir(&obstacle).unwrap();
-        assert!(block_on(flash.write(0, &[0x30])).is_err());
-        assert!(block_on(flash.erase(0, SECTOR_BYTES as u32)).is_err());
-        assert_eq!(byte_at(&mut flash, 0), 0xf0);
-        assert_eq!(fs::read(folder.image()).unwrap()[0], 0xf0);
+        assert!(block_on(flash.write(PARAMETER, &[0x30])).is_err());
+        assert!(block_on(flash.erase(PARAMETER, PARAMETER + flash_map::SECTOR_BYTES)).is_err());
+        assert_eq!(byte_at(&mut flash, PARAMETER), 0xf0);
+        assert_eq!(in_image(&folder, PARAMETER), 0xf0);
 
         fs::remove_dir(&obstacle).unwrap();
-        block_on(flash.write(0, &[0x30])).unwrap();
-        assert_eq!(byte_at(&mut flash, 0), 0x30);
+        block_on(flash.write(PARAMETER, &[0x30])).unwrap();
+        assert_eq!(byte_at(&mut flash, PARAMETER), 0x30);
     }
 
     #[test]
     fn file_is_locked_under_every_path() {
         let folder = Folder::new();
         let mut flash = folder.open().unwrap();
-        block_on(flash.write(0, &[0xf0])).unwrap();
+        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
         let detour = folder
             .0
             .join("../")
@@ -384,17 +496,17 @@ mod tests {
 
         let folder = Folder::new();
         drop(folder.open().unwrap());
-        fs::write(folder.image(), [ERASED; FLASH_BYTES]).unwrap();
+        fs::write(folder.image(), blank()).unwrap();
         fs::set_permissions(folder.image(), fs::Permissions::from_mode(0o600)).unwrap();
         let link = folder.0.join("link");
         symlink(folder.image(), &link).unwrap();
         let mut flash = SimulatedFlash::open(Some(link.clone())).unwrap();
-        block_on(flash.write(0, &[0xf0])).unwrap();
+        block_on(flash.write(PARAMETER, &[0xf0])).unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(
             fs::metadata(folder.image()).unwrap().permissions().mode() & 0o777,
             0o600
         );
-        assert_eq!(fs::read(folder.image()).unwrap()[0], 0xf0);
+        assert_eq!(in_image(&folder, PARAMETER), 0xf0);
     }
 }

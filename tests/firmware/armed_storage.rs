@@ -3,6 +3,7 @@
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::autopilot::PackIdentity;
+use rover_battmon::flash_map;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use rover_battmon::sim::SimulatedFlash;
@@ -42,7 +43,7 @@ fn parameters(foreign: u16) -> Vec<u8> {
         (ParameterId::Vehicle(VehicleParameter::SignUartAllow).key(), 2.0),
     ];
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let mut storage = Storage::new(flash.clone(), SimulatedFlash::PARAMETERS);
+    let mut storage = Storage::new(flash.clone(), flash_map::PARAMETERS);
     let mut image = vec![0; PARAMETER_BYTES];
     block_on(async {
         let others = (40_000..40_000 + foreign).map(|key| (key, 1.0_f32));
@@ -50,7 +51,7 @@ fn parameters(foreign: u16) -> Vec<u8> {
             let stored = storage.store(key, value.to_bits(), &Erase::always).await;
             stored.expect("there is room");
         }
-        let start = SimulatedFlash::PARAMETERS.start;
+        let start = flash_map::PARAMETERS.start;
         flash.read(start, &mut image).await.expect("it is inside");
     });
     image

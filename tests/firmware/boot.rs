@@ -2,6 +2,7 @@
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
+use rover_battmon::flash_map;
 use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::{Erase, Storage};
 
@@ -93,7 +94,7 @@ const RECORDS_OF_A_SECTOR: usize = 338;
 fn full_parameters() -> Vec<u8> {
     const SR0_PARAMS: u16 = 4;
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let mut storage = Storage::new(flash.clone(), SimulatedFlash::PARAMETERS);
+    let mut storage = Storage::new(flash.clone(), flash_map::PARAMETERS);
     let mut content = vec![0; PARAMETER_BYTES];
     block_on(async {
         for number in 0..RECORDS_OF_A_SECTOR {
@@ -101,7 +102,7 @@ fn full_parameters() -> Vec<u8> {
             let stored = storage.store(SR0_PARAMS, value.to_bits(), &Erase::always).await;
             stored.expect("a sound flash");
         }
-        let read = flash.read(SimulatedFlash::PARAMETERS.start, &mut content).await;
+        let read = flash.read(flash_map::PARAMETERS.start, &mut content).await;
         read.expect("a sound flash");
     });
     content

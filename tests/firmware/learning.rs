@@ -4,6 +4,7 @@ use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::NorFlash;
 use rover_battmon::autopilot::PackIdentity;
 use rover_battmon::battery::LEARNT_WORDS;
+use rover_battmon::flash_map;
 use rover_battmon::sim::{PackModel, SimulatedFlash, SimulatedPack};
 use rover_battmon::storage::Storage;
 
@@ -240,7 +241,7 @@ fn flat_chemistries_start_known_after_a_power_cycle() {
 /// What a board's flash holds of a pack.
 fn stored(content: &[u8], identity: PackIdentity) -> Option<[u32; LEARNT_WORDS]> {
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let region = SimulatedFlash::LEARNT;
+    let region = flash_map::LEARNT;
     block_on(async {
         flash
             .erase(region.start, region.end)

@@ -3,6 +3,7 @@
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
 use rover_battmon::autopilot::PackIdentity;
+use rover_battmon::flash_map;
 use rover_battmon::pack::Pack;
 use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::{Erase, Storage};
@@ -32,7 +33,7 @@ pub const FIRST_7: PackIdentity = PackIdentity {
 /// The flash after these capacities were learnt, one after the other.
 pub fn flash_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Vec<u8> {
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let mut storage = Storage::new(flash.clone(), SimulatedFlash::LEARNT);
+    let mut storage = Storage::new(flash.clone(), flash_map::LEARNT);
     let mut content = vec![0; LEARNT_BYTES];
     block_on(async {
         for (identity, capacity_mah) in learnt {
@@ -43,7 +44,7 @@ pub fn flash_with(learnt: impl IntoIterator<Item = (PackIdentity, f32)>) -> Vec<
             stored.expect("a sound flash");
         }
         storage.prepare(&Erase::always).await.expect("a sound flash");
-        let start = SimulatedFlash::LEARNT.start;
+        let start = flash_map::LEARNT.start;
         flash.read(start, &mut content).await.expect("a sound flash");
     });
     content

@@ -2,6 +2,7 @@
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
+use rover_battmon::flash_map;
 use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::{Erase, Storage};
 
@@ -178,12 +179,12 @@ fn what_could_not_be_saved_is_tried_once_more_before_a_restart() {
 /// A full sector: a value of `known` that this firmware has, the rest from another one.
 fn full_sector(known: u16) -> Vec<u8> {
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let mut storage = Storage::new(flash.clone(), SimulatedFlash::PARAMETERS);
+    let mut storage = Storage::new(flash.clone(), flash_map::PARAMETERS);
     for key in (40_000..40_000 + SLOTS - 1).chain([known]) {
         block_on(storage.store(key, 3_f32.to_bits(), &Erase::always)).expect("there is room");
     }
     let mut image = vec![0; PARAMETER_BYTES];
-    block_on(flash.read(SimulatedFlash::PARAMETERS.start, &mut image)).expect("it is inside");
+    block_on(flash.read(flash_map::PARAMETERS.start, &mut image)).expect("it is inside");
     image
 }
 

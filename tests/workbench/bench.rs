@@ -1,8 +1,9 @@
 //! A board on the bench, and what the tests ask of it.
 
-use std::ops::{Deref, DerefMut};
+use std::ops::{Deref, DerefMut, Range};
 use std::sync::OnceLock;
 
+use rover_battmon::flash_map;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 
@@ -27,20 +28,21 @@ pub const MINUTE: u64 = 60 * SECOND;
 pub const SECOND: u64 = 1_000_000;
 pub const MILLISECOND: u64 = 1_000;
 
-/// The parameters are in the last four sectors of the 2 MB flash.
-pub const PARAMETER_OFFSET: u32 = 2 * 1024 * 1024 - PARAMETER_BYTES as u32;
-pub const PARAMETER_BYTES: usize = 4 * SECTOR_BYTES;
-/// The signing key is in the two sectors before them.
-pub const SIGNING_OFFSET: u32 = PARAMETER_OFFSET - SIGNING_BYTES as u32;
-pub const SIGNING_BYTES: usize = 2 * SECTOR_BYTES;
-/// What is learnt of the packs is in the four sectors before that.
-pub const LEARNT_OFFSET: u32 = SIGNING_OFFSET - LEARNT_BYTES as u32;
-pub const LEARNT_BYTES: usize = 4 * SECTOR_BYTES;
-pub const SECTOR_BYTES: usize = 4096;
+pub const PARAMETER_OFFSET: u32 = flash_map::PARAMETERS.start;
+pub const PARAMETER_BYTES: usize = bytes(flash_map::PARAMETERS);
+pub const SIGNING_OFFSET: u32 = flash_map::SIGNING.start;
+pub const SIGNING_BYTES: usize = bytes(flash_map::SIGNING);
+pub const LEARNT_OFFSET: u32 = flash_map::LEARNT.start;
+pub const LEARNT_BYTES: usize = bytes(flash_map::LEARNT);
+pub const SECTOR_BYTES: usize = flash_map::SECTOR_BYTES as usize;
+
+const fn bytes(range: Range<u32>) -> usize {
+    (range.end - range.start) as usize
+}
 
 /// What is learnt of a pack is written whenever it rests, without anyone's request.
 pub fn is_learnt(operation: &FlashOperation) -> bool {
-    (LEARNT_OFFSET..SIGNING_OFFSET).contains(&operation.offset)
+    flash_map::LEARNT.contains(&operation.offset)
 }
 
 /// The parameters of the vehicle and of the first pack, and the switches of the other packs.

@@ -4,6 +4,7 @@ use std::sync::OnceLock;
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
+use rover_battmon::flash_map;
 use rover_battmon::mavlink::{SigningKey, StoredSigning, ToStore};
 use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::{Erase, Storage};
@@ -26,7 +27,7 @@ pub fn words_of_key() -> Vec<(u16, u32)> {
 /// The flash of signing after these words were stored.
 pub fn flash_with(words: impl IntoIterator<Item = (u16, u32)>) -> Vec<u8> {
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let mut storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
+    let mut storage = Storage::new(flash.clone(), flash_map::SIGNING);
     let mut content = vec![0; SIGNING_BYTES];
     block_on(async {
         for (key, word) in words {
@@ -37,7 +38,7 @@ pub fn flash_with(words: impl IntoIterator<Item = (u16, u32)>) -> Vec<u8> {
         }
         storage.prepare(&Erase::always).await.expect("a sound flash");
         flash
-            .read(SimulatedFlash::SIGNING.start, &mut content)
+            .read(flash_map::SIGNING.start, &mut content)
             .await
             .expect("a sound flash");
     });

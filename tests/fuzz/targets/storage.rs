@@ -6,6 +6,7 @@ use std::task::{Context, Poll, Waker};
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::NorFlash;
+use rover_battmon::flash_map;
 use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::{Erase, Storage};
 
@@ -64,7 +65,7 @@ impl Expected {
 pub fn run(bytes: &[u8]) {
     let mut input = Input::new(bytes);
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let mut storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
+    let mut storage = Storage::new(flash.clone(), flash_map::SIGNING);
     let mut expected = Expected::default();
     while !input.is_empty() {
         let step = input.byte();
@@ -92,11 +93,11 @@ pub fn run(bytes: &[u8]) {
                 let _ = (0..polls).any(|_| matches!(store.as_mut().poll(&mut context), Poll::Ready(_)));
             }
             12..=14 => {
-                storage = Storage::new(flash.clone(), SimulatedFlash::SIGNING);
+                storage = Storage::new(flash.clone(), flash_map::SIGNING);
                 expected.check(&mut storage);
             }
             _ => {
-                let range = SimulatedFlash::SIGNING;
+                let range = flash_map::SIGNING;
                 let at = range.start + u32::from(input.u16()) % (range.end - range.start);
                 block_on(flash.write(at, &[!(1 << (key % 8))])).expect("a sound flash");
                 expected.is_damaged = true;
