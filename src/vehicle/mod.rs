@@ -24,4 +24,4 @@ pub use mode::Mode;
 pub use motor::{MotorDrive, Motors, SideDrives};
 pub use restart::Restart;
 pub use settings::{VehicleSettings, control_timeout_us};
-pub use vehicle::{Alert, ArmingRefused, ModeRefused, Vehicle, VehicleStatus};
+pub use vehicle::{Alert, ArmingRefused, Fitness, ModeRefused, Vehicle, VehicleStatus};

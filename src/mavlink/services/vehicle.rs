@@ -13,7 +13,7 @@ use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::{Command, Heartbeat, SetMode, Sticks};
 use crate::parameter::Parameters;
 use crate::time::Instant;
-use crate::vehicle::{Mode, Vehicle, control_timeout_us};
+use crate::vehicle::{Fitness, Mode, Vehicle, control_timeout_us};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
 const RUN_PREARM_CHECKS: u16 = MavCmd::MAV_CMD_RUN_PREARM_CHECKS as u16;
@@ -78,8 +78,12 @@ impl VehicleService<'_> {
             return ACCEPTED;
         }
         let obstacle = self.obstacles().next();
-        let is_fit = forced || obstacle.is_none();
-        if self.vehicle.arm(self.now, is_fit).is_ok() {
+        let fitness = match obstacle {
+            _ if forced => Fitness::Forced,
+            Some(_) => Fitness::Unfit,
+            None => Fitness::Checked,
+        };
+        if self.vehicle.arm(self.now, fitness).is_ok() {
             return ACCEPTED;
         }
         if let Some(obstacle) = obstacle {

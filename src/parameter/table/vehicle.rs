@@ -151,5 +151,53 @@ parameters! {
         takes_effect: TakesEffect::AtOnce,
         label: "Throttle slew rate",
         description: "Maximum rate of change of the throttle. 0: unlimited.",
+    }    LogBitmask {
+        key: 11,
+        name: "LOG_BITMASK",
+        kind: Kind::Int32,
+        default: 520.0,
+        range: Range::Bits(&[(3, means("System Performance")), (9, means("Battery Monitor"))]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Log bitmask",
+        description: "Records of the log, besides parameters, messages, events and modes. 0: no log.",
+    }
+    LogDisarmed {
+        key: 12,
+        name: "LOG_DISARMED",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[(0, means("Disabled")), (1, means("Enabled"))]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Logging while disarmed",
+        description: "Logs while disarmed, too. Otherwise the log goes on for 15 s after disarming.",
+    }
+    LogBlkRatemax {
+        key: 13,
+        name: "LOG_BLK_RATEMAX",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(0.0, 1000.0),
+        step: 1.0,
+        unit: "Hz",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Maximum logging rate",
+        description: "Maximum rate of each pack's records in the log. 0: as many as the log's share of 250 bytes per \
+                      second allows, of all packs together.",
+    }
+    LogFileDsrmrot {
+        key: 14,
+        name: "LOG_FILE_DSRMROT",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[(0, means("Disabled")), (1, means("Enabled"))]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "New log after disarming",
+        description: "Ends the log file after disarming; the next arming begins another one.",
     }
 }

@@ -19,6 +19,19 @@ const URGENT_PERIOD_US: u64 = 1_000_000;
 const URGENT_TONES: u64 = 3;
 const SHORT_TONE_US: u64 = 100_000;
 
+/// Whether the rover may be armed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Fitness {
+    /// A check has failed.
+    Unfit,
+    /// All checks have passed.
+    #[default]
+    Checked,
+    /// The checks do not count.
+    Forced,
+}
+
 /// Why the rover was not armed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ArmingRefused {
@@ -54,6 +67,8 @@ pub struct VehicleStatus {
     pub mode: Mode,
     /// Whether it is armed.
     pub arm_state: ArmState,
+    /// Whether it had passed its checks when it was armed last.
+    pub fitness: Fitness,
     /// Severity of its failures.
     pub alert: Alert,
 }
@@ -65,6 +80,8 @@ pub struct VehicleStatus {
 pub struct Vehicle {
     mode: Mode,
     arm_state: ArmState,
+    /// When it was armed last.
+    fitness: Fitness,
     controls: Controls,
     ground_stations: TimedInput<()>,
     throttle: Ramp,
@@ -84,19 +101,20 @@ impl Vehicle {
         Self::default()
     }
 
-    /// Arms, if `is_fit`: all checks have passed, or arming is forced.
+    /// Arms, unless it is unfit.
     ///
     /// # Errors
     /// It stays disarmed, and the buzzer sounds.
-    pub fn arm(&mut self, now: Instant, is_fit: bool) -> Result<(), ArmingRefused> {
+    pub fn arm(&mut self, now: Instant, fitness: Fitness) -> Result<(), ArmingRefused> {
         let refused = if self.is_terminated() {
             ArmingRefused::Terminated
         } else if self.pending_restart.is_some() {
             ArmingRefused::Restarting
-        } else if !is_fit {
+        } else if fitness == Fitness::Unfit {
             ArmingRefused::Unfit
         } else {
             self.arm_state = ArmState::Armed;
+            self.fitness = fitness;
             self.controls.arm();
             self.refused_at = None;
             return Ok(());
@@ -279,6 +297,7 @@ impl Vehicle {
         VehicleStatus {
             mode: self.mode,
             arm_state: self.arm_state,
+            fitness: self.fitness,
             alert: if self.is_terminated() {
                 Alert::Terminated
             } else if self.battery >= FailsafeLevel::Low || self.has_timed_out() {

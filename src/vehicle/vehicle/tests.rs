@@ -22,7 +22,7 @@ fn both(share: f32) -> SideDrives {
 
 fn armed_in(mode: Mode) -> Vehicle {
     let mut vehicle = Vehicle::new();
-    assert_eq!(vehicle.arm(Instant::EPOCH, true), Ok(()));
+    assert_eq!(vehicle.arm(Instant::EPOCH, Fitness::Checked), Ok(()));
     assert_eq!(vehicle.set_mode(mode), Ok(()));
     vehicle
 }
@@ -74,7 +74,7 @@ fn sticks_timed_out_before_arming_do_not_drive() {
         StickInput::Position(1000),
     );
     run(&mut vehicle, 0, 3_000_000);
-    vehicle.arm(at_us(3_000_000), true).unwrap();
+    vehicle.arm(at_us(3_000_000), Fitness::Checked).unwrap();
     vehicle.set_mode(Mode::Manual).unwrap();
     assert_eq!(run(&mut vehicle, 3_000_000, 5_000_000), []);
     assert_eq!(vehicle.drives(), SideDrives::COAST);
@@ -194,10 +194,10 @@ fn battery_reset_ends_termination() {
     vehicle.battery_failsafe(FailsafeAction::Terminate);
     vehicle.update_batteries(FailsafeLevel::Critical, BatteryAlert::Urgent);
     assert_eq!(vehicle.status().alert, Alert::Terminated);
-    assert_eq!(vehicle.arm(Instant::EPOCH, true), Err(ArmingRefused::Terminated));
+    assert_eq!(vehicle.arm(Instant::EPOCH, Fitness::Checked), Err(ArmingRefused::Terminated));
     vehicle.update_batteries(FailsafeLevel::None, BatteryAlert::None);
     assert_eq!(vehicle.status().alert, Alert::None);
-    assert_eq!(vehicle.arm(Instant::EPOCH, true), Ok(()));
+    assert_eq!(vehicle.arm(Instant::EPOCH, Fitness::Checked), Ok(()));
 }
 
 /// The buzzer's output in steps of 100 ms.
@@ -218,9 +218,9 @@ fn lamps_and_buzzer_indicate_the_state() {
     let colour = |vehicle: &Vehicle| vehicle.indication(Instant::EPOCH).colour;
     assert_eq!(colour(&vehicle), Colour::Green);
     assert_eq!(tones(&vehicle, 0, 40), "........................................");
-    assert_eq!(vehicle.arm(at_us(1_000_000), false), Err(ArmingRefused::Unfit));
+    assert_eq!(vehicle.arm(at_us(1_000_000), Fitness::Unfit), Err(ArmingRefused::Unfit));
     assert_eq!(tones(&vehicle, 1_000_000, 10), "xxxxx.....");
-    vehicle.arm(at_us(3_000_000), true).unwrap();
+    vehicle.arm(at_us(3_000_000), Fitness::Checked).unwrap();
     assert_eq!(colour(&vehicle), Colour::Blue);
     vehicle.update_batteries(FailsafeLevel::Low, BatteryAlert::Warning);
     assert_eq!(colour(&vehicle), Colour::Yellow);
@@ -252,7 +252,7 @@ fn a_charge_state_is_indicated_without_a_failsafe() {
 /// Any input of the state machine.
 #[derive(Clone, Debug)]
 enum Input {
-    Arm(bool),
+    Arm(Fitness),
     Disarm,
     Mode(Mode),
     Control(StickInput, StickInput),
@@ -273,7 +273,7 @@ fn stick_input() -> impl Strategy<Value = StickInput> {
 fn input() -> impl Strategy<Value = Input> {
     use FailsafeLevel::{Critical, Low, None, Unhealthy};
     prop_oneof![
-        any::<bool>().prop_map(Input::Arm),
+        prop::sample::select(vec![Fitness::Unfit, Fitness::Checked, Fitness::Forced]).prop_map(Input::Arm),
         Just(Input::Disarm),
         prop_oneof![Just(Mode::Manual), Just(Mode::Hold)].prop_map(Input::Mode),
         (stick_input(), stick_input()).prop_map(|(throttle, steering)| Input::Control(throttle, steering)),
@@ -301,7 +301,7 @@ proptest! {
         let (mut vehicle, mut now) = (Vehicle::new(), Instant::EPOCH);
         for input in inputs {
             match input {
-                Input::Arm(is_fit) => drop(vehicle.arm(now, is_fit)),
+                Input::Arm(fitness) => drop(vehicle.arm(now, fitness)),
                 Input::Disarm => vehicle.disarm(),
                 Input::Mode(mode) => drop(vehicle.set_mode(mode)),
                 Input::Control(throttle, steering) => vehicle.control(now, throttle, steering),
