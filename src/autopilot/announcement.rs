@@ -4,6 +4,7 @@ use core::fmt::{self, Write};
 
 use heapless::String;
 
+use super::recording::LogFailure;
 use crate::battery::{PackEvent, SuggestedThresholds};
 use crate::decimals::Hundredths;
 use crate::mavlink::dialect::MavSeverity;
@@ -51,6 +52,8 @@ pub enum Announcement<'a> {
         /// How many so far.
         count: u32,
     },
+    /// There is no log although there should be one.
+    NoLog(LogFailure),
     /// A line of a crash report.
     Crash(&'a str),
 }
@@ -91,7 +94,7 @@ impl Announcement<'_> {
                 error: StorageError::NoErasedSpace,
                 ..
             }) => MavSeverity::MAV_SEVERITY_WARNING,
-            Self::FailsafesOff | Self::LearntNotSaved(_) | Self::Unauthorized { .. } => {
+            Self::FailsafesOff | Self::LearntNotSaved(_) | Self::NoLog(_) | Self::Unauthorized { .. } => {
                 MavSeverity::MAV_SEVERITY_WARNING
             }
             Self::DefaultParameters
@@ -142,6 +145,8 @@ impl fmt::Display for Announcement<'_> {
             }
             Self::LearntNotSaved(_) => f.write_str("Learnt battery data not saved: flash worn out?"),
             Self::SigningSaved(change) => f.write_str(change.text()),
+            Self::NoLog(LogFailure::Full) => f.write_str("Log full until disarmed"),
+            Self::NoLog(LogFailure::NotWritten) => f.write_str("Log not written: flash worn out?"),
             Self::Signing(trouble) => f.write_str(trouble.text()),
             Self::Unauthorized { link, count } => {
                 write!(f, "{link}: not signed with the key, ignored: {count}")

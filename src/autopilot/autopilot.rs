@@ -4,10 +4,12 @@ use super::announcement::Announcement;
 use super::broadcast::{Announced, Broadcast};
 use super::learnt_save::LearntSave;
 use super::packs::Packs;
+use super::recording::Recording;
 use super::signing_save::SigningSave;
 use super::start::Start;
 use super::work::Work;
 use crate::battery::BatteryState;
+use crate::dataflash::{ModeReason, Record};
 use crate::identity::{FirmwareHash, Identity};
 use crate::in_place::in_place;
 use crate::log::info;
@@ -32,6 +34,9 @@ pub struct Autopilot {
     pub(super) save_failures: SaveFailures,
     pub(super) signing_save: SigningSave,
     pub(super) learnt_save: LearntSave,
+    pub(super) recording: Recording,
+    /// Why the mode changes next, if it does.
+    pub(super) mode_reason: ModeReason,
     /// The vehicle's status when it was last driven.
     pub(super) known_status: VehicleStatus,
     pub(super) work: Work,
@@ -53,6 +58,8 @@ impl Autopilot {
             save_failures: SaveFailures::default(),
             signing_save: SigningSave::default(),
             learnt_save: LearntSave::default(),
+            recording: in_place(|| Recording::new(start.crash.clone())),
+            mode_reason: ModeReason::Command,
             known_status: VehicleStatus::default(),
             work: Work::empty(),
             broadcast: Broadcast::new(),
@@ -103,13 +110,17 @@ impl Autopilot {
     /// Everything telemetry reports now, apart from a link's own counters.
     pub fn system_state(&self) -> SystemState<'_> {
         let (packs, vehicle) = (&self.packs, &self.vehicle);
-        system_state(packs, vehicle, self.identity, self.readiness, self.load_permille)
+        SystemState {
+            logs: self.recording.files(),
+            ..system_state(packs, vehicle, self.identity, self.readiness, self.load_permille)
+        }
     }
 
     /// Announces something to all connected ground stations, once.
     pub fn announce(&mut self, announcement: Announcement<'_>) {
         let text = announcement.text();
         info!("announced: {}", text.as_str());
+        self.recording.add(&Record::Message(&text));
         self.broadcast.add(Announced::Text(announcement.severity(), text));
         if let Some(command) = announcement.command() {
             self.broadcast.add(Announced::Command(command));

@@ -4,10 +4,16 @@ use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::work::Work;
 use crate::battery::{ArmState, FailsafeLevel};
+use crate::dataflash::{
+    ArmingChecks, ArmingMethod, ErrorCode, EventId, ModeReason, Record, Subsystem,
+};
 use crate::log::info;
 use crate::pack::Pack;
+use crate::parameter::VehicleParameter;
 use crate::time::Instant;
-use crate::vehicle::{FailsafeAction, Indication, SideDrives, VehicleSettings};
+use crate::vehicle::{
+    Alert, FailsafeAction, Fitness, Indication, SideDrives, VehicleEvent, VehicleSettings, VehicleStatus,
+};
 
 /// Outputs to motors, lamps and buzzer.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,10 +28,16 @@ impl Autopilot {
     /// Updates time-outs and ramps of the vehicle; has to be called every 20 ms, and at once after [`Work::DRIVE`].
     pub fn drive(&mut self, now: Instant) -> Outputs {
         let settings = VehicleSettings::from_parameters(&self.parameters);
-        if let Some(event) = self.vehicle.update(now, &settings) {
+        let event = self.vehicle.update(now, &settings);
+        self.recording.follow(now, &self.parameters, &self.vehicle);
+        if let Some(event) = event {
+            self.record_failsafe(event);
             self.announce(Announcement::Vehicle(event));
         }
         self.follow_status();
+        if let Some(failure) = self.recording.take_report() {
+            self.announce(Announcement::NoLog(failure));
+        }
         Outputs {
             drives: self.vehicle.drives(),
             indication: self.vehicle.indication(now),
@@ -34,6 +46,11 @@ impl Autopilot {
 
     /// Takes the action that is set for a pack that has reached `level`.
     pub(super) fn act_on_failsafe(&mut self, pack: Pack, level: FailsafeLevel) {
+        self.recording.add(&Record::Error {
+            subsystem: Subsystem::BatteryFailsafe,
+            code: ErrorCode::Occurred,
+        });
+        self.mode_reason = ModeReason::BatteryFailsafe;
         let action = FailsafeAction::from_parameters(&self.parameters, pack, level);
         if let Some(event) = self.vehicle.battery_failsafe(action) {
             self.announce(Announcement::Vehicle(event));
@@ -54,6 +71,56 @@ impl Autopilot {
         if (self.known_status.arm_state, status.arm_state) == (ArmState::Armed, ArmState::Disarmed) {
             self.save_after_disarming();
         }
+        self.record_status(status);
         self.known_status = status;
+        self.mode_reason = ModeReason::Command;
+    }
+
+    /// Records what has changed of the status.
+    fn record_status(&mut self, status: VehicleStatus) {
+        if status.arm_state != self.known_status.arm_state {
+            self.record_arming(status);
+        }
+        if status.mode != self.known_status.mode {
+            self.recording.add(&Record::Mode {
+                mode: status.mode,
+                reason: self.mode_reason,
+            });
+        }
+    }
+
+    fn record_arming(&mut self, status: VehicleStatus) {
+        let (event, forced) = match status.arm_state {
+            ArmState::Armed => (EventId::Armed, status.fitness == Fitness::Forced),
+            ArmState::Disarmed => (EventId::Disarmed, false),
+        };
+        let checks = if forced { ArmingChecks::Forced } else { ArmingChecks::Passed };
+        let method = match status.alert {
+            Alert::Terminated => ArmingMethod::Termination,
+            Alert::None | Alert::Failsafe => ArmingMethod::Command,
+        };
+        self.recording.add(&Record::Arm {
+            state: status.arm_state,
+            enabled_checks: self.parameters.get_whole(VehicleParameter::ArmingCheck) as u32,
+            checks,
+            method,
+        });
+        self.recording.add(&Record::Event(event));
+    }
+
+    /// Records a failsafe of sticks or ground stations.
+    fn record_failsafe(&mut self, event: VehicleEvent) {
+        let (subsystem, reason) = match event {
+            VehicleEvent::ControlsTimedOut => (Subsystem::ControlsFailsafe, ModeReason::ControlsTimedOut),
+            VehicleEvent::GroundStationsTimedOut => {
+                (Subsystem::GroundStationFailsafe, ModeReason::GroundStationsTimedOut)
+            }
+            VehicleEvent::NeedsPosition(_) | VehicleEvent::Terminated => return,
+        };
+        self.mode_reason = reason;
+        self.recording.add(&Record::Error {
+            subsystem,
+            code: ErrorCode::Occurred,
+        });
     }
 }

@@ -204,6 +204,7 @@ impl Autopilot {
     fn parameter_set(&mut self, id: ParameterId, channel: &Channel) {
         let value = self.parameters.get(id);
         info!("{}: {} set to {}", channel.name(), id.name().as_str(), value);
+        self.recording.add_parameter(id, &self.parameters);
         // Another serial number is another pack.
         self.work |= Work::SAVE_PARAMETERS | Work::KEEP_LEARNT;
     }
@@ -220,6 +221,7 @@ impl Autopilot {
             Action::Restart(_) => self.work |= Work::RESTART,
             Action::ResetParameters => {
                 self.parameters.reset();
+                self.recording.add_all_parameters();
                 self.work |= Work::SAVE_PARAMETERS | Work::KEEP_LEARNT;
             }
             Action::ResetBatteries { mask, percent } => self.packs.reset(mask, percent, &self.parameters),

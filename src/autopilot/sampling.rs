@@ -5,10 +5,12 @@ use heapless::Vec;
 use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::packs::PIN_COUNT;
+use super::recording::Detail;
 use crate::battery::{
     BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus, PackUpdate,
     ReadError, RetainedMemory, Tick, recall, retain,
 };
+use crate::dataflash::{Health, Record};
 use crate::log::{info, warn};
 use crate::mavlink::arming_readiness;
 use crate::pack::Pack;
@@ -111,11 +113,41 @@ impl Autopilot {
         match self.packs.ticks % TICKS_PER_SECOND {
             RECORDING_TICK => retain(memory, &self.packs.bank.memory()),
             CHECKING_TICK => {
+                self.record_health();
                 self.readiness = arming_readiness(&self.system_state(), &self.parameters, &self.vehicle);
             }
             _ => {}
         }
         self.packs.ticks = self.packs.ticks.wrapping_add(1);
+        self.record_packs();
+    }
+
+    /// Records the packs whose turn it is.
+    fn record_packs(&mut self) {
+        self.recording.tick();
+        while let Some((turn, detail)) = self.recording.next_pack(self.packs.order.len(), &self.parameters) {
+            let Some((pack, _)) = self.packs.order.get(turn) else {
+                return;
+            };
+            let records = Record::of_pack(*pack, &self.packs.states[*pack as usize]);
+            let count = match detail {
+                Detail::Readings => 1,
+                Detail::Everything => usize::MAX,
+            };
+            for record in records.take(count) {
+                let bytes = self.recording.add(&record);
+                self.recording.spend(bytes);
+            }
+        }
+    }
+
+    fn record_health(&mut self) {
+        if self.recording.records_health(&self.parameters) {
+            self.recording.add(&Record::Health(Health {
+                load_permille: self.load_permille,
+                dropped_records: self.recording.dropped(),
+            }));
+        }
     }
 
     fn update_pack(&mut self, pack: Pack, tick: Tick, reading: Result<Measurement, ReadError>) {

@@ -132,6 +132,7 @@ impl Autopilot {
         self.signing.is_key_unsaved()
             || self.parameters.next_unsaved().is_some()
             || self.next_unsaved_learnt().is_some()
+            || !self.recording.is_written()
     }
 }
 

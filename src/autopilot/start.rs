@@ -1,6 +1,7 @@
 //! The start: what was read from flash, and what it announces.
 
 use super::announcement::Announcement;
+use crate::crash::CrashRecord;
 use crate::identity::Identity;
 use crate::log::{info, warn};
 use crate::mavlink::{Signing, SigningTrouble};
@@ -18,6 +19,8 @@ pub struct Start {
     pub signing: Signing,
     /// Which board and program it is.
     pub identity: Identity,
+    /// The crash before this start, for the log.
+    pub crash: Option<CrashRecord>,
 }
 
 /// Result of loading the parameters.
@@ -39,6 +42,7 @@ impl Default for Start {
             parameter_load: ParameterLoad::Loaded,
             signing: Signing::off(),
             identity: Identity::default(),
+            crash: None,
             parameters: Parameters::defaults(),
         }
     }

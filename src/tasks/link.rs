@@ -6,27 +6,39 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 
 use super::{Shared, now};
+use crate::recorder::LogSource;
 use crate::autopilot::{Autopilot, Channel};
 use crate::mavlink::{LinkKind, LinkStatistics};
 
 /// A link: our end of it, and wake-ups for its tasks.
 ///
 /// All tasks run on one executor and none is interrupted by another, so a plain cell guards our end.
-pub struct Link {
+pub struct Link<'a> {
     channel: RefCell<Channel>,
+    /// Where logs are read from, for those who download them here.
+    log: Option<&'a dyn LogSource>,
     /// There may be something to write.
     pub(super) to_write: Signal<NoopRawMutex, ()>,
     /// The schedule may have changed.
     pub(super) to_schedule: Signal<NoopRawMutex, ()>,
 }
 
-impl Link {
+impl<'a> Link<'a> {
     /// A link of this kind called `name` in the log, that carries `bytes_per_second`.
     pub fn new(name: &'static str, kind: LinkKind, bytes_per_second: u32) -> Self {
         Self {
             channel: RefCell::new(Channel::new(name, kind, bytes_per_second, now())),
+            log: None,
             to_write: Signal::new(),
             to_schedule: Signal::new(),
+        }
+    }
+
+    /// The same link, which offers downloads of logs read from `source`.
+    pub fn with_logs(self, source: &'a dyn LogSource) -> Self {
+        Self {
+            log: Some(source),
+            ..self
         }
     }
 
@@ -58,4 +70,48 @@ impl Link {
     ) -> R {
         shared.with(|autopilot| self.with(|channel| serve(autopilot, channel)))
     }
+
+    /// Reads what the next message of a download needs, if anything.
+    pub(super) fn read_log(&self, shared: &Shared) -> LogReading {
+        let next = self.serve(shared, |autopilot, channel| autopilot.next_log_read(channel));
+        let Some(read) = next else {
+            return LogReading::NothingToRead;
+        };
+        let mut bytes = [0; MAX_READ_BYTES];
+        let wanted = bytes.get_mut(..read.bytes.into()).unwrap_or_default();
+        let filled = self.fill(wanted, read, shared);
+        let bytes = bytes.get(..filled).unwrap_or_default();
+        self.serve(shared, |autopilot, channel| {
+            autopilot.supply_log(channel, read, bytes);
+        });
+        LogReading::Read
+    }
+
+    /// Fills `wanted` as far as the file goes and can be read, and returns how far that is.
+    fn fill(&self, wanted: &mut [u8], read: LogRead, shared: &Shared) -> usize {
+        let mut filled = 0;
+        while let Some(rest) = wanted.get_mut(filled..).filter(|rest| !rest.is_empty()) {
+            let offset = read.offset.saturating_add(filled as u32);
+            let piece = shared.with(|autopilot| autopilot.locate_log(read.number, offset));
+            let (Some(source), Some(piece)) = (self.log, piece) else {
+                break;
+            };
+            let bytes = rest.len().min(piece.bytes as usize);
+            let read = rest.get_mut(..bytes).map(|part| source.read(piece.address, part));
+            if !matches!(read, Some(Ok(()))) {
+                break;
+            }
+            filled += bytes;
+        }
+        filled
+    }
+}
+
+/// What came of looking for something to read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LogReading {
+    /// No download needs anything.
+    NothingToRead,
+    /// A piece was read; there may be another one.
+    Read,
 }

@@ -15,8 +15,8 @@ use crate::storage::Erase;
 /// sends announcements when its next stream is due.
 const MAX_LINKS: usize = 9;
 
-/// The tasks that write to flash: parameters, signing, learnt.
-const FLASH_TASKS: usize = 3;
+/// The tasks that write to flash: parameters, signing, learnt, log.
+const FLASH_TASKS: usize = 4;
 
 /// Turns at the flash, in the order in which they are asked for: a task that always has something to write must not keep the
 /// others from theirs until the watchdog misses them.

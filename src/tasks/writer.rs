@@ -1,7 +1,9 @@
 //! Writes the messages of one link to its wire.
 
+use embassy_futures::yield_now;
 use embedded_io_async::Write;
 
+use super::link::LogReading;
 use super::{Link, Shared, mark, now};
 use crate::liveness::CheckIn;
 use crate::mavlink::Framer;
@@ -18,11 +20,16 @@ pub async fn write_frames<W: Write>(
 ) -> Result<(), W::Error> {
     let mut framer = Framer::new();
     loop {
+        let reading = link.read_log(shared);
         let frame = link.serve(shared, |autopilot, channel| {
             autopilot.next_frame(channel, &mut framer, now())
         });
         let Some(frame) = frame else {
-            link.to_write.wait().await;
+            match reading {
+                LogReading::Read => yield_now().await,
+                LogReading::NothingToRead => link.to_write.wait().await,
+            }
+            mark(check_in);
             continue;
         };
         wire.write_all(frame).await?;
