@@ -66,6 +66,7 @@
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
 //! | [`crash`] | what is known of a crash after the restart |
+//! | [`dataflash`] | records of a log file, in ArduPilot's format |
 //! | [`autopilot`] | the core object: owns parameters, packs, vehicle and signing, and decides between them |
 //! | [`tasks`] | thin `async` loops that wait, call the core and publish |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |

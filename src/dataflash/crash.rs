@@ -1,0 +1,33 @@
+//! CRSH: the crash before this start.
+
+use core::fmt::Write;
+
+use heapless::String;
+
+use super::format::Kind;
+use super::packet::{Packet, RecordBytes};
+use crate::crash::{CrashCause, CrashRecord};
+
+/// Characters of the field `Task`.
+const TASK_CHARACTERS: usize = 16;
+
+/// Cause 1 is a fault, with its registers; 2 an overdue task; 3 a hang. Without a task, that field is empty.
+pub(super) fn encode(time_us: u64, crash: &CrashRecord) -> RecordBytes {
+    let (cause, [pc, lr, xpsr]) = match &crash.cause {
+        CrashCause::Fault(site) => (1, [site.pc, site.lr, site.xpsr]),
+        CrashCause::Overdue => (2, [0; 3]),
+        CrashCause::Hung => (3, [0; 3]),
+    };
+    let mut task = String::<TASK_CHARACTERS>::new();
+    if let Some(name) = crash.task {
+        // A name is as long at most.
+        let _ = write!(task, "{name}");
+    }
+    Packet::at(Kind::Crash, time_us)
+        .u8(cause)
+        .u32(pc)
+        .u32(lr)
+        .u32(xpsr)
+        .text::<TASK_CHARACTERS>(&task)
+        .finish()
+}

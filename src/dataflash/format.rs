@@ -1,0 +1,199 @@
+//! The formats, a row each: everything that a file says about its records derives from them.
+
+/// Length of what precedes the fields, in bytes: two of synchronisation and the format's number.
+pub(super) const HEADER_BYTES: usize = 3;
+
+/// Identifies a format. The numbers are free but for FMT's, since a file states them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(super) enum Kind {
+    Format = 128,
+    Unit = 129,
+    Multiplier = 130,
+    FormatUnits = 131,
+    Parameter = 132,
+    Message = 133,
+    Event = 134,
+    Arming = 135,
+    Mode = 136,
+    Error = 137,
+    Battery = 138,
+    Cells = 139,
+    MoreCells = 140,
+    Estimate = 141,
+    Health = 142,
+    Crash = 143,
+}
+
+/// A format, as its FMT and FMTU records say it: a character and a name for each field.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Format {
+    pub kind: Kind,
+    /// Up to 4 characters.
+    pub name: &'static str,
+    /// The type of each field, see [`field_bytes`].
+    pub types: &'static str,
+    /// Names of the fields, with commas between them.
+    pub columns: &'static str,
+    /// Units of the fields, see [`UNITS`](super::units::UNITS).
+    pub units: &'static str,
+    /// What makes the number in a field one in that unit, see [`MULTIPLIERS`](super::units::MULTIPLIERS).
+    pub multipliers: &'static str,
+}
+
+impl Format {
+    /// Length of a record, in bytes.
+    pub fn record_bytes(&self) -> usize {
+        HEADER_BYTES + self.types.bytes().map(field_bytes).sum::<usize>()
+    }
+}
+
+/// Length of a field, in bytes, by the character of its type; only those in use.
+fn field_bytes(field_type: u8) -> usize {
+    match field_type {
+        // Signed and unsigned byte, mode.
+        b'b' | b'B' | b'M' => 1,
+        // Signed in hundredths, unsigned.
+        b'c' | b'H' => 2,
+        // Unsigned, single, short text.
+        b'I' | b'f' | b'n' => 4,
+        // Unsigned, double.
+        b'Q' | b'd' => 8,
+        // Texts.
+        b'N' => 16,
+        b'Z' => 64,
+        _ => 0,
+    }
+}
+
+/// All formats, FMT first, since a reader needs it to read the others.
+pub(super) const FORMATS: [Format; 16] = [
+    Format {
+        kind: Kind::Format,
+        name: "FMT",
+        types: "BBnNZ",
+        columns: "Type,Length,Name,Format,Columns",
+        units: "-b---",
+        multipliers: "-----",
+    },
+    Format {
+        kind: Kind::Unit,
+        name: "UNIT",
+        types: "QbZ",
+        columns: "TimeUS,Id,Label",
+        units: "s--",
+        multipliers: "F--",
+    },
+    Format {
+        kind: Kind::Multiplier,
+        name: "MULT",
+        types: "Qbd",
+        columns: "TimeUS,Id,Mult",
+        units: "s--",
+        multipliers: "F--",
+    },
+    Format {
+        kind: Kind::FormatUnits,
+        name: "FMTU",
+        types: "QBNN",
+        columns: "TimeUS,FmtType,UnitIds,MultIds",
+        units: "s---",
+        multipliers: "F---",
+    },
+    Format {
+        kind: Kind::Parameter,
+        name: "PARM",
+        types: "QNff",
+        columns: "TimeUS,Name,Value,Default",
+        units: "s---",
+        multipliers: "F---",
+    },
+    Format {
+        kind: Kind::Message,
+        name: "MSG",
+        types: "QZ",
+        columns: "TimeUS,Message",
+        units: "s-",
+        multipliers: "F-",
+    },
+    Format {
+        kind: Kind::Event,
+        name: "EV",
+        types: "QB",
+        columns: "TimeUS,Id",
+        units: "s-",
+        multipliers: "F-",
+    },
+    Format {
+        kind: Kind::Arming,
+        name: "ARM",
+        types: "QBIBB",
+        columns: "TimeUS,ArmState,ArmChecks,Forced,Method",
+        units: "s----",
+        multipliers: "F----",
+    },
+    Format {
+        kind: Kind::Mode,
+        name: "MODE",
+        types: "QMBB",
+        columns: "TimeUS,Mode,ModeNum,Rsn",
+        units: "s---",
+        multipliers: "F---",
+    },
+    Format {
+        kind: Kind::Error,
+        name: "ERR",
+        types: "QBB",
+        columns: "TimeUS,Subsys,ECode",
+        units: "s--",
+        multipliers: "F--",
+    },
+    Format {
+        kind: Kind::Battery,
+        name: "BAT",
+        types: "QBfffffcfBBB",
+        columns: "TimeUS,Inst,Volt,VoltR,Curr,CurrTot,EnrgTot,Temp,Res,RemPct,H,SH",
+        units: "s#vvAaXOw%-%",
+        multipliers: "F-000C0?0000",
+    },
+    Format {
+        kind: Kind::Cells,
+        name: "BCL",
+        types: "QBfHHHHHHHHHHHH",
+        columns: "TimeUS,Instance,Volt,V1,V2,V3,V4,V5,V6,V7,V8,V9,V10,V11,V12",
+        units: "s#vvvvvvvvvvvvv",
+        multipliers: "F-0CCCCCCCCCCCC",
+    },
+    Format {
+        kind: Kind::MoreCells,
+        name: "BCL2",
+        types: "QBHH",
+        columns: "TimeUS,Instance,V13,V14",
+        units: "s#vv",
+        multipliers: "F-CC",
+    },
+    Format {
+        kind: Kind::Estimate,
+        name: "BATX",
+        types: "QBfffffBHBB",
+        columns: "TimeUS,Inst,SoC,SoCLo,SoCHi,Use,Cap,State,Flt,FS,Stat",
+        units: "s#%%%%a----",
+        multipliers: "F-0000C----",
+    },
+    Format {
+        kind: Kind::Health,
+        name: "PM",
+        types: "QHI",
+        columns: "TimeUS,Load,LogDrop",
+        units: "s%-",
+        multipliers: "FA-",
+    },
+    Format {
+        kind: Kind::Crash,
+        name: "CRSH",
+        types: "QBIIIN",
+        columns: "TimeUS,Cause,PC,LR,PSR,Task",
+        units: "s-----",
+        multipliers: "F-----",
+    },
+];

@@ -1,0 +1,36 @@
+//! Records of a log file in ArduPilot's DataFlash format (`.BIN`), which describes itself.
+//!
+//! A record is 0xA3, 0x95, the number of its format and its fields, little endian. A file begins with
+//! [`opening_record`]s, which say what the fields of each format are called and what their units are; then follow
+//! [`Record`]s in any order. Formats, fields and units are those of ArduPilot 4.6 where it has them. Of this firmware are
+//! `BATX` (what is estimated of a pack), `CRSH` (the crash before this start) and the field `LogDrop` of `PM`.
+//!
+//! A number with a fraction is NaN while it is unknown, as ArduPilot's current without a sensor is. Other fields use
+//! ArduPilot's values for what is unknown; the file of each record has them.
+
+mod arming;
+mod battery;
+mod cells;
+mod crash;
+mod error;
+mod estimate;
+mod event;
+mod format;
+mod health;
+mod mode;
+mod opening;
+mod packet;
+mod record;
+mod units;
+
+pub use arming::{ArmingChecks, ArmingMethod};
+pub use error::{ErrorCode, Subsystem};
+pub use event::EventId;
+pub use health::Health;
+pub use mode::ModeReason;
+pub use opening::opening_record;
+pub use packet::{MAX_RECORD_BYTES, RecordBytes};
+pub use record::Record;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,86 @@
+//! A record as bytes.
+
+use heapless::Vec;
+
+use super::format::Kind;
+use crate::rounding::round_to_i32;
+
+/// The longest record, in bytes: FMT.
+pub const MAX_RECORD_BYTES: usize = 89;
+
+/// A record as it is in a file.
+pub type RecordBytes = Vec<u8, MAX_RECORD_BYTES>;
+
+const SYNCHRONISATION: [u8; 2] = [0xa3, 0x95];
+
+/// Always the same bits for an unknown number.
+const UNKNOWN: f32 = f32::from_bits(0x7fc0_0000);
+
+/// A record in the making; its fields follow in their order.
+pub(super) struct Packet(RecordBytes);
+
+impl Packet {
+    pub fn of(kind: Kind) -> Self {
+        let [first, second] = SYNCHRONISATION;
+        Self(RecordBytes::new()).bytes(&[first, second, kind as u8])
+    }
+
+    /// A record that starts with `TimeUS`, in microseconds since the start.
+    pub fn at(kind: Kind, time_us: u64) -> Self {
+        Self::of(kind).bytes(&time_us.to_le_bytes())
+    }
+
+    pub fn bytes(mut self, bytes: &[u8]) -> Self {
+        // Every record fits, as a test proves.
+        let _ = self.0.extend_from_slice(bytes);
+        self
+    }
+
+    pub fn u8(self, value: u8) -> Self {
+        self.bytes(&[value])
+    }
+
+    pub fn u16(self, value: u16) -> Self {
+        self.bytes(&value.to_le_bytes())
+    }
+
+    pub fn u32(self, value: u32) -> Self {
+        self.bytes(&value.to_le_bytes())
+    }
+
+    pub fn f32(self, value: f32) -> Self {
+        self.bytes(&value.to_le_bytes())
+    }
+
+    pub fn f64(self, value: f64) -> Self {
+        self.bytes(&value.to_le_bytes())
+    }
+
+    /// A number that may be unknown.
+    pub fn number(self, value: Option<f32>) -> Self {
+        self.f32(finite(value).unwrap_or(UNKNOWN))
+    }
+
+    /// A text of `LENGTH` bytes: cut there, or filled with zeros.
+    pub fn text<const LENGTH: usize>(self, text: &str) -> Self {
+        let mut field = [0; LENGTH];
+        for (to, from) in field.iter_mut().zip(text.bytes()) {
+            *to = from;
+        }
+        self.bytes(&field)
+    }
+
+    pub fn finish(self) -> RecordBytes {
+        self.0
+    }
+}
+
+/// A number that is neither NaN nor infinite.
+pub(super) fn finite(value: Option<f32>) -> Option<f32> {
+    value.filter(|value| value.is_finite())
+}
+
+/// A share in whole percent, 0 to 100.
+pub(super) fn whole_pct(pct: f32) -> u8 {
+    round_to_i32(pct).clamp(0, 100) as u8
+}

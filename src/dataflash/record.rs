@@ -1,0 +1,114 @@
+//! What is recorded.
+
+use super::arming::{self, ArmingChecks, ArmingMethod};
+use super::cells::FIRST_CELLS;
+use super::error::{self, ErrorCode, Subsystem};
+use super::event::{self, EventId};
+use super::format::Kind;
+use super::health::{self, Health};
+use super::mode::{self, ModeReason};
+use super::packet::{Packet, RecordBytes};
+use super::{battery, cells, crash, estimate};
+use crate::battery::{ArmState, BatteryState};
+use crate::crash::CrashRecord;
+use crate::pack::Pack;
+use crate::vehicle::Mode;
+
+/// A record.
+#[derive(Clone, Copy, Debug)]
+pub enum Record<'a> {
+    /// PARM: a parameter.
+    Parameter {
+        /// Its name, up to 16 characters.
+        name: &'a str,
+        /// Its value, in its unit.
+        value: f32,
+        /// Its default, in its unit.
+        default: f32,
+    },
+    /// MSG: a text, cut after 64 bytes.
+    Message(&'a str),
+    /// EV: an event.
+    Event(EventId),
+    /// ARM: arming or disarming.
+    Arm {
+        /// What the rover is now.
+        state: ArmState,
+        /// The checks in use: `ARMING_CHECK`.
+        enabled_checks: u32,
+        /// Whether they had to pass.
+        checks: ArmingChecks,
+        /// What armed or disarmed it.
+        method: ArmingMethod,
+    },
+    /// MODE: a change of the driving mode.
+    Mode {
+        /// The mode from now on.
+        mode: Mode,
+        /// Why it changed.
+        reason: ModeReason,
+    },
+    /// ERR: a failsafe or an error.
+    Error {
+        /// What reports it.
+        subsystem: Subsystem,
+        /// Whether it begins or ends.
+        code: ErrorCode,
+    },
+    /// BAT: what is measured of a pack.
+    Battery(Pack, &'a BatteryState),
+    /// BATX: what is estimated of a pack.
+    Estimate(Pack, &'a BatteryState),
+    /// BCL: the voltages of a pack's first 12 cells.
+    Cells(Pack, &'a BatteryState),
+    /// BCL2: the voltages of a pack's further cells.
+    MoreCells(Pack, &'a BatteryState),
+    /// PM: how the board does.
+    Health(Health),
+    /// CRSH: the crash before this start.
+    Crash(&'a CrashRecord),
+}
+
+impl<'a> Record<'a> {
+    /// The records of a pack at one moment; of its cells where they are measured.
+    pub fn of_pack(pack: Pack, state: &'a BatteryState) -> impl Iterator<Item = Self> {
+        let cells = state.cells.millivolts().len();
+        let first_cells = (cells > 0).then_some(Self::Cells(pack, state));
+        let more_cells = (cells > FIRST_CELLS).then_some(Self::MoreCells(pack, state));
+        [
+            Some(Self::Battery(pack, state)),
+            Some(Self::Estimate(pack, state)),
+            first_cells,
+            more_cells,
+        ]
+        .into_iter()
+        .flatten()
+    }
+
+    /// The record as it is in a file. `time_us`: since the start.
+    pub fn encode(&self, time_us: u64) -> RecordBytes {
+        match *self {
+            Self::Parameter { name, value, default } => Packet::at(Kind::Parameter, time_us)
+                .text::<16>(name)
+                .f32(value)
+                .f32(default)
+                .finish(),
+            Self::Message(text) => Packet::at(Kind::Message, time_us).text::<64>(text).finish(),
+            Self::Event(event) => event::encode(time_us, event),
+            Self::Arm {
+                state,
+                enabled_checks,
+                checks,
+                method,
+            } => arming::encode(time_us, state, enabled_checks, checks, method),
+            Self::Mode { mode, reason } => mode::encode(time_us, mode, reason),
+            Self::Error { subsystem, code } => error::encode(time_us, subsystem, code),
+            Self::Battery(pack, state) => battery::encode(time_us, pack, state),
+            Self::Estimate(pack, state) => estimate::encode(time_us, pack, state),
+            Self::Cells(pack, state) => cells::encode_first(time_us, pack, state),
+            Self::MoreCells(pack, state) => cells::encode_more(time_us, pack, state),
+            Self::Health(health) => health::encode(time_us, health),
+            Self::Crash(crash) => crash::encode(time_us, crash),
+        }
+    }
+}

@@ -1,0 +1,374 @@
+//! The bytes of records, against what Python's `struct.pack` makes of the same values.
+
+use proptest::prelude::*;
+
+use super::format::{FORMATS, Format};
+use super::units::{MULTIPLIERS, UNITS};
+use super::*;
+use crate::battery::{
+    Amount, ArmState, BatteryState, CellVoltages, ChargeState, FailsafeLevel, Faults, MAX_CELLS, PackStatus,
+};
+use crate::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
+use crate::pack::Pack;
+use crate::vehicle::Mode;
+
+const TIME_US: u64 = 0x0102_0304_0506_0708;
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn encoded(record: Record) -> String {
+    hex(&record.encode(TIME_US))
+}
+
+fn opening() -> impl Iterator<Item = RecordBytes> {
+    (0..).map_while(|index| opening_record(index, TIME_US))
+}
+
+fn known() -> BatteryState {
+    BatteryState {
+        status: PackStatus::Healthy,
+        voltage_v: Some(11.5),
+        resting_voltage_v: Some(11.75),
+        current_a: Some(-2.5),
+        resistance_ohm: Some(0.0625),
+        consumed: Some(Amount::Mah(1250.0)),
+        consumed_wh: Some(14.5),
+        remaining_pct: Some(66.5),
+        remaining_sigma_pct: Some(1.0),
+        usable_pct: Some(60.25),
+        temperature_c: Some(-12.34),
+        charge_state: ChargeState::Low,
+        faults: Faults::OVER_TEMPERATURE | Faults::CELL_FAIL,
+        failsafe: FailsafeLevel::Low,
+        learnt_capacity_mah: Some(4750.0),
+        state_of_health_pct: Some(93),
+        ..BatteryState::UNKNOWN
+    }
+}
+
+fn fault() -> CrashRecord {
+    CrashRecord {
+        task: TaskName::new("battery"),
+        cause: CrashCause::Fault(FaultSite {
+            pc: 0x1000_1234,
+            lr: 0x1000_5679,
+            xpsr: 0x6100_0000,
+            stack: [0; STACK_WORDS],
+        }),
+    }
+}
+
+/// A record of every format that is not of the opening.
+fn one_of_each<'a>(state: &'a BatteryState, crash: &'a CrashRecord) -> Vec<Record<'a>> {
+    vec![
+        Record::Parameter {
+            name: "BATT_CAPACITY",
+            value: 5200.0,
+            default: 2200.0,
+        },
+        Record::Message("Rover"),
+        Record::Event(EventId::Armed),
+        Record::Arm {
+            state: ArmState::Armed,
+            enabled_checks: 1,
+            checks: ArmingChecks::Passed,
+            method: ArmingMethod::Command,
+        },
+        Record::Mode {
+            mode: Mode::Manual,
+            reason: ModeReason::Command,
+        },
+        Record::Error {
+            subsystem: Subsystem::BatteryFailsafe,
+            code: ErrorCode::Occurred,
+        },
+        Record::Battery(Pack::First, state),
+        Record::Cells(Pack::First, state),
+        Record::MoreCells(Pack::First, state),
+        Record::Estimate(Pack::First, state),
+        Record::Health(Health::default()),
+        Record::Crash(crash),
+    ]
+}
+
+#[test]
+fn battery_has_each_field_in_its_place() {
+    let state = known();
+    assert_eq!(
+        encoded(Record::Battery(Pack::Second, &state)),
+        "a3958a0807060504030201010000384100003c41000020c000409c44000068412efb0000803d43015d"
+    );
+}
+
+#[test]
+fn unknown_values_are_ardupilots() {
+    assert_eq!(
+        encoded(Record::Battery(Pack::First, &BatteryState::UNKNOWN)),
+        "a3958a0807060504030201000000c07f0000c07f0000c07f0000c07f0000c07f00000000c07fff0000"
+    );
+}
+
+#[test]
+fn estimate_has_its_bounds() {
+    let state = known();
+    assert_eq!(
+        encoded(Record::Estimate(Pack::Ninth, &state)),
+        "a3958d08070605040302010800008542000081420000894200007142007094450214000203"
+    );
+}
+
+#[test]
+fn cells_beyond_the_twelfth_have_a_record_of_their_own() {
+    let mut cells = [3750; 13];
+    (cells[11], cells[12]) = (0, 3751);
+    let state = BatteryState {
+        voltage_v: Some(52.5),
+        cells: CellVoltages::from_millivolts(&cells),
+        ..BatteryState::UNKNOWN
+    };
+    assert_eq!(
+        encoded(Record::Cells(Pack::Third, &state)),
+        "a3958b08070605040302010200005242a60ea60ea60ea60ea60ea60ea60ea60ea60ea60ea60e0100"
+    );
+    assert_eq!(
+        encoded(Record::MoreCells(Pack::Third, &state)),
+        "a3958c080706050403020102a70e0000"
+    );
+}
+
+#[test]
+fn cells_are_recorded_where_they_are_measured() {
+    for (cells, records) in [(0, 2), (1, 3), (12, 3), (13, 4), (MAX_CELLS, 4)] {
+        let state = BatteryState {
+            cells: CellVoltages::from_millivolts(&[3750; MAX_CELLS][..cells]),
+            ..BatteryState::UNKNOWN
+        };
+        assert_eq!(
+            Record::of_pack(Pack::First, &state).count(),
+            records,
+            "{cells} cells"
+        );
+    }
+}
+
+#[test]
+fn records_of_the_vehicle_have_each_field_in_its_place() {
+    for (record, expected) in [
+        (
+            Record::Parameter {
+                name: "BATT_CAPACITY",
+                value: 5200.0,
+                default: 2200.0,
+            },
+            "a395840807060504030201424154545f43415041434954590000000080a24500800945",
+        ),
+        (
+            Record::Arm {
+                state: ArmState::Armed,
+                enabled_checks: 0x0001_0301,
+                checks: ArmingChecks::Forced,
+                method: ArmingMethod::Command,
+            },
+            "a39587080706050403020101010301000101",
+        ),
+        (
+            Record::Mode {
+                mode: Mode::Hold,
+                reason: ModeReason::Start,
+            },
+            "a39588080706050403020104041a",
+        ),
+        (
+            Record::Error {
+                subsystem: Subsystem::BatteryFailsafe,
+                code: ErrorCode::Occurred,
+            },
+            "a3958908070605040302010601",
+        ),
+        (Record::Event(EventId::Disarmed), "a3958608070605040302010b"),
+        (
+            Record::Health(Health {
+                load_permille: 345,
+                dropped_records: 70_000,
+            }),
+            "a3958e0807060504030201590170110100",
+        ),
+        (
+            Record::Crash(&fault()),
+            "a3958f08070605040302010134120010795600100000006162617474657279000000000000000000",
+        ),
+    ] {
+        assert_eq!(encoded(record), expected, "{record:?}");
+    }
+}
+
+#[test]
+fn a_crash_without_a_fault_has_no_registers() {
+    for (cause, number) in [(CrashCause::Overdue, 2), (CrashCause::Hung, 3)] {
+        let crash = CrashRecord { task: None, cause };
+        let bytes = Record::Crash(&crash).encode(TIME_US);
+        assert_eq!(bytes[11], number);
+        assert!(bytes[12..].iter().all(|byte| *byte == 0));
+    }
+}
+
+#[test]
+fn a_long_text_is_cut() {
+    let text = "x".repeat(65);
+    let bytes = Record::Message(&text).encode(TIME_US);
+    assert_eq!(bytes.len(), 3 + 8 + 64);
+    assert!(bytes[11..].iter().all(|byte| *byte == b'x'));
+}
+
+#[test]
+fn opening_states_a_format_as_ardupilot_does() {
+    let battery = opening()
+        .find(|record| record[2] == 128 && record[3] == 138)
+        .unwrap();
+    assert_eq!(
+        hex(&battery),
+        "a395808a29424154005142666666666663664242420000000054696d6555532c496e73742c566f6c742c566f\
+         6c74522c437572722c43757272546f742c456e7267546f742c54656d702c5265732c52656d5063742c482c53\
+         48"
+    );
+}
+
+#[test]
+fn a_file_says_everything_about_its_formats_once() {
+    let kinds: Vec<u8> = opening().map(|record| record[2]).collect();
+    let expected = [
+        (128, FORMATS.len()),
+        (129, UNITS.len()),
+        (130, MULTIPLIERS.len()),
+        (131, FORMATS.len()),
+    ];
+    let expected: Vec<u8> = expected
+        .iter()
+        .flat_map(|(kind, count)| vec![*kind; *count])
+        .collect();
+    assert_eq!(kinds, expected);
+    assert_eq!(opening_record(usize::MAX, 0), None);
+}
+
+#[test]
+fn each_record_is_as_long_as_its_format_says() {
+    let (state, crash) = (known(), fault());
+    let records = one_of_each(&state, &crash);
+    let records = opening().chain(records.iter().map(|record| record.encode(0)));
+    let mut seen = std::collections::HashSet::new();
+    for record in records {
+        let format = FORMATS
+            .iter()
+            .find(|format| format.kind as u8 == record[2])
+            .unwrap();
+        assert_eq!(record.len(), format.record_bytes(), "{}", format.name);
+        seen.insert(format.name);
+    }
+    assert_eq!(seen.len(), FORMATS.len());
+}
+
+#[test]
+fn rows_of_the_table_are_consistent() {
+    let mut numbers = std::collections::HashSet::new();
+    let mut names = std::collections::HashSet::new();
+    for Format {
+        kind,
+        name,
+        types,
+        columns,
+        units,
+        multipliers,
+    } in FORMATS
+    {
+        assert!(numbers.insert(kind as u8), "{name}: number twice");
+        assert!(names.insert(name), "{name} twice");
+        // A field of a FMT record that is full has no 0 at its end.
+        assert!(
+            name.len() <= 4 && types.len() <= 16 && columns.len() <= 64,
+            "{name}"
+        );
+        assert_eq!(columns.split(',').count(), types.len(), "{name}");
+        assert_eq!(
+            (units.len(), multipliers.len()),
+            (types.len(), types.len()),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn units_and_multipliers_are_those_in_use() {
+    let used = |characters: fn(&Format) -> &'static str| -> std::collections::BTreeSet<u8> {
+        FORMATS
+            .iter()
+            .flat_map(|format| characters(format).bytes())
+            .collect()
+    };
+    let units = UNITS.iter().map(|(unit, _)| *unit).collect();
+    let multipliers = MULTIPLIERS.iter().map(|(multiplier, _)| *multiplier).collect();
+    assert_eq!(used(|format| format.units), units);
+    assert_eq!(used(|format| format.multipliers), multipliers);
+}
+
+/// Temperature and remaining charge in a BAT record.
+fn temperature_and_remaining(temperature_c: f32, remaining_pct: f32) -> (i16, u8) {
+    let state = BatteryState {
+        temperature_c: Some(temperature_c),
+        remaining_pct: Some(remaining_pct),
+        ..BatteryState::UNKNOWN
+    };
+    let bytes = Record::Battery(Pack::First, &state).encode(0);
+    (i16::from_le_bytes([bytes[32], bytes[33]]), bytes[38])
+}
+
+#[test]
+fn whole_numbers_saturate_and_never_read_as_unknown() {
+    assert_eq!(temperature_and_remaining(0.004, -3.0), (1, 0));
+    assert_eq!(temperature_and_remaining(1e9, 1e9), (i16::MAX, 100));
+    assert_eq!(temperature_and_remaining(-1e9, 99.6), (-i16::MAX, 100));
+    assert_eq!(temperature_and_remaining(f32::NAN, f32::NAN), (0, 255));
+}
+
+proptest! {
+    #[test]
+    fn any_state_of_a_pack_has_records(
+        numbers in prop::array::uniform10(any::<u32>()),
+        cells in prop::collection::vec(any::<u16>(), 0..=MAX_CELLS),
+        instance in 0u8..9,
+    ) {
+        let [a, b, c, d, e, f, g, h, i, j] = numbers.map(|bits| Some(f32::from_bits(bits)));
+        let state = BatteryState {
+            voltage_v: a,
+            resting_voltage_v: b,
+            current_a: c,
+            consumed: d.map(Amount::Mah),
+            consumed_wh: e,
+            temperature_c: f,
+            resistance_ohm: g,
+            remaining_pct: h,
+            remaining_sigma_pct: i,
+            usable_pct: j,
+            cells: CellVoltages::from_millivolts(&cells),
+            ..BatteryState::UNKNOWN
+        };
+        let pack = Pack::from_instance(instance).unwrap();
+        for record in Record::of_pack(pack, &state) {
+            let bytes = record.encode(0);
+            let format = FORMATS.iter().find(|format| format.kind as u8 == bytes[2]).unwrap();
+            prop_assert_eq!(bytes.len(), format.record_bytes());
+            prop_assert_eq!(bytes[11], instance);
+            // Infinity is on no axis: what is no number is NaN.
+            let first_number = f32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]);
+            prop_assert!(format.name == "BCL2" || !first_number.is_infinite());
+        }
+    }
+
+    #[test]
+    fn any_text_has_a_record(text: String) {
+        let parameter = Record::Parameter { name: &text, value: 0.0, default: 0.0 };
+        prop_assert_eq!(parameter.encode(0).len(), 35);
+        prop_assert_eq!(Record::Message(&text).encode(0).len(), 75);
+    }
+}
