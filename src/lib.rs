@@ -63,6 +63,7 @@
 //! | [`time`] | moments |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
+//! | [`recorder`] | the log of drives in flash: a ring of files |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
 //! | [`crash`] | what is known of a crash after the restart |
 //! | [`autopilot`] | the core object: owns parameters, packs, vehicle and signing, and decides between them |
@@ -104,6 +105,7 @@ pub mod liveness;
 pub mod mavlink;
 pub mod pack;
 pub mod parameter;
+pub mod recorder;
 pub mod ring_reader;
 pub mod sensor;
 pub mod storage;
