@@ -64,6 +64,7 @@
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
 //! | [`flash_map`] | what lies where in flash |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
+//! | [`recorder`] | the log of drives in flash: a ring of files |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
 //! | [`crash`] | what is known of a crash after the restart |
 //! | [`dataflash`] | records of a log file, in ArduPilot's format |

@@ -1,7 +1,7 @@
 //! Our end of a link, with its place in the announcements and its log.
 
 use super::broadcast::Position;
-use crate::mavlink::{Endpoint, LinkKind, LinkStatistics};
+use crate::mavlink::{Endpoint, LinkKind, LinkStatistics, LogRead};
 use crate::time::Instant;
 
 /// Minimum interval between log lines about something that may happen many times a second.
@@ -86,6 +86,11 @@ impl Channel {
     /// The sender has paused for so long that it won't complete the frame it began.
     pub fn give_up_waiting(&mut self) {
         self.endpoint.give_up_waiting();
+    }
+
+    /// Takes the bytes that were read of the log: see [`Endpoint::supply`].
+    pub fn supply(&mut self, read: LogRead, bytes: &[u8]) {
+        self.endpoint.supply(read, bytes);
     }
 
     /// Sends a text on this link alone.

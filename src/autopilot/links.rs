@@ -9,7 +9,7 @@ use super::work::Work;
 use crate::battery::{PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Action, Event, Framer, Message, SystemState};
+use crate::mavlink::{Action, Event, Framer, LogRead, Message, SystemState};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use crate::sensor::Admission;
@@ -100,6 +100,17 @@ impl Autopilot {
         }
     }
 
+    /// What has to be read of the log for the next message of a download, if anything: see [`Endpoint::next_read`].
+    ///
+    /// [`Endpoint::next_read`]: crate::mavlink::Endpoint::next_read
+    pub fn next_read(&self, channel: &mut Channel, now: Instant) -> Option<LogRead> {
+        let state = SystemState {
+            now,
+            ..self.system_state()
+        };
+        channel.endpoint.next_read(&state)
+    }
+
     /// The message that leaves next.
     pub fn take(&self, channel: &mut Channel, now: Instant) -> Option<Message> {
         let state = SystemState {
@@ -171,6 +182,7 @@ impl Autopilot {
                 info!("{}: {:?}", channel.name(), action);
                 self.act(action);
             }
+            Event::LogsErased => info!("{}: logs erased", channel.name()),
             Event::SigningSetUp(change) => {
                 info!("{}: signing: {:?}", channel.name(), change);
                 self.save_signing(change);

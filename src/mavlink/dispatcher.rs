@@ -6,12 +6,14 @@ use ::mavlink::MessageData;
 use heapless::String;
 
 use super::dialect::{MavResult, MavSeverity, SET_MODE_DATA};
+use super::downloads::Downloads;
 use super::parser::ReceivedFrame;
 use super::rates::{Rates, is_radio};
 use super::replies::Replies;
 use super::requests::{Command, Peer, ReceivedRequest, Request};
 use super::services::DISARM_FIRST;
 use super::services::commands::{Action, Answer};
+use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::signing::{self, SetupRefused, SigningChange};
 use super::services::time;
@@ -56,6 +58,8 @@ pub enum Event {
     SigningSetUp(SigningChange),
     /// Signing was not set up.
     SigningRefused(SetupRefused),
+    /// All log files are to be erased.
+    LogsErased,
     /// Another component of the vehicle has measured a pack.
     Measured {
         /// The component's id.
@@ -99,6 +103,9 @@ fn effect(request: &Request) -> Effect {
         Request::ParameterList
         | Request::ParameterRead(_)
         | Request::FileTransfer(_)
+        | Request::LogList(_)
+        | Request::LogData(_)
+        | Request::LogEnd
         | Request::Ping(_)
         | Request::Timesync(_) => Effect::Reads,
         Request::Command(command) if command.only_reads() => Effect::Reads,
@@ -109,6 +116,7 @@ fn effect(request: &Request) -> Effect {
         | Request::Control(_)
         | Request::Heartbeat(_)
         | Request::SetUpSigning(_)
+        | Request::LogErase
         | Request::PackReading(_) => Effect::Changes,
     }
 }
@@ -121,6 +129,7 @@ pub(super) struct Context<'a> {
     pub state: &'a SystemState<'a>,
     pub parameters: &'a mut Parameters,
     pub list: &'a mut ParameterList,
+    pub downloads: &'a mut Downloads,
     pub rates: &'a mut Rates,
     pub stations: &'a mut Stations,
     pub vehicle: &'a mut Vehicle,
@@ -191,6 +200,7 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
         state,
         parameters,
         list,
+        downloads,
         rates,
         stations,
         vehicle,
@@ -229,6 +239,22 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
         Request::FileTransfer(transfer) => {
             let nak = FileTransferNak::refuse(transfer, from);
             replies.answer_any(nak.map(Message::FileTransferNak));
+        }
+        Request::LogList(list) => {
+            let result = downloads.logs.list(list, from, state);
+            explain_refusal(result, downloads, now, replies);
+        }
+        Request::LogData(data) => {
+            let result = downloads.logs.request_data(data, from, state);
+            explain_refusal(result, downloads, now, replies);
+        }
+        Request::LogEnd => downloads.logs.end(from),
+        Request::LogErase => {
+            let result = downloads.logs.erase(from, state);
+            explain_refusal(result, downloads, now, replies);
+            if result.is_ok() {
+                return Event::LogsErased;
+            }
         }
         Request::DataStream(stream) => rates.request_data_stream(stream, parameters, now),
         Request::Ping(ping) => replies.answer_any(time::ping(ping, from)),
@@ -308,6 +334,20 @@ fn execute(
         Some(action) => Event::Command(action),
         None if outcome.result == MavResult::MAV_RESULT_ACCEPTED => Event::Answered,
         None => Event::CommandRefused(command.number),
+    }
+}
+
+/// Reports why a request for logs was refused, if it was.
+fn explain_refusal(
+    result: Result<(), Refusal>,
+    downloads: &mut Downloads,
+    now: Instant,
+    mut replies: Replies<'_>,
+) {
+    if let Err(refusal) = result
+        && downloads.logs.may_explain(now)
+    {
+        replies.say(MavSeverity::MAV_SEVERITY_WARNING, refusal.text());
     }
 }
 

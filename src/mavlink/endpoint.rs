@@ -5,11 +5,13 @@ use core::iter;
 use super::details_change::DetailsChangeDetector;
 use super::dialect::MavSeverity;
 use super::dispatcher::{Context, Event, dispatch};
+use super::downloads::{Downloads, Turn};
 use super::messages::chunks_of;
 use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;
 use super::rates::Rates;
 use super::replies::Replies;
+use super::services::log_download::LogRead;
 use super::services::parameters::{ParameterList, param_value};
 use super::signing::{LinkKind, Signing};
 use super::stations::Stations;
@@ -30,6 +32,7 @@ pub struct Endpoint {
     parser: FrameParser,
     rates: Rates,
     list: ParameterList,
+    downloads: Downloads,
     outbox: Outbox,
     details: DetailsChangeDetector,
     stations: Stations,
@@ -52,6 +55,7 @@ impl Endpoint {
             parser: FrameParser::new(),
             rates: Rates::new(now),
             list: ParameterList::default(),
+            downloads: Downloads::default(),
             outbox: Outbox::new(),
             details: DetailsChangeDetector::default(),
             stations: Stations::default(),
@@ -118,9 +122,10 @@ impl Endpoint {
         }
     }
 
-    /// Posts the next message of `stream`, and answers the stream if one was dropped for it.
+    /// Posts the next message of `stream`, and answers the stream if one was dropped for it. While a download leaves streams
+    /// only a share of the link, what waits for its turn is not dropped: it is sent less often.
     fn post_stream(&mut self, stream: Stream) -> Option<Stream> {
-        if self.outbox.post(stream) == Posted::Queued {
+        if self.outbox.post(stream) == Posted::Queued || self.downloads.is_running() {
             return None;
         }
         self.dropped = self.dropped.wrapping_add(1);
@@ -145,8 +150,21 @@ impl Endpoint {
         self.list.next_due().map_or(streams, |list| list.min(streams))
     }
 
-    /// The message that leaves next: HEARTBEAT, answers, the share of a parameter list, telemetry. Telemetry is built
-    /// now, from `state` and the link's own counters.
+    /// What has to be read of the log for the message that a download sends next, if anything. [`Self::supply`] takes what
+    /// was read; until then it is asked for again. One message may need several reads, so this is called until it returns
+    /// `None`, before each [`Self::take`].
+    pub fn next_read(&mut self, state: &SystemState<'_>) -> Option<LogRead> {
+        self.downloads.next_read(state)
+    }
+
+    /// Takes the bytes that were read: fewer than requested at the end of the file, or where it can't be read. What is not
+    /// wanted any more is ignored.
+    pub fn supply(&mut self, read: LogRead, bytes: &[u8]) {
+        self.downloads.supply(read, bytes);
+    }
+
+    /// The message that leaves next: HEARTBEAT, answers, the share of a parameter list, downloads and telemetry in turn.
+    /// Telemetry is built now, from `state` and the link's own counters.
     pub fn take(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<Message> {
         let state = SystemState {
             link: self.statistics(),
@@ -159,10 +177,26 @@ impl Endpoint {
         } else if let Some(value) = self.list.take(parameters) {
             Some(value)
         } else {
-            self.take_telemetry(&state).map(|stream| stream.build(&state))
+            self.take_in_turn(&state)
         };
         self.sent = self.sent.wrapping_add(u32::from(message.is_some()));
         message
+    }
+
+    /// The next message of a download or of a stream. If there is none of whose turn it is, the other one's.
+    fn take_in_turn(&mut self, state: &SystemState<'_>) -> Option<Message> {
+        if self.downloads.turn() == Turn::Download
+            && let Some(message) = self.downloads.take()
+        {
+            return Some(message);
+        }
+        match self.take_telemetry(state) {
+            Some(stream) => {
+                self.downloads.stream_taken();
+                Some(stream.build(state))
+            }
+            None => self.downloads.take(),
+        }
     }
 
     /// The stream whose turn it is. One of a pack that has gone while it waited has nothing to say any more.
@@ -239,6 +273,7 @@ impl Endpoint {
             state: &state,
             parameters,
             list: &mut self.list,
+            downloads: &mut self.downloads,
             rates: &mut self.rates,
             stations: &mut self.stations,
             vehicle,

@@ -12,6 +12,7 @@
 mod arming;
 mod details_change;
 mod dispatcher;
+mod downloads;
 mod endpoint;
 mod framer;
 mod messages;
@@ -47,6 +48,7 @@ pub use payload::{Name, Payload};
 pub use requests::Peer;
 pub use scheduler::{Interval, IntervalRefused, NotStreamed, StreamScheduler};
 pub use services::commands::Action;
+pub use services::log_download::LogRead;
 pub use services::signing::{SetupRefused, SigningChange};
 pub use signing::{
     AcceptUnsigned, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,

@@ -1,9 +1,10 @@
 //! Everything telemetry reports, at one moment.
 
 use super::ReceiveStatistics;
-use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
+use crate::battery::{ArmState, BatteryState, ChargeSource, PackStatus, Visibility};
 use crate::identity::Identity;
 use crate::pack::Pack;
+use crate::recorder::LogFile;
 use crate::time::Instant;
 use crate::vehicle::VehicleStatus;
 
@@ -24,6 +25,8 @@ pub struct SystemState<'a> {
     pub now: Instant,
     /// Which board and program it is.
     pub identity: Identity,
+    /// The log files, oldest first.
+    pub logs: &'a [LogFile],
 }
 
 impl SystemState<'_> {
@@ -32,6 +35,11 @@ impl SystemState<'_> {
         self.batteries
             .get(pack as usize)
             .unwrap_or(&BatteryState::UNKNOWN)
+    }
+
+    /// Whether the rover is armed.
+    pub fn is_armed(&self) -> bool {
+        self.vehicle.arm_state == ArmState::Armed
     }
 
     /// The packs that are monitored.

@@ -11,9 +11,9 @@ use ::mavlink::MessageData;
 use super::COMPONENT_ID;
 use super::dialect::{
     BATTERY_STATUS_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA,
-    MANUAL_CONTROL_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA,
-    RADIO_STATUS_DATA, RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA,
-    SETUP_SIGNING_DATA, TIMESYNC_DATA,
+    LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MANUAL_CONTROL_DATA,
+    PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA, RADIO_STATUS_DATA,
+    RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA, SETUP_SIGNING_DATA, TIMESYNC_DATA,
 };
 use super::parser::ReceivedFrame;
 use super::payload::{Name, Payload};
@@ -71,6 +71,12 @@ pub(super) enum Request {
     ParameterSet(ParameterSet),
     Command(Command),
     FileTransfer(FileTransfer),
+    LogList(LogListRequest),
+    LogData(LogDataRequest),
+    /// LOG_ERASE.
+    LogErase,
+    /// LOG_REQUEST_END.
+    LogEnd,
     DataStream(DataStream),
     Ping(Ping),
     Timesync(Timesync),
@@ -114,6 +120,21 @@ pub(super) struct FileTransfer {
     pub sequence: u16,
     pub session: u8,
     pub opcode: u8,
+}
+
+/// LOG_REQUEST_LIST.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct LogListRequest {
+    pub start: u16,
+    pub end: u16,
+}
+
+/// LOG_REQUEST_DATA.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct LogDataRequest {
+    pub id: u16,
+    pub offset: u32,
+    pub bytes: u32,
 }
 
 /// REQUEST_DATA_STREAM.
@@ -217,6 +238,10 @@ fn decode(message_id: u32, payload: &Payload<'_>) -> Option<(Target, Request)> {
         RADIO_STATUS_DATA::ID => radio_status(payload),
         FILE_TRANSFER_PROTOCOL_DATA::ID => file_transfer(payload),
         TIMESYNC_DATA::ID => timesync(payload),
+        LOG_REQUEST_LIST_DATA::ID => log_request_list(payload),
+        LOG_REQUEST_DATA_DATA::ID => log_request_data(payload),
+        LOG_ERASE_DATA::ID => (Target::Component(target_at(payload, 0)), Request::LogErase),
+        LOG_REQUEST_END_DATA::ID => (Target::Component(target_at(payload, 0)), Request::LogEnd),
         SETUP_SIGNING_DATA::ID => setup_signing(payload),
         BATTERY_STATUS_DATA::ID => battery_status(payload)?,
         _ => return None,
@@ -368,6 +393,25 @@ fn file_transfer(payload: &Payload<'_>) -> (Target, Request) {
         opcode: payload.u8(6),
     };
     (Target::Component(target), Request::FileTransfer(transfer))
+}
+
+fn log_request_list(payload: &Payload<'_>) -> (Target, Request) {
+    let target = target_at(payload, 4);
+    let list = LogListRequest {
+        start: payload.u16(0),
+        end: payload.u16(2),
+    };
+    (Target::Component(target), Request::LogList(list))
+}
+
+fn log_request_data(payload: &Payload<'_>) -> (Target, Request) {
+    let target = target_at(payload, 10);
+    let data = LogDataRequest {
+        offset: payload.u32(0),
+        bytes: payload.u32(4),
+        id: payload.u16(8),
+    };
+    (Target::Component(target), Request::LogData(data))
 }
 
 fn timesync(payload: &Payload<'_>) -> (Target, Request) {

@@ -221,6 +221,41 @@ fn file_transfers_are_decoded() {
 }
 
 #[test]
+fn log_requests_are_decoded() {
+    let list = LOG_REQUEST_LIST_DATA {
+        start: 258,
+        end: 772,
+        target_system: 7,
+        target_component: 9,
+    };
+    let request = Request::LogList(LogListRequest { start: 258, end: 772 });
+    assert_eq!(decoded(&list), (Target::Component(VEHICLE), request));
+    let data = LOG_REQUEST_DATA_DATA {
+        ofs: 0x0102_0304,
+        count: 0x0506_0708,
+        id: 258,
+        target_system: 7,
+        target_component: 9,
+    };
+    let request = Request::LogData(LogDataRequest {
+        id: 258,
+        offset: 0x0102_0304,
+        bytes: 0x0506_0708,
+    });
+    assert_eq!(decoded(&data), (Target::Component(VEHICLE), request));
+    let erase = LOG_ERASE_DATA {
+        target_system: 7,
+        target_component: 9,
+    };
+    assert_eq!(decoded(&erase), (Target::Component(VEHICLE), Request::LogErase));
+    let end = LOG_REQUEST_END_DATA {
+        target_system: 7,
+        target_component: 9,
+    };
+    assert_eq!(decoded(&end), (Target::Component(VEHICLE), Request::LogEnd));
+}
+
+#[test]
 fn a_key_of_zeros_is_none_and_a_time_beyond_48_bits_is_invalid() {
     for (secret_key, initial_timestamp, key, time) in [
         ([5; 32], 9, SigningKey::new([5; 32]), Timestamp::from_ticks(9)),

@@ -1,10 +1,11 @@
 //! What a ground station can ask for, one file a service.
 
 pub(super) mod commands;
+pub(super) mod log_download;
 pub(super) mod parameters;
 pub(super) mod signing;
 pub(super) mod time;
 pub(super) mod vehicle;
 
-/// Why a restart, a reset of the parameters or a signing key is refused.
+/// Why a restart, a reset of the parameters, a signing key or a download is refused.
 pub(super) const DISARM_FIRST: &str = "Not while armed: disarm first";

@@ -1,0 +1,366 @@
+//! The log protocol: LOG_REQUEST_LIST, LOG_REQUEST_DATA, LOG_REQUEST_END and LOG_ERASE.
+//!
+//! A file's id is its place in the list, from 1: ground stations take the ids 1 to `num_logs` for granted. A list of
+//! everything (up to 65535) numbers the files anew, and nothing else does: when the oldest file is dropped afterwards, the
+//! others keep their ids until the next such list, and the id of the dropped one is unknown.
+
+use crate::mavlink::dialect::{LOG_DATA_DATA, LOG_ENTRY_DATA};
+use crate::mavlink::requests::{LogDataRequest, LogListRequest};
+use crate::mavlink::{Message, Peer, SystemState};
+use crate::recorder::LogFile;
+use crate::time::Instant;
+
+/// Bytes of the file in one LOG_DATA; a message with fewer is the last one.
+const DATA_BYTES: usize = 90;
+
+/// LOG_REQUEST_LIST: to the last one.
+const TO_THE_LAST: u16 = u16::MAX;
+
+/// After so long without a request or data of a download, another ground station may begin one, in µs.
+const HOLD_US: u64 = 5_000_000;
+
+/// Two texts about a refusal are at least so far apart, in µs: ground stations repeat what is refused, often many at once.
+const REFUSAL_INTERVAL_US: u64 = 5_000_000;
+
+/// File numbers, which go round from the last one to 1.
+const NUMBERS: u32 = u16::MAX as u32;
+
+/// What is to be read of a log file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub struct LogRead {
+    /// The file's number.
+    pub number: u16,
+    /// The first byte's place in the file.
+    pub offset: u32,
+    /// How many bytes, at least one.
+    pub bytes: u8,
+}
+
+/// What a download does next.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::mavlink) enum Step {
+    /// Nothing, there is none.
+    Idle,
+    /// Send a message.
+    Send(Message),
+    /// Have the file read.
+    Read(LogRead),
+}
+
+/// Why a request is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::mavlink) enum Refusal {
+    Armed,
+    /// Another ground station on this link is downloading.
+    InUse,
+}
+
+impl Refusal {
+    /// What its sender gets as an answer.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Armed => super::DISARM_FIRST,
+            Self::InUse => "Log download in use by another station",
+        }
+    }
+}
+
+/// The list and the file that are being sent on one link, at most one of each.
+#[derive(Debug, Default)]
+pub(in crate::mavlink) struct LogDownload {
+    numbering: Option<Numbering>,
+    list: Option<Listing>,
+    sending: Option<Sending>,
+    holder: Option<Holder>,
+    refused_at: Option<Instant>,
+}
+
+/// Which file has id 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Numbering {
+    first: u16,
+}
+
+impl Numbering {
+    fn of(logs: &[LogFile]) -> Option<Self> {
+        logs.first().map(|oldest| Self { first: oldest.number })
+    }
+
+    /// The id of the file `number`.
+    fn id(self, number: u16) -> u16 {
+        let ahead = (u32::from(number) + NUMBERS - u32::from(self.first)) % NUMBERS;
+        (ahead + 1) as u16
+    }
+
+    fn file(self, id: u16, logs: &[LogFile]) -> Option<LogFile> {
+        logs.iter().copied().find(|file| self.id(file.number) == id)
+    }
+}
+
+/// The rest of a list.
+#[derive(Clone, Copy, Debug)]
+struct Listing {
+    next_id: u16,
+    last_id: u16,
+    /// Whether an entry of it was sent: a list has one at least.
+    progress: Progress,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Progress {
+    NothingSent,
+    Begun,
+}
+
+/// The rest of what was requested of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Sending {
+    id: u16,
+    number: u16,
+    offset: u32,
+    end: u32,
+    at_end: AtEnd,
+}
+
+/// What follows when everything was sent that was requested.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum AtEnd {
+    /// Nothing: the file has more, or the ground station knows its length.
+    Stop,
+    /// A message with fewer bytes than fit: more was requested than there is.
+    SayEnd,
+}
+
+/// The ground station that downloads.
+#[derive(Clone, Copy, Debug)]
+struct Holder {
+    station: Peer,
+    active_at: Instant,
+}
+
+impl LogDownload {
+    /// LOG_REQUEST_LIST.
+    ///
+    /// # Errors
+    /// Another station is downloading: what it downloads must not be numbered anew.
+    pub fn list(
+        &mut self,
+        request: &LogListRequest,
+        from: Peer,
+        state: &SystemState<'_>,
+    ) -> Result<(), Refusal> {
+        self.check_use(from, state.now)?;
+        if request.end == TO_THE_LAST || self.numbering.is_none() {
+            self.numbering = Numbering::of(state.logs);
+        }
+        self.list = Some(Listing {
+            next_id: request.start.max(1),
+            last_id: request.end,
+            progress: Progress::NothingSent,
+        });
+        Ok(())
+    }
+
+    /// LOG_REQUEST_DATA: replaces what is being sent.
+    ///
+    /// # Errors
+    /// The rover is armed, or another station is downloading.
+    pub fn request_data(
+        &mut self,
+        request: &LogDataRequest,
+        from: Peer,
+        state: &SystemState<'_>,
+    ) -> Result<(), Refusal> {
+        if state.is_armed() {
+            return Err(Refusal::Armed);
+        }
+        self.check_use(from, state.now)?;
+        self.holder = Some(Holder {
+            station: from,
+            active_at: state.now,
+        });
+        self.numbering = self.numbering.or(Numbering::of(state.logs));
+        let file = self
+            .numbering
+            .and_then(|numbering| numbering.file(request.id, state.logs));
+        let bytes = file.map_or(0, |file| file.bytes);
+        let requested_end = request.offset.saturating_add(request.bytes);
+        let at_end = if requested_end > bytes {
+            AtEnd::SayEnd
+        } else {
+            AtEnd::Stop
+        };
+        self.sending = Some(Sending {
+            id: request.id,
+            number: file.map_or(0, |file| file.number),
+            offset: request.offset,
+            end: requested_end.min(bytes),
+            at_end,
+        });
+        Ok(())
+    }
+
+    /// LOG_REQUEST_END. That of another station has no effect.
+    pub fn end(&mut self, from: Peer) {
+        if self.holder.is_some_and(|holder| holder.station == from) {
+            self.stop();
+        }
+    }
+
+    /// LOG_ERASE: there is nothing left to download.
+    ///
+    /// # Errors
+    /// The rover is armed, or another station is downloading.
+    pub fn erase(&mut self, from: Peer, state: &SystemState<'_>) -> Result<(), Refusal> {
+        if state.is_armed() {
+            return Err(Refusal::Armed);
+        }
+        self.check_use(from, state.now)?;
+        self.stop();
+        self.list = None;
+        self.numbering = None;
+        Ok(())
+    }
+
+    /// Ends the download, and lets other stations begin one.
+    pub fn stop(&mut self) {
+        self.sending = None;
+        self.holder = None;
+    }
+
+    /// Whether something is being sent.
+    pub fn is_running(&self) -> bool {
+        self.list.is_some() || self.sending.is_some()
+    }
+
+    fn check_use(&self, from: Peer, now: Instant) -> Result<(), Refusal> {
+        let is_held = |holder: Holder| {
+            holder.station != from && (self.sending.is_some() || now.us_since(holder.active_at) < HOLD_US)
+        };
+        if self.holder.is_some_and(is_held) {
+            return Err(Refusal::InUse);
+        }
+        Ok(())
+    }
+
+    /// Whether the text about a refusal may be sent at `now`; then it counts as sent.
+    pub fn may_explain(&mut self, now: Instant) -> bool {
+        let is_due = self
+            .refused_at
+            .is_none_or(|at| now.us_since(at) >= REFUSAL_INTERVAL_US);
+        if is_due {
+            self.refused_at = Some(now);
+        }
+        is_due
+    }
+
+    /// What comes next. A message counts as sent; of a read, [`Self::supply`] makes the message.
+    pub fn step(&mut self, state: &SystemState<'_>) -> Step {
+        if let Some(entry) = self.next_entry(state.logs) {
+            return Step::Send(Message::LogEntry(entry));
+        }
+        let Some(sending) = self.sending else {
+            return Step::Idle;
+        };
+        if let Some(holder) = &mut self.holder {
+            holder.active_at = state.now;
+        }
+        if let Some(read) = sending.next_read() {
+            return Step::Read(read);
+        }
+        self.sending = None;
+        match sending.at_end {
+            AtEnd::Stop => Step::Idle,
+            AtEnd::SayEnd => Step::Send(log_data(&sending, &[])),
+        }
+    }
+
+    /// The next LOG_ENTRY of the list.
+    fn next_entry(&mut self, logs: &[LogFile]) -> Option<LOG_ENTRY_DATA> {
+        let listing = self.list?;
+        let next = self.numbering.and_then(|numbering| {
+            let entries = logs.iter().map(|file| (numbering.id(file.number), file.bytes));
+            entries
+                .filter(|(id, _)| (listing.next_id..=listing.last_id).contains(id))
+                .min_by_key(|(id, _)| *id)
+        });
+        let last_id = self.last_id(logs);
+        let (id, bytes) = match next {
+            Some((id, bytes)) => {
+                self.list = id.checked_add(1).map(|next_id| Listing {
+                    next_id,
+                    progress: Progress::Begun,
+                    ..listing
+                });
+                (id, bytes)
+            }
+            None => {
+                self.list = None;
+                if listing.progress == Progress::Begun {
+                    return None;
+                }
+                (0, 0)
+            }
+        };
+        Some(LOG_ENTRY_DATA {
+            // Unknown: there is no clock.
+            time_utc: 0,
+            size: bytes,
+            id,
+            num_logs: last_id,
+            last_log_num: last_id,
+        })
+    }
+
+    /// The id of the newest file; 0 if there is none.
+    fn last_id(&self, logs: &[LogFile]) -> u16 {
+        let newest = self.numbering.zip(logs.last());
+        newest.map_or(0, |(numbering, newest)| numbering.id(newest.number))
+    }
+
+    /// The next LOG_DATA, of the bytes that were read; `None` if they are not those that come next.
+    pub fn supply(&mut self, read: LogRead, bytes: &[u8]) -> Option<Message> {
+        let sending = self.sending.as_mut()?;
+        if sending.next_read() != Some(read) {
+            return None;
+        }
+        let bytes = bytes.get(..usize::from(read.bytes)).unwrap_or(bytes);
+        let message = log_data(sending, bytes);
+        sending.offset += bytes.len() as u32;
+        let is_last =
+            bytes.len() < DATA_BYTES || (sending.offset == sending.end && sending.at_end == AtEnd::Stop);
+        if is_last {
+            self.sending = None;
+        }
+        Some(message)
+    }
+}
+
+impl Sending {
+    fn next_read(&self) -> Option<LogRead> {
+        let rest = self.end.saturating_sub(self.offset).min(DATA_BYTES as u32);
+        (rest > 0).then_some(LogRead {
+            number: self.number,
+            offset: self.offset,
+            bytes: rest as u8,
+        })
+    }
+}
+
+/// LOG_DATA with these bytes, at most [`DATA_BYTES`].
+fn log_data(sending: &Sending, bytes: &[u8]) -> Message {
+    let mut data = [0; DATA_BYTES];
+    for (to, from) in data.iter_mut().zip(bytes) {
+        *to = *from;
+    }
+    Message::LogData(LOG_DATA_DATA {
+        ofs: sending.offset,
+        id: sending.id,
+        count: bytes.len().min(DATA_BYTES) as u8,
+        data,
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,347 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::battery::ArmState;
+use crate::time::at_us;
+use crate::vehicle::VehicleStatus;
+
+const STATION: Peer = Peer {
+    system_id: 255,
+    component_id: 190,
+};
+
+const OTHER: Peer = Peer {
+    system_id: 254,
+    component_id: 190,
+};
+
+const SECOND: u64 = 1_000_000;
+
+fn files(first: u16, sizes: &[u32]) -> Vec<LogFile> {
+    let numbers = (0..).map(|place| (u32::from(first) - 1 + place) % NUMBERS + 1);
+    let with_sizes = numbers.zip(sizes);
+    with_sizes
+        .map(|(number, bytes)| LogFile {
+            number: number as u16,
+            bytes: *bytes,
+        })
+        .collect()
+}
+
+fn state(logs: &[LogFile]) -> SystemState<'_> {
+    SystemState {
+        logs,
+        ..SystemState::default()
+    }
+}
+
+fn armed() -> VehicleStatus {
+    VehicleStatus {
+        arm_state: ArmState::Armed,
+        ..VehicleStatus::default()
+    }
+}
+
+/// What a file holds at `offset`.
+fn byte(number: u16, offset: u32) -> u8 {
+    (u32::from(number) * 31 + offset * 7 + offset / 256) as u8
+}
+
+fn content(number: u16, from: u32, bytes: u32) -> Vec<u8> {
+    (from..from + bytes).map(|offset| byte(number, offset)).collect()
+}
+
+/// Everything that is sent until nothing is left, with the files read as asked for.
+fn sent(download: &mut LogDownload, state: &SystemState<'_>) -> Vec<Message> {
+    let mut sent = Vec::new();
+    loop {
+        match download.step(state) {
+            Step::Idle => return sent,
+            Step::Send(message) => sent.push(message),
+            Step::Read(read) => {
+                let bytes = content(read.number, read.offset, u32::from(read.bytes));
+                sent.push(download.supply(read, &bytes).expect("it was asked for"));
+            }
+        }
+    }
+}
+
+/// Id, length, number of files.
+fn entries(messages: &[Message]) -> Vec<(u16, u32, u16)> {
+    let entry = |message: &Message| match message {
+        Message::LogEntry(entry) => (entry.id, entry.size, entry.num_logs),
+        other => panic!("{other:?}"),
+    };
+    messages.iter().map(entry).collect()
+}
+
+/// Id, offset, bytes.
+fn data(messages: &[Message]) -> Vec<(u16, u32, Vec<u8>)> {
+    let data = |message: &Message| match message {
+        Message::LogData(data) => (data.id, data.ofs, data.data[..usize::from(data.count)].to_vec()),
+        other => panic!("{other:?}"),
+    };
+    messages.iter().map(data).collect()
+}
+
+fn list(download: &mut LogDownload, logs: &[LogFile], start: u16, end: u16) -> Vec<(u16, u32, u16)> {
+    let state = state(logs);
+    assert_eq!(
+        download.list(&LogListRequest { start, end }, STATION, &state),
+        Ok(())
+    );
+    entries(&sent(download, &state))
+}
+
+fn request(id: u16, offset: u32, bytes: u32) -> LogDataRequest {
+    LogDataRequest { id, offset, bytes }
+}
+
+fn read(
+    download: &mut LogDownload,
+    logs: &[LogFile],
+    id: u16,
+    offset: u32,
+    bytes: u32,
+) -> Vec<(u16, u32, Vec<u8>)> {
+    let state = state(logs);
+    let requested = download.request_data(&request(id, offset, bytes), STATION, &state);
+    assert_eq!(requested, Ok(()));
+    data(&sent(download, &state))
+}
+
+#[test]
+fn a_list_has_an_entry_for_each_file_of_the_range() {
+    let logs = files(7, &[100, 200, 300]);
+    let mut download = LogDownload::default();
+    let all = [(1, 100, 3), (2, 200, 3), (3, 300, 3)];
+    for start in [0, 1] {
+        assert_eq!(list(&mut download, &logs, start, u16::MAX), all);
+    }
+    assert_eq!(list(&mut download, &logs, 2, 2), all[1..2]);
+    assert_eq!(list(&mut download, &logs, 2, 9), all[1..]);
+    for (start, end) in [(4, 9), (3, 2), (u16::MAX, u16::MAX)] {
+        assert_eq!(
+            list(&mut download, &logs, start, end),
+            [(0, 0, 3)],
+            "{start} {end}"
+        );
+    }
+}
+
+#[test]
+fn a_list_of_no_files_is_one_entry_that_says_so() {
+    let mut download = LogDownload::default();
+    assert_eq!(list(&mut download, &[], 0, u16::MAX), [(0, 0, 0)]);
+}
+
+#[test]
+fn ids_stay_while_the_oldest_file_is_dropped_until_everything_is_listed_again() {
+    let before = files(u16::MAX - 1, &[100, 200, 300, 400]);
+    let mut download = LogDownload::default();
+    let ids = |entries: Vec<(u16, u32, u16)>| entries.into_iter().map(|(id, ..)| id).collect::<Vec<_>>();
+    assert_eq!(ids(list(&mut download, &before, 0, u16::MAX)), [1, 2, 3, 4]);
+    let after = &before[1..];
+    assert_eq!(list(&mut download, after, 1, 3), [(2, 200, 4), (3, 300, 4)]);
+    assert_eq!(
+        read(&mut download, after, 3, 0, 10),
+        [(3, 0, content(1, 0, 10))],
+        "the number after 65535 is 1"
+    );
+    assert_eq!(
+        read(&mut download, after, 1, 0, 10),
+        [(1, 0, vec![])],
+        "the one that was dropped"
+    );
+    assert_eq!(ids(list(&mut download, after, 0, u16::MAX)), [1, 2, 3]);
+}
+
+#[test]
+fn a_file_is_sent_whole_with_a_shorter_message_at_its_end() {
+    for bytes in [0, 1, 89, 90, 91, 180, 1000] {
+        let logs = files(3, &[5, bytes]);
+        let mut download = LogDownload::default();
+        let messages = read(&mut download, &logs, 2, 0, u32::MAX);
+        let (last, others) = messages.split_last().expect("an answer");
+        assert!(
+            others.iter().all(|(.., data)| data.len() == DATA_BYTES),
+            "{bytes}"
+        );
+        assert_eq!(last.2.len(), bytes as usize % DATA_BYTES, "{bytes}");
+        let mut whole = Vec::new();
+        for (id, offset, data) in messages {
+            assert_eq!((id, offset as usize), (2, whole.len()));
+            whole.extend(data);
+        }
+        assert_eq!(whole, content(4, 0, bytes));
+    }
+}
+
+#[test]
+fn exactly_what_was_requested_is_sent() {
+    let logs = files(1, &[1000]);
+    let mut download = LogDownload::default();
+    for (offset, bytes) in [(0, 90), (90, 180), (85, 17), (820, 180), (999, 1)] {
+        let messages = read(&mut download, &logs, 1, offset, bytes);
+        let whole: Vec<u8> = messages.iter().flat_map(|(.., data)| data.clone()).collect();
+        assert_eq!(whole, content(1, offset, bytes));
+        assert_eq!(
+            messages.len(),
+            (bytes as usize).div_ceil(DATA_BYTES),
+            "no empty one"
+        );
+    }
+}
+
+#[test]
+fn beyond_the_end_and_of_an_unknown_file_one_empty_message_is_sent() {
+    let logs = files(1, &[1000]);
+    let mut download = LogDownload::default();
+    for (id, offset) in [(1, 1000), (1, 1001), (1, u32::MAX), (2, 0), (0, 0), (u16::MAX, 5)] {
+        for bytes in [1, 90, u32::MAX] {
+            assert_eq!(
+                read(&mut download, &logs, id, offset, bytes),
+                [(id, offset, vec![])]
+            );
+        }
+    }
+}
+
+#[test]
+fn another_request_replaces_what_is_being_sent() {
+    let logs = files(1, &[1000, 500]);
+    let state = state(&logs);
+    let mut download = LogDownload::default();
+    assert_eq!(
+        download.request_data(&request(1, 0, u32::MAX), STATION, &state),
+        Ok(())
+    );
+    let Step::Read(late) = download.step(&state) else {
+        panic!("nothing to read");
+    };
+    assert_eq!(
+        download.request_data(&request(2, 450, 50), STATION, &state),
+        Ok(())
+    );
+    assert_eq!(download.supply(late, &[1; 90]), None, "not wanted any more");
+    assert_eq!(
+        data(&sent(&mut download, &state)),
+        [(2, 450, content(2, 450, 50))]
+    );
+    assert_eq!(download.supply(late, &[1; 90]), None, "nothing is wanted");
+}
+
+#[test]
+fn what_can_not_be_read_ends_the_file() {
+    let logs = files(1, &[1000]);
+    let state = state(&logs);
+    let mut download = LogDownload::default();
+    assert_eq!(
+        download.request_data(&request(1, 0, u32::MAX), STATION, &state),
+        Ok(())
+    );
+    let Step::Read(read) = download.step(&state) else {
+        panic!("nothing to read");
+    };
+    let message = download.supply(read, &[9; 17]).expect("it was asked for");
+    assert_eq!(data(&[message]), [(1, 0, vec![9; 17])]);
+    assert_eq!(download.step(&state), Step::Idle);
+}
+
+#[test]
+fn the_second_station_waits_until_the_first_ends_or_is_silent() {
+    let logs = files(1, &[200]);
+    let at = |us| SystemState {
+        now: at_us(us),
+        ..state(&logs)
+    };
+    let all = LogListRequest {
+        start: 0,
+        end: u16::MAX,
+    };
+    let mut download = LogDownload::default();
+    let ask =
+        |download: &mut LogDownload, from, us| download.request_data(&request(1, 0, u32::MAX), from, &at(us));
+    assert_eq!(ask(&mut download, STATION, 0), Ok(()));
+    // For as long as something is sent.
+    assert_eq!(ask(&mut download, OTHER, 100 * SECOND), Err(Refusal::InUse));
+    assert_eq!(download.list(&all, OTHER, &at(100 * SECOND)), Err(Refusal::InUse));
+    assert_eq!(download.erase(OTHER, &at(100 * SECOND)), Err(Refusal::InUse));
+    download.end(OTHER);
+    assert_eq!(sent(&mut download, &at(100 * SECOND)).len(), 3);
+    // And for five seconds after that, in which gaps are requested again.
+    assert_eq!(ask(&mut download, OTHER, 105 * SECOND - 1), Err(Refusal::InUse));
+    assert_eq!(ask(&mut download, OTHER, 105 * SECOND), Ok(()));
+    assert_eq!(ask(&mut download, STATION, 105 * SECOND), Err(Refusal::InUse));
+    download.end(OTHER);
+    assert_eq!(ask(&mut download, STATION, 105 * SECOND), Ok(()));
+}
+
+#[test]
+fn while_armed_files_are_listed_and_not_sent_or_erased() {
+    let logs = files(1, &[200]);
+    let state = SystemState {
+        vehicle: armed(),
+        ..state(&logs)
+    };
+    let mut download = LogDownload::default();
+    let requested = download.request_data(&request(1, 0, 90), STATION, &state);
+    assert_eq!(requested, Err(Refusal::Armed));
+    assert_eq!(download.erase(STATION, &state), Err(Refusal::Armed));
+    assert_eq!(download.step(&state), Step::Idle);
+    let all = LogListRequest {
+        start: 0,
+        end: u16::MAX,
+    };
+    assert_eq!(download.list(&all, STATION, &state), Ok(()));
+    assert_eq!(entries(&sent(&mut download, &state)), [(1, 200, 1)]);
+}
+
+#[test]
+fn erasing_ends_a_download_and_numbers_anew() {
+    let before = files(1, &[200, 300]);
+    let mut download = LogDownload::default();
+    let requested = download.request_data(&request(1, 0, 90), STATION, &state(&before));
+    assert_eq!(requested, Ok(()));
+    assert_eq!(download.erase(STATION, &state(&before)), Ok(()));
+    assert_eq!(download.step(&state(&[])), Step::Idle);
+    let after = files(3, &[50]);
+    assert_eq!(read(&mut download, &after, 1, 0, 50), [(1, 0, content(3, 0, 50))]);
+}
+
+#[test]
+fn a_refusal_is_explained_once_in_five_seconds() {
+    let mut download = LogDownload::default();
+    for (us, expected) in [
+        (0, true),
+        (0, false),
+        (5 * SECOND - 1, false),
+        (5 * SECOND, true),
+        (6 * SECOND, false),
+    ] {
+        assert_eq!(download.may_explain(at_us(us)), expected, "{us}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_request_ends_and_sends_what_the_file_has(
+        sizes in prop::collection::vec(0u32..400, 0..5),
+        first in 1u16..,
+        requests in prop::collection::vec((0u16..7, prop_oneof![0u32..500, any::<u32>()], prop_oneof![0u32..500, any::<u32>()]), 1..8),
+    ) {
+        let logs = files(first, &sizes);
+        let mut download = LogDownload::default();
+        for (id, offset, bytes) in requests {
+            let file = usize::from(id).checked_sub(1).and_then(|place| logs.get(place));
+            let size = file.map_or(0, |file| file.bytes);
+            let end = offset.saturating_add(bytes).min(size);
+            let expected = file.map_or(vec![], |file| {
+                content(file.number, offset, end.saturating_sub(offset))
+            });
+            let messages = read(&mut download, &logs, id, offset, bytes);
+            let whole: Vec<u8> = messages.iter().flat_map(|(.., data)| data.clone()).collect();
+            prop_assert_eq!(whole, expected);
+        }
+    }
+}
