@@ -192,7 +192,7 @@ mod firmware {
             info!("board {}", id.serial_number().as_str());
         }
         let flash = BoardFlash::new(flash_driver);
-        let mut storage = Storage::new(flash, flash_map::PARAMETERS);
+        let mut storage = Storage::of_double_sectors(flash, flash_map::PARAMETERS);
         let mut stored = Start::default();
         let signing_storage = watchdog
             .feed_during(pin!(tasks::boot(

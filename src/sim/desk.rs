@@ -44,7 +44,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
     let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
     let rover = SimulatedRover::default();
     loop {
-        let mut storage = Storage::new(flash.clone(), flash_map::PARAMETERS);
+        let mut storage = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
         let signing_storage = Storage::new(flash.clone(), flash_map::SIGNING);
         let learnt_storage = Storage::new(flash.clone(), flash_map::LEARNT);
         let mut start = Start::default();

@@ -1,6 +1,6 @@
 //! Power-fail-safe key-value log in flash, for parameters, the signing key, and what is learnt of the packs.
 //!
-//! The region is a ring of sectors. The active one, with the highest sequence number, holds every stored value:
+//! The region is a ring of sectors, of one or two blocks: units of erase. The active one, with the highest sequence number, holds every stored value:
 //!
 //! | bytes of a sector | content |
 //! |---|---|
@@ -26,11 +26,17 @@
 //! - The next value is written to a fresh sector with all readable ones, which ends the damage. So does
 //!   [`clear`](Storage::clear).
 //!
+//! # An earlier layout
+//! The parameters were in sectors of one block, with another magic. Where no sector of two blocks is active, the last
+//! active one of those is read as it is. It counts as full: the next store moves all values, to the sector of two blocks
+//! that does not contain it. Earlier versions of the firmware do not find them there.
+//!
 //! # Cost
-//! A value of one word takes 12 bytes, and the board's sectors of 4096 bytes hold 338 records; one of 14 words takes 64
-//! bytes, and there are 63. A load or a move to the next sector
+//! A value of one word takes 12 bytes: the board's blocks of 4096 bytes hold 338 records, and two of them 680. One of 14
+//! words takes 64 bytes, and a block holds 63. A load or a move to the next sector
 //! compares every record with all later ones instead of keeping a table in RAM: reads are cheap.
 
+use core::iter;
 use core::ops::Range;
 
 use embassy_futures::yield_now;
@@ -40,6 +46,7 @@ mod erase;
 mod error;
 mod record;
 mod region;
+mod sector;
 mod value;
 
 pub use erase::{Erase, MayErase};
@@ -48,6 +55,7 @@ pub use value::Value;
 
 use record::{Record, Slot};
 use region::{Region, Unused};
+use sector::{Layout, Sector};
 
 #[cfg(test)]
 mod model;
@@ -95,16 +103,25 @@ pub struct Storage<F, V = u32> {
 /// Whether the next sector has to be prepared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Preparation {
-    /// It was not looked at since the last move.
-    Due,
+    /// It was not looked at since the last move, or so many of its blocks were erased since.
+    Due { erased: u32 },
     /// It is erased, or can't be.
     Done,
+}
+
+/// What a call of [`Storage::prepare`] leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Prepared {
+    /// Another block has to be erased, by another call.
+    Partly,
+    /// Nothing can be done now.
+    AsFarAsPossible,
 }
 
 /// The active sector.
 #[derive(Clone, Copy, Debug)]
 struct Log {
-    sector: u32,
+    sector: Sector,
     sequence: u32,
     /// Slots from here on are blank.
     used: u32,
@@ -125,18 +142,30 @@ enum IfInterrupted {
 }
 
 impl<F: NorFlash, V: Value> Storage<F, V> {
-    /// Values that fit.
-    pub const SLOTS: u32 = Region::<F, V>::SLOTS;
-
     /// Storage in the complete sectors of `range`, an address range of `flash`. With fewer than two sectors, every
     /// store is [`StorageError::Full`]. Does not access the flash.
     pub fn new(flash: F, range: Range<u32>) -> Self {
+        Self::with_layout(flash, range, Layout::Single)
+    }
+
+    /// The same in sectors of two blocks each, for twice the values. Those that [`new`](Self::new) stored in the same range are
+    /// taken over.
+    pub fn of_double_sectors(flash: F, range: Range<u32>) -> Self {
+        Self::with_layout(flash, range, Layout::Double)
+    }
+
+    fn with_layout(flash: F, range: Range<u32>, layout: Layout) -> Self {
         Self {
-            region: Region::new(flash, range),
+            region: Region::new(flash, range, layout),
             log: None,
             condition: Condition::Damaged,
-            preparation: Preparation::Due,
+            preparation: Preparation::Due { erased: 0 },
         }
+    }
+
+    /// Values that fit.
+    pub fn slots(&self) -> u32 {
+        Region::<F, V>::slots(self.region.layout)
     }
 
     /// Calls `found` with the latest value of every key of 16 bits, in the order in which these were stored.
@@ -192,33 +221,55 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         }
     }
 
-    /// Erases the sector that the next move needs, once, if it is not erased and that is allowed. Without a stored value
-    /// there is none.
+    /// Erases a block of the sector that the next move needs, if that is not erased and it is allowed. Without a stored
+    /// value there is none. To be called until nothing can be done.
     ///
     /// # Errors
     /// [`StorageError::Flash`]: the sector can't be erased. The next move will try again.
-    pub async fn prepare(&mut self, may_erase: MayErase<'_>) -> Result<(), StorageError> {
-        if self.preparation == Preparation::Done || may_erase() == Erase::Forbidden {
-            return Ok(());
+    pub async fn prepare(&mut self, may_erase: MayErase<'_>) -> Result<Prepared, StorageError> {
+        let Preparation::Due { erased } = self.preparation else {
+            return Ok(Prepared::AsFarAsPossible);
+        };
+        if may_erase() == Erase::Forbidden {
+            return Ok(Prepared::AsFarAsPossible);
         }
         if self.log.is_none() {
             self.log = self.find_log().await?;
         }
-        let Some(log) = self.log.filter(|_| self.region.sectors >= 2) else {
-            return Ok(());
+        let Some(log) = self.log.filter(|_| self.region.can_move()) else {
+            return Ok(Prepared::AsFarAsPossible);
         };
         let next = self.region.after(log.sector);
-        let prepared = if self.region.is_erased_ahead(next).await? {
-            Ok(())
-        } else {
-            self.region.erase_ahead(next, may_erase).await
-        };
-        if prepared == Err(StorageError::NoErasedSpace) {
+        match self.prepare_block(next, erased, may_erase).await {
+            Ok(Prepared::Partly) => {
+                self.preparation = Preparation::Due { erased: erased + 1 };
+                Ok(Prepared::Partly)
+            }
             // Forbidden in the meantime: another time.
-            return Ok(());
+            Err(StorageError::NoErasedSpace) => Ok(Prepared::AsFarAsPossible),
+            done => {
+                self.preparation = Preparation::Done;
+                done
+            }
         }
-        self.preparation = Preparation::Done;
-        prepared
+    }
+
+    /// Erases the next block of `sector`, of which so many are `erased`.
+    async fn prepare_block(
+        &mut self,
+        sector: Sector,
+        erased: u32,
+        may_erase: MayErase<'_>,
+    ) -> Result<Prepared, StorageError> {
+        if erased == 0 && self.region.is_erased_ahead(sector).await? {
+            return Ok(Prepared::AsFarAsPossible);
+        }
+        self.region.erase_block(sector, erased, may_erase).await?;
+        if erased + 1 < sector.layout.blocks() {
+            return Ok(Prepared::Partly);
+        }
+        self.region.mark_erased_ahead(sector).await?;
+        Ok(Prepared::AsFarAsPossible)
     }
 
     /// Stores `value` under `key`, and verifies it.
@@ -258,7 +309,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
             self.log = Some(log);
             return Ok(Stored::Unchanged);
         }
-        let log = if log.is_intact && log.used < Self::SLOTS {
+        let log = if log.is_intact && log.used < self.slots() && log.sector.layout == self.region.layout {
             self.region.write_record(log.sector, log.used, record).await?;
             Log {
                 used: log.used + 1,
@@ -332,15 +383,25 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         left_out: Option<u32>,
         may_erase: MayErase<'_>,
     ) -> Result<Log, StorageError> {
-        if self.region.sectors < 2 {
+        if !self.region.can_move() {
             return Err(StorageError::Full);
+        }
+        // Its blocks may be written from here on.
+        if let Preparation::Due { erased } = &mut self.preparation {
+            *erased = 0;
         }
         let (sector, sequence) = match old {
             Some(old) => {
                 let sequence = old.sequence.checked_add(1).ok_or(StorageError::Corrupt)?;
                 (self.region.after(old.sector), sequence)
             }
-            None => (self.region.find_blank_sector().await?.unwrap_or(0), 1),
+            None => {
+                let first = Sector {
+                    layout: self.region.layout,
+                    index: 0,
+                };
+                (self.region.find_blank_sector().await?.unwrap_or(first), 1)
+            }
         };
         // After an interrupted erase a sector may read as blank without retaining data, so to be blank is not enough. A
         // region that was never used needs no erase.
@@ -351,7 +412,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         if !is_erased {
             self.region.erase(sector, may_erase).await?;
         }
-        self.preparation = Preparation::Due;
+        self.preparation = Preparation::Due { erased: 0 };
         let mut used = 0;
         if let (Some(old), Some(newest)) = (old, newest) {
             for slot in 0..old.used {
@@ -391,7 +452,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         log: &Log,
         is_dispensable: &dyn Fn(u32) -> bool,
     ) -> Result<Option<u32>, StorageError> {
-        if log.used < Self::SLOTS {
+        if log.used < self.slots() {
             return Ok(None);
         }
         let mut first = None;
@@ -417,26 +478,38 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         Ok(record.filter(|record| record.key != key))
     }
 
-    /// Scans for the active sector.
+    /// Scans for the active sector, in its layout and then in an earlier one.
     async fn find_log(&mut self) -> Result<Option<Log>, StorageError> {
-        let mut newest: Option<(u32, u32)> = None;
-        for sector in 0..self.region.sectors {
+        let layout = self.region.layout;
+        for layout in iter::once(layout).chain(layout.earlier()) {
+            if let Some((sector, sequence)) = self.find_newest_sector(layout).await? {
+                return self.scan(sector, sequence).await.map(Some);
+            }
+        }
+        Ok(None)
+    }
+
+    /// The sector with the highest sequence number, and that.
+    async fn find_newest_sector(&mut self, layout: Layout) -> Result<Option<(Sector, u32)>, StorageError> {
+        let mut newest: Option<(Sector, u32)> = None;
+        for sector in self.region.sectors(layout) {
             if let Some(sequence) = self.region.read_sequence(sector).await?
                 && newest.is_none_or(|(_, highest)| sequence > highest)
             {
                 newest = Some((sector, sequence));
             }
         }
-        let Some((sector, sequence)) = newest else {
-            return Ok(None);
-        };
+        Ok(newest)
+    }
 
+    /// Looks through the slots of the active sector.
+    async fn scan(&mut self, sector: Sector, sequence: u32) -> Result<Log, StorageError> {
         let mut used = 0;
         let mut records = 0;
         let mut ends_damaged = false;
         // Damaged slots, as far as they can be recognised.
         let mut damaged = 0;
-        for slot in 0..Self::SLOTS {
+        for slot in 0..Region::<F, V>::slots(sector.layout) {
             match self.region.read_slot(sector, slot).await? {
                 Slot::Blank => continue,
                 Slot::Record(_) => {
@@ -455,7 +528,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         let is_retired = self.region.is_retired(sector).await?;
         let is_intact = records == used && !is_retired;
         let is_interrupted_store = records + 1 == used && ends_damaged && !is_retired;
-        Ok(Some(Log {
+        Ok(Log {
             sector,
             sequence,
             used,
@@ -467,7 +540,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
                 1 => Condition::OneRecordDamaged,
                 _ => Condition::Damaged,
             },
-        }))
+        })
     }
 
     /// The record in `slot`, unless it is damaged or superseded by a later one.

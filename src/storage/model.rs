@@ -5,6 +5,8 @@ use embedded_storage_async::nor_flash::{
 };
 use fastrand::Rng;
 
+use super::sector::Layout;
+
 /// Content around the region, which must not change.
 const MARGIN_BYTE: u8 = 0x5A;
 
@@ -16,6 +18,8 @@ const MARGIN_BYTE: u8 = 0x5A;
 pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> {
     bytes: Vec<u8>,
     fault: Fault,
+    /// The sectors in which a storage uses it.
+    pub layout: Layout,
     /// Bits stuck at 0, as address and mask.
     pub stuck: Option<(usize, u8)>,
     pub reads: u64,
@@ -70,6 +74,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
         Self {
             bytes,
             fault: Fault::None,
+            layout: Layout::Single,
             stuck: None,
             reads: 0,
             programs: 0,

@@ -98,10 +98,11 @@ impl Header {
 
 #[cfg(test)]
 mod tests {
+    use super::super::sector::Layout;
     use super::*;
 
     const SIZE: usize = Record::<u32>::SIZE;
-    const MAGIC: u32 = <u32 as Value>::MAGIC;
+    const MAGIC: u32 = Layout::Single.magic::<u32>();
 
     fn slot(bytes: [u8; SIZE]) -> Slot<u32> {
         Slot::from_bytes(&bytes)
@@ -133,16 +134,21 @@ mod tests {
             header.to_bytes(MAGIC),
             [b'P', b'A', b'R', b'1', 7, 0, 0, 0, 0x11, 0x52, 0xa8, 0x92]
         );
+        assert_eq!(
+            header.to_bytes(Layout::Double.magic::<u32>()),
+            [b'P', b'A', b'D', b'1', 7, 0, 0, 0, 0x97, 0xb3, 0x27, 0x47]
+        );
     }
 
     #[test]
-    fn header_of_another_width_is_none() {
-        let bytes = Header { sequence: 7 }.to_bytes(<[u32; 14]>::MAGIC);
-        assert_eq!(Header::from_bytes(&bytes, MAGIC), None);
-        assert_eq!(
-            Header::from_bytes(&bytes, <[u32; 14]>::MAGIC),
-            Some(Header { sequence: 7 })
-        );
+    fn header_of_another_width_or_layout_is_none() {
+        let other_width = Layout::Single.magic::<[u32; 14]>();
+        let other_layout = Layout::Double.magic::<u32>();
+        for magic in [other_width, other_layout] {
+            let bytes = Header { sequence: 7 }.to_bytes(magic);
+            assert_eq!(Header::from_bytes(&bytes, MAGIC), None);
+            assert_eq!(Header::from_bytes(&bytes, magic), Some(Header { sequence: 7 }));
+        }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! A region of flash as sectors with two headers and slots for records; see [`super`] for the layout.
+//! A region of flash as sectors with two headers and slots for records; see [`super`] for their content.
 
 use core::marker::PhantomData;
 use core::ops::Range;
@@ -7,15 +7,17 @@ use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::record::{Header, Record, Slot};
+use super::sector::{Layout, Sector};
 use super::value::Value;
 use super::{Erase, FlashFault, MayErase, StorageError};
 
-/// The complete sectors of a region.
+/// The complete blocks of a region.
 #[derive(Debug)]
 pub(super) struct Region<F, V> {
     pub flash: F,
-    pub sectors: u32,
+    pub layout: Layout,
     start: u32,
+    blocks: u32,
     values: PhantomData<V>,
 }
 
@@ -29,7 +31,7 @@ pub(super) enum Unused {
 }
 
 impl Unused {
-    /// Offset from which every sector is blank.
+    /// Offset from which every block is blank.
     fn blank_from(self) -> u32 {
         match self {
             Self::Erased => 0,
@@ -54,29 +56,46 @@ const END_ERASED_AHEAD: [u8; MARGIN as usize] = {
 };
 
 impl<F: NorFlash, V: Value> Region<F, V> {
-    const SECTOR: u32 = F::ERASE_SIZE as u32;
-    /// Record slots of a sector.
-    pub const SLOTS: u32 = (Self::SECTOR - 2 * MARGIN) / Record::<V>::SIZE as u32;
+    const BLOCK: u32 = F::ERASE_SIZE as u32;
 
-    pub fn new(flash: F, range: Range<u32>) -> Self {
+    pub fn new(flash: F, range: Range<u32>, layout: Layout) -> Self {
         const {
             assert!(WORD.is_multiple_of(F::READ_SIZE) && WORD.is_multiple_of(F::WRITE_SIZE));
             assert!(F::ERASE_SIZE.is_multiple_of(MARGIN as usize) && F::ERASE_SIZE >= 64);
         }
-        let first = range.start.div_ceil(Self::SECTOR);
-        let sectors = (range.end / Self::SECTOR).saturating_sub(first);
+        let first = range.start.div_ceil(Self::BLOCK);
         Self {
             flash,
-            sectors,
-            start: first.saturating_mul(Self::SECTOR),
+            layout,
+            start: first.saturating_mul(Self::BLOCK),
+            blocks: (range.end / Self::BLOCK).saturating_sub(first),
             values: PhantomData,
         }
     }
 
+    /// Record slots of a sector.
+    pub const fn slots(layout: Layout) -> u32 {
+        (layout.blocks() * Self::BLOCK - 2 * MARGIN) / Record::<V>::SIZE as u32
+    }
+
+    /// Whether there is a sector for a move.
+    pub fn can_move(&self) -> bool {
+        self.count(self.layout) >= 2
+    }
+
+    /// The sectors, as they are in `layout`.
+    pub fn sectors(&self, layout: Layout) -> impl Iterator<Item = Sector> + use<F, V> {
+        (0..self.count(layout)).map(move |index| Sector { layout, index })
+    }
+
+    fn count(&self, layout: Layout) -> u32 {
+        self.blocks / layout.blocks()
+    }
+
     /// Sequence number of a committed sector, from either of its headers.
-    pub async fn read_sequence(&mut self, sector: u32) -> Result<Option<u32>, StorageError> {
+    pub async fn read_sequence(&mut self, sector: Sector) -> Result<Option<u32>, StorageError> {
         for address in self.header_addresses(sector) {
-            if let Some(header) = Header::from_bytes(&self.read(address).await?, V::MAGIC) {
+            if let Some(header) = Header::from_bytes(&self.read(address).await?, sector.layout.magic::<V>()) {
                 return Ok(Some(header.sequence));
             }
         }
@@ -84,32 +103,37 @@ impl<F: NorFlash, V: Value> Region<F, V> {
     }
 
     /// Commits a sector.
-    pub async fn write_sequence(&mut self, sector: u32, sequence: u32) -> Result<(), StorageError> {
+    pub async fn write_sequence(&mut self, sector: Sector, sequence: u32) -> Result<(), StorageError> {
         for address in self.header_addresses(sector) {
-            self.write(address, &Header { sequence }.to_bytes(V::MAGIC))
+            self.write(address, &Header { sequence }.to_bytes(sector.layout.magic::<V>()))
                 .await?;
         }
         Ok(())
     }
 
     /// Whether a sector with a higher sequence number has been committed.
-    pub async fn is_retired(&mut self, sector: u32) -> Result<bool, StorageError> {
-        Ok(self.read(self.address(sector) + RETIRED).await? != [0xFF; WORD])
+    pub async fn is_retired(&mut self, sector: Sector) -> Result<bool, StorageError> {
+        Ok(self.read(self.retired_address(sector)).await? != [0xFF; WORD])
     }
 
-    pub async fn retire(&mut self, sector: u32) -> Result<(), StorageError> {
+    pub async fn retire(&mut self, sector: Sector) -> Result<(), StorageError> {
         if self.is_retired(sector).await? {
             return Ok(());
         }
-        self.write(self.address(sector) + RETIRED, &[0; WORD]).await
+        self.write(self.retired_address(sector), &[0; WORD]).await
     }
 
-    pub async fn read_slot(&mut self, sector: u32, slot: u32) -> Result<Slot<V>, StorageError> {
+    pub async fn read_slot(&mut self, sector: Sector, slot: u32) -> Result<Slot<V>, StorageError> {
         Ok(Slot::from_bytes(&self.read_record(sector, slot).await?))
     }
 
     /// The value in `slot`, if its key is `key`.
-    pub async fn read_value(&mut self, sector: u32, slot: u32, key: u32) -> Result<Option<V>, StorageError> {
+    pub async fn read_value(
+        &mut self,
+        sector: Sector,
+        slot: u32,
+        key: u32,
+    ) -> Result<Option<V>, StorageError> {
         let bytes = self.read_record(sector, slot).await?;
         // Comparing the key first is cheaper than the CRC.
         if !Record::<V>::may_have_key(&bytes, key) {
@@ -121,7 +145,7 @@ impl<F: NorFlash, V: Value> Region<F, V> {
         })
     }
 
-    async fn read_record(&mut self, sector: u32, slot: u32) -> Result<V::Record, StorageError> {
+    async fn read_record(&mut self, sector: Sector, slot: u32) -> Result<V::Record, StorageError> {
         let mut bytes = V::ERASED;
         self.read_into(self.slot_address(sector, slot), bytes.as_mut())
             .await?;
@@ -130,11 +154,11 @@ impl<F: NorFlash, V: Value> Region<F, V> {
 
     pub async fn write_record(
         &mut self,
-        sector: u32,
+        sector: Sector,
         slot: u32,
         record: Record<V>,
     ) -> Result<(), StorageError> {
-        if slot >= Self::SLOTS {
+        if slot >= Self::slots(sector.layout) {
             return Err(StorageError::Full);
         }
         let bytes = record.to_bytes();
@@ -146,8 +170,8 @@ impl<F: NorFlash, V: Value> Region<F, V> {
     /// Whether the region was never used; `None` if a value may have been stored.
     pub async fn unused(&mut self) -> Result<Option<Unused>, StorageError> {
         let mut unused = Unused::Erased;
-        for sector in 0..self.sectors {
-            while !self.is_blank_from(unused.blank_from(), sector).await? {
+        for block in 0..self.blocks {
+            while !self.is_block_blank_from(unused.blank_from(), block).await? {
                 if unused == Unused::FirstWriteInterrupted {
                     return Ok(None);
                 }
@@ -157,8 +181,8 @@ impl<F: NorFlash, V: Value> Region<F, V> {
         Ok(Some(unused))
     }
 
-    pub async fn find_blank_sector(&mut self) -> Result<Option<u32>, StorageError> {
-        for sector in 0..self.sectors {
+    pub async fn find_blank_sector(&mut self) -> Result<Option<Sector>, StorageError> {
+        for sector in self.sectors(self.layout) {
             if self.is_blank(sector).await? {
                 return Ok(Some(sector));
             }
@@ -166,17 +190,18 @@ impl<F: NorFlash, V: Value> Region<F, V> {
         Ok(None)
     }
 
-    pub async fn is_blank(&mut self, sector: u32) -> Result<bool, StorageError> {
-        self.is_blank_from(0, sector).await
+    pub async fn is_blank(&mut self, sector: Sector) -> Result<bool, StorageError> {
+        self.is_blank_in(self.addresses(sector)).await
     }
 
-    async fn is_blank_from(&mut self, start: u32, sector: u32) -> Result<bool, StorageError> {
-        self.is_blank_in(start..Self::SECTOR, sector).await
+    async fn is_block_blank_from(&mut self, start: u32, block: u32) -> Result<bool, StorageError> {
+        let address = self.block_address(block);
+        self.is_blank_in(address + start..address + Self::BLOCK).await
     }
 
-    async fn is_blank_in(&mut self, offsets: Range<u32>, sector: u32) -> Result<bool, StorageError> {
-        for offset in offsets.step_by(MARGIN as usize) {
-            if self.read(self.address(sector) + offset).await? != [0xFF; MARGIN as usize] {
+    async fn is_blank_in(&mut self, addresses: Range<u32>) -> Result<bool, StorageError> {
+        for address in addresses.step_by(MARGIN as usize) {
+            if self.read(address).await? != [0xFF; MARGIN as usize] {
                 return Ok(false);
             }
         }
@@ -185,32 +210,45 @@ impl<F: NorFlash, V: Value> Region<F, V> {
 
     /// Whether the sector was erased ahead, and nothing was written to it since. Its mark distinguishes it from a sector
     /// whose erase was interrupted, which may read as blank without retaining data.
-    pub async fn is_erased_ahead(&mut self, sector: u32) -> Result<bool, StorageError> {
-        let end = Self::SECTOR - MARGIN;
-        Ok(self.read(self.address(sector) + end).await? == END_ERASED_AHEAD
-            && self.is_blank_in(0..end, sector).await?)
+    pub async fn is_erased_ahead(&mut self, sector: Sector) -> Result<bool, StorageError> {
+        let Range { start, end } = self.addresses(sector);
+        let end = end - MARGIN;
+        Ok(self.read(end).await? == END_ERASED_AHEAD && self.is_blank_in(start..end).await?)
     }
 
-    /// Erases a sector ahead of its use.
-    pub async fn erase_ahead(&mut self, sector: u32, may_erase: MayErase<'_>) -> Result<(), StorageError> {
-        self.erase(sector, may_erase).await?;
-        let mark = self.address(sector) + Self::SECTOR - WORD as u32;
+    /// Marks a sector that was erased ahead of its use.
+    pub async fn mark_erased_ahead(&mut self, sector: Sector) -> Result<(), StorageError> {
+        let mark = self.addresses(sector).end - WORD as u32;
         self.write(mark, &ERASED_AHEAD).await
     }
 
-    pub async fn erase(&mut self, sector: u32, may_erase: MayErase<'_>) -> Result<(), StorageError> {
+    pub async fn erase(&mut self, sector: Sector, may_erase: MayErase<'_>) -> Result<(), StorageError> {
+        for block in 0..sector.layout.blocks() {
+            self.erase_block(sector, block, may_erase).await?;
+        }
+        Ok(())
+    }
+
+    /// Erases a block of a sector.
+    pub async fn erase_block(
+        &mut self,
+        sector: Sector,
+        block: u32,
+        may_erase: MayErase<'_>,
+    ) -> Result<(), StorageError> {
         // An erase blocks the processor, so other ready tasks run first. The same for `program`.
         yield_now().await;
         // After they ran: they may have armed the vehicle.
         if may_erase() == Erase::Forbidden {
             return Err(StorageError::NoErasedSpace);
         }
-        let address = self.address(sector);
+        let block = sector.first_block() + block;
+        let address = self.block_address(block);
         self.flash
-            .erase(address, address + Self::SECTOR)
+            .erase(address, address + Self::BLOCK)
             .await
             .map_err(StorageError::of_driver)?;
-        verified(self.is_blank(sector).await?)
+        verified(self.is_block_blank_from(0, block).await?)
     }
 
     async fn write<const N: usize>(&mut self, address: u32, bytes: &[u8; N]) -> Result<(), StorageError> {
@@ -239,23 +277,34 @@ impl<F: NorFlash, V: Value> Region<F, V> {
             .map_err(StorageError::of_driver)
     }
 
-    /// The sector after this one in the ring.
-    pub fn after(&self, sector: u32) -> u32 {
-        let next = sector + 1;
-        if next < self.sectors { next } else { 0 }
+    /// The sector after this one in the ring. It overlaps none of an earlier layout that is `sector`.
+    pub fn after(&self, sector: Sector) -> Sector {
+        let Sector { layout, index } = sector.within(self.layout);
+        let next = index + 1;
+        let index = if next < self.count(layout) { next } else { 0 };
+        Sector { layout, index }
     }
 
-    fn address(&self, sector: u32) -> u32 {
-        self.start + sector * Self::SECTOR
+    fn addresses(&self, sector: Sector) -> Range<u32> {
+        let address = self.block_address(sector.first_block());
+        address..address + sector.layout.blocks() * Self::BLOCK
     }
 
-    fn header_addresses(&self, sector: u32) -> [u32; 2] {
-        let front = self.address(sector);
-        [front, front + Self::SECTOR - MARGIN]
+    fn block_address(&self, block: u32) -> u32 {
+        self.start + block * Self::BLOCK
     }
 
-    fn slot_address(&self, sector: u32, slot: u32) -> u32 {
-        self.address(sector) + MARGIN + slot * Record::<V>::SIZE as u32
+    fn header_addresses(&self, sector: Sector) -> [u32; 2] {
+        let Range { start, end } = self.addresses(sector);
+        [start, end - MARGIN]
+    }
+
+    fn retired_address(&self, sector: Sector) -> u32 {
+        self.addresses(sector).start + RETIRED
+    }
+
+    fn slot_address(&self, sector: Sector, slot: u32) -> u32 {
+        self.addresses(sector).start + MARGIN + slot * Record::<V>::SIZE as u32
     }
 }
 

@@ -8,8 +8,8 @@ pub trait Value: Copy + Default + PartialEq {
     /// An erased record.
     const ERASED: Self::Record;
 
-    /// Identifies the layout in the headers of its sectors.
-    const MAGIC: u32;
+    /// Number of words.
+    const WORDS: u8;
 
     /// The words.
     fn words(&self) -> &[u32];
@@ -18,16 +18,11 @@ pub trait Value: Copy + Default + PartialEq {
     fn words_mut(&mut self) -> &mut [u32];
 }
 
-/// The magic of values of this many words.
-const fn magic(words: u8) -> u32 {
-    u32::from_le_bytes([b'P', b'A', b'R', b'0' + words])
-}
-
 /// A parameter, or a part of the signing data.
 impl Value for u32 {
     type Record = [u8; 12];
     const ERASED: Self::Record = [0xFF; 12];
-    const MAGIC: u32 = magic(1);
+    const WORDS: u8 = 1;
 
     fn words(&self) -> &[u32] {
         core::slice::from_ref(self)
@@ -42,7 +37,7 @@ impl Value for u32 {
 impl Value for [u32; 14] {
     type Record = [u8; 64];
     const ERASED: Self::Record = [0xFF; 64];
-    const MAGIC: u32 = magic(14);
+    const WORDS: u8 = 14;
 
     fn words(&self) -> &[u32] {
         self

@@ -4,12 +4,19 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use super::Shared;
 use crate::log::warn;
-use crate::storage::{Storage, Value};
+use crate::storage::{Prepared, Storage, Value};
 
-/// Erases the sector that `storage` needs next, unless the vehicle is armed.
+/// Erases the sector that `storage` needs next, unless the vehicle is armed: a block at each turn at the flash.
 pub(super) async fn prepare<F: NorFlash, V: Value>(storage: &mut Storage<F, V>, shared: &Shared) {
-    let _turn = shared.flash_turn().await;
-    if let Err(error) = storage.prepare(&|| shared.may_erase()).await {
-        warn!("storage: no sector erased ahead: {:?}", error);
+    loop {
+        let _turn = shared.flash_turn().await;
+        match storage.prepare(&|| shared.may_erase()).await {
+            Ok(Prepared::Partly) => {}
+            Ok(Prepared::AsFarAsPossible) => return,
+            Err(error) => {
+                warn!("storage: no sector erased ahead: {:?}", error);
+                return;
+            }
+        }
     }
 }

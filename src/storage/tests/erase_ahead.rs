@@ -44,7 +44,7 @@ fn store_that_needs_a_forbidden_erase_changes_nothing_and_works_later() {
             block_on(storage.start_over(&forbidden)),
             Err(StorageError::NoErasedSpace)
         );
-        assert_eq!(block_on(storage.prepare(&forbidden)), Ok(()));
+        assert_eq!(prepare(&mut storage, &forbidden), Ok(()));
     }
     assert_eq!(storage.region.flash.operations(), before);
     assert_eq!(
@@ -102,7 +102,7 @@ fn preparing_at_every_start_and_after_every_store_wears_no_more() {
         let mut storage = flash.storage();
         block_on(storage.store(1, number, &Erase::always)).unwrap();
         for _ in 0..2 {
-            block_on(storage.prepare(&Erase::always)).unwrap();
+            prepare(&mut storage, &Erase::always).unwrap();
         }
         // As after a restart.
         flash.prepare().unwrap();
@@ -144,7 +144,7 @@ fn permission_is_asked_immediately_before_each_erase() {
                 Erase::Allowed
             }
         };
-        assert_eq!(block_on(flash.storage().prepare(&may_erase)), Ok(()));
+        assert_eq!(prepare(&mut flash.storage(), &may_erase), Ok(()));
         assert_eq!(erases(&flash), u32::from(answers >= 2), "{answers}");
         assert_eq!(flash.load(), (expected.clone(), Ok(())));
     }
@@ -179,9 +179,9 @@ fn sector_that_can_not_be_erased_is_tried_once_ahead_and_again_when_it_is_needed
     flash.stuck = Some((2 * 176 + 40, 1));
     let mut storage = flash.storage();
     let failure = Err(StorageError::Flash(FlashFault::NotVerified));
-    assert_eq!(block_on(storage.prepare(&Erase::always)), failure);
+    assert_eq!(prepare(&mut storage, &Erase::always), failure);
     for _ in 0..3 {
-        assert_eq!(block_on(storage.prepare(&Erase::always)), Ok(()));
+        assert_eq!(prepare(&mut storage, &Erase::always), Ok(()));
     }
     assert_eq!(storage.region.flash.erases, [0, 1, 0]);
     assert_eq!(block_on(storage.store(0, 99, &Erase::always)).map(drop), failure);
@@ -239,7 +239,7 @@ proptest! {
                     erase
                 }
                 Step::Prepare(erase) => {
-                    prop_assert_eq!(block_on(storage.prepare(&|| erase)), Ok(()));
+                    prop_assert_eq!(prepare(&mut storage, &|| erase), Ok(()));
                     erase
                 }
                 Step::Restart => {

@@ -7,11 +7,12 @@ use embassy_futures::block_on;
 
 use super::model::FlashModel;
 use super::*;
-use crate::parameter::{Access, ParameterId};
 
 mod damage;
+mod double;
 mod erase_ahead;
 mod power_cuts;
+mod takeover;
 mod wide;
 
 /// As on the board.
@@ -19,9 +20,9 @@ type BoardFlash = FlashModel<4096, 256, 4>;
 /// Twelve records per sector, so that a few stores wrap around the ring.
 type SmallFlash = FlashModel<176, 64, 3>;
 
-const BOARD_SLOTS: u32 = Storage::<BoardFlash>::SLOTS;
+const BOARD_SLOTS: u32 = Region::<BoardFlash, u32>::slots(Layout::Single);
 
-const SMALL_SLOTS: u32 = Storage::<SmallFlash>::SLOTS;
+const SMALL_SLOTS: u32 = Region::<SmallFlash, u32>::slots(Layout::Single);
 
 type Values = BTreeMap<u16, u32>;
 
@@ -38,7 +39,7 @@ trait Reboot: NorFlash + Sized {
     }
 
     fn prepare(&mut self) -> Result<(), StorageError> {
-        block_on(self.storage().prepare(&Erase::always))
+        prepare(&mut self.storage(), &Erase::always)
     }
 
     fn load(&mut self) -> (Values, Result<(), StorageError>) {
@@ -54,17 +55,15 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> Reboot
     for FlashModel<SECTOR, PAGE, SECTORS>
 {
     fn storage(&mut self) -> Storage<&mut Self> {
-        Storage::new(self, Self::REGION)
+        let layout = self.layout;
+        Storage::with_layout(self, Self::REGION, layout)
     }
 }
 
-/// All settings fit a sector with one record to spare, unless more than two of the nine packs are tanks with every parameter
-/// of their level sensor changed, along with all others.
-#[test]
-fn settings_fit_a_sector() {
-    const LEVEL_PARAMETERS: usize = 8;
-    let settings = ParameterId::all().filter(|id| id.row().access == Access::Setting);
-    assert!(settings.count() - 7 * LEVEL_PARAMETERS < BOARD_SLOTS as usize);
+/// Erases ahead whatever can be.
+fn prepare<F: NorFlash>(storage: &mut Storage<F>, may_erase: MayErase<'_>) -> Result<(), StorageError> {
+    while block_on(storage.prepare(may_erase))? == Prepared::Partly {}
+    Ok(())
 }
 
 fn values(pairs: &[(u16, u32)]) -> Values {

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::*;
 
 #[derive(Clone, Copy, Debug)]
-enum Step {
+pub(super) enum Step {
     Store(u16, u32),
     Clear,
     Prepare,
@@ -16,7 +16,7 @@ impl Step {
         match self {
             Self::Store(key, value) => block_on(storage.store(key, value, &Erase::always)).map(drop),
             Self::Clear => block_on(storage.clear(&Erase::always)),
-            Self::Prepare => block_on(storage.prepare(&Erase::always)),
+            Self::Prepare => prepare(storage, &Erase::always),
         }
     }
 
@@ -32,7 +32,7 @@ impl Step {
 }
 
 /// Few keys and values, so that some stores change nothing.
-fn step() -> impl Strategy<Value = Step> {
+pub(super) fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
         30 => (0..8_u16, 0..6_u8).prop_map(|(key, value)| Step::Store(key, u32::from(value))),
         3 => (any::<u16>(), any::<u32>()).prop_map(|(key, bits)| Step::Store(key % 10, bits)),
@@ -45,7 +45,7 @@ fn step() -> impl Strategy<Value = Step> {
 /// previous ones are done.
 ///
 /// Returns the number of steps run, including the interrupted one.
-fn run_until_power_cut<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
+pub(super) fn run_until_power_cut<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
     flash: &mut FlashModel<SECTOR, PAGE, SECTORS>,
     steps: &[Step],
     values: &mut Values,
@@ -76,7 +76,7 @@ fn run_until_power_cut<const SECTOR: usize, const PAGE: usize, const SECTORS: us
 
 /// Cuts power in every operation of `steps`, in `ways` ways each, once more soon after, and then runs the remaining
 /// steps.
-fn cut_everywhere<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
+pub(super) fn cut_everywhere<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
     prepared: &FlashModel<SECTOR, PAGE, SECTORS>,
     steps: &[Step],
     ways: u64,
