@@ -62,6 +62,7 @@
 //! | [`pack`] | which packs there are |
 //! | [`time`] | moments |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
+//! | [`recorder`] | a ring of log files in flash |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
 //! | [`crash`] | what is known of a crash after the restart |
@@ -89,6 +90,8 @@
 
 mod crc32;
 mod decimals;
+#[cfg(test)]
+mod flash_model;
 mod in_place;
 mod log;
 mod rounding;
@@ -104,6 +107,7 @@ pub mod liveness;
 pub mod mavlink;
 pub mod pack;
 pub mod parameter;
+pub mod recorder;
 pub mod ring_reader;
 pub mod sensor;
 pub mod storage;

@@ -50,8 +50,6 @@ use record::{Record, Slot};
 use region::{Region, Unused};
 
 #[cfg(test)]
-mod model;
-#[cfg(test)]
 mod tests;
 
 /// Integrity of the stored values.
