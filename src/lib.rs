@@ -63,8 +63,8 @@
 //! | [`time`] | moments |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
 //! | [`flash_map`] | what lies where in flash |
+//! | [`recorder`] | a ring of log files in flash |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
-//! | [`recorder`] | the log of drives in flash: a ring of files |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
 //! | [`crash`] | what is known of a crash after the restart |
 //! | [`dataflash`] | records of a log file, in ArduPilot's format |
@@ -92,6 +92,8 @@
 
 mod crc32;
 mod decimals;
+#[cfg(test)]
+mod flash_model;
 mod in_place;
 mod log;
 mod rounding;

@@ -58,8 +58,6 @@ use region::{Region, Unused};
 use sector::{Layout, Sector};
 
 #[cfg(test)]
-mod model;
-#[cfg(test)]
 mod tests;
 
 /// Integrity of the stored values.

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use embassy_futures::block_on;
 
-use super::model::FlashModel;
 use super::*;
+use crate::flash_model::FlashModel;
 
 mod damage;
 mod double;

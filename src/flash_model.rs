@@ -25,6 +25,8 @@ pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usi
     pub reads: u64,
     pub programs: u64,
     pub erases: [u32; SECTORS],
+    /// Sectors of which the last erase was cut short, which may read as blank without retaining data.
+    half_erased: [bool; SECTORS],
 }
 
 #[derive(Clone)]
@@ -64,7 +66,7 @@ impl NorFlashError for FlashFailed {
 }
 
 impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SECTOR, PAGE, SECTORS> {
-    /// The region the storage may use.
+    /// The region that may be used.
     pub const REGION: core::ops::Range<u32> = SECTOR as u32..(SECTOR * (SECTORS + 1)) as u32;
 
     /// Erased, as from the factory.
@@ -79,6 +81,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
             reads: 0,
             programs: 0,
             erases: [0; SECTORS],
+            half_erased: [false; SECTORS],
         }
     }
 
@@ -114,6 +117,11 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
     /// Restores power and clears injected failures.
     pub fn power_up(&mut self) {
         self.fault = Fault::None;
+    }
+
+    /// Whether the last erase of the sector with `address` was cut short.
+    pub fn is_half_erased(&self, address: u32) -> bool {
+        self.half_erased[address as usize / SECTOR - 1]
     }
 
     pub fn assert_margins_are_untouched(&self) {
@@ -186,7 +194,9 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
 
     fn erase_sector(&mut self, address: usize) -> Result<(), FlashFailed> {
         let outcome = self.outcome()?;
-        self.erases[address / SECTOR - 1] += 1;
+        let sector = address / SECTOR - 1;
+        self.erases[sector] += 1;
+        self.half_erased[sector] = matches!(outcome, Outcome::Torn(_));
         let cells = &mut self.bytes[address..address + SECTOR];
         match outcome {
             Outcome::Done | Outcome::Slipped => cells.fill(0xFF),

@@ -1,0 +1,231 @@
+//! The first bytes of a sector: its header, and the mark of an erase. Little-endian words, the last of each a CRC-32.
+
+use super::geometry::SECTOR_BYTES;
+use crate::crc32::crc32;
+
+/// Bytes before the payload: header, mark, 8 that stay blank.
+pub(super) const FRONT_BYTES: u32 = 32;
+
+/// Bytes of a log file that a sector holds.
+pub const PAYLOAD_BYTES: u32 = SECTOR_BYTES - FRONT_BYTES;
+
+/// Bytes of a header.
+pub(super) const HEADER_BYTES: usize = 16;
+
+/// Bytes of a mark.
+pub(super) const MARK_BYTES: usize = 8;
+
+/// Offset of the mark in its sector.
+pub(super) const MARK_AT: u32 = HEADER_BYTES as u32;
+
+/// Identifies a header, and the layout of its sector.
+const HEADER_MAGIC: u32 = u32::from_le_bytes(*b"LOG1");
+
+/// Enters the checksum of a mark.
+const MARK_MAGIC: u32 = u32::from_le_bytes(*b"ERS1");
+
+/// Sequence numbers from here on are none. Flash is worn out after some 100,000 laps, at 31 million.
+const SEQUENCE_END: u32 = 1 << 31;
+
+/// What a sector is used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Header {
+    /// Which sector it is, of all that were ever used.
+    pub sequence: u32,
+    /// The number of the file, from 1.
+    pub number: u16,
+    /// Sectors of the file before this one.
+    pub index: u16,
+}
+
+/// What the front of a sector proves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Front {
+    pub header: HeaderSlot,
+    /// The sector was erased completely, to be used as this one. Stays when the sector is used.
+    pub erased_for: Option<u32>,
+}
+
+/// Content of the place of a header.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum HeaderSlot {
+    /// Erased.
+    Blank,
+    Header(Header),
+    /// An interrupted operation, flipped bits or anything else.
+    Damaged,
+}
+
+impl Header {
+    /// The bytes in a ring of so many sectors.
+    pub fn to_bytes(self, sectors: u32) -> [u8; HEADER_BYTES] {
+        let file = u32::from(self.number) | u32::from(self.index) << 16;
+        let crc = crc32([HEADER_MAGIC, self.sequence, file, sectors]);
+        to_bytes([HEADER_MAGIC, self.sequence, file, crc])
+    }
+
+    fn from_words(words: [u32; HEADER_BYTES / 4], sectors: u32) -> Option<Self> {
+        let [magic, sequence, file, crc] = words;
+        let header = Self {
+            sequence,
+            number: file as u16,
+            index: (file >> 16) as u16,
+        };
+        let is_header = magic == HEADER_MAGIC
+            && crc == crc32([magic, sequence, file, sectors])
+            && is_sequence(sequence, sectors)
+            && header.number > 0
+            && header.first_sequence() >= sectors;
+        is_header.then_some(header)
+    }
+
+    /// The first sector of the file.
+    pub fn first_sequence(self) -> u32 {
+        self.sequence.saturating_sub(self.index.into())
+    }
+}
+
+/// The mark of a sector that was erased completely, to be used as the one with `sequence`.
+///
+/// An interrupted erase may leave the mark of the lap before, which has another sequence number.
+pub(super) fn mark(sequence: u32, sectors: u32) -> [u8; MARK_BYTES] {
+    to_bytes([sequence, crc32([MARK_MAGIC, sequence, sectors])])
+}
+
+impl Front {
+    /// What is known of a sector that can't be read.
+    pub const UNREADABLE: Self = Self {
+        header: HeaderSlot::Damaged,
+        erased_for: None,
+    };
+
+    /// What `bytes` prove in a ring of so many sectors.
+    pub fn from_bytes(bytes: &[u8; FRONT_BYTES as usize], sectors: u32) -> Self {
+        let mut words = [0; FRONT_BYTES as usize / 4];
+        for (word, bytes) in words.iter_mut().zip(bytes.as_chunks().0) {
+            *word = u32::from_le_bytes(*bytes);
+        }
+        let [a, b, c, d, sequence, crc, ..] = words;
+        let is_mark = crc == crc32([MARK_MAGIC, sequence, sectors]) && is_sequence(sequence, sectors);
+        Self {
+            header: HeaderSlot::from_words([a, b, c, d], sectors),
+            erased_for: is_mark.then_some(sequence),
+        }
+    }
+}
+
+impl HeaderSlot {
+    fn from_words(words: [u32; HEADER_BYTES / 4], sectors: u32) -> Self {
+        if words == [u32::MAX; HEADER_BYTES / 4] {
+            return Self::Blank;
+        }
+        Header::from_words(words, sectors).map_or(Self::Damaged, Self::Header)
+    }
+}
+
+fn is_sequence(sequence: u32, sectors: u32) -> bool {
+    (sectors..SEQUENCE_END).contains(&sequence)
+}
+
+fn to_bytes<const WORDS: usize, const BYTES: usize>(words: [u32; WORDS]) -> [u8; BYTES] {
+    let mut bytes = [0; BYTES];
+    for (place, word) in bytes.as_chunks_mut().0.iter_mut().zip(words) {
+        *place = word.to_le_bytes();
+    }
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const SECTORS: u32 = 310;
+    const HEADER: Header = Header {
+        sequence: 1000,
+        number: 7,
+        index: 2,
+    };
+
+    fn front(header: &[u8], mark: &[u8]) -> Front {
+        let mut bytes = [0xFF; FRONT_BYTES as usize];
+        bytes[..HEADER_BYTES].copy_from_slice(header);
+        bytes[HEADER_BYTES..HEADER_BYTES + MARK_BYTES].copy_from_slice(mark);
+        Front::from_bytes(&bytes, SECTORS)
+    }
+
+    #[test]
+    fn layout_is_unchanged() {
+        // CRCs by `zlib.crc32`.
+        assert_eq!(
+            HEADER.to_bytes(SECTORS),
+            *b"LOG1\xe8\x03\x00\x00\x07\x00\x02\x00\x53\xc9\xfb\x41"
+        );
+        assert_eq!(mark(1000, SECTORS), *b"\xe8\x03\x00\x00\xb3\x62\xf1\x2d");
+    }
+
+    #[test]
+    fn header_and_mark_are_read_back() {
+        let read = front(&HEADER.to_bytes(SECTORS), &mark(1000, SECTORS));
+        assert_eq!(read.header, HeaderSlot::Header(HEADER));
+        assert_eq!(read.erased_for, Some(1000));
+    }
+
+    #[test]
+    fn erased_and_zero_bytes_prove_nothing() {
+        let blank = Front::from_bytes(&[0xFF; FRONT_BYTES as usize], SECTORS);
+        assert_eq!((blank.header, blank.erased_for), (HeaderSlot::Blank, None));
+        let zeros = Front::from_bytes(&[0; FRONT_BYTES as usize], SECTORS);
+        assert_eq!(zeros, Front::UNREADABLE);
+    }
+
+    #[test]
+    fn ring_of_another_size_is_not_taken_over() {
+        let read = front(&HEADER.to_bytes(SECTORS - 1), &mark(1000, SECTORS - 1));
+        assert_eq!(read, Front::UNREADABLE);
+    }
+
+    #[test]
+    fn impossible_headers_are_damage() {
+        let impossible = [
+            Header { number: 0, ..HEADER },
+            // Before the first sector, and its file before it.
+            Header {
+                sequence: SECTORS - 1,
+                index: 0,
+                ..HEADER
+            },
+            Header {
+                sequence: SECTORS + 1,
+                ..HEADER
+            },
+            Header {
+                sequence: SEQUENCE_END,
+                ..HEADER
+            },
+        ];
+        for header in impossible {
+            let read = front(&header.to_bytes(SECTORS), &[0xFF; MARK_BYTES]);
+            assert_eq!(read.header, HeaderSlot::Damaged, "{header:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn flipped_bits_are_detected(bits in prop::collection::hash_set(0..HEADER_BYTES * 8, 1..4)) {
+            let mut bytes = HEADER.to_bytes(SECTORS);
+            for bit in &bits {
+                bytes[bit / 8] ^= 1 << (bit % 8);
+            }
+            let mark_bits = bits.iter().filter(|bit| **bit < MARK_BYTES * 8);
+            let mut mark = mark(1000, SECTORS);
+            for bit in mark_bits.clone() {
+                mark[bit / 8] ^= 1 << (bit % 8);
+            }
+            let read = front(&bytes, &mark);
+            prop_assert_eq!(read.header, HeaderSlot::Damaged);
+            prop_assert_eq!(read.erased_for.is_none(), mark_bits.count() > 0);
+        }
+    }
+}
