@@ -27,7 +27,8 @@ mod firmware {
 
     static FLASH: StaticCell<FlashDriver> = StaticCell::new();
     static SHARED: StaticCell<Shared> = StaticCell::new();
-    static UART0: StaticCell<Link> = StaticCell::new();
+    static UART0: StaticCell<Link<'static>> = StaticCell::new();
+    static LOGS: StaticCell<BoardFlash> = StaticCell::new();
 
     /// A byte on the line has ten bits.
     const BITS_PER_BYTE: u32 = 10;
@@ -47,6 +48,7 @@ mod firmware {
     static PARAMETERS: CheckIn = CheckIn::new("parameters", 5_000);
     static SIGNING: CheckIn = CheckIn::new("signing", 5_000);
     static LEARNT: CheckIn = CheckIn::new("learnt", 5_000);
+    static LOG: CheckIn = CheckIn::new("log", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
 
     /// Without a host, or with one that does not read, the USB link stands still, and nothing is wrong with the board. So
@@ -84,12 +86,12 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn telemetry(shared: &'static Shared, link: &'static Link) -> ! {
+    async fn telemetry(shared: &'static Shared, link: &'static Link<'static>) -> ! {
         tasks::schedule_telemetry(shared, link, &TELEMETRY).await
     }
 
     #[embassy_executor::task]
-    async fn uart0_writer(wire: UartTransmitter, shared: &'static Shared, link: &'static Link) {
+    async fn uart0_writer(wire: UartTransmitter, shared: &'static Shared, link: &'static Link<'static>) {
         if tasks::write_frames(wire, shared, link, &UART0_WRITER)
             .await
             .is_err()
@@ -100,16 +102,16 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn uart0_reader(wire: UartReceiver, shared: &'static Shared, link: &'static Link) {
+    async fn uart0_reader(wire: UartReceiver, shared: &'static Shared, link: &'static Link<'static>) {
         tasks::read_frames(wire, shared, link, &UART0_READER).await;
     }
 
     /// Serves one program on the host after the other, each with a link of its own: its own schedule, sequence numbers
     /// and losses.
     #[embassy_executor::task]
-    async fn usb(mut port: UsbPort, shared: &'static Shared) -> ! {
+    async fn usb(mut port: UsbPort, logs: &'static BoardFlash, shared: &'static Shared) -> ! {
         port.run(async |transmitter, receiver| {
-            let link = Link::new("USB", LinkKind::Direct, USB_BYTES_PER_SECOND);
+            let link = Link::new("USB", LinkKind::Direct, USB_BYTES_PER_SECOND).with_logs(logs);
             tasks::serve_link(transmitter, receiver, shared, &link, &UNWATCHED).await;
         })
         .await
@@ -131,7 +133,12 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn status(shared: &'static Shared, link: &'static Link) -> ! {
+    async fn log(flash: BoardFlash, shared: &'static Shared) -> ! {
+        tasks::keep_log(flash, flash_map::LOG, shared, &LOG).await
+    }
+
+    #[embassy_executor::task]
+    async fn status(shared: &'static Shared, link: &'static Link<'static>) -> ! {
         tasks::report_status(ExecutorIdleTime, shared, link, &STATUS).await
     }
 
@@ -149,13 +156,14 @@ mod firmware {
             &PARAMETERS,
             &SIGNING,
             &LEARNT,
+            &LOG,
             &STATUS,
         ];
         tasks::supervise(&watched, &mut watchdog).await
     }
 
     #[embassy_executor::task]
-    async fn reboot(shared: &'static Shared, link: &'static Link) {
+    async fn reboot(shared: &'static Shared, link: &'static Link<'static>) {
         let restart = tasks::reboot_requested(shared, || link.is_idle()).await;
         board::restart(restart);
     }
@@ -203,10 +211,12 @@ mod firmware {
             )))
             .await;
         stored.identity.board_id = id;
+        stored.crash = last_run.crash.clone();
         let shared = share(&stored);
         let wiring = shared.with(|autopilot| autopilot.wiring());
 
-        let link = open_telemetry(wiring.telemetry_baud);
+        let logs: &BoardFlash = LOGS.init(flash);
+        let link = open_telemetry(wiring.telemetry_baud, logs);
         let telemetry_parts = TelemetryUart {
             uart: peripherals.UART0,
             tx_pin: peripherals.PIN_0,
@@ -272,11 +282,12 @@ mod firmware {
         start(spawner, BUS.name(), bus(sensor_bus, shared));
         start(spawner, ESC.name(), esc(esc_wire, shared));
         start(spawner, PULSES.name(), pulses(pulse_pin, shared));
-        start(spawner, UNWATCHED.name(), usb(usb_port, shared));
+        start(spawner, UNWATCHED.name(), usb(usb_port, logs, shared));
         start(spawner, PARAMETERS.name(), parameters(storage, shared));
         start(spawner, SIGNING.name(), signing(signing_storage, shared));
         let learnt_storage = Storage::new(flash, flash_map::LEARNT);
         start(spawner, LEARNT.name(), learnt(learnt_storage, shared));
+        start(spawner, LOG.name(), log(flash, shared));
         start(spawner, STATUS.name(), status(shared, link));
         start(spawner, "reboot", reboot(shared, link));
         start(spawner, "crash report", report_crash(last_run.crash, shared));
@@ -291,8 +302,8 @@ mod firmware {
     }
 
     #[inline(never)]
-    fn open_telemetry(baud: u32) -> &'static Link {
-        UART0.init_with(|| Link::new("UART0", LinkKind::Radio, baud / BITS_PER_BYTE))
+    fn open_telemetry(baud: u32, logs: &'static BoardFlash) -> &'static Link<'static> {
+        UART0.init_with(|| Link::new("UART0", LinkKind::Radio, baud / BITS_PER_BYTE).with_logs(logs))
     }
 
     /// A task that can't be started never checks in, so the watchdog restarts the board. A crash names it by `name`.

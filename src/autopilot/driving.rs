@@ -4,9 +4,7 @@ use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::work::Work;
 use crate::battery::{ArmState, FailsafeLevel};
-use crate::dataflash::{
-    ArmingChecks, ArmingMethod, ErrorCode, EventId, ModeReason, Record, Subsystem,
-};
+use crate::dataflash::{ArmingChecks, ArmingMethod, ErrorCode, EventId, ModeReason, Record, Subsystem};
 use crate::log::info;
 use crate::pack::Pack;
 use crate::parameter::VehicleParameter;
@@ -94,7 +92,11 @@ impl Autopilot {
             ArmState::Armed => (EventId::Armed, status.fitness == Fitness::Forced),
             ArmState::Disarmed => (EventId::Disarmed, false),
         };
-        let checks = if forced { ArmingChecks::Forced } else { ArmingChecks::Passed };
+        let checks = if forced {
+            ArmingChecks::Forced
+        } else {
+            ArmingChecks::Passed
+        };
         let method = match status.alert {
             Alert::Terminated => ArmingMethod::Termination,
             Alert::None | Alert::Failsafe => ArmingMethod::Command,
@@ -112,9 +114,10 @@ impl Autopilot {
     fn record_failsafe(&mut self, event: VehicleEvent) {
         let (subsystem, reason) = match event {
             VehicleEvent::ControlsTimedOut => (Subsystem::ControlsFailsafe, ModeReason::ControlsTimedOut),
-            VehicleEvent::GroundStationsTimedOut => {
-                (Subsystem::GroundStationFailsafe, ModeReason::GroundStationsTimedOut)
-            }
+            VehicleEvent::GroundStationsTimedOut => (
+                Subsystem::GroundStationFailsafe,
+                ModeReason::GroundStationsTimedOut,
+            ),
             VehicleEvent::NeedsPosition(_) | VehicleEvent::Terminated => return,
         };
         self.mode_reason = reason;

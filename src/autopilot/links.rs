@@ -182,7 +182,10 @@ impl Autopilot {
                 info!("{}: {:?}", channel.name(), action);
                 self.act(action);
             }
-            Event::LogsErased => info!("{}: logs erased", channel.name()),
+            Event::LogsErased => {
+                info!("{}: logs erased", channel.name());
+                self.recording.erase_all();
+            }
             Event::SigningSetUp(change) => {
                 info!("{}: signing: {:?}", channel.name(), change);
                 self.save_signing(change);

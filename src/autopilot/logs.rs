@@ -1,9 +1,7 @@
 //! Logs: what the flash has to do, and what of it is downloaded.
 
 use super::autopilot::Autopilot;
-use super::channel::Channel;
 use super::recording::LogStep;
-use crate::mavlink::LogRead;
 use crate::recorder::{Erasure, Outcome, Piece, Ring};
 use crate::time::Instant;
 
@@ -29,18 +27,8 @@ impl Autopilot {
         self.recording.erased(erasure, outcome);
     }
 
-    /// What has to be read before the next message of a download on `channel` can be taken.
-    pub fn next_log_read(&self, channel: &mut Channel) -> Option<LogRead> {
-        channel.endpoint.next_read(self.recording.files())
-    }
-
     /// Where the bytes of a log from `offset` on are in flash.
     pub fn locate_log(&self, number: u16, offset: u32) -> Option<Piece> {
         self.recording.locate(number, offset)
-    }
-
-    /// What was read.
-    pub fn supply_log(&self, channel: &mut Channel, read: LogRead, bytes: &[u8]) {
-        channel.endpoint.supply(read, bytes);
     }
 }

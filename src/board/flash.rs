@@ -10,6 +10,7 @@ use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 use crate::board_id::BoardId;
 use crate::flash_map;
+use crate::recorder::{LogSource, ReadFailed};
 
 const CHIP_BYTES: usize = flash_map::CHIP_BYTES as usize;
 
@@ -50,6 +51,13 @@ impl BoardFlash {
     /// The driver, for one operation. It is never held across an await, so it can't be borrowed twice.
     fn driver(&self) -> Result<RefMut<'_, Driver>, Error> {
         self.0.try_borrow_mut().map_err(|_| Error::Other)
+    }
+}
+
+impl LogSource for BoardFlash {
+    fn read_log(&self, address: u32, bytes: &mut [u8]) -> Result<(), ReadFailed> {
+        let mut driver = self.driver().map_err(|_| ReadFailed)?;
+        driver.blocking_read(address, bytes).map_err(|_| ReadFailed)
     }
 }
 

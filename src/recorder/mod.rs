@@ -37,11 +37,13 @@ mod geometry;
 mod ring;
 mod scan;
 mod sector_set;
+mod source;
 
 pub use directory::{LogFile, MAX_FILES};
 pub use front::PAYLOAD_BYTES;
 pub use geometry::{MAX_SECTORS, SECTOR_BYTES};
 pub use ring::{AppendError, Erasure, NoErasedSpace, Outcome, Piece, Program, Ring};
+pub use source::{LogSource, ReadFailed};
 
 #[cfg(test)]
 mod tests;

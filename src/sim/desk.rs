@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::fmt;
 use std::rc::Rc;
 
-use embassy_futures::join::{join, join_array, join3, join5};
+use embassy_futures::join::{join, join_array, join3, join4, join5};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 
@@ -23,7 +23,7 @@ use crate::pack::Pack;
 use crate::sensor::Buses;
 use crate::storage::Storage;
 use crate::tasks::{
-    Link, Shared, boot, drive, keep_learnt, keep_parameters, keep_signing, read_bus, read_esc,
+    Link, Shared, boot, drive, keep_learnt, keep_log, keep_parameters, keep_signing, read_bus, read_esc,
     reboot_requested, refuse_link, sample_batteries, serve_link,
 };
 use crate::vehicle::{Indication, Indicators, Restart};
@@ -49,7 +49,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
         let learnt_storage = Storage::new(flash.clone(), flash_map::LEARNT);
         let mut start = Start::default();
         let signing_storage = boot(&mut storage, signing_storage, ParameterSource::Stored, &mut start).await;
-        let desk = Desk::new(&start, &pack);
+        let desk = Desk::new(&start, &pack, &flash);
         let mut memory = [RetainedRecord::BLANK; 2];
         let pack_simulation = PackSimulation::new(&pack, &rover, &desk.shared);
         let vehicle = join5(
@@ -69,10 +69,11 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
                 read_esc(None::<TcpReceiver>, &desk.shared, &UNWATCHED),
             ),
             drive(&rover, NoLamps, &desk.shared, &UNWATCHED),
-            join3(
+            join4(
                 keep_parameters(storage, &desk.shared, &UNWATCHED),
                 keep_signing(signing_storage, &desk.shared, &UNWATCHED),
                 keep_learnt(learnt_storage, &desk.shared, &UNWATCHED),
+                keep_log(flash.clone(), flash_map::LOG, &desk.shared, &UNWATCHED),
             ),
             join(
                 join_array([(); MAX_CLIENTS].map(|()| desk.serve(clients))),
@@ -91,14 +92,15 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
     }
 }
 
-fn tcp_link() -> Link {
-    Link::new("TCP", LinkKind::Direct, LINK_BYTES_PER_SECOND)
+fn tcp_link(flash: &SimulatedFlash) -> Link<'_> {
+    Link::new("TCP", LinkKind::Direct, LINK_BYTES_PER_SECOND).with_logs(flash)
 }
 
 struct Desk<'a> {
     shared: Shared,
     pack: &'a RefCell<SimulatedPack>,
-    links: RefCell<Vec<Rc<Link>>>,
+    flash: &'a SimulatedFlash,
+    links: RefCell<Vec<Rc<Link<'a>>>>,
     status: Cell<Totals>,
 }
 
@@ -110,10 +112,11 @@ impl Indicators for NoLamps {
 }
 
 impl<'a> Desk<'a> {
-    fn new(start: &Start, pack: &'a RefCell<SimulatedPack>) -> Self {
+    fn new(start: &Start, pack: &'a RefCell<SimulatedPack>, flash: &'a SimulatedFlash) -> Self {
         Self {
             shared: Shared::new(start),
             pack,
+            flash,
             links: RefCell::default(),
             status: Cell::default(),
         }
@@ -128,7 +131,7 @@ impl<'a> Desk<'a> {
                 receiver,
             } = clients.next().await;
             println!("{address} connected");
-            let link = Rc::new(tcp_link());
+            let link = Rc::new(tcp_link(self.flash));
             self.links.borrow_mut().push(link.clone());
             serve_link(transmitter, receiver, &self.shared, &link, &UNWATCHED).await;
             self.links.borrow_mut().retain(|other| !Rc::ptr_eq(other, &link));
@@ -152,13 +155,20 @@ impl<'a> Desk<'a> {
     async fn refuse(&self, client: Client) {
         println!("{} refused: all {MAX_CLIENTS} links are in use", client.address);
         let reason = format!("Simulator: all {MAX_CLIENTS} links are in use");
-        refuse_link(client.transmitter, &self.shared, &tcp_link(), &reason, &UNWATCHED).await;
+        refuse_link(
+            client.transmitter,
+            &self.shared,
+            &tcp_link(self.flash),
+            &reason,
+            &UNWATCHED,
+        )
+        .await;
         client.receiver.refuse();
     }
 
     /// Serves the remote end of `wire`, whether or not it listens.
     async fn serve_udp(&self, wire: &UdpWire) {
-        let link = Link::new("UDP", LinkKind::Radio, LINK_BYTES_PER_SECOND);
+        let link = Link::new("UDP", LinkKind::Radio, LINK_BYTES_PER_SECOND).with_logs(self.flash);
         let (transmitter, receiver) = wire.split();
         serve_link(transmitter, receiver, &self.shared, &link, &UNWATCHED).await;
     }

@@ -13,6 +13,7 @@ use embedded_storage_async::nor_flash::{
 };
 
 use crate::flash_map;
+use crate::recorder::{LogSource, ReadFailed};
 
 /// The image begins behind the program.
 const IMAGE: Range<u32> = flash_map::PROGRAM.end..flash_map::CHIP_BYTES;
@@ -145,6 +146,15 @@ impl Chip {
 
 fn no_image() -> io::Error {
     io::Error::new(ErrorKind::InvalidData, "it is not a flash image")
+}
+
+impl LogSource for SimulatedFlash {
+    fn read_log(&self, address: u32, bytes: &mut [u8]) -> Result<(), ReadFailed> {
+        let chip = self.0.borrow();
+        let part = chip.part(address, address.saturating_add(bytes.len() as u32));
+        bytes.copy_from_slice(part.map_err(|_| ReadFailed)?);
+        Ok(())
+    }
 }
 
 fn outside() -> FileError {

@@ -55,7 +55,8 @@ pub use value::Value;
 
 use record::{Record, Slot};
 use region::{Region, Unused};
-use sector::{Layout, Sector};
+pub(crate) use sector::Layout;
+use sector::Sector;
 
 #[cfg(test)]
 mod tests;

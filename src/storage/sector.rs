@@ -4,7 +4,7 @@ use super::value::Value;
 
 /// How large the sectors of a region are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Layout {
+pub(crate) enum Layout {
     /// A sector is one block, the flash's unit of erase.
     Single,
     /// A sector is two blocks.

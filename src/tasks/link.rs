@@ -6,9 +6,9 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 
 use super::{Shared, now};
-use crate::recorder::LogSource;
 use crate::autopilot::{Autopilot, Channel};
-use crate::mavlink::{LinkKind, LinkStatistics};
+use crate::mavlink::{LinkKind, LinkStatistics, LogRead};
+use crate::recorder::LogSource;
 
 /// A link: our end of it, and wake-ups for its tasks.
 ///
@@ -73,17 +73,15 @@ impl<'a> Link<'a> {
 
     /// Reads what the next message of a download needs, if anything.
     pub(super) fn read_log(&self, shared: &Shared) -> LogReading {
-        let next = self.serve(shared, |autopilot, channel| autopilot.next_log_read(channel));
+        let next = self.serve(shared, |autopilot, channel| autopilot.next_read(channel, now()));
         let Some(read) = next else {
             return LogReading::NothingToRead;
         };
-        let mut bytes = [0; MAX_READ_BYTES];
+        let mut bytes = [0; u8::MAX as usize];
         let wanted = bytes.get_mut(..read.bytes.into()).unwrap_or_default();
         let filled = self.fill(wanted, read, shared);
         let bytes = bytes.get(..filled).unwrap_or_default();
-        self.serve(shared, |autopilot, channel| {
-            autopilot.supply_log(channel, read, bytes);
-        });
+        self.with(|channel| channel.supply(read, bytes));
         LogReading::Read
     }
 
@@ -97,7 +95,9 @@ impl<'a> Link<'a> {
                 break;
             };
             let bytes = rest.len().min(piece.bytes as usize);
-            let read = rest.get_mut(..bytes).map(|part| source.read(piece.address, part));
+            let read = rest
+                .get_mut(..bytes)
+                .map(|part| source.read_log(piece.address, part));
             if !matches!(read, Some(Ok(()))) {
                 break;
             }

@@ -47,7 +47,7 @@ pub trait ByteSource {
 }
 
 /// Handles what `source` delivers until it is closed.
-pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Link, check_in: &CheckIn) {
+pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Link<'_>, check_in: &CheckIn) {
     let mut arrivals = Arrivals::default();
     let mut chunk = [0; CHUNK_BYTES];
     loop {
@@ -117,7 +117,7 @@ fn earliest_after_wait(began: Instant, ended: Instant) -> Instant {
 
 /// Handles all frames that end in `bytes`, which can't have come before `earliest`. After each the others have their turn:
 /// what a fast line brings in a millisecond takes longer than a sample may be late.
-async fn handle(mut bytes: &[u8], earliest: Instant, shared: &Shared, link: &Link) {
+async fn handle(mut bytes: &[u8], earliest: Instant, shared: &Shared, link: &Link<'_>) {
     loop {
         let taken = link.with(|channel| channel.push(bytes));
         bytes = bytes.get(taken..).unwrap_or(&[]);
@@ -134,7 +134,7 @@ async fn handle(mut bytes: &[u8], earliest: Instant, shared: &Shared, link: &Lin
     }
 }
 
-fn handle_next(earliest: Instant, shared: &Shared, link: &Link) -> Option<Event> {
+fn handle_next(earliest: Instant, shared: &Shared, link: &Link<'_>) -> Option<Event> {
     link.serve(shared, |autopilot, channel| {
         autopilot.handle_next(channel, now(), earliest)
     })

@@ -13,7 +13,7 @@ pub async fn serve_link(
     transmitter: impl Write,
     receiver: impl ByteSource,
     shared: &Shared,
-    link: &Link,
+    link: &Link<'_>,
     check_in: &CheckIn,
 ) {
     select3(
@@ -28,7 +28,7 @@ pub async fn serve_link(
 pub async fn refuse_link(
     transmitter: impl Write,
     shared: &Shared,
-    link: &Link,
+    link: &Link<'_>,
     reason: &str,
     check_in: &CheckIn,
 ) {

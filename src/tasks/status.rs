@@ -16,7 +16,7 @@ pub trait IdleTime {
 }
 
 /// Measures the load over each second and logs voltage, rates and load.
-pub async fn report_status(idle: impl IdleTime, shared: &Shared, link: &Link, check_in: &CheckIn) -> ! {
+pub async fn report_status(idle: impl IdleTime, shared: &Shared, link: &Link<'_>, check_in: &CheckIn) -> ! {
     let mut seconds = Ticker::every(REPORT_INTERVAL);
     let mut before = Snapshot::take(&idle, shared, link);
     loop {
@@ -38,7 +38,7 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    fn take(idle: &impl IdleTime, shared: &Shared, link: &Link) -> Self {
+    fn take(idle: &impl IdleTime, shared: &Shared, link: &Link<'_>) -> Self {
         let statistics = link.statistics();
         Self {
             time_us: now().as_micros() as u32,
@@ -59,7 +59,7 @@ impl Snapshot {
     }
 }
 
-fn log(shared: &Shared, link: &Link, now: &Snapshot, before: &Snapshot) {
+fn log(shared: &Shared, link: &Link<'_>, now: &Snapshot, before: &Snapshot) {
     shared.with(|autopilot| {
         let state = autopilot.system_state();
         state.batteries.iter().zip(1u8..).for_each(log_pack);

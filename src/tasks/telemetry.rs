@@ -9,7 +9,7 @@ use super::{Link, Shared, mark, now, timer_at};
 use crate::liveness::CheckIn;
 
 /// Posts each stream of `link` at its due time, and what is announced; sleeps in between.
-pub async fn schedule_telemetry(shared: &Shared, link: &Link, check_in: &CheckIn) -> ! {
+pub async fn schedule_telemetry(shared: &Shared, link: &Link<'_>, check_in: &CheckIn) -> ! {
     let mut announcements = shared.announcements();
     link.serve(shared, |autopilot, channel| autopilot.open(channel));
     loop {

@@ -15,7 +15,7 @@ use crate::mavlink::Framer;
 pub async fn write_frames<W: Write>(
     mut wire: W,
     shared: &Shared,
-    link: &Link,
+    link: &Link<'_>,
     check_in: &CheckIn,
 ) -> Result<(), W::Error> {
     let mut framer = Framer::new();

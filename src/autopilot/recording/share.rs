@@ -14,7 +14,7 @@ const DETAILED_ROUND: u8 = 5;
 
 /// What is recorded of the pack whose turn it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Detail {
+pub(in crate::autopilot) enum Detail {
     /// Voltage, current and what was consumed.
     Readings,
     /// Cell voltages and the estimate of the charge, too.
@@ -50,7 +50,10 @@ impl Share {
             self.round = (self.round + 1) % DETAILED_ROUND;
         }
         if self.turn == 0 {
-            if self.round_began.is_some_and(|began| now.us_since(began) < round_us) {
+            if self
+                .round_began
+                .is_some_and(|began| now.us_since(began) < round_us)
+            {
                 return None;
             }
             self.round_began = Some(now);

@@ -23,7 +23,7 @@ const MOST_FAILED_ERASES: u8 = 8;
 
 /// What the flash has to do next for the log. Each has its report: [`Autopilot::log_written`](super::super::Autopilot::log_written),
 /// [`Autopilot::log_erased`](super::super::Autopilot::log_erased).
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub enum LogStep {
     /// Program these bytes, which are blank.
     Program {

@@ -79,7 +79,7 @@ impl Stream {
 
     fn next_of_opening(&mut self, parameters: &Parameters, now: Instant) -> Option<RecordBytes> {
         if let Opening::Formats(number) = self.opening {
-            if let Some(record) = opening_record(number) {
+            if let Some(record) = opening_record(number, now.as_micros()) {
                 self.opening = Opening::Formats(number + 1);
                 return Some(record);
             }

@@ -194,7 +194,10 @@ fn battery_reset_ends_termination() {
     vehicle.battery_failsafe(FailsafeAction::Terminate);
     vehicle.update_batteries(FailsafeLevel::Critical, BatteryAlert::Urgent);
     assert_eq!(vehicle.status().alert, Alert::Terminated);
-    assert_eq!(vehicle.arm(Instant::EPOCH, Fitness::Checked), Err(ArmingRefused::Terminated));
+    assert_eq!(
+        vehicle.arm(Instant::EPOCH, Fitness::Checked),
+        Err(ArmingRefused::Terminated)
+    );
     vehicle.update_batteries(FailsafeLevel::None, BatteryAlert::None);
     assert_eq!(vehicle.status().alert, Alert::None);
     assert_eq!(vehicle.arm(Instant::EPOCH, Fitness::Checked), Ok(()));
@@ -218,7 +221,10 @@ fn lamps_and_buzzer_indicate_the_state() {
     let colour = |vehicle: &Vehicle| vehicle.indication(Instant::EPOCH).colour;
     assert_eq!(colour(&vehicle), Colour::Green);
     assert_eq!(tones(&vehicle, 0, 40), "........................................");
-    assert_eq!(vehicle.arm(at_us(1_000_000), Fitness::Unfit), Err(ArmingRefused::Unfit));
+    assert_eq!(
+        vehicle.arm(at_us(1_000_000), Fitness::Unfit),
+        Err(ArmingRefused::Unfit)
+    );
     assert_eq!(tones(&vehicle, 1_000_000, 10), "xxxxx.....");
     vehicle.arm(at_us(3_000_000), Fitness::Checked).unwrap();
     assert_eq!(colour(&vehicle), Colour::Blue);
