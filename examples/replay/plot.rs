@@ -23,6 +23,7 @@ const RESTING: &str = "#d1662c";
 const CURRENT: &str = "#2c7a4b";
 const REMAINING: &str = "#5b3a8c";
 const USABLE: &str = "#b0407a";
+const REPORTED: &str = "#888888";
 
 /// The band around the remaining charge: so many standard deviations, and how it is called.
 const BAND_SIGMAS: f32 = 2.0;
@@ -97,10 +98,11 @@ fn currents(svg: &mut Svg, time: &Axis, rows: &[Row]) {
 }
 
 fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
-    let lines = [
+    let mut lines = vec![
         series(rows, "remaining charge", REMAINING, |state| state.remaining_pct),
         series(rows, "usable charge", USABLE, |state| state.usable_pct),
     ];
+    lines.extend(reported(rows));
     let panel = Panel::new("Remaining charge (%)", 2, time, Axis::over([0.0, 100.0], 5));
     let mut shown = vec![(BAND, BAND_COLOUR)];
     for (from_s, to_s, state) in bands(rows) {
@@ -121,6 +123,15 @@ fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
     panel.legend(svg, lines.len(), &shown);
     marks(svg, &panel, rows);
     events(svg, &panel, rows);
+}
+
+/// The remaining charge that the board reported, in a log of its own.
+fn reported(rows: &[Row]) -> Option<Series<'static>> {
+    rows.iter().any(|row| row.reported.is_some()).then(|| {
+        let remaining_pct = |row: &Row| row.reported?.remaining_pct.map(f64::from);
+        let points = rows.iter().map(|row| (row.time_s, remaining_pct(row)));
+        Series::new("reported", REPORTED, points.collect())
+    })
 }
 
 /// From when to when each charge state lasted.
@@ -170,6 +181,7 @@ fn looks(state: ChargeState) -> (&'static str, &'static str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trace::Reported;
     use rover_battmon::battery::{FailsafeLevel, Thresholds};
 
     fn rows() -> Vec<Row> {
@@ -194,6 +206,7 @@ mod tests {
             } else {
                 vec![]
             },
+            reported: None,
         };
         (0..6000).map(row).collect()
     }
@@ -302,6 +315,24 @@ mod tests {
                 .sum();
             assert!((1000..=2000).contains(&points), "{name}: {points} points");
         }
+    }
+
+    #[test]
+    fn what_the_board_reported_is_a_line_of_its_own() {
+        let mut rows = rows();
+        assert!(!picture(&rows).contains(">reported</text>"));
+        for row in &mut rows {
+            row.reported = Some(Reported {
+                remaining_pct: Some(50.0),
+                ..Reported::default()
+            });
+        }
+        let svg = picture(&rows);
+        assert!(svg.contains(">reported</text>"));
+        assert!(
+            svg.lines()
+                .any(|line| line.contains("<polyline") && line.contains(REPORTED))
+        );
     }
 
     #[test]

@@ -10,14 +10,19 @@
 //! | `usable_pct` | what the load can still draw, of what it can from a full pack; empty while unknown |
 //! | `charge_state` | MAVLink's `MAV_BATTERY_CHARGE_STATE` |
 //! | `failsafe` | 0 none, 1 unhealthy, 2 low, 3 critical |
+//! | `reported_consumed_mah`, `reported_remaining_pct`, `reported_charge_state` | what the board reported then; in rows of a log of its own only, empty while unknown |
 //! | `events` | what would be announced to a ground station, separated by `;`, without commas |
 
 use std::fmt::Write;
 
 use rover_battmon::battery::{BatteryState, FailsafeLevel};
 
-const HEADER: &str = "t_s,voltage_v,current_a,consumed_mah,consumed_wh,resistance_ohm,voltage_resting_v,\
-                      remaining_pct,remaining_sigma_pct,usable_pct,time_remaining_s,charge_state,failsafe,events\n";
+use crate::trace::Reported;
+
+const COLUMNS: &str = "t_s,voltage_v,current_a,consumed_mah,consumed_wh,resistance_ohm,voltage_resting_v,\
+                       remaining_pct,remaining_sigma_pct,usable_pct,time_remaining_s,charge_state,failsafe";
+const REPORTED_COLUMNS: &str = ",reported_consumed_mah,reported_remaining_pct,reported_charge_state";
+const LAST_COLUMN: &str = ",events\n";
 
 /// What is known after one reading.
 #[derive(Clone, Debug)]
@@ -30,11 +35,19 @@ pub struct Row {
     pub failsafe: FailsafeLevel,
     /// What has just happened.
     pub events: Vec<String>,
+    /// What the board reported then, in a log of its own.
+    pub reported: Option<Reported>,
 }
 
 /// The rows as text, behind a header.
 pub fn csv(rows: &[Row]) -> String {
-    rows.iter().fold(String::from(HEADER), |mut text, row| {
+    let has_reported = rows.iter().any(|row| row.reported.is_some());
+    let header = [
+        COLUMNS,
+        if has_reported { REPORTED_COLUMNS } else { "" },
+        LAST_COLUMN,
+    ];
+    rows.iter().fold(header.concat(), |mut text, row| {
         // A String takes everything.
         let _ = writeln!(text, "{}", line(row));
         text
@@ -43,7 +56,7 @@ pub fn csv(rows: &[Row]) -> String {
 
 fn line(row: &Row) -> String {
     let state = &row.state;
-    let fields = [
+    let mut fields = vec![
         row.time_s.to_string(),
         field(state.voltage_v),
         field(state.current_a),
@@ -57,8 +70,18 @@ fn line(row: &Row) -> String {
         field(state.time_remaining_s),
         (state.charge_state as u8).to_string(),
         (row.failsafe as u8).to_string(),
-        row.events.join(";").replace(',', ""),
     ];
+    if let Some(reported) = &row.reported {
+        fields.extend([
+            field(reported.consumed_mah),
+            field(reported.remaining_pct),
+            reported
+                .charge_state
+                .map(|state| state.to_string())
+                .unwrap_or_default(),
+        ]);
+    }
+    fields.push(row.events.join(";").replace(',', ""));
     fields.join(",")
 }
 
@@ -81,8 +104,12 @@ mod tests {
             },
             failsafe: FailsafeLevel::None,
             events: vec![],
+            reported: None,
         };
-        assert_eq!(csv(&[row]), format!("{HEADER}0.1,11.1,,,,,11.1,-1,,,,0,0,\n"));
+        assert_eq!(
+            csv(&[row]),
+            format!("{COLUMNS}{LAST_COLUMN}0.1,11.1,,,,,11.1,-1,,,,0,0,\n")
+        );
     }
 
     #[test]
@@ -105,10 +132,30 @@ mod tests {
             },
             failsafe: FailsafeLevel::Low,
             events: vec!["is low, very".into(), "swapped".into()],
+            reported: None,
         };
         assert_eq!(
             csv(&[row]),
-            format!("{HEADER}2,11,2,3,4,0.5,12,6,1.5,5,7,3,2,is low very;swapped\n")
+            format!("{COLUMNS}{LAST_COLUMN}2,11,2,3,4,0.5,12,6,1.5,5,7,3,2,is low very;swapped\n")
+        );
+    }
+
+    #[test]
+    fn what_the_board_reported_stands_before_the_events() {
+        let row = Row {
+            time_s: 2.0,
+            state: BatteryState::default(),
+            failsafe: FailsafeLevel::None,
+            events: vec!["is low".into()],
+            reported: Some(Reported {
+                consumed_mah: Some(3.5),
+                remaining_pct: None,
+                charge_state: Some(2),
+            }),
+        };
+        assert_eq!(
+            csv(&[row]),
+            format!("{COLUMNS}{REPORTED_COLUMNS}{LAST_COLUMN}2,,,,,,,-1,,,,0,0,3.5,,2,is low\n")
         );
     }
 }

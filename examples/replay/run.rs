@@ -11,10 +11,16 @@ use crate::report::Row;
 use crate::settings::Inputs;
 use crate::trace::{Sample, Trace};
 
-/// What a fresh monitor makes of each reading of the trace, of a pack of which `learnt` is known. That is updated as
-/// flash would be.
-pub fn run(trace: &Trace, inputs: Inputs, parameters: &Parameters, learnt: &mut LearntPack) -> Vec<Row> {
-    let settings = PackSettings::from_parameters(parameters, Pack::First);
+/// What a fresh monitor with the parameters of `pack` makes of each reading of the trace; `learnt` is known of the pack and
+/// updated as flash would be.
+pub fn run(
+    trace: &Trace,
+    pack: Pack,
+    inputs: Inputs,
+    parameters: &Parameters,
+    learnt: &mut LearntPack,
+) -> Vec<Row> {
+    let settings = PackSettings::from_parameters(parameters, pack);
     let mut monitor = BatteryMonitor::new();
     monitor.restore_learnt(*learnt);
     let rows = trace.samples.iter().map(|sample| {
@@ -24,6 +30,7 @@ pub fn run(trace: &Trace, inputs: Inputs, parameters: &Parameters, learnt: &mut 
             state: *monitor.state(),
             failsafe: monitor.state().failsafe,
             events: update.events.iter().map(ToString::to_string).collect(),
+            reported: sample.reported,
         }
     });
     let rows = rows.collect();
@@ -51,6 +58,8 @@ fn reading(sample: &Sample, inputs: Inputs) -> Result<Measurement, ReadError> {
     Ok(Measurement {
         voltage_v: sample.voltage_v.filter(|_| inputs.voltage),
         current_a: sample.current_a.filter(|_| inputs.current),
+        temperature_c: sample.temperature_c,
+        cells: sample.cells,
         ..Measurement::default()
     })
 }

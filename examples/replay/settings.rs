@@ -40,17 +40,22 @@ impl fmt::Display for Assignment {
     }
 }
 
-/// The defaults with these assignments, in their order. `BATT_MONITOR` is what the trace has, unless it is assigned.
-pub fn parameters(assignments: &[Assignment], trace: &Trace) -> Result<Parameters, String> {
+/// `parameters` with these assignments, in their order. `BATT_MONITOR` of `pack` is what the trace has, unless it is
+/// assigned.
+pub fn assign(
+    mut parameters: Parameters,
+    assignments: &[Assignment],
+    pack: Pack,
+    trace: &Trace,
+) -> Result<Parameters, String> {
     let monitor = Assignment {
-        id: BatteryParameter::Monitor.of(Pack::First),
+        id: BatteryParameter::Monitor.of(pack),
         value: if trace.has_current() {
             VOLTAGE_AND_CURRENT
         } else {
             VOLTAGE_ONLY
         } as f32,
     };
-    let mut parameters = Parameters::defaults();
     for Assignment { id, value } in [&monitor].into_iter().chain(assignments) {
         parameters
             .set(*id, *value)
@@ -69,9 +74,10 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// By `BATT_MONITOR`.
-    pub fn from_parameters(parameters: &Parameters) -> Result<Self, String> {
-        match parameters.get_whole(BatteryParameter::Monitor.of(Pack::First)) {
+    /// By `BATT_MONITOR` of `pack`.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Result<Self, String> {
+        let monitor = BatteryParameter::Monitor.of(pack);
+        match parameters.get_whole(monitor) {
             VOLTAGE_ONLY => Ok(Self {
                 voltage: true,
                 current: false,
@@ -84,7 +90,10 @@ impl Inputs {
                 voltage: false,
                 current: true,
             }),
-            other => Err(format!("BATT_MONITOR {other} can't be replayed: 3, 4 and 31 can")),
+            other => Err(format!(
+                "{} {other} can't be replayed: 3, 4 and 31 can",
+                monitor.name()
+            )),
         }
     }
 }
@@ -96,7 +105,8 @@ mod tests {
     fn inputs(trace: &str, assignments: &[&str]) -> Result<Inputs, String> {
         let assignments: Result<Vec<Assignment>, _> = assignments.iter().map(|text| text.parse()).collect();
         let trace = Trace::parse(trace).expect("a trace");
-        Inputs::from_parameters(&parameters(&assignments?, &trace)?)
+        let parameters = assign(Parameters::defaults(), &assignments?, Pack::First, &trace)?;
+        Inputs::from_parameters(&parameters, Pack::First)
     }
 
     const WITH_CURRENT: &str = "t_s,voltage_v,current_a\n0,7.9,1.5\n";

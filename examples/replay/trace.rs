@@ -10,6 +10,8 @@
 
 use std::fmt;
 
+use rover_battmon::battery::CellVoltages;
+
 /// What some recorders write into every row when there is no sensor of the current.
 const NO_SENSOR_A: f32 = -1.0;
 
@@ -33,6 +35,37 @@ pub struct Sample {
     pub healthy: bool,
     /// The rover may move.
     pub armed: bool,
+    /// Of the pack, in degrees Celsius.
+    pub temperature_c: Option<f32>,
+    /// Of each cell.
+    pub cells: CellVoltages,
+    /// What the board reported then, in a log of its own.
+    pub reported: Option<Reported>,
+}
+
+impl Sample {
+    /// One in which nothing was measured.
+    pub const NONE: Self = Self {
+        time_s: 0.0,
+        voltage_v: None,
+        current_a: None,
+        healthy: true,
+        armed: false,
+        temperature_c: None,
+        cells: CellVoltages::NONE,
+        reported: None,
+    };
+}
+
+/// What the board reported of the pack.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reported {
+    /// Charge drawn, in milliampere-hours.
+    pub consumed_mah: Option<f32>,
+    /// Remaining charge, in percent: with its fraction where the log has it.
+    pub remaining_pct: Option<f32>,
+    /// Number of the charge state.
+    pub charge_state: Option<u8>,
 }
 
 /// Why a file is no trace.
@@ -108,6 +141,7 @@ impl Columns {
             current_a: quantity(optional(self.current))?,
             healthy: flag(optional(self.healthy), true)?,
             armed: flag(optional(self.armed), false)?,
+            ..Sample::NONE
         })
     }
 }
@@ -161,6 +195,7 @@ mod tests {
                 current_a: Some(2.5),
                 healthy: false,
                 armed: true,
+                ..Sample::NONE
             }
         );
     }
@@ -170,9 +205,7 @@ mod tests {
         let expected = Sample {
             time_s: 1.0,
             voltage_v: Some(7.9),
-            current_a: None,
-            healthy: true,
-            armed: false,
+            ..Sample::NONE
         };
         assert_eq!(only_sample("t_s,voltage_v\r\n1,7.9\r\n"), expected);
         assert_eq!(only_sample("t_s,voltage_v,current_a\n1,7.9,\n"), expected);

@@ -1,0 +1,175 @@
+//! A log file, read by a parser that is not of this project.
+
+use std::path::Path;
+
+use ardupilot_binlog::{Entry, Reader};
+use rover_battmon::battery::{Amount, ArmState, BatteryState, CellVoltages, ChargeState, Faults, PackStatus};
+use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
+use rover_battmon::dataflash::{
+    ArmingChecks, ArmingMethod, ErrorCode, EventId, Health, ModeReason, Record, Subsystem, opening_record,
+};
+use rover_battmon::pack::Pack;
+use rover_battmon::vehicle::Mode;
+
+const START_US: u64 = 1_500_000;
+
+/// A file with a record of every format, all but the opening a millisecond apart.
+fn file() -> Vec<u8> {
+    let state = BatteryState {
+        status: PackStatus::Healthy,
+        voltage_v: Some(48.25),
+        current_a: Some(3.5),
+        consumed: Some(Amount::Mah(1250.0)),
+        consumed_wh: Some(14.5),
+        temperature_c: Some(-12.34),
+        remaining_pct: Some(66.5),
+        remaining_sigma_pct: Some(1.0),
+        charge_state: ChargeState::Low,
+        faults: Faults::OVER_CURRENT,
+        cells: CellVoltages::from_millivolts(&[3711; 13]),
+        learnt_capacity_mah: Some(4750.0),
+        ..BatteryState::UNKNOWN
+    };
+    let crash = CrashRecord {
+        task: TaskName::new("battery"),
+        cause: CrashCause::Fault(FaultSite {
+            pc: 0x1000_1234,
+            lr: 0x1000_5679,
+            xpsr: 0x6100_0000,
+            stack: [0; STACK_WORDS],
+        }),
+    };
+    let vehicle = [
+        Record::Message("Rover 0.1.0"),
+        Record::Parameter {
+            name: "BATT_CAPACITY",
+            value: 5200.0,
+            default: 2200.0,
+        },
+        Record::Crash(&crash),
+        Record::Mode {
+            mode: Mode::Manual,
+            reason: ModeReason::Start,
+        },
+        Record::Arm {
+            state: ArmState::Armed,
+            enabled_checks: 1,
+            checks: ArmingChecks::Forced,
+            method: ArmingMethod::Command,
+        },
+        Record::Event(EventId::Armed),
+        Record::Error {
+            subsystem: Subsystem::BatteryFailsafe,
+            code: ErrorCode::Occurred,
+        },
+        Record::Health(Health {
+            load_permille: 345,
+            dropped_records: 2,
+        }),
+    ];
+    let records = vehicle.into_iter().chain(Record::of_pack(Pack::Second, &state));
+    let records = records
+        .zip(1..)
+        .map(|(record, ms)| record.encode(START_US + 1000 * ms));
+    let opening = (0..).map_while(|index| opening_record(index, START_US));
+    opening.chain(records).flatten().collect()
+}
+
+fn entries() -> Vec<Entry> {
+    let reader = Reader::new(std::io::Cursor::new(file()));
+    reader.map(|entry| entry.expect("no error")).collect()
+}
+
+fn only<'a>(entries: &'a [Entry], name: &str) -> &'a Entry {
+    let mut found = entries.iter().filter(|entry| entry.name == name);
+    let entry = found.next().unwrap_or_else(|| panic!("no {name}"));
+    assert!(found.next().is_none(), "{name} twice");
+    entry
+}
+
+#[track_caller]
+fn assert_numbers(entry: &Entry, expected: &[(&str, f64)]) {
+    for (field, value) in expected {
+        assert_eq!(entry.get_f64(field), Some(*value), "{}.{field}", entry.name);
+    }
+}
+
+/// The file stays, for `mavlogdump.py` and others to be tried on it.
+#[test]
+fn every_record_is_read_and_its_fields_are_found_by_name() {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("one_of_each.BIN");
+    std::fs::write(path, file()).expect("a file");
+    let entries = entries();
+    assert_numbers(
+        only(&entries, "BAT"),
+        &[
+            ("TimeUS", 1_509_000.0),
+            ("Inst", 1.0),
+            ("Volt", 48.25),
+            ("Curr", 3.5),
+            ("CurrTot", 1250.0),
+            ("EnrgTot", 14.5),
+            ("Temp", -12.34),
+            ("RemPct", 67.0),
+            ("H", 1.0),
+            ("SH", 0.0),
+        ],
+    );
+    assert!(only(&entries, "BAT").get_f64("Res").is_some_and(f64::is_nan));
+    assert_numbers(
+        only(&entries, "BATX"),
+        &[
+            ("SoC", 66.5),
+            ("SoCLo", 64.5),
+            ("SoCHi", 68.5),
+            ("Cap", 4750.0),
+            ("State", 2.0),
+            ("Flt", 8.0),
+        ],
+    );
+    assert_numbers(
+        only(&entries, "BCL"),
+        &[("Volt", 48.25), ("V1", 3711.0), ("V12", 3711.0)],
+    );
+    assert_numbers(only(&entries, "BCL2"), &[("V13", 3711.0), ("V14", 0.0)]);
+    assert_numbers(only(&entries, "PARM"), &[("Value", 5200.0), ("Default", 2200.0)]);
+    assert_eq!(only(&entries, "PARM").get_str("Name"), Some("BATT_CAPACITY"));
+    assert_eq!(only(&entries, "MSG").get_str("Message"), Some("Rover 0.1.0"));
+    assert_numbers(
+        only(&entries, "MODE"),
+        &[("Mode", 0.0), ("ModeNum", 0.0), ("Rsn", 26.0)],
+    );
+    assert_numbers(
+        only(&entries, "ARM"),
+        &[("ArmState", 1.0), ("Forced", 1.0), ("Method", 1.0)],
+    );
+    assert_numbers(only(&entries, "EV"), &[("Id", 10.0)]);
+    assert_numbers(only(&entries, "ERR"), &[("Subsys", 6.0), ("ECode", 1.0)]);
+    assert_numbers(only(&entries, "PM"), &[("Load", 345.0), ("LogDrop", 2.0)]);
+    assert_numbers(only(&entries, "CRSH"), &[("PC", f64::from(0x1000_1234))]);
+    assert_eq!(only(&entries, "CRSH").get_str("Task"), Some("battery"));
+}
+
+#[test]
+fn the_opening_says_length_and_units_of_every_format() {
+    let mut reader = Reader::new(std::io::Cursor::new(file()));
+    let entries: Vec<Entry> = reader.by_ref().map(|entry| entry.expect("no error")).collect();
+    for format in reader.formats().values() {
+        assert_eq!(
+            format.payload_size() + 3,
+            usize::from(format.msg_len),
+            "{}",
+            format.name
+        );
+        let of_format = |entry: &&Entry| entry.get_i64("FmtType") == Some(i64::from(format.msg_type));
+        let units = entries
+            .iter()
+            .filter(|entry| entry.name == "FMTU")
+            .find(of_format);
+        let units = units.unwrap_or_else(|| panic!("no units of {}", format.name));
+        for field in ["UnitIds", "MultIds"] {
+            let characters = units.get_str(field).expect("a text").len();
+            assert_eq!(characters, format.labels.len(), "{}: {field}", format.name);
+        }
+    }
+}
