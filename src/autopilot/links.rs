@@ -147,6 +147,7 @@ impl Autopilot {
         // Of the packs alone: the vehicle is changed meanwhile.
         let state = SystemState {
             now,
+            logs: self.recording.files(),
             ..system_state(
                 &self.packs,
                 &self.vehicle,
