@@ -42,6 +42,16 @@ impl Crc32 {
     }
 }
 
+/// The checksum of a file as MAVLink FTP has it, of which `crc` is that of the bytes before; it begins with 0, and is not
+/// inverted at the end.
+pub(crate) fn file_crc32(crc: u32, bytes: &[u8]) -> u32 {
+    bytes.iter().fold(crc, |crc, byte| {
+        let crc = crc ^ u32::from(*byte);
+        let crc = (crc >> 4) ^ REMAINDERS[(crc & 0xf) as usize];
+        (crc >> 4) ^ REMAINDERS[(crc & 0xf) as usize]
+    })
+}
+
 /// The checksum of `words`. Neither all zeros nor all ones are sealed by it.
 pub(crate) fn crc32(words: impl IntoIterator<Item = u32>) -> u32 {
     let mut crc = Crc32::new();
@@ -59,5 +69,12 @@ mod tests {
         let words = [u32::from_le_bytes(*b"1234"), u32::from_le_bytes(*b"5678")];
         assert_eq!(crc32(words), 0x9AE0_DAAF);
         assert_eq!(crc32([0, 0]), 0x6522_DF69);
+    }
+
+    #[test]
+    fn that_of_a_file_begins_with_0_and_is_not_inverted() {
+        // `zlib.crc32(data, 0xffffffff) ^ 0xffffffff` of the same bytes.
+        assert_eq!(file_crc32(0, b"123456789"), 0x2DFD_2D88);
+        assert_eq!(file_crc32(file_crc32(0, b"1234"), b"56789"), 0x2DFD_2D88);
     }
 }

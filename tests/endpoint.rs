@@ -932,14 +932,14 @@ fn nine_packs_share_a_link_that_is_too_slow_evenly_and_heartbeat_goes_first() {
 }
 
 #[test]
-fn file_transfer_is_refused_at_once() {
+fn a_file_that_does_not_exist_is_refused_at_once() {
     let mut desk = Desk::new();
-    let answer = desk.one_answer(&ftp_open(41, "@PARAM/param.pck"));
+    let answer = desk.one_answer(&ftp_open(41, "/etc/passwd"));
     assert_eq!(answer.message_id, FILE_TRANSFER_PROTOCOL);
     assert_eq!((answer.u8(1), answer.u8(2)), (255, 190));
     let (sequence, opcode, size, request_opcode) = (answer.u16(3), answer.u8(6), answer.u8(7), answer.u8(8));
     assert_eq!((sequence, opcode, size, request_opcode), (42, 129, 1, 4));
-    assert_eq!(answer.u8(15), 7, "unknown command");
+    assert_eq!(answer.u8(15), 10, "not found");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use super::work::Work;
 use crate::battery::{PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Action, Event, Framer, LogRead, Message, SystemState};
+use crate::mavlink::{Action, Event, Framer, LogRead, Outgoing, SystemState};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use crate::sensor::Admission;
@@ -108,11 +108,11 @@ impl Autopilot {
             now,
             ..self.system_state()
         };
-        channel.endpoint.next_read(&state)
+        channel.endpoint.next_read(&state, &self.parameters)
     }
 
     /// The message that leaves next.
-    pub fn take(&self, channel: &mut Channel, now: Instant) -> Option<Message> {
+    pub fn take(&self, channel: &mut Channel, now: Instant) -> Option<Outgoing> {
         let state = SystemState {
             now,
             ..self.system_state()
@@ -186,6 +186,12 @@ impl Autopilot {
             Event::LogsErased => {
                 info!("{}: logs erased", channel.name());
                 self.recording.erase_all();
+            }
+            Event::ParametersSet => {
+                info!("{}: parameters set by a file", channel.name());
+                self.recording.add_all_parameters();
+                // Another serial number is another pack.
+                self.work |= Work::SAVE_PARAMETERS | Work::KEEP_LEARNT;
             }
             Event::SigningSetUp(change) => {
                 info!("{}: signing: {:?}", channel.name(), change);

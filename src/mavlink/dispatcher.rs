@@ -13,6 +13,7 @@ use super::replies::Replies;
 use super::requests::{Command, Peer, ReceivedRequest, Request};
 use super::services::DISARM_FIRST;
 use super::services::commands::{Action, Answer};
+use super::services::file_transfer::{self, FileEvent};
 use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList, SetResult};
 use super::services::signing::{self, SetupRefused, SigningChange};
@@ -21,7 +22,7 @@ use super::services::vehicle::{Driving, VehicleService, is_of_ground_station};
 use super::signing::{AcceptUnsigned, Effect, LinkKind, Signing, is_permitted};
 use super::stations::{Introduction, Stations};
 use super::system_state::SystemState;
-use super::{COMPONENT_ID, FileTransferNak, Message};
+use super::{COMPONENT_ID, Message};
 use crate::battery::ArmState;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::sensor::{ExternalReading, MonitorKind};
@@ -58,6 +59,8 @@ pub enum Event {
     SigningSetUp(SigningChange),
     /// Signing was not set up.
     SigningRefused(SetupRefused),
+    /// Parameters were set by a file of them.
+    ParametersSet,
     /// All log files are to be erased.
     LogsErased,
     /// Another component of the vehicle has measured a pack.
@@ -97,8 +100,9 @@ fn write_denied(id: ParameterId) -> String<50> {
 }
 
 /// What a request does, at most.
-fn effect(request: &Request) -> Effect {
+fn effect(request: &Request<'_>) -> Effect {
     match request {
+        Request::FileTransfer(transfer) if file_transfer::writes(transfer.opcode) => Effect::Changes,
         Request::RadioStatus(_) => Effect::RadioReport,
         Request::ParameterList
         | Request::ParameterRead(_)
@@ -141,7 +145,7 @@ pub(super) struct Context<'a> {
 
 impl Context<'_> {
     /// Whether whoever sent `frame` may do what it asks for.
-    fn permits(&mut self, request: &Request, frame: &ReceivedFrame<'_>) -> bool {
+    fn permits(&mut self, request: &Request<'_>, frame: &ReceivedFrame<'_>) -> bool {
         let accepted = AcceptUnsigned::on(self.link, self.parameters);
         let authenticity = self.signing.check(frame, self.now);
         // Without this, a lost key could never be replaced where `SIGN_USB_ALLOW` wants everything signed with it.
@@ -152,7 +156,7 @@ impl Context<'_> {
     }
 
     /// Counts a request that is not permitted.
-    fn refuse(&mut self, request: &Request) -> Event {
+    fn refuse(&mut self, request: &Request<'_>) -> Event {
         // Every vehicle and ground station around has a heartbeat, and no key of ours.
         if matches!(request, Request::Heartbeat(_)) {
             return Event::Ignored;
@@ -183,7 +187,7 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, repl
 
 /// Whether a BATTERY_STATUS is of a pack that another component of this vehicle measures, and by one: other packs and
 /// vehicles have theirs, which are no concern of ours, signed or not.
-fn is_expected(received: &ReceivedRequest, system_id: u8, parameters: &Parameters) -> bool {
+fn is_expected(received: &ReceivedRequest<'_>, system_id: u8, parameters: &Parameters) -> bool {
     let Request::PackReading(reading) = &received.request else {
         return true;
     };
@@ -193,7 +197,7 @@ fn is_expected(received: &ReceivedRequest, system_id: u8, parameters: &Parameter
 }
 
 /// Does what was asked for.
-fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Replies<'_>) -> Event {
+fn serve(request: &Request<'_>, from: Peer, context: Context<'_>, mut replies: Replies<'_>) -> Event {
     let Context {
         now,
         received_at,
@@ -237,8 +241,11 @@ fn serve(request: &Request, from: Peer, context: Context<'_>, mut replies: Repli
         }
         Request::Command(command) => return execute(command, from, service, rates, replies),
         Request::FileTransfer(transfer) => {
-            let nak = FileTransferNak::refuse(transfer, from);
-            replies.answer_any(nak.map(Message::FileTransferNak));
+            let (answer, event) = downloads
+                .files
+                .handle(transfer, from, state, parameters, |id| rates.parameter_set(id));
+            replies.answer_any(answer.map(Message::FileAnswer));
+            return file_served(event, downloads, now, replies);
         }
         Request::LogList(list) => {
             let result = downloads.logs.list(list, from, state);
@@ -334,6 +341,26 @@ fn execute(
         Some(action) => Event::Command(action),
         None if outcome.result == MavResult::MAV_RESULT_ACCEPTED => Event::Answered,
         None => Event::CommandRefused(command.number),
+    }
+}
+
+/// What came of a request for files.
+fn file_served(event: FileEvent, downloads: &mut Downloads, now: Instant, mut replies: Replies<'_>) -> Event {
+    match event {
+        FileEvent::Served => Event::Answered,
+        FileEvent::ParametersOpened => Event::ListRequested,
+        FileEvent::ParametersSet => Event::ParametersSet,
+        FileEvent::ParametersNotSet(count) => {
+            let mut text: String<50> = String::new();
+            // The largest count fits.
+            let _ = write!(text, "Parameter file: {count} unknown or out of range");
+            replies.say(MavSeverity::MAV_SEVERITY_WARNING, &text);
+            Event::Answered
+        }
+        FileEvent::RefusedArmed => {
+            explain_refusal(Err(Refusal::Armed), downloads, now, replies);
+            Event::Answered
+        }
     }
 }
 

@@ -16,7 +16,7 @@ use super::services::parameters::{ParameterList, param_value};
 use super::signing::{LinkKind, Signing};
 use super::stations::Stations;
 use super::system_state::{LinkStatistics, SystemState};
-use super::{BroadcastCommand, Message, Stream, StreamKind};
+use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind};
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::time::Instant;
 use crate::vehicle::Vehicle;
@@ -153,8 +153,8 @@ impl Endpoint {
     /// What has to be read of the log for the message that a download sends next, if anything. [`Self::supply`] takes what
     /// was read; until then it is asked for again. One message may need several reads, so this is called until it returns
     /// `None`, before each [`Self::take`].
-    pub fn next_read(&mut self, state: &SystemState<'_>) -> Option<LogRead> {
-        self.downloads.next_read(state)
+    pub fn next_read(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<LogRead> {
+        self.downloads.next_read(state, parameters)
     }
 
     /// Takes the bytes that were read: fewer than requested at the end of the file, or where it can't be read. What is not
@@ -165,17 +165,19 @@ impl Endpoint {
 
     /// The message that leaves next: HEARTBEAT, answers, the share of a parameter list, downloads and telemetry in turn.
     /// Telemetry is built now, from `state` and the link's own counters.
-    pub fn take(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<Message> {
+    pub fn take(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<Outgoing> {
+        // What needs nothing to be read is sent without a caller that reads.
+        let _ = self.next_read(state, parameters);
         let state = SystemState {
             link: self.statistics(),
             ..*state
         };
         let message = if let Some(stream) = self.outbox.take_heartbeat() {
-            Some(stream.build(&state))
+            Some(Outgoing::Message(stream.build(&state)))
         } else if let Some(reply) = self.outbox.take_reply() {
-            Some(reply)
+            Some(Outgoing::Message(reply))
         } else if let Some(value) = self.list.take(parameters) {
-            Some(value)
+            Some(Outgoing::Message(value))
         } else {
             self.take_in_turn(&state)
         };
@@ -184,7 +186,7 @@ impl Endpoint {
     }
 
     /// The next message of a download or of a stream. If there is none of whose turn it is, the other one's.
-    fn take_in_turn(&mut self, state: &SystemState<'_>) -> Option<Message> {
+    fn take_in_turn(&mut self, state: &SystemState<'_>) -> Option<Outgoing> {
         if self.downloads.turn() == Turn::Download
             && let Some(message) = self.downloads.take()
         {
@@ -193,7 +195,7 @@ impl Endpoint {
         match self.take_telemetry(state) {
             Some(stream) => {
                 self.downloads.stream_taken();
-                Some(stream.build(state))
+                Some(Outgoing::Message(stream.build(state)))
             }
             None => self.downloads.take(),
         }

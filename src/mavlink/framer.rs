@@ -4,7 +4,7 @@ use ::mavlink::{MAVLinkV2MessageRaw, MavHeader};
 
 use super::parser::FLAG_SIGNED;
 use super::signing::{LinkKind, Signing};
-use super::{COMPONENT_ID, Message};
+use super::{COMPONENT_ID, ToFrame};
 use crate::time::Instant;
 
 /// Makes the frames of one link and numbers them.
@@ -24,7 +24,7 @@ impl Framer {
     }
 
     /// The MAVLink 2 frame of `message`, sent by `system_id`, not signed.
-    pub fn frame(&mut self, message: &Message, system_id: u8) -> &[u8] {
+    pub fn frame(&mut self, message: &impl ToFrame, system_id: u8) -> &[u8] {
         self.serialize(message, system_id, 0);
         self.frame.raw_bytes()
     }
@@ -32,7 +32,7 @@ impl Framer {
     /// The MAVLink 2 frame of `message`, sent by `system_id` on a link of this kind at `now`; signed if there is a key.
     pub fn signed_frame(
         &mut self,
-        message: &Message,
+        message: &impl ToFrame,
         system_id: u8,
         signing: &mut Signing,
         link: LinkKind,
@@ -49,7 +49,7 @@ impl Framer {
         self.frame.raw_bytes()
     }
 
-    fn serialize(&mut self, message: &Message, system_id: u8, flags: u8) {
+    fn serialize(&mut self, message: &impl ToFrame, system_id: u8, flags: u8) {
         let header = MavHeader {
             system_id: u32::from(system_id),
             component_id: COMPONENT_ID,

@@ -37,8 +37,9 @@ pub use dispatcher::Event;
 pub use endpoint::Endpoint;
 pub use framer::Framer;
 pub use messages::{
-    BroadcastCommand, CommandAck, DefaultRate, FileTransferNak, Message, Stream, StreamGroup, StreamKind,
-    Subject, build_autopilot_version, build_battery_info, build_battery_status, build_battery_status_v2,
+    BroadcastCommand, Burst, CommandAck, DefaultRate, FileAnswer, FileAnswerHeader, FileData, FileError,
+    FileOutcome, MAX_FILE_BYTES, Message, Outgoing, Stream, StreamGroup, StreamKind, Subject, ToFrame,
+    build_autopilot_version, build_battery_info, build_battery_status, build_battery_status_v2,
     build_fuel_status, build_heartbeat, build_protocol_version, build_resistance, build_resting_voltage,
     build_smart_battery_info, build_sys_status, status_texts,
 };

@@ -228,6 +228,13 @@ mod tests {
         }
     }
 
+    /// Sixteen wait on each link: bytes of files, which are longer, must not be among them.
+    #[test]
+    fn no_message_is_longer_than_battery_info() {
+        let battery_info = size_of::<crate::mavlink::dialect::BATTERY_INFO_DATA>();
+        assert!(size_of::<Message>() <= battery_info + size_of::<u32>());
+    }
+
     fn any_stream() -> impl Strategy<Value = Stream> {
         let any_of = |kind: StreamKind| prop::sample::select(kind.streams().collect::<Vec<_>>());
         prop::sample::select(&StreamKind::ALL[..]).prop_flat_map(any_of)

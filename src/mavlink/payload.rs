@@ -1,7 +1,7 @@
 //! Reads the fields of a received payload, at their places on the wire.
 
 /// A payload. MAVLink 2 cuts off zeros at its end, so whatever lies beyond the end reads as zero.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Payload<'a>(pub &'a [u8]);
 
 impl Payload<'_> {

@@ -159,11 +159,11 @@ def test_battery_reset(vehicle):
 
 
 @pytest.mark.board
-def test_unknown_commands_and_file_transfer_are_refused_at_once(vehicle):
+def test_unknown_commands_and_files_are_refused_at_once(vehicle):
     for number in (mavlink.MAV_CMD_GET_HOME_POSITION, 65535):
         assert command(vehicle, number) == mavlink.MAV_RESULT_UNSUPPORTED
     assert command(vehicle, mavlink.MAV_CMD_PREFLIGHT_STORAGE, 1) == mavlink.MAV_RESULT_DENIED
-    opening = bytes([7, 0, 0, 4, 16, 0, 0, 0, 0, 0, 0, 0]) + b"@PARAM/param.pck"
+    opening = bytes([7, 0, 0, 4, 11, 0, 0, 0, 0, 0, 0, 0]) + b"/etc/passwd"
     vehicle.mav.file_transfer_protocol_send(0, 1, 1, opening.ljust(251, b"\0"))
     answer = receive(vehicle, ["FILE_TRANSFER_PROTOCOL"])
     assert (answer.payload[0], answer.payload[3], answer.payload[5]) == (8, 129, 4)

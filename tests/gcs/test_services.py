@@ -184,10 +184,10 @@ def test_versions(vehicle):
     for capability in (
         mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2,
         mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST,
+        mavlink.MAV_PROTOCOL_CAPABILITY_FTP,
     ):
         assert version.capabilities & capability
-    for capability in (mavlink.MAV_PROTOCOL_CAPABILITY_FTP, mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT):
-        assert not version.capabilities & capability
+    assert not version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
     assert version.flight_sw_version != 0
 
     assert command(vehicle, REQUEST, PROTOCOL_VERSION) == ACCEPTED

@@ -116,7 +116,7 @@ macro_rules! messages {
 
         impl Message {
             /// Writes the message as a MAVLink 2 frame into `frame`.
-            pub(in crate::mavlink) fn serialize(&self, header: MavHeader, frame: &mut MAVLinkV2MessageRaw) {
+            pub(in crate::mavlink) fn write(&self, header: MavHeader, frame: &mut MAVLinkV2MessageRaw) {
                 match self {
                     $(Self::$vehicle(data) => frame.serialize_message_data(header, data),)+
                     $(Self::$pack(data) => frame.serialize_message_data(header, data),)+

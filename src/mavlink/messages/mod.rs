@@ -12,6 +12,7 @@ mod file_transfer;
 mod fuel_status;
 mod heartbeat;
 mod named_value_float;
+mod outgoing;
 mod pack_facts;
 mod smart_battery_info;
 mod status_text;
@@ -28,10 +29,13 @@ pub use battery_status::build_battery_status;
 pub use battery_status_v2::build_battery_status_v2;
 pub use command_ack::CommandAck;
 pub use command_long::BroadcastCommand;
-pub use file_transfer::FileTransferNak;
+pub use file_transfer::{
+    Burst, FileAnswer, FileAnswerHeader, FileData, FileError, FileOutcome, MAX_FILE_BYTES,
+};
 pub use fuel_status::build_fuel_status;
 pub use heartbeat::build_heartbeat;
 pub use named_value_float::{build_resistance, build_resting_voltage};
+pub use outgoing::{Outgoing, ToFrame};
 pub use smart_battery_info::build_smart_battery_info;
 pub(super) use status_text::chunks_of;
 pub use status_text::status_texts;
@@ -69,7 +73,7 @@ declare::messages! {
         ParamValue(PARAM_VALUE_DATA);
         CommandAck(CommandAck);
         BroadcastCommand(BroadcastCommand);
-        FileTransferNak(FileTransferNak);
+        FileAnswer(FileAnswer);
         Timesync(TIMESYNC_DATA);
         LogEntry(LOG_ENTRY_DATA);
         LogData(LOG_DATA_DATA);

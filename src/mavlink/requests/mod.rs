@@ -65,12 +65,12 @@ impl Target {
 
 /// What a message asks for.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Request {
+pub(super) enum Request<'a> {
     ParameterList,
     ParameterRead(ParameterRead),
     ParameterSet(ParameterSet),
     Command(Command),
-    FileTransfer(FileTransfer),
+    FileTransfer(FileTransfer<'a>),
     LogList(LogListRequest),
     LogData(LogDataRequest),
     /// LOG_ERASE.
@@ -116,10 +116,22 @@ pub(super) struct Command {
 
 /// FILE_TRANSFER_PROTOCOL.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct FileTransfer {
+pub(super) struct FileTransfer<'a> {
     pub sequence: u16,
     pub session: u8,
     pub opcode: u8,
+    /// Bytes of data, or that are asked for.
+    pub size: u8,
+    pub offset: u32,
+    pub payload: Payload<'a>,
+}
+
+impl FileTransfer<'_> {
+    /// The bytes of data.
+    pub fn data(&self) -> impl Iterator<Item = u8> {
+        const DATA_AT: usize = 15;
+        (DATA_AT..DATA_AT + usize::from(self.size)).map(|at| self.payload.u8(at))
+    }
 }
 
 /// LOG_REQUEST_LIST.
@@ -202,15 +214,15 @@ pub(super) struct SetUpSigning {
 
 /// A message that asks for something.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct ReceivedRequest {
+pub(super) struct ReceivedRequest<'a> {
     pub from: Peer,
     pub target: Target,
-    pub request: Request,
+    pub request: Request<'a>,
 }
 
-impl ReceivedRequest {
+impl<'a> ReceivedRequest<'a> {
     /// What a frame asks for; `None` if it is of a message that has no effect here.
-    pub fn decode(frame: &ReceivedFrame<'_>) -> Option<Self> {
+    pub fn decode(frame: &ReceivedFrame<'a>) -> Option<Self> {
         let (target, request) = decode(frame.message_id, &frame.payload)?;
         Some(Self {
             from: Peer {
@@ -223,7 +235,7 @@ impl ReceivedRequest {
     }
 }
 
-fn decode(message_id: u32, payload: &Payload<'_>) -> Option<(Target, Request)> {
+fn decode<'a>(message_id: u32, payload: &Payload<'a>) -> Option<(Target, Request<'a>)> {
     Some(match message_id {
         HEARTBEAT_DATA::ID => heartbeat(payload),
         PING_DATA::ID => ping(payload),
@@ -256,14 +268,14 @@ fn target_at(payload: &Payload<'_>, target_system_at: usize) -> Peer {
     }
 }
 
-fn heartbeat(payload: &Payload<'_>) -> (Target, Request) {
+fn heartbeat(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let heartbeat = Heartbeat {
         system_type: payload.u8(4),
     };
     (Target::Everyone, Request::Heartbeat(heartbeat))
 }
 
-fn ping(payload: &Payload<'_>) -> (Target, Request) {
+fn ping(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 12);
     let ping = Ping {
         time_us: payload.u64(0),
@@ -273,7 +285,7 @@ fn ping(payload: &Payload<'_>) -> (Target, Request) {
     (Target::Component(target), Request::Ping(ping))
 }
 
-fn set_mode(payload: &Payload<'_>) -> (Target, Request) {
+fn set_mode(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target_system = payload.u8(4);
     let set_mode = SetMode {
         custom_mode: payload.u32(0),
@@ -282,7 +294,7 @@ fn set_mode(payload: &Payload<'_>) -> (Target, Request) {
     (Target::System(target_system), Request::SetMode(set_mode))
 }
 
-fn param_request_read(payload: &Payload<'_>) -> (Target, Request) {
+fn param_request_read(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 2);
     let read = ParameterRead {
         index: payload.i16(0),
@@ -291,12 +303,12 @@ fn param_request_read(payload: &Payload<'_>) -> (Target, Request) {
     (Target::Component(target), Request::ParameterRead(read))
 }
 
-fn param_request_list(payload: &Payload<'_>) -> (Target, Request) {
+fn param_request_list(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 0);
     (Target::Component(target), Request::ParameterList)
 }
 
-fn param_set(payload: &Payload<'_>) -> (Target, Request) {
+fn param_set(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 4);
     let set = ParameterSet {
         value: payload.f32(0),
@@ -305,7 +317,7 @@ fn param_set(payload: &Payload<'_>) -> (Target, Request) {
     (Target::Component(target), Request::ParameterSet(set))
 }
 
-fn request_data_stream(payload: &Payload<'_>) -> (Target, Request) {
+fn request_data_stream(payload: &Payload<'_>) -> (Target, Request<'static>) {
     const STOP: u8 = 0;
     let target = target_at(payload, 2);
     let req_message_rate_hz = payload.u16(0);
@@ -318,7 +330,7 @@ fn request_data_stream(payload: &Payload<'_>) -> (Target, Request) {
 }
 
 /// ArduPilot's Rover steers by the axis y and takes z for its throttle.
-fn manual_control(payload: &Payload<'_>) -> (Target, Request) {
+fn manual_control(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = payload.u8(10);
     let sticks = Sticks {
         steering: stick_of_axis(payload.i16(2)),
@@ -337,7 +349,7 @@ fn stick_of_axis(position: i16) -> StickInput {
 }
 
 /// ArduPilot's Rover steers by channel 1 and takes channel 3 for its throttle.
-fn rc_channels_override(payload: &Payload<'_>) -> (Target, Request) {
+fn rc_channels_override(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 16);
     let sticks = Sticks {
         steering: stick_of_channel(payload.u16(0)),
@@ -365,7 +377,7 @@ fn stick_of_channel(pulse_us: u16) -> StickInput {
 }
 
 /// These fields are at the same places in COMMAND_LONG and COMMAND_INT.
-fn command(payload: &Payload<'_>) -> (Target, Request) {
+fn command(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 30);
     let command = Command {
         param1: payload.f32(0),
@@ -377,7 +389,7 @@ fn command(payload: &Payload<'_>) -> (Target, Request) {
     (Target::Component(target), Request::Command(command))
 }
 
-fn radio_status(payload: &Payload<'_>) -> (Target, Request) {
+fn radio_status(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let status = RadioStatus {
         free_percent: payload.u8(6),
     };
@@ -385,17 +397,20 @@ fn radio_status(payload: &Payload<'_>) -> (Target, Request) {
 }
 
 /// The header of MAVLink FTP follows three bytes of addressing.
-fn file_transfer(payload: &Payload<'_>) -> (Target, Request) {
+fn file_transfer<'a>(payload: &Payload<'a>) -> (Target, Request<'a>) {
     let target = target_at(payload, 1);
     let transfer = FileTransfer {
         sequence: payload.u16(3),
         session: payload.u8(5),
         opcode: payload.u8(6),
+        size: payload.u8(7),
+        offset: payload.u32(11),
+        payload: *payload,
     };
     (Target::Component(target), Request::FileTransfer(transfer))
 }
 
-fn log_request_list(payload: &Payload<'_>) -> (Target, Request) {
+fn log_request_list(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 4);
     let list = LogListRequest {
         start: payload.u16(0),
@@ -404,7 +419,7 @@ fn log_request_list(payload: &Payload<'_>) -> (Target, Request) {
     (Target::Component(target), Request::LogList(list))
 }
 
-fn log_request_data(payload: &Payload<'_>) -> (Target, Request) {
+fn log_request_data(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 10);
     let data = LogDataRequest {
         offset: payload.u32(0),
@@ -414,7 +429,7 @@ fn log_request_data(payload: &Payload<'_>) -> (Target, Request) {
     (Target::Component(target), Request::LogData(data))
 }
 
-fn timesync(payload: &Payload<'_>) -> (Target, Request) {
+fn timesync(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 16);
     let timesync = Timesync {
         answered_ns: payload.i64(0),
@@ -423,12 +438,12 @@ fn timesync(payload: &Payload<'_>) -> (Target, Request) {
     (Target::Component(target), Request::Timesync(timesync))
 }
 
-fn battery_status(payload: &Payload<'_>) -> Option<(Target, Request)> {
+fn battery_status(payload: &Payload<'_>) -> Option<(Target, Request<'static>)> {
     let reading = pack_reading(payload)?;
     Some((Target::Everyone, Request::PackReading(reading)))
 }
 
-fn setup_signing(payload: &Payload<'_>) -> (Target, Request) {
+fn setup_signing(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target_system = payload.u8(8);
     let set_up = SetUpSigning {
         time: Timestamp::from_ticks(payload.u64(0)),

@@ -11,10 +11,11 @@ const VEHICLE: Peer = Peer {
 };
 
 /// What is decoded of a message.
-fn decoded(message: &impl MessageData) -> (Target, Request) {
+fn decoded(message: &impl MessageData) -> (Target, Request<'static>) {
     let mut bytes = [0; 255];
     let length = message.ser(MavlinkVersion::V2, &mut bytes);
-    decode(message_id(message), &Payload(&bytes[..length])).expect("it is a request")
+    let payload = Payload(bytes[..length].to_vec().leak());
+    decode(message_id(message), &payload).expect("it is a request")
 }
 
 fn message_id<T: MessageData>(_: &T) -> u32 {
@@ -205,19 +206,29 @@ fn times_are_decoded() {
 #[test]
 fn file_transfers_are_decoded() {
     let mut payload = [0; 251];
-    payload[..4].copy_from_slice(&[0x01, 0x02, 3, 4]);
+    payload[..5].copy_from_slice(&[0x01, 0x02, 3, 4, 5]);
+    payload[8..12].copy_from_slice(&[6, 7, 8, 9]);
+    payload[12..18].copy_from_slice(b"abc\0ef");
     let transfer = FILE_TRANSFER_PROTOCOL_DATA {
         target_network: 1,
         target_system: 7,
         target_component: 9,
         payload,
     };
-    let request = Request::FileTransfer(FileTransfer {
-        sequence: 0x0201,
-        session: 3,
-        opcode: 4,
-    });
-    assert_eq!(decoded(&transfer), (Target::Component(VEHICLE), request));
+    let (target, request) = decoded(&transfer);
+    assert_eq!(target, Target::Component(VEHICLE));
+    let Request::FileTransfer(request) = request else {
+        panic!("{request:?}");
+    };
+    assert_eq!((request.sequence, request.session), (0x0201, 3));
+    assert_eq!(
+        (request.opcode, request.size, request.offset),
+        (4, 5, 0x0908_0706)
+    );
+    // Zeros at the end are not on the wire.
+    assert_eq!(request.data().collect::<Vec<_>>(), b"abc\0e");
+    let longest = FileTransfer { size: 239, ..request };
+    assert_eq!(longest.data().count(), 239);
 }
 
 #[test]

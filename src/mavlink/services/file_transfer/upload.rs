@@ -1,0 +1,149 @@
+//! The packed parameters as a file that is written: each is set when its last byte comes, and nothing else is stored.
+
+use heapless::Vec;
+
+use super::packed::{HEADER_BYTES, MAGIC, MAX_HEAD_BYTES, MAX_VALUE_BYTES, PackedType};
+use crate::parameter::{Access, MAX_NAME_LENGTH, ParameterId, Parameters};
+
+/// A header or a record, whichever is longer.
+const PENDING_BYTES: usize = MAX_HEAD_BYTES + MAX_VALUE_BYTES;
+
+/// A file of parameters on its way here.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Upload {
+    /// How many bytes have come.
+    position: u32,
+    expected: Option<Expected>,
+    /// What has come of the header or record that is not complete.
+    pending: Vec<u8, PENDING_BYTES>,
+    name_before: Vec<u8, MAX_NAME_LENGTH>,
+    records: u16,
+    not_set: u16,
+}
+
+/// What the header says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Expected {
+    records: u16,
+    bytes: u16,
+}
+
+/// What came of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Written {
+    /// It was taken, now or before.
+    Taken,
+    /// There is a gap before it: the blocks in between have to come first.
+    TooEarly,
+}
+
+/// The file is not in the format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct BadFormat;
+
+impl Upload {
+    /// Takes a block that belongs at `offset`, and calls `on_set` for each parameter that it sets. Bytes that have come before
+    /// are skipped, since a block is sent again when its answer is lost.
+    ///
+    /// # Errors
+    /// This is no file of parameters. What was set before is.
+    pub fn write(
+        &mut self,
+        offset: u32,
+        bytes: impl Iterator<Item = u8>,
+        parameters: &mut Parameters,
+        mut on_set: impl FnMut(ParameterId),
+    ) -> Result<Written, BadFormat> {
+        let Some(known) = self.position.checked_sub(offset) else {
+            return Ok(Written::TooEarly);
+        };
+        for byte in bytes.skip(known as usize) {
+            self.position += 1;
+            if let Some(id) = self.take(byte, parameters)? {
+                on_set(id);
+            }
+        }
+        Ok(Written::Taken)
+    }
+
+    /// Takes a byte, and returns the parameter that it sets.
+    fn take(&mut self, byte: u8, parameters: &mut Parameters) -> Result<Option<ParameterId>, BadFormat> {
+        self.pending.push(byte).map_err(|_| BadFormat)?;
+        if self.expected.is_none() {
+            self.take_header()?;
+            return Ok(None);
+        }
+        if self.pending.as_slice() == [0] {
+            // No record begins with 0, which is put between them.
+            self.pending.clear();
+        }
+        self.take_record(parameters)
+    }
+
+    fn take_header(&mut self) -> Result<(), BadFormat> {
+        let Ok([a, b, c, d, e, f]) = <[u8; HEADER_BYTES]>::try_from(self.pending.as_slice()) else {
+            return Ok(());
+        };
+        if u16::from_le_bytes([a, b]) != MAGIC {
+            return Err(BadFormat);
+        }
+        self.expected = Some(Expected {
+            records: u16::from_le_bytes([c, d]),
+            bytes: u16::from_le_bytes([e, f]),
+        });
+        self.pending.clear();
+        Ok(())
+    }
+
+    /// Takes the record that is pending if it is complete.
+    fn take_record(&mut self, parameters: &mut Parameters) -> Result<Option<ParameterId>, BadFormat> {
+        let [type_and_flags, lengths, rest @ ..] = self.pending.as_slice() else {
+            return Ok(None);
+        };
+        let packed_type = PackedType::from_number(*type_and_flags).ok_or(BadFormat)?;
+        let own_bytes = usize::from(lengths >> 4) + 1;
+        if rest.len() < own_bytes + packed_type.value_bytes() {
+            return Ok(None);
+        }
+        let (own, value) = rest.split_at_checked(own_bytes).ok_or(BadFormat)?;
+        let value = packed_type.unpack(value);
+        let common_bytes = usize::from(lengths & 0xf);
+        if common_bytes > self.name_before.len() {
+            return Err(BadFormat);
+        }
+        self.name_before.truncate(common_bytes);
+        self.name_before.extend_from_slice(own).map_err(|_| BadFormat)?;
+        self.pending.clear();
+        self.records = self.records.saturating_add(1);
+        Ok(self.set(value, parameters))
+    }
+
+    /// Sets the parameter whose name has come. What only shows or triggers something is no setting, and left out.
+    fn set(&mut self, value: f32, parameters: &mut Parameters) -> Option<ParameterId> {
+        let id = ParameterId::from_name(&self.name_before);
+        if id.is_some_and(|id| id.row().access != Access::Setting) {
+            return None;
+        }
+        let set = id.filter(|id| parameters.set(*id, value).is_ok());
+        if set.is_none() {
+            self.not_set = self.not_set.saturating_add(1);
+        }
+        set
+    }
+
+    /// Whether all has come that the header says.
+    pub fn is_complete(&self) -> bool {
+        self.pending.is_empty()
+            && self.expected.is_some_and(|expected| {
+                expected.records == self.records && u32::from(expected.bytes) == self.position
+            })
+    }
+
+    /// How many parameters do not exist or were out of range.
+    pub fn not_set(&self) -> u16 {
+        self.not_set
+    }
+}
+
+#[cfg(test)]
+mod tests;

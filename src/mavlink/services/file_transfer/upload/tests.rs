@@ -1,0 +1,150 @@
+use std::vec::Vec;
+
+use proptest::prelude::*;
+
+use super::super::packed::HAS_DEFAULT;
+use super::*;
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, VehicleParameter};
+
+const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
+const CAPACITY: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::Capacity);
+
+fn record(packed_type: u8, common: u8, own: &str, value: &[u8]) -> Vec<u8> {
+    let lengths = common | ((own.len() - 1) as u8) << 4;
+    [&[packed_type, lengths][..], own.as_bytes(), value].concat()
+}
+
+/// A file as MAVProxy packs it: the type is the smallest for the value, the last number of the header the file's length.
+fn file_of(records: &[Vec<u8>]) -> Vec<u8> {
+    let records_bytes = records.concat();
+    let bytes = (HEADER_BYTES + records_bytes.len()) as u16;
+    let header = [MAGIC, records.len() as u16, bytes].map(u16::to_le_bytes);
+    [header.concat(), records_bytes].concat()
+}
+
+fn three() -> Vec<u8> {
+    file_of(&[
+        record(2, 0, "BATT_CAPACITY", &2500u16.to_le_bytes()),
+        record(4, 5, "VOLT_MULT", &7.5f32.to_le_bytes()),
+        record(1, 0, "SR0_EXTRA1", &[7]),
+    ])
+}
+
+fn write(upload: &mut Upload, file: &[u8], block: usize, parameters: &mut Parameters) -> Vec<ParameterId> {
+    let mut set = Vec::new();
+    for (place, bytes) in file.chunks(block).enumerate() {
+        let offset = (place * block) as u32;
+        let written = upload.write(offset, bytes.iter().copied(), parameters, |id| set.push(id));
+        assert_eq!(written, Ok(Written::Taken));
+    }
+    set
+}
+
+#[test]
+fn a_file_in_blocks_of_any_size_sets_its_parameters() {
+    for block in [1, 2, 7, 80, 239] {
+        let mut parameters = Parameters::defaults();
+        let mut upload = Upload::default();
+        let set = write(&mut upload, &three(), block, &mut parameters);
+        assert_eq!(
+            set,
+            [CAPACITY, BatteryParameter::VoltMult.of(Pack::First), EXTRA1]
+        );
+        assert_eq!(parameters.get(CAPACITY), 2500.0);
+        assert_eq!(parameters.get(BatteryParameter::VoltMult.of(Pack::First)), 7.5);
+        assert_eq!(parameters.get(EXTRA1), 7.0);
+        assert!(upload.is_complete());
+        assert_eq!(upload.not_set(), 0);
+    }
+}
+
+#[test]
+fn lost_and_repeated_blocks_are_put_right() {
+    let file = three();
+    let (first, second) = file.split_at(20);
+    let mut parameters = Parameters::defaults();
+    let mut upload = Upload::default();
+    let mut put = |offset: u32, bytes: &[u8], upload: &mut Upload| {
+        upload.write(offset, bytes.iter().copied(), &mut parameters, |_| {})
+    };
+    assert_eq!(put(20, second, &mut upload), Ok(Written::TooEarly));
+    assert_eq!(put(0, first, &mut upload), Ok(Written::Taken));
+    assert_eq!(
+        put(0, first, &mut upload),
+        Ok(Written::Taken),
+        "its answer was lost"
+    );
+    assert!(!upload.is_complete());
+    assert_eq!(put(10, &file[10..], &mut upload), Ok(Written::Taken), "overlaps");
+    assert!(upload.is_complete());
+    assert_eq!(parameters.get(EXTRA1), 7.0);
+}
+
+#[test]
+fn what_does_not_exist_or_is_out_of_range_is_counted_and_the_rest_is_set() {
+    let file = file_of(&[
+        record(1, 0, "NOPE", &[1]),
+        record(4, 0, "SR0_EXTRA1", &1e9f32.to_le_bytes()),
+        // It shows something, and so may be in a file that was downloaded.
+        record(1, 0, "BATT_LRN_CAP", &[1]),
+        record(1, 9, "ERASE", &[1]),
+        record(2, 5, "CAPACITY", &2500u16.to_le_bytes()),
+    ]);
+    let mut parameters = Parameters::defaults();
+    let mut upload = Upload::default();
+    assert_eq!(write(&mut upload, &file, 80, &mut parameters), [CAPACITY]);
+    assert!(upload.is_complete());
+    assert_eq!(upload.not_set(), 2);
+}
+
+#[test]
+fn anything_else_is_no_file_of_parameters() {
+    let good = record(1, 0, "SR0_EXTRA1", &[7]);
+    let with_default = record(1 | HAS_DEFAULT, 0, "SR0_EXTRA1", &[7, 2]);
+    let common_with_none = record(1, 11, "X", &[7]);
+    let unknown_type = record(5, 0, "SR0_EXTRA1", &[7]);
+    let too_long = [record(1, 0, "SIXTEEN_LETTERS_", &[1]), record(1, 15, "AB", &[1])].concat();
+    for records in [with_default, common_with_none, unknown_type, too_long] {
+        let file = file_of(&[good.clone(), records]);
+        let written = Upload::default().write(0, file.into_iter(), &mut Parameters::defaults(), |_| {});
+        assert_eq!(written, Err(BadFormat));
+    }
+    let written = Upload::default().write(0, [0; 6].into_iter(), &mut Parameters::defaults(), |_| {});
+    assert_eq!(written, Err(BadFormat));
+}
+
+#[test]
+fn a_file_is_complete_with_its_last_byte() {
+    let file = three();
+    for bytes in 0..file.len() {
+        let mut upload = Upload::default();
+        let _ = upload.write(
+            0,
+            file[..bytes].iter().copied(),
+            &mut Parameters::defaults(),
+            |_| {},
+        );
+        assert!(!upload.is_complete(), "{bytes}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_blocks_are_taken_or_refused(
+        blocks in prop::collection::vec((0u32..300, prop::collection::vec(any::<u8>(), 0..239)), 1..10),
+        begins_well in any::<bool>(),
+    ) {
+        let mut parameters = Parameters::defaults();
+        let mut upload = Upload::default();
+        if begins_well {
+            write(&mut upload, &three(), 80, &mut parameters);
+        }
+        for (offset, bytes) in blocks {
+            let _ = upload.write(offset, bytes.into_iter(), &mut parameters, |_| {});
+        }
+        for id in ParameterId::all() {
+            prop_assert!(id.row().range.contains(parameters.get(id)));
+        }
+    }
+}
