@@ -547,25 +547,12 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         let Slot::Record(record) = self.region.read_slot(log.sector, slot).await? else {
             return Ok(None);
         };
-        for later in slot + 1..log.used {
-            if self
-                .region
-                .read_value(log.sector, later, record.key)
-                .await?
-                .is_some()
-            {
-                return Ok(None);
-            }
-        }
-        Ok(Some(record))
+        let later = slot + 1..log.used;
+        let superseded = self.region.last_value(log.sector, later, record.key).await?;
+        Ok(superseded.is_none().then_some(record))
     }
 
     async fn latest_value(&mut self, log: &Log, key: u32) -> Result<Option<V>, StorageError> {
-        for slot in (0..log.used).rev() {
-            if let Some(value) = self.region.read_value(log.sector, slot, key).await? {
-                return Ok(Some(value));
-            }
-        }
-        Ok(None)
+        self.region.last_value(log.sector, 0..log.used, key).await
     }
 }

@@ -44,13 +44,8 @@ impl<V: Value> Record<V> {
     }
 
     /// The record of which these are the bytes, if its CRC is right.
-    pub fn from_bytes(bytes: &V::Record) -> Option<Self> {
-        let mut words = bytes
-            .as_ref()
-            .as_chunks()
-            .0
-            .iter()
-            .map(|word| u32::from_le_bytes(*word));
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let mut words = bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word));
         let key = words.next()?;
         let mut value = V::default();
         for (place, word) in value.words_mut().iter_mut().zip(&mut words) {
@@ -61,8 +56,8 @@ impl<V: Value> Record<V> {
     }
 
     /// Whether `bytes` begin with this key; the CRC is not checked.
-    pub fn may_have_key(bytes: &V::Record, key: u32) -> bool {
-        bytes.as_ref().starts_with(&key.to_le_bytes())
+    pub fn may_have_key(bytes: &[u8], key: u32) -> bool {
+        bytes.starts_with(&key.to_le_bytes())
     }
 }
 
@@ -71,7 +66,7 @@ impl<V: Value> Slot<V> {
         if *bytes == V::ERASED {
             return Self::Blank;
         }
-        Record::from_bytes(bytes).map_or(Self::Damaged, Self::Record)
+        Record::from_bytes(bytes.as_ref()).map_or(Self::Damaged, Self::Record)
     }
 }
 

@@ -41,6 +41,8 @@ impl Unused {
 }
 
 const WORD: usize = size_of::<u32>();
+/// Bytes that are read at once in a search: whole records of each width.
+const READ_BYTES: usize = 192;
 /// Bytes at either end of a sector for headers.
 const MARGIN: u32 = 16;
 /// Offset of the retired mark: a word that is blank until the next sector is active.
@@ -57,6 +59,7 @@ const END_ERASED_AHEAD: [u8; MARGIN as usize] = {
 
 impl<F: NorFlash, V: Value> Region<F, V> {
     const BLOCK: u32 = F::ERASE_SIZE as u32;
+    const SLOTS_OF_A_READ: u32 = (READ_BYTES / Record::<V>::SIZE) as u32;
 
     pub fn new(flash: F, range: Range<u32>, layout: Layout) -> Self {
         const {
@@ -127,22 +130,32 @@ impl<F: NorFlash, V: Value> Region<F, V> {
         Ok(Slot::from_bytes(&self.read_record(sector, slot).await?))
     }
 
-    /// The value in `slot`, if its key is `key`.
-    pub async fn read_value(
+    /// The value of `key` in the last of these slots that has one.
+    pub async fn last_value(
         &mut self,
         sector: Sector,
-        slot: u32,
+        slots: Range<u32>,
         key: u32,
     ) -> Result<Option<V>, StorageError> {
-        let bytes = self.read_record(sector, slot).await?;
-        // Comparing the key first is cheaper than the CRC.
-        if !Record::<V>::may_have_key(&bytes, key) {
-            return Ok(None);
+        let mut buffer = [0; READ_BYTES];
+        let mut end = slots.end;
+        while end > slots.start {
+            let first = end.saturating_sub(Self::SLOTS_OF_A_READ).max(slots.start);
+            let bytes = (end - first) as usize * Record::<V>::SIZE;
+            let records = buffer.get_mut(..bytes).unwrap_or_default();
+            self.read_into(self.slot_address(sector, first), records).await?;
+            // Comparing the key first is cheaper than the CRC.
+            let latest = records
+                .chunks_exact(Record::<V>::SIZE)
+                .rev()
+                .filter(|bytes| Record::<V>::may_have_key(bytes, key))
+                .find_map(Record::<V>::from_bytes);
+            if let Some(record) = latest {
+                return Ok(Some(record.value));
+            }
+            end = first;
         }
-        Ok(match Slot::from_bytes(&bytes) {
-            Slot::Record(record) => Some(record.value),
-            Slot::Blank | Slot::Damaged => None,
-        })
+        Ok(None)
     }
 
     async fn read_record(&mut self, sector: Sector, slot: u32) -> Result<V::Record, StorageError> {

@@ -30,8 +30,9 @@ const ACCEPTED: u8 = 0;
 const FAILED: u8 = 4;
 const ARMED: u8 = 128;
 
-/// Records that a sector takes: of parameters and signing, and of learnt data.
-const SLOTS: u16 = 338;
+/// Records that a sector takes: of parameters, of signing, and of learnt data.
+const SLOTS: u16 = 680;
+const SIGNING_SLOTS: u16 = 338;
 const LEARNT_SLOTS: i32 = 63;
 
 /// The parameters of a rover that follows sticks at once, and its flash after these and so many of another firmware.
@@ -43,7 +44,7 @@ fn parameters(foreign: u16) -> Vec<u8> {
         (ParameterId::Vehicle(VehicleParameter::SignUartAllow).key(), 2.0),
     ];
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let mut storage = Storage::new(flash.clone(), flash_map::PARAMETERS);
+    let mut storage = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
     let mut image = vec![0; PARAMETER_BYTES];
     block_on(async {
         let others = (40_000..40_000 + foreign).map(|key| (key, 1.0_f32));
@@ -60,7 +61,7 @@ fn parameters(foreign: u16) -> Vec<u8> {
 /// The signing data with a key, and marks that leave no more than `room` records.
 fn signing(room: u16) -> Vec<u8> {
     let key = signing_key::words_of_key();
-    let marks = (0..SLOTS - room - key.len() as u16).map(|number| {
+    let marks = (0..SIGNING_SLOTS - room - key.len() as u16).map(|number| {
         let under = [0x121, 0x123][usize::from(number % 2)];
         (under, u32::from(number) + 1)
     });

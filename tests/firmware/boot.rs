@@ -88,16 +88,18 @@ fn nothing_is_used_that_the_emulator_does_not_model() {
     assert!(unmodelled.is_empty(), "{unmodelled:?}");
 }
 
-const RECORDS_OF_A_SECTOR: usize = 338;
+/// Records that a sector takes: of parameters, and of signing.
+const PARAMETER_RECORDS: usize = 680;
+const SIGNING_RECORDS: usize = 338;
 
 /// Parameters with as many records as a sector takes, all of the same one.
 fn full_parameters() -> Vec<u8> {
     const SR0_PARAMS: u16 = 4;
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let mut storage = Storage::new(flash.clone(), flash_map::PARAMETERS);
+    let mut storage = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
     let mut content = vec![0; PARAMETER_BYTES];
     block_on(async {
-        for number in 0..RECORDS_OF_A_SECTOR {
+        for number in 0..PARAMETER_RECORDS {
             let value = 3.0 + (number % 40) as f32;
             let stored = storage.store(SR0_PARAMS, value.to_bits(), &Erase::always).await;
             stored.expect("a sound flash");
@@ -113,7 +115,7 @@ fn full_signing() -> Vec<u8> {
     const MARK: u16 = 0x121;
     let words = words_of_key();
     let moved = words.iter().filter(|(key, _)| *key != MARK).count();
-    let marks = 2 * RECORDS_OF_A_SECTOR - words.len() - moved;
+    let marks = 2 * SIGNING_RECORDS - words.len() - moved;
     flash_with(
         words
             .into_iter()

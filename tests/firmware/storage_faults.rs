@@ -34,7 +34,7 @@ const ACCEPTED: u8 = 0;
 const RETRIED_US: u64 = 65 * SECOND;
 
 /// As many records as a sector takes.
-const SLOTS: u16 = 338;
+const SLOTS: u16 = 680;
 
 /// When "Parameters can't be saved" arrived since `from_us`, and the rest of the text.
 fn save_failures(bench: &mut Bench, from_us: u64) -> Vec<(u64, String)> {
@@ -124,12 +124,12 @@ fn worn_out_flash_is_said_and_the_value_lives_until_the_restart() {
     assert!(bench.resets().is_empty(), "{:?}", bench.resets());
 }
 
-/// The second sector can't be erased, and the parameters have to move there.
+/// The second half of the second sector can't be erased, and the parameters have to move there.
 fn block_the_move_to_the_second_sector(bench: &mut Bench) -> u32 {
-    let second = PARAMETER_OFFSET + SECTOR_BYTES as u32;
-    bench.write_flash(second, &[0; SECTOR_BYTES]);
-    bench.wear_out_sector(second);
-    second
+    let half = PARAMETER_OFFSET + 3 * SECTOR_BYTES as u32;
+    bench.write_flash(half, &[0; SECTOR_BYTES]);
+    bench.wear_out_sector(half);
+    half
 }
 
 #[test]
@@ -179,7 +179,7 @@ fn what_could_not_be_saved_is_tried_once_more_before_a_restart() {
 /// A full sector: a value of `known` that this firmware has, the rest from another one.
 fn full_sector(known: u16) -> Vec<u8> {
     let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let mut storage = Storage::new(flash.clone(), flash_map::PARAMETERS);
+    let mut storage = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
     for key in (40_000..40_000 + SLOTS - 1).chain([known]) {
         block_on(storage.store(key, 3_f32.to_bits(), &Erase::always)).expect("there is room");
     }
@@ -301,14 +301,15 @@ fn a_typical_erase_loses_no_sampling_tick() {
 #[test]
 fn the_slowest_erase_makes_ticks_coalesce_and_invents_none() {
     let (bench, ticks) = ticks_around_an_erase(FlashTiming::MAXIMUM);
-    // 400 ms cover four ticks at most, of which one is served late. One sector is erased for the value and one ahead.
-    assert!((92..100).contains(&ticks.len()), "{} ticks", ticks.len());
+    // 400 ms cover four ticks at most, of which one is served late. A sector is erased for the value and one ahead, in two
+    // erases each.
+    assert!((84..100).contains(&ticks.len()), "{} ticks", ticks.len());
     // No two closer together than the end of the erase and the next regular tick allow, and none twice.
     let phase_us = ticks[ticks.len() - 1] % 100_000;
     let regular = ticks
         .iter()
         .filter(|tick| (**tick % 100_000).abs_diff(phase_us) < MILLISECOND)
         .count();
-    assert!(ticks.len() - regular <= 2, "only the tick after an erase is late");
+    assert!(ticks.len() - regular <= 4, "only the tick after an erase is late");
     assert!(bench.resets().is_empty(), "the watchdog waited");
 }

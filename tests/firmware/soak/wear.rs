@@ -8,7 +8,7 @@ const SETS: usize = 1_000;
 /// Enough for an erase.
 const BETWEEN_SETS_US: u64 = 100 * MILLISECOND;
 
-/// A sector takes 338 records, and what is in force when it is full goes into the next one.
+/// A sector takes 680 records, and what is in force when it is full goes into the next one, which is erased in two parts.
 const ERASES: usize = 4;
 /// A page for each, and the ones that go into the next sector.
 const PROGRAMS: usize = SETS + 100;

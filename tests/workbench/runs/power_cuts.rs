@@ -12,8 +12,8 @@ use crate::support::requests::{VEHICLE, param_request_list, param_set};
 
 const SETS: usize = 50;
 
-/// Enough for an erase and for moving everything to the next sector.
-const BETWEEN_SETS_US: u64 = 120 * MILLISECOND;
+/// Enough for two erases and for moving everything to the next sector.
+const BETWEEN_SETS_US: u64 = 180 * MILLISECOND;
 
 const CUTS_BETWEEN_LINES: usize = 10;
 
@@ -23,7 +23,7 @@ const BOOT_US: u64 = 300 * MILLISECOND;
 const LIST_US: u64 = 2 * SECOND * 37 * LISTED_BY_DEFAULT as u64 / 3456;
 
 /// The number of sets that fill a sector but for a few places, so that the fifty that follow go over into the next one.
-const SETS_BEFORE: usize = 320;
+const SETS_BEFORE: usize = 660;
 
 /// The sets of the test, the same in every run: name and value, never twice the same value in a row.
 fn sets() -> impl Iterator<Item = (&'static str, f32)> {
