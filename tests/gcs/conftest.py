@@ -1,4 +1,4 @@
-"""Starts the simulator for the tests that talk to it with real ground-station software.
+"""Starts the simulator, or the emulated board, for the tests that talk to it with real ground-station software.
 
 With `--board PORT` they talk to the board, or to a simulator that runs already, at that port instead: those tests that
 are marked `board`, each from default parameters. The parameters it had are set again at the end.
@@ -92,6 +92,60 @@ class Simulator:
             self.process.wait()
 
 
+class EmulatedBoard:
+    """The release firmware on an emulated RP2040, in step with the wall clock."""
+
+    def __init__(self, flash):
+        self.flash = flash
+        self.uart_port, self.usb_port = free_port(), free_port()
+        self.process = subprocess.Popen(
+            [*"cargo test --quiet --test emulated_board --".split(), *self.arguments()],
+            cwd=REPOSITORY,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        # Once it is built.
+        first_line = self.process.stdout.readline()
+        assert re.match(r"UART0 on tcp:", first_line), first_line
+        # Read on, so that it never waits for a full pipe.
+        self.log = []
+        self.reader = threading.Thread(target=lambda: self.log.extend(self.process.stdout), daemon=True)
+        self.reader.start()
+
+    def arguments(self):
+        ports = {"--uart": self.uart_port, "--usb": self.usb_port}
+        return [word for name, port in ports.items() for word in (name, f"127.0.0.1:{port}")] + ["--flash", str(self.flash)]
+
+    @property
+    def uart_url(self):
+        return f"tcp:127.0.0.1:{self.uart_port}"
+
+    @property
+    def usb_url(self):
+        return f"tcp:127.0.0.1:{self.usb_port}"
+
+    def switch_off(self):
+        """Ends it, so that its flash file is written; returns what it had printed since the first line."""
+        self.process.stdin.close()
+        assert self.process.wait(timeout=20) == 0
+        self.reader.join(timeout=20)
+        return "".join(self.log)
+
+    def suspend(self):
+        """The machine goes to sleep."""
+        os.killpg(self.process.pid, signal.SIGSTOP)
+
+    def resume(self):
+        os.killpg(self.process.pid, signal.SIGCONT)
+
+    def kill(self):
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait()
+
+
 def pytest_addoption(parser):
     parser.addoption("--board", metavar="PORT", help="a serial port, or tcp:HOST:PORT: what runs there is tested")
 
@@ -150,3 +204,23 @@ def start_simulator(pytestconfig):
     yield start
     for simulator in started:
         simulator.kill()
+
+
+@pytest.fixture
+def start_emulated_board(tmp_path):
+    """Starts the emulated board, each time with the same flash file, and ends it after the test."""
+    started = []
+
+    def start():
+        started.append(EmulatedBoard(tmp_path / "flash"))
+        return started[-1]
+
+    yield start
+    for board in started:
+        board.kill()
+
+
+@pytest.fixture
+def emulated_board(start_emulated_board):
+    """The emulated board with a chip that has the firmware and nothing else."""
+    return start_emulated_board()

@@ -1,0 +1,153 @@
+//! The release firmware on an emulated RP2040, in step with the wall clock. Ground-station software reaches its UART0 and
+//! its USB serial port by TCP.
+//!
+//! ```sh
+//! cargo test --test emulated_board -- --uart 127.0.0.1:5770 --usb 127.0.0.1:5771
+//! ```
+
+#[path = "../workbench/bench.rs"]
+#[allow(dead_code)]
+mod bench;
+#[path = "../support/elf.rs"]
+mod elf;
+#[path = "../emulator/mod.rs"]
+mod emulator;
+#[path = "../support/signer.rs"]
+#[allow(dead_code)]
+mod signer;
+#[path = "../support/mod.rs"]
+#[allow(dead_code)]
+mod support;
+
+mod flash_file;
+mod pace;
+mod port;
+mod wires;
+
+use std::io::{self, Read};
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+
+use bench::{Bench, MILLISECOND, SECOND};
+use emulator::code_of_volts;
+use flash_file::{FlashFile, PROGRAM_BYTES};
+use pace::Pace;
+use port::Port;
+use wires::{UartWire, UsbWire};
+
+/// Three full LiPo cells.
+const PACK_V: f64 = 12.6;
+/// `BATT_VOLT_MULT`, by default.
+const DIVIDER: f64 = 3.95;
+
+/// So much emulated time passes between looks at the sockets.
+const SLICE_US: u64 = MILLISECOND;
+
+/// Runs the release firmware on an emulated RP2040 with a full 3S pack, in step with the wall clock. Ends by Ctrl-D or Ctrl-C.
+#[derive(Parser)]
+#[command(bin_name = "cargo test --test emulated_board --")]
+struct Arguments {
+    /// Where a program connects to UART0 by TCP
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    uart: SocketAddr,
+
+    /// Where a program connects to the USB serial port by TCP
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    usb: SocketAddr,
+
+    /// Keep the content of the flash chip in this file; written at the end
+    #[arg(long, value_name = "FILE")]
+    flash: Option<PathBuf>,
+
+    /// End after so much emulated time
+    #[arg(long, value_name = "N")]
+    seconds: Option<u64>,
+}
+
+/// Whether the board has to stop.
+static STOP: AtomicBool = AtomicBool::new(false);
+
+fn main() -> ExitCode {
+    match run(Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(reason) => {
+            eprintln!("{reason}.");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: Arguments) -> Result<(), String> {
+    let [uart, usb] = [arguments.uart, arguments.usb].map(listen);
+    let (uart, usb) = (uart?, usb?);
+    let name = arguments.flash.clone().unwrap_or_default();
+    let failed = |error: io::Error| format!("Can't use the flash file {}: {error}", name.display());
+    let mut file = FlashFile::open(arguments.flash).map_err(failed)?;
+    let stored = &file.content[PROGRAM_BYTES..];
+    let mut board = Bench::power_up_with_flash(code_of_volts(PACK_V / DIVIDER), PROGRAM_BYTES as u32, stored);
+    let mut wires = (UartWire::new(uart), UsbWire::plug(usb, &mut board));
+    stop_by_signal_or_end_of_input()?;
+    println!(
+        "UART0 on tcp:{}, USB on tcp:{}. Ctrl-D ends it.",
+        arguments.uart, arguments.usb
+    );
+
+    let end_us = arguments.seconds.map_or(u64::MAX, |seconds| seconds * SECOND);
+    emulate(&mut board, &mut wires, end_us);
+    file.write(board.read_flash(0, file.content.len()))
+        .map_err(failed)
+}
+
+fn listen(address: SocketAddr) -> Result<Port, String> {
+    Port::listen(address).map_err(|error| format!("Can't listen on {address}: {error}"))
+}
+
+/// Ctrl-C also ends the cargo that has started this, which does not wait then; the end of the input does not.
+fn stop_by_signal_or_end_of_input() -> Result<(), String> {
+    let stop = || STOP.store(true, Ordering::Relaxed);
+    thread::spawn(move || {
+        // What is typed means nothing.
+        while io::stdin().read(&mut [0; 256]).is_ok_and(|length| length > 0) {}
+        stop();
+    });
+    ctrlc::set_handler(stop).map_err(|error| format!("Can't catch Ctrl-C: {error}"))
+}
+
+/// Lets the board run until it has to stop, and shows its log.
+fn emulate(board: &mut Bench, (uart, usb): &mut (UartWire, UsbWire), end_us: u64) {
+    let started = Instant::now();
+    let mut pace = Pace::new();
+    let mut busy = Duration::ZERO;
+    while !STOP.load(Ordering::Relaxed) && board.time_us() < end_us {
+        let slice_started = Instant::now();
+        let until_us = board.time_us() + SLICE_US;
+        uart.exchange(board, until_us);
+        usb.exchange(board);
+        board.run_for(SLICE_US);
+        drop_records(board);
+        busy += slice_started.elapsed();
+        pace.wait(Duration::from_micros(board.time_us()));
+    }
+    println!(
+        "Stopped after {:.1} s: {:.1} s emulated, in {:.1} s of work.",
+        started.elapsed().as_secs_f64(),
+        board.time_us() as f64 / SECOND as f64,
+        busy.as_secs_f64()
+    );
+}
+
+/// The log is shown; what else grows with time is of no use here.
+fn drop_records(board: &mut Bench) {
+    for line in board.take_log() {
+        println!("{line}");
+    }
+    board.take_flash_operations();
+    board.usb().take_events();
+    board.uart(1).take_sent();
+}
