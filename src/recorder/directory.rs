@@ -73,13 +73,11 @@ impl Directory {
         }
     }
 
-    /// Takes over a sector that a scan found, after all that are older. Those before `oldest_sequence` are, or will be,
-    /// erased, and the one there may be erased in part.
-    pub fn take_over(&mut self, header: Header, oldest_sequence: u32) {
+    /// Takes over a sector that a scan found, after all that are older. Not one that contradicts them.
+    pub fn take_over(&mut self, header: Header) {
         let first = header.first_sequence();
         if !self.is_newest(header.number, first) {
-            let is_whole = header.index == 0 || first > oldest_sequence;
-            if !is_whole || first < self.end() {
+            if first < self.end() {
                 return;
             }
             self.push(header.number, first);
@@ -214,19 +212,15 @@ mod tests {
     }
 
     #[test]
-    fn file_without_its_first_sector_is_not_taken_over_from_the_oldest_place() {
-        let header = |number, index, sequence| Header {
-            sequence,
-            number,
-            index,
-        };
+    fn sector_that_contradicts_older_ones_is_not_taken_over() {
         let mut found = Directory::default();
-        // The first sector of file 1, at 20, is unreadable: it was about to be erased.
-        found.take_over(header(1, 1, 21), 20);
-        assert_eq!(found.files(), []);
-        // That of file 2, at 22, is damaged. File 3 contradicts it.
-        found.take_over(header(2, 1, 23), 20);
-        found.take_over(header(3, 2, 24), 20);
+        for (number, index, sequence) in [(2, 1, 23), (3, 2, 24)] {
+            found.take_over(Header {
+                sequence,
+                number,
+                index,
+            });
+        }
         let bytes = 2 * PAYLOAD_BYTES;
         assert_eq!(found.files(), [LogFile { number: 2, bytes }]);
         assert_eq!(found.oldest_sequence(), Some(22));

@@ -27,9 +27,11 @@
 //!
 //! # Damage
 //! A file is readable with damaged headers as long as one of its sectors after them has an intact one; what is in the
-//! sectors is returned as it stands. If its first header is damaged, it is not listed once that sector is the next to be
-//! erased. A program that fails ends the file; the next one begins in the next sector. A sector
-//! that can't be erased is left out for a lap.
+//! sectors is returned as it stands. If its first header is damaged, its first mark has to be intact, and it is not listed
+//! once that sector is the next to be erased.
+//!
+//! A program that fails ends the file; the next one begins in the next sector. A sector that can't be erased is left out
+//! for a lap.
 
 mod directory;
 mod front;

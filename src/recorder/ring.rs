@@ -129,6 +129,7 @@ pub struct Erasure {
     address: u32,
     sequence: u32,
     mark: [u8; MARK_BYTES],
+    is_first_use: bool,
 }
 
 impl Ring {
@@ -340,7 +341,14 @@ impl Ring {
             address: self.geometry.address(self.erased_to),
             sequence: self.erased_to,
             mark: mark(self.erased_to, self.geometry.sectors()),
+            is_first_use: erased_sequence < self.geometry.first_sequence(),
         })
+    }
+
+    /// Sectors without a file: they can be erased ahead, and no file has to go for it.
+    pub fn free_sectors(&self) -> u32 {
+        let oldest = self.directory.oldest_sequence().unwrap_or(self.next);
+        self.geometry.sectors().saturating_sub(self.next - oldest.min(self.next))
     }
 
     /// The first sector that must not be erased.
@@ -413,6 +421,12 @@ impl Erasure {
     /// The sector, [`SECTOR_BYTES`](super::SECTOR_BYTES) long, as offset from the start of the flash.
     pub fn address(&self) -> u32 {
         self.address
+    }
+
+    /// Whether no file was ever in the sector. If it reads blank it is so from the factory, or from an erase of the whole chip,
+    /// and need not be erased.
+    pub fn is_first_use(&self) -> bool {
+        self.is_first_use
     }
 
     /// Where the mark is programmed after the erase.

@@ -93,8 +93,9 @@ impl<F: ReadNorFlash> Reader<'_, F> {
         for sequence in oldest..end {
             if let HeaderSlot::Header(header) = self.front(sequence).await.header
                 && header.sequence == sequence
+                && self.has_first_sector(header, oldest).await
             {
-                directory.take_over(header, oldest);
+                directory.take_over(header);
             }
         }
         for index in 0..directory.files().len() {
@@ -105,6 +106,17 @@ impl<F: ReadNorFlash> Reader<'_, F> {
         }
         directory.remove_empty();
         directory
+    }
+
+    /// Whether the first sector of the file with this header was not erased since. The one at `oldest` may be erased in part.
+    async fn has_first_sector(&mut self, header: Header, oldest: u32) -> bool {
+        let first = header.first_sequence();
+        let front = self.front(first).await;
+        match front.header {
+            HeaderSlot::Header(found) => first >= oldest && found.sequence == first,
+            HeaderSlot::Damaged => first > oldest && front.erased_for == Some(first),
+            HeaderSlot::Blank => false,
+        }
     }
 
     /// The front of a sector; what belongs to another position of the ring proves nothing.

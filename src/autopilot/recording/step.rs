@@ -48,7 +48,9 @@ impl Recording {
         }
         match may_erase {
             Erase::Allowed if self.failed_erases < MOST_FAILED_ERASES => {
-                self.ring.as_mut()?.next_erase(ERASED_AHEAD).map(LogStep::Erase)
+                let ring = self.ring.as_mut()?;
+                let target = ring.free_sectors().max(ERASED_AHEAD);
+                ring.next_erase(target).map(LogStep::Erase)
             }
             _ => None,
         }

@@ -15,18 +15,14 @@ fn recorded() -> Recorder<SECTORS> {
     recorder
 }
 
-/// A restart, and then everything that can be done. What was listed stays as it is meanwhile.
+/// A start, and then everything that can be done: what is listed stays as it is, and what is recorded is found again.
 fn assert_goes_on(flash: Flash<SECTORS>) {
     let mut recorder = Recorder::on(flash);
     recorder.erase(4);
     recorder.record_sectors(4);
+    let recorded = recorder.files.split_off(recorder.files.len() - 4);
     recorder.restart();
-    if recorder.ring.files().len() < recorder.files.len() {
-        // Its first header is damaged, as if its erase was interrupted.
-        recorder.files.remove(0);
-    }
-    recorder.assert_files();
-    assert_eq!(recorder.files.last().unwrap().1, bytes(3, 4064));
+    assert!(recorder.listed().ends_with(&recorded));
     recorder.erase_all();
     recorder.erase(8);
     recorder.record_sectors(8);
@@ -94,7 +90,7 @@ fn unreadable_flash_is_empty() {
     assert_eq!((ring.files(), ring.room()), (&[][..], 0));
 }
 
-/// Whole sectors or parts of them, with garbage or moved from elsewhere.
+/// Bits to be flipped: a sector, an offset in it, a mask.
 fn damage() -> impl Strategy<Value = Vec<(usize, usize, u8)>> {
     prop::collection::vec((0..SECTORS, 0..4096_usize, any::<u8>()), 0..60)
 }

@@ -31,7 +31,10 @@ impl Step {
     fn run(self, recorder: &mut Recorder<SECTORS>) -> Result<(), PowerLost> {
         match self {
             Self::Open => {
-                let _ = recorder.open();
+                let newest = recorder.files.last().map_or(0, |(number, _)| *number);
+                if let Ok(number) = recorder.open() {
+                    assert!(number > newest, "{number} after {newest}");
+                }
             }
             Self::Close => recorder.close(),
             Self::Append { seed, length } => {
