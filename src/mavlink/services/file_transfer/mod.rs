@@ -100,6 +100,10 @@ pub(in crate::mavlink) enum FileEvent {
 
 /// What comes next.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is no heap, and one of it exists at a time"
+)]
 pub(in crate::mavlink) enum FileStep {
     /// Nothing.
     Idle,
@@ -179,6 +183,10 @@ struct Checksum {
 }
 
 /// What is read of the open file.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is no heap, and one of it exists at a time"
+)]
 enum Content {
     Log(LogRead),
     Bytes(Vec<u8, MAX_FILE_BYTES>),
