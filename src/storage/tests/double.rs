@@ -113,21 +113,21 @@ fn armed_between_two_blocks_erases_the_second_one_later() {
 }
 
 #[test]
-fn sector_written_since_its_first_block_was_erased_is_not_marked() {
-    let (mut flash, _) = full();
-    let mut storage = flash.storage();
-    assert_eq!(block_on(storage.prepare(&Erase::always)), Ok(Prepared::Partly));
-    // A move writes to the sector and fails.
-    storage.region.flash.refuse_after(4);
-    assert!(block_on(storage.store(0, 99, &Erase::always)).is_err());
-    let erases = storage.region.flash.erases;
-    assert_eq!(prepare(&mut storage, &Erase::always), Ok(()));
-    let [_, _, third, fourth] = storage.region.flash.erases;
-    assert_eq!(
-        [third - erases[2], fourth - erases[3]],
-        [1, 1],
-        "both blocks anew"
-    );
+fn sector_of_a_failed_move_is_erased_from_its_first_block_on() {
+    for operations in 0..6 {
+        let (mut flash, _) = full();
+        let mut storage = flash.storage();
+        assert_eq!(block_on(storage.prepare(&Erase::always)), Ok(Prepared::Partly));
+        storage.region.flash.refuse_after(operations);
+        assert!(block_on(storage.store(0, 99, &Erase::always)).is_err());
+        let [.., third, fourth] = storage.region.flash.erases;
+        assert_eq!(prepare(&mut storage, &Erase::always), Ok(()));
+        assert_eq!(
+            storage.region.flash.erases,
+            [0, 0, third + 1, fourth + 1],
+            "{operations}"
+        );
+    }
 }
 
 #[test]
