@@ -416,6 +416,11 @@ fn announced() -> Vec<String> {
         .into_iter()
         .map(|event| format!("Battery 1 {event}"));
     let arming = ARMING_FAILURES.map(|failure| format!("PreArm: Battery 1 {failure}"));
+    let logging = [
+        "PreArm: Logging failed",
+        "Log full until disarmed",
+        "Log not written: flash worn out?",
+    ];
     let rover = [
         VehicleEvent::NeedsPosition(FailsafeAction::Rtl),
         VehicleEvent::Terminated,
@@ -434,7 +439,7 @@ fn announced() -> Vec<String> {
         let task = TaskName::new("drive");
         headline(&CrashRecord { task, cause }).to_string()
     });
-    let all = packs.chain(arming).chain(rover).chain(crashes);
+    let all = packs.chain(arming).chain(logging).chain(rover).chain(crashes);
     all.map(|text| without_numbers(&text)).collect()
 }
 

@@ -112,6 +112,7 @@ impl Autopilot {
         let (packs, vehicle) = (&self.packs, &self.vehicle);
         SystemState {
             logs: self.recording.files(),
+            log: self.recording.health(),
             ..system_state(packs, vehicle, self.identity, self.readiness, self.load_permille)
         }
     }

@@ -148,6 +148,7 @@ impl Autopilot {
         let state = SystemState {
             now,
             logs: self.recording.files(),
+            log: self.recording.health(),
             ..system_state(
                 &self.packs,
                 &self.vehicle,

@@ -1,14 +1,15 @@
 //! The checks before arming: one list for an attempt to arm, RUN_PREARM_CHECKS and SYS_STATUS.
 
-use super::{ArmingReadiness, SystemState};
+use super::{ArmingReadiness, LogHealth, SystemState};
 use crate::battery::{ArmState, ArmingFailure, PackSettings, arming_failures};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::vehicle::{Stick, Vehicle};
 
-/// `ARMING_CHECK`: all checks, or the one of the sticks or of the batteries.
+/// `ARMING_CHECK`: all checks, or the one of the sticks, of the batteries or of the log.
 const STICKS_CHECKED: i32 = 1 | 1 << 6;
 const BATTERY_CHECKED: i32 = 1 | 1 << 8;
+const LOG_CHECKED: i32 = 1 | 1 << 10;
 
 /// A reason why the vehicle can't be armed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,6 +23,8 @@ pub enum ArmingObstacle {
     Pack(Pack, ArmingFailure),
     /// This stick is deflected.
     Stick(Stick),
+    /// The log can't be written.
+    Logging,
 }
 
 /// Everything that keeps the vehicle from being armed now, as far as it is checked (`ARMING_CHECK`).
@@ -43,11 +46,14 @@ pub fn arming_obstacles(
     let of_sticks = stick
         .filter(|_| checks & STICKS_CHECKED != 0)
         .map(ArmingObstacle::Stick);
+    let log =
+        (state.log == LogHealth::Failed && checks & LOG_CHECKED != 0).then_some(ArmingObstacle::Logging);
     terminated
         .into_iter()
         .chain(restarting)
         .chain(of_packs)
         .chain(of_sticks)
+        .chain(log)
 }
 
 /// Whether the vehicle would be armed on request now.

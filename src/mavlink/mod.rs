@@ -54,7 +54,7 @@ pub use services::signing::{SetupRefused, SigningChange};
 pub use signing::{
     AcceptUnsigned, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,
 };
-pub use system_state::{ArmingReadiness, LinkStatistics, SystemState};
+pub use system_state::{ArmingReadiness, LinkStatistics, LogHealth, SystemState};
 
 /// The component id of the autopilot, `MAV_COMP_ID_AUTOPILOT1`.
 pub const COMPONENT_ID: u8 = 1;

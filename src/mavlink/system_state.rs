@@ -27,6 +27,8 @@ pub struct SystemState<'a> {
     pub identity: Identity,
     /// The log files, oldest first.
     pub logs: &'a [LogFile],
+    /// Whether the log can be written.
+    pub log: LogHealth,
 }
 
 impl SystemState<'_> {
@@ -103,6 +105,16 @@ impl SystemState<'_> {
             battery.status != PackStatus::Disabled && battery.visibility == Visibility::Reported
         })
     }
+}
+
+/// Whether the log can be written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LogHealth {
+    /// As far as is known.
+    #[default]
+    Works,
+    /// The flash can't be written or erased.
+    Failed,
 }
 
 /// Whether the vehicle would be armed on request (SYS_STATUS, PREARM_CHECK).

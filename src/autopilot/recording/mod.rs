@@ -9,12 +9,13 @@ use crate::battery::ArmState;
 use crate::crash::CrashRecord;
 use crate::dataflash::Record;
 use crate::log::{info, warn};
+use crate::mavlink::LogHealth;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::recorder::{LogFile, Piece, Ring};
 use crate::time::Instant;
 use crate::vehicle::Vehicle;
 use share::Share;
-use step::Chunk;
+use step::{Chunk, MOST_FAILED_ERASES};
 use stream::{Stream, parameter_record};
 
 pub(super) use share::Detail;
@@ -118,6 +119,14 @@ impl Recording {
         self.ring.as_ref()?.locate(number, offset)
     }
 
+    /// Whether the flash can be written.
+    pub fn health(&self) -> LogHealth {
+        match self.failure {
+            Some(LogFailure::NotWritten) => LogHealth::Failed,
+            Some(LogFailure::Full) | None => LogHealth::Works,
+        }
+    }
+
     /// A failure that was not announced yet.
     pub fn take_report(&mut self) -> Option<LogFailure> {
         if self.announced == self.failure {
@@ -149,8 +158,7 @@ impl Recording {
             State::Paused | State::Closing if is_wanted => self.state = State::Recording,
             State::Recording if !is_wanted => {
                 let rotates = parameters.get_whole(VehicleParameter::LogFileDsrmrot) != 0;
-                let is_off = parameters.get_whole(VehicleParameter::LogBitmask) == 0;
-                self.state = if rotates || is_off || is_restarting {
+                self.state = if rotates || !is_on(parameters) || is_restarting {
                     State::Closing
                 } else {
                     State::Paused
@@ -158,7 +166,20 @@ impl Recording {
             }
             _ => {}
         }
-        if self.state == State::Idle && !is_wanted {
+        self.forget_failure(is_wanted, parameters, arm_state);
+    }
+
+    /// A failure that is over, or of no concern: a flash that could not be erased stays so.
+    fn forget_failure(&mut self, is_wanted: bool, parameters: &Parameters, arm_state: ArmState) {
+        if !is_on(parameters) {
+            self.failed_erases = 0;
+        }
+        let is_over = match self.failure {
+            Some(LogFailure::Full) => arm_state == ArmState::Disarmed,
+            Some(LogFailure::NotWritten) => !is_wanted && self.failed_erases < MOST_FAILED_ERASES,
+            None => false,
+        };
+        if is_over {
             self.failure = None;
         }
     }
@@ -166,7 +187,7 @@ impl Recording {
     /// Whether records should be taken now.
     fn is_wanted(&self, parameters: &Parameters) -> bool {
         let is_kept_on = |disarmed_at| self.now.us_since(disarmed_at) < AFTER_DISARMING_US;
-        parameters.get_whole(VehicleParameter::LogBitmask) != 0
+        is_on(parameters)
             && (parameters.get_whole(VehicleParameter::LogDisarmed) != 0
                 || self.disarmed_at.is_some_and(is_kept_on))
     }
@@ -258,6 +279,11 @@ impl Recording {
     pub fn spend(&mut self, bytes: usize) {
         self.share.spend(bytes);
     }
+}
+
+/// Whether anything is recorded at all.
+fn is_on(parameters: &Parameters) -> bool {
+    parameters.get_whole(VehicleParameter::LogBitmask) != 0
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-use super::{FLUSH_INTERVAL_US, LogFailure, Recording, State};
+use super::{FLUSH_INTERVAL_US, LogFailure, Recording, State, is_on};
 use crate::log::warn;
 use crate::parameter::Parameters;
 use crate::recorder::{AppendError, Erasure, MAX_SECTORS, Outcome};
@@ -19,7 +19,7 @@ pub(super) type Chunk = Vec<u8, PAGE_BYTES>;
 const ERASED_AHEAD: u32 = MAX_SECTORS / 2;
 
 /// Erases that fail in a row until the flash counts as worn out.
-const MOST_FAILED_ERASES: u8 = 8;
+pub(super) const MOST_FAILED_ERASES: u8 = 8;
 
 /// What the flash has to do next for the log. Each has its report: [`Autopilot::log_written`](super::super::Autopilot::log_written),
 /// [`Autopilot::log_erased`](super::super::Autopilot::log_erased).
@@ -47,7 +47,7 @@ impl Recording {
             self.close();
         }
         match may_erase {
-            Erase::Allowed if self.failed_erases < MOST_FAILED_ERASES => {
+            Erase::Allowed if is_on(parameters) && self.failed_erases < MOST_FAILED_ERASES => {
                 let ring = self.ring.as_mut()?;
                 let target = ring.free_sectors().max(ERASED_AHEAD);
                 ring.next_erase(target).map(LogStep::Erase)

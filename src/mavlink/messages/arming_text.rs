@@ -42,6 +42,7 @@ pub(in crate::mavlink) fn arming_text(checked_by: CheckedBy, obstacle: ArmingObs
         }
         ArmingObstacle::Stick(Stick::Throttle) => write!(text, "{prefix}: Throttle (RC3) is not neutral"),
         ArmingObstacle::Stick(Stick::Steering) => write!(text, "{prefix}: Steering (RC1) is not neutral"),
+        ArmingObstacle::Logging => write!(text, "{prefix}: Logging failed"),
     };
     text
 }

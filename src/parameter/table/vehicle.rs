@@ -82,7 +82,7 @@ parameters! {
         name: "ARMING_CHECK",
         kind: Kind::Int32,
         default: 1.0,
-        range: Range::Bits(&[(0, means("All")), (6, means("RC Channels")), (8, means("Battery Level"))]),
+        range: Range::Bits(&[(0, means("All")), (6, means("RC Channels")), (8, means("Battery Level")), (10, means("Logging"))]),
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AtOnce,
