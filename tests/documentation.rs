@@ -420,7 +420,8 @@ fn announced() -> Vec<String> {
         "PreArm: Logging failed",
         "Log full until disarmed",
         "Log not written: flash worn out?",
-    ];
+    ]
+    .map(String::from);
     let rover = [
         VehicleEvent::NeedsPosition(FailsafeAction::Rtl),
         VehicleEvent::Terminated,

@@ -24,6 +24,7 @@ pub(super) const MOST_FAILED_ERASES: u8 = 8;
 /// What the flash has to do next for the log. Each has its report: [`Autopilot::log_written`](super::super::Autopilot::log_written),
 /// [`Autopilot::log_erased`](super::super::Autopilot::log_erased).
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is one at a time, and no heap")]
 pub enum LogStep {
     /// Program these bytes, which are blank.
     Program {
