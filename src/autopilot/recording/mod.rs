@@ -5,6 +5,8 @@ mod share;
 mod step;
 mod stream;
 
+use heapless::Vec;
+
 use crate::battery::ArmState;
 use crate::crash::CrashRecord;
 use crate::dataflash::Record;
@@ -15,7 +17,6 @@ use crate::recorder::{LogFile, Piece, Ring};
 use crate::time::Instant;
 use crate::vehicle::Vehicle;
 use share::Share;
-use step::{Chunk, MOST_FAILED_ERASES};
 use stream::{Stream, parameter_record};
 
 pub(super) use share::Detail;
@@ -29,6 +30,15 @@ const FLUSH_INTERVAL_US: u64 = 700_000;
 
 /// After a failure, another file is begun so much later.
 const RETRY_INTERVAL_US: u64 = 10_000_000;
+
+/// Erases that fail in a row until the flash counts as worn out.
+const MOST_FAILED_ERASES: u8 = 8;
+
+/// What the flash programs at once.
+const PAGE_BYTES: usize = 256;
+
+/// Bytes on their way to flash.
+type Chunk = Vec<u8, PAGE_BYTES>;
 
 /// `LOG_BITMASK`: the health of the board, once a second.
 const HEALTH_RECORDED: i32 = 1 << 3;

@@ -2,24 +2,15 @@
 
 use heapless::Vec;
 
-use super::{FLUSH_INTERVAL_US, LogFailure, Recording, State, is_on};
+use super::{Chunk, FLUSH_INTERVAL_US, LogFailure, MOST_FAILED_ERASES, PAGE_BYTES, Recording, State, is_on};
 use crate::log::warn;
 use crate::parameter::Parameters;
 use crate::recorder::{AppendError, Erasure, MAX_SECTORS, Outcome};
 use crate::storage::Erase;
 use crate::time::Instant;
 
-/// What the flash programs at once.
-const PAGE_BYTES: usize = 256;
-
-/// Bytes on their way to flash.
-pub(super) type Chunk = Vec<u8, PAGE_BYTES>;
-
 /// Half of the ring is kept erased for the next drive, so the last drive, which was no longer, is never erased for it.
 const ERASED_AHEAD: u32 = MAX_SECTORS / 2;
-
-/// Erases that fail in a row until the flash counts as worn out.
-pub(super) const MOST_FAILED_ERASES: u8 = 8;
 
 /// What the flash has to do next for the log. Each has its report: [`Autopilot::log_written`](super::super::Autopilot::log_written),
 /// [`Autopilot::log_erased`](super::super::Autopilot::log_erased).
