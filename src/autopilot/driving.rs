@@ -1,5 +1,7 @@
 //! Motors, lamps and buzzer, and battery failsafes on their way to them.
 
+use core::mem;
+
 use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::work::Work;
@@ -59,6 +61,7 @@ impl Autopilot {
     /// Logs a change of the vehicle's status, and saves what has waited for disarming.
     fn follow_status(&mut self) {
         let status = self.vehicle.status();
+        let mode_reason = mem::replace(&mut self.mode_reason, ModeReason::Command);
         if status == self.known_status {
             return;
         }
@@ -69,20 +72,19 @@ impl Autopilot {
         if (self.known_status.arm_state, status.arm_state) == (ArmState::Armed, ArmState::Disarmed) {
             self.save_after_disarming();
         }
-        self.record_status(status);
+        self.record_status(status, mode_reason);
         self.known_status = status;
-        self.mode_reason = ModeReason::Command;
     }
 
     /// Records what has changed of the status.
-    fn record_status(&mut self, status: VehicleStatus) {
+    fn record_status(&mut self, status: VehicleStatus, mode_reason: ModeReason) {
         if status.arm_state != self.known_status.arm_state {
             self.record_arming(status);
         }
         if status.mode != self.known_status.mode {
             self.recording.add(&Record::Mode {
                 mode: status.mode,
-                reason: self.mode_reason,
+                reason: mode_reason,
             });
         }
     }
