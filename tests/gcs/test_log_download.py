@@ -17,7 +17,7 @@ from mavsdk.plugins.log_files import LogFiles, LogFilesResult
 from pymavlink import DFReader, mavftp
 
 import log_ring
-from conftest import EmulatedBoard, Simulator
+from conftest import EmulatedBoard, Simulator, failed_start
 from station import (
     command,
     connect,
@@ -486,3 +486,26 @@ def test_an_erase_leaves_nothing_and_the_next_drive_is_recorded(long_logs):
         content = download(link, entry.id)
     assert content in log_ring.read_files(vehicle.ring()).values()
     assert content[:2] == b"\xa3\x95" and b"BATT_MONITOR" in content
+
+
+# Logs of the simulator as files
+
+
+def test_the_simulator_copies_its_logs_into_a_folder(start_simulator, tmp_path):
+    folder, flash = tmp_path / "logs", tmp_path / "flash"
+    for run in (1, 2):
+        simulator = start_simulator("--flash", str(flash), "--log", str(folder))
+        with closing(connect(simulator.url)) as link:
+            armed(link)
+            messages_of(link, 2.5)
+            (*_, newest) = sorted(folder.iterdir())
+            assert newest.stat().st_size > 1000, "while it runs"
+        assert simulator.interrupt()[0] == 0
+        files = [path.read_bytes() for path in sorted(folder.iterdir())]
+        assert [path.name for path in sorted(folder.iterdir())] == ["00000001.BIN", "00000002.BIN"][:run]
+        assert files == list(log_ring.read_files(flash.read_bytes()[: log_ring.LOG_END - log_ring.LOG_START]).values())
+
+
+def test_a_log_folder_that_can_not_be_one_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    assert "Can't use the log folder" in failed_start("--log", str(tmp_path / "file"))
