@@ -496,6 +496,7 @@ def test_the_simulator_copies_its_logs_into_a_folder(start_simulator, tmp_path):
     for run in (1, 2):
         simulator = start_simulator("--flash", str(flash), "--log", str(folder))
         with closing(connect(simulator.url)) as link:
+            messages_of(link, 1)
             armed(link)
             messages_of(link, 2.5)
             (*_, newest) = sorted(folder.iterdir())
