@@ -1,3 +1,5 @@
+use std::vec::Vec;
+
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 
