@@ -27,7 +27,10 @@ impl Autopilot {
     pub fn drive(&mut self, now: Instant) -> Outputs {
         let settings = VehicleSettings::from_parameters(&self.parameters);
         let event = self.vehicle.update(now, &settings);
-        self.recording.follow(now, &self.parameters, &self.vehicle);
+        let begun = self.recording.follow(now, &self.parameters, &self.vehicle);
+        if begun.is_some() {
+            self.record_known_status();
+        }
         if let Some(event) = event {
             self.record_failsafe(event);
             self.announce(Announcement::Vehicle(event));
@@ -72,6 +75,18 @@ impl Autopilot {
         self.record_status(status);
         self.known_status = status;
         self.mode_reason = ModeReason::Command;
+    }
+
+    /// Records the status in which a file begins. Of arming, only what the file comes too late for.
+    fn record_known_status(&mut self) {
+        let status = self.known_status;
+        self.recording.add(&Record::Mode {
+            mode: status.mode,
+            reason: ModeReason::Unknown,
+        });
+        if status.arm_state == ArmState::Armed {
+            self.record_arming(status);
+        }
     }
 
     /// Records what has changed of the status.

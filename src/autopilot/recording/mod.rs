@@ -2,6 +2,7 @@
 
 mod queue;
 mod share;
+mod space;
 mod step;
 mod stream;
 
@@ -22,9 +23,6 @@ pub use step::LogStep;
 
 /// The log goes on for so long after disarming, as ArduPilot's does: the pack recovers meanwhile.
 const AFTER_DISARMING_US: u64 = 15_000_000;
-
-/// With the interval at which the flash is looked after, at most a second is lost when the power goes.
-const FLUSH_INTERVAL_US: u64 = 700_000;
 
 /// After a failure, another file is begun so much later.
 const RETRY_INTERVAL_US: u64 = 10_000_000;
@@ -63,13 +61,14 @@ pub(super) struct Recording {
     chunk: Chunk,
     share: Share,
     now: Instant,
-    disarmed_at: Option<Instant>,
+    /// When the rover was armed last.
+    armed_at: Option<Instant>,
     flushed_at: Instant,
     failed_erases: u8,
     failure: Option<LogFailure>,
     announced: Option<LogFailure>,
     retry_at: Instant,
-    /// The crash before this start, until a file has it.
+    /// The crash before this start, until it is in flash.
     crash: Option<CrashRecord>,
 }
 
@@ -81,10 +80,23 @@ enum State {
     Idle,
     /// Into the open file.
     Recording,
-    /// Not now; the open file goes on later.
+    /// Not now; the open file goes on at the next arming.
     Paused,
     /// Not any more; the open file ends when all is written.
     Closing,
+}
+
+/// What is wanted of the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wish {
+    /// To record, in another file if none is open.
+    Record,
+    /// To record while a file is open.
+    GoOn,
+    /// To wait for the next arming.
+    Pause,
+    /// To end the open file.
+    End,
 }
 
 impl Recording {
@@ -98,7 +110,7 @@ impl Recording {
             chunk: Chunk::default(),
             share: Share::default(),
             now: Instant::EPOCH,
-            disarmed_at: None,
+            armed_at: None,
             flushed_at: Instant::EPOCH,
             failed_erases: 0,
             failure: None,
@@ -135,65 +147,92 @@ impl Recording {
         self.ring = Some(ring);
     }
 
-    /// Begins, pauses or ends the log as it is wanted at `now`.
-    pub fn follow(&mut self, now: Instant, parameters: &Parameters, vehicle: &Vehicle) {
+    /// Begins, pauses or ends the log as it is wanted at `now`, and returns the number of a file that begins.
+    pub fn follow(&mut self, now: Instant, parameters: &Parameters, vehicle: &Vehicle) -> Option<u16> {
         self.now = self.now.max(now);
         let arm_state = vehicle.arm_state();
-        let is_restarting = vehicle.pending_restart().is_some();
-        if arm_state == ArmState::Armed {
-            self.disarmed_at = Some(self.now);
+        match arm_state {
+            ArmState::Armed => self.armed_at = Some(self.now),
+            ArmState::Disarmed if self.is_full() => self.failure = None,
+            ArmState::Disarmed => {}
         }
-        let is_wanted = !is_restarting && self.is_wanted(parameters);
-        match self.state {
-            State::Idle if is_wanted && self.now >= self.retry_at => self.begin(arm_state),
-            State::Paused | State::Closing if is_wanted => self.state = State::Recording,
-            State::Recording if !is_wanted => {
-                let rotates = parameters.get_whole(VehicleParameter::LogFileDsrmrot) != 0;
-                let is_off = parameters.get_whole(VehicleParameter::LogBitmask) == 0;
-                self.state = if rotates || is_off || is_restarting {
-                    State::Closing
-                } else {
-                    State::Paused
-                };
+        let wish = self.wish(parameters, vehicle);
+        match (self.state, wish) {
+            (State::Idle, Wish::Record) if self.now >= self.retry_at && !self.is_full() => {
+                return self.begin(arm_state);
+            }
+            (State::Paused, Wish::Record) => self.state = State::Recording,
+            (State::Recording | State::Paused, Wish::End) => self.state = State::Closing,
+            (State::Recording, Wish::Pause) => self.state = State::Paused,
+            (State::Idle, Wish::Pause | Wish::End) => self.failure = None,
+            _ => self.check_length(arm_state, wish),
+        }
+        None
+    }
+
+    /// What is wanted of the log now.
+    fn wish(&self, parameters: &Parameters, vehicle: &Vehicle) -> Wish {
+        let is_set = |parameter| parameters.get_whole(parameter) != 0;
+        let is_kept_on = |armed_at| self.now.us_since(armed_at) < AFTER_DISARMING_US;
+        if vehicle.pending_restart().is_some() || !is_set(VehicleParameter::LogBitmask) {
+            Wish::End
+        } else if is_set(VehicleParameter::LogDisarmed) || vehicle.arm_state() == ArmState::Armed {
+            Wish::Record
+        } else if self.armed_at.is_some_and(is_kept_on) {
+            Wish::GoOn
+        } else if is_set(VehicleParameter::LogFileDsrmrot) {
+            Wish::End
+        } else {
+            Wish::Pause
+        }
+    }
+    /// Whether the log ends until the rover is disarmed.
+    fn is_full(&self) -> bool {
+        self.failure == Some(LogFailure::Full)
+    }
+
+    /// Ends a file that must not be longer.
+    fn check_length(&mut self, arm_state: ArmState, wish: Wish) {
+        let Some(ring) = &self.ring else { return };
+        match (self.state, arm_state) {
+            // Its announcement is the last record.
+            (State::Recording, ArmState::Armed) if self.is_full() => self.state = State::Closing,
+            (State::Recording, ArmState::Armed) if space::is_full(ring) => self.fail(LogFailure::Full),
+            (State::Recording | State::Paused, ArmState::Disarmed)
+                if wish != Wish::GoOn && space::is_long(ring) =>
+            {
+                self.state = State::Closing;
             }
             _ => {}
         }
-        if self.state == State::Idle && !is_wanted {
-            self.failure = None;
-        }
     }
 
-    /// Whether records should be taken now.
-    fn is_wanted(&self, parameters: &Parameters) -> bool {
-        let is_kept_on = |disarmed_at| self.now.us_since(disarmed_at) < AFTER_DISARMING_US;
-        parameters.get_whole(VehicleParameter::LogBitmask) != 0
-            && (parameters.get_whole(VehicleParameter::LogDisarmed) != 0
-                || self.disarmed_at.is_some_and(is_kept_on))
-    }
-
-    fn begin(&mut self, arm_state: ArmState) {
-        let Some(ring) = &mut self.ring else { return };
-        match ring.open() {
-            Ok(number) => {
-                info!("log: file {}", number);
-                self.state = State::Recording;
-                self.failure = None;
-                self.chunk.clear();
-                self.stream.begin();
-                self.flushed_at = self.now;
-                self.add(&Record::Message(GREETING));
-                if let Some(crash) = self.crash.take() {
-                    self.add(&Record::Crash(&crash));
-                }
-            }
+    fn begin(&mut self, arm_state: ArmState) -> Option<u16> {
+        let ring = self.ring.as_mut()?;
+        let Ok(number) = ring.open() else {
             // While disarmed, space is about to be erased.
-            Err(_) if arm_state == ArmState::Armed => self.fail(LogFailure::Full),
-            Err(_) => {}
+            if arm_state == ArmState::Armed {
+                self.fail(LogFailure::Full);
+            }
+            return None;
+        };
+        info!("log: file {}", number);
+        self.state = State::Recording;
+        self.chunk.clear();
+        self.stream.begin(self.now);
+        self.flushed_at = self.now;
+        self.add(&Record::Message(GREETING));
+        if let Some(crash) = &self.crash {
+            let record = Record::Crash(crash).encode(self.now.as_micros());
+            self.stream.add(&record);
         }
+        Some(number)
     }
 
     fn fail(&mut self, failure: LogFailure) {
-        self.retry_at = self.now.after_us(RETRY_INTERVAL_US);
+        if failure == LogFailure::NotWritten {
+            self.retry_at = self.now.after_us(RETRY_INTERVAL_US);
+        }
         if self.failure != Some(failure) {
             warn!("log: {:?}", failure);
         }
@@ -212,7 +251,8 @@ impl Recording {
 
     /// Records the value of a parameter.
     pub fn add_parameter(&mut self, id: ParameterId, parameters: &Parameters) {
-        if self.state == State::Recording {
+        // A file that goes on later has the values of then.
+        if matches!(self.state, State::Recording | State::Paused) {
             self.stream.add(&parameter_record(id, parameters, self.now));
         }
     }
