@@ -353,7 +353,9 @@ impl Ring {
     /// Sectors without a file: they can be erased ahead, and no file has to go for it.
     pub fn free_sectors(&self) -> u32 {
         let oldest = self.directory.oldest_sequence().unwrap_or(self.next);
-        self.geometry.sectors().saturating_sub(self.next - oldest.min(self.next))
+        self.geometry
+            .sectors()
+            .saturating_sub(self.next - oldest.min(self.next))
     }
 
     /// The first sector that must not be erased.

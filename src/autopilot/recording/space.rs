@@ -25,7 +25,8 @@ pub(super) fn is_full(ring: &Ring) -> bool {
 
 /// Whether the open file is so long that the next drive has more room in one of its own.
 pub(super) fn is_long(ring: &Ring) -> bool {
-    ring.open_file().is_some_and(|file| sectors(&file) > quarter(ring))
+    ring.open_file()
+        .is_some_and(|file| sectors(&file) > quarter(ring))
 }
 
 fn quarter(ring: &Ring) -> u32 {

@@ -36,7 +36,7 @@ pub enum LogStep {
         /// What; within one page.
         bytes: Vec<u8, PAGE_BYTES>,
     },
-    /// Erase a sector and program its mark, if the rover is still disarmed then.
+    /// Erase a sector and program its mark, before the rover can be armed.
     Erase(Erasure),
 }
 
@@ -52,7 +52,9 @@ impl Recording {
                 Ok(program) => return Some(program),
                 // The next sector can't be used. Another file can begin behind it.
                 Err(AppendError::Closed) => self.close(),
-                Err(AppendError::NoErasedSpace) => return self.next_erase(may_erase).or_else(|| self.run_out()),
+                Err(AppendError::NoErasedSpace) => {
+                    return self.next_erase(may_erase).or_else(|| self.run_out());
+                }
             }
         }
         if self.state == State::Closing && self.chunk.is_empty() {
