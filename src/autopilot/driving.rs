@@ -4,7 +4,7 @@ use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::work::Work;
 use crate::battery::{ArmState, FailsafeLevel};
-use crate::dataflash::{ArmingChecks, ArmingMethod, ErrorCode, EventId, ModeReason, Record, Subsystem};
+use crate::dataflash::{ArmingChecks, ArmingMethod, EventId, ModeReason, Record, Subsystem};
 use crate::log::info;
 use crate::pack::Pack;
 use crate::parameter::VehicleParameter;
@@ -47,10 +47,7 @@ impl Autopilot {
 
     /// Takes the action that is set for a pack that has reached `level`.
     pub(super) fn act_on_failsafe(&mut self, pack: Pack, level: FailsafeLevel) {
-        self.recording.add(&Record::Error {
-            subsystem: Subsystem::BatteryFailsafe,
-            code: ErrorCode::Occurred,
-        });
+        self.recording.add(&Record::Error(Subsystem::BatteryFailsafe));
         self.mode_reason = ModeReason::BatteryFailsafe;
         let action = FailsafeAction::from_parameters(&self.parameters, pack, level);
         if let Some(event) = self.vehicle.battery_failsafe(action) {
@@ -136,9 +133,6 @@ impl Autopilot {
             VehicleEvent::NeedsPosition(_) | VehicleEvent::Terminated => return,
         };
         self.mode_reason = reason;
-        self.recording.add(&Record::Error {
-            subsystem,
-            code: ErrorCode::Occurred,
-        });
+        self.recording.add(&Record::Error(subsystem));
     }
 }

@@ -164,7 +164,7 @@ impl Recording {
             (State::Paused, Wish::Record) => self.state = State::Recording,
             (State::Recording | State::Paused, Wish::End) => self.state = State::Closing,
             (State::Recording, Wish::Pause) => self.state = State::Paused,
-            (State::Idle, Wish::Pause | Wish::End) => self.failure = None,
+            (State::Idle, Wish::Pause | Wish::End) if self.announced == self.failure => self.failure = None,
             _ => self.check_length(arm_state, wish),
         }
         None

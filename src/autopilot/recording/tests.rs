@@ -2,9 +2,12 @@ use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 
 use super::*;
+use crate::autopilot::{Autopilot, Start};
+use crate::dataflash::{ArmingChecks, ArmingMethod, ModeReason};
 use crate::flash_model::FlashModel;
 use crate::recorder::PAYLOAD_BYTES;
 use crate::storage::Erase;
+use crate::time::at_us;
 use crate::vehicle::{Fitness, Restart};
 
 const SECTORS: usize = 16;
@@ -449,4 +452,47 @@ fn parameters_are_repeated_after_a_reset() {
     bench.recording.add_all_parameters();
     bench.run(2);
     assert_eq!((before, count(&bench.file(1), "LOG_DISARMED")), (1, 2));
+}
+
+#[test]
+fn sectors_that_cannot_be_erased_are_announced_once() {
+    let mut bench = Bench::new();
+    bench.flash.cut_power_after(0, 1);
+    bench.run(30);
+    assert_eq!(bench.announced, [LogFailure::NotWritten]);
+}
+
+#[test]
+fn a_file_that_begins_after_arming_has_mode_and_arming() {
+    let mut bench = Bench::armed().restarted();
+    let mut autopilot = Autopilot::new(&Start::default());
+    autopilot.vehicle.arm(at_us(1), Fitness::Forced).unwrap();
+    autopilot.drive(at_us(20_000));
+    core::mem::swap(&mut autopilot.recording, &mut bench.recording);
+    autopilot.drive(at_us(40_000));
+    bench.now = at_us(2_000_000);
+    while let Some(step) = autopilot.next_log_step(bench.now) {
+        core::mem::swap(&mut autopilot.recording, &mut bench.recording);
+        bench.obey(step);
+        core::mem::swap(&mut autopilot.recording, &mut bench.recording);
+    }
+    core::mem::swap(&mut autopilot.recording, &mut bench.recording);
+    let file = bench.file(1);
+    let arming = Record::Arm {
+        state: ArmState::Armed,
+        enabled_checks: bench.parameters.get_whole(VehicleParameter::ArmingCheck) as u32,
+        checks: ArmingChecks::Forced,
+        method: ArmingMethod::Command,
+    };
+    let mode = Record::Mode {
+        mode: autopilot.vehicle.status().mode,
+        reason: ModeReason::Unknown,
+    };
+    for record in [arming, mode] {
+        let bytes = record.encode(40_000);
+        assert!(
+            file.windows(bytes.len()).any(|window| window == &bytes[..]),
+            "{record:?}"
+        );
+    }
 }
