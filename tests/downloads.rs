@@ -10,7 +10,7 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::recorder::LogFile;
 use rover_battmon::time::Instant;
-use rover_battmon::vehicle::Vehicle;
+use rover_battmon::vehicle::{Fitness, Vehicle};
 use support::frames::{
     FILE_TRANSFER_PROTOCOL, Frame, GROUND_STATION, HEARTBEAT, LOG_DATA, LOG_ENTRY, LOG_ERASE,
     LOG_REQUEST_DATA, LOG_REQUEST_END, LOG_REQUEST_LIST, STATUSTEXT, SYS_STATUS, encode_v2_from, frames,
@@ -59,7 +59,7 @@ impl Bench {
 
     fn arm(&mut self) {
         self.vehicle
-            .arm(Instant::from_micros(self.now_us), true)
+            .arm(Instant::from_micros(self.now_us), Fitness::Checked)
             .expect("it is fit");
     }
 

@@ -2,19 +2,13 @@
 
 use heapless::Vec;
 
+use super::recording::{Chunk, LogFailure, PAGE_BYTES, Recording, State};
 use super::space::erase_target;
-use super::{LogFailure, Recording, State};
 use crate::log::warn;
 use crate::parameter::Parameters;
 use crate::recorder::{AppendError, Erasure, Outcome};
 use crate::storage::Erase;
 use crate::time::Instant;
-
-/// What the flash programs at once.
-const PAGE_BYTES: usize = 256;
-
-/// Bytes on their way to flash.
-pub(super) type Chunk = Vec<u8, PAGE_BYTES>;
 
 /// With the interval at which the flash is looked after, at most a second is lost when the power goes.
 const FLUSH_INTERVAL_US: u64 = 700_000;
@@ -28,6 +22,10 @@ const MOST_FAILED_ERASES: u8 = 8;
 /// What the flash has to do next for the log. Each has its report: [`Autopilot::log_written`](super::super::Autopilot::log_written),
 /// [`Autopilot::log_erased`](super::super::Autopilot::log_erased).
 #[derive(Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is no heap, and one of it exists at a time"
+)]
 pub enum LogStep {
     /// Program these bytes, which are blank.
     Program {

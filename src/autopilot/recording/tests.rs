@@ -1,14 +1,18 @@
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 
-use super::*;
+use super::recording::GREETING;
+use super::{LogFailure, LogStep, Recording};
 use crate::autopilot::{Autopilot, Start};
-use crate::dataflash::{ArmingChecks, ArmingMethod, ModeReason};
+use crate::battery::ArmState;
+use crate::crash::{CrashCause, CrashRecord};
+use crate::dataflash::{ArmingChecks, ArmingMethod, ModeReason, Record};
 use crate::flash_model::FlashModel;
-use crate::recorder::PAYLOAD_BYTES;
+use crate::parameter::{Parameters, VehicleParameter};
+use crate::recorder::{LogFile, Outcome, PAYLOAD_BYTES, Ring};
 use crate::storage::Erase;
-use crate::time::at_us;
-use crate::vehicle::{Fitness, Restart};
+use crate::time::{Instant, at_us};
+use crate::vehicle::{Fitness, Restart, Vehicle};
 
 const SECTORS: usize = 16;
 
@@ -170,10 +174,10 @@ impl Bench {
     }
 }
 
-fn outcome(is_done: bool) -> crate::recorder::Outcome {
+fn outcome(is_done: bool) -> Outcome {
     match is_done {
-        true => crate::recorder::Outcome::Done,
-        false => crate::recorder::Outcome::Failed,
+        true => Outcome::Done,
+        false => Outcome::Failed,
     }
 }
 
@@ -415,7 +419,7 @@ fn a_failing_flash_is_announced_once_until_it_works() {
 fn a_crash_is_recorded_until_a_file_has_it() {
     let crash = CrashRecord {
         task: None,
-        cause: crate::crash::CrashCause::Hung,
+        cause: CrashCause::Hung,
     };
     let record = Record::Crash(&crash).encode(0);
     let record = &record[11..];
