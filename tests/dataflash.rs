@@ -134,7 +134,7 @@ fn every_record_is_read_and_its_fields_are_found_by_name() {
     assert_eq!(only(&entries, "MSG").get_str("Message"), Some("Rover 0.1.0"));
     assert_numbers(
         only(&entries, "MODE"),
-        &[("Mode", 0.0), ("ModeNum", 0.0), ("Rsn", 26.0)],
+        &[("Mode", 0.0), ("ModeNum", 0.0), ("Rsn", 2.0)],
     );
     assert_numbers(
         only(&entries, "ARM"),

@@ -185,6 +185,7 @@ impl Recording {
             Wish::Pause
         }
     }
+
     /// Whether the log ends until the rover is disarmed.
     fn is_full(&self) -> bool {
         self.failure == Some(LogFailure::Full)
