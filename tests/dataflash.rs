@@ -6,7 +6,7 @@ use ardupilot_binlog::{Entry, Reader};
 use rover_battmon::battery::{Amount, ArmState, BatteryState, CellVoltages, ChargeState, Faults, PackStatus};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::dataflash::{
-    ArmingChecks, ArmingMethod, ErrorCode, EventId, Health, ModeReason, Record, Subsystem, opening_record,
+    ArmingChecks, ArmingMethod, EventId, Health, ModeReason, Record, Subsystem, opening_record,
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::vehicle::Mode;
@@ -49,7 +49,7 @@ fn file() -> Vec<u8> {
         Record::Crash(&crash),
         Record::Mode {
             mode: Mode::Manual,
-            reason: ModeReason::Start,
+            reason: ModeReason::Command,
         },
         Record::Arm {
             state: ArmState::Armed,
@@ -58,10 +58,7 @@ fn file() -> Vec<u8> {
             method: ArmingMethod::Command,
         },
         Record::Event(EventId::Armed),
-        Record::Error {
-            subsystem: Subsystem::BatteryFailsafe,
-            code: ErrorCode::Occurred,
-        },
+        Record::Error(Subsystem::BatteryFailsafe),
         Record::Health(Health {
             load_permille: 345,
             dropped_records: 2,
@@ -137,7 +134,7 @@ fn every_record_is_read_and_its_fields_are_found_by_name() {
     assert_eq!(only(&entries, "MSG").get_str("Message"), Some("Rover 0.1.0"));
     assert_numbers(
         only(&entries, "MODE"),
-        &[("Mode", 0.0), ("ModeNum", 0.0), ("Rsn", 26.0)],
+        &[("Mode", 0.0), ("ModeNum", 0.0), ("Rsn", 2.0)],
     );
     assert_numbers(
         only(&entries, "ARM"),

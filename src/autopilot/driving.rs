@@ -6,7 +6,7 @@ use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::work::Work;
 use crate::battery::{ArmState, FailsafeLevel};
-use crate::dataflash::{ArmingChecks, ArmingMethod, ErrorCode, EventId, ModeReason, Record, Subsystem};
+use crate::dataflash::{ArmingChecks, ArmingMethod, EventId, ModeReason, Record, Subsystem};
 use crate::log::info;
 use crate::pack::Pack;
 use crate::parameter::VehicleParameter;
@@ -29,7 +29,10 @@ impl Autopilot {
     pub fn drive(&mut self, now: Instant) -> Outputs {
         let settings = VehicleSettings::from_parameters(&self.parameters);
         let event = self.vehicle.update(now, &settings);
-        self.recording.follow(now, &self.parameters, &self.vehicle);
+        let begun = self.recording.follow(now, &self.parameters, &self.vehicle);
+        if begun.is_some() {
+            self.record_known_status();
+        }
         if let Some(event) = event {
             self.record_failsafe(event);
             self.announce(Announcement::Vehicle(event));
@@ -46,10 +49,7 @@ impl Autopilot {
 
     /// Takes the action that is set for a pack that has reached `level`.
     pub(super) fn act_on_failsafe(&mut self, pack: Pack, level: FailsafeLevel) {
-        self.recording.add(&Record::Error {
-            subsystem: Subsystem::BatteryFailsafe,
-            code: ErrorCode::Occurred,
-        });
+        self.recording.add(&Record::Error(Subsystem::BatteryFailsafe));
         self.mode_reason = ModeReason::BatteryFailsafe;
         let action = FailsafeAction::from_parameters(&self.parameters, pack, level);
         if let Some(event) = self.vehicle.battery_failsafe(action) {
@@ -74,6 +74,18 @@ impl Autopilot {
         }
         self.record_status(status, mode_reason);
         self.known_status = status;
+    }
+
+    /// Records the status in which a file begins. Of arming, only what the file comes too late for.
+    fn record_known_status(&mut self) {
+        let status = self.known_status;
+        self.recording.add(&Record::Mode {
+            mode: status.mode,
+            reason: ModeReason::Unknown,
+        });
+        if status.arm_state == ArmState::Armed {
+            self.record_arming(status);
+        }
     }
 
     /// Records what has changed of the status.
@@ -123,9 +135,6 @@ impl Autopilot {
             VehicleEvent::NeedsPosition(_) | VehicleEvent::Terminated => return,
         };
         self.mode_reason = reason;
-        self.recording.add(&Record::Error {
-            subsystem,
-            code: ErrorCode::Occurred,
-        });
+        self.recording.add(&Record::Error(subsystem));
     }
 }

@@ -22,8 +22,6 @@ pub enum ArmingMethod {
     Command = 1,
     /// A failsafe that terminates the drive.
     Termination = 20,
-    /// Something else: a restart, for example.
-    Other = 100,
 }
 
 /// `enabled_checks`: the checks in use, `ARMING_CHECK`.

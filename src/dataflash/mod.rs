@@ -24,7 +24,7 @@ mod record;
 mod units;
 
 pub use arming::{ArmingChecks, ArmingMethod};
-pub use error::{ErrorCode, Subsystem};
+pub use error::Subsystem;
 pub use event::EventId;
 pub use health::Health;
 pub use mode::ModeReason;

@@ -18,8 +18,6 @@ pub enum ModeReason {
     BatteryFailsafe = 4,
     /// Heartbeats of ground stations have timed out.
     GroundStationsTimedOut = 5,
-    /// It is the mode after the start.
-    Start = 26,
 }
 
 pub(super) fn encode(time_us: u64, mode: Mode, reason: ModeReason) -> RecordBytes {

@@ -2,7 +2,7 @@
 
 use super::arming::{self, ArmingChecks, ArmingMethod};
 use super::cells::FIRST_CELLS;
-use super::error::{self, ErrorCode, Subsystem};
+use super::error::{self, Subsystem};
 use super::event::{self, EventId};
 use super::format::Kind;
 use super::health::{self, Health};
@@ -48,13 +48,8 @@ pub enum Record<'a> {
         /// Why it changed.
         reason: ModeReason,
     },
-    /// ERR: a failsafe or an error.
-    Error {
-        /// What reports it.
-        subsystem: Subsystem,
-        /// Whether it begins or ends.
-        code: ErrorCode,
-    },
+    /// ERR: a failsafe begins.
+    Error(Subsystem),
     /// BAT: what is measured of a pack.
     Battery(Pack, &'a BatteryState),
     /// BATX: what is estimated of a pack.
@@ -102,7 +97,7 @@ impl<'a> Record<'a> {
                 method,
             } => arming::encode(time_us, state, enabled_checks, checks, method),
             Self::Mode { mode, reason } => mode::encode(time_us, mode, reason),
-            Self::Error { subsystem, code } => error::encode(time_us, subsystem, code),
+            Self::Error(subsystem) => error::encode(time_us, subsystem),
             Self::Battery(pack, state) => battery::encode(time_us, pack, state),
             Self::Estimate(pack, state) => estimate::encode(time_us, pack, state),
             Self::Cells(pack, state) => cells::encode_first(time_us, pack, state),

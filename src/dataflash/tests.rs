@@ -80,10 +80,7 @@ fn one_of_each<'a>(state: &'a BatteryState, crash: &'a CrashRecord) -> Vec<Recor
             mode: Mode::Manual,
             reason: ModeReason::Command,
         },
-        Record::Error {
-            subsystem: Subsystem::BatteryFailsafe,
-            code: ErrorCode::Occurred,
-        },
+        Record::Error(Subsystem::BatteryFailsafe),
         Record::Battery(Pack::First, state),
         Record::Cells(Pack::First, state),
         Record::MoreCells(Pack::First, state),
@@ -176,15 +173,12 @@ fn records_of_the_vehicle_have_each_field_in_its_place() {
         (
             Record::Mode {
                 mode: Mode::Hold,
-                reason: ModeReason::Start,
+                reason: ModeReason::Command,
             },
-            "a39588080706050403020104041a",
+            "a395880807060504030201040402",
         ),
         (
-            Record::Error {
-                subsystem: Subsystem::BatteryFailsafe,
-                code: ErrorCode::Occurred,
-            },
+            Record::Error(Subsystem::BatteryFailsafe),
             "a3958908070605040302010601",
         ),
         (Record::Event(EventId::Disarmed), "a3958608070605040302010b"),

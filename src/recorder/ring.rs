@@ -173,6 +173,11 @@ impl Ring {
         ring
     }
 
+    /// The sectors it has.
+    pub fn sectors(&self) -> u32 {
+        self.geometry.sectors()
+    }
+
     /// The files that can be read, oldest first, the open one last.
     pub fn files(&self) -> &[LogFile] {
         self.directory.files()

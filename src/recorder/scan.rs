@@ -21,8 +21,8 @@ pub(super) struct Scan {
     pub newest_number: Option<u16>,
 }
 
-/// Reads the front of every sector, the whole of those that are erased, and the last one of every file from its end. Yields to other tasks after each
-/// sector.
+/// Reads the front of every sector, the whole of those that are erased, and the last one of every file from its end. Yields
+/// to other tasks after each sector.
 pub(super) async fn scan<F: ReadNorFlash>(flash: &mut F, geometry: Geometry) -> Scan {
     let mut reader = Reader { flash, geometry };
     let newest = reader.newest().await;

@@ -9,7 +9,6 @@ use super::{Shared, mark, now};
 use crate::autopilot::LogStep;
 use crate::liveness::CheckIn;
 use crate::recorder::{Erasure, Outcome, Ring, SECTOR_BYTES};
-use crate::storage::Erase;
 
 /// How often the task looks whether there is something to write.
 const IDLE_CHECK: Duration = Duration::from_millis(250);
@@ -30,32 +29,30 @@ pub async fn keep_log<F: NorFlash>(
     shared.with(|autopilot| autopilot.logs_found(ring));
     loop {
         mark(check_in);
-        while let Some(step) = shared.with(|autopilot| autopilot.next_log_step(now())) {
-            run(step, &mut flash, shared).await;
+        while let Some(pause) = work(&mut flash, shared).await {
             mark(check_in);
+            Timer::after(pause).await;
         }
         Timer::after(IDLE_CHECK).await;
     }
 }
 
-async fn run<F: NorFlash>(step: LogStep, flash: &mut F, shared: &Shared) {
-    match step {
+/// Does what the log needs next, if anything, and returns how long others have the flash and the processor then. That is
+/// decided in its turn at the flash: nothing is erased that was due when the rover was still disarmed.
+async fn work<F: NorFlash>(flash: &mut F, shared: &Shared) -> Option<Duration> {
+    let _turn = shared.flash_turn().await;
+    match shared.with(|autopilot| autopilot.next_log_step(now()))? {
         LogStep::Program { address, bytes } => {
-            let turn = shared.flash_turn().await;
             let written = flash.write(address, &bytes).await;
-            drop(turn);
             shared.with(|autopilot| autopilot.log_written(outcome(written), now()));
+            Some(Duration::MIN)
         }
-        LogStep::Erase(erasure) => erase(erasure, flash, shared).await,
+        LogStep::Erase(erasure) => Some(erase(erasure, flash, shared).await),
     }
 }
 
-/// Erases a sector, unless the rover was armed since.
-async fn erase<F: NorFlash>(erasure: Erasure, flash: &mut F, shared: &Shared) {
-    let turn = shared.flash_turn().await;
-    if shared.may_erase() == Erase::Forbidden {
-        return;
-    }
+/// Erases a sector, and returns the pause after it.
+async fn erase<F: NorFlash>(erasure: Erasure, flash: &mut F, shared: &Shared) -> Duration {
     let began = Instant::now();
     let from = erasure.address();
     let is_blank = erasure.is_first_use() && is_blank(from, flash).await;
@@ -66,10 +63,9 @@ async fn erase<F: NorFlash>(erasure: Erasure, flash: &mut F, shared: &Shared) {
     if erased.is_ok() {
         erased = flash.write(erasure.mark_address(), &erasure.mark()).await;
     }
-    drop(turn);
     shared.with(|autopilot| autopilot.log_erased(erasure, outcome(erased)));
     let pause = if is_blank { Duration::MIN } else { LEAST_PAUSE };
-    Timer::after(began.elapsed().max(pause)).await;
+    began.elapsed().max(pause)
 }
 
 /// Whether a sector reads blank.

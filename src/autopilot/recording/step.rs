@@ -2,20 +2,27 @@
 
 use heapless::Vec;
 
-use super::{Chunk, FLUSH_INTERVAL_US, LogFailure, MOST_FAILED_ERASES, PAGE_BYTES, Recording, State, is_on};
+use super::recording::{Chunk, LogFailure, MOST_FAILED_ERASES, PAGE_BYTES, Recording, State, is_on};
+use super::space::erase_target;
 use crate::log::warn;
 use crate::parameter::Parameters;
-use crate::recorder::{AppendError, Erasure, MAX_SECTORS, Outcome};
+use crate::recorder::{AppendError, Erasure, Outcome};
 use crate::storage::Erase;
 use crate::time::Instant;
 
-/// Half of the ring is kept erased for the next drive, so the last drive, which was no longer, is never erased for it.
-const ERASED_AHEAD: u32 = MAX_SECTORS / 2;
+/// With the interval at which the flash is looked after, at most a second is lost when the power goes.
+const FLUSH_INTERVAL_US: u64 = 700_000;
+
+/// Where sectors are erased in between, each may take 400 ms, and a pause as long follows.
+const FLUSH_INTERVAL_WITH_ERASES_US: u64 = 150_000;
 
 /// What the flash has to do next for the log. Each has its report: [`Autopilot::log_written`](super::super::Autopilot::log_written),
 /// [`Autopilot::log_erased`](super::super::Autopilot::log_erased).
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "there is one at a time, and no heap")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is no heap, and one of it exists at a time"
+)]
 pub enum LogStep {
     /// Program these bytes, which are blank.
     Program {
@@ -24,37 +31,50 @@ pub enum LogStep {
         /// What; within one page.
         bytes: Vec<u8, PAGE_BYTES>,
     },
-    /// Erase a sector and program its mark, if the rover is still disarmed then.
+    /// Erase a sector and program its mark, before the rover can be armed.
     Erase(Erasure),
 }
 
 impl Recording {
     /// What the flash has to do next at `now`, if anything.
     pub fn next_step(&mut self, now: Instant, parameters: &Parameters, may_erase: Erase) -> Option<LogStep> {
-        self.fill_chunk(now, parameters);
-        if self.is_write_due(now) {
-            return self.next_program();
+        // Without a log there is nothing to erase for.
+        let may_erase = if is_on(parameters) {
+            may_erase
+        } else {
+            Erase::Forbidden
+        };
+        let is_flush_due = self.is_flush_due(now, may_erase);
+        if is_flush_due || self.stream.has(self.chunk.capacity() - self.chunk.len()) {
+            self.fill_chunk(now, parameters);
+        }
+        if self.chunk.is_full() || (!self.chunk.is_empty() && is_flush_due) {
+            match self.next_program() {
+                Ok(program) => return Some(program),
+                // The next sector can't be used. Another file can begin behind it.
+                Err(AppendError::Closed) => self.close(),
+                Err(AppendError::NoErasedSpace) => {
+                    return self.next_erase(may_erase).or_else(|| self.run_out());
+                }
+            }
         }
         if self.state == State::Closing && self.chunk.is_empty() {
             self.close();
         }
-        match may_erase {
-            Erase::Allowed if is_on(parameters) && self.failed_erases < MOST_FAILED_ERASES => {
-                let ring = self.ring.as_mut()?;
-                let target = ring.free_sectors().max(ERASED_AHEAD);
-                ring.next_erase(target).map(LogStep::Erase)
-            }
-            _ => None,
-        }
+        self.next_erase(may_erase)
     }
 
-    /// Takes as much out of the stream as a page holds, once there is so much, or it has to be written.
+    fn is_flush_due(&self, now: Instant, may_erase: Erase) -> bool {
+        let interval_us = match may_erase {
+            Erase::Allowed => FLUSH_INTERVAL_WITH_ERASES_US,
+            Erase::Forbidden => FLUSH_INTERVAL_US,
+        };
+        self.state == State::Closing || now.us_since(self.flushed_at) >= interval_us
+    }
+
+    /// Takes as much out of the stream as a page holds.
     fn fill_chunk(&mut self, now: Instant, parameters: &Parameters) {
         if self.state == State::Idle {
-            return;
-        }
-        let room = self.chunk.capacity() - self.chunk.len();
-        if !self.stream.has(room) && !self.is_flush_due(now) {
             return;
         }
         while !self.chunk.is_full()
@@ -68,29 +88,28 @@ impl Recording {
         }
     }
 
-    fn is_flush_due(&self, now: Instant) -> bool {
-        self.state == State::Closing || now.us_since(self.flushed_at) >= FLUSH_INTERVAL_US
+    fn next_program(&mut self) -> Result<LogStep, AppendError> {
+        let ring = self.ring.as_mut().ok_or(AppendError::Closed)?;
+        let program = ring.next_program(&self.chunk)?;
+        Ok(LogStep::Program {
+            address: program.address(),
+            // It is no longer than the chunk.
+            bytes: Vec::from_slice(program.bytes()).unwrap_or_default(),
+        })
     }
 
-    fn is_write_due(&self, now: Instant) -> bool {
-        self.chunk.is_full() || (!self.chunk.is_empty() && self.is_flush_due(now))
-    }
-
-    fn next_program(&mut self) -> Option<LogStep> {
-        let program = self.ring.as_mut()?.next_program(&self.chunk);
-        match program {
-            Ok(program) => Some(LogStep::Program {
-                address: program.address(),
-                bytes: Vec::from_slice(program.bytes()).ok()?,
-            }),
-            Err(error) => {
-                self.stop(match error {
-                    AppendError::NoErasedSpace => LogFailure::Full,
-                    AppendError::Closed => LogFailure::NotWritten,
-                });
-                None
-            }
+    fn next_erase(&mut self, may_erase: Erase) -> Option<LogStep> {
+        if may_erase == Erase::Forbidden || self.failed_erases >= MOST_FAILED_ERASES {
+            return None;
         }
+        let ring = self.ring.as_mut()?;
+        ring.next_erase(erase_target(ring)).map(LogStep::Erase)
+    }
+
+    /// All erased space is used up.
+    fn run_out(&mut self) -> Option<LogStep> {
+        self.stop(LogFailure::Full);
+        None
     }
 
     /// The outcome of programming.
@@ -103,7 +122,16 @@ impl Recording {
             warn!("log: a page can't be written");
             self.stop(LogFailure::NotWritten);
         } else if self.chunk.is_empty() && !self.stream.has(1) {
-            self.flushed_at = now;
+            self.flushed(now);
+        }
+    }
+
+    /// Everything is in flash.
+    fn flushed(&mut self, now: Instant) {
+        self.flushed_at = now;
+        self.crash = None;
+        if self.failure == Some(LogFailure::NotWritten) {
+            self.failure = None;
         }
     }
 

@@ -10,6 +10,8 @@ use crate::time::Instant;
 pub(super) struct Stream {
     queue: Queue,
     opening: Opening,
+    /// The time of the formats: what happens meanwhile follows them.
+    began: Instant,
     /// Of the opening's current record, what has not left yet.
     part: RecordBytes,
     /// How much of it has.
@@ -29,8 +31,9 @@ enum Opening {
 }
 
 impl Stream {
-    /// Begins another file. What waits is for the file before.
-    pub fn begin(&mut self) {
+    /// Begins another file at `now`. What waits is for the file before.
+    pub fn begin(&mut self, now: Instant) {
+        self.began = now;
         self.queue.clear();
         self.part.clear();
         self.left = 0;
@@ -79,7 +82,7 @@ impl Stream {
 
     fn next_of_opening(&mut self, parameters: &Parameters, now: Instant) -> Option<RecordBytes> {
         if let Opening::Formats(number) = self.opening {
-            if let Some(record) = opening_record(number, now.as_micros()) {
+            if let Some(record) = opening_record(number, self.began.as_micros()) {
                 self.opening = Opening::Formats(number + 1);
                 return Some(record);
             }

@@ -3,10 +3,18 @@ use std::vec::Vec;
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 
-use super::*;
+use super::recording::GREETING;
+use super::{LogFailure, LogStep, Recording};
+use crate::autopilot::{Autopilot, Start};
+use crate::battery::ArmState;
+use crate::crash::{CrashCause, CrashRecord};
+use crate::dataflash::{ArmingChecks, ArmingMethod, ModeReason, Record};
 use crate::flash_model::FlashModel;
+use crate::parameter::{Parameters, VehicleParameter};
+use crate::recorder::{LogFile, Outcome, PAYLOAD_BYTES, Ring};
 use crate::storage::Erase;
-use crate::time::at_us;
+use crate::time::{Instant, at_us};
+use crate::vehicle::{Fitness, Restart, Vehicle};
 
 const SECTORS: usize = 16;
 
@@ -19,37 +27,120 @@ struct Bench {
     vehicle: Vehicle,
     parameters: Parameters,
     now: Instant,
+    announced: Vec<LogFailure>,
+    /// Records a text in each tick.
+    is_chatty: bool,
 }
 
 impl Bench {
     fn new() -> Self {
-        let mut recording = Recording::new(None);
-        recording.found(Ring::new(Flash::REGION));
+        Self::with(Flash::blank(), Ring::new(Flash::REGION), None)
+    }
+
+    fn with(flash: Flash, ring: Ring, crash: Option<CrashRecord>) -> Self {
+        let mut recording = Recording::new(crash);
+        recording.found(ring);
         Self {
             recording,
-            flash: Flash::blank(),
+            flash,
             vehicle: Vehicle::new(),
             parameters: Parameters::defaults(),
             now: Instant::EPOCH,
+            announced: Vec::new(),
+            is_chatty: false,
         }
+    }
+
+    /// The same flash after the power was off.
+    fn restarted(mut self) -> Self {
+        self.flash.power_up();
+        let ring = block_on(Ring::scan(&mut self.flash, Flash::REGION));
+        Self::with(self.flash, ring, None)
+    }
+
+    /// Disarmed long enough to have space erased, then armed.
+    fn armed() -> Self {
+        let mut bench = Self::new();
+        bench.run(1);
+        bench.arm();
+        bench
+    }
+
+    fn arm(&mut self) {
+        self.vehicle.arm(self.now, Fitness::Checked).unwrap();
+    }
+
+    fn set(&mut self, parameter: VehicleParameter, value: f32) {
+        self.parameters.set(parameter, value).unwrap();
     }
 
     /// Lets `seconds` pass, with everything that is done meanwhile.
     fn run(&mut self, seconds: u64) {
         for _ in 0..seconds * 10 {
-            self.now = self.now.after_us(100_000);
-            self.recording.follow(self.now, &self.parameters, &self.vehicle);
-            self.recording.tick();
+            self.tick();
             self.work();
         }
     }
 
-    fn work(&mut self) {
-        let may_erase = match self.vehicle.arm_state() {
+    /// A tenth of a second without the flash.
+    fn tick(&mut self) {
+        self.now = self.now.after_us(100_000);
+        self.recording.follow(self.now, &self.parameters, &self.vehicle);
+        self.recording.tick();
+        if let Some(failure) = self.recording.take_report() {
+            self.announced.push(failure);
+            self.say(&format!("announced {failure:?}"));
+        }
+        if self.is_chatty {
+            self.say(&format!("tick {:06}", self.now.as_micros() / 100_000));
+        }
+    }
+
+    fn say(&mut self, text: &str) {
+        self.recording.add(&Record::Message(text));
+    }
+
+    /// Records until the open file has so many sectors.
+    fn fill(&mut self, sectors: u32) {
+        let is_shorter = |file: LogFile| file.bytes < (sectors - 1) * PAYLOAD_BYTES;
+        let open_file = |bench: &Self| bench.recording.ring.as_ref().unwrap().open_file();
+        while open_file(self).is_none_or(is_shorter) {
+            self.record_much();
+        }
+    }
+
+    fn record_much(&mut self) {
+        self.tick();
+        (0..15).for_each(|_| self.say("a text that fills the log"));
+        self.work();
+    }
+
+    /// Records until the log is full.
+    fn fill_up(&mut self) {
+        while !self.announced.contains(&LogFailure::Full) {
+            self.record_much();
+        }
+        self.run(1);
+    }
+
+    fn numbers(&self) -> Vec<u16> {
+        self.recording.files().iter().map(|file| file.number).collect()
+    }
+
+    fn may_erase(&self) -> Erase {
+        match self.vehicle.arm_state() {
             ArmState::Armed => Erase::Forbidden,
             ArmState::Disarmed => Erase::Allowed,
-        };
-        while let Some(step) = self.recording.next_step(self.now, &self.parameters, may_erase) {
+        }
+    }
+
+    fn next_step(&mut self) -> Option<LogStep> {
+        let may_erase = self.may_erase();
+        self.recording.next_step(self.now, &self.parameters, may_erase)
+    }
+
+    fn work(&mut self) {
+        while let Some(step) = self.next_step() {
             self.obey(step);
         }
     }
@@ -85,10 +176,10 @@ impl Bench {
     }
 }
 
-fn outcome(is_done: bool) -> crate::recorder::Outcome {
+fn outcome(is_done: bool) -> Outcome {
     match is_done {
-        true => crate::recorder::Outcome::Done,
-        false => crate::recorder::Outcome::Failed,
+        true => Outcome::Done,
+        false => Outcome::Failed,
     }
 }
 
@@ -96,21 +187,318 @@ fn contains(file: &[u8], text: &str) -> bool {
     file.windows(text.len()).any(|window| window == text.as_bytes())
 }
 
+fn count(file: &[u8], text: &str) -> usize {
+    file.windows(text.len())
+        .filter(|window| *window == text.as_bytes())
+        .count()
+}
+
 #[test]
 fn a_file_begins_with_arming_and_has_formats_and_parameters_first() {
     let mut bench = Bench::new();
     bench.run(2);
     assert!(bench.recording.files().is_empty());
-    bench
-        .vehicle
-        .arm(bench.now, crate::vehicle::Fitness::Checked)
-        .unwrap();
+    bench.arm();
     bench.run(3);
-    assert_eq!(bench.recording.files().len(), 1);
+    assert_eq!(bench.numbers(), [1]);
     let file = bench.file(1);
     assert_eq!(file[..3], [0xA3, 0x95, 128]);
     for text in ["FMT", "BAT", GREETING, "BATT_CAPACITY", "LOG_BITMASK"] {
         assert!(contains(&file, text), "{text}");
     }
-    let _ = at_us(0);
+}
+
+#[test]
+fn a_file_begins_when_the_flash_was_read_after_arming() {
+    let mut bench = Bench::armed().restarted();
+    bench.recording = Recording::new(None);
+    bench.arm();
+    bench.run(1);
+    let ring = block_on(Ring::scan(&mut bench.flash, Flash::REGION));
+    bench.recording.found(ring);
+    bench.run(2);
+    assert_eq!((bench.numbers(), bench.announced), (vec![1], vec![]));
+}
+
+#[test]
+fn a_file_pauses_15_s_after_disarming_and_goes_on_at_arming() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    bench.vehicle.disarm();
+    bench.run(14);
+    bench.say("within");
+    bench.run(6);
+    bench.say("after");
+    bench.arm();
+    bench.run(1);
+    bench.say("armed again");
+    bench.run(1);
+    assert_eq!(bench.numbers(), [1]);
+    let file = bench.file(1);
+    assert!(contains(&file, "within") && !contains(&file, "after"));
+    assert!(contains(&file, "armed again"));
+}
+
+#[test]
+fn a_parameter_set_in_a_pause_is_recorded() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    bench.vehicle.disarm();
+    bench.run(20);
+    let before = count(&bench.file(1), "LOG_BITMASK");
+    bench
+        .recording
+        .add_parameter(VehicleParameter::LogBitmask.into(), &bench.parameters);
+    bench.run(1);
+    assert_eq!(count(&bench.file(1), "LOG_BITMASK"), before + 1);
+}
+
+#[test]
+fn another_file_begins_after_disarming_with_dsrmrot() {
+    let mut bench = Bench::armed();
+    bench.set(VehicleParameter::LogFileDsrmrot, 1.0);
+    bench.run(2);
+    bench.vehicle.disarm();
+    bench.run(20);
+    bench.arm();
+    bench.run(2);
+    assert_eq!(bench.numbers(), [1, 2]);
+    assert!(contains(&bench.file(2), GREETING));
+}
+
+#[test]
+fn the_log_ends_and_begins_with_the_bitmask() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    bench.say("the last");
+    bench.set(VehicleParameter::LogBitmask, 0.0);
+    bench.run(1);
+    bench.say("unwanted");
+    bench.run(1);
+    bench.set(VehicleParameter::LogBitmask, 520.0);
+    bench.run(2);
+    assert_eq!(bench.numbers(), [1, 2]);
+    let file = bench.file(1);
+    assert!(contains(&file, "the last") && !contains(&file, "unwanted"));
+    assert!(contains(&bench.file(2), GREETING));
+}
+
+#[test]
+fn a_power_cut_costs_the_last_second_at_most() {
+    for operations in 0..150 {
+        let mut bench = Bench::armed();
+        bench.is_chatty = true;
+        bench.run(3);
+        bench.flash.cut_power_after(operations, operations);
+        // The flash is looked after four times a second.
+        while !bench.flash.is_powered_off() {
+            bench.tick();
+            bench.tick();
+            bench.work();
+        }
+        let lost_from = bench.now.as_micros() / 100_000 - 10;
+        let mut bench = bench.restarted();
+        let file = bench.file(1);
+        for tick in [20, lost_from - 1, lost_from] {
+            assert!(
+                contains(&file, &format!("tick {tick:06}")),
+                "{operations}: {tick}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_waits_is_written_before_a_sector_is_erased() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    bench.vehicle.disarm();
+    bench.run(1);
+    bench.set(VehicleParameter::LogDisarmed, 1.0);
+    bench.recording.erase_all();
+    bench.tick();
+    while let Some(step @ LogStep::Program { .. }) = bench.next_step() {
+        bench.obey(step);
+    }
+    bench.say("waits");
+    bench.tick();
+    bench.tick();
+    assert!(matches!(bench.next_step(), Some(LogStep::Program { .. })));
+}
+
+#[test]
+fn a_full_log_is_announced_and_goes_on_after_disarming() {
+    let mut bench = Bench::armed();
+    bench.fill_up();
+    bench.run(30);
+    assert_eq!(bench.announced, [LogFailure::Full]);
+    let file = bench.file(1);
+    assert!(contains(&file, "announced Full"));
+    bench.vehicle.disarm();
+    bench.run(1);
+    bench.arm();
+    bench.run(2);
+    assert_eq!(bench.numbers(), [1, 2]);
+    assert!(contains(&bench.file(2), GREETING));
+    assert!(bench.file(1) == file);
+    assert_eq!(bench.announced, [LogFailure::Full]);
+}
+
+#[test]
+fn a_drive_longer_than_half_the_ring_is_kept_for_the_next_drive() {
+    let mut bench = Bench::armed();
+    bench.fill(10);
+    bench.vehicle.disarm();
+    bench.run(30);
+    let file = bench.file(1);
+    assert!(file.len() > SECTORS / 2 * PAYLOAD_BYTES as usize);
+    let mut bench = bench.restarted();
+    bench.run(30);
+    assert!(bench.file(1) == file);
+    bench.arm();
+    bench.fill(4);
+    assert!(bench.announced.is_empty());
+    bench.vehicle.disarm();
+    bench.run(30);
+    assert_eq!(bench.numbers(), [2], "the drive before has gone for another");
+}
+
+#[test]
+fn a_second_long_drive_has_a_file_of_its_own() {
+    let mut bench = Bench::armed();
+    bench.fill(7);
+    bench.vehicle.disarm();
+    bench.run(30);
+    bench.arm();
+    bench.fill(8);
+    assert_eq!((bench.numbers(), bench.announced), (vec![1, 2], vec![]));
+}
+
+#[test]
+fn while_disarmed_the_log_goes_on_in_further_files() {
+    let mut bench = Bench::new();
+    bench.set(VehicleParameter::LogDisarmed, 1.0);
+    bench.run(1);
+    (0..500).for_each(|_| bench.record_much());
+    assert!(bench.announced.is_empty());
+    let files = bench.recording.files();
+    assert!(files.len() >= 2 && files[0].number > 5, "{files:?}");
+}
+
+#[test]
+fn another_file_begins_when_all_are_erased() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    bench.vehicle.disarm();
+    bench.set(VehicleParameter::LogDisarmed, 1.0);
+    bench.say("erased");
+    bench.tick();
+    bench.recording.erase_all();
+    bench.run(2);
+    assert_eq!(bench.numbers(), [2]);
+    let file = bench.file(2);
+    assert!(contains(&file, GREETING) && contains(&file, "LOG_BITMASK") && !contains(&file, "erased"));
+}
+
+#[test]
+fn a_failing_flash_is_announced_once_until_it_works() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    bench.is_chatty = true;
+    bench.flash.cut_power_after(0, 1);
+    bench.run(60);
+    assert_eq!(bench.announced, [LogFailure::NotWritten]);
+    bench.flash.power_up();
+    bench.run(15);
+    let newest = *bench.numbers().last().unwrap();
+    assert!(newest > 1 && contains(&bench.file(newest), GREETING));
+    bench.flash.cut_power_after(0, 1);
+    bench.run(30);
+    assert_eq!(bench.announced, [LogFailure::NotWritten; 2]);
+}
+
+#[test]
+fn a_crash_is_recorded_until_a_file_has_it() {
+    let crash = CrashRecord {
+        task: None,
+        cause: CrashCause::Hung,
+    };
+    let record = Record::Crash(&crash).encode(0);
+    let record = &record[11..];
+    let mut bench = Bench::with(Flash::blank(), Ring::new(Flash::REGION), Some(crash.clone()));
+    bench.run(1);
+    bench.flash.refuse_after(3);
+    bench.arm();
+    bench.run(12);
+    let newest = *bench.numbers().last().unwrap();
+    assert!(newest > 1);
+    let file = bench.file(newest);
+    assert!(file.windows(record.len()).any(|window| window == record));
+}
+
+#[test]
+fn a_restart_has_everything_written_first() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    bench.vehicle.disarm();
+    bench.say("the last second");
+    assert!(!bench.recording.is_written());
+    bench.vehicle.prepare_restart(Restart::default());
+    bench.tick();
+    bench.work();
+    assert!(bench.recording.is_written());
+    assert!(contains(&bench.restarted().file(1), "the last second"));
+}
+
+#[test]
+fn parameters_are_repeated_after_a_reset() {
+    let mut bench = Bench::armed();
+    bench.run(2);
+    let before = count(&bench.file(1), "LOG_DISARMED");
+    bench.recording.add_all_parameters();
+    bench.run(2);
+    assert_eq!((before, count(&bench.file(1), "LOG_DISARMED")), (1, 2));
+}
+
+#[test]
+fn sectors_that_cannot_be_erased_are_announced_once() {
+    let mut bench = Bench::new();
+    bench.flash.cut_power_after(0, 1);
+    bench.run(30);
+    assert_eq!(bench.announced, [LogFailure::NotWritten]);
+}
+
+#[test]
+fn a_file_that_begins_after_arming_has_mode_and_arming() {
+    let mut bench = Bench::armed().restarted();
+    let mut autopilot = Autopilot::new(&Start::default());
+    autopilot.vehicle.arm(at_us(1), Fitness::Forced).unwrap();
+    autopilot.drive(at_us(20_000));
+    core::mem::swap(&mut autopilot.recording, &mut bench.recording);
+    autopilot.drive(at_us(40_000));
+    bench.now = at_us(2_000_000);
+    while let Some(step) = autopilot.next_log_step(bench.now) {
+        core::mem::swap(&mut autopilot.recording, &mut bench.recording);
+        bench.obey(step);
+        core::mem::swap(&mut autopilot.recording, &mut bench.recording);
+    }
+    core::mem::swap(&mut autopilot.recording, &mut bench.recording);
+    let file = bench.file(1);
+    let arming = Record::Arm {
+        state: ArmState::Armed,
+        enabled_checks: bench.parameters.get_whole(VehicleParameter::ArmingCheck) as u32,
+        checks: ArmingChecks::Forced,
+        method: ArmingMethod::Command,
+    };
+    let mode = Record::Mode {
+        mode: autopilot.vehicle.status().mode,
+        reason: ModeReason::Unknown,
+    };
+    for record in [arming, mode] {
+        let bytes = record.encode(40_000);
+        assert!(
+            file.windows(bytes.len()).any(|window| window == &bytes[..]),
+            "{record:?}"
+        );
+    }
 }

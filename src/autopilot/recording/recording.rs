@@ -1,0 +1,324 @@
+//! What is recorded, and into which file.
+
+use heapless::Vec;
+
+use super::share::{Detail, Share};
+use super::space;
+use super::stream::{Stream, parameter_record};
+use crate::battery::ArmState;
+use crate::crash::CrashRecord;
+use crate::dataflash::Record;
+use crate::log::{info, warn};
+use crate::mavlink::LogHealth;
+use crate::parameter::{ParameterId, Parameters, VehicleParameter};
+use crate::recorder::{LogFile, Piece, Ring};
+use crate::time::Instant;
+use crate::vehicle::Vehicle;
+
+/// The log goes on for so long after disarming, as ArduPilot's does: the pack recovers meanwhile.
+const AFTER_DISARMING_US: u64 = 15_000_000;
+
+/// After a failure, another file is begun so much later.
+const RETRY_INTERVAL_US: u64 = 10_000_000;
+
+/// `LOG_BITMASK`: the health of the board, once a second.
+const HEALTH_RECORDED: i32 = 1 << 3;
+
+/// `LOG_BITMASK`: the packs.
+const PACKS_RECORDED: i32 = 1 << 9;
+
+/// Begins every file. Log viewers find ArduPilot's names of modes by the word "Rover".
+pub(super) const GREETING: &str = concat!(
+    "rover-battmon ",
+    env!("CARGO_PKG_VERSION"),
+    " (modes of ArduPilot Rover)"
+);
+
+/// What the flash programs at once.
+pub(super) const PAGE_BYTES: usize = 256;
+
+/// Bytes on their way to flash.
+pub(super) type Chunk = Vec<u8, PAGE_BYTES>;
+
+/// Erases that fail in a row until the flash counts as worn out.
+pub(super) const MOST_FAILED_ERASES: u8 = 8;
+
+/// Why there is no log although there should be one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum LogFailure {
+    /// All erased space is used up, and flash is erased while disarmed only.
+    Full,
+    /// The flash can't be written.
+    NotWritten,
+}
+
+/// What is recorded, until it is in flash.
+#[derive(Debug)]
+pub(in crate::autopilot) struct Recording {
+    /// The files in flash; `None` until they were looked for.
+    pub(super) ring: Option<Ring>,
+    pub(super) state: State,
+    pub(super) stream: Stream,
+    /// What is taken out of the stream and not in flash yet.
+    pub(super) chunk: Chunk,
+    share: Share,
+    pub(super) now: Instant,
+    /// When the rover was armed last.
+    armed_at: Option<Instant>,
+    pub(super) flushed_at: Instant,
+    pub(super) failed_erases: u8,
+    pub(super) failure: Option<LogFailure>,
+    announced: Option<LogFailure>,
+    retry_at: Instant,
+    /// The crash before this start, until it is in flash.
+    pub(super) crash: Option<CrashRecord>,
+}
+
+/// Whether records are taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum State {
+    /// No file is open.
+    #[default]
+    Idle,
+    /// Into the open file.
+    Recording,
+    /// Not now; the open file goes on at the next arming.
+    Paused,
+    /// Not any more; the open file ends when all is written.
+    Closing,
+}
+
+/// What is wanted of the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wish {
+    /// To record, in another file if none is open.
+    Record,
+    /// To record while a file is open.
+    GoOn,
+    /// To wait for the next arming.
+    Pause,
+    /// To end the open file.
+    End,
+}
+
+impl Recording {
+    // Not inlined: see `in_place`.
+    #[inline(never)]
+    pub fn new(crash: Option<CrashRecord>) -> Self {
+        Self {
+            ring: None,
+            state: State::Idle,
+            stream: Stream::default(),
+            chunk: Chunk::default(),
+            share: Share::default(),
+            now: Instant::EPOCH,
+            armed_at: None,
+            flushed_at: Instant::EPOCH,
+            failed_erases: 0,
+            failure: None,
+            announced: None,
+            retry_at: Instant::EPOCH,
+            crash,
+        }
+    }
+
+    /// The files, oldest first.
+    pub fn files(&self) -> &[LogFile] {
+        self.ring.as_ref().map_or(&[], Ring::files)
+    }
+
+    /// Where the bytes of a file are.
+    pub fn locate(&self, number: u16, offset: u32) -> Option<Piece> {
+        self.ring.as_ref()?.locate(number, offset)
+    }
+
+    /// Whether the flash can be written and erased.
+    pub fn health(&self) -> LogHealth {
+        let is_worn_out = self.failed_erases >= MOST_FAILED_ERASES;
+        if is_worn_out || self.failure == Some(LogFailure::NotWritten) {
+            LogHealth::Failed
+        } else {
+            LogHealth::Works
+        }
+    }
+
+    /// A failure that was not announced yet.
+    pub fn take_report(&mut self) -> Option<LogFailure> {
+        if self.announced == self.failure {
+            return None;
+        }
+        self.announced = self.failure;
+        self.failure
+    }
+
+    /// Takes over what was found in flash.
+    // Not inlined: a ring is large.
+    #[inline(never)]
+    pub fn found(&mut self, ring: Ring) {
+        info!("log: {} files", ring.files().len());
+        self.ring = Some(ring);
+    }
+
+    /// Begins, pauses or ends the log as it is wanted at `now`, and returns the number of a file that begins.
+    pub fn follow(&mut self, now: Instant, parameters: &Parameters, vehicle: &Vehicle) -> Option<u16> {
+        self.now = self.now.max(now);
+        let arm_state = vehicle.arm_state();
+        match arm_state {
+            ArmState::Armed => self.armed_at = Some(self.now),
+            ArmState::Disarmed if self.is_full() => self.failure = None,
+            ArmState::Disarmed => {}
+        }
+        if !is_on(parameters) {
+            // Of no concern.
+            self.failed_erases = 0;
+        }
+        let wish = self.wish(parameters, vehicle);
+        match (self.state, wish) {
+            (State::Idle, Wish::Record) if self.now >= self.retry_at && !self.is_full() => {
+                return self.begin(arm_state);
+            }
+            (State::Paused, Wish::Record) => self.state = State::Recording,
+            (State::Recording | State::Paused, Wish::End) => self.state = State::Closing,
+            (State::Recording, Wish::Pause) => self.state = State::Paused,
+            (State::Idle, Wish::Pause | Wish::End) if self.announced == self.failure => self.failure = None,
+            _ => self.check_length(arm_state, wish),
+        }
+        None
+    }
+
+    /// What is wanted of the log now.
+    fn wish(&self, parameters: &Parameters, vehicle: &Vehicle) -> Wish {
+        let is_set = |parameter| parameters.get_whole(parameter) != 0;
+        let is_kept_on = |armed_at| self.now.us_since(armed_at) < AFTER_DISARMING_US;
+        if vehicle.pending_restart().is_some() || !is_on(parameters) {
+            Wish::End
+        } else if is_set(VehicleParameter::LogDisarmed) || vehicle.arm_state() == ArmState::Armed {
+            Wish::Record
+        } else if self.armed_at.is_some_and(is_kept_on) {
+            Wish::GoOn
+        } else if is_set(VehicleParameter::LogFileDsrmrot) {
+            Wish::End
+        } else {
+            Wish::Pause
+        }
+    }
+
+    /// Whether the log ends until the rover is disarmed.
+    fn is_full(&self) -> bool {
+        self.failure == Some(LogFailure::Full)
+    }
+
+    /// Ends a file that must not be longer.
+    fn check_length(&mut self, arm_state: ArmState, wish: Wish) {
+        let Some(ring) = &self.ring else { return };
+        match (self.state, arm_state) {
+            // Its announcement is the last record.
+            (State::Recording, ArmState::Armed) if self.is_full() => self.state = State::Closing,
+            (State::Recording, ArmState::Armed) if space::is_full(ring) => self.fail(LogFailure::Full),
+            (State::Recording | State::Paused, ArmState::Disarmed)
+                if wish != Wish::GoOn && space::is_long(ring) =>
+            {
+                self.state = State::Closing;
+            }
+            _ => {}
+        }
+    }
+
+    fn begin(&mut self, arm_state: ArmState) -> Option<u16> {
+        let ring = self.ring.as_mut()?;
+        let Ok(number) = ring.open() else {
+            // While disarmed, space is about to be erased.
+            if arm_state == ArmState::Armed {
+                self.fail(LogFailure::Full);
+            }
+            return None;
+        };
+        info!("log: file {}", number);
+        self.state = State::Recording;
+        self.chunk.clear();
+        self.stream.begin(self.now);
+        self.flushed_at = self.now;
+        self.add(&Record::Message(GREETING));
+        if let Some(crash) = &self.crash {
+            let record = Record::Crash(crash).encode(self.now.as_micros());
+            self.stream.add(&record);
+        }
+        Some(number)
+    }
+
+    pub(super) fn fail(&mut self, failure: LogFailure) {
+        if failure == LogFailure::NotWritten {
+            self.retry_at = self.now.after_us(RETRY_INTERVAL_US);
+        }
+        if self.failure != Some(failure) {
+            warn!("log: {:?}", failure);
+        }
+        self.failure = Some(failure);
+    }
+
+    /// Takes a record, if records are taken now, and returns its length.
+    pub fn add(&mut self, record: &Record<'_>) -> usize {
+        if self.state != State::Recording {
+            return 0;
+        }
+        let bytes = record.encode(self.now.as_micros());
+        self.stream.add(&bytes);
+        bytes.len()
+    }
+
+    /// Records the value of a parameter.
+    pub fn add_parameter(&mut self, id: ParameterId, parameters: &Parameters) {
+        // A file that goes on later has the values of then.
+        if matches!(self.state, State::Recording | State::Paused) {
+            self.stream.add(&parameter_record(id, parameters, self.now));
+        }
+    }
+
+    /// Records all parameters once more.
+    pub fn add_all_parameters(&mut self) {
+        self.stream.repeat_parameters();
+    }
+
+    /// Whether the health of the board is recorded.
+    pub fn records_health(&self, parameters: &Parameters) -> bool {
+        parameters.get_whole(VehicleParameter::LogBitmask) & HEALTH_RECORDED != 0
+    }
+
+    /// Whether everything that was recorded is in flash, or lost.
+    pub fn is_written(&self) -> bool {
+        self.state == State::Idle || (self.chunk.is_empty() && !self.stream.has(1))
+    }
+
+    /// Records that could not be taken so far.
+    pub fn dropped(&self) -> u32 {
+        self.stream.dropped()
+    }
+
+    /// A sampling tick has passed.
+    pub fn tick(&mut self) {
+        self.share.tick();
+    }
+
+    /// The next pack to record, by its position among `packs`.
+    pub fn next_pack(&mut self, packs: usize, parameters: &Parameters) -> Option<(usize, Detail)> {
+        if self.state != State::Recording
+            || parameters.get_whole(VehicleParameter::LogBitmask) & PACKS_RECORDED == 0
+        {
+            return None;
+        }
+        let rate_hz = parameters.get(VehicleParameter::LogBlkRatemax);
+        let round_us = if rate_hz > 0.0 { (1e6 / rate_hz) as u64 } else { 0 };
+        self.share.next(packs, round_us, self.now)
+    }
+
+    /// So many bytes of the share were used.
+    pub fn spend(&mut self, bytes: usize) {
+        self.share.spend(bytes);
+    }
+}
+
+/// Whether anything is recorded at all.
+pub(super) fn is_on(parameters: &Parameters) -> bool {
+    parameters.get_whole(VehicleParameter::LogBitmask) != 0
+}
