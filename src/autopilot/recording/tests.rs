@@ -114,3 +114,92 @@ fn a_file_begins_with_arming_and_has_formats_and_parameters_first() {
     }
     let _ = at_us(0);
 }
+
+/// The ring of the board, on a flash that does everything and holds nothing.
+struct Board {
+    recording: Recording,
+    vehicle: Vehicle,
+    now: Instant,
+}
+
+impl Board {
+    fn starting_with(ring: Ring) -> Self {
+        let mut recording = Recording::new(None);
+        recording.found(ring);
+        let mut board = Self {
+            recording,
+            vehicle: Vehicle::new(),
+            now: Instant::EPOCH,
+        };
+        board.run(20);
+        board
+    }
+
+    /// Lets `seconds` pass, with 9 records of 75 bytes in each.
+    fn run(&mut self, seconds: u64) {
+        let parameters = Parameters::defaults();
+        for _ in 0..seconds {
+            self.now = self.now.after_us(1_000_000);
+            self.recording.follow(self.now, &parameters, &self.vehicle);
+            for _ in 0..9 {
+                self.recording.add(&Record::Message("climbing"));
+            }
+            let may_erase = match self.vehicle.arm_state() {
+                ArmState::Armed => Erase::Forbidden,
+                ArmState::Disarmed => Erase::Allowed,
+            };
+            while let Some(step) = self.recording.next_step(self.now, &parameters, may_erase) {
+                match step {
+                    LogStep::Program { .. } => self.recording.written(outcome(true), self.now),
+                    LogStep::Erase(erasure) => self.recording.erased(erasure, outcome(true)),
+                }
+            }
+        }
+    }
+
+    /// Drives for so long, and returns the length of the newest file then.
+    fn drive(&mut self, seconds: u64) -> u32 {
+        self.vehicle
+            .arm(self.now, crate::vehicle::Fitness::Checked)
+            .unwrap();
+        self.run(seconds);
+        let bytes = self.newest_bytes();
+        self.vehicle.disarm();
+        self.run(20);
+        bytes
+    }
+
+    fn newest_bytes(&self) -> u32 {
+        self.recording.files().last().map_or(0, |file| file.bytes)
+    }
+
+    /// Switches it off and on.
+    fn restart(mut self) -> Self {
+        let mut ring = self.recording.ring.take().unwrap();
+        ring.close();
+        Self::starting_with(ring)
+    }
+}
+
+#[test]
+fn the_last_drive_is_kept_however_long_it_was_and_the_next_one_has_space() {
+    let blank = || Ring::new(0..crate::recorder::MAX_SECTORS * crate::recorder::SECTOR_BYTES);
+    for seconds in [60, 800, 1000, 1200, 1500, 3000] {
+        let mut board = Board::starting_with(blank());
+        let bytes = board.drive(seconds);
+        assert!(board.newest_bytes() >= bytes, "{seconds}");
+        let mut board = board.restart();
+        assert!(board.newest_bytes() >= bytes, "{seconds}");
+        assert!(board.drive(200) > 130_000, "{seconds}");
+    }
+}
+
+#[test]
+fn a_drive_that_fills_the_log_has_one_file_and_the_next_one_another() {
+    let blank = Ring::new(0..crate::recorder::MAX_SECTORS * crate::recorder::SECTOR_BYTES);
+    let mut board = Board::starting_with(blank);
+    board.drive(3000);
+    assert_eq!(board.recording.files().len(), 1);
+    assert!(board.drive(60) > 30_000);
+    assert_eq!(board.recording.files().last().unwrap().number, 2);
+}
