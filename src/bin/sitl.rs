@@ -2,6 +2,8 @@
 
 #[cfg(not(target_os = "none"))]
 mod simulator {
+    use std::cell::RefCell;
+    use std::io;
     use std::net::SocketAddr;
     use std::path::PathBuf;
     use std::process::ExitCode;
@@ -9,8 +11,8 @@ mod simulator {
 
     use clap::Parser;
     use embassy_executor::Executor;
-    use embassy_time::Duration;
-    use rover_battmon::sim::{self, Clients, SimulatedFlash, UdpWire, clock};
+    use embassy_time::{Duration, Ticker};
+    use rover_battmon::sim::{self, Clients, LogFolder, SimulatedFlash, UdpWire, clock};
 
     /// Simulates the rover and its battery monitor: a full 3S pack, four motors, MAVLink on TCP and UDP.
     #[derive(Parser)]
@@ -31,6 +33,10 @@ mod simulator {
         /// Keep parameters, key and what is learnt of packs in this file, as the board does in its flash
         #[arg(long, value_name = "FILE")]
         flash: Option<PathBuf>,
+
+        /// Copy the logs of this run into this folder, once a second
+        #[arg(long, value_name = "DIR")]
+        log: Option<PathBuf>,
     }
 
     fn speedup(text: &str) -> Result<f64, String> {
@@ -47,6 +53,26 @@ mod simulator {
     async fn simulator(clients: Clients, udp: UdpWire, flash: SimulatedFlash, line_interval: Duration) {
         sim::run(&clients, &udp, flash, line_interval).await;
         STOP.store(true, Ordering::Relaxed);
+    }
+
+    /// For the rest of the program, as tasks have it.
+    fn open_log_folder(path: PathBuf, flash: &SimulatedFlash) -> io::Result<&'static RefCell<LogFolder>> {
+        let folder = LogFolder::open(path, flash.clone())?;
+        Ok(Box::leak(Box::new(RefCell::new(folder))))
+    }
+
+    #[embassy_executor::task]
+    async fn log_copier(folder: &'static RefCell<LogFolder>, interval: Duration) {
+        let mut copies = Ticker::every(interval);
+        while copy_logs(folder).is_ok() {
+            copies.next().await;
+        }
+    }
+
+    /// Copies what is new. A failure is shown.
+    fn copy_logs(folder: &RefCell<LogFolder>) -> io::Result<()> {
+        let copied = folder.borrow_mut().update();
+        copied.inspect_err(|error| eprintln!("Can't copy the log: {error}."))
     }
 
     pub fn main() -> ExitCode {
@@ -74,6 +100,17 @@ mod simulator {
                 return ExitCode::FAILURE;
             }
         };
+        let log_folder = match arguments
+            .log
+            .map(|path| open_log_folder(path, &flash))
+            .transpose()
+        {
+            Ok(folder) => folder,
+            Err(error) => {
+                eprintln!("Can't use the log folder: {error}.");
+                return ExitCode::FAILURE;
+            }
+        };
         if let Err(error) = ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)) {
             eprintln!("Ctrl-C will end the simulator at once: {error}.");
         }
@@ -88,10 +125,17 @@ mod simulator {
         let line_interval = Duration::from_micros((arguments.speedup * 1e6) as u64);
         Box::leak(Box::new(Executor::new())).run_until(
             |spawner| {
-                spawner.spawn(simulator(clients, udp, flash, line_interval).expect("it is spawned once"))
+                spawner.spawn(simulator(clients, udp, flash, line_interval).expect("it is spawned once"));
+                if let Some(folder) = log_folder {
+                    spawner.spawn(log_copier(folder, line_interval).expect("it is spawned once"));
+                }
             },
             || STOP.load(Ordering::Relaxed),
         );
+        // What was written since the last copy.
+        if let Some(folder) = log_folder {
+            let _ = copy_logs(folder);
+        }
         println!("Stopped.");
         ExitCode::SUCCESS
     }

@@ -286,38 +286,18 @@ fn beside(path: &Path, suffix: &str) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
-    use std::env::temp_dir;
-    use std::process;
-    use std::sync::atomic::{AtomicU32, Ordering};
-
     use embassy_futures::block_on;
 
+    use super::super::test_folder::Folder;
     use super::*;
 
-    /// Temporary folder of a test, removed on drop.
-    struct Folder(PathBuf);
-
     impl Folder {
-        fn new() -> Self {
-            static NUMBER: AtomicU32 = AtomicU32::new(0);
-            let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-            let path = temp_dir().join(format!("rover-battmon-flash-{}-{number}", process::id()));
-            fs::create_dir(&path).expect("a new folder");
-            Self(path)
-        }
-
         fn image(&self) -> PathBuf {
             self.0.join("flash.bin")
         }
 
         fn open(&self) -> io::Result<SimulatedFlash> {
             SimulatedFlash::open(Some(self.image()))
-        }
-    }
-
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
         }
     }
 

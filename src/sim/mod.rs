@@ -8,16 +8,20 @@ pub mod clock;
 mod desk;
 mod fault;
 mod flash;
+mod log_folder;
 mod pack;
 mod pack_input;
 mod pack_simulation;
 mod rover;
 mod tcp;
+#[cfg(test)]
+mod test_folder;
 mod udp;
 
 pub use bus::{POWER_MONITOR_ADDRESS, SHUNT_OHM, SMART_BATTERY_ADDRESS, SimulatedBus};
 pub use desk::run;
 pub use flash::SimulatedFlash;
+pub use log_folder::LogFolder;
 pub use pack::{PackModel, SimulatedPack};
 pub use pack_input::SimulatedPackInput;
 pub use pack_simulation::PackSimulation;
