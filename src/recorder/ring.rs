@@ -353,14 +353,6 @@ impl Ring {
             .saturating_sub(self.next - oldest.min(self.next))
     }
 
-    /// Sectors that can be erased ahead without the newest file.
-    pub fn sectors_beside_newest(&self) -> u32 {
-        let first = self.directory.newest().map_or(self.next, |(_, first)| first);
-        self.geometry
-            .sectors()
-            .saturating_sub(self.next - first.min(self.next))
-    }
-
     /// The first sector that must not be erased.
     fn kept_from(&self) -> u32 {
         match (&self.open, self.directory.newest()) {

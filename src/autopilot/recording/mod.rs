@@ -57,7 +57,7 @@ const GREETING: &str = concat!(
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum LogFailure {
-    /// All space for this drive is used up, and flash is erased while disarmed only.
+    /// All erased space is used up, and flash is erased while disarmed only.
     Full,
     /// The flash can't be written.
     NotWritten,
@@ -164,8 +164,6 @@ impl Recording {
         }
         let is_wanted = !is_restarting && self.is_wanted(parameters);
         match self.state {
-            // What is left is for the next drive.
-            State::Idle if self.failure == Some(LogFailure::Full) => {}
             State::Idle if is_wanted && self.now >= self.retry_at => self.begin(arm_state),
             State::Paused | State::Closing if is_wanted => self.state = State::Recording,
             State::Recording if !is_wanted => {
@@ -187,11 +185,7 @@ impl Recording {
             self.failed_erases = 0;
         }
         let is_over = match self.failure {
-            // What follows disarming is no drive, for which the last one would have to go.
-            Some(LogFailure::Full) => {
-                let is_always_on = parameters.get_whole(VehicleParameter::LogDisarmed) != 0;
-                arm_state == ArmState::Disarmed && (is_always_on || !is_wanted)
-            }
+            Some(LogFailure::Full) => arm_state == ArmState::Disarmed,
             Some(LogFailure::NotWritten) => !is_wanted && self.failed_erases < MOST_FAILED_ERASES,
             None => false,
         };

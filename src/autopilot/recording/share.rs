@@ -2,8 +2,8 @@
 
 use crate::time::Instant;
 
-/// What the records of all packs take of the log, in bytes per sampling tick: 250 bytes per second, which half of the ring
-/// holds for forty minutes.
+/// What the records of all packs take of the log, in bytes per sampling tick: 250 bytes per second, which three quarters of
+/// the ring hold for more than an hour.
 const BYTES_PER_TICK: i16 = 25;
 
 /// Records that may follow at once after a pause.

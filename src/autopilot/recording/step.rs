@@ -5,15 +5,12 @@ use heapless::Vec;
 use super::{Chunk, FLUSH_INTERVAL_US, LogFailure, MOST_FAILED_ERASES, PAGE_BYTES, Recording, State, is_on};
 use crate::log::warn;
 use crate::parameter::Parameters;
-use crate::recorder::{AppendError, Erasure, MAX_SECTORS, Outcome, PAYLOAD_BYTES};
+use crate::recorder::{AppendError, Erasure, MAX_SECTORS, Outcome};
 use crate::storage::Erase;
 use crate::time::Instant;
 
-/// Half of the ring is kept erased for the next drive, less if the last drive has taken more: that is never erased for it.
+/// Half of the ring is kept erased for the next drive, so the last drive, which was no longer, is never erased for it.
 const ERASED_AHEAD: u32 = MAX_SECTORS / 2;
-
-/// The longest file, in bytes. It leaves a sixth of the ring to the next drive, some twelve minutes.
-const LONGEST_FILE: u32 = (MAX_SECTORS - MAX_SECTORS / 6) * PAYLOAD_BYTES;
 
 /// What the flash has to do next for the log. Each has its report: [`Autopilot::log_written`](super::super::Autopilot::log_written),
 /// [`Autopilot::log_erased`](super::super::Autopilot::log_erased).
@@ -44,8 +41,7 @@ impl Recording {
         match may_erase {
             Erase::Allowed if is_on(parameters) && self.failed_erases < MOST_FAILED_ERASES => {
                 let ring = self.ring.as_mut()?;
-                let ahead = ERASED_AHEAD.min(ring.sectors_beside_newest());
-                let target = ring.free_sectors().max(ahead);
+                let target = ring.free_sectors().max(ERASED_AHEAD);
                 ring.next_erase(target).map(LogStep::Erase)
             }
             _ => None,
@@ -81,12 +77,8 @@ impl Recording {
     }
 
     fn next_program(&mut self) -> Option<LogStep> {
-        let ring = self.ring.as_mut()?;
-        if ring.open_file().is_some_and(|file| file.bytes >= LONGEST_FILE) {
-            self.stop(LogFailure::Full);
-            return None;
-        }
-        match ring.next_program(&self.chunk) {
+        let program = self.ring.as_mut()?.next_program(&self.chunk);
+        match program {
             Ok(program) => Some(LogStep::Program {
                 address: program.address(),
                 bytes: Vec::from_slice(program.bytes()).ok()?,
