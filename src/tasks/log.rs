@@ -42,6 +42,7 @@ async fn run<F: NorFlash>(step: LogStep, flash: &mut F, shared: &Shared) {
     match step {
         LogStep::Program { address, bytes } => {
             let turn = shared.flash_turn().await;
+            shared.away_from_sampling().await;
             let written = flash.write(address, &bytes).await;
             drop(turn);
             shared.with(|autopilot| autopilot.log_written(outcome(written), now()));

@@ -4,9 +4,9 @@
 #![allow(dead_code)]
 
 use super::frames::{
-    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, LOG_REQUEST_DATA, LOG_REQUEST_LIST, MANUAL_CONTROL,
-    PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS, RC_CHANNELS_OVERRIDE,
-    REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, TIMESYNC, encode_v2, encode_v2_from,
+    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, LOG_REQUEST_DATA,
+    LOG_REQUEST_LIST, MANUAL_CONTROL, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS,
+    RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, TIMESYNC, encode_v2, encode_v2_from,
 };
 
 /// The vehicle's system and component id.
@@ -105,7 +105,13 @@ pub fn command_int_2(number: u16, param1: f32, param2: f32) -> Vec<u8> {
 /// MAVLink FTP: open a file for reading.
 pub fn ftp_open(sequence: u16, path: &str) -> Vec<u8> {
     const OPEN_FILE_READ_ONLY: u8 = 4;
-    ftp(sequence, OPEN_FILE_READ_ONLY, path.len() as u8, 0, path.as_bytes())
+    ftp(
+        sequence,
+        OPEN_FILE_READ_ONLY,
+        path.len() as u8,
+        0,
+        path.as_bytes(),
+    )
 }
 
 /// A request of MAVLink FTP, of session 0.

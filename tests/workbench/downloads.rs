@@ -9,15 +9,22 @@ use crate::support::requests::{ftp, ftp_open, log_data, log_list};
 
 const STEP_US: u64 = 50 * MILLISECOND;
 
+/// Enough for as many files as there can be.
+const LIST_US: u64 = 600 * MILLISECOND;
+
 /// A download that has not sent anything new for so long has ended.
 const SILENCE_US: u64 = 1_000 * MILLISECOND;
 
 /// The log files on the board: id and bytes.
 pub fn list(bench: &mut Bench) -> Vec<(u16, u32)> {
-    let answers = bench.ask(&log_list(0, u16::MAX));
-    let entries = of_message(&answers, LOG_ENTRY).into_iter();
+    bench.run_until_silent();
+    let position = bench.sent().len();
+    bench.request(&log_list(0, u16::MAX));
+    bench.run_for(LIST_US);
+    let frames = bench.frames_from(position);
+    let entries = of_message(&frames, LOG_ENTRY).into_iter();
     let listed: Vec<_> = entries.map(|frame| (frame.u16(8), frame.u32(4))).collect();
-    assert!(!listed.is_empty(), "no list: {answers:?}");
+    assert!(!listed.is_empty(), "no list");
     // An empty list is one entry of no file.
     listed.into_iter().filter(|(id, _)| *id > 0).collect()
 }

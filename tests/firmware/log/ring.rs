@@ -31,7 +31,10 @@ fn the_oldest_file_goes_whole_nothing_is_erased_while_armed_and_a_full_log_is_an
     // Five sectors were free; those of the first file come next.
     let erased = erases(bench.flash_operations()).len();
     assert!((6..15).contains(&erased), "{erased}");
-    let listed: Vec<_> = list(&mut bench).into_iter().map(|(_, bytes)| bytes as usize).collect();
+    let listed: Vec<_> = list(&mut bench)
+        .into_iter()
+        .map(|(_, bytes)| bytes as usize)
+        .collect();
     let expected: Vec<_> = before[1..].iter().map(|(_, content)| content.len()).collect();
     assert_eq!(listed, expected, "the oldest file is not listed in part");
 

@@ -88,7 +88,11 @@ fn drive(bench: &mut Bench) -> (Lateness, Lateness) {
         let change = changes.iter().find(|(at, _)| *at > arrived_us * CYCLES_PER_US);
         let (at, _) = change.expect("the motor follows");
         motors.push(at - arrived_us * CYCLES_PER_US);
-        let starts: Vec<_> = bench.take_adc_record().iter().map(|conversion| conversion.start).collect();
+        let starts: Vec<_> = bench
+            .take_adc_record()
+            .iter()
+            .map(|conversion| conversion.start)
+            .collect();
         ticks.extend(starts);
     }
     (ticks_late(&ticks), Lateness::of(&motors))

@@ -12,11 +12,12 @@ use crate::emulator::i2c_devices::{Ina226, Pec, RegisterMap, SmartBattery};
 use crate::i2c_bus::{BUS, shared};
 use crate::log_records::named;
 use crate::support::frames::{
-    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, of_message, texts_of,
+    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, of_message,
+    texts_of,
 };
 use crate::support::requests::{
-    CUSTOM_MODE_ENABLED, MANUAL, VEHICLE, VEHICLE_ID, command_long_2, disarm, manual_control, param_request_list,
-    set_mode,
+    CUSTOM_MODE_ENABLED, MANUAL, VEHICLE, VEHICLE_ID, command_long_2, disarm, manual_control,
+    param_request_list, set_mode,
 };
 
 const ARM_DISARM: u16 = 400;
@@ -92,7 +93,11 @@ impl Drive {
     pub fn on_packs(packs: usize) -> Self {
         let settings: [&[(&str, f32)]; 4] = [
             &[("BATT_CELLS", 3.0)],
-            &[("BATT2_MONITOR", 3.0), ("BATT2_VOLT_PIN", 28.0), ("BATT2_CELLS", 3.0)],
+            &[
+                ("BATT2_MONITOR", 3.0),
+                ("BATT2_VOLT_PIN", 28.0),
+                ("BATT2_CELLS", 3.0),
+            ],
             &[("BATT3_MONITOR", 21.0)],
             &[("BATT4_MONITOR", 7.0)],
         ];
@@ -197,7 +202,10 @@ impl Drive {
             .filter_map(|record| record.get_str("Message"))
             .collect();
         for text in &self.heard.texts {
-            assert!(messages.contains(&text.as_str()), "{text:?} is not of {messages:?}");
+            assert!(
+                messages.contains(&text.as_str()),
+                "{text:?} is not of {messages:?}"
+            );
         }
         let dropped = named(records, "PM").map(|record| record.get_i64("LogDrop"));
         assert_eq!(dropped.last(), Some(Some(0)), "records were dropped");
@@ -212,7 +220,10 @@ fn parameters(bench: &mut Bench) -> BTreeMap<String, f32> {
     loop {
         bench.run_for(SECOND);
         let frames = bench.frames_from(position);
-        let values: Vec<_> = of_message(&frames, PARAM_VALUE).into_iter().map(ParamValue).collect();
+        let values: Vec<_> = of_message(&frames, PARAM_VALUE)
+            .into_iter()
+            .map(ParamValue)
+            .collect();
         assert!(!values.is_empty(), "no list");
         if values.len() == usize::from(values[0].count()) {
             return values.iter().map(|value| (value.name(), value.value())).collect();
