@@ -180,7 +180,8 @@ fn a_reversed_wheel_is_seen() {
 #[test]
 fn a_watchdog_restart_is_found_and_named() {
     let report = check(sound(), Fault::HangsOnce, &Plan::default());
-    assert_eq!(failed(&report), ["restarts"]);
+    // In the second after a start logs are looked for and the program is hashed.
+    assert_eq!(failed(&report), ["restarts", "load"]);
     assert!(
         report.findings()[0].contains("Crash: hung or locked up"),
         "{:?}",

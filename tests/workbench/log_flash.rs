@@ -40,7 +40,7 @@ impl LogFlash {
     /// A full ring: two small files, then large ones, and five sectors that are erased ahead.
     pub fn full() -> Self {
         let mut flash = Self::erased_ahead();
-        for (seed, sectors) in (1..).zip([10, 20, 60, 60]) {
+        for (seed, sectors) in (1..).zip([20, 20, 60, 50]) {
             flash.add(&noise(seed, sectors));
         }
         flash.erase_ahead();
