@@ -25,7 +25,7 @@ use super::Irqs;
 use super::receive_ring::ReceiveRing;
 use crate::tasks::{ByteSource, ReceiveError};
 
-/// No interrupt reports that the FIFO has run empty, or that the ring has got a byte.
+/// No interrupt reports that the ring has got a byte.
 const LOOK_INTERVAL: Duration = Duration::from_millis(1);
 
 /// Looks in vain after which the next start bit is waited for. Bytes of a frame follow each other faster.
@@ -94,10 +94,8 @@ impl Write for UartTransmitter {
         Ok(bytes.len())
     }
 
+    /// Returns at once: what was written is in the FIFO, and leaves it by itself.
     async fn flush(&mut self) -> Result<(), Infallible> {
-        while self.0.busy() {
-            Timer::after(LOOK_INTERVAL).await;
-        }
         Ok(())
     }
 }

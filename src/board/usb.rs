@@ -1,6 +1,7 @@
 //! The board's own USB port, a serial port to the host (CDC ACM).
 
 use core::cell::Cell;
+use core::ops::Range;
 
 use embassy_futures::select::{Either, Either3, select, select3};
 use embassy_rp::interrupt::{self, InterruptExt};
@@ -13,6 +14,7 @@ use embassy_time::{Duration, Timer};
 use embassy_usb::class::cdc_acm::{CdcAcmClass, ControlChanged, Receiver, Sender, State};
 use embassy_usb::{Builder, Config, Handler, UsbDevice};
 use embedded_io_async::{ErrorKind, ErrorType, Write};
+use heapless::Vec;
 
 use super::Irqs;
 use crate::board_id::BoardId;
@@ -25,6 +27,9 @@ const PRODUCT_ID: u16 = 0x000A;
 
 /// The largest a bulk packet can be at full speed.
 const PACKET_BYTES: usize = 64;
+
+/// Bytes that are sent together: some frames of a download.
+const TOGETHER_BYTES: usize = 8 * PACKET_BYTES;
 
 /// What one CDC ACM function with its association takes is 70.
 const CONFIGURATION_BYTES: usize = 80;
@@ -164,7 +169,11 @@ async fn serve_programs<'d>(
             taken: 0,
             received: 0,
         };
-        serve(UsbTransmitter(&mut sender), receiver).await;
+        let transmitter = UsbTransmitter {
+            sender: &mut sender,
+            waiting: Vec::new(),
+        };
+        serve(transmitter, receiver).await;
         line.wait_until(false).await;
         defmt::info!("USB: closed");
     }
@@ -268,8 +277,12 @@ impl Handler for BusHandler<'_> {
     }
 }
 
-/// The wire to the host.
-pub struct UsbTransmitter<'a, 'd>(&'a mut Sender<'d, UsbDriver<'d>>);
+/// The wire to the host. Frames are collected and sent together: while a packet is on the wire, there is time to prepare the
+/// next one, but not to build a frame for it, and a host that gets no packet asks again a millisecond later.
+pub struct UsbTransmitter<'a, 'd> {
+    sender: &'a mut Sender<'d, UsbDriver<'d>>,
+    waiting: Vec<u8, TOGETHER_BYTES>,
+}
 
 impl ErrorType for UsbTransmitter<'_, '_> {
     type Error = ErrorKind;
@@ -277,27 +290,46 @@ impl ErrorType for UsbTransmitter<'_, '_> {
 
 impl Write for UsbTransmitter<'_, '_> {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
-        let packet = bytes.get(..PACKET_BYTES).unwrap_or(bytes);
-        self.send(packet).await?;
-        // A full packet leaves the host waiting for the rest, so an empty one ends a frame whose last packet is full.
-        if packet.len() == PACKET_BYTES && bytes.len() == PACKET_BYTES {
-            self.send(&[]).await?;
+        if self.waiting.is_full() {
+            self.send().await?;
         }
-        Ok(packet.len())
+        let room = self.waiting.capacity() - self.waiting.len();
+        let taken = bytes.get(..room).unwrap_or(bytes);
+        // There is room for them.
+        let _ = self.waiting.extend_from_slice(taken);
+        Ok(taken.len())
     }
 
     async fn flush(&mut self) -> Result<(), ErrorKind> {
+        if self.waiting.is_empty() {
+            return Ok(());
+        }
+        let is_last_full = self.waiting.len().is_multiple_of(PACKET_BYTES);
+        self.send().await?;
+        // A full packet leaves the host waiting for the rest.
+        if is_last_full {
+            self.send_packet(0..0).await?;
+        }
         Ok(())
     }
 }
 
 impl UsbTransmitter<'_, '_> {
+    /// Sends what waits.
+    async fn send(&mut self) -> Result<(), ErrorKind> {
+        let end = self.waiting.len();
+        for start in (0..end).step_by(PACKET_BYTES) {
+            self.send_packet(start..end.min(start + PACKET_BYTES)).await?;
+        }
+        self.waiting.clear();
+        Ok(())
+    }
+
     /// Waits until the host has taken the packet before, and hands over this one.
-    async fn send(&mut self, packet: &[u8]) -> Result<(), ErrorKind> {
-        self.0
-            .write_packet(packet)
-            .await
-            .map_err(|_| ErrorKind::NotConnected)
+    async fn send_packet(&mut self, range: Range<usize>) -> Result<(), ErrorKind> {
+        let packet = self.waiting.get(range).unwrap_or_default();
+        let sent = self.sender.write_packet(packet).await;
+        sent.map_err(|_| ErrorKind::NotConnected)
     }
 }
 

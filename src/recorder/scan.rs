@@ -8,6 +8,19 @@ use super::front::{FRONT_BYTES, Front, Header, HeaderSlot, PAYLOAD_BYTES};
 use super::geometry::{Geometry, SECTOR_BYTES};
 use super::sector_set::SectorSet;
 
+const CHUNK_BYTES: usize = 128;
+
+/// A piece of a sector. Aligned, it is copied and compared by words: half a megabyte is read at the start.
+#[repr(align(4))]
+struct Chunk([u8; CHUNK_BYTES]);
+
+impl Chunk {
+    fn is_blank(&self) -> bool {
+        let words = self.0.as_chunks().0.iter();
+        words.fold(u32::MAX, |all, word| all & u32::from_ne_bytes(*word)) == u32::MAX
+    }
+}
+
 /// What a ring holds.
 pub(super) struct Scan {
     /// The sector after all that were ever begun.
@@ -144,19 +157,18 @@ impl<F: ReadNorFlash> Reader<'_, F> {
 
     /// The erased bytes at the end of a sector's payload.
     async fn blank_bytes(&mut self, sequence: u32) -> u32 {
-        const CHUNK: u32 = 128;
         yield_now().await;
         let start = self.geometry.address(sequence);
         let mut blank = 0;
-        for offset in (0..SECTOR_BYTES).step_by(CHUNK as usize).rev() {
-            let mut bytes = [0; CHUNK as usize];
+        for offset in (0..SECTOR_BYTES).step_by(CHUNK_BYTES).rev() {
+            let mut chunk = Chunk([0; CHUNK_BYTES]);
             // What can't be read counts as content.
-            let _ = self.read(start + offset, &mut bytes).await;
-            if bytes != [0xFF; CHUNK as usize] {
-                blank += bytes.iter().rev().take_while(|byte| **byte == 0xFF).count() as u32;
+            let _ = self.read(start + offset, &mut chunk.0).await;
+            if !chunk.is_blank() {
+                blank += chunk.0.iter().rev().take_while(|byte| **byte == 0xFF).count() as u32;
                 break;
             }
-            blank += CHUNK;
+            blank += CHUNK_BYTES as u32;
         }
         blank.min(PAYLOAD_BYTES)
     }

@@ -25,6 +25,7 @@ pub async fn sample_batteries(
     let start = Instant::from_micros(now().as_micros().next_multiple_of(SAMPLING_RESOLUTION_US));
     let mut ticks = Cadence::starting_at(start, SAMPLING_INTERVAL_US);
     loop {
+        shared.sampling_is_due(ticks.due());
         timer_at(ticks.due()).await;
         let now = now();
         ticks.take(now);

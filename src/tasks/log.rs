@@ -43,6 +43,7 @@ async fn work<F: NorFlash>(flash: &mut F, shared: &Shared) -> Option<Duration> {
     let _turn = shared.flash_turn().await;
     match shared.with(|autopilot| autopilot.next_log_step(now()))? {
         LogStep::Program { address, bytes } => {
+            shared.away_from_sampling().await;
             let written = flash.write(address, &bytes).await;
             shared.with(|autopilot| autopilot.log_written(outcome(written), now()));
             Some(Duration::MIN)

@@ -1,15 +1,17 @@
 //! The core, shared between tasks.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::semaphore::{FairSemaphore, Semaphore, SemaphoreReleaser};
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::{Receiver, Watch};
 
+use super::{now, timer_at};
 use crate::autopilot::{Announcement, Autopilot, Start, Work};
 use crate::in_place::in_place;
 use crate::storage::Erase;
+use crate::time::Instant;
 
 /// Links that can be woken by an announcement. The simulator has the most: eight by TCP and one by UDP. A further one
 /// sends announcements when its next stream is due.
@@ -17,6 +19,12 @@ const MAX_LINKS: usize = 9;
 
 /// The tasks that write to flash: parameters, signing, learnt, log.
 const FLASH_TASKS: usize = 4;
+
+/// A page is programmed in 0.6 ms, and in 3.2 ms at most.
+const PROGRAMMING_US: u64 = 4_000;
+
+/// The packs' pins are read within this time.
+const SAMPLING_US: u64 = 4_000;
 
 /// Turns at the flash, in the order in which they are asked for: a task that always has something to write must not keep the
 /// others from theirs until the watchdog misses them.
@@ -32,6 +40,8 @@ pub struct Shared {
     autopilot: RefCell<Autopilot>,
     announced: Watch<NoopRawMutex, (), MAX_LINKS>,
     flash_turns: FlashTurns,
+    /// When the packs are sampled next.
+    sampling_due: Cell<Option<Instant>>,
     pub(super) to_drive: Signal<NoopRawMutex, ()>,
     pub(super) to_save: Signal<NoopRawMutex, ()>,
     pub(super) to_save_signing: Signal<NoopRawMutex, ()>,
@@ -49,6 +59,7 @@ impl Shared {
             autopilot: in_place(|| RefCell::new(Autopilot::new(start))),
             announced: Watch::new(),
             flash_turns: FlashTurns::new(1),
+            sampling_due: Cell::new(None),
             to_drive: Signal::new(),
             to_save: Signal::new(),
             to_save_signing: Signal::new(),
@@ -76,6 +87,23 @@ impl Shared {
     pub(super) async fn flash_turn(&self) -> Option<SemaphoreReleaser<'_, FlashTurns>> {
         // The queue has a place for each of them.
         self.flash_turns.acquire(1).await.ok()
+    }
+
+    /// The packs are sampled next at `due`.
+    pub(super) fn sampling_is_due(&self, due: Instant) {
+        self.sampling_due.set(Some(due));
+    }
+
+    /// Waits, if a page that is programmed now would delay the sampling of the packs: nothing runs meanwhile.
+    pub(super) async fn away_from_sampling(&self) {
+        let Some(due) = self.sampling_due.get() else {
+            return;
+        };
+        let now = now();
+        let end = due.after_us(SAMPLING_US);
+        if now.after_us(PROGRAMMING_US) > due && now < end {
+            timer_at(end).await;
+        }
     }
 
     /// Whether flash may be erased now, for [`Storage`](crate::storage::Storage).

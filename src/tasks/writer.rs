@@ -8,7 +8,8 @@ use super::{Link, Shared, mark, now};
 use crate::liveness::CheckIn;
 use crate::mavlink::Framer;
 
-/// Takes messages out of the link's outbox as fast as `wire` takes their frames. Only this task ever waits for the wire.
+/// Takes messages out of the link's outbox as fast as `wire` takes their frames. Only this task ever waits for the wire,
+/// which may collect frames until there is no other one.
 ///
 /// # Errors
 /// The wire failed and takes no more frames.
@@ -27,7 +28,10 @@ pub async fn write_frames<W: Write>(
         let Some(frame) = frame else {
             match reading {
                 LogReading::Read => yield_now().await,
-                LogReading::NothingToRead => link.to_write.wait().await,
+                LogReading::NothingToRead => {
+                    wire.flush().await?;
+                    link.to_write.wait().await;
+                }
             }
             mark(check_in);
             continue;

@@ -6,12 +6,16 @@
 #[path = "../workbench/bench.rs"]
 #[allow(dead_code)]
 mod bench;
+#[path = "../workbench/downloads.rs"]
+mod downloads;
 #[path = "../support/elf.rs"]
 mod elf;
 #[path = "../emulator/mod.rs"]
 mod emulator;
 #[path = "../workbench/i2c_bus.rs"]
 mod i2c_bus;
+#[path = "../workbench/log_records.rs"]
+mod log_records;
 #[path = "../support/motor_poles.rs"]
 #[allow(dead_code)]
 mod motor_poles;
@@ -25,6 +29,7 @@ mod signing_key;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod logs;
 mod runner;
 mod seeded_faults;
 
@@ -37,12 +42,14 @@ use runs::mixed_packs::{self, MIXED, MIXED_MV, TWO};
 use runs::{exact_rates, line_noise, power_cuts, rates_asked_for, signing_time, time_wrap};
 
 /// The longest first, so that no processor waits for the last one.
-const RUNS: [Run; 12] = [
-    Run::new("an hour of seeded faults", seeded_faults::an_hour),
+const RUNS: [Run; 14] = [
+    Run::new("an hour with four packs", logs::an_hour_with_four_packs),
+    Run::new("half an hour of seeded faults", seeded_faults::half_an_hour),
     Run::new(
-        "half an hour of faults and strangers",
-        seeded_faults::half_an_hour_with_strangers,
+        "a quarter of an hour of faults and strangers",
+        seeded_faults::a_quarter_of_an_hour_with_strangers,
     ),
+    Run::new("log power cuts", || logs::power_cuts(CUT_STEP)),
     Run::new("ten minutes of garbage", || line_noise::run(10 * MINUTE)),
     Run::new("power cuts before an operation", || {
         power_cuts::run(FlashCut::Before, 1..)
@@ -71,8 +78,17 @@ const RUNS: [Run; 12] = [
     Run::new("ten minutes at exact rates", || exact_rates::run(10 * MINUTE)),
 ];
 
-/// An hour of our time, so it only runs when it is asked for: as `day`.
-const A_DAY: Run = Run::new("a day of seeded faults", seeded_faults::a_day);
+/// Of the operations of a rotation, every so many are cut.
+const CUT_STEP: usize = 6;
+
+/// They take long, so each only runs when it is asked for by this word.
+const LONG_RUNS: [(&str, Run); 2] = [
+    (
+        "every",
+        Run::new("log power cuts in every operation", || logs::power_cuts(1)),
+    ),
+    ("day", Run::new("a day of seeded faults", seeded_faults::a_day)),
+];
 
 fn main() -> ExitCode {
     let words: Vec<_> = std::env::args()
@@ -83,8 +99,10 @@ fn main() -> ExitCode {
     if !words.is_empty() {
         runs.retain(|run| words.iter().any(|word| run.name.contains(word)));
     }
-    if words.iter().any(|word| word == "day") {
-        runs.push(A_DAY);
+    for (asked_as, run) in LONG_RUNS {
+        if words.iter().any(|word| word == asked_as) {
+            runs.push(run);
+        }
     }
     runner::run_all(&runs)
 }

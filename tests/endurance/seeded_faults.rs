@@ -8,19 +8,22 @@ use crate::runs::soak::fault::Fault;
 use crate::runs::soak::tally::Tally;
 use crate::runs::soak::{Protection, run_board, run_boards};
 
-/// Each board runs for so long.
+/// Each board of the day runs for so long.
 const BOARD_US: u64 = 30 * MINUTE;
 
-pub fn an_hour() {
-    let tally = run_boards(2, BOARD_US, |sum| publish(sum, "reliability-hour.md"));
+/// Each other one.
+const SHORT_US: u64 = 15 * MINUTE;
+
+pub fn half_an_hour() {
+    let tally = run_boards(2, SHORT_US, |sum| publish(sum, "reliability-half-hour.md"));
     for fault in Fault::ALL {
         assert!(tally.times(fault) >= 5, "{fault:?}");
     }
 }
 
 /// Beside all that, strangers who have heard everything try to command the board.
-pub fn half_an_hour_with_strangers() {
-    let tally = run_board(1, Protection::Key, BOARD_US);
+pub fn a_quarter_of_an_hour_with_strangers() {
+    let tally = run_board(1, Protection::Key, SHORT_US);
     publish(&tally, "reliability-key.md");
     assert!(tally.marks > 0, "the time of signatures was not written down");
 }

@@ -141,8 +141,8 @@ fn intervals_and_messages_are_sent_on_request() {
     }
     let answers = bench.ask(&command_long(REQUEST_MESSAGE, 148.0));
     let version = of_message(&answers, AUTOPILOT_VERSION)[0];
-    // PARAM_FLOAT, COMMAND_INT, MAVLINK2, PARAM_ENCODE_C_CAST.
-    assert_eq!(version.u32(0), 2 | 8 | 8192 | 131_072);
+    // PARAM_FLOAT, COMMAND_INT, FTP, MAVLINK2, PARAM_ENCODE_C_CAST.
+    assert_eq!(version.u32(0), 2 | 8 | 32 | 8192 | 131_072);
 }
 
 #[test]

@@ -4,12 +4,16 @@
 mod bench;
 #[path = "../support/checked.rs"]
 mod checked;
+#[path = "../workbench/downloads.rs"]
+mod downloads;
 #[path = "../support/elf.rs"]
 mod elf;
 #[path = "../emulator/mod.rs"]
 mod emulator;
 #[path = "../workbench/i2c_bus.rs"]
 mod i2c_bus;
+#[path = "../workbench/log_records.rs"]
+mod log_records;
 #[path = "../support/motor_poles.rs"]
 mod motor_poles;
 #[path = "../support/page.rs"]
@@ -44,6 +48,7 @@ mod lamps;
 mod learning;
 mod learnt;
 mod link_noise;
+mod log;
 mod motors;
 mod packs;
 mod parameters;

@@ -4,9 +4,9 @@
 #![allow(dead_code)]
 
 use super::frames::{
-    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, MANUAL_CONTROL,
-    PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS, RC_CHANNELS_OVERRIDE,
-    REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, TIMESYNC, encode_v2, encode_v2_from,
+    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, LOG_REQUEST_DATA,
+    LOG_REQUEST_LIST, MANUAL_CONTROL, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS,
+    RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, TIMESYNC, encode_v2, encode_v2_from,
 };
 
 /// The vehicle's system and component id.
@@ -105,11 +105,40 @@ pub fn command_int_2(number: u16, param1: f32, param2: f32) -> Vec<u8> {
 /// MAVLink FTP: open a file for reading.
 pub fn ftp_open(sequence: u16, path: &str) -> Vec<u8> {
     const OPEN_FILE_READ_ONLY: u8 = 4;
+    ftp(
+        sequence,
+        OPEN_FILE_READ_ONLY,
+        path.len() as u8,
+        0,
+        path.as_bytes(),
+    )
+}
+
+/// A request of MAVLink FTP, of session 0.
+pub fn ftp(sequence: u16, opcode: u8, size: u8, offset: u32, data: &[u8]) -> Vec<u8> {
     let mut payload = vec![0, VEHICLE[0], VEHICLE[1]];
     payload.extend(sequence.to_le_bytes());
-    payload.extend([0, OPEN_FILE_READ_ONLY, path.len() as u8, 0, 0, 0, 0, 0, 0, 0]);
-    payload.extend(path.bytes());
+    payload.extend([0, opcode, size, 0, 0, 0]);
+    payload.extend(offset.to_le_bytes());
+    payload.extend(data);
     encode_v2(FILE_TRANSFER_PROTOCOL, &payload)
+}
+
+/// All log files, or those with an id from `start` to `end`.
+pub fn log_list(start: u16, end: u16) -> Vec<u8> {
+    let payload = [&start.to_le_bytes()[..], &end.to_le_bytes(), &VEHICLE].concat();
+    encode_v2(LOG_REQUEST_LIST, &payload)
+}
+
+/// So many bytes of a log file from an offset on.
+pub fn log_data(id: u16, offset: u32, bytes: u32) -> Vec<u8> {
+    let payload = [
+        &offset.to_le_bytes()[..],
+        &bytes.to_le_bytes(),
+        &id.to_le_bytes(),
+        &VEHICLE,
+    ];
+    encode_v2(LOG_REQUEST_DATA, &payload.concat())
 }
 
 pub fn request_data_stream(stream: u8, rate_hz: u16, start_stop: u8) -> Vec<u8> {

@@ -1,8 +1,12 @@
 //! A board on the bench, and what the tests ask of it.
 
+#[path = "log_flash.rs"]
+pub mod log_flash;
+
 use std::ops::{Deref, DerefMut, Range};
 use std::sync::OnceLock;
 
+use log_flash::LogFlash;
 use rover_battmon::flash_map;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
@@ -67,10 +71,14 @@ pub const CYCLES_PER_US: u64 = 125;
 /// A ground station would wait longer.
 const ANSWER_TIME_US: u64 = 200 * MILLISECOND;
 
-/// The release firmware, built once per run.
+/// The release firmware, built once per run, in a flash that is erased ahead of the log: a new board erases a sector after
+/// the other in its first seconds.
 fn firmware() -> &'static Firmware {
     static FIRMWARE: OnceLock<Firmware> = OnceLock::new();
-    FIRMWARE.get_or_init(|| Firmware::load(build(Artifact::Binary("rover-battmon"))))
+    FIRMWARE.get_or_init(|| {
+        let firmware = Firmware::load(build(Artifact::Binary("rover-battmon")));
+        firmware.with_flash(flash_map::LOG.start, LogFlash::erased_ahead().bytes())
+    })
 }
 
 /// A parameter's value by the answers.
@@ -255,6 +263,12 @@ impl Bench {
         self.signer = Some(signer);
     }
 
+    /// Sends a request, signed if requests are.
+    pub fn request(&mut self, request: &[u8]) {
+        let request = self.sign(request);
+        self.send(&request);
+    }
+
     fn sign(&mut self, request: &[u8]) -> Vec<u8> {
         let Some(mut signer) = self.signer.take() else {
             return request.to_vec();
@@ -293,8 +307,7 @@ impl Bench {
     /// messages than telemetry.
     pub fn ask(&mut self, request: &[u8]) -> Vec<Frame> {
         let asked_us = self.time_us();
-        let request = self.sign(request);
-        self.send(&request);
+        self.request(request);
         self.board.run_for(ANSWER_TIME_US);
         let telemetry = [HEARTBEAT, SYS_STATUS, BATTERY_STATUS];
         self.frames()
@@ -321,6 +334,11 @@ impl Bench {
             .filter(|(at_us, _)| *at_us > time_us)
             .collect();
         frames(&later)
+    }
+
+    /// The frames among what was sent after the first `position` bytes, which end with a frame.
+    pub fn frames_from(&mut self, position: usize) -> Vec<Frame> {
+        frames(&self.sent()[position..])
     }
 
     /// The log lines of at least `level` that contain `text`.

@@ -2,6 +2,8 @@
 
 pub mod exact_rates;
 pub mod line_noise;
+pub mod log_cuts;
+pub mod logged_drive;
 pub mod mixed_packs;
 pub mod power_cuts;
 mod progress;

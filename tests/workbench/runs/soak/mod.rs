@@ -46,6 +46,7 @@ pub fn run_board(seed: u64, protection: Protection, length_us: u64) -> Tally {
         progress.at(rig.now_us());
     }
     assert_eq!(rig.list(), before, "parameters that were not set");
+    rig.read_log();
     rig.sum_up(from_us)
 }
 

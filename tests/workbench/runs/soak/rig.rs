@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use rover_battmon::flash_map;
+
 use super::fault::Fault;
 use super::hostile::{hostile, stranger};
 use super::ledger::Ledger;
@@ -11,11 +13,14 @@ use super::packs::{self, Packs};
 use super::receiver::Receiver;
 use super::station::Station;
 use super::tally::Tally;
+use crate::bench::log_flash::files_in;
 use crate::bench::{Bench, MILLISECOND, SECOND, SIGNING_OFFSET, value_of};
+use crate::downloads::{download, list};
 use crate::emulator::Random;
+use crate::log_records::records_of_torn;
 use crate::signer::Signer;
 use crate::signing_key::{OWNER, flash_with_key};
-use crate::support::requests::{VEHICLE, param_read_by_name, param_request_list, ping};
+use crate::support::requests::{VEHICLE, disarm, param_read_by_name, param_request_list, ping};
 
 /// What the ground station sets: nothing that anything else depends on.
 const SET: [&str; 6] = [
@@ -49,6 +54,9 @@ const TRIES: usize = 5;
 
 /// Enough for twice the parameters of four packs and for the hostile frames that are still on their way.
 const LIST_STEPS: usize = 50;
+
+/// The log goes on for 15 s after disarming, and is in flash a second later.
+const LOG_WRITTEN_US: u64 = 17 * SECOND;
 
 /// Which senders a board obeys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -284,6 +292,31 @@ impl Rig {
         let mut listed = self.reported.clone();
         listed.retain(|name, _| !SET.contains(&name.as_str()));
         listed
+    }
+
+    /// Disarms, downloads the newest log, and reads all of them.
+    pub fn read_log(&mut self) {
+        let bench = &mut self.bench;
+        if let Some(owner) = &self.owner {
+            bench.sign_with(owner.clone());
+        }
+        bench.run_until_silent();
+        bench.forget_sent();
+        bench.ask(&disarm());
+        bench.run_for(LOG_WRITTEN_US);
+        let listed = list(bench);
+        let files = files_in(&bench.read_flash(flash_map::LOG.start, flash_map::LOG.len()));
+        assert_eq!(listed.len(), files.len(), "{listed:?}");
+        let (newest, (_, content)) = listed.last().zip(files.last()).expect("it was armed");
+        assert!(download(bench, *newest) == *content, "{newest:?}");
+        let records = files.iter().map(|(_, content)| records_of_torn(content).len());
+        self.tally.log_records = records.sum();
+        self.tally.log_files = files.len();
+        assert!(
+            self.tally.log_records > 100 * files.len(),
+            "{:?}",
+            self.tally.log_records
+        );
     }
 
     /// What has happened since `from_us`.

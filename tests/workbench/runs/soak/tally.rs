@@ -34,6 +34,11 @@ pub struct Tally {
     pub marks: u64,
     /// Flash operations for what is learnt of the packs.
     pub learnt: u64,
+    /// The same for the log.
+    pub logged: u64,
+    /// Log files at the end, and whole records in them.
+    pub log_files: usize,
+    pub log_records: usize,
     /// Of the watchdog's time, whenever it was fed.
     pub least_left_us: Option<u64>,
 }
@@ -77,6 +82,9 @@ impl Tally {
         self.erases += other.erases;
         self.marks += other.marks;
         self.learnt += other.learnt;
+        self.logged += other.logged;
+        self.log_files += other.log_files;
+        self.log_records += other.log_records;
         let both = [self.least_left_us, other.least_left_us];
         self.least_left_us = both.into_iter().flatten().min();
     }
@@ -145,6 +153,11 @@ impl fmt::Display for Tally {
             f,
             "- {} flash operations for what is learnt of the packs;",
             self.learnt
+        )?;
+        writeln!(
+            f,
+            "- {} flash operations for the log; at the end it has {} files with {} records, the newest downloaded as it is in flash;",
+            self.logged, self.log_files, self.log_records
         )?;
         if self.marks > 0 {
             writeln!(f, "- the time of signatures written down {} times;", self.marks)?;

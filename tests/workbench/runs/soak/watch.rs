@@ -1,5 +1,7 @@
 //! What has to hold whatever happens.
 
+use rover_battmon::flash_map;
+
 use super::motors::{Change, Motors, Says};
 use super::rig::{PROBE, Rig};
 use super::station::Driver;
@@ -111,6 +113,10 @@ impl Rig {
         for operation in self.bench.take_flash_operations() {
             if is_learnt(&operation) {
                 self.tally.learnt += 1;
+                continue;
+            }
+            if flash_map::LOG.contains(&operation.offset) {
+                self.tally.logged += 1;
                 continue;
             }
             if self.owner.is_some() && (SIGNING_OFFSET..PARAMETER_OFFSET).contains(&operation.offset) {

@@ -1,0 +1,45 @@
+//! The log of an hour, and power cuts while the ring rotates.
+
+use crate::bench::{MINUTE, SECOND};
+use crate::downloads::{download, list};
+use crate::emulator::FlashCut;
+use crate::log_records::{named, records};
+use crate::runs::log_cuts;
+use crate::runs::logged_drive::Drive;
+
+/// Half of the ring, which is erased ahead, lasts longer.
+const LEG_US: u64 = 20 * MINUTE;
+const LEGS: usize = 3;
+
+/// An hour, with stops in which space is erased for what was written.
+pub fn an_hour_with_four_packs() {
+    let mut drive = Drive::on_packs(4);
+    for _ in 0..LEGS {
+        drive.arm();
+        drive.drive_for(LEG_US);
+        drive.end();
+    }
+    let files = list(&mut drive.bench);
+    assert_eq!(files.len(), 1, "{files:?}");
+    let content = download(&mut drive.bench, files[0]);
+    let records = records(&content);
+    drive.assert_complete(&records);
+    let seconds = named(&records, "PM").count();
+    let driven = LEGS * (LEG_US / SECOND) as usize;
+    assert!(seconds >= driven, "{seconds} s");
+    let compared = drive.compare_voltages(&records);
+    println!(
+        "{driven} s on four packs: {} bytes, {compared} voltages as on the wire",
+        content.len()
+    );
+    assert!(compared > 2 * driven, "{compared}");
+    let erases = drive.bench.flash_erase_counts().values().max();
+    assert!(erases.is_none_or(|most| *most <= 2), "{erases:?}");
+}
+
+/// Every so many operations of a rotation.
+pub fn power_cuts(step: usize) {
+    for (cut, first) in FlashCut::ALL.into_iter().zip(1..) {
+        log_cuts::run(cut, (1 + first % step as u64..).step_by(step));
+    }
+}

@@ -1,0 +1,69 @@
+//! The log of drives: recorded in flash, downloaded, and in nobody's way.
+
+mod downloads;
+mod ring;
+mod timing;
+
+use crate::bench::{Bench, MINUTE, Wire};
+use crate::downloads::{download, get, list};
+use crate::emulator::FlashCut;
+use crate::log_records::{named, records};
+use crate::runs::log_cuts;
+use crate::runs::logged_drive::Drive;
+
+#[test]
+fn a_minute_on_two_packs_is_downloaded_alike_over_uart_and_usb_and_has_what_was_on_the_wire() {
+    let mut drive = Drive::on_packs(2);
+    drive.arm();
+    drive.drive_for(MINUTE);
+    drive.end();
+    let files = list(&mut drive.bench);
+    assert_eq!(files.len(), 1, "{files:?}");
+    let content = download(&mut drive.bench, files[0]);
+    let compared = assert_drive(&mut drive, &content);
+    println!(
+        "{} bytes of a minute on two packs, {compared} voltages compared",
+        content.len()
+    );
+    assert!(compared > 250, "{compared}");
+
+    drive.bench.use_wire(Wire::Usb);
+    assert!(get(&mut drive.bench, "/LOGS/00000001.BIN") == content);
+    assert!(download(&mut drive.bench, files[0]) == content);
+}
+
+/// Panics unless the log has what belongs into it. Returns how many voltages were compared with the wire's.
+fn assert_drive(drive: &mut Drive, content: &[u8]) -> usize {
+    let records = records(content);
+    drive.assert_complete(&records);
+    let numbers = |name, field| -> Vec<_> {
+        named(&records, name)
+            .filter_map(|record| record.get_i64(field))
+            .collect()
+    };
+    assert_eq!(numbers("ARM", "ArmState"), [1, 0]);
+    assert_eq!(numbers("EV", "Id"), [10, 11]);
+    // HOLD at the start, then MANUAL.
+    assert_eq!(numbers("MODE", "Mode").last(), Some(&0));
+    let seconds = named(&records, "PM").count();
+    assert!((75..=77).contains(&seconds), "{seconds} s");
+    drive.compare_voltages(&records)
+}
+
+/// In one of so many operations here, in more of them in `tests/endurance`.
+const CUT_STEP: usize = 25;
+
+#[test]
+fn power_cuts_in_a_rotation_leave_older_files_and_all_but_the_last_second() {
+    for (cut, first) in FlashCut::ALL.into_iter().zip(1..) {
+        log_cuts::run(cut, (first..).step_by(CUT_STEP));
+    }
+}
+
+/// A board that runs with this log in its flash.
+fn running_with(log: &[u8]) -> Bench {
+    use crate::bench::{DIVIDER_CODE, SECOND};
+    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, rover_battmon::flash_map::LOG.start, log);
+    bench.run_for(SECOND);
+    bench
+}

@@ -1,0 +1,159 @@
+//! Downloads: how fast, and what goes on meanwhile.
+
+use std::cell::Cell;
+
+use rover_battmon::flash_map;
+use rover_battmon::recorder::PAYLOAD_BYTES;
+
+use super::running_with;
+use crate::bench::log_flash::{LogFlash, files_in, noise};
+use crate::bench::{Bench, SECOND, Wire};
+use crate::downloads::{Download, content, download, get, list};
+use crate::emulator::Random;
+use crate::support::frames::{Frame, HEARTBEAT, LOG_DATA, PARAM_VALUE, of_message, texts_of};
+use crate::support::requests::{command_long_2, log_data, param_read_by_name};
+
+const ARM_DISARM: u16 = 400;
+const FORCED: f32 = 21_196.0;
+
+const UART_BYTES_PER_S: u64 = 11_520;
+
+/// Header and checksum of a frame.
+const OVERHEAD_BYTES: usize = 12;
+
+/// A download, with a parameter that is asked for in each second.
+struct Measured {
+    frames: Vec<Frame>,
+    took_us: u64,
+    asked: usize,
+}
+
+impl Measured {
+    fn of(bench: &mut Bench, file: (u16, u32)) -> Self {
+        let download = Download::begin(bench, file.0, file.1);
+        let asked = Cell::new(0);
+        let frames = download.run(bench, |bench| {
+            if bench.time_us() >= download.began_us + asked.get() * SECOND {
+                asked.set(asked.get() + 1);
+                bench.request(&param_read_by_name("BATT_LOW_VOLT"));
+            }
+        });
+        let data = of_message(&frames, LOG_DATA);
+        let ended_us = data.last().expect("some").at_us;
+        Self {
+            took_us: ended_us - download.began_us,
+            frames,
+            asked: asked.get() as usize,
+        }
+    }
+
+    /// Panics unless HEARTBEAT came in each second, and each question but the last was answered.
+    fn assert_shared(&self) {
+        let heartbeats = of_message(&self.frames, HEARTBEAT).len();
+        assert!(heartbeats as u64 >= self.took_us / SECOND, "{heartbeats}");
+        let answers = of_message(&self.frames, PARAM_VALUE).len();
+        assert!(
+            answers + 1 >= self.asked && answers > 0,
+            "{answers} of {}",
+            self.asked
+        );
+    }
+}
+
+#[test]
+fn a_download_takes_85_percent_of_a_slow_line_and_150_kb_a_second_of_usb() {
+    let mut log = LogFlash::erased_ahead();
+    let (short, long) = (noise(1, 15), noise(2, 130));
+    log.add(&short);
+    log.add(&long);
+    log.erase_ahead();
+    let mut bench = running_with(log.bytes());
+    let files = list(&mut bench);
+    assert_eq!(files, [(1, short.len() as u32), (2, long.len() as u32)]);
+
+    let uart = Measured::of(&mut bench, files[0]);
+    assert!(content(&uart.frames) == short);
+    let data = of_message(&uart.frames, LOG_DATA).into_iter();
+    let bytes: usize = data.map(|frame| OVERHEAD_BYTES + frame.payload_len()).sum();
+    let percent = 100 * bytes as u64 * SECOND / (uart.took_us * UART_BYTES_PER_S);
+    println!(
+        "{bytes} bytes on the wire in {} us: {percent} % of 115200 baud",
+        uart.took_us
+    );
+    uart.assert_shared();
+    assert!(percent >= 85, "{percent} %");
+
+    bench.use_wire(Wire::Usb);
+    let usb = Measured::of(&mut bench, files[1]);
+    assert!(content(&usb.frames) == long);
+    let bytes_per_s = long.len() as u64 * SECOND / usb.took_us;
+    println!(
+        "{} bytes by USB in {} us: {bytes_per_s} a second",
+        long.len(),
+        usb.took_us
+    );
+    usb.assert_shared();
+    assert!(bytes_per_s >= 150_000, "{bytes_per_s}");
+
+    let began_us = bench.time_us();
+    assert!(get(&mut bench, "/LOGS/00000002.BIN") == long);
+    let took_us = bench.time_us() - began_us;
+    let bytes_per_s = long.len() as u64 * SECOND / took_us;
+    println!("by MAVLink FTP in {took_us} us: {bytes_per_s} a second");
+    bench.assert_untroubled();
+}
+
+#[test]
+fn arming_ends_a_download_and_refuses_others() {
+    let mut log = LogFlash::erased_ahead();
+    log.add(&noise(1, 15));
+    let mut bench = running_with(log.bytes());
+    let (id, bytes) = list(&mut bench)[0];
+    Download::begin(&mut bench, id, bytes);
+    bench.run_for(SECOND);
+    let position = bench.sent().len();
+    bench.request(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    bench.run_for(SECOND);
+    let sent_before = bench.sent()[..position].len();
+    assert!(sent_before > 5_000, "{sent_before}");
+    let armed_us = bench.time_us();
+    bench.run_until_silent();
+    let answers = bench.ask(&log_data(id, 0, bytes));
+    assert_eq!(texts_of(&answers), ["Not while armed: disarm first"]);
+    bench.run_for(3 * SECOND);
+    let frames = bench.frames_since(armed_us);
+    assert_eq!(of_message(&frames, LOG_DATA), Vec::<&Frame>::new());
+}
+
+#[test]
+fn garbage_in_the_ring_leaves_the_rest_readable() {
+    let mut random = Random::new(15);
+    let mut garbage = vec![0; flash_map::LOG.len()];
+    random.fill(&mut garbage);
+    let mut bench = running_with(&garbage);
+    assert_eq!(list(&mut bench), []);
+    bench.assert_untroubled();
+
+    // A bit of every hundredth byte is flipped, in headers too.
+    let mut log = LogFlash::erased_ahead();
+    for seed in 1..6 {
+        log.add(&noise(seed, 3));
+    }
+    let mut flash = log.bytes().to_vec();
+    for byte in flash.iter_mut().take(15 * 4096).skip(4096) {
+        if random.below(100) == 0 {
+            *byte ^= 1 << random.below(8);
+        }
+    }
+    let expected = files_in(&flash);
+    let mut bench = running_with(&flash);
+    let listed = list(&mut bench);
+    assert!(!listed.is_empty());
+    let lengths = listed.iter().map(|(_, bytes)| *bytes as usize);
+    assert!(lengths.eq(expected.iter().map(|(_, content)| content.len())));
+    for (file, (number, content)) in listed.into_iter().zip(expected) {
+        assert!(content.len() <= 3 * PAYLOAD_BYTES as usize);
+        assert!(download(&mut bench, file) == content, "file {number}");
+    }
+    bench.assert_untroubled();
+}
