@@ -719,6 +719,27 @@ fn what_is_not_possible_is_refused_with_its_reason() {
 }
 
 #[test]
+fn a_burst_over_a_slow_line_ends_before_its_station_gives_up() {
+    // Of a message with 239 bytes, at 57600 Bd.
+    const MESSAGE_US: u64 = 46_000;
+    let mut bench = Bench::new(&[100_000]);
+    let mut client = Client::new(GROUND_STATION);
+    assert_eq!(client.with_path(&mut bench, OPEN, "/LOGS/00000003.BIN").0, ACK);
+    let began_us = bench.now_us;
+    bench.handle(&client.request(BURST, 239, 0, &[]));
+    let mut sent = Vec::new();
+    while let Some(frame) = bench.next_frame() {
+        sent.extend(frame.into_iter().map(|byte| (0, byte)));
+        bench.now_us += MESSAGE_US;
+    }
+    let answers = client.answers(&frames(&sent));
+    let complete = answers.iter().position(|answer| answer.is_complete);
+    assert_eq!(complete, Some(answers.len() - 1));
+    let took_us = bench.now_us - began_us;
+    assert!((1_800_000..2_300_000).contains(&took_us), "{took_us}");
+}
+
+#[test]
 fn while_armed_files_are_not_opened_and_arming_closes_one() {
     let mut bench = Bench::new(&[900_000]);
     let mut client = Client::new(GROUND_STATION);

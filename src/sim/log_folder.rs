@@ -12,7 +12,8 @@ use super::SimulatedFlash;
 use crate::flash_map;
 use crate::recorder::{LogSource, Ring};
 
-/// A folder with a copy of each log file that has begun in the flash since the folder was opened: `00000001.BIN` and so on.
+/// A folder with a copy of each log file that has begun in the flash since the folder was opened: `00000001.BIN` and so
+/// on.
 ///
 /// Numbers continue after those of the files that are there, and are not those in the flash.
 #[derive(Debug)]

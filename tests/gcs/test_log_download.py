@@ -182,7 +182,8 @@ def test_it_is_read_without_a_warning(drive, tmp_path, capfd):
     path.write_bytes(drive.log)
     records = records_of(path)
     assert capfd.readouterr() == ("", "")
-    assert {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "ARM", "EV", "BAT"} <= {record.get_type() for record in records}
+    types = {record.get_type() for record in records}
+    assert {"FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "ARM", "EV", "BAT", "BATX"} <= types
     dump = subprocess.run(
         [Path(sys.executable).parent / "mavlogdump.py", path], check=True, capture_output=True, text=True
     )

@@ -35,6 +35,10 @@ const SILENCE_US: u64 = 10_000_000;
 /// Messages in a burst. A ground station that is gone receives no more than these.
 const BURST_MESSAGES: u16 = 200;
 
+/// A burst ends with the first message after so long, in µs: pymavlink gives up 3.7 s after it has requested one, however
+/// many messages have come.
+const BURST_US: u64 = 2_000_000;
+
 /// Requests for a part of a file or list that can wait. Ground stations send a few ahead.
 const MAX_WAITING: usize = 8;
 
@@ -171,6 +175,7 @@ struct BurstRead {
     /// Of each message.
     bytes: u8,
     messages_left: u16,
+    began_at: Instant,
 }
 
 /// A checksum that is being computed.
@@ -234,7 +239,7 @@ impl FileTransfers {
                 Some(Operation::OpenForWriting) => self.open_upload(header, request, state),
                 Some(Operation::Write) => self.write(header, request, parameters, on_set),
                 Some(Operation::Checksum) => self.start_checksum(header, request, state),
-                Some(Operation::BurstRead) => self.start_burst(header, request),
+                Some(Operation::BurstRead) => self.start_burst(header, request, state.now),
                 Some(Operation::Change) => failed(FileError::FileProtected),
             }
         };
@@ -438,7 +443,7 @@ impl FileTransfers {
     }
 
     /// A burst with size 0 is one of the longest messages, as in ArduPilot.
-    fn start_burst(&mut self, header: FileAnswerHeader, request: &FileTransfer<'_>) -> Handled {
+    fn start_burst(&mut self, header: FileAnswerHeader, request: &FileTransfer<'_>, now: Instant) -> Handled {
         if let Err(error) = self.check_readable(header) {
             return failed(error);
         }
@@ -453,6 +458,7 @@ impl FileTransfers {
                     request.size
                 },
                 messages_left: BURST_MESSAGES,
+                began_at: now,
             });
         }
         (None, FileEvent::Served)
@@ -529,7 +535,11 @@ impl FileTransfers {
         }
     }
 
-    fn step_burst(&mut self, burst: BurstRead, now: Instant, parameters: &Parameters) -> FileStep {
+    fn step_burst(&mut self, mut burst: BurstRead, now: Instant, parameters: &Parameters) -> FileStep {
+        if now.us_since(burst.began_at) >= BURST_US {
+            burst.messages_left = 1;
+            self.burst = Some(burst);
+        }
         if let Some(session) = self.session_of(burst.header) {
             session.active_at = now;
         }
