@@ -8,7 +8,7 @@ use std::convert::Infallible;
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, ReadNorFlash};
 use rover_battmon::flash_map;
-use rover_battmon::recorder::{Erasure, MAX_SECTORS, Outcome, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
+use rover_battmon::recorder::{Erasure, Outcome, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
 
 /// The ring of a board, and its flash.
 pub struct LogFlash {
@@ -23,13 +23,13 @@ impl LogFlash {
             ring: Ring::new(flash_map::LOG),
             bytes: vec![0xff; flash_map::LOG.len()],
         };
-        while let Some(erasure) = flash.ring.next_erase(MAX_SECTORS) {
+        while let Some(erasure) = flash.ring.next_erase(flash.ring.free_sectors()) {
             flash.erase(erasure);
         }
         flash
     }
 
-    /// A full ring: two small files, then large ones, and ten sectors that are erased ahead.
+    /// A full ring: two small files, then large ones, and nine sectors that are erased ahead.
     pub fn full() -> Self {
         let mut flash = Self::erased_ahead();
         for (seed, sectors) in (1..).zip([20, 20, 60, 50, 50, 50, 50]) {
