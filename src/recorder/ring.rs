@@ -350,12 +350,12 @@ impl Ring {
         })
     }
 
-    /// Sectors without a file: they can be erased ahead, and no file has to go for it.
+    /// Sectors without a file: they can be erased ahead, and no file has to go for it. In an empty ring one is left out: a
+    /// start takes the sector behind those that are erased for one whose erase was interrupted, and each would erase one.
     pub fn free_sectors(&self) -> u32 {
         let oldest = self.directory.oldest_sequence().unwrap_or(self.next);
-        self.geometry
-            .sectors()
-            .saturating_sub(self.next - oldest.min(self.next))
+        let used = self.next - oldest.min(self.next);
+        self.geometry.sectors().saturating_sub(used.max(1))
     }
 
     /// The first sector that must not be erased.

@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::{Shared, mark, now};
@@ -54,7 +54,7 @@ async fn work<F: NorFlash>(flash: &mut F, shared: &Shared) -> Option<Duration> {
 
 /// Erases a sector, and returns the pause after it.
 async fn erase<F: NorFlash>(erasure: Erasure, flash: &mut F, shared: &Shared) -> Duration {
-    let began = Instant::now();
+    let began = now();
     let from = erasure.address();
     let is_blank = erasure.is_first_use() && is_blank(from, flash).await;
     let mut erased = Ok(());
@@ -66,7 +66,7 @@ async fn erase<F: NorFlash>(erasure: Erasure, flash: &mut F, shared: &Shared) ->
     }
     shared.with(|autopilot| autopilot.log_erased(erasure, outcome(erased)));
     let pause = if is_blank { Duration::MIN } else { LEAST_PAUSE };
-    began.elapsed().max(pause)
+    Duration::from_micros(now().us_since(began)).max(pause)
 }
 
 /// Whether a sector reads blank.

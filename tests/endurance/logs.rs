@@ -1,22 +1,20 @@
 //! The log of an hour, and power cuts while the ring rotates.
 
-use crate::bench::{MINUTE, SECOND};
+use crate::bench::SECOND;
 use crate::downloads::{download, list};
 use crate::emulator::FlashCut;
 use crate::log_records::{named, records};
 use crate::runs::log_cuts;
 use crate::runs::logged_drive::Drive;
 
-/// Half of the ring, which is erased ahead, lasts longer.
-const LEG_US: u64 = 20 * MINUTE;
 const LEGS: usize = 3;
 
-/// An hour, with stops in which space is erased for what was written.
-pub fn an_hour_with_four_packs() {
+/// Drives on four packs, with stops in which space is erased for what was written: half of the ring lasts for forty minutes.
+pub fn three_legs(leg_us: u64) {
     let mut drive = Drive::on_packs(4);
     for _ in 0..LEGS {
         drive.arm();
-        drive.drive_for(LEG_US);
+        drive.drive_for(leg_us);
         drive.end();
     }
     let files = list(&mut drive.bench);
@@ -25,7 +23,7 @@ pub fn an_hour_with_four_packs() {
     let records = records(&content);
     drive.assert_complete(&records);
     let seconds = named(&records, "PM").count();
-    let driven = LEGS * (LEG_US / SECOND) as usize;
+    let driven = LEGS * (leg_us / SECOND) as usize;
     assert!(seconds >= driven, "{seconds} s");
     let compared = drive.compare_voltages(&records);
     println!(

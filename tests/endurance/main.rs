@@ -43,7 +43,7 @@ use runs::{exact_rates, line_noise, power_cuts, rates_asked_for, signing_time, t
 
 /// The longest first, so that no processor waits for the last one.
 const RUNS: [Run; 14] = [
-    Run::new("an hour with four packs", logs::an_hour_with_four_packs),
+    Run::new("half an hour with four packs", || logs::three_legs(10 * MINUTE)),
     Run::new("half an hour of seeded faults", seeded_faults::half_an_hour),
     Run::new(
         "a quarter of an hour of faults and strangers",
@@ -82,7 +82,11 @@ const RUNS: [Run; 14] = [
 const CUT_STEP: usize = 6;
 
 /// They take long, so each only runs when it is asked for by this word.
-const LONG_RUNS: [(&str, Run); 2] = [
+const LONG_RUNS: [(&str, Run); 3] = [
+    (
+        "whole",
+        Run::new("a whole hour with four packs", || logs::three_legs(20 * MINUTE)),
+    ),
     (
         "every",
         Run::new("log power cuts in every operation", || logs::power_cuts(1)),

@@ -8,10 +8,7 @@ use std::convert::Infallible;
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, ReadNorFlash};
 use rover_battmon::flash_map;
-use rover_battmon::recorder::{Erasure, MAX_SECTORS, Outcome, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
-
-/// Sectors that a board keeps erased for its next drive.
-pub const ERASED_AHEAD: u32 = MAX_SECTORS / 2;
+use rover_battmon::recorder::{Erasure, Outcome, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
 
 /// The ring of a board, and its flash.
 pub struct LogFlash {
@@ -26,25 +23,16 @@ impl LogFlash {
             ring: Ring::new(flash_map::LOG),
             bytes: vec![0xff; flash_map::LOG.len()],
         };
-        flash.erase_ahead();
+        while let Some(erasure) = flash.ring.next_erase(flash.ring.free_sectors()) {
+            flash.erase(erasure);
+        }
         flash
     }
 
-    /// As many sectors are erased as a board erases while it is disarmed.
-    pub fn erase_ahead(&mut self) {
-        while let Some(erasure) = self.ring.next_erase(ERASED_AHEAD) {
-            self.erase(erasure);
-        }
-    }
-
-    /// A full ring: two small files, then large ones, and five sectors that are erased ahead.
+    /// A full ring: two small files, then large ones, and nine sectors that are erased ahead.
     pub fn full() -> Self {
         let mut flash = Self::erased_ahead();
-        for (seed, sectors) in (1..).zip([20, 20, 60, 50]) {
-            flash.add(&noise(seed, sectors));
-        }
-        flash.erase_ahead();
-        for (seed, sectors) in (5..).zip([50, 50, 50]) {
+        for (seed, sectors) in (1..).zip([20, 20, 60, 50, 50, 50, 50]) {
             flash.add(&noise(seed, sectors));
         }
         flash

@@ -95,6 +95,21 @@ fn sector_that_is_erased_and_marked_is_not_erased_again() {
 }
 
 #[test]
+fn empty_ring_that_is_erased_ahead_is_left_alone_by_the_next_start() {
+    let mut recorder = Recorder::<8>::new();
+    for _ in 0..3 {
+        recorder.erase(recorder.ring.free_sectors());
+        recorder.restart();
+    }
+    assert_eq!(recorder.flash.erases, [1, 1, 1, 1, 1, 1, 1, 0]);
+    recorder.record(&bytes(0, 1));
+    recorder.erase(recorder.ring.free_sectors());
+    recorder.restart();
+    recorder.erase(recorder.ring.free_sectors());
+    assert_eq!(recorder.flash.erases, [1; 8]);
+}
+
+#[test]
 fn all_files_are_erased_on_request() {
     let mut recorder = Recorder::<8>::with_erased(6);
     recorder.record(&bytes(0, 9000));

@@ -66,7 +66,6 @@ fn a_download_takes_85_percent_of_a_slow_line_and_150_kb_a_second_of_usb() {
     let (short, long) = (noise(1, 15), noise(2, 130));
     log.add(&short);
     log.add(&long);
-    log.erase_ahead();
     let mut bench = running_with(log.bytes());
     let files = list(&mut bench);
     assert_eq!(files, [(1, short.len() as u32), (2, long.len() as u32)]);
