@@ -1,4 +1,4 @@
-//! The log of drives: recorded in flash, downloaded, and in nobody's way.
+//! The log of drives: recorded in flash, downloaded, and no burden on driving and measuring.
 
 mod downloads;
 mod ring;

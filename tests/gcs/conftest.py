@@ -44,34 +44,23 @@ def failed_start(*arguments):
     return ended.stderr
 
 
-class Simulator:
-    """The simulator as its user starts it."""
+class Program:
+    """A program in a process group of its own, whose output is read all the time: it never waits for a full pipe."""
 
-    def __init__(self, *arguments, port=None):
-        self.port = port or free_port()
+    def __init__(self, command, first_line, **streams):
         self.process = subprocess.Popen(
-            simulator_command(self.port, *arguments),
+            command,
             cwd=REPOSITORY,
             stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
             text=True,
             start_new_session=True,
+            **streams,
         )
-        first_line = self.process.stdout.readline()
-        assert re.match(r"MAVLink on tcp:", first_line), first_line
-        # Read on, so that it never waits for a full pipe.
+        line = self.process.stdout.readline()
+        assert re.match(first_line, line), line
         self.output = []
         self.reader = threading.Thread(target=lambda: self.output.extend(self.process.stdout), daemon=True)
         self.reader.start()
-
-    @property
-    def url(self):
-        return f"tcp:127.0.0.1:{self.port}"
-
-    def interrupt(self):
-        """Presses Ctrl-C; returns the exit code and what it had printed since the first line."""
-        os.killpg(self.process.pid, signal.SIGINT)
-        return self.wait()
 
     def wait(self):
         """Waits until it ends; returns the exit code and what it had printed since the first line."""
@@ -92,31 +81,34 @@ class Simulator:
             self.process.wait()
 
 
-class EmulatedBoard:
+class Simulator(Program):
+    """The simulator as its user starts it."""
+
+    def __init__(self, *arguments, port=None):
+        self.port = port or free_port()
+        super().__init__(simulator_command(self.port, *arguments), r"MAVLink on tcp:", stderr=subprocess.STDOUT)
+
+    @property
+    def url(self):
+        return f"tcp:127.0.0.1:{self.port}"
+
+    def interrupt(self):
+        """Presses Ctrl-C; returns the exit code and what it had printed since the first line."""
+        os.killpg(self.process.pid, signal.SIGINT)
+        return self.wait()
+
+
+class EmulatedBoard(Program):
     """The release firmware on an emulated RP2040, in step with the wall clock."""
 
     def __init__(self, flash):
         self.flash = flash
         self.uart_port, self.usb_port = free_port(), free_port()
-        self.process = subprocess.Popen(
-            [*"cargo test --quiet --test emulated_board --".split(), *self.arguments()],
-            cwd=REPOSITORY,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-        # Once it is built.
-        first_line = self.process.stdout.readline()
-        assert re.match(r"UART0 on tcp:", first_line), first_line
-        # Read on, so that it never waits for a full pipe.
-        self.log = []
-        self.reader = threading.Thread(target=lambda: self.log.extend(self.process.stdout), daemon=True)
-        self.reader.start()
-
-    def arguments(self):
         ports = {"--uart": self.uart_port, "--usb": self.usb_port}
-        return [word for name, port in ports.items() for word in (name, f"127.0.0.1:{port}")] + ["--flash", str(self.flash)]
+        arguments = [word for name, port in ports.items() for word in (name, f"127.0.0.1:{port}")]
+        command = [*"cargo test --quiet --test emulated_board --".split(), *arguments, "--flash", str(flash)]
+        # The first line comes once it is built.
+        super().__init__(command, r"UART0 on tcp:", stdin=subprocess.PIPE)
 
     @property
     def uart_url(self):
@@ -129,21 +121,9 @@ class EmulatedBoard:
     def switch_off(self):
         """Ends it, so that its flash file is written; returns what it had printed since the first line."""
         self.process.stdin.close()
-        assert self.process.wait(timeout=20) == 0
-        self.reader.join(timeout=20)
-        return "".join(self.log)
-
-    def suspend(self):
-        """The machine goes to sleep."""
-        os.killpg(self.process.pid, signal.SIGSTOP)
-
-    def resume(self):
-        os.killpg(self.process.pid, signal.SIGCONT)
-
-    def kill(self):
-        if self.process.poll() is None:
-            os.killpg(self.process.pid, signal.SIGKILL)
-            self.process.wait()
+        code, output = self.wait()
+        assert code == 0
+        return output
 
 
 def pytest_addoption(parser):
