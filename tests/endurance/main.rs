@@ -43,7 +43,7 @@ use runs::{exact_rates, line_noise, power_cuts, rates_asked_for, signing_time, t
 
 /// The longest first, so that no processor waits for the last one.
 const RUNS: [Run; 14] = [
-    Run::new("half an hour with four packs", || logs::three_legs(10 * MINUTE)),
+    Run::new("half an hour with four packs", || logs::drive(30 * MINUTE)),
     Run::new("half an hour of seeded faults", seeded_faults::half_an_hour),
     Run::new(
         "a quarter of an hour of faults and strangers",
@@ -85,7 +85,7 @@ const CUT_STEP: usize = 6;
 const LONG_RUNS: [(&str, Run); 3] = [
     (
         "whole",
-        Run::new("a whole hour with four packs", || logs::three_legs(20 * MINUTE)),
+        Run::new("a whole hour with four packs", || logs::drive(60 * MINUTE)),
     ),
     (
         "every",

@@ -114,7 +114,8 @@ impl Drive {
         drive.bench.i2c(BUS).attach(0x40, Box::new(monitor));
         drive.bench.i2c(BUS).attach(0x0b, Box::new(battery));
         drive.change_voltages();
-        drive.bench.run_for(5 * SECOND);
+        // The parts of the other packs are found meanwhile, which is announced.
+        drive.bench.run_for(10 * SECOND);
         drive.bench.run_until_silent();
         drive.bench.forget_sent();
         drive
