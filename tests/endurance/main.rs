@@ -43,7 +43,6 @@ use runs::{exact_rates, line_noise, power_cuts, rates_asked_for, signing_time, t
 
 /// The longest first, so that no processor waits for the last one.
 const RUNS: [Run; 14] = [
-    Run::new("half an hour with four packs", || logs::drive(30 * MINUTE)),
     Run::new("half an hour of seeded faults", seeded_faults::half_an_hour),
     Run::new(
         "a quarter of an hour of faults and strangers",
@@ -51,6 +50,7 @@ const RUNS: [Run; 14] = [
     ),
     Run::new("log power cuts", || logs::power_cuts(CUT_STEP)),
     Run::new("ten minutes of garbage", || line_noise::run(10 * MINUTE)),
+    Run::new("ten minutes with four packs", || logs::drive(10 * MINUTE)),
     Run::new("power cuts before an operation", || {
         power_cuts::run(FlashCut::Before, 1..)
     }),

@@ -98,9 +98,11 @@ class Drive:
         self.readings = [(m._timestamp - self.offset_s, volts(m)) for m in messages if m.get_type() == "BATTERY_STATUS"]
         self.texts = [m.text for m in messages if m.get_type() == "STATUSTEXT"]
         # A second file, of next to nothing.
+        set_to(link, "LOG_DISARMED", 1)
         set_to(link, "LOG_BITMASK", RECORDED)
         messages_of(link, 1)
         ended(link)
+        set_to(link, "LOG_DISARMED", 0)
         link.close()
         vehicle.switch_off()
         self.files = log_ring.read_files(vehicle.ring())
