@@ -119,6 +119,7 @@ pub mod tasks;
 pub mod time;
 pub mod usb_watch;
 pub mod vehicle;
+pub mod wifi;
 
 #[cfg(all(target_os = "none", feature = "board"))]
 pub mod board;

@@ -1,0 +1,5 @@
+//! Wi-Fi.
+
+mod packet;
+
+pub use packet::{PacketFault, check_packet};
