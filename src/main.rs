@@ -19,7 +19,7 @@ mod firmware {
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::flash_map;
     use rover_battmon::liveness::CheckIn;
-    use rover_battmon::mavlink::LinkKind;
+    use rover_battmon::mavlink::LinkId;
     use rover_battmon::sensor::Buses;
     use rover_battmon::storage::Storage;
     use rover_battmon::tasks::{self, Link, Shared, SigningStorage};
@@ -29,12 +29,6 @@ mod firmware {
     static SHARED: StaticCell<Shared> = StaticCell::new();
     static UART0: StaticCell<Link<'static>> = StaticCell::new();
     static LOGS: StaticCell<BoardFlash> = StaticCell::new();
-
-    /// A byte on the line has ten bits.
-    const BITS_PER_BYTE: u32 = 10;
-
-    /// What the USB link is taken to carry: a packet of 64 bytes each millisecond, which any host polls for.
-    const USB_BYTES_PER_SECOND: u32 = 64_000;
 
     // Each deadline is several of the task's own intervals.
     static BATTERY: CheckIn = CheckIn::new("battery", 1_000);
@@ -111,7 +105,7 @@ mod firmware {
     #[embassy_executor::task]
     async fn usb(mut port: UsbPort, logs: &'static BoardFlash, shared: &'static Shared) -> ! {
         port.run(async |transmitter, receiver| {
-            let link = Link::new("USB", LinkKind::Direct, USB_BYTES_PER_SECOND).with_logs(logs);
+            let link = Link::of_board(LinkId::Usb, shared).with_logs(logs);
             tasks::serve_link(transmitter, receiver, shared, &link, &UNWATCHED).await;
         })
         .await
@@ -216,7 +210,7 @@ mod firmware {
         let wiring = shared.with(|autopilot| autopilot.wiring());
 
         let logs: &BoardFlash = LOGS.init(flash);
-        let link = open_telemetry(wiring.telemetry_baud, logs);
+        let link = open_telemetry(shared, logs);
         let telemetry_parts = TelemetryUart {
             uart: peripherals.UART0,
             tx_pin: peripherals.PIN_0,
@@ -302,8 +296,8 @@ mod firmware {
     }
 
     #[inline(never)]
-    fn open_telemetry(baud: u32, logs: &'static BoardFlash) -> &'static Link<'static> {
-        UART0.init_with(|| Link::new("UART0", LinkKind::Radio, baud / BITS_PER_BYTE).with_logs(logs))
+    fn open_telemetry(shared: &Shared, logs: &'static BoardFlash) -> &'static Link<'static> {
+        UART0.init_with(|| Link::of_board(LinkId::Uart0, shared).with_logs(logs))
     }
 
     /// A task that can't be started never checks in, so the watchdog restarts the board. A crash names it by `name`.

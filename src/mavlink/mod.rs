@@ -15,6 +15,7 @@ mod dispatcher;
 mod downloads;
 mod endpoint;
 mod framer;
+mod links;
 mod messages;
 mod outbox;
 mod parser;
@@ -36,6 +37,7 @@ pub use arming::{ArmingObstacle, arming_obstacles, arming_readiness};
 pub use dispatcher::Event;
 pub use endpoint::Endpoint;
 pub use framer::Framer;
+pub use links::{LinkId, SIMULATED_LINKS};
 pub use messages::{
     BroadcastCommand, Burst, CommandAck, DefaultRate, FileAnswer, FileAnswerHeader, FileData, FileError,
     FileOutcome, MAX_FILE_BYTES, Message, Outgoing, Stream, StreamGroup, StreamKind, Subject, ToFrame,

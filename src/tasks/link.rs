@@ -7,7 +7,7 @@ use embassy_sync::signal::Signal;
 
 use super::{Shared, now};
 use crate::autopilot::{Autopilot, Channel};
-use crate::mavlink::{LinkKind, LinkStatistics, LogRead};
+use crate::mavlink::{LinkId, LinkKind, LinkStatistics, LogRead};
 use crate::recorder::LogSource;
 
 /// A link: our end of it, and wake-ups for its tasks.
@@ -32,6 +32,14 @@ impl<'a> Link<'a> {
             to_write: Signal::new(),
             to_schedule: Signal::new(),
         }
+    }
+
+    /// A link of the board, with what the parameters say of it now.
+    // Not inlined: see `in_place`.
+    #[inline(never)]
+    pub fn of_board(id: LinkId, shared: &Shared) -> Self {
+        let baud = shared.with(|autopilot| autopilot.wiring().telemetry_baud);
+        Self::new(id.name(), id.kind(), id.bytes_per_second(baud))
     }
 
     /// The same link, which offers downloads of logs read from `source`.

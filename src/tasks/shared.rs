@@ -10,12 +10,17 @@ use embassy_sync::watch::{Receiver, Watch};
 use super::{now, timer_at};
 use crate::autopilot::{Announcement, Autopilot, Start, Work};
 use crate::in_place::in_place;
+use crate::mavlink::{LinkId, SIMULATED_LINKS};
 use crate::storage::Erase;
 use crate::time::Instant;
 
-/// Links that can be woken by an announcement. The simulator has the most: eight by TCP and one by UDP. A further one
-/// sends announcements when its next stream is due.
-const MAX_LINKS: usize = 9;
+/// Links that can be woken by an announcement: the board's or the simulator's, whichever has more. A further one sends
+/// announcements when its next stream is due.
+const MAX_LINKS: usize = if LinkId::ALL.len() > SIMULATED_LINKS {
+    LinkId::ALL.len()
+} else {
+    SIMULATED_LINKS
+};
 
 /// The tasks that write to flash: parameters, signing, learnt, log.
 const FLASH_TASKS: usize = 4;
