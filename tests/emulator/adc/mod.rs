@@ -28,6 +28,8 @@ const CS_RROBIN: u32 = 16;
 const CONVERSION_ADC_CYCLES: u64 = 96;
 /// "After a few clock cycles, CS.READY will go high" (4.9.2): how many is not given.
 const POWER_UP_ADC_CYCLES: u64 = 8;
+/// The board has its power from USB.
+const VSYS_VOLTS: f64 = 5.0;
 /// Channels 0 to 3 are GPIO26 to 29, 4 is the temperature sensor.
 const CHANNELS: usize = 5;
 const INTERRUPT_LINE: u32 = 22;
@@ -95,7 +97,14 @@ impl Adc {
             powered_up_at: NEVER,
             running: None,
             next_start: None,
-            inputs: [0; CHANNELS].map(AdcInput::Code),
+            inputs: [
+                AdcInput::Code(0),
+                AdcInput::Code(0),
+                AdcInput::Code(0),
+                // A third of VSYS (Pico datasheet, "GPIO29"), with the board at USB.
+                AdcInput::Volts(VSYS_VOLTS / 3.0),
+                AdcInput::Code(0),
+            ],
             noise_volts: 0.0,
             random: Random::new(noise_seed),
             fault: AdcFault::None,
