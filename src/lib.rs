@@ -70,6 +70,7 @@
 //! | [`dataflash`] | records of a log file, in ArduPilot's format |
 //! | [`autopilot`] | the core object: owns parameters, packs, vehicle and signing, and decides between them |
 //! | [`tasks`] | thin `async` loops that wait, call the core and publish |
+//! | `net` | MAVLink by UDP and TCP, and addresses for others (with the feature `board`) |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |
 //! | `sim` | a simulated pack, clock and wire (host only) |
 //! | `board_check` | the check of a board over MAVLink, and its report (host only) |
@@ -109,6 +110,8 @@ pub mod flash_map;
 pub mod identity;
 pub mod liveness;
 pub mod mavlink;
+#[cfg(feature = "board")]
+pub mod net;
 pub mod pack;
 pub mod parameter;
 pub mod recorder;

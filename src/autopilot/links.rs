@@ -9,7 +9,7 @@ use super::work::Work;
 use crate::battery::{PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Action, Event, Framer, LogRead, Outgoing, SystemState};
+use crate::mavlink::{Action, Event, Framer, LinkKind, LogRead, Outgoing, Stream, SystemState};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use crate::sensor::Admission;
@@ -133,6 +133,14 @@ impl Autopilot {
         // The table's range is 1 to 255.
         let system_id = self.parameters.get_whole(VehicleParameter::SysidThismav) as u8;
         Some(framer.signed_frame(message, system_id, &mut self.signing, channel.kind(), now))
+    }
+
+    /// The frame of a HEARTBEAT for whoever has no link yet, by which ground stations find the vehicle; signed if there is a key.
+    pub fn heartbeat_frame<'a>(&mut self, framer: &'a mut Framer, kind: LinkKind, now: Instant) -> &'a [u8] {
+        let heartbeat = Stream::Heartbeat.build(&self.system_state());
+        // The table's range is 1 to 255.
+        let system_id = self.parameters.get_whole(VehicleParameter::SysidThismav) as u8;
+        framer.signed_frame(&heartbeat, system_id, &mut self.signing, kind, now)
     }
 
     /// Handles the next frame of what was pushed; `None` when there is none. It can't have been received before

@@ -245,6 +245,11 @@ impl Endpoint {
         self.parser.push(bytes)
     }
 
+    /// So many frames were lost on their way to the wire.
+    pub fn count_lost(&mut self, frames: u32) {
+        self.dropped = self.dropped.wrapping_add(frames);
+    }
+
     /// Bytes were lost before they could be pushed.
     pub fn count_overrun(&mut self) {
         self.parser.count_overrun();

@@ -46,7 +46,7 @@ pub use messages::{
     build_smart_battery_info, build_sys_status, status_texts,
 };
 pub use outbox::{NoRoom, Outbox, Posted};
-pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};
+pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame, begins_with_frame};
 pub use payload::{Name, Payload};
 pub use requests::Peer;
 pub use scheduler::{Interval, IntervalRefused, NotStreamed, StreamScheduler};

@@ -17,6 +17,8 @@ pub struct Link<'a> {
     channel: RefCell<Channel>,
     /// Where logs are read from, for those who download them here.
     log: Option<&'a dyn LogSource>,
+    /// The sequence number of the first frame.
+    pub(super) first_sequence: u8,
     /// There may be something to write.
     pub(super) to_write: Signal<NoopRawMutex, ()>,
     /// The schedule may have changed.
@@ -29,6 +31,7 @@ impl<'a> Link<'a> {
         Self {
             channel: RefCell::new(Channel::new(name, kind, bytes_per_second, now())),
             log: None,
+            first_sequence: 0,
             to_write: Signal::new(),
             to_schedule: Signal::new(),
         }
@@ -48,6 +51,19 @@ impl<'a> Link<'a> {
             log: Some(source),
             ..self
         }
+    }
+
+    /// The same link, whose first frame has this sequence number: it goes on from what the ground station has heard before.
+    pub fn with_first_sequence(self, first_sequence: u8) -> Self {
+        Self {
+            first_sequence,
+            ..self
+        }
+    }
+
+    /// So many frames were lost on their way to the wire.
+    pub fn count_lost(&self, frames: u32) {
+        self.with(|channel| channel.count_lost(frames));
     }
 
     /// The link's name in the log.

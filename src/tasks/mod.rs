@@ -70,6 +70,6 @@ async fn idle(check_in: &CheckIn) -> ! {
 }
 
 /// The task behind `check_in` is alive now.
-fn mark(check_in: &CheckIn) {
+pub(crate) fn mark(check_in: &CheckIn) {
     check_in.mark(now_us());
 }

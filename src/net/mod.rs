@@ -1,0 +1,17 @@
+//! MAVLink by UDP and TCP over a network device, and addresses for others on the network.
+//!
+//! All of it runs in one task: the network first, then who waits for it (see [`until`](until::until)).
+
+mod address;
+mod datagram;
+mod discovery;
+mod memory;
+mod paced;
+mod serve;
+mod stations;
+mod udp;
+mod until;
+
+pub use address::{NetReport, Role};
+pub use memory::NetMemory;
+pub use serve::serve;
