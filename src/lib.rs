@@ -65,6 +65,7 @@
 //! | [`flash_map`] | what lies where in flash |
 //! | [`recorder`] | a ring of log files in flash |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
+//! | [`wifi`] | names and passwords of Wi-Fi networks, what the radio is to do, what it reports |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
 //! | [`crash`] | what is known of a crash after the restart |
 //! | [`dataflash`] | records of a log file, in ArduPilot's format |
