@@ -5,6 +5,8 @@
 //! cargo test --test emulated_board -- --uart 127.0.0.1:5770 --usb 127.0.0.1:5771
 //! ```
 
+#[path = "../workbench/air/mod.rs"]
+mod air;
 #[path = "../workbench/bench.rs"]
 #[allow(dead_code)]
 mod bench;
@@ -12,6 +14,8 @@ mod bench;
 mod elf;
 #[path = "../emulator/mod.rs"]
 mod emulator;
+#[path = "../workbench/host_stream.rs"]
+mod host_stream;
 #[path = "../support/signer.rs"]
 #[allow(dead_code)]
 mod signer;
