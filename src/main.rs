@@ -13,13 +13,14 @@ mod firmware {
     use rover_battmon::battery::{LEARNT_WORDS, RetainedMemory};
     use rover_battmon::board::{
         self, AnalogInputs, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog,
-        Buzzer, EscUart, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c,
-        SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort,
+        Buzzer, EscUart, ExecutorIdleTime, FlashDriver, LastRun, Module, MotorPeripherals, PulseInput, SensorI2c,
+        SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort, Wifi, WifiPeripherals,
     };
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::flash_map;
     use rover_battmon::liveness::CheckIn;
     use rover_battmon::mavlink::LinkId;
+    use rover_battmon::net::NetMemory;
     use rover_battmon::sensor::Buses;
     use rover_battmon::storage::Storage;
     use rover_battmon::tasks::{self, Link, Shared, SigningStorage};
@@ -29,6 +30,8 @@ mod firmware {
     static SHARED: StaticCell<Shared> = StaticCell::new();
     static UART0: StaticCell<Link<'static>> = StaticCell::new();
     static LOGS: StaticCell<BoardFlash> = StaticCell::new();
+    static RADIO: StaticCell<cyw43::State> = StaticCell::new();
+    static NETWORK: StaticCell<NetMemory> = StaticCell::new();
 
     // Each deadline is several of the task's own intervals.
     static BATTERY: CheckIn = CheckIn::new("battery", 1_000);
@@ -43,6 +46,7 @@ mod firmware {
     static SIGNING: CheckIn = CheckIn::new("signing", 5_000);
     static LEARNT: CheckIn = CheckIn::new("learnt", 5_000);
     static LOG: CheckIn = CheckIn::new("log", 5_000);
+    static WIFI: CheckIn = CheckIn::new("Wi-Fi", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
 
     /// Without a host, or with one that does not read, the USB link stands still, and nothing is wrong with the board. So
@@ -131,14 +135,21 @@ mod firmware {
         tasks::keep_log(flash, flash_map::LOG, shared, &LOG).await
     }
 
+    /// Only on a board with a radio.
+    #[embassy_executor::task]
+    async fn wifi(mut radio: Wifi, logs: &'static BoardFlash, shared: &'static Shared) -> ! {
+        radio.run(shared, logs, &WIFI).await
+    }
+
     #[embassy_executor::task]
     async fn status(shared: &'static Shared, link: &'static Link<'static>) -> ! {
         tasks::report_status(ExecutorIdleTime, shared, link, &STATUS).await
     }
 
     #[embassy_executor::task]
-    async fn supervisor(mut watchdog: BoardWatchdog) -> ! {
+    async fn supervisor(mut watchdog: BoardWatchdog, module: Module) -> ! {
         let watched = [
+            &WIFI,
             &BATTERY,
             &BUS,
             &ESC,
@@ -153,7 +164,12 @@ mod firmware {
             &LOG,
             &STATUS,
         ];
-        tasks::supervise(&watched, &mut watchdog).await
+        let watched = match module {
+            Module::PicoW => watched.as_slice(),
+            // Its task does not run.
+            Module::Pico => watched.get(1..).unwrap_or_default(),
+        };
+        tasks::supervise(watched, &mut watchdog).await
     }
 
     #[embassy_executor::task]
@@ -179,7 +195,7 @@ mod firmware {
         board::guard_stack();
         let last_run = LastRun::take();
         board::use_rom_floats();
-        let peripherals = embassy_rp::init(Default::default());
+        let mut peripherals = embassy_rp::init(Default::default());
         let mut watchdog = BoardWatchdog::start(peripherals.WATCHDOG);
         info!(
             "rover-battmon {}, started by {}",
@@ -188,6 +204,12 @@ mod firmware {
         );
         last_run.log();
 
+        let module = Module::detect(
+            peripherals.ADC.reborrow(),
+            peripherals.PIN_25.reborrow(),
+            peripherals.PIN_29.reborrow(),
+        );
+        info!("{}", module);
         let flash_driver = FLASH.init(board::flash_driver(peripherals.FLASH));
         let id = board::board_id(flash_driver);
         if let Some(id) = id {
@@ -220,12 +242,26 @@ mod firmware {
         };
         let (transmitter, receiver) = board::telemetry_uart(telemetry_parts, wiring.telemetry_baud);
         let usb_port = UsbPort::new(peripherals.USB, id);
+        let (gp29, radio) = match module {
+            Module::Pico => (Some(peripherals.PIN_29), None),
+            Module::PicoW => {
+                let parts = WifiPeripherals {
+                    power: peripherals.PIN_23,
+                    data: peripherals.PIN_24,
+                    select: peripherals.PIN_25,
+                    clock: peripherals.PIN_29,
+                    pio: peripherals.PIO0,
+                    dma: peripherals.DMA_CH1,
+                };
+                (None, Some(open_wifi(parts)))
+            }
+        };
         let input = AnalogInputs::new(
             peripherals.ADC,
             peripherals.PIN_26,
             peripherals.PIN_27,
             peripherals.PIN_28,
-            peripherals.PIN_29,
+            gp29,
         );
 
         let sensor_bus = Buses {
@@ -282,11 +318,14 @@ mod firmware {
         let learnt_storage = Storage::new(flash, flash_map::LEARNT);
         start(spawner, LEARNT.name(), learnt(learnt_storage, shared));
         start(spawner, LOG.name(), log(flash, shared));
+        if let Some(radio) = radio {
+            start(spawner, WIFI.name(), wifi(radio, logs, shared));
+        }
         start(spawner, STATUS.name(), status(shared, link));
         start(spawner, "reboot", reboot(shared, link));
         start(spawner, "crash report", report_crash(last_run.crash, shared));
         start(spawner, "program hash", hash_program(shared));
-        start(spawner, "supervisor", supervisor(watchdog));
+        start(spawner, "supervisor", supervisor(watchdog, module));
     }
 
     // Built where they stay: on the stack of `main` they would take several times their size.
@@ -298,6 +337,15 @@ mod firmware {
     #[inline(never)]
     fn open_telemetry(shared: &Shared, logs: &'static BoardFlash) -> &'static Link<'static> {
         UART0.init_with(|| Link::of_board(LinkId::Uart0, shared).with_logs(logs))
+    }
+
+    #[inline(never)]
+    fn open_wifi(peripherals: WifiPeripherals) -> Wifi {
+        Wifi::new(
+            peripherals,
+            RADIO.init_with(cyw43::State::new),
+            NETWORK.init_with(NetMemory::new),
+        )
     }
 
     /// A task that can't be started never checks in, so the watchdog restarts the board. A crash names it by `name`.
