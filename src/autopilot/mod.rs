@@ -23,7 +23,6 @@ mod sampling;
 mod saving;
 mod signing_save;
 mod start;
-mod wifi_stub;
 mod wiring;
 mod work;
 

@@ -53,7 +53,6 @@ pub struct Shared {
     pub(super) to_keep_learnt: Signal<NoopRawMutex, ()>,
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
     pub(super) ground_station_heard: Signal<NoopRawMutex, ()>,
-    pub(crate) to_set_up_wifi: Signal<NoopRawMutex, ()>,
 }
 
 impl Shared {
@@ -72,7 +71,6 @@ impl Shared {
             to_keep_learnt: Signal::new(),
             to_reboot: Signal::new(),
             ground_station_heard: Signal::new(),
-            to_set_up_wifi: Signal::new(),
         }
     }
 

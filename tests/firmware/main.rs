@@ -75,3 +75,4 @@ mod telemetry;
 mod time_wrap;
 mod usb;
 mod wheels;
+mod wifi;
