@@ -24,6 +24,7 @@ mod firmware {
     use rover_battmon::sensor::Buses;
     use rover_battmon::storage::Storage;
     use rover_battmon::tasks::{self, Link, Shared, SigningStorage};
+    use rover_battmon::wifi::{Radio, WIFI_WORDS};
     use static_cell::StaticCell;
 
     static FLASH: StaticCell<FlashDriver> = StaticCell::new();
@@ -45,6 +46,7 @@ mod firmware {
     static PARAMETERS: CheckIn = CheckIn::new("parameters", 5_000);
     static SIGNING: CheckIn = CheckIn::new("signing", 5_000);
     static LEARNT: CheckIn = CheckIn::new("learnt", 5_000);
+    static WIFI: CheckIn = CheckIn::new("Wi-Fi settings", 5_000);
     static LOG: CheckIn = CheckIn::new("log", 5_000);
     static WIFI: CheckIn = CheckIn::new("Wi-Fi", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
@@ -131,6 +133,11 @@ mod firmware {
     }
 
     #[embassy_executor::task]
+    async fn wifi(storage: Storage<BoardFlash, [u32; WIFI_WORDS]>, shared: &'static Shared) -> ! {
+        tasks::keep_wifi(storage, shared, &WIFI).await
+    }
+
+    #[embassy_executor::task]
     async fn log(flash: BoardFlash, shared: &'static Shared) -> ! {
         tasks::keep_log(flash, flash_map::LOG, shared, &LOG).await
     }
@@ -161,6 +168,7 @@ mod firmware {
             &PARAMETERS,
             &SIGNING,
             &LEARNT,
+            &WIFI,
             &LOG,
             &STATUS,
         ];
@@ -226,6 +234,11 @@ mod firmware {
                 &mut stored,
             )))
             .await;
+        let mut wifi_storage = Storage::new(flash, flash_map::WIFI);
+        stored.wifi = watchdog
+            .feed_during(pin!(tasks::load_wifi(&mut wifi_storage)))
+            .await;
+        stored.radio = Radio::Absent;
         stored.identity.board_id = id;
         stored.crash = last_run.crash.clone();
         let shared = share(&stored);
@@ -317,6 +330,7 @@ mod firmware {
         start(spawner, SIGNING.name(), signing(signing_storage, shared));
         let learnt_storage = Storage::new(flash, flash_map::LEARNT);
         start(spawner, LEARNT.name(), learnt(learnt_storage, shared));
+        start(spawner, WIFI.name(), wifi(wifi_storage, shared));
         start(spawner, LOG.name(), log(flash, shared));
         if let Some(radio) = radio {
             start(spawner, WIFI.name(), wifi(radio, logs, shared));

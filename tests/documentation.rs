@@ -334,7 +334,7 @@ fn number_length(text: &str) -> usize {
     }
 }
 
-const READ_ERRORS: [ReadError; 13] = [
+const READ_ERRORS: [ReadError; 14] = [
     ReadError::Timeout,
     ReadError::Conversion,
     ReadError::NoPin,
@@ -348,6 +348,7 @@ const READ_ERRORS: [ReadError; 13] = [
     ReadError::Bus(BusError::Checksum),
     ReadError::OtherPart,
     ReadError::AddressTaken,
+    ReadError::PinOfRadio,
 ];
 
 const ARMING_FAILURES: [ArmingFailure; 11] = [

@@ -34,7 +34,7 @@ mod system_state;
 pub use ::mavlink::dialects::development as dialect;
 
 pub use arming::{ArmingObstacle, arming_obstacles, arming_readiness};
-pub use dispatcher::Event;
+pub use dispatcher::{Changeable, Event};
 pub use endpoint::Endpoint;
 pub use framer::Framer;
 pub use links::{LinkId, SIMULATED_LINKS};
@@ -53,6 +53,7 @@ pub use scheduler::{Interval, IntervalRefused, NotStreamed, StreamScheduler};
 pub use services::commands::Action;
 pub use services::log_download::LogRead;
 pub use services::signing::{SetupRefused, SigningChange};
+pub use services::wifi::WifiRefused;
 pub use signing::{
     AcceptUnsigned, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,
 };

@@ -25,6 +25,7 @@ mod signing;
 mod status;
 mod supervisor;
 mod telemetry;
+mod wifi;
 mod wired_endpoint;
 mod writer;
 
@@ -51,6 +52,7 @@ pub use signing::{SigningStorage, keep_signing};
 pub use status::{IdleTime, report_status};
 pub use supervisor::{Watchdog, supervise};
 pub use telemetry::schedule_telemetry;
+pub use wifi::{keep_wifi, load_wifi};
 pub use wired_endpoint::WiredEndpoint;
 pub use writer::write_frames;
 

@@ -22,8 +22,8 @@ const MAX_LINKS: usize = if LinkId::ALL.len() > SIMULATED_LINKS {
     SIMULATED_LINKS
 };
 
-/// The tasks that write to flash: parameters, signing, learnt, log.
-const FLASH_TASKS: usize = 4;
+/// The tasks that write to flash: parameters, signing, learnt, Wi-Fi, log.
+const FLASH_TASKS: usize = 5;
 
 /// A page is programmed in 0.6 ms, and in 3.2 ms at most.
 const PROGRAMMING_US: u64 = 4_000;
@@ -52,6 +52,9 @@ pub struct Shared {
     pub(super) to_save_signing: Signal<NoopRawMutex, ()>,
     pub(super) to_keep_learnt: Signal<NoopRawMutex, ()>,
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
+    pub(super) to_save_wifi: Signal<NoopRawMutex, ()>,
+    /// What the radio is to do may have changed.
+    pub(super) to_set_up_wifi: Signal<NoopRawMutex, ()>,
     pub(super) ground_station_heard: Signal<NoopRawMutex, ()>,
 }
 
@@ -70,6 +73,8 @@ impl Shared {
             to_save_signing: Signal::new(),
             to_keep_learnt: Signal::new(),
             to_reboot: Signal::new(),
+            to_save_wifi: Signal::new(),
+            to_set_up_wifi: Signal::new(),
             ground_station_heard: Signal::new(),
         }
     }
@@ -135,6 +140,8 @@ impl Shared {
             (Work::SAVE_SIGNING, &self.to_save_signing),
             (Work::KEEP_LEARNT, &self.to_keep_learnt),
             (Work::RESTART, &self.to_reboot),
+            (Work::SAVE_WIFI, &self.to_save_wifi),
+            (Work::WIFI, &self.to_set_up_wifi),
             (Work::GROUND_STATION_HEARD, &self.ground_station_heard),
         ];
         for (kind, signal) in signals {

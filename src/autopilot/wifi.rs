@@ -1,0 +1,217 @@
+//! Wi-Fi: what the radio is to do, what it reports, and what of it has to be written to flash.
+
+use core::fmt::Write;
+
+use heapless::{String, Vec};
+
+use super::announcement::Announcement;
+use super::autopilot::Autopilot;
+use super::channel::Channel;
+use super::failed_save::FailedSave;
+use super::saving::log_failure;
+use super::start::Start;
+use super::work::Work;
+use crate::battery::ArmState;
+use crate::log::info;
+use crate::mavlink::LinkKind;
+use crate::mavlink::dialect::MavSeverity;
+use crate::parameter::Parameters;
+use crate::storage::StorageError;
+use crate::time::Instant;
+use crate::wifi::{
+    Password, Radio, Ssid, WifiChoice, WifiCredentials, WifiMode, WifiRecord, WifiReport, WifiSetup,
+};
+
+/// Reports of each kind, each announced once.
+const REPORTS: usize = 10;
+
+/// A label and the longest name or password.
+const SHOWN_BYTES: usize = 80;
+
+const _: () = assert!("Wi-Fi password: ".len() + Password::MAX_BYTES <= SHOWN_BYTES);
+const _: () = assert!("Wi-Fi name: ".len() + Ssid::MAX_BYTES <= SHOWN_BYTES);
+
+/// The state of Wi-Fi.
+#[derive(Debug)]
+pub(super) struct Wifi {
+    pub credentials: WifiCredentials,
+    /// What the parameters said when the vehicle was last disarmed.
+    choice: WifiChoice,
+    /// Announced since the radio was set up, or since it last did what it is set up for.
+    announced: Vec<WifiReport, REPORTS>,
+    /// What is wrong now.
+    pub fault: Option<WifiReport>,
+    pub save: FailedSave,
+}
+
+impl Wifi {
+    pub fn new(start: &Start) -> Self {
+        Self {
+            credentials: WifiCredentials::new(start.radio, start.identity.board_id, start.wifi.clone()),
+            choice: WifiChoice::from_parameters(&start.parameters),
+            announced: Vec::new(),
+            fault: None,
+            save: FailedSave::default(),
+        }
+    }
+
+    /// Whether a report is news. A fault that comes back at each retry is not, until the radio has done what it is set up for.
+    fn is_news(&mut self, report: WifiReport) -> bool {
+        if report.is_fault() {
+            self.fault = Some(report);
+        }
+        if self.announced.contains(&report) {
+            return false;
+        }
+        if self.is_success(report) {
+            self.forget_reports();
+        } else if is_interruption(report) {
+            self.announced.retain(|report| report.is_fault());
+        }
+        // There is room for each kind: another address is a success.
+        let _ = self.announced.push(report);
+        true
+    }
+
+    /// Whether the radio does what it is set up for.
+    fn is_success(&self, report: WifiReport) -> bool {
+        match report {
+            WifiReport::AddressObtained(_) => true,
+            WifiReport::AccessPointUp => self.choice.mode == WifiMode::AccessPoint,
+            _ => false,
+        }
+    }
+
+    fn forget_reports(&mut self) {
+        self.announced.clear();
+        self.fault = None;
+    }
+
+    /// What has to be written; `None` while a failed write waits for its retry.
+    pub fn next_unsaved(&self) -> Option<WifiRecord> {
+        if self.save.retry_at.is_some() {
+            return None;
+        }
+        self.credentials.next_unsaved()
+    }
+
+    /// Follows the parameters, and returns whether they have changed.
+    fn follow(&mut self, parameters: &Parameters) -> bool {
+        let choice = WifiChoice::from_parameters(parameters);
+        let has_changed = choice != self.choice;
+        self.choice = choice;
+        has_changed
+    }
+}
+
+/// What ends a success, so that the next one is announced.
+fn is_interruption(report: WifiReport) -> bool {
+    matches!(
+        report,
+        WifiReport::NoAnswer | WifiReport::DownloadFailed | WifiReport::NetworkLost
+    )
+}
+
+impl Autopilot {
+    /// What the radio is to do; `None` on a board without one, or while the access point has no password. After
+    /// [`Work::WIFI`] it may have changed; while armed it stays as it is.
+    pub fn wifi_setup(&self) -> Option<WifiSetup> {
+        self.wifi.credentials.setup(self.wifi.choice)
+    }
+
+    /// Whether [`make_wifi_password`](Self::make_wifi_password) is needed: there is a radio, and no password is stored.
+    pub fn needs_wifi_password(&self) -> bool {
+        let credentials = &self.wifi.credentials;
+        credentials.radio() == Radio::Present && credentials.own_password().is_none()
+    }
+
+    /// Makes a password for the access point from `entropy`, unless it has one or there is no radio.
+    pub fn make_wifi_password(&mut self, entropy: &[u8; 32]) {
+        if self.needs_wifi_password() {
+            let password = Password::from_entropy(entropy);
+            self.wifi.credentials.set_own_password(password);
+            self.wifi_changed();
+        }
+    }
+
+    /// Takes a report of the radio's task, and announces it if it is news.
+    pub fn wifi_report(&mut self, report: WifiReport) {
+        info!("Wi-Fi: {:?}", report);
+        if self.wifi.is_news(report) {
+            self.announce(Announcement::Wifi(report));
+        }
+    }
+
+    /// The name or password to write to flash next, unless a failed write waits for its retry.
+    pub fn next_unsaved_wifi(&mut self, now: Instant) -> Option<WifiRecord> {
+        self.wifi.save.retry_at.take_if(|at| *at <= now);
+        self.wifi.next_unsaved()
+    }
+
+    /// Result of writing `record`. A failed write is repeated after a minute.
+    pub fn wifi_written(&mut self, record: &WifiRecord, result: Result<(), StorageError>, now: Instant) {
+        match result {
+            Ok(()) => {
+                info!("Wi-Fi settings saved");
+                self.wifi.save.failure = None;
+                self.wifi.credentials.mark_saved(record);
+            }
+            Err(error) => {
+                log_failure("Wi-Fi", error);
+                if let Some(error) = self.wifi.save.add(error, now) {
+                    self.announce(Announcement::WifiNotSaved(error));
+                }
+            }
+        }
+    }
+
+    /// Follows the parameters while disarmed: a radio that is set up anew drops its stations, perhaps the driver.
+    pub(super) fn follow_wifi_parameters(&mut self) {
+        if self.vehicle.arm_state() == ArmState::Disarmed && self.wifi.follow(&self.parameters) {
+            self.wifi_changed();
+        }
+    }
+
+    /// A ground station has set up Wi-Fi, which it can't while armed.
+    pub(super) fn wifi_set_up(&mut self) {
+        self.wifi.follow(&self.parameters);
+        self.wifi_changed();
+    }
+
+    /// What has waited for its retry is written at once.
+    pub(super) fn retry_wifi(&mut self) {
+        self.wifi.save.retry_at = None;
+        self.work |= Work::SAVE_WIFI;
+    }
+
+    /// Sends name and password of the access point on a link to a person who has the vehicle in hand, and a refusal on any
+    /// other. Neither is logged.
+    pub(super) fn show_wifi(&self, channel: &mut Channel) {
+        let credentials = &self.wifi.credentials;
+        match (channel.kind(), credentials.own_password()) {
+            (LinkKind::Radio | LinkKind::Wifi, _) => {
+                channel.say(MavSeverity::MAV_SEVERITY_WARNING, "Wi-Fi password: by USB only");
+            }
+            (LinkKind::Direct, Some(password)) if credentials.radio() == Radio::Present => {
+                say(channel, "Wi-Fi name", credentials.own_name().as_str());
+                say(channel, "Wi-Fi password", password.as_str());
+            }
+            (LinkKind::Direct, _) => {
+                channel.say(MavSeverity::MAV_SEVERITY_WARNING, "No Wi-Fi radio on this board");
+            }
+        }
+    }
+
+    fn wifi_changed(&mut self) {
+        self.wifi.forget_reports();
+        self.work |= Work::WIFI;
+        self.retry_wifi();
+    }
+}
+
+fn say(channel: &mut Channel, label: &str, value: &str) {
+    let mut text: String<SHOWN_BYTES> = String::new();
+    // It fits.
+    let _ = write!(text, "{label}: {value}");
+    channel.say(MavSeverity::MAV_SEVERITY_INFO, &text);
+}
