@@ -4,11 +4,16 @@
 
 mod address;
 mod datagram;
+mod dhcp;
 mod discovery;
+mod leases;
 mod memory;
 mod paced;
+mod sender;
 mod serve;
+mod service;
 mod stations;
+mod tcp;
 mod udp;
 mod until;
 

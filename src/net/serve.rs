@@ -1,17 +1,22 @@
 //! All that runs on the network.
 
-use embassy_futures::join::{join, join3};
+use core::future::pending;
+
+use embassy_futures::join::{join, join5};
 use embassy_futures::select::{Either, select};
 use embassy_net::driver::Driver;
 use embassy_net::udp::UdpSocket;
 use embassy_net::{Runner, Stack, StackResources};
-use heapless::Vec;
 
 use super::address::{NetReport, Role, report_address};
+use super::dhcp::{give_addresses, now_ms};
 use super::discovery::be_found;
-use super::memory::{NetMemory, PacketQueue};
+use super::memory::NetMemory;
 use super::paced::Paced;
-use super::udp::{receive, serve_stations};
+use super::sender::Sender;
+use super::service::Service;
+use super::tcp::serve_clients;
+use super::udp::{PORT, receive, serve_stations};
 use crate::liveness::CheckIn;
 use crate::mavlink::LinkId;
 use crate::recorder::LogSource;
@@ -31,34 +36,46 @@ pub async fn serve<D: Driver>(
     check_in: &CheckIn,
     report: impl FnMut(NetReport),
 ) -> ! {
-    let NetMemory { stack, udp, links } = memory;
-    let (stack, mut runner) = start(device, role, seed, stack);
+    let service = &Service {
+        shared,
+        logs,
+        check_in,
+    };
+    let (stack, mut runner) = start(device, role, seed, &mut memory.stack);
+    let (links, leases) = (&memory.links, &memory.leases);
     links.reset();
-    let [first, second] = &mut udp.sent;
-    // What receives is asked first: all have the same port.
-    let received = UdpSocket::new(
-        stack,
-        &mut udp.received.packets,
-        &mut udp.received.bytes,
-        &mut [],
-        &mut [],
-    );
-    let heartbeat = sender(stack, &mut udp.heartbeat);
-    let (first, second) = (sender(stack, first), sender(stack, second));
-    let members = join3(
-        report_address(stack, report),
+    // The one that receives comes first: all have the same port.
+    let queue = &mut memory.udp.received;
+    let received = UdpSocket::new(stack, &mut queue.packets, &mut queue.bytes, &mut [], &mut []);
+    let heartbeat = Sender::new(stack, PORT, &mut memory.udp.heartbeat);
+    let [slot_1, slot_2] = &mut memory.udp.slots;
+    let sender_1 = Sender::new(stack, PORT, &mut slot_1.sent);
+    let sender_2 = Sender::new(stack, PORT, &mut slot_2.sent);
+    let [tcp_1, tcp_2] = &mut memory.tcp;
+    let dhcp = &mut memory.dhcp;
+    let give_addresses = async {
+        match role {
+            Role::AccessPoint => give_addresses(stack, dhcp, leases).await,
+            Role::Station => pending().await,
+        }
+    };
+    let clients = || leases.borrow().clients(now_ms());
+    let members = join5(
+        join(report_address(stack, report), give_addresses),
+        receive(received, links),
+        be_found(stack, heartbeat, links, clients, service),
         join(
-            receive(received, links),
-            be_found(stack, heartbeat, links, Vec::new, shared, check_in),
+            serve_stations(0, LinkId::Udp1, sender_1, &mut slot_1.datagram, links, service),
+            serve_stations(1, LinkId::Udp2, sender_2, &mut slot_2.datagram, links, service),
         ),
         join(
-            serve_stations(0, LinkId::Udp1, first, links, shared, logs, check_in),
-            serve_stations(1, LinkId::Udp2, second, links, shared, logs, check_in),
+            serve_clients(LinkId::Tcp1, stack, tcp_1, service),
+            serve_clients(LinkId::Tcp2, stack, tcp_2, service),
         ),
     );
     match select(runner.run(), members).await {
         Either::First(never) => never,
-        Either::Second((never, ..)) => never,
+        Either::Second((_, never, ..)) => never,
     }
 }
 
@@ -70,12 +87,4 @@ fn start<'d, D: Driver, const SOCKETS: usize>(
     resources: &'d mut StackResources<SOCKETS>,
 ) -> (Stack<'d>, Runner<'d, Paced<D>>) {
     embassy_net::new(Paced::new(device), role.config(), resources, seed)
-}
-
-/// A socket that only sends.
-fn sender<'d, const PACKETS: usize, const BYTES: usize>(
-    stack: Stack<'d>,
-    queue: &'d mut PacketQueue<PACKETS, BYTES>,
-) -> UdpSocket<'d> {
-    UdpSocket::new(stack, &mut [], &mut [], &mut queue.packets, &mut queue.bytes)
 }

@@ -4,7 +4,6 @@ use core::cell::{Cell, RefCell};
 use core::convert::Infallible;
 use core::net::SocketAddrV4;
 
-use embassy_futures::poll_once;
 use embassy_futures::select::select;
 use embassy_futures::yield_now;
 use embassy_net::udp::{UdpMetadata, UdpSocket};
@@ -12,27 +11,25 @@ use embassy_net::{IpAddress, IpEndpoint};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::pipe::Pipe;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Timer, with_timeout};
+use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Write};
 
 use super::datagram::Datagram;
+use super::sender::Sender;
+use super::service::Service;
 use super::stations::{Admission, SLOTS, Stations};
 use super::until::until;
-use crate::liveness::CheckIn;
 use crate::log::{info, warn};
 use crate::mavlink::{LinkId, begins_with_frame};
-use crate::recorder::LogSource;
-use crate::tasks::{ByteSource, Link, ReceiveError, Shared, now, serve_link};
+use crate::tasks::{ByteSource, Link, ReceiveError, now};
 use crate::time::Instant;
 
 /// The port of MAVLink by UDP, on both sides: QGroundControl, MAVProxy and others listen there.
 pub(super) const PORT: u16 = 14550;
 
-/// Received bytes that wait for their link: the largest datagram fits.
-const QUEUE_BYTES: usize = 1536;
-
-/// So long a datagram waits for the radio, or for the station's hardware address, before it is lost.
-const SEND_PATIENCE: Duration = Duration::from_millis(100);
+/// Received bytes that wait for their link: three of the largest frames. A larger datagram is lost; ground stations send each
+/// frame in one of its own.
+const QUEUE_BYTES: usize = 1024;
 
 /// A station that was not heard for so long has left. Its time-outs have acted long before.
 const SILENCE: Duration = Duration::from_secs(10);
@@ -163,34 +160,27 @@ fn station_of(endpoint: IpEndpoint) -> SocketAddrV4 {
 pub(super) async fn serve_stations(
     index: usize,
     id: LinkId,
-    mut socket: UdpSocket<'_>,
+    mut sender: Sender<'_>,
+    datagram: &mut Datagram,
     links: &UdpLinks,
-    shared: &Shared,
-    logs: &dyn LogSource,
-    check_in: &CheckIn,
+    service: &Service<'_>,
 ) {
     let Some(slot) = links.slots.get(index) else {
         return;
     };
-    let _ = socket.bind(PORT);
     loop {
         let station = slot.opened.wait().await;
         info!("{}: {:?} connected", id.name(), station.ip().octets());
-        let link = Link::of_board(id, shared)
-            .with_logs(logs)
-            .with_first_sequence(links.sequence.get());
+        let link = service.open(id, links.sequence.get());
+        datagram.clear();
         let transmitter = UdpTransmitter {
-            socket: &mut socket,
+            sender: &mut sender,
             station,
-            datagram: Datagram::default(),
+            datagram,
             link: &link,
         };
-        let receiver = UdpReceiver(slot);
-        select(
-            serve_link(transmitter, receiver, shared, &link, check_in),
-            until_silent(&link),
-        )
-        .await;
+        let service = service.serve(transmitter, UdpReceiver(slot), &link);
+        select(service, until_silent(&link)).await;
         links.close(index, slot);
         info!("{}: {:?} is silent", id.name(), station.ip().octets());
     }
@@ -210,40 +200,11 @@ async fn until_silent(link: &Link<'_>) {
     }
 }
 
-/// Sends `datagram`, or loses it when it can't leave in time. What is lost waits for a hardware address that does not come:
-/// the socket would keep it for good.
-///
-/// # Errors
-/// It was lost.
-pub(super) async fn send(
-    socket: &mut UdpSocket<'_>,
-    datagram: &[u8],
-    station: SocketAddrV4,
-) -> Result<(), DatagramLost> {
-    if with_timeout(SEND_PATIENCE, until(|| socket.may_send()))
-        .await
-        .is_err()
-    {
-        // The queue is empty then.
-        socket.close();
-        let _ = socket.bind(PORT);
-        return Err(DatagramLost);
-    }
-    match poll_once(socket.send_to(datagram, station)) {
-        core::task::Poll::Ready(Ok(())) => Ok(()),
-        _ => Err(DatagramLost),
-    }
-}
-
-/// A datagram could not be sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct DatagramLost;
-
 /// The way to a station. Frames are sent together while there are more of them.
 struct UdpTransmitter<'a, 's> {
-    socket: &'a mut UdpSocket<'s>,
+    sender: &'a mut Sender<'s>,
     station: SocketAddrV4,
-    datagram: Datagram,
+    datagram: &'a mut Datagram,
     link: &'a Link<'a>,
 }
 
@@ -272,8 +233,8 @@ impl Write for UdpTransmitter<'_, '_> {
 
 impl UdpTransmitter<'_, '_> {
     async fn send(&mut self) {
-        let sent = send(self.socket, self.datagram.bytes(), self.station).await;
-        if sent.is_err() {
+        let sent = self.sender.send(self.datagram.bytes(), self.station);
+        if sent.await.is_err() {
             self.link.count_lost(self.datagram.frames());
         }
         self.datagram.clear();

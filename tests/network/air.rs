@@ -44,10 +44,6 @@ impl Air {
         self.phones.retain(|(other, _)| *other != mac);
     }
 
-    pub fn set_link(&mut self, is_up: bool) {
-        self.is_up = is_up;
-        self.wake();
-    }
 
     pub fn to_board(&mut self, frame: Vec<u8>) {
         if self.to_board.len() < BUFFERS {

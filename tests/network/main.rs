@@ -2,8 +2,10 @@
 //! between them one by one, in stepped time.
 
 mod air;
+mod dhcp;
 mod phone;
 mod room;
 #[path = "../support/mod.rs"]
 mod support;
+mod tcp;
 mod udp;

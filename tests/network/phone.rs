@@ -4,7 +4,7 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 
 use smoltcp::iface::{Config, Interface, SocketHandle, SocketSet, SocketStorage};
 use smoltcp::phy::{Device, DeviceCapabilities, Medium, RxToken, TxToken};
-use smoltcp::socket::udp;
+use smoltcp::socket::{dhcpv4, tcp, udp};
 use smoltcp::time::Instant;
 use smoltcp::wire::{EthernetAddress, IpAddress, IpCidr, IpEndpoint, Ipv4Cidr};
 
@@ -12,6 +12,8 @@ use crate::air::{MTU, SharedAir};
 use crate::support::frames::{Frame, frames};
 
 pub const BOARD: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(192, 168, 4, 1), 14550);
+
+pub const TCP_PORT: u16 = 5760;
 
 pub struct Phone {
     pub mac: [u8; 6],
@@ -68,6 +70,11 @@ impl Phone {
         });
     }
 
+    /// It is in reach again.
+    pub fn rejoin(&self) {
+        self.device.air.borrow_mut().join(self.mac);
+    }
+
     /// Sends and receives what waits.
     pub fn poll(&mut self) {
         self.interface.poll(now(), &mut self.device, &mut self.sockets);
@@ -107,6 +114,59 @@ impl Phone {
             })
         })
         .collect()
+    }
+
+    /// Connects to the board by TCP, from this port.
+    pub fn connect(&mut self, port: u16) -> SocketHandle {
+        let buffer = || tcp::SocketBuffer::new(leak(2048));
+        let mut socket = tcp::Socket::new(buffer(), buffer());
+        socket
+            .connect(self.interface.context(), (IpAddress::Ipv4(*BOARD.ip()), TCP_PORT), port)
+            .expect("the socket is new");
+        self.sockets.add(socket)
+    }
+
+    pub fn tcp(&mut self, socket: SocketHandle) -> &mut tcp::Socket<'static> {
+        self.sockets.get_mut(socket)
+    }
+
+    /// The frames that have come by TCP. One that is cut off at the end is lost.
+    pub fn tcp_frames(&mut self, socket: SocketHandle) -> Vec<Frame> {
+        let mut bytes = Vec::new();
+        let socket = self.tcp(socket);
+        while socket.can_recv() {
+            socket
+                .recv(|part| {
+                    bytes.extend_from_slice(part);
+                    (part.len(), ())
+                })
+                .expect("it can receive");
+        }
+        let at_us = embassy_time::Instant::now().as_micros();
+        frames(&bytes.into_iter().map(|byte| (at_us, byte)).collect::<Vec<_>>())
+    }
+
+    /// Begins to ask for an address.
+    pub fn ask_for_address(&mut self) -> SocketHandle {
+        self.sockets.add(dhcpv4::Socket::new())
+    }
+
+    /// Takes the address that was given, if one was.
+    pub fn take_address(&mut self, socket: SocketHandle) -> Option<dhcpv4::Config<'static>> {
+        let event = self.sockets.get_mut::<dhcpv4::Socket>(socket).poll();
+        let Some(dhcpv4::Event::Configured(config)) = event else {
+            return None;
+        };
+        let (address, router) = (config.address, config.router);
+        let config = dhcpv4::Config {
+            server: config.server,
+            address,
+            router,
+            dns_servers: config.dns_servers,
+            packet: None,
+        };
+        self.set_address(address);
+        Some(config)
     }
 
     /// The frames of all datagrams that have come.

@@ -26,7 +26,6 @@ impl LogSource for NoLogs {
 /// Where a test plays.
 pub struct Room<'a> {
     pub air: SharedAir,
-    pub shared: &'a Shared,
     pub reports: &'a RefCell<Vec<NetReport>>,
 }
 
@@ -54,7 +53,6 @@ pub fn play<R>(role: Role, scene: impl AsyncFnOnce(&Room<'_>) -> R) -> R {
         let reports = RefCell::default();
         let room = Room {
             air: Air::new(role == Role::Station),
-            shared: &shared,
             reports: &reports,
         };
         let mut memory = Box::new(NetMemory::new());

@@ -1,0 +1,46 @@
+//! The DHCP server of the access point.
+
+use core::cell::RefCell;
+
+use embassy_futures::yield_now;
+use embassy_net::Stack;
+use embassy_net::udp::UdpSocket;
+
+use super::leases::Leases;
+use super::memory::DhcpMemory;
+use super::sender::Sender;
+use super::until::until;
+use crate::tasks::now;
+
+const SERVER_PORT: u16 = 67;
+
+/// Answers one request a turn.
+pub(super) async fn give_addresses(stack: Stack<'_>, memory: &mut DhcpMemory, leases: &RefCell<Leases>) -> ! {
+    let received = &mut memory.received;
+    let mut requests = UdpSocket::new(
+        stack,
+        &mut received.packets,
+        &mut received.bytes,
+        &mut [],
+        &mut [],
+    );
+    let _ = requests.bind(SERVER_PORT);
+    let mut sender = Sender::new(stack, SERVER_PORT, &mut memory.sent);
+    loop {
+        until(|| requests.may_recv()).await;
+        // The network is in use until the request is read.
+        let reply = requests
+            .recv_from_with(|request, _| leases.borrow_mut().answer(request, now_ms()))
+            .await;
+        if let Some(reply) = reply {
+            // A client that gets no answer asks again.
+            let _ = sender.send_at_once(reply.bytes(), reply.destination());
+        }
+        yield_now().await;
+    }
+}
+
+/// Milliseconds since boot.
+pub(super) fn now_ms() -> u64 {
+    now().as_micros() / 1_000
+}
