@@ -84,6 +84,7 @@ mod core_bus;
 mod cpu;
 #[cfg(test)]
 mod cpu_tests;
+mod cyw43;
 mod dma;
 mod faults;
 #[cfg(test)]
@@ -135,6 +136,7 @@ pub use board::Board;
 pub use boot_loader::BootLoader;
 pub use boot_rom::{BRANCH_TO_SELF, UNDEFINED_INSTRUCTION};
 pub use cpu::CpuState;
+pub use cyw43::{AccessPoint, Cyw43, Network, RadioFault};
 pub use firmware::Firmware;
 pub use flash::{FlashCut, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
 pub use gpio::PinWire;

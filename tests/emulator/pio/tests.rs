@@ -272,10 +272,36 @@ fn what_is_written_to_instr_is_executed_at_once() {
     // pull block: the FIFO is empty.
     write(&mut pio, register(0, INSTR), 0x80a0, 7);
     assert!(bit(read(&mut pio, register(0, EXECCTRL), 7), EXEC_STALLED));
-    write(&mut pio, CTRL, 1, 8);
     write(&mut pio, TXF0, 1, 20);
     pio.advance(22);
     assert!(!bit(read(&mut pio, register(0, EXECCTRL), 22), EXEC_STALLED));
+    assert_eq!(pio.next_event(), NEVER, "it is still disabled");
+}
+
+#[test]
+fn a_stopped_machine_takes_x_and_y_through_its_fifo() {
+    // out pins, 1; jmp x-- 0: with autopull of 32 bits to the left.
+    let mut pio = with_program(&[0x6001, 0x0040], NO_SIDE_SET, 1 << 17);
+    write(&mut pio, register(0, INSTR), u32::from(SET_PINDIRS_1), 0);
+    // out x, 32 and out y, 32 (3.4.5), each with its word in the FIFO.
+    for (at, value, code) in [(10, 3, 0x6020), (20, 0xffff_fff0, 0x6040)] {
+        write(&mut pio, TXF0, value, at);
+        write(&mut pio, register(0, INSTR), code, at + 2);
+        assert!(!bit(read(&mut pio, register(0, EXECCTRL), at + 6), EXEC_STALLED));
+        assert_eq!(read(&mut pio, FLEVEL, at + 6), 0);
+    }
+    // in y, 32; push noblock.
+    write(&mut pio, register(0, INSTR), 0x4040, 30);
+    write(&mut pio, register(0, INSTR), 0x8000, 31);
+    assert_eq!(read(&mut pio, RXF0, 32), 0xffff_fff0);
+    // jmp 0, and four bits: X was 3.
+    write(&mut pio, register(0, INSTR), 0x0000, 33);
+    write(&mut pio, TXF0, 0xaaaa_aaaa, 34);
+    write(&mut pio, CTRL, 1, 35);
+    pio.advance(44);
+    let rises = edges(&mut pio).into_iter().filter(|edge| edge.1);
+    assert_eq!(rises.count(), 2);
+    assert_eq!(read(&mut pio, register(0, ADDR), 44), 0, "wrapped");
 }
 
 #[test]
