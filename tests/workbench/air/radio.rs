@@ -1,5 +1,7 @@
 //! What the air needs of the board's radio chip.
 
+use crate::emulator::Cyw43;
+
 /// Of an Ethernet interface.
 pub type MacAddress = [u8; 6];
 
@@ -42,6 +44,40 @@ pub trait Radio {
 
     /// A station has left it.
     fn client_left(&mut self, mac: MacAddress);
+}
+
+impl Radio for Cyw43 {
+    fn mac(&self) -> MacAddress {
+        self.mac()
+    }
+
+    fn access_point(&self) -> Option<Credentials> {
+        let access_point = self.access_point()?;
+        Some(Credentials {
+            ssid: access_point.ssid.clone(),
+            passphrase: access_point.passphrase.clone(),
+        })
+    }
+
+    fn joined(&self) -> Option<String> {
+        self.joined().map(str::to_string)
+    }
+
+    fn take_sent(&mut self) -> Vec<Vec<u8>> {
+        self.take_sent()
+    }
+
+    fn send(&mut self, frame: &[u8]) -> bool {
+        self.send(frame)
+    }
+
+    fn client_joined(&mut self, mac: MacAddress) {
+        self.client_joined(mac);
+    }
+
+    fn client_left(&mut self, mac: MacAddress) {
+        self.client_left(mac);
+    }
 }
 
 /// Whether a frame is for the station with this address: its own ones are not. Broadcast and multicast are for everyone.

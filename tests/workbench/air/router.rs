@@ -9,6 +9,10 @@ use super::computer::{Computer, UdpPort};
 use super::dhcp_server::{DhcpAnswers, DhcpServer};
 use super::radio::{Credentials, MacAddress};
 
+use crate::emulator::Network;
+
+const CHANNEL: u8 = 6;
+
 const MAC: MacAddress = [2, 0, 0, 0, 0xff, 1];
 
 /// As most routers have it.
@@ -38,6 +42,15 @@ impl Router {
     /// Of its network.
     pub fn credentials(&self) -> &Credentials {
         &self.credentials
+    }
+
+    /// Its network as the board's chip finds it, to be added there.
+    pub fn network(&self) -> Network {
+        Network {
+            ssid: self.credentials.ssid.clone(),
+            passphrase: self.credentials.passphrase.clone(),
+            channel: CHANNEL,
+        }
     }
 
     /// Has the server treat its clients like this from now on.

@@ -4,9 +4,12 @@ use super::hostile::Hostile;
 use super::laptop::Laptop;
 use super::radio::{Credentials, Radio, is_for};
 use super::router::Router;
-use crate::emulator::Random;
+use crate::emulator::{Board, Random};
 
 const SECOND_US: u64 = 1_000_000;
+
+/// So much emulated time passes between two exchanges with a board.
+const SLICE_US: u64 = 1_000;
 
 /// A computer that was refused tries again after this time.
 const RETRY_US: u64 = SECOND_US;
@@ -126,8 +129,8 @@ impl Air {
     /// Carries what was sent since the last call, and lets the computers do what is due at this time.
     pub fn exchange(&mut self, radio: &mut impl Radio, now_us: u64) {
         self.update_memberships(radio, now_us);
+        let frames = radio.take_sent();
         if let Some(network) = self.network_of(radio) {
-            let frames = radio.take_sent();
             self.carry_to_computers(network, &frames);
         }
         self.poll_computers(radio, now_us);
@@ -207,6 +210,38 @@ impl Air {
                 self.overrun += usize::from(!radio.send(&frame));
             }
         }
+    }
+}
+
+/// With the emulated board.
+impl Air {
+    /// Carries what was sent since the last call.
+    pub fn exchange_with(&mut self, board: &mut Board) {
+        let now_us = board.time_us();
+        self.exchange(board.wifi(), now_us);
+    }
+
+    /// Lets the board run with everything around it.
+    pub fn run_for(&mut self, board: &mut Board, duration_us: u64) {
+        self.run_until(board, duration_us, |_, _| false);
+    }
+
+    /// The same until the condition holds, at most for this time. Returns whether it does.
+    pub fn run_until(
+        &mut self,
+        board: &mut Board,
+        limit_us: u64,
+        mut condition: impl FnMut(&mut Self, &mut Board) -> bool,
+    ) -> bool {
+        let end_us = board.time_us() + limit_us;
+        while board.time_us() < end_us {
+            board.run_for(SLICE_US.min(end_us - board.time_us()));
+            self.exchange_with(board);
+            if condition(self, board) {
+                return true;
+            }
+        }
+        false
     }
 }
 
