@@ -13,8 +13,9 @@ mod firmware {
     use rover_battmon::battery::{LEARNT_WORDS, RetainedMemory};
     use rover_battmon::board::{
         self, AnalogInputs, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog,
-        Buzzer, EscUart, ExecutorIdleTime, FlashDriver, LastRun, Module, MotorPeripherals, PulseInput, SensorI2c,
-        SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort, Wifi, WifiPeripherals,
+        Buzzer, EscUart, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c,
+        SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort, Wifi,
+        WifiPeripherals,
     };
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::flash_map;
@@ -46,9 +47,9 @@ mod firmware {
     static PARAMETERS: CheckIn = CheckIn::new("parameters", 5_000);
     static SIGNING: CheckIn = CheckIn::new("signing", 5_000);
     static LEARNT: CheckIn = CheckIn::new("learnt", 5_000);
-    static WIFI: CheckIn = CheckIn::new("Wi-Fi settings", 5_000);
     static LOG: CheckIn = CheckIn::new("log", 5_000);
     static WIFI: CheckIn = CheckIn::new("Wi-Fi", 5_000);
+    static WIFI_STORAGE: CheckIn = CheckIn::new("Wi-Fi storage", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
 
     /// Without a host, or with one that does not read, the USB link stands still, and nothing is wrong with the board. So
@@ -132,9 +133,10 @@ mod firmware {
         tasks::keep_learnt(storage, shared, &LEARNT).await
     }
 
+    /// Only on a board with a radio.
     #[embassy_executor::task]
-    async fn wifi(storage: Storage<BoardFlash, [u32; WIFI_WORDS]>, shared: &'static Shared) -> ! {
-        tasks::keep_wifi(storage, shared, &WIFI).await
+    async fn wifi_storage(storage: Storage<BoardFlash, [u32; WIFI_WORDS]>, shared: &'static Shared) -> ! {
+        tasks::keep_wifi(storage, shared, &WIFI_STORAGE).await
     }
 
     #[embassy_executor::task]
@@ -154,9 +156,10 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn supervisor(mut watchdog: BoardWatchdog, module: Module) -> ! {
+    async fn supervisor(mut watchdog: BoardWatchdog, radio: Radio) -> ! {
         let watched = [
             &WIFI,
+            &WIFI_STORAGE,
             &BATTERY,
             &BUS,
             &ESC,
@@ -168,14 +171,13 @@ mod firmware {
             &PARAMETERS,
             &SIGNING,
             &LEARNT,
-            &WIFI,
             &LOG,
             &STATUS,
         ];
-        let watched = match module {
-            Module::PicoW => watched.as_slice(),
-            // Its task does not run.
-            Module::Pico => watched.get(1..).unwrap_or_default(),
+        let watched = match radio {
+            Radio::Present => watched.as_slice(),
+            // The first two do not run.
+            Radio::Absent => watched.get(2..).unwrap_or_default(),
         };
         tasks::supervise(watched, &mut watchdog).await
     }
@@ -212,12 +214,12 @@ mod firmware {
         );
         last_run.log();
 
-        let module = Module::detect(
+        let radio = board::find_radio(
             peripherals.ADC.reborrow(),
             peripherals.PIN_25.reborrow(),
             peripherals.PIN_29.reborrow(),
         );
-        info!("{}", module);
+        info!("Wi-Fi radio: {}", radio);
         let flash_driver = FLASH.init(board::flash_driver(peripherals.FLASH));
         let id = board::board_id(flash_driver);
         if let Some(id) = id {
@@ -234,11 +236,12 @@ mod firmware {
                 &mut stored,
             )))
             .await;
-        let mut wifi_storage = Storage::new(flash, flash_map::WIFI);
-        stored.wifi = watchdog
-            .feed_during(pin!(tasks::load_wifi(&mut wifi_storage)))
-            .await;
-        stored.radio = Radio::Absent;
+        let mut wifi_flash = Storage::new(flash, flash_map::WIFI);
+        stored.radio = radio;
+        if radio == Radio::Present {
+            let load = tasks::load_wifi(&mut wifi_flash);
+            stored.wifi = watchdog.feed_during(pin!(load)).await;
+        }
         stored.identity.board_id = id;
         stored.crash = last_run.crash.clone();
         let shared = share(&stored);
@@ -255,10 +258,10 @@ mod firmware {
         };
         let (transmitter, receiver) = board::telemetry_uart(telemetry_parts, wiring.telemetry_baud);
         let usb_port = UsbPort::new(peripherals.USB, id);
-        let (gp29, radio) = match module {
-            Module::Pico => (Some(peripherals.PIN_29), None),
-            Module::PicoW => {
-                let parts = WifiPeripherals {
+        let (gp29, wifi_pins) = match radio {
+            Radio::Absent => (Some(peripherals.PIN_29), None),
+            Radio::Present => {
+                let pins = WifiPeripherals {
                     power: peripherals.PIN_23,
                     data: peripherals.PIN_24,
                     select: peripherals.PIN_25,
@@ -266,7 +269,7 @@ mod firmware {
                     pio: peripherals.PIO0,
                     dma: peripherals.DMA_CH1,
                 };
-                (None, Some(open_wifi(parts)))
+                (None, Some(pins))
             }
         };
         let input = AnalogInputs::new(
@@ -330,16 +333,17 @@ mod firmware {
         start(spawner, SIGNING.name(), signing(signing_storage, shared));
         let learnt_storage = Storage::new(flash, flash_map::LEARNT);
         start(spawner, LEARNT.name(), learnt(learnt_storage, shared));
-        start(spawner, WIFI.name(), wifi(wifi_storage, shared));
         start(spawner, LOG.name(), log(flash, shared));
-        if let Some(radio) = radio {
-            start(spawner, WIFI.name(), wifi(radio, logs, shared));
+        if let Some(pins) = wifi_pins {
+            make_wifi_password(shared);
+            start(spawner, WIFI_STORAGE.name(), wifi_storage(wifi_flash, shared));
+            start(spawner, WIFI.name(), wifi(open_wifi(pins), logs, shared));
         }
         start(spawner, STATUS.name(), status(shared, link));
         start(spawner, "reboot", reboot(shared, link));
         start(spawner, "crash report", report_crash(last_run.crash, shared));
         start(spawner, "program hash", hash_program(shared));
-        start(spawner, "supervisor", supervisor(watchdog, module));
+        start(spawner, "supervisor", supervisor(watchdog, radio));
     }
 
     // Built where they stay: on the stack of `main` they would take several times their size.
@@ -351,6 +355,14 @@ mod firmware {
     #[inline(never)]
     fn open_telemetry(shared: &Shared, logs: &'static BoardFlash) -> &'static Link<'static> {
         UART0.init_with(|| Link::of_board(LinkId::Uart0, shared).with_logs(logs))
+    }
+
+    /// On the first start the board's own network needs a password.
+    fn make_wifi_password(shared: &Shared) {
+        if shared.with(|autopilot| autopilot.needs_wifi_password()) {
+            let entropy = board::entropy();
+            shared.with(|autopilot| autopilot.make_wifi_password(&entropy));
+        }
     }
 
     #[inline(never)]

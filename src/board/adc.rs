@@ -49,7 +49,7 @@ impl AnalogInputs {
 impl AnalogIn for AnalogInputs {
     async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError> {
         if pin == AnalogPin::Gp29 && self.gp29.is_none() {
-            return Err(ReadError::Timeout);
+            return Err(ReadError::PinOfRadio);
         }
         let mut control = pac::ADC.cs().read();
         // One that has timed out and still runs: its result would be taken for this one's, and it may be another pin's.

@@ -50,7 +50,7 @@ pub use stack_guard::guard_stack;
 pub use uart::{EscUart, TelemetryUart, UartReceiver, UartTransmitter, esc_uart, telemetry_uart};
 pub use usb::{UsbPort, UsbReceiver, UsbTransmitter};
 pub use watchdog::BoardWatchdog;
-pub use wifi::{Module, Wifi, WifiPeripherals, entropy};
+pub use wifi::{Wifi, WifiPeripherals, entropy, find_radio};
 
 bind_interrupts!(struct Irqs {
     DMA_IRQ_0 => dma::InterruptHandler<DMA_CH0>, dma::InterruptHandler<DMA_CH1>;

@@ -57,7 +57,10 @@ impl Leases {
     /// Forgets the oldest offer that was not accepted yet. Whether there was one.
     fn withdraw_oldest_offer(&mut self) -> bool {
         let offers = self.0.leases().filter(|lease| !lease.bound);
-        match offers.min_by_key(|offer| offer.expires_at_ms).map(|offer| offer.mac) {
+        match offers
+            .min_by_key(|offer| offer.expires_at_ms)
+            .map(|offer| offer.mac)
+        {
             Some(mac) => self.0.revoke(mac).is_some(),
             None => false,
         }

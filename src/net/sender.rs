@@ -26,7 +26,11 @@ pub(super) struct Sender<'d> {
 
 impl<'d> Sender<'d> {
     /// A sender from this port. Another socket that was there before it gets what comes to the port.
-    pub fn new<const BYTES: usize>(stack: Stack<'d>, port: u16, queue: &'d mut PacketQueue<1, BYTES>) -> Self {
+    pub fn new<const BYTES: usize>(
+        stack: Stack<'d>,
+        port: u16,
+        queue: &'d mut PacketQueue<1, BYTES>,
+    ) -> Self {
         let mut socket = UdpSocket::new(stack, &mut [], &mut [], &mut queue.packets, &mut queue.bytes);
         // It is not bound yet, and no port is 0.
         let _ = socket.bind(port);

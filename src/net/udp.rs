@@ -111,7 +111,10 @@ impl UdpLinks {
         if logged.is_none_or(|logged| now().us_since(logged) >= LOG_INTERVAL_US) {
             self.refusal_logged.set(Some(now()));
             let address = station.ip().octets();
-            warn!("UDP: {:?} refused, no link is free: {} datagrams so far", address, count);
+            warn!(
+                "UDP: {:?} refused, no link is free: {} datagrams so far",
+                address, count
+            );
         }
     }
 }

@@ -54,7 +54,7 @@ pub struct Shared {
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
     pub(super) to_save_wifi: Signal<NoopRawMutex, ()>,
     /// What the radio is to do may have changed.
-    pub(super) to_set_up_wifi: Signal<NoopRawMutex, ()>,
+    pub(crate) to_set_up_wifi: Signal<NoopRawMutex, ()>,
     pub(super) ground_station_heard: Signal<NoopRawMutex, ()>,
 }
 

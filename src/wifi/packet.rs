@@ -59,7 +59,9 @@ impl Packet<'_> {
         }
         let payload_bytes = self.length.checked_sub(header_bytes)?;
         match self.byte(CHANNEL)? & CHANNEL_MASK {
-            CONTROL if payload_bytes >= CONTROL_HEADER_BYTES => self.check_answer(header_bytes, payload_bytes),
+            CONTROL if payload_bytes >= CONTROL_HEADER_BYTES => {
+                self.check_answer(header_bytes, payload_bytes)
+            }
             DATA if payload_bytes >= DATA_HEADER_BYTES => self.check_frame(header_bytes, payload_bytes),
             // The driver looks at the lengths of all others itself, or ignores them.
             _ => Some(Ok(())),
@@ -69,7 +71,9 @@ impl Packet<'_> {
     /// The answer to a control request.
     fn check_answer(&self, start: usize, bytes: usize) -> Option<Result<(), PacketFault>> {
         let response_bytes = self.word(start + 4)? as usize;
-        bytes.checked_sub(CONTROL_HEADER_BYTES)?.checked_sub(response_bytes)?;
+        bytes
+            .checked_sub(CONTROL_HEADER_BYTES)?
+            .checked_sub(response_bytes)?;
         Some(match self.word(start + 12)? {
             0 => Ok(()),
             status => Err(PacketFault::Refused(status.cast_signed())),
@@ -115,7 +119,9 @@ mod tests {
         let mut padded = packet.to_vec();
         padded.resize(packet.len().next_multiple_of(4), 0);
         let words = padded.chunks(4);
-        let words: Vec<u32> = words.map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
+        let words: Vec<u32> = words
+            .map(|word| u32::from_le_bytes(word.try_into().unwrap()))
+            .collect();
         super::check_packet(&words, packet.len())
     }
 
@@ -145,8 +151,14 @@ mod tests {
 
     #[test]
     fn answer_that_claims_more_than_there_is_does_not_pass() {
-        assert_eq!(check_packet(&answer(5, 0, &[1, 2, 3, 4])), Err(PacketFault::Malformed));
-        assert_eq!(check_packet(&answer(u32::MAX, 0, &[])), Err(PacketFault::Malformed));
+        assert_eq!(
+            check_packet(&answer(5, 0, &[1, 2, 3, 4])),
+            Err(PacketFault::Malformed)
+        );
+        assert_eq!(
+            check_packet(&answer(u32::MAX, 0, &[])),
+            Err(PacketFault::Malformed)
+        );
     }
 
     #[test]

@@ -32,7 +32,13 @@ pub struct Datagram {
 
 impl Datagram {
     pub fn frames(&self) -> Vec<Frame> {
-        frames(&self.bytes.iter().map(|byte| (self.at_us, *byte)).collect::<Vec<_>>())
+        frames(
+            &self
+                .bytes
+                .iter()
+                .map(|byte| (self.at_us, *byte))
+                .collect::<Vec<_>>(),
+        )
     }
 }
 
@@ -121,7 +127,11 @@ impl Phone {
         let buffer = || tcp::SocketBuffer::new(leak(2048));
         let mut socket = tcp::Socket::new(buffer(), buffer());
         socket
-            .connect(self.interface.context(), (IpAddress::Ipv4(*BOARD.ip()), TCP_PORT), port)
+            .connect(
+                self.interface.context(),
+                (IpAddress::Ipv4(*BOARD.ip()), TCP_PORT),
+                port,
+            )
             .expect("the socket is new");
         self.sockets.add(socket)
     }

@@ -46,7 +46,10 @@ fn a_place_is_free_again_when_a_client_has_closed() {
             let client = phone.connect(50_000 + round);
             room.pass(2_000, &mut [&mut phone]).await;
             let frames = phone.tcp_frames(client);
-            assert!(frames.iter().any(|frame| frame.message_id == HEARTBEAT), "round {round}");
+            assert!(
+                frames.iter().any(|frame| frame.message_id == HEARTBEAT),
+                "round {round}"
+            );
             assert_eq!(frames[0].sequence, 0, "a link of its own");
             phone.tcp(client).close();
             room.pass(50, &mut [&mut phone]).await;

@@ -91,8 +91,12 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
             Stage::Waking if is_silence(words) => self.fail(BusFault::Silent).await,
             Stage::Waking => {}
             Stage::Starting => self.require_answer().await,
-            Stage::Running if command.function == Function::Packets => self.check_packet(command, words).await,
-            Stage::Running if command.address == STATUS_REGISTER && is_silence(words) => self.require_answer().await,
+            Stage::Running if command.function == Function::Packets => {
+                self.check_packet(command, words).await
+            }
+            Stage::Running if command.address == STATUS_REGISTER && is_silence(words) => {
+                self.require_answer().await
+            }
             Stage::Running => {}
         }
     }

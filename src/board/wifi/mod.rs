@@ -2,10 +2,10 @@
 
 mod bus;
 mod entropy;
-mod module;
+mod find;
 mod program;
 mod radio;
 
 pub use entropy::entropy;
-pub use module::Module;
+pub use find::find_radio;
 pub use radio::{Wifi, WifiPeripherals};

@@ -3,12 +3,12 @@
 use cyw43::{Control, JoinError, JoinOptions, NetDriver, PowerManagementMode};
 use cyw43_pio::{DEFAULT_CLOCK_DIVIDER, PioSpi};
 use embassy_futures::select::{Either, Either3, select, select3};
+use embassy_rp::Peri;
 use embassy_rp::clocks::RoscRng;
 use embassy_rp::dma;
 use embassy_rp::gpio::{Level, Output};
 use embassy_rp::peripherals::{DMA_CH1, PIN_23, PIN_24, PIN_25, PIN_29, PIO0};
 use embassy_rp::pio::Pio;
-use embassy_rp::Peri;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
@@ -164,7 +164,10 @@ impl Wifi {
         let power = Output::new(parts.power.reborrow(), Level::Low);
         let select_pin = Output::new(parts.select.reborrow(), Level::High);
         let Pio {
-            mut common, sm0, irq0, ..
+            mut common,
+            sm0,
+            irq0,
+            ..
         } = Pio::new(parts.pio.reborrow(), Irqs);
         let spi = PioSpi::new(
             &mut common,
@@ -259,11 +262,20 @@ impl Operation<'_> {
         let address = Address::new();
         let report = |report| {
             address.signal(report);
-            if let NetReport::AddressObtained(address) = report {
+            if let (Role::Station, NetReport::AddressObtained(address)) = (role, report) {
                 shared.with(|autopilot| autopilot.wifi_report(WifiReport::AddressObtained(address)));
             }
         };
-        let serving = net::serve(device, role, RoscRng.next_u64(), network, shared, logs, check_in, report);
+        let serving = net::serve(
+            device,
+            role,
+            RoscRng.next_u64(),
+            network,
+            shared,
+            logs,
+            check_in,
+            report,
+        );
         match select(serving, self.watch(role, &address)).await {
             Either::First(never) => never,
             Either::Second(end) => end,
@@ -287,6 +299,8 @@ impl Operation<'_> {
         if self.role() == Role::AccessPoint {
             let setup = self.setup;
             let (name, password) = (setup.own_name.as_str(), setup.own_password.as_str());
+            // The log's reader has the board in hand.
+            defmt::info!("Wi-Fi: access point {=str}, password {=str}", name, password);
             self.control.start_ap_wpa2(name, password, setup.channel).await;
             self.report(match self.plan {
                 Plan::AsSetUp => WifiReport::AccessPointUp,
@@ -319,7 +333,10 @@ impl Operation<'_> {
     async fn look_for_life(&mut self) -> WifiReport {
         loop {
             Timer::after(WATCH_INTERVAL).await;
-            if with_timeout(ANSWER_TIMEOUT, self.control.address()).await.is_err() {
+            if with_timeout(ANSWER_TIMEOUT, self.control.address())
+                .await
+                .is_err()
+            {
                 return WifiReport::NoAnswer;
             }
         }
