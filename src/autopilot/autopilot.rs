@@ -7,7 +7,7 @@ use super::packs::Packs;
 use super::recording::Recording;
 use super::signing_save::SigningSave;
 use super::start::Start;
-use super::wifi::Wifi;
+use super::wifi_state::WifiState;
 use super::work::Work;
 use crate::battery::BatteryState;
 use crate::dataflash::{ModeReason, Record};
@@ -35,7 +35,7 @@ pub struct Autopilot {
     pub(super) save_failures: SaveFailures,
     pub(super) signing_save: SigningSave,
     pub(super) learnt_save: FailedSave,
-    pub(super) wifi: Wifi,
+    pub(super) wifi: WifiState,
     pub(super) recording: Recording,
     /// Why the mode changes next, if it does.
     pub(super) mode_reason: ModeReason,
@@ -60,7 +60,7 @@ impl Autopilot {
             save_failures: SaveFailures::default(),
             signing_save: SigningSave::default(),
             learnt_save: FailedSave::default(),
-            wifi: in_place(|| Wifi::new(start)),
+            wifi: in_place(|| WifiState::new(start)),
             recording: in_place(|| Recording::new(start.crash.clone())),
             mode_reason: ModeReason::Command,
             known_status: VehicleStatus::default(),

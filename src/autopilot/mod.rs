@@ -24,6 +24,7 @@ mod saving;
 mod signing_save;
 mod start;
 mod wifi;
+mod wifi_state;
 mod wiring;
 mod work;
 

@@ -1,0 +1,97 @@
+//! What is known of Wi-Fi: names and passwords, what is in force, what was announced.
+
+use heapless::Vec;
+
+use super::failed_save::FailedSave;
+use super::start::Start;
+use crate::parameter::Parameters;
+use crate::wifi::{WifiChoice, WifiCredentials, WifiMode, WifiRecord, WifiReport, WifiSetup};
+
+/// Reports of each kind, each announced once.
+const REPORTS: usize = 10;
+
+/// The state of Wi-Fi.
+#[derive(Debug)]
+pub(super) struct WifiState {
+    pub credentials: WifiCredentials,
+    /// What the parameters said when the vehicle was last disarmed.
+    choice: WifiChoice,
+    /// Announced since the radio was set up, or since it last did what it is set up for.
+    announced: Vec<WifiReport, REPORTS>,
+    /// What is wrong now.
+    pub fault: Option<WifiReport>,
+    pub save: FailedSave,
+}
+
+impl WifiState {
+    pub fn new(start: &Start) -> Self {
+        Self {
+            credentials: WifiCredentials::new(start.radio, start.identity.board_id, start.wifi.clone()),
+            choice: WifiChoice::from_parameters(&start.parameters),
+            announced: Vec::new(),
+            fault: None,
+            save: FailedSave::default(),
+        }
+    }
+
+    /// What the radio is to do.
+    pub fn setup(&self) -> Option<WifiSetup> {
+        self.credentials.setup(self.choice)
+    }
+
+    /// Whether a report is news. A fault that comes back at each retry is not, until the radio has done what it is set up for.
+    pub fn is_news(&mut self, report: WifiReport) -> bool {
+        if report.is_fault() {
+            self.fault = Some(report);
+        }
+        if self.announced.contains(&report) {
+            return false;
+        }
+        if self.is_success(report) {
+            self.forget_reports();
+        } else if is_interruption(report) {
+            self.announced.retain(|report| report.is_fault());
+        }
+        // There is room for each kind: another address is a success.
+        let _ = self.announced.push(report);
+        true
+    }
+
+    /// Whether the radio does what it is set up for.
+    fn is_success(&self, report: WifiReport) -> bool {
+        match report {
+            WifiReport::AddressObtained(_) => true,
+            WifiReport::AccessPointUp => self.choice.mode == WifiMode::AccessPoint,
+            _ => false,
+        }
+    }
+
+    pub fn forget_reports(&mut self) {
+        self.announced.clear();
+        self.fault = None;
+    }
+
+    /// What has to be written; `None` while a failed write waits for its retry.
+    pub fn next_unsaved(&self) -> Option<WifiRecord> {
+        if self.save.retry_at.is_some() {
+            return None;
+        }
+        self.credentials.next_unsaved()
+    }
+
+    /// Follows the parameters, and returns whether they have changed.
+    pub fn follow(&mut self, parameters: &Parameters) -> bool {
+        let choice = WifiChoice::from_parameters(parameters);
+        let has_changed = choice != self.choice;
+        self.choice = choice;
+        has_changed
+    }
+}
+
+/// What ends a success, so that the next one is announced.
+fn is_interruption(report: WifiReport) -> bool {
+    matches!(
+        report,
+        WifiReport::NoAnswer | WifiReport::DownloadFailed | WifiReport::NetworkLost
+    )
+}
