@@ -83,9 +83,21 @@ impl Hash for PackDetails {
             design_voltage_v,
             state_of_health_pct,
         } = self;
-        (manufacturer, device, serial_number, manufactured, chemistry, cycle_count).hash(state);
+        (
+            manufacturer,
+            device,
+            serial_number,
+            manufactured,
+            chemistry,
+            cycle_count,
+        )
+            .hash(state);
         let ratings = [*design_capacity_mah, *design_voltage_v];
-        (ratings.map(|rating| rating.map(f32::to_bits)), state_of_health_pct).hash(state);
+        (
+            ratings.map(|rating| rating.map(f32::to_bits)),
+            state_of_health_pct,
+        )
+            .hash(state);
     }
 }
 

@@ -60,7 +60,10 @@ impl Stations {
 
     /// Whether a station sends from this address.
     pub fn has_address(&self, address: core::net::Ipv4Addr) -> bool {
-        self.slots.iter().flatten().any(|station| *station.ip() == address)
+        self.slots
+            .iter()
+            .flatten()
+            .any(|station| *station.ip() == address)
     }
 }
 

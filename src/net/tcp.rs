@@ -36,7 +36,12 @@ const RESET_PATIENCE: Duration = Duration::from_millis(100);
 
 /// Serves one client after the other. While this serves one, the next has to find another place to be served; when there is
 /// none, its connection is reset.
-pub(super) async fn serve_clients(id: LinkId, stack: Stack<'_>, memory: &mut TcpMemory, service: &Service<'_>) -> ! {
+pub(super) async fn serve_clients(
+    id: LinkId,
+    stack: Stack<'_>,
+    memory: &mut TcpMemory,
+    service: &Service<'_>,
+) -> ! {
     let mut socket = TcpSocket::new(stack, &mut memory.received, &mut memory.sent);
     socket.set_keep_alive(Some(KEEP_ALIVE));
     socket.set_timeout(Some(SILENCE));
@@ -47,7 +52,9 @@ pub(super) async fn serve_clients(id: LinkId, stack: Stack<'_>, memory: &mut Tcp
         accept(&socket).await;
         info!("{}: connected", id.name());
         let link = service.open(id, 0);
-        service.serve(TcpTransmitter(&socket), TcpReceiver(&socket), &link).await;
+        service
+            .serve(TcpTransmitter(&socket), TcpReceiver(&socket), &link)
+            .await;
         info!("{}: disconnected", id.name());
         close(&socket).await;
     }

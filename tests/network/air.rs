@@ -44,7 +44,6 @@ impl Air {
         self.phones.retain(|(other, _)| *other != mac);
     }
 
-
     pub fn to_board(&mut self, frame: Vec<u8>) {
         if self.to_board.len() < BUFFERS {
             self.to_board.push_back(frame);

@@ -32,7 +32,13 @@ pub struct Datagram {
 
 impl Datagram {
     pub fn frames(&self) -> Vec<Frame> {
-        frames(&self.bytes.iter().map(|byte| (self.at_us, *byte)).collect::<Vec<_>>())
+        frames(
+            &self
+                .bytes
+                .iter()
+                .map(|byte| (self.at_us, *byte))
+                .collect::<Vec<_>>(),
+        )
     }
 }
 
@@ -84,7 +90,7 @@ impl Phone {
     pub fn listen(&mut self, port: u16) -> SocketHandle {
         let buffer = || {
             let packets: &'static mut [udp::PacketMetadata] =
-                Box::leak(vec![udp::PacketMetadata::EMPTY; 64].into());
+                Box::leak(vec![udp::PacketMetadata::EMPTY; 4096].into());
             udp::PacketBuffer::new(packets, leak(64 * 1024))
         };
         let mut socket = udp::Socket::new(buffer(), buffer());
@@ -121,7 +127,11 @@ impl Phone {
         let buffer = || tcp::SocketBuffer::new(leak(2048));
         let mut socket = tcp::Socket::new(buffer(), buffer());
         socket
-            .connect(self.interface.context(), (IpAddress::Ipv4(*BOARD.ip()), TCP_PORT), port)
+            .connect(
+                self.interface.context(),
+                (IpAddress::Ipv4(*BOARD.ip()), TCP_PORT),
+                port,
+            )
             .expect("the socket is new");
         self.sockets.add(socket)
     }

@@ -46,7 +46,10 @@ fn a_place_is_free_again_when_a_client_has_closed() {
             let client = phone.connect(50_000 + round);
             room.pass(2_000, &mut [&mut phone]).await;
             let frames = phone.tcp_frames(client);
-            assert!(frames.iter().any(|frame| frame.message_id == HEARTBEAT), "round {round}");
+            assert!(
+                frames.iter().any(|frame| frame.message_id == HEARTBEAT),
+                "round {round}"
+            );
             assert_eq!(frames[0].sequence, 0, "a link of its own");
             phone.tcp(client).close();
             room.pass(50, &mut [&mut phone]).await;
@@ -88,8 +91,8 @@ fn a_client_that_does_not_read_stops_only_itself() {
         // The other one takes 2048 bytes, and then nothing any more.
         for _ in 0..5 {
             room.pass(2_000, &mut [&mut reader, &mut other]).await;
-            assert!(reader.tcp_frames(first).len() > 10);
-            assert!(reader.received_frames(station).len() > 10);
+            assert!(reader.tcp_frames(first).len() > 8);
+            assert!(reader.received_frames(station).len() > 8);
         }
         assert_eq!(other.tcp(second).state(), State::Established);
         assert_eq!(other.tcp(second).recv_queue(), 2_048);
