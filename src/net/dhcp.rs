@@ -28,13 +28,14 @@ pub(super) async fn give_addresses(stack: Stack<'_>, memory: &mut DhcpMemory, le
     let mut sender = Sender::new(stack, SERVER_PORT, &mut memory.sent);
     loop {
         until(|| requests.may_recv()).await;
+        // A client that gets no answer asks again.
+        let _ = sender.make_room().await;
         // The network is in use until the request is read.
         let reply = requests
             .recv_from_with(|request, _| leases.borrow_mut().answer(request, now_ms()))
             .await;
         if let Some(reply) = reply {
-            // A client that gets no answer asks again.
-            let _ = sender.send_at_once(reply.bytes(), reply.destination());
+            let _ = sender.hand_over(reply.bytes(), reply.destination());
         }
         yield_now().await;
     }

@@ -60,7 +60,8 @@ async fn greet(
     let shared = service.shared;
     let heartbeat = shared.with(|autopilot| autopilot.heartbeat_frame(framer, LinkKind::Wifi, now()));
     for address in addresses {
-        // Who is not there does not answer.
-        let _ = sender.send(heartbeat, SocketAddrV4::new(*address, PORT)).await;
+        // There is another one in a second.
+        let _ = sender.make_room().await;
+        let _ = sender.hand_over(heartbeat, SocketAddrV4::new(*address, PORT));
     }
 }

@@ -11,7 +11,7 @@ use embassy_time::{Duration, with_timeout};
 use super::memory::PacketQueue;
 use super::until::until;
 
-/// So long a datagram waits for the radio, or for the hardware address of who gets it, before it is lost.
+/// So long a datagram waits for the radio, or for the hardware address of who gets it, while another one waits behind it.
 const PATIENCE: Duration = Duration::from_millis(100);
 
 /// A datagram could not be sent.
@@ -37,31 +37,21 @@ impl<'d> Sender<'d> {
         Self { socket, port }
     }
 
-    /// Hands `datagram` over, or loses it when there is no room for it in time.
+    /// Waits until the datagram before has left. One that does not leave in time is lost.
     ///
     /// # Errors
-    /// It is lost.
-    pub async fn send(&mut self, datagram: &[u8], to: SocketAddrV4) -> Result<(), DatagramLost> {
+    /// It was lost. There is room now, too.
+    pub async fn make_room(&mut self) -> Result<(), DatagramLost> {
         let room = until(|| self.socket.may_send());
-        if with_timeout(PATIENCE, room).await.is_err() {
-            self.discard();
-            return Err(DatagramLost);
-        }
-        self.hand_over(datagram, to)
+        let in_time = with_timeout(PATIENCE, room).await;
+        in_time.map_err(|_| self.discard())
     }
 
-    /// The same, but what is there before it is lost for it.
+    /// Hands `datagram` over to leave as soon as it can.
     ///
     /// # Errors
-    /// It is lost.
-    pub fn send_at_once(&mut self, datagram: &[u8], to: SocketAddrV4) -> Result<(), DatagramLost> {
-        if !self.socket.may_send() {
-            self.discard();
-        }
-        self.hand_over(datagram, to)
-    }
-
-    fn hand_over(&mut self, datagram: &[u8], to: SocketAddrV4) -> Result<(), DatagramLost> {
+    /// It is lost: there is no room, or the board has no address.
+    pub fn hand_over(&mut self, datagram: &[u8], to: SocketAddrV4) -> Result<(), DatagramLost> {
         match poll_once(self.socket.send_to(datagram, to)) {
             Poll::Ready(Ok(())) => Ok(()),
             _ => Err(DatagramLost),
@@ -69,8 +59,9 @@ impl<'d> Sender<'d> {
     }
 
     /// Empties the queue. What waits for a hardware address that does not come would stay there for good.
-    fn discard(&mut self) {
+    fn discard(&mut self) -> DatagramLost {
         self.socket.close();
         let _ = self.socket.bind(self.port);
+        DatagramLost
     }
 }

@@ -180,6 +180,7 @@ pub(super) async fn serve_stations(
             sender: &mut sender,
             station,
             datagram,
+            handed_over: 0,
             link: &link,
         };
         let service = service.serve(transmitter, UdpReceiver(slot), &link);
@@ -208,6 +209,8 @@ struct UdpTransmitter<'a, 's> {
     sender: &'a mut Sender<'s>,
     station: SocketAddrV4,
     datagram: &'a mut Datagram,
+    /// The frames of the datagram that was handed over last.
+    handed_over: u32,
     link: &'a Link<'a>,
 }
 
@@ -236,9 +239,13 @@ impl Write for UdpTransmitter<'_, '_> {
 
 impl UdpTransmitter<'_, '_> {
     async fn send(&mut self) {
-        let sent = self.sender.send(self.datagram.bytes(), self.station);
-        if sent.await.is_err() {
-            self.link.count_lost(self.datagram.frames());
+        if self.sender.make_room().await.is_err() {
+            self.link.count_lost(self.handed_over);
+        }
+        self.handed_over = self.datagram.frames();
+        let handed_over = self.sender.hand_over(self.datagram.bytes(), self.station);
+        if handed_over.is_err() {
+            self.link.count_lost(self.handed_over);
         }
         self.datagram.clear();
     }
