@@ -44,7 +44,7 @@ impl Air {
         self.phones.retain(|(other, _)| *other != mac);
     }
 
-    pub fn to_board(&mut self, frame: Vec<u8>) {
+    pub fn send_to_board(&mut self, frame: Vec<u8>) {
         if self.to_board.len() < BUFFERS {
             self.to_board.push_back(frame);
         } else {
@@ -53,7 +53,7 @@ impl Air {
         self.wake();
     }
 
-    pub fn to_phone(&mut self, mac: [u8; 6]) -> Option<Vec<u8>> {
+    pub fn next_for(&mut self, mac: [u8; 6]) -> Option<Vec<u8>> {
         let phone = self.phones.iter_mut().find(|(other, _)| *other == mac)?;
         phone.1.pop_front()
     }
@@ -64,7 +64,7 @@ impl Air {
         }
     }
 
-    fn from_board(&mut self, frame: &[u8]) {
+    fn deliver(&mut self, frame: &[u8]) {
         for (mac, frames) in &mut self.phones {
             if frame[0] & 1 != 0 || frame[..6] == *mac {
                 frames.push_back(frame.into());
@@ -90,7 +90,7 @@ impl TxToken for Place {
     fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, length: usize, write: F) -> R {
         let mut frame = vec![0; length];
         let result = write(&mut frame);
-        self.0.borrow_mut().from_board(&frame);
+        self.0.borrow_mut().deliver(&frame);
         result
     }
 }

@@ -213,7 +213,7 @@ impl TxToken for Place {
     fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, length: usize, write: F) -> R {
         let mut frame = vec![0; length];
         let result = write(&mut frame);
-        self.0.borrow_mut().to_board(frame);
+        self.0.borrow_mut().send_to_board(frame);
         result
     }
 }
@@ -223,7 +223,7 @@ impl Device for Antenna {
     type TxToken<'a> = Place;
 
     fn receive(&mut self, _: Instant) -> Option<(Received, Place)> {
-        let frame = self.air.borrow_mut().to_phone(self.mac)?;
+        let frame = self.air.borrow_mut().next_for(self.mac)?;
         Some((Received(frame), Place(self.air.clone())))
     }
 
