@@ -12,7 +12,7 @@ PAGE = REPOSITORY / "docs/dependencies.md"
 TARGET = "thumbv6m-none-eabi"
 
 # What may be linked into the firmware, and beside that into programs that stay on the desk.
-FIRMWARE = {"MIT", "Apache-2.0", "Apache-2.0 WITH LLVM-exception", "BSD-2-Clause", "BSD-3-Clause", "Unlicense", "Zlib"}
+FIRMWARE = {"0BSD", "MIT", "Apache-2.0", "Apache-2.0 WITH LLVM-exception", "BSD-2-Clause", "BSD-3-Clause", "Unlicense", "Zlib"}
 DESK = FIRMWARE | {"MPL-2.0", "BSL-1.0", "Unicode-3.0"}
 
 
