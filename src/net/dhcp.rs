@@ -7,12 +7,34 @@ use embassy_net::Stack;
 use embassy_net::udp::UdpSocket;
 
 use super::leases::Leases;
-use super::memory::DhcpMemory;
+use super::packet_queue::PacketQueue;
 use super::sender::Sender;
 use super::until::until;
 use crate::tasks::now;
 
 const SERVER_PORT: u16 = 67;
+
+/// DHCP clients send at most 576 bytes to a server that has not offered to take more.
+const DHCP_REQUEST_BYTES: usize = 576;
+
+/// Our answers have 287 bytes.
+const DHCP_REPLY_BYTES: usize = 320;
+
+/// The queues of the DHCP server.
+pub(super) struct DhcpMemory {
+    received: PacketQueue<2, DHCP_REQUEST_BYTES>,
+    sent: PacketQueue<1, DHCP_REPLY_BYTES>,
+}
+
+impl DhcpMemory {
+    /// Empty queues.
+    pub const fn new() -> Self {
+        Self {
+            received: PacketQueue::new(),
+            sent: PacketQueue::new(),
+        }
+    }
+}
 
 /// Answers one request a turn.
 pub(super) async fn give_addresses(stack: Stack<'_>, memory: &mut DhcpMemory, leases: &RefCell<Leases>) -> ! {

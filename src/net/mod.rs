@@ -9,6 +9,7 @@ mod discovery;
 mod leases;
 mod memory;
 mod paced;
+mod packet_queue;
 mod sender;
 mod serve;
 mod service;

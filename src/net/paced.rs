@@ -86,3 +86,78 @@ impl<D: Driver> Driver for Paced<D> {
         self.device.hardware_address()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use embassy_net::driver::{RxToken, TxToken};
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::task::{Wake, Waker};
+
+    /// It always has a frame, and always takes one.
+    struct Endless;
+
+    struct Token;
+
+    impl RxToken for Token {
+        fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, use_frame: F) -> R {
+            use_frame(&mut [])
+        }
+    }
+
+    impl TxToken for Token {
+        fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, _: usize, write: F) -> R {
+            write(&mut [])
+        }
+    }
+
+    impl Driver for Endless {
+        type RxToken<'a> = Token;
+        type TxToken<'a> = Token;
+
+        fn receive(&mut self, _: &mut Context<'_>) -> Option<(Token, Token)> {
+            Some((Token, Token))
+        }
+
+        fn transmit(&mut self, _: &mut Context<'_>) -> Option<Token> {
+            Some(Token)
+        }
+
+        fn link_state(&mut self, _: &mut Context<'_>) -> LinkState {
+            LinkState::Down
+        }
+
+        fn capabilities(&self) -> Capabilities {
+            Capabilities::default()
+        }
+
+        fn hardware_address(&self) -> HardwareAddress {
+            HardwareAddress::Ip
+        }
+    }
+
+    #[derive(Default)]
+    struct Wakes(AtomicU32);
+
+    impl Wake for Wakes {
+        fn wake(self: Arc<Self>) {
+            self.0.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    #[test]
+    fn one_frame_passes_each_way_and_the_task_is_woken_for_the_next() {
+        let wakes = Arc::new(Wakes::default());
+        let waker = Waker::from(wakes.clone());
+        let mut context = Context::from_waker(&waker);
+        let mut device = Paced::new(Endless);
+        for turn in 0..3 {
+            assert!(device.receive(&mut context).is_some());
+            assert!(device.receive(&mut context).is_none());
+            assert!(device.transmit(&mut context).is_some());
+            assert!(device.transmit(&mut context).is_none());
+            assert_eq!(wakes.0.load(Ordering::Relaxed), 2 * (turn + 1));
+        }
+    }
+}

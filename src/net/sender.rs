@@ -8,7 +8,7 @@ use embassy_net::Stack;
 use embassy_net::udp::UdpSocket;
 use embassy_time::{Duration, with_timeout};
 
-use super::memory::PacketQueue;
+use super::packet_queue::PacketQueue;
 use super::until::until;
 
 /// So long a datagram waits for the radio, or for the hardware address of who gets it, while another one waits behind it.

@@ -9,7 +9,6 @@ use embassy_net::tcp::{State, TcpSocket};
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::{ErrorKind, ErrorType, Write};
 
-use super::memory::TcpMemory;
 use super::service::Service;
 use super::until::until;
 use crate::log::info;
@@ -22,6 +21,12 @@ pub(super) const CLIENTS: usize = 2;
 /// The port of MAVLink by TCP, as ArduPilot's.
 const PORT: u16 = 5760;
 
+/// What a client sends while its link is busy: TCP has it wait for the rest.
+const TCP_RECEIVED_BYTES: usize = 512;
+
+/// What is sent until a client confirms it.
+const TCP_SENT_BYTES: usize = 1024;
+
 /// A client that sends nothing is asked so often whether it is still there.
 const KEEP_ALIVE: Duration = Duration::from_secs(3);
 
@@ -33,6 +38,22 @@ const FAREWELL: Duration = Duration::from_secs(1);
 
 /// So long a reset waits for the radio.
 const RESET_PATIENCE: Duration = Duration::from_millis(100);
+
+/// The buffers of a TCP socket.
+pub(super) struct TcpMemory {
+    received: [u8; TCP_RECEIVED_BYTES],
+    sent: [u8; TCP_SENT_BYTES],
+}
+
+impl TcpMemory {
+    /// Empty buffers.
+    pub const fn new() -> Self {
+        Self {
+            received: [0; TCP_RECEIVED_BYTES],
+            sent: [0; TCP_SENT_BYTES],
+        }
+    }
+}
 
 /// Serves one client after the other. While this serves one, the next has to find another place to be served; when there is
 /// none, its connection is reset.

@@ -14,7 +14,8 @@ use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Write};
 
-use super::datagram::Datagram;
+use super::datagram::{DATAGRAM_BYTES, Datagram};
+use super::packet_queue::PacketQueue;
 use super::sender::Sender;
 use super::service::Service;
 use super::stations::{Admission, SLOTS, Stations};
@@ -36,6 +37,24 @@ const SILENCE: Duration = Duration::from_secs(10);
 
 /// Minimum interval between log lines about stations that are refused.
 const LOG_INTERVAL_US: u64 = 10_000_000;
+
+/// What is sent to a station.
+pub(super) struct SlotMemory {
+    /// What waits for the radio.
+    pub sent: PacketQueue<1, DATAGRAM_BYTES>,
+    /// What is put together meanwhile. In a future it would take several times its size.
+    pub datagram: Datagram,
+}
+
+impl SlotMemory {
+    /// Nothing is to be sent.
+    pub const fn new() -> Self {
+        Self {
+            sent: PacketQueue::new(),
+            datagram: Datagram::new(),
+        }
+    }
+}
 
 /// The links by UDP, and who has them.
 pub(super) struct UdpLinks {
