@@ -204,18 +204,18 @@ mod firmware {
         let flash = BoardFlash::new(flash_driver);
         let mut storage = Storage::of_double_sectors(flash, flash_map::PARAMETERS);
         let mut stored = Start::default();
-        let signing_storage = watchdog
-            .feed_during(pin!(tasks::boot(
+        let mut wifi_storage = Storage::new(flash, flash_map::WIFI);
+        let boot = async {
+            stored.wifi = tasks::load_wifi(&mut wifi_storage).await;
+            tasks::boot(
                 &mut storage,
                 Storage::new(flash, flash_map::SIGNING),
                 last_run.quick_resets.parameter_source(),
                 &mut stored,
-            )))
-            .await;
-        let mut wifi_storage = Storage::new(flash, flash_map::WIFI);
-        stored.wifi = watchdog
-            .feed_during(pin!(tasks::load_wifi(&mut wifi_storage)))
-            .await;
+            )
+            .await
+        };
+        let signing_storage = watchdog.feed_during(pin!(boot)).await;
         stored.radio = Radio::Absent;
         stored.identity.board_id = id;
         stored.crash = last_run.crash.clone();
