@@ -49,7 +49,7 @@ mod firmware {
     static LEARNT: CheckIn = CheckIn::new("learnt", 5_000);
     static LOG: CheckIn = CheckIn::new("log", 5_000);
     static WIFI: CheckIn = CheckIn::new("Wi-Fi", 5_000);
-    static WIFI_STORAGE: CheckIn = CheckIn::new("Wi-Fi storage", 5_000);
+    static WIFI_SETTINGS: CheckIn = CheckIn::new("Wi-Fi settings", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
 
     /// Without a host, or with one that does not read, the USB link stands still, and nothing is wrong with the board. So
@@ -135,8 +135,8 @@ mod firmware {
 
     /// Only on a board with a radio.
     #[embassy_executor::task]
-    async fn wifi_storage(storage: Storage<BoardFlash, [u32; WIFI_WORDS]>, shared: &'static Shared) -> ! {
-        tasks::keep_wifi(storage, shared, &WIFI_STORAGE).await
+    async fn wifi_settings(storage: Storage<BoardFlash, [u32; WIFI_WORDS]>, shared: &'static Shared) -> ! {
+        tasks::keep_wifi(storage, shared, &WIFI_SETTINGS).await
     }
 
     #[embassy_executor::task]
@@ -159,7 +159,7 @@ mod firmware {
     async fn supervisor(mut watchdog: BoardWatchdog, radio: Radio) -> ! {
         let watched = [
             &WIFI,
-            &WIFI_STORAGE,
+            &WIFI_SETTINGS,
             &BATTERY,
             &BUS,
             &ESC,
@@ -228,20 +228,21 @@ mod firmware {
         let flash = BoardFlash::new(flash_driver);
         let mut storage = Storage::of_double_sectors(flash, flash_map::PARAMETERS);
         let mut stored = Start::default();
-        let signing_storage = watchdog
-            .feed_during(pin!(tasks::boot(
+        stored.radio = radio;
+        let mut wifi_flash = Storage::new(flash, flash_map::WIFI);
+        let boot = async {
+            if radio == Radio::Present {
+                stored.wifi = tasks::load_wifi(&mut wifi_flash).await;
+            }
+            tasks::boot(
                 &mut storage,
                 Storage::new(flash, flash_map::SIGNING),
                 last_run.quick_resets.parameter_source(),
                 &mut stored,
-            )))
-            .await;
-        let mut wifi_flash = Storage::new(flash, flash_map::WIFI);
-        stored.radio = radio;
-        if radio == Radio::Present {
-            let load = tasks::load_wifi(&mut wifi_flash);
-            stored.wifi = watchdog.feed_during(pin!(load)).await;
-        }
+            )
+            .await
+        };
+        let signing_storage = watchdog.feed_during(pin!(boot)).await;
         stored.identity.board_id = id;
         stored.crash = last_run.crash.clone();
         let shared = share(&stored);
@@ -336,7 +337,7 @@ mod firmware {
         start(spawner, LOG.name(), log(flash, shared));
         if let Some(pins) = wifi_pins {
             make_wifi_password(shared);
-            start(spawner, WIFI_STORAGE.name(), wifi_storage(wifi_flash, shared));
+            start(spawner, WIFI_SETTINGS.name(), wifi_settings(wifi_flash, shared));
             start(spawner, WIFI.name(), wifi(open_wifi(pins), logs, shared));
         }
         start(spawner, STATUS.name(), status(shared, link));

@@ -1,6 +1,6 @@
 //! Wi-Fi: what the radio is to do, what it reports, and what of it has to be written to flash.
 
-use core::fmt::Write;
+use core::fmt::{self, Write};
 
 use heapless::String;
 
@@ -104,8 +104,9 @@ impl Autopilot {
                 channel.say(MavSeverity::MAV_SEVERITY_WARNING, "Wi-Fi password: by USB only");
             }
             (LinkKind::Direct, Some(password)) if credentials.radio() == Radio::Present => {
-                say(channel, "Wi-Fi name", credentials.own_name().as_str());
-                say(channel, "Wi-Fi password", password.as_str());
+                let name = credentials.own_name().as_str();
+                say(channel, format_args!("Wi-Fi name: {name}"));
+                say(channel, format_args!("Wi-Fi password: {}", password.as_str()));
             }
             (LinkKind::Direct, _) => {
                 channel.say(MavSeverity::MAV_SEVERITY_WARNING, "No Wi-Fi radio on this board");
@@ -120,9 +121,9 @@ impl Autopilot {
     }
 }
 
-fn say(channel: &mut Channel, label: &str, value: &str) {
+fn say(channel: &mut Channel, shown: fmt::Arguments<'_>) {
     let mut text: String<SHOWN_BYTES> = String::new();
     // It fits.
-    let _ = write!(text, "{label}: {value}");
+    let _ = text.write_fmt(shown);
     channel.say(MavSeverity::MAV_SEVERITY_INFO, &text);
 }

@@ -8,6 +8,7 @@ use embassy_sync::signal::Signal;
 use super::{Shared, now};
 use crate::autopilot::{Autopilot, Channel};
 use crate::mavlink::{LinkId, LinkKind, LinkStatistics, LogRead};
+use crate::parameter::{VehicleParameter, serial_baud};
 use crate::recorder::LogSource;
 
 /// A link: our end of it, and wake-ups for its tasks.
@@ -41,7 +42,8 @@ impl<'a> Link<'a> {
     // Not inlined: see `in_place`.
     #[inline(never)]
     pub fn of_board(id: LinkId, shared: &Shared) -> Self {
-        let baud = shared.with(|autopilot| autopilot.wiring().telemetry_baud);
+        let baud = shared
+            .with(|autopilot| serial_baud(autopilot.parameters().get_whole(VehicleParameter::Serial0Baud)));
         Self::new(id.name(), id.kind(), id.bytes_per_second(baud))
     }
 

@@ -60,3 +60,22 @@ impl fmt::Display for WifiReport {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of one STATUSTEXT.
+    const TEXT_BYTES: usize = 50;
+
+    #[test]
+    fn the_longest_texts_fit_one_message() {
+        for report in [
+            WifiReport::AddressObtained([255; 4]),
+            WifiReport::FallbackToAccessPoint,
+            WifiReport::DownloadFailed,
+        ] {
+            assert!(report.to_string().len() <= TEXT_BYTES, "{report}");
+        }
+    }
+}
