@@ -1,0 +1,6 @@
+//! Tests of the chip by a gSPI master of their own, which moves its pins one by one.
+
+mod bus;
+mod master;
+mod network;
+mod program;
