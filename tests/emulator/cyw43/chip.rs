@@ -6,7 +6,7 @@ use super::air::Air;
 use super::backplane::Backplane;
 use super::bus_registers::{BusRegisters, DATA_UNAVAILABLE, PacketState};
 use super::fault::RadioFault;
-use super::program::Program;
+use super::program::{Expected, Program};
 use super::serial::{Command, Function, Functions, WordFormat, bytes_of, words_of};
 use super::wlan::Wlan;
 
@@ -29,20 +29,19 @@ pub struct Chip {
 }
 
 impl Chip {
-    pub fn new(address: [u8; 6], fault: Option<RadioFault>, mut random: Random, now: Cycle) -> Self {
-        let mut chip = Self {
+    pub fn new(expected: Expected, address: [u8; 6], mut random: Random, now: Cycle) -> Self {
+        let program = Program::new(expected, Random::new(random.next_u64()));
+        Self {
             answers_from: now + ANSWERS_AFTER,
             bus: BusRegisters::new(),
-            backplane: Backplane::new(Program::new(Random::new(random.next_u64()))),
+            backplane: Backplane::new(program),
             wlan: Wlan::new(address),
             fault: None,
             commands: 0,
             has_refused_program: false,
             is_ready: false,
             random,
-        };
-        chip.set_fault(fault);
-        chip
+        }
     }
 
     pub fn set_fault(&mut self, fault: Option<RadioFault>) {

@@ -34,6 +34,7 @@ use chip::Chip;
 use events::{Event, Kind, REASON_STATION_LEAVES, Status};
 pub use fault::RadioFault;
 use pins::{CLOCK, DATA, Levels, POWER, SELECT, Wiring};
+use program::Expected;
 pub use radio::AccessPoint;
 use serial::Serial;
 
@@ -42,6 +43,7 @@ const ADDRESS: [u8; 6] = [0x28, 0xcd, 0xc1, 0x00, 0x43, 0x39];
 
 /// The chip, its pins, and what is around it.
 pub struct Cyw43 {
+    expected: Expected,
     wiring: Wiring,
     outputs: Outputs,
     levels: Levels,
@@ -57,7 +59,13 @@ pub struct Cyw43 {
 impl Cyw43 {
     /// Without power at first. The seed decides what a fault does.
     pub fn new(seed: u64) -> Self {
+        Self::expecting(Expected::PUBLISHED, seed)
+    }
+
+    /// The same with a program of a test's own.
+    fn expecting(expected: Expected, seed: u64) -> Self {
         Self {
+            expected,
             wiring: Wiring::default(),
             outputs: Outputs::default(),
             levels: Levels::default(),
@@ -192,10 +200,12 @@ impl Cyw43 {
         self.now = now;
         let before = self.levels;
         self.levels = self.wiring.levels(self.outputs);
-        let is = |pin| self.levels.is_high(pin);
+        let levels = self.levels;
+        let is = |pin| levels.is_high(pin);
         if is(POWER) != before.is_high(POWER) {
             let random = Random::new(self.random.next_u64());
-            self.chip = is(POWER).then(|| Chip::new(ADDRESS, self.fault, random, now));
+            self.chip = is(POWER).then(|| Chip::new(self.expected, ADDRESS, random, now));
+            self.set_fault(self.fault);
         }
         let Some(chip) = &mut self.chip else {
             return;

@@ -5,16 +5,34 @@ use sha2::{Digest, Sha256};
 use super::super::random::Random;
 
 pub const RAM_BYTES: usize = 512 * 1024;
-/// Of `43439A0.bin` in the crate cyw43-firmware 0.1.0: how long it is, and its SHA-256.
-const PROGRAM_BYTES: usize = 231_077;
-const PROGRAM_SHA_256: [u8; 32] = [
-    0x55, 0x55, 0xe0, 0x26, 0x1d, 0xa2, 0x61, 0x0a, 0x50, 0x0d, 0x68, 0xc1, 0x8d, 0x89, 0x5c, 0xac, 0xe0,
-    0x15, 0x2b, 0xbe, 0xfb, 0xf7, 0x6f, 0x4a, 0xa6, 0x83, 0xeb, 0xce, 0x77, 0xe3, 0xd7, 0xeb,
-];
+/// What the program has to be.
+#[derive(Clone, Copy, Debug)]
+pub struct Expected {
+    pub bytes: usize,
+    pub sha_256: [u8; 32],
+}
+
+impl Expected {
+    /// `43439A0.bin` in the crate cyw43-firmware 0.1.0.
+    pub const PUBLISHED: Self = Self {
+        bytes: 231_077,
+        sha_256: [
+            0x55, 0x55, 0xe0, 0x26, 0x1d, 0xa2, 0x61, 0x0a, 0x50, 0x0d, 0x68, 0xc1, 0x8d, 0x89, 0x5c,
+            0xac, //
+            0xe0, 0x15, 0x2b, 0xbe, 0xfb, 0xf7, 0x6f, 0x4a, 0xa6, 0x83, 0xeb, 0xce, 0x77, 0xe3, 0xd7, 0xeb,
+        ],
+    };
+
+    fn is(&self, ram: &[u8]) -> bool {
+        Sha256::digest(&ram[..self.bytes])[..] == self.sha_256
+    }
+}
+
 /// The last word of the RAM: how many words of NVRAM are before it, and their complement in the upper half.
 const NVRAM_LENGTH: usize = RAM_BYTES - 4;
 
 pub struct Program {
+    expected: Expected,
     ram: Vec<u8>,
     /// It was written to since it was looked at.
     is_new: bool,
@@ -24,8 +42,9 @@ pub struct Program {
 }
 
 impl Program {
-    pub fn new(random: Random) -> Self {
+    pub fn new(expected: Expected, random: Random) -> Self {
         Self {
+            expected,
             ram: vec![0; RAM_BYTES],
             is_new: false,
             flips_one_in: None,
@@ -57,12 +76,12 @@ impl Program {
         self.is_new
     }
 
-    /// Whether it is the published program, with a length of the NVRAM that can be right.
+    /// Whether it is the expected program, with a length of the NVRAM that can be right.
     pub fn is_the_chips(&mut self) -> bool {
         self.is_new = false;
         let length = u32::from_le_bytes([0, 1, 2, 3].map(|index| self.ram[NVRAM_LENGTH + index]));
         let words = length & 0xffff;
         let has_nvram = words != 0 && length >> 16 == !words & 0xffff;
-        has_nvram && Sha256::digest(&self.ram[..PROGRAM_BYTES])[..] == PROGRAM_SHA_256
+        has_nvram && self.expected.is(&self.ram)
     }
 }
