@@ -25,7 +25,7 @@ const TCP_PORTS: [u16; 2] = [5760, 80];
 
 const EVERYONE: MacAddress = [0xff; 6];
 
-/// Whom it is meant for.
+/// The station that it is meant for.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
     pub mac: MacAddress,
