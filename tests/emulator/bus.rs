@@ -241,7 +241,9 @@ impl SystemBus {
         if self.memory.flash.advance(self.now) {
             self.flash_has_changed();
         }
-        if let Some(transfer) = self.soc.dma.next_transfer(self.soc.dma_requests(), self.now) {
+        if self.soc.dma.is_busy()
+            && let Some(transfer) = self.soc.dma.next_transfer(self.soc.dma_requests(), self.now)
+        {
             let end = self.carry_out(transfer);
             self.soc.dma.complete(transfer, end, self.now);
             self.soc.advance(self.now);

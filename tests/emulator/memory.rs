@@ -81,7 +81,9 @@ fn get(bytes: &[u8], offset: usize, width: Width) -> Option<u32> {
     let bytes = bytes.get(offset..)?;
     match width {
         Width::Byte => bytes.first().copied().map(u32::from),
-        Width::Half => bytes.first_chunk().map(|half| u32::from(u16::from_le_bytes(*half))),
+        Width::Half => bytes
+            .first_chunk()
+            .map(|half| u32::from(u16::from_le_bytes(*half))),
         Width::Word => bytes.first_chunk().map(|word| u32::from_le_bytes(*word)),
     }
 }
