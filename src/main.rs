@@ -136,7 +136,7 @@ mod firmware {
     /// Only on a board with a radio.
     #[embassy_executor::task]
     async fn wifi_settings(storage: Storage<BoardFlash, [u32; WIFI_WORDS]>, shared: &'static Shared) -> ! {
-        tasks::keep_wifi(storage, shared, &WIFI_SETTINGS).await
+        tasks::keep_wifi(storage, board::entropy, shared, &WIFI_SETTINGS).await
     }
 
     #[embassy_executor::task]
@@ -229,20 +229,14 @@ mod firmware {
         let mut storage = Storage::of_double_sectors(flash, flash_map::PARAMETERS);
         let mut stored = Start::default();
         stored.radio = radio;
-        let mut wifi_flash = Storage::new(flash, flash_map::WIFI);
-        let boot = async {
-            if radio == Radio::Present {
-                stored.wifi = tasks::load_wifi(&mut wifi_flash).await;
-            }
-            tasks::boot(
+        let signing_storage = watchdog
+            .feed_during(pin!(tasks::boot(
                 &mut storage,
                 Storage::new(flash, flash_map::SIGNING),
                 last_run.quick_resets.parameter_source(),
                 &mut stored,
-            )
-            .await
-        };
-        let signing_storage = watchdog.feed_during(pin!(boot)).await;
+            )))
+            .await;
         stored.identity.board_id = id;
         stored.crash = last_run.crash.clone();
         let shared = share(&stored);
@@ -336,8 +330,8 @@ mod firmware {
         start(spawner, LEARNT.name(), learnt(learnt_storage, shared));
         start(spawner, LOG.name(), log(flash, shared));
         if let Some(pins) = wifi_pins {
-            make_wifi_password(shared);
-            start(spawner, WIFI_SETTINGS.name(), wifi_settings(wifi_flash, shared));
+            let wifi_storage = Storage::new(flash, flash_map::WIFI);
+            start(spawner, WIFI_SETTINGS.name(), wifi_settings(wifi_storage, shared));
             start(spawner, WIFI.name(), wifi(open_wifi(pins), logs, shared));
         }
         start(spawner, STATUS.name(), status(shared, link));
@@ -356,14 +350,6 @@ mod firmware {
     #[inline(never)]
     fn open_telemetry(shared: &Shared, logs: &'static BoardFlash) -> &'static Link<'static> {
         UART0.init_with(|| Link::of_board(LinkId::Uart0, shared).with_logs(logs))
-    }
-
-    /// On the first start the board's own network needs a password.
-    fn make_wifi_password(shared: &Shared) {
-        if shared.with(|autopilot| autopilot.needs_wifi_password()) {
-            let entropy = board::entropy();
-            shared.with(|autopilot| autopilot.make_wifi_password(&entropy));
-        }
     }
 
     #[inline(never)]

@@ -18,6 +18,7 @@ use proptest::prelude::*;
 use rover_battmon::autopilot::{Start, Work};
 use rover_battmon::battery::{PackStatus, ReadError};
 use rover_battmon::board_id::BoardId;
+use rover_battmon::crash::{CrashCause, CrashRecord, TaskName};
 use rover_battmon::flash_map;
 use rover_battmon::identity::Identity;
 use rover_battmon::liveness::CheckIn;
@@ -27,7 +28,7 @@ use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::sim::clock;
 use rover_battmon::storage::{FlashFault, Storage, StorageError};
-use rover_battmon::tasks::{Shared, keep_wifi, load_wifi};
+use rover_battmon::tasks::{Shared, keep_wifi};
 use rover_battmon::wifi::{
     Network, Password, Radio, Ssid, StoredWifi, WIFI_WORDS, WifiMode, WifiRecord, WifiReport,
 };
@@ -73,10 +74,6 @@ fn start(radio: Radio) -> Start {
             board_id: Some(BoardId([0xe6, 0x60, 0x58, 0x38, 0x83, 0x45, 0x0a, 0x2c])),
             ..Identity::default()
         },
-        wifi: StoredWifi {
-            own_password: Some(password(OWN_PASSWORD)),
-            network: None,
-        },
         radio,
         ..Start::default()
     }
@@ -89,6 +86,12 @@ fn desk(kind: LinkKind) -> Desk {
 
 fn desk_of(radio: Radio, kind: LinkKind) -> Desk {
     let mut desk = Desk::starting(start(radio));
+    let stored = StoredWifi {
+        own_password: Some(password(OWN_PASSWORD)),
+        network: None,
+    };
+    desk.autopilot.wifi_loaded(stored, || None);
+    desk.autopilot.take_work();
     desk.connect(kind);
     desk
 }
@@ -286,7 +289,6 @@ fn what_is_set_up_can_be_requested_on_any_link() {
 fn a_board_without_a_radio_says_so() {
     let mut cable = desk_of(Radio::Absent, LinkKind::Direct);
     assert_eq!(cable.autopilot.wifi_setup(), None);
-    assert!(!cable.autopilot.needs_wifi_password());
     let sent = cable.ask(&wifi_config("home", "at home 1", STATION));
     assert_eq!(answer(&sent).2, MODE_ERROR);
     assert_eq!(mode(&cable), 1.0);
@@ -337,22 +339,44 @@ fn the_longest_password_is_shown_whole() {
 
 #[test]
 fn a_radio_without_a_password_gets_one_that_is_saved() {
-    let mut desk = Desk::starting(Start {
-        wifi: StoredWifi::default(),
-        ..start(Radio::Present)
-    });
-    assert_eq!(
-        (desk.autopilot.wifi_setup(), desk.autopilot.needs_wifi_password()),
-        (None, true)
-    );
-    desk.autopilot.make_wifi_password(&[1; 32]);
+    let mut desk = Desk::starting(start(Radio::Present));
+    assert_eq!(desk.autopilot.wifi_setup(), None);
+    desk.autopilot
+        .wifi_loaded(StoredWifi::default(), || Some([1; 32]));
     let made = Password::from_entropy(&[1; 32]);
     assert_eq!(desk.autopilot.wifi_setup().unwrap().own_password, made);
     assert!(desk.autopilot.take_work().contains(Work::WIFI | Work::SAVE_WIFI));
-    desk.autopilot.make_wifi_password(&[2; 32]);
     let unsaved = desk.autopilot.next_unsaved_wifi(desk.now());
     assert_eq!(unsaved, Some(WifiRecord::OwnPassword(made)));
     assert!(desk.autopilot.has_unsaved());
+}
+
+#[test]
+fn a_radio_stays_off_without_random_numbers_and_after_its_crash() {
+    let mut desk = Desk::starting(start(Radio::Present));
+    desk.connect(LinkKind::Direct);
+    desk.autopilot.wifi_loaded(StoredWifi::default(), || None);
+    assert_eq!(desk.autopilot.wifi_setup(), None);
+    desk.post_due(0);
+    let no_entropy = "Wi-Fi off: no random numbers for a password";
+    assert!(texts_of(&desk.sent()).contains(&no_entropy.into()));
+
+    for (task, is_off) in [("Wi-Fi", true), ("Wi-Fi settings", false), ("battery", false)] {
+        let mut desk = Desk::starting(Start {
+            crash: Some(CrashRecord {
+                task: TaskName::new(task),
+                cause: CrashCause::Hung,
+            }),
+            ..start(Radio::Present)
+        });
+        desk.autopilot
+            .wifi_loaded(StoredWifi::default(), || Some([1; 32]));
+        assert_eq!(desk.autopilot.wifi_setup().is_none(), is_off, "{task}");
+        desk.connect(LinkKind::Direct);
+        desk.post_due(0);
+        let text = "Wi-Fi off after a crash: restart the board";
+        assert_eq!(texts_of(&desk.sent()).contains(&text.into()), is_off, "{task}");
+    }
 }
 
 /// Announces a report, and returns what reaches a link.
@@ -489,17 +513,20 @@ fn storage(flash: &SmallFlash) -> Storage<SmallFlash, [u32; WIFI_WORDS]> {
 }
 
 fn stored(flash: &SmallFlash) -> StoredWifi {
-    block_on(load_wifi(&mut storage(flash)))
+    let mut stored = StoredWifi::default();
+    let load = async |storage: &mut Storage<_, _>| {
+        let mut found = |key, words: [u32; WIFI_WORDS]| stored.found(key, &words);
+        storage.load(&mut found).await.expect("readable");
+    };
+    block_on(load(&mut storage(flash)));
+    stored
 }
 
 /// Runs the task with this flash while a ground station sends `requests` by cable.
 fn run_task(flash: &SmallFlash, requests: &[Vec<u8>]) {
     let check_in = CheckIn::new("", u32::MAX);
     clock::run_for(Duration::from_secs(10), async {
-        let shared = Shared::new(&Start {
-            wifi: load_wifi(&mut storage(flash)).await,
-            ..start(Radio::Present)
-        });
+        let shared = Shared::new(&start(Radio::Present));
         let all = async {
             for request in requests {
                 let now = rover_battmon::tasks::now();
@@ -512,7 +539,11 @@ fn run_task(flash: &SmallFlash, requests: &[Vec<u8>]) {
                 Timer::after_millis(100).await;
             }
         };
-        select(keep_wifi(storage(flash), &shared, &check_in), all).await;
+        select(
+            keep_wifi(storage(flash), || Some([7; 32]), &shared, &check_in),
+            all,
+        )
+        .await;
     });
 }
 

@@ -36,7 +36,7 @@ impl Autopilot {
         let wifi_unsaved = self.wifi.save.failure.map(Announcement::WifiNotSaved);
         let wifi = wifi_unsaved
             .into_iter()
-            .chain(self.wifi.fault.map(Announcement::Wifi));
+            .chain(self.wifi.trouble().map(Announcement::Wifi));
         let notices = self.start_notice.into_iter().chain(unsaved).chain(trouble);
         for notice in notices
             .chain(learnt)

@@ -7,7 +7,7 @@ use crate::log::{info, warn};
 use crate::mavlink::{Signing, SigningTrouble};
 use crate::parameter::Parameters;
 use crate::storage::StorageError;
-use crate::wifi::{Radio, StoredWifi};
+use crate::wifi::Radio;
 
 /// Everything that is read from flash before the tasks start.
 #[derive(Debug)]
@@ -20,8 +20,6 @@ pub struct Start {
     pub signing: Signing,
     /// Which board and program it is.
     pub identity: Identity,
-    /// Names and passwords of Wi-Fi networks.
-    pub wifi: StoredWifi,
     /// Whether the board has a Wi-Fi radio.
     pub radio: Radio,
     /// The crash before this start, for the log.
@@ -47,7 +45,6 @@ impl Default for Start {
             parameter_load: ParameterLoad::Loaded,
             signing: Signing::off(),
             identity: Identity::default(),
-            wifi: StoredWifi::default(),
             radio: Radio::Absent,
             crash: None,
             parameters: Parameters::defaults(),

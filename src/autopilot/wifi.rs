@@ -15,7 +15,7 @@ use crate::mavlink::LinkKind;
 use crate::mavlink::dialect::MavSeverity;
 use crate::storage::StorageError;
 use crate::time::Instant;
-use crate::wifi::{Password, Radio, Ssid, WifiRecord, WifiReport, WifiSetup};
+use crate::wifi::{Password, Radio, Ssid, StoredWifi, WifiRecord, WifiReport, WifiSetup};
 
 /// A label and the longest name or password.
 const SHOWN_BYTES: usize = 80;
@@ -30,18 +30,19 @@ impl Autopilot {
         self.wifi.setup()
     }
 
-    /// Whether [`make_wifi_password`](Self::make_wifi_password) is needed: there is a radio, and no password is stored.
-    pub fn needs_wifi_password(&self) -> bool {
-        let credentials = &self.wifi.credentials;
-        credentials.radio() == Radio::Present && credentials.own_password().is_none()
-    }
-
-    /// Makes a password for the access point from `entropy`, unless it has one or there is no radio.
-    pub fn make_wifi_password(&mut self, entropy: &[u8; 32]) {
-        if self.needs_wifi_password() {
-            let password = Password::from_entropy(entropy);
-            self.wifi.credentials.set_own_password(password);
-            self.wifi_changed();
+    /// Takes what flash holds of Wi-Fi. A board with a radio that has no password yet makes one of what `entropy` gives.
+    pub fn wifi_loaded(&mut self, stored: StoredWifi, entropy: impl FnOnce() -> Option<[u8; 32]>) {
+        let credentials = &mut self.wifi.credentials;
+        credentials.restore(stored);
+        if credentials.radio() == Radio::Present && credentials.own_password().is_none() {
+            match entropy() {
+                Some(entropy) => credentials.set_own_password(Password::from_entropy(&entropy)),
+                None => self.wifi.off = Some(WifiReport::NoEntropy),
+            }
+        }
+        self.wifi_changed();
+        if let Some(reason) = self.wifi.off {
+            self.wifi_report(reason);
         }
     }
 

@@ -4,11 +4,17 @@ use heapless::Vec;
 
 use super::failed_save::FailedSave;
 use super::start::Start;
+use crate::crash::TaskName;
 use crate::parameter::Parameters;
-use crate::wifi::{WifiChoice, WifiCredentials, WifiMode, WifiRecord, WifiReport, WifiSetup};
+use crate::wifi::{
+    Radio, StoredWifi, WifiChoice, WifiCredentials, WifiMode, WifiRecord, WifiReport, WifiSetup,
+};
 
 /// Reports of each kind, each announced once.
-const REPORTS: usize = 10;
+const REPORTS: usize = 12;
+
+/// The task that drives the radio, as a crash record names it.
+pub(super) const TASK: &str = "Wi-Fi";
 
 /// The state of Wi-Fi.
 #[derive(Debug)]
@@ -18,6 +24,8 @@ pub(super) struct WifiState {
     choice: WifiChoice,
     /// Announced since the radio was set up, or since it last did what it is set up for.
     announced: Vec<WifiReport, REPORTS>,
+    /// Why the radio stays off until the next start.
+    pub off: Option<WifiReport>,
     /// What is wrong now.
     pub fault: Option<WifiReport>,
     pub save: FailedSave,
@@ -26,9 +34,10 @@ pub(super) struct WifiState {
 impl WifiState {
     pub fn new(start: &Start) -> Self {
         Self {
-            credentials: WifiCredentials::new(start.radio, start.identity.board_id, start.wifi.clone()),
+            credentials: WifiCredentials::new(start.radio, start.identity.board_id, StoredWifi::default()),
             choice: WifiChoice::from_parameters(&start.parameters),
             announced: Vec::new(),
+            off: has_crashed(start).then_some(WifiReport::OffAfterCrash),
             fault: None,
             save: FailedSave::default(),
         }
@@ -36,7 +45,15 @@ impl WifiState {
 
     /// What the radio is to do.
     pub fn setup(&self) -> Option<WifiSetup> {
-        self.credentials.setup(self.choice)
+        match self.off {
+            Some(_) => None,
+            None => self.credentials.setup(self.choice),
+        }
+    }
+
+    /// What a ground station that connects has to know.
+    pub fn trouble(&self) -> Option<WifiReport> {
+        self.off.or(self.fault)
     }
 
     /// Whether a report is news. A fault that comes back at each retry is not, until the radio has done what it is set up for.
@@ -86,6 +103,13 @@ impl WifiState {
         self.choice = choice;
         has_changed
     }
+}
+
+/// Whether the radio's task was the one that crashed. Its driver gives up at what it does not expect: a radio that makes it do
+/// so must not restart the board again and again.
+fn has_crashed(start: &Start) -> bool {
+    let crashed = start.crash.as_ref().and_then(|crash| crash.task);
+    start.radio == Radio::Present && crashed.is_some() && crashed == TaskName::new(TASK)
 }
 
 /// What ends a success, so that the next one is announced.

@@ -77,6 +77,18 @@ impl Leases {
         }
         clients
     }
+    /// Whether this client has this address from us.
+    pub fn has(&self, mac: [u8; 6], address: Ipv4Addr) -> bool {
+        let mut leases = self.0.leases();
+        leases.any(|lease| lease.bound && lease.mac == mac && lease.ip == address)
+    }
+
+    /// Gives a client the first address.
+    #[cfg(test)]
+    pub fn lease_first_to(&mut self, mac: [u8; 6]) {
+        self.answer(&tests::message_of(1, mac, None), 0);
+        self.answer(&tests::message_of(3, mac, Some(FIRST)), 0);
+    }
 }
 
 fn log(outcome: &Outcome) {
@@ -107,11 +119,15 @@ mod tests {
         [2, 0, 0, 0, high, low]
     }
 
-    /// A client's message, which wants this address if any.
     fn message(kind: u8, client: u16, wanted: Option<Ipv4Addr>) -> std::vec::Vec<u8> {
+        message_of(kind, mac(client), wanted)
+    }
+
+    /// A client's message, which wants this address if any.
+    pub fn message_of(kind: u8, client: [u8; 6], wanted: Option<Ipv4Addr>) -> std::vec::Vec<u8> {
         let mut message = vec![0; 240];
         message[..4].copy_from_slice(&[1, 1, 6, 0]);
-        message[28..34].copy_from_slice(&mac(client));
+        message[28..34].copy_from_slice(&client);
         message[236..].copy_from_slice(&[0x63, 0x82, 0x53, 0x63]);
         message.extend([53, 1, kind]);
         if let Some(wanted) = wanted {

@@ -6,6 +6,7 @@ mod address;
 mod datagram;
 mod dhcp;
 mod discovery;
+mod door;
 mod leases;
 mod memory;
 mod paced;

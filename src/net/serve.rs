@@ -11,6 +11,7 @@ use embassy_net::{Runner, Stack, StackResources};
 use super::address::{NetReport, Role, report_address};
 use super::dhcp::{give_addresses, now_ms};
 use super::discovery::be_found;
+use super::door::Guarded;
 use super::memory::NetMemory;
 use super::paced::Paced;
 use super::sender::Sender;
@@ -41,8 +42,13 @@ pub async fn serve<D: Driver>(
         logs,
         check_in,
     };
-    let (stack, mut runner) = start(device, role, seed, &mut memory.stack);
     let (links, leases) = (&memory.links, &memory.leases);
+    let guests = match role {
+        Role::AccessPoint => Some(leases),
+        Role::Station => None,
+    };
+    let device = Guarded::new(device, guests);
+    let (stack, mut runner) = start(device, role, seed, &mut memory.stack);
     links.reset();
     // The one that receives comes first: all have the same port.
     let queue = &mut memory.udp.received;

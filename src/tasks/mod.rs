@@ -52,7 +52,7 @@ pub use signing::{SigningStorage, keep_signing};
 pub use status::{IdleTime, report_status};
 pub use supervisor::{Watchdog, supervise};
 pub use telemetry::schedule_telemetry;
-pub use wifi::{keep_wifi, load_wifi};
+pub use wifi::keep_wifi;
 pub use wired_endpoint::WiredEndpoint;
 pub use writer::write_frames;
 

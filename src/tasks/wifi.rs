@@ -13,8 +13,8 @@ use crate::wifi::{StoredWifi, WIFI_WORDS, WifiRecord};
 /// How often the task is seen while there is nothing to do.
 const IDLE_CHECK: Duration = Duration::from_secs(1);
 
-/// Reads what is stored. What can't be read is as if it was never set.
-pub async fn load_wifi<F: NorFlash>(storage: &mut Storage<F, [u32; WIFI_WORDS]>) -> StoredWifi {
+/// What is stored. What can't be read is as if it was never set.
+async fn load<F: NorFlash>(storage: &mut Storage<F, [u32; WIFI_WORDS]>) -> StoredWifi {
     let mut stored = StoredWifi::default();
     let read = storage.load(&mut |key, words| stored.found(key, &words)).await;
     if let Err(error) = read {
@@ -23,12 +23,15 @@ pub async fn load_wifi<F: NorFlash>(storage: &mut Storage<F, [u32; WIFI_WORDS]>)
     stored
 }
 
-/// Writes what is set up.
+/// Reads what is stored, and writes what is set up. `entropy` gives 32 random bytes for the first password.
 pub async fn keep_wifi<F: NorFlash>(
     mut storage: Storage<F, [u32; WIFI_WORDS]>,
+    entropy: impl FnOnce() -> Option<[u8; 32]>,
     shared: &Shared,
     check_in: &CheckIn,
 ) -> ! {
+    let stored = load(&mut storage).await;
+    shared.with(|autopilot| autopilot.wifi_loaded(stored, entropy));
     loop {
         mark(check_in);
         while let Some(record) = shared.with(|autopilot| autopilot.next_unsaved_wifi(now())) {

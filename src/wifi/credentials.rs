@@ -70,6 +70,13 @@ impl WifiCredentials {
         self.in_force.network.as_ref()
     }
 
+    /// Takes what flash holds, but for what was set before it was read.
+    pub fn restore(&mut self, stored: StoredWifi) {
+        let in_force = &mut self.in_force;
+        in_force.own_password = in_force.own_password.take().or(stored.own_password);
+        in_force.network = in_force.network.take().or(stored.network);
+    }
+
     /// Sets the password of the board's own network.
     pub fn set_own_password(&mut self, password: Password) {
         self.in_force.own_password = Some(password);

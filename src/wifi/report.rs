@@ -26,6 +26,10 @@ pub enum WifiReport {
     NetworkLost,
     /// After a minute without the network the board has one of its own.
     FallbackToAccessPoint,
+    /// The radio's task was running when the board crashed, so the radio stays off until the next start.
+    OffAfterCrash,
+    /// There is no password, and none can be made of what the chip gives as random numbers.
+    NoEntropy,
 }
 
 impl WifiReport {
@@ -39,7 +43,9 @@ impl WifiReport {
             | Self::WrongPassword
             | Self::NoAddress
             | Self::NetworkLost
-            | Self::FallbackToAccessPoint => true,
+            | Self::FallbackToAccessPoint
+            | Self::OffAfterCrash
+            | Self::NoEntropy => true,
         }
     }
 }
@@ -57,6 +63,8 @@ impl fmt::Display for WifiReport {
             Self::NoAddress => f.write_str("Wi-Fi network gives no address"),
             Self::NetworkLost => f.write_str("Wi-Fi network lost"),
             Self::FallbackToAccessPoint => f.write_str("No Wi-Fi network: access point instead"),
+            Self::OffAfterCrash => f.write_str("Wi-Fi off after a crash: restart the board"),
+            Self::NoEntropy => f.write_str("Wi-Fi off: no random numbers for a password"),
         }
     }
 }

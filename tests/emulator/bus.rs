@@ -14,6 +14,7 @@ use super::memory::{Memory, RAM_BASE, is_cached_flash, is_flash};
 use super::mpu::Mpu;
 use super::pin_record::PinRecorder;
 use super::pins::{I2cPins, PinSettings, SpiPins, UartPins};
+use super::random::Random;
 use super::rtt::RttWatch;
 use super::soc::Soc;
 use super::system_control::SystemControl;
@@ -69,6 +70,8 @@ pub struct SystemBus {
     pub(super) code_in_ram: std::ops::Range<u32>,
     pub(super) unmodelled_registers: BTreeMap<u32, u32>,
     pub accesses: AccessLog,
+    /// What the ring oscillator gives.
+    pub(super) random_bits: Random,
 }
 
 impl SystemBus {
@@ -98,6 +101,7 @@ impl SystemBus {
             code_in_ram: 0..0,
             unmodelled_registers: BTreeMap::new(),
             accesses: AccessLog::default(),
+            random_bits: Random::new(!noise_seed),
         }
     }
 

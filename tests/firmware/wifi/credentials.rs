@@ -22,7 +22,9 @@ const ACCEPTED: u8 = 1;
 /// Whether bytes that have left the board hold the password.
 fn contains(sent: &[(u64, u8)], password: &str) -> bool {
     let bytes: Vec<u8> = sent.iter().map(|(_, byte)| *byte).collect();
-    bytes.windows(password.len()).any(|window| window == password.as_bytes())
+    bytes
+        .windows(password.len())
+        .any(|window| window == password.as_bytes())
 }
 
 #[test]
@@ -82,7 +84,10 @@ fn only_by_usb_or_signed_is_another_password_set() {
     let answers = ground.bench.ask(&request);
     let answer = of_message(&answers, WIFI_CONFIG_AP)[0];
     assert_eq!(answer.u8(RESPONSE), ACCEPTED);
-    assert!(!answer.text(32, 64).contains("another"), "no answer shows a password");
+    assert!(
+        !answer.text(32, 64).contains("another"),
+        "no answer shows a password"
+    );
     ground.run_for(2 * SECOND);
     ground.wait_for_network(4 * SECOND);
     let expected = Credentials::new(&before.ssid, "another password");
@@ -102,7 +107,9 @@ fn nothing_changes_while_armed() {
     let answers = ground.bench.ask(&arm());
     assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0, "{answers:?}");
     let before = ground.credentials();
-    let answers = ground.bench.ask(&wifi_config("home", "another password", STATION));
+    let answers = ground
+        .bench
+        .ask(&wifi_config("home", "another password", STATION));
     assert_ne!(of_message(&answers, WIFI_CONFIG_AP)[0].u8(RESPONSE), ACCEPTED);
     ground.bench.set("WIFI_MODE", 0.0);
     ground.run_for(3 * SECOND);

@@ -44,14 +44,18 @@ fn drives_and_stops(connect: impl Fn(&mut Ground) -> Station, rate_hz: u64) {
     // The phone is out of reach, and nothing says so.
     ground.air.laptop(station.laptop).credentials = None;
     let gone_us = ground.bench.time_us();
-    let stops = ground
-        .air
-        .run_until(&mut ground.bench, 3 * SECOND, |_, _| false);
+    let stops = ground.air.run_until(&mut ground.bench, 3 * SECOND, |_, _| false);
     assert!(!stops);
     assert!(is_braking(&ground.bench));
-    let text = ground.bench.logged(crate::emulator::LogLevel::Info, "Radio Failsafe");
+    let text = ground
+        .bench
+        .logged(crate::emulator::LogLevel::Info, "Radio Failsafe");
     let acted_us = text.first().map(|(at_us, _)| *at_us).expect("announced");
-    assert!(acted_us - gone_us <= STOPPED_WITHIN_US, "{} us", acted_us - gone_us);
+    assert!(
+        acted_us - gone_us <= STOPPED_WITHIN_US,
+        "{} us",
+        acted_us - gone_us
+    );
     ground.assert_not_reset();
 }
 

@@ -17,7 +17,12 @@ fn with_fault(fault: RadioFault) -> Bench {
 
 /// Panics unless the telemetry port has worked all the time.
 fn assert_telemetry_undisturbed(bench: &mut Bench, seconds: usize) {
-    assert!(bench.resets().is_empty(), "{:?}: {:?}", bench.resets(), bench.log_lines());
+    assert!(
+        bench.resets().is_empty(),
+        "{:?}: {:?}",
+        bench.resets(),
+        bench.log_lines()
+    );
     let frames = bench.frames();
     assert_no_sequence_gap(&frames);
     let packs = of_message(&frames, BATTERY_STATUS).len();
@@ -37,19 +42,30 @@ fn a_radio_that_is_missing_is_announced_once() {
         let mut bench = with_fault(fault);
         bench.run_for(30 * SECOND);
         assert_telemetry_undisturbed(&mut bench, 30);
-        assert_eq!(times_announced(&mut bench, NO_ANSWER), 1, "{fault:?}: {:?}", bench.log_lines());
+        assert_eq!(
+            times_announced(&mut bench, NO_ANSWER),
+            1,
+            "{fault:?}: {:?}",
+            bench.log_lines()
+        );
     }
 }
 
 #[test]
 fn a_radio_that_falls_silent_on_its_way_up_harms_nothing_and_comes_back() {
     // From the first word to the access point there are about 8,000 commands, most of them for the download.
-    for words in [0, 1, 2, 3, 5, 9, 14, 25, 40, 60, 90, 400, 3_600, 3_640, 3_680, 3_700, 3_720, 3_750, 3_800, 4_000] {
+    for words in [
+        0, 1, 2, 3, 5, 9, 14, 25, 40, 60, 90, 400, 3_600, 3_640, 3_680, 3_700, 3_720, 3_750, 3_800, 4_000,
+    ] {
         let mut bench = with_fault(RadioFault::SilentAfter(words));
         bench.run_for(6 * SECOND);
         assert_telemetry_undisturbed(&mut bench, 6);
         let is_up = bench.wifi().access_point().is_some();
-        assert!(is_up || times_announced(&mut bench, NO_ANSWER) == 1, "after {words}: {:?}", bench.log_lines());
+        assert!(
+            is_up || times_announced(&mut bench, NO_ANSWER) == 1,
+            "after {words}: {:?}",
+            bench.log_lines()
+        );
     }
     let mut bench = with_fault(RadioFault::SilentAfter(400));
     bench.run_for(4 * SECOND);
@@ -81,5 +97,10 @@ fn a_download_with_flipped_bits_is_no_program() {
     bench.run_for(8 * SECOND);
     assert!(bench.wifi().access_point().is_none());
     assert_telemetry_undisturbed(&mut bench, 8);
-    assert_eq!(times_announced(&mut bench, NO_ANSWER), 1, "{:?}", bench.log_lines());
+    assert_eq!(
+        times_announced(&mut bench, NO_ANSWER),
+        1,
+        "{:?}",
+        bench.log_lines()
+    );
 }

@@ -70,9 +70,9 @@ impl Ground {
     }
 
     pub fn wait_for_network(&mut self, within_us: u64) {
-        let is_up = self
-            .air
-            .run_until(&mut self.bench, within_us, |_, board| board.wifi().access_point().is_some());
+        let is_up = self.air.run_until(&mut self.bench, within_us, |_, board| {
+            board.wifi().access_point().is_some()
+        });
         assert!(is_up, "{:?}", self.bench.log_lines());
     }
 
@@ -174,7 +174,9 @@ impl Ground {
             Socket::Udp(port) => {
                 for datagram in laptop.take_datagrams(port) {
                     station.board = Some(datagram.from);
-                    station.received.extend(datagram.bytes.iter().map(|byte| (now_us, *byte)));
+                    station
+                        .received
+                        .extend(datagram.bytes.iter().map(|byte| (now_us, *byte)));
                 }
             }
             Socket::Tcp(connection) => {
@@ -186,6 +188,7 @@ impl Ground {
 
     /// Lets time pass, and notes when what came.
     pub fn hear_for(&mut self, station: &mut Station, duration_us: u64) -> Vec<Frame> {
+        self.receive(station);
         let from_us = self.bench.time_us();
         self.hear_until(station, duration_us, |_| false);
         frames_after(&station.received, from_us)
@@ -225,6 +228,10 @@ impl Ground {
 
 /// All bytes of a datagram come at one time.
 fn frames_after(received: &[(u64, u8)], from_us: u64) -> Vec<Frame> {
-    let later: Vec<_> = received.iter().copied().filter(|(at_us, _)| *at_us > from_us).collect();
+    let later: Vec<_> = received
+        .iter()
+        .copied()
+        .filter(|(at_us, _)| *at_us > from_us)
+        .collect();
     frames(&later)
 }

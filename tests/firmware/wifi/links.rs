@@ -5,7 +5,9 @@ use crate::bench::{MILLISECOND, SECOND, value_of};
 use crate::support::frames::{
     BATTERY_STATUS, Frame, HEARTBEAT, PARAM_VALUE, SYS_STATUS, assert_no_sequence_gap, of_message,
 };
-use crate::support::requests::{VEHICLE, heartbeat, param_read_by_name, param_request_list, param_set, request_data_stream};
+use crate::support::requests::{
+    VEHICLE, heartbeat, param_read_by_name, param_request_list, param_set, request_data_stream,
+};
 
 const GROUND_STATION: u8 = 6;
 
@@ -45,7 +47,11 @@ fn stations_are_found_and_served_by_udp() {
     let mut second = ground.found_station();
     ground.ask(&mut second, &request_data_stream(12, 10, 1));
     let of_second = ground.hear_for(&mut second, SECOND);
-    assert!(count(&of_second, BATTERY_STATUS) >= 9, "{}", count(&of_second, BATTERY_STATUS));
+    assert!(
+        count(&of_second, BATTERY_STATUS) >= 9,
+        "{}",
+        count(&of_second, BATTERY_STATUS)
+    );
     let of_first = ground.hear_for(&mut first, 2 * SECOND);
     assert_eq!(count(&of_first, BATTERY_STATUS), 4);
     assert_no_sequence_gap(&of_first);
@@ -102,7 +108,10 @@ fn four_packs_come_fifty_times_a_second_over_every_wire() {
         let frames = ground.hear_for(station, SECOND);
         assert_no_sequence_gap(&frames);
         let packs = count(&frames, BATTERY_STATUS);
-        println!("{packs} BATTERY_STATUS, {} SYS_STATUS in a second", count(&frames, SYS_STATUS));
+        println!(
+            "{packs} BATTERY_STATUS, {} SYS_STATUS in a second",
+            count(&frames, SYS_STATUS)
+        );
         assert!((196..=204).contains(&packs), "{packs}");
     }
     ground.run_for(100 * MILLISECOND);

@@ -17,8 +17,16 @@ fn a_minute_of_hostile_frames_disturbs_nothing() {
     ground.bench.forget_sent();
     let began_us = ground.bench.time_us();
     let target = Target::new(ground.bench.wifi().mac(), BOARD);
-    ground.air.flood(Hostile::new(7, target), FRAMES_PER_SECOND, began_us);
-    ground.hear_for(&mut station, 60 * SECOND);
+    ground
+        .air
+        .flood(Hostile::new(7, target), FRAMES_PER_SECOND, began_us);
+    for second in 0..60 {
+        let heard = ground.hear_for(&mut station, SECOND);
+        println!("{second}: {}", of_message(&heard, BATTERY_STATUS).len());
+    }
+    for line in ground.bench.log_lines() {
+        println!("{line}");
+    }
 
     ground.assert_not_reset();
     let frames = ground.bench.frames();
@@ -28,8 +36,14 @@ fn a_minute_of_hostile_frames_disturbs_nothing() {
 
     let starts = sampling_starts(&mut ground);
     let intervals: Vec<u64> = starts.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let worst_us = intervals.iter().map(|interval| interval.abs_diff(100 * MILLISECOND)).max();
-    println!("sampling: {} bursts, off by {worst_us:?} us at most", starts.len());
+    let worst_us = intervals
+        .iter()
+        .map(|interval| interval.abs_diff(100 * MILLISECOND))
+        .max();
+    println!(
+        "sampling: {} bursts, off by {worst_us:?} us at most",
+        starts.len()
+    );
 
     ground.air.calm();
     let heard = ground.hear_for(&mut station, 2 * SECOND);
