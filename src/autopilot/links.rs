@@ -185,6 +185,9 @@ impl Autopilot {
                 wifi: &mut self.wifi.credentials,
             },
         )?;
+        if channel.kind() == LinkKind::Wifi {
+            self.wifi.heard_at = Some(now);
+        }
         self.react(&event, channel, now, received_at);
         Some(event)
     }

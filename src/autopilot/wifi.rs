@@ -8,6 +8,7 @@ use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::channel::Channel;
 use super::saving::log_failure;
+use super::wifi_state::PRESENCE_US;
 use super::work::Work;
 use crate::battery::ArmState;
 use crate::log::info;
@@ -44,6 +45,13 @@ impl Autopilot {
         if let Some(reason) = self.wifi.off {
             self.wifi_report(reason);
         }
+    }
+
+    /// Whether the rover is armed, or a ground station was heard by Wi-Fi lately.
+    pub fn is_wifi_in_use(&self, now: Instant) -> bool {
+        let heard_at = self.wifi.heard_at;
+        self.vehicle.arm_state() == ArmState::Armed
+            || heard_at.is_some_and(|heard_at| now.us_since(heard_at) < PRESENCE_US)
     }
 
     /// Takes a report of the radio's task, and announces it if it is news.

@@ -6,12 +6,16 @@ use super::failed_save::FailedSave;
 use super::start::Start;
 use crate::crash::TaskName;
 use crate::parameter::Parameters;
+use crate::time::Instant;
 use crate::wifi::{
     Radio, StoredWifi, WifiChoice, WifiCredentials, WifiMode, WifiRecord, WifiReport, WifiSetup,
 };
 
 /// Reports of each kind, each announced once.
 const REPORTS: usize = 12;
+
+/// A ground station that was not heard by Wi-Fi for so long is not there.
+pub(super) const PRESENCE_US: u64 = 10_000_000;
 
 /// The task that drives the radio, as a crash record names it.
 pub(super) const TASK: &str = "Wi-Fi";
@@ -29,6 +33,8 @@ pub(super) struct WifiState {
     /// What is wrong now.
     pub fault: Option<WifiReport>,
     pub save: FailedSave,
+    /// When a frame last came by Wi-Fi.
+    pub heard_at: Option<Instant>,
 }
 
 impl WifiState {
@@ -40,6 +46,7 @@ impl WifiState {
             off: has_crashed(start).then_some(WifiReport::OffAfterCrash),
             fault: None,
             save: FailedSave::default(),
+            heard_at: None,
         }
     }
 

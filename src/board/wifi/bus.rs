@@ -1,5 +1,6 @@
 //! The radio's bus, with what comes from the chip checked before the driver sees it.
 
+use core::cell::Cell;
 use core::future::pending;
 
 use cyw43::SpiBusCyw43;
@@ -33,12 +34,26 @@ pub(super) enum BusFault {
     Refused(i32),
 }
 
-/// Reports a fault to the owner of the driver, who can begin anew.
-pub(super) type Faults = Signal<NoopRawMutex, BusFault>;
+/// What the owner of the driver learns of the chip.
+pub(super) struct ChipState {
+    /// Why the driver has to be dropped and begun anew.
+    pub fault: Signal<NoopRawMutex, BusFault>,
+    pub stage: Cell<Stage>,
+}
+
+impl ChipState {
+    /// Of a chip that has just been switched on.
+    pub fn new() -> Self {
+        Self {
+            fault: Signal::new(),
+            stage: Cell::new(Stage::Waking),
+        }
+    }
+}
 
 /// How far the driver has come with the chip.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Stage {
+pub(super) enum Stage {
     /// Words are swapped in halves; the driver waits for the first answer.
     Waking,
     /// Registers are read, programs are written.
@@ -63,29 +78,24 @@ impl Stage {
 /// here: the fault is reported, and whoever drives the driver drops it.
 pub(super) struct CheckedBus<'a, B> {
     bus: B,
-    faults: &'a Faults,
-    stage: Stage,
+    chip: &'a ChipState,
 }
 
 impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
     /// To a chip that has just been switched on.
-    pub(super) fn new(bus: B, faults: &'a Faults) -> Self {
-        Self {
-            bus,
-            faults,
-            stage: Stage::Waking,
-        }
+    pub(super) fn new(bus: B, chip: &'a ChipState) -> Self {
+        Self { bus, chip }
     }
 
     fn command(&self, word: u32) -> Command {
-        Command::from_word(match self.stage {
+        Command::from_word(match self.chip.stage.get() {
             Stage::Waking => word.rotate_left(16),
             Stage::Starting | Stage::Running => word,
         })
     }
 
     async fn check_answer(&mut self, command: Command, words: &mut [u32]) {
-        match self.stage {
+        match self.chip.stage.get() {
             // Before anything else the driver repeats this until it gets the test word.
             Stage::Waking if command.address == TEST_REGISTER => Timer::after_millis(WAKING_MS).await,
             Stage::Waking if is_silence(words) => self.fail(BusFault::Silent).await,
@@ -123,7 +133,7 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
     }
 
     async fn fail(&self, fault: BusFault) {
-        self.faults.signal(fault);
+        self.chip.fault.signal(fault);
         pending().await
     }
 }
@@ -133,7 +143,8 @@ impl<B: SpiBusCyw43> SpiBusCyw43 for CheckedBus<'_, B> {
         let command = write.first().map(|word| self.command(*word));
         let status = self.bus.cmd_write(write).await;
         if let Some(command) = command {
-            self.stage = self.stage.after_write(command);
+            let stage = self.chip.stage.get().after_write(command);
+            self.chip.stage.set(stage);
         }
         yield_now().await;
         status
@@ -157,7 +168,7 @@ fn is_silence(words: &[u32]) -> bool {
     words.iter().all(|word| SILENCE.contains(word))
 }
 
-/// Whom on the chip a command is for.
+/// The part of the chip that a command is for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Function {
     /// The bus's own registers, or the chip's insides.

@@ -1,5 +1,7 @@
 //! The radio: switched on, set up, watched, and begun anew when it fails.
 
+use core::future::pending;
+
 use cyw43::{Control, JoinError, JoinOptions, NetDriver, PowerManagementMode};
 use cyw43_pio::{DEFAULT_CLOCK_DIVIDER, PioSpi};
 use embassy_futures::select::{Either, Either3, select, select3};
@@ -13,7 +15,7 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
-use super::bus::{BusFault, CheckedBus, Faults};
+use super::bus::{CheckedBus, ChipState, Stage};
 use super::program::{BOARD_DATA, COUNTRIES, PROGRAM};
 use crate::board::Irqs;
 use crate::in_place::in_place;
@@ -159,7 +161,7 @@ impl Wifi {
         check_in: &CheckIn,
     ) -> End {
         forget(self.driver);
-        let faults = Faults::new();
+        let chip = ChipState::new();
         let parts = &mut self.peripherals;
         let power = Output::new(parts.power.reborrow(), Level::Low);
         let select_pin = Output::new(parts.select.reborrow(), Level::High);
@@ -179,11 +181,11 @@ impl Wifi {
             parts.clock.reborrow(),
             dma::Channel::new(parts.dma.reborrow(), Irqs),
         );
-        let bus = CheckedBus::new(spi, &faults);
+        let bus = CheckedBus::new(spi, &chip);
         let run = async {
             let start = cyw43::new(self.driver, power, bus, &PROGRAM, &BOARD_DATA);
             let Ok((device, control, driver)) = with_timeout(START_TIMEOUT, start).await else {
-                return End::Failed(WifiReport::NoAnswer);
+                return End::Failed(start_failure(&chip));
             };
             let operation = Operation {
                 control,
@@ -196,8 +198,11 @@ impl Wifi {
                 Either::Second(end) => end,
             }
         };
-        match select3(faults.wait(), changed(shared, setup), run).await {
-            Either3::First(fault) => End::Failed(report_of(fault)),
+        match select3(chip.fault.wait(), changed(shared, setup), run).await {
+            Either3::First(fault) => {
+                defmt::warn!("Wi-Fi: {}", fault);
+                End::Failed(start_failure(&chip))
+            }
             Either3::Second(()) => End::SetUpAnew,
             Either3::Third(end) => end,
         }
@@ -211,9 +216,23 @@ fn forget(driver: &mut cyw43::State) {
     *driver = in_place(cyw43::State::new);
 }
 
-fn report_of(fault: BusFault) -> WifiReport {
-    defmt::warn!("Wi-Fi: {}", fault);
-    WifiReport::NoAnswer
+/// A chip that answers until its program should run has not got it whole.
+fn start_failure(chip: &ChipState) -> WifiReport {
+    match chip.stage.get() {
+        Stage::Starting => WifiReport::DownloadFailed,
+        Stage::Waking | Stage::Running => WifiReport::NoAnswer,
+    }
+}
+
+/// Waits until the board should look for its network again: not while it is driven, or a ground station is served.
+async fn until_over(plan: Plan, shared: &Shared) {
+    if plan == Plan::AsSetUp {
+        pending::<()>().await;
+    }
+    Timer::after(FALLBACK_TIME).await;
+    while shared.with(|autopilot| autopilot.is_wifi_in_use(tasks::now())) {
+        Timer::after(WATCH_INTERVAL).await;
+    }
 }
 
 /// Waits until the radio has to be on.
@@ -283,8 +302,8 @@ impl Operation<'_> {
     }
 
     fn role(&self) -> Role {
-        match (self.setup.mode, self.plan) {
-            (WifiMode::Station, Plan::AsSetUp) => Role::Station,
+        match (self.setup.mode, &self.setup.network, self.plan) {
+            (WifiMode::Station, Some(_), Plan::AsSetUp) => Role::Station,
             _ => Role::AccessPoint,
         }
     }
@@ -317,11 +336,8 @@ impl Operation<'_> {
         match (role, &self.setup.network) {
             (Role::Station, Some(network)) => self.stay_joined(network, address).await,
             (Role::Station | Role::AccessPoint, _) => {
-                let give_up = match self.plan {
-                    Plan::AsSetUp => Instant::MAX,
-                    Plan::Fallback => Instant::now() + FALLBACK_TIME,
-                };
-                match select(self.look_for_life(), Timer::at(give_up)).await {
+                let over = until_over(self.plan, self.shared);
+                match select(self.look_for_life(), over).await {
                     Either::First(fault) => End::Failed(fault),
                     Either::Second(()) => End::LookAgain,
                 }

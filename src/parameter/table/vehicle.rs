@@ -222,7 +222,9 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Wi-Fi mode",
-        description: "Wi-Fi of a board that has a radio. An access point has a network of its own; a station joins the                       network set by WIFI_CONFIG_AP. A change of any WIFI_ parameter while armed takes effect at                       disarming. (ArduPilot has no such parameter.)",
+        description: "Wi-Fi of a board that has a radio. An access point has a network of its own; a station joins the \
+                      network set by WIFI_CONFIG_AP. A change of any WIFI_ parameter while armed takes effect at \
+                      disarming. (ArduPilot has no such parameter.)",
     }
     WifiChannel {
         key: 17,
@@ -234,7 +236,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Wi-Fi channel",
-        description: "Channel of the access point in the 2.4 GHz band. A station uses its network's. (ArduPilot has no                       such parameter.)",
+        description: "Channel of the access point in the 2.4 GHz band. A station uses its network's. (ArduPilot has no \
+                      such parameter.)",
     }
     WifiPwrSave {
         key: 18,
@@ -246,7 +249,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Wi-Fi power save",
-        description: "Lets the radio sleep between packets, which delays what it receives. (ArduPilot has no such                       parameter.)",
+        description: "Lets the radio sleep between packets, which delays what it receives. (ArduPilot has no such \
+                      parameter.)",
     }
     WifiShow {
         key: 19,
@@ -259,6 +263,7 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "Show the Wi-Fi password",
-        description: "Set to 1 by USB, it shows the name and the password of the access point as messages on USB, and                       reads 0 again. (ArduPilot has no such parameter.)",
+        description: "Set to 1 by USB, it shows the name and the password of the access point as messages on USB, and \
+                      reads 0 again. (ArduPilot has no such parameter.)",
     }
 }

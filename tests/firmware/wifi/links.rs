@@ -98,6 +98,8 @@ fn four_packs_come_fifty_times_a_second_over_every_wire() {
     for pack in ["BATT2_MONITOR", "BATT3_MONITOR", "BATT4_MONITOR"] {
         ground.bench.set(pack, 3.0);
     }
+    ground.bench.reboot();
+    ground.wait_for_network(2 * SECOND);
     let mut by_udp = ground.found_station();
     let mut by_tcp = ground.connected_station();
     for station in [&mut by_udp, &mut by_tcp] {

@@ -15,7 +15,7 @@ fn home() -> Credentials {
     Credentials::new("home", "our own password")
 }
 
-/// A board that was told by USB to join the network of the house, which may be there.
+/// A board that was set up by USB to join the network of the house, which may be there.
 fn sent_home(password: &str) -> Ground {
     let mut ground = Ground::up();
     ground.bench.use_wire(Wire::Usb);
