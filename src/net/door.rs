@@ -7,7 +7,7 @@ use core::task::Context;
 use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState, RxToken};
 
 use super::leases::Leases;
-use crate::log::warn;
+use crate::log::info;
 use crate::tasks::now;
 use crate::time::Instant;
 
@@ -93,7 +93,7 @@ impl Door<'_> {
         let logged = self.logged.get();
         if logged.is_none_or(|logged| now().us_since(logged) >= LOG_INTERVAL_US) {
             self.logged.set(Some(now()));
-            warn!("Wi-Fi: {} frames of unknown senders refused", refused);
+            info!("Wi-Fi: {} frames of unknown senders refused", refused);
         }
     }
 }

@@ -4,6 +4,7 @@
 //! `#[embassy_executor::task]`s of one line, since tasks can't be generic.
 
 mod battery;
+mod beside_sampling;
 mod boot;
 mod bus;
 mod clock;
@@ -32,6 +33,7 @@ mod writer;
 use embassy_time::{Duration, Timer};
 
 pub use battery::sample_batteries;
+pub use beside_sampling::beside_sampling;
 pub use boot::boot;
 pub use bus::read_bus;
 pub use clock::{now, timer_at};

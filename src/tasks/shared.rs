@@ -31,6 +31,12 @@ const PROGRAMMING_US: u64 = 4_000;
 /// The packs' pins are read within this time.
 const SAMPLING_US: u64 = 4_000;
 
+/// What the network does at a time takes no longer than this.
+const NETWORK_STEP_US: u64 = 500;
+
+/// A sampling that is due begins within this time, unless something else holds it up.
+const SAMPLING_START_US: u64 = 1_000;
+
 /// Turns at the flash, in the order in which they are asked for: a task that always has something to write must not keep the
 /// others from theirs until the watchdog misses them.
 type FlashTurns = FairSemaphore<NoopRawMutex, FLASH_TASKS>;
@@ -114,6 +120,13 @@ impl Shared {
         if now.after_us(PROGRAMMING_US) > due && now < end {
             timer_at(end).await;
         }
+    }
+
+    /// Until when work of up to [`NETWORK_STEP_US`] has to wait at `now`, so that it does not delay the sampling of the packs.
+    pub(super) fn sampling_pause(&self, now: Instant) -> Option<Instant> {
+        let due = self.sampling_due.get()?;
+        let end = due.after_us(SAMPLING_START_US);
+        (now.after_us(NETWORK_STEP_US) > due && now < end).then_some(end)
     }
 
     /// Whether flash may be erased now, for [`Storage`](crate::storage::Storage).

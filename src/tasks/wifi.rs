@@ -1,6 +1,6 @@
 //! Keeps names and passwords of Wi-Fi networks in flash.
 
-use embassy_time::{Duration, with_timeout};
+use embassy_time::{Duration, Timer, with_timeout};
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::prepare::prepare;
@@ -9,6 +9,9 @@ use crate::liveness::CheckIn;
 use crate::log::warn;
 use crate::storage::{Storage, StorageError};
 use crate::wifi::{StoredWifi, WIFI_WORDS, WifiRecord};
+
+/// The telemetry port's first messages leave before the radio begins.
+const START_DELAY: Duration = Duration::from_millis(50);
 
 /// How often the task is seen while there is nothing to do.
 const IDLE_CHECK: Duration = Duration::from_secs(1);
@@ -30,6 +33,8 @@ pub async fn keep_wifi<F: NorFlash>(
     shared: &Shared,
     check_in: &CheckIn,
 ) -> ! {
+    mark(check_in);
+    Timer::after(START_DELAY).await;
     let stored = load(&mut storage).await;
     shared.with(|autopilot| autopilot.wifi_loaded(stored, entropy));
     loop {

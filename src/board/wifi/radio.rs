@@ -129,7 +129,8 @@ impl Wifi {
                 Timer::after(MARK_INTERVAL).await;
             }
         };
-        match select(self.keep_up(shared, logs, check_in), alive).await {
+        let work = tasks::beside_sampling(self.keep_up(shared, logs, check_in), shared);
+        match select(work, alive).await {
             Either::First(never) | Either::Second(never) => never,
         }
     }
@@ -201,7 +202,7 @@ impl Wifi {
         match select3(chip.fault.wait(), changed(shared, setup), run).await {
             Either3::First(fault) => {
                 defmt::warn!("Wi-Fi: {}", fault);
-                End::Failed(start_failure(&chip))
+                End::Failed(WifiReport::NoAnswer)
             }
             Either3::Second(()) => End::SetUpAnew,
             Either3::Third(end) => end,

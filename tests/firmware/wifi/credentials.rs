@@ -103,9 +103,14 @@ fn nothing_changes_while_armed() {
     let mut ground = Ground::of(Bench::power_up(crate::rover::GOOD_3S));
     ground.bench.set("BATT_CELLS", 3.0);
     ground.run_for(3 * SECOND);
-    ground.bench.use_wire(Wire::Usb);
     let answers = ground.bench.ask(&arm());
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0, "{:?}", texts_of(&answers));
+    assert_eq!(
+        of_message(&answers, COMMAND_ACK)[0].u8(2),
+        0,
+        "{:?}",
+        texts_of(&answers)
+    );
+    ground.bench.use_wire(Wire::Usb);
     let before = ground.credentials();
     let answers = ground
         .bench

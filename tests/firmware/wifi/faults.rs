@@ -7,6 +7,7 @@ use crate::support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message,
 use crate::support::requests::param_read_by_name;
 
 const NO_ANSWER: &str = "Wi-Fi radio does not answer";
+const NOT_TAKEN: &str = "Wi-Fi radio does not take its firmware";
 
 fn with_fault(fault: RadioFault) -> Bench {
     let mut bench = Bench::power_up(DIVIDER_CODE);
@@ -98,7 +99,7 @@ fn a_download_with_flipped_bits_is_no_program() {
     assert!(bench.wifi().access_point().is_none());
     assert_telemetry_undisturbed(&mut bench, 8);
     assert_eq!(
-        times_announced(&mut bench, NO_ANSWER),
+        times_announced(&mut bench, NOT_TAKEN),
         1,
         "{:?}",
         bench.log_lines()
