@@ -1,7 +1,7 @@
 //! Work that stands back while the packs are sampled.
 
 use core::future::{Future, poll_fn};
-use core::pin::{Pin, pin};
+use core::pin::Pin;
 use core::task::{Context, Poll};
 
 use embassy_time::Timer;
@@ -11,8 +11,8 @@ use crate::time::Instant;
 
 /// Does `work`, but for the moments just before the packs are sampled: what it does without a pause takes longer than a sample
 /// may be late.
-pub async fn beside_sampling<F: Future>(work: F, shared: &Shared) -> F::Output {
-    let mut work = pin!(work);
+// By reference: a future that is handed over by value takes its memory twice.
+pub async fn beside_sampling<F: Future>(mut work: Pin<&mut F>, shared: &Shared) -> F::Output {
     poll_fn(|context| match shared.sampling_pause(now()) {
         Some(end) => {
             wake_at(end, context);

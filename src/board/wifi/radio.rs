@@ -1,6 +1,7 @@
 //! The radio: switched on, set up, watched, and begun anew when it fails.
 
 use core::future::pending;
+use core::pin::pin;
 
 use cyw43::{Control, JoinError, JoinOptions, NetDriver, PowerManagementMode};
 use cyw43_pio::{DEFAULT_CLOCK_DIVIDER, PioSpi};
@@ -129,8 +130,8 @@ impl Wifi {
                 Timer::after(MARK_INTERVAL).await;
             }
         };
-        let work = tasks::beside_sampling(self.keep_up(shared, logs, check_in), shared);
-        match select(work, alive).await {
+        let work = pin!(self.keep_up(shared, logs, check_in));
+        match select(tasks::beside_sampling(work, shared), alive).await {
             Either::First(never) | Either::Second(never) => never,
         }
     }
