@@ -514,11 +514,8 @@ fn storage(flash: &SmallFlash) -> Storage<SmallFlash, [u32; WIFI_WORDS]> {
 
 fn stored(flash: &SmallFlash) -> StoredWifi {
     let mut stored = StoredWifi::default();
-    let load = async |storage: &mut Storage<_, _>| {
-        let mut found = |key, words: [u32; WIFI_WORDS]| stored.found(key, &words);
-        storage.load(&mut found).await.expect("readable");
-    };
-    block_on(load(&mut storage(flash)));
+    let mut found = |key, words: [u32; WIFI_WORDS]| stored.found(key, &words);
+    block_on(storage(flash).load(&mut found)).expect("readable");
     stored
 }
 
