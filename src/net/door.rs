@@ -30,7 +30,7 @@ const LOG_INTERVAL_US: u64 = 10_000_000;
 
 /// A device of which only frames come in that mean something to the board.
 ///
-/// At its own access point the board knows whom it has given which address. Frames with another sender are refused there: those
+/// At its own access point the board knows which address it has given to which computer. Frames with another sender are refused there: those
 /// who invent addresses would push the others out of the list of neighbours, and occupy the places for connections.
 pub(super) struct Guarded<'a, D> {
     device: D,
