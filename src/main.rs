@@ -228,7 +228,6 @@ mod firmware {
         let flash = BoardFlash::new(flash_driver);
         let mut storage = Storage::of_double_sectors(flash, flash_map::PARAMETERS);
         let mut stored = Start::default();
-        stored.radio = radio;
         let signing_storage = watchdog
             .feed_during(pin!(tasks::boot(
                 &mut storage,
@@ -237,6 +236,7 @@ mod firmware {
                 &mut stored,
             )))
             .await;
+        stored.radio = radio;
         stored.identity.board_id = id;
         stored.crash = last_run.crash.clone();
         let shared = share(&stored);
