@@ -1330,7 +1330,7 @@ fn telemetry_goes_on_while_requests_flood_in() {
         sent.iter()
             .filter(|frame| frame.message_id == PARAM_VALUE)
             .count(),
-        14,
+        16,
         "as many as there is room for"
     );
     assert_eq!(desk.statistics().dropped, 34, "the others are counted");

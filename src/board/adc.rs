@@ -51,21 +51,26 @@ impl AnalogIn for AnalogInputs {
         if pin == AnalogPin::Gp29 && self.gp29.is_none() {
             return Err(ReadError::PinOfRadio);
         }
-        let mut control = pac::ADC.cs().read();
-        // One that has timed out and still runs: its result would be taken for this one's, and it may be another pin's.
-        if !control.ready() {
-            return Err(ReadError::Timeout);
-        }
-        control.set_ainsel(pin as u8);
-        control.set_start_once(true);
-        pac::ADC.cs().write_value(control);
-        let done = (0..LOOKS)
-            .map(|_| pac::ADC.cs().read())
-            .find(|status| status.ready());
-        match done {
-            None => Err(ReadError::Timeout),
-            Some(status) if status.err() => Err(ReadError::Conversion),
-            Some(_) => Ok(AdcCount(pac::ADC.result().read().result())),
-        }
+        convert(pin)
+    }
+}
+
+/// Converts the voltage at a pin that the converter has.
+pub(super) fn convert(pin: AnalogPin) -> Result<AdcCount, ReadError> {
+    let mut control = pac::ADC.cs().read();
+    // One that has timed out and still runs: its result would be taken for this one's, and it may be another pin's.
+    if !control.ready() {
+        return Err(ReadError::Timeout);
+    }
+    control.set_ainsel(pin as u8);
+    control.set_start_once(true);
+    pac::ADC.cs().write_value(control);
+    let done = (0..LOOKS)
+        .map(|_| pac::ADC.cs().read())
+        .find(|status| status.ready());
+    match done {
+        None => Err(ReadError::Timeout),
+        Some(status) if status.err() => Err(ReadError::Conversion),
+        Some(_) => Ok(AdcCount(pac::ADC.result().read().result())),
     }
 }

@@ -8,7 +8,7 @@ use super::{DefaultRate, Message, Stream, StreamKind};
 use crate::pack::Pack;
 
 /// Answers that can wait. Ground stations ask for a few things at a time and repeat what is not answered.
-const REPLIES: usize = 14;
+const REPLIES: usize = 16;
 
 /// What became of a stream that was posted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

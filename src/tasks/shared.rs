@@ -32,7 +32,7 @@ const PROGRAMMING_US: u64 = 4_000;
 const SAMPLING_US: u64 = 4_000;
 
 /// What the network does at a time takes no longer than this.
-const NETWORK_STEP_US: u64 = 500;
+const NETWORK_STEP_US: u64 = 1_000;
 
 /// A sampling that is due begins within this time, unless something else holds it up.
 const SAMPLING_START_US: u64 = 1_000;

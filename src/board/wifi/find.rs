@@ -5,6 +5,8 @@ use embassy_rp::adc::{Adc, Channel, Config};
 use embassy_rp::gpio::{Input, Pull};
 use embassy_rp::peripherals::{ADC, PIN_25, PIN_29};
 
+use crate::board::adc::convert;
+use crate::sensor::{AdcCount, AnalogPin};
 use crate::wifi::Radio;
 
 /// Where a third of VSYS is at GP29, it is 0.6 V at least: VSYS has 1.8 V or more. This is 0.16 V.
@@ -17,11 +19,13 @@ const ABSENT_DIVIDER_COUNTS: u16 = 200;
 /// same, the chip pulls it up; if nothing is at GP29 then, the divider is not connected.
 pub fn find_radio(adc: Peri<'_, ADC>, gp25: Peri<'_, PIN_25>, gp29: Peri<'_, PIN_29>) -> Radio {
     let is_pulled_up = Input::new(gp25, Pull::Down).is_high();
-    let mut divider = Channel::new_pin(gp29, Pull::None);
-    let mut adc = Adc::new_blocking(adc, Config::default());
-    match adc.blocking_read(&mut divider) {
-        Ok(counts) if counts >= ABSENT_DIVIDER_COUNTS && !is_pulled_up => Radio::Absent,
-        // No Pico shows this. On a board that is neither, nothing answers on the radio's bus.
-        Ok(_) | Err(_) => Radio::Present,
+    let _divider = Channel::new_pin(gp29, Pull::None);
+    let _adc = Adc::new_blocking(adc, Config::default());
+    match convert(AnalogPin::Gp29) {
+        Ok(AdcCount(counts)) if counts < ABSENT_DIVIDER_COUNTS => Radio::Present,
+        // No Pico shows this: its LED is off then.
+        Ok(_) | Err(_) if is_pulled_up => Radio::Present,
+        // Without a converter it is not known: the pins of a Pico stay untouched.
+        Ok(_) | Err(_) => Radio::Absent,
     }
 }

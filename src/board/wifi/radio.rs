@@ -43,6 +43,9 @@ const RETRY_DELAY: Duration = Duration::from_secs(10);
 const JOIN_DELAY: Duration = Duration::from_secs(2);
 const JOIN_TIMEOUT: Duration = Duration::from_secs(20);
 
+/// A network that gives no address for so long is left, and joined again.
+const ADDRESS_PATIENCE: Duration = Duration::from_secs(25);
+
 /// A network that was not there for so long is given up, and the board has its own instead.
 const NETWORK_PATIENCE: Duration = Duration::from_secs(60);
 
@@ -393,24 +396,30 @@ impl Operation<'_> {
         self.control.join(network.ssid.as_str(), options).await
     }
 
-    /// Stays in the network until the address there is lost, or none comes.
+    /// Stays in the network until the address there is lost, or none comes in time.
     ///
     /// # Errors
     /// The chip does not answer any more.
     async fn stay(&mut self, address: &Address) -> Result<Stay, WifiReport> {
         let mut stay = Stay::WithoutAddress;
+        let mut give_up = Instant::now() + ADDRESS_PATIENCE;
         loop {
-            match select(address.wait(), self.look_for_life()).await {
-                Either::First(NetReport::AddressObtained(_)) => stay = Stay::WithAddress,
-                Either::First(NetReport::AddressLost) => {
+            match select3(address.wait(), Timer::at(give_up), self.look_for_life()).await {
+                Either3::First(NetReport::AddressObtained(_)) => {
+                    stay = Stay::WithAddress;
+                    give_up = Instant::MAX;
+                }
+                Either3::First(NetReport::AddressLost) => {
                     self.report(WifiReport::NetworkLost);
                     return Ok(stay);
                 }
-                Either::First(NetReport::NoAddress) => {
+                // The next attempt to join may be under way by now.
+                Either3::First(NetReport::NoAddress) => {}
+                Either3::Second(()) => {
                     self.report(WifiReport::NoAddress);
                     return Ok(stay);
                 }
-                Either::Second(fault) => return Err(fault),
+                Either3::Third(fault) => return Err(fault),
             }
         }
     }
