@@ -5,7 +5,7 @@ use core::convert::Infallible;
 use core::net::SocketAddrV4;
 
 use embassy_futures::select::select;
-use embassy_futures::yield_now;
+use embassy_futures::{poll_once, yield_now};
 use embassy_net::udp::{UdpMetadata, UdpSocket};
 use embassy_net::{IpAddress, IpEndpoint};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
@@ -154,8 +154,8 @@ impl Slot {
             self.lost_bytes.set(lost);
             return;
         }
-        // There is room for it.
-        let _ = self.received.try_write(datagram);
+        // There is room for it, so it does not wait. `try_write` would stop at the end of the queue's memory.
+        let _ = poll_once(self.received.write_all(datagram));
     }
 }
 

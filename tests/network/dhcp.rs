@@ -66,7 +66,7 @@ struct Router {
 
 impl Router {
     fn new(room: &Room<'_>) -> Self {
-        let mut phone = room.phone(254);
+        let mut phone = Phone::new(&room.air, 254);
         Self {
             socket: phone.listen(67),
             phone,

@@ -43,7 +43,7 @@ impl Datagram {
 }
 
 impl Phone {
-    /// A phone in reach, with the address 192.168.4.`number`.
+    /// A phone in reach, with the address 192.168.4.`number`, which the board has not given to it.
     pub fn new(air: &SharedAir, number: u8) -> Self {
         let mut phone = Self::without_address(air, number);
         phone.set_address(Ipv4Cidr::new(Ipv4Addr::new(192, 168, 4, number), 24));

@@ -30,8 +30,14 @@ pub struct Room<'a> {
 }
 
 impl Room<'_> {
-    pub fn phone(&self, number: u8) -> Phone {
-        Phone::new(&self.air, number)
+    /// A phone that has joined the board's access point: who has no address from the board is not heard there.
+    pub async fn phone(&self, number: u8) -> Phone {
+        let mut phone = Phone::without_address(&self.air, number);
+        let asked = phone.ask_for_address();
+        while phone.take_address(asked).is_none() {
+            self.pass(1, &mut [&mut phone]).await;
+        }
+        phone
     }
 
     /// Lets time pass.

@@ -10,7 +10,7 @@ use crate::support::requests;
 #[test]
 fn two_clients_have_a_link_each_and_a_third_is_refused() {
     play(Role::AccessPoint, async |room| {
-        let (mut one, mut two, mut three) = (room.phone(2), room.phone(3), room.phone(4));
+        let (mut one, mut two, mut three) = (room.phone(2).await, room.phone(3).await, room.phone(4).await);
         let (first, second) = (one.connect(50_000), two.connect(50_001));
         room.pass(100, &mut [&mut one, &mut two]).await;
         let third = three.connect(50_002);
@@ -41,7 +41,7 @@ fn two_clients_have_a_link_each_and_a_third_is_refused() {
 #[test]
 fn a_place_is_free_again_when_a_client_has_closed() {
     play(Role::AccessPoint, async |room| {
-        let mut phone = room.phone(2);
+        let mut phone = room.phone(2).await;
         for round in 0..20 {
             let client = phone.connect(50_000 + round);
             room.pass(2_000, &mut [&mut phone]).await;
@@ -61,14 +61,14 @@ fn a_place_is_free_again_when_a_client_has_closed() {
 #[test]
 fn a_client_that_vanishes_frees_its_place() {
     play(Role::AccessPoint, async |room| {
-        let (mut one, mut two) = (room.phone(2), room.phone(3));
+        let (mut one, mut two) = (room.phone(2).await, room.phone(3).await);
         one.connect(50_000);
         two.connect(50_001);
         room.pass(2_000, &mut [&mut one, &mut two]).await;
         room.air.borrow_mut().leave(one.mac);
         room.air.borrow_mut().leave(two.mac);
         room.pass(9_000, &mut []).await;
-        let mut three = room.phone(4);
+        let mut three = room.phone(4).await;
         let early = three.connect(50_002);
         room.pass(100, &mut [&mut three]).await;
         assert_eq!(three.tcp(early).state(), State::Closed, "it may come back");
@@ -82,7 +82,7 @@ fn a_client_that_vanishes_frees_its_place() {
 #[test]
 fn a_client_that_does_not_read_stops_only_itself() {
     play(Role::AccessPoint, async |room| {
-        let (mut reader, mut other) = (room.phone(2), room.phone(3));
+        let (mut reader, mut other) = (room.phone(2).await, room.phone(3).await);
         let (first, second) = (reader.connect(50_000), other.connect(50_001));
         let station = reader.listen(14550);
         room.pass(100, &mut [&mut reader, &mut other]).await;
