@@ -18,6 +18,7 @@ const MANY_FRAMES_PER_SECOND: u64 = 1_000;
 fn a_minute_of_hostile_frames_disturbs_nothing() {
     let mut ground = Ground::up();
     let mut station = ground.connected_station();
+    ground.bench.forget_stack_use();
     ground.bench.take_adc_record();
     ground.bench.forget_sent();
     let began_us = ground.bench.time_us();
