@@ -1,6 +1,6 @@
 //! MAVLink by UDP and TCP over a network device, and addresses for others on the network.
 //!
-//! All of it runs in one task: the network first, then who waits for it (see [`until`](until::until)).
+//! All of it runs in one task: the network first, then who waits for it (`until.rs`).
 
 mod address;
 mod datagram;
