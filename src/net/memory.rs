@@ -16,7 +16,7 @@ use super::udp::{SlotMemory, UdpLinks};
 const SOCKETS: usize = 8;
 
 /// What is longer than a link's queue is lost there; this is a little more, so that it is counted.
-const RECEIVED_BYTES: usize = 1088;
+const RECEIVED_BYTES: usize = 832;
 
 /// A HEARTBEAT has 34 bytes with its signature.
 const HEARTBEAT_BYTES: usize = 64;

@@ -28,9 +28,9 @@ use crate::time::Instant;
 /// The port of MAVLink by UDP, on both sides: QGroundControl, MAVProxy and others listen there.
 pub(super) const PORT: u16 = 14550;
 
-/// Received bytes that wait for their link: three of the largest frames. A larger datagram is lost; ground stations send each
+/// Received bytes that wait for their link: two of the largest frames, or fifteen short ones. A larger datagram is lost; ground stations send each
 /// frame in one of its own.
-const QUEUE_BYTES: usize = 1024;
+const QUEUE_BYTES: usize = 768;
 
 /// A station that was not heard for so long has left. Its time-outs have acted long before.
 const SILENCE: Duration = Duration::from_secs(10);
