@@ -127,17 +127,26 @@ class EmulatedBoard(Program):
 
 
 class WifiBoard(EmulatedBoard):
-    """The same with the radio of a Pico W: its ports are those of a laptop that has joined the board's network.
+    """The same with the radio of a Pico W: each port is one of a laptop that has joined the board's network.
 
-    By UDP a ground station waits at the port until the board finds it; by TCP it connects to it.
+    By UDP a ground station waits at the port until the board finds it; to the one by TCP several can connect.
     """
 
-    SCHEMES = {"udp": "udpin", "tcp": "tcp"}
+    UDP_LAPTOPS = 2
 
-    def __init__(self, flash, link):
-        self.wifi_port = free_port()
-        self.wifi_url = f"{self.SCHEMES[link]}:127.0.0.1:{self.wifi_port}"
-        super().__init__(flash, f"--wifi-{link}", f"127.0.0.1:{self.wifi_port}")
+    def __init__(self, flash):
+        self.udp_ports = [free_port() for _ in range(self.UDP_LAPTOPS)]
+        self.tcp_port = free_port()
+        udp = [word for port in self.udp_ports for word in ("--wifi-udp", f"127.0.0.1:{port}")]
+        super().__init__(flash, *udp, "--wifi-tcp", f"127.0.0.1:{self.tcp_port}")
+
+    @property
+    def udp_urls(self):
+        return [f"udpin:127.0.0.1:{port}" for port in self.udp_ports]
+
+    @property
+    def tcp_url(self):
+        return f"tcp:127.0.0.1:{self.tcp_port}"
 
 
 def pytest_addoption(parser):

@@ -5,7 +5,8 @@ import re
 import signal
 import socket
 import time
-from contextlib import closing
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing
 
 import pytest
 from mavsdk.plugins.action import Action
@@ -70,9 +71,9 @@ class Wifi:
     """A board with four packs and a log, its link over Wi-Fi, and a second one over USB that watches."""
 
     def __init__(self, board, link):
-        self.board = board
-        self.url = board.wifi_url
-        self.found = first_datagram(board.wifi_port) if link == "udp" else None
+        self.board, self.link = board, link
+        self.url = {"udp": board.udp_urls[0], "tcp": board.tcp_url}[link]
+        self.found = first_datagram(board.udp_ports[0]) if link == "udp" else None
         with closing(connect(board.usb_url)) as usb:
             for name, value in SETTINGS.items():
                 assert set_to(usb, name, value).param_value == value
@@ -94,7 +95,7 @@ def first_datagram(port):
 def wifi(request, tmp_path_factory):
     flash = tmp_path_factory.mktemp(request.param) / "flash"
     flash.write_bytes(log_ring.chip_with(log_ring.ring_with({6: LOG}, log_ring.SECTORS, erased=100)))
-    board = WifiBoard(flash, request.param)
+    board = WifiBoard(flash)
     try:
         yield Wifi(board, request.param)
         assert_quiet(board.switch_off())
@@ -183,16 +184,18 @@ def test_pymavlink_receives_four_packs_at_the_highest_rate(wifi):
             assert command(link, SET_INTERVAL, message, FASTEST_US) == ACCEPTED
         messages = messages_of(link, RATE_SECONDS)
         assert is_about(count(messages, "SYS_STATUS") / RATE_SECONDS, FASTEST_HZ)
-        assert_each_pack_at_the_highest_rate(
-            [message.id for message in messages if message.get_type() == "BATTERY_STATUS"]
-        )
+        assert_each_pack_at_the_highest_rate(messages)
         assert link.mav_loss == 0
         for message in FAST_MESSAGES:
             assert command(link, SET_INTERVAL, message, BY_DEFAULT) == ACCEPTED
 
 
-def assert_each_pack_at_the_highest_rate(reports):
-    """`reports` has the number of a pack for each report."""
+def assert_each_pack_at_the_highest_rate(messages):
+    assert_reports([message.id for message in messages if message.get_type() == "BATTERY_STATUS"])
+
+
+def assert_reports(reports):
+    """`reports` has the number of the pack for each report."""
     for pack in range(PACKS):
         assert is_about(reports.count(pack) / RATE_SECONDS, FASTEST_HZ), (pack, reports.count(pack))
 
@@ -309,7 +312,7 @@ def test_mavsdk_receives_four_packs_at_the_highest_rate(wifi):
         handle = telemetry.subscribe_battery(lambda battery, _: reports.append(battery.id))
         time.sleep(RATE_SECONDS)
         telemetry.unsubscribe_battery(handle)
-        assert_each_pack_at_the_highest_rate(reports)
+        assert_reports(reports)
         telemetry.set_rate_battery(float(DEFAULT_HZ))
         telemetry.destroy()
 
@@ -331,3 +334,24 @@ def push_by(sticks):
     """Pushes the throttle, 25 times a second."""
     sticks.set_manual_control_input(0.0, 0.0, 0.3, 0.0)
     time.sleep(0.04)
+
+
+# All of them
+
+
+def test_four_stations_at_once(wifi, tmp_path):
+    """All links of the board are taken: each has its rate, and then all download."""
+    if wifi.link == "udp":
+        pytest.skip("the same on both boards")
+    urls = [*wifi.board.udp_urls, wifi.board.tcp_url, wifi.board.tcp_url]
+    with ExitStack() as stack, ThreadPoolExecutor() as executor:
+        links = [stack.enter_context(closing(connect(url))) for url in urls]
+        for link in links:
+            assert command(link, SET_INTERVAL, mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, FASTEST_US) == ACCEPTED
+        for messages in executor.map(lambda link: messages_of(link, RATE_SECONDS), links):
+            assert_each_pack_at_the_highest_rate(messages)
+        for link in links:
+            assert command(link, SET_INTERVAL, mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, BY_DEFAULT) == ACCEPTED
+        paths = [tmp_path / f"{number}.BIN" for number in range(len(links))]
+        assert list(executor.map(lambda link, path: ftp_get(link, FILE, path), links, paths)) == [LOG] * len(links)
+        assert [link.mav_loss for link in links] == [0] * len(links)
