@@ -11,7 +11,7 @@ import json
 import pathlib
 import sys
 
-from dependencies import REPOSITORY, TARGET, cargo, licences
+from dependencies import BY_OWN_TEXT, REPOSITORY, TARGET, cargo, licences
 
 STANDARD_TEXTS = REPOSITORY / ".ci/licences"
 SHARED = "Apache-2.0"
@@ -33,8 +33,18 @@ def copyright_of(package):
 def own_text(package):
     """What the package itself has as its licence. A file for each of several to choose from: the MIT one is enough."""
     folder = pathlib.Path(package["manifest_path"]).parent
+    if package["name"] in BY_OWN_TEXT:
+        return "\n\n".join(readable(file) for file in (folder / package["license_file"], *folder.rglob("LICENSE*")))
     files = sorted(folder.glob("LICENSE*"), key=lambda file: ("MIT" not in file.name, file.name))
-    return files[0].read_text(encoding="utf-8") if files else None
+    return readable(files[0]) if files else None
+
+
+def readable(file):
+    return file.read_text(encoding="utf-8", errors="replace")
+
+
+def name_of_licence(package):
+    return package["license"] or "its own, below"
 
 
 def standard_text(package):
@@ -50,10 +60,10 @@ def main():
     print("`LICENSE-APACHE` is the text of Apache-2.0, by which everything is used that may be. The others' texts follow.\n")
     print("| package | version | licence |\n|---|---|---|")
     for package in packages:
-        print(f"| {package['name']} | {package['version']} | {package['license']} |")
+        print(f"| {package['name']} | {package['version']} | {name_of_licence(package)} |")
     for package in packages:
-        if SHARED not in package["license"]:
-            print(f"\n## {package['name']}\n```text\n{(own_text(package) or standard_text(package)).strip()}\n```")
+        if SHARED not in name_of_licence(package):
+            print(f"\n## {package['name']}\n````text\n{(own_text(package) or standard_text(package)).strip()}\n````")
 
 
 if __name__ == "__main__":

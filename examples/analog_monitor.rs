@@ -45,7 +45,7 @@ mod firmware {
     async fn main(_spawner: Spawner) {
         let chip = embassy_rp::init(Default::default());
         let mut led = Output::new(chip.PIN_25, Level::Low);
-        let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, chip.PIN_29);
+        let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, Some(chip.PIN_29));
         let parts = TelemetryUart {
             uart: chip.UART0,
             tx_pin: chip.PIN_0,

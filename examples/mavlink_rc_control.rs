@@ -13,10 +13,11 @@ mod firmware {
     use embassy_time::{Duration, with_timeout};
     use panic_probe as _;
     use rover_battmon::board::{self, BoardMotors, BoardWatchdog, MotorPeripherals, TelemetryUart};
-    use rover_battmon::mavlink::{LinkKind, Signing, SystemState};
+    use rover_battmon::mavlink::{Changeable, LinkKind, Signing, SystemState};
     use rover_battmon::parameter::{Parameters, VehicleParameter};
     use rover_battmon::tasks::{ByteSource, Watchdog, WiredEndpoint, now};
     use rover_battmon::vehicle::{Motors, Vehicle, VehicleSettings};
+    use rover_battmon::wifi::WifiCredentials;
 
     const BAUD: u32 = 115_200;
 
@@ -48,6 +49,7 @@ mod firmware {
         let _ = parameters.set(VehicleParameter::Sr0Extra1, 0.0);
         let _ = parameters.set(VehicleParameter::ArmingCheck, 0.0);
         let mut vehicle = Vehicle::new();
+        let mut wifi = WifiCredentials::absent();
         let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, now());
         // No key is set: every sender may drive.
         let mut signing = Signing::off();
@@ -65,7 +67,17 @@ mod firmware {
             let state = state_of(&vehicle);
             while link
                 .endpoint
-                .handle_next(now, now, &state, &mut parameters, &mut vehicle, &mut signing)
+                .handle_next(
+                    now,
+                    now,
+                    &state,
+                    Changeable {
+                        parameters: &mut parameters,
+                        vehicle: &mut vehicle,
+                        signing: &mut signing,
+                        wifi: &mut wifi,
+                    },
+                )
                 .is_some()
             {}
 

@@ -1,7 +1,7 @@
 //! What lies where in the flash chip, for the board and the simulator.
 //!
 //! Ranges are offsets from the start of the chip, in bytes. What is kept stays where it was in every release, so that an
-//! update finds it: a new part goes below the others.
+//! update finds it: a new part is taken from the end of the program, or goes below the others.
 
 use core::ops::Range;
 
@@ -12,10 +12,13 @@ pub const CHIP_BYTES: u32 = 2048 * KIB;
 pub const SECTOR_BYTES: u32 = 4 * KIB;
 
 /// The program (`memory.x`).
-pub const PROGRAM: Range<u32> = 0..768 * KIB;
+pub const PROGRAM: Range<u32> = 0..760 * KIB;
+
+/// Names and passwords of Wi-Fi networks.
+pub const WIFI: Range<u32> = PROGRAM.end..768 * KIB;
 
 /// The ring of log files.
-pub const LOG: Range<u32> = PROGRAM.end..2008 * KIB;
+pub const LOG: Range<u32> = WIFI.end..2008 * KIB;
 
 /// What is learnt of the packs.
 pub const LEARNT: Range<u32> = LOG.end..2024 * KIB;

@@ -65,11 +65,13 @@
 //! | [`flash_map`] | what lies where in flash |
 //! | [`recorder`] | a ring of log files in flash |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
+//! | [`wifi`] | names and passwords of Wi-Fi networks, what the radio is to do, what it reports |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
 //! | [`crash`] | what is known of a crash after the restart |
 //! | [`dataflash`] | records of a log file, in ArduPilot's format |
 //! | [`autopilot`] | the core object: owns parameters, packs, vehicle and signing, and decides between them |
 //! | [`tasks`] | thin `async` loops that wait, call the core and publish |
+//! | `net` | MAVLink by UDP and TCP, and addresses for others (with the feature `board`) |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |
 //! | `sim` | a simulated pack, clock and wire (host only) |
 //! | `board_check` | the check of a board over MAVLink, and its report (host only) |
@@ -109,6 +111,8 @@ pub mod flash_map;
 pub mod identity;
 pub mod liveness;
 pub mod mavlink;
+#[cfg(feature = "board")]
+pub mod net;
 pub mod pack;
 pub mod parameter;
 pub mod recorder;
@@ -119,6 +123,7 @@ pub mod tasks;
 pub mod time;
 pub mod usb_watch;
 pub mod vehicle;
+pub mod wifi;
 
 #[cfg(all(target_os = "none", feature = "board"))]
 pub mod board;

@@ -14,27 +14,26 @@ mod firmware {
     use rover_battmon::board::{
         self, AnalogInputs, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog,
         Buzzer, EscUart, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c,
-        SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort,
+        SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort, Wifi,
+        WifiPeripherals,
     };
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::flash_map;
     use rover_battmon::liveness::CheckIn;
-    use rover_battmon::mavlink::LinkKind;
+    use rover_battmon::mavlink::LinkId;
+    use rover_battmon::net::NetMemory;
     use rover_battmon::sensor::Buses;
     use rover_battmon::storage::Storage;
     use rover_battmon::tasks::{self, Link, Shared, SigningStorage};
+    use rover_battmon::wifi::{Radio, WIFI_WORDS};
     use static_cell::StaticCell;
 
     static FLASH: StaticCell<FlashDriver> = StaticCell::new();
     static SHARED: StaticCell<Shared> = StaticCell::new();
     static UART0: StaticCell<Link<'static>> = StaticCell::new();
     static LOGS: StaticCell<BoardFlash> = StaticCell::new();
-
-    /// A byte on the line has ten bits.
-    const BITS_PER_BYTE: u32 = 10;
-
-    /// What the USB link is taken to carry: a packet of 64 bytes each millisecond, which any host polls for.
-    const USB_BYTES_PER_SECOND: u32 = 64_000;
+    static RADIO: StaticCell<cyw43::State> = StaticCell::new();
+    static NETWORK: StaticCell<NetMemory> = StaticCell::new();
 
     // Each deadline is several of the task's own intervals.
     static BATTERY: CheckIn = CheckIn::new("battery", 1_000);
@@ -49,6 +48,8 @@ mod firmware {
     static SIGNING: CheckIn = CheckIn::new("signing", 5_000);
     static LEARNT: CheckIn = CheckIn::new("learnt", 5_000);
     static LOG: CheckIn = CheckIn::new("log", 5_000);
+    static WIFI: CheckIn = CheckIn::new("Wi-Fi", 5_000);
+    static WIFI_SETTINGS: CheckIn = CheckIn::new("Wi-Fi settings", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
 
     /// Without a host, or with one that does not read, the USB link stands still, and nothing is wrong with the board. So
@@ -111,7 +112,7 @@ mod firmware {
     #[embassy_executor::task]
     async fn usb(mut port: UsbPort, logs: &'static BoardFlash, shared: &'static Shared) -> ! {
         port.run(async |transmitter, receiver| {
-            let link = Link::new("USB", LinkKind::Direct, USB_BYTES_PER_SECOND).with_logs(logs);
+            let link = Link::of_board(LinkId::Usb, shared).with_logs(logs);
             tasks::serve_link(transmitter, receiver, shared, &link, &UNWATCHED).await;
         })
         .await
@@ -132,9 +133,21 @@ mod firmware {
         tasks::keep_learnt(storage, shared, &LEARNT).await
     }
 
+    /// Only on a board with a radio.
+    #[embassy_executor::task]
+    async fn wifi_settings(storage: Storage<BoardFlash, [u32; WIFI_WORDS]>, shared: &'static Shared) -> ! {
+        tasks::keep_wifi(storage, board::entropy, shared, &WIFI_SETTINGS).await
+    }
+
     #[embassy_executor::task]
     async fn log(flash: BoardFlash, shared: &'static Shared) -> ! {
         tasks::keep_log(flash, flash_map::LOG, shared, &LOG).await
+    }
+
+    /// Only on a board with a radio.
+    #[embassy_executor::task]
+    async fn wifi(mut radio: Wifi, logs: &'static BoardFlash, shared: &'static Shared) -> ! {
+        radio.run(shared, logs, &WIFI).await
     }
 
     #[embassy_executor::task]
@@ -143,8 +156,10 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn supervisor(mut watchdog: BoardWatchdog) -> ! {
+    async fn supervisor(mut watchdog: BoardWatchdog, radio: Radio) -> ! {
         let watched = [
+            &WIFI,
+            &WIFI_SETTINGS,
             &BATTERY,
             &BUS,
             &ESC,
@@ -159,7 +174,12 @@ mod firmware {
             &LOG,
             &STATUS,
         ];
-        tasks::supervise(&watched, &mut watchdog).await
+        let watched = match radio {
+            Radio::Present => watched.as_slice(),
+            // The first two do not run.
+            Radio::Absent => watched.get(2..).unwrap_or_default(),
+        };
+        tasks::supervise(watched, &mut watchdog).await
     }
 
     #[embassy_executor::task]
@@ -185,7 +205,7 @@ mod firmware {
         board::guard_stack();
         let last_run = LastRun::take();
         board::use_rom_floats();
-        let peripherals = embassy_rp::init(Default::default());
+        let mut peripherals = embassy_rp::init(Default::default());
         let mut watchdog = BoardWatchdog::start(peripherals.WATCHDOG);
         info!(
             "rover-battmon {}, started by {}",
@@ -194,6 +214,12 @@ mod firmware {
         );
         last_run.log();
 
+        let radio = board::find_radio(
+            peripherals.ADC.reborrow(),
+            peripherals.PIN_25.reborrow(),
+            peripherals.PIN_29.reborrow(),
+        );
+        info!("Wi-Fi radio: {}", radio);
         let flash_driver = FLASH.init(board::flash_driver(peripherals.FLASH));
         let id = board::board_id(flash_driver);
         if let Some(id) = id {
@@ -210,13 +236,14 @@ mod firmware {
                 &mut stored,
             )))
             .await;
+        stored.radio = radio;
         stored.identity.board_id = id;
         stored.crash = last_run.crash.clone();
         let shared = share(&stored);
         let wiring = shared.with(|autopilot| autopilot.wiring());
 
         let logs: &BoardFlash = LOGS.init(flash);
-        let link = open_telemetry(wiring.telemetry_baud, logs);
+        let link = open_telemetry(shared, logs);
         let telemetry_parts = TelemetryUart {
             uart: peripherals.UART0,
             tx_pin: peripherals.PIN_0,
@@ -226,12 +253,26 @@ mod firmware {
         };
         let (transmitter, receiver) = board::telemetry_uart(telemetry_parts, wiring.telemetry_baud);
         let usb_port = UsbPort::new(peripherals.USB, id);
+        let (gp29, wifi_pins) = match radio {
+            Radio::Absent => (Some(peripherals.PIN_29), None),
+            Radio::Present => {
+                let pins = WifiPeripherals {
+                    power: peripherals.PIN_23,
+                    data: peripherals.PIN_24,
+                    select: peripherals.PIN_25,
+                    clock: peripherals.PIN_29,
+                    pio: peripherals.PIO0,
+                    dma: peripherals.DMA_CH1,
+                };
+                (None, Some(pins))
+            }
+        };
         let input = AnalogInputs::new(
             peripherals.ADC,
             peripherals.PIN_26,
             peripherals.PIN_27,
             peripherals.PIN_28,
-            peripherals.PIN_29,
+            gp29,
         );
 
         let sensor_bus = Buses {
@@ -288,11 +329,16 @@ mod firmware {
         let learnt_storage = Storage::new(flash, flash_map::LEARNT);
         start(spawner, LEARNT.name(), learnt(learnt_storage, shared));
         start(spawner, LOG.name(), log(flash, shared));
+        if let Some(pins) = wifi_pins {
+            let wifi_storage = Storage::new(flash, flash_map::WIFI);
+            start(spawner, WIFI_SETTINGS.name(), wifi_settings(wifi_storage, shared));
+            start(spawner, WIFI.name(), wifi(open_wifi(pins), logs, shared));
+        }
         start(spawner, STATUS.name(), status(shared, link));
         start(spawner, "reboot", reboot(shared, link));
         start(spawner, "crash report", report_crash(last_run.crash, shared));
         start(spawner, "program hash", hash_program(shared));
-        start(spawner, "supervisor", supervisor(watchdog));
+        start(spawner, "supervisor", supervisor(watchdog, radio));
     }
 
     // Built where they stay: on the stack of `main` they would take several times their size.
@@ -302,8 +348,17 @@ mod firmware {
     }
 
     #[inline(never)]
-    fn open_telemetry(baud: u32, logs: &'static BoardFlash) -> &'static Link<'static> {
-        UART0.init_with(|| Link::new("UART0", LinkKind::Radio, baud / BITS_PER_BYTE).with_logs(logs))
+    fn open_telemetry(shared: &Shared, logs: &'static BoardFlash) -> &'static Link<'static> {
+        UART0.init_with(|| Link::of_board(LinkId::Uart0, shared).with_logs(logs))
+    }
+
+    #[inline(never)]
+    fn open_wifi(peripherals: WifiPeripherals) -> Wifi {
+        Wifi::new(
+            peripherals,
+            RADIO.init_with(cyw43::State::new),
+            NETWORK.init_with(NetMemory::new),
+        )
     }
 
     /// A task that can't be started never checks in, so the watchdog restarts the board. A crash names it by `name`.

@@ -13,6 +13,7 @@ use rover_battmon::battery::{
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
+use rover_battmon::wifi::WifiReport;
 
 /// What stands in front of a path from the top of the repository.
 const TOP_FOLDERS: [&str; 6] = ["src/", "tests/", "docs/", "examples/", "benches/", ".ci/"];
@@ -334,7 +335,7 @@ fn number_length(text: &str) -> usize {
     }
 }
 
-const READ_ERRORS: [ReadError; 13] = [
+const READ_ERRORS: [ReadError; 14] = [
     ReadError::Timeout,
     ReadError::Conversion,
     ReadError::NoPin,
@@ -348,6 +349,20 @@ const READ_ERRORS: [ReadError; 13] = [
     ReadError::Bus(BusError::Checksum),
     ReadError::OtherPart,
     ReadError::AddressTaken,
+    ReadError::PinOfRadio,
+];
+
+const WIFI_REPORTS: [WifiReport; 10] = [
+    WifiReport::NoAnswer,
+    WifiReport::DownloadFailed,
+    WifiReport::AccessPointUp,
+    WifiReport::Joined,
+    WifiReport::AddressObtained([192, 168, 1, 23]),
+    WifiReport::NetworkNotFound,
+    WifiReport::WrongPassword,
+    WifiReport::NoAddress,
+    WifiReport::NetworkLost,
+    WifiReport::FallbackToAccessPoint,
 ];
 
 const ARMING_FAILURES: [ArmingFailure; 11] = [
@@ -440,7 +455,13 @@ fn announced() -> Vec<String> {
         let task = TaskName::new("drive");
         headline(&CrashRecord { task, cause }).to_string()
     });
-    let all = packs.chain(arming).chain(logging).chain(rover).chain(crashes);
+    let wifi = WIFI_REPORTS.map(|report| report.to_string());
+    let all = packs
+        .chain(arming)
+        .chain(wifi)
+        .chain(logging)
+        .chain(rover)
+        .chain(crashes);
     all.map(|text| without_numbers(&text)).collect()
 }
 

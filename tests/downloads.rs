@@ -5,12 +5,13 @@ mod support;
 use std::iter;
 
 use proptest::prelude::*;
-use rover_battmon::mavlink::{Endpoint, Event, Framer, LinkKind, LogRead, Signing, SystemState};
+use rover_battmon::mavlink::{Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Signing, SystemState};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::recorder::LogFile;
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{Fitness, Vehicle};
+use rover_battmon::wifi::WifiCredentials;
 use support::frames::{
     FILE_TRANSFER_PROTOCOL, Frame, GROUND_STATION, HEARTBEAT, LOG_DATA, LOG_ENTRY, LOG_ERASE,
     LOG_REQUEST_DATA, LOG_REQUEST_END, LOG_REQUEST_LIST, STATUSTEXT, SYS_STATUS, encode_v2_from, frames,
@@ -31,6 +32,7 @@ struct Bench {
     parameters: Parameters,
     vehicle: Vehicle,
     signing: Signing,
+    wifi: WifiCredentials,
     files: Vec<(LogFile, Vec<u8>)>,
     now_us: u64,
 }
@@ -52,6 +54,7 @@ impl Bench {
             parameters: Parameters::defaults(),
             vehicle: Vehicle::new(),
             signing: Signing::off(),
+            wifi: WifiCredentials::absent(),
             files: files.collect(),
             now_us: 0,
         }
@@ -88,9 +91,12 @@ impl Bench {
                     state.now,
                     state.now,
                     &state,
-                    &mut self.parameters,
-                    &mut self.vehicle,
-                    &mut self.signing,
+                    Changeable {
+                        parameters: &mut self.parameters,
+                        vehicle: &mut self.vehicle,
+                        signing: &mut self.signing,
+                        wifi: &mut self.wifi,
+                    },
                 )
             }));
         }

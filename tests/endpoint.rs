@@ -535,7 +535,8 @@ fn radio_status_counts_from_a_radio_on_a_link_that_can_have_one() {
     let not_radios =
         [[1, 1], GROUND_STATION, [1, 191], [SIK_RADIO[0], 1]].map(|sender| (LinkKind::Radio, sender));
     let by_cable = RADIOS.map(|sender| (LinkKind::Direct, sender));
-    for (kind, sender) in not_radios.into_iter().chain(by_cable) {
+    let by_wifi = RADIOS.map(|sender| (LinkKind::Wifi, sender));
+    for (kind, sender) in not_radios.into_iter().chain(by_cable).chain(by_wifi) {
         let mut desk = after_forty_reports(kind, sender);
         let sent = sent_for(&mut desk, 5);
         assert_eq!(counts(&sent, [BATTERY_STATUS]), [10], "{kind:?} {sender:?}");

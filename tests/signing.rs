@@ -231,6 +231,51 @@ fn a_frame_that_was_held_back_for_over_a_minute_does_not_count() {
 }
 
 #[test]
+fn without_the_key_wifi_is_deaf_until_it_is_allowed_more() {
+    let mut wifi = protected();
+    wifi.connect(LinkKind::Wifi);
+    // What is allowed on the other links does not matter here.
+    wifi.set(VehicleParameter::SignUartAllow, EVERYTHING);
+    for request in [changing_requests(), reading_requests()].concat() {
+        assert!(!was_obeyed(&mut wifi, &request));
+        assert!(!was_obeyed(&mut wifi, &Signer::new(STRANGER).sign(&request)));
+    }
+    assert_eq!(wifi.sent(), [], "no request is answered");
+    assert_eq!(wifi.statistics().unauthorized, 24);
+
+    wifi.set(VehicleParameter::SignWifiAllow, REQUESTS);
+    assert!(was_obeyed(&mut wifi, &ping(1, 1)));
+    assert!(!was_obeyed(&mut wifi, &param_set("BATT_LOW_VOLT", 6.5)));
+    wifi.set(VehicleParameter::SignWifiAllow, EVERYTHING);
+    assert!(was_obeyed(&mut wifi, &param_set("BATT_LOW_VOLT", 6.5)));
+    assert!(was_obeyed(&mut wifi, &Signer::new(OWNER).sign(&disarm())));
+}
+
+#[test]
+fn no_key_is_set_up_by_wifi() {
+    let mut wifi = desk(LinkKind::Wifi);
+    let events = wifi.receive_in_chunks(&setup_signing([OWNER; 32], NEW_YEAR), 64);
+    assert_eq!(events, [Event::SigningRefused(SetupRefused::NotDirect)]);
+}
+
+#[test]
+fn every_kind_of_link_has_a_number_of_its_own_in_signatures() {
+    for (kind, number) in [(LinkKind::Radio, 0), (LinkKind::Direct, 1), (LinkKind::Wifi, 2)] {
+        let mut link = protected();
+        link.sent();
+        link.connect(kind);
+        link.post_due(0);
+        let sent = link.sent();
+        let signed = sent
+            .first()
+            .and_then(|frame| frame.signed.as_ref())
+            .expect("signed");
+        // It stands before the time and the signature of six bytes each.
+        assert_eq!(signed[signed.len() - 13], number, "{kind:?}");
+    }
+}
+
+#[test]
 fn everything_can_be_allowed_on_the_radio_too() {
     let mut radio = protected();
     radio.set(VehicleParameter::SignUartAllow, EVERYTHING);

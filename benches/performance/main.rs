@@ -8,7 +8,10 @@ mod figures;
 mod page;
 mod running;
 mod size;
+mod wifi;
 
+#[path = "../../tests/workbench/air/mod.rs"]
+mod air;
 #[path = "../../tests/workbench/bench.rs"]
 #[allow(dead_code)]
 mod bench;
@@ -16,6 +19,9 @@ mod bench;
 mod elf;
 #[path = "../../tests/emulator/mod.rs"]
 mod emulator;
+#[path = "../../tests/workbench/host_stream.rs"]
+#[allow(dead_code)]
+mod host_stream;
 #[path = "../../tests/release_elf/program.rs"]
 #[allow(dead_code)]
 mod program;
@@ -32,7 +38,13 @@ use figures::{Table, regressions};
 use page::Page;
 
 fn main() -> ExitCode {
-    let tables = [counted::tables(), running::tables(), size::tables()].concat();
+    let tables = [
+        counted::tables(),
+        running::tables(),
+        wifi::tables(),
+        size::tables(),
+    ]
+    .concat();
     for table in &tables {
         println!("{table}");
     }

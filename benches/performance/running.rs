@@ -1,7 +1,7 @@
 //! What the whole firmware takes of the processor, and how punctual it is.
 
 use crate::bench::{Bench, CYCLES_PER_US, SECOND, running_task};
-use crate::emulator::{AdcInput, CpuState};
+use crate::emulator::{AdcInput, Conversion, CpuState};
 use crate::figures::{Figure, Table};
 use crate::support::requests::{command_long, manual_control, param_read_by_name, ping, timesync};
 
@@ -14,7 +14,7 @@ const BAUD: f32 = 460.0;
 const BYTES_PER_SECOND: u64 = 46_080;
 
 /// Three LiPo cells at 3.8 V, and a current of 4 A.
-const VOLTAGE_CODE: u16 = 3582;
+pub const VOLTAGE_CODE: u16 = 3582;
 const CURRENT_CHANNEL: usize = 1;
 const CURRENT_CODE: u16 = 300;
 
@@ -26,7 +26,7 @@ const REQUEST_MESSAGE: u16 = 512;
 const AUTOPILOT_VERSION: f32 = 148.0;
 
 const AWAKE_GOAL_PERCENT: f64 = 3.0;
-const JITTER_GOAL_US: f64 = 200.0;
+pub const JITTER_GOAL_US: f64 = 200.0;
 
 /// Which functions share a place in the cache depends on where the linker puts them: any change to the source can make it
 /// a third more or less.
@@ -149,14 +149,15 @@ fn flood(bench: &mut Bench) {
 fn jitter_us(bench: &mut Bench) -> f64 {
     bench.take_adc_record();
     bench.run_for(MEASURED_US);
-    let starts: Vec<u64> = bench
-        .take_adc_record()
-        .iter()
-        .map(|conversion| conversion.start)
-        .collect();
+    jitter_of(&bench.take_adc_record(), MEASURED_US)
+}
+
+/// The same of what was recorded in this time.
+pub fn jitter_of(record: &[Conversion], measured_us: u64) -> f64 {
+    let starts: Vec<u64> = record.iter().map(|conversion| conversion.start).collect();
     let is_first = |pair: &&[u64]| pair[1] - pair[0] > SAMPLING_INTERVAL_CYCLES / 2;
     let ticks: Vec<u64> = starts.windows(2).filter(is_first).map(|pair| pair[1]).collect();
-    let expected = MEASURED_US / 100_000;
+    let expected = measured_us / 100_000;
     assert!(
         ticks.len() as u64 >= expected - 1,
         "{} ticks of {expected}",

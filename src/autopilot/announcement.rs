@@ -13,6 +13,7 @@ use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, SaveFailure};
 use crate::storage::StorageError;
 use crate::vehicle::VehicleEvent;
+use crate::wifi::WifiReport;
 
 /// Maximum length of an announcement, in bytes: two STATUSTEXT. The rest is cut off.
 pub const ANNOUNCEMENT_BYTES: usize = 96;
@@ -41,6 +42,10 @@ pub enum Announcement<'a> {
     ParametersSaved,
     /// What is learnt of a pack can't be written to flash.
     LearntNotSaved(StorageError),
+    /// Names or passwords of Wi-Fi networks can't be written to flash.
+    WifiNotSaved(StorageError),
+    /// The radio, the access point or the network to join.
+    Wifi(WifiReport),
     /// A signing key, or its removal, is in flash.
     SigningSaved(SigningChange),
     /// The signing key is lost, or can't be written to flash.
@@ -94,9 +99,13 @@ impl Announcement<'_> {
                 error: StorageError::NoErasedSpace,
                 ..
             }) => MavSeverity::MAV_SEVERITY_WARNING,
-            Self::FailsafesOff | Self::LearntNotSaved(_) | Self::NoLog(_) | Self::Unauthorized { .. } => {
-                MavSeverity::MAV_SEVERITY_WARNING
-            }
+            Self::Wifi(report) if report.is_fault() => MavSeverity::MAV_SEVERITY_WARNING,
+            Self::Wifi(_) => MavSeverity::MAV_SEVERITY_INFO,
+            Self::FailsafesOff
+            | Self::LearntNotSaved(_)
+            | Self::WifiNotSaved(_)
+            | Self::NoLog(_)
+            | Self::Unauthorized { .. } => MavSeverity::MAV_SEVERITY_WARNING,
             Self::DefaultParameters
             | Self::ParametersDamaged
             | Self::ParametersNotSaved(_)
@@ -144,6 +153,11 @@ impl fmt::Display for Announcement<'_> {
                 f.write_str("Learnt battery data not saved until disarmed")
             }
             Self::LearntNotSaved(_) => f.write_str("Learnt battery data not saved: flash worn out?"),
+            Self::WifiNotSaved(StorageError::NoErasedSpace) => {
+                f.write_str("Wi-Fi settings not saved until disarmed")
+            }
+            Self::WifiNotSaved(_) => f.write_str("Wi-Fi settings not saved: flash worn out?"),
+            Self::Wifi(report) => write!(f, "{report}"),
             Self::SigningSaved(change) => f.write_str(change.text()),
             Self::NoLog(LogFailure::Full) => f.write_str("Log full until disarmed"),
             Self::NoLog(LogFailure::NotWritten) => f.write_str("Log not written: flash worn out?"),

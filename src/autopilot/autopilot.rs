@@ -2,11 +2,12 @@
 
 use super::announcement::Announcement;
 use super::broadcast::{Announced, Broadcast};
-use super::learnt_save::LearntSave;
+use super::failed_save::FailedSave;
 use super::packs::Packs;
 use super::recording::Recording;
 use super::signing_save::SigningSave;
 use super::start::Start;
+use super::wifi_state::WifiState;
 use super::work::Work;
 use crate::battery::BatteryState;
 use crate::dataflash::{ModeReason, Record};
@@ -33,7 +34,8 @@ pub struct Autopilot {
     pub(super) broadcast: Broadcast,
     pub(super) save_failures: SaveFailures,
     pub(super) signing_save: SigningSave,
-    pub(super) learnt_save: LearntSave,
+    pub(super) learnt_save: FailedSave,
+    pub(super) wifi: WifiState,
     pub(super) recording: Recording,
     /// Why the mode changes next, if it does.
     pub(super) mode_reason: ModeReason,
@@ -57,7 +59,8 @@ impl Autopilot {
             identity: start.identity,
             save_failures: SaveFailures::default(),
             signing_save: SigningSave::default(),
-            learnt_save: LearntSave::default(),
+            learnt_save: FailedSave::default(),
+            wifi: in_place(|| WifiState::new(start)),
             recording: in_place(|| Recording::new(start.crash.clone())),
             mode_reason: ModeReason::Command,
             known_status: VehicleStatus::default(),

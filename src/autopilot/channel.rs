@@ -78,6 +78,11 @@ impl Channel {
         self.endpoint.push(bytes)
     }
 
+    /// So many frames were lost on their way to the wire.
+    pub fn count_lost(&mut self, frames: u32) {
+        self.endpoint.count_lost(frames);
+    }
+
     /// Received bytes were lost before they could be pushed.
     pub fn count_overrun(&mut self) {
         self.endpoint.count_overrun();

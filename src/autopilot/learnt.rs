@@ -8,7 +8,7 @@ use super::work::Work;
 use crate::battery::{LEARNT_WORDS, LearntPack, PackSettings};
 use crate::log::{info, warn};
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, ParameterId, SAVE_RETRY_INTERVAL_US};
+use crate::parameter::{BatteryParameter, ParameterId};
 use crate::rounding::round_to_i32;
 use crate::storage::StorageError;
 use crate::time::Instant;
@@ -103,9 +103,7 @@ impl Autopilot {
             return;
         };
         log_failure("learnt data", error);
-        self.learnt_save.retry_at = Some(now.after_us(SAVE_RETRY_INTERVAL_US));
-        let before = self.learnt_save.failure.replace(error);
-        if !before.is_some_and(|before| before.is_like(error)) {
+        if let Some(error) = self.learnt_save.add(error, now) {
             self.announce(Announcement::LearntNotSaved(error));
         }
     }

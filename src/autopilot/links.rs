@@ -9,7 +9,7 @@ use super::work::Work;
 use crate::battery::{PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Action, Event, Framer, LogRead, Outgoing, SystemState};
+use crate::mavlink::{Action, Changeable, Event, Framer, LinkKind, LogRead, Outgoing, Stream, SystemState};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use crate::sensor::Admission;
@@ -33,8 +33,17 @@ impl Autopilot {
         let failsafes = self.are_failsafes_off().then_some(Announcement::FailsafesOff);
         let suggestions = Pack::ALL.into_iter().filter_map(|pack| self.suggestion(pack));
         let learnt = self.learnt_save.failure.map(Announcement::LearntNotSaved);
+        let wifi_unsaved = self.wifi.save.failure.map(Announcement::WifiNotSaved);
+        let wifi = wifi_unsaved
+            .into_iter()
+            .chain(self.wifi.trouble().map(Announcement::Wifi));
         let notices = self.start_notice.into_iter().chain(unsaved).chain(trouble);
-        for notice in notices.chain(learnt).chain(failsafes).chain(suggestions) {
+        for notice in notices
+            .chain(learnt)
+            .chain(wifi)
+            .chain(failsafes)
+            .chain(suggestions)
+        {
             let text = notice.text();
             info!("{}: {}", channel.name(), text.as_str());
             channel.endpoint.say(notice.severity(), &text);
@@ -135,6 +144,14 @@ impl Autopilot {
         Some(framer.signed_frame(message, system_id, &mut self.signing, channel.kind(), now))
     }
 
+    /// The frame of a HEARTBEAT for whoever has no link yet, by which ground stations find the vehicle; signed if there is a key.
+    pub fn heartbeat_frame<'a>(&mut self, framer: &'a mut Framer, kind: LinkKind, now: Instant) -> &'a [u8] {
+        let heartbeat = Stream::Heartbeat.build(&self.system_state());
+        // The table's range is 1 to 255.
+        let system_id = self.parameters.get_whole(VehicleParameter::SysidThismav) as u8;
+        framer.signed_frame(&heartbeat, system_id, &mut self.signing, kind, now)
+    }
+
     /// Handles the next frame of what was pushed; `None` when there is none. It can't have been received before
     /// `received_at`: received bytes may have waited on their way. What has waited for longer than `FS_TIMEOUT` does not
     /// move the rover.
@@ -161,10 +178,16 @@ impl Autopilot {
             now,
             received_at,
             &state,
-            &mut self.parameters,
-            &mut self.vehicle,
-            &mut self.signing,
+            Changeable {
+                parameters: &mut self.parameters,
+                vehicle: &mut self.vehicle,
+                signing: &mut self.signing,
+                wifi: &mut self.wifi.credentials,
+            },
         )?;
+        if channel.kind() == LinkKind::Wifi {
+            self.wifi.heard_at = Some(now);
+        }
         self.react(&event, channel, now, received_at);
         Some(event)
     }
@@ -191,12 +214,16 @@ impl Autopilot {
             Event::ParametersSet => {
                 info!("{}: parameters set by a file", channel.name());
                 self.recording.add_all_parameters();
-                // Another serial number is another pack.
-                self.work |= Work::SAVE_PARAMETERS | Work::KEEP_LEARNT;
+                self.parameters_changed();
             }
             Event::SigningSetUp(change) => {
                 info!("{}: signing: {:?}", channel.name(), change);
                 self.save_signing(change);
+            }
+            Event::WifiSetUp(mode) => {
+                info!("{}: Wi-Fi: {:?}", channel.name(), mode);
+                self.parameter_set(VehicleParameter::WifiMode.into(), channel);
+                self.wifi_set_up();
             }
             Event::Unauthorized { to_report } => {
                 if let Some(count) = to_report {
@@ -216,7 +243,8 @@ impl Autopilot {
             Event::ParameterRefused
             | Event::CommandRefused(_)
             | Event::ControlTooLate
-            | Event::SigningRefused(_) => {
+            | Event::SigningRefused(_)
+            | Event::WifiRefused(_) => {
                 if channel.refusal_log.allows(now) {
                     warn!("{}: refused: {:?}", channel.name(), *event);
                 }
@@ -228,14 +256,21 @@ impl Autopilot {
         let value = self.parameters.get(id);
         info!("{}: {} set to {}", channel.name(), id.name().as_str(), value);
         self.recording.add_parameter(id, &self.parameters);
-        // Another serial number is another pack.
+        self.parameters_changed();
+    }
+
+    /// Another serial number is another pack.
+    fn parameters_changed(&mut self) {
+        self.follow_wifi_parameters();
         self.work |= Work::SAVE_PARAMETERS | Work::KEEP_LEARNT;
     }
 
-    fn triggered(&mut self, id: ParameterId, channel: &Channel) {
+    fn triggered(&mut self, id: ParameterId, channel: &mut Channel) {
         info!("{}: {}", channel.name(), id.name().as_str());
-        if let ParameterId::Battery(pack, BatteryParameter::LrnErase) = id {
-            self.erase_learnt(pack);
+        match id {
+            ParameterId::Battery(pack, BatteryParameter::LrnErase) => self.erase_learnt(pack),
+            ParameterId::Vehicle(VehicleParameter::WifiShow) => self.show_wifi(channel),
+            _ => {}
         }
     }
 
@@ -245,7 +280,7 @@ impl Autopilot {
             Action::ResetParameters => {
                 self.parameters.reset();
                 self.recording.add_all_parameters();
-                self.work |= Work::SAVE_PARAMETERS | Work::KEEP_LEARNT;
+                self.parameters_changed();
             }
             Action::ResetBatteries { mask, percent } => self.packs.reset(mask, percent, &self.parameters),
         }

@@ -13,8 +13,8 @@ mod autopilot;
 mod broadcast;
 mod channel;
 mod driving;
+mod failed_save;
 mod learnt;
-mod learnt_save;
 mod links;
 mod logs;
 mod packs;
@@ -23,6 +23,8 @@ mod sampling;
 mod saving;
 mod signing_save;
 mod start;
+mod wifi;
+mod wifi_state;
 mod wiring;
 mod work;
 

@@ -16,6 +16,7 @@ use crate::mavlink::arming_readiness;
 use crate::pack::Pack;
 use crate::sensor::{Admission, AnalogPin, AnalogReadings, ExternalReading, MonitorKind, Pulses};
 use crate::time::Instant;
+use crate::wifi::Radio;
 
 /// Interval of sampling ticks: 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.
 pub const SAMPLING_INTERVAL_US: u64 = 100_000;
@@ -63,11 +64,24 @@ impl Autopilot {
 
     /// The pins to read before the next sampling tick.
     pub fn pins_to_read(&self) -> Vec<AnalogPin, PIN_COUNT> {
-        self.packs.needed_pins(&self.parameters)
+        let mut pins = self.packs.needed_pins(&self.parameters);
+        pins.retain(|pin| Some(*pin) != self.pin_of_radio());
+        pins
+    }
+
+    /// The pin that a radio takes from the packs: on a Pico W its clock is at GP29.
+    fn pin_of_radio(&self) -> Option<AnalogPin> {
+        match self.wifi.credentials.radio() {
+            Radio::Absent => None,
+            Radio::Present => Some(AnalogPin::Gp29),
+        }
     }
 
     /// Begins a sampling tick with what the pins read; due every [`SAMPLING_INTERVAL_US`].
-    pub fn begin_sampling(&self, now: Instant, readings: AnalogReadings) -> SamplingTick {
+    pub fn begin_sampling(&self, now: Instant, mut readings: AnalogReadings) -> SamplingTick {
+        if let Some(pin) = self.pin_of_radio() {
+            readings.set(pin, Err(ReadError::PinOfRadio));
+        }
         SamplingTick {
             tick: Tick {
                 now: now.before_us(now.as_micros() % SAMPLING_RESOLUTION_US),

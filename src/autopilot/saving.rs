@@ -1,4 +1,5 @@
-//! What has to be written to flash: parameters and the signing key. What is learnt of the packs: [`super::learnt`].
+//! What has to be written to flash: parameters and the signing key. What is learnt of the packs: [`super::learnt`]; of
+//! Wi-Fi: [`super::wifi`].
 
 use super::announcement::Announcement;
 use super::autopilot::Autopilot;
@@ -26,6 +27,8 @@ impl Autopilot {
         self.parameters.retry_failed();
         self.signing_save.retry_at = Instant::EPOCH;
         self.retry_learnt();
+        self.retry_wifi();
+        self.follow_wifi_parameters();
         self.work |= Work::SAVE_PARAMETERS | Work::SAVE_SIGNING;
     }
 
@@ -121,6 +124,7 @@ impl Autopilot {
         self.parameters.retry_failed();
         self.work |= Work::SAVE_PARAMETERS;
         self.retry_learnt();
+        self.retry_wifi();
         if self.signing.trouble() == Some(SigningTrouble::NotSaved) {
             self.announce(Announcement::Signing(SigningTrouble::NotSaved));
         }
@@ -132,6 +136,7 @@ impl Autopilot {
         self.signing.is_key_unsaved()
             || self.parameters.next_unsaved().is_some()
             || self.next_unsaved_learnt().is_some()
+            || self.wifi.next_unsaved().is_some()
             || !self.recording.is_written()
     }
 }

@@ -7,6 +7,7 @@ use crate::log::{info, warn};
 use crate::mavlink::{Signing, SigningTrouble};
 use crate::parameter::Parameters;
 use crate::storage::StorageError;
+use crate::wifi::Radio;
 
 /// Everything that is read from flash before the tasks start.
 #[derive(Debug)]
@@ -19,6 +20,8 @@ pub struct Start {
     pub signing: Signing,
     /// Which board and program it is.
     pub identity: Identity,
+    /// Whether the board has a Wi-Fi radio.
+    pub radio: Radio,
     /// The crash before this start, for the log.
     pub crash: Option<CrashRecord>,
 }
@@ -42,6 +45,7 @@ impl Default for Start {
             parameter_load: ParameterLoad::Loaded,
             signing: Signing::off(),
             identity: Identity::default(),
+            radio: Radio::Absent,
             crash: None,
             parameters: Parameters::defaults(),
         }

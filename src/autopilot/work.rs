@@ -5,7 +5,7 @@ use bitflags::bitflags;
 bitflags! {
     /// What other tasks have to do after a call.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-    pub struct Work: u8 {
+    pub struct Work: u16 {
         /// The outputs may have changed: [`Autopilot::drive`](super::Autopilot::drive).
         const DRIVE = 1;
         /// Something was announced: [`Autopilot::post_due`](super::Autopilot::post_due) on every link.
@@ -20,5 +20,9 @@ bitflags! {
         const RESTART = 1 << 5;
         /// A ground station sent a HEARTBEAT.
         const GROUND_STATION_HEARD = 1 << 6;
+        /// What the radio is to do may have changed: [`Autopilot::wifi_setup`](super::Autopilot::wifi_setup).
+        const WIFI = 1 << 7;
+        /// Names or passwords of networks have to be written to flash.
+        const SAVE_WIFI = 1 << 8;
     }
 }

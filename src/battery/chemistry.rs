@@ -3,7 +3,7 @@
 use super::curve::Curve;
 
 /// Cell chemistry, with the numbers of MAVLink's `MAV_BATTERY_TYPE` and `BATT_CHEM`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 #[repr(u8)]
 pub enum Chemistry {

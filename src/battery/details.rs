@@ -1,6 +1,7 @@
 //! Identity and ratings of a smart battery.
 
 use core::fmt;
+use core::hash::{Hash, Hasher};
 
 use super::Chemistry;
 
@@ -69,6 +70,37 @@ impl PackDetails {
     }
 }
 
+impl Hash for PackDetails {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        let Self {
+            manufacturer,
+            device,
+            serial_number,
+            manufactured,
+            chemistry,
+            cycle_count,
+            design_capacity_mah,
+            design_voltage_v,
+            state_of_health_pct,
+        } = self;
+        (
+            manufacturer,
+            device,
+            serial_number,
+            manufactured,
+            chemistry,
+            cycle_count,
+        )
+            .hash(state);
+        let ratings = [*design_capacity_mah, *design_voltage_v];
+        (
+            ratings.map(|rating| rating.map(f32::to_bits)),
+            state_of_health_pct,
+        )
+            .hash(state);
+    }
+}
+
 impl Default for PackDetails {
     fn default() -> Self {
         Self::NONE
@@ -76,7 +108,7 @@ impl Default for PackDetails {
 }
 
 /// A day.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Date {
     /// The year, such as 2026.
     pub year: u16,
@@ -87,7 +119,7 @@ pub struct Date {
 }
 
 /// A short name in printable ASCII; empty if not reported.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Name {
     bytes: [u8; NAME_BYTES],
     length: u8,

@@ -25,6 +25,8 @@ pub enum ReadError {
     NoCapacity,
     /// Configuration: another pack's sensor uses the address.
     AddressTaken,
+    /// Configuration: the pin is the clock of this board's Wi-Fi radio.
+    PinOfRadio,
 }
 
 /// What failed on the wires to a sensor.
@@ -54,7 +56,10 @@ impl From<BusError> for ReadError {
 impl ReadError {
     /// Whether a setting is missing or wrong: until it is changed, the sensor can't be read.
     pub fn is_configuration(self) -> bool {
-        matches!(self, Self::NoPin | Self::NoCapacity | Self::AddressTaken)
+        matches!(
+            self,
+            Self::NoPin | Self::NoCapacity | Self::AddressTaken | Self::PinOfRadio
+        )
     }
 }
 
@@ -73,6 +78,7 @@ impl fmt::Display for ReadError {
             Self::NoPin => "no pin set",
             Self::NoCapacity => "no capacity set",
             Self::AddressTaken => "address already in use",
+            Self::PinOfRadio => "GP29 is the Wi-Fi radio's",
         })
     }
 }

@@ -13,7 +13,7 @@ use crate::sensor::{AdcCount, AnalogIn, AnalogPin};
 /// takes five at least.
 const LOOKS: u32 = 200;
 
-/// The analog pins GP26 to GP29.
+/// The analog pins GP26 to GP29; on a Pico W GP29 is the radio's.
 ///
 /// A conversion takes 2 µs, less than going to sleep over it, so the processor looks until it is done. embassy-rp's own ways
 /// are an interrupt for each conversion, and waiting for one without an end: on a converter that has stopped answering the
@@ -21,7 +21,8 @@ const LOOKS: u32 = 200;
 pub struct AnalogInputs {
     // They keep the converter on and its pins theirs.
     _adc: Adc<'static, Blocking>,
-    _channels: [Channel<'static>; 4],
+    _channels: [Channel<'static>; 3],
+    gp29: Option<Channel<'static>>,
 }
 
 impl AnalogInputs {
@@ -31,7 +32,7 @@ impl AnalogInputs {
         gp26: Peri<'static, PIN_26>,
         gp27: Peri<'static, PIN_27>,
         gp28: Peri<'static, PIN_28>,
-        gp29: Peri<'static, PIN_29>,
+        gp29: Option<Peri<'static, PIN_29>>,
     ) -> Self {
         Self {
             _adc: Adc::new_blocking(adc, Config::default()),
@@ -39,29 +40,37 @@ impl AnalogInputs {
                 Channel::new_pin(gp26, Pull::None),
                 Channel::new_pin(gp27, Pull::None),
                 Channel::new_pin(gp28, Pull::None),
-                Channel::new_pin(gp29, Pull::None),
             ],
+            gp29: gp29.map(|pin| Channel::new_pin(pin, Pull::None)),
         }
     }
 }
 
 impl AnalogIn for AnalogInputs {
     async fn convert(&mut self, pin: AnalogPin) -> Result<AdcCount, ReadError> {
-        let mut control = pac::ADC.cs().read();
-        // One that has timed out and still runs: its result would be taken for this one's, and it may be another pin's.
-        if !control.ready() {
-            return Err(ReadError::Timeout);
+        if pin == AnalogPin::Gp29 && self.gp29.is_none() {
+            return Err(ReadError::PinOfRadio);
         }
-        control.set_ainsel(pin as u8);
-        control.set_start_once(true);
-        pac::ADC.cs().write_value(control);
-        let done = (0..LOOKS)
-            .map(|_| pac::ADC.cs().read())
-            .find(|status| status.ready());
-        match done {
-            None => Err(ReadError::Timeout),
-            Some(status) if status.err() => Err(ReadError::Conversion),
-            Some(_) => Ok(AdcCount(pac::ADC.result().read().result())),
-        }
+        convert(pin)
+    }
+}
+
+/// Converts the voltage at a pin that the converter has.
+pub(super) fn convert(pin: AnalogPin) -> Result<AdcCount, ReadError> {
+    let mut control = pac::ADC.cs().read();
+    // One that has timed out and still runs: its result would be taken for this one's, and it may be another pin's.
+    if !control.ready() {
+        return Err(ReadError::Timeout);
+    }
+    control.set_ainsel(pin as u8);
+    control.set_start_once(true);
+    pac::ADC.cs().write_value(control);
+    let done = (0..LOOKS)
+        .map(|_| pac::ADC.cs().read())
+        .find(|status| status.ready());
+    match done {
+        None => Err(ReadError::Timeout),
+        Some(status) if status.err() => Err(ReadError::Conversion),
+        Some(_) => Ok(AdcCount(pac::ADC.result().read().result())),
     }
 }

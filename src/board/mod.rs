@@ -24,8 +24,9 @@ mod stack_guard;
 mod uart;
 mod usb;
 mod watchdog;
+mod wifi;
 
-use embassy_rp::peripherals::{DMA_CH0, I2C1, PIO1, USB};
+use embassy_rp::peripherals::{DMA_CH0, DMA_CH1, I2C1, PIO0, PIO1, USB};
 use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, pio, usb as rp_usb};
 
 pub use adc::AnalogInputs;
@@ -49,10 +50,12 @@ pub use stack_guard::guard_stack;
 pub use uart::{EscUart, TelemetryUart, UartReceiver, UartTransmitter, esc_uart, telemetry_uart};
 pub use usb::{UsbPort, UsbReceiver, UsbTransmitter};
 pub use watchdog::BoardWatchdog;
+pub use wifi::{Wifi, WifiPeripherals, entropy, find_radio};
 
 bind_interrupts!(struct Irqs {
-    DMA_IRQ_0 => dma::InterruptHandler<DMA_CH0>;
+    DMA_IRQ_0 => dma::InterruptHandler<DMA_CH0>, dma::InterruptHandler<DMA_CH1>;
     I2C1_IRQ => rp_i2c::InterruptHandler<I2C1>;
+    PIO0_IRQ_0 => pio::InterruptHandler<PIO0>;
     PIO1_IRQ_0 => pio::InterruptHandler<PIO1>;
     USBCTRL_IRQ => rp_usb::InterruptHandler<USB>;
 });

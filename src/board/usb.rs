@@ -159,6 +159,7 @@ async fn serve_programs<'d>(
     line: &Line<'d>,
     serve: &impl AsyncFn(UsbTransmitter<'_, '_>, UsbReceiver<'_, '_>),
 ) -> ! {
+    let mut waiting = Vec::new();
     loop {
         line.wait_until(true).await;
         defmt::info!("USB: opened");
@@ -169,9 +170,10 @@ async fn serve_programs<'d>(
             taken: 0,
             received: 0,
         };
+        waiting.clear();
         let transmitter = UsbTransmitter {
             sender: &mut sender,
-            waiting: Vec::new(),
+            waiting: &mut waiting,
         };
         serve(transmitter, receiver).await;
         line.wait_until(false).await;
@@ -281,7 +283,8 @@ impl Handler for BusHandler<'_> {
 /// next one, but not to build a frame for it, and a host that gets no packet asks again a millisecond later.
 pub struct UsbTransmitter<'a, 'd> {
     sender: &'a mut Sender<'d, UsbDriver<'d>>,
-    waiting: Vec<u8, TOGETHER_BYTES>,
+    // By reference: what a transmitter has itself is there for each future that it is handed to.
+    waiting: &'a mut Vec<u8, TOGETHER_BYTES>,
 }
 
 impl ErrorType for UsbTransmitter<'_, '_> {

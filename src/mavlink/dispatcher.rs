@@ -5,7 +5,7 @@ use core::fmt::Write;
 use ::mavlink::MessageData;
 use heapless::String;
 
-use super::dialect::{MavResult, MavSeverity, SET_MODE_DATA};
+use super::dialect::{MavResult, MavSeverity, SET_MODE_DATA, WIFI_CONFIG_AP_DATA};
 use super::downloads::Downloads;
 use super::parser::ReceivedFrame;
 use super::rates::{Rates, is_radio};
@@ -15,11 +15,12 @@ use super::services::DISARM_FIRST;
 use super::services::commands::{Action, Answer};
 use super::services::file_transfer::{self, FileEvent};
 use super::services::log_download::Refusal;
-use super::services::parameters::{self, ParameterList, SetResult};
+use super::services::parameters::{self, ParameterList, SetResult, param_value};
 use super::services::signing::{self, SetupRefused, SigningChange};
 use super::services::time;
 use super::services::vehicle::{Driving, VehicleService, is_of_ground_station};
-use super::signing::{AcceptUnsigned, Effect, LinkKind, Signing, is_permitted};
+use super::services::wifi::{self, WifiRefused};
+use super::signing::{AcceptUnsigned, Authenticity, Effect, LinkKind, Signing, is_permitted};
 use super::stations::{Introduction, Stations};
 use super::system_state::SystemState;
 use super::{COMPONENT_ID, Message};
@@ -28,6 +29,7 @@ use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::sensor::{ExternalReading, MonitorKind};
 use crate::time::Instant;
 use crate::vehicle::Vehicle;
+use crate::wifi::{WifiCredentials, WifiMode};
 
 /// What came of a received message, for whoever runs the link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +61,10 @@ pub enum Event {
     SigningSetUp(SigningChange),
     /// Signing was not set up.
     SigningRefused(SetupRefused),
+    /// Wi-Fi was set up: names or passwords may have changed, and `WIFI_MODE` was set.
+    WifiSetUp(WifiMode),
+    /// Wi-Fi was not set up.
+    WifiRefused(WifiRefused),
     /// Parameters were set by a file of them.
     ParametersSet,
     /// All log files are to be erased.
@@ -121,8 +127,22 @@ fn effect(request: &Request<'_>) -> Effect {
         | Request::Heartbeat(_)
         | Request::SetUpSigning(_)
         | Request::LogErase
+        | Request::WifiConfig(_)
         | Request::PackReading(_) => Effect::Changes,
     }
+}
+
+/// What requests may change, apart from their link.
+#[derive(Debug)]
+pub struct Changeable<'a> {
+    /// The live parameters.
+    pub parameters: &'a mut Parameters,
+    /// The vehicle.
+    pub vehicle: &'a mut Vehicle,
+    /// The signing key.
+    pub signing: &'a mut Signing,
+    /// Names and passwords of Wi-Fi networks.
+    pub wifi: &'a mut WifiCredentials,
 }
 
 /// What a request may use and change.
@@ -131,14 +151,12 @@ pub(super) struct Context<'a> {
     /// The frame can't have been received earlier.
     pub received_at: Instant,
     pub state: &'a SystemState<'a>,
-    pub parameters: &'a mut Parameters,
+    pub changeable: Changeable<'a>,
     pub list: &'a mut ParameterList,
     pub downloads: &'a mut Downloads,
     pub rates: &'a mut Rates,
     pub stations: &'a mut Stations,
-    pub vehicle: &'a mut Vehicle,
     pub link: LinkKind,
-    pub signing: &'a mut Signing,
     /// Messages on this link that were not signed as they would have to be.
     pub unauthorized: &'a mut u32,
 }
@@ -146,12 +164,18 @@ pub(super) struct Context<'a> {
 impl Context<'_> {
     /// Whether whoever sent `frame` may do what it asks for.
     fn permits(&mut self, request: &Request<'_>, frame: &ReceivedFrame<'_>) -> bool {
-        let accepted = AcceptUnsigned::on(self.link, self.parameters);
-        let authenticity = self.signing.check(frame, self.now);
+        let accepted = AcceptUnsigned::on(self.link, self.changeable.parameters);
+        let signing = &mut *self.changeable.signing;
+        let authenticity = signing.check(frame, self.now);
         // Without this, a lost key could never be replaced where `SIGN_USB_ALLOW` wants everything signed with it.
         let replaces_lost_key = matches!(request, Request::SetUpSigning(_))
             && self.link == LinkKind::Direct
-            && self.signing.has_lost_key();
+            && signing.has_lost_key();
+        // A password is nothing that whoever is near may set, not even without a key.
+        let needs_proof = matches!(request, Request::WifiConfig(_)) && self.link != LinkKind::Direct;
+        if needs_proof && authenticity != Authenticity::Proven {
+            return false;
+        }
         replaces_lost_key || is_permitted(effect(request), authenticity, accepted)
     }
 
@@ -163,7 +187,11 @@ impl Context<'_> {
         }
         *self.unauthorized = self.unauthorized.wrapping_add(1);
         Event::Unauthorized {
-            to_report: self.signing.may_report(self.now).then_some(*self.unauthorized),
+            to_report: self
+                .changeable
+                .signing
+                .may_report(self.now)
+                .then_some(*self.unauthorized),
         }
     }
 }
@@ -171,11 +199,13 @@ impl Context<'_> {
 /// Handles one frame and answers through `replies`.
 pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, replies: Replies<'_>) -> Event {
     // The table's range is 1 to 255.
-    let system_id = context.parameters.get(VehicleParameter::SysidThismav) as u8;
+    let system_id = context.changeable.parameters.get(VehicleParameter::SysidThismav) as u8;
     let Some(received) = ReceivedRequest::decode(frame) else {
         return Event::Ignored;
     };
-    if !received.target.is_ours(system_id) || !is_expected(&received, system_id, context.parameters) {
+    if !received.target.is_ours(system_id)
+        || !is_expected(&received, system_id, context.changeable.parameters)
+    {
         return Event::Ignored;
     }
     if context.permits(&received.request, frame) {
@@ -202,16 +232,20 @@ fn serve(request: &Request<'_>, from: Peer, context: Context<'_>, mut replies: R
         now,
         received_at,
         state,
-        parameters,
+        changeable,
         list,
         downloads,
         rates,
         stations,
-        vehicle,
         link,
-        signing,
         unauthorized: _,
     } = context;
+    let Changeable {
+        parameters,
+        vehicle,
+        signing,
+        wifi: credentials,
+    } = changeable;
     let mut service = VehicleService {
         now,
         received_at,
@@ -238,6 +272,10 @@ fn serve(request: &Request<'_>, from: Peer, context: Context<'_>, mut replies: R
                     Event::ParameterRefused
                 }
             };
+        }
+        Request::Command(command) if command.requests_message(WIFI_CONFIG_AP_DATA::ID) => {
+            let report = wifi::report(credentials, parameters);
+            return wifi_requested(command.number, report, from, replies);
         }
         Request::Command(command) => return execute(command, from, service, rates, replies),
         Request::FileTransfer(transfer) => {
@@ -292,6 +330,12 @@ fn serve(request: &Request<'_>, from: Peer, context: Context<'_>, mut replies: R
             let arm_state = service.vehicle.arm_state();
             let result = signing::set_up(set_up, link, arm_state, signing, now);
             return signing_set_up(result, replies);
+        }
+        Request::WifiConfig(config) => {
+            let arm_state = service.vehicle.arm_state();
+            let result = wifi::set_up(config, arm_state, credentials, parameters);
+            replies.answer(wifi::answer(result.map(drop), credentials, parameters));
+            return wifi_set_up(result, parameters, replies);
         }
         Request::PackReading(reading) => {
             return Event::Measured {
@@ -387,6 +431,32 @@ fn signing_set_up(result: Result<SigningChange, SetupRefused>, mut replies: Repl
             Event::SigningRefused(refused)
         }
     }
+}
+
+/// What came of setting up Wi-Fi. Ground stations are sent the parameter that it has set.
+fn wifi_set_up(
+    result: Result<WifiMode, WifiRefused>,
+    parameters: &Parameters,
+    mut replies: Replies<'_>,
+) -> Event {
+    match result {
+        Ok(mode) => {
+            replies.answer(param_value(VehicleParameter::WifiMode.into(), parameters));
+            Event::WifiSetUp(mode)
+        }
+        Err(refused) => Event::WifiRefused(refused),
+    }
+}
+
+/// What came of a request for WIFI_CONFIG_AP, which a board without a radio has not.
+fn wifi_requested(command: u16, report: Option<Message>, from: Peer, mut replies: Replies<'_>) -> Event {
+    let (result, event) = match report {
+        Some(_) => (MavResult::MAV_RESULT_ACCEPTED, Event::Answered),
+        None => (MavResult::MAV_RESULT_DENIED, Event::CommandRefused(command)),
+    };
+    replies.acknowledge(command, result, from);
+    replies.answer_any(report);
+    event
 }
 
 /// What came of a control message.

@@ -4,7 +4,7 @@ use core::iter;
 
 use super::details_change::DetailsChangeDetector;
 use super::dialect::MavSeverity;
-use super::dispatcher::{Context, Event, dispatch};
+use super::dispatcher::{Changeable, Context, Event, dispatch};
 use super::downloads::{Downloads, Turn};
 use super::messages::chunks_of;
 use super::outbox::{Outbox, Posted};
@@ -13,13 +13,12 @@ use super::rates::Rates;
 use super::replies::Replies;
 use super::services::log_download::LogRead;
 use super::services::parameters::{ParameterList, param_value};
-use super::signing::{LinkKind, Signing};
+use super::signing::LinkKind;
 use super::stations::Stations;
 use super::system_state::{LinkStatistics, SystemState};
 use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind};
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::time::Instant;
-use crate::vehicle::Vehicle;
 
 /// A few messages dropped may be a hiccup; so many are a link that is too slow.
 const DROPS_UNTIL_SHORTFALL: u32 = 10;
@@ -245,6 +244,11 @@ impl Endpoint {
         self.parser.push(bytes)
     }
 
+    /// So many frames were lost on their way to the wire.
+    pub fn count_lost(&mut self, frames: u32) {
+        self.dropped = self.dropped.wrapping_add(frames);
+    }
+
     /// Bytes were lost before they could be pushed.
     pub fn count_overrun(&mut self) {
         self.parser.count_overrun();
@@ -262,9 +266,7 @@ impl Endpoint {
         now: Instant,
         received_at: Instant,
         state: &SystemState<'_>,
-        parameters: &mut Parameters,
-        vehicle: &mut Vehicle,
-        signing: &mut Signing,
+        changeable: Changeable<'_>,
     ) -> Option<Event> {
         let link = self.statistics();
         let frame = self.parser.next_frame()?;
@@ -273,14 +275,12 @@ impl Endpoint {
             now,
             received_at,
             state: &state,
-            parameters,
+            changeable,
             list: &mut self.list,
             downloads: &mut self.downloads,
             rates: &mut self.rates,
             stations: &mut self.stations,
-            vehicle,
             link: self.kind,
-            signing,
             unauthorized: &mut self.unauthorized,
         };
         let replies = Replies {

@@ -23,6 +23,19 @@ impl Framer {
         Self::default()
     }
 
+    /// A framer whose first frame has this sequence number.
+    pub fn starting_at(sequence: u8) -> Self {
+        Self {
+            next_sequence: sequence,
+            ..Self::default()
+        }
+    }
+
+    /// The sequence number of the next frame.
+    pub fn next_sequence(&self) -> u8 {
+        self.next_sequence
+    }
+
     /// The MAVLink 2 frame of `message`, sent by `system_id`, not signed.
     pub fn frame(&mut self, message: &impl ToFrame, system_id: u8) -> &[u8] {
         self.serialize(message, system_id, 0);

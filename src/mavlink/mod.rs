@@ -15,6 +15,7 @@ mod dispatcher;
 mod downloads;
 mod endpoint;
 mod framer;
+mod links;
 mod messages;
 mod outbox;
 mod parser;
@@ -33,9 +34,10 @@ mod system_state;
 pub use ::mavlink::dialects::development as dialect;
 
 pub use arming::{ArmingObstacle, arming_obstacles, arming_readiness};
-pub use dispatcher::Event;
+pub use dispatcher::{Changeable, Event};
 pub use endpoint::Endpoint;
 pub use framer::Framer;
+pub use links::{LinkId, SIMULATED_LINKS};
 pub use messages::{
     BroadcastCommand, Burst, CommandAck, DefaultRate, FileAnswer, FileAnswerHeader, FileData, FileError,
     FileOutcome, MAX_FILE_BYTES, Message, Outgoing, Stream, StreamGroup, StreamKind, Subject, ToFrame,
@@ -44,13 +46,14 @@ pub use messages::{
     build_smart_battery_info, build_sys_status, status_texts,
 };
 pub use outbox::{NoRoom, Outbox, Posted};
-pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame};
+pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame, begins_with_frame};
 pub use payload::{Name, Payload};
 pub use requests::Peer;
 pub use scheduler::{Interval, IntervalRefused, NotStreamed, StreamScheduler};
 pub use services::commands::Action;
 pub use services::log_download::LogRead;
 pub use services::signing::{SetupRefused, SigningChange};
+pub use services::wifi::WifiRefused;
 pub use signing::{
     AcceptUnsigned, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,
 };

@@ -210,6 +210,11 @@ impl Default for FrameParser {
     }
 }
 
+/// Whether `bytes` begin with a good frame of a known message. At most one checksum is computed, whatever they are.
+pub fn begins_with_frame(bytes: &[u8]) -> bool {
+    matches!(examine(bytes), Candidate::Good(_))
+}
+
 /// Judges what starts with `bytes`, whose first one is a start byte.
 fn examine(bytes: &[u8]) -> Candidate {
     let layout = match *bytes {

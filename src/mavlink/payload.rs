@@ -1,5 +1,7 @@
 //! Reads the fields of a received payload, at their places on the wire.
 
+use heapless::Vec;
+
 /// A payload. MAVLink 2 cuts off zeros at its end, so whatever lies beyond the end reads as zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Payload<'a>(pub &'a [u8]);
@@ -48,6 +50,16 @@ impl Payload<'_> {
     /// A single-precision number.
     pub fn f32(&self, offset: usize) -> f32 {
         f32::from_le_bytes(self.bytes(offset))
+    }
+
+    /// The characters of a field of `N` bytes, ended by a zero or by its length.
+    pub fn text<const N: usize>(&self, offset: usize) -> Vec<u8, N> {
+        let mut text = Vec::new();
+        for character in self.bytes::<N>(offset).into_iter().take_while(|byte| *byte != 0) {
+            // There is room for the whole field.
+            let _ = text.push(character);
+        }
+        text
     }
 
     /// A name of at most 16 characters, ended by a zero or by its length.

@@ -18,7 +18,7 @@ use crate::battery::RetainedRecord;
 use crate::crash::ParameterSource;
 use crate::flash_map;
 use crate::liveness::CheckIn;
-use crate::mavlink::LinkKind;
+use crate::mavlink::{LinkKind, SIMULATED_LINKS};
 use crate::pack::Pack;
 use crate::sensor::Buses;
 use crate::storage::Storage;
@@ -28,8 +28,8 @@ use crate::tasks::{
 };
 use crate::vehicle::{Indication, Indicators, Restart};
 
-/// Maximum number of TCP clients.
-const MAX_CLIENTS: usize = 8;
+/// Maximum number of TCP clients; UDP has a link, too.
+const MAX_CLIENTS: usize = SIMULATED_LINKS - 1;
 
 /// Assumed capacity of a local link: more than all streams need.
 const LINK_BYTES_PER_SECOND: u32 = 1_000_000;

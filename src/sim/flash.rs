@@ -1,4 +1,4 @@
-//! Simulated flash chip behind the program ([`flash_map`]), in memory and optionally in a file.
+//! Simulated flash chip from the log on ([`flash_map`]), in memory and optionally in a file.
 
 use std::cell::RefCell;
 use std::ffi::OsString;
@@ -15,8 +15,8 @@ use embedded_storage_async::nor_flash::{
 use crate::flash_map;
 use crate::recorder::{LogSource, ReadFailed};
 
-/// The image begins behind the program.
-const IMAGE: Range<u32> = flash_map::PROGRAM.end..flash_map::CHIP_BYTES;
+/// The image has neither the program nor what only a board with a radio stores.
+const IMAGE: Range<u32> = flash_map::LOG.start..flash_map::CHIP_BYTES;
 const IMAGE_BYTES: usize = (IMAGE.end - IMAGE.start) as usize;
 
 const ERASED: u8 = 0xff;

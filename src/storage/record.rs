@@ -170,7 +170,7 @@ mod tests {
 
     #[test]
     fn two_flipped_bits_of_a_wide_record_are_detected() {
-        let record = Record {
+        let record = Record::<[u32; 14]> {
             key: 7,
             value: core::array::from_fn(|word| word as u32),
         };

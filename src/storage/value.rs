@@ -33,6 +33,21 @@ impl Value for u32 {
     }
 }
 
+/// The name and the password of a Wi-Fi network.
+impl Value for [u32; 25] {
+    type Record = [u8; 108];
+    const ERASED: Self::Record = [0xFF; 108];
+    const WORDS: u8 = 25;
+
+    fn words(&self) -> &[u32] {
+        self
+    }
+
+    fn words_mut(&mut self) -> &mut [u32] {
+        self
+    }
+}
+
 /// What is learnt of a pack.
 impl Value for [u32; 14] {
     type Record = [u8; 64];

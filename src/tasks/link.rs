@@ -7,7 +7,8 @@ use embassy_sync::signal::Signal;
 
 use super::{Shared, now};
 use crate::autopilot::{Autopilot, Channel};
-use crate::mavlink::{LinkKind, LinkStatistics, LogRead};
+use crate::mavlink::{LinkId, LinkKind, LinkStatistics, LogRead};
+use crate::parameter::{VehicleParameter, serial_baud};
 use crate::recorder::LogSource;
 
 /// A link: our end of it, and wake-ups for its tasks.
@@ -17,6 +18,8 @@ pub struct Link<'a> {
     channel: RefCell<Channel>,
     /// Where logs are read from, for those who download them here.
     log: Option<&'a dyn LogSource>,
+    /// The sequence number of the first frame.
+    pub(super) first_sequence: u8,
     /// There may be something to write.
     pub(super) to_write: Signal<NoopRawMutex, ()>,
     /// The schedule may have changed.
@@ -29,9 +32,19 @@ impl<'a> Link<'a> {
         Self {
             channel: RefCell::new(Channel::new(name, kind, bytes_per_second, now())),
             log: None,
+            first_sequence: 0,
             to_write: Signal::new(),
             to_schedule: Signal::new(),
         }
+    }
+
+    /// A link of the board, with what the parameters say of it now.
+    // Not inlined: see `in_place`.
+    #[inline(never)]
+    pub fn of_board(id: LinkId, shared: &Shared) -> Self {
+        let baud = shared
+            .with(|autopilot| serial_baud(autopilot.parameters().get_whole(VehicleParameter::Serial0Baud)));
+        Self::new(id.name(), id.kind(), id.bytes_per_second(baud))
     }
 
     /// The same link, which offers downloads of logs read from `source`.
@@ -40,6 +53,19 @@ impl<'a> Link<'a> {
             log: Some(source),
             ..self
         }
+    }
+
+    /// The same link, whose first frame has this sequence number: it goes on from what the ground station has heard before.
+    pub fn with_first_sequence(self, first_sequence: u8) -> Self {
+        Self {
+            first_sequence,
+            ..self
+        }
+    }
+
+    /// So many frames were lost on their way to the wire.
+    pub fn count_lost(&self, frames: u32) {
+        self.with(|channel| channel.count_lost(frames));
     }
 
     /// The link's name in the log.

@@ -4,6 +4,7 @@
 //! `#[embassy_executor::task]`s of one line, since tasks can't be generic.
 
 mod battery;
+mod beside_sampling;
 mod boot;
 mod bus;
 mod clock;
@@ -25,12 +26,14 @@ mod signing;
 mod status;
 mod supervisor;
 mod telemetry;
+mod wifi;
 mod wired_endpoint;
 mod writer;
 
 use embassy_time::{Duration, Timer};
 
 pub use battery::sample_batteries;
+pub use beside_sampling::beside_sampling;
 pub use boot::boot;
 pub use bus::read_bus;
 pub use clock::{now, timer_at};
@@ -51,6 +54,7 @@ pub use signing::{SigningStorage, keep_signing};
 pub use status::{IdleTime, report_status};
 pub use supervisor::{Watchdog, supervise};
 pub use telemetry::schedule_telemetry;
+pub use wifi::keep_wifi;
 pub use wired_endpoint::WiredEndpoint;
 pub use writer::write_frames;
 
@@ -70,6 +74,6 @@ async fn idle(check_in: &CheckIn) -> ! {
 }
 
 /// The task behind `check_in` is alive now.
-fn mark(check_in: &CheckIn) {
+pub(crate) fn mark(check_in: &CheckIn) {
     check_in.mark(now_us());
 }

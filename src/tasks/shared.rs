@@ -10,21 +10,32 @@ use embassy_sync::watch::{Receiver, Watch};
 use super::{now, timer_at};
 use crate::autopilot::{Announcement, Autopilot, Start, Work};
 use crate::in_place::in_place;
+use crate::mavlink::{LinkId, SIMULATED_LINKS};
 use crate::storage::Erase;
 use crate::time::Instant;
 
-/// Links that can be woken by an announcement. The simulator has the most: eight by TCP and one by UDP. A further one
-/// sends announcements when its next stream is due.
-const MAX_LINKS: usize = 9;
+/// Links that can be woken by an announcement: the board's or the simulator's, whichever has more. A further one sends
+/// announcements when its next stream is due.
+const MAX_LINKS: usize = if LinkId::ALL.len() > SIMULATED_LINKS {
+    LinkId::ALL.len()
+} else {
+    SIMULATED_LINKS
+};
 
-/// The tasks that write to flash: parameters, signing, learnt, log.
-const FLASH_TASKS: usize = 4;
+/// The tasks that write to flash: parameters, signing, learnt, Wi-Fi, log.
+const FLASH_TASKS: usize = 5;
 
 /// A page is programmed in 0.6 ms, and in 3.2 ms at most.
 const PROGRAMMING_US: u64 = 4_000;
 
 /// The packs' pins are read within this time.
 const SAMPLING_US: u64 = 4_000;
+
+/// What the network does at a time takes no longer than this.
+const NETWORK_STEP_US: u64 = 1_000;
+
+/// A sampling that is due begins within this time, unless something else holds it up.
+const SAMPLING_START_US: u64 = 1_000;
 
 /// Turns at the flash, in the order in which they are asked for: a task that always has something to write must not keep the
 /// others from theirs until the watchdog misses them.
@@ -47,6 +58,9 @@ pub struct Shared {
     pub(super) to_save_signing: Signal<NoopRawMutex, ()>,
     pub(super) to_keep_learnt: Signal<NoopRawMutex, ()>,
     pub(super) to_reboot: Signal<NoopRawMutex, ()>,
+    pub(super) to_save_wifi: Signal<NoopRawMutex, ()>,
+    /// What the radio is to do may have changed.
+    pub(crate) to_set_up_wifi: Signal<NoopRawMutex, ()>,
     pub(super) ground_station_heard: Signal<NoopRawMutex, ()>,
 }
 
@@ -65,6 +79,8 @@ impl Shared {
             to_save_signing: Signal::new(),
             to_keep_learnt: Signal::new(),
             to_reboot: Signal::new(),
+            to_save_wifi: Signal::new(),
+            to_set_up_wifi: Signal::new(),
             ground_station_heard: Signal::new(),
         }
     }
@@ -106,6 +122,13 @@ impl Shared {
         }
     }
 
+    /// Until when work of up to [`NETWORK_STEP_US`] has to wait at `now`, so that it does not delay the sampling of the packs.
+    pub(super) fn sampling_pause(&self, now: Instant) -> Option<Instant> {
+        let due = self.sampling_due.get()?;
+        let end = due.after_us(SAMPLING_START_US);
+        (now.after_us(NETWORK_STEP_US) > due && now < end).then_some(end)
+    }
+
     /// Whether flash may be erased now, for [`Storage`](crate::storage::Storage).
     pub(super) fn may_erase(&self) -> Erase {
         self.with(|autopilot| autopilot.may_erase())
@@ -130,6 +153,8 @@ impl Shared {
             (Work::SAVE_SIGNING, &self.to_save_signing),
             (Work::KEEP_LEARNT, &self.to_keep_learnt),
             (Work::RESTART, &self.to_reboot),
+            (Work::SAVE_WIFI, &self.to_save_wifi),
+            (Work::WIFI, &self.to_set_up_wifi),
             (Work::GROUND_STATION_HEARD, &self.ground_station_heard),
         ];
         for (kind, signal) in signals {

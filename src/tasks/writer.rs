@@ -19,7 +19,7 @@ pub async fn write_frames<W: Write>(
     link: &Link<'_>,
     check_in: &CheckIn,
 ) -> Result<(), W::Error> {
-    let mut framer = Framer::new();
+    let mut framer = Framer::starting_at(link.first_sequence);
     loop {
         let reading = link.read_log(shared);
         let frame = link.serve(shared, |autopilot, channel| {

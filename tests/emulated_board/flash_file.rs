@@ -7,7 +7,7 @@ use std::path::PathBuf;
 const CHIP_BYTES: usize = 2 * 1024 * 1024;
 
 /// The program is in front of this (memory.x), everything that the firmware stores behind it.
-pub const PROGRAM_BYTES: usize = 768 * 1024;
+pub const PROGRAM_BYTES: usize = 760 * 1024;
 
 pub struct FlashFile {
     path: Option<PathBuf>,

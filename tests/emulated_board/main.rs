@@ -1,10 +1,12 @@
 //! The release firmware on an emulated RP2040, in step with the wall clock. Ground-station software reaches its UART0 and
-//! its USB serial port by TCP.
+//! its USB serial port by TCP, and its Wi-Fi by UDP and TCP.
 //!
 //! ```sh
 //! cargo test --test emulated_board -- --uart 127.0.0.1:5770 --usb 127.0.0.1:5771
 //! ```
 
+#[path = "../workbench/air/mod.rs"]
+mod air;
 #[path = "../workbench/bench.rs"]
 #[allow(dead_code)]
 mod bench;
@@ -12,6 +14,8 @@ mod bench;
 mod elf;
 #[path = "../emulator/mod.rs"]
 mod emulator;
+#[path = "../workbench/host_stream.rs"]
+mod host_stream;
 #[path = "../support/signer.rs"]
 #[allow(dead_code)]
 mod signer;
@@ -22,6 +26,7 @@ mod support;
 mod flash_file;
 mod pace;
 mod port;
+mod wifi;
 mod wires;
 
 use std::io::{self, Read};
@@ -35,10 +40,11 @@ use std::time::{Duration, Instant};
 use clap::Parser;
 
 use bench::{Bench, MILLISECOND, SECOND};
-use emulator::code_of_volts;
+use emulator::{Board, code_of_volts};
 use flash_file::{FlashFile, PROGRAM_BYTES};
 use pace::Pace;
 use port::Port;
+use wifi::WifiAir;
 use wires::{UartWire, UsbWire};
 
 /// Three full LiPo cells.
@@ -60,6 +66,15 @@ struct Arguments {
     /// Where a program connects to the USB serial port by TCP
     #[arg(long, value_name = "ADDRESS:PORT")]
     usb: SocketAddr,
+
+    /// Where a ground station waits for UDP on the board's Wi-Fi, as if on a laptop that has joined it; makes the board a
+    /// Pico W. One laptop each time it is given
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    wifi_udp: Vec<SocketAddr>,
+
+    /// Where programs connect to the board's TCP port 5760 over Wi-Fi, from another laptop; makes the board a Pico W
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    wifi_tcp: Vec<SocketAddr>,
 
     /// Keep the content of the flash chip in this file; written at the end
     #[arg(long, value_name = "FILE")]
@@ -86,22 +101,69 @@ fn main() -> ExitCode {
 fn run(arguments: Arguments) -> Result<(), String> {
     let [uart, usb] = [arguments.uart, arguments.usb].map(listen);
     let (uart, usb) = (uart?, usb?);
+    let wifi = wifi_air(&arguments)?;
     let name = arguments.flash.clone().unwrap_or_default();
     let failed = |error: io::Error| format!("Can't use the flash file {}: {error}", name.display());
     let mut file = FlashFile::open(arguments.flash).map_err(failed)?;
     let stored = &file.content[PROGRAM_BYTES..];
     let mut board = Bench::power_up_with_flash(code_of_volts(PACK_V / DIVIDER), PROGRAM_BYTES as u32, stored);
-    let mut wires = (UartWire::new(uart), UsbWire::plug(usb, &mut board));
+    if wifi.is_some() {
+        board.attach_wifi();
+    }
+    let mut wires = Wires {
+        uart: UartWire::new(uart),
+        usb: UsbWire::plug(usb, &mut board),
+        wifi,
+    };
     stop_by_signal_or_end_of_input()?;
     println!(
         "UART0 on tcp:{}, USB on tcp:{}. Ctrl-D ends it.",
         arguments.uart, arguments.usb
     );
+    for address in &arguments.wifi_udp {
+        println!("Wi-Fi to udp:{address}.");
+    }
+    for address in &arguments.wifi_tcp {
+        println!("Wi-Fi on tcp:{address}.");
+    }
 
     let end_us = arguments.seconds.map_or(u64::MAX, |seconds| seconds * SECOND);
     emulate(&mut board, &mut wires, end_us);
     file.write(board.read_flash(0, file.content.len()))
         .map_err(failed)
+}
+
+/// What connects the board with the host.
+struct Wires {
+    uart: UartWire,
+    usb: UsbWire,
+    /// `None`: the board has no Wi-Fi.
+    wifi: Option<WifiAir>,
+}
+
+impl Wires {
+    fn exchange(&mut self, board: &mut Board, until_us: u64) {
+        self.uart.exchange(board, until_us);
+        self.usb.exchange(board);
+        if let Some(wifi) = &mut self.wifi {
+            wifi.exchange(board);
+        }
+    }
+}
+
+/// The air around the board, if anything on the host is to be in it.
+fn wifi_air(arguments: &Arguments) -> Result<Option<WifiAir>, String> {
+    if arguments.wifi_udp.is_empty() && arguments.wifi_tcp.is_empty() {
+        return Ok(None);
+    }
+    let mut air = WifiAir::new();
+    for address in &arguments.wifi_udp {
+        air.add_udp(*address)?;
+    }
+    for address in &arguments.wifi_tcp {
+        air.add_tcp(*address)?;
+    }
+    Ok(Some(air))
 }
 
 fn listen(address: SocketAddr) -> Result<Port, String> {
@@ -120,15 +182,14 @@ fn stop_by_signal_or_end_of_input() -> Result<(), String> {
 }
 
 /// Lets the board run until it has to stop, and shows its log.
-fn emulate(board: &mut Bench, (uart, usb): &mut (UartWire, UsbWire), end_us: u64) {
+fn emulate(board: &mut Bench, wires: &mut Wires, end_us: u64) {
     let started = Instant::now();
     let mut pace = Pace::new();
     let mut busy = Duration::ZERO;
     while !STOP.load(Ordering::Relaxed) && board.time_us() < end_us {
         let slice_started = Instant::now();
         let until_us = board.time_us() + SLICE_US;
-        uart.exchange(board, until_us);
-        usb.exchange(board);
+        wires.exchange(board, until_us);
         board.run_for(SLICE_US);
         drop_records(board);
         busy += slice_started.elapsed();

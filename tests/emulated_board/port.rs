@@ -1,18 +1,14 @@
 //! A TCP port with one client at a time, as a serial port is open in one program.
 
-use std::io::{self, ErrorKind, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+
+use crate::host_stream::HostStream;
 
 /// A client that comes while another one is served waits for its turn.
 pub struct Port {
     listener: TcpListener,
-    client: Option<Client>,
-}
-
-struct Client {
-    stream: TcpStream,
-    /// What its socket had no room for.
-    unwritten: Vec<u8>,
+    client: Option<HostStream>,
 }
 
 impl Port {
@@ -34,7 +30,7 @@ impl Port {
         if self.is_connected() {
             return false;
         }
-        self.client = self.listener.accept().and_then(Client::new).ok();
+        self.client = self.listener.accept().and_then(HostStream::new).ok();
         self.is_connected()
     }
 
@@ -52,7 +48,7 @@ impl Port {
 
     /// Bytes that wait for the client to read.
     pub fn unwritten(&self) -> usize {
-        self.client.as_ref().map_or(0, |client| client.unwritten.len())
+        self.client.as_ref().map_or(0, HostStream::unwritten)
     }
 
     /// The result, or nothing, and the client is gone.
@@ -65,39 +61,5 @@ impl Port {
             }
             None => T::default(),
         }
-    }
-}
-
-impl Client {
-    fn new((stream, _): (TcpStream, SocketAddr)) -> io::Result<Self> {
-        stream.set_nonblocking(true)?;
-        stream.set_nodelay(true)?;
-        Ok(Self {
-            stream,
-            unwritten: Vec::new(),
-        })
-    }
-
-    fn read(&mut self, limit: usize) -> io::Result<Vec<u8>> {
-        let mut bytes = vec![0; limit];
-        match self.stream.read(&mut bytes) {
-            Ok(0) => return Err(ErrorKind::ConnectionReset.into()),
-            Ok(length) => bytes.truncate(length),
-            Err(error) if error.kind() == ErrorKind::WouldBlock => bytes.clear(),
-            Err(error) => return Err(error),
-        }
-        Ok(bytes)
-    }
-
-    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.unwritten.extend(bytes);
-        while !self.unwritten.is_empty() {
-            match self.stream.write(&self.unwritten) {
-                Ok(written) => drop(self.unwritten.drain(..written)),
-                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(())
     }
 }

@@ -11,6 +11,9 @@ use super::pins::{PinSettings, i2c_connection, spi_connection, uart_connection};
 use super::register::{RegisterWrite, bit};
 use super::soc::Id;
 
+/// ROSC_RANDOMBIT (2.17.7).
+const ROSC_RANDOM_BIT: u32 = 0x4006_001c;
+
 impl SystemBus {
     /// The registers are read as words; the processor picks its bytes out (datasheet 2.1.4).
     pub(super) fn load_register(&mut self, address: u32, width: Width) -> Result<u32, BusError> {
@@ -44,6 +47,7 @@ impl SystemBus {
             Model::Crate if is_gpio_interrupt(block, address) => {
                 self.soc.read(Id::Gpio, address & 0xfff, self.now)
             }
+            Model::Crate if address == ROSC_RANDOM_BIT => self.random_bits.next_u64() as u32 & 1,
             Model::Crate => {
                 self.pass_time_to_chip();
                 self.chip.read32(address)

@@ -9,6 +9,7 @@ use super::boot_rom;
 use super::bus::{SystemBus, Width};
 use super::clock::{Cycle, cycles, micros};
 use super::cpu::{Cpu, CpuState};
+use super::cyw43::Cyw43;
 use super::firmware::Firmware;
 use super::flash::FlashChip;
 use super::gpio::{PinWire, Pulses};
@@ -18,6 +19,7 @@ use super::log::{LogDecoder, LogLine};
 use super::memory::Memory;
 use super::peripheral::Peripheral;
 use super::pins::{I2cPins, PinDrive, SpiPins, UartPins, driven_level, pin_drive};
+use super::pio::PinDevice;
 use super::pwm::PwmOutput;
 use super::random::Random;
 use super::register::bit;
@@ -33,6 +35,9 @@ pub(super) const STACK_POINTER: usize = 13;
 
 /// What no program writes by chance into many words in a row.
 const STACK_PAINT: u32 = 0x5ac3_7e19;
+
+/// Decides what the radio's faults do.
+const WIFI_SEED: u64 = 0x4343_9000;
 
 /// The emulated board.
 pub struct Board {
@@ -179,6 +184,25 @@ impl Board {
         let usb = &mut self.bus.soc.usb;
         usb.advance(self.bus.now);
         &mut usb.host
+    }
+
+    /// Makes it a Pico W, before the first run: the radio at GP23, GP24, GP25 and GP29. What is put on channel 3 of the ADC
+    /// is a third of VSYS then, and reaches it while GP25 is high; else it is 0 V.
+    pub fn attach_wifi(&mut self) {
+        self.bus.soc.wifi = Some(Box::new(Cyw43::new(WIFI_SEED)));
+        self.bus.observe_pins();
+        self.bus.attention = true;
+    }
+
+    /// The radio. Panics without one.
+    pub fn wifi(&mut self) -> &mut Cyw43 {
+        let now = self.bus.now;
+        self.bus.attention = true;
+        self.bus.soc.advance_wifi(now);
+        let wifi = self.bus.soc.wifi.as_mut();
+        let wifi = wifi.unwrap_or_else(|| panic!("a Pico has no radio: use attach_wifi"));
+        wifi.advance(now);
+        wifi
     }
 
     /// Put a signal on an ADC channel: 0 to 3 are GP26 to GP29, 4 is the temperature sensor.

@@ -164,7 +164,13 @@ pub fn image() -> Vec<u8> {
 }
 
 /// Whether the host carries out what is at an address.
+#[inline]
 pub fn is_function(pc: u32) -> bool {
+    // Most programs are not in the ROM.
+    pc < FLOAT_TRAPS_END && is_function_of_rom(pc)
+}
+
+fn is_function_of_rom(pc: u32) -> bool {
     (TRAPS..=WAIT_FOR_FLASH).contains(&pc) || float_routine_at(pc).is_some()
 }
 

@@ -14,6 +14,7 @@ use super::memory::{Memory, RAM_BASE, is_cached_flash, is_flash};
 use super::mpu::Mpu;
 use super::pin_record::PinRecorder;
 use super::pins::{I2cPins, PinSettings, SpiPins, UartPins};
+use super::random::Random;
 use super::rtt::RttWatch;
 use super::soc::Soc;
 use super::system_control::SystemControl;
@@ -69,6 +70,8 @@ pub struct SystemBus {
     pub(super) code_in_ram: std::ops::Range<u32>,
     pub(super) unmodelled_registers: BTreeMap<u32, u32>,
     pub accesses: AccessLog,
+    /// What the ring oscillator gives.
+    pub(super) random_bits: Random,
 }
 
 impl SystemBus {
@@ -98,6 +101,7 @@ impl SystemBus {
             code_in_ram: 0..0,
             unmodelled_registers: BTreeMap::new(),
             accesses: AccessLog::default(),
+            random_bits: Random::new(!noise_seed),
         }
     }
 
@@ -124,6 +128,7 @@ impl SystemBus {
         self.attention = true;
     }
 
+    #[inline]
     pub fn load(&mut self, address: u32, width: Width) -> Result<u32, BusError> {
         if is_flash(address) {
             self.read_flash(address);
@@ -138,6 +143,7 @@ impl SystemBus {
         }
     }
 
+    #[inline]
     pub fn store(&mut self, address: u32, value: u32, width: Width) -> Result<(), BusError> {
         if self.memory.store(address, value, width).is_some() {
             self.note_stored(address, width);
@@ -159,6 +165,7 @@ impl SystemBus {
         self.answers_below_ram && (XIP_END..RAM_BASE).contains(&address)
     }
 
+    #[inline]
     fn read_flash(&mut self, address: u32) {
         self.check_flash_readable(address);
         if let Some(cache) = &mut self.soc.xip_control.cache {
@@ -168,17 +175,24 @@ impl SystemBus {
 
     /// On silicon, reading flash while it cannot be read gives other bytes than it holds, or stops
     /// the processor for good; interrupt handlers in flash and DMA from flash are how it happens.
+    #[inline]
     fn check_flash_readable(&self, address: u32) {
         let (ssi, control) = (&self.soc.ssi, &self.soc.xip_control);
         let readable = ssi.serves_reads() && !control.is_stale && !self.memory.flash.is_busy();
-        assert!(
-            readable,
+        if !readable {
+            self.refuse_to_read_flash(address);
+        }
+    }
+
+    #[cold]
+    fn refuse_to_read_flash(&self, address: u32) -> ! {
+        panic!(
             "flash is read at {address:#x} (program counter {:#x}) while it cannot be: chip busy: {}, \
              interface set up for reads: {}, cache not flushed after a change: {}",
             self.pc,
             self.memory.flash.is_busy(),
-            ssi.serves_reads(),
-            control.is_stale
+            self.soc.ssi.serves_reads(),
+            self.soc.xip_control.is_stale
         );
     }
 
@@ -187,6 +201,7 @@ impl SystemBus {
         self.all_code_is_stale = true;
     }
 
+    #[inline]
     fn note_stored(&mut self, address: u32, width: Width) {
         if self.code_in_ram.contains(&address) {
             self.stale_code.push(address);
@@ -198,16 +213,21 @@ impl SystemBus {
     }
 
     /// Note that an instruction was fetched, for [`Self::note_stored`].
+    #[inline]
     pub(super) fn note_fetched(&mut self, pc: u32) {
         if is_flash(pc) {
             self.read_flash(pc);
         } else if pc >= RAM_BASE && !self.code_in_ram.contains(&pc) {
-            let (start, end) = match self.code_in_ram.is_empty() {
-                true => (pc, pc),
-                false => (self.code_in_ram.start, self.code_in_ram.end),
-            };
-            self.code_in_ram = start.min(pc)..end.max(pc.saturating_add(4));
+            self.extend_code_in_ram(pc);
         }
+    }
+
+    fn extend_code_in_ram(&mut self, pc: u32) {
+        let (start, end) = match self.code_in_ram.is_empty() {
+            true => (pc, pc),
+            false => (self.code_in_ram.start, self.code_in_ram.end),
+        };
+        self.code_in_ram = start.min(pc)..end.max(pc.saturating_add(4));
     }
 
     pub(super) fn note_unmodelled(&mut self, block: &'static str, address: u32, direction: Direction) {
@@ -225,7 +245,9 @@ impl SystemBus {
         if self.memory.flash.advance(self.now) {
             self.flash_has_changed();
         }
-        if let Some(transfer) = self.soc.dma.next_transfer(self.soc.dma_requests(), self.now) {
+        if self.soc.dma.is_busy()
+            && let Some(transfer) = self.soc.dma.next_transfer(self.soc.dma_requests(), self.now)
+        {
             let end = self.carry_out(transfer);
             self.soc.dma.complete(transfer, end, self.now);
             self.soc.advance(self.now);

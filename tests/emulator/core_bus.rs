@@ -25,6 +25,7 @@ const SIO_FIFO_WR: u32 = 0xd000_0054;
 const FIRST_SOFTWARE_LINE: u8 = 26;
 
 impl SystemBus {
+    #[inline]
     fn core_load(&mut self, address: u32, width: Width) -> u32 {
         let loaded = match address >> 28 {
             IOPORT if address < SIO_END => Ok(self.load_sio(address, width)),
@@ -38,6 +39,7 @@ impl SystemBus {
         })
     }
 
+    #[inline]
     fn core_store(&mut self, address: u32, value: u32, width: Width) {
         let stored = match address >> 28 {
             IOPORT if address < SIO_END => {
@@ -56,11 +58,13 @@ impl SystemBus {
         }
     }
 
+    #[inline]
     fn mpu_permits(&self, address: u32, direction: Direction) -> bool {
         let control = &self.system_control;
         control.mpu.permits(address, direction, control.active_exception)
     }
 
+    #[cold]
     fn fail(&mut self, address: u32, direction: Direction) {
         self.note_bus_error(address, direction);
         self.fault = Some(address);

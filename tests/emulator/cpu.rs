@@ -109,13 +109,18 @@ impl Cpu {
     }
 
     /// Execute one instruction or enter one exception; returns the cycles it took.
+    #[inline]
     pub fn step(&mut self, bus: &mut SystemBus) -> u64 {
-        self.derail_if_possible();
+        if self.derailment.is_some() {
+            self.derail_if_possible();
+        }
         let pc = self.core.regs.pc();
         if boot_rom::is_function(pc) && !self.takes_interrupt(bus) {
             return boot_rom::call(&mut self.core, bus);
         }
-        self.drop_stale_code(bus);
+        if bus.all_code_is_stale || !bus.stale_code.is_empty() {
+            self.drop_stale_code(bus);
+        }
         if self.is_barrier_of_critical_section(bus, pc) {
             self.changed_primask = false;
             self.core.regs.r[15] = pc + 4;
@@ -125,7 +130,9 @@ impl Cpu {
         let cycles = self.step_with_preemption(bus);
         self.changed_primask = self.core.regs.primask != primask;
         bus.system_control.active_exception = self.active_exception();
-        self.note_sleep_or_lockup(bus, pc);
+        if bus.chip.wfe_waiting[0] || self.core.is_halted() || bus.fault.is_some() {
+            self.note_sleep_or_lockup(bus, pc);
+        }
         u64::from(cycles.max(1))
     }
 
@@ -143,12 +150,14 @@ impl Cpu {
         boot_rom::waits(bus, self.core.regs.pc()) && !self.takes_interrupt(bus)
     }
 
+    #[inline]
     fn takes_interrupt(&self, bus: &SystemBus) -> bool {
         self.core.regs.primask & 1 == 0 && would_preempt(&bus.chip.nvics[0], &bus.chip.ppb[0])
     }
 
     /// The crate's core takes no interrupt while any exception is active. For the one step in
     /// which a more urgent one has to be taken, the active ones are hidden from it.
+    #[inline]
     fn step_with_preemption(&mut self, bus: &mut SystemBus) -> u32 {
         let preempts = bus.chip.ppb[0].any_active() && self.takes_interrupt(bus);
         let hidden = if preempts {
@@ -161,6 +170,7 @@ impl Cpu {
         cycles
     }
 
+    #[cold]
     fn drop_stale_code(&mut self, bus: &mut SystemBus) {
         if std::mem::take(&mut bus.all_code_is_stale) {
             self.core.invalidate_decode_cache_all();
@@ -190,6 +200,7 @@ impl Cpu {
         }
     }
 
+    #[cold]
     fn derail_if_possible(&mut self) {
         let in_thread_mode = self.active_exception() == 0;
         if let Some(derailment) = self.derailment

@@ -47,6 +47,7 @@ impl Memory {
     }
 
     /// `None` where there is no memory.
+    #[inline]
     pub fn load(&self, address: u32, width: Width) -> Option<u32> {
         match address {
             RAM_BASE.. => get(&self.ram, (address - RAM_BASE) as usize, width),
@@ -57,10 +58,15 @@ impl Memory {
     }
 
     /// Store into RAM; `None` anywhere else.
+    #[inline]
     pub fn store(&mut self, address: u32, value: u32, width: Width) -> Option<()> {
         let offset = address.checked_sub(RAM_BASE)? as usize;
-        let place = self.ram.get_mut(offset..offset.checked_add(width as usize)?)?;
-        place.copy_from_slice(&value.to_le_bytes()[..width as usize]);
+        let place = self.ram.get_mut(offset..)?;
+        match width {
+            Width::Byte => *place.first_mut()? = value as u8,
+            Width::Half => *place.first_chunk_mut()? = (value as u16).to_le_bytes(),
+            Width::Word => *place.first_chunk_mut()? = value.to_le_bytes(),
+        }
         Some(())
     }
 }
@@ -70,11 +76,16 @@ fn flash_offset(address: u32) -> usize {
     address as usize % FLASH_SIZE
 }
 
+#[inline]
 fn get(bytes: &[u8], offset: usize, width: Width) -> Option<u32> {
-    let bytes = bytes.get(offset..offset.checked_add(width as usize)?)?;
-    let mut word = [0; 4];
-    word[..bytes.len()].copy_from_slice(bytes);
-    Some(u32::from_le_bytes(word))
+    let bytes = bytes.get(offset..)?;
+    match width {
+        Width::Byte => bytes.first().copied().map(u32::from),
+        Width::Half => bytes
+            .first_chunk()
+            .map(|half| u32::from(u16::from_le_bytes(*half))),
+        Width::Word => bytes.first_chunk().map(|word| u32::from_le_bytes(*word)),
+    }
 }
 
 #[cfg(test)]

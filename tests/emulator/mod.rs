@@ -36,6 +36,9 @@
 //! cycles that it takes on average, which count as instructions. What the cache in front of the flash
 //! would miss can be counted ([`Board::count_xip_misses`]).
 //!
+//! [`Board::attach_wifi`] makes the board a Pico W: a CYW43439 at the pins of PIO0, on which the driver loads its program and
+//! brings up an access point or joins a network ([`cyw43`] says what of it is modelled). Frames from and to the air are the test's.
+//!
 //! # What is not, and may not be claimed
 //!
 //! * Exact cycles: XIP cache misses take no time, bus contention and the wait states of the APB are left out,
@@ -46,7 +49,7 @@
 //!   written or zero, and every access is recorded in [`Board::unmodelled`].
 //! * The NMI never comes. A pin's function, the direction of SIO and the pad's output disable decide
 //!   what drives it; the overrides of IO_BANK0 do nothing. UART, SPI, PWM and PIO do not reach the inputs
-//!   of SIO and the GPIO interrupts.
+//!   of SIO and the GPIO interrupts. A forced PIO instruction that stalls is tried again in cycles of the divided clock.
 //! * PWM: interrupts, the DMA request, input modes and phase steps; using them is a panic.
 //! * Flash: the time of the bytes on its serial wires (some 20 µs a page), cells that read
 //!   differently from one time to the next after a torn operation, cells that hold their charge for
@@ -84,6 +87,7 @@ mod core_bus;
 mod cpu;
 #[cfg(test)]
 mod cpu_tests;
+mod cyw43;
 mod dma;
 mod faults;
 #[cfg(test)]
@@ -135,6 +139,7 @@ pub use board::Board;
 pub use boot_loader::BootLoader;
 pub use boot_rom::{BRANCH_TO_SELF, UNDEFINED_INSTRUCTION};
 pub use cpu::CpuState;
+pub use cyw43::{AccessPoint, Cyw43, Network, RadioFault};
 pub use firmware::Firmware;
 pub use flash::{FlashCut, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
 pub use gpio::PinWire;

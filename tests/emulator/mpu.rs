@@ -3,6 +3,8 @@
 //! Reads and writes of privileged code are checked, which all of it is here; fetches of instructions are not. Memory types
 //! do nothing.
 
+use std::ops::Range;
+
 use super::access_log::Direction;
 use super::register::{bit, field};
 
@@ -43,6 +45,13 @@ impl Region {
         is_inside && !bit(self.attributes, 8 + eighth)
     }
 
+    /// What lies in it, eighths that are left out included; `None` while it is off.
+    fn extent(self) -> Option<Range<u64>> {
+        let size_log2 = field(self.attributes, 1, 5) + 1;
+        let start = u64::from(self.base) >> size_log2 << size_log2;
+        bit(self.attributes, 0).then_some(start..start + (1 << size_log2))
+    }
+
     /// AP for privileged code (B3.5.9).
     fn permits(self, direction: Direction) -> bool {
         match field(self.attributes, 24, 3) {
@@ -58,6 +67,8 @@ pub struct Mpu {
     ctrl: u32,
     number: u32,
     regions: [Region; REGIONS],
+    /// From the lowest to the highest region: most accesses lie outside, and need no look at each.
+    all_regions: Range<u64>,
 }
 
 impl Mpu {
@@ -85,14 +96,30 @@ impl Mpu {
             RASR => self.regions[self.number as usize].attributes = value & RASR_MASK,
             _ => {}
         }
+        self.all_regions = self.extent_of_all();
+    }
+
+    fn extent_of_all(&self) -> Range<u64> {
+        let extents = self.regions.iter().filter_map(|region| region.extent());
+        extents
+            .reduce(|all, one| all.start.min(one.start)..all.end.max(one.end))
+            .unwrap_or_default()
     }
 
     /// Whether an access is permitted while an exception is handled, 0 for none. The highest region that covers it counts.
+    #[inline]
     pub fn permits(&self, address: u32, direction: Direction, exception: u32) -> bool {
         let is_enabled = bit(self.ctrl, ENABLE);
         if !is_enabled || exception == HARD_FAULT && !bit(self.ctrl, IN_HARD_FAULT) {
             return true;
         }
+        if !self.all_regions.contains(&u64::from(address)) {
+            return bit(self.ctrl, DEFAULT_MAP);
+        }
+        self.regions_permit(address, direction)
+    }
+
+    fn regions_permit(&self, address: u32, direction: Direction) -> bool {
         let mut regions = self.regions.iter().rev();
         match regions.find(|region| region.covers(address)) {
             Some(region) => region.permits(direction),

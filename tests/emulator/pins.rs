@@ -4,9 +4,11 @@ use rp2040_emu::Bus as CrateBus;
 
 use super::bus::SystemBus;
 use super::clock::{Cycle, NEVER};
+use super::cyw43::pins::{DATA, Wiring};
 use super::gpio::{BusLevels, PINS, PadState};
 use super::i2c::Levels;
 use super::peripheral::Peripheral;
+use super::pio::Outputs;
 use super::pwm::PwmOutput;
 use super::register::bit;
 use super::soc::Soc;
@@ -162,6 +164,8 @@ pub struct PinSettings {
     pub may_float: u32,
     pub pulled_up: u32,
     pub input_enabled: u32,
+    /// PIO0 decides whether they are driven.
+    pub pio0_outputs: u32,
 }
 
 impl PinSettings {
@@ -175,6 +179,7 @@ impl PinSettings {
             }),
             pulled_up: pins_that(|pin| pad(pin, PAD_PULL_UP)),
             input_enabled: pins_that(|pin| pad(pin, PAD_INPUT_ENABLE)),
+            pio0_outputs: pins_that(|pin| pio_of(chip, pin) == Some(0)),
         }
     }
 }
@@ -256,6 +261,7 @@ impl SystemBus {
         self.soc
             .spi1
             .observe_selects(driven & !pads.driven_high, self.now);
+        self.observe_wifi(pads);
         let bus = self.bus_lines();
         self.soc.gpio.set_pads(pads, bus);
         let levels = self.soc.gpio.levels();
@@ -263,6 +269,24 @@ impl SystemBus {
             .pios
             .iter_mut()
             .for_each(|pio| pio.set_inputs(levels, self.now));
+    }
+
+    /// The radio's power, select and, with another driver than a PIO program, data and clock.
+    fn observe_wifi(&mut self, pads: PadState) {
+        let wiring = Wiring {
+            sio: Outputs {
+                high: pads.driven_high,
+                driven: pads.driven,
+            },
+            pio: self.pin_settings.pio0_outputs,
+            pulled_up: pads.pulled_up,
+            input_enabled: pads.input_enabled,
+        };
+        if let Some(wifi) = &mut self.soc.wifi {
+            wifi.set_wiring(wiring, self.now);
+            let connects_vsys = wifi.connects_vsys();
+            self.soc.adc.connect_vsys(connects_vsys);
+        }
     }
 
     /// When a pin that the processor waits for may change by what a UART receives.
@@ -290,6 +314,9 @@ impl SystemBus {
             for (pin, level) in [(pins.scl, levels.scl), (pins.sda, levels.sda)] {
                 lines.set(pin, level);
             }
+        }
+        if let Some(level) = self.soc.wifi.as_ref().and_then(|wifi| wifi.data_line()) {
+            lines.set(DATA, level);
         }
         lines
     }

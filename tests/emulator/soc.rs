@@ -3,13 +3,14 @@
 use super::adc::Adc;
 use super::chip_reset::{ChipLevelReset, ChipReset};
 use super::clock::{Cycle, NEVER};
+use super::cyw43::Cyw43;
 use super::dma::Dma;
 use super::floating::Floating;
 use super::gpio::Gpio;
 use super::i2c::{I2c, I2cPlace};
 use super::memory_map::{BLOCKS, Model};
 use super::peripheral::Peripheral;
-use super::pio::{Pio, PioPlace};
+use super::pio::{PinDevice, Pio, PioPlace};
 use super::power_state::PowerState;
 use super::pwm::Pwm;
 use super::register::{RegisterWrite, bit};
@@ -101,6 +102,8 @@ pub struct Soc {
     pub ssi: Ssi,
     pub pios: [Pio; 2],
     pub usb: Usb,
+    /// What makes the board a Pico W, at pins of PIO0.
+    pub wifi: Option<Box<Cyw43>>,
 }
 
 impl Soc {
@@ -122,6 +125,7 @@ impl Soc {
             ssi: Ssi::default(),
             pios: PIO_PLACES.map(Pio::new),
             usb: Usb::new(),
+            wifi: None,
         }
     }
 
@@ -200,17 +204,33 @@ impl Soc {
         }
     }
 
+    /// PIO0 and the radio at its pins, cycle by cycle.
+    pub fn advance_wifi(&mut self, now: Cycle) {
+        if let Some(wifi) = &mut self.wifi {
+            self.pios[0].advance_with(wifi.as_mut(), now);
+        }
+    }
+
     pub fn read(&mut self, id: Id, offset: u32, now: Cycle) -> u32 {
+        self.advance_wifi_before(id, now);
         let peripheral = self.get(id);
         peripheral.advance(now);
         peripheral.read(offset, now)
     }
 
+    fn advance_wifi_before(&mut self, id: Id, now: Cycle) {
+        if id == Id::Pio0 {
+            self.advance_wifi(now);
+        }
+    }
+
     pub fn write(&mut self, id: Id, offset: u32, write: RegisterWrite, now: Cycle) {
+        self.advance_wifi_before(id, now);
         let peripheral = self.get(id);
         peripheral.advance(now);
         peripheral.write(offset, write, now);
         peripheral.advance(now);
+        self.advance_wifi_before(id, now);
         self.timer.set_tick(self.watchdog.tick(), now);
     }
 
@@ -234,17 +254,16 @@ impl Soc {
     }
 
     pub fn advance(&mut self, now: Cycle) {
+        self.advance_wifi(now);
         self.all_mut()
             .into_iter()
             .for_each(|peripheral| peripheral.advance(now));
     }
 
     pub fn next_event(&self) -> Cycle {
-        self.all()
-            .iter()
-            .map(|peripheral| peripheral.next_event())
-            .min()
-            .unwrap_or(NEVER)
+        let wifi = self.wifi.as_ref().map_or(NEVER, |wifi| wifi.next_event());
+        let events = self.all().map(|peripheral| peripheral.next_event());
+        events.into_iter().fold(wifi, Cycle::min)
     }
 
     pub fn interrupt_lines(&self) -> u32 {

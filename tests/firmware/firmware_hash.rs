@@ -59,7 +59,7 @@ fn hash_of(parts: &Parts) -> String {
 }
 
 fn reported(mut bench: Bench) -> String {
-    bench.run_for(200 * MILLISECOND);
+    bench.run_for(500 * MILLISECOND);
     let answers = bench.ask(&command_long(REQUEST_MESSAGE, 148.0));
     of_message(&answers, AUTOPILOT_VERSION)[0].text(HASH_AT, HASH_CHARS)
 }
@@ -84,7 +84,7 @@ fn it_is_logged_soon_and_does_not_delay_the_start() {
     let started_after_us = bench.uart_frames()[0].at_us - banner;
     println!("first frame after {started_after_us} us, hash after {hashed_after_us} us");
     // Meanwhile the logs are looked for.
-    assert!(hashed_after_us < 250 * MILLISECOND, "{hashed_after_us} us");
+    assert!(hashed_after_us < 450 * MILLISECOND, "{hashed_after_us} us");
     assert!(started_after_us < 20 * MILLISECOND, "{started_after_us} us");
 }
 

@@ -1,5 +1,7 @@
 //! The release firmware on an emulated RP2040: what leaves its pins, what its log says, what faults do to it.
 
+#[path = "../workbench/air/mod.rs"]
+mod air;
 #[path = "../workbench/bench.rs"]
 mod bench;
 #[path = "../support/checked.rs"]
@@ -10,6 +12,8 @@ mod downloads;
 mod elf;
 #[path = "../emulator/mod.rs"]
 mod emulator;
+#[path = "../workbench/host_stream.rs"]
+mod host_stream;
 #[path = "../workbench/i2c_bus.rs"]
 mod i2c_bus;
 #[path = "../workbench/log_records.rs"]
@@ -71,3 +75,4 @@ mod telemetry;
 mod time_wrap;
 mod usb;
 mod wheels;
+mod wifi;

@@ -78,7 +78,7 @@ fn load_for(bench: &mut Bench, seconds: u16) {
 }
 
 /// Panics unless enough of the stack stayed free since the last call.
-fn assert_free(bench: &mut Bench, during: &str) {
+pub fn assert_free(bench: &mut Bench, during: &str) {
     let (used, room) = (bench.stack_used_bytes(), bench.stack_bytes());
     let written = bench.stack_painted_over_bytes();
     let free_percent = 100 * room.saturating_sub(used) / room;

@@ -101,12 +101,12 @@ class Simulator(Program):
 class EmulatedBoard(Program):
     """The release firmware on an emulated RP2040, in step with the wall clock."""
 
-    def __init__(self, flash):
+    def __init__(self, flash, *more):
         self.flash = flash
         self.uart_port, self.usb_port = free_port(), free_port()
         ports = {"--uart": self.uart_port, "--usb": self.usb_port}
         arguments = [word for name, port in ports.items() for word in (name, f"127.0.0.1:{port}")]
-        command = [*"cargo test --quiet --test emulated_board --".split(), *arguments, "--flash", str(flash)]
+        command = [*"cargo test --quiet --test emulated_board --".split(), *arguments, "--flash", str(flash), *more]
         # The first line comes once it is built.
         super().__init__(command, r"UART0 on tcp:", stdin=subprocess.PIPE)
 
@@ -124,6 +124,29 @@ class EmulatedBoard(Program):
         code, output = self.wait()
         assert code == 0
         return output
+
+
+class WifiBoard(EmulatedBoard):
+    """The same with the radio of a Pico W: each port is one of a laptop that has joined the board's network.
+
+    By UDP a ground station waits at the port until the board finds it; to the one by TCP several can connect.
+    """
+
+    UDP_LAPTOPS = 2
+
+    def __init__(self, flash):
+        self.udp_ports = [free_port() for _ in range(self.UDP_LAPTOPS)]
+        self.tcp_port = free_port()
+        udp = [word for port in self.udp_ports for word in ("--wifi-udp", f"127.0.0.1:{port}")]
+        super().__init__(flash, *udp, "--wifi-tcp", f"127.0.0.1:{self.tcp_port}")
+
+    @property
+    def udp_urls(self):
+        return [f"udpin:127.0.0.1:{port}" for port in self.udp_ports]
+
+    @property
+    def tcp_url(self):
+        return f"tcp:127.0.0.1:{self.tcp_port}"
 
 
 def pytest_addoption(parser):

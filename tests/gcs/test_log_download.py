@@ -254,7 +254,7 @@ def test_mavproxy_downloads(reached, tmp_path):
 @contextlib.contextmanager
 def mavsdk_system(url):
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
-    mavsdk.add_any_connection(url.replace("tcp:", "tcpout://"))
+    mavsdk.add_any_connection(url.replace("tcp:", "tcpout://").replace("udpin:", "udpin://"))
     system = mavsdk.first_autopilot(timeout_s=10)
     try:
         assert system is not None

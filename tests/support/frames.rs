@@ -33,6 +33,7 @@ pub const MESSAGE_INTERVAL: u32 = 244;
 pub const PROTOCOL_VERSION: u32 = 300;
 pub const STATUSTEXT: u32 = 253;
 pub const SETUP_SIGNING: u32 = 256;
+pub const WIFI_CONFIG_AP: u32 = 299;
 pub const PARAM_ERROR: u32 = 345;
 pub const BATTERY_STATUS_V2: u32 = 369;
 pub const SMART_BATTERY_INFO: u32 = 370;
@@ -144,6 +145,7 @@ fn crc_extra(message_id: u32) -> u8 {
         PROTOCOL_VERSION => 217,
         STATUSTEXT => 83,
         SETUP_SIGNING => 71,
+        WIFI_CONFIG_AP => 19,
         PARAM_ERROR => 209,
         BATTERY_STATUS_V2 => 145,
         SMART_BATTERY_INFO => 75,

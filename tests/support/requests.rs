@@ -6,7 +6,8 @@
 use super::frames::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, LOG_REQUEST_DATA,
     LOG_REQUEST_LIST, MANUAL_CONTROL, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS,
-    RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, TIMESYNC, encode_v2, encode_v2_from,
+    RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, TIMESYNC, WIFI_CONFIG_AP, encode_v2,
+    encode_v2_from,
 };
 
 /// The vehicle's system and component id.
@@ -236,4 +237,17 @@ pub fn setup_signing_of(target: [u8; 2], key: [u8; 32], initial_timestamp: u64) 
         SETUP_SIGNING,
         &[&initial_timestamp.to_le_bytes()[..], &target, &key].concat(),
     )
+}
+
+pub fn wifi_config(ssid: &str, password: &str, mode: u8) -> Vec<u8> {
+    encode_v2(WIFI_CONFIG_AP, &wifi_config_payload(ssid, password, mode))
+}
+
+/// With the response of a request, which is none.
+pub fn wifi_config_payload(ssid: &str, password: &str, mode: u8) -> Vec<u8> {
+    let mut payload = vec![0; 98];
+    payload[..ssid.len()].copy_from_slice(ssid.as_bytes());
+    payload[32..32 + password.len()].copy_from_slice(password.as_bytes());
+    payload[96] = mode;
+    payload
 }

@@ -7,6 +7,7 @@
 mod battery_status;
 
 use ::mavlink::MessageData;
+use heapless::Vec;
 
 use super::COMPONENT_ID;
 use super::dialect::{
@@ -14,6 +15,7 @@ use super::dialect::{
     LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MANUAL_CONTROL_DATA,
     PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA, RADIO_STATUS_DATA,
     RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA, SETUP_SIGNING_DATA, TIMESYNC_DATA,
+    WIFI_CONFIG_AP_DATA,
 };
 use super::parser::ReceivedFrame;
 use super::payload::{Name, Payload};
@@ -87,6 +89,7 @@ pub(super) enum Request<'a> {
     SetUpSigning(SetUpSigning),
     /// BATTERY_STATUS.
     PackReading(ExternalReading),
+    WifiConfig(WifiConfig<'a>),
 }
 
 /// PARAM_REQUEST_READ.
@@ -212,6 +215,26 @@ pub(super) struct SetUpSigning {
     pub time: Option<Timestamp>,
 }
 
+/// WIFI_CONFIG_AP.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct WifiConfig<'a> {
+    /// A number of `WIFI_CONFIG_AP_MODE`, or any other.
+    pub mode: u8,
+    pub payload: Payload<'a>,
+}
+
+impl WifiConfig<'_> {
+    /// The name of the network, empty if it is not given.
+    pub fn ssid(&self) -> Vec<u8, 32> {
+        self.payload.text(0)
+    }
+
+    /// The password, empty if it is not given.
+    pub fn password(&self) -> Vec<u8, 64> {
+        self.payload.text(32)
+    }
+}
+
 /// A message that asks for something.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ReceivedRequest<'a> {
@@ -256,6 +279,7 @@ fn decode<'a>(message_id: u32, payload: &Payload<'a>) -> Option<(Target, Request
         LOG_REQUEST_END_DATA::ID => (Target::Component(target_at(payload, 0)), Request::LogEnd),
         SETUP_SIGNING_DATA::ID => setup_signing(payload),
         BATTERY_STATUS_DATA::ID => battery_status(payload)?,
+        WIFI_CONFIG_AP_DATA::ID => wifi_config_ap(payload)?,
         _ => return None,
     })
 }
@@ -441,6 +465,17 @@ fn timesync(payload: &Payload<'_>) -> (Target, Request<'static>) {
 fn battery_status(payload: &Payload<'_>) -> Option<(Target, Request<'static>)> {
     let reading = pack_reading(payload)?;
     Some((Target::Everyone, Request::PackReading(reading)))
+}
+
+/// The message has no target. One with a response is another vehicle's answer.
+fn wifi_config_ap<'a>(payload: &Payload<'a>) -> Option<(Target, Request<'a>)> {
+    const NO_RESPONSE: u8 = 0;
+    let config = WifiConfig {
+        mode: payload.u8(96),
+        payload: *payload,
+    };
+    let is_request = payload.u8(97) == NO_RESPONSE;
+    is_request.then_some((Target::Everyone, Request::WifiConfig(config)))
 }
 
 fn setup_signing(payload: &Payload<'_>) -> (Target, Request<'static>) {

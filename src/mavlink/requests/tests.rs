@@ -1,9 +1,13 @@
 //! Each field against the serialiser of the dialect.
 
+use std::vec::Vec;
+
 use ::mavlink::MavlinkVersion;
 
 use super::*;
-use crate::mavlink::dialect::{MavCmd, MavDataStream, MavModeFlag, MavType};
+use crate::mavlink::dialect::{
+    MavCmd, MavDataStream, MavModeFlag, MavType, WifiConfigApMode, WifiConfigApResponse,
+};
 
 const VEHICLE: Peer = Peer {
     system_id: 7,
@@ -311,4 +315,27 @@ fn zero_is_every_system_and_component_but_for_control_inputs_and_keys() {
 #[test]
 fn a_message_nothing_here_answers_is_no_request() {
     assert_eq!(decode(30, &Payload(&[1; 28])), None);
+}
+
+#[test]
+fn wifi_is_set_up_by_a_request_and_not_by_an_answer() {
+    let mut config = WIFI_CONFIG_AP_DATA {
+        ssid: (*b"0123456789abcdef0123456789abcdef").into(),
+        password: [b'p'; 64].into(),
+        mode: WifiConfigApMode::WIFI_CONFIG_AP_MODE_DISABLED,
+        ..WIFI_CONFIG_AP_DATA::DEFAULT
+    };
+    let (target, request) = decoded(&config);
+    assert_eq!(target, Target::Everyone);
+    let Request::WifiConfig(request) = request else {
+        panic!("{request:?}");
+    };
+    assert_eq!(request.mode, 3);
+    assert_eq!(request.ssid(), b"0123456789abcdef0123456789abcdef");
+    assert_eq!(request.password(), [b'p'; 64]);
+
+    config.response = WifiConfigApResponse::WIFI_CONFIG_AP_RESPONSE_ACCEPTED;
+    let mut bytes = [0; 255];
+    let length = config.ser(MavlinkVersion::V2, &mut bytes);
+    assert_eq!(decode(WIFI_CONFIG_AP_DATA::ID, &Payload(&bytes[..length])), None);
 }

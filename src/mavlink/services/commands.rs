@@ -163,6 +163,11 @@ impl Command {
         )
     }
 
+    /// Whether it requests the message with this id.
+    pub fn requests_message(&self, id: u32) -> bool {
+        self.number == REQUEST_MESSAGE && message_id(self.param1) == Some(id)
+    }
+
     /// Does what the command asks of the link, and returns the answer and what the vehicle has to do.
     pub fn execute(&self, scheduler: &mut StreamScheduler, state: &SystemState<'_>, now: Instant) -> Outcome {
         match self.number {

@@ -7,6 +7,7 @@ pub(super) mod parameters;
 pub(super) mod signing;
 pub(super) mod time;
 pub(super) mod vehicle;
+pub(super) mod wifi;
 
 /// Why a restart, a reset of the parameters, a signing key or a download is refused.
 pub(super) const DISARM_FIRST: &str = "Not while armed: disarm first";

@@ -11,6 +11,8 @@ pub enum LinkKind {
     Direct,
     /// Whoever is near enough is at the other end: the telemetry port, and UDP in the simulator.
     Radio,
+    /// Whoever is in the same Wi-Fi network is at the other end: UDP and TCP on the board.
+    Wifi,
 }
 
 impl LinkKind {
@@ -19,6 +21,7 @@ impl LinkKind {
         match self {
             Self::Radio => 0,
             Self::Direct => 1,
+            Self::Wifi => 2,
         }
     }
 }
@@ -35,11 +38,13 @@ pub enum AcceptUnsigned {
 }
 
 impl AcceptUnsigned {
-    /// What the owner has chosen for this kind of link (`SIGN_UART_ALLOW`, `SIGN_USB_ALLOW`).
+    /// What the owner has chosen for this kind of link (`SIGN_UART_ALLOW`, `SIGN_USB_ALLOW`,
+    /// `SIGN_WIFI_ALLOW`).
     pub fn on(link: LinkKind, parameters: &Parameters) -> Self {
         let chosen = parameters.get_whole(match link {
             LinkKind::Radio => VehicleParameter::SignUartAllow,
             LinkKind::Direct => VehicleParameter::SignUsbAllow,
+            LinkKind::Wifi => VehicleParameter::SignWifiAllow,
         });
         match chosen {
             2 => Self::Everything,

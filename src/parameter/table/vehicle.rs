@@ -140,6 +140,18 @@ parameters! {
         description: "Unsigned messages accepted on USB while a signing key is set. Unless everything is, a lost key \
                       can't be replaced.",
     }
+    SignWifiAllow {
+        key: 15,
+        name: "SIGN_WIFI_ALLOW",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: UNSIGNED_ALLOWED,
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Unsigned messages by Wi-Fi",
+        description: "Unsigned messages accepted by Wi-Fi while a signing key is set.",
+    }
     MotSlewrate {
         key: 7,
         name: "MOT_SLEWRATE",
@@ -199,5 +211,59 @@ parameters! {
         takes_effect: TakesEffect::AtOnce,
         label: "New log after disarming",
         description: "Ends the log file after disarming; the next arming begins another one.",
+    }
+    WifiMode {
+        key: 16,
+        name: "WIFI_MODE",
+        kind: Kind::Int8,
+        default: 1.0,
+        range: Range::OneOf(&[(0, means("Off")), (1, means("Access point")), (2, means("Station"))]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Wi-Fi mode",
+        description: "Wi-Fi of a board that has a radio. An access point has a network of its own; a station joins the \
+                      network set by WIFI_CONFIG_AP. A change of any WIFI_ parameter while armed takes effect at \
+                      disarming. (ArduPilot has no such parameter.)",
+    }
+    WifiChannel {
+        key: 17,
+        name: "WIFI_CHANNEL",
+        kind: Kind::Int8,
+        default: 6.0,
+        range: Range::Between(1.0, 11.0),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Wi-Fi channel",
+        description: "Channel of the access point in the 2.4 GHz band. A station uses its network's. (ArduPilot has no \
+                      such parameter.)",
+    }
+    WifiPwrSave {
+        key: 18,
+        name: "WIFI_PWR_SAVE",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[(0, means("Disabled")), (1, means("Enabled"))]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Wi-Fi power save",
+        description: "Lets the radio sleep between packets, which delays what it receives. (ArduPilot has no such \
+                      parameter.)",
+    }
+    WifiShow {
+        key: 19,
+        name: "WIFI_SHOW",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[(0, means("Hide")), (1, means("Show"))]),
+        access: Access::Trigger,
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Show the Wi-Fi password",
+        description: "Set to 1 by USB, it shows the name and the password of the access point as messages on USB, and \
+                      reads 0 again. (ArduPilot has no such parameter.)",
     }
 }

@@ -28,8 +28,12 @@ const CS_RROBIN: u32 = 16;
 const CONVERSION_ADC_CYCLES: u64 = 96;
 /// "After a few clock cycles, CS.READY will go high" (4.9.2): how many is not given.
 const POWER_UP_ADC_CYCLES: u64 = 8;
+/// The board has its power from USB.
+const VSYS_VOLTS: f64 = 5.0;
 /// Channels 0 to 3 are GPIO26 to 29, 4 is the temperature sensor.
 const CHANNELS: usize = 5;
+/// GP29.
+const VSYS_CHANNEL: usize = 3;
 const INTERRUPT_LINE: u32 = 22;
 const DMA_REQUEST: u32 = 36;
 /// How many conversions the record keeps for the test; older ones are dropped.
@@ -74,6 +78,8 @@ pub struct Adc {
     /// When START_MANY starts the next conversion.
     next_start: Option<Cycle>,
     inputs: [AdcInput; CHANNELS],
+    /// Of a Pico W: its switch between VSYS/3 and GP29 is open.
+    is_vsys_cut_off: bool,
     noise_volts: f64,
     random: Random,
     fault: AdcFault,
@@ -95,7 +101,15 @@ impl Adc {
             powered_up_at: NEVER,
             running: None,
             next_start: None,
-            inputs: [0; CHANNELS].map(AdcInput::Code),
+            inputs: [
+                AdcInput::Code(0),
+                AdcInput::Code(0),
+                AdcInput::Code(0),
+                // A third of VSYS (Pico datasheet, "GPIO29"), with the board at USB.
+                AdcInput::Volts(VSYS_VOLTS / 3.0),
+                AdcInput::Code(0),
+            ],
+            is_vsys_cut_off: false,
             noise_volts: 0.0,
             random: Random::new(noise_seed),
             fault: AdcFault::None,
@@ -110,6 +124,11 @@ impl Adc {
             "the RP2040's ADC has channels 0 to 4, not {channel}"
         );
         self.inputs[channel] = input;
+    }
+
+    /// A Pico W connects a third of VSYS to its channel, or leaves it at 0 V.
+    pub fn connect_vsys(&mut self, is_connected: bool) {
+        self.is_vsys_cut_off = !is_connected;
     }
 
     /// Noise at the inputs given as voltages, in volts (standard deviation).
@@ -169,6 +188,7 @@ impl Adc {
             return;
         };
         let code = match self.inputs.get_mut(channel) {
+            Some(_) if channel == VSYS_CHANNEL && self.is_vsys_cut_off => 0,
             Some(input) => input.sample(start, self.noise_volts, &mut self.random) & 0xfff,
             None => 0,
         };

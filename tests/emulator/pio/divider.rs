@@ -50,4 +50,9 @@ impl Divider {
         let periods = wanted.div_ceil(self.period());
         self.origin + periods * self.period() / ONE
     }
+
+    /// So many periods after one of its cycles, at the earliest.
+    pub fn later_by(&self, cycle: Cycle, periods: u64) -> Cycle {
+        cycle + periods * self.period() / ONE
+    }
 }

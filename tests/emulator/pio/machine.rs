@@ -144,15 +144,20 @@ impl Machine {
 
     /// Something that it may wait for has changed.
     pub fn wake(&mut self, now: Cycle) {
-        if self.enabled {
+        if self.runs() {
             self.next_tick = self.next_tick.min(self.divider.next_after(now));
         } else {
             self.next_tick = NEVER;
         }
     }
 
-    /// An instruction written to SMx_INSTR is executed at once, enabled or not. If it can't be, it is tried again while
-    /// the state machine is enabled.
+    /// An instruction from SMx_INSTR is executed by a disabled state machine, too, however long it stalls: drivers set X by
+    /// OUT with autopull in a stopped one.
+    fn runs(&self) -> bool {
+        self.enabled || self.executed.is_some()
+    }
+
+    /// An instruction written to SMx_INSTR is executed at once, enabled or not. If it can't be, it is tried again.
     pub fn execute_at_once(&mut self, code: u16, shared: &mut Shared) {
         self.delay = 0;
         self.executed = Some(code);
@@ -171,6 +176,7 @@ impl Machine {
         };
         self.next_tick = match outcome {
             Outcome::Stalled => NEVER,
+            _ if !self.runs() => NEVER,
             Outcome::Done | Outcome::Jumped | Outcome::Retry => self.divider.next_after(now),
         };
     }
@@ -198,6 +204,51 @@ impl Machine {
             self.delay = fields.delay;
         }
         outcome
+    }
+
+    /// The next cycle in which something happens that is not seen at its pins alone.
+    pub fn next_event(&self, shared: &Shared) -> Cycle {
+        match self.next_tick {
+            NEVER => NEVER,
+            next => self.divider.later_by(next, self.quiet_ticks(shared)),
+        }
+    }
+
+    /// The cycles of its clock, from the next on, that reach no FIFO, no flag and no other state machine, and wait for
+    /// nothing: what is left of a loop of `OUT PINS` or `IN PINS` and a decrementing `JMP` back to it, up to the transfer
+    /// between shift register and FIFO.
+    fn quiet_ticks(&self, shared: &Shared) -> u64 {
+        if !self.enabled || self.executed.is_some() || self.delay > 0 {
+            return 0;
+        }
+        let jump = Instruction::of(shared.memory[(self.pc as usize + 1) % 32]);
+        let counter = match jump {
+            Instruction::Jump {
+                condition: 2,
+                address,
+            } if address == self.pc => self.x,
+            Instruction::Jump {
+                condition: 4,
+                address,
+            } if address == self.pc => self.y,
+            _ => return 0,
+        };
+        let rounds = self.rounds_to_fifo(Instruction::of(shared.memory[self.pc as usize]));
+        // A round has two cycles at least; the last one may go on to something else.
+        2 * u64::from(rounds.min(counter))
+    }
+
+    /// How often a shift instruction can be executed before it moves a word from or to a FIFO.
+    fn rounds_to_fifo(&self, shift: Instruction) -> u32 {
+        match shift {
+            Instruction::Out { destination: 0, bits } => {
+                (self.pull_threshold().saturating_sub(self.output.count) / bits).saturating_sub(1)
+            }
+            Instruction::In { source: 0, bits } => {
+                (self.push_threshold().saturating_sub(self.input.count) / bits).saturating_sub(1)
+            }
+            _ => 0,
+        }
     }
 
     fn go_on(&mut self) {

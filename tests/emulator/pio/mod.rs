@@ -19,7 +19,8 @@ mod tests;
 use super::clock::{Cycle, NEVER};
 use super::peripheral::Peripheral;
 use super::register::{RegisterWrite, bit, field};
-use machine::{Machine, Outputs, Shared};
+pub use machine::Outputs;
+use machine::{Machine, Shared};
 
 const MACHINES: usize = 4;
 
@@ -68,6 +69,21 @@ pub struct PioPlace {
     pub interrupt_line: u32,
     /// The first of four for TX FIFOs, which four for RX FIFOs follow.
     pub dma_request: u32,
+}
+
+/// Something at a block's pins that answers from one cycle of a state machine to the next.
+pub trait PinDevice {
+    /// The block makes this of its pins from now on.
+    fn follow(&mut self, outputs: Outputs, now: Cycle);
+
+    /// What the device makes of the pins, as the block sees it.
+    fn levels(&self) -> Outputs;
+
+    /// Do everything that is due up to and including `now`.
+    fn advance(&mut self, now: Cycle);
+
+    /// When [`Self::advance`] is needed next.
+    fn next_event(&self) -> Cycle;
 }
 
 /// INTE and INTF of one of the two interrupts.
@@ -136,6 +152,33 @@ impl Pio {
     /// Something that a state machine may wait for has changed.
     fn wake_all(&mut self, now: Cycle) {
         self.machines.iter_mut().for_each(|machine| machine.wake(now));
+    }
+
+    /// Like [`Peripheral::advance`], with a device at the pins.
+    pub fn advance_with(&mut self, device: &mut impl PinDevice, now: Cycle) {
+        device.follow(self.shared.outputs, now);
+        self.take_levels(device.levels(), now);
+        loop {
+            let next = self.next_tick().min(device.next_event());
+            if next > now {
+                return;
+            }
+            device.advance(next);
+            if self.next_tick() == next {
+                self.tick(next);
+                device.follow(self.shared.outputs, next);
+            }
+            self.take_levels(device.levels(), next);
+        }
+    }
+
+    fn take_levels(&mut self, levels: Outputs, now: Cycle) {
+        self.set_inputs(self.shared.inputs & !levels.driven | levels.high, now);
+    }
+
+    fn next_tick(&self) -> Cycle {
+        let ticks = self.machines.iter().map(|machine| machine.next_tick);
+        ticks.min().unwrap_or(NEVER)
     }
 
     /// Everything that happens in one cycle. Of two state machines that set a pin the higher one wins (3.5.6.1).
@@ -347,7 +390,7 @@ impl Peripheral for Pio {
 
     fn advance(&mut self, now: Cycle) {
         loop {
-            let next = self.next_event();
+            let next = self.next_tick();
             if next > now {
                 return;
             }
@@ -355,9 +398,13 @@ impl Peripheral for Pio {
         }
     }
 
+    /// What is before it changes the pins only, for which [`Pio::take_changes`] has the times.
     fn next_event(&self) -> Cycle {
-        let ticks = self.machines.iter().map(|machine| machine.next_tick);
-        ticks.min().unwrap_or(NEVER)
+        let events = self
+            .machines
+            .iter()
+            .map(|machine| machine.next_event(&self.shared));
+        events.min().unwrap_or(NEVER)
     }
 
     fn interrupt_lines(&self) -> u32 {

@@ -272,10 +272,36 @@ fn what_is_written_to_instr_is_executed_at_once() {
     // pull block: the FIFO is empty.
     write(&mut pio, register(0, INSTR), 0x80a0, 7);
     assert!(bit(read(&mut pio, register(0, EXECCTRL), 7), EXEC_STALLED));
-    write(&mut pio, CTRL, 1, 8);
     write(&mut pio, TXF0, 1, 20);
     pio.advance(22);
     assert!(!bit(read(&mut pio, register(0, EXECCTRL), 22), EXEC_STALLED));
+    assert_eq!(pio.next_event(), NEVER, "it is still disabled");
+}
+
+#[test]
+fn a_stopped_machine_takes_x_and_y_through_its_fifo() {
+    // out pins, 1; jmp x-- 0: with autopull of 32 bits to the left.
+    let mut pio = with_program(&[0x6001, 0x0040], NO_SIDE_SET, 1 << 17);
+    write(&mut pio, register(0, INSTR), u32::from(SET_PINDIRS_1), 0);
+    // out x, 32 and out y, 32 (3.4.5), each with its word in the FIFO.
+    for (at, value, code) in [(10, 3, 0x6020), (20, 0xffff_fff0, 0x6040)] {
+        write(&mut pio, TXF0, value, at);
+        write(&mut pio, register(0, INSTR), code, at + 2);
+        assert!(!bit(read(&mut pio, register(0, EXECCTRL), at + 6), EXEC_STALLED));
+        assert_eq!(read(&mut pio, FLEVEL, at + 6), 0);
+    }
+    // in y, 32; push noblock.
+    write(&mut pio, register(0, INSTR), 0x4040, 30);
+    write(&mut pio, register(0, INSTR), 0x8000, 31);
+    assert_eq!(read(&mut pio, RXF0, 32), 0xffff_fff0);
+    // jmp 0, and four bits: X was 3.
+    write(&mut pio, register(0, INSTR), 0x0000, 33);
+    write(&mut pio, TXF0, 0xaaaa_aaaa, 34);
+    write(&mut pio, CTRL, 1, 35);
+    pio.advance(44);
+    let rises = edges(&mut pio).into_iter().filter(|edge| edge.1);
+    assert_eq!(rises.count(), 2);
+    assert_eq!(read(&mut pio, register(0, ADDR), 44), 0, "wrapped");
 }
 
 #[test]
@@ -428,4 +454,120 @@ fn an_input_comes_from_the_pad() {
     board.run_for(2);
     assert_eq!(level(&mut board), 1 << 4);
     assert!(board.time_cycles() <= cycles(60));
+}
+
+/// SPI with one data line, as drivers of the Pico W's radio have it: X + 1 bits out, Y + 1 bits in, then an input waited for.
+const HALF_DUPLEX_SPI: [u16; 8] = [
+    0x6001, // out pins, 1      side 0
+    0x1040, // jmp x-- 0        side 1
+    0xe080, // set pindirs, 0   side 0
+    0xa042, // nop              side 0
+    0x5001, // in pins, 1       side 1
+    0x0084, // jmp y-- 4        side 0
+    0x20a0, // wait 1 pin 0     side 0
+    0xc000, // irq 0            side 0
+];
+const CLOCK_PIN: u32 = PIN + 1;
+const AUTOPULL_AND_AUTOPUSH_LEFT: u32 = 0b11 << 16;
+
+/// The program at the start of a transfer of two words out and one in.
+fn transfer() -> Pio {
+    let pins = NO_SIDE_SET & !(0x1f << 10) | 1 << 29 | CLOCK_PIN << 10;
+    let mut pio = with_program(&HALF_DUPLEX_SPI, pins, AUTOPULL_AND_AUTOPUSH_LEFT);
+    write(&mut pio, register(0, CLKDIV), 2 << 16, 0);
+    write(
+        &mut pio,
+        register(0, PINCTRL),
+        pins & !(0x1f << 5) | CLOCK_PIN << 5,
+        0,
+    );
+    write(&mut pio, register(0, INSTR), u32::from(SET_PINDIRS_1), 0);
+    write(&mut pio, register(0, PINCTRL), pins, 0);
+    for (at, value, code) in [(10, 63, 0x6020), (20, 31, 0x6040)] {
+        write(&mut pio, TXF0, value, at);
+        write(&mut pio, register(0, INSTR), code, at);
+    }
+    write(&mut pio, register(0, INSTR), u32::from(SET_PINDIRS_1), 30);
+    write(&mut pio, register(0, INSTR), 0x0000, 30);
+    write(&mut pio, TXF0, 0xdead_beef, 30);
+    write(&mut pio, TXF0, 0x0123_4567, 30);
+    pio.take_changes();
+    write(&mut pio, CTRL, 1, 40);
+    pio
+}
+
+/// Level of FIFOs, flags and pins at a moment.
+fn seen(pio: &mut Pio, now: Cycle) -> [u32; 3] {
+    [FLEVEL, IRQ, INTR].map(|offset| read(pio, offset, now))
+}
+
+#[test]
+fn nothing_but_pins_changes_before_the_next_event() {
+    let (mut slow, mut fast) = (transfer(), transfer());
+    let mut events = 0;
+    let mut before = seen(&mut slow, 40);
+    for now in 41..1000 {
+        if fast.next_event() == now {
+            fast.advance(now);
+            events += 1;
+            assert_eq!(seen(&mut slow, now), seen(&mut fast, now), "{now}");
+        } else {
+            assert_eq!(seen(&mut slow, now), before, "{now}");
+        }
+        before = seen(&mut slow, now);
+    }
+    assert_eq!(slow.take_changes(), fast.take_changes());
+    assert_eq!(read(&mut fast, FLEVEL, 1000), 1 << 4, "one word came in");
+    assert!(events < 30, "{events} events for 96 bits");
+}
+
+/// Gives the next bit of a word at each falling edge of the clock after 64 bits were sent to it.
+struct Slave {
+    clock: bool,
+    received: u64,
+    falls: u32,
+    answer: u32,
+}
+
+impl PinDevice for Slave {
+    fn follow(&mut self, outputs: Outputs, _now: Cycle) {
+        let clock = outputs.level(CLOCK_PIN as usize) == Some(true);
+        if clock && !self.clock && self.falls < 64 {
+            self.received = self.received << 1 | u64::from(bit(outputs.high, PIN));
+        }
+        self.falls += u32::from(self.clock && !clock);
+        self.clock = clock;
+    }
+
+    fn levels(&self) -> Outputs {
+        let is_high = match self.falls {
+            0..64 => return Outputs::default(),
+            falls => bit(self.answer.rotate_left(falls - 64), 31),
+        };
+        Outputs {
+            driven: 1 << PIN,
+            high: u32::from(is_high) << PIN,
+        }
+    }
+
+    fn advance(&mut self, _now: Cycle) {}
+
+    fn next_event(&self) -> Cycle {
+        NEVER
+    }
+}
+
+#[test]
+fn a_device_answers_from_one_cycle_to_the_next() {
+    let mut pio = transfer();
+    let mut slave = Slave {
+        clock: false,
+        received: 0,
+        falls: 0,
+        answer: 0xc0de_1dea,
+    };
+    pio.advance_with(&mut slave, 1000);
+    assert_eq!(slave.received, 0xdead_beef_0123_4567);
+    assert_eq!(pio.read(RXF0, 1000), 0xc0de_1dea);
+    assert_eq!(pio.read(IRQ, 1000), 1, "the line is high after the answer");
 }

@@ -94,7 +94,7 @@ impl Peripheral for Pwm {
 
     fn advance(&mut self, now: Cycle) {
         for slice in &mut self.slices {
-            *slice = slice.at(now);
+            slice.advance(now);
         }
     }
 

@@ -73,6 +73,11 @@ impl Slice {
 
     /// The same slice later.
     pub fn at(mut self, now: Cycle) -> Self {
+        self.advance(now);
+        self
+    }
+
+    pub fn advance(&mut self, now: Cycle) {
         if self.is_enabled() {
             self.elapsed += SIXTEENTHS * (now - self.moment);
         }
@@ -82,7 +87,6 @@ impl Slice {
             self.elapsed %= self.period();
         }
         self.moment = now;
-        self
     }
 
     /// When what was written comes into force, if it has not.

@@ -22,6 +22,9 @@ const BOOT_US: u64 = 300 * MILLISECOND;
 /// Twice what a list takes, which has 30 % of 11520 bytes a second; a PARAM_VALUE has at most 37 of them.
 const LIST_US: u64 = 2 * SECOND * 37 * LISTED_BY_DEFAULT as u64 / 3456;
 
+/// How often it is looked whether a list is complete.
+const LIST_STEP_US: u64 = 100 * MILLISECOND;
+
 /// The number of sets that fill a sector but for a few places, so that the fifty that follow go over into the next one.
 const SETS_BEFORE: usize = 660;
 
@@ -65,8 +68,13 @@ fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
     bench.run_until_silent();
     let from_us = bench.time_us();
     bench.uart_send(0, from_us, &param_request_list(VEHICLE));
-    bench.run_for(LIST_US);
-    let frames = bench.frames_since(from_us);
+    let end_us = from_us + LIST_US;
+    let mut frames = Vec::new();
+    // The whole list is there: what comes later is no part of it.
+    while of_message(&frames, PARAM_VALUE).len() < LISTED_BY_DEFAULT && bench.time_us() < end_us {
+        bench.run_for(LIST_STEP_US);
+        frames = bench.frames_since(from_us);
+    }
     of_message(&frames, PARAM_VALUE)
         .iter()
         .map(|f| (ParamValue(f).name(), ParamValue(f).value()))

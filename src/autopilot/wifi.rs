@@ -1,0 +1,138 @@
+//! Wi-Fi: what the radio is to do, what it reports, and what of it has to be written to flash.
+
+use core::fmt::{self, Write};
+
+use heapless::String;
+
+use super::announcement::Announcement;
+use super::autopilot::Autopilot;
+use super::channel::Channel;
+use super::saving::log_failure;
+use super::wifi_state::PRESENCE_US;
+use super::work::Work;
+use crate::battery::ArmState;
+use crate::log::info;
+use crate::mavlink::LinkKind;
+use crate::mavlink::dialect::MavSeverity;
+use crate::storage::StorageError;
+use crate::time::Instant;
+use crate::wifi::{Password, Radio, Ssid, StoredWifi, WifiRecord, WifiReport, WifiSetup};
+
+/// A label and the longest name or password.
+const SHOWN_BYTES: usize = 80;
+
+const _: () = assert!("Wi-Fi password: ".len() + Password::MAX_BYTES <= SHOWN_BYTES);
+const _: () = assert!("Wi-Fi name: ".len() + Ssid::MAX_BYTES <= SHOWN_BYTES);
+
+impl Autopilot {
+    /// What the radio is to do; `None` on a board without one, or while the access point has no password. After
+    /// [`Work::WIFI`] it may have changed; while armed it stays as it is.
+    pub fn wifi_setup(&self) -> Option<WifiSetup> {
+        self.wifi.setup()
+    }
+
+    /// Takes what flash holds of Wi-Fi. A board with a radio that has no password yet makes one of what `entropy` gives.
+    pub fn wifi_loaded(&mut self, stored: StoredWifi, entropy: impl FnOnce() -> Option<[u8; 32]>) {
+        let credentials = &mut self.wifi.credentials;
+        credentials.restore(stored);
+        if credentials.radio() == Radio::Present && credentials.own_password().is_none() {
+            match entropy() {
+                Some(entropy) => credentials.set_own_password(Password::from_entropy(&entropy)),
+                None => self.wifi.off = Some(WifiReport::NoEntropy),
+            }
+        }
+        self.wifi_changed();
+        if let Some(reason) = self.wifi.off {
+            self.wifi_report(reason);
+        }
+    }
+
+    /// Whether the rover is armed, or a ground station was heard by Wi-Fi lately.
+    pub fn is_wifi_in_use(&self, now: Instant) -> bool {
+        let heard_at = self.wifi.heard_at;
+        self.vehicle.arm_state() == ArmState::Armed
+            || heard_at.is_some_and(|heard_at| now.us_since(heard_at) < PRESENCE_US)
+    }
+
+    /// Takes a report of the radio's task, and announces it if it is news.
+    pub fn wifi_report(&mut self, report: WifiReport) {
+        info!("Wi-Fi: {:?}", report);
+        if self.wifi.is_news(report) {
+            self.announce(Announcement::Wifi(report));
+        }
+    }
+
+    /// The name or password to write to flash next, unless a failed write waits for its retry.
+    pub fn next_unsaved_wifi(&mut self, now: Instant) -> Option<WifiRecord> {
+        self.wifi.save.retry_at.take_if(|at| *at <= now);
+        self.wifi.next_unsaved()
+    }
+
+    /// Result of writing `record`. A failed write is repeated after a minute.
+    pub fn wifi_written(&mut self, record: &WifiRecord, result: Result<(), StorageError>, now: Instant) {
+        match result {
+            Ok(()) => {
+                info!("Wi-Fi settings saved");
+                self.wifi.save.failure = None;
+                self.wifi.credentials.mark_saved(record);
+            }
+            Err(error) => {
+                log_failure("Wi-Fi", error);
+                if let Some(error) = self.wifi.save.add(error, now) {
+                    self.announce(Announcement::WifiNotSaved(error));
+                }
+            }
+        }
+    }
+
+    /// Follows the parameters while disarmed: a radio that is set up anew drops its stations, perhaps the driver.
+    pub(super) fn follow_wifi_parameters(&mut self) {
+        if self.vehicle.arm_state() == ArmState::Disarmed && self.wifi.follow(&self.parameters) {
+            self.wifi_changed();
+        }
+    }
+
+    /// A ground station has set up Wi-Fi, which it can't while armed.
+    pub(super) fn wifi_set_up(&mut self) {
+        self.wifi.follow(&self.parameters);
+        self.wifi_changed();
+    }
+
+    /// What has waited for its retry is written at once.
+    pub(super) fn retry_wifi(&mut self) {
+        self.wifi.save.retry_at = None;
+        self.work |= Work::SAVE_WIFI;
+    }
+
+    /// Sends name and password of the access point on a link to a person who has the vehicle in hand, and a refusal on any
+    /// other. Neither is logged.
+    pub(super) fn show_wifi(&self, channel: &mut Channel) {
+        let credentials = &self.wifi.credentials;
+        match (channel.kind(), credentials.own_password()) {
+            (LinkKind::Radio | LinkKind::Wifi, _) => {
+                channel.say(MavSeverity::MAV_SEVERITY_WARNING, "Wi-Fi password: by USB only");
+            }
+            (LinkKind::Direct, Some(password)) if credentials.radio() == Radio::Present => {
+                let name = credentials.own_name().as_str();
+                say(channel, format_args!("Wi-Fi name: {name}"));
+                say(channel, format_args!("Wi-Fi password: {}", password.as_str()));
+            }
+            (LinkKind::Direct, _) => {
+                channel.say(MavSeverity::MAV_SEVERITY_WARNING, "No Wi-Fi radio on this board");
+            }
+        }
+    }
+
+    fn wifi_changed(&mut self) {
+        self.wifi.forget_reports();
+        self.work |= Work::WIFI;
+        self.retry_wifi();
+    }
+}
+
+fn say(channel: &mut Channel, shown: fmt::Arguments<'_>) {
+    let mut text: String<SHOWN_BYTES> = String::new();
+    // It fits.
+    let _ = text.write_fmt(shown);
+    channel.say(MavSeverity::MAV_SEVERITY_INFO, &text);
+}

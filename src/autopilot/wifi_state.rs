@@ -1,0 +1,128 @@
+//! What is known of Wi-Fi: names and passwords, what is in force, what was announced.
+
+use heapless::Vec;
+
+use super::failed_save::FailedSave;
+use super::start::Start;
+use crate::crash::TaskName;
+use crate::parameter::Parameters;
+use crate::time::Instant;
+use crate::wifi::{
+    Radio, StoredWifi, WifiChoice, WifiCredentials, WifiMode, WifiRecord, WifiReport, WifiSetup,
+};
+
+/// Reports of each kind, each announced once.
+const REPORTS: usize = 12;
+
+/// A ground station that was not heard by Wi-Fi for so long is not there.
+pub(super) const PRESENCE_US: u64 = 10_000_000;
+
+/// The task that drives the radio, as a crash record names it.
+pub(super) const TASK: &str = "Wi-Fi";
+
+/// The state of Wi-Fi.
+#[derive(Debug)]
+pub(super) struct WifiState {
+    pub credentials: WifiCredentials,
+    /// What the parameters said when the vehicle was last disarmed.
+    choice: WifiChoice,
+    /// Announced since the radio was set up, or since it last did what it is set up for.
+    announced: Vec<WifiReport, REPORTS>,
+    /// Why the radio stays off until the next start.
+    pub off: Option<WifiReport>,
+    /// What is wrong now.
+    pub fault: Option<WifiReport>,
+    pub save: FailedSave,
+    /// When a frame last came by Wi-Fi.
+    pub heard_at: Option<Instant>,
+}
+
+impl WifiState {
+    pub fn new(start: &Start) -> Self {
+        Self {
+            credentials: WifiCredentials::new(start.radio, start.identity.board_id, StoredWifi::default()),
+            choice: WifiChoice::from_parameters(&start.parameters),
+            announced: Vec::new(),
+            off: has_crashed(start).then_some(WifiReport::OffAfterCrash),
+            fault: None,
+            save: FailedSave::default(),
+            heard_at: None,
+        }
+    }
+
+    /// What the radio is to do.
+    pub fn setup(&self) -> Option<WifiSetup> {
+        match self.off {
+            Some(_) => None,
+            None => self.credentials.setup(self.choice),
+        }
+    }
+
+    /// What a ground station that connects has to know.
+    pub fn trouble(&self) -> Option<WifiReport> {
+        self.off.or(self.fault)
+    }
+
+    /// Whether a report is news. A fault that comes back at each retry is not, until the radio has done what it is set up for.
+    pub fn is_news(&mut self, report: WifiReport) -> bool {
+        if report.is_fault() {
+            self.fault = Some(report);
+        }
+        if self.announced.contains(&report) {
+            return false;
+        }
+        if self.is_success(report) {
+            self.forget_reports();
+        } else if is_interruption(report) {
+            self.announced.retain(|report| report.is_fault());
+        }
+        // There is room for each kind: another address is a success.
+        let _ = self.announced.push(report);
+        true
+    }
+
+    /// Whether the radio does what it is set up for.
+    fn is_success(&self, report: WifiReport) -> bool {
+        match report {
+            WifiReport::AddressObtained(_) => true,
+            WifiReport::AccessPointUp => self.choice.mode == WifiMode::AccessPoint,
+            _ => false,
+        }
+    }
+
+    pub fn forget_reports(&mut self) {
+        self.announced.clear();
+        self.fault = None;
+    }
+
+    /// What has to be written; `None` while a failed write waits for its retry.
+    pub fn next_unsaved(&self) -> Option<WifiRecord> {
+        if self.save.retry_at.is_some() {
+            return None;
+        }
+        self.credentials.next_unsaved()
+    }
+
+    /// Follows the parameters, and returns whether they have changed.
+    pub fn follow(&mut self, parameters: &Parameters) -> bool {
+        let choice = WifiChoice::from_parameters(parameters);
+        let has_changed = choice != self.choice;
+        self.choice = choice;
+        has_changed
+    }
+}
+
+/// Whether the radio's task was the one that crashed. Its driver gives up at what it does not expect: a radio that makes it do
+/// so must not restart the board again and again.
+fn has_crashed(start: &Start) -> bool {
+    let crashed = start.crash.as_ref().and_then(|crash| crash.task);
+    start.radio == Radio::Present && crashed.is_some() && crashed == TaskName::new(TASK)
+}
+
+/// What ends a success, so that the next one is announced.
+fn is_interruption(report: WifiReport) -> bool {
+    matches!(
+        report,
+        WifiReport::NoAnswer | WifiReport::DownloadFailed | WifiReport::NetworkLost
+    )
+}

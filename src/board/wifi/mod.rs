@@ -1,0 +1,11 @@
+//! The radio of a Pico W, a CYW43439.
+
+mod bus;
+mod entropy;
+mod find;
+mod program;
+mod radio;
+
+pub use entropy::entropy;
+pub use find::find_radio;
+pub use radio::{Wifi, WifiPeripherals};

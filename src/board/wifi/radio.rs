@@ -1,0 +1,426 @@
+//! The radio: switched on, set up, watched, and begun anew when it fails.
+
+use core::future::pending;
+use core::pin::pin;
+
+use cyw43::{Control, JoinError, JoinOptions, NetDriver, PowerManagementMode};
+use cyw43_pio::{DEFAULT_CLOCK_DIVIDER, PioSpi};
+use embassy_futures::select::{Either, Either3, select, select3};
+use embassy_rp::Peri;
+use embassy_rp::clocks::RoscRng;
+use embassy_rp::dma;
+use embassy_rp::gpio::{Level, Output};
+use embassy_rp::peripherals::{DMA_CH1, PIN_23, PIN_24, PIN_25, PIN_29, PIO0};
+use embassy_rp::pio::Pio;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Instant, Timer, with_timeout};
+
+use super::bus::{CheckedBus, ChipState, Stage};
+use super::program::{BOARD_DATA, COUNTRIES, PROGRAM};
+use crate::board::Irqs;
+use crate::in_place::in_place;
+use crate::liveness::CheckIn;
+use crate::net::{self, NetMemory, NetReport, Role};
+use crate::recorder::LogSource;
+use crate::tasks::{self, Shared};
+use crate::wifi::{Network, PowerSave, WifiMode, WifiReport, WifiSetup};
+
+/// Switching on, the chip's program and its start take 0.6 s.
+const START_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// Setting up waits for 0.7 s in all, an access point for another 0.1 s.
+const SET_UP_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// How often the chip is asked for a sign of life, and how long that may take. A request waits behind packets.
+const WATCH_INTERVAL: Duration = Duration::from_secs(5);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// A radio that has failed is left switched off for so long.
+const RETRY_DELAY: Duration = Duration::from_secs(10);
+
+/// Between two attempts to join a network. A failed one takes a few seconds itself.
+const JOIN_DELAY: Duration = Duration::from_secs(2);
+const JOIN_TIMEOUT: Duration = Duration::from_secs(20);
+
+/// A network that gives no address for so long is left, and joined again.
+const ADDRESS_PATIENCE: Duration = Duration::from_secs(25);
+
+/// A network that was not there for so long is given up, and the board has its own instead.
+const NETWORK_PATIENCE: Duration = Duration::from_secs(60);
+
+/// How long the board has its own network, before it looks for the other one again if no ground station is connected.
+const FALLBACK_TIME: Duration = Duration::from_secs(300);
+
+/// The task shows as often that it is alive.
+const MARK_INTERVAL: Duration = Duration::from_millis(500);
+
+/// The pins and blocks that the radio takes.
+pub struct WifiPeripherals {
+    /// Switches the chip on.
+    pub power: Peri<'static, PIN_23>,
+    /// Data in both directions, and the chip's wish to be read.
+    pub data: Peri<'static, PIN_24>,
+    /// Selects the chip.
+    pub select: Peri<'static, PIN_25>,
+    /// Clock of the bus.
+    pub clock: Peri<'static, PIN_29>,
+    /// Makes the bus's signals.
+    pub pio: Peri<'static, PIO0>,
+    /// Feeds it.
+    pub dma: Peri<'static, DMA_CH1>,
+}
+
+/// The radio, and what serves links over it.
+pub struct Wifi {
+    peripherals: WifiPeripherals,
+    driver: &'static mut cyw43::State,
+    network: &'static mut NetMemory,
+}
+
+/// Why a run of the radio has ended.
+#[derive(Clone, Copy)]
+enum End {
+    /// The owner wants something else.
+    SetUpAnew,
+    /// The network to join was not found, or has not let the board in, for [`NETWORK_PATIENCE`].
+    NotJoined,
+    /// It is time to look for the network again.
+    LookAgain,
+    /// The radio has to be begun anew.
+    Failed(WifiReport),
+}
+
+/// How a stay in a network was.
+enum Stay {
+    /// The board could be reached.
+    WithAddress,
+    /// It never got an address.
+    WithoutAddress,
+}
+
+/// The latest of what the network stack has reported of the board's address.
+type Address = Signal<NoopRawMutex, NetReport>;
+
+/// What the board is for others while the radio runs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Plan {
+    /// What the owner wants.
+    AsSetUp,
+    /// An access point, because the network is not there.
+    Fallback,
+}
+
+impl Wifi {
+    /// The radio at these pins. What driver and network stack keep stays where it is.
+    pub fn new(
+        peripherals: WifiPeripherals,
+        driver: &'static mut cyw43::State,
+        network: &'static mut NetMemory,
+    ) -> Self {
+        Self {
+            peripherals,
+            driver,
+            network,
+        }
+    }
+
+    /// Keeps the radio as the owner wants it, and serves ground stations over it.
+    pub async fn run(&mut self, shared: &Shared, logs: &dyn LogSource, check_in: &CheckIn) -> ! {
+        let alive = async {
+            loop {
+                tasks::mark(check_in);
+                Timer::after(MARK_INTERVAL).await;
+            }
+        };
+        let work = pin!(self.keep_up(shared, logs, check_in));
+        match select(tasks::beside_sampling(work, shared), alive).await {
+            Either::First(never) | Either::Second(never) => never,
+        }
+    }
+
+    async fn keep_up(&mut self, shared: &Shared, logs: &dyn LogSource, check_in: &CheckIn) -> ! {
+        let mut plan = Plan::AsSetUp;
+        loop {
+            let setup = wanted(shared).await;
+            let end = self.run_once(&setup, plan, shared, logs, check_in).await;
+            plan = match end {
+                End::SetUpAnew | End::LookAgain => Plan::AsSetUp,
+                End::NotJoined => Plan::Fallback,
+                End::Failed(_) => plan,
+            };
+            if let End::Failed(report) = end {
+                shared.with(|autopilot| autopilot.wifi_report(report));
+                select(Timer::after(RETRY_DELAY), changed(shared, &setup)).await;
+            }
+        }
+    }
+
+    /// Switches the radio on and serves until something else has to be done. It is off afterwards.
+    async fn run_once(
+        &mut self,
+        setup: &WifiSetup,
+        plan: Plan,
+        shared: &Shared,
+        logs: &dyn LogSource,
+        check_in: &CheckIn,
+    ) -> End {
+        forget(self.driver);
+        let chip = ChipState::new();
+        let parts = &mut self.peripherals;
+        let power = Output::new(parts.power.reborrow(), Level::Low);
+        let select_pin = Output::new(parts.select.reborrow(), Level::High);
+        let Pio {
+            mut common,
+            sm0,
+            irq0,
+            ..
+        } = Pio::new(parts.pio.reborrow(), Irqs);
+        let spi = PioSpi::new(
+            &mut common,
+            sm0,
+            DEFAULT_CLOCK_DIVIDER,
+            irq0,
+            select_pin,
+            parts.data.reborrow(),
+            parts.clock.reborrow(),
+            dma::Channel::new(parts.dma.reborrow(), Irqs),
+        );
+        let bus = CheckedBus::new(spi, &chip);
+        let run = async {
+            let start = cyw43::new(self.driver, power, bus, &PROGRAM, &BOARD_DATA);
+            let Ok((device, control, driver)) = with_timeout(START_TIMEOUT, start).await else {
+                return End::Failed(start_failure(&chip));
+            };
+            let operation = Operation {
+                control,
+                setup,
+                plan,
+                shared,
+            };
+            match select(driver.run(), operation.run(device, self.network, logs, check_in)).await {
+                Either::First(never) => never,
+                Either::Second(end) => end,
+            }
+        };
+        match select3(chip.fault.wait(), changed(shared, setup), run).await {
+            Either3::First(fault) => {
+                defmt::warn!("Wi-Fi: {}", fault);
+                End::Failed(WifiReport::NoAnswer)
+            }
+            Either3::Second(()) => End::SetUpAnew,
+            Either3::Third(end) => end,
+        }
+    }
+}
+
+/// What the driver keeps may hold pointers into what was dropped.
+// Not inlined: what is built on the stack must be gone before the radio runs.
+#[inline(never)]
+fn forget(driver: &mut cyw43::State) {
+    *driver = in_place(cyw43::State::new);
+}
+
+/// A chip that answers until its program should run has not got it whole.
+fn start_failure(chip: &ChipState) -> WifiReport {
+    match chip.stage.get() {
+        Stage::Starting => WifiReport::DownloadFailed,
+        Stage::Waking | Stage::Running => WifiReport::NoAnswer,
+    }
+}
+
+/// Waits until the board should look for its network again: not while it is driven, or a ground station is served.
+async fn until_over(plan: Plan, shared: &Shared) {
+    if plan == Plan::AsSetUp {
+        pending::<()>().await;
+    }
+    Timer::after(FALLBACK_TIME).await;
+    while shared.with(|autopilot| autopilot.is_wifi_in_use(tasks::now())) {
+        Timer::after(WATCH_INTERVAL).await;
+    }
+}
+
+/// Waits until the radio has to be on.
+async fn wanted(shared: &Shared) -> WifiSetup {
+    loop {
+        let setup = shared.with(|autopilot| autopilot.wifi_setup());
+        if let Some(setup) = setup
+            && setup.mode != WifiMode::Off
+        {
+            return setup;
+        }
+        shared.to_set_up_wifi.wait().await;
+    }
+}
+
+/// Waits until something else is wanted than `setup`.
+async fn changed(shared: &Shared, setup: &WifiSetup) {
+    while shared.with(|autopilot| autopilot.wifi_setup()).as_ref() == Some(setup) {
+        shared.to_set_up_wifi.wait().await;
+    }
+    // The answer to whoever wanted it, perhaps over this radio, leaves first.
+    Timer::after_secs(1).await;
+}
+
+/// The radio whose driver runs.
+struct Operation<'a> {
+    control: Control<'a>,
+    setup: &'a WifiSetup,
+    plan: Plan,
+    shared: &'a Shared,
+}
+
+impl Operation<'_> {
+    async fn run(
+        mut self,
+        device: NetDriver<'_>,
+        network: &mut NetMemory,
+        logs: &dyn LogSource,
+        check_in: &CheckIn,
+    ) -> End {
+        if with_timeout(SET_UP_TIMEOUT, self.set_up()).await.is_err() {
+            return End::Failed(WifiReport::NoAnswer);
+        }
+        let shared = self.shared;
+        let role = self.role();
+        let address = Address::new();
+        let report = |report| {
+            address.signal(report);
+            if let (Role::Station, NetReport::AddressObtained(address)) = (role, report) {
+                shared.with(|autopilot| autopilot.wifi_report(WifiReport::AddressObtained(address)));
+            }
+        };
+        let serving = net::serve(
+            device,
+            role,
+            RoscRng.next_u64(),
+            network,
+            shared,
+            logs,
+            check_in,
+            report,
+        );
+        match select(serving, self.watch(role, &address)).await {
+            Either::First(never) => never,
+            Either::Second(end) => end,
+        }
+    }
+
+    fn role(&self) -> Role {
+        match (self.setup.mode, &self.setup.network, self.plan) {
+            (WifiMode::Station, Some(_), Plan::AsSetUp) => Role::Station,
+            _ => Role::AccessPoint,
+        }
+    }
+
+    async fn set_up(&mut self) {
+        self.control.init(COUNTRIES).await;
+        let power = match self.setup.power_save {
+            PowerSave::On => PowerManagementMode::PowerSave,
+            PowerSave::Off => PowerManagementMode::None,
+        };
+        self.control.set_power_management(power).await;
+        if self.role() == Role::AccessPoint {
+            let setup = self.setup;
+            let (name, password) = (setup.own_name.as_str(), setup.own_password.as_str());
+            // The log's reader has the board in hand.
+            defmt::info!("Wi-Fi: access point {=str}, password {=str}", name, password);
+            self.control.start_ap_wpa2(name, password, setup.channel).await;
+            self.report(match self.plan {
+                Plan::AsSetUp => WifiReport::AccessPointUp,
+                Plan::Fallback => WifiReport::FallbackToAccessPoint,
+            });
+        }
+    }
+
+    fn report(&self, report: WifiReport) {
+        self.shared.with(|autopilot| autopilot.wifi_report(report));
+    }
+
+    async fn watch(&mut self, role: Role, address: &Address) -> End {
+        match (role, &self.setup.network) {
+            (Role::Station, Some(network)) => self.stay_joined(network, address).await,
+            (Role::Station | Role::AccessPoint, _) => {
+                let over = until_over(self.plan, self.shared);
+                match select(self.look_for_life(), over).await {
+                    Either::First(fault) => End::Failed(fault),
+                    Either::Second(()) => End::LookAgain,
+                }
+            }
+        }
+    }
+
+    /// Ends when the chip does not answer any more.
+    async fn look_for_life(&mut self) -> WifiReport {
+        loop {
+            Timer::after(WATCH_INTERVAL).await;
+            if with_timeout(ANSWER_TIMEOUT, self.control.address())
+                .await
+                .is_err()
+            {
+                return WifiReport::NoAnswer;
+            }
+        }
+    }
+
+    /// Joins the network whenever the board is not in it. Ends when it has had no address for too long.
+    async fn stay_joined(&mut self, network: &Network, address: &Address) -> End {
+        let mut give_up = Instant::now() + NETWORK_PATIENCE;
+        while Instant::now() < give_up {
+            address.reset();
+            match with_timeout(JOIN_TIMEOUT, self.join(network)).await {
+                Ok(Ok(())) => {
+                    self.report(WifiReport::Joined);
+                    match self.stay(address).await {
+                        Ok(Stay::WithAddress) => give_up = Instant::now() + NETWORK_PATIENCE,
+                        Ok(Stay::WithoutAddress) => {}
+                        Err(fault) => return End::Failed(fault),
+                    }
+                    self.control.leave().await;
+                }
+                Ok(Err(JoinError::AuthenticationFailure)) => self.report(WifiReport::WrongPassword),
+                Ok(Err(JoinError::NetworkNotFound | JoinError::JoinFailure(_))) | Err(_) => {
+                    self.report(WifiReport::NetworkNotFound);
+                }
+            }
+            Timer::after(JOIN_DELAY).await;
+        }
+        End::NotJoined
+    }
+
+    async fn join(&mut self, network: &Network) -> Result<(), JoinError> {
+        let options = match &network.password {
+            Some(password) => JoinOptions::new(password.as_str().as_bytes()),
+            None => JoinOptions::new_open(),
+        };
+        self.control.join(network.ssid.as_str(), options).await
+    }
+
+    /// Stays in the network until the address there is lost, or none comes in time.
+    ///
+    /// # Errors
+    /// The chip does not answer any more.
+    async fn stay(&mut self, address: &Address) -> Result<Stay, WifiReport> {
+        let mut stay = Stay::WithoutAddress;
+        let mut give_up = Instant::now() + ADDRESS_PATIENCE;
+        loop {
+            match select3(address.wait(), Timer::at(give_up), self.look_for_life()).await {
+                Either3::First(NetReport::AddressObtained(_)) => {
+                    stay = Stay::WithAddress;
+                    give_up = Instant::MAX;
+                }
+                Either3::First(NetReport::AddressLost) => {
+                    self.report(WifiReport::NetworkLost);
+                    return Ok(stay);
+                }
+                // The next attempt to join may be under way by now.
+                Either3::First(NetReport::NoAddress) => {}
+                Either3::Second(()) => {
+                    self.report(WifiReport::NoAddress);
+                    return Ok(stay);
+                }
+                Either3::Third(fault) => return Err(fault),
+            }
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! WIFI_CONFIG_AP (299): the password of the access point, the network to join, or none of both.
+
+use crate::battery::ArmState;
+use crate::mavlink::Message;
+use crate::mavlink::dialect::{WIFI_CONFIG_AP_DATA, WifiConfigApMode, WifiConfigApResponse};
+use crate::mavlink::requests::WifiConfig;
+use crate::parameter::{Parameters, VehicleParameter};
+use crate::wifi::{Network, Password, Radio, Ssid, WifiChoice, WifiCredentials, WifiMode};
+
+/// WIFI_CONFIG_AP_MODE.
+const MODE_UNDEFINED: u8 = WifiConfigApMode::WIFI_CONFIG_AP_MODE_UNDEFINED as u8;
+const MODE_ACCESS_POINT: u8 = WifiConfigApMode::WIFI_CONFIG_AP_MODE_AP as u8;
+const MODE_STATION: u8 = WifiConfigApMode::WIFI_CONFIG_AP_MODE_STATION as u8;
+const MODE_DISABLED: u8 = WifiConfigApMode::WIFI_CONFIG_AP_MODE_DISABLED as u8;
+
+/// Why nothing was set up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum WifiRefused {
+    /// The driver may be at the other end of the network that would be left.
+    Armed,
+    /// There is no radio, or no such mode.
+    Mode,
+    /// The name is no valid one, or would be another one of the access point, whose name is fixed.
+    Ssid,
+    /// The password is no valid one, or there is none for the access point.
+    Password,
+}
+
+impl WifiRefused {
+    fn response(self) -> WifiConfigApResponse {
+        match self {
+            Self::Armed => WifiConfigApResponse::WIFI_CONFIG_AP_RESPONSE_REJECTED,
+            Self::Mode => WifiConfigApResponse::WIFI_CONFIG_AP_RESPONSE_MODE_ERROR,
+            Self::Ssid => WifiConfigApResponse::WIFI_CONFIG_AP_RESPONSE_SSID_ERROR,
+            Self::Password => WifiConfigApResponse::WIFI_CONFIG_AP_RESPONSE_PASSWORD_ERROR,
+        }
+    }
+}
+
+/// What a valid request sets up.
+enum Setup {
+    Off,
+    AccessPoint(Password),
+    Station(Network),
+}
+
+/// Does what WIFI_CONFIG_AP asks for, and returns the mode set. The mode is also a parameter, which has to be saved.
+///
+/// # Errors
+/// Nothing has changed.
+pub(in crate::mavlink) fn set_up(
+    request: &WifiConfig<'_>,
+    arm_state: ArmState,
+    credentials: &mut WifiCredentials,
+    parameters: &mut Parameters,
+) -> Result<WifiMode, WifiRefused> {
+    if credentials.radio() == Radio::Absent {
+        return Err(WifiRefused::Mode);
+    }
+    if arm_state == ArmState::Armed {
+        return Err(WifiRefused::Armed);
+    }
+    let mode = match setup(request, credentials)? {
+        Setup::Off => WifiMode::Off,
+        Setup::AccessPoint(password) => {
+            credentials.set_own_password(password);
+            WifiMode::AccessPoint
+        }
+        Setup::Station(network) => {
+            credentials.set_network(network);
+            WifiMode::Station
+        }
+    };
+    // The table has every mode.
+    let _ = parameters.set(VehicleParameter::WifiMode, mode.parameter_value());
+    Ok(mode)
+}
+
+fn setup(request: &WifiConfig<'_>, credentials: &WifiCredentials) -> Result<Setup, WifiRefused> {
+    match request.mode {
+        MODE_DISABLED => Ok(Setup::Off),
+        MODE_ACCESS_POINT => access_point(request, credentials.own_name()),
+        MODE_STATION => station(request, credentials.network()),
+        MODE_UNDEFINED if !request.ssid().is_empty() => station(request, credentials.network()),
+        _ => Err(WifiRefused::Mode),
+    }
+}
+
+/// An open access point, which a blank password asks for, would let anyone near drive the rover.
+fn access_point(request: &WifiConfig<'_>, own_name: &Ssid) -> Result<Setup, WifiRefused> {
+    let name = request.ssid();
+    if !name.is_empty() && name != own_name.as_str().as_bytes() {
+        return Err(WifiRefused::Ssid);
+    }
+    let password = Password::new(&request.password()).ok_or(WifiRefused::Password)?;
+    Ok(Setup::AccessPoint(password))
+}
+
+/// A blank name leaves it unchanged, a blank password is that of an open network.
+fn station(request: &WifiConfig<'_>, known: Option<&Network>) -> Result<Setup, WifiRefused> {
+    let (name, password) = (request.ssid(), request.password());
+    let ssid = if name.is_empty() {
+        known.map(|network| network.ssid.clone())
+    } else {
+        Ssid::new(&name)
+    };
+    let password = if password.is_empty() {
+        None
+    } else {
+        Some(Password::new(&password).ok_or(WifiRefused::Password)?)
+    };
+    let ssid = ssid.ok_or(WifiRefused::Ssid)?;
+    Ok(Setup::Station(Network { ssid, password }))
+}
+
+/// The answer to a request for WIFI_CONFIG_AP; `None` on a board without a radio.
+pub(in crate::mavlink) fn report(credentials: &WifiCredentials, parameters: &Parameters) -> Option<Message> {
+    let is_present = credentials.radio() == Radio::Present;
+    // Not 0: without a target, other vehicles could take what has no response for a request.
+    is_present.then(|| answer(Ok(()), credentials, parameters))
+}
+
+/// The answer to a WIFI_CONFIG_AP: what is set up now, without the password or a hash of it.
+pub(in crate::mavlink) fn answer(
+    result: Result<(), WifiRefused>,
+    credentials: &WifiCredentials,
+    parameters: &Parameters,
+) -> Message {
+    let mode = WifiChoice::from_parameters(parameters).mode;
+    let (mode, ssid) = match mode {
+        WifiMode::Off => (WifiConfigApMode::WIFI_CONFIG_AP_MODE_DISABLED, None),
+        WifiMode::AccessPoint => (
+            WifiConfigApMode::WIFI_CONFIG_AP_MODE_AP,
+            Some(credentials.own_name()),
+        ),
+        WifiMode::Station => (
+            WifiConfigApMode::WIFI_CONFIG_AP_MODE_STATION,
+            credentials.network().map(|network| &network.ssid),
+        ),
+    };
+    let response = match result {
+        Ok(()) => WifiConfigApResponse::WIFI_CONFIG_AP_RESPONSE_ACCEPTED,
+        Err(refused) => refused.response(),
+    };
+    Message::WifiConfig(WIFI_CONFIG_AP_DATA {
+        ssid: padded(ssid.map_or("", Ssid::as_str)).into(),
+        password: [0; 64].into(),
+        mode,
+        response,
+    })
+}
+
+fn padded(text: &str) -> [u8; Ssid::MAX_BYTES] {
+    let mut bytes = [0; Ssid::MAX_BYTES];
+    for (to, from) in bytes.iter_mut().zip(text.bytes()) {
+        *to = from;
+    }
+    bytes
+}
+
+#[cfg(test)]
+mod tests;

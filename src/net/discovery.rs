@@ -1,0 +1,67 @@
+//! Being found by ground stations.
+
+use core::net::{Ipv4Addr, SocketAddrV4};
+
+use embassy_net::Stack;
+use embassy_time::{Duration, Ticker};
+use heapless::Vec;
+
+use super::address::broadcast_address;
+use super::leases::MAX_CLIENTS;
+use super::sender::Sender;
+use super::service::Service;
+use super::stations::Search;
+use super::udp::{PORT, UdpLinks};
+use crate::mavlink::{Framer, LinkKind};
+use crate::tasks::{mark, now};
+
+/// Sends a HEARTBEAT each second to those who may be ground stations: to all while there is none, then to those who have an
+/// address and no link yet, until no link is free. `clients` are the addresses that were given to others.
+pub(super) async fn be_found(
+    stack: Stack<'_>,
+    mut sender: Sender<'_>,
+    links: &UdpLinks,
+    clients: impl Fn() -> Vec<Ipv4Addr, MAX_CLIENTS>,
+    service: &Service<'_>,
+) -> ! {
+    let mut framer = Framer::new();
+    let mut seconds = Ticker::every(Duration::from_secs(1));
+    loop {
+        seconds.next().await;
+        mark(service.check_in);
+        let search = links.stations.borrow().search();
+        match search {
+            Search::Anyone => {
+                let all = broadcast_address(stack);
+                greet(&mut sender, all.as_slice(), &mut framer, links, service).await;
+            }
+            Search::Others => {
+                let mut others = clients();
+                others.retain(|client| !links.stations.borrow().has_address(*client));
+                greet(&mut sender, &others, &mut framer, links, service).await;
+            }
+            Search::NoOne => {}
+        }
+    }
+}
+
+/// Sends one HEARTBEAT to each of `addresses`.
+async fn greet(
+    sender: &mut Sender<'_>,
+    addresses: &[Ipv4Addr],
+    framer: &mut Framer,
+    links: &UdpLinks,
+    service: &Service<'_>,
+) {
+    if addresses.is_empty() {
+        return;
+    }
+    links.sequence.set(framer.next_sequence().wrapping_add(1));
+    let shared = service.shared;
+    let heartbeat = shared.with(|autopilot| autopilot.heartbeat_frame(framer, LinkKind::Wifi, now()));
+    for address in addresses {
+        // There is another one in a second.
+        let _ = sender.make_room().await;
+        let _ = sender.hand_over(heartbeat, SocketAddrV4::new(*address, PORT));
+    }
+}

@@ -1,0 +1,245 @@
+//! Whose frames come in.
+
+use core::cell::{Cell, RefCell};
+use core::net::Ipv4Addr;
+use core::task::Context;
+
+use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState, RxToken};
+
+use super::leases::Leases;
+use crate::log::info;
+use crate::tasks::now;
+use crate::time::Instant;
+
+const ETHERTYPE_IPV4: [u8; 2] = [0x08, 0x00];
+const ETHERTYPE_ARP: [u8; 2] = [0x08, 0x06];
+const PROTOCOL_UDP: u8 = 17;
+const DHCP_SERVER_PORT: [u8; 2] = [0, 67];
+
+// Offsets into an Ethernet frame.
+const SOURCE_MAC: usize = 6;
+const ETHERTYPE: usize = 12;
+const ARP_SENDER: usize = 22;
+const ARP_SENDER_IP: usize = 28;
+const IP_HEADER: usize = 14;
+const IP_PROTOCOL: usize = 23;
+const IP_SOURCE: usize = 26;
+
+/// Minimum interval between log lines about refused frames.
+const LOG_INTERVAL_US: u64 = 10_000_000;
+
+/// A device of which only frames come in that mean something to the board.
+///
+/// At its own access point the board knows which address it has given to which computer. Frames with another sender are refused there: those
+/// who invent addresses would push the others out of the list of neighbours, and occupy the places for connections.
+pub(super) struct Guarded<'a, D> {
+    device: D,
+    /// Of the access point; `None` in another's network.
+    leases: Option<&'a RefCell<Leases>>,
+    refused: Cell<u32>,
+    logged: Cell<Option<Instant>>,
+}
+
+impl<'a, D> Guarded<'a, D> {
+    pub fn new(device: D, leases: Option<&'a RefCell<Leases>>) -> Self {
+        Self {
+            device,
+            leases,
+            refused: Cell::new(0),
+            logged: Cell::new(None),
+        }
+    }
+}
+
+/// The way in.
+struct Door<'a> {
+    leases: Option<&'a RefCell<Leases>>,
+    refused: &'a Cell<u32>,
+    logged: &'a Cell<Option<Instant>>,
+}
+
+impl Door<'_> {
+    /// Whether a frame comes in.
+    fn admits(&self, frame: &[u8]) -> bool {
+        let is_admitted = match part(frame, ETHERTYPE) {
+            Some(ETHERTYPE_ARP) => self.is_known(part(frame, ARP_SENDER), part(frame, ARP_SENDER_IP)),
+            Some(ETHERTYPE_IPV4) => {
+                asks_for_address(frame) || self.is_known(part(frame, SOURCE_MAC), part(frame, IP_SOURCE))
+            }
+            _ => return false,
+        };
+        if !is_admitted {
+            self.count();
+        }
+        is_admitted
+    }
+
+    /// Whether the sender has the address from us.
+    fn is_known(&self, mac: Option<[u8; 6]>, address: Option<[u8; 4]>) -> bool {
+        let (Some(mac), Some(address)) = (mac, address) else {
+            return false;
+        };
+        match self.leases {
+            None => true,
+            Some(leases) => leases
+                .try_borrow()
+                .is_ok_and(|leases| leases.has(mac, Ipv4Addr::from(address))),
+        }
+    }
+
+    fn count(&self) {
+        let refused = self.refused.get().saturating_add(1);
+        self.refused.set(refused);
+        let logged = self.logged.get();
+        if logged.is_none_or(|logged| now().us_since(logged) >= LOG_INTERVAL_US) {
+            self.logged.set(Some(now()));
+            info!("Wi-Fi: {} frames of unknown senders refused", refused);
+        }
+    }
+}
+
+/// Who has no address yet is heard by the DHCP server.
+fn asks_for_address(frame: &[u8]) -> bool {
+    let header_bytes = frame.get(IP_HEADER).map(|first| usize::from(first & 0x0f) * 4);
+    let to_port = header_bytes.and_then(|bytes| part(frame, IP_HEADER + bytes + 2));
+    frame.get(IP_PROTOCOL) == Some(&PROTOCOL_UDP) && to_port == Some(DHCP_SERVER_PORT)
+}
+
+fn part<const BYTES: usize>(frame: &[u8], at: usize) -> Option<[u8; BYTES]> {
+    frame.get(at..)?.first_chunk().copied()
+}
+
+/// A frame that is looked at before it is handed over.
+pub(super) struct GuardedToken<'a, T> {
+    token: T,
+    door: Door<'a>,
+}
+
+impl<T: RxToken> RxToken for GuardedToken<'_, T> {
+    fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, take: F) -> R {
+        self.token.consume(|frame| match self.door.admits(frame) {
+            true => take(frame),
+            // What is no frame is ignored.
+            false => take(&mut []),
+        })
+    }
+}
+
+impl<D: Driver> Driver for Guarded<'_, D> {
+    type RxToken<'a>
+        = GuardedToken<'a, D::RxToken<'a>>
+    where
+        Self: 'a;
+    type TxToken<'a>
+        = D::TxToken<'a>
+    where
+        Self: 'a;
+
+    fn receive(&mut self, context: &mut Context<'_>) -> Option<(Self::RxToken<'_>, Self::TxToken<'_>)> {
+        let (token, answer) = self.device.receive(context)?;
+        let door = Door {
+            leases: self.leases,
+            refused: &self.refused,
+            logged: &self.logged,
+        };
+        Some((GuardedToken { token, door }, answer))
+    }
+
+    fn transmit(&mut self, context: &mut Context<'_>) -> Option<Self::TxToken<'_>> {
+        self.device.transmit(context)
+    }
+
+    fn link_state(&mut self, context: &mut Context<'_>) -> LinkState {
+        self.device.link_state(context)
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.device.capabilities()
+    }
+
+    fn hardware_address(&self) -> HardwareAddress {
+        self.device.hardware_address()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const PHONE: [u8; 6] = [2, 0, 0, 0, 0, 1];
+    const STRANGER: [u8; 6] = [2, 0, 0, 0, 0, 2];
+    const ADDRESS: [u8; 4] = [192, 168, 4, 2];
+    const OTHER: [u8; 4] = [192, 168, 4, 200];
+
+    fn arp(mac: [u8; 6], address: [u8; 4]) -> Vec<u8> {
+        let mut frame = vec![0; 42];
+        frame[ETHERTYPE..14].copy_from_slice(&ETHERTYPE_ARP);
+        frame[ARP_SENDER..28].copy_from_slice(&mac);
+        frame[ARP_SENDER_IP..32].copy_from_slice(&address);
+        frame
+    }
+
+    fn datagram(mac: [u8; 6], address: [u8; 4], port: u16) -> Vec<u8> {
+        let mut frame = vec![0; 60];
+        frame[SOURCE_MAC..12].copy_from_slice(&mac);
+        frame[ETHERTYPE..14].copy_from_slice(&ETHERTYPE_IPV4);
+        frame[IP_HEADER] = 0x45;
+        frame[IP_PROTOCOL] = PROTOCOL_UDP;
+        frame[IP_SOURCE..30].copy_from_slice(&address);
+        frame[36..38].copy_from_slice(&port.to_be_bytes());
+        frame
+    }
+
+    fn leased() -> RefCell<Leases> {
+        let mut leases = Leases::new();
+        leases.lease_first_to(PHONE);
+        RefCell::new(leases)
+    }
+
+    fn admits(leases: Option<&RefCell<Leases>>, frame: &[u8]) -> bool {
+        let (refused, logged) = (Cell::new(0), Cell::new(Some(now())));
+        let door = Door {
+            leases,
+            refused: &refused,
+            logged: &logged,
+        };
+        door.admits(frame)
+    }
+
+    #[test]
+    fn at_the_access_point_only_those_come_in_who_have_their_address_from_it() {
+        let leases = leased();
+        for make in [arp, |mac, address| datagram(mac, address, 14550)] {
+            assert!(admits(Some(&leases), &make(PHONE, ADDRESS)));
+            assert!(!admits(Some(&leases), &make(PHONE, OTHER)));
+            assert!(!admits(Some(&leases), &make(STRANGER, ADDRESS)));
+            assert!(!admits(Some(&leases), &make(STRANGER, OTHER)));
+            assert!(admits(None, &make(STRANGER, OTHER)), "in another's network");
+        }
+        assert!(
+            admits(Some(&leases), &datagram(STRANGER, [0; 4], 67)),
+            "it asks for an address"
+        );
+    }
+
+    #[test]
+    fn what_is_neither_arp_nor_ipv4_stays_outside() {
+        let mut frame = datagram(PHONE, ADDRESS, 14550);
+        frame[ETHERTYPE..14].copy_from_slice(&[0x86, 0xdd]);
+        assert!(!admits(None, &frame));
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_that_comes_breaks_it(frame in prop::collection::vec(any::<u8>(), 0..80), kind in 0..3) {
+            let mut frame = frame;
+            let kinds = [ETHERTYPE_ARP, ETHERTYPE_IPV4, [0, 0]];
+            if frame.len() >= 14 {
+                frame[ETHERTYPE..14].copy_from_slice(&kinds[kind as usize]);
+            }
+            admits(Some(&leased()), &frame);
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Where the network keeps its sockets.
+
+use core::cell::RefCell;
+
+use embassy_net::StackResources;
+
+use super::dhcp::DhcpMemory;
+use super::leases::Leases;
+use super::packet_queue::PacketQueue;
+use super::stations::SLOTS;
+use super::tcp::{CLIENTS, TcpMemory};
+use super::udp::{SlotMemory, UdpLinks};
+
+/// UDP: one that receives, one that looks for ground stations, one for each of two stations; TCP: one for each of two clients;
+/// and two of the DHCP server, or one of the DHCP client.
+const SOCKETS: usize = 8;
+
+/// What is longer than a link's queue is lost there; this is a little more, so that it is counted.
+const RECEIVED_BYTES: usize = 832;
+
+/// A HEARTBEAT has 34 bytes with its signature.
+const HEARTBEAT_BYTES: usize = 64;
+
+/// The memory of the network. It is large: build it in a static.
+pub struct NetMemory {
+    pub(super) stack: StackResources<SOCKETS>,
+    pub(super) udp: UdpMemory,
+    pub(super) links: UdpLinks,
+    pub(super) tcp: [TcpMemory; CLIENTS],
+    pub(super) dhcp: DhcpMemory,
+    pub(super) leases: RefCell<Leases>,
+}
+
+/// The queues of the UDP sockets of MAVLink.
+pub(super) struct UdpMemory {
+    pub received: PacketQueue<4, RECEIVED_BYTES>,
+    pub heartbeat: PacketQueue<1, HEARTBEAT_BYTES>,
+    pub slots: [SlotMemory; SLOTS],
+}
+
+impl NetMemory {
+    /// Memory that is not in use.
+    // Not inlined: see `in_place`.
+    #[inline(never)]
+    pub fn new() -> Self {
+        Self {
+            stack: StackResources::new(),
+            udp: UdpMemory {
+                received: PacketQueue::new(),
+                heartbeat: PacketQueue::new(),
+                slots: [const { SlotMemory::new() }; SLOTS],
+            },
+            links: UdpLinks::new(),
+            tcp: [const { TcpMemory::new() }; CLIENTS],
+            dhcp: DhcpMemory::new(),
+            leases: RefCell::new(Leases::new()),
+        }
+    }
+}
+
+impl Default for NetMemory {
+    fn default() -> Self {
+        Self::new()
+    }
+}

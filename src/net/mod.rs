@@ -1,0 +1,24 @@
+//! MAVLink by UDP and TCP over a network device, and addresses for others on the network.
+//!
+//! All of it runs in one task: the network first, then who waits for it (`until.rs`).
+
+mod address;
+mod datagram;
+mod dhcp;
+mod discovery;
+mod door;
+mod leases;
+mod memory;
+mod paced;
+mod packet_queue;
+mod sender;
+mod serve;
+mod service;
+mod stations;
+mod tcp;
+mod udp;
+mod until;
+
+pub use address::{NetReport, Role};
+pub use memory::NetMemory;
+pub use serve::serve;

@@ -1,0 +1,96 @@
+//! All that runs on the network.
+
+use core::future::pending;
+
+use embassy_futures::join::{join, join5};
+use embassy_futures::select::{Either, select};
+use embassy_net::driver::Driver;
+use embassy_net::udp::UdpSocket;
+use embassy_net::{Runner, Stack, StackResources};
+
+use super::address::{NetReport, Role, report_address};
+use super::dhcp::{give_addresses, now_ms};
+use super::discovery::be_found;
+use super::door::Guarded;
+use super::memory::NetMemory;
+use super::paced::Paced;
+use super::sender::Sender;
+use super::service::Service;
+use super::tcp::serve_clients;
+use super::udp::{PORT, receive, serve_stations};
+use crate::liveness::CheckIn;
+use crate::mavlink::LinkId;
+use crate::recorder::LogSource;
+use crate::tasks::Shared;
+
+/// Serves MAVLink on `device` until it is dropped; `memory` can be used again then. `seed` is a random number.
+///
+/// It does not wait for the device's link: as an access point some never say that theirs is up.
+#[expect(clippy::too_many_arguments, reason = "what the firmware wires together")]
+pub async fn serve<D: Driver>(
+    device: D,
+    role: Role,
+    seed: u64,
+    memory: &mut NetMemory,
+    shared: &Shared,
+    logs: &dyn LogSource,
+    check_in: &CheckIn,
+    report: impl FnMut(NetReport),
+) -> ! {
+    let service = &Service {
+        shared,
+        logs,
+        check_in,
+    };
+    let (links, leases) = (&memory.links, &memory.leases);
+    let guests = match role {
+        Role::AccessPoint => Some(leases),
+        Role::Station => None,
+    };
+    let device = Guarded::new(device, guests);
+    let (stack, mut runner) = start(device, role, seed, &mut memory.stack);
+    links.reset();
+    // The one that receives comes first: all have the same port.
+    let queue = &mut memory.udp.received;
+    let received = UdpSocket::new(stack, &mut queue.packets, &mut queue.bytes, &mut [], &mut []);
+    let heartbeat = Sender::new(stack, PORT, &mut memory.udp.heartbeat);
+    let [slot_1, slot_2] = &mut memory.udp.slots;
+    let sender_1 = Sender::new(stack, PORT, &mut slot_1.sent);
+    let sender_2 = Sender::new(stack, PORT, &mut slot_2.sent);
+    let [tcp_1, tcp_2] = &mut memory.tcp;
+    let dhcp = &mut memory.dhcp;
+    let give_addresses = async {
+        match role {
+            Role::AccessPoint => give_addresses(stack, dhcp, leases).await,
+            Role::Station => pending().await,
+        }
+    };
+    let clients = || leases.borrow().clients(now_ms());
+    let members = join5(
+        join(report_address(stack, report), give_addresses),
+        receive(received, links),
+        be_found(stack, heartbeat, links, clients, service),
+        join(
+            serve_stations(0, LinkId::Udp1, sender_1, &mut slot_1.datagram, links, service),
+            serve_stations(1, LinkId::Udp2, sender_2, &mut slot_2.datagram, links, service),
+        ),
+        join(
+            serve_clients(LinkId::Tcp1, stack, tcp_1, service),
+            serve_clients(LinkId::Tcp2, stack, tcp_2, service),
+        ),
+    );
+    match select(runner.run(), members).await {
+        Either::First(never) => never,
+        Either::Second((_, never, ..)) => never,
+    }
+}
+
+#[inline(never)]
+fn start<'d, D: Driver, const SOCKETS: usize>(
+    device: D,
+    role: Role,
+    seed: u64,
+    resources: &'d mut StackResources<SOCKETS>,
+) -> (Stack<'d>, Runner<'d, Paced<D>>) {
+    embassy_net::new(Paced::new(device), role.config(), resources, seed)
+}

@@ -1,0 +1,141 @@
+//! MAVLink by TCP: each client has a link of its own.
+
+use core::cell::RefCell;
+use core::task::Poll;
+
+use embassy_futures::poll_once;
+use embassy_net::Stack;
+use embassy_net::tcp::{State, TcpSocket};
+use embassy_time::{Duration, with_timeout};
+use embedded_io_async::{ErrorKind, ErrorType, Write};
+
+use super::service::Service;
+use super::until::until;
+use crate::log::info;
+use crate::mavlink::LinkId;
+use crate::tasks::{ByteSource, ReceiveError};
+
+/// Clients that can be connected at a time.
+pub(super) const CLIENTS: usize = 2;
+
+/// The port of MAVLink by TCP, as ArduPilot's.
+const PORT: u16 = 5760;
+
+/// What a client sends while its link is busy: TCP has it wait for the rest.
+const TCP_RECEIVED_BYTES: usize = 512;
+
+/// What is sent until a client confirms it.
+const TCP_SENT_BYTES: usize = 1024;
+
+/// A client that sends nothing is asked so often whether it is still there.
+const KEEP_ALIVE: Duration = Duration::from_secs(3);
+
+/// A client that has not even answered that for so long has left.
+const SILENCE: Duration = Duration::from_secs(12);
+
+/// A client has so long to take what was sent last, and to close its side.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// So long a reset waits for the radio.
+const RESET_PATIENCE: Duration = Duration::from_millis(100);
+
+/// The buffers of a TCP socket.
+pub(super) struct TcpMemory {
+    received: [u8; TCP_RECEIVED_BYTES],
+    sent: [u8; TCP_SENT_BYTES],
+}
+
+impl TcpMemory {
+    /// Empty buffers.
+    pub const fn new() -> Self {
+        Self {
+            received: [0; TCP_RECEIVED_BYTES],
+            sent: [0; TCP_SENT_BYTES],
+        }
+    }
+}
+
+/// Serves one client after the other. While this serves one, the next has to find another place to be served; when there is
+/// none, its connection is reset.
+pub(super) async fn serve_clients(
+    id: LinkId,
+    stack: Stack<'_>,
+    memory: &mut TcpMemory,
+    service: &Service<'_>,
+) -> ! {
+    let mut socket = TcpSocket::new(stack, &mut memory.received, &mut memory.sent);
+    socket.set_keep_alive(Some(KEEP_ALIVE));
+    socket.set_timeout(Some(SILENCE));
+    // A frame does not wait for the next one.
+    socket.set_nagle_enabled(false);
+    let socket = RefCell::new(socket);
+    loop {
+        accept(&socket).await;
+        info!("{}: connected", id.name());
+        let link = service.open(id, 0);
+        service
+            .serve(TcpTransmitter(&socket), TcpReceiver(&socket), &link)
+            .await;
+        info!("{}: disconnected", id.name());
+        close(&socket).await;
+    }
+}
+
+/// Waits for a client.
+async fn accept(socket: &RefCell<TcpSocket<'_>>) {
+    // It listens from the first poll on.
+    let _ = poll_once(socket.borrow_mut().accept(PORT));
+    until(|| !matches!(socket.borrow().state(), State::Listen | State::SynReceived)).await;
+}
+
+/// Lets the client take what was sent last, then forgets it.
+async fn close(socket: &RefCell<TcpSocket<'_>>) {
+    socket.borrow_mut().close();
+    let closed = until(|| matches!(socket.borrow().state(), State::Closed | State::TimeWait));
+    let _ = with_timeout(FAREWELL, closed).await;
+    socket.borrow_mut().abort();
+    let reset = until(|| socket.borrow().remote_endpoint().is_none());
+    let _ = with_timeout(RESET_PATIENCE, reset).await;
+}
+
+/// The way to a client.
+struct TcpTransmitter<'a, 's>(&'a RefCell<TcpSocket<'s>>);
+
+impl ErrorType for TcpTransmitter<'_, '_> {
+    type Error = ErrorKind;
+}
+
+impl Write for TcpTransmitter<'_, '_> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
+        until(|| {
+            let socket = self.0.borrow();
+            socket.can_send() || !socket.may_send()
+        })
+        .await;
+        match poll_once(self.0.borrow_mut().write(bytes)) {
+            Poll::Ready(Ok(written)) => Ok(written),
+            _ => Err(ErrorKind::NotConnected),
+        }
+    }
+
+    async fn flush(&mut self) -> Result<(), ErrorKind> {
+        Ok(())
+    }
+}
+
+/// What a client sends.
+struct TcpReceiver<'a, 's>(&'a RefCell<TcpSocket<'s>>);
+
+impl ByteSource for TcpReceiver<'_, '_> {
+    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
+        until(|| {
+            let socket = self.0.borrow();
+            socket.can_recv() || !socket.may_recv()
+        })
+        .await;
+        match poll_once(self.0.borrow_mut().read(buffer)) {
+            Poll::Ready(Ok(received)) if received > 0 => Ok(received),
+            _ => Err(ReceiveError::Closed),
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! Wi-Fi without its radio: names and passwords, what is set up, what of it outlasts a restart, and what the radio reports.
+
+mod credentials;
+mod network;
+mod packet;
+mod password;
+mod report;
+mod setup;
+mod ssid;
+mod stored;
+
+pub use credentials::{Radio, WifiCredentials};
+pub use network::Network;
+pub use packet::{PacketFault, check_packet};
+pub use password::Password;
+pub use report::WifiReport;
+pub use setup::{PowerSave, WifiChoice, WifiMode, WifiSetup};
+pub use ssid::Ssid;
+pub use stored::{StoredWifi, WIFI_WORDS, WifiRecord};

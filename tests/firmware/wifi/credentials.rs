@@ -1,0 +1,122 @@
+//! The network's name and password: whose they are, who gets to know them, and what strangers get.
+
+use super::ground::Ground;
+use crate::air::laptop::Laptop;
+use crate::air::radio::Credentials;
+use crate::bench::{Bench, DIVIDER_CODE, SECOND, Wire};
+use crate::support::frames::{COMMAND_ACK, of_message, texts_of};
+use crate::support::requests::{arm, param_set, wifi_config};
+
+const SHOW: &str = "WIFI_SHOW";
+const REFUSED: &str = "Wi-Fi password: by USB only";
+
+/// WIFI_CONFIG_AP_MODE.
+const ACCESS_POINT: u8 = 1;
+const STATION: u8 = 2;
+
+const WIFI_CONFIG_AP: u32 = 299;
+/// Where its response is: 0 none, 1 accepted.
+const RESPONSE: usize = 97;
+const ACCEPTED: u8 = 1;
+
+/// Whether bytes that have left the board hold the password.
+fn contains(sent: &[(u64, u8)], password: &str) -> bool {
+    let bytes: Vec<u8> = sent.iter().map(|(_, byte)| *byte).collect();
+    bytes
+        .windows(password.len())
+        .any(|window| window == password.as_bytes())
+}
+
+#[test]
+fn the_password_is_the_boards_own_and_survives_a_restart() {
+    let mut ground = Ground::up();
+    let first = ground.credentials();
+    assert!(first.ssid.starts_with("rover-"), "{first:?}");
+    ground.bench.reboot();
+    ground.wait_for_network(2 * SECOND);
+    assert_eq!(ground.credentials(), first);
+
+    let other = Ground::of(Bench::power_up_seeded(DIVIDER_CODE, 2)).credentials();
+    assert_ne!(other.ssid, first.ssid);
+    assert_ne!(other.passphrase, first.passphrase);
+}
+
+#[test]
+fn the_password_is_shown_by_usb_only() {
+    let mut ground = Ground::up();
+    let password = ground.credentials().passphrase.expect("it is no open network");
+    let shown = format!("Wi-Fi password: {password}");
+    let ask = param_set(SHOW, 1.0);
+
+    assert!(texts_of(&ground.bench.ask(&ask)).contains(&REFUSED.into()));
+    let mut station = ground.connected_station();
+    let answers = ground.ask(&mut station, &ask);
+    assert!(texts_of(&answers).contains(&REFUSED.into()), "{answers:?}");
+    assert!(!contains(ground.bench.sent(), &password));
+
+    ground.bench.use_wire(Wire::Usb);
+    let answers = ground.bench.ask(&ask);
+    assert!(texts_of(&answers).contains(&shown), "{answers:?}");
+}
+
+#[test]
+fn who_does_not_know_the_password_is_not_in_the_network() {
+    let mut ground = Ground::up();
+    let mut wrong = ground.credentials();
+    wrong.passphrase = Some("a guess of mine".into());
+    let stranger = ground.air.add(Laptop::new([2, 0, 0, 0, 0, 77], Some(wrong)));
+    ground.run_for(3 * SECOND);
+    assert!(!ground.air.is_joined(stranger));
+    assert!(ground.air.refused(stranger) >= 2);
+}
+
+#[test]
+fn only_by_usb_or_signed_is_another_password_set() {
+    let mut ground = Ground::up();
+    let before = ground.credentials();
+    let request = wifi_config("", "another password", ACCESS_POINT);
+    assert!(of_message(&ground.bench.ask(&request), WIFI_CONFIG_AP).is_empty());
+    let mut station = ground.connected_station();
+    assert!(of_message(&ground.ask(&mut station, &request), WIFI_CONFIG_AP).is_empty());
+    assert_eq!(ground.credentials(), before);
+
+    ground.bench.use_wire(Wire::Usb);
+    let answers = ground.bench.ask(&request);
+    let answer = of_message(&answers, WIFI_CONFIG_AP)[0];
+    assert_eq!(answer.u8(RESPONSE), ACCEPTED);
+    assert!(
+        !answer.text(32, 64).contains("another"),
+        "no answer shows a password"
+    );
+    ground.run_for(2 * SECOND);
+    ground.wait_for_network(4 * SECOND);
+    let expected = Credentials::new(&before.ssid, "another password");
+    assert_eq!(ground.credentials(), expected);
+    // The station is out, and comes back with the new password.
+    let laptop = ground.laptop();
+    let station = ground.connect(laptop);
+    assert!(ground.is_connected(&station));
+}
+
+#[test]
+fn nothing_changes_while_armed() {
+    let mut ground = Ground::of(Bench::power_up(crate::rover::GOOD_3S));
+    ground.bench.set("BATT_CELLS", 3.0);
+    ground.run_for(3 * SECOND);
+    let answers = ground.bench.ask(&arm());
+    assert_eq!(
+        of_message(&answers, COMMAND_ACK)[0].u8(2),
+        0,
+        "{:?}",
+        texts_of(&answers)
+    );
+    ground.bench.use_wire(Wire::Usb);
+    let before = ground.credentials();
+    let answers = ground
+        .bench
+        .ask(&wifi_config("home", "another password", STATION));
+    assert_ne!(of_message(&answers, WIFI_CONFIG_AP)[0].u8(RESPONSE), ACCEPTED);
+    ground.bench.set("WIFI_MODE", 0.0);
+    ground.run_for(3 * SECOND);
+    assert_eq!(ground.credentials(), before, "the network is still up");
+}

@@ -1,0 +1,70 @@
+//! Driving over Wi-Fi, and what becomes of the rover when the driver is gone.
+
+use super::ground::{Ground, Station};
+use crate::bench::{Bench, MILLISECOND, SECOND};
+use crate::motor_poles::motors;
+use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, is_braking};
+use crate::support::frames::{COMMAND_ACK, of_message};
+use crate::support::requests::{arm, manual_control, set_mode};
+
+/// `FS_TIMEOUT` is 1.5 s; the rover looks every 20 ms, and a packet takes some.
+const STOPPED_WITHIN_US: u64 = 1_600 * MILLISECOND;
+
+fn armed(ground: &mut Ground, station: &mut Station) {
+    let answers = ground.ask(station, &arm());
+    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), 0, "{answers:?}");
+    ground.ask(station, &set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+}
+
+/// With a hand on the throttle, this many times a second.
+fn drive(ground: &mut Ground, station: &mut Station, rate_hz: u64, duration_us: u64) {
+    let interval_us = SECOND / rate_hz;
+    for _ in 0..duration_us / interval_us {
+        ground.send(station, &manual_control(VEHICLE_ID, 0, 500));
+        ground.run_for(interval_us);
+    }
+}
+
+fn is_driving(bench: &Bench) -> bool {
+    motors().all(|motor| {
+        let (positive, negative) = motor.duties(bench);
+        positive > negative
+    })
+}
+
+fn drives_and_stops(connect: impl Fn(&mut Ground) -> Station, rate_hz: u64) {
+    let mut ground = Ground::of(Bench::power_up(GOOD_3S));
+    ground.bench.set("BATT_CELLS", 3.0);
+    ground.bench.set("MOT_SLEWRATE", 0.0);
+    let mut station = connect(&mut ground);
+    armed(&mut ground, &mut station);
+    drive(&mut ground, &mut station, rate_hz, SECOND);
+    assert!(is_driving(&ground.bench));
+
+    // The phone is out of reach, and nothing says so.
+    ground.air.laptop(station.laptop).credentials = None;
+    let gone_us = ground.bench.time_us();
+    let stops = ground.air.run_until(&mut ground.bench, 3 * SECOND, |_, _| false);
+    assert!(!stops);
+    assert!(is_braking(&ground.bench));
+    let text = ground
+        .bench
+        .logged(crate::emulator::LogLevel::Info, "Radio Failsafe");
+    let acted_us = text.first().map(|(at_us, _)| *at_us).expect("announced");
+    assert!(
+        acted_us - gone_us <= STOPPED_WITHIN_US,
+        "{} us",
+        acted_us - gone_us
+    );
+    ground.assert_not_reset();
+}
+
+#[test]
+fn by_udp_the_rover_drives_and_stops_when_the_phone_is_gone() {
+    drives_and_stops(Ground::found_station, 50);
+}
+
+#[test]
+fn by_tcp_the_rover_drives_and_stops_when_the_phone_is_gone() {
+    drives_and_stops(Ground::connected_station, 20);
+}

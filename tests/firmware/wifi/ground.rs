@@ -1,0 +1,237 @@
+//! A board with a radio, and ground stations in its network.
+
+use std::net::{Ipv4Addr, SocketAddrV4};
+
+use crate::air::computer::{Connection, UdpPort};
+use crate::air::laptop::Laptop;
+use crate::air::radio::Credentials;
+use crate::air::space::Air;
+use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
+use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, frames};
+use crate::support::requests::heartbeat;
+
+/// MAV_TYPE_GCS.
+const GROUND_STATION: u8 = 6;
+
+pub const BOARD: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);
+pub const UDP_PORT: u16 = 14550;
+pub const TCP_PORT: u16 = 5760;
+
+/// From power-up until the network is there, at most.
+const UP_WITHIN_US: u64 = 2 * SECOND;
+
+/// A laptop gets its address within this time.
+const ADDRESS_WITHIN_US: u64 = 5 * SECOND;
+
+const ANSWER_TIME_US: u64 = 200 * MILLISECOND;
+
+/// A board with everything around it.
+pub struct Ground {
+    pub bench: Bench,
+    pub air: Air,
+}
+
+/// How a station talks to the board.
+#[derive(Clone, Copy)]
+enum Socket {
+    Udp(UdpPort),
+    Tcp(Connection),
+}
+
+/// A ground station on a laptop.
+pub struct Station {
+    pub laptop: usize,
+    socket: Socket,
+    /// Where the board is; by UDP unknown until it was heard.
+    board: Option<SocketAddrV4>,
+    received: Vec<(u64, u8)>,
+}
+
+impl Ground {
+    /// A Pico W whose network is up.
+    pub fn up() -> Self {
+        Self::of(Bench::power_up(DIVIDER_CODE))
+    }
+
+    /// The same with this bench, which has not run yet.
+    pub fn of(mut bench: Bench) -> Self {
+        bench.attach_wifi();
+        let mut ground = Self::around(bench);
+        ground.wait_for_network(UP_WITHIN_US);
+        ground
+    }
+
+    /// What is around a board with a radio.
+    pub fn around(bench: Bench) -> Self {
+        Self {
+            bench,
+            air: Air::new(1),
+        }
+    }
+
+    pub fn wait_for_network(&mut self, within_us: u64) {
+        let is_up = self.air.run_until(&mut self.bench, within_us, |_, board| {
+            board.wifi().access_point().is_some()
+        });
+        assert!(is_up, "{:?}", self.bench.log_lines());
+    }
+
+    pub fn run_for(&mut self, duration_us: u64) {
+        self.air.run_for(&mut self.bench, duration_us);
+    }
+
+    /// What the owner types into a laptop.
+    pub fn credentials(&mut self) -> Credentials {
+        let network = self.bench.wifi().access_point().expect("it is up");
+        Credentials {
+            ssid: network.ssid.clone(),
+            passphrase: network.passphrase.clone(),
+        }
+    }
+
+    /// A laptop that has joined the board's network, and has an address in it.
+    pub fn laptop(&mut self) -> usize {
+        let credentials = self.credentials();
+        self.laptop_with(credentials)
+    }
+
+    pub fn laptop_with(&mut self, credentials: Credentials) -> usize {
+        let number = self.air.laptops().count() as u8;
+        let laptop = Laptop::new([2, 0, 0, 0, 0, number], Some(credentials));
+        let number = self.air.add(laptop);
+        let has_address = self.air.run_until(&mut self.bench, ADDRESS_WITHIN_US, |air, _| {
+            air.laptop(number).address().is_some()
+        });
+        assert!(has_address, "{:?}", self.bench.log_lines());
+        number
+    }
+
+    /// A ground station that listens on UDP port 14550 of a laptop.
+    pub fn listen(&mut self, laptop: usize) -> Station {
+        let port = self.air.laptop(laptop).bind_udp(UDP_PORT);
+        Station {
+            laptop,
+            socket: Socket::Udp(port),
+            board: None,
+            received: Vec::new(),
+        }
+    }
+
+    /// A ground station that was found by the board, and has answered.
+    pub fn found_station(&mut self) -> Station {
+        let laptop = self.laptop();
+        let mut station = self.listen(laptop);
+        self.wait_to_be_found(&mut station);
+        station
+    }
+
+    fn wait_to_be_found(&mut self, station: &mut Station) {
+        let heard = self.hear_until(station, 3 * SECOND, |bytes| !bytes.is_empty());
+        assert!(heard, "no heartbeat: {:?}", self.bench.log_lines());
+        self.send(station, &heartbeat(GROUND_STATION));
+        self.run_for(ANSWER_TIME_US);
+    }
+
+    /// A ground station that connects by TCP.
+    pub fn connected_station(&mut self) -> Station {
+        let laptop = self.laptop();
+        self.connect(laptop)
+    }
+
+    pub fn connect(&mut self, laptop: usize) -> Station {
+        let board = SocketAddrV4::new(BOARD, TCP_PORT);
+        let connection = self.air.laptop(laptop).connect(board);
+        self.run_for(ANSWER_TIME_US);
+        Station {
+            laptop,
+            socket: Socket::Tcp(connection),
+            board: Some(board),
+            received: Vec::new(),
+        }
+    }
+
+    pub fn is_connected(&mut self, station: &Station) -> bool {
+        match station.socket {
+            Socket::Tcp(connection) => self.air.laptop(station.laptop).is_established(connection),
+            Socket::Udp(_) => station.board.is_some(),
+        }
+    }
+
+    pub fn send(&mut self, station: &mut Station, bytes: &[u8]) {
+        self.receive(station);
+        let laptop = self.air.laptop(station.laptop);
+        match (station.socket, station.board) {
+            (Socket::Udp(port), Some(board)) => assert!(laptop.send_to(port, bytes, board)),
+            (Socket::Udp(_), None) => panic!("the board was not heard yet"),
+            (Socket::Tcp(connection), _) => assert_eq!(laptop.send(connection, bytes), bytes.len()),
+        }
+    }
+
+    fn receive(&mut self, station: &mut Station) {
+        let now_us = self.bench.time_us();
+        let laptop = self.air.laptop(station.laptop);
+        match station.socket {
+            Socket::Udp(port) => {
+                for datagram in laptop.take_datagrams(port) {
+                    station.board = Some(datagram.from);
+                    station
+                        .received
+                        .extend(datagram.bytes.iter().map(|byte| (now_us, *byte)));
+                }
+            }
+            Socket::Tcp(connection) => {
+                let bytes = laptop.take_received(connection);
+                station.received.extend(bytes.iter().map(|byte| (now_us, *byte)));
+            }
+        }
+    }
+
+    /// Lets time pass, and notes when what came.
+    pub fn hear_for(&mut self, station: &mut Station, duration_us: u64) -> Vec<Frame> {
+        self.receive(station);
+        let from_us = self.bench.time_us();
+        self.hear_until(station, duration_us, |_| false);
+        frames_after(&station.received, from_us)
+    }
+
+    fn hear_until(
+        &mut self,
+        station: &mut Station,
+        limit_us: u64,
+        condition: impl Fn(&[(u64, u8)]) -> bool,
+    ) -> bool {
+        let end_us = self.bench.time_us() + limit_us;
+        while self.bench.time_us() < end_us {
+            self.run_for(MILLISECOND);
+            self.receive(station);
+            if condition(&station.received) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Sends a request, and returns what is answered in the next 200 ms, but for telemetry.
+    pub fn ask(&mut self, station: &mut Station, request: &[u8]) -> Vec<Frame> {
+        self.send(station, request);
+        let telemetry = [HEARTBEAT, SYS_STATUS, BATTERY_STATUS];
+        let mut answers = self.hear_for(station, ANSWER_TIME_US);
+        answers.retain(|frame| !telemetry.contains(&frame.message_id));
+        answers
+    }
+
+    /// Panics if the board has restarted.
+    pub fn assert_not_reset(&self) {
+        assert!(self.bench.resets().is_empty(), "{:?}", self.bench.resets());
+    }
+}
+
+/// All bytes of a datagram come at one time.
+fn frames_after(received: &[(u64, u8)], from_us: u64) -> Vec<Frame> {
+    let later: Vec<_> = received
+        .iter()
+        .copied()
+        .filter(|(at_us, _)| *at_us > from_us)
+        .collect();
+    frames(&later)
+}

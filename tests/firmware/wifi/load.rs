@@ -1,0 +1,74 @@
+//! A network full of strangers: nothing that counts waits for it, and nothing is lost.
+
+use super::ground::{BOARD, Ground};
+use crate::air::hostile::{Hostile, Target};
+use crate::bench::{CYCLES_PER_US, MILLISECOND, PACK, SECOND};
+use crate::emulator::LogLevel;
+use crate::stack;
+use crate::support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message};
+
+/// Between two samplings, whatever the network does.
+const JITTER_US: u64 = 200;
+
+/// For a minute, and for a moment.
+const FRAMES_PER_SECOND: u64 = 200;
+const MANY_FRAMES_PER_SECOND: u64 = 1_000;
+
+#[test]
+fn a_minute_of_hostile_frames_disturbs_nothing() {
+    let mut ground = Ground::up();
+    let mut station = ground.connected_station();
+    ground.bench.forget_stack_use();
+    ground.bench.take_adc_record();
+    ground.bench.forget_sent();
+    let began_us = ground.bench.time_us();
+    let target = Target::new(ground.bench.wifi().mac(), BOARD);
+    let hostile = || Hostile::new(7, target);
+    ground.air.flood(hostile(), FRAMES_PER_SECOND, began_us);
+    let mut heard = ground.hear_for(&mut station, 55 * SECOND);
+    let now_us = ground.bench.time_us();
+    ground.air.flood(hostile(), MANY_FRAMES_PER_SECOND, now_us);
+    heard.extend(ground.hear_for(&mut station, 5 * SECOND));
+    let packs = of_message(&heard, BATTERY_STATUS).len();
+    assert!(packs >= 118, "{packs}");
+
+    ground.assert_not_reset();
+    let frames = ground.bench.frames();
+    assert_no_sequence_gap(&frames);
+    assert!(of_message(&frames, BATTERY_STATUS).len() >= 119);
+    println!("{} frames did not reach the chip's queue", ground.air.overrun());
+
+    let starts = sampling_starts(&mut ground);
+    let intervals: Vec<u64> = starts.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let off = intervals
+        .iter()
+        .map(|interval| interval.abs_diff(100 * MILLISECOND));
+    let worst_us = off.max().expect("it samples");
+    println!("sampling: {} bursts, off by {worst_us} us at most", starts.len());
+    assert!(starts.len() >= 599 && worst_us <= JITTER_US, "{worst_us}");
+
+    stack::assert_free(&mut ground.bench, "hostile frames, and a station by TCP");
+
+    ground.air.calm();
+    let heard = ground.hear_for(&mut station, 2 * SECOND);
+    assert!(ground.is_connected(&station), "{:?}", ground.bench.log_lines());
+    assert_eq!(of_message(&heard, BATTERY_STATUS).len(), 4);
+    assert!(ground.bench.logged(LogLevel::Error, "").is_empty());
+}
+
+/// When each burst of conversions of the pack's pin began, in µs.
+fn sampling_starts(ground: &mut Ground) -> Vec<u64> {
+    let mut starts: Vec<u64> = Vec::new();
+    let mut before_us = 0;
+    for conversion in ground.bench.take_adc_record() {
+        if conversion.channel != PACK {
+            continue;
+        }
+        let at_us = conversion.start / CYCLES_PER_US;
+        if at_us - before_us > 10 * MILLISECOND {
+            starts.push(at_us);
+        }
+        before_us = at_us;
+    }
+    starts
+}

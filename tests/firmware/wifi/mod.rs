@@ -1,0 +1,10 @@
+//! The radio of a Pico W, and ground stations in its network.
+
+mod credentials;
+mod driving;
+mod faults;
+mod ground;
+mod links;
+mod load;
+mod start;
+mod station;

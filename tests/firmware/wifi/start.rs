@@ -1,0 +1,60 @@
+//! From power-up to the first heartbeat by Wi-Fi, and what a board without a radio notices of it.
+
+use super::ground::Ground;
+use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
+use crate::emulator::LogLevel;
+use crate::support::frames::{HEARTBEAT, of_message};
+
+/// Everything that a Pico W has its radio at, and a plain Pico something else.
+const RADIO_PINS: [usize; 4] = [23, 24, 25, 29];
+
+/// When the first HEARTBEAT has left the telemetry port.
+fn first_heartbeat_us(bench: &mut Bench) -> u64 {
+    of_message(&bench.uart_frames(), HEARTBEAT)[0].at_us
+}
+
+#[test]
+fn the_network_and_the_first_heartbeat_in_it_are_there_within_three_seconds() {
+    let mut ground = Ground::up();
+    let up_us = ground.bench.time_us();
+    let laptop = ground.laptop();
+    let mut station = ground.listen(laptop);
+    let frames = ground.hear_for(&mut station, SECOND + SECOND / 2);
+    let first_us = of_message(&frames, HEARTBEAT)[0].at_us;
+    println!("network up after {up_us} us, first heartbeat heard after {first_us} us");
+    assert!(first_us <= 3 * SECOND, "{first_us}");
+    ground.bench.assert_untroubled();
+
+    // The telemetry port does not wait for the radio.
+    let with_radio_us = first_heartbeat_us(&mut ground.bench);
+    let mut plain = Bench::power_up(DIVIDER_CODE);
+    plain.run_for(SECOND / 2);
+    let without_us = first_heartbeat_us(&mut plain);
+    println!("first heartbeat by the telemetry port: {with_radio_us} us, {without_us} us without a radio");
+    assert!(with_radio_us.abs_diff(without_us) <= 5 * MILLISECOND);
+}
+
+#[test]
+fn a_plain_pico_leaves_the_pins_alone_that_a_pico_w_has_its_radio_at() {
+    let mut bench = Bench::power_up(DIVIDER_CODE);
+    assert!(bench.run_until(SECOND / 10, |board| !board.log_lines().is_empty()));
+    for _ in 0..200 {
+        bench.run_for(10 * MILLISECOND);
+        for pin in RADIO_PINS {
+            assert_eq!(bench.pin_level(pin), None, "GP{pin}");
+        }
+    }
+    assert_eq!(bench.logged(LogLevel::Info, "Wi-Fi radio: Absent").len(), 1);
+    assert_eq!(bench.logged(LogLevel::Info, "Wi-Fi").len(), 1);
+    bench.assert_untroubled();
+}
+
+#[test]
+fn gp29_is_no_input_on_a_pico_w() {
+    let mut ground = Ground::of(Bench::power_up_seeded(DIVIDER_CODE, 3));
+    ground.bench.set("BATT_VOLT_PIN", 29.0);
+    ground.run_for(2 * SECOND);
+    let announced = ground.bench.logged(LogLevel::Info, "GP29 is the Wi-Fi radio's");
+    assert!(!announced.is_empty(), "{:?}", ground.bench.log_lines());
+    ground.assert_not_reset();
+}

@@ -1,0 +1,114 @@
+//! The board in another network: joined, lost, found again, and its own network instead.
+
+use super::ground::{Ground, UDP_PORT};
+use crate::air::dhcp_server::DhcpAnswers;
+use crate::air::laptop::Laptop;
+use crate::air::radio::Credentials;
+use crate::air::router::Router;
+use crate::bench::{SECOND, Wire};
+use crate::support::frames::{HEARTBEAT, of_message, texts_of};
+use crate::support::requests::wifi_config;
+
+const STATION: u8 = 2;
+
+fn home() -> Credentials {
+    Credentials::new("home", "our own password")
+}
+
+/// A board that was set up by USB to join the network of the house, which may be there.
+fn sent_home(password: &str) -> Ground {
+    let mut ground = Ground::up();
+    ground.bench.use_wire(Wire::Usb);
+    ground.bench.ask(&wifi_config("home", password, STATION));
+    ground
+}
+
+fn switch_router_on(ground: &mut Ground) {
+    let router = Router::new(home());
+    ground.bench.wifi().add_network(router.network());
+    ground.air.set_router(Some(router));
+}
+
+fn switch_router_off(ground: &mut Ground) {
+    ground.bench.wifi().remove_network("home");
+    ground.air.set_router(None);
+}
+
+fn is_home(ground: &mut Ground) -> bool {
+    ground.bench.wifi().joined() == Some("home")
+}
+
+fn texts(ground: &mut Ground) -> Vec<String> {
+    let mut texts = texts_of(&ground.bench.frames());
+    texts.retain(|text| text.contains("Wi-Fi"));
+    texts
+}
+
+#[test]
+fn the_board_joins_a_network_and_finds_it_again() {
+    let mut ground = sent_home("our own password");
+    switch_router_on(&mut ground);
+    ground.run_for(8 * SECOND);
+    assert!(is_home(&mut ground), "{:?}", ground.bench.log_lines());
+    let said = texts(&mut ground);
+    assert!(
+        said.iter()
+            .any(|text| text.starts_with("Wi-Fi address 192.168.1.")),
+        "{said:?}"
+    );
+
+    let laptop = ground.air.add(Laptop::new([2, 0, 0, 0, 0, 9], Some(home())));
+    let mut station = ground.listen(laptop);
+    let frames = ground.hear_for(&mut station, 6 * SECOND);
+    assert!(of_message(&frames, HEARTBEAT).len() >= 2, "on port {UDP_PORT}");
+
+    switch_router_off(&mut ground);
+    ground.run_for(10 * SECOND);
+    assert!(
+        texts(&mut ground).contains(&"Wi-Fi network lost".into()),
+        "{:?}",
+        ground.bench.log_lines()
+    );
+    switch_router_on(&mut ground);
+    ground.run_for(25 * SECOND);
+    assert!(is_home(&mut ground), "{:?}", ground.bench.log_lines());
+    ground.assert_not_reset();
+}
+
+#[test]
+fn without_its_network_for_a_minute_the_board_opens_its_own() {
+    for (password, is_there, text) in [
+        ("our own password", false, "Wi-Fi network not found"),
+        ("not our password", true, "Wi-Fi network refuses the password"),
+    ] {
+        let mut ground = sent_home(password);
+        if is_there {
+            switch_router_on(&mut ground);
+        }
+        ground.run_for(50 * SECOND);
+        assert!(ground.bench.wifi().access_point().is_none(), "{text}");
+        ground.wait_for_network(30 * SECOND);
+        ground.run_for(SECOND);
+        let said = texts(&mut ground);
+        assert_eq!(said.iter().filter(|said| *said == text).count(), 1, "{said:?}");
+        assert!(
+            said.contains(&"No Wi-Fi network: access point instead".into()),
+            "{said:?}"
+        );
+        ground.assert_not_reset();
+    }
+}
+
+#[test]
+fn a_network_that_gives_no_address_is_announced_once() {
+    let mut ground = sent_home("our own password");
+    switch_router_on(&mut ground);
+    let router = ground.air.router().expect("it is on");
+    router.answer_dhcp_by(DhcpAnswers::Silence);
+    ground.run_for(50 * SECOND);
+    ground.wait_for_network(60 * SECOND);
+    let said = texts(&mut ground);
+    let text = "Wi-Fi network gives no address";
+    assert_eq!(said.iter().filter(|said| *said == text).count(), 1, "{said:?}");
+    ground.assert_not_reset();
+}

@@ -1,0 +1,11 @@
+//! MAVLink by UDP and TCP, and addresses by DHCP, to phones that have a network stack of their own. Frames of Ethernet go
+//! between them one by one, in stepped time.
+
+mod air;
+mod dhcp;
+mod phone;
+mod room;
+#[path = "../support/mod.rs"]
+mod support;
+mod tcp;
+mod udp;

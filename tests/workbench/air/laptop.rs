@@ -1,0 +1,87 @@
+//! A computer that joins a Wi-Fi network and gets its address there.
+
+use std::ops::{Deref, DerefMut};
+
+use smoltcp::iface::SocketHandle;
+use smoltcp::socket::dhcpv4;
+use smoltcp::wire::Ipv4Cidr;
+
+use super::computer::Computer;
+use super::radio::{Credentials, MacAddress};
+
+pub struct Laptop {
+    computer: Computer,
+    /// What its owner has typed in; `None`: it joins nothing.
+    pub credentials: Option<Credentials>,
+    addressing: Addressing,
+}
+
+enum Addressing {
+    Dhcp(SocketHandle),
+    Static,
+}
+
+impl Laptop {
+    /// Gets its address by DHCP.
+    pub fn new(mac: MacAddress, credentials: Option<Credentials>) -> Self {
+        let mut computer = Computer::new(mac);
+        let client = computer.sockets.add(dhcpv4::Socket::new());
+        Self {
+            computer,
+            credentials,
+            addressing: Addressing::Dhcp(client),
+        }
+    }
+
+    /// Has an address of its own in every network.
+    pub fn with_address(mac: MacAddress, credentials: Option<Credentials>, address: Ipv4Cidr) -> Self {
+        let mut computer = Computer::new(mac);
+        computer.set_address(Some(address));
+        Self {
+            computer,
+            credentials,
+            addressing: Addressing::Static,
+        }
+    }
+
+    /// It has joined a network: an address of another one is worth nothing.
+    pub fn joined(&mut self) {
+        if let Addressing::Dhcp(client) = self.addressing {
+            self.computer.sockets.get_mut::<dhcpv4::Socket>(client).reset();
+            self.computer.set_address(None);
+        }
+    }
+
+    /// Lets the stack do what is due at this time. Returns the frames that it sends.
+    pub fn poll(&mut self, now_us: u64) -> Vec<Vec<u8>> {
+        let mut frames = self.computer.poll(now_us);
+        if let Addressing::Dhcp(client) = self.addressing {
+            self.take_lease(client);
+            frames.extend(self.computer.poll(now_us));
+        }
+        frames
+    }
+
+    fn take_lease(&mut self, client: SocketHandle) {
+        let address = match self.computer.sockets.get_mut::<dhcpv4::Socket>(client).poll() {
+            Some(dhcpv4::Event::Configured(lease)) => Some(lease.address),
+            Some(dhcpv4::Event::Deconfigured) => None,
+            None => return,
+        };
+        self.computer.set_address(address);
+    }
+}
+
+impl Deref for Laptop {
+    type Target = Computer;
+
+    fn deref(&self) -> &Computer {
+        &self.computer
+    }
+}
+
+impl DerefMut for Laptop {
+    fn deref_mut(&mut self) -> &mut Computer {
+        &mut self.computer
+    }
+}
