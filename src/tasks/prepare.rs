@@ -9,6 +9,8 @@ use crate::storage::{Prepared, Storage, Value};
 /// Erases the sector that `storage` needs next, unless the vehicle is armed: a block at each turn at the flash.
 pub(super) async fn prepare<F: NorFlash, V: Value>(storage: &mut Storage<F, V>, shared: &Shared) {
     loop {
+        // Looking for what is erased takes longer than a sample may be late.
+        shared.away_from_sampling().await;
         let _turn = shared.flash_turn().await;
         match storage.prepare(&|| shared.may_erase()).await {
             Ok(Prepared::Partly) => {}

@@ -214,7 +214,10 @@ fn a_damaged_line_and_a_noisy_divider_are_found() {
     };
     bench.adc_input(PACK, AdcInput::CodeAt(Box::new(noisy)));
     let report = check(bench, Fault::DamagedLine, &Plan::default());
-    assert_eq!(failed(&report), ["damaged frames", "voltage noise"]);
+    let mut failed = failed(&report);
+    // A frame of the list may be hit, too.
+    failed.retain(|check| *check != "parameter list");
+    assert_eq!(failed, ["damaged frames", "voltage noise"]);
 }
 
 /// The text with `#` for each word that begins with a digit, and for a hash: numbers and addresses.
