@@ -35,9 +35,15 @@ use support::requests::{
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 
+/// The parameters of the vehicle that are listed by default: seven more set up what is not in use then.
+const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 7;
+
+/// The parameters that are listed of a pack with an analog sensor: two more are of other sensors.
+const LISTED_OF_PACK: usize = BatteryParameter::COUNT - 2;
+
 /// Those of the vehicle, of the first pack and of the simulator, and the switches of the other packs.
 const LISTED_BY_DEFAULT: usize =
-    VehicleParameter::COUNT + BatteryParameter::COUNT + (Pack::ALL.len() - 1) + SimulationParameter::COUNT;
+    LISTED_OF_VEHICLE + LISTED_OF_PACK + (Pack::ALL.len() - 1) + SimulationParameter::COUNT;
 
 /// The index of a parameter that is not listed.
 const NOT_LISTED: u16 = u16::MAX;
@@ -181,7 +187,7 @@ fn enabling_a_pack_makes_its_parameters_visible_and_disabling_hides_them() {
     let mut desk = Desk::new();
     let volt_mult = BatteryParameter::VoltMult.of(Pack::Second);
     // Behind those of the vehicle and of the first pack.
-    let index = VehicleParameter::COUNT + BatteryParameter::COUNT + BatteryParameter::VoltMult as usize;
+    let index = LISTED_OF_VEHICLE + LISTED_OF_PACK + BatteryParameter::VoltMult as usize;
     let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
     assert_eq!(ParamValue(&answer).index(), NOT_LISTED);
 
@@ -189,7 +195,7 @@ fn enabling_a_pack_makes_its_parameters_visible_and_disabling_hides_them() {
     let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
     assert_eq!(
         [ParamValue(&answer).index(), ParamValue(&answer).count()].map(usize::from),
-        [index, LISTED_BY_DEFAULT + BatteryParameter::COUNT - 1]
+        [index, LISTED_BY_DEFAULT + LISTED_OF_PACK - 1]
     );
     let answer = desk.one_answer(&param_read_by_index(index as i16));
     desk.assert_param_value(&answer, volt_mult, 3.95);

@@ -91,9 +91,14 @@ impl Packs {
         effort: f32,
     ) -> Option<Result<Measurement, ReadError>> {
         Some(match kind {
-            MonitorKind::Bus(_) | MonitorKind::Esc | MonitorKind::External => {
-                return self.sampled(pack, kind, now);
-            }
+            MonitorKind::Bus(_)
+            | MonitorKind::Esc
+            | MonitorKind::External
+            | MonitorKind::Can
+            | MonitorKind::GeneratorElectrical
+            | MonitorKind::GeneratorFuel
+            | MonitorKind::Torqeedo
+            | MonitorKind::Efi => return self.sampled(pack, kind, now),
             MonitorKind::Sum if self.ticks == 0 => return None,
             MonitorKind::Sum => {
                 let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
@@ -118,20 +123,21 @@ impl Packs {
         })
     }
 
-    /// What was sampled since the last tick. Another component may report less often: between its readings the state stays as
-    /// it is.
+    /// What was sampled since the last tick. What reports at a rate of its own may do so less often: between its readings the
+    /// state stays as it is. Whoever reads it reports a silence that is too long; that of another component is noticed here.
     fn sampled(
         &mut self,
         pack: Pack,
         kind: MonitorKind,
         now: Instant,
     ) -> Option<Result<Measurement, ReadError>> {
-        let reading = self.samples[pack as usize].take();
-        if kind != MonitorKind::External || matches!(reading, Some(Ok(_))) {
-            return reading;
+        let samples = &mut self.samples[pack as usize];
+        if !kind.reports_at_own_rate() {
+            return samples.take();
         }
-        let is_lost = self.sources[pack as usize].is_lost(now);
-        is_lost.then_some(Err(ReadError::Timeout))
+        let is_lost = || kind == MonitorKind::External && self.sources[pack as usize].is_lost(now);
+        let reading = samples.take_new();
+        reading.or_else(|| is_lost().then_some(Err(ReadError::Timeout)))
     }
 }
 

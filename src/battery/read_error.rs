@@ -27,6 +27,10 @@ pub enum ReadError {
     AddressTaken,
     /// Configuration: the pin is the clock of this board's Wi-Fi radio.
     PinOfRadio,
+    /// Configuration: another sensor that is set up uses the pin.
+    PinTaken,
+    /// Configuration: what connects the sensor is not set up: the CAN bus, or the protocol of the serial port.
+    NotSetUp,
 }
 
 /// What failed on the wires to a sensor.
@@ -58,7 +62,12 @@ impl ReadError {
     pub fn is_configuration(self) -> bool {
         matches!(
             self,
-            Self::NoPin | Self::NoCapacity | Self::AddressTaken | Self::PinOfRadio
+            Self::NoPin
+                | Self::NoCapacity
+                | Self::AddressTaken
+                | Self::PinOfRadio
+                | Self::PinTaken
+                | Self::NotSetUp
         )
     }
 }
@@ -79,6 +88,8 @@ impl fmt::Display for ReadError {
             Self::NoCapacity => "no capacity set",
             Self::AddressTaken => "address already in use",
             Self::PinOfRadio => "GP29 is the Wi-Fi radio's",
+            Self::PinTaken => "pin already in use",
+            Self::NotSetUp => "port not set up",
         })
     }
 }

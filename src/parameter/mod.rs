@@ -1,7 +1,7 @@
 //! Parameter tables, live values, and what has to be saved to flash.
 //!
 //! Names, units and meanings are ArduPilot 4.6's. As there, the parameters of a disabled pack are hidden from lists,
-//! except its `MONITOR`.
+//! except its `MONITOR`, and so are those of things that are not in use.
 
 mod baud;
 #[cfg(not(target_os = "none"))]
@@ -19,7 +19,7 @@ pub use for_each::ForEachParameter;
 pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
 pub use parameters::{Parameters, Refused, triggers};
 pub use save_failures::{SAVE_RETRY_INTERVAL_US, SaveFailure, SaveFailures};
-pub use table::{Access, BatteryParameter, Kind, Meaning, Parameter, Range, VehicleParameter, means};
+pub use table::{Access, BatteryParameter, Kind, Listed, Meaning, Parameter, Range, VehicleParameter, means};
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};
 pub use unsaved::Unsaved;

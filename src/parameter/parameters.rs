@@ -1,7 +1,9 @@
 //! The live values of all parameters.
 
 use super::progress::Progress;
-use super::{Access, BatteryParameter, ForEachParameter, Kind, PARAMETER_COUNT, ParameterId};
+use super::{
+    Access, BatteryParameter, ForEachParameter, Kind, Listed, PARAMETER_COUNT, ParameterId, VehicleParameter,
+};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::rounding::round_to_i32;
 
@@ -76,16 +78,15 @@ impl Parameters {
         round_to_i32(self.get(id))
     }
 
-    /// The listed parameters in the order of their indices: all except those of disabled packs, which can still be read
-    /// and set by name.
+    /// The listed parameters in the order of their indices: all except those of disabled packs and of what is not in use,
+    /// which can still be read and set by name.
     pub fn listed(&self) -> impl Iterator<Item = ParameterId> {
         ParameterId::all().filter(|id| self.is_listed(*id))
     }
 
     /// Number of listed parameters.
     pub fn listed_count(&self) -> usize {
-        let of_packs: usize = Pack::ALL.into_iter().map(|pack| self.listed_of(pack)).sum();
-        PARAMETER_COUNT - MAX_PACKS * BatteryParameter::COUNT + of_packs
+        PARAMETER_COUNT - self.hidden_of_vehicle(VehicleParameter::COUNT) - self.hidden_of_packs(MAX_PACKS)
     }
 
     /// Index of a parameter in the list; `None` if hidden.
@@ -93,27 +94,39 @@ impl Parameters {
         if !self.is_listed(id) {
             return None;
         }
-        let packs_before = match id {
-            ParameterId::Vehicle(_) => 0,
-            ParameterId::Battery(pack, _) => usize::from(pack.instance()),
+        let hidden_before = match id {
+            ParameterId::Vehicle(parameter) => self.hidden_of_vehicle(parameter as usize),
+            ParameterId::Battery(pack, parameter) => {
+                self.hidden_of_vehicle(VehicleParameter::COUNT)
+                    + self.hidden_of_packs(usize::from(pack.instance()))
+                    + self.hidden_of(pack, parameter as usize)
+            }
             #[cfg(not(target_os = "none"))]
-            ParameterId::Simulation(_) => MAX_PACKS,
+            ParameterId::Simulation(_) => {
+                self.hidden_of_vehicle(VehicleParameter::COUNT) + self.hidden_of_packs(MAX_PACKS)
+            }
         };
-        let hidden_before: usize = Pack::ALL
-            .into_iter()
-            .take(packs_before)
-            .map(|pack| BatteryParameter::COUNT - self.listed_of(pack))
-            .sum();
         Some(id.number() - hidden_before)
     }
 
-    /// Number of listed parameters of a pack: all, or only `MONITOR`, which is the first.
-    fn listed_of(&self, pack: Pack) -> usize {
-        if self.is_monitored(pack) {
-            BatteryParameter::COUNT
-        } else {
-            1
-        }
+    /// How many of the vehicle's first parameters are hidden.
+    fn hidden_of_vehicle(&self, first: usize) -> usize {
+        let ids = VehicleParameter::ALL.into_iter().take(first);
+        ids.filter(|id| !self.is_listed((*id).into())).count()
+    }
+
+    /// How many parameters of the first packs are hidden.
+    fn hidden_of_packs(&self, first: usize) -> usize {
+        let packs = Pack::ALL.into_iter().take(first);
+        packs
+            .map(|pack| self.hidden_of(pack, BatteryParameter::COUNT))
+            .sum()
+    }
+
+    /// How many of a pack's first parameters are hidden.
+    fn hidden_of(&self, pack: Pack, first: usize) -> usize {
+        let ids = BatteryParameter::ALL.into_iter().take(first);
+        ids.filter(|id| !self.is_listed(id.of(pack))).count()
     }
 
     /// Whether a pack is enabled by the live value of its `BATT_MONITOR`.
@@ -122,11 +135,19 @@ impl Parameters {
     }
 
     fn is_listed(&self, id: ParameterId) -> bool {
+        let has = |id: ParameterId, values: &[i32]| values.contains(&self.get_whole(id));
+        let is_used = match (id.row().listed, id) {
+            (Listed::Always, _) => true,
+            (Listed::WhileVehicle(other, values), _) => has(other.into(), values),
+            (Listed::WhileMonitor(values), ParameterId::Battery(pack, _)) => {
+                has(BatteryParameter::Monitor.of(pack), values)
+            }
+            (Listed::WhileMonitor(_), _) => false,
+        };
         match id {
-            ParameterId::Vehicle(_) | ParameterId::Battery(_, BatteryParameter::Monitor) => true,
-            #[cfg(not(target_os = "none"))]
-            ParameterId::Simulation(_) => true,
-            ParameterId::Battery(pack, _) => self.is_monitored(pack),
+            ParameterId::Battery(_, BatteryParameter::Monitor) => true,
+            ParameterId::Battery(pack, _) => is_used && self.is_monitored(pack),
+            _ => is_used,
         }
     }
 
@@ -240,9 +261,15 @@ mod tests {
         assert_eq!(parameters, Parameters::defaults());
     }
 
-    /// The vehicle's, all of the first pack, `MONITOR` of the others, and the simulator's.
+    /// Rows of what is not in use by default.
+    const UNUSED_OF_VEHICLE: usize = 7;
+    const UNUSED_OF_PACK: usize = 2;
+
+    /// The vehicle's, those of the first pack, `MONITOR` of the others, and the simulator's.
     const LISTED_BY_DEFAULT: usize =
-        VehicleParameter::COUNT + BatteryParameter::COUNT + MAX_PACKS - 1 + SimulationParameter::COUNT;
+        VehicleParameter::COUNT - UNUSED_OF_VEHICLE + BatteryParameter::COUNT - UNUSED_OF_PACK + MAX_PACKS
+            - 1
+            + SimulationParameter::COUNT;
 
     #[test]
     fn disabled_pack_is_hidden_except_its_monitor_parameter() {
@@ -251,7 +278,8 @@ mod tests {
         for pack in Pack::ALL {
             parameters.set(BatteryParameter::Monitor.of(pack), 4.0).unwrap();
         }
-        assert_eq!(parameters.listed().count(), PARAMETER_COUNT);
+        let mut hidden = ParameterId::all().filter(|id| parameters.listed_index(*id).is_none());
+        assert!(hidden.all(|id| id.row().listed != Listed::Always));
         for pack in Pack::ALL {
             parameters.set(BatteryParameter::Monitor.of(pack), 0.0).unwrap();
             let hidden = |id: &ParameterId| matches!(id, ParameterId::Battery(other, _) if *other == pack);
@@ -260,7 +288,7 @@ mod tests {
         }
         assert_eq!(
             parameters.listed().count(),
-            VehicleParameter::COUNT + MAX_PACKS + SimulationParameter::COUNT
+            LISTED_BY_DEFAULT - (BatteryParameter::COUNT - UNUSED_OF_PACK - 1)
         );
     }
 
@@ -284,6 +312,34 @@ mod tests {
                 assert_eq!(parameters.listed_index(id), place, "{}", id.name());
             }
         }
+    }
+
+    #[test]
+    fn parameters_of_what_is_not_in_use_are_hidden() {
+        let mut parameters = Parameters::defaults();
+        let bitrate = ParameterId::from(VehicleParameter::CanP1Bitrate);
+        let multiplier = BatteryParameter::CurrMult.of(Pack::Second);
+        let count = parameters.listed_count();
+        assert_eq!(
+            [bitrate, multiplier].map(|id| parameters.listed_index(id)),
+            [None, None]
+        );
+        parameters.set(VehicleParameter::CanP1Driver, 1.0).unwrap();
+        let of_bus = parameters.listed_count() - count;
+        assert_eq!(of_bus, 3);
+        parameters
+            .set(BatteryParameter::Monitor.of(Pack::Second), 9.0)
+            .unwrap();
+        assert_eq!(parameters.listed_index(multiplier), None);
+        parameters
+            .set(BatteryParameter::Monitor.of(Pack::Second), 8.0)
+            .unwrap();
+        for (index, id) in parameters.listed().enumerate() {
+            assert_eq!(parameters.listed_index(id), Some(index), "{}", id.name());
+        }
+        let listed: Vec<_> = parameters.listed().collect();
+        assert_eq!(listed.len(), parameters.listed_count());
+        assert!(listed.contains(&bitrate) && listed.contains(&multiplier));
     }
 
     #[test]

@@ -26,18 +26,33 @@ pub enum MonitorKind {
     Fuel(FuelKind),
     /// Part on the I2C bus.
     Bus(PartKind),
+    /// Node on the CAN bus.
+    Can,
+    /// Generator on the serial line, its electrical output.
+    GeneratorElectrical,
+    /// Generator on the serial line, its fuel.
+    GeneratorFuel,
+    /// Torqeedo motor on the serial line.
+    Torqeedo,
+    /// Engine control unit on the serial line.
+    Efi,
 }
 
 /// Values of `BATT_MONITOR` for kinds other than parts on the I2C bus: ArduPilot's numbers.
-const OWN: [(MonitorKind, i32); 10] = [
+const OWN: [(MonitorKind, i32); 15] = [
     (MonitorKind::AnalogVoltage, 3),
     (MonitorKind::AnalogVoltageAndCurrent, 4),
+    (MonitorKind::Can, 8),
     (MonitorKind::Esc, 9),
     (MonitorKind::Sum, 10),
     (MonitorKind::Fuel(FuelKind::Flow), 11),
     (MonitorKind::Fuel(FuelKind::LevelPwm), 12),
+    (MonitorKind::GeneratorElectrical, 17),
+    (MonitorKind::GeneratorFuel, 18),
+    (MonitorKind::Torqeedo, 23),
     (MonitorKind::Fuel(FuelKind::LevelAnalog), 24),
     (MonitorKind::SyntheticCurrent, 25),
+    (MonitorKind::Efi, 27),
     (MonitorKind::External, 29),
     (MonitorKind::AnalogCurrent, 31),
 ];
@@ -56,22 +71,31 @@ impl MonitorKind {
     }
 
     pub(super) fn reads_voltage_pin(self) -> bool {
-        match self {
-            Self::AnalogVoltage | Self::AnalogVoltageAndCurrent | Self::SyntheticCurrent => true,
-            Self::AnalogCurrent | Self::Sum | Self::Esc | Self::External | Self::Fuel(_) | Self::Bus(_) => {
-                false
-            }
-        }
+        matches!(
+            self,
+            Self::AnalogVoltage | Self::AnalogVoltageAndCurrent | Self::SyntheticCurrent
+        )
     }
 
     pub(super) fn reads_current_pin(self) -> bool {
+        matches!(self, Self::AnalogVoltageAndCurrent | Self::AnalogCurrent)
+    }
+
+    /// Whether its readings come at a rate of their own: between them the pack's state stays as it is.
+    pub fn reports_at_own_rate(self) -> bool {
         match self {
-            Self::AnalogVoltageAndCurrent | Self::AnalogCurrent => true,
+            Self::External
+            | Self::Can
+            | Self::GeneratorElectrical
+            | Self::GeneratorFuel
+            | Self::Torqeedo
+            | Self::Efi => true,
             Self::AnalogVoltage
-            | Self::SyntheticCurrent
+            | Self::AnalogVoltageAndCurrent
             | Self::Sum
+            | Self::SyntheticCurrent
+            | Self::AnalogCurrent
             | Self::Esc
-            | Self::External
             | Self::Fuel(_)
             | Self::Bus(_) => false,
         }

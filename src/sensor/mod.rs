@@ -4,6 +4,8 @@ mod analog;
 mod analog_monitor;
 mod analog_wiring;
 mod bus;
+mod can;
+mod controllers;
 mod esc;
 mod external;
 mod fuel;
@@ -17,6 +19,8 @@ pub use analog_wiring::{AnalogWiring, CurrentSensor, VoltageDivider};
 pub use bus::{
     Address, BusDevices, Buses, I2cBus, NoSpi, PartKind, Samples, SensorBus, Wiring, bus_clock_hz,
 };
+pub use can::{CanFrame, FRAME_BYTES};
+pub use controllers::ControllerReading;
 pub use esc::EscTelemetry;
 pub use external::{Admission, ExternalReading, ExternalSource};
 pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses};

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 
-use crate::bench::{Bench, LISTED_BY_DEFAULT, MILLISECOND, SAVED_US, SECOND, value_of};
+use crate::bench::{Bench, LISTED_BY_DEFAULT, LISTED_OF_PACK, MILLISECOND, SAVED_US, SECOND, value_of};
 use crate::runs::rates_asked_for;
 use crate::support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT,
@@ -113,7 +113,7 @@ fn a_pack_that_is_enabled_shows_its_parameters_also_after_a_restart() {
     bench.set("BATT9_VOLT_MULT", 11.0);
     bench.set("BATT9_MONITOR", 3.0);
     let shown = list(&mut bench);
-    assert_eq!(shown.len(), LISTED_BY_DEFAULT + BatteryParameter::COUNT - 1);
+    assert_eq!(shown.len(), LISTED_BY_DEFAULT + LISTED_OF_PACK - 1);
     assert_eq!(shown["BATT9_VOLT_MULT"], 11.0);
     bench.run_for(SAVED_US);
     bench.reboot();

@@ -49,8 +49,14 @@ pub fn is_learnt(operation: &FlashOperation) -> bool {
     flash_map::LEARNT.contains(&operation.offset)
 }
 
-/// The parameters of the vehicle and of the first pack, and the switches of the other packs.
-pub const LISTED_BY_DEFAULT: usize = VehicleParameter::COUNT + BatteryParameter::COUNT + Pack::ALL.len() - 1;
+/// The parameters of the vehicle that are listed by default: seven more set up what is not in use then.
+pub const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 7;
+
+/// The parameters that are listed of a pack with an analog sensor: two more are of other sensors.
+pub const LISTED_OF_PACK: usize = BatteryParameter::COUNT - 2;
+
+/// Those of the vehicle and of the first pack, and the switches of the other packs.
+pub const LISTED_BY_DEFAULT: usize = LISTED_OF_VEHICLE + LISTED_OF_PACK + Pack::ALL.len() - 1;
 
 /// Long enough for everything that waits to be written to flash, erases included.
 pub const SAVED_US: u64 = SECOND;

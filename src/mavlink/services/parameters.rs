@@ -189,7 +189,7 @@ impl ParameterList {
 mod tests {
     use super::*;
     use crate::pack::Pack;
-    use crate::parameter::{BatteryParameter, PARAMETER_COUNT};
+    use crate::parameter::BatteryParameter;
     use crate::time::at_us;
 
     /// Everything is listed.
@@ -252,10 +252,10 @@ mod tests {
         while let Some(now) = list.next_due() {
             list.release(now, 10.0, 960);
             while let Some(Message::ParamValue(value)) = list.take(&parameters) {
-                assert_eq!(value.param_count, PARAMETER_COUNT as u16);
+                assert_eq!(usize::from(value.param_count), parameters.listed().count());
                 indices.push(usize::from(value.param_index));
             }
         }
-        assert_eq!(indices, (0..PARAMETER_COUNT).collect::<Vec<_>>());
+        assert_eq!(indices, (0..parameters.listed().count()).collect::<Vec<_>>());
     }
 }

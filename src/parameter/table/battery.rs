@@ -1,6 +1,6 @@
 //! Parameters of a pack.
 
-use super::{Access, Kind, Parameter, Range, means};
+use super::{Access, Kind, Listed, Parameter, Range, means};
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
 
@@ -15,6 +15,11 @@ const MONITORS: Range = Range::OneOf(&[
     (12, means("FuelLevelPWM")),
     (24, means("FuelLevelAnalog")),
     (25, means("Synthetic Current and Analog Voltage")),
+    (8, means("DroneCAN-BatteryInfo")),
+    (17, means("Generator-Elec")),
+    (18, means("Generator-Fuel")),
+    (23, means("Torqeedo")),
+    (27, means("EFI")),
     (29, means("Scripting, by a companion computer")),
     (31, means("Analog Current Only")),
     (7, means("SMBus-Generic")),
@@ -186,9 +191,17 @@ parameters! {
         kind: Kind::Int32,
         default: 0.0,
         range: Range::Bits(&[
+            (0, means("Ignore DroneCAN SoC")),
+            (1, means("MPPT reports input voltage and current")),
+            (2, means("MPPT powered off when disarmed")),
+            (3, means("MPPT powered on when armed")),
+            (4, means("MPPT powered off at boot")),
+            (5, means("MPPT powered on at boot")),
             (6, means("Send resting voltage to ground stations")),
+            (7, means("Allow DroneCAN InfoAux to be from a different CAN node")),
             (8, means("Internal use only")),
             (9, means("Sum uses the lowest voltage")),
+            (10, means("Allow DroneCAN dynamic node update on hot-swap")),
         ]),
         step: 1.0,
         unit: "",
@@ -660,5 +673,32 @@ parameters! {
         label: "Erase what is learnt",
         description: "Set to 1, it erases what is learnt of the pack with the present SERIAL_NUM, and reads 0 again. \
                       A reset of all parameters keeps it. (ArduPilot has no such parameter.)",
+    }
+    CurrMult {
+        key: 109,
+        name: "CURR_MULT",
+        kind: Kind::Real32,
+        default: 1.0,
+        range: Range::Between(0.1, 10.0),
+        listed: Listed::WhileMonitor(&[8]),
+        step: 0.1,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "Current multiplier",
+        description: "Factor applied to the current that a DroneCAN battery or charger reports.",
+    }
+    EscMask {
+        key: 110,
+        name: "ESC_MASK",
+        kind: Kind::Int32,
+        default: 0.0,
+        // A float represents every whole number in this range.
+        range: Range::Between(0.0, 4095.0),
+        listed: Listed::WhileMonitor(&[9]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "ESC mask",
+        description: "Motor controllers that supply this pack's measurement, one bit each from bit 0. 0: all.",
     }
 }

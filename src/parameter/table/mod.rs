@@ -1,6 +1,7 @@
 //! Parameter tables: of the vehicle, of a pack, of the simulator.
 
-/// Declares a table: an enum of its parameters, and a row for each. Without `access` it is a setting.
+/// Declares a table: an enum of its parameters, and a row for each. Without `access` it is a setting, without `listed` it is in every
+/// list.
 ///
 /// Documentation fields are left out of the firmware, where they would take 7 KB of flash.
 macro_rules! parameters {
@@ -11,6 +12,7 @@ macro_rules! parameters {
         default: $default:expr,
         range: $range:expr,
         $(access: $access:expr,)?
+        $(listed: $listed:expr,)?
         step: $step:expr,
         unit: $unit:expr,
         takes_effect: $takes_effect:expr,
@@ -52,6 +54,7 @@ macro_rules! parameters {
                             default: $default,
                             range: $range,
                             access: [$($access,)? Access::Setting][0],
+                            listed: [$($listed,)? Listed::Always][0],
                             #[cfg(not(target_os = "none"))]
                             documentation: Documentation {
                                 step: $step,
@@ -96,6 +99,8 @@ pub struct Parameter {
     pub range: Range,
     /// Who changes it, and whether it is saved.
     pub access: Access,
+    /// When it is in lists. It can always be read and set by name.
+    pub listed: Listed,
     /// Documentation for users.
     #[cfg(not(target_os = "none"))]
     pub documentation: Documentation,
@@ -139,6 +144,17 @@ pub enum Access {
     ReadOnly,
     /// A ground station sets it to 1, which acts at once; it reads 0. Not saved.
     Trigger,
+}
+
+/// When a parameter is in lists: only while what it sets up is in use, as in ArduPilot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Listed {
+    /// Always; a pack's while the pack is monitored.
+    Always,
+    /// While this parameter of the vehicle has one of these values.
+    WhileVehicle(VehicleParameter, &'static [i32]),
+    /// While the pack's `MONITOR` has one of these values.
+    WhileMonitor(&'static [i32]),
 }
 
 /// When a change of a parameter takes effect.

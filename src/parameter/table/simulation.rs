@@ -1,6 +1,6 @@
 //! Parameters of the simulated pack; not on the board.
 
-use super::{Access, Documentation, Kind, Parameter, Range, TakesEffect, means};
+use super::{Access, Documentation, Kind, Listed, Parameter, Range, TakesEffect, means};
 
 parameters! {
     /// A parameter of the simulated pack.

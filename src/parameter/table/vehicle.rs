@@ -1,6 +1,6 @@
 //! Parameters of the vehicle.
 
-use super::{Access, Kind, Parameter, Range, means};
+use super::{Access, Kind, Listed, Parameter, Range, means};
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
 
@@ -265,5 +265,140 @@ parameters! {
         label: "Show the Wi-Fi password",
         description: "Set to 1 by USB, it shows the name and the password of the access point as messages on USB, and \
                       reads 0 again. (ArduPilot has no such parameter.)",
+    }
+    Serial1Protocol {
+        key: 20,
+        name: "SERIAL1_PROTOCOL",
+        kind: Kind::Int8,
+        default: 16.0,
+        range: Range::OneOf(&[
+            (16, means("ESC Telemetry")),
+            (24, means("EFI")),
+            (30, means("Generator")),
+            (39, means("Torqeedo")),
+        ]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "Protocol of the second serial port",
+        description: "What is connected to UART1 (GP4, GP5). The pins stay untouched while no pack is measured by it. \
+                      (ArduPilot's default is MAVLink2.)",
+    }
+    GenType {
+        key: 21,
+        name: "GEN_TYPE",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[
+            (0, means("Disabled")),
+            (1, means("IE 650w 800w Fuel Cell")),
+            (2, means("IE 2.4kW Fuel Cell")),
+            (3, means("Richenpower")),
+        ]),
+        listed: Listed::WhileVehicle(VehicleParameter::Serial1Protocol, &[30]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "Generator type",
+        description: "Kind of generator at the second serial port.",
+    }
+    EfiType {
+        key: 22,
+        name: "EFI_TYPE",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[(0, means("None")), (1, means("Serial-MS"))]),
+        listed: Listed::WhileVehicle(VehicleParameter::Serial1Protocol, &[24]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "EFI type",
+        description: "Kind of engine control unit at the second serial port.",
+    }
+    Trqd1Type {
+        key: 23,
+        name: "TRQD1_TYPE",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[(0, means("Disabled")), (1, means("Tiller")), (2, means("Motor"))]),
+        listed: Listed::WhileVehicle(VehicleParameter::Serial1Protocol, &[39]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "Torqeedo connection type",
+        description: "Place of this board on the bus of the Torqeedo motor at the second serial port.",
+    }
+    Trqd1DePin {
+        key: 24,
+        name: "TRQD1_DE_PIN",
+        kind: Kind::Int8,
+        default: -1.0,
+        range: Range::OneOf(&[(-1, means("None, the transceiver switches by itself")), (22, means("GP22"))]),
+        listed: Listed::WhileVehicle(VehicleParameter::Serial1Protocol, &[39]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "Torqeedo DE pin",
+        description: "Pin that is high while this board sends: the driver enable of the RS-485 transceiver. An \
+                      INA239 can't be selected then.",
+    }
+    CanP1Driver {
+        key: 25,
+        name: "CAN_P1_DRIVER",
+        kind: Kind::Int8,
+        default: 0.0,
+        range: Range::OneOf(&[(0, means("Disabled")), (1, means("First driver"))]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "CAN bus",
+        description: "Whether an MCP2515 (SPI1, chip select GP13, interrupt GP17) connects the board to a DroneCAN bus. \
+                      GP17 takes no pulses of a fuel sensor then. Disabled, the pins stay untouched.",
+    }
+    CanP1Bitrate {
+        key: 26,
+        name: "CAN_P1_BITRATE",
+        kind: Kind::Int32,
+        default: 1_000_000.0,
+        range: Range::OneOf(&[
+            (125_000, means("125 kbit/s")),
+            (250_000, means("250 kbit/s")),
+            (500_000, means("500 kbit/s")),
+            (1_000_000, means("1 Mbit/s, 16 MHz crystal only")),
+        ]),
+        listed: Listed::WhileVehicle(VehicleParameter::CanP1Driver, &[1]),
+        step: 1.0,
+        unit: "bit/s",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "CAN bit rate",
+        description: "Bit rate of the CAN bus, the same for everything on it.",
+    }
+    CanP1Crystal {
+        key: 27,
+        name: "CAN_P1_CRYSTAL",
+        kind: Kind::Int8,
+        default: 16.0,
+        range: Range::OneOf(&[(8, means("8 MHz")), (16, means("16 MHz"))]),
+        listed: Listed::WhileVehicle(VehicleParameter::CanP1Driver, &[1]),
+        step: 1.0,
+        unit: "MHz",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "CAN controller's crystal",
+        description: "Frequency of the MCP2515's crystal, which is printed on it. With 8 MHz the bit rate is 500 kbit/s at \
+                      most. (ArduPilot has no such parameter.)",
+    }
+    CanD1UcNode {
+        key: 28,
+        name: "CAN_D1_UC_NODE",
+        kind: Kind::Int8,
+        default: 10.0,
+        range: Range::Between(0.0, 125.0),
+        listed: Listed::WhileVehicle(VehicleParameter::CanP1Driver, &[1]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "Own DroneCAN node id",
+        description: "Node id of this board, unique on the bus. With an id of its own the board also assigns ids to nodes \
+                      that have none. 0: assigned by another node.",
     }
 }

@@ -91,6 +91,12 @@ impl Samples {
         (taken.attempts == Attempts::Some).then(|| taken.reading())
     }
 
+    /// As [`Self::take`], but `None` if nothing was added since the last call: of a sensor that reports at a rate of its own.
+    pub fn take_new(&mut self) -> Option<Result<Measurement, ReadError>> {
+        let taken = core::mem::take(self);
+        (taken.attempts == Attempts::Some).then(|| taken.reading())
+    }
+
     fn reading(&self) -> Result<Measurement, ReadError> {
         let Some(last) = self.last else {
             return Err(self.error.unwrap_or(ReadError::Timeout));
