@@ -34,6 +34,8 @@ const MONITORS: Range = Range::OneOf(&[
     (22, means("LTC2946")),
     (28, means("AD7091R5")),
     (30, means("INA3221")),
+    (32, means("TIBQ76952-I2C")),
+    (6, means("Bebop")),
 ]);
 
 /// Analog pins of the board, by GPIO number.

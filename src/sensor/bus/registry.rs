@@ -1,7 +1,7 @@
 //! Which parts there are.
 
 use super::part::Part;
-use super::parts::{Ad7091r5, Ina2xx, Ina3221, Ltc2946, SmartBattery, ina2xx, smart_battery};
+use super::parts::{Ad7091r5, Bebop, Bq76952, Ina2xx, Ina3221, Ltc2946, SmartBattery, ina2xx, smart_battery};
 use super::{Address, SensorBus, Wiring};
 use crate::battery::{Measurement, ReadError};
 use crate::pack::Pack;
@@ -141,6 +141,14 @@ parts! {
     Ina3221 {
         /// Texas Instruments' INA3221: three packs on one chip.
         Ina3221 = 30, ();
+    }
+    Bq76952 {
+        /// Texas Instruments' BQ76952: monitor of a stack of up to 16 cells.
+        Bq76952 = 32, ();
+    }
+    Bebop {
+        /// Parrot's motor board of the Bebop.
+        Bebop = 6, ();
     }
 }
 

@@ -5,6 +5,8 @@
 //! to go on setting values attaches an `Rc<RefCell<_>>`.
 
 mod ad7091r5;
+mod bebop;
+mod bq76952;
 mod garbled;
 mod ina226;
 mod ina228;
@@ -17,6 +19,8 @@ mod register_map;
 mod smart_battery;
 
 pub use ad7091r5::{Ad7091r5, Reference};
+pub use bebop::Bebop;
+pub use bq76952::{Access, Bq76952};
 pub use garbled::{Garbled, Reads};
 pub use ina226::Ina226;
 pub use ina228::Ina228;

@@ -1,0 +1,303 @@
+//! Texas Instruments' BQ76952: monitor and protector of a stack of 3 to 16 cells.
+//!
+//! It is only read. What it protects, which transistors it drives and how it is calibrated stays as the maker of the pack has
+//! set it up; so does the resistor that it measures the current with.
+//!
+//! Commands are as in SLUUBY2B, SLUAA11B and SLAAEB3, all of Texas Instruments. Their forum alone has how several commands are
+//! read at once (962018) and how the two halves of the charge go together (970294); published drivers alone have the meaning of
+//! the bits of the unit of current.
+
+use crate::battery::{BusError, CellVoltages, Consumed, Counted, MAX_CELLS, Measurement, ReadError};
+use crate::log::info;
+use crate::sensor::bus::part::{FAST_MODE_HZ, Part};
+use crate::sensor::bus::registers::Registers;
+use crate::sensor::bus::{Address, SensorBus, Wiring};
+
+// Direct commands: words, the lowest byte first.
+const BATTERY_STATUS: u8 = 0x12;
+/// The voltages of 16 cells, of the stack and of two pins, and the current follow each other.
+const FIRST_CELL: u8 = 0x14;
+const INTERNAL_TEMPERATURE: u8 = 0x68;
+
+// Subcommands are written to one place and answered at others.
+const SUBCOMMAND: u8 = 0x3e;
+const ANSWER: u8 = 0x40;
+/// The checksum of the answer, then its length.
+const CHECKSUM: u8 = 0x60;
+
+const DEVICE_NUMBER: u16 = 0x0001;
+/// The charge that was counted, and the time since then.
+const DA_STATUS_6: u16 = 0x0076;
+/// In the data memory: the units of voltage and current, then the inputs that have a cell.
+const DA_CONFIGURATION: u16 = 0x9303;
+
+const BQ76952: u16 = 0x7695;
+
+const CELLS: usize = 16;
+const STACK: usize = CELLS;
+const CURRENT: usize = CELLS + 3;
+const WORDS: usize = CELLS + 4;
+
+const LONGEST_ANSWER: usize = 32;
+
+/// The length counts the subcommand, the checksum and itself, too.
+const LENGTH_OF_REST: usize = 4;
+
+/// An answer is there after about half a millisecond, at the latest after 2 ms (SLUAA11B); a look for it takes 0.12 ms.
+const LOOKS_FOR_ANSWER: usize = 50;
+
+/// Battery status: the data memory can't be read.
+const SEALED: u16 = 0b11 << 8;
+
+const CENTIVOLTS: u8 = 1 << 2;
+const UNITS_OF_CURRENT_A: [f32; 4] = [1e-4, 1e-3, 1e-2, 1e-1];
+
+/// The units it has unless it is set up otherwise: 10 mV and 1 mA.
+const DEFAULT_UNITS: u8 = 0x05;
+
+/// An input without a cell is connected to its neighbour and reads about zero; a cell that is connected is above, in millivolts.
+const LOWEST_CELL_MV: u16 = 500;
+
+const ZERO_CELSIUS_K: f32 = 273.15;
+
+const ADDRESSES: [Address; 1] = [Address::I2c(0x08)];
+
+/// A BQ76952 that answered.
+#[derive(Debug)]
+pub(in crate::sensor::bus) struct Bq76952 {
+    address: Address,
+    setup: Setup,
+    /// Its inputs that have a cell, the first in bit 0.
+    cells: Option<u16>,
+    last: Option<Charge>,
+}
+
+/// How it is set up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Setup {
+    units: u8,
+    /// Inputs that have a cell, the first in bit 0; 0 if that is not set up.
+    cells: u16,
+}
+
+/// What it has counted.
+#[derive(Clone, Copy, Debug)]
+struct Charge {
+    /// What flowed into the pack, in 2^-32 of the unit of current times an hour.
+    count: u64,
+    /// For how long it has counted, in seconds.
+    duration_s: u32,
+}
+
+impl Part for Bq76952 {
+    type Model = ();
+
+    const INTERVAL_US: u64 = 100_000;
+    const HIGHEST_CLOCK_HZ: u32 = FAST_MODE_HZ;
+
+    fn addresses((): &()) -> &'static [Address] {
+        &ADDRESSES
+    }
+
+    async fn set_up(
+        bus: &mut impl SensorBus,
+        address: Address,
+        _: &Wiring,
+        (): &(),
+    ) -> Result<Self, ReadError> {
+        if u16::from_le_bytes(ask(bus, address, DEVICE_NUMBER).await?) != BQ76952 {
+            return Err(ReadError::OtherPart);
+        }
+        let setup = Setup::read(bus, address).await?;
+        info!(
+            "BQ76952 {:?}, units {:x}, cells {:x}",
+            address, setup.units, setup.cells
+        );
+        Ok(Self {
+            address,
+            setup,
+            cells: None,
+            last: None,
+        })
+    }
+
+    async fn check(&mut self, bus: &mut impl SensorBus) -> Result<(), ReadError> {
+        match Setup::read(bus, self.address).await? == self.setup {
+            true => Ok(()),
+            false => Err(ReadError::OtherPart),
+        }
+    }
+
+    async fn read(&mut self, bus: &mut impl SensorBus, _: &Wiring) -> Result<Measurement, ReadError> {
+        let words: [u16; WORDS] = words_from(bus, self.address, FIRST_CELL).await?;
+        let [tenths_k] = words_from(bus, self.address, INTERNAL_TEMPERATURE).await?;
+        let charge = Charge::read(bus, self.address).await?;
+        let word = |place: usize| words.get(place).map_or(0.0, |word: &u16| f32::from(*word as i16));
+        let voltage_v = word(STACK) * self.setup.unit_v();
+        if voltage_v < 0.0 {
+            return Err(ReadError::Implausible);
+        }
+        let last = self.last.replace(charge);
+        Ok(Measurement {
+            voltage_v: Some(voltage_v),
+            // It counts what flows into the pack.
+            current_a: Some(-word(CURRENT) * self.setup.unit_a()),
+            counted: last.and_then(|last| {
+                let charge_mah = charge.since(&last)? * self.setup.unit_a() * 1e3;
+                Some(Counted::Increment(Consumed {
+                    charge_mah,
+                    energy_wh: charge_mah * 1e-3 * voltage_v,
+                }))
+            }),
+            temperature_c: Some(f32::from(tenths_k as i16) * 0.1 - ZERO_CELSIUS_K),
+            cells: self.cell_voltages(&words),
+            ..Measurement::default()
+        })
+    }
+}
+
+impl Bq76952 {
+    /// Which cells there are is set up, or shows the first reading: a cell that fails later is still one.
+    fn cell_voltages(&mut self, words: &[u16]) -> CellVoltages {
+        let inputs = || words.iter().take(CELLS).enumerate();
+        let set_up = Some(self.setup.cells).filter(|cells| *cells != 0);
+        let cells = *self.cells.get_or_insert_with(|| {
+            set_up.unwrap_or_else(|| {
+                let connected = inputs().filter(|(_, mv)| **mv >= LOWEST_CELL_MV);
+                connected.fold(0, |cells, (input, _)| cells | 1 << input)
+            })
+        });
+        let mut cells_mv = heapless::Vec::<u16, MAX_CELLS>::new();
+        for (_, mv) in inputs().filter(|(input, _)| cells >> input & 1 != 0) {
+            // More are not reported.
+            let _ = cells_mv.push(*mv);
+        }
+        CellVoltages::from_millivolts(&cells_mv)
+    }
+}
+
+impl Setup {
+    async fn read(bus: &mut impl SensorBus, address: Address) -> Result<Self, ReadError> {
+        let [status] = words_from(bus, address, BATTERY_STATUS).await?;
+        if status & SEALED == SEALED {
+            return Ok(Self {
+                units: DEFAULT_UNITS,
+                cells: 0,
+            });
+        }
+        let [units, low, high] = ask(bus, address, DA_CONFIGURATION).await?;
+        Ok(Self {
+            units,
+            cells: u16::from_le_bytes([low, high]),
+        })
+    }
+
+    fn unit_v(self) -> f32 {
+        if self.units & CENTIVOLTS != 0 { 1e-2 } else { 1e-3 }
+    }
+
+    fn unit_a(self) -> f32 {
+        let [unit_0, unit_1, unit_2, unit_3] = UNITS_OF_CURRENT_A;
+        match self.units & 0b11 {
+            0 => unit_0,
+            1 => unit_1,
+            2 => unit_2,
+            _ => unit_3,
+        }
+    }
+}
+
+impl Charge {
+    async fn read(bus: &mut impl SensorBus, address: Address) -> Result<Self, ReadError> {
+        let [i0, i1, i2, i3, f0, f1, f2, f3, s0, s1, s2, s3] = ask(bus, address, DA_STATUS_6).await?;
+        Ok(Self {
+            count: u64::from_le_bytes([f0, f1, f2, f3, i0, i1, i2, i3]),
+            duration_s: u32::from_le_bytes([s0, s1, s2, s3]),
+        })
+    }
+
+    /// What flowed out of the pack since `earlier`, in the unit of current times an hour. `None` if the count has been restarted.
+    fn since(&self, earlier: &Self) -> Option<f32> {
+        const STEPS: f32 = (1u64 << 32) as f32;
+        let into = self.count.wrapping_sub(earlier.count) as i64;
+        (self.duration_s >= earlier.duration_s).then(|| -(into as f32) / STEPS)
+    }
+}
+
+/// The words at this command and at those after it.
+async fn words_from<const N: usize>(
+    bus: &mut impl SensorBus,
+    address: Address,
+    command: u8,
+) -> Result<[u16; N], ReadError> {
+    let mut bytes = [[0; 2]; N];
+    bus.write_read(address, &[command], bytes.as_flattened_mut())
+        .await?;
+    Ok(bytes.map(u16::from_le_bytes))
+}
+
+/// The first `N` bytes of the answer to a subcommand, or of the data memory from this address on.
+async fn ask<const N: usize>(
+    bus: &mut impl SensorBus,
+    address: Address,
+    subcommand: u16,
+) -> Result<[u8; N], ReadError> {
+    let [low, high] = subcommand.to_le_bytes();
+    bus.write(address, &[SUBCOMMAND, low, high]).await?;
+    wait_for_answer(bus, address, subcommand).await?;
+    let [checksum, length] = Registers::new(bus, address).read(CHECKSUM).await?;
+    let length = usize::from(length).checked_sub(LENGTH_OF_REST);
+    let mut buffer = [0; LONGEST_ANSWER];
+    let answer = length
+        .filter(|length| *length >= N)
+        .and_then(|length| buffer.get_mut(..length))
+        .ok_or(ReadError::OtherPart)?;
+    bus.write_read(address, &[ANSWER], answer).await?;
+    let sum = answer
+        .iter()
+        .fold(low.wrapping_add(high), |sum, byte| sum.wrapping_add(*byte));
+    if !sum != checksum {
+        return Err(BusError::Checksum.into());
+    }
+    answer.first_chunk().copied().ok_or(ReadError::OtherPart)
+}
+
+/// It repeats the subcommand as soon as its answer is there.
+async fn wait_for_answer(
+    bus: &mut impl SensorBus,
+    address: Address,
+    subcommand: u16,
+) -> Result<(), ReadError> {
+    for _ in 0..LOOKS_FOR_ANSWER {
+        let [repeated] = words_from(bus, address, SUBCOMMAND).await?;
+        if repeated == subcommand {
+            return Ok(());
+        }
+    }
+    Err(ReadError::OtherPart)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn charge(integer: i32, fraction: u32, duration_s: u32) -> Charge {
+        Charge {
+            count: (integer as u32 as u64) << 32 | u64::from(fraction),
+            duration_s,
+        }
+    }
+
+    #[test]
+    fn what_flows_into_the_pack_counts_down_across_zero() {
+        // From 0.5 to -0.5.
+        let (before, now) = (charge(0, 1 << 31, 10), charge(-1, 1 << 31, 11));
+        assert_eq!(now.since(&before), Some(1.0));
+        assert_eq!(before.since(&charge(-1, 1 << 31, 9)), Some(-1.0));
+    }
+
+    #[test]
+    fn a_count_that_was_restarted_is_no_charge() {
+        assert_eq!(charge(0, 1 << 31, 0).since(&charge(-500, 0, 1_000)), None);
+    }
+}

@@ -1,0 +1,312 @@
+//! BQ76952: monitor of up to 16 cells in series (SLUUBY2B, SLUAA11B).
+//!
+//! Left out: protections, transistors, balancing, thermistors, modes of less power, writes to the data memory, the check byte
+//! behind each byte that can be set up. What the data memory reads as while it is sealed is not confirmed.
+
+use super::super::super::clock::{CLK_SYS_HZ, Cycle, cycles};
+use super::super::device::{Ack, I2cDevice, I2cDirection};
+use super::signed_code;
+
+const CELLS: usize = 16;
+
+const BATTERY_STATUS: u8 = 0x12;
+const FIRST_CELL: u8 = 0x14;
+const LAST_CELL: u8 = 0x32;
+const STACK: u8 = 0x34;
+const PACK_PIN: u8 = 0x36;
+const LD_PIN: u8 = 0x38;
+const CC2_CURRENT: u8 = 0x3a;
+const SUBCOMMAND: u8 = 0x3e;
+const SUBCOMMAND_HIGH: u8 = 0x3f;
+const BUFFER: u8 = 0x40;
+const BUFFER_END: u8 = 0x5f;
+const CHECKSUM: u8 = 0x60;
+const LENGTH: u8 = 0x61;
+const INT_TEMPERATURE: u8 = 0x68;
+
+const DEVICE_NUMBER: u16 = 0x0001;
+const DASTATUS6: u16 = 0x0076;
+const DA_CONFIGURATION: u16 = 0x9303;
+
+/// Battery Status: full access, and sealed.
+const FULL_ACCESS: u16 = 1 << 8;
+const SEALED: u16 = 3 << 8;
+
+/// DA Configuration after a reset: 10 mV and 1 mA.
+const DA_CONFIGURATION_RESET: u8 = 0x05;
+const USER_VOLTS_CV: u8 = 1 << 2;
+
+/// The time that a subcommand takes.
+const BUSY: Cycle = cycles(500);
+const BUSY_BYTE: u8 = 0xff;
+
+/// The accumulated charge starts at half a step.
+const CHARGE_RESET: i64 = 1 << 31;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    Full,
+    /// The data memory can't be read.
+    Sealed,
+}
+
+#[derive(Clone, Copy)]
+struct State {
+    da_configuration: u8,
+    vcell_mode: u16,
+    access: Access,
+    /// In 2^-32 of the unit of current times an hour.
+    charge: i64,
+    charge_since: Cycle,
+    subcommand: u16,
+    ready_at: Cycle,
+}
+
+impl State {
+    fn after_reset(now: Cycle) -> Self {
+        Self {
+            da_configuration: DA_CONFIGURATION_RESET,
+            vcell_mode: 0,
+            access: Access::Full,
+            charge: CHARGE_RESET,
+            charge_since: now,
+            subcommand: 0,
+            ready_at: 0,
+        }
+    }
+
+    fn unit_v(self) -> f64 {
+        if self.da_configuration & USER_VOLTS_CV != 0 { 0.01 } else { 0.001 }
+    }
+
+    fn unit_a(self) -> f64 {
+        [0.0001, 0.001, 0.01, 0.1][usize::from(self.da_configuration & 3)]
+    }
+}
+
+pub struct Bq76952 {
+    cells_mv: [u16; CELLS],
+    amperes: f64,
+    celsius: f64,
+    state: State,
+    now: Cycle,
+    pointer: u8,
+    /// Bytes since the START.
+    written: Vec<u8>,
+}
+
+impl Bq76952 {
+    /// Connected to nothing.
+    pub fn new() -> Self {
+        Self {
+            cells_mv: [0; CELLS],
+            amperes: 0.0,
+            celsius: 25.0,
+            state: State::after_reset(0),
+            now: 0,
+            pointer: 0,
+            written: Vec::new(),
+        }
+    }
+
+    /// Cells at the inputs from the first on; the current is positive when it flows out of them.
+    pub fn set(&mut self, cells_mv: &[u16], amperes: f64, celsius: f64) {
+        self.cells_mv = [0; CELLS];
+        self.cells_mv[..cells_mv.len()].copy_from_slice(cells_mv);
+        self.amperes = amperes;
+        self.celsius = celsius;
+    }
+
+    /// As the maker of the pack sets it up: units, and the inputs that have a cell.
+    pub fn configure(&mut self, da_configuration: u8, vcell_mode: u16) {
+        self.state.da_configuration = da_configuration;
+        self.state.vcell_mode = vcell_mode;
+    }
+
+    pub fn set_access(&mut self, access: Access) {
+        self.state.access = access;
+    }
+
+    /// The supply of the device is gone and back. What it is connected to stays.
+    pub fn power_cycle(&mut self) {
+        self.state = State::after_reset(self.now);
+        self.written.clear();
+    }
+
+    /// Counts the charge until `now`.
+    fn advance(&mut self, now: Cycle) {
+        let hours = (now - self.now) as f64 / CLK_SYS_HZ as f64 / 3600.0;
+        let into = -self.amperes / self.state.unit_a() * hours;
+        self.state.charge += (into * 2f64.powi(32)).round() as i64;
+        self.now = now;
+    }
+
+    fn word(&self, command: u8) -> u16 {
+        let stack_v = f64::from(self.cells_mv.iter().map(|mv| u32::from(*mv)).sum::<u32>()) / 1000.0;
+        match command {
+            BATTERY_STATUS => match self.state.access {
+                Access::Full => FULL_ACCESS,
+                Access::Sealed => SEALED,
+            },
+            FIRST_CELL..=LAST_CELL => self.cells_mv[usize::from(command - FIRST_CELL) / 2],
+            STACK | PACK_PIN | LD_PIN => signed_code(stack_v, self.state.unit_v(), 16) as u16,
+            CC2_CURRENT => signed_code(-self.amperes, self.state.unit_a(), 16) as u16,
+            INT_TEMPERATURE => signed_code(self.celsius + 273.15, 0.1, 16) as u16,
+            _ => 0,
+        }
+    }
+
+    /// The data of the last subcommand.
+    fn answer(&self) -> Vec<u8> {
+        match self.state.subcommand {
+            DEVICE_NUMBER => 0x7695u16.to_le_bytes().to_vec(),
+            DASTATUS6 => {
+                let seconds = ((self.now - self.state.charge_since) / CLK_SYS_HZ) as u32;
+                let integer = (self.state.charge >> 32) as i32;
+                let fraction = self.state.charge as u32;
+                [
+                    integer.to_le_bytes(),
+                    fraction.to_le_bytes(),
+                    seconds.to_le_bytes(),
+                ]
+                .concat()
+            }
+            // A read of the data memory gives a whole buffer.
+            DA_CONFIGURATION => {
+                let [low, high] = self.state.vcell_mode.to_le_bytes();
+                let mut block = vec![0; 32];
+                block[..3].copy_from_slice(&[self.state.da_configuration, low, high]);
+                block
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    fn is_answered(&self) -> bool {
+        let is_data_memory = self.state.subcommand >= 0x9000;
+        self.now >= self.state.ready_at && !(is_data_memory && self.state.access == Access::Sealed)
+    }
+
+    fn byte(&self, address: u8) -> u8 {
+        let [low, high] = self.state.subcommand.to_le_bytes();
+        match address {
+            SUBCOMMAND..=LENGTH if !self.is_answered() => BUSY_BYTE,
+            SUBCOMMAND => low,
+            SUBCOMMAND_HIGH => high,
+            BUFFER..=BUFFER_END => {
+                let answer = self.answer();
+                answer.get(usize::from(address - BUFFER)).copied().unwrap_or(0)
+            }
+            CHECKSUM => {
+                let answer = self.answer();
+                let bytes = [low, high].into_iter().chain(answer);
+                !bytes.fold(0u8, u8::wrapping_add)
+            }
+            LENGTH => self.answer().len() as u8 + 4,
+            _ => self.word(address & !1).to_le_bytes()[usize::from(address & 1)],
+        }
+    }
+}
+
+impl I2cDevice for Bq76952 {
+    fn start(&mut self, direction: I2cDirection, now: Cycle) -> Ack {
+        self.advance(now);
+        if direction == I2cDirection::Write {
+            self.written.clear();
+        }
+        Ack::Ack
+    }
+
+    fn write(&mut self, byte: u8) -> Ack {
+        self.written.push(byte);
+        match self.written[..] {
+            [pointer] => self.pointer = pointer,
+            [SUBCOMMAND, low, high] => {
+                self.state.subcommand = u16::from_le_bytes([low, high]);
+                self.state.ready_at = self.now + BUSY;
+            }
+            _ => {}
+        }
+        Ack::Ack
+    }
+
+    fn read(&mut self) -> u8 {
+        let byte = self.byte(self.pointer);
+        self.pointer = self.pointer.wrapping_add(1);
+        byte
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_at(device: &mut Bq76952, command: u8, bytes: usize, now: Cycle) -> Vec<u8> {
+        device.start(I2cDirection::Write, now);
+        device.write(command);
+        device.start(I2cDirection::Read, now);
+        (0..bytes).map(|_| device.read()).collect()
+    }
+
+    fn ask(device: &mut Bq76952, subcommand: u16, now: Cycle) {
+        let [low, high] = subcommand.to_le_bytes();
+        device.start(I2cDirection::Write, now);
+        for byte in [SUBCOMMAND, low, high] {
+            device.write(byte);
+        }
+        device.stop();
+    }
+
+    #[test]
+    fn the_examples_of_the_software_guide_read_as_it_says() {
+        // SLUAA11B 1.2 to 1.4: 3700 mV, 298.2 K, 7 mA.
+        let mut device = Bq76952::new();
+        device.set(&[3700], -0.007, 25.05);
+        assert_eq!(read_at(&mut device, 0x14, 2, 0), [0x74, 0x0e]);
+        assert_eq!(read_at(&mut device, 0x68, 2, 0), [0xa6, 0x0b]);
+        assert_eq!(read_at(&mut device, 0x3a, 2, 0), [0x07, 0x00]);
+    }
+
+    #[test]
+    fn the_stack_of_ti_s_example_reads_as_it_says() {
+        // SLAAEB3, table 4-6: 16 cells of 1532 mV and a little less, 24.4 V.
+        let mut device = Bq76952::new();
+        device.set(&[1525; 16], 0.0, 25.0);
+        assert_eq!(read_at(&mut device, 0x34, 2, 0), [0x88, 0x09]);
+        device.configure(0x01, 0);
+        assert_eq!(read_at(&mut device, 0x34, 2, 0), 24_400u16.to_le_bytes());
+    }
+
+    #[test]
+    fn a_subcommand_is_answered_after_its_time_with_checksum_and_length() {
+        let mut device = Bq76952::new();
+        ask(&mut device, DEVICE_NUMBER, 0);
+        assert_eq!(read_at(&mut device, 0x3e, 2, BUSY - 1), [0xff, 0xff]);
+        assert_eq!(read_at(&mut device, 0x3e, 4, BUSY), [0x01, 0x00, 0x95, 0x76]);
+        assert_eq!(read_at(&mut device, 0x60, 2, BUSY), [!(0x01 + 0x95 + 0x76), 6]);
+    }
+
+    #[test]
+    fn charge_out_of_the_pack_counts_down_from_a_half() {
+        let mut device = Bq76952::new();
+        device.set(&[4000; 3], 3.6, 25.0);
+        // 1 mAh in a second.
+        ask(&mut device, DASTATUS6, CLK_SYS_HZ);
+        let read = read_at(&mut device, 0x40, 12, CLK_SYS_HZ + BUSY);
+        assert_eq!(read[..4], (-1i32).to_le_bytes());
+        assert!(u32::from_le_bytes([read[4], read[5], read[6], read[7]]).abs_diff(1 << 31) < 1 << 22);
+        assert_eq!(read[8..], 1u32.to_le_bytes());
+    }
+
+    #[test]
+    fn the_data_memory_is_not_answered_while_it_is_sealed() {
+        let mut device = Bq76952::new();
+        device.configure(0x06, 0x8007);
+        ask(&mut device, DA_CONFIGURATION, 0);
+        assert_eq!(read_at(&mut device, 0x40, 3, BUSY), [0x06, 0x07, 0x80]);
+        assert_eq!(read_at(&mut device, 0x61, 1, BUSY), [0x24]);
+        device.set_access(Access::Sealed);
+        assert_eq!(read_at(&mut device, 0x3e, 2, BUSY), [0xff, 0xff]);
+        assert_eq!(read_at(&mut device, 0x12, 2, BUSY), [0x00, 0x03]);
+    }
+}
