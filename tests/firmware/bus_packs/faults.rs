@@ -22,9 +22,9 @@ const CYCLES_PER_MS: u64 = MILLISECOND * CYCLES_PER_US;
 const UNHEALTHY: u8 = 6;
 
 /// The third pack is a smart battery, which is fine, and the first one is on the divider.
-struct Faulty<D> {
-    bench: Bench,
-    part: Rc<RefCell<D>>,
+pub struct Faulty<D> {
+    pub bench: Bench,
+    pub part: Rc<RefCell<D>>,
 }
 
 type Monitor = Garbled<RegisterMap<Ina226>>;
@@ -48,7 +48,7 @@ fn with_monitor() -> Faulty<Monitor> {
 }
 
 impl<D> Faulty<D> {
-    fn assert_all_fine(&self) {
+    pub fn assert_all_fine(&self) {
         assert!(self.bench.logged(LogLevel::Warn, "unhealthy").is_empty());
         assert!(!self.bench.logged(LogLevel::Info, "battery 2: Healthy").is_empty());
         assert!(!self.bench.logged(LogLevel::Info, "battery 3: Healthy").is_empty());
@@ -56,7 +56,12 @@ impl<D> Faulty<D> {
 
     /// `fault` makes the second pack unhealthy within five seconds, which is announced once with this reason; when it
     /// has ended, the pack recovers by itself, which is announced once, too. The other packs keep their rate.
-    fn assert_survives(&mut self, reason: &str, fault: impl FnOnce(&mut Self), end: impl FnOnce(&mut Self)) {
+    pub fn assert_survives(
+        &mut self,
+        reason: &str,
+        fault: impl FnOnce(&mut Self),
+        end: impl FnOnce(&mut Self),
+    ) {
         fault(self);
         let from_us = self.bench.time_us();
         let found = self.bench.run_until(5 * SECOND, |board| {
@@ -121,7 +126,7 @@ impl<D> Faulty<D> {
     }
 
     /// No reading of the third pack, which is on the same bus, was missed.
-    fn assert_neighbour_is_read(&self) {
+    pub fn assert_neighbour_is_read(&self) {
         let missed = self.bench.logged(LogLevel::Warn, "battery 3");
         assert!(missed.is_empty(), "{missed:?}");
     }

@@ -1,5 +1,6 @@
 //! Packs on the I2C bus: power monitors and smart batteries, at SDA GP14 and SCL GP15.
 
+mod bq76952;
 mod faults;
 mod messages;
 mod more_parts;

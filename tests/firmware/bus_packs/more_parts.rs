@@ -8,10 +8,11 @@ use super::{
 };
 use crate::bench::{Bench, SECOND};
 use crate::emulator::LogLevel;
-use crate::emulator::i2c_devices::{Ad7091r5, Ina231, Ina238, Ltc2946, Reference};
+use crate::emulator::i2c_devices::{Ad7091r5, Bebop, Garbled, Ina231, Ina238, Ltc2946, Reads, Reference};
 use crate::emulator::spi_devices::Ina239;
 use crate::support::frames::{last_of, texts_of};
 
+const BEBOP: f32 = 6.0;
 const INA2XX: f32 = 21.0;
 const LTC2946: f32 = 22.0;
 const INA239: f32 = 26.0;
@@ -205,4 +206,38 @@ fn a_pin_of_the_converter_is_none_for_other_monitors() {
     bench.run_for(2 * SECOND);
     assert!(texts_of(&bench.frames()).contains(&"Battery 2 unhealthy: no pin set".into()));
     assert!(bench.logged(LogLevel::Warn, "battery 1").is_empty());
+}
+
+#[test]
+fn the_motor_board_of_a_bebop_measures_the_voltage_alone() {
+    let part = shared(Garbled::new(Bebop::new(4), Reads::Own));
+    part.borrow_mut().set(11_432);
+    let mut bench = with_second_pack(BEBOP, 0x08, &part, &[]);
+    after_a_second(&mut bench, |status| {
+        assert_eq!((status.voltage_mv(0), status.voltage_mv(1)), (11_432, 65535));
+        assert_eq!((status.current_ca(), status.consumed_mah()), (-1, -1));
+    });
+    // A byte that was damaged on its way.
+    part.borrow_mut().set_reads(Reads::Fixed(0x55));
+    bench.run_for(3 * SECOND);
+    let announced = texts_of(&bench.frames());
+    assert!(
+        announced
+            .iter()
+            .any(|text| text.starts_with("Battery 2 unhealthy: ")),
+        "{announced:?}"
+    );
+    part.borrow_mut().set_reads(Reads::Own);
+    bench.run_for(7 * SECOND);
+    assert!(texts_of(&bench.frames()).contains(&"Battery 2 healthy again".into()));
+    assert_survives_unplugging(&mut bench, 0x08, &part, |_| {});
+}
+
+#[test]
+fn a_motor_board_with_another_number_of_motors_is_none_of_a_bebop() {
+    let part = shared(Bebop::new(1));
+    part.borrow_mut().set(11_432);
+    let mut bench = with_second_pack(BEBOP, 0x08, &part, &[]);
+    bench.run_for(2 * SECOND);
+    assert!(texts_of(&bench.frames()).contains(&"Battery 2 unhealthy: unknown part".into()));
 }

@@ -76,7 +76,11 @@ impl State {
     }
 
     fn unit_v(self) -> f64 {
-        if self.da_configuration & USER_VOLTS_CV != 0 { 0.01 } else { 0.001 }
+        if self.da_configuration & USER_VOLTS_CV != 0 {
+            0.01
+        } else {
+            0.001
+        }
     }
 
     fn unit_a(self) -> f64 {
@@ -93,6 +97,7 @@ pub struct Bq76952 {
     pointer: u8,
     /// Bytes since the START.
     written: Vec<u8>,
+    stretch: Cycle,
 }
 
 impl Bq76952 {
@@ -106,7 +111,13 @@ impl Bq76952 {
             now: 0,
             pointer: 0,
             written: Vec::new(),
+            stretch: 0,
         }
+    }
+
+    /// Hold SCL for this many cycles after every byte.
+    pub fn set_stretch(&mut self, cycles: Cycle) {
+        self.stretch = cycles;
     }
 
     /// Cells at the inputs from the first on; the current is positive when it flows out of them.
@@ -235,6 +246,10 @@ impl I2cDevice for Bq76952 {
         self.pointer = self.pointer.wrapping_add(1);
         byte
     }
+
+    fn stretch(&mut self) -> Cycle {
+        self.stretch
+    }
 }
 
 #[cfg(test)]
@@ -283,7 +298,7 @@ mod tests {
         ask(&mut device, DEVICE_NUMBER, 0);
         assert_eq!(read_at(&mut device, 0x3e, 2, BUSY - 1), [0xff, 0xff]);
         assert_eq!(read_at(&mut device, 0x3e, 4, BUSY), [0x01, 0x00, 0x95, 0x76]);
-        assert_eq!(read_at(&mut device, 0x60, 2, BUSY), [!(0x01 + 0x95 + 0x76), 6]);
+        assert_eq!(read_at(&mut device, 0x60, 2, BUSY), [!0x0c, 6]);
     }
 
     #[test]
