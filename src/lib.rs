@@ -98,6 +98,7 @@ mod decimals;
 mod flash_model;
 mod in_place;
 mod log;
+mod log_limit;
 mod rounding;
 mod sealed;
 

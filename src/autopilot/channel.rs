@@ -1,10 +1,11 @@
 //! Our end of a link, with its place in the announcements and its log.
 
 use super::broadcast::Position;
+use crate::log_limit::LogLimit;
 use crate::mavlink::{Endpoint, LinkKind, LinkStatistics, LogRead};
 use crate::time::Instant;
 
-/// Minimum interval between log lines about something that may happen many times a second.
+/// Minimum interval between log lines about drops, and between those about refusals.
 const LOG_INTERVAL_US: u64 = 1_000_000;
 
 /// Our end of a MAVLink link, with a name for the log. [`Autopilot`](super::Autopilot) serves it.
@@ -14,25 +15,8 @@ pub struct Channel {
     pub(super) endpoint: Endpoint,
     /// How far it has sent the announcements.
     pub(super) position: Position,
-    pub(super) drop_log: LogLimit,
-    pub(super) refusal_log: LogLimit,
-}
-
-/// Allows one log line per [`LOG_INTERVAL_US`].
-#[derive(Debug, Default)]
-pub(super) struct LogLimit {
-    last: Option<Instant>,
-}
-
-impl LogLimit {
-    /// Whether a line may be logged at `now`; then it counts as logged.
-    pub fn allows(&mut self, now: Instant) -> bool {
-        let is_due = self.last.is_none_or(|last| now.us_since(last) >= LOG_INTERVAL_US);
-        if is_due {
-            self.last = Some(now);
-        }
-        is_due
-    }
+    pub(super) drop_log: LogLimit<LOG_INTERVAL_US>,
+    pub(super) refusal_log: LogLimit<LOG_INTERVAL_US>,
 }
 
 impl Channel {
@@ -42,8 +26,8 @@ impl Channel {
             name,
             endpoint: Endpoint::new(kind, bytes_per_second, now),
             position: Position::default(),
-            drop_log: LogLimit::default(),
-            refusal_log: LogLimit::default(),
+            drop_log: LogLimit::new(),
+            refusal_log: LogLimit::new(),
         }
     }
 
@@ -101,20 +85,5 @@ impl Channel {
     /// Sends a text on this link alone.
     pub fn say(&mut self, severity: crate::mavlink::dialect::MavSeverity, text: &str) {
         self.endpoint.say(severity, text);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::time::at_us;
-
-    #[test]
-    fn one_line_is_logged_per_second() {
-        let mut limit = LogLimit::default();
-        assert!(limit.allows(Instant::EPOCH));
-        assert!(!limit.allows(at_us(999_999)));
-        assert!(limit.allows(at_us(1_000_000)));
-        assert!(!limit.allows(at_us(1_000_000)));
     }
 }

@@ -8,8 +8,8 @@ use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState, RxTo
 
 use super::leases::Leases;
 use crate::log::info;
+use crate::log_limit::LogLimit;
 use crate::tasks::now;
-use crate::time::Instant;
 
 const ETHERTYPE_IPV4: [u8; 2] = [0x08, 0x00];
 const ETHERTYPE_ARP: [u8; 2] = [0x08, 0x06];
@@ -37,7 +37,7 @@ pub(super) struct Guarded<'a, D> {
     /// Of the access point; `None` in another's network.
     leases: Option<&'a RefCell<Leases>>,
     refused: Cell<u32>,
-    logged: Cell<Option<Instant>>,
+    log: LogLimit<LOG_INTERVAL_US>,
 }
 
 impl<'a, D> Guarded<'a, D> {
@@ -46,7 +46,7 @@ impl<'a, D> Guarded<'a, D> {
             device,
             leases,
             refused: Cell::new(0),
-            logged: Cell::new(None),
+            log: LogLimit::new(),
         }
     }
 }
@@ -55,7 +55,7 @@ impl<'a, D> Guarded<'a, D> {
 struct Door<'a> {
     leases: Option<&'a RefCell<Leases>>,
     refused: &'a Cell<u32>,
-    logged: &'a Cell<Option<Instant>>,
+    log: &'a LogLimit<LOG_INTERVAL_US>,
 }
 
 impl Door<'_> {
@@ -90,9 +90,7 @@ impl Door<'_> {
     fn count(&self) {
         let refused = self.refused.get().saturating_add(1);
         self.refused.set(refused);
-        let logged = self.logged.get();
-        if logged.is_none_or(|logged| now().us_since(logged) >= LOG_INTERVAL_US) {
-            self.logged.set(Some(now()));
+        if self.log.allows(now()) {
             info!("Wi-Fi: {} frames of unknown senders refused", refused);
         }
     }
@@ -140,7 +138,7 @@ impl<D: Driver> Driver for Guarded<'_, D> {
         let door = Door {
             leases: self.leases,
             refused: &self.refused,
-            logged: &self.logged,
+            log: &self.log,
         };
         Some((GuardedToken { token, door }, answer))
     }
@@ -199,11 +197,10 @@ mod tests {
     }
 
     fn admits(leases: Option<&RefCell<Leases>>, frame: &[u8]) -> bool {
-        let (refused, logged) = (Cell::new(0), Cell::new(Some(now())));
         let door = Door {
             leases,
-            refused: &refused,
-            logged: &logged,
+            refused: &Cell::new(0),
+            log: &LogLimit::new(),
         };
         door.admits(frame)
     }

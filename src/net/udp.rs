@@ -21,9 +21,9 @@ use super::service::Service;
 use super::stations::{Admission, SLOTS, Stations};
 use super::until::until;
 use crate::log::{info, warn};
+use crate::log_limit::LogLimit;
 use crate::mavlink::{LinkId, begins_with_frame};
 use crate::tasks::{ByteSource, Link, ReceiveError, now};
-use crate::time::Instant;
 
 /// The port of MAVLink by UDP, on both sides: QGroundControl, MAVProxy and others listen there.
 pub(super) const PORT: u16 = 14550;
@@ -62,7 +62,7 @@ pub(super) struct UdpLinks {
     slots: [Slot; SLOTS],
     /// The sequence number of the next frame for those who have no link yet.
     pub sequence: Cell<u8>,
-    refusal_logged: Cell<Option<Instant>>,
+    refusal_log: LogLimit<LOG_INTERVAL_US>,
 }
 
 /// What waits for a link.
@@ -79,7 +79,7 @@ impl UdpLinks {
             stations: RefCell::default(),
             slots: [const { Slot::new() }; SLOTS],
             sequence: Cell::new(0),
-            refusal_logged: Cell::new(None),
+            refusal_log: LogLimit::new(),
         }
     }
 
@@ -126,9 +126,7 @@ impl UdpLinks {
     }
 
     fn log_refusal(&self, station: SocketAddrV4, count: u32) {
-        let logged = self.refusal_logged.get();
-        if logged.is_none_or(|logged| now().us_since(logged) >= LOG_INTERVAL_US) {
-            self.refusal_logged.set(Some(now()));
+        if self.refusal_log.allows(now()) {
             let address = station.ip().octets();
             warn!(
                 "UDP: {:?} refused, no link is free: {} datagrams so far",
