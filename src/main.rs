@@ -25,7 +25,7 @@ mod firmware {
     use rover_battmon::sensor::Buses;
     use rover_battmon::storage::Storage;
     use rover_battmon::tasks::{self, Link, Shared, SigningStorage};
-    use rover_battmon::wifi::{Radio, WIFI_WORDS};
+    use rover_battmon::wifi::{RADIO_TASK, Radio, WIFI_WORDS};
     use static_cell::StaticCell;
 
     static FLASH: StaticCell<FlashDriver> = StaticCell::new();
@@ -48,7 +48,7 @@ mod firmware {
     static SIGNING: CheckIn = CheckIn::new("signing", 5_000);
     static LEARNT: CheckIn = CheckIn::new("learnt", 5_000);
     static LOG: CheckIn = CheckIn::new("log", 5_000);
-    static WIFI: CheckIn = CheckIn::new("Wi-Fi", 5_000);
+    static WIFI: CheckIn = CheckIn::new(RADIO_TASK, 5_000);
     static WIFI_SETTINGS: CheckIn = CheckIn::new("Wi-Fi settings", 5_000);
     static STATUS: CheckIn = CheckIn::new("status", 2_500);
 

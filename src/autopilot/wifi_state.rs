@@ -8,7 +8,7 @@ use crate::crash::TaskName;
 use crate::parameter::Parameters;
 use crate::time::Instant;
 use crate::wifi::{
-    Radio, StoredWifi, WifiChoice, WifiCredentials, WifiMode, WifiRecord, WifiReport, WifiSetup,
+    RADIO_TASK, Radio, StoredWifi, WifiChoice, WifiCredentials, WifiMode, WifiRecord, WifiReport, WifiSetup,
 };
 
 /// Reports of each kind, each announced once.
@@ -16,9 +16,6 @@ const REPORTS: usize = 12;
 
 /// A ground station that was not heard by Wi-Fi for so long is not there.
 pub(super) const PRESENCE_US: u64 = 10_000_000;
-
-/// The task that drives the radio, as a crash record names it.
-pub(super) const TASK: &str = "Wi-Fi";
 
 /// The state of Wi-Fi.
 #[derive(Debug)]
@@ -116,7 +113,7 @@ impl WifiState {
 /// so must not restart the board again and again.
 fn has_crashed(start: &Start) -> bool {
     let crashed = start.crash.as_ref().and_then(|crash| crash.task);
-    start.radio == Radio::Present && crashed.is_some() && crashed == TaskName::new(TASK)
+    start.radio == Radio::Present && crashed.is_some() && crashed == TaskName::new(RADIO_TASK)
 }
 
 /// What ends a success, so that the next one is announced.

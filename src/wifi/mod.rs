@@ -17,3 +17,6 @@ pub use report::WifiReport;
 pub use setup::{PowerSave, WifiChoice, WifiMode, WifiSetup};
 pub use ssid::Ssid;
 pub use stored::{StoredWifi, WIFI_WORDS, WifiRecord};
+
+/// The task that drives the radio: its name where tasks check in, and in a crash record.
+pub const RADIO_TASK: &str = "Wi-Fi";
