@@ -2,14 +2,36 @@
 
 use rover_battmon::net::Role;
 
-use crate::phone::BOARD;
-use crate::room::play;
-use crate::support::frames::{Frame, HEARTBEAT, PARAM_VALUE, SYS_STATUS};
+use smoltcp::iface::SocketHandle;
+
+use crate::phone::{BOARD, Phone};
+use crate::room::{Room, play};
+use crate::support::frames::{Frame, HEARTBEAT, PARAM_VALUE, SYS_STATUS, SysStatus, of_message};
 use crate::support::requests;
 
 const PORT: u16 = 14550;
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
+
+/// A datagram that fits into the memory for what is received, and into the queue of its link.
+const FLOOD_BYTES: usize = 700;
+
+/// Two phones that have a link each, and nothing unread yet.
+struct TwoStations {
+    one: Phone,
+    two: Phone,
+    sockets: [SocketHandle; 2],
+}
+
+async fn two_stations(room: &Room<'_>) -> TwoStations {
+    let (mut one, mut two) = (room.phone(2).await, room.phone(3).await);
+    let sockets = [one.listen(PORT), two.listen(PORT)];
+    one.send(sockets[0], &requests::heartbeat(6));
+    two.send(sockets[1], &requests::heartbeat(6));
+    room.pass(1_000, &mut [&mut one, &mut two]).await;
+    let _ = (one.received(sockets[0]), two.received(sockets[1]));
+    TwoStations { one, two, sockets }
+}
 
 #[test]
 fn a_ground_station_is_found_by_broadcast_and_then_gets_everything_by_unicast() {
@@ -45,25 +67,25 @@ fn a_ground_station_is_found_by_broadcast_and_then_gets_everything_by_unicast() 
 fn two_stations_have_a_link_each_and_a_third_gets_nothing_until_one_is_silent() {
     play(Role::AccessPoint, async |room| {
         let (mut one, mut two, mut three) = (room.phone(2).await, room.phone(3).await, room.phone(4).await);
-        let stations = [one.listen(PORT), two.listen(40_000), three.listen(PORT)];
+        let sockets = [one.listen(PORT), two.listen(40_000), three.listen(PORT)];
         let mut third_since = None;
         for second in 0..35 {
-            one.send(stations[0], &requests::heartbeat(6));
+            one.send(sockets[0], &requests::heartbeat(6));
             if second < 10 {
-                two.send(stations[1], &requests::heartbeat(6));
+                two.send(sockets[1], &requests::heartbeat(6));
             }
             if second >= 3 {
-                three.send(stations[2], &requests::heartbeat(6));
+                three.send(sockets[2], &requests::heartbeat(6));
             }
             room.pass(1_000, &mut [&mut one, &mut two, &mut three]).await;
-            assert!(one.received_frames(stations[0]).len() > 4, "second {second}");
-            let for_three = three.received_frames(stations[2]);
+            assert!(one.received_frames(sockets[0]).len() > 4, "second {second}");
+            let for_three = three.received_frames(sockets[2]);
             if third_since.is_none() && !for_three.is_empty() {
                 assert_eq!(for_three[0].sequence, 0, "its own link, from the start");
                 third_since = Some(second);
             }
             assert_eq!(!for_three.is_empty(), third_since.is_some(), "second {second}");
-            let for_two = two.received_frames(stations[1]);
+            let for_two = two.received_frames(sockets[1]);
             if third_since != Some(second) {
                 assert_eq!(!for_two.is_empty(), third_since.is_none(), "second {second}");
             }
@@ -91,24 +113,24 @@ fn each_request_is_answered_wherever_it_lies_in_the_queue() {
 #[test]
 fn each_station_has_its_own_rates() {
     play(Role::AccessPoint, async |room| {
-        let (mut one, mut two) = (room.phone(2).await, room.phone(3).await);
-        let stations = [one.listen(PORT), two.listen(PORT)];
-        one.send(stations[0], &requests::heartbeat(6));
-        two.send(stations[1], &requests::heartbeat(6));
-        room.pass(1_000, &mut [&mut one, &mut two]).await;
+        let TwoStations {
+            mut one,
+            mut two,
+            sockets,
+        } = two_stations(room).await;
         one.send(
-            stations[0],
+            sockets[0],
             &requests::command_long_2(SET_MESSAGE_INTERVAL, SYS_STATUS as f32, 20_000.0),
         );
         room.pass(1_000, &mut [&mut one, &mut two]).await;
-        let _ = (one.received(stations[0]), two.received(stations[1]));
+        let _ = (one.received(sockets[0]), two.received(sockets[1]));
         room.pass(2_000, &mut [&mut one, &mut two]).await;
         let count = |frames: Vec<Frame>| {
             let of_message = frames.iter().filter(|frame| frame.message_id == SYS_STATUS);
             of_message.count()
         };
-        assert_eq!(count(one.received_frames(stations[0])), 100);
-        assert!(count(two.received_frames(stations[1])) < 10);
+        assert_eq!(count(one.received_frames(sockets[0])), 100);
+        assert!(count(two.received_frames(sockets[1])) < 10);
     });
 }
 
@@ -152,25 +174,24 @@ fn what_is_no_mavlink_gets_no_slot() {
 #[test]
 fn a_flood_of_one_station_leaves_the_other_its_link() {
     play(Role::AccessPoint, async |room| {
-        let (mut one, mut two) = (room.phone(2).await, room.phone(3).await);
-        let stations = [one.listen(PORT), two.listen(PORT)];
-        one.send(stations[0], &requests::heartbeat(6));
-        two.send(stations[1], &requests::heartbeat(6));
-        room.pass(1_000, &mut [&mut one, &mut two]).await;
-        let _ = (one.received(stations[0]), two.received(stations[1]));
+        let TwoStations {
+            mut one,
+            mut two,
+            sockets,
+        } = two_stations(room).await;
         let mut flood = requests::heartbeat(6);
-        flood.resize(1_000, 0xfd);
+        flood.resize(FLOOD_BYTES, 0xfd);
         for ms in 0..3_000 {
             // As many as the radio takes.
             for _ in 0..4 {
-                two.send(stations[1], &flood);
+                two.send(sockets[1], &flood);
             }
             if ms % 100 == 0 {
-                one.send(stations[0], &requests::param_read_by_name("BATT_CAPACITY"));
+                one.send(sockets[0], &requests::param_read_by_name("BATT_CAPACITY"));
             }
             room.pass(1, &mut [&mut one, &mut two]).await;
         }
-        let frames = one.received_frames(stations[0]);
+        let frames = one.received_frames(sockets[0]);
         let answers = frames.iter().filter(|frame| frame.message_id == PARAM_VALUE);
         assert_eq!(answers.count(), 30);
         assert_eq!(
@@ -181,30 +202,34 @@ fn a_flood_of_one_station_leaves_the_other_its_link() {
             3,
             "the flooded board goes on"
         );
+        let flooded = two.received_frames(sockets[1]);
+        let status = of_message(&flooded, SYS_STATUS);
+        let errors = SysStatus(status.last().expect("its link goes on, too")).errors_comm();
+        assert!(errors > 1_000, "{errors} errors: the flood arrives at its link");
     });
 }
 
 #[test]
 fn a_station_that_does_not_answer_for_its_address_stops_only_itself() {
     play(Role::AccessPoint, async |room| {
-        let (mut one, mut two) = (room.phone(2).await, room.phone(3).await);
-        let stations = [one.listen(PORT), two.listen(PORT)];
-        one.send(stations[0], &requests::heartbeat(6));
-        two.send(stations[1], &requests::heartbeat(6));
-        room.pass(500, &mut [&mut one, &mut two]).await;
+        let TwoStations {
+            mut one,
+            mut two,
+            sockets,
+        } = two_stations(room).await;
         room.air.borrow_mut().leave(two.mac);
         // The board forgets a hardware address after a minute.
         for second in 0..120 {
-            one.send(stations[0], &requests::heartbeat(6));
+            one.send(sockets[0], &requests::heartbeat(6));
             // It can send, and does not hear.
-            two.send(stations[1], &requests::heartbeat(6));
+            two.send(sockets[1], &requests::heartbeat(6));
             room.pass(1_000, &mut [&mut one, &mut two]).await;
-            assert!(one.received_frames(stations[0]).len() > 4, "second {second}");
+            assert!(one.received_frames(sockets[0]).len() > 4, "second {second}");
         }
         two.rejoin();
-        let _ = two.received(stations[1]);
+        let _ = two.received(sockets[1]);
         room.pass(1_500, &mut [&mut one, &mut two]).await;
-        let heard = two.received_frames(stations[1]);
+        let heard = two.received_frames(sockets[1]);
         assert!(heard.len() > 4, "{} frames", heard.len());
     });
 }
