@@ -58,6 +58,57 @@ impl I2cBus for Anything {
     }
 }
 
+/// A BQ76952 that reports what it is given: its commands, and answers to its subcommands.
+struct Stack {
+    commands: [u8; 128],
+    answers: BTreeMap<u16, Vec<u8>>,
+}
+
+impl Stack {
+    /// Recognised, and with these words from the first cell to the current.
+    fn new(words: &[u16], charge: [u8; 12], units: [u8; 3]) -> Self {
+        let mut commands = [0; 128];
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        commands[0x14..0x14 + bytes.len()].copy_from_slice(&bytes);
+        let answers = [
+            (0x0001, vec![0x95, 0x76]),
+            (0x0076, charge.to_vec()),
+            (0x9303, units.to_vec()),
+        ];
+        Self {
+            commands,
+            answers: answers.into(),
+        }
+    }
+
+    fn answer(&mut self, low: u8, high: u8) {
+        let answer = &self.answers[&u16::from_le_bytes([low, high])];
+        self.commands[0x3e..0x40].copy_from_slice(&[low, high]);
+        self.commands[0x40..0x40 + answer.len()].copy_from_slice(answer);
+        let sum = answer
+            .iter()
+            .fold(low.wrapping_add(high), |sum, byte| sum.wrapping_add(*byte));
+        self.commands[0x60..0x62].copy_from_slice(&[!sum, answer.len() as u8 + 4]);
+    }
+}
+
+impl I2cBus for Stack {
+    async fn transfer(&mut self, _: u8, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
+        let mut from = 0;
+        for operation in operations {
+            match operation {
+                Operation::Write([0x3e, low, high]) => self.answer(*low, *high),
+                Operation::Write(command) => from = usize::from(command[0]),
+                Operation::Read(buffer) => {
+                    let until = from + buffer.len();
+                    buffer.copy_from_slice(&self.commands[from..until]);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
 type Wires = Buses<Tables, NoSpi>;
 
 fn wires(tables: Tables) -> Wires {
@@ -399,6 +450,49 @@ proptest! {
             prop_assert!(state.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{:?}", state);
             let values = [state.voltage_v, state.current_a, state.consumed_mah(), state.time_remaining_s];
             prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
+        }
+    }
+
+    /// An honest stack with any numbers: its units, cells, current and charge.
+    #[test]
+    fn whatever_an_honest_stack_reports_the_pack_stays_sound(
+        readings in prop::collection::vec((any::<[u16; 20]>(), any::<[u8; 12]>()), 1..20),
+        units in any::<[u8; 3]>(),
+    ) {
+        let mut devices = BusDevices::from_parameters(&second_is(PartKind::Bq76952), Instant::EPOCH);
+        let mut monitor = BatteryMonitor::new();
+        for (number, (words, charge)) in (1..).zip(&readings) {
+            let mut bus = Buses::i2c(Stack::new(words, *charge, units));
+            for (_, reading) in read_next(&mut devices, &mut bus) {
+                prop_assert!(!matches!(reading, Err(ReadError::OtherPart | ReadError::Bus(_))), "{:?}", reading);
+                let tick = Tick { now: at_us(number * 100_000), ..Tick::default() };
+                let _ = monitor.update(tick, reading, &PackSettings::default());
+            }
+            let state = monitor.state();
+            let values = [state.voltage_v, state.current_a, state.consumed_mah(), state.remaining_pct];
+            prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{:?}", state);
+        }
+    }
+
+    /// A motor board with any numbers, and one byte that may be damaged.
+    #[test]
+    fn a_motor_board_of_a_bebop_is_believed_only_if_its_checksum_is_right(
+        body in any::<[u8; 14]>(),
+        damage in any::<u8>(),
+        place in 0usize..15,
+    ) {
+        let mut bus = wires(Tables::default());
+        bus.i2c.set(0x08, 0xa0, &[1, 5, 2, 4]);
+        let sum = body.iter().fold(0, |sum, byte| sum ^ byte);
+        let mut observed = [&body[..], &[sum]].concat();
+        observed[place] ^= damage;
+        bus.i2c.set(0x08, 0x20, &observed);
+        let mut devices = BusDevices::from_parameters(&second_is(PartKind::Bebop), Instant::EPOCH);
+        let millivolts = u16::from_be_bytes([body[8], body[9]]);
+        match (read_one(&mut devices, &mut bus), damage) {
+            (Ok(reading), 0) => assert_near(reading.voltage_v, f32::from(millivolts) * 1e-3),
+            (Err(ReadError::Implausible), 0) => prop_assert_eq!(millivolts, 0),
+            (reading, _) => prop_assert_eq!(reading, Err(BusError::Checksum.into())),
         }
     }
 }

@@ -95,6 +95,8 @@ pub struct Bq76952 {
     state: State,
     now: Cycle,
     pointer: u8,
+    /// The data of the last subcommand, as they were when it was written.
+    buffer: Vec<u8>,
     /// Bytes since the START.
     written: Vec<u8>,
     stretch: Cycle,
@@ -110,6 +112,7 @@ impl Bq76952 {
             state: State::after_reset(0),
             now: 0,
             pointer: 0,
+            buffer: Vec::new(),
             written: Vec::new(),
             stretch: 0,
         }
@@ -141,6 +144,7 @@ impl Bq76952 {
     /// The supply of the device is gone and back. What it is connected to stays.
     pub fn power_cycle(&mut self) {
         self.state = State::after_reset(self.now);
+        self.buffer.clear();
         self.written.clear();
     }
 
@@ -167,7 +171,7 @@ impl Bq76952 {
         }
     }
 
-    /// The data of the last subcommand.
+    /// What the last subcommand gives now.
     fn answer(&self) -> Vec<u8> {
         match self.state.subcommand {
             DEVICE_NUMBER => 0x7695u16.to_le_bytes().to_vec(),
@@ -205,15 +209,14 @@ impl Bq76952 {
             SUBCOMMAND => low,
             SUBCOMMAND_HIGH => high,
             BUFFER..=BUFFER_END => {
-                let answer = self.answer();
-                answer.get(usize::from(address - BUFFER)).copied().unwrap_or(0)
+                let byte = self.buffer.get(usize::from(address - BUFFER));
+                byte.copied().unwrap_or(0)
             }
             CHECKSUM => {
-                let answer = self.answer();
-                let bytes = [low, high].into_iter().chain(answer);
+                let bytes = [low, high].into_iter().chain(self.buffer.iter().copied());
                 !bytes.fold(0u8, u8::wrapping_add)
             }
-            LENGTH => self.answer().len() as u8 + 4,
+            LENGTH => self.buffer.len() as u8 + 4,
             _ => self.word(address & !1).to_le_bytes()[usize::from(address & 1)],
         }
     }
@@ -235,6 +238,7 @@ impl I2cDevice for Bq76952 {
             [SUBCOMMAND, low, high] => {
                 self.state.subcommand = u16::from_le_bytes([low, high]);
                 self.state.ready_at = self.now + BUSY;
+                self.buffer = self.answer();
             }
             _ => {}
         }
