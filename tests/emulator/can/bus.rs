@@ -65,6 +65,9 @@ struct Place {
     node: Shared,
     /// It may not send before: it is error-passive and has just sent.
     suspended_until: Cycle,
+    /// Whether it waits for recessive bits, and since when those count that were not counted yet.
+    is_waiting: bool,
+    recessive_from: Cycle,
 }
 
 struct Transmission {
@@ -79,8 +82,6 @@ pub struct CanBus {
     now: Cycle,
     /// Nodes may send from here on.
     idle_from: Cycle,
-    /// Recessive since then, as far as nodes that wait for it have not counted it.
-    recessive_since: Cycle,
     transmission: Option<Transmission>,
     wires: CanWires,
     stuck_step: Cycle,
@@ -99,7 +100,6 @@ impl CanBus {
             places: Vec::new(),
             now: 0,
             idle_from: 0,
-            recessive_since: 0,
             transmission: None,
             wires: CanWires::Sound,
             stuck_step: NEVER,
@@ -117,6 +117,8 @@ impl CanBus {
         self.places.push(Place {
             node,
             suspended_until: 0,
+            is_waiting: false,
+            recessive_from: 0,
         });
     }
 
@@ -128,8 +130,8 @@ impl CanBus {
             return;
         }
         self.wires = wires;
-        self.count_recessive(self.now);
-        self.recessive_since = self.now;
+        self.count_recessive();
+        self.count_recessive_from(self.now);
         self.stuck_step = NEVER;
         if wires == CanWires::StuckDominant {
             self.break_off();
@@ -166,6 +168,7 @@ impl CanBus {
     /// Everything that is due up to and including `now` happens.
     pub fn advance(&mut self, now: Cycle) {
         loop {
+            self.note_waiting();
             let at = self.next_event();
             if at > now {
                 break;
@@ -193,7 +196,7 @@ impl CanBus {
         } else if self.wires == CanWires::StuckDominant {
             self.suffer_dominant_bits();
         } else {
-            self.count_recessive(self.now);
+            self.count_recessive();
             self.start();
         }
     }
@@ -224,35 +227,54 @@ impl CanBus {
 
     // ----- Nodes that wait ----------------------------------------------------------------------
 
+    /// One that is switched on, or off the bus, counts from now on.
+    fn note_waiting(&mut self) {
+        for place in &mut self.places {
+            let node = place.node.borrow();
+            let is_waiting = node.attachment().is_some() && node.confinement().awaited() > 0;
+            if is_waiting && !place.is_waiting {
+                place.recessive_from = self.now;
+            }
+            place.is_waiting = is_waiting;
+        }
+    }
+
     /// When a node has seen enough recessive bits to take part (again).
     fn next_return(&self) -> Cycle {
         let due = |place: &Place| {
             let node = place.node.borrow();
             let bit = node.attachment()?.bit;
             let awaited = node.confinement().awaited();
-            (awaited > 0).then(|| self.recessive_since + awaited * OCCURRENCE_BITS * bit)
+            let from = if place.is_waiting {
+                place.recessive_from
+            } else {
+                self.now
+            };
+            (awaited > 0).then(|| from + awaited * OCCURRENCE_BITS * bit)
         };
         let earliest = self.places.iter().filter_map(due).min();
         earliest.map_or(NEVER, |at| at.max(self.now))
     }
 
     /// The wires were recessive up to now: that counts for those who wait for it.
-    fn count_recessive(&mut self, until: Cycle) {
-        let length = until.saturating_sub(self.recessive_since);
-        let mut counted = 0;
-        for place in &self.places {
+    fn count_recessive(&mut self) {
+        for place in self.places.iter_mut().filter(|place| place.is_waiting) {
             let mut node = place.node.borrow_mut();
             let Some(attachment) = node.attachment() else {
                 continue;
             };
             let occurrence = OCCURRENCE_BITS * attachment.bit;
-            if node.confinement().awaited() > 0 && length >= occurrence {
-                node.confinement_mut().saw_recessive(length / occurrence);
-                node.state_changed(until);
-                counted = counted.max(length / occurrence * occurrence);
-            }
+            let occurrences = self.now.saturating_sub(place.recessive_from) / occurrence;
+            place.recessive_from += occurrences * occurrence;
+            node.confinement_mut().saw_recessive(occurrences);
+            node.state_changed(self.now);
         }
-        self.recessive_since += counted;
+    }
+
+    fn count_recessive_from(&mut self, from: Cycle) {
+        self.places
+            .iter_mut()
+            .for_each(|place| place.recessive_from = from);
     }
 
     // ----- A frame ------------------------------------------------------------------------------
@@ -353,7 +375,7 @@ impl CanBus {
             }
         }
         self.idle_from = record.end;
-        self.recessive_since = record.end - OCCURRENCE_BITS * bit;
+        self.count_recessive_from(record.end - OCCURRENCE_BITS * bit);
         self.busy += record.end - record.start;
         if self.records.len() == MOST_RECORDS {
             self.records.pop_front();
@@ -419,7 +441,7 @@ impl CanBus {
             transmission.record.outcome = CanOutcome::Error;
             transmission.record.end = self.now;
             self.finish(transmission);
-            self.recessive_since = self.now;
+            self.count_recessive_from(self.now);
         }
     }
 
@@ -433,7 +455,7 @@ impl CanBus {
             node.disturbed(self.now);
         }
         let is_over = self.counters(&present) == before;
-        self.recessive_since = self.now;
+        self.count_recessive_from(self.now);
         self.stuck_step = match is_over {
             true => NEVER,
             false => self.now + STUCK_BITS * self.bit(),

@@ -137,13 +137,14 @@ fn pattern(id: u32) -> [u8; 4] {
 #[test]
 fn after_reset_it_is_in_configuration_mode() {
     let mut rig = Rig::in_mode(Mode::Normal);
-    rig.frame(&[RESET]);
+    rig.chip.select();
+    rig.chip.exchange(RESET, CLOCK);
+    rig.chip.deselect();
     assert_eq!(
         rig.frame_at(&[READ, CANSTAT, 0], CLOCK),
         [None; 3],
         "its oscillator starts"
     );
-    rig.pass(cycles(8));
     assert_eq!(
         rig.frame(&[READ, CANSTAT, 0, 0])[2..],
         [0x80, 0x87],
