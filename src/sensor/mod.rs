@@ -19,7 +19,10 @@ pub use analog_wiring::{AnalogWiring, CurrentSensor, VoltageDivider};
 pub use bus::{
     Address, BusDevices, Buses, I2cBus, NoSpi, PartKind, Samples, SensorBus, Wiring, bus_clock_hz,
 };
-pub use can::{CanFrame, FRAME_BYTES};
+pub use can::{
+    Acceptance, CanEvent, CanFrame, CanNotice, CanOptions, CanPack, CanSettings, CanSetup, ChargerFaults,
+    ChargerPower, DroneCan, FRAME_BYTES, NodeId,
+};
 pub use controllers::ControllerReading;
 pub use esc::EscTelemetry;
 pub use external::{Admission, ExternalReading, ExternalSource};
