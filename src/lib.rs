@@ -112,6 +112,7 @@ pub mod flash_map;
 pub mod identity;
 pub mod liveness;
 pub mod mavlink;
+pub mod mcp2515;
 #[cfg(feature = "board")]
 pub mod net;
 pub mod pack;

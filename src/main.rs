@@ -12,10 +12,10 @@ mod firmware {
     use rover_battmon::autopilot::Start;
     use rover_battmon::battery::{LEARNT_WORDS, RetainedMemory};
     use rover_battmon::board::{
-        self, AnalogInputs, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog,
-        Buzzer, EscUart, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c,
-        SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort, Wifi,
-        WifiPeripherals,
+        self, AnalogInputs, BoardCan, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors,
+        BoardWatchdog, Buzzer, CanPins, EscUart, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals,
+        PulseInput, SensorI2c, SensorSpi, SharedSpi, SpiPeripherals, TelemetryUart, UartReceiver,
+        UartTransmitter, UsbPort, Wifi, WifiPeripherals,
     };
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::flash_map;
@@ -32,12 +32,14 @@ mod firmware {
     static SHARED: StaticCell<Shared> = StaticCell::new();
     static UART0: StaticCell<Link<'static>> = StaticCell::new();
     static LOGS: StaticCell<BoardFlash> = StaticCell::new();
+    static SPI: StaticCell<SharedSpi> = StaticCell::new();
     static RADIO: StaticCell<cyw43::State> = StaticCell::new();
     static NETWORK: StaticCell<NetMemory> = StaticCell::new();
 
     // Each deadline is several of the task's own intervals.
     static BATTERY: CheckIn = CheckIn::new("battery", 1_000);
     static BUS: CheckIn = CheckIn::new("bus", 2_500);
+    static CAN: CheckIn = CheckIn::new("CAN", 2_500);
     static ESC: CheckIn = CheckIn::new("esc", 2_500);
     static PULSES: CheckIn = CheckIn::new("pulses", 2_500);
     static DRIVE: CheckIn = CheckIn::new("drive", 500);
@@ -64,6 +66,11 @@ mod firmware {
     #[embassy_executor::task]
     async fn bus(bus: Buses<SensorI2c, SensorSpi>, shared: &'static Shared) -> ! {
         tasks::read_bus(bus, shared, &BUS).await
+    }
+
+    #[embassy_executor::task]
+    async fn can(bus: Option<&'static BoardCan>, shared: &'static Shared) -> ! {
+        tasks::serve_can(bus, shared, &CAN).await
     }
 
     #[embassy_executor::task]
@@ -162,6 +169,7 @@ mod firmware {
             &WIFI_SETTINGS,
             &BATTERY,
             &BUS,
+            &CAN,
             &ESC,
             &PULSES,
             &DRIVE,
@@ -275,6 +283,13 @@ mod firmware {
             gp29,
         );
 
+        let spi: &SharedSpi = SPI.init(SharedSpi::new(SpiPeripherals {
+            spi: peripherals.SPI1,
+            clock: peripherals.PIN_10,
+            to_part: peripherals.PIN_11,
+            from_part: peripherals.PIN_12,
+        }));
+        let monitor_select = wiring.uses_spi_part.then(|| peripherals.PIN_22.into());
         let sensor_bus = Buses {
             i2c: SensorI2c::new(
                 peripherals.I2C1,
@@ -282,13 +297,7 @@ mod firmware {
                 peripherals.PIN_15,
                 wiring.i2c_clock_hz,
             ),
-            spi: SensorSpi::new(SpiPeripherals {
-                spi: peripherals.SPI1,
-                clock: peripherals.PIN_10,
-                to_part: peripherals.PIN_11,
-                from_part: peripherals.PIN_12,
-                select: peripherals.PIN_22,
-            }),
+            spi: SensorSpi::new(spi, monitor_select),
         };
 
         // Their pins stay untouched while no pack needs them.
@@ -298,7 +307,20 @@ mod firmware {
             rx_dma: (peripherals.DMA_CH10, peripherals.DMA_CH11),
         };
         let esc_wire = wiring.uses_esc.then(|| board::esc_uart(esc_parts));
-        let pulse_pin = wiring.uses_pulses.then(|| board::pulse_input(peripherals.PIN_17));
+        // Its interrupt line is the pulse input.
+        let (can_bus, pulse_pin) = match wiring.can {
+            Some(timing) => {
+                let pins = CanPins {
+                    select: peripherals.PIN_13,
+                    interrupt: peripherals.PIN_17,
+                };
+                (Some(board::start_can(spi, pins, timing)), None)
+            }
+            None => {
+                let pin = wiring.uses_pulses.then(|| board::pulse_input(peripherals.PIN_17));
+                (None, pin)
+            }
+        };
 
         let motors = BoardMotors::new(MotorPeripherals {
             left_front: (peripherals.PWM_SLICE1, peripherals.PIN_18, peripherals.PIN_19),
@@ -321,6 +343,7 @@ mod firmware {
         );
         start(spawner, UART0_READER.name(), uart0_reader(receiver, shared, link));
         start(spawner, BUS.name(), bus(sensor_bus, shared));
+        start(spawner, CAN.name(), can(can_bus, shared));
         start(spawner, ESC.name(), esc(esc_wire, shared));
         start(spawner, PULSES.name(), pulses(pulse_pin, shared));
         start(spawner, UNWATCHED.name(), usb(usb_port, logs, shared));

@@ -11,6 +11,7 @@ use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, SaveFailure};
+use crate::sensor::{CanNotice, CanReport};
 use crate::storage::StorageError;
 use crate::vehicle::VehicleEvent;
 use crate::wifi::WifiReport;
@@ -46,6 +47,10 @@ pub enum Announcement<'a> {
     WifiNotSaved(StorageError),
     /// The radio, the access point or the network to join.
     Wifi(WifiReport),
+    /// The controller of the CAN bus.
+    Can(CanReport),
+    /// A node on the CAN bus.
+    CanNode(CanNotice),
     /// A signing key, or its removal, is in flash.
     SigningSaved(SigningChange),
     /// The signing key is lost, or can't be written to flash.
@@ -100,7 +105,9 @@ impl Announcement<'_> {
                 ..
             }) => MavSeverity::MAV_SEVERITY_WARNING,
             Self::Wifi(report) if report.is_fault() => MavSeverity::MAV_SEVERITY_WARNING,
-            Self::Wifi(_) => MavSeverity::MAV_SEVERITY_INFO,
+            Self::Can(report) if report.is_fault() => MavSeverity::MAV_SEVERITY_WARNING,
+            Self::CanNode(notice) if notice.is_fault() => MavSeverity::MAV_SEVERITY_WARNING,
+            Self::Wifi(_) | Self::Can(_) | Self::CanNode(_) => MavSeverity::MAV_SEVERITY_INFO,
             Self::FailsafesOff
             | Self::LearntNotSaved(_)
             | Self::WifiNotSaved(_)
@@ -158,6 +165,8 @@ impl fmt::Display for Announcement<'_> {
             }
             Self::WifiNotSaved(_) => f.write_str("Wi-Fi settings not saved: flash worn out?"),
             Self::Wifi(report) => write!(f, "{report}"),
+            Self::Can(report) => write!(f, "{report}"),
+            Self::CanNode(notice) => write!(f, "{notice}"),
             Self::SigningSaved(change) => f.write_str(change.text()),
             Self::NoLog(LogFailure::Full) => f.write_str("Log full until disarmed"),
             Self::NoLog(LogFailure::NotWritten) => f.write_str("Log not written: flash worn out?"),

@@ -2,6 +2,7 @@
 
 use super::announcement::Announcement;
 use super::broadcast::{Announced, Broadcast};
+use super::can::CanWatch;
 use super::failed_save::FailedSave;
 use super::packs::Packs;
 use super::recording::Recording;
@@ -36,6 +37,7 @@ pub struct Autopilot {
     pub(super) signing_save: SigningSave,
     pub(super) learnt_save: FailedSave,
     pub(super) wifi: WifiState,
+    pub(super) can: CanWatch,
     pub(super) recording: Recording,
     /// Why the mode changes next, if it does.
     pub(super) mode_reason: ModeReason,
@@ -61,6 +63,7 @@ impl Autopilot {
             signing_save: SigningSave::default(),
             learnt_save: FailedSave::default(),
             wifi: in_place(|| WifiState::new(start)),
+            can: CanWatch::new(),
             recording: in_place(|| Recording::new(start.crash.clone())),
             mode_reason: ModeReason::Command,
             known_status: VehicleStatus::default(),

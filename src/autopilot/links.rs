@@ -41,6 +41,7 @@ impl Autopilot {
         for notice in notices
             .chain(learnt)
             .chain(wifi)
+            .chain(self.can.trouble().map(Announcement::Can))
             .chain(failsafes)
             .chain(suggestions)
         {

@@ -11,6 +11,7 @@ mod announcement;
 )]
 mod autopilot;
 mod broadcast;
+mod can;
 mod channel;
 mod driving;
 mod failed_save;

@@ -2,6 +2,7 @@
 
 use heapless::Vec;
 
+use super::can::bit_timing;
 use crate::battery::{
     BatteryBank, BatteryState, Measurement, PackSettings, PackStatus, ReadError, SumVoltage,
 };
@@ -9,10 +10,37 @@ use crate::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::sensor::{
-    AnalogPin, AnalogReadings, AnalogWiring, ExternalSource, FuelMeter, FuelReadings, MonitorKind, Pulses,
-    Samples,
+    AnalogPin, AnalogReadings, AnalogWiring, ExternalSource, FuelKind, FuelMeter, FuelReadings, MonitorKind,
+    Pulses, Samples,
 };
 use crate::time::Instant;
+
+/// Whether the CAN bus is in use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum CanUse {
+    InUse,
+    NotInUse,
+}
+
+impl CanUse {
+    fn of(parameters: &Parameters) -> Self {
+        match bit_timing(parameters) {
+            Ok(Some(_)) => Self::InUse,
+            Ok(None) | Err(_) => Self::NotInUse,
+        }
+    }
+
+    /// Why a sensor of this kind can't be read: its bus is not set up, or its pin is that of the bus.
+    fn conflict(self, kind: MonitorKind) -> Option<ReadError> {
+        match (self, kind) {
+            (Self::NotInUse, MonitorKind::Can) => Some(ReadError::NotSetUp),
+            (Self::InUse, MonitorKind::Fuel(FuelKind::Flow | FuelKind::LevelPwm)) => {
+                Some(ReadError::PinTaken)
+            }
+            _ => None,
+        }
+    }
+}
 
 /// Number of analog pins.
 pub(super) const PIN_COUNT: usize = AnalogPin::ALL.len();
@@ -25,6 +53,8 @@ pub(super) struct Packs {
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
     pub samples: [Samples; MAX_PACKS],
     pub sources: [ExternalSource; MAX_PACKS],
+    /// Whether the CAN bus is in use. It takes effect at boot.
+    can: CanUse,
     pub pulses: Pulses,
     meters: [FuelMeter; MAX_PACKS],
     pub states: [BatteryState; MAX_PACKS],
@@ -39,6 +69,7 @@ impl Packs {
             bank: in_place(BatteryBank::new),
             order: in_place(|| sampling_order(parameters)),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
+            can: CanUse::of(parameters),
             sources: in_place(|| [ExternalSource::default(); MAX_PACKS]),
             pulses: Pulses::NONE,
             meters: in_place(|| [FuelMeter::default(); MAX_PACKS]),
@@ -90,6 +121,9 @@ impl Packs {
         parameters: &Parameters,
         effort: f32,
     ) -> Option<Result<Measurement, ReadError>> {
+        if let Some(error) = self.can.conflict(kind) {
+            return Some(Err(error));
+        }
         Some(match kind {
             MonitorKind::Bus(_)
             | MonitorKind::Esc

@@ -1,6 +1,7 @@
 //! The start: what was read from flash, and what it announces.
 
 use super::announcement::Announcement;
+use super::can::bit_timing;
 use crate::crash::CrashRecord;
 use crate::identity::Identity;
 use crate::log::{info, warn};
@@ -69,7 +70,8 @@ impl Start {
         match self.parameter_load {
             ParameterLoad::Loaded => {
                 info!("parameters loaded");
-                None
+                let report = bit_timing(&self.parameters).err()?;
+                Some(Announcement::Can(report))
             }
             ParameterLoad::Skipped => {
                 warn!("{}", Announcement::DefaultParameters.text().as_str());

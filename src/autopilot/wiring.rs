@@ -1,8 +1,9 @@
 //! The peripherals that the parameters call for.
 
 use super::autopilot::Autopilot;
+use super::can::bit_timing;
 use crate::parameter::{VehicleParameter, serial_baud};
-use crate::sensor;
+use crate::sensor::{self, BitTiming};
 
 /// Peripherals that the parameters call for. Those that are not used stay untouched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,17 +16,25 @@ pub struct Wiring {
     pub uses_esc: bool,
     /// Whether a pack uses the pulse input.
     pub uses_pulses: bool,
+    /// Whether a pack is measured by a part at the SPI bus.
+    pub uses_spi_part: bool,
+    /// The CAN bus, if it is in use: its controller's interrupts come at the pulse input.
+    pub can: Option<BitTiming>,
 }
 
 impl Autopilot {
     /// The peripherals that the parameters call for.
     pub fn wiring(&self) -> Wiring {
         let parameters = &self.parameters;
+        // A bit rate that is impossible was announced.
+        let can = bit_timing(parameters).unwrap_or_default();
         Wiring {
             telemetry_baud: serial_baud(parameters.get_whole(VehicleParameter::Serial0Baud)),
             i2c_clock_hz: sensor::bus_clock_hz(parameters),
             uses_esc: sensor::needs_esc(parameters),
-            uses_pulses: sensor::needs_pulses(parameters),
+            uses_pulses: sensor::needs_pulses(parameters) && can.is_none(),
+            uses_spi_part: sensor::needs_spi(parameters),
+            can,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 mod adc;
 mod buzzer;
+mod can;
 mod crash_memory;
 mod fault;
 mod flash;
@@ -31,6 +32,7 @@ use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, pio, usb as rp_usb};
 
 pub use adc::AnalogInputs;
 pub use buzzer::Buzzer;
+pub use can::{BoardCan, CanPins, start_can};
 pub use crash_memory::BoardCrashMemory;
 pub use flash::{BoardFlash, FlashDriver, board_id, flash_driver};
 pub use floats::use_rom_floats;
@@ -45,7 +47,7 @@ pub use pulses::{PulseInput, pulse_input};
 pub use reset::{ResetReason, restart};
 pub use retained::retained_memory;
 pub use running::name_task;
-pub use spi::{SensorSpi, SpiPeripherals};
+pub use spi::{SensorSpi, SharedSpi, SpiPeripherals};
 pub use stack_guard::guard_stack;
 pub use uart::{EscUart, TelemetryUart, UartReceiver, UartTransmitter, esc_uart, telemetry_uart};
 pub use usb::{UsbPort, UsbReceiver, UsbTransmitter};

@@ -5,7 +5,7 @@
 //! and the boot ROM needs those two only to restart itself for USB (`reset_to_usb_boot`).
 #![expect(unsafe_code, reason = "the names stay in a section without an initialiser")]
 
-use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 
 use embassy_rp::pac::WATCHDOG;
 
@@ -19,13 +19,16 @@ const NOTHING: u32 = 0;
 const NO_TASK: u32 = 1;
 const MAIN: u32 = 2;
 
-const MAX_TASKS: usize = 22;
+const MAX_TASKS: usize = 24;
 const ENTRY_WORDS: usize = 1 + size_of::<TaskNameWords>() / 4;
 
 /// The id and the name of each task. They are retained, too: a name has to be the one that the program had which ran then.
 #[unsafe(link_section = ".uninit.TASK_NAMES")]
 static NAMES: [RetainedWords<ENTRY_WORDS>; MAX_TASKS] = [const { RetainedWords::new() }; MAX_TASKS];
 static NAMED: AtomicUsize = AtomicUsize::new(0);
+
+/// What was noted when a task in an interrupt began. Only one executor runs in an interrupt.
+static INTERRUPTED: AtomicU32 = AtomicU32::new(NOTHING);
 
 /// The executor runs `main` before that could look at the notes.
 static NOTES_WERE_READ: AtomicBool = AtomicBool::new(false);
@@ -83,6 +86,17 @@ pub(super) fn note_begin(task_id: u32) {
 /// The executor has polled a task.
 pub(super) fn note_end() {
     note_begin(NO_TASK);
+}
+
+/// A task in an interrupt is about to be polled.
+pub(super) fn note_interruption(task_id: u32) {
+    INTERRUPTED.store(WATCHDOG.scratch0().read(), Ordering::Relaxed);
+    note_begin(task_id);
+}
+
+/// A task in an interrupt was polled; what it has interrupted goes on.
+pub(super) fn note_resumption() {
+    note_begin(INTERRUPTED.load(Ordering::Relaxed));
 }
 
 fn name_of(id: u32) -> Option<TaskName> {

@@ -113,6 +113,11 @@ pub fn needs_esc(parameters: &Parameters) -> bool {
     kinds(parameters).any(|kind| kind == MonitorKind::Esc)
 }
 
+/// Whether any pack is measured by a part at the SPI bus.
+pub fn needs_spi(parameters: &Parameters) -> bool {
+    kinds(parameters).any(|kind| matches!(kind, MonitorKind::Bus(part) if part.is_at_spi()))
+}
+
 fn kinds(parameters: &Parameters) -> impl Iterator<Item = MonitorKind> {
     Pack::ALL
         .into_iter()

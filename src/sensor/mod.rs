@@ -19,9 +19,12 @@ pub use analog_wiring::{AnalogWiring, CurrentSensor, VoltageDivider};
 pub use bus::{
     Address, BusDevices, Buses, I2cBus, NoSpi, PartKind, Samples, SensorBus, Wiring, bus_clock_hz,
 };
-pub use can::{CanFrame, FRAME_BYTES};
+pub use can::{
+    Acceptance, BitTiming, CanEvent, CanFrame, CanInterrupt, CanNotice, CanOptions, CanPack, CanReport,
+    CanSettings, CanSetup, CanState, CanStatus, ChargerFaults, ChargerPower, DroneCan, FRAME_BYTES, NodeId,
+};
 pub use controllers::ControllerReading;
 pub use esc::EscTelemetry;
 pub use external::{Admission, ExternalReading, ExternalSource};
 pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses};
-pub use kind::{MonitorKind, needs_esc, needs_pulses};
+pub use kind::{MonitorKind, needs_esc, needs_pulses, needs_spi};

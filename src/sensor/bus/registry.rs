@@ -158,6 +158,11 @@ impl PartKind {
         Self::from_number(parameters.get_whole(BatteryParameter::Monitor.of(pack)))
     }
 
+    /// Whether it is at the SPI bus.
+    pub(in crate::sensor) fn is_at_spi(self) -> bool {
+        self.addresses().contains(&Address::ChipSelect)
+    }
+
     /// The kind with this number of `BATT_MONITOR`.
     pub fn from_number(number: i32) -> Option<Self> {
         Self::ALL.iter().copied().find(|kind| kind.number() == number)

@@ -1,0 +1,285 @@
+//! The loop that serves the controller.
+
+use core::convert::Infallible;
+
+use embassy_futures::select::{Either4, select4};
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_time::{Duration, Instant, Timer};
+use embedded_hal::digital::InputPin;
+use embedded_hal::spi::SpiDevice;
+use embedded_hal_async::digital::Wait;
+use mcp25xx::RxBuffer;
+
+use super::chip::{Chip, NoAnswer, Received, Registers};
+use super::exchange::CanExchange;
+use super::filters::Filters;
+use crate::sensor::{BitTiming, CanFrame, CanInterrupt, CanState};
+
+/// The oscillator starts within 128 periods of 8 MHz: 16 µs (DS20001801, 8.1).
+const START_UP: Duration = Duration::from_millis(1);
+
+/// A controller that does not answer is tried again.
+const RETRY_INTERVAL: Duration = Duration::from_secs(1);
+
+/// The controller is looked at without being asked to.
+const LOOK_INTERVAL: Duration = Duration::from_millis(100);
+
+/// And so often without its interrupts. Two receive buffers last for less at a high load, but what is let through is little.
+const POLL_INTERVAL: Duration = Duration::from_millis(2);
+
+/// A frame that could not be sent for so long is given up: what it says is no longer true.
+const LONGEST_SENDING: Duration = Duration::from_secs(1);
+
+/// Rounds of reading in one go: a controller that always has something does not work.
+const MOST_ROUNDS: usize = 16;
+
+/// Serves the controller behind `spi`, whose interrupt line is at `interrupt`, and hands what it receives to `exchange`, which
+/// has to have been given what is accepted before anything is done. Nothing else may use the device.
+pub async fn serve<S, P, M>(spi: S, interrupt: P, timing: BitTiming, exchange: &CanExchange<M>) -> !
+where
+    S: SpiDevice,
+    P: Wait + InputPin<Error = Infallible>,
+    M: RawMutex,
+{
+    let mut filters = exchange.new_filters().await;
+    let mut server = Server {
+        chip: Chip::new(spi, timing),
+        interrupt,
+        exchange,
+        transmission: Transmission::Free,
+        look_at: Instant::MIN,
+    };
+    loop {
+        match server.run(&filters).await {
+            Ended::Filters(changed) => filters = changed,
+            Ended::NoAnswer => {
+                server.exchange.update(|status| status.state = CanState::NoAnswer);
+                server.wait_for_retry().await;
+            }
+            Ended::LostSetup => server
+                .exchange
+                .update(|status| status.lost_setups = status.lost_setups.wrapping_add(1)),
+        }
+    }
+}
+
+/// Why the controller has to be set up again.
+enum Ended {
+    Filters(Filters),
+    NoAnswer,
+    LostSetup,
+}
+
+impl From<NoAnswer> for Ended {
+    fn from(_: NoAnswer) -> Self {
+        Self::NoAnswer
+    }
+}
+
+/// What the transmit buffer does.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Transmission {
+    /// It is empty.
+    Free,
+    /// It has a frame since then.
+    Waiting(Instant),
+    /// The frame was given up; it may still be on its way.
+    GivenUp,
+}
+
+/// What was found to be done in the controller.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Found {
+    Something,
+    Nothing,
+}
+
+struct Server<'a, S: SpiDevice, P, M: RawMutex> {
+    chip: Chip<S>,
+    interrupt: P,
+    exchange: &'a CanExchange<M>,
+    transmission: Transmission,
+    /// When the controller is looked at next.
+    look_at: Instant,
+}
+
+impl<S, P, M> Server<'_, S, P, M>
+where
+    S: SpiDevice,
+    P: Wait + InputPin<Error = Infallible>,
+    M: RawMutex,
+{
+    /// Sets the controller up and serves it until it has to be set up again.
+    async fn run(&mut self, filters: &Filters) -> Ended {
+        if self.set_up(filters).await.is_err() {
+            return Ended::NoAnswer;
+        }
+        loop {
+            if let Err(ended) = self.turn().await {
+                return ended;
+            }
+        }
+    }
+
+    async fn set_up(&mut self, filters: &Filters) -> Result<(), NoAnswer> {
+        if let Transmission::Waiting(_) = self.transmission {
+            self.exchange.count_unsent();
+        }
+        self.transmission = Transmission::Free;
+        self.look_at = Instant::MIN;
+        self.chip.reset()?;
+        Timer::after(START_UP).await;
+        self.chip.set_up(filters)
+    }
+
+    /// It shows that it is alive: without an answer nothing else is wrong.
+    async fn wait_for_retry(&mut self) {
+        let retry_at = Instant::now() + RETRY_INTERVAL;
+        while Instant::now() < retry_at {
+            self.exchange
+                .update(|status| status.looks = status.looks.wrapping_add(1));
+            Timer::after(LOOK_INTERVAL).await;
+        }
+    }
+
+    /// Waits until there is something to do, and does it.
+    async fn turn(&mut self) -> Result<(), Ended> {
+        let exchange = self.exchange;
+        let transmission = self.transmission;
+        let to_send = async {
+            if transmission != Transmission::Free {
+                core::future::pending::<()>().await;
+            }
+            exchange.next_to_send().await
+        };
+        let wait = select4(
+            self.interrupt.wait_for_low(),
+            to_send,
+            exchange.new_filters(),
+            Timer::at(self.look_at),
+        );
+        match wait.await {
+            Either4::First(_) => self.interrupted().await,
+            Either4::Second(frame) => Ok(self.send(&frame)?),
+            Either4::Third(filters) => Err(Ended::Filters(filters)),
+            Either4::Fourth(()) => {
+                self.look()?;
+                self.drain().map(drop)
+            }
+        }
+    }
+
+    fn send(&mut self, frame: &CanFrame) -> Result<(), NoAnswer> {
+        self.transmission = Transmission::Waiting(Instant::now());
+        self.chip.send(frame)
+    }
+
+    /// Does what the interrupt line asks for. One that is low for nothing must not keep everything else from running.
+    async fn interrupted(&mut self) -> Result<(), Ended> {
+        if self.drain()? == Found::Something {
+            return Ok(());
+        }
+        let registers = self.look()?;
+        if self.is_low() && self.drain()? == Found::Nothing {
+            if !registers.is_interrupting() {
+                self.set_interrupt(CanInterrupt::Dead);
+            }
+            Timer::after(POLL_INTERVAL).await;
+        }
+        Ok(())
+    }
+
+    /// Reads both receive buffers until they are empty, and notices what was sent.
+    fn drain(&mut self) -> Result<Found, Ended> {
+        let mut found = Found::Nothing;
+        for _ in 0..MOST_ROUNDS {
+            let status = self.chip.status()?;
+            if !status.txreq0() {
+                self.transmission = Transmission::Free;
+            }
+            if !(status.rx0if() || status.rx1if() || status.tx0if()) {
+                return Ok(found);
+            }
+            found = Found::Something;
+            if status.rx0if() {
+                self.receive(RxBuffer::RXB0)?;
+            }
+            if status.rx1if() {
+                self.receive(RxBuffer::RXB1)?;
+            }
+            if status.tx0if() {
+                self.chip.clear_sent()?;
+            }
+        }
+        // The look that follows finds one that does not work.
+        self.look()?;
+        Ok(found)
+    }
+
+    fn receive(&mut self, buffer: RxBuffer) -> Result<(), NoAnswer> {
+        if let Received::Frame(frame) = self.chip.receive(buffer)? {
+            self.exchange.received(frame);
+        }
+        Ok(())
+    }
+
+    /// Looks at the controller.
+    fn look(&mut self) -> Result<Registers, Ended> {
+        self.look_at = Instant::now()
+            + match self.exchange.interrupt() {
+                CanInterrupt::Working => LOOK_INTERVAL,
+                CanInterrupt::Dead => POLL_INTERVAL,
+            };
+        let registers = self.chip.look()?;
+        if !self.chip.is_set_up(&registers) {
+            return Err(Ended::LostSetup);
+        }
+        // After the registers: the line follows them at once.
+        if registers.is_interrupting() && !self.is_low() {
+            self.set_interrupt(CanInterrupt::Dead);
+        }
+        self.note(&registers);
+        if registers.has_error_interrupt() {
+            self.chip.clear_errors()?;
+        }
+        self.give_up_sending()?;
+        Ok(registers)
+    }
+
+    /// Gives up a frame that can't be sent.
+    fn give_up_sending(&mut self) -> Result<(), NoAnswer> {
+        if let Transmission::Waiting(since) = self.transmission
+            && since.elapsed() >= LONGEST_SENDING
+        {
+            self.transmission = Transmission::GivenUp;
+            self.exchange.count_unsent();
+            self.chip.give_up_sending()?;
+        }
+        Ok(())
+    }
+
+    fn note(&self, registers: &Registers) {
+        let state = match registers {
+            _ if registers.is_bus_off() => CanState::BusOff,
+            _ if registers.is_passive() => CanState::Passive,
+            _ => CanState::Active,
+        };
+        self.exchange.update(|status| {
+            if state == CanState::BusOff && status.state != CanState::BusOff {
+                status.bus_offs = status.bus_offs.wrapping_add(1);
+            }
+            status.state = state;
+            status.looks = status.looks.wrapping_add(1);
+            status.lost_frames = status.lost_frames.wrapping_add(registers.overflows());
+        });
+    }
+
+    fn set_interrupt(&self, interrupt: CanInterrupt) {
+        self.exchange.update(|status| status.interrupt = interrupt);
+    }
+
+    fn is_low(&mut self) -> bool {
+        let Ok(is_low) = self.interrupt.is_low();
+        is_low
+    }
+}

@@ -1,0 +1,127 @@
+//! What is known of the controller of the CAN bus.
+
+use core::fmt;
+
+/// What is known of the controller and its bus. Numbers count since the start, modulo 2^32.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CanStatus {
+    /// Whether it takes part in the bus.
+    pub state: CanState,
+    /// Whether it interrupts as it should.
+    pub interrupt: CanInterrupt,
+    /// How often it was bus-off.
+    pub bus_offs: u32,
+    /// How often it had lost its set-up.
+    pub lost_setups: u32,
+    /// Received frames that were lost, at least: the controller or the queue behind it had no room.
+    pub lost_frames: u32,
+    /// Frames that were given up as they could not be sent.
+    pub unsent_frames: u32,
+    /// Looks at the controller: without more of them what serves it stands still.
+    pub looks: u32,
+}
+
+impl CanStatus {
+    /// Before the controller is set up.
+    pub const STARTING: Self = Self {
+        state: CanState::Starting,
+        interrupt: CanInterrupt::Working,
+        bus_offs: 0,
+        lost_setups: 0,
+        lost_frames: 0,
+        unsent_frames: 0,
+        looks: 0,
+    };
+}
+
+/// Whether the controller takes part in the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum CanState {
+    /// It is not set up yet.
+    Starting,
+    /// It does not answer.
+    NoAnswer,
+    /// It takes part.
+    Active,
+    /// It takes part, but there were too many errors: an error counter is above 127 (ISO 11898-1).
+    Passive,
+    /// It takes no part: its transmit error counter has passed 255 (ISO 11898-1), or the bus is never idle.
+    BusOff,
+}
+
+/// Whether the controller interrupts when there is something to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum CanInterrupt {
+    /// As far as is known.
+    Working,
+    /// The line is open or stuck: the controller is looked at at intervals.
+    Dead,
+}
+
+/// What the controller's state is announced as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum CanReport {
+    /// The crystal is too slow for the bit rate.
+    ImpossibleBitRate,
+    /// The controller does not answer.
+    NoAnswer,
+    /// The controller had lost its set-up, and was set up anew.
+    SetUpAnew,
+    /// There are too many errors.
+    Passive,
+    /// The controller was bus-off so often since the start.
+    BusOff(u32),
+    /// The bus works again.
+    Working,
+    /// The interrupt line is open or stuck.
+    NoInterrupt,
+    /// So many received frames were lost since the start.
+    FramesLost(u32),
+}
+
+impl CanReport {
+    /// Whether something is wrong.
+    pub fn is_fault(self) -> bool {
+        self != Self::Working
+    }
+}
+
+impl fmt::Display for CanReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::ImpossibleBitRate => f.write_str("CAN off: 1 Mbit/s needs a 16 MHz crystal"),
+            Self::NoAnswer => f.write_str("CAN controller does not answer"),
+            Self::SetUpAnew => f.write_str("CAN controller was reset: set up anew"),
+            Self::Passive => f.write_str("CAN bus has errors: check wires and bit rate"),
+            Self::BusOff(times) => write!(f, "CAN bus off, times: {times}"),
+            Self::Working => f.write_str("CAN bus works"),
+            Self::NoInterrupt => f.write_str("CAN interrupt line GP17 does not work"),
+            Self::FramesLost(frames) => write!(f, "CAN frames lost: {frames}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of one STATUSTEXT.
+    const TEXT_BYTES: usize = 50;
+
+    #[test]
+    fn texts_fit_one_message() {
+        for report in [
+            CanReport::ImpossibleBitRate,
+            CanReport::SetUpAnew,
+            CanReport::Passive,
+            CanReport::BusOff(u32::MAX),
+            CanReport::NoInterrupt,
+            CanReport::FramesLost(u32::MAX),
+        ] {
+            assert!(report.to_string().len() <= TEXT_BYTES, "{report}");
+        }
+    }
+}

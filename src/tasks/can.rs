@@ -1,0 +1,84 @@
+//! Takes part in the CAN bus.
+
+use core::future::pending;
+
+use embassy_futures::select::{Either3, select3};
+use embassy_futures::yield_now;
+
+use super::{Shared, idle, mark, now, timer_at};
+use crate::cadence::Cadence;
+use crate::liveness::CheckIn;
+use crate::sensor::{Acceptance, CanFrame, CanStatus, DroneCan};
+
+/// Interval of what is not a frame: time-outs, what is due to be sent, the state of the controller.
+const POLL_INTERVAL_US: u64 = 100_000;
+
+/// A CAN bus, behind a controller that something else serves.
+pub trait CanBus {
+    /// The next frame that was received, as soon as there is one.
+    // The futures stay on one executor, so `Send` need not be promised.
+    #[allow(async_fn_in_trait)]
+    async fn receive(&self) -> CanFrame;
+
+    /// Has a frame sent, as soon as there is room. If the future is dropped before, it is not.
+    #[allow(async_fn_in_trait)]
+    async fn send(&self, frame: CanFrame);
+
+    /// Lets nothing else through, as far as the controller can; nothing works before.
+    fn accept(&self, accepted: [Acceptance; 6]);
+
+    /// What is known of the controller.
+    fn status(&self) -> CanStatus;
+}
+
+/// Hands what the nodes on the bus report to the battery task, and takes part in the bus as a node. Without a bus there is
+/// nothing to do.
+pub async fn serve_can(bus: Option<impl CanBus>, shared: &Shared, check_in: &CheckIn) -> ! {
+    let setup = shared.with(|autopilot| autopilot.can_setup());
+    let Some((bus, setup)) = bus.zip(setup) else {
+        idle(check_in).await
+    };
+    let mut node = DroneCan::new(setup, now());
+    let mut accepted = node.acceptance();
+    bus.accept(accepted);
+    let mut polls = Cadence::starting_at(now(), POLL_INTERVAL_US);
+    let mut looks = bus.status().looks;
+    let mut to_send = None;
+    mark(check_in);
+    loop {
+        to_send = to_send.or_else(|| node.next_frame());
+        match select3(bus.receive(), send(&bus, to_send), timer_at(polls.due())).await {
+            Either3::First(frame) => node.receive(&frame, now(), |event| {
+                shared.with(|autopilot| autopilot.add_can_event(&event));
+            }),
+            Either3::Second(()) => to_send = None,
+            Either3::Third(()) => {}
+        }
+        if polls.take(now()) {
+            let settings = shared.with(|autopilot| autopilot.can_settings());
+            node.poll(&settings, now(), |event| {
+                shared.with(|autopilot| autopilot.add_can_event(&event));
+            });
+            let status = bus.status();
+            shared.with(|autopilot| autopilot.set_can_status(&status, now()));
+            // What serves the controller has no check-in of its own.
+            if status.looks != looks {
+                looks = status.looks;
+                mark(check_in);
+            }
+        }
+        if node.acceptance() != accepted {
+            accepted = node.acceptance();
+            bus.accept(accepted);
+        }
+        // A bus that is never idle must leave the others their turn.
+        yield_now().await;
+    }
+}
+
+async fn send(bus: &impl CanBus, frame: Option<CanFrame>) {
+    match frame {
+        Some(frame) => bus.send(frame).await,
+        None => pending().await,
+    }
+}
