@@ -20,8 +20,8 @@ pub use bus::{
     Address, BusDevices, Buses, I2cBus, NoSpi, PartKind, Samples, SensorBus, Wiring, bus_clock_hz,
 };
 pub use can::{
-    Acceptance, BitTiming, CanEvent, CanFrame, CanInterrupt, CanNotice, CanReport, CanSettings, CanSetup,
-    CanState, CanStatus, DroneCan, FRAME_BYTES,
+    Acceptance, BitTiming, CanEvent, CanFrame, CanInterrupt, CanNotice, CanOptions, CanPack, CanReport,
+    CanSettings, CanSetup, CanState, CanStatus, ChargerFaults, ChargerPower, DroneCan, FRAME_BYTES, NodeId,
 };
 pub use controllers::ControllerReading;
 pub use esc::EscTelemetry;

@@ -1,11 +1,37 @@
-//! Packs that are measured by nodes on a DroneCAN bus.
+//! Packs that are measured by nodes on a DroneCAN bus. Why it is our own: `docs/decisions/0059-dronecan.md`.
+//!
+//! Frames become transfers (`assembler`), transfers messages (`messages`), and these readings of packs (`packs`). Nothing
+//! here reads a clock or knows the controller.
 
+mod acceptance;
+mod allocatee;
+mod allocator;
+mod assembler;
 mod bit_timing;
+mod bits;
+mod charger;
+mod crc;
 mod dronecan;
+mod event;
 mod frame;
+mod identifier;
+mod messages;
+mod node_id;
+mod node_info;
+mod nodes;
+mod outgoing;
+mod packs;
+mod random;
+mod setup;
 mod status;
+mod tail;
+mod unique_id;
 
+pub use acceptance::Acceptance;
 pub use bit_timing::BitTiming;
-pub use dronecan::{Acceptance, CanEvent, CanNotice, CanSettings, CanSetup, DroneCan};
+pub use dronecan::DroneCan;
+pub use event::{CanEvent, CanNotice, ChargerFaults, ChargerPower};
 pub use frame::{CanFrame, FRAME_BYTES};
+pub use node_id::NodeId;
+pub use setup::{CanOptions, CanPack, CanSettings, CanSetup};
 pub use status::{CanInterrupt, CanReport, CanState, CanStatus};

@@ -1,0 +1,178 @@
+//! Transfers that are received, put together from frames.
+
+use super::crc::SignatureCrc;
+use super::frame::FRAME_BYTES;
+use super::tail::Tail;
+use crate::time::Instant;
+
+/// Transfers that can be incomplete at a time. Nodes interleave theirs; each frame of a transfer follows within milliseconds.
+const SLOTS: usize = 10;
+
+/// The longest payload: a BatteryInfoAux of 31 cells.
+const LONGEST_PAYLOAD_BYTES: usize = 80;
+
+/// A transfer of several frames begins with its CRC.
+const CRC_BYTES: usize = 2;
+
+/// Data of a frame that is not the last one.
+const PART_BYTES: usize = FRAME_BYTES - 1;
+
+/// A transfer whose next frame does not come within this time is lost, in microseconds (DroneCAN specification,
+/// 4. CAN bus transport layer: recommended transfer-id timeout).
+const TIMEOUT_US: u64 = 2_000_000;
+
+/// Puts transfers together.
+#[derive(Debug)]
+pub(super) struct Assembler {
+    slots: [Slot; SLOTS],
+    lost: u32,
+}
+
+#[derive(Debug)]
+struct Slot {
+    /// Source and type of the transfer, while there is one.
+    key: Option<u32>,
+    /// When its latest frame was received.
+    heard: Instant,
+    transfer_id: u8,
+    /// Toggle of the next frame.
+    toggle: bool,
+    length: usize,
+    bytes: [u8; CRC_BYTES + LONGEST_PAYLOAD_BYTES],
+}
+
+impl Slot {
+    const EMPTY: Self = Self {
+        key: None,
+        heard: Instant::EPOCH,
+        transfer_id: 0,
+        toggle: false,
+        length: 0,
+        bytes: [0; CRC_BYTES + LONGEST_PAYLOAD_BYTES],
+    };
+
+    fn append(&mut self, part: &[u8]) -> Option<()> {
+        let end = self.length + part.len();
+        self.bytes.get_mut(self.length..end)?.copy_from_slice(part);
+        self.length = end;
+        Some(())
+    }
+
+    fn received(&self) -> &[u8] {
+        self.bytes.get(..self.length).unwrap_or(&[])
+    }
+
+    /// Takes the next frame; an error ends the transfer.
+    fn continue_with(&mut self, tail: Tail, part: &[u8], now: Instant) -> Result<(), Broken> {
+        let is_late = now.us_since(self.heard) > TIMEOUT_US;
+        let is_whole = tail.is_end() || part.len() == PART_BYTES;
+        if is_late || !is_whole || tail.transfer_id() != self.transfer_id || tail.toggle() != self.toggle {
+            return Err(Broken);
+        }
+        self.append(part).ok_or(Broken)?;
+        self.heard = now;
+        self.toggle = !self.toggle;
+        Ok(())
+    }
+
+    /// Whether it is the latest frame once more: its sender may have missed that it was received.
+    fn is_repeated(&self, tail: Tail, part: &[u8]) -> bool {
+        tail.transfer_id() == self.transfer_id
+            && tail.toggle() != self.toggle
+            && self.received().ends_with(part)
+    }
+
+    fn payload(&self, crc: SignatureCrc) -> Option<&[u8]> {
+        let (sent, payload) = self.received().split_first_chunk()?;
+        (crc.of_transfer(payload) == u16::from_le_bytes(*sent)).then_some(payload)
+    }
+}
+
+/// A frame does not continue the transfer.
+struct Broken;
+
+impl Assembler {
+    /// Without any transfer.
+    pub const EMPTY: Self = Self {
+        slots: [Slot::EMPTY; SLOTS],
+        lost: 0,
+    };
+
+    /// Takes the data of a frame. Returns the payload of the transfer that it completes.
+    ///
+    /// `key` is what all transfers of the same source and type have in common: there is one of them at a time.
+    pub fn push<'a>(
+        &'a mut self,
+        key: u32,
+        crc: SignatureCrc,
+        data: &'a [u8],
+        now: Instant,
+    ) -> Option<&'a [u8]> {
+        let (tail, part) = data.split_last()?;
+        let tail = Tail(*tail);
+        match (tail.is_start(), tail.is_end()) {
+            // A set toggle at the start is another protocol, Cyphal.
+            (true, _) if tail.toggle() => None,
+            (true, true) => Some(part),
+            (true, false) => {
+                self.begin(key, tail, part, now);
+                None
+            }
+            (false, _) => self.proceed(key, crc, tail, part, now),
+        }
+    }
+
+    /// Transfers that were begun and not received whole.
+    pub fn lost(&self) -> u32 {
+        self.lost
+    }
+
+    fn begin(&mut self, key: u32, tail: Tail, part: &[u8], now: Instant) {
+        if part.len() != PART_BYTES {
+            return;
+        }
+        // That of the same key, else a free one, else the one that has waited the longest.
+        let rank = |slot: &&mut Slot| match slot.key {
+            Some(other) if other == key => (0, Instant::EPOCH),
+            None => (1, Instant::EPOCH),
+            Some(_) => (2, slot.heard),
+        };
+        let Some(slot) = self.slots.iter_mut().min_by_key(rank) else {
+            return;
+        };
+        if slot.key.is_some() {
+            self.lost = self.lost.saturating_add(1);
+        }
+        slot.key = Some(key);
+        slot.heard = now;
+        slot.transfer_id = tail.transfer_id();
+        slot.toggle = true;
+        slot.length = 0;
+        // It fits.
+        let _ = slot.append(part);
+    }
+
+    fn proceed(
+        &mut self,
+        key: u32,
+        crc: SignatureCrc,
+        tail: Tail,
+        part: &[u8],
+        now: Instant,
+    ) -> Option<&[u8]> {
+        let slot = self.slots.iter_mut().find(|slot| slot.key == Some(key))?;
+        if slot.is_repeated(tail, part) {
+            return None;
+        }
+        let is_broken = slot.continue_with(tail, part, now).is_err();
+        if !is_broken && !tail.is_end() {
+            return None;
+        }
+        slot.key = None;
+        let payload = slot.payload(crc).filter(|_| !is_broken);
+        if payload.is_none() {
+            self.lost = self.lost.saturating_add(1);
+        }
+        payload
+    }
+}

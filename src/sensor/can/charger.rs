@@ -1,0 +1,109 @@
+//! Switching a solar charger, as ArduPilot does.
+
+use super::event::{ChargerFaults, ChargerPower};
+use super::setup::CanOptions;
+use crate::battery::ArmState;
+use crate::time::Instant;
+
+/// A charger that has not confirmed is asked again after this time, in microseconds.
+const RETRY_US: u64 = 1_000_000;
+
+/// What is known of a pack's charger.
+#[derive(Debug)]
+pub(super) struct Charger {
+    arm_state: ArmState,
+    faults: ChargerFaults,
+    wanted: Option<Wanted>,
+}
+
+#[derive(Debug)]
+struct Wanted {
+    power: ChargerPower,
+    /// The latest request, and when it was sent.
+    sent: Option<(u8, Instant)>,
+}
+
+/// A request that is due.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct SwitchRequest {
+    pub power: ChargerPower,
+    pub attempt: Attempt,
+}
+
+/// Whether the charger was asked before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Attempt {
+    First,
+    Repeated,
+}
+
+impl Charger {
+    /// It is found: at the rover's start, as a rule.
+    pub fn found(options: CanOptions) -> Self {
+        let power = if options.has(CanOptions::ON_AT_BOOT) {
+            Some(ChargerPower::On)
+        } else if options.has(CanOptions::OFF_AT_BOOT) {
+            Some(ChargerPower::Off)
+        } else {
+            None
+        };
+        Self {
+            arm_state: ArmState::Disarmed,
+            faults: ChargerFaults::default(),
+            wanted: power.map(Wanted::new),
+        }
+    }
+
+    /// Takes the reported faults. Returns them if they have changed.
+    pub fn report(&mut self, faults: ChargerFaults) -> Option<ChargerFaults> {
+        let before = core::mem::replace(&mut self.faults, faults);
+        (before != faults).then_some(faults)
+    }
+
+    /// What has to be requested now, by a request with this id.
+    pub fn poll(
+        &mut self,
+        options: CanOptions,
+        arm_state: ArmState,
+        transfer_id: u8,
+        now: Instant,
+    ) -> Option<SwitchRequest> {
+        let before = core::mem::replace(&mut self.arm_state, arm_state);
+        match (before, arm_state) {
+            (ArmState::Disarmed, ArmState::Armed) if options.has(CanOptions::ON_AT_ARM) => {
+                self.wanted = Some(Wanted::new(ChargerPower::On));
+            }
+            (ArmState::Armed, ArmState::Disarmed) if options.has(CanOptions::OFF_AT_DISARM) => {
+                self.wanted = Some(Wanted::new(ChargerPower::Off));
+            }
+            _ => {}
+        }
+        let wanted = self.wanted.as_mut()?;
+        let attempt = match wanted.sent {
+            None => Attempt::First,
+            Some((_, sent)) if now.us_since(sent) >= RETRY_US => Attempt::Repeated,
+            Some(_) => return None,
+        };
+        wanted.sent = Some((transfer_id, now));
+        Some(SwitchRequest {
+            power: wanted.power,
+            attempt,
+        })
+    }
+
+    /// Takes the answer to the request with this id: what the output is now.
+    pub fn confirm(&mut self, transfer_id: u8, power: ChargerPower) {
+        let is_done = |wanted: &Wanted| {
+            wanted.power == power && wanted.sent.is_some_and(|(sent_id, _)| sent_id == transfer_id)
+        };
+        if self.wanted.as_ref().is_some_and(is_done) {
+            self.wanted = None;
+        }
+    }
+}
+
+impl Wanted {
+    fn new(power: ChargerPower) -> Self {
+        Self { power, sent: None }
+    }
+}

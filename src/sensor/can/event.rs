@@ -1,0 +1,134 @@
+//! What comes from the bus, for the packs and for ground stations.
+
+use core::fmt;
+
+use super::NodeId;
+use crate::battery::{Measurement, ReadError};
+use crate::pack::Pack;
+use crate::sensor::ControllerReading;
+
+/// What comes from the bus.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CanEvent {
+    /// A reading of a pack, or why there is none.
+    Reading(Pack, Result<Measurement, ReadError>),
+    /// A reading of the motor controller with this index, 0 to 31.
+    Controller(u8, ControllerReading),
+    /// Something to announce.
+    Announce(CanNotice),
+}
+
+/// Something of the bus that ground stations are informed of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum CanNotice {
+    /// A node is heard for the first time, or again.
+    Appeared(NodeId),
+    /// A node has been silent for 3 s, or has switched off.
+    Lost(NodeId),
+    /// A node has restarted.
+    Restarted(NodeId),
+    /// This board has its id from another node.
+    OwnId(NodeId),
+    /// Another node has the id of this board.
+    SameId(NodeId),
+    /// A node has its id from this board.
+    Assigned(NodeId),
+    /// This board has no id left for a node.
+    NoIdLeft,
+    /// A node measures the pack from now on.
+    Source(Pack, NodeId),
+    /// The pack's charger is switched.
+    Charger(Pack, ChargerPower),
+    /// Faults of the pack's charger, or their end.
+    ChargerFaults(Pack, ChargerFaults),
+}
+
+/// What a charger's output is switched to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum ChargerPower {
+    /// It feeds.
+    On,
+    /// It does not.
+    Off,
+}
+
+/// Faults that a solar charger reports; none if they are over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub struct ChargerFaults(u8);
+
+impl ChargerFaults {
+    /// Texts for bits 0 to 3 of `fault_flags` in `mppt.Stream`.
+    const TEXTS: [&str; 4] = ["overvoltage", "undervoltage", "overcurrent", "too hot"];
+
+    /// From `fault_flags`; unknown bits are left out.
+    pub(super) fn from_flags(flags: u8) -> Self {
+        Self(flags & 0xf)
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+}
+
+impl fmt::Display for ChargerFaults {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_empty() {
+            return f.write_str("no fault");
+        }
+        let set = Self::TEXTS
+            .into_iter()
+            .enumerate()
+            .filter(|(bit, _)| self.0 >> bit & 1 == 1);
+        for (place, (_, text)) in set.enumerate() {
+            let separator = if place > 0 { ", " } else { "" };
+            write!(f, "{separator}{text}")?;
+        }
+        Ok(())
+    }
+}
+
+impl CanNotice {
+    /// Whether something does not work.
+    pub fn is_fault(&self) -> bool {
+        match self {
+            Self::Lost(_) | Self::Restarted(_) | Self::SameId(_) | Self::NoIdLeft => true,
+            Self::ChargerFaults(_, faults) => !faults.is_empty(),
+            Self::Appeared(_) | Self::OwnId(_) | Self::Assigned(_) | Self::Source(..) | Self::Charger(..) => {
+                false
+            }
+        }
+    }
+}
+
+impl fmt::Display for CanNotice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Appeared(node) => write!(f, "CAN node {} found", node.number()),
+            Self::Lost(node) => write!(f, "CAN node {} lost", node.number()),
+            Self::Restarted(node) => write!(f, "CAN node {} restarted", node.number()),
+            Self::OwnId(node) => write!(f, "CAN node id {} assigned to this board", node.number()),
+            Self::SameId(node) => write!(f, "CAN node id {} used twice", node.number()),
+            Self::Assigned(node) => write!(f, "CAN node id {} assigned", node.number()),
+            Self::NoIdLeft => f.write_str("CAN: no node id left to assign"),
+            Self::Source(pack, node) => {
+                write!(
+                    f,
+                    "Battery {} measured by CAN node {}",
+                    pack.number(),
+                    node.number()
+                )
+            }
+            Self::Charger(pack, ChargerPower::On) => {
+                write!(f, "Battery {} charger switched on", pack.number())
+            }
+            Self::Charger(pack, ChargerPower::Off) => {
+                write!(f, "Battery {} charger switched off", pack.number())
+            }
+            Self::ChargerFaults(pack, faults) => write!(f, "Battery {} charger: {faults}", pack.number()),
+        }
+    }
+}

@@ -1,0 +1,371 @@
+//! Which battery measures which pack, and what its readings mean.
+
+use super::NodeId;
+use super::charger::{Attempt, Charger, SwitchRequest};
+use super::event::{CanEvent, CanNotice, ChargerFaults, ChargerPower};
+use super::messages::{BatteryAux, BatteryInfo, ChargerReading, celsius};
+use super::setup::{CanOptions, CanPack, CanSettings};
+use crate::battery::{ArmState, CellVoltages, Gauge, Measurement, PackDetails, ReadError, Supply};
+use crate::log::info;
+use crate::pack::{MAX_PACKS, Pack};
+use crate::time::Instant;
+
+/// A battery that has been silent for this long is lost, in microseconds, as in ArduPilot
+/// (`AP_BATTMONITOR_UAVCAN_TIMEOUT_MICROS`).
+pub(super) const LOST_AFTER_US: u64 = 5_000_000;
+
+/// For how long what BatteryInfoAux has reported is used, in microseconds. Some batteries send it every five seconds.
+const AUX_US: u64 = 12_000_000;
+
+/// A battery on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Source {
+    pub node: NodeId,
+    pub battery_id: u8,
+}
+
+/// All packs, and what measures them.
+#[derive(Debug)]
+pub(super) struct CanPacks {
+    entries: [Entry; MAX_PACKS],
+    arm_state: ArmState,
+    /// Counts requests to chargers.
+    transfer_id: u8,
+}
+
+/// A pack.
+#[derive(Debug)]
+struct Entry {
+    /// `None` if it is not measured by CAN.
+    settings: Option<CanPack>,
+    source: Option<Source>,
+    /// When its latest reading was received, or when its source was awaited first.
+    heard: Instant,
+    aux: Option<Heard<BatteryAux>>,
+    charger: Option<Charger>,
+}
+
+/// What was received, and when.
+#[derive(Clone, Copy, Debug)]
+struct Heard<T> {
+    content: T,
+    at: Instant,
+}
+
+/// A request to a charger.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ChargerRequest {
+    pub node: NodeId,
+    pub transfer_id: u8,
+    pub power: ChargerPower,
+}
+
+impl CanPacks {
+    /// Without any pack.
+    pub const EMPTY: Self = Self {
+        entries: [const { Entry::EMPTY }; MAX_PACKS],
+        arm_state: ArmState::Disarmed,
+        transfer_id: 0,
+    };
+
+    /// Takes over what may have changed.
+    pub fn set_up(&mut self, settings: &CanSettings, now: Instant) {
+        self.arm_state = settings.arm_state;
+        for (entry, pack) in self.entries.iter_mut().zip(Pack::ALL) {
+            let settings = settings.packs.iter().find(|settings| settings.pack == pack);
+            entry.set_up(settings, now);
+        }
+    }
+
+    /// Takes a battery's reading.
+    pub fn battery(
+        &mut self,
+        node: NodeId,
+        info: &BatteryInfo,
+        now: Instant,
+        deliver: &mut impl FnMut(CanEvent),
+    ) {
+        let source = Source {
+            node,
+            battery_id: info.battery_id,
+        };
+        if let Some((entry, settings)) = self.entry_of(source, now, deliver) {
+            entry.heard = now;
+            let aux = entry.aux.filter(|aux| now.us_since(aux.at) <= AUX_US);
+            let aux = aux.as_ref().map(|aux| &aux.content);
+            deliver(CanEvent::Reading(
+                settings.pack,
+                measurement(info, aux, &settings),
+            ));
+        }
+    }
+
+    /// Takes what a battery reports beside its reading; the next reading has it.
+    pub fn aux(&mut self, node: NodeId, aux: &BatteryAux, now: Instant) {
+        let source = Source {
+            node,
+            battery_id: aux.battery_id,
+        };
+        if let Some(entry) = self.entry_of_aux(source) {
+            entry.aux = Some(Heard {
+                content: *aux,
+                at: now,
+            });
+        }
+    }
+
+    /// Takes a charger's reading. Its battery id is that of its node.
+    pub fn charger(
+        &mut self,
+        node: NodeId,
+        reading: &ChargerReading,
+        now: Instant,
+        deliver: &mut impl FnMut(CanEvent),
+    ) {
+        let source = Source {
+            node,
+            battery_id: node.number(),
+        };
+        let Some((entry, settings)) = self.entry_of(source, now, deliver) else {
+            return;
+        };
+        entry.heard = now;
+        let charger = entry
+            .charger
+            .get_or_insert_with(|| Charger::found(settings.options));
+        if let Some(faults) = charger.report(ChargerFaults::from_flags(reading.faults)) {
+            deliver(CanEvent::Announce(CanNotice::ChargerFaults(
+                settings.pack,
+                faults,
+            )));
+        }
+        deliver(CanEvent::Reading(
+            settings.pack,
+            charger_measurement(reading, &settings),
+        ));
+    }
+
+    /// Takes a charger's answer: whether its output is on now.
+    pub fn charger_answer(&mut self, node: NodeId, transfer_id: u8, power: ChargerPower) {
+        let of_node = |entry: &&mut Entry| entry.source.is_some_and(|source| source.node == node);
+        for entry in self.entries.iter_mut().filter(of_node) {
+            if let Some(charger) = &mut entry.charger {
+                charger.confirm(transfer_id, power);
+            }
+        }
+    }
+
+    /// Delivers the time-out of each pack whose source is silent.
+    pub fn report_silent(&self, now: Instant, deliver: &mut impl FnMut(CanEvent)) {
+        for entry in self.entries.iter().filter(|entry| entry.is_silent(now)) {
+            if let Some(settings) = entry.settings {
+                deliver(CanEvent::Reading(settings.pack, Err(ReadError::Timeout)));
+            }
+        }
+    }
+
+    /// Sends what chargers are requested now.
+    pub fn switch_chargers(
+        &mut self,
+        now: Instant,
+        deliver: &mut impl FnMut(CanEvent),
+        mut send: impl FnMut(ChargerRequest),
+    ) {
+        for entry in &mut self.entries {
+            let Some((pack, node, request)) = entry.charger_request(self.arm_state, self.transfer_id, now)
+            else {
+                continue;
+            };
+            if request.attempt == Attempt::First {
+                deliver(CanEvent::Announce(CanNotice::Charger(pack, request.power)));
+            }
+            send(ChargerRequest {
+                node,
+                transfer_id: self.transfer_id,
+                power: request.power,
+            });
+            self.transfer_id = self.transfer_id.wrapping_add(1) & 0x1f;
+        }
+    }
+
+    /// The pack that this source measures, if any: its own one, else one whose source is lost and may be replaced, else the
+    /// first one that has none.
+    fn entry_of(
+        &mut self,
+        source: Source,
+        now: Instant,
+        deliver: &mut impl FnMut(CanEvent),
+    ) -> Option<(&mut Entry, CanPack)> {
+        let ranks = self.entries.iter().map(|entry| entry.rank(source, now));
+        let (index, rank) = ranks
+            .enumerate()
+            .filter_map(|(index, rank)| rank.map(|rank| (index, rank)))
+            .min_by_key(|(_, rank)| *rank)?;
+        let entry = self.entries.get_mut(index)?;
+        let settings = entry.settings?;
+        if rank != Rank::Own {
+            entry.start_with(source, now);
+            info!(
+                "pack {}: CAN node {}, battery {}",
+                settings.pack.number(),
+                source.node.number(),
+                source.battery_id
+            );
+            deliver(CanEvent::Announce(CanNotice::Source(settings.pack, source.node)));
+        }
+        Some((entry, settings))
+    }
+
+    /// The pack that this source reports more of: one that takes it from any node, else its own.
+    fn entry_of_aux(&mut self, source: Source) -> Option<&mut Entry> {
+        let index = self
+            .entries
+            .iter()
+            .position(|entry| entry.takes_aux_of(source.battery_id))
+            .or_else(|| self.entries.iter().position(|entry| entry.source == Some(source)))?;
+        self.entries.get_mut(index)
+    }
+}
+
+/// How well a source fits a pack, the best first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Rank {
+    Own,
+    Replaced,
+    Free,
+}
+
+impl Entry {
+    const EMPTY: Self = Self {
+        settings: None,
+        source: None,
+        heard: Instant::EPOCH,
+        aux: None,
+        charger: None,
+    };
+
+    fn set_up(&mut self, settings: Option<&CanPack>, now: Instant) {
+        let fits = |source: &Source| settings.is_some_and(|settings| settings.takes(source.battery_id));
+        let is_new = self.settings.is_none() && settings.is_some();
+        let is_wrong = self.source.is_some_and(|source| !fits(&source));
+        if is_new || is_wrong {
+            *self = Self {
+                heard: now,
+                ..Self::EMPTY
+            };
+        }
+        self.settings = settings.copied();
+    }
+
+    fn start_with(&mut self, source: Source, now: Instant) {
+        *self = Self {
+            settings: self.settings,
+            source: Some(source),
+            heard: now,
+            aux: None,
+            charger: None,
+        };
+    }
+
+    fn rank(&self, source: Source, now: Instant) -> Option<Rank> {
+        let settings = self
+            .settings
+            .filter(|settings| settings.takes(source.battery_id))?;
+        match self.source {
+            Some(own) if own == source => Some(Rank::Own),
+            Some(_) if self.is_silent(now) && settings.options.has(CanOptions::DYNAMIC_NODE) => {
+                Some(Rank::Replaced)
+            }
+            Some(_) => None,
+            None => Some(Rank::Free),
+        }
+    }
+
+    fn is_silent(&self, now: Instant) -> bool {
+        now.us_since(self.heard) > LOST_AFTER_US
+    }
+
+    fn takes_aux_of(&self, battery_id: u8) -> bool {
+        let takes = |settings: &CanPack| {
+            settings.options.has(CanOptions::SPLIT_AUX) && settings.battery_id == Some(battery_id.into())
+        };
+        self.source.is_some() && self.settings.as_ref().is_some_and(takes)
+    }
+
+    fn charger_request(
+        &mut self,
+        arm_state: ArmState,
+        transfer_id: u8,
+        now: Instant,
+    ) -> Option<(Pack, NodeId, SwitchRequest)> {
+        let (settings, source) = self.settings.zip(self.source)?;
+        let charger = self.charger.as_mut()?;
+        let request = charger.poll(settings.options, arm_state, transfer_id, now)?;
+        Some((settings.pack, source.node, request))
+    }
+}
+
+/// Without a voltage there is no reading: a battery that has lost its sensor must not look healthy.
+fn measurement(
+    info: &BatteryInfo,
+    aux: Option<&BatteryAux>,
+    settings: &CanPack,
+) -> Result<Measurement, ReadError> {
+    let voltage_v = info.voltage_v.ok_or(ReadError::Implausible)?;
+    let counts = !settings.options.has(CanOptions::IGNORE_CHARGE);
+    let share = info
+        .state_of_charge_pct
+        .map(|percent| f32::from(percent.min(100)) / 100.0);
+    Ok(Measurement {
+        voltage_v: Some(voltage_v),
+        current_a: info
+            .current_a
+            .map(|current_a| current_a * settings.current_multiplier),
+        gauge: aux.and_then(|aux| gauge(info, aux)).filter(|_| counts),
+        state_of_charge: share.filter(|_| counts),
+        temperature_c: celsius(info.temperature_k),
+        cells: aux.map_or(CellVoltages::NONE, |aux| aux.cells),
+        details: PackDetails {
+            device: info.model,
+            cycle_count: aux.map(|aux| aux.cycle_count),
+            state_of_health_pct: info.state_of_health_pct,
+            ..PackDetails::NONE
+        },
+        supply: aux.map_or(Supply::On, |aux| aux.supply),
+        ..Measurement::default()
+    })
+}
+
+/// Limits of what is taken for a gauge's reading, in milliampere-hours; others leave these fields at 0.
+const LEAST_CAPACITY_MAH: f32 = 10.0;
+const MOST_CAPACITY_MAH: f32 = 1_000_000.0;
+
+/// The charge that the battery counts. Nothing left is believed only if the percentage agrees: unknown energies are 0.
+fn gauge(info: &BatteryInfo, aux: &BatteryAux) -> Option<Gauge> {
+    let nominal_v = aux.nominal_v.filter(|nominal_v| *nominal_v > 0.0)?;
+    let to_mah = 1000.0 / nominal_v;
+    let gauge = Gauge {
+        remaining_mah: info.remaining_wh? * to_mah,
+        full_mah: info.full_wh? * to_mah,
+    };
+    let is_plausible = (0.0..=MOST_CAPACITY_MAH).contains(&gauge.remaining_mah)
+        && (LEAST_CAPACITY_MAH..=MOST_CAPACITY_MAH).contains(&gauge.full_mah)
+        && (gauge.remaining_mah > 0.0 || info.state_of_charge_pct == Some(0));
+    is_plausible.then_some(gauge)
+}
+
+fn charger_measurement(reading: &ChargerReading, settings: &CanPack) -> Result<Measurement, ReadError> {
+    let side = if settings.options.has(CanOptions::CHARGER_INPUT) {
+        reading.input
+    } else {
+        reading.output
+    };
+    Ok(Measurement {
+        voltage_v: Some(side.voltage_v.ok_or(ReadError::Implausible)?),
+        current_a: side
+            .current_a
+            .map(|current_a| current_a * settings.current_multiplier),
+        temperature_c: Some(reading.temperature_c),
+        ..Measurement::default()
+    })
+}
