@@ -1,5 +1,5 @@
 //! The release firmware on an emulated RP2040, in step with the wall clock. Ground-station software reaches its UART0 and
-//! its USB serial port by TCP, and its Wi-Fi by UDP and TCP.
+//! its USB serial port by TCP, and its Wi-Fi by UDP and TCP; programs reach its CAN bus by slcan.
 //!
 //! ```sh
 //! cargo test --test emulated_board -- --uart 127.0.0.1:5770 --usb 127.0.0.1:5771
@@ -10,6 +10,8 @@ mod air;
 #[path = "../workbench/bench.rs"]
 #[allow(dead_code)]
 mod bench;
+#[path = "../workbench/can/mod.rs"]
+mod can_bench;
 #[path = "../support/elf.rs"]
 mod elf;
 #[path = "../emulator/mod.rs"]
@@ -23,23 +25,26 @@ mod signer;
 #[allow(dead_code)]
 mod support;
 
+mod can;
 mod flash_file;
 mod pace;
 mod port;
 mod wifi;
 mod wires;
 
-use std::io::{self, Read};
+use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
 
 use bench::{Bench, MILLISECOND, SECOND};
+use can::CanAdapter;
 use emulator::{Board, code_of_volts};
 use flash_file::{FlashFile, PROGRAM_BYTES};
 use pace::Pace;
@@ -51,6 +56,9 @@ use wires::{UartWire, UsbWire};
 const PACK_V: f64 = 12.6;
 /// `BATT_VOLT_MULT`, by default.
 const DIVIDER: f64 = 3.95;
+
+/// Of the nodes at the bus, until a program has set another rate: `CAN_P1_BITRATE` by default.
+const CAN_BITS_PER_SECOND: u64 = 1_000_000;
 
 /// So much emulated time passes between looks at the sockets.
 const SLICE_US: u64 = MILLISECOND;
@@ -75,6 +83,12 @@ struct Arguments {
     /// Where programs connect to the board's TCP port 5760 over Wi-Fi, from another laptop; makes the board a Pico W
     #[arg(long, value_name = "ADDRESS:PORT")]
     wifi_tcp: Vec<SocketAddr>,
+
+    /// Where a program connects to an adapter at the board's CAN bus by TCP, which speaks slcan; puts an MCP2515 with 16 MHz at
+    /// the board's pins. Lines of the input make trouble on the bus: "can load 0.9", "can noise 0.1", "can wires shorted"
+    /// (or open, stuck, sound)
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    can: Option<SocketAddr>,
 
     /// Keep the content of the flash chip in this file; written at the end
     #[arg(long, value_name = "FILE")]
@@ -102,6 +116,7 @@ fn run(arguments: Arguments) -> Result<(), String> {
     let [uart, usb] = [arguments.uart, arguments.usb].map(listen);
     let (uart, usb) = (uart?, usb?);
     let wifi = wifi_air(&arguments)?;
+    let can = arguments.can.map(listen).transpose()?;
     let name = arguments.flash.clone().unwrap_or_default();
     let failed = |error: io::Error| format!("Can't use the flash file {}: {error}", name.display());
     let mut file = FlashFile::open(arguments.flash).map_err(failed)?;
@@ -114,8 +129,10 @@ fn run(arguments: Arguments) -> Result<(), String> {
         uart: UartWire::new(uart),
         usb: UsbWire::plug(usb, &mut board),
         wifi,
+        can: can.map(|port| CanAdapter::solder(&mut board, port, CAN_BITS_PER_SECOND)),
+        typed: read_input(),
     };
-    stop_by_signal_or_end_of_input()?;
+    stop_by_signal()?;
     println!(
         "UART0 on tcp:{}, USB on tcp:{}. Ctrl-D ends it.",
         arguments.uart, arguments.usb
@@ -125,6 +142,9 @@ fn run(arguments: Arguments) -> Result<(), String> {
     }
     for address in &arguments.wifi_tcp {
         println!("Wi-Fi on tcp:{address}.");
+    }
+    if let Some(address) = &arguments.can {
+        println!("CAN on tcp:{address}.");
     }
 
     let end_us = arguments.seconds.map_or(u64::MAX, |seconds| seconds * SECOND);
@@ -139,6 +159,10 @@ struct Wires {
     usb: UsbWire,
     /// `None`: the board has no Wi-Fi.
     wifi: Option<WifiAir>,
+    /// `None`: the board has no CAN controller.
+    can: Option<CanAdapter>,
+    /// Lines of the input.
+    typed: Receiver<String>,
 }
 
 impl Wires {
@@ -147,6 +171,20 @@ impl Wires {
         self.usb.exchange(board);
         if let Some(wifi) = &mut self.wifi {
             wifi.exchange(board);
+        }
+        if let Some(can) = &mut self.can {
+            can.exchange(board);
+        }
+        self.obey_input(board);
+    }
+
+    /// What else is typed means nothing.
+    fn obey_input(&mut self, board: &mut Board) {
+        for line in self.typed.try_iter() {
+            let words: Vec<_> = line.split_whitespace().collect();
+            if let (Some(can), ["can", words @ ..]) = (&mut self.can, &words[..]) {
+                can.trouble(board, words);
+            }
         }
     }
 }
@@ -170,14 +208,27 @@ fn listen(address: SocketAddr) -> Result<Port, String> {
     Port::listen(address).map_err(|error| format!("Can't listen on {address}: {error}"))
 }
 
-/// Ctrl-C also ends the cargo that has started this, which does not wait then; the end of the input does not.
-fn stop_by_signal_or_end_of_input() -> Result<(), String> {
-    let stop = || STOP.store(true, Ordering::Relaxed);
+fn stop() {
+    STOP.store(true, Ordering::Relaxed);
+}
+
+/// Lines of the input, whose end stops the board.
+fn read_input() -> Receiver<String> {
+    let (sender, receiver) = mpsc::channel();
     thread::spawn(move || {
-        // What is typed means nothing.
-        while io::stdin().read(&mut [0; 256]).is_ok_and(|length| length > 0) {}
+        for line in io::stdin().lines().map_while(Result::ok) {
+            // The board has stopped.
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
         stop();
     });
+    receiver
+}
+
+/// Ctrl-C also ends the cargo that has started this, which does not wait then; the end of the input does not.
+fn stop_by_signal() -> Result<(), String> {
     ctrlc::set_handler(stop).map_err(|error| format!("Can't catch Ctrl-C: {error}"))
 }
 

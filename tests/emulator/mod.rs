@@ -81,6 +81,7 @@ mod boot_rom;
 #[cfg(test)]
 mod boot_rom_tests;
 mod bus;
+pub mod can;
 mod chip_reset;
 mod clock;
 mod core_bus;

@@ -315,6 +315,9 @@ impl SystemBus {
                 lines.set(pin, level);
             }
         }
+        for (pin, level) in self.soc.spi1.interrupt_levels() {
+            lines.set(pin, level);
+        }
         if let Some(level) = self.soc.wifi.as_ref().and_then(|wifi| wifi.data_line()) {
             lines.set(DATA, level);
         }

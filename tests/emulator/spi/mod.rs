@@ -81,7 +81,17 @@ impl Spi {
     /// Put a device on the bus; the pin `select` selects it by a low level. What this pin selected
     /// before is gone.
     pub fn attach(&mut self, select: usize, device: Box<dyn SpiDevice>) {
-        self.wires.attach(select, device);
+        self.wires.attach(select, None, device);
+    }
+
+    /// The same with a device whose interrupt output leads to the pin `interrupt`.
+    pub fn attach_with_interrupt(&mut self, select: usize, interrupt: usize, device: Box<dyn SpiDevice>) {
+        self.wires.attach(select, Some(interrupt), device);
+    }
+
+    /// Pins that interrupt outputs of devices drive, each with its level.
+    pub fn interrupt_levels(&self) -> impl Iterator<Item = (usize, bool)> {
+        self.wires.interrupt_levels()
     }
 
     /// Take the device that this pin selects off the bus.
@@ -167,12 +177,15 @@ impl Spi {
     fn advance_to(&mut self, now: Cycle) {
         self.begin(now);
         while let Some(frame) = self.shifting.take_if(|frame| frame.end <= now) {
+            self.wires.advance(frame.end);
             self.finish(frame);
             self.begin(frame.end);
         }
+        self.wires.advance(now);
     }
 
     fn next_end(&self) -> Cycle {
-        self.shifting.map_or(NEVER, |frame| frame.end)
+        let frame = self.shifting.map_or(NEVER, |frame| frame.end);
+        frame.min(self.wires.next_event())
     }
 }

@@ -1,6 +1,6 @@
 //! The wires outside the chip: the devices on them, and what went over them.
 
-use super::super::clock::Cycle;
+use super::super::clock::{Cycle, NEVER};
 use super::device::{SpiClock, SpiDevice};
 
 /// What a device exchanged from its select to the end of it.
@@ -16,6 +16,8 @@ pub struct SpiTransaction {
 
 struct Slot {
     select: usize,
+    /// The pin that its interrupt output leads to.
+    interrupt: Option<usize>,
     device: Box<dyn SpiDevice>,
     under_way: Option<SpiTransaction>,
 }
@@ -63,10 +65,11 @@ impl Default for Wires {
 }
 
 impl Wires {
-    pub fn attach(&mut self, select: usize, device: Box<dyn SpiDevice>) {
+    pub fn attach(&mut self, select: usize, interrupt: Option<usize>, device: Box<dyn SpiDevice>) {
         self.detach(select);
         self.slots.push(Slot {
             select,
+            interrupt,
             device,
             under_way: None,
         });
@@ -101,6 +104,21 @@ impl Wires {
                 _ => {}
             }
         }
+    }
+
+    pub fn advance(&mut self, now: Cycle) {
+        self.slots.iter_mut().for_each(|slot| slot.device.advance(now));
+    }
+
+    pub fn next_event(&self) -> Cycle {
+        let events = self.slots.iter().map(|slot| slot.device.next_event());
+        events.min().unwrap_or(NEVER)
+    }
+
+    /// Pins that interrupt outputs drive, each with its level.
+    pub fn interrupt_levels(&self) -> impl Iterator<Item = (usize, bool)> {
+        let level = |slot: &Slot| Some((slot.interrupt?, slot.device.interrupt_level()?));
+        self.slots.iter().filter_map(level)
     }
 
     /// Two that drive the line against each other: a zero wins.

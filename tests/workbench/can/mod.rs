@@ -1,0 +1,16 @@
+//! The board's CAN controller at its pins, and peers at its bus. They send transfers that an independent implementation has made.
+
+// Every test binary that includes this folder uses a part of it.
+#![allow(dead_code)]
+
+mod peer;
+mod rig;
+#[rustfmt::skip]
+pub mod transfers;
+
+pub use peer::Peer;
+pub use rig::{CanRig, INTERRUPT, SELECT};
+
+/// The frames of a transfer with transfer id 0.
+#[derive(Clone, Copy, Debug)]
+pub struct Transfer(pub &'static [(u32, &'static [u8])]);
