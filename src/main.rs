@@ -13,9 +13,9 @@ mod firmware {
     use rover_battmon::battery::{LEARNT_WORDS, RetainedMemory};
     use rover_battmon::board::{
         self, AnalogInputs, BoardCan, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors,
-        BoardWatchdog, Buzzer, CanPins, EscUart, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals,
-        PulseInput, SensorI2c, SensorSpi, SharedSpi, SpiPeripherals, TelemetryUart, UartReceiver,
-        UartTransmitter, UsbPort, Wifi, WifiPeripherals,
+        BoardWatchdog, Buzzer, CanController, CanPins, EscUart, ExecutorIdleTime, FlashDriver, LastRun,
+        MotorPeripherals, PulseInput, SensorI2c, SensorSpi, SharedSpi, SpiPeripherals, TelemetryUart,
+        UartReceiver, UartTransmitter, UsbPort, Wifi, WifiPeripherals,
     };
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::flash_map;
@@ -71,6 +71,12 @@ mod firmware {
     #[embassy_executor::task]
     async fn can(bus: Option<&'static BoardCan>, shared: &'static Shared) -> ! {
         tasks::serve_can(bus, shared, &CAN).await
+    }
+
+    /// In an interrupt, and only with a CAN bus. It checks in by way of the one above.
+    #[embassy_executor::task]
+    async fn can_controller(controller: CanController) -> ! {
+        controller.serve().await
     }
 
     #[embassy_executor::task]
@@ -307,20 +313,21 @@ mod firmware {
             rx_dma: (peripherals.DMA_CH10, peripherals.DMA_CH11),
         };
         let esc_wire = wiring.uses_esc.then(|| board::esc_uart(esc_parts));
-        // Its interrupt line is the pulse input.
-        let (can_bus, pulse_pin) = match wiring.can {
+        // The interrupt line of the CAN controller is the pulse input.
+        let (controller, pulse_pin) = match wiring.can {
             Some(timing) => {
                 let pins = CanPins {
                     select: peripherals.PIN_13,
                     interrupt: peripherals.PIN_17,
                 };
-                (Some(board::start_can(spi, pins, timing)), None)
+                (Some(CanController::new(spi, pins, timing)), None)
             }
             None => {
                 let pin = wiring.uses_pulses.then(|| board::pulse_input(peripherals.PIN_17));
                 (None, pin)
             }
         };
+        let can_bus = controller.is_some().then(board::can_exchange);
 
         let motors = BoardMotors::new(MotorPeripherals {
             left_front: (peripherals.PWM_SLICE1, peripherals.PIN_18, peripherals.PIN_19),
@@ -344,6 +351,9 @@ mod firmware {
         start(spawner, UART0_READER.name(), uart0_reader(receiver, shared, link));
         start(spawner, BUS.name(), bus(sensor_bus, shared));
         start(spawner, CAN.name(), can(can_bus, shared));
+        if let Some(controller) = controller {
+            start_in_interrupt("CAN controller", can_controller(controller));
+        }
         start(spawner, ESC.name(), esc(esc_wire, shared));
         start(spawner, PULSES.name(), pulses(pulse_pin, shared));
         start(spawner, UNWATCHED.name(), usb(usb_port, logs, shared));
@@ -390,6 +400,17 @@ mod firmware {
             Ok(token) => {
                 board::name_task(token.id(), name);
                 spawner.spawn(token);
+            }
+            Err(error) => warn!("a task could not be started: {}", error),
+        }
+    }
+
+    /// The same for a task that must not wait for the others.
+    fn start_in_interrupt<S: Send>(name: &str, task: Result<SpawnToken<S>, SpawnError>) {
+        match task {
+            Ok(token) => {
+                board::name_task(token.id(), name);
+                board::interrupt_spawner().spawn(token);
             }
             Err(error) => warn!("a task could not be started: {}", error),
         }

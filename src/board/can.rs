@@ -4,7 +4,7 @@
     reason = "an executor in an interrupt is run by its handler, which has to promise what it is"
 )]
 
-use embassy_executor::InterruptExecutor;
+use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_rp::Peri;
 use embassy_rp::gpio::{Input, Pull};
 use embassy_rp::interrupt;
@@ -12,19 +12,14 @@ use embassy_rp::interrupt::{InterruptExt, Priority};
 use embassy_rp::peripherals::{PIN_13, PIN_17};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
-use super::running::name_task;
 use super::spi::{CanSpi, SharedSpi};
-use crate::log::warn;
 use crate::mcp2515::{self, CanExchange};
 use crate::sensor::BitTiming;
-
-/// How the controller is called in a crash record.
-const TASK: &str = "CAN controller";
 
 /// An interrupt of no peripheral (RP2040 datasheet, 2.3.2).
 static EXECUTOR: InterruptExecutor = InterruptExecutor::new();
 
-/// What the controller's loop and the task "CAN" share.
+/// What the controller's loop and the task that uses the bus share.
 pub type BoardCan = CanExchange<CriticalSectionRawMutex>;
 
 static EXCHANGE: BoardCan = CanExchange::new();
@@ -37,27 +32,39 @@ pub struct CanPins {
     pub interrupt: Peri<'static, PIN_17>,
 }
 
-#[embassy_executor::task]
-async fn serve(spi: CanSpi, interrupt: Input<'static>, timing: BitTiming) -> ! {
-    mcp2515::serve(spi, interrupt, timing, &EXCHANGE).await
+/// The controller, for a task in an interrupt: two frames may fill its buffers while another task runs.
+pub struct CanController {
+    spi: CanSpi,
+    interrupt: Input<'static>,
+    timing: BitTiming,
 }
 
-/// Serves the controller from now on, above all tasks and below all other interrupts: two frames may fill its buffers while a task
-/// runs.
-pub fn start_can(bus: &'static SharedSpi, pins: CanPins, timing: BitTiming) -> &'static BoardCan {
-    let spi = CanSpi::new(bus, pins.select.into());
-    // Modules have no pull-up for it: it is no open drain. An open line must not be noise.
-    let line = Input::new(pins.interrupt, Pull::Up);
-    interrupt::SWI_IRQ_1.set_priority(Priority::P3);
-    let spawner = EXECUTOR.start(interrupt::SWI_IRQ_1);
-    match serve(spi, line, timing) {
-        Ok(token) => {
-            name_task(token.id(), TASK);
-            spawner.spawn(token);
+impl CanController {
+    /// The controller, from now on not selected.
+    pub fn new(bus: &'static SharedSpi, pins: CanPins, timing: BitTiming) -> Self {
+        Self {
+            spi: CanSpi::new(bus, pins.select.into()),
+            // An open line must not be noise.
+            interrupt: Input::new(pins.interrupt, Pull::Up),
+            timing,
         }
-        Err(error) => warn!("CAN controller could not be started: {}", error),
     }
+
+    /// Serves the controller.
+    pub async fn serve(self) -> ! {
+        mcp2515::serve(self.spi, self.interrupt, self.timing, &EXCHANGE).await
+    }
+}
+
+/// What tasks have of the controller.
+pub fn can_exchange() -> &'static BoardCan {
     &EXCHANGE
+}
+
+/// Starts tasks above all others and below all other interrupts; to be called once.
+pub fn interrupt_spawner() -> SendSpawner {
+    interrupt::SWI_IRQ_1.set_priority(Priority::P3);
+    EXECUTOR.start(interrupt::SWI_IRQ_1)
 }
 
 #[interrupt]

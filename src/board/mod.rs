@@ -32,7 +32,7 @@ use embassy_rp::{bind_interrupts, dma, i2c as rp_i2c, pio, usb as rp_usb};
 
 pub use adc::AnalogInputs;
 pub use buzzer::Buzzer;
-pub use can::{BoardCan, CanPins, start_can};
+pub use can::{BoardCan, CanController, CanPins, can_exchange, interrupt_spawner};
 pub use crash_memory::BoardCrashMemory;
 pub use flash::{BoardFlash, FlashDriver, board_id, flash_driver};
 pub use floats::use_rom_floats;

@@ -79,6 +79,8 @@ impl SharedSpi {
         })))
     }
 
+    // Inlined, it would be there for each instruction to a part.
+    #[inline(never)]
     fn transfer(
         &self,
         clock: SpiClock,

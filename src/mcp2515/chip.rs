@@ -4,8 +4,8 @@
 
 use embedded_hal::spi::SpiDevice;
 use mcp25xx::embedded_can::{ExtendedId, Frame, Id};
-use mcp25xx::registers::{CANCTRL, CANINTE, CANINTF, CNF, EFLG, RXB0CTRL, ReadStatusResponse, Register};
-use mcp25xx::{AcceptanceFilter, IdHeader, MCP25xx, RxBuffer, TxBuffer};
+use mcp25xx::registers::{CANCTRL, CANINTF, EFLG, Modify, RXB0CTRL, ReadStatusResponse, Register};
+use mcp25xx::{Instruction, MCP25xx, RxBuffer, TxBuffer};
 
 use super::filters::Filters;
 use crate::sensor::{BitTiming, CanFrame};
@@ -14,11 +14,16 @@ use crate::sensor::{BitTiming, CanFrame};
 const TXB0CTRL: u8 = 0x30;
 const TXREQ: u8 = 1 << 3;
 
+/// Filters, masks and behind these CNF3 to CNF1 and CANINTE, each four registers (table 11-1).
+const FROM_RXF0: u8 = 0x00;
+const FROM_RXF3: u8 = 0x10;
+const FROM_RXM0: u8 = 0x20;
+
 /// CNF3 and the seven registers behind it, one of each kind that has to be looked at (table 11-1).
 const FROM_CNF3: u8 = 0x28;
 
 /// Interrupts: both receive buffers, transmit buffer 0, errors (register 7-1).
-const INTERRUPTS: CANINTE = CANINTE::from_bytes([RX0IF | RX1IF | TX0IF | ERRIF]);
+const INTERRUPTS: u8 = RX0IF | RX1IF | TX0IF | ERRIF;
 const RX0IF: u8 = 1 << 0;
 const RX1IF: u8 = 1 << 1;
 const TX0IF: u8 = 1 << 2;
@@ -93,26 +98,27 @@ impl<S: SpiDevice> Chip<S> {
     }
 
     fn write_all(&mut self, filters: &Filters) -> Result<(), S::Error> {
-        let instructions = &mut self.instructions;
-        instructions.set_bitrate(CNF::from_bytes(self.cnf))?;
-        // A frame for a full buffer 0 goes to buffer 1.
-        instructions.write_register(RXB0CTRL::new().with_bukt(true))?;
-        let [first_mask, second_mask] = filters.masks;
         let [filter0, filter1] = filters.first;
         let [filter2, filter3, filter4, filter5] = filters.second;
-        for (register, id) in [
-            (AcceptanceFilter::Mask0, first_mask),
-            (AcceptanceFilter::Mask1, second_mask),
-            (AcceptanceFilter::Filter0, filter0),
-            (AcceptanceFilter::Filter1, filter1),
-            (AcceptanceFilter::Filter2, filter2),
-            (AcceptanceFilter::Filter3, filter3),
-            (AcceptanceFilter::Filter4, filter4),
-            (AcceptanceFilter::Filter5, filter5),
+        let [mask0, mask1] = filters.masks;
+        let [cnf3, cnf2, cnf1] = self.cnf;
+        let instructions = &mut self.instructions;
+        for (address, registers) in [
+            (FROM_RXF0, [filter0, filter1, filter2].map(id_registers)),
+            (FROM_RXF3, [filter3, filter4, filter5].map(id_registers)),
+            (
+                FROM_RXM0,
+                [
+                    id_registers(mask0),
+                    id_registers(mask1),
+                    [cnf3, cnf2, cnf1, INTERRUPTS],
+                ],
+            ),
         ] {
-            instructions.set_filter(register, id_header(id))?;
+            instructions.write_registers(address, registers.as_flattened())?;
         }
-        instructions.write_register(INTERRUPTS)?;
+        // A frame for a full buffer 0 goes to buffer 1.
+        instructions.write_register(RXB0CTRL::new().with_bukt(true))?;
         instructions.write_register(CANCTRL::from(NORMAL))
     }
 
@@ -149,7 +155,7 @@ impl<S: SpiDevice> Chip<S> {
     /// The transmit buffer is no longer to be sent.
     pub fn give_up_sending(&mut self) -> Result<(), NoAnswer> {
         // Bit modify has no type of this register that can be written in part.
-        let modify = [mcp25xx::Instruction::BitModify as u8, TXB0CTRL, TXREQ, 0];
+        let modify = [Instruction::BitModify as u8, TXB0CTRL, TXREQ, 0];
         self.instructions.spi.write(&modify).map_err(no_answer)
     }
 
@@ -164,10 +170,7 @@ impl<S: SpiDevice> Chip<S> {
         self.clear::<CANINTF>(ERRIF)
     }
 
-    fn clear<R: Register + mcp25xx::registers::Modify + Into<u8>>(
-        &mut self,
-        bits: u8,
-    ) -> Result<(), NoAnswer> {
+    fn clear<R: Register + Modify + Into<u8>>(&mut self, bits: u8) -> Result<(), NoAnswer> {
         let cleared = self.instructions.modify_register(R::from(0), bits);
         cleared.map_err(no_answer)
     }
@@ -196,7 +199,7 @@ impl<S: SpiDevice> Chip<S> {
 
 impl Registers {
     fn is_set_up(&self, cnf: &[u8; 3]) -> bool {
-        self.cnf == *cnf && self.interrupts == u8::from(INTERRUPTS) && self.control == NORMAL
+        self.cnf == *cnf && self.interrupts == INTERRUPTS && self.control == NORMAL
     }
 
     /// Whether it takes no part in the bus. It leaves the configuration mode when it has seen the bus idle (10.1).
@@ -245,8 +248,14 @@ fn extended(id: u32) -> ExtendedId {
     ExtendedId::new(id & ExtendedId::MAX.as_raw()).unwrap_or(ExtendedId::ZERO)
 }
 
-fn id_header(id: u32) -> IdHeader {
-    extended(id).into()
+/// The registers of a filter or a mask (registers 4-10 to 4-17): bits 28 to 18, that it is of extended identifiers, which a
+/// mask ignores, and bits 17 to 0.
+fn id_registers(id: u32) -> [u8; 4] {
+    const EXTENDED: u32 = 1 << 3;
+    let [_, _, eid8, eid0] = id.to_be_bytes();
+    let sidh = id >> 21;
+    let sidl = id >> 13 & 0xe0 | EXTENDED | id >> 16 & 3;
+    [sidh as u8, sidl as u8, eid8, eid0]
 }
 
 fn no_answer<E>(_: E) -> NoAnswer {

@@ -249,7 +249,7 @@ where
     /// Gives up a frame that can't be sent.
     fn give_up_sending(&mut self) -> Result<(), NoAnswer> {
         if let Transmission::Waiting(since) = self.transmission
-            && since.elapsed() >= LONGEST_SENDING
+            && Instant::now().saturating_duration_since(since) >= LONGEST_SENDING
         {
             self.transmission = Transmission::GivenUp;
             self.exchange.count_unsent();
