@@ -23,6 +23,8 @@ mod packs;
 mod random;
 mod setup;
 mod tail;
+#[cfg(test)]
+mod tests;
 mod unique_id;
 
 pub use acceptance::Acceptance;
