@@ -101,12 +101,17 @@ impl DroneCan {
         let Some(data_type) = DataType::of(identifier, own_id) else {
             return;
         };
+        let tail = frame.data().last().map(|last| Tail(*last));
+        let Some(tail) = tail.filter(|tail| tail.is_whole() || identifier.source().is_some()) else {
+            // Without an id transfers of several frames of different nodes look the same.
+            return;
+        };
         let key = Identifier::key(frame.id());
         if let Some(payload) = self.assembler.push(key, data_type.crc(), frame.data(), now) {
             let received = Received {
                 identifier,
                 priority: Priority::of(frame.id()),
-                transfer_id: frame.data().last().map_or(0, |last| Tail(*last).transfer_id()),
+                transfer_id: tail.transfer_id(),
                 payload,
             };
             // A payload that is too short is left out.

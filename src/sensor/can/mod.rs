@@ -25,6 +25,8 @@ mod random;
 mod setup;
 mod status;
 mod tail;
+#[cfg(test)]
+mod tests;
 mod unique_id;
 
 pub use acceptance::Acceptance;

@@ -14,7 +14,8 @@ use crate::time::Instant;
 /// (`AP_BATTMONITOR_UAVCAN_TIMEOUT_MICROS`).
 pub(super) const LOST_AFTER_US: u64 = 5_000_000;
 
-/// For how long what BatteryInfoAux has reported is used, in microseconds. Some batteries send it every five seconds.
+/// For how long what BatteryInfoAux has reported is used, in microseconds: more than two of the slowest
+/// period of batteries, 5 s.
 const AUX_US: u64 = 12_000_000;
 
 /// A battery on the bus.
@@ -336,7 +337,7 @@ fn measurement(
     })
 }
 
-/// Limits of what is taken for a gauge's reading, in milliampere-hours; others leave these fields at 0.
+/// Range of capacities that are believed, in milliampere-hours.
 const LEAST_CAPACITY_MAH: f32 = 10.0;
 const MOST_CAPACITY_MAH: f32 = 1_000_000.0;
 

@@ -28,6 +28,11 @@ impl Tail {
         self.0 & END != 0
     }
 
+    /// Whether it is all of a transfer.
+    pub fn is_whole(self) -> bool {
+        self.is_start() && self.is_end()
+    }
+
     /// Alternates from frame to frame, from `false` on.
     pub fn toggle(self) -> bool {
         self.0 & TOGGLE != 0

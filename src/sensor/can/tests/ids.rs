@@ -1,0 +1,271 @@
+//! Ids: given by another node, and given to others.
+
+use proptest::prelude::*;
+
+use super::bench::{Bench, OWN_ID, message, node, setup, status};
+use super::golden::{self, frames};
+use crate::sensor::can::allocator::Allocator;
+use crate::sensor::can::identifier::{Identifier, Priority};
+use crate::sensor::can::messages::{ALLOCATION, Allocation, DataType, Part};
+use crate::sensor::can::outgoing::{Outgoing, Transfer};
+use crate::sensor::{CanFrame, CanNotice};
+
+/// Time for the first nodes to be heard.
+const LISTENING_MS: u64 = 3_000;
+
+fn allocation(frame: &CanFrame) -> Allocation {
+    let (_, payload) = frame.data().split_last().unwrap();
+    Allocation::parse(payload).expect("an allocation")
+}
+
+/// Requests of a node with this unique id.
+fn requests(unique_id: [u8; 16], wanted: u8) -> Vec<CanFrame> {
+    let mut outgoing = Outgoing::EMPTY;
+    for (index, part) in unique_id.chunks(6).enumerate() {
+        let allocation = Allocation {
+            node_id: crate::sensor::NodeId::new(wanted),
+            part: if index == 0 { Part::First } else { Part::Later },
+            unique_id: part.iter().copied().collect(),
+        };
+        outgoing.send(&Transfer {
+            identifier: Identifier::Anonymous {
+                type_bits: 1,
+                discriminator: index as u16,
+            },
+            priority: Priority::LOW,
+            transfer_id: index as u8,
+            crc: DataType::Allocation.crc(),
+            payload: &allocation.to_bytes(),
+        });
+    }
+    std::iter::from_fn(|| outgoing.next()).collect()
+}
+
+fn assigned(bench: &mut Bench) -> Vec<u8> {
+    let id = |notice: CanNotice| match notice {
+        CanNotice::Assigned(id) => Some(id.number()),
+        _ => None,
+    };
+    bench.take_notices().into_iter().filter_map(id).collect()
+}
+
+fn listening(packs_at: u64) -> Bench {
+    let mut bench = Bench::with_packs(&[]);
+    bench.run_ms(packs_at);
+    bench.sent();
+    bench.take_notices();
+    bench
+}
+
+#[test]
+fn node_is_given_an_id_by_the_reference() {
+    let mut bench = Bench::new(setup(None), &[]);
+    for (request, answer) in golden::ID_REQUESTS.iter().zip(golden::ID_ANSWERS) {
+        let started = bench.now;
+        let sent = loop {
+            bench.run_ms(100);
+            if let Some(sent) = bench.sent().first() {
+                break *sent;
+            }
+            assert!(bench.now.us_since(started) <= 1_100_000, "no request");
+        };
+        let (_, expected) = request[0];
+        assert_eq!(
+            sent.data()[..sent.data().len() - 1],
+            expected[..expected.len() - 1]
+        );
+        assert_eq!(sent.id() & 0x3ff, 0x100, "anonymous");
+        bench.receive(&frames(answer));
+    }
+    assert_eq!(bench.take_notices(), [CanNotice::OwnId(node(99))]);
+    assert_eq!(bench.can.node_id(), Some(node(99)));
+    bench.run_ms(1000);
+    assert_eq!(
+        bench.sent_of(0x0155_00 | 99).len(),
+        2,
+        "its status is sent from now on"
+    );
+}
+
+#[test]
+fn node_without_an_id_sends_nothing_but_requests_for_one() {
+    let mut bench = Bench::new(setup(None), &[]);
+    let mut sent = Vec::new();
+    for _ in 0..600 {
+        bench.run_ms(100);
+        sent.extend(bench.sent());
+    }
+    assert!((50..110).contains(&sent.len()), "{} in a minute", sent.len());
+    assert!(sent.iter().all(|frame| allocation(frame).part == Part::First));
+    let discriminators: std::collections::HashSet<u32> = sent.iter().map(CanFrame::id).collect();
+    assert!(discriminators.len() > sent.len() / 2, "they are random");
+}
+
+#[test]
+fn node_without_an_id_gives_way_to_others_and_ignores_their_answers() {
+    let mut bench = Bench::new(setup(None), &[]);
+    for round in 0..50 {
+        // Another node is being given an id.
+        bench.receive(&requests([round; 16], 0)[..1]);
+        let answer = [1, 2, 3, 4, 5, 6, 0xff].map(|byte| byte ^ 0x80);
+        bench.receive(&message(
+            20,
+            ALLOCATION,
+            DataType::Allocation,
+            round,
+            &[&[0][..], &answer].concat(),
+        ));
+        bench.run_ms(500);
+    }
+    assert_eq!(bench.sent(), []);
+    assert_eq!(bench.can.node_id(), None);
+}
+
+#[test]
+fn ids_are_given_as_by_the_reference() {
+    let mut bench = listening(LISTENING_MS);
+    for (request, answer) in golden::ID_REQUESTS.iter().zip(&golden::ID_ANSWERS[..2]) {
+        bench.receive(&frames(request));
+        assert_eq!(bench.sent(), frames(answer));
+    }
+    bench.receive(&frames(golden::ID_REQUESTS[2]));
+    let (given, sent) = (assigned(&mut bench), bench.sent());
+    let [id] = given[..] else {
+        panic!("{given:?}");
+    };
+    assert_eq!(sent.len(), 3);
+    assert_eq!(sent[0].data()[2], id << 1, "behind the CRC");
+    let unique_id = [&sent[0].data()[3..7], &sent[1].data()[..7], &sent[2].data()[..5]].concat();
+    assert_eq!(unique_id, (1..=16).collect::<Vec<u8>>());
+}
+
+#[test]
+fn id_is_the_same_again_and_after_a_restart_of_this_board() {
+    let mut ids = Vec::new();
+    for _ in 0..2 {
+        let mut bench = listening(LISTENING_MS);
+        for _ in 0..2 {
+            bench.receive(&requests([7; 16], 0));
+        }
+        // It is on the bus, restarts, and asks again.
+        let id = assigned(&mut bench)[1];
+        bench.receive(&status(id, 1, 0));
+        bench.receive(&requests([7; 16], 0));
+        ids.push(id);
+        ids.extend(assigned(&mut bench));
+    }
+    assert!(ids.iter().all(|id| *id == ids[0]) && ids[0] >= 64, "{ids:?}");
+}
+
+#[test]
+fn wanted_id_is_given_if_it_is_free() {
+    let mut bench = listening(LISTENING_MS);
+    bench.receive(&status(31, 1, 0));
+    bench.take_notices();
+    for (owner, wanted) in [(1, 30), (2, 30), (3, OWN_ID), (4, 125), (5, 125), (6, 127)] {
+        bench.receive(&requests([owner; 16], wanted));
+    }
+    let ids = assigned(&mut bench);
+    assert_eq!(ids[..5], [30, 32, 11, 125, 124]);
+    assert!(ids[5] >= 64, "127 is for tools");
+}
+
+#[test]
+fn nothing_is_given_before_other_nodes_were_heard() {
+    let mut bench = listening(LISTENING_MS - 100);
+    bench.receive(&requests([7; 16], 0));
+    assert_eq!((bench.sent(), assigned(&mut bench)), (vec![], vec![]));
+    bench.run_ms(100);
+    bench.receive(&requests([7; 16], 0));
+    assert_eq!(assigned(&mut bench).len(), 1);
+}
+
+#[test]
+fn late_or_foreign_parts_get_nothing() {
+    let mut bench = listening(LISTENING_MS);
+    let parts = requests([7; 16], 0);
+    bench.receive(&parts[..2]);
+    bench.sent();
+    bench.run_ms(600);
+    bench.sent();
+    bench.receive(&parts[2..]);
+    assert_eq!(bench.sent(), [], "too late");
+    // A second node in between starts anew.
+    bench.receive(&parts[..1]);
+    bench.receive(&requests([8; 16], 0)[..1]);
+    bench.receive(&parts[1..]);
+    assert_eq!(
+        assigned(&mut bench).len(),
+        1,
+        "of a mixed unique id: the nodes ignore it"
+    );
+    // Too long.
+    bench.receive(&parts[..1]);
+    bench.receive(&[parts[1], parts[1], parts[1]]);
+    assert_eq!(assigned(&mut bench), []);
+}
+
+#[test]
+fn ids_run_out() {
+    let mut bench = listening(LISTENING_MS);
+    for owner in 0..20 {
+        bench.receive(&requests([owner; 16], 0));
+    }
+    let notices = bench.take_notices();
+    let count = |wanted: fn(&CanNotice) -> bool| notices.iter().filter(|notice| wanted(notice)).count();
+    assert_eq!(count(|notice| matches!(notice, CanNotice::Assigned(_))), 16);
+    assert_eq!(
+        count(|notice| *notice == CanNotice::NoIdLeft),
+        1,
+        "announced once"
+    );
+}
+
+#[test]
+fn two_nodes_of_this_kind_find_each_other() {
+    let mut server = Bench::with_packs(&[]);
+    let mut client = Bench::new(setup(None), &[]);
+    for _ in 0..100 {
+        client.run_ms(100);
+        server.run_ms(100);
+        server.receive(&client.sent());
+        client.receive(&server.sent());
+    }
+    let id = client.can.node_id().expect("an id");
+    let notices = server.take_notices();
+    assert_eq!(notices, [CanNotice::Assigned(id), CanNotice::Appeared(id)]);
+}
+
+proptest! {
+    /// No two nodes get the same id, none gets one that is in use, and who asks again gets the same.
+    #[test]
+    fn ids_are_unique(
+        owners in prop::collection::vec((any::<u8>(), 0u8..128), 1..40),
+        used in prop::collection::vec(1u8..126, 0..100),
+    ) {
+        let start = crate::time::at_us(0);
+        let now = crate::time::at_us(10_000_000);
+        let mut allocator = Allocator::new(node(OWN_ID), start);
+        let mut given = std::collections::HashMap::new();
+        for (owner, wanted) in owners {
+            let mut id = None;
+            for frame in requests([owner; 16], wanted) {
+                let is_on_bus = |id: crate::sensor::NodeId| used.contains(&id.number());
+                use crate::sensor::can::allocator::Answer;
+                if let Some(Answer::Assigned(assigned, _)) =
+                    allocator.request(&allocation(&frame), now, is_on_bus)
+                {
+                    id = Some(assigned.number());
+                }
+            }
+            if let Some(id) = id {
+                prop_assert!(id != OWN_ID && id <= 125 && !used.contains(&id));
+                prop_assert_eq!(*given.entry(owner).or_insert(id), id);
+            }
+        }
+        let mut ids: Vec<u8> = given.values().copied().collect();
+        ids.sort_unstable();
+        ids.dedup();
+        prop_assert_eq!(ids.len(), given.len());
+    }
+}

@@ -1,0 +1,435 @@
+//! Readings of packs.
+
+use proptest::prelude::*;
+
+use super::bench::{Battery, Bench, node, pack};
+use super::golden::{self, frames};
+use crate::battery::{ArmState, Gauge, Measurement, ReadError, Supply};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
+use crate::sensor::can::packs::LOST_AFTER_US;
+use crate::sensor::{CanEvent, CanNotice, CanOptions, CanPack, CanSettings, CanSetup, MonitorKind};
+
+fn with(options: CanOptions) -> CanPack {
+    CanPack {
+        options,
+        ..pack(Pack::First)
+    }
+}
+
+fn of_battery(number: Pack, battery_id: i32) -> CanPack {
+    CanPack {
+        battery_id: Some(battery_id),
+        ..pack(number)
+    }
+}
+
+/// The only reading.
+fn reading(bench: &mut Bench) -> Measurement {
+    let readings = bench.take_readings();
+    assert_eq!(readings.len(), 1, "{readings:?}");
+    readings[0].1.expect("a reading")
+}
+
+fn is_close(value: Option<f32>, expected: f32) -> bool {
+    value.is_some_and(|value| (value - expected).abs() < 2e-3 * expected.abs())
+}
+
+#[test]
+fn battery_of_the_reference_is_read() {
+    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    bench.receive(&frames(golden::BATTERY_INFO));
+    assert_eq!(
+        bench.events[0],
+        CanEvent::Announce(CanNotice::Source(Pack::First, node(42)))
+    );
+    let alone = reading(&mut bench);
+    assert!(is_close(alone.voltage_v, 12.6), "{alone:?}");
+    assert_eq!(alone.current_a, Some(-3.5));
+    assert!(is_close(alone.temperature_c, 25.1), "{alone:?}");
+    assert_eq!(alone.state_of_charge, Some(0.8));
+    assert_eq!(alone.gauge, None, "no nominal voltage is known");
+    assert_eq!(alone.details.state_of_health_pct, Some(97));
+    assert_eq!(alone.details.device.as_bytes(), b"Smart LiPo 3S");
+    assert_eq!((alone.cells.millivolts(), alone.supply), (&[][..], Supply::On));
+
+    bench.receive(&frames(golden::BATTERY_AUX));
+    bench.receive(&frames(golden::BATTERY_INFO));
+    let whole = reading(&mut bench);
+    // As floats of 16 bits: in steps of 4 mV.
+    assert_eq!(whole.cells.millivolts(), [4199, 4195, 4180]);
+    assert_eq!(whole.details.cycle_count, Some(123));
+    assert_eq!(whole.supply, Supply::PoweringOff);
+    let gauge = whole.gauge.expect("a gauge");
+    assert!(
+        is_close(Some(gauge.remaining_mah), 40.0 / 11.1 * 1000.0),
+        "{gauge:?}"
+    );
+    assert!(is_close(Some(gauge.full_mah), 50.0 / 11.1 * 1000.0), "{gauge:?}");
+}
+
+#[test]
+fn motor_controller_of_the_reference_is_read() {
+    let mut bench = Bench::with_packs(&[]);
+    bench.receive(&frames(golden::CONTROLLER));
+    let [CanEvent::Controller(19, reading)] = bench.events[..] else {
+        panic!("{:?}", bench.events);
+    };
+    assert_eq!((reading.voltage_v, reading.current_a), (Some(23.5), Some(-1.25)));
+    assert!(is_close(reading.temperature_c, 40.1), "{reading:?}");
+}
+
+#[test]
+fn current_is_multiplied() {
+    let settings = CanPack {
+        current_multiplier: 2.5,
+        ..pack(Pack::First)
+    };
+    let mut bench = Bench::with_packs(&[settings]);
+    bench.receive(&Battery::new(42, 0).frames(0));
+    assert_eq!(reading(&mut bench).current_a, Some(5.0));
+}
+
+#[test]
+fn what_the_battery_does_not_know_is_unknown() {
+    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let battery = Battery {
+        temperature_k: 0.0,
+        current_a: f32::NAN,
+        charge_pct: 127,
+        ..Battery::new(42, 0)
+    };
+    bench.receive(&battery.frames(0));
+    let expected = Measurement {
+        voltage_v: Some(12.0),
+        ..Measurement::default()
+    };
+    assert_eq!(reading(&mut bench), expected);
+}
+
+#[test]
+fn battery_without_a_voltage_has_no_reading() {
+    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let battery = Battery {
+        voltage_v: f32::NAN,
+        ..Battery::new(42, 0)
+    };
+    bench.receive(&battery.frames(0));
+    assert_eq!(
+        bench.take_readings(),
+        [(Pack::First, Err(ReadError::Implausible))]
+    );
+}
+
+#[test]
+fn percentage_above_100_is_full() {
+    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let battery = Battery {
+        charge_pct: 126,
+        ..Battery::new(42, 0)
+    };
+    bench.receive(&battery.frames(0));
+    assert_eq!(reading(&mut bench).state_of_charge, Some(1.0));
+}
+
+#[test]
+fn charge_is_ignored_by_option() {
+    let mut bench = Bench::with_packs(&[with(CanOptions::IGNORE_CHARGE)]);
+    let battery = Battery::new(42, 0);
+    bench.receive(&battery.frames(0));
+    assert_eq!(reading(&mut bench).state_of_charge, None);
+    bench.receive(&battery.aux(&[4.0, 4.0], 8.0));
+    bench.receive(&battery.frames(1));
+    let reading = reading(&mut bench);
+    assert_eq!((reading.gauge, reading.state_of_charge), (None, None));
+    assert_eq!(reading.cells.millivolts(), [4000, 4000]);
+}
+
+#[test]
+fn energies_are_a_gauge_if_they_make_sense() {
+    let battery = Battery::new(42, 0);
+    let gauge = |remaining_mah, full_mah| {
+        Some(Gauge {
+            remaining_mah,
+            full_mah,
+        })
+    };
+    for (changed, nominal_v, expected) in [
+        (battery, 12.0, gauge(2500.0, 5000.0)),
+        (battery, 0.0, None),
+        (battery, f32::NAN, None),
+        (
+            Battery {
+                full_wh: 0.0,
+                ..battery
+            },
+            12.0,
+            None,
+        ),
+        (
+            Battery {
+                full_wh: f32::NAN,
+                ..battery
+            },
+            12.0,
+            None,
+        ),
+        (
+            Battery {
+                remaining_wh: 0.0,
+                ..battery
+            },
+            12.0,
+            None,
+        ),
+        (
+            Battery {
+                remaining_wh: 0.0,
+                charge_pct: 0,
+                ..battery
+            },
+            12.0,
+            gauge(0.0, 5000.0),
+        ),
+        (
+            Battery {
+                remaining_wh: -1.0,
+                ..battery
+            },
+            12.0,
+            None,
+        ),
+    ] {
+        let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+        bench.receive(&battery.frames(0));
+        bench.take_readings();
+        bench.receive(&battery.aux(&[], nominal_v));
+        bench.receive(&changed.frames(1));
+        assert_eq!(reading(&mut bench).gauge, expected, "{changed:?} {nominal_v}");
+    }
+}
+
+#[test]
+fn cells_are_shown_all_or_none() {
+    for (cells_v, millivolts) in [
+        (vec![4.0; 14], vec![4000; 14]),
+        (vec![4.0; 15], vec![]),
+        (vec![4.0; 22], vec![]),
+        (vec![4.0, f32::NAN, 4.0], vec![]),
+        (vec![4.0, -1.0], vec![]),
+    ] {
+        let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+        let battery = Battery::new(42, 0);
+        bench.receive(&battery.frames(0));
+        bench.receive(&battery.aux(&cells_v, 0.0));
+        bench.take_readings();
+        bench.receive(&battery.frames(1));
+        let reading = reading(&mut bench);
+        assert_eq!(reading.cells.millivolts(), millivolts);
+        assert_eq!(reading.details.cycle_count, Some(17));
+    }
+}
+
+#[test]
+fn cells_are_dropped_when_they_are_old() {
+    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let battery = Battery::new(42, 0);
+    bench.receive(&battery.frames(0));
+    bench.receive(&battery.aux(&[4.0, 4.0], 0.0));
+    bench.run_with(12, &battery.frames(0));
+    bench.take_readings();
+    bench.receive(&battery.frames(0));
+    assert_eq!(reading(&mut bench).cells.millivolts().len(), 2, "after 12 s");
+    bench.run_ms(100);
+    bench.receive(&battery.frames(0));
+    assert_eq!(reading(&mut bench).cells.millivolts().len(), 0);
+}
+
+#[test]
+fn silent_battery_times_out_at_every_poll_until_it_returns() {
+    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let battery = Battery::new(42, 0);
+    bench.receive(&battery.frames(0));
+    bench.take_readings();
+    bench.run_ms(LOST_AFTER_US / 1000);
+    assert_eq!(bench.take_readings(), []);
+    bench.run_ms(500);
+    assert_eq!(bench.take_readings(), [(Pack::First, Err(ReadError::Timeout)); 5]);
+    bench.receive(&battery.frames(1));
+    bench.run_ms(1000);
+    assert_eq!(bench.take_voltages(), [(Pack::First, 12.0)]);
+}
+
+#[test]
+fn battery_that_never_comes_times_out_too() {
+    let mut bench = Bench::with_packs(&[pack(Pack::Third)]);
+    bench.run_ms(LOST_AFTER_US / 1000 + 100);
+    assert_eq!(bench.take_readings(), [(Pack::Third, Err(ReadError::Timeout))]);
+    // A pack that is set up later has as much time.
+    bench.settings.packs.push(pack(Pack::Fourth)).unwrap();
+    bench.run_ms(LOST_AFTER_US / 1000);
+    assert!(
+        bench
+            .take_readings()
+            .iter()
+            .all(|(silent, _)| *silent == Pack::Third)
+    );
+}
+
+#[test]
+fn batteries_go_to_the_packs_with_their_ids() {
+    let mut bench = Bench::with_packs(&[of_battery(Pack::First, 7), of_battery(Pack::Second, 3)]);
+    for battery in [
+        Battery {
+            voltage_v: 13.0,
+            ..Battery::new(40, 3)
+        },
+        Battery {
+            voltage_v: 14.0,
+            ..Battery::new(41, 7)
+        },
+        Battery {
+            voltage_v: 15.0,
+            ..Battery::new(42, 9)
+        },
+        // The same id from another node.
+        Battery {
+            voltage_v: 16.0,
+            ..Battery::new(43, 7)
+        },
+    ] {
+        bench.receive(&battery.frames(0));
+    }
+    assert_eq!(bench.take_voltages(), [(Pack::Second, 13.0), (Pack::First, 14.0)]);
+}
+
+#[test]
+fn batteries_take_the_packs_in_order_if_these_take_any() {
+    let mut bench = Bench::with_packs(&[pack(Pack::Second), pack(Pack::Fourth)]);
+    // Two of one node, and one too many.
+    let batteries = [Battery::new(40, 1), Battery::new(40, 0), Battery::new(41, 0)];
+    for battery in batteries.iter().chain(&batteries) {
+        bench.receive(&battery.frames(0));
+    }
+    let packs: Vec<Pack> = bench.take_voltages().into_iter().map(|(pack, _)| pack).collect();
+    assert_eq!(packs, [Pack::Second, Pack::Fourth, Pack::Second, Pack::Fourth]);
+}
+
+#[test]
+fn another_node_takes_a_lost_ones_place_by_option_only() {
+    for (options, expected) in [
+        (CanOptions::default(), None),
+        (CanOptions::DYNAMIC_NODE, Some((Pack::First, 13.0))),
+    ] {
+        let mut bench = Bench::with_packs(&[with(options)]);
+        let other = Battery {
+            voltage_v: 13.0,
+            ..Battery::new(41, 0)
+        };
+        bench.receive(&Battery::new(40, 0).frames(0));
+        bench.receive(&other.frames(0));
+        assert_eq!(bench.take_voltages(), [(Pack::First, 12.0)], "the first is kept");
+        bench.run_ms(LOST_AFTER_US / 1000);
+        bench.receive(&other.frames(1));
+        assert_eq!(bench.take_voltages(), [], "until it is lost");
+        bench.run_ms(100);
+        bench.receive(&other.frames(2));
+        assert_eq!(bench.take_voltages().first().copied(), expected);
+    }
+}
+
+#[test]
+fn changed_id_releases_the_battery() {
+    let mut bench = Bench::with_packs(&[of_battery(Pack::First, 7)]);
+    bench.receive(&Battery::new(40, 7).frames(0));
+    bench.settings.packs[0].battery_id = Some(300);
+    bench.run_ms(100);
+    bench.receive(&Battery::new(40, 7).frames(1));
+    assert_eq!(bench.take_voltages().len(), 1, "no battery has this id");
+    bench.settings.packs[0].battery_id = Some(8);
+    bench.run_ms(100);
+    bench.receive(&Battery::new(41, 8).frames(0));
+    assert_eq!(bench.take_voltages().len(), 1);
+}
+
+#[test]
+fn aux_of_another_node_counts_by_option_only() {
+    for (options, cells) in [(CanOptions::default(), 0), (CanOptions::SPLIT_AUX, 2)] {
+        let settings = CanPack {
+            options,
+            ..of_battery(Pack::First, 7)
+        };
+        let mut bench = Bench::with_packs(&[settings]);
+        let aux = Battery::new(50, 7).aux(&[4.0, 4.0], 0.0);
+        bench.receive(&aux);
+        bench.receive(&Battery::new(40, 7).frames(0));
+        bench.receive(&aux);
+        bench.receive(&Battery::new(40, 7).frames(1));
+        let readings = bench.take_readings();
+        let counts = readings
+            .iter()
+            .map(|(_, reading)| reading.unwrap().cells.millivolts().len());
+        assert_eq!(counts.collect::<Vec<_>>(), [0, cells]);
+    }
+}
+
+#[test]
+fn settings_are_those_of_the_parameters() {
+    let mut parameters = Parameters::defaults();
+    assert_eq!(CanSetup::from_parameters(&parameters, &Default::default()), None);
+    parameters.set(VehicleParameter::CanP1Driver, 1.0).unwrap();
+    let set_up =
+        |parameters: &Parameters| CanSetup::from_parameters(parameters, &Default::default()).unwrap();
+    assert_eq!(set_up(&parameters).node_id, Some(node(10)));
+    parameters.set(VehicleParameter::CanD1UcNode, 0.0).unwrap();
+    assert_eq!(set_up(&parameters).node_id, None);
+
+    for (parameter, value) in [
+        (BatteryParameter::Monitor, 8.0),
+        (BatteryParameter::SerialNum, 7.0),
+        (BatteryParameter::CurrMult, 0.5),
+        (BatteryParameter::Options, 1025.0),
+    ] {
+        parameters.set(parameter.of(Pack::Third), value).unwrap();
+    }
+    assert_eq!(MonitorKind::of(&parameters, Pack::Third), Some(MonitorKind::Can));
+    let settings = CanSettings::from_parameters(&parameters, ArmState::Armed);
+    let expected = CanPack {
+        pack: Pack::Third,
+        battery_id: Some(7),
+        current_multiplier: 0.5,
+        options: CanOptions::from_bits(1025),
+    };
+    assert_eq!(
+        (&settings.packs[..], settings.arm_state),
+        (&[expected][..], ArmState::Armed)
+    );
+    let options = expected.options;
+    assert!(options.has(CanOptions::IGNORE_CHARGE) && options.has(CanOptions::DYNAMIC_NODE));
+    assert!(!options.has(CanOptions::SPLIT_AUX));
+}
+
+proptest! {
+    /// Whatever batteries send, in any order: a pack's readings are those of one battery until that is lost.
+    #[test]
+    fn pack_never_alternates(
+        steps in prop::collection::vec((40u8..44, 0u8..3, 0u64..3_000), 1..60),
+        options in prop_oneof![Just(CanOptions::default()), Just(CanOptions::DYNAMIC_NODE)],
+    ) {
+        let mut bench = Bench::with_packs(&[with(options), pack(Pack::Second), of_battery(Pack::Third, 1)]);
+        let mut last = std::collections::HashMap::new();
+        for (node, battery_id, pause_ms) in steps {
+            bench.run_ms(pause_ms / 100 * 100);
+            bench.events.clear();
+            let voltage_v = f32::from(node) + f32::from(battery_id) / 4.0;
+            bench.receive(&Battery { voltage_v, ..Battery::new(node, battery_id) }.frames(0));
+            for (pack, read_v) in bench.take_voltages() {
+                prop_assert_eq!(read_v, voltage_v);
+                let before = last.insert(pack.number(), (read_v, bench.now));
+                if let Some((before_v, heard)) = before {
+                    prop_assert!(before_v == read_v || bench.now.us_since(heard) > LOST_AFTER_US);
+                }
+            }
+        }
+    }
+}
