@@ -23,6 +23,8 @@ pub(super) struct Packs {
     pub bank: BatteryBank,
     /// The monitored packs in the order in which they are sampled. Their kinds take effect at boot.
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
+    /// Why a pack can't be read with the parameters at boot.
+    set_up_errors: [Option<ReadError>; MAX_PACKS],
     pub samples: [Samples; MAX_PACKS],
     pub sources: [ExternalSource; MAX_PACKS],
     pub pulses: Pulses,
@@ -38,6 +40,7 @@ impl Packs {
         Self {
             bank: in_place(BatteryBank::new),
             order: in_place(|| sampling_order(parameters)),
+            set_up_errors: set_up_errors(parameters),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
             sources: in_place(|| [ExternalSource::default(); MAX_PACKS]),
             pulses: Pulses::NONE,
@@ -78,7 +81,7 @@ impl Packs {
     }
 
     /// Measures a pack at `now`, from what the pins read and the share of full throttle, for a synthetic current.
-    /// `None` as long as there is nothing to measure by: a part on the bus or an ESC that has not been read yet, another
+    /// `None` as long as there is nothing to measure by: a part on the bus or a motor controller that has not been read yet, another
     /// component that has not reported since the last tick, or a sum in the first tick, when parts on the bus have no
     /// reading yet.
     pub fn measure(
@@ -90,6 +93,9 @@ impl Packs {
         parameters: &Parameters,
         effort: f32,
     ) -> Option<Result<Measurement, ReadError>> {
+        if let Some(error) = self.set_up_errors[pack as usize] {
+            return Some(Err(error));
+        }
         Some(match kind {
             MonitorKind::Bus(_)
             | MonitorKind::Esc
@@ -121,6 +127,15 @@ impl Packs {
                 wiring.measure(kind, readings, effort)
             }
         })
+    }
+
+    /// Adds a reading of what measures all packs of this kind, or the reason why there is none.
+    pub fn add(&mut self, kind: MonitorKind, reading: Result<Measurement, ReadError>) {
+        for (pack, measured) in &self.order {
+            if *measured == kind {
+                self.samples[*pack as usize].add(reading);
+            }
+        }
     }
 
     /// What was sampled since the last tick. What reports at a rate of its own may do so less often: between its readings the
@@ -155,6 +170,10 @@ fn sampling_order(parameters: &Parameters) -> Vec<(Pack, MonitorKind), MAX_PACKS
         }
     }
     order
+}
+
+fn set_up_errors(parameters: &Parameters) -> [Option<ReadError>; MAX_PACKS] {
+    Pack::ALL.map(|pack| MonitorKind::of(parameters, pack)?.set_up_error(parameters))
 }
 
 /// Before the first sample nothing is known of the packs, but which are monitored.
