@@ -10,7 +10,7 @@ use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::sensor::{
     AnalogPin, AnalogReadings, AnalogWiring, ExternalSource, FuelMeter, FuelReadings, MonitorKind, Pulses,
-    Samples,
+    Samples, capacity_ml, tank,
 };
 use crate::time::Instant;
 
@@ -133,6 +133,19 @@ impl Packs {
     pub fn add(&mut self, kind: MonitorKind, reading: Result<Measurement, ReadError>) {
         for (pack, measured) in &self.order {
             if *measured == kind {
+                self.samples[*pack as usize].add(reading);
+            }
+        }
+    }
+
+    /// Adds a reading of a generator's tank, of which only the share is known that it contains.
+    pub fn add_tank(&mut self, measurement: Measurement, parameters: &Parameters) {
+        let Some(share) = measurement.state_of_charge else {
+            return;
+        };
+        for (pack, kind) in &self.order {
+            if *kind == MonitorKind::GeneratorFuel {
+                let reading = tank(share, capacity_ml(parameters, *pack));
                 self.samples[*pack as usize].add(reading);
             }
         }

@@ -216,11 +216,13 @@ impl Autopilot {
 
     fn add_serial_reading(&mut self, reading: SerialReading) {
         let (kind, measurement) = match reading {
+            SerialReading::GeneratorFuel(measurement) => {
+                return self.packs.add_tank(measurement, &self.parameters);
+            }
             SerialReading::Controller(reading) => (MonitorKind::Esc, reading.into()),
             SerialReading::GeneratorElectrical(measurement) => {
                 (MonitorKind::GeneratorElectrical, measurement)
             }
-            SerialReading::GeneratorFuel(measurement) => (MonitorKind::GeneratorFuel, measurement),
             SerialReading::Torqeedo(measurement) => (MonitorKind::Torqeedo, measurement),
             SerialReading::Efi(measurement) => (MonitorKind::Efi, measurement),
             SerialReading::Notice(notice) => return self.announce(Announcement::Serial(notice)),

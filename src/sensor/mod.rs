@@ -22,9 +22,9 @@ pub use bus::{
 pub use can::{CanFrame, FRAME_BYTES};
 pub use controllers::ControllerReading;
 pub use external::{Admission, ExternalReading, ExternalSource};
-pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses};
+pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};
 pub use kind::{MonitorKind, needs_pulses};
 pub use serial::{
-    DriverEnable, REQUEST_BYTES, Request, SerialDevice, SerialEvent, SerialNotice, SerialProtocol,
-    SerialReading, SerialSetup, Urgency, Wires,
+    DriverEnable, FuelCellError, FuelCellState, REQUEST_BYTES, Request, RichenPowerErrors, SerialDevice,
+    SerialEvent, SerialNotice, SerialProtocol, SerialReading, SerialSetup, Urgency, Wires,
 };

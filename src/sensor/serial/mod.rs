@@ -8,9 +8,11 @@ mod notice;
 mod protocol;
 mod protocols;
 mod registry;
+mod window;
 
 pub use device::{SerialDevice, SerialEvent};
 pub use line::{DriverEnable, SerialSetup, Wires};
 pub use notice::{SerialNotice, Urgency};
 pub use protocol::{REQUEST_BYTES, Request, SerialReading};
+pub use protocols::{FuelCellError, FuelCellState, RichenPowerErrors};
 pub use registry::SerialProtocol;

@@ -2,14 +2,23 @@
 
 use core::fmt;
 
+use super::protocols::{FuelCellError, FuelCellState, RichenPowerErrors};
+
 /// A change in the state of a device on the serial line, reported once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SerialNotice {}
+pub enum SerialNotice {
+    /// What is wrong with a fuel cell.
+    FuelCellError(FuelCellError),
+    /// What a fuel cell does.
+    FuelCellState(FuelCellState),
+    /// What is wrong with RichenPower's generator.
+    RichenPower(RichenPowerErrors),
+}
 
 /// How urgent a notice is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Urgency {
-    /// Nothing is wrong.
+    /// Nothing is wrong, or it can wait.
     Info,
     /// Something is wrong with the device.
     Warning,
@@ -20,12 +29,20 @@ pub enum Urgency {
 impl SerialNotice {
     /// How urgent it is.
     pub fn urgency(&self) -> Urgency {
-        match *self {}
+        match self {
+            Self::FuelCellError(error) => error.urgency(),
+            Self::FuelCellState(state) => state.urgency(),
+            Self::RichenPower(errors) => errors.urgency(),
+        }
     }
 }
 
 impl fmt::Display for SerialNotice {
-    fn fmt(&self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {}
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::FuelCellError(error) => write!(f, "{error}"),
+            Self::FuelCellState(state) => write!(f, "{state}"),
+            Self::RichenPower(errors) => write!(f, "{errors}"),
+        }
     }
 }

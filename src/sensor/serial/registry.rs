@@ -2,7 +2,8 @@
 
 use super::line::Line;
 use super::protocol::{Protocol, Request, SerialReading};
-use super::protocols::Kiss;
+use super::protocols::intelligent_energy::FuelCell;
+use super::protocols::{IntelligentEnergy, Kiss, RichenPower};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::sensor::MonitorKind;
@@ -103,6 +104,16 @@ protocols! {
     Kiss {
         /// A motor controller that sends by itself.
         Kiss = 16, None, ();
+    }
+    IntelligentEnergy {
+        /// Intelligent Energy's fuel cells of 650 W and 800 W.
+        IntelligentEnergy650 = 30, Some((VehicleParameter::GenType, 1)), FuelCell::Watts650;
+        /// Intelligent Energy's fuel cell of 2.4 kW.
+        IntelligentEnergy2400 = 30, Some((VehicleParameter::GenType, 2)), FuelCell::Kilowatts2;
+    }
+    RichenPower {
+        /// RichenPower's hybrid generators.
+        RichenPower = 30, Some((VehicleParameter::GenType, 3)), ();
     }
 }
 

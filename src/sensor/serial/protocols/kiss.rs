@@ -11,6 +11,7 @@
 
 use super::super::line::{Baud, Line, Wires};
 use super::super::protocol::{Protocol, Request, SerialReading};
+use super::super::window::Window;
 use crate::sensor::{ControllerReading, MonitorKind};
 use crate::time::Instant;
 
@@ -23,11 +24,9 @@ const MAX_GAP_US: u64 = 5_000;
 const MAX_STEP_MAH: u16 = 5_000;
 
 /// Frame decoder of a controller's telemetry.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(in crate::sensor::serial) struct Kiss {
-    /// The latest `length` bytes.
-    window: [u8; FRAME_BYTES],
-    length: usize,
+    window: Window<FRAME_BYTES>,
     last_received: Instant,
     /// Charge counter of the previous frame.
     counted_mah: Option<u16>,
@@ -43,12 +42,16 @@ impl Protocol for Kiss {
     const LOST_AFTER_US: u64 = 100_000;
 
     fn new((): &()) -> Self {
-        Self::default()
+        Self {
+            window: Window::new(),
+            last_received: Instant::EPOCH,
+            counted_mah: None,
+        }
     }
 
     fn begin(&mut self, now: Instant) {
         if now.us_since(self.last_received) > MAX_GAP_US {
-            self.length = 0;
+            self.window.clear();
         }
         self.last_received = now;
     }
@@ -71,32 +74,9 @@ impl Protocol for Kiss {
 impl Kiss {
     /// Takes a byte, and returns the reading if it completes a frame.
     fn take(&mut self, byte: u8) -> Option<ControllerReading> {
-        if self.length == FRAME_BYTES {
-            // No frame starts at the oldest byte, but one may at any other.
-            self.window.rotate_left(1);
-            self.length -= 1;
-        }
-        *self.window.get_mut(self.length)? = byte;
-        self.length += 1;
-        if self.length < FRAME_BYTES {
-            return None;
-        }
-        let reading = self.decode()?;
-        self.length = 0;
-        Some(reading)
-    }
-
-    /// Decodes the window, if it is a valid frame.
-    fn decode(&mut self) -> Option<ControllerReading> {
-        let [temperature_c, v1, v0, c1, c0, q1, q0, _, _, crc] = self.window;
-        let (checked, _) = self.window.split_last_chunk::<1>()?;
-        let voltage = u16::from_be_bytes([v1, v0]);
-        // All zeros, a line held low, have a valid CRC, but a voltage of zero is impossible.
-        if smbus_pec::pec(checked) != crc || voltage == 0 {
-            return None;
-        }
+        let [temperature_c, v1, v0, c1, c0, q1, q0, ..] = self.window.push(byte, valid)?;
         Some(ControllerReading {
-            voltage_v: Some(f32::from(voltage) * 0.01),
+            voltage_v: Some(f32::from(u16::from_be_bytes([v1, v0])) * 0.01),
             current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.01),
             temperature_c: Some(f32::from(temperature_c)),
             drawn_mah: self.drawn_mah(u16::from_be_bytes([q1, q0])),
@@ -111,6 +91,13 @@ impl Kiss {
         let drawn_mah = if step_mah <= MAX_STEP_MAH { step_mah } else { 0 };
         (counted_mah > 0).then(|| f32::from(drawn_mah))
     }
+}
+
+/// The frame, if it is valid. All zeros, a line held low, have a valid CRC, but a voltage of zero is impossible.
+fn valid(frame: &[u8; FRAME_BYTES]) -> Option<[u8; FRAME_BYTES]> {
+    let (crc, checked) = frame.split_last()?;
+    let [_, v1, v0, ..] = *frame;
+    (smbus_pec::pec(checked) == *crc && [v1, v0] != [0, 0]).then_some(*frame)
 }
 
 #[cfg(test)]
@@ -138,7 +125,7 @@ mod tests {
 
     #[test]
     fn frame_has_temperature_voltage_current_and_charge() {
-        let mut telemetry = Kiss::default();
+        let mut telemetry = Kiss::new(&());
         // 25 °C, 16.80 V, 12.34 A, 300 mAh; CRC computed by hand from the polynomial.
         let before = [0x19, 0x06, 0x90, 0x04, 0xd2, 0x01, 0x2c, 0x00, 0x64, 0x97];
         assert_eq!(read(&mut telemetry, &before)[0].drawn_mah, Some(0.0));
@@ -153,7 +140,7 @@ mod tests {
 
     #[test]
     fn counter_may_wrap_and_a_restart_counts_nothing() {
-        let mut telemetry = Kiss::default();
+        let mut telemetry = Kiss::new(&());
         for (counted_mah, drawn_mah) in [
             (65_530, Some(0.0)),
             (4, Some(10.0)),
@@ -171,12 +158,12 @@ mod tests {
 
     #[test]
     fn line_held_low_is_no_frame() {
-        assert_eq!(read(&mut Kiss::default(), &[0; 100]), []);
+        assert_eq!(read(&mut Kiss::new(&()), &[0; 100]), []);
     }
 
     #[test]
     fn gap_drops_a_partial_frame() {
-        let mut telemetry = Kiss::default();
+        let mut telemetry = Kiss::new(&());
         telemetry.begin(Instant::EPOCH);
         assert_eq!(read(&mut telemetry, &frame(1)[..4]), []);
         telemetry.begin(at_us(4_000));
@@ -188,7 +175,6 @@ mod tests {
         assert_eq!(read(&mut telemetry, &frame(1)[..4]), []);
         telemetry.begin(at_us(10_000));
         assert_eq!(read(&mut telemetry, &frame(1)[4..]), []);
-        assert_eq!(telemetry.length, 6);
     }
 
     /// Whether a window that starts within `garbage` is a valid frame by chance.
@@ -208,7 +194,7 @@ mod tests {
             prop_assume!(body[1] != 0 || body[2] != 0);
             let bytes = [&garbage[..], &sealed(body)].concat();
             prop_assume!(!has_false_frame(&bytes, garbage.len()));
-            let found = read(&mut Kiss::default(), &bytes);
+            let found = read(&mut Kiss::new(&()), &bytes);
             prop_assert_eq!(found.len(), 1);
             let voltage_v = f32::from(u16::from_be_bytes([body[1], body[2]])) * 0.01;
             prop_assert_eq!(found[0].voltage_v, Some(voltage_v));
@@ -219,7 +205,7 @@ mod tests {
             garbage in prop::collection::vec(any::<u8>(), 0..200),
             counted_mah: u16,
         ) {
-            let mut telemetry = Kiss::default();
+            let mut telemetry = Kiss::new(&());
             telemetry.begin(at_us(1_000_000));
             read(&mut telemetry, &garbage);
             telemetry.begin(at_us(1_032_000));
