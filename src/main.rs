@@ -13,16 +13,16 @@ mod firmware {
     use rover_battmon::battery::{LEARNT_WORDS, RetainedMemory};
     use rover_battmon::board::{
         self, AnalogInputs, BoardCan, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors,
-        BoardWatchdog, Buzzer, CanController, CanPins, EscUart, ExecutorIdleTime, FlashDriver, LastRun,
-        MotorPeripherals, PulseInput, SensorI2c, SensorSpi, SharedSpi, SpiPeripherals, TelemetryUart,
-        UartReceiver, UartTransmitter, UsbPort, Wifi, WifiPeripherals,
+        BoardWatchdog, Buzzer, CanController, CanPins, ExecutorIdleTime, FlashDriver, LastRun,
+        MotorPeripherals, PulseInput, SensorI2c, SensorSpi, SerialPort, SerialUart, SharedSpi,
+        SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort, Wifi, WifiPeripherals,
     };
     use rover_battmon::crash::CrashRecord;
     use rover_battmon::flash_map;
     use rover_battmon::liveness::CheckIn;
     use rover_battmon::mavlink::LinkId;
     use rover_battmon::net::NetMemory;
-    use rover_battmon::sensor::Buses;
+    use rover_battmon::sensor::{Buses, DriverEnable};
     use rover_battmon::storage::Storage;
     use rover_battmon::tasks::{self, Link, Shared, SigningStorage};
     use rover_battmon::wifi::{RADIO_TASK, Radio, WIFI_WORDS};
@@ -40,7 +40,7 @@ mod firmware {
     static BATTERY: CheckIn = CheckIn::new("battery", 1_000);
     static BUS: CheckIn = CheckIn::new("bus", 2_500);
     static CAN: CheckIn = CheckIn::new("CAN", 2_500);
-    static ESC: CheckIn = CheckIn::new("esc", 2_500);
+    static SERIAL: CheckIn = CheckIn::new("serial", 2_500);
     static PULSES: CheckIn = CheckIn::new("pulses", 2_500);
     static DRIVE: CheckIn = CheckIn::new("drive", 500);
     static TELEMETRY: CheckIn = CheckIn::new("telemetry", 2_500);
@@ -80,8 +80,8 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn esc(wire: Option<UartReceiver>, shared: &'static Shared) -> ! {
-        tasks::read_esc(wire, shared, &ESC).await
+    async fn serial(line: Option<SerialPort>, shared: &'static Shared) -> ! {
+        tasks::serve_serial(line, shared, &SERIAL).await
     }
 
     #[embassy_executor::task]
@@ -176,7 +176,7 @@ mod firmware {
             &BATTERY,
             &BUS,
             &CAN,
-            &ESC,
+            &SERIAL,
             &PULSES,
             &DRIVE,
             &TELEMETRY,
@@ -295,7 +295,14 @@ mod firmware {
             to_part: peripherals.PIN_11,
             from_part: peripherals.PIN_12,
         }));
-        let monitor_select = wiring.uses_spi_part.then(|| peripherals.PIN_22.into());
+        // One pin for two purposes.
+        let (monitor_select, driver_enable) = match wiring.serial.map(|setup| setup.driver_enable) {
+            Some(DriverEnable::Gp22) => (None, Some(peripherals.PIN_22)),
+            Some(DriverEnable::None) | None => {
+                let select = wiring.uses_spi_part.then(|| peripherals.PIN_22.into());
+                (select, None)
+            }
+        };
         let sensor_bus = Buses {
             i2c: SensorI2c::new(
                 peripherals.I2C1,
@@ -307,12 +314,14 @@ mod firmware {
         };
 
         // Their pins stay untouched while no pack needs them.
-        let esc_parts = EscUart {
+        let serial_parts = SerialUart {
             uart: peripherals.UART1,
+            tx_pin: peripherals.PIN_4,
             rx_pin: peripherals.PIN_5,
             rx_dma: (peripherals.DMA_CH10, peripherals.DMA_CH11),
+            driver_enable,
         };
-        let esc_wire = wiring.uses_esc.then(|| board::esc_uart(esc_parts));
+        let serial_port = wiring.serial.map(|setup| board::serial_uart(serial_parts, setup));
         // The interrupt line of the CAN controller is the pulse input.
         let (controller, pulse_pin) = match wiring.can {
             Some(timing) => {
@@ -354,7 +363,7 @@ mod firmware {
         if let Some(controller) = controller {
             start_in_interrupt("CAN controller", can_controller(controller));
         }
-        start(spawner, ESC.name(), esc(esc_wire, shared));
+        start(spawner, SERIAL.name(), serial(serial_port, shared));
         start(spawner, PULSES.name(), pulses(pulse_pin, shared));
         start(spawner, UNWATCHED.name(), usb(usb_port, logs, shared));
         start(spawner, PARAMETERS.name(), parameters(storage, shared));

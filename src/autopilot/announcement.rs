@@ -11,7 +11,7 @@ use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, SaveFailure};
-use crate::sensor::{CanNotice, CanReport};
+use crate::sensor::{CanNotice, CanReport, SerialNotice, Urgency};
 use crate::storage::StorageError;
 use crate::vehicle::VehicleEvent;
 use crate::wifi::WifiReport;
@@ -51,6 +51,8 @@ pub enum Announcement<'a> {
     Can(CanReport),
     /// A node on the CAN bus.
     CanNode(CanNotice),
+    /// The state of the device on the serial line.
+    Serial(SerialNotice),
     /// A signing key, or its removal, is in flash.
     SigningSaved(SigningChange),
     /// The signing key is lost, or can't be written to flash.
@@ -108,6 +110,11 @@ impl Announcement<'_> {
             Self::Can(report) if report.is_fault() => MavSeverity::MAV_SEVERITY_WARNING,
             Self::CanNode(notice) if notice.is_fault() => MavSeverity::MAV_SEVERITY_WARNING,
             Self::Wifi(_) | Self::Can(_) | Self::CanNode(_) => MavSeverity::MAV_SEVERITY_INFO,
+            Self::Serial(notice) => match notice.urgency() {
+                Urgency::Info => MavSeverity::MAV_SEVERITY_INFO,
+                Urgency::Warning => MavSeverity::MAV_SEVERITY_WARNING,
+                Urgency::Critical => MavSeverity::MAV_SEVERITY_CRITICAL,
+            },
             Self::FailsafesOff
             | Self::LearntNotSaved(_)
             | Self::WifiNotSaved(_)
@@ -167,6 +174,7 @@ impl fmt::Display for Announcement<'_> {
             Self::Wifi(report) => write!(f, "{report}"),
             Self::Can(report) => write!(f, "{report}"),
             Self::CanNode(notice) => write!(f, "{notice}"),
+            Self::Serial(notice) => write!(f, "{notice}"),
             Self::SigningSaved(change) => f.write_str(change.text()),
             Self::NoLog(LogFailure::Full) => f.write_str("Log full until disarmed"),
             Self::NoLog(LogFailure::NotWritten) => f.write_str("Log not written: flash worn out?"),

@@ -11,7 +11,7 @@ use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::sensor::{
     AnalogPin, AnalogReadings, AnalogWiring, ExternalSource, FuelKind, FuelMeter, FuelReadings, MonitorKind,
-    Pulses, Samples,
+    Pulses, Samples, capacity_ml, tank,
 };
 use crate::time::Instant;
 
@@ -51,10 +51,10 @@ pub(super) struct Packs {
     pub bank: BatteryBank,
     /// The monitored packs in the order in which they are sampled. Their kinds take effect at boot.
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
+    /// Why a pack can't be read with the parameters at boot.
+    set_up_errors: [Option<ReadError>; MAX_PACKS],
     pub samples: [Samples; MAX_PACKS],
     pub sources: [ExternalSource; MAX_PACKS],
-    /// Whether the CAN bus is in use. It takes effect at boot.
-    can: CanUse,
     pub pulses: Pulses,
     meters: [FuelMeter; MAX_PACKS],
     pub states: [BatteryState; MAX_PACKS],
@@ -68,8 +68,8 @@ impl Packs {
         Self {
             bank: in_place(BatteryBank::new),
             order: in_place(|| sampling_order(parameters)),
+            set_up_errors: set_up_errors(parameters),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
-            can: CanUse::of(parameters),
             sources: in_place(|| [ExternalSource::default(); MAX_PACKS]),
             pulses: Pulses::NONE,
             meters: in_place(|| [FuelMeter::default(); MAX_PACKS]),
@@ -109,7 +109,7 @@ impl Packs {
     }
 
     /// Measures a pack at `now`, from what the pins read and the share of full throttle, for a synthetic current.
-    /// `None` as long as there is nothing to measure by: a part on the bus or an ESC that has not been read yet, another
+    /// `None` as long as there is nothing to measure by: a part on the bus or a motor controller that has not been read yet, another
     /// component that has not reported since the last tick, or a sum in the first tick, when parts on the bus have no
     /// reading yet.
     pub fn measure(
@@ -121,7 +121,7 @@ impl Packs {
         parameters: &Parameters,
         effort: f32,
     ) -> Option<Result<Measurement, ReadError>> {
-        if let Some(error) = self.can.conflict(kind) {
+        if let Some(error) = self.set_up_errors[pack as usize] {
             return Some(Err(error));
         }
         Some(match kind {
@@ -157,6 +157,28 @@ impl Packs {
         })
     }
 
+    /// Adds a reading of what measures all packs of this kind, or the reason why there is none.
+    pub fn add(&mut self, kind: MonitorKind, reading: Result<Measurement, ReadError>) {
+        for (pack, measured) in &self.order {
+            if *measured == kind {
+                self.samples[*pack as usize].add(reading);
+            }
+        }
+    }
+
+    /// Adds a reading of a generator's tank, of which only the share is known that it contains.
+    pub fn add_tank(&mut self, measurement: Measurement, parameters: &Parameters) {
+        let Some(share) = measurement.state_of_charge else {
+            return;
+        };
+        for (pack, kind) in &self.order {
+            if *kind == MonitorKind::GeneratorFuel {
+                let reading = tank(share, capacity_ml(parameters, *pack));
+                self.samples[*pack as usize].add(reading);
+            }
+        }
+    }
+
     /// What was sampled since the last tick. What reports at a rate of its own may do so less often: between its readings the
     /// state stays as it is. Whoever reads it reports a silence that is too long; that of another component is noticed here.
     fn sampled(
@@ -189,6 +211,14 @@ fn sampling_order(parameters: &Parameters) -> Vec<(Pack, MonitorKind), MAX_PACKS
         }
     }
     order
+}
+
+fn set_up_errors(parameters: &Parameters) -> [Option<ReadError>; MAX_PACKS] {
+    let can = CanUse::of(parameters);
+    Pack::ALL.map(|pack| {
+        let kind = MonitorKind::of(parameters, pack)?;
+        kind.set_up_error(parameters).or_else(|| can.conflict(kind))
+    })
 }
 
 /// Before the first sample nothing is known of the packs, but which are monitored.

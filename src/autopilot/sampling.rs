@@ -14,7 +14,9 @@ use crate::dataflash::{Health, Record};
 use crate::log::{info, warn};
 use crate::mavlink::arming_readiness;
 use crate::pack::Pack;
-use crate::sensor::{Admission, AnalogPin, AnalogReadings, ExternalReading, MonitorKind, Pulses};
+use crate::sensor::{
+    Admission, AnalogPin, AnalogReadings, ExternalReading, MonitorKind, Pulses, SerialEvent, SerialReading,
+};
 use crate::time::Instant;
 use crate::wifi::Radio;
 
@@ -200,13 +202,32 @@ impl Autopilot {
         self.packs.samples[pack as usize].add(reading);
     }
 
-    /// Takes a reading of ESC telemetry, for every pack that uses it, or the reason why there is none.
-    pub fn add_esc_reading(&mut self, reading: Result<Measurement, ReadError>) {
-        for (pack, kind) in &self.packs.order {
-            if *kind == MonitorKind::Esc {
-                self.packs.samples[*pack as usize].add(reading);
+    /// Takes what comes from the serial line: a reading, for every pack that is measured so, or that there is none.
+    pub fn add_serial_event(&mut self, event: SerialEvent) {
+        match event {
+            SerialEvent::Reading(reading) => self.add_serial_reading(reading),
+            SerialEvent::Silence(kinds) => {
+                for kind in kinds {
+                    self.packs.add(*kind, Err(ReadError::Timeout));
+                }
             }
         }
+    }
+
+    fn add_serial_reading(&mut self, reading: SerialReading) {
+        let (kind, measurement) = match reading {
+            SerialReading::GeneratorFuel(measurement) => {
+                return self.packs.add_tank(measurement, &self.parameters);
+            }
+            SerialReading::Controller(reading) => (MonitorKind::Esc, reading.into()),
+            SerialReading::GeneratorElectrical(measurement) => {
+                (MonitorKind::GeneratorElectrical, measurement)
+            }
+            SerialReading::Torqeedo(measurement) => (MonitorKind::Torqeedo, measurement),
+            SerialReading::Efi(measurement) => (MonitorKind::Efi, measurement),
+            SerialReading::Notice(notice) => return self.announce(Announcement::Serial(notice)),
+        };
+        self.packs.add(kind, Ok(measurement));
     }
 
     /// Takes a reading of a pack by another component, which can't have been received before `received_at`; `None` if the

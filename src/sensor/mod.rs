@@ -6,10 +6,10 @@ mod analog_wiring;
 mod bus;
 mod can;
 mod controllers;
-mod esc;
 mod external;
 mod fuel;
 mod kind;
+mod serial;
 
 pub use analog::{
     ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, AnalogReadings, BURST_CONVERSIONS,
@@ -24,7 +24,10 @@ pub use can::{
     CanSettings, CanSetup, CanState, CanStatus, ChargerFaults, ChargerPower, DroneCan, FRAME_BYTES, NodeId,
 };
 pub use controllers::ControllerReading;
-pub use esc::EscTelemetry;
 pub use external::{Admission, ExternalReading, ExternalSource};
-pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses};
-pub use kind::{MonitorKind, needs_esc, needs_pulses, needs_spi};
+pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};
+pub use kind::{MonitorKind, needs_pulses, needs_spi};
+pub use serial::{
+    DriverEnable, FuelCellError, FuelCellState, REQUEST_BYTES, Request, RichenPowerErrors, SerialDevice,
+    SerialEvent, SerialNotice, SerialProtocol, SerialReading, SerialSetup, Urgency, Wires,
+};

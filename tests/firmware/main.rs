@@ -65,6 +65,7 @@ mod reception;
 mod rover;
 mod safe_driving;
 mod sampling;
+mod serial;
 mod session;
 mod shown;
 mod signing;

@@ -107,7 +107,10 @@ pub(super) fn level_by_pulses(
 }
 
 /// Measurement of a tank at this fill level, clamped to 0 to 1.
-fn tank(fill_level: f32, capacity_ml: Option<f32>) -> Result<Measurement, ReadError> {
+///
+/// # Errors
+/// The capacity is not set.
+pub fn tank(fill_level: f32, capacity_ml: Option<f32>) -> Result<Measurement, ReadError> {
     let full_ml = capacity_ml.ok_or(ReadError::NoCapacity)?;
     Ok(Measurement {
         contents: Contents::Fuel,

@@ -5,6 +5,7 @@ mod level;
 mod pulses;
 
 use flow::FlowMeter;
+pub use level::tank;
 use level::{LevelMeter, LevelScale, level_by_pulses};
 use pulses::PULSE_GPIO;
 pub use pulses::Pulses;
@@ -59,7 +60,7 @@ impl FuelMeter {
     ) -> Result<Measurement, ReadError> {
         let now = readings.now;
         let value = |parameter: BatteryParameter| parameters.get(parameter.of(pack));
-        let capacity_ml = Some(value(BatteryParameter::Capacity)).filter(|capacity_ml| *capacity_ml > 0.0);
+        let capacity_ml = capacity_ml(parameters, pack);
         match kind {
             FuelKind::Flow => {
                 let pulses = pulses(parameters, pack, readings)?;
@@ -74,6 +75,12 @@ impl FuelMeter {
             }
         }
     }
+}
+
+/// Capacity of a tank (`BATT_CAPACITY`), in millilitres; `None` if it is not set.
+pub fn capacity_ml(parameters: &Parameters, pack: Pack) -> Option<f32> {
+    let capacity_ml = parameters.get(BatteryParameter::Capacity.of(pack));
+    (capacity_ml > 0.0).then_some(capacity_ml)
 }
 
 /// Pin of an analog level sensor (`BATT_FL_PIN`).

@@ -1,0 +1,48 @@
+//! What a device on the serial line reports of itself, for ground stations.
+
+use core::fmt;
+
+use super::protocols::{FuelCellError, FuelCellState, RichenPowerErrors};
+
+/// A change in the state of a device on the serial line, reported once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SerialNotice {
+    /// What is wrong with a fuel cell.
+    FuelCellError(FuelCellError),
+    /// What a fuel cell does.
+    FuelCellState(FuelCellState),
+    /// What is wrong with RichenPower's generator.
+    RichenPower(RichenPowerErrors),
+}
+
+/// How urgent a notice is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Urgency {
+    /// Nothing is wrong, or it can wait.
+    Info,
+    /// Something is wrong with the device.
+    Warning,
+    /// The device stops, or is about to.
+    Critical,
+}
+
+impl SerialNotice {
+    /// How urgent it is.
+    pub fn urgency(&self) -> Urgency {
+        match self {
+            Self::FuelCellError(error) => error.urgency(),
+            Self::FuelCellState(state) => state.urgency(),
+            Self::RichenPower(errors) => errors.urgency(),
+        }
+    }
+}
+
+impl fmt::Display for SerialNotice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::FuelCellError(error) => write!(f, "{error}"),
+            Self::FuelCellState(state) => write!(f, "{state}"),
+            Self::RichenPower(errors) => write!(f, "{errors}"),
+        }
+    }
+}

@@ -1,0 +1,308 @@
+//! RichenPower's hybrid generators, which report once a second (by ArduPilot's `AP_Generator_RichenPower`; the maker publishes no
+//! description).
+//!
+//! | byte | content, big-endian |
+//! |---|---|
+//! | 0, 1 | 0xAA, 0x55 |
+//! | 2 to 11 | version, running time, seconds until maintenance |
+//! | 12, 13 | errors, a bit each |
+//! | 14 to 19 | speed, throttle |
+//! | 20, 21 | voltage, in 10 mV |
+//! | 22, 23 | current, in 10 mA |
+//! | 66, 67 | sum of the five words from byte 2: voltage and current are not protected |
+//! | 68, 69 | 0x55, 0xAA |
+
+use core::fmt;
+
+use super::super::line::{Baud, Line, Wires};
+use super::super::notice::{SerialNotice, Urgency};
+use super::super::protocol::{Protocol, Request, SerialReading};
+use super::super::window::Window;
+use crate::battery::Measurement;
+use crate::sensor::MonitorKind;
+use crate::time::Instant;
+
+const FRAME_BYTES: usize = 70;
+const HEADER: [u8; 2] = [0xaa, 0x55];
+const FOOTER: [u8; 2] = [0x55, 0xaa];
+
+/// Where words begin.
+const SUMMED: core::ops::Range<usize> = 2..12;
+const ERRORS: usize = 12;
+const VOLTAGE: usize = 20;
+const CURRENT: usize = 22;
+const SUM: usize = 66;
+
+/// Idle time that ends a frame, in microseconds; a frame takes 73 ms.
+const MAX_GAP_US: u64 = 200_000;
+
+/// Frame decoder of RichenPower's telemetry.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::sensor::serial) struct RichenPower {
+    window: Window<FRAME_BYTES>,
+    last_received: Instant,
+    /// What was reported last.
+    errors: RichenPowerErrors,
+}
+
+impl Protocol for RichenPower {
+    type Model = ();
+    const LINE: Line = Line {
+        baud: Baud::Set,
+        wires: Wires::ReceiveOnly,
+    };
+    const KINDS: &'static [MonitorKind] = &[MonitorKind::GeneratorElectrical];
+    const LOST_AFTER_US: u64 = 2_000_000;
+
+    fn new((): &()) -> Self {
+        Self {
+            window: Window::new(),
+            last_received: Instant::EPOCH,
+            errors: RichenPowerErrors(0),
+        }
+    }
+
+    fn begin(&mut self, now: Instant) {
+        if now.us_since(self.last_received) > MAX_GAP_US {
+            self.window.clear();
+        }
+        self.last_received = now;
+    }
+
+    fn push(&mut self, byte: u8, _: Instant, deliver: &mut impl FnMut(SerialReading)) {
+        let Some(frame) = self.window.push(byte, decode) else {
+            return;
+        };
+        if frame.errors != self.errors {
+            self.errors = frame.errors;
+            deliver(SerialReading::Notice(SerialNotice::RichenPower(frame.errors)));
+        }
+        deliver(SerialReading::GeneratorElectrical(Measurement {
+            voltage_v: Some(frame.voltage_v),
+            current_a: Some(frame.current_a),
+            ..Measurement::default()
+        }));
+    }
+
+    fn next_request(&mut self, _: Instant) -> Option<Request> {
+        None
+    }
+
+    fn next_due(&self) -> Option<Instant> {
+        None
+    }
+}
+
+struct Frame {
+    errors: RichenPowerErrors,
+    voltage_v: f32,
+    current_a: f32,
+}
+
+fn decode(bytes: &[u8; FRAME_BYTES]) -> Option<Frame> {
+    let word = |at: usize| Some(u16::from_be_bytes(*bytes.get(at..)?.first_chunk()?));
+    let summed = bytes.get(SUMMED)?.as_chunks().0;
+    let sum = summed
+        .iter()
+        .fold(0u16, |sum, pair| sum.wrapping_add(u16::from_be_bytes(*pair)));
+    let is_frame = bytes.starts_with(&HEADER) && bytes.ends_with(&FOOTER) && word(SUM)? == sum;
+    if !is_frame {
+        return None;
+    }
+    Some(Frame {
+        errors: RichenPowerErrors(word(ERRORS)?),
+        voltage_v: f32::from(word(VOLTAGE)?) * 0.01,
+        current_a: f32::from(word(CURRENT)?) * 0.01,
+    })
+}
+
+/// What the generator reports to be wrong, a bit each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RichenPowerErrors(u16);
+
+const NAMES: [&str; 5] = [
+    "maintenance required",
+    "start disabled",
+    "overload",
+    "low output voltage",
+    "low battery voltage",
+];
+
+const MAINTENANCE: u16 = 1;
+
+impl RichenPowerErrors {
+    /// How urgent a change to these is. Maintenance can wait.
+    pub(in crate::sensor::serial) fn urgency(self) -> Urgency {
+        match self.0 & !MAINTENANCE {
+            0 => Urgency::Info,
+            _ => Urgency::Warning,
+        }
+    }
+}
+
+impl fmt::Display for RichenPowerErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Generator: ")?;
+        if self.0 == 0 {
+            return f.write_str("no error any more");
+        }
+        let mut separator = "";
+        for bit in 0..u16::BITS as usize {
+            if self.0 & 1 << bit != 0 {
+                f.write_str(separator)?;
+                separator = ", ";
+                match NAMES.get(bit) {
+                    Some(name) => f.write_str(name)?,
+                    None => write!(f, "error {bit}")?,
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::at_us;
+    use proptest::prelude::*;
+
+    /// What a controller of an H2 sent: 43.81 V, 0 A, low battery voltage (ArduPilot/ardupilot, a comment in
+    /// libraries/AP_Generator/AP_Generator_RichenPower.cpp).
+    const RECORDED: [u8; FRAME_BYTES] = {
+        let mut frame = [0; FRAME_BYTES];
+        let start = [
+            0xaa, 0x55, 0x00, 0x0a, 0x00, 0x00, 0x00, 0x00, 0x00, 0x04, 0x1e, 0xb0, 0x00, 0x10, 0x00, 0x00,
+            0x23, 0x7a, 0x23, 0x7a, 0x11, 0x1d, 0x00, 0x00, 0x00, 0x00, 0x01,
+        ];
+        let mut place = 0;
+        while place < start.len() {
+            frame[place] = start[place];
+            place += 1;
+        }
+        [frame[66], frame[67], frame[68], frame[69]] = [0x1e, 0xbe, 0x55, 0xaa];
+        frame
+    };
+
+    fn frame(errors: u16, centivolts: u16, centiamperes: u16) -> [u8; FRAME_BYTES] {
+        let mut frame = RECORDED;
+        frame[12..14].copy_from_slice(&errors.to_be_bytes());
+        frame[20..22].copy_from_slice(&centivolts.to_be_bytes());
+        frame[22..24].copy_from_slice(&centiamperes.to_be_bytes());
+        frame
+    }
+
+    fn read(protocol: &mut RichenPower, bytes: &[u8]) -> Vec<SerialReading> {
+        let mut readings = Vec::new();
+        for byte in bytes {
+            protocol.push(*byte, Instant::EPOCH, &mut |reading| readings.push(reading));
+        }
+        readings
+    }
+
+    fn output(voltage_v: f32, current_a: f32) -> SerialReading {
+        SerialReading::GeneratorElectrical(Measurement {
+            voltage_v: Some(voltage_v),
+            current_a: Some(current_a),
+            ..Measurement::default()
+        })
+    }
+
+    fn texts(readings: &[SerialReading]) -> Vec<String> {
+        let text = |reading: &SerialReading| match reading {
+            SerialReading::Notice(notice) => Some(notice.to_string()),
+            _ => None,
+        };
+        readings.iter().filter_map(text).collect()
+    }
+
+    #[test]
+    fn recorded_frame_has_voltage_current_and_an_error() {
+        let readings = read(&mut RichenPower::new(&()), &RECORDED);
+        assert_eq!(texts(&readings), ["Generator: low battery voltage"]);
+        assert_eq!(readings[1..], [output(4381.0 * 0.01, 0.0)]);
+        let readings = read(&mut RichenPower::new(&()), &frame(0, 4995, 1234));
+        assert_eq!(readings, [output(4995.0 * 0.01, 1234.0 * 0.01)]);
+    }
+
+    #[test]
+    fn errors_are_reported_when_they_change() {
+        let mut protocol = RichenPower::new(&());
+        for (errors, expected) in [
+            (0, None),
+            (0b1, Some(("Generator: maintenance required", Urgency::Info))),
+            (0b1, None),
+            (
+                0b1101,
+                Some((
+                    "Generator: maintenance required, overload, low output voltage",
+                    Urgency::Warning,
+                )),
+            ),
+            (0x8000, Some(("Generator: error 15", Urgency::Warning))),
+            (0, Some(("Generator: no error any more", Urgency::Info))),
+            (0, None),
+        ] {
+            let readings = read(&mut protocol, &frame(errors, 5000, 0));
+            let notice = match readings[0] {
+                SerialReading::Notice(notice) => Some((notice.to_string(), notice.urgency())),
+                _ => None,
+            };
+            let expected = expected.map(|(text, urgency)| (text.to_string(), urgency));
+            assert_eq!(notice, expected, "{errors:#x}");
+        }
+    }
+
+    #[test]
+    fn damaged_frame_is_none() {
+        for place in (0..12).chain(66..FRAME_BYTES) {
+            let mut damaged = frame(0, 5000, 0);
+            damaged[place] ^= 0x10;
+            assert_eq!(read(&mut RichenPower::new(&()), &damaged), [], "{place}");
+        }
+        assert_eq!(read(&mut RichenPower::new(&()), &[0; 500]), []);
+    }
+
+    #[test]
+    fn gap_drops_a_partial_frame() {
+        let mut protocol = RichenPower::new(&());
+        let frame = frame(0, 5000, 0);
+        protocol.begin(at_us(1_000_000));
+        assert_eq!(read(&mut protocol, &frame[..40]), []);
+        protocol.begin(at_us(1_200_000));
+        assert_eq!(read(&mut protocol, &frame[40..]).len(), 1);
+        assert_eq!(read(&mut protocol, &frame[..40]), []);
+        protocol.begin(at_us(1_400_001));
+        assert_eq!(read(&mut protocol, &frame[40..]), []);
+    }
+
+    proptest! {
+        #[test]
+        fn valid_frame_is_found_right_after_garbage(
+            garbage in prop::collection::vec(any::<u8>(), 0..200),
+            centivolts: u16,
+            centiamperes: u16,
+        ) {
+            let frame = frame(0, centivolts, centiamperes);
+            let bytes = [&garbage[..], &frame].concat();
+            let found = read(&mut RichenPower::new(&()), &bytes);
+            let expected = output(f32::from(centivolts) * 0.01, f32::from(centiamperes) * 0.01);
+            prop_assert_eq!(found, [expected]);
+        }
+
+        #[test]
+        fn garbage_is_no_frame(
+            mut garbage in prop::collection::vec(any::<u8>(), 2..400),
+            headers in prop::collection::vec(any::<prop::sample::Index>(), 0..20),
+        ) {
+            // Headers and footers everywhere do not make a checksum.
+            for header in headers {
+                let place = header.index(garbage.len() - 1);
+                garbage[place..place + 2].copy_from_slice(&HEADER);
+            }
+            let is_frame = garbage.windows(FRAME_BYTES).any(|window| decode(window.try_into().unwrap()).is_some());
+            let found = read(&mut RichenPower::new(&()), &garbage);
+            prop_assert_eq!(found.is_empty(), !is_frame);
+        }
+    }
+}
