@@ -3,14 +3,14 @@
 use heapless::Vec;
 
 use crate::battery::{
-    BatteryBank, BatteryState, Measurement, PackSettings, PackStatus, ReadError, SumVoltage,
+    BatteryBank, BatteryState, BusError, Measurement, PackSettings, PackStatus, ReadError, SumVoltage,
 };
 use crate::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::sensor::{
-    AnalogPin, AnalogReadings, AnalogWiring, ExternalSource, FuelMeter, FuelReadings, MonitorKind, Pulses,
-    Samples,
+    AnalogPin, AnalogReadings, AnalogWiring, ControllerBank, ControllerReading, ExternalSource, FuelMeter,
+    FuelReadings, Members, MonitorKind, Pulses, Samples,
 };
 use crate::time::Instant;
 
@@ -25,6 +25,7 @@ pub(super) struct Packs {
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
     pub samples: [Samples; MAX_PACKS],
     pub sources: [ExternalSource; MAX_PACKS],
+    controllers: ControllerBank,
     pub pulses: Pulses,
     meters: [FuelMeter; MAX_PACKS],
     pub states: [BatteryState; MAX_PACKS],
@@ -40,6 +41,7 @@ impl Packs {
             order: in_place(|| sampling_order(parameters)),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
             sources: in_place(|| [ExternalSource::default(); MAX_PACKS]),
+            controllers: in_place(ControllerBank::default),
             pulses: Pulses::NONE,
             meters: in_place(|| [FuelMeter::default(); MAX_PACKS]),
             states: in_place(|| states_at_boot(parameters)),
@@ -77,8 +79,28 @@ impl Packs {
         pins
     }
 
+    /// Takes a motor controller's reading, for every pack that it is a member of.
+    pub fn add_controller_reading(
+        &mut self,
+        index: u8,
+        reading: ControllerReading,
+        now: Instant,
+        parameters: &Parameters,
+    ) {
+        self.controllers.add(index, reading, now);
+        for (pack, kind) in &self.order {
+            if *kind != MonitorKind::Esc {
+                continue;
+            }
+            let members = Members::from_parameters(parameters, *pack);
+            if let Some(measurement) = self.controllers.measure(members, index, now) {
+                self.samples[*pack as usize].add(Ok(measurement));
+            }
+        }
+    }
+
     /// Measures a pack at `now`, from what the pins read and the share of full throttle, for a synthetic current.
-    /// `None` as long as there is nothing to measure by: a part on the bus or an ESC that has not been read yet, another
+    /// `None` as long as there is nothing to measure by: a part on the bus that has not been read yet, another
     /// component that has not reported since the last tick, or a sum in the first tick, when parts on the bus have no
     /// reading yet.
     pub fn measure(
@@ -92,13 +114,16 @@ impl Packs {
     ) -> Option<Result<Measurement, ReadError>> {
         Some(match kind {
             MonitorKind::Bus(_)
-            | MonitorKind::Esc
             | MonitorKind::External
             | MonitorKind::Can
             | MonitorKind::GeneratorElectrical
             | MonitorKind::GeneratorFuel
             | MonitorKind::Torqeedo
             | MonitorKind::Efi => return self.sampled(pack, kind, now),
+            MonitorKind::Esc => {
+                let reading = self.samples[pack as usize].take();
+                reading.unwrap_or(Err(BusError::NoAnswer.into()))
+            }
             MonitorKind::Sum if self.ticks == 0 => return None,
             MonitorKind::Sum => {
                 let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;

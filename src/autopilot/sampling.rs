@@ -14,7 +14,9 @@ use crate::dataflash::{Health, Record};
 use crate::log::{info, warn};
 use crate::mavlink::arming_readiness;
 use crate::pack::Pack;
-use crate::sensor::{Admission, AnalogPin, AnalogReadings, ExternalReading, MonitorKind, Pulses};
+use crate::sensor::{
+    Admission, AnalogPin, AnalogReadings, ControllerReading, ExternalReading, MonitorKind, Pulses,
+};
 use crate::time::Instant;
 use crate::wifi::Radio;
 
@@ -207,6 +209,13 @@ impl Autopilot {
                 self.packs.samples[*pack as usize].add(reading);
             }
         }
+    }
+
+    /// Takes the reading of a motor controller with this index, from 0, for every pack that it supplies (kind 9 and
+    /// `BATT_ESC_MASK`).
+    pub fn add_controller_reading(&mut self, index: u8, reading: ControllerReading, now: Instant) {
+        self.packs
+            .add_controller_reading(index, reading, now, &self.parameters);
     }
 
     /// Takes a reading of a pack by another component, which can't have been received before `received_at`; `None` if the

@@ -20,7 +20,7 @@ pub use bus::{
     Address, BusDevices, Buses, I2cBus, NoSpi, PartKind, Samples, SensorBus, Wiring, bus_clock_hz,
 };
 pub use can::{CanFrame, FRAME_BYTES};
-pub use controllers::ControllerReading;
+pub use controllers::{ControllerBank, ControllerReading, MAX_CONTROLLERS, Members};
 pub use esc::EscTelemetry;
 pub use external::{Admission, ExternalReading, ExternalSource};
 pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses};
