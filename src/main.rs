@@ -13,8 +13,8 @@ mod firmware {
     use rover_battmon::battery::{LEARNT_WORDS, RetainedMemory};
     use rover_battmon::board::{
         self, AnalogInputs, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors, BoardWatchdog,
-        Buzzer, EscUart, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c,
-        SensorSpi, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort, Wifi,
+        Buzzer, ExecutorIdleTime, FlashDriver, LastRun, MotorPeripherals, PulseInput, SensorI2c, SensorSpi,
+        SerialPort, SerialUart, SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort, Wifi,
         WifiPeripherals,
     };
     use rover_battmon::crash::CrashRecord;
@@ -22,7 +22,7 @@ mod firmware {
     use rover_battmon::liveness::CheckIn;
     use rover_battmon::mavlink::LinkId;
     use rover_battmon::net::NetMemory;
-    use rover_battmon::sensor::Buses;
+    use rover_battmon::sensor::{Buses, DriverEnable};
     use rover_battmon::storage::Storage;
     use rover_battmon::tasks::{self, Link, Shared, SigningStorage};
     use rover_battmon::wifi::{Radio, WIFI_WORDS};
@@ -38,7 +38,7 @@ mod firmware {
     // Each deadline is several of the task's own intervals.
     static BATTERY: CheckIn = CheckIn::new("battery", 1_000);
     static BUS: CheckIn = CheckIn::new("bus", 2_500);
-    static ESC: CheckIn = CheckIn::new("esc", 2_500);
+    static SERIAL: CheckIn = CheckIn::new("serial", 2_500);
     static PULSES: CheckIn = CheckIn::new("pulses", 2_500);
     static DRIVE: CheckIn = CheckIn::new("drive", 500);
     static TELEMETRY: CheckIn = CheckIn::new("telemetry", 2_500);
@@ -67,8 +67,8 @@ mod firmware {
     }
 
     #[embassy_executor::task]
-    async fn esc(wire: Option<UartReceiver>, shared: &'static Shared) -> ! {
-        tasks::read_esc(wire, shared, &ESC).await
+    async fn serial(line: Option<SerialPort>, shared: &'static Shared) -> ! {
+        tasks::serve_serial(line, shared, &SERIAL).await
     }
 
     #[embassy_executor::task]
@@ -162,7 +162,7 @@ mod firmware {
             &WIFI_SETTINGS,
             &BATTERY,
             &BUS,
-            &ESC,
+            &SERIAL,
             &PULSES,
             &DRIVE,
             &TELEMETRY,
@@ -275,6 +275,11 @@ mod firmware {
             gp29,
         );
 
+        // One pin for two purposes.
+        let (select, driver_enable) = match wiring.serial.map(|setup| setup.driver_enable) {
+            Some(DriverEnable::Gp22) => (None, Some(peripherals.PIN_22)),
+            Some(DriverEnable::None) | None => (Some(peripherals.PIN_22), None),
+        };
         let sensor_bus = Buses {
             i2c: SensorI2c::new(
                 peripherals.I2C1,
@@ -287,17 +292,19 @@ mod firmware {
                 clock: peripherals.PIN_10,
                 to_part: peripherals.PIN_11,
                 from_part: peripherals.PIN_12,
-                select: peripherals.PIN_22,
+                select,
             }),
         };
 
         // Their pins stay untouched while no pack needs them.
-        let esc_parts = EscUart {
+        let serial_parts = SerialUart {
             uart: peripherals.UART1,
+            tx_pin: peripherals.PIN_4,
             rx_pin: peripherals.PIN_5,
             rx_dma: (peripherals.DMA_CH10, peripherals.DMA_CH11),
+            driver_enable,
         };
-        let esc_wire = wiring.uses_esc.then(|| board::esc_uart(esc_parts));
+        let serial_port = wiring.serial.map(|setup| board::serial_uart(serial_parts, setup));
         let pulse_pin = wiring.uses_pulses.then(|| board::pulse_input(peripherals.PIN_17));
 
         let motors = BoardMotors::new(MotorPeripherals {
@@ -321,7 +328,7 @@ mod firmware {
         );
         start(spawner, UART0_READER.name(), uart0_reader(receiver, shared, link));
         start(spawner, BUS.name(), bus(sensor_bus, shared));
-        start(spawner, ESC.name(), esc(esc_wire, shared));
+        start(spawner, SERIAL.name(), serial(serial_port, shared));
         start(spawner, PULSES.name(), pulses(pulse_pin, shared));
         start(spawner, UNWATCHED.name(), usb(usb_port, logs, shared));
         start(spawner, PARAMETERS.name(), parameters(storage, shared));

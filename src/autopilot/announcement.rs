@@ -11,6 +11,7 @@ use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, SaveFailure};
+use crate::sensor::{SerialNotice, Urgency};
 use crate::storage::StorageError;
 use crate::vehicle::VehicleEvent;
 use crate::wifi::WifiReport;
@@ -46,6 +47,8 @@ pub enum Announcement<'a> {
     WifiNotSaved(StorageError),
     /// The radio, the access point or the network to join.
     Wifi(WifiReport),
+    /// The state of the device on the serial line.
+    Serial(SerialNotice),
     /// A signing key, or its removal, is in flash.
     SigningSaved(SigningChange),
     /// The signing key is lost, or can't be written to flash.
@@ -101,6 +104,11 @@ impl Announcement<'_> {
             }) => MavSeverity::MAV_SEVERITY_WARNING,
             Self::Wifi(report) if report.is_fault() => MavSeverity::MAV_SEVERITY_WARNING,
             Self::Wifi(_) => MavSeverity::MAV_SEVERITY_INFO,
+            Self::Serial(notice) => match notice.urgency() {
+                Urgency::Info => MavSeverity::MAV_SEVERITY_INFO,
+                Urgency::Warning => MavSeverity::MAV_SEVERITY_WARNING,
+                Urgency::Critical => MavSeverity::MAV_SEVERITY_CRITICAL,
+            },
             Self::FailsafesOff
             | Self::LearntNotSaved(_)
             | Self::WifiNotSaved(_)
@@ -158,6 +166,7 @@ impl fmt::Display for Announcement<'_> {
             }
             Self::WifiNotSaved(_) => f.write_str("Wi-Fi settings not saved: flash worn out?"),
             Self::Wifi(report) => write!(f, "{report}"),
+            Self::Serial(notice) => write!(f, "{notice}"),
             Self::SigningSaved(change) => f.write_str(change.text()),
             Self::NoLog(LogFailure::Full) => f.write_str("Log full until disarmed"),
             Self::NoLog(LogFailure::NotWritten) => f.write_str("Log not written: flash worn out?"),

@@ -23,6 +23,8 @@ pub(super) struct Packs {
     pub bank: BatteryBank,
     /// The monitored packs in the order in which they are sampled. Their kinds take effect at boot.
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
+    /// Why a pack can't be read with the parameters at boot.
+    set_up_errors: [Option<ReadError>; MAX_PACKS],
     pub samples: [Samples; MAX_PACKS],
     pub sources: [ExternalSource; MAX_PACKS],
     controllers: ControllerBank,
@@ -39,6 +41,7 @@ impl Packs {
         Self {
             bank: in_place(BatteryBank::new),
             order: in_place(|| sampling_order(parameters)),
+            set_up_errors: set_up_errors(parameters),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
             sources: in_place(|| [ExternalSource::default(); MAX_PACKS]),
             controllers: in_place(ControllerBank::default),
@@ -112,6 +115,9 @@ impl Packs {
         parameters: &Parameters,
         effort: f32,
     ) -> Option<Result<Measurement, ReadError>> {
+        if let Some(error) = self.set_up_errors[pack as usize] {
+            return Some(Err(error));
+        }
         Some(match kind {
             MonitorKind::Bus(_)
             | MonitorKind::External
@@ -148,6 +154,15 @@ impl Packs {
         })
     }
 
+    /// Adds a reading of what measures all packs of this kind, or the reason why there is none.
+    pub fn add(&mut self, kind: MonitorKind, reading: Result<Measurement, ReadError>) {
+        for (pack, measured) in &self.order {
+            if *measured == kind {
+                self.samples[*pack as usize].add(reading);
+            }
+        }
+    }
+
     /// What was sampled since the last tick. What reports at a rate of its own may do so less often: between its readings the
     /// state stays as it is. Whoever reads it reports a silence that is too long; that of another component is noticed here.
     fn sampled(
@@ -180,6 +195,10 @@ fn sampling_order(parameters: &Parameters) -> Vec<(Pack, MonitorKind), MAX_PACKS
         }
     }
     order
+}
+
+fn set_up_errors(parameters: &Parameters) -> [Option<ReadError>; MAX_PACKS] {
+    Pack::ALL.map(|pack| MonitorKind::of(parameters, pack)?.set_up_error(parameters))
 }
 
 /// Before the first sample nothing is known of the packs, but which are monitored.

@@ -16,6 +16,7 @@ use crate::mavlink::arming_readiness;
 use crate::pack::Pack;
 use crate::sensor::{
     Admission, AnalogPin, AnalogReadings, ControllerReading, ExternalReading, MonitorKind, Pulses,
+    SerialEvent, SerialReading,
 };
 use crate::time::Instant;
 use crate::wifi::Radio;
@@ -26,6 +27,9 @@ pub const SAMPLING_INTERVAL_US: u64 = 100_000;
 /// Ticks are due, and readings count as taken, at a whole millisecond: so intervals are nearly always equal, and the
 /// filters need not divide anew.
 pub const SAMPLING_RESOLUTION_US: u64 = 1_000;
+
+/// Index of the motor controller on the serial line, among those on the CAN bus.
+const SERIAL_CONTROLLER: u8 = 0;
 
 /// One in so many of an unhealthy pack's failed reads is logged.
 const LOGGED_FAILURE: u32 = 10;
@@ -202,11 +206,14 @@ impl Autopilot {
         self.packs.samples[pack as usize].add(reading);
     }
 
-    /// Takes a reading of ESC telemetry, for every pack that uses it, or the reason why there is none.
-    pub fn add_esc_reading(&mut self, reading: Result<Measurement, ReadError>) {
-        for (pack, kind) in &self.packs.order {
-            if *kind == MonitorKind::Esc {
-                self.packs.samples[*pack as usize].add(reading);
+    /// Takes what has come from the serial line by `now`: a reading, for every pack that is measured so, or that there is none.
+    pub fn add_serial_event(&mut self, event: SerialEvent, now: Instant) {
+        match event {
+            SerialEvent::Reading(reading) => self.add_serial_reading(reading, now),
+            SerialEvent::Silence(kinds) => {
+                for kind in kinds {
+                    self.packs.add(*kind, Err(ReadError::Timeout));
+                }
             }
         }
     }
@@ -216,6 +223,22 @@ impl Autopilot {
     pub fn add_controller_reading(&mut self, index: u8, reading: ControllerReading, now: Instant) {
         self.packs
             .add_controller_reading(index, reading, now, &self.parameters);
+    }
+
+    fn add_serial_reading(&mut self, reading: SerialReading, now: Instant) {
+        let (kind, measured) = match reading {
+            SerialReading::Controller(reading) => {
+                return self.add_controller_reading(SERIAL_CONTROLLER, reading, now);
+            }
+            SerialReading::GeneratorElectrical(measurement) => {
+                (MonitorKind::GeneratorElectrical, Ok(measurement))
+            }
+            SerialReading::GeneratorFuel(measurement) => (MonitorKind::GeneratorFuel, Ok(measurement)),
+            SerialReading::Torqeedo(measurement) => (MonitorKind::Torqeedo, Ok(measurement)),
+            SerialReading::Efi(measurement) => (MonitorKind::Efi, Ok(measurement)),
+            SerialReading::Notice(notice) => return self.announce(Announcement::Serial(notice)),
+        };
+        self.packs.add(kind, measured);
     }
 
     /// Takes a reading of a pack by another component, which can't have been received before `received_at`; `None` if the

@@ -2,7 +2,7 @@
 
 use super::autopilot::Autopilot;
 use crate::parameter::{VehicleParameter, serial_baud};
-use crate::sensor;
+use crate::sensor::{self, SerialSetup};
 
 /// Peripherals that the parameters call for. Those that are not used stay untouched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,8 +11,8 @@ pub struct Wiring {
     pub telemetry_baud: u32,
     /// Clock of the I2C bus, in hertz.
     pub i2c_clock_hz: u32,
-    /// Whether a pack uses ESC telemetry.
-    pub uses_esc: bool,
+    /// The second serial port; `None` if no pack uses it.
+    pub serial: Option<SerialSetup>,
     /// Whether a pack uses the pulse input.
     pub uses_pulses: bool,
 }
@@ -24,7 +24,7 @@ impl Autopilot {
         Wiring {
             telemetry_baud: serial_baud(parameters.get_whole(VehicleParameter::Serial0Baud)),
             i2c_clock_hz: sensor::bus_clock_hz(parameters),
-            uses_esc: sensor::needs_esc(parameters),
+            serial: SerialSetup::from_parameters(parameters),
             uses_pulses: sensor::needs_pulses(parameters),
         }
     }

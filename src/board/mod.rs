@@ -47,7 +47,9 @@ pub use retained::retained_memory;
 pub use running::name_task;
 pub use spi::{SensorSpi, SpiPeripherals};
 pub use stack_guard::guard_stack;
-pub use uart::{EscUart, TelemetryUart, UartReceiver, UartTransmitter, esc_uart, telemetry_uart};
+pub use uart::{
+    SerialPort, SerialUart, TelemetryUart, UartReceiver, UartTransmitter, serial_uart, telemetry_uart,
+};
 pub use usb::{UsbPort, UsbReceiver, UsbTransmitter};
 pub use watchdog::BoardWatchdog;
 pub use wifi::{Wifi, WifiPeripherals, entropy, find_radio};

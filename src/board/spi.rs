@@ -19,8 +19,8 @@ pub struct SpiPeripherals {
     pub to_part: Peri<'static, PIN_11>,
     /// From the part.
     pub from_part: Peri<'static, PIN_12>,
-    /// Chip select, active low.
-    pub select: Peri<'static, PIN_22>,
+    /// Chip select, active low; `None` if the pin has another purpose, so that no part can be read.
+    pub select: Option<Peri<'static, PIN_22>>,
 }
 
 /// SPI1 in mode 1. The pins stay untouched until the bus is used: the kit's line sensors are on three of them.
@@ -46,14 +46,14 @@ impl SensorSpi {
 
     fn running(&mut self) -> Result<&mut Running, ErrorKind> {
         if let Some(peripherals) = self.peripherals.take() {
-            self.running = Some(Running::start(peripherals));
+            self.running = Running::start(peripherals);
         }
         self.running.as_mut().ok_or(ErrorKind::Other)
     }
 }
 
 impl Running {
-    fn start(peripherals: SpiPeripherals) -> Self {
+    fn start(peripherals: SpiPeripherals) -> Option<Self> {
         let SpiPeripherals {
             spi,
             clock,
@@ -61,14 +61,15 @@ impl Running {
             from_part,
             select,
         } = peripherals;
+        let select = Output::new(select?, Level::High);
         let mut config = Config::default();
         config.frequency = CLOCK_HZ;
         config.polarity = Polarity::IdleLow;
         config.phase = Phase::CaptureOnSecondTransition;
-        Self {
+        Some(Self {
             spi: Spi::new_blocking(spi, clock, to_part, from_part, config),
-            select: Output::new(select, Level::High),
-        }
+            select,
+        })
     }
 
     fn transfer(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Error> {

@@ -1,7 +1,7 @@
-//! The telemetry port, and the one of a motor controller.
+//! The telemetry port, and the second serial port.
 #![expect(
     unsafe_code,
-    reason = "the telemetry port's halves are driven differently, and a pin has two"
+    reason = "the halves of a port are driven differently, and a pin has two"
 )]
 
 use core::convert::Infallible;
@@ -9,13 +9,13 @@ use core::pin::pin;
 use core::sync::atomic::AtomicU8;
 
 use embassy_rp::Peri;
-use embassy_rp::gpio::{Input, Pull};
+use embassy_rp::gpio::{Input, Level, Output, Pull};
 use embassy_rp::pac;
 use embassy_rp::pac::dma::vals::TreqSel;
 use embassy_rp::pac::uart::Uart;
 use embassy_rp::pac::uart::regs::Uarticr;
 use embassy_rp::peripherals::{
-    DMA_CH0, DMA_CH8, DMA_CH9, DMA_CH10, DMA_CH11, PIN_0, PIN_1, PIN_5, UART0, UART1,
+    DMA_CH0, DMA_CH8, DMA_CH9, DMA_CH10, DMA_CH11, PIN_0, PIN_1, PIN_4, PIN_5, PIN_22, UART0, UART1,
 };
 use embassy_rp::uart::{Async, Config, Instance, RxPin, UartRx, UartTx};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
@@ -23,7 +23,8 @@ use embedded_io_async::{ErrorType, Write};
 
 use super::Irqs;
 use super::receive_ring::ReceiveRing;
-use crate::tasks::{ByteSource, ReceiveError};
+use crate::sensor::{REQUEST_BYTES, SerialSetup, Wires};
+use crate::tasks::{ByteSource, ReceiveError, SerialLine};
 
 /// No interrupt reports that the ring has got a byte.
 const LOOK_INTERVAL: Duration = Duration::from_millis(1);
@@ -37,8 +38,8 @@ const LONGEST_BYTE: Duration = Duration::from_millis(2);
 /// As much as comes in 45 ms, the typical erase of a sector, at 921,600 baud.
 const TELEMETRY_RING_BYTES: usize = 4096;
 
-/// As much as comes in 89 ms.
-const ESC_RING_BYTES: usize = 1024;
+/// As much as comes in 89 ms at 115,200 baud.
+const SERIAL_RING_BYTES: usize = 1024;
 
 /// A ring of the DMA begins at a multiple of its length.
 #[repr(C, align(4096))]
@@ -46,8 +47,8 @@ struct TelemetryRing([AtomicU8; TELEMETRY_RING_BYTES]);
 const _: () = assert!(align_of::<TelemetryRing>() == TELEMETRY_RING_BYTES);
 
 #[repr(C, align(1024))]
-struct EscRing([AtomicU8; ESC_RING_BYTES]);
-const _: () = assert!(align_of::<EscRing>() == ESC_RING_BYTES);
+struct SerialRing([AtomicU8; SERIAL_RING_BYTES]);
+const _: () = assert!(align_of::<SerialRing>() == SERIAL_RING_BYTES);
 
 /// What the telemetry port is made of: UART0 on GP0 (out) and GP1 (in).
 pub struct TelemetryUart {
@@ -100,27 +101,91 @@ impl Write for UartTransmitter {
     }
 }
 
-/// KISS and BLHeli_32 controllers send at this rate.
-const ESC_BAUD: u32 = 115_200;
-
-/// What listens to a motor controller's telemetry: UART1 on GP5.
-pub struct EscUart {
+/// What the second serial port is made of: UART1 on GP4 (out) and GP5 (in).
+pub struct SerialUart {
     /// The port.
     pub uart: Peri<'static, UART1>,
+    /// Its output.
+    pub tx_pin: Peri<'static, PIN_4>,
     /// Its input.
     pub rx_pin: Peri<'static, PIN_5>,
     /// Receives, and starts that again.
     pub rx_dma: (Peri<'static, DMA_CH10>, Peri<'static, DMA_CH11>),
+    /// What is high while the port sends, if a transceiver has to be switched.
+    pub driver_enable: Option<Peri<'static, PIN_22>>,
 }
 
-/// The port for a motor controller's telemetry, 8N1.
-pub fn esc_uart(parts: EscUart) -> UartReceiver {
-    static RING: EscRing = EscRing([const { AtomicU8::new(0) }; ESC_RING_BYTES]);
+/// The second serial port, 8N1. Its output's pin stays untouched if nothing is sent.
+pub fn serial_uart(parts: SerialUart, setup: SerialSetup) -> SerialPort {
+    static RING: SerialRing = SerialRing([const { AtomicU8::new(0) }; SERIAL_RING_BYTES]);
     let mut config = Config::default();
-    config.baudrate = ESC_BAUD;
+    config.baudrate = setup.baud;
+    let driver_enable = parts.driver_enable.map(|pin| Output::new(pin, Level::Low));
+    // SAFETY: the two halves use different registers of the port, but for those of its set-up, which is done here.
+    let other_half = unsafe { parts.uart.clone_unchecked() };
+    match setup.wires {
+        Wires::ReceiveOnly => {}
+        Wires::BothWays | Wires::OneWire => {
+            UartTx::new_blocking(other_half, parts.tx_pin, config);
+        }
+    }
     let line = receiving_pin(parts.uart, parts.rx_pin, config);
     let ring = ReceiveRing::start(parts.rx_dma, pac::UART1, TreqSel::UART1_RX, &RING.0);
-    UartReceiver::new(pac::UART1, line, ring)
+    SerialPort {
+        receiver: UartReceiver::new(pac::UART1, line, ring),
+        registers: pac::UART1,
+        driver_enable,
+        baud: setup.baud,
+    }
+}
+
+/// Bits of a byte on the line: a start bit and a stop bit around it.
+const BYTE_BITS: u64 = 10;
+
+/// The FIFO takes a request as a whole.
+const FIFO_BYTES: usize = 32;
+const _: () = assert!(REQUEST_BYTES <= FIFO_BYTES);
+
+/// The second serial port.
+pub struct SerialPort {
+    receiver: UartReceiver,
+    registers: Uart,
+    driver_enable: Option<Output<'static>>,
+    baud: u32,
+}
+
+impl SerialPort {
+    /// Waits until the last stop bit has left. A request is sent without a pause, so its end is known; only the start of its
+    /// first bit is not, by up to a bit.
+    async fn all_sent(&self, bytes: usize) {
+        let bits = BYTE_BITS * bytes as u64;
+        let duration = Duration::from_micros(bits * 1_000_000 / u64::from(self.baud));
+        Timer::after(duration).await;
+        let latest = Instant::now() + LONGEST_BYTE;
+        while self.registers.uartfr().read().busy() && Instant::now() < latest {}
+    }
+}
+
+impl ByteSource for SerialPort {
+    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
+        self.receiver.receive(buffer).await
+    }
+}
+
+impl SerialLine for SerialPort {
+    async fn send(&mut self, bytes: &[u8]) {
+        if let Some(pin) = &mut self.driver_enable {
+            pin.set_high();
+        }
+        // What was sent before has left: the FIFO is empty.
+        for byte in bytes.iter().take(FIFO_BYTES) {
+            self.registers.uartdr().write(|data| data.set_data(*byte));
+        }
+        self.all_sent(bytes.len()).await;
+        if let Some(pin) = &mut self.driver_enable {
+            pin.set_low();
+        }
+    }
 }
 
 /// Sets a UART up to receive at `pin`, and returns the pin as one whose start bits can be waited for.

@@ -6,10 +6,10 @@ mod analog_wiring;
 mod bus;
 mod can;
 mod controllers;
-mod esc;
 mod external;
 mod fuel;
 mod kind;
+mod serial;
 
 pub use analog::{
     ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, AnalogReadings, BURST_CONVERSIONS,
@@ -21,7 +21,10 @@ pub use bus::{
 };
 pub use can::{CanFrame, FRAME_BYTES};
 pub use controllers::{ControllerBank, ControllerReading, MAX_CONTROLLERS, Members};
-pub use esc::EscTelemetry;
 pub use external::{Admission, ExternalReading, ExternalSource};
 pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses};
-pub use kind::{MonitorKind, needs_esc, needs_pulses};
+pub use kind::{MonitorKind, needs_pulses};
+pub use serial::{
+    DriverEnable, REQUEST_BYTES, Request, SerialDevice, SerialEvent, SerialNotice, SerialProtocol,
+    SerialReading, SerialSetup, Urgency, Wires,
+};

@@ -2,6 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::fmt;
+use std::future::pending;
 use std::rc::Rc;
 
 use embassy_futures::join::{join, join_array, join3, join4, join5};
@@ -11,7 +12,7 @@ use embassy_time::{Duration, Ticker, Timer};
 use super::tcp::POLL_MS;
 use super::{
     Client, Clients, PackModel, PackSimulation, SimulatedBus, SimulatedFlash, SimulatedPack,
-    SimulatedPackInput, SimulatedRover, TcpReceiver, UdpWire,
+    SimulatedPackInput, SimulatedRover, UdpWire,
 };
 use crate::autopilot::Start;
 use crate::battery::RetainedRecord;
@@ -23,8 +24,8 @@ use crate::pack::Pack;
 use crate::sensor::Buses;
 use crate::storage::Storage;
 use crate::tasks::{
-    Link, Shared, boot, drive, keep_learnt, keep_log, keep_parameters, keep_signing, read_bus, read_esc,
-    reboot_requested, refuse_link, sample_batteries, serve_link,
+    ByteSource, Link, ReceiveError, SerialLine, Shared, boot, drive, keep_learnt, keep_log, keep_parameters,
+    keep_signing, read_bus, reboot_requested, refuse_link, sample_batteries, serve_link, serve_serial,
 };
 use crate::vehicle::{Indication, Indicators, Restart};
 
@@ -65,8 +66,7 @@ pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_i
                     &desk.shared,
                     &UNWATCHED,
                 ),
-                // No ESC is simulated: a pack with ESC telemetry is unhealthy.
-                read_esc(None::<TcpReceiver>, &desk.shared, &UNWATCHED),
+                serve_serial(Some(NoDevice), &desk.shared, &UNWATCHED),
             ),
             drive(&rover, NoLamps, &desk.shared, &UNWATCHED),
             join4(
@@ -102,6 +102,19 @@ struct Desk<'a> {
     flash: &'a SimulatedFlash,
     links: RefCell<Vec<Rc<Link<'a>>>>,
     status: Cell<Totals>,
+}
+
+/// No device on the serial line is simulated: a pack that is measured so is unhealthy.
+struct NoDevice;
+
+impl ByteSource for NoDevice {
+    async fn receive(&mut self, _: &mut [u8]) -> Result<usize, ReceiveError> {
+        pending().await
+    }
+}
+
+impl SerialLine for NoDevice {
+    async fn send(&mut self, _: &[u8]) {}
 }
 
 /// The simulator has neither lamps nor a buzzer.

@@ -1,6 +1,6 @@
 //! The tasks' clock, which is embassy's.
 
-use embassy_time::Timer;
+use embassy_time::{TimeoutError, Timer};
 
 use crate::time::Instant;
 
@@ -11,7 +11,19 @@ pub fn now() -> Instant {
 
 /// Waits until embassy's clock has reached `due`.
 pub fn timer_at(due: Instant) -> Timer {
-    Timer::at(embassy_time::Instant::from_micros(due.as_micros()))
+    Timer::at(by_embassy(due))
+}
+
+/// Waits for `future`, until embassy's clock has reached `due` at the latest.
+///
+/// # Errors
+/// It was not ready by then.
+pub(super) async fn with_deadline<F: Future>(due: Instant, future: F) -> Result<F::Output, TimeoutError> {
+    embassy_time::with_deadline(by_embassy(due), future).await
+}
+
+fn by_embassy(time: Instant) -> embassy_time::Instant {
+    embassy_time::Instant::from_micros(time.as_micros())
 }
 
 /// Microseconds by the same clock, modulo 2^32: liveness counts so on purpose.

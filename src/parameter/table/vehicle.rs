@@ -284,6 +284,27 @@ parameters! {
         description: "What is connected to UART1 (GP4, GP5). The pins stay untouched while no pack is measured by it. \
                       (ArduPilot's default is MAVLink2.)",
     }
+    Serial1Baud {
+        key: 29,
+        name: "SERIAL1_BAUD",
+        kind: Kind::Int32,
+        default: 9.0,
+        range: Range::OneOf(&[
+            (9, means("9600")),
+            (19, means("19200")),
+            (38, means("38400")),
+            (57, means("57600")),
+            (111, means("111100")),
+            (115, means("115200")),
+        ]),
+        listed: Listed::WhileVehicle(VehicleParameter::Serial1Protocol, &[30]),
+        step: 1.0,
+        unit: "",
+        takes_effect: TakesEffect::AfterReboot,
+        label: "Baud rate of the second serial port",
+        description: "Baud rate of a generator at UART1, in ArduPilot's coding; the other protocols have a rate of their \
+                      own. (ArduPilot's default is 57.)",
+    }
     GenType {
         key: 21,
         name: "GEN_TYPE",

@@ -1,4 +1,4 @@
-//! ESC telemetry in the format of KISS and BLHeli_32.
+//! Telemetry of a motor controller in the format of KISS and BLHeli_32, which it sends by itself.
 //!
 //! | byte | content, big-endian |
 //! |---|---|
@@ -9,7 +9,9 @@
 //! | 7, 8 | electrical speed, in 100 rpm |
 //! | 9 | CRC-8 of the others, polynomial 0x07, as SMBus |
 
-use crate::battery::{Consumed, Counted, Measurement};
+use super::super::line::{Baud, Line, Wires};
+use super::super::protocol::{Protocol, Request, SerialReading};
+use crate::sensor::{ControllerReading, MonitorKind};
 use crate::time::Instant;
 
 const FRAME_BYTES: usize = 10;
@@ -20,9 +22,9 @@ const MAX_GAP_US: u64 = 5_000;
 /// Maximum plausible increment between two frames; a larger one is a restarted counter.
 const MAX_STEP_MAH: u16 = 5_000;
 
-/// Frame decoder of ESC telemetry.
+/// Frame decoder of a controller's telemetry.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct EscTelemetry {
+pub(in crate::sensor::serial) struct Kiss {
     /// The latest `length` bytes.
     window: [u8; FRAME_BYTES],
     length: usize,
@@ -31,17 +33,44 @@ pub struct EscTelemetry {
     counted_mah: Option<u16>,
 }
 
-impl EscTelemetry {
-    /// Bytes were received at `now`; a gap before them drops a partial frame.
-    pub fn begin(&mut self, now: Instant) {
+impl Protocol for Kiss {
+    type Model = ();
+    const LINE: Line = Line {
+        baud: Baud::Fixed(115_200),
+        wires: Wires::ReceiveOnly,
+    };
+    const KINDS: &'static [MonitorKind] = &[MonitorKind::Esc];
+    const LOST_AFTER_US: u64 = 100_000;
+
+    fn new((): &()) -> Self {
+        Self::default()
+    }
+
+    fn begin(&mut self, now: Instant) {
         if now.us_since(self.last_received) > MAX_GAP_US {
             self.length = 0;
         }
         self.last_received = now;
     }
 
-    /// Processes a byte, and returns the measurement if it completes a frame.
-    pub fn push(&mut self, byte: u8) -> Option<Measurement> {
+    fn push(&mut self, byte: u8, _: Instant, deliver: &mut impl FnMut(SerialReading)) {
+        if let Some(reading) = self.take(byte) {
+            deliver(SerialReading::Controller(reading));
+        }
+    }
+
+    fn next_request(&mut self, _: Instant) -> Option<Request> {
+        None
+    }
+
+    fn next_due(&self) -> Option<Instant> {
+        None
+    }
+}
+
+impl Kiss {
+    /// Takes a byte, and returns the reading if it completes a frame.
+    fn take(&mut self, byte: u8) -> Option<ControllerReading> {
         if self.length == FRAME_BYTES {
             // No frame starts at the oldest byte, but one may at any other.
             self.window.rotate_left(1);
@@ -52,13 +81,13 @@ impl EscTelemetry {
         if self.length < FRAME_BYTES {
             return None;
         }
-        let measurement = self.decode()?;
+        let reading = self.decode()?;
         self.length = 0;
-        Some(measurement)
+        Some(reading)
     }
 
     /// Decodes the window, if it is a valid frame.
-    fn decode(&mut self) -> Option<Measurement> {
+    fn decode(&mut self) -> Option<ControllerReading> {
         let [temperature_c, v1, v0, c1, c0, q1, q0, _, _, crc] = self.window;
         let (checked, _) = self.window.split_last_chunk::<1>()?;
         let voltage = u16::from_be_bytes([v1, v0]);
@@ -66,28 +95,21 @@ impl EscTelemetry {
         if smbus_pec::pec(checked) != crc || voltage == 0 {
             return None;
         }
-        let voltage_v = f32::from(voltage) * 0.01;
-        Some(Measurement {
-            voltage_v: Some(voltage_v),
+        Some(ControllerReading {
+            voltage_v: Some(f32::from(voltage) * 0.01),
             current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.01),
             temperature_c: Some(f32::from(temperature_c)),
-            counted: self.increment(u16::from_be_bytes([q1, q0]), voltage_v),
-            ..Measurement::default()
+            drawn_mah: self.drawn_mah(u16::from_be_bytes([q1, q0])),
         })
     }
 
-    /// Increment of the ESC's charge counter since the previous frame, which includes missed ones. `None` at 0: the ESC
-    /// may not have a counter.
-    fn increment(&mut self, counted_mah: u16, voltage_v: f32) -> Option<Counted> {
+    /// Increment of the controller's charge counter since the previous frame, which includes missed ones. `None` at 0: the
+    /// controller may not have a counter.
+    fn drawn_mah(&mut self, counted_mah: u16) -> Option<f32> {
         let before_mah = self.counted_mah.replace(counted_mah).unwrap_or(counted_mah);
         let step_mah = counted_mah.wrapping_sub(before_mah);
         let drawn_mah = if step_mah <= MAX_STEP_MAH { step_mah } else { 0 };
-        let charge_mah = f32::from(drawn_mah);
-        let consumed = Consumed {
-            charge_mah,
-            energy_wh: charge_mah * 1e-3 * voltage_v,
-        };
-        (counted_mah > 0).then_some(Counted::Increment(consumed))
+        (counted_mah > 0).then(|| f32::from(drawn_mah))
     }
 }
 
@@ -110,39 +132,28 @@ mod tests {
         sealed([38, 0x06, 0x28, 0x04, 0xd2, q1, q0, 0, 10])
     }
 
-    fn read(telemetry: &mut EscTelemetry, bytes: &[u8]) -> Vec<Measurement> {
-        bytes.iter().filter_map(|byte| telemetry.push(*byte)).collect()
-    }
-
-    fn drawn(measurement: &Measurement) -> Option<f32> {
-        match measurement.counted {
-            Some(Counted::Increment(consumed)) => Some(consumed.charge_mah),
-            _ => None,
-        }
+    fn read(telemetry: &mut Kiss, bytes: &[u8]) -> Vec<ControllerReading> {
+        bytes.iter().filter_map(|byte| telemetry.take(*byte)).collect()
     }
 
     #[test]
     fn frame_has_temperature_voltage_current_and_charge() {
-        let mut telemetry = EscTelemetry::default();
+        let mut telemetry = Kiss::default();
         // 25 °C, 16.80 V, 12.34 A, 300 mAh; CRC computed by hand from the polynomial.
         let before = [0x19, 0x06, 0x90, 0x04, 0xd2, 0x01, 0x2c, 0x00, 0x64, 0x97];
-        assert_eq!(drawn(&read(&mut telemetry, &before)[0]), Some(0.0));
-        let [measurement] = read(&mut telemetry, &frame(303))[..] else {
+        assert_eq!(read(&mut telemetry, &before)[0].drawn_mah, Some(0.0));
+        let [reading] = read(&mut telemetry, &frame(303))[..] else {
             panic!("one frame");
         };
-        assert_eq!(measurement.temperature_c, Some(38.0));
-        assert!((measurement.voltage_v.unwrap() - 15.76).abs() < 1e-4);
-        assert!((measurement.current_a.unwrap() - 12.34).abs() < 1e-4);
-        let Some(Counted::Increment(consumed)) = measurement.counted else {
-            panic!("{measurement:?}");
-        };
-        assert_eq!(consumed.charge_mah, 3.0);
-        assert!((consumed.energy_wh - 0.04728).abs() < 1e-6);
+        assert_eq!(reading.temperature_c, Some(38.0));
+        assert!((reading.voltage_v.unwrap() - 15.76).abs() < 1e-4);
+        assert!((reading.current_a.unwrap() - 12.34).abs() < 1e-4);
+        assert_eq!(reading.drawn_mah, Some(3.0));
     }
 
     #[test]
     fn counter_may_wrap_and_a_restart_counts_nothing() {
-        let mut telemetry = EscTelemetry::default();
+        let mut telemetry = Kiss::default();
         for (counted_mah, drawn_mah) in [
             (65_530, Some(0.0)),
             (4, Some(10.0)),
@@ -153,19 +164,19 @@ mod tests {
             (50_001, Some(1.0)),
             (0, None),
         ] {
-            let measurements = read(&mut telemetry, &frame(counted_mah));
-            assert_eq!(drawn(&measurements[0]), drawn_mah, "{counted_mah}");
+            let readings = read(&mut telemetry, &frame(counted_mah));
+            assert_eq!(readings[0].drawn_mah, drawn_mah, "{counted_mah}");
         }
     }
 
     #[test]
     fn line_held_low_is_no_frame() {
-        assert_eq!(read(&mut EscTelemetry::default(), &[0; 100]), []);
+        assert_eq!(read(&mut Kiss::default(), &[0; 100]), []);
     }
 
     #[test]
     fn gap_drops_a_partial_frame() {
-        let mut telemetry = EscTelemetry::default();
+        let mut telemetry = Kiss::default();
         telemetry.begin(Instant::EPOCH);
         assert_eq!(read(&mut telemetry, &frame(1)[..4]), []);
         telemetry.begin(at_us(4_000));
@@ -197,7 +208,7 @@ mod tests {
             prop_assume!(body[1] != 0 || body[2] != 0);
             let bytes = [&garbage[..], &sealed(body)].concat();
             prop_assume!(!has_false_frame(&bytes, garbage.len()));
-            let found = read(&mut EscTelemetry::default(), &bytes);
+            let found = read(&mut Kiss::default(), &bytes);
             prop_assert_eq!(found.len(), 1);
             let voltage_v = f32::from(u16::from_be_bytes([body[1], body[2]])) * 0.01;
             prop_assert_eq!(found[0].voltage_v, Some(voltage_v));
@@ -208,7 +219,7 @@ mod tests {
             garbage in prop::collection::vec(any::<u8>(), 0..200),
             counted_mah: u16,
         ) {
-            let mut telemetry = EscTelemetry::default();
+            let mut telemetry = Kiss::default();
             telemetry.begin(at_us(1_000_000));
             read(&mut telemetry, &garbage);
             telemetry.begin(at_us(1_032_000));

@@ -1,0 +1,60 @@
+//! What a protocol on the serial line implements.
+
+use super::line::Line;
+use super::notice::SerialNotice;
+use crate::battery::Measurement;
+use crate::sensor::{ControllerReading, MonitorKind};
+use crate::time::Instant;
+
+/// Most bytes of a request: the port sends it as a whole.
+pub const REQUEST_BYTES: usize = 32;
+
+/// What is sent at once: a request, or an answer.
+pub type Request = heapless::Vec<u8, REQUEST_BYTES>;
+
+/// What was received.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SerialReading {
+    /// A motor controller's reading.
+    Controller(ControllerReading),
+    /// A generator's electrical output.
+    GeneratorElectrical(Measurement),
+    /// A generator's fuel: [`Contents::Fuel`](crate::battery::Contents::Fuel) with its share of a full tank as `state_of_charge`.
+    GeneratorFuel(Measurement),
+    /// The battery of a Torqeedo motor.
+    Torqeedo(Measurement),
+    /// The fuel of an engine control unit.
+    Efi(Measurement),
+    /// The state of the device itself has changed.
+    Notice(SerialNotice),
+}
+
+/// A protocol on the serial line: what comes in, and what has to be sent.
+pub(super) trait Protocol: Sized {
+    /// What distinguishes devices that speak it; `()` if there is one.
+    type Model: 'static;
+
+    /// What it needs of the line.
+    const LINE: Line;
+
+    /// Kinds of packs that it measures.
+    const KINDS: &'static [MonitorKind];
+
+    /// After so long without a reading its packs have none, in microseconds.
+    const LOST_AFTER_US: u64;
+
+    /// Nothing was received yet.
+    fn new(model: &'static Self::Model) -> Self;
+
+    /// Bytes were received at `now`, after a gap or not: a partial frame before a gap is dropped.
+    fn begin(&mut self, now: Instant);
+
+    /// Processes a byte, which was received by `now`.
+    fn push(&mut self, byte: u8, now: Instant, deliver: &mut impl FnMut(SerialReading));
+
+    /// What has to be sent at `now`, if anything.
+    fn next_request(&mut self, now: Instant) -> Option<Request>;
+
+    /// When [`Self::next_request`] has to be called again; `None` if not before something was received.
+    fn next_due(&self) -> Option<Instant>;
+}

@@ -1,0 +1,5 @@
+//! The protocols, a file each.
+
+mod kiss;
+
+pub(super) use kiss::Kiss;

@@ -1,0 +1,128 @@
+//! Which protocols there are.
+
+use super::line::Line;
+use super::protocol::{Protocol, Request, SerialReading};
+use super::protocols::Kiss;
+use crate::pack::Pack;
+use crate::parameter::{Parameters, VehicleParameter};
+use crate::sensor::MonitorKind;
+use crate::time::Instant;
+
+/// For each protocol what speaks it, a line each: its number in `SERIAL1_PROTOCOL` (ArduPilot's), the parameter and value that
+/// select it among those with this number, and what the protocol has to know of it.
+macro_rules! protocols {
+    ($($protocol:ident {
+        $($(#[$doc:meta])* $device:ident = $number:literal, $selection:expr, $model:expr;)+
+    })+) => {
+        /// What may be connected to the serial line.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[cfg_attr(target_os = "none", derive(defmt::Format))]
+        pub enum SerialProtocol {
+            $($($(#[$doc])* $device,)+)+
+        }
+
+        impl SerialProtocol {
+            /// Every one.
+            pub const ALL: &'static [Self] = &[$($(Self::$device,)+)+];
+
+            /// Its number in `SERIAL1_PROTOCOL`.
+            pub const fn number(self) -> i32 {
+                match self {
+                    $($(Self::$device => $number,)+)+
+                }
+            }
+
+            /// The parameter and its value that select it among those with the same number.
+            const fn selection(self) -> Option<(VehicleParameter, i32)> {
+                match self {
+                    $($(Self::$device => $selection,)+)+
+                }
+            }
+
+            /// The kinds of packs that it measures.
+            pub const fn kinds(self) -> &'static [MonitorKind] {
+                match self {
+                    $($(Self::$device => $protocol::KINDS,)+)+
+                }
+            }
+
+            pub(super) const fn line(self) -> Line {
+                match self {
+                    $($(Self::$device => $protocol::LINE,)+)+
+                }
+            }
+
+            pub(super) const fn lost_after_us(self) -> u64 {
+                match self {
+                    $($(Self::$device => $protocol::LOST_AFTER_US,)+)+
+                }
+            }
+
+            pub(super) fn start(self) -> AnyProtocol {
+                match self {
+                    $($(Self::$device => AnyProtocol::$protocol($protocol::new(&$model)),)+)+
+                }
+            }
+        }
+
+        /// A protocol and what it knows of the device.
+        #[derive(Debug)]
+        pub(super) enum AnyProtocol {
+            $($protocol($protocol),)+
+        }
+
+        impl AnyProtocol {
+            pub fn begin(&mut self, now: Instant) {
+                match self {
+                    $(Self::$protocol(protocol) => protocol.begin(now),)+
+                }
+            }
+
+            pub fn push(&mut self, byte: u8, now: Instant, deliver: &mut impl FnMut(SerialReading)) {
+                match self {
+                    $(Self::$protocol(protocol) => protocol.push(byte, now, deliver),)+
+                }
+            }
+
+            pub fn next_request(&mut self, now: Instant) -> Option<Request> {
+                match self {
+                    $(Self::$protocol(protocol) => protocol.next_request(now),)+
+                }
+            }
+
+            pub fn next_due(&self) -> Option<Instant> {
+                match self {
+                    $(Self::$protocol(protocol) => protocol.next_due(),)+
+                }
+            }
+        }
+    };
+}
+
+protocols! {
+    Kiss {
+        /// A motor controller that sends by itself.
+        Kiss = 16, None, ();
+    }
+}
+
+impl SerialProtocol {
+    /// The one that is set; `None` if nothing is, such as a generator without `GEN_TYPE`.
+    pub fn selected(parameters: &Parameters) -> Option<Self> {
+        let number = parameters.get_whole(VehicleParameter::Serial1Protocol);
+        let is_set = |(parameter, value)| parameters.get_whole(parameter) == value;
+        let mut all = Self::ALL.iter().copied();
+        all.find(|protocol| protocol.number() == number && protocol.selection().is_none_or(is_set))
+    }
+
+    /// The one that is set, if a pack is measured by it.
+    pub fn in_use(parameters: &Parameters) -> Option<Self> {
+        let selected = Self::selected(parameters)?;
+        let mut kinds = Pack::ALL
+            .into_iter()
+            .filter_map(|pack| MonitorKind::of(parameters, pack));
+        kinds
+            .any(|kind| selected.kinds().contains(&kind))
+            .then_some(selected)
+    }
+}
