@@ -235,7 +235,7 @@ impl Autopilot {
             }
             SerialReading::GeneratorFuel(measurement) => (MonitorKind::GeneratorFuel, Ok(measurement)),
             SerialReading::Torqeedo(measurement) => (MonitorKind::Torqeedo, Ok(measurement)),
-            SerialReading::Efi(measurement) => (MonitorKind::Efi, Ok(measurement)),
+            SerialReading::Efi(reading) => (MonitorKind::Efi, reading.measure(&self.parameters)),
             SerialReading::Notice(notice) => return self.announce(Announcement::Serial(notice)),
         };
         self.packs.add(kind, measured);

@@ -6,6 +6,7 @@ mod analog_wiring;
 mod bus;
 mod can;
 mod controllers;
+mod engine;
 mod external;
 mod fuel;
 mod kind;
@@ -21,6 +22,7 @@ pub use bus::{
 };
 pub use can::{CanFrame, FRAME_BYTES};
 pub use controllers::{ControllerBank, ControllerReading, MAX_CONTROLLERS, Members};
+pub use engine::EngineReading;
 pub use external::{Admission, ExternalReading, ExternalSource};
 pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses};
 pub use kind::{MonitorKind, needs_pulses};

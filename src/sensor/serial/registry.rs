@@ -2,7 +2,7 @@
 
 use super::line::Line;
 use super::protocol::{Protocol, Request, SerialReading};
-use super::protocols::Kiss;
+use super::protocols::{Kiss, MegaSquirt};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::sensor::MonitorKind;
@@ -103,6 +103,10 @@ protocols! {
     Kiss {
         /// A motor controller that sends by itself.
         Kiss = 16, None, ();
+    }
+    MegaSquirt {
+        /// A MegaSquirt engine control unit.
+        MegaSquirt = 24, Some((VehicleParameter::EfiType, 1)), ();
     }
 }
 
