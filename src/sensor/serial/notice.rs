@@ -2,9 +2,14 @@
 
 use core::fmt;
 
+use super::protocols::TorqeedoCondition;
+
 /// A change in the state of a device on the serial line, reported once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SerialNotice {}
+pub enum SerialNotice {
+    /// What a Torqeedo motor or its battery reports to be wrong.
+    Torqeedo(TorqeedoCondition),
+}
 
 /// How urgent a notice is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,12 +25,17 @@ pub enum Urgency {
 impl SerialNotice {
     /// How urgent it is.
     pub fn urgency(&self) -> Urgency {
-        match *self {}
+        match self {
+            Self::Torqeedo(condition) if condition.is_good() => Urgency::Info,
+            Self::Torqeedo(_) => Urgency::Warning,
+        }
     }
 }
 
 impl fmt::Display for SerialNotice {
-    fn fmt(&self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {}
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Torqeedo(condition) => write!(f, "{condition}"),
+        }
     }
 }

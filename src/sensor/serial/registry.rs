@@ -2,7 +2,7 @@
 
 use super::line::Line;
 use super::protocol::{Protocol, Request, SerialReading};
-use super::protocols::{Kiss, MegaSquirt};
+use super::protocols::{Kiss, MegaSquirt, Place, Torqeedo};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::sensor::MonitorKind;
@@ -107,6 +107,12 @@ protocols! {
     MegaSquirt {
         /// A MegaSquirt engine control unit.
         MegaSquirt = 24, Some((VehicleParameter::EfiType, 1)), ();
+    }
+    Torqeedo {
+        /// A Torqeedo battery, this board instead of its tiller.
+        TorqeedoTiller = 39, Some((VehicleParameter::Trqd1Type, 1)), Place::Tiller;
+        /// A Torqeedo motor, this board as its master.
+        TorqeedoMotor = 39, Some((VehicleParameter::Trqd1Type, 2)), Place::Master;
     }
 }
 
