@@ -62,6 +62,7 @@ mod reception;
 mod rover;
 mod safe_driving;
 mod sampling;
+mod serial_engine;
 mod session;
 mod shown;
 mod signing;
