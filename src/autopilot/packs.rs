@@ -4,14 +4,14 @@ use heapless::Vec;
 
 use super::can::bit_timing;
 use crate::battery::{
-    BatteryBank, BatteryState, Measurement, PackSettings, PackStatus, ReadError, SumVoltage,
+    BatteryBank, BatteryState, BusError, Measurement, PackSettings, PackStatus, ReadError, SumVoltage,
 };
 use crate::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::sensor::{
-    AnalogPin, AnalogReadings, AnalogWiring, ExternalSource, FuelKind, FuelMeter, FuelReadings, MonitorKind,
-    Pulses, Samples, capacity_ml, tank,
+    AnalogPin, AnalogReadings, AnalogWiring, ControllerBank, ControllerReading, ExternalSource, FuelKind,
+    FuelMeter, FuelReadings, Members, MonitorKind, Pulses, Samples, capacity_ml, tank,
 };
 use crate::time::Instant;
 
@@ -55,6 +55,7 @@ pub(super) struct Packs {
     set_up_errors: [Option<ReadError>; MAX_PACKS],
     pub samples: [Samples; MAX_PACKS],
     pub sources: [ExternalSource; MAX_PACKS],
+    controllers: ControllerBank,
     pub pulses: Pulses,
     meters: [FuelMeter; MAX_PACKS],
     pub states: [BatteryState; MAX_PACKS],
@@ -71,6 +72,7 @@ impl Packs {
             set_up_errors: set_up_errors(parameters),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
             sources: in_place(|| [ExternalSource::default(); MAX_PACKS]),
+            controllers: in_place(ControllerBank::default),
             pulses: Pulses::NONE,
             meters: in_place(|| [FuelMeter::default(); MAX_PACKS]),
             states: in_place(|| states_at_boot(parameters)),
@@ -108,8 +110,28 @@ impl Packs {
         pins
     }
 
+    /// Takes a motor controller's reading, for every pack that it is a member of.
+    pub fn add_controller_reading(
+        &mut self,
+        index: u8,
+        reading: ControllerReading,
+        now: Instant,
+        parameters: &Parameters,
+    ) {
+        self.controllers.add(index, reading, now);
+        for (pack, kind) in &self.order {
+            if *kind != MonitorKind::Esc {
+                continue;
+            }
+            let members = Members::from_parameters(parameters, *pack);
+            if let Some(measurement) = self.controllers.measure(members, index, now) {
+                self.samples[*pack as usize].add(Ok(measurement));
+            }
+        }
+    }
+
     /// Measures a pack at `now`, from what the pins read and the share of full throttle, for a synthetic current.
-    /// `None` as long as there is nothing to measure by: a part on the bus or a motor controller that has not been read yet, another
+    /// `None` as long as there is nothing to measure by: a part on the bus that has not been read yet, another
     /// component that has not reported since the last tick, or a sum in the first tick, when parts on the bus have no
     /// reading yet.
     pub fn measure(
@@ -126,13 +148,16 @@ impl Packs {
         }
         Some(match kind {
             MonitorKind::Bus(_)
-            | MonitorKind::Esc
             | MonitorKind::External
             | MonitorKind::Can
             | MonitorKind::GeneratorElectrical
             | MonitorKind::GeneratorFuel
             | MonitorKind::Torqeedo
             | MonitorKind::Efi => return self.sampled(pack, kind, now),
+            MonitorKind::Esc => {
+                let reading = self.samples[pack as usize].take();
+                reading.unwrap_or(Err(BusError::NoAnswer.into()))
+            }
             MonitorKind::Sum if self.ticks == 0 => return None,
             MonitorKind::Sum => {
                 let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;

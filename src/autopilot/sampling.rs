@@ -15,7 +15,8 @@ use crate::log::{info, warn};
 use crate::mavlink::arming_readiness;
 use crate::pack::Pack;
 use crate::sensor::{
-    Admission, AnalogPin, AnalogReadings, ExternalReading, MonitorKind, Pulses, SerialEvent, SerialReading,
+    Admission, AnalogPin, AnalogReadings, ControllerReading, ExternalReading, MonitorKind, Pulses,
+    SerialEvent, SerialReading,
 };
 use crate::time::Instant;
 use crate::wifi::Radio;
@@ -26,6 +27,9 @@ pub const SAMPLING_INTERVAL_US: u64 = 100_000;
 /// Ticks are due, and readings count as taken, at a whole millisecond: so intervals are nearly always equal, and the
 /// filters need not divide anew.
 pub const SAMPLING_RESOLUTION_US: u64 = 1_000;
+
+/// Index of the motor controller on the serial line, among those on the CAN bus.
+const SERIAL_CONTROLLER: u8 = 0;
 
 /// One in so many of an unhealthy pack's failed reads is logged.
 const LOGGED_FAILURE: u32 = 10;
@@ -202,10 +206,10 @@ impl Autopilot {
         self.packs.samples[pack as usize].add(reading);
     }
 
-    /// Takes what comes from the serial line: a reading, for every pack that is measured so, or that there is none.
-    pub fn add_serial_event(&mut self, event: SerialEvent) {
+    /// Takes what has come from the serial line by `now`: a reading, for every pack that is measured so, or that there is none.
+    pub fn add_serial_event(&mut self, event: SerialEvent, now: Instant) {
         match event {
-            SerialEvent::Reading(reading) => self.add_serial_reading(reading),
+            SerialEvent::Reading(reading) => self.add_serial_reading(reading, now),
             SerialEvent::Silence(kinds) => {
                 for kind in kinds {
                     self.packs.add(*kind, Err(ReadError::Timeout));
@@ -214,20 +218,29 @@ impl Autopilot {
         }
     }
 
-    fn add_serial_reading(&mut self, reading: SerialReading) {
-        let (kind, measurement) = match reading {
+    /// Takes the reading of a motor controller with this index, from 0, for every pack that it supplies (kind 9 and
+    /// `BATT_ESC_MASK`).
+    pub fn add_controller_reading(&mut self, index: u8, reading: ControllerReading, now: Instant) {
+        self.packs
+            .add_controller_reading(index, reading, now, &self.parameters);
+    }
+
+    fn add_serial_reading(&mut self, reading: SerialReading, now: Instant) {
+        let (kind, measured) = match reading {
+            SerialReading::Controller(reading) => {
+                return self.add_controller_reading(SERIAL_CONTROLLER, reading, now);
+            }
+            SerialReading::GeneratorElectrical(measurement) => {
+                (MonitorKind::GeneratorElectrical, Ok(measurement))
+            }
             SerialReading::GeneratorFuel(measurement) => {
                 return self.packs.add_tank(measurement, &self.parameters);
             }
-            SerialReading::Controller(reading) => (MonitorKind::Esc, reading.into()),
-            SerialReading::GeneratorElectrical(measurement) => {
-                (MonitorKind::GeneratorElectrical, measurement)
-            }
-            SerialReading::Torqeedo(measurement) => (MonitorKind::Torqeedo, measurement),
-            SerialReading::Efi(measurement) => (MonitorKind::Efi, measurement),
+            SerialReading::Torqeedo(measurement) => (MonitorKind::Torqeedo, Ok(measurement)),
+            SerialReading::Efi(reading) => (MonitorKind::Efi, reading.measure(&self.parameters)),
             SerialReading::Notice(notice) => return self.announce(Announcement::Serial(notice)),
         };
-        self.packs.add(kind, Ok(measurement));
+        self.packs.add(kind, measured);
     }
 
     /// Takes a reading of a pack by another component, which can't have been received before `received_at`; `None` if the

@@ -59,5 +59,6 @@ pub use retained::{PackMemory, RetainedMemory, RetainedRecord, recall, retain};
 pub use settings::{ChargeLimits, FailsafeSettings, PackSettings, Thresholds, VoltageSource};
 pub use state::{BatteryState, ChargeSource, ChargeState, PackStatus, ReportedVoltage, Visibility};
 pub use suggestion::SuggestedThresholds;
+pub(crate) use sum::mean;
 pub use sum::{SumVoltage, sum};
 pub use tick::Tick;

@@ -65,7 +65,8 @@ fn consumed<'a>(packs: impl Iterator<Item = &'a BatteryState> + Clone) -> Option
     })
 }
 
-fn mean(values: impl Iterator<Item = f32>) -> Option<f32> {
+/// The mean; `None` of no values.
+pub(crate) fn mean(values: impl Iterator<Item = f32>) -> Option<f32> {
     let (sum, count) = values.fold((0.0, 0u8), |(sum, count), value| {
         (sum + value, count.saturating_add(1))
     });

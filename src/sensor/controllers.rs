@@ -1,6 +1,16 @@
 //! Motor controllers: several may measure a pack together.
 
-use crate::battery::{Consumed, Counted, Measurement};
+use crate::battery::{Consumed, Counted, Measurement, mean};
+use crate::pack::Pack;
+use crate::parameter::{BatteryParameter, Parameters};
+use crate::time::Instant;
+
+/// Most motor controllers, as many as `BATT_ESC_MASK` has bits.
+pub const MAX_CONTROLLERS: usize = 12;
+
+/// A controller that has been silent for this long has dropped out, in microseconds: as long as a pack without a reading
+/// stays healthy. ArduPilot waits for 5 s, and counts on with the current of the others.
+const LOST_AFTER_US: u64 = 500_000;
 
 /// A motor controller's reading. `None` is not measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -15,43 +25,253 @@ pub struct ControllerReading {
     pub drawn_mah: Option<f32>,
 }
 
-impl From<ControllerReading> for Measurement {
-    fn from(reading: ControllerReading) -> Self {
-        let increment = |charge_mah: f32| {
-            Counted::Increment(Consumed {
-                charge_mah,
-                energy_wh: charge_mah * 1e-3 * reading.voltage_v.unwrap_or(0.0),
-            })
-        };
-        Self {
-            voltage_v: reading.voltage_v,
-            current_a: reading.current_a,
-            temperature_c: reading.temperature_c,
-            counted: reading.drawn_mah.map(increment),
-            ..Self::default()
+impl ControllerReading {
+    /// What was drawn since its previous reading.
+    fn drawn(&self) -> Option<Consumed> {
+        let charge_mah = self.drawn_mah?;
+        Some(Consumed {
+            charge_mah,
+            energy_wh: charge_mah * 1e-3 * self.voltage_v.unwrap_or_default(),
+        })
+    }
+}
+
+/// The motor controllers that supply a pack's measurement (`BATT_ESC_MASK`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Members {
+    /// All that were heard since the start.
+    All,
+    /// These, one bit each from bit 0.
+    Mask(u16),
+}
+
+impl Members {
+    /// From the live parameters of a pack.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
+        match parameters.get_whole(BatteryParameter::EscMask.of(pack)) as u16 {
+            0 => Self::All,
+            mask => Self::Mask(mask),
         }
+    }
+
+    fn contains(self, index: usize) -> bool {
+        match self {
+            Self::All => true,
+            Self::Mask(mask) => mask >> index & 1 != 0,
+        }
+    }
+}
+
+/// The latest reading of each motor controller, by its index.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ControllerBank {
+    latest: [Option<Latest>; MAX_CONTROLLERS],
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Latest {
+    reading: ControllerReading,
+    received: Instant,
+}
+
+impl Latest {
+    /// Whether this controller counts charge; one that never reported is not known to.
+    fn has_counter(latest: Option<&Self>) -> bool {
+        latest.is_some_and(|latest| latest.reading.drawn_mah.is_some())
+    }
+
+    fn is_lost(&self, now: Instant) -> bool {
+        now.us_since(self.received) >= LOST_AFTER_US
+    }
+}
+
+impl ControllerBank {
+    /// Takes a controller's reading. One beyond the last index belongs to no pack.
+    pub fn add(&mut self, index: u8, reading: ControllerReading, now: Instant) {
+        if let Some(latest) = self.latest.get_mut(usize::from(index)) {
+            let received = now;
+            *latest = Some(Latest { reading, received });
+        }
+    }
+
+    /// What the members measure together when the controller `reporting` has just reported: mean voltage, sum of the
+    /// currents, mean temperature, and what that controller has drawn. `None` if it is not one of them.
+    ///
+    /// The current is unknown while a member is lost. The charge is counted only if every member has a counter, whose
+    /// difference includes a time in which it was lost; else the current has to be integrated.
+    pub fn measure(&self, members: Members, reporting: u8, now: Instant) -> Option<Measurement> {
+        let reporting = usize::from(reporting);
+        let reported = self.latest.get(reporting)?.as_ref()?;
+        if !members.contains(reporting) {
+            return None;
+        }
+        let present = || {
+            self.members(members)
+                .flatten()
+                .filter(|latest| !latest.is_lost(now))
+        };
+        let readings = || present().map(|latest| &latest.reading);
+        let all_count = self.members(members).all(Latest::has_counter);
+        Some(Measurement {
+            voltage_v: mean(readings().filter_map(|reading| reading.voltage_v)),
+            current_a: self.current_a(members, now),
+            counted: reported
+                .reading
+                .drawn()
+                .filter(|_| all_count)
+                .map(Counted::Increment),
+            temperature_c: mean(readings().filter_map(|reading| reading.temperature_c)),
+            ..Measurement::default()
+        })
+    }
+
+    /// The controllers that are expected to report: of a mask all, else those that were heard.
+    fn members(&self, members: Members) -> impl Iterator<Item = Option<&Latest>> {
+        let indexed = self.latest.iter().enumerate();
+        let chosen = indexed.filter(move |(index, latest)| match members {
+            Members::All => latest.is_some(),
+            Members::Mask(_) => members.contains(*index),
+        });
+        chosen.map(|(_, latest)| latest.as_ref())
+    }
+
+    /// The sum of the currents; unknown unless that of every member is.
+    fn current_a(&self, members: Members, now: Instant) -> Option<f32> {
+        let current_a = |latest: Option<&Latest>| {
+            let present = latest.filter(|latest| !latest.is_lost(now))?;
+            present.reading.current_a
+        };
+        self.members(members).map(current_a).sum()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::at_us;
+    use proptest::prelude::*;
+
+    const FIRST_TWO: Members = Members::Mask(0b11);
+
+    fn reading(voltage_v: f32, current_a: f32, drawn_mah: Option<f32>) -> ControllerReading {
+        ControllerReading {
+            voltage_v: Some(voltage_v),
+            current_a: Some(current_a),
+            temperature_c: Some(voltage_v * 2.0),
+            drawn_mah,
+        }
+    }
+
+    fn drawn(charge_mah: f32, energy_wh: f32) -> Option<Counted> {
+        Some(Counted::Increment(Consumed {
+            charge_mah,
+            energy_wh,
+        }))
+    }
+
+    /// Controllers 0 and 1 reported now.
+    fn two() -> ControllerBank {
+        let mut bank = ControllerBank::default();
+        bank.add(0, reading(12.0, 3.0, Some(4000.0)), Instant::EPOCH);
+        bank.add(1, reading(11.0, 2.0, Some(1000.0)), Instant::EPOCH);
+        bank
+    }
 
     #[test]
-    fn charge_of_a_counter_is_an_increment_with_its_energy() {
-        let reading = ControllerReading {
-            voltage_v: Some(15.76),
-            drawn_mah: Some(3.0),
-            ..ControllerReading::default()
-        };
-        let Some(Counted::Increment(consumed)) = Measurement::from(reading).counted else {
-            panic!("an increment");
-        };
-        assert_eq!(consumed.charge_mah, 3.0);
-        assert!((consumed.energy_wh - 0.04728).abs() < 1e-6);
+    fn voltages_and_temperatures_are_averaged_and_currents_added_up() {
+        for members in [Members::All, FIRST_TWO] {
+            let measurement = two().measure(members, 1, Instant::EPOCH).unwrap();
+            assert_eq!(measurement.voltage_v, Some(11.5));
+            assert_eq!(measurement.current_a, Some(5.0));
+            assert_eq!(measurement.temperature_c, Some(23.0));
+            assert_eq!(
+                measurement.counted,
+                drawn(1000.0, 11.0),
+                "only of the one that reports"
+            );
+        }
+    }
+
+    #[test]
+    fn mask_selects_controllers() {
+        let bank = two();
+        let second = bank.measure(Members::Mask(0b10), 1, Instant::EPOCH).unwrap();
+        assert_eq!((second.voltage_v, second.current_a), (Some(11.0), Some(2.0)));
+        assert_eq!(bank.measure(Members::Mask(0b10), 0, Instant::EPOCH), None);
         assert_eq!(
-            Measurement::from(ControllerReading::default()),
-            Measurement::default()
+            bank.measure(Members::All, 2, Instant::EPOCH),
+            None,
+            "it never reported"
         );
+    }
+
+    #[test]
+    fn current_is_unknown_while_a_member_is_lost() {
+        let mut bank = two();
+        let mut after = |us| {
+            bank.add(0, reading(12.0, 3.0, Some(4000.0)), at_us(us));
+            bank.measure(Members::All, 0, at_us(us)).unwrap()
+        };
+        assert_eq!(after(LOST_AFTER_US - 1).current_a, Some(5.0));
+        let lost = after(LOST_AFTER_US);
+        assert_eq!((lost.voltage_v, lost.current_a), (Some(12.0), None));
+        assert_eq!(lost.counted, drawn(4000.0, 48.0), "its own counter goes on");
+        bank.add(1, reading(11.0, 2.0, None), at_us(2 * LOST_AFTER_US));
+        bank.add(0, reading(12.0, 3.0, Some(1000.0)), at_us(2 * LOST_AFTER_US));
+        let back = bank.measure(Members::All, 0, at_us(2 * LOST_AFTER_US)).unwrap();
+        assert_eq!(back.current_a, Some(5.0));
+    }
+
+    #[test]
+    fn only_a_mask_expects_a_controller_that_never_reported() {
+        let mut bank = ControllerBank::default();
+        bank.add(0, reading(12.0, 3.0, None), Instant::EPOCH);
+        let measure = |members| bank.measure(members, 0, Instant::EPOCH).unwrap().current_a;
+        assert_eq!(measure(Members::All), Some(3.0));
+        assert_eq!(measure(Members::Mask(0b01)), Some(3.0));
+        assert_eq!(measure(FIRST_TWO), None);
+    }
+
+    #[test]
+    fn charge_is_counted_only_if_every_member_counts_it() {
+        let mut bank = two();
+        bank.add(1, reading(11.0, 2.0, None), Instant::EPOCH);
+        for now in [Instant::EPOCH, at_us(LOST_AFTER_US)] {
+            bank.add(0, reading(12.0, 3.0, Some(2000.0)), now);
+            let counted = |members| bank.measure(members, 0, now).unwrap().counted;
+            assert_eq!(
+                counted(FIRST_TWO),
+                None,
+                "the current is integrated once it is known"
+            );
+            assert_eq!(counted(Members::Mask(0b1)), drawn(2000.0, 24.0));
+            assert_eq!(counted(Members::Mask(0b101)), None, "the third never reported");
+        }
+    }
+
+    proptest! {
+        /// Whatever comes, a known current is the sum of the latest currents of all that reported.
+        #[test]
+        fn known_current_is_that_of_all(
+            reports in prop::collection::vec((0..16u8, 0..100u8, 0..300_000u64), 1..60),
+        ) {
+            let mut bank = ControllerBank::default();
+            let mut latest = std::collections::BTreeMap::new();
+            let mut now = Instant::EPOCH;
+            for (index, current_a, after_us) in reports {
+                now = now.after_us(after_us);
+                let current_a = f32::from(current_a);
+                bank.add(index, reading(12.0, current_a, None), now);
+                let measured = bank.measure(Members::All, index, now);
+                if usize::from(index) >= MAX_CONTROLLERS {
+                    prop_assert_eq!(measured, None);
+                    continue;
+                }
+                latest.insert(index, (current_a, now));
+                let is_complete = latest.values().all(|(_, at)| now.us_since(*at) < LOST_AFTER_US);
+                let sum_a: f32 = latest.values().map(|(current_a, _)| current_a).sum();
+                prop_assert_eq!(measured.unwrap().current_a, is_complete.then_some(sum_a));
+            }
+        }
     }
 }

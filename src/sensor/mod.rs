@@ -6,6 +6,7 @@ mod analog_wiring;
 mod bus;
 mod can;
 mod controllers;
+mod engine;
 mod external;
 mod fuel;
 mod kind;
@@ -23,7 +24,8 @@ pub use can::{
     Acceptance, BitTiming, CanEvent, CanFrame, CanInterrupt, CanNotice, CanOptions, CanPack, CanReport,
     CanSettings, CanSetup, CanState, CanStatus, ChargerFaults, ChargerPower, DroneCan, FRAME_BYTES, NodeId,
 };
-pub use controllers::ControllerReading;
+pub use controllers::{ControllerBank, ControllerReading, MAX_CONTROLLERS, Members};
+pub use engine::EngineReading;
 pub use external::{Admission, ExternalReading, ExternalSource};
 pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};
 pub use kind::{MonitorKind, needs_pulses, needs_spi};

@@ -35,8 +35,9 @@ pub async fn serve_serial(line: Option<impl SerialLine>, shared: &Shared, check_
         match with_deadline(wake, line.receive(&mut chunk)).await {
             Ok(Ok(received)) => {
                 let bytes = chunk.get(..received).unwrap_or(&chunk);
-                device.receive(bytes, now(), |event| {
-                    shared.with(|autopilot| autopilot.add_serial_event(event));
+                let now = now();
+                device.receive(bytes, now, |event| {
+                    shared.with(|autopilot| autopilot.add_serial_event(event, now));
                 });
             }
             Ok(Err(ReceiveError::Closed)) => idle(check_in).await,
@@ -46,8 +47,9 @@ pub async fn serve_serial(line: Option<impl SerialLine>, shared: &Shared, check_
             // Silence or noise: without a frame the pack will be unhealthy.
             Ok(Err(ReceiveError::LineError)) | Err(_) => {}
         }
-        device.poll(now(), |event| {
-            shared.with(|autopilot| autopilot.add_serial_event(event));
+        let now = now();
+        device.poll(now, |event| {
+            shared.with(|autopilot| autopilot.add_serial_event(event, now));
         });
         // A sender that never pauses must leave the others their turn.
         yield_now().await;

@@ -66,6 +66,7 @@ mod rover;
 mod safe_driving;
 mod sampling;
 mod serial;
+mod serial_engine;
 mod session;
 mod shown;
 mod signing;

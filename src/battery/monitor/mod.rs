@@ -53,6 +53,7 @@ pub struct BatteryMonitor {
     failed_reads: u32,
     last_tick: Option<Instant>,
     last_reading: Option<LastReading>,
+    last_current: Option<LastCurrent>,
     last_healthy: Option<Instant>,
     /// The latest voltage while connected, in volts.
     last_voltage_v: Option<f32>,
@@ -108,6 +109,13 @@ struct LastReading {
     current_a: Option<f32>,
 }
 
+/// The latest known current: a reading may come without one.
+#[derive(Clone, Copy, Debug)]
+struct LastCurrent {
+    time: Instant,
+    current_a: f32,
+}
+
 impl BatteryMonitor {
     /// A monitor without any reading yet.
     // Inlined, the code would be repeated for each pack of a bank.
@@ -118,6 +126,7 @@ impl BatteryMonitor {
             failed_reads: 0,
             last_tick: None,
             last_reading: None,
+            last_current: None,
             last_healthy: None,
             last_voltage_v: None,
             gauge: None,
@@ -172,10 +181,7 @@ impl BatteryMonitor {
         let error = match reading {
             Ok(measurement) => {
                 self.accept(tick, dt_us, measurement, settings, events);
-                self.last_reading = Some(LastReading {
-                    time: tick.now,
-                    current_a: measurement.current_a,
-                });
+                self.remember(tick.now, measurement);
                 None
             }
             Err(error) => {
@@ -245,6 +251,13 @@ impl BatteryMonitor {
         })
     }
 
+    fn remember(&mut self, now: Instant, measurement: &Measurement) {
+        let Measurement { current_a, .. } = *measurement;
+        self.last_reading = Some(LastReading { time: now, current_a });
+        let known = current_a.map(|current_a| LastCurrent { time: now, current_a });
+        self.last_current = known.or(self.last_current);
+    }
+
     fn accept(
         &mut self,
         tick: Tick,
@@ -278,7 +291,7 @@ impl BatteryMonitor {
         if let Some(replacement) = self.detect_swap(&reading) {
             self.replace_pack(replacement, settings.serial_number, events);
         }
-        if let Some(gap) = self.update_consumption(dt_us, measurement) {
+        if let Some(gap) = self.update_consumption(tick.now, measurement) {
             push(events, PackEvent::Gap(gap));
         }
         let findings = self.update_estimates(&reading, settings);
@@ -378,7 +391,7 @@ impl BatteryMonitor {
         self.gauge.is_none() && self.state.members == 0 && self.state.contents == Contents::Charge
     }
 
-    fn update_consumption(&mut self, dt_us: u64, measurement: &Measurement) -> Option<super::Gap> {
+    fn update_consumption(&mut self, now: Instant, measurement: &Measurement) -> Option<super::Gap> {
         match measurement.counted {
             Some(Counted::Total(consumed)) => {
                 self.consumption.restart(consumed);
@@ -390,7 +403,7 @@ impl BatteryMonitor {
             }
             Some(Counted::TotalCharge(_)) | None => {}
         }
-        let gap = self.integrate(dt_us, measurement);
+        let gap = self.integrate(now, measurement);
         match counted_charge_mah(measurement) {
             Some(charge_mah) => {
                 // Energy is integrated here; the charge is counted elsewhere, so a gap does not matter.
@@ -401,11 +414,13 @@ impl BatteryMonitor {
         }
     }
 
-    fn integrate(&mut self, dt_us: u64, measurement: &Measurement) -> Option<super::Gap> {
+    /// Integrates the current since it was known last, also over readings without one.
+    fn integrate(&mut self, now: Instant, measurement: &Measurement) -> Option<super::Gap> {
         let current_a = measurement.current_a?;
-        let previous_a = self.last_reading?.current_a?;
+        let last = self.last_current?;
+        let dt_us = now.us_since(last.time);
         self.consumption
-            .integrate(dt_us, previous_a, current_a, measurement.voltage_v)
+            .integrate(dt_us, last.current_a, current_a, measurement.voltage_v)
     }
 
     fn update_state(&mut self, measurement: &Measurement, settings: &PackSettings) {

@@ -336,6 +336,32 @@ parameters! {
         label: "EFI type",
         description: "Kind of engine control unit at the second serial port.",
     }
+    EfiCoef1 {
+        key: 30,
+        name: "EFI_COEF1",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(0.0, 1.0),
+        listed: Listed::WhileVehicle(VehicleParameter::Serial1Protocol, &[24]),
+        step: 0.001,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "EFI calibration coefficient 1",
+        description: "Flow of fuel for each percent of the injectors' duty cycle, in cm³ per minute. 0: not calibrated, the                       flow is unknown.",
+    }
+    EfiCoef2 {
+        key: 31,
+        name: "EFI_COEF2",
+        kind: Kind::Real32,
+        default: 0.0,
+        range: Range::Between(0.0, 10.0),
+        listed: Listed::WhileVehicle(VehicleParameter::Serial1Protocol, &[24]),
+        step: 0.01,
+        unit: "",
+        takes_effect: TakesEffect::AtOnce,
+        label: "EFI calibration coefficient 2",
+        description: "Subtracted from the flow of fuel that EFI_COEF1 gives, in cm³ per minute.",
+    }
     Trqd1Type {
         key: 23,
         name: "TRQD1_TYPE",

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::protocols::{FuelCellError, FuelCellState, RichenPowerErrors};
+use super::protocols::{FuelCellError, FuelCellState, RichenPowerErrors, TorqeedoCondition};
 
 /// A change in the state of a device on the serial line, reported once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,6 +13,8 @@ pub enum SerialNotice {
     FuelCellState(FuelCellState),
     /// What is wrong with RichenPower's generator.
     RichenPower(RichenPowerErrors),
+    /// What a Torqeedo motor or its battery reports to be wrong.
+    Torqeedo(TorqeedoCondition),
 }
 
 /// How urgent a notice is.
@@ -33,6 +35,8 @@ impl SerialNotice {
             Self::FuelCellError(error) => error.urgency(),
             Self::FuelCellState(state) => state.urgency(),
             Self::RichenPower(errors) => errors.urgency(),
+            Self::Torqeedo(condition) if condition.is_good() => Urgency::Info,
+            Self::Torqeedo(_) => Urgency::Warning,
         }
     }
 }
@@ -43,6 +47,7 @@ impl fmt::Display for SerialNotice {
             Self::FuelCellError(error) => write!(f, "{error}"),
             Self::FuelCellState(state) => write!(f, "{state}"),
             Self::RichenPower(errors) => write!(f, "{errors}"),
+            Self::Torqeedo(condition) => write!(f, "{condition}"),
         }
     }
 }

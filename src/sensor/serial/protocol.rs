@@ -3,7 +3,7 @@
 use super::line::Line;
 use super::notice::SerialNotice;
 use crate::battery::Measurement;
-use crate::sensor::{ControllerReading, MonitorKind};
+use crate::sensor::{ControllerReading, EngineReading, MonitorKind};
 use crate::time::Instant;
 
 /// Most bytes of a request: the port sends it as a whole.
@@ -23,8 +23,8 @@ pub enum SerialReading {
     GeneratorFuel(Measurement),
     /// The battery of a Torqeedo motor.
     Torqeedo(Measurement),
-    /// The fuel of an engine control unit.
-    Efi(Measurement),
+    /// The reading of an engine control unit.
+    Efi(EngineReading),
     /// The state of the device itself has changed.
     Notice(SerialNotice),
 }

@@ -3,7 +3,7 @@
 use super::line::Line;
 use super::protocol::{Protocol, Request, SerialReading};
 use super::protocols::intelligent_energy::FuelCell;
-use super::protocols::{IntelligentEnergy, Kiss, RichenPower};
+use super::protocols::{IntelligentEnergy, Kiss, MegaSquirt, Place, RichenPower, Torqeedo};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::sensor::MonitorKind;
@@ -114,6 +114,16 @@ protocols! {
     RichenPower {
         /// RichenPower's hybrid generators.
         RichenPower = 30, Some((VehicleParameter::GenType, 3)), ();
+    }
+    MegaSquirt {
+        /// A MegaSquirt engine control unit.
+        MegaSquirt = 24, Some((VehicleParameter::EfiType, 1)), ();
+    }
+    Torqeedo {
+        /// A Torqeedo battery, this board instead of its tiller.
+        TorqeedoTiller = 39, Some((VehicleParameter::Trqd1Type, 1)), Place::Tiller;
+        /// A Torqeedo motor, this board as its master.
+        TorqeedoMotor = 39, Some((VehicleParameter::Trqd1Type, 2)), Place::Master;
     }
 }
 

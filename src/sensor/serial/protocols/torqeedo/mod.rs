@@ -1,0 +1,458 @@
+//! Torqeedo's boat motors at their TQ bus, RS-485, as in ArduPilot's AP_Torqeedo_TQBus.
+//!
+//! A master asks, and is answered within 25 ms. A content begins with the address that it is for and the message; an answer is
+//! for the master, and its message is 0. Numbers are big-endian; bytes count from the address:
+//!
+//! | from | to | message | bytes of the content |
+//! |---|---|---|---|
+//! | battery | tiller 0x14 | 0x01 asks for the speed | |
+//! | tiller | master 0x00 | the speed | 2: 0x05 (pin present, speed valid), 3: 0, 4 and 5: speed in 1/1000 |
+//! | battery | display 0x20 | 0x41 system state | 2 and 3: flags, 5: error code, 16: charge in %, 17 and 18: voltage in 10 mV, 19 and 20: current in 0.1 A, 27 and 28: temperatures in °C; 29 in all |
+//! | master | motor 0x30 | 0x01, 0x03 ask for status, parameters | |
+//! | motor | master 0x00 | status | 2: state, 3 and 4: errors; 5 in all |
+//! | motor | master 0x00 | parameters | 6 and 7: voltage in 10 mV, 8 and 9: current in 0.1 A, 10 to 13: temperatures in 0.1 °C; 14 in all |
+//!
+//! This board drives no boat motor: as a tiller it answers with speed 0, as a master it sends no drive command.
+
+mod condition;
+mod frame;
+
+use super::super::line::{Baud, Line, Wires};
+use super::super::notice::SerialNotice;
+use super::super::protocol::{Protocol, Request, SerialReading};
+use crate::battery::Measurement;
+use crate::sensor::MonitorKind;
+use crate::time::Instant;
+pub use condition::TorqeedoCondition;
+use frame::FrameReader;
+
+const MASTER: u8 = 0x00;
+const TILLER: u8 = 0x14;
+const DISPLAY: u8 = 0x20;
+
+const ASK_FOR_SPEED: u8 = 0x01;
+const SYSTEM_STATE: u8 = 0x41;
+
+/// Tiller to master: speed 0.
+const STOPPED: [u8; 9] = [0xAC, 0x00, 0x00, 0x05, 0x00, 0x00, 0x00, 0x81, 0xAD];
+
+/// Master to motor.
+const ASK_FOR_STATUS: [u8; 5] = [0xAC, 0x30, 0x01, 0x73, 0xAD];
+const ASK_FOR_PARAMETERS: [u8; 5] = [0xAC, 0x30, 0x03, 0xCF, 0xAD];
+
+/// A master that has not been answered for this long goes on, in microseconds.
+const ANSWER_TIME_US: u64 = 25_000;
+
+/// How often the motor is asked, in microseconds: for status and parameters every 0.4 s, as by ArduPilot.
+const ASK_INTERVAL_US: u64 = 200_000;
+
+/// Bit of the system state's flags: the charge is valid.
+const CHARGE_VALID: u16 = 1 << 9;
+
+/// This board's place on the bus (`TRQD1_TYPE`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::sensor::serial) enum Place {
+    /// At the battery, which is the master, instead of the tiller and its display.
+    Tiller,
+    /// At the motor, as the master.
+    Master,
+}
+
+/// The TQ bus.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::sensor::serial) struct Torqeedo {
+    frames: FrameReader,
+    place: Place,
+    /// Until when the battery waits for a speed, if it does.
+    speed_awaited: Option<Instant>,
+    /// When the motor is asked next.
+    ask_due: Instant,
+    next_question: Question,
+    announced: TorqeedoCondition,
+}
+
+/// What the motor is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Question {
+    Parameters,
+    Status,
+}
+
+impl Protocol for Torqeedo {
+    type Model = Place;
+    const LINE: Line = Line {
+        baud: Baud::Fixed(19_200),
+        wires: Wires::OneWire,
+    };
+    const KINDS: &'static [MonitorKind] = &[MonitorKind::Torqeedo];
+    /// ArduPilot's time-out of the battery's values.
+    const LOST_AFTER_US: u64 = 5_000_000;
+
+    fn new(place: &Place) -> Self {
+        Self {
+            frames: FrameReader::new(),
+            place: *place,
+            speed_awaited: None,
+            ask_due: Instant::EPOCH,
+            next_question: Question::Parameters,
+            announced: TorqeedoCondition::default(),
+        }
+    }
+
+    /// A partial frame ends with the next header.
+    fn begin(&mut self, _: Instant) {}
+
+    fn push(&mut self, byte: u8, now: Instant, deliver: &mut impl FnMut(SerialReading)) {
+        if let Some(content) = self.frames.push(byte) {
+            let message = Message::of(self.place, content);
+            self.handle(message, now, deliver);
+        } else if self.frames.is_inside() {
+            // The next frame has begun: it is too late for an answer.
+            self.speed_awaited = None;
+        }
+    }
+
+    fn next_request(&mut self, now: Instant) -> Option<Request> {
+        let bytes: &[u8] = match self.place {
+            Place::Tiller => {
+                self.speed_awaited.take().filter(|until| now < *until)?;
+                &STOPPED
+            }
+            Place::Master if now < self.ask_due => return None,
+            Place::Master => {
+                self.ask_due = now.after_us(ASK_INTERVAL_US);
+                self.take_question()
+            }
+        };
+        Request::from_slice(bytes).ok()
+    }
+
+    fn next_due(&self) -> Option<Instant> {
+        match self.place {
+            Place::Tiller => None,
+            Place::Master => Some(self.ask_due),
+        }
+    }
+}
+
+impl Torqeedo {
+    /// The next question, in turns.
+    fn take_question(&mut self) -> &'static [u8] {
+        match self.next_question {
+            Question::Parameters => {
+                self.next_question = Question::Status;
+                &ASK_FOR_PARAMETERS
+            }
+            Question::Status => {
+                self.next_question = Question::Parameters;
+                &ASK_FOR_STATUS
+            }
+        }
+    }
+
+    fn handle(&mut self, message: Option<Message>, now: Instant, deliver: &mut impl FnMut(SerialReading)) {
+        match message {
+            Some(Message::SpeedRequest) => self.speed_awaited = Some(now.after_us(ANSWER_TIME_US)),
+            Some(Message::SystemState(measurement, condition)) => {
+                deliver(SerialReading::Torqeedo(measurement));
+                self.announce(condition, deliver);
+            }
+            Some(Message::MotorParameters(measurement)) => deliver(SerialReading::Torqeedo(measurement)),
+            Some(Message::MotorStatus(condition)) => self.announce(condition, deliver),
+            None => {}
+        }
+    }
+
+    fn announce(&mut self, condition: TorqeedoCondition, deliver: &mut impl FnMut(SerialReading)) {
+        if condition != self.announced {
+            self.announced = condition;
+            deliver(SerialReading::Notice(SerialNotice::Torqeedo(condition)));
+        }
+    }
+}
+
+/// A message to this board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Message {
+    SpeedRequest,
+    SystemState(Measurement, TorqeedoCondition),
+    MotorParameters(Measurement),
+    MotorStatus(TorqeedoCondition),
+}
+
+impl Message {
+    /// Decodes a content. `None` is for others, such as an echo of what this board has sent, or has another length.
+    fn of(place: Place, content: &[u8]) -> Option<Self> {
+        match (place, content) {
+            (Place::Tiller, [TILLER, ASK_FOR_SPEED, ..]) => Some(Self::SpeedRequest),
+            (Place::Tiller, [DISPLAY, SYSTEM_STATE, state @ ..]) => {
+                Self::system_state(state.try_into().ok()?)
+            }
+            // An answer is recognised by its length.
+            (Place::Master, [MASTER, _, _, e1, e0]) => {
+                let errors = u16::from_be_bytes([*e1, *e0]);
+                Some(Self::MotorStatus(TorqeedoCondition::of_motor(errors)))
+            }
+            (Place::Master, [MASTER, _, values @ ..]) => Self::motor_parameters(values.try_into().ok()?),
+            _ => None,
+        }
+    }
+
+    fn system_state(state: &[u8; 27]) -> Option<Self> {
+        let [f1, f0, _, code, ..] = *state;
+        let [
+            ..,
+            charge_pct,
+            v1,
+            v0,
+            c1,
+            c0,
+            _,
+            _,
+            _,
+            _,
+            _,
+            _,
+            switch_c,
+            input_c,
+        ] = *state;
+        let flags = u16::from_be_bytes([f1, f0]);
+        let charge = f32::from(charge_pct.min(100)) * 0.01;
+        let measurement = Measurement {
+            voltage_v: Some(f32::from(u16::from_be_bytes([v1, v0])) * 0.01),
+            current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.1),
+            state_of_charge: (flags & CHARGE_VALID != 0).then_some(charge),
+            temperature_c: Some(f32::from(switch_c.max(input_c))),
+            ..Measurement::default()
+        };
+        Some(Self::SystemState(
+            measurement,
+            TorqeedoCondition::of_system(flags, code),
+        ))
+    }
+
+    fn motor_parameters(values: &[u8; 12]) -> Option<Self> {
+        let [_, _, _, _, v1, v0, c1, c0, b1, b0, s1, s0] = *values;
+        let board = i16::from_be_bytes([b1, b0]);
+        let stator = i16::from_be_bytes([s1, s0]);
+        Some(Self::MotorParameters(Measurement {
+            voltage_v: Some(f32::from(u16::from_be_bytes([v1, v0])) * 0.01),
+            current_a: Some(f32::from(u16::from_be_bytes([c1, c0])) * 0.1),
+            temperature_c: Some(f32::from(board.max(stator)) * 0.1),
+            ..Measurement::default()
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::frame::tests::frame;
+    use super::*;
+    use crate::time::at_us;
+    use proptest::prelude::*;
+
+    fn read(torqeedo: &mut Torqeedo, bytes: &[u8]) -> Vec<SerialReading> {
+        let mut found = Vec::new();
+        for byte in bytes {
+            torqeedo.push(*byte, Instant::EPOCH, &mut |reading| found.push(reading));
+        }
+        found
+    }
+
+    /// The request of battery to tiller for its speed.
+    fn speed_request() -> Vec<u8> {
+        frame(&[0x14, 0x01])
+    }
+
+    /// Battery to display: these flags, error code, charge, voltage in 10 mV, current in 0.1 A, 31 °C and 29 °C.
+    fn system_state(flags: u16, code: u8, charge_pct: u8, voltage: u16, current: u16) -> Vec<u8> {
+        let mut content = vec![0x20, 0x41];
+        content.extend(flags.to_be_bytes());
+        content.extend([0, code]);
+        // Motor: voltage, current, power, speed, temperatures.
+        content.extend([0x0B, 0xB8, 0, 100, 0, 250, 0x03, 0xE8, 40, 45]);
+        content.push(charge_pct);
+        content.extend(voltage.to_be_bytes());
+        content.extend(current.to_be_bytes());
+        // Speed over ground, range.
+        content.extend([0, 0, 0, 0, 0, 0]);
+        content.extend([31, 29]);
+        assert_eq!(content.len(), 29);
+        frame(&content)
+    }
+
+    fn motor_parameters(voltage: u16, current: u16, temperatures: [i16; 2]) -> Vec<u8> {
+        let mut content = vec![0x00, 0x00, 0x03, 0xE8, 0x00, 0xFA];
+        content.extend(voltage.to_be_bytes());
+        content.extend(current.to_be_bytes());
+        content.extend(temperatures.map(i16::to_be_bytes).concat());
+        assert_eq!(content.len(), 14);
+        frame(&content)
+    }
+
+    fn motor_status(errors: u16) -> Vec<u8> {
+        let [e1, e0] = errors.to_be_bytes();
+        frame(&[0x00, 0x00, 0x08, e1, e0])
+    }
+
+    fn tiller() -> Torqeedo {
+        Torqeedo::new(&Place::Tiller)
+    }
+
+    fn master() -> Torqeedo {
+        Torqeedo::new(&Place::Master)
+    }
+
+    fn announced(readings: &[SerialReading]) -> Vec<String> {
+        let mut texts = Vec::new();
+        for reading in readings {
+            if let SerialReading::Notice(notice) = reading {
+                texts.push(notice.to_string());
+            }
+        }
+        texts
+    }
+
+    #[test]
+    fn what_is_sent_are_frames() {
+        assert_eq!(STOPPED[..], frame(&[0x00, 0x00, 0x05, 0x00, 0x00, 0x00]));
+        assert_eq!(ASK_FOR_STATUS[..], frame(&[0x30, 0x01]));
+        assert_eq!(ASK_FOR_PARAMETERS[..], frame(&[0x30, 0x03]));
+    }
+
+    #[test]
+    fn system_state_has_the_values_of_the_battery() {
+        let found = read(&mut tiller(), &system_state(CHARGE_VALID, 0, 87, 2594, 123));
+        let [SerialReading::Torqeedo(measurement)] = found[..] else {
+            panic!("{found:?}");
+        };
+        assert!((measurement.voltage_v.unwrap() - 25.94).abs() < 1e-4);
+        assert!((measurement.current_a.unwrap() - 12.3).abs() < 1e-4);
+        assert!((measurement.state_of_charge.unwrap() - 0.87).abs() < 1e-6);
+        assert_eq!(measurement.temperature_c, Some(31.0));
+        let found = read(&mut tiller(), &system_state(0, 0, 87, 2594, 123));
+        let [SerialReading::Torqeedo(measurement)] = found[..] else {
+            panic!("{found:?}");
+        };
+        assert_eq!(measurement.state_of_charge, None, "not valid");
+    }
+
+    #[test]
+    fn motor_parameters_have_voltage_current_and_the_higher_temperature() {
+        let found = read(&mut master(), &motor_parameters(2480, 215, [305, -12]));
+        let [SerialReading::Torqeedo(measurement)] = found[..] else {
+            panic!("{found:?}");
+        };
+        assert!((measurement.voltage_v.unwrap() - 24.8).abs() < 1e-4);
+        assert!((measurement.current_a.unwrap() - 21.5).abs() < 1e-4);
+        assert!((measurement.temperature_c.unwrap() - 30.5).abs() < 1e-4);
+        assert_eq!(measurement.state_of_charge, None);
+    }
+
+    #[test]
+    fn tiller_answers_a_request_with_speed_0_once() {
+        let mut tiller = tiller();
+        assert_eq!(tiller.next_request(Instant::EPOCH), None, "not asked");
+        read(&mut tiller, &speed_request());
+        assert_eq!(tiller.next_request(at_us(1_000)).unwrap(), STOPPED);
+        assert_eq!(tiller.next_request(at_us(1_000)), None);
+        // For others.
+        read(&mut tiller, &frame(&[0x30, 0x01]));
+        read(&mut tiller, &frame(&[0x14, 0x00]));
+        assert_eq!(tiller.next_request(at_us(1_000)), None);
+    }
+
+    #[test]
+    fn tiller_does_not_answer_too_late() {
+        let mut tiller = tiller();
+        read(&mut tiller, &speed_request());
+        assert_eq!(tiller.next_request(at_us(ANSWER_TIME_US)), None);
+        read(&mut tiller, &speed_request());
+        read(&mut tiller, &system_state(0, 0, 50, 2400, 10)[..1]);
+        assert_eq!(tiller.next_request(Instant::EPOCH), None, "the battery goes on");
+    }
+
+    #[test]
+    fn master_asks_in_turns_and_never_drives() {
+        let mut master = master();
+        let mut now = at_us(7_000);
+        for question in [ASK_FOR_PARAMETERS, ASK_FOR_STATUS, ASK_FOR_PARAMETERS] {
+            assert_eq!(master.next_request(now).unwrap(), question);
+            assert_eq!(master.next_request(now), None);
+            now = now.after_us(ASK_INTERVAL_US);
+            assert_eq!(master.next_due(), Some(now));
+        }
+    }
+
+    #[test]
+    fn echo_of_its_own_frames_is_not_taken() {
+        let mut tiller = tiller();
+        assert_eq!(read(&mut tiller, &STOPPED), []);
+        assert_eq!(tiller.next_request(Instant::EPOCH), None);
+        for question in [ASK_FOR_PARAMETERS, ASK_FOR_STATUS] {
+            assert_eq!(read(&mut master(), &question), []);
+        }
+    }
+
+    #[test]
+    fn other_lengths_are_not_taken() {
+        for length in 2..34 {
+            let state = [&[0x20, 0x41][..], &vec![1; length - 2]].concat();
+            let is_taken = !read(&mut tiller(), &frame(&state)).is_empty();
+            assert_eq!(is_taken, length == 29, "{length}");
+            let answer = frame(&vec![0; length]);
+            let is_taken = !read(&mut master(), &answer).is_empty();
+            assert_eq!(is_taken, length == 14, "{length}");
+        }
+    }
+
+    #[test]
+    fn error_is_announced_once_and_its_end() {
+        let mut tiller = tiller();
+        let mut texts = |code| announced(&read(&mut tiller, &system_state(0, code, 50, 2400, 10)));
+        assert_eq!(texts(0), Vec::<String>::new());
+        assert_eq!(texts(5), ["Torqeedo: error 5, motor blocked"]);
+        assert_eq!(texts(5), Vec::<String>::new());
+        assert_eq!(texts(0), ["Torqeedo: no error"]);
+        let mut master = master();
+        let mut texts = |errors| announced(&read(&mut master, &motor_status(errors)));
+        assert_eq!(texts(0x0100), Vec::<String>::new(), "no drive commands are sent");
+        assert_eq!(texts(0x0102), ["Torqeedo: motor blocked"]);
+        assert_eq!(texts(0x0002), Vec::<String>::new());
+        assert_eq!(texts(0), ["Torqeedo: no error"]);
+    }
+
+    proptest! {
+        #[test]
+        fn values_are_found_right_after_garbage(
+            garbage in prop::collection::vec(any::<u8>(), 0..100),
+            voltage: u16,
+            current: u16,
+        ) {
+            for (mut torqeedo, bytes) in [
+                (tiller(), system_state(0, 0, 50, voltage, current)),
+                (master(), motor_parameters(voltage, current, [0, 0])),
+            ] {
+                read(&mut torqeedo, &garbage);
+                let found = read(&mut torqeedo, &bytes);
+                let values = found.iter().find_map(|reading| match reading {
+                    SerialReading::Torqeedo(measurement) => Some((measurement.voltage_v, measurement.current_a)),
+                    _ => None,
+                });
+                let expected = (Some(f32::from(voltage) * 0.01), Some(f32::from(current) * 0.1));
+                prop_assert_eq!(values, Some(expected));
+            }
+        }
+
+        /// Whatever is received, a tiller sends speed 0, and nothing unless it was asked last.
+        #[test]
+        fn nothing_but_speed_0_is_ever_sent(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            let mut tiller = tiller();
+            read(&mut tiller, &bytes);
+            if let Some(sent) = tiller.next_request(Instant::EPOCH) {
+                prop_assert_eq!(&sent[..], &STOPPED[..]);
+                prop_assert!(bytes.windows(5).any(|window| window == speed_request()));
+            }
+        }
+    }
+}

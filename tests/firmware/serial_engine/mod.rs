@@ -1,0 +1,65 @@
+//! Engines, boat motors and several packs behind the second serial port, UART1 at GP4 (out) and GP5 (in).
+
+mod mega_squirt;
+mod torqeedo;
+
+use crate::bench::{Bench, DIVIDER_CODE, SECOND};
+use crate::emulator::{SentByte, UartPins};
+use crate::support::frames::{BatteryStatus, last_of};
+
+const PORT: usize = 1;
+
+/// A board whose second pack is of this kind, measured at the port.
+fn with_second_pack(kind: f32, parameters: &[(&str, f32)]) -> Bench {
+    let mut bench = Bench::running(DIVIDER_CODE);
+    bench.wire_uart(PORT, UartPins { tx: 4, rx: 5 });
+    bench.set("BATT2_MONITOR", kind);
+    bench.set("SR0_EXTRA1", 10.0);
+    for (name, value) in parameters {
+        bench.set(name, *value);
+    }
+    bench.reboot();
+    // What was sent before belongs to no request.
+    bench.uart(PORT).take_sent();
+    bench
+}
+
+/// What is connected to the port: answers what the board sends, and sends by itself.
+trait Peer {
+    const BAUD: u32;
+
+    /// Takes what the board has sent, and returns what is put on the wire at `now_us`.
+    fn turn(&mut self, sent: &[u8], now_us: u64) -> Vec<u8>;
+}
+
+/// Time between two turns of a peer, in microseconds.
+const TURN_US: u64 = 1_000;
+
+/// Runs a board with its peer, and returns what the board sent.
+fn run_with<P: Peer>(bench: &mut Bench, peer: &mut P, duration_us: u64) -> Vec<SentByte> {
+    let end_us = bench.time_us() + duration_us;
+    let mut all = Vec::new();
+    while bench.time_us() < end_us {
+        bench.run_for(TURN_US);
+        let sent = bench.uart(PORT).take_sent();
+        let bytes: Vec<u8> = sent.iter().map(|sent| sent.byte).collect();
+        let now_us = bench.time_us();
+        let answer = peer.turn(&bytes, now_us);
+        if !answer.is_empty() {
+            bench.uart_send_at_baud(PORT, now_us, &answer, P::BAUD);
+        }
+        all.extend(sent);
+    }
+    all
+}
+
+/// Runs for a second with the peer, and shows what was reported of the second pack last.
+fn after_a_second<R>(
+    bench: &mut Bench,
+    peer: &mut impl Peer,
+    look: impl FnOnce(BatteryStatus<'_>) -> R,
+) -> R {
+    run_with(bench, peer, SECOND);
+    let frames = bench.frames();
+    look(last_of(&frames, 1))
+}
