@@ -122,15 +122,15 @@ impl Autopilot {
         CanSettings::from_parameters(&self.parameters, self.vehicle.arm_state())
     }
 
-    /// Takes what comes from the CAN bus. A reading of a pack that is not measured so counts for nothing.
-    pub fn add_can_event(&mut self, event: &CanEvent) {
+    /// Takes what came from the CAN bus at `now`. A reading of a pack that is not measured so counts for nothing.
+    pub fn add_can_event(&mut self, event: &CanEvent, now: Instant) {
         match event {
             CanEvent::Reading(pack, reading) => {
                 if self.packs.order.contains(&(*pack, MonitorKind::Can)) {
                     self.packs.samples[*pack as usize].add(*reading);
                 }
             }
-            CanEvent::Controller(..) => {}
+            CanEvent::Controller(index, reading) => self.add_controller_reading(*index, *reading, now),
             CanEvent::Announce(notice) => self.announce(Announcement::CanNode(*notice)),
         }
     }

@@ -135,19 +135,24 @@ impl Parameters {
     }
 
     fn is_listed(&self, id: ParameterId) -> bool {
-        let has = |id: ParameterId, values: &[i32]| values.contains(&self.get_whole(id));
-        let is_used = match (id.row().listed, id) {
-            (Listed::Always, _) => true,
-            (Listed::WhileVehicle(other, values), _) => has(other.into(), values),
-            (Listed::WhileMonitor(values), ParameterId::Battery(pack, _)) => {
-                has(BatteryParameter::Monitor.of(pack), values)
-            }
-            (Listed::WhileMonitor(_), _) => false,
-        };
         match id {
             ParameterId::Battery(_, BatteryParameter::Monitor) => true,
-            ParameterId::Battery(pack, _) => is_used && self.is_monitored(pack),
-            _ => is_used,
+            ParameterId::Battery(pack, _) => self.is_monitored(pack) && self.is_used(id, Some(pack)),
+            _ => self.is_used(id, None),
+        }
+    }
+
+    /// Whether what a parameter, of this pack or of none, sets up is in use.
+    fn is_used(&self, id: ParameterId, pack: Option<Pack>) -> bool {
+        match id.row().listed {
+            Listed::Always => true,
+            Listed::WithSerialProtocol(protocol) => {
+                self.get_whole(VehicleParameter::Serial1Protocol) == protocol
+            }
+            Listed::WithCan => self.get_whole(VehicleParameter::CanP1Driver) != 0,
+            Listed::WithMonitor(monitor) => {
+                pack.is_some_and(|pack| self.get_whole(BatteryParameter::Monitor.of(pack)) == monitor)
+            }
         }
     }
 

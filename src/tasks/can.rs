@@ -49,7 +49,7 @@ pub async fn serve_can(bus: Option<impl CanBus>, shared: &Shared, check_in: &Che
         to_send = to_send.or_else(|| node.next_frame());
         match select3(bus.receive(), send(&bus, to_send), timer_at(polls.due())).await {
             Either3::First(frame) => node.receive(&frame, now(), |event| {
-                shared.with(|autopilot| autopilot.add_can_event(&event));
+                shared.with(|autopilot| autopilot.add_can_event(&event, now()));
             }),
             Either3::Second(()) => to_send = None,
             Either3::Third(()) => {}
@@ -57,7 +57,7 @@ pub async fn serve_can(bus: Option<impl CanBus>, shared: &Shared, check_in: &Che
         if polls.take(now()) {
             let settings = shared.with(|autopilot| autopilot.can_settings());
             node.poll(&settings, now(), |event| {
-                shared.with(|autopilot| autopilot.add_can_event(&event));
+                shared.with(|autopilot| autopilot.add_can_event(&event, now()));
             });
             let status = bus.status();
             shared.with(|autopilot| autopilot.set_can_status(&status, now()));

@@ -151,10 +151,12 @@ pub enum Access {
 pub enum Listed {
     /// Always; a pack's while the pack is monitored.
     Always,
-    /// While this parameter of the vehicle has one of these values.
-    WhileVehicle(VehicleParameter, &'static [i32]),
-    /// While the pack's `MONITOR` has one of these values.
-    WhileMonitor(&'static [i32]),
+    /// While the second serial port has this `SERIAL1_PROTOCOL`.
+    WithSerialProtocol(i32),
+    /// While `CAN_P1_DRIVER` is not 0.
+    WithCan,
+    /// While the pack's `MONITOR` is this.
+    WithMonitor(i32),
 }
 
 /// When a change of a parameter takes effect.
