@@ -16,7 +16,9 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::sim::clock;
-use rover_battmon::tasks::{ByteSource, ReceiveError, Shared, follow_pulses, read_esc, sample_batteries};
+use rover_battmon::tasks::{
+    ByteSource, ReceiveError, SerialLine, Shared, follow_pulses, sample_batteries, serve_serial,
+};
 
 const MONITOR: BatteryParameter = BatteryParameter::Monitor;
 const CURR_PIN: BatteryParameter = BatteryParameter::CurrPin;
@@ -106,6 +108,12 @@ impl ByteSource for Telemetry {
     }
 }
 
+impl SerialLine for Telemetry {
+    async fn send(&mut self, _: &[u8]) {
+        unimplemented!("nothing is sent to a motor controller")
+    }
+}
+
 /// A converter that no test reads.
 struct NoConverter;
 
@@ -143,7 +151,7 @@ fn states(
         };
         let drivers = join(
             follow_pulses(pin, &shared, &check_ins[0]),
-            read_esc(telemetry, &shared, &check_ins[1]),
+            serve_serial(telemetry, &shared, &check_ins[1]),
         );
         let battery = sample_batteries(NoConverter, &mut memory, &shared, &check_ins[2]);
         join(join(drivers, battery), watch).await
@@ -263,9 +271,14 @@ fn a_motor_controller_that_was_never_heard_is_unhealthy() {
 }
 
 #[test]
-fn without_a_pin_and_a_wire_only_the_packs_are_unhealthy() {
+fn with_neither_pulses_nor_telemetry_only_the_packs_are_unhealthy() {
+    let silent = || Telemetry {
+        bytes: FRAME.to_vec(),
+        interval_us: 32_000,
+        until_us: 0,
+    };
     for settings in [&[(MONITOR, 12.0), (CURR_PIN, 17.0)][..], &[(MONITOR, 9.0)]] {
-        let states = states(5, settings, None, None);
+        let states = states(5, settings, None, Some(silent()));
         assert_eq!(states[4].status, PackStatus::Unhealthy);
     }
 }
