@@ -2,7 +2,7 @@
 
 use super::announcement::Announcement;
 use super::broadcast::{Announced, Broadcast};
-use super::can::CanWatch;
+use super::can_watch::CanWatch;
 use super::failed_save::FailedSave;
 use super::packs::Packs;
 use super::recording::Recording;

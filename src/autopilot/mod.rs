@@ -12,6 +12,7 @@ mod announcement;
 mod autopilot;
 mod broadcast;
 mod can;
+mod can_watch;
 mod channel;
 mod driving;
 mod failed_save;

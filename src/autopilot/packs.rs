@@ -2,7 +2,6 @@
 
 use heapless::Vec;
 
-use super::can::bit_timing;
 use crate::battery::{
     BatteryBank, BatteryState, BusError, Measurement, PackSettings, PackStatus, ReadError, SumVoltage,
 };
@@ -10,37 +9,10 @@ use crate::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::sensor::{
-    AnalogPin, AnalogReadings, AnalogWiring, ControllerBank, ControllerReading, ExternalSource, FuelKind,
-    FuelMeter, FuelReadings, Members, MonitorKind, Pulses, Samples, capacity_ml, tank,
+    AnalogPin, AnalogReadings, AnalogWiring, ControllerBank, ControllerReading, ExternalSource, FuelMeter,
+    FuelReadings, Members, MonitorKind, Pulses, Samples, capacity_ml, set_up_error, tank,
 };
 use crate::time::Instant;
-
-/// Whether the CAN bus is in use.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum CanUse {
-    InUse,
-    NotInUse,
-}
-
-impl CanUse {
-    fn of(parameters: &Parameters) -> Self {
-        match bit_timing(parameters) {
-            Ok(Some(_)) => Self::InUse,
-            Ok(None) | Err(_) => Self::NotInUse,
-        }
-    }
-
-    /// Why a sensor of this kind can't be read: its bus is not set up, or its pin is that of the bus.
-    fn conflict(self, kind: MonitorKind) -> Option<ReadError> {
-        match (self, kind) {
-            (Self::NotInUse, MonitorKind::Can) => Some(ReadError::NotSetUp),
-            (Self::InUse, MonitorKind::Fuel(FuelKind::Flow | FuelKind::LevelPwm)) => {
-                Some(ReadError::PinTaken)
-            }
-            _ => None,
-        }
-    }
-}
 
 /// Number of analog pins.
 pub(super) const PIN_COUNT: usize = AnalogPin::ALL.len();
@@ -239,11 +211,7 @@ fn sampling_order(parameters: &Parameters) -> Vec<(Pack, MonitorKind), MAX_PACKS
 }
 
 fn set_up_errors(parameters: &Parameters) -> [Option<ReadError>; MAX_PACKS] {
-    let can = CanUse::of(parameters);
-    Pack::ALL.map(|pack| {
-        let kind = MonitorKind::of(parameters, pack)?;
-        kind.set_up_error(parameters).or_else(|| can.conflict(kind))
-    })
+    Pack::ALL.map(|pack| set_up_error(MonitorKind::of(parameters, pack)?, parameters))
 }
 
 /// Before the first sample nothing is known of the packs, but which are monitored.

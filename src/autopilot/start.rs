@@ -1,12 +1,12 @@
 //! The start: what was read from flash, and what it announces.
 
 use super::announcement::Announcement;
-use super::can::bit_timing;
 use crate::crash::CrashRecord;
 use crate::identity::Identity;
 use crate::log::{info, warn};
 use crate::mavlink::{Signing, SigningTrouble};
 use crate::parameter::Parameters;
+use crate::sensor::BitTiming;
 use crate::storage::StorageError;
 use crate::wifi::Radio;
 
@@ -70,7 +70,7 @@ impl Start {
         match self.parameter_load {
             ParameterLoad::Loaded => {
                 info!("parameters loaded");
-                let report = bit_timing(&self.parameters).err()?;
+                let report = BitTiming::from_parameters(&self.parameters).err()?;
                 Some(Announcement::Can(report))
             }
             ParameterLoad::Skipped => {

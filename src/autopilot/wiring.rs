@@ -1,7 +1,6 @@
 //! The peripherals that the parameters call for.
 
 use super::autopilot::Autopilot;
-use super::can::bit_timing;
 use crate::parameter::{VehicleParameter, serial_baud};
 use crate::sensor::{self, BitTiming, SerialSetup};
 
@@ -27,7 +26,7 @@ impl Autopilot {
     pub fn wiring(&self) -> Wiring {
         let parameters = &self.parameters;
         // A bit rate that is impossible was announced.
-        let can = bit_timing(parameters).unwrap_or_default();
+        let can = BitTiming::from_parameters(parameters).unwrap_or_default();
         Wiring {
             telemetry_baud: serial_baud(parameters.get_whole(VehicleParameter::Serial0Baud)),
             i2c_clock_hz: sensor::bus_clock_hz(parameters),

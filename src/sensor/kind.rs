@@ -1,9 +1,8 @@
 //! Kinds of battery monitors.
 
-use super::{DriverEnable, FuelKind, PartKind, SerialProtocol, SerialSetup};
-use crate::battery::ReadError;
+use super::{FuelKind, PartKind};
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
+use crate::parameter::{BatteryParameter, Parameters};
 
 /// Kind of battery monitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,33 +81,6 @@ impl MonitorKind {
         matches!(self, Self::AnalogVoltageAndCurrent | Self::AnalogCurrent)
     }
 
-    /// Why it can't be read with these parameters, whatever is connected: what it is connected to is not set up, or is used by
-    /// another sensor.
-    pub fn set_up_error(self, parameters: &Parameters) -> Option<ReadError> {
-        match self {
-            Self::Esc | Self::GeneratorElectrical | Self::GeneratorFuel | Self::Torqeedo | Self::Efi => {
-                (!self.is_connected(parameters)).then_some(ReadError::NotSetUp)
-            }
-            Self::Bus(PartKind::Ina239) => has_driver_enable(parameters).then_some(ReadError::PinTaken),
-            Self::AnalogVoltage
-            | Self::AnalogVoltageAndCurrent
-            | Self::Sum
-            | Self::SyntheticCurrent
-            | Self::AnalogCurrent
-            | Self::External
-            | Self::Fuel(_)
-            | Self::Bus(_)
-            | Self::Can => None,
-        }
-    }
-
-    /// Whether the serial line is set up for it. Motor controllers may be on the CAN bus instead.
-    fn is_connected(self, parameters: &Parameters) -> bool {
-        let is_at_line = |protocol: SerialProtocol| protocol.kinds().contains(&self);
-        let has_can = parameters.get_whole(VehicleParameter::CanP1Driver) != 0;
-        SerialProtocol::selected(parameters).is_some_and(is_at_line) || (self == Self::Esc && has_can)
-    }
-
     /// Whether its readings come at a rate of their own: between them the pack's state stays as it is.
     pub fn reports_at_own_rate(self) -> bool {
         match self {
@@ -128,11 +100,6 @@ impl MonitorKind {
             | Self::Bus(_) => false,
         }
     }
-}
-
-/// Whether GP22, the INA239's chip select, is a transceiver's driver enable.
-fn has_driver_enable(parameters: &Parameters) -> bool {
-    SerialSetup::from_parameters(parameters).is_some_and(|setup| setup.driver_enable == DriverEnable::Gp22)
 }
 
 /// Whether any pack uses the pulse input.

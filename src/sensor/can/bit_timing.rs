@@ -1,5 +1,8 @@
 //! How long a bit on the bus takes.
 
+use super::CanReport;
+use crate::parameter::{Parameters, VehicleParameter};
+
 /// Quanta of a bit after which a controller samples it at 87.5 %, where DroneCAN wants it.
 const USUAL_QUANTA: u32 = 16;
 
@@ -36,6 +39,22 @@ impl BitTiming {
         })
     }
 
+    /// The timing that the parameters call for; `None` if the bus is not in use.
+    ///
+    /// # Errors
+    /// The crystal is too slow for the bit rate.
+    pub fn from_parameters(parameters: &Parameters) -> Result<Option<Self>, CanReport> {
+        let whole = |parameter: VehicleParameter| parameters.get_whole(parameter).unsigned_abs();
+        if whole(VehicleParameter::CanP1Driver) == 0 {
+            return Ok(None);
+        }
+        let timing = Self::new(
+            whole(VehicleParameter::CanP1Crystal),
+            whole(VehicleParameter::CanP1Bitrate),
+        );
+        timing.map(Some).ok_or(CanReport::ImpossibleBitRate)
+    }
+
     /// Quanta of a bit, 8 or 16: the first synchronises, the last two are phase segment 2.
     pub fn quanta(self) -> u8 {
         self.quanta
@@ -68,6 +87,27 @@ mod tests {
             let timing = timing.map(|timing| (timing.quanta(), timing.prescaler()));
             assert_eq!(timing, expected, "{crystal_mhz} MHz, {bit_rate} bit/s");
         }
+    }
+
+    #[test]
+    fn a_slow_crystal_is_refused_with_the_reason() {
+        let mut parameters = Parameters::defaults();
+        assert_eq!(BitTiming::from_parameters(&parameters), Ok(None));
+        parameters.set(VehicleParameter::CanP1Driver, 1.0).unwrap();
+        assert_eq!(
+            BitTiming::from_parameters(&parameters),
+            Ok(BitTiming::new(16, 1_000_000))
+        );
+        parameters.set(VehicleParameter::CanP1Crystal, 8.0).unwrap();
+        assert_eq!(
+            BitTiming::from_parameters(&parameters),
+            Err(CanReport::ImpossibleBitRate)
+        );
+        parameters.set(VehicleParameter::CanP1Bitrate, 500_000.0).unwrap();
+        assert_eq!(
+            BitTiming::from_parameters(&parameters),
+            Ok(BitTiming::new(8, 500_000))
+        );
     }
 
     proptest! {

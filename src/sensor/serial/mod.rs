@@ -2,17 +2,20 @@
 //!
 //! A protocol is one file in `protocols/` and one line in `registry.rs`; `docs/adding-a-sensor.md` shows how.
 
+mod conditions;
 mod device;
 mod line;
 mod notice;
 mod protocol;
 mod protocols;
 mod registry;
+mod setup;
 mod window;
 
+pub use conditions::{FuelCellError, FuelCellState, RichenPowerErrors, TorqeedoCondition, Urgency};
 pub use device::{SerialDevice, SerialEvent};
-pub use line::{DriverEnable, SerialSetup, Wires};
-pub use notice::{SerialNotice, Urgency};
+pub use line::Wires;
+pub use notice::SerialNotice;
 pub use protocol::{REQUEST_BYTES, Request, SerialReading};
-pub use protocols::{FuelCellError, FuelCellState, RichenPowerErrors};
 pub use registry::SerialProtocol;
+pub use setup::{DriverEnable, SerialSetup};

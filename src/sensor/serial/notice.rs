@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::protocols::{FuelCellError, FuelCellState, RichenPowerErrors, TorqeedoCondition};
+use super::conditions::{FuelCellError, FuelCellState, RichenPowerErrors, TorqeedoCondition, Urgency};
 
 /// A change in the state of a device on the serial line, reported once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,17 +15,6 @@ pub enum SerialNotice {
     RichenPower(RichenPowerErrors),
     /// What a Torqeedo motor or its battery reports to be wrong.
     Torqeedo(TorqeedoCondition),
-}
-
-/// How urgent a notice is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Urgency {
-    /// Nothing is wrong, or it can wait.
-    Info,
-    /// Something is wrong with the device.
-    Warning,
-    /// The device stops, or is about to.
-    Critical,
 }
 
 impl SerialNotice {

@@ -7,10 +7,7 @@ mod richen_power;
 mod torqeedo;
 
 pub(super) use intelligent_energy::IntelligentEnergy;
-pub use intelligent_energy::{FuelCellError, FuelCellState};
 pub(super) use kiss::Kiss;
 pub(super) use mega_squirt::MegaSquirt;
 pub(super) use richen_power::RichenPower;
-pub use richen_power::RichenPowerErrors;
-pub use torqeedo::TorqeedoCondition;
 pub(super) use torqeedo::{Place, Torqeedo};

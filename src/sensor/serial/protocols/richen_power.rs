@@ -12,10 +12,9 @@
 //! | 66, 67 | sum of the five words from byte 2: voltage and current are not protected |
 //! | 68, 69 | 0x55, 0xAA |
 
-use core::fmt;
-
+use super::super::conditions::RichenPowerErrors;
 use super::super::line::{Baud, Line, Wires};
-use super::super::notice::{SerialNotice, Urgency};
+use super::super::notice::SerialNotice;
 use super::super::protocol::{Protocol, Request, SerialReading};
 use super::super::window::Window;
 use crate::battery::Measurement;
@@ -116,54 +115,10 @@ fn decode(bytes: &[u8; FRAME_BYTES]) -> Option<Frame> {
     })
 }
 
-/// What the generator reports to be wrong, a bit each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RichenPowerErrors(u16);
-
-const NAMES: [&str; 5] = [
-    "maintenance required",
-    "start disabled",
-    "overload",
-    "low output voltage",
-    "low battery voltage",
-];
-
-const MAINTENANCE: u16 = 1;
-
-impl RichenPowerErrors {
-    /// How urgent a change to these is. Maintenance can wait.
-    pub(in crate::sensor::serial) fn urgency(self) -> Urgency {
-        match self.0 & !MAINTENANCE {
-            0 => Urgency::Info,
-            _ => Urgency::Warning,
-        }
-    }
-}
-
-impl fmt::Display for RichenPowerErrors {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Generator: ")?;
-        if self.0 == 0 {
-            return f.write_str("no error any more");
-        }
-        let mut separator = "";
-        for bit in 0..u16::BITS as usize {
-            if self.0 & 1 << bit != 0 {
-                f.write_str(separator)?;
-                separator = ", ";
-                match NAMES.get(bit) {
-                    Some(name) => f.write_str(name)?,
-                    None => write!(f, "error {bit}")?,
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sensor::Urgency;
     use crate::time::at_us;
     use proptest::prelude::*;
 

@@ -1,3 +1,4 @@
+use crate::sensor::Urgency;
 use proptest::prelude::*;
 
 use super::*;

@@ -14,16 +14,15 @@
 //!
 //! This board drives no boat motor: as a tiller it answers with speed 0, as a master it sends no drive command.
 
-mod condition;
 mod frame;
 
+use super::super::conditions::TorqeedoCondition;
 use super::super::line::{Baud, Line, Wires};
 use super::super::notice::SerialNotice;
 use super::super::protocol::{Protocol, Request, SerialReading};
 use crate::battery::Measurement;
 use crate::sensor::MonitorKind;
 use crate::time::Instant;
-pub use condition::TorqeedoCondition;
 use frame::FrameReader;
 
 const MASTER: u8 = 0x00;

@@ -37,7 +37,7 @@ pub struct TorqeedoCondition {
 
 impl TorqeedoCondition {
     /// From the system state.
-    pub(super) fn of_system(flags: u16, code: u8) -> Self {
+    pub(in crate::sensor::serial) fn of_system(flags: u16, code: u8) -> Self {
         let bit = |in_state, bit| if flags & in_state != 0 { bit } else { 0 };
         Self {
             code,
@@ -47,7 +47,7 @@ impl TorqeedoCondition {
     }
 
     /// From the motor's status.
-    pub(super) fn of_motor(error_flags: u16) -> Self {
+    pub(in crate::sensor::serial) fn of_motor(error_flags: u16) -> Self {
         Self {
             code: 0,
             flags: error_flags & MOTOR_ERRORS,
