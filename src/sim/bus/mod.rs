@@ -60,7 +60,8 @@ impl<'a> SimulatedBus<'a> {
     fn device(&mut self, address: u8) -> Result<&mut dyn Device, ErrorKind> {
         match address {
             POWER_MONITOR_ADDRESS => Ok(&mut self.power_monitor),
-            SMART_BATTERY_ADDRESS => Ok(&mut self.smart_battery),
+            // Its electronics are in the pack.
+            SMART_BATTERY_ADDRESS if self.pack.now().is_plugged_in() => Ok(&mut self.smart_battery),
             _ => Err(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address)),
         }
     }

@@ -1,0 +1,64 @@
+//! A full pack is driven until it is empty.
+
+use super::{Action, Plugged, Scenario, Sight, Step};
+use crate::battery::ArmState;
+use crate::sim::PackModel;
+use crate::vehicle::Mode;
+
+/// See [`Scenario::summary`].
+pub const DRAIN: Scenario = Scenario {
+    name: "drain",
+    summary: "a full pack is driven at full throttle until the monitor calls it low, then critical, and stops the rover.",
+    speedup: 35.0,
+    pack: Plugged {
+        model: PackModel::LIPO_3S_2200,
+        charge: 1.0,
+    },
+    steps: &[
+        Step {
+            at_s: 0,
+            what: None,
+            actions: &[
+                Action::Set("BATT_CELLS", 3.0),
+                Action::Set("BATT_CAPACITY", 2200.0),
+                Action::Set("BATT_LOW_VOLT", 10.8),
+                Action::Set("BATT_CRT_VOLT", 10.5),
+                Action::Set("BATT_FS_CRT_ACT", 2.0),
+                // A ground station's heartbeats come once a second of the wall clock.
+                Action::Set("FS_GCS_TIMEOUT", 120.0),
+            ],
+        },
+        Step {
+            at_s: 30,
+            what: Some("the driver arms and drives at full throttle"),
+            actions: &[
+                Action::Mode(Mode::Manual),
+                Action::Arm(ArmState::Armed),
+                Action::Throttle(1000),
+            ],
+        },
+        Step {
+            at_s: 2100,
+            what: Some("the driver disarms"),
+            actions: &[Action::Throttle(0), Action::Arm(ArmState::Disarmed)],
+        },
+    ],
+    sights: &[
+        Sight {
+            name: "low",
+            text: "Battery 1 low",
+        },
+        Sight {
+            name: "critical",
+            text: "Battery 1 critical",
+        },
+        Sight {
+            name: "failsafe",
+            text: "Battery 1 is critical",
+        },
+        Sight {
+            name: "HOLD",
+            text: "HOLD, armed",
+        },
+    ],
+};

@@ -1,0 +1,138 @@
+//! Stories that the simulator plays without a ground station: what happens to the rover and its pack, and when.
+//!
+//! Each file is one [`Scenario`], a table. What its driver does goes to the vehicle as MAVLink messages; only what hands do to
+//! a pack is done to the simulated pack itself.
+
+mod cold;
+mod drain;
+mod loose_wire;
+mod play;
+mod swap;
+
+use std::fmt;
+
+use super::{PackModel, SimulatedPack};
+use crate::battery::ArmState;
+use crate::vehicle::Mode;
+
+pub(super) use play::Player;
+
+/// A story.
+#[derive(Debug)]
+pub struct Scenario {
+    /// What it is called on the command line.
+    pub name: &'static str,
+    /// What will happen, in a sentence.
+    pub summary: &'static str,
+    /// How many times as fast as the wall clock it takes about a minute.
+    pub speedup: f64,
+    /// The pack at the start.
+    pub pack: Plugged,
+    /// What happens, in the order of time.
+    pub steps: &'static [Step],
+    /// What is looked for in what the vehicle announces, for the closing sentence.
+    pub sights: &'static [Sight],
+}
+
+/// A pack that is plugged in.
+#[derive(Clone, Copy, Debug)]
+pub struct Plugged {
+    /// What kind of pack it is.
+    pub model: PackModel,
+    /// Its state of charge, 0 to 1.
+    pub charge: f32,
+}
+
+impl Plugged {
+    /// The rested pack.
+    pub fn pack(self) -> SimulatedPack {
+        SimulatedPack::charged(self.model, self.charge)
+    }
+}
+
+/// Something that happens.
+#[derive(Debug)]
+pub struct Step {
+    /// When, in seconds of simulated time since the start.
+    pub at_s: u32,
+    /// What it is, as it is printed; nothing is printed of parameters that are set.
+    pub what: Option<&'static str>,
+    /// What is done.
+    pub actions: &'static [Action],
+}
+
+/// What is done in a step.
+#[derive(Clone, Copy, Debug)]
+pub enum Action {
+    /// A parameter is set.
+    Set(&'static str, f32),
+    /// The mode is changed.
+    Mode(Mode),
+    /// The rover is armed or disarmed.
+    Arm(ArmState),
+    /// The throttle is moved, from −1000 (back) to 1000 (ahead), and stays there.
+    Throttle(i16),
+    /// The pack is unplugged.
+    Unplug,
+    /// A pack is plugged in.
+    PlugIn(Plugged),
+}
+
+/// Something that is looked for.
+#[derive(Debug)]
+pub struct Sight {
+    /// What the closing sentence calls it.
+    pub name: &'static str,
+    /// How the announcement, or the mode, begins.
+    pub text: &'static str,
+}
+
+impl Scenario {
+    /// All scenarios.
+    pub const ALL: [&'static Self; 4] = [&drain::DRAIN, &swap::SWAP, &cold::COLD, &loose_wire::LOOSE_WIRE];
+
+    /// The one of this name.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        Self::ALL.into_iter().find(|scenario| scenario.name == name)
+    }
+}
+
+impl fmt::Display for Scenario {
+    /// The name and what will happen.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.name, self.summary)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameter::{ParameterId, Parameters};
+
+    #[test]
+    fn every_step_can_be_done_in_its_turn() {
+        for scenario in Scenario::ALL {
+            let times: Vec<_> = scenario.steps.iter().map(|step| step.at_s).collect();
+            assert!(times.is_sorted(), "{}: {times:?}", scenario.name);
+            for action in scenario.steps.iter().flat_map(|step| step.actions) {
+                if let Action::Set(name, value) = *action {
+                    let id = ParameterId::from_name(name).expect(name);
+                    Parameters::defaults().set(id, value).expect(name);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn each_takes_about_a_minute_and_has_a_name_of_its_own() {
+        for scenario in Scenario::ALL {
+            let end_s = f64::from(scenario.steps.last().map_or(0, |step| step.at_s));
+            let wall_s = end_s / scenario.speedup;
+            assert!((45.0..=75.0).contains(&wall_s), "{}: {wall_s} s", scenario.name);
+            let same = Scenario::ALL.iter().filter(|other| other.name == scenario.name);
+            assert_eq!(same.count(), 1);
+            assert!(Scenario::named(scenario.name).is_some());
+        }
+        assert!(Scenario::named("flood").is_none());
+    }
+}
