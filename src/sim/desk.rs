@@ -95,6 +95,9 @@ async fn run_until_restart(
     let learnt_storage = Storage::new(flash.clone(), flash_map::LEARNT);
     let mut start = Start::default();
     let signing_storage = boot(&mut storage, signing_storage, ParameterSource::Stored, &mut start).await;
+    if let Some(scenario) = scenario {
+        scenario.set_up(&mut start.parameters);
+    }
     let desk = Desk::new(&start, pack, flash);
     let mut memory = [RetainedRecord::BLANK; 2];
     let pack_simulation = PackSimulation::new(pack, rover, &desk.shared);

@@ -18,24 +18,20 @@ pub const COLD: Scenario = Scenario {
         model: PackModel::LIPO_3S_2200_COLD,
         charge: 1.0,
     },
+    parameters: &[
+        ("SIM_BATT_CAP_AH", COLD_CAPACITY_AH),
+        ("BATT_CELLS", 3.0),
+        ("BATT_CAPACITY", 2200.0),
+        ("BATT_LOW_VOLT", 10.8),
+        ("BATT_CRT_VOLT", 10.5),
+        ("BATT_FS_CRT_ACT", 2.0),
+        // A ground station's heartbeats come once a second of the wall clock.
+        ("FS_GCS_TIMEOUT", 120.0),
+    ],
     steps: &[
         Step {
-            at_s: 0,
-            what: None,
-            actions: &[
-                Action::Set("SIM_BATT_CAP_AH", COLD_CAPACITY_AH),
-                Action::Set("BATT_CELLS", 3.0),
-                Action::Set("BATT_CAPACITY", 2200.0),
-                Action::Set("BATT_LOW_VOLT", 10.8),
-                Action::Set("BATT_CRT_VOLT", 10.5),
-                Action::Set("BATT_FS_CRT_ACT", 2.0),
-                // A ground station's heartbeats come once a second of the wall clock.
-                Action::Set("FS_GCS_TIMEOUT", 120.0),
-            ],
-        },
-        Step {
             at_s: 30,
-            what: Some("the driver arms and drives at full throttle"),
+            what: "the driver arms and drives at full throttle",
             actions: &[
                 Action::Mode(Mode::Manual),
                 Action::Arm(ArmState::Armed),
@@ -44,7 +40,7 @@ pub const COLD: Scenario = Scenario {
         },
         Step {
             at_s: 1800,
-            what: Some("the driver disarms"),
+            what: "the driver disarms",
             actions: &[Action::Throttle(0), Action::Arm(ArmState::Disarmed)],
         },
     ],

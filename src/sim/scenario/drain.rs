@@ -14,23 +14,19 @@ pub const DRAIN: Scenario = Scenario {
         model: PackModel::LIPO_3S_2200,
         charge: 1.0,
     },
+    parameters: &[
+        ("BATT_CELLS", 3.0),
+        ("BATT_CAPACITY", 2200.0),
+        ("BATT_LOW_VOLT", 10.8),
+        ("BATT_CRT_VOLT", 10.5),
+        ("BATT_FS_CRT_ACT", 2.0),
+        // A ground station's heartbeats come once a second of the wall clock.
+        ("FS_GCS_TIMEOUT", 120.0),
+    ],
     steps: &[
         Step {
-            at_s: 0,
-            what: None,
-            actions: &[
-                Action::Set("BATT_CELLS", 3.0),
-                Action::Set("BATT_CAPACITY", 2200.0),
-                Action::Set("BATT_LOW_VOLT", 10.8),
-                Action::Set("BATT_CRT_VOLT", 10.5),
-                Action::Set("BATT_FS_CRT_ACT", 2.0),
-                // A ground station's heartbeats come once a second of the wall clock.
-                Action::Set("FS_GCS_TIMEOUT", 120.0),
-            ],
-        },
-        Step {
             at_s: 30,
-            what: Some("the driver arms and drives at full throttle"),
+            what: "the driver arms and drives at full throttle",
             actions: &[
                 Action::Mode(Mode::Manual),
                 Action::Arm(ArmState::Armed),
@@ -39,7 +35,7 @@ pub const DRAIN: Scenario = Scenario {
         },
         Step {
             at_s: 2100,
-            what: Some("the driver disarms"),
+            what: "the driver disarms",
             actions: &[Action::Throttle(0), Action::Arm(ArmState::Disarmed)],
         },
     ],

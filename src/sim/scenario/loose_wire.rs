@@ -1,33 +1,32 @@
-//! A wire of the sensor comes loose while driving.
+//! A wire of the power monitor comes loose while driving.
 
 use super::{Action, Plugged, Scenario, Sight, Step};
 use crate::battery::ArmState;
-use crate::sim::PackModel;
+use crate::sim::{PackModel, SHUNT_OHM};
 use crate::vehicle::Mode;
 
 /// See [`Scenario::summary`].
 pub const LOOSE_WIRE: Scenario = Scenario {
     name: "loose-wire",
-    summary: "the sensor's wire comes loose while driving; the last voltage is held, after 5 s the rover stops (BATT_FS_UNH_ACT 2), then the wire is put back.",
+    summary: "a wire of the power monitor comes loose while driving; the last voltage is held, after 5 s the rover stops (BATT_FS_UNH_ACT), then the wire is put back.",
     speedup: 1.0,
     pack: Plugged {
         model: PackModel::LIPO_3S_2200,
         charge: 0.8,
     },
+    parameters: &[
+        // The INA226.
+        ("BATT_MONITOR", 21.0),
+        ("BATT_SHUNT", SHUNT_OHM),
+        ("BATT_CELLS", 3.0),
+        ("BATT_CAPACITY", 2200.0),
+        ("BATT_LOW_VOLT", 10.5),
+        ("BATT_FS_UNH_ACT", 2.0),
+    ],
     steps: &[
         Step {
-            at_s: 0,
-            what: None,
-            actions: &[
-                Action::Set("BATT_CELLS", 3.0),
-                Action::Set("BATT_CAPACITY", 2200.0),
-                Action::Set("BATT_LOW_VOLT", 10.5),
-                Action::Set("BATT_FS_UNH_ACT", 2.0),
-            ],
-        },
-        Step {
             at_s: 10,
-            what: Some("the driver arms and drives at half throttle"),
+            what: "the driver arms and drives at half throttle",
             actions: &[
                 Action::Mode(Mode::Manual),
                 Action::Arm(ArmState::Armed),
@@ -36,22 +35,22 @@ pub const LOOSE_WIRE: Scenario = Scenario {
         },
         Step {
             at_s: 20,
-            what: Some("the sensor's wire comes loose"),
-            actions: &[Action::Set("SIM_BATT_FAULT", 1.0)],
+            what: "a wire of the power monitor comes loose",
+            actions: &[Action::Set("SIM_BATT_FAULT", 5.0)],
         },
         Step {
             at_s: 35,
-            what: Some("the wire is put back, and the driver lets go of the throttle"),
+            what: "the wire is put back, and the driver lets go of the throttle",
             actions: &[Action::Set("SIM_BATT_FAULT", 0.0), Action::Throttle(0)],
         },
         Step {
             at_s: 50,
-            what: Some("the driver goes on"),
+            what: "the driver goes on",
             actions: &[Action::Mode(Mode::Manual), Action::Throttle(500)],
         },
         Step {
             at_s: 60,
-            what: Some("the driver disarms"),
+            what: "the driver disarms",
             actions: &[Action::Throttle(0), Action::Arm(ArmState::Disarmed)],
         },
     ],

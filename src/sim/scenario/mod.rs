@@ -13,6 +13,7 @@ use std::fmt;
 
 use super::{PackModel, SimulatedPack};
 use crate::battery::ArmState;
+use crate::parameter::{ParameterId, Parameters};
 use crate::vehicle::Mode;
 
 pub(super) use play::Player;
@@ -28,6 +29,8 @@ pub struct Scenario {
     pub speedup: f64,
     /// The pack at the start.
     pub pack: Plugged,
+    /// Parameters with which the vehicle starts, as if they were in its flash. They are not written there.
+    pub parameters: &'static [(&'static str, f32)],
     /// What happens, in the order of time.
     pub steps: &'static [Step],
     /// What is looked for in what the vehicle announces, for the closing sentence.
@@ -55,8 +58,8 @@ impl Plugged {
 pub struct Step {
     /// When, in seconds of simulated time since the start.
     pub at_s: u32,
-    /// What it is, as it is printed; nothing is printed of parameters that are set.
-    pub what: Option<&'static str>,
+    /// What it is, as it is printed.
+    pub what: &'static str,
     /// What is done.
     pub actions: &'static [Action],
 }
@@ -64,7 +67,7 @@ pub struct Step {
 /// What is done in a step.
 #[derive(Clone, Copy, Debug)]
 pub enum Action {
-    /// A parameter is set.
+    /// A parameter is set, for a fault that begins or ends.
     Set(&'static str, f32),
     /// The mode is changed.
     Mode(Mode),
@@ -91,6 +94,15 @@ impl Scenario {
     /// All scenarios.
     pub const ALL: [&'static Self; 4] = [&drain::DRAIN, &swap::SWAP, &cold::COLD, &loose_wire::LOOSE_WIRE];
 
+    /// Sets its parameters.
+    pub fn set_up(&self, parameters: &mut Parameters) {
+        for (name, value) in self.parameters {
+            let id = ParameterId::from_name(name.as_bytes());
+            let set = id.map(|id| parameters.restore(id.key(), *value));
+            debug_assert_eq!(set, Some(Ok(())), "{name}");
+        }
+    }
+
     /// The one of this name.
     pub fn named(name: &str) -> Option<&'static Self> {
         Self::ALL.into_iter().find(|scenario| scenario.name == name)
@@ -107,16 +119,16 @@ impl fmt::Display for Scenario {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameter::{ParameterId, Parameters};
 
     #[test]
     fn every_step_can_be_done_in_its_turn() {
         for scenario in Scenario::ALL {
             let times: Vec<_> = scenario.steps.iter().map(|step| step.at_s).collect();
             assert!(times.is_sorted(), "{}: {times:?}", scenario.name);
+            scenario.set_up(&mut Parameters::defaults());
             for action in scenario.steps.iter().flat_map(|step| step.actions) {
                 if let Action::Set(name, value) = *action {
-                    let id = ParameterId::from_name(name).expect(name);
+                    let id = ParameterId::from_name(name.as_bytes()).expect(name);
                     Parameters::defaults().set(id, value).expect(name);
                 }
             }

@@ -73,9 +73,7 @@ impl Player {
         pack: &RefCell<SimulatedPack>,
         show: impl Fn(&str),
     ) {
-        if let Some(what) = step.what {
-            show(what);
-        }
+        show(step.what);
         for action in step.actions {
             match *action {
                 Action::Set(name, value) => station.set(name, value),
@@ -97,7 +95,6 @@ impl Player {
             }
         }
     }
-
 
     /// What was seen, in one sentence.
     pub fn closing(&self) -> String {

@@ -12,24 +12,20 @@ pub const SWAP: Scenario = Scenario {
         model: PackModel::LIPO_3S_2200,
         charge: 0.35,
     },
+    parameters: &[
+        ("BATT_CELLS", 3.0),
+        ("BATT_CAPACITY", 2200.0),
+        ("BATT_LOW_VOLT", 10.5),
+    ],
     steps: &[
         Step {
-            at_s: 0,
-            what: None,
-            actions: &[
-                Action::Set("BATT_CELLS", 3.0),
-                Action::Set("BATT_CAPACITY", 2200.0),
-                Action::Set("BATT_LOW_VOLT", 10.5),
-            ],
-        },
-        Step {
             at_s: 20,
-            what: Some("the pack is unplugged"),
+            what: "the pack is unplugged",
             actions: &[Action::Unplug],
         },
         Step {
             at_s: 30,
-            what: Some("a full pack is plugged in"),
+            what: "a full pack is plugged in",
             actions: &[Action::PlugIn(Plugged {
                 model: PackModel::LIPO_3S_2200,
                 charge: 1.0,
@@ -37,7 +33,7 @@ pub const SWAP: Scenario = Scenario {
         },
         Step {
             at_s: 60,
-            what: None,
+            what: "the full pack has rested",
             actions: &[],
         },
     ],
