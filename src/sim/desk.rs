@@ -3,7 +3,7 @@
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
-use embassy_futures::join::{join, join_array, join3, join4, join5};
+use embassy_futures::join::{join, join_array, join3, join4};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 
@@ -17,7 +17,7 @@ use super::{
     SimulatedPackInput, SimulatedRover, TcpReceiver, UdpWire,
 };
 use crate::autopilot::Start;
-use crate::battery::RetainedRecord;
+use crate::battery::{LEARNT_WORDS, RetainedRecord};
 use crate::crash::ParameterSource;
 use crate::flash_map;
 use crate::liveness::CheckIn;
@@ -26,8 +26,8 @@ use crate::pack::Pack;
 use crate::sensor::Buses;
 use crate::storage::Storage;
 use crate::tasks::{
-    Link, Shared, boot, drive, keep_learnt, keep_log, keep_parameters, keep_signing, read_bus, read_esc,
-    reboot_requested, refuse_link, sample_batteries, serve_link,
+    Link, Shared, SigningStorage, boot, drive, keep_learnt, keep_log, keep_parameters, keep_signing,
+    read_bus, read_esc, reboot_requested, refuse_link, sample_batteries, serve_link,
 };
 use crate::vehicle::{Indication, Indicators, Restart};
 
@@ -89,52 +89,55 @@ async fn run_until_restart(
     pack: &RefCell<SimulatedPack>,
     rover: &SimulatedRover,
 ) -> Restart {
-    let flash = &setup.flash;
-    let mut storage = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
-    let signing_storage = Storage::new(flash.clone(), flash_map::SIGNING);
-    let learnt_storage = Storage::new(flash.clone(), flash_map::LEARNT);
-    let mut start = Start::default();
-    let signing_storage = boot(&mut storage, signing_storage, ParameterSource::Stored, &mut start).await;
-    if let Some(scenario) = scenario {
-        scenario.set_up(&mut start.parameters);
-    }
-    let desk = Desk::new(&start, pack, flash);
-    let mut memory = [RetainedRecord::BLANK; 2];
-    let pack_simulation = PackSimulation::new(pack, rover, &desk.shared);
-    let vehicle = join5(
-        join3(
-            sample_batteries(
-                SimulatedPackInput::new(&pack_simulation, &desk.shared),
-                &mut memory,
-                &desk.shared,
-                &UNWATCHED,
-            ),
-            read_bus(
-                Buses::i2c(SimulatedBus::new(&pack_simulation)),
-                &desk.shared,
-                &UNWATCHED,
-            ),
-            // No ESC is simulated: a pack with ESC telemetry is unhealthy.
-            read_esc(None::<TcpReceiver>, &desk.shared, &UNWATCHED),
-        ),
-        drive(rover, NoLamps, &desk.shared, &UNWATCHED),
-        join4(
-            keep_parameters(storage, &desk.shared, &UNWATCHED),
-            keep_signing(signing_storage, &desk.shared, &UNWATCHED),
-            keep_learnt(learnt_storage, &desk.shared, &UNWATCHED),
-            keep_log(flash.clone(), flash_map::LOG, &desk.shared, &UNWATCHED),
-        ),
-        join3(
-            join_array([(); MAX_CLIENTS].map(|()| desk.serve(setup.clients))),
-            join(desk.refuse_surplus(setup.clients), desk.serve_udp(setup.udp)),
-            desk.serve_station(scenario, setup.output),
-        ),
+    let (desk, storages) = start(&setup.flash, scenario, pack).await;
+    let links = join3(
+        join_array([(); MAX_CLIENTS].map(|()| desk.serve(setup.clients))),
+        join(desk.refuse_surplus(setup.clients), desk.serve_udp(setup.udp)),
+        async {
+            // Lines in a file have the log beside them, where announcements are, too.
+            if scenario.is_some() || setup.output == Output::Terminal {
+                desk.serve_station(scenario, print_event).await;
+            }
+        },
+    );
+    let vehicle = join3(
+        desk.run_vehicle(storages, rover),
+        links,
         desk.print_status(setup.output, setup.line_interval),
     );
     match select(vehicle, reboot_requested(&desk.shared, || desk.all_sent())).await {
-        Either::First((_, never, ..)) => never,
+        Either::First((.., never)) => never,
         Either::Second(restart) => restart,
     }
+}
+
+/// Where the tasks keep what has to survive a restart.
+struct Storages {
+    parameters: Storage<SimulatedFlash>,
+    signing: SigningStorage<SimulatedFlash>,
+    learnt: Storage<SimulatedFlash, [u32; LEARNT_WORDS]>,
+}
+
+/// The vehicle as it starts from its flash.
+async fn start<'a>(
+    flash: &'a SimulatedFlash,
+    scenario: Option<&'static Scenario>,
+    pack: &'a RefCell<SimulatedPack>,
+) -> (Desk<'a>, Storages) {
+    let mut parameters = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
+    let signing = Storage::new(flash.clone(), flash_map::SIGNING);
+    let learnt = Storage::new(flash.clone(), flash_map::LEARNT);
+    let mut start = Start::default();
+    let signing = boot(&mut parameters, signing, ParameterSource::Stored, &mut start).await;
+    if let Some(scenario) = scenario {
+        scenario.set_up(&mut start.parameters);
+    }
+    let storages = Storages {
+        parameters,
+        signing,
+        learnt,
+    };
+    (Desk::new(&start, pack, flash), storages)
 }
 
 fn tcp_link(flash: &SimulatedFlash) -> Link<'_> {
@@ -171,6 +174,30 @@ impl<'a> Desk<'a> {
             totals: Cell::default(),
             udp_silence: Cell::new(MOST_SILENT_LINES),
         }
+    }
+
+    /// Runs the vehicle's tasks, all but those of its links.
+    async fn run_vehicle(&self, storages: Storages, rover: &SimulatedRover) {
+        let mut memory = [RetainedRecord::BLANK; 2];
+        let pack = PackSimulation::new(self.pack, rover, &self.shared);
+        let sensors = join3(
+            sample_batteries(
+                SimulatedPackInput::new(&pack, &self.shared),
+                &mut memory,
+                &self.shared,
+                &UNWATCHED,
+            ),
+            read_bus(Buses::i2c(SimulatedBus::new(&pack)), &self.shared, &UNWATCHED),
+            // No ESC is simulated: a pack with ESC telemetry is unhealthy.
+            read_esc(None::<TcpReceiver>, &self.shared, &UNWATCHED),
+        );
+        let keep = join4(
+            keep_parameters(storages.parameters, &self.shared, &UNWATCHED),
+            keep_signing(storages.signing, &self.shared, &UNWATCHED),
+            keep_learnt(storages.learnt, &self.shared, &UNWATCHED),
+            keep_log(self.flash.clone(), flash_map::LOG, &self.shared, &UNWATCHED),
+        );
+        join3(sensors, drive(rover, NoLamps, &self.shared, &UNWATCHED), keep).await;
     }
 
     /// Serves one client after the other, each with its own link: schedule, sequence numbers and counters.
@@ -226,30 +253,23 @@ impl<'a> Desk<'a> {
         serve_link(transmitter, receiver, &self.shared, &self.udp, &UNWATCHED).await;
     }
 
-    /// Shows what the vehicle announces, and plays the scenario, if there is one. Without either nothing is served: lines in a
-    /// file have the log beside them.
-    async fn serve_station(&self, scenario: Option<&'static Scenario>, output: Output) {
-        if scenario.is_none() && output == Output::Lines {
-            return;
-        }
+    /// Shows what the vehicle announces, and plays the scenario, if there is one.
+    async fn serve_station(&self, scenario: Option<&'static Scenario>, show: impl Fn(Level, &str)) {
         let player = scenario.map(Player::new);
         let station = Station::new(|heard: Heard| {
             if let Some(player) = &player {
-                player.note(&heard.text, SimulatedTime::now());
+                player.note(&heard.text, || self.comparison().charges());
             }
-            print_event(heard.level, &heard.text);
+            show(heard.level, &heard.text);
         });
         // The link of a program on this computer, as those of TCP.
         let link = Link::new("scenario", LinkKind::Direct, LINK_BYTES_PER_SECOND);
         let play = async {
             if let Some(player) = &player {
                 player
-                    .play(&station, self.pack, |step| print_event(Level::Info, step))
+                    .play(&station, self.pack, |step| show(Level::Info, step))
                     .await;
-                print_event(
-                    Level::Info,
-                    &format!("{} {}", player.closing(), self.comparison()),
-                );
+                show(Level::Info, &player.closing());
             }
         };
         join(
@@ -263,7 +283,7 @@ impl<'a> Desk<'a> {
         self.links.borrow().iter().all(|link| link.is_idle())
     }
 
-    async fn print_status(&self, output: Output, line_interval: Duration) {
+    async fn print_status(&self, output: Output, line_interval: Duration) -> ! {
         let mut lines = Ticker::every(line_interval);
         loop {
             lines.next().await;
@@ -320,3 +340,6 @@ struct Totals {
     /// Received by UDP.
     udp_frames: u32,
 }
+
+#[cfg(test)]
+mod tests;

@@ -50,6 +50,20 @@ impl Comparison {
         }
     }
 
+    /// Both charges alone, as `9 % left, 15 ±4 % estimated`.
+    pub fn charges(&self) -> String {
+        let left = match self.truth {
+            Some(truth) => format!("{:.0} % left", truth.charge_pct),
+            None => "no pack".into(),
+        };
+        match (self.estimate.remaining_pct, self.estimate.sigma_pct) {
+            (Some(remaining_pct), Some(sigma_pct)) => {
+                format!("{left}, {remaining_pct:.0} ±{sigma_pct:.0} % estimated")
+            }
+            _ => left,
+        }
+    }
+
     /// How urgent it is, by the monitor.
     pub fn level(&self) -> Level {
         match (self.estimate.status, self.estimate.charge_state) {
@@ -216,6 +230,7 @@ mod tests {
         };
         let expected = "pack 12.59 V 0.2 A 100 % | estimated 97 ±3 % | HOLD, disarmed | 1 ground station";
         assert_eq!(status.short(), expected);
+        assert_eq!(status.comparison.charges(), "100 % left, 97 ±3 % estimated");
         assert_eq!(
             status.long(),
             format!("{expected} | 10 samples, 5 frames, 0 dropped")
@@ -258,7 +273,8 @@ mod tests {
     fn a_pack_that_is_unplugged_has_no_values() {
         let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
         pack.unplug();
-        let line = Comparison::new(&pack, &BatteryState::UNKNOWN).to_string();
-        assert_eq!(line, "no pack | not measured yet");
+        let comparison = Comparison::new(&pack, &BatteryState::UNKNOWN);
+        assert_eq!(comparison.to_string(), "no pack | not measured yet");
+        assert_eq!(comparison.charges(), "no pack");
     }
 }

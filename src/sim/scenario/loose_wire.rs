@@ -54,22 +54,23 @@ pub const LOOSE_WIRE: Scenario = Scenario {
             actions: &[Action::Throttle(0), Action::Arm(ArmState::Disarmed)],
         },
     ],
+    end_s: 65,
     sights: &[
         Sight {
             name: "unhealthy",
-            text: "Battery 1 unhealthy",
+            texts: &["Battery 1 unhealthy"],
         },
         Sight {
             name: "failsafe",
-            text: "Battery 1 is missing",
+            texts: &["Battery 1 is missing"],
         },
         Sight {
             name: "HOLD",
-            text: "HOLD, armed",
+            texts: &["HOLD, armed"],
         },
         Sight {
             name: "healthy again",
-            text: "Battery 1 healthy again",
+            texts: &["Battery 1 healthy again"],
         },
     ],
 };

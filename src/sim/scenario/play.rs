@@ -13,38 +13,34 @@ use crate::sim::station::{Heard, Station};
 /// Between two messages of the sticks: they time out after 1.5 s (`FS_TIMEOUT`).
 const TURN: Duration = Duration::from_millis(200);
 
-/// When something that was looked for was heard first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sighting {
-    /// What the closing sentence calls it.
-    pub name: &'static str,
-    /// When, if at all.
-    pub at: Option<SimulatedTime>,
+/// The first time that something was heard.
+#[derive(Clone, Debug)]
+struct Sighting {
+    at: SimulatedTime,
+    /// The charge of the pack, and what was estimated of it.
+    charges: String,
 }
 
-/// The state of a scenario that is played.
+/// A scenario that is played.
 #[derive(Debug)]
-pub struct Player {
+pub(in crate::sim) struct Player {
     scenario: &'static Scenario,
-    sightings: RefCell<Vec<Sighting>>,
+    /// Of each sight of the scenario.
+    sightings: RefCell<Vec<Option<Sighting>>>,
     throttle: Cell<Option<i16>>,
 }
 
 impl Player {
     /// At the start of a scenario.
     pub fn new(scenario: &'static Scenario) -> Self {
-        let sightings = scenario.sights.iter().map(|sight| Sighting {
-            name: sight.name,
-            at: None,
-        });
         Self {
             scenario,
-            sightings: RefCell::new(sightings.collect()),
+            sightings: RefCell::new(vec![None; scenario.sights.len()]),
             throttle: Cell::new(None),
         }
     }
 
-    /// Does every step in its time, and returns after the last one. `show` prints what a step is.
+    /// Does every step in its time, and returns at the end. `show` prints what a step is.
     pub async fn play<H: Fn(Heard)>(
         &self,
         station: &Station<H>,
@@ -54,10 +50,11 @@ impl Player {
         let start = Instant::now();
         let mut turns = Ticker::every(TURN);
         let mut steps = self.scenario.steps.iter().peekable();
-        while steps.peek().is_some() {
-            let elapsed_s = start.elapsed().as_secs();
-            while let Some(step) = steps.next_if(|step| u64::from(step.at_s) <= elapsed_s) {
-                self.take(step, station, pack, &show);
+        while start.elapsed() < Duration::from_secs(self.scenario.end_s.into()) {
+            let is_due = |step: &&Step| Duration::from_secs(step.at_s.into()) <= start.elapsed();
+            while let Some(step) = steps.next_if(is_due) {
+                show(step.what);
+                self.take(step, station, pack);
             }
             if let Some(throttle) = self.throttle.get() {
                 station.drive(throttle);
@@ -66,14 +63,7 @@ impl Player {
         }
     }
 
-    fn take<H: Fn(Heard)>(
-        &self,
-        step: &Step,
-        station: &Station<H>,
-        pack: &RefCell<SimulatedPack>,
-        show: impl Fn(&str),
-    ) {
-        show(step.what);
+    fn take<H: Fn(Heard)>(&self, step: &Step, station: &Station<H>, pack: &RefCell<SimulatedPack>) {
         for action in step.actions {
             match *action {
                 Action::Set(name, value) => station.set(name, value),
@@ -86,12 +76,15 @@ impl Player {
         }
     }
 
-    /// Notes what the vehicle has announced at `now`.
-    pub fn note(&self, text: &str, now: SimulatedTime) {
+    /// Notes what the vehicle has announced, with the charge of the pack and what is estimated of it.
+    pub fn note(&self, text: &str, charges: impl Fn() -> String) {
         let mut sightings = self.sightings.borrow_mut();
         for (sighting, sight) in sightings.iter_mut().zip(self.scenario.sights) {
-            if text.starts_with(sight.text) {
-                sighting.at.get_or_insert(now);
+            if sight.texts.iter().any(|wanted| text.starts_with(wanted)) {
+                sighting.get_or_insert_with(|| Sighting {
+                    at: SimulatedTime::now(),
+                    charges: charges(),
+                });
             }
         }
     }
@@ -99,14 +92,42 @@ impl Player {
     /// What was seen, in one sentence.
     pub fn closing(&self) -> String {
         let mut sentence = String::from("Seen:");
-        for (place, sighting) in self.sightings.borrow().iter().enumerate() {
+        for (place, (sighting, sight)) in self
+            .sightings
+            .borrow()
+            .iter()
+            .zip(self.scenario.sights)
+            .enumerate()
+        {
             let comma = if place == 0 { "" } else { "," };
             // A string takes everything.
-            let _ = match sighting.at {
-                Some(at) => write!(sentence, "{comma} {} at {at}", sighting.name),
-                None => write!(sentence, "{comma} {} never", sighting.name),
+            let _ = match sighting {
+                Some(Sighting { at, charges }) => {
+                    write!(sentence, "{comma} {} at {at} ({charges})", sight.name)
+                }
+                None => write!(sentence, "{comma} {} never", sight.name),
             };
         }
         sentence + "."
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_closing_sentence_has_the_first_time_of_each_sight() {
+        let player = Player::new(Scenario::named("drain").unwrap());
+        let charges = || "9 % left, 15 ±4 % estimated".to_owned();
+        player.note("Battery 1 has 3 cells", charges);
+        player.note("Battery 1 is low 10.77V used 0 mAh", charges);
+        player.note("Battery 1 low: 10.85V 15% left", || "later".to_owned());
+        player.note("HOLD, armed", charges);
+        assert_eq!(
+            player.closing(),
+            "Seen: low at 0:00 (9 % left, 15 ±4 % estimated), critical never, \
+             HOLD at 0:00 (9 % left, 15 ±4 % estimated)."
+        );
     }
 }

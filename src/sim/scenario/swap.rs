@@ -31,14 +31,10 @@ pub const SWAP: Scenario = Scenario {
                 charge: 1.0,
             })],
         },
-        Step {
-            at_s: 60,
-            what: "the full pack has rested",
-            actions: &[],
-        },
     ],
+    end_s: 60,
     sights: &[Sight {
         name: "the swap",
-        text: "Battery 1 swapped",
+        texts: &["Battery 1 swapped"],
     }],
 };
