@@ -7,7 +7,7 @@ use embassy_futures::join::{join, join_array, join3, join4};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 
-use super::console::{Level, Output, SimulatedTime, print_event, print_line, print_status};
+use super::console::{Level, Output, print_event, print_line, print_status};
 use super::scenario::{Player, Plugged, Scenario};
 use super::station::{Heard, Station};
 use super::status::{Comparison, Status, Traffic};
@@ -269,7 +269,7 @@ impl<'a> Desk<'a> {
                 player
                     .play(&station, self.pack, |step| show(Level::Info, step))
                     .await;
-                show(Level::Info, &player.closing());
+                show(Level::Info, &player.closing(self.comparison().charges()));
             }
         };
         join(

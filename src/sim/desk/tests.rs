@@ -4,6 +4,7 @@ use std::cell::RefCell;
 
 use super::*;
 use crate::sim::clock;
+use crate::sim::console::SimulatedTime;
 
 /// Something that was shown, and when, in seconds.
 #[derive(Clone, Debug)]
@@ -105,7 +106,7 @@ fn a_swapped_pack_is_announced_and_estimated_anew() {
     );
     assert!(times[2] - times[1] <= 5, "{times:?}");
     let closing = &shown.last().unwrap().text;
-    assert!(closing.contains("(100 % left, 100 ±"), "{closing}");
+    assert!(closing.contains("at the end 100 % left, 100 ±"), "{closing}");
 }
 
 #[test]
@@ -123,7 +124,7 @@ fn a_loose_wire_stops_the_rover_until_the_driver_goes_on() {
             "Battery 1 healthy again",
             "the driver goes on",
             "MANUAL, armed",
-            "HOLD, disarmed",
+            "MANUAL, disarmed",
             "Seen: unhealthy at ",
         ],
     );

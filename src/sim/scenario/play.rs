@@ -1,7 +1,6 @@
 //! Plays a scenario.
 
 use std::cell::{Cell, RefCell};
-use std::fmt::Write;
 
 use embassy_time::{Duration, Instant, Ticker};
 
@@ -89,45 +88,52 @@ impl Player {
         }
     }
 
-    /// What was seen, in one sentence.
-    pub fn closing(&self) -> String {
-        let mut sentence = String::from("Seen:");
-        for (place, (sighting, sight)) in self
-            .sightings
-            .borrow()
-            .iter()
-            .zip(self.scenario.sights)
-            .enumerate()
-        {
-            let comma = if place == 0 { "" } else { "," };
-            // A string takes everything.
-            let _ = match sighting {
-                Some(Sighting { at, charges }) => {
-                    write!(sentence, "{comma} {} at {at} ({charges})", sight.name)
-                }
-                None => write!(sentence, "{comma} {} never", sight.name),
-            };
+    /// What was seen, in one sentence; charges stand where they have changed. `charges` are those of now.
+    pub fn closing(&self, charges: String) -> String {
+        let mut parts = Vec::new();
+        let mut written = "";
+        let sightings = self.sightings.borrow();
+        for (sighting, sight) in sightings.iter().zip(self.scenario.sights) {
+            parts.push(match sighting {
+                Some(sighting) if sighting.charges == written => format!("{} at {}", sight.name, sighting.at),
+                Some(sighting) => format!("{} at {} ({})", sight.name, sighting.at, sighting.charges),
+                None => format!("{} never", sight.name),
+            });
+            written = sighting
+                .as_ref()
+                .map_or(written, |sighting| sighting.charges.as_str());
         }
-        sentence + "."
+        if charges != written {
+            parts.push(format!("at the end {charges}"));
+        }
+        format!("Seen: {}. Ctrl-C ends it.", parts.join(", "))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use embassy_time::Timer;
+
     use super::*;
+    use crate::sim::clock;
 
     #[test]
     fn the_closing_sentence_has_the_first_time_of_each_sight() {
-        let player = Player::new(Scenario::named("drain").unwrap());
-        let charges = || "9 % left, 15 ±4 % estimated".to_owned();
-        player.note("Battery 1 has 3 cells", charges);
-        player.note("Battery 1 is low 10.77V used 0 mAh", charges);
-        player.note("Battery 1 low: 10.85V 15% left", || "later".to_owned());
-        player.note("HOLD, armed", charges);
+        let closing = clock::run_for(Duration::from_secs(100), async {
+            let player = Player::new(Scenario::named("drain").unwrap());
+            let charges = || "9 % left, 15 ±4 % estimated".to_owned();
+            player.note("Battery 1 has 3 cells", charges);
+            Timer::after_secs(61).await;
+            player.note("Battery 1 is low 10.77V used 0 mAh", charges);
+            Timer::after_secs(5).await;
+            player.note("Battery 1 low: 10.85V 15% left", || "later".to_owned());
+            player.note("HOLD, armed", charges);
+            player.closing("4 % left, 5 ±2 % estimated".to_owned())
+        });
         assert_eq!(
-            player.closing(),
-            "Seen: low at 0:00 (9 % left, 15 ±4 % estimated), critical never, \
-             HOLD at 0:00 (9 % left, 15 ±4 % estimated)."
+            closing.unwrap(),
+            "Seen: low at 1:01 (9 % left, 15 ±4 % estimated), critical never, HOLD at 1:06, \
+             at the end 4 % left, 5 ±2 % estimated. Ctrl-C ends it."
         );
     }
 }
