@@ -4,13 +4,11 @@ import contextlib
 import os
 import pty
 import re
-import signal
 import subprocess
 
 import pytest
 
-from conftest import REPOSITORY, failed_start, free_port, simulator_command
-from station import connect
+from conftest import REPOSITORY, free_port, simulator_command
 
 SWAP = ["--scenario", "swap", "--speedup", "20", "--for", "65"]
 EVENTS = [
@@ -78,18 +76,14 @@ def test_on_a_terminal_the_status_stays_in_one_line_below_the_events(environment
 
 
 def test_what_another_simulator_has_is_said_with_ports_that_are_free(start_simulator):
-    simulator = start_simulator()
-    printed = failed_start("--tcp", f"localhost:{simulator.port}")
-    assert f"Can't listen on 127.0.0.1:{simulator.port}: " in printed, printed
-    hint = f"Is another simulator running? --tcp 127.0.0.1:{simulator.port + 1} --udp 127.0.0.1:14551 takes other ports.\n"
-    assert printed.endswith(hint), printed
-
-
-def test_a_name_is_resolved(start_simulator):
-    port = free_port()
-    simulator = start_simulator("--tcp", f"localhost:{port}", "--udp", f"localhost:{free_port()}")
-    connect(f"tcp:127.0.0.1:{port}").close()
-    simulator.process.send_signal(signal.SIGINT)
+    port = start_simulator().port
+    command = ["cargo", "run", "--quiet", "--", "--tcp", f"localhost:{port}"]
+    ended = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 1 and ended.stdout == "", ended
+    # The name was resolved.
+    assert ended.stderr.startswith(f"Can't listen on 127.0.0.1:{port}: "), ended
+    hint = f"Is another simulator running? --tcp 127.0.0.1:{port + 1} --udp 127.0.0.1:14551 takes other ports.\n"
+    assert ended.stderr.endswith(hint), ended
 
 
 @pytest.mark.parametrize(
