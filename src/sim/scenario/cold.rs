@@ -1,6 +1,6 @@
 //! The drive of `drain` in the cold.
 
-use super::{Action, Plugged, Scenario, Sight, Step};
+use super::story::{Action, Plugged, Scenario, Sight, Step};
 use crate::battery::ArmState;
 use crate::sim::PackModel;
 use crate::vehicle::Mode;

@@ -1,6 +1,6 @@
 //! A wire of the power monitor comes loose while driving.
 
-use super::{Action, Plugged, Scenario, Sight, Step};
+use super::story::{Action, Plugged, Scenario, Sight, Step};
 use crate::battery::ArmState;
 use crate::sim::{PackModel, SHUNT_OHM};
 use crate::vehicle::Mode;

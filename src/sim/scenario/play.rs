@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 
 use embassy_time::{Duration, Instant, Ticker};
 
-use super::{Action, Scenario, Step};
+use super::story::{Action, Scenario, Step};
 use crate::sim::SimulatedPack;
 use crate::sim::console::SimulatedTime;
 use crate::sim::station::{Heard, Station};

@@ -1,6 +1,6 @@
 //! A used pack is unplugged, and a full one plugged in.
 
-use super::{Action, Plugged, Scenario, Sight, Step};
+use super::story::{Action, Plugged, Scenario, Sight, Step};
 use crate::sim::PackModel;
 
 /// See [`Scenario::summary`].
