@@ -1,21 +1,24 @@
 //! The simulated vehicle and its links to ground stations.
 
 use std::cell::{Cell, RefCell};
-use std::fmt;
 use std::future::pending;
 use std::rc::Rc;
 
-use embassy_futures::join::{join, join_array, join3, join4, join5};
+use embassy_futures::join::{join, join_array, join3, join4};
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 
+use super::console::{Level, Output, print_event, print_line, print_status};
+use super::scenario::{Player, Plugged, Scenario};
+use super::station::{Heard, Station};
+use super::status::{Comparison, Status, Traffic};
 use super::tcp::POLL_MS;
 use super::{
     Client, Clients, PackModel, PackSimulation, SimulatedBus, SimulatedFlash, SimulatedPack,
-    SimulatedPackInput, SimulatedRover, UdpWire,
+    SimulatedPackInput, SimulatedRover, TcpReceiver, UdpWire,
 };
 use crate::autopilot::Start;
-use crate::battery::RetainedRecord;
+use crate::battery::{LEARNT_WORDS, RetainedRecord};
 use crate::crash::ParameterSource;
 use crate::flash_map;
 use crate::liveness::CheckIn;
@@ -24,8 +27,9 @@ use crate::pack::Pack;
 use crate::sensor::Buses;
 use crate::storage::Storage;
 use crate::tasks::{
-    ByteSource, Link, ReceiveError, SerialLine, Shared, boot, drive, keep_learnt, keep_log, keep_parameters,
-    keep_signing, read_bus, reboot_requested, refuse_link, sample_batteries, serve_link, serve_serial,
+    ByteSource, Link, ReceiveError, SerialLine, Shared, SigningStorage, boot, drive, keep_learnt, keep_log,
+    keep_parameters, keep_signing, read_bus, reboot_requested, refuse_link, sample_batteries, serve_link,
+    serve_serial,
 };
 use crate::vehicle::{Indication, Indicators, Restart};
 
@@ -35,61 +39,107 @@ const MAX_CLIENTS: usize = SIMULATED_LINKS - 1;
 /// Assumed capacity of a local link: more than all streams need.
 const LINK_BYTES_PER_SECOND: u32 = 1_000_000;
 
+/// Without a scenario.
+const FULL_PACK: Plugged = Plugged {
+    model: PackModel::LIPO_3S_2200,
+    charge: 1.0,
+};
+
+/// A ground station by UDP has gone when so many status lines, one a second, were printed since it was heard.
+const MOST_SILENT_LINES: u32 = 5;
+
 /// The simulator has no watchdog that reads check-ins.
 static UNWATCHED: CheckIn = CheckIn::new("", u32::MAX);
 
-/// Runs the vehicle, and restarts it at a ground station's request. Ground stations connect by TCP; another one may
-/// listen at the remote end of `udp`. Pack and flash survive a restart, connections don't. Prints a status line every
-/// `line_interval`. Returns when a ground station requests the boot loader, which is not simulated.
-pub async fn run(clients: &Clients, udp: &UdpWire, flash: SimulatedFlash, line_interval: Duration) {
-    let pack = RefCell::new(SimulatedPack::full(PackModel::LIPO_3S_2200));
+/// What a simulation is given.
+pub struct Setup<'a> {
+    /// Where ground stations connect by TCP.
+    pub clients: &'a Clients,
+    /// At its remote end another ground station may listen.
+    pub udp: &'a UdpWire,
+    /// Survives a restart of the vehicle.
+    pub flash: SimulatedFlash,
+    /// What happens to the rover until its first restart.
+    pub scenario: Option<&'static Scenario>,
+    /// Where the lines go.
+    pub output: Output,
+    /// Simulated time between two status lines.
+    pub line_interval: Duration,
+}
+
+/// Runs the vehicle, and restarts it at a ground station's request. Pack and flash survive a restart, connections don't.
+/// Returns when a ground station requests the boot loader, which is not simulated.
+pub async fn run(setup: Setup<'_>) {
+    let plugged_in = setup.scenario.map_or(FULL_PACK, |scenario| scenario.pack);
+    let pack = RefCell::new(plugged_in.pack());
     let rover = SimulatedRover::default();
+    let mut scenario = setup.scenario;
     loop {
-        let mut storage = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
-        let signing_storage = Storage::new(flash.clone(), flash_map::SIGNING);
-        let learnt_storage = Storage::new(flash.clone(), flash_map::LEARNT);
-        let mut start = Start::default();
-        let signing_storage = boot(&mut storage, signing_storage, ParameterSource::Stored, &mut start).await;
-        let desk = Desk::new(&start, &pack, &flash);
-        let mut memory = [RetainedRecord::BLANK; 2];
-        let pack_simulation = PackSimulation::new(&pack, &rover, &desk.shared);
-        let vehicle = join5(
-            join3(
-                sample_batteries(
-                    SimulatedPackInput::new(&pack_simulation, &desk.shared),
-                    &mut memory,
-                    &desk.shared,
-                    &UNWATCHED,
-                ),
-                read_bus(
-                    Buses::i2c(SimulatedBus::new(&pack_simulation)),
-                    &desk.shared,
-                    &UNWATCHED,
-                ),
-                serve_serial(Some(NoDevice), &desk.shared, &UNWATCHED),
-            ),
-            drive(&rover, NoLamps, &desk.shared, &UNWATCHED),
-            join4(
-                keep_parameters(storage, &desk.shared, &UNWATCHED),
-                keep_signing(signing_storage, &desk.shared, &UNWATCHED),
-                keep_learnt(learnt_storage, &desk.shared, &UNWATCHED),
-                keep_log(flash.clone(), flash_map::LOG, &desk.shared, &UNWATCHED),
-            ),
-            join(
-                join_array([(); MAX_CLIENTS].map(|()| desk.serve(clients))),
-                join(desk.refuse_surplus(clients), desk.serve_udp(udp)),
-            ),
-            desk.print_status(line_interval),
-        );
-        match select(vehicle, reboot_requested(&desk.shared, || desk.all_sent())).await {
-            Either::First((_, never, ..)) => never,
-            Either::Second(Restart::Firmware) => println!("Restarted."),
-            Either::Second(Restart::Fault) => println!("A board would have crashed. Restarted."),
-            Either::Second(Restart::BootLoader) => {
-                return println!("A board would wait in its boot loader for another firmware.");
+        match run_until_restart(&setup, scenario.take(), &pack, &rover).await {
+            Restart::Firmware => print_line("Restarted."),
+            Restart::Fault => print_line("A board would have crashed. Restarted."),
+            Restart::BootLoader => {
+                return print_line("A board would wait in its boot loader for another firmware.");
             }
         }
     }
+}
+
+async fn run_until_restart(
+    setup: &Setup<'_>,
+    scenario: Option<&'static Scenario>,
+    pack: &RefCell<SimulatedPack>,
+    rover: &SimulatedRover,
+) -> Restart {
+    let (desk, storages) = start(&setup.flash, scenario, pack).await;
+    let links = join3(
+        join_array([(); MAX_CLIENTS].map(|()| desk.serve(setup.clients))),
+        join(desk.refuse_surplus(setup.clients), desk.serve_udp(setup.udp)),
+        async {
+            // Lines in a file have the log beside them, where announcements are, too.
+            if scenario.is_some() || setup.output == Output::Terminal {
+                desk.serve_station(scenario, print_event).await;
+            }
+        },
+    );
+    let vehicle = join3(
+        desk.run_vehicle(storages, rover),
+        links,
+        desk.print_status(setup.output, setup.line_interval),
+    );
+    match select(vehicle, reboot_requested(&desk.shared, || desk.all_sent())).await {
+        Either::First((.., never)) => never,
+        Either::Second(restart) => restart,
+    }
+}
+
+/// Where the tasks keep what has to survive a restart.
+struct Storages {
+    parameters: Storage<SimulatedFlash>,
+    signing: SigningStorage<SimulatedFlash>,
+    learnt: Storage<SimulatedFlash, [u32; LEARNT_WORDS]>,
+}
+
+/// The vehicle as it starts from its flash.
+async fn start<'a>(
+    flash: &'a SimulatedFlash,
+    scenario: Option<&'static Scenario>,
+    pack: &'a RefCell<SimulatedPack>,
+) -> (Desk<'a>, Storages) {
+    let mut parameters = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
+    let signing = Storage::new(flash.clone(), flash_map::SIGNING);
+    let learnt = Storage::new(flash.clone(), flash_map::LEARNT);
+    let mut start = Start::default();
+    let signing = boot(&mut parameters, signing, ParameterSource::Stored, &mut start).await;
+    if let Some(scenario) = scenario {
+        scenario.set_up(&mut start.parameters);
+    }
+    let storages = Storages {
+        parameters,
+        signing,
+        learnt,
+    };
+    (Desk::new(&start, pack, flash), storages)
 }
 
 fn tcp_link(flash: &SimulatedFlash) -> Link<'_> {
@@ -100,8 +150,12 @@ struct Desk<'a> {
     shared: Shared,
     pack: &'a RefCell<SimulatedPack>,
     flash: &'a SimulatedFlash,
+    /// Of TCP.
     links: RefCell<Vec<Rc<Link<'a>>>>,
-    status: Cell<Totals>,
+    udp: Link<'a>,
+    totals: Cell<Totals>,
+    /// Status lines since the ground station at the other end of UDP was heard.
+    udp_silence: Cell<u32>,
 }
 
 /// No device on the serial line is simulated: a pack that is measured so is unhealthy.
@@ -131,8 +185,33 @@ impl<'a> Desk<'a> {
             pack,
             flash,
             links: RefCell::default(),
-            status: Cell::default(),
+            udp: Link::new("UDP", LinkKind::Radio, LINK_BYTES_PER_SECOND).with_logs(flash),
+            totals: Cell::default(),
+            udp_silence: Cell::new(MOST_SILENT_LINES),
         }
+    }
+
+    /// Runs the vehicle's tasks, all but those of its links.
+    async fn run_vehicle(&self, storages: Storages, rover: &SimulatedRover) {
+        let mut memory = [RetainedRecord::BLANK; 2];
+        let pack = PackSimulation::new(self.pack, rover, &self.shared);
+        let sensors = join3(
+            sample_batteries(
+                SimulatedPackInput::new(&pack, &self.shared),
+                &mut memory,
+                &self.shared,
+                &UNWATCHED,
+            ),
+            read_bus(Buses::i2c(SimulatedBus::new(&pack)), &self.shared, &UNWATCHED),
+            serve_serial(Some(NoDevice), &self.shared, &UNWATCHED),
+        );
+        let keep = join4(
+            keep_parameters(storages.parameters, &self.shared, &UNWATCHED),
+            keep_signing(storages.signing, &self.shared, &UNWATCHED),
+            keep_learnt(storages.learnt, &self.shared, &UNWATCHED),
+            keep_log(self.flash.clone(), flash_map::LOG, &self.shared, &UNWATCHED),
+        );
+        join3(sensors, drive(rover, NoLamps, &self.shared, &UNWATCHED), keep).await;
     }
 
     /// Serves one client after the other, each with its own link: schedule, sequence numbers and counters.
@@ -143,12 +222,12 @@ impl<'a> Desk<'a> {
                 transmitter,
                 receiver,
             } = clients.next().await;
-            println!("{address} connected");
+            print_line(&format!("{address} connected"));
             let link = Rc::new(tcp_link(self.flash));
             self.links.borrow_mut().push(link.clone());
             serve_link(transmitter, receiver, &self.shared, &link, &UNWATCHED).await;
             self.links.borrow_mut().retain(|other| !Rc::ptr_eq(other, &link));
-            println!("{address} disconnected");
+            print_line(&format!("{address} disconnected"));
         }
     }
 
@@ -166,7 +245,10 @@ impl<'a> Desk<'a> {
     }
 
     async fn refuse(&self, client: Client) {
-        println!("{} refused: all {MAX_CLIENTS} links are in use", client.address);
+        print_line(&format!(
+            "{} refused: all {MAX_CLIENTS} links are in use",
+            client.address
+        ));
         let reason = format!("Simulator: all {MAX_CLIENTS} links are in use");
         refuse_link(
             client.transmitter,
@@ -181,44 +263,85 @@ impl<'a> Desk<'a> {
 
     /// Serves the remote end of `wire`, whether or not it listens.
     async fn serve_udp(&self, wire: &UdpWire) {
-        let link = Link::new("UDP", LinkKind::Radio, LINK_BYTES_PER_SECOND).with_logs(self.flash);
         let (transmitter, receiver) = wire.split();
-        serve_link(transmitter, receiver, &self.shared, &link, &UNWATCHED).await;
+        serve_link(transmitter, receiver, &self.shared, &self.udp, &UNWATCHED).await;
+    }
+
+    /// Shows what the vehicle announces, and plays the scenario, if there is one.
+    async fn serve_station(&self, scenario: Option<&'static Scenario>, show: impl Fn(Level, &str)) {
+        let player = scenario.map(Player::new);
+        let station = Station::new(|heard: Heard| {
+            if let Some(player) = &player {
+                player.note(&heard.text, || self.comparison().charges());
+            }
+            show(heard.level, &heard.text);
+        });
+        // The link of a program on this computer, as those of TCP.
+        let link = Link::new("scenario", LinkKind::Direct, LINK_BYTES_PER_SECOND);
+        let play = async {
+            if let Some(player) = &player {
+                player
+                    .play(&station, self.pack, |step| show(Level::Info, step))
+                    .await;
+                show(Level::Info, &player.closing(self.comparison().charges()));
+            }
+        };
+        join(
+            serve_link(&station, &station, &self.shared, &link, &UNWATCHED),
+            play,
+        )
+        .await;
     }
 
     fn all_sent(&self) -> bool {
         self.links.borrow().iter().all(|link| link.is_idle())
     }
 
-    async fn print_status(&self, line_interval: Duration) {
+    async fn print_status(&self, output: Output, line_interval: Duration) -> ! {
         let mut lines = Ticker::every(line_interval);
         loop {
             lines.next().await;
-            println!("{}", self.next_status());
+            let status = self.next_status();
+            let line = match output {
+                Output::Terminal => status.short(),
+                Output::Lines => status.long(),
+            };
+            print_status(status.comparison.level(), &line);
         }
+    }
+
+    /// The pack beside what is estimated of it.
+    fn comparison(&self) -> Comparison {
+        let pack = self.pack.borrow();
+        self.shared
+            .with(|autopilot| Comparison::new(&pack, autopilot.battery(Pack::First)))
     }
 
     /// The status since the previous call.
     fn next_status(&self) -> Status {
         let links = self.links.borrow();
-        let pack = self.pack.borrow();
-        let before = self.status.get();
+        let before = self.totals.get();
         let now = Totals {
             samples: self.shared.with(|autopilot| autopilot.samples()),
             frames: links.iter().map(|link| link.statistics().sent).sum(),
+            udp_frames: self.udp.statistics().received.frames,
         };
-        self.status.set(now);
+        self.totals.set(now);
+        self.udp_silence.set(match now.udp_frames == before.udp_frames {
+            true => self.udp_silence.get().saturating_add(1),
+            false => 0,
+        });
+        let by_udp = usize::from(self.udp_silence.get() < MOST_SILENT_LINES);
         Status {
-            voltage_v: self
-                .shared
-                .with(|autopilot| autopilot.battery(Pack::First).voltage_v),
-            current_a: pack.current_a(),
-            charge: pack.charge(),
-            samples: now.samples.wrapping_sub(before.samples),
-            // The count of a disconnected client is lost.
-            frames: now.frames.saturating_sub(before.frames),
-            dropped: links.iter().map(|link| link.statistics().dropped).sum(),
-            clients: links.len(),
+            comparison: self.comparison(),
+            driving: self.shared.with(|autopilot| autopilot.vehicle().status()).into(),
+            stations: links.len() + by_udp,
+            traffic: Traffic {
+                samples: now.samples.wrapping_sub(before.samples),
+                // The count of a disconnected client is lost.
+                frames: now.frames.saturating_sub(before.frames),
+                dropped: links.iter().map(|link| link.statistics().dropped).sum(),
+            },
         }
     }
 }
@@ -226,35 +349,11 @@ impl<'a> Desk<'a> {
 #[derive(Clone, Copy, Default)]
 struct Totals {
     samples: u32,
+    /// Sent by TCP.
     frames: u32,
+    /// Received by UDP.
+    udp_frames: u32,
 }
 
-/// The terminal's status line, with rates since the previous one.
-struct Status {
-    voltage_v: Option<f32>,
-    current_a: f32,
-    charge: f32,
-    samples: u32,
-    frames: u32,
-    dropped: u32,
-    clients: usize,
-}
-
-impl fmt::Display for Status {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.voltage_v {
-            Some(voltage_v) => write!(f, "{voltage_v:6.3} V")?,
-            None => write!(f, "  unknown")?,
-        }
-        write!(
-            f,
-            "  {:4.1} A  {:3.0} % left | {} samples | {} clients, {} frames, {} dropped",
-            self.current_a,
-            self.charge * 100.0,
-            self.samples,
-            self.clients,
-            self.frames,
-            self.dropped,
-        )
-    }
-}
+#[cfg(test)]
+mod tests;

@@ -15,6 +15,8 @@ pub(super) enum Fault {
     Noisy,
     /// One cell of the pack is far below the others.
     WeakCell,
+    /// A wire of the I2C bus is disconnected: no device answers.
+    BusOff,
 }
 
 impl Fault {
@@ -25,6 +27,7 @@ impl Fault {
             2 => Self::WireOff,
             3 => Self::Noisy,
             4 => Self::WeakCell,
+            5 => Self::BusOff,
             _ => Self::None,
         }
     }

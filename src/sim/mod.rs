@@ -5,6 +5,7 @@
 
 mod bus;
 pub mod clock;
+pub mod console;
 mod desk;
 mod fault;
 mod flash;
@@ -13,18 +14,22 @@ mod pack;
 mod pack_input;
 mod pack_simulation;
 mod rover;
+mod scenario;
+mod station;
+mod status;
 mod tcp;
 #[cfg(test)]
 mod test_folder;
 mod udp;
 
 pub use bus::{POWER_MONITOR_ADDRESS, SHUNT_OHM, SMART_BATTERY_ADDRESS, SimulatedBus};
-pub use desk::run;
+pub use desk::{Setup, run};
 pub use flash::SimulatedFlash;
 pub use log_folder::LogFolder;
 pub use pack::{PackModel, SimulatedPack};
 pub use pack_input::SimulatedPackInput;
 pub use pack_simulation::PackSimulation;
 pub use rover::SimulatedRover;
+pub use scenario::{Action, Plugged, Scenario, Sight, Step};
 pub use tcp::{Client, Clients, TcpReceiver, TcpTransmitter};
 pub use udp::{UdpReceiver, UdpTransmitter, UdpWire};

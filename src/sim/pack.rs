@@ -24,6 +24,11 @@ pub struct PackModel {
     pub polarization_time_s: f32,
 }
 
+/// How many times as large the resistances are at −10 °C as at 25 °C: as many times as the conductivity of the electrolyte
+/// (1 mol/l) is smaller, 0.546 instead of 1.194 S/m in `electrolyte_conductivity_Ai2020` of PyBaMM's `Ai2020`. Reactions in a real
+/// pack slow down further.
+const COLD_RESISTANCE_FACTOR: f32 = 2.19;
+
 impl PackModel {
     /// A 3S pack of 2200 mAh, with typical resistances of 25 C hobby packs.
     pub const LIPO_3S_2200: Self = Self {
@@ -33,6 +38,20 @@ impl PackModel {
         polarization_resistance_ohm: 0.018,
         polarization_time_s: 8.0,
     };
+
+    /// The same pack at −10 °C. Its capacity there is a parameter: `SIM_BATT_CAP_AH`.
+    pub const LIPO_3S_2200_COLD: Self = Self {
+        ohmic_resistance_ohm: Self::LIPO_3S_2200.ohmic_resistance_ohm * COLD_RESISTANCE_FACTOR,
+        polarization_resistance_ohm: Self::LIPO_3S_2200.polarization_resistance_ohm * COLD_RESISTANCE_FACTOR,
+        ..Self::LIPO_3S_2200
+    };
+}
+
+/// Whether the pack is connected to the rover.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Plug {
+    In,
+    Out,
 }
 
 /// State of a pack.
@@ -46,19 +65,36 @@ pub struct SimulatedPack {
     open_circuit_v: Option<f32>,
     /// How far the first cell is below the others, in volts.
     first_cell_drop_v: f32,
+    plug: Plug,
 }
 
 impl SimulatedPack {
     /// A full, rested pack.
     pub fn full(model: PackModel) -> Self {
+        Self::charged(model, 1.0)
+    }
+
+    /// A rested pack with this state of charge, 0 to 1.
+    pub fn charged(model: PackModel, charge: f32) -> Self {
         Self {
             model,
-            charge: 1.0,
+            charge,
             polarization_v: 0.0,
             current_a: 0.0,
             open_circuit_v: None,
             first_cell_drop_v: 0.0,
+            plug: Plug::In,
         }
+    }
+
+    /// Disconnects it: nothing is drawn from it any more, and there is no voltage to measure.
+    pub fn unplug(&mut self) {
+        self.plug = Plug::Out;
+    }
+
+    /// Whether it is connected.
+    pub fn is_plugged_in(&self) -> bool {
+        self.plug == Plug::In
     }
 
     /// Overrides the resting voltage, in volts; `None` follows the charge again.
@@ -76,8 +112,12 @@ impl SimulatedPack {
         self.model.capacity_ah = capacity_ah;
     }
 
-    /// Draws `current_a` for `seconds`.
+    /// Draws `current_a` for `seconds`, unless it is unplugged.
     pub fn draw(&mut self, current_a: f32, seconds: f32) {
+        let current_a = match self.plug {
+            Plug::In => current_a,
+            Plug::Out => 0.0,
+        };
         let drawn = current_a * seconds / SECONDS_PER_HOUR / self.model.capacity_ah;
         self.charge = (self.charge - drawn).clamp(0.0, 1.0);
         let settled_v = current_a * self.model.polarization_resistance_ohm;
@@ -106,8 +146,11 @@ impl SimulatedPack {
         self.current_a
     }
 
-    /// Terminal voltage under the present load, in volts.
+    /// Terminal voltage under the present load, in volts; 0 behind a plug that is out.
     pub fn voltage_v(&self) -> f32 {
+        if self.plug == Plug::Out {
+            return 0.0;
+        }
         let by_charge_v = resting_cell_voltage_v(self.charge) * f32::from(self.model.cells);
         let resting_v = self.open_circuit_v.unwrap_or(by_charge_v);
         let sag_v = self.current_a * self.model.ohmic_resistance_ohm + self.polarization_v;
@@ -139,6 +182,30 @@ mod tests {
     fn full_pack_at_rest_has_4_2_v_per_cell() {
         let pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
         assert!((pack.voltage_v() - 12.6).abs() < 1e-4);
+    }
+
+    #[test]
+    fn nothing_is_measured_of_an_unplugged_pack_and_nothing_drawn() {
+        let mut pack = SimulatedPack::charged(PackModel::LIPO_3S_2200, 0.5);
+        pack.unplug();
+        pack.draw(10.0, 100.0);
+        assert_eq!(
+            (pack.voltage_v(), pack.current_a(), pack.charge()),
+            (0.0, 0.0, 0.5)
+        );
+        assert!(!pack.is_plugged_in());
+    }
+
+    #[test]
+    fn a_cold_pack_sags_more() {
+        let sag_v = |model| {
+            let mut pack = SimulatedPack::full(model);
+            pack.draw(4.2, 100.0);
+            12.6 - pack.voltage_v()
+        };
+        let ratio = sag_v(PackModel::LIPO_3S_2200_COLD) / sag_v(PackModel::LIPO_3S_2200);
+        // A tenth of the sag is the charge that was drawn.
+        assert!((1.5..2.19).contains(&ratio), "{ratio}");
     }
 
     #[test]

@@ -40,7 +40,7 @@ impl<'a> SimulatedPackInput<'a> {
     fn pin_voltage_v(&mut self, pack: &SimulatedPack, pin: AnalogPin, fault: Fault) -> f32 {
         let noise_v = match fault {
             Fault::Noisy => FAULTY_NOISE_V,
-            Fault::None | Fault::Stalled | Fault::WireOff | Fault::WeakCell => NOISE_V,
+            Fault::None | Fault::Stalled | Fault::WireOff | Fault::WeakCell | Fault::BusOff => NOISE_V,
         };
         let noise_v = (self.random.f32() * 2.0 - 1.0) * noise_v;
         match pin {

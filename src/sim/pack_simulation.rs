@@ -40,6 +40,11 @@ impl<'a> PackSimulation<'a> {
         self.pack.borrow().clone()
     }
 
+    /// What is wrong with it or its sensors now.
+    pub(super) fn fault(&self) -> Fault {
+        Fault::now(self.shared)
+    }
+
     fn update_until(&self, now: Instant) {
         let parameter = |parameter| {
             self.shared
@@ -47,9 +52,9 @@ impl<'a> PackSimulation<'a> {
         };
         let held_v = parameter(SimulationParameter::BattVoltage);
         let load_a = self.rover.current_a() + parameter(SimulationParameter::BattCurrent);
-        let weak_cell_drop_v = match Fault::now(self.shared) {
+        let weak_cell_drop_v = match self.fault() {
             Fault::WeakCell => WEAK_CELL_DROP_V,
-            Fault::None | Fault::Stalled | Fault::WireOff | Fault::Noisy => 0.0,
+            Fault::None | Fault::Stalled | Fault::WireOff | Fault::Noisy | Fault::BusOff => 0.0,
         };
         let mut pack = self.pack.borrow_mut();
         pack.lower_first_cell(weak_cell_drop_v);

@@ -1,8 +1,8 @@
 """What pymavlink sees of the simulator."""
 
 import collections
+import re
 import socket
-import subprocess
 import time
 
 import pytest
@@ -114,17 +114,4 @@ def test_ctrl_c_ends_it_cleanly(start_simulator):
     code, output = simulator.interrupt()
     assert code == 0, output
     assert output.endswith("Stopped.\n"), output
-    assert " V " in output and "1 clients" in output, output
-
-
-def test_a_taken_port_is_said(start_simulator):
-    simulator = start_simulator()
-    second = subprocess.run(
-        ["cargo", "run", "--quiet", "--", "--tcp", f"127.0.0.1:{simulator.port}"],
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert second.returncode == 1
-    assert f"Can't listen on 127.0.0.1:{simulator.port}" in second.stderr
-    assert "--tcp" in second.stderr
+    assert re.search(r"^pack 12\.\d\d V .* % \| .* \| HOLD, disarmed \| 1 ground station \| ", output, re.MULTILINE), output

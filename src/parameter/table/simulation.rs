@@ -54,6 +54,7 @@ parameters! {
             (2, means("Sense wire disconnected")),
             (3, means("Noise of 0.5 V")),
             (4, means("First cell 1 V lower")),
+            (5, means("I2C wire disconnected")),
         ]),
         step: 1.0,
         unit: "",

@@ -11,6 +11,7 @@ use self::device::Device;
 use self::power_monitor::PowerMonitor;
 use self::smart_battery::SmartBattery;
 use super::PackSimulation;
+use super::fault::Fault;
 
 pub use self::power_monitor::{ADDRESS as POWER_MONITOR_ADDRESS, SHUNT_OHM};
 pub use self::smart_battery::ADDRESS as SMART_BATTERY_ADDRESS;
@@ -23,6 +24,9 @@ const CONDITION_CLOCKS: usize = 1;
 
 /// Eight bits and the acknowledge bit.
 const BYTE_CLOCKS: usize = 9;
+
+/// Nothing acknowledges the address.
+const NO_DEVICE: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
 
 /// Direction of the bytes after the address.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -59,9 +63,11 @@ impl<'a> SimulatedBus<'a> {
 
     fn device(&mut self, address: u8) -> Result<&mut dyn Device, ErrorKind> {
         match address {
+            _ if self.pack.fault() == Fault::BusOff => Err(NO_DEVICE),
             POWER_MONITOR_ADDRESS => Ok(&mut self.power_monitor),
-            SMART_BATTERY_ADDRESS => Ok(&mut self.smart_battery),
-            _ => Err(ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address)),
+            // Its electronics are in the pack.
+            SMART_BATTERY_ADDRESS if self.pack.now().is_plugged_in() => Ok(&mut self.smart_battery),
+            _ => Err(NO_DEVICE),
         }
     }
 

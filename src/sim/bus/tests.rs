@@ -213,3 +213,37 @@ fn consecutive_reads_continue_and_aborted_transfers_reset() {
         assert_eq!(word(bus, 0x18).await, 2200);
     });
 }
+
+#[test]
+fn no_device_answers_while_a_wire_is_off_or_the_pack_unplugged() {
+    let answers = |fault, unplug: bool| {
+        let mut parameters = Parameters::defaults();
+        parameters.set(SimulationParameter::BattFault, fault).unwrap();
+        let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
+        if unplug {
+            pack.unplug();
+        }
+        let pack = RefCell::new(pack);
+        let (rover, shared) = (
+            SimulatedRover::default(),
+            Shared::new(&Start::with_parameters(parameters.clone())),
+        );
+        let read = async {
+            let simulation = PackSimulation::new(&pack, &rover, &shared);
+            let mut bus = SimulatedBus::new(&simulation);
+            let mut answers = [false; 2];
+            for (answer, address) in answers
+                .iter_mut()
+                .zip([POWER_MONITOR_ADDRESS, SMART_BATTERY_ADDRESS])
+            {
+                *answer = bus.write_read(address, &[0x09], &mut [0; 2]).await.is_ok();
+            }
+            answers
+        };
+        clock::run_for(SETTLING, read).expect("it ends")
+    };
+    assert!(answers(0.0, false)[1]);
+    assert_eq!(answers(5.0, false), [false; 2]);
+    // The power monitor is the rover's, the electronics of a smart battery go with the pack.
+    assert!(!answers(0.0, true)[1]);
+}

@@ -1,0 +1,280 @@
+//! The status line: what the pack is, and what the monitor estimates of it.
+
+use std::fmt;
+
+use super::SimulatedPack;
+use super::console::Level;
+use crate::battery::{ArmState, BatteryState, ChargeState, PackStatus};
+use crate::vehicle::{Mode, VehicleStatus};
+
+/// The simulated pack beside the monitor's estimate of its charge.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    truth: Option<Truth>,
+    estimate: Estimate,
+}
+
+/// What is simulated.
+#[derive(Clone, Copy, Debug)]
+struct Truth {
+    voltage_v: f32,
+    current_a: f32,
+    charge_pct: f32,
+}
+
+/// What the monitor reports.
+#[derive(Clone, Copy, Debug)]
+struct Estimate {
+    status: PackStatus,
+    remaining_pct: Option<f32>,
+    sigma_pct: Option<f32>,
+    charge_state: ChargeState,
+}
+
+impl Comparison {
+    /// The present state of both.
+    pub fn new(pack: &SimulatedPack, battery: &BatteryState) -> Self {
+        let truth = Truth {
+            voltage_v: pack.voltage_v(),
+            current_a: pack.current_a(),
+            charge_pct: pack.charge() * 100.0,
+        };
+        Self {
+            truth: pack.is_plugged_in().then_some(truth),
+            estimate: Estimate {
+                status: battery.status,
+                remaining_pct: battery.remaining_pct,
+                sigma_pct: battery.remaining_sigma_pct,
+                charge_state: battery.charge_state,
+            },
+        }
+    }
+
+    /// Both charges alone, as `9 % left, 15 ±4 % estimated`.
+    pub fn charges(&self) -> String {
+        let left = match self.truth {
+            Some(truth) => format!("{:.0} % left", truth.charge_pct),
+            None => "no pack".into(),
+        };
+        match (self.estimate.remaining_pct, self.estimate.sigma_pct) {
+            (Some(remaining_pct), Some(sigma_pct)) => {
+                format!("{left}, {remaining_pct:.0} ±{sigma_pct:.0} % estimated")
+            }
+            _ => left,
+        }
+    }
+
+    /// How urgent it is, by the monitor.
+    pub fn level(&self) -> Level {
+        match (self.estimate.status, self.estimate.charge_state) {
+            (_, ChargeState::Critical | ChargeState::Emergency | ChargeState::Failed) => Level::Critical,
+            (PackStatus::Unhealthy, _) | (_, ChargeState::Low | ChargeState::Unhealthy) => Level::Warning,
+            _ => Level::Info,
+        }
+    }
+}
+
+impl fmt::Display for Comparison {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.truth {
+            Some(truth) => write!(
+                f,
+                "pack {:.2} V {:.1} A {:.0} %",
+                truth.voltage_v, truth.current_a, truth.charge_pct
+            )?,
+            None => f.write_str("no pack")?,
+        }
+        write!(f, " | {}", self.estimate)
+    }
+}
+
+impl fmt::Display for Estimate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.status {
+            PackStatus::Disabled => return f.write_str("not monitored"),
+            PackStatus::Unknown => return f.write_str("not measured yet"),
+            PackStatus::NotConnected => return f.write_str("not connected"),
+            PackStatus::Healthy | PackStatus::Unhealthy => {}
+        }
+        match (self.remaining_pct, self.sigma_pct) {
+            (Some(remaining_pct), Some(sigma_pct)) => {
+                write!(f, "estimated {remaining_pct:.0} ±{sigma_pct:.0} %")?;
+            }
+            (Some(remaining_pct), None) => write!(f, "reported {remaining_pct:.0} %")?,
+            (None, _) => f.write_str("charge unknown")?,
+        }
+        f.write_str(match self.charge_state {
+            ChargeState::Undefined | ChargeState::Ok => "",
+            ChargeState::Low => ", low",
+            ChargeState::Critical => ", critical",
+            ChargeState::Emergency => ", emergency",
+            ChargeState::Failed => ", failed",
+            ChargeState::Unhealthy => ", unhealthy",
+            ChargeState::Charging => ", charging",
+        })
+    }
+}
+
+/// A mode and whether the rover is armed, as ground stations show them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Driving {
+    /// The mode.
+    pub mode: Mode,
+    /// Whether it is armed.
+    pub arm_state: ArmState,
+}
+
+impl From<VehicleStatus> for Driving {
+    fn from(status: VehicleStatus) -> Self {
+        Self {
+            mode: status.mode,
+            arm_state: status.arm_state,
+        }
+    }
+}
+
+impl fmt::Display for Driving {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mode = match self.mode {
+            Mode::Manual => "MANUAL",
+            Mode::Hold => "HOLD",
+        };
+        let arm_state = match self.arm_state {
+            ArmState::Armed => "armed",
+            ArmState::Disarmed => "disarmed",
+        };
+        write!(f, "{mode}, {arm_state}")
+    }
+}
+
+/// What went over the links since the previous status, and what was dropped so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Traffic {
+    pub samples: u32,
+    pub frames: u32,
+    pub dropped: u32,
+}
+
+/// Everything in the status line.
+#[derive(Clone, Debug)]
+pub(super) struct Status {
+    pub comparison: Comparison,
+    pub driving: Driving,
+    pub stations: usize,
+    pub traffic: Traffic,
+}
+
+impl Status {
+    /// For a terminal: what a line of 80 columns has room for.
+    pub fn short(&self) -> String {
+        let dropped = match self.traffic.dropped {
+            0 => String::new(),
+            dropped => format!(" | {dropped} dropped"),
+        };
+        format!("{self}{dropped}")
+    }
+
+    /// For a file.
+    pub fn long(&self) -> String {
+        let Traffic {
+            samples,
+            frames,
+            dropped,
+        } = self.traffic;
+        format!("{self} | {samples} samples, {frames} frames, {dropped} dropped")
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} | {} | ", self.comparison, self.driving)?;
+        match self.stations {
+            1 => f.write_str("1 ground station"),
+            stations => write!(f, "{stations} ground stations"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::PackModel;
+
+    fn comparison(battery: BatteryState) -> Comparison {
+        let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
+        pack.draw(0.2, 0.001);
+        Comparison::new(&pack, &battery)
+    }
+
+    fn estimated(remaining_pct: f32, charge_state: ChargeState) -> BatteryState {
+        BatteryState {
+            status: PackStatus::Healthy,
+            remaining_pct: Some(remaining_pct),
+            remaining_sigma_pct: Some(3.2),
+            charge_state,
+            ..BatteryState::UNKNOWN
+        }
+    }
+
+    #[test]
+    fn truth_stands_beside_the_estimate() {
+        let status = Status {
+            comparison: comparison(estimated(97.4, ChargeState::Ok)),
+            driving: VehicleStatus::default().into(),
+            stations: 1,
+            traffic: Traffic {
+                samples: 10,
+                frames: 5,
+                dropped: 0,
+            },
+        };
+        let expected = "pack 12.59 V 0.2 A 100 % | estimated 97 ±3 % | HOLD, disarmed | 1 ground station";
+        assert_eq!(status.short(), expected);
+        assert_eq!(status.comparison.charges(), "100 % left, 97 ±3 % estimated");
+        assert_eq!(
+            status.long(),
+            format!("{expected} | 10 samples, 5 frames, 0 dropped")
+        );
+    }
+
+    #[test]
+    fn what_the_monitor_can_not_say_is_said() {
+        for (status, expected) in [
+            (PackStatus::Disabled, "not monitored"),
+            (PackStatus::Unknown, "not measured yet"),
+            (PackStatus::NotConnected, "not connected"),
+            (PackStatus::Healthy, "charge unknown"),
+        ] {
+            let battery = BatteryState {
+                status,
+                ..BatteryState::UNKNOWN
+            };
+            let line = comparison(battery).to_string();
+            assert!(line.ends_with(&format!(" | {expected}")), "{line}");
+        }
+    }
+
+    #[test]
+    fn charge_states_have_their_word_and_level() {
+        for (charge_state, ending, level) in [
+            (ChargeState::Ok, " %", Level::Info),
+            (ChargeState::Low, ", low", Level::Warning),
+            (ChargeState::Critical, ", critical", Level::Critical),
+            (ChargeState::Emergency, ", emergency", Level::Critical),
+            (ChargeState::Unhealthy, ", unhealthy", Level::Warning),
+        ] {
+            let comparison = comparison(estimated(10.0, charge_state));
+            assert!(comparison.to_string().ends_with(ending), "{comparison}");
+            assert_eq!(comparison.level(), level, "{comparison}");
+        }
+    }
+
+    #[test]
+    fn a_pack_that_is_unplugged_has_no_values() {
+        let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
+        pack.unplug();
+        let comparison = Comparison::new(&pack, &BatteryState::UNKNOWN);
+        assert_eq!(comparison.to_string(), "no pack | not measured yet");
+        assert_eq!(comparison.charges(), "no pack");
+    }
+}
