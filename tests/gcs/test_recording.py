@@ -37,7 +37,7 @@ def rows(path):
 def replay(path, *parameters):
     """What `replay` says of the drive."""
     arguments = [argument for parameter in parameters for argument in ("--param", parameter)]
-    run = ["cargo", "run", "--quiet", "--example", "replay", "--", *arguments, str(path)]
+    run = ["cargo", "run", "--quiet", "--bin", "replay", "--", *arguments, str(path)]
     output = subprocess.run(run, cwd=REPOSITORY, check=True, capture_output=True, text=True).stdout
     return [row["events"] for row in csv.DictReader(output.splitlines()) if row["events"]]
 

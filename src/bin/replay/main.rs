@@ -1,7 +1,7 @@
 //! Runs a recorded trace of a pack through the battery monitor, as if it happened now.
 //!
 //! ```sh
-//! cargo run --example replay -- --param BATT_CELLS=3 --param BATT_CAPACITY=2200 --plot out.svg trace.csv > out.csv
+//! cargo run --bin replay -- --param BATT_CELLS=3 --param BATT_CAPACITY=2200 --plot out.svg trace.csv > out.csv
 //! ```
 //!
 //! A trace is a CSV file with the columns `t_s`, `voltage_v`, `current_a`, `healthy` and `armed`, see [`trace`], or a log of
@@ -156,3 +156,6 @@ fn print(rows: &[Row]) -> io::Result<()> {
         result => result,
     }
 }
+
+#[cfg(target_os = "none")]
+compile_error!("Drives are replayed on a host. For the board build `--bin rover-battmon`.");
