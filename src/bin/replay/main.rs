@@ -104,9 +104,9 @@ fn read(path: &Path, pack: Pack) -> Result<Drive, String> {
     if is_log {
         return read_log(path, pack);
     }
-    let text = fs::read_to_string(path).map_err(|error| about(path, &error))?;
+    let bytes = fs::read(path).map_err(|error| about(path, &error))?;
     Ok(Drive {
-        trace: Trace::parse(&text).map_err(|error| about(path, &error))?,
+        trace: Trace::parse(&bytes).map_err(|error| about(path, &error))?,
         parameters: Parameters::defaults(),
     })
 }
