@@ -1,23 +1,26 @@
-//! Runs a recorded trace of a pack through the battery monitor, as if it happened now.
+//! Runs a recorded drive through the battery monitor, as if it happened now.
 //!
 //! ```sh
 //! cargo run --bin replay -- --param BATT_CELLS=3 --param BATT_CAPACITY=2200 --plot out.svg trace.csv > out.csv
 //! ```
 //!
-//! A trace is a CSV file with the columns `t_s`, `voltage_v`, `current_a`, `healthy` and `armed`, see [`trace`], or a log of
-//! the board or of ArduPilot (`.BIN`), see [`drive`]. What the monitor made of each reading goes to standard output, in the
-//! columns of [`report`]. With `--learned FILE` the drives of
-//! one pack follow each other: what was learnt of it is read before the trace and written after it.
+//! A recording is a CSV file with the columns `t_s`, `voltage_v`, `current_a`, `healthy` and `armed`, see [`trace`], or a log
+//! of the board or of ArduPilot (`.BIN`), see [`drive`]. What the monitor made of each reading goes to a file or to a pipe, in
+//! the columns of [`report`]; what it comes to, in words, goes to standard error, see [`summary`]. With `--learned FILE` the
+//! drives of one pack follow each other: what was learnt of it is read before the drive and written after it.
 mod binlog;
+mod comparison;
 mod drive;
 mod plot;
 mod report;
 mod run;
 mod settings;
+mod summary;
 mod trace;
+mod words;
 
 use std::fs;
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -27,18 +30,25 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 
 use crate::binlog::Log;
+use crate::comparison::Comparison;
 use crate::drive::Drive;
 use crate::plot::Caption;
 use crate::report::Row;
 use crate::settings::{Assignment, Inputs};
+use crate::summary::Summary;
 use crate::trace::Trace;
 
-/// What clap ends with for arguments it does not understand; a trace that can't be used is no different.
+/// What clap ends with for arguments it does not understand; a recording that can't be used is no different.
 const EXIT_USAGE: u8 = 2;
 
-/// Replays a recorded trace of a battery through the monitor.
+const EXAMPLES: &str = "\
+Examples:
+  replay --param BATT_CELLS=3 --param BATT_LOW_VOLT=10.5 --plot drive.svg drive.csv
+  replay --param BATT_LOW_VOLT=10.8 --csv rows.csv drive.BIN";
+
+/// Runs a recorded drive through the battery monitor: what it reports, and when its failsafes act
 #[derive(Parser)]
-#[command(name = "replay", about)]
+#[command(name = "replay", version, about, after_help = EXAMPLES)]
 struct Arguments {
     /// Set a parameter, for example BATT_CELLS=3; may be given more than once
     #[arg(long = "param", value_name = "NAME=VALUE")]
@@ -48,16 +58,20 @@ struct Arguments {
     #[arg(long, value_name = "NUMBER", default_value = "1", value_parser = pack)]
     pack: Pack,
 
-    /// Draw what the monitor made of the trace
+    /// Draw what the monitor made of the recording
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
 
-    /// What was learnt of the pack: read before the trace, if there is such a file, and written after it
+    /// Write a row for each reading; without this they go to standard output, unless that is a terminal
+    #[arg(long, value_name = "FILE.csv")]
+    csv: Option<PathBuf>,
+
+    /// What was learnt of the pack: read before the drive, if there is such a file, and written after it
     #[arg(long, value_name = "FILE")]
     learned: Option<PathBuf>,
 
-    /// The recording: t_s,voltage_v,current_a,healthy,armed; or a log, drive.BIN
-    #[arg(value_name = "TRACE.csv")]
+    /// The recording: CSV with columns as t_s, voltage_v, current_a, healthy, armed; or a log, drive.BIN
+    #[arg(value_name = "RECORDING")]
     trace: PathBuf,
 }
 
@@ -79,21 +93,86 @@ fn main() -> ExitCode {
 }
 
 fn replay(arguments: &Arguments) -> Result<(), String> {
-    let Drive { trace, parameters } = read(&arguments.trace, arguments.pack)?;
-    let parameters = settings::assign(parameters, &arguments.assignments, arguments.pack, &trace)?;
-    let inputs = Inputs::from_parameters(&parameters, arguments.pack)?;
-    let mut learnt = match &arguments.learned {
+    let pack = arguments.pack;
+    let drive = read(&arguments.trace, pack)?;
+    let own = drive.parameters.clone().unwrap_or_else(Parameters::defaults);
+    let parameters = settings::assign(own, &arguments.assignments, pack, &drive.trace)?;
+    let inputs = Inputs::from_parameters(&parameters, pack)?;
+    let known = match &arguments.learned {
         Some(path) => read_learnt(path)?,
         None => LearntPack::UNKNOWN,
     };
-    let rows = run::run(&trace, arguments.pack, inputs, &parameters, &mut learnt);
-    if let Some(path) = &arguments.learned {
-        fs::write(path, learnt.to_string()).map_err(|error| about(path, &error))?;
+    let mut learnt = known;
+    let rows = run::run(&drive.trace, pack, inputs, &parameters, &mut learnt);
+    let written = write_files(arguments, &parameters, &rows, &learnt)?;
+    let summary = Summary {
+        trace: &drive.trace,
+        rows: &rows,
+        pack,
+        settings: &PackSettings::from_parameters(&parameters, pack),
+        known: &known,
+        learnt: &learnt,
+    };
+    let compared = compared(arguments, &drive, &parameters, &rows, known)?;
+    show(&format!("{summary}{compared}{written}"));
+    Ok(())
+}
+
+/// Writes what was asked for, and returns a line for each file.
+fn write_files(
+    arguments: &Arguments,
+    parameters: &Parameters,
+    rows: &[Row],
+    learnt: &LearntPack,
+) -> Result<String, String> {
+    let files = [
+        arguments.learned.as_ref().map(|path| (path, learnt.to_string())),
+        arguments
+            .plot
+            .as_ref()
+            .map(|path| (path, picture(arguments, parameters, rows))),
+        arguments.csv.as_ref().map(|path| (path, report::csv(rows))),
+    ];
+    let mut written = String::new();
+    for (path, text) in files.into_iter().flatten() {
+        fs::write(path, text).map_err(|error| about(path, &error))?;
+        written += &format!("wrote {}\n", path.display());
     }
-    if let Some(path) = &arguments.plot {
-        fs::write(path, picture(arguments, &parameters, &rows)).map_err(|error| about(path, &error))?;
+    if arguments.csv.is_none() && !io::stdout().is_terminal() {
+        print(rows).map_err(|error| format!("standard output: {error}"))?;
     }
-    print(&rows).map_err(|error| format!("standard output: {error}"))
+    Ok(written)
+}
+
+/// What the arguments change of a log's own parameters, and what comes of that; empty if they change nothing.
+fn compared(
+    arguments: &Arguments,
+    drive: &Drive,
+    parameters: &Parameters,
+    rows: &[Row],
+    mut known: LearntPack,
+) -> Result<String, String> {
+    let Some(own) = drive.parameters.clone() else {
+        return Ok(String::new());
+    };
+    let pack = arguments.pack;
+    let own = settings::assign(own, &[], pack, &drive.trace)?;
+    let changes = settings::changes(&own, parameters, &arguments.assignments);
+    if changes.is_empty() {
+        return Ok(String::new());
+    }
+    let inputs = Inputs::from_parameters(&own, pack)?;
+    let comparison = Comparison {
+        changes: &changes,
+        own: &run::run(&drive.trace, pack, inputs, &own, &mut known),
+        changed: rows,
+    };
+    Ok(comparison.to_string())
+}
+
+/// Shows what a person reads, who may have closed the terminal.
+fn show(text: &str) {
+    let _ = io::stderr().write_all(text.as_bytes());
 }
 
 /// A log by the end of its name, else a trace.
@@ -107,7 +186,7 @@ fn read(path: &Path, pack: Pack) -> Result<Drive, String> {
     let bytes = fs::read(path).map_err(|error| about(path, &error))?;
     Ok(Drive {
         trace: Trace::parse(&bytes).map_err(|error| about(path, &error))?,
-        parameters: Parameters::defaults(),
+        parameters: None,
     })
 }
 

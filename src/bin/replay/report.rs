@@ -39,6 +39,12 @@ pub struct Row {
     pub reported: Option<Reported>,
 }
 
+/// What happened, and when, in seconds since the trace's start.
+pub fn events(rows: &[Row]) -> impl Iterator<Item = (f64, &String)> {
+    rows.iter()
+        .flat_map(|row| row.events.iter().map(|text| (row.time_s, text)))
+}
+
 /// The rows as text, behind a header.
 pub fn csv(rows: &[Row]) -> String {
     let has_reported = rows.iter().any(|row| row.reported.is_some());

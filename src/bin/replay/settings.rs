@@ -65,6 +65,19 @@ pub fn assign(
     Ok(parameters)
 }
 
+/// The parameters among the assignments that are not as they were, with both values.
+pub fn changes(own: &Parameters, changed: &Parameters, assignments: &[Assignment]) -> Vec<String> {
+    let mut changes = vec![];
+    for Assignment { id, .. } in assignments {
+        let (before, value) = (own.get(*id), changed.get(*id));
+        let change = format!("{} {value} (in the log {before})", id.name());
+        if value != before && !changes.contains(&change) {
+            changes.push(change);
+        }
+    }
+    changes
+}
+
 /// The values in a range, in words.
 fn valid(range: &Range) -> String {
     match range {
@@ -147,6 +160,20 @@ mod tests {
         assert_eq!(inputs(WITHOUT_CURRENT, &[]), Ok(voltage));
         assert_eq!(inputs(WITH_CURRENT, &["BATT_MONITOR=3"]), Ok(voltage));
         assert_eq!(inputs(WITH_CURRENT, &["BATT_MONITOR=31"]), Ok(current));
+    }
+
+    #[test]
+    fn changes_are_parameters_that_differ_once_each() {
+        let assignments: Vec<Assignment> = ["BATT_LOW_VOLT=10", "BATT_CELLS=0", "BATT_LOW_VOLT=10.8"]
+            .map(|text| text.parse().expect("an assignment"))
+            .into();
+        let own = Parameters::defaults();
+        let trace = Trace::parse(WITH_CURRENT.as_bytes()).expect("a trace");
+        let changed = assign(own.clone(), &assignments, Pack::First, &trace).expect("in range");
+        assert_eq!(
+            changes(&own, &changed, &assignments),
+            ["BATT_LOW_VOLT 10.8 (in the log 0)"]
+        );
     }
 
     #[test]
