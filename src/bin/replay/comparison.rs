@@ -5,7 +5,7 @@ use std::fmt;
 use rover_battmon::battery::FailsafeLevel;
 
 use crate::report::Row;
-use crate::summary::reached_s;
+use crate::summary::reached;
 use crate::words::{clock, duration};
 
 /// Two replays of one log.
@@ -21,69 +21,99 @@ pub struct Comparison<'a> {
 impl fmt::Display for Comparison<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "With {}:", self.changes.join(", "))?;
-        for (name, level) in [("low", FailsafeLevel::Low), ("critical", FailsafeLevel::Critical)] {
-            let [own_s, changed_s] = [self.own, self.changed].map(|rows| reached_s(rows, level));
-            writeln!(f, "  {name} {}", difference(own_s, changed_s))?;
+        let levels = [("low", FailsafeLevel::Low), ("critical", FailsafeLevel::Critical)];
+        let lines = levels.map(|(name, level)| {
+            let time_s = |rows| reached(rows, level).map(|row| row.time_s);
+            let difference = difference(time_s(self.own), time_s(self.changed))?;
+            Some(format!("  {name} would {difference}"))
+        });
+        let lines: Vec<String> = lines.into_iter().flatten().collect();
+        match lines.as_slice() {
+            [] => writeln!(f, "  no failsafe, as in the log"),
+            _ => writeln!(f, "{}", lines.join("\n")),
         }
-        Ok(())
     }
 }
 
-/// How the moment with the changes differs from that with the log's own parameters.
-fn difference(own_s: Option<f64>, changed_s: Option<f64>) -> String {
-    match (own_s, changed_s) {
-        (None, None) => "would not have come, as with the log's own".into(),
-        (None, Some(changed_s)) => format!(
-            "would have come at {}, not at all with the log's own",
-            clock(changed_s)
-        ),
-        (Some(own_s), None) => format!("would not have come, instead of at {}", clock(own_s)),
+/// How the moment with the changes differs from that with the log's own parameters; `None` without both.
+fn difference(own_s: Option<f64>, changed_s: Option<f64>) -> Option<String> {
+    let text = match (own_s, changed_s) {
+        (None, None) => return None,
+        (None, Some(changed_s)) => format!("have come at {}, not at all in the log", clock(changed_s)),
+        (Some(own_s), None) => format!("not have come, instead of at {}", clock(own_s)),
         (Some(own_s), Some(changed_s)) if own_s == changed_s => {
-            format!("would have come at {}, as with the log's own", clock(own_s))
+            format!("have come at {}, as in the log", clock(own_s))
         }
         (Some(own_s), Some(changed_s)) => {
             let direction = if changed_s < own_s { "earlier" } else { "later" };
             format!(
-                "would have come {} {direction}, at {} instead of {}",
+                "have come {} {direction}, at {} instead of {}",
                 duration((changed_s - own_s).abs()),
                 clock(changed_s),
                 clock(own_s)
             )
         }
-    }
+    };
+    Some(text)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::tests::row;
 
     #[test]
     fn every_difference_has_its_words() {
         for (own_s, changed_s, expected) in [
-            (None, None, "would not have come, as with the log's own"),
+            (None, None, None),
             (
                 None,
                 Some(391.0),
-                "would have come at 6:31, not at all with the log's own",
+                Some("have come at 6:31, not at all in the log"),
             ),
-            (Some(581.0), None, "would not have come, instead of at 9:41"),
-            (
-                Some(581.0),
-                Some(581.0),
-                "would have come at 9:41, as with the log's own",
-            ),
+            (Some(581.0), None, Some("not have come, instead of at 9:41")),
+            (Some(581.0), Some(581.0), Some("have come at 9:41, as in the log")),
             (
                 Some(581.0),
                 Some(391.0),
-                "would have come 3 min 10 s earlier, at 6:31 instead of 9:41",
+                Some("have come 3 min 10 s earlier, at 6:31 instead of 9:41"),
             ),
             (
                 Some(391.0),
                 Some(581.0),
-                "would have come 3 min 10 s later, at 9:41 instead of 6:31",
+                Some("have come 3 min 10 s later, at 9:41 instead of 6:31"),
             ),
         ] {
-            assert_eq!(difference(own_s, changed_s), expected);
+            assert_eq!(difference(own_s, changed_s).as_deref(), expected);
         }
+    }
+
+    #[test]
+    fn levels_are_compared_that_were_reached_either_time() {
+        let own = [
+            row(0.0, FailsafeLevel::None),
+            row(90.0, FailsafeLevel::Low),
+            row(91.0, FailsafeLevel::Low),
+        ];
+        let changed = [row(0.0, FailsafeLevel::None), row(60.0, FailsafeLevel::Low)];
+        let changes = ["BATT_LOW_VOLT 11 (in the log 10.5)".to_string()];
+        let text = |changed: &[Row]| {
+            Comparison {
+                changes: &changes,
+                own: &own,
+                changed,
+            }
+            .to_string()
+        };
+        assert_eq!(
+            text(&changed),
+            "With BATT_LOW_VOLT 11 (in the log 10.5):\n  low would have come 30 s earlier, at 1:00 instead of 1:30\n"
+        );
+        let none = Comparison {
+            changes: &changes,
+            own: &[],
+            changed: &[],
+        };
+        assert!(none.to_string().ends_with(":\n  no failsafe, as in the log\n"));
     }
 }

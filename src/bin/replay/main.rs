@@ -48,7 +48,7 @@ Examples:
 
 /// Runs a recorded drive through the battery monitor: what it reports, and when its failsafes act
 #[derive(Parser)]
-#[command(name = "replay", version, about, after_help = EXAMPLES)]
+#[command(name = "replay", version, after_help = EXAMPLES)]
 struct Arguments {
     /// Set a parameter, for example BATT_CELLS=3; may be given more than once
     #[arg(long = "param", value_name = "NAME=VALUE")]

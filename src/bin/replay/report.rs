@@ -96,9 +96,20 @@ fn field(value: Option<f32>) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
     use rover_battmon::battery::{Amount, ChargeState};
+
+    /// A row of which this is known.
+    pub fn row(time_s: f64, failsafe: FailsafeLevel) -> Row {
+        Row {
+            time_s,
+            state: BatteryState::default(),
+            failsafe,
+            events: vec![],
+            reported: None,
+        }
+    }
 
     #[test]
     fn what_is_unknown_is_empty_and_the_resting_voltage_falls_back() {

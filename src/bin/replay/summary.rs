@@ -41,8 +41,8 @@ impl fmt::Display for Summary<'_> {
         writeln!(f, "Drawn: {}", drawn(self.rows))?;
         writeln!(f, "Remaining at the end: {}", remaining(self.rows))?;
         writeln!(f, "Learnt: {}", learnt(self.known, self.learnt))?;
-        writeln!(f, "Failsafe: {}", self.failsafe())?;
-        self.announced(f)
+        self.announced(f)?;
+        writeln!(f, "Failsafe: {}", self.failsafe())
     }
 }
 
@@ -102,7 +102,11 @@ fn remaining(rows: &[Row]) -> String {
     };
     let state = &last.state;
     let mut text = quantity(state.remaining_pct, 0, "%");
+    if state.cell_count.is_none() {
+        text += ", as is the number of cells (BATT_CELLS)";
+    }
     if state.remaining_pct.is_some() {
+        text += &format!(" of {}", quantity(state.capacity_mah(), 0, "mAh"));
         let within_pct = state.remaining_sigma_pct.map(|sigma_pct| SIGMAS * sigma_pct);
         text += &format!(" ± {} (19 times of 20)", quantity(within_pct, 0, "%"));
         text += &format!(", usable {}", quantity(state.usable_pct, 0, "%"));
@@ -133,10 +137,9 @@ fn learnt(known: &LearntPack, now: &LearntPack) -> String {
     }
 }
 
-/// When a level was reached first.
-pub fn reached_s(rows: &[Row], level: FailsafeLevel) -> Option<f64> {
-    let row = rows.iter().find(|row| row.failsafe == level)?;
-    Some(row.time_s)
+/// The row in which a level was reached first.
+pub fn reached(rows: &[Row], level: FailsafeLevel) -> Option<&Row> {
+    rows.iter().find(|row| row.failsafe == level)
 }
 
 impl Summary<'_> {
@@ -149,7 +152,7 @@ impl Summary<'_> {
             .into_iter()
             .filter_map(|level| self.failsafe_level(level))
             .collect();
-        let mut text = texts.join(", ");
+        let mut text = texts.join("; ");
         if !self.trace.samples.iter().any(|sample| sample.armed) {
             text += "; the recording is never armed (column armed), and only then they act";
         }
@@ -159,10 +162,12 @@ impl Summary<'_> {
     /// When its thresholds would have acted, if it has any.
     fn failsafe_level(&self, level: FailsafeLevel) -> Option<String> {
         let names = thresholds(&self.settings.failsafe, level, self.pack)?;
-        Some(match reached_s(self.rows, level) {
-            Some(time_s) => format!("{names} would have acted at {}", clock(time_s)),
-            None => format!("{names} would not have acted"),
-        })
+        let Some(row) = reached(self.rows, level) else {
+            return Some(format!("{names} would not have acted"));
+        };
+        let left = row.state.remaining_pct;
+        let left = left.map_or(String::new(), |left_pct| format!(", {left_pct:.0} % left"));
+        Some(format!("{names} would have acted at {}{left}", clock(row.time_s)))
     }
 
     fn suggestion(&self) -> String {
@@ -215,4 +220,177 @@ fn thresholds(settings: &FailsafeSettings, level: FailsafeLevel, pack: Pack) -> 
     ];
     let texts: Vec<String> = texts.into_iter().flatten().collect();
     (!texts.is_empty()).then(|| texts.join(" or "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::{self, Inputs};
+    use crate::trace::Sample;
+    use crate::{plot, report, run};
+    use proptest::prelude::*;
+    use rover_battmon::parameter::Parameters;
+
+    /// What is said of a trace that is replayed with these parameters.
+    fn summary(trace: &Trace, assignments: &[&str]) -> String {
+        let assignments: Vec<_> = assignments
+            .iter()
+            .map(|text| text.parse().expect("an assignment"))
+            .collect();
+        let pack = Pack::First;
+        let parameters =
+            settings::assign(Parameters::defaults(), &assignments, pack, trace).expect("in range");
+        let inputs = Inputs::from_parameters(&parameters, pack).expect("what the trace has");
+        let mut learnt = LearntPack::UNKNOWN;
+        let rows = run::run(trace, pack, inputs, &parameters, &mut learnt);
+        let settings = PackSettings::from_parameters(&parameters, pack);
+        let caption = plot::Caption {
+            title: "",
+            subtitle: "",
+            failsafe: &settings.failsafe,
+        };
+        // Nothing that is said, written or drawn may fail.
+        let _ = (report::csv(&rows), plot::plot(&rows, &caption));
+        Summary {
+            trace,
+            rows: &rows,
+            pack,
+            settings: &settings,
+            known: &LearntPack::UNKNOWN,
+            learnt: &learnt,
+        }
+        .to_string()
+    }
+
+    fn trace(text: &str) -> Trace {
+        Trace::parse(text.as_bytes()).expect("a trace")
+    }
+
+    #[test]
+    fn what_is_unknown_is_said_to_be() {
+        let text = summary(&trace("t_s,voltage_v\n0,\n65,\n"), &[]);
+        let expected = "1 min 5 s, from 0:00 to 1:05, 2 readings; armed for 0 s\n\
+                        Voltage: unknown\n\
+                        Drawn: unknown\n\
+                        Remaining at the end: unknown, as is the number of cells (BATT_CELLS)\n\
+                        Learnt: nothing\n\
+                        Announced: nothing\n\
+                        Failsafe: none is set\n";
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn the_weakest_moment_is_said_with_its_load() {
+        let text = summary(
+            &trace("t_s,voltage_v,current_a\n0,12,0\n724,9.91,14.2\n725,11,1\n"),
+            &[],
+        );
+        let expected =
+            "Voltage: 12.00 V at the start, 11.00 V at the end; weakest at 12:04: 9.91 V at 14.2 A\n";
+        assert!(text.contains(expected), "{text}");
+    }
+
+    #[test]
+    fn thresholds_say_when_they_would_have_acted_or_why_not() {
+        let rows: String = (0..400)
+            .map(|tenth| format!("{},10.4,1,1\n", f64::from(tenth) / 10.0))
+            .collect();
+        let armed = trace(&format!("t_s,voltage_v,current_a,armed\n{rows}"));
+        let disarmed = trace(&format!("t_s,voltage_v,current_a,note\n{rows}"));
+        for (trace, assignments, expected) in [
+            (
+                &armed,
+                ["BATT_LOW_VOLT=10.5", "BATT_CRT_VOLT=9.9"],
+                "BATT_LOW_VOLT 10.5 would have acted at 0:10; BATT_CRT_VOLT 9.9 would not have acted\n",
+            ),
+            (
+                &armed,
+                ["BATT_LOW_VOLT=10.5", "BATT_LOW_MAH=500"],
+                "BATT_LOW_VOLT 10.5 or BATT_LOW_MAH 500 would have acted at 0:10\n",
+            ),
+            (
+                &armed,
+                ["BATT_LOW_VOLT=10.5", "BATT_LOW_TIMER=0"],
+                "none is set\n",
+            ),
+            (
+                &armed,
+                ["BATT_LOW_VOLT=0", "BATT_CELLS=3"],
+                "none is set; usual are BATT_LOW_VOLT 10.5 and BATT_CRT_VOLT 10.2\n",
+            ),
+            (
+                &disarmed,
+                ["BATT_LOW_VOLT=10.5", "BATT_LOW_TIMER=1"],
+                "BATT_LOW_VOLT 10.5 would not have acted; the recording is never armed (column armed), and only then they \
+                 act\n",
+            ),
+        ] {
+            let text = summary(trace, &assignments);
+            let (_, said) = text.split_once("Failsafe: ").expect("a line of it");
+            assert_eq!(said, expected);
+        }
+    }
+
+    #[test]
+    fn what_was_learnt_is_said_with_what_was_known() {
+        let pack = |mah: u32| -> LearntPack {
+            let text = format!(
+                "cells 3\ndrives 1\ncapacity_mah_sigma {mah} 0.03\nresistance_ohm_now_first 0.0152 0.0152\n"
+            );
+            text.parse().expect("a pack")
+        };
+        let [older, newer] = [pack(3000), pack(2950)];
+        for (known, now, expected) in [
+            (&LearntPack::UNKNOWN, &LearntPack::UNKNOWN, "nothing"),
+            (&LearntPack::UNKNOWN, &newer, "capacity 2.95 Ah, resistance 46 mΩ"),
+            (&newer, &newer, "nothing new: capacity 2.95 Ah, resistance 46 mΩ"),
+            (
+                &older,
+                &newer,
+                "capacity 2.95 Ah, resistance 46 mΩ; before: capacity 3.00 Ah, resistance 46 mΩ",
+            ),
+        ] {
+            assert_eq!(learnt(known, now), expected);
+        }
+    }
+
+    #[test]
+    fn announcements_beyond_those_listed_are_counted() {
+        let rows: String = (0..1000)
+            .map(|second| format!("{second},11.5,1,{}\n", second / 20 % 2))
+            .collect();
+        let text = summary(
+            &trace(&format!("t_s,voltage_v,current_a,healthy\n{rows}")),
+            &["BATT_CELLS=3"],
+        );
+        let listed = text.lines().filter(|line| line.contains("  Battery 1 ")).count();
+        assert_eq!(listed, LISTED_EVENTS);
+        assert!(text.contains(" more, in the rows\n"), "{text}");
+    }
+
+    prop_compose! {
+        fn sample()(
+            step_s in prop::sample::select(vec![0.0, 0.1, 0.5, 20.0, 1e8]),
+            voltage_v in prop::option::of(-1.0f32..60.0),
+            current_a in prop::option::of(-200.0f32..200.0),
+            healthy in any::<bool>(),
+            armed in any::<bool>(),
+        ) -> (f64, Sample) {
+            (step_s, Sample { voltage_v, current_a, healthy, armed, ..Sample::NONE })
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_trace_has_a_summary(steps in prop::collection::vec(sample(), 0..50)) {
+            let mut time_s = 0.0;
+            let samples = steps.into_iter().map(|(step_s, sample)| {
+                time_s += step_s;
+                Sample { time_s, ..sample }
+            });
+            let trace = Trace { samples: samples.collect() };
+            let text = summary(&trace, &["BATT_LOW_VOLT=10.5"]);
+            prop_assert!(text.lines().count() >= 7, "{text}");
+        }
+    }
 }
