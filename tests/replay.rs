@@ -13,7 +13,6 @@ use rover_battmon::time::Instant;
 const TRACE: &str = "tests/data/traces/trace_discharge_3s_10min.csv";
 const PICTURE: &str = "docs/pictures/discharge.svg";
 
-/// What the picture is drawn with: a pack whose resting voltage decides when it is low.
 const ASSIGNMENTS: [&str; 5] = [
     "BATT_CELLS=3",
     "BATT_CAPACITY=2200",
@@ -21,6 +20,9 @@ const ASSIGNMENTS: [&str; 5] = [
     "BATT_LOW_VOLT=11.4",
     "BATT_CRT_VOLT=11.1",
 ];
+
+/// Pages that show commands, what they print and the picture they draw.
+const PAGES: [&str; 2] = ["README.md", "docs/guides/failsafe-tuning.md"];
 
 /// A column of the rows that `replay` writes.
 const REMAINING_PCT: usize = 7;
@@ -41,18 +43,16 @@ fn printed(output: Output) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// The arguments of `replay` that draw the picture into a file.
-fn drawing(picture: &str) -> Vec<&str> {
-    let assignments = ASSIGNMENTS
+/// `ASSIGNMENTS` as arguments.
+fn assigned() -> impl Iterator<Item = &'static str> {
+    ASSIGNMENTS
         .into_iter()
-        .flat_map(|assignment| ["--param", assignment]);
-    assignments.chain(["--plot", picture, TRACE]).collect()
+        .flat_map(|assignment| ["--param", assignment])
 }
 
 #[test]
-fn reports_the_estimates_for_each_reading_and_plots_them() {
-    let drawn = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("discharge.svg");
-    let text = printed(replay(&drawing(drawn.to_str().expect("a path"))));
+fn reports_the_estimates_for_each_reading() {
+    let text = printed(replay(&assigned().chain([TRACE]).collect::<Vec<_>>()));
     let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let header = rows.next().expect("a header");
     assert_eq!(
@@ -78,19 +78,104 @@ fn reports_the_estimates_for_each_reading_and_plots_them() {
         events.len() == 2 && events[0].starts_with("is low 11.") && events[1].starts_with("is critical 10."),
         "{events:?}"
     );
+}
 
-    let committed = fs::read_to_string(root().join(PICTURE)).unwrap_or_default();
+/// The blocks of a page that run `replay`, and what it shows below each.
+fn documented(page: &str) -> Vec<(String, Option<String>)> {
+    let text = fs::read_to_string(root().join(page)).expect("the page");
+    let blocks = text
+        .split("```sh\n")
+        .skip(1)
+        .filter_map(|behind| behind.split_once("```\n"));
+    let blocks = blocks.filter(|(commands, _)| commands.contains("--bin replay -- "));
+    let shown = |rest: &str| {
+        let text = rest.trim_start().strip_prefix("```text\n")?;
+        Some(text.split_once("```")?.0.into())
+    };
+    blocks
+        .map(|(commands, rest)| (commands.into(), shown(rest)))
+        .collect()
+}
+
+/// What the commands of a page show in a terminal, run in `folder`.
+fn shown_by(commands: &str, folder: &Path) -> String {
+    let data = root().join("tests/data");
+    let commands = commands
+        .replace("--quiet ", "")
+        .replace("cargo run --bin replay --", env!("CARGO_BIN_EXE_replay"))
+        .replace("tests/data", data.to_str().expect("a path"));
+    let output = Command::new("bash")
+        .current_dir(folder)
+        .args(["-ec", &commands])
+        .output()
+        .expect("bash can be started");
+    assert!(output.status.success(), "{commands}: {output:?}");
+    // Rows go to a pipe, and to no terminal.
+    let shown = if output.stderr.is_empty() {
+        output.stdout
+    } else {
+        output.stderr
+    };
+    String::from_utf8(shown).expect("text")
+}
+
+#[test]
+fn documented_commands_show_what_the_pages_have_and_draw_their_picture() {
+    let committed = fs::read_to_string(root().join(PICTURE)).expect("the picture");
+    for page in PAGES {
+        let folder = no_folder("documented_replays");
+        fs::create_dir_all(folder.join("target")).expect("a folder");
+        let mut compared = 0;
+        for (commands, expected) in documented(page) {
+            let shown = shown_by(&commands, &folder);
+            if let Some(expected) = expected {
+                assert_eq!(shown, expected, "{page}: {commands}");
+                compared += 1;
+            }
+        }
+        assert!(compared > 0, "{page}: nothing is shown");
+        let drawn = ["out.svg", "target/drive.svg"].map(|name| fs::read_to_string(folder.join(name)));
+        assert!(
+            drawn.into_iter().flatten().eq([committed.clone()]),
+            "{PICTURE} is not what the command of {page} draws"
+        );
+    }
+}
+
+#[test]
+fn rows_go_to_a_file_if_one_is_named() {
+    let rows = no_file("rows.csv");
+    let arguments = ["--csv", rows.to_str().expect("a path"), TRACE];
+    let output = replay(&arguments);
+    assert!(output.stdout.is_empty());
+    let written = format!("wrote {}\n", rows.display());
+    assert!(String::from_utf8_lossy(&output.stderr).ends_with(&written));
+    let text = fs::read_to_string(&rows).expect("it is written");
+    assert_eq!(text, printed(replay(&[TRACE])));
+}
+
+#[test]
+fn help_begins_with_what_it_is_and_ends_with_examples() {
+    let help = printed(replay(&["--help"]));
     assert!(
-        fs::read_to_string(drawn).expect("the picture") == committed,
-        "{PICTURE} is stale: run `cargo run --bin replay -- {} > /dev/null`",
-        drawing(PICTURE).join(" ")
+        help.starts_with("Runs a recorded drive through the battery monitor"),
+        "{help}"
     );
+    let (_, examples) = help.split_once("Examples:\n").expect("examples");
+    assert_eq!(examples.lines().count(), 2, "{help}");
 }
 
 /// A file in a folder for this test run, which does not exist yet.
 fn no_file(name: &str) -> PathBuf {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_file(&path);
+    path
+}
+
+/// A folder for this test run, which does not exist yet.
+fn no_folder(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&path);
     path
 }
 
@@ -194,6 +279,7 @@ fn log_of_drive() -> Vec<u8> {
         (BatteryParameter::Monitor, 4.0),
         (BatteryParameter::Cells, 3.0),
         (BatteryParameter::Capacity, 2200.0),
+        (BatteryParameter::LowVolt, 10.8),
     ] {
         let id = parameter.of(Pack::Second);
         parameters.set(id, value).expect("in range");
@@ -249,7 +335,10 @@ fn a_log_replayed_agrees_with_what_the_board_reported() {
     let output = replay(&["--pack", "2", name]);
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(
-        errors.contains("drive.BIN: skipped ") && errors.lines().count() == 1,
+        errors
+            .lines()
+            .next()
+            .is_some_and(|line| line.contains("drive.BIN: skipped ")),
         "{errors}"
     );
     let text = printed(output);
@@ -278,5 +367,23 @@ fn a_log_replayed_agrees_with_what_the_board_reported() {
     assert!(
         (10.0..30.0).contains(&armed_remaining_pct),
         "{armed_remaining_pct} %"
+    );
+}
+
+#[test]
+fn thresholds_are_compared_with_those_of_the_log() {
+    let log = no_file("own.BIN");
+    fs::write(&log, log_of_drive()).expect("a file");
+    let name = log.to_str().expect("a path");
+    let said = |arguments: &[&str]| {
+        let output = replay(&[&["--pack", "2", name], arguments].concat());
+        String::from_utf8(output.stderr).expect("text")
+    };
+    assert!(!said(&[]).contains("With "));
+    let text = said(&["--param", "BATT2_LOW_VOLT=11.1"]);
+    let (_, compared) = text.split_once("With ").expect("a comparison");
+    assert_eq!(
+        compared,
+        "BATT2_LOW_VOLT 11.1 instead of 10.8:\n  low would have come 2 min 41 s earlier, at 5:30 instead of 8:11\n"
     );
 }

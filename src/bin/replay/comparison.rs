@@ -23,13 +23,14 @@ impl fmt::Display for Comparison<'_> {
         writeln!(f, "With {}:", self.changes.join(", "))?;
         let levels = [("low", FailsafeLevel::Low), ("critical", FailsafeLevel::Critical)];
         let lines = levels.map(|(name, level)| {
-            let time_s = |rows| reached(rows, level).map(|row| row.time_s);
+            // The seconds that are shown.
+            let time_s = |rows| reached(rows, level).map(|row| row.time_s.floor());
             let difference = difference(time_s(self.own), time_s(self.changed))?;
             Some(format!("  {name} would {difference}"))
         });
         let lines: Vec<String> = lines.into_iter().flatten().collect();
         match lines.as_slice() {
-            [] => writeln!(f, "  no failsafe, as in the log"),
+            [] => writeln!(f, "  no failsafe, as before"),
             _ => writeln!(f, "{}", lines.join("\n")),
         }
     }
@@ -39,10 +40,10 @@ impl fmt::Display for Comparison<'_> {
 fn difference(own_s: Option<f64>, changed_s: Option<f64>) -> Option<String> {
     let text = match (own_s, changed_s) {
         (None, None) => return None,
-        (None, Some(changed_s)) => format!("have come at {}, not at all in the log", clock(changed_s)),
+        (None, Some(changed_s)) => format!("have come at {} instead of not at all", clock(changed_s)),
         (Some(own_s), None) => format!("not have come, instead of at {}", clock(own_s)),
         (Some(own_s), Some(changed_s)) if own_s == changed_s => {
-            format!("have come at {}, as in the log", clock(own_s))
+            format!("have come at {} all the same", clock(own_s))
         }
         (Some(own_s), Some(changed_s)) => {
             let direction = if changed_s < own_s { "earlier" } else { "later" };
@@ -66,13 +67,9 @@ mod tests {
     fn every_difference_has_its_words() {
         for (own_s, changed_s, expected) in [
             (None, None, None),
-            (
-                None,
-                Some(391.0),
-                Some("have come at 6:31, not at all in the log"),
-            ),
+            (None, Some(391.0), Some("have come at 6:31 instead of not at all")),
             (Some(581.0), None, Some("not have come, instead of at 9:41")),
-            (Some(581.0), Some(581.0), Some("have come at 9:41, as in the log")),
+            (Some(581.0), Some(581.0), Some("have come at 9:41 all the same")),
             (
                 Some(581.0),
                 Some(391.0),
@@ -96,7 +93,7 @@ mod tests {
             row(91.0, FailsafeLevel::Low),
         ];
         let changed = [row(0.0, FailsafeLevel::None), row(60.0, FailsafeLevel::Low)];
-        let changes = ["BATT_LOW_VOLT 11 (in the log 10.5)".to_string()];
+        let changes = ["BATT_LOW_VOLT 11 instead of 10.5".to_string()];
         let text = |changed: &[Row]| {
             Comparison {
                 changes: &changes,
@@ -107,13 +104,13 @@ mod tests {
         };
         assert_eq!(
             text(&changed),
-            "With BATT_LOW_VOLT 11 (in the log 10.5):\n  low would have come 30 s earlier, at 1:00 instead of 1:30\n"
+            "With BATT_LOW_VOLT 11 instead of 10.5:\n  low would have come 30 s earlier, at 1:00 instead of 1:30\n"
         );
         let none = Comparison {
             changes: &changes,
             own: &[],
             changed: &[],
         };
-        assert!(none.to_string().ends_with(":\n  no failsafe, as in the log\n"));
+        assert!(none.to_string().ends_with(":\n  no failsafe, as before\n"));
     }
 }

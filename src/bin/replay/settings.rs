@@ -70,7 +70,7 @@ pub fn changes(own: &Parameters, changed: &Parameters, assignments: &[Assignment
     let mut changes = vec![];
     for Assignment { id, .. } in assignments {
         let (before, value) = (own.get(*id), changed.get(*id));
-        let change = format!("{} {value} (in the log {before})", id.name());
+        let change = format!("{} {value} instead of {before}", id.name());
         if value != before && !changes.contains(&change) {
             changes.push(change);
         }
@@ -172,7 +172,7 @@ mod tests {
         let changed = assign(own.clone(), &assignments, Pack::First, &trace).expect("in range");
         assert_eq!(
             changes(&own, &changed, &assignments),
-            ["BATT_LOW_VOLT 10.8 (in the log 0)"]
+            ["BATT_LOW_VOLT 10.8 instead of 0"]
         );
     }
 
