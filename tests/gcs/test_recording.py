@@ -47,7 +47,8 @@ def test_a_terminal_is_shown_words_and_no_rows():
     trace = REPOSITORY / "tests" / "data" / "traces" / "trace_failsafe_voltage.csv"
     run = ["cargo", "run", "--quiet", "--bin", "replay", "--", str(trace)]
     terminal, program = pty.openpty()
-    said = subprocess.run(run, cwd=REPOSITORY, check=True, stdout=program, stderr=subprocess.PIPE, text=True).stderr
+    ends = {"stdout": program, "stderr": subprocess.PIPE}
+    said = subprocess.run(run, cwd=REPOSITORY, check=True, timeout=60, text=True, **ends).stderr
     os.close(program)
     with pytest.raises(OSError):  # Nothing was written before the other end was closed.
         os.read(terminal, 1)
