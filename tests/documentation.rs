@@ -365,9 +365,10 @@ const WIFI_REPORTS: [WifiReport; 10] = [
     WifiReport::FallbackToAccessPoint,
 ];
 
-const ARMING_FAILURES: [ArmingFailure; 11] = [
+const ARMING_FAILURES: [ArmingFailure; 12] = [
     ArmingFailure::Unhealthy,
     ArmingFailure::Failed,
+    ArmingFailure::WrongCells,
     ArmingFailure::Emergency,
     ArmingFailure::BelowArmingVoltage,
     ArmingFailure::BelowArmingCapacity,

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use super::failsafe::{is_below, remaining, voltage_v};
-use super::{BatteryState, ChargeState, FailsafeLevel, PackSettings, PackStatus};
+use super::{BatteryState, ChargeState, FailsafeLevel, Faults, PackSettings, PackStatus};
 
 /// Why a pack fails the arming checks, in ArduPilot's words and order where it has the check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,6 +13,8 @@ pub enum ArmingFailure {
     Unhealthy,
     /// The pack has failed: a cell is broken.
     Failed,
+    /// The voltage does not fit `BATT_CELLS`: what the charge is computed from is wrong.
+    WrongCells,
     /// The charge state is EMERGENCY.
     Emergency,
     /// The terminal voltage is below `BATT_ARM_VOLT`.
@@ -38,6 +40,7 @@ impl fmt::Display for ArmingFailure {
         f.write_str(match self {
             Self::Unhealthy => "unhealthy",
             Self::Failed => "has failed",
+            Self::WrongCells => "voltage does not fit cells",
             Self::Emergency => "is nearly empty",
             Self::BelowArmingVoltage => "below minimum arming voltage",
             Self::BelowArmingCapacity => "below minimum arming capacity",
@@ -71,6 +74,10 @@ pub fn arming_failures(
             ArmingFailure::Unhealthy,
         ),
         (state.charge_state == ChargeState::Failed, ArmingFailure::Failed),
+        (
+            state.faults.contains(Faults::INCOMPATIBLE_VOLTAGE),
+            ArmingFailure::WrongCells,
+        ),
         (
             state.charge_state == ChargeState::Emergency,
             ArmingFailure::Emergency,
@@ -126,6 +133,17 @@ mod tests {
             voltage_v: Some(voltage_v),
             remaining_mah: Some(remaining_mah),
         }
+    }
+
+    #[test]
+    fn pack_with_another_number_of_cells_fails() {
+        let state = BatteryState {
+            status: PackStatus::Healthy,
+            faults: Faults::INCOMPATIBLE_VOLTAGE,
+            ..BatteryState::default()
+        };
+        let failures: Vec<_> = arming_failures(&state, &PackSettings::default()).collect();
+        assert_eq!(failures, [ArmingFailure::WrongCells]);
     }
 
     #[test]

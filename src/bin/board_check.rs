@@ -24,7 +24,7 @@ mod board_check {
 
     /// Checks a board over MAVLink and writes a report: 0 no check failed, 1 some did, 2 no board answered
     #[derive(Parser)]
-    #[command(name = "board-check", version, about)]
+    #[command(name = "board-check", version)]
     struct Arguments {
         /// A serial port, as /dev/ttyACM0 or COM3, or tcp:HOST:PORT
         port: String,

@@ -15,7 +15,7 @@ use super::status::{Comparison, Status, Traffic};
 use super::tcp::POLL_MS;
 use super::{
     Client, Clients, PackModel, PackSimulation, SimulatedBus, SimulatedFlash, SimulatedPack,
-    SimulatedPackInput, SimulatedRover, TcpReceiver, UdpWire,
+    SimulatedPackInput, SimulatedRover, UdpWire,
 };
 use crate::autopilot::Start;
 use crate::battery::{LEARNT_WORDS, RetainedRecord};

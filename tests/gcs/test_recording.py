@@ -2,6 +2,7 @@
 
 import csv
 import os
+import pty
 import signal
 import subprocess
 import sys
@@ -37,9 +38,22 @@ def rows(path):
 def replay(path, *parameters):
     """What `replay` says of the drive."""
     arguments = [argument for parameter in parameters for argument in ("--param", parameter)]
-    run = ["cargo", "run", "--quiet", "--example", "replay", "--", *arguments, str(path)]
+    run = ["cargo", "run", "--quiet", "--bin", "replay", "--", *arguments, str(path)]
     output = subprocess.run(run, cwd=REPOSITORY, check=True, capture_output=True, text=True).stdout
     return [row["events"] for row in csv.DictReader(output.splitlines()) if row["events"]]
+
+
+def test_a_terminal_is_shown_words_and_no_rows():
+    trace = REPOSITORY / "tests" / "data" / "traces" / "trace_failsafe_voltage.csv"
+    run = ["cargo", "run", "--quiet", "--bin", "replay", "--", str(trace)]
+    terminal, program = pty.openpty()
+    ends = {"stdout": program, "stderr": subprocess.PIPE}
+    said = subprocess.run(run, cwd=REPOSITORY, check=True, timeout=60, text=True, **ends).stderr
+    os.close(program)
+    with pytest.raises(OSError):  # Nothing was written before the other end was closed.
+        os.read(terminal, 1)
+    os.close(terminal)
+    assert said.startswith("1 min 10 s, ")
 
 
 def test_a_log_of_a_ground_station_becomes_a_recording(start_simulator, script, tmp_path):

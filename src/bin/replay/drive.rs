@@ -21,8 +21,8 @@ const FIRST_CELLS: usize = 12;
 pub struct Drive {
     /// The readings of the pack.
     pub trace: Trace,
-    /// The last value of each parameter in the log, defaults beside.
-    pub parameters: Parameters,
+    /// The last value of each parameter in the log, defaults beside; `None` if it has none.
+    pub parameters: Option<Parameters>,
 }
 
 impl Drive {
@@ -67,7 +67,7 @@ fn is_of(record: &Record, name: &str, pack: Pack) -> bool {
 struct Reader {
     pack: Pack,
     samples: Vec<Sample>,
-    parameters: Parameters,
+    parameters: Option<Parameters>,
     armed: bool,
 }
 
@@ -76,7 +76,7 @@ impl Reader {
         Self {
             pack,
             samples: vec![],
-            parameters: Parameters::defaults(),
+            parameters: None,
             armed: false,
         }
     }
@@ -103,7 +103,8 @@ impl Reader {
             .text("Name")
             .and_then(|name| ParameterId::from_name(name.as_bytes()));
         if let Some((id, value)) = id.zip(number(record, "Value")) {
-            let _ = self.parameters.set(id, value);
+            let parameters = self.parameters.get_or_insert_with(Parameters::defaults);
+            let _ = parameters.set(id, value);
         }
     }
 
@@ -284,7 +285,8 @@ mod tests {
             Recorded::Battery(Pack::Second, &state),
         ];
         let drive = Drive::of_pack(&log(&records), Pack::Second).expect("a drive");
-        let value = |parameter: BatteryParameter| drive.parameters.get(parameter.of(Pack::Second));
+        let parameters = drive.parameters.expect("the log has some");
+        let value = |parameter: BatteryParameter| parameters.get(parameter.of(Pack::Second));
         assert_eq!(value(BatteryParameter::Capacity), 5200.0);
         assert_eq!(
             value(BatteryParameter::ArmVolt),

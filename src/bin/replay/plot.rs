@@ -12,7 +12,7 @@ use self::axis::Axis;
 use self::panel::{LEFT, Panel};
 use self::series::Series;
 use self::svg::{Anchor, Svg};
-use crate::report::Row;
+use crate::report::{self, Row};
 
 const WIDTH: f64 = 1000.0;
 const HEAD_HEIGHT: f64 = 56.0;
@@ -156,10 +156,7 @@ fn marks(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
 
 /// What happened.
 fn events(svg: &mut Svg, panel: &Panel, rows: &[Row]) {
-    let events = rows
-        .iter()
-        .flat_map(|row| row.events.iter().map(|text| (row.time_s, text)));
-    for (number, (time_s, text)) in events.enumerate() {
+    for (number, (time_s, text)) in report::events(rows).enumerate() {
         panel.event(svg, time_s, number % EVENT_LINES, &format!("Battery {text}"));
     }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, Range, Refused};
 
 use crate::trace::Trace;
 
@@ -57,11 +57,41 @@ pub fn assign(
         } as f32,
     };
     for Assignment { id, value } in [&monitor].into_iter().chain(assignments) {
-        parameters
-            .set(*id, *value)
-            .map_err(|_| format!("{} can't be {value}", id.name()))?;
+        parameters.set(*id, *value).map_err(|refused| match refused {
+            Refused::OutOfRange => format!("{} can't be {value}: {}", id.name(), valid(&id.row().range)),
+            Refused::ReadOnly => format!("{} can't be set", id.name()),
+        })?;
     }
     Ok(parameters)
+}
+
+/// The parameters among the assignments that are not as they were, with both values.
+pub fn changes(own: &Parameters, changed: &Parameters, assignments: &[Assignment]) -> Vec<String> {
+    let mut changes = vec![];
+    for Assignment { id, .. } in assignments {
+        let (before, value) = (own.get(*id), changed.get(*id));
+        let change = format!("{} {value} instead of {before}", id.name());
+        if value != before && !changes.contains(&change) {
+            changes.push(change);
+        }
+    }
+    changes
+}
+
+/// The values in a range, in words.
+fn valid(range: &Range) -> String {
+    match range {
+        Range::Between(lowest, highest) => format!("{lowest} to {highest}"),
+        Range::OneOf(values) => joined(values.iter().map(|(value, _)| value.to_string())),
+        Range::Bits(bits) => format!(
+            "a sum of {}",
+            joined(bits.iter().map(|(bit, _)| (1u64 << bit).to_string()))
+        ),
+    }
+}
+
+fn joined(values: impl Iterator<Item = String>) -> String {
+    values.collect::<Vec<_>>().join(", ")
 }
 
 /// What the monitor is given.
@@ -104,7 +134,7 @@ mod tests {
 
     fn inputs(trace: &str, assignments: &[&str]) -> Result<Inputs, String> {
         let assignments: Result<Vec<Assignment>, _> = assignments.iter().map(|text| text.parse()).collect();
-        let trace = Trace::parse(trace).expect("a trace");
+        let trace = Trace::parse(trace.as_bytes()).expect("a trace");
         let parameters = assign(Parameters::defaults(), &assignments?, Pack::First, &trace)?;
         Inputs::from_parameters(&parameters, Pack::First)
     }
@@ -133,13 +163,33 @@ mod tests {
     }
 
     #[test]
+    fn changes_are_parameters_that_differ_once_each() {
+        let assignments: Vec<Assignment> = ["BATT_LOW_VOLT=10", "BATT_CELLS=0", "BATT_LOW_VOLT=10.8"]
+            .map(|text| text.parse().expect("an assignment"))
+            .into();
+        let own = Parameters::defaults();
+        let trace = Trace::parse(WITH_CURRENT.as_bytes()).expect("a trace");
+        let changed = assign(own.clone(), &assignments, Pack::First, &trace).expect("in range");
+        assert_eq!(
+            changes(&own, &changed, &assignments),
+            ["BATT_LOW_VOLT 10.8 instead of 0"]
+        );
+    }
+
+    #[test]
     fn what_can_not_be_set_is_said() {
         for (assignment, expected) in [
             ("BATT_CELLS", "NAME=VALUE is needed"),
             ("BATT_SELLS=3", "no parameter BATT_SELLS"),
             ("BATT_CELLS=three", "\"three\" is no number for BATT_CELLS"),
-            ("BATT_CELLS=99", "BATT_CELLS can't be 99"),
-            ("BATT_CAPACITY=NaN", "BATT_CAPACITY can't be NaN"),
+            ("BATT_CELLS=99", "BATT_CELLS can't be 99: 0 to 16"),
+            ("BATT_CAPACITY=NaN", "BATT_CAPACITY can't be NaN: 0 to 1000000"),
+            ("BATT_FS_VOLTSRC=2", "BATT_FS_VOLTSRC can't be 2: 0, 1"),
+            (
+                "BATT_SUM_MASK=512",
+                "BATT_SUM_MASK can't be 512: a sum of 1, 2, 4, 8, 16, 32, 64, 128, 256",
+            ),
+            ("BATT_LRN_CAP=2000", "BATT_LRN_CAP can't be set"),
             (
                 "BATT_MONITOR=10",
                 "BATT_MONITOR 10 can't be replayed: 3, 4 and 31 can",

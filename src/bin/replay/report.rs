@@ -39,6 +39,12 @@ pub struct Row {
     pub reported: Option<Reported>,
 }
 
+/// What happened, and when, in seconds since the trace's start.
+pub fn events(rows: &[Row]) -> impl Iterator<Item = (f64, &String)> {
+    rows.iter()
+        .flat_map(|row| row.events.iter().map(|text| (row.time_s, text)))
+}
+
 /// The rows as text, behind a header.
 pub fn csv(rows: &[Row]) -> String {
     let has_reported = rows.iter().any(|row| row.reported.is_some());
@@ -90,9 +96,20 @@ fn field(value: Option<f32>) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
     use rover_battmon::battery::{Amount, ChargeState};
+
+    /// A row of which this is known.
+    pub fn row(time_s: f64, failsafe: FailsafeLevel) -> Row {
+        Row {
+            time_s,
+            state: BatteryState::default(),
+            failsafe,
+            events: vec![],
+            reported: None,
+        }
+    }
 
     #[test]
     fn what_is_unknown_is_empty_and_the_resting_voltage_falls_back() {

@@ -1,0 +1,396 @@
+//! What a replay has shown, in words. What was not computed is unknown.
+
+use std::fmt;
+
+use rover_battmon::battery::{
+    FailsafeLevel, FailsafeSettings, LearntPack, PackSettings, PackStatus, SuggestedThresholds,
+};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::BatteryParameter;
+
+use crate::report::{Row, events};
+use crate::trace::Trace;
+use crate::words::{clock, duration, quantity};
+
+/// The remaining charge lies within so many standard deviations in 19 of 20 cases.
+const SIGMAS: f32 = 2.0;
+
+/// So many announcements are listed.
+const LISTED_EVENTS: usize = 20;
+
+/// A replay, to be shown in words.
+pub struct Summary<'a> {
+    /// What was replayed.
+    pub trace: &'a Trace,
+    /// What came of it.
+    pub rows: &'a [Row],
+    /// Which pack it is of.
+    pub pack: Pack,
+    /// What it was replayed with.
+    pub settings: &'a PackSettings,
+    /// What was known of the pack before.
+    pub known: &'a LearntPack,
+    /// What is known of it now.
+    pub learnt: &'a LearntPack,
+}
+
+impl fmt::Display for Summary<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", length(self.trace))?;
+        writeln!(f, "Voltage: {}", voltages(self.rows))?;
+        writeln!(f, "Drawn: {}", drawn(self.rows))?;
+        writeln!(f, "Remaining at the end: {}", remaining(self.rows))?;
+        writeln!(f, "Learnt: {}", learnt(self.known, self.learnt))?;
+        self.announced(f)?;
+        writeln!(f, "Failsafe: {}", self.failsafe())
+    }
+}
+
+fn length(trace: &Trace) -> String {
+    let readings = trace.samples.len();
+    let armed_s: f64 = trace
+        .samples
+        .windows(2)
+        .filter(|pair| pair[0].armed)
+        .map(|pair| pair[1].time_s - pair[0].time_s)
+        .sum();
+    let [first_s, last_s] = [trace.samples.first(), trace.samples.last()]
+        .map(|sample| sample.map_or(0.0, |sample| sample.time_s));
+    format!(
+        "{}, from {} to {}, {readings} readings; armed for {}",
+        duration(last_s - first_s),
+        clock(first_s),
+        clock(last_s),
+        duration(armed_s)
+    )
+}
+
+/// The readings of a connected pack.
+fn healthy(rows: &[Row]) -> impl DoubleEndedIterator<Item = (&Row, f32)> {
+    rows.iter()
+        .filter(|row| row.state.status == PackStatus::Healthy)
+        .filter_map(|row| Some((row, row.state.voltage_v?)))
+}
+
+fn voltages(rows: &[Row]) -> String {
+    let weakest = healthy(rows).min_by(|(_, a), (_, b)| a.total_cmp(b));
+    let ends = healthy(rows).next().zip(healthy(rows).next_back());
+    let Some(((weakest, weakest_v), ((_, first_v), (_, last_v)))) = weakest.zip(ends) else {
+        return "unknown".into();
+    };
+    let load = weakest
+        .state
+        .current_a
+        .map_or(String::new(), |current_a| format!(" at {current_a:.1} A"));
+    format!(
+        "{first_v:.2} V at the start, {last_v:.2} V at the end; weakest at {}: {weakest_v:.2} V{load}",
+        clock(weakest.time_s)
+    )
+}
+
+fn drawn(rows: &[Row]) -> String {
+    let state = rows.last().map(|row| &row.state);
+    match state.and_then(|state| state.consumed_mah().zip(state.consumed_wh)) {
+        Some((mah, wh)) => format!("{mah:.0} mAh, {wh:.1} Wh"),
+        None => quantity(state.and_then(|state| state.consumed_mah()), 0, "mAh"),
+    }
+}
+
+fn remaining(rows: &[Row]) -> String {
+    let Some(last) = rows.last() else {
+        return "unknown".into();
+    };
+    let state = &last.state;
+    let mut text = quantity(state.remaining_pct, 0, "%");
+    if state.cell_count.is_none() {
+        text += ", as is the number of cells (BATT_CELLS)";
+    }
+    if state.remaining_pct.is_some() {
+        text += &format!(" of {}", quantity(state.capacity_mah(), 0, "mAh"));
+        let within_pct = state.remaining_sigma_pct.map(|sigma_pct| SIGMAS * sigma_pct);
+        text += &format!(" ± {} (19 times of 20)", quantity(within_pct, 0, "%"));
+        text += &format!(", usable {}", quantity(state.usable_pct, 0, "%"));
+    }
+    if let Some(reported) = &last.reported {
+        text += &format!("; the log has {}", quantity(reported.remaining_pct, 0, "%"));
+    }
+    text
+}
+
+/// What is known of the pack, and since when.
+fn learnt(known: &LearntPack, now: &LearntPack) -> String {
+    let capacity_ah = |pack: &LearntPack| pack.capacity_mah().map(|mah| mah / 1e3);
+    let milliohms = |pack: &LearntPack| pack.resistance_ohm().map(|ohm| ohm * 1e3);
+    let values = |pack| {
+        format!(
+            "capacity {}, resistance {}",
+            quantity(capacity_ah(pack), 2, "Ah"),
+            quantity(milliohms(pack), 0, "mΩ")
+        )
+    };
+    let is_known = |pack| capacity_ah(pack).is_some() || milliohms(pack).is_some();
+    match (is_known(known), is_known(now)) {
+        (_, false) => "nothing".into(),
+        (false, true) => values(now),
+        (true, true) if values(known) == values(now) => format!("nothing new: {}", values(now)),
+        (true, true) => format!("{}; before: {}", values(now), values(known)),
+    }
+}
+
+/// The row in which a level was reached first.
+pub fn reached(rows: &[Row], level: FailsafeLevel) -> Option<&Row> {
+    rows.iter().find(|row| row.failsafe == level)
+}
+
+impl Summary<'_> {
+    fn failsafe(&self) -> String {
+        if self.settings.failsafe.is_disabled() {
+            return self.suggestion();
+        }
+        let levels = [FailsafeLevel::Low, FailsafeLevel::Critical];
+        let texts: Vec<String> = levels
+            .into_iter()
+            .filter_map(|level| self.failsafe_level(level))
+            .collect();
+        let mut text = texts.join("; ");
+        if !self.trace.samples.iter().any(|sample| sample.armed) {
+            text += "; the recording is never armed (column armed), and only then they act";
+        }
+        text
+    }
+
+    /// When its thresholds would have acted, if it has any.
+    fn failsafe_level(&self, level: FailsafeLevel) -> Option<String> {
+        let names = thresholds(&self.settings.failsafe, level, self.pack)?;
+        let Some(row) = reached(self.rows, level) else {
+            return Some(format!("{names} would not have acted"));
+        };
+        let left = row.state.remaining_pct;
+        let left = left.map_or(String::new(), |left_pct| format!(", {left_pct:.0} % left"));
+        Some(format!("{names} would have acted at {}{left}", clock(row.time_s)))
+    }
+
+    fn suggestion(&self) -> String {
+        let last = self.rows.last();
+        let Some(suggested) = last.and_then(|row| SuggestedThresholds::of(&row.state, self.settings)) else {
+            return "none is set".into();
+        };
+        format!(
+            "none is set; usual are {} {:.1} and {} {:.1}",
+            BatteryParameter::LowVolt.of(self.pack).name(),
+            suggested.low_v,
+            BatteryParameter::CrtVolt.of(self.pack).name(),
+            suggested.critical_v
+        )
+    }
+
+    fn announced(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let count = events(self.rows).count();
+        if count == 0 {
+            return writeln!(f, "Announced: nothing");
+        }
+        writeln!(f, "Announced:")?;
+        for (time_s, text) in events(self.rows).take(LISTED_EVENTS) {
+            writeln!(f, "  {:>7}  Battery {} {text}", clock(time_s), self.pack.number())?;
+        }
+        match count.saturating_sub(LISTED_EVENTS) {
+            0 => Ok(()),
+            more => writeln!(f, "  {more} more, in the rows"),
+        }
+    }
+}
+
+/// The thresholds of a level that are in effect, with their values.
+fn thresholds(settings: &FailsafeSettings, level: FailsafeLevel, pack: Pack) -> Option<String> {
+    let (limits, voltage, charge) = match level {
+        FailsafeLevel::Critical => (
+            settings.critical,
+            BatteryParameter::CrtVolt,
+            BatteryParameter::CrtMah,
+        ),
+        _ => (settings.low, BatteryParameter::LowVolt, BatteryParameter::LowMah),
+    };
+    let named = |parameter: BatteryParameter, value| format!("{} {value}", parameter.of(pack).name());
+    let texts = [
+        settings
+            .timer_s
+            .and(limits.voltage_v)
+            .map(|volts| named(voltage, volts)),
+        limits.remaining_mah.map(|mah| named(charge, mah)),
+    ];
+    let texts: Vec<String> = texts.into_iter().flatten().collect();
+    (!texts.is_empty()).then(|| texts.join(" or "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::{self, Inputs};
+    use crate::trace::Sample;
+    use crate::{plot, report, run};
+    use proptest::prelude::*;
+    use rover_battmon::parameter::Parameters;
+
+    /// What is said of a trace that is replayed with these parameters.
+    fn summary(trace: &Trace, assignments: &[&str]) -> String {
+        let assignments: Vec<_> = assignments
+            .iter()
+            .map(|text| text.parse().expect("an assignment"))
+            .collect();
+        let pack = Pack::First;
+        let parameters =
+            settings::assign(Parameters::defaults(), &assignments, pack, trace).expect("in range");
+        let inputs = Inputs::from_parameters(&parameters, pack).expect("what the trace has");
+        let mut learnt = LearntPack::UNKNOWN;
+        let rows = run::run(trace, pack, inputs, &parameters, &mut learnt);
+        let settings = PackSettings::from_parameters(&parameters, pack);
+        let caption = plot::Caption {
+            title: "",
+            subtitle: "",
+            failsafe: &settings.failsafe,
+        };
+        // Nothing that is said, written or drawn may fail.
+        let _ = (report::csv(&rows), plot::plot(&rows, &caption));
+        Summary {
+            trace,
+            rows: &rows,
+            pack,
+            settings: &settings,
+            known: &LearntPack::UNKNOWN,
+            learnt: &learnt,
+        }
+        .to_string()
+    }
+
+    fn trace(text: &str) -> Trace {
+        Trace::parse(text.as_bytes()).expect("a trace")
+    }
+
+    #[test]
+    fn what_is_unknown_is_said_to_be() {
+        let text = summary(&trace("t_s,voltage_v\n0,\n65,\n"), &[]);
+        let expected = "1 min 5 s, from 0:00 to 1:05, 2 readings; armed for 0 s\n\
+                        Voltage: unknown\n\
+                        Drawn: unknown\n\
+                        Remaining at the end: unknown, as is the number of cells (BATT_CELLS)\n\
+                        Learnt: nothing\n\
+                        Announced: nothing\n\
+                        Failsafe: none is set\n";
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn the_weakest_moment_is_said_with_its_load() {
+        let text = summary(
+            &trace("t_s,voltage_v,current_a\n0,12,0\n724,9.91,14.2\n725,11,1\n"),
+            &[],
+        );
+        let expected =
+            "Voltage: 12.00 V at the start, 11.00 V at the end; weakest at 12:04: 9.91 V at 14.2 A\n";
+        assert!(text.contains(expected), "{text}");
+    }
+
+    #[test]
+    fn thresholds_say_when_they_would_have_acted_or_why_not() {
+        let rows: String = (0..400)
+            .map(|tenth| format!("{},10.4,1,1\n", f64::from(tenth) / 10.0))
+            .collect();
+        let armed = trace(&format!("t_s,voltage_v,current_a,armed\n{rows}"));
+        let disarmed = trace(&format!("t_s,voltage_v,current_a,note\n{rows}"));
+        for (trace, assignments, expected) in [
+            (
+                &armed,
+                ["BATT_LOW_VOLT=10.5", "BATT_CRT_VOLT=9.9"],
+                "BATT_LOW_VOLT 10.5 would have acted at 0:10; BATT_CRT_VOLT 9.9 would not have acted\n",
+            ),
+            (
+                &armed,
+                ["BATT_LOW_VOLT=10.5", "BATT_LOW_MAH=500"],
+                "BATT_LOW_VOLT 10.5 or BATT_LOW_MAH 500 would have acted at 0:10\n",
+            ),
+            (
+                &armed,
+                ["BATT_LOW_VOLT=10.5", "BATT_LOW_TIMER=0"],
+                "none is set\n",
+            ),
+            (
+                &armed,
+                ["BATT_LOW_VOLT=0", "BATT_CELLS=3"],
+                "none is set; usual are BATT_LOW_VOLT 10.5 and BATT_CRT_VOLT 10.2\n",
+            ),
+            (
+                &disarmed,
+                ["BATT_LOW_VOLT=10.5", "BATT_LOW_TIMER=1"],
+                "BATT_LOW_VOLT 10.5 would not have acted; the recording is never armed (column armed), and only then they \
+                 act\n",
+            ),
+        ] {
+            let text = summary(trace, &assignments);
+            let (_, said) = text.split_once("Failsafe: ").expect("a line of it");
+            assert_eq!(said, expected);
+        }
+    }
+
+    #[test]
+    fn what_was_learnt_is_said_with_what_was_known() {
+        let pack = |mah: u32| -> LearntPack {
+            let text = format!(
+                "cells 3\ndrives 1\ncapacity_mah_sigma {mah} 0.03\nresistance_ohm_now_first 0.0152 0.0152\n"
+            );
+            text.parse().expect("a pack")
+        };
+        let [older, newer] = [pack(3000), pack(2950)];
+        for (known, now, expected) in [
+            (&LearntPack::UNKNOWN, &LearntPack::UNKNOWN, "nothing"),
+            (&LearntPack::UNKNOWN, &newer, "capacity 2.95 Ah, resistance 46 mΩ"),
+            (&newer, &newer, "nothing new: capacity 2.95 Ah, resistance 46 mΩ"),
+            (
+                &older,
+                &newer,
+                "capacity 2.95 Ah, resistance 46 mΩ; before: capacity 3.00 Ah, resistance 46 mΩ",
+            ),
+        ] {
+            assert_eq!(learnt(known, now), expected);
+        }
+    }
+
+    #[test]
+    fn announcements_beyond_those_listed_are_counted() {
+        let rows: String = (0..1000)
+            .map(|second| format!("{second},11.5,1,{}\n", second / 20 % 2))
+            .collect();
+        let text = summary(
+            &trace(&format!("t_s,voltage_v,current_a,healthy\n{rows}")),
+            &["BATT_CELLS=3"],
+        );
+        let listed = text.lines().filter(|line| line.contains("  Battery 1 ")).count();
+        assert_eq!(listed, LISTED_EVENTS);
+        assert!(text.contains(" more, in the rows\n"), "{text}");
+    }
+
+    prop_compose! {
+        fn sample()(
+            step_s in prop::sample::select(vec![0.0, 0.1, 0.5, 20.0, 1e8]),
+            voltage_v in prop::option::of(-1.0f32..60.0),
+            current_a in prop::option::of(-200.0f32..200.0),
+            healthy in any::<bool>(),
+            armed in any::<bool>(),
+        ) -> (f64, Sample) {
+            (step_s, Sample { voltage_v, current_a, healthy, armed, ..Sample::NONE })
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_trace_has_a_summary(steps in prop::collection::vec(sample(), 0..50)) {
+            let mut time_s = 0.0;
+            let samples = steps.into_iter().map(|(step_s, sample)| {
+                time_s += step_s;
+                Sample { time_s, ..sample }
+            });
+            let trace = Trace { samples: samples.collect() };
+            let text = summary(&trace, &["BATT_LOW_VOLT=10.5"]);
+            prop_assert!(text.lines().count() >= 7, "{text}");
+        }
+    }
+}

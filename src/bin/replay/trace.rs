@@ -1,0 +1,544 @@
+//! A recorded trace: CSV with a header; the columns may stand in any order, and others are ignored.
+//!
+//! | column | names | |
+//! |---|---|---|
+//! | `t_s` | `t`, `time`, `timestamp`, `seconds`, `elapsed` | seconds since some start; Unix time counts from the first reading |
+//! | `voltage_v` | `v`, `volt`, `volts`, `voltage` | between the pack's terminals; empty where it was not measured |
+//! | `current_a` | `a`, `i`, `amp`, `amps`, `amperes`, `curr`, `current` | drawn from the pack; empty where it was not measured, −1 throughout or left out for no sensor |
+//! | `healthy` | | 0 where the sensor failed; 1 if left out |
+//! | `armed` | | 1 while the rover may move; 0 if left out |
+//!
+//! Of a name only letters and digits count, in any case, and a unit may follow: `Voltage [V]` is `voltage_v`. Fields are separated
+//! by commas, or by semicolons or tabs; with the latter two, numbers may have a decimal comma. Empty lines and those that begin
+//! with `#` are skipped.
+
+use std::fmt;
+
+use rover_battmon::battery::CellVoltages;
+
+/// What some recorders write into every row when there is no sensor of the current.
+const NO_SENSOR_A: f32 = -1.0;
+
+/// Times from here on are Unix time, in seconds: in September 2001. No recording lasts as long.
+const UNIX_TIME_FROM_S: f64 = 1e9;
+
+/// The latest time that is read, in seconds.
+const LATEST_S: f64 = 1e10;
+
+/// What files of Windows programs may begin with.
+const BYTE_ORDER_MARK: char = '\u{feff}';
+const BYTE_ORDER_MARKS_OF_UTF16: [[u8; 2]; 2] = [[0xff, 0xfe], [0xfe, 0xff]];
+
+/// What separates fields; the first of these that the header has.
+const SEPARATORS: [char; 3] = [';', '\t', ','];
+
+/// Characters of a field that an error shows.
+const SHOWN_CHARACTERS: usize = 40;
+
+/// A recorded trace.
+#[derive(Debug, PartialEq)]
+pub struct Trace {
+    /// Its readings, as they follow each other.
+    pub samples: Vec<Sample>,
+}
+
+/// One reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Seconds since some start.
+    pub time_s: f64,
+    /// Between the pack's terminals.
+    pub voltage_v: Option<f32>,
+    /// Drawn from the pack.
+    pub current_a: Option<f32>,
+    /// The sensor delivered.
+    pub healthy: bool,
+    /// The rover may move.
+    pub armed: bool,
+    /// Of the pack, in degrees Celsius.
+    pub temperature_c: Option<f32>,
+    /// Of each cell.
+    pub cells: CellVoltages,
+    /// What the board reported then, in a log of its own.
+    pub reported: Option<Reported>,
+}
+
+impl Sample {
+    /// One in which nothing was measured.
+    pub const NONE: Self = Self {
+        time_s: 0.0,
+        voltage_v: None,
+        current_a: None,
+        healthy: true,
+        armed: false,
+        temperature_c: None,
+        cells: CellVoltages::NONE,
+        reported: None,
+    };
+}
+
+/// What the board reported of the pack.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reported {
+    /// Charge drawn, in milliampere-hours.
+    pub consumed_mah: Option<f32>,
+    /// Remaining charge, in percent: with its fraction where the log has it.
+    pub remaining_pct: Option<f32>,
+    /// Number of the charge state.
+    pub charge_state: Option<u8>,
+}
+
+/// Why a file is no trace.
+#[derive(Debug, PartialEq)]
+pub struct TraceError {
+    line: usize,
+    message: String,
+}
+
+impl fmt::Display for TraceError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}: {}", self.line, self.message)
+    }
+}
+
+impl Trace {
+    /// Reads a trace from its file.
+    ///
+    /// # Errors
+    /// The first line that is none of a trace, and what it should be.
+    pub fn parse(bytes: &[u8]) -> Result<Self, TraceError> {
+        let at = |line| move |message| TraceError { line, message };
+        if BYTE_ORDER_MARKS_OF_UTF16
+            .iter()
+            .any(|mark| bytes.starts_with(mark))
+        {
+            return Err(at(1)("UTF-16 can't be read: save the file as UTF-8".into()));
+        }
+        // Names and notes may be in any encoding: what is read is ASCII.
+        let text = String::from_utf8_lossy(bytes);
+        let text = text.trim_start_matches(BYTE_ORDER_MARK);
+        let mut lines = text.lines().zip(1..).filter(|(line, _)| has_fields(line));
+        let (header, line) = lines.next().unwrap_or(("", 1));
+        let columns = Columns::find(header).map_err(at(line))?;
+        let mut samples = vec![];
+        let mut latest_s = 0.0;
+        for (text, line) in lines {
+            let sample = columns.sample(text, latest_s).map_err(at(line))?;
+            latest_s = sample.time_s;
+            samples.push(sample);
+        }
+        if samples.is_empty() {
+            return Err(at(line)("no reading follows".into()));
+        }
+        leave_out_missing_current(&mut samples);
+        start_unix_time_at_zero(&mut samples);
+        Ok(Self { samples })
+    }
+
+    /// Whether the current was measured at all.
+    pub fn has_current(&self) -> bool {
+        self.samples.iter().any(|sample| sample.current_a.is_some())
+    }
+}
+
+/// Whether a line is neither empty, as programs for tables write that, nor a comment.
+fn has_fields(line: &str) -> bool {
+    let is_empty = line
+        .chars()
+        .all(|c| c.is_whitespace() || c == '"' || SEPARATORS.contains(&c));
+    !is_empty && !line.trim_start().starts_with('#')
+}
+
+fn leave_out_missing_current(samples: &mut [Sample]) {
+    if samples.iter().all(|sample| sample.current_a == Some(NO_SENSOR_A)) {
+        samples.iter_mut().for_each(|sample| sample.current_a = None);
+    }
+}
+
+fn start_unix_time_at_zero(samples: &mut [Sample]) {
+    let Some(first) = samples.first().filter(|first| first.time_s >= UNIX_TIME_FROM_S) else {
+        return;
+    };
+    let start_s = first.time_s;
+    for sample in samples {
+        // To the microsecond: the fraction of a large number is not exact.
+        sample.time_s = ((sample.time_s - start_s) * 1e6).round() / 1e6;
+    }
+}
+
+/// The names of a column, and the unit that may follow each.
+struct Names {
+    quantity: &'static str,
+    names: &'static [&'static str],
+    unit: &'static str,
+}
+
+const TIME: Names = Names {
+    quantity: "time",
+    names: &["t", "time", "timestamp", "seconds", "elapsed"],
+    unit: "s",
+};
+
+const VOLTAGE: Names = Names {
+    quantity: "voltage",
+    names: &["v", "volt", "volts", "voltage"],
+    unit: "v",
+};
+
+const CURRENT: Names = Names {
+    quantity: "current",
+    names: &["a", "i", "amp", "amps", "amperes", "curr", "current"],
+    unit: "a",
+};
+
+const HEALTHY: Names = Names {
+    quantity: "state of the sensor",
+    names: &["healthy"],
+    unit: "",
+};
+
+const ARMED: Names = Names {
+    quantity: "state of the rover",
+    names: &["armed"],
+    unit: "",
+};
+
+impl Names {
+    fn include(&self, name: &str) -> bool {
+        let letters_and_digits = name.chars().filter(char::is_ascii_alphanumeric);
+        let name = letters_and_digits.collect::<String>().to_ascii_lowercase();
+        let without_unit = name.strip_suffix(self.unit).unwrap_or(&name);
+        self.names
+            .iter()
+            .any(|known| [&*name, without_unit].contains(known))
+    }
+}
+
+/// Where the columns are.
+struct Columns<'a> {
+    separator: char,
+    names: Vec<&'a str>,
+    time: usize,
+    voltage: usize,
+    current: Option<usize>,
+    healthy: Option<usize>,
+    armed: Option<usize>,
+}
+
+impl<'a> Columns<'a> {
+    fn find(header: &'a str) -> Result<Self, String> {
+        let is_used = |separator: &char| header.contains(*separator);
+        let separator = SEPARATORS.into_iter().find(is_used).unwrap_or(',');
+        let names = fields(header, separator);
+        let find = |wanted: &Names| position(&names, wanted);
+        let need = |wanted: &Names| find(wanted)?.ok_or_else(|| missing(wanted, header));
+        Ok(Self {
+            separator,
+            time: need(&TIME)?,
+            voltage: need(&VOLTAGE)?,
+            current: find(&CURRENT)?,
+            healthy: find(&HEALTHY)?,
+            armed: find(&ARMED)?,
+            names,
+        })
+    }
+
+    /// The reading of a line, which is not before `latest_s`.
+    fn sample(&self, line: &str, latest_s: f64) -> Result<Sample, String> {
+        let fields = fields(line, self.separator);
+        if fields.len() != self.names.len() {
+            let (fields, columns) = (fields.len(), self.names.len());
+            return Err(format!("{fields} fields in {columns} columns"));
+        }
+        let field = |column: usize| Field {
+            column: self.names[column],
+            text: fields[column],
+            // Between commas there is no decimal comma.
+            number: fields[column].replace(',', "."),
+        };
+        let optional = |column: Option<usize>| column.map(field);
+        Ok(Sample {
+            time_s: field(self.time).time_s(latest_s)?,
+            voltage_v: field(self.voltage).quantity()?,
+            current_a: optional(self.current).map_or(Ok(None), |field| field.quantity())?,
+            healthy: optional(self.healthy).map_or(Ok(true), |field| field.flag(true))?,
+            armed: optional(self.armed).map_or(Ok(false), |field| field.flag(false))?,
+            ..Sample::NONE
+        })
+    }
+}
+
+fn fields(line: &str, separator: char) -> Vec<&str> {
+    line.split(separator)
+        .map(|field| field.trim().trim_matches('"').trim())
+        .collect()
+}
+
+fn position(names: &[&str], wanted: &Names) -> Result<Option<usize>, String> {
+    let mut found = (0..names.len()).filter(|column| wanted.include(names[*column]));
+    match (found.next(), found.next()) {
+        (Some(first), Some(second)) => Err(format!(
+            "both {} and {} are a {}: leave one",
+            shown(names[first]),
+            shown(names[second]),
+            wanted.quantity
+        )),
+        (first, _) => Ok(first),
+    }
+}
+
+fn missing(wanted: &Names, header: &str) -> String {
+    format!(
+        "no column of a {} in {}: one has to be named {}",
+        wanted.quantity,
+        shown(header),
+        wanted.names.join(", ")
+    )
+}
+
+/// A field as an error shows it.
+fn shown(text: &str) -> String {
+    let short: String = text.chars().take(SHOWN_CHARACTERS).collect();
+    let more = if short.len() < text.len() { "…" } else { "" };
+    format!("{short:?}{more}")
+}
+
+/// A field of a line.
+struct Field<'a> {
+    column: &'a str,
+    text: &'a str,
+    /// With a decimal point.
+    number: String,
+}
+
+impl Field<'_> {
+    fn time_s(&self, latest_s: f64) -> Result<f64, String> {
+        match self.number.parse() {
+            Ok(time_s) if (0.0..latest_s).contains(&time_s) => {
+                Err(self.not(&format!("at least {latest_s}, as in the reading before")))
+            }
+            Ok(time_s) if (0.0..LATEST_S).contains(&time_s) => Ok(time_s),
+            _ => Err(self.not(&format!("seconds from 0 to {LATEST_S}"))),
+        }
+    }
+
+    fn quantity(&self) -> Result<Option<f32>, String> {
+        if self.text.is_empty() {
+            return Ok(None);
+        }
+        match self.number.parse::<f32>() {
+            Ok(value) if value.is_finite() => Ok(Some(value)),
+            _ => Err(self.not("a number, or nothing")),
+        }
+    }
+
+    fn flag(&self, default: bool) -> Result<bool, String> {
+        match self.text.to_ascii_lowercase().as_str() {
+            "" => Ok(default),
+            "0" | "false" => Ok(false),
+            "1" | "true" => Ok(true),
+            _ => Err(self.not("0 or 1")),
+        }
+    }
+
+    fn not(&self, valid: &str) -> String {
+        format!("{} can't be {}: {valid}", self.column, shown(self.text))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn only_sample(text: &str) -> Sample {
+        let trace = Trace::parse(text.as_bytes()).expect("a trace");
+        assert_eq!(trace.samples.len(), 1);
+        trace.samples[0]
+    }
+
+    fn message(text: &str) -> String {
+        Trace::parse(text.as_bytes()).expect_err("no trace").to_string()
+    }
+
+    #[test]
+    fn columns_are_found_by_name() {
+        let sample = only_sample("armed,note,current_a,voltage_v,t_s,healthy\n1,x,2.5,11.1,0.25,0\n");
+        assert_eq!(
+            sample,
+            Sample {
+                time_s: 0.25,
+                voltage_v: Some(11.1),
+                current_a: Some(2.5),
+                healthy: false,
+                armed: true,
+                ..Sample::NONE
+            }
+        );
+    }
+
+    /// As Excel (with a byte order mark), LibreOffice, `mavlogdump.py --format csv` and people write it.
+    #[test]
+    fn common_files_are_read_as_they_are() {
+        let expected = Sample {
+            time_s: 2.5,
+            voltage_v: Some(11.25),
+            current_a: Some(3.5),
+            armed: true,
+            ..Sample::NONE
+        };
+        for text in [
+            "\u{feff}Time (s);Voltage (V);Current (A);Armed\r\n2,5;11,25;3,5;1\r\n",
+            "\u{feff}# by hand\r\n\r\n;;;\r\nTIME;VOLTAGE;CURRENT;ARMED\r\n2,50;11,250;3,50;TRUE\r\n;;;\r\n",
+            "Elapsed\tVolts\tAmps\tArmed\n2,5\t11,25\t3,5\t1\n",
+            "timestamp,TimeUS,Inst,Volt,VoltR,Curr,CurrTot,armed\n2.5,95000000,0,11.25,11.5,3.5,0.5,1\n",
+            "  Armed , t , U , V , A \n # climbs\n 1 , 2.5 , x , 11.25 , 3.5 \n",
+            "\"t_s\",\"voltage_v\",\"current_a\",\"armed\"\n\"2.5\",\"11.25\",\"3.5\",\"1\"\n",
+            "t [s];U [V];Voltage [V];I [A];armed\n2.5;;11.25;3.5;1",
+        ] {
+            assert_eq!(only_sample(text), expected, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn letters_of_another_encoding_do_not_matter() {
+        let latin_1 = b"t_s;voltage_v;Temperatur \xb0C\n1;7,9;21\n";
+        let trace = Trace::parse(latin_1).expect("a trace");
+        assert_eq!(trace.samples[0].voltage_v, Some(7.9));
+        let utf_16 = b"\xff\xfet\x00_\x00s\x00";
+        let error = Trace::parse(utf_16).expect_err("no trace").to_string();
+        assert_eq!(error, "line 1: UTF-16 can't be read: save the file as UTF-8");
+    }
+
+    #[test]
+    fn unix_time_counts_from_the_first_reading() {
+        let text = "time,volts\n1763879000.3,7.9\n1763879000.4,7.9\n1763879060.3,7.9\n";
+        let trace = Trace::parse(text.as_bytes()).expect("a trace");
+        let times_s: Vec<f64> = trace.samples.iter().map(|sample| sample.time_s).collect();
+        assert_eq!(times_s, [0.0, 0.1, 60.0]);
+    }
+
+    #[test]
+    fn what_is_left_out_is_healthy_disarmed_and_without_a_current() {
+        let expected = Sample {
+            time_s: 1.0,
+            voltage_v: Some(7.9),
+            ..Sample::NONE
+        };
+        assert_eq!(only_sample("t_s,voltage_v\r\n1,7.9\r\n"), expected);
+        assert_eq!(only_sample("t_s,voltage_v,current_a\n1,7.9,\n"), expected);
+    }
+
+    #[test]
+    fn minus_one_throughout_is_no_sensor_but_one_reading_of_it_is_a_charger() {
+        let none = Trace::parse(b"t_s,voltage_v,current_a\n0,7.9,-1\n1,7.9,-1.0000\n").unwrap();
+        assert!(!none.has_current());
+        let charged = Trace::parse(b"t_s,voltage_v,current_a\n0,7.9,-1\n1,7.9,-1.1\n").unwrap();
+        assert_eq!(charged.samples[0].current_a, Some(-1.0));
+    }
+
+    #[test]
+    fn a_malformed_line_is_named_with_its_column_its_value_and_what_is_valid() {
+        let header = "Time,Volts,current_a,healthy\n\n# rest\n0.5,7.9,1,1\n";
+        for (line, expected) in [
+            ("1,7.9", "2 fields in 4 columns"),
+            ("1,x,1,1", "Volts can't be \"x\": a number, or nothing"),
+            ("1,NaN,1,1", "Volts can't be \"NaN\": a number, or nothing"),
+            (
+                "1,7.9,1e99,1",
+                "current_a can't be \"1e99\": a number, or nothing",
+            ),
+            (
+                "-1,7.9,1,1",
+                "Time can't be \"-1\": seconds from 0 to 10000000000",
+            ),
+            (",7.9,1,1", "Time can't be \"\": seconds from 0 to 10000000000"),
+            (
+                "12:04,7.9,1,1",
+                "Time can't be \"12:04\": seconds from 0 to 10000000000",
+            ),
+            (
+                "0.4,7.9,1,1",
+                "Time can't be \"0.4\": at least 0.5, as in the reading before",
+            ),
+            ("1,7.9,1,2", "healthy can't be \"2\": 0 or 1"),
+        ] {
+            assert_eq!(
+                message(&format!("{header}{line}\n")),
+                format!("line 5: {expected}")
+            );
+        }
+        let long = message(&format!("{header}1,{},1,1", "x".repeat(1000)));
+        assert!(long.len() < 120, "{long}");
+    }
+
+    #[test]
+    fn a_header_without_a_time_or_a_voltage_or_with_two_is_no_trace() {
+        for (header, expected) in [
+            (
+                "",
+                "no column of a time in \"\": one has to be named t, time, timestamp, seconds, elapsed",
+            ),
+            (
+                "t_s,current_a",
+                "no column of a voltage in \"t_s,current_a\": one has to be named v, volt, volts, voltage",
+            ),
+            (
+                "t_s,voltage_mv",
+                "no column of a voltage in \"t_s,voltage_mv\": one has to be named v, volt, volts, voltage",
+            ),
+            (
+                "t_s,voltage_v,Volts",
+                "both \"voltage_v\" and \"Volts\" are a voltage: leave one",
+            ),
+            ("t_s,voltage_v", "no reading follows"),
+        ] {
+            assert_eq!(message(header), format!("line 1: {expected}"));
+        }
+    }
+
+    /// Lines that are nearly those of a trace.
+    fn nearly_a_trace() -> impl Strategy<Value = Vec<u8>> {
+        let field = prop::sample::select(vec![
+            "0",
+            "1",
+            "2.5",
+            "2,5",
+            "-1",
+            "",
+            "NaN",
+            "inf",
+            "1e38",
+            "1763879000",
+            "#",
+            "\"",
+            "x",
+        ]);
+        let separator = || prop::sample::select(vec![",", ";", "\t"]);
+        let line = (prop::collection::vec(field, 3..5), separator())
+            .prop_map(|(fields, separator)| fields.join(separator));
+        let header = separator().prop_map(|separator| ["t_s", "voltage_v", "current_a"].join(separator));
+        (header, prop::collection::vec(line, 0..20))
+            .prop_map(|(header, lines)| format!("{header}\n{}", lines.join("\r\n")).into_bytes())
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_a_trace_or_none(bytes in prop::collection::vec(any::<u8>(), 0..500)) {
+            let _ = Trace::parse(&bytes);
+            let _ = Trace::parse(&[b"t,v,a\n".as_slice(), &bytes].concat());
+        }
+
+        #[test]
+        fn what_is_read_are_times_that_go_on_and_numbers(bytes in nearly_a_trace()) {
+            if let Ok(trace) = Trace::parse(&bytes) {
+                let times_s: Vec<f64> = trace.samples.iter().map(|sample| sample.time_s).collect();
+                prop_assert!(times_s.is_sorted(), "{times_s:?}");
+                for sample in trace.samples {
+                    let numbers = [sample.voltage_v, sample.current_a];
+                    prop_assert!(numbers.into_iter().flatten().all(f32::is_finite), "{sample:?}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! Times and quantities in words.
+
+/// A moment of the recording: minutes and seconds, as 12:04, with hours in front from the first on.
+pub fn clock(time_s: f64) -> String {
+    let (minutes, seconds) = minutes_and_seconds(time_s);
+    match minutes / 60 {
+        0 => format!("{minutes}:{seconds:02}"),
+        hours => format!("{hours}:{:02}:{seconds:02}", minutes % 60),
+    }
+}
+
+/// A duration: 45 s, 12 min 4 s or 1 h 12 min.
+pub fn duration(duration_s: f64) -> String {
+    let (minutes, seconds) = minutes_and_seconds(duration_s.round());
+    match (minutes / 60, minutes % 60) {
+        (0, 0) => format!("{seconds} s"),
+        (0, minutes) => format!("{minutes} min {seconds} s"),
+        (hours, minutes) => format!("{hours} h {minutes} min"),
+    }
+}
+
+/// Whole ones; saturating.
+fn minutes_and_seconds(time_s: f64) -> (u64, u64) {
+    let seconds = time_s as u64;
+    (seconds / 60, seconds % 60)
+}
+
+/// A value with its unit, or that it is unknown.
+pub fn quantity(value: Option<f32>, decimals: usize, unit: &str) -> String {
+    match value {
+        Some(value) => format!("{value:.decimals$} {unit}"),
+        None => "unknown".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_are_those_of_a_clock() {
+        for (time_s, expected) in [
+            (0.0, "0:00"),
+            (59.9, "0:59"),
+            (724.0, "12:04"),
+            (3600.0, "1:00:00"),
+            (45_296.5, "12:34:56"),
+        ] {
+            assert_eq!(clock(time_s), expected);
+        }
+    }
+
+    #[test]
+    fn durations_have_the_units_that_matter() {
+        for (duration_s, expected) in [
+            (0.4, "0 s"),
+            (59.9, "1 min 0 s"),
+            (190.0, "3 min 10 s"),
+            (4_320.0, "1 h 12 min"),
+        ] {
+            assert_eq!(duration(duration_s), expected);
+        }
+    }
+}

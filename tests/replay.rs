@@ -1,0 +1,389 @@
+//! `replay`, run as its user runs it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use rover_battmon::battery::{ArmState, BatteryMonitor, Measurement, PackSettings, Tick};
+use rover_battmon::dataflash::{ArmingChecks, ArmingMethod, Record, opening_record};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, Parameters};
+use rover_battmon::time::Instant;
+
+const TRACE: &str = "tests/data/traces/trace_discharge_3s_10min.csv";
+const PICTURE: &str = "docs/pictures/discharge.svg";
+
+const ASSIGNMENTS: [&str; 5] = [
+    "BATT_CELLS=3",
+    "BATT_CAPACITY=2200",
+    "BATT_FS_VOLTSRC=1",
+    "BATT_LOW_VOLT=11.4",
+    "BATT_CRT_VOLT=11.1",
+];
+
+/// Pages that show commands, what they print and the picture they draw.
+const PAGES: [&str; 2] = ["README.md", "docs/guides/failsafe-tuning.md"];
+
+/// A column of the rows that `replay` writes.
+const REMAINING_PCT: usize = 7;
+const EVENTS: usize = 13;
+
+/// `replay ARGUMENTS`, from the repository's root.
+fn replay(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_replay"))
+        .current_dir(root())
+        .args(arguments)
+        .output()
+        .expect("it is built")
+}
+
+fn printed(output: Output) -> String {
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    String::from_utf8(output.stdout).expect("text")
+}
+
+/// `ASSIGNMENTS` as arguments.
+fn assigned() -> impl Iterator<Item = &'static str> {
+    ASSIGNMENTS
+        .into_iter()
+        .flat_map(|assignment| ["--param", assignment])
+}
+
+#[test]
+fn reports_the_estimates_for_each_reading() {
+    let text = printed(replay(&assigned().chain([TRACE]).collect::<Vec<_>>()));
+    let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = rows.next().expect("a header");
+    assert_eq!(
+        (header[REMAINING_PCT], header[EVENTS]),
+        ("remaining_pct", "events")
+    );
+    let rows: Vec<_> = rows.collect();
+    let readings = fs::read_to_string(root().join(TRACE))
+        .expect("the trace")
+        .lines()
+        .count()
+        - 1;
+    assert_eq!(rows.len(), readings);
+    // The traces' README states the remaining charge.
+    let left_pct: f64 = rows[readings - 1][REMAINING_PCT].parse().expect("a number");
+    assert!((left_pct - 33.5).abs() < 1.0, "{left_pct} %");
+    let events: Vec<_> = rows
+        .iter()
+        .map(|row| row[EVENTS])
+        .filter(|event| !event.is_empty())
+        .collect();
+    assert!(
+        events.len() == 2 && events[0].starts_with("is low 11.") && events[1].starts_with("is critical 10."),
+        "{events:?}"
+    );
+}
+
+/// The blocks of a page that run `replay`, and what it shows below each.
+fn documented(page: &str) -> Vec<(String, Option<String>)> {
+    let text = fs::read_to_string(root().join(page)).expect("the page");
+    let blocks = text
+        .split("```sh\n")
+        .skip(1)
+        .filter_map(|behind| behind.split_once("```\n"));
+    let blocks = blocks.filter(|(commands, _)| commands.contains("--bin replay -- "));
+    let shown = |rest: &str| {
+        let text = rest.trim_start().strip_prefix("```text\n")?;
+        Some(text.split_once("```")?.0.into())
+    };
+    blocks
+        .map(|(commands, rest)| (commands.into(), shown(rest)))
+        .collect()
+}
+
+/// What the commands of a page show in a terminal, run in `folder`.
+fn shown_by(commands: &str, folder: &Path) -> String {
+    let data = root().join("tests/data");
+    let commands = commands
+        .replace("--quiet ", "")
+        .replace("cargo run --bin replay --", env!("CARGO_BIN_EXE_replay"))
+        .replace("tests/data", data.to_str().expect("a path"));
+    let output = Command::new("bash")
+        .current_dir(folder)
+        .args(["-ec", &commands])
+        .output()
+        .expect("bash can be started");
+    assert!(output.status.success(), "{commands}: {output:?}");
+    // Rows go to a pipe, and to no terminal.
+    let shown = if output.stderr.is_empty() {
+        output.stdout
+    } else {
+        output.stderr
+    };
+    String::from_utf8(shown).expect("text")
+}
+
+#[test]
+fn documented_commands_show_what_the_pages_have_and_draw_their_picture() {
+    let committed = fs::read_to_string(root().join(PICTURE)).expect("the picture");
+    for page in PAGES {
+        let folder = no_folder("documented_replays");
+        fs::create_dir_all(folder.join("target")).expect("a folder");
+        let mut compared = 0;
+        for (commands, expected) in documented(page) {
+            let shown = shown_by(&commands, &folder);
+            if let Some(expected) = expected {
+                assert_eq!(shown, expected, "{page}: {commands}");
+                compared += 1;
+            }
+        }
+        assert!(compared > 0, "{page}: nothing is shown");
+        let drawn = ["out.svg", "target/drive.svg"].map(|name| fs::read_to_string(folder.join(name)));
+        assert!(
+            drawn.into_iter().flatten().eq([committed.clone()]),
+            "{PICTURE} is not what the command of {page} draws"
+        );
+    }
+}
+
+#[test]
+fn rows_go_to_a_file_if_one_is_named() {
+    let rows = no_file("rows.csv");
+    let arguments = ["--csv", rows.to_str().expect("a path"), TRACE];
+    let output = replay(&arguments);
+    assert!(output.stdout.is_empty());
+    let written = format!("wrote {}\n", rows.display());
+    assert!(String::from_utf8_lossy(&output.stderr).ends_with(&written));
+    let text = fs::read_to_string(&rows).expect("it is written");
+    assert_eq!(text, printed(replay(&[TRACE])));
+}
+
+#[test]
+fn help_begins_with_what_it_is_and_ends_with_examples() {
+    let help = printed(replay(&["--help"]));
+    assert!(
+        help.starts_with("Runs a recorded drive through the battery monitor"),
+        "{help}"
+    );
+    let (_, examples) = help.split_once("Examples:\n").expect("examples");
+    assert_eq!(examples.lines().count(), 2, "{help}");
+}
+
+/// A file in a folder for this test run, which does not exist yet.
+fn no_file(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_file(&path);
+    path
+}
+
+/// A folder for this test run, which does not exist yet.
+fn no_folder(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&path);
+    path
+}
+
+/// A drive of a 3S pack of 2.0 Ah, labelled 2.2 Ah: a rest when full, ten minutes under load, and a rest.
+fn drive_with_rests() -> String {
+    let mut text = String::from("t_s,voltage_v,current_a,armed\n");
+    let mut drawn_ah = 0.0;
+    let mut slow_a = 0.0;
+    for sample in 0..14_000 {
+        let t_s = f64::from(sample) * 0.1;
+        let current_a = match t_s {
+            60.0..700.0 if (t_s % 20.0) < 12.0 => 12.0,
+            60.0..700.0 => 4.0,
+            _ => 0.1,
+        };
+        drawn_ah += current_a * 0.1 / 3600.0;
+        slow_a += (current_a - slow_a) * 0.01;
+        let share: f64 = 1.0 - drawn_ah / 2.0;
+        let resting_v = 3.0 * (3.68 + 0.19 * share + 0.33 * share.powi(4) - 0.5 * (-25.0 * share).exp());
+        let voltage_v = resting_v - 0.036 * current_a - 0.018 * slow_a;
+        let armed = u8::from((60.0..700.0).contains(&t_s));
+        text += &format!("{t_s:.1},{voltage_v:.4},{current_a},{armed}\n");
+    }
+    text
+}
+
+#[test]
+fn continues_with_what_earlier_drives_taught() {
+    let trace = no_file("drive_with_rests.csv");
+    fs::write(&trace, drive_with_rests()).expect("a file");
+    let learned = no_file("learned.txt");
+    let [trace, learned_name] = [&trace, &learned].map(|path| path.to_str().expect("a path"));
+    let arguments = [
+        "--param",
+        "BATT_CELLS=3",
+        "--param",
+        "BATT_CAPACITY=2200",
+        "--learned",
+        learned_name,
+        trace,
+    ];
+    let left_pct = || -> f64 {
+        let text = printed(replay(&arguments));
+        // While the load still lasts.
+        let row = text.lines().nth(6_900).expect("a row");
+        row.split(',')
+            .nth(REMAINING_PCT)
+            .expect("a column")
+            .parse()
+            .expect("a number")
+    };
+    let first_pct = left_pct();
+    let text = fs::read_to_string(&learned).expect("it is created");
+    let second_pct = left_pct();
+    println!("{first_pct} %, then {second_pct} %\n{text}");
+    assert!(text.lines().any(|line| line == "drives 1"), "{text}");
+    assert!(
+        (first_pct - second_pct) > 2.0,
+        "{first_pct} %, then {second_pct} %"
+    );
+}
+
+#[test]
+fn leaves_a_bad_file_of_what_was_learnt_alone() {
+    let learned = no_file("bad.txt");
+    let bad = "drives 1\ncapacity_mah_sigma much\n";
+    fs::write(&learned, bad).expect("a file");
+    let name = learned.to_str().expect("a path");
+    let output = replay(&["--learned", name, TRACE]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(output.stdout.is_empty());
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(
+        errors,
+        format!("error: {name}: line 2 is not a property of a pack\n")
+    );
+    assert_eq!(fs::read_to_string(&learned).expect("a file"), bad);
+}
+
+#[test]
+fn says_what_is_wrong_with_a_trace_and_prints_nothing() {
+    let output = replay(&["nowhere.csv"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(output.stdout.is_empty());
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(errors.starts_with("error: nowhere.csv: "), "{errors}");
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The log of that drive, of pack 2: at each reading what the monitor makes of it.
+fn log_of_drive() -> Vec<u8> {
+    let mut parameters = Parameters::defaults();
+    let mut bytes: Vec<u8> = (0..)
+        .map_while(|index| opening_record(index, 0))
+        .flatten()
+        .collect();
+    for (parameter, value) in [
+        (BatteryParameter::Monitor, 4.0),
+        (BatteryParameter::Cells, 3.0),
+        (BatteryParameter::Capacity, 2200.0),
+        (BatteryParameter::LowVolt, 10.8),
+    ] {
+        let id = parameter.of(Pack::Second);
+        parameters.set(id, value).expect("in range");
+        let (name, default) = (id.name(), id.default_value());
+        let name = name.as_str();
+        bytes.extend(Record::Parameter { name, value, default }.encode(0));
+    }
+    let settings = PackSettings::from_parameters(&parameters, Pack::Second);
+    let mut monitor = BatteryMonitor::new();
+    let mut arm_state = ArmState::Disarmed;
+    for line in drive_with_rests().lines().skip(1) {
+        let numbers: Vec<f64> = line
+            .split(',')
+            .map(|field| field.parse().expect("a number"))
+            .collect();
+        let time_us = (numbers[0] * 1e6).round() as u64;
+        let state = if numbers[3] == 1.0 {
+            ArmState::Armed
+        } else {
+            ArmState::Disarmed
+        };
+        if state != arm_state {
+            arm_state = state;
+            let record = Record::Arm {
+                state,
+                enabled_checks: 1,
+                checks: ArmingChecks::Passed,
+                method: ArmingMethod::Command,
+            };
+            bytes.extend(record.encode(time_us));
+        }
+        let reading = Measurement {
+            voltage_v: Some(numbers[1] as f32),
+            current_a: Some(numbers[2] as f32),
+            ..Measurement::default()
+        };
+        let now = Instant::from_micros(time_us);
+        let _ = monitor.update(Tick { now, arm_state }, Ok(reading), &settings);
+        let records = Record::of_pack(Pack::Second, monitor.state());
+        bytes.extend(records.flat_map(|record| record.encode(time_us)));
+    }
+    bytes
+}
+
+#[test]
+fn a_log_replayed_agrees_with_what_the_board_reported() {
+    let log = no_file("drive.BIN");
+    let mut bytes = log_of_drive();
+    // Power went while the last record was written.
+    bytes.truncate(bytes.len() - 10);
+    fs::write(&log, bytes).expect("a file");
+    let name = log.to_str().expect("a path");
+    let output = replay(&["--pack", "2", name]);
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        errors
+            .lines()
+            .next()
+            .is_some_and(|line| line.contains("drive.BIN: skipped ")),
+        "{errors}"
+    );
+    let text = printed(output);
+    let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = rows.next().expect("a header");
+    let place = |name: &str| header.iter().position(|column| *column == name).expect(name);
+    let rows: Vec<_> = rows.collect();
+    assert_eq!(rows.len(), 14_000);
+    let number = |row: &[&str], name: &str| row[place(name)].parse::<f64>().expect(name);
+    // The last reading lacks its estimate, which was cut off.
+    for row in rows[..rows.len() - 1].iter().step_by(100) {
+        for (now, then) in [
+            ("remaining_pct", "reported_remaining_pct"),
+            ("consumed_mah", "reported_consumed_mah"),
+            ("charge_state", "reported_charge_state"),
+        ] {
+            if now == "remaining_pct" && row[place(then)].is_empty() {
+                assert_eq!(number(row, now), -1.0, "{row:?}");
+                continue;
+            }
+            let difference = number(row, now) - number(row, then);
+            assert!(difference.abs() < 0.01, "{now} at {} s: {difference}", row[0]);
+        }
+    }
+    let armed_remaining_pct = number(&rows[6_900], "remaining_pct");
+    assert!(
+        (10.0..30.0).contains(&armed_remaining_pct),
+        "{armed_remaining_pct} %"
+    );
+}
+
+#[test]
+fn thresholds_are_compared_with_those_of_the_log() {
+    let log = no_file("own.BIN");
+    fs::write(&log, log_of_drive()).expect("a file");
+    let name = log.to_str().expect("a path");
+    let said = |arguments: &[&str]| {
+        let output = replay(&[&["--pack", "2", name], arguments].concat());
+        String::from_utf8(output.stderr).expect("text")
+    };
+    assert!(!said(&[]).contains("With "));
+    let text = said(&["--param", "BATT2_LOW_VOLT=11.1"]);
+    let (_, compared) = text.split_once("With ").expect("a comparison");
+    assert_eq!(
+        compared,
+        "BATT2_LOW_VOLT 11.1 instead of 10.8:\n  low would have come 2 min 41 s earlier, at 5:30 instead of 8:11\n"
+    );
+}
