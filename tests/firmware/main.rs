@@ -4,6 +4,8 @@
 mod air;
 #[path = "../workbench/bench.rs"]
 mod bench;
+#[path = "../workbench/can/mod.rs"]
+mod can_bench;
 #[path = "../support/checked.rs"]
 mod checked;
 #[path = "../workbench/downloads.rs"]
@@ -39,6 +41,7 @@ mod boot;
 mod boot_loader;
 mod boot_loop;
 mod bus_packs;
+mod can_wiring;
 mod commands;
 mod crash;
 mod debugger;
