@@ -22,8 +22,8 @@ const REFUSED: &[u8] = b"\x07";
 /// A frame is accepted.
 const QUEUED: &[u8] = b"Z\r";
 
-/// Wins against everything else: anonymous frames of highest priority.
-const TRAFFIC_ID: u32 = 0x0000_0100;
+/// Wins against everything else: esc.RawCommand (1030) of node 1, of highest priority.
+const TRAFFIC_ID: u32 = 0x0004_0601;
 
 /// The bus, and the adapter at it.
 pub struct CanAdapter {

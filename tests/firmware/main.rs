@@ -41,6 +41,7 @@ mod boot;
 mod boot_loader;
 mod boot_loop;
 mod bus_packs;
+mod can;
 mod can_wiring;
 mod commands;
 mod crash;

@@ -149,6 +149,19 @@ class WifiBoard(EmulatedBoard):
         return f"tcp:127.0.0.1:{self.tcp_port}"
 
 
+class CanBoard(EmulatedBoard):
+    """The same with a CAN controller, and an adapter at its bus that speaks slcan over TCP."""
+
+    def __init__(self, flash):
+        self.can_port = free_port()
+        super().__init__(flash, "--can", f"127.0.0.1:{self.can_port}")
+
+    def trouble(self, words):
+        """Makes trouble on the bus, as the emulated board's help says."""
+        self.process.stdin.write(f"can {words}\n")
+        self.process.stdin.flush()
+
+
 def pytest_addoption(parser):
     parser.addoption("--board", metavar="PORT", help="a serial port, or tcp:HOST:PORT: what runs there is tested")
 

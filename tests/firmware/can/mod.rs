@@ -1,0 +1,41 @@
+//! Packs on the CAN bus, behind an MCP2515 at SPI1: chip select GP13, interrupt GP17.
+
+mod faults;
+mod peers;
+
+use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND};
+use crate::can_bench::{CanRig, Peer, Transfer};
+
+/// Both by default.
+pub const CRYSTAL_HZ: u64 = 16_000_000;
+pub const BITS_PER_SECOND: u64 = 1_000_000;
+
+/// `BATT_MONITOR` of packs on the bus.
+pub const DRONECAN: f32 = 8.0;
+
+/// How often a battery reports.
+pub const INTERVAL_US: u64 = 100 * MILLISECOND;
+
+/// A board with a CAN controller, set up with these parameters.
+pub fn with_can(parameters: &[(&str, f32)]) -> (Bench, CanRig) {
+    let mut bench = Bench::running(DIVIDER_CODE);
+    let rig = CanRig::new(&mut bench, CRYSTAL_HZ, BITS_PER_SECOND);
+    bench.set("CAN_P1_DRIVER", 1.0);
+    bench.set("SR0_EXTRA1", 10.0);
+    for (name, value) in parameters {
+        bench.set(name, *value);
+    }
+    bench.reboot();
+    bench.forget_sent();
+    (bench, rig)
+}
+
+/// The same with a second pack that battery 1 measures.
+pub fn with_battery() -> (Bench, CanRig) {
+    with_can(&[("BATT2_MONITOR", DRONECAN), ("BATT2_SERIAL_NUM", 1.0)])
+}
+
+/// Lets the board run while a peer sends these transfers ten times a second.
+pub fn run_with(bench: &mut Bench, rig: &CanRig, duration_us: u64, peer: &mut Peer, transfers: &[Transfer]) {
+    rig.run_with(bench, duration_us, INTERVAL_US, &mut [(peer, transfers)]);
+}
