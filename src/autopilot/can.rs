@@ -221,8 +221,11 @@ mod tests {
         });
         let expected = [
             (100, CanReport::BusOff(1)),
+            (200, CanReport::Working),
             (10_100, CanReport::BusOff(101)),
+            (10_200, CanReport::Working),
             (20_100, CanReport::BusOff(201)),
+            (20_200, CanReport::Working),
         ];
         assert_eq!(announced(statuses), expected);
     }
