@@ -1,65 +1,92 @@
 //! What is announced of the CAN bus's controller.
 
+use core::mem::{Discriminant, discriminant};
+
+use heapless::Vec;
+
 use crate::sensor::{CanInterrupt, CanReport, CanState, CanStatus};
 use crate::time::Instant;
 
-/// A bus that works and fails in turns is announced no more often.
+/// The same is announced no more often: a bus may work and fail in turns.
 const ANNOUNCEMENT_INTERVAL_US: u64 = 10_000_000;
+
+/// At the start no node may acknowledge yet; errors that go on for longer are announced.
+const PASSIVE_US: u64 = 2_000_000;
+
+/// Kinds of reports.
+const REPORTS: usize = 8;
 
 /// What was announced of the controller.
 #[derive(Debug)]
 pub(super) struct CanWatch {
     announced: CanStatus,
-    /// When the state was announced last.
-    announced_at: Option<Instant>,
+    /// When each kind of report was announced last.
+    announced_at: Vec<(Discriminant<CanReport>, Instant), REPORTS>,
+    /// Since when there are too many errors.
+    passive_since: Option<Instant>,
 }
 
 impl CanWatch {
     pub fn new() -> Self {
         Self {
             announced: CanStatus::STARTING,
-            announced_at: None,
+            announced_at: Vec::new(),
+            passive_since: None,
         }
     }
 
-    /// What is news of `status`, if it may be announced yet.
+    /// What is news of `status`, if it may be announced yet: the most important.
     pub fn news(&mut self, status: &CanStatus, now: Instant) -> Option<CanReport> {
-        let is_too_soon = |at| now.us_since(at) < ANNOUNCEMENT_INTERVAL_US;
-        if self.announced_at.is_some_and(is_too_soon) {
-            return None;
+        self.passive_since = match status.state {
+            CanState::Passive => self.passive_since.or(Some(now)),
+            _ => None,
+        };
+        if self.announced.state == CanState::Starting && status.state == CanState::Active {
+            self.announced.state = CanState::Active;
         }
-        let report = self.difference(status)?;
-        // The first time that everything works is expected.
-        let is_start = self.announced.state == CanState::Starting && report == CanReport::Working;
+        let mut changes = self.changes(status, now).into_iter().flatten();
+        let report = changes.find(|report| !self.is_too_soon(*report, now))?;
         self.note(report, status);
-        if is_start {
-            return None;
-        }
-        self.announced_at = Some(now);
+        self.announced_at
+            .retain(|(kind, _)| *kind != discriminant(&report));
+        // There is room for each kind.
+        let _ = self.announced_at.push((discriminant(&report), now));
         Some(report)
     }
 
-    /// The most important of what has changed since it was announced.
-    fn difference(&self, status: &CanStatus) -> Option<CanReport> {
+    fn is_too_soon(&self, report: CanReport, now: Instant) -> bool {
+        let is_recent = |(kind, at): &(_, Instant)| {
+            *kind == discriminant(&report) && now.us_since(*at) < ANNOUNCEMENT_INTERVAL_US
+        };
+        self.announced_at.iter().any(is_recent)
+    }
+
+    /// What has changed since it was announced, the most important first.
+    fn changes(&self, status: &CanStatus, now: Instant) -> [Option<CanReport>; 5] {
         let before = &self.announced;
-        if status.bus_offs != before.bus_offs {
-            return Some(CanReport::BusOff(status.bus_offs));
+        let is_dead = status.interrupt != before.interrupt && status.interrupt == CanInterrupt::Dead;
+        [
+            (status.bus_offs != before.bus_offs).then_some(CanReport::BusOff(status.bus_offs)),
+            (status.lost_setups != before.lost_setups).then_some(CanReport::SetUpAnew),
+            self.change_of_state(status.state, now),
+            is_dead.then_some(CanReport::NoInterrupt),
+            (status.lost_frames != before.lost_frames).then_some(CanReport::FramesLost(status.lost_frames)),
+        ]
+    }
+
+    fn change_of_state(&self, state: CanState, now: Instant) -> Option<CanReport> {
+        if state == self.announced.state {
+            return None;
         }
-        if status.lost_setups != before.lost_setups {
-            return Some(CanReport::SetUpAnew);
+        match state {
+            CanState::NoAnswer => Some(CanReport::NoAnswer),
+            CanState::Passive => {
+                let since = self.passive_since?;
+                (now.us_since(since) >= PASSIVE_US).then_some(CanReport::Passive)
+            }
+            CanState::Active => Some(CanReport::Working),
+            CanState::Starting | CanState::BusOff => None,
         }
-        if status.state != before.state {
-            return match status.state {
-                CanState::NoAnswer => Some(CanReport::NoAnswer),
-                CanState::Passive => Some(CanReport::Passive),
-                CanState::Active => Some(CanReport::Working),
-                CanState::Starting | CanState::BusOff => None,
-            };
-        }
-        if status.interrupt != before.interrupt && status.interrupt == CanInterrupt::Dead {
-            return Some(CanReport::NoInterrupt);
-        }
-        (status.lost_frames != before.lost_frames).then_some(CanReport::FramesLost(status.lost_frames))
     }
 
     /// Remembers what was announced; the rest stays news.
@@ -100,7 +127,7 @@ mod tests {
     };
 
     /// What is announced of statuses that come every 100 ms.
-    fn announced(statuses: impl IntoIterator<Item = CanStatus>) -> Vec<(u64, CanReport)> {
+    fn announced(statuses: impl IntoIterator<Item = CanStatus>) -> std::vec::Vec<(u64, CanReport)> {
         let mut watch = CanWatch::new();
         let statuses = (0..).map(|tick| tick * 100).zip(statuses);
         statuses
@@ -114,16 +141,21 @@ mod tests {
     }
 
     #[test]
-    fn each_change_is_announced_once() {
-        for (state, report) in [
-            (CanState::NoAnswer, CanReport::NoAnswer),
-            (CanState::Passive, CanReport::Passive),
+    fn each_change_is_announced_once_and_errors_when_they_last() {
+        for (state, report, announced_ms) in [
+            (CanState::NoAnswer, CanReport::NoAnswer, 1_000),
+            (CanState::Passive, CanReport::Passive, 3_000),
         ] {
             let failed = CanStatus { state, ..ACTIVE };
             let statuses = [ACTIVE; 10].into_iter().chain([failed; 200]).chain([ACTIVE; 10]);
-            let expected = [(1_000, report), (21_000, CanReport::Working)];
+            let expected = [(announced_ms, report), (21_000, CanReport::Working)];
             assert_eq!(announced(statuses), expected);
         }
+        let short = CanStatus {
+            state: CanState::Passive,
+            ..ACTIVE
+        };
+        assert_eq!(announced([[short; 20], [ACTIVE; 20]].concat()), []);
     }
 
     #[test]
@@ -134,14 +166,17 @@ mod tests {
         });
         let expected = [
             (100, CanReport::BusOff(1)),
+            (200, CanReport::Working),
             (10_100, CanReport::BusOff(101)),
+            (10_200, CanReport::Working),
             (20_100, CanReport::BusOff(201)),
+            (20_200, CanReport::Working),
         ];
         assert_eq!(announced(statuses), expected);
     }
 
     #[test]
-    fn what_waits_is_announced_later() {
+    fn kinds_do_not_wait_for_each_other() {
         let statuses = (0..400).map(|tick| CanStatus {
             lost_setups: u32::from(tick >= 10),
             lost_frames: tick.min(20),
@@ -154,9 +189,9 @@ mod tests {
         });
         let expected = [
             (100, CanReport::FramesLost(1)),
-            (10_100, CanReport::SetUpAnew),
-            (20_100, CanReport::NoInterrupt),
-            (30_100, CanReport::FramesLost(20)),
+            (1_000, CanReport::SetUpAnew),
+            (1_500, CanReport::NoInterrupt),
+            (10_100, CanReport::FramesLost(20)),
         ];
         assert_eq!(announced(statuses), expected);
     }

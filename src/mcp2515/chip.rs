@@ -1,14 +1,23 @@
 //! Instructions to the controller.
 //!
-//! Figures: Microchip MCP2515 data sheet DS20001801.
+//! Figures: Microchip MCP2515 data sheet DS20001801. The crate `mcp25xx` 0.4 reads receive buffer 1 from the address of buffer 0's
+//! data (its instruction is 0x92, table 12-1 has 0x94), which leaves buffer 1 full for ever.
 
-use embedded_hal::spi::SpiDevice;
-use mcp25xx::embedded_can::{ExtendedId, Frame, Id};
-use mcp25xx::registers::{CANCTRL, CANINTF, EFLG, Modify, RXB0CTRL, ReadStatusResponse, Register};
-use mcp25xx::{Instruction, MCP25xx, RxBuffer, TxBuffer};
+use embedded_hal::spi::{Operation, SpiDevice};
 
 use super::filters::Filters;
-use crate::sensor::{BitTiming, CanFrame};
+use crate::sensor::{BitTiming, CanFrame, FRAME_BYTES};
+
+/// Instructions (table 12-1).
+const RESET: u8 = 0xc0;
+const READ: u8 = 0x03;
+const WRITE: u8 = 0x02;
+const BIT_MODIFY: u8 = 0x05;
+const READ_STATUS: u8 = 0xa0;
+const LOAD_TXB0: u8 = 0x40;
+const SEND_TXB0: u8 = 0x81;
+const READ_RXB0: u8 = 0x90;
+const READ_RXB1: u8 = 0x94;
 
 /// Transmit buffer 0 (register 3-1), the only one that is used: from several, frames would not leave in their order.
 const TXB0CTRL: u8 = 0x30;
@@ -24,6 +33,8 @@ const FROM_CNF3: u8 = 0x28;
 
 /// Interrupts: both receive buffers, transmit buffer 0, errors (register 7-1).
 const INTERRUPTS: u8 = RX0IF | RX1IF | TX0IF | ERRIF;
+const CANINTF: u8 = 0x2c;
+const EFLG: u8 = 0x2d;
 const RX0IF: u8 = 1 << 0;
 const RX1IF: u8 = 1 << 1;
 const TX0IF: u8 = 1 << 2;
@@ -39,8 +50,23 @@ const PASSIVE: u8 = 1 << 3 | 1 << 4;
 const MODE: u8 = 0xe0;
 const CONFIGURATION: u8 = 0x80;
 
+/// Receive buffer 0: a frame goes to buffer 1 while it is full (register 4-1).
+const RXB0CTRL: u8 = 0x60;
+const ROLLOVER: u8 = 1 << 2;
+
 /// CANCTRL in operation: normal mode, no clock output (register 10-1). After a reset it is 0x87.
+const CANCTRL: u8 = 0x0f;
 const NORMAL: u8 = 0;
+
+/// Registers of a frame: four of its identifier, one of its length, its data (registers 3-3 to 3-8, 4-3 to 4-9).
+const FRAME_REGISTERS: usize = 5 + FRAME_BYTES;
+
+/// In the second register of an identifier: that it is an extended one.
+const EXTENDED: u8 = 1 << 3;
+
+/// In the register of the length: that it is no data frame; and the bits of the length, of which 9 to 15 mean 8.
+const REMOTE: u8 = 1 << 6;
+const LENGTH: u8 = 0xf;
 
 /// The controller does not answer, or does not keep what is written to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,7 +74,7 @@ pub(super) struct NoAnswer;
 
 /// The controller behind an SPI device of its own.
 pub(super) struct Chip<S: SpiDevice> {
-    instructions: MCP25xx<S>,
+    spi: S,
     cnf: [u8; 3],
 }
 
@@ -63,6 +89,37 @@ pub(super) struct Registers {
     control: u8,
 }
 
+/// A receive buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ReceiveBuffer {
+    First,
+    Second,
+}
+
+/// What READ STATUS shows (figure 12-8).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Buffers(u8);
+
+impl Buffers {
+    pub fn is_full(self, buffer: ReceiveBuffer) -> bool {
+        let bit = match buffer {
+            ReceiveBuffer::First => 0,
+            ReceiveBuffer::Second => 1,
+        };
+        self.0 >> bit & 1 == 1
+    }
+
+    /// Whether the transmit buffer waits to be sent.
+    pub fn is_sending(self) -> bool {
+        self.0 >> 2 & 1 == 1
+    }
+
+    /// Whether the transmit buffer has been sent.
+    pub fn has_sent(self) -> bool {
+        self.0 >> 3 & 1 == 1
+    }
+}
+
 /// A frame that the controller has received.
 pub(super) enum Received {
     /// A data frame with an extended identifier.
@@ -74,14 +131,14 @@ pub(super) enum Received {
 impl<S: SpiDevice> Chip<S> {
     pub fn new(spi: S, timing: BitTiming) -> Self {
         Self {
-            instructions: MCP25xx { spi },
+            spi,
             cnf: cnf(timing),
         }
     }
 
     /// After it the controller is in its configuration mode, as soon as its oscillator runs: 128 periods (8.1).
     pub fn reset(&mut self) -> Result<(), NoAnswer> {
-        self.instructions.reset().map_err(no_answer)
+        self.write(&[RESET])
     }
 
     /// Sets it up after a reset.
@@ -89,7 +146,7 @@ impl<S: SpiDevice> Chip<S> {
         if self.look()?.status & MODE != CONFIGURATION {
             return Err(NoAnswer);
         }
-        self.write_all(filters).map_err(no_answer)?;
+        self.write_all(filters)?;
         if self.look()?.is_set_up(&self.cnf) {
             Ok(())
         } else {
@@ -97,12 +154,11 @@ impl<S: SpiDevice> Chip<S> {
         }
     }
 
-    fn write_all(&mut self, filters: &Filters) -> Result<(), S::Error> {
+    fn write_all(&mut self, filters: &Filters) -> Result<(), NoAnswer> {
         let [filter0, filter1] = filters.first;
         let [filter2, filter3, filter4, filter5] = filters.second;
         let [mask0, mask1] = filters.masks;
         let [cnf3, cnf2, cnf1] = self.cnf;
-        let instructions = &mut self.instructions;
         for (address, registers) in [
             (FROM_RXF0, [filter0, filter1, filter2].map(id_registers)),
             (FROM_RXF3, [filter3, filter4, filter5].map(id_registers)),
@@ -115,71 +171,80 @@ impl<S: SpiDevice> Chip<S> {
                 ],
             ),
         ] {
-            instructions.write_registers(address, registers.as_flattened())?;
+            let mut write = [
+                Operation::Write(&[WRITE, address]),
+                Operation::Write(registers.as_flattened()),
+            ];
+            self.transfer(&mut write)?;
         }
-        // A frame for a full buffer 0 goes to buffer 1.
-        instructions.write_register(RXB0CTRL::new().with_bukt(true))?;
-        instructions.write_register(CANCTRL::from(NORMAL))
+        self.write(&[WRITE, RXB0CTRL, ROLLOVER])?;
+        self.write(&[WRITE, CANCTRL, NORMAL])
     }
 
     /// Which buffers have something to be done.
-    pub fn status(&mut self) -> Result<ReadStatusResponse, NoAnswer> {
-        self.instructions.read_status().map_err(no_answer)
+    pub fn status(&mut self) -> Result<Buffers, NoAnswer> {
+        let mut status = [0];
+        self.transfer(&mut [Operation::Write(&[READ_STATUS]), Operation::Read(&mut status)])?;
+        let [bits] = status;
+        Ok(Buffers(bits))
     }
 
     /// Reads a full receive buffer, which frees it.
-    pub fn receive(&mut self, buffer: RxBuffer) -> Result<Received, NoAnswer> {
-        let frame = self.instructions.read_rx_buffer(buffer).map_err(no_answer)?;
-        let Id::Extended(id) = frame.id() else {
-            return Ok(Received::Other);
+    pub fn receive(&mut self, buffer: ReceiveBuffer) -> Result<Received, NoAnswer> {
+        let instruction = match buffer {
+            ReceiveBuffer::First => READ_RXB0,
+            ReceiveBuffer::Second => READ_RXB1,
         };
-        if frame.is_remote_frame() {
-            return Ok(Received::Other);
-        }
-        let received = CanFrame::new(id.as_raw(), frame.data());
-        Ok(received.map_or(Received::Other, Received::Frame))
+        let mut registers = [0; FRAME_REGISTERS];
+        self.transfer(&mut [Operation::Write(&[instruction]), Operation::Read(&mut registers)])?;
+        Ok(frame_of(&registers).map_or(Received::Other, Received::Frame))
     }
 
     /// Has the transmit buffer, which is empty, sent.
     pub fn send(&mut self, frame: &CanFrame) -> Result<(), NoAnswer> {
-        let Some(frame) = mcp25xx::CanFrame::new(extended(frame.id()), frame.data()) else {
-            return Ok(());
-        };
-        let instructions = &mut self.instructions;
-        instructions
-            .load_tx_buffer(TxBuffer::TXB0, &frame)
-            .and_then(|()| instructions.request_to_send(TxBuffer::TXB0))
-            .map_err(no_answer)
+        let data = frame.data();
+        let id = id_registers(frame.id());
+        self.transfer(&mut [
+            Operation::Write(&[LOAD_TXB0]),
+            Operation::Write(&id),
+            Operation::Write(&[data.len() as u8]),
+            Operation::Write(data),
+        ])?;
+        self.write(&[SEND_TXB0])
     }
 
     /// The transmit buffer is no longer to be sent.
     pub fn give_up_sending(&mut self) -> Result<(), NoAnswer> {
-        // Bit modify has no type of this register that can be written in part.
-        let modify = [Instruction::BitModify as u8, TXB0CTRL, TXREQ, 0];
-        self.instructions.spi.write(&modify).map_err(no_answer)
+        self.clear(TXB0CTRL, TXREQ)
     }
 
     /// The interrupt of the transmit buffer is served.
     pub fn clear_sent(&mut self) -> Result<(), NoAnswer> {
-        self.clear::<CANINTF>(TX0IF)
+        self.clear(CANINTF, TX0IF)
     }
 
     /// The interrupt of errors, and overflows among them, are served.
     pub fn clear_errors(&mut self) -> Result<(), NoAnswer> {
-        self.clear::<EFLG>(RX0OVR | RX1OVR)?;
-        self.clear::<CANINTF>(ERRIF)
+        self.clear(EFLG, RX0OVR | RX1OVR)?;
+        self.clear(CANINTF, ERRIF)
     }
 
-    fn clear<R: Register + Modify + Into<u8>>(&mut self, bits: u8) -> Result<(), NoAnswer> {
-        let cleared = self.instructions.modify_register(R::from(0), bits);
-        cleared.map_err(no_answer)
+    fn clear(&mut self, register: u8, bits: u8) -> Result<(), NoAnswer> {
+        self.write(&[BIT_MODIFY, register, bits, 0])
+    }
+
+    fn write(&mut self, instruction: &[u8]) -> Result<(), NoAnswer> {
+        self.transfer(&mut [Operation::Write(instruction)])
+    }
+
+    fn transfer(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), NoAnswer> {
+        self.spi.transaction(operations).map_err(|_| NoAnswer)
     }
 
     /// Everything that shows how the controller is.
     pub fn look(&mut self) -> Result<Registers, NoAnswer> {
         let mut read = [0; 8];
-        let looked = self.instructions.read_registers(FROM_CNF3, &mut read);
-        looked.map_err(no_answer)?;
+        self.transfer(&mut [Operation::Write(&[READ, FROM_CNF3]), Operation::Read(&mut read)])?;
         let [cnf3, cnf2, cnf1, interrupts, flags, errors, status, control] = read;
         Ok(Registers {
             cnf: [cnf3, cnf2, cnf1],
@@ -244,27 +309,30 @@ fn cnf(timing: BitTiming) -> [u8; 3] {
     ]
 }
 
-fn extended(id: u32) -> ExtendedId {
-    ExtendedId::new(id & ExtendedId::MAX.as_raw()).unwrap_or(ExtendedId::ZERO)
-}
-
-/// The registers of a filter or a mask (registers 4-10 to 4-17): bits 28 to 18, that it is of extended identifiers, which a
-/// mask ignores, and bits 17 to 0.
+/// The registers of an extended identifier, a filter or a mask, which ignores the bit of extended identifiers (registers 3-3 to
+/// 3-6, 4-10 to 4-17): bits 28 to 21, 20 to 18 and 17 to 16, 15 to 8, 7 to 0.
 fn id_registers(id: u32) -> [u8; 4] {
-    const EXTENDED: u32 = 1 << 3;
     let [_, _, eid8, eid0] = id.to_be_bytes();
-    let sidh = id >> 21;
-    let sidl = id >> 13 & 0xe0 | EXTENDED | id >> 16 & 3;
-    [sidh as u8, sidl as u8, eid8, eid0]
+    let sidl = (id >> 13) as u8 & 0xe0 | EXTENDED | (id >> 16) as u8 & 3;
+    [(id >> 21) as u8, sidl, eid8, eid0]
 }
 
-fn no_answer<E>(_: E) -> NoAnswer {
-    NoAnswer
+/// The data frame with an extended identifier that a receive buffer holds.
+fn frame_of(registers: &[u8; FRAME_REGISTERS]) -> Option<CanFrame> {
+    let [sidh, sidl, eid8, eid0, length, data @ ..] = *registers;
+    if sidl & EXTENDED == 0 || length & REMOTE != 0 {
+        return None;
+    }
+    let low = u32::from_be_bytes([0, 0, eid8, eid0]);
+    let id = u32::from(sidh) << 21 | u32::from(sidl & 0xe0) << 13 | u32::from(sidl & 3) << 16 | low;
+    let length = usize::from(length & LENGTH);
+    CanFrame::new(id, data.get(..length).unwrap_or(&data))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     /// Quanta before the sample point and of the bit, periods of the crystal in a quantum: what the data sheet makes of the
     /// registers (DS20001801, 5.1, registers 5-1 to 5-3).
@@ -275,6 +343,32 @@ mod tests {
         assert!(propagation + phase_1 >= phase_2 && phase_2 >= 2);
         let before_sample = 1 + propagation + phase_1;
         (before_sample, before_sample + phase_2, 2 * ((cnf1 & 0x3f) + 1))
+    }
+
+    proptest! {
+        /// What is loaded for sending is what a receive buffer holds at the other end (registers 3-3 to 3-8, 4-3 to 4-9).
+        #[test]
+        fn frames_are_held_as_they_are_sent(id in 0..1u32 << 29, data in prop::collection::vec(any::<u8>(), 0..=8)) {
+            let frame = CanFrame::new(id, &data).unwrap();
+            let mut registers = [0xff; FRAME_REGISTERS];
+            registers[..4].copy_from_slice(&id_registers(id));
+            registers[4] = data.len() as u8;
+            registers[5..5 + data.len()].copy_from_slice(&data);
+            prop_assert_eq!(frame_of(&registers), Some(frame));
+        }
+
+        #[test]
+        fn whatever_a_buffer_holds_is_a_frame_of_eight_bytes_at_most_or_none(registers: [u8; FRAME_REGISTERS]) {
+            let is_data = registers[1] & EXTENDED != 0 && registers[4] & REMOTE == 0;
+            let length = frame_of(&registers).map(|frame| frame.data().len());
+            prop_assert_eq!(length, is_data.then(|| usize::from(registers[4] & LENGTH).min(8)));
+        }
+    }
+
+    #[test]
+    fn an_identifier_has_its_place_in_the_registers() {
+        // The bits of 0x1804_4408, in the order of registers 3-3 to 3-6.
+        assert_eq!(id_registers(0x1804_4408), [0xc0, 0x28, 0x44, 0x08]);
     }
 
     #[test]

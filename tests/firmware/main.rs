@@ -42,6 +42,7 @@ mod boot_loader;
 mod boot_loop;
 mod bus_packs;
 mod can;
+mod can_wiring;
 mod commands;
 mod crash;
 mod debugger;
