@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 
-use crate::bench::{Bench, LISTED_BY_DEFAULT, LISTED_OF_PACK, MILLISECOND, SAVED_US, SECOND, value_of};
+use crate::bench::{
+    Bench, LISTED_BY_DEFAULT, LISTED_OF_PACK, LISTED_OF_VEHICLE, MILLISECOND, SAVED_US, SECOND, value_of,
+};
 use crate::runs::rates_asked_for;
 use crate::support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT,
@@ -132,7 +133,7 @@ fn a_hidden_parameter_is_kept() {
 
 #[test]
 fn every_parameter_there_can_be_is_listed_without_holding_anything_up() {
-    let all = VehicleParameter::COUNT + Pack::ALL.len() * BatteryParameter::COUNT;
+    let all = LISTED_OF_VEHICLE + Pack::ALL.len() * LISTED_OF_PACK;
     // A list has 30 % of 11520 bytes a second, and a PARAM_VALUE at most 37 of them.
     let seconds = all * 37 / 3456 + 1;
     let mut bench = Bench::running(2482);

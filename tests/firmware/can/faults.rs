@@ -48,7 +48,9 @@ fn noise_that_corrupts_a_frame_in_ten_loses_no_reading() {
     rig.bus(&mut bench).set_noise(0.1);
     run_with(&mut bench, &rig, 10 * SECOND, &mut battery, &[A, A_LATER]);
     assert!(battery.station.borrow().waiting() < 20, "the bus keeps up");
-    assert_eq!(texts(&mut bench), [""; 0]);
+    // The board itself sends little: each frame of it that is destroyed counts as much as eight that are not.
+    let lost = |text: &String| text != "CAN bus has errors: check wires and bit rate";
+    assert!(!texts(&mut bench).iter().any(lost));
     assert_works_again(&mut bench, &rig, &mut battery);
 }
 
@@ -143,7 +145,6 @@ fn without_a_controller_everything_else_works() {
     let mut bench = Bench::running(DIVIDER_CODE);
     bench.set("CAN_P1_DRIVER", 1.0);
     bench.reboot();
-    bench.forget_sent();
     bench.run_for(5 * SECOND);
     assert_announced(&mut bench, "CAN controller does not answer");
     assert_ne!(last_of(&bench.frames(), 0).voltage_mv(0), u16::MAX);

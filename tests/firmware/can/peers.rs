@@ -70,7 +70,7 @@ fn a_battery_that_falls_silent_is_lost_and_found_again() {
             .any(|text| text.contains("unhealthy"))
     );
     bench.run_for(3 * SECOND);
-    run_with(&mut bench, &rig, 5 * SECOND, &mut battery, &[A_LATER]);
+    run_with(&mut bench, &rig, 7 * SECOND, &mut battery, &[A_LATER]);
     let texts = healthy_texts(&mut bench);
     assert!(
         texts.iter().any(|text| text.starts_with("Battery 2 unhealthy")),

@@ -4,7 +4,7 @@ mod mega_squirt;
 mod torqeedo;
 
 use crate::bench::{Bench, DIVIDER_CODE, SECOND};
-use crate::emulator::{SentByte, UartPins};
+use crate::emulator::{LogLevel, SentByte, UartPins};
 use crate::support::frames::{BatteryStatus, last_of};
 
 const PORT: usize = 1;
@@ -62,4 +62,12 @@ fn after_a_second<R>(
     run_with(bench, peer, SECOND);
     let frames = bench.frames();
     look(last_of(&frames, 1))
+}
+
+/// Panics if the board was reset again since its parameters took effect, or warned since `from_us`.
+fn assert_untroubled(bench: &Bench, from_us: u64) {
+    assert_eq!(bench.resets().len(), 1, "{:?}", bench.resets());
+    let mut warnings = bench.logged(LogLevel::Warn, "");
+    warnings.retain(|(at_us, _)| *at_us > from_us);
+    assert!(warnings.is_empty(), "{warnings:?}");
 }
