@@ -35,8 +35,8 @@ use support::requests::{
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 
-/// The parameters of the vehicle that are listed by default: eight more set up what is not in use then.
-const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 8;
+/// The parameters of the vehicle that are listed by default: ten more set up what is not in use then.
+const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 10;
 
 /// The parameters that are listed of a pack with an analog sensor: two more are of other sensors.
 const LISTED_OF_PACK: usize = BatteryParameter::COUNT - 2;

@@ -16,6 +16,8 @@ pub struct Channel {
     /// How far it has sent the announcements.
     pub(super) position: Position,
     pub(super) drop_log: LogLimit<LOG_INTERVAL_US>,
+    /// The command that was refused last.
+    pub(super) refused_command: Option<u16>,
     pub(super) refusal_log: LogLimit<LOG_INTERVAL_US>,
 }
 
@@ -27,6 +29,7 @@ impl Channel {
             endpoint: Endpoint::new(kind, bytes_per_second, now),
             position: Position::default(),
             drop_log: LogLimit::new(),
+            refused_command: None,
             refusal_log: LogLimit::new(),
         }
     }

@@ -241,8 +241,14 @@ impl Autopilot {
                     log_admission(admission, component_id, reading.pack, channel, now);
                 }
             }
+            Event::CommandRefused(command) => {
+                // Some ground stations repeat for as long as they run what this rover does not have.
+                if channel.refused_command != Some(command) {
+                    channel.refused_command = Some(command);
+                    warn!("{}: refused: {:?}", channel.name(), *event);
+                }
+            }
             Event::ParameterRefused
-            | Event::CommandRefused(_)
             | Event::ControlTooLate
             | Event::SigningRefused(_)
             | Event::WifiRefused(_) => {

@@ -23,8 +23,9 @@ const RETRY_INTERVAL: Duration = Duration::from_secs(1);
 /// The controller is looked at without being asked to.
 const LOOK_INTERVAL: Duration = Duration::from_millis(100);
 
-/// And its buffers so often without its interrupts: a transfer of several frames at 1 Mbit/s fills both in 260 µs.
-const POLL_INTERVAL: Duration = Duration::from_micros(200);
+/// And its buffers so often without its interrupts: a transfer of several frames at 1 Mbit/s fills both in 260 µs, of which
+/// reading them takes a part.
+const POLL_INTERVAL: Duration = Duration::from_micros(100);
 
 /// A frame that could not be sent for so long is given up: what it says is no longer true.
 const LONGEST_SENDING: Duration = Duration::from_secs(1);

@@ -267,7 +267,7 @@ mod tests {
     }
 
     /// Rows of what is not in use by default.
-    const UNUSED_OF_VEHICLE: usize = 8;
+    const UNUSED_OF_VEHICLE: usize = 10;
     const UNUSED_OF_PACK: usize = 2;
 
     /// The vehicle's, those of the first pack, `MONITOR` of the others, and the simulator's.

@@ -59,6 +59,19 @@ def test_a_scenario_is_printed_line_by_line_into_a_file():
     assert lines[-1] == "Stopped." and "\x1b" not in "".join(lines)
 
 
+def test_the_readme_shows_what_the_scenario_prints():
+    readme = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+    shown = re.search(r"--scenario drain\n```\n\n```text\n(.*?)```", readme, re.DOTALL)[1].splitlines()
+    printed = run("--scenario", "drain", "--speedup", "60", "--for", "2110").stdout.splitlines()
+    events = [line for line in printed[1:-1] if not line.startswith("pack ")]
+    assert [without_numbers(line) for line in events] == [without_numbers(line) for line in shown]
+
+
+def without_numbers(line):
+    """Times and estimates may differ by a few units from one run to the next."""
+    return re.sub(r"\d+", "0", line)
+
+
 @pytest.mark.parametrize(("environment", "is_coloured"), [({}, True), ({"NO_COLOR": "1"}, False)])
 def test_on_a_terminal_the_status_stays_in_one_line_below_the_events(environment, is_coloured):
     environment = {"NO_COLOR": ""} | environment

@@ -49,8 +49,8 @@ pub fn is_learnt(operation: &FlashOperation) -> bool {
     flash_map::LEARNT.contains(&operation.offset)
 }
 
-/// The parameters of the vehicle that are listed by default: eight more set up what is not in use then.
-pub const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 8;
+/// The parameters of the vehicle that are listed by default: ten more set up what is not in use then.
+pub const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 10;
 
 /// The parameters that are listed of a pack with an analog sensor: two more are of other sensors.
 pub const LISTED_OF_PACK: usize = BatteryParameter::COUNT - 2;

@@ -1,4 +1,4 @@
-//! Identifiers of frames: what is sent, by whom, to whom.
+//! Identifiers of frames: what is sent, its source and its destination.
 //!
 //! | bits | message | anonymous message | service |
 //! |---|---|---|---|
