@@ -58,6 +58,7 @@ mod learnt;
 mod link_noise;
 mod log;
 mod motors;
+mod nine_kinds;
 mod packs;
 mod parameters;
 mod power_cuts;
