@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use crate::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
+use crate::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, MILLISECOND, PACK};
 use crate::can_bench::transfers::{A, A_LATER, STATUS_A};
 use crate::can_bench::{CanRig, Peer, Transfer};
 use crate::emulator::i2c_devices::{Ina226, Ina3221, Pec, RegisterMap, SmartBattery};
