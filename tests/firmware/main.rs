@@ -60,6 +60,7 @@ mod log;
 mod motors;
 mod nine_kinds;
 mod packs;
+mod parameter_files;
 mod parameters;
 mod power_cuts;
 mod pulses_and_esc;

@@ -9,7 +9,7 @@ mod rig;
 pub mod transfers;
 
 pub use peer::Peer;
-pub use rig::{CanRig, INTERRUPT, SELECT};
+pub use rig::{CanRig, SELECT};
 
 /// The frames of a transfer with transfer id 0.
 #[derive(Clone, Copy, Debug)]
