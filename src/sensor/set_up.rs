@@ -1,6 +1,6 @@
 //! What a sensor is connected to: whether that is set up for it.
 
-use super::{BitTiming, DriverEnable, FuelKind, MonitorKind, PartKind, SerialProtocol, SerialSetup};
+use super::{BitTiming, DriverEnable, FuelKind, MonitorKind, SerialProtocol, SerialSetup};
 use crate::battery::ReadError;
 use crate::parameter::Parameters;
 
@@ -21,7 +21,9 @@ pub fn set_up_error(kind: MonitorKind, parameters: &Parameters) -> Option<ReadEr
         MonitorKind::Fuel(FuelKind::Flow | FuelKind::LevelPwm) => {
             has_can(parameters).then_some(ReadError::PinTaken)
         }
-        MonitorKind::Bus(PartKind::Ina239) => has_driver_enable(parameters).then_some(ReadError::PinTaken),
+        MonitorKind::Bus(part) if part.is_at_spi() => {
+            has_driver_enable(parameters).then_some(ReadError::PinTaken)
+        }
         MonitorKind::AnalogVoltage
         | MonitorKind::AnalogVoltageAndCurrent
         | MonitorKind::Sum
@@ -43,7 +45,7 @@ fn has_can(parameters: &Parameters) -> bool {
     matches!(BitTiming::from_parameters(parameters), Ok(Some(_)))
 }
 
-/// Whether GP22, the INA239's chip select, is a transceiver's driver enable.
+/// Whether GP22, the chip select of a part at the SPI bus, is a transceiver's driver enable.
 fn has_driver_enable(parameters: &Parameters) -> bool {
     SerialSetup::from_parameters(parameters).is_some_and(|setup| setup.driver_enable == DriverEnable::Gp22)
 }

@@ -54,7 +54,7 @@ fn report(bench: &mut Bench, bytes: &[u8], times: usize) {
 
 /// A report of RichenPower's generator: the bytes that a controller of an H2 sent (ArduPilot/ardupilot, a comment in
 /// libraries/AP_Generator/AP_Generator_RichenPower.cpp), with these errors, voltage and current.
-fn richen_power(errors: u16, centivolts: u16, centiamperes: u16) -> Vec<u8> {
+pub fn richen_power(errors: u16, centivolts: u16, centiamperes: u16) -> Vec<u8> {
     let mut frame = vec![
         0xaa, 0x55, 0x00, 0x0a, 0x00, 0x00, 0x00, 0x00, 0x00, 0x04, 0x1e, 0xb0,
     ];

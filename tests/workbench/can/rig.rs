@@ -10,7 +10,7 @@ use crate::emulator::spi_devices::Mcp2515;
 
 /// Chip select of the controller, and where its interrupt output leads.
 pub const SELECT: usize = 13;
-pub const INTERRUPT: usize = 17;
+const INTERRUPT: usize = 17;
 
 /// Decides which frames noise corrupts.
 const SEED: u64 = 1;

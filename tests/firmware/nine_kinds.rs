@@ -1,0 +1,292 @@
+//! Nine packs of nine kinds at once, on every bus and line the board has.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use crate::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, MILLISECOND, PACK};
+use crate::can_bench::transfers::{A, A_LATER, STATUS_A};
+use crate::can_bench::{CanRig, Peer, Transfer};
+use crate::emulator::i2c_devices::{Ina226, Ina3221, Pec, RegisterMap, SmartBattery};
+use crate::emulator::spi_devices::Ina239;
+use crate::emulator::{AdcInput, Conversion, UartPins};
+use crate::i2c_bus::{BUS, shared};
+use crate::runs::exact_rates::assert_sampled_at_every_tick;
+use crate::serial::richen_power;
+use crate::support::frames::{
+    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap,
+    of_message, texts_of,
+};
+use crate::support::pack_report::PackReport;
+
+const TICK: u64 = 100 * MILLISECOND;
+const TICKS_PER_SECOND: usize = 10;
+const HALF_MINUTE: usize = 30;
+
+const CRYSTAL_HZ: u64 = 16_000_000;
+const BITS_PER_SECOND: u64 = 1_000_000;
+const SERIAL_PORT: usize = 1;
+const SERIAL_BAUD: u32 = 9_600;
+/// Chip select of the INA239.
+const SELECT: usize = 22;
+const SHUNT_OHM: f64 = 0.0005;
+
+/// A tenth of a volt below [`DIVIDER_CODE`].
+const LATER_CODE: u16 = 2450;
+
+const PARAMETERS: [(&str, f32); 15] = [
+    ("BATT_MONITOR", 3.0),
+    ("BATT2_MONITOR", 21.0),
+    ("BATT3_MONITOR", 26.0),
+    ("BATT4_MONITOR", 7.0),
+    ("BATT5_MONITOR", 30.0),
+    ("BATT6_MONITOR", 8.0),
+    ("BATT6_SERIAL_NUM", 1.0),
+    ("CAN_P1_DRIVER", 1.0),
+    ("BATT7_MONITOR", 17.0),
+    ("SERIAL1_PROTOCOL", 30.0),
+    ("GEN_TYPE", 3.0),
+    ("BATT8_MONITOR", 29.0),
+    ("BATT9_MONITOR", 10.0),
+    ("BATT9_SUM_MASK", 6.0),
+    ("SR0_EXTRA1", 10.0),
+];
+
+/// What a pack has at its terminals.
+#[derive(Clone, Copy)]
+struct Terminals {
+    volts: f64,
+    /// None: it is not measured.
+    amperes: Option<f64>,
+}
+
+const fn terminals(volts: f64, amperes: f64) -> Terminals {
+    Terminals {
+        volts,
+        amperes: Some(amperes),
+    }
+}
+
+/// What all packs have during a half minute.
+struct Half {
+    divider_code: u16,
+    battery: Transfer,
+    packs: [Terminals; 9],
+}
+
+const fn divider(code: u16) -> Terminals {
+    Terminals {
+        volts: code as f64 / 4095.0 * 3.3 * 3.95,
+        amperes: None,
+    }
+}
+
+const HALVES: [Half; 2] = [
+    Half {
+        divider_code: DIVIDER_CODE,
+        battery: A,
+        packs: [
+            divider(DIVIDER_CODE),
+            terminals(12.0, 1.0),
+            terminals(11.0, 2.0),
+            terminals(11.1, 2.5),
+            terminals(8.0, 4.0),
+            terminals(12.5, 3.25),
+            terminals(49.95, 12.34),
+            terminals(11.8, 2.75),
+            // The mean, and the sum, of the second and the third one.
+            terminals(11.5, 3.0),
+        ],
+    },
+    Half {
+        divider_code: LATER_CODE,
+        battery: A_LATER,
+        packs: [
+            divider(LATER_CODE),
+            terminals(11.5, 6.0),
+            terminals(10.5, 7.0),
+            terminals(10.8, 9.5),
+            terminals(7.2, 1.6),
+            terminals(12.25, 8.5),
+            terminals(48.2, 20.1),
+            terminals(11.2, 5.25),
+            terminals(11.0, 13.0),
+        ],
+    },
+];
+
+/// A step of each pack's sensor, in mV and in cA: a count of the converter; 1.25 mV and 2.5 uV at the shunt; 3.125 mV and
+/// 5 uV; 1 mV and 1 mA; 8 mV and 40 uV; half-precision numbers, exact here; 10 mV and 10 mA; 1 mV and 10 mA; the steps of
+/// the packs in the sum.
+const STEPS: [(f64, f64); 9] = [
+    (3.2, 0.0),
+    (1.25, 1.0),
+    (3.125, 1.0),
+    (1.0, 1.0),
+    (8.0, 8.0),
+    (1.0, 1.0),
+    (10.0, 1.0),
+    (1.0, 1.0),
+    (3.125, 2.0),
+];
+
+/// All that is connected.
+struct Rig {
+    can: CanRig,
+    battery: Peer,
+    monitor: Rc<RefCell<RegisterMap<Ina226>>>,
+    at_spi: Rc<RefCell<Ina239>>,
+    smart: Rc<RefCell<SmartBattery>>,
+    channels: Rc<RefCell<RegisterMap<Ina3221>>>,
+}
+
+impl Rig {
+    fn plug_in(bench: &mut Bench) -> Self {
+        let can = CanRig::new(bench, CRYSTAL_HZ, BITS_PER_SECOND);
+        let rig = Self {
+            battery: can.peer(),
+            can,
+            monitor: shared(Ina226::new(SHUNT_OHM)),
+            at_spi: shared(Ina239::new(SHUNT_OHM)),
+            smart: shared(SmartBattery::new(Pec::Right)),
+            channels: shared(Ina3221::new(SHUNT_OHM)),
+        };
+        bench.spi1().attach(SELECT, Box::new(rig.at_spi.clone()));
+        bench.i2c(BUS).attach(0x40, Box::new(rig.monitor.clone()));
+        bench.i2c(BUS).attach(0x42, Box::new(rig.channels.clone()));
+        bench.i2c(BUS).attach(0x0b, Box::new(rig.smart.clone()));
+        bench.wire_uart(SERIAL_PORT, UartPins { tx: 4, rx: 5 });
+        rig
+    }
+
+    /// Sets what is measured by the board or by a part that it reads.
+    fn set(&self, bench: &mut Bench, half: &Half) {
+        bench.adc_input(PACK, AdcInput::Code(half.divider_code));
+        let of_pack = |pack: usize| (half.packs[pack].volts, half.packs[pack].amperes.unwrap());
+        let (volts, amperes) = of_pack(1);
+        self.monitor.borrow_mut().set(volts, amperes);
+        let (volts, amperes) = of_pack(2);
+        self.at_spi.borrow_mut().set(volts, amperes, 25.0);
+        let (volts, amperes) = of_pack(3);
+        self.smart.borrow_mut().set(volts, amperes, 25.0);
+        let (volts, amperes) = of_pack(4);
+        self.channels.borrow_mut().set(1, volts, amperes);
+    }
+
+    /// The others report by themselves: the battery on the CAN bus and the companion computer ten times a second, the
+    /// generator twice.
+    fn report(&mut self, bench: &mut Bench, half: &Half, tick: usize) {
+        let now_us = bench.time_us();
+        if tick.is_multiple_of(TICKS_PER_SECOND) {
+            self.battery.send(now_us, STATUS_A);
+        }
+        self.battery.send(now_us, half.battery);
+        if tick.is_multiple_of(TICKS_PER_SECOND / 2) {
+            let bytes = generator(half.packs[6]);
+            bench.uart_send_at_baud(SERIAL_PORT, now_us, &bytes, SERIAL_BAUD);
+        }
+        bench.uart_send(0, now_us, &companion(half.packs[7]).frame());
+    }
+
+    /// Runs for so many seconds, and returns what the converter did.
+    fn run(&mut self, bench: &mut Bench, half: &Half, seconds: usize) -> Vec<Conversion> {
+        let mut conversions = Vec::new();
+        for tick in 0..seconds * TICKS_PER_SECOND {
+            self.report(bench, half, tick);
+            bench.run_for(TICK);
+            conversions.extend(bench.take_adc_record());
+        }
+        conversions
+    }
+}
+
+fn in_hundredths(value: f64) -> u16 {
+    (value * 100.0).round() as u16
+}
+
+fn generator(output: Terminals) -> Vec<u8> {
+    let amperes = output.amperes.unwrap();
+    richen_power(0, in_hundredths(output.volts), in_hundredths(amperes))
+}
+
+fn companion(pack: Terminals) -> PackReport {
+    let mut report = PackReport::of_voltage(7, (pack.volts * 1000.0).round() as u16);
+    report.current_ca = in_hundredths(pack.amperes.unwrap()) as i16;
+    report
+}
+
+fn assert_within_a_step(status: &BatteryStatus<'_>, expected: Terminals, (step_mv, step_ca): (f64, f64)) {
+    let pack = status.instance() + 1;
+    let (mv, ca) = (status.sum_of_cells_mv(), status.current_ca());
+    let off_mv = (f64::from(mv) - expected.volts * 1000.0).abs();
+    // What is reported are whole numbers.
+    assert!(off_mv <= step_mv + 0.5, "pack {pack}: {mv} mV");
+    let expected_ca = expected.amperes.map_or(-1.0, |amperes| amperes * 100.0);
+    let off_ca = (f64::from(ca) - expected_ca).abs();
+    assert!(off_ca <= step_ca + 0.5, "pack {pack}: {ca} cA");
+}
+
+/// Each pack is reported ten times a second, with what it has once a second has passed.
+fn assert_reported(frames: &[Frame], half: &Half) {
+    let reports = of_message(frames, BATTERY_STATUS);
+    for ((instance, expected), steps) in (0u8..).zip(half.packs).zip(STEPS) {
+        let statuses = reports.iter().map(|frame| BatteryStatus(frame));
+        let of_pack: Vec<_> = statuses.filter(|status| status.instance() == instance).collect();
+        assert_eq!(
+            of_pack.len(),
+            HALF_MINUTE * TICKS_PER_SECOND,
+            "of pack {}",
+            instance + 1
+        );
+        // What has changed at the start of the half has to be there after a second.
+        for status in &of_pack[TICKS_PER_SECOND..] {
+            assert_within_a_step(status, expected, steps);
+        }
+    }
+    assert_eq!(
+        of_message(frames, SYS_STATUS).len(),
+        HALF_MINUTE * TICKS_PER_SECOND
+    );
+    assert_eq!(of_message(frames, HEARTBEAT).len(), HALF_MINUTE);
+}
+
+#[test]
+fn nine_packs_of_nine_kinds_are_each_reported_600_times_in_a_minute() {
+    let mut bench = Bench::running(DIVIDER_CODE);
+    let mut rig = Rig::plug_in(&mut bench);
+    rig.set(&mut bench, &HALVES[0]);
+    for (name, value) in PARAMETERS {
+        bench.set(name, value);
+    }
+    bench.reboot();
+    rig.run(&mut bench, &HALVES[0], 3);
+    bench.forget_sent();
+    bench.run_until_silent();
+
+    let (from_us, awake) = (bench.time_us(), bench.awake_cycles());
+    bench.take_adc_record();
+    let mut conversions = Vec::new();
+    let mut frames = Vec::new();
+    for half in &HALVES {
+        rig.set(&mut bench, half);
+        let half_from_us = bench.time_us();
+        conversions.extend(rig.run(&mut bench, half, HALF_MINUTE));
+        let of_half = bench.frames_since(half_from_us);
+        assert_reported(&of_half, half);
+        frames.extend(of_half);
+    }
+    let awake_cycles = bench.awake_cycles() - awake;
+    let awake_permille = awake_cycles * 1000 / ((bench.time_us() - from_us) * CYCLES_PER_US);
+    let loads = of_message(&frames, SYS_STATUS)
+        .into_iter()
+        .map(|frame| SysStatus(frame).load_permille());
+    let highest_load = loads.max().unwrap();
+    println!("awake {awake_permille} permille of the time, SYS_STATUS.load {highest_load} at most");
+
+    assert_no_sequence_gap(&frames);
+    assert_sampled_at_every_tick(&conversions, 2 * HALF_MINUTE * TICKS_PER_SECOND);
+    assert_eq!(texts_of(&frames), [""; 0]);
+    assert_eq!(rig.can.chip.borrow().lost_frames(), 0);
+    assert_eq!(bench.resets().len(), 1, "the one for the parameters");
+    assert!(bench.bus_errors().is_empty());
+    assert!(awake_permille < 100 && u64::from(highest_load) < 100);
+}
