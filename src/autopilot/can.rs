@@ -14,7 +14,7 @@ impl Autopilot {
 
     /// What may change of the node's settings at any time.
     pub fn can_settings(&self) -> CanSettings {
-        CanSettings::from_parameters(&self.parameters, self.vehicle.arm_state())
+        CanSettings::from_parameters(&self.parameters, &self.identity, self.vehicle.arm_state())
     }
 
     /// Takes what came from the CAN bus at `now`. A reading of a pack that is not measured so counts for nothing.

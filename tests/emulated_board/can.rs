@@ -67,8 +67,8 @@ impl CanAdapter {
             self.close();
         }
         let received = self.station.borrow_mut().take_received();
-        for (_, frame) in received {
-            self.port.write(&line_of(&frame));
+        for (_, frame) in received.iter().filter(|(_, frame)| !is_traffic(frame)) {
+            self.port.write(&line_of(frame));
         }
         self.rig.bus.borrow_mut().take_records();
     }
@@ -134,6 +134,11 @@ impl CanAdapter {
             .get_or_insert_with(|| rig.traffic(board, TRAFFIC_ID, share));
         traffic.borrow_mut().set_share(share);
     }
+}
+
+/// It is of no use to a program, which could not keep up with it.
+fn is_traffic(frame: &CanFrame) -> bool {
+    frame.id == CanId::Extended(TRAFFIC_ID)
 }
 
 fn wires_of(name: &str) -> CanWires {

@@ -1,98 +1,49 @@
-"""The release firmware at an emulated CAN bus, with PyPI dronecan as another node on it."""
+"""The release firmware at an emulated CAN bus, with PyPI dronecan as the other nodes on it."""
 
-import queue
-import threading
+import math
 import time
-from concurrent.futures import Future
-from contextlib import closing
+from contextlib import closing, contextmanager
 
-import dronecan
 import pytest
 from dronecan.app.dynamic_node_id import CentralizedServer
-from dronecan.app.node_monitor import NodeMonitor
 
 from conftest import CanBoard
-from slcan_pty import SlcanPort
-from station import connect, messages_of, pack, restarted, set_to, volts
+from dronecan_peer import KELVIN, Charger, Newcomer, Peer, auxiliary, battery, controller
+from station import command, connect, mavlink, receive, restarted, set_to, volts
 
 # One board at a time.
 pytestmark = pytest.mark.xdist_group("dronecan")
 
-BIT_RATE = 1_000_000
 BOARD, PEER = 10, 42
 NAME = "org.rover-battmon"
-DRONECAN = 8
+NODE_A, NODE_B, NODE_C = 43, 44, 45
+CONTROLLERS = 50
+FIRST, SECOND, DRIVE, SOLAR = range(1, 5)
+
+DRONECAN, ESC = 8, 9
+# Motor controllers 1 to 3.
+CONTROLLER_MASK = 0b1110
 SETTINGS = {
     "CAN_P1_DRIVER": 1,
+    "CAN_D1_UC_NODE": BOARD,
     "BATT2_MONITOR": DRONECAN,
     "BATT2_SERIAL_NUM": 1,
     "BATT3_MONITOR": DRONECAN,
     "BATT3_SERIAL_NUM": 2,
+    "BATT4_MONITOR": ESC,
+    "BATT4_ESC_MASK": CONTROLLER_MASK,
+    "BATT5_MONITOR": DRONECAN,
+    "BATT5_SERIAL_NUM": PEER,
 }
+CHARGER_INPUT, OFF_AT_DISARM, ON_AT_ARM, OFF_AT_BOOT = 1 << 1, 1 << 2, 1 << 3, 1 << 4
 
-# Steps of half-precision numbers at these values: 1/128 V below 16 V, 1/256 A below 8 A, 1/4 K.
-STEP_V, STEP_A, STEP_K = 1 / 128, 1 / 256, 1 / 4
 LOST_AFTER_S = 5
-KELVIN = 273.15
+UNKNOWN = 65535
 
-POWER = dronecan.uavcan.equipment.power
-
-
-class Peer:
-    """A node in a thread of its own, which sends what its batteries measure ten times a second."""
-
-    def __init__(self, tcp_port):
-        self.port = SlcanPort(tcp_port)
-        self.node = dronecan.make_node(f"slcan:{self.port.name}", node_id=PEER, bitrate=BIT_RATE, baudrate=115200)
-        self.node.mode = dronecan.uavcan.protocol.NodeStatus().MODE_OPERATIONAL
-        self.monitor = NodeMonitor(self.node)
-        self.batteries = {}
-        self.node.periodic(0.1, self.send)
-        self.calls = queue.SimpleQueue()
-        self.over = threading.Event()
-        self.thread = threading.Thread(target=self.run)
-        self.thread.start()
-
-    def run(self):
-        while not self.over.is_set():
-            self.node.spin(0.02)
-            while not self.calls.empty():
-                function, future = self.calls.get()
-                future.set_result(function())
-
-    def call(self, function):
-        """The result of what is done in the thread of the node."""
-        future = Future()
-        self.calls.put((function, future))
-        return future.result(timeout=10)
-
-    def send(self):
-        for number, values in list(self.batteries.items()):
-            self.node.broadcast(POWER.BatteryInfo(battery_id=number, **values))
-
-    def measure(self, number, volts, amperes, celsius=25, percent=50):
-        self.batteries[number] = {
-            "voltage": volts,
-            "current": amperes,
-            "temperature": celsius + KELVIN,
-            "state_of_charge_pct": percent,
-            "remaining_capacity_wh": 50,
-            "full_charge_capacity_wh": 100,
-        }
-
-    def close(self):
-        self.over.set()
-        self.thread.join()
-        self.node.close()
-        self.port.close()
-
-
-def wait_for(condition, seconds=10):
-    end = time.monotonic() + seconds
-    while not (result := condition()):
-        assert time.monotonic() < end, "it never came"
-        time.sleep(0.1)
-    return result
+ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
+ARM_DISARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+# Without checks: packs that no peer measures are unhealthy.
+BY_FORCE = 21196
 
 
 @pytest.fixture(scope="module")
@@ -109,94 +60,214 @@ def board(tmp_path_factory):
         board.kill()
 
 
+@pytest.fixture(scope="module")
+def connected_peer(board):
+    with closing(Peer(board.can_port, PEER)) as peer:
+        yield peer
+
+
+@pytest.fixture
+def peer(connected_peer):
+    yield connected_peer
+    connected_peer.reports.clear()
+
+
 @pytest.fixture
 def vehicle(board):
     with closing(connect(board.usb_url)) as vehicle:
         yield vehicle
 
 
-@pytest.fixture
-def peer(board):
-    with closing(Peer(board.can_port)) as peer:
-        yield peer
-        for trouble in ("load 0", "noise 0", "wires sound"):
-            board.trouble(trouble)
+@contextmanager
+def trouble(board, words, end):
+    board.trouble(words)
+    yield
+    board.trouble(end)
 
 
-def assert_measured(vehicle, instance, values):
-    def agrees():
-        status = pack(vehicle, instance)
-        return (
-            abs(volts(status) - values["voltage"]) <= STEP_V + 0.001
-            and abs(status.current_battery / 100 - values["current"]) <= STEP_A + 0.01
-            and abs(status.temperature / 100 + KELVIN - values["temperature"]) <= STEP_K + 0.01
-            and status.battery_remaining == values["state_of_charge_pct"]
-        )
-
-    wait_for(agrees)
+def wait_for(condition, seconds=10):
+    end = time.monotonic() + seconds
+    while not (result := condition()):
+        assert time.monotonic() < end, "it never came"
+        time.sleep(0.1)
+    return result
 
 
-def texts(vehicle, seconds):
-    return [message.text for message in messages_of(vehicle, seconds) if message.get_type() == "STATUSTEXT"]
+def wait_for_text(vehicle, beginning, seconds=10):
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0:
+        message = vehicle.recv_match(type="STATUSTEXT", blocking=True, timeout=left)
+        if message and message.text.startswith(beginning):
+            return
+    raise AssertionError(f"it never said {beginning!r}")
 
 
-def test_a_node_monitor_sees_the_board(board, peer):
-    def board_info():
-        exists = peer.call(lambda: peer.monitor.exists(BOARD))
-        return exists and peer.call(lambda: peer.monitor.get(BOARD).info)
+def reported(vehicle, instance, name="BATTERY_STATUS"):
+    number = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
+    assert command(vehicle, mavlink.MAV_CMD_REQUEST_MESSAGE, number, instance) == ACCEPTED
+    while True:
+        message = receive(vehicle, [name])
+        if message.id == instance:
+            return message
 
-    info = wait_for(board_info)
+
+def step_at(value):
+    """From a half-precision number to the next one: it has a mantissa of 11 bits."""
+    return 2.0 ** (math.floor(math.log2(abs(value))) - 10) if value else 2.0**-24
+
+
+def assert_reports(vehicle, instance, volts_sent, amperes, celsius, percent=None, seconds=5):
+    """Waits until what was sent has arrived, to a step of each number on the bus, and one on the wire."""
+    expected = [
+        (lambda status: volts(status), volts_sent, step_at(volts_sent) + 0.001),
+        (lambda status: status.current_battery / 100, amperes, step_at(amperes) + 0.01),
+        (lambda status: status.temperature / 100, celsius, step_at(celsius + KELVIN) + 0.01),
+    ]
+    if percent is not None:
+        expected.append((lambda status: status.battery_remaining, percent, 0))
+    end = time.monotonic() + seconds
+    while True:
+        status = reported(vehicle, instance)
+        if all(abs(field(status) - value) <= step for field, value, step in expected):
+            return
+        assert time.monotonic() < end, f"{status} instead of {[value for _, value, _ in expected]}"
+
+
+def test_a_node_monitor_sees_the_board(peer):
+    info = wait_for(lambda: peer.info(BOARD))
     assert info.name.decode() == NAME
     assert info.status.health == info.status.HEALTH_OK
     assert info.status.mode == info.status.MODE_OPERATIONAL
     assert any(info.hardware_version.unique_id)
+    assert info.software_version.image_crc
+    # Its NodeStatus goes on, once a second.
+    uptime = info.status.uptime_sec
+    wait_for(lambda: peer.info(BOARD).status.uptime_sec >= uptime + 3, 4)
 
 
-def test_two_batteries_reach_the_wire_within_a_step(peer, vehicle):
+def test_two_batteries_reach_the_wire_by_their_ids(peer, vehicle):
     for step in range(3):
-        peer.measure(1, 12.5 + 0.3 * step, 3.3 + step, 20.2 + step, 80 - step)
-        peer.measure(2, 11.1 - 0.2 * step, 0.7 * step, 30.3 - step, 33 + step)
-        for number in (1, 2):
-            assert_measured(vehicle, number, peer.batteries[number])
+        first = 12.5 + 0.3 * step, 3.3 + step, 20.2 + step, 80 - step
+        second = 11.1 - 0.2 * step, 0.7 * step, -3.3 - step, 33 + step
+        peer.report(NODE_A, battery(1, *first))
+        peer.report(NODE_B, battery(2, *second))
+        assert_reports(vehicle, FIRST, *first)
+        assert_reports(vehicle, SECOND, *second)
+
+
+def test_a_battery_reports_cells_cycles_and_capacity(peer, vehicle):
+    cells, cycles, nominal_volts, watt_hours, percent = [4.1, 4.05, 4.02, 4.15], 321, 14.8, 74, 75
+    reading = battery(2, sum(cells), 2, percent=percent, watt_hours=watt_hours)
+    # Not the first: what is sent here is used for 12 s.
+    peer.report(NODE_B, auxiliary(2, cells, cycles, nominal_volts), reading)
+    wait_for(lambda: reported(vehicle, SECOND, "SMART_BATTERY_INFO").cycle_count == cycles)
+    status, info = reported(vehicle, SECOND), reported(vehicle, SECOND, "SMART_BATTERY_INFO")
+    measured = [mv / 1000 for mv in status.voltages if mv != UNKNOWN]
+    assert info.cells_in_series == len(measured) == len(cells)
+    assert all(abs(volts - sent) <= step_at(sent) + 0.001 for volts, sent in zip(measured, cells)), measured
+    full_mah = 1000 * watt_hours / nominal_volts
+    # Of two numbers.
+    step = 2 * 2**-10
+    assert info.capacity_full == pytest.approx(full_mah, rel=step)
+    assert status.current_consumed == pytest.approx(full_mah * (100 - percent) / 100, rel=5 * step)
+    assert status.battery_remaining == pytest.approx(percent, abs=1)
 
 
 def test_a_battery_is_lost_and_found_again(peer, vehicle):
-    peer.measure(1, 12.5, 1)
-    assert_measured(vehicle, 1, peer.batteries[1])
-    values = peer.batteries.pop(1)
-    assert any(text.startswith("Battery 2 unhealthy") for text in texts(vehicle, LOST_AFTER_S + 3))
-    peer.batteries[1] = values
-    assert "Battery 2 healthy again" in texts(vehicle, 4)
+    peer.report(NODE_A, battery(1, 12.5, 1))
+    assert_reports(vehicle, FIRST, 12.5, 1, 25, 50)
+    peer.silence(NODE_A)
+    began = time.monotonic()
+    wait_for_text(vehicle, "Battery 2 unhealthy")
+    assert LOST_AFTER_S - 1 < time.monotonic() - began < LOST_AFTER_S + 2
+    peer.report(NODE_A, battery(1, 12.25, 1))
+    wait_for_text(vehicle, "Battery 2 healthy again")
+    assert_reports(vehicle, FIRST, 12.25, 1, 25, 50)
 
 
-@pytest.mark.parametrize("trouble", ["load 0.9", "noise 0.1"])
-def test_readings_come_through(board, peer, vehicle, trouble):
-    peer.measure(1, 12.5, 1)
-    assert_measured(vehicle, 1, peer.batteries[1])
-    board.trouble(trouble)
-    peer.measure(1, 13.25, 2)
-    assert_measured(vehicle, 1, peer.batteries[1])
-    assert not any("unhealthy" in text for text in texts(vehicle, LOST_AFTER_S + 2))
+def test_motor_controllers_measure_a_pack_together(peer, vehicle):
+    sent = {1: (24.0, 3.5, 40), 2: (24.25, 4.5, 50), 3: (24.5, 6, 60), 4: (30.0, 9, 90)}
+    for index, values in sent.items():
+        peer.report(CONTROLLERS + index, controller(index, *values))
+    # The mean of the first three, and the sum of their currents: the fourth is not in the mask.
+    assert_reports(vehicle, DRIVE, 24.25, 14, 50)
+    peer.silence(CONTROLLERS + 2)
+    wait_for(lambda: reported(vehicle, DRIVE).current_battery == -1)
+    peer.report(CONTROLLERS + 2, controller(2, 24.25, 5.5, 50))
+    assert_reports(vehicle, DRIVE, 24.25, 15, 50)
+
+
+def test_a_charger_measures_a_pack_and_is_switched(peer, vehicle):
+    assert set_to(vehicle, "BATT5_OPTIONS", OFF_AT_BOOT | ON_AT_ARM | OFF_AT_DISARM).param_id == "BATT5_OPTIONS"
+    source, output = (18.5, 2), (14, 2.5)
+    with closing(Charger(peer)) as charger:
+        charger.is_stuck = True
+        charger.report(source, output, celsius=35)
+        # It is asked until it confirms.
+        wait_for(lambda: charger.requested == ["off", "off"])
+        charger.is_stuck = False
+        assert_reports(vehicle, SOLAR, *output, 35)
+        wait_for(lambda: not charger.is_on)
+        del charger.requested[:]
+        for arm, power in [(1, "on"), (0, "off")]:
+            assert command(vehicle, ARM_DISARM, arm, BY_FORCE) == ACCEPTED
+            wait_for_text(vehicle, f"Battery 5 charger switched {power}")
+            wait_for(lambda: charger.requested[-1:] == [power])
+        charger.report(source, output, celsius=60, faults=8)
+        wait_for_text(vehicle, "Battery 5 charger: too hot")
+        assert set_to(vehicle, "BATT5_OPTIONS", CHARGER_INPUT).param_value == CHARGER_INPUT
+        assert_reports(vehicle, SOLAR, *source, 60)
+        assert charger.requested == ["on", "off"]
+
+
+@pytest.mark.parametrize("kind, share", [("load", 0.9), ("noise", 0.1)])
+def test_readings_come_through(board, peer, vehicle, kind, share):
+    assert wait_for(lambda: peer.info(BOARD))
+    peer.report(NODE_A, battery(1, 12.5, 1))
+    assert_reports(vehicle, FIRST, 12.5, 1, 25, 50)
+    with trouble(board, f"{kind} {share}", f"{kind} 0"):
+        for step in range(1, 9):
+            peer.report(NODE_A, battery(1, 12.5 + 0.1 * step, step))
+            assert_reports(vehicle, FIRST, 12.5 + 0.1 * step, step, 25, 50, seconds=1)
+            time.sleep(0.5)
+        # The monitor forgets a node that is silent for three seconds.
+        assert peer.info(BOARD)
+    assert not vehicle.recv_match(type="STATUSTEXT", blocking=False, condition="'unhealthy' in STATUSTEXT.text")
 
 
 def test_after_bus_off_everything_works_again(board, peer, vehicle):
-    peer.measure(1, 12.5, 1)
-    assert_measured(vehicle, 1, peer.batteries[1])
-    board.trouble("wires shorted")
-    assert any(text.startswith("CAN bus off") for text in texts(vehicle, 4))
-    board.trouble("wires sound")
-    peer.measure(1, 13.25, 2)
-    assert_measured(vehicle, 1, peer.batteries[1])
+    peer.report(NODE_A, battery(1, 12.5, 1))
+    assert_reports(vehicle, FIRST, 12.5, 1, 25, 50)
+    with trouble(board, "wires shorted", "wires sound"):
+        wait_for_text(vehicle, "CAN bus off")
+        wait_for_text(vehicle, "Battery 2 unhealthy")
+    peer.report(NODE_A, battery(1, 13.25, 2))
+    wait_for_text(vehicle, "CAN bus works")
+    assert_reports(vehicle, FIRST, 13.25, 2, 25, 50)
+    wait_for(lambda: peer.info(BOARD))
+
+
+def test_a_node_without_an_id_gets_one_from_the_board(peer, vehicle):
+    ids = []
+    for unique_id in (b"battery of A rov", b"battery of B rov", b"battery of A rov"):
+        newcomer = peer.call(lambda: Newcomer(peer, unique_id))
+        ids.append(wait_for(lambda: newcomer.node_id))
+    assert ids[0] == ids[2], "the same battery has the same id again"
+    assert len({*ids, BOARD, PEER}) == 4
+    peer.report(ids[0], battery(1, 12.5, 1))
+    assert_reports(vehicle, FIRST, 12.5, 1, 25, 50)
 
 
 def test_the_board_gets_its_id_from_an_allocator(board, peer, vehicle):
     """The last one: the board keeps its setting."""
     server = peer.call(lambda: CentralizedServer(peer.node, peer.monitor))
     assert set_to(vehicle, "CAN_D1_UC_NODE", 0).param_value == 0
-    with closing(restarted(vehicle, board.usb_url)):
-        table = wait_for(lambda: [row for row in peer.call(server.get_allocation_table) if row[1] != PEER], 20)
-        number = table[0][1]
-        wait_for(lambda: peer.call(lambda: number in peer.monitor.get_all_node_id()))
-        info = wait_for(lambda: peer.call(lambda: peer.monitor.get(number).info))
+    with closing(restarted(vehicle, board.usb_url)) as vehicle:
+        wait_for_text(vehicle, "CAN node id ")
+        given = [row[1] for row in peer.call(server.get_allocation_table) if row[1] not in (PEER, BOARD)]
+        assert len(given) == 1
+        info = wait_for(lambda: peer.info(given[0]))
         assert info.name.decode() == NAME
+        peer.report(NODE_A, battery(1, 12.5, 1))
+        assert_reports(vehicle, FIRST, 12.5, 1, 25, 50)
     peer.call(server.close)

@@ -21,6 +21,7 @@ use super::setup::{CanSettings, CanSetup};
 use super::tail::Tail;
 use super::unique_id::hash;
 use crate::cadence::Cadence;
+use crate::identity::FirmwareHash;
 use crate::log::{info, warn};
 use crate::time::Instant;
 
@@ -37,6 +38,7 @@ pub struct DroneCan {
 #[derive(Debug)]
 struct Node {
     setup: CanSetup,
+    firmware_hash: Option<FirmwareHash>,
     started: Instant,
     role: Role,
     packs: CanPacks,
@@ -162,6 +164,7 @@ impl Node {
         };
         Self {
             setup,
+            firmware_hash: None,
             started: now,
             role,
             packs: CanPacks::EMPTY,
@@ -224,6 +227,7 @@ impl Node {
     }
 
     fn poll(&mut self, settings: &CanSettings, now: Instant, deliver: &mut impl FnMut(CanEvent)) {
+        self.firmware_hash = settings.firmware_hash;
         self.packs.set_up(settings, now);
         if let Role::Asking(allocatee) = &mut self.role
             && let Some(request) = allocatee.poll(now)
@@ -342,7 +346,7 @@ impl Node {
         let info = NodeInfo {
             uptime_s: self.uptime_s(now),
             unique_id: self.setup.unique_id,
-            firmware_hash: self.setup.firmware_hash,
+            firmware_hash: self.firmware_hash,
         };
         self.outgoing.send(&Transfer {
             identifier: Identifier::Service {

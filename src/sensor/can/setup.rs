@@ -21,8 +21,6 @@ pub struct CanSetup {
     pub node_id: Option<NodeId>,
     /// Distinguishes this node from all others.
     pub unique_id: [u8; UNIQUE_ID_BYTES],
-    /// The program's hash, if it is known.
-    pub firmware_hash: Option<FirmwareHash>,
 }
 
 impl CanSetup {
@@ -35,7 +33,6 @@ impl CanSetup {
         Some(Self {
             node_id: u8::try_from(node_id).ok().and_then(NodeId::new),
             unique_id: unique_id(identity.board_id),
-            firmware_hash: identity.firmware_hash,
         })
     }
 }
@@ -56,6 +53,8 @@ pub struct CanSettings {
     pub packs: Vec<CanPack, MAX_PACKS>,
     /// Whether the rover is armed: a charger may be switched by it.
     pub arm_state: ArmState,
+    /// The program's hash; `None` for the first moments after a start, while it is computed.
+    pub firmware_hash: Option<FirmwareHash>,
 }
 
 /// Settings of a pack.
@@ -105,11 +104,12 @@ impl CanOptions {
 }
 
 impl CanSettings {
-    /// From the live parameters.
-    pub fn from_parameters(parameters: &Parameters, arm_state: ArmState) -> Self {
+    /// From the live parameters and what is known of the board.
+    pub fn from_parameters(parameters: &Parameters, identity: &Identity, arm_state: ArmState) -> Self {
         let mut settings = Self {
             packs: Vec::new(),
             arm_state,
+            firmware_hash: identity.firmware_hash,
         };
         let is_can = |pack: &Pack| MonitorKind::of(parameters, *pack) == Some(MonitorKind::Can);
         for pack in Pack::ALL.into_iter().filter(is_can) {

@@ -1,6 +1,6 @@
 //! A node, and what other nodes send.
 
-use crate::battery::{ArmState, Measurement, ReadError};
+use crate::battery::{Measurement, ReadError};
 use crate::pack::Pack;
 use crate::sensor::can::identifier::{Identifier, Priority};
 use crate::sensor::can::messages::{BATTERY_AUX, BATTERY_INFO, CHARGER, DataType, NODE_STATUS};
@@ -21,7 +21,6 @@ pub fn setup(node_id: Option<u8>) -> CanSetup {
     CanSetup {
         node_id: node_id.map(node),
         unique_id: core::array::from_fn(|index| index as u8 + 1),
-        firmware_hash: None,
     }
 }
 
@@ -54,7 +53,7 @@ impl Bench {
             can: DroneCan::new(setup, now),
             settings: CanSettings {
                 packs: packs.iter().copied().collect(),
-                arm_state: ArmState::Disarmed,
+                ..CanSettings::default()
             },
             now,
             events: Vec::new(),

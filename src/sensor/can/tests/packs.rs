@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use super::bench::{Battery, Bench, node, pack};
 use super::golden::{self, frames};
 use crate::battery::{ArmState, Gauge, Measurement, ReadError, Supply};
+use crate::identity::Identity;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use crate::sensor::can::packs::LOST_AFTER_US;
@@ -393,7 +394,7 @@ fn settings_are_those_of_the_parameters() {
         parameters.set(parameter.of(Pack::Third), value).unwrap();
     }
     assert_eq!(MonitorKind::of(&parameters, Pack::Third), Some(MonitorKind::Can));
-    let settings = CanSettings::from_parameters(&parameters, ArmState::Armed);
+    let settings = CanSettings::from_parameters(&parameters, &Identity::default(), ArmState::Armed);
     let expected = CanPack {
         pack: Pack::Third,
         battery_id: Some(7),
