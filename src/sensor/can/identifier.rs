@@ -1,4 +1,4 @@
-//! Identifiers of frames: what is sent, by whom, to whom.
+//! Identifiers of frames: what is sent, its sender and its receiver.
 //!
 //! | bits | message | anonymous message | service |
 //! |---|---|---|---|
