@@ -33,7 +33,7 @@ fn with_can(crystal_hz: u64, bits_per_second: u64, parameters: &[(&str, f32)]) -
 }
 
 fn texts(bench: &mut Bench) -> Vec<String> {
-    texts_of(&bench.frames()).into_iter().map(Into::into).collect()
+    texts_of(&bench.frames())
 }
 
 fn assert_measures_battery_a(bench: &mut Bench, rig: &CanRig) {

@@ -1,10 +1,10 @@
 //! Ready parameter files of docs/params/ for sensors that the simulator does not have, with these sensors.
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
+use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
 use crate::can_bench::CanRig;
 use crate::can_bench::transfers::A;
-use crate::emulator::UartPins;
 use crate::emulator::i2c_devices::Bq76952;
+use crate::emulator::{AdcInput, UartPins};
 use crate::i2c_bus::{BUS, shared};
 use crate::support::frames::{last_of, texts_of};
 
@@ -69,6 +69,9 @@ fn a_fuel_cell_is_measured_with_its_file() {
 fn a_stack_of_cells_is_measured_with_its_file() {
     let file = include_str!("../../docs/params/bq76952.param");
     let (mut bench, _) = loaded(file, |bench| {
+        // Nothing is at the divider.
+        bench.adc_input(PACK, AdcInput::Code(0));
+        bench.run_for(SECOND);
         let part = shared(Bq76952::new());
         part.borrow_mut().set(&[4000; 6], 7.2, 31.0);
         bench.i2c(BUS).attach(0x08, Box::new(part.clone()));

@@ -1,4 +1,4 @@
-//! Identifiers of frames: what is sent, its source and its destination.
+//! Identifiers of frames: what is sent, its sender and its receiver.
 //!
 //! | bits | message | anonymous message | service |
 //! |---|---|---|---|

@@ -1,5 +1,8 @@
 //! Tests against the figures of DS20001801J.
 
+// The groups are the fields of the status byte.
+#![allow(clippy::unusual_byte_groupings)]
+
 use std::cell::RefCell;
 use std::rc::Rc;
 
