@@ -75,7 +75,9 @@ impl CanNode for Traffic {
 
     fn sent(&mut self, now: Cycle) {
         let length = self.next.bits() * self.bit;
-        self.due += (length as f64 / self.share) as Cycle;
+        if self.share > 0.0 {
+            self.due += (length as f64 / self.share) as Cycle;
+        }
         self.due = self.due.max(now.saturating_sub(MOST_BEHIND));
         self.next = frame(self.id, &mut self.random);
         self.sent += 1;

@@ -108,7 +108,7 @@ impl Controller {
             TEC => self.confinement.transmit_errors().min(255) as u8,
             REC => self.confinement.receive_errors().min(255) as u8,
             EFLG => self.at(EFLG) | self.error_flags(),
-            // "The Mask and Filter registers read all '0's when in any mode except Configuration" (4.5).
+            // Masks and filters read zero in other modes (4.5).
             _ if is_filter_or_mask(address) && self.mode != Mode::Configuration => 0,
             _ if address == RXB_CTRL[0] => self.at(address) | (self.at(address) & BUKT) >> 1,
             _ => self.at(address),
@@ -161,7 +161,7 @@ impl Controller {
         let was_at_bus = matches!(self.mode, Mode::Normal | Mode::ListenOnly);
         let is_at_bus = matches!(requested, Mode::Normal | Mode::ListenOnly);
         self.mode = requested;
-        // "When Configuration mode is entered, all error counters are cleared" (10.1).
+        // Configuration clears the error counters (10.1).
         if requested == Mode::Configuration || !was_at_bus && is_at_bus {
             self.confinement = Confinement::default();
         }
@@ -234,7 +234,7 @@ impl Controller {
 
     fn control_transmission(&mut self, buffer: usize, before: u8, after: u8) {
         let (was, is) = (before & TXREQ != 0, after & TXREQ != 0);
-        // "Setting TXREQ clears ABTF, MLOA and TXERR" (3.3).
+        // A new request clears what became of the one before (3.3).
         let after = if is && !was {
             after & !(ABTF | MLOA | TXERR)
         } else {

@@ -4,8 +4,8 @@
 //! and their changes (10), bit timing (5), both receive buffers with their filters and rollover (4), the transmit buffers
 //! with priorities and abortion (3), error counters and flags (6, 7.6), the interrupt output. Left out: the pins RXnBF, TXnRTS and
 //! CLKOUT, remote frames, waking up from sleep by the bus: another mode has to be requested. What the data sheet leaves unknown after a reset is garbage.
-//! That the mode changes from configuration only after 11 recessive bits is how such controllers join a bus (CAN 2.0, 8, rule 12
-//! and its note); the data sheet only requires to wait for it.
+//! That the mode changes from configuration only after 11 recessive bits is how CAN controllers join a bus; the data sheet only
+//! requires to read the mode back (10).
 
 mod acceptance;
 mod controller;

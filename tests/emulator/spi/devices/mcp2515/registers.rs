@@ -68,7 +68,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// REQOP; `None`: "all other values are invalid".
+    /// REQOP; `None` is no mode (register 10-1).
     pub fn requested(canctrl: u8) -> Option<Self> {
         Some(match canctrl >> 5 {
             0 => Self::Normal,
@@ -86,7 +86,7 @@ impl Mode {
     }
 }
 
-/// "Configuration mode is the only mode where these are modifiable" (10.1): CNF1 to 3, TXRTSCTRL, filters, masks.
+/// What can be changed in configuration mode only (10.1): CNF1 to 3, TXRTSCTRL, filters, masks.
 pub fn is_configuration(address: u8) -> bool {
     is_filter_or_mask(address) || matches!(address, CNF3..=CNF1 | TXRTSCTRL)
 }

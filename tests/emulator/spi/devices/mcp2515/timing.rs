@@ -3,9 +3,9 @@
 use super::super::super::super::clock::{CLK_SYS_HZ, Cycle};
 use super::{CNF1, CNF2, CNF3};
 
-/// "Fixed at 2 TQ" (5.2.5).
+/// In quanta (5.2.5).
 const INFORMATION_PROCESSING: u64 = 2;
-/// "The Nominal Bit Time must be a minimum of 8 TQ and a maximum of 25 TQ" (5.1; older versions allow 5).
+/// Of a bit: a controller has to offer 8 to 25 (CAN 2.0, 10); the segments of this one can be shorter.
 const QUANTA: std::ops::RangeInclusive<u64> = 5..=25;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
