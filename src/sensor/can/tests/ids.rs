@@ -81,7 +81,7 @@ fn node_is_given_an_id_by_the_reference() {
     assert_eq!(bench.can.node_id(), Some(node(99)));
     bench.run_ms(1000);
     assert_eq!(
-        bench.sent_of(0x0155_00 | 99).len(),
+        bench.sent_of(0x0001_5500 | 99).len(),
         2,
         "its status is sent from now on"
     );

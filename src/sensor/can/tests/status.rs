@@ -5,7 +5,7 @@ use super::golden::{self, frames};
 use crate::identity::FirmwareHash;
 use crate::sensor::CanNotice;
 
-const OWN_STATUS: u32 = 0x0155_00 | OWN_ID as u32;
+const OWN_STATUS: u32 = 0x0001_5500 | OWN_ID as u32;
 
 #[test]
 fn own_status_is_sent_each_second_as_by_the_reference() {

@@ -176,10 +176,9 @@ fn hardware_lets_everything_through_that_is_used() {
         assert!(filters[..2].iter().all(|filter| filter.mask == filters[0].mask));
         assert!(filters[2..].iter().all(|filter| filter.mask == filters[2].mask));
         let is_let_through = |frame: &CanFrame| {
-            let fits = filters
+            filters
                 .iter()
-                .any(|filter| frame.id() & filter.mask == filter.id & filter.mask);
-            fits
+                .any(|filter| frame.id() & filter.mask == filter.id & filter.mask)
         };
         let to_all = [
             golden::BATTERY_INFO,
