@@ -136,7 +136,7 @@ where
 
     /// It shows that it is alive: without an answer nothing else is wrong.
     async fn wait_for_retry(&mut self) {
-        let retry_at = Instant::now() + RETRY_INTERVAL;
+        let retry_at = Instant::now().saturating_add(RETRY_INTERVAL);
         while Instant::now() < retry_at {
             self.exchange
                 .update(|status| status.looks = status.looks.wrapping_add(1));
@@ -177,7 +177,7 @@ where
     fn next_poll(&self) -> Instant {
         match self.exchange.interrupt() {
             CanInterrupt::Working => self.look_at,
-            CanInterrupt::Dead => self.look_at.min(Instant::now() + POLL_INTERVAL),
+            CanInterrupt::Dead => self.look_at.min(Instant::now().saturating_add(POLL_INTERVAL)),
         }
     }
 
@@ -240,7 +240,7 @@ where
 
     /// Looks at the controller.
     fn look(&mut self) -> Result<Registers, Ended> {
-        self.look_at = Instant::now() + LOOK_INTERVAL;
+        self.look_at = Instant::now().saturating_add(LOOK_INTERVAL);
         let registers = self.chip.look()?;
         if !self.chip.is_set_up(&registers) {
             return Err(Ended::LostSetup);
