@@ -13,6 +13,9 @@ const ANNOUNCEMENT_INTERVAL_US: u64 = 10_000_000;
 /// At the start no node may acknowledge yet; errors that go on for longer are announced.
 const PASSIVE_US: u64 = 2_000_000;
 
+/// With shorted wires it is active for moments, between one bus-off and the next.
+const WORKING_US: u64 = 2_000_000;
+
 /// Kinds of reports.
 const REPORTS: usize = 8;
 
@@ -24,6 +27,8 @@ pub(super) struct CanWatch {
     announced_at: Vec<(Discriminant<CanReport>, Instant), REPORTS>,
     /// Since when there are too many errors.
     passive_since: Option<Instant>,
+    /// Since when it has been active, with that number of times of bus-off.
+    active_since: Option<(u32, Instant)>,
 }
 
 impl CanWatch {
@@ -32,6 +37,7 @@ impl CanWatch {
             announced: CanStatus::STARTING,
             announced_at: Vec::new(),
             passive_since: None,
+            active_since: None,
         }
     }
 
@@ -39,6 +45,13 @@ impl CanWatch {
     pub fn news(&mut self, status: &CanStatus, now: Instant) -> Option<CanReport> {
         self.passive_since = match status.state {
             CanState::Passive => self.passive_since.or(Some(now)),
+            _ => None,
+        };
+        self.active_since = match status.state {
+            CanState::Active => self
+                .active_since
+                .filter(|(bus_offs, _)| *bus_offs == status.bus_offs)
+                .or(Some((status.bus_offs, now))),
             _ => None,
         };
         if self.announced.state == CanState::Starting && status.state == CanState::Active {
@@ -84,7 +97,10 @@ impl CanWatch {
                 let since = self.passive_since?;
                 (now.us_since(since) >= PASSIVE_US).then_some(CanReport::Passive)
             }
-            CanState::Active => Some(CanReport::Working),
+            CanState::Active => {
+                let (_, since) = self.active_since?;
+                (now.us_since(since) >= WORKING_US).then_some(CanReport::Working)
+            }
             CanState::Starting | CanState::BusOff => None,
         }
     }
@@ -147,8 +163,8 @@ mod tests {
             (CanState::Passive, CanReport::Passive, 3_000),
         ] {
             let failed = CanStatus { state, ..ACTIVE };
-            let statuses = [ACTIVE; 10].into_iter().chain([failed; 200]).chain([ACTIVE; 10]);
-            let expected = [(announced_ms, report), (21_000, CanReport::Working)];
+            let statuses = [ACTIVE; 10].into_iter().chain([failed; 200]).chain([ACTIVE; 30]);
+            let expected = [(announced_ms, report), (23_000, CanReport::Working)];
             assert_eq!(announced(statuses), expected);
         }
         let short = CanStatus {
@@ -159,18 +175,16 @@ mod tests {
     }
 
     #[test]
-    fn a_bus_off_between_two_looks_is_noticed_and_repeated_every_ten_seconds() {
+    fn a_bus_off_between_two_looks_is_noticed_and_repeated_every_ten_seconds_until_there_is_none() {
         let statuses = (0..250).map(|tick| CanStatus {
-            bus_offs: tick,
+            bus_offs: tick.min(205),
             ..ACTIVE
         });
         let expected = [
             (100, CanReport::BusOff(1)),
-            (200, CanReport::Working),
             (10_100, CanReport::BusOff(101)),
-            (10_200, CanReport::Working),
             (20_100, CanReport::BusOff(201)),
-            (20_200, CanReport::Working),
+            (22_500, CanReport::Working),
         ];
         assert_eq!(announced(statuses), expected);
     }
