@@ -159,7 +159,7 @@ impl SerialPort {
     /// first bit is not, by up to a bit.
     async fn all_sent(&self, bytes: usize) {
         let bits = BYTE_BITS * bytes as u64;
-        let duration = Duration::from_micros(bits * 1_000_000 / u64::from(self.baud));
+        let duration = Duration::from_micros(bits * 1_000_000 / u64::from(self.baud.max(1)));
         Timer::after(duration).await;
         let latest = Instant::now() + LONGEST_BYTE;
         while self.registers.uartfr().read().busy() && Instant::now() < latest {}
