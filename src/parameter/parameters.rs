@@ -111,8 +111,9 @@ impl Parameters {
 
     /// How many of the vehicle's first parameters are hidden.
     fn hidden_of_vehicle(&self, first: usize) -> usize {
-        let ids = VehicleParameter::ALL.into_iter().take(first);
-        ids.filter(|id| !self.is_listed((*id).into())).count()
+        let ids = VehicleParameter::UNLISTED.into_iter();
+        ids.filter(|id| (*id as usize) < first && !self.is_used((*id).into(), None))
+            .count()
     }
 
     /// How many parameters of the first packs are hidden.
@@ -123,10 +124,14 @@ impl Parameters {
             .sum()
     }
 
-    /// How many of a pack's first parameters are hidden.
+    /// How many of a pack's first parameters are hidden: all but `MONITOR`, which is the first, of a pack that is disabled.
     fn hidden_of(&self, pack: Pack, first: usize) -> usize {
-        let ids = BatteryParameter::ALL.into_iter().take(first);
-        ids.filter(|id| !self.is_listed(id.of(pack))).count()
+        if !self.is_monitored(pack) {
+            return first.saturating_sub(1);
+        }
+        let ids = BatteryParameter::UNLISTED.into_iter();
+        ids.filter(|id| (*id as usize) < first && !self.is_used(id.of(pack), Some(pack)))
+            .count()
     }
 
     /// Whether a pack is enabled by the live value of its `BATT_MONITOR`.
