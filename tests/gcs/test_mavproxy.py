@@ -141,7 +141,7 @@ def test_it_shows_and_sets_parameters(mavproxy):
 
 @pytest.mark.board
 def test_it_says_that_a_value_was_refused(mavproxy):
-    for name, value, kept in [("BATT_VOLT_MULT", "1000", 3.95), ("SR0_EXTRA1", "51", 2), ("BATT_MONITOR", "6", 3)]:
+    for name, value, kept in [("BATT_VOLT_MULT", "1000", 3.95), ("SR0_EXTRA1", "51", 2), ("BATT_MONITOR", "20", 3)]:
         mavproxy.ask(f"param set {name} {value}", rf"Failed to set {name} to {value} \(invalid returned value")
         assert mavproxy.show(name) == pytest.approx(kept)
 

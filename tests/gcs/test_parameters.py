@@ -26,12 +26,17 @@ def described():
     return {param.get("name").removeprefix("Rover:") for param in metadata.iter("param")}
 
 
+# What sets up a CAN bus, or a protocol of the second serial port that is not in use, or a pack that is measured so.
+NOT_IN_USE = r"CAN_(?!P1_DRIVER)|GEN_TYPE|EFI_|TRQD1_|SERIAL1_BAUD|BATT\d?_(CURR_MULT|ESC_MASK)"
+
+
 def visible(packs):
-    """The names that are listed while these packs are enabled: of the others, what enables them."""
+    """The names that are listed while these packs, with analog sensors, are enabled: of the others, what enables them."""
 
     def is_visible(name):
         pack = re.match(r"BATT(\d?)_", name)
-        return not pack or int(pack[1] or 1) in packs or name == f"{pack[0]}MONITOR"
+        is_enabled = not pack or int(pack[1] or 1) in packs
+        return (is_enabled and not re.match(NOT_IN_USE, name)) or (pack and name == f"{pack[0]}MONITOR")
 
     return {name for name in described() if is_visible(name)}
 

