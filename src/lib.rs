@@ -96,6 +96,7 @@ mod crc32;
 mod decimals;
 #[cfg(test)]
 mod flash_model;
+mod fnv;
 mod in_place;
 mod log;
 mod log_limit;

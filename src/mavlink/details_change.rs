@@ -1,8 +1,9 @@
 //! When a smart battery's details have to be reported again.
 
-use core::hash::{Hash, Hasher};
+use core::hash::Hash;
 
 use crate::battery::PackDetails;
+use crate::fnv::Fnv;
 use crate::pack::{MAX_PACKS, Pack};
 
 /// The details of each pack that were reported last on one link, by their hash: each link has one of these, and the details
@@ -12,30 +13,11 @@ pub(super) struct DetailsChangeDetector {
     reported: [Option<u32>; MAX_PACKS],
 }
 
-/// FNV-1a of 32 bits. One change of four thousand million is not noticed by it.
-struct Fnv(u32);
-
-impl Fnv {
-    const BASIS: u32 = 0x811C_9DC5;
-    const PRIME: u32 = 0x0100_0193;
-
-    fn hash_of(details: &PackDetails) -> u32 {
-        let mut hasher = Self(Self::BASIS);
-        details.hash(&mut hasher);
-        hasher.0
-    }
-}
-
-impl Hasher for Fnv {
-    fn write(&mut self, bytes: &[u8]) {
-        for byte in bytes {
-            self.0 = (self.0 ^ u32::from(*byte)).wrapping_mul(Self::PRIME);
-        }
-    }
-
-    fn finish(&self) -> u64 {
-        self.0.into()
-    }
+/// One change of four thousand million is not noticed by it.
+fn hash_of(details: &PackDetails) -> u32 {
+    let mut hasher = Fnv::new();
+    details.hash(&mut hasher);
+    hasher.hash()
 }
 
 impl DetailsChangeDetector {
@@ -46,7 +28,7 @@ impl DetailsChangeDetector {
         if details.is_empty() {
             return false;
         }
-        let hash = Some(Fnv::hash_of(details));
+        let hash = Some(hash_of(details));
         let has_changed = *reported != hash;
         *reported = hash;
         has_changed

@@ -4,7 +4,7 @@ use heapless::Vec;
 
 use super::NodeId;
 use super::messages::{Allocation, Part, UNIQUE_ID_BYTES};
-use super::unique_id::hash;
+use crate::fnv::Fnv;
 use crate::time::Instant;
 
 /// Nodes that can be given an id.
@@ -104,7 +104,7 @@ impl Allocator {
     }
 
     fn assign(&mut self, wanted: Option<NodeId>, is_on_bus: impl Fn(NodeId) -> bool) -> Option<NodeId> {
-        let hash = hash(&self.unique_id);
+        let hash = Fnv::hash_of(&self.unique_id);
         if let Some(known) = self.assigned.iter().find(|known| known.hash == hash) {
             return Some(known.id);
         }

@@ -19,8 +19,8 @@ use super::packs::{CanPacks, ChargerRequest};
 use super::random::Random;
 use super::setup::{CanSettings, CanSetup};
 use super::tail::Tail;
-use super::unique_id::hash;
 use crate::cadence::Cadence;
+use crate::fnv::Fnv;
 use crate::identity::FirmwareHash;
 use crate::log::{info, warn};
 use crate::time::Instant;
@@ -158,7 +158,7 @@ impl Node {
         let role = match setup.node_id {
             Some(id) => Role::Giving(id, Allocator::new(id, now)),
             None => {
-                let random = Random::seeded(hash(&setup.unique_id));
+                let random = Random::seeded(Fnv::hash_of(&setup.unique_id));
                 Role::Asking(Allocatee::new(setup.unique_id, random, now))
             }
         };

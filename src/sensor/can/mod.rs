@@ -27,7 +27,6 @@ mod status;
 mod tail;
 #[cfg(test)]
 mod tests;
-mod unique_id;
 
 pub use acceptance::Acceptance;
 pub use bit_timing::BitTiming;
