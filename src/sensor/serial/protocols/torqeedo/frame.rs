@@ -1,6 +1,11 @@
 //! Frames of the TQ bus: header, content, CRC-8 (Maxim) of the content, footer. In between, bytes that look like a header,
 //! footer or escape follow an escape, with their highest bit inverted.
 
+use crc::{CRC_8_MAXIM_DOW, Crc, NoTable};
+
+/// Without a table, as of contents of a few bytes.
+const CRC: Crc<u8, NoTable> = Crc::<u8, NoTable>::new(&CRC_8_MAXIM_DOW);
+
 const HEADER: u8 = 0xAC;
 const FOOTER: u8 = 0xAD;
 const ESCAPE: u8 = 0xAE;
@@ -86,16 +91,8 @@ impl FrameReader {
 
     fn checked(&self) -> Option<&[u8]> {
         let (crc, content) = self.content.get(..self.length)?.split_last()?;
-        (!content.is_empty() && crc8_maxim(content) == *crc).then_some(content)
+        (!content.is_empty() && CRC.checksum(content) == *crc).then_some(content)
     }
-}
-
-/// CRC-8 of Maxim's 1-Wire: polynomial 0x31, reflected.
-fn crc8_maxim(bytes: &[u8]) -> u8 {
-    let step = |crc: u8, _| crc >> 1 ^ if crc & 1 != 0 { 0x8C } else { 0 };
-    bytes
-        .iter()
-        .fold(0, |crc, byte| (0..u8::BITS).fold(crc ^ byte, step))
 }
 
 #[cfg(test)]
@@ -106,7 +103,7 @@ pub(super) mod tests {
     /// The frame of a content.
     pub fn frame(content: &[u8]) -> Vec<u8> {
         let mut frame = vec![HEADER];
-        for byte in content.iter().copied().chain([crc8_maxim(content)]) {
+        for byte in content.iter().copied().chain([CRC.checksum(content)]) {
             if matches!(byte, HEADER | FOOTER | ESCAPE) {
                 frame.extend([ESCAPE, byte ^ ESCAPE_MASK]);
             } else {
@@ -141,7 +138,7 @@ pub(super) mod tests {
     #[test]
     fn checksum_is_that_of_the_catalogue() {
         // CRC-8/MAXIM-DOW's check value.
-        assert_eq!(crc8_maxim(b"123456789"), 0xA1);
+        assert_eq!(CRC.checksum(b"123456789"), 0xA1);
     }
 
     #[test]
