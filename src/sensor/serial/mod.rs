@@ -4,6 +4,7 @@
 
 mod conditions;
 mod device;
+mod gap;
 mod line;
 mod notice;
 mod protocol;

@@ -46,15 +46,19 @@ pub(super) trait Protocol: Sized {
     /// Nothing was received yet.
     fn new(model: &'static Self::Model) -> Self;
 
-    /// Bytes were received at `now`, after a gap or not: a partial frame before a gap is dropped.
-    fn begin(&mut self, now: Instant);
+    /// Bytes were received at `now`, after a gap or not: a partial frame before a gap is dropped, if gaps end frames.
+    fn begin(&mut self, _now: Instant) {}
 
     /// Processes a byte, which was received by `now`.
     fn push(&mut self, byte: u8, now: Instant, deliver: &mut impl FnMut(SerialReading));
 
-    /// What has to be sent at `now`, if anything.
-    fn next_request(&mut self, now: Instant) -> Option<Request>;
+    /// What has to be sent at `now`, if anything; never to a device that sends by itself.
+    fn next_request(&mut self, _now: Instant) -> Option<Request> {
+        None
+    }
 
     /// When [`Self::next_request`] has to be called again; `None` if not before something was received.
-    fn next_due(&self) -> Option<Instant>;
+    fn next_due(&self) -> Option<Instant> {
+        None
+    }
 }

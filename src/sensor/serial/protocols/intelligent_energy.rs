@@ -13,9 +13,10 @@
 use heapless::Vec;
 
 use super::super::conditions::{FuelCellError, FuelCellState};
+use super::super::gap::Gaps;
 use super::super::line::{Baud, Line, Wires};
 use super::super::notice::SerialNotice;
-use super::super::protocol::{Protocol, Request, SerialReading};
+use super::super::protocol::{Protocol, SerialReading};
 use crate::battery::{Contents, Measurement};
 use crate::sensor::MonitorKind;
 use crate::time::Instant;
@@ -48,7 +49,7 @@ pub(in crate::sensor::serial) struct IntelligentEnergy {
     fuel_cell: FuelCell,
     /// From its first byte on; empty between sentences.
     sentence: Vec<u8, SENTENCE_BYTES>,
-    last_received: Instant,
+    gaps: Gaps<MAX_GAP_US>,
     /// What was reported last.
     state: Option<FuelCellState>,
     error: FuelCellError,
@@ -67,17 +68,16 @@ impl Protocol for IntelligentEnergy {
         Self {
             fuel_cell: *fuel_cell,
             sentence: Vec::new(),
-            last_received: Instant::EPOCH,
+            gaps: Gaps::new(),
             state: None,
             error: FuelCellError::NONE,
         }
     }
 
     fn begin(&mut self, now: Instant) {
-        if now.us_since(self.last_received) > MAX_GAP_US {
+        if self.gaps.precede(now) {
             self.sentence.clear();
         }
-        self.last_received = now;
     }
 
     fn push(&mut self, byte: u8, _: Instant, deliver: &mut impl FnMut(SerialReading)) {
@@ -95,14 +95,6 @@ impl Protocol for IntelligentEnergy {
         if self.sentence.push(byte).is_err() {
             self.sentence.clear();
         }
-    }
-
-    fn next_request(&mut self, _: Instant) -> Option<Request> {
-        None
-    }
-
-    fn next_due(&self) -> Option<Instant> {
-        None
     }
 }
 

@@ -9,8 +9,9 @@
 //! | 7, 8 | electrical speed, in 100 rpm |
 //! | 9 | CRC-8 of the others, polynomial 0x07, as SMBus |
 
+use super::super::gap::Gaps;
 use super::super::line::{Baud, Line, Wires};
-use super::super::protocol::{Protocol, Request, SerialReading};
+use super::super::protocol::{Protocol, SerialReading};
 use super::super::window::Window;
 use crate::sensor::{ControllerReading, MonitorKind};
 use crate::time::Instant;
@@ -27,7 +28,7 @@ const MAX_STEP_MAH: u16 = 5_000;
 #[derive(Clone, Copy, Debug)]
 pub(in crate::sensor::serial) struct Kiss {
     window: Window<FRAME_BYTES>,
-    last_received: Instant,
+    gaps: Gaps<MAX_GAP_US>,
     /// Charge counter of the previous frame.
     counted_mah: Option<u16>,
 }
@@ -44,30 +45,21 @@ impl Protocol for Kiss {
     fn new((): &()) -> Self {
         Self {
             window: Window::new(),
-            last_received: Instant::EPOCH,
+            gaps: Gaps::new(),
             counted_mah: None,
         }
     }
 
     fn begin(&mut self, now: Instant) {
-        if now.us_since(self.last_received) > MAX_GAP_US {
+        if self.gaps.precede(now) {
             self.window.clear();
         }
-        self.last_received = now;
     }
 
     fn push(&mut self, byte: u8, _: Instant, deliver: &mut impl FnMut(SerialReading)) {
         if let Some(reading) = self.take(byte) {
             deliver(SerialReading::Controller(reading));
         }
-    }
-
-    fn next_request(&mut self, _: Instant) -> Option<Request> {
-        None
-    }
-
-    fn next_due(&self) -> Option<Instant> {
-        None
     }
 }
 

@@ -56,8 +56,6 @@ impl Protocol for MegaSquirt {
     }
 
     /// What is left of an answer is dropped with the next request: the unit may pause within one.
-    fn begin(&mut self, _: Instant) {}
-
     fn push(&mut self, byte: u8, _: Instant, deliver: &mut impl FnMut(SerialReading)) {
         if let Some(reading) = self.take(byte) {
             deliver(SerialReading::Efi(reading));

@@ -13,9 +13,10 @@
 //! | 68, 69 | 0x55, 0xAA |
 
 use super::super::conditions::RichenPowerErrors;
+use super::super::gap::Gaps;
 use super::super::line::{Baud, Line, Wires};
 use super::super::notice::SerialNotice;
-use super::super::protocol::{Protocol, Request, SerialReading};
+use super::super::protocol::{Protocol, SerialReading};
 use super::super::window::Window;
 use crate::battery::Measurement;
 use crate::sensor::MonitorKind;
@@ -39,7 +40,7 @@ const MAX_GAP_US: u64 = 200_000;
 #[derive(Clone, Copy, Debug)]
 pub(in crate::sensor::serial) struct RichenPower {
     window: Window<FRAME_BYTES>,
-    last_received: Instant,
+    gaps: Gaps<MAX_GAP_US>,
     /// What was reported last.
     errors: RichenPowerErrors,
 }
@@ -56,16 +57,15 @@ impl Protocol for RichenPower {
     fn new((): &()) -> Self {
         Self {
             window: Window::new(),
-            last_received: Instant::EPOCH,
+            gaps: Gaps::new(),
             errors: RichenPowerErrors(0),
         }
     }
 
     fn begin(&mut self, now: Instant) {
-        if now.us_since(self.last_received) > MAX_GAP_US {
+        if self.gaps.precede(now) {
             self.window.clear();
         }
-        self.last_received = now;
     }
 
     fn push(&mut self, byte: u8, _: Instant, deliver: &mut impl FnMut(SerialReading)) {
@@ -81,14 +81,6 @@ impl Protocol for RichenPower {
             current_a: Some(frame.current_a),
             ..Measurement::default()
         }));
-    }
-
-    fn next_request(&mut self, _: Instant) -> Option<Request> {
-        None
-    }
-
-    fn next_due(&self) -> Option<Instant> {
-        None
     }
 }
 

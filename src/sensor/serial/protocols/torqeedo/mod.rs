@@ -99,8 +99,6 @@ impl Protocol for Torqeedo {
     }
 
     /// A partial frame ends with the next header.
-    fn begin(&mut self, _: Instant) {}
-
     fn push(&mut self, byte: u8, now: Instant, deliver: &mut impl FnMut(SerialReading)) {
         if let Some(content) = self.frames.push(byte) {
             let message = Message::of(self.place, content);
