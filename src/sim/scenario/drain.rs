@@ -14,7 +14,16 @@ pub const DRAIN: Scenario = Scenario {
         model: PackModel::LIPO_3S_2200,
         charge: 1.0,
     },
-    parameters: &[
+    parameters: &parameters(2.2),
+    steps: &drive_until(2100),
+    end_s: 2105,
+    sights: SIGHTS,
+};
+
+/// A pack with three cells that is set up as one of 2200 mAh, of which a load can draw `capacity_ah`.
+pub(super) const fn parameters(capacity_ah: f32) -> [(&'static str, f32); 8] {
+    [
+        ("SIM_BATT_CAP_AH", capacity_ah),
         ("BATT_CELLS", 3.0),
         ("BATT_CAPACITY", 2200.0),
         ("BATT_LOW_VOLT", 10.8),
@@ -24,8 +33,12 @@ pub const DRAIN: Scenario = Scenario {
         ("FS_TIMEOUT", 100.0),
         // A ground station's heartbeats come once a second of the wall clock.
         ("FS_GCS_TIMEOUT", 120.0),
-    ],
-    steps: &[
+    ]
+}
+
+/// A drive at full throttle.
+pub(super) const fn drive_until(at_s: u32) -> [Step; 2] {
+    [
         Step {
             at_s: 30,
             what: "the driver arms and drives at full throttle",
@@ -36,24 +49,25 @@ pub const DRAIN: Scenario = Scenario {
             ],
         },
         Step {
-            at_s: 2100,
+            at_s,
             what: "the driver disarms",
             actions: &[Action::Throttle(0), Action::Arm(ArmState::Disarmed)],
         },
-    ],
-    end_s: 2105,
-    sights: &[
-        Sight {
-            name: "low",
-            texts: &["Battery 1 low", "Battery 1 is low"],
-        },
-        Sight {
-            name: "critical",
-            texts: &["Battery 1 critical", "Battery 1 is critical"],
-        },
-        Sight {
-            name: "HOLD",
-            texts: &["HOLD, armed"],
-        },
-    ],
-};
+    ]
+}
+
+/// What a pack that runs empty leads to.
+pub(super) const SIGHTS: &[Sight] = &[
+    Sight {
+        name: "low",
+        texts: &["Battery 1 low", "Battery 1 is low"],
+    },
+    Sight {
+        name: "critical",
+        texts: &["Battery 1 critical", "Battery 1 is critical"],
+    },
+    Sight {
+        name: "HOLD",
+        texts: &["HOLD, armed"],
+    },
+];
