@@ -1,13 +1,11 @@
 //! A MegaSquirt engine control unit, as ArduPilot's libraries/SITL/SIM_EFI_MegaSquirt.cpp plays it.
 
-use super::{Peer, after_a_second, assert_untroubled, run_with, with_second_pack};
+use super::{
+    Peer, UNHEALTHY, after_a_second, assert_recovers_from, assert_untroubled, run_with, with_second_pack,
+};
 use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::support::frames::{last_of, texts_of};
 
 const EFI: f32 = 27.0;
-
-/// UNHEALTHY of MAV_BATTERY_CHARGE_STATE.
-const UNHEALTHY: u8 = 6;
 
 fn crc32(bytes: &[u8]) -> u32 {
     let step = |crc: u32, _| crc >> 1 ^ if crc & 1 != 0 { 0xEDB8_8320 } else { 0 };
@@ -158,31 +156,20 @@ fn noise_between_answers_costs_none() {
 fn every_fault_ends_in_an_unhealthy_pack_that_recovers() {
     let mut bench = with_engine();
     let mut unit = Unit::new(3_000, 3000);
-    for fault in [
+    let faults = [
         Fault::Silent,
         Fault::WrongChecksum,
         Fault::TooShort,
         Fault::Refuses,
-    ] {
-        unit.fault = Fault::None;
-        run_with(&mut bench, &mut unit, 8 * SECOND);
-        let frames = bench.frames();
-        assert_ne!(last_of(&frames, 1).charge_state(), UNHEALTHY);
-        unit.fault = fault;
-        run_with(&mut bench, &mut unit, 1_200 * MILLISECOND);
-        let frames = bench.frames();
-        assert_ne!(
-            last_of(&frames, 1).charge_state(),
-            UNHEALTHY,
-            "it may pause for a second"
-        );
-        after_a_second(&mut bench, &mut unit, |status| {
-            assert_eq!(status.charge_state(), UNHEALTHY)
-        });
-    }
-    unit.fault = Fault::None;
-    run_with(&mut bench, &mut unit, 8 * SECOND);
-    assert!(texts_of(&bench.frames()).contains(&"Battery 2 healthy again".into()));
+    ];
+    assert_recovers_from(
+        &mut bench,
+        &mut unit,
+        &faults,
+        Fault::None,
+        |unit, fault| unit.fault = fault,
+        1_200 * MILLISECOND,
+    );
 }
 
 #[test]

@@ -5,9 +5,12 @@ mod torqeedo;
 
 use crate::bench::{Bench, DIVIDER_CODE, SECOND};
 use crate::emulator::{LogLevel, SentByte, UartPins};
-use crate::support::frames::{BatteryStatus, last_of};
+use crate::support::frames::{BatteryStatus, last_of, texts_of};
 
 const PORT: usize = 1;
+
+/// UNHEALTHY of MAV_BATTERY_CHARGE_STATE.
+const UNHEALTHY: u8 = 6;
 
 /// A board whose second pack is of this kind, measured at the port.
 fn with_second_pack(kind: f32, parameters: &[(&str, f32)]) -> Bench {
@@ -70,4 +73,31 @@ fn assert_untroubled(bench: &Bench, from_us: u64) {
     let mut warnings = bench.logged(LogLevel::Warn, "");
     warnings.retain(|(at_us, _)| *at_us > from_us);
     assert!(warnings.is_empty(), "{warnings:?}");
+}
+
+/// The second pack stays healthy for `pause_us` with each of these faults, is unhealthy a second later, and recovers.
+fn assert_recovers_from<P: Peer, F: Copy>(
+    bench: &mut Bench,
+    peer: &mut P,
+    faults: &[F],
+    none: F,
+    set: impl Fn(&mut P, F),
+    pause_us: u64,
+) {
+    for fault in faults {
+        set(peer, none);
+        run_with(bench, peer, 8 * SECOND);
+        let frames = bench.frames();
+        assert_ne!(last_of(&frames, 1).charge_state(), UNHEALTHY);
+        set(peer, *fault);
+        run_with(bench, peer, pause_us);
+        let frames = bench.frames();
+        assert_ne!(last_of(&frames, 1).charge_state(), UNHEALTHY, "it may pause");
+        after_a_second(bench, peer, |status| {
+            assert_eq!(status.charge_state(), UNHEALTHY);
+        });
+    }
+    set(peer, none);
+    run_with(bench, peer, 8 * SECOND);
+    assert!(texts_of(&bench.frames()).contains(&"Battery 2 healthy again".into()));
 }

@@ -1,10 +1,10 @@
 //! Torqeedo's TQ bus: its battery as the master, and its motor, built from the messages of ArduPilot's
 //! libraries/AP_Torqeedo/AP_Torqeedo_TQBus.h and .cpp. The bus is RS-485, so what the board sends may come back as an echo.
 
-use super::{Peer, after_a_second, assert_untroubled, run_with, with_second_pack};
+use super::{Peer, after_a_second, assert_recovers_from, assert_untroubled, run_with, with_second_pack};
 use crate::bench::{Bench, MILLISECOND, SECOND};
 use crate::emulator::{LogLevel, SentByte};
-use crate::support::frames::{last_of, texts_of};
+use crate::support::frames::texts_of;
 
 const TORQEEDO: f32 = 23.0;
 const TILLER: f32 = 1.0;
@@ -17,9 +17,6 @@ const DRIVER_ENABLE: usize = 22;
 const BIT_US: f64 = 1e6 / 19_200.0;
 
 const CYCLES_PER_US: f64 = 125.0;
-
-/// UNHEALTHY of MAV_BATTERY_CHARGE_STATE.
-const UNHEALTHY: u8 = 6;
 
 /// The CRC-8 of 1-Wire, bit by bit.
 fn crc8(bytes: &[u8]) -> u8 {
@@ -334,26 +331,15 @@ fn noise_between_frames_costs_none() {
 fn every_fault_ends_in_an_unhealthy_pack_that_recovers() {
     let mut bench = with_torqeedo(TILLER, -1.0);
     let mut battery = Battery::new(Echo::Comes);
-    for fault in [Fault::Silent, Fault::WrongChecksum, Fault::TooShort] {
-        battery.fault = Fault::None;
-        run_with(&mut bench, &mut battery, 8 * SECOND);
-        let frames = bench.frames();
-        assert_ne!(last_of(&frames, 1).charge_state(), UNHEALTHY);
-        battery.fault = fault;
-        run_with(&mut bench, &mut battery, 4_800 * MILLISECOND);
-        let frames = bench.frames();
-        assert_ne!(
-            last_of(&frames, 1).charge_state(),
-            UNHEALTHY,
-            "it may pause for 5 s"
-        );
-        after_a_second(&mut bench, &mut battery, |status| {
-            assert_eq!(status.charge_state(), UNHEALTHY);
-        });
-    }
-    battery.fault = Fault::None;
-    run_with(&mut bench, &mut battery, 8 * SECOND);
-    assert!(texts_of(&bench.frames()).contains(&"Battery 2 healthy again".into()));
+    let faults = [Fault::Silent, Fault::WrongChecksum, Fault::TooShort];
+    assert_recovers_from(
+        &mut bench,
+        &mut battery,
+        &faults,
+        Fault::None,
+        |battery, fault| battery.fault = fault,
+        4_800 * MILLISECOND,
+    );
 }
 
 #[test]
