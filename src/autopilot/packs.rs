@@ -3,7 +3,8 @@
 use heapless::Vec;
 
 use crate::battery::{
-    BatteryBank, BatteryState, BusError, Measurement, PackSettings, PackStatus, ReadError, SumVoltage,
+    BatteryBank, BatteryState, BusError, Measurement, PackSettings, PackSource, PackStatus, ReadError,
+    SumVoltage,
 };
 use crate::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
@@ -23,6 +24,8 @@ pub(super) struct Packs {
     pub bank: BatteryBank,
     /// The monitored packs in the order in which they are sampled. Their kinds take effect at boot.
     pub order: Vec<(Pack, MonitorKind), MAX_PACKS>,
+    /// What the packs are read from, by the parameters at boot.
+    pub read_from: [PackSource; MAX_PACKS],
     /// Why a pack can't be read with the parameters at boot.
     set_up_errors: [Option<ReadError>; MAX_PACKS],
     pub samples: [Samples; MAX_PACKS],
@@ -41,6 +44,7 @@ impl Packs {
         Self {
             bank: in_place(BatteryBank::new),
             order: in_place(|| sampling_order(parameters)),
+            read_from: Pack::ALL.map(|pack| PackSource::from_parameters(parameters, pack)),
             set_up_errors: in_place(|| set_up_errors(parameters)),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
             sources: in_place(|| [ExternalSource::default(); MAX_PACKS]),

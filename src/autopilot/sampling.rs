@@ -63,7 +63,7 @@ impl Autopilot {
     /// Continues with what was retained of the packs over a reset, before the first tick.
     pub fn restore_packs(&mut self, memory: &RetainedMemory) {
         if let Some(packs) = recall(memory) {
-            self.packs.bank.restore(&packs);
+            self.packs.bank.restore(&packs, &self.packs.read_from);
             info!("battery: consumption kept over the reset");
         }
     }
@@ -131,7 +131,7 @@ impl Autopilot {
         self.vehicle
             .update_batteries(bank.worst_failsafe(), bank.most_urgent_alert());
         match self.packs.ticks % TICKS_PER_SECOND {
-            RECORDING_TICK => retain(memory, &self.packs.bank.memory()),
+            RECORDING_TICK => retain(memory, &bank.memory(&self.packs.read_from)),
             CHECKING_TICK => {
                 self.record_health();
                 self.readiness = arming_readiness(&self.system_state(), &self.parameters, &self.vehicle);

@@ -1,7 +1,9 @@
 //! The monitors of all packs.
 
 use super::sum::{SumVoltage, sum};
-use super::{BatteryAlert, BatteryMonitor, Contents, FailsafeLevel, Measurement, PackMemory, ReadError};
+use super::{
+    BatteryAlert, BatteryMonitor, Contents, FailsafeLevel, Measurement, PackMemory, PackSource, ReadError,
+};
 use crate::pack::{MAX_PACKS, Pack};
 
 /// The monitors of all packs.
@@ -66,19 +68,22 @@ impl BatteryBank {
         alerts.max().unwrap_or_default()
     }
 
-    /// What is retained over a reset of the processor.
-    pub fn memory(&self) -> [PackMemory; MAX_PACKS] {
+    /// What is retained over a reset of the processor, of packs that are read from these sources.
+    pub fn memory(&self, sources: &[PackSource; MAX_PACKS]) -> [PackMemory; MAX_PACKS] {
         let mut memory = [PackMemory::default(); MAX_PACKS];
-        for (pack, monitor) in memory.iter_mut().zip(&self.monitors) {
-            *pack = monitor.memory();
+        for ((pack, monitor), source) in memory.iter_mut().zip(&self.monitors).zip(sources) {
+            *pack = monitor.memory(*source);
         }
         memory
     }
 
-    /// Continues with what was retained over a reset of the processor.
-    pub fn restore(&mut self, memory: &[PackMemory; MAX_PACKS]) {
-        for (monitor, pack) in self.monitors.iter_mut().zip(memory) {
-            monitor.restore(pack);
+    /// Continues with what was retained over a reset of the processor of each pack that is still read from the same
+    /// source.
+    pub fn restore(&mut self, memory: &[PackMemory; MAX_PACKS], sources: &[PackSource; MAX_PACKS]) {
+        for ((monitor, pack), source) in self.monitors.iter_mut().zip(memory).zip(sources) {
+            if pack.source == *source {
+                monitor.restore(pack);
+            }
         }
     }
 }

@@ -55,7 +55,7 @@ pub use learnt_text::LearntTextError;
 pub use measurement::{Consumed, Contents, Counted, Gauge, Measurement, Supply};
 pub use monitor::{BatteryMonitor, FAILED_READS_UNTIL_UNHEALTHY, MIN_CONNECTED_VOLTAGE_V, PackUpdate};
 pub use read_error::{BusError, ReadError};
-pub use retained::{PackMemory, RetainedMemory, RetainedRecord, recall, retain};
+pub use retained::{PackMemory, PackSource, RetainedMemory, RetainedRecord, recall, retain};
 pub use settings::{ChargeLimits, FailsafeSettings, PackSettings, Thresholds, VoltageSource};
 pub use state::{BatteryState, ChargeSource, ChargeState, PackStatus, ReportedVoltage, Visibility};
 pub use suggestion::SuggestedThresholds;

@@ -2,11 +2,12 @@
 
 use super::charge::KnownCharge;
 use super::consumption::Consumption;
-use crate::pack::MAX_PACKS;
+use crate::pack::{MAX_PACKS, Pack};
+use crate::parameter::{BatteryParameter, Parameters};
 use crate::sealed::{is_sealed, seal};
 
 /// Identifies this layout.
-const MAGIC: u32 = u32::from_le_bytes(*b"BAT2");
+const MAGIC: u32 = u32::from_le_bytes(*b"BAT3");
 
 const HEADER_WORDS: usize = 2;
 const PACK_WORDS: usize = 7;
@@ -21,12 +22,32 @@ pub type RetainedMemory = [RetainedRecord; 2];
 #[repr(transparent)]
 pub struct RetainedRecord([u32; RECORD_WORDS]);
 
+/// What a pack has been read from since boot, by the parameters that take effect then: `BATT_MONITOR`, `BATT_I2C_ADDR`
+/// and `BATT_CHANNEL`. Behind another source is another pack.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PackSource(u16);
+
 /// Retained data of one pack.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PackMemory {
+    /// Where the data is from.
+    pub source: PackSource,
     pub(super) consumption: Consumption,
     pub(super) charge: Option<KnownCharge>,
     pub(super) detected_cells: Option<u8>,
+}
+
+impl PackSource {
+    /// By a pack's parameters at boot.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
+        let bits = |parameter: BatteryParameter, count: u32| {
+            parameters.get_whole(parameter.of(pack)) as u16 & ((1 << count) - 1)
+        };
+        let monitor = bits(BatteryParameter::Monitor, 7);
+        let address = bits(BatteryParameter::I2cAddr, 7);
+        let channel = bits(BatteryParameter::Channel, 2);
+        Self(monitor << 9 | address << 2 | channel)
+    }
 }
 
 impl RetainedRecord {
@@ -89,13 +110,15 @@ fn newest(memory: &RetainedMemory) -> Option<(usize, &RetainedRecord)> {
 
 const HAS_CHARGE: u32 = 1 << 8;
 const CELLS: u32 = 0xFF;
+const SOURCE_SHIFT: u32 = 16;
 
 impl PackMemory {
     fn to_words(self) -> [u32; PACK_WORDS] {
         let [charge_low, charge_high, energy_low, energy_high] = self.consumption.to_words();
         let [share, sigma] = self.charge.map_or([0; 2], KnownCharge::to_words);
         let has_charge = if self.charge.is_some() { HAS_CHARGE } else { 0 };
-        let flags = u32::from(self.detected_cells.unwrap_or(0)) | has_charge;
+        let source = u32::from(self.source.0) << SOURCE_SHIFT;
+        let flags = u32::from(self.detected_cells.unwrap_or(0)) | has_charge | source;
         [
             charge_low,
             charge_high,
@@ -119,6 +142,7 @@ impl PackMemory {
         ] = words;
         let cells = (flags & CELLS) as u8;
         Self {
+            source: PackSource((flags >> SOURCE_SHIFT) as u16),
             consumption: Consumption::from_words([charge_low, charge_high, energy_low, energy_high]),
             charge: (flags & HAS_CHARGE != 0)
                 .then(|| KnownCharge::from_words([share, sigma]))
@@ -142,6 +166,7 @@ mod tests {
         });
         packs[3].charge = Some(KnownCharge::set(0.625));
         packs[3].detected_cells = Some(3);
+        packs[3].source = PackSource(u16::MAX);
         packs
     }
 
@@ -152,6 +177,24 @@ mod tests {
         for charge_mah in [1.0, 2.0, 3.0, 4.0] {
             retain(&mut memory, &used(charge_mah));
             assert_eq!(recall(&memory), Some(used(charge_mah)));
+        }
+    }
+
+    #[test]
+    fn any_other_monitor_address_or_channel_is_another_source() {
+        let mut parameters = Parameters::defaults();
+        let mut sources = vec![PackSource::from_parameters(&parameters, Pack::First)];
+        for (parameter, value) in [
+            (BatteryParameter::Monitor, 4.0),
+            (BatteryParameter::Monitor, 32.0),
+            (BatteryParameter::I2cAddr, 64.0),
+            (BatteryParameter::I2cAddr, 127.0),
+            (BatteryParameter::Channel, 3.0),
+        ] {
+            parameters.set(parameter.of(Pack::First), value).unwrap();
+            let source = PackSource::from_parameters(&parameters, Pack::First);
+            assert!(!sources.contains(&source), "{parameter:?} {value}");
+            sources.push(source);
         }
     }
 

@@ -228,6 +228,30 @@ fn what_was_consumed_survives_a_watchdog_reset_but_not_a_power_cycle() {
 }
 
 #[test]
+fn what_was_consumed_is_not_kept_behind_another_monitor() {
+    const SYNTHETIC_CURRENT: f32 = 25.0;
+    for (monitor, is_kept) in [(4.0, true), (SYNTHETIC_CURRENT, false)] {
+        let mut bench = Bench::configured(HALF_FULL_3S, &WITH_CURRENT);
+        bench.adc_input(CURRENT, AdcInput::Code(ONE_VOLT));
+        bench.run_for(30 * SECOND);
+        bench.set("BATT_MONITOR", monitor);
+        assert!(
+            last_of(&bench.frames(), 0).consumed_mah() > 130,
+            "it takes effect at boot"
+        );
+        bench.adc_input(CURRENT, AdcInput::Code(0));
+        bench.reboot();
+        bench.run_for(2 * SECOND);
+        let consumed_mah = last_of(&bench.frames(), 0).consumed_mah();
+        assert_eq!(
+            consumed_mah > 130,
+            is_kept,
+            "BATT_MONITOR {monitor}: {consumed_mah} mAh"
+        );
+    }
+}
+
+#[test]
 fn a_pack_for_internal_use_is_not_reported() {
     let mut bench = Bench::configured(2482, &[("BATT2_MONITOR", 3.0), ("BATT2_OPTIONS", 256.0)]);
     let from_us = bench.time_us();

@@ -13,7 +13,8 @@ use super::settings::PackSettings;
 use super::swap::{Replacement, SerialNumber, SwapDetector};
 use super::{
     Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge,
-    LearntPack, Measurement, PackEvent, PackEvents, PackMemory, PackStatus, ReadError, Supply, Tick,
+    LearntPack, Measurement, PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Supply,
+    Tick,
 };
 use crate::time::Instant;
 
@@ -594,10 +595,11 @@ impl BatteryMonitor {
         raised
     }
 
-    /// What is retained over a reset of the processor.
-    pub fn memory(&self) -> PackMemory {
+    /// What is retained over a reset of the processor, of a pack that is read from `source`.
+    pub fn memory(&self, source: PackSource) -> PackMemory {
         let (charge, detected_cells) = self.estimator.memory();
         PackMemory {
+            source,
             consumption: self.consumption,
             charge,
             detected_cells,

@@ -449,7 +449,9 @@ fn retained_data_continues_after_a_processor_reset() {
     let last = before.run(60.0, loaded(11.2, 5.0));
     let mut after = Bench::new();
     after.settings.cell_count = None;
-    after.monitor.restore(&before.monitor.memory());
+    after
+        .monitor
+        .restore(&before.monitor.memory(PackSource::default()));
     after.tick(Ok(loaded(11.2, 5.0)));
     let state = after.state();
     assert!((state.consumed_mah().unwrap() - last.consumed_mah().unwrap()).abs() < 0.01);
