@@ -70,23 +70,26 @@
 //! | [`crash`] | what is known of a crash after the restart |
 //! | [`dataflash`] | records of a log file, in ArduPilot's format |
 //! | [`autopilot`] | the core object: owns parameters, packs, vehicle and signing, and decides between them |
+//! | [`mcp2515`] | the driver of the CAN controller |
 //! | [`tasks`] | thin `async` loops that wait, call the core and publish |
 //! | `net` | MAVLink by UDP and TCP, and addresses for others (with the feature `board`) |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |
 //! | `sim` | a simulated pack, clock and wire (host only) |
 //! | `board_check` | the check of a board over MAVLink, and its report (host only) |
 //!
-//! Everything but `tasks`, `board` and `sim` does no I/O and reads no clock: time, counts and parameters come in as
-//! arguments, states and messages come out. That is what makes the behaviour testable on a desk.
+//! Everything but `tasks`, `mcp2515`, `net`, `board`, `sim` and `board_check` does no I/O and reads no clock: time, counts
+//! and parameters come in as arguments, states and messages come out. That is what makes the behaviour testable on a desk.
 //!
 //! # Where to go next
 //! - One pack and its life: [`BatteryMonitor`](battery::BatteryMonitor), [`BatteryState`](battery::BatteryState),
 //!   [`PackSettings`](battery::PackSettings).
-//! - A part of your own on the bus: [`SensorBus`](sensor::SensorBus), and `docs/adding-a-sensor.md`.
+//! - A sensor of your own: fill a [`Measurement`](battery::Measurement). Into this firmware: `docs/adding-a-sensor.md`.
 //! - Everything at once, without hardware, links and clock: [`Autopilot`](autopilot::Autopilot).
 //! - A link without its wire, bytes in and frames out: [`Endpoint`](mavlink::Endpoint).
 //! - Firmware of your own, without the feature `board`: `docs/guides/as-a-dependency.md`.
-//! - Another board: the traits in [`tasks`], which `board` and `sim` implement.
+//! - Another board: the traits that `board` and `sim` implement, as [`AnalogIn`](sensor::AnalogIn),
+//!   [`I2cBus`](sensor::I2cBus), [`Motors`](vehicle::Motors), [`Indicators`](vehicle::Indicators) and those of [`tasks`]; and
+//!   `docs/guides/porting.md`.
 //! - Whole programs: the firmware `src/main.rs`, the simulator `src/bin/sitl.rs`, and one idea each in `examples/`.
 //! - What a version of it promises: `docs/versions.md`.
 //! - How it all fits together and why: `docs/architecture.md` and `docs/decisions/`.

@@ -162,7 +162,7 @@ fn help_begins_with_what_it_is_and_ends_with_examples() {
         "{help}"
     );
     let (_, examples) = help.split_once("Examples:\n").expect("examples");
-    assert_eq!(examples.lines().count(), 2, "{help}");
+    assert_eq!(examples.lines().count(), 3, "{help}");
 }
 
 /// A file in a folder for this test run, which does not exist yet.
@@ -386,4 +386,22 @@ fn thresholds_are_compared_with_those_of_the_log() {
         compared,
         "BATT2_LOW_VOLT 11.1 instead of 10.8:\n  low would have come 2 min 41 s earlier, at 5:30 instead of 8:11\n"
     );
+}
+
+#[test]
+fn a_recording_without_arming_is_taken_for_armed_on_request() {
+    let path = no_file("replay-without-arming.csv");
+    let rows: String = (0..400)
+        .map(|tenth| format!("{},10.4\n", f64::from(tenth) / 10.0))
+        .collect();
+    fs::write(&path, format!("t_s,voltage_v\n{rows}")).unwrap();
+    let summary = |options: &[&str]| {
+        let arguments = [&["--param", "BATT_CELLS=3", "--param", "BATT_LOW_VOLT=10.5"], options].concat();
+        let output = replay(&[&arguments[..], &[path.to_str().unwrap()]].concat());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let disarmed = summary(&[]);
+    assert!(disarmed.contains("only then they act: --armed\n"), "{disarmed}");
+    let armed = summary(&["--armed"]);
+    assert!(armed.contains("BATT_LOW_VOLT 10.5 would have acted at 0:1"), "{armed}");
 }

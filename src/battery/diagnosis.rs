@@ -1,7 +1,7 @@
 //! Detection of a pack's faults.
 
 use super::BatteryState;
-use super::chemistry::Cell;
+use super::chemistry::{Cell, Chemistry};
 use super::failsafe::is_below;
 use super::faults::Faults;
 use super::settings::PackSettings;
@@ -32,12 +32,21 @@ pub(super) const FAULTS: [Faults; 7] = [
 pub(super) struct Diagnosis {
     faults: Faults,
     changing_s: [f32; FAULTS.len()],
+    /// Kind and number of the cells that the voltage was within the limit of.
+    fitting: Option<(Chemistry, u8)>,
 }
 
 impl Diagnosis {
     /// Updates the faults of a connected pack from its other values.
     pub fn update(&mut self, dt_s: f32, state: &BatteryState, settings: &PackSettings) -> Faults {
-        let present = conditions(state, settings);
+        let mut present = conditions(state, settings);
+        let cells = state.cell_count.map(|count| (settings.chemistry, count));
+        if !present.contains(Faults::SPIKES) {
+            self.fitting = cells;
+        } else if self.fitting != cells {
+            // No spike but other cells than set, if it lasts.
+            present.remove(Faults::SPIKES);
+        }
         for (fault, changing_s) in FAULTS.into_iter().zip(&mut self.changing_s) {
             if present.contains(fault) == self.faults.contains(fault) {
                 *changing_s = 0.0;

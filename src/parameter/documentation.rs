@@ -21,8 +21,9 @@ pub fn markdown() -> String {
     let packs = "\n\
          ## Packs\n\
          Of the first pack; `BATT2_…` to `BATT9_…` are the same for the others. While a pack's `MONITOR` is 0, its other \
-         parameters are not listed, but can be read and set by name. After enabling a pack, read the list again: some ground \
-         stations set only parameters they have read.\n\n";
+         parameters are not listed, but can be read and set by name; so are those of kinds of monitors and devices that are \
+         not in use. After enabling one, read the list again: some ground stations set only parameters they have \
+         read.\n\n";
     let first_pack = BatteryParameter::ALL
         .into_iter()
         .map(|parameter| parameter.of(Pack::First));

@@ -533,6 +533,18 @@ fn single_spike_is_a_short_fault() {
 }
 
 #[test]
+fn wrong_cells_are_no_spike() {
+    let mut bench = Bench::new();
+    bench.run(1.0, volts(12.0));
+    bench.settings.cell_count = Some(2);
+    assert_eq!(bench.run(0.5, volts(12.0)).faults, Faults::empty());
+    assert_eq!(bench.run(2.0, volts(12.0)).faults, Faults::INCOMPATIBLE_VOLTAGE);
+    bench.settings.cell_count = Some(3);
+    assert_eq!(bench.run(2.0, volts(12.0)).faults, Faults::empty());
+    assert_eq!(bench.run(0.1, volts(14.0)).faults, Faults::SPIKES);
+}
+
+#[test]
 fn changed_cell_count_reinitialises_the_estimate() {
     let mut bench = Bench::new();
     let as_three_pct = bench.run(1.1, volts(8.2)).remaining_pct.expect("known");

@@ -44,6 +44,7 @@ const EXIT_USAGE: u8 = 2;
 const EXAMPLES: &str = "\
 Examples:
   replay --param BATT_CELLS=3 --param BATT_LOW_VOLT=10.5 --plot drive.svg drive.csv
+  replay --armed --param BATT_CELLS=3 --param BATT_LOW_VOLT=10.5 from-another-logger.csv
   replay --param BATT_LOW_VOLT=10.8 --csv rows.csv drive.BIN";
 
 /// Runs a recorded drive through the battery monitor: what it reports, and when its failsafes act
@@ -53,6 +54,10 @@ struct Arguments {
     /// Set a parameter, for example BATT_CELLS=3; may be given more than once
     #[arg(long = "param", value_name = "NAME=VALUE")]
     assignments: Vec<Assignment>,
+
+    /// Take the rover for armed all along: failsafes act only then, and a recording may not have the column
+    #[arg(long)]
+    armed: bool,
 
     /// Replay this pack of a log, 1 to 9
     #[arg(long, value_name = "NUMBER", default_value = "1", value_parser = pack)]
@@ -94,7 +99,10 @@ fn main() -> ExitCode {
 
 fn replay(arguments: &Arguments) -> Result<(), String> {
     let pack = arguments.pack;
-    let drive = read(&arguments.trace, pack)?;
+    let mut drive = read(&arguments.trace, pack)?;
+    if arguments.armed {
+        drive.trace.arm_throughout();
+    }
     let own = drive.parameters.clone().unwrap_or_else(Parameters::defaults);
     let parameters = settings::assign(own, &arguments.assignments, pack, &drive.trace)?;
     let inputs = Inputs::from_parameters(&parameters, pack)?;

@@ -154,7 +154,7 @@ impl Summary<'_> {
             .collect();
         let mut text = texts.join("; ");
         if !self.trace.samples.iter().any(|sample| sample.armed) {
-            text += "; the recording is never armed (column armed), and only then they act";
+            text += "; the recording is never armed (column armed), and only then they act: --armed";
         }
         text
     }
@@ -322,7 +322,7 @@ mod tests {
                 &disarmed,
                 ["BATT_LOW_VOLT=10.5", "BATT_LOW_TIMER=1"],
                 "BATT_LOW_VOLT 10.5 would not have acted; the recording is never armed (column armed), and only then they \
-                 act\n",
+                 act: --armed\n",
             ),
         ] {
             let text = summary(trace, &assignments);

@@ -135,6 +135,13 @@ impl Trace {
         Ok(Self { samples })
     }
 
+    /// Takes the rover for armed at each reading.
+    pub fn arm_throughout(&mut self) {
+        for sample in &mut self.samples {
+            sample.armed = true;
+        }
+    }
+
     /// Whether the current was measured at all.
     pub fn has_current(&self) -> bool {
         self.samples.iter().any(|sample| sample.current_a.is_some())

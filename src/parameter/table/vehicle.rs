@@ -347,7 +347,8 @@ parameters! {
         unit: "",
         takes_effect: TakesEffect::AtOnce,
         label: "EFI calibration coefficient 1",
-        description: "Flow of fuel for each percent of the injectors' duty cycle, in cm³ per minute. 0: not calibrated, the                       flow is unknown.",
+        description: "Flow of fuel for each percent of the injectors' duty cycle, in cm³ per minute. 0: not calibrated, the \
+                      flow is unknown.",
     }
     EfiCoef2 {
         key: 31,
