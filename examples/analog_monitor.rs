@@ -3,7 +3,7 @@
 //! | Pico pin | to |
 //! |---|---|
 //! | GP26 (pin 31) | the middle of a divider across the pack: 30 kΩ to plus, 10 kΩ to ground; up to 13 V, three LiPo cells |
-//! | GP0 (pin 1) | RX of a telemetry radio or USB adapter, 115200 baud |
+//! | GP0 (pin 1) | RX of a USB adapter, 115200 baud; a radio mostly has 57600 |
 //! | GND | ground of both |
 //!
 //! Flash it with `cargo run --release --target thumbv6m-none-eabi --example analog_monitor`. The Pico's own LED is lit while

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | GP14 (pin 19), GP15 (pin 20) | SDA and SCL of the INA226, with pull-ups to 3.3 V |
 //! | 3V3 (pin 36) | its supply |
-//! | GP0 (pin 1) | RX of a telemetry radio or USB adapter, 115200 baud |
+//! | GP0 (pin 1) | RX of a USB adapter, 115200 baud; a radio mostly has 57600 |
 //! | GND | ground of all |
 //!
 //! Flash it with `cargo run --release --target thumbv6m-none-eabi --example ina226`. The same driver reads INA228, INA231,

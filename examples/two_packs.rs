@@ -5,7 +5,7 @@
 //! | GP26 (pin 31) | the divider of the drive pack |
 //! | GP27 (pin 32) | the current sensor of the drive pack |
 //! | GP28 (pin 34) | the divider of the electronics pack |
-//! | GP0 (pin 1) | RX of a telemetry radio or USB adapter, 115200 baud |
+//! | GP0 (pin 1) | RX of a USB adapter, 115200 baud; a radio mostly has 57600 |
 //! | GND | ground of all |
 //!
 //! Flash it with `cargo run --release --target thumbv6m-none-eabi --example two_packs`. A ground station shows them as

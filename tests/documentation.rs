@@ -12,6 +12,7 @@ use rover_battmon::battery::{
 };
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
+use rover_battmon::sensor::{CanReport, FuelCellState};
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
 use rover_battmon::wifi::WifiReport;
 
@@ -335,7 +336,7 @@ fn number_length(text: &str) -> usize {
     }
 }
 
-const READ_ERRORS: [ReadError; 14] = [
+const READ_ERRORS: [ReadError; 16] = [
     ReadError::Timeout,
     ReadError::Conversion,
     ReadError::NoPin,
@@ -350,9 +351,11 @@ const READ_ERRORS: [ReadError; 14] = [
     ReadError::OtherPart,
     ReadError::AddressTaken,
     ReadError::PinOfRadio,
+    ReadError::PinTaken,
+    ReadError::NotSetUp,
 ];
 
-const WIFI_REPORTS: [WifiReport; 10] = [
+const WIFI_REPORTS: [WifiReport; 12] = [
     WifiReport::NoAnswer,
     WifiReport::DownloadFailed,
     WifiReport::AccessPointUp,
@@ -363,6 +366,30 @@ const WIFI_REPORTS: [WifiReport; 10] = [
     WifiReport::NoAddress,
     WifiReport::NetworkLost,
     WifiReport::FallbackToAccessPoint,
+    WifiReport::OffAfterCrash,
+    WifiReport::NoEntropy,
+];
+
+const CAN_REPORTS: [CanReport; 8] = [
+    CanReport::ImpossibleBitRate,
+    CanReport::NoAnswer,
+    CanReport::SetUpAnew,
+    CanReport::Passive,
+    CanReport::BusOff(3),
+    CanReport::Working,
+    CanReport::NoInterrupt,
+    CanReport::FramesLost(12),
+];
+
+const FUEL_CELL_STATES: [FuelCellState; 8] = [
+    FuelCellState::Off,
+    FuelCellState::Starting,
+    FuelCellState::Ready,
+    FuelCellState::Running,
+    FuelCellState::Stopping,
+    FuelCellState::FallingAsleep,
+    FuelCellState::Fault,
+    FuelCellState::BatteryOnly,
 ];
 
 const ARMING_FAILURES: [ArmingFailure; 12] = [
@@ -460,6 +487,8 @@ fn announced() -> Vec<String> {
     let all = packs
         .chain(arming)
         .chain(wifi)
+        .chain(CAN_REPORTS.map(|report| report.to_string()))
+        .chain(FUEL_CELL_STATES.map(|state| state.to_string()))
         .chain(logging)
         .chain(rover)
         .chain(crashes);
@@ -597,7 +626,7 @@ const REFUSED: [&str; 7] = [
 
 /// The folders in which refused words are looked for, with the extensions of the files there.
 const CHECKED: [(&str, &[&str]); 5] = [
-    ("docs", &["md"]),
+    ("docs", &["md", "param"]),
     ("src", &["rs"]),
     ("tests", &["rs", "py", "md", "txt", "story"]),
     ("examples", &["rs", "py", "md"]),

@@ -216,6 +216,29 @@ fn a_driver_who_falls_silent_stops_it() {
     );
 }
 
+/// The trial of docs/guides/failsafe-tuning.md.
+#[test]
+fn a_threshold_raised_while_driving_stops_it_until_set_back_and_restarted() {
+    let mut bench = driving(&[
+        ("BATT_LOW_VOLT", 9.9),
+        ("BATT_LOW_TIMER", 3.0),
+        ("BATT_FS_LOW_ACT", 2.0),
+    ]);
+    let arming = |bench: &mut Bench| of_message(&bench.ask(&arm()), COMMAND_ACK)[0].u8(2);
+    bench.set("BATT_LOW_VOLT", 12.0);
+    drive_for(&mut bench, 2 * SECOND, 500);
+    assert!(!is_braking(&bench));
+    drive_for(&mut bench, 2 * SECOND, 500);
+    assert!(is_braking(&bench), "it holds");
+    assert!(!bench.logged(LogLevel::Info, "is low").is_empty());
+    bench.ask(&disarm());
+    bench.set("BATT_LOW_VOLT", 9.9);
+    assert_eq!(arming(&mut bench), FAILED, "it is latched");
+    bench.reboot();
+    bench.run_for(SECOND);
+    assert_eq!(arming(&mut bench), ACCEPTED);
+}
+
 #[test]
 fn a_pack_below_its_arming_voltage_is_not_armed_and_says_why() {
     let mut bench = Bench::configured(GOOD_3S, &[("BATT_ARM_VOLT", 11.5)]);

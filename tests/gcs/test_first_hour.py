@@ -1,4 +1,4 @@
-"""A newcomer's way, from `git clone` to the battery in a ground station. What is typed and what is expected is the README's.
+"""A newcomer's way, from `git clone` to a failsafe in a ground station. What is typed and what is expected is the pages'.
 
 The clone takes what cargo has built from the same files: to compile everything anew shows nothing of the way, and takes
 minutes. `.ci/documented_commands.py --empty-target README.md` does.
@@ -20,19 +20,29 @@ import documented_commands as documented
 # One MAVProxy at a time: what it repeats in time, it repeats late on a machine that starts others.
 pytestmark = pytest.mark.xdist_group("mavproxy")
 
-SECTION = "On a desk, without a board"
+SECTION = "## On a desk, without a board"
+# Pages with a session in such a ground station, and the headings it is below.
+SESSIONS = [("README.md", SECTION), ("docs/guides/failsafe-tuning.md", "### On a desk")]
 PROMPT = re.compile(r"[A-Z]+> ")
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
 
-def section_of(readme, title):
-    return re.search(rf"^## {title}\n(.*?)^## ", readme, re.MULTILINE | re.DOTALL)[1]
+def section_of(page, heading):
+    """What stands between a heading and the next one, split before its first block of text."""
+    section = re.search(rf"^{heading}\n(.*?)^##", page, re.MULTILINE | re.DOTALL)[1]
+    return re.split(r"^```text\n", section, maxsplit=1, flags=re.MULTILINE)
 
 
-def way_to_the_session(section):
-    """The blocks a newcomer goes through before the session with the ground station, and that session's lines."""
-    before, session = re.split(r"^```text\n", section, maxsplit=1, flags=re.MULTILINE)
-    return list(documented.blocks_of("README.md", before)), session.split("```")[0].splitlines()
+def way_to_the_session(clone):
+    """The blocks of the README that a newcomer goes through before a session with the ground station."""
+    before, _ = section_of((clone / "README.md").read_text(encoding="utf-8"), SECTION)
+    return documented.blocks_of("README.md", before)
+
+
+def session_of(clone, page, heading):
+    """The lines of a session."""
+    _, session = section_of((clone / page).read_text(encoding="utf-8"), heading)
+    return session.split("```")[0].splitlines()
 
 
 def exchanges(session):
@@ -58,13 +68,17 @@ def follow(block, clone, environment, stack):
 
 
 def says(station, typed, shown):
-    """Types a line and looks for the lines of the README, whose figures may differ by a twentieth."""
+    """Types a line until the lines of the page have come, whose figures may differ by a twentieth."""
     so_far = len(station.output)
-    station.process.stdin.write(typed + "\n")
-    station.process.stdin.flush()
-    time.sleep(1)
-    answer = station.output[so_far:]
-    return all(any(is_like(line, wanted) for line in answer.splitlines()) for wanted in shown)
+    # What was set takes a moment to be seen; the charge of a pack at rest follows within half a minute.
+    for _ in range(45):
+        station.process.stdin.write(typed + "\n")
+        station.process.stdin.flush()
+        time.sleep(1)
+        answer = station.output[so_far:].splitlines()
+        if all(any(is_like(line, wanted) for line in answer) for wanted in shown):
+            return True
+    return False
 
 
 def is_like(line, wanted):
@@ -76,21 +90,21 @@ def is_like(line, wanted):
     )
 
 
-def test_the_readme_leads_from_a_clone_to_the_battery():
+@pytest.mark.parametrize(["page", "heading"], SESSIONS)
+def test_the_pages_lead_from_a_clone_to_a_failsafe(page, heading):
     documented.wait_for_free_ports()
     with documented.scratch_clone() as (clone, environment), contextlib.ExitStack() as stack:
-        section = section_of((clone / "README.md").read_text(encoding="utf-8"), SECTION)
-        blocks, session = way_to_the_session(section)
+        blocks = way_to_the_session(clone)
         *_, station = programs = [
             program for block in blocks if (program := follow(block, clone, environment, stack)) is not None
         ]
         assert len(programs) == 2, "a simulator and a ground station"
         station.wait_for(r"Received \d+ parameters", 30)
 
-        assert [typed for typed, _ in exchanges(session)].count("bat") > 0
-        for typed, shown in exchanges(session):
-            # What was set takes a moment to be seen; the charge of a pack at rest follows within half a minute.
-            assert any(says(station, typed, shown) for _ in range(45)), f"{typed}: {station.output}"
+        session = exchanges(session_of(clone, page, heading))
+        assert [shown for _, shown in session if "Mode HOLD" in shown], "no failsafe"
+        for typed, shown in session:
+            assert says(station, typed, shown), f"{typed}: {station.output}"
 
         simulator = programs[0]
         simulator.stop()
