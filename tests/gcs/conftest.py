@@ -21,6 +21,9 @@ os.environ["MAVLINK20"] = "1"
 # After it: pymavlink reads it.
 import station  # noqa: E402
 
+# What a shell starts in the background ignores Ctrl-C, and so would each program that is started here.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 PARAMS = REPOSITORY / "docs" / "params"
 MAVPROXY = pathlib.Path(sys.executable).parent / "mavproxy.py"

@@ -15,6 +15,9 @@ from station import Background, connect, count, is_about, messages_of, read, set
 
 mavlink = mavutil.mavlink
 
+# One at a time: several of them would leave the watcher no processor.
+pytestmark = pytest.mark.xdist_group("unruly")
+
 WATCHED_SECONDS = 5
 RATE_HZ = 10
 
