@@ -46,6 +46,17 @@ pub(super) struct Findings {
     pub second: Option<Option<LearntPack>>,
 }
 
+/// Chemistry and number of cells by the settings.
+pub(super) type SetCells = (Chemistry, Option<u8>);
+
+/// What is retained of the estimates over a reset.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct EstimatorMemory {
+    pub charge: Option<KnownCharge>,
+    pub estimated_for: Option<SetCells>,
+    pub detected_cells: Option<u8>,
+}
+
 /// The estimators of one pack.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Estimator {
@@ -54,8 +65,8 @@ pub(super) struct Estimator {
     average_current: MeanThenLowPass,
     charge: ChargeEstimator,
     confidence: Confidence,
-    /// The chemistry and cell count setting of the present estimate.
-    estimated_for: Option<(Chemistry, Option<u8>)>,
+    /// What the present estimate is made for.
+    estimated_for: Option<SetCells>,
 }
 
 /// Whether the state of charge is certain enough to be reported.
@@ -222,19 +233,24 @@ impl Estimator {
         Some(charge.available / rate_per_h * SECONDS_PER_HOUR)
     }
 
-    /// What is retained over a reset: state of charge and detected cell count.
-    pub fn memory(&self) -> (Option<KnownCharge>, Option<u8>) {
-        (self.charge.known(), self.cells.cells())
+    /// What is retained over a reset.
+    pub fn memory(&self) -> EstimatorMemory {
+        EstimatorMemory {
+            charge: self.charge.known(),
+            estimated_for: self.estimated_for,
+            detected_cells: self.cells.cells(),
+        }
     }
 
-    /// Continues with what was retained over a reset.
-    pub fn restore(&mut self, charge: Option<KnownCharge>, detected_cells: Option<u8>) {
-        if let Some(charge) = charge {
+    /// Continues with what was retained over a reset. With other cells set the first reading drops it.
+    pub fn restore(&mut self, memory: &EstimatorMemory) {
+        if let Some(charge) = memory.charge {
             self.set_known(charge);
         }
-        if let Some(count) = detected_cells {
+        if let Some(count) = memory.detected_cells {
             self.cells.restore(count);
         }
+        self.estimated_for = memory.estimated_for;
     }
 
     /// Sets the state of charge, from 0 to 1, on a battery reset.

@@ -1,7 +1,9 @@
 //! Pack data retained over a reset of the processor, in RAM that start-up code leaves alone.
 
+use super::Chemistry;
 use super::charge::KnownCharge;
 use super::consumption::Consumption;
+use super::estimator::{EstimatorMemory, SetCells};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::sealed::{is_sealed, seal};
@@ -10,7 +12,7 @@ use crate::sealed::{is_sealed, seal};
 const MAGIC: u32 = u32::from_le_bytes(*b"BAT3");
 
 const HEADER_WORDS: usize = 2;
-const PACK_WORDS: usize = 7;
+const PACK_WORDS: usize = 8;
 /// With the checksum as the last word.
 const RECORD_WORDS: usize = HEADER_WORDS + PACK_WORDS * MAX_PACKS + 1;
 
@@ -33,8 +35,7 @@ pub struct PackMemory {
     /// Where the data is from.
     pub source: PackSource,
     pub(super) consumption: Consumption,
-    pub(super) charge: Option<KnownCharge>,
-    pub(super) detected_cells: Option<u8>,
+    pub(super) estimate: EstimatorMemory,
 }
 
 impl PackSource {
@@ -109,16 +110,20 @@ fn newest(memory: &RetainedMemory) -> Option<(usize, &RetainedRecord)> {
 }
 
 const HAS_CHARGE: u32 = 1 << 8;
-const CELLS: u32 = 0xFF;
-const SOURCE_SHIFT: u32 = 16;
 
 impl PackMemory {
     fn to_words(self) -> [u32; PACK_WORDS] {
         let [charge_low, charge_high, energy_low, energy_high] = self.consumption.to_words();
-        let [share, sigma] = self.charge.map_or([0; 2], KnownCharge::to_words);
-        let has_charge = if self.charge.is_some() { HAS_CHARGE } else { 0 };
-        let source = u32::from(self.source.0) << SOURCE_SHIFT;
-        let flags = u32::from(self.detected_cells.unwrap_or(0)) | has_charge | source;
+        let EstimatorMemory {
+            charge,
+            estimated_for,
+            detected_cells,
+        } = self.estimate;
+        let [share, sigma] = charge.map_or([0; 2], KnownCharge::to_words);
+        let has_charge = if charge.is_some() { HAS_CHARGE } else { 0 };
+        let flags = u32::from(detected_cells.unwrap_or(0)) | has_charge;
+        let [chemistry, cells] = estimated_for.map_or([0; 2], bytes_of);
+        let [source_low, source_high] = self.source.0.to_le_bytes();
         [
             charge_low,
             charge_high,
@@ -127,6 +132,7 @@ impl PackMemory {
             share,
             sigma,
             flags,
+            u32::from_le_bytes([chemistry, cells, source_low, source_high]),
         ]
     }
 
@@ -139,17 +145,31 @@ impl PackMemory {
             share,
             sigma,
             flags,
+            made_for,
         ] = words;
-        let cells = (flags & CELLS) as u8;
+        let [detected_cells, ..] = flags.to_le_bytes();
+        let [chemistry, cells, source_low, source_high] = made_for.to_le_bytes();
         Self {
-            source: PackSource((flags >> SOURCE_SHIFT) as u16),
+            source: PackSource(u16::from_le_bytes([source_low, source_high])),
             consumption: Consumption::from_words([charge_low, charge_high, energy_low, energy_high]),
-            charge: (flags & HAS_CHARGE != 0)
-                .then(|| KnownCharge::from_words([share, sigma]))
-                .flatten(),
-            detected_cells: (cells > 0).then_some(cells),
+            estimate: EstimatorMemory {
+                charge: (flags & HAS_CHARGE != 0)
+                    .then(|| KnownCharge::from_words([share, sigma]))
+                    .flatten(),
+                estimated_for: cells_of([chemistry, cells]),
+                detected_cells: (detected_cells > 0).then_some(detected_cells),
+            },
         }
     }
+}
+
+fn bytes_of((chemistry, cells): SetCells) -> [u8; 2] {
+    [chemistry as u8, cells.unwrap_or(0)]
+}
+
+fn cells_of([chemistry, cells]: [u8; 2]) -> Option<SetCells> {
+    let chemistry = Chemistry::from_number(chemistry.into())?;
+    Some((chemistry, (cells > 0).then_some(cells)))
 }
 
 #[cfg(test)]
@@ -164,8 +184,11 @@ mod tests {
             charge_mah,
             energy_wh: -2.5,
         });
-        packs[3].charge = Some(KnownCharge::set(0.625));
-        packs[3].detected_cells = Some(3);
+        packs[3].estimate = EstimatorMemory {
+            charge: Some(KnownCharge::set(0.625)),
+            estimated_for: Some((Chemistry::NiMh, Some(16))),
+            detected_cells: Some(3),
+        };
         packs[3].source = PackSource(u16::MAX);
         packs
     }

@@ -5,7 +5,7 @@ use super::charge_reporter::ChargeReporter;
 use super::charge_state::{ChargeStateMachine, Inputs};
 use super::consumption::{Consumption, mean_current_a};
 use super::diagnosis::Diagnosis;
-use super::estimator::{Estimator, Findings, Reading};
+use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
 use super::event::push;
 use super::failsafe::{Failsafe, Observation};
 use super::health::HealthReporter;
@@ -597,19 +597,22 @@ impl BatteryMonitor {
 
     /// What is retained over a reset of the processor, of a pack that is read from `source`.
     pub fn memory(&self, source: PackSource) -> PackMemory {
-        let (charge, detected_cells) = self.estimator.memory();
+        let estimate = match self.state.status {
+            // After the reset another pack may be connected.
+            PackStatus::NotConnected => EstimatorMemory::default(),
+            _ => self.estimator.memory(),
+        };
         PackMemory {
             source,
             consumption: self.consumption,
-            charge,
-            detected_cells,
+            estimate,
         }
     }
 
     /// Continues with what was retained over a reset of the processor.
     pub fn restore(&mut self, memory: &PackMemory) {
         self.consumption = memory.consumption;
-        self.estimator.restore(memory.charge, memory.detected_cells);
+        self.estimator.restore(&memory.estimate);
     }
 
     /// What is learnt of the pack; `None` until [`restore_learnt`](Self::restore_learnt).

@@ -533,6 +533,35 @@ fn single_spike_is_a_short_fault() {
 }
 
 #[test]
+fn retained_charge_is_not_that_of_other_cells_set_before_the_reset() {
+    let mut before = Bench::new();
+    before.run(10.0, loaded(9.6, 0.2));
+    assert!(before.state().remaining_pct.unwrap() < 10.0);
+    for (cell_count, voltage_v, expected_pct) in [(Some(3), 9.6, 0.0..10.0), (Some(6), 24.6, 80.0..101.0)] {
+        let mut after = Bench::new();
+        after.settings.cell_count = cell_count;
+        after
+            .monitor
+            .restore(&before.monitor.memory(PackSource::default()));
+        let remaining_pct = after.run(10.0, loaded(voltage_v, 0.2)).remaining_pct.unwrap();
+        assert!(expected_pct.contains(&remaining_pct), "{remaining_pct} %");
+    }
+}
+
+#[test]
+fn retained_charge_is_not_that_of_a_pack_that_was_disconnected() {
+    let mut before = Bench::new();
+    before.run(10.0, loaded(9.6, 0.2));
+    before.run(2.0, volts(0.3));
+    let mut after = Bench::new();
+    after
+        .monitor
+        .restore(&before.monitor.memory(PackSource::default()));
+    let remaining_pct = after.run(10.0, loaded(12.4, 0.2)).remaining_pct.unwrap();
+    assert!(remaining_pct > 80.0, "{remaining_pct} %");
+}
+
+#[test]
 fn wrong_cells_are_no_spike() {
     let mut bench = Bench::new();
     bench.run(1.0, volts(12.0));
