@@ -44,7 +44,7 @@ impl Packs {
         Self {
             bank: in_place(BatteryBank::new),
             order: in_place(|| sampling_order(parameters)),
-            read_from: Pack::ALL.map(|pack| PackSource::from_parameters(parameters, pack)),
+            read_from: in_place(|| sources(parameters)),
             set_up_errors: in_place(|| set_up_errors(parameters)),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
             sources: in_place(|| [ExternalSource::default(); MAX_PACKS]),
@@ -212,6 +212,10 @@ fn sampling_order(parameters: &Parameters) -> Vec<(Pack, MonitorKind), MAX_PACKS
         }
     }
     order
+}
+
+fn sources(parameters: &Parameters) -> [PackSource; MAX_PACKS] {
+    Pack::ALL.map(|pack| PackSource::from_parameters(parameters, pack))
 }
 
 fn set_up_errors(parameters: &Parameters) -> [Option<ReadError>; MAX_PACKS] {

@@ -13,6 +13,9 @@ const WHOLE_NUMBER_TOLERANCE: f32 = 0.01;
 /// `BATT_MONITOR` of a disabled pack.
 const MONITOR_DISABLED: f32 = 0.0;
 
+/// `CAN_P1_DRIVER` without a bus.
+const CAN_DISABLED: f32 = 0.0;
+
 /// The live values of all parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
@@ -151,12 +154,11 @@ impl Parameters {
     fn is_used(&self, id: ParameterId, pack: Option<Pack>) -> bool {
         match id.row().listed {
             Listed::Always => true,
-            Listed::WithSerialProtocol(protocol) => {
-                self.get_whole(VehicleParameter::Serial1Protocol) == protocol
-            }
-            Listed::WithCan => self.get_whole(VehicleParameter::CanP1Driver) != 0,
+            // Whole numbers are stored as such.
+            Listed::WithSerialProtocol(protocol) => self.get(VehicleParameter::Serial1Protocol) == protocol,
+            Listed::WithCan => self.get(VehicleParameter::CanP1Driver) != CAN_DISABLED,
             Listed::WithMonitor(monitor) => {
-                pack.is_some_and(|pack| self.get_whole(BatteryParameter::Monitor.of(pack)) == monitor)
+                pack.is_some_and(|pack| self.get(BatteryParameter::Monitor.of(pack)) == monitor)
             }
         }
     }

@@ -682,7 +682,7 @@ parameters! {
         kind: Kind::Real32,
         default: 1.0,
         range: Range::Between(0.1, 10.0),
-        listed: Listed::WithMonitor(8),
+        listed: Listed::WithMonitor(8.0),
         step: 0.1,
         unit: "",
         takes_effect: TakesEffect::AtOnce,
@@ -696,7 +696,7 @@ parameters! {
         default: 0.0,
         // A float represents every whole number in this range.
         range: Range::Between(0.0, 4095.0),
-        listed: Listed::WithMonitor(9),
+        listed: Listed::WithMonitor(9.0),
         step: 1.0,
         unit: "",
         takes_effect: TakesEffect::AtOnce,

@@ -175,16 +175,16 @@ pub enum Access {
 }
 
 /// When a parameter is in lists: only while what it sets up is in use, as in ArduPilot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Listed {
     /// Always; a pack's while the pack is monitored.
     Always,
     /// While the second serial port has this `SERIAL1_PROTOCOL`.
-    WithSerialProtocol(i32),
+    WithSerialProtocol(f32),
     /// While `CAN_P1_DRIVER` is not 0.
     WithCan,
     /// While the pack's `MONITOR` is this.
-    WithMonitor(i32),
+    WithMonitor(f32),
 }
 
 /// When a change of a parameter takes effect.
