@@ -35,8 +35,8 @@ from station import (
 from test_log_download import download, finished, ftp_get, log_list, mavsdk_system
 from test_mavproxy import MavProxy
 
-# A board for each; two of them run at once.
-LINKS = [pytest.param(link, marks=pytest.mark.xdist_group(f"wifi_{link}")) for link in ("udp", "tcp")]
+# A board for each, one after the other.
+LINKS = [pytest.param(link, marks=pytest.mark.xdist_group("wifi")) for link in ("udp", "tcp")]
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
