@@ -27,7 +27,7 @@ pub struct RetainedRecord([u32; RECORD_WORDS]);
 /// What a pack has been read from since boot, by the parameters that take effect then: `BATT_MONITOR`, `BATT_I2C_ADDR`
 /// and `BATT_CHANNEL`. Behind another source is another pack.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PackSource(u16);
+pub struct PackSource([u8; 3]);
 
 /// Retained data of one pack.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -41,13 +41,12 @@ pub struct PackMemory {
 impl PackSource {
     /// By a pack's parameters at boot.
     pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Self {
-        let bits = |parameter: BatteryParameter, count: u32| {
-            parameters.get_whole(parameter.of(pack)) as u16 & ((1 << count) - 1)
-        };
-        let monitor = bits(BatteryParameter::Monitor, 7);
-        let address = bits(BatteryParameter::I2cAddr, 7);
-        let channel = bits(BatteryParameter::Channel, 2);
-        Self(monitor << 9 | address << 2 | channel)
+        let source = [
+            BatteryParameter::Monitor,
+            BatteryParameter::I2cAddr,
+            BatteryParameter::Channel,
+        ];
+        Self(source.map(|parameter| parameters.get_whole(parameter.of(pack)) as u8))
     }
 }
 
@@ -109,8 +108,6 @@ fn newest(memory: &RetainedMemory) -> Option<(usize, &RetainedRecord)> {
     }
 }
 
-const HAS_CHARGE: u32 = 1 << 8;
-
 impl PackMemory {
     fn to_words(self) -> [u32; PACK_WORDS] {
         let [charge_low, charge_high, energy_low, energy_high] = self.consumption.to_words();
@@ -120,10 +117,9 @@ impl PackMemory {
             detected_cells,
         } = self.estimate;
         let [share, sigma] = charge.map_or([0; 2], KnownCharge::to_words);
-        let has_charge = if charge.is_some() { HAS_CHARGE } else { 0 };
-        let flags = u32::from(detected_cells.unwrap_or(0)) | has_charge;
+        let has_charge = u8::from(charge.is_some());
         let [chemistry, cells] = estimated_for.map_or([0; 2], bytes_of);
-        let [source_low, source_high] = self.source.0.to_le_bytes();
+        let [monitor, address, channel] = self.source.0;
         [
             charge_low,
             charge_high,
@@ -131,8 +127,8 @@ impl PackMemory {
             energy_high,
             share,
             sigma,
-            flags,
-            u32::from_le_bytes([chemistry, cells, source_low, source_high]),
+            u32::from_le_bytes([detected_cells.unwrap_or(0), has_charge, chemistry, cells]),
+            u32::from_le_bytes([monitor, address, channel, 0]),
         ]
     }
 
@@ -144,16 +140,16 @@ impl PackMemory {
             energy_high,
             share,
             sigma,
-            flags,
-            made_for,
+            estimate,
+            source,
         ] = words;
-        let [detected_cells, ..] = flags.to_le_bytes();
-        let [chemistry, cells, source_low, source_high] = made_for.to_le_bytes();
+        let [detected_cells, has_charge, chemistry, cells] = estimate.to_le_bytes();
+        let [monitor, address, channel, _] = source.to_le_bytes();
         Self {
-            source: PackSource(u16::from_le_bytes([source_low, source_high])),
+            source: PackSource([monitor, address, channel]),
             consumption: Consumption::from_words([charge_low, charge_high, energy_low, energy_high]),
             estimate: EstimatorMemory {
-                charge: (flags & HAS_CHARGE != 0)
+                charge: (has_charge != 0)
                     .then(|| KnownCharge::from_words([share, sigma]))
                     .flatten(),
                 estimated_for: cells_of([chemistry, cells]),
@@ -189,7 +185,7 @@ mod tests {
             estimated_for: Some((Chemistry::NiMh, Some(16))),
             detected_cells: Some(3),
         };
-        packs[3].source = PackSource(u16::MAX);
+        packs[3].source = PackSource([u8::MAX; 3]);
         packs
     }
 
