@@ -275,6 +275,8 @@ def test_terminated_is_terminated_until_the_battery_is_reset(start_rover):
         rover.start_driving()
 
 
+# Not beside clients that flood a simulator: a tick that comes late counts too much.
+@pytest.mark.xdist_group("unruly")
 def test_a_low_charge_counts_at_once(start_rover_with_current_sensor):
     # The timer is for voltages: with one of two minutes nothing would happen here if it counted.
     rover = start_rover_with_current_sensor(
@@ -288,10 +290,10 @@ def test_a_low_charge_counts_at_once(start_rover_with_current_sensor):
         started = rover.now()
         rover.set(SIM_BATT_CURRENT=36)
         low = rover.hears("Battery 1 is low", within=16)
-        assert 100 <= used_mah(low) <= 120, low
+        assert 100 <= used_mah(low) <= 105, low
         rover.comes_to((MANUAL, True, CRITICAL))
         critical = rover.hears("Battery 1 is critical", within=16)
-        assert 200 <= used_mah(critical) <= 220, critical
+        assert 200 <= used_mah(critical) <= 205, critical
         assert rover.now() - started < 30
         assert rover.state() == (HOLD, True, CRITICAL)
         assert rover.battery().current_consumed > before + 190

@@ -21,8 +21,8 @@ import documented_commands as documented
 pytestmark = pytest.mark.xdist_group("mavproxy")
 
 SECTION = "## On a desk, without a board"
-# Pages with a session in such a ground station, and the headings it is below.
-SESSIONS = [("README.md", SECTION), ("docs/guides/failsafe-tuning.md", "### On a desk")]
+# Pages with a session in such a ground station, the headings it is below, and what has to be typed in it.
+SESSIONS = [("README.md", SECTION, "bat"), ("docs/guides/failsafe-tuning.md", "### On a desk", "disarm")]
 PROMPT = re.compile(r"[A-Z]+> ")
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
@@ -90,8 +90,8 @@ def is_like(line, wanted):
     )
 
 
-@pytest.mark.parametrize(["page", "heading"], SESSIONS)
-def test_the_pages_lead_from_a_clone_to_a_failsafe(page, heading):
+@pytest.mark.parametrize(["page", "heading", "needed"], SESSIONS)
+def test_the_pages_lead_from_a_clone_to_a_failsafe(page, heading, needed):
     documented.wait_for_free_ports()
     with documented.scratch_clone() as (clone, environment), contextlib.ExitStack() as stack:
         blocks = way_to_the_session(clone)
@@ -102,6 +102,7 @@ def test_the_pages_lead_from_a_clone_to_a_failsafe(page, heading):
         station.wait_for(r"Received \d+ parameters", 30)
 
         session = exchanges(session_of(clone, page, heading))
+        assert [typed for typed, _ in session].count(needed) > 0
         assert [shown for _, shown in session if "Mode HOLD" in shown], "no failsafe"
         for typed, shown in session:
             assert says(station, typed, shown), f"{typed}: {station.output}"

@@ -35,8 +35,10 @@ from station import (
 from test_log_download import download, finished, ftp_get, log_list, mavsdk_system
 from test_mavproxy import MavProxy
 
-# A board for each, one after the other.
-LINKS = [pytest.param(link, marks=pytest.mark.xdist_group("wifi")) for link in ("udp", "tcp")]
+# A board for each link, one after the other.
+pytestmark = pytest.mark.xdist_group("wifi")
+
+LINKS = ["udp", "tcp"]
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
