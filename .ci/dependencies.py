@@ -50,7 +50,8 @@ def licence_complaints(part, packages, allowed):
 
 def direct_dependencies():
     metadata = json.loads(cargo("metadata", "--locked", "--no-deps", "--format-version", "1").stdout)
-    return {dependency["name"] for dependency in metadata["packages"][0]["dependencies"]}
+    members = {package["name"] for package in metadata["packages"]}
+    return {dependency["name"] for package in metadata["packages"] for dependency in package["dependencies"]} - members
 
 
 def documented_dependencies():
@@ -66,7 +67,7 @@ def documentation_complaints():
 
 def yanked_complaints():
     """Packing the crate is what has cargo look for yanked versions."""
-    said = cargo("package", "--no-verify", "--allow-dirty", "--target-dir", "target/tmp/package").stderr
+    said = cargo("package", "--package", "rover-battmon", "--no-verify", "--allow-dirty", "--target-dir", "target/tmp/package").stderr
     yield from re.findall(r"package `.*` in Cargo.lock is yanked.*", said)
 
 

@@ -17,8 +17,6 @@ mod air;
 mod bench;
 #[path = "../../tests/support/elf.rs"]
 mod elf;
-#[path = "../../tests/emulator/mod.rs"]
-mod emulator;
 #[path = "../../tests/workbench/host_stream.rs"]
 #[allow(dead_code)]
 mod host_stream;

@@ -8,10 +8,10 @@ use crate::air::laptop::Laptop;
 use crate::air::radio::Credentials;
 use crate::air::space::Air;
 use crate::bench::{Bench, CYCLES_PER_US, SECOND};
-use crate::emulator::Board;
 use crate::figures::{Figure, Table};
 use crate::running::{JITTER_GOAL_US, VOLTAGE_CODE, jitter_of};
 use crate::support::requests::param_set;
+use emulator::Board;
 
 const BOARD: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);
 const TCP_PORT: u16 = 5760;

@@ -4,9 +4,9 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use crate::can_bench::CanRig;
-use crate::emulator::Board;
-use crate::emulator::can::{CanFrame, CanId, CanNode, CanWires, Station, Traffic, bit_time};
 use crate::port::Port;
+use emulator::Board;
+use emulator::can::{CanFrame, CanId, CanNode, CanWires, Station, Traffic, bit_time};
 
 /// Crystal of the controller: `CAN_P1_CRYSTAL` by default.
 const CRYSTAL_HZ: u64 = 16_000_000;

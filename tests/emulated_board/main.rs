@@ -14,8 +14,6 @@ mod bench;
 mod can_bench;
 #[path = "../support/elf.rs"]
 mod elf;
-#[path = "../emulator/mod.rs"]
-mod emulator;
 #[path = "../workbench/host_stream.rs"]
 mod host_stream;
 #[path = "../support/signer.rs"]

@@ -6,7 +6,7 @@ use crate::air::bridge::{TcpBridge, UdpBridge};
 use crate::air::laptop::Laptop;
 use crate::air::radio::Radio;
 use crate::air::space::Air;
-use crate::emulator::Board;
+use emulator::Board;
 
 /// Where the board serves TCP in its own network.
 const BOARDS_TCP: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(192, 168, 4, 1), 5760);

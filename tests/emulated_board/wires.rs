@@ -1,7 +1,7 @@
 //! From the board's ports to those of the host.
 
-use crate::emulator::{Board, Reading, SentByte};
 use crate::port::Port;
+use emulator::{Board, Reading, SentByte};
 
 /// So many bytes go onto the UART's line before the next are read.
 const UART_CHUNK_BYTES: usize = 64;

@@ -2,10 +2,10 @@
 
 use crate::bench::SECOND;
 use crate::downloads::{download, list};
-use crate::emulator::FlashCut;
 use crate::log_records::{named, records};
 use crate::runs::log_cuts;
 use crate::runs::logged_drive::Drive;
+use emulator::FlashCut;
 
 /// A drive on four packs. An hour takes nearly the four fifths of the ring that a file may have.
 pub fn drive(duration_us: u64) {

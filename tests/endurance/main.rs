@@ -10,8 +10,6 @@ mod bench;
 mod downloads;
 #[path = "../support/elf.rs"]
 mod elf;
-#[path = "../emulator/mod.rs"]
-mod emulator;
 #[path = "../workbench/i2c_bus.rs"]
 mod i2c_bus;
 #[path = "../workbench/log_records.rs"]

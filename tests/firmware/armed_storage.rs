@@ -13,7 +13,6 @@ use crate::bench::{
     Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND,
     SIGNING_OFFSET, value_of,
 };
-use crate::emulator::{FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
 use crate::learnt;
 use crate::motor_poles::LEFT;
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for};
@@ -24,6 +23,7 @@ use crate::support::frames::{
 use crate::support::requests::{
     arm, command_long, disarm, manual_control, param_read_by_name, param_set, set_mode,
 };
+use emulator::{FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
 
 const PREFLIGHT_STORAGE: u16 = 245;
 const ACCEPTED: u8 = 0;

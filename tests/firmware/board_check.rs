@@ -11,10 +11,10 @@ use crate::bench::{
 };
 use crate::checked::{Checked, Line, Turned, Watcher, failed, not_measured};
 use crate::elf::{Artifact, build};
-use crate::emulator::{AdcInput, SentByte};
 use crate::firmware_hash::flipped_byte;
 use crate::motor_poles::{LEFT, Motor, RIGHT};
 use crate::page::assert_part;
+use emulator::{AdcInput, SentByte};
 
 const BAUD: u32 = 115_200;
 

@@ -7,8 +7,8 @@ use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::{Erase, Storage};
 
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, SIGNING_OFFSET};
-use crate::emulator::{FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
 use crate::signing_key::{flash_with, words_of_key};
+use emulator::{FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
 
 #[test]
 fn the_banner_names_version_and_reset_reason() {

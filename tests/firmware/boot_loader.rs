@@ -1,7 +1,6 @@
 //! Restarting into the boot ROM's USB boot loader, to be flashed anew without the button.
 
 use crate::bench::{Bench, SECOND, value_of};
-use crate::emulator::{BootLoader, LogLevel, PwmOutput, ResetCause};
 use crate::lamps::{LAMPS, decode};
 use crate::motors::BUZZER;
 use crate::rover::{GOOD_3S, is_coasting};
@@ -12,6 +11,7 @@ use crate::support::requests::{
     PREFLIGHT_REBOOT_SHUTDOWN, heartbeat, param_read_by_name, reboot, reboot_to_boot_loader,
 };
 use crate::wheels::pins;
+use emulator::{BootLoader, LogLevel, PwmOutput, ResetCause};
 
 const ACCEPTED: u8 = 0;
 

@@ -1,9 +1,9 @@
 //! Crashes that follow each other quickly: the parameters may be their reason.
 
 use crate::bench::{Bench, MILLISECOND, SECOND, value_of};
-use crate::emulator::LogLevel;
 use crate::support::frames::{Frame, HEARTBEAT, STATUSTEXT, of_message};
 use crate::support::requests::{arm, param_read_by_name};
+use emulator::LogLevel;
 
 const PACK_CODE: u16 = 2482;
 

@@ -5,9 +5,9 @@ use std::rc::Rc;
 
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 use crate::can_bench::{CanRig, transfers};
-use crate::emulator::LogLevel;
-use crate::emulator::spi_devices::Ina239;
 use crate::support::frames::{last_of, texts_of};
+use emulator::LogLevel;
+use emulator::spi_devices::Ina239;
 
 const DRONECAN: f32 = 8.0;
 const INA239: f32 = 26.0;

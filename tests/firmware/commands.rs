@@ -1,7 +1,6 @@
 //! Intervals and requests, through the telemetry port.
 
 use crate::bench::{Bench, SECOND, is_learnt};
-use crate::emulator::LogLevel;
 use crate::runs::rates_asked_for::{self, assert_rates};
 use crate::support::frames::{
     AUTOPILOT_VERSION, BATTERY_INFO, BATTERY_STATUS, COMMAND_ACK, Frame, GROUND_STATION, HEARTBEAT,
@@ -11,6 +10,7 @@ use crate::support::requests::{
     SIK_RADIO, command_int, command_int_2, command_long, command_long_2, param_set, ping, radio_status,
     radio_status_from, request_data_stream, timesync,
 };
+use emulator::LogLevel;
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const GET_MESSAGE_INTERVAL: u16 = 510;

@@ -7,9 +7,9 @@ use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
 
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND};
 use crate::elf::{Artifact, build};
-use crate::emulator::LogLevel;
 use crate::support::frames::{AUTOPILOT_VERSION, of_message};
 use crate::support::requests::command_long;
+use emulator::LogLevel;
 
 const REQUEST_MESSAGE: u16 = 512;
 

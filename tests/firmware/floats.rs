@@ -2,7 +2,7 @@
 //! subnormal numbers.
 
 use crate::bench::{Bench, DIVIDER_CODE, LINK_REGISTER, PROGRAM_COUNTER, SECOND};
-use crate::emulator::{BRANCH_TO_SELF, Random};
+use emulator::{BRANCH_TO_SELF, Random};
 
 const EXPONENT: u32 = 0x7f80_0000;
 const SIGN: u32 = 0x8000_0000;

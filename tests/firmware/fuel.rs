@@ -1,11 +1,11 @@
 //! Tanks: from the sensors' signals to the messages.
 
 use crate::bench::{Bench, SECOND};
-use crate::emulator::AdcInput;
 use crate::support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, FUEL_STATUS, Frame, STATUSTEXT, of_message,
 };
 use crate::support::requests::command_long_2;
+use emulator::AdcInput;
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const REQUEST_MESSAGE: u16 = 512;

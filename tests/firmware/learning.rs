@@ -11,12 +11,12 @@ use rover_battmon::storage::Storage;
 use crate::bench::{
     Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, PACK, SAVED_US, SECOND, value_of,
 };
-use crate::emulator::{AdcInput, FlashCut, LogLevel};
 use crate::learnt::{FIRST, FIRST_7, flash_with, full_sector};
 use crate::support::frames::{BATTERY_INFO, SMART_BATTERY_INFO, last_of, of_message, texts_of};
 use crate::support::requests::{
     VEHICLE_ID, command_long, command_long_2, manual_control, param_read_by_name,
 };
+use emulator::{AdcInput, FlashCut, LogLevel};
 
 /// The current sensor is on GP27.
 const CURRENT: usize = 1;

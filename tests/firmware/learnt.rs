@@ -11,10 +11,10 @@ use rover_battmon::storage::{Erase, Storage};
 use crate::bench::{
     Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, SAVED_US, SECOND, SECTOR_BYTES, value_of,
 };
-use crate::emulator::{FlashCut, LogLevel};
 use crate::support::frames::{PARAM_ERROR, STATUSTEXT, of_message};
 use crate::support::learnt_record::learnt_words;
 use crate::support::requests::{command_long, param_read_by_name, param_set, reboot};
+use emulator::{FlashCut, LogLevel};
 
 const PREFLIGHT_STORAGE: u16 = 245;
 

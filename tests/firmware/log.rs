@@ -6,10 +6,10 @@ mod timing;
 
 use crate::bench::{Bench, MINUTE, Wire};
 use crate::downloads::{download, get, list};
-use crate::emulator::FlashCut;
 use crate::log_records::{named, records};
 use crate::runs::log_cuts;
 use crate::runs::logged_drive::Drive;
+use emulator::FlashCut;
 
 #[test]
 fn a_minute_on_two_packs_is_downloaded_alike_over_uart_and_usb_and_has_what_was_on_the_wire() {

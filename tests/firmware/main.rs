@@ -12,8 +12,6 @@ mod checked;
 mod downloads;
 #[path = "../support/elf.rs"]
 mod elf;
-#[path = "../emulator/mod.rs"]
-mod emulator;
 #[path = "../workbench/host_stream.rs"]
 mod host_stream;
 #[path = "../workbench/i2c_bus.rs"]

@@ -4,10 +4,10 @@ use std::sync::OnceLock;
 
 use crate::bench::{CYCLES_PER_US, MILLISECOND, SECOND};
 use crate::elf::{Artifact, build};
-use crate::emulator::{Board, Firmware};
 use crate::lamps::{LAMPS, decode, lengths};
 use crate::motor_poles::{LEFT, Motor, RIGHT, motors};
 use crate::wheels::pins;
+use emulator::{Board, Firmware};
 
 pub const BUZZER: usize = 2;
 

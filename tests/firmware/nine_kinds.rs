@@ -6,9 +6,6 @@ use std::rc::Rc;
 use crate::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, MILLISECOND, PACK};
 use crate::can_bench::transfers::{A, A_LATER, STATUS_A};
 use crate::can_bench::{CanRig, Peer, Transfer};
-use crate::emulator::i2c_devices::{Ina226, Ina3221, Pec, RegisterMap, SmartBattery};
-use crate::emulator::spi_devices::Ina239;
-use crate::emulator::{AdcInput, Conversion, UartPins};
 use crate::i2c_bus::{BUS, shared};
 use crate::runs::exact_rates::assert_sampled_at_every_tick;
 use crate::serial::richen_power;
@@ -17,6 +14,9 @@ use crate::support::frames::{
     of_message, texts_of,
 };
 use crate::support::pack_report::PackReport;
+use emulator::i2c_devices::{Ina226, Ina3221, Pec, RegisterMap, SmartBattery};
+use emulator::spi_devices::Ina239;
+use emulator::{AdcInput, Conversion, UartPins};
 
 const TICK: u64 = 100 * MILLISECOND;
 const TICKS_PER_SECOND: usize = 10;

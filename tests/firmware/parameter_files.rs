@@ -3,10 +3,10 @@
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
 use crate::can_bench::CanRig;
 use crate::can_bench::transfers::A;
-use crate::emulator::i2c_devices::Bq76952;
-use crate::emulator::{AdcInput, UartPins};
 use crate::i2c_bus::{BUS, shared};
 use crate::support::frames::{last_of, texts_of};
+use emulator::i2c_devices::Bq76952;
+use emulator::{AdcInput, UartPins};
 
 const OK: u8 = 1;
 const SERIAL_PORT: usize = 1;

@@ -234,7 +234,7 @@ fn the_multiplier_changes_the_voltage_of_the_next_frame() {
 #[test]
 fn the_offset_and_the_pin_take_effect_at_once() {
     let mut bench = Bench::running(2482);
-    bench.adc_input(1, crate::emulator::AdcInput::Code(3000));
+    bench.adc_input(1, emulator::AdcInput::Code(3000));
     bench.set("BATT_VLT_OFFSET", 0.1);
     bench.set("BATT_VOLT_PIN", 27.0);
     bench.run_for(SECOND);

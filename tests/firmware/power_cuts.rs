@@ -1,7 +1,7 @@
 //! Power is cut in flash operations while parameters are being set: in one of six here, in each of them in `tests/endurance`.
 
-use crate::emulator::FlashCut;
 use crate::runs::power_cuts;
+use emulator::FlashCut;
 
 const STEP: usize = 6;
 

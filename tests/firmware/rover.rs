@@ -1,12 +1,12 @@
 //! The rover that obeys: arming, driving and stopping, at the pins of the motors.
 
 use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, SECOND, STACK_POINTER};
-use crate::emulator::{AdcInput, Board, LogLevel, ResetCause};
 use crate::motor_poles::{LEFT, motors};
 use crate::support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, of_message};
 pub use crate::support::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
 use crate::support::requests::{arm, disarm, manual_control, set_mode};
 use crate::wheels::pins;
+use emulator::{AdcInput, Board, LogLevel, ResetCause};
 
 const ACCEPTED: u8 = 0;
 const FAILED: u8 = 4;

@@ -1,7 +1,6 @@
 //! One session of a ground station, the same over every wire.
 
 use crate::bench::{Bench, LISTED_BY_DEFAULT, SAVED_US, SECOND, Wire};
-use crate::emulator::LogLevel;
 use crate::parameters::{list, read};
 use crate::rover::GOOD_3S;
 use crate::runs::rates_asked_for::assert_rates;
@@ -10,6 +9,7 @@ use crate::support::frames::{
     assert_no_sequence_gap, last_of, of_message,
 };
 use crate::support::requests::{arm, command_long, command_long_2, disarm, ping, timesync};
+use emulator::LogLevel;
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const REQUEST_MESSAGE: u16 = 512;

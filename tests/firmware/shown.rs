@@ -5,8 +5,6 @@ use std::fs;
 use std::path::Path;
 
 use crate::bench::{Bench, PACK, SAVED_US, SECOND};
-use crate::emulator::i2c_devices::{Pec, SmartBattery};
-use crate::emulator::{AdcFault, AdcInput};
 use crate::i2c_bus::BUS;
 use crate::signing_key::protected;
 use crate::support::frames::{
@@ -16,6 +14,8 @@ use crate::support::frames::{
 use crate::support::requests::{
     VEHICLE, arm, command_long, command_long_2, param_read_by_name, param_request_list,
 };
+use emulator::i2c_devices::{Pec, SmartBattery};
+use emulator::{AdcFault, AdcInput};
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const RUN_PREARM_CHECKS: u16 = 401;

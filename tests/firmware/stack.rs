@@ -1,7 +1,6 @@
 //! How deep the stack gets, interrupts included, when everything happens at once.
 
 use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::emulator::{AdcFault, LogLevel, ResetCause};
 use crate::i2c_bus::BUS;
 use crate::motor_poles::LEFT;
 use crate::rover::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
@@ -12,6 +11,7 @@ use crate::support::requests::{
     VEHICLE, command_int, command_long, command_long_2, ftp_open, manual_control, param_request_list,
     param_set, ping, set_mode, timesync,
 };
+use emulator::{AdcFault, LogLevel, ResetCause};
 
 /// Of the stack's room, this much has to be free at the worst.
 const FREE_PERCENT: u32 = 30;

@@ -7,9 +7,9 @@ use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::{Erase, Storage};
 
 use crate::bench::{Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SAVED_US, SECOND, SECTOR_BYTES};
-use crate::emulator::{FlashOperationKind, FlashTiming};
 use crate::support::frames::{COMMAND_ACK, PARAM_VALUE, ParamValue, STATUSTEXT, of_message};
 use crate::support::requests::{VEHICLE, command_long, param_read_by_name, param_request_list, param_set};
+use emulator::{FlashOperationKind, FlashTiming};
 
 fn texts(bench: &mut Bench) -> Vec<(u8, String)> {
     let frames = bench.frames();

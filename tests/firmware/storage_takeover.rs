@@ -10,9 +10,9 @@ use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::{Erase, Storage};
 
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND, value_of};
-use crate::emulator::FlashCut;
 use crate::support::frames::texts_of;
 use crate::support::requests::{param_read_by_name, param_set};
+use emulator::FlashCut;
 
 /// What a release wrote first to its first sector: the header, its retired mark, and the capacity of 4200 mAh.
 const OF_A_RELEASE: [u8; 28] = [

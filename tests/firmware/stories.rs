@@ -1,11 +1,11 @@
 //! The stories of `tests/stories/` on the release firmware: voltages at its pins, texts on its wire, motors at its pins.
 
 use crate::bench::{Bench, MILLISECOND};
-use crate::emulator::{AdcFault, AdcInput};
 use crate::motor_poles::LEFT;
 use crate::story::{Drive, Input, Source, Story, Supplied};
 use crate::support::frames::{BATTERY_INFO, STATUSTEXT, of_message};
 use crate::support::requests::{VEHICLE_ID, command_long, manual_control};
+use emulator::{AdcFault, AdcInput};
 
 /// ADC channels: dividers of both packs, and the first one's current sensor.
 const DIVIDERS: [usize; 2] = [0, 2];

@@ -1,9 +1,9 @@
 //! What a ground station at the telemetry port receives.
 
 use crate::bench::{Bench, MILLISECOND, MINUTE, PACK, SECOND};
-use crate::emulator::AdcInput;
 use crate::runs::exact_rates;
 use crate::support::frames::{BATTERY_STATUS, BatteryStatus, Frame, SYS_STATUS, SysStatus, of_message};
+use emulator::AdcInput;
 
 #[test]
 fn two_minutes_at_exact_rates_without_drift() {

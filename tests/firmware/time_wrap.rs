@@ -1,13 +1,13 @@
 //! The microsecond counter passes 2^32 µs (71.6 minutes after the start) and 2^32 ms (49.7 days): nothing happens.
 
 use crate::bench::{MILLISECOND, MINUTE, SECOND};
-use crate::emulator::{AdcInput, LogLevel};
 use crate::motor_poles::motors;
 use crate::rover::{
     CUSTOM_MODE_ENABLED, FLAT_3S, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, is_braking, is_coasting,
 };
 use crate::runs::time_wrap::{self, Old, WRAPS_US};
 use crate::support::requests::{arm, set_mode};
+use emulator::{AdcInput, LogLevel};
 
 impl Old {
     /// An armed rover with a pack of three cells, ready to be driven.

@@ -1,10 +1,10 @@
 //! Which way each wheel turns, at the poles of its motor.
 
 use crate::bench::{Bench, SECOND};
-use crate::emulator::Board;
 use crate::motor_poles::{LEFT, Motor, RIGHT, motors};
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, steer_for};
 use crate::support::requests::{arm, set_mode};
+use emulator::Board;
 
 impl Motor {
     /// The share of time in which the PWM drives the positive and the negative pole.

@@ -12,12 +12,12 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 
 use crate::elf::{Artifact, build};
-use crate::emulator::{AdcInput, Board, CpuState, Firmware, FlashOperation, LogLevel, ResetCause, SentByte};
 use crate::signer::Signer;
 use crate::support::frames::{
     BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, frames, of_message,
 };
 use crate::support::requests::{PREFLIGHT_REBOOT_SHUTDOWN, param_set, reboot};
+use emulator::{AdcInput, Board, CpuState, Firmware, FlashOperation, LogLevel, ResetCause, SentByte};
 
 /// DMA_IRQ_0, which signals the end of each frame at the telemetry port (RP2040 datasheet 2.3.2).
 pub const DMA_IRQ: u32 = 11;

@@ -6,9 +6,9 @@ use super::faults::Faulty;
 use super::values::assert_measures;
 use super::{BUS, DIVIDER_CODE, Second, after_a_second, shared, with_second_pack};
 use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
-use crate::emulator::Random;
-use crate::emulator::i2c_devices::{Access, Bq76952, Garbled, Ina226, Pec, Reads, SmartBattery};
 use crate::support::frames::BatteryStatus;
+use emulator::Random;
+use emulator::i2c_devices::{Access, Bq76952, Garbled, Ina226, Pec, Reads, SmartBattery};
 
 const BQ76952: f32 = 32.0;
 const SMART_BATTERY: f32 = 7.0;

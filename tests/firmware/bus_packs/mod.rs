@@ -12,9 +12,9 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use crate::bench::{Bench, DIVIDER_CODE, SECOND};
-use crate::emulator::I2cDevice;
 use crate::i2c_bus::{BUS, shared};
 use crate::support::frames::{BatteryStatus, last_of, texts_of};
+use emulator::I2cDevice;
 
 /// How the second pack is measured, and where.
 pub struct Second {

@@ -8,10 +8,10 @@ use super::{
     BUS, DIVIDER_CODE, Second, after_a_second, assert_survives_unplugging, shared, with_second_pack,
 };
 use crate::bench::{Bench, SECOND};
-use crate::emulator::LogLevel;
-use crate::emulator::i2c_devices::{Ad7091r5, Bebop, Garbled, Ina231, Ina238, Ltc2946, Reads, Reference};
-use crate::emulator::spi_devices::Ina239;
 use crate::support::frames::{last_of, texts_of};
+use emulator::LogLevel;
+use emulator::i2c_devices::{Ad7091r5, Bebop, Garbled, Ina231, Ina238, Ltc2946, Reads, Reference};
+use emulator::spi_devices::Ina239;
 
 const BEBOP: f32 = 6.0;
 const INA2XX: f32 = 21.0;

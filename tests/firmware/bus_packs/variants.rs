@@ -2,8 +2,8 @@
 
 use super::{BUS, after_a_second, assert_survives_unplugging, shared, with_second_pack};
 use crate::bench::{Bench, SECOND};
-use crate::emulator::i2c_devices::{Pec, SmartBattery};
 use crate::support::frames::{BatteryStatus, COMMAND_LONG, of_message, texts_of};
+use emulator::i2c_devices::{Pec, SmartBattery};
 
 const ADDRESS: u8 = 0x0b;
 

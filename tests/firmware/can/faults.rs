@@ -4,8 +4,8 @@ use super::{BITS_PER_SECOND, CRYSTAL_HZ, run_with, with_battery, with_can};
 use crate::bench::{Bench, DIVIDER_CODE, SECOND};
 use crate::can_bench::transfers::{A, A_LATER};
 use crate::can_bench::{CanRig, Peer, SELECT};
-use crate::emulator::can::{CanWires, ErrorState};
 use crate::support::frames::{last_of, texts_of};
+use emulator::can::{CanWires, ErrorState};
 
 const OTHER_MV: u16 = 12_250;
 

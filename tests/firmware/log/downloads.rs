@@ -9,9 +9,9 @@ use super::running_with;
 use crate::bench::log_flash::{LogFlash, files_in, noise};
 use crate::bench::{Bench, SECOND, Wire};
 use crate::downloads::{Download, content, download, get, list};
-use crate::emulator::Random;
 use crate::support::frames::{Frame, HEARTBEAT, LOG_DATA, PARAM_VALUE, of_message, texts_of};
 use crate::support::requests::{command_long_2, log_data, param_read_by_name};
+use emulator::Random;
 
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21_196.0;

@@ -5,10 +5,10 @@ use rover_battmon::flash_map;
 use crate::bench::log_flash::{LogFlash, files_in};
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 use crate::downloads::list;
-use crate::emulator::{FlashOperation, FlashOperationKind, FlashTiming};
 use crate::rover::GOOD_3S;
 use crate::support::frames::{HEARTBEAT, of_message, texts_of};
 use crate::support::requests::{command_long_2, disarm};
+use emulator::{FlashOperation, FlashOperationKind, FlashTiming};
 
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21_196.0;

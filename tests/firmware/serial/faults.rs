@@ -5,8 +5,8 @@ use super::{
     BAUD, LARGE_FUEL_CELL, PORT, RICHEN_POWER, protocol_4, report, richen_power, send, with_generator,
 };
 use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::emulator::{LogLevel, Random};
 use crate::support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
+use emulator::{LogLevel, Random};
 
 const UNHEALTHY: u8 = 6;
 

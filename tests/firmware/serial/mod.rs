@@ -4,7 +4,7 @@ mod faults;
 mod generators;
 
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND};
-use crate::emulator::UartPins;
+use emulator::UartPins;
 
 const PORT: usize = 1;
 

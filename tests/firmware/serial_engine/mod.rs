@@ -4,8 +4,8 @@ mod mega_squirt;
 mod torqeedo;
 
 use crate::bench::{Bench, DIVIDER_CODE, SECOND};
-use crate::emulator::{LogLevel, SentByte, UartPins};
 use crate::support::frames::{BatteryStatus, last_of, texts_of};
+use emulator::{LogLevel, SentByte, UartPins};
 
 const PORT: usize = 1;
 

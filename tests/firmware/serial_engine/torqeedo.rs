@@ -3,8 +3,8 @@
 
 use super::{Peer, after_a_second, assert_recovers_from, assert_untroubled, run_with, with_second_pack};
 use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::emulator::{LogLevel, SentByte};
 use crate::support::frames::texts_of;
+use emulator::{LogLevel, SentByte};
 
 const TORQEEDO: f32 = 23.0;
 const TILLER: f32 = 1.0;

@@ -47,9 +47,7 @@ fn drives_and_stops(connect: impl Fn(&mut Ground) -> Station, rate_hz: u64) {
     let stops = ground.air.run_until(&mut ground.bench, 3 * SECOND, |_, _| false);
     assert!(!stops);
     assert!(is_braking(&ground.bench));
-    let text = ground
-        .bench
-        .logged(crate::emulator::LogLevel::Info, "Radio Failsafe");
+    let text = ground.bench.logged(emulator::LogLevel::Info, "Radio Failsafe");
     let acted_us = text.first().map(|(at_us, _)| *at_us).expect("announced");
     assert!(
         acted_us - gone_us <= STOPPED_WITHIN_US,

@@ -2,9 +2,9 @@
 
 use super::ground::Ground;
 use crate::bench::{Bench, DIVIDER_CODE, SECOND, value_of};
-use crate::emulator::RadioFault;
 use crate::support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message, texts_of};
 use crate::support::requests::param_read_by_name;
+use emulator::RadioFault;
 
 const NO_ANSWER: &str = "Wi-Fi radio does not answer";
 const NOT_TAKEN: &str = "Wi-Fi radio does not take its firmware";

@@ -3,9 +3,9 @@
 use super::ground::{BOARD, Ground};
 use crate::air::hostile::{Hostile, Target};
 use crate::bench::{CYCLES_PER_US, MILLISECOND, PACK, SECOND};
-use crate::emulator::LogLevel;
 use crate::stack;
 use crate::support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message};
+use emulator::LogLevel;
 
 /// Between two samplings, whatever the network does.
 const JITTER_US: u64 = 200;

@@ -2,8 +2,8 @@
 
 use super::ground::Ground;
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
-use crate::emulator::LogLevel;
 use crate::support::frames::{HEARTBEAT, of_message};
+use emulator::LogLevel;
 
 /// Everything that a Pico W has its radio at, and a plain Pico something else.
 const RADIO_PINS: [usize; 4] = [23, 24, 25, 29];

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use super::Transfer;
-use crate::emulator::can::{CanFrame, CanId, Station, bit_time};
+use emulator::can::{CanFrame, CanId, Station, bit_time};
 
 /// Of the tail byte: the transfer id, and the start of a transfer (DroneCAN specification, 4.1.4.1).
 const TRANSFER_ID: u8 = 0x1f;

@@ -4,9 +4,9 @@ use std::cell::{RefCell, RefMut};
 use std::rc::Rc;
 
 use super::{Peer, Transfer};
-use crate::emulator::Board;
-use crate::emulator::can::{CanBus, CanNode, CanWires, SharedCanBus, Station, Traffic, bit_time};
-use crate::emulator::spi_devices::Mcp2515;
+use emulator::Board;
+use emulator::can::{CanBus, CanNode, CanWires, SharedCanBus, Station, Traffic, bit_time};
+use emulator::spi_devices::Mcp2515;
 
 /// Chip select of the controller, and where its interrupt output leads.
 pub const SELECT: usize = 13;

@@ -7,9 +7,9 @@ use rover_battmon::flash_map;
 
 use crate::bench::log_flash::{LogFlash, files_in};
 use crate::bench::{Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND};
-use crate::emulator::FlashCut;
 use crate::log_records::{named, records_of_torn};
 use crate::support::requests::{command_long_2, disarm};
+use emulator::FlashCut;
 
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21_196.0;

@@ -7,8 +7,6 @@ use std::rc::Rc;
 use ardupilot_binlog::Entry;
 
 use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::emulator::AdcInput;
-use crate::emulator::i2c_devices::{Ina226, Pec, RegisterMap, SmartBattery};
 use crate::i2c_bus::{BUS, shared};
 use crate::log_records::named;
 use crate::support::frames::{
@@ -19,6 +17,8 @@ use crate::support::requests::{
     CUSTOM_MODE_ENABLED, MANUAL, VEHICLE, VEHICLE_ID, command_long_2, disarm, manual_control,
     param_request_list, set_mode,
 };
+use emulator::AdcInput;
+use emulator::i2c_devices::{Ina226, Pec, RegisterMap, SmartBattery};
 
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21_196.0;

@@ -1,10 +1,10 @@
 //! Packs of all kinds at once, each reported ten times a second.
 
 use crate::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, SECOND};
-use crate::emulator::i2c_devices::{Ina226, Ina228, Ina260, Ina3221, Pec, SmartBattery};
-use crate::emulator::{AdcInput, LogLevel};
 use crate::i2c_bus::{BUS, shared};
 use crate::support::frames::{BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, last_of, of_message};
+use emulator::i2c_devices::{Ina226, Ina228, Ina260, Ina3221, Pec, SmartBattery};
+use emulator::{AdcInput, LogLevel};
 
 const CURRENT_PIN: usize = 1;
 

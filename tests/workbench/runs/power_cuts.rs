@@ -6,9 +6,9 @@ use std::sync::OnceLock;
 use crate::bench::{
     Bench, DIVIDER_CODE, LISTED_BY_DEFAULT, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND,
 };
-use crate::emulator::FlashCut;
 use crate::support::frames::{PARAM_VALUE, ParamValue, of_message};
 use crate::support::requests::{VEHICLE, param_request_list, param_set};
+use emulator::FlashCut;
 
 const SETS: usize = 50;
 

@@ -2,8 +2,8 @@
 
 use super::progress::Progress;
 use crate::bench::{Bench, DIVIDER_CODE, MINUTE, PARAMETER_OFFSET, SIGNING_OFFSET, is_learnt};
-use crate::emulator::FlashOperationKind;
 use crate::signing_key::protected;
+use emulator::FlashOperationKind;
 
 /// Writes the time down once a minute, in two records, and nothing else but what is learnt of the pack. Without a key there is nothing to write down.
 pub fn run(length_us: u64) {

@@ -4,7 +4,6 @@
 //! Left out is what a ground station or a radio may do: without signing nothing distinguishes a hostile one. That includes
 //! RADIO_STATUS of a radio, which slows telemetry down, and a HEARTBEAT of a ground station.
 
-use crate::emulator::Random;
 use crate::signer::Signer;
 use crate::signing_key::STRANGER;
 use crate::support::frames::{
@@ -16,6 +15,7 @@ use crate::support::requests::{
     EVERYONE, VEHICLE, arm, command_int, command_long, ftp_open, heartbeat, manual_control,
     param_read_by_name, param_set, param_set_payload, rc_override, reboot, set_mode,
 };
+use emulator::Random;
 
 /// What is sent.
 #[derive(Clone, Copy, Debug)]

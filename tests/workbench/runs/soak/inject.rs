@@ -5,9 +5,9 @@ use super::line::Condition;
 use super::packs::Packs;
 use super::rig::Rig;
 use crate::bench::{CYCLES_PER_US, MILLISECOND, SECOND};
-use crate::emulator::i2c_devices::{Pec, Reads};
-use crate::emulator::{AdcFault, Board, FlashCut, Random, ResetCause};
 use crate::i2c_bus::BUS;
+use emulator::i2c_devices::{Pec, Reads};
+use emulator::{AdcFault, Board, FlashCut, Random, ResetCause};
 
 /// With more crashes in a row it is the program that is broken, and a board may start with other parameters than its own.
 const MOST_CRASHES: u32 = 4;

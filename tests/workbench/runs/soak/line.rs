@@ -1,6 +1,6 @@
 //! The line to the board, and what happens to bytes on it.
 
-use crate::emulator::Random;
+use emulator::Random;
 
 /// Of each data bit. Start and stop bits arrive.
 const BIT_ERROR_RATE: f64 = 1e-3;

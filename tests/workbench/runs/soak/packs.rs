@@ -4,10 +4,10 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use crate::bench::Bench;
-use crate::emulator::i2c_devices::{Garbled, Ina226, Pec, Reads, RegisterMap, SmartBattery};
-use crate::emulator::{AdcInput, Random};
 use crate::i2c_bus::{BUS, shared};
 use crate::support::frames::{BatteryStatus, Frame};
+use emulator::i2c_devices::{Garbled, Ina226, Pec, Reads, RegisterMap, SmartBattery};
+use emulator::{AdcInput, Random};
 
 const MONITOR_AT: u8 = 0x40;
 const BATTERY_AT: u8 = 0x0b;

@@ -16,11 +16,11 @@ use super::tally::Tally;
 use crate::bench::log_flash::files_in;
 use crate::bench::{Bench, MILLISECOND, SECOND, SIGNING_OFFSET, value_of};
 use crate::downloads::{download, list};
-use crate::emulator::Random;
 use crate::log_records::records_of_torn;
 use crate::signer::Signer;
 use crate::signing_key::{OWNER, flash_with_key};
 use crate::support::requests::{VEHICLE, disarm, param_read_by_name, param_request_list, ping};
+use emulator::Random;
 
 /// What the ground station sets: nothing that anything else depends on.
 const SET: [&str; 6] = [

@@ -6,9 +6,9 @@ use super::motors::{Change, Motors, Says};
 use super::rig::{PROBE, Rig};
 use super::station::Driver;
 use crate::bench::{CYCLES_PER_US, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET, is_learnt};
-use crate::emulator::{FlashOperationKind, ResetCause};
 use crate::i2c_bus::BUS;
 use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, Heartbeat, PARAM_VALUE, PING, ParamValue};
+use emulator::{FlashOperationKind, ResetCause};
 
 /// HEARTBEAT comes once a second. What else may lie between two of them, or between a start and the first one: a slice of
 /// the list of parameters, an erase of the flash, a step of this.

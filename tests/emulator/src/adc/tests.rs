@@ -1,6 +1,8 @@
 //! Tests of the ADC against datasheet 4.9, by its registers.
 
 use super::super::clock::cycles;
+use super::super::peripheral::Peripheral;
+use super::super::register::RegisterWrite;
 use super::registers::*;
 use super::*;
 

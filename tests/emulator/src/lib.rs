@@ -1,4 +1,4 @@
-//! An emulated RP2040 on which the project's release ELF runs, byte for byte as it is flashed.
+//! An emulated RP2040 board on which a release ELF runs, byte for byte as it is flashed.
 //!
 //! ```ignore
 //! let firmware = Firmware::load("target/thumbv6m-none-eabi/release/rover-battmon");
@@ -65,8 +65,8 @@
 //! letting the peripherals of [`soc`] catch up. A peripheral says when its next event is due, so a
 //! sleeping firmware costs nothing but its events.
 
-// Every test binary that includes this folder uses a part of it.
-#![allow(dead_code, unused_imports)]
+#![cfg_attr(target_os = "none", no_std)]
+#![cfg(not(target_os = "none"))]
 
 mod access_log;
 mod adc;

@@ -1,6 +1,8 @@
 //! Tests of the PL011 against datasheet 4.2, by its registers and its wire.
 
 use super::super::clock::{Cycle, cycles};
+use super::super::peripheral::Peripheral;
+use super::super::register::RegisterWrite;
 use super::registers::*;
 use super::*;
 

@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use super::super::super::super::can::{
-    CanBus, CanFrame, CanNode, CanOutcome, CanWires, ErrorState, Station, bit_time,
+    CanBus, CanFrame, CanOutcome, CanWires, ErrorState, Station, bit_time,
 };
 use super::super::super::super::clock::{Cycle, cycles};
 use super::*;

@@ -15,7 +15,7 @@ mod transmitter;
 
 use super::clock::{Cycle, NEVER};
 use super::peripheral::Peripheral;
-use super::register::{RegisterWrite, bit, field};
+use super::register::{bit, field};
 pub use line::{BitTime, Line, Pull};
 use receiver::{BREAK, FRAMING, Receiver, Reception};
 use settings::Settings;

@@ -46,7 +46,6 @@ pub struct Watchdog {
     tick: u32,
     request: Option<WatchdogReset>,
     smallest_slack: Option<Cycle>,
-    feeds: u64,
 }
 
 impl Watchdog {
@@ -62,7 +61,6 @@ impl Watchdog {
             tick: 1 << TICK_ENABLE,
             request: None,
             smallest_slack: None,
-            feeds: 0,
         }
     }
 
@@ -85,7 +83,6 @@ impl Watchdog {
             base_cycle: now,
             halted_cores: self.halted_cores,
             smallest_slack: self.smallest_slack,
-            feeds: self.feeds,
             ..Self::new()
         };
     }
@@ -108,11 +105,6 @@ impl Watchdog {
     /// How close the countdown came to zero before it was fed, at its closest, in microseconds.
     pub fn smallest_slack_us(&self) -> Option<u64> {
         self.smallest_slack.map(micros)
-    }
-
-    /// How often the countdown was reloaded while it ran.
-    pub fn feeds(&self) -> u64 {
-        self.feeds
     }
 
     fn count(&self, now: Cycle) -> u32 {
@@ -141,7 +133,6 @@ impl Watchdog {
         if self.is_enabled() {
             let slack = self.deadline().saturating_sub(now);
             self.smallest_slack = Some(self.smallest_slack.map_or(slack, |least| least.min(slack)));
-            self.feeds += 1;
         }
         self.set_count(count & COUNT_MASK, now);
     }
@@ -255,7 +246,6 @@ mod tests {
         write(&mut watchdog, LOAD, 2000, cycles(700));
         write(&mut watchdog, LOAD, 2000, cycles(900));
         assert_eq!(watchdog.smallest_slack_us(), Some(300));
-        assert_eq!(watchdog.feeds(), 2);
         assert_eq!(watchdog.next_event(), cycles(1900));
     }
 

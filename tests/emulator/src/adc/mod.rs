@@ -9,9 +9,8 @@ mod tests;
 use std::collections::VecDeque;
 
 use super::clock::{CLK_ADC_HZ, CLK_SYS_HZ, Cycle, NEVER, from_adc_clock};
-use super::peripheral::Peripheral;
 use super::random::Random;
-use super::register::{RegisterWrite, bit, field};
+use super::register::{bit, field};
 use fifo::SampleFifo;
 pub use input::{AdcInput, code_of_volts};
 
