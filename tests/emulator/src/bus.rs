@@ -65,9 +65,8 @@ pub struct SystemBus {
     pub(super) flash_job: Option<Job>,
     /// What a boot ROM function does while the processor stands at it.
     pub(super) rom_work: Option<RomWork>,
-    /// The part of RAM that instructions were fetched from: stores into it make decoded
-    /// instructions stale.
-    pub(super) code_in_ram: std::ops::Range<u32>,
+    /// The pages of RAM that instructions were fetched from: a store into one makes what was decoded of it stale.
+    pub(super) code_pages: [bool; CODE_PAGES],
     pub(super) unmodelled_registers: BTreeMap<u32, u32>,
     pub accesses: AccessLog,
     /// What the ring oscillator gives.
@@ -98,7 +97,7 @@ impl SystemBus {
             all_code_is_stale: false,
             flash_job: None,
             rom_work: None,
-            code_in_ram: 0..0,
+            code_pages: [false; CODE_PAGES],
             unmodelled_registers: BTreeMap::new(),
             accesses: AccessLog::default(),
             random_bits: Random::new(!noise_seed),
@@ -123,7 +122,7 @@ impl SystemBus {
         self.system_control.mpu = Mpu::default();
         self.flash_job = None;
         self.rom_work = None;
-        self.code_in_ram = 0..0;
+        self.code_pages = [false; CODE_PAGES];
         self.rtt.forget_channel();
         self.attention = true;
     }
@@ -146,7 +145,7 @@ impl SystemBus {
     #[inline]
     pub fn store(&mut self, address: u32, value: u32, width: Width) -> Result<(), BusError> {
         if self.memory.store(address, value, width).is_some() {
-            self.note_stored(address, width);
+            self.note_stored(address);
             return Ok(());
         }
         if is_cached_flash(address) {
@@ -177,11 +176,15 @@ impl SystemBus {
     /// the processor for good; interrupt handlers in flash and DMA from flash are how it happens.
     #[inline]
     fn check_flash_readable(&self, address: u32) {
-        let (ssi, control) = (&self.soc.ssi, &self.soc.xip_control);
-        let readable = ssi.serves_reads() && !control.is_stale && !self.memory.flash.is_busy();
-        if !readable {
+        if !self.flash_is_readable() {
             self.refuse_to_read_flash(address);
         }
+    }
+
+    #[inline]
+    pub(super) fn flash_is_readable(&self) -> bool {
+        let (ssi, control) = (&self.soc.ssi, &self.soc.xip_control);
+        ssi.serves_reads() && !control.is_stale && !self.memory.flash.is_busy()
     }
 
     #[cold]
@@ -202,12 +205,13 @@ impl SystemBus {
     }
 
     #[inline]
-    fn note_stored(&mut self, address: u32, width: Width) {
-        if self.code_in_ram.contains(&address) {
-            self.stale_code.push(address);
-            if width == Width::Word {
-                self.stale_code.push(address + 2);
-            }
+    fn note_stored(&mut self, address: u32) {
+        let page = code_page(address);
+        if self.code_pages.get(page).is_some_and(|is_code| *is_code) {
+            self.code_pages[page] = false;
+            let start = RAM_BASE + (page as u32) * CODE_PAGE_BYTES;
+            self.stale_code
+                .extend((start - 2..start + CODE_PAGE_BYTES).step_by(2));
         }
         self.rtt.note_stored(address);
     }
@@ -217,17 +221,13 @@ impl SystemBus {
     pub(super) fn note_fetched(&mut self, pc: u32) {
         if is_flash(pc) {
             self.read_flash(pc);
-        } else if pc >= RAM_BASE && !self.code_in_ram.contains(&pc) {
-            self.extend_code_in_ram(pc);
+        } else if pc >= RAM_BASE {
+            for address in [pc, pc.wrapping_add(3)] {
+                if let Some(is_code) = self.code_pages.get_mut(code_page(address)) {
+                    *is_code = true;
+                }
+            }
         }
-    }
-
-    fn extend_code_in_ram(&mut self, pc: u32) {
-        let (start, end) = match self.code_in_ram.is_empty() {
-            true => (pc, pc),
-            false => (self.code_in_ram.start, self.code_in_ram.end),
-        };
-        self.code_in_ram = start.min(pc)..end.max(pc.saturating_add(4));
     }
 
     pub(super) fn note_unmodelled(&mut self, block: &'static str, address: u32, direction: Direction) {
@@ -284,6 +284,15 @@ impl SystemBus {
         }
         event.min(self.soc.dma.next_transfer_time(self.soc.dma_requests()))
     }
+}
+
+/// How finely it is known which RAM holds decoded instructions.
+pub(super) const CODE_PAGE_BYTES: u32 = 256;
+pub(super) const CODE_PAGES: usize = super::memory::RAM_SIZE / CODE_PAGE_BYTES as usize;
+
+#[inline]
+pub(super) fn code_page(address: u32) -> usize {
+    (address.wrapping_sub(RAM_BASE) / CODE_PAGE_BYTES) as usize
 }
 
 /// The crate's bus after reset. Its clock tree and PLL lock counter run at our time base.

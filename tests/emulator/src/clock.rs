@@ -34,6 +34,10 @@ pub const fn from_adc_clock(adc_cycles: u64) -> Cycle {
     (adc_cycles * CLK_SYS_HZ).div_ceil(CLK_ADC_HZ)
 }
 
+/// `clk_ref` and `clk_sys` without their common factor.
+const REF_PART: u64 = 12;
+const SYS_PART: u64 = 125;
+
 /// The tick that drives TIMER and the watchdog: `clk_ref` divided by WATCHDOG.TICK.CYCLES
 /// (datasheet 4.7.2). Twelve cycles of the 12 MHz crystal make the 1 µs both are meant to count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,16 +49,13 @@ pub struct Tick {
 impl Tick {
     /// Whole ticks in a length of time.
     pub fn count_in(self, length: Cycle) -> u64 {
-        let ticks = u128::from(length) * u128::from(CLK_REF_HZ)
-            / (u128::from(CLK_SYS_HZ) * u128::from(self.ref_cycles));
-        ticks as u64
+        length * REF_PART / (SYS_PART * self.ref_cycles)
     }
 
     /// The shortest time in which this many ticks have passed.
     pub fn time_of(self, ticks: u64) -> Cycle {
-        let cycles = (u128::from(ticks) * u128::from(CLK_SYS_HZ) * u128::from(self.ref_cycles))
-            .div_ceil(u128::from(CLK_REF_HZ));
-        Cycle::try_from(cycles).unwrap_or(NEVER)
+        let cycles = ticks.checked_mul(SYS_PART * self.ref_cycles);
+        cycles.map_or(NEVER, |cycles| cycles.div_ceil(REF_PART))
     }
 }
 

@@ -14,6 +14,8 @@ const IPSR_MASK: u32 = 0x1ff;
 const HARD_FAULT: u32 = 3;
 const WFI: u32 = 0xbf30;
 const THUMB: u32 = 1 << 24;
+const FLASH: std::ops::Range<u64> = 0x1000_0000..0x1020_0000;
+const RAM: std::ops::Range<u64> = 0x2000_0000..0x2004_2000;
 /// ISB SY, as a little-endian word: 0xf3bf, then 0x8f6f.
 const ISB: u32 = 0x8f6f_f3bf;
 
@@ -134,6 +136,35 @@ impl Cpu {
             self.note_sleep_or_lockup(bus, pc);
         }
         u64::from(cycles.max(1))
+    }
+
+    /// Whether the instructions of [`super::fast_core`] do here what the crate's do.
+    #[inline]
+    pub(super) fn may_run_fast(&self, bus: &SystemBus) -> bool {
+        let mpu = &bus.system_control.mpu;
+        self.derailment.is_none()
+            && !self.changed_primask
+            && !self.core.is_halted()
+            && bus.fault.is_none()
+            && bus.flash_is_readable()
+            && bus.soc.xip_control.cache.is_none()
+            && mpu.leaves_open(FLASH)
+            && mpu.leaves_open(RAM)
+            && !self.takes_interrupt(bus)
+    }
+
+    #[cfg(test)]
+    pub(super) fn restart_with(&mut self, registers: [u32; 16], xpsr: u32, primask: u32) {
+        self.core.wake();
+        self.state = CpuState::Running;
+        self.changed_primask = false;
+        let regs = &mut self.core.regs;
+        (regs.r, regs.xpsr, regs.primask, regs.control) = (registers, xpsr, primask, 0);
+        regs.msp = registers[13];
+    }
+
+    pub(super) fn set_changed_primask(&mut self, changed: bool) {
+        self.changed_primask = changed;
     }
 
     /// Whether the next instruction is the ISB with which every critical section ends. The crate forgets all it has decoded

@@ -90,6 +90,7 @@ mod cpu;
 mod cpu_tests;
 mod cyw43;
 mod dma;
+mod fast_core;
 mod faults;
 #[cfg(test)]
 mod faults_tests;

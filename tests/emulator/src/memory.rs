@@ -46,6 +46,17 @@ impl Memory {
         }
     }
 
+    /// RAM, and the flash it is read with.
+    #[inline]
+    pub fn ram_and_flash(&mut self) -> (&mut [u8; RAM_SIZE], &[u8; FLASH_SIZE]) {
+        let ram = self.ram.first_chunk_mut();
+        let flash = self.flash.bytes().first_chunk();
+        (
+            ram.expect("the size was checked"),
+            flash.expect("the size was checked"),
+        )
+    }
+
     /// `None` where there is no memory.
     #[inline]
     pub fn load(&self, address: u32, width: Width) -> Option<u32> {

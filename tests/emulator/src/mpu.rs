@@ -119,6 +119,13 @@ impl Mpu {
         self.regions_permit(address, direction)
     }
 
+    /// Whether no access to these addresses is refused, whatever is being handled.
+    pub fn leaves_open(&self, addresses: Range<u64>) -> bool {
+        !bit(self.ctrl, ENABLE)
+            || bit(self.ctrl, DEFAULT_MAP)
+                && (self.all_regions.end <= addresses.start || addresses.end <= self.all_regions.start)
+    }
+
     fn regions_permit(&self, address: u32, direction: Direction) -> bool {
         let mut regions = self.regions.iter().rev();
         match regions.find(|region| region.covers(address)) {

@@ -50,6 +50,12 @@ impl RttWatch {
         }
     }
 
+    /// The address of a store that has to be noted; none that a store can have when there is none.
+    pub fn watched(&self) -> u32 {
+        self.control_block
+            .map_or(1, |control_block| control_block + WRITE_OFFSET)
+    }
+
     /// After a reset the offsets are those of the life before, until the start-up code has
     /// initialised them.
     pub fn forget_channel(&mut self) {

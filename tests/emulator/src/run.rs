@@ -102,6 +102,14 @@ impl Board {
 
     fn execute(&mut self, end: Cycle) {
         while self.bus.now < end && !self.bus.attention && self.cpu.is_running() {
+            self.cpu
+                .run_fast(&mut self.bus, end, &mut self.lowest_stack_pointer);
+            if self.bus.rtt.written {
+                self.drain_log();
+            }
+            if self.bus.now >= end {
+                return;
+            }
             let pc = self.register(PROGRAM_COUNTER);
             let taken = self.cpu.step(&mut self.bus);
             self.bus.now += taken;

@@ -106,6 +106,28 @@ pub struct Soc {
     pub wifi: Option<Box<Cyw43>>,
 }
 
+/// Does the same with every peripheral, each by its own type: most of them have nothing to do, and cost nothing then.
+macro_rules! with_each {
+    ($soc:ident, $($borrow:tt)+) => { with_each!(@split $soc, $($borrow)+) };
+    (@split $soc:ident, ref $p:ident => $what:expr) => {
+        with_each!(@list $soc, $p, (&) , $what)
+    };
+    (@split $soc:ident, mut $p:ident => $what:expr) => {
+        with_each!(@list $soc, $p, (&mut) , $what)
+    };
+    (@list $soc:ident, $p:ident, ($($b:tt)+), $what:expr) => {
+        with_each!(@do $p, ($($b)+), $what,
+            $soc.power_state, $soc.gpio, $soc.uarts[0], $soc.uarts[1], $soc.i2cs[0], $soc.i2cs[1], $soc.spi1, $soc.adc,
+            $soc.pwm, $soc.timer, $soc.watchdog, $soc.chip_reset, $soc.dma, $soc.xip_control, $soc.ssi, $soc.pios[0],
+            $soc.pios[1], $soc.usb)
+    };
+    (@do $p:ident, $b:tt, $what:expr, $($place:expr),*) => {
+        $(with_each!(@one $p, $b, $what, $place);)*
+    };
+    (@one $p:ident, (&), $what:expr, $place:expr) => {{ let $p = &$place; $what; }};
+    (@one $p:ident, (&mut), $what:expr, $place:expr) => {{ let $p = &mut $place; $what; }};
+}
+
 impl Soc {
     pub fn new(noise_seed: u64) -> Self {
         let noise = Floating::new(noise_seed);
@@ -127,58 +149,6 @@ impl Soc {
             usb: Usb::new(),
             wifi: None,
         }
-    }
-
-    fn all(&self) -> [&dyn Peripheral; 18] {
-        let [uart0, uart1] = &self.uarts;
-        let [i2c0, i2c1] = &self.i2cs;
-        let [pio0, pio1] = &self.pios;
-        [
-            &self.power_state,
-            &self.gpio,
-            uart0,
-            uart1,
-            i2c0,
-            i2c1,
-            &self.spi1,
-            &self.adc,
-            &self.pwm,
-            &self.timer,
-            &self.watchdog,
-            &self.chip_reset,
-            &self.dma,
-            &self.xip_control,
-            &self.ssi,
-            pio0,
-            pio1,
-            &self.usb,
-        ]
-    }
-
-    fn all_mut(&mut self) -> [&mut dyn Peripheral; 18] {
-        let [uart0, uart1] = &mut self.uarts;
-        let [i2c0, i2c1] = &mut self.i2cs;
-        let [pio0, pio1] = &mut self.pios;
-        [
-            &mut self.power_state,
-            &mut self.gpio,
-            uart0,
-            uart1,
-            i2c0,
-            i2c1,
-            &mut self.spi1,
-            &mut self.adc,
-            &mut self.pwm,
-            &mut self.timer,
-            &mut self.watchdog,
-            &mut self.chip_reset,
-            &mut self.dma,
-            &mut self.xip_control,
-            &mut self.ssi,
-            pio0,
-            pio1,
-            &mut self.usb,
-        ]
     }
 
     fn get(&mut self, id: Id) -> &mut dyn Peripheral {
@@ -247,34 +217,31 @@ impl Soc {
 
     /// A reset of everything.
     pub fn reset(&mut self, now: Cycle) {
-        self.all_mut()
-            .into_iter()
-            .for_each(|peripheral| peripheral.reset(now));
+        with_each!(self, mut peripheral => peripheral.reset(now));
         self.timer.set_tick(self.watchdog.tick(), now);
     }
 
     pub fn advance(&mut self, now: Cycle) {
         self.advance_wifi(now);
-        self.all_mut()
-            .into_iter()
-            .for_each(|peripheral| peripheral.advance(now));
+        with_each!(self, mut peripheral => peripheral.advance(now));
     }
 
     pub fn next_event(&self) -> Cycle {
         let wifi = self.wifi.as_ref().map_or(NEVER, |wifi| wifi.next_event());
-        let events = self.all().map(|peripheral| peripheral.next_event());
-        events.into_iter().fold(wifi, Cycle::min)
+        let mut next = wifi;
+        with_each!(self, ref peripheral => next = next.min(peripheral.next_event()));
+        next
     }
 
     pub fn interrupt_lines(&self) -> u32 {
-        self.all()
-            .iter()
-            .fold(0, |lines, peripheral| lines | peripheral.interrupt_lines())
+        let mut lines = 0;
+        with_each!(self, ref peripheral => lines |= peripheral.interrupt_lines());
+        lines
     }
 
     pub fn dma_requests(&self) -> u64 {
-        self.all()
-            .iter()
-            .fold(0, |requests, peripheral| requests | peripheral.dma_requests())
+        let mut requests = 0;
+        with_each!(self, ref peripheral => requests |= peripheral.dma_requests());
+        requests
     }
 }
