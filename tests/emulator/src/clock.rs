@@ -35,8 +35,9 @@ pub const fn from_adc_clock(adc_cycles: u64) -> Cycle {
 }
 
 /// `clk_ref` and `clk_sys` without their common factor.
-const REF_PART: u64 = 12;
-const SYS_PART: u64 = 125;
+const REF_PART: u64 = CLK_REF_HZ / MEGAHERTZ;
+const SYS_PART: u64 = CLK_SYS_HZ / MEGAHERTZ;
+const MEGAHERTZ: u64 = 1_000_000;
 
 /// The tick that drives TIMER and the watchdog: `clk_ref` divided by WATCHDOG.TICK.CYCLES
 /// (datasheet 4.7.2). Twelve cycles of the 12 MHz crystal make the 1 µs both are meant to count.
