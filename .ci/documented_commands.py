@@ -18,6 +18,7 @@ import argparse
 import ast
 import contextlib
 import dataclasses
+import math
 import os
 import pathlib
 import re
@@ -326,14 +327,17 @@ class Report:
 class Runner:
     """Runs blocks in a clone."""
 
-    def __init__(self, clone, environment, already_run, report):
+    def __init__(self, clone, environment, already_run, report, budget_s=math.inf):
         self.clone, self.environment = clone, environment
         self.already_run, self.report = already_run, report
+        self.end = time.monotonic() + budget_s
 
     def run(self, block):
         commands = commands_of(block.text) if block.language == "sh" else [block.text]
         if block.markers & ONLY_CHECKED:
-            return self.check_only(block, commands)
+            return self.check_only(block, commands, ", ".join(block.markers & ONLY_CHECKED))
+        if time.monotonic() >= self.end:
+            return self.check_only(block, commands, "the time budget is used up")
         with contextlib.ExitStack() as stack:
             try:
                 if "simulator" in block.markers:
@@ -347,13 +351,13 @@ class Runner:
             else:
                 self.run_commands(block, commands)
 
-    def check_only(self, block, commands):
+    def check_only(self, block, commands, reason):
         for command in commands:
             error = syntax_error(command) if block.language == "sh" else python_error(command)
             if error:
                 self.report.fail(block, command, Failed(error))
             else:
-                self.report.add(block, command, "skipped", ", ".join(block.markers & ONLY_CHECKED))
+                self.report.add(block, command, "skipped", reason)
 
     def run_commands(self, block, commands):
         done = 0
@@ -413,6 +417,8 @@ def main():
     parser.add_argument("pages", nargs="*", default=PAGES, help=f"pages or patterns ({' '.join(PAGES)})")
     parser.add_argument("--already-run", action="append", default=[], metavar="COMMAND",
                         help="counts as passed without being run")  # fmt: skip
+    parser.add_argument("--budget", type=float, default=math.inf, metavar="SECONDS",
+                        help="after that, only check the syntax of what is left")  # fmt: skip
     parser.add_argument("--empty-target", action="store_true", help="build everything, as on a new machine")
     arguments = parser.parse_args()
 
@@ -422,7 +428,7 @@ def main():
         build_the_firmware_here()
     report = Report()
     with scratch_clone(arguments.empty_target) as (clone, environment):
-        runner = Runner(clone, environment, arguments.already_run, report)
+        runner = Runner(clone, environment, arguments.already_run, report, arguments.budget)
         try:
             blocks = list(documented_blocks(clone, arguments.pages))
         except Failed as failure:

@@ -3,6 +3,7 @@
 use crate::bench::SECOND;
 use crate::downloads::{download, list};
 use crate::log_records::{named, records};
+use crate::runs::budget::Budget;
 use crate::runs::log_cuts;
 use crate::runs::logged_drive::Drive;
 use emulator::FlashCut;
@@ -32,8 +33,9 @@ pub fn drive(duration_us: u64) {
 }
 
 /// Every so many operations of a rotation.
-pub fn power_cuts(step: usize) {
+pub fn power_cuts(step: usize, budget: Budget) {
     for (cut, first) in FlashCut::ALL.into_iter().zip(1..) {
-        log_cuts::run(cut, (1 + first % step as u64..).step_by(step));
+        let operations = (1 + first % step as u64..).step_by(step);
+        log_cuts::run(cut, budget.limit(operations, "log power cuts"));
     }
 }

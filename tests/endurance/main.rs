@@ -1,7 +1,8 @@
 //! Hours of the release firmware on emulated RP2040s. `cargo test` leaves them out, and runs a few minutes of each in
 //! `tests/firmware` instead.
 //!
-//! `cargo test --test endurance` runs them, `cargo test --test endurance wrap` those with that word in their names.
+//! `cargo test --test endurance` runs them, `cargo test --test endurance wrap` those with that word in their names,
+//! `cargo test --test endurance -- --budget 300` as much of them as goes into that many seconds.
 
 #[path = "../workbench/bench.rs"]
 #[allow(dead_code)]
@@ -32,10 +33,14 @@ mod runner;
 mod seeded_faults;
 
 use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Parser;
 
 use bench::{MINUTE, SECOND};
 use emulator::FlashCut;
 use runner::Run;
+use runs::budget::Budget;
 use runs::mixed_packs::{self, MIXED, MIXED_MV, TWO};
 use runs::{exact_rates, line_noise, power_cuts, rates_asked_for, signing_time, time_wrap};
 
@@ -46,34 +51,34 @@ const RUNS: [Run; 14] = [
         "a quarter of an hour of faults and strangers",
         seeded_faults::a_quarter_of_an_hour_with_strangers,
     ),
-    Run::new("log power cuts", || logs::power_cuts(CUT_STEP)),
-    Run::new("ten minutes of garbage", || line_noise::run(10 * MINUTE)),
-    Run::new("ten minutes with four packs", || logs::drive(10 * MINUTE)),
-    Run::new("power cuts before an operation", || {
-        power_cuts::run(FlashCut::Before, 1..)
+    Run::new("log power cuts", |budget| logs::power_cuts(CUT_STEP, budget)),
+    Run::new("ten minutes of garbage", |_| line_noise::run(10 * MINUTE)),
+    Run::new("ten minutes with four packs", |_| logs::drive(10 * MINUTE)),
+    Run::new("power cuts before an operation", |budget| {
+        power_cuts::run(FlashCut::Before, budget.limit(1.., "power cuts"))
     }),
-    Run::new("power cuts that leave a prefix", || {
-        power_cuts::run(FlashCut::Prefix, 1..)
+    Run::new("power cuts that leave a prefix", |budget| {
+        power_cuts::run(FlashCut::Prefix, budget.limit(1.., "power cuts"))
     }),
-    Run::new("power cuts that leave scattered bits", || {
-        power_cuts::run(FlashCut::ScatteredBits, 1..)
+    Run::new("power cuts that leave scattered bits", |budget| {
+        power_cuts::run(FlashCut::ScatteredBits, budget.limit(1.., "power cuts"))
     }),
-    Run::new("power cuts after an operation", || {
-        power_cuts::run(FlashCut::After, 1..)
+    Run::new("power cuts after an operation", |budget| {
+        power_cuts::run(FlashCut::After, budget.limit(1.., "power cuts"))
     }),
-    Run::new("ten minutes across a wrap", || time_wrap::run(10 * MINUTE)),
-    Run::new("ten minutes with a signing key", || {
+    Run::new("ten minutes across a wrap", |_| time_wrap::run(10 * MINUTE)),
+    Run::new("ten minutes with a signing key", |_| {
         signing_time::run(10 * MINUTE)
     }),
-    Run::new("a minute of two packs, and of nine", || {
+    Run::new("a minute of two packs, and of nine", |_| {
         mixed_packs::run(&TWO, &MIXED_MV[..2], MINUTE);
         mixed_packs::run(&MIXED, &MIXED_MV, MINUTE);
     }),
-    Run::new("rates asked for, 100 s each", || {
+    Run::new("rates asked for, 100 s each", |_| {
         rates_asked_for::by_interval(100 * SECOND);
         rates_asked_for::by_parameter(100 * SECOND);
     }),
-    Run::new("ten minutes at exact rates", || exact_rates::run(10 * MINUTE)),
+    Run::new("ten minutes at exact rates", |_| exact_rates::run(10 * MINUTE)),
 ];
 
 /// Of the operations of a rotation, every so many are cut.
@@ -83,28 +88,41 @@ const CUT_STEP: usize = 6;
 const LONG_RUNS: [(&str, Run); 3] = [
     (
         "whole",
-        Run::new("a whole hour with four packs", || logs::drive(60 * MINUTE)),
+        Run::new("a whole hour with four packs", |_| logs::drive(60 * MINUTE)),
     ),
     (
         "every",
-        Run::new("log power cuts in every operation", || logs::power_cuts(1)),
+        Run::new("log power cuts in every operation", |budget| {
+            logs::power_cuts(1, budget)
+        }),
     ),
     ("day", Run::new("a day of seeded faults", seeded_faults::a_day)),
 ];
 
+/// Runs the firmware on emulated boards for hours.
+#[derive(Parser)]
+#[command(bin_name = "cargo test --test endurance --")]
+struct Arguments {
+    /// Runs with one of these words in their names; all if none is given
+    words: Vec<String>,
+
+    /// Seconds after which no run begins; each takes at most half of what is left when it begins, and does less if need be
+    #[arg(long, value_name = "SECONDS")]
+    budget: Option<u64>,
+}
+
 fn main() -> ExitCode {
-    let words: Vec<_> = std::env::args()
-        .skip(1)
-        .filter(|word| !word.starts_with('-'))
-        .collect();
+    let arguments = Arguments::parse();
+    let is_named = |run: &Run| arguments.words.iter().any(|word| run.name.contains(word));
     let mut runs = RUNS.to_vec();
-    if !words.is_empty() {
-        runs.retain(|run| words.iter().any(|word| run.name.contains(word)));
+    if !arguments.words.is_empty() {
+        runs.retain(is_named);
     }
     for (asked_as, run) in LONG_RUNS {
-        if words.iter().any(|word| word == asked_as) {
+        if arguments.words.iter().any(|word| word == asked_as) {
             runs.push(run);
         }
     }
-    runner::run_all(&runs)
+    let budget = arguments.budget.map(Duration::from_secs);
+    runner::run_all(&runs, budget.map_or(Budget::UNLIMITED, Budget::of))
 }

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::bench::MINUTE;
+use crate::runs::budget::Budget;
 use crate::runs::soak::fault::Fault;
 use crate::runs::soak::tally::Tally;
 use crate::runs::soak::{Protection, run_board, run_boards};
@@ -14,22 +15,27 @@ const BOARD_US: u64 = 30 * MINUTE;
 /// Each other one.
 const SHORT_US: u64 = 15 * MINUTE;
 
-pub fn half_an_hour() {
-    let tally = run_boards(2, SHORT_US, |sum| publish(sum, "reliability-half-hour.md"));
+pub fn half_an_hour(budget: Budget) {
+    let tally = run_boards(2, SHORT_US, budget, |sum| {
+        publish(sum, "reliability-half-hour.md")
+    });
+    if budget.is_used_up() {
+        return;
+    }
     for fault in Fault::ALL {
         assert!(tally.times(fault) >= 5, "{fault:?}");
     }
 }
 
 /// Beside all that, strangers who have heard everything try to command the board.
-pub fn a_quarter_of_an_hour_with_strangers() {
-    let tally = run_board(1, Protection::Key, SHORT_US);
+pub fn a_quarter_of_an_hour_with_strangers(budget: Budget) {
+    let tally = run_board(1, Protection::Key, SHORT_US, budget);
     publish(&tally, "reliability-key.md");
     assert!(tally.marks > 0, "the time of signatures was not written down");
 }
 
-pub fn a_day() {
-    run_boards(48, BOARD_US, |sum| publish(sum, "reliability-day.md"));
+pub fn a_day(budget: Budget) {
+    run_boards(48, BOARD_US, budget, |sum| publish(sum, "reliability-day.md"));
 }
 
 /// Puts the table where `.ci/run` and `.ci/soak` find it.

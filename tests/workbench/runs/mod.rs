@@ -1,5 +1,6 @@
 //! Runs of a board, as long as is asked for: `tests/firmware` asks for a few emulated minutes, `tests/endurance` for hours.
 
+pub mod budget;
 pub mod exact_rates;
 pub mod line_noise;
 pub mod log_cuts;

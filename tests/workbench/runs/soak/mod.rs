@@ -17,6 +17,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 
+use super::budget::Budget;
 use super::progress::Progress;
 use crate::bench::SECOND;
 use fault::Fault;
@@ -24,8 +25,8 @@ pub use rig::Protection;
 use rig::Rig;
 use tally::Tally;
 
-/// One board.
-pub fn run_board(seed: u64, protection: Protection, length_us: u64) -> Tally {
+/// One board, for as long as asked for and the budget allows.
+pub fn run_board(seed: u64, protection: Protection, length_us: u64, budget: Budget) -> Tally {
     let name = format!("seeded faults, board {seed}, protected by {protection:?}");
     println!("{name}");
     let mut rig = Rig::new(seed, protection);
@@ -34,6 +35,13 @@ pub fn run_board(seed: u64, protection: Protection, length_us: u64) -> Tally {
     let before = rig.list();
     let mut due: Vec<Fault> = Vec::new();
     while rig.now_us() < from_us + length_us {
+        if budget.is_used_up() {
+            let seconds = (rig.now_us() - from_us) / SECOND;
+            println!(
+                "seeded faults, board {seed}: the time budget is used up after {seconds} emulated seconds"
+            );
+            break;
+        }
         let pause_us = 2 * SECOND + rig.random.below(8_000_000) as u64;
         rig.run_for(pause_us);
         if due.is_empty() {
@@ -52,7 +60,7 @@ pub fn run_board(seed: u64, protection: Protection, length_us: u64) -> Tally {
 
 /// Runs boards of several seeds, as many at a time as there are processors, and publishes what has happened to all of them after
 /// each.
-pub fn run_boards(count: u64, length_us: u64, publish: impl Fn(&Tally) + Sync) -> Tally {
+pub fn run_boards(count: u64, length_us: u64, budget: Budget, publish: impl Fn(&Tally) + Sync) -> Tally {
     let next = AtomicU64::new(1);
     let sum = Mutex::new(Tally::default());
     let work = || loop {
@@ -60,7 +68,7 @@ pub fn run_boards(count: u64, length_us: u64, publish: impl Fn(&Tally) + Sync) -
         if seed > count {
             return;
         }
-        let tally = run_board(seed, Protection::None, length_us);
+        let tally = run_board(seed, Protection::None, length_us, budget);
         let mut sum = sum.lock().expect("no board has failed");
         sum.add(tally);
         publish(&sum);
