@@ -78,10 +78,11 @@ fn count() -> Vec<(String, f64)> {
         if is_done(&board) {
             return counts;
         }
+        // Behind the measurement another line may follow at once.
+        let (what, times) = announced(&board);
         let start = board.instructions();
         assert!(board.run_until(PATIENCE_US, |board| !is_measuring(board)));
         let instructions = board.instructions() - start;
-        let (what, times) = announced(&board);
         counts.push((what, instructions as f64 / times));
     }
 }
