@@ -4,8 +4,8 @@ use super::Shared;
 use crate::identity::FirmwareHash;
 use crate::log::info;
 
-/// Hashes the program once, beside everything else: in one go it would delay the start by some 40 ms.
-pub async fn hash_program(program: impl IntoIterator<Item = u32>, shared: &Shared) {
+/// Hashes the program, given in parts, once and beside everything else: in one go it would delay the start.
+pub async fn hash_program(program: impl IntoIterator<Item = &'static [u32]>, shared: &Shared) {
     let hash = FirmwareHash::of_slowly(program).await;
     info!("program {:08x}", hash.number());
     shared.with(|autopilot| autopilot.set_firmware_hash(hash));
