@@ -120,10 +120,7 @@ fn of_a_voltage_alone_no_current_is_made_up() {
         assert_eq!((pack.current_a, pack.consumed_mah()), (None, None));
         let percent = pack.remaining_pct.expect("it is known");
         assert!((at_least_pct..=100.0).contains(&percent), "{percent}");
-        assert_eq!(
-            (pack.charge_state, pack.chemistry),
-            (ChargeState::Ok, chemistry)
-        );
+        assert_eq!((pack.charge_state, pack.chemistry), (ChargeState::Ok, chemistry));
         assert!(pack.faults.is_empty());
     }
 }
@@ -176,7 +173,10 @@ fn a_converter_that_stalls_leaves_the_last_voltage() {
 #[test]
 fn behind_a_wire_that_is_off_there_is_no_voltage() {
     let [pack, ..] = packs_after("3s-lipo.param", &[], &[("SIM_BATT_FAULT", WIRE_OFF)]);
-    assert_eq!((pack.charge_state, pack.voltage_v), (ChargeState::Undefined, None));
+    assert_eq!(
+        (pack.charge_state, pack.voltage_v),
+        (ChargeState::Undefined, None)
+    );
 }
 
 #[test]
