@@ -55,7 +55,7 @@ def param(system):
     param.destroy()
 
 
-def rate_of(batteries, seconds=3):
+def rate_of(batteries, seconds=4):
     while not batteries.empty():
         batteries.get()
     time.sleep(seconds)

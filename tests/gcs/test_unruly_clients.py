@@ -17,7 +17,7 @@ mavlink = mavutil.mavlink
 # One at a time: several of them would leave the watcher no processor.
 pytestmark = pytest.mark.xdist_group("unruly")
 
-WATCHED_SECONDS = 4
+WATCHED_SECONDS = 5
 RATE_HZ = 10
 
 
@@ -68,7 +68,7 @@ def assert_well_served(connection):
     for name in ("BATTERY_STATUS", "SYS_STATUS"):
         hertz = count(messages, name) / WATCHED_SECONDS
         assert is_about(hertz, RATE_HZ), (name, hertz)
-    assert 3 <= count(messages, "HEARTBEAT") <= 5
+    assert 4 <= count(messages, "HEARTBEAT") <= 6
     assert read(connection, "SR0_EXTRA1").param_value == RATE_HZ
 
 
