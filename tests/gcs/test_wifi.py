@@ -202,7 +202,7 @@ def test_pymavlink_downloads_the_log(wifi, tmp_path):
         assert ftp_get(link, FILE, tmp_path / "ftp.BIN") == LOG
 
 
-# MAVProxy
+# MAVProxy. It reads last: by UDP the station before, which does not say that it ends, has the log for some seconds.
 
 
 @pytest.fixture
@@ -210,17 +210,6 @@ def mavproxy(wifi, tmp_path):
     started = MavProxy(wifi.url, tmp_path, "--streamrate=-1")
     yield started
     started.kill()
-
-
-def test_mavproxy_reads_parameters_and_the_log(wifi, mavproxy, tmp_path):
-    assert mavproxy.start_up[1] == str(len(wifi.parameters))
-    mavproxy.ask("log list", rf"Log 1  numLogs 1 lastLog 1 size {len(LOG)} ")
-    mavproxy.ask("log download 1 log.BIN", "Finished downloading log.BIN", timeout=15)
-    assert (tmp_path / "log.BIN").read_bytes() == LOG
-    mavproxy.ask(f"ftp get {FILE} ftp.BIN", rf"Wrote {len(LOG)} bytes to ftp.BIN", timeout=15)
-    # It closes the file after it has said so.
-    mavproxy.ask("ftp status", "No transfer in progress")
-    assert (tmp_path / "ftp.BIN").read_bytes() == LOG
 
 
 @by_udp
@@ -254,27 +243,18 @@ def test_mavproxy_drives_is_lost_and_returns(watcher, mavproxy):
     drive_again(watcher)
 
 
-# MAVSDK
+def test_mavproxy_reads_parameters_and_the_log(wifi, mavproxy, tmp_path):
+    assert mavproxy.start_up[1] == str(len(wifi.parameters))
+    mavproxy.ask("log list", rf"Log 1  numLogs 1 lastLog 1 size {len(LOG)} ")
+    mavproxy.ask("log download 1 log.BIN", "Finished downloading log.BIN", timeout=15)
+    assert (tmp_path / "log.BIN").read_bytes() == LOG
+    mavproxy.ask(f"ftp get {FILE} ftp.BIN", rf"Wrote {len(LOG)} bytes to ftp.BIN", timeout=15)
+    # It closes the file after it has said so.
+    mavproxy.ask("ftp status", "No transfer in progress")
+    assert (tmp_path / "ftp.BIN").read_bytes() == LOG
 
 
-def test_mavsdk_reads_parameters_and_the_log(wifi, tmp_path):
-    with mavsdk_system(wifi.url) as system:
-        param = Param(system)
-        everything = param.get_all_params()
-        names = {parameter.name for parameter in [*everything.int_params, *everything.float_params]}
-        assert names == set(wifi.parameters)
-        param.destroy()
-
-        logs = LogFiles(system)
-        (entry,) = logs.get_entries()
-        path = tmp_path / "log.BIN"
-        result = finished(logs.download_log_file_async, entry, str(path), running=LogFilesResult.NEXT)
-        assert result == LogFilesResult.SUCCESS
-        assert path.read_bytes() == LOG
-
-        result = finished(Ftp(system).download_async, FILE, str(tmp_path), True, running=FtpResult.NEXT)
-        assert result == FtpResult.SUCCESS
-        assert (tmp_path / re.sub(".*/", "", FILE)).read_bytes() == LOG
+# MAVSDK. It reads last, too.
 
 
 @by_udp
@@ -309,6 +289,26 @@ def push_by(sticks):
     """Pushes the throttle, 25 times a second."""
     sticks.set_manual_control_input(0.0, 0.0, 0.3, 0.0)
     time.sleep(0.04)
+
+
+def test_mavsdk_reads_parameters_and_the_log(wifi, tmp_path):
+    with mavsdk_system(wifi.url) as system:
+        param = Param(system)
+        everything = param.get_all_params()
+        names = {parameter.name for parameter in [*everything.int_params, *everything.float_params]}
+        assert names == set(wifi.parameters)
+        param.destroy()
+
+        logs = LogFiles(system)
+        (entry,) = logs.get_entries()
+        path = tmp_path / "log.BIN"
+        result = finished(logs.download_log_file_async, entry, str(path), running=LogFilesResult.NEXT)
+        assert result == LogFilesResult.SUCCESS
+        assert path.read_bytes() == LOG
+
+        result = finished(Ftp(system).download_async, FILE, str(tmp_path), True, running=FtpResult.NEXT)
+        assert result == FtpResult.SUCCESS
+        assert (tmp_path / re.sub(".*/", "", FILE)).read_bytes() == LOG
 
 
 # All of them
