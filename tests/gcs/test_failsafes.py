@@ -102,8 +102,8 @@ def start_rover(start_simulator):
 
 def test_a_low_pack_stops_the_rover_until_the_battery_is_reset(start_rover):
     rover = start_rover(5, BATT_LOW_VOLT=10.5, BATT_LOW_TIMER=2, BATT_FS_LOW_ACT=2)
+    rover.start_driving()
     with Background(sticks(rover.url, throttle=300)):
-        rover.start_driving()
         rover.set(SIM_BATT_VOLTAGE=10.2)
         rover.hears("Battery 1 is low 10.", within=8)
         rover.comes_to((HOLD, True, CRITICAL))
