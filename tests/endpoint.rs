@@ -23,13 +23,14 @@ use rover_battmon::vehicle::Restart;
 use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
     FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, NAMED_VALUE_FLOAT, PARAM_ERROR,
-    PARAM_VALUE, ParamValue, SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS, SysStatus, encode_v1, of_message,
+    PARAM_VALUE, PING, ParamValue, SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS, SysStatus, TIMESYNC,
+    encode_v1, encode_v2, of_message,
 };
 use support::requests::{
     EVERYONE, PREFLIGHT_REBOOT_SHUTDOWN, SIK_RADIO, VEHICLE, command_int, command_int_2, command_long,
     command_long_2, ftp_open, heartbeat_from, param_read_by_index, param_read_by_name, param_request_list,
-    param_set, param_set_payload, param_set_to, provoke_fault, radio_status_from, reboot,
-    reboot_to_boot_loader, request_data_stream,
+    param_set, param_set_payload, param_set_to, ping, provoke_fault, radio_status_from, reboot,
+    reboot_to_boot_loader, request_data_stream, timesync,
 };
 
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
@@ -314,6 +315,21 @@ fn mcrf4xx(bytes: &[u8], extra: u8) -> u16 {
         x ^= x << 4;
         (crc >> 8) ^ (u16::from(x) << 8) ^ (u16::from(x) << 3) ^ (u16::from(x) >> 4)
     })
+}
+
+#[test]
+fn ping_and_timesync_are_answered_and_answers_to_them_are_not() {
+    let mut desk = Desk::new();
+    let pong = desk.one_answer(&ping(123_456, 7));
+    assert_eq!((pong.message_id, pong.u32(0), pong.u32(8)), (PING, 123_456, 7));
+    assert_eq!([pong.u8(12), pong.u8(13)], GROUND_STATION);
+    let time = desk.one_answer(&timesync(42));
+    assert_eq!((time.message_id, time.u32(8)), (TIMESYNC, 42));
+
+    let answer = [&1_u64.to_le_bytes()[..], &8_u32.to_le_bytes(), &VEHICLE].concat();
+    assert_eq!(desk.ask(&encode_v2(PING, &answer)), []);
+    let answer = [5_i64, 6].map(i64::to_le_bytes).concat();
+    assert_eq!(desk.ask(&encode_v2(TIMESYNC, &answer)), []);
 }
 
 #[test]

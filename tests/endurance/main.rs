@@ -41,7 +41,7 @@ use bench::{MINUTE, SECOND};
 use emulator::FlashCut;
 use runner::Run;
 use runs::budget::Budget;
-use runs::mixed_packs::{self, MIXED, MIXED_MV, TWO};
+use runs::mixed_packs::{self, MIXED, MIXED_MV};
 use runs::{exact_rates, line_noise, power_cuts, rates_asked_for, signing_time, time_wrap};
 
 /// The longest first, so that no processor waits for the last one.
@@ -80,6 +80,9 @@ const RUNS: [Run; 14] = [
     }),
     Run::new("ten minutes at exact rates", |_| exact_rates::run(10 * MINUTE)),
 ];
+
+/// The first two of all kinds of packs.
+const TWO: [(&str, f32); 1] = [("BATT2_MONITOR", 21.0)];
 
 /// Of the operations of a rotation, every so many are cut.
 const CUT_STEP: usize = 6;

@@ -3,12 +3,12 @@
 use crate::bench::{Bench, SECOND, is_learnt};
 use crate::runs::rates_asked_for::{self, assert_rates};
 use crate::support::frames::{
-    AUTOPILOT_VERSION, BATTERY_INFO, BATTERY_STATUS, COMMAND_ACK, Frame, GROUND_STATION, HEARTBEAT,
-    MESSAGE_INTERVAL, PING, PROTOCOL_VERSION, SYS_STATUS, TIMESYNC, of_message,
+    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, MESSAGE_INTERVAL, PING,
+    PROTOCOL_VERSION, SYS_STATUS, TIMESYNC, of_message,
 };
 use crate::support::requests::{
-    SIK_RADIO, command_int, command_int_2, command_long, command_long_2, param_set, ping, radio_status,
-    radio_status_from, request_data_stream, timesync,
+    command_int, command_int_2, command_long, command_long_2, param_set, ping, radio_status,
+    request_data_stream, timesync,
 };
 use emulator::LogLevel;
 
@@ -28,6 +28,9 @@ const STREAM_ALL: u8 = 0;
 const STREAM_EXTENDED_STATUS: u8 = 2;
 const STREAM_EXTRA1: u8 = 10;
 const STREAM_EXTRA3: u8 = 12;
+
+/// So long rates are counted; longer ones are in `tests/endurance`.
+const RATE_US: u64 = 20 * SECOND;
 
 fn running() -> Bench {
     let mut bench = Bench::power_up(2482);
@@ -52,7 +55,7 @@ fn count(bench: &mut Bench, message: u32, seconds: u64) -> usize {
 
 #[test]
 fn an_interval_is_kept_within_one_percent_and_for_its_message_alone() {
-    rates_asked_for::by_interval(20 * SECOND);
+    rates_asked_for::by_interval(10 * SECOND);
 }
 
 #[test]
@@ -68,7 +71,7 @@ fn a_message_is_turned_off_and_put_back() {
         result(&bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, 147.0, 0.0))),
         ACCEPTED
     );
-    assert_rates(&mut bench, 100 * SECOND, &[(BATTERY_STATUS, 2.0)]);
+    assert_rates(&mut bench, RATE_US, &[(BATTERY_STATUS, 2.0)]);
 }
 
 #[test]
@@ -92,7 +95,7 @@ fn bad_intervals_are_denied_and_unknown_messages_unsupported() {
         result(&bench.ask(&command_long_2(REQUEST_MESSAGE, 147.0, 5.0))),
         DENIED
     );
-    assert_rates(&mut bench, 100 * SECOND, &[(BATTERY_STATUS, 2.0)]);
+    assert_rates(&mut bench, RATE_US, &[(BATTERY_STATUS, 2.0)]);
 }
 
 #[test]
@@ -169,18 +172,14 @@ fn a_streamed_message_comes_on_request_while_it_is_off() {
 fn a_requested_stream_rate_is_live_until_the_parameter_is_set() {
     let mut bench = running();
     bench.ask(&request_data_stream(STREAM_EXTRA1, 10, 1));
-    assert_rates(&mut bench, 100 * SECOND, &[(BATTERY_STATUS, 10.0)]);
+    assert_rates(&mut bench, RATE_US, &[(BATTERY_STATUS, 10.0)]);
     bench.ask(&request_data_stream(STREAM_ALL, 4, 1));
-    assert_rates(&mut bench, 100 * SECOND, &[(SYS_STATUS, 4.0)]);
+    assert_rates(&mut bench, RATE_US, &[(SYS_STATUS, 4.0)]);
     bench.ask(&request_data_stream(STREAM_EXTENDED_STATUS, 5, 1));
     bench.ask(&request_data_stream(STREAM_EXTRA3, 1, 1));
     // Another stream than ours.
     bench.ask(&request_data_stream(11, 50, 1));
-    assert_rates(
-        &mut bench,
-        20 * SECOND,
-        &[(SYS_STATUS, 5.0), (BATTERY_STATUS, 1.0)],
-    );
+    assert_rates(&mut bench, RATE_US, &[(SYS_STATUS, 5.0), (BATTERY_STATUS, 1.0)]);
     bench.ask(&request_data_stream(STREAM_EXTENDED_STATUS, 5, 0));
     assert_eq!(count(&mut bench, SYS_STATUS, 5), 0);
     assert_eq!(count(&mut bench, BATTERY_STATUS, 5), 5);
@@ -188,22 +187,10 @@ fn a_requested_stream_rate_is_live_until_the_parameter_is_set() {
     assert_eq!(count(&mut bench, BATTERY_STATUS, 5), 0);
     // To the value it has had all the time.
     bench.ask(&param_set("SR0_EXTRA1", 2.0));
-    assert_rates(&mut bench, 100 * SECOND, &[(BATTERY_STATUS, 2.0)]);
+    assert_rates(&mut bench, RATE_US, &[(BATTERY_STATUS, 2.0)]);
     assert!(
         bench.flash_operations().iter().all(is_learnt),
         "nothing of it was saved"
-    );
-}
-
-#[test]
-fn what_hardly_changes_comes_every_ten_seconds_by_default() {
-    let mut bench = running();
-    let answers = bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, BATTERY_INFO as f32, 0.0));
-    assert_eq!(result(&answers), ACCEPTED);
-    assert_rates(
-        &mut bench,
-        60 * SECOND,
-        &[(BATTERY_INFO, 0.1), (BATTERY_STATUS, 2.0)],
     );
 }
 
@@ -229,33 +216,6 @@ fn ping_and_timesync_are_answered() {
 }
 
 #[test]
-fn the_heartbeats_interval_cannot_be_changed_and_its_acknowledgement_says_so() {
-    let mut bench = running();
-    for (interval_us, expected) in [
-        (-1.0, DENIED),
-        (100_000.0, DENIED),
-        (10_000_000.0, DENIED),
-        (1_000_000.0, ACCEPTED),
-        (0.0, ACCEPTED),
-    ] {
-        for request in [command_long_2, command_int_2] {
-            let answers = bench.ask(&request(SET_MESSAGE_INTERVAL, HEARTBEAT as f32, interval_us));
-            assert_eq!(result(&answers), expected, "{interval_us}");
-        }
-        assert_eq!(count(&mut bench, HEARTBEAT, 10), 10, "{interval_us}");
-        let answers = bench.ask(&command_long(GET_MESSAGE_INTERVAL, HEARTBEAT as f32));
-        assert_eq!(of_message(&answers, MESSAGE_INTERVAL)[0].u32(0), 1_000_000);
-    }
-}
-
-/// Has a sender report the same buffer 40 times, within eight seconds.
-fn report_forty_times(bench: &mut Bench, sender: [u8; 2], buffer_free: u8) {
-    for _ in 0..40 {
-        bench.ask(&radio_status_from(sender, buffer_free));
-    }
-}
-
-#[test]
 fn a_radio_with_a_full_buffer_slows_telemetry_but_not_the_heartbeat() {
     let mut bench = running();
     bench.ask(&param_set("SR0_EXTRA1", 10.0));
@@ -264,7 +224,7 @@ fn a_radio_with_a_full_buffer_slows_telemetry_but_not_the_heartbeat() {
     }
     let from_us = bench.time_us();
     // As long as it reports.
-    for _ in 0..70 {
+    for _ in 0..21 {
         let now_us = bench.time_us();
         bench.uart_send(0, now_us, &radio_status(70));
         bench.run_for(SECOND);
@@ -272,33 +232,12 @@ fn a_radio_with_a_full_buffer_slows_telemetry_but_not_the_heartbeat() {
     let frames = bench.frames_since(from_us);
     // 100 ms and ten times 60 ms.
     let slowed = of_message(&frames, BATTERY_STATUS).len();
-    assert!(slowed.abs_diff(100) <= 1, "{slowed}");
-    assert_eq!(of_message(&frames, HEARTBEAT).len(), 70);
+    assert!(slowed.abs_diff(30) <= 1, "{slowed}");
+    assert_eq!(of_message(&frames, HEARTBEAT).len(), 21);
     for _ in 0..40 {
         bench.ask(&radio_status(100));
     }
-    assert_rates(&mut bench, 100 * SECOND, &[(BATTERY_STATUS, 10.0)]);
-}
-
-#[test]
-fn telemetry_is_back_at_its_rate_six_seconds_after_the_last_report_of_a_radio() {
-    let mut bench = running();
-    report_forty_times(&mut bench, SIK_RADIO, 0);
-    let slowed = count(&mut bench, BATTERY_STATUS, 4);
-    assert!(slowed <= 2, "2.5 s apart, not {slowed} in 4 s");
-    bench.run_for(2 * SECOND);
-    assert_rates(&mut bench, 100 * SECOND, &[(BATTERY_STATUS, 2.0)]);
-}
-
-#[test]
-fn only_a_radio_slows_telemetry_down() {
-    let mut bench = running();
-    // The vehicle itself, a ground station, a companion computer, and one with the system id of a SiK radio.
-    for sender in [[1, 1], GROUND_STATION, [1, 191], [SIK_RADIO[0], 1]] {
-        report_forty_times(&mut bench, sender, 0);
-        let sent = count(&mut bench, BATTERY_STATUS, 4);
-        assert_eq!(sent, 8, "RADIO_STATUS of {sender:?}");
-    }
+    assert_rates(&mut bench, RATE_US, &[(BATTERY_STATUS, 10.0)]);
 }
 
 #[test]

@@ -38,6 +38,8 @@ fn count_of(frames: &[Frame], instance: u8) -> usize {
 
 #[test]
 fn nine_packs_are_sampled_and_reported_at_10_hz() {
+    const SECONDS: u64 = 20;
+    const TICKS: usize = 10 * SECONDS as usize;
     let mut parameters: Vec<(String, f32)> =
         (2..=9).map(|pack| (format!("BATT{pack}_MONITOR"), 3.0)).collect();
     parameters.push(("BATT9_MONITOR".into(), 10.0));
@@ -60,22 +62,25 @@ fn nine_packs_are_sampled_and_reported_at_10_hz() {
         bench.awake_cycles(),
         bench.log_lines().len(),
     );
-    bench.run_for(60 * SECOND);
+    bench.run_for(SECONDS * SECOND);
     let frames = bench.frames_since(from_us);
     for instance in 0..9 {
         let count = count_of(&frames, instance);
-        assert!(count.abs_diff(600) <= 1, "{count} of pack {instance} in a minute");
+        assert!(
+            count.abs_diff(TICKS) <= 1,
+            "{count} of pack {instance} in {SECONDS} s"
+        );
         assert_eq!(last_of(&frames, instance).voltage_mv(0), 7901, "pack {instance}");
     }
-    assert!(of_message(&frames, SYS_STATUS).len().abs_diff(600) <= 1);
-    assert_eq!(of_message(&frames, HEARTBEAT).len(), 60);
+    assert!(of_message(&frames, SYS_STATUS).len().abs_diff(TICKS) <= 1);
+    assert_eq!(of_message(&frames, HEARTBEAT).len() as u64, SECONDS);
     // Each tick reads each of the two pins once, for all packs that use it.
-    assert_eq!((bench.adc_conversions() - conversions).div_ceil(32), 600);
+    assert_eq!((bench.adc_conversions() - conversions).div_ceil(32), TICKS as u64);
     let samples = bench.log_lines()[log_lines..]
         .iter()
         .filter(|line| line.text.contains("10 samples/s"));
-    assert!(samples.count() >= 58, "10 ticks in each second");
-    let awake_permille = (bench.awake_cycles() - awake) * 1000 / (60 * SECOND * 125);
+    assert!(samples.count() as u64 >= SECONDS - 2, "10 ticks in each second");
+    let awake_permille = (bench.awake_cycles() - awake) * 1000 / (SECONDS * SECOND * 125);
     println!("nine packs, SR0_EXTRA1 10: awake {awake_permille} permille of the time");
     assert!(bench.logged(LogLevel::Warn, "too slow").is_empty());
 }
@@ -94,7 +99,7 @@ fn the_current_is_measured_and_counted() {
     );
 
     bench.adc_input(CURRENT, AdcInput::Code(ONE_VOLT));
-    bench.run_for(60 * SECOND);
+    bench.run_for(20 * SECOND);
     let frames = bench.frames();
     let loaded = last_of(&frames, 0);
     assert!(
@@ -102,9 +107,9 @@ fn the_current_is_measured_and_counted() {
         "{} cA",
         loaded.current_ca()
     );
-    let expected_mah = LOAD_A * 60.0 / 3.6;
+    let expected_mah = LOAD_A * 20.0 / 3.6;
     assert!(
-        (f64::from(loaded.consumed_mah()) - expected_mah).abs() < 10.0,
+        (f64::from(loaded.consumed_mah()) - expected_mah).abs() < 4.0,
         "{} mAh",
         loaded.consumed_mah()
     );

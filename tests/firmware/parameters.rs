@@ -212,7 +212,7 @@ fn setting_the_same_value_again_writes_nothing() {
 
 #[test]
 fn the_rate_follows_sr0_extra1() {
-    rates_asked_for::by_parameter(20 * SECOND);
+    rates_asked_for::by_parameter(10 * SECOND);
 }
 
 #[test]

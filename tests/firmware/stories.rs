@@ -1,4 +1,5 @@
-//! The stories of `tests/stories/` on the release firmware: voltages at its pins, texts on its wire, motors at its pins.
+//! Some of the stories of `tests/stories/` on the release firmware: voltages at its pins, texts on its wire, motors at its
+//! pins. All of them run on the core, `tests/stories.rs`; here are those in which a converter, a clock or a flash has a part.
 
 use crate::bench::{Bench, MILLISECOND};
 use crate::motor_poles::LEFT;
@@ -148,9 +149,33 @@ fn run(story: &Story) {
     story.check_texts(&stage.texts(), LATENCY_S);
 }
 
-#[test]
-fn every_story_has_its_expected_outcomes_on_the_board() {
-    for story in Story::all() {
-        run(&story);
-    }
+/// A test for each story.
+macro_rules! stories {
+    ($($name:ident)*) => {
+        $(
+            #[test]
+            fn $name() {
+                let stories = Story::all();
+                let story = stories.iter().find(|story| story.name == stringify!($name));
+                run(story.expect("a story of this name"));
+            }
+        )*
+    };
+}
+
+stories! {
+    // Timers, to the tick, and a level that stays.
+    low_voltage_has_to_last
+    // A converter that stalls, and works again.
+    sensor_lost_while_driving
+    // Single readings without a pack.
+    sense_wire_that_flickers
+    // Two inputs.
+    the_most_severe_of_two_packs
+    // A current below the offset of its sensor.
+    charging
+    // Motors that coast, and turn with another pack.
+    terminate_ends_with_a_fuller_pack
+    // A pack that is learnt, kept in flash, and forgotten with the next.
+    aged_pack_is_swapped
 }

@@ -6,8 +6,8 @@ use crate::support::frames::{BATTERY_STATUS, BatteryStatus, Frame, SYS_STATUS, S
 use emulator::AdcInput;
 
 #[test]
-fn two_minutes_at_exact_rates_without_drift() {
-    exact_rates::run(2 * MINUTE);
+fn a_minute_at_exact_rates_without_drift() {
+    exact_rates::run(MINUTE);
 }
 
 #[test]
@@ -35,9 +35,9 @@ fn the_telemetry_port_runs_at_115200_baud_8n1() {
 #[test]
 fn a_voltage_step_reaches_the_wire_within_620_ms() {
     let mut slowest_us = 0;
-    for phase in 0..60 {
+    for phase in 0..20 {
         let mut bench = Bench::power_up(2482);
-        bench.run_until_time(3 * SECOND + phase * 9_973);
+        bench.run_until_time(3 * SECOND + phase * 29_917);
         let step_us = bench.time_us();
         bench.adc_input(PACK, AdcInput::Code(3000));
         bench.run_for(SECOND);

@@ -1,4 +1,6 @@
-"""The release firmware at an emulated CAN bus, with PyPI dronecan as the other nodes on it."""
+"""The release firmware at an emulated CAN bus, with PyPI dronecan as the other nodes on it. Faults of wires, nodes and
+controller are in `tests/firmware/can/`.
+"""
 
 import math
 import time
@@ -144,11 +146,11 @@ def test_a_node_monitor_sees_the_board(peer):
     assert info.software_version.image_crc
     # Its NodeStatus goes on, once a second.
     uptime = info.status.uptime_sec
-    wait_for(lambda: peer.info(BOARD).status.uptime_sec >= uptime + 3, 4)
+    wait_for(lambda: peer.info(BOARD).status.uptime_sec >= uptime + 2, 3)
 
 
 def test_two_batteries_reach_the_wire_by_their_ids(peer, vehicle):
-    for step in range(3):
+    for step in range(2):
         first = 12.5 + 0.3 * step, 3.3 + step, 20.2 + step, 80 - step
         second = 11.1 - 0.2 * step, 0.7 * step, -3.3 - step, 33 + step
         peer.report(NODE_A, battery(1, *first))
@@ -175,28 +177,12 @@ def test_a_battery_reports_cells_cycles_and_capacity(peer, vehicle):
     assert status.battery_remaining == pytest.approx(percent, abs=1)
 
 
-def test_a_battery_is_lost_and_found_again(peer, vehicle):
-    peer.report(NODE_A, battery(1, 12.5, 1))
-    assert_reports(vehicle, FIRST, 12.5, 1, 25, 50)
-    peer.silence(NODE_A)
-    began = time.monotonic()
-    wait_for_text(vehicle, "Battery 2 unhealthy")
-    assert LOST_AFTER_S - 1 < time.monotonic() - began < LOST_AFTER_S + 2
-    peer.report(NODE_A, battery(1, 12.25, 1))
-    wait_for_text(vehicle, "Battery 2 healthy again")
-    assert_reports(vehicle, FIRST, 12.25, 1, 25, 50)
-
-
 def test_motor_controllers_measure_a_pack_together(peer, vehicle):
     sent = {1: (24.0, 3.5, 40), 2: (24.25, 4.5, 50), 3: (24.5, 6, 60), 4: (30.0, 9, 90)}
     for index, values in sent.items():
         peer.report(CONTROLLERS + index, controller(index, *values))
     # The mean of the first three, and the sum of their currents: the fourth is not in the mask.
     assert_reports(vehicle, DRIVE, 24.25, 14, 50)
-    peer.silence(CONTROLLERS + 2)
-    wait_for(lambda: reported(vehicle, DRIVE).current_battery == -1)
-    peer.report(CONTROLLERS + 2, controller(2, 24.25, 5.5, 50))
-    assert_reports(vehicle, DRIVE, 24.25, 15, 50)
 
 
 def test_a_charger_measures_a_pack_and_is_switched(peer, vehicle):
@@ -224,32 +210,17 @@ def test_a_charger_measures_a_pack_and_is_switched(peer, vehicle):
         assert charger.requested == ["on", "off"]
 
 
-@pytest.mark.parametrize("kind, share", [("load", 0.9), ("noise", 0.1)])
-def test_readings_come_through(board, peer, vehicle, kind, share):
+def test_readings_come_through_noise(board, peer, vehicle):
     assert wait_for(lambda: peer.info(BOARD))
     peer.report(NODE_A, battery(1, 12.5, 1))
     assert_reports(vehicle, FIRST, 12.5, 1, 25, 50)
-    with trouble(board, f"{kind} {share}", f"{kind} 0"):
-        for step in range(1, 9):
+    with trouble(board, "noise 0.1", "noise 0"):
+        for step in range(1, 6):
             peer.report(NODE_A, battery(1, 12.5 + 0.1 * step, step))
             assert_reports(vehicle, FIRST, 12.5 + 0.1 * step, step, 25, 50, seconds=1)
             time.sleep(0.5)
         # The monitor forgets a node that is silent for three seconds.
         assert peer.info(BOARD)
-    assert not vehicle.recv_match(type="STATUSTEXT", blocking=False, condition="'unhealthy' in STATUSTEXT.text")
-
-
-def test_after_bus_off_everything_works_again(board, peer, vehicle):
-    peer.report(NODE_A, battery(1, 12.5, 1))
-    assert_reports(vehicle, FIRST, 12.5, 1, 25, 50)
-    with trouble(board, "wires shorted", "wires sound"):
-        wait_for_text(vehicle, "CAN bus off")
-        wait_for_text(vehicle, "Battery 2 unhealthy")
-    peer.report(NODE_A, battery(1, 13.25, 2))
-    # The same is announced every ten seconds at most, and shorted wires seem to work for moments.
-    wait_for_text(vehicle, "CAN bus works", 30)
-    assert_reports(vehicle, FIRST, 13.25, 2, 25, 50)
-    wait_for(lambda: peer.info(BOARD))
 
 
 def test_a_node_without_an_id_gets_one_from_the_board(peer, vehicle):

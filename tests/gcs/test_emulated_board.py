@@ -16,7 +16,7 @@ FLASH_BYTES = 2 * 1024 * 1024
 
 def test_telemetry_at_its_rates_over_both_ports_at_once(emulated_board):
     links = [connect(getattr(emulated_board, port)) for port in PORTS]
-    seconds = 8
+    seconds = 5
     with concurrent.futures.ThreadPoolExecutor() as executor:
         received = list(executor.map(lambda link: messages_of(link, seconds), links))
     for link, messages in zip(links, received):
@@ -55,7 +55,7 @@ def test_a_restart_by_command_keeps_the_connection(emulated_board, port):
 @pytest.mark.parametrize("port", PORTS)
 def test_a_client_is_served_once_the_one_before_is_gone(emulated_board, port):
     url = getattr(emulated_board, port)
-    for _ in range(3):
+    for _ in range(2):
         first, second = connect(url), opened(url)
         assert second.recv_match(blocking=True, timeout=1.5) is None
         first.close()
@@ -72,4 +72,4 @@ def test_what_a_suspended_machine_has_missed_is_not_caught_up_with(emulated_boar
         pass
     emulated_board.resume()
     assert count(messages_of(link, 0.8), "HEARTBEAT") <= 1
-    assert is_about(count(messages_of(link, 8), "HEARTBEAT") / 8, 1)
+    assert count(messages_of(link, 4), "HEARTBEAT") in (3, 4, 5)

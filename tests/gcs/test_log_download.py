@@ -21,7 +21,6 @@ from conftest import EmulatedBoard, Simulator, failed_start
 from station import (
     command,
     connect,
-    count,
     mavlink,
     messages_of,
     read,
@@ -38,15 +37,15 @@ pytestmark = pytest.mark.xdist_group("emulated_board")
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
-LINKS = ["tcp", "uart", "usb"]
+LINKS = ["uart", "usb"]
 # Each link has its own rates. The pack is low at the second step of its voltage.
 SETTINGS = {"SR0_EXTRA1": 20, "SR1_EXTRA1": 20, "BATT_CELLS": 3, "BATT_LOW_VOLT": 12.46, "BATT_LOW_TIMER": 1}
 BLOCK_BYTES = 90
 TO_THE_END = 0xFFFF_FFFF
 RECORDED = 520
 NOTHING_RECORDED = 0
-# A telemetry port has 115200 Bd; it takes eight seconds there.
-LONG_LOG = bytes(i * i >> 8 & 0xFF for i in range(75_000))
+# A telemetry port has 115200 Bd; it takes five seconds there.
+LONG_LOG = bytes(i * i >> 8 & 0xFF for i in range(50_000))
 OLD_LOG = bytes(i % 256 for i in range(5000))
 
 
@@ -148,31 +147,17 @@ def ended(link):
 
 
 @pytest.fixture(scope="module")
-def drives(tmp_path_factory):
-    """Drives of the simulator and the emulated board: by kind, each recorded when it is first needed."""
-    recorded = {}
-
-    def drive_of(kind):
-        if kind not in recorded:
-            # Behind an older log, and over the end of the ring.
-            ring = log_ring.ring_with({6: OLD_LOG}, 2 * log_ring.SECTORS - 4, erased=100)
-            recorded[kind] = Drive(Vehicle(kind, tmp_path_factory.mktemp(kind), ring))
-        return recorded[kind]
-
-    yield drive_of
-    for drive in recorded.values():
-        drive.vehicle.process.kill()
-
-
-@pytest.fixture(params=["simulator", "board"])
-def drive(request, drives):
-    return drives(request.param)
+def drive(tmp_path_factory):
+    # Behind an older log, and over the end of the ring.
+    ring = log_ring.ring_with({6: OLD_LOG}, 2 * log_ring.SECTORS - 4, erased=100)
+    drive = Drive(Vehicle("board", tmp_path_factory.mktemp("board"), ring))
+    yield drive
+    drive.vehicle.process.kill()
 
 
 @pytest.fixture(params=LINKS)
-def reached(request, drives):
-    """A drive and the link by which it is downloaded."""
-    drive = drives("simulator" if request.param == "tcp" else "board")
+def reached(request, drive):
+    """The drive and the link by which it is downloaded."""
     return drive, drive.vehicle.urls[request.param]
 
 
@@ -341,10 +326,9 @@ def test_pymavlink_downloads(reached, tmp_path):
 
 
 @pytest.mark.parametrize("defaults", [False, True])
-def test_parameters_are_downloaded_as_a_file(reached, tmp_path, defaults):
-    drive, url = reached
+def test_parameters_are_downloaded_as_a_file(drive, tmp_path, defaults):
     path = "@PARAM/param.pck" + "?withdefaults=1" * defaults
-    with closing(connect(url)) as link:
+    with closing(connect(drive.vehicle.urls["uart"])) as link:
         packed = mavftp.MAVFTP.ftp_param_decode(ftp_get(link, path, tmp_path / "param.pck"))
         values = read_list(link)
     assert {name.decode(): value for name, value, _ in packed.params} == pytest.approx(values)
@@ -355,31 +339,27 @@ def test_parameters_are_downloaded_as_a_file(reached, tmp_path, defaults):
         assert values["BATT_VOLT_MULT"] == pytest.approx(3.85) and values["LOG_BITMASK"] == NOTHING_RECORDED
 
 
-def test_mavproxy_downloads_and_uploads_parameters_by_ftp(reached, tmp_path):
-    drive, url = reached
-    mavproxy = MavProxy(url, tmp_path, "--streamrate=-1")
+def test_mavproxy_downloads_and_uploads_parameters_by_ftp(drive, tmp_path):
+    mavproxy = MavProxy(drive.vehicle.urls["uart"], tmp_path, "--streamrate=-1")
     try:
         assert mavproxy.start_up.string.endswith("(ftp)")
         count = mavproxy.start_up[1]
         mavproxy.ask("param ftp", rf"Received {count} parameters \(ftp\)")
         mavproxy.wait_for(rf"Saved {count} defaults to ")
         assert len(values_in(tmp_path / "mav.parm")) == len(values_in(tmp_path / "defaults.parm")) == int(count)
-        # Others than the test before has set over another link.
-        seconds = 2 + mavproxy.show("BATT_LOW_TIMER")
-        (tmp_path / "some.param").write_text(f"BATT_LOW_VOLT 10.5\nBATT_LOW_TIMER {seconds}\n")
+        (tmp_path / "some.param").write_text("BATT_LOW_VOLT 10.5\nBATT_LOW_TIMER 3\n")
         mavproxy.ask("param ftpload some.param", "Parameter upload done")
-        assert mavproxy.show("BATT_LOW_VOLT") == 10.5 and mavproxy.show("BATT_LOW_TIMER") == seconds
+        assert mavproxy.show("BATT_LOW_VOLT") == 10.5 and mavproxy.show("BATT_LOW_TIMER") == 3
     finally:
         mavproxy.kill()
 
 
-def test_an_uploaded_file_sets_parameters(reached, tmp_path):
-    drive, url = reached
+def test_an_uploaded_file_sets_parameters(drive, tmp_path):
     file = tmp_path / "param.pck"
     records = [record("BATT_CRT_VOLT", 9.75), record("BATT_LOW_VOLT", 10.25)]
     content = b"".join(records)
     file.write_bytes(struct.pack("<HHH", 0x671B, len(records), 6 + len(content)) + content)
-    with closing(connect(url)) as link:
+    with closing(connect(drive.vehicle.urls["uart"])) as link:
         ftp = mavftp.MAVFTP(link, 1, 1)
         ftp.cmd_put([str(file), "@PARAM/param.pck"])
         assert ftp.process_ftp_reply("put", timeout=20).return_code == 0
@@ -395,24 +375,23 @@ def record(name, value):
 # While a download runs
 
 
-@pytest.fixture(scope="module")
-def long_logs(tmp_path_factory):
-    """Vehicles with a log that takes a while: by kind, each started when it is first needed."""
-    started = {}
+@pytest.fixture
+def vehicle_with_long_log(tmp_path):
+    """Starts a vehicle with a log that takes a while, and ends it after the test."""
+    started = []
 
-    def vehicle_of(kind):
-        if kind not in started:
-            ring = log_ring.ring_with({6: LONG_LOG}, 2 * log_ring.SECTORS - 4, erased=100)
-            started[kind] = Vehicle(kind, tmp_path_factory.mktemp(f"long-{kind}"), ring)
-        return started[kind]
+    def start(kind):
+        ring = log_ring.ring_with({6: LONG_LOG}, 2 * log_ring.SECTORS - 4, erased=100)
+        started.append(Vehicle(kind, tmp_path, ring))
+        return started[-1]
 
-    yield vehicle_of
-    for vehicle in started.values():
+    yield start
+    for vehicle in started:
         vehicle.process.kill()
 
 
-def test_two_stations_on_two_links_download_at_once(long_logs):
-    urls = long_logs("board").urls
+def test_two_stations_on_two_links_download_at_once(vehicle_with_long_log):
+    urls = vehicle_with_long_log("board").urls
     with (
         closing(connect(urls["uart"])) as uart,
         closing(connect(urls["usb"])) as usb,
@@ -426,8 +405,8 @@ def test_two_stations_on_two_links_download_at_once(long_logs):
     assert content == LONG_LOG
     # What else is on the link keeps its times.
     gaps = [after - before for before, after in zip(heartbeats, heartbeats[1:])]
-    assert len(gaps) >= 5 and all(0.7 < gap < 1.3 for gap in gaps), gaps
-    assert len(answers) >= 5 and max(answers) < 0.5, answers
+    assert len(gaps) >= 3 and all(0.7 < gap < 1.3 for gap in gaps), gaps
+    assert len(answers) >= 3 and max(answers) < 0.5, answers
 
 
 def watched_download(link):
@@ -455,25 +434,8 @@ def watched_download(link):
         assert asked is None or now - asked < 2, "no answer"
 
 
-@pytest.mark.parametrize("link_name", ["tcp", "uart"])
-def test_arming_ends_a_download(long_logs, link_name):
-    vehicle = long_logs("simulator" if link_name == "tcp" else "board")
-    with closing(connect(vehicle.urls[link_name])) as link:
-        log_list(link)
-        link.mav.log_request_data_send(1, 1, 1, 0, TO_THE_END)
-        receive(link, ["LOG_DATA"])
-        armed(link)
-        # What was on its way.
-        messages_of(link, 0.3)
-        assert count(messages_of(link, 1), "LOG_DATA") == 0
-        link.mav.log_request_data_send(1, 1, 1, 0, TO_THE_END)
-        assert "isarm" in receive(link, ["STATUSTEXT"]).text
-        assert command(link, ARM, 0) == ACCEPTED
-        set_to(link, "LOG_BITMASK", NOTHING_RECORDED)
-
-
-def test_an_erase_leaves_nothing_and_the_next_drive_is_recorded(long_logs):
-    vehicle = long_logs("simulator")
+def test_an_erase_leaves_nothing_and_the_next_drive_is_recorded(vehicle_with_long_log):
+    vehicle = vehicle_with_long_log("simulator")
     with closing(connect(vehicle.urls["tcp"])) as link:
         ended(link)
         assert log_list(link)[0].num_logs > 0

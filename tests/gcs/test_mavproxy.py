@@ -131,9 +131,6 @@ def test_it_starts_without_waiting_for_a_file_transfer(start_mavproxy):
 @pytest.mark.board
 def test_it_shows_and_sets_parameters(mavproxy):
     assert mavproxy.show("SR0_EXTRA1") == 2
-    mavproxy.type("param set SR0_EXTRA1 6")
-    assert mavproxy.show("SR0_EXTRA1") == 6
-    assert is_about(mavproxy.rate_of("BATTERY_STATUS"), 6)
     mavproxy.type("param set BATT_VOLT_MULT 7.9")
     assert mavproxy.show("BATT_VOLT_MULT") == pytest.approx(7.9)
     assert voltage(mavproxy) > 24
@@ -141,9 +138,9 @@ def test_it_shows_and_sets_parameters(mavproxy):
 
 @pytest.mark.board
 def test_it_says_that_a_value_was_refused(mavproxy):
-    for name, value, kept in [("BATT_VOLT_MULT", "1000", 3.95), ("SR0_EXTRA1", "51", 2), ("BATT_MONITOR", "20", 3)]:
-        mavproxy.ask(f"param set {name} {value}", rf"Failed to set {name} to {value} \(invalid returned value")
-        assert mavproxy.show(name) == pytest.approx(kept)
+    refused = r"Failed to set BATT_VOLT_MULT to 1000 \(invalid returned value"
+    mavproxy.ask("param set BATT_VOLT_MULT 1000", refused)
+    assert mavproxy.show("BATT_VOLT_MULT") == pytest.approx(3.95)
 
 
 def voltage(mavproxy):
@@ -156,6 +153,7 @@ def test_it_shows_the_battery(mavproxy):
     time.sleep(1)
     cell = mavproxy.ask("bat", r"Bat1 (\S+) V/cell for 3 cells")
     assert 4.0 < float(cell[1]) < 4.22
+    mavproxy.ask("long MAV_CMD_BATTERY_RESET -1 50 0 0 0 0 0", r"Got COMMAND_ACK: BATTERY_RESET: ACCEPTED")
 
 
 @pytest.mark.board
@@ -223,19 +221,6 @@ def test_it_arms_and_drives(mavproxy):
         raise AssertionError("the mode was denied after the controls were back")
     mavproxy.ask("mode HOLD", r"Mode HOLD")
     mavproxy.ask("disarm", r"^DISARMED")
-
-
-def test_it_shows_a_failsafe_and_resets_the_battery(mavproxy):
-    for setting in ("BATT_LOW_VOLT 10.5", "BATT_LOW_TIMER 1", "BATT_FS_LOW_ACT 2"):
-        mavproxy.type(f"param set {setting}")
-    mavproxy.ask("arm throttle", r"^ARMED")
-    mavproxy.ask("mode MANUAL", r"Mode MANUAL")
-    mavproxy.ask("param set SIM_BATT_VOLTAGE 10.2", r"AP: Battery 1 is low 10\.")
-    mavproxy.wait_for(r"Mode HOLD")
-    mavproxy.type("param set SIM_BATT_VOLTAGE 12")
-    mavproxy.ask("long MAV_CMD_BATTERY_RESET -1 100 0 0 0 0 0", r"Got COMMAND_ACK: BATTERY_RESET: ACCEPTED")
-    time.sleep(2)
-    mavproxy.ask("status HEARTBEAT", r"custom_mode : 4, system_status : 4,")
 
 
 def test_it_loads_a_ready_file(mavproxy, tmp_path):

@@ -89,14 +89,12 @@ def test_the_remaining_charge_of_a_full_pack(batteries):
 
 def test_the_rate_is_set(telemetry, batteries):
     assert batteries.get(timeout=5)
-    assert is_about(rate_of(batteries), 2)
     telemetry.set_rate_battery(10.0)
     assert is_about(rate_of(batteries), 10)
     telemetry.set_rate_battery(4.0)
     assert is_about(rate_of(batteries), 4)
 
 
-@pytest.mark.parametrize("link", ["udp", "tcp"], indirect=True)
 def test_parameters_are_read_and_set(param):
     assert param.get_param_int("SR0_EXTRA1") == 2
     param.set_param_int("SR0_EXTRA1", 5)
@@ -104,11 +102,6 @@ def test_parameters_are_read_and_set(param):
     assert param.get_param_float("BATT_VOLT_MULT") == pytest.approx(3.95)
     param.set_param_float("BATT_VOLT_MULT", 4.02)
     assert param.get_param_float("BATT_VOLT_MULT") == pytest.approx(4.02)
-
-
-def test_the_rate_follows_the_parameter(param, batteries):
-    param.set_param_int("SR0_EXTRA1", 8)
-    assert is_about(rate_of(batteries), 8)
 
 
 def test_a_refused_parameter_is_said_at_once(param):

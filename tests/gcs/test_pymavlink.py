@@ -8,8 +8,6 @@ import time
 import pytest
 from pymavlink import mavutil
 
-from station import connect, set_to
-
 
 def listen(url, seconds):
     """Connects and returns the connection and all messages of the given time, by type."""
@@ -37,17 +35,17 @@ def assert_rate(messages, name, seconds, hertz):
 @pytest.mark.board
 def test_default_rates_without_loss(start_simulator):
     simulator = start_simulator()
-    connection, messages = listen(simulator.url, 10)
+    connection, messages = listen(simulator.url, 5)
     assert_clean(connection, messages)
-    assert_rate(messages, "HEARTBEAT", 10, 1)
-    assert_rate(messages, "SYS_STATUS", 10, 2)
-    assert_rate(messages, "BATTERY_STATUS", 10, 2)
+    assert_rate(messages, "HEARTBEAT", 5, 1)
+    assert_rate(messages, "SYS_STATUS", 5, 2)
+    assert_rate(messages, "BATTERY_STATUS", 5, 2)
 
 
 def test_fields_decode(start_simulator):
     simulator = start_simulator()
     # Longer than the 2 s it takes to count the cells.
-    _, messages = listen(simulator.url, 5)
+    _, messages = listen(simulator.url, 3.5)
 
     heartbeat = messages["HEARTBEAT"][-1]
     assert heartbeat.type == mavutil.mavlink.MAV_TYPE_GROUND_ROVER
@@ -89,22 +87,13 @@ def test_several_clients_and_one_that_does_not_read(start_simulator):
     stuck.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     gone = socket.create_connection(("127.0.0.1", simulator.port))
     gone.close()
-    connection, messages = listen(simulator.url, 5)
-    other, other_messages = listen(simulator.url, 5)
+    connection, messages = listen(simulator.url, 2)
+    other, other_messages = listen(simulator.url, 2)
     for connection, messages in [(connection, messages), (other, other_messages)]:
         assert_clean(connection, messages)
         # 20 times as fast as the wall clock; wall time on a shared machine is not exact.
-        assert len(messages["BATTERY_STATUS"]) > 0.85 * 5 * 2 * 20
+        assert len(messages["BATTERY_STATUS"]) > 0.85 * 2 * 2 * 20
     stuck.close()
-
-
-def test_the_pack_discharges(start_simulator):
-    simulator = start_simulator("--speedup", "500")
-    # A rover that stands draws little.
-    set_to(connect(simulator.url), "SIM_BATT_CURRENT", 2)
-    _, messages = listen(simulator.url, 4)
-    voltages = [message.voltages[0] for message in messages["BATTERY_STATUS"]]
-    assert max(voltages[:5]) - min(voltages[-5:]) > 300, voltages
 
 
 def test_ctrl_c_ends_it_cleanly(start_simulator):

@@ -1,37 +1,27 @@
 """What an owner sees and hears of the rover, by the oracle, in one situation after the other.
 
-Each situation is played once on the simulator and once on an emulated board with the release firmware, where
-`tests/firmware/shown.rs` records it; the same is expected of both. There are two links: one with a ground station that
-is content with BATTERY_STATUS, one with a QGroundControl that moves over to BATTERY_STATUS_V2.
+Each situation is one of an emulated board with the release firmware, where `tests/firmware/shown.rs` records it. The first
+is played on the simulator, too, where ground stations answer what they see. There are two links: one with a ground station
+that is content with BATTERY_STATUS, one with a QGroundControl that moves over to BATTERY_STATUS_V2.
 """
 
-import contextlib
 import functools
-import hashlib
-import os
-import re
 import select
 import shutil
-import socket
 import subprocess
 import time
-import types
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from pymavlink import mavutil
 
-from conftest import REPOSITORY, Simulator, free_port
+from conftest import REPOSITORY, Simulator
 from oracle import BATTERY, WITH_STATE_OF_CHARGE, Oracle, QGroundControl
-from oracle import MavProxy as MavProxyRules
 from station import command, connect, read, set_to
-from test_mavproxy import MavProxy
-from test_signing import ticks_now
 
 mavlink = mavutil.mavlink
 
-# A situation is played once, by one worker; and one MAVProxy runs at a time.
-pytestmark = pytest.mark.xdist_group("mavproxy")
+# A situation is played once, by one worker.
+pytestmark = pytest.mark.xdist_group("shown")
 
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 FAILED = mavlink.MAV_RESULT_FAILED
@@ -145,10 +135,6 @@ class Situation:
         self.old = LiveLink(connect(self.simulator.url), speedup)
         self.new = LiveLink(connect(self.simulator.url), speedup, qgroundcontrol=newer_qgroundcontrol())
 
-    def set(self, **values):
-        for name, value in values.items():
-            assert set_to(self.old.connection, name, value).param_value == pytest.approx(value), name
-
     def command(self, number, *parameters):
         return command(self.old.connection, number, *parameters)
 
@@ -162,11 +148,6 @@ class Situation:
                 assert command(self.new.connection, SET_INTERVAL, *intervals.pop(0)) == ACCEPTED
             select.select([self.old.connection.fd, self.new.connection.fd], [], [], 0.05)
 
-    def prearm_checks(self):
-        """As Mission Planner asks for them while it is not ready."""
-        assert self.command(mavlink.MAV_CMD_RUN_PREARM_CHECKS) == ACCEPTED
-        self.let_pass(1)
-
     def __enter__(self):
         return self
 
@@ -175,7 +156,7 @@ class Situation:
 
 
 class Recorded:
-    """The same situation on the board."""
+    """A situation of the board."""
 
     def __init__(self, folder, name):
         self.folder = folder
@@ -199,17 +180,12 @@ def recordings():
     return folder
 
 
-def situation(play):
-    """Makes a fixture of what plays a situation on the simulator: it comes once from there, once from the board."""
-    played = contextlib.contextmanager(play)
+def situation(name):
+    """A fixture: what a board sent in this situation."""
 
-    @pytest.fixture(scope="module", params=["simulator", "board"], name=play.__name__)
-    def fixture(request):
-        if request.param == "board":
-            yield Recorded(request.getfixturevalue("recordings"), play.__name__)
-        else:
-            with played() as situation:
-                yield situation
+    @pytest.fixture(scope="module", name=name)
+    def fixture(recordings):
+        return Recorded(recordings, name)
 
     return fixture
 
@@ -241,8 +217,11 @@ def spoken_of(station, *words):
 # ---------------------------------------------------------------- healthy
 
 
-@situation
-def healthy():
+@pytest.fixture(scope="module", params=["simulator", "board"])
+def healthy(request):
+    if request.param == "board":
+        yield Recorded(request.getfixturevalue("recordings"), "healthy")
+        return
     with Situation(**CURRENT_SENSOR) as situation:
         # What is said at the start has been read.
         situation.let_pass(20)
@@ -282,13 +261,7 @@ def test_healthy_the_console_shows_that_it_may_arm(healthy):
     assert "pre-arm good" in healthy.old.proxy_said
 
 
-@situation
-def armed():
-    with Situation() as situation:
-        situation.let_pass(5)
-        assert situation.command(ARM_DISARM, 1) == ACCEPTED
-        situation.let_pass(5)
-        yield situation
+armed = situation("armed")
 
 
 def test_armed(armed):
@@ -305,15 +278,7 @@ def test_armed_no_message_of_a_safety_switch(armed):
 # ---------------------------------------------------------------- below the arming voltage
 
 
-@situation
-def below_arming_voltage():
-    with Situation() as situation:
-        situation.let_pass(5)
-        situation.set(BATT_ARM_VOLT=11.5, SIM_BATT_VOLTAGE=11.0)
-        situation.let_pass(3)
-        situation.prearm_checks()
-        situation.let_pass(1)
-        yield situation
+below_arming_voltage = situation("below_arming_voltage")
 
 
 REASON = "PreArm: Battery 1 below minimum arming voltage"
@@ -343,58 +308,12 @@ def test_below_arming_voltage_mavproxy_says_so(below_arming_voltage):
 # ---------------------------------------------------------------- a flooded link
 
 
-@situation
-def flooded():
-    """A link whose other end does not read for a while, though it has requested a lot."""
-    with Situation(speedup=100) as situation:
-        link = situation.old
-        slow = socket.socket()
-        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        slow.connect(("127.0.0.1", situation.simulator.port))
-        slow.setblocking(False)
-        link.connection.port.close()
-        link.connection.port, link.connection.fd = slow, slow.fileno()
-        messages = [1, 147, 369, 370, 372]
-        for message in messages:
-            assert situation.command(SET_INTERVAL, message, 20_000) == ACCEPTED
-        end = time.monotonic() + 60
-        while not has_dropped(situation.simulator):
-            assert time.monotonic() < end, situation.simulator.output[-1:]
-            time.sleep(0.1)
-        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
-        for message in messages:
-            link.connection.mav.command_long_send(1, 1, SET_INTERVAL, 0, message, 0, 0, 0, 0, 0, 0)
-        drain(slow)
-        end = time.monotonic() + 20
-        while time.monotonic() < end and not any(counters(link)):
-            link.receive()
-        situation.let_pass(60)
-        yield situation
-
-
-def has_dropped(simulator):
-    """By its status line."""
-    return any(re.search(r"\b[1-9]\d* dropped", line) for line in simulator.output[-1:])
-
-
-def drain(slow):
-    """Reads the megabytes that wait, which are of before the flood."""
-    end = time.monotonic() + 20
-    while time.monotonic() < end:
-        time.sleep(0.05)
-        received = 0
-        while select.select([slow], [], [], 0)[0]:
-            received += len(slow.recv(1 << 20))
-        if received < 10_000:
-            return
-
-
-def counters(link):
-    return link.oracle.mission_planner.errors
+# A slow line, on which a lot is requested.
+flooded = situation("flooded")
 
 
 def test_flooded_it_is_counted(flooded):
-    assert any(counters(flooded.old))
+    assert any(flooded.old.oracle.mission_planner.errors)
 
 
 def test_flooded_no_internal_error(flooded):
@@ -408,28 +327,8 @@ def test_flooded_no_critical_failure(flooded):
 # ---------------------------------------------------------------- strangers without the key
 
 
-@situation
-def strangers():
-    """A radio on which a station without the key sends, beside the ground station that has it."""
-    key = hashlib.sha256(b"a good passphrase").digest()
-    udp_port = free_port()
-    simulator = Simulator("--udp", f"127.0.0.1:{udp_port}")
-    try:
-        cable = connect(simulator.url)
-        radio = connect(f"udpin:127.0.0.1:{udp_port}")
-        cable.mav.setup_signing_send(1, 1, list(key), ticks_now())
-        time.sleep(1)
-        for _ in range(5):
-            radio.mav.param_request_read_send(1, 1, b"BATT_LOW_VOLT", -1)
-        time.sleep(0.5)
-        radio.setup_signing(key, sign_outgoing=True, allow_unsigned_callback=lambda *_: False)
-        link = LiveLink(radio, speedup=1)
-        end = time.monotonic() + 3
-        while time.monotonic() < end:
-            radio.recv_match(blocking=True, timeout=0.1)
-        yield types.SimpleNamespace(old=link)
-    finally:
-        simulator.kill()
+# A radio on which a station without the key sends, beside the ground station that has it.
+strangers = situation("strangers")
 
 
 def test_strangers_are_announced(strangers):
@@ -448,21 +347,8 @@ def test_strangers_no_critical_failure(strangers):
 # ---------------------------------------------------------------- drained, without thresholds
 
 
-@situation
-def drained():
-    """From full until it is an emergency, in six minutes."""
-    with Situation(speedup=50, **CURRENT_SENSOR) as situation:
-        situation.let_pass(5)
-        situation.set(SIM_BATT_CURRENT=10)
-        started = situation.old.now()
-        while situation.old.ground.batteries[0].charge_state != EMERGENCY:
-            assert situation.old.now() - started < 500, situation.old.ground
-            situation.let_pass(5)
-        situation.set(SIM_BATT_CURRENT=0)
-        # MAVProxy speaks once a minute.
-        situation.let_pass(65)
-        situation.command(ARM_DISARM, 1)
-        yield situation
+# From a fifth until it is an emergency.
+drained = situation("drained")
 
 
 def test_drained_is_seen_by_charge_state(drained):
@@ -503,14 +389,7 @@ def test_drained_is_not_ready(drained):
 # ---------------------------------------------------------------- its sensor lost
 
 
-@situation
-def sensor_lost():
-    with Situation() as situation:
-        situation.let_pass(5)
-        situation.set(SIM_BATT_FAULT=1)
-        situation.let_pass(15)
-        situation.prearm_checks()
-        yield situation
+sensor_lost = situation("sensor_lost")
 
 
 def test_sensor_lost(sensor_lost):
@@ -533,27 +412,15 @@ def test_sensor_lost_is_not_ready(sensor_lost):
 # ---------------------------------------------------------------- a cell failed
 
 
-@situation
-def smart_battery_healthy():
-    with Situation(BATT_MONITOR=7) as situation:
-        situation.let_pass(5)
-        yield situation
+smart_battery_healthy = situation("smart_battery_healthy")
 
 
 def test_smart_battery_is_no_bad_battery_until_it_is_read(smart_battery_healthy):
     assert set(smart_battery_healthy.old.planner_spoken) <= WITHOUT_THRESHOLDS
 
 
-@situation
-def cell_failed():
-    """A smart battery as the first pack."""
-    with Situation(BATT_MONITOR=7) as situation:
-        situation.let_pass(5)
-        situation.set(SIM_BATT_FAULT=4)
-        situation.let_pass(5)
-        situation.prearm_checks()
-        situation.command(ARM_DISARM, 1)
-        yield situation
+# A smart battery as the first pack.
+cell_failed = situation("cell_failed")
 
 
 def test_cell_failed(cell_failed):
@@ -581,14 +448,7 @@ def test_cell_failed_it_does_not_arm(cell_failed):
 # ---------------------------------------------------------------- unplugged
 
 
-@situation
-def unplugged():
-    with Situation() as situation:
-        situation.let_pass(5)
-        situation.set(SIM_BATT_FAULT=2)
-        situation.let_pass(15)
-        situation.prearm_checks()
-        yield situation
+unplugged = situation("unplugged")
 
 
 def test_unplugged(unplugged):
@@ -611,12 +471,8 @@ def test_unplugged_is_not_ready(unplugged):
 # ---------------------------------------------------------------- USB power only
 
 
-@situation
-def usb_only():
-    """Half a volt comes back through the board."""
-    with Situation(SIM_BATT_VOLTAGE=0.5) as situation:
-        situation.let_pass(15)
-        yield situation
+# Half a volt comes back through the board.
+usb_only = situation("usb_only")
 
 
 def test_usb_only(usb_only):
@@ -635,81 +491,3 @@ def test_usb_only_is_no_emergency_by_the_newer_message(usb_only):
 
 def test_usb_only_is_not_ready(usb_only):
     assert usb_only.old.planner.prearm == "Not Ready to Arm"
-
-
-# ---------------------------------------------------------------- the oracle beside MAVProxy itself
-
-
-# MAVProxy speaks by this command of a Mac if it finds no library for it.
-SAY = """#!/bin/sh
-echo "$1" >> "$SPOKEN"
-"""
-
-
-class SpeakingMavProxy(MavProxy):
-    """An unmodified MAVProxy, and the file of what it speaks."""
-
-    def __init__(self, url, folder):
-        self.spoken = folder / "spoken"
-        say = folder / "bin" / "say"
-        say.parent.mkdir()
-        say.write_text(SAY)
-        say.chmod(0o755)
-        path = f"{say.parent}{os.pathsep}{os.environ['PATH']}"
-        super().__init__(url, folder, "--speech", PATH=path, SPOKEN=str(self.spoken))
-
-
-def spoken_by_both(folder, percent, **parameters):
-    """What MAVProxy speaks of a rover whose charge was set to so much and that is armed, and what the oracle expects."""
-    with Situation(speedup=1, **parameters) as situation:
-        if percent is not None:
-            assert situation.command(mavlink.MAV_CMD_BATTERY_RESET, 65535, percent) == ACCEPTED
-        situation.let_pass(1)
-        link = LiveLink(connect(situation.simulator.url), speedup=1, mavproxy=MavProxyRules(console=False))
-        mavproxy = SpeakingMavProxy(situation.simulator.url, folder)
-        mavproxy.type("arm throttle force")
-        try:
-            end = time.monotonic() + 4
-            while time.monotonic() < end:
-                link.receive()
-                time.sleep(0.05)
-        finally:
-            mavproxy.kill()
-        # First nothing is spoken, to see whether it can.
-        spoken = filter(None, mavproxy.spoken.read_text().splitlines())
-        return sorted(spoken), sorted(link.proxy_said)
-
-
-# The charge that is set, and the parameters of the pack.
-BESIDE_MAVPROXY = {
-    "full": (None, CURRENT_SENSOR),
-    "drained": (10, CURRENT_SENSOR),
-    "unknown": (None, {"BATT_MONITOR": 31, "BATT_CURR_PIN": 27}),
-}
-
-
-@pytest.fixture(scope="module")
-def beside_mavproxy(tmp_path_factory):
-    """All of them at the same time: MAVProxy takes its time to start."""
-
-    folders = [tmp_path_factory.mktemp(case) for case in BESIDE_MAVPROXY]
-
-    def play(folder, charge_and_parameters):
-        percent, parameters = charge_and_parameters
-        return spoken_by_both(folder, percent, **parameters)
-
-    with ThreadPoolExecutor() as pool:
-        return dict(zip(BESIDE_MAVPROXY, pool.map(play, folders, BESIDE_MAVPROXY.values())))
-
-
-@pytest.mark.parametrize("case", BESIDE_MAVPROXY)
-def test_mavproxy_speaks_what_the_oracle_expects(beside_mavproxy, case):
-    spoken, expected = beside_mavproxy[case]
-    assert spoken == expected
-
-
-def test_mavproxy_speaks_of_no_fence_and_of_a_low_battery_only(beside_mavproxy):
-    spoken = {case: spoken for case, (spoken, _) in beside_mavproxy.items()}
-    assert spoken["full"] == ["ARMED", "Flight battery 100 percent", "Mode HOLD", "online system 1"]
-    assert "Flight battery warning" in spoken["drained"]
-    assert not any("fence" in text for texts in spoken.values() for text in texts)

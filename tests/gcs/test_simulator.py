@@ -62,7 +62,7 @@ def test_a_scenario_is_printed_line_by_line_into_a_file():
 def test_the_readme_shows_what_the_scenario_prints():
     readme = (REPOSITORY / "README.md").read_text(encoding="utf-8")
     shown = re.search(r"--scenario drain\n```\n\n```text\n(.*?)```", readme, re.DOTALL)[1].splitlines()
-    printed = run("--scenario", "drain", "--speedup", "60", "--for", "2110").stdout.splitlines()
+    printed = run("--scenario", "drain", "--speedup", "100", "--for", "2110").stdout.splitlines()
     events = [line for line in printed[1:-1] if not line.startswith("pack ")]
     # What happens within a second may change places.
     assert sorted(map(without_numbers, events)) == sorted(map(without_numbers, shown))

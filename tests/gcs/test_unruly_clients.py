@@ -1,7 +1,6 @@
 """Clients that misbehave: another one notices nothing of them."""
 
 import contextlib
-import os
 import random
 import select
 import socket
@@ -143,7 +142,7 @@ def test_one_too_many_is_refused_with_a_reason_and_never_obeyed(simulator):
     served[0].close()
     time.sleep(0.5)
     watcher = connect(simulator.url)
-    states = [message.base_mode for message in messages_of(watcher, 3) if message.get_type() == "HEARTBEAT"]
+    states = [message.base_mode for message in messages_of(watcher, 2) if message.get_type() == "HEARTBEAT"]
     assert states and not any(state & ARMED for state in states), states
     assert read(watcher, "SR0_EXTRA1").get_type() == "PARAM_VALUE"
 
@@ -168,21 +167,13 @@ def flood(simulator, next_bytes):
     return send_and_read, sent
 
 
-def test_one_that_floods_with_garbage(simulator):
-    watcher = well_served(simulator)
-    act, sent = flood(simulator, lambda: os.urandom(4096))
-    with Background(act):
-        assert_well_served(watcher)
-    assert sent[0] > 20_000 * WATCHED_SECONDS, "more than a serial port could carry"
-
-
 def test_one_that_floods_with_requests(simulator):
     watcher = well_served(simulator)
     block = b"".join(some_requests()) * 4
     act, sent = flood(simulator, lambda: block)
     with Background(act):
         assert_well_served(watcher)
-    assert sent[0] > 20_000 * WATCHED_SECONDS
+    assert sent[0] > 20_000 * WATCHED_SECONDS, "more than a serial port could carry"
 
 
 def test_one_that_floods_with_damaged_requests(simulator):

@@ -1,14 +1,10 @@
 //! Nine packs of all kinds at once.
 
 use crate::bench::SECOND;
-use crate::runs::mixed_packs::{self, MIXED, MIXED_MV, TWO};
+use crate::runs::mixed_packs::{self, MIXED, MIXED_MV};
 
-const LENGTH_US: u64 = 20 * SECOND;
-
-#[test]
-fn two_packs_keep_10_hz() {
-    mixed_packs::run(&TWO, &MIXED_MV[..2], LENGTH_US);
-}
+/// A minute in `tests/endurance`.
+const LENGTH_US: u64 = 10 * SECOND;
 
 #[test]
 fn nine_packs_of_mixed_kinds_keep_10_hz() {

@@ -17,7 +17,7 @@ const TICK_US: u64 = 100 * MILLISECOND;
 const SAMPLING_GOAL_US: f64 = 200.0;
 
 /// So long is driven.
-const DRIVE_US: u64 = 60 * SECOND;
+const DRIVE_US: u64 = 30 * SECOND;
 
 /// How late something was, in µs.
 #[derive(Debug)]

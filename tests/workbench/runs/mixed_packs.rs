@@ -25,9 +25,6 @@ pub const MIXED: [(&str, f32); 13] = [
     ("BATT9_SUM_MASK", 6.0),
 ];
 
-/// The first two of them.
-pub const TWO: [(&str, f32); 1] = [("BATT2_MONITOR", 21.0)];
-
 /// What each of [`MIXED`] is expected to report.
 pub const MIXED_MV: [u32; 9] = [7_901, 12_000, 11_000, 10_000, 8_000, 8_400, 7_200, 11_100, 11_500];
 
