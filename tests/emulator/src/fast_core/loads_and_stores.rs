@@ -22,7 +22,7 @@ impl Core<'_> {
 
     #[inline(always)]
     fn load<const BYTES: usize>(&self, address: u32) -> Option<[u8; BYTES]> {
-        if address as usize % BYTES != 0 {
+        if !(address as usize).is_multiple_of(BYTES) {
             return None;
         }
         let offset = address.wrapping_sub(RAM_BASE) as usize;
@@ -108,7 +108,7 @@ impl Core<'_> {
     #[inline(always)]
     fn place_in_ram(&self, address: u32, align: usize) -> Option<usize> {
         let offset = address.wrapping_sub(RAM_BASE) as usize;
-        (offset < RAM_SIZE && address as usize % align == 0).then_some(offset)
+        (offset < RAM_SIZE && (address as usize).is_multiple_of(align)).then_some(offset)
     }
 
     /// Stores the listed registers from an address upwards; `None` without having stored anything.

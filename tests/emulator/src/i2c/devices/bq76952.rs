@@ -102,6 +102,12 @@ pub struct Bq76952 {
     stretch: Cycle,
 }
 
+impl Default for Bq76952 {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Bq76952 {
     /// Connected to nothing.
     pub fn new() -> Self {
