@@ -6,9 +6,10 @@ use rover_battmon::flash_map;
 use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::{Erase, Storage};
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, SIGNING_OFFSET};
+use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, SIGNING_OFFSET, Wire};
 use crate::signing_key::{flash_with, words_of_key};
-use emulator::{FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
+use crate::support::requests::param_set;
+use emulator::{AdcInput, Board, FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
 
 #[test]
 fn the_banner_names_version_and_reset_reason() {
@@ -151,4 +152,76 @@ fn a_start_that_hangs_is_reset() {
     assert!(bench.run_until(SECOND, |board| board.watchdog_is_enabled()));
     bench.hang_program();
     assert!(bench.run_until(SECOND + 50 * MILLISECOND, |board| !board.resets().is_empty()));
+}
+
+/// What can be told apart of two boards.
+fn traces(bench: &mut Bench) -> impl PartialEq + use<> {
+    let log: Vec<_> = bench.log_lines().to_vec();
+    let counts = (
+        bench.time_cycles(),
+        bench.instructions(),
+        bench.awake_cycles(),
+        bench.lowest_stack_pointer(),
+    );
+    (bench.sent().to_vec(), log, counts, bench.take_adc_record())
+}
+
+/// Asks, sets, moves to a wire of its own, and arms.
+fn use_it(bench: &mut Bench) {
+    bench.adc_input(0, AdcInput::Volts(2.0));
+    bench.adc_noise(0.002);
+    bench.set("BATT_CAPACITY", 4200.0);
+    bench.use_wire(Wire::Usb);
+    bench.ask(&param_set("SR0_EXTRA1", 5.0));
+    bench.reboot();
+    bench.use_wire(Wire::Uart);
+    bench.run_for(2 * SECOND);
+}
+
+#[test]
+fn boards_that_share_their_first_second_and_copies_of_them_go_on_as_one_of_its_own() {
+    let mut own = Bench::power_up(DIVIDER_CODE);
+    let board: &mut Board = &mut own;
+    // Not through the bench, which would share it.
+    board.run_for(SECOND);
+    let mut shared = [Bench::running(DIVIDER_CODE), Bench::running(DIVIDER_CODE)];
+    let mut copy = own.clone();
+    use_it(&mut own);
+    let expected = traces(&mut own);
+    for bench in shared.iter_mut().chain([&mut copy]) {
+        use_it(bench);
+        assert!(traces(bench) == expected);
+    }
+}
+
+#[test]
+fn a_copy_that_is_made_while_a_line_is_logged_has_the_whole_line() {
+    let mut bench = Bench::running(DIVIDER_CODE);
+    let mut copy = bench.clone();
+    let before = copy.log_lines().len();
+    copy.run_for(SECOND);
+    let line = copy.log_lines()[before].clone();
+    bench.run_until_time(line.time_us - 100);
+    while bench.log_lines().len() == before {
+        let mut copy = bench.clone();
+        copy.run_for(MILLISECOND);
+        assert_eq!(copy.log_lines()[before], line, "a copy of {} us", bench.time_us());
+        bench.run_for(1);
+    }
+}
+
+#[test]
+fn a_copy_of_a_pico_w_goes_on_as_the_board() {
+    let mut bench = Bench::power_up(DIVIDER_CODE);
+    bench.attach_wifi();
+    // While the radio's program is loaded, and when its network is there.
+    for at_us in [SECOND / 2, 3 * SECOND] {
+        bench.run_until_time(at_us);
+        let mut copy = bench.clone();
+        bench.run_for(SECOND);
+        copy.run_for(SECOND);
+        assert!(traces(&mut bench) == traces(&mut copy));
+        assert_eq!(bench.wifi().access_point(), copy.wifi().access_point());
+    }
+    assert!(bench.wifi().access_point().is_some());
 }

@@ -12,6 +12,7 @@ use crate::bench::{
     Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, PACK, SAVED_US, SECOND, value_of,
 };
 use crate::learnt::{FIRST, FIRST_7, flash_with, full_sector};
+use crate::runs::flash_cuts::Leader;
 use crate::support::frames::{BATTERY_INFO, SMART_BATTERY_INFO, last_of, of_message, texts_of};
 use crate::support::requests::{
     VEHICLE_ID, command_long, command_long_2, manual_control, param_read_by_name,
@@ -258,23 +259,19 @@ fn a_power_cut_in_any_flash_operation_keeps_what_was_learnt() {
     const CAPACITY: usize = 2;
     const CHARGE: usize = 6;
     let before = flash_with(full_sector());
+    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, LEARNT_OFFSET, &before);
+    // The cells are detected.
+    bench.run_for(3 * SECOND);
+    bench.ask(&manual_control(VEHICLE_ID, 0, 0));
+    bench.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    bench.run_for(SECOND);
     for cut in [FlashCut::Prefix, FlashCut::ScatteredBits] {
-        for operation in 1.. {
-            let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, LEARNT_OFFSET, &before);
-            // The cells are detected.
-            bench.run_for(3 * SECOND);
-            bench.ask(&manual_control(VEHICLE_ID, 0, 0));
-            bench.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
-            bench.run_for(SECOND);
-            bench.cut_power_at_flash_operation(operation, cut);
-            // The charge is kept.
+        let disarm_and_keep_the_charge = |bench: &mut Bench| {
             let now_us = bench.time_us();
             bench.uart_send(0, now_us, &command_long_2(ARM_DISARM, 0.0, FORCED));
             bench.run_for(1500 * MILLISECOND);
-            if bench.is_powered() {
-                assert!(operation > 6, "an erase and five programs, or more");
-                break;
-            }
+        };
+        let after_cut = |mut bench: Bench, operation| {
             bench.power_cycle();
             let content = bench.read_flash(LEARNT_OFFSET, LEARNT_BYTES);
             let words = stored(&content, FIRST).expect("old or new");
@@ -294,6 +291,9 @@ fn a_power_cut_in_any_flash_operation_keeps_what_was_learnt() {
                 1000.0,
                 "operation {operation}, {cut:?}"
             );
-        }
+        };
+        let mut leader = Leader::new(bench.clone(), cut, 1..);
+        leader.step(disarm_and_keep_the_charge, after_cut);
+        assert!(leader.begun() >= 6, "an erase and five programs, or more");
     }
 }

@@ -11,6 +11,7 @@ use rover_battmon::storage::{Erase, Storage};
 use crate::bench::{
     Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, SAVED_US, SECOND, SECTOR_BYTES, value_of,
 };
+use crate::runs::flash_cuts::Leader;
 use crate::support::frames::{PARAM_ERROR, STATUSTEXT, of_message};
 use crate::support::learnt_record::learnt_words;
 use crate::support::requests::{command_long, param_read_by_name, param_set, reboot};
@@ -211,23 +212,15 @@ fn worn_out_region_is_announced_once_and_nothing_else_suffers() {
 #[test]
 fn a_power_cut_in_any_flash_operation_of_a_write_leaves_old_or_new() {
     let flash = flash_with(full_sector());
-    for cut in [
-        FlashCut::Before,
-        FlashCut::Prefix,
-        FlashCut::ScatteredBits,
-        FlashCut::After,
-    ] {
-        for operation in 1.. {
-            let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, LEARNT_OFFSET, &flash);
-            bench.run_for(300 * MILLISECOND);
-            bench.cut_power_at_flash_operation(operation, cut);
+    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, LEARNT_OFFSET, &flash);
+    bench.run_for(300 * MILLISECOND);
+    for cut in FlashCut::ALL {
+        let erase = |bench: &mut Bench| {
             let now_us = bench.time_us();
             bench.uart_send(0, now_us, &param_set("BATT_LRN_ERASE", 1.0));
             bench.run_for(150 * MILLISECOND);
-            if bench.is_powered() {
-                assert!(operation > 6, "an erase and five programs, or more");
-                break;
-            }
+        };
+        let after_cut = |mut bench: Bench, operation| {
             bench.forget_sent();
             bench.power_cycle();
             bench.run_for(300 * MILLISECOND);
@@ -239,6 +232,9 @@ fn a_power_cut_in_any_flash_operation_of_a_write_leaves_old_or_new() {
             bench.set("BATT_SERIAL_NUM", 7.0);
             bench.run_for(50 * MILLISECOND);
             assert_eq!(capacity_mah(&mut bench), 1000.0, "operation {operation}, {cut:?}");
-        }
+        };
+        let mut leader = Leader::new(bench.clone(), cut, 1..);
+        leader.step(erase, after_cut);
+        assert!(leader.begun() >= 6, "an erase and five programs, or more");
     }
 }

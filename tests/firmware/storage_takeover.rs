@@ -10,6 +10,7 @@ use rover_battmon::sim::SimulatedFlash;
 use rover_battmon::storage::{Erase, Storage};
 
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND, value_of};
+use crate::runs::flash_cuts::Leader;
 use crate::support::frames::texts_of;
 use crate::support::requests::{param_read_by_name, param_set};
 use emulator::FlashCut;
@@ -119,19 +120,11 @@ fn parameters_of_an_earlier_release_are_kept_and_then_352_more() {
 fn cut_in_every_operation(cut: FlashCut) {
     const NEW: (&str, f32) = ("BATT_LOW_VOLT", 6.5);
     let image = earlier_flash();
-    for operation in 1.. {
-        let mut bench = Bench::power_up_with_parameters(DIVIDER_CODE, &image);
-        bench.cut_power_at_flash_operation(operation, cut);
-        bench.run_for(500 * MILLISECOND);
-        if bench.is_powered() {
-            bench.send(&param_set(NEW.0, NEW.1));
-            bench.run_for(300 * MILLISECOND);
-        }
+    let assert_kept = |mut bench: Bench, at: &str| {
         let is_cut = !bench.is_powered();
         bench.power_cycle();
         bench.forget_sent();
         bench.run_for(500 * MILLISECOND);
-        let at = format!("operation {operation}, {cut:?}");
         let mut found = stored(&bench);
         let new = found.remove(NEW.0);
         assert_eq!(
@@ -145,12 +138,20 @@ fn cut_in_every_operation(cut: FlashCut) {
             NEW.0
         );
         assert_eq!(read(&mut bench, "BATT_VOLT_MULT"), Some(4.1), "{at}");
-        if !is_cut {
-            println!("{} operations cut ({cut:?})", operation - 1);
-            assert!(operation > 10, "it was taken over");
-            return;
-        }
+    };
+    let after_cut = |bench, operation| assert_kept(bench, &format!("operation {operation}, {cut:?}"));
+    let mut leader = Leader::new(Bench::power_up_with_parameters(DIVIDER_CODE, &image), cut, 1..);
+    for _ in 0..10 {
+        leader.step(|bench| bench.run_for(50 * MILLISECOND), after_cut);
     }
+    let set = |bench: &mut Bench| {
+        bench.send(&param_set(NEW.0, NEW.1));
+        bench.run_for(300 * MILLISECOND);
+    };
+    leader.step(set, after_cut);
+    println!("{} operations cut ({cut:?})", leader.begun());
+    assert!(leader.begun() >= 10, "it was taken over");
+    assert_kept(leader.bench, &format!("none, {cut:?}"));
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 #[path = "log_flash.rs"]
 pub mod log_flash;
+#[path = "starts.rs"]
+pub mod starts;
 
 use std::ops::{Deref, DerefMut, Range};
 use std::sync::OnceLock;
@@ -10,6 +12,7 @@ use log_flash::LogFlash;
 use rover_battmon::flash_map;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
+use starts::Start;
 
 use crate::elf::{Artifact, build};
 use crate::signer::Signer;
@@ -119,8 +122,13 @@ fn timed(sent: &[SentByte]) -> impl Iterator<Item = (u64, u8)> {
 }
 
 /// A powered board with the release firmware in its flash and a ground station at its telemetry port.
+///
+/// A copy goes on as the bench does. There is none while devices are attached to the board.
+#[derive(Clone)]
 pub struct Bench {
     board: Board,
+    /// What decides the board's first second, unless something was done to it.
+    start: Option<Start>,
     wire: Wire,
     sent: Vec<(u64, u8)>,
     /// Signs what is asked.
@@ -145,25 +153,25 @@ impl Bench {
 
     /// The same, with the seed for whatever is left to chance.
     pub fn power_up_with_flash_seeded(code: u16, offset: u32, bytes: &[u8], seed: u64) -> Self {
-        let firmware = firmware().with_flash(offset, bytes);
-        Self::with_board(code, Board::power_up(&firmware, seed))
+        Self::with_firmware(code, firmware().with_flash(offset, bytes), seed)
     }
 
     /// The seed decides what garbage is in RAM at power-up, and the noise at the converter.
     pub fn power_up_seeded(code: u16, seed: u64) -> Self {
-        Self::with_board(code, Board::power_up(firmware(), seed))
+        Self::with_firmware(code, firmware().clone(), seed)
     }
 
     /// Switches on a board with the firmware of an example.
     pub fn power_up_example(name: &'static str) -> Self {
-        let firmware = Firmware::load(build(Artifact::Example(name)));
-        Self::with_board(0, Board::power_up(&firmware, 1))
+        Self::with_firmware(0, Firmware::load(build(Artifact::Example(name))), 1)
     }
 
-    fn with_board(code: u16, mut board: Board) -> Self {
+    fn with_firmware(code: u16, firmware: Firmware, seed: u64) -> Self {
+        let mut board = Board::power_up(&firmware, seed);
         board.adc_input(PACK, AdcInput::Code(code));
         Self {
             board,
+            start: Some(Start::PowerUp { firmware, code, seed }),
             wire: Wire::default(),
             sent: Vec::new(),
             signer: None,
@@ -179,12 +187,33 @@ impl Bench {
 
     /// A board with these parameters, set by a ground station and in effect after a restart.
     pub fn configured(code: u16, parameters: &[(&str, f32)]) -> Self {
-        let mut bench = Self::running(code);
-        for (name, value) in parameters {
-            bench.set(name, *value);
-        }
-        bench.reboot();
-        bench
+        let named = parameters
+            .iter()
+            .map(|(name, value)| ((*name).to_owned(), *value));
+        let start = Start::Configured(code, named.collect());
+        start.shared(|| {
+            let mut bench = Self::running(code);
+            for (name, value) in parameters {
+                bench.set(name, *value);
+            }
+            bench.reboot();
+            bench
+        })
+    }
+
+    /// Lets time pass. The first second of a board to which nothing was done is shared with those that begin alike.
+    pub fn run_for(&mut self, duration_us: u64) {
+        let has_run = self.board.time_us() > 0;
+        let start = self.start.take().filter(|_| !has_run && duration_us >= SECOND);
+        let Some(start) = start else {
+            return self.board.run_for(duration_us);
+        };
+        let begun = start.shared(|| {
+            self.board.run_for(SECOND);
+            self.clone()
+        });
+        self.board = begun.board;
+        self.board.run_for(duration_us - SECOND);
     }
 
     /// Sets a parameter as a ground station does.
@@ -383,6 +412,7 @@ impl Deref for Bench {
 
 impl DerefMut for Bench {
     fn deref_mut(&mut self) -> &mut Board {
+        self.start = None;
         &mut self.board
     }
 }

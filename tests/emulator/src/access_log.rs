@@ -35,7 +35,7 @@ pub struct UnmodelledAccess {
 /// How many bus errors are kept; a program that runs wild makes many.
 const BUS_ERROR_RECORDS: usize = 1024;
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct AccessLog {
     pub bus_errors: Vec<BusErrorRecord>,
     pub unmodelled: BTreeMap<&'static str, UnmodelledAccess>,

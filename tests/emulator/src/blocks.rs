@@ -9,6 +9,7 @@ use super::memory_map::{
 use super::peripheral::Peripheral;
 use super::pins::{PinSettings, i2c_connection, spi_connection, uart_connection};
 use super::register::{RegisterWrite, bit};
+use super::sio::Sio;
 use super::soc::Id;
 
 /// TIMERAWH and TIMERAWL, CS and RESULT of the ADC: what is read of them changes nothing.
@@ -51,10 +52,7 @@ impl SystemBus {
                 self.soc.read(Id::Gpio, address & 0xfff, self.now)
             }
             Model::Crate if address == ROSC_RANDOM_BIT => self.random_bits.next_u64() as u32 & 1,
-            Model::Crate => {
-                self.pass_time_to_chip();
-                self.chip.read32(address)
-            }
+            Model::Crate => self.chip.read(block, address, self.now),
             Model::Storage => self.stored_register(address),
             Model::None => {
                 self.note_unmodelled(block.name, address, Direction::Read);
@@ -109,20 +107,13 @@ impl SystemBus {
 
     fn write_crate_block(&mut self, block: &Block, address: u32, value: u32) {
         let held_before = self.chip.resets.state;
-        self.pass_time_to_chip();
-        self.chip.write32(address, value);
+        self.chip.write(block, address, value, self.now);
         if block.base == RESETS_BASE {
             self.apply_resets(held_before);
         }
         if matches!(block.base, RESETS_BASE | IO_BANK0_BASE | PADS_BANK0_BASE) {
             self.connect_pins();
         }
-    }
-
-    /// The crate's PLLs count cycles until they lock.
-    fn pass_time_to_chip(&mut self) {
-        self.chip.advance_lazy_scheduled(self.now - self.chip_now);
-        self.chip_now = self.now;
     }
 
     fn is_held(&self, block: &Block) -> bool {
@@ -150,7 +141,7 @@ impl SystemBus {
     /// Forcing a stage off in the PSM resets it; only the SIO is followed here.
     fn follow_power_state(&mut self, written: Id) {
         if written == Id::PowerState && self.soc.power_state.sio_is_down() {
-            self.chip.sio.reset();
+            self.chip.sio = Sio::default();
         }
     }
 

@@ -40,6 +40,7 @@ const STACK_PAINT: u32 = 0x5ac3_7e19;
 const WIFI_SEED: u64 = 0x4343_9000;
 
 /// The emulated board.
+#[derive(Clone)]
 pub struct Board {
     pub(super) cpu: Cpu,
     pub(super) bus: SystemBus,
@@ -64,7 +65,7 @@ impl Board {
     pub fn power_up(firmware: &Firmware, seed: u64) -> Self {
         let mut seeds = Random::new(seed);
         // Not from the sequence below, which stays what it is if flash needs no chance.
-        let flash = FlashChip::new(firmware.flash().to_vec(), !seed);
+        let flash = FlashChip::new(firmware.shared_flash(), !seed);
         let unique_id = Random::new(!seed).next_u64().to_be_bytes();
         let mut memory = Memory::new(boot_rom::image(), flash);
         Random::new(seeds.next_u64()).fill(&mut memory.ram);
@@ -272,7 +273,7 @@ impl Board {
     /// Whether the chip sees a pin as high, whatever drives it.
     pub fn input_level(&mut self, pin: usize) -> bool {
         self.bus.sample_inputs();
-        bit(self.bus.chip.gpio_in, pin as u32)
+        bit(self.bus.chip.sio.gpio_in, pin as u32)
     }
 
     /// The level at which the processor or the PWM drives a pin; `None` when neither does.

@@ -238,6 +238,7 @@ const EXIT_XIP_BYTES: u64 = 4 + 4 + 2;
 const EXIT_XIP_CYCLES: Cycle = 2 * PULL_WAIT_CYCLES + transfer_cycles(EXIT_XIP_BYTES);
 
 /// A function of the ROM is at work until a moment, in which interrupts can be taken.
+#[derive(Clone)]
 pub struct RomWork {
     function: u32,
     until: Cycle,

@@ -3,11 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use rp2040_emu::Bus as CrateBus;
-
 use super::access_log::{AccessLog, Direction};
 use super::boot_rom::RomWork;
-use super::clock::{CLK_SYS_HZ, Cycle, NEVER};
+use super::chip::Chip;
+use super::clock::{Cycle, NEVER};
 use super::dma::{Transfer, TransferEnd};
 use super::flash::Job;
 use super::memory::{Memory, RAM_BASE, is_cached_flash, is_flash};
@@ -34,14 +33,13 @@ const XIP_END: u32 = 0x1900_0000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusError;
 
+#[derive(Clone)]
 pub struct SystemBus {
     pub now: Cycle,
     pub memory: Memory,
     pub soc: Soc,
     /// Clocks, PLLs, RESETS, SIO, IO_BANK0, PADS, NVIC and the rest of the PPB.
-    pub chip: CrateBus,
-    /// The time as far as `chip` knows it.
-    pub(super) chip_now: Cycle,
+    pub chip: Chip,
     pub system_control: SystemControl,
     pub uart_pins: [UartPins; 2],
     pub i2c_pins: [I2cPins; 2],
@@ -79,8 +77,7 @@ impl SystemBus {
             now: 0,
             memory,
             soc: Soc::new(noise_seed),
-            chip: new_chip(),
-            chip_now: 0,
+            chip: Chip::new(),
             system_control: SystemControl::default(),
             uart_pins: UartPins::DEFAULTS,
             i2c_pins: I2cPins::DEFAULTS,
@@ -107,7 +104,7 @@ impl SystemBus {
     /// Reset everything but the memories, the time and what is outside the chip.
     pub fn reset(&mut self) {
         let now = self.now;
-        self.chip = new_chip();
+        self.chip = Chip::new();
         self.system_control = SystemControl::default();
         self.soc.reset(now);
         self.unmodelled_registers.clear();
@@ -293,13 +290,6 @@ pub(super) const CODE_PAGES: usize = super::memory::RAM_SIZE / CODE_PAGE_BYTES a
 #[inline]
 pub(super) fn code_page(address: u32) -> usize {
     (address.wrapping_sub(RAM_BASE) / CODE_PAGE_BYTES) as usize
-}
-
-/// The crate's bus after reset. Its clock tree and PLL lock counter run at our time base.
-fn new_chip() -> CrateBus {
-    let mut chip = CrateBus::new();
-    chip.seed_sys_clk_hz(CLK_SYS_HZ as u32);
-    chip
 }
 
 /// The byte lanes an access of this width and address picks from a word.

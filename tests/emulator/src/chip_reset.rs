@@ -24,6 +24,7 @@ pub enum ChipLevelReset {
     RunPin = 1 << 16,
 }
 
+#[derive(Clone)]
 pub struct ChipReset {
     last: ChipLevelReset,
     vreg: u32,

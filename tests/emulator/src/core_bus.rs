@@ -20,6 +20,8 @@ const SYSTEM_CONTROL: u32 = 0xe;
 const SIO_GPIO_IN: u32 = 0xd000_0004;
 /// Writing the inter-core FIFO means starting core 1.
 const SIO_FIFO_WR: u32 = 0xd000_0054;
+const SIO_INTERPOLATORS: u32 = 0xd000_0080;
+const SIO_SPINLOCK0: u32 = 0xd000_0100;
 
 /// The first interrupt line that only software can raise.
 const FIRST_SOFTWARE_LINE: u8 = 26;
@@ -74,23 +76,30 @@ impl SystemBus {
         if address & !3 == SIO_GPIO_IN {
             self.sample_inputs();
         }
-        let word = self.chip.read32(address & !3);
+        self.note_unmodelled_sio(address, Direction::Read);
+        let word = self.chip.sio.read(address & 0xffc);
         super::bus::lane(word, address, width)
     }
 
     fn store_sio(&mut self, address: u32, value: u32, width: Width) {
-        if address & !3 == SIO_FIFO_WR {
-            self.note_unmodelled("SIO_FIFO", address, Direction::Write);
-        }
-        self.chip
-            .write32(address & !3, super::bus::replicated(value, width));
+        self.note_unmodelled_sio(address, Direction::Write);
+        let value = super::bus::replicated(value, width);
+        self.chip.sio.write(address & 0xffc, value);
         self.observe_pins();
+    }
+
+    fn note_unmodelled_sio(&mut self, address: u32, direction: Direction) {
+        match address & !3 {
+            SIO_FIFO_WR => self.note_unmodelled("SIO_FIFO", address, direction),
+            SIO_INTERPOLATORS..SIO_SPINLOCK0 => self.note_unmodelled("SIO_INTERP", address, direction),
+            _ => {}
+        }
     }
 
     /// Exception entry and return set the event register (ARMv6-M B1.5.18), and change which
     /// interrupt lines may become pending.
     fn exception_boundary(&mut self) {
-        self.chip.event_flag[0] = true;
+        self.chip.event_flag = true;
         self.attention = true;
     }
 }
@@ -143,23 +152,23 @@ impl CoreBus for SystemBus {
         self.fault = None;
     }
 
-    fn ppb(&self, core: usize) -> &Ppb {
-        &self.chip.ppb[core]
+    fn ppb(&self, _core: usize) -> &Ppb {
+        &self.chip.ppb
     }
 
-    fn ppb_mut(&mut self, core: usize) -> &mut Ppb {
-        &mut self.chip.ppb[core]
+    fn ppb_mut(&mut self, _core: usize) -> &mut Ppb {
+        &mut self.chip.ppb
     }
 
-    fn nvic(&self, core: usize) -> &Nvic {
-        &self.chip.nvics[core]
+    fn nvic(&self, _core: usize) -> &Nvic {
+        &self.chip.nvic
     }
 
     /// The core asks for this only to clear the pending bit of the interrupt it is about to enter,
     /// which is the pending one of highest priority. The crate's `clear_pending` leaves lines 26
     /// to 31 alone, so that is done here.
-    fn nvic_mut(&mut self, core: usize) -> &mut Nvic {
-        let nvic = &mut self.chip.nvics[core];
+    fn nvic_mut(&mut self, _core: usize) -> &mut Nvic {
+        let nvic = &mut self.chip.nvic;
         if let Some((line, _)) = nvic.highest_priority_pending()
             && line >= FIRST_SOFTWARE_LINE
         {
@@ -172,19 +181,19 @@ impl CoreBus for SystemBus {
         0
     }
 
-    fn event_flag(&self, core: usize) -> bool {
-        self.chip.event_flag[core]
+    fn event_flag(&self, _core: usize) -> bool {
+        self.chip.event_flag
     }
 
-    fn consume_event_flag(&mut self, core: usize) -> bool {
-        std::mem::take(&mut self.chip.event_flag[core])
+    fn consume_event_flag(&mut self, _core: usize) -> bool {
+        std::mem::take(&mut self.chip.event_flag)
     }
 
-    fn set_wfe_waiting(&mut self, core: usize, waiting: bool) {
-        self.chip.wfe_waiting[core] = waiting;
+    fn set_wfe_waiting(&mut self, _core: usize, waiting: bool) {
+        self.chip.wfe_waiting = waiting;
     }
 
     fn signal_sev(&mut self) {
-        self.chip.event_flag = [true; 2];
+        self.chip.event_flag = true;
     }
 }

@@ -4,6 +4,7 @@
 //! rules of the architecture, lockup, and the faults a test puts in.
 
 use rp2040_emu::CortexM0Plus;
+use rp2040_emu::core::Registers;
 
 use super::boot_rom;
 use super::bus::{SystemBus, Width};
@@ -49,6 +50,20 @@ pub struct Cpu {
     changed_primask: bool,
 }
 
+/// The crate's core cannot be cloned. What it has decoded is looked up anew by the copy, and the rest of its state is empty between
+/// instructions.
+impl Clone for Cpu {
+    fn clone(&self) -> Self {
+        let mut core = CortexM0Plus::new();
+        core.regs = Registers { ..self.core.regs };
+        core.cycles = self.core.cycles;
+        if self.core.is_halted() {
+            core.halt();
+        }
+        Self { core, ..*self }
+    }
+}
+
 impl Cpu {
     /// A processor that leaves reset with these values from its vector table. What the other
     /// registers hold then is not defined (ARMv6-M B1.5.5).
@@ -87,11 +102,11 @@ impl Cpu {
 
     /// Wake up if there is a reason to (ARMv6-M B1.5.18, B1.5.19).
     pub fn wake_if_due(&mut self, bus: &mut SystemBus) {
-        let interrupt = would_preempt(&bus.chip.nvics[0], &bus.chip.ppb[0]);
+        let interrupt = would_preempt(&bus.chip.nvic, &bus.chip.ppb);
         let masked = self.core.regs.primask & 1 != 0;
         match self.state {
-            CpuState::WaitingForEvent if bus.chip.event_flag[0] => {
-                bus.chip.event_flag[0] = false;
+            CpuState::WaitingForEvent if bus.chip.event_flag => {
+                bus.chip.event_flag = false;
                 self.wake(bus);
             }
             CpuState::WaitingForEvent if interrupt && !masked => self.wake(bus),
@@ -105,7 +120,7 @@ impl Cpu {
     }
 
     fn wake(&mut self, bus: &mut SystemBus) {
-        bus.chip.wfe_waiting[0] = false;
+        bus.chip.wfe_waiting = false;
         self.core.wake();
         self.state = CpuState::Running;
     }
@@ -132,7 +147,7 @@ impl Cpu {
         let cycles = self.step_with_preemption(bus);
         self.changed_primask = self.core.regs.primask != primask;
         bus.system_control.active_exception = self.active_exception();
-        if bus.chip.wfe_waiting[0] || self.core.is_halted() || bus.fault.is_some() {
+        if bus.chip.wfe_waiting || self.core.is_halted() || bus.fault.is_some() {
             self.note_sleep_or_lockup(bus, pc);
         }
         u64::from(cycles.max(1))
@@ -183,21 +198,21 @@ impl Cpu {
 
     #[inline]
     fn takes_interrupt(&self, bus: &SystemBus) -> bool {
-        self.core.regs.primask & 1 == 0 && would_preempt(&bus.chip.nvics[0], &bus.chip.ppb[0])
+        self.core.regs.primask & 1 == 0 && would_preempt(&bus.chip.nvic, &bus.chip.ppb)
     }
 
     /// The crate's core takes no interrupt while any exception is active. For the one step in
     /// which a more urgent one has to be taken, the active ones are hidden from it.
     #[inline]
     fn step_with_preemption(&mut self, bus: &mut SystemBus) -> u32 {
-        let preempts = bus.chip.ppb[0].any_active() && self.takes_interrupt(bus);
+        let preempts = bus.chip.ppb.any_active() && self.takes_interrupt(bus);
         let hidden = if preempts {
-            std::mem::take(&mut bus.chip.ppb[0].active)
+            std::mem::take(&mut bus.chip.ppb.active)
         } else {
             0
         };
         let cycles = self.core.step(bus);
-        bus.chip.ppb[0].active |= hidden;
+        bus.chip.ppb.active |= hidden;
         cycles
     }
 
@@ -213,7 +228,7 @@ impl Cpu {
     }
 
     fn note_sleep_or_lockup(&mut self, bus: &mut SystemBus, pc: u32) {
-        if bus.chip.wfe_waiting[0] {
+        if bus.chip.wfe_waiting {
             self.state = CpuState::WaitingForEvent;
         } else if self.core.is_halted() {
             // WFI is the only instruction that halts the crate's core without a fault.

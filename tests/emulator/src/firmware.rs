@@ -27,6 +27,13 @@ struct Contents {
     log_table: Option<&'static Table>,
 }
 
+/// The same file with the same bytes in flash.
+impl PartialEq for Firmware {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.contents, &other.contents) && self.flash == other.flash
+    }
+}
+
 impl Firmware {
     /// Load an ELF file linked for the RP2040's flash.
     ///
@@ -96,6 +103,10 @@ impl Firmware {
     /// The whole 2 MB of flash as programmed.
     pub fn flash(&self) -> &[u8] {
         &self.flash
+    }
+
+    pub(super) fn shared_flash(&self) -> Arc<Vec<u8>> {
+        Arc::clone(&self.flash)
     }
 
     /// Address of a symbol. Panics when the ELF has none of this name.

@@ -13,7 +13,7 @@ const ICSR_PENDSTSET: u32 = 1 << 26;
 const THREAD_PRIORITY: i16 = 256;
 
 /// The lines as the NVIC saw them last, and those a test has cut.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct InterruptLines {
     level: u32,
     cut: u32,

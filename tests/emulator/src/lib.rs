@@ -15,8 +15,8 @@
 //! # What is modelled
 //!
 //! The emulator knows nothing of the firmware's source: it sees pins, registers, wires, and the
-//! symbols of the ELF. Processor core, NVIC, clocks, PLLs, RESETS, SIO, IO_BANK0 and PADS_BANK0
-//! come from the crate `rp2040-emu`; memory, bus, boot ROM and the way into its USB boot loader, flash, TIMER, WATCHDOG, PSM, VREG and
+//! symbols of the ELF. Processor core, NVIC, clocks, RESETS, IO_BANK0 and PADS_BANK0
+//! come from the crate `rp2040-emu`; SIO, PLLs, memory, bus, boot ROM and the way into its USB boot loader, flash, TIMER, WATCHDOG, PSM, VREG and
 //! CHIP_RESET, both UARTs, both I2C blocks and SPI1 as masters, GPIO inputs and their interrupts, the
 //! ADC, the PWM, the PIO, the DMA, the USB device controller with a host at its cable, and everything about time and sleep are in this folder, one file each, with
 //! tests against the figures of the RP2040 datasheet. Section numbers are those of its builds in which
@@ -39,13 +39,16 @@
 //! [`Board::attach_wifi`] makes the board a Pico W: a CYW43439 at the pins of PIO0, on which the driver loads its program and
 //! brings up an access point or joins a network ([`cyw43`] says what of it is modelled). Frames from and to the air are the test's.
 //!
+//! A board can be cloned at any moment, while a test has attached no devices to it: the copy goes on as the board does, to the
+//! byte and the cycle, and may go to another thread.
+//!
 //! # What is not, and may not be claimed
 //!
 //! * Exact cycles: XIP cache misses take no time, bus contention and the wait states of the APB are left out,
 //!   taken branches and SIO loads differ from silicon by a cycle. Milliseconds and instruction
 //!   counts are sound, cycle figures are not.
 //! * `clk_sys` is 125 MHz from the first instruction, `clk_peri` the same, `clk_adc` 48 MHz.
-//! * Core 1, SPI0, RTC and SysTick: their registers read back what was
+//! * Core 1, the interpolators, SPI0, RTC and SysTick: their registers read back what was
 //!   written or zero, and every access is recorded in [`Board::unmodelled`].
 //! * The NMI never comes. A pin's function, the direction of SIO and the pad's output disable decide
 //!   what drives it; the overrides of IO_BANK0 do nothing. UART, SPI, PWM and PIO do not reach the inputs
@@ -70,6 +73,7 @@
 
 mod access_log;
 mod adc;
+mod attached;
 #[cfg(test)]
 mod bench;
 mod blocks;
@@ -82,8 +86,11 @@ mod boot_rom;
 mod boot_rom_tests;
 mod bus;
 pub mod can;
+mod chip;
 mod chip_reset;
 mod clock;
+#[cfg(test)]
+mod clone_tests;
 mod core_bus;
 mod cpu;
 #[cfg(test)]
@@ -122,6 +129,7 @@ mod rtt;
 mod run;
 #[cfg(test)]
 mod run_tests;
+mod sio;
 mod soc;
 mod spi;
 mod ssi;

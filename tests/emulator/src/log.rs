@@ -39,10 +39,15 @@ impl fmt::Display for LogLine {
     }
 }
 
+/// What each frame ends with (rzCOBS, defmt's default encoding).
+const FRAME_END: u8 = 0;
+
 /// Decodes the byte stream of RTT channel 0.
 pub struct LogDecoder {
     table: Option<&'static Table>,
     decoder: Option<Box<dyn StreamDecoder + Send + Sync>>,
+    /// What the decoder was given of the frame that is not complete yet.
+    begun: Vec<u8>,
     pub lines: Vec<LogLine>,
 }
 
@@ -51,6 +56,7 @@ impl LogDecoder {
         Self {
             table,
             decoder: table.map(Table::new_stream_decoder),
+            begun: Vec::new(),
             lines: Vec::new(),
         }
     }
@@ -58,11 +64,16 @@ impl LogDecoder {
     /// A reset ends the stream in the middle of whatever was being written.
     pub fn restart(&mut self) {
         self.decoder = self.table.map(Table::new_stream_decoder);
+        self.begun.clear();
     }
 
     pub fn receive(&mut self, bytes: &[u8], time_us: u64) {
         let Some(decoder) = &mut self.decoder else { return };
         decoder.received(bytes);
+        self.begun.extend(bytes);
+        if let Some(end) = self.begun.iter().rposition(|byte| *byte == FRAME_END) {
+            self.begun.drain(..=end);
+        }
         loop {
             match decoder.decode() {
                 Ok(frame) => self.lines.push(LogLine {
@@ -75,6 +86,16 @@ impl LogDecoder {
                 Err(DecodeError::Malformed) => self.lines.push(malformed(time_us)),
             }
         }
+    }
+}
+
+/// A decoder cannot be cloned: another one is told what this one has of a frame.
+impl Clone for LogDecoder {
+    fn clone(&self) -> Self {
+        let mut copy = Self::new(self.table);
+        copy.receive(&self.begun, 0);
+        copy.lines.clone_from(&self.lines);
+        copy
     }
 }
 

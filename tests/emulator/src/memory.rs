@@ -26,6 +26,7 @@ pub fn is_flash(address: u32) -> bool {
     (FLASH_BASE..FLASH_END).contains(&address)
 }
 
+#[derive(Clone)]
 pub struct Memory {
     pub rom: Vec<u8>,
     pub flash: FlashChip,

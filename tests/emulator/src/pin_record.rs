@@ -15,6 +15,7 @@ pub type Edge = (Cycle, bool);
 /// The PWM makes something else of a pin from this moment on; `None`: it drives it no longer.
 pub type PwmChange = (Cycle, Option<PwmOutput>);
 
+#[derive(Clone)]
 struct PinRecord {
     drive: PinDrive,
     edges: Vec<Edge>,
@@ -58,7 +59,7 @@ fn steady_level(drive: PinDrive) -> Option<bool> {
 }
 
 /// The pins that are recorded.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct PinRecorder {
     records: BTreeMap<usize, PinRecord>,
 }

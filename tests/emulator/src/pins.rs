@@ -1,8 +1,7 @@
 //! Pins: which of them a test's wires are soldered to, and what the chip connects them to inside.
 
-use rp2040_emu::Bus as CrateBus;
-
 use super::bus::SystemBus;
+use super::chip::Chip;
 use super::clock::{Cycle, NEVER};
 use super::cyw43::pins::{DATA, Wiring};
 use super::gpio::{BusLevels, PINS, PadState};
@@ -58,7 +57,7 @@ impl UartPins {
 }
 
 /// Which ends of the wire lead to the UART as the pin multiplexers and pads are set.
-pub fn uart_connection(chip: &CrateBus, uart: usize, pins: UartPins) -> PinConnection {
+pub fn uart_connection(chip: &Chip, uart: usize, pins: UartPins) -> PinConnection {
     pins.check(uart);
     let is_uart = |pin| chip.io_bank0.funcsel(pin) == FUNCTION_UART;
     let pad = |pin: usize| chip.pads_bank0.pads[pin];
@@ -105,7 +104,7 @@ impl I2cPins {
 }
 
 /// Whether both lines lead to the I2C block, in both ways.
-pub fn i2c_connection(chip: &CrateBus, pins: I2cPins) -> bool {
+pub fn i2c_connection(chip: &Chip, pins: I2cPins) -> bool {
     [pins.sda, pins.scl].into_iter().all(|pin| {
         let pad = chip.pads_bank0.pads[pin];
         let is_open = bit(pad, PAD_INPUT_ENABLE) && !bit(pad, PAD_OUTPUT_DISABLE);
@@ -144,7 +143,7 @@ impl SpiPins {
 }
 
 /// Which ends of the wires lead to the SPI block.
-pub fn spi_connection(chip: &CrateBus, pins: SpiPins) -> SpiConnection {
+pub fn spi_connection(chip: &Chip, pins: SpiPins) -> SpiConnection {
     let is_spi = |pin: usize| chip.io_bank0.funcsel(pin) == FUNCTION_SPI;
     let pad = |pin: usize, number| bit(chip.pads_bank0.pads[pin], number);
     let leaves = |pin| is_spi(pin) && !pad(pin, PAD_OUTPUT_DISABLE);
@@ -169,7 +168,7 @@ pub struct PinSettings {
 }
 
 impl PinSettings {
-    pub fn of(chip: &CrateBus) -> Self {
+    pub fn of(chip: &Chip) -> Self {
         let pad = |pin: usize, number| bit(chip.pads_bank0.pads[pin], number);
         let is_output = |pin| chip.io_bank0.funcsel(pin) == FUNCTION_SIO && !pad(pin, PAD_OUTPUT_DISABLE);
         Self {
@@ -199,12 +198,12 @@ pub enum PinDrive {
 }
 
 /// What drives a pin as the pin multiplexer and the pad are set.
-pub fn pin_drive(chip: &CrateBus, soc: &Soc, pin: usize, now: Cycle) -> PinDrive {
-    let is_output = bit(chip.sio.gpio_oe_masked(), pin as u32);
+pub fn pin_drive(chip: &Chip, soc: &Soc, pin: usize, now: Cycle) -> PinDrive {
+    let is_output = bit(chip.sio.gpio_oe, pin as u32);
     match chip.io_bank0.funcsel(pin) {
         _ if bit(chip.pads_bank0.pads[pin], PAD_OUTPUT_DISABLE) => PinDrive::Nothing,
         FUNCTION_PWM => PinDrive::Pwm(soc.pwm.output(pin, now)),
-        FUNCTION_SIO if is_output => PinDrive::Level(bit(chip.sio.gpio_out_masked(), pin as u32)),
+        FUNCTION_SIO if is_output => PinDrive::Level(bit(chip.sio.gpio_out, pin as u32)),
         FUNCTION_PIO0 => level_drive(soc.pios[0].level(pin)),
         FUNCTION_PIO1 => level_drive(soc.pios[1].level(pin)),
         _ => PinDrive::Nothing,
@@ -217,7 +216,7 @@ pub fn level_drive(level: Option<bool>) -> PinDrive {
 }
 
 /// The PIO block to which a pin leads.
-pub fn pio_of(chip: &CrateBus, pin: usize) -> Option<usize> {
+pub fn pio_of(chip: &Chip, pin: usize) -> Option<usize> {
     match chip.io_bank0.funcsel(pin) {
         _ if bit(chip.pads_bank0.pads[pin], PAD_OUTPUT_DISABLE) => None,
         FUNCTION_PIO0 => Some(0),
@@ -227,7 +226,7 @@ pub fn pio_of(chip: &CrateBus, pin: usize) -> Option<usize> {
 }
 
 /// The level a pin is driven to at a moment; `None` when nothing in the chip drives it.
-pub fn driven_level(chip: &CrateBus, soc: &Soc, pin: usize, now: Cycle) -> Option<bool> {
+pub fn driven_level(chip: &Chip, soc: &Soc, pin: usize, now: Cycle) -> Option<bool> {
     match pin_drive(chip, soc, pin, now) {
         PinDrive::Nothing => None,
         PinDrive::Level(level) => Some(level),
@@ -250,10 +249,10 @@ impl SystemBus {
 
     /// To be called whenever a pin may have changed: the inputs and the select lines follow.
     pub(super) fn observe_inputs(&mut self) {
-        let driven = self.chip.sio.gpio_oe_masked() & self.pin_settings.sio_outputs;
+        let driven = self.chip.sio.gpio_oe & self.pin_settings.sio_outputs;
         let pads = PadState {
             driven,
-            driven_high: driven & self.chip.sio.gpio_out_masked(),
+            driven_high: driven & self.chip.sio.gpio_out,
             pulled_up: self.pin_settings.pulled_up,
             may_float: self.pin_settings.may_float,
             input_enabled: self.pin_settings.input_enabled,
@@ -328,6 +327,6 @@ impl SystemBus {
     pub(super) fn sample_inputs(&mut self) {
         self.soc.gpio.advance(self.now);
         self.observe_inputs();
-        self.chip.gpio_in = self.soc.gpio.levels();
+        self.chip.sio.gpio_in = self.soc.gpio.levels();
     }
 }

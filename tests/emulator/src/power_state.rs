@@ -15,7 +15,7 @@ const STAGE_MASK: u32 = (1 << STAGES) - 1;
 const SIO: u32 = 14;
 const PROC0: u32 = 15;
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct PowerState {
     force_on: u32,
     force_off: u32,

@@ -105,8 +105,8 @@ impl Board {
             ResetCause::WatchdogTimer | ResetCause::WatchdogForce => self.bus.reset(),
             ResetCause::ProcessorOnly => {
                 self.bus.reset_processor();
-                self.bus.chip.nvics[0].reset();
-                self.bus.chip.ppb[0] = Default::default();
+                self.bus.chip.nvic.reset();
+                self.bus.chip.ppb = Default::default();
             }
         }
     }
@@ -139,13 +139,13 @@ impl Board {
         let (stack_pointer, entry) = (word(VECTOR_TABLE), word(VECTOR_TABLE + 4));
         self.start_processor(stack_pointer, entry, random);
         self.prepare_flash(entry);
-        self.bus.chip.ppb[0].vtor = VECTOR_TABLE;
+        self.bus.chip.ppb.vtor = VECTOR_TABLE;
     }
 
     fn start_processor(&mut self, stack_pointer: u32, entry: u32, mut random: Random) {
         self.cpu = Cpu::at_reset(stack_pointer, entry, &mut random);
-        self.bus.chip.event_flag[0] = false;
-        self.bus.chip.wfe_waiting[0] = false;
+        self.bus.chip.event_flag = false;
+        self.bus.chip.wfe_waiting = false;
         self.lines.forget_levels();
         self.log.restart();
         self.bus.attention = true;

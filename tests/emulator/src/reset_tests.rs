@@ -83,10 +83,10 @@ fn sysresetreq_restarts_the_processor_and_leaves_the_peripherals() {
     board.write_register(RESETS_CLEAR, UART0_RESET);
     pend_line_26(&mut board);
     board.set_register(15, MAIN + 2);
-    board.bus.chip.nvics[0].enabled = 1;
+    board.bus.chip.nvic.enabled = 1;
     board.run_for(10);
     assert_eq!(board.resets()[0].cause, ResetCause::ProcessorOnly);
-    let nvic = &board.bus.chip.nvics[0];
+    let nvic = &board.bus.chip.nvic;
     assert_eq!(
         (nvic.enabled, nvic.pending),
         (0, 0),

@@ -17,7 +17,7 @@ const FLAGS: u32 = 44;
 /// "Block if FIFO full", which a host that reads sets.
 const BLOCKING: u32 = 2;
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct RttWatch {
     control_block: Option<u32>,
     /// The firmware has moved the write offset and the bytes were not taken yet.

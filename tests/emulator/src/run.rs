@@ -96,7 +96,7 @@ impl Board {
         self.reset_if_requested();
         let lines = self.bus.soc.interrupt_lines();
         let chip = &mut self.bus.chip;
-        self.lines.update(lines, &mut chip.nvics[0], &chip.ppb[0]);
+        self.lines.update(lines, &mut chip.nvic, &chip.ppb);
         self.cpu.wake_if_due(&mut self.bus);
     }
 

@@ -86,6 +86,7 @@ const PIO_PLACES: [PioPlace; 2] = [
     },
 ];
 
+#[derive(Clone)]
 pub struct Soc {
     pub power_state: PowerState,
     pub gpio: Gpio,

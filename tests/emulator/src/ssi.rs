@@ -43,6 +43,7 @@ const UNIQUE_ID_DUMMY_BYTES: usize = 4;
 const STATUS_1: u8 = 0;
 const STATUS_2_QUAD_ENABLED: u8 = 1 << 1;
 
+#[derive(Clone)]
 pub struct Ssi {
     registers: [u32; REGISTERS],
     received: VecDeque<u8>,

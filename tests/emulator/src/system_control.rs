@@ -21,11 +21,14 @@ const AIRCR: u32 = 0xe000_ed0c;
 const SHPR2: u32 = 0xe000_ed1c;
 const SHPR3: u32 = 0xe000_ed20;
 
+/// An interrupt has four priorities (2.4.5.2).
+const PRIORITIES: u32 = 0xc0c0_c0c0;
+
 const AIRCR_KEY: u32 = 0x05fa << 16;
 const AIRCR_SYSRESETREQ: u32 = 1 << 2;
 
 /// The part of the processor's state that its own registers show or ask for.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct SystemControl {
     /// AIRCR.SYSRESETREQ was written.
     pub reset_requested: bool,
@@ -37,22 +40,17 @@ pub struct SystemControl {
 impl SystemBus {
     pub(super) fn load_system_control(&mut self, address: u32, width: Width) -> u32 {
         let register = address & !3;
+        let nvic = &mut self.chip.nvic;
         let word = match register {
-            ICSR => self.chip.read32(register) | self.system_control.active_exception,
+            ICSR => self.chip.ppb.read32(register) | self.system_control.active_exception,
             mpu::TYPE..=mpu::RASR => self.system_control.mpu.read(register),
-            NVIC_ISER
-            | NVIC_ICER
-            | NVIC_ISPR
-            | NVIC_ICPR
-            | NVIC_IPR0..=NVIC_IPR7
-            | CPUID
-            | VTOR
-            | AIRCR
-            | SHPR2
-            | SHPR3 => self.chip.read32(register),
+            NVIC_ISER | NVIC_ICER => nvic.enabled,
+            NVIC_ISPR | NVIC_ICPR => nvic.pending,
+            NVIC_IPR0..=NVIC_IPR7 => u32::from_le_bytes(*priorities(&mut nvic.priority, register)),
+            CPUID | VTOR | AIRCR | SHPR2 | SHPR3 => self.chip.ppb.read32(register),
             _ => {
                 self.note_unmodelled("PPB", register, Direction::Read);
-                self.chip.read32(register)
+                self.chip.ppb.read32(register)
             }
         };
         lane(word, address, width)
@@ -61,7 +59,7 @@ impl SystemBus {
     /// The PPB takes words only; what a narrow store does is not defined (ARMv6-M B3.1.1).
     pub(super) fn store_system_control(&mut self, address: u32, value: u32) {
         self.attention = true;
-        let nvic = &mut self.chip.nvics[0];
+        let nvic = &mut self.chip.nvic;
         match address {
             NVIC_ISER => nvic.enabled |= value,
             NVIC_ICER => nvic.enabled &= !value,
@@ -69,11 +67,11 @@ impl SystemBus {
             NVIC_ICPR => nvic.pending &= !value,
             AIRCR => self.request_reset(value),
             mpu::TYPE..=mpu::RASR => self.system_control.mpu.write(address, value),
-            NVIC_IPR0..=NVIC_IPR7 | ICSR | VTOR | SHPR2 | SHPR3 => self.chip.write32(address, value),
-            _ => {
-                self.note_unmodelled("PPB", address, Direction::Write);
-                self.chip.write32(address, value);
+            NVIC_IPR0..=NVIC_IPR7 => {
+                *priorities(&mut nvic.priority, address) = (value & PRIORITIES).to_le_bytes();
             }
+            ICSR | VTOR | SHPR2 | SHPR3 => self.chip.ppb.write32(address, value),
+            _ => self.note_unmodelled("PPB", address, Direction::Write),
         }
     }
 
@@ -81,4 +79,11 @@ impl SystemBus {
         let has_key = aircr & 0xffff_0000 == AIRCR_KEY;
         self.system_control.reset_requested |= has_key && aircr & AIRCR_SYSRESETREQ != 0;
     }
+}
+
+/// The priorities of four interrupts, in one of IPR0 to IPR7.
+fn priorities(all: &mut [u8; 32], register: u32) -> &mut [u8; 4] {
+    let first = (register - NVIC_IPR0) as usize & !3;
+    let four = all[first..].first_chunk_mut();
+    four.expect("eight registers hold 32 priorities")
 }

@@ -25,7 +25,7 @@ const INTS: u32 = 0x40;
 const ALARMS: usize = 4;
 const ALARM_MASK: u32 = 0b1111;
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Timer {
     /// The tick made by the watchdog block; without it the counter stands still (datasheet 4.7.2).
     tick: Option<Tick>,

@@ -34,6 +34,7 @@ pub enum WatchdogReset {
     Force = 0b10,
 }
 
+#[derive(Clone)]
 pub struct Watchdog {
     ctrl: u32,
     /// The cores a debugger has halted, one bit each.

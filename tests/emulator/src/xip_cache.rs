@@ -12,6 +12,7 @@ const SETS: u32 = 16 * 1024 / LINE_BYTES / 2;
 type Set = [Option<u32>; 2];
 
 /// Which lines of flash the cache holds, and how often it held another than the one that was read.
+#[derive(Clone)]
 pub struct XipCache {
     sets: Vec<Set>,
     misses: u64,

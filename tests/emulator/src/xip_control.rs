@@ -20,6 +20,7 @@ const CTRL_RESET: u32 = 0b11;
 /// Streaming FIFO empty, flush complete.
 const STAT_IDLE: u32 = 0b11;
 
+#[derive(Clone)]
 pub struct XipControl {
     control: u32,
     /// Flash has changed since the cache was flushed.

@@ -6,6 +6,7 @@ use crate::air::computer::{Connection, UdpPort};
 use crate::air::laptop::Laptop;
 use crate::air::radio::Credentials;
 use crate::air::space::Air;
+use crate::bench::starts::Start;
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, frames};
 use crate::support::requests::heartbeat;
@@ -50,7 +51,9 @@ pub struct Station {
 impl Ground {
     /// A Pico W whose network is up.
     pub fn up() -> Self {
-        Self::of(Bench::power_up(DIVIDER_CODE))
+        let start = Start::AccessPoint(DIVIDER_CODE);
+        let bench = start.shared(|| Self::of(Bench::power_up(DIVIDER_CODE)).bench);
+        Self::around(bench)
     }
 
     /// The same with this bench, which has not run yet.

@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 
 use rover_battmon::flash_map;
 
+use super::flash_cuts::Leader;
 use crate::bench::log_flash::{LogFlash, files_in};
 use crate::bench::{Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND};
 use crate::log_records::{named, records_of_torn};
@@ -31,6 +32,9 @@ const RESTART_US: u64 = 400 * MILLISECOND;
 
 /// What may be lost.
 const LOST_US: u64 = SECOND;
+
+/// A board's time is known so well when the power goes.
+const STEP_US: u64 = 10 * MILLISECOND;
 
 const CUTS_BETWEEN_LINES: usize = 50;
 
@@ -60,60 +64,84 @@ struct Cut {
     armed_us: Option<u64>,
 }
 
-/// Arms, disarms, and lets the power be cut in flash operation `operation`. `None`: it was over before.
-fn run_until_cut(bench: &mut Bench, operation: u64, cut: FlashCut) -> Option<Cut> {
-    bench.cut_power_at_flash_operation(operation, cut);
-    let mut armed_us = None;
-    let mut at_us = 0;
-    let mut run = |bench: &mut Bench, length_us: u64| {
+/// Boards that lose power while the ring rotates, and what is looked at then.
+struct Rotation<I: Iterator<Item = u64>> {
+    leader: Leader<I>,
+    cut: FlashCut,
+    /// The files and the parameters at the start.
+    files: Vec<(u16, Vec<u8>)>,
+    parameters: Vec<u8>,
+    armed_us: Option<u64>,
+    cuts: usize,
+}
+
+impl<I: Iterator<Item = u64>> Rotation<I> {
+    fn run_for(&mut self, length_us: u64) {
         // In steps, as the time of a board without power is unknown.
-        for _ in 0..length_us / (10 * MILLISECOND) {
-            if bench.is_powered() {
-                at_us = board_us(bench);
-                bench.run_for(10 * MILLISECOND);
+        for _ in 0..length_us / STEP_US {
+            let at_us = board_us(&mut self.leader.bench);
+            let mut boards = Vec::new();
+            let step = |bench: &mut Bench| bench.run_for(STEP_US);
+            self.leader
+                .step(step, |bench, operation| boards.push((bench, operation)));
+            for (bench, operation) in boards {
+                self.assert_recorded(bench, operation, at_us);
             }
         }
-        at_us
-    };
-    run(bench, BEFORE_ARMING_US);
-    if bench.is_powered() {
+    }
+
+    fn arm(&mut self) {
+        let bench = &mut self.leader.bench;
         let now_us = bench.time_us();
         bench.uart_send(0, now_us, &command_long_2(ARM_DISARM, 1.0, FORCED));
-        armed_us = Some(board_us(bench));
-        run(bench, ARMED_US);
+        self.armed_us = Some(board_us(bench));
     }
-    if bench.is_powered() {
+
+    fn disarm(&mut self) {
+        let bench = &mut self.leader.bench;
         let now_us = bench.time_us();
         bench.uart_send(0, now_us, &disarm());
     }
-    let at_us = run(bench, DISARMED_US);
-    (!bench.is_powered()).then_some(Cut { at_us, armed_us })
-}
 
-/// Cuts the power in these operations, until there is none of that number.
-pub fn run(cut: FlashCut, operations: impl Iterator<Item = u64>) {
-    let before = files_in(full_ring().bytes());
-    let mut cuts = 0;
-    for operation in operations {
-        let mut bench = Bench::power_up_with_flash(CODE, flash_map::LOG.start, full_ring().bytes());
-        let parameters = bench.read_flash(PARAMETER_OFFSET, PARAMETER_BYTES);
-        let at = format!("operation {operation}, {cut:?}");
-        let Some(what) = run_until_cut(&mut bench, operation, cut) else {
-            assert!(bench.flash_operations().len() > 60, "no rotation");
-            break;
-        };
-        assert_recorded(&files(&bench), &before, &what, &at);
+    /// Before the board is switched on again, and after that.
+    fn assert_recorded(&mut self, mut bench: Bench, operation: u64, at_us: u64) {
+        let at = format!("operation {operation}, {:?}", self.cut);
+        let armed_us = self.armed_us;
+        let what = Cut { at_us, armed_us };
+        assert_recorded(&files(&bench), &self.files, &what, &at);
         bench.power_cycle();
         bench.run_for(RESTART_US);
-        assert_recorded(&files(&bench), &before, &what, &at);
+        assert_recorded(&files(&bench), &self.files, &what, &at);
         let kept = bench.read_flash(PARAMETER_OFFSET, PARAMETER_BYTES);
-        assert!(kept == parameters, "{at}: parameters");
-        cuts += 1;
-        if cuts % CUTS_BETWEEN_LINES == 0 {
-            println!("power cuts of the log ({cut:?}): {cuts}");
+        assert!(kept == self.parameters, "{at}: parameters");
+        self.cuts += 1;
+        if self.cuts.is_multiple_of(CUTS_BETWEEN_LINES) {
+            println!("power cuts of the log ({:?}): {}", self.cut, self.cuts);
         }
     }
-    println!("{cuts} operations of a rotation cut ({cut:?}), no older file touched, at most a second lost");
+}
+
+/// Cuts the power in these operations of a rotation: arms, disarms.
+pub fn run(cut: FlashCut, operations: impl Iterator<Item = u64>) {
+    let bench = Bench::power_up_with_flash(CODE, flash_map::LOG.start, full_ring().bytes());
+    let mut rotation = Rotation {
+        cut,
+        files: files(&bench),
+        parameters: bench.read_flash(PARAMETER_OFFSET, PARAMETER_BYTES),
+        leader: Leader::new(bench, cut, operations),
+        armed_us: None,
+        cuts: 0,
+    };
+    rotation.run_for(BEFORE_ARMING_US);
+    rotation.arm();
+    rotation.run_for(ARMED_US);
+    rotation.disarm();
+    rotation.run_for(DISARMED_US);
+    assert!(rotation.leader.begun() > 60, "no rotation");
+    println!(
+        "{} operations of a rotation cut ({cut:?}), no older file touched, at most a second lost",
+        rotation.cuts
+    );
 }
 
 /// Panics unless older files are as they were, but for the oldest, which may be gone, and the newest lacks at most a second.

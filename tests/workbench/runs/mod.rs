@@ -2,6 +2,7 @@
 
 pub mod budget;
 pub mod exact_rates;
+pub mod flash_cuts;
 pub mod line_noise;
 pub mod log_cuts;
 pub mod logged_drive;

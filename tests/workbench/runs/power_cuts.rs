@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
+use super::flash_cuts::Leader;
 use crate::bench::{
     Bench, DIVIDER_CODE, LISTED_BY_DEFAULT, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND,
 };
@@ -81,43 +82,32 @@ fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
         .collect()
 }
 
-/// Sets until power is cut in flash operation `operation`; then what each parameter may be. `None`: the sets were over
-/// before.
-fn set_until_cut(bench: &mut Bench, operation: u64, cut: FlashCut) -> Option<BTreeMap<String, Vec<f32>>> {
+/// Cuts the power in these operations of the sets: nothing is lost, and nothing is torn.
+pub fn run(cut: FlashCut, operations: impl Iterator<Item = u64>) {
+    let mut bench = Bench::power_up_with_parameters(DIVIDER_CODE, used_flash());
     bench.run_for(BOOT_US);
-    let mut values: BTreeMap<_, _> = list(bench)
+    let mut values: BTreeMap<_, _> = list(&mut bench)
         .into_iter()
         .map(|(name, value)| (name, vec![value]))
         .collect();
-    bench.cut_power_at_flash_operation(operation, cut);
-    for (name, value) in sets().skip(SETS_BEFORE).take(SETS) {
-        set(bench, name, value);
-        let allowed = values.get_mut(name).expect("it is listed");
-        if !bench.is_powered() {
-            allowed.push(value);
-            return Some(values);
-        }
-        *allowed = vec![value];
-    }
-    None
-}
-
-/// Cuts the power in these operations, until there is none of that number: nothing is lost, and nothing is torn.
-pub fn run(cut: FlashCut, operations: impl Iterator<Item = u64>) {
+    let mut leader = Leader::new(bench, cut, operations);
     let mut cuts = 0;
-    for operation in operations {
-        let mut bench = Bench::power_up_with_parameters(DIVIDER_CODE, used_flash());
-        let Some(allowed) = set_until_cut(&mut bench, operation, cut) else {
-            let all = bench.flash_operations().len();
-            assert!(all > SETS, "the fifty sets did not reach the next sector");
-            break;
-        };
-        assert_keeps_working(&mut bench, &allowed, &format!("operation {operation}, {cut:?}"));
-        cuts += 1;
-        if cuts % CUTS_BETWEEN_LINES == 0 {
-            println!("power cuts ({cut:?}): {cuts}");
-        }
+    for (name, value) in sets().skip(SETS_BEFORE).take(SETS) {
+        values.get_mut(name).expect("it is listed").push(value);
+        leader.step(
+            |bench| set(bench, name, value),
+            |mut bench, operation| {
+                assert_keeps_working(&mut bench, &values, &format!("operation {operation}, {cut:?}"));
+                cuts += 1;
+                if cuts % CUTS_BETWEEN_LINES == 0 {
+                    println!("power cuts ({cut:?}): {cuts}");
+                }
+            },
+        );
+        values.insert(name.to_owned(), vec![value]);
     }
+    let all = leader.bench.flash_operations().len();
+    assert!(all > SETS, "the fifty sets did not reach the next sector");
     println!("{cuts} operations cut ({cut:?}), none lost, none torn");
 }
 

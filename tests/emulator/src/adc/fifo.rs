@@ -20,7 +20,7 @@ const WRITABLE: u32 = 0x0f00_000f;
 /// FIFO word: the conversion had an error.
 const WORD_ERR: u16 = 1 << 15;
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct SampleFifo {
     control: u32,
     samples: VecDeque<u16>,

@@ -22,9 +22,21 @@ pub enum AdcInput {
     /// This voltage, through the transfer curve, with the noise of [`super::Adc::set_noise`].
     Volts(f64),
     /// A code as a function of time.
-    CodeAt(Box<dyn FnMut(u64) -> u16>),
+    CodeAt(Box<dyn FnMut(u64) -> u16 + Send>),
     /// A voltage as a function of time.
-    VoltsAt(Box<dyn FnMut(u64) -> f64>),
+    VoltsAt(Box<dyn FnMut(u64) -> f64 + Send>),
+}
+
+impl Clone for AdcInput {
+    fn clone(&self) -> Self {
+        match self {
+            Self::Code(code) => Self::Code(*code),
+            Self::Volts(volts) => Self::Volts(*volts),
+            Self::CodeAt(_) | Self::VoltsAt(_) => {
+                panic!("a board with a computed ADC input cannot be copied: set it on the copies")
+            }
+        }
+    }
 }
 
 impl AdcInput {

@@ -58,11 +58,13 @@ pub enum AdcFault {
     ConversionError,
 }
 
+#[derive(Clone)]
 struct Running {
     start: Cycle,
     channel: usize,
 }
 
+#[derive(Clone)]
 pub struct Adc {
     cs: u32,
     div: u32,

@@ -9,7 +9,7 @@ pub struct Network {
     pub channel: u8,
 }
 
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Air {
     pub networks: Vec<Network>,
     pub sent: Vec<Vec<u8>>,

@@ -64,6 +64,7 @@ impl Wrapper {
     }
 }
 
+#[derive(Clone)]
 pub struct Backplane {
     own: BTreeMap<u32, u8>,
     window: u32,

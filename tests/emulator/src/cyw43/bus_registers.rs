@@ -33,7 +33,7 @@ pub struct PacketState {
     pub waiting_bytes: Option<usize>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct BusRegisters {
     bytes: [u8; SIZE],
     /// Interrupts that stay until a one is written to them.

@@ -14,6 +14,7 @@ use super::wlan::Wlan;
 /// "Power-up sequence").
 const ANSWERS_AFTER: Cycle = cycles(150_000);
 
+#[derive(Clone)]
 pub struct Chip {
     answers_from: Cycle,
     bus: BusRegisters,

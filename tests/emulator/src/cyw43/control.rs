@@ -48,7 +48,7 @@ struct Request<'a> {
 }
 
 /// The program's state beside the radio's.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Control {
     /// The regulatory data was downloaded.
     has_regulatory_data: bool,

@@ -42,6 +42,7 @@ use serial::Serial;
 const ADDRESS: [u8; 6] = [0x28, 0xcd, 0xc1, 0x00, 0x43, 0x39];
 
 /// The chip, its pins, and what is around it.
+#[derive(Clone)]
 pub struct Cyw43 {
     expected: Expected,
     wiring: Wiring,

@@ -31,6 +31,7 @@ impl Expected {
 /// The last word of the RAM: how many words of NVRAM are before it, and their complement in the upper half.
 const NVRAM_LENGTH: usize = RAM_BYTES - 4;
 
+#[derive(Clone)]
 pub struct Program {
     expected: Expected,
     ram: Vec<u8>,

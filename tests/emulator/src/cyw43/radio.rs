@@ -24,7 +24,7 @@ pub struct AccessPoint {
 }
 
 /// What the driver has set up.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Settings {
     pub mode: Mode,
     pub ssid: String,
@@ -49,7 +49,7 @@ enum Joining {
     AgreeingOnKeys { until: Cycle },
 }
 
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Radio {
     pub settings: Settings,
     is_up: bool,

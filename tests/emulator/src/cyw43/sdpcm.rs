@@ -63,7 +63,7 @@ impl Packet {
 }
 
 /// Sequence numbers and credits.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Sdpcm {
     /// Of the next packet to the driver.
     sequence: u8,

@@ -104,7 +104,7 @@ pub trait Functions {
     fn is_interrupt_high(&self) -> bool;
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 enum Phase {
     Command,
     Data { command: Command, words: Vec<u32> },
@@ -112,7 +112,7 @@ enum Phase {
 }
 
 /// One transfer after the other.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Serial {
     phase: Phase,
     received: u32,

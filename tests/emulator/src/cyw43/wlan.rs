@@ -16,6 +16,7 @@ const FRAME_AFTER: Cycle = cycles(300);
 /// Frames that wait for the driver.
 const FRAMES: usize = 16;
 
+#[derive(Clone)]
 pub struct Wlan {
     address: [u8; 6],
     sdpcm: Sdpcm,

@@ -47,6 +47,7 @@ pub enum TransferEnd {
     WriteError,
 }
 
+#[derive(Clone)]
 pub struct Dma {
     channels: [Channel; CHANNELS],
     intr: u32,

@@ -92,7 +92,7 @@ impl Cpu {
                 }
                 Some(Notice::PrimaskChanged) => {
                     changed_primask = true;
-                    if core.primask == 0 && would_preempt(&bus.chip.nvics[0], &bus.chip.ppb[0]) {
+                    if core.primask == 0 && would_preempt(&bus.chip.nvic, &bus.chip.ppb) {
                         break;
                     }
                     // The barrier that ends a critical section counts as no instruction, as in `Cpu::step`.

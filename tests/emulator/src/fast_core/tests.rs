@@ -82,8 +82,8 @@ impl State {
 fn prepare(board: &mut Board, r: [u32; 16], flags: u32, primask: u32) {
     board.cpu.restart_with(r, 1 << 24 | flags, primask);
     let chip = &mut board.bus.chip;
-    (chip.nvics[0].pending, chip.ppb[0].active, chip.ppb[0].icsr) = (0, 0, 0);
-    (chip.wfe_waiting[0], chip.event_flag[0]) = (false, false);
+    (chip.nvic.pending, chip.ppb.active, chip.ppb.icsr) = (0, 0, 0);
+    (chip.wfe_waiting, chip.event_flag) = (false, false);
     board.bus.fault = None;
     board.lowest_stack_pointer = r[SP];
 }

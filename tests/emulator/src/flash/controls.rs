@@ -1,6 +1,7 @@
 //! What a test sees of the flash chip, and what it can do to it.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::super::board::Board;
 use super::super::memory::FLASH_SIZE;
@@ -56,7 +57,8 @@ impl Board {
 
     /// Put bytes into the flash chip from outside, as they are. Panics past its end.
     pub fn write_flash(&mut self, offset: u32, bytes: &[u8]) {
-        self.flash_mut().bytes[place(offset, bytes.len())].copy_from_slice(bytes);
+        let flash = Arc::make_mut(&mut self.flash_mut().bytes);
+        flash[place(offset, bytes.len())].copy_from_slice(bytes);
         self.bus.flash_has_changed();
     }
 

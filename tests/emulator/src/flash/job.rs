@@ -30,6 +30,7 @@ pub enum Step {
 }
 
 /// What is left to do of a call of one of the two functions.
+#[derive(Clone)]
 pub struct Job {
     /// The arguments of the call.
     arguments: [u32; 4],
@@ -40,6 +41,7 @@ pub struct Job {
     sent: Option<Command>,
 }
 
+#[derive(Clone)]
 enum Work {
     /// `flash_range_erase`, with its third and fourth argument.
     Erase { block_size: u32, block_command: u32 },

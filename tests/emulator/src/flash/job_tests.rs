@@ -137,7 +137,7 @@ fn an_interrupt_that_comes_during_an_erase_is_served_after_it() {
     pend_line_26(&mut board);
     board.run_for(24_900);
     assert!(board.flash_is_busy());
-    assert_eq!((board.register(7), board.bus.chip.nvics[0].pending), (0, 1 << 26));
+    assert_eq!((board.register(7), board.bus.chip.nvic.pending), (0, 1 << 26));
     finish(&mut board);
     board.run_for(10);
     assert_eq!(board.register(7), 1);
@@ -160,7 +160,7 @@ fn an_interrupt_handler_in_ram_runs_during_an_erase() {
     const TABLE: u32 = RAM + 0x4000;
     const HANDLER: u32 = RAM + 0x5000;
     let mut board = flash_board();
-    board.bus.chip.ppb[0].vtor = TABLE;
+    board.bus.chip.ppb.vtor = TABLE;
     board.write_memory(TABLE + 4 * LINE_26, &(HANDLER | 1).to_le_bytes());
     board.write_memory(
         HANDLER,

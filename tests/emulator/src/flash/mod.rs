@@ -8,7 +8,7 @@
 mod controls;
 mod cut;
 #[cfg(test)]
-mod fixture;
+pub(super) mod fixture;
 mod job;
 #[cfg(test)]
 mod job_tests;
@@ -19,6 +19,7 @@ mod power_tests;
 mod tests;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use super::clock::{Cycle, NEVER, micros};
 use super::random::Random;
@@ -28,8 +29,10 @@ use operation::Command;
 pub use operation::{FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
 use operation::{PAGE_SIZE, SECTOR_SIZE};
 
+#[derive(Clone)]
 pub struct FlashChip {
-    bytes: Vec<u8>,
+    /// Shared with the copies of the board until one of them changes it.
+    bytes: Arc<Vec<u8>>,
     timing: FlashTiming,
     running: Option<Running>,
     operations: Vec<FlashOperation>,
@@ -41,6 +44,7 @@ pub struct FlashChip {
 }
 
 /// The command the chip is busy with.
+#[derive(Clone)]
 struct Running {
     command: Command,
     start: Cycle,
@@ -49,6 +53,7 @@ struct Running {
     cut: Option<FlashCut>,
 }
 
+#[derive(Clone)]
 struct ArmedCut {
     /// How many operations begin before the one that is cut.
     operations_before: u64,
@@ -56,9 +61,9 @@ struct ArmedCut {
 }
 
 impl FlashChip {
-    pub fn new(bytes: Vec<u8>, seed: u64) -> Self {
+    pub fn new(bytes: impl Into<Arc<Vec<u8>>>, seed: u64) -> Self {
         Self {
-            bytes,
+            bytes: bytes.into(),
             timing: FlashTiming::TYPICAL,
             running: None,
             operations: Vec::new(),
@@ -144,7 +149,7 @@ impl FlashChip {
             None => running.command.result(before),
         };
         self.keep_worn_sectors(range.start, &mut after);
-        self.bytes[place].copy_from_slice(&after);
+        Arc::make_mut(&mut self.bytes)[place].copy_from_slice(&after);
         if cut != Some(FlashCut::Before) {
             self.count_erases(&running.command);
         }

@@ -46,7 +46,7 @@ impl BusLevels {
     }
 }
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Gpio {
     pads: PadState,
     bus: BusLevels,

@@ -37,7 +37,7 @@ impl Pulses {
     }
 }
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Wires {
     /// Pins a wire drives, and drives high: one bit each.
     pub connected: u32,

@@ -75,7 +75,7 @@ impl Step {
     }
 }
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Master {
     transmit: VecDeque<Command>,
     receive: VecDeque<u16>,

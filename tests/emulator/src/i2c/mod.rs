@@ -33,6 +33,7 @@ pub struct I2cPlace {
     pub dma_request_rx: u32,
 }
 
+#[derive(Clone)]
 pub struct I2c {
     place: I2cPlace,
     wires: Wires,

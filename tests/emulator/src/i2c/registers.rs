@@ -64,6 +64,7 @@ const DMA_RX: u32 = 0;
 const DMA_TX: u32 = 1;
 
 /// What the firmware writes and reads back.
+#[derive(Clone)]
 pub struct Settings {
     con: u32,
     tar: u32,

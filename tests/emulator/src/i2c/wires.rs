@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::super::attached::Attached;
 use super::super::clock::Cycle;
 use super::device::{Ack, I2cDevice, I2cDirection};
 use super::neighbours::Neighbours;
@@ -28,8 +29,9 @@ pub struct Levels {
 
 const IDLE: Levels = Levels { scl: true, sda: true };
 
+#[derive(Clone)]
 pub struct Wires {
-    devices: BTreeMap<u8, Neighbours>,
+    devices: Attached<BTreeMap<u8, Neighbours>>,
     /// Until then something other than the master holds SCL low.
     scl_free_at: Cycle,
     /// How many clocks of SCL it takes until SDA is released.
@@ -43,7 +45,7 @@ pub struct Wires {
 impl Default for Wires {
     fn default() -> Self {
         Self {
-            devices: BTreeMap::new(),
+            devices: Attached::default(),
             scl_free_at: 0,
             sda_held_for: 0,
             by_hand: IDLE,
@@ -62,12 +64,15 @@ impl Wires {
 
     pub fn attach_also(&mut self, address: u8, device: Box<dyn I2cDevice>) {
         assert!(address < 0x80, "{address:#x} is not an I2C address");
-        self.devices.entry(address).or_default().add(device);
+        let devices = self.devices.get_or_default();
+        devices.entry(address).or_default().add(device);
         self.is_used = true;
     }
 
     pub fn detach(&mut self, address: u8) {
-        self.devices.remove(&address);
+        if let Some(devices) = self.devices.get_mut() {
+            devices.remove(&address);
+        }
     }
 
     pub fn log(&self) -> &[I2cTransaction] {
@@ -145,7 +150,10 @@ impl Wires {
             acked: true,
         });
         transaction.address = address;
-        let device = self.devices.get_mut(&address);
+        let device = self
+            .devices
+            .get_mut()
+            .and_then(|devices| devices.get_mut(&address));
         let ack = device.map_or(Ack::Nack, |device| device.start(direction, end));
         self.after_byte(ack, end)
     }
@@ -202,7 +210,7 @@ impl Wires {
 
     fn device(&mut self) -> Option<&mut Neighbours> {
         let address = self.under_way.as_ref()?.address;
-        self.devices.get_mut(&address)
+        self.devices.get_mut()?.get_mut(&address)
     }
 
     /// SDA that is held low looks like an acknowledgement. Then the device may stretch.

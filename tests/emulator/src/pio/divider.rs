@@ -6,7 +6,7 @@ use super::super::register::field;
 const ONE: u64 = 256;
 const LONGEST: u64 = 65_536;
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Divider {
     register: u32,
     /// It runs on from here, whether the state machine is enabled or not.

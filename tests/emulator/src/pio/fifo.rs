@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 const DEPTH: usize = 4;
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Fifo {
     words: VecDeque<u32>,
     depth: usize,

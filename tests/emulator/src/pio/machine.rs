@@ -7,7 +7,7 @@ use super::fifo::Fifo;
 use super::instruction::{DelayAndSide, Instruction, or_32};
 
 /// What the four state machines of a block share.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Shared {
     pub memory: [u16; 32],
     /// The eight interrupt flags.
@@ -46,13 +46,13 @@ enum Outcome {
 }
 
 /// A shift register, and how many bits went in or out since it was full or empty.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Shift {
     value: u32,
     count: u32,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Machine {
     number: u32,
     pub enabled: bool,

@@ -87,7 +87,7 @@ pub trait PinDevice {
 }
 
 /// INTE and INTF of one of the two interrupts.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Interrupt {
     enabled: u32,
     forced: u32,
@@ -99,7 +99,7 @@ impl Interrupt {
     }
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Pio {
     place: PioPlace,
     machines: [Machine; MACHINES],

@@ -29,6 +29,7 @@ pub struct PwmOutput {
     pub duty: f64,
 }
 
+#[derive(Clone)]
 pub struct Pwm {
     slices: [Slice; SLICES],
 }

@@ -53,6 +53,7 @@ struct Frame {
     end: Cycle,
 }
 
+#[derive(Clone)]
 pub struct Spi {
     place: SpiPlace,
     pins: SpiConnection,

@@ -1,5 +1,6 @@
 //! The wires outside the chip: the devices on them, and what went over them.
 
+use super::super::attached::Attached;
 use super::super::clock::{Cycle, NEVER};
 use super::device::{SpiClock, SpiDevice};
 
@@ -48,8 +49,9 @@ impl Slot {
     }
 }
 
+#[derive(Clone)]
 pub struct Wires {
-    slots: Vec<Slot>,
+    slots: Attached<Vec<Slot>>,
     floating: u8,
     log: Vec<SpiTransaction>,
 }
@@ -57,7 +59,7 @@ pub struct Wires {
 impl Default for Wires {
     fn default() -> Self {
         Self {
-            slots: Vec::new(),
+            slots: Attached::default(),
             floating: 0xff,
             log: Vec::new(),
         }
@@ -67,7 +69,7 @@ impl Default for Wires {
 impl Wires {
     pub fn attach(&mut self, select: usize, interrupt: Option<usize>, device: Box<dyn SpiDevice>) {
         self.detach(select);
-        self.slots.push(Slot {
+        self.slots.get_or_default().push(Slot {
             select,
             interrupt,
             device,
@@ -76,7 +78,9 @@ impl Wires {
     }
 
     pub fn detach(&mut self, select: usize) {
-        self.slots.retain(|slot| slot.select != select);
+        if let Some(slots) = self.slots.get_mut() {
+            slots.retain(|slot| slot.select != select);
+        }
     }
 
     pub fn set_floating(&mut self, byte: u8) {
@@ -91,13 +95,17 @@ impl Wires {
         std::mem::take(&mut self.log)
     }
 
+    fn slots(&self) -> impl Iterator<Item = &Slot> {
+        self.slots.get().into_iter().flatten()
+    }
+
     pub fn would_change(&self, low_pins: u32) -> bool {
         let changes = |slot: &Slot| slot.is_wanted(low_pins) != slot.under_way.is_some();
-        self.slots.iter().any(changes)
+        self.slots().any(changes)
     }
 
     pub fn select(&mut self, low_pins: u32, now: Cycle) {
-        for slot in &mut self.slots {
+        for slot in self.slots.get_mut().into_iter().flatten() {
             match (slot.is_wanted(low_pins), slot.under_way.is_some()) {
                 (true, false) => slot.begin(now),
                 (false, true) => self.log.extend(slot.end(now)),
@@ -107,24 +115,25 @@ impl Wires {
     }
 
     pub fn advance(&mut self, now: Cycle) {
-        self.slots.iter_mut().for_each(|slot| slot.device.advance(now));
+        let slots = self.slots.get_mut().into_iter().flatten();
+        slots.for_each(|slot| slot.device.advance(now));
     }
 
     pub fn next_event(&self) -> Cycle {
-        let events = self.slots.iter().map(|slot| slot.device.next_event());
+        let events = self.slots().map(|slot| slot.device.next_event());
         events.min().unwrap_or(NEVER)
     }
 
     /// Pins that interrupt outputs drive, each with its level.
     pub fn interrupt_levels(&self) -> impl Iterator<Item = (usize, bool)> {
         let level = |slot: &Slot| Some((slot.interrupt?, slot.device.interrupt_level()?));
-        self.slots.iter().filter_map(level)
+        self.slots().filter_map(level)
     }
 
     /// Two that drive the line against each other: a zero wins.
     pub fn exchange(&mut self, byte: u8, clock: SpiClock) -> u8 {
         let mut line = None;
-        for slot in &mut self.slots {
+        for slot in self.slots.get_mut().into_iter().flatten() {
             if let Some(transaction) = &mut slot.under_way {
                 let driven = slot.device.exchange(byte, clock);
                 transaction.written.push(byte);

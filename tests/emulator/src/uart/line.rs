@@ -100,7 +100,7 @@ enum OtherEnd {
 }
 
 /// The frames that are not over yet, in order of time; between them the line is high.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Line {
     frames: VecDeque<Frame>,
     free_at: Cycle,

@@ -58,6 +58,7 @@ pub struct PinConnection {
     pub rx_pull: Pull,
 }
 
+#[derive(Clone)]
 pub struct Uart {
     place: UartPlace,
     pins: PinConnection,

@@ -28,7 +28,7 @@ pub enum Reception {
     FalseStart,
 }
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Receiver {
     pub line: Line,
     fifo: VecDeque<u16>,

@@ -15,7 +15,7 @@ pub struct SentByte {
     pub end: Cycle,
 }
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Transmitter {
     fifo: VecDeque<u8>,
     shifting: Option<SentByte>,

@@ -120,7 +120,7 @@ enum Stage {
 }
 
 /// What came of a transaction.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Step {
     /// It took so many bytes of data, and the transfer goes on.
     Moved(usize),
@@ -130,6 +130,7 @@ pub enum Step {
     Failed(Failure),
 }
 
+#[derive(Clone)]
 pub struct ControlTransfer {
     pub request: ControlRequest,
     abort: Option<AbortPoint>,

@@ -22,6 +22,7 @@ const IDLE_TO_SUSPEND: Cycle = cycles(3_000);
 /// cycle of that at least, which is three of `clk_sys` at most (4.1.2.5.1).
 const SETTLE: Cycle = CLK_SYS_HZ.div_ceil(48_000_000);
 
+#[derive(Clone)]
 pub struct Controller {
     registers: [u32; REGISTERS],
     dpram: Vec<u8>,

@@ -83,6 +83,7 @@ pub enum HostEvent {
     GivenUp,
 }
 
+#[derive(Clone)]
 pub struct Host {
     now: Cycle,
     next_at: Cycle,

@@ -27,6 +27,7 @@ pub use serial::Reading;
 /// USBCTRL_IRQ (2.3.2).
 const INTERRUPT_LINE: u32 = 5;
 
+#[derive(Clone)]
 pub struct Usb {
     controller: Controller,
     pub host: UsbHost,

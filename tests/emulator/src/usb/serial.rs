@@ -11,7 +11,7 @@ use super::controller::Controller;
 const PACKET_BYTES: usize = 64;
 
 /// A pipe of bulk packets.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Pipe {
     number: u8,
     toggle: Toggle,
@@ -51,7 +51,7 @@ pub enum Reading {
     Stalls,
 }
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct SerialPort {
     input: Pipe,
     output: Pipe,
