@@ -7,8 +7,8 @@ use embassy_futures::yield_now;
 use crate::board_id::BoardId;
 use crate::crc32::{Crc32, crc32};
 
-/// What is read of a program at a time takes some 20 µs.
-const WORDS_A_TURN: usize = 64;
+/// What is read of a program at a time takes some 60 µs.
+const WORDS_A_TURN: usize = 256;
 
 /// What distinguishes a board and its program from others; `None` if it is unknown, as on a host.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

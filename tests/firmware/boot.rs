@@ -154,7 +154,7 @@ fn a_start_that_hangs_is_reset() {
     assert!(bench.run_until(SECOND + 50 * MILLISECOND, |board| !board.resets().is_empty()));
 }
 
-/// What can be told apart of two boards.
+/// What distinguishes two boards.
 fn traces(bench: &mut Bench) -> impl PartialEq + use<> {
     let log: Vec<_> = bench.log_lines().to_vec();
     let counts = (

@@ -20,7 +20,7 @@ pub enum Start {
     },
     /// With these parameters, after the restart with which they are in effect.
     Configured(u16, Vec<(String, f32)>),
-    /// A Pico W whose network is up, and nobody in it.
+    /// A Pico W whose network is up and empty.
     AccessPoint(u16),
 }
 

@@ -89,7 +89,7 @@ impl LogDecoder {
     }
 }
 
-/// A decoder cannot be cloned: another one is told what this one has of a frame.
+/// A decoder cannot be cloned: a new one receives the bytes that this one has of an incomplete frame.
 impl Clone for LogDecoder {
     fn clone(&self) -> Self {
         let mut copy = Self::new(self.table);
