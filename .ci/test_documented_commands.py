@@ -1,5 +1,6 @@
 """What the runner of documented commands takes for a command, and what it calls a failure."""
 
+import math
 import os
 
 import pytest
@@ -41,9 +42,9 @@ class Reported(documented.Report):
         self.lines.append((command, outcome))
 
 
-def run(folder, text, language="sh", markers=(), already_run=()):
+def run(folder, text, language="sh", markers=(), already_run=(), budget_s=math.inf):
     report = Reported()
-    runner = documented.Runner(folder, dict(os.environ), already_run, report)
+    runner = documented.Runner(folder, dict(os.environ), already_run, report, budget_s)
     runner.run(Block("page.md", 1, language, set(markers), text))
     return report.lines
 
@@ -85,6 +86,12 @@ def test_hardware_is_not_run_but_read(tmp_path):
     assert run(tmp_path, "false\n", markers=["hardware"]) == [("false", "skipped")]
     assert run(tmp_path, "if\n", markers=["hardware"]) == [("if", "failed")]
     assert run(tmp_path, "a b\n", "python", ["hardware"]) == [("a b\n", "failed")]
+
+
+def test_what_there_is_no_time_for_is_read_and_listed(tmp_path):
+    assert run(tmp_path, "touch never\n", budget_s=0) == [("touch never", "skipped")]
+    assert run(tmp_path, "if\n", budget_s=0) == [("if", "failed")]
+    assert not (tmp_path / "never").exists()
 
 
 @pytest.mark.parametrize(
