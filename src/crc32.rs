@@ -2,8 +2,8 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 
-/// The remainder of each byte. The crate's own loop over bytes, of any algorithm, takes three times the instructions of
-/// [`step`], and a third of a million bytes are hashed at each start.
+/// The remainder of each byte. The crate's own loop over bytes serves any algorithm: with it a board's first second, in which
+/// the program is hashed, takes 30.6 million instructions instead of 26.8.
 static TABLE: [u32; 256] = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC).table()[0];
 
 /// Takes the byte that was added to the lowest bits.
