@@ -169,7 +169,7 @@ impl Pll {
         }
     }
 
-    /// It locks anew when it is powered up or its frequency changes.
+    /// It locks again when it is powered up or its frequency changes.
     fn write(&mut self, offset: u32, value: u32, alias: u32, now: Cycle) {
         let before = self.frequency();
         pll_write(&mut self.registers, offset, value, alias);

@@ -3,22 +3,25 @@
 //! Added here: preemption of a handler by a more urgent interrupt, waking from WFE and WFI by the
 //! rules of the architecture, lockup, and the faults a test puts in.
 
+use std::ops::Range;
+
 use rp2040_emu::CortexM0Plus;
 use rp2040_emu::core::Registers;
 
 use super::boot_rom;
 use super::bus::{SystemBus, Width};
 use super::interrupts::would_preempt;
+use super::memory::{FLASH_BASE, FLASH_SIZE, RAM_BASE, RAM_SIZE};
 use super::random::Random;
 
 const IPSR_MASK: u32 = 0x1ff;
 const HARD_FAULT: u32 = 3;
 const WFI: u32 = 0xbf30;
 const THUMB: u32 = 1 << 24;
-const FLASH: std::ops::Range<u64> = 0x1000_0000..0x1020_0000;
-const RAM: std::ops::Range<u64> = 0x2000_0000..0x2004_2000;
-/// ISB SY, as a little-endian word: 0xf3bf, then 0x8f6f.
-const ISB: u32 = 0x8f6f_f3bf;
+const FLASH: Range<u64> = FLASH_BASE as u64..FLASH_BASE as u64 + FLASH_SIZE as u64;
+const RAM: Range<u64> = RAM_BASE as u64..RAM_BASE as u64 + RAM_SIZE as u64;
+/// ISB SY.
+pub(super) const ISB: [u16; 2] = [0xf3bf, 0x8f6f];
 
 /// What the processor is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,11 +50,10 @@ pub struct Cpu {
     state: CpuState,
     derailment: Option<Derailment>,
     /// Whether the instruction before changed PRIMASK.
-    changed_primask: bool,
+    pub(super) changed_primask: bool,
 }
 
-/// The crate's core cannot be cloned. What it has decoded is looked up anew by the copy, and the rest of its state is empty between
-/// instructions.
+/// The crate's core cannot be cloned. The copy decodes instructions again, and the rest of the core's state is empty between them.
 impl Clone for Cpu {
     fn clone(&self) -> Self {
         let mut core = CortexM0Plus::new();
@@ -178,17 +180,13 @@ impl Cpu {
         regs.msp = registers[13];
     }
 
-    pub(super) fn set_changed_primask(&mut self, changed: bool) {
-        self.changed_primask = changed;
-    }
-
     /// Whether the next instruction is the ISB with which every critical section ends. The crate forgets all it has decoded
     /// then, which takes longer than the section; here stale code is dropped when it is written.
     fn is_barrier_of_critical_section(&self, bus: &SystemBus, pc: u32) -> bool {
         self.changed_primask
             && !self.takes_interrupt(bus)
-            && bus.memory.load(pc, Width::Half) == Some(ISB & 0xffff)
-            && bus.memory.load(pc + 2, Width::Half) == Some(ISB >> 16)
+            && bus.memory.load(pc, Width::Half) == Some(ISB[0].into())
+            && bus.memory.load(pc + 2, Width::Half) == Some(ISB[1].into())
     }
 
     /// Whether it stands in the boot ROM and waits, for the flash chip or the wires to it. Only an interrupt goes on.

@@ -14,7 +14,7 @@ mod tests;
 
 use super::bus::{CODE_PAGES, SystemBus};
 use super::clock::Cycle;
-use super::cpu::Cpu;
+use super::cpu::{Cpu, ISB};
 use super::interrupts::would_preempt;
 use super::memory::{FLASH_BASE, FLASH_SIZE, RAM_SIZE};
 use flags::Flags;
@@ -25,8 +25,6 @@ const SP: usize = 13;
 const LR: usize = 14;
 const PC: usize = 15;
 
-/// ISB SY.
-const ISB: [u16; 2] = [0xf3bf, 0x8f6f];
 /// Code in RAM and what a return from an exception branches to are for the crate.
 const EXCEPTION_RETURN: u32 = 0xf000_0000;
 
@@ -109,7 +107,7 @@ impl Cpu {
         let regs = &mut self.core.regs;
         (regs.r, regs.primask) = (core.r, core.primask);
         regs.xpsr = core.flags.put_into(regs.xpsr);
-        self.set_changed_primask(changed_primask);
+        self.changed_primask = changed_primask;
         (bus.now, bus.pc) = (now, last_pc);
         bus.instructions += count;
         if stored {
