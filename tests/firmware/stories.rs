@@ -1,5 +1,5 @@
 //! Some of the stories of `tests/stories/` on the release firmware: voltages at its pins, texts on its wire, motors at its
-//! pins. All of them run on the core, `tests/stories.rs`; here are those in which a converter, a clock or a flash has a part.
+//! pins. All of them run on the core, `tests/host/stories.rs`; here are those in which a converter, a clock or a flash has a part.
 
 use crate::bench::{Bench, MILLISECOND};
 use crate::motor_poles::LEFT;

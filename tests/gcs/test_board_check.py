@@ -1,5 +1,5 @@
 """`board-check` as its user runs it, against the simulator. Which fault fails which check is shown on the core and on the
-release firmware, `tests/board_check.rs` and `tests/firmware/board_check.rs`; that a sound vehicle passes, by `.ci/hil
+release firmware, `tests/host/board_check.rs` and `tests/firmware/board_check.rs`; that a sound vehicle passes, by `.ci/hil
 --rehearsal`, too.
 """
 

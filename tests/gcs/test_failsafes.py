@@ -1,5 +1,5 @@
 """A failsafe from a ground station, once. What levels, timers and actions do is shown on the core: `tests/stories/`,
-`tests/failsafe.rs` and `tests/rover.rs`.
+`tests/host/failsafe.rs` and `tests/host/rover.rs`.
 """
 
 import time

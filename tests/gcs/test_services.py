@@ -1,5 +1,5 @@
 """What ground stations ask for beside parameters: rates, single messages, versions, the time. Which request has which
-answer is shown on the core: `tests/endpoint.rs` and `src/mavlink/`.
+answer is shown on the core: `tests/host/endpoint.rs` and `src/mavlink/`.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Message signing with the other ends that do it: pymavlink and MAVProxy.
 
-TCP stands for the cable, UDP for the radio. Whose frames count is shown on the core, `tests/signing.rs`; what flash keeps,
+TCP stands for the cable, UDP for the radio. Whose frames count is shown on the core, `tests/host/signing.rs`; what flash keeps,
 on the release firmware, `tests/firmware/signing.rs`.
 """
 

@@ -23,7 +23,7 @@ pub fn assert_part(name: &str, expected: &str, without_noise: fn(&str) -> String
     }
     assert!(
         without_noise(written) == without_noise(expected),
-        "{PAGE} is stale: run `BOARD_CHECK_PAGE=write cargo test --test board_check page && BOARD_CHECK_PAGE=write cargo \
+        "{PAGE} is stale: run `BOARD_CHECK_PAGE=write cargo test --test host board_check::page && BOARD_CHECK_PAGE=write cargo \
          test --test firmware page`\n{expected}"
     );
 }

@@ -1,4 +1,4 @@
-//! What all fuzz targets share: the functions that `tests/fuzz/main.rs` runs, too.
+//! What all fuzz targets share: the functions that `tests/host/fuzz.rs` runs, too.
 
 #![allow(dead_code, reason = "some of the support is for other tests")]
 

@@ -1,0 +1,326 @@
+//! The tasks on a desk, in stepped time: from conversions of a converter to frames on a wire.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+
+use crate::line::Line;
+use crate::support::frames::{
+    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, STATUSTEXT, SYS_STATUS, SysStatus,
+    assert_no_sequence_gap, frames, of_message,
+};
+use embassy_futures::join::{join, join3};
+use embassy_time::{Duration, Instant, Timer};
+use rover_battmon::autopilot::{Announcement, Start};
+use rover_battmon::battery::{ReadError, RetainedRecord};
+use rover_battmon::liveness::CheckIn;
+use rover_battmon::mavlink::LinkKind;
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
+use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
+use rover_battmon::sim::clock;
+use rover_battmon::tasks::{
+    Link, Shared, Watchdog, sample_batteries, schedule_telemetry, supervise, write_frames,
+};
+
+/// A converter whose answers depend on the time.
+struct Converter<F>(F);
+
+impl<F: FnMut(Instant) -> Result<AdcCount, ReadError>> AnalogIn for Converter<F> {
+    async fn convert(&mut self, _: AnalogPin) -> Result<AdcCount, ReadError> {
+        (self.0)(Instant::now())
+    }
+}
+
+/// A converter that stops answering at some time.
+struct StallingConverter {
+    stalls_at: Instant,
+}
+
+impl AnalogIn for StallingConverter {
+    async fn convert(&mut self, _: AnalogPin) -> Result<AdcCount, ReadError> {
+        if Instant::now() >= self.stalls_at {
+            std::future::pending::<()>().await;
+        }
+        Ok(AdcCount(2482))
+    }
+}
+
+/// With a failsafe threshold, so that none is announced to be missing.
+fn with_threshold() -> Parameters {
+    let mut parameters = Parameters::defaults();
+    let threshold: ParameterId = BatteryParameter::LowVolt.of(Pack::First);
+    parameters.set(threshold, 1.0).unwrap();
+    parameters
+}
+
+/// 10 bits a byte.
+fn byte_us(baud: u64) -> u64 {
+    10_000_000 / baud
+}
+
+fn run(seconds: u64, baud: u64, input: impl AnalogIn) -> Vec<Frame> {
+    let check_ins = [0; 3].map(|_| CheckIn::new("", u32::MAX));
+    let sent = RefCell::new(Vec::new());
+    let line = Line {
+        byte_us: byte_us(baud),
+        sent: &sent,
+    };
+    let mut memory = [RetainedRecord::BLANK; 2];
+    clock::run_for(Duration::from_secs(seconds), async {
+        let (shared, link) = (
+            Shared::new(&Start::with_parameters(with_threshold())),
+            Link::new("line", LinkKind::Radio, baud as u32 / 10),
+        );
+        join3(
+            sample_batteries(input, &mut memory, &shared, &check_ins[0]),
+            schedule_telemetry(&shared, &link, &check_ins[1]),
+            write_frames(line, &shared, &link, &check_ins[2]),
+        )
+        .await
+    });
+    let sent = sent.take();
+    frames(&sent)
+}
+
+#[test]
+fn a_pack_appears_on_the_wire_at_the_default_rates() {
+    let frames = run(600, 115_200, Converter(|_| Ok(AdcCount(2482))));
+    assert_no_sequence_gap(&frames);
+    assert_eq!(of_message(&frames, HEARTBEAT).len(), 600);
+    assert_eq!(of_message(&frames, SYS_STATUS).len(), 1200);
+    let battery = of_message(&frames, BATTERY_STATUS);
+    assert_eq!(battery.len(), 1200);
+    for frame in &battery[1..] {
+        assert_eq!(BatteryStatus(frame).voltage_mv(0), 7901);
+        assert_eq!(BatteryStatus(frame).charge_state(), 1);
+        assert_eq!((frame.system_id, frame.component_id), (1, 1));
+    }
+}
+
+#[test]
+fn the_last_good_value_stays_and_the_fifth_failed_read_says_unhealthy() {
+    let stalls_at = Instant::from_micros(4_950_000);
+    let frames = run(10, 115_200, StallingConverter { stalls_at });
+    let battery = of_message(&frames, BATTERY_STATUS);
+    // Reads fail from 5.0 s on, so the fifth fails at 5.4 s.
+    for frame in &battery[1..] {
+        let status = BatteryStatus(frame);
+        assert_eq!(status.voltage_mv(0), 7901, "at {} us", frame.at_us);
+        let expected = if frame.at_us < 5_402_000 { 1 } else { 6 };
+        assert_eq!(status.charge_state(), expected, "at {} us", frame.at_us);
+    }
+    let sys_status = of_message(&frames, SYS_STATUS);
+    let last = SysStatus(sys_status[sys_status.len() - 1]);
+    assert!(!last.is_battery_healthy());
+    assert!(last.has_battery_sensor());
+}
+
+#[test]
+fn one_bad_conversion_costs_one_reading_and_no_more() {
+    let bad_at = 16 * 7;
+    let mut results: VecDeque<_> = (0..100 * usize::from(BURST_CONVERSIONS))
+        .map(|_| Ok(AdcCount(2482)))
+        .collect();
+    results[bad_at] = Err(ReadError::Conversion);
+    let frames = run(
+        5,
+        115_200,
+        Converter(move |_| results.pop_front().expect("enough conversions")),
+    );
+    for frame in &of_message(&frames, BATTERY_STATUS)[1..] {
+        assert_eq!(BatteryStatus(frame).charge_state(), 1);
+        assert_eq!(BatteryStatus(frame).voltage_mv(0), 7901);
+    }
+}
+
+#[test]
+fn a_link_that_is_too_slow_loses_old_telemetry_evenly_and_counts_it_but_no_heartbeat() {
+    // 21 + 2 × (43 + 53) bytes a second are wanted; 600 baud carry 60.
+    let frames = run(600, 600, Converter(|_| Ok(AdcCount(2482))));
+    assert_no_sequence_gap(&frames);
+    // The last one may still be on its way.
+    assert!([599, 600].contains(&of_message(&frames, HEARTBEAT).len()));
+    let counts = [SYS_STATUS, BATTERY_STATUS].map(|message| of_message(&frames, message).len());
+    assert!(
+        counts[0] > 200 && counts[0].abs_diff(counts[1]) <= 1,
+        "uneven: {counts:?}"
+    );
+    let sys_status = of_message(&frames, SYS_STATUS);
+    let dropped = SysStatus(sys_status[sys_status.len() - 1]).dropped();
+    let posted = 2 * 2 * 600;
+    let left = counts[0] + counts[1];
+    assert!(
+        usize::from(dropped).abs_diff(posted - left) <= 20,
+        "{dropped} drops counted"
+    );
+}
+
+/// What two links send in 20 s, of `baud` and of 115200, while `script` runs.
+fn sent_while(baud: u64, script: impl AsyncFn(&Shared)) -> [Vec<Frame>; 2] {
+    let check_in = CheckIn::new("", u32::MAX);
+    let sent = [const { RefCell::new(Vec::new()) }; 2];
+    let [slow, fast] = [(baud, &sent[0]), (115_200, &sent[1])].map(|(baud, sent)| {
+        let line = Line {
+            byte_us: byte_us(baud),
+            sent,
+        };
+        (Link::new("line", LinkKind::Radio, baud as u32 / 10), line)
+    });
+    clock::run_for(Duration::from_secs(20), async {
+        let shared = Shared::new(&Start::with_parameters(with_threshold()));
+        let serve = async |(link, line): (Link, Line<'_>)| {
+            let telemetry = schedule_telemetry(&shared, &link, &check_in);
+            join(telemetry, write_frames(line, &shared, &link, &check_in)).await
+        };
+        join3(serve(slow), serve(fast), script(&shared)).await
+    });
+    sent.map(|sent| frames(&sent.take()))
+}
+
+/// The texts of one frame each, with the time at which they had arrived.
+fn texts(frames: &[Frame]) -> Vec<(u64, String)> {
+    of_message(frames, STATUSTEXT)
+        .iter()
+        .map(|frame| (frame.at_us, frame.text(1, 50)))
+        .collect()
+}
+
+#[test]
+fn what_is_announced_is_said_once_and_at_once_on_every_link() {
+    let said = sent_while(57_600, async |shared| {
+        for number in 1..=5 {
+            Timer::after_millis(1_030).await;
+            shared.announce(Announcement::Crash(&format!("Battery {number} is low")));
+        }
+    });
+    for frames in said {
+        assert_no_sequence_gap(&frames);
+        let texts = texts(&frames);
+        assert_eq!(texts.len(), 5, "{texts:?}");
+        for (number, (at_us, text)) in (1..).zip(texts) {
+            assert_eq!(text, format!("Battery {number} is low"));
+            let announced_us = number * 1_030_000;
+            assert!(at_us > announced_us && at_us - announced_us < 100_000, "{at_us}");
+        }
+    }
+}
+
+#[test]
+fn all_packs_can_be_announced_in_the_same_tick() {
+    let said = sent_while(57_600, async |shared| {
+        Timer::after_millis(1_030).await;
+        for number in 1..=9 {
+            shared.announce(Announcement::Crash(&format!(
+                "Battery {number}: {}",
+                "x".repeat(80)
+            )));
+        }
+    });
+    for frames in said {
+        let texts = texts(&frames);
+        // Two chunks each.
+        assert_eq!(texts.len(), 18);
+        for (number, chunks) in (1..).zip(texts.chunks(2)) {
+            assert!(
+                chunks[0].1.starts_with(&format!("Battery {number}: ")),
+                "{chunks:?}"
+            );
+            assert_eq!(chunks[0].1.len() + chunks[1].1.len(), 91);
+        }
+    }
+}
+
+#[test]
+fn a_text_that_is_too_long_is_cut_off_between_characters() {
+    let [frames, _] = sent_while(57_600, async |shared| {
+        Timer::after_millis(1_030).await;
+        shared.announce(Announcement::Crash(&format!("{}°C", "x".repeat(95))));
+    });
+    let texts = texts(&frames);
+    assert_eq!(texts[0].1.len() + texts[1].1.len(), 95);
+}
+
+/// 1200 baud carry two texts a second; four hundred are announced in that time.
+#[test]
+fn a_link_that_is_too_slow_loses_the_oldest_and_no_other_link_does() {
+    const TEXTS: usize = 400;
+    let [slow, fast] = sent_while(1_200, async |shared| {
+        for number in 1..=TEXTS {
+            Timer::after_millis(20).await;
+            shared.announce(Announcement::Crash(&format!(
+                "number {number:3} {}",
+                "x".repeat(30)
+            )));
+        }
+    });
+    assert_eq!(texts(&fast).len(), TEXTS);
+    let mut said: Vec<_> = texts(&slow).into_iter().map(|(_, text)| text).collect();
+    // What the link says of itself comes in between.
+    said.retain(|text| text.starts_with("number"));
+    assert!(said.len() < TEXTS / 4, "{}", said.len());
+    assert!(
+        said.is_sorted() && said.windows(2).all(|pair| pair[0] != pair[1]),
+        "{said:?}"
+    );
+    assert!(said[0].starts_with("number   1"));
+    assert_eq!(of_message(&slow, HEARTBEAT).len(), 20);
+}
+
+#[test]
+fn a_notice_about_the_start_is_sent_to_a_link_that_opens_later() {
+    let check_in = CheckIn::new("", u32::MAX);
+    let sent = RefCell::new(Vec::new());
+    let line = Line {
+        byte_us: byte_us(57_600),
+        sent: &sent,
+    };
+    clock::run_for(Duration::from_secs(5), async {
+        let (shared, link) = (
+            Shared::new(&Start::with_parameters(Parameters::defaults())),
+            Link::new("late", LinkKind::Radio, 5_760),
+        );
+        shared.announce(Announcement::Crash("before there was a link"));
+        let telemetry = schedule_telemetry(&shared, &link, &check_in);
+        join(telemetry, write_frames(line, &shared, &link, &check_in)).await
+    });
+    let late = texts(&crate::support::frames::frames(&sent.take()));
+    assert_eq!(late.len(), 1, "{late:?}");
+    assert_eq!(late[0].1, "Battery failsafes are off: set BATT_LOW_VOLT");
+}
+
+/// When it was fed, and who has kept it from being fed since then.
+#[derive(Default)]
+struct Fed {
+    at_ms: RefCell<Vec<u64>>,
+    overdue: RefCell<Vec<String>>,
+}
+
+impl Watchdog for &Fed {
+    fn feed(&mut self) {
+        self.at_ms.borrow_mut().push(Instant::now().as_millis());
+        self.overdue.borrow_mut().clear();
+    }
+
+    fn starve(&mut self, overdue: &str) {
+        self.overdue.borrow_mut().push(overdue.to_owned());
+    }
+}
+
+#[test]
+fn the_watchdog_is_fed_until_a_task_is_overdue() {
+    let (busy, quiet) = (CheckIn::new("busy", 500), CheckIn::new("quiet", 2_500));
+    let fed = Fed::default();
+    clock::run_for(Duration::from_secs(10), async {
+        let check_in = async {
+            loop {
+                busy.mark(Instant::now().as_micros() as u32);
+                Timer::after_millis(100).await;
+            }
+        };
+        embassy_futures::join::join(check_in, supervise(&[&busy, &quiet], &mut &fed)).await
+    });
+    // Every 100 ms from 0 to 2500; at 2600 "quiet" is overdue.
+    let (at_ms, overdue) = (fed.at_ms.into_inner(), fed.overdue.into_inner());
+    assert!(at_ms.into_iter().eq((0..=25).map(|look| look * 100)));
+    assert!(!overdue.is_empty() && overdue.iter().all(|task| task == "quiet"));
+}

@@ -1,0 +1,334 @@
+//! An armed rover erases no flash, whatever is requested: what has no space is live, reported, and saved after disarming.
+
+use std::cell::RefCell;
+
+use crate::flash::{FLASH_BYTES, SmallFlash};
+use crate::support::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, texts_of};
+use crate::support::requests::{
+    VEHICLE, command_long, command_long_2, disarm, param_request_list, param_set, setup_signing,
+};
+use embassy_futures::block_on;
+use embassy_futures::join::join3;
+use embassy_futures::select::select;
+use embassy_futures::yield_now;
+use embassy_time::{Duration, Timer};
+use rover_battmon::autopilot::{Channel, Start};
+use rover_battmon::crash::ParameterSource;
+use rover_battmon::liveness::CheckIn;
+use rover_battmon::mavlink::{Framer, LinkKind};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, ParameterId};
+use rover_battmon::sim::clock;
+use rover_battmon::storage::{Condition, Erase, Storage};
+use rover_battmon::tasks::{Shared, boot, keep_learnt, keep_parameters, keep_signing, now};
+
+const ARM_DISARM: u16 = 400;
+const PREFLIGHT_STORAGE: u16 = 245;
+const FORCED: f32 = 21196.0;
+const RESET: f32 = 2.0;
+const OWNER: u8 = 7;
+
+const NOT_WHILE_ARMED: &str = "Not while armed: disarm first";
+
+/// A capacity that is set in vain if power is lost before disarming.
+const CAPACITY: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::Capacity);
+
+/// The three regions of a vehicle's flash.
+struct Regions {
+    parameters: SmallFlash,
+    signing: SmallFlash,
+    learnt: SmallFlash,
+}
+
+impl Regions {
+    fn blank() -> Self {
+        Self {
+            parameters: SmallFlash::blank(),
+            signing: SmallFlash::blank(),
+            learnt: SmallFlash::blank(),
+        }
+    }
+
+    fn erases(&self) -> [u32; 3] {
+        [&self.parameters, &self.signing, &self.learnt].map(SmallFlash::erases)
+    }
+}
+
+/// The vehicle, and a ground station by cable.
+struct Station<'a> {
+    shared: &'a Shared,
+    channel: RefCell<Channel>,
+    regions: &'a Regions,
+}
+
+impl Station<'_> {
+    /// Everything that is sent now.
+    fn sent(&self) -> Vec<Frame> {
+        let mut channel = self.channel.borrow_mut();
+        let mut framer = Framer::new();
+        let mut bytes = Vec::new();
+        self.shared.with(|autopilot| {
+            autopilot.post_due(&mut channel, now());
+            while let Some(frame) = autopilot.next_frame(&mut channel, &mut framer, now()) {
+                bytes.extend(frame.iter().map(|byte| (0, *byte)));
+            }
+        });
+        frames(&bytes)
+    }
+
+    /// Delivers a request and returns the answers.
+    fn ask(&self, request: &[u8]) -> Vec<Frame> {
+        self.channel.borrow_mut().push(request);
+        let handle = || {
+            let mut channel = self.channel.borrow_mut();
+            self.shared
+                .with(|autopilot| autopilot.handle_next(&mut channel, now(), now()))
+        };
+        while handle().is_some() {}
+        self.shared.with(|autopilot| autopilot.drive(now()));
+        self.sent()
+    }
+
+    /// Sets a parameter, which is acknowledged at once.
+    fn set(&self, name: &str, value: f32) -> Vec<String> {
+        let answers = self.ask(&param_set(name, value));
+        let acknowledged = of_message(&answers, PARAM_VALUE);
+        let acknowledged = acknowledged.iter().map(|frame| ParamValue(frame));
+        assert!(
+            acknowledged
+                .map(|answer| (answer.name(), answer.value()))
+                .any(|answer| answer == (name.into(), value)),
+            "{name}"
+        );
+        texts_of(&answers)
+    }
+
+    /// Lets time pass, and returns the texts.
+    async fn wait(&self, seconds: u64) -> Vec<String> {
+        let mut texts = Vec::new();
+        for _ in 0..seconds {
+            Timer::after_secs(1).await;
+            texts.extend(texts_of(&self.sent()));
+        }
+        texts
+    }
+
+    /// What the ground station does with an armed vehicle, in which nothing is erased meanwhile.
+    async fn armed<T>(&self, script: impl AsyncFnOnce() -> T) -> T {
+        self.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+        let before = self.regions.erases();
+        let result = script().await;
+        assert_eq!(self.regions.erases(), before, "erased while armed");
+        result
+    }
+
+    fn disarm(&self) {
+        self.ask(&disarm());
+    }
+}
+
+/// Starts a vehicle with this flash, and switches it off after the script.
+fn run(regions: &Regions, script: impl AsyncFnOnce(&Station<'_>)) {
+    let check_in = CheckIn::new("", u32::MAX);
+    let storage = |flash: &SmallFlash| Storage::new(flash.clone(), 0..FLASH_BYTES as u32);
+    clock::run_for(Duration::from_secs(24 * 3600), async {
+        let mut start = Start::default();
+        let mut parameters = storage(&regions.parameters);
+        let signing = storage(&regions.signing);
+        let signing = boot(&mut parameters, signing, ParameterSource::Stored, &mut start).await;
+        let shared = Shared::new(&start);
+        let learnt = Storage::new(regions.learnt.clone(), 0..FLASH_BYTES as u32);
+        let tasks = join3(
+            keep_parameters(parameters, &shared, &check_in),
+            keep_signing(signing, &shared, &check_in),
+            keep_learnt(learnt, &shared, &check_in),
+        );
+        let station = Station {
+            shared: &shared,
+            channel: RefCell::new(Channel::new("cable", LinkKind::Direct, 100_000, now())),
+            regions,
+        };
+        let script = async {
+            station.wait(2).await;
+            script(&station).await;
+        };
+        select(tasks, script).await;
+    });
+}
+
+/// The parameter's value after a start with this flash.
+fn stored(regions: &Regions, id: ParameterId) -> f32 {
+    let mut start = Start::default();
+    let mut parameters = Storage::new(regions.parameters.clone(), 0..FLASH_BYTES as u32);
+    let signing = Storage::new(regions.signing.clone(), 0..FLASH_BYTES as u32);
+    block_on(boot(
+        &mut parameters,
+        signing,
+        ParameterSource::Stored,
+        &mut start,
+    ));
+    assert_eq!(parameters.condition(), Condition::Intact);
+    start.parameters.get(id)
+}
+
+/// Sets two parameters in turn until each sector that was erased is full, and then `further` ones.
+async fn fill(station: &Station<'_>, further: usize) -> Vec<String> {
+    let mut texts = Vec::new();
+    for number in 0..100 {
+        let name = ["BATT_LOW_VOLT", "BATT_CRT_VOLT"][number % 2];
+        texts.extend(station.set(name, 6.0 + number as f32 / 100.0));
+        Timer::after_millis(20).await;
+    }
+    for pack in Pack::ALL.iter().take(further) {
+        let capacity = ParameterId::Battery(*pack, BatteryParameter::Capacity);
+        texts.extend(station.set(&capacity.name(), 1234.0));
+    }
+    texts.extend(station.wait(8).await);
+    texts
+}
+
+#[test]
+fn parameters_without_space_are_live_reported_and_saved_after_disarming() {
+    let regions = Regions::blank();
+    run(&regions, async |station| {
+        station.set("BATT_LOW_VOLT", 5.0);
+        station.wait(2).await;
+        let texts = station.armed(async || fill(station, 3).await).await;
+        assert_eq!(texts, ["Parameters: 5 not saved until disarmed"], "once for all");
+        let listed = station.ask(&param_request_list(VEHICLE));
+        assert!(texts_of(&listed).contains(&texts[0]));
+        station.disarm();
+        assert_eq!(station.wait(2).await, ["Parameters saved"]);
+        assert_eq!(station.wait(70).await, [""; 0]);
+    });
+    assert_eq!(stored(&regions, CAPACITY), 1234.0);
+    let id = ParameterId::Battery(Pack::First, BatteryParameter::CrtVolt);
+    assert_eq!(stored(&regions, id), 6.99);
+}
+
+#[test]
+fn a_failure_that_is_over_before_its_announcement_is_not_announced_as_over() {
+    run(&Regions::blank(), async |station| {
+        station.set("BATT_LOW_VOLT", 5.0);
+        station.wait(2).await;
+        station.armed(async || drop(fill(station, 0).await)).await;
+        let texts = station.set("BATT_CAPACITY", 1234.0);
+        assert_eq!(texts, [""; 0]);
+        Timer::after_millis(200).await;
+        station.disarm();
+        assert_eq!(
+            station.wait(70).await,
+            ["Parameters saved"],
+            "the failures before"
+        );
+    });
+}
+
+#[test]
+fn power_lost_while_armed_brings_the_saved_values_back() {
+    let regions = Regions::blank();
+    run(&regions, async |station| {
+        station.set("BATT_CAPACITY", 777.0);
+        station.wait(2).await;
+        station.armed(async || fill(station, 1).await).await;
+    });
+    assert_eq!(stored(&regions, CAPACITY), 777.0);
+    run(&regions, async |station| {
+        station.set("BATT_CAPACITY", 888.0);
+        station.wait(2).await;
+    });
+    assert_eq!(stored(&regions, CAPACITY), 888.0);
+}
+
+#[test]
+fn reset_that_needs_space_twice_is_saved_after_disarming() {
+    let regions = Regions::blank();
+    run(&regions, async |station| {
+        station.set("BATT_CAPACITY", 777.0);
+        station.wait(2).await;
+        for _ in 0..3 {
+            station.ask(&command_long(PREFLIGHT_STORAGE, RESET));
+            station.set("BATT_CAPACITY", 888.0);
+            // At once, before anything could be prepared.
+            station.armed(async || drop(fill(station, 0).await)).await;
+            let refused = station.ask(&command_long(PREFLIGHT_STORAGE, RESET));
+            assert_eq!(texts_of(&refused), [NOT_WHILE_ARMED]);
+            station.disarm();
+        }
+        station.wait(2).await;
+    });
+    assert_eq!(stored(&regions, CAPACITY), 888.0);
+}
+
+#[test]
+fn marks_of_the_signing_time_and_learnt_data_erase_nothing() {
+    let regions = Regions::blank();
+    run(&regions, async |station| {
+        let texts = |request: &[u8]| texts_of(&station.ask(request));
+        assert_eq!(texts(&setup_signing([OWNER; 32], 1 << 40)), [""; 0]);
+        assert_eq!(station.wait(2).await, ["Signing key set"]);
+        let armed = station
+            .armed(async || {
+                let mut armed = Vec::new();
+                for minute in 0..20 {
+                    station.set("BATT_SERIAL_NUM", minute as f32);
+                    station.ask(&param_set("BATT_LRN_ERASE", 1.0));
+                    armed.extend(station.wait(60).await);
+                }
+                for key in [OWNER + 1, 0] {
+                    assert_eq!(texts(&setup_signing([key; 32], 1 << 41)), [NOT_WHILE_ARMED]);
+                }
+                armed
+            })
+            .await;
+        assert_eq!(armed, ["Learnt battery data not saved until disarmed"]);
+        station.disarm();
+        station.wait(2).await;
+        assert!(!station.shared.with(|autopilot| autopilot.has_unsaved()));
+    });
+    // The key is there, and what was learnt last.
+    let mut start = Start::default();
+    let mut parameters = Storage::new(regions.parameters.clone(), 0..FLASH_BYTES as u32);
+    let signing = Storage::new(regions.signing.clone(), 0..FLASH_BYTES as u32);
+    block_on(boot(
+        &mut parameters,
+        signing,
+        ParameterSource::Stored,
+        &mut start,
+    ));
+    assert!(!start.signing.has_lost_key() && !start.signing.is_key_unsaved());
+}
+
+#[test]
+fn parameters_that_are_set_without_a_pause_leave_signing_its_turn() {
+    let regions = Regions::blank();
+    run(&regions, async |station| {
+        let mut texts = texts_of(&station.ask(&setup_signing([OWNER; 32], 0)));
+        for number in 0..1000 {
+            texts.extend(station.set("BATT_CAPACITY", 1000.0 + number as f32));
+            yield_now().await;
+        }
+        assert!(texts.contains(&"Signing key set".into()), "{texts:?}");
+    });
+}
+
+#[test]
+fn each_region_is_prepared_once_and_stays_so_over_restarts() {
+    let regions = Regions::blank();
+    run(&regions, async |station| {
+        station.set("BATT_CAPACITY", 777.0);
+        station.ask(&setup_signing([OWNER; 32], 1 << 40));
+        station.ask(&param_set("BATT_LRN_ERASE", 1.0));
+        station.wait(2).await;
+    });
+    assert_eq!(regions.erases(), [1, 1, 1]);
+    for _ in 0..5 {
+        run(&regions, async |station| drop(station.wait(5).await));
+    }
+    assert_eq!(regions.erases(), [1, 1, 1]);
+    // None is erased twice for a move, either.
+    let mut parameters: Storage<_> = Storage::new(regions.parameters.clone(), 0..FLASH_BYTES as u32);
+    for value in 0..50 {
+        block_on(parameters.store(999, value, &|| Erase::Forbidden)).expect("two sectors have room");
+    }
+}

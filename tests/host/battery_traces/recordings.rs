@@ -1,0 +1,527 @@
+//! Errors on measured drives of a real cell, which are not part of the repository.
+//!
+//! `BATTERY_RECORDINGS` names a folder with `pan18650pf_{group}_{drive}.csv` (`t_s,voltage_v,current_a`) and `.truth.csv`
+//! (`t_s,soc`): drives of one Li-ion cell of 2.9 Ah from full to empty, of which `group` begins with the temperature in
+//! degrees Celsius, `n` for minus. Without it these tests do nothing. `docs/battery-model.md` lists their figures:
+//!
+//! `BATTERY_RECORDINGS=folder cargo test --test host battery_traces::recordings -- --nocapture`
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::OnceLock;
+
+use rover_battmon::battery::{BatteryMonitor, BatteryState, Chemistry, LearntPack, PackSettings};
+
+use super::replay::{Sample, reading, tick, without_current};
+
+const LABEL_MAH: f32 = 2900.0;
+const WRONG_LABELS_MAH: [f32; 2] = [2300.0, 3500.0];
+
+/// Errors count from here on, in seconds.
+const SCORED_FROM_S: f64 = 60.0;
+
+/// A current above this is a load, in amperes: a tenth of the capacity an hour.
+const LOAD_A: f32 = 0.29;
+
+/// A drive with the true charge at each sample, in percent.
+struct Recording {
+    name: String,
+    group: String,
+    samples: Vec<Sample>,
+    truth_pct: Vec<f64>,
+}
+
+impl Recording {
+    /// `pan18650pf_{group}_{drive}`, if it has a truth.
+    fn read(folder: &Path, name: &str) -> Option<Self> {
+        let (group, _) = name.strip_prefix("pan18650pf_")?.split_once('_')?;
+        let truth = rows(&folder.join(format!("{name}.truth.csv")))?;
+        let mut samples: Vec<Sample> = rows(&folder.join(format!("{name}.csv")))?
+            .iter()
+            .map(|row| Sample {
+                t_s: row[0],
+                voltage_v: row[1] as f32,
+                current_a: Some(row[2] as f32),
+                healthy: true,
+                armed: true,
+            })
+            .collect();
+        samples.dedup_by(|next, before| next.t_s <= before.t_s);
+        let truth_pct = samples
+            .iter()
+            .map(|sample| 100.0 * at(&truth, sample.t_s))
+            .collect();
+        Some(Self {
+            name: name.into(),
+            group: group.into(),
+            samples,
+            truth_pct,
+        })
+    }
+
+    /// Temperature of the chamber, in degrees Celsius.
+    fn temperature_c(&self) -> i32 {
+        let (sign, digits) = match self.group.strip_prefix('n') {
+            Some(digits) => (-1, digits),
+            None => (1, self.group.as_str()),
+        };
+        let end = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
+        sign * digits[..end].parse::<i32>().expect("a temperature")
+    }
+
+    fn is_warm(&self) -> bool {
+        self.temperature_c() >= 10
+    }
+
+    /// The sample at which half of the charge is drawn.
+    fn middle(&self) -> usize {
+        let last_pct = self.truth_pct.last().expect("samples");
+        let half_pct = 0.5 * (100.0 + last_pct);
+        self.truth_pct
+            .iter()
+            .position(|truth_pct| *truth_pct <= half_pct)
+            .expect("a middle")
+    }
+
+    /// When the last load ends, in seconds.
+    fn end_of_load_s(&self) -> f64 {
+        let is_load = |sample: &&Sample| sample.current_a.is_some_and(|current_a| current_a > LOAD_A);
+        self.samples.iter().rfind(is_load).expect("a load").t_s
+    }
+}
+
+fn rows(path: &Path) -> Option<Vec<Vec<f64>>> {
+    let text = fs::read_to_string(path).ok()?;
+    let numbers = |line: &str| {
+        line.split(',')
+            .map(|field| field.parse().expect("a number"))
+            .collect()
+    };
+    Some(text.lines().skip(1).map(numbers).collect())
+}
+
+/// Linear interpolation in rows of time and value.
+fn at(rows: &[Vec<f64>], t_s: f64) -> f64 {
+    let next = rows.partition_point(|row| row[0] <= t_s).clamp(1, rows.len() - 1);
+    let (before, next) = (&rows[next - 1], &rows[next]);
+    let weight = ((t_s - before[0]) / (next[0] - before[0])).clamp(0.0, 1.0);
+    before[1] + weight * (next[1] - before[1])
+}
+
+/// All recordings, by name; none without a folder.
+fn recordings() -> &'static [Recording] {
+    static RECORDINGS: OnceLock<Vec<Recording>> = OnceLock::new();
+    RECORDINGS.get_or_init(|| {
+        let Some(folder) = std::env::var_os("BATTERY_RECORDINGS") else {
+            println!("skipped: BATTERY_RECORDINGS names no folder");
+            return Vec::new();
+        };
+        let folder = Path::new(&folder);
+        let files = fs::read_dir(folder).expect("the folder of BATTERY_RECORDINGS");
+        let mut names: Vec<String> = files
+            .filter_map(|file| Some(file.ok()?.file_name().to_str()?.strip_suffix(".csv")?.to_owned()))
+            .collect();
+        names.sort();
+        let recordings: Vec<_> = names
+            .iter()
+            .filter_map(|name| Recording::read(folder, name))
+            .collect();
+        assert!(
+            !recordings.is_empty(),
+            "no recordings with a truth in {}",
+            folder.display()
+        );
+        recordings
+    })
+}
+
+fn settings(label_mah: f32) -> PackSettings {
+    PackSettings {
+        chemistry: Chemistry::LiIon,
+        cell_count: Some(1),
+        capacity_mah: Some(label_mah),
+        ..PackSettings::default()
+    }
+}
+
+/// Replays samples; returns what is known of the pack then.
+fn replay(
+    samples: &[Sample],
+    settings: &PackSettings,
+    learnt: &LearntPack,
+    mut see: impl FnMut(usize, &mut BatteryMonitor),
+) -> LearntPack {
+    let mut monitor = BatteryMonitor::new();
+    monitor.restore_learnt(*learnt);
+    for (number, sample) in samples.iter().enumerate() {
+        let _ = monitor.update(tick(sample), reading(sample), settings);
+        see(number, &mut monitor);
+    }
+    monitor.unsaved_learnt().copied().unwrap_or(*learnt)
+}
+
+/// RMS error of an estimate at each sample, of which those count that have one; infinite if fewer than nine in ten do.
+fn rms_pct(samples: &[Sample], truth_pct: &[f64], estimate_pct: impl Fn(usize) -> Option<f64>) -> f64 {
+    let scored = samples.partition_point(|sample| sample.t_s - samples[0].t_s < SCORED_FROM_S);
+    let errors: Vec<f64> = (scored..samples.len())
+        .filter_map(|number| Some(estimate_pct(number)? - truth_pct[number]))
+        .collect();
+    if errors.len() * 10 < (samples.len() - scored) * 9 {
+        return f64::INFINITY;
+    }
+    let sum: f64 = errors.iter().map(|error| error * error).sum();
+    (sum / errors.len() as f64).sqrt()
+}
+
+/// RMS error of the remaining charge from a sample on.
+fn score_from(start: usize, recording: &Recording, settings: &PackSettings, learnt: &LearntPack) -> f64 {
+    score(
+        &recording.samples[start..],
+        &recording.truth_pct[start..],
+        settings,
+        learnt,
+    )
+}
+
+fn score(samples: &[Sample], truth_pct: &[f64], settings: &PackSettings, learnt: &LearntPack) -> f64 {
+    let mut estimates = Vec::with_capacity(samples.len());
+    replay(samples, settings, learnt, |_, monitor| {
+        estimates.push(monitor.state().remaining_pct);
+    });
+    rms_pct(samples, truth_pct, |number| estimates[number].map(f64::from))
+}
+
+/// RMS error of counting down from 100 % by the label, as ArduPilot does.
+fn counting_score(recording: &Recording) -> f64 {
+    let mut drawn_mah = 0.0;
+    let mut before_s = recording.samples[0].t_s;
+    let counted: Vec<f64> = recording
+        .samples
+        .iter()
+        .map(|sample| {
+            drawn_mah += f64::from(sample.current_a.expect("a current")) * (sample.t_s - before_s) / 3.6;
+            before_s = sample.t_s;
+            100.0 * (1.0 - drawn_mah / f64::from(LABEL_MAH))
+        })
+        .collect();
+    rms_pct(&recording.samples, &recording.truth_pct, |number| {
+        Some(counted[number])
+    })
+}
+
+/// What is known after each warm drive that teaches, with this label.
+fn lessons(label_mah: f32) -> Vec<LearntPack> {
+    let warm = recordings()
+        .iter()
+        .filter(|recording| recording.temperature_c() >= 25);
+    let taught = warm.map(|recording| {
+        replay(
+            &recording.samples,
+            &settings(label_mah),
+            &LearntPack::UNKNOWN,
+            |_, _| {},
+        )
+    });
+    taught.filter(|learnt| learnt.capacity_mah().is_some()).collect()
+}
+
+/// The mean error over what each lesson makes of a recording.
+fn mean(lessons: &[LearntPack], score: impl Fn(&LearntPack) -> f64) -> f64 {
+    lessons.iter().map(score).sum::<f64>() / lessons.len() as f64
+}
+
+/// Figures by group, in the order of the temperature.
+#[derive(Default)]
+struct Table(BTreeMap<(i32, String), Vec<f64>>);
+
+impl Table {
+    /// The figures of all recordings.
+    fn of(what: &str, figure: impl Fn(&Recording) -> f64) -> Self {
+        let mut table = Self::default();
+        for recording in recordings() {
+            let figure = figure(recording);
+            println!("{what:32} {:32} {figure:6.2}", recording.name);
+            let group = (recording.temperature_c(), recording.group.clone());
+            table.0.entry(group).or_default().push(figure);
+        }
+        table
+    }
+
+    /// Asserts that the mean of each group is within the goal for its temperature. A single drive may exceed it by a quarter:
+    /// the goals are those of whole groups.
+    #[track_caller]
+    fn assert_means(&self, what: &str, goal: impl Fn(i32) -> f64) {
+        let mut missed = Vec::new();
+        for ((temperature_c, group), figures) in &self.0 {
+            let mean = figures.iter().sum::<f64>() / figures.len() as f64;
+            let goal = goal(*temperature_c);
+            println!("{what:32} {group:>6}: mean {mean:5.2}, goal {goal:5.2}");
+            let limit = if figures.len() == 1 { 1.25 * goal } else { goal };
+            if mean.is_nan() || mean > limit {
+                missed.push(format!("{group}: {mean:.2} instead of {goal:.2}"));
+            }
+        }
+        assert!(missed.is_empty(), "{what}: {missed:?}");
+    }
+}
+
+#[test]
+fn a_full_pack_is_estimated_as_well_as_by_counting() {
+    let beyond = Table::of("from full, less counting", |recording| {
+        let here = score_from(0, recording, &settings(LABEL_MAH), &LearntPack::UNKNOWN);
+        let counting = counting_score(recording);
+        println!("{:32} {here:.2}, by counting {counting:.2}", recording.name);
+        here - counting
+    });
+    beyond.assert_means("from full, less counting", |_| 0.5);
+}
+
+#[test]
+fn one_warm_drive_teaches_the_pack() {
+    let lessons = lessons(LABEL_MAH);
+    assert!(recordings().is_empty() || !lessons.is_empty(), "no drive teaches");
+    let table = Table::of("from full, learnt", |recording| {
+        mean(&lessons, |learnt| {
+            score_from(0, recording, &settings(LABEL_MAH), learnt)
+        })
+    });
+    table.assert_means("from full, learnt", |_| 1.2);
+}
+
+#[test]
+fn one_warm_drive_corrects_a_wrong_label() {
+    for label_mah in WRONG_LABELS_MAH {
+        let lessons = lessons(label_mah);
+        let what = format!("label {label_mah}, learnt");
+        let table = Table::of(&what, |recording| {
+            mean(&lessons, |learnt| {
+                score_from(0, recording, &settings(label_mah), learnt)
+            })
+        });
+        table.assert_means(&what, |_| 2.0);
+    }
+}
+
+#[test]
+fn a_pack_found_half_empty_is_estimated_by_its_voltage() {
+    let table = Table::of("half empty", |recording| {
+        score_from(
+            recording.middle(),
+            recording,
+            &settings(LABEL_MAH),
+            &LearntPack::UNKNOWN,
+        )
+    });
+    table.assert_means("half empty", |temperature_c| match temperature_c {
+        0.. => 8.0,
+        -10.. => 10.0,
+        _ => 15.0,
+    });
+}
+
+#[test]
+fn a_learnt_pack_found_half_empty_is_estimated_better() {
+    let lessons = lessons(LABEL_MAH);
+    let table = Table::of("half empty, learnt", |recording| {
+        mean(&lessons, |learnt| {
+            score_from(recording.middle(), recording, &settings(LABEL_MAH), learnt)
+        })
+    });
+    table.assert_means("half empty, learnt", |temperature_c| match temperature_c {
+        0.. => 5.0,
+        -10.. => 7.0,
+        _ => 11.5,
+    });
+}
+
+#[test]
+fn voltage_alone_suffices_for_an_estimate() {
+    for armed in [true, false] {
+        let what = if armed {
+            "voltage only"
+        } else {
+            "voltage only, disarmed"
+        };
+        let table = Table::of(what, |recording| {
+            let mut samples = without_current(&recording.samples);
+            samples.iter_mut().for_each(|sample| sample.armed = armed);
+            score(
+                &samples,
+                &recording.truth_pct,
+                &settings(LABEL_MAH),
+                &LearntPack::UNKNOWN,
+            )
+        });
+        table.assert_means(what, |temperature_c| match temperature_c {
+            10.. => 5.0,
+            0.. => 9.0,
+            -10.. => 16.0,
+            _ => 25.0,
+        });
+    }
+}
+
+/// When what is usable falls to 15 %, in seconds.
+fn warned_s(recording: &Recording) -> Option<f64> {
+    let is_low = |state: &BatteryState| state.usable_pct.is_some_and(|usable_pct| usable_pct <= 15.0);
+    let mut warned_s = None;
+    replay(
+        &recording.samples,
+        &settings(LABEL_MAH),
+        &LearntPack::UNKNOWN,
+        |number, monitor| {
+            if warned_s.is_none() && is_low(monitor.state()) {
+                warned_s = Some(recording.samples[number].t_s);
+            }
+        },
+    );
+    warned_s
+}
+
+#[test]
+fn usable_charge_warns_four_minutes_before_a_warm_pack_collapses() {
+    let mut leads: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for recording in recordings() {
+        let lead_s = warned_s(recording).map_or(f64::NEG_INFINITY, |t_s| recording.end_of_load_s() - t_s);
+        let minutes = lead_s / 60.0;
+        println!("{}: warned {minutes:.1} minutes before the end", recording.name);
+        if recording.is_warm() {
+            leads.entry(&recording.group).or_default().push(minutes);
+        }
+    }
+    for (group, mut minutes) in leads {
+        minutes.sort_by(f64::total_cmp);
+        let median = minutes[minutes.len() / 2];
+        println!("{group}: warned {median:.1} minutes before the end in the median");
+        assert!(median >= 4.0, "{group}: {minutes:?}");
+    }
+}
+
+#[test]
+fn a_half_empty_pack_believed_full_is_found_out() {
+    let mut missed = Vec::new();
+    for recording in recordings() {
+        let settings = settings(LABEL_MAH);
+        let half = recording.middle();
+        let settled = recording.samples[half].t_s + 360.0;
+        let mut largest_pct: f64 = 0.0;
+        let mut after_six_minutes_pct = None;
+        replay(
+            &recording.samples,
+            &settings,
+            &LearntPack::UNKNOWN,
+            |number, monitor| {
+                if number == half {
+                    monitor.reset(100.0, &settings);
+                }
+                if recording.samples[number].t_s >= settled {
+                    let remaining_pct = monitor.state().remaining_pct.map_or(f64::INFINITY, f64::from);
+                    let error_pct = remaining_pct - recording.truth_pct[number];
+                    after_six_minutes_pct.get_or_insert(error_pct);
+                    largest_pct = largest_pct.max(error_pct.abs());
+                }
+            },
+        );
+        let error_pct = after_six_minutes_pct.expect("a longer drive");
+        println!(
+            "{}: half empty, believed full: {error_pct:.1} % after 6 minutes, then up to {largest_pct:.1} %",
+            recording.name
+        );
+        if recording.is_warm() && error_pct.abs() > 10.0 {
+            missed.push(format!("{}: {error_pct:.1} %", recording.name));
+        }
+    }
+    assert!(missed.is_empty(), "{missed:?}");
+}
+
+/// A drive as a worse sensor would have recorded it.
+#[derive(Clone, Copy, Debug)]
+enum Sensor {
+    /// A reading every ten seconds.
+    Slow,
+    /// 8 mV and 0.1 A of noise, RMS.
+    Noisy,
+    /// The current arrives 0.3 s late.
+    LateCurrent,
+    /// Silent for 30 s in every ten minutes.
+    ShortGaps,
+    /// Silent for two minutes after a third of the drive.
+    LongGap,
+}
+
+impl Sensor {
+    fn of(self, samples: &[Sample]) -> Vec<Sample> {
+        let start_s = samples[0].t_s;
+        let last_s = samples.last().expect("samples").t_s;
+        let gap_s = start_s + (last_s - start_s) / 3.0;
+        let mut random = Random(1);
+        let mut next_s = start_s;
+        let mut seen = Vec::new();
+        for (number, sample) in samples.iter().enumerate() {
+            let elapsed_s = sample.t_s - start_s;
+            let is_lost = match self {
+                Self::Slow => sample.t_s < next_s,
+                Self::ShortGaps => (300.0..330.0).contains(&(elapsed_s % 600.0)),
+                Self::LongGap => (gap_s..gap_s + 120.0).contains(&sample.t_s),
+                Self::Noisy | Self::LateCurrent => false,
+            };
+            if is_lost {
+                continue;
+            }
+            next_s = sample.t_s + 9.95;
+            let mut sample = *sample;
+            match self {
+                Self::Noisy => {
+                    sample.voltage_v += 0.008 * random.normal();
+                    sample.current_a = sample
+                        .current_a
+                        .map(|current_a| current_a + 0.1 * random.normal());
+                }
+                Self::LateCurrent => sample.current_a = samples[number.saturating_sub(3)].current_a,
+                Self::Slow | Self::ShortGaps | Self::LongGap => {}
+            }
+            seen.push(sample);
+        }
+        seen
+    }
+}
+
+/// A sequence of numbers that is always the same.
+struct Random(u64);
+
+impl Random {
+    /// The sum of twelve uniform ones, less its mean, has a standard deviation of 1.
+    fn normal(&mut self) -> f32 {
+        let uniform = |_| {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (self.0 >> 40) as f32 / (1 << 24) as f32
+        };
+        (0..12).map(uniform).sum::<f32>() - 6.0
+    }
+}
+
+/// Readings every ten seconds miss much of the load of these drives: counting alone is off by as much.
+#[test]
+fn a_worse_sensor_costs_a_few_percent() {
+    for sensor in [
+        Sensor::Slow,
+        Sensor::Noisy,
+        Sensor::LateCurrent,
+        Sensor::ShortGaps,
+        Sensor::LongGap,
+    ] {
+        let what = format!("{sensor:?}");
+        let table = Table::of(&what, |recording| {
+            let samples = sensor.of(&recording.samples);
+            let mut all = recording.samples.iter().zip(&recording.truth_pct);
+            let mut truth = |seen: &Sample| {
+                all.find(|(sample, _)| sample.t_s >= seen.t_s)
+                    .map(|(_, pct)| *pct)
+            };
+            let truth_pct: Vec<f64> = samples.iter().filter_map(&mut truth).collect();
+            score(&samples, &truth_pct, &settings(LABEL_MAH), &LearntPack::UNKNOWN)
+        });
+        table.assert_means(&what, |_| 5.0);
+    }
+}

@@ -1,0 +1,81 @@
+//! Resistance and resting voltage.
+
+use rover_battmon::battery::PackSettings;
+
+use super::replay::{Moment, Sample, run, trace};
+
+#[test]
+fn resistance_is_known_within_15_seconds_of_steps() {
+    let moments = run(&trace("trace_step_r50m.csv"), &PackSettings::default());
+    let first = moments
+        .iter()
+        .find(|moment| moment.state.resistance_ohm.is_some());
+    let first = first.expect("a resistance");
+    println!(
+        "resistance: {:?} Ω at {} s",
+        first.state.resistance_ohm, first.t_s
+    );
+    assert!(first.t_s <= 15.0);
+    for moment in moments.iter().filter(|moment| moment.t_s >= 15.0) {
+        let resistance_ohm = moment.state.resistance_ohm.expect("it stays known");
+        assert!(
+            (0.045..=0.055).contains(&resistance_ohm),
+            "{resistance_ohm} Ω at {} s",
+            moment.t_s
+        );
+    }
+    println!(
+        "resistance: {:?} Ω at the end",
+        moments.last().unwrap().state.resistance_ohm
+    );
+}
+
+/// Difference between resting and terminal voltage beyond the sag by the reported resistance, in volts.
+fn unexplained_v(moment: &Moment) -> Option<f32> {
+    let state = &moment.state;
+    let terminal_v = state.voltage_v?;
+    let resting_v = state.resting_voltage_v.unwrap_or(terminal_v);
+    let explained_v = state.current_a? * state.resistance_ohm.unwrap_or(0.0);
+    Some((resting_v - terminal_v - explained_v).abs())
+}
+
+#[test]
+fn voltage_falling_at_constant_load_is_not_sag() {
+    let moments = run(&trace("trace_failsafe_voltage.csv"), &PackSettings::default());
+    let largest_v = moments.iter().filter_map(unexplained_v).fold(0.0, f32::max);
+    println!("resting voltage: {largest_v} V unexplained at most");
+    assert!(largest_v <= 0.1, "{largest_v} V");
+    let is_unknown = |moment: &Moment| moment.state.resistance_ohm.is_none();
+    assert!(
+        moments.iter().all(is_unknown),
+        "no resistance from a constant load"
+    );
+}
+
+#[test]
+fn current_ripple_does_not_explain_a_falling_voltage() {
+    let ripple_a = |t_s: f64| 0.25 * (2.0 * t_s).sin() as f32;
+    let samples: Vec<Sample> = trace("trace_failsafe_voltage.csv")
+        .into_iter()
+        .map(|sample| Sample {
+            current_a: sample.current_a.map(|current_a| current_a + ripple_a(sample.t_s)),
+            ..sample
+        })
+        .collect();
+    for moment in run(&samples, &PackSettings::default()) {
+        assert_eq!(moment.state.resistance_ohm, None, "at {} s", moment.t_s);
+    }
+}
+
+#[test]
+fn resting_voltage_compensates_the_sag() {
+    let moments = run(&trace("trace_sag.csv"), &PackSettings::default());
+    for moment in moments.iter().filter(|moment| moment.t_s >= 15.0) {
+        let resting_v = moment.state.resting_voltage_v.expect("a resting voltage");
+        assert!(
+            (resting_v - 11.1).abs() < 0.02,
+            "{resting_v} V at {} s",
+            moment.t_s
+        );
+    }
+}

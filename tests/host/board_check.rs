@@ -1,0 +1,775 @@
+//! `board-check` against the core: a sound board passes, and each fault fails the check it is for, and no other.
+
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+use std::rc::Rc;
+
+use crate::checked::{Checked, Turned, Watcher, failed, not_measured};
+use crate::desk::{Desk, adc_count};
+use crate::page::assert_part;
+use crate::support::frames::{
+    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_LONG, GROUND_STATION, HEARTBEAT, PARAM_VALUE, SYS_STATUS,
+    TIMESYNC, encode_v2, encode_v2_from, resealed,
+};
+use crate::support::requests::request_data_stream;
+use proptest::prelude::*;
+use rover_battmon::autopilot::{Announcement, Start, Work};
+use rover_battmon::board_check::{
+    CHECKS, Calibrate, Multimeter, Part, Plan, Port, PortClosed, Report, Verdict, hash_of_elf, run,
+};
+use rover_battmon::identity::FirmwareHash;
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::BatteryParameter;
+use rover_battmon::parameter::{Parameters, VehicleParameter};
+use rover_battmon::sensor::{ADC_REFERENCE_V, AnalogPin, AnalogReadings};
+use rover_battmon::time::Instant;
+use rover_battmon::vehicle::{MotorDrive, Restart, SideDrives};
+
+const SECOND: u64 = 1_000_000;
+
+/// Of the stepped time.
+const STEP_US: u64 = 5_000;
+const SAMPLING_US: u64 = 100_000;
+const DRIVE_US: u64 = 20_000;
+
+/// From a restart's request to its silence, and to the first heartbeat.
+const SHUTDOWN_US: u64 = 300_000;
+const BOOT_US: u64 = 200_000;
+
+/// A 2S pack behind the divider.
+const PACK_V: f32 = 7.93;
+const DIVIDER: f32 = 3.95;
+
+/// When the check listens.
+const LISTENING_US: u64 = 15 * SECOND;
+
+/// What is wrong between board and check, or with the board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fault {
+    None,
+    Silent,
+    PortCloses,
+    VanishesWhileItRestarts,
+    NeverComesBack,
+    /// Each byte is flipped or lost so often, of 65536, either way.
+    Noise(u16),
+    SecondBoard,
+    WrongComponent,
+    NotARover,
+    WrongVersion,
+    NoVersion,
+    HalvedRate,
+    Jitter,
+    LostFrames,
+    DamagedFrames,
+    SlowAnswers,
+    MissingParameter,
+    ForgetsParameters,
+    RestartIgnored,
+    RestartsByItself,
+    AnnouncesDamage,
+    NoiseToTheBoard,
+    Busy,
+    SensorFailed,
+    WrongCells,
+    NoisyVoltage,
+    NoCrashRecord,
+    OtherCrashRecord,
+    BeyondTheDivider,
+    LeftReversed,
+    SidesSwapped,
+    ArmingRefused,
+}
+
+/// The board: the core in stepped time.
+struct DeskBoard {
+    desk: Desk,
+    /// When it started.
+    started_us: u64,
+    now_us: u64,
+    restart_at_us: Option<u64>,
+    /// A crash to be reported to the first ground station.
+    has_crashed: bool,
+    noise: fastrand::Rng,
+    turned: Rc<RefCell<Turned>>,
+    fault: Fault,
+}
+
+impl DeskBoard {
+    fn new(fault: Fault, turned: Rc<RefCell<Turned>>) -> Self {
+        let mut parameters = Parameters::defaults();
+        let cells = match fault {
+            Fault::WrongCells => 1.0,
+            Fault::BeyondTheDivider => 3.0,
+            _ => 2.0,
+        };
+        let id = BatteryParameter::Cells.of(Pack::First);
+        parameters.set(id, cells).expect("in range");
+        if fault == Fault::ArmingRefused {
+            let id = BatteryParameter::ArmVolt.of(Pack::First);
+            parameters.set(id, 9.0).expect("in range");
+        }
+        let mut board = Self {
+            desk: Desk::starting(Start::with_parameters(parameters)),
+            started_us: 0,
+            now_us: 0,
+            restart_at_us: None,
+            has_crashed: false,
+            noise: fastrand::Rng::with_seed(1),
+            turned,
+            fault,
+        };
+        board.open();
+        board
+    }
+
+    fn open(&mut self) {
+        self.desk
+            .autopilot
+            .set_load(if self.fault == Fault::Busy { 900 } else { 8 });
+        self.desk.autopilot.open(&mut self.desk.channel);
+        if self.fault == Fault::AnnouncesDamage {
+            self.desk.autopilot.announce(Announcement::ParametersDamaged);
+        }
+    }
+
+    fn restart(&mut self) {
+        let how = self.desk.vehicle().pending_restart().unwrap_or_default();
+        let mut parameters = self.desk.parameters().clone();
+        if self.fault == Fault::ForgetsParameters {
+            parameters
+                .set(VehicleParameter::Sr0Params, 10.0)
+                .expect("in range");
+        }
+        self.desk = Desk::starting(Start::with_parameters(parameters));
+        self.started_us = self.now_us + BOOT_US;
+        self.has_crashed = how == Restart::Fault && self.fault != Fault::NoCrashRecord;
+        self.open();
+    }
+
+    fn step(&mut self) -> Vec<u8> {
+        self.now_us += STEP_US;
+        if self.restart_at_us.is_some_and(|at_us| self.now_us >= at_us) {
+            self.restart_at_us = None;
+            self.restart();
+        }
+        if self.now_us < self.started_us {
+            return Vec::new();
+        }
+        self.desk.now_us = self.now_us - self.started_us;
+        if self.desk.now_us.is_multiple_of(SAMPLING_US) {
+            let readings = self.readings();
+            self.desk.sample(readings);
+        }
+        if self.desk.now_us.is_multiple_of(DRIVE_US) {
+            let drives = self.desk.drive();
+            self.note(drives);
+        }
+        if self.desk.next_due_us() <= self.desk.now_us || self.desk.now_us.is_multiple_of(SAMPLING_US) {
+            self.desk.post_due(self.desk.now_us);
+        }
+        self.do_work();
+        self.sent()
+    }
+
+    fn readings(&mut self) -> AnalogReadings {
+        let noise_v = if self.fault == Fault::NoisyVoltage {
+            0.2
+        } else {
+            0.01
+        };
+        let pack_v = match self.fault {
+            // Full scale.
+            Fault::BeyondTheDivider => DIVIDER * ADC_REFERENCE_V,
+            _ => PACK_V,
+        };
+        let pack_v = pack_v - noise_v * self.noise.f32();
+        let mut readings = AnalogReadings::NONE;
+        readings.set(AnalogPin::Gp26, Ok(adc_count(pack_v / DIVIDER)));
+        readings
+    }
+
+    fn note(&mut self, drives: SideDrives) {
+        let duty = |drive| match drive {
+            MotorDrive::Turn(duty) => duty,
+            MotorDrive::Coast | MotorDrive::Brake => 0.0,
+        };
+        let (left, right) = (duty(drives.left), duty(drives.right));
+        let (left, right) = match self.fault {
+            Fault::LeftReversed => (-left, right),
+            Fault::SidesSwapped => (right, left),
+            _ => (left, right),
+        };
+        self.turned.borrow_mut().note(left, right);
+    }
+
+    fn do_work(&mut self) {
+        let work = self.desk.autopilot.take_work();
+        if work.contains(Work::RESTART) {
+            self.restart_at_us = Some(self.now_us + SHUTDOWN_US);
+        }
+        if work.contains(Work::GROUND_STATION_HEARD) && std::mem::take(&mut self.has_crashed) {
+            let text = match self.fault {
+                Fault::OtherCrashRecord => "Crash: battery was overdue",
+                _ => "Crash: hard fault in reboot, PC 0x10001234 LR 0x10005679",
+            };
+            self.desk.autopilot.announce(Announcement::Crash(text));
+        }
+    }
+
+    fn sent(&mut self) -> Vec<u8> {
+        let Desk {
+            autopilot,
+            channel,
+            framer,
+            ..
+        } = &mut self.desk;
+        let now = Instant::from_micros(self.now_us - self.started_us);
+        let mut bytes = Vec::new();
+        while let Some(frame) = autopilot.next_frame(channel, framer, now) {
+            bytes.extend(frame);
+        }
+        bytes
+    }
+}
+
+impl Checked for DeskBoard {
+    fn now_us(&mut self) -> u64 {
+        self.now_us
+    }
+
+    fn deliver(&mut self, bytes: &[u8]) {
+        if self.now_us >= self.started_us {
+            self.desk.receive_in_chunks(bytes, 64);
+        }
+    }
+
+    fn run_until(&mut self, until_us: u64) -> Vec<u8> {
+        loop {
+            let sent = self.step();
+            if !sent.is_empty() || self.now_us >= until_us {
+                return sent;
+            }
+        }
+    }
+}
+
+/// The line with someone in the middle.
+struct TamperedLine {
+    board: DeskBoard,
+    fault: Fault,
+    /// Frames on their way, and when they arrive.
+    on_the_way: Vec<(u64, Vec<u8>)>,
+    frames: usize,
+    sequence: u8,
+    next_event_us: u64,
+    has_happened: bool,
+    random: fastrand::Rng,
+}
+
+impl TamperedLine {
+    fn new(fault: Fault, turned: Rc<RefCell<Turned>>) -> Self {
+        Self {
+            board: DeskBoard::new(fault, turned),
+            fault,
+            on_the_way: Vec::new(),
+            frames: 0,
+            sequence: 0,
+            next_event_us: SECOND,
+            has_happened: false,
+            random: fastrand::Rng::with_seed(1),
+        }
+    }
+
+    fn is_once(&mut self) -> bool {
+        !std::mem::replace(&mut self.has_happened, true)
+    }
+
+    /// What happens at certain times.
+    fn happen(&mut self) {
+        if self.board.now_us < self.next_event_us {
+            return;
+        }
+        self.next_event_us += SECOND;
+        let fault = self.fault;
+        match fault {
+            Fault::SecondBoard => {
+                let frame = encode_v2_from([2, 1], HEARTBEAT, &[0, 0, 0, 0, 10, 3, 81, 3, 3]);
+                self.on_the_way.push((self.board.now_us, frame));
+            }
+            Fault::HalvedRate if self.is_once() => {
+                const EXTENDED_STATUS: u8 = 2;
+                self.board.deliver(&request_data_stream(EXTENDED_STATUS, 1, 1));
+            }
+            Fault::NoiseToTheBoard => {
+                let mut damaged = encode_v2_from(GROUND_STATION, SYS_STATUS, &[1; 31]);
+                damaged[12] ^= 1;
+                self.board.deliver(&damaged);
+            }
+            Fault::RestartsByItself if self.board.now_us > LISTENING_US && self.is_once() => {
+                self.board.restart()
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes a frame of the board.
+    fn take(&mut self, mut frame: Vec<u8>) {
+        self.frames += 1;
+        let message_id = u32::from_le_bytes([frame[7], frame[8], frame[9], 0]);
+        let is_fifth = self.frames.is_multiple_of(5);
+        let mut delay_us = 0;
+        match (self.fault, message_id) {
+            (Fault::Silent, _) | (Fault::NoVersion, AUTOPILOT_VERSION) => return,
+            (Fault::WrongComponent, _) => frame[6] = 7,
+            // MAV_TYPE is the fifth byte: 2 is a quadrotor.
+            (Fault::NotARover, HEARTBEAT) => frame[10 + 4] = 2,
+            // The minor version.
+            (Fault::WrongVersion, AUTOPILOT_VERSION) => frame[10 + 18] += 1,
+            (Fault::Jitter, SYS_STATUS) if is_fifth => delay_us = 150_000,
+            (Fault::SlowAnswers, TIMESYNC) => delay_us = 100_000,
+            // The index.
+            (Fault::MissingParameter, PARAM_VALUE) if frame[10 + 6] == 5 => return,
+            // Bit 25 of the sensors that are healthy.
+            (Fault::SensorFailed, SYS_STATUS) => frame[10 + 11] &= !2,
+            _ => {}
+        }
+        self.on_the_way.push((self.board.now_us + delay_us, frame));
+    }
+
+    /// What arrives: numbered anew, so that what was not lost on the way is not missing.
+    fn arrive(&mut self) -> Vec<u8> {
+        let now_us = self.board.now_us;
+        let (arrived, on_the_way): (Vec<_>, _) =
+            self.on_the_way.drain(..).partition(|(at_us, _)| *at_us <= now_us);
+        self.on_the_way = on_the_way;
+        arrived
+            .into_iter()
+            .flat_map(|(_, frame)| self.last_metre(frame))
+            .collect()
+    }
+
+    fn last_metre(&mut self, mut frame: Vec<u8>) -> Vec<u8> {
+        let is_of_the_board = frame[5] == 1;
+        if is_of_the_board {
+            frame[4] = self.sequence;
+            self.sequence = self.sequence.wrapping_add(1);
+        }
+        let is_telemetry = [SYS_STATUS, BATTERY_STATUS].contains(&u32::from(frame[7]));
+        let is_hit = is_telemetry && self.random.u8(..) < 40;
+        let mut frame = resealed(&frame);
+        match self.fault {
+            Fault::LostFrames if is_hit => return Vec::new(),
+            Fault::DamagedFrames if is_hit => frame[14] ^= 0x40,
+            _ => {}
+        }
+        self.with_noise(frame)
+    }
+
+    fn with_noise(&mut self, mut bytes: Vec<u8>) -> Vec<u8> {
+        let Fault::Noise(rate) = self.fault else {
+            return bytes;
+        };
+        bytes.retain(|_| self.random.u16(..) >= rate);
+        for byte in &mut bytes {
+            if self.random.u16(..) < rate {
+                *byte ^= 1 << self.random.u8(..8);
+            }
+        }
+        bytes
+    }
+}
+
+/// The frames of the board, which sends whole ones.
+fn split(mut bytes: &[u8]) -> Vec<Vec<u8>> {
+    let mut frames = Vec::new();
+    while let Some((frame, rest)) = bytes
+        .get(1)
+        .and_then(|length| bytes.split_at_checked(12 + usize::from(*length)))
+    {
+        frames.push(frame.to_vec());
+        bytes = rest;
+    }
+    frames
+}
+
+impl Port for TamperedLine {
+    fn now(&mut self) -> Instant {
+        Instant::from_micros(self.board.now_us())
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), PortClosed> {
+        let is_restart = bytes[7] == COMMAND_LONG as u8 && bytes[10 + 28] == 246;
+        if !(self.fault == Fault::RestartIgnored && is_restart) {
+            let bytes = self.with_noise(bytes.to_vec());
+            self.board.deliver(&bytes);
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, deadline: Instant, bytes: &mut Vec<u8>) -> Result<(), PortClosed> {
+        if self.fault == Fault::PortCloses && self.board.now_us > LISTENING_US && self.is_once() {
+            return Err(PortClosed);
+        }
+        let vanishes = matches!(self.fault, Fault::VanishesWhileItRestarts | Fault::NeverComesBack);
+        if vanishes && self.board.now_us < self.board.started_us {
+            return Err(PortClosed);
+        }
+        loop {
+            let next_us = self.board.now_us + STEP_US;
+            for frame in split(&self.board.run_until(next_us)) {
+                self.take(frame);
+            }
+            self.happen();
+            bytes.extend(self.arrive());
+            if !bytes.is_empty() || self.board.now_us >= deadline.as_micros() {
+                return Ok(());
+            }
+        }
+    }
+
+    fn reopen(&mut self, _: Instant) -> Result<(), PortClosed> {
+        if self.fault == Fault::NeverComesBack {
+            return Err(PortClosed);
+        }
+        self.board.run_until(self.board.started_us + STEP_US);
+        Ok(())
+    }
+}
+
+const EVERYTHING: Plan = Plan {
+    fault: Part::Run,
+    motors: Part::Run,
+    multimeter: Multimeter::Ask,
+    calibrate: Calibrate::Offer,
+    firmware_hash: None,
+};
+
+fn check(fault: Fault, plan: &Plan) -> Report {
+    let mut owner = Watcher {
+        multimeter: "7,93",
+        ..Watcher::default()
+    };
+    let mut line = TamperedLine::new(fault, owner.turned.clone());
+    let report = run(&mut line, &mut owner, plan);
+    assert_eq!(owner.shown.last(), Some(&report.summary()));
+    report
+}
+
+#[test]
+fn a_sound_board_passes_and_what_it_does_not_send_is_not_measured() {
+    let report = check(Fault::None, &EVERYTHING);
+    assert_eq!(failed(&report), [""; 0], "{}", report.markdown("desk"));
+    assert_eq!(not_measured(&report), ["firmware hash", "serial number"]);
+    assert_eq!(report.verdict(), Verdict::Passed);
+}
+
+#[test]
+fn what_was_not_asked_for_is_not_measured() {
+    let report = check(Fault::None, &Plan::default());
+    assert_eq!(report.verdict(), Verdict::Passed);
+    let skipped = [
+        "firmware hash",
+        "serial number",
+        "calibration",
+        "crash record",
+        "left wheels ahead",
+        "right wheels ahead",
+        "left wheels back",
+        "right wheels back",
+    ];
+    assert_eq!(not_measured(&report), skipped);
+}
+
+#[test]
+fn each_fault_fails_its_check_and_no_other() {
+    const MOTORS: [&str; 4] = [
+        "left wheels ahead",
+        "right wheels ahead",
+        "left wheels back",
+        "right wheels back",
+    ];
+    let plan = EVERYTHING;
+    let other_build = Plan {
+        firmware_hash: Some(FirmwareHash::of([1])),
+        ..plan
+    };
+    let other_voltage = Plan {
+        multimeter: Multimeter::Shows(8.4),
+        ..plan
+    };
+    let beyond = Plan {
+        multimeter: Multimeter::None,
+        ..plan
+    };
+    let cases: Vec<(Fault, Plan, &[&str])> = vec![
+        (Fault::PortCloses, plan, &["connection"]),
+        (Fault::SecondBoard, plan, &["one board"]),
+        (Fault::WrongComponent, plan, &["identity"]),
+        (Fault::NotARover, plan, &["identity"]),
+        (Fault::WrongVersion, plan, &["version"]),
+        (Fault::NoVersion, plan, &["version"]),
+        (Fault::None, other_build, &["firmware hash"]),
+        (Fault::HalvedRate, plan, &["rates"]),
+        (Fault::Jitter, plan, &["jitter"]),
+        (Fault::LostFrames, plan, &["lost frames"]),
+        (Fault::DamagedFrames, plan, &["damaged frames"]),
+        (Fault::SlowAnswers, plan, &["round trips"]),
+        (Fault::MissingParameter, plan, &["parameter list"]),
+        (Fault::ForgetsParameters, plan, &["parameter kept"]),
+        (Fault::RestartIgnored, plan, &["parameter kept", "crash record"]),
+        (Fault::RestartsByItself, plan, &["restarts"]),
+        (Fault::AnnouncesDamage, plan, &["announcements"]),
+        (Fault::NoiseToTheBoard, plan, &["board's errors"]),
+        (Fault::Busy, plan, &["load"]),
+        (Fault::SensorFailed, plan, &["sensor health"]),
+        (
+            Fault::WrongCells,
+            plan,
+            &[
+                "sensor health",
+                "voltage",
+                "left wheels ahead",
+                "right wheels ahead",
+                "left wheels back",
+                "right wheels back",
+            ],
+        ),
+        (Fault::NoisyVoltage, plan, &["voltage noise"]),
+        (Fault::None, other_voltage, &["calibration"]),
+        (Fault::NoCrashRecord, plan, &["crash record"]),
+        (Fault::OtherCrashRecord, plan, &["crash record"]),
+        (Fault::BeyondTheDivider, beyond, &["voltage"]),
+        (
+            Fault::LeftReversed,
+            plan,
+            &["left wheels ahead", "left wheels back"],
+        ),
+        (Fault::SidesSwapped, plan, &MOTORS),
+        (Fault::ArmingRefused, plan, &MOTORS),
+    ];
+    let mut failing = BTreeSet::new();
+    for (fault, plan, expected) in cases {
+        let report = check(fault, &plan);
+        assert_eq!(
+            failed(&report),
+            expected,
+            "{fault:?}\n{}",
+            report.markdown("desk")
+        );
+        assert_eq!(report.verdict(), Verdict::Failed);
+        assert_eq!(report.findings().len(), expected.len());
+        failing.extend(expected);
+    }
+    // A board without a serial number is none that failed.
+    let all = CHECKS
+        .iter()
+        .map(|check| check.name)
+        .filter(|name| *name != "serial number");
+    assert_eq!(failing, all.collect(), "every check has a fault that fails it");
+}
+
+#[test]
+fn without_a_board_nothing_else_is_measured() {
+    let report = check(Fault::Silent, &EVERYTHING);
+    assert_eq!(report.verdict(), Verdict::NotConnected);
+    assert_eq!(failed(&report), ["connection"]);
+    assert_eq!(not_measured(&report).len(), CHECKS.len() - 1);
+}
+
+#[test]
+fn the_exact_multiplier_is_set_on_request() {
+    let plan = Plan {
+        multimeter: Multimeter::Shows(8.4),
+        calibrate: Calibrate::Apply,
+        ..Plan::default()
+    };
+    let mut owner = Watcher::default();
+    let mut line = TamperedLine::new(Fault::None, owner.turned.clone());
+    let report = run(&mut line, &mut owner, &plan);
+    assert_eq!(failed(&report), [""; 0], "{}", report.markdown("desk"));
+    let multiplier = line
+        .board
+        .desk
+        .parameters()
+        .get(BatteryParameter::VoltMult.of(Pack::First));
+    assert!((multiplier - DIVIDER * 8.4 / PACK_V).abs() < 0.01, "{multiplier}");
+}
+
+#[test]
+fn ctrl_c_while_the_wheels_turn_stops_them() {
+    let mut owner = Watcher {
+        is_startled: true,
+        ..Watcher::default()
+    };
+    let plan = Plan {
+        motors: Part::Run,
+        ..Plan::default()
+    };
+    let mut line = TamperedLine::new(Fault::None, owner.turned.clone());
+    let report = run(&mut line, &mut owner, &plan);
+    assert_ne!(*owner.turned.borrow(), Turned::default(), "it turned");
+    assert_eq!(line.board.desk.drive(), SideDrives::COAST);
+    assert_eq!(report.verdict(), Verdict::Failed);
+    assert!(not_measured(&report).contains(&"left wheels ahead"));
+}
+
+#[test]
+fn the_parameter_has_its_old_value_afterwards() {
+    for fault in [Fault::None, Fault::RestartIgnored, Fault::ForgetsParameters] {
+        let mut owner = Watcher::default();
+        let mut line = TamperedLine::new(fault, owner.turned.clone());
+        run(&mut line, &mut owner, &Plan::default());
+        let rate = line.board.desk.parameters().get(VehicleParameter::Sr0Params);
+        assert_eq!(rate, 10.0, "{fault:?}");
+    }
+}
+
+#[test]
+fn ctrl_c_behind_the_set_parameter_sets_it_back() {
+    let mut owner = Watcher {
+        stops_after: Some("Setting a parameter"),
+        ..Watcher::default()
+    };
+    let mut line = TamperedLine::new(Fault::None, owner.turned.clone());
+    let report = run(&mut line, &mut owner, &Plan::default());
+    assert_eq!(failed(&report), ["parameter kept"]);
+    assert!(
+        report.findings()[0].contains("it was 10, and may be 11"),
+        "{:?}",
+        report.findings()
+    );
+    assert_eq!(
+        line.board.desk.parameters().get(VehicleParameter::Sr0Params),
+        10.0
+    );
+}
+
+#[test]
+fn a_port_that_vanishes_while_the_board_restarts_is_opened_again() {
+    let report = check(Fault::VanishesWhileItRestarts, &EVERYTHING);
+    assert_eq!(failed(&report), [""; 0], "{}", report.markdown("desk"));
+    let report = check(Fault::NeverComesBack, &EVERYTHING);
+    assert_eq!(failed(&report), ["connection", "parameter kept"]);
+    assert!(not_measured(&report).contains(&"crash record"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whatever the line does to either side, there is a report, and what may still turn stops by the board's time-out.
+    #[test]
+    fn any_noise_ends_in_a_report_and_standing_wheels(rate in 0_u16..3000, seed: u64) {
+        let mut owner = Watcher::default();
+        let mut line = TamperedLine::new(Fault::Noise(rate), owner.turned.clone());
+        line.random = fastrand::Rng::with_seed(seed);
+        let report = run(&mut line, &mut owner, &EVERYTHING);
+        prop_assert_eq!(report.rows().len(), CHECKS.len());
+        let end_us = line.board.now_us + 3 * SECOND;
+        while line.board.now_us < end_us {
+            line.board.step();
+        }
+        let drives = line.board.desk.vehicle().drives();
+        prop_assert!([SideDrives::COAST, SideDrives::BRAKE].contains(&drives), "{:?}", drives);
+    }
+}
+
+#[test]
+fn noise_is_no_board() {
+    /// A line on which anything comes, heartbeats of a ground station, too.
+    struct Noise {
+        now_us: u64,
+        random: fastrand::Rng,
+    }
+    impl Port for Noise {
+        fn now(&mut self) -> Instant {
+            Instant::from_micros(self.now_us)
+        }
+        fn send(&mut self, _: &[u8]) -> Result<(), PortClosed> {
+            Ok(())
+        }
+        fn receive(&mut self, _: Instant, bytes: &mut Vec<u8>) -> Result<(), PortClosed> {
+            self.now_us += 10_000;
+            bytes.extend((0..100).map(|_| self.random.u8(..)));
+            bytes.extend(encode_v2(HEARTBEAT, &[0, 0, 0, 0, 6, 8, 0, 4, 3]));
+            Ok(())
+        }
+        fn reopen(&mut self, _: Instant) -> Result<(), PortClosed> {
+            Err(PortClosed)
+        }
+    }
+    let mut noise = Noise {
+        now_us: 0,
+        random: fastrand::Rng::with_seed(1),
+    };
+    let report = run(&mut noise, &mut Watcher::default(), &Plan::default());
+    assert_eq!(report.verdict(), Verdict::NotConnected);
+}
+
+#[test]
+fn the_checks_are_on_the_page() {
+    let mut table = String::from("| check | measures | expected | when it differs |\n|---|---|---|---|\n");
+    for check in CHECKS {
+        let (name, measures, expected, advice) = (check.name, check.measures, check.expected, check.advice);
+        table += &format!("| {name} | {measures} | {expected} | {advice} |\n");
+    }
+    assert_part("checks", &table, str::to_string);
+}
+
+/// The start of an ELF file of 32 bits, little-endian, of the current version.
+const ELF_START: &[u8] = b"\x7fELF\x01\x01\x01";
+
+/// An ELF file of 32 bits with these segments: type, address, bytes.
+fn elf_file(segments: &[(u32, u32, &[u8])]) -> Vec<u8> {
+    const HEADER_BYTES: usize = 52;
+    const PROGRAM_HEADER_BYTES: usize = 32;
+    let mut file = ELF_START.to_vec();
+    file.resize(HEADER_BYTES, 0);
+    file[0x1c] = HEADER_BYTES as u8;
+    file[0x2a] = PROGRAM_HEADER_BYTES as u8;
+    file[0x2c] = segments.len() as u8;
+    let mut contents: Vec<u8> = Vec::new();
+    for (kind, address, bytes) in segments {
+        let offset = HEADER_BYTES + segments.len() * PROGRAM_HEADER_BYTES + contents.len();
+        let size = bytes.len() as u32;
+        for word in [*kind, offset as u32, 0x2000_0000, *address, size, size, 0, 4] {
+            file.extend(word.to_le_bytes());
+        }
+        contents.extend(*bytes);
+    }
+    file.extend(contents);
+    file
+}
+
+#[test]
+fn the_hash_of_a_file_is_that_of_its_loaded_segments_by_their_addresses() {
+    const LOAD: u32 = 1;
+    const NOTE: u32 = 4;
+    let file = elf_file(&[
+        (LOAD, 0x1000_0100, b"5678"),
+        (NOTE, 0x1000_0080, b"note"),
+        (LOAD, 0x2000_b000, b""),
+        (LOAD, 0x1000_0000, b"1234"),
+    ]);
+    // `zlib.crc32(b"12345678")`
+    let hash = hash_of_elf(&file).expect("a whole file");
+    assert_eq!(&hash.digits(), b"9ae0daaf");
+    for length in 0..file.len() {
+        assert_eq!(
+            hash_of_elf(&file[..length]),
+            None,
+            "{length} of {} bytes",
+            file.len()
+        );
+    }
+    assert_eq!(hash_of_elf(&elf_file(&[(NOTE, 0, b"note")])), None);
+    assert_eq!(hash_of_elf(&elf_file(&[(LOAD, 0, b"odd")])), None);
+}
+
+proptest! {
+    #[test]
+    fn any_file_has_a_hash_or_none(start in 0..=ELF_START.len(), rest in prop::collection::vec(any::<u8>(), 0..200)) {
+        let file = [&ELF_START[..start], &rest].concat();
+        let _ = hash_of_elf(&file);
+    }
+}

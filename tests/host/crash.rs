@@ -1,0 +1,140 @@
+//! Crash reports, in stepped time: from the heartbeat of a ground station to the wires.
+
+use std::cell::Cell;
+use std::future::pending;
+
+use crate::line::{BYTE_US, Line, Sent};
+use crate::support::frames::{STATUSTEXT, frames, of_message};
+use crate::support::requests::heartbeat;
+use embassy_futures::join::{join, join3};
+use embassy_time::{Duration, Instant, Timer};
+use rover_battmon::autopilot::Start;
+use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
+use rover_battmon::liveness::CheckIn;
+use rover_battmon::mavlink::LinkKind;
+use rover_battmon::parameter::Parameters;
+use rover_battmon::sim::clock;
+use rover_battmon::tasks::{
+    ByteSource, CrashMemory, Link, ReceiveError, Shared, read_frames, report_crash, schedule_telemetry,
+    write_frames,
+};
+
+const SECOND: u64 = 1_000_000;
+
+const GROUND_STATION: u8 = 6;
+const ONBOARD_CONTROLLER: u8 = 18;
+
+/// A system that sends a heartbeat every second from some time on.
+struct System {
+    kind: u8,
+    next_at_us: u64,
+}
+
+impl ByteSource for System {
+    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
+        Timer::at(Instant::from_micros(self.next_at_us)).await;
+        self.next_at_us += SECOND;
+        let bytes = heartbeat(self.kind);
+        buffer[..bytes.len()].copy_from_slice(&bytes);
+        Ok(bytes.len())
+    }
+}
+
+/// What was said of crashes, and when.
+fn texts(sent: &Sent) -> Vec<(u64, String)> {
+    let sent = frames(&sent.borrow());
+    let texts = of_message(&sent, STATUSTEXT);
+    texts
+        .iter()
+        .map(|frame| (frame.at_us, frame.text(1, 50)))
+        .filter(|(_, text)| text.starts_with("Crash"))
+        .collect()
+}
+
+/// When the crash was forgotten.
+#[derive(Default)]
+struct Memory(Cell<Option<u64>>);
+
+impl CrashMemory for &Memory {
+    fn forget(&mut self) {
+        assert_eq!(self.0.replace(Some(Instant::now().as_micros())), None, "once");
+    }
+}
+
+fn crash() -> CrashRecord {
+    CrashRecord {
+        task: TaskName::new("battery"),
+        cause: CrashCause::Fault(FaultSite {
+            pc: 0x1000_1234,
+            lr: 0x1000_5679,
+            xpsr: 0,
+            stack: [0x1000_ABCD; STACK_WORDS],
+        }),
+    }
+}
+
+/// Ten seconds with a system of this kind on the first of two links from `from_us` on.
+fn run(kind: u8, from_us: u64, memory: &Memory) -> [Vec<(u64, String)>; 2] {
+    let check_in = CheckIn::new("", u32::MAX);
+    let (near, far) = (Sent::default(), Sent::default());
+    let system = System {
+        kind,
+        next_at_us: from_us,
+    };
+    clock::run_for(Duration::from_secs(10), async {
+        let shared = Shared::new(&Start::with_parameters(Parameters::defaults()));
+        let [first, second] = ["first", "second"].map(|name| Link::new(name, LinkKind::Radio, 11_520));
+        let serve = async |link, sent| {
+            let line = Line {
+                byte_us: BYTE_US,
+                sent,
+            };
+            join(
+                schedule_telemetry(&shared, link, &check_in),
+                write_frames(line, &shared, link, &check_in),
+            )
+            .await
+        };
+        let report = async {
+            report_crash(&crash(), 0x1000_0000..0x1001_0000, &mut { memory }, &shared).await;
+            pending::<()>().await
+        };
+        join3(
+            join(serve(&first, &near), serve(&second, &far)),
+            read_frames(system, &shared, &first, &check_in),
+            report,
+        )
+        .await
+    });
+    [&near, &far].map(texts)
+}
+
+#[test]
+fn each_link_reports_a_crash_once_and_the_record_is_cleared() {
+    let memory = Memory::default();
+    for texts in run(GROUND_STATION, 3 * SECOND, &memory) {
+        let said: Vec<_> = texts.iter().map(|(_, text)| text.as_str()).collect();
+        // The first chunk of each.
+        assert_eq!(
+            said,
+            [
+                "Crash: hard fault in battery, PC 0x10001234 LR 0x1",
+                "Crash: called from 1000abca 1000abca 1000abca 1000"
+            ]
+        );
+        let reported_us = texts[0].0..texts[1].0;
+        assert!(3 * SECOND < reported_us.start && reported_us.end < 3 * SECOND + 100_000);
+    }
+    assert_eq!(
+        memory.0.get().map(|at_us| at_us / SECOND),
+        Some(5),
+        "it had time to leave"
+    );
+}
+
+#[test]
+fn other_systems_get_no_crash_report_and_the_record_is_kept() {
+    let memory = Memory::default();
+    assert_eq!(run(ONBOARD_CONTROLLER, SECOND, &memory), [vec![], vec![]]);
+    assert_eq!(memory.0.get(), None);
+}

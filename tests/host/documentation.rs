@@ -1,0 +1,696 @@
+//! What the documents name exists: paths, links, pins, and what the firmware is said to say.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::motor_poles::{Motor, motors};
+use rover_battmon::battery::{
+    Amount, ArmingFailure, BusError, ChargeState, FailsafeLevel, Faults, Gap, PackEvent, ReadError,
+};
+use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
+use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
+use rover_battmon::sensor::{CanReport, FuelCellState};
+use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
+use rover_battmon::wifi::WifiReport;
+
+/// What stands in front of a path from the top of the repository.
+const TOP_FOLDERS: [&str; 6] = ["src/", "tests/", "docs/", "examples/", "benches/", ".ci/"];
+
+/// Named because a requirement names it; it belongs to another project.
+const NOT_OURS: [&str; 1] = ["src/communication/mavlink/handlers/telemetry.rs"];
+
+fn top() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Every file below `folder` with this extension, build results and hidden folders aside.
+fn files_below(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).expect("the folder can be listed") {
+        let path = entry.expect("it can be listed").path();
+        let name = path.file_name().expect("a name").to_string_lossy();
+        if path.is_dir() && name != "target" && !name.starts_with('.') {
+            found.extend(files_below(&path, extension));
+        } else if path.extension().is_some_and(|found| found == extension) {
+            found.push(path);
+        }
+    }
+    found
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// The documents, with their text.
+fn documents() -> Vec<(PathBuf, String)> {
+    let documents: Vec<_> = files_below(top(), "md")
+        .into_iter()
+        .map(|path| {
+            let text = read(&path);
+            (path, text)
+        })
+        .collect();
+    assert!(!documents.is_empty(), "no document was found");
+    documents
+}
+
+/// A document with what stands in blocks of code left out.
+fn prose(text: &str) -> String {
+    text.split("```").step_by(2).collect()
+}
+
+/// The targets of the links in a document.
+fn links(text: &str) -> Vec<String> {
+    let prose = prose(text);
+    let behind = prose.split("](").skip(1);
+    behind
+        .filter_map(|rest| rest.split_once(')'))
+        .map(|(target, _)| target.into())
+        .collect()
+}
+
+/// The name by which a heading is linked to, as GitHub makes it.
+fn anchor(heading: &str) -> String {
+    let kept = heading.trim().chars().filter_map(|c| match c {
+        ' ' => Some('-'),
+        _ if c.is_alphanumeric() || c == '-' || c == '_' => Some(c.to_ascii_lowercase()),
+        _ => None,
+    });
+    kept.collect()
+}
+
+fn has_anchor(text: &str, wanted: &str) -> bool {
+    let prose = prose(text);
+    let mut headings = prose.lines().filter(|line| line.starts_with('#'));
+    headings.any(|line| anchor(line.trim_start_matches('#')) == wanted)
+}
+
+#[test]
+fn every_relative_link_leads_somewhere() {
+    let mut broken = Vec::new();
+    let mut followed = 0;
+    for (document, text) in documents() {
+        for link in links(&text).into_iter().filter(|link| !link.contains("://")) {
+            followed += 1;
+            let (path, anchor) = link.split_once('#').unwrap_or((&link, ""));
+            let target = match path {
+                "" => document.clone(),
+                _ => document.parent().expect("it lies in a folder").join(path),
+            };
+            let leads = match anchor {
+                "" => target.exists(),
+                _ => target.exists() && has_anchor(&read(&target), anchor),
+            };
+            if !leads {
+                broken.push(format!("{}: {link}", document.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "{broken:#?}");
+    assert!(followed > 0, "no link was found");
+}
+
+/// The paths from the top of the repository that a document names.
+fn named_paths(text: &str) -> impl Iterator<Item = &str> {
+    let words = text.split(|c: char| c.is_whitespace() || "`()[]|\"',;=".contains(c));
+    words
+        .filter(|word| TOP_FOLDERS.iter().any(|folder| word.starts_with(folder)))
+        // Of `tests/host/endpoint.rs:12` the file; the end of a sentence is none of the path.
+        .map(|word| word.split(':').next().unwrap_or(word).trim_end_matches('.'))
+        // What stands for any file.
+        .filter(|word| !word.contains(['<', '*', '…', '#']))
+}
+
+#[test]
+fn every_path_that_is_named_exists() {
+    let mut missing = Vec::new();
+    let mut looked_at = 0;
+    for (document, text) in documents() {
+        for path in named_paths(&text).filter(|path| !NOT_OURS.contains(path)) {
+            looked_at += 1;
+            if !top().join(path).exists() {
+                missing.push(format!("{}: {path}", document.display()));
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{missing:#?}");
+    assert!(looked_at > 0, "no path was found");
+}
+
+/// The blocks of code in a document that begin like this, each with the line above it.
+fn code_blocks<'a>(text: &'a str, language: &str) -> Vec<(&'a str, &'a str)> {
+    let fence = format!("\n```{language}\n");
+    let mut blocks = Vec::new();
+    let mut rest = text;
+    while let Some((before, behind)) = rest.split_once(&fence) {
+        let (block, after) = behind.split_once("\n```").expect("the end of the block");
+        blocks.push((before.lines().last().unwrap_or_default(), block));
+        rest = after;
+    }
+    blocks
+}
+
+/// What a line above a block says of it: `<!-- from src/main.rs -->`.
+fn marked<'a>(line: &'a str, word: &str) -> Option<&'a str> {
+    let comment = line.strip_prefix("<!-- ")?.strip_suffix(" -->")?;
+    comment.strip_prefix(word)
+}
+
+/// What a hunk of a diff changes, as it is before.
+fn before_the_change(hunk: &str) -> String {
+    let kept = hunk.lines().filter(|line| !line.starts_with('+'));
+    kept.map(|line| line.get(1..).unwrap_or_default())
+        .collect::<Vec<_>>()
+        .join("\n")
+}
+
+#[test]
+fn code_in_a_document_is_code_that_is_compiled() {
+    let mut looked_at = 0;
+    for (document, text) in documents() {
+        for (line, block) in code_blocks(&text, "rust") {
+            // Those are built by .ci/as_a_dependency.py.
+            if marked(line, "file: ").is_some() {
+                continue;
+            }
+            let path = marked(line, "from ")
+                .unwrap_or_else(|| panic!("{}: where is it from?\n{block}", document.display()));
+            assert!(
+                read(&top().join(path)).contains(block),
+                "{}: {path} does not have\n{block}",
+                document.display()
+            );
+            looked_at += 1;
+        }
+        for (line, block) in code_blocks(&text, "diff") {
+            let path = marked(line, "from ")
+                .unwrap_or_else(|| panic!("{}: of which file?\n{block}", document.display()));
+            for hunk in block.split("@@\n").map(before_the_change) {
+                assert!(
+                    read(&top().join(path)).contains(&hunk),
+                    "{}: {path} does not have\n{hunk}",
+                    document.display()
+                );
+                looked_at += 1;
+            }
+        }
+    }
+    assert!(looked_at >= 6, "only {looked_at} blocks and hunks were found");
+}
+
+/// The pin of the Pico that each of its GPIOs is on, by the pinout of its data sheet.
+const PICO_PINS: [(u32, u32); 26] = [
+    (0, 1),
+    (1, 2),
+    (2, 4),
+    (3, 5),
+    (4, 6),
+    (5, 7),
+    (6, 9),
+    (7, 10),
+    (8, 11),
+    (9, 12),
+    (10, 14),
+    (11, 15),
+    (12, 16),
+    (13, 17),
+    (14, 19),
+    (15, 20),
+    (16, 21),
+    (17, 22),
+    (18, 24),
+    (19, 25),
+    (20, 26),
+    (21, 27),
+    (22, 29),
+    (26, 31),
+    (27, 32),
+    (28, 34),
+];
+
+#[test]
+fn the_picture_of_the_wiring_has_the_picos_pins() {
+    let picture = read(&top().join("docs/pictures/wiring.svg"));
+    let mut looked_at = 0;
+    for label in picture.split(">GP").skip(1) {
+        let label = label.split('<').next().unwrap_or(label);
+        let Some((gpio, rest)) = label.split_once(" (") else {
+            continue;
+        };
+        let (pin, _) = rest.split_once(')').expect("a pin in brackets");
+        let pair = (gpio.parse().expect("a GPIO"), pin.parse().expect("a pin"));
+        assert!(PICO_PINS.contains(&pair), "GP{label}");
+        looked_at += 1;
+    }
+    assert!(looked_at >= 10, "only {looked_at} labels were found");
+}
+
+#[test]
+fn table_and_picture_of_the_wiring_have_the_vendors_poles() {
+    let table = read(&top().join("docs/hardware.md"));
+    let picture = read(&top().join("docs/pictures/wiring.svg"));
+    for Motor {
+        name,
+        positive,
+        negative,
+    } in motors()
+    {
+        let row = table
+            .lines()
+            .find(|line| line.starts_with(&format!("| motor {name},")));
+        let pins = format!("| {positive}, {negative} |");
+        assert!(row.is_some_and(|row| row.contains(&pins)), "{name}: {row:?}");
+        let (number, _) = name.split_once(' ').expect("a number and a place");
+        let label = format!("{number} GP{positive}/{negative}");
+        assert!(picture.contains(&label), "the picture lacks {label:?}");
+    }
+}
+
+/// The row of a message in the table of those that are sent regularly.
+fn row_of_stream(kind: StreamKind) -> String {
+    let comes = match kind.default_rate() {
+        DefaultRate::EverySecond => "every second",
+        DefaultRate::Extra1(StreamGroup::ExtendedStatus) => {
+            "at `SR0_EXTRA1`, or as requested of EXTENDED_STATUS"
+        }
+        DefaultRate::Extra1(StreamGroup::Extra3) => "at `SR0_EXTRA1`, or as requested of EXTRA3",
+        DefaultRate::OnRequest => "on request",
+        DefaultRate::OnChange => "on request, on change, and for a new ground station",
+    };
+    let of = match kind.subject() {
+        Subject::Vehicle => "the vehicle",
+        Subject::EachPack => "each pack",
+        Subject::EachTank => "each tank",
+        Subject::EachKnownResistance => "each pack whose resistance is known",
+        Subject::EachKnownRestingVoltage => "each pack whose resting voltage is known",
+    };
+    format!("| {} ({}) | {comes} | {of} |", kind.name(), kind.message_id())
+}
+
+#[test]
+fn the_table_of_streams_has_the_rows_of_the_source() {
+    let page = read(&top().join("docs/ground-stations.md"));
+    let mut lines = page.lines();
+    assert!(lines.any(|line| line == "| message | comes | of |"));
+    let rows: Vec<_> = lines.skip(1).take_while(|line| line.starts_with('|')).collect();
+    assert_eq!(rows, StreamKind::ALL.map(row_of_stream));
+}
+
+/// A text with every number in it as `#`, so that texts of different numbers are the same.
+fn without_numbers(text: &str) -> String {
+    let mut result = String::new();
+    let mut rest = text;
+    while let Some(first) = rest.chars().next() {
+        let length = number_length(rest);
+        if length == 0 {
+            result.push(first);
+            rest = &rest[first.len_utf8()..];
+        } else {
+            result.push('#');
+            rest = &rest[length..];
+        }
+    }
+    result
+}
+
+/// How many bytes of a number the text begins with.
+fn number_length(text: &str) -> usize {
+    if text.starts_with('…') {
+        return '…'.len_utf8();
+    }
+    match text.strip_prefix("0x") {
+        Some(digits) => 2 + digits.bytes().take_while(u8::is_ascii_hexdigit).count(),
+        None => {
+            let is_in_number = |byte: &u8| byte.is_ascii_digit() || *byte == b'.';
+            let length = text.bytes().take_while(is_in_number).count();
+            if text.as_bytes().first().is_some_and(u8::is_ascii_digit) {
+                length
+            } else {
+                0
+            }
+        }
+    }
+}
+
+const READ_ERRORS: [ReadError; 16] = [
+    ReadError::Timeout,
+    ReadError::Conversion,
+    ReadError::NoPin,
+    ReadError::NoCapacity,
+    ReadError::NoHealthyMember,
+    ReadError::Implausible,
+    ReadError::Bus(BusError::NoAnswer),
+    ReadError::Bus(BusError::Timeout),
+    ReadError::Bus(BusError::Stuck),
+    ReadError::Bus(BusError::Transfer),
+    ReadError::Bus(BusError::Checksum),
+    ReadError::OtherPart,
+    ReadError::AddressTaken,
+    ReadError::PinOfRadio,
+    ReadError::PinTaken,
+    ReadError::NotSetUp,
+];
+
+const WIFI_REPORTS: [WifiReport; 12] = [
+    WifiReport::NoAnswer,
+    WifiReport::DownloadFailed,
+    WifiReport::AccessPointUp,
+    WifiReport::Joined,
+    WifiReport::AddressObtained([192, 168, 1, 23]),
+    WifiReport::NetworkNotFound,
+    WifiReport::WrongPassword,
+    WifiReport::NoAddress,
+    WifiReport::NetworkLost,
+    WifiReport::FallbackToAccessPoint,
+    WifiReport::OffAfterCrash,
+    WifiReport::NoEntropy,
+];
+
+const CAN_REPORTS: [CanReport; 8] = [
+    CanReport::ImpossibleBitRate,
+    CanReport::NoAnswer,
+    CanReport::SetUpAnew,
+    CanReport::Passive,
+    CanReport::BusOff(3),
+    CanReport::Working,
+    CanReport::NoInterrupt,
+    CanReport::FramesLost(12),
+];
+
+const FUEL_CELL_STATES: [FuelCellState; 8] = [
+    FuelCellState::Off,
+    FuelCellState::Starting,
+    FuelCellState::Ready,
+    FuelCellState::Running,
+    FuelCellState::Stopping,
+    FuelCellState::FallingAsleep,
+    FuelCellState::Fault,
+    FuelCellState::BatteryOnly,
+];
+
+const ARMING_FAILURES: [ArmingFailure; 12] = [
+    ArmingFailure::Unhealthy,
+    ArmingFailure::Failed,
+    ArmingFailure::WrongCells,
+    ArmingFailure::Emergency,
+    ArmingFailure::BelowArmingVoltage,
+    ArmingFailure::BelowArmingCapacity,
+    ArmingFailure::LowVoltage,
+    ArmingFailure::LowCapacity,
+    ArmingFailure::CriticalVoltage,
+    ArmingFailure::CriticalCapacity,
+    ArmingFailure::CapacityOrder,
+    ArmingFailure::VoltageOrder,
+];
+
+fn pack_events() -> Vec<PackEvent> {
+    let failsafe = |level, consumed| PackEvent::Failsafe {
+        level,
+        voltage_v: 10.42,
+        consumed,
+    };
+    let gap = |counted_mah| {
+        PackEvent::Gap(Gap {
+            duration_s: 7.0,
+            counted_mah,
+        })
+    };
+    let mut events = vec![
+        PackEvent::CellsDetected { count: 3 },
+        PackEvent::CellsAmbiguous { voltage_v: 8.85 },
+        PackEvent::Swapped,
+        PackEvent::ContactLost,
+        PackEvent::ContactRestored,
+        gap(Some(3.0)),
+        gap(None),
+        PackEvent::SensorRecovered,
+        PackEvent::PoweringOff,
+        failsafe(FailsafeLevel::Unhealthy, Amount::Mah(120.0)),
+        failsafe(FailsafeLevel::Low, Amount::Mah(120.0)),
+        failsafe(FailsafeLevel::Critical, Amount::Mah(120.0)),
+        failsafe(FailsafeLevel::Low, Amount::Ml(120.0)),
+    ];
+    for usable_pct in [15.0, 9.0] {
+        let entered = |state| PackEvent::Charge {
+            state,
+            remaining_pct: Some(15.0),
+            usable_pct: Some(usable_pct),
+            voltage_v: Some(10.95),
+        };
+        events.extend([ChargeState::Low, ChargeState::Critical, ChargeState::Emergency].map(entered));
+    }
+    events.push(PackEvent::Charging);
+    events.push(PackEvent::Learnt {
+        capacity_mah: 2995.0,
+        resistance_ohm: 0.087,
+    });
+    events.extend(Faults::all().iter().map(PackEvent::Faults));
+    events.extend(READ_ERRORS.map(PackEvent::SensorFailed));
+    events
+}
+
+/// What the firmware says of packs, of arming and of the rover, without its numbers.
+fn announced() -> Vec<String> {
+    let packs = pack_events()
+        .into_iter()
+        .map(|event| format!("Battery 1 {event}"));
+    let arming = ARMING_FAILURES.map(|failure| format!("PreArm: Battery 1 {failure}"));
+    let logging = [
+        "PreArm: Logging failed",
+        "Log full until disarmed",
+        "Log not written: flash worn out?",
+    ]
+    .map(String::from);
+    let rover = [
+        VehicleEvent::NeedsPosition(FailsafeAction::Rtl),
+        VehicleEvent::Terminated,
+        VehicleEvent::ControlsTimedOut,
+        VehicleEvent::GroundStationsTimedOut,
+    ];
+    let rover = rover.map(|event| event.to_string());
+    let site = FaultSite {
+        pc: 1,
+        lr: 1,
+        xpsr: 0,
+        stack: [0; STACK_WORDS],
+    };
+    let causes = [CrashCause::Fault(site), CrashCause::Overdue, CrashCause::Hung];
+    let crashes = causes.map(|cause| {
+        let task = TaskName::new("drive");
+        headline(&CrashRecord { task, cause }).to_string()
+    });
+    let wifi = WIFI_REPORTS.map(|report| report.to_string());
+    let all = packs
+        .chain(arming)
+        .chain(wifi)
+        .chain(CAN_REPORTS.map(|report| report.to_string()))
+        .chain(FUEL_CELL_STATES.map(|state| state.to_string()))
+        .chain(logging)
+        .chain(rover)
+        .chain(crashes);
+    all.map(|text| without_numbers(&text)).collect()
+}
+
+/// The string literals of the firmware's source, tests aside, with `#` for what is filled in.
+fn literals() -> Vec<String> {
+    let mut literals = Vec::new();
+    for path in files_below(&top().join("src"), "rs") {
+        let source = read(&path);
+        let source = source.split("#[cfg(test)]").next().unwrap_or(&source);
+        let lines = source.lines().filter(|line| !line.trim_start().starts_with("//"));
+        for line in lines {
+            literals.extend(line.split('"').skip(1).step_by(2).map(with_gaps));
+        }
+    }
+    literals
+}
+
+/// A format string with `#` for its arguments, numbers included.
+fn with_gaps(literal: &str) -> String {
+    let mut pieces = literal.split('{');
+    let first = pieces.next().unwrap_or_default().to_string();
+    let filled = pieces.fold(first, |text, piece| {
+        let rest = piece.split_once('}').map_or("", |(_, rest)| rest);
+        text + "#" + rest
+    });
+    without_numbers(&filled)
+}
+
+/// Whether `text` is `pattern` with anything but a space in place of each `#`.
+fn matches(pattern: &str, text: &str) -> bool {
+    let is_alike = |(pattern, text): (&str, &str)| match pattern.split_once('#') {
+        Some((before, behind)) => text
+            .strip_prefix(before)
+            .is_some_and(|rest| rest.ends_with(behind)),
+        None => pattern == text,
+    };
+    pattern.split(' ').count() == text.split(' ').count()
+        && pattern.split(' ').zip(text.split(' ')).all(is_alike)
+}
+
+/// Below this a literal has too little fixed text to identify what it matches.
+const LEAST_FIXED_BYTES: usize = 8;
+
+/// What the tables of the guide headed "text" quote in their first column.
+fn quoted() -> Vec<String> {
+    let guide = read(&top().join("docs/guides/troubleshooting.md"));
+    let mut quoted = Vec::new();
+    let mut is_of_texts = false;
+    for line in guide.lines() {
+        if !line.starts_with('|') {
+            is_of_texts = false;
+        } else if line.starts_with("| text |") {
+            is_of_texts = true;
+        } else if is_of_texts && !line.starts_with("|---") {
+            let cell = line.split(" | ").next().unwrap_or_default();
+            quoted.extend(cell.split('`').skip(1).step_by(2).map(String::from));
+        }
+    }
+    quoted
+}
+
+#[test]
+fn every_text_the_guide_quotes_is_said_by_the_firmware() {
+    let (announced, literals) = (announced(), literals());
+    let is_said = |text: &String| {
+        let text = without_numbers(text);
+        announced.contains(&text)
+            || literals
+                .iter()
+                .filter(|literal| literal.replace('#', "").len() >= LEAST_FIXED_BYTES)
+                .any(|literal| matches(literal, &text))
+    };
+    let unsaid: Vec<_> = quoted().into_iter().filter(|text| !is_said(text)).collect();
+    assert!(unsaid.is_empty(), "{unsaid:#?}");
+}
+
+#[test]
+fn every_text_about_packs_arming_and_crashes_is_in_the_guide() {
+    let quoted: Vec<_> = quoted().iter().map(|text| without_numbers(text)).collect();
+    let missing: Vec<_> = announced()
+        .into_iter()
+        .filter(|text| !quoted.contains(text))
+        .collect();
+    assert!(missing.is_empty(), "{missing:#?}");
+}
+
+/// The section about latches names a test in each row: a function, or a story.
+#[test]
+fn every_test_that_the_latches_name_exists() {
+    let page = read(&top().join("docs/reliability.md"));
+    let (_, section) = page
+        .split_once("## Latches, timers and remembered inputs")
+        .expect("there is a section");
+    let section = section.split("\n## ").next().expect("a section ends");
+    let mut code = String::new();
+    for (folder, extension) in [("src", "rs"), ("tests", "rs"), ("tests/gcs", "py")] {
+        for path in files_below(&top().join(folder), extension) {
+            code += &read(&path);
+        }
+    }
+    let exists = |name: &str| {
+        let story = top().join("tests/stories").join(name).with_extension("story");
+        story.is_file() || code.contains(&format!("fn {name}(")) || code.contains(&format!("def {name}("))
+    };
+    let rows = section
+        .lines()
+        .filter(|line| line.starts_with("| ") && !line.starts_with("| what |"));
+    let mut missing = Vec::new();
+    for row in rows {
+        let tests = row
+            .trim_end_matches([' ', '|'])
+            .rsplit('|')
+            .next()
+            .unwrap_or_default();
+        let names: Vec<_> = tests.split('`').skip(1).step_by(2).collect();
+        assert!(!names.is_empty(), "no test: {row}");
+        missing.extend(names.into_iter().filter(|name| !exists(name)).map(String::from));
+    }
+    assert!(missing.is_empty(), "{missing:#?}");
+}
+
+/// Words for which the field has better ones, such as report, announce, estimate, detect, owner and ground station.
+const REFUSED: [&str; 7] = [
+    "tell",
+    "tells",
+    "told",
+    "nobody",
+    "somebody",
+    "whom",
+    "for the sake of",
+];
+
+/// The folders in which refused words are looked for, with the extensions of the files there.
+const CHECKED: [(&str, &[&str]); 5] = [
+    ("docs", &["md", "param"]),
+    ("src", &["rs"]),
+    ("tests", &["rs", "py", "md", "txt", "story"]),
+    ("examples", &["rs", "py", "md"]),
+    ("benches", &["rs", "md"]),
+];
+
+/// The files in which refused words are looked for, by their path from the top. This one has the list of them.
+fn checked_files() -> Vec<String> {
+    let pages = ["README.md", "CONTRIBUTING.md"].map(|page| top().join(page));
+    let in_folders = CHECKED.iter().flat_map(|(folder, extensions)| {
+        let folder = top().join(folder);
+        extensions
+            .iter()
+            .flat_map(move |extension| files_below(&folder, extension))
+    });
+    // Scripts, most of them without an extension.
+    let scripts = fs::read_dir(top().join(".ci")).expect("the folder can be listed");
+    let scripts = scripts.map(|entry| entry.expect("it can be listed").path());
+    pages
+        .into_iter()
+        .chain(in_folders)
+        .chain(scripts.filter(|path| path.is_file()))
+        .map(|path| {
+            path.strip_prefix(top())
+                .expect("it is below")
+                .display()
+                .to_string()
+        })
+        .filter(|path| path != file!())
+        .collect()
+}
+
+/// The refused words of a text, each behind the number of its line.
+fn refused_in(text: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for (line, number) in text.lines().zip(1..) {
+        // The words of the line with single spaces between and around them.
+        let words: Vec<_> = line
+            .split(|c: char| !c.is_alphanumeric())
+            .filter(|word| !word.is_empty())
+            .collect();
+        let words = format!(" {} ", words.join(" ").to_lowercase());
+        let refused = REFUSED
+            .iter()
+            .filter(|refused| words.contains(&format!(" {refused} ")));
+        found.extend(refused.map(|refused| format!("{number}: {refused}")));
+    }
+    found
+}
+
+#[test]
+fn pages_sources_and_tests_have_no_refused_words() {
+    let files = checked_files();
+    assert!(files.len() > 300, "only {} files were found", files.len());
+    let refused_in_file = |file: &String| {
+        let refused = refused_in(&read(&top().join(file)));
+        refused
+            .into_iter()
+            .map(|refused| format!("{file}:{refused}"))
+            .collect::<Vec<_>>()
+    };
+    let refused: Vec<_> = files.iter().flat_map(refused_in_file).collect();
+    assert!(refused.is_empty(), "{refused:#?}");
+}
+
+#[test]
+fn refused_words_are_found_in_any_case_but_not_within_others() {
+    let text = "It is told.\nNobody!\nonly for the\tsake of it\na foretelling";
+    assert_eq!(refused_in(text), ["1: told", "2: nobody", "3: for the sake of"]);
+}

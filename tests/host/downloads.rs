@@ -1,0 +1,829 @@
+//! Files over a link: frames in, frames out, and a log of bytes.
+
+use std::iter;
+
+use crate::support::frames::{
+    FILE_TRANSFER_PROTOCOL, Frame, GROUND_STATION, HEARTBEAT, LOG_DATA, LOG_ENTRY, LOG_ERASE,
+    LOG_REQUEST_DATA, LOG_REQUEST_END, LOG_REQUEST_LIST, STATUSTEXT, SYS_STATUS, encode_v2_from, frames,
+    of_message,
+};
+use crate::support::requests::VEHICLE;
+use proptest::prelude::*;
+use rover_battmon::mavlink::{Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Signing, SystemState};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::recorder::LogFile;
+use rover_battmon::time::Instant;
+use rover_battmon::vehicle::{Fitness, Vehicle};
+use rover_battmon::wifi::WifiCredentials;
+
+const OTHER_STATION: [u8; 2] = [254, 190];
+
+const SECOND: u64 = 1_000_000;
+
+const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
+
+/// Our end of a link, and what it reads.
+struct Bench {
+    endpoint: Endpoint,
+    framer: Framer,
+    parameters: Parameters,
+    vehicle: Vehicle,
+    signing: Signing,
+    wifi: WifiCredentials,
+    files: Vec<(LogFile, Vec<u8>)>,
+    now_us: u64,
+}
+
+impl Bench {
+    fn new(sizes: &[u32]) -> Self {
+        let files = (3u16..).zip(sizes).map(|(number, bytes)| {
+            let content =
+                (0..*bytes).map(|offset| (u32::from(number) * 31 + offset * 7 + offset / 251) as u8);
+            let file = LogFile {
+                number,
+                bytes: *bytes,
+            };
+            (file, content.collect())
+        });
+        Self {
+            endpoint: Endpoint::new(LinkKind::Direct, 100_000, Instant::EPOCH),
+            framer: Framer::new(),
+            parameters: Parameters::defaults(),
+            vehicle: Vehicle::new(),
+            signing: Signing::off(),
+            wifi: WifiCredentials::absent(),
+            files: files.collect(),
+            now_us: 0,
+        }
+    }
+
+    fn arm(&mut self) {
+        self.vehicle
+            .arm(Instant::from_micros(self.now_us), Fitness::Checked)
+            .expect("it is fit");
+    }
+
+    fn state<'a>(&self, logs: &'a [LogFile]) -> SystemState<'a> {
+        SystemState {
+            now: Instant::from_micros(self.now_us),
+            vehicle: self.vehicle.status(),
+            logs,
+            ..SystemState::default()
+        }
+    }
+
+    fn logs(&self) -> Vec<LogFile> {
+        self.files.iter().map(|(file, _)| *file).collect()
+    }
+
+    fn handle(&mut self, mut bytes: &[u8]) -> Vec<Event> {
+        let logs = self.logs();
+        let mut events = Vec::new();
+        while !bytes.is_empty() {
+            let taken = self.endpoint.push(bytes);
+            bytes = &bytes[taken..];
+            let state = self.state(&logs);
+            events.extend(iter::from_fn(|| {
+                self.endpoint.handle_next(
+                    state.now,
+                    state.now,
+                    &state,
+                    Changeable {
+                        parameters: &mut self.parameters,
+                        vehicle: &mut self.vehicle,
+                        signing: &mut self.signing,
+                        wifi: &mut self.wifi,
+                    },
+                )
+            }));
+        }
+        events
+    }
+
+    fn post_due(&mut self) {
+        let logs = self.logs();
+        let state = self.state(&logs);
+        self.endpoint.post_due(state.now, &state, &self.parameters);
+    }
+
+    /// The bytes of a read.
+    fn read(&self, read: LogRead) -> Vec<u8> {
+        let (_, content) = self
+            .files
+            .iter()
+            .find(|(file, _)| file.number == read.number)
+            .expect("there is this file");
+        let bytes = content.iter().skip(read.offset as usize);
+        bytes.take(usize::from(read.bytes)).copied().collect()
+    }
+
+    /// The next frame, as the task of a wire gets it.
+    fn next_frame(&mut self) -> Option<Vec<u8>> {
+        let logs = self.logs();
+        let state = self.state(&logs);
+        while let Some(read) = self.endpoint.next_read(&state, &self.parameters) {
+            let bytes = self.read(read);
+            self.endpoint.supply(read, &bytes);
+        }
+        let message = self.endpoint.take(&state, &self.parameters)?;
+        Some(self.framer.frame(&message, 1).to_vec())
+    }
+
+    fn sent_at_most(&mut self, messages: usize) -> Vec<Frame> {
+        let bytes: Vec<_> = iter::from_fn(|| self.next_frame())
+            .take(messages)
+            .flatten()
+            .map(|byte| (0, byte))
+            .collect();
+        frames(&bytes)
+    }
+
+    fn sent(&mut self) -> Vec<Frame> {
+        self.sent_at_most(usize::MAX)
+    }
+
+    fn ask(&mut self, request: &[u8]) -> Vec<Frame> {
+        self.handle(request);
+        self.sent()
+    }
+
+    fn texts(&mut self, request: &[u8]) -> Vec<String> {
+        let sent = self.ask(request);
+        of_message(&sent, STATUSTEXT)
+            .iter()
+            .map(|frame| frame.text(1, 50))
+            .collect()
+    }
+}
+
+fn log_list(start: u16, end: u16) -> Vec<u8> {
+    let payload = [&start.to_le_bytes()[..], &end.to_le_bytes(), &VEHICLE].concat();
+    encode_v2_from(GROUND_STATION, LOG_REQUEST_LIST, &payload)
+}
+
+fn log_data_from(station: [u8; 2], id: u16, offset: u32, bytes: u32) -> Vec<u8> {
+    let payload = [
+        &offset.to_le_bytes()[..],
+        &bytes.to_le_bytes(),
+        &id.to_le_bytes(),
+        &VEHICLE,
+    ];
+    encode_v2_from(station, LOG_REQUEST_DATA, &payload.concat())
+}
+
+fn log_data(id: u16, offset: u32, bytes: u32) -> Vec<u8> {
+    log_data_from(GROUND_STATION, id, offset, bytes)
+}
+
+fn log_end(station: [u8; 2]) -> Vec<u8> {
+    encode_v2_from(station, LOG_REQUEST_END, &VEHICLE)
+}
+
+fn log_erase() -> Vec<u8> {
+    encode_v2_from(GROUND_STATION, LOG_ERASE, &VEHICLE)
+}
+
+/// Puts the bytes of LOG_DATA messages in their places.
+fn put(whole: &mut [u8], sent: &[Frame]) {
+    for frame in of_message(sent, LOG_DATA) {
+        let (offset, count) = (frame.u32(0) as usize, usize::from(frame.u8(6)));
+        for place in 0..count {
+            whole[offset + place] = frame.u8(7 + place);
+        }
+    }
+}
+
+#[test]
+fn a_whole_log_is_listed_and_downloaded_as_it_is() {
+    let mut bench = Bench::new(&[500, 12_345]);
+    let entries: Vec<_> = bench
+        .ask(&log_list(0, u16::MAX))
+        .iter()
+        .map(|frame| {
+            assert_eq!(frame.message_id, LOG_ENTRY);
+            (
+                frame.u16(8),
+                frame.u32(4),
+                frame.u16(10),
+                frame.u16(12),
+                frame.u32(0),
+            )
+        })
+        .collect();
+    assert_eq!(entries, [(1, 500, 2, 2, 0), (2, 12_345, 2, 2, 0)]);
+    let sent = bench.ask(&log_data(2, 0, u32::MAX));
+    let mut whole = vec![0; 12_345];
+    put(&mut whole, &sent);
+    assert_eq!(whole, bench.files[1].1);
+    assert_eq!(sent.len(), 12_345usize.div_ceil(90));
+}
+
+#[test]
+fn gaps_are_requested_again_until_the_log_is_whole() {
+    let mut bench = Bench::new(&[9_000]);
+    let mut whole = vec![0xaa; 9_000];
+    let sent = bench.ask(&log_data(1, 0, u32::MAX));
+    let arrived: Vec<_> = sent
+        .into_iter()
+        .filter(|frame| frame.u32(0) / 90 % 7 != 3)
+        .collect();
+    put(&mut whole, &arrived);
+    assert_ne!(whole, bench.files[0].1);
+    for place in (3..100).step_by(7) {
+        let sent = bench.ask(&log_data(1, place * 90, 90));
+        assert_eq!(sent.len(), 1);
+        put(&mut whole, &sent);
+    }
+    assert_eq!(whole, bench.files[0].1);
+}
+
+#[test]
+fn streams_share_the_link_with_a_download_and_none_is_dropped() {
+    let mut bench = Bench::new(&[900_000]);
+    bench.handle(&log_data(1, 0, u32::MAX));
+    let mut sent = Vec::new();
+    for second in 0..60 {
+        for tick in 0..10 {
+            bench.now_us = second * SECOND + tick * SECOND / 10;
+            bench.post_due();
+            let frames = bench.sent_at_most(12);
+            if tick == 0 {
+                assert_eq!(frames[0].message_id, HEARTBEAT, "second {second}");
+            }
+            sent.extend(frames);
+        }
+    }
+    let of = |id| of_message(&sent, id).len();
+    assert_eq!(sent.len(), 60 * 120);
+    assert_eq!(of(HEARTBEAT), 60);
+    // SYS_STATUS is due twice a second, which is less than its share.
+    assert_eq!(of(SYS_STATUS), 120);
+    assert_eq!(of(LOG_DATA), 60 * 120 - 60 - 120);
+    assert_eq!(bench.endpoint.statistics().dropped, 0);
+    assert_eq!(of(STATUSTEXT), 0);
+}
+
+#[test]
+fn a_stream_that_is_due_all_the_time_gets_one_message_in_25() {
+    let mut bench = Bench::new(&[900_000]);
+    bench.parameters.set(EXTRA1, 50.0).expect("in range");
+    bench.handle(&log_data(1, 0, u32::MAX));
+    let mut sent = Vec::new();
+    for tick in 1..600 {
+        bench.now_us = tick * SECOND / 50;
+        bench.post_due();
+        sent.extend(bench.sent_at_most(3));
+    }
+    let (data, streams) = (
+        of_message(&sent, LOG_DATA).len(),
+        of_message(&sent, SYS_STATUS).len(),
+    );
+    assert!(data.abs_diff(streams * 24) <= 24, "{data}, {streams}");
+    assert_eq!(bench.endpoint.statistics().dropped, 0);
+    assert!(of_message(&sent, STATUSTEXT).is_empty());
+}
+
+#[test]
+fn while_armed_downloads_are_refused_and_arming_ends_one() {
+    const TEXT: &str = "Not while armed: disarm first";
+    let mut bench = Bench::new(&[900_000]);
+    bench.handle(&log_data(1, 0, u32::MAX));
+    assert_eq!(bench.sent_at_most(10).len(), 10);
+    bench.arm();
+    assert!(bench.sent().len() <= 1, "what was built leaves");
+    assert_eq!(bench.texts(&log_data(1, 0, 90)), [TEXT]);
+    assert!(
+        bench.texts(&log_data(1, 0, 90)).is_empty(),
+        "not at each repetition"
+    );
+    bench.now_us += 5 * SECOND;
+    assert_eq!(bench.texts(&log_erase()), [TEXT]);
+    assert_eq!(of_message(&bench.ask(&log_list(0, u16::MAX)), LOG_ENTRY).len(), 1);
+}
+
+#[test]
+fn erasing_is_up_to_the_core() {
+    let mut bench = Bench::new(&[900]);
+    assert_eq!(bench.handle(&log_erase()), [Event::LogsErased]);
+    assert!(bench.sent().is_empty());
+    bench.arm();
+    assert_eq!(bench.handle(&log_erase()), [Event::Answered]);
+}
+
+#[test]
+fn the_second_station_on_a_link_is_refused_until_the_first_ends() {
+    let mut bench = Bench::new(&[9000]);
+    bench.handle(&log_data(1, 0, u32::MAX));
+    bench.handle(&log_data_from(OTHER_STATION, 1, 900, 90));
+    let sent = bench.sent();
+    assert_eq!(sent[0].text(1, 50), "Log download in use by another station");
+    assert_eq!(of_message(&sent, LOG_DATA).len(), 101);
+    bench.handle(&log_end(OTHER_STATION));
+    assert!(bench.ask(&log_data_from(OTHER_STATION, 1, 900, 90)).is_empty());
+    bench.handle(&log_end(GROUND_STATION));
+    assert_eq!(bench.ask(&log_data_from(OTHER_STATION, 1, 900, 90)).len(), 1);
+}
+
+#[test]
+fn bytes_that_come_late_are_ignored() {
+    let mut bench = Bench::new(&[900]);
+    bench.handle(&log_data(1, 0, u32::MAX));
+    let logs = bench.logs();
+    let read = bench
+        .endpoint
+        .next_read(&bench.state(&logs), &bench.parameters)
+        .expect("something to read");
+    bench.handle(&log_end(GROUND_STATION));
+    bench.endpoint.supply(read, &[1; 90]);
+    assert!(bench.sent().is_empty());
+}
+
+const TERMINATE: u8 = 1;
+const RESET: u8 = 2;
+const LIST: u8 = 3;
+const OPEN: u8 = 4;
+const READ: u8 = 5;
+const CREATE: u8 = 6;
+const WRITE: u8 = 7;
+const CHECKSUM: u8 = 14;
+const BURST: u8 = 15;
+
+const ACK: u8 = 128;
+const NAK: u8 = 129;
+
+const FAIL: u8 = 1;
+const INVALID_SIZE: u8 = 3;
+const INVALID_SESSION: u8 = 4;
+const NO_SESSIONS: u8 = 5;
+const END_OF_FILE: u8 = 6;
+const UNKNOWN_COMMAND: u8 = 7;
+const PROTECTED: u8 = 9;
+const NOT_FOUND: u8 = 10;
+
+/// The client of one station: counts its requests.
+struct Client {
+    station: [u8; 2],
+    session: u8,
+    sequence: u16,
+}
+
+/// What an answer says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Answer {
+    sequence: u16,
+    session: u8,
+    opcode: u8,
+    request: u8,
+    is_complete: bool,
+    offset: u32,
+    data: Vec<u8>,
+}
+
+impl Client {
+    fn new(station: [u8; 2]) -> Self {
+        Self {
+            station,
+            session: 1,
+            sequence: 65_530,
+        }
+    }
+
+    fn request(&self, opcode: u8, size: u8, offset: u32, data: &[u8]) -> Vec<u8> {
+        let mut payload = vec![0, VEHICLE[0], VEHICLE[1]];
+        payload.extend(self.sequence.to_le_bytes());
+        payload.extend([self.session, opcode, size, 0, 0, 0]);
+        payload.extend(offset.to_le_bytes());
+        payload.extend(data);
+        encode_v2_from(self.station, FILE_TRANSFER_PROTOCOL, &payload)
+    }
+
+    fn answers(&self, sent: &[Frame]) -> Vec<Answer> {
+        let answer = |frame: &Frame| {
+            assert_eq!([frame.u8(1), frame.u8(2)], self.station);
+            Answer {
+                sequence: frame.u16(3),
+                session: frame.u8(5),
+                opcode: frame.u8(6),
+                request: frame.u8(8),
+                is_complete: frame.u8(9) == 1,
+                offset: frame.u32(11),
+                data: (0..usize::from(frame.u8(7)))
+                    .map(|place| frame.u8(15 + place))
+                    .collect(),
+            }
+        };
+        of_message(sent, FILE_TRANSFER_PROTOCOL)
+            .into_iter()
+            .map(answer)
+            .collect()
+    }
+
+    /// The answers to a request, with a new sequence number.
+    fn ask(&mut self, bench: &mut Bench, opcode: u8, size: u8, offset: u32, data: &[u8]) -> Vec<Answer> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let sent = bench.ask(&self.request(opcode, size, offset, data));
+        let answers = self.answers(&sent);
+        for (place, answer) in (1..).zip(&answers) {
+            assert_eq!(answer.sequence, self.sequence.wrapping_add(place));
+            assert_eq!((answer.session, answer.request), (self.session, opcode));
+        }
+        answers
+    }
+
+    fn one(&mut self, bench: &mut Bench, opcode: u8, size: u8, offset: u32, data: &[u8]) -> (u8, Vec<u8>) {
+        let answers = self.ask(bench, opcode, size, offset, data);
+        assert_eq!(answers.len(), 1, "{answers:?}");
+        (answers[0].opcode, answers[0].data.clone())
+    }
+
+    fn with_path(&mut self, bench: &mut Bench, opcode: u8, path: &str) -> (u8, Vec<u8>) {
+        self.one(bench, opcode, path.len() as u8, 0, path.as_bytes())
+    }
+
+    /// A whole file by bursts of messages with so many bytes, of which every fifth is lost and read again.
+    fn get(&mut self, bench: &mut Bench, path: &str, bytes: u8) -> Vec<u8> {
+        assert_eq!(self.with_path(bench, OPEN, path).0, ACK);
+        let mut whole = Vec::new();
+        let mut gaps = Vec::new();
+        let mut count = 0;
+        let mut offset = 0;
+        loop {
+            let answers = self.ask(bench, BURST, bytes, offset, &[]);
+            let last = answers.last().expect("an answer").clone();
+            for answer in answers.iter().filter(|answer| answer.opcode == ACK) {
+                assert_eq!(answer.offset, offset);
+                offset += answer.data.len() as u32;
+                count += 1;
+                if count % 5 == 0 {
+                    gaps.push((answer.offset, answer.data.len()));
+                    whole.resize(offset as usize, 0);
+                } else {
+                    whole.extend(&answer.data);
+                }
+            }
+            assert!(last.is_complete);
+            self.sequence = last.sequence;
+            if last.opcode == NAK {
+                assert_eq!((last.offset, last.data), (offset, vec![END_OF_FILE]));
+                break;
+            }
+        }
+        for (at, length) in gaps {
+            let (opcode, data) = self.one(bench, READ, bytes, at, &[]);
+            assert_eq!((opcode, data.len()), (ACK, length));
+            whole[at as usize..at as usize + length].copy_from_slice(&data);
+        }
+        assert_eq!(
+            self.one(bench, READ, bytes, offset, &[]),
+            (NAK, vec![END_OF_FILE])
+        );
+        assert_eq!(self.one(bench, TERMINATE, 0, 0, &[]), (ACK, vec![]));
+        whole
+    }
+}
+
+#[test]
+fn logs_are_listed_in_their_directory() {
+    let mut bench = Bench::new(&[500; 20]);
+    let mut client = Client::new(GROUND_STATION);
+    for path in ["/LOGS", "/APM/LOGS", "LOGS/"] {
+        let mut names = Vec::new();
+        loop {
+            let size = path.len() as u8;
+            let (opcode, data) = client.one(&mut bench, LIST, size, names.len() as u32, path.as_bytes());
+            if opcode == NAK {
+                assert_eq!(data, [END_OF_FILE]);
+                break;
+            }
+            let entries = String::from_utf8(data).expect("text");
+            names.extend(entries.split_terminator('\0').map(String::from));
+        }
+        let expected: Vec<_> = (3..23).map(|number| format!("F{number:08}.BIN\t500")).collect();
+        assert_eq!(names, expected);
+    }
+    assert_eq!(
+        client.with_path(&mut bench, LIST, "/"),
+        (ACK, b"DLOGS\0".to_vec())
+    );
+    assert_eq!(client.with_path(&mut bench, LIST, "/etc"), (NAK, vec![NOT_FOUND]));
+    assert_eq!(client.one(&mut bench, LIST, 0, 0, &[]), (NAK, vec![INVALID_SIZE]));
+}
+
+#[test]
+fn a_log_is_read_whole_in_spite_of_losses() {
+    for (size, bytes) in [(0, 239), (1, 239), (80 * 30, 80), (100_000, 239), (100_001, 80)] {
+        let mut bench = Bench::new(&[500, size]);
+        let whole = Client::new(GROUND_STATION).get(&mut bench, "/APM/LOGS/00000004.BIN", bytes);
+        assert!(whole == bench.files[1].1, "{size} in {bytes}");
+    }
+}
+
+#[test]
+fn the_size_of_a_log_is_known_when_it_is_open() {
+    let mut bench = Bench::new(&[0x0001_0203]);
+    let answer = Client::new(GROUND_STATION).with_path(&mut bench, OPEN, "/LOGS/00000003.BIN");
+    assert_eq!(answer, (ACK, vec![3, 2, 1, 0]));
+}
+
+#[test]
+fn the_checksum_of_a_log_is_that_of_ardupilot() {
+    let mut bench = Bench::new(&[10_000]);
+    let crc = bench.files[0].1.iter().fold(0u32, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
+            (crc >> 1) ^ (0xEDB8_8320 * (crc & 1))
+        })
+    });
+    let mut client = Client::new(GROUND_STATION);
+    let answer = client.with_path(&mut bench, CHECKSUM, "/LOGS/00000003.BIN");
+    assert_eq!(answer, (ACK, crc.to_le_bytes().to_vec()));
+    let unknown = client.with_path(&mut bench, CHECKSUM, "/LOGS/00000009.BIN");
+    assert_eq!(unknown, (NAK, vec![NOT_FOUND]));
+}
+
+#[test]
+fn every_parameter_is_read_at_once() {
+    let mut bench = Bench::new(&[]);
+    let whole = Client::new(GROUND_STATION).get(&mut bench, "@PARAM/param.pck?withdefaults=1", 80);
+    let count = bench.parameters.listed_count() as u16;
+    assert_eq!(whole[..2], 0x671cu16.to_le_bytes());
+    assert_eq!(whole[2..6], [count.to_le_bytes(), count.to_le_bytes()].concat());
+}
+
+#[test]
+fn a_file_of_parameters_is_announced_as_a_list() {
+    let mut bench = Bench::new(&[]);
+    let client = Client::new(GROUND_STATION);
+    let open = client.request(OPEN, 16, 0, b"@PARAM/param.pck");
+    assert_eq!(bench.handle(&open), [Event::ListRequested]);
+}
+
+/// As MAVProxy packs them.
+fn two_parameters() -> Vec<u8> {
+    let mut file = [0x671bu16, 2, 0].map(u16::to_le_bytes).concat();
+    file.extend([4, 14 << 4]);
+    file.extend(b"BATT_VLT_OFFSET");
+    file.extend(0.5f32.to_le_bytes());
+    file.extend([1, 9 << 4]);
+    file.extend(b"SR0_EXTRA1");
+    file.push(7);
+    let bytes = (file.len() as u16).to_le_bytes();
+    file[4..6].copy_from_slice(&bytes);
+    file
+}
+
+#[test]
+fn parameters_are_written_in_spite_of_losses() {
+    let mut bench = Bench::new(&[]);
+    let mut client = Client::new(GROUND_STATION);
+    let file = two_parameters();
+    assert_eq!(
+        client.with_path(&mut bench, CREATE, "@PARAM/param.pck"),
+        (ACK, vec![])
+    );
+    let mut waiting: Vec<_> = (0..file.len().div_ceil(10)).collect();
+    let mut round = 0;
+    while !waiting.is_empty() {
+        round += 1;
+        waiting.retain(|place| {
+            let block = &file[place * 10..file.len().min(place * 10 + 10)];
+            if (place + round) % 3 == 0 {
+                return true;
+            }
+            let offset = (place * 10) as u32;
+            let answers = client.ask(&mut bench, WRITE, block.len() as u8, offset, block);
+            assert!(
+                answers
+                    .iter()
+                    .all(|answer| answer.opcode == ACK && answer.offset == offset)
+            );
+            // The answer may be lost as well.
+            answers.is_empty() || (place + round) % 3 == 1
+        });
+        assert!(round < 100);
+    }
+    assert_eq!(client.one(&mut bench, TERMINATE, 0, 0, &[]), (ACK, vec![]));
+    assert_eq!(bench.parameters.get(EXTRA1), 7.0);
+    assert_eq!(
+        bench.parameters.get(BatteryParameter::VltOffset.of(Pack::First)),
+        0.5
+    );
+    assert!(bench.parameters.next_unsaved().is_some());
+}
+
+#[test]
+fn a_file_of_parameters_that_is_cut_short_fails_at_its_end_also_when_asked_again() {
+    let mut bench = Bench::new(&[]);
+    let mut client = Client::new(GROUND_STATION);
+    let file = two_parameters();
+    client.with_path(&mut bench, CREATE, "@PARAM/param.pck");
+    let length = file.len() as u8 - 1;
+    client.one(&mut bench, WRITE, length, 0, &file[..usize::from(length)]);
+    assert_eq!(client.one(&mut bench, TERMINATE, 0, 0, &[]), (NAK, vec![FAIL]));
+    client.sequence = client.sequence.wrapping_sub(1);
+    assert_eq!(client.one(&mut bench, TERMINATE, 0, 0, &[]), (NAK, vec![FAIL]));
+    assert_eq!(
+        client.one(&mut bench, WRITE, 1, 0, &[1]),
+        (NAK, vec![INVALID_SESSION])
+    );
+}
+
+#[test]
+fn parameters_that_were_not_set_are_reported() {
+    let mut bench = Bench::new(&[]);
+    let client = Client::new(GROUND_STATION);
+    let mut file = two_parameters();
+    let last = file.len() - 1;
+    file[last] = 127;
+    bench.ask(&client.request(CREATE, 16, 0, b"@PARAM/param.pck"));
+    let events = bench.handle(&client.request(WRITE, file.len() as u8, 0, &file));
+    assert_eq!(events, [Event::ParametersSet]);
+    let texts = bench.texts(&client.request(TERMINATE, 0, 0, &[]));
+    assert_eq!(texts, ["Parameter file: 1 unknown or out of range"]);
+}
+
+#[test]
+fn a_repeated_request_is_answered_alike_and_not_twice_while_it_is_served() {
+    let mut bench = Bench::new(&[900]);
+    let client = Client::new(GROUND_STATION);
+    for request in [
+        client.request(OPEN, 18, 0, b"/LOGS/00000003.BIN"),
+        client.request(READ, 100, 850, &[]),
+        client.request(CHECKSUM, 18, 0, b"/LOGS/00000003.BIN"),
+        client.request(LIST, 5, 0, b"/LOGS"),
+        client.request(BURST, 239, 0, &[]),
+        client.request(TERMINATE, 0, 0, &[]),
+    ] {
+        let first = client.answers(&bench.ask(&request));
+        assert!(!first.is_empty());
+        assert_eq!(client.answers(&bench.ask(&request)), first);
+        if ![OPEN, TERMINATE].contains(&first[0].request) {
+            bench.handle(&request);
+            assert_eq!(client.answers(&bench.ask(&request)), first);
+        }
+    }
+}
+
+#[test]
+fn one_station_has_the_session_of_a_link_until_it_is_silent() {
+    let mut bench = Bench::new(&[900]);
+    let (mut first, mut second) = (Client::new(GROUND_STATION), Client::new(OTHER_STATION));
+    let path = "/LOGS/00000003.BIN";
+    assert_eq!(first.with_path(&mut bench, OPEN, path).0, ACK);
+    assert_eq!(second.with_path(&mut bench, OPEN, path), (NAK, vec![NO_SESSIONS]));
+    assert_eq!(
+        second.one(&mut bench, READ, 90, 0, &[]),
+        (NAK, vec![INVALID_SESSION])
+    );
+    second.one(&mut bench, TERMINATE, 0, 0, &[]);
+    second.one(&mut bench, RESET, 0, 0, &[]);
+    bench.now_us = 9 * SECOND;
+    assert_eq!(first.one(&mut bench, READ, 90, 0, &[]).0, ACK);
+    bench.now_us = 18 * SECOND;
+    assert_eq!(second.with_path(&mut bench, OPEN, path), (NAK, vec![NO_SESSIONS]));
+    bench.now_us = 19 * SECOND;
+    assert_eq!(second.with_path(&mut bench, OPEN, path).0, ACK);
+    assert_eq!(
+        first.one(&mut bench, READ, 90, 0, &[]),
+        (NAK, vec![INVALID_SESSION])
+    );
+    assert_eq!(second.one(&mut bench, RESET, 0, 0, &[]), (ACK, vec![]));
+    assert_eq!(first.with_path(&mut bench, OPEN, path).0, ACK);
+}
+
+#[test]
+fn what_is_not_possible_is_refused_with_its_reason() {
+    let mut bench = Bench::new(&[900]);
+    let mut client = Client::new(GROUND_STATION);
+    for (opcode, path, error) in [
+        (OPEN, "/LOGS/00000004.BIN", NOT_FOUND),
+        (OPEN, "/LOGS", NOT_FOUND),
+        (OPEN, "@PARAM/param.pck?start=60000", FAIL),
+        (CREATE, "/LOGS/00000003.BIN", PROTECTED),
+        (CREATE, "/new", PROTECTED),
+        (8, "/LOGS/00000003.BIN", PROTECTED),
+        (13, "/LOGS/00000003.BIN", PROTECTED),
+        (READ, "x", INVALID_SESSION),
+        (BURST, "x", INVALID_SESSION),
+        (WRITE, "x", INVALID_SESSION),
+        (16, "x", UNKNOWN_COMMAND),
+        (127, "x", UNKNOWN_COMMAND),
+    ] {
+        let answer = client.with_path(&mut bench, opcode, path);
+        assert_eq!(answer, (NAK, vec![error]), "{opcode} {path}");
+    }
+    assert_eq!(
+        client.one(&mut bench, OPEN, 240, 0, &[b'/'; 200]),
+        (NAK, vec![INVALID_SIZE])
+    );
+    assert_eq!(client.one(&mut bench, 0, 0, 0, &[]), (ACK, vec![]));
+    for opcode in [ACK, NAK, 255] {
+        assert!(client.ask(&mut bench, opcode, 0, 0, &[]).is_empty());
+    }
+}
+
+#[test]
+fn a_burst_over_a_slow_line_ends_before_its_station_gives_up() {
+    // Of a message with 239 bytes, at 57600 Bd.
+    const MESSAGE_US: u64 = 46_000;
+    let mut bench = Bench::new(&[100_000]);
+    let mut client = Client::new(GROUND_STATION);
+    assert_eq!(client.with_path(&mut bench, OPEN, "/LOGS/00000003.BIN").0, ACK);
+    let began_us = bench.now_us;
+    bench.handle(&client.request(BURST, 239, 0, &[]));
+    let mut sent = Vec::new();
+    while let Some(frame) = bench.next_frame() {
+        sent.extend(frame.into_iter().map(|byte| (0, byte)));
+        bench.now_us += MESSAGE_US;
+    }
+    let answers = client.answers(&frames(&sent));
+    let complete = answers.iter().position(|answer| answer.is_complete);
+    assert_eq!(complete, Some(answers.len() - 1));
+    let took_us = bench.now_us - began_us;
+    assert!((1_800_000..2_300_000).contains(&took_us), "{took_us}");
+}
+
+#[test]
+fn while_armed_files_are_not_opened_and_arming_closes_one() {
+    let mut bench = Bench::new(&[900_000]);
+    let mut client = Client::new(GROUND_STATION);
+    let path = "/LOGS/00000003.BIN";
+    assert_eq!(client.with_path(&mut bench, OPEN, path).0, ACK);
+    bench.handle(&client.request(BURST, 239, 0, &[]));
+    assert_eq!(bench.sent_at_most(5).len(), 5);
+    bench.arm();
+    assert!(bench.sent().len() <= 1, "what was built leaves");
+    for (opcode, path) in [
+        (OPEN, path),
+        (CHECKSUM, path),
+        (OPEN, "@PARAM/param.pck"),
+        (CREATE, "@PARAM/param.pck"),
+    ] {
+        assert_eq!(client.with_path(&mut bench, opcode, path), (NAK, vec![FAIL]));
+    }
+    assert_eq!(
+        client.one(&mut bench, READ, 90, 0, &[]),
+        (NAK, vec![INVALID_SESSION])
+    );
+    assert_eq!(client.with_path(&mut bench, LIST, "/LOGS").0, ACK);
+}
+
+#[test]
+fn both_protocols_at_once_deliver_whole_files() {
+    let mut bench = Bench::new(&[20_000]);
+    let mut client = Client::new(OTHER_STATION);
+    assert_eq!(client.with_path(&mut bench, OPEN, "/LOGS/00000003.BIN").0, ACK);
+    bench.handle(&log_data(1, 0, u32::MAX));
+    let sent = bench.ask(&client.request(BURST, 239, 0, &[]));
+    let mut whole = vec![0; 20_000];
+    put(&mut whole, &sent);
+    assert!(whole == bench.files[0].1);
+    let read: Vec<u8> = client
+        .answers(&sent)
+        .into_iter()
+        .filter(|answer| answer.opcode == ACK)
+        .flat_map(|answer| answer.data)
+        .collect();
+    assert!(read == bench.files[0].1);
+}
+
+fn any_request() -> impl Strategy<Value = (u8, u8, u8, u32, Vec<u8>)> {
+    let path = prop_oneof![
+        Just(b"/LOGS/00000003.BIN".to_vec()),
+        Just(b"/LOGS".to_vec()),
+        Just(b"@PARAM/param.pck?withdefaults=1".to_vec()),
+        prop::collection::vec(any::<u8>(), 0..239),
+    ];
+    let offset = prop_oneof![0u32..2000, any::<u32>()];
+    (0u8..18, 0u8..3, path, offset, any::<u8>()).prop_map(|(opcode, session, data, offset, size)| {
+        // Most name the size that they have.
+        let size = if size < 200 { data.len() as u8 } else { size };
+        (opcode, session, size, offset, data)
+    })
+}
+
+proptest! {
+    #[test]
+    fn any_requests_are_answered_in_the_format(
+        requests in prop::collection::vec((any_request(), any::<bool>(), 0usize..20), 1..30),
+    ) {
+        let mut bench = Bench::new(&[1000]);
+        let mut clients = [Client::new(GROUND_STATION), Client::new(OTHER_STATION)];
+        for ((opcode, session, size, offset, data), is_other, messages) in requests {
+            let client = &mut clients[usize::from(is_other)];
+            client.session = session;
+            client.sequence = client.sequence.wrapping_add(1);
+            bench.handle(&client.request(opcode, size, offset, &data));
+            for frame in bench.sent_at_most(messages) {
+                if frame.message_id != FILE_TRANSFER_PROTOCOL {
+                    continue;
+                }
+                let (opcode, size) = (frame.u8(6), frame.u8(7));
+                prop_assert!([ACK, NAK].contains(&opcode));
+                prop_assert!(size <= 239);
+                prop_assert!(frame.payload_len() <= 15 + usize::from(size));
+                prop_assert!(opcode == ACK || size == 1);
+            }
+        }
+    }
+}

@@ -1,0 +1,1358 @@
+//! Our end of a link: frames in, frames out.
+
+use std::collections::HashMap;
+
+use crate::desk::Desk;
+use crate::support::frames::{
+    BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
+    FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, NAMED_VALUE_FLOAT, PARAM_ERROR,
+    PARAM_VALUE, PING, ParamValue, SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS, SysStatus, TIMESYNC,
+    encode_v1, encode_v2, of_message,
+};
+use crate::support::requests::{
+    EVERYONE, PREFLIGHT_REBOOT_SHUTDOWN, SIK_RADIO, VEHICLE, command_int, command_int_2, command_long,
+    command_long_2, ftp_open, heartbeat_from, param_read_by_index, param_read_by_name, param_request_list,
+    param_set, param_set_payload, param_set_to, ping, provoke_fault, radio_status_from, reboot,
+    reboot_to_boot_loader, request_data_stream, timesync,
+};
+use proptest::prelude::*;
+use rover_battmon::battery::{
+    Amount, BatteryState, ChargeSource, ChargeState, Contents, PackDetails, PackStatus, Visibility,
+};
+use rover_battmon::mavlink::dialect::MavSeverity;
+use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind, SystemState};
+use rover_battmon::pack::MAX_PACKS;
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{
+    BatteryParameter, ParameterId, Parameters, SimulationParameter, Unsaved, VehicleParameter,
+};
+use rover_battmon::time::Instant;
+use rover_battmon::vehicle::Restart;
+
+const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
+const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
+
+/// The parameters of the vehicle that are listed by default: ten more set up what is not in use then.
+const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 10;
+
+/// The parameters that are listed of a pack with an analog sensor: two more are of other sensors.
+const LISTED_OF_PACK: usize = BatteryParameter::COUNT - 2;
+
+/// Those of the vehicle, of the first pack and of the simulator, and the switches of the other packs.
+const LISTED_BY_DEFAULT: usize =
+    LISTED_OF_VEHICLE + LISTED_OF_PACK + (Pack::ALL.len() - 1) + SimulationParameter::COUNT;
+
+/// The index of a parameter that is not listed.
+const NOT_LISTED: u16 = u16::MAX;
+
+const DOES_NOT_EXIST: u8 = 1;
+const VALUE_OUT_OF_RANGE: u8 = 2;
+const ACCEPTED: u8 = 0;
+const DENIED: u8 = 2;
+const UNSUPPORTED: u8 = 3;
+const FAILED: u8 = 4;
+
+impl Desk {
+    fn one_answer(&mut self, request: &[u8]) -> Frame {
+        let answers = self.ask(request);
+        assert_eq!(answers.len(), 1, "{answers:?}");
+        answers[0].clone()
+    }
+
+    /// The parameters of a list, by name, while `meanwhile` happens after each that is sent.
+    fn list(&mut self, mut meanwhile: impl FnMut(&str, &mut Parameters)) -> Vec<String> {
+        let mut frames = self.ask(&param_request_list(VEHICLE));
+        let mut listed = Vec::new();
+        // Half a minute is more than a list takes; the streams go on for ever.
+        loop {
+            for frame in of_message(&frames, PARAM_VALUE) {
+                let name = ParamValue(frame).name();
+                meanwhile(&name, self.autopilot.parameters_mut());
+                listed.push(name);
+            }
+            let due_us = self.next_due_us();
+            if due_us > 30_000_000 {
+                return listed;
+            }
+            self.post_due(due_us);
+            frames = self.sent();
+        }
+    }
+
+    /// The names of what is listed now.
+    fn listed(&self) -> Vec<String> {
+        self.parameters()
+            .listed()
+            .map(|id| id.name().as_str().into())
+            .collect()
+    }
+
+    fn assert_param_value(&self, frame: &Frame, id: ParameterId, value: f32) {
+        assert_eq!(frame.message_id, PARAM_VALUE);
+        let answer = ParamValue(frame);
+        assert_eq!(answer.name(), id.name().as_str());
+        let index = self.parameters().listed().position(|listed| listed == id);
+        assert_eq!(answer.index(), index.map_or(NOT_LISTED, |index| index as u16));
+        assert_eq!(usize::from(answer.count()), self.parameters().listed().count());
+        assert_eq!(answer.value(), value, "{}", answer.name());
+    }
+
+    fn assert_set(&mut self, name: &str, id: ParameterId, value: f32) {
+        let answer = self.one_answer(&param_set(name, value));
+        self.assert_param_value(&answer, id, value);
+    }
+}
+
+fn assert_ack(frame: &Frame, command: u16, result: u8) {
+    assert_eq!(frame.message_id, COMMAND_ACK);
+    assert_eq!((frame.u16(0), frame.u8(2)), (command, result));
+    // Addressed to the ground station that asked.
+    assert_eq!((frame.u8(8), frame.u8(9)), (255, 190));
+}
+
+#[test]
+fn every_parameter_is_read_by_name_and_what_is_listed_by_index() {
+    let mut desk = Desk::new();
+    for id in ParameterId::all() {
+        let answer = desk.one_answer(&param_read_by_name(&id.name()));
+        desk.assert_param_value(&answer, id, id.default_value());
+    }
+    let listed: Vec<_> = desk.parameters().listed().collect();
+    for (index, id) in (0..).zip(listed) {
+        let answer = desk.one_answer(&param_read_by_index(index));
+        assert_eq!(ParamValue(&answer).index(), index as u16);
+        desk.assert_param_value(&answer, id, id.default_value());
+    }
+    let answer = desk.one_answer(&param_read_by_name("batt_volt_mult"));
+    desk.assert_param_value(&answer, VOLT_MULT, 3.95);
+}
+
+#[test]
+fn what_does_not_exist_is_an_error_that_says_so() {
+    let mut desk = Desk::new();
+    for request in [
+        param_read_by_name("NOPE"),
+        param_read_by_name(""),
+        param_read_by_index(LISTED_BY_DEFAULT as i16),
+        param_read_by_index(-2),
+        param_set("NOPE", 1.0),
+    ] {
+        let answer = desk.one_answer(&request);
+        assert_eq!(answer.message_id, PARAM_ERROR);
+        assert_eq!((answer.u8(2), answer.u8(3)), (255, 190));
+        assert_eq!(answer.u8(20), DOES_NOT_EXIST);
+    }
+}
+
+#[test]
+fn a_set_value_is_live_and_acknowledged_at_once() {
+    let mut desk = Desk::new();
+    desk.assert_set("SR0_EXTRA1", EXTRA1, 10.0);
+    assert_eq!(desk.parameters().get(EXTRA1), 10.0);
+    let answer = desk.one_answer(&param_set_to(EVERYONE, "SR0_EXTRA1", 5.0));
+    desk.assert_param_value(&answer, EXTRA1, 5.0);
+    assert_eq!(
+        desk.parameters().next_unsaved(),
+        Some(Unsaved::Value(EXTRA1, 5.0))
+    );
+}
+
+#[test]
+fn a_value_out_of_range_is_refused_and_the_old_one_shown() {
+    let mut desk = Desk::new();
+    for value in [-1.0, 51.0, f32::NAN, f32::INFINITY] {
+        let answers = desk.ask(&param_set("SR0_EXTRA1", value));
+        assert_eq!(answers.len(), 2, "{answers:?}");
+        assert_eq!(answers[0].message_id, PARAM_ERROR);
+        assert_eq!(answers[0].text(4, 16), "SR0_EXTRA1");
+        assert_eq!(answers[0].u8(20), VALUE_OUT_OF_RANGE);
+        desk.assert_param_value(&answers[1], EXTRA1, 2.0);
+    }
+    assert_eq!(desk.parameters().next_unsaved(), None);
+}
+
+#[test]
+fn a_list_has_everything_that_is_visible_in_order() {
+    let mut desk = Desk::new();
+    let listed = desk.list(|_, _| {});
+    assert_eq!(listed.len(), LISTED_BY_DEFAULT);
+    assert_eq!(listed, desk.listed());
+}
+
+#[test]
+fn enabling_a_pack_makes_its_parameters_visible_and_disabling_hides_them() {
+    let mut desk = Desk::new();
+    let volt_mult = BatteryParameter::VoltMult.of(Pack::Second);
+    // Behind those of the vehicle and of the first pack.
+    let index = LISTED_OF_VEHICLE + LISTED_OF_PACK + BatteryParameter::VoltMult as usize;
+    let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
+    assert_eq!(ParamValue(&answer).index(), NOT_LISTED);
+
+    desk.assert_set("BATT2_MONITOR", BatteryParameter::Monitor.of(Pack::Second), 4.0);
+    let answer = desk.one_answer(&param_read_by_name("BATT2_VOLT_MULT"));
+    assert_eq!(
+        [ParamValue(&answer).index(), ParamValue(&answer).count()].map(usize::from),
+        [index, LISTED_BY_DEFAULT + LISTED_OF_PACK - 1]
+    );
+    let answer = desk.one_answer(&param_read_by_index(index as i16));
+    desk.assert_param_value(&answer, volt_mult, 3.95);
+    let listed = desk.list(|_, _| {});
+    assert_eq!(listed, desk.listed());
+    assert!(listed.contains(&"BATT2_VOLT_MULT".into()), "{listed:?}");
+
+    desk.assert_set("BATT2_MONITOR", BatteryParameter::Monitor.of(Pack::Second), 0.0);
+    assert_eq!(desk.list(|_, _| {}).len(), LISTED_BY_DEFAULT);
+}
+
+#[test]
+fn a_hidden_parameter_is_set_by_name() {
+    let mut desk = Desk::new();
+    let hidden = BatteryParameter::VoltMult.of(Pack::Ninth);
+    desk.assert_set("BATT9_VOLT_MULT", hidden, 11.0);
+    assert_eq!(
+        desk.parameters().next_unsaved(),
+        Some(Unsaved::Value(hidden, 11.0))
+    );
+    desk.assert_set("BATT9_MONITOR", BatteryParameter::Monitor.of(Pack::Ninth), 3.0);
+    let answer = desk.one_answer(&param_read_by_name("BATT9_VOLT_MULT"));
+    desk.assert_param_value(&answer, hidden, 11.0);
+}
+
+/// Sets the monitor of a pack while a list is on its way, when `trigger` has been sent.
+fn list_while(trigger: &str, pack: Pack, monitor: f32) -> (Vec<String>, Vec<String>) {
+    let mut desk = Desk::new();
+    // So slow that the parameters leave one by one.
+    desk.connect_slowly(LinkKind::Radio, 960);
+    let fifth: ParameterId = BatteryParameter::Monitor.of(Pack::Fifth);
+    desk.set(fifth, 3.0);
+    let mut listed = desk.list(|sent, parameters| {
+        if sent == trigger {
+            let _ = parameters.set(BatteryParameter::Monitor.of(pack), monitor);
+        }
+    });
+    let sent = listed.len();
+    listed.sort();
+    listed.dedup();
+    assert_eq!(listed.len(), sent, "something was sent twice");
+    let mut visible = desk.listed();
+    visible.sort();
+    (listed, visible)
+}
+
+#[test]
+fn a_list_is_complete_though_packs_are_enabled_and_disabled_meanwhile() {
+    for trigger in ["SYSID_THISMAV", "BATT_MONITOR", "BATT5_VOLT_PIN", "BATT9_MONITOR"] {
+        // Before the place the list has come to, and behind it.
+        for pack in [Pack::Second, Pack::Ninth] {
+            let (listed, visible) = list_while(trigger, pack, 4.0);
+            assert_eq!(listed, visible, "{pack:?} after {trigger}");
+        }
+        // What had been sent before it was hidden can't be taken back.
+        for pack in [Pack::First, Pack::Fifth] {
+            let (listed, visible) = list_while(trigger, pack, 0.0);
+            assert!(
+                visible.iter().all(|name| listed.contains(name)),
+                "{pack:?} after {trigger}"
+            );
+        }
+    }
+}
+
+#[test]
+fn messages_for_others_are_ignored() {
+    let mut desk = Desk::new();
+    for target in [[2, 1], [1, 2], [255, 190], [2, 0], [0, 2]] {
+        assert_eq!(desk.ask(&param_set_to(target, "SR0_EXTRA1", 10.0)), []);
+        assert_eq!(desk.ask(&param_request_list(target)), []);
+    }
+    for target in [[1, 0], [0, 1]] {
+        assert_eq!(desk.ask(&param_set_to(target, "SR0_EXTRA1", 10.0)).len(), 1);
+    }
+}
+
+#[test]
+fn mavlink_1_is_understood() {
+    let mut desk = Desk::new();
+    let request = encode_v1(23, &param_set_payload(VEHICLE, "SR0_EXTRA1", 7.0));
+    let answer = desk.one_answer(&request);
+    desk.assert_param_value(&answer, EXTRA1, 7.0);
+}
+
+/// PARAM_REQUEST_LIST for everyone, with these incompatibility flags.
+fn list_with_flags(flags: u8) -> Vec<u8> {
+    let mut frame = vec![0xfd, 2, flags, 0, 0, 255, 190, 21, 0, 0, 1, 1];
+    frame.extend(mcrf4xx(&frame[1..], 159).to_le_bytes());
+    frame
+}
+
+#[test]
+fn a_signed_frame_is_taken_with_its_signature() {
+    let mut desk = Desk::new();
+    // Signatures aren't checked, so any 13 bytes will do: here a request, which must not be taken for one.
+    let mut signature = encode_v1(21, &EVERYONE);
+    signature.resize(13, 0xfd);
+    let bytes = [list_with_flags(1), signature, param_read_by_index(0)].concat();
+    let events = desk.receive_in_chunks(&bytes, 7);
+    assert_eq!(events, [Event::ListRequested, Event::Answered]);
+}
+
+#[test]
+fn a_frame_with_flags_we_do_not_know_is_not_taken() {
+    for flags in [2, 3, 0x80] {
+        let mut desk = Desk::new();
+        let bytes = [list_with_flags(flags), vec![0; 293]].concat();
+        assert_eq!(desk.receive_in_chunks(&bytes, 64), [], "{flags}");
+    }
+}
+
+fn mcrf4xx(bytes: &[u8], extra: u8) -> u16 {
+    bytes.iter().chain([&extra]).fold(0xffff, |crc: u16, byte| {
+        let mut x = byte ^ (crc & 0xff) as u8;
+        x ^= x << 4;
+        (crc >> 8) ^ (u16::from(x) << 8) ^ (u16::from(x) << 3) ^ (u16::from(x) >> 4)
+    })
+}
+
+#[test]
+fn ping_and_timesync_are_answered_and_answers_to_them_are_not() {
+    let mut desk = Desk::new();
+    let pong = desk.one_answer(&ping(123_456, 7));
+    assert_eq!((pong.message_id, pong.u32(0), pong.u32(8)), (PING, 123_456, 7));
+    assert_eq!([pong.u8(12), pong.u8(13)], GROUND_STATION);
+    let time = desk.one_answer(&timesync(42));
+    assert_eq!((time.message_id, time.u32(8)), (TIMESYNC, 42));
+
+    let answer = [&1_u64.to_le_bytes()[..], &8_u32.to_le_bytes(), &VEHICLE].concat();
+    assert_eq!(desk.ask(&encode_v2(PING, &answer)), []);
+    let answer = [5_i64, 6].map(i64::to_le_bytes).concat();
+    assert_eq!(desk.ask(&encode_v2(TIMESYNC, &answer)), []);
+}
+
+#[test]
+fn commands_are_executed_denied_or_unsupported() {
+    const PREFLIGHT_STORAGE: u16 = 245;
+    // Without a percentage BATTERY_RESET is denied; 65535 is a command of no dialect.
+    for (number, param1, result) in [
+        (PREFLIGHT_STORAGE, 2.0, ACCEPTED),
+        (PREFLIGHT_STORAGE, 0.0, DENIED),
+        (PREFLIGHT_REBOOT_SHUTDOWN, 1.0, ACCEPTED),
+        (PREFLIGHT_REBOOT_SHUTDOWN, 3.0, ACCEPTED),
+        (PREFLIGHT_REBOOT_SHUTDOWN, f32::NAN, DENIED),
+        (410, 0.0, UNSUPPORTED),
+        (65535, 1.0, UNSUPPORTED),
+    ] {
+        let mut desk = Desk::new();
+        assert_ack(&desk.one_answer(&command_long(number, param1)), number, result);
+        assert_ack(&desk.one_answer(&command_int(number, param1)), number, result);
+    }
+    for (request, restart) in [
+        (reboot(), Restart::Firmware),
+        (reboot_to_boot_loader(), Restart::BootLoader),
+        (provoke_fault(), Restart::Fault),
+    ] {
+        let events = Desk::new().receive_in_chunks(&request, 64);
+        assert_eq!(events, [Event::Command(Action::Restart(restart))]);
+    }
+}
+
+const BATTERY_RESET: u16 = 42651;
+const REQUEST_MESSAGE: u16 = 512;
+const GET_MESSAGE_INTERVAL: u16 = 510;
+const SET_MESSAGE_INTERVAL: u16 = 511;
+
+fn healthy() -> BatteryState {
+    BatteryState {
+        status: PackStatus::Healthy,
+        charge_state: ChargeState::Ok,
+        voltage_v: Some(11.1),
+        ..BatteryState::default()
+    }
+}
+
+/// Instances 0 and 2 are monitored.
+fn packs_with_a_gap() -> [BatteryState; 4] {
+    let none = BatteryState::disabled();
+    [healthy(), none, healthy(), none]
+}
+
+#[test]
+fn a_battery_reset_reaches_the_packs_that_exist() {
+    for (mask, result, reset) in [
+        (1.0, ACCEPTED, Some(1)),
+        (4.0, ACCEPTED, Some(4)),
+        (5.0, ACCEPTED, Some(5)),
+        (13.0, ACCEPTED, Some(5)),
+        (-1.0, FAILED, Some(5)),
+        (65535.0, FAILED, Some(5)),
+        (2.0, FAILED, None),
+        (0.0, FAILED, None),
+        (f32::NAN, DENIED, None),
+    ] {
+        for request in [
+            command_long_2(BATTERY_RESET, mask, 56.0),
+            command_int_2(BATTERY_RESET, mask, 56.0),
+        ] {
+            let mut desk = Desk::with_packs(&packs_with_a_gap());
+            let events = desk.receive_in_chunks(&request, 64);
+            let expected = match reset {
+                Some(mask) => Event::Command(Action::ResetBatteries { mask, percent: 56.0 }),
+                None => Event::CommandRefused(BATTERY_RESET),
+            };
+            assert_eq!(events, [expected], "{mask}");
+            let answers = desk.sent();
+            assert_eq!(answers.len(), 1);
+            assert_ack(&answers[0], BATTERY_RESET, result);
+        }
+    }
+    let mut desk = Desk::with_packs(&packs_with_a_gap());
+    assert_ack(
+        &desk.one_answer(&command_long(BATTERY_RESET, 1.0)),
+        BATTERY_RESET,
+        DENIED,
+    );
+}
+
+#[test]
+fn battery_status_is_requested_by_instance() {
+    let mut desk = Desk::with_packs(&packs_with_a_gap());
+    for (message, instance_at) in [
+        (BATTERY_STATUS, 32),
+        (BATTERY_STATUS_V2, 26),
+        (SMART_BATTERY_INFO, 18),
+        (BATTERY_INFO, 44),
+    ] {
+        for instance in [0, 2] {
+            let answers = desk.ask(&command_long_2(
+                REQUEST_MESSAGE,
+                message as f32,
+                f32::from(instance),
+            ));
+            assert_ack(&answers[0], REQUEST_MESSAGE, ACCEPTED);
+            assert_eq!(answers[1].message_id, message);
+            assert_eq!(answers[1].u8(instance_at), instance);
+            assert_eq!(answers.len(), 2);
+        }
+        for instance in [1.0, 3.0, 4.0] {
+            let request = command_long_2(REQUEST_MESSAGE, message as f32, instance);
+            assert_ack(&desk.one_answer(&request), REQUEST_MESSAGE, DENIED);
+        }
+    }
+}
+
+/// What is sent at due times from `desk.now_us` on, for this many seconds.
+fn sent_for(desk: &mut Desk, seconds: u64) -> Vec<Frame> {
+    sent_until(desk, desk.now_us + seconds * 1_000_000)
+}
+
+/// The same until a time.
+fn sent_until(desk: &mut Desk, until_us: u64) -> Vec<Frame> {
+    let mut sent = Vec::new();
+    while desk.next_due_us() < until_us {
+        desk.post_due(desk.next_due_us());
+        sent.extend(desk.sent());
+    }
+    desk.now_us = until_us;
+    sent
+}
+
+fn counts<const N: usize>(frames: &[Frame], messages: [u32; N]) -> [usize; N] {
+    messages.map(|message| of_message(frames, message).len())
+}
+
+/// What QGroundControl does: it asks for the newer messages, and once they come it turns the older one off.
+#[test]
+fn a_ground_station_moves_over_to_the_newer_messages() {
+    const MESSAGES: [u32; 4] = [
+        BATTERY_STATUS,
+        BATTERY_STATUS_V2,
+        SMART_BATTERY_INFO,
+        BATTERY_INFO,
+    ];
+    let mut desk = Desk::with_packs(&[healthy(), healthy()]);
+    assert_eq!(counts(&sent_for(&mut desk, 60), MESSAGES), [240, 0, 0, 0]);
+
+    for (message, interval_us) in [(BATTERY_STATUS_V2, 1_000_000.0), (BATTERY_INFO, 10_000_000.0)] {
+        let answer = desk.one_answer(&command_long_2(SET_MESSAGE_INTERVAL, message as f32, interval_us));
+        assert_ack(&answer, SET_MESSAGE_INTERVAL, ACCEPTED);
+    }
+    assert_eq!(counts(&sent_for(&mut desk, 60), MESSAGES), [240, 120, 0, 12]);
+
+    let answer = desk.one_answer(&command_long_2(SET_MESSAGE_INTERVAL, BATTERY_STATUS as f32, -1.0));
+    assert_ack(&answer, SET_MESSAGE_INTERVAL, ACCEPTED);
+    assert_eq!(counts(&sent_for(&mut desk, 60), MESSAGES), [0, 120, 0, 12]);
+
+    let answer = desk.one_answer(&command_long_2(
+        SET_MESSAGE_INTERVAL,
+        BATTERY_STATUS_V2 as f32,
+        0.0,
+    ));
+    assert_ack(&answer, SET_MESSAGE_INTERVAL, ACCEPTED);
+    assert_eq!(counts(&sent_for(&mut desk, 60), MESSAGES), [0, 0, 0, 12]);
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
+#[test]
+fn the_heartbeats_interval_cannot_be_changed_and_its_acknowledgement_says_so() {
+    let mut desk = Desk::new();
+    for (interval_us, result) in [
+        (-1.0, DENIED),
+        (100_000.0, DENIED),
+        (999_999.0, DENIED),
+        (10_000_000.0, DENIED),
+        (1_000_000.0, ACCEPTED),
+        (0.0, ACCEPTED),
+    ] {
+        let answer = desk.one_answer(&command_long_2(
+            SET_MESSAGE_INTERVAL,
+            HEARTBEAT as f32,
+            interval_us,
+        ));
+        assert_ack(&answer, SET_MESSAGE_INTERVAL, result);
+        assert_eq!(
+            counts(&sent_for(&mut desk, 60), [HEARTBEAT]),
+            [60],
+            "{interval_us}"
+        );
+        let answers = desk.ask(&command_long(GET_MESSAGE_INTERVAL, HEARTBEAT as f32));
+        assert_eq!(answers[1].message_id, MESSAGE_INTERVAL);
+        assert_eq!(answers[1].i32(0), 1_000_000);
+    }
+}
+
+/// A link whose radio has reported a full buffer 40 times, or another sender has.
+fn after_forty_reports(kind: LinkKind, sender: [u8; 2]) -> Desk {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    desk.connect(kind);
+    for _ in 0..40 {
+        desk.receive_in_chunks(&radio_status_from(sender, 0), 64);
+    }
+    desk
+}
+
+/// A SiK radio, one that passes Wi-Fi on (`MAV_COMP_ID_UDP_BRIDGE`) with the vehicle's or a ground station's system id.
+const RADIOS: [[u8; 2]; 4] = [SIK_RADIO, [255, 68], [1, 240], [255, 240]];
+
+#[test]
+fn telemetry_slows_down_by_two_seconds_at_most_and_only_until_the_radio_is_silent() {
+    for sender in RADIOS {
+        let mut desk = after_forty_reports(LinkKind::Radio, sender);
+        // One every 2.5 s, the first at once.
+        assert_eq!(
+            counts(&sent_for(&mut desk, 5), [BATTERY_STATUS, HEARTBEAT]),
+            [2, 5]
+        );
+        assert_eq!(
+            counts(&sent_for(&mut desk, 60), [BATTERY_STATUS, HEARTBEAT]),
+            [120, 60]
+        );
+    }
+}
+
+#[test]
+fn radio_status_counts_from_a_radio_on_a_link_that_can_have_one() {
+    let not_radios =
+        [[1, 1], GROUND_STATION, [1, 191], [SIK_RADIO[0], 1]].map(|sender| (LinkKind::Radio, sender));
+    let by_cable = RADIOS.map(|sender| (LinkKind::Direct, sender));
+    let by_wifi = RADIOS.map(|sender| (LinkKind::Wifi, sender));
+    for (kind, sender) in not_radios.into_iter().chain(by_cable).chain(by_wifi) {
+        let mut desk = after_forty_reports(kind, sender);
+        let sent = sent_for(&mut desk, 5);
+        assert_eq!(counts(&sent, [BATTERY_STATUS]), [10], "{kind:?} {sender:?}");
+    }
+}
+
+fn with_cycles(cycle_count: u16) -> BatteryState {
+    BatteryState {
+        details: PackDetails {
+            cycle_count: Some(cycle_count),
+            ..PackDetails::default()
+        },
+        ..healthy()
+    }
+}
+
+/// A tank of 2 l, half full.
+fn tank() -> BatteryState {
+    BatteryState {
+        contents: Contents::Fuel,
+        voltage_v: None,
+        capacity: Some(Amount::Ml(2000.0)),
+        remaining_pct: Some(50.0),
+        ..healthy()
+    }
+}
+
+#[test]
+fn fuel_status_is_sent_for_tanks_only_and_only_on_request() {
+    let without_capacity = BatteryState {
+        capacity: None,
+        ..tank()
+    };
+    let internal = BatteryState {
+        visibility: Visibility::Internal,
+        ..tank()
+    };
+    let mut desk = Desk::with_packs(&[healthy(), tank(), without_capacity, tank(), internal]);
+    assert_eq!(counts(&sent_for(&mut desk, 60), [FUEL_STATUS]), [0]);
+    for instance in [1, 3] {
+        let answers = desk.ask(&command_long_2(
+            REQUEST_MESSAGE,
+            FUEL_STATUS as f32,
+            f32::from(instance),
+        ));
+        assert_ack(&answers[0], REQUEST_MESSAGE, ACCEPTED);
+        assert_eq!(
+            (answers[1].message_id, answers[1].u8(24)),
+            (FUEL_STATUS, instance)
+        );
+        assert_eq!(answers.len(), 2);
+    }
+    for instance in [0.0, 2.0, 4.0, 5.0] {
+        let request = command_long_2(REQUEST_MESSAGE, FUEL_STATUS as f32, instance);
+        assert_ack(&desk.one_answer(&request), REQUEST_MESSAGE, DENIED);
+    }
+
+    let every_10_s = command_long_2(SET_MESSAGE_INTERVAL, FUEL_STATUS as f32, 10_000_000.0);
+    assert_ack(&desk.one_answer(&every_10_s), SET_MESSAGE_INTERVAL, ACCEPTED);
+    let sent = sent_for(&mut desk, 60);
+    let of_tanks: Vec<_> = of_message(&sent, FUEL_STATUS)
+        .iter()
+        .map(|frame| frame.u8(24))
+        .collect();
+    assert_eq!(of_tanks, [1, 3].repeat(6));
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
+/// The cycle counts that were sent without a request in ten seconds, with the instance, by BATTERY_INFO and by SMART_BATTERY_INFO.
+fn sent_cycles(desk: &mut Desk) -> Vec<(u8, u16)> {
+    let sent = sent_for(desk, 10);
+    let info: Vec<_> = of_message(&sent, BATTERY_INFO)
+        .iter()
+        .map(|f| (f.u8(44), f.u16(40)))
+        .collect();
+    let smart: Vec<_> = of_message(&sent, SMART_BATTERY_INFO)
+        .iter()
+        .map(|f| (f.u8(18), f.u16(8)))
+        .collect();
+    assert_eq!(info, smart);
+    info
+}
+
+#[test]
+fn smart_battery_details_are_sent_once_per_change() {
+    let internal = BatteryState {
+        visibility: Visibility::Internal,
+        ..with_cycles(9)
+    };
+    let mut desk = Desk::with_packs(&[healthy(), with_cycles(7), internal]);
+    assert_eq!(sent_cycles(&mut desk), [(1, 7)]);
+    assert_eq!(sent_cycles(&mut desk), []);
+    desk.change_battery(Pack::Second, |battery| battery.voltage_v = Some(10.0));
+    assert_eq!(sent_cycles(&mut desk), []);
+    desk.change_battery(Pack::Second, |battery| *battery = with_cycles(8));
+    assert_eq!(sent_cycles(&mut desk), [(1, 8)]);
+    desk.change_battery(Pack::Second, |battery| battery.details = PackDetails::default());
+    assert_eq!(sent_cycles(&mut desk), []);
+    desk.set_batteries(&[with_cycles(8); 3]);
+    assert_eq!(sent_cycles(&mut desk), [(0, 8), (2, 8)]);
+
+    // Another link gets them once, too, however late it is opened.
+    desk.connect(LinkKind::Radio);
+    assert_eq!(sent_cycles(&mut desk), [(0, 8), (1, 8), (2, 8)]);
+    assert_eq!(sent_cycles(&mut desk), []);
+}
+
+#[test]
+fn news_of_a_pack_that_is_streamed_anyway_is_no_drop() {
+    let mut desk = Desk::with_packs(&[with_cycles(7)]);
+    desk.ask(&command_long_2(
+        SET_MESSAGE_INTERVAL,
+        BATTERY_INFO as f32,
+        1_000_000.0,
+    ));
+    assert_eq!(
+        counts(&sent_for(&mut desk, 10), [SMART_BATTERY_INFO, BATTERY_INFO]),
+        [1, 10]
+    );
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
+const TYPE_GROUND_STATION: u8 = 6;
+const TYPE_ONBOARD_CONTROLLER: u8 = 18;
+
+/// The instances of BATTERY_INFO, after asserting that SMART_BATTERY_INFO was sent of the same.
+fn described(sent: &[Frame]) -> Vec<u8> {
+    let instances = |message, at| -> Vec<_> {
+        let frames = of_message(sent, message);
+        frames.iter().map(|frame| frame.u8(at)).collect()
+    };
+    let info = instances(BATTERY_INFO, 44);
+    assert_eq!(instances(SMART_BATTERY_INFO, 18), info);
+    info
+}
+
+/// The packs that are described in `seconds` in which these senders, in turn, send a HEARTBEAT a second each.
+fn described_to(desk: &mut Desk, kind: u8, senders: &[[u8; 2]], seconds: u64) -> Vec<u8> {
+    let mut sent = Vec::new();
+    for _ in 0..seconds {
+        for sender in senders {
+            desk.receive_in_chunks(&heartbeat_from(*sender, kind), 64);
+        }
+        sent.extend(sent_for(desk, 1));
+    }
+    described(&sent)
+}
+
+#[test]
+fn smart_batteries_are_described_to_each_new_ground_station_once() {
+    const OTHER_STATION: [u8; 2] = [255, 230];
+    let internal = BatteryState {
+        visibility: Visibility::Internal,
+        ..with_cycles(3)
+    };
+    let mut desk = Desk::with_packs(&[with_cycles(1), internal, with_cycles(2), healthy()]);
+    let mut described_to = |kind, senders: &[_], seconds| described_to(&mut desk, kind, senders, seconds);
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[], 10), [0, 2], "on change");
+    assert_eq!(described_to(TYPE_ONBOARD_CONTROLLER, &[[1, 191]], 20), [0_u8; 0]);
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[GROUND_STATION], 1), [0, 2]);
+    assert_eq!(
+        described_to(TYPE_GROUND_STATION, &[GROUND_STATION], 100),
+        [0_u8; 0]
+    );
+    assert_eq!(
+        described_to(TYPE_GROUND_STATION, &[GROUND_STATION, OTHER_STATION], 100),
+        [0, 2]
+    );
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[], 31), [0_u8; 0]);
+    assert_eq!(described_to(TYPE_GROUND_STATION, &[OTHER_STATION], 100), [0, 2]);
+    desk.connect(LinkKind::Radio);
+    assert_eq!(described(&sent_for(&mut desk, 10)), [0, 2], "on change");
+    let again = self::described_to(&mut desk, TYPE_GROUND_STATION, &[OTHER_STATION], 100);
+    assert_eq!(again, [0, 2], "it is new on another link");
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
+#[test]
+fn strangers_with_changing_ids_have_batteries_described_every_ten_seconds_at_most() {
+    let mut desk = Desk::with_packs(&[with_cycles(1); MAX_PACKS]);
+    assert_eq!(described(&sent_for(&mut desk, 1)).len(), MAX_PACKS, "on change");
+    let strangers: Vec<_> = (0..=u8::MAX).map(|id| [id, id.wrapping_mul(7)]).collect();
+    let sent = described_to(&mut desk, TYPE_GROUND_STATION, &strangers, 60);
+    assert_eq!(sent, [0, 1, 2, 3, 4, 5, 6, 7, 8].repeat(6));
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
+#[test]
+fn descriptions_come_every_ten_seconds_by_the_default_interval() {
+    let mut desk = Desk::with_packs(&[healthy(), healthy()]);
+    for (interval_us, expected) in [(0.0, 6), (20_000_000.0, 3), (-1.0, 0)] {
+        for message in [BATTERY_INFO, SMART_BATTERY_INFO] {
+            desk.ask(&command_long_2(SET_MESSAGE_INTERVAL, message as f32, interval_us));
+        }
+        assert_eq!(described(&sent_for(&mut desk, 60)), [0, 1].repeat(expected));
+    }
+}
+
+/// The names and values of NAMED_VALUE_FLOAT.
+fn named_values(sent: &[Frame]) -> Vec<(String, f32)> {
+    let frames = of_message(sent, NAMED_VALUE_FLOAT);
+    frames.iter().map(|f| (f.text(8, 10), f.f32(4))).collect()
+}
+
+#[test]
+fn resistance_and_resting_voltage_are_sent_on_request_while_they_are_known() {
+    let known = BatteryState {
+        resistance_ohm: Some(0.0625),
+        resting_voltage_v: Some(11.5),
+        ..healthy()
+    };
+    let resistance_only = BatteryState {
+        resting_voltage_v: None,
+        ..known
+    };
+    let unused = BatteryState {
+        status: PackStatus::Disabled,
+        ..known
+    };
+    let mut desk = Desk::with_packs(&[known, healthy(), resistance_only, unused]);
+    assert_eq!(named_values(&sent_for(&mut desk, 60)), []);
+
+    let of_first = [("BAT1_RES".into(), 62.5), ("BAT1_VREST".into(), 11.5)];
+    let of_third = [("BAT3_RES".into(), 62.5)];
+    for (instance, expected) in [(0.0, &of_first[..]), (f32::NAN, &of_first), (2.0, &of_third)] {
+        let answers = desk.ask(&command_long_2(
+            REQUEST_MESSAGE,
+            NAMED_VALUE_FLOAT as f32,
+            instance,
+        ));
+        assert_ack(&answers[0], REQUEST_MESSAGE, ACCEPTED);
+        assert_eq!(named_values(&answers), expected);
+        assert_eq!(answers.len(), 1 + expected.len());
+        assert_eq!(
+            answers[1].u32(0),
+            (desk.now_us / 1000) as u32,
+            "ms since the start"
+        );
+    }
+    for instance in [1.0, 3.0, 4.0, 9.0] {
+        let request = command_long_2(REQUEST_MESSAGE, NAMED_VALUE_FLOAT as f32, instance);
+        assert_ack(&desk.one_answer(&request), REQUEST_MESSAGE, DENIED);
+    }
+
+    let set_interval = |desk: &mut Desk, interval_us| {
+        let request = command_long_2(SET_MESSAGE_INTERVAL, NAMED_VALUE_FLOAT as f32, interval_us);
+        assert_ack(&desk.one_answer(&request), SET_MESSAGE_INTERVAL, ACCEPTED);
+    };
+    set_interval(&mut desk, 1_000_000.0);
+    let once = ["BAT1_RES", "BAT3_RES", "BAT1_VREST"];
+    let names = |sent: &[Frame]| -> Vec<_> { named_values(sent).into_iter().map(|(name, _)| name).collect() };
+    assert_eq!(names(&sent_for(&mut desk, 5)), once.repeat(5));
+    desk.change_battery(Pack::First, |battery| battery.resistance_ohm = None);
+    assert_eq!(
+        names(&sent_for(&mut desk, 2)),
+        ["BAT3_RES", "BAT1_VREST"].repeat(2)
+    );
+    // By default it is off.
+    set_interval(&mut desk, 0.0);
+    assert_eq!(named_values(&sent_for(&mut desk, 60)), []);
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
+#[test]
+fn a_pack_with_a_gauge_of_its_own_is_not_reset() {
+    let gauged = BatteryState {
+        charge_source: ChargeSource::Gauge,
+        ..healthy()
+    };
+    for (mask, result, event) in [
+        (
+            1.0,
+            ACCEPTED,
+            Event::Command(Action::ResetBatteries {
+                mask: 1,
+                percent: 56.0,
+            }),
+        ),
+        (2.0, FAILED, Event::CommandRefused(BATTERY_RESET)),
+        (
+            -1.0,
+            FAILED,
+            Event::Command(Action::ResetBatteries {
+                mask: 5,
+                percent: 56.0,
+            }),
+        ),
+    ] {
+        let mut desk = Desk::with_packs(&[healthy(), gauged, healthy()]);
+        let events = desk.receive_in_chunks(&command_long_2(BATTERY_RESET, mask, 56.0), 64);
+        assert_eq!(events, [event], "{mask}");
+        assert_ack(&desk.sent()[0], BATTERY_RESET, result);
+    }
+}
+
+/// How many BATTERY_STATUS each instance has, and how many SYS_STATUS there are.
+fn count(frames: &[Frame]) -> ([usize; MAX_PACKS], usize) {
+    let mut packs = [0; MAX_PACKS];
+    for frame in of_message(frames, BATTERY_STATUS) {
+        packs[usize::from(BatteryStatus(frame).instance())] += 1;
+    }
+    (packs, of_message(frames, SYS_STATUS).len())
+}
+
+/// What is sent in `seconds` by a link that is free for `messages` at each due time.
+fn sent_in(desk: &mut Desk, seconds: u64, messages: usize) -> Vec<Frame> {
+    let mut sent = Vec::new();
+    loop {
+        let due_us = desk.next_due_us();
+        if due_us >= seconds * 1_000_000 {
+            return sent;
+        }
+        desk.post_due(due_us);
+        sent.extend(desk.sent_at_most(messages));
+    }
+}
+
+#[test]
+fn nine_packs_are_each_sent_at_the_full_rate() {
+    for rate_hz in [1, 2, 10, 50] {
+        let mut desk = Desk::with_packs(&[healthy(); MAX_PACKS]);
+        desk.set(VehicleParameter::Sr0Extra1, rate_hz as f32);
+        let (packs, sys_status) = count(&sent_in(&mut desk, 60, usize::MAX));
+        assert_eq!(packs, [60 * rate_hz; MAX_PACKS]);
+        assert_eq!(sys_status, 60 * rate_hz);
+        assert_eq!(desk.statistics().dropped, 0);
+    }
+}
+
+#[test]
+fn what_waits_says_how_things_are_when_it_leaves() {
+    let gone = Visibility::Internal;
+    let mut desk = Desk::with_packs(&[healthy(); 3]);
+    desk.post_due(0);
+    desk.change_battery(Pack::First, |battery| battery.voltage_v = Some(10.0));
+    desk.change_battery(Pack::Second, |battery| battery.visibility = gone);
+    desk.change_battery(Pack::Third, |battery| battery.status = PackStatus::Disabled);
+    // The link's counters are those of that moment, too.
+    desk.channel.count_overrun();
+    let sent = desk.sent();
+    let of_packs = of_message(&sent, BATTERY_STATUS);
+    let voltages: Vec<_> = of_packs
+        .iter()
+        .map(|f| (BatteryStatus(f).instance(), BatteryStatus(f).voltage_mv(0)))
+        .collect();
+    assert_eq!(
+        voltages,
+        [(0, 10_000)],
+        "no word of packs that are not reported any more"
+    );
+    assert_eq!(SysStatus(of_message(&sent, SYS_STATUS)[0]).errors_comm(), 1);
+    assert_eq!(desk.statistics().sent, 3);
+}
+
+#[test]
+fn an_interval_holds_for_all_packs_at_once() {
+    let mut desk = Desk::with_packs(&[healthy(); MAX_PACKS]);
+    desk.ask(&command_long_2(SET_MESSAGE_INTERVAL, 147.0, 100_000.0));
+    let (packs, sys_status) = count(&sent_in(&mut desk, 60, usize::MAX));
+    assert_eq!((packs, sys_status), ([600; MAX_PACKS], 120));
+}
+
+#[test]
+fn a_pack_that_is_not_reported_is_not_sent() {
+    let internal = BatteryState {
+        visibility: Visibility::Internal,
+        ..healthy()
+    };
+    let mut desk = Desk::with_packs(&[
+        healthy(),
+        BatteryState::disabled(),
+        internal,
+        BatteryState::default(),
+    ]);
+    let (packs, sys_status) = count(&sent_in(&mut desk, 60, usize::MAX));
+    assert_eq!((packs, sys_status), ([120, 0, 0, 120, 0, 0, 0, 0, 0], 120));
+}
+
+#[test]
+fn nine_packs_share_a_link_that_is_too_slow_evenly_and_heartbeat_goes_first() {
+    for messages in 1..10 {
+        let mut desk = Desk::with_packs(&[healthy(); MAX_PACKS]);
+        let sent = sent_in(&mut desk, 600, messages);
+        // HEARTBEAT is due at every other due time of the streams.
+        assert_eq!(of_message(&sent, HEARTBEAT).len(), 600);
+        let (packs, sys_status) = count(&sent);
+        let most = packs.iter().copied().fold(sys_status, usize::max);
+        let least = packs.iter().copied().fold(sys_status, usize::min);
+        assert!(
+            most - least <= 1 && least > 0,
+            "{messages}: {packs:?}, {sys_status}"
+        );
+        let waiting = desk.sent().len();
+        let dropped = 1200 * 10 - packs.iter().sum::<usize>() - sys_status - waiting;
+        assert_eq!(desk.statistics().dropped as usize, dropped);
+    }
+}
+
+#[test]
+fn a_file_that_does_not_exist_is_refused_at_once() {
+    let mut desk = Desk::new();
+    let answer = desk.one_answer(&ftp_open(41, "/etc/passwd"));
+    assert_eq!(answer.message_id, FILE_TRANSFER_PROTOCOL);
+    assert_eq!((answer.u8(1), answer.u8(2)), (255, 190));
+    let (sequence, opcode, size, request_opcode) = (answer.u16(3), answer.u8(6), answer.u8(7), answer.u8(8));
+    assert_eq!((sequence, opcode, size, request_opcode), (42, 129, 1, 4));
+    assert_eq!(answer.u8(15), 10, "not found");
+}
+
+#[test]
+fn a_long_text_leaves_in_chunks() {
+    let mut desk = Desk::new();
+    desk.channel
+        .say(MavSeverity::MAV_SEVERITY_WARNING, &"x".repeat(70));
+    desk.channel.say(MavSeverity::MAV_SEVERITY_INFO, "short");
+    let texts = desk.sent();
+    assert!(texts.iter().all(|frame| frame.message_id == STATUSTEXT));
+    let parts: Vec<_> = texts
+        .iter()
+        .map(|f| (f.u8(0), f.text(1, 50).len(), f.u16(51), f.u8(53)))
+        .collect();
+    assert_eq!(parts, [(4, 50, 1, 0), (4, 20, 1, 1), (6, 5, 0, 0)]);
+}
+
+#[test]
+fn answers_are_byte_exact() {
+    let golden: HashMap<_, _> = include_str!("../data/wire_mavlink2.csv")
+        .lines()
+        .map(|row| row.split(',').collect::<Vec<_>>())
+        .map(|columns| (columns[0], columns[4]))
+        .collect();
+    let mut endpoint = Endpoint::new(LinkKind::Radio, 100_000, Instant::EPOCH);
+    endpoint.say(
+        MavSeverity::MAV_SEVERITY_WARNING,
+        "Battery 1 is low 10.40V used 36 mAh",
+    );
+    let text = endpoint
+        .take(&SystemState::default(), &Parameters::defaults())
+        .expect("the text waits");
+    let hex: String = Framer::new()
+        .frame(&text, 1)
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
+    assert_eq!(hex, golden["statustext_low"]);
+}
+
+/// Bytes that try a parser: start bytes, lengths and ids of real messages, and anything.
+fn garbage() -> impl Strategy<Value = Vec<u8>> {
+    let byte = prop_oneof![3 => Just(0xfd), 1 => Just(0xfe), 2 => Just(0), 1 => 0u8..40, 3 => any::<u8>()];
+    prop::collection::vec(byte, 0..600)
+}
+
+/// A false start in 65536 has a right checksum by accident. What it covers is its payload, a request included.
+fn swallowed(events: &[Event]) -> bool {
+    !events.is_empty() && events.iter().all(|event| *event == Event::Ignored)
+}
+
+const STREAM_ALL: u8 = 0;
+const STREAM_RAW_SENSORS: u8 = 1;
+const STREAM_EXTENDED_STATUS: u8 = 2;
+const STREAM_RC_CHANNELS: u8 = 3;
+const STREAM_POSITION: u8 = 6;
+const STREAM_EXTRA1: u8 = 10;
+const STREAM_EXTRA2: u8 = 11;
+const STREAM_EXTRA3: u8 = 12;
+
+/// How many SYS_STATUS and BATTERY_STATUS of the first pack are sent in ten seconds.
+fn status_rates(desk: &mut Desk) -> [usize; 2] {
+    counts(&sent_for(desk, 10), [SYS_STATUS, BATTERY_STATUS])
+}
+
+#[test]
+fn each_stream_group_moves_its_message_and_the_latest_request_counts() {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    assert_eq!(status_rates(&mut desk), [20, 20]);
+    for (stream, rate_hz, start_stop, expected) in [
+        (STREAM_EXTENDED_STATUS, 5, 1, [50, 20]),
+        (STREAM_EXTRA3, 1, 1, [50, 10]),
+        (STREAM_EXTRA1, 4, 1, [40, 40]),
+        (STREAM_EXTRA3, 10, 1, [40, 100]),
+        (STREAM_ALL, 2, 1, [20, 20]),
+        (STREAM_EXTENDED_STATUS, u16::MAX, 1, [500, 20]),
+        // Without a start, whatever the rate; and a rate of 0.
+        (STREAM_EXTENDED_STATUS, 10, 0, [0, 20]),
+        (STREAM_EXTRA3, 0, 1, [0, 0]),
+        (STREAM_EXTRA3, 5, 1, [0, 50]),
+        (STREAM_ALL, 4, 0, [0, 0]),
+        (STREAM_EXTRA1, 1, 1, [10, 10]),
+    ] {
+        desk.ask(&request_data_stream(stream, rate_hz, start_stop));
+        assert_eq!(status_rates(&mut desk), expected, "{stream} at {rate_hz} Hz");
+    }
+    for other in (0..=u8::MAX).filter(|id| ![0, 2, 10, 12].contains(id)) {
+        desk.ask(&request_data_stream(other, 50, 1));
+        desk.ask(&request_data_stream(other, 50, 0));
+    }
+    assert_eq!(status_rates(&mut desk), [10, 10]);
+    assert_eq!(desk.parameters().get(EXTRA1), 2.0, "nothing of it is set");
+
+    // Another link has its own rates.
+    desk.connect(LinkKind::Radio);
+    assert_eq!(status_rates(&mut desk), [20, 20]);
+}
+
+/// Its order, with the rates it has by default: SYS_STATUS follows *Attitude*, which comes after *Status*.
+#[test]
+fn mission_planners_requests_give_the_rate_of_attitude_and_of_sensor() {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    let round = |desk: &mut Desk, attitude_hz| {
+        for (stream, rate_hz) in [
+            (STREAM_EXTENDED_STATUS, 2),
+            (STREAM_POSITION, 2),
+            (STREAM_EXTRA1, attitude_hz),
+            (STREAM_EXTRA2, attitude_hz),
+            (STREAM_EXTRA3, 2),
+            (STREAM_RAW_SENSORS, 2),
+            (STREAM_RC_CHANNELS, 2),
+        ] {
+            // It does not request a rate of 0.
+            if rate_hz > 0 {
+                desk.ask(&request_data_stream(stream, rate_hz, 1));
+            }
+        }
+        status_rates(desk)
+    };
+    for _ in 0..3 {
+        assert_eq!(round(&mut desk, 4), [40, 20]);
+    }
+    assert_eq!(round(&mut desk, 0), [20, 20]);
+    // A rate that is chosen in its panel holds until the next round.
+    desk.ask(&request_data_stream(STREAM_EXTENDED_STATUS, 10, 1));
+    assert_eq!(status_rates(&mut desk), [100, 20]);
+}
+
+#[test]
+fn setting_sr0_extra1_ends_requests_and_a_request_after_it_counts() {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    for (stream, moved) in [
+        (STREAM_EXTENDED_STATUS, [50, 20]),
+        (STREAM_EXTRA3, [20, 50]),
+        (STREAM_EXTRA1, [50, 50]),
+    ] {
+        desk.ask(&request_data_stream(stream, 5, 1));
+        assert_eq!(status_rates(&mut desk), moved);
+        // To the value it has.
+        desk.assert_set("SR0_EXTRA1", EXTRA1, 2.0);
+        assert_eq!(status_rates(&mut desk), [20, 20]);
+        // Before either is followed.
+        desk.receive_in_chunks(&param_set("SR0_EXTRA1", 10.0), 64);
+        desk.ask(&request_data_stream(stream, 5, 1));
+        assert_eq!(
+            status_rates(&mut desk),
+            moved.map(|rate| if rate == 20 { 100 } else { rate })
+        );
+        desk.ask(&request_data_stream(stream, 5, 1));
+        desk.assert_set("SR0_EXTRA1", EXTRA1, 2.0);
+        assert_eq!(status_rates(&mut desk), [20, 20]);
+    }
+    // Set on another link: it was set before the request.
+    desk.set(EXTRA1, 10.0);
+    desk.ask(&request_data_stream(STREAM_EXTRA3, 5, 1));
+    assert_eq!(status_rates(&mut desk), [100, 50]);
+    desk.set(EXTRA1, 4.0);
+    assert_eq!(status_rates(&mut desk), [40, 40]);
+}
+
+#[test]
+fn an_interval_outranks_stream_requests_until_it_is_put_back() {
+    let mut desk = Desk::with_packs(&[healthy()]);
+    let set_interval = |desk: &mut Desk, interval_us| {
+        desk.ask(&command_long_2(
+            SET_MESSAGE_INTERVAL,
+            BATTERY_STATUS as f32,
+            interval_us,
+        ));
+    };
+    set_interval(&mut desk, -1.0);
+    for stream in [STREAM_EXTRA3, STREAM_EXTRA1, STREAM_ALL] {
+        desk.ask(&request_data_stream(stream, 5, 1));
+        assert_eq!(status_rates(&mut desk)[1], 0, "stream {stream}");
+    }
+    desk.ask(&request_data_stream(STREAM_EXTRA3, 2, 1));
+    set_interval(&mut desk, 0.0);
+    assert_eq!(status_rates(&mut desk), [50, 20], "the latest request of each");
+}
+
+/// What changes the rates of a link.
+#[derive(Clone, Copy, Debug)]
+enum RateRequest {
+    Interval {
+        message: u32,
+        interval_us: f32,
+    },
+    DataStream {
+        stream: u8,
+        rate_hz: u16,
+        start_stop: u8,
+    },
+}
+
+const STREAMED: [u32; 8] = [
+    HEARTBEAT,
+    SYS_STATUS,
+    BATTERY_STATUS,
+    BATTERY_STATUS_V2,
+    SMART_BATTERY_INFO,
+    FUEL_STATUS,
+    BATTERY_INFO,
+    NAMED_VALUE_FLOAT,
+];
+
+impl RateRequest {
+    fn frame(self) -> Vec<u8> {
+        match self {
+            Self::Interval { message, interval_us } => {
+                command_long_2(SET_MESSAGE_INTERVAL, message as f32, interval_us)
+            }
+            Self::DataStream {
+                stream,
+                rate_hz,
+                start_stop,
+            } => request_data_stream(stream, rate_hz, start_stop),
+        }
+    }
+
+    /// The results of its acknowledgements: REQUEST_DATA_STREAM has none.
+    fn results(self) -> Vec<u8> {
+        let Self::Interval { message, interval_us } = self else {
+            return Vec::new();
+        };
+        let is_allowed = match message {
+            HEARTBEAT => [0.0, 1e6].contains(&interval_us),
+            _ => [-1.0, 0.0].contains(&interval_us) || (20_000.0..=1.8e9).contains(&interval_us),
+        };
+        vec![match is_allowed {
+            _ if !STREAMED.contains(&message) => UNSUPPORTED,
+            true => ACCEPTED,
+            false => DENIED,
+        }]
+    }
+}
+
+fn rate_request() -> impl Strategy<Value = RateRequest> {
+    let message = prop_oneof![4 => prop::sample::select(&STREAMED[..]), 1 => 0u32..1 << 24];
+    let extremes = [
+        -1.0,
+        0.0,
+        1.0,
+        19_999.0,
+        20_000.0,
+        1e6,
+        1.8e9,
+        f32::MAX,
+        f32::NAN,
+        f32::INFINITY,
+    ];
+    let interval = prop_oneof![prop::sample::select(extremes.to_vec()), 0f32..1e6, any::<f32>()];
+    let rate = prop_oneof![prop::sample::select(vec![0, 1, 50, u16::MAX]), any::<u16>()];
+    prop_oneof![
+        (message, interval).prop_map(|(message, interval_us)| RateRequest::Interval { message, interval_us }),
+        (prop::sample::select(vec![0u8, 2, 10, 12, 255]), rate, 0u8..3).prop_map(
+            |(stream, rate_hz, start_stop)| RateRequest::DataStream {
+                stream,
+                rate_hz,
+                start_stop
+            }
+        ),
+    ]
+}
+
+proptest! {
+    /// Each is answered as it would be alone, the heartbeat keeps its rate, and nothing else exceeds 50 Hz.
+    #[test]
+    fn rates_asked_for_again_and_again_stay_within_their_bounds(
+        requests in prop::collection::vec((rate_request(), 1usize..50, 0u64..100_000), 1..50),
+    ) {
+        let mut desk = Desk::with_packs(&[healthy()]);
+        let mut last_us = HashMap::new();
+        for (request, repetitions, wait_us) in requests {
+            for _ in 0..repetitions {
+                let answers = desk.ask(&request.frame());
+                let results: Vec<_> = of_message(&answers, COMMAND_ACK).iter().map(|ack| ack.u8(2)).collect();
+                prop_assert_eq!((answers.len(), &results), (results.len(), &request.results()), "{:?}", request);
+                let until_us = desk.now_us + wait_us;
+                while desk.next_due_us() < until_us {
+                    let due_us = desk.next_due_us();
+                    desk.post_due(due_us);
+                    for frame in desk.sent() {
+                        let Some(before_us) = last_us.insert(frame.message_id, due_us) else {
+                            continue;
+                        };
+                        let interval_us = due_us - before_us;
+                        match frame.message_id {
+                            HEARTBEAT => prop_assert_eq!(interval_us, 1_000_000),
+                            other => prop_assert!(interval_us >= 20_000, "{} of {}", interval_us, other),
+                        }
+                    }
+                }
+                desk.now_us = until_us;
+            }
+        }
+    }
+
+    /// A report may come at any time, so the silence begins with the last one.
+    #[test]
+    fn whatever_radios_report_telemetry_is_back_at_its_rate_after_their_silence(
+        rate_hz in 1u16..=50,
+        reports in prop::collection::vec(
+            (prop::sample::select(&RADIOS[..]), any::<u8>(), 0u64..4_000_000),
+            1..100,
+        ),
+    ) {
+        let mut desk = Desk::with_packs(&[healthy()]);
+        desk.set(EXTRA1, rate_hz.into());
+        for (radio, buffer_free, wait_us) in reports {
+            desk.receive_in_chunks(&radio_status_from(radio, buffer_free), 64);
+            let until_us = desk.now_us + wait_us;
+            sent_until(&mut desk, until_us);
+        }
+        sent_for(&mut desk, 6);
+        let [sent] = counts(&sent_for(&mut desk, 10), [BATTERY_STATUS]);
+        prop_assert!(sent.abs_diff(10 * usize::from(rate_hz)) <= 1, "{} at {} Hz", sent, rate_hz);
+    }
+
+    /// Whatever comes first, a request is answered as soon as one longest frame of bytes has followed it.
+    #[test]
+    fn a_request_behind_garbage_is_answered(garbage in garbage(), chunk in 1usize..200) {
+        let mut desk = Desk::new();
+        // The garbage may itself be a request by accident, but not this one.
+        let bytes = [garbage, param_set("BATT_VOLT_MULT", 4.25), vec![0; 293]].concat();
+        let events = desk.receive_in_chunks(&bytes, chunk);
+        prop_assume!(!swallowed(&events));
+        prop_assert!(events.contains(&Event::ParameterSet(VOLT_MULT)), "{events:?}");
+        prop_assert_eq!(desk.parameters().get(VOLT_MULT), 4.25);
+    }
+
+    /// The same without bytes behind it: the pause of the sender does it.
+    #[test]
+    fn a_request_behind_garbage_is_answered_after_a_pause(garbage in garbage(), chunk in 1usize..200) {
+        let mut desk = Desk::new();
+        let bytes = [garbage, param_set("BATT_VOLT_MULT", 4.25)].concat();
+        let mut events = desk.receive_in_chunks(&bytes, chunk);
+        desk.channel.give_up_waiting();
+        events.extend(desk.handle_all());
+        prop_assume!(!swallowed(&events));
+        prop_assert!(events.contains(&Event::ParameterSet(VOLT_MULT)), "{events:?}");
+    }
+
+    /// The length of the chunks makes no difference.
+    #[test]
+    fn the_same_bytes_in_other_chunks_do_the_same(garbage in garbage(), chunk in 1usize..300) {
+        let bytes = [&garbage[..], &param_read_by_index(2), &garbage, &command_long(999, 0.0), &garbage].concat();
+        let (mut desk, mut other) = (Desk::new(), Desk::new());
+        prop_assert_eq!(desk.receive_in_chunks(&bytes, 1), other.receive_in_chunks(&bytes, chunk));
+        prop_assert_eq!(desk.statistics(), other.statistics());
+    }
+
+    /// A frame with any single bit flipped does nothing, unless the bit is one the checksum does not cover.
+    #[test]
+    fn a_flipped_bit_is_noticed(bit in 8usize..8 * 35) {
+        let mut desk = Desk::new();
+        let mut frame = param_set("SR0_EXTRA1", 10.0);
+        prop_assume!(bit / 8 < frame.len());
+        frame[bit / 8] ^= 1 << (bit % 8);
+        let events = desk.receive_in_chunks(&[frame, vec![0; 293]].concat(), 64);
+        prop_assert!(!events.contains(&Event::ParameterSet(EXTRA1)));
+        prop_assert_eq!(desk.parameters().get(EXTRA1), 2.0);
+    }
+
+    #[test]
+    fn any_bytes_leave_every_parameter_in_range_and_every_answer_a_frame(bytes in garbage(), pause in any::<bool>()) {
+        let mut desk = Desk::new();
+        desk.receive_in_chunks(&bytes, 64);
+        if pause {
+            desk.channel.give_up_waiting();
+        }
+        desk.sent();
+        for id in ParameterId::all() {
+            prop_assert!(id.row().range.contains(desk.parameters().get(id)));
+        }
+    }
+}
+
+#[test]
+fn telemetry_goes_on_while_requests_flood_in() {
+    let mut desk = Desk::new();
+    let flood = param_read_by_index(0).repeat(50);
+    desk.receive_in_chunks(&flood, 64);
+    desk.post_due(0);
+    let sent = desk.sent();
+    assert_eq!(sent[0].message_id, HEARTBEAT, "it goes first");
+    assert_eq!(
+        sent.iter()
+            .filter(|frame| frame.message_id == PARAM_VALUE)
+            .count(),
+        16,
+        "as many as there is room for"
+    );
+    assert_eq!(desk.statistics().dropped, 34, "the others are counted");
+}

@@ -1,0 +1,494 @@
+//! Packs that a companion computer measures: its frames in, their states, failsafes and announcements out.
+
+use crate::desk::Desk;
+use crate::signer::{NEW_YEAR, Signer};
+use crate::support::frames::{COMMAND_ACK, of_message, texts_of};
+use crate::support::pack_report::{COMPANION, EXTERNAL, OTHER_COMPANION, PackReport, UNKNOWN_MV};
+use crate::support::requests::{arm, command_long_2, setup_signing};
+use proptest::prelude::*;
+use rover_battmon::autopilot::Start;
+use rover_battmon::battery::{BatteryState, ChargeSource, FailsafeLevel, PackStatus};
+use rover_battmon::mavlink::{Event, LinkKind};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
+use rover_battmon::sensor::AnalogReadings;
+
+const TICK_US: u64 = 100_000;
+
+/// For how long a silent component keeps its pack.
+const TIMEOUT_TICKS: usize = 20;
+
+const BATTERY_RESET: u16 = 42651;
+const ACCEPTED: u8 = 0;
+const FAILED: u8 = 4;
+
+/// The first pack, of 3 cells and 2000 mAh, is measured by a companion computer.
+fn desk() -> Desk {
+    desk_with(&[])
+}
+
+fn desk_with(more: &[(BatteryParameter, f32)]) -> Desk {
+    let mut parameters = Parameters::defaults();
+    let of_pack = [
+        (BatteryParameter::Monitor, EXTERNAL),
+        (BatteryParameter::Cells, 3.0),
+        (BatteryParameter::Capacity, 2000.0),
+    ];
+    for (parameter, value) in of_pack.iter().chain(more) {
+        parameters
+            .set(parameter.of(Pack::First), *value)
+            .expect("in range");
+    }
+    Desk::starting(Start::with_parameters(parameters))
+}
+
+/// A tick in which these frames are received, and the state of the first pack after it.
+fn tick(desk: &mut Desk, frames: &[Vec<u8>]) -> BatteryState {
+    desk.now_us += TICK_US;
+    for frame in frames {
+        desk.receive_in_chunks(frame, 64);
+    }
+    desk.sample(AnalogReadings::NONE);
+    desk.drive();
+    *desk.autopilot.battery(Pack::First)
+}
+
+/// Ticks in each of which `frame` is received.
+fn ticks(desk: &mut Desk, count: usize, frame: &[u8]) -> BatteryState {
+    for _ in 1..count {
+        tick(desk, &[frame.to_vec()]);
+    }
+    tick(desk, &[frame.to_vec()])
+}
+
+fn silence(desk: &mut Desk, count: usize) -> BatteryState {
+    for _ in 1..count {
+        tick(desk, &[]);
+    }
+    tick(desk, &[])
+}
+
+fn of_voltage(voltage_mv: u16) -> PackReport {
+    PackReport::of_voltage(0, voltage_mv)
+}
+
+/// What was announced since the last call.
+fn announced(desk: &mut Desk) -> Vec<String> {
+    desk.post_due(desk.now_us);
+    texts_of(&desk.sent())
+}
+
+/// The result of the only command.
+fn result_of(desk: &mut Desk, command: &[u8]) -> u8 {
+    let answers = desk.ask(command);
+    of_message(&answers, COMMAND_ACK)[0].u8(2)
+}
+
+#[test]
+fn report_of_a_companion_computer_is_the_state_of_its_pack() {
+    let mut desk = desk();
+    let mut report = of_voltage(4000);
+    report.voltages_mv[1..3].copy_from_slice(&[3900, 4100]);
+    report.current_ca = 250;
+    report.consumed_mah = 700;
+    report.energy_hj = 360;
+    report.remaining_pct = 65;
+    report.temperature_cdegc = 2150;
+    let state = ticks(&mut desk, 3, &report.frame());
+    assert_eq!(state.status, PackStatus::Healthy);
+    assert_eq!((state.voltage_v, state.current_a), (Some(12.0), Some(2.5)));
+    assert_eq!(
+        (state.consumed_mah(), state.consumed_wh),
+        (Some(700.0), Some(10.0))
+    );
+    assert_eq!(state.remaining_pct.map(f32::round), Some(65.0));
+    assert_eq!(state.charge_source, ChargeSource::Reported);
+    assert_eq!(state.temperature_c, Some(21.5));
+    assert_eq!(state.cells.millivolts(), [4000, 3900, 4100]);
+}
+
+#[test]
+fn what_is_not_reported_is_estimated() {
+    let mut desk = desk();
+    let mut report = of_voltage(11_700);
+    report.current_ca = 720;
+    let state = ticks(&mut desk, 101, &report.frame());
+    // 10 s of 7.2 A.
+    assert!((state.consumed_mah().unwrap() - 20.0).abs() < 0.01);
+    assert_eq!(state.charge_source, ChargeSource::Estimated);
+    assert!(state.remaining_pct.is_some());
+}
+
+#[test]
+fn silent_component_is_announced_and_may_return() {
+    let mut desk = desk();
+    let full = of_voltage(12_000).frame();
+    ticks(&mut desk, 10, &full);
+    announced(&mut desk);
+    assert_eq!(silence(&mut desk, TIMEOUT_TICKS + 3).status, PackStatus::Healthy);
+    let state = silence(&mut desk, 1);
+    assert_eq!(
+        (state.status, state.voltage_v),
+        (PackStatus::Unhealthy, Some(12.0))
+    );
+    assert_eq!(announced(&mut desk), ["Battery 1 unhealthy: no reading in time"]);
+    assert_eq!(result_of(&mut desk, &arm()), FAILED);
+    assert_eq!(announced(&mut desk), [] as [&str; 0]);
+    let state = ticks(&mut desk, 1, &of_voltage(11_900).frame());
+    assert_eq!((state.status, state.voltage_v), (PackStatus::Healthy, Some(11.9)));
+    ticks(&mut desk, 55, &full);
+    assert_eq!(announced(&mut desk), ["Battery 1 healthy again"]);
+}
+
+#[test]
+fn component_that_was_never_heard_is_announced() {
+    let mut desk = desk();
+    assert_eq!(silence(&mut desk, TIMEOUT_TICKS).status, PackStatus::Unknown);
+    assert_eq!(silence(&mut desk, 5).status, PackStatus::Unhealthy);
+    let texts = announced(&mut desk);
+    assert!(
+        texts.contains(&"Battery 1 unhealthy: no reading in time".into()),
+        "{texts:?}"
+    );
+}
+
+#[test]
+fn one_report_a_second_is_enough() {
+    let mut desk = desk();
+    let mut report = of_voltage(12_000);
+    report.current_ca = 360;
+    for second in 0..60 {
+        let mut state = tick(&mut desk, &[report.frame()]);
+        for _ in 0..9 {
+            state = tick(&mut desk, &[]);
+            assert_eq!(state.status, PackStatus::Healthy);
+        }
+        assert!((state.consumed_mah().unwrap() - second as f32).abs() < 0.01);
+    }
+    let texts = announced(&mut desk);
+    assert!(
+        !texts
+            .iter()
+            .any(|text| text.contains("unhealthy") || text.contains("not measured")),
+        "{texts:?}"
+    );
+}
+
+#[test]
+fn failsafe_and_arming_checks_work_as_for_any_pack() {
+    let mut desk = desk_with(&[
+        (BatteryParameter::LowVolt, 10.5),
+        (BatteryParameter::LowTimer, 1.0),
+        (BatteryParameter::FsLowAct, 2.0),
+    ]);
+    let half_full = |voltage_mv| {
+        let mut report = of_voltage(voltage_mv);
+        report.remaining_pct = 50;
+        report.frame()
+    };
+    let low = half_full(10_400);
+    ticks(&mut desk, 10, &low);
+    assert_eq!(result_of(&mut desk, &arm()), FAILED);
+    // The threshold itself is not below it.
+    ticks(&mut desk, 10, &half_full(10_500));
+    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    announced(&mut desk);
+    assert_eq!(ticks(&mut desk, 11, &low).failsafe, FailsafeLevel::None);
+    assert_eq!(ticks(&mut desk, 1, &low).failsafe, FailsafeLevel::Low);
+    let texts = announced(&mut desk);
+    assert!(
+        texts.contains(&"Battery 1 is low 10.40V used 0 mAh".into()),
+        "{texts:?}"
+    );
+}
+
+#[test]
+fn pack_whose_component_is_silent_while_driving_is_missing_after_five_seconds() {
+    let mut desk = desk();
+    ticks(&mut desk, 10, &of_voltage(12_000).frame());
+    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    announced(&mut desk);
+    assert_eq!(silence(&mut desk, 50).failsafe, FailsafeLevel::None);
+    assert_eq!(silence(&mut desk, 1).failsafe, FailsafeLevel::Unhealthy);
+    assert_eq!(
+        announced(&mut desk),
+        [
+            "Battery 1 unhealthy: no reading in time",
+            "Battery 1 is missing, last: 12.00V used 0 mAh"
+        ]
+    );
+}
+
+#[test]
+fn no_voltage_is_no_reading_and_zero_volts_no_pack() {
+    let mut desk = desk();
+    ticks(&mut desk, 10, &of_voltage(12_000).frame());
+    let mut blind = of_voltage(UNKNOWN_MV);
+    blind.consumed_mah = 700;
+    blind.current_ca = 0;
+    let state = ticks(&mut desk, TIMEOUT_TICKS + 5, &blind.frame());
+    assert_eq!(
+        (state.status, state.voltage_v),
+        (PackStatus::Unhealthy, Some(12.0))
+    );
+    let state = ticks(&mut desk, 1, &of_voltage(0).frame());
+    assert_eq!((state.status, state.voltage_v), (PackStatus::NotConnected, None));
+}
+
+#[test]
+fn impossible_count_is_no_reading() {
+    let mut desk = desk();
+    ticks(&mut desk, 10, &of_voltage(12_000).frame());
+    let mut report = of_voltage(6000);
+    report.consumed_mah = i32::MAX;
+    let state = ticks(&mut desk, 5, &report.frame());
+    assert_eq!(
+        (state.status, state.voltage_v),
+        (PackStatus::Unhealthy, Some(12.0))
+    );
+    let texts = announced(&mut desk);
+    assert!(
+        texts.contains(&"Battery 1 unhealthy: impossible value".into()),
+        "{texts:?}"
+    );
+}
+
+#[test]
+fn other_senders_and_other_packs_have_no_effect() {
+    let mut desk = desk();
+    let before = ticks(&mut desk, 5, &of_voltage(12_000).frame());
+    let strange = of_voltage(6000);
+    // Another vehicle's companion and autopilot, our own frames, a ground station.
+    for sender in [[2, 191], [2, 1], [0, 191], [1, 1], [255, 190]] {
+        let events = desk.receive_in_chunks(&strange.frame_from(sender), 64);
+        assert_eq!(events, [Event::Ignored], "{sender:?}");
+    }
+    // A pack that is not monitored, and ones that can't exist.
+    for instance in [1, 9, 255] {
+        let events = desk.receive_in_chunks(&PackReport::of_voltage(instance, 6000).frame(), 64);
+        assert_eq!(events, [Event::Ignored], "{instance}");
+    }
+    assert_eq!(tick(&mut desk, &[]), before);
+    // They don't keep it alive, either.
+    assert_eq!(
+        ticks(&mut desk, 30, &strange.frame_from([2, 191])).status,
+        PackStatus::Unhealthy
+    );
+}
+
+#[test]
+fn pack_of_another_kind_is_not_fed() {
+    let mut desk = Desk::with_packs(&[BatteryState::default()]);
+    let events = desk.receive_in_chunks(&of_voltage(6000).frame(), 64);
+    assert_eq!(events, [Event::Ignored]);
+    // The kind takes effect at the next start.
+    desk.set(BatteryParameter::Monitor.of(Pack::First), EXTERNAL);
+    tick(&mut desk, &[of_voltage(6000).frame()]);
+    assert_eq!(*desk.autopilot.battery(Pack::First), BatteryState::default());
+}
+
+#[test]
+fn second_component_takes_over_only_from_a_silent_one() {
+    let mut desk = desk();
+    let (first, second) = (
+        of_voltage(12_000).frame(),
+        of_voltage(6000).frame_from(OTHER_COMPANION),
+    );
+    for _ in 0..50 {
+        let state = tick(&mut desk, &[second.clone(), first.clone(), second.clone()]);
+        // The very first frame counts.
+        assert_eq!(state.voltage_v, Some(6.0));
+    }
+    assert_eq!(ticks(&mut desk, TIMEOUT_TICKS - 1, &first).voltage_v, Some(6.0));
+    assert_eq!(ticks(&mut desk, 1, &first).voltage_v, Some(12.0));
+    assert_eq!(ticks(&mut desk, 50, &second).voltage_v, Some(6.0));
+}
+
+#[test]
+fn one_component_may_measure_several_packs_and_two_one_each() {
+    let mut parameters = Parameters::defaults();
+    for pack in [Pack::First, Pack::Third] {
+        parameters
+            .set(BatteryParameter::Monitor.of(pack), EXTERNAL)
+            .expect("in range");
+    }
+    let mut desk = Desk::starting(Start::with_parameters(parameters));
+    let third = PackReport::of_voltage(2, 7400);
+    tick(&mut desk, &[of_voltage(12_000).frame()]);
+    assert_eq!(desk.autopilot.battery(Pack::Third).status, PackStatus::Unknown);
+    tick(&mut desk, &[of_voltage(12_000).frame(), third.frame()]);
+    assert_eq!(desk.autopilot.battery(Pack::Third).voltage_v, Some(7.4));
+    silence(&mut desk, 25);
+    let state = tick(
+        &mut desk,
+        &[of_voltage(11_000).frame(), third.frame_from(OTHER_COMPANION)],
+    );
+    assert_eq!(state.voltage_v, Some(11.0));
+    assert_eq!(desk.autopilot.battery(Pack::Third).status, PackStatus::Healthy);
+}
+
+#[test]
+fn flood_counts_as_one_reading_a_tick() {
+    let mut desk = desk();
+    let mut report = of_voltage(12_000);
+    report.current_ca = 3600;
+    for _ in 0..11 {
+        tick(&mut desk, &vec![report.frame(); 500]);
+    }
+    let state = *desk.autopilot.battery(Pack::First);
+    assert_eq!(state.status, PackStatus::Healthy);
+    assert!((state.voltage_v.unwrap() - 12.0).abs() < 1e-3);
+    assert!(
+        (state.consumed_mah().unwrap() - 10.0).abs() < 0.01,
+        "a second of 36 A"
+    );
+    assert_eq!(desk.autopilot.samples(), 11);
+}
+
+#[test]
+fn report_that_waited_on_its_way_is_as_old_as_it_may_be() {
+    let mut desk = desk();
+    ticks(&mut desk, 30, &of_voltage(12_000).frame());
+    desk.waited_us = 2_000_000;
+    let state = ticks(&mut desk, TIMEOUT_TICKS + 5, &of_voltage(6000).frame());
+    assert_eq!(
+        (state.status, state.voltage_v),
+        (PackStatus::Unhealthy, Some(12.0))
+    );
+    desk.waited_us = 1_000_000;
+    let state = ticks(&mut desk, 5, &of_voltage(11_000).frame());
+    assert_eq!((state.status, state.voltage_v), (PackStatus::Healthy, Some(11.0)));
+}
+
+#[test]
+fn reported_charge_is_not_reset() {
+    let mut desk = desk();
+    let mut report = of_voltage(12_000);
+    report.consumed_mah = 700;
+    let counted = report.frame();
+    report.remaining_pct = 65;
+    let gauged = report.frame();
+    let reset = command_long_2(BATTERY_RESET, 1.0, 100.0);
+    ticks(&mut desk, 2, &gauged);
+    assert_eq!(result_of(&mut desk, &reset), FAILED);
+    assert_eq!(
+        ticks(&mut desk, 2, &gauged).remaining_pct.map(f32::round),
+        Some(65.0)
+    );
+    ticks(&mut desk, 2, &counted);
+    assert_eq!(result_of(&mut desk, &reset), ACCEPTED);
+    let state = ticks(&mut desk, 2, &counted);
+    assert_eq!(
+        (state.remaining_pct.map(f32::round), state.consumed_mah()),
+        (Some(100.0), Some(700.0))
+    );
+}
+
+const OWNER: u8 = 7;
+const STRANGER: u8 = 8;
+
+/// A desk with a key, at a link of this kind.
+fn protected(kind: LinkKind) -> Desk {
+    let mut desk = desk();
+    desk.connect(LinkKind::Direct);
+    desk.receive_in_chunks(&setup_signing([OWNER; 32], NEW_YEAR), 64);
+    desk.connect(kind);
+    desk
+}
+
+fn is_unauthorized(desk: &mut Desk, frame: &[u8]) -> bool {
+    match desk.receive_in_chunks(frame, 64)[..] {
+        [Event::Unauthorized { .. }] => true,
+        [Event::Measured { .. }] => false,
+        ref other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn with_a_key_only_signed_reports_count_and_each_once() {
+    let mut desk = protected(LinkKind::Radio);
+    let report = of_voltage(12_000).frame();
+    assert!(is_unauthorized(&mut desk, &report));
+    assert!(is_unauthorized(&mut desk, &Signer::new(STRANGER).sign(&report)));
+    let mut owner = Signer::new(OWNER);
+    let signed = owner.sign(&report);
+    assert!(!is_unauthorized(&mut desk, &signed));
+    assert_eq!(tick(&mut desk, &[]).voltage_v, Some(12.0));
+    // A recording keeps no pack alive.
+    assert!(is_unauthorized(&mut desk, &signed));
+    assert_eq!(ticks(&mut desk, 30, &signed).status, PackStatus::Unhealthy);
+    assert!(!is_unauthorized(&mut desk, &owner.sign(&report)));
+}
+
+#[test]
+fn unsigned_reports_count_where_everything_does() {
+    let report = of_voltage(12_000).frame();
+    for (allowed, is_refused) in [(0.0, true), (1.0, true), (2.0, false)] {
+        let mut desk = protected(LinkKind::Radio);
+        desk.set(VehicleParameter::SignUartAllow, allowed);
+        assert_eq!(is_unauthorized(&mut desk, &report), is_refused, "{allowed}");
+    }
+    let mut desk = protected(LinkKind::Direct);
+    assert!(!is_unauthorized(&mut desk, &report), "a cable");
+}
+
+#[test]
+fn unsigned_batteries_of_others_are_no_intruders() {
+    let mut desk = protected(LinkKind::Radio);
+    let mut frames = vec![of_voltage(12_000).frame_from([2, 191])];
+    // Of a pack here that is none of the companion's.
+    frames.push(PackReport::of_voltage(1, 12_000).frame());
+    for frame in frames {
+        assert_eq!(desk.receive_in_chunks(&frame, 64), [Event::Ignored]);
+    }
+}
+
+/// What can come: a payload of any length, of a sender that may be the companion.
+fn any_frame() -> impl Strategy<Value = Vec<u8>> {
+    let sender = prop_oneof![
+        4 => Just(COMPANION),
+        1 => Just(OTHER_COMPANION),
+        1 => any::<[u8; 2]>(),
+    ];
+    let report = (
+        any::<[u16; 10]>(),
+        any::<[i32; 2]>(),
+        any::<[i16; 2]>(),
+        any::<i8>(),
+        0..10u8,
+    );
+    let lowest_mv = prop_oneof![Just(0u16), Just(3000), Just(u16::MAX)];
+    (sender, report, lowest_mv).prop_map(
+        |(sender, (voltages, amounts, small, remaining_pct, instance), lowest_mv)| {
+            let report = PackReport {
+                instance,
+                voltages_mv: voltages.map(|mv| mv.max(lowest_mv)),
+                current_ca: small[0],
+                consumed_mah: amounts[0],
+                energy_hj: amounts[1],
+                remaining_pct,
+                temperature_cdegc: small[1],
+            };
+            report.frame_from(sender)
+        },
+    )
+}
+
+proptest! {
+    /// Whatever is received, states stay in range, and honest reports bring the pack back.
+    #[test]
+    fn any_reports_leave_finite_states_and_no_harm(
+        steps in prop::collection::vec(prop::collection::vec(any_frame(), 0..4), 1..40)
+    ) {
+        let mut desk = desk();
+        for frames in steps {
+            let state = tick(&mut desk, &frames);
+            let values = [state.voltage_v, state.current_a, state.temperature_c, state.consumed_mah(), state.consumed_wh];
+            prop_assert!(values.into_iter().flatten().all(f32::is_finite), "{state:?}");
+            prop_assert!(state.remaining_pct.is_none_or(|pct| (0.0..=100.0).contains(&pct)), "{state:?}");
+        }
+        silence(&mut desk, TIMEOUT_TICKS);
+        let state = ticks(&mut desk, 2, &of_voltage(12_000).frame());
+        prop_assert_eq!((state.status, state.voltage_v), (PackStatus::Healthy, Some(12.0)));
+    }
+}

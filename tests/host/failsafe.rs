@@ -1,0 +1,393 @@
+//! Failsafes end to end in stepped time: from the ADC to the motors and the link.
+
+use std::cell::RefCell;
+
+use crate::line::{BYTE_US, Line};
+use crate::support::frames::{
+    Frame, HEARTBEAT, Heartbeat, STATUSTEXT, SYS_STATUS, SysStatus, frames, of_message,
+};
+use crate::support::requests::{arm, command_long_2, do_set_mode, manual_control};
+use embassy_futures::join::join4;
+use embassy_futures::select::select;
+use embassy_time::{Duration, Instant, Timer};
+use rover_battmon::autopilot::Start;
+use rover_battmon::battery::{ReadError, RetainedRecord};
+use rover_battmon::liveness::CheckIn;
+use rover_battmon::mavlink::LinkKind;
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
+use rover_battmon::sim::clock;
+use rover_battmon::tasks::{
+    ByteSource, Link, ReceiveError, Shared, drive, read_frames, sample_batteries, schedule_telemetry,
+    write_frames,
+};
+use rover_battmon::vehicle::{Colour, Indication, Indicators, MotorDrive, Motors, SideDrives, Tone};
+
+const MILLISECOND: u64 = 1_000;
+const SECOND: u64 = 1_000_000;
+
+/// A full 2S pack, 7.9 V, and an empty one, 6.4 V.
+const FULL: AdcCount = AdcCount(2482);
+const EMPTY: AdcCount = AdcCount(2000);
+
+/// When the driver arms and starts driving.
+const ARMED_AT_US: u64 = SECOND;
+
+/// Configuration of a run.
+struct Scenario<'a> {
+    parameters: &'a [(BatteryParameter, f32)],
+    /// When the pack's voltage drops.
+    empty_at_us: u64,
+    /// When the driver stops sending.
+    stops_sending_at_us: u64,
+    /// Another request with its time.
+    request: (u64, Vec<u8>),
+}
+
+impl Default for Scenario<'_> {
+    fn default() -> Self {
+        Self {
+            parameters: &[],
+            empty_at_us: u64::MAX,
+            stops_sending_at_us: u64::MAX,
+            request: (u64::MAX, Vec::new()),
+        }
+    }
+}
+
+/// Result of a run: outputs to motors and lamps with their times, and all frames sent.
+struct Outcome {
+    drives: Vec<(u64, SideDrives)>,
+    shown: Vec<(u64, Indication)>,
+    frames: Vec<Frame>,
+}
+
+impl Outcome {
+    /// When the motors first got `drives` after `from_us`.
+    fn driven_at(&self, from_us: u64, drives: SideDrives) -> u64 {
+        let found = self
+            .drives
+            .iter()
+            .find(|(at_us, other)| *at_us >= from_us && *other == drives);
+        found.expect("the motors get these outputs").0
+    }
+
+    fn texts(&self) -> Vec<String> {
+        of_message(&self.frames, STATUSTEXT)
+            .iter()
+            .map(|frame| frame.text(1, 50))
+            .collect()
+    }
+
+    /// `system_status` of the last HEARTBEAT.
+    fn last_state(&self) -> u8 {
+        let heartbeats = of_message(&self.frames, HEARTBEAT);
+        Heartbeat(heartbeats[heartbeats.len() - 1]).system_status()
+    }
+}
+
+struct SimulatedAdc {
+    empty_at_us: u64,
+}
+
+impl AnalogIn for SimulatedAdc {
+    async fn convert(&mut self, _: AnalogPin) -> Result<AdcCount, ReadError> {
+        let is_empty = Instant::now().as_micros() >= self.empty_at_us;
+        Ok(if is_empty { EMPTY } else { FULL })
+    }
+}
+
+/// Arms, enters MANUAL, and sends full throttle ten times a second.
+struct Driver<'a> {
+    scenario: &'a Scenario<'a>,
+    pending: Vec<u8>,
+    next_at_us: u64,
+    has_requested: bool,
+}
+
+impl Driver<'_> {
+    /// The bytes sent at `now_us`.
+    fn bytes_at(&mut self, now_us: u64) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        if now_us == ARMED_AT_US {
+            bytes.extend([arm(), do_set_mode(0.0)].concat());
+        }
+        if now_us < self.scenario.stops_sending_at_us {
+            bytes.extend(manual_control(1, 0, 1000));
+        }
+        let (at_us, request) = &self.scenario.request;
+        if now_us >= *at_us && !self.has_requested {
+            self.has_requested = true;
+            bytes.extend(request);
+        }
+        bytes
+    }
+}
+
+impl ByteSource for Driver<'_> {
+    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
+        while self.pending.is_empty() {
+            Timer::at(Instant::from_micros(self.next_at_us)).await;
+            self.pending = self.bytes_at(self.next_at_us);
+            self.next_at_us += 100 * MILLISECOND;
+        }
+        let taken = buffer.len().min(self.pending.len());
+        buffer[..taken].copy_from_slice(&self.pending[..taken]);
+        self.pending.drain(..taken);
+        Ok(taken)
+    }
+}
+
+struct Wheels<'a>(&'a RefCell<Vec<(u64, SideDrives)>>);
+
+impl Motors for Wheels<'_> {
+    fn drive(&mut self, drives: SideDrives) {
+        self.0.borrow_mut().push((Instant::now().as_micros(), drives));
+    }
+}
+
+struct Lamps<'a>(&'a RefCell<Vec<(u64, Indication)>>);
+
+impl Indicators for Lamps<'_> {
+    fn show(&mut self, indication: Indication) {
+        self.0.borrow_mut().push((Instant::now().as_micros(), indication));
+    }
+}
+
+fn run(seconds: u64, scenario: &Scenario<'_>) -> Outcome {
+    let check_in = CheckIn::new("", u32::MAX);
+    let mut parameters = Parameters::defaults();
+    // No slew rate limit.
+    parameters.set(VehicleParameter::MotSlewrate, 0.0).unwrap();
+    for (parameter, value) in [(BatteryParameter::Cells, 2.0)].iter().chain(scenario.parameters) {
+        let id: ParameterId = parameter.of(Pack::First);
+        parameters.set(id, *value).unwrap();
+    }
+    let (drives, shown, sent) = (RefCell::default(), RefCell::default(), RefCell::default());
+    let mut memory = [RetainedRecord::BLANK; 2];
+    let driver = Driver {
+        scenario,
+        pending: Vec::new(),
+        next_at_us: ARMED_AT_US,
+        has_requested: false,
+    };
+    let pack = SimulatedAdc {
+        empty_at_us: scenario.empty_at_us,
+    };
+    clock::run_for(Duration::from_secs(seconds), async {
+        let (shared, link) = (
+            Shared::new(&Start::with_parameters(parameters)),
+            Link::new("line", LinkKind::Radio, 11_520),
+        );
+        join4(
+            sample_batteries(pack, &mut memory, &shared, &check_in),
+            drive(Wheels(&drives), Lamps(&shown), &shared, &check_in),
+            schedule_telemetry(&shared, &link, &check_in),
+            select(
+                read_frames(driver, &shared, &link, &check_in),
+                write_frames(
+                    Line {
+                        byte_us: BYTE_US,
+                        sent: &sent,
+                    },
+                    &shared,
+                    &link,
+                    &check_in,
+                ),
+            ),
+        )
+        .await
+    });
+    Outcome {
+        drives: drives.into_inner(),
+        shown: shown.into_inner(),
+        frames: frames(&sent.into_inner()),
+    }
+}
+
+const AHEAD: SideDrives = SideDrives {
+    left: MotorDrive::Turn(1.0),
+    right: MotorDrive::Turn(1.0),
+};
+
+const STANDBY_STATE: u8 = 3;
+const ACTIVE_STATE: u8 = 4;
+const CRITICAL_STATE: u8 = 5;
+const EMERGENCY_STATE: u8 = 6;
+
+const HOLD_WHEN_CRITICAL: [(BatteryParameter, f32); 3] = [
+    (BatteryParameter::CrtVolt, 7.0),
+    (BatteryParameter::LowTimer, 1.0),
+    (BatteryParameter::FsCrtAct, 2.0),
+];
+
+#[test]
+fn driver_drives_at_once_with_a_healthy_battery() {
+    let outcome = run(10, &Scenario::default());
+    let driving_at_us = outcome.driven_at(0, AHEAD);
+    assert!(driving_at_us - ARMED_AT_US <= 5 * MILLISECOND, "{driving_at_us}");
+    assert!(
+        outcome
+            .drives
+            .iter()
+            .all(|(at_us, drives)| (*drives == AHEAD) == (*at_us >= driving_at_us)
+                || at_us.abs_diff(ARMED_AT_US) <= 5 * MILLISECOND)
+    );
+    // 50 times a second, and once per message of the driver.
+    assert!(
+        (590..=620).contains(&outcome.drives.len()),
+        "{}",
+        outcome.drives.len()
+    );
+    assert_eq!(outcome.last_state(), ACTIVE_STATE);
+    assert_eq!(outcome.texts(), ["Battery failsafes are off: set BATT_LOW_VOLT"]);
+}
+
+#[test]
+fn critical_battery_holds_within_the_deciding_tick() {
+    // At any offset between two battery ticks.
+    for offset_us in (0..100).step_by(7).map(|offset| offset * MILLISECOND) {
+        let empty_at_us = 5 * SECOND + offset_us;
+        let outcome = run(
+            10,
+            &Scenario {
+                parameters: &HOLD_WHEN_CRITICAL,
+                empty_at_us,
+                ..Scenario::default()
+            },
+        );
+        let held_at_us = outcome.driven_at(empty_at_us, SideDrives::BRAKE);
+        // Measured in the next tick; a timer of 1 s expires in the first tick after more than 1 s.
+        let seen_at_us = empty_at_us.next_multiple_of(100 * MILLISECOND);
+        let decided_at_us = seen_at_us + 1_100 * MILLISECOND;
+        assert!(
+            (decided_at_us..decided_at_us + MILLISECOND).contains(&held_at_us),
+            "{held_at_us} after {empty_at_us}"
+        );
+        assert!(held_at_us - empty_at_us <= 1_250 * MILLISECOND);
+        // The driver still sends full throttle.
+        assert!(
+            outcome
+                .drives
+                .iter()
+                .all(|(at_us, drives)| *at_us <= held_at_us || *drives == SideDrives::BRAKE)
+        );
+        assert_eq!(outcome.texts(), ["Battery 1 is critical 6.37V used 0 mAh"]);
+        assert_eq!(outcome.last_state(), CRITICAL_STATE);
+        let sys_status = of_message(&outcome.frames, SYS_STATUS);
+        assert!(!SysStatus(sys_status[sys_status.len() - 1]).is_battery_healthy());
+        let (_, shown) = outcome.shown[outcome.shown.len() - 1];
+        assert_eq!(shown.colour, Colour::Red);
+        assert!(
+            outcome
+                .shown
+                .iter()
+                .any(|(at_us, shown)| *at_us > held_at_us && shown.tone == Tone::Sounding)
+        );
+    }
+}
+
+#[test]
+fn mode_can_be_changed_while_the_battery_is_critical() {
+    let outcome = run(
+        10,
+        &Scenario {
+            parameters: &HOLD_WHEN_CRITICAL,
+            empty_at_us: 5 * SECOND,
+            request: (8 * SECOND, do_set_mode(0.0)),
+            ..Scenario::default()
+        },
+    );
+    let (_, last) = outcome.drives[outcome.drives.len() - 1];
+    assert_eq!(last, AHEAD);
+    assert_eq!(outcome.last_state(), CRITICAL_STATE);
+}
+
+#[test]
+fn action_that_needs_a_position_holds_and_announces_it() {
+    let mut parameters = HOLD_WHEN_CRITICAL;
+    parameters[2].1 = 1.0;
+    let outcome = run(
+        10,
+        &Scenario {
+            parameters: &parameters,
+            empty_at_us: 5 * SECOND,
+            ..Scenario::default()
+        },
+    );
+    outcome.driven_at(5 * SECOND, SideDrives::BRAKE);
+    assert_eq!(
+        outcome.texts(),
+        [
+            "Battery 1 is critical 6.37V used 0 mAh",
+            "RTL needs a position: Hold"
+        ]
+    );
+}
+
+#[test]
+fn termination_coasts_until_a_battery_reset() {
+    const BATTERY_RESET: u16 = 42651;
+    let mut parameters = HOLD_WHEN_CRITICAL;
+    parameters[2].1 = 5.0;
+    let mut scenario = Scenario {
+        parameters: &parameters,
+        empty_at_us: 5 * SECOND,
+        request: (8 * SECOND, command_long_2(400, 1.0, 21196.0)),
+        ..Scenario::default()
+    };
+    let outcome = run(10, &scenario);
+    let (_, last) = outcome.drives[outcome.drives.len() - 1];
+    assert_eq!(last, SideDrives::COAST);
+    assert_eq!(outcome.last_state(), EMERGENCY_STATE);
+    assert_eq!(
+        outcome.texts()[1..],
+        [
+            "Terminated by battery failsafe",
+            "Arm: Terminated: reset the battery or restart"
+        ]
+    );
+    scenario.request.1 = command_long_2(BATTERY_RESET, 1.0, 100.0);
+    let outcome = run(10, &scenario);
+    assert_eq!(outcome.last_state(), STANDBY_STATE);
+}
+
+#[test]
+fn warn_action_does_not_stop_the_rover() {
+    let outcome = run(
+        10,
+        &Scenario {
+            parameters: &[
+                (BatteryParameter::LowVolt, 7.0),
+                (BatteryParameter::LowTimer, 1.0),
+            ],
+            empty_at_us: 5 * SECOND,
+            ..Scenario::default()
+        },
+    );
+    let (_, last) = outcome.drives[outcome.drives.len() - 1];
+    assert_eq!(last, AHEAD);
+    assert_eq!(outcome.texts(), ["Battery 1 is low 6.37V used 0 mAh"]);
+    assert_eq!(outcome.last_state(), CRITICAL_STATE);
+}
+
+#[test]
+fn control_time_out_stops_the_rover() {
+    let outcome = run(
+        10,
+        &Scenario {
+            parameters: &[(BatteryParameter::LowVolt, 7.0)],
+            stops_sending_at_us: 5 * SECOND,
+            ..Scenario::default()
+        },
+    );
+    // The last message is at 4.9 s, the time-out 1.5 s, checked every 20 ms.
+    let held_at_us = outcome.driven_at(5 * SECOND, SideDrives::BRAKE);
+    assert!(
+        (6_400 * MILLISECOND..=6_420 * MILLISECOND).contains(&held_at_us),
+        "{held_at_us}"
+    );
+    assert_eq!(outcome.texts(), ["Radio Failsafe: Hold"]);
+    assert_eq!(outcome.last_state(), CRITICAL_STATE);
+}

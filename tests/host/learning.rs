@@ -1,0 +1,553 @@
+//! A pack is learnt from its drives: simulated cells at the pins, frames on the wire, and flash that outlasts power cycles.
+
+use std::collections::HashMap;
+
+use crate::desk::{Desk, adc_count};
+use crate::support::frames::{STATUSTEXT, of_message};
+use crate::support::requests::{VEHICLE_ID, command_long_2, manual_control, param_set};
+use rover_battmon::autopilot::{LearntJob, Start};
+use rover_battmon::battery::{BatteryState, LEARNT_WORDS};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{ParameterId, Parameters};
+use rover_battmon::sensor::{AnalogPin, AnalogReadings};
+use rover_battmon::sim::{PackModel, SimulatedPack};
+
+/// Scales of the divider and the current sensor: those of the board, and one that resolves milliamperes.
+const DIVIDER: f32 = 3.95;
+const AMPERES_PER_VOLT: f32 = 2.0;
+
+const TICK_S: f32 = 0.1;
+
+/// Loads of a drive, and at rest, in amperes.
+const LOW_A: f32 = 1.5;
+const HIGH_A: f32 = 5.5;
+const RESTING_A: f32 = 0.1;
+
+const ARM_DISARM: u16 = 400;
+const FORCED: f32 = 21196.0;
+const BATTERY_RESET: u16 = 42651;
+
+/// A pack of three cells at rest.
+fn pack_of(capacity_ah: f32, charge: f32) -> SimulatedPack {
+    let model = PackModel {
+        capacity_ah,
+        ..PackModel::LIPO_3S_2200
+    };
+    let mut pack = SimulatedPack::full(model);
+    pack.draw((1.0 - charge) * capacity_ah, 3600.0);
+    pack.draw(0.0, 10_000.0);
+    pack
+}
+
+fn full() -> SimulatedPack {
+    pack_of(2.2, 1.0)
+}
+
+/// A rover with a pack at its pins.
+struct Rover {
+    desk: Desk,
+    pack: SimulatedPack,
+    flash: HashMap<u32, [u32; LEARNT_WORDS]>,
+    writes: usize,
+    texts: Vec<String>,
+    /// Current that the sensor adds, in amperes.
+    zero_a: f32,
+}
+
+impl Rover {
+    fn new(parameters: &[(&str, f32)], pack: SimulatedPack) -> Self {
+        let mut all = Parameters::defaults();
+        let basis = [
+            ("BATT_MONITOR", 4.0),
+            ("BATT_CURR_PIN", 27.0),
+            ("BATT_AMP_PERVLT", AMPERES_PER_VOLT),
+            ("BATT_CELLS", 3.0),
+            ("BATT_CAPACITY", 2200.0),
+        ];
+        for (name, value) in basis.iter().chain(parameters) {
+            let id = ParameterId::from_name(name.as_bytes()).expect("a parameter");
+            assert_eq!(all.set(id, *value), Ok(()), "{name}");
+        }
+        Self {
+            desk: Desk::starting(Start::with_parameters(all)),
+            pack,
+            flash: HashMap::new(),
+            writes: 0,
+            texts: Vec::new(),
+            zero_a: 0.0,
+        }
+    }
+
+    fn tick(&mut self, load_a: f32) {
+        self.pack.draw(load_a, TICK_S);
+        self.measure(self.pack.voltage_v(), load_a);
+    }
+
+    fn measure(&mut self, voltage_v: f32, current_a: f32) {
+        let mut readings = AnalogReadings::NONE;
+        readings.set(AnalogPin::Gp26, Ok(adc_count(voltage_v / DIVIDER)));
+        readings.set(
+            AnalogPin::Gp27,
+            Ok(adc_count((current_a + self.zero_a) / AMPERES_PER_VOLT)),
+        );
+        self.desk.now_us += 100_000;
+        self.desk.sample(readings);
+        self.desk.drive();
+        self.run_jobs();
+        self.desk.post_due(self.desk.now_us);
+        let sent = self.desk.sent();
+        self.texts.extend(
+            of_message(&sent, STATUSTEXT)
+                .iter()
+                .map(|frame| frame.text(1, 50)),
+        );
+    }
+
+    fn run_jobs(&mut self) {
+        let mut jobs = 0;
+        while let Some(job) = self.desk.autopilot.next_learnt_job(self.desk.now()) {
+            jobs += 1;
+            assert!(jobs < 40, "{job:?}");
+            match job {
+                LearntJob::Read(identity) => {
+                    let stored = self.flash.get(&identity.key()).copied();
+                    self.desk.autopilot.learnt_read(identity, Ok(stored));
+                }
+                LearntJob::Write(identity, learnt) => {
+                    self.flash.insert(identity.key(), learnt.to_words());
+                    self.writes += 1;
+                    let now = self.desk.now();
+                    self.desk
+                        .autopilot
+                        .learnt_written(identity.pack, &learnt, Ok(()), now);
+                }
+            }
+        }
+    }
+
+    fn wait(&mut self, seconds: f32, load_a: f32) {
+        for _ in 0..(seconds / TICK_S) as u32 {
+            self.tick(load_a);
+        }
+    }
+
+    /// Drives by fits and starts until this share of the pack is left. Returns the largest error of the estimate, in percent.
+    fn drive_to(&mut self, charge: f32) -> f32 {
+        let mut largest_pct = 0.0_f32;
+        while self.pack.charge() > charge {
+            for load_a in [HIGH_A, LOW_A] {
+                self.wait(5.0, load_a);
+                largest_pct = largest_pct.max(self.error_pct().abs());
+            }
+        }
+        largest_pct
+    }
+
+    /// A whole drive with this pack, from power-up to a rest. Returns the largest error.
+    fn learn(&mut self, pack: SimulatedPack) -> f32 {
+        self.pack = pack;
+        self.wait(5.0, RESTING_A);
+        let largest_pct = self.drive_to(0.05);
+        self.wait(40.0, RESTING_A);
+        largest_pct
+    }
+
+    fn remaining_pct(&self) -> f32 {
+        self.state().remaining_pct.expect("an estimate")
+    }
+
+    fn error_pct(&self) -> f32 {
+        self.remaining_pct() - self.pack.charge() * 100.0
+    }
+
+    fn learnt_mah(&self) -> f32 {
+        self.parameter("BATT_LRN_CAP")
+    }
+
+    fn set(&mut self, name: &str, value: f32) {
+        self.desk.ask(&param_set(name, value));
+        self.wait(1.0, RESTING_A);
+    }
+
+    fn arm(&mut self) {
+        self.desk.ask(&manual_control(VEHICLE_ID, 0, 0));
+        self.desk.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    }
+
+    fn disarm(&mut self) {
+        self.desk.ask(&command_long_2(ARM_DISARM, 0.0, FORCED));
+    }
+
+    fn announced(&self) -> Vec<&str> {
+        let texts = self.texts.iter().map(String::as_str);
+        texts.filter(|text| text.contains("learnt")).collect()
+    }
+
+    fn state(&self) -> &BatteryState {
+        self.desk.autopilot.battery(Pack::First)
+    }
+
+    fn power_cycle(&mut self) {
+        let parameters = self.desk.parameters().clone();
+        self.desk = Desk::starting(Start::with_parameters(parameters));
+    }
+
+    fn parameter(&self, name: &str) -> f32 {
+        let id = ParameterId::from_name(name.as_bytes()).expect("a parameter");
+        self.desk.parameters().get(id)
+    }
+}
+
+#[test]
+fn wrong_label_is_absorbed_from_the_second_drive_on() {
+    // Labels 25 % above and 17 % below what the pack has.
+    for capacity_ah in [1.76, 2.64] {
+        let mut rover = Rover::new(&[], full());
+        let first = rover.learn(pack_of(capacity_ah, 1.0));
+        let error = rover.learnt_mah() / (capacity_ah * 1e3) - 1.0;
+        assert!(error.abs() < 0.07, "{capacity_ah} Ah: {error}");
+        rover.power_cycle();
+        let second = rover.learn(pack_of(capacity_ah, 1.0));
+        assert!(
+            second < 0.4 * first,
+            "{capacity_ah} Ah: {first} %, then {second} %"
+        );
+        assert_eq!(rover.announced().len(), 1, "{:?}", rover.announced());
+        println!(
+            "{capacity_ah} Ah: {first} %, then {second} %, {:?}",
+            rover.announced()
+        );
+    }
+}
+
+#[test]
+fn erased_knowledge_does_not_return_from_the_same_drive() {
+    let mut rover = Rover::new(&[], full());
+    rover.learn(full());
+    assert!(rover.learnt_mah() > 0.0);
+    rover.set("BATT_LRN_ERASE", 1.0);
+    rover.wait(1000.0, RESTING_A);
+    assert_eq!(rover.learnt_mah(), 0.0);
+    // In the middle of a drive.
+    rover.power_cycle();
+    rover.pack = full();
+    rover.wait(5.0, RESTING_A);
+    rover.drive_to(0.5);
+    rover.set("BATT_LRN_ERASE", 1.0);
+    rover.drive_to(0.4);
+    rover.wait(1000.0, RESTING_A);
+    assert_eq!(rover.learnt_mah(), 0.0);
+}
+
+#[test]
+fn a_serial_number_has_only_what_was_learnt_under_it() {
+    let mut rover = Rover::new(&[], full());
+    rover.learn(pack_of(1.76, 1.0));
+    let learnt_mah = rover.learnt_mah();
+    assert!(learnt_mah > 0.0);
+    rover.set("BATT_SERIAL_NUM", 7.0);
+    rover.wait(1000.0, RESTING_A);
+    assert_eq!(rover.learnt_mah(), 0.0, "the drive was that of another pack");
+    rover.set("BATT_SERIAL_NUM", -1.0);
+    assert_eq!(rover.learnt_mah(), learnt_mah);
+    // In the middle of a drive.
+    rover.power_cycle();
+    rover.pack = full();
+    rover.wait(5.0, RESTING_A);
+    rover.arm();
+    rover.drive_to(0.5);
+    let before = rover.remaining_pct();
+    rover.set("BATT_SERIAL_NUM", 7.0);
+    assert!((rover.remaining_pct() - before).abs() < 1.0, "counting goes on");
+    rover.disarm();
+    rover.wait(1000.0, RESTING_A);
+    assert_eq!(rover.learnt_mah(), 0.0);
+    // Set before the drive, as usual.
+    rover.power_cycle();
+    rover.pack = full();
+    rover.set("BATT_SERIAL_NUM", 8.0);
+    rover.learn(full());
+    assert!(rover.learnt_mah() > 0.0);
+}
+
+#[test]
+fn settings_of_another_pack_hide_what_is_learnt_until_they_are_put_right() {
+    for (name, mistake) in [("BATT_CHEM", 3.0), ("BATT_CELLS", 2.0), ("BATT_CAPACITY", 6000.0)] {
+        let mut rover = Rover::new(&[], full());
+        rover.learn(full());
+        let (learnt_mah, right) = (rover.learnt_mah(), rover.parameter(name));
+        assert!(rover.state().state_of_health_pct.is_some());
+        rover.set(name, mistake);
+        rover.wait(100.0, RESTING_A);
+        assert_eq!(rover.state().state_of_health_pct, None, "{name}");
+        assert_eq!(rover.state().learnt_capacity_mah, None, "{name}");
+        rover.set(name, right);
+        rover.wait(100.0, RESTING_A);
+        let change = rover.learnt_mah() / learnt_mah - 1.0;
+        assert!(change.abs() < 0.02, "{name}: {change}");
+        assert!(rover.state().state_of_health_pct.is_some(), "{name}");
+    }
+}
+
+#[test]
+fn a_pack_of_another_capacity_is_learnt_in_place_of_the_one_before() {
+    let mut rover = Rover::new(&[("BATT_CAPACITY", 1000.0)], full());
+    rover.learn(pack_of(1.0, 1.0));
+    assert!(
+        (rover.learnt_mah() - 1000.0).abs() < 100.0,
+        "{}",
+        rover.learnt_mah()
+    );
+    rover.set("BATT_CAPACITY", 2200.0);
+    rover.power_cycle();
+    rover.learn(full());
+    assert!(
+        (rover.learnt_mah() - 2200.0).abs() < 300.0,
+        "{}",
+        rover.learnt_mah()
+    );
+    assert_eq!(rover.announced().len(), 2, "{:?}", rover.announced());
+}
+
+#[test]
+fn a_swapped_pack_does_not_inherit() {
+    let mut rover = Rover::new(&[], full());
+    rover.learn(full());
+    let writes = rover.writes;
+    rover.measure(0.0, 0.0);
+    for _ in 0..30 {
+        rover.measure(0.0, 0.0);
+    }
+    rover.pack = full();
+    rover.wait(100.0, RESTING_A);
+    assert!(
+        rover
+            .texts
+            .iter()
+            .any(|text| text.starts_with("Battery 1 swapped")),
+        "{:?}",
+        rover.texts
+    );
+    assert_eq!(rover.state().learnt_capacity_mah, None);
+    assert_eq!(rover.learnt_mah(), 0.0);
+    assert_eq!(
+        rover.writes, writes,
+        "flash keeps what it has until this pack is learnt"
+    );
+}
+
+#[test]
+fn every_pack_learns_but_a_sum_does_not() {
+    let mut rover = Rover::new(
+        &[
+            ("BATT9_MONITOR", 4.0),
+            ("BATT9_VOLT_PIN", 26.0),
+            ("BATT9_CURR_PIN", 27.0),
+            ("BATT9_AMP_PERVLT", AMPERES_PER_VOLT),
+            ("BATT9_CELLS", 3.0),
+            ("BATT9_CAPACITY", 2200.0),
+            ("BATT2_MONITOR", 10.0),
+            ("BATT2_CELLS", 3.0),
+            ("BATT2_CAPACITY", 2200.0),
+            ("BATT2_SUM_MASK", 1.0),
+        ],
+        full(),
+    );
+    rover.learn(full());
+    assert!(rover.learnt_mah() > 0.0);
+    assert_eq!(rover.parameter("BATT9_LRN_CAP"), rover.learnt_mah());
+    assert_eq!(rover.parameter("BATT2_LRN_CAP"), 0.0);
+    assert_eq!(rover.flash.len(), 2);
+}
+
+#[test]
+fn a_parked_rover_spares_flash() {
+    for monitor in [3.0, 4.0] {
+        let mut rover = Rover::new(&[("BATT_MONITOR", monitor)], pack_of(2.2, 0.6));
+        rover.wait(3600.0, RESTING_A);
+        assert!((1..=5).contains(&rover.writes), "{} in an hour", rover.writes);
+        let parked = rover.writes;
+        for _ in 0..300 {
+            rover.arm();
+            rover.wait(1.0, RESTING_A);
+            rover.disarm();
+            rover.wait(1.0, RESTING_A);
+        }
+        let writes = rover.writes - parked;
+        assert!(writes <= 6, "{writes} while armed and disarmed 300 times");
+    }
+}
+
+#[test]
+fn the_offset_of_a_sensor_is_not_learnt_while_parked() {
+    let mut rover = Rover::new(&[("BATT_AMP_OFFSET", -0.05)], full());
+    rover.learn(full());
+    let learnt_mah = rover.learnt_mah();
+    rover.wait(5.0 * 3600.0, 0.0);
+    let change = rover.learnt_mah() / learnt_mah - 1.0;
+    assert!(change.abs() < 0.02, "{change} by 0.5 Ah that nothing drew");
+}
+
+#[test]
+fn a_gap_counts_in_the_estimate_as_in_the_consumption() {
+    let mut rover = Rover::new(&[], full());
+    rover.wait(5.0, RESTING_A);
+    for _ in 0..3 {
+        rover.desk.now_us += 50_000_000;
+        rover.wait(0.1, 10.0);
+        rover.wait(2.0, RESTING_A);
+    }
+    let consumed_mah = rover.state().consumed_mah().expect("counted");
+    let counted_pct = 100.0 - consumed_mah / 22.0;
+    assert!(
+        (rover.remaining_pct() - counted_pct).abs() < 0.5,
+        "{} %, {counted_pct} %",
+        rover.remaining_pct()
+    );
+}
+
+#[test]
+fn charged_in_place_it_learns_the_next_drive() {
+    // Half of the sensor's range is for charging.
+    let mut rover = Rover::new(&[("BATT_AMP_OFFSET", 1.5)], full());
+    rover.zero_a = 1.5 * AMPERES_PER_VOLT;
+    rover.pack = pack_of(2.2, 0.5);
+    rover.wait(60.0, 0.0);
+    while rover.pack.charge() < 1.0 {
+        rover.wait(10.0, -1.1);
+    }
+    rover.wait(60.0, -0.2);
+    rover.wait(60.0, 0.0);
+    assert!(rover.error_pct().abs() < 1.0, "{}", rover.error_pct());
+    while rover.pack.charge() > 0.2 {
+        // It brakes by regeneration.
+        for load_a in [3.4, 3.4, 3.4, -2.0] {
+            rover.wait(5.0, load_a);
+        }
+    }
+    rover.wait(40.0, 0.0);
+    assert!(
+        (rover.learnt_mah() - 2200.0).abs() < 220.0,
+        "{}",
+        rover.learnt_mah()
+    );
+}
+
+#[test]
+fn lithium_iron_phosphate_starts_known_after_a_power_cycle() {
+    // Two cells in the flat middle of the curve: a voltage fits any charge from 30 to 70 %.
+    let flat_v = 2.0 * 3.297;
+    let mut rover = Rover::new(&[("BATT_CHEM", 2.0), ("BATT_CELLS", 2.0)], full());
+    let hold = |rover: &mut Rover, seconds: u32| (0..seconds * 10).for_each(|_| rover.measure(flat_v, 0.0));
+    hold(&mut rover, 60);
+    assert!(
+        rover
+            .state()
+            .remaining_sigma_pct
+            .is_none_or(|sigma_pct| sigma_pct > 8.0)
+    );
+    rover.desk.ask(&command_long_2(BATTERY_RESET, 65535.0, 62.0));
+    hold(&mut rover, 3);
+    rover.arm();
+    hold(&mut rover, 3);
+    rover.disarm();
+    hold(&mut rover, 3);
+    rover.power_cycle();
+    hold(&mut rover, 5);
+    let sigma_pct = rover.state().remaining_sigma_pct.expect("an estimate");
+    assert!(
+        (rover.remaining_pct() - 62.0).abs() < 2.0 && sigma_pct < 5.0,
+        "{} ± {sigma_pct} %",
+        rover.remaining_pct()
+    );
+    // Charged meanwhile: the voltage says so.
+    rover.power_cycle();
+    (0..600).for_each(|_| rover.measure(2.0 * 3.36, 0.0));
+    assert!(
+        rover
+            .state()
+            .remaining_pct
+            .is_none_or(|remaining_pct| remaining_pct > 80.0)
+    );
+}
+
+#[test]
+fn voltage_only_believes_a_steady_voltage_within_half_a_minute_while_disarmed() {
+    let mut rover = Rover::new(&[("BATT_MONITOR", 3.0)], full());
+    rover.wait(60.0, RESTING_A);
+    rover.pack = pack_of(2.2, 0.3);
+    rover.wait(30.0, RESTING_A);
+    let soon_pct = rover.remaining_pct();
+    rover.wait(300.0, RESTING_A);
+    let change_pct = rover.remaining_pct() - soon_pct;
+    assert!(
+        change_pct.abs() < 8.0 && soon_pct < 45.0,
+        "{soon_pct} %, {change_pct} % later"
+    );
+}
+
+#[test]
+fn time_left_is_known_without_a_current_sensor() {
+    let mut rover = Rover::new(&[("BATT_MONITOR", 3.0)], full());
+    rover.wait(30.0, RESTING_A);
+    assert_eq!(rover.state().time_remaining_s, None, "nothing draws");
+    rover.arm();
+    rover.drive_to(0.5);
+    let mean_a = 0.5 * (LOW_A + HIGH_A);
+    let left_s = rover.pack.charge() * 2.2 / mean_a * 3600.0;
+    let estimated_s = rover.state().time_remaining_s.expect("a load");
+    assert!(
+        (0.5..1.6).contains(&(estimated_s / left_s)),
+        "{estimated_s} s of {left_s} s"
+    );
+}
+
+#[test]
+fn time_left_in_the_cold_ends_at_the_usable_charge() {
+    // Ten times the resistance.
+    let cold = PackModel {
+        ohmic_resistance_ohm: 0.3,
+        polarization_resistance_ohm: 0.15,
+        ..PackModel::LIPO_3S_2200
+    };
+    let mut rover = Rover::new(&[], SimulatedPack::full(cold));
+    rover.wait(5.0, RESTING_A);
+    rover.drive_to(0.4);
+    let state = *rover.state();
+    let (remaining_pct, usable_pct) = (state.remaining_pct.unwrap(), state.usable_pct.unwrap());
+    assert!(
+        usable_pct < remaining_pct - 10.0,
+        "{usable_pct} of {remaining_pct} %"
+    );
+    let absolute_s = remaining_pct / 100.0 * 2.2 / state.average_current_a.unwrap() * 3600.0;
+    let left_s = state.time_remaining_s.unwrap();
+    assert!(left_s < 0.9 * absolute_s, "{left_s} of {absolute_s} s");
+    assert_eq!(rover.learnt_mah(), 0.0);
+    rover.drive_to(0.3);
+    rover.wait(60.0, RESTING_A);
+    assert_eq!(rover.learnt_mah(), 0.0, "a cold pack is not learnt");
+}
+
+#[test]
+fn a_start_under_load_is_estimated_within_five_seconds() {
+    let mut rover = Rover::new(&[], pack_of(2.2, 0.6));
+    rover.wait(5.0, 3.0);
+    assert!(rover.error_pct().abs() < 15.0, "{} %", rover.error_pct());
+    rover.drive_to(0.5);
+    assert!(rover.error_pct().abs() < 10.0, "{} %", rover.error_pct());
+}
+
+#[test]
+fn a_battery_reset_sets_the_charge_and_is_kept() {
+    for monitor in [3.0, 4.0] {
+        let mut rover = Rover::new(&[("BATT_MONITOR", monitor)], pack_of(2.2, 0.6));
+        rover.wait(30.0, RESTING_A);
+        rover.desk.ask(&command_long_2(BATTERY_RESET, 65535.0, 70.0));
+        rover.wait(1.0, RESTING_A);
+        assert!(
+            (rover.remaining_pct() - 70.0).abs() < 1.5,
+            "{} %",
+            rover.remaining_pct()
+        );
+    }
+}

@@ -1,0 +1,579 @@
+//! What is learnt of a pack outlasts restarts, power cuts and damage, belongs to one pack, and is erased when asked for.
+
+use crate::desk::Desk;
+use crate::flash::{FLASH_BYTES, Fault, SmallFlash};
+use crate::support::frames::{Frame, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT, of_message, texts_of};
+use crate::support::learnt_record::learnt_words;
+use crate::support::requests::{command_long, param_read_by_name, param_set, reboot};
+use embassy_futures::block_on;
+use embassy_futures::select::select;
+use embassy_time::{Duration, Timer};
+use fastrand::Rng;
+use proptest::prelude::*;
+use rover_battmon::autopilot::{LearntJob, PackIdentity, Start, Work};
+use rover_battmon::battery::{LEARNT_WORDS, LearntPack};
+use rover_battmon::liveness::CheckIn;
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, Parameters};
+use rover_battmon::sensor::AnalogReadings;
+use rover_battmon::sim::clock;
+use rover_battmon::storage::{Erase, FlashFault, Storage, StorageError};
+use rover_battmon::tasks::{Shared, keep_learnt, reboot_requested};
+
+type Words = [u32; LEARNT_WORDS];
+
+const PREFLIGHT_STORAGE: u16 = 245;
+const READ_ONLY: u8 = 5;
+const NOT_SAVED: &str = "Learnt battery data not saved: flash worn out?";
+const MINUTE_US: u64 = 60_000_000;
+
+const FAILED: Result<(), StorageError> = Err(StorageError::Flash(FlashFault::NotVerified));
+
+fn of(pack: Pack, serial_number: Option<i32>) -> PackIdentity {
+    PackIdentity { pack, serial_number }
+}
+
+fn read_of(pack: Pack, serial_number: Option<i32>) -> Option<LearntJob> {
+    Some(LearntJob::Read(of(pack, serial_number)))
+}
+
+/// The write that erases what is learnt.
+fn erasure_of(pack: Pack, serial_number: Option<i32>) -> Option<LearntJob> {
+    Some(LearntJob::Write(
+        of(pack, serial_number),
+        LearntPack::of(serial_number),
+    ))
+}
+
+/// A desk where these packs are monitored.
+fn desk_with(packs: &[Pack]) -> Desk {
+    let mut parameters = Parameters::defaults();
+    for pack in packs {
+        let monitor = BatteryParameter::Monitor.of(*pack);
+        parameters.restore(monitor.key(), 3.0).unwrap();
+    }
+    Desk::starting(Start::with_parameters(parameters))
+}
+
+/// A desk with one pack, of which this is stored.
+fn desk_after_reading(stored: Option<Words>) -> Desk {
+    let mut desk = desk_with(&[Pack::First]);
+    assert_eq!(job(&mut desk), read_of(Pack::First, None));
+    desk.autopilot.learnt_read(of(Pack::First, None), Ok(stored));
+    assert_eq!(job(&mut desk), None);
+    desk.post_due(desk.now_us);
+    desk.sent();
+    desk
+}
+
+fn job(desk: &mut Desk) -> Option<LearntJob> {
+    let now = desk.now();
+    desk.autopilot.next_learnt_job(now)
+}
+
+fn written(desk: &mut Desk, learnt: &LearntPack, result: Result<(), StorageError>) {
+    let now = desk.now();
+    desk.autopilot.learnt_written(Pack::First, learnt, result, now);
+}
+
+/// Names and values of all PARAM_VALUE.
+fn values(frames: &[Frame]) -> Vec<(String, f32)> {
+    of_message(frames, PARAM_VALUE)
+        .iter()
+        .map(|frame| (ParamValue(frame).name(), ParamValue(frame).value()))
+        .collect()
+}
+
+fn value(desk: &mut Desk, name: &str) -> f32 {
+    values(&desk.ask(&param_read_by_name(name)))[0].1
+}
+
+/// What is announced and shown now.
+fn posted(desk: &mut Desk) -> Vec<Frame> {
+    desk.post_due(desk.now_us);
+    desk.sent()
+}
+
+#[test]
+fn stored_pack_is_read_at_the_start_and_shown() {
+    let mut desk = desk_with(&[Pack::First, Pack::Third]);
+    assert_eq!(job(&mut desk), read_of(Pack::First, None));
+    let stored = learnt_words(None, 2949.7);
+    desk.autopilot
+        .learnt_read(of(Pack::First, None), Ok(Some(stored)));
+    assert_eq!(job(&mut desk), read_of(Pack::Third, None));
+    desk.autopilot.learnt_read(of(Pack::Third, None), Ok(None));
+    assert_eq!(job(&mut desk), None, "nothing else, and nothing to write");
+    assert!(!desk.autopilot.has_unsaved());
+
+    let shown = [("BATT_LRN_CAP".into(), 2950.0), ("BATT_LRN_RES".into(), 40.0)];
+    assert_eq!(values(&posted(&mut desk)), shown, "sent once, as it has changed");
+    assert_eq!(values(&posted(&mut desk)), []);
+    assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 2950.0);
+    assert_eq!(value(&mut desk, "BATT_LRN_RES"), 40.0);
+    assert_eq!(value(&mut desk, "BATT3_LRN_CAP"), 0.0);
+}
+
+#[test]
+fn nine_packs_read_at_once_are_all_shown() {
+    let mut desk = desk_with(&Pack::ALL);
+    while let Some(LearntJob::Read(identity)) = job(&mut desk) {
+        desk.autopilot
+            .learnt_read(identity, Ok(Some(learnt_words(None, 2950.0))));
+    }
+    let mut shown = Vec::new();
+    for _ in 0..3 {
+        shown.extend(values(&posted(&mut desk)));
+    }
+    assert_eq!(shown.len(), 2 * Pack::ALL.len(), "{shown:?}");
+    assert_eq!(desk.statistics().dropped, 0);
+}
+
+#[test]
+fn what_does_not_fit_is_not_used() {
+    let no_chemistry = [0; LEARNT_WORDS];
+    for stored in [
+        Ok(Some(learnt_words(Some(5), 2950.0))),
+        Ok(Some(no_chemistry)),
+        Ok(None),
+        Err(StorageError::Flash(FlashFault::Other)),
+    ] {
+        let mut desk = desk_with(&[Pack::First]);
+        desk.autopilot.learnt_read(of(Pack::First, None), stored);
+        assert_eq!(job(&mut desk), None, "it starts anew");
+        assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
+    }
+}
+
+#[test]
+fn implausible_values_are_shown_as_not_learnt() {
+    for capacity_mah in [f32::NAN, f32::INFINITY, -5.0, 1e9] {
+        let mut desk = desk_after_reading(Some(learnt_words(None, capacity_mah)));
+        assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
+        assert_eq!(value(&mut desk, "BATT_LRN_RES"), 40.0);
+    }
+}
+
+#[test]
+fn another_serial_number_is_another_pack() {
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
+    desk.autopilot.take_work();
+    desk.ask(&param_set("BATT_SERIAL_NUM", 7.0));
+    assert!(desk.autopilot.take_work().contains(Work::KEEP_LEARNT));
+    assert_eq!(job(&mut desk), read_of(Pack::First, Some(7)));
+    desk.autopilot.learnt_read(of(Pack::First, Some(7)), Ok(None));
+    assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
+
+    desk.ask(&param_set("BATT_SERIAL_NUM", -1.0));
+    assert_eq!(job(&mut desk), read_of(Pack::First, None));
+    let stored = learnt_words(None, 2950.0);
+    desk.autopilot
+        .learnt_read(of(Pack::First, None), Ok(Some(stored)));
+    assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 2950.0);
+}
+
+#[test]
+fn serial_number_set_while_another_is_read() {
+    let mut desk = desk_after_reading(None);
+    desk.ask(&param_set("BATT_SERIAL_NUM", 7.0));
+    assert_eq!(job(&mut desk), read_of(Pack::First, Some(7)));
+    desk.ask(&param_set("BATT_SERIAL_NUM", 8.0));
+    let stored = learnt_words(Some(7), 2950.0);
+    desk.autopilot
+        .learnt_read(of(Pack::First, Some(7)), Ok(Some(stored)));
+    assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0, "it is of another pack");
+    assert_eq!(job(&mut desk), read_of(Pack::First, Some(8)));
+}
+
+#[test]
+fn instances_with_the_same_serial_number_are_two_packs() {
+    let mut desk = desk_with(&[Pack::First, Pack::Second]);
+    for name in ["BATT_SERIAL_NUM", "BATT2_SERIAL_NUM"] {
+        desk.ask(&param_set(name, 7.0));
+    }
+    let identities = [Pack::First, Pack::Second].map(|pack| of(pack, Some(7)));
+    for (identity, capacity_mah) in identities.into_iter().zip([1000.0, 2000.0]) {
+        assert_eq!(job(&mut desk), Some(LearntJob::Read(identity)));
+        let stored = learnt_words(Some(7), capacity_mah);
+        desk.autopilot.learnt_read(identity, Ok(Some(stored)));
+    }
+    assert_ne!(identities[0].key(), identities[1].key());
+    assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 1000.0);
+    assert_eq!(value(&mut desk, "BATT2_LRN_CAP"), 2000.0);
+
+    desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
+    assert_eq!(job(&mut desk), erasure_of(Pack::First, Some(7)));
+    assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
+    assert_eq!(value(&mut desk, "BATT2_LRN_CAP"), 2000.0);
+}
+
+#[test]
+fn read_only_parameters_are_refused() {
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
+    desk.autopilot.take_work();
+    for value in [2950.0, 0.0, 1234.0, f32::NAN, -1.0] {
+        let answers = desk.ask(&param_set("BATT_LRN_CAP", value));
+        let errors = of_message(&answers, PARAM_ERROR);
+        assert_eq!((errors.len(), errors[0].u8(20)), (1, READ_ONLY), "{value}");
+        assert_eq!(values(&answers), [("BATT_LRN_CAP".into(), 2950.0)]);
+        assert_eq!(texts_of(&answers), ["Param write denied (BATT_LRN_CAP)"]);
+        assert_eq!(of_message(&answers, STATUSTEXT)[0].u8(0), 4, "a warning");
+    }
+    assert!(!desk.autopilot.has_unsaved());
+    assert!(!desk.autopilot.take_work().contains(Work::SAVE_PARAMETERS));
+}
+
+#[test]
+fn erasing_is_acknowledged_reads_0_and_is_written() {
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
+    let answers = desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
+    let erase = |value| ("BATT_LRN_ERASE".to_string(), value);
+    assert_eq!(values(&answers), [erase(1.0), erase(0.0)]);
+    assert!(desk.autopilot.take_work().contains(Work::KEEP_LEARNT));
+    assert!(desk.autopilot.has_unsaved(), "a restart waits for it");
+    let shown = [("BATT_LRN_CAP".into(), 0.0), ("BATT_LRN_RES".into(), 0.0)];
+    assert_eq!(values(&posted(&mut desk)), shown);
+
+    assert_eq!(job(&mut desk), erasure_of(Pack::First, None));
+    written(&mut desk, &LearntPack::of(None), Ok(()));
+    assert_eq!(job(&mut desk), None);
+    assert!(!desk.autopilot.has_unsaved());
+    assert_eq!(value(&mut desk, "BATT_LRN_ERASE"), 0.0);
+}
+
+#[test]
+fn a_parameter_file_with_0_erases_nothing() {
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
+    for value in [0.0, 0.5] {
+        let answers = desk.ask(&param_set("BATT_LRN_ERASE", value));
+        assert_eq!(values(&answers), [("BATT_LRN_ERASE".into(), 0.0)]);
+    }
+    for value in [2.0, -1.0, f32::NAN] {
+        let answers = desk.ask(&param_set("BATT_LRN_ERASE", value));
+        assert_eq!(of_message(&answers, PARAM_ERROR).len(), 1);
+    }
+    assert_eq!(job(&mut desk), None);
+    assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 2950.0);
+}
+
+#[test]
+fn erased_while_a_write_is_under_way() {
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
+    let under_way = LearntPack::from_words(&learnt_words(None, 2950.0)).unwrap();
+    desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
+    written(&mut desk, &under_way, Ok(()));
+    assert_eq!(
+        job(&mut desk),
+        erasure_of(Pack::First, None),
+        "what was written is no longer learnt"
+    );
+}
+
+#[test]
+fn erased_before_it_is_read_and_while_it_is_read() {
+    let mut desk = desk_with(&[Pack::First]);
+    assert_eq!(job(&mut desk), read_of(Pack::First, None));
+    desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
+    let stored = learnt_words(None, 2950.0);
+    desk.autopilot
+        .learnt_read(of(Pack::First, None), Ok(Some(stored)));
+    assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
+    assert_eq!(job(&mut desk), erasure_of(Pack::First, None));
+}
+
+#[test]
+fn erased_right_after_the_serial_number_was_set_is_the_new_pack() {
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
+    desk.ask(&param_set("BATT_SERIAL_NUM", 7.0));
+    desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
+    assert_eq!(job(&mut desk), erasure_of(Pack::First, Some(7)));
+    written(&mut desk, &LearntPack::of(Some(7)), Ok(()));
+    assert_eq!(job(&mut desk), None);
+}
+
+#[test]
+fn pack_that_is_not_monitored_can_be_erased() {
+    let mut desk = desk_after_reading(None);
+    desk.ask(&param_set("BATT9_LRN_ERASE", 1.0));
+    assert_eq!(job(&mut desk), erasure_of(Pack::Ninth, None));
+    let now = desk.now();
+    desk.autopilot
+        .learnt_written(Pack::Ninth, &LearntPack::of(None), Ok(()), now);
+    assert_eq!(job(&mut desk), None);
+}
+
+#[test]
+fn a_parameter_reset_keeps_what_is_learnt() {
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
+    desk.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
+    assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 2950.0);
+    assert_eq!(job(&mut desk), None);
+
+    desk.ask(&param_set("BATT_SERIAL_NUM", 7.0));
+    let stored = learnt_words(Some(7), 1000.0);
+    desk.autopilot
+        .learnt_read(of(Pack::First, Some(7)), Ok(Some(stored)));
+    desk.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
+    assert_eq!(
+        job(&mut desk),
+        read_of(Pack::First, None),
+        "the serial number was reset"
+    );
+}
+
+#[test]
+fn failed_write_is_announced_once_and_repeated_after_a_minute() {
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
+    desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
+    let erased = LearntPack::of(None);
+    for attempt in 0..3 {
+        assert_eq!(job(&mut desk), erasure_of(Pack::First, None), "attempt {attempt}");
+        written(&mut desk, &erased, FAILED);
+        assert_eq!(job(&mut desk), None);
+        assert!(
+            !desk.autopilot.has_unsaved(),
+            "a restart does not wait for the retry"
+        );
+        let texts = texts_of(&posted(&mut desk));
+        let announced = texts.iter().filter(|text| *text == NOT_SAVED).count();
+        assert_eq!(announced, usize::from(attempt == 0), "{texts:?}");
+        desk.now_us += MINUTE_US - 1;
+        assert_eq!(job(&mut desk), None);
+        desk.now_us += 1;
+    }
+    job(&mut desk);
+    written(&mut desk, &erased, FAILED);
+    desk.autopilot.prepare_restart();
+    assert!(desk.autopilot.has_unsaved(), "a last chance");
+    assert_eq!(job(&mut desk), erasure_of(Pack::First, None));
+    written(&mut desk, &erased, Ok(()));
+    assert_eq!(job(&mut desk), None);
+}
+
+#[test]
+fn failure_is_announced_to_a_ground_station_that_connects_while_it_lasts() {
+    let mut desk = desk_after_reading(None);
+    desk.ask(&param_set("BATT_LRN_ERASE", 1.0));
+    let notices = |desk: &mut Desk| {
+        desk.autopilot.open(&mut desk.channel);
+        texts_of(&desk.sent())
+            .iter()
+            .filter(|text| *text == NOT_SAVED)
+            .count()
+    };
+    written(&mut desk, &LearntPack::of(None), FAILED);
+    assert_eq!(notices(&mut desk), 1);
+    written(&mut desk, &LearntPack::of(None), Ok(()));
+    assert_eq!(notices(&mut desk), 0);
+}
+
+#[test]
+fn only_monitored_packs_are_in_use() {
+    let mut desk = desk_with(&[Pack::First, Pack::Third]);
+    desk.ask(&param_set("BATT3_SERIAL_NUM", 7.0));
+    for (identity, is_in_use) in [
+        (of(Pack::First, None), true),
+        (of(Pack::First, Some(7)), false),
+        (of(Pack::Second, None), false),
+        (of(Pack::Third, Some(7)), true),
+        (of(Pack::Third, None), false),
+    ] {
+        assert_eq!(
+            desk.autopilot.is_learnt_in_use(identity.key()),
+            is_in_use,
+            "{identity:?}"
+        );
+    }
+}
+
+#[test]
+fn sampling_writes_nothing_while_nothing_is_learnt() {
+    let mut desk = desk_after_reading(Some(learnt_words(None, 2950.0)));
+    for _ in 0..20 {
+        desk.now_us += 100_000;
+        desk.sample(AnalogReadings::NONE);
+    }
+    assert_eq!(job(&mut desk), None);
+}
+
+fn storage(flash: &SmallFlash) -> Storage<SmallFlash, Words> {
+    Storage::new(flash.clone(), 0..FLASH_BYTES as u32)
+}
+
+fn store(flash: &SmallFlash, identity: PackIdentity, capacity_mah: f32) {
+    let value = learnt_words(identity.serial_number, capacity_mah);
+    block_on(storage(flash).store_replacing(identity.key(), value, &|_| true, &Erase::always))
+        .expect("a sound flash");
+}
+
+fn stored(flash: &SmallFlash, identity: PackIdentity) -> Option<Words> {
+    block_on(storage(flash).read(identity.key())).expect("a sound flash")
+}
+
+/// Runs the task with this flash for `duration` while `script` changes things; returns the capacity shown at the end.
+fn run_task(flash: &SmallFlash, duration: Duration, script: impl AsyncFnOnce(&Shared)) -> f32 {
+    let check_in = CheckIn::new("", u32::MAX);
+    let mut shown = 0.0;
+    clock::run_for(duration, async {
+        let shared = Shared::new(&Start::with_parameters(Parameters::defaults()));
+        let all = async {
+            script(&shared).await;
+            Timer::after_millis(500).await;
+        };
+        let task = keep_learnt(storage(flash), &shared, &check_in);
+        select(select(task, reboot_requested(&shared, || true)), all).await;
+        let capacity = BatteryParameter::LrnCap.of(Pack::First);
+        shown = shared.with(|autopilot| autopilot.parameters().get(capacity));
+    });
+    shown
+}
+
+/// A request by a link to this vehicle.
+fn request(shared: &Shared, request: &[u8]) {
+    let now = rover_battmon::tasks::now();
+    let mut channel = rover_battmon::autopilot::Channel::new(
+        "test",
+        rover_battmon::mavlink::LinkKind::Direct,
+        100_000,
+        now,
+    );
+    channel.push(request);
+    while shared
+        .with(|autopilot| autopilot.handle_next(&mut channel, now, now))
+        .is_some()
+    {}
+}
+
+const TEN_SECONDS: Duration = Duration::from_secs(10);
+
+#[test]
+fn the_task_reads_at_once_and_erases_before_a_restart() {
+    let flash = SmallFlash::blank();
+    store(&flash, of(Pack::First, None), 2950.0);
+    store(&flash, of(Pack::First, Some(7)), 1000.0);
+    assert_eq!(run_task(&flash, TEN_SECONDS, async |_| {}), 2950.0);
+    let set_serial_number = async |shared: &Shared| request(shared, &param_set("BATT_SERIAL_NUM", 7.0));
+    assert_eq!(run_task(&flash, TEN_SECONDS, set_serial_number), 1000.0);
+
+    let erase_and_restart = async |shared: &Shared| {
+        Timer::after_millis(100).await;
+        request(shared, &param_set("BATT_LRN_ERASE", 1.0));
+        request(shared, &reboot());
+        Timer::after_secs(5).await;
+    };
+    assert_eq!(run_task(&flash, TEN_SECONDS, erase_and_restart), 0.0);
+    assert_eq!(
+        stored(&flash, of(Pack::First, None)),
+        Some(LearntPack::of(None).to_words())
+    );
+    assert_eq!(run_task(&flash, TEN_SECONDS, async |_| {}), 0.0);
+    assert_eq!(
+        run_task(&flash, TEN_SECONDS, set_serial_number),
+        1000.0,
+        "another pack"
+    );
+}
+
+#[test]
+fn the_task_writes_again_a_minute_after_a_failure() {
+    let flash = SmallFlash::blank();
+    store(&flash, of(Pack::First, None), 2950.0);
+    let erase = async |shared: &Shared, until_s| {
+        Timer::after_millis(100).await;
+        flash.set_fault(Fault::Refuses { after: 0 });
+        request(shared, &param_set("BATT_LRN_ERASE", 1.0));
+        Timer::after_secs(1).await;
+        flash.set_fault(Fault::None);
+        Timer::after_secs(until_s).await;
+    };
+    for (until_s, expected) in [
+        (58, learnt_words(None, 2950.0)),
+        (62, LearntPack::of(None).to_words()),
+    ] {
+        let duration = Duration::from_secs(100);
+        run_task(&flash, duration, async |shared| erase(shared, until_s).await);
+        assert_eq!(stored(&flash, of(Pack::First, None)), Some(expected));
+    }
+}
+
+/// Erases what is learnt, as the task does, while power is cut in a flash operation: afterwards there is the old value or
+/// none, and the other packs are untouched.
+#[test]
+fn power_cut_in_any_operation_of_a_write_loses_no_pack() {
+    // Eight records of two sectors: it moves to the next sector early or late.
+    for stored_before in 0..9 {
+        let prepared = SmallFlash::blank();
+        store(&prepared, of(Pack::Second, Some(3)), 500.0);
+        store(&prepared, of(Pack::First, None), 2950.0);
+        for number in 0..stored_before {
+            store(&prepared, of(Pack::Third, None), 100.0 + number as f32);
+        }
+        for after in 0.. {
+            let mut was_cut = false;
+            for seed in 0..8 {
+                let flash = SmallFlash::with(prepared.bytes());
+                flash.set_fault(Fault::PowerCut {
+                    after,
+                    random: Rng::with_seed(seed),
+                });
+                run_task(&flash, Duration::from_secs(2), async |shared| {
+                    Timer::after_millis(100).await;
+                    request(shared, &param_set("BATT_LRN_ERASE", 1.0));
+                });
+                was_cut |= flash.is_dark();
+                let flash = flash.repaired();
+                let found = stored(&flash, of(Pack::First, None));
+                let erased = LearntPack::of(None).to_words();
+                assert!(
+                    found == Some(learnt_words(None, 2950.0)) || found == Some(erased),
+                    "{stored_before} stored, operation {after}, seed {seed}: {found:?}"
+                );
+                assert_eq!(
+                    stored(&flash, of(Pack::Second, Some(3))),
+                    Some(learnt_words(Some(3), 500.0))
+                );
+            }
+            if !was_cut {
+                assert!(after > 0);
+                break;
+            }
+        }
+    }
+}
+
+#[test]
+fn flipped_bit_never_gives_another_value() {
+    let flash = SmallFlash::blank();
+    for capacity_mah in [2800.0, 2950.0] {
+        store(&flash, of(Pack::First, None), capacity_mah);
+    }
+    // The first sector has the records.
+    for bit in 0..FLASH_BYTES / 2 * 8 {
+        let spoiled = flash.with_flipped_bit(bit);
+        let mut desk = desk_with(&[Pack::First]);
+        let identity = of(Pack::First, None);
+        desk.autopilot
+            .learnt_read(identity, Ok(stored(&spoiled, identity)));
+        let shown = value(&mut desk, "BATT_LRN_CAP");
+        assert!([0.0, 2800.0, 2950.0].contains(&shown), "bit {bit}: {shown}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn arbitrary_words_in_flash_show_plausible_values(mut stored in prop::array::uniform14(any::<u32>()), is_known: bool) {
+        if is_known {
+            // A chemistry, and no serial number.
+            stored[0] = stored[0] & !0xFF | 1;
+            stored[1] = u32::MAX;
+        }
+        let mut desk = desk_with(&[Pack::First]);
+        desk.autopilot.learnt_read(of(Pack::First, None), Ok(Some(stored)));
+        let capacity_mah = value(&mut desk, "BATT_LRN_CAP");
+        let resistance_mohm = value(&mut desk, "BATT_LRN_RES");
+        prop_assert!((0.0..=1e7).contains(&capacity_mah) && (0.0..=1e8).contains(&resistance_mohm));
+        prop_assert_eq!(job(&mut desk), None);
+    }
+}

@@ -1,0 +1,9 @@
+//! MAVLink by UDP and TCP, and addresses by DHCP, to phones that have a network stack of their own. Frames of Ethernet go
+//! between them one by one, in stepped time.
+
+mod air;
+mod dhcp;
+mod phone;
+mod room;
+mod tcp;
+mod udp;

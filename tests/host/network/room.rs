@@ -1,0 +1,81 @@
+//! The board's network, and phones around it.
+
+use std::cell::RefCell;
+
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, Timer};
+use rover_battmon::autopilot::Start;
+use rover_battmon::liveness::CheckIn;
+use rover_battmon::net::{NetMemory, NetReport, Role, serve};
+use rover_battmon::recorder::{LogSource, ReadFailed};
+use rover_battmon::sim::clock::run_for;
+use rover_battmon::tasks::Shared;
+
+use super::air::{Air, BoardDevice, SharedAir};
+use super::phone::Phone;
+
+/// There are no logs.
+pub struct NoLogs;
+
+impl LogSource for NoLogs {
+    fn read_log(&self, _: u32, _: &mut [u8]) -> Result<(), ReadFailed> {
+        Err(ReadFailed)
+    }
+}
+
+/// Where a test plays.
+pub struct Room<'a> {
+    pub air: SharedAir,
+    pub reports: &'a RefCell<Vec<NetReport>>,
+}
+
+impl Room<'_> {
+    /// A phone that has joined the board's access point: who has no address from the board is not heard there.
+    pub async fn phone(&self, number: u8) -> Phone {
+        let mut phone = Phone::without_address(&self.air, number);
+        let asked = phone.ask_for_address();
+        while phone.take_address(asked).is_none() {
+            self.pass(1, &mut [&mut phone]).await;
+        }
+        phone
+    }
+
+    /// Lets time pass.
+    pub async fn pass(&self, ms: u64, phones: &mut [&mut Phone]) {
+        for _ in 0..ms {
+            for phone in &mut *phones {
+                phone.poll();
+            }
+            Timer::after_millis(1).await;
+        }
+    }
+}
+
+/// Plays `scene` while the board serves its network.
+pub fn play<R>(role: Role, scene: impl AsyncFnOnce(&Room<'_>) -> R) -> R {
+    static CHECK_IN: CheckIn = CheckIn::new("network", 2_500);
+    let ended = run_for(Duration::from_secs(3_600), async {
+        let shared = Shared::new(&Start::default());
+        let reports = RefCell::default();
+        let room = Room {
+            air: Air::new(role == Role::Station),
+            reports: &reports,
+        };
+        let mut memory = Box::new(NetMemory::new());
+        let board = serve(
+            BoardDevice(room.air.clone()),
+            role,
+            1,
+            &mut memory,
+            &shared,
+            &NoLogs,
+            &CHECK_IN,
+            |report| reports.borrow_mut().push(report),
+        );
+        match select(board, scene(&room)).await {
+            Either::First(never) => never,
+            Either::Second(result) => result,
+        }
+    });
+    ended.expect("it ends within the hour")
+}

@@ -1,0 +1,741 @@
+//! Requests of a ground station to the rover: frames in, frames and motor outputs out.
+
+use crate::desk::{Desk, adc_count};
+use crate::support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, SysStatus, frames};
+use crate::support::requests::{
+    EVERYONE, VEHICLE, arm, command_int, command_int_2, command_long, command_long_2, disarm, do_set_mode,
+    heartbeat, manual_control, param_request_list, param_set, provoke_fault, rc_override, reboot,
+    reboot_to_boot_loader, set_mode,
+};
+use proptest::prelude::*;
+use rover_battmon::autopilot::Start;
+use rover_battmon::battery::{BatteryState, FailsafeLevel, PackStatus};
+use rover_battmon::mavlink::{Event, Framer, Stream};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::sensor::{AnalogPin, AnalogReadings};
+use rover_battmon::vehicle::{MotorDrive, SideDrives};
+
+const ARM_DISARM: u16 = 400;
+const RUN_PREARM_CHECKS: u16 = 401;
+const DO_SET_MODE: u16 = 176;
+const SET_MODE: u16 = 11;
+
+const ACCEPTED: u8 = 0;
+const TEMPORARILY_REJECTED: u8 = 1;
+const DENIED: u8 = 2;
+const FAILED: u8 = 4;
+
+const CRITICAL: u8 = 2;
+const WARNING: u8 = 4;
+
+const MANUAL: u32 = 0;
+const HOLD: u32 = 4;
+
+const STANDBY_STATE: u8 = 3;
+const ACTIVE_STATE: u8 = 4;
+const CRITICAL_STATE: u8 = 5;
+const EMERGENCY_STATE: u8 = 6;
+
+/// Arms without checks.
+const FORCED: f32 = 21196.0;
+
+const GROUND_STATION: u8 = 6;
+const ONBOARD_CONTROLLER: u8 = 18;
+
+const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LowVolt);
+const CRT_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::CrtVolt);
+const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
+const ARM_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::ArmVolt);
+
+/// A rover on a fast link.
+struct Rover(Desk);
+
+impl Rover {
+    /// A rover with a pack of 11.1 V, without a slew rate limit.
+    fn new() -> Self {
+        let mut desk = Desk::with_packs(&[at_voltage(11.1)]);
+        desk.set(VehicleParameter::MotSlewrate, 0.0);
+        Self(desk)
+    }
+
+    fn armed_in(mode: f32) -> Self {
+        let mut rover = Self::new();
+        rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+        rover.assert_ack(&do_set_mode(mode), DO_SET_MODE, ACCEPTED);
+        rover
+    }
+
+    fn with(mut self, id: impl Into<ParameterId>, value: f32) -> Self {
+        self.0.set(id, value);
+        self
+    }
+
+    /// Delivers requests and returns the event of the last one.
+    fn deliver(&mut self, requests: &[u8]) -> Event {
+        let events = self.0.receive_in_chunks(requests, requests.len());
+        events.last().copied().unwrap_or(Event::Ignored)
+    }
+
+    /// Delivers a request, asserts its acknowledgement, and returns the preceding texts with their severities.
+    fn ask(&mut self, request: &[u8], command: u16, result: u8) -> Vec<(u8, String)> {
+        self.deliver(request);
+        let mut answers = self.0.sent();
+        let ack = answers.pop().expect("an answer");
+        assert_eq!(ack.message_id, COMMAND_ACK);
+        assert_eq!((ack.u16(0), ack.u8(2)), (command, result));
+        joined(&answers)
+    }
+
+    fn assert_ack(&mut self, request: &[u8], command: u16, result: u8) {
+        assert_eq!(self.ask(request, command, result), []);
+    }
+
+    /// Updates the vehicle every 20 ms and returns the texts of what it does.
+    fn wait(&mut self, us: u64) -> Vec<String> {
+        let until_us = self.0.now_us + us;
+        while self.0.now_us < until_us {
+            self.0.now_us += 20_000;
+            self.0.drive();
+        }
+        self.0.post_due(self.0.now_us);
+        let mut sent = self.0.sent();
+        sent.retain(|frame| frame.message_id == STATUSTEXT);
+        joined(&sent).into_iter().map(|(_, text)| text).collect()
+    }
+
+    /// Samples a pack of this voltage for some seconds.
+    fn sample(&mut self, voltage_v: f32, seconds: u64) {
+        let pin_v = voltage_v / self.0.parameters().get(VOLT_MULT);
+        let mut readings = AnalogReadings::NONE;
+        readings.set(AnalogPin::Gp26, Ok(adc_count(pin_v)));
+        for _ in 0..seconds * 10 {
+            self.0.now_us += 100_000;
+            self.0.sample(readings);
+            self.0.drive();
+        }
+    }
+
+    /// Motor outputs after the next update.
+    fn drives(&mut self) -> SideDrives {
+        assert_eq!(self.wait(20_000), [""; 0]);
+        self.outputs()
+    }
+
+    /// Motor outputs now.
+    fn outputs(&self) -> SideDrives {
+        self.0.vehicle().drives()
+    }
+
+    /// Whether the next SYS_STATUS reports that the arming checks pass.
+    fn is_ready(&mut self) -> bool {
+        let mut framer = Framer::new();
+        let message = Stream::SysStatus.build(&self.0.autopilot.system_state());
+        let bytes: Vec<_> = framer.frame(&message, 1).iter().map(|byte| (0, *byte)).collect();
+        SysStatus(&frames(&bytes)[0]).is_ready_to_arm()
+    }
+
+    /// Mode, flags and `system_status` of the next HEARTBEAT.
+    fn heartbeat(&mut self) -> (u32, u8, u8) {
+        let mut framer = Framer::new();
+        let message = Stream::Heartbeat.build(&self.0.autopilot.system_state());
+        let bytes: Vec<_> = framer.frame(&message, 1).iter().map(|byte| (0, *byte)).collect();
+        let frames = frames(&bytes);
+        let heartbeat = Heartbeat(&frames[0]);
+        (
+            heartbeat.custom_mode(),
+            heartbeat.base_mode(),
+            heartbeat.system_status(),
+        )
+    }
+}
+
+/// The texts, reassembled from their chunks.
+fn joined(frames: &[Frame]) -> Vec<(u8, String)> {
+    let mut texts: Vec<(u8, String)> = Vec::new();
+    for frame in frames {
+        assert_eq!(frame.message_id, STATUSTEXT);
+        let text = frame.text(1, 50);
+        match texts.last_mut().filter(|_| frame.u8(53) > 0) {
+            Some((_, begun)) => begun.push_str(&text),
+            None => texts.push((frame.u8(0), text)),
+        }
+    }
+    texts
+}
+
+fn at_voltage(voltage_v: f32) -> BatteryState {
+    BatteryState {
+        status: PackStatus::Healthy,
+        voltage_v: Some(voltage_v),
+        ..BatteryState::default()
+    }
+}
+
+/// Outputs at these duties; 0 coasts.
+fn turn(left: f32, right: f32) -> SideDrives {
+    let [left, right] = [left, right].map(|share| match share {
+        0.0 => MotorDrive::Coast,
+        _ => MotorDrive::Turn(share),
+    });
+    SideDrives { left, right }
+}
+
+#[test]
+fn a_ground_station_is_given_thresholds_to_copy_while_none_is_set() {
+    let pack = |cell_count| BatteryState {
+        cell_count,
+        ..at_voltage(11.1)
+    };
+    let texts = |rover: &mut Rover| {
+        rover.deliver(&param_request_list(VEHICLE));
+        let mut sent = rover.0.sent();
+        sent.retain(|frame| frame.message_id == STATUSTEXT);
+        let texts = joined(&sent).into_iter().map(|(_, text)| text);
+        texts.skip(1).collect::<Vec<_>>()
+    };
+    let mut rover = Rover::new();
+    rover.0.set_batteries(&[pack(None)]);
+    let off = "Battery failsafes are off: set BATT_LOW_VOLT";
+    assert_eq!(texts(&mut rover), [off], "unknown cells");
+    rover.0.set_batteries(&[pack(Some(3))]);
+    assert_eq!(
+        texts(&mut rover),
+        [off, "Set BATT_LOW_VOLT 10.50, BATT_CRT_VOLT 10.20"]
+    );
+    for (name, value) in [("BATT_LOW_VOLT", 10.5), ("BATT_CRT_VOLT", 10.2)] {
+        rover.deliver(&param_set(name, value));
+    }
+    rover.0.sent();
+    assert_eq!(texts(&mut rover), [""; 0]);
+}
+
+#[test]
+fn command_long_and_command_int_arm_and_disarm() {
+    for request in [arm(), command_int_2(ARM_DISARM, 1.0, 0.0)] {
+        let mut rover = Rover::new();
+        assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
+        rover.assert_ack(&request, ARM_DISARM, ACCEPTED);
+        assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, ACTIVE_STATE));
+        assert_eq!(rover.drives(), SideDrives::BRAKE);
+        rover.assert_ack(&request, ARM_DISARM, ACCEPTED);
+        rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+        assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
+        assert_eq!(rover.drives(), SideDrives::COAST);
+    }
+    for param1 in [2.0, -1.0, 0.5, f32::NAN] {
+        Rover::new().assert_ack(&command_long(ARM_DISARM, param1), ARM_DISARM, DENIED);
+    }
+}
+
+#[test]
+fn unfit_pack_prevents_arming_unless_forced() {
+    let unfit = || Rover::new().with(ARM_VOLT, 11.2).with(LOW_VOLT, 11.15);
+    let mut rover = unfit();
+    let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
+    let expected = "Arm: Battery 1 below minimum arming voltage";
+    assert_eq!(texts, [(CRITICAL, expected.into())]);
+    assert_eq!(rover.deliver(&arm()), Event::CommandRefused(ARM_DISARM));
+    assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
+    for force in [21196.0, 2989.0] {
+        unfit().assert_ack(&command_long_2(ARM_DISARM, 1.0, force), ARM_DISARM, ACCEPTED);
+    }
+    for no_force in [1.0, 21195.0, f32::NAN] {
+        unfit().ask(&command_long_2(ARM_DISARM, 1.0, no_force), ARM_DISARM, FAILED);
+    }
+    // Disarming is always accepted.
+    unfit().assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+}
+
+#[test]
+fn battery_check_can_be_disabled() {
+    for (checks, result) in [(0.0, ACCEPTED), (1.0, FAILED), (256.0, FAILED), (257.0, FAILED)] {
+        let mut rover = Rover::new()
+            .with(ARM_VOLT, 11.2)
+            .with(VehicleParameter::ArmingCheck, checks);
+        rover.ask(&arm(), ARM_DISARM, result);
+    }
+}
+
+#[test]
+fn prearm_check_reports_all_failures_of_all_packs() {
+    let mut rover = Rover::new()
+        .with(LOW_VOLT, 11.2)
+        .with(CRT_VOLT, 11.2)
+        .with(BatteryParameter::ArmVolt.of(Pack::Third), 12.0);
+    let critical = BatteryState {
+        failsafe: FailsafeLevel::Critical,
+        ..at_voltage(12.6)
+    };
+    rover
+        .0
+        .set_batteries(&[at_voltage(11.1), BatteryState::disabled(), critical]);
+    let texts = rover.ask(
+        &command_long(RUN_PREARM_CHECKS, f32::NAN),
+        RUN_PREARM_CHECKS,
+        ACCEPTED,
+    );
+    let expected = [
+        "PreArm: Battery 1 low voltage failsafe",
+        "PreArm: Battery 1 critical voltage failsafe",
+        "PreArm: Battery 1 voltage failsafe critical >= low",
+        "PreArm: Battery 3 critical voltage failsafe",
+    ];
+    assert_eq!(texts, expected.map(|text| (CRITICAL, text.to_string())));
+    assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
+
+    let mut armed = Rover::armed_in(4.0);
+    armed.assert_ack(
+        &command_long(RUN_PREARM_CHECKS, 0.0),
+        RUN_PREARM_CHECKS,
+        TEMPORARILY_REJECTED,
+    );
+}
+
+/// The readiness to arm that SYS_STATUS reports is the answer that an attempt gets.
+#[test]
+fn sys_status_is_ready_to_arm_when_an_attempt_succeeds() {
+    type Prepare = fn(&mut Rover);
+    let conditions: [(Prepare, u8); 8] = [
+        (|_| (), ACCEPTED),
+        (|rover| rover.0.set(ARM_VOLT, 11.2), FAILED),
+        (|rover| rover.0.set(LOW_VOLT, 11.2), FAILED),
+        (
+            |rover| {
+                rover.0.set(ARM_VOLT, 11.2);
+                rover.0.set(VehicleParameter::ArmingCheck, 0.0);
+            },
+            ACCEPTED,
+        ),
+        (
+            |rover| {
+                rover.deliver(&manual_control(1, 0, 1000));
+            },
+            FAILED,
+        ),
+        (
+            |rover| {
+                rover.deliver(&reboot());
+            },
+            FAILED,
+        ),
+        (|rover| rover.sample(0.3, 2), FAILED),
+        (
+            |rover| {
+                rover.deliver(&arm());
+            },
+            ACCEPTED,
+        ),
+    ];
+    for (number, (prepare, result)) in conditions.into_iter().enumerate() {
+        let mut rover = Rover(Desk::starting(Start::with_parameters(Parameters::defaults())));
+        assert!(!rover.is_ready(), "not checked yet");
+        rover.sample(11.1, 2);
+        assert!(rover.is_ready());
+        prepare(&mut rover);
+        rover.0.sent();
+        let voltage_v = if number == 6 { 0.3 } else { 11.1 };
+        rover.sample(voltage_v, 1);
+        assert_eq!(rover.is_ready(), result == ACCEPTED, "condition {number}");
+        rover.ask(&arm(), ARM_DISARM, result);
+    }
+}
+
+#[test]
+fn prearm_check_is_acknowledged_despite_many_failures() {
+    let mut rover = Rover::new();
+    rover.0.set_batteries(&[at_voltage(5.0); 9]);
+    for pack in Pack::ALL {
+        for parameter in [
+            BatteryParameter::ArmVolt,
+            BatteryParameter::LowVolt,
+            BatteryParameter::CrtVolt,
+        ] {
+            let id: ParameterId = parameter.of(pack);
+            rover.0.set(id, 10.0);
+        }
+    }
+    let request = command_long(RUN_PREARM_CHECKS, 0.0);
+    let texts = rover.ask(&request, RUN_PREARM_CHECKS, ACCEPTED);
+    // The queue holds fifteen texts beside the acknowledgement.
+    assert_eq!(texts.len(), 15);
+    assert_eq!(rover.0.statistics().dropped, 9 * 4 - 15);
+}
+
+#[test]
+fn modes_are_set_by_number_and_unknown_ones_fail() {
+    let mut rover = Rover::new();
+    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64, STANDBY_STATE));
+    rover.assert_ack(&set_mode(1, 1, HOLD), SET_MODE, ACCEPTED);
+    assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
+    rover.assert_ack(&set_mode(0, 0x81, MANUAL), SET_MODE, ACCEPTED);
+    let texts = rover.ask(&do_set_mode(10.0), DO_SET_MODE, FAILED);
+    assert_eq!(texts, [(WARNING, "No such mode 10".into())]);
+    let texts = rover.ask(&set_mode(1, 1, u32::MAX), SET_MODE, FAILED);
+    assert_eq!(texts, [(WARNING, "No such mode 4294967295".into())]);
+    rover.assert_ack(&set_mode(1, 0x80, HOLD), SET_MODE, DENIED);
+    rover.assert_ack(&command_long_2(DO_SET_MODE, 0.0, 4.0), DO_SET_MODE, DENIED);
+    for mode in [f32::NAN, -1.0, 0.5, 1e20] {
+        rover.assert_ack(&do_set_mode(mode), DO_SET_MODE, DENIED);
+    }
+    assert_eq!(rover.deliver(&set_mode(2, 1, HOLD)), Event::Ignored);
+    assert_eq!(rover.heartbeat().0, MANUAL);
+}
+
+#[test]
+fn manual_control_steers_by_y_and_throttles_by_z() {
+    for (steering, throttle, expected) in [
+        (0, 500, turn(0.5, 0.5)),
+        (500, 0, turn(0.5, -0.5)),
+        (-250, -500, turn(-0.75, -0.25)),
+        (1000, 1000, turn(1.0, 0.0)),
+        (0, i16::MIN, turn(-1.0, -1.0)),
+        (i16::MAX, 500, turn(0.5, 0.5)),
+        (0, 0, SideDrives::COAST),
+    ] {
+        let mut rover = Rover::armed_in(0.0);
+        let event = rover.deliver(&manual_control(1, steering, throttle));
+        assert_eq!(event, Event::Driven);
+        assert_eq!(rover.drives(), expected, "{steering} {throttle}");
+        assert_eq!(rover.0.sent(), [], "not acknowledged");
+    }
+}
+
+#[test]
+fn manual_control_of_other_systems_is_ignored() {
+    for target in [0, 2, 255] {
+        let mut rover = Rover::armed_in(0.0);
+        let event = rover.deliver(&manual_control(target, 0, 1000));
+        assert_eq!((event, rover.drives()), (Event::Ignored, SideDrives::COAST));
+    }
+}
+
+#[test]
+fn overrides_drive_until_released() {
+    let mut rover = Rover::armed_in(0.0);
+    for (steering_us, throttle_us, expected) in [
+        (1500, 1750, turn(0.5, 0.5)),
+        // The throttle is kept.
+        (1250, 65535, turn(0.0, 1.0)),
+        (0, 65535, turn(0.5, 0.5)),
+        (65535, 900, turn(-1.0, -1.0)),
+        (65535, 2100, turn(1.0, 1.0)),
+        (0, 0, SideDrives::COAST),
+    ] {
+        let event = rover.deliver(&rc_override(VEHICLE, steering_us, throttle_us));
+        assert_eq!(event, Event::Driven);
+        assert_eq!(rover.drives(), expected, "{steering_us} {throttle_us}");
+    }
+    // Released channels do not time out.
+    assert_eq!(rover.wait(5_000_000), [""; 0]);
+}
+
+#[test]
+fn override_drives_only_its_target() {
+    for target in [[1, 1], [1, 0]] {
+        let mut rover = Rover::armed_in(0.0);
+        let event = rover.deliver(&rc_override(target, 1500, 2000));
+        assert_eq!((event, rover.drives()), (Event::Driven, turn(1.0, 1.0)));
+    }
+    for target in [EVERYONE, [0, 1], [2, 1], [1, 154]] {
+        let mut rover = Rover::armed_in(0.0);
+        let event = rover.deliver(&rc_override(target, 1500, 2000));
+        assert_eq!((event, rover.drives()), (Event::Ignored, SideDrives::COAST));
+    }
+}
+
+#[test]
+fn steering_override_does_not_resume_an_old_throttle() {
+    let mut rover = Rover::armed_in(0.0);
+    rover.deliver(&rc_override(VEHICLE, 1500, 2000));
+    assert_eq!(rover.wait(1_520_000), ["Radio Failsafe: Hold"]);
+    rover.deliver(&rc_override(VEHICLE, 1500, 65535));
+    // No throttle message since.
+    rover.ask(&do_set_mode(0.0), DO_SET_MODE, FAILED);
+    rover.deliver(&rc_override(VEHICLE, 1500, 0));
+    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    rover.deliver(&rc_override(VEHICLE, 1500, 65535));
+    assert_eq!(rover.drives(), SideDrives::COAST);
+}
+
+#[test]
+fn throttle_times_out_while_steering_continues() {
+    let mut rover = Rover::armed_in(0.0);
+    rover.deliver(&rc_override(VEHICLE, 1500, 2000));
+    let mut texts = Vec::new();
+    for _ in 0..20 {
+        rover.deliver(&rc_override(VEHICLE, 1600, 65535));
+        texts.extend(rover.wait(100_000));
+    }
+    assert_eq!(texts, ["Radio Failsafe: Hold"]);
+    assert_eq!(rover.outputs(), SideDrives::BRAKE);
+}
+
+#[test]
+fn stick_moved_only_before_arming_does_not_drive() {
+    for silence_us in [0, 1_000_000, 60_000_000] {
+        let mut rover = Rover::new();
+        rover.deliver(&manual_control(1, 1000, 1000));
+        rover.wait(silence_us);
+        rover.assert_ack(&command_long_2(ARM_DISARM, 1.0, FORCED), ARM_DISARM, ACCEPTED);
+        rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+        rover.deliver(&rc_override(VEHICLE, 65535, 1500));
+        assert_eq!(rover.drives(), SideDrives::COAST, "{silence_us}");
+    }
+}
+
+#[test]
+fn deflected_stick_prevents_arming() {
+    for (steering, throttle, text) in [
+        (0, 1000, "Arm: Throttle (RC3) is not neutral"),
+        (0, -51, "Arm: Throttle (RC3) is not neutral"),
+        (-300, 0, "Arm: Steering (RC1) is not neutral"),
+    ] {
+        let mut rover = Rover::new();
+        rover.deliver(&manual_control(1, steering, throttle));
+        let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
+        assert_eq!(texts, [(CRITICAL, text.into())]);
+        // Centred or timed out: arming succeeds.
+        rover.deliver(&manual_control(1, 50, -50));
+        rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+        let mut rover = Rover::new();
+        rover.deliver(&manual_control(1, steering, throttle));
+        rover.wait(1_600_000);
+        rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+    }
+}
+
+#[test]
+fn stick_deflected_on_forced_arming_must_be_neutral_first() {
+    for (checks, force) in [(1.0, FORCED), (0.0, 0.0), (256.0, 0.0)] {
+        let mut rover = Rover::new().with(VehicleParameter::ArmingCheck, checks);
+        rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+        rover.deliver(&manual_control(1, 0, 1000));
+        rover.assert_ack(&command_long_2(ARM_DISARM, 1.0, force), ARM_DISARM, ACCEPTED);
+        for _ in 0..20 {
+            rover.deliver(&manual_control(1, 0, 1000));
+            assert_eq!(rover.drives(), SideDrives::COAST, "{checks}");
+        }
+        rover.deliver(&manual_control(1, 0, 0));
+        rover.deliver(&manual_control(1, 0, 1000));
+        assert_eq!(rover.drives(), turn(1.0, 1.0), "{checks}");
+    }
+}
+
+#[test]
+fn requests_delayed_beyond_the_timeout_are_refused() {
+    let mut rover = Rover::armed_in(0.0);
+    rover.wait(2_000_000);
+    rover.0.waited_us = 1_500_001;
+    for request in [manual_control(1, 0, 1000), rc_override(VEHICLE, 1500, 2000)] {
+        assert_eq!(rover.deliver(&request), Event::ControlTooLate);
+        assert_eq!(rover.drives(), SideDrives::COAST);
+    }
+    let refused = [(WARNING, "Command waited for too long: refused".to_string())];
+    assert_eq!(rover.ask(&do_set_mode(0.0), DO_SET_MODE, FAILED), refused);
+    // Requests that stop the rover are accepted at any delay.
+    rover.assert_ack(&do_set_mode(4.0), DO_SET_MODE, ACCEPTED);
+    rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+    assert_eq!(rover.ask(&arm(), ARM_DISARM, FAILED), refused);
+    rover.0.waited_us = 1_500_000;
+    rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+}
+
+#[test]
+fn stick_time_out_counts_from_the_earliest_reception() {
+    let mut rover = Rover::armed_in(0.0);
+    rover.wait(2_000_000);
+    rover.0.waited_us = 1_000_000;
+    rover.deliver(&manual_control(1, 0, 1000));
+    assert_eq!(rover.wait(500_000), [""; 0]);
+    assert_eq!(rover.wait(20_000), ["Radio Failsafe: Hold"]);
+}
+
+#[test]
+fn restart_and_parameter_reset_are_refused_while_armed() {
+    for request in [
+        reboot(),
+        command_int(246, 1.0),
+        reboot_to_boot_loader(),
+        provoke_fault(),
+        command_int(246, 3.0),
+        command_long(245, 2.0),
+        command_int(245, 2.0),
+    ] {
+        let mut rover = Rover::armed_in(0.0);
+        rover.deliver(&manual_control(1, 0, 1000));
+        let number = if matches!(rover.deliver(&request), Event::CommandRefused(246)) {
+            246
+        } else {
+            245
+        };
+        let texts = rover.0.sent();
+        assert_eq!(
+            joined(&texts[..1]),
+            [(WARNING, "Not while armed: disarm first".to_string())]
+        );
+        assert_eq!((texts[1].u16(0), texts[1].u8(2)), (number, FAILED));
+        assert_eq!(rover.drives(), turn(1.0, 1.0), "still driving");
+        rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+        assert!(matches!(rover.deliver(&request), Event::Command(_)));
+    }
+}
+
+#[test]
+fn arming_is_refused_before_a_restart() {
+    for request in [reboot(), reboot_to_boot_loader(), provoke_fault()] {
+        let mut rover = Rover::new();
+        rover.deliver(&request);
+        rover.0.sent();
+        for force in [0.0, FORCED] {
+            let texts = rover.ask(&command_long_2(ARM_DISARM, 1.0, force), ARM_DISARM, FAILED);
+            assert_eq!(texts, [(CRITICAL, "Arm: restarting".to_string())]);
+        }
+    }
+}
+
+#[test]
+fn overrides_of_other_channels_are_no_heartbeat() {
+    let mut rover = Rover::armed_in(0.0);
+    rover.deliver(&heartbeat(GROUND_STATION));
+    let mut texts = Vec::new();
+    for _ in 0..60 {
+        rover.deliver(&rc_override(VEHICLE, 65535, 65535));
+        texts.extend(rover.wait(100_000));
+    }
+    assert_eq!(texts, ["GCS Failsafe: Hold"]);
+}
+
+#[test]
+fn sticks_are_ignored_in_hold_and_disarmed() {
+    let mut rover = Rover::armed_in(4.0);
+    rover.deliver(&manual_control(1, 0, 1000));
+    assert_eq!(rover.drives(), SideDrives::BRAKE);
+    rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    rover.deliver(&manual_control(1, 0, 1000));
+    assert_eq!(rover.drives(), SideDrives::COAST);
+}
+
+#[test]
+fn controls_time_out_after_fs_timeout() {
+    for timeout_s in [1.0, 1.5, 10.0] {
+        let mut rover = Rover::armed_in(0.0).with(VehicleParameter::FsTimeout, timeout_s);
+        rover.deliver(&manual_control(1, 0, 1000));
+        assert_eq!(rover.wait((timeout_s * 1e6) as u64), [""; 0]);
+        assert_eq!(rover.outputs(), turn(1.0, 1.0));
+        assert_eq!(rover.wait(20_000), ["Radio Failsafe: Hold"]);
+        assert_eq!(rover.outputs(), SideDrives::BRAKE);
+        assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
+        assert_eq!(rover.wait(30_000_000), [""; 0], "announced once");
+
+        let texts = rover.ask(&do_set_mode(0.0), DO_SET_MODE, FAILED);
+        assert_eq!(texts, [(WARNING, "Failsafe active: mode change denied".into())]);
+        rover.deliver(&manual_control(1, 0, 0));
+        assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, ACTIVE_STATE));
+        rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    }
+}
+
+#[test]
+fn only_ground_station_heartbeats_time_out() {
+    let mut rover = Rover::armed_in(0.0);
+    assert_eq!(rover.deliver(&heartbeat(ONBOARD_CONTROLLER)), Event::Ignored);
+    assert_eq!(rover.wait(5_000_000), [""; 0]);
+    for _ in 0..5 {
+        assert_eq!(
+            rover.deliver(&heartbeat(GROUND_STATION)),
+            Event::GroundStationHeard
+        );
+        // Also after a few lost ones.
+        assert_eq!(rover.wait(4_000_000), [""; 0]);
+    }
+    rover.deliver(&heartbeat(ONBOARD_CONTROLLER));
+    assert_eq!(rover.wait(1_200_000), ["GCS Failsafe: Hold"]);
+    assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
+    rover.deliver(&heartbeat(GROUND_STATION));
+    assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, ACTIVE_STATE));
+}
+
+#[test]
+fn battery_hold_can_be_left_and_termination_can_not() {
+    const BATTERY_RESET: u16 = 42651;
+    let mut parameters = Parameters::defaults();
+    for (parameter, value) in [
+        (BatteryParameter::LowTimer, 1.0),
+        (BatteryParameter::LowVolt, 10.5),
+        (BatteryParameter::FsLowAct, 2.0),
+        (BatteryParameter::CrtVolt, 9.5),
+        (BatteryParameter::FsCrtAct, 5.0),
+    ] {
+        let id: ParameterId = parameter.of(Pack::First);
+        parameters.set(id, value).expect("in range");
+    }
+    let mut rover = Rover(Desk::starting(Start::with_parameters(parameters)));
+    rover.sample(11.1, 2);
+    rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    rover.sample(10.0, 2);
+    assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
+    rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+    assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64 | 128, CRITICAL_STATE));
+
+    rover.sample(9.0, 2);
+    assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64, EMERGENCY_STATE));
+    rover.sample(11.1, 2);
+    for force in [0.0, 21196.0] {
+        let request = command_long_2(ARM_DISARM, 1.0, force);
+        let texts = rover.ask(&request, ARM_DISARM, FAILED);
+        assert!(texts.iter().all(|(severity, _)| *severity == CRITICAL));
+        assert!(force == 0.0 || texts[0].1 == "Arm: Terminated: reset the battery or restart");
+    }
+    let texts = rover.ask(&command_long(RUN_PREARM_CHECKS, 0.0), RUN_PREARM_CHECKS, ACCEPTED);
+    assert_eq!(texts[0].1, "PreArm: Terminated: reset the battery or restart");
+    rover.assert_ack(
+        &command_long_2(BATTERY_RESET, 1.0, 100.0),
+        BATTERY_RESET,
+        ACCEPTED,
+    );
+    rover.sample(11.1, 1);
+    rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+}
+
+/// Any request to the rover.
+fn request() -> impl Strategy<Value = Vec<u8>> {
+    prop_oneof![
+        Just(arm()),
+        Just(disarm()),
+        (0u8..6).prop_map(|mode| do_set_mode(f32::from(mode))),
+        any::<(u8, u32)>().prop_map(|(base_mode, mode)| set_mode(1, base_mode, mode)),
+        any::<(i16, i16)>().prop_map(|(steering, throttle)| manual_control(1, steering, throttle)),
+        any::<(u16, u16)>().prop_map(|(steering, throttle)| rc_override(VEHICLE, steering, throttle)),
+        (0u8..20).prop_map(heartbeat),
+        any::<(f32, f32)>().prop_map(|(param1, param2)| command_long_2(ARM_DISARM, param1, param2)),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn motors_turn_only_when_armed_in_manual(
+        requests in prop::collection::vec((request(), 0u64..2_000_000), 0..60),
+    ) {
+        let mut rover = Rover::new();
+        for (request, pause_us) in requests {
+            rover.deliver(&request);
+            rover.0.sent();
+            rover.wait(pause_us);
+            let (mode, flags, _) = rover.heartbeat();
+            let drives = rover.outputs();
+            match (flags & 128 != 0, mode) {
+                (false, _) => prop_assert_eq!(drives, SideDrives::COAST),
+                (true, HOLD) => prop_assert_eq!(drives, SideDrives::BRAKE),
+                (true, _) => for side in [drives.left, drives.right] {
+                    if let MotorDrive::Turn(share) = side {
+                        prop_assert!(share.abs() <= 1.0, "{share}");
+                    }
+                },
+            }
+        }
+    }
+}

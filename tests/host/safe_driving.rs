@@ -1,0 +1,433 @@
+//! Safety property, for any sequence of messages and gaps: motors turn only by a stick message that is not older than
+//! `FS_TIMEOUT`, has a permitted sender, and was received after arming; a stick deflected on arming has to be neutral
+//! first. The expected outputs are computed from the log of all messages by these rules alone.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::future::pending;
+
+use crate::desk::Desk;
+use crate::line::{BYTE_US, Line};
+use crate::signer::{NEW_YEAR, Signer};
+use crate::support::frames::{COMMAND_ACK, STATUSTEXT, frames, of_message};
+use crate::support::requests::{
+    arm, command_long_2, disarm, do_set_mode, heartbeat, manual_control, rc_override, set_mode, setup_signing,
+};
+use embassy_futures::join::join;
+use embassy_time::{Duration, Timer};
+use proptest::prelude::*;
+use rover_battmon::autopilot::Start;
+use rover_battmon::battery::ArmState;
+use rover_battmon::liveness::CheckIn;
+use rover_battmon::mavlink::LinkKind;
+use rover_battmon::parameter::{Parameters, VehicleParameter};
+use rover_battmon::sim::clock;
+use rover_battmon::tasks::{ByteSource, Link, ReceiveError, Shared, read_frames, write_frames};
+use rover_battmon::vehicle::{Mode, MotorDrive, SideDrives};
+
+const TIMEOUT_US: u64 = 1_500_000;
+/// Update interval of the vehicle.
+const TICK_US: u64 = 20_000;
+const NEUTRAL: f32 = 0.05;
+/// Signatures count tens of microseconds.
+const US_PER_TIMESTAMP: u64 = 10;
+const OWNER: u8 = 7;
+const STRANGER: u8 = 8;
+
+const ACCEPTED: u8 = 0;
+const FAILED: u8 = 4;
+
+const ARM_DISARM: u16 = 400;
+const FORCED: f32 = 21196.0;
+const GROUND_STATION: u8 = 6;
+
+/// What a message says about a stick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Says {
+    At(i16),
+    Released,
+    Nothing,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Target {
+    Rover,
+    RoverAsAWhole,
+    Everyone,
+    Other,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Sender {
+    Owner,
+    Stranger,
+    Unsigned,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Request {
+    ManualControl(Target, Says, Says),
+    Override(Target, Says, Says),
+    Arm { forced: bool },
+    Disarm,
+    CommandMode(u8),
+    SetMode(u8),
+    Heartbeat,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Receive {
+        request: Request,
+        sender: Sender,
+        waited_us: u64,
+    },
+    Wait(u64),
+}
+
+impl Request {
+    fn frame(self) -> Vec<u8> {
+        match self {
+            Self::ManualControl(target, steering, throttle) => {
+                manual_control(target.ids()[0], axis(steering), axis(throttle))
+            }
+            Self::Override(target, steering, throttle) => {
+                rc_override(target.ids(), pulse_us(steering), pulse_us(throttle))
+            }
+            Self::Arm { forced: false } => arm(),
+            Self::Arm { forced: true } => command_long_2(ARM_DISARM, 1.0, FORCED),
+            Self::Disarm => disarm(),
+            Self::CommandMode(mode) => do_set_mode(f32::from(mode)),
+            Self::SetMode(mode) => set_mode(1, 1, mode.into()),
+            Self::Heartbeat => heartbeat(GROUND_STATION),
+        }
+    }
+
+    /// Its steering and throttle, if it is for this rover.
+    fn sticks(self) -> Option<[Says; 2]> {
+        match self {
+            Self::ManualControl(target, steering, throttle) => {
+                target.names_us().then_some([steering, throttle])
+            }
+            Self::Override(target, steering, throttle) => target.names_us().then_some([steering, throttle]),
+            _ => None,
+        }
+    }
+}
+
+impl Target {
+    fn ids(self) -> [u8; 2] {
+        match self {
+            Self::Rover => [1, 1],
+            Self::RoverAsAWhole => [1, 0],
+            Self::Everyone => [0, 0],
+            Self::Other => [2, 1],
+        }
+    }
+
+    fn names_us(self) -> bool {
+        self.ids()[0] == 1
+    }
+}
+
+/// MANUAL_CONTROL can't leave an axis unchanged.
+fn axis(says: Says) -> i16 {
+    match says {
+        Says::At(position) => position,
+        Says::Released | Says::Nothing => i16::MAX,
+    }
+}
+
+fn pulse_us(says: Says) -> u16 {
+    match says {
+        Says::At(position) => (1500 + position / 2) as u16,
+        Says::Released => 0,
+        Says::Nothing => u16::MAX,
+    }
+}
+
+fn says() -> impl Strategy<Value = Says> {
+    let positions = prop::sample::select(vec![-1000, -500, -52, -50, 0, 0, 0, 50, 52, 500, 1000]);
+    prop_oneof![
+        6 => positions.prop_map(Says::At),
+        1 => Just(Says::Released),
+        3 => Just(Says::Nothing),
+    ]
+}
+
+/// An axis has a position or is released.
+fn axis_says() -> impl Strategy<Value = Says> {
+    says().prop_map(|says| {
+        if says == Says::Nothing {
+            Says::Released
+        } else {
+            says
+        }
+    })
+}
+
+fn target() -> impl Strategy<Value = Target> {
+    prop_oneof![
+        6 => Just(Target::Rover),
+        1 => Just(Target::RoverAsAWhole),
+        1 => Just(Target::Everyone),
+        1 => Just(Target::Other),
+    ]
+}
+
+fn request() -> impl Strategy<Value = Request> {
+    prop_oneof![
+        6 => (target(), axis_says(), axis_says())
+            .prop_map(|(target, steering, throttle)| Request::ManualControl(target, steering, throttle)),
+        6 => (target(), says(), says())
+            .prop_map(|(target, steering, throttle)| Request::Override(target, steering, throttle)),
+        3 => any::<bool>().prop_map(|forced| Request::Arm { forced }),
+        1 => Just(Request::Disarm),
+        3 => prop::sample::select(vec![0, 0, 0, 4]).prop_map(Request::CommandMode),
+        1 => prop::sample::select(vec![0, 0, 4]).prop_map(Request::SetMode),
+        1 => Just(Request::Heartbeat),
+    ]
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    let sender = prop_oneof![
+        4 => Just(Sender::Owner),
+        1 => Just(Sender::Stranger),
+        1 => Just(Sender::Unsigned),
+    ];
+    let waited_us = prop_oneof![6 => Just(0), 1 => 0u64..3_000_000];
+    prop_oneof![
+        3 => (request(), sender, waited_us)
+            .prop_map(|(request, sender, waited_us)| Step::Receive { request, sender, waited_us }),
+        1 => prop_oneof![0u64..200_000, 0u64..3_000_000].prop_map(Step::Wait),
+    ]
+}
+
+/// Log entry of a stick.
+#[derive(Clone, Copy)]
+enum Logged {
+    Says { received_us: u64, says: Says },
+    Armed { at_us: u64 },
+}
+
+/// Effective position of a stick by its log.
+fn position(log: &[Logged], now_us: u64) -> f32 {
+    let since_arming = log
+        .iter()
+        .rev()
+        .take_while(|entry| !matches!(entry, Logged::Armed { .. }));
+    let latest = since_arming.into_iter().find_map(|entry| match *entry {
+        Logged::Says {
+            says: Says::Nothing, ..
+        }
+        | Logged::Armed { .. } => None,
+        Logged::Says { received_us, says } => Some((received_us, says)),
+    });
+    match latest {
+        Some((received_us, Says::At(position))) if now_us - received_us <= TIMEOUT_US && !is_blocked(log) => {
+            f32::from(position) / 1000.0
+        }
+        _ => 0.0,
+    }
+}
+
+/// Whether it was deflected on arming, and neither neutral nor released since.
+fn is_blocked(log: &[Logged]) -> bool {
+    let mut is_blocked = false;
+    let mut latest = None;
+    for entry in log {
+        match *entry {
+            Logged::Says {
+                received_us,
+                says: Says::At(position),
+            } => {
+                let position = f32::from(position) / 1000.0;
+                is_blocked &= position.abs() > NEUTRAL;
+                latest = Some((received_us, position));
+            }
+            Logged::Says {
+                says: Says::Released, ..
+            } => (is_blocked, latest) = (false, None),
+            Logged::Says {
+                says: Says::Nothing, ..
+            } => {}
+            Logged::Armed { at_us } => {
+                is_blocked |= latest.is_some_and(|(received_us, position): (u64, f32)| {
+                    at_us - received_us <= TIMEOUT_US && position.abs() > NEUTRAL
+                });
+            }
+        }
+    }
+    is_blocked
+}
+
+fn mixed(throttle: f32, steering: f32) -> SideDrives {
+    let scale = (throttle + steering)
+        .abs()
+        .max((throttle - steering).abs())
+        .max(1.0);
+    let drive = |share: f32| {
+        if share.abs() < 0.01 {
+            MotorDrive::Coast
+        } else {
+            MotorDrive::Turn(share)
+        }
+    };
+    SideDrives {
+        left: drive((throttle + steering) / scale),
+        right: drive((throttle - steering) / scale),
+    }
+}
+
+fn are_alike(one: MotorDrive, other: MotorDrive) -> bool {
+    match (one, other) {
+        (MotorDrive::Turn(one), MotorDrive::Turn(other)) => (one - other).abs() < 1e-6,
+        _ => one == other,
+    }
+}
+
+/// Runs the vehicle's ticks up to `until_us`.
+fn wait(desk: &mut Desk, until_us: u64) {
+    while desk.now_us < until_us {
+        desk.now_us = until_us.min(desk.now_us + TICK_US);
+        desk.drive();
+    }
+}
+
+fn check(steps: &[Step], link: LinkKind, with_key: bool) -> Result<(), TestCaseError> {
+    let mut desk = Desk::new();
+    let mut signers = [Signer::new(OWNER), Signer::new(STRANGER)];
+    if with_key {
+        desk.connect(LinkKind::Direct);
+        desk.receive_in_chunks(&setup_signing([OWNER; 32], NEW_YEAR), 64);
+        signers
+            .iter_mut()
+            .for_each(|signer| signer.timestamp = NEW_YEAR + 1_000_000);
+    }
+    desk.connect(link);
+    desk.set(VehicleParameter::MotSlewrate, 0.0);
+    desk.now_us = 10_000_000;
+    let mut logs = [Vec::new(), Vec::new()];
+    for step in steps {
+        match *step {
+            Step::Wait(us) => {
+                let until_us = desk.now_us + us;
+                wait(&mut desk, until_us);
+                signers
+                    .iter_mut()
+                    .for_each(|signer| signer.timestamp += us / US_PER_TIMESTAMP);
+            }
+            Step::Receive {
+                request,
+                sender,
+                waited_us,
+            } => {
+                let frame = request.frame();
+                let frame = match sender {
+                    Sender::Owner => signers[0].sign(&frame),
+                    Sender::Stranger => signers[1].sign(&frame),
+                    Sender::Unsigned => frame,
+                };
+                let before = desk.vehicle().arm_state();
+                desk.waited_us = waited_us;
+                desk.receive_in_chunks(&frame, 64);
+                desk.sent();
+                let is_permitted = !with_key || matches!(sender, Sender::Owner);
+                prop_assert!(is_permitted || desk.vehicle().arm_state() == before);
+                if let Some(says) = request
+                    .sticks()
+                    .filter(|_| is_permitted && waited_us <= TIMEOUT_US)
+                {
+                    let received_us = desk.now_us - waited_us;
+                    for (log, says) in logs.iter_mut().zip(says) {
+                        log.push(Logged::Says { received_us, says });
+                    }
+                }
+                if (before, desk.vehicle().arm_state()) == (ArmState::Disarmed, ArmState::Armed) {
+                    prop_assert!(waited_us <= TIMEOUT_US);
+                    logs.iter_mut()
+                        .for_each(|log| log.push(Logged::Armed { at_us: desk.now_us }));
+                }
+                desk.drive();
+            }
+        }
+        let status = desk.vehicle().status();
+        let [steering, throttle] = [0, 1].map(|stick| position(&logs[stick], desk.now_us));
+        let expected = match (status.arm_state, status.mode) {
+            (ArmState::Disarmed, _) => SideDrives::COAST,
+            (ArmState::Armed, Mode::Hold) => SideDrives::BRAKE,
+            (ArmState::Armed, Mode::Manual) => mixed(throttle, steering),
+        };
+        let drives = desk.vehicle().drives();
+        let is_right = are_alike(drives.left, expected.left) && are_alike(drives.right, expected.right);
+        prop_assert!(is_right, "{drives:?}, not {expected:?}");
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2_000))]
+
+    #[test]
+    fn motors_turn_only_by_recent_stick_messages_since_arming(
+        steps in prop::collection::vec(step(), 0..80),
+    ) {
+        check(&steps, LinkKind::Radio, false)?;
+    }
+
+    #[test]
+    fn with_a_key_motors_turn_only_by_signed_stick_messages(
+        steps in prop::collection::vec(step(), 0..80),
+    ) {
+        check(&steps, LinkKind::Radio, true)?;
+    }
+}
+
+/// A source that holds these bytes, and gives the next piece each time it was found empty.
+struct Held(VecDeque<Vec<u8>>);
+
+impl ByteSource for Held {
+    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
+        let Some(piece) = self.0.pop_front() else {
+            return pending().await;
+        };
+        if piece.is_empty() {
+            Timer::after_millis(10).await;
+            return Box::pin(self.receive(buffer)).await;
+        }
+        buffer[..piece.len()].copy_from_slice(&piece);
+        Ok(piece.len())
+    }
+}
+
+/// A port that a program on the host has left, or a connection that waited, may hold orders of any age.
+#[test]
+fn what_a_source_holds_when_its_link_opens_arms_nothing() {
+    let check_in = CheckIn::new("", u32::MAX);
+    let sent = RefCell::default();
+    clock::run_for(Duration::from_secs(5), async {
+        let shared = Shared::new(&Start::with_parameters(Parameters::defaults()));
+        let link = Link::new("line", LinkKind::Direct, 11_520);
+        Timer::after_secs(2).await;
+        let found_empty = Vec::new();
+        let arm = command_long_2(ARM_DISARM, 1.0, FORCED);
+        let source = Held(VecDeque::from([arm.clone(), found_empty, arm]));
+        let line = Line {
+            byte_us: BYTE_US,
+            sent: &sent,
+        };
+        join(
+            read_frames(source, &shared, &link, &check_in),
+            write_frames(line, &shared, &link, &check_in),
+        )
+        .await
+    });
+    let answers = frames(&sent.take());
+    let acks: Vec<_> = of_message(&answers, COMMAND_ACK)
+        .iter()
+        .map(|ack| ack.u8(2))
+        .collect();
+    assert_eq!(acks, [FAILED, ACCEPTED]);
+    let texts = of_message(&answers, STATUSTEXT);
+    assert_eq!(texts[0].text(1, 50), "Command waited for too long: refused");
+}

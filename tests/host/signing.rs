@@ -1,0 +1,453 @@
+//! Who may do what on a link, and what leaves it, once a signing key is set.
+
+use crate::desk::Desk;
+use proptest::prelude::*;
+use rover_battmon::autopilot::Start;
+use rover_battmon::battery::{BatteryState, PackDetails, PackStatus};
+use rover_battmon::mavlink::{Event, LinkKind, SetupRefused, SigningChange, SigningTrouble, StoredSigning};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::storage::Condition;
+
+use crate::signer::{NEW_YEAR, Signer};
+use crate::support::frames::{
+    BATTERY_INFO, COMMAND_ACK, HEARTBEAT, PARAM_SET, PARAM_VALUE, SYS_STATUS, SysStatus, encode_v1,
+    of_message, texts_of,
+};
+use crate::support::requests::{
+    EVERYONE, VEHICLE, arm, command_long, command_long_2, disarm, heartbeat, manual_control,
+    param_read_by_name, param_request_list, param_set, param_set_payload, ping, provoke_fault, radio_status,
+    reboot, reboot_to_boot_loader, set_mode, setup_signing, setup_signing_of,
+};
+
+const ARM_DISARM: u16 = 400;
+/// Arms without checks.
+const FORCED: f32 = 21196.0;
+const LOW_VOLT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::LowVolt);
+
+/// What their keys are made of.
+const OWNER: u8 = 7;
+const STRANGER: u8 = 8;
+
+const MINUTE_US: u64 = 60_000_000;
+
+const REQUEST_MESSAGE: u16 = 512;
+
+const NOTHING: f32 = 0.0;
+const REQUESTS: f32 = 1.0;
+const EVERYTHING: f32 = 2.0;
+
+fn desk(kind: LinkKind) -> Desk {
+    let mut desk = Desk::new();
+    desk.connect(kind);
+    desk
+}
+
+/// A radio link of a vehicle whose owner has set up a key by cable.
+fn protected() -> Desk {
+    let mut desk = desk(LinkKind::Direct);
+    let events = desk.receive_in_chunks(&setup_signing([OWNER; 32], NEW_YEAR), 64);
+    assert_eq!(events, [Event::SigningSetUp(SigningChange::KeySet)]);
+    desk.connect(LinkKind::Radio);
+    desk
+}
+
+fn was_obeyed(desk: &mut Desk, request: &[u8]) -> bool {
+    let events = desk.receive_in_chunks(request, 64);
+    assert_eq!(events.len(), 1);
+    !matches!(events[0], Event::Unauthorized { .. })
+}
+
+/// What changes something, and what only reads.
+fn changing_requests() -> Vec<Vec<u8>> {
+    vec![
+        param_set("BATT_LOW_VOLT", 6.5),
+        arm(),
+        reboot(),
+        reboot_to_boot_loader(),
+        provoke_fault(),
+        set_mode(1, 1, 0),
+        manual_control(1, 0, 500),
+        setup_signing([STRANGER; 32], NEW_YEAR),
+    ]
+}
+
+fn reading_requests() -> Vec<Vec<u8>> {
+    vec![
+        param_request_list(VEHICLE),
+        param_read_by_name("BATT_LOW_VOLT"),
+        command_long(REQUEST_MESSAGE, 1.0),
+        ping(1, 1),
+    ]
+}
+
+#[test]
+fn a_key_can_be_set_up_by_cable_only() {
+    let mut radio = desk(LinkKind::Radio);
+    let events = radio.receive_in_chunks(&setup_signing([OWNER; 32], NEW_YEAR), 64);
+    assert_eq!(events, [Event::SigningRefused(SetupRefused::NotDirect)]);
+    assert_eq!(texts_of(&radio.sent()), ["Signing is set up by USB only"]);
+    assert!(
+        was_obeyed(&mut radio, &param_set("BATT_LOW_VOLT", 6.5)),
+        "nothing has changed"
+    );
+
+    // Not even with the key.
+    let mut radio = protected();
+    let mut signer = Signer::new(OWNER);
+    let signed = signer.sign(&setup_signing([STRANGER; 32], NEW_YEAR));
+    let events = radio.receive_in_chunks(&signed, 64);
+    assert_eq!(events, [Event::SigningRefused(SetupRefused::NotDirect)]);
+    assert!(was_obeyed(&mut radio, &signer.sign(&arm())));
+}
+
+#[test]
+fn a_setup_with_an_impossible_time_or_another_target_changes_nothing() {
+    let mut cable = desk(LinkKind::Direct);
+    let events = cable.receive_in_chunks(&setup_signing([OWNER; 32], 1 << 48), 64);
+    assert_eq!(events, [Event::SigningRefused(SetupRefused::BadTime)]);
+    for target in [EVERYONE, [2, 1]] {
+        let request = setup_signing_of(target, [OWNER; 32], NEW_YEAR);
+        assert_eq!(cable.receive_in_chunks(&request, 64), [Event::Ignored]);
+    }
+    cable.sent();
+    cable.post_due(0);
+    assert!(cable.sent().iter().all(|frame| frame.signed.is_none()));
+}
+
+#[test]
+fn without_the_key_the_radio_is_deaf_to_everything_but_radios() {
+    let mut radio = protected();
+    for request in [changing_requests(), reading_requests()].concat() {
+        assert!(!was_obeyed(&mut radio, &request));
+        assert!(!was_obeyed(&mut radio, &Signer::new(STRANGER).sign(&request)));
+    }
+    let v1 = encode_v1(PARAM_SET, &param_set_payload(VEHICLE, "BATT_LOW_VOLT", 6.5));
+    assert!(!was_obeyed(&mut radio, &v1));
+    assert!(was_obeyed(&mut radio, &radio_status(50)));
+    assert_eq!(radio.sent(), [], "no request is answered");
+    assert_eq!(*radio.parameters(), Parameters::defaults());
+    let mut signer = Signer::new(OWNER);
+    for request in [reading_requests(), changing_requests()].concat() {
+        assert!(was_obeyed(&mut radio, &signer.sign(&request)));
+    }
+}
+
+#[test]
+fn requests_alone_can_be_allowed_without_the_key() {
+    let mut radio = protected();
+    radio.set(VehicleParameter::SignUartAllow, REQUESTS);
+    for request in reading_requests() {
+        assert!(was_obeyed(&mut radio, &request));
+    }
+    for request in changing_requests() {
+        assert!(!was_obeyed(&mut radio, &request));
+    }
+}
+
+#[test]
+fn no_key_is_set_up_or_removed_while_armed() {
+    for (mut cable, key) in [(protected(), [0; 32]), (desk(LinkKind::Direct), [STRANGER; 32])] {
+        cable.connect(LinkKind::Direct);
+        cable.ask(&command_long_2(ARM_DISARM, 1.0, FORCED));
+        let events = cable.receive_in_chunks(&setup_signing(key, NEW_YEAR), 64);
+        assert_eq!(events, [Event::SigningRefused(SetupRefused::Armed)]);
+        assert!(texts_of(&cable.sent()).contains(&"Not while armed: disarm first".to_owned()));
+        cable.ask(&disarm());
+        let events = cable.receive_in_chunks(&setup_signing(key, NEW_YEAR), 64);
+        assert!(matches!(events[0], Event::SigningSetUp(_)));
+    }
+}
+
+#[test]
+fn a_cable_takes_everything_unless_its_owner_says_otherwise() {
+    let mut cable = protected();
+    cable.connect(LinkKind::Direct);
+    for request in [reading_requests(), changing_requests()].concat() {
+        // Before the key is set up, which is the last one.
+        cable.ask(&disarm());
+        assert!(was_obeyed(&mut cable, &request));
+    }
+    // The last one was another key. Now the cable is as deaf as the radio.
+    cable.set(VehicleParameter::SignUsbAllow, NOTHING);
+    for request in [reading_requests(), changing_requests()].concat() {
+        assert!(!was_obeyed(&mut cable, &request));
+    }
+    let mut signer = Signer::new(STRANGER);
+    signer.timestamp += 1000;
+    assert!(was_obeyed(
+        &mut cable,
+        &signer.sign(&setup_signing([OWNER; 32], NEW_YEAR))
+    ));
+}
+
+#[test]
+fn a_lost_key_locks_until_another_is_set_up_by_cable_whatever_the_cable_takes() {
+    let without_key = |kind| {
+        let signing = StoredSigning::default().restore(Condition::Damaged);
+        assert_eq!(signing.trouble(), Some(SigningTrouble::KeyLost));
+        let mut desk = Desk::starting(Start {
+            signing,
+            ..Start::with_parameters(Parameters::defaults())
+        });
+        desk.connect(kind);
+        desk
+    };
+    let mut radio = without_key(LinkKind::Radio);
+    for request in [changing_requests(), reading_requests()].concat() {
+        assert!(!was_obeyed(&mut radio, &request));
+        assert!(!was_obeyed(&mut radio, &Signer::new(OWNER).sign(&request)));
+    }
+    assert_eq!(radio.sent(), []);
+
+    let mut cable = without_key(LinkKind::Direct);
+    cable.set(VehicleParameter::SignUsbAllow, NOTHING);
+    assert!(!was_obeyed(&mut cable, &param_set("BATT_LOW_VOLT", 6.5)));
+    let events = cable.receive_in_chunks(&setup_signing([OWNER; 32], NEW_YEAR), 64);
+    assert_eq!(events, [Event::SigningSetUp(SigningChange::KeySet)]);
+    // From now on it takes the key again.
+    assert!(!was_obeyed(&mut cable, &setup_signing([STRANGER; 32], NEW_YEAR)));
+    assert!(was_obeyed(&mut cable, &Signer::new(OWNER).sign(&arm())));
+}
+
+#[test]
+fn a_frame_that_was_held_back_for_over_a_minute_does_not_count() {
+    let mut radio = protected();
+    let mut owner = Signer::new(OWNER);
+    assert!(was_obeyed(&mut radio, &owner.sign(&arm())));
+    // The owner's next frame is jammed and recorded, and the owner falls silent.
+    let held_back = owner.sign(&manual_control(1, 0, 1000));
+    radio.now_us = 61_000_000;
+    assert!(!was_obeyed(&mut radio, &held_back));
+    radio.post_due(radio.now_us);
+    owner.hear(&radio.sent());
+    assert!(was_obeyed(&mut radio, &owner.sign(&manual_control(1, 0, 1000))));
+}
+
+#[test]
+fn without_the_key_wifi_is_deaf_until_it_is_allowed_more() {
+    let mut wifi = protected();
+    wifi.connect(LinkKind::Wifi);
+    // What is allowed on the other links does not matter here.
+    wifi.set(VehicleParameter::SignUartAllow, EVERYTHING);
+    for request in [changing_requests(), reading_requests()].concat() {
+        assert!(!was_obeyed(&mut wifi, &request));
+        assert!(!was_obeyed(&mut wifi, &Signer::new(STRANGER).sign(&request)));
+    }
+    assert_eq!(wifi.sent(), [], "no request is answered");
+    assert_eq!(wifi.statistics().unauthorized, 24);
+
+    wifi.set(VehicleParameter::SignWifiAllow, REQUESTS);
+    assert!(was_obeyed(&mut wifi, &ping(1, 1)));
+    assert!(!was_obeyed(&mut wifi, &param_set("BATT_LOW_VOLT", 6.5)));
+    wifi.set(VehicleParameter::SignWifiAllow, EVERYTHING);
+    assert!(was_obeyed(&mut wifi, &param_set("BATT_LOW_VOLT", 6.5)));
+    assert!(was_obeyed(&mut wifi, &Signer::new(OWNER).sign(&disarm())));
+}
+
+#[test]
+fn no_key_is_set_up_by_wifi() {
+    let mut wifi = desk(LinkKind::Wifi);
+    let events = wifi.receive_in_chunks(&setup_signing([OWNER; 32], NEW_YEAR), 64);
+    assert_eq!(events, [Event::SigningRefused(SetupRefused::NotDirect)]);
+}
+
+#[test]
+fn every_kind_of_link_has_a_number_of_its_own_in_signatures() {
+    for (kind, number) in [(LinkKind::Radio, 0), (LinkKind::Direct, 1), (LinkKind::Wifi, 2)] {
+        let mut link = protected();
+        link.sent();
+        link.connect(kind);
+        link.post_due(0);
+        let sent = link.sent();
+        let signed = sent
+            .first()
+            .and_then(|frame| frame.signed.as_ref())
+            .expect("signed");
+        // It stands before the time and the signature of six bytes each.
+        assert_eq!(signed[signed.len() - 13], number, "{kind:?}");
+    }
+}
+
+#[test]
+fn everything_can_be_allowed_on_the_radio_too() {
+    let mut radio = protected();
+    radio.set(VehicleParameter::SignUartAllow, EVERYTHING);
+    assert!(was_obeyed(&mut radio, &param_set("BATT_LOW_VOLT", 6.5)));
+}
+
+#[test]
+fn a_frame_that_was_heard_once_does_not_count_again() {
+    let mut radio = protected();
+    let mut signer = Signer::new(OWNER);
+    let first = signer.sign(&param_set("BATT_LOW_VOLT", 6.5));
+    let second = signer.sign(&param_set("BATT_LOW_VOLT", 7.0));
+    assert!(was_obeyed(&mut radio, &first));
+    assert!(was_obeyed(&mut radio, &second));
+    assert!(!was_obeyed(&mut radio, &first));
+    assert!(!was_obeyed(&mut radio, &second));
+    assert_eq!(radio.parameters().get(LOW_VOLT), 7.0);
+
+    // On another link of the same vehicle neither.
+    radio.connect(LinkKind::Radio);
+    assert!(!was_obeyed(&mut radio, &second));
+}
+
+#[test]
+fn what_leaves_is_signed_with_times_that_only_grow() {
+    let mut radio = protected();
+    radio.sent();
+    let owner = Signer::new(OWNER);
+    let mut latest = NEW_YEAR;
+    for second in 0..5 {
+        radio.now_us = second * 1_000_000;
+        radio.post_due(radio.now_us);
+        let frames = radio.sent();
+        assert!(!of_message(&frames, HEARTBEAT).is_empty());
+        for frame in &frames {
+            let (link, time) = owner.verify(frame);
+            assert_eq!(link, 0);
+            assert!(time > latest || (time == NEW_YEAR && second == 0));
+            latest = time;
+        }
+    }
+    assert!(latest >= NEW_YEAR + 400_000, "four seconds have passed");
+}
+
+#[test]
+fn our_time_follows_who_is_ahead() {
+    let mut radio = protected();
+    let mut signer = Signer::new(OWNER);
+    signer.timestamp += 1_000_000_000;
+    let frames = radio.ask(&signer.sign(&param_read_by_name("BATT_LOW_VOLT")));
+    let answer = of_message(&frames, PARAM_VALUE)[0];
+    assert!(Signer::new(OWNER).verify(answer).1 >= NEW_YEAR + 1_000_000_000);
+    // Another sender with the key, two hours behind, is refused until it catches up: it could be a replay.
+    let mut late = Signer::new(OWNER);
+    late.link = 4;
+    assert!(!was_obeyed(&mut radio, &late.sign(&arm())));
+    late.timestamp = signer.timestamp - 50 * 100_000;
+    assert!(was_obeyed(&mut radio, &late.sign(&arm())));
+}
+
+#[test]
+fn a_removed_key_protects_nothing_any_more() {
+    let mut cable = protected();
+    cable.connect(LinkKind::Direct);
+    assert!(cable.ask(&ping(1, 1))[0].signed.is_some());
+    let events = cable.receive_in_chunks(&setup_signing([0; 32], 0), 64);
+    assert_eq!(events, [Event::SigningSetUp(SigningChange::KeyRemoved)]);
+    cable.connect(LinkKind::Radio);
+    let answers = cable.ask(&param_set("BATT_LOW_VOLT", 6.5));
+    assert_eq!(of_message(&answers, PARAM_VALUE).len(), 1);
+    assert!(answers.iter().all(|frame| frame.signed.is_none()));
+}
+
+#[test]
+fn what_is_ignored_is_counted_and_announced_once_a_minute() {
+    let mut radio = protected();
+    let mut reported = Vec::new();
+    for second in 0..180 {
+        radio.now_us = second * 1_000_000;
+        for event in radio.receive_in_chunks(&param_set("BATT_LOW_VOLT", 6.5), 64) {
+            match event {
+                Event::Unauthorized { to_report } => reported.extend(to_report.map(|count| (second, count))),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+    assert_eq!(reported, [(0, 1), (60, 61), (120, 121)]);
+    radio.sent();
+    radio.post_due(3 * MINUTE_US);
+    let frames = radio.sent();
+    let status = SysStatus(of_message(&frames, SYS_STATUS)[0]);
+    assert_eq!(status.dropped(), 0);
+    assert_eq!(radio.statistics().unauthorized, 180);
+}
+
+#[test]
+fn other_vehicles_heartbeats_are_no_news() {
+    let mut radio = protected();
+    let events = radio.receive_in_chunks(&heartbeat(2), 64);
+    assert_eq!(events, [Event::Ignored]);
+}
+
+#[test]
+fn smart_batteries_are_described_to_a_ground_station_with_the_key_only() {
+    let gcs = 6;
+    let mut radio = protected();
+    radio.set_batteries(&[BatteryState {
+        status: PackStatus::Healthy,
+        details: PackDetails {
+            cycle_count: Some(7),
+            ..PackDetails::default()
+        },
+        ..BatteryState::default()
+    }]);
+    radio.receive_in_chunks(&heartbeat(gcs), 64);
+    assert_eq!(of_message(&radio.sent(), BATTERY_INFO).len(), 0);
+    radio.receive_in_chunks(&Signer::new(OWNER).sign(&heartbeat(gcs)), 64);
+    assert_eq!(of_message(&radio.sent(), BATTERY_INFO).len(), 1);
+}
+
+#[test]
+fn a_ground_station_without_the_key_does_not_keep_the_failsafe_from_acting() {
+    let gcs = 6;
+    let mut radio = protected();
+    let mut owner = Signer::new(OWNER);
+    radio.receive_in_chunks(&owner.sign(&heartbeat(gcs)), 64);
+    radio.set(VehicleParameter::ArmingCheck, 0.0);
+    assert!(was_obeyed(&mut radio, &owner.sign(&arm())));
+    for second in 1..10 {
+        radio.now_us = second * 1_000_000;
+        radio.receive_in_chunks(&heartbeat(gcs), 64);
+        radio.drive();
+    }
+    radio.post_due(radio.now_us);
+    let texts = texts_of(&radio.sent());
+    assert!(
+        texts.contains(&"GCS Failsafe: Hold".to_string()),
+        "the ground station with the key has been silent for 9 s"
+    );
+}
+
+#[test]
+fn no_answer_holds_the_key() {
+    let mut radio = protected();
+    let mut signer = Signer::new(OWNER);
+    let mut sent = radio.ask(&signer.sign(&param_request_list(VEHICLE)));
+    for step in 0..3000 {
+        radio.now_us = step * 10_000;
+        radio.post_due(radio.now_us);
+        sent.extend(radio.sent());
+    }
+    assert!(of_message(&sent, PARAM_VALUE).len() > 50);
+    assert!(of_message(&sent, COMMAND_ACK).is_empty());
+    for frame in sent {
+        let bytes = frame.signed.expect("it is signed");
+        assert!(bytes.windows(4).all(|bytes| bytes != [OWNER; 4]));
+    }
+}
+
+proptest! {
+    /// Whatever is changed in a signed frame, and whatever is behind it: nothing happens.
+    #[test]
+    fn nothing_forged_is_obeyed(
+        which in 0..6_usize,
+        changes in prop::collection::vec((any::<prop::sample::Index>(), 1..=255_u8), 1..4),
+    ) {
+        let mut radio = protected();
+        let mut frame = Signer::new(OWNER).sign(&changing_requests()[which]);
+        let whole = frame.clone();
+        for (at, change) in changes {
+            // The first three bytes make it a signed frame; another start is another test.
+            let at = 3 + at.index(frame.len() - 3);
+            frame[at] ^= change;
+        }
+        prop_assume!(frame != whole);
+        for event in radio.receive_in_chunks(&frame, 64) {
+            prop_assert!(matches!(event, Event::Unauthorized { .. } | Event::Ignored), "{event:?}");
+        }
+        prop_assert_eq!(radio.parameters(), &Parameters::defaults());
+    }
+}

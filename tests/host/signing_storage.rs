@@ -1,0 +1,402 @@
+//! What of signing outlasts restarts, damage, power cuts and flash that fails, from set-up by cable to who is obeyed by radio.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::future::pending;
+use std::sync::LazyLock;
+
+use crate::desk::Desk;
+use crate::flash::{FLASH_BYTES, Fault, SmallFlash};
+use crate::line::{BYTE_US, Line};
+use crate::signer::{NEW_YEAR, Signer};
+use crate::support::frames::{Frame, frames, texts_of};
+use crate::support::requests::{param_set, reboot, setup_signing};
+use embassy_futures::block_on;
+use embassy_futures::join::join3;
+use embassy_futures::select::select;
+use embassy_time::{Duration, Instant, Timer};
+use fastrand::Rng;
+use proptest::prelude::*;
+use rover_battmon::autopilot::Start;
+use rover_battmon::liveness::CheckIn;
+use rover_battmon::mavlink::{Event, LinkKind, Signing};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
+use rover_battmon::sim::clock;
+use rover_battmon::storage::Storage;
+use rover_battmon::tasks::{
+    ByteSource, Link, ReceiveError, Shared, SigningStorage, keep_signing, reboot_requested, serve_link,
+};
+
+/// What keys are made of; 0 is none.
+const NONE: u8 = 0;
+const OLD: u8 = 6;
+const OWNER: u8 = 7;
+
+const KEY_SET: &str = "Signing key set";
+const KEY_REMOVED: &str = "Signing key removed: commands are taken from anybody";
+const KEY_LOST: &str = "Signing key lost, commands locked: set up by USB";
+const NOT_SAVED: &str = "Signing not saved: set it up again after a restart";
+
+const TICKS_PER_SECOND: u64 = 100_000;
+
+/// Bytes that come at given seconds.
+struct Script(VecDeque<(u64, Vec<u8>)>);
+
+impl ByteSource for Script {
+    async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
+        let Some((second, bytes)) = self.0.front() else {
+            return pending().await;
+        };
+        Timer::at(Instant::from_secs(*second)).await;
+        buffer[..bytes.len()].copy_from_slice(bytes);
+        let length = bytes.len();
+        self.0.pop_front();
+        Ok(length)
+    }
+}
+
+/// What one start of a vehicle has sent.
+struct Run {
+    cable: Vec<Frame>,
+    radio: Vec<Frame>,
+    /// By another cable, plugged in when half of the time was over.
+    late_cable: Vec<Frame>,
+}
+
+/// Runs a vehicle with this flash until a restart is requested, or for this many seconds. Requests come by cable.
+fn run(seconds: u64, flash: &SmallFlash, requests: &[(u64, Vec<u8>)]) -> Run {
+    run_while(seconds, flash, requests, pending())
+}
+
+/// No pack, whose announcements would come in between.
+fn without_packs() -> Parameters {
+    let mut parameters = Parameters::defaults();
+    let monitor: ParameterId = BatteryParameter::Monitor.of(Pack::First);
+    parameters.set(monitor, 0.0).unwrap();
+    parameters
+}
+
+/// The same, while something else happens.
+fn run_while(
+    seconds: u64,
+    flash: &SmallFlash,
+    requests: &[(u64, Vec<u8>)],
+    script: impl Future<Output = ()>,
+) -> Run {
+    let check_in = CheckIn::new("", u32::MAX);
+    let sent = [const { RefCell::new(Vec::new()) }; 3];
+    let requests = requests.iter().cloned().collect();
+    clock::run_for(Duration::from_secs(seconds), async {
+        let storage = Storage::new(flash.clone(), 0..FLASH_BYTES as u32);
+        let mut start = Start::with_parameters(without_packs());
+        let storage = SigningStorage::load(storage, &mut start.signing).await;
+        let shared = Shared::new(&start);
+        let serve = async |kind, sent, requests| {
+            let link = Link::new("link", kind, 11_520);
+            let byte_us = BYTE_US;
+            serve_link(
+                Line { byte_us, sent },
+                Script(requests),
+                &shared,
+                &link,
+                &check_in,
+            )
+            .await;
+        };
+        let late = async {
+            Timer::after_secs(seconds / 2).await;
+            serve(LinkKind::Direct, &sent[2], VecDeque::new()).await;
+        };
+        let links = join3(
+            serve(LinkKind::Direct, &sent[0], requests),
+            serve(LinkKind::Radio, &sent[1], VecDeque::new()),
+            late,
+        );
+        let vehicle = join3(keep_signing(storage, &shared, &check_in), links, script);
+        select(vehicle, reboot_requested(&shared, || true)).await;
+    });
+    let [cable, radio, late_cable] = sent.map(|sent| frames(&sent.take()));
+    Run {
+        cable,
+        radio,
+        late_cable,
+    }
+}
+
+/// A request to set up this key `second` seconds after the start, when the ground station's clock says so, too.
+fn set_up(second: u64, key: u8) -> (u64, Vec<u8>) {
+    let time = if key == NONE {
+        0
+    } else {
+        NEW_YEAR + second * TICKS_PER_SECOND
+    };
+    (second, setup_signing([key; 32], time))
+}
+
+/// The flash of a vehicle that ran for so long, with these keys set up one second after another.
+fn flash_after(seconds: u64, keys: &[u8]) -> SmallFlash {
+    let flash = SmallFlash::blank();
+    let requests: Vec<_> = (1..)
+        .zip(keys)
+        .map(|(second, key)| set_up(second, *key))
+        .collect();
+    run(seconds, &flash, &requests);
+    flash
+}
+
+fn count(frames: &[Frame], text: &str) -> usize {
+    texts_of(frames).iter().filter(|said| *said == text).count()
+}
+
+/// Which frames a vehicle obeys by radio.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Obeys {
+    Everyone,
+    Key(u8),
+    Nothing,
+}
+
+fn start(flash: &SmallFlash) -> Signing {
+    let mut signing = Signing::off();
+    let storage = Storage::new(flash.clone(), 0..FLASH_BYTES as u32);
+    block_on(SigningStorage::load(storage, &mut signing));
+    signing
+}
+
+/// What a vehicle does when it is started with this flash. `recorded` is what its owner has sent before.
+fn obeys(flash: &SmallFlash, recorded: &[u8]) -> Obeys {
+    let signing = start(flash);
+    let is_lost = signing.has_lost_key();
+    let mut desk = Desk::starting(Start {
+        signing,
+        ..Start::with_parameters(Parameters::defaults())
+    });
+    let mut takes = |request: &[u8]| {
+        let events = desk.receive_in_chunks(request, 64);
+        let is_refused = |event: &Event| matches!(event, Event::Unauthorized { .. });
+        !events.iter().all(is_refused)
+    };
+    if takes(&param_set("BATT_LOW_VOLT", 6.5)) {
+        assert!(!is_lost);
+        return Obeys::Everyone;
+    }
+    assert!(!takes(recorded), "a recording is obeyed");
+    let key = [OLD, OWNER].into_iter().find(|key| {
+        let mut signer = Signer::new(*key);
+        // A day later.
+        signer.timestamp += 86_400 * TICKS_PER_SECOND;
+        takes(&signer.sign(&param_set("BATT_LOW_VOLT", 6.5)))
+    });
+    assert_eq!(is_lost, key.is_none(), "locked for ever and not announced");
+    key.map_or(Obeys::Nothing, Obeys::Key)
+}
+
+/// What the owner sent `second` seconds after New Year.
+fn recorded(second: u64) -> Vec<u8> {
+    let mut signer = Signer::new(OWNER);
+    signer.timestamp += second * TICKS_PER_SECOND;
+    signer.sign(&param_set("BATT_LOW_VOLT", 6.25))
+}
+
+#[test]
+fn whichever_bit_flips_the_choice_stays_or_the_key_is_lost() {
+    // At once, after some marks, and when the records have moved to the other sector, once and twice.
+    let histories: [(u64, &[u8]); 8] = [
+        (3, &[OWNER]),
+        (4, &[NONE, OWNER]),
+        (4, &[OLD, OWNER]),
+        (5, &[OLD, NONE, OWNER]),
+        (4, &[OWNER, NONE]),
+        (300, &[OLD, NONE, OWNER]),
+        (1200, &[OLD, OWNER]),
+        (2400, &[NONE, OLD, OWNER]),
+    ];
+    for (seconds, keys) in histories {
+        let flash = flash_after(seconds, keys);
+        let expected = match keys.last() {
+            Some(&NONE) => Obeys::Everyone,
+            _ => Obeys::Key(OWNER),
+        };
+        let recording = recorded(seconds - 1);
+        assert_eq!(obeys(&flash.repaired(), &recording), expected);
+        let mut lost = 0;
+        for bit in 0..8 * FLASH_BYTES {
+            let outcome = obeys(&flash.with_flipped_bit(bit), &recording);
+            assert!(
+                outcome == expected || outcome == Obeys::Nothing,
+                "{keys:?} after {seconds} s, bit {bit}: {outcome:?}"
+            );
+            lost += usize::from(outcome == Obeys::Nothing);
+        }
+        // The eight words of the key are stored once.
+        let in_key = 8 * 12 * 8;
+        assert!(
+            expected == Obeys::Everyone || lost <= in_key + 32,
+            "{keys:?}: {lost}"
+        );
+    }
+}
+
+#[test]
+fn damaged_headers_lock_and_blank_flash_does_not() {
+    assert_eq!(obeys(&SmallFlash::blank(), &[]), Obeys::Everyone);
+    let flash = flash_after(5, &[OLD, NONE, OWNER]);
+    let sector = FLASH_BYTES / 2;
+    for damaged in [vec![0], vec![1], vec![0, 1]] {
+        let mut bytes = flash.bytes();
+        for start in damaged.iter().map(|number| number * sector) {
+            for header in [start, start + sector - 16] {
+                bytes[header] ^= 1;
+            }
+        }
+        let outcome = obeys(&SmallFlash::with(bytes), &recorded(4));
+        // One of the sectors is out of date.
+        assert!(
+            [Obeys::Key(OWNER), Obeys::Nothing].contains(&outcome),
+            "{damaged:?}"
+        );
+        assert!(damaged.len() == 1 || outcome == Obeys::Nothing);
+    }
+}
+
+#[test]
+fn a_power_cut_at_any_moment_of_a_set_up_never_opens_a_vehicle() {
+    let histories: [&[u8]; 5] = [&[], &[OLD, NONE], &[OLD], &[OLD, OLD], &[OWNER]];
+    for (seed, keys) in (0..).zip(histories.repeat(4)) {
+        let before = flash_after(10, keys);
+        for after in 0.. {
+            let flash = before.repaired();
+            let random = Rng::with_seed(seed);
+            flash.set_fault(Fault::PowerCut { after, random });
+            let run = run(5, &flash, &[set_up(2, OWNER)]);
+            let is_over = !flash.is_dark();
+            let outcome = obeys(&flash.repaired(), &[]);
+            let was = obeys(&before.repaired(), &[]);
+            let was_said = count(&run.cable, KEY_SET) > 0;
+            let is_allowed = match outcome {
+                Obeys::Key(OWNER) => true,
+                Obeys::Nothing => !was_said && was == Obeys::Everyone,
+                // Not even begun.
+                Obeys::Everyone => !was_said && after == 0 && was == outcome,
+                _ => !was_said && outcome == was,
+            };
+            assert!(is_allowed, "{keys:?} cut at {after}: {was:?} became {outcome:?}");
+            if is_over {
+                assert!(was_said && outcome == Obeys::Key(OWNER));
+                break;
+            }
+        }
+    }
+}
+
+#[test]
+fn a_key_that_can_not_be_written_is_announced_until_it_is_and_locks_after_a_restart() {
+    for keys in [&[][..], &[OLD, NONE], &[OLD]] {
+        let before = flash_after(10, keys);
+        for after in 0..8 {
+            let flash = before.repaired();
+            flash.set_fault(Fault::Refuses { after });
+            let run = run(130, &flash, &[set_up(2, OWNER)]);
+            for frames in [&run.cable, &run.radio] {
+                assert_eq!(count(frames, KEY_SET), 0);
+                // At the start if even the time can't be written, after the set-up, and once a minute.
+                let said = count(frames, NOT_SAVED);
+                assert!((2..=5).contains(&said), "{keys:?}, {after} operations: {said}");
+            }
+            assert!(
+                count(&run.late_cable, NOT_SAVED) >= 1,
+                "also to who connects later"
+            );
+            assert!(
+                run.radio.last().is_some_and(|frame| frame.signed.is_some()),
+                "in force"
+            );
+            let outcome = obeys(&flash.repaired(), &[]);
+            let is_allowed = match (after, keys) {
+                // Flash that takes nothing at all can't remember that there was a key.
+                (0, [] | [.., NONE]) => outcome == Obeys::Everyone,
+                (_, [.., OLD]) => [Obeys::Key(OLD), Obeys::Nothing].contains(&outcome),
+                _ => outcome == Obeys::Nothing,
+            };
+            assert!(is_allowed, "{keys:?}, {after} operations: {outcome:?}");
+        }
+    }
+}
+
+#[test]
+fn a_key_that_could_not_be_written_at_first_is_written_later_and_announced_then() {
+    let flash = SmallFlash::blank();
+    flash.set_fault(Fault::Refuses { after: 3 });
+    let run = run_while(90, &flash, &[set_up(2, OWNER)], async {
+        Timer::after_secs(30).await;
+        flash.set_fault(Fault::None);
+    });
+    assert_eq!(texts_of(&run.cable), [NOT_SAVED, KEY_SET]);
+    assert_eq!(obeys(&flash, &[]), Obeys::Key(OWNER));
+}
+
+#[test]
+fn a_restart_that_would_lose_the_key_is_announced() {
+    let flash = SmallFlash::blank();
+    flash.set_fault(Fault::Refuses { after: 0 });
+    let run = run(30, &flash, &[set_up(2, OWNER), (10, reboot())]);
+    assert_eq!(count(&run.cable, NOT_SAVED), 2);
+}
+
+#[test]
+fn a_lost_key_is_announced_on_every_link_until_signing_is_set_up_by_cable() {
+    let mut garbage = vec![0xFF; FLASH_BYTES];
+    garbage[700] = 0x7F;
+    for key in [OWNER, NONE] {
+        let flash = SmallFlash::with(garbage.clone());
+        let locked = run(20, &flash, &[]);
+        for frames in [locked.cable, locked.radio, locked.late_cable] {
+            assert_eq!(texts_of(&frames), [KEY_LOST]);
+        }
+        assert_eq!(obeys(&flash, &[]), Obeys::Nothing);
+
+        let recovered = run(20, &flash, &[set_up(5, key)]);
+        let done = if key == NONE { KEY_REMOVED } else { KEY_SET };
+        // In as many messages as it takes.
+        for frames in [recovered.cable, recovered.radio] {
+            assert_eq!(texts_of(&frames).concat(), [KEY_LOST, done].concat());
+        }
+        assert_eq!(texts_of(&recovered.late_cable), Vec::<String>::new());
+        let expected = if key == NONE {
+            Obeys::Everyone
+        } else {
+            Obeys::Key(key)
+        };
+        assert_eq!(obeys(&flash, &[]), expected);
+    }
+}
+
+#[test]
+fn flash_that_fails_while_the_time_is_written_locks_after_a_restart() {
+    // The sector fills within minutes. The next one takes nothing, so the time can't be kept.
+    let flash = flash_after(10, &[OWNER]);
+    flash.wear_out(1);
+    let run = run(1500, &flash, &[]);
+    assert!(count(&run.cable, NOT_SAVED) > 1);
+    assert_eq!(obeys(&flash.repaired(), &recorded(1500)), Obeys::Nothing);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// Whatever bytes change: no key but the last one is obeyed, and the vehicle is not open.
+    #[test]
+    fn no_damage_opens_a_vehicle_whose_owner_has_set_a_key(
+        changes in prop::collection::vec((0..FLASH_BYTES, any::<u8>()), 1..40),
+    ) {
+        let mut bytes = FLASH_WITH_KEY.clone();
+        for (at, byte) in changes {
+            bytes[at] = byte;
+        }
+        let outcome = obeys(&SmallFlash::with(bytes), &recorded(4));
+        prop_assert!([Obeys::Key(OWNER), Obeys::Nothing].contains(&outcome), "{:?}", outcome);
+    }
+}
+
+static FLASH_WITH_KEY: LazyLock<Vec<u8>> = LazyLock::new(|| flash_after(5, &[OLD, NONE, OWNER]).bytes());
