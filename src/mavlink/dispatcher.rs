@@ -394,12 +394,9 @@ fn file_served(event: FileEvent, downloads: &mut Downloads, now: Instant, mut re
         FileEvent::Served => Event::Answered,
         FileEvent::ParametersOpened => Event::ListRequested,
         FileEvent::ParametersSet => Event::ParametersSet,
-        FileEvent::ParametersNotSet(count) => {
-            let mut text: String<50> = String::new();
-            // The largest count fits.
-            let _ = write!(text, "Parameter file: {count} unknown or out of range");
-            replies.say(MavSeverity::MAV_SEVERITY_WARNING, &text);
-            Event::Answered
+        FileEvent::ParametersNotSet(not_set) => {
+            replies.say(MavSeverity::MAV_SEVERITY_WARNING, &not_set.text());
+            Event::ParametersSet
         }
         FileEvent::RefusedArmed => {
             explain_refusal(Err(Refusal::Armed), downloads, now, replies);

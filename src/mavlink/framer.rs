@@ -64,7 +64,7 @@ impl Framer {
 
     fn serialize(&mut self, message: &impl ToFrame, system_id: u8, flags: u8) {
         let header = MavHeader {
-            system_id: u32::from(system_id),
+            system_id: u32::from(message.sender_system().unwrap_or(system_id)),
             component_id: COMPONENT_ID,
             sequence: self.next_sequence,
         };

@@ -17,6 +17,7 @@ mod unsaved;
 pub use baud::serial_baud;
 pub use for_each::ForEachParameter;
 pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
+pub(crate) use parameters::checked;
 pub use parameters::{Parameters, Refused, triggers};
 pub use save_failures::{SAVE_RETRY_INTERVAL_US, SaveFailure, SaveFailures};
 pub use table::{Access, BatteryParameter, Kind, Listed, Meaning, Parameter, Range, VehicleParameter, means};

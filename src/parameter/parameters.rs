@@ -211,7 +211,10 @@ impl Parameters {
 }
 
 /// `value` converted to the parameter's type, if it is in range.
-fn checked(id: ParameterId, value: f32) -> Result<f32, Refused> {
+///
+/// # Errors
+/// The value is out of range.
+pub(crate) fn checked(id: ParameterId, value: f32) -> Result<f32, Refused> {
     let row = id.row();
     let value = match row.kind {
         Kind::Real32 => value,

@@ -127,7 +127,8 @@ impl Bench {
             self.endpoint.supply(read, &bytes);
         }
         let message = self.endpoint.take(&state, &self.parameters)?;
-        Some(self.framer.frame(&message, 1).to_vec())
+        let system_id = self.parameters.get(VehicleParameter::SysidThismav) as u8;
+        Some(self.framer.frame(&message, system_id).to_vec())
     }
 
     fn sent_at_most(&mut self, messages: usize) -> Vec<Frame> {
@@ -639,7 +640,64 @@ fn parameters_that_were_not_set_are_reported() {
     let events = bench.handle(&client.request(WRITE, file.len() as u8, 0, &file));
     assert_eq!(events, [Event::ParametersSet]);
     let texts = bench.texts(&client.request(TERMINATE, 0, 0, &[]));
-    assert_eq!(texts, ["Parameter file: 1 unknown or out of range"]);
+    assert_eq!(texts, ["Parameters not set: SR0_EXTRA1"]);
+}
+
+/// As MAVProxy packs them, with a new system id as the first of many.
+fn with_system_id(system_id: u8) -> Vec<u8> {
+    let mut file = [0x671bu16, 0, 0].map(u16::to_le_bytes).concat();
+    let mut records = 0u16;
+    let mut add = |name: &str, value: u8| {
+        file.extend([1, (name.len() as u8 - 1) << 4]);
+        file.extend(name.as_bytes());
+        file.push(value);
+        records += 1;
+    };
+    add("SYSID_THISMAV", system_id);
+    for pack in Pack::ALL {
+        add(&BatteryParameter::FsCrtAct.of(pack).name(), 1);
+    }
+    add("SR0_EXTRA1", 7);
+    let bytes = file.len() as u16;
+    file[2..6].copy_from_slice(&[records.to_le_bytes(), bytes.to_le_bytes()].concat());
+    file
+}
+
+#[test]
+fn a_new_system_id_takes_effect_when_the_session_of_its_file_ends() {
+    for end in [TERMINATE, RESET] {
+        let mut bench = Bench::new(&[]);
+        let mut client = Client::new(GROUND_STATION);
+        let file = with_system_id(42);
+        client.with_path(&mut bench, CREATE, "@PARAM/param.pck");
+        for (place, block) in file.chunks(80).enumerate() {
+            let written = client.one(&mut bench, WRITE, block.len() as u8, place as u32 * 80, block);
+            assert_eq!(written, (ACK, vec![]), "block {place}");
+        }
+        assert_eq!(bench.parameters.get(VehicleParameter::SysidThismav), 1.0);
+        let sent = bench.ask(&client.request(end, 0, 0, &[]));
+        // The station waits for an answer of the system that it has asked.
+        assert_eq!(sent.iter().map(|frame| frame.system_id).collect::<Vec<_>>(), [1]);
+        assert_eq!(client.answers(&sent)[0].opcode, ACK);
+        assert_eq!(bench.parameters.get(EXTRA1), 7.0);
+        assert_eq!(bench.parameters.get(VehicleParameter::SysidThismav), 42.0);
+        bench.now_us += SECOND;
+        bench.post_due();
+        assert!(bench.sent().iter().all(|frame| frame.system_id == 42));
+    }
+}
+
+#[test]
+fn a_file_that_did_not_come_whole_leaves_the_system_id() {
+    for end in [TERMINATE, RESET, CREATE] {
+        let mut bench = Bench::new(&[]);
+        let mut client = Client::new(GROUND_STATION);
+        let file = with_system_id(42);
+        client.with_path(&mut bench, CREATE, "@PARAM/param.pck");
+        client.one(&mut bench, WRITE, 80, 0, &file[..80]);
+        client.with_path(&mut bench, end, "@PARAM/param.pck");
+        assert_eq!(bench.parameters.get(VehicleParameter::SysidThismav), 1.0);
+    }
 }
 
 #[test]

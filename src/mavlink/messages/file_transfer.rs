@@ -21,6 +21,9 @@ const OPCODE_NAK: u8 = 129;
 pub struct FileAnswerHeader {
     /// Who had asked.
     pub to: Peer,
+    /// The system id that the request was addressed to: whoever asked expects the answer from it, also when the request has
+    /// changed it.
+    pub sender_system: u8,
     /// The answer's sequence number: the request's plus one, and so on for more answers to one request.
     pub sequence: u16,
     /// The session.

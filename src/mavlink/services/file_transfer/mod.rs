@@ -1,7 +1,8 @@
 //! MAVLink FTP: the log files to read, and the packed parameters (`@PARAM/param.pck`) to read and to write.
 //!
 //! One session is open on a link. It ends by request, when the rover is armed, when its ground station opens another file,
-//! and when another station opens one after it has been silent. A request that comes again is served again, which has the
+//! and when another station opens one after it has been silent. A new `SYSID_THISMAV` takes effect when the session of its
+//! file ends by request, since all requests of a session are addressed to the same system id. A request that comes again is served again, which has the
 //! same result; only what is being worked on is not begun a second time.
 
 mod listing;
@@ -21,12 +22,13 @@ use crate::mavlink::messages::{
 };
 use crate::mavlink::requests::FileTransfer;
 use crate::mavlink::{Peer, SystemState};
-use crate::parameter::{ParameterId, Parameters};
+use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::recorder::LogFile;
 use crate::time::Instant;
 use listing::list;
 use parameter_file::ParameterFile;
 use path::{Directory, Path};
+pub(in crate::mavlink) use upload::NotSet;
 use upload::{Upload, Written};
 
 /// After so long without a request or an answer, another ground station gets the session, in µs.
@@ -88,7 +90,7 @@ pub(in crate::mavlink) fn writes(opcode: u8) -> bool {
 }
 
 /// What a request led to, beside its answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(in crate::mavlink) enum FileEvent {
     /// Nothing.
     Served,
@@ -96,8 +98,8 @@ pub(in crate::mavlink) enum FileEvent {
     ParametersOpened,
     /// Parameters were set.
     ParametersSet,
-    /// A file of parameters is complete, but so many of them do not exist or were out of range.
-    ParametersNotSet(u16),
+    /// A file of parameters is complete, but some of them do not exist or were out of range.
+    ParametersNotSet(NotSet),
     /// A log was refused to a ground station since the rover is armed.
     RefusedArmed,
 }
@@ -215,6 +217,7 @@ impl FileTransfers {
         }
         let header = FileAnswerHeader {
             to: from,
+            sender_system: parameters.get_whole(VehicleParameter::SysidThismav) as u8,
             sequence: request.sequence.wrapping_add(1),
             session: request.session,
             request_opcode: request.opcode,
@@ -231,8 +234,8 @@ impl FileTransfers {
             match Operation::from_opcode(request.opcode) {
                 None => failed(FileError::UnknownCommand),
                 Some(Operation::None) => done(),
-                Some(Operation::TerminateSession) => self.terminate(header),
-                Some(Operation::ResetSessions) => self.reset(from),
+                Some(Operation::TerminateSession) => self.terminate(header, parameters),
+                Some(Operation::ResetSessions) => self.reset(from, parameters),
                 Some(Operation::ListDirectory) => self.list(header, request),
                 Some(Operation::OpenForReading) => self.open(header, request, state, parameters),
                 Some(Operation::Read) => self.read(header, request),
@@ -258,20 +261,17 @@ impl FileTransfers {
         (session.station == header.to && session.id == header.session).then_some(session)
     }
 
-    /// Closes the session. A file of parameters is in effect already; whether all of it came is the answer, also to the same
-    /// request again. There is nothing wrong with a session that is closed.
-    fn terminate(&mut self, header: FileAnswerHeader) -> Handled {
+    /// Closes the session. Whether all of a file of parameters came is the answer, also to the same request again. There is
+    /// nothing wrong with a session that is closed.
+    fn terminate(&mut self, header: FileAnswerHeader, parameters: &mut Parameters) -> Handled {
         if let Some((last, outcome)) = self.last_end
             && last == header
         {
             return (Some(outcome), FileEvent::Served);
         }
         let mut handled = done();
-        if let Some(session) = self.session_of(header) {
-            if let OpenFile::Upload(upload) = &session.file {
-                handled = end_of(upload);
-            }
-            self.stop();
+        if self.session_of(header).is_some() {
+            handled = self.close(parameters);
         }
         if let (Some(outcome), _) = handled {
             self.last_end = Some((header, outcome));
@@ -280,15 +280,26 @@ impl FileTransfers {
     }
 
     /// Closes the session if it is this station's.
-    fn reset(&mut self, from: Peer) -> Handled {
-        if self
-            .session
-            .as_ref()
-            .is_some_and(|session| session.station == from)
-        {
-            self.stop();
+    fn reset(&mut self, from: Peer, parameters: &mut Parameters) -> Handled {
+        let is_own = |session: &Session| session.station == from;
+        if self.session.as_ref().is_some_and(is_own) {
+            let (_, event) = self.close(parameters);
+            return (Some(FileOutcome::Done), event);
         }
         done()
+    }
+
+    /// Closes the session by request. A file of parameters that came whole has its full effect now.
+    fn close(&mut self, parameters: &mut Parameters) -> Handled {
+        let handled = match &self.session {
+            Some(Session {
+                file: OpenFile::Upload(upload),
+                ..
+            }) => end_of(upload, parameters),
+            _ => done(),
+        };
+        self.stop();
+        handled
     }
 
     /// Closes the session: what is being read of it ends.
@@ -724,14 +735,15 @@ fn refused_armed() -> Handled {
     )
 }
 
-/// What came of a file of parameters that is closed.
-fn end_of(upload: &Upload) -> Handled {
+/// Ends a file of parameters.
+fn end_of(upload: &Upload, parameters: &mut Parameters) -> Handled {
     if !upload.is_complete() {
         return failed(FileError::Fail);
     }
+    upload.set_system_id(parameters);
     let event = match upload.not_set() {
-        0 => FileEvent::Served,
-        count => FileEvent::ParametersNotSet(count),
+        Some(not_set) => FileEvent::ParametersNotSet(not_set.clone()),
+        None => FileEvent::ParametersSet,
     };
     (Some(FileOutcome::Done), event)
 }

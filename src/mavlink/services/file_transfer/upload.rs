@@ -1,12 +1,23 @@
-//! The packed parameters as a file that is written: each is set when its last byte comes, and nothing else is stored.
+//! The packed parameters as a file that is written: each is set when its last byte comes, but `SYSID_THISMAV` at the end.
 
-use heapless::Vec;
+use core::fmt::Write;
+
+use heapless::{String, Vec};
 
 use super::packed::{HEADER_BYTES, MAGIC, MAX_HEAD_BYTES, MAX_VALUE_BYTES, PackedType};
-use crate::parameter::{Access, MAX_NAME_LENGTH, ParameterId, Parameters};
+use crate::parameter::{Access, MAX_NAME_LENGTH, ParameterId, Parameters, VehicleParameter, checked};
+
+const SYSTEM_ID: ParameterId = ParameterId::Vehicle(VehicleParameter::SysidThismav);
 
 /// A header or a record, whichever is longer.
 const PENDING_BYTES: usize = MAX_HEAD_BYTES + MAX_VALUE_BYTES;
+
+/// Names that are listed of those that were not set.
+const LISTED_NAMES: usize = 5;
+
+/// The longest text about what was not set.
+const NOT_SET_BYTES: usize =
+    "Parameters not set".len() + LISTED_NAMES * (", ".len() + MAX_NAME_LENGTH) + " and 65530 more".len();
 
 /// A file of parameters on its way here.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,7 +29,48 @@ pub(super) struct Upload {
     pending: Vec<u8, PENDING_BYTES>,
     name_before: Vec<u8, MAX_NAME_LENGTH>,
     records: u16,
-    not_set: u16,
+    /// The new system id, to be set at the end.
+    system_id: Option<f32>,
+    not_set: NotSet,
+}
+
+/// The parameters of a file that do not exist or were out of range: how many, and the names of the first.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(in crate::mavlink) struct NotSet {
+    count: u16,
+    names: Vec<Vec<u8, MAX_NAME_LENGTH>, LISTED_NAMES>,
+}
+
+impl NotSet {
+    fn add(&mut self, name: &Vec<u8, MAX_NAME_LENGTH>) {
+        self.count = self.count.saturating_add(1);
+        // Those that come later are counted only.
+        let _ = self.names.push(name.clone());
+    }
+
+    /// The text about them. Any bytes may have come as a name.
+    pub fn text(&self) -> String<NOT_SET_BYTES> {
+        let mut text = String::new();
+        // It has room for all names.
+        let _ = text.push_str("Parameters not set");
+        for (place, name) in self.names.iter().enumerate() {
+            let _ = text.push_str(if place == 0 { ": " } else { ", " });
+            for byte in name {
+                let _ = text.push(if byte.is_ascii_graphic() {
+                    char::from(*byte)
+                } else {
+                    '?'
+                });
+            }
+        }
+        match usize::from(self.count) - self.names.len() {
+            0 => {}
+            more => {
+                let _ = write!(text, " and {more} more");
+            }
+        }
+        text
+    }
 }
 
 /// What the header says.
@@ -120,15 +172,32 @@ impl Upload {
 
     /// Sets the parameter whose name has come. What only shows or triggers something is no setting, and left out.
     fn set(&mut self, value: f32, parameters: &mut Parameters) -> Option<ParameterId> {
-        let id = ParameterId::from_name(&self.name_before);
-        if id.is_some_and(|id| id.row().access != Access::Setting) {
+        let Some(id) = ParameterId::from_name(&self.name_before) else {
+            self.not_set.add(&self.name_before);
+            return None;
+        };
+        if id.row().access != Access::Setting {
             return None;
         }
-        let set = id.filter(|id| parameters.set(*id, value).is_ok());
-        if set.is_none() {
-            self.not_set = self.not_set.saturating_add(1);
+        let set = match checked(id, value) {
+            Ok(system_id) if id == SYSTEM_ID => {
+                self.system_id = Some(system_id);
+                return None;
+            }
+            _ => parameters.set(id, value),
+        };
+        if set.is_err() {
+            self.not_set.add(&self.name_before);
         }
-        set
+        set.ok().map(|()| id)
+    }
+
+    /// Sets the system id if the file had one.
+    pub fn set_system_id(&self, parameters: &mut Parameters) {
+        if let Some(system_id) = self.system_id {
+            // It was in range when it came.
+            let _ = parameters.set(SYSTEM_ID, system_id);
+        }
     }
 
     /// Whether all has come that the header says.
@@ -139,9 +208,9 @@ impl Upload {
             })
     }
 
-    /// How many parameters do not exist or were out of range.
-    pub fn not_set(&self) -> u16 {
-        self.not_set
+    /// The parameters that do not exist or were out of range, if there were any.
+    pub fn not_set(&self) -> Option<&NotSet> {
+        (self.not_set.count > 0).then_some(&self.not_set)
     }
 }
 

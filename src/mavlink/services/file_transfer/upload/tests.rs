@@ -55,7 +55,7 @@ fn a_file_in_blocks_of_any_size_sets_its_parameters() {
         assert_eq!(parameters.get(BatteryParameter::VoltMult.of(Pack::First)), 7.5);
         assert_eq!(parameters.get(EXTRA1), 7.0);
         assert!(upload.is_complete());
-        assert_eq!(upload.not_set(), 0);
+        assert_eq!(upload.not_set(), None);
     }
 }
 
@@ -95,7 +95,54 @@ fn what_does_not_exist_or_is_out_of_range_is_counted_and_the_rest_is_set() {
     let mut upload = Upload::default();
     assert_eq!(write(&mut upload, &file, 80, &mut parameters), [CAPACITY]);
     assert!(upload.is_complete());
-    assert_eq!(upload.not_set(), 2);
+    let text = upload.not_set().unwrap().text();
+    assert_eq!(text, "Parameters not set: NOPE, SR0_EXTRA1");
+}
+
+#[test]
+fn of_many_refused_names_the_first_five_are_listed_and_the_others_counted() {
+    let named = |name: &str| record(1, 0, name, &[1]);
+    let names = [
+        "SIXTEEN_LETTERS_",
+        "SIXTEEN_DIGITS_0",
+        "NO\nLINE",
+        "A",
+        "B",
+        "C",
+        "D",
+    ]
+    .map(named);
+    let text_of = |records: &[Vec<u8>]| {
+        let mut upload = Upload::default();
+        write(&mut upload, &file_of(records), 80, &mut Parameters::defaults());
+        upload.not_set().unwrap().text()
+    };
+    let first = "Parameters not set: SIXTEEN_LETTERS_, SIXTEEN_DIGITS_0, NO?LINE, A, B";
+    assert_eq!(text_of(&names[..5]), first);
+    assert_eq!(text_of(&names), std::format!("{first} and 2 more").as_str());
+    let long = vec![named("SIXTEEN_LETTERS_"); 2000];
+    let text = text_of(&long);
+    assert!(text.ends_with(", SIXTEEN_LETTERS_ and 1995 more"), "{text}");
+}
+
+#[test]
+fn a_system_id_is_set_at_the_end_and_refused_out_of_range() {
+    let system_id = ParameterId::Vehicle(VehicleParameter::SysidThismav);
+    let with_id = |id: u16| {
+        let mut parameters = Parameters::defaults();
+        let mut upload = Upload::default();
+        let file = file_of(&[
+            record(2, 0, "SYSID_THISMAV", &id.to_le_bytes()),
+            record(1, 0, "SR0_EXTRA1", &[7]),
+        ]);
+        assert_eq!(write(&mut upload, &file, 80, &mut parameters), [EXTRA1]);
+        assert_eq!(parameters.get(system_id), 1.0);
+        upload.set_system_id(&mut parameters);
+        (parameters.get(system_id), upload.not_set().map(NotSet::text))
+    };
+    assert_eq!(with_id(42), (42.0, None));
+    let refused = "Parameters not set: SYSID_THISMAV".try_into().unwrap();
+    assert_eq!(with_id(256), (1.0, Some(refused)));
 }
 
 #[test]
