@@ -25,13 +25,17 @@ const IP_HEADER: usize = 14;
 const IP_PROTOCOL: usize = 23;
 const IP_SOURCE: usize = 26;
 
+/// Offset of the client's hardware address (`chaddr`) into a UDP datagram that carries a DHCP message.
+const DHCP_CLIENT_MAC: usize = 8 + 28;
+
 /// Minimum interval between log lines about refused frames.
 const LOG_INTERVAL_US: u64 = 10_000_000;
 
 /// A device of which only frames come in that mean something to the board.
 ///
 /// At its own access point the board knows which address it has given to which computer. Frames with another sender are refused there: those
-/// who invent addresses would push the others out of the list of neighbours, and occupy the places for connections.
+/// who invent addresses would push the others out of the list of neighbours, and occupy the places for connections. A DHCP message on behalf of
+/// another computer is refused, too: it could release that one's address.
 pub(super) struct Guarded<'a, D> {
     device: D,
     /// Of the access point; `None` in another's network.
@@ -63,9 +67,10 @@ impl Door<'_> {
     fn admits(&self, frame: &[u8]) -> bool {
         let is_admitted = match part(frame, ETHERTYPE) {
             Some(ETHERTYPE_ARP) => self.is_known(part(frame, ARP_SENDER), part(frame, ARP_SENDER_IP)),
-            Some(ETHERTYPE_IPV4) => {
-                asks_for_address(frame) || self.is_known(part(frame, SOURCE_MAC), part(frame, IP_SOURCE))
-            }
+            Some(ETHERTYPE_IPV4) => match to_dhcp_server(frame) {
+                Some(message) => self.leases.is_none() || speaks_for_itself(frame, message),
+                None => self.is_known(part(frame, SOURCE_MAC), part(frame, IP_SOURCE)),
+            },
             _ => return false,
         };
         if !is_admitted {
@@ -96,11 +101,18 @@ impl Door<'_> {
     }
 }
 
-/// Who has no address yet is heard by the DHCP server.
-fn asks_for_address(frame: &[u8]) -> bool {
-    let header_bytes = frame.get(IP_HEADER).map(|first| usize::from(first & 0x0f) * 4);
-    let to_port = header_bytes.and_then(|bytes| part(frame, IP_HEADER + bytes + 2));
-    frame.get(IP_PROTOCOL) == Some(&PROTOCOL_UDP) && to_port == Some(DHCP_SERVER_PORT)
+/// The UDP datagram of a message to the DHCP server, which also hears who has no address yet.
+fn to_dhcp_server(frame: &[u8]) -> Option<&[u8]> {
+    let header_bytes = usize::from(frame.get(IP_HEADER)? & 0x0f) * 4;
+    let datagram = frame.get(IP_HEADER + header_bytes..)?;
+    let is_to_server =
+        frame.get(IP_PROTOCOL) == Some(&PROTOCOL_UDP) && part(datagram, 2) == Some(DHCP_SERVER_PORT);
+    is_to_server.then_some(datagram)
+}
+
+/// Whether a DHCP message is about the computer that sends it.
+fn speaks_for_itself(frame: &[u8], datagram: &[u8]) -> bool {
+    part::<6>(datagram, DHCP_CLIENT_MAC).is_some_and(|client| part(frame, SOURCE_MAC) == Some(client))
 }
 
 fn part<const BYTES: usize>(frame: &[u8], at: usize) -> Option<[u8; BYTES]> {
@@ -215,10 +227,43 @@ mod tests {
             assert!(!admits(Some(&leases), &make(STRANGER, OTHER)));
             assert!(admits(None, &make(STRANGER, OTHER)), "in another's network");
         }
+    }
+
+    /// A DHCP message about a client.
+    fn dhcp(mac: [u8; 6], address: [u8; 4], client: [u8; 6]) -> Vec<u8> {
+        let mut frame = datagram(mac, address, 67);
+        frame.resize(300, 0);
+        frame[70..76].copy_from_slice(&client);
+        frame
+    }
+
+    #[test]
+    fn a_dhcp_message_comes_in_if_it_is_about_its_sender() {
+        let leases = leased();
+        let at_access_point = |frame: &[u8]| admits(Some(&leases), frame);
         assert!(
-            admits(Some(&leases), &datagram(STRANGER, [0; 4], 67)),
+            at_access_point(&dhcp(STRANGER, [0; 4], STRANGER)),
             "it asks for an address"
         );
+        assert!(
+            at_access_point(&dhcp(PHONE, ADDRESS, PHONE)),
+            "it renews its lease"
+        );
+        for address in [[0; 4], ADDRESS, OTHER] {
+            assert!(!at_access_point(&dhcp(STRANGER, address, PHONE)));
+            assert!(!at_access_point(&dhcp(PHONE, address, STRANGER)));
+        }
+        assert!(!at_access_point(&dhcp(PHONE, ADDRESS, PHONE)[..75]), "cut short");
+        assert!(
+            admits(None, &dhcp(STRANGER, OTHER, PHONE)),
+            "in another's network"
+        );
+        let mut with_options = dhcp(PHONE, ADDRESS, PHONE);
+        with_options[IP_HEADER] = 0x46;
+        with_options.splice(34..34, [1; 4]);
+        assert!(at_access_point(&with_options));
+        with_options[75] ^= 1;
+        assert!(!at_access_point(&with_options));
     }
 
     #[test]

@@ -19,6 +19,9 @@ const NETMASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 /// A phone that has left keeps its address for so long.
 const LEASE_S: u32 = 600;
 
+/// Type of the message of a client that does not want the address it was given (RFC 2132).
+const DECLINE: u8 = 4;
+
 /// The addresses of the access point's network, and who has them.
 ///
 /// No gateway and no name server is given: phones go on using their mobile network for all else.
@@ -41,6 +44,10 @@ impl Leases {
 
     /// Answers what came to the server's port at `now_ms`, milliseconds since boot. Anything may have come.
     pub fn answer(&mut self, request: &[u8], now_ms: u64) -> Option<Reply> {
+        if let Some(client) = declining_client(request) {
+            self.decline(client);
+            return None;
+        }
         let mut is_new_client = false;
         let mut outcome = self.0.handle_packet(request, now_ms, |_, event| {
             is_new_client = event == AdmissionEvent::Discover;
@@ -52,6 +59,14 @@ impl Leases {
         }
         log(&outcome);
         outcome.reply
+    }
+
+    /// Frees the address of a client that does not want it. The server would withhold the declined address from all for ten minutes,
+    /// and one client could decline them all.
+    fn decline(&mut self, client: [u8; 6]) {
+        if let Some(address) = self.0.revoke(client) {
+            info!("DHCP: {:?} has declined {:?}", client, address.octets());
+        }
     }
 
     /// Forgets the oldest offer that was not accepted yet. Whether there was one.
@@ -88,6 +103,30 @@ impl Leases {
     pub fn lease_first_to(&mut self, mac: [u8; 6]) {
         self.answer(&tests::message_of(1, mac, None), 0);
         self.answer(&tests::message_of(3, mac, Some(FIRST)), 0);
+    }
+}
+
+/// The hardware address of the client that sends a DHCPDECLINE; `None` for any other message.
+fn declining_client(message: &[u8]) -> Option<[u8; 6]> {
+    const CLIENT_MAC: usize = 28;
+    const OPTIONS: usize = 240;
+    let client = message.get(CLIENT_MAC..)?.first_chunk()?;
+    (message_type(message.get(OPTIONS..)?) == Some(DECLINE)).then_some(*client)
+}
+
+/// The DHCP message type (option 53) among a message's options (RFC 2132).
+fn message_type(mut options: &[u8]) -> Option<u8> {
+    const PAD: u8 = 0;
+    const MESSAGE_TYPE: u8 = 53;
+    const END: u8 = 255;
+    loop {
+        options = match options {
+            [PAD, rest @ ..] => rest,
+            [MESSAGE_TYPE, 1, kind, ..] => return Some(*kind),
+            [] | [END, ..] => return None,
+            [_, length, rest @ ..] => rest.get(usize::from(*length)..)?,
+            [_] => return None,
+        };
     }
 }
 
@@ -176,6 +215,32 @@ mod tests {
         assert_eq!(leases.clients(600_000).len(), 1);
         assert_eq!(join(&mut leases, 8, 600_000), Some(FIRST));
         assert_eq!(leases.clients(600_001).len(), 2);
+    }
+
+    #[test]
+    fn who_declines_frees_its_own_address_and_withholds_none() {
+        let mut leases = Leases::new();
+        let [driver, guest] = [1, 2].map(|client| join(&mut leases, client, 0).unwrap());
+        for last in 2..10 {
+            let declined = message(DECLINE, 2, Some([192, 168, 4, last].into()));
+            assert_eq!(answer(&mut leases, &declined, 1), None);
+        }
+        assert!(leases.has(mac(1), driver));
+        assert!(!leases.has(mac(2), guest));
+        for client in 3..10 {
+            assert!(join(&mut leases, client, 2).is_some(), "client {client}");
+        }
+    }
+
+    #[test]
+    fn a_message_type_is_found_among_options_of_any_length() {
+        let typed = [0, 0, 50, 4, 192, 168, 4, 2, 61, 0, 53, 1, 4, 255];
+        assert_eq!(message_type(&typed), Some(4));
+        for length in 0..13 {
+            assert_eq!(message_type(&typed[..length]), None, "{length}");
+        }
+        assert_eq!(message_type(&[255, 53, 1, 4]), None);
+        assert_eq!(message_type(&[53, 2, 4, 4, 53, 1, 4]), Some(4));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use smoltcp::iface::SocketHandle;
 use smoltcp::socket::udp;
 use smoltcp::wire::{IpAddress, Ipv4Cidr};
 
-use super::phone::Phone;
+use super::phone::{BOARD, Phone};
 use super::room::{Room, play};
 use crate::support::frames::HEARTBEAT;
 use crate::support::requests;
@@ -54,6 +54,67 @@ fn phones_get_an_address_and_are_found_one_after_the_other() {
             *room.reports.borrow(),
             [NetReport::AddressObtained([192, 168, 4, 1])]
         );
+    });
+}
+
+/// A message of a DHCP client with this hardware address (RFC 2131), about this address.
+fn message_of(client: [u8; 6], kind: u8, address: Ipv4Addr) -> Vec<u8> {
+    let mut message = vec![0; 240];
+    message[..4].copy_from_slice(&[1, 1, 6, 0]);
+    message[28..34].copy_from_slice(&client);
+    message[236..].copy_from_slice(&[0x63, 0x82, 0x53, 0x63]);
+    message.extend([53, 1, kind, 50, 4]);
+    message.extend(address.octets());
+    message.push(255);
+    message
+}
+
+/// Sends messages to the DHCP server, which may be about another computer.
+async fn send_to_server(room: &Room<'_>, guest: &mut Phone, messages: impl IntoIterator<Item = Vec<u8>>) {
+    let client = guest.listen(68);
+    for message in messages {
+        let socket = guest.sockets.get_mut::<udp::Socket>(client);
+        socket
+            .send_slice(&message, (IpAddress::Ipv4(*BOARD.ip()), 67))
+            .expect("there is room for it");
+        room.pass(20, &mut [guest]).await;
+    }
+}
+
+#[test]
+fn a_guest_does_not_release_the_address_of_the_driver() {
+    const RELEASE: u8 = 7;
+    play(Role::AccessPoint, async |room| {
+        let (mut driver, mut guest) = (room.phone(2).await, room.phone(3).await);
+        let station = driver.listen(14550);
+        driver.send(station, &requests::heartbeat(6));
+        room.pass(500, &mut [&mut driver]).await;
+        let released = message_of(driver.mac, RELEASE, Ipv4Addr::new(192, 168, 4, 2));
+        send_to_server(room, &mut guest, [released]).await;
+        for second in 0..30 {
+            let _ = driver.received_frames(station);
+            driver.send(station, &requests::heartbeat(6));
+            room.pass(1_000, &mut [&mut driver, &mut guest]).await;
+            // HEARTBEAT, and SYS_STATUS twice.
+            assert!(driver.received_frames(station).len() >= 3, "second {second}");
+        }
+    });
+}
+
+#[test]
+fn a_guest_that_declines_every_address_withholds_none() {
+    const DECLINE: u8 = 4;
+    play(Role::AccessPoint, async |room| {
+        let mut guest = room.phone(2).await;
+        let declined = (2..10).map(|last| message_of(guest.mac, DECLINE, Ipv4Addr::new(192, 168, 4, last)));
+        let declined: Vec<_> = declined.collect();
+        send_to_server(room, &mut guest, declined).await;
+        for number in 3..11 {
+            let mut phone = Phone::without_address(&room.air, number);
+            let asked = phone.ask_for_address();
+            room.pass(3_000, &mut [&mut phone]).await;
+            assert!(phone.take_address(asked).is_some(), "phone {number}");
+        }
     });
 }
 
