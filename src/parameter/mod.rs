@@ -20,7 +20,10 @@ pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
 pub(crate) use parameters::checked;
 pub use parameters::{Parameters, Refused, triggers};
 pub use save_failures::{SAVE_RETRY_INTERVAL_US, SaveFailure, SaveFailures};
-pub use table::{Access, BatteryParameter, Kind, Listed, Meaning, Parameter, Range, VehicleParameter, means};
+pub use table::{
+    Access, BatteryParameter, Kind, Listed, MAX_CONTROLLERS, Meaning, Parameter, Range, VehicleParameter,
+    means,
+};
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};
 pub use unsaved::Unsaved;

@@ -2,11 +2,8 @@
 
 use crate::battery::{Consumed, Counted, Measurement, mean};
 use crate::pack::Pack;
-use crate::parameter::{BatteryParameter, Parameters};
+use crate::parameter::{BatteryParameter, MAX_CONTROLLERS, Parameters};
 use crate::time::Instant;
-
-/// Most motor controllers, as many as `BATT_ESC_MASK` has bits.
-pub const MAX_CONTROLLERS: usize = 12;
 
 /// A controller that has been silent for this long has dropped out, in microseconds: as long as a pack without a reading
 /// stays healthy. ArduPilot waits for 5 s, and counts on with the current of the others.

@@ -25,7 +25,7 @@ pub use can::{
     Acceptance, BitTiming, CanEvent, CanFrame, CanInterrupt, CanNotice, CanOptions, CanPack, CanReport,
     CanSettings, CanSetup, CanState, CanStatus, ChargerFaults, ChargerPower, DroneCan, FRAME_BYTES, NodeId,
 };
-pub use controllers::{ControllerBank, ControllerReading, MAX_CONTROLLERS, Members};
+pub use controllers::{ControllerBank, ControllerReading, Members};
 pub use engine::EngineReading;
 pub use external::{Admission, ExternalReading, ExternalSource};
 pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};

@@ -4,6 +4,9 @@ use super::{Access, Kind, Listed, Parameter, Range, means};
 #[cfg(not(target_os = "none"))]
 use super::{Documentation, TakesEffect};
 
+/// Most motor controllers: `BATT_ESC_MASK` has a bit for each.
+pub const MAX_CONTROLLERS: usize = 12;
+
 /// Kinds of sensors, with ArduPilot's numbers; a test in `src/sensor/kind.rs` compares them with those there are.
 const MONITORS: Range = Range::OneOf(&[
     (0, means("Disabled")),
@@ -695,7 +698,7 @@ parameters! {
         kind: Kind::Int32,
         default: 0.0,
         // A float represents every whole number in this range.
-        range: Range::Between(0.0, 4095.0),
+        range: Range::Between(0.0, ((1 << MAX_CONTROLLERS) - 1) as f32),
         listed: Listed::WithMonitor(9.0),
         step: 1.0,
         unit: "",

@@ -105,7 +105,7 @@ mod range;
 mod simulation;
 mod vehicle;
 
-pub use battery::BatteryParameter;
+pub use battery::{BatteryParameter, MAX_CONTROLLERS};
 pub use range::{Meaning, Range, means};
 #[cfg(not(target_os = "none"))]
 pub use simulation::SimulationParameter;

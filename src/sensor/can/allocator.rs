@@ -2,13 +2,13 @@
 
 use heapless::Vec;
 
-use super::NodeId;
 use super::messages::{Allocation, Part, UNIQUE_ID_BYTES};
+use super::{MAX_NODES, NodeId};
 use crate::fnv::Fnv;
 use crate::time::Instant;
 
 /// Nodes that can be given an id.
-const ASSIGNED: usize = 16;
+const ASSIGNED: usize = MAX_NODES;
 
 /// The highest id that is given away; those above are for tools.
 const HIGHEST: u8 = 125;

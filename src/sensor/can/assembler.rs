@@ -1,12 +1,13 @@
 //! Transfers that are received, put together from frames.
 
+use super::MAX_NODES;
 use super::crc::SignatureCrc;
 use super::frame::FRAME_BYTES;
 use super::tail::Tail;
 use crate::time::Instant;
 
 /// Transfers that can be incomplete at a time. Nodes interleave theirs; each frame of a transfer follows within milliseconds.
-const SLOTS: usize = 10;
+const SLOTS: usize = MAX_NODES;
 
 /// The longest payload: a BatteryInfoAux of 31 cells.
 const LONGEST_PAYLOAD_BYTES: usize = 80;

@@ -55,6 +55,7 @@ struct Node {
 
 /// Where the own id comes from, and who else gets one from here.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is no heap, and one of it exists")]
 enum Role {
     /// It has no id yet.
     Asking(Allocatee),

@@ -36,3 +36,10 @@ pub use frame::{CanFrame, FRAME_BYTES};
 pub use node_id::NodeId;
 pub use setup::{CanOptions, CanPack, CanSettings, CanSetup};
 pub use status::{CanInterrupt, CanReport, CanState, CanStatus};
+
+use crate::pack::MAX_PACKS;
+use crate::parameter::MAX_CONTROLLERS;
+
+/// Nodes that a bus has room for: all motor controllers, a battery or charger for each pack, and three more, such as one that
+/// gives ids. Everything that is kept of each node has as many places.
+const MAX_NODES: usize = MAX_CONTROLLERS + MAX_PACKS + 3;

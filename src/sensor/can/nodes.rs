@@ -3,11 +3,11 @@
 use heapless::Vec;
 
 use super::messages::{NodeStatus, Presence};
-use super::{CanNotice, NodeId};
+use super::{CanNotice, MAX_NODES, NodeId};
 use crate::time::Instant;
 
 /// Nodes that are watched. Further ones are served, too, but neither announced nor kept from being given away.
-const WATCHED: usize = 24;
+const WATCHED: usize = MAX_NODES;
 
 /// A node that has been silent for this long is lost, in microseconds (`OFFLINE_TIMEOUT_MS` of `NodeStatus`).
 const LOST_AFTER_US: u64 = 3_000_000;

@@ -3,7 +3,7 @@
 use crate::battery::{Measurement, ReadError};
 use crate::pack::Pack;
 use crate::sensor::can::identifier::{Identifier, Priority};
-use crate::sensor::can::messages::{BATTERY_AUX, BATTERY_INFO, CHARGER, DataType, NODE_STATUS};
+use crate::sensor::can::messages::{BATTERY_AUX, BATTERY_INFO, CHARGER, CONTROLLER, DataType, NODE_STATUS};
 use crate::sensor::can::outgoing::{Outgoing, Transfer};
 use crate::sensor::{
     CanEvent, CanFrame, CanNotice, CanOptions, CanPack, CanSettings, CanSetup, DroneCan, NodeId,
@@ -252,6 +252,20 @@ pub fn charger(node: u8, faults: u8) -> Vec<CanFrame> {
         .half(48.0)
         .bytes();
     message(node, CHARGER, DataType::Charger, 0, &payload)
+}
+
+/// The status of a motor controller: 12 V, and a current of as many amperes as its index.
+pub fn controller(node: u8, index: u8, transfer_id: u8) -> Vec<CanFrame> {
+    let payload = Fields::default()
+        .bits(0, 32)
+        .half(12.0)
+        .half(index.into())
+        .half(300.0)
+        .bits(0, 18)
+        .bits(0, 7)
+        .bits(index.into(), 5)
+        .bytes();
+    message(node, CONTROLLER, DataType::Controller, transfer_id, &payload)
 }
 
 pub fn status(node: u8, uptime_s: u32, mode: u8) -> Vec<CanFrame> {

@@ -4,6 +4,7 @@ use proptest::prelude::*;
 
 use super::bench::{Bench, OWN_ID, message, node, setup, status};
 use super::golden::{self, frames};
+use crate::sensor::can::MAX_NODES;
 use crate::sensor::can::allocator::Allocator;
 use crate::sensor::can::identifier::{Identifier, Priority};
 use crate::sensor::can::messages::{ALLOCATION, Allocation, DataType, Part};
@@ -208,12 +209,15 @@ fn late_or_foreign_parts_get_nothing() {
 #[test]
 fn ids_run_out() {
     let mut bench = listening(LISTENING_MS);
-    for owner in 0..20 {
+    for owner in 0..MAX_NODES as u8 + 4 {
         bench.receive(&requests([owner; 16], 0));
     }
     let notices = bench.take_notices();
     let count = |wanted: fn(&CanNotice) -> bool| notices.iter().filter(|notice| wanted(notice)).count();
-    assert_eq!(count(|notice| matches!(notice, CanNotice::Assigned(_))), 16);
+    assert_eq!(
+        count(|notice| matches!(notice, CanNotice::Assigned(_))),
+        MAX_NODES
+    );
     assert_eq!(
         count(|notice| *notice == CanNotice::NoIdLeft),
         1,

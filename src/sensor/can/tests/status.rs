@@ -4,6 +4,7 @@ use super::bench::{Bench, OWN_ID, node, setup, status};
 use super::golden::{self, frames};
 use crate::identity::FirmwareHash;
 use crate::sensor::CanNotice;
+use crate::sensor::can::MAX_NODES;
 
 const OWN_STATUS: u32 = 0x0001_5500 | OWN_ID as u32;
 
@@ -95,7 +96,7 @@ fn many_nodes_are_served_though_not_all_are_watched() {
     for id in (1..=127).filter(|id| *id != OWN_ID) {
         bench.receive(&status(id, 1, 0));
     }
-    assert_eq!(bench.take_notices().len(), 24);
+    assert_eq!(bench.take_notices().len(), MAX_NODES);
 }
 
 #[test]

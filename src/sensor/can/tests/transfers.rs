@@ -3,9 +3,11 @@
 use proptest::prelude::*;
 use proptest::sample::Index;
 
-use super::bench::{Battery, Bench, message, pack, setup};
+use super::bench::{Battery, Bench, controller, message, pack, setup};
 use super::golden::{self, frames};
 use crate::pack::Pack;
+use crate::parameter::MAX_CONTROLLERS;
+use crate::sensor::can::MAX_NODES;
 use crate::sensor::can::messages::{BATTERY_INFO, DataType};
 use crate::sensor::{CanEvent, CanFrame, CanPack};
 
@@ -145,19 +147,58 @@ fn endless_transfer_fills_nothing() {
     assert_eq!(bench.take_voltages().len(), 1);
 }
 
-#[test]
-fn more_transfers_at_a_time_than_there_is_room_for_lose_some_and_no_more() {
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
-    let all: Vec<Vec<CanFrame>> = (20..40).map(|node| Battery::new(node, 0).frames(0)).collect();
-    for place in 0..all[0].len() {
-        for transfer in &all {
-            bench.receive(&transfer[place..=place]);
+/// The first frame of each transfer, then the second of each, and so on.
+fn receive_interleaved(bench: &mut Bench, all: &[Vec<CanFrame>]) {
+    let longest = all.iter().map(Vec::len).max().unwrap_or_default();
+    for place in 0..longest {
+        for frame in all.iter().filter_map(|transfer| transfer.get(place)) {
+            bench.receive(&[*frame]);
         }
     }
-    assert_eq!(bench.can.lost_transfers(), 10);
+}
+
+#[test]
+fn all_motor_controllers_and_packs_are_heard_at_a_time() {
+    let packs = Pack::ALL.map(|of| CanPack {
+        battery_id: Some(of.number().into()),
+        ..pack(of)
+    });
+    let mut bench = Bench::with_packs(&packs);
+    for round in 0..10 {
+        let controllers = (0..MAX_CONTROLLERS as u8).map(|index| controller(20 + index, index, round));
+        let batteries = packs.iter().map(|pack| {
+            let number = pack.pack.number();
+            Battery::new(40 + number, number).frames(round)
+        });
+        let all: Vec<_> = controllers.chain(batteries).collect();
+        receive_interleaved(&mut bench, &all);
+        let heard = bench.events.iter().filter_map(|event| match event {
+            CanEvent::Controller(index, reading) => Some((*index, reading.current_a.unwrap())),
+            _ => None,
+        });
+        let expected = (0..MAX_CONTROLLERS as u8).map(|index| (index, f32::from(index)));
+        assert!(heard.eq(expected), "round {round}");
+        assert_eq!(
+            bench.take_voltages(),
+            Pack::ALL.map(|pack| (pack, 12.0)),
+            "round {round}"
+        );
+        bench.run_ms(100);
+    }
+    assert_eq!(bench.can.lost_transfers(), 0);
+}
+
+#[test]
+fn more_transfers_at_a_time_than_there_is_room_for_lose_some_and_no_more() {
+    const TOO_MANY: u8 = 10;
+    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let nodes = 20..20 + MAX_NODES as u8 + TOO_MANY;
+    let all: Vec<Vec<CanFrame>> = nodes.map(|node| Battery::new(node, 0).frames(0)).collect();
+    receive_interleaved(&mut bench, &all);
+    assert_eq!(bench.can.lost_transfers(), TOO_MANY.into());
     bench.receive(&frames(golden::BATTERY_INFO));
-    bench.receive(&all[19]);
-    assert!(bench.can.lost_transfers() == 10);
+    bench.receive(all.last().unwrap());
+    assert_eq!(bench.can.lost_transfers(), TOO_MANY.into());
 }
 
 #[test]
