@@ -8,6 +8,22 @@ use super::{
 };
 use crate::pack::Pack;
 
+/// Parameters that have another name from ArduPilot 4.7 on (ArduPilot's wiki, "Parameter Name Changes"), and what else differs.
+const RENAMED: [(VehicleParameter, &str, &str); 4] = [
+    (VehicleParameter::SysidThismav, "MAV_SYSID", "the same"),
+    (
+        VehicleParameter::Sr0Extra1,
+        "MAV1_EXTRA1",
+        "there it sets neither SYS_STATUS (`MAV1_EXT_STAT`) nor BATTERY_STATUS (`MAV1_EXTRA3`)",
+    ),
+    (VehicleParameter::Sr0Params, "MAV1_PARAMS", "the same"),
+    (
+        VehicleParameter::ArmingCheck,
+        "ARMING_SKIPCHK",
+        "inverted: the sum of the checks to skip, with the same bits except bit 0; 0 checks all (here 1), -1 none (here 0)",
+    ),
+];
+
 /// The page `docs/parameters.md`.
 pub fn markdown() -> String {
     let mut page = String::from(
@@ -30,7 +46,23 @@ pub fn markdown() -> String {
     write_table(&mut page, packs, first_pack).expect("infallible");
     let simulator = SimulationParameter::ALL.into_iter().map(ParameterId::from);
     write_table(&mut page, "\n## Simulator only\n", simulator).expect("infallible");
+    write_renamed(&mut page).expect("infallible");
     page
+}
+
+fn write_renamed(page: &mut String) -> std::fmt::Result {
+    page.push_str(
+        "\n\
+         ## Names of ArduPilot 4.7\n\
+         ArduPilot 4.7 has renamed these. The new names are unknown here: rename them in a file of parameters. Names of packs \
+         are the same.\n\n\
+         | here, as up to 4.6 | 4.7 | meaning there |\n|---|---|---|\n",
+    );
+    for (parameter, renamed, difference) in RENAMED {
+        let name = ParameterId::from(parameter).name();
+        writeln!(page, "| `{name}` | `{renamed}` | {difference} |")?;
+    }
+    Ok(())
 }
 
 fn write_table(
@@ -184,6 +216,15 @@ fn escape(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_of_ardupilot_4_7_are_listed_and_are_no_aliases() {
+        let page = markdown();
+        for (_, renamed, _) in RENAMED {
+            assert!(page.contains(&format!("| `{renamed}` |")));
+            assert_eq!(ParameterId::from_name(renamed.as_bytes()), None);
+        }
+    }
 
     #[test]
     fn xml_comment_is_valid() {
