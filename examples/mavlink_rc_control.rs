@@ -1,6 +1,7 @@
 //! Drive the rover from a ground station's gamepad: the smallest complete firmware, with the pins of the Freenove board.
 //!
-//! No battery monitor, no flash, no tasks: one loop that listens, obeys and answers. Flash it with
+//! No flash, no tasks: one loop that listens, obeys, measures the pack at GP26 and reports it at the rate `SR0_EXTRA1`. Nothing
+//! acts on a low pack here. Flash it with
 //! `cargo run --release --target thumbv6m-none-eabi --example mavlink_rc_control`, wheels up the first time. Then, in a ground
 //! station on the telemetry port: arm, choose the mode MANUAL, and move the sticks (MANUAL_CONTROL or
 //! RC_CHANNELS_OVERRIDE). When you let go of the link for 1.5 s, the rover brakes.
@@ -12,9 +13,15 @@ mod firmware {
     use embassy_executor::Spawner;
     use embassy_time::{Duration, with_timeout};
     use panic_probe as _;
-    use rover_battmon::board::{self, BoardMotors, BoardWatchdog, MotorPeripherals, TelemetryUart};
+    use rover_battmon::battery::{BatteryMonitor, BatteryState, Measurement, PackSettings, ReadError, Tick};
+    use rover_battmon::board::{
+        self, AnalogInputs, BoardMotors, BoardWatchdog, MotorPeripherals, TelemetryUart,
+    };
+    use rover_battmon::cadence::Cadence;
     use rover_battmon::mavlink::{Changeable, LinkKind, Signing, SystemState};
+    use rover_battmon::pack::Pack;
     use rover_battmon::parameter::{Parameters, VehicleParameter};
+    use rover_battmon::sensor::{AnalogPin, AnalogWiring, read_mean};
     use rover_battmon::tasks::{ByteSource, Watchdog, WiredEndpoint, now};
     use rover_battmon::vehicle::{Motors, Vehicle, VehicleSettings};
     use rover_battmon::wifi::WifiCredentials;
@@ -23,6 +30,10 @@ mod firmware {
 
     /// So long it listens before it looks after the motors again.
     const LISTEN: Duration = Duration::from_millis(20);
+
+    /// 10 readings a second. One that takes longer than the timeout has failed.
+    const READING_INTERVAL_US: u64 = 100_000;
+    const READING_TIMEOUT: Duration = Duration::from_millis(2);
 
     #[embassy_executor::main]
     async fn main(_spawner: Spawner) {
@@ -44,10 +55,14 @@ mod firmware {
         };
         let (transmitter, mut receiver) = board::telemetry_uart(parts, BAUD);
 
+        let mut pins = AnalogInputs::new(chip.ADC, chip.PIN_26, chip.PIN_27, chip.PIN_28, Some(chip.PIN_29));
+
+        // The defaults have HEARTBEAT sent once a second, SYS_STATUS and BATTERY_STATUS twice.
         let mut parameters = Parameters::defaults();
-        // Nothing measures a battery here, so none is sent, and none is checked before arming.
-        let _ = parameters.set(VehicleParameter::Sr0Extra1, 0.0);
+        // No pack is too low to drive with here.
         let _ = parameters.set(VehicleParameter::ArmingCheck, 0.0);
+        let mut monitor = BatteryMonitor::new();
+        let mut readings = Cadence::starting_at(now(), READING_INTERVAL_US);
         let mut vehicle = Vehicle::new();
         let mut wifi = WifiCredentials::absent();
         let mut link = WiredEndpoint::new(LinkKind::Radio, BAUD / 10, transmitter, now());
@@ -64,7 +79,8 @@ mod firmware {
             let now = now();
             // 64 bytes at most, less than it has room for once everything before them was handled.
             link.endpoint.push(received);
-            let state = state_of(&vehicle);
+            let batteries = [*monitor.state()];
+            let state = state_of(&vehicle, &batteries);
             while link
                 .endpoint
                 .handle_next(
@@ -85,16 +101,40 @@ mod firmware {
             let _ = vehicle.update(now, &VehicleSettings::from_parameters(&parameters));
             motors.drive(vehicle.drives());
 
-            // Answer: HEARTBEAT when it is due, acknowledgements, parameters.
-            let state = state_of(&vehicle);
+            // Measure the pack, update its state, and announce its events.
+            if readings.take(now) {
+                let reading = measure(&mut pins, &parameters).await;
+                let tick = Tick {
+                    now,
+                    arm_state: vehicle.arm_state(),
+                };
+                let settings = PackSettings::from_parameters(&parameters, Pack::First);
+                let update = monitor.update(tick, reading, &settings);
+                link.announce(Pack::First, &update.events);
+            }
+
+            // Report what is due: HEARTBEAT, SYS_STATUS, BATTERY_STATUS, acknowledgements, parameters.
+            let batteries = [*monitor.state()];
+            let state = state_of(&vehicle, &batteries);
             let _ = link.send_due(now, &state, &parameters).await;
             watchdog.feed();
         }
     }
 
-    fn state_of(vehicle: &Vehicle) -> SystemState<'static> {
+    async fn measure(pins: &mut AnalogInputs, parameters: &Parameters) -> Result<Measurement, ReadError> {
+        let divider = AnalogWiring::from_parameters(parameters, Pack::First).divider;
+        let count = with_timeout(READING_TIMEOUT, read_mean(pins, AnalogPin::Gp26)).await;
+        let count = count.unwrap_or(Err(ReadError::Timeout))?;
+        Ok(Measurement {
+            voltage_v: Some(divider.pack_voltage_v(count.pin_voltage_v())),
+            ..Measurement::default()
+        })
+    }
+
+    fn state_of<'a>(vehicle: &Vehicle, batteries: &'a [BatteryState]) -> SystemState<'a> {
         SystemState {
             vehicle: vehicle.status(),
+            batteries,
             ..SystemState::default()
         }
     }

@@ -2,7 +2,9 @@
 
 use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, SECOND, STACK_POINTER};
 use crate::motor_poles::{LEFT, motors};
-use crate::support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, of_message};
+use crate::support::frames::{
+    BATTERY_STATUS, COMMAND_ACK, HEARTBEAT, STATUSTEXT, SYS_STATUS, last_of, of_message,
+};
 pub use crate::support::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
 use crate::support::requests::{arm, disarm, manual_control, set_mode};
 use crate::wheels::pins;
@@ -271,4 +273,32 @@ fn the_smallest_firmware_drives_by_gamepad_and_stops_without_it() {
     let heartbeats = bench.frames();
     assert!(of_message(&heartbeats, HEARTBEAT).len() >= 4);
     assert!(bench.resets().is_empty());
+}
+
+#[test]
+fn the_smallest_firmware_keeps_its_telemetry_rate_while_it_is_driven() {
+    let mut bench = Bench::power_up_example("mavlink_rc_control");
+    bench.adc_input(PACK, AdcInput::Code(GOOD_3S));
+    bench.run_for(SECOND);
+    bench.ask(&manual_control(VEHICLE_ID, 0, 0));
+    bench.ask(&arm());
+    bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    for (rate_hz, parameter) in [(2, None), (10, Some(10.0))] {
+        if let Some(value) = parameter {
+            bench.set("SR0_EXTRA1", value);
+        }
+        bench.forget_sent();
+        drive_for(&mut bench, 10 * SECOND, 500);
+        let frames = bench.frames();
+        for message in [SYS_STATUS, BATTERY_STATUS] {
+            let count = of_message(&frames, message).len();
+            assert!(
+                count.abs_diff(10 * rate_hz) <= 1,
+                "{message}: {count} at {rate_hz} Hz"
+            );
+        }
+        let off_mv = i32::from(last_of(&frames, 0).voltage_mv(0)) - 11_400;
+        assert!(off_mv.abs() < 20, "off by {off_mv} mV");
+    }
+    assert!(!is_braking(&bench) && !is_coasting(&bench), "it drives on");
 }
