@@ -4,13 +4,20 @@
 //! `cargo test --test endurance` runs them, `cargo test --test endurance wrap` those with that word in their names,
 //! `cargo test --test endurance -- --budget 300` as much of them as goes into that many seconds.
 
+#[path = "../workbench/air/mod.rs"]
+mod air;
 #[path = "../workbench/bench.rs"]
 #[allow(dead_code)]
 mod bench;
+#[path = "../workbench/can/mod.rs"]
+mod can_bench;
 #[path = "../workbench/downloads.rs"]
 mod downloads;
 #[path = "../support/elf.rs"]
 mod elf;
+#[path = "../workbench/host_stream.rs"]
+#[allow(dead_code)]
+mod host_stream;
 #[path = "../workbench/i2c_bus.rs"]
 mod i2c_bus;
 #[path = "../workbench/log_records.rs"]
@@ -88,7 +95,7 @@ const TWO: [(&str, f32); 1] = [("BATT2_MONITOR", 21.0)];
 const CUT_STEP: usize = 6;
 
 /// They take long, so each only runs when it is asked for by this word.
-const LONG_RUNS: [(&str, Run); 3] = [
+const LONG_RUNS: [(&str, Run); 4] = [
     (
         "whole",
         Run::new("a whole hour with four packs", |_| logs::drive(60 * MINUTE)),
@@ -98,6 +105,10 @@ const LONG_RUNS: [(&str, Run); 3] = [
         Run::new("log power cuts in every operation", |budget| {
             logs::power_cuts(1, budget)
         }),
+    ),
+    (
+        "sixty",
+        Run::new("sixty minutes of seeded faults", seeded_faults::sixty_minutes),
     ),
     ("day", Run::new("a day of seeded faults", seeded_faults::a_day)),
 ];

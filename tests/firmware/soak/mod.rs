@@ -9,7 +9,7 @@ use crate::runs::soak::fault::Fault;
 use crate::runs::soak::{Protection, run_board, run_boards};
 
 /// Long enough for every fault to come once.
-const LENGTH_US: u64 = 4 * MINUTE;
+const LENGTH_US: u64 = 6 * MINUTE;
 
 #[test]
 fn every_fault_leaves_telemetry_motors_and_parameters_sound() {

@@ -89,6 +89,7 @@ BROADCASTS = [
     ("A", "Battery 1: 12.5 V, 3.25 A, 25.1 C, 76 %", BATTERY_A, battery(1, 12.5, 3.25, 25.1, 76, 50, 66), 16),
     ("A_LATER", "Battery 1: 12.25 V, 8.5 A, 30.1 C, 75 %", BATTERY_A, battery(1, 12.25, 8.5, 30.1, 75, 49, 66), 16),
     ("B", "Battery 2: 25 V, 16 A, 10.1 C, 40 %", BATTERY_B, battery(2, 25.0, 16.0, 10.1, 40, 100, 250), 16),
+    ("B_LATER", "Battery 2: 24.5 V, 12 A, 12.1 C, 39 %", BATTERY_B, battery(2, 24.5, 12.0, 12.1, 39, 98, 250), 16),
     ("A_CELLS", "Cells of battery 1: 4.125, 4.1875, 4.15625 V", BATTERY_A, auxiliary(1, CELLS, 17, 11.1), 16),
     ("ESC_0", "Controller 0: 12 V, 4 A, 40.1 C", ESC, controller(0, 12.0, 4.0, 40.1, 1200), 16),
     ("ESC_1", "Controller 1: 12.5 V, 6 A, 50.1 C", ESC + 1, controller(1, 12.5, 6.0, 50.1, 1300), 16),

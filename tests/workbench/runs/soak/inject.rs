@@ -3,11 +3,14 @@
 use super::fault::Fault;
 use super::line::Condition;
 use super::packs::Packs;
-use super::rig::Rig;
+use super::rig::{Radio, Rig};
+use super::station::force_arm;
 use crate::bench::{CYCLES_PER_US, MILLISECOND, SECOND};
 use crate::i2c_bus::BUS;
+use emulator::can::CanWires;
 use emulator::i2c_devices::{Pec, Reads};
-use emulator::{AdcFault, Board, FlashCut, Random, ResetCause};
+use emulator::{AdcFault, Board, FlashCut, RadioFault, Random, ResetCause};
+use rover_battmon::flash_map;
 
 /// With more crashes in a row it is the program that is broken, and a board may start with other parameters than its own.
 const MOST_CRASHES: u32 = 4;
@@ -20,9 +23,21 @@ const HANG_US: u64 = 1_050 * MILLISECOND;
 /// A parameter that is set is written within this.
 const WRITING_US: u64 = 300 * MILLISECOND;
 
+/// The log has begun this long after arming, and one of its next three pages is written within the other.
+const LOGGING_US: u64 = 500 * MILLISECOND;
+const LOG_CUT_WITHIN_US: u64 = 5 * SECOND;
+
+/// Shares of the frames.
+const CAN_NOISE: f64 = 0.1;
+const AIR_LOSS: f64 = 0.5;
+
 impl Rig {
     /// A fault, from its beginning until nothing is left of it.
     pub fn suffer(&mut self, fault: Fault) {
+        if fault.hits_wifi() && self.radio == Radio::NotFound {
+            self.tally.injected(Fault::RunPin);
+            self.suffer(Fault::RunPin);
+        }
         self.calm_since_us = None;
         self.packs.watch(fault.spares());
         let starts = self.resets;
@@ -54,8 +69,8 @@ impl Rig {
     fn begin(&mut self, fault: Fault) {
         match fault {
             Fault::AdcGlitches => self.packs.glitch(&mut self.bench),
-            Fault::AdcErrors => self.bench.adc_fault(AdcFault::ConversionError),
-            Fault::AdcStalls => self.bench.adc_fault(AdcFault::Stalled),
+            Fault::AdcErrors => self.break_converter(AdcFault::ConversionError),
+            Fault::AdcStalls => self.break_converter(AdcFault::Stalled),
             Fault::LineNoise => self.line.condition = Condition::Noisy,
             Fault::LostBytes => self.line.condition = Condition::Lossy,
             Fault::LineDead => self.line.condition = Condition::Dead,
@@ -69,9 +84,25 @@ impl Rig {
                 self.packs.battery.borrow_mut().set_pec(Pec::Wrong);
             }
             Fault::PartHangs => self.packs.battery.borrow_mut().set_stretch(50 * CYCLES_PER_MS),
+            Fault::CanNoise => self.packs.can.bus(&mut self.bench).set_noise(CAN_NOISE),
+            Fault::CanShorted => self.packs.can.set_wires(&mut self.bench, CanWires::Shorted),
+            Fault::CanUnplugged => self.packs.can.unplug(&mut self.bench),
+            Fault::CanReset => {
+                self.bench.spi1();
+                self.packs.can.chip.borrow_mut().reset();
+            }
+            Fault::CanSilent => self.packs.can_is_silent = true,
+            Fault::RadioSilent => {
+                let after = self.random.below(50) as u64;
+                self.bench.wifi().set_fault(Some(RadioFault::SilentAfter(after)));
+            }
+            Fault::RadioNoise => self.bench.wifi().set_fault(Some(RadioFault::Noise)),
+            Fault::AirLossy => self.wifi.lose(AIR_LOSS),
+            Fault::AirHostile => self.wifi.flood(self.random.next_u64(), &mut self.bench),
             Fault::BrownOut => self.lose_power(),
             Fault::RunPin => self.press_run(),
             Fault::FlashCut => self.lose_power_while_writing(),
+            Fault::LogCut => self.lose_power_while_logging(),
             Fault::ProgramHangs => self.crash(Board::hang_program),
             Fault::ProgramCrashes => self.crash(Board::run_undefined_instruction),
         }
@@ -79,7 +110,7 @@ impl Rig {
 
     fn end(&mut self, fault: Fault) {
         match fault {
-            Fault::AdcErrors | Fault::AdcStalls => self.bench.adc_fault(AdcFault::None),
+            Fault::AdcErrors | Fault::AdcStalls => self.break_converter(AdcFault::None),
             Fault::LineNoise | Fault::LostBytes | Fault::LineDead | Fault::HostileFrames => {
                 self.line.condition = Condition::Clean;
             }
@@ -91,14 +122,29 @@ impl Rig {
                 self.packs.battery.borrow_mut().set_pec(Pec::Right);
             }
             Fault::PartHangs => self.packs.battery.borrow_mut().set_stretch(0),
+            Fault::CanNoise => self.packs.can.bus(&mut self.bench).set_noise(0.0),
+            Fault::CanShorted => self.packs.can.set_wires(&mut self.bench, CanWires::Sound),
+            Fault::CanUnplugged => self.packs.can.plug(&mut self.bench),
+            Fault::CanSilent => self.packs.can_is_silent = false,
+            Fault::RadioSilent | Fault::RadioNoise => self.bench.wifi().set_fault(None),
+            Fault::AirLossy => self.wifi.lose(0.0),
+            Fault::AirHostile => self.wifi.calm(),
             // Those end when the voltages are changed, or with the start.
             Fault::AdcGlitches
+            | Fault::CanReset
             | Fault::BrownOut
             | Fault::RunPin
             | Fault::FlashCut
+            | Fault::LogCut
             | Fault::ProgramHangs
             | Fault::ProgramCrashes => {}
         }
+    }
+
+    /// From now on.
+    fn break_converter(&mut self, fault: AdcFault) {
+        self.bench.adc_fault(fault);
+        self.converter_works = fault == AdcFault::None;
     }
 
     fn press_run(&mut self) {
@@ -110,11 +156,13 @@ impl Rig {
     /// The power goes, for between a millisecond and three seconds.
     fn lose_power(&mut self) {
         self.bench.cut_power();
+        self.packs.can.chip.borrow_mut().set_powered(false);
         let off_us = match self.random.below(2) {
             0 => MILLISECOND + self.random.below(100_000) as u64,
             _ => self.random.below(3_000_000) as u64,
         };
         self.bench.run_for(off_us);
+        self.packs.can.chip.borrow_mut().set_powered(true);
         self.bench.power_cycle();
         self.look_at_reset(&[ResetCause::PowerCycle]);
         self.crashes = 0;
@@ -135,6 +183,27 @@ impl Rig {
             }
         }
         assert!(!self.bench.is_powered(), "flash was not written");
+        self.lose_power();
+    }
+
+    /// The power goes in one of the next operations of the flash chip after the log of a drive has begun. The driver leaves the
+    /// sticks alone.
+    fn lose_power_while_logging(&mut self) {
+        let now_us = self.now_us();
+        self.orders.arm(now_us);
+        self.send(&force_arm());
+        self.bench.run_for(LOGGING_US);
+        let operation = 1 + self.random.below(3) as u64;
+        let cut = self.random.pick(&FlashCut::ALL);
+        self.bench.cut_power_at_flash_operation(operation, cut);
+        let is_off = |board: &mut Board| !board.is_powered();
+        assert!(
+            self.bench.run_until(LOG_CUT_WITHIN_US, is_off),
+            "nothing was logged"
+        );
+        let cut_off = self.bench.flash_operations().last().map(|last| last.offset);
+        let is_of_log = cut_off.is_some_and(|offset| flash_map::LOG.contains(&offset));
+        assert!(is_of_log, "{cut_off:?}");
         self.lose_power();
     }
 

@@ -12,6 +12,7 @@ mod rig;
 mod station;
 pub mod tally;
 mod watch;
+mod wifi;
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -1,9 +1,12 @@
-//! The four packs of the board: two on the converter, a power monitor and a smart battery on the bus.
+//! The six packs of the board: two on the converter, a power monitor and a smart battery on the I2C bus, two batteries on the
+//! CAN bus.
 
 use std::cell::RefCell;
 use std::rc::Rc;
 
 use crate::bench::Bench;
+use crate::can_bench::transfers::{A, A_LATER, B, B_LATER};
+use crate::can_bench::{CanRig, Peer, Transfer};
 use crate::i2c_bus::{BUS, shared};
 use crate::support::frames::{BatteryStatus, Frame};
 use emulator::i2c_devices::{Garbled, Ina226, Pec, Reads, RegisterMap, SmartBattery};
@@ -15,17 +18,37 @@ const BATTERY_AT: u8 = 0x0b;
 /// The converter's channels of the first two packs.
 const DIVIDERS: [usize; 2] = [0, 2];
 
-pub const PARAMETERS: [(&str, f32); 4] = [
+const CRYSTAL_HZ: u64 = 16_000_000;
+const BITS_PER_SECOND: u64 = 1_000_000;
+
+/// A battery that can't send keeps no more frames than these: two reports.
+const WAITING_FRAMES: usize = 12;
+
+/// What the batteries on the CAN bus report, and how many millivolts that is.
+const CAN_REPORTS: [[(Transfer, u32); 2]; 2] =
+    [[(A, 12_500), (A_LATER, 12_250)], [(B, 25_000), (B_LATER, 24_500)]];
+
+pub const PARAMETERS: [(&str, f32); 9] = [
     ("BATT2_MONITOR", 3.0),
     ("BATT2_VOLT_PIN", 28.0),
     ("BATT3_MONITOR", 21.0),
     ("BATT4_MONITOR", 7.0),
+    ("CAN_P1_DRIVER", 1.0),
+    ("BATT5_MONITOR", 8.0),
+    ("BATT5_SERIAL_NUM", 1.0),
+    ("BATT6_MONITOR", 8.0),
+    ("BATT6_SERIAL_NUM", 2.0),
 ];
 
 /// Packs by their instance.
 pub const ON_ADC: &[u8] = &[0, 1];
 pub const ON_BUS: &[u8] = &[2, 3];
-pub const ALL: &[u8] = &[0, 1, 2, 3];
+pub const ON_CAN: &[u8] = &[4, 5];
+pub const BUT_ADC: &[u8] = &[2, 3, 4, 5];
+pub const BUT_BUS: &[u8] = &[0, 1, 4, 5];
+pub const BUT_CAN: &[u8] = &[0, 1, 2, 3];
+pub const ALL: &[u8] = &[0, 1, 2, 3, 4, 5];
+const COUNT: usize = ALL.len();
 
 const UNHEALTHY: u8 = 6;
 
@@ -38,24 +61,33 @@ const GLITCH_RATE: f64 = 0.05;
 pub struct Packs {
     pub monitor: Rc<RefCell<Garbled<RegisterMap<Ina226>>>>,
     pub battery: Rc<RefCell<SmartBattery>>,
+    pub can: CanRig,
+    /// The batteries on the CAN bus, and which of their reports they send.
+    can_batteries: [(Peer, usize); 2],
+    pub can_is_silent: bool,
     random: Random,
     codes: [u16; 2],
-    voltages_mv: [u32; 4],
+    voltages_mv: [u32; COUNT],
     /// Since when each is reported right, of what was reported since [`Self::expect_news`].
-    right_since_us: [Option<u64>; 4],
+    right_since_us: [Option<u64>; COUNT],
     /// Those that have to be right in every report.
     watched: &'static [u8],
 }
 
 impl Packs {
-    pub fn new(random: Random) -> Self {
+    /// Solders a CAN controller to the board.
+    pub fn new(random: Random, bench: &mut Bench) -> Self {
+        let can = CanRig::new(bench, CRYSTAL_HZ, BITS_PER_SECOND);
         Self {
+            can_batteries: [(can.peer(), 0), (can.peer(), 0)],
+            can,
+            can_is_silent: false,
             monitor: shared(Garbled::new(Ina226::new(0.0005), Reads::Own)),
             battery: shared(SmartBattery::new(Pec::Right)),
             random,
             codes: [0; 2],
-            voltages_mv: [0; 4],
-            right_since_us: [None; 4],
+            voltages_mv: [0; COUNT],
+            right_since_us: [None; COUNT],
             watched: &[],
         }
     }
@@ -81,7 +113,8 @@ impl Packs {
                 0 | 1 => self.set_code(usize::from(*pack), 2400 + step, bench),
                 2 => self.set_monitor(11_500 + 5 * u32::from(step)),
                 // Three cells.
-                _ => self.set_battery(11_100 + 3 * u32::from(step)),
+                3 => self.set_battery(11_100 + 3 * u32::from(step)),
+                number => self.set_can_battery(usize::from(number - 4)),
             };
         }
     }
@@ -103,6 +136,25 @@ impl Packs {
         millivolts
     }
 
+    fn set_can_battery(&mut self, number: usize) -> u32 {
+        let (_, report) = &mut self.can_batteries[number];
+        *report = 1 - *report;
+        CAN_REPORTS[number][*report].1
+    }
+
+    /// The batteries on the CAN bus report, ten times a second.
+    pub fn send_can_reports(&mut self, now_us: u64) {
+        if self.can_is_silent {
+            return;
+        }
+        for ((peer, report), reports) in self.can_batteries.iter_mut().zip(CAN_REPORTS) {
+            if peer.station.borrow().waiting() < WAITING_FRAMES {
+                peer.send(now_us, reports[*report].0);
+            }
+            peer.take_received();
+        }
+    }
+
     /// Some conversions give any code, until the voltages are changed.
     pub fn glitch(&mut self, bench: &mut Bench) {
         for (channel, code) in DIVIDERS.into_iter().zip(self.codes) {
@@ -122,13 +174,13 @@ impl Packs {
 
     /// From now on it counts who is reported right.
     pub fn expect_news(&mut self) {
-        self.right_since_us = [None; 4];
+        self.right_since_us = [None; COUNT];
     }
 
     /// When the last of them was reported right; `None` while one is not.
     pub fn back_us(&self) -> Option<u64> {
-        let [first, second, third, fourth] = self.right_since_us;
-        Some(first?.max(second?).max(third?).max(fourth?))
+        let since_us: Option<Vec<u64>> = self.right_since_us.into_iter().collect();
+        since_us?.into_iter().max()
     }
 
     /// A BATTERY_STATUS.

@@ -1,4 +1,4 @@
-//! A board with four packs, a ground station with a driver, and the line between them.
+//! A board with six packs and a radio, a ground station with a driver, and the line between them.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -13,6 +13,7 @@ use super::packs::{self, Packs};
 use super::receiver::Receiver;
 use super::station::Station;
 use super::tally::Tally;
+use super::wifi::Wifi;
 use crate::bench::log_flash::files_in;
 use crate::bench::{Bench, MILLISECOND, SECOND, SIGNING_OFFSET, value_of};
 use crate::downloads::{download, list};
@@ -52,8 +53,8 @@ pub(super) const PROBE: u32 = 77;
 /// A request that was not answered is repeated.
 const TRIES: usize = 5;
 
-/// Enough for twice the parameters of four packs and for the hostile frames that are still on their way.
-const LIST_STEPS: usize = 50;
+/// Enough for twice the parameters of six packs and for the hostile frames that are still on their way.
+const LIST_STEPS: usize = 70;
 
 /// The log goes on for 15 s after disarming, and is in flash a second later.
 const LOG_WRITTEN_US: u64 = 17 * SECOND;
@@ -67,6 +68,13 @@ pub enum Protection {
     Key,
 }
 
+/// A board that starts while its converter fails does not find its radio, and has no Wi-Fi until the next start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Radio {
+    Found,
+    NotFound,
+}
+
 pub struct Rig {
     pub bench: Bench,
     /// Signs what the station sends to a board with a key.
@@ -75,6 +83,9 @@ pub struct Rig {
     pub random: Random,
     pub line: Line,
     pub packs: Packs,
+    pub wifi: Wifi,
+    pub(super) radio: Radio,
+    pub(super) converter_works: bool,
     pub ledger: Ledger,
     pub station: Station,
     pub tally: Tally,
@@ -101,14 +112,16 @@ impl Rig {
     pub fn new(seed: u64, protection: Protection) -> Self {
         let mut random = Random::new(seed);
         let mut another = || Random::new(random.next_u64());
-        let (line, packs) = (Line::new(another()), Packs::new(another()));
+        let (line, of_packs) = (Line::new(another()), another());
         let station = Station::new(another(), 4 * SECOND);
-        let seed = random.next_u64();
+        let (seed, of_air) = (random.next_u64(), random.next_u64());
         let owner = (protection == Protection::Key).then(|| Signer::new(OWNER));
         let mut bench = match protection {
             Protection::None => Bench::power_up_seeded(0, seed),
             Protection::Key => Bench::power_up_with_flash_seeded(0, SIGNING_OFFSET, flash_with_key(), seed),
         };
+        let wifi = Wifi::new(of_air, &mut bench);
+        let packs = Packs::new(of_packs, &mut bench);
         packs.plug_in(&mut bench);
         bench.run_for(SECOND);
         if let Some(owner) = &owner {
@@ -131,6 +144,9 @@ impl Rig {
             recorded: VecDeque::new(),
             line,
             packs,
+            wifi,
+            radio: Radio::Found,
+            converter_works: true,
             ledger,
             station,
             tally: Tally::default(),
@@ -167,7 +183,8 @@ impl Rig {
     /// Lets a tenth of a second pass, in which the station sends what it wants to.
     pub fn step(&mut self) {
         self.send_messages();
-        self.bench.run_for(STEP_US);
+        self.packs.send_can_reports(self.bench.time_us());
+        self.wifi.run_for(&mut self.bench, STEP_US);
         self.look();
     }
 
@@ -236,16 +253,17 @@ impl Rig {
     pub fn recover(&mut self, fault: Fault) {
         let end_us = self.now_us();
         self.packs.expect_news();
-        (self.heard_us, self.answered_us) = (None, None);
+        (self.heard_us, self.answered_us, self.wifi.heard_us) = (None, None, None);
         let back_us = loop {
-            if let Some(back_us) = self.back_us() {
+            if let Some(back_us) = self.back_us(fault) {
                 break back_us;
             }
             let past_us = self.now_us() - end_us;
             assert!(
                 past_us <= fault.limit_us(),
-                "{fault:?}: not back after {past_us} us: HEARTBEAT {:?}, answer {:?}, packs {:?}",
+                "{fault:?}: not back after {past_us} us: HEARTBEAT {:?}, by Wi-Fi {:?}, answer {:?}, packs {:?}",
                 self.heard_us,
+                self.wifi.heard_us,
                 self.answered_us,
                 self.packs.back_us()
             );
@@ -257,9 +275,13 @@ impl Rig {
         self.calm_since_us = Some(self.now_us());
     }
 
-    /// When the last of what has to come again did so: HEARTBEAT, an answer, every pack.
-    fn back_us(&self) -> Option<u64> {
-        Some(self.packs.back_us()?.max(self.heard_us?).max(self.answered_us?))
+    /// When the last of what has to come again did so: HEARTBEAT, an answer, every pack, and a HEARTBEAT by Wi-Fi.
+    fn back_us(&self, fault: Fault) -> Option<u64> {
+        let by_line_us = self.packs.back_us()?.max(self.heard_us?).max(self.answered_us?);
+        match fault.hits_wifi() {
+            true => Some(by_line_us.max(self.wifi.heard_us?)),
+            false => Some(by_line_us),
+        }
     }
 
     /// Asks for an answer until there is one. It shows that the board has dealt with all that was sent before.
@@ -328,6 +350,7 @@ impl Rig {
         );
         self.tally.seconds = (self.now_us() - from_us) / SECOND;
         self.tally.settings = self.station.settings;
+        self.tally.by_wifi = self.wifi.frames;
         self.tally.motor_changes = self.motors.changes;
         self.tally.least_left_us = self.bench.smallest_watchdog_slack_us();
         self.tally.oldest_stick_us = self.motors.oldest_stick_us;

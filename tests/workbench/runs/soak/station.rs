@@ -15,6 +15,11 @@ const AUTOPILOT_VERSION: f32 = 148.0;
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21_196.0;
 
+/// Arms whatever the packs say.
+pub fn force_arm() -> Vec<u8> {
+    command_long_2(ARM_DISARM, 1.0, FORCED)
+}
+
 /// Orders are sent again until they are seen to be obeyed.
 const REPEAT_US: u64 = 500 * MILLISECOND;
 
@@ -190,7 +195,7 @@ impl Station {
             let is_first = now_us < self.began_us + REPEAT_US;
             messages.push(match (self.driver, self.random.below(2)) {
                 (Driver::Careful, 0) if is_first => arm(),
-                _ => command_long_2(ARM_DISARM, 1.0, FORCED),
+                _ => force_arm(),
             });
             messages.push(set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
             if self.driver == Driver::Careful && self.random.below(2) == 0 {

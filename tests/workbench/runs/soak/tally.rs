@@ -26,6 +26,8 @@ pub struct Tally {
     pub calm_drives: u64,
     pub motor_changes: u64,
     pub oldest_stick_us: u64,
+    /// Frames that a laptop has received by Wi-Fi.
+    pub by_wifi: u64,
     pub settings: u64,
     pub read_back: u64,
     pub programs: u64,
@@ -76,6 +78,7 @@ impl Tally {
         self.calm_drives += other.calm_drives;
         self.motor_changes += other.motor_changes;
         self.oldest_stick_us = self.oldest_stick_us.max(other.oldest_stick_us);
+        self.by_wifi += other.by_wifi;
         self.settings += other.settings;
         self.read_back += other.read_back;
         self.programs += other.programs;
@@ -131,6 +134,7 @@ impl fmt::Display for Tally {
             self.heartbeats,
             self.longest_gap_us as f64 / 1e6
         )?;
+        writeln!(f, "- {} messages to a laptop by Wi-Fi;", self.by_wifi)?;
         writeln!(
             f,
             "- {} changes at the motors' pins in {} drives ({} of them without a fault), each as it was ordered at most {:.2} s before;",

@@ -3,7 +3,7 @@
 use rover_battmon::flash_map;
 
 use super::motors::{Change, Motors, Says};
-use super::rig::{PROBE, Rig};
+use super::rig::{PROBE, Radio, Rig};
 use super::station::Driver;
 use crate::bench::{CYCLES_PER_US, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET, is_learnt};
 use crate::i2c_bus::BUS;
@@ -44,6 +44,10 @@ impl Rig {
         let reset = self.bench.resets()[self.resets];
         assert!(causes.contains(&reset.cause), "{reset:?}");
         self.resets += 1;
+        self.radio = match self.converter_works {
+            true => Radio::Found,
+            false => Radio::NotFound,
+        };
         let reset_us = reset.time_us;
         let changes = Motors::take_changes(&mut self.bench);
         let frames = self.receive(Some(reset_us));
