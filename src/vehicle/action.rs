@@ -6,9 +6,8 @@ use crate::battery::FailsafeLevel;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
 
-/// Failsafe action of a low (`BATT_FS_LOW_ACT`), critical (`BATT_FS_CRT_ACT`) or unhealthy (`BATT_FS_UNH_ACT`) pack, with ArduPilot Rover's names, in
-/// increasing severity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+/// Failsafe action of a low (`BATT_FS_LOW_ACT`), critical (`BATT_FS_CRT_ACT`) or unhealthy (`BATT_FS_UNH_ACT`) pack, with ArduPilot Rover's names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum FailsafeAction {
     /// 0: announce only.
@@ -24,6 +23,18 @@ pub enum FailsafeAction {
     /// 2: enter Hold.
     Hold,
     /// 5: disarm until a restart or a battery reset.
+    Terminate,
+}
+
+/// What an action does without a position, in increasing severity.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Effect {
+    /// Nothing: it is announced only.
+    #[default]
+    None,
+    /// The rover enters Hold.
+    Hold,
+    /// The rover is disarmed, and stays so.
     Terminate,
 }
 
@@ -53,6 +64,15 @@ impl FailsafeAction {
         Self::from_number(parameters.get_whole(parameter.of(pack))).unwrap_or(Self::Warn)
     }
 
+    /// What it does without a position.
+    pub(super) fn effect(self) -> Effect {
+        match self {
+            Self::Warn => Effect::None,
+            Self::LoiterOrHold | Self::SmartRtlOrHold | Self::SmartRtl | Self::Rtl | Self::Hold => Effect::Hold,
+            Self::Terminate => Effect::Terminate,
+        }
+    }
+
     /// Whether it needs a position.
     pub fn needs_position(self) -> bool {
         match self {
@@ -80,10 +100,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn actions_are_ordered_by_ardupilots_severity() {
-        let by_severity = [0, 6, 4, 3, 1, 2, 5].map(FailsafeAction::from_number);
-        assert!(by_severity.is_sorted());
-        assert!(by_severity.iter().all(Option::is_some));
+    fn actions_have_ardupilots_numbers() {
+        for (number, text) in ["Warning", "RTL", "Hold", "SmartRTL", "SmartRTL", "Terminate", "Loiter"]
+            .into_iter()
+            .enumerate()
+        {
+            let action = FailsafeAction::from_number(number as i32).expect("an action");
+            assert_eq!(action.to_string(), text);
+        }
         for number in [-1, 7, i32::MAX] {
             assert_eq!(FailsafeAction::from_number(number), None);
         }

@@ -1,5 +1,6 @@
 //! Vehicle state machine.
 
+use super::action::Effect;
 use super::controls::Controls;
 use super::ramp::Ramp;
 use super::timed_input::TimedInput;
@@ -89,8 +90,8 @@ pub struct Vehicle {
     battery: FailsafeLevel,
     /// The most urgent alert of all packs.
     battery_alert: BatteryAlert,
-    /// The most severe action since no pack had a failsafe level.
-    action: Option<FailsafeAction>,
+    /// The most severe failsafe action since no pack had a failsafe level.
+    action: Effect,
     refused_at: Option<Instant>,
     pending_restart: Option<Restart>,
 }
@@ -167,23 +168,27 @@ impl Vehicle {
         self.ground_stations.receive(received_at, ());
     }
 
-    /// Executes the action of a failsafe level that a pack has reached, unless a more severe one was executed before.
+    /// Executes the action of a failsafe level that a pack has reached, unless a more severe one was executed before. An
+    /// action that ends in Hold is as severe as Hold: a driver who has left it is held again.
     pub fn battery_failsafe(&mut self, action: FailsafeAction) -> Option<VehicleEvent> {
-        if self.action.is_some_and(|worst| action < worst) {
+        let effect = action.effect();
+        if effect < self.action {
             return None;
         }
-        self.action = Some(action);
-        match action {
-            FailsafeAction::Warn => return None,
-            FailsafeAction::Terminate => {
-                self.disarm();
-                return Some(VehicleEvent::Terminated);
+        self.action = effect;
+        match effect {
+            Effect::None => None,
+            Effect::Hold => {
+                self.enter(Mode::Hold);
+                action
+                    .needs_position()
+                    .then_some(VehicleEvent::NeedsPosition(action))
             }
-            _ => self.enter(Mode::Hold),
+            Effect::Terminate => {
+                self.disarm();
+                Some(VehicleEvent::Terminated)
+            }
         }
-        action
-            .needs_position()
-            .then_some(VehicleEvent::NeedsPosition(action))
     }
 
     /// Updates the worst failsafe level and the most urgent alert of all packs. No level, after a battery reset or swap,
@@ -192,7 +197,7 @@ impl Vehicle {
         self.battery = worst;
         self.battery_alert = alert;
         if worst == FailsafeLevel::None {
-            self.action = None;
+            self.action = Effect::None;
         }
     }
 
@@ -315,7 +320,7 @@ impl Vehicle {
 
     /// Whether a failsafe has terminated the drive: disarmed until a restart or a battery reset.
     pub fn is_terminated(&self) -> bool {
-        self.action == Some(FailsafeAction::Terminate)
+        self.action == Effect::Terminate
     }
 
     /// What the board is about to restart into.

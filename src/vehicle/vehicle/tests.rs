@@ -178,14 +178,19 @@ fn every_action_but_warn_holds_or_disarms() {
 }
 
 #[test]
-fn most_severe_action_wins_and_equal_ones_repeat() {
-    let mut vehicle = armed_in(Mode::Manual);
-    vehicle.battery_failsafe(FailsafeAction::Hold);
-    vehicle.set_mode(Mode::Manual).unwrap();
-    assert_eq!(vehicle.battery_failsafe(FailsafeAction::Rtl), None);
-    assert_eq!(vehicle.status().mode, Mode::Manual);
-    vehicle.battery_failsafe(FailsafeAction::Hold);
-    assert_eq!(vehicle.status().mode, Mode::Hold);
+fn an_action_that_ends_in_hold_holds_again_whatever_held_before() {
+    let holding = [1, 2, 3, 4, 6].map(|number| FailsafeAction::from_number(number).unwrap());
+    for (before, action) in holding.iter().flat_map(|before| holding.map(|action| (*before, action))) {
+        let mut vehicle = armed_in(Mode::Manual);
+        vehicle.battery_failsafe(before);
+        vehicle.set_mode(Mode::Manual).unwrap();
+        let event = vehicle.battery_failsafe(action);
+        assert_eq!(vehicle.status().mode, Mode::Hold, "{action:?} after {before:?}");
+        assert_eq!(event.is_some(), action.needs_position());
+        vehicle.set_mode(Mode::Manual).unwrap();
+        vehicle.battery_failsafe(FailsafeAction::Warn);
+        assert_eq!(vehicle.status().mode, Mode::Manual);
+    }
 }
 
 #[test]
