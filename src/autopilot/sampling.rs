@@ -7,7 +7,7 @@ use super::autopilot::Autopilot;
 use super::packs::PIN_COUNT;
 use super::recording::Detail;
 use crate::battery::{
-    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus, PackUpdate,
+    ArmState, BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus, PackUpdate,
     ReadError, RetainedMemory, Tick, recall, retain,
 };
 use crate::dataflash::{Health, Record};
@@ -174,6 +174,9 @@ impl Autopilot {
         let settings = PackSettings::from_parameters(&self.parameters, pack);
         let monitor = self.packs.bank.monitor(pack);
         let before = monitor.state().status;
+        if tick.arm_state == ArmState::Disarmed && !self.vehicle.is_terminated() {
+            monitor.release_unhealthy();
+        }
         let PackUpdate {
             events,
             error,

@@ -1,6 +1,7 @@
 //! The battery failsafe: its levels, thresholds and timers.
 
-use super::condition::{Change, Condition, Evidence};
+use core::mem;
+
 use super::settings::{FailsafeSettings, Thresholds, VoltageSource};
 use super::swap::Replacement;
 use super::{ArmState, BatteryState, FailsafeLevel, Tick};
@@ -9,7 +10,7 @@ use crate::time::Instant;
 /// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
 const UNHEALTHY_AFTER_US: u64 = 5_000_000;
 
-/// After healthy readings for this long, in seconds, the next loss acts again.
+/// After healthy readings for this long, in seconds, the next loss acts again, and *unhealthy* may be released.
 const HEALTHY_AGAIN_S: f32 = 5.0;
 
 /// The inputs of one tick.
@@ -28,13 +29,25 @@ pub(super) struct Observation<'a> {
 }
 
 /// The failsafe level of a pack. It latches: it only rises until a battery reset, or until another pack disproves it.
+/// *Unhealthy* alone is released once readings are good again.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Failsafe {
     level: FailsafeLevel,
     reached_by: ReachedBy,
-    loss: Condition,
+    loss: Loss,
+    /// How long readings have been healthy, in seconds.
+    healthy_s: f32,
     low: Timer,
     critical: Timer,
+}
+
+/// Whether the pack is lost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Loss {
+    #[default]
+    None,
+    /// It was reported, and the pack has not been healthy for long enough since.
+    Reported,
 }
 
 /// Which pack reached the level.
@@ -106,11 +119,15 @@ impl Failsafe {
     /// Processes one tick, and returns a level that is reached. That the pack is unhealthy is also returned at a higher
     /// level: no threshold can be reached from then on.
     pub fn update(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> Option<FailsafeLevel> {
+        self.healthy_s = match seen.state {
+            Some(_) => self.healthy_s + seen.dt_us as f32 * 1e-6,
+            None => 0.0,
+        };
         if seen.tick.arm_state == ArmState::Disarmed {
             // A dip before disarming must not count after rearming.
             self.low = Timer::default();
             self.critical = Timer::default();
-            self.loss = Condition::default();
+            self.loss = Loss::None;
             self.release(seen, settings);
             return None;
         }
@@ -128,6 +145,14 @@ impl Failsafe {
     /// Clears level and timers, on a battery reset.
     pub fn clear(&mut self) {
         *self = Self::default();
+    }
+
+    /// Clears the level *unhealthy*, and no other, of a pack that is healthy again. Of a disarmed rover only: one that
+    /// drives has to react to what was lost.
+    pub fn release_unhealthy(&mut self) {
+        if self.level == FailsafeLevel::Unhealthy && self.healthy_s >= HEALTHY_AGAIN_S {
+            self.clear();
+        }
     }
 
     /// The pack was swapped.
@@ -161,15 +186,10 @@ impl Failsafe {
     fn is_lost(&mut self, seen: &Observation<'_>) -> bool {
         let last_healthy = seen.last_healthy.unwrap_or(Instant::EPOCH);
         let unhealthy_us = seen.tick.now.us_since(last_healthy);
-        let evidence = if unhealthy_us > UNHEALTHY_AFTER_US {
-            Evidence::Present
-        } else if seen.state.is_none() {
-            Evidence::Ambiguous
-        } else {
-            Evidence::Absent
-        };
-        let dt_s = seen.dt_us as f32 * 1e-6;
-        self.loss.update(dt_s, evidence, HEALTHY_AGAIN_S) == Some(Change::Begins)
+        if self.healthy_s >= HEALTHY_AGAIN_S {
+            self.loss = Loss::None;
+        }
+        unhealthy_us > UNHEALTHY_AFTER_US && mem::replace(&mut self.loss, Loss::Reported) == Loss::None
     }
 
     /// The level by the thresholds.
@@ -354,6 +374,46 @@ mod tests {
         };
         assert_eq!(at(5_000_000), None);
         assert_eq!(at(5_100_000), Some(FailsafeLevel::Unhealthy));
+    }
+
+    /// Ticks with and without readings while disarmed after a loss, and the level at the end.
+    fn level_after_a_loss(lost: &mut Failsafe, is_healthy: impl Fn(u64) -> bool, ticks: u64) -> FailsafeLevel {
+        let state = at_voltage(12.0);
+        for tick in 0..ticks {
+            let now = at_us(20_000_000 + tick * u64::from(TICK_US));
+            let state = is_healthy(tick).then_some(&state);
+            lost.update(&seen(now, ArmState::Disarmed, state), &settings());
+            lost.release_unhealthy();
+        }
+        lost.level()
+    }
+
+    fn lost() -> Failsafe {
+        let mut failsafe = Failsafe::default();
+        let silent = Observation {
+            last_healthy: Some(Instant::EPOCH),
+            ..seen(at_us(6_000_000), ArmState::Armed, None)
+        };
+        failsafe.update(&silent, &settings());
+        assert_eq!(failsafe.level(), FailsafeLevel::Unhealthy);
+        failsafe
+    }
+
+    #[test]
+    fn unhealthy_is_released_after_five_seconds_of_good_readings() {
+        assert_eq!(level_after_a_loss(&mut lost(), |_| true, 49), FailsafeLevel::Unhealthy);
+        assert_eq!(level_after_a_loss(&mut lost(), |_| true, 51), FailsafeLevel::None);
+        let flickers = |tick| tick % 45 != 44;
+        assert_eq!(level_after_a_loss(&mut lost(), flickers, 600), FailsafeLevel::Unhealthy);
+        assert_eq!(level_after_a_loss(&mut lost(), |_| false, 600), FailsafeLevel::Unhealthy);
+    }
+
+    #[test]
+    fn low_and_critical_are_not_released() {
+        assert_eq!(level_after_a_loss(&mut critical(), |_| true, 600), FailsafeLevel::Critical);
+        let mut low = Failsafe::default();
+        run(&mut low, 0, 12, ArmState::Armed, &at_voltage(10.4));
+        assert_eq!(level_after_a_loss(&mut low, |_| true, 600), FailsafeLevel::Low);
     }
 
     #[test]

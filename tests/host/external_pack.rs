@@ -19,6 +19,7 @@ const TICK_US: u64 = 100_000;
 const TIMEOUT_TICKS: usize = 20;
 
 const BATTERY_RESET: u16 = 42651;
+const COMPONENT_ARM_DISARM: u16 = 400;
 const ACCEPTED: u8 = 0;
 const FAILED: u8 = 4;
 
@@ -181,11 +182,6 @@ fn failsafe_and_arming_checks_work_as_for_any_pack() {
         (BatteryParameter::LowTimer, 1.0),
         (BatteryParameter::FsLowAct, 2.0),
     ]);
-    let half_full = |voltage_mv| {
-        let mut report = of_voltage(voltage_mv);
-        report.remaining_pct = 50;
-        report.frame()
-    };
     let low = half_full(10_400);
     ticks(&mut desk, 10, &low);
     assert_eq!(result_of(&mut desk, &arm()), FAILED);
@@ -217,6 +213,76 @@ fn pack_whose_component_is_silent_while_driving_is_missing_after_five_seconds() 
             "Battery 1 is missing, last: 12.00V used 0 mAh"
         ]
     );
+}
+
+/// Half full, by its own percentage.
+fn half_full(voltage_mv: u16) -> Vec<u8> {
+    let mut report = of_voltage(voltage_mv);
+    report.remaining_pct = 50;
+    report.frame()
+}
+
+/// A desk whose pack was lost for 8 s while armed, with this action of `BATT_FS_UNH_ACT`; disarmed then.
+fn after_silence_while_armed(action: f32) -> Desk {
+    let mut desk = desk_with(&[(BatteryParameter::FsUnhAct, action)]);
+    ticks(&mut desk, 10, &half_full(12_000));
+    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    assert_eq!(silence(&mut desk, 80).failsafe, FailsafeLevel::Unhealthy);
+    desk.ask(&command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0));
+    announced(&mut desk);
+    desk
+}
+
+#[test]
+fn pack_that_was_lost_while_armed_can_be_armed_with_after_five_seconds_of_good_readings() {
+    let mut desk = after_silence_while_armed(0.0);
+    ticks(&mut desk, 45, &half_full(12_000));
+    assert_eq!(result_of(&mut desk, &arm()), FAILED);
+    ticks(&mut desk, 10, &half_full(12_000));
+    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    // The next loss counts again.
+    assert_eq!(silence(&mut desk, 51).failsafe, FailsafeLevel::Unhealthy);
+}
+
+#[test]
+fn level_unhealthy_is_not_released_while_armed() {
+    let mut desk = desk();
+    ticks(&mut desk, 10, &half_full(12_000));
+    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    silence(&mut desk, 80);
+    let state = ticks(&mut desk, 600, &half_full(12_000));
+    assert_eq!(state.failsafe, FailsafeLevel::Unhealthy);
+}
+
+#[test]
+fn termination_by_a_lost_pack_outlasts_good_readings_until_a_battery_reset() {
+    let mut desk = after_silence_while_armed(5.0);
+    let state = ticks(&mut desk, 600, &half_full(12_000));
+    assert_eq!(state.failsafe, FailsafeLevel::Unhealthy);
+    // Nor does another action that is set now end it.
+    desk.set(BatteryParameter::FsUnhAct.of(Pack::First), 0.0);
+    ticks(&mut desk, 100, &half_full(12_000));
+    assert_eq!(result_of(&mut desk, &command_long_2(COMPONENT_ARM_DISARM, 1.0, 21196.0)), FAILED);
+    // The charge can't be set, so the command fails; the level ends.
+    assert_eq!(result_of(&mut desk, &command_long_2(BATTERY_RESET, 1.0, 100.0)), FAILED);
+    let state = ticks(&mut desk, 2, &half_full(12_000));
+    assert_eq!((state.failsafe, state.remaining_pct), (FailsafeLevel::None, Some(50.0)));
+    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+}
+
+#[test]
+fn battery_reset_ends_the_level_of_a_pack_that_reports_its_charge() {
+    let mut desk = desk_with(&[(BatteryParameter::LowVolt, 10.5), (BatteryParameter::LowTimer, 1.0)]);
+    ticks(&mut desk, 10, &half_full(12_000));
+    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
+    assert_eq!(ticks(&mut desk, 20, &half_full(10_400)).failsafe, FailsafeLevel::Low);
+    desk.ask(&command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0));
+    // Low stays latched, whatever the readings are now.
+    assert_eq!(ticks(&mut desk, 600, &half_full(12_000)).failsafe, FailsafeLevel::Low);
+    assert_eq!(result_of(&mut desk, &arm()), FAILED);
+    assert_eq!(result_of(&mut desk, &command_long_2(BATTERY_RESET, -1.0, 100.0)), FAILED);
+    assert_eq!(ticks(&mut desk, 1, &half_full(12_000)).failsafe, FailsafeLevel::None);
+    assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
 }
 
 #[test]

@@ -657,10 +657,22 @@ impl BatteryMonitor {
         }
     }
 
-    /// Battery reset: sets the remaining charge, in percent (0 to 100). Ignored if that is not finite, and for a pack
-    /// whose state of charge is not estimated here.
+    /// Clears the failsafe level *unhealthy*, and no other, of a pack that has been healthy for 5 s. For a disarmed rover,
+    /// unless a failsafe has terminated its drive.
+    pub fn release_unhealthy(&mut self) {
+        self.failsafe.release_unhealthy();
+    }
+
+    /// Battery reset: clears the failsafe level and sets the remaining charge, in percent (0 to 100), unless that is
+    /// reported by the pack or its sensor. Ignored if it is not finite.
     pub fn reset(&mut self, remaining_pct: f32, settings: &PackSettings) {
-        if !remaining_pct.is_finite() || self.state.charge_source != ChargeSource::Estimated {
+        if !remaining_pct.is_finite() {
+            return;
+        }
+        self.charge_state = ChargeStateMachine::default();
+        self.charge_reporter = ChargeReporter::default();
+        self.failsafe.clear();
+        if self.state.charge_source != ChargeSource::Estimated {
             return;
         }
         let share = (remaining_pct / 100.0).clamp(0.0, 1.0);
@@ -670,9 +682,6 @@ impl BatteryMonitor {
             energy_wh: charge_mah / 1000.0 * self.state.voltage_v.unwrap_or(0.0),
         });
         self.estimator.set_state_of_charge(share);
-        self.charge_state = ChargeStateMachine::default();
-        self.charge_reporter = ChargeReporter::default();
-        self.failsafe.clear();
     }
 }
 

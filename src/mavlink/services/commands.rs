@@ -57,9 +57,9 @@ pub enum Action {
     Restart(Restart),
     /// Forget everything stored and go back to the defaults.
     ResetParameters,
-    /// These packs have this much charge now.
+    /// The failsafe levels of these packs end, and they have this much charge now, unless they report it themselves.
     ResetBatteries {
-        /// One bit for each instance, bit 0 for the first; only packs that are monitored and have no gauge of their own.
+        /// One bit for each instance, bit 0 for the first; only packs that are monitored.
         mask: u16,
         /// The charge in percent of a full pack, 0 to 100.
         percent: f32,
@@ -261,8 +261,8 @@ impl Command {
     }
 
     /// Resets the packs that are named, and with a sum the packs that it is of. As in ArduPilot it fails if a pack that is
-    /// named does not exist, unless it lies beyond the last one that does, or if it has a gauge of its own, which is not
-    /// overridden; the others are reset all the same.
+    /// named does not exist, unless it lies beyond the last one that does; or if it reports its own charge, which is not
+    /// overridden. All the others are reset all the same, and the level of such a pack ends, too.
     fn reset_batteries(&self, state: &SystemState<'_>) -> Outcome {
         let Some(asked) = pack_mask(self.param1).filter(|_| self.param2.is_finite()) else {
             return DENIED.into();
@@ -270,9 +270,9 @@ impl Command {
         let asked = state.with_members(asked);
         let existing = state.monitored_mask();
         let up_to_last = u16::MAX.checked_shr(existing.leading_zeros()).unwrap_or(0);
-        let mask = asked & existing & !state.gauged_mask();
+        let mask = asked & existing;
         let percent = self.param2.clamp(0.0, 100.0);
-        let complete = mask != 0 && asked & up_to_last == mask;
+        let complete = mask != 0 && asked & up_to_last == mask & !state.gauged_mask();
         Outcome {
             result: if complete { ACCEPTED } else { FAILED },
             answer: None,
@@ -440,14 +440,14 @@ mod tests {
     }
 
     #[test]
-    fn a_pack_with_a_gauge_of_its_own_is_not_reset_and_fails_the_command() {
+    fn the_level_of_a_pack_that_reports_its_charge_ends_though_the_command_fails() {
         let mut packs = packs();
         packs[3].charge_source = ChargeSource::Gauge;
         for (asked, outcome) in [
             (1.0, reset(ACCEPTED, 1, 50.0)),
-            (8.0, FAILED.into()),
-            (9.0, reset(FAILED, 1, 50.0)),
-            (-1.0, reset(FAILED, 1, 50.0)),
+            (8.0, reset(FAILED, 8, 50.0)),
+            (9.0, reset(FAILED, 9, 50.0)),
+            (-1.0, reset(FAILED, 9, 50.0)),
         ] {
             assert_eq!(execute_with(&packs, 42651, asked, 50.0), outcome, "{asked}");
         }
@@ -465,8 +465,8 @@ mod tests {
         packs[3].members = 1;
         assert_eq!(execute_with(&packs, 42651, 2.0, 50.0), reset(ACCEPTED, 11, 50.0));
         packs[0].charge_source = ChargeSource::Gauge;
-        assert_eq!(execute_with(&packs, 42651, 2.0, 50.0), reset(FAILED, 10, 50.0));
-        assert_eq!(execute_with(&packs, 42651, 1.0, 50.0), FAILED.into());
+        assert_eq!(execute_with(&packs, 42651, 2.0, 50.0), reset(FAILED, 11, 50.0));
+        assert_eq!(execute_with(&packs, 42651, 1.0, 50.0), reset(FAILED, 1, 50.0));
     }
 
     #[test]
