@@ -1,6 +1,7 @@
 //! What is announced to ground stations: the one place with its severities.
 
 use core::fmt::{self, Write};
+use core::mem::{Discriminant, discriminant};
 
 use heapless::String;
 
@@ -9,7 +10,7 @@ use crate::battery::{PackEvent, SuggestedThresholds};
 use crate::decimals::Hundredths;
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
-use crate::pack::Pack;
+use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, SaveFailure};
 use crate::sensor::{CanNotice, CanReport, SerialNotice, Urgency};
 use crate::storage::StorageError;
@@ -70,7 +71,59 @@ pub enum Announcement<'a> {
     Crash(&'a str),
 }
 
+/// What shares a limit: a kind of text, not its wording, which may differ by a node, a count or an address. What is of a
+/// pack has a limit for each pack.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Pack(Pack, Discriminant<PackEvent>),
+    Can(Discriminant<CanReport>),
+    CanNode(Option<Pack>, Discriminant<CanNotice>),
+    Serial(Discriminant<SerialNotice>),
+    Wifi(Discriminant<WifiReport>),
+    Unauthorized,
+    /// What the board reports of itself.
+    Board,
+}
+
+impl Kind {
+    /// How many may be announced at once, at least 1: one of each pack, or of as many nodes. States that come and go
+    /// have one.
+    pub fn at_once(self) -> u8 {
+        match self {
+            Self::Can(_) | Self::Unauthorized => 1,
+            Self::Pack(..) | Self::CanNode(..) | Self::Serial(_) | Self::Wifi(_) | Self::Board => {
+                MAX_PACKS as u8
+            }
+        }
+    }
+}
+
 impl Announcement<'_> {
+    /// What it shares a limit with.
+    pub(super) fn kind(&self) -> Kind {
+        match self {
+            Self::Pack(pack, event) => Kind::Pack(*pack, discriminant(*event)),
+            Self::Can(report) => Kind::Can(discriminant(report)),
+            Self::CanNode(notice) => Kind::CanNode(notice.pack(), discriminant(notice)),
+            Self::Serial(notice) => Kind::Serial(discriminant(notice)),
+            Self::Wifi(report) => Kind::Wifi(discriminant(report)),
+            Self::Unauthorized { .. } => Kind::Unauthorized,
+            Self::Vehicle(_)
+            | Self::FailsafesOff
+            | Self::Suggestion(..)
+            | Self::DefaultParameters
+            | Self::ParametersDamaged
+            | Self::ParametersNotSaved(_)
+            | Self::ParametersSaved
+            | Self::LearntNotSaved(_)
+            | Self::WifiNotSaved(_)
+            | Self::SigningSaved(_)
+            | Self::Signing(_)
+            | Self::NoLog(_)
+            | Self::Crash(_) => Kind::Board,
+        }
+    }
+
     /// How urgent it is. As in ArduPilot, battery failsafes are warnings.
     pub fn severity(&self) -> MavSeverity {
         match self {
@@ -138,10 +191,15 @@ impl Announcement<'_> {
 
     /// The text, cut off if it is too long.
     pub fn text(&self) -> AnnouncementText {
-        let mut text = Fitting(AnnouncementText::new());
-        // `Fitting` never fails.
-        let _ = write!(text, "{self}");
-        text.0
+        fitting(format_args!("{self}"))
+    }
+
+    /// The text, after so many of its kind were left out.
+    pub(super) fn text_after(&self, left_out: u16) -> AnnouncementText {
+        match left_out {
+            0 => self.text(),
+            _ => fitting(format_args!("{self} (+{left_out} left out)")),
+        }
     }
 }
 
@@ -185,6 +243,13 @@ impl fmt::Display for Announcement<'_> {
             Self::Crash(line) => f.write_str(line),
         }
     }
+}
+
+fn fitting(text: fmt::Arguments<'_>) -> AnnouncementText {
+    let mut fitting = Fitting(AnnouncementText::new());
+    // `Fitting` never fails.
+    let _ = fitting.write_fmt(text);
+    fitting.0
 }
 
 /// Takes what fits, to the last whole character.

@@ -1,6 +1,7 @@
 //! The core object.
 
 use super::announcement::Announcement;
+use super::announcement_limit::{AnnouncementLimit, Permission};
 use super::broadcast::{Announced, Broadcast};
 use super::can_watch::CanWatch;
 use super::failed_save::FailedSave;
@@ -10,7 +11,7 @@ use super::signing_save::SigningSave;
 use super::start::Start;
 use super::wifi_state::WifiState;
 use super::work::Work;
-use crate::battery::BatteryState;
+use crate::battery::{BatteryState, PackEvent};
 use crate::dataflash::{ModeReason, Record};
 use crate::identity::{FirmwareHash, Identity};
 use crate::in_place::in_place;
@@ -18,6 +19,7 @@ use crate::log::info;
 use crate::mavlink::{ArmingReadiness, Signing, SystemState};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, SaveFailures};
+use crate::time::Instant;
 use crate::vehicle::{Vehicle, VehicleStatus};
 
 /// The autopilot without its hardware, links and clock.
@@ -32,6 +34,7 @@ pub struct Autopilot {
     pub(super) load_permille: u16,
     pub(super) identity: Identity,
     pub(super) start_notice: Option<Announcement<'static>>,
+    pub(super) limit: AnnouncementLimit,
     pub(super) broadcast: Broadcast,
     pub(super) save_failures: SaveFailures,
     pub(super) signing_save: SigningSave,
@@ -68,6 +71,7 @@ impl Autopilot {
             mode_reason: ModeReason::Command,
             known_status: VehicleStatus::default(),
             work: Work::empty(),
+            limit: AnnouncementLimit::default(),
             broadcast: Broadcast::new(),
             packs: Packs::new(&start.parameters),
         }
@@ -123,12 +127,38 @@ impl Autopilot {
         }
     }
 
-    /// Announces something to all connected ground stations, once.
-    pub fn announce(&mut self, announcement: Announcement<'_>) {
-        let text = announcement.text();
+    /// Announces something to all connected ground stations at `now`, once. What is repeated too often is left out.
+    pub fn announce(&mut self, announcement: Announcement<'_>, now: Instant) {
+        let text = match announcement {
+            Announcement::Pack(pack, event @ PackEvent::Failsafe { .. }) => {
+                self.broadcast.set_level(pack, *event);
+                announcement.text()
+            }
+            Announcement::Vehicle(event) => {
+                self.broadcast.set_mode(event);
+                announcement.text()
+            }
+            _ => match self.limit.count(announcement.kind(), now) {
+                Permission::Allowed { left_out } => {
+                    let text = match announcement.kind().at_once() {
+                        // The next one says how things are now.
+                        1 => announcement.text(),
+                        _ => announcement.text_after(left_out),
+                    };
+                    self.broadcast
+                        .add(Announced::Text(announcement.severity(), text.clone()));
+                    text
+                }
+                Permission::LeftOut { before } => {
+                    if before == 0 {
+                        info!("too often, left out: {}", announcement.text().as_str());
+                    }
+                    return;
+                }
+            },
+        };
         info!("announced: {}", text.as_str());
         self.recording.add(&Record::Message(&text));
-        self.broadcast.add(Announced::Text(announcement.severity(), text));
         if let Some(command) = announcement.command() {
             self.broadcast.add(Announced::Command(command));
         }

@@ -2,10 +2,12 @@
 
 use heapless::Deque;
 
-use super::announcement::AnnouncementText;
+use super::announcement::{Announcement, AnnouncementText};
+use crate::battery::PackEvent;
 use crate::mavlink::BroadcastCommand;
 use crate::mavlink::dialect::MavSeverity;
 use crate::pack::{MAX_PACKS, Pack};
+use crate::vehicle::VehicleEvent;
 
 /// Announcements kept for links that are busy: one of each pack in the same tick, and a few more.
 const KEPT: usize = MAX_PACKS + 3;
@@ -22,11 +24,45 @@ pub(super) enum Announced {
 }
 
 /// The latest announcements, for links that have not sent them yet.
+///
+/// The latest failsafe level of each pack and the latest change of the mode have a place each, which nothing else can
+/// take, and leave first. All others share a queue.
 #[derive(Debug, Default)]
 pub(super) struct Broadcast {
+    levels: [Place<PackEvent>; MAX_PACKS],
+    mode: Place<VehicleEvent>,
     latest: Deque<Announced, KEPT>,
-    /// Number of the oldest kept; announcements are numbered from 0, modulo 2^32.
+    /// Number of the oldest kept; announcements in the queue are numbered from 0, modulo 2^32.
     oldest: u32,
+}
+
+/// A place of its own.
+#[derive(Debug)]
+struct Place<T> {
+    latest: Option<T>,
+    /// How many were there so far, modulo 2^32.
+    count: u32,
+}
+
+impl<T> Default for Place<T> {
+    fn default() -> Self {
+        Self { latest: None, count: 0 }
+    }
+}
+
+impl<T> Place<T> {
+    fn set(&mut self, latest: T) {
+        self.latest = Some(latest);
+        self.count = self.count.wrapping_add(1);
+    }
+
+    /// What is there, unless it was sent already; now it was.
+    fn unsent(&self, sent: &mut u32) -> Option<&T> {
+        if core::mem::replace(sent, self.count) == self.count {
+            return None;
+        }
+        self.latest.as_ref()
+    }
 }
 
 /// What follows a position in the broadcast.
@@ -38,9 +74,14 @@ pub(super) enum Next<'a> {
     Lost(u32),
 }
 
-/// How far a link has sent the broadcast: the number of its next announcement.
+/// How far a link has sent the broadcast.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Position(u32);
+pub(super) struct Position {
+    levels: [u32; MAX_PACKS],
+    mode: u32,
+    /// The number of its next announcement in the queue.
+    next: u32,
+}
 
 impl Broadcast {
     /// Nothing was announced yet.
@@ -50,7 +91,17 @@ impl Broadcast {
         Self::default()
     }
 
-    /// Adds an announcement; the oldest one goes if there is no room.
+    /// A pack has reached a failsafe level.
+    pub fn set_level(&mut self, pack: Pack, event: PackEvent) {
+        self.levels[pack as usize].set(event);
+    }
+
+    /// A failsafe has changed the mode, or disarmed.
+    pub fn set_mode(&mut self, event: VehicleEvent) {
+        self.mode.set(event);
+    }
+
+    /// Adds an announcement to the queue; the oldest one goes if there is no room.
     pub fn add(&mut self, announced: Announced) {
         if self.latest.is_full() {
             self.latest.pop_front();
@@ -62,19 +113,36 @@ impl Broadcast {
 
     /// The position behind the latest announcement.
     pub fn end(&self) -> Position {
-        Position(self.oldest.wrapping_add(self.latest.len() as u32))
+        Position {
+            levels: core::array::from_fn(|pack| self.levels.get(pack).map_or(0, |level| level.count)),
+            mode: self.mode.count,
+            next: self.oldest.wrapping_add(self.latest.len() as u32),
+        }
     }
 
-    /// What follows `position`, which moves behind it.
+    /// What has a place of its own and was not sent yet; `position` moves behind it.
+    pub fn next_urgent(&self, position: &mut Position) -> Option<Announcement<'_>> {
+        let packs = Pack::ALL.into_iter().zip(&self.levels).zip(&mut position.levels);
+        let level = packs.into_iter().find_map(|((pack, level), sent)| {
+            let event = level.unsent(sent)?;
+            Some(Announcement::Pack(pack, event))
+        });
+        level.or_else(|| {
+            let event = self.mode.unsent(&mut position.mode)?;
+            Some(Announcement::Vehicle(*event))
+        })
+    }
+
+    /// What follows `position` in the queue, which moves behind it.
     pub fn next(&self, position: &mut Position) -> Option<Next<'_>> {
-        let ahead = position.0.wrapping_sub(self.oldest);
+        let ahead = position.next.wrapping_sub(self.oldest);
         if ahead > self.latest.len() as u32 {
             let lost = ahead.wrapping_neg();
-            position.0 = self.oldest;
+            position.next = self.oldest;
             return Some(Next::Lost(lost));
         }
         let announced = self.latest.iter().nth(ahead as usize)?;
-        position.0 = position.0.wrapping_add(1);
+        position.next = position.next.wrapping_add(1);
         Some(Next::Announced(announced))
     }
 }
@@ -120,6 +188,40 @@ mod tests {
             assert_eq!(texts(&broadcast, &mut from_start), expected);
             assert_eq!(texts(&broadcast, &mut later), expected);
         }
+    }
+
+    #[test]
+    fn each_place_keeps_its_latest_whatever_is_in_the_queue() {
+        use crate::battery::{Amount, FailsafeLevel};
+        let level = |level| PackEvent::Failsafe {
+            level,
+            voltage_v: 10.0,
+            consumed: Amount::Mah(0.0),
+        };
+        let mut broadcast = Broadcast::new();
+        let mut position = broadcast.end();
+        broadcast.set_level(Pack::Ninth, level(FailsafeLevel::Low));
+        broadcast.set_level(Pack::First, level(FailsafeLevel::Low));
+        broadcast.set_mode(VehicleEvent::ControlsTimedOut);
+        broadcast.set_level(Pack::Ninth, level(FailsafeLevel::Critical));
+        for number in 0..100 {
+            announce(&mut broadcast, number);
+        }
+        let mut opened_later = broadcast.end();
+        let urgent = |position: &mut Position| {
+            let next = std::iter::from_fn(|| Some(broadcast.next_urgent(position)?.text().to_string()));
+            next.collect::<Vec<_>>()
+        };
+        assert_eq!(
+            urgent(&mut position),
+            [
+                "Battery 1 is low 10.00V used 0 mAh",
+                "Battery 9 is critical 10.00V used 0 mAh",
+                "Radio Failsafe: Hold"
+            ]
+        );
+        assert_eq!(urgent(&mut position), [""; 0], "sent once");
+        assert_eq!(urgent(&mut opened_later), [""; 0]);
     }
 
     #[test]

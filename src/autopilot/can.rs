@@ -26,15 +26,17 @@ impl Autopilot {
                 }
             }
             CanEvent::Controller(index, reading) => self.add_controller_reading(*index, *reading, now),
-            CanEvent::Announce(notice) => self.announce(Announcement::CanNode(*notice)),
+            CanEvent::Announce(notice) => self.announce(Announcement::CanNode(*notice), now),
         }
     }
 
     /// Takes what is known of the bus's controller, and announces what is news.
     pub fn set_can_status(&mut self, status: &CanStatus, now: Instant) {
-        if let Some(report) = self.can.news(status, now) {
+        let limit = &self.limit;
+        let is_due = |report| limit.allows_one(Announcement::Can(report).kind(), now);
+        if let Some(report) = self.can.news(status, now, is_due) {
             info!("CAN: {:?}, {} frames not sent", report, status.unsent_frames);
-            self.announce(Announcement::Can(report));
+            self.announce(Announcement::Can(report), now);
         }
     }
 }

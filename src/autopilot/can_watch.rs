@@ -1,14 +1,7 @@
 //! What is announced of the CAN bus's controller.
 
-use core::mem::{Discriminant, discriminant};
-
-use heapless::Vec;
-
 use crate::sensor::{CanInterrupt, CanReport, CanState, CanStatus};
 use crate::time::Instant;
-
-/// The same is announced no more often: a bus may work and fail in turns.
-const ANNOUNCEMENT_INTERVAL_US: u64 = 10_000_000;
 
 /// At the start no node may acknowledge yet; errors that go on for longer are announced.
 const PASSIVE_US: u64 = 2_000_000;
@@ -16,15 +9,10 @@ const PASSIVE_US: u64 = 2_000_000;
 /// With shorted wires it is active for moments, between one bus-off and the next.
 const WORKING_US: u64 = 2_000_000;
 
-/// Kinds of reports.
-const REPORTS: usize = 8;
-
 /// What was announced of the controller.
 #[derive(Debug)]
 pub(super) struct CanWatch {
     announced: CanStatus,
-    /// When each kind of report was announced last.
-    announced_at: Vec<(Discriminant<CanReport>, Instant), REPORTS>,
     /// Since when there are too many errors.
     passive_since: Option<Instant>,
     /// Since when it has been active, with that number of times of bus-off.
@@ -35,14 +23,19 @@ impl CanWatch {
     pub fn new() -> Self {
         Self {
             announced: CanStatus::STARTING,
-            announced_at: Vec::new(),
             passive_since: None,
             active_since: None,
         }
     }
 
-    /// What is news of `status`, if it may be announced yet: the most important.
-    pub fn news(&mut self, status: &CanStatus, now: Instant) -> Option<CanReport> {
+    /// What is news of `status`, if it may be announced yet, which `is_due` says: the most important. A bus may work and fail
+    /// in turns; what has to wait stays news.
+    pub fn news(
+        &mut self,
+        status: &CanStatus,
+        now: Instant,
+        is_due: impl Fn(CanReport) -> bool,
+    ) -> Option<CanReport> {
         self.passive_since = match status.state {
             CanState::Passive => self.passive_since.or(Some(now)),
             _ => None,
@@ -58,20 +51,9 @@ impl CanWatch {
             self.announced.state = CanState::Active;
         }
         let mut changes = self.changes(status, now).into_iter().flatten();
-        let report = changes.find(|report| !self.is_too_soon(*report, now))?;
+        let report = changes.find(|report| is_due(*report))?;
         self.note(report, status);
-        self.announced_at
-            .retain(|(kind, _)| *kind != discriminant(&report));
-        // There is room for each kind.
-        let _ = self.announced_at.push((discriminant(&report), now));
         Some(report)
-    }
-
-    fn is_too_soon(&self, report: CanReport, now: Instant) -> bool {
-        let is_recent = |(kind, at): &(_, Instant)| {
-            *kind == discriminant(&report) && now.us_since(*at) < ANNOUNCEMENT_INTERVAL_US
-        };
-        self.announced_at.iter().any(is_recent)
     }
 
     /// What has changed since it was announced, the most important first.
@@ -135,6 +117,8 @@ impl CanWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::autopilot::Announcement;
+    use crate::autopilot::announcement_limit::AnnouncementLimit;
     use crate::time::at_us;
 
     const ACTIVE: CanStatus = CanStatus {
@@ -144,11 +128,18 @@ mod tests {
 
     /// What is announced of statuses that come every 100 ms.
     fn announced(statuses: impl IntoIterator<Item = CanStatus>) -> std::vec::Vec<(u64, CanReport)> {
-        let mut watch = CanWatch::new();
-        let statuses = (0..).map(|tick| tick * 100).zip(statuses);
-        statuses
-            .filter_map(|(ms, status)| Some((ms, watch.news(&status, at_us(ms * 1000))?)))
-            .collect()
+        let (mut watch, mut limit) = (CanWatch::new(), AnnouncementLimit::default());
+        let mut announced = std::vec::Vec::new();
+        for (tick, status) in (0..).zip(statuses) {
+            let now = at_us(tick * 100_000);
+            let kind = |report| Announcement::Can(report).kind();
+            let news = watch.news(&status, now, |report| limit.allows_one(kind(report), now));
+            if let Some(report) = news {
+                limit.count(kind(report), now);
+                announced.push((tick * 100, report));
+            }
+        }
+        announced
     }
 
     #[test]

@@ -35,11 +35,11 @@ impl Autopilot {
         }
         if let Some(event) = event {
             self.record_failsafe(event);
-            self.announce(Announcement::Vehicle(event));
+            self.announce(Announcement::Vehicle(event), now);
         }
         self.follow_status();
         if let Some(failure) = self.recording.take_report() {
-            self.announce(Announcement::NoLog(failure));
+            self.announce(Announcement::NoLog(failure), now);
         }
         Outputs {
             drives: self.vehicle.drives(),
@@ -48,12 +48,12 @@ impl Autopilot {
     }
 
     /// Takes the action that is set for a pack that has reached `level`.
-    pub(super) fn act_on_failsafe(&mut self, pack: Pack, level: FailsafeLevel) {
+    pub(super) fn act_on_failsafe(&mut self, pack: Pack, level: FailsafeLevel, now: Instant) {
         self.recording.add(&Record::Error(Subsystem::BatteryFailsafe));
         self.mode_reason = ModeReason::BatteryFailsafe;
         let action = FailsafeAction::from_parameters(&self.parameters, pack, level);
         if let Some(event) = self.vehicle.battery_failsafe(action) {
-            self.announce(Announcement::Vehicle(event));
+            self.announce(Announcement::Vehicle(event), now);
         }
         self.work |= Work::DRIVE;
     }

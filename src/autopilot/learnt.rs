@@ -104,7 +104,7 @@ impl Autopilot {
         };
         log_failure("learnt data", error);
         if let Some(error) = self.learnt_save.add(error, now) {
-            self.announce(Announcement::LearntNotSaved(error));
+            self.announce(Announcement::LearntNotSaved(error), now);
         }
     }
 

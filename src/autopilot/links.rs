@@ -89,9 +89,19 @@ impl Autopilot {
         }
     }
 
+    /// What has a place of its own follows as soon as the one before has left.
+    fn post_urgent(&self, channel: &mut Channel) {
+        if channel.endpoint.has_room_for_urgent()
+            && let Some(urgent) = self.broadcast.next_urgent(&mut channel.position)
+        {
+            channel.endpoint.say_urgently(urgent.severity(), &urgent.text());
+        }
+    }
+
     /// Announcements for which there is no room wait for the next call.
     fn post_announcements(&self, channel: &mut Channel) {
-        while channel.endpoint.has_room_to_say(ANNOUNCEMENT_BYTES) {
+        self.post_urgent(channel);
+        while channel.endpoint.has_room_to_announce(ANNOUNCEMENT_BYTES) {
             match self.broadcast.next(&mut channel.position) {
                 Some(Next::Announced(Announced::Text(severity, text))) => {
                     channel.endpoint.say(*severity, text);
@@ -123,6 +133,7 @@ impl Autopilot {
 
     /// The message that leaves next.
     pub fn take(&self, channel: &mut Channel, now: Instant) -> Option<Outgoing> {
+        self.post_urgent(channel);
         let state = SystemState {
             now,
             ..self.system_state()
@@ -226,12 +237,9 @@ impl Autopilot {
                 self.parameter_set(VehicleParameter::WifiMode.into(), channel);
                 self.wifi_set_up();
             }
-            Event::Unauthorized { to_report } => {
-                if let Some(count) = to_report {
-                    let link = channel.name();
-                    warn!("{}: not signed with the key, ignored: {}", link, count);
-                    self.announce(Announcement::Unauthorized { link, count });
-                }
+            Event::Unauthorized { count } => {
+                let link = channel.name();
+                self.announce(Announcement::Unauthorized { link, count }, now);
             }
             Event::Measured {
                 component_id,

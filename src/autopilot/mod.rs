@@ -5,6 +5,7 @@
 //! after a call is in [`Work`].
 
 mod announcement;
+mod announcement_limit;
 #[expect(
     clippy::module_inception,
     reason = "the file is named after its type, and the folder as well"

@@ -189,18 +189,18 @@ impl Autopilot {
         self.packs.states[pack as usize] = *monitor.state();
         self.keep_learnt(pack);
         for event in &events {
-            self.announce(Announcement::Pack(pack, event));
+            self.announce(Announcement::Pack(pack, event), tick.now);
             if *event == PackEvent::Swapped {
                 self.show_learnt(pack);
             }
             if let PackEvent::CellsDetected { .. } = event
                 && let Some(suggestion) = self.suggestion(pack)
             {
-                self.announce(suggestion);
+                self.announce(suggestion, tick.now);
             }
         }
         if let Some(level) = failsafe {
-            self.act_on_failsafe(pack, level);
+            self.act_on_failsafe(pack, level, tick.now);
         }
     }
 
@@ -241,7 +241,7 @@ impl Autopilot {
             }
             SerialReading::Torqeedo(measurement) => (MonitorKind::Torqeedo, Ok(measurement)),
             SerialReading::Efi(reading) => (MonitorKind::Efi, reading.measure(&self.parameters)),
-            SerialReading::Notice(notice) => return self.announce(Announcement::Serial(notice)),
+            SerialReading::Notice(notice) => return self.announce(Announcement::Serial(notice), now),
         };
         self.packs.add(kind, measured);
     }

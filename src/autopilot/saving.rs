@@ -38,23 +38,23 @@ impl Autopilot {
             self.parameters.retry_failed();
         }
         if let Some(error) = self.save_failures.take_report(now) {
-            self.report_unsaved(error);
+            self.report_unsaved(error, now);
         }
         let unsaved = self.parameters.next_unsaved();
         if unsaved.is_none() && self.parameters.save_failure().is_none() && self.save_failures.take_recovery()
         {
-            self.announce(Announcement::ParametersSaved);
+            self.announce(Announcement::ParametersSaved, now);
         }
         unsaved
     }
 
     /// Announces that parameters can't be saved, unless they were by now, or are about to be.
-    fn report_unsaved(&mut self, error: StorageError) {
+    fn report_unsaved(&mut self, error: StorageError, now: Instant) {
         if error == StorageError::NoErasedSpace && self.may_erase() == Erase::Allowed {
             return;
         }
         if let Some(failure) = self.parameters.unsaved_by(error) {
-            self.announce(Announcement::ParametersNotSaved(failure));
+            self.announce(Announcement::ParametersNotSaved(failure), now);
             self.save_failures.mark_announced();
         }
     }
@@ -84,7 +84,7 @@ impl Autopilot {
         if unsaved.is_none() {
             self.signing_save.attempt = Attempt::First;
             if let Some(change) = self.signing_save.change.take() {
-                self.announce(Announcement::SigningSaved(change));
+                self.announce(Announcement::SigningSaved(change), now);
             }
         }
         unsaved
@@ -108,7 +108,7 @@ impl Autopilot {
             Attempt::Second => {
                 self.signing_save.attempt = Attempt::First;
                 self.signing_save.retry_at = now.after_us(SAVE_RETRY_INTERVAL_US);
-                self.announce(Announcement::Signing(SigningTrouble::NotSaved));
+                self.announce(Announcement::Signing(SigningTrouble::NotSaved), now);
             }
         }
     }
@@ -120,13 +120,13 @@ impl Autopilot {
     }
 
     /// Before a restart: what could not be saved has a last chance, and a signing key that is not saved is announced.
-    pub fn prepare_restart(&mut self) {
+    pub fn prepare_restart(&mut self, now: Instant) {
         self.parameters.retry_failed();
         self.work |= Work::SAVE_PARAMETERS;
         self.retry_learnt();
         self.retry_wifi();
         if self.signing.trouble() == Some(SigningTrouble::NotSaved) {
-            self.announce(Announcement::Signing(SigningTrouble::NotSaved));
+            self.announce(Announcement::Signing(SigningTrouble::NotSaved), now);
         }
     }
 

@@ -32,7 +32,12 @@ impl Autopilot {
     }
 
     /// Takes what flash holds of Wi-Fi. A board with a radio that has no password yet makes one of what `entropy` gives.
-    pub fn wifi_loaded(&mut self, stored: StoredWifi, entropy: impl FnOnce() -> Option<[u8; 32]>) {
+    pub fn wifi_loaded(
+        &mut self,
+        stored: StoredWifi,
+        entropy: impl FnOnce() -> Option<[u8; 32]>,
+        now: Instant,
+    ) {
         let credentials = &mut self.wifi.credentials;
         credentials.restore(stored);
         if credentials.radio() == Radio::Present && credentials.own_password().is_none() {
@@ -43,7 +48,7 @@ impl Autopilot {
         }
         self.wifi_changed();
         if let Some(reason) = self.wifi.off {
-            self.wifi_report(reason);
+            self.wifi_report(reason, now);
         }
     }
 
@@ -55,10 +60,10 @@ impl Autopilot {
     }
 
     /// Takes a report of the radio's task, and announces it if it is news.
-    pub fn wifi_report(&mut self, report: WifiReport) {
+    pub fn wifi_report(&mut self, report: WifiReport, now: Instant) {
         info!("Wi-Fi: {:?}", report);
         if self.wifi.is_news(report) {
-            self.announce(Announcement::Wifi(report));
+            self.announce(Announcement::Wifi(report), now);
         }
     }
 
@@ -79,7 +84,7 @@ impl Autopilot {
             Err(error) => {
                 log_failure("Wi-Fi", error);
                 if let Some(error) = self.wifi.save.add(error, now) {
-                    self.announce(Announcement::WifiNotSaved(error));
+                    self.announce(Announcement::WifiNotSaved(error), now);
                 }
             }
         }

@@ -78,8 +78,8 @@ pub enum Event {
     },
     /// It was not signed as it would have to be, and had no effect.
     Unauthorized {
-        /// How many there have been on this link, if it is time to announce it.
-        to_report: Option<u32>,
+        /// How many there have been on this link.
+        count: u32,
     },
 }
 
@@ -187,11 +187,7 @@ impl Context<'_> {
         }
         *self.unauthorized = self.unauthorized.wrapping_add(1);
         Event::Unauthorized {
-            to_report: self
-                .changeable
-                .signing
-                .may_report(self.now)
-                .then_some(*self.unauthorized),
+            count: *self.unauthorized,
         }
     }
 }

@@ -6,7 +6,7 @@ use super::details_change::DetailsChangeDetector;
 use super::dialect::MavSeverity;
 use super::dispatcher::{Changeable, Context, Event, dispatch};
 use super::downloads::{Downloads, Turn};
-use super::messages::chunks_of;
+use super::messages::{CheckedBy, arming_text, chunks_of};
 use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;
 use super::rates::Rates;
@@ -16,7 +16,7 @@ use super::services::parameters::{ParameterList, param_value};
 use super::signing::LinkKind;
 use super::stations::Stations;
 use super::system_state::{LinkStatistics, SystemState};
-use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind};
+use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind, status_texts};
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::time::Instant;
 
@@ -162,7 +162,7 @@ impl Endpoint {
         self.downloads.supply(read, bytes);
     }
 
-    /// The message that leaves next: HEARTBEAT, answers, the share of a parameter list, downloads and telemetry in turn.
+    /// The message that leaves next: HEARTBEAT, urgent texts, answers, the share of a parameter list, downloads and telemetry in turn.
     /// Telemetry is built now, from `state` and the link's own counters.
     pub fn take(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<Outgoing> {
         // What needs nothing to be read is sent without a caller that reads.
@@ -171,8 +171,14 @@ impl Endpoint {
             link: self.statistics(),
             ..*state
         };
+        if let Some(obstacle) = self.outbox.take_refused_arming() {
+            let text = arming_text(CheckedBy::Attempt, obstacle);
+            self.say_urgently(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
+        }
         let message = if let Some(stream) = self.outbox.take_heartbeat() {
             Some(Outgoing::Message(stream.build(&state)))
+        } else if let Some(text) = self.outbox.take_urgent() {
+            Some(Outgoing::Message(text))
         } else if let Some(reply) = self.outbox.take_reply() {
             Some(Outgoing::Message(reply))
         } else if let Some(value) = self.list.take(parameters) {
@@ -210,9 +216,21 @@ impl Endpoint {
         self.outbox.is_empty()
     }
 
-    /// Whether a text of so many bytes can be said now without losing a part of it.
-    pub fn has_room_to_say(&self, text_bytes: usize) -> bool {
-        self.outbox.room_for_replies() >= chunks_of(text_bytes)
+    /// Whether an announcement of so many bytes can be said now, without losing a part of it, and without taking the room
+    /// that is left for answers.
+    pub fn has_room_to_announce(&self, text_bytes: usize) -> bool {
+        self.outbox.room_for_announcements() >= chunks_of(text_bytes)
+    }
+
+    /// Whether an urgent text can be said now.
+    pub fn has_room_for_urgent(&self) -> bool {
+        self.outbox.has_room_for_urgent()
+    }
+
+    /// Sends a text before all answers. It has two messages at most; the rest is cut off.
+    pub fn say_urgently(&mut self, severity: MavSeverity, text: &str) {
+        let id = self.replies().next_text_id();
+        self.outbox.post_urgent(status_texts(severity, text, id));
     }
 
     /// Sends a text, in as many messages as it needs.

@@ -4,11 +4,19 @@ use core::mem;
 
 use heapless::Deque;
 
+use super::arming::ArmingObstacle;
+use super::dialect::STATUSTEXT_DATA;
 use super::{DefaultRate, Message, Stream, StreamKind};
 use crate::pack::Pack;
 
 /// Answers that can wait. Ground stations ask for a few things at a time and repeat what is not answered.
 const REPLIES: usize = 16;
+
+/// Those of them that announcements leave free.
+const FOR_ANSWERS: usize = 8;
+
+/// Messages of one urgent text.
+const URGENT: usize = 2;
 
 /// What became of a stream that was posted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,11 +35,15 @@ pub struct NoRoom;
 
 /// What waits for the wire: answers, and streams whose message is due.
 ///
-/// HEARTBEAT goes first, then answers in the order they came, then the streams in turn, always in the order of their table
+/// HEARTBEAT goes first, then an urgent text, answers in the order they came, then the streams in turn, always in the order of their table
 /// and of the packs. An answer waits as it was built. A stream waits by its name alone: its message is built when it is
 /// taken. So every stream gets the same share of a link that is too slow, none starves, and what arrives is fresh.
 #[derive(Debug)]
 pub struct Outbox {
+    /// What is left of an urgent text.
+    urgent: Deque<STATUSTEXT_DATA, URGENT>,
+    /// Why arming was refused last, until that is the urgent text.
+    refused_arming: Option<ArmingObstacle>,
     replies: Deque<Message, REPLIES>,
     /// Which streams of each message wait, in the order of [`StreamKind::ALL`]: a bit for each pack, bit 0 for the first
     /// one and for the vehicle.
@@ -50,6 +62,8 @@ impl Outbox {
     /// An empty outbox.
     pub fn new() -> Self {
         Self {
+            urgent: Deque::new(),
+            refused_arming: None,
             replies: Deque::new(),
             waiting: [0; StreamKind::COUNT],
             turn: Turn { kind: 0, pack: 0 },
@@ -89,6 +103,41 @@ impl Outbox {
         REPLIES - self.replies.len()
     }
 
+    /// How many messages of announcements there is room for: as many as leave room for answers.
+    pub fn room_for_announcements(&self) -> usize {
+        self.room_for_replies().saturating_sub(FOR_ANSWERS)
+    }
+
+    /// Has a refused arming wait for its place, instead of an earlier one.
+    pub fn refuse_arming(&mut self, obstacle: ArmingObstacle) {
+        self.refused_arming = Some(obstacle);
+    }
+
+    /// Takes out why arming was refused, once it can be the urgent text.
+    pub fn take_refused_arming(&mut self) -> Option<ArmingObstacle> {
+        self.refused_arming.take_if(|_| self.urgent.is_empty())
+    }
+
+    /// Whether there is room for an urgent text.
+    pub fn has_room_for_urgent(&self) -> bool {
+        self.urgent.is_empty() && self.refused_arming.is_none()
+    }
+
+    /// Posts the messages of an urgent text. What does not fit is dropped.
+    pub fn post_urgent(&mut self, messages: impl Iterator<Item = STATUSTEXT_DATA>) {
+        for message in messages {
+            let _ = self.urgent.push_back(message);
+        }
+    }
+
+    /// Takes out the next message of the urgent text, unless another text has begun: it is not interrupted.
+    pub fn take_urgent(&mut self) -> Option<Message> {
+        match self.replies.front() {
+            Some(Message::StatusText(text)) if text.chunk_seq > 0 => None,
+            _ => self.urgent.pop_front().map(Message::StatusText),
+        }
+    }
+
     /// Takes out the HEARTBEAT, which has to leave before anything else.
     pub fn take_heartbeat(&mut self) -> Option<Stream> {
         let waiting = &mut self.waiting[StreamKind::Heartbeat as usize];
@@ -126,7 +175,10 @@ impl Outbox {
 
     /// Whether nothing waits.
     pub fn is_empty(&self) -> bool {
-        self.replies.is_empty() && self.waiting == [0; StreamKind::COUNT]
+        self.urgent.is_empty()
+            && self.refused_arming.is_none()
+            && self.replies.is_empty()
+            && self.waiting == [0; StreamKind::COUNT]
     }
 }
 

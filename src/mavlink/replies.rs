@@ -38,10 +38,16 @@ impl Replies<'_> {
 
     /// Says a text, in as many messages as it needs.
     pub fn say(&mut self, severity: MavSeverity, text: &str) {
-        *self.texts = self.texts.wrapping_add(1).max(1);
-        for message in status_texts(severity, text, *self.texts) {
+        let id = self.next_text_id();
+        for message in status_texts(severity, text, id) {
             self.answer(Message::StatusText(message));
         }
+    }
+
+    /// The number of the next text, never 0.
+    pub fn next_text_id(&mut self) -> u16 {
+        *self.texts = self.texts.wrapping_add(1).max(1);
+        *self.texts
     }
 
     /// Says why before the acknowledgement follows, for which there has to be room left.

@@ -18,7 +18,7 @@ const WIRE_DELAY: Duration = Duration::from_millis(250);
 /// what to restart into. `all_sent` returns whether the links are idle.
 pub async fn reboot_requested(shared: &Shared, all_sent: impl Fn() -> bool) -> Restart {
     shared.to_reboot.wait().await;
-    shared.with(|autopilot| autopilot.prepare_restart());
+    shared.with(|autopilot| autopilot.prepare_restart(now()));
     let deadline = now().after_us(PATIENCE.as_micros());
     while (shared.with(|autopilot| autopilot.has_unsaved()) || !all_sent()) && now() < deadline {
         Timer::after(LOOK_INTERVAL).await;

@@ -136,7 +136,7 @@ impl Shared {
 
     /// Announces something to all connected ground stations, once.
     pub fn announce(&self, announcement: Announcement<'_>) {
-        self.with(|autopilot| autopilot.announce(announcement));
+        self.with(|autopilot| autopilot.announce(announcement, now()));
     }
 
     /// Wakes up a link when something is announced; `None` for too many links.

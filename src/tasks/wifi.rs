@@ -36,7 +36,7 @@ pub async fn keep_wifi<F: NorFlash>(
     mark(check_in);
     Timer::after(START_DELAY).await;
     let stored = load(&mut storage).await;
-    shared.with(|autopilot| autopilot.wifi_loaded(stored, entropy));
+    shared.with(|autopilot| autopilot.wifi_loaded(stored, entropy, now()));
     loop {
         mark(check_in);
         while let Some(record) = shared.with(|autopilot| autopilot.next_unsaved_wifi(now())) {

@@ -129,7 +129,8 @@ impl DeskBoard {
             .set_load(if self.fault == Fault::Busy { 900 } else { 8 });
         self.desk.autopilot.open(&mut self.desk.channel);
         if self.fault == Fault::AnnouncesDamage {
-            self.desk.autopilot.announce(Announcement::ParametersDamaged);
+            let now = self.desk.now();
+            self.desk.autopilot.announce(Announcement::ParametersDamaged, now);
         }
     }
 
@@ -213,7 +214,8 @@ impl DeskBoard {
                 Fault::OtherCrashRecord => "Crash: battery was overdue",
                 _ => "Crash: hard fault in reboot, PC 0x10001234 LR 0x10005679",
             };
-            self.desk.autopilot.announce(Announcement::Crash(text));
+            let now = self.desk.now();
+            self.desk.autopilot.announce(Announcement::Crash(text), now);
         }
     }
 

@@ -209,8 +209,9 @@ fn pack_whose_component_is_silent_while_driving_is_missing_after_five_seconds() 
     assert_eq!(
         announced(&mut desk),
         [
-            "Battery 1 unhealthy: no reading in time",
-            "Battery 1 is missing, last: 12.00V used 0 mAh"
+            // A level leaves first.
+            "Battery 1 is missing, last: 12.00V used 0 mAh",
+            "Battery 1 unhealthy: no reading in time"
         ]
     );
 }

@@ -343,7 +343,7 @@ fn failed_write_is_announced_once_and_repeated_after_a_minute() {
     }
     job(&mut desk);
     written(&mut desk, &erased, FAILED);
-    desk.autopilot.prepare_restart();
+    desk.autopilot.prepare_restart(desk.now());
     assert!(desk.autopilot.has_unsaved(), "a last chance");
     assert_eq!(job(&mut desk), erasure_of(Pack::First, None));
     written(&mut desk, &erased, Ok(()));

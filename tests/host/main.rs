@@ -20,6 +20,7 @@ mod story;
 mod support;
 
 mod adc_to_wire;
+mod announcements;
 mod armed_storage;
 mod battery_traces;
 mod board_check;

@@ -678,11 +678,13 @@ fn battery_hold_can_be_left_and_termination_can_not() {
     rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
     rover.sample(10.0, 2);
     assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
+    rover.wait(20_000);
     rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
     assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64 | 128, CRITICAL_STATE));
 
     rover.sample(9.0, 2);
     assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64, EMERGENCY_STATE));
+    rover.wait(20_000);
     rover.sample(11.1, 2);
     for force in [0.0, 21196.0] {
         let request = command_long_2(ARM_DISARM, 1.0, force);

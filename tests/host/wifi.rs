@@ -28,6 +28,7 @@ use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::sim::clock;
 use rover_battmon::storage::{FlashFault, Storage, StorageError};
 use rover_battmon::tasks::{Shared, keep_wifi};
+use rover_battmon::time::Instant;
 use rover_battmon::wifi::{
     Network, Password, Radio, Ssid, StoredWifi, WIFI_WORDS, WifiMode, WifiRecord, WifiReport,
 };
@@ -82,7 +83,7 @@ fn desk_of(radio: Radio, kind: LinkKind) -> Desk {
         own_password: Some(password(OWN_PASSWORD)),
         network: None,
     };
-    desk.autopilot.wifi_loaded(stored, || None);
+    desk.autopilot.wifi_loaded(stored, || None, Instant::EPOCH);
     desk.autopilot.take_work();
     desk.connect(kind);
     desk
@@ -334,7 +335,7 @@ fn a_radio_without_a_password_gets_one_that_is_saved() {
     let mut desk = Desk::starting(start(Radio::Present));
     assert_eq!(desk.autopilot.wifi_setup(), None);
     desk.autopilot
-        .wifi_loaded(StoredWifi::default(), || Some([1; 32]));
+        .wifi_loaded(StoredWifi::default(), || Some([1; 32]), Instant::EPOCH);
     let made = Password::from_entropy(&[1; 32]);
     assert_eq!(desk.autopilot.wifi_setup().unwrap().own_password, made);
     assert!(desk.autopilot.take_work().contains(Work::WIFI | Work::SAVE_WIFI));
@@ -347,7 +348,7 @@ fn a_radio_without_a_password_gets_one_that_is_saved() {
 fn a_radio_stays_off_without_random_numbers_and_after_its_crash() {
     let mut desk = Desk::starting(start(Radio::Present));
     desk.connect(LinkKind::Direct);
-    desk.autopilot.wifi_loaded(StoredWifi::default(), || None);
+    desk.autopilot.wifi_loaded(StoredWifi::default(), || None, Instant::EPOCH);
     assert_eq!(desk.autopilot.wifi_setup(), None);
     desk.post_due(0);
     let no_entropy = "Wi-Fi off: no random numbers for a password";
@@ -362,7 +363,7 @@ fn a_radio_stays_off_without_random_numbers_and_after_its_crash() {
             ..start(Radio::Present)
         });
         desk.autopilot
-            .wifi_loaded(StoredWifi::default(), || Some([1; 32]));
+            .wifi_loaded(StoredWifi::default(), || Some([1; 32]), Instant::EPOCH);
         assert_eq!(desk.autopilot.wifi_setup().is_none(), is_off, "{task}");
         desk.connect(LinkKind::Direct);
         desk.post_due(0);
@@ -373,7 +374,7 @@ fn a_radio_stays_off_without_random_numbers_and_after_its_crash() {
 
 /// Announces a report, and returns what reaches a link.
 fn announced(desk: &mut Desk, report: WifiReport) -> Vec<String> {
-    desk.autopilot.wifi_report(report);
+    desk.autopilot.wifi_report(report, desk.now());
     desk.post_due(0);
     texts_of(&desk.sent())
 }
@@ -437,9 +438,9 @@ fn a_ground_station_that_connects_later_is_sent_what_is_wrong_now() {
     };
     let mut desk = desk(LinkKind::Direct);
     assert_eq!(notices(&mut desk), [""; 0]);
-    desk.autopilot.wifi_report(WifiReport::NoAnswer);
+    desk.autopilot.wifi_report(WifiReport::NoAnswer, desk.now());
     assert_eq!(notices(&mut desk), ["Wi-Fi radio does not answer"]);
-    desk.autopilot.wifi_report(WifiReport::AccessPointUp);
+    desk.autopilot.wifi_report(WifiReport::AccessPointUp, desk.now());
     assert_eq!(notices(&mut desk), [""; 0]);
 }
 

@@ -150,7 +150,7 @@ impl Wifi {
                 End::Failed(_) => plan,
             };
             if let End::Failed(report) = end {
-                shared.with(|autopilot| autopilot.wifi_report(report));
+                shared.with(|autopilot| autopilot.wifi_report(report, tasks::now()));
                 select(Timer::after(RETRY_DELAY), changed(shared, &setup)).await;
             }
         }
@@ -287,7 +287,8 @@ impl Operation<'_> {
         let report = |report| {
             address.signal(report);
             if let (Role::Station, NetReport::AddressObtained(address)) = (role, report) {
-                shared.with(|autopilot| autopilot.wifi_report(WifiReport::AddressObtained(address)));
+                let report = WifiReport::AddressObtained(address);
+                shared.with(|autopilot| autopilot.wifi_report(report, tasks::now()));
             }
         };
         let serving = net::serve(
@@ -334,7 +335,7 @@ impl Operation<'_> {
     }
 
     fn report(&self, report: WifiReport) {
-        self.shared.with(|autopilot| autopilot.wifi_report(report));
+        self.shared.with(|autopilot| autopilot.wifi_report(report, tasks::now()));
     }
 
     async fn watch(&mut self, role: Role, address: &Address) -> End {

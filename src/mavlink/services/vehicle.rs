@@ -87,7 +87,7 @@ impl VehicleService<'_> {
             return ACCEPTED;
         }
         if let Some(obstacle) = obstacle {
-            explain(CheckedBy::Attempt, obstacle, replies);
+            replies.outbox.refuse_arming(obstacle);
         }
         FAILED
     }
@@ -102,7 +102,8 @@ impl VehicleService<'_> {
             return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
         }
         for obstacle in self.obstacles() {
-            explain(CheckedBy::Request, obstacle, replies);
+            let text = arming_text(CheckedBy::Request, obstacle);
+            replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
         }
         ACCEPTED
     }
@@ -160,11 +161,6 @@ pub(in crate::mavlink) enum Driving {
     Obeyed,
     /// It may have waited for longer than control inputs count.
     TooLate,
-}
-
-fn explain(checked_by: CheckedBy, obstacle: ArmingObstacle, replies: &mut Replies<'_>) {
-    let text = arming_text(checked_by, obstacle);
-    replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
 }
 
 fn refuse_late(replies: &mut Replies<'_>) -> MavResult {

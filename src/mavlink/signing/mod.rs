@@ -33,9 +33,6 @@ use crate::time::Instant;
 const LINK_BYTES: usize = 1;
 const _: () = assert!(TRAILER_BYTES == LINK_BYTES + timestamp::BYTES + key::SIGNATURE_BYTES);
 
-/// Refused messages are reported this often at most.
-const REPORT_INTERVAL_US: u64 = 60_000_000;
-
 /// What the vehicle knows of signing: the key, the time, and the senders heard.
 #[derive(Clone, Debug)]
 pub struct Signing {
@@ -45,7 +42,6 @@ pub struct Signing {
     in_flash: InFlash,
     /// Nothing up to now was signed after this time, as far as the flash knows.
     stored_mark: Mark,
-    last_report: Option<Instant>,
 }
 
 /// Who may do what.
@@ -107,7 +103,6 @@ impl Signing {
             streams: Streams::after(mark.time()),
             in_flash,
             stored_mark: mark,
-            last_report: None,
         }
     }
 
@@ -186,17 +181,6 @@ impl Signing {
             }
         }
         *signature = key.signature(before);
-    }
-
-    /// Whether it is time for another report of refused messages; then it counts as made.
-    pub(super) fn may_report(&mut self, now: Instant) -> bool {
-        let due = self
-            .last_report
-            .is_none_or(|last| now.us_since(last) >= REPORT_INTERVAL_US);
-        if due {
-            self.last_report = Some(now);
-        }
-        due
     }
 
     /// What has to be written to flash now, one thing after the other, if anything. The vehicle has been armed for

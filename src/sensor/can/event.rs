@@ -92,6 +92,20 @@ impl fmt::Display for ChargerFaults {
 }
 
 impl CanNotice {
+    /// The pack that it is about, if it is about one.
+    pub fn pack(&self) -> Option<Pack> {
+        match self {
+            Self::Source(pack, _) | Self::Charger(pack, _) | Self::ChargerFaults(pack, _) => Some(*pack),
+            Self::Appeared(_)
+            | Self::Lost(_)
+            | Self::Restarted(_)
+            | Self::OwnId(_)
+            | Self::SameId(_)
+            | Self::Assigned(_)
+            | Self::NoIdLeft => None,
+        }
+    }
+
     /// Whether something does not work.
     pub fn is_fault(&self) -> bool {
         match self {

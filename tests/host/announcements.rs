@@ -1,0 +1,227 @@
+//! What is announced, on a link that is too slow for all of it.
+
+use rover_battmon::autopilot::Start;
+use rover_battmon::battery::FailsafeLevel;
+use rover_battmon::mavlink::LinkKind;
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, Parameters};
+use rover_battmon::sensor::{AnalogPin, AnalogReadings, CanEvent, CanNotice, NodeId};
+
+use crate::desk::{Desk, adc_count};
+use crate::support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT};
+use crate::support::requests::{arm, command_long_2, do_set_mode};
+
+const TICK_US: u64 = 100_000;
+const TICKS_PER_SECOND: u64 = 10;
+
+/// 1200 baud.
+const BYTES_PER_SECOND: i64 = 120;
+
+/// Of a MAVLink 2 frame, beside its payload.
+const FRAME_BYTES: usize = 12;
+
+const DIVIDER: f32 = 3.95;
+const FULL_V: f32 = 12.4;
+const LOW_V: f32 = 10.2;
+
+const MANUAL: f32 = 0.0;
+
+/// A rover with a pack of three cells, whose slow link is flooded by texts of nodes on the CAN bus.
+struct FloodedRover {
+    desk: Desk,
+    pack_v: f32,
+    tick: u64,
+    /// Bytes that the wire can take by now.
+    credit: i64,
+    /// Messages that have left, with their texts.
+    sent: Vec<(u64, u32, String)>,
+}
+
+impl FloodedRover {
+    fn new() -> Self {
+        let mut parameters = Parameters::defaults();
+        for (parameter, value) in [
+            (BatteryParameter::Cells, 3.0),
+            (BatteryParameter::LowVolt, 10.5),
+            (BatteryParameter::LowTimer, 1.0),
+            // RTL, which needs a position.
+            (BatteryParameter::FsLowAct, 1.0),
+            // No charge states.
+            (BatteryParameter::LowPct, 0.0),
+            (BatteryParameter::CrtPct, 0.0),
+            (BatteryParameter::EmrPct, 0.0),
+        ] {
+            parameters.set(parameter.of(Pack::First), value).expect("in range");
+        }
+        let mut desk = Desk::starting(Start::with_parameters(parameters));
+        desk.connect_slowly(LinkKind::Radio, BYTES_PER_SECOND as u32);
+        Self {
+            desk,
+            pack_v: FULL_V,
+            tick: 0,
+            credit: 0,
+            sent: Vec::new(),
+        }
+    }
+
+    /// A tick, in which a node appears or is lost: 600 texts a minute.
+    fn step(&mut self) {
+        self.tick += 1;
+        self.desk.now_us = self.tick * TICK_US;
+        let node = NodeId::new((self.tick % 40) as u8 + 20).expect("an id");
+        let notice = if self.tick.is_multiple_of(2) {
+            CanNotice::Appeared(node)
+        } else {
+            CanNotice::Lost(node)
+        };
+        let now = self.desk.now();
+        self.desk.autopilot.add_can_event(&CanEvent::Announce(notice), now);
+        let mut readings = AnalogReadings::NONE;
+        readings.set(AnalogPin::Gp26, Ok(adc_count(self.pack_v / DIVIDER)));
+        self.desk.sample(readings);
+        self.desk.drive();
+        self.desk.post_due(self.desk.now_us);
+        self.credit += BYTES_PER_SECOND / TICKS_PER_SECOND as i64;
+        self.send();
+    }
+
+    fn send(&mut self) {
+        while self.credit > 0 {
+            let Some(frame) = self.desk.sent_at_most(1).pop() else {
+                self.credit = 0;
+                return;
+            };
+            self.credit -= (FRAME_BYTES + frame.payload_len()) as i64;
+            let text = if frame.message_id == STATUSTEXT {
+                frame.text(1, 50)
+            } else {
+                String::new()
+            };
+            self.sent.push((self.tick, frame.message_id, text));
+        }
+    }
+
+    fn run(&mut self, ticks: u64) {
+        for _ in 0..ticks {
+            self.step();
+        }
+    }
+
+    fn receive(&mut self, frames: &[u8]) {
+        self.desk.receive_in_chunks(frames, 64);
+    }
+
+    /// How many ticks after `from_tick` a text that starts so has left.
+    #[track_caller]
+    fn delay(&self, from_tick: u64, start: &str) -> u64 {
+        let found = self
+            .sent
+            .iter()
+            .find(|(tick, _, text)| *tick >= from_tick && text.starts_with(start));
+        found.unwrap_or_else(|| panic!("{start:?} never arrives: {:?}", self.sent)).0 - from_tick
+    }
+}
+
+#[test]
+fn a_failsafe_level_and_the_mode_arrive_through_a_flood_of_can_texts() {
+    for phase in 0..20 {
+        let mut rover = FloodedRover::new();
+        rover.run(50 + phase);
+        rover.receive(&[arm(), do_set_mode(MANUAL)].concat());
+        rover.run(50);
+        rover.pack_v = LOW_V;
+        while rover.desk.autopilot.battery(Pack::First).failsafe != FailsafeLevel::Low {
+            rover.step();
+        }
+        let reached_tick = rover.tick;
+        rover.run(50);
+        let level = rover.delay(reached_tick, "Battery 1 is low 10.");
+        let mode = rover.delay(reached_tick, "RTL needs a position: Hold");
+        // A text takes half a second, what is on its way the same, and HEARTBEAT goes first.
+        assert!(level <= 12 && mode <= 18, "{level}, {mode}");
+    }
+}
+
+#[test]
+fn a_refused_arming_is_explained_and_answered_through_a_flood_of_can_texts() {
+    for phase in 0..20 {
+        let mut rover = FloodedRover::new();
+        rover.pack_v = LOW_V;
+        rover.run(100 + phase);
+        let asked_tick = rover.tick;
+        rover.receive(&arm());
+        rover.run(50);
+        let explained = rover.delay(asked_tick, "Arm: Battery 1 low voltage failsafe");
+        assert!(explained <= 12, "{explained}");
+        let answer = rover.sent.iter().find(|(_, message, _)| *message == COMMAND_ACK);
+        let (answered_tick, ..) = answer.expect("an acknowledgement");
+        assert!(*answered_tick >= asked_tick + explained, "the reason comes first");
+    }
+}
+
+#[test]
+fn of_several_refusals_and_levels_the_latest_is_sent() {
+    let mut rover = FloodedRover::new();
+    rover.pack_v = LOW_V;
+    rover.run(50);
+    rover.desk.ask(&[]);
+    // Two reasons, the second of which is another one, while the wire is busy.
+    rover.credit = -100;
+    rover.receive(&arm());
+    rover.desk.set(BatteryParameter::LowVolt.of(Pack::First), 0.0);
+    rover.desk.set(BatteryParameter::ArmVolt.of(Pack::First), 11.0);
+    rover.receive(&arm());
+    let from = rover.sent.len();
+    rover.run(60);
+    let refusals = rover.sent[from..].iter().filter(|(_, _, text)| text.starts_with("Arm:"));
+    let refusals: Vec<_> = refusals.map(|(_, _, text)| text.as_str()).collect();
+    assert_eq!(refusals, ["Arm: Battery 1 below minimum arming voltage"]);
+}
+
+#[test]
+fn texts_of_a_kind_are_limited_and_what_is_left_out_is_counted() {
+    let mut rover = FloodedRover::new();
+    rover.run(60 * TICKS_PER_SECOND);
+    let of_nodes = |end: &str| {
+        let texts = rover.sent.iter().map(|(_, _, text)| text);
+        let texts = texts.filter(|text| text.starts_with("CAN node ") && text.contains(end));
+        texts.cloned().collect::<Vec<_>>()
+    };
+    for kind in ["found", "lost"] {
+        let texts = of_nodes(kind);
+        assert!((6..=15).contains(&texts.len()), "{texts:?}");
+        assert!(texts[texts.len() - 1].ends_with(" left out)"), "{texts:?}");
+    }
+    let heartbeats = rover.sent.iter().filter(|(_, message, _)| *message == HEARTBEAT).count();
+    assert!(heartbeats >= 59, "{heartbeats}");
+}
+
+#[test]
+fn other_packs_keep_their_places() {
+    let mut parameters = Parameters::defaults();
+    for pack in [Pack::First, Pack::Second] {
+        for (parameter, value) in [
+            (BatteryParameter::Monitor, 3.0),
+            (BatteryParameter::VoltPin, 26.0),
+            (BatteryParameter::Cells, 3.0),
+            (BatteryParameter::LowVolt, 10.5),
+            (BatteryParameter::LowTimer, 1.0),
+        ] {
+            parameters.set(parameter.of(pack), value).expect("in range");
+        }
+    }
+    let mut rover = FloodedRover::new();
+    rover.desk = Desk::starting(Start::with_parameters(parameters));
+    rover.desk.connect_slowly(LinkKind::Radio, BYTES_PER_SECOND as u32);
+    rover.run(100);
+    rover.receive(&command_long_2(400, 1.0, 21196.0));
+    rover.pack_v = LOW_V;
+    rover.run(20);
+    let from_tick = rover.tick;
+    rover.run(30);
+    for pack in [1, 2] {
+        let text = format!("Battery {pack} is low 10.");
+        let texts = rover.sent.iter().filter(|(_, _, sent)| sent.starts_with(&text));
+        assert_eq!(texts.count(), 1, "{text} once by {from_tick}");
+    }
+}
