@@ -145,6 +145,7 @@ impl Announcement<'_> {
                 | PackEvent::PoweringOff
                 | PackEvent::Charge { .. }
                 | PackEvent::Faults(_)
+                | PackEvent::ReportedFaults(_)
                 | PackEvent::Failsafe { .. },
             ) => MavSeverity::MAV_SEVERITY_WARNING,
             Self::Vehicle(VehicleEvent::Terminated) => MavSeverity::MAV_SEVERITY_CRITICAL,
@@ -348,6 +349,10 @@ mod tests {
             (
                 PackEvent::Faults(Faults::CELL_FAIL | Faults::OVER_CURRENT),
                 "Battery 9 fault: cell failed, over current",
+            ),
+            (
+                PackEvent::ReportedFaults(Faults::BAD_BATTERY | Faults::OVER_TEMPERATURE),
+                "Battery 9 reports: bad battery, over temperature",
             ),
             (
                 PackEvent::Faults(Faults::all() - Faults::SPIKES - Faults::UNDER_TEMPERATURE),

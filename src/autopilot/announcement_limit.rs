@@ -99,7 +99,11 @@ mod tests {
     }
 
     /// How many of these are allowed, of one every `interval_us` in a minute.
-    fn allowed_in_a_minute(limit: &mut AnnouncementLimit, interval_us: usize, kind: impl Fn(u64) -> Kind) -> usize {
+    fn allowed_in_a_minute(
+        limit: &mut AnnouncementLimit,
+        interval_us: usize,
+        kind: impl Fn(u64) -> Kind,
+    ) -> usize {
         let times = (0..60_000_000).step_by(interval_us);
         let is_allowed = |us: &u64| matches!(limit.count(kind(*us), at_us(*us)), Permission::Allowed { .. });
         times.filter(is_allowed).count()
@@ -109,14 +113,17 @@ mod tests {
     fn wordings_of_a_kind_share_its_limit() {
         let kind = |us: u64| lost((us / 100_000 % 100) as u8 + 1);
         // Nine at once, and six in a minute.
-        assert_eq!(allowed_in_a_minute(&mut AnnouncementLimit::default(), 100_000, kind), 14);
+        assert_eq!(
+            allowed_in_a_minute(&mut AnnouncementLimit::default(), 100_000, kind),
+            14
+        );
     }
 
     #[test]
     fn packs_and_kinds_do_not_wait_for_each_other() {
         let mut limit = AnnouncementLimit::default();
         allowed_in_a_minute(&mut limit, 100_000, |_| lost(1));
-        let now = at_us(60_000_000);
+        let now = at_us(59_900_000);
         for pack in Pack::ALL {
             let kind = Announcement::Pack(pack, &PackEvent::Swapped).kind();
             assert_eq!(limit.count(kind, now), Permission::Allowed { left_out: 0 });

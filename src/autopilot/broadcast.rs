@@ -46,7 +46,10 @@ struct Place<T> {
 
 impl<T> Default for Place<T> {
     fn default() -> Self {
-        Self { latest: None, count: 0 }
+        Self {
+            latest: None,
+            count: 0,
+        }
     }
 }
 

@@ -7,8 +7,8 @@ use super::autopilot::Autopilot;
 use super::packs::PIN_COUNT;
 use super::recording::Detail;
 use crate::battery::{
-    ArmState, BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus, PackUpdate,
-    ReadError, RetainedMemory, Tick, recall, retain,
+    ArmState, BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus,
+    PackUpdate, ReadError, RetainedMemory, Tick, recall, retain,
 };
 use crate::dataflash::{Health, Record};
 use crate::log::{info, warn};

@@ -25,6 +25,7 @@ impl BatteryAlert {
         };
         let by_charge = match state.charge_state {
             ChargeState::Critical | ChargeState::Emergency | ChargeState::Failed => Self::Urgent,
+            _ if state.has_failed() => Self::Urgent,
             ChargeState::Low => Self::Warning,
             _ if !state.faults.is_empty() => Self::Warning,
             ChargeState::Charging => Self::Charging,

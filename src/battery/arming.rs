@@ -11,7 +11,7 @@ use super::{BatteryState, ChargeState, FailsafeLevel, Faults, PackSettings, Pack
 pub enum ArmingFailure {
     /// No pack is connected, its sensor has failed, or an unhealthy failsafe is latched.
     Unhealthy,
-    /// The pack has failed: a cell is broken.
+    /// The pack has failed: a cell is broken, or it reports that it is bad.
     Failed,
     /// The voltage does not fit `BATT_CELLS`: what the charge is computed from is wrong.
     WrongCells,
@@ -73,7 +73,7 @@ pub fn arming_failures(
             state.status != PackStatus::Healthy || is_latched(FailsafeLevel::Unhealthy),
             ArmingFailure::Unhealthy,
         ),
-        (state.charge_state == ChargeState::Failed, ArmingFailure::Failed),
+        (state.has_failed(), ArmingFailure::Failed),
         (
             state.faults.contains(Faults::INCOMPATIBLE_VOLTAGE),
             ArmingFailure::WrongCells,
@@ -125,8 +125,7 @@ fn is_inverted(low: Option<f32>, critical: Option<f32>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::Amount;
-    use crate::battery::{FailsafeSettings, Thresholds, VoltageSource};
+    use crate::battery::{Amount, FailsafeSettings, Reported, Thresholds, VoltageSource};
 
     fn thresholds(voltage_v: f32, remaining_mah: f32) -> Thresholds {
         Thresholds {
@@ -144,6 +143,35 @@ mod tests {
         };
         let failures: Vec<_> = arming_failures(&state, &PackSettings::default()).collect();
         assert_eq!(failures, [ArmingFailure::WrongCells]);
+    }
+
+    #[test]
+    fn of_the_faults_that_a_pack_reports_bad_battery_alone_fails() {
+        for faults in Faults::all() {
+            let state = BatteryState {
+                status: PackStatus::Healthy,
+                reported: Reported {
+                    faults,
+                    ..Reported::NONE
+                },
+                ..BatteryState::default()
+            };
+            let failures: Vec<_> = arming_failures(&state, &PackSettings::default()).collect();
+            let expected = (faults == Faults::BAD_BATTERY).then_some(ArmingFailure::Failed);
+            assert_eq!(failures, Vec::from_iter(expected), "{faults:?}");
+        }
+    }
+
+    #[test]
+    fn a_failed_cell_of_a_low_pack_fails() {
+        let state = BatteryState {
+            status: PackStatus::Healthy,
+            charge_state: ChargeState::Low,
+            faults: Faults::CELL_FAIL,
+            ..BatteryState::default()
+        };
+        let failures: Vec<_> = arming_failures(&state, &PackSettings::default()).collect();
+        assert_eq!(failures, [ArmingFailure::Failed]);
     }
 
     #[test]

@@ -30,6 +30,10 @@ pub(super) struct ChargeReporter {
     settling_s: f32,
     charging: Condition,
     faults: [Condition; FAULTS.len()],
+    /// Those that the pack reports, and those it has reported in the last [`RECOVERY_S`].
+    reported: Faults,
+    /// How long some of them have been absent, in seconds.
+    absent_s: f32,
 }
 
 impl ChargeReporter {
@@ -57,6 +61,28 @@ impl ChargeReporter {
         if !faults.is_empty() {
             push(events, PackEvent::Faults(faults));
         }
+        let reported = self.new_reported(dt_s, state);
+        if !reported.is_empty() {
+            push(events, PackEvent::ReportedFaults(reported));
+        }
+    }
+
+    fn new_reported(&mut self, dt_s: f32, state: &BatteryState) -> Faults {
+        if state.status != PackStatus::Healthy {
+            return Faults::empty();
+        }
+        let present = state.reported.faults;
+        let new = present - self.reported;
+        self.reported |= present;
+        self.absent_s = if present == self.reported {
+            0.0
+        } else {
+            self.absent_s + dt_s
+        };
+        if self.absent_s >= RECOVERY_S {
+            self.reported = present;
+        }
+        new
     }
 
     fn charge(&mut self, dt_s: f32, state: &BatteryState) -> Option<PackEvent> {
@@ -112,7 +138,7 @@ impl ChargeReporter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::battery::FailsafeLevel;
+    use crate::battery::{FailsafeLevel, Reported};
 
     fn state(charge_state: ChargeState) -> BatteryState {
         BatteryState {
@@ -241,6 +267,28 @@ mod tests {
         }
         reporter.update(0.1, ArmState::Armed, &low, &mut events);
         assert!(events.is_empty());
+    }
+
+    #[test]
+    fn faults_that_the_pack_reports_are_announced_once() {
+        let with = |faults| BatteryState {
+            reported: Reported {
+                faults,
+                ..Reported::NONE
+            },
+            ..state(ChargeState::Ok)
+        };
+        let two = Faults::OVER_TEMPERATURE | Faults::NEEDS_SERVICE;
+        let mut reporter = ChargeReporter::default();
+        let mut events = Vec::new();
+        for _ in 0..20 {
+            events.extend(reported(&mut reporter, 2, &with(two)));
+            events.extend(reported(&mut reporter, 9, &with(Faults::NEEDS_SERVICE)));
+        }
+        assert_eq!(events, [PackEvent::ReportedFaults(two)]);
+        assert_eq!(reported(&mut reporter, 31, &with(Faults::empty())), []);
+        let again = reported(&mut reporter, 2, &with(two));
+        assert_eq!(again, [PackEvent::ReportedFaults(two)]);
     }
 
     #[test]

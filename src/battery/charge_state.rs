@@ -24,6 +24,8 @@ const CHARGING_HYSTERESIS: f32 = 0.5;
 pub(super) struct Inputs {
     pub status: PackStatus,
     pub faults: Faults,
+    /// What the pack reports.
+    pub reported: Option<ChargeState>,
     pub failsafe: FailsafeLevel,
     pub remaining_pct: Option<f32>,
     pub limits: ChargeLimits,
@@ -77,24 +79,52 @@ impl ChargeStateMachine {
             PackStatus::Unhealthy => return ChargeState::Unhealthy,
             PackStatus::Healthy => {}
         }
-        if inputs.faults.contains(Faults::CELL_FAIL) {
-            return ChargeState::Failed;
-        }
-        if inputs
-            .faults
-            .intersects(Faults::INCOMPATIBLE_VOLTAGE | Faults::OVER_TEMPERATURE | Faults::SPIKES)
-        {
-            return ChargeState::Unhealthy;
-        }
+        let by_condition = by_condition(inputs);
         if is_charging(inputs, self.state) {
-            return ChargeState::Charging;
+            return by_condition.unwrap_or(ChargeState::Charging);
         }
-        let by_faults = if inputs.faults.contains(Faults::DEEP_DISCHARGE) {
-            ChargeState::Emergency
-        } else {
-            ChargeState::Ok
-        };
-        self.by_charge.max(by_failsafe(inputs.failsafe)).max(by_faults)
+        let by_level = self
+            .by_charge
+            .max(by_failsafe(inputs.failsafe))
+            .max(reported_level(inputs.reported))
+            .max(by_deep_discharge(inputs.faults));
+        if by_level > ChargeState::Ok {
+            // Never hidden by a fault: the driver has to know what is left.
+            return by_level;
+        }
+        let is_reported = inputs.reported == Some(ChargeState::Charging);
+        by_condition
+            .or(is_reported.then_some(ChargeState::Charging))
+            .unwrap_or(ChargeState::Ok)
+    }
+}
+
+/// FAILED or UNHEALTHY, by the faults found here and the state that the pack reports. Faults that it reports change
+/// nothing.
+fn by_condition(inputs: &Inputs) -> Option<ChargeState> {
+    let is_reported = |state| inputs.reported == Some(state);
+    if inputs.faults.intersects(Faults::FAILING) || is_reported(ChargeState::Failed) {
+        Some(ChargeState::Failed)
+    } else if inputs.faults.intersects(Faults::UNFIT) || is_reported(ChargeState::Unhealthy) {
+        Some(ChargeState::Unhealthy)
+    } else {
+        None
+    }
+}
+
+/// The minimum charge state by what the pack reports.
+fn reported_level(reported: Option<ChargeState>) -> ChargeState {
+    match reported {
+        Some(state @ (ChargeState::Low | ChargeState::Critical | ChargeState::Emergency)) => state,
+        _ => ChargeState::Ok,
+    }
+}
+
+fn by_deep_discharge(faults: Faults) -> ChargeState {
+    if faults.contains(Faults::DEEP_DISCHARGE) {
+        ChargeState::Emergency
+    } else {
+        ChargeState::Ok
     }
 }
 
@@ -162,6 +192,7 @@ mod tests {
         Inputs {
             status: PackStatus::Healthy,
             faults: Faults::empty(),
+            reported: None,
             failsafe: FailsafeLevel::None,
             remaining_pct: Some(remaining_pct),
             limits: ChargeLimits {
@@ -304,6 +335,68 @@ mod tests {
         }
         // After a battery reset.
         assert_eq!(after(&mut machine, 4.0, &healthy(50.0)), ChargeState::Ok);
+    }
+
+    #[test]
+    fn faults_never_hide_that_a_pack_is_low_critical_or_nearly_empty() {
+        for (remaining_pct, expected) in [
+            (14.0, ChargeState::Low),
+            (6.5, ChargeState::Critical),
+            (4.0, ChargeState::Emergency),
+        ] {
+            for faults in Faults::all() {
+                let inputs = Inputs {
+                    faults: faults - Faults::DEEP_DISCHARGE,
+                    ..healthy(remaining_pct)
+                };
+                let mut machine = ChargeStateMachine::default();
+                assert_eq!(after(&mut machine, 4.0, &inputs), expected, "{faults:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn which_faults_change_the_charge_state_of_a_full_pack() {
+        for fault in Faults::all() {
+            let expected = match fault {
+                Faults::CELL_FAIL => ChargeState::Failed,
+                Faults::DEEP_DISCHARGE => ChargeState::Emergency,
+                Faults::INCOMPATIBLE_VOLTAGE | Faults::OVER_TEMPERATURE | Faults::SPIKES => {
+                    ChargeState::Unhealthy
+                }
+                _ => ChargeState::Ok,
+            };
+            let inputs = Inputs {
+                faults: fault,
+                ..healthy(90.0)
+            };
+            let mut machine = ChargeStateMachine::default();
+            assert_eq!(after(&mut machine, 4.0, &inputs), expected, "{fault:?}");
+        }
+    }
+
+    #[test]
+    fn a_reported_state_is_the_worse_of_both() {
+        use ChargeState::{Charging, Critical, Emergency, Failed, Low, Ok, Undefined, Unhealthy};
+        for (reported, at_90_pct, at_14_pct) in [
+            (Undefined, Ok, Low),
+            (Ok, Ok, Low),
+            (Low, Low, Low),
+            (Critical, Critical, Critical),
+            (Emergency, Emergency, Emergency),
+            (Failed, Failed, Low),
+            (Unhealthy, Unhealthy, Low),
+            (Charging, Charging, Low),
+        ] {
+            for (remaining_pct, expected) in [(90.0, at_90_pct), (14.0, at_14_pct)] {
+                let inputs = Inputs {
+                    reported: Some(reported),
+                    ..healthy(remaining_pct)
+                };
+                let mut machine = ChargeStateMachine::default();
+                assert_eq!(after(&mut machine, 4.0, &inputs), expected, "{reported:?}");
+            }
+        }
     }
 
     #[test]

@@ -57,6 +57,8 @@ pub enum PackEvent {
     },
     /// These faults have begun.
     Faults(Faults),
+    /// The pack reports these faults since now.
+    ReportedFaults(Faults),
     /// A failsafe level was reached.
     Failsafe {
         /// The level.
@@ -69,8 +71,8 @@ pub enum PackEvent {
 }
 
 /// The most events of one tick: cells detected, pack swapped, gap, sensor failed or recovered, contact lost or
-/// restored, powering off, failsafe, charge state, charging, faults, learnt.
-const MAX_EVENTS: usize = 11;
+/// restored, powering off, failsafe, charge state, charging, faults, reported faults, learnt.
+const MAX_EVENTS: usize = 12;
 
 /// Charge that remains and is not usable is mentioned from here on, in percent.
 const WORTH_SAYING_PCT: f32 = 3.0;
@@ -138,14 +140,8 @@ impl fmt::Display for PackEvent {
                 whole(*capacity_mah),
                 whole(resistance_ohm * 1e3)
             ),
-            Self::Faults(faults) => {
-                let mut separator = "fault: ";
-                for (_, name) in FAULT_NAMES.iter().filter(|(fault, _)| faults.contains(*fault)) {
-                    write!(f, "{separator}{name}")?;
-                    separator = ", ";
-                }
-                Ok(())
-            }
+            Self::Faults(faults) => write_faults(f, "fault: ", *faults, &FAULT_NAMES),
+            Self::ReportedFaults(faults) => write_faults(f, "reports: ", *faults, &REPORTED_NAMES),
             Self::Failsafe {
                 level,
                 consumed: Amount::Ml(ml),
@@ -182,6 +178,35 @@ const FAULT_NAMES: [(Faults, &str); 7] = [
     (Faults::INCOMPATIBLE_VOLTAGE, "voltage does not fit cells"),
     (Faults::SPIKES, "voltage spikes"),
 ];
+
+/// What packs call their faults.
+const REPORTED_NAMES: [(Faults, &str); 11] = [
+    (Faults::BAD_BATTERY, "bad battery"),
+    (Faults::NEEDS_SERVICE, "needs service"),
+    (Faults::CELL_FAIL, "cell failed"),
+    (Faults::DEEP_DISCHARGE, "deep discharge"),
+    (Faults::OVER_TEMPERATURE, "over temperature"),
+    (Faults::UNDER_TEMPERATURE, "under temperature"),
+    (Faults::OVER_CURRENT, "over current"),
+    (Faults::INCOMPATIBLE_VOLTAGE, "incompatible voltage"),
+    (Faults::SPIKES, "voltage spikes"),
+    (Faults::CELLS_CONFIGURATION, "incompatible cells"),
+    (Faults::INCOMPATIBLE_FIRMWARE, "incompatible firmware"),
+];
+
+fn write_faults(
+    f: &mut fmt::Formatter<'_>,
+    start: &str,
+    faults: Faults,
+    names: &[(Faults, &str)],
+) -> fmt::Result {
+    let mut separator = start;
+    for (_, name) in names.iter().filter(|(fault, _)| faults.contains(*fault)) {
+        write!(f, "{separator}{name}")?;
+        separator = ", ";
+    }
+    Ok(())
+}
 
 fn charge_state_name(state: ChargeState) -> &'static str {
     match state {

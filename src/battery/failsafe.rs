@@ -377,7 +377,11 @@ mod tests {
     }
 
     /// Ticks with and without readings while disarmed after a loss, and the level at the end.
-    fn level_after_a_loss(lost: &mut Failsafe, is_healthy: impl Fn(u64) -> bool, ticks: u64) -> FailsafeLevel {
+    fn level_after_a_loss(
+        lost: &mut Failsafe,
+        is_healthy: impl Fn(u64) -> bool,
+        ticks: u64,
+    ) -> FailsafeLevel {
         let state = at_voltage(12.0);
         for tick in 0..ticks {
             let now = at_us(20_000_000 + tick * u64::from(TICK_US));
@@ -401,16 +405,28 @@ mod tests {
 
     #[test]
     fn unhealthy_is_released_after_five_seconds_of_good_readings() {
-        assert_eq!(level_after_a_loss(&mut lost(), |_| true, 49), FailsafeLevel::Unhealthy);
+        assert_eq!(
+            level_after_a_loss(&mut lost(), |_| true, 49),
+            FailsafeLevel::Unhealthy
+        );
         assert_eq!(level_after_a_loss(&mut lost(), |_| true, 51), FailsafeLevel::None);
         let flickers = |tick| tick % 45 != 44;
-        assert_eq!(level_after_a_loss(&mut lost(), flickers, 600), FailsafeLevel::Unhealthy);
-        assert_eq!(level_after_a_loss(&mut lost(), |_| false, 600), FailsafeLevel::Unhealthy);
+        assert_eq!(
+            level_after_a_loss(&mut lost(), flickers, 600),
+            FailsafeLevel::Unhealthy
+        );
+        assert_eq!(
+            level_after_a_loss(&mut lost(), |_| false, 600),
+            FailsafeLevel::Unhealthy
+        );
     }
 
     #[test]
     fn low_and_critical_are_not_released() {
-        assert_eq!(level_after_a_loss(&mut critical(), |_| true, 600), FailsafeLevel::Critical);
+        assert_eq!(
+            level_after_a_loss(&mut critical(), |_| true, 600),
+            FailsafeLevel::Critical
+        );
         let mut low = Failsafe::default();
         run(&mut low, 0, 12, ArmState::Armed, &at_voltage(10.4));
         assert_eq!(level_after_a_loss(&mut low, |_| true, 600), FailsafeLevel::Low);

@@ -3,7 +3,7 @@
 use bitflags::bitflags;
 
 bitflags! {
-    /// Faults of a pack, with the bits of MAVLink's `MAV_BATTERY_FAULT`.
+    /// Faults of a pack, with the bits of MAVLink's `MAV_BATTERY_FAULT`, which has no others than [`Faults::MAVLINK`].
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub struct Faults: u16 {
         /// The cells are discharged below their safe minimum.
@@ -20,5 +20,26 @@ bitflags! {
         const UNDER_TEMPERATURE = 32;
         /// The resting voltage does not fit `BATT_CELLS` cells of this chemistry.
         const INCOMPATIBLE_VOLTAGE = 64;
+        /// The pack reports that its firmware does not fit. It also stands for an unknown cause, such as a lost sensor.
+        const INCOMPATIBLE_FIRMWARE = 128;
+        /// The pack has other cells than it should have.
+        const CELLS_CONFIGURATION = 256;
+        /// The pack reports that it is bad: it must not be used.
+        const BAD_BATTERY = 1 << 13;
+        /// The pack reports that it has to be serviced.
+        const NEEDS_SERVICE = 1 << 14;
     }
+}
+
+impl Faults {
+    /// Those that MAVLink has a bit for.
+    pub const MAVLINK: Self = Self::from_bits_retain(0x1ff);
+
+    /// Those that make a sufficiently charged pack FAILED: it must not be used.
+    pub const FAILING: Self = Self::CELL_FAIL;
+
+    /// Those that make a sufficiently charged pack UNHEALTHY.
+    pub const UNFIT: Self = Self::INCOMPATIBLE_VOLTAGE
+        .union(Self::OVER_TEMPERATURE)
+        .union(Self::SPIKES);
 }

@@ -1,6 +1,6 @@
 //! The reading of a pack's sensor.
 
-use super::{CellVoltages, PackDetails};
+use super::{CellVoltages, PackDetails, Reported};
 
 /// What a pack stores. As in ArduPilot, a fuel tank is a pack, too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,6 +35,8 @@ pub struct Measurement {
     pub cells: CellVoltages,
     /// Identity and ratings, of a smart battery.
     pub details: PackDetails,
+    /// What the pack reports of its own condition.
+    pub reported: Reported,
     /// Whether the pack is about to power off.
     pub supply: Supply,
     /// The members of a sum, one bit per instance from bit 0; 0 for a sensor.

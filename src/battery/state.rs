@@ -1,6 +1,8 @@
 //! The state of a pack.
 
-use super::{Amount, CellVoltages, Chemistry, Contents, FailsafeLevel, Faults, PackDetails};
+use super::{
+    Amount, CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel, Faults, PackDetails, Reported,
+};
 
 /// Whether a pack is connected and its sensor works.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,30 +19,6 @@ pub enum PackStatus {
     Healthy,
     /// The sensor has failed repeatedly; the values are the last valid ones.
     Unhealthy,
-}
-
-/// Charge state, with the numbers of MAVLink's `MAV_BATTERY_CHARGE_STATE`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-#[repr(u8)]
-pub enum ChargeState {
-    /// Unknown.
-    #[default]
-    Undefined = 0,
-    /// Sufficient.
-    Ok = 1,
-    /// Warn the driver.
-    Low = 2,
-    /// Stop soon.
-    Critical = 3,
-    /// Stop now to avoid damage to the pack.
-    Emergency = 4,
-    /// The pack has failed; see its faults.
-    Failed = 5,
-    /// The sensor or the pack has a fault; see its faults.
-    Unhealthy = 6,
-    /// The pack is being charged.
-    Charging = 7,
 }
 
 /// Source of a state of charge.
@@ -109,8 +87,10 @@ pub struct BatteryState {
     pub temperature_c: Option<f32>,
     /// Charge state.
     pub charge_state: ChargeState,
-    /// Present faults.
+    /// Present faults, as found here.
     pub faults: Faults,
+    /// What the pack reports of its own condition.
+    pub reported: Reported,
     /// The failsafe level, latched until a battery reset or swap.
     pub failsafe: FailsafeLevel,
     /// Cells in series, as set or detected.
@@ -160,6 +140,7 @@ impl BatteryState {
         temperature_c: None,
         charge_state: ChargeState::Undefined,
         faults: Faults::empty(),
+        reported: Reported::NONE,
         failsafe: FailsafeLevel::None,
         cell_count: None,
         cells: CellVoltages::NONE,
@@ -182,6 +163,32 @@ impl BatteryState {
             status: PackStatus::Disabled,
             ..Self::UNKNOWN
         }
+    }
+
+    /// The faults to show: those found here and those that the pack reports. FAILED and UNHEALTHY always have one.
+    pub fn faults_to_show(&self) -> Faults {
+        let faults = self.faults | self.reported.faults;
+        let needs_cause = matches!(self.charge_state, ChargeState::Failed | ChargeState::Unhealthy)
+            || self.status == PackStatus::Unhealthy;
+        if needs_cause && !faults.intersects(Faults::MAVLINK | Faults::BAD_BATTERY) {
+            faults | Faults::INCOMPATIBLE_FIRMWARE
+        } else {
+            faults
+        }
+    }
+
+    /// Whether the pack must not be used, whatever its charge: a cell has failed, or it reports that it has.
+    pub fn has_failed(&self) -> bool {
+        self.charge_state == ChargeState::Failed
+            || self.faults.intersects(Faults::FAILING)
+            || self.reported.faults.contains(Faults::BAD_BATTERY)
+    }
+
+    /// Whether the pack is fit as far as its charge does not matter.
+    pub fn is_fit(&self) -> bool {
+        !self.has_failed()
+            && self.charge_state != ChargeState::Unhealthy
+            && !self.faults.intersects(Faults::UNFIT)
     }
 
     /// Charge drawn since boot or the last battery reset, in milliampere-hours; `None` also for a tank.

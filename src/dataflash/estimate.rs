@@ -22,7 +22,7 @@ pub(super) fn encode(time_us: u64, pack: Pack, state: &BatteryState) -> RecordBy
         .number(state.usable_pct)
         .number(state.learnt_capacity_mah)
         .u8(state.charge_state as u8)
-        .u16(state.faults.bits())
+        .u16(state.faults_to_show().bits())
         .u8(state.failsafe as u8)
         .u8(status_number(state.status))
         .finish()

@@ -1,6 +1,6 @@
 //! Packs that another component of the vehicle measures, such as a companion computer.
 
-use crate::battery::{CellVoltages, Consumed, Counted, Measurement};
+use crate::battery::{CellVoltages, Consumed, Counted, Measurement, Reported};
 use crate::pack::Pack;
 use crate::time::Instant;
 
@@ -27,6 +27,8 @@ pub struct ExternalReading {
     pub state_of_charge: Option<f32>,
     /// Temperature of the pack, in degrees Celsius.
     pub temperature_c: Option<f32>,
+    /// What the component reports of the pack's condition.
+    pub reported: Reported,
 }
 
 impl ExternalReading {
@@ -51,6 +53,7 @@ impl From<&ExternalReading> for Measurement {
             state_of_charge: reading.state_of_charge,
             temperature_c: reading.temperature_c,
             cells: reading.cells,
+            reported: reading.reported,
             ..Self::default()
         }
     }

@@ -23,7 +23,7 @@ pub use bus::{
 };
 pub use can::{
     Acceptance, BitTiming, CanEvent, CanFrame, CanInterrupt, CanNotice, CanOptions, CanPack, CanReport,
-    CanSettings, CanSetup, CanState, CanStatus, ChargerFaults, ChargerPower, DroneCan, FRAME_BYTES, NodeId,
+    CanSettings, CanSetup, CanState, CanStatus, ChargerPower, DroneCan, FRAME_BYTES, NodeId,
 };
 pub use controllers::{ControllerBank, ControllerReading, Members};
 pub use engine::EngineReading;

@@ -68,7 +68,9 @@ impl FailsafeAction {
     pub(super) fn effect(self) -> Effect {
         match self {
             Self::Warn => Effect::None,
-            Self::LoiterOrHold | Self::SmartRtlOrHold | Self::SmartRtl | Self::Rtl | Self::Hold => Effect::Hold,
+            Self::LoiterOrHold | Self::SmartRtlOrHold | Self::SmartRtl | Self::Rtl | Self::Hold => {
+                Effect::Hold
+            }
             Self::Terminate => Effect::Terminate,
         }
     }
@@ -101,9 +103,17 @@ mod tests {
 
     #[test]
     fn actions_have_ardupilots_numbers() {
-        for (number, text) in ["Warning", "RTL", "Hold", "SmartRTL", "SmartRTL", "Terminate", "Loiter"]
-            .into_iter()
-            .enumerate()
+        for (number, text) in [
+            "Warning",
+            "RTL",
+            "Hold",
+            "SmartRTL",
+            "SmartRTL",
+            "Terminate",
+            "Loiter",
+        ]
+        .into_iter()
+        .enumerate()
         {
             let action = FailsafeAction::from_number(number as i32).expect("an action");
             assert_eq!(action.to_string(), text);

@@ -204,7 +204,7 @@ def test_a_charger_measures_a_pack_and_is_switched(peer, vehicle):
             wait_for_text(vehicle, f"Battery 5 charger switched {power}")
             wait_for(lambda: charger.requested[-1:] == [power])
         charger.report(source, output, celsius=60, faults=8)
-        wait_for_text(vehicle, "Battery 5 charger: too hot")
+        wait_for_text(vehicle, "Battery 5 reports: over temperature")
         assert set_to(vehicle, "BATT5_OPTIONS", CHARGER_INPUT).param_value == CHARGER_INPUT
         assert_reports(vehicle, SOLAR, *source, 60)
         assert charger.requested == ["on", "off"]

@@ -256,13 +256,26 @@ fn a_link_that_is_too_slow_loses_the_oldest_and_no_other_link_does() {
         }
     });
     let numbers = |frames: &[Frame]| {
-        let number = |(_, text): (u64, String)| text.split_once("not measured for ")?.1.split_once('s')?.0.parse().ok();
-        texts(frames).into_iter().filter_map(number).collect::<Vec<usize>>()
+        let number = |(_, text): (u64, String)| {
+            text.split_once("not measured for ")?
+                .1
+                .split_once('s')?
+                .0
+                .parse()
+                .ok()
+        };
+        texts(frames)
+            .into_iter()
+            .filter_map(number)
+            .collect::<Vec<usize>>()
     };
     assert_eq!(numbers(&fast), Vec::from_iter(101..=100 + TEXTS));
     let said = numbers(&slow);
     assert!(said.len() < TEXTS / 2, "{}", said.len());
-    assert!(said.is_sorted() && said.windows(2).all(|pair| pair[0] != pair[1]), "{said:?}");
+    assert!(
+        said.is_sorted() && said.windows(2).all(|pair| pair[0] != pair[1]),
+        "{said:?}"
+    );
     assert_eq!(said[0], 101);
     assert_eq!(of_message(&slow, HEARTBEAT).len(), 20);
 }

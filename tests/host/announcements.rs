@@ -51,7 +51,9 @@ impl FloodedRover {
             (BatteryParameter::CrtPct, 0.0),
             (BatteryParameter::EmrPct, 0.0),
         ] {
-            parameters.set(parameter.of(Pack::First), value).expect("in range");
+            parameters
+                .set(parameter.of(Pack::First), value)
+                .expect("in range");
         }
         let mut desk = Desk::starting(Start::with_parameters(parameters));
         desk.connect_slowly(LinkKind::Radio, BYTES_PER_SECOND as u32);
@@ -75,7 +77,9 @@ impl FloodedRover {
             CanNotice::Lost(node)
         };
         let now = self.desk.now();
-        self.desk.autopilot.add_can_event(&CanEvent::Announce(notice), now);
+        self.desk
+            .autopilot
+            .add_can_event(&CanEvent::Announce(notice), now);
         let mut readings = AnalogReadings::NONE;
         readings.set(AnalogPin::Gp26, Ok(adc_count(self.pack_v / DIVIDER)));
         self.desk.sample(readings);
@@ -118,7 +122,10 @@ impl FloodedRover {
             .sent
             .iter()
             .find(|(tick, _, text)| *tick >= from_tick && text.starts_with(start));
-        found.unwrap_or_else(|| panic!("{start:?} never arrives: {:?}", self.sent)).0 - from_tick
+        found
+            .unwrap_or_else(|| panic!("{start:?} never arrives: {:?}", self.sent))
+            .0
+            - from_tick
     }
 }
 
@@ -173,7 +180,9 @@ fn of_several_refusals_and_levels_the_latest_is_sent() {
     rover.receive(&arm());
     let from = rover.sent.len();
     rover.run(60);
-    let refusals = rover.sent[from..].iter().filter(|(_, _, text)| text.starts_with("Arm:"));
+    let refusals = rover.sent[from..]
+        .iter()
+        .filter(|(_, _, text)| text.starts_with("Arm:"));
     let refusals: Vec<_> = refusals.map(|(_, _, text)| text.as_str()).collect();
     assert_eq!(refusals, ["Arm: Battery 1 below minimum arming voltage"]);
 }
@@ -192,7 +201,11 @@ fn texts_of_a_kind_are_limited_and_what_is_left_out_is_counted() {
         assert!((6..=15).contains(&texts.len()), "{texts:?}");
         assert!(texts[texts.len() - 1].ends_with(" left out)"), "{texts:?}");
     }
-    let heartbeats = rover.sent.iter().filter(|(_, message, _)| *message == HEARTBEAT).count();
+    let heartbeats = rover
+        .sent
+        .iter()
+        .filter(|(_, message, _)| *message == HEARTBEAT)
+        .count();
     assert!(heartbeats >= 59, "{heartbeats}");
 }
 
@@ -212,7 +225,9 @@ fn other_packs_keep_their_places() {
     }
     let mut rover = FloodedRover::new();
     rover.desk = Desk::starting(Start::with_parameters(parameters));
-    rover.desk.connect_slowly(LinkKind::Radio, BYTES_PER_SECOND as u32);
+    rover
+        .desk
+        .connect_slowly(LinkKind::Radio, BYTES_PER_SECOND as u32);
     rover.run(100);
     rover.receive(&command_long_2(400, 1.0, 21196.0));
     rover.pack_v = LOW_V;

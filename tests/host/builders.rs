@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use proptest::prelude::*;
 use rover_battmon::battery::{
     Amount, ArmState, BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Contents, Date,
-    FailsafeLevel, Faults, MAX_CELLS, Name, PackDetails, PackStatus, ReportedVoltage, Visibility,
+    FailsafeLevel, Faults, MAX_CELLS, Name, PackDetails, PackStatus, Reported, ReportedVoltage, Visibility,
 };
 use rover_battmon::mavlink::dialect::{
     BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA, MavBatteryChargeState,
@@ -156,11 +156,19 @@ fn battery_status_is_byte_exact_with_ardupilots_function_and_type() {
         ("ap_current_clamp_pos", counting(22.2, 400.0, 10.0, 1.0, 90.0)),
         ("ap_current_clamp_neg", counting(22.2, -400.0, 10.0, 1.0, 90.0)),
         ("ap_critical_state", critical),
-        ("ap_unhealthy_state", unhealthy),
     ] {
         let data = as_ardupilot(status_of(battery));
         assert_eq!(frame_hex(&Message::BatteryStatus(data)), golden[row], "{row}");
     }
+    // ArduPilot has no fault bit with UNHEALTHY.
+    let data = BATTERY_STATUS_DATA {
+        fault_bitmask: MavBatteryFault::empty(),
+        ..as_ardupilot(status_of(unhealthy))
+    };
+    assert_eq!(
+        frame_hex(&Message::BatteryStatus(data)),
+        golden["ap_unhealthy_state"]
+    );
 }
 
 /// ArduPilot sends unused cells of `voltages_ext` as 65535, which ground stations add up; ours are 0.
@@ -461,13 +469,58 @@ fn every_fault_has_mavlinks_bit() {
         (Faults::OVER_TEMPERATURE, 16),
         (Faults::UNDER_TEMPERATURE, 32),
         (Faults::INCOMPATIBLE_VOLTAGE, 64),
-        (Faults::all(), 127),
+        (Faults::INCOMPATIBLE_FIRMWARE, 128),
+        (Faults::CELLS_CONFIGURATION, 256),
+        // As a failed cell.
+        (Faults::BAD_BATTERY, 4),
+        (Faults::NEEDS_SERVICE, 0),
+        (Faults::all(), 511),
     ] {
         let battery = BatteryState {
             faults: fault,
             ..healthy(11.1)
         };
         assert_eq!(status_of(battery).fault_bitmask.bits(), expected, "{fault:?}");
+        assert_eq!(
+            status_of(reporting(fault)).fault_bitmask.bits(),
+            expected,
+            "{fault:?}"
+        );
+    }
+}
+
+/// A healthy pack that reports these faults itself.
+fn reporting(faults: Faults) -> BatteryState {
+    BatteryState {
+        reported: Reported {
+            faults,
+            ..Reported::NONE
+        },
+        ..healthy(11.1)
+    }
+}
+
+#[test]
+fn failed_and_unhealthy_have_a_fault_bit_without_a_known_fault() {
+    for charge_state in CHARGE_STATES {
+        let battery = BatteryState {
+            charge_state,
+            ..healthy(11.1)
+        };
+        let expected = match charge_state {
+            ChargeState::Failed | ChargeState::Unhealthy => 128,
+            _ => 0,
+        };
+        assert_eq!(
+            status_of(battery).fault_bitmask.bits(),
+            expected,
+            "{charge_state:?}"
+        );
+        let hot = BatteryState {
+            faults: Faults::OVER_TEMPERATURE,
+            ..battery
+        };
+        assert_eq!(status_of(hot).fault_bitmask.bits(), 16, "{charge_state:?}");
     }
 }
 
@@ -614,26 +667,43 @@ fn every_fault_has_its_flag() {
         (Faults::OVER_TEMPERATURE, 2048),
         (Faults::UNDER_TEMPERATURE, 4096),
         (Faults::INCOMPATIBLE_VOLTAGE, 32768),
-        (Faults::all(), 8 | 32 | 512 | 1024 | 2048 | 4096 | 8192 | 32768),
+        (Faults::INCOMPATIBLE_FIRMWARE, 65536),
+        (Faults::CELLS_CONFIGURATION, 131_072),
+        (Faults::NEEDS_SERVICE, 32),
     ] {
+        // NOT_READY_TO_USE with those that are found here and make the pack unfit.
+        let not_ready = u32::from(faults.intersects(Faults::FAILING | Faults::UNFIT));
         let battery = BatteryState {
             faults,
             ..healthy(11.1)
         };
-        assert_eq!(status_v2_of(battery).status_flags.bits(), expected, "{faults:?}");
+        assert_eq!(
+            status_v2_of(battery).status_flags.bits(),
+            expected | not_ready,
+            "{faults:?}"
+        );
+        let flags = status_v2_of(reporting(faults)).status_flags;
+        assert_eq!(flags.bits(), expected, "{faults:?}");
     }
+    // BAD_BATTERY with NOT_READY_TO_USE: arming is refused.
+    let bad = status_v2_of(reporting(Faults::BAD_BATTERY));
+    assert_eq!(bad.status_flags.bits(), 64 | 1);
+    let mut charging = reporting(Faults::empty());
+    charging.reported.charge_state = Some(ChargeState::Charging);
+    assert_eq!(status_v2_of(charging).status_flags.bits(), 2);
 }
 
 #[test]
 fn a_pack_that_may_not_be_used_is_not_ready() {
     const NOT_READY: u32 = 1;
     const CHARGING: u32 = 2;
+    const UNKNOWN_CAUSE: u32 = 65536;
     for (status, expected) in [
         (PackStatus::Disabled, 0),
         (PackStatus::Unknown, 0),
         (PackStatus::NotConnected, 0),
         (PackStatus::Healthy, 0),
-        (PackStatus::Unhealthy, NOT_READY),
+        (PackStatus::Unhealthy, NOT_READY | UNKNOWN_CAUSE),
     ] {
         let battery = BatteryState {
             status,
@@ -656,10 +726,16 @@ fn a_pack_that_may_not_be_used_is_not_ready() {
             "{failsafe:?}"
         );
     }
-    for (charge_state, expected) in CHARGE_STATES
-        .into_iter()
-        .zip([0, 0, 0, NOT_READY, NOT_READY, NOT_READY, NOT_READY, CHARGING])
-    {
+    for (charge_state, expected) in CHARGE_STATES.into_iter().zip([
+        0,
+        0,
+        0,
+        NOT_READY,
+        NOT_READY,
+        NOT_READY | UNKNOWN_CAUSE,
+        NOT_READY | UNKNOWN_CAUSE,
+        CHARGING,
+    ]) {
         let battery = BatteryState {
             charge_state,
             ..healthy(11.1)
@@ -1091,12 +1167,13 @@ prop_compose! {
 prop_compose! {
     fn any_battery()(
         measured in any_measured(), identity in any_identity(), status in any_status(), charge_state in prop::sample::select(&CHARGE_STATES[..]),
-        chemistry in prop::sample::select(&CHEMISTRIES[..]), faults in any::<u16>(), resting in any::<bool>(),
+        chemistry in prop::sample::select(&CHEMISTRIES[..]), faults in any::<[u16; 2]>(), resting in any::<bool>(),
         internal in any::<bool>(), failsafe in prop::sample::select(&FAILSAFE_LEVELS[..]),
     ) -> BatteryState {
         BatteryState {
             status, charge_state, chemistry, failsafe,
-            faults: Faults::from_bits_retain(faults),
+            faults: Faults::from_bits_retain(faults[0]),
+            reported: Reported { faults: Faults::from_bits_retain(faults[1]), ..Reported::NONE },
             reported_voltage: if resting { ReportedVoltage::Resting } else { ReportedVoltage::Terminal },
             visibility: if internal { Visibility::Internal } else { Visibility::Reported },
             details: identity.details,
@@ -1159,6 +1236,8 @@ proptest! {
         prop_assert!((-1..=100).contains(&data.battery_remaining));
         prop_assert!(data.time_remaining >= 0);
         prop_assert_eq!(data.charge_state as u8, battery.charge_state as u8);
+        let needs_fault = matches!(battery.charge_state, ChargeState::Failed | ChargeState::Unhealthy);
+        prop_assert!(!needs_fault || !data.fault_bitmask.is_empty());
         // The frame itself: 54 bytes of payload at most.
         let frame = frame_hex(&Message::BatteryStatus(data));
         prop_assert!(frame.len() <= 2 * (54 + 12));
@@ -1178,7 +1257,7 @@ proptest! {
         let charge = data.state_of_charge;
         prop_assert!(charge.to_bits() == NAN_BITS || (0.0..=100.0).contains(&charge));
         // Flags of what can't be known, those that are reserved included, are never set.
-        let known = 1 | 2 | 8 | 32 | 512 | 1024 | 2048 | 4096 | 8192 | 32768 | 262_144;
+        let known = 1 | 2 | 8 | 32 | 64 | 512 | 1024 | 2048 | 4096 | 8192 | 32768 | 65536 | 131_072 | 262_144;
         prop_assert_eq!(data.status_flags.bits() & !known, 0);
         prop_assert_eq!(data.status_flags.bits() & 2 != 0, battery.charge_state == ChargeState::Charging);
         let message = Message::BatteryStatusV2(data);

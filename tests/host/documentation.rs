@@ -445,7 +445,10 @@ fn pack_events() -> Vec<PackEvent> {
         capacity_mah: 2995.0,
         resistance_ohm: 0.087,
     });
-    events.extend(Faults::all().iter().map(PackEvent::Faults));
+    // Some faults are found here, and some reported by packs only.
+    let of_faults = [PackEvent::Faults, PackEvent::ReportedFaults].into_iter();
+    let of_faults = of_faults.flat_map(|event| Faults::all().iter().map(event));
+    events.extend(of_faults.filter(|event| !event.to_string().is_empty()));
     events.extend(READ_ERRORS.map(PackEvent::SensorFailed));
     events
 }

@@ -2,12 +2,12 @@
 
 use crate::desk::Desk;
 use crate::signer::{NEW_YEAR, Signer};
-use crate::support::frames::{COMMAND_ACK, of_message, texts_of};
+use crate::support::frames::{COMMAND_ACK, last_of, of_message, texts_of};
 use crate::support::pack_report::{COMPANION, EXTERNAL, OTHER_COMPANION, PackReport, UNKNOWN_MV};
 use crate::support::requests::{arm, command_long_2, setup_signing};
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
-use rover_battmon::battery::{BatteryState, ChargeSource, FailsafeLevel, PackStatus};
+use rover_battmon::battery::{BatteryState, ChargeSource, ChargeState, FailsafeLevel, PackStatus};
 use rover_battmon::mavlink::{Event, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
@@ -106,6 +106,92 @@ fn report_of_a_companion_computer_is_the_state_of_its_pack() {
     assert_eq!(state.charge_source, ChargeSource::Reported);
     assert_eq!(state.temperature_c, Some(21.5));
     assert_eq!(state.cells.millivolts(), [4000, 3900, 4100]);
+}
+
+/// The latest BATTERY_STATUS of the first pack.
+fn status(desk: &mut Desk) -> (u8, u32, i32) {
+    desk.post_due(desk.now_us);
+    let frames = desk.sent();
+    let status = last_of(&frames, 0);
+    (
+        status.charge_state(),
+        status.fault_bitmask(),
+        status.time_remaining_s(),
+    )
+}
+
+const OK: u8 = 1;
+const FAULT_BITS: u32 = 9;
+
+#[test]
+fn faults_charge_state_and_time_left_of_a_component_are_shown() {
+    let mut desk = desk();
+    let mut report = of_voltage(12_000);
+    report.remaining_pct = 90;
+    report.time_remaining_s = 1234;
+    report.charge_state = 3;
+    report.fault_bitmask = 8 | 16;
+    let state = ticks(&mut desk, 40, &report.frame());
+    assert_eq!(state.charge_state, ChargeState::Critical);
+    assert_eq!(status(&mut desk), (3, 8 | 16, 1234));
+    // What it reports no more is not shown any more.
+    report.charge_state = 1;
+    report.fault_bitmask = 0;
+    report.time_remaining_s = 0;
+    ticks(&mut desk, 40, &report.frame());
+    let (charge_state, faults, time_remaining_s) = status(&mut desk);
+    assert_eq!((charge_state, faults), (OK, 0));
+    assert_ne!(time_remaining_s, 1234);
+}
+
+#[test]
+fn faults_that_a_component_reports_change_neither_charge_state_nor_arming() {
+    for bit in 0..32 {
+        let mut desk = desk();
+        let mut report = of_voltage(12_000);
+        report.remaining_pct = 90;
+        report.fault_bitmask = 1 << bit;
+        ticks(&mut desk, 40, &report.frame());
+        let shown = if bit < FAULT_BITS { 1 << bit } else { 0 };
+        let (charge_state, faults, _) = status(&mut desk);
+        assert_eq!((charge_state, faults), (OK, shown), "bit {bit}");
+        assert_eq!(result_of(&mut desk, &arm()), ACCEPTED, "bit {bit}");
+    }
+}
+
+#[test]
+fn faults_that_a_component_reports_are_announced_once() {
+    let mut desk = desk();
+    ticks(&mut desk, 10, &half_full(12_000));
+    announced(&mut desk);
+    let mut report = of_voltage(12_000);
+    report.remaining_pct = 50;
+    report.fault_bitmask = 8 | 16;
+    ticks(&mut desk, 100, &report.frame());
+    assert_eq!(
+        announced(&mut desk),
+        ["Battery 1 reports: over temperature, over current"]
+    );
+}
+
+#[test]
+fn failed_and_unhealthy_have_a_fault_bit() {
+    const FAILED_STATE: u8 = 5;
+    const UNHEALTHY_STATE: u8 = 6;
+    const UNKNOWN_CAUSE: u32 = 128;
+    for charge_state in [FAILED_STATE, UNHEALTHY_STATE] {
+        let mut desk = desk();
+        let mut report = of_voltage(12_000);
+        report.remaining_pct = 90;
+        report.charge_state = charge_state;
+        ticks(&mut desk, 40, &report.frame());
+        let (shown, faults, _) = status(&mut desk);
+        assert_eq!((shown, faults), (charge_state, UNKNOWN_CAUSE));
+        // Nor without a reading.
+        silence(&mut desk, 80);
+        let (shown, faults, _) = status(&mut desk);
+        assert_eq!((shown, faults), (UNHEALTHY_STATE, UNKNOWN_CAUSE));
+    }
 }
 
 #[test]
@@ -263,26 +349,50 @@ fn termination_by_a_lost_pack_outlasts_good_readings_until_a_battery_reset() {
     // Nor does another action that is set now end it.
     desk.set(BatteryParameter::FsUnhAct.of(Pack::First), 0.0);
     ticks(&mut desk, 100, &half_full(12_000));
-    assert_eq!(result_of(&mut desk, &command_long_2(COMPONENT_ARM_DISARM, 1.0, 21196.0)), FAILED);
+    assert_eq!(
+        result_of(&mut desk, &command_long_2(COMPONENT_ARM_DISARM, 1.0, 21196.0)),
+        FAILED
+    );
     // The charge can't be set, so the command fails; the level ends.
-    assert_eq!(result_of(&mut desk, &command_long_2(BATTERY_RESET, 1.0, 100.0)), FAILED);
+    assert_eq!(
+        result_of(&mut desk, &command_long_2(BATTERY_RESET, 1.0, 100.0)),
+        FAILED
+    );
     let state = ticks(&mut desk, 2, &half_full(12_000));
-    assert_eq!((state.failsafe, state.remaining_pct), (FailsafeLevel::None, Some(50.0)));
+    assert_eq!(
+        (state.failsafe, state.remaining_pct),
+        (FailsafeLevel::None, Some(50.0))
+    );
     assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
 }
 
 #[test]
 fn battery_reset_ends_the_level_of_a_pack_that_reports_its_charge() {
-    let mut desk = desk_with(&[(BatteryParameter::LowVolt, 10.5), (BatteryParameter::LowTimer, 1.0)]);
+    let mut desk = desk_with(&[
+        (BatteryParameter::LowVolt, 10.5),
+        (BatteryParameter::LowTimer, 1.0),
+    ]);
     ticks(&mut desk, 10, &half_full(12_000));
     assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
-    assert_eq!(ticks(&mut desk, 20, &half_full(10_400)).failsafe, FailsafeLevel::Low);
+    assert_eq!(
+        ticks(&mut desk, 20, &half_full(10_400)).failsafe,
+        FailsafeLevel::Low
+    );
     desk.ask(&command_long_2(COMPONENT_ARM_DISARM, 0.0, 0.0));
     // Low stays latched, whatever the readings are now.
-    assert_eq!(ticks(&mut desk, 600, &half_full(12_000)).failsafe, FailsafeLevel::Low);
+    assert_eq!(
+        ticks(&mut desk, 600, &half_full(12_000)).failsafe,
+        FailsafeLevel::Low
+    );
     assert_eq!(result_of(&mut desk, &arm()), FAILED);
-    assert_eq!(result_of(&mut desk, &command_long_2(BATTERY_RESET, -1.0, 100.0)), FAILED);
-    assert_eq!(ticks(&mut desk, 1, &half_full(12_000)).failsafe, FailsafeLevel::None);
+    assert_eq!(
+        result_of(&mut desk, &command_long_2(BATTERY_RESET, -1.0, 100.0)),
+        FAILED
+    );
+    assert_eq!(
+        ticks(&mut desk, 1, &half_full(12_000)).failsafe,
+        FailsafeLevel::None
+    );
     assert_eq!(result_of(&mut desk, &arm()), ACCEPTED);
 }
 
@@ -523,10 +633,12 @@ fn any_frame() -> impl Strategy<Value = Vec<u8>> {
         any::<[i16; 2]>(),
         any::<i8>(),
         0..10u8,
+        any::<(i32, u8, u32)>(),
     );
     let lowest_mv = prop_oneof![Just(0u16), Just(3000), Just(u16::MAX)];
     (sender, report, lowest_mv).prop_map(
-        |(sender, (voltages, amounts, small, remaining_pct, instance), lowest_mv)| {
+        |(sender, (voltages, amounts, small, remaining_pct, instance, condition), lowest_mv)| {
+            let (time_remaining_s, charge_state, fault_bitmask) = condition;
             let report = PackReport {
                 instance,
                 voltages_mv: voltages.map(|mv| mv.max(lowest_mv)),
@@ -535,6 +647,9 @@ fn any_frame() -> impl Strategy<Value = Vec<u8>> {
                 energy_hj: amounts[1],
                 remaining_pct,
                 temperature_cdegc: small[1],
+                time_remaining_s,
+                charge_state,
+                fault_bitmask,
             };
             report.frame_from(sender)
         },

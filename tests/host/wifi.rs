@@ -348,7 +348,8 @@ fn a_radio_without_a_password_gets_one_that_is_saved() {
 fn a_radio_stays_off_without_random_numbers_and_after_its_crash() {
     let mut desk = Desk::starting(start(Radio::Present));
     desk.connect(LinkKind::Direct);
-    desk.autopilot.wifi_loaded(StoredWifi::default(), || None, Instant::EPOCH);
+    desk.autopilot
+        .wifi_loaded(StoredWifi::default(), || None, Instant::EPOCH);
     assert_eq!(desk.autopilot.wifi_setup(), None);
     desk.post_due(0);
     let no_entropy = "Wi-Fi off: no random numbers for a password";

@@ -365,6 +365,10 @@ impl BatteryStatus<'_> {
         self.0.i32(36)
     }
 
+    pub fn fault_bitmask(&self) -> u32 {
+        self.0.u32(50)
+    }
+
     pub fn charge_state(&self) -> u8 {
         self.0.u8(40)
     }

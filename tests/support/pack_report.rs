@@ -24,6 +24,9 @@ pub struct PackReport {
     pub energy_hj: i32,
     pub remaining_pct: i8,
     pub temperature_cdegc: i16,
+    pub time_remaining_s: i32,
+    pub charge_state: u8,
+    pub fault_bitmask: u32,
 }
 
 impl PackReport {
@@ -39,6 +42,9 @@ impl PackReport {
             energy_hj: -1,
             remaining_pct: -1,
             temperature_cdegc: i16::MAX,
+            time_remaining_s: 0,
+            charge_state: 0,
+            fault_bitmask: 0,
         }
     }
 
@@ -56,6 +62,11 @@ impl PackReport {
         payload.extend(self.current_ca.to_le_bytes());
         // Function ALL, type LIPO.
         payload.extend([self.instance, 1, 1, self.remaining_pct as u8]);
+        payload.extend(self.time_remaining_s.to_le_bytes());
+        payload.push(self.charge_state);
+        // No further cells, mode unknown.
+        payload.extend([0; 4 * 2 + 1]);
+        payload.extend(self.fault_bitmask.to_le_bytes());
         encode_v2_from(sender, BATTERY_STATUS, &payload)
     }
 }

@@ -13,8 +13,8 @@ use super::settings::PackSettings;
 use super::swap::{Replacement, SerialNumber, SwapDetector};
 use super::{
     Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge,
-    LearntPack, Measurement, PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Supply,
-    Tick,
+    LearntPack, Measurement, PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported,
+    Supply, Tick,
 };
 use crate::time::Instant;
 
@@ -227,6 +227,7 @@ impl BatteryMonitor {
         }
         self.supply = measurement.supply;
         self.state.contents = measurement.contents;
+        self.state.reported = measurement.reported;
         self.state.members = measurement.members;
         self.state.cells = measurement.cells;
         self.gauge = measurement.gauge;
@@ -318,6 +319,7 @@ impl BatteryMonitor {
         self.state.usable_pct = None;
         self.state.time_remaining_s = None;
         self.state.faults = Faults::empty();
+        self.state.reported = Reported::NONE;
         self.diagnosis = Diagnosis::default();
     }
 
@@ -457,6 +459,7 @@ impl BatteryMonitor {
         if state.remaining_pct.is_none() {
             state.time_remaining_s = None;
         }
+        state.time_remaining_s = state.reported.time_remaining_s.or(state.time_remaining_s);
         self.update_learnt(settings);
         self.update_usable();
     }
@@ -493,8 +496,11 @@ impl BatteryMonitor {
             .or(state.remaining_pct);
     }
 
-    /// How long the load can still be served: once a second, since it takes a division.
+    /// How long the load can still be served, unless that is reported: once a second, since it takes a division.
     fn update_time_remaining(&mut self, settings: &PackSettings) {
+        if self.state.reported.time_remaining_s.is_some() {
+            return;
+        }
         let charge = self.estimated_charge();
         let state = &mut self.state;
         state.time_remaining_s = match (state.current_a, charge) {
@@ -583,6 +589,7 @@ impl BatteryMonitor {
         let inputs = Inputs {
             status: state.status,
             faults: state.faults,
+            reported: state.reported.charge_state,
             failsafe: state.failsafe,
             remaining_pct: state.usable_pct,
             limits: settings.charge_limits,

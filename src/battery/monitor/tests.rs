@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::battery::{
     Amount, BusError, CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel, FailsafeSettings,
-    Faults, PackDetails, Thresholds, VoltageSource,
+    Faults, PackDetails, Reported, Thresholds, VoltageSource, arming_failures,
 };
 use crate::time::{Instant, at_us};
 
@@ -673,6 +673,48 @@ fn reported_charge_is_used_without_a_capacity_and_its_count_without_energy() {
         };
         assert_eq!(bench.tick(Ok(measurement)), Some(ReadError::Implausible));
     }
+}
+
+#[test]
+fn a_solar_charger_at_dusk_does_not_ground_a_rover() {
+    let mut bench = Bench::new();
+    bench.settings.cell_count = None;
+    // Too little voltage, as DroneCAN chargers report it.
+    let dusk = Measurement {
+        reported: Reported {
+            faults: Faults::INCOMPATIBLE_VOLTAGE,
+            ..Reported::NONE
+        },
+        ..loaded(14.0, 0.0)
+    };
+    let state = bench.run(60.0, dusk);
+    assert_eq!(state.faults, Faults::empty());
+    assert_eq!(state.charge_state, ChargeState::Ok);
+    assert_eq!(arming_failures(&state, &bench.settings).next(), None);
+    assert!(state.is_fit());
+    assert_eq!(state.faults_to_show(), Faults::INCOMPATIBLE_VOLTAGE);
+    let announced = bench
+        .events
+        .iter()
+        .filter(|event| matches!(event, PackEvent::ReportedFaults(_)));
+    assert_eq!(announced.count(), 1);
+}
+
+#[test]
+fn what_a_pack_reports_ends_with_the_pack() {
+    let mut bench = Bench::new();
+    let hot = Measurement {
+        reported: Reported {
+            faults: Faults::OVER_TEMPERATURE,
+            time_remaining_s: Some(60.0),
+            ..Reported::NONE
+        },
+        ..volts(11.7)
+    };
+    assert_eq!(bench.run(2.0, hot).time_remaining_s, Some(60.0));
+    let state = bench.run(1.0, volts(0.0));
+    assert_eq!(state.reported, Reported::NONE);
+    assert_eq!(state.time_remaining_s, None);
 }
 
 #[test]

@@ -335,7 +335,8 @@ impl Operation<'_> {
     }
 
     fn report(&self, report: WifiReport) {
-        self.shared.with(|autopilot| autopilot.wifi_report(report, tasks::now()));
+        self.shared
+            .with(|autopilot| autopilot.wifi_report(report, tasks::now()));
     }
 
     async fn watch(&mut self, role: Role, address: &Address) -> End {

@@ -55,7 +55,7 @@ pub fn build_battery_status(state: &SystemState<'_>, pack: Pack) -> BATTERY_STAT
         charge_state: charge_state(battery.charge_state),
         voltages_ext: ext_cells(&battery.cells),
         mode: MavBatteryMode::MAV_BATTERY_MODE_UNKNOWN,
-        fault_bitmask: fault_bitmask(battery.faults),
+        fault_bitmask: fault_bitmask(battery.faults_to_show()),
     }
 }
 
@@ -125,7 +125,10 @@ fn charge_state(charge_state: ChargeState) -> MavBatteryChargeState {
     }
 }
 
-/// The bits are MAVLink's own.
-fn fault_bitmask(faults: Faults) -> MavBatteryFault {
-    MavBatteryFault::from_bits_truncate(u32::from(faults.bits()))
+/// The bits are MAVLink's own. A bad battery has none: that of a failed cell says that it must not be used, too.
+fn fault_bitmask(mut faults: Faults) -> MavBatteryFault {
+    if faults.contains(Faults::BAD_BATTERY) {
+        faults |= Faults::CELL_FAIL;
+    }
+    MavBatteryFault::from_bits_truncate(u32::from((faults & Faults::MAVLINK).bits()))
 }

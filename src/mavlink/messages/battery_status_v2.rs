@@ -6,9 +6,9 @@ use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{BATTERY_STATUS_V2_DATA, MavBatteryStatusFlags as Flags};
 use crate::pack::Pack;
 
-/// The flag that goes with each fault. Those of things no sensor here can see (balancing, protections, a short circuit,
-/// another firmware) are never set.
-const FLAGS_OF_FAULTS: [(Faults, Flags); 7] = [
+/// The flag that goes with each fault. Those of things no sensor here can see (balancing, protections, a short circuit)
+/// are never set.
+const FLAGS_OF_FAULTS: [(Faults, Flags); 11] = [
     (
         Faults::DEEP_DISCHARGE,
         Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_UNDER_VOLT,
@@ -33,6 +33,19 @@ const FLAGS_OF_FAULTS: [(Faults, Flags); 7] = [
     (
         Faults::INCOMPATIBLE_VOLTAGE,
         Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_INCOMPATIBLE_VOLTAGE,
+    ),
+    (
+        Faults::INCOMPATIBLE_FIRMWARE,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_INCOMPATIBLE_FIRMWARE,
+    ),
+    (
+        Faults::CELLS_CONFIGURATION,
+        Flags::MAV_BATTERY_STATUS_FLAGS_FAULT_INCOMPATIBLE_CELLS_CONFIGURATION,
+    ),
+    (Faults::BAD_BATTERY, Flags::MAV_BATTERY_STATUS_FLAGS_BAD_BATTERY),
+    (
+        Faults::NEEDS_SERVICE,
+        Flags::MAV_BATTERY_STATUS_FLAGS_REQUIRES_SERVICE,
     ),
 ];
 
@@ -75,7 +88,7 @@ fn remaining(battery: &BatteryState) -> Option<f32> {
 }
 
 fn status_flags(battery: &BatteryState) -> Flags {
-    fault_flags(battery.faults) | readiness_flags(battery) | charge_flags(battery)
+    fault_flags(battery.faults_to_show()) | readiness_flags(battery) | charge_flags(battery)
 }
 
 fn fault_flags(faults: Faults) -> Flags {
@@ -83,25 +96,22 @@ fn fault_flags(faults: Faults) -> Flags {
         .iter()
         .filter(|(fault, _)| faults.contains(*fault));
     let mut flags = set.fold(Flags::empty(), |flags, (_, flag)| flags | *flag);
-    flags.set(
-        Flags::MAV_BATTERY_STATUS_FLAGS_REQUIRES_SERVICE,
-        faults.intersects(FAULTS_TO_SERVICE),
-    );
+    if faults.intersects(FAULTS_TO_SERVICE) {
+        flags |= Flags::MAV_BATTERY_STATUS_FLAGS_REQUIRES_SERVICE;
+    }
     flags
 }
 
 /// A pack that may not be used: one that is critical or has failed, whose sensor has failed, or that has reached a failsafe
 /// level, since arming is refused then. QGroundControl shows it as an emergency; so nothing is set while no pack is there.
 fn readiness_flags(battery: &BatteryState) -> Flags {
-    let is_fit = match battery.charge_state {
-        ChargeState::Undefined | ChargeState::Ok | ChargeState::Low | ChargeState::Charging => true,
-        ChargeState::Critical | ChargeState::Emergency | ChargeState::Failed | ChargeState::Unhealthy => {
-            false
-        }
-    };
+    let is_charged = !matches!(
+        battery.charge_state,
+        ChargeState::Critical | ChargeState::Emergency
+    );
     let is_ready = match battery.status {
         PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected => true,
-        PackStatus::Healthy => is_fit && battery.failsafe == FailsafeLevel::None,
+        PackStatus::Healthy => is_charged && battery.is_fit() && battery.failsafe == FailsafeLevel::None,
         PackStatus::Unhealthy => false,
     };
     if is_ready {
@@ -115,7 +125,8 @@ fn charge_flags(battery: &BatteryState) -> Flags {
     let mut flags = Flags::empty();
     flags.set(
         Flags::MAV_BATTERY_STATUS_FLAGS_CHARGING,
-        battery.charge_state == ChargeState::Charging,
+        battery.charge_state == ChargeState::Charging
+            || battery.reported.charge_state == Some(ChargeState::Charging),
     );
     // A gauge counts from the full pack; what is estimated here is counted from boot.
     flags.set(

@@ -1,7 +1,7 @@
 //! SYS_STATUS (1).
 
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct, voltage_mv};
-use crate::battery::{ArmState, BatteryState, ChargeState, FailsafeLevel, PackStatus};
+use crate::battery::{ArmState, BatteryState, FailsafeLevel, PackStatus};
 use crate::mavlink::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
 use crate::mavlink::{ArmingReadiness, ReceiveStatistics, SystemState};
 use crate::pack::Pack;
@@ -83,13 +83,12 @@ fn healthy_sensors(state: &SystemState<'_>) -> MavSysStatusSensor {
 /// rover has no pack: Mission Planner would announce a bad battery after every start, and without end on a desk. What
 /// gives no reading is unhealthy soon.
 fn is_healthy(battery: &BatteryState, arm_state: ArmState) -> bool {
-    let unfit = matches!(battery.charge_state, ChargeState::Failed | ChargeState::Unhealthy);
     let works = match battery.status {
         PackStatus::Healthy | PackStatus::Unknown => true,
         PackStatus::NotConnected => arm_state == ArmState::Disarmed,
         PackStatus::Unhealthy | PackStatus::Disabled => false,
     };
-    works && battery.failsafe == FailsafeLevel::None && !unfit
+    works && battery.failsafe == FailsafeLevel::None && battery.is_fit()
 }
 
 fn pack_voltage_mv(battery: &BatteryState) -> u16 {

@@ -2,7 +2,7 @@
 
 use core::array;
 
-use crate::battery::{CellVoltages, MAX_CELLS};
+use crate::battery::{CellVoltages, ChargeState, Faults, MAX_CELLS, Reported};
 use crate::mavlink::payload::Payload;
 use crate::pack::Pack;
 use crate::sensor::ExternalReading;
@@ -17,7 +17,10 @@ const VOLTAGES: usize = 10;
 const CURRENT_BATTERY: usize = 30;
 const ID: usize = 32;
 const BATTERY_REMAINING: usize = 35;
+const TIME_REMAINING: usize = 36;
+const CHARGE_STATE: usize = 40;
 const VOLTAGES_EXT: usize = 41;
+const FAULT_BITMASK: usize = 50;
 
 const VOLTAGE_UNKNOWN_MV: u16 = u16::MAX;
 const TEMPERATURE_UNKNOWN_CDEGC: i16 = i16::MAX;
@@ -50,7 +53,19 @@ pub(super) fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
         state_of_charge: share(payload.u8(BATTERY_REMAINING)),
         temperature_c: (temperature_cdegc != TEMPERATURE_UNKNOWN_CDEGC)
             .then(|| f32::from(temperature_cdegc) / HUNDREDTHS),
+        reported: reported(payload),
     })
+}
+
+/// Bits that MAVLink does not have are none of a fault's.
+fn reported(payload: &Payload<'_>) -> Reported {
+    let time_remaining_s = payload.i32(TIME_REMAINING);
+    Reported {
+        faults: Faults::from_bits_truncate(payload.u32(FAULT_BITMASK) as u16) & Faults::MAVLINK,
+        charge_state: ChargeState::from_number(payload.u8(CHARGE_STATE)),
+        // 0 is unknown.
+        time_remaining_s: (time_remaining_s > 0).then_some(time_remaining_s as f32),
+    }
 }
 
 fn cell_fields(payload: &Payload<'_>) -> CellFields {
@@ -101,7 +116,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::mavlink::dialect::BATTERY_STATUS_DATA;
+    use crate::mavlink::dialect::{BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault};
 
     const UNKNOWN: u16 = u16::MAX;
 
@@ -115,6 +130,7 @@ mod tests {
             energy_consumed: -1,
             battery_remaining: -1,
             temperature: i16::MAX,
+            fault_bitmask: MavBatteryFault::empty(),
             ..BATTERY_STATUS_DATA::DEFAULT
         }
     }
@@ -144,6 +160,9 @@ mod tests {
             energy_consumed: 72,
             battery_remaining: 42,
             temperature: -550,
+            time_remaining: 1800,
+            charge_state: MavBatteryChargeState::MAV_BATTERY_CHARGE_STATE_CRITICAL,
+            fault_bitmask: MavBatteryFault::from_bits_retain(0xffff_ff18),
             ..at_12_volts()
         };
         let expected = ExternalReading {
@@ -155,6 +174,11 @@ mod tests {
             consumed_wh: Some(2.0),
             state_of_charge: Some(0.42),
             temperature_c: Some(-5.5),
+            reported: Reported {
+                faults: Faults::OVER_CURRENT | Faults::OVER_TEMPERATURE | Faults::CELLS_CONFIGURATION,
+                charge_state: Some(ChargeState::Critical),
+                time_remaining_s: Some(1800.0),
+            },
         };
         assert_eq!(decoded(&message), Some(expected));
     }
@@ -170,8 +194,16 @@ mod tests {
             consumed_wh: None,
             state_of_charge: None,
             temperature_c: None,
+            reported: Reported::NONE,
         };
         assert_eq!(decoded(&at_12_volts()), Some(expected));
+        for time_remaining in [-1, i32::MIN] {
+            let message = BATTERY_STATUS_DATA {
+                time_remaining,
+                ..at_12_volts()
+            };
+            assert_eq!(decoded(&message), Some(expected), "out of range");
+        }
         for (battery_remaining, consumed) in [(101, -2), (-2, i32::MIN), (127, -1)] {
             let message = BATTERY_STATUS_DATA {
                 battery_remaining,

@@ -1,6 +1,6 @@
 //! Switching a solar charger, as ArduPilot does.
 
-use super::event::{ChargerFaults, ChargerPower};
+use super::event::ChargerPower;
 use super::setup::CanOptions;
 use crate::battery::ArmState;
 use crate::time::Instant;
@@ -12,7 +12,6 @@ const RETRY_US: u64 = 1_000_000;
 #[derive(Debug)]
 pub(super) struct Charger {
     arm_state: ArmState,
-    faults: ChargerFaults,
     wanted: Option<Wanted>,
 }
 
@@ -49,15 +48,8 @@ impl Charger {
         };
         Self {
             arm_state: ArmState::Disarmed,
-            faults: ChargerFaults::default(),
             wanted: power.map(Wanted::new),
         }
-    }
-
-    /// Takes the reported faults. Returns them if they have changed.
-    pub fn report(&mut self, faults: ChargerFaults) -> Option<ChargerFaults> {
-        let before = core::mem::replace(&mut self.faults, faults);
-        (before != faults).then_some(faults)
     }
 
     /// What has to be requested now, by a request with this id.

@@ -40,8 +40,6 @@ pub enum CanNotice {
     Source(Pack, NodeId),
     /// The pack's charger is switched.
     Charger(Pack, ChargerPower),
-    /// Faults of the pack's charger, or their end.
-    ChargerFaults(Pack, ChargerFaults),
 }
 
 /// What a charger's output is switched to.
@@ -54,48 +52,11 @@ pub enum ChargerPower {
     Off,
 }
 
-/// Faults that a solar charger reports; none if they are over.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub struct ChargerFaults(u8);
-
-impl ChargerFaults {
-    /// Texts for bits 0 to 3 of `fault_flags` in `mppt.Stream`.
-    const TEXTS: [&str; 4] = ["overvoltage", "undervoltage", "overcurrent", "too hot"];
-
-    /// From `fault_flags`; unknown bits are left out.
-    pub(super) fn from_flags(flags: u8) -> Self {
-        Self(flags & 0xf)
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-}
-
-impl fmt::Display for ChargerFaults {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.is_empty() {
-            return f.write_str("no fault");
-        }
-        let set = Self::TEXTS
-            .into_iter()
-            .enumerate()
-            .filter(|(bit, _)| self.0 >> bit & 1 == 1);
-        for (place, (_, text)) in set.enumerate() {
-            let separator = if place > 0 { ", " } else { "" };
-            write!(f, "{separator}{text}")?;
-        }
-        Ok(())
-    }
-}
-
 impl CanNotice {
     /// The pack that it is about, if it is about one.
     pub fn pack(&self) -> Option<Pack> {
         match self {
-            Self::Source(pack, _) | Self::Charger(pack, _) | Self::ChargerFaults(pack, _) => Some(*pack),
+            Self::Source(pack, _) | Self::Charger(pack, _) => Some(*pack),
             Self::Appeared(_)
             | Self::Lost(_)
             | Self::Restarted(_)
@@ -110,7 +71,6 @@ impl CanNotice {
     pub fn is_fault(&self) -> bool {
         match self {
             Self::Lost(_) | Self::Restarted(_) | Self::SameId(_) | Self::NoIdLeft => true,
-            Self::ChargerFaults(_, faults) => !faults.is_empty(),
             Self::Appeared(_) | Self::OwnId(_) | Self::Assigned(_) | Self::Source(..) | Self::Charger(..) => {
                 false
             }
@@ -142,7 +102,6 @@ impl fmt::Display for CanNotice {
             Self::Charger(pack, ChargerPower::Off) => {
                 write!(f, "Battery {} charger switched off", pack.number())
             }
-            Self::ChargerFaults(pack, faults) => write!(f, "Battery {} charger: {faults}", pack.number()),
         }
     }
 }

@@ -143,6 +143,8 @@ pub(super) struct BatteryInfo {
     pub current_a: Option<f32>,
     pub remaining_wh: Option<f32>,
     pub full_wh: Option<f32>,
+    /// `status_flags`.
+    pub flags: u16,
     pub state_of_health_pct: Option<u8>,
     pub state_of_charge_pct: Option<u8>,
     pub model: Name,
@@ -162,7 +164,7 @@ impl BatteryInfo {
         let remaining_wh = reader.known()?;
         let full_wh = reader.known()?;
         let _hours_to_full = reader.known()?;
-        let _flags = reader.unsigned(11)?;
+        let flags = reader.unsigned(11)? as u16;
         let state_of_health_pct = percentage(reader.byte(7)?);
         let state_of_charge_pct = percentage(reader.byte(7)?);
         let _deviation_pct = reader.byte(7)?;
@@ -175,6 +177,7 @@ impl BatteryInfo {
             current_a,
             remaining_wh,
             full_wh,
+            flags,
             state_of_health_pct,
             state_of_charge_pct,
             // The last array of a message has no length: it goes on to the end.

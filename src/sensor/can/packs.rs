@@ -2,7 +2,8 @@
 
 use super::NodeId;
 use super::charger::{Attempt, Charger, SwitchRequest};
-use super::event::{CanEvent, CanNotice, ChargerFaults, ChargerPower};
+use super::condition::{of_battery, of_charger};
+use super::event::{CanEvent, CanNotice, ChargerPower};
 use super::messages::{BatteryAux, BatteryInfo, ChargerReading, celsius};
 use super::setup::{CanOptions, CanPack, CanSettings};
 use crate::battery::{ArmState, CellVoltages, Gauge, Measurement, PackDetails, ReadError, Supply};
@@ -131,15 +132,9 @@ impl CanPacks {
             return;
         };
         entry.heard = now;
-        let charger = entry
+        entry
             .charger
             .get_or_insert_with(|| Charger::found(settings.options));
-        if let Some(faults) = charger.report(ChargerFaults::from_flags(reading.faults)) {
-            deliver(CanEvent::Announce(CanNotice::ChargerFaults(
-                settings.pack,
-                faults,
-            )));
-        }
         deliver(CanEvent::Reading(
             settings.pack,
             charger_measurement(reading, &settings),
@@ -332,6 +327,7 @@ fn measurement(
             state_of_health_pct: info.state_of_health_pct,
             ..PackDetails::NONE
         },
+        reported: of_battery(info.flags),
         supply: aux.map_or(Supply::On, |aux| aux.supply),
         ..Measurement::default()
     })
@@ -367,6 +363,7 @@ fn charger_measurement(reading: &ChargerReading, settings: &CanPack) -> Result<M
             .current_a
             .map(|current_a| current_a * settings.current_multiplier),
         temperature_c: Some(reading.temperature_c),
+        reported: of_charger(reading.faults),
         ..Measurement::default()
     })
 }

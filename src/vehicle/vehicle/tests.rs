@@ -180,7 +180,10 @@ fn every_action_but_warn_holds_or_disarms() {
 #[test]
 fn an_action_that_ends_in_hold_holds_again_whatever_held_before() {
     let holding = [1, 2, 3, 4, 6].map(|number| FailsafeAction::from_number(number).unwrap());
-    for (before, action) in holding.iter().flat_map(|before| holding.map(|action| (*before, action))) {
+    for (before, action) in holding
+        .iter()
+        .flat_map(|before| holding.map(|action| (*before, action)))
+    {
         let mut vehicle = armed_in(Mode::Manual);
         vehicle.battery_failsafe(before);
         vehicle.set_mode(Mode::Manual).unwrap();

@@ -1,13 +1,22 @@
 //! A bus, a controller and wires that fail: what is announced, and that everything works afterwards.
 
 use super::{BITS_PER_SECOND, CRYSTAL_HZ, run_with, with_battery, with_can};
-use crate::bench::{Bench, DIVIDER_CODE, SECOND};
+use crate::bench::{Bench, DIVIDER_CODE, PACK, SECOND};
 use crate::can_bench::transfers::{A, A_LATER};
-use crate::can_bench::{CanRig, Peer, SELECT};
-use crate::support::frames::{last_of, texts_of};
+use crate::can_bench::{CanRig, Peer, SELECT, Transfer};
+use crate::support::frames::{STATUSTEXT, last_of, of_message, texts_of};
+use crate::support::requests::command_long_2;
+use emulator::AdcInput;
 use emulator::can::{CanWires, ErrorState};
 
 const OTHER_MV: u16 = 12_250;
+
+/// 6.37 V.
+const LOW_CODE: u16 = 2000;
+
+const ARM_DISARM: u16 = 400;
+/// Arms without checks.
+const FORCED: f32 = 21196.0;
 
 /// The texts about the bus and about the second pack.
 fn texts(bench: &mut Bench) -> Vec<String> {
@@ -128,6 +137,42 @@ fn an_open_interrupt_line_is_announced_and_readings_go_on() {
     assert_works_again(&mut bench, &rig, &mut battery);
     rig.plug(&mut bench);
     assert_works_again(&mut bench, &rig, &mut battery);
+}
+
+/// NodeStatus of battery A that was up for 1000 s, and for one.
+const RESTART: [Transfer; 2] = [
+    Transfer(&[(0x1801_552a, &[0xe8, 0x03, 0, 0, 0, 0, 0, 0xc0])]),
+    Transfer(&[(0x1801_552a, &[0x01, 0, 0, 0, 0, 0, 0, 0xc0])]),
+];
+
+#[test]
+fn a_node_that_restarts_ten_times_a_second_displaces_no_failsafe_level_on_a_slow_link() {
+    let (mut bench, rig) = with_can(&[
+        ("BATT_LOW_VOLT", 7.0),
+        ("BATT_LOW_TIMER", 1.0),
+        // 1200 baud.
+        ("SERIAL0_BAUD", 1.0),
+    ]);
+    let mut node = rig.peer();
+    bench.send(&command_long_2(ARM_DISARM, 1.0, FORCED));
+    run_with(&mut bench, &rig, 10 * SECOND, &mut node, &RESTART);
+    bench.adc_input(PACK, AdcInput::Code(LOW_CODE));
+    let from_us = bench.time_us();
+    run_with(&mut bench, &rig, 6 * SECOND, &mut node, &RESTART);
+    let frames = bench.frames();
+    let restarts = texts_of(&frames);
+    assert!(
+        restarts.iter().any(|text| text == "CAN node 42 restarted"),
+        "{restarts:?}"
+    );
+    let texts = of_message(&frames, STATUSTEXT);
+    let low = texts
+        .iter()
+        .find(|frame| frame.text(1, 50).starts_with("Battery 1 is low 6."));
+    let delay_us = low.expect("the level arrives").at_us - from_us;
+    println!("the level arrived {delay_us} us after the voltage fell");
+    // A second of the timer, what is on its way, HEARTBEAT, and the text.
+    assert!(delay_us < 3 * SECOND, "{delay_us}");
 }
 
 #[test]

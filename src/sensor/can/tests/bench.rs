@@ -176,6 +176,7 @@ pub struct Battery {
     pub current_a: f32,
     pub remaining_wh: f32,
     pub full_wh: f32,
+    pub flags: u16,
     pub health_pct: u8,
     pub charge_pct: u8,
 }
@@ -191,6 +192,7 @@ impl Battery {
             current_a: 2.0,
             remaining_wh: 30.0,
             full_wh: 60.0,
+            flags: 1,
             health_pct: 127,
             charge_pct: 50,
         }
@@ -205,7 +207,7 @@ impl Battery {
             .half(self.remaining_wh)
             .half(self.full_wh)
             .half(0.0)
-            .bits(1, 11)
+            .bits(self.flags.into(), 11)
             .bits(self.health_pct.into(), 7)
             .bits(self.charge_pct.into(), 7)
             .bits(0, 7)

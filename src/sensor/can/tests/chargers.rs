@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, charger, node, pack};
 use super::golden::{self, frames};
-use crate::battery::ArmState;
+use crate::battery::{ArmState, Faults};
 use crate::pack::Pack;
 use crate::sensor::{CanFrame, CanNotice, CanOptions, CanPack, ChargerPower};
 
@@ -50,20 +50,20 @@ fn charger_of_the_reference_is_read_at_its_output_or_input() {
 }
 
 #[test]
-fn its_faults_are_announced_when_they_change() {
-    let mut bench = with(&[]);
-    for faults in [0, 9, 9, 0x10, 0] {
-        bench.receive(&charger(33, faults));
+fn its_faults_are_in_its_readings() {
+    for (flags, faults) in [
+        (0, Faults::empty()),
+        (1, Faults::INCOMPATIBLE_VOLTAGE),
+        (2, Faults::INCOMPATIBLE_VOLTAGE),
+        (9, Faults::INCOMPATIBLE_VOLTAGE | Faults::OVER_TEMPERATURE),
+        (4, Faults::OVER_CURRENT),
+        (0xf0, Faults::empty()),
+    ] {
+        let mut bench = with(&[]);
+        bench.receive(&charger(33, flags));
+        let readings = bench.take_readings();
+        assert_eq!(readings[0].1.unwrap().reported.faults, faults, "{flags}");
     }
-    let texts: Vec<String> = bench.take_notices().iter().map(ToString::to_string).collect();
-    assert_eq!(
-        texts,
-        [
-            "Battery 1 measured by CAN node 33",
-            "Battery 1 charger: overvoltage, too hot",
-            "Battery 1 charger: no fault",
-        ]
-    );
 }
 
 #[test]

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::bench::{Battery, Bench, node, pack};
 use super::golden::{self, frames};
-use crate::battery::{ArmState, Gauge, Measurement, ReadError, Supply};
+use crate::battery::{ArmState, ChargeState, Faults, Gauge, Measurement, ReadError, Supply};
 use crate::identity::Identity;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
@@ -208,6 +208,23 @@ fn energies_are_a_gauge_if_they_make_sense() {
         bench.receive(&changed.frames(1));
         assert_eq!(reading(&mut bench).gauge, expected, "{changed:?} {nominal_v}");
     }
+}
+
+#[test]
+fn flags_of_a_battery_are_in_its_readings() {
+    // In use, charging, hot and bad.
+    let flags = 1 | 1 << 1 | 1 << 3 | 1 << 6;
+    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    bench.receive(
+        &Battery {
+            flags,
+            ..Battery::new(42, 0)
+        }
+        .frames(0),
+    );
+    let reported = reading(&mut bench).reported;
+    assert_eq!(reported.faults, Faults::OVER_TEMPERATURE | Faults::BAD_BATTERY);
+    assert_eq!(reported.charge_state, Some(ChargeState::Charging));
 }
 
 #[test]
