@@ -3,11 +3,14 @@
 
 #[cfg(target_os = "none")]
 mod firmware {
-    use core::pin::pin;
+    use core::future::poll_fn;
+    use core::pin::{Pin, pin};
+    use core::task::{Context, Poll};
 
     use defmt::{info, warn};
     use defmt_rtt as _;
     use embassy_executor::{SpawnError, SpawnToken, Spawner};
+    use embassy_futures::yield_now;
     use panic_probe as _;
     use rover_battmon::autopilot::Start;
     use rover_battmon::battery::{LEARNT_WORDS, RetainedMemory};
@@ -122,7 +125,6 @@ mod firmware {
 
     /// Serves one program on the host after the other, each with a link of its own: its own schedule, sequence numbers
     /// and losses.
-    #[embassy_executor::task]
     async fn usb(mut port: UsbPort, logs: &'static BoardFlash, shared: &'static Shared) -> ! {
         port.run(async |transmitter, receiver| {
             let link = Link::of_board(LinkId::Usb, shared).with_logs(logs);
@@ -214,10 +216,28 @@ mod firmware {
         }
     }
 
+    /// Starts everything, and serves USB from then on: the future of that lies where that of the start was. A task of its own
+    /// would take 4.6 KB more.
     #[embassy_executor::main]
     async fn main(spawner: Spawner) {
+        let (port, logs, shared) = start_all(spawner).await;
+        board::name_this_task(UNWATCHED.name()).await;
+        // The other tasks begin first.
+        yield_now().await;
+        let mut usb = pin!(usb(port, logs, shared));
+        poll_fn(|context| poll_apart(usb.as_mut(), context)).await
+    }
+
+    /// Polls in a stack frame of its own. Inlined, the link that USB builds would add 5 KB to the stack of the start.
+    #[inline(never)]
+    fn poll_apart<F: Future>(future: Pin<&mut F>, context: &mut Context<'_>) -> Poll<F::Output> {
+        future.poll(context)
+    }
+
+    async fn start_all(spawner: Spawner) -> (UsbPort, &'static BoardFlash, &'static Shared) {
         board::guard_stack();
         let last_run = LastRun::take();
+        board::name_this_task("main").await;
         board::use_rom_floats();
         let mut peripherals = embassy_rp::init(Default::default());
         let mut watchdog = BoardWatchdog::start(peripherals.WATCHDOG);
@@ -365,7 +385,6 @@ mod firmware {
         }
         start(spawner, SERIAL.name(), serial(serial_port, shared));
         start(spawner, PULSES.name(), pulses(pulse_pin, shared));
-        start(spawner, UNWATCHED.name(), usb(usb_port, logs, shared));
         start(spawner, PARAMETERS.name(), parameters(storage, shared));
         start(spawner, SIGNING.name(), signing(signing_storage, shared));
         let learnt_storage = Storage::new(flash, flash_map::LEARNT);
@@ -381,6 +400,7 @@ mod firmware {
         start(spawner, "crash report", report_crash(last_run.crash, shared));
         start(spawner, "program hash", hash_program(shared));
         start(spawner, "supervisor", supervisor(watchdog, radio));
+        (usb_port, logs, shared)
     }
 
     // Built where they stay: on the stack of `main` they would take several times their size.

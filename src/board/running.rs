@@ -5,8 +5,11 @@
 //! and the boot ROM needs those two only to restart itself for USB (`reset_to_usb_boot`).
 #![expect(unsafe_code, reason = "the names stay in a section without an initialiser")]
 
+use core::future::poll_fn;
 use core::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
+use core::task::Poll;
 
+use embassy_executor::raw::task_from_waker;
 use embassy_rp::pac::WATCHDOG;
 
 use super::retained::RetainedWords;
@@ -53,15 +56,24 @@ pub(super) fn take_notes() -> Option<Notes> {
     (running != NOTHING).then_some(notes)
 }
 
-/// Says how the task `id` is called in a crash record. Every task that is started has to have a name; `main` needs none.
+/// Sets how the task `id` is called in a crash record, instead of an earlier name. Every task that is started has to have a
+/// name.
 pub fn name_task(id: u32, name: &str) {
     let named = NAMED.load(Ordering::Relaxed);
-    let (Some(entry), Some(name)) = (NAMES.get(named), TaskName::new(name)) else {
+    let place = entries().take(named).position(|(other, _)| other == id);
+    let place = place.unwrap_or(named);
+    let (Some(entry), Some(name)) = (NAMES.get(place), TaskName::new(name)) else {
         return warn!("no room for the name of task {}", name);
     };
     let [a, b, c, d] = name.to_words();
     entry.set([id, a, b, c, d]);
-    NAMED.store(named + 1, Ordering::Relaxed);
+    NAMED.store(named.max(place + 1), Ordering::Relaxed);
+}
+
+/// Sets how the task that awaits this is called in a crash record.
+pub async fn name_this_task(name: &str) {
+    let own_id = poll_fn(|context| Poll::Ready(task_from_waker(context.waker()).id()));
+    name_task(own_id.await, name);
 }
 
 /// The task that is running.

@@ -30,21 +30,30 @@ enum Place {
     Taken,
 }
 
-/// A part on the bus, with the packs it measures.
+/// A part on the bus.
 #[derive(Debug)]
 struct BusDevice {
     kind: PartKind,
     place: Place,
-    packs: Vec<(Pack, Wiring), MAX_PACKS>,
     part: Option<AnyPart>,
     failures: u8,
     cadence: Cadence,
 }
 
-/// All parts on the bus.
+/// A pack that is measured by a part on the bus.
+#[derive(Debug)]
+struct BusPack {
+    pack: Pack,
+    wiring: Wiring,
+    /// Which of the parts.
+    device: usize,
+}
+
+/// All parts on the bus, and the packs that they measure.
 #[derive(Debug, Default)]
 pub struct BusDevices {
     devices: Vec<BusDevice, MAX_PACKS>,
+    packs: Vec<BusPack, MAX_PACKS>,
 }
 
 impl BusDevices {
@@ -60,33 +69,40 @@ impl BusDevices {
     }
 
     fn add(&mut self, kind: PartKind, pack: Pack, wiring: Wiring, now: Instant) {
-        let shared = self
-            .devices
-            .iter_mut()
-            .find(|device| device.has_room_for(kind, &wiring));
-        if let Some(device) = shared {
-            // There is room for every pack.
-            let _ = device.packs.push((pack, wiring));
-            return;
-        }
+        let shared = (0..self.devices.len()).find(|device| self.has_room_for(*device, kind, &wiring));
+        let device = shared.unwrap_or_else(|| self.add_device(kind, &wiring, now));
+        // There is room for every pack.
+        let _ = self.packs.push(BusPack { pack, wiring, device });
+    }
+
+    /// Returns its number.
+    fn add_device(&mut self, kind: PartKind, wiring: &Wiring, now: Instant) -> usize {
         let place = match wiring.address {
             Some(address) if self.taken().any(|taken| taken == address) => Place::Taken,
             Some(address) => Place::Set(address),
             None => Place::Unknown,
         };
-        let mut packs = Vec::new();
-        let _ = packs.push((pack, wiring));
         let interval_us = kind.interval_us();
         let _ = self.devices.push(BusDevice {
             kind,
             place,
-            packs,
             part: None,
             failures: 0,
             // Between two ticks of the battery task, which starts at the same time: a delay on the bus must not put two
             // readings into one tick and none into the next.
             cadence: Cadence::starting_at(now.after_us(interval_us / 2), interval_us),
         });
+        self.devices.len() - 1
+    }
+
+    /// Whether a part has a channel for another pack that is set alike.
+    fn has_room_for(&self, device: usize, kind: PartKind, wiring: &Wiring) -> bool {
+        let is_of_kind = self.devices.get(device).is_some_and(|device| device.kind == kind);
+        let mut packs = self.packs.iter().filter(|other| other.device == device);
+        let is_set_alike = packs
+            .next()
+            .is_some_and(|first| first.wiring.address == wiring.address);
+        is_of_kind && is_set_alike && 1 + packs.count() < kind.channels()
     }
 
     fn taken(&self) -> impl Iterator<Item = Address> {
@@ -114,17 +130,18 @@ impl BusDevices {
             // There is room for the part of every pack.
             let _ = taken.push(address);
         }
-        let waiting = self.devices.iter_mut().min_by_key(|device| device.cadence.due());
-        let Some(device) = waiting else { return };
+        let devices = self.devices.iter_mut().enumerate();
+        let Some((number, device)) = devices.min_by_key(|(_, device)| device.cadence.due()) else {
+            return;
+        };
         if !device.cadence.take(now) {
             return;
         }
-        let result = device.read(bus, &taken, &mut deliver).await;
+        let packs = self.packs.iter().filter(|pack| pack.device == number);
+        let result = device.read(bus, packs.clone(), &taken, &mut deliver).await;
         device.note(result, now);
         if let Err(error) = result {
-            for (pack, _) in &device.packs {
-                deliver(*pack, Err(error));
-            }
+            packs.for_each(|pack| deliver(pack.pack, Err(error)));
         }
     }
 }
@@ -141,17 +158,10 @@ pub fn bus_clock_hz(parameters: &Parameters) -> u32 {
 }
 
 impl BusDevice {
-    fn has_room_for(&self, kind: PartKind, wiring: &Wiring) -> bool {
-        let is_set_alike = self
-            .packs
-            .first()
-            .is_some_and(|(_, own)| own.address == wiring.address);
-        self.kind == kind && is_set_alike && self.packs.len() < kind.channels()
-    }
-
-    async fn read(
+    async fn read<'a>(
         &mut self,
         bus: &mut impl SensorBus,
+        packs: impl Iterator<Item = &'a BusPack> + Clone,
         taken: &[Address],
         deliver: &mut impl FnMut(Pack, Result<Measurement, ReadError>),
     ) -> Result<(), ReadError> {
@@ -161,14 +171,15 @@ impl BusDevice {
                 part
             }
             none => {
-                let (address, part) = find(self.kind, self.place, &self.packs, bus, taken).await?;
+                let first = packs.clone().next().ok_or(ReadError::NoPin)?;
+                let (address, part) = find(self.kind, self.place, &first.wiring, bus, taken).await?;
                 if self.place == Place::Unknown {
                     self.place = Place::Found(address);
                 }
                 none.insert(part)
             }
         };
-        for (pack, wiring) in &self.packs {
+        for BusPack { pack, wiring, .. } in packs {
             match part.read(bus, wiring).await {
                 // Another pack of the part may be wired all right.
                 Err(error) if error.is_configuration() => deliver(*pack, Err(error)),
@@ -200,11 +211,10 @@ impl BusDevice {
 async fn find(
     kind: PartKind,
     place: Place,
-    packs: &[(Pack, Wiring)],
+    wiring: &Wiring,
     bus: &mut impl SensorBus,
     taken: &[Address],
 ) -> Result<(Address, AnyPart), ReadError> {
-    let (_, wiring) = packs.first().ok_or(ReadError::NoPin)?;
     match place {
         Place::Taken => Err(ReadError::AddressTaken),
         Place::Set(address) | Place::Found(address) => {
