@@ -242,9 +242,12 @@ impl Entry {
 
     fn set_up(&mut self, settings: Option<&CanPack>, now: Instant) {
         let fits = |source: &Source| settings.is_some_and(|settings| settings.takes(source.battery_id));
+        let battery_id = |settings: &CanPack| settings.battery_id;
+        let is_changed = self.settings.as_ref().map(battery_id) != settings.map(battery_id);
         let is_new = self.settings.is_none() && settings.is_some();
         let is_wrong = self.source.is_some_and(|source| !fits(&source));
-        if is_new || is_wrong {
+        // A battery that still reports, and fits, stays.
+        if is_new || is_wrong || is_changed && self.is_silent(now) {
             *self = Self {
                 heard: now,
                 ..Self::EMPTY
@@ -301,13 +304,18 @@ impl Entry {
     }
 }
 
-/// Without a voltage there is no reading: a battery that has lost its sensor must not look healthy.
+/// Without a voltage, or with a negative one, there is no reading: a battery that has lost its sensor must not look healthy.
+fn plausible(voltage_v: Option<f32>) -> Result<f32, ReadError> {
+    let voltage_v = voltage_v.filter(|voltage_v| *voltage_v >= 0.0);
+    voltage_v.ok_or(ReadError::Implausible)
+}
+
 fn measurement(
     info: &BatteryInfo,
     aux: Option<&BatteryAux>,
     settings: &CanPack,
 ) -> Result<Measurement, ReadError> {
-    let voltage_v = info.voltage_v.ok_or(ReadError::Implausible)?;
+    let voltage_v = plausible(info.voltage_v)?;
     let counts = !settings.options.has(CanOptions::IGNORE_CHARGE);
     let share = info
         .state_of_charge_pct
@@ -358,7 +366,7 @@ fn charger_measurement(reading: &ChargerReading, settings: &CanPack) -> Result<M
         reading.output
     };
     Ok(Measurement {
-        voltage_v: Some(side.voltage_v.ok_or(ReadError::Implausible)?),
+        voltage_v: Some(plausible(side.voltage_v)?),
         current_a: side
             .current_a
             .map(|current_a| current_a * settings.current_multiplier),

@@ -109,17 +109,20 @@ fn what_the_battery_does_not_know_is_unknown() {
 }
 
 #[test]
-fn battery_without_a_voltage_has_no_reading() {
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
-    let battery = Battery {
-        voltage_v: f32::NAN,
-        ..Battery::new(42, 0)
-    };
-    bench.receive(&battery.frames(0));
-    assert_eq!(
-        bench.take_readings(),
-        [(Pack::First, Err(ReadError::Implausible))]
-    );
+fn battery_without_a_plausible_voltage_has_no_reading() {
+    for voltage_v in [f32::NAN, -40.0] {
+        let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+        let battery = Battery {
+            voltage_v,
+            ..Battery::new(42, 0)
+        };
+        bench.receive(&battery.frames(0));
+        assert_eq!(
+            bench.take_readings(),
+            [(Pack::First, Err(ReadError::Implausible))],
+            "{voltage_v} V"
+        );
+    }
 }
 
 #[test]
@@ -368,6 +371,24 @@ fn changed_id_releases_the_battery() {
     bench.run_ms(100);
     bench.receive(&Battery::new(41, 8).frames(0));
     assert_eq!(bench.take_voltages().len(), 1);
+}
+
+#[test]
+fn changed_id_releases_a_silent_battery_and_keeps_one_that_reports() {
+    let mut bench = Bench::with_packs(&[of_battery(Pack::First, 7)]);
+    bench.receive(&Battery::new(40, 7).frames(0));
+    bench.settings.packs[0].battery_id = None;
+    bench.run_ms(100);
+    bench.receive(&Battery::new(41, 8).frames(0));
+    assert_eq!(bench.take_voltages().len(), 1, "the first still reports");
+
+    bench.settings.packs[0].battery_id = Some(7);
+    bench.run_ms(LOST_AFTER_US / 1000);
+    bench.settings.packs[0].battery_id = None;
+    bench.run_ms(100);
+    bench.take_readings();
+    bench.receive(&Battery::new(41, 8).frames(1));
+    assert_eq!(bench.take_voltages().len(), 1, "the first is silent");
 }
 
 #[test]
