@@ -62,7 +62,7 @@ impl CanWatch {
         let is_dead = status.interrupt != before.interrupt && status.interrupt == CanInterrupt::Dead;
         [
             (status.bus_offs != before.bus_offs).then_some(CanReport::BusOff(status.bus_offs)),
-            (status.lost_setups != before.lost_setups).then_some(CanReport::SetUpAnew),
+            (status.lost_setups != before.lost_setups).then_some(CanReport::Reconfigured),
             self.change_of_state(status.state, now),
             is_dead.then_some(CanReport::NoInterrupt),
             (status.lost_frames != before.lost_frames).then_some(CanReport::FramesLost(status.lost_frames)),
@@ -95,7 +95,7 @@ impl CanWatch {
                 announced.bus_offs = bus_offs;
                 announced.state = CanState::BusOff;
             }
-            CanReport::SetUpAnew => announced.lost_setups = status.lost_setups,
+            CanReport::Reconfigured => announced.lost_setups = status.lost_setups,
             CanReport::FramesLost(frames) => announced.lost_frames = frames,
             CanReport::NoInterrupt => announced.interrupt = status.interrupt,
             CanReport::NoAnswer | CanReport::Passive | CanReport::Working => announced.state = status.state,
@@ -194,7 +194,7 @@ mod tests {
         });
         let expected = [
             (100, CanReport::FramesLost(1)),
-            (1_000, CanReport::SetUpAnew),
+            (1_000, CanReport::Reconfigured),
             (1_500, CanReport::NoInterrupt),
             (10_100, CanReport::FramesLost(20)),
         ];

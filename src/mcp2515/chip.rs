@@ -5,8 +5,7 @@
 
 use embedded_hal::spi::{Operation, SpiDevice};
 
-use super::filters::Filters;
-use crate::sensor::{BitTiming, CanFrame, FRAME_BYTES};
+use crate::sensor::{Acceptance, BitTiming, CanFrame, FRAME_BYTES};
 
 /// Instructions (table 12-1).
 const RESET: u8 = 0xc0;
@@ -142,11 +141,11 @@ impl<S: SpiDevice> Chip<S> {
     }
 
     /// Sets it up after a reset.
-    pub fn set_up(&mut self, filters: &Filters) -> Result<(), NoAnswer> {
+    pub fn set_up(&mut self, accepted: &Acceptance) -> Result<(), NoAnswer> {
         if self.look()?.status & MODE != CONFIGURATION {
             return Err(NoAnswer);
         }
-        self.write_all(filters)?;
+        self.write_all(accepted)?;
         if self.look()?.is_set_up(&self.cnf) {
             Ok(())
         } else {
@@ -154,10 +153,9 @@ impl<S: SpiDevice> Chip<S> {
         }
     }
 
-    fn write_all(&mut self, filters: &Filters) -> Result<(), NoAnswer> {
-        let [filter0, filter1] = filters.first;
-        let [filter2, filter3, filter4, filter5] = filters.second;
-        let [mask0, mask1] = filters.masks;
+    fn write_all(&mut self, accepted: &Acceptance) -> Result<(), NoAnswer> {
+        let [filter0, filter1] = accepted.first.ids;
+        let [filter2, filter3, filter4, filter5] = accepted.second.ids;
         let [cnf3, cnf2, cnf1] = self.cnf;
         for (address, registers) in [
             (FROM_RXF0, [filter0, filter1, filter2].map(id_registers)),
@@ -165,8 +163,8 @@ impl<S: SpiDevice> Chip<S> {
             (
                 FROM_RXM0,
                 [
-                    id_registers(mask0),
-                    id_registers(mask1),
+                    id_registers(accepted.first.mask),
+                    id_registers(accepted.second.mask),
                     [cnf3, cnf2, cnf1, INTERRUPTS],
                 ],
             ),
@@ -267,9 +265,14 @@ impl Registers {
         self.cnf == *cnf && self.interrupts == INTERRUPTS && self.control == NORMAL
     }
 
-    /// Whether it takes no part in the bus. It leaves the configuration mode when it has seen the bus idle (10.1).
+    /// Whether too many errors have switched it off the bus (6.5).
     pub fn is_bus_off(&self) -> bool {
-        self.errors & BUS_OFF != 0 || self.status & MODE != NORMAL
+        self.errors & BUS_OFF != 0
+    }
+
+    /// Whether it waits to take part in the bus: it is in its normal mode once it has seen the bus idle (10.1).
+    pub fn is_joining(&self) -> bool {
+        self.status & MODE != NORMAL
     }
 
     pub fn is_passive(&self) -> bool {

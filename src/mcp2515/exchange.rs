@@ -7,7 +7,6 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 
-use super::filters::Filters;
 use crate::sensor::{Acceptance, CanFrame, CanInterrupt, CanStatus};
 use crate::tasks::CanBus;
 
@@ -21,7 +20,7 @@ const TO_SEND: usize = 4;
 pub struct CanExchange<M: RawMutex> {
     received: Channel<M, CanFrame, RECEIVED>,
     to_send: Channel<M, CanFrame, TO_SEND>,
-    filters: Signal<M, Filters>,
+    acceptance: Signal<M, Acceptance>,
     status: Mutex<M, Cell<CanStatus>>,
 }
 
@@ -32,7 +31,7 @@ impl<M: RawMutex> CanExchange<M> {
         Self {
             received: Channel::new(),
             to_send: Channel::new(),
-            filters: Signal::new(),
+            acceptance: Signal::new(),
             status: Mutex::new(Cell::new(CanStatus::STARTING)),
         }
     }
@@ -68,8 +67,8 @@ impl<M: RawMutex> CanExchange<M> {
     }
 
     /// What has to be let through, when that changes.
-    pub(super) async fn new_filters(&self) -> Filters {
-        self.filters.wait().await
+    pub(super) async fn new_acceptance(&self) -> Acceptance {
+        self.acceptance.wait().await
     }
 }
 
@@ -78,12 +77,16 @@ impl<M: RawMutex> CanBus for &CanExchange<M> {
         self.received.receive().await
     }
 
+    fn try_receive(&self) -> Option<CanFrame> {
+        self.received.try_receive().ok()
+    }
+
     async fn send(&self, frame: CanFrame) {
         self.to_send.send(frame).await;
     }
 
-    fn accept(&self, accepted: [Acceptance; 6]) {
-        self.filters.signal(Filters::new(&accepted));
+    fn accept(&self, accepted: Acceptance) {
+        self.acceptance.signal(accepted);
     }
 
     fn status(&self) -> CanStatus {

@@ -6,9 +6,7 @@
 
 mod chip;
 mod exchange;
-mod filters;
 mod serve;
 
 pub use exchange::CanExchange;
-pub use filters::Filters;
 pub use serve::serve;

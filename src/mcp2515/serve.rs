@@ -1,6 +1,7 @@
 //! The loop that serves the controller.
 
 use core::convert::Infallible;
+use core::mem;
 
 use embassy_futures::select::{Either4, select4};
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -11,8 +12,7 @@ use embedded_hal_async::digital::Wait;
 
 use super::chip::{Chip, NoAnswer, ReceiveBuffer, Received, Registers};
 use super::exchange::CanExchange;
-use super::filters::Filters;
-use crate::sensor::{BitTiming, CanFrame, CanInterrupt, CanState};
+use crate::sensor::{Acceptance, BitTiming, CanFrame, CanInterrupt, CanState};
 
 /// The oscillator starts within 128 periods of 8 MHz: 16 µs (DS20001801, 8.1).
 const START_UP: Duration = Duration::from_millis(1);
@@ -22,6 +22,9 @@ const RETRY_INTERVAL: Duration = Duration::from_secs(1);
 
 /// The controller is looked at without being asked to.
 const LOOK_INTERVAL: Duration = Duration::from_millis(100);
+
+/// It joins a bus after eleven recessive bits, as there are behind every frame: 1.3 ms at the longest, at 125 kbit/s.
+const LONGEST_JOINING: Duration = LOOK_INTERVAL;
 
 /// And its buffers so often without its interrupts: a transfer of several frames at 1 Mbit/s fills both in 260 µs, of which
 /// reading them takes a part.
@@ -41,31 +44,33 @@ where
     P: Wait + InputPin<Error = Infallible>,
     M: RawMutex,
 {
-    let mut filters = exchange.new_filters().await;
+    let mut accepted = exchange.new_acceptance().await;
     let mut server = Server {
         chip: Chip::new(spi, timing),
         interrupt,
         exchange,
         transmission: Transmission::Free,
         look_at: Instant::MIN,
+        joining_since: None,
+        has_lost_setup: false,
     };
     loop {
-        match server.run(&filters).await {
-            Ended::Filters(changed) => filters = changed,
+        let ended = server.run(&accepted).await;
+        server.has_lost_setup = matches!(ended, Ended::LostSetup);
+        match ended {
+            Ended::Accepts(changed) => accepted = changed,
             Ended::NoAnswer => {
                 server.exchange.update(|status| status.state = CanState::NoAnswer);
                 server.wait_for_retry().await;
             }
-            Ended::LostSetup => server
-                .exchange
-                .update(|status| status.lost_setups = status.lost_setups.wrapping_add(1)),
+            Ended::LostSetup => {}
         }
     }
 }
 
 /// Why the controller has to be set up again.
 enum Ended {
-    Filters(Filters),
+    Accepts(Acceptance),
     NoAnswer,
     LostSetup,
 }
@@ -103,6 +108,10 @@ struct Server<'a, S: SpiDevice, P, M: RawMutex> {
     transmission: Transmission,
     /// When the controller is looked at next.
     look_at: Instant,
+    /// Since when the controller waits to join the bus.
+    joining_since: Option<Instant>,
+    /// Whether it has to be set up again because it had lost its set-up.
+    has_lost_setup: bool,
 }
 
 impl<S, P, M> Server<'_, S, P, M>
@@ -112,9 +121,14 @@ where
     M: RawMutex,
 {
     /// Sets the controller up and serves it until it has to be set up again.
-    async fn run(&mut self, filters: &Filters) -> Ended {
-        if self.set_up(filters).await.is_err() {
+    async fn run(&mut self, accepted: &Acceptance) -> Ended {
+        if self.set_up(accepted).await.is_err() {
             return Ended::NoAnswer;
+        }
+        // Only now: without its supply it would be set up in vain.
+        if mem::take(&mut self.has_lost_setup) {
+            self.exchange
+                .update(|status| status.lost_setups = status.lost_setups.wrapping_add(1));
         }
         loop {
             if let Err(ended) = self.turn().await {
@@ -123,15 +137,16 @@ where
         }
     }
 
-    async fn set_up(&mut self, filters: &Filters) -> Result<(), NoAnswer> {
+    async fn set_up(&mut self, accepted: &Acceptance) -> Result<(), NoAnswer> {
         if let Transmission::Waiting(_) = self.transmission {
             self.exchange.count_unsent();
         }
         self.transmission = Transmission::Free;
         self.look_at = Instant::MIN;
+        self.joining_since = None;
         self.chip.reset()?;
         Timer::after(START_UP).await;
-        self.chip.set_up(filters)
+        self.chip.set_up(accepted)
     }
 
     /// It shows that it is alive: without an answer nothing else is wrong.
@@ -158,13 +173,13 @@ where
         let wait = select4(
             self.interrupt.wait_for_low(),
             to_send,
-            exchange.new_filters(),
+            exchange.new_acceptance(),
             Timer::at(poll_at),
         );
         match wait.await {
             Either4::First(_) => self.interrupted().await,
             Either4::Second(frame) => Ok(self.send(&frame)?),
-            Either4::Third(filters) => Err(Ended::Filters(filters)),
+            Either4::Third(accepted) => Err(Ended::Accepts(accepted)),
             Either4::Fourth(()) => {
                 if Instant::now() >= self.look_at {
                     self.look()?;
@@ -269,13 +284,10 @@ where
         Ok(())
     }
 
-    fn note(&self, registers: &Registers) {
-        let state = match registers {
-            _ if registers.is_bus_off() => CanState::BusOff,
-            _ if registers.is_passive() => CanState::Passive,
-            _ => CanState::Active,
-        };
+    fn note(&mut self, registers: &Registers) {
+        let new_state = self.state_of(registers);
         self.exchange.update(|status| {
+            let state = new_state.unwrap_or(status.state);
             if state == CanState::BusOff && status.state != CanState::BusOff {
                 status.bus_offs = status.bus_offs.wrapping_add(1);
             }
@@ -283,6 +295,21 @@ where
             status.looks = status.looks.wrapping_add(1);
             status.lost_frames = status.lost_frames.wrapping_add(registers.overflows());
         });
+    }
+
+    /// `None` while the controller joins the bus.
+    fn state_of(&mut self, registers: &Registers) -> Option<CanState> {
+        let now = Instant::now();
+        let is_joining = registers.is_joining();
+        let since = is_joining.then(|| self.joining_since.unwrap_or(now));
+        self.joining_since = since;
+        let is_late = since.is_some_and(|since| now.saturating_duration_since(since) >= LONGEST_JOINING);
+        match registers {
+            _ if registers.is_bus_off() || is_late => Some(CanState::BusOff),
+            _ if is_joining => None,
+            _ if registers.is_passive() => Some(CanState::Passive),
+            _ => Some(CanState::Active),
+        }
     }
 
     fn set_interrupt(&self, interrupt: CanInterrupt) {

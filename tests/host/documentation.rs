@@ -370,7 +370,7 @@ const WIFI_REPORTS: [WifiReport; 12] = [
 const CAN_REPORTS: [CanReport; 8] = [
     CanReport::ImpossibleBitRate,
     CanReport::NoAnswer,
-    CanReport::SetUpAnew,
+    CanReport::Reconfigured,
     CanReport::Passive,
     CanReport::BusOff(3),
     CanReport::Working,

@@ -132,9 +132,8 @@ impl DroneCan {
         self.node.outgoing.next()
     }
 
-    /// What the hardware has to let through: six filters, of which the first two have a mask in common, and the other four
-    /// another one. It changes once, when the node has got its id from another one.
-    pub fn acceptance(&self) -> [Acceptance; 6] {
+    /// What the hardware has to let through. It changes once, when the node has got its id from another one.
+    pub fn acceptance(&self) -> Acceptance {
         acceptance(self.node.role.id())
     }
 

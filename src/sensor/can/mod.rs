@@ -29,7 +29,7 @@ mod tail;
 #[cfg(test)]
 mod tests;
 
-pub use acceptance::Acceptance;
+pub use acceptance::{Acceptance, CanFilters};
 pub use bit_timing::BitTiming;
 pub use dronecan::DroneCan;
 pub use event::{CanEvent, CanNotice, ChargerPower};

@@ -11,7 +11,7 @@ pub struct CanStatus {
     pub interrupt: CanInterrupt,
     /// How often it was bus-off.
     pub bus_offs: u32,
-    /// How often it had lost its set-up.
+    /// How often it had lost its configuration and was configured again.
     pub lost_setups: u32,
     /// Received frames that were lost, at least: the controller or the queue behind it had no room.
     pub lost_frames: u32,
@@ -68,8 +68,8 @@ pub enum CanReport {
     ImpossibleBitRate,
     /// The controller does not answer.
     NoAnswer,
-    /// The controller had lost its set-up, and was set up anew.
-    SetUpAnew,
+    /// The controller had lost its configuration, and was configured again.
+    Reconfigured,
     /// There are too many errors.
     Passive,
     /// The controller was bus-off so often since the start.
@@ -94,7 +94,7 @@ impl fmt::Display for CanReport {
         match self {
             Self::ImpossibleBitRate => f.write_str("CAN off: 1 Mbit/s needs a 16 MHz crystal"),
             Self::NoAnswer => f.write_str("CAN controller does not answer"),
-            Self::SetUpAnew => f.write_str("CAN controller was reset: set up anew"),
+            Self::Reconfigured => f.write_str("CAN controller was reset and configured again"),
             Self::Passive => f.write_str("CAN bus has errors: check wires and bit rate"),
             Self::BusOff(times) => write!(f, "CAN bus off, times: {times}"),
             Self::Working => f.write_str("CAN bus works"),
@@ -115,7 +115,7 @@ mod tests {
     fn texts_fit_one_message() {
         for report in [
             CanReport::ImpossibleBitRate,
-            CanReport::SetUpAnew,
+            CanReport::Reconfigured,
             CanReport::Passive,
             CanReport::BusOff(u32::MAX),
             CanReport::NoInterrupt,

@@ -1,6 +1,7 @@
 //! Packs on the CAN bus, behind an MCP2515 at SPI1: chip select GP13, interrupt GP17.
 
 mod faults;
+mod load;
 mod peers;
 
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND};
@@ -18,9 +19,15 @@ pub const INTERVAL_US: u64 = 100 * MILLISECOND;
 
 /// A board with a CAN controller, set up with these parameters.
 pub fn with_can(parameters: &[(&str, f32)]) -> (Bench, CanRig) {
+    with_can_at(BITS_PER_SECOND, parameters)
+}
+
+/// The same on a bus of this bit rate.
+pub fn with_can_at(bits_per_second: u64, parameters: &[(&str, f32)]) -> (Bench, CanRig) {
     let mut bench = Bench::running(DIVIDER_CODE);
-    let rig = CanRig::new(&mut bench, CRYSTAL_HZ, BITS_PER_SECOND);
+    let rig = CanRig::new(&mut bench, CRYSTAL_HZ, bits_per_second);
     bench.set("CAN_P1_DRIVER", 1.0);
+    bench.set("CAN_P1_BITRATE", bits_per_second as f32);
     bench.set("SR0_EXTRA1", 10.0);
     for (name, value) in parameters {
         bench.set(name, *value);
@@ -32,7 +39,13 @@ pub fn with_can(parameters: &[(&str, f32)]) -> (Bench, CanRig) {
 
 /// The same with a second pack that battery 1 measures.
 pub fn with_battery() -> (Bench, CanRig) {
-    with_can(&[("BATT2_MONITOR", DRONECAN), ("BATT2_SERIAL_NUM", 1.0)])
+    with_battery_at(BITS_PER_SECOND)
+}
+
+/// The same on a bus of this bit rate.
+pub fn with_battery_at(bits_per_second: u64) -> (Bench, CanRig) {
+    let parameters = [("BATT2_MONITOR", DRONECAN), ("BATT2_SERIAL_NUM", 1.0)];
+    with_can_at(bits_per_second, &parameters)
 }
 
 /// Lets the board run while a peer sends these transfers ten times a second.
