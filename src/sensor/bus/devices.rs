@@ -138,7 +138,12 @@ impl BusDevices {
             return;
         }
         let packs = self.packs.iter().filter(|pack| pack.device == number);
+        let is_new = device.part.is_none();
         let result = device.read(bus, packs.clone(), &taken, &mut deliver).await;
+        // Contacts bounce while a part is plugged in: what it did not answer then must not count as refused.
+        if is_new && device.kind.refuses_commands() && (device.failures > 0 || result.is_err()) {
+            device.part = None;
+        }
         device.note(result, now);
         if let Err(error) = result {
             packs.for_each(|pack| deliver(pack.pack, Err(error)));

@@ -17,6 +17,9 @@ pub(super) trait Part: Sized {
     /// Packs it can measure, one on each channel. They share the part if their address is set alike.
     const CHANNELS: usize = 1;
 
+    /// Whether it refuses commands that it does not know: set up while it answers in part, it would lack what it has.
+    const REFUSES_COMMANDS: bool = false;
+
     /// Where to look for it when no address is set.
     fn addresses(model: &'static Self::Model) -> &'static [Address];
 

@@ -61,6 +61,12 @@ macro_rules! parts {
                 }
             }
 
+            pub(super) fn refuses_commands(self) -> bool {
+                match self.selected() {
+                    $(Selected::$driver(_) => $driver::REFUSES_COMMANDS,)+
+                }
+            }
+
             pub(super) fn channels(self) -> usize {
                 match self.selected() {
                     $(Selected::$driver(_) => $driver::CHANNELS,)+

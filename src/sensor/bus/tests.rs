@@ -1,5 +1,7 @@
 //! The parts on a bus whose devices a test writes down.
 
+mod plugging;
+
 use std::collections::{BTreeMap, VecDeque};
 
 use embassy_futures::block_on;

@@ -107,6 +107,7 @@ impl Part for SmartBattery {
     const INTERVAL_US: u64 = 100_000;
     /// The specification's limit.
     const HIGHEST_CLOCK_HZ: u32 = 100_000;
+    const REFUSES_COMMANDS: bool = true;
 
     fn addresses(_: &Dialect) -> &'static [Address] {
         &ADDRESSES
@@ -118,8 +119,10 @@ impl Part for SmartBattery {
         _: &Wiring,
         dialect: &'static Dialect,
     ) -> Result<Self, ReadError> {
-        let mut commands = SmBus::new(bus, address, PacketErrorCode::Absent);
         // Who has no packet error code can't send it, and who has one can be asked without.
+        let mut commands = SmBus::new(bus, address, dialect.code.unwrap_or(PacketErrorCode::Absent));
+        dialect.read_voltage(&mut commands).await?;
+        let mut commands = SmBus::new(bus, address, PacketErrorCode::Absent);
         let [info] = commands.words([SPECIFICATION_INFO]).await?.map(known);
         let [manufacturer] = commands.names([MANUFACTURER_NAME]).await?;
         let code = dialect
@@ -212,6 +215,26 @@ impl Part for SmartBattery {
             supply: self.supply(bus).await?,
             ..Measurement::default()
         })
+    }
+}
+
+impl Dialect {
+    /// Reads the voltage where the dialect has it. Every battery reports that, so without it none is connected, whose other
+    /// answers would all count as refused.
+    async fn read_voltage<B: SensorBus>(&self, commands: &mut SmBus<'_, B>) -> Result<(), ReadError> {
+        match self.voltage {
+            Voltage::OfPack => {
+                let [voltage] = commands.words([VOLTAGE]).await?.map(known);
+                voltage.map(|_| ()).ok_or(BusError::NoAnswer.into())
+            }
+            Voltage::SumOfCells => {
+                let count = self.cells.count(commands, None).await?;
+                let cells_mv = self.cells.read(commands, count).await?;
+                sum_v(&cells_mv, count)
+                    .map(|_| ())
+                    .ok_or(BusError::NoAnswer.into())
+            }
+        }
     }
 }
 
