@@ -19,6 +19,7 @@ use crate::log::info;
 use crate::mavlink::{ArmingReadiness, Signing, SystemState};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, SaveFailures};
+use crate::sensor::MonitorKind;
 use crate::time::Instant;
 use crate::vehicle::{Vehicle, VehicleStatus};
 
@@ -181,6 +182,9 @@ pub(super) fn system_state<'a>(
 ) -> SystemState<'a> {
     SystemState {
         batteries: &packs.states,
+        external_packs: packs
+            .of_kind(MonitorKind::External)
+            .fold(0, |mask, pack| mask | pack.bit()),
         vehicle: vehicle.status(),
         identity,
         readiness,

@@ -14,16 +14,19 @@ impl Autopilot {
 
     /// What may change of the node's settings at any time.
     pub fn can_settings(&self) -> CanSettings {
-        CanSettings::from_parameters(&self.parameters, &self.identity, self.vehicle.arm_state())
+        CanSettings::new(
+            self.packs.of_kind(MonitorKind::Can),
+            &self.parameters,
+            &self.identity,
+            self.vehicle.arm_state(),
+        )
     }
 
-    /// Takes what came from the CAN bus at `now`. A reading of a pack that is not measured so counts for nothing.
+    /// Takes what came from the CAN bus at `now`.
     pub fn add_can_event(&mut self, event: &CanEvent, now: Instant) {
         match event {
             CanEvent::Reading(pack, reading) => {
-                if self.packs.order.contains(&(*pack, MonitorKind::Can)) {
-                    self.packs.samples[*pack as usize].add(*reading);
-                }
+                self.packs.add(*pack, MonitorKind::Can, Ok(*reading), now);
             }
             CanEvent::Controller(index, reading) => self.add_controller_reading(*index, *reading, now),
             CanEvent::Announce(notice) => self.announce(Announcement::CanNode(*notice), now),

@@ -25,6 +25,7 @@ mod recording;
 mod sampling;
 mod saving;
 mod signing_save;
+mod silence;
 mod start;
 mod wifi;
 mod wifi_state;

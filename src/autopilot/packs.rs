@@ -2,16 +2,16 @@
 
 use heapless::Vec;
 
+use super::silence::Silence;
 use crate::battery::{
-    BatteryBank, BatteryState, BusError, Measurement, PackSettings, PackSource, PackStatus, ReadError,
-    SumVoltage,
+    BatteryBank, BatteryState, Measurement, PackSettings, PackSource, PackStatus, ReadError, SumVoltage,
 };
 use crate::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::sensor::{
     AnalogPin, AnalogReadings, AnalogWiring, ControllerBank, ControllerReading, ExternalSource, FuelMeter,
-    FuelReadings, Members, MonitorKind, Pulses, Samples, capacity_ml, set_up_error, tank,
+    FuelReadings, Members, MonitorKind, Pulses, Samples, capacity_ml, set_up_error, tank, timeout_us,
 };
 use crate::time::Instant;
 
@@ -28,7 +28,8 @@ pub(super) struct Packs {
     pub read_from: [PackSource; MAX_PACKS],
     /// Why a pack can't be read with the parameters at boot.
     set_up_errors: [Option<ReadError>; MAX_PACKS],
-    pub samples: [Samples; MAX_PACKS],
+    samples: [Samples; MAX_PACKS],
+    silences: [Silence; MAX_PACKS],
     pub sources: [ExternalSource; MAX_PACKS],
     controllers: ControllerBank,
     pub pulses: Pulses,
@@ -47,6 +48,7 @@ impl Packs {
             read_from: in_place(|| sources(parameters)),
             set_up_errors: in_place(|| set_up_errors(parameters)),
             samples: in_place(|| [Samples::new(); MAX_PACKS]),
+            silences: in_place(|| silences(parameters)),
             sources: in_place(|| [ExternalSource::default(); MAX_PACKS]),
             controllers: in_place(ControllerBank::default),
             pulses: Pulses::NONE,
@@ -95,21 +97,22 @@ impl Packs {
         parameters: &Parameters,
     ) {
         self.controllers.add(index, reading, now);
-        for (pack, kind) in &self.order {
-            if *kind != MonitorKind::Esc {
+        for pack in Pack::ALL {
+            if !self.is_of_kind(pack, MonitorKind::Esc) {
                 continue;
             }
-            let members = Members::from_parameters(parameters, *pack);
+            let members = Members::from_parameters(parameters, pack);
             if let Some(measurement) = self.controllers.measure(members, index, now) {
-                self.samples[*pack as usize].add(Ok(measurement));
+                self.add_reading(pack, Ok(measurement), now);
             }
         }
     }
 
-    /// Measures a pack at `now`, from what the pins read and the share of full throttle, for a synthetic current.
-    /// `None` as long as there is nothing to measure by: a part on the bus that has not been read yet, another
-    /// component that has not reported since the last tick, or a sum in the first tick, when parts on the bus have no
-    /// reading yet.
+    /// Measures a pack at `now`, from what the pins read and the share of full throttle, for a synthetic current. `None`
+    /// between two readings: then its state stands.
+    ///
+    /// # Errors
+    /// The read failed, no reading came in time, or it lacks the voltage that its kind measures.
     pub fn measure(
         &mut self,
         pack: Pack,
@@ -122,18 +125,45 @@ impl Packs {
         if let Some(error) = self.set_up_errors[pack as usize] {
             return Some(Err(error));
         }
+        if self.ticks == 0 {
+            self.silences[pack as usize].start(now);
+        }
+        match self.read(pack, kind, now, readings, parameters, effort) {
+            Some(Ok(Measurement { voltage_v: None, .. })) if kind.measures_voltage() => {
+                Some(Err(ReadError::Implausible))
+            }
+            None if self.silences[pack as usize].is_overdue(now) => {
+                Some(Err(self.samples[pack as usize].why_none()))
+            }
+            reading => reading,
+        }
+    }
+
+    /// The pack's latest reading was valid.
+    pub fn confirm(&mut self, pack: Pack) {
+        self.silences[pack as usize].confirm();
+    }
+
+    /// Reads what is read in each tick, and takes what was received since the last tick.
+    fn read(
+        &mut self,
+        pack: Pack,
+        kind: MonitorKind,
+        now: Instant,
+        readings: &AnalogReadings,
+        parameters: &Parameters,
+        effort: f32,
+    ) -> Option<Result<Measurement, ReadError>> {
         Some(match kind {
             MonitorKind::Bus(_)
             | MonitorKind::External
             | MonitorKind::Can
+            | MonitorKind::Esc
             | MonitorKind::GeneratorElectrical
             | MonitorKind::GeneratorFuel
             | MonitorKind::Torqeedo
-            | MonitorKind::Efi => return self.sampled(pack, kind, now),
-            MonitorKind::Esc => {
-                let reading = self.samples[pack as usize].take();
-                reading.unwrap_or(Err(BusError::NoAnswer.into()))
-            }
+            | MonitorKind::Efi => return self.samples[pack as usize].take(),
+            // Parts on the bus have no reading yet.
             MonitorKind::Sum if self.ticks == 0 => return None,
             MonitorKind::Sum => {
                 let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
@@ -158,43 +188,60 @@ impl Packs {
         })
     }
 
+    /// Adds a reading of a pack of this kind, which was received at `received_at`, or the reason why there is none. That of
+    /// any other pack is ignored.
+    pub fn add(
+        &mut self,
+        pack: Pack,
+        kind: MonitorKind,
+        reading: Result<Measurement, ReadError>,
+        received_at: Instant,
+    ) {
+        if self.is_of_kind(pack, kind) {
+            self.add_reading(pack, reading, received_at);
+        }
+    }
+
+    /// Adds a reading of whatever kind the pack is, which was received at `received_at`, or the reason why there is none.
+    pub fn add_reading(&mut self, pack: Pack, reading: Result<Measurement, ReadError>, received_at: Instant) {
+        self.samples[pack as usize].add(reading);
+        if reading.is_ok() {
+            self.silences[pack as usize].hear(received_at);
+        }
+    }
+
     /// Adds a reading of what measures all packs of this kind, or the reason why there is none.
-    pub fn add(&mut self, kind: MonitorKind, reading: Result<Measurement, ReadError>) {
-        for (pack, measured) in &self.order {
-            if *measured == kind {
-                self.samples[*pack as usize].add(reading);
-            }
+    pub fn add_to_all(
+        &mut self,
+        kind: MonitorKind,
+        reading: Result<Measurement, ReadError>,
+        received_at: Instant,
+    ) {
+        for pack in Pack::ALL {
+            self.add(pack, kind, reading, received_at);
         }
     }
 
     /// Adds a reading of a generator's tank, of which only the share is known that it contains.
-    pub fn add_tank(&mut self, measurement: Measurement, parameters: &Parameters) {
+    pub fn add_tank(&mut self, measurement: Measurement, parameters: &Parameters, received_at: Instant) {
         let Some(share) = measurement.state_of_charge else {
             return;
         };
-        for (pack, kind) in &self.order {
-            if *kind == MonitorKind::GeneratorFuel {
-                let reading = tank(share, capacity_ml(parameters, *pack));
-                self.samples[*pack as usize].add(reading);
-            }
+        for pack in Pack::ALL {
+            let reading = tank(share, capacity_ml(parameters, pack));
+            self.add(pack, MonitorKind::GeneratorFuel, reading, received_at);
         }
     }
 
-    /// What was sampled since the last tick. What reports at a rate of its own may do so less often: between its readings the
-    /// state stays as it is. Whoever reads it reports a silence that is too long; that of another component is noticed here.
-    fn sampled(
-        &mut self,
-        pack: Pack,
-        kind: MonitorKind,
-        now: Instant,
-    ) -> Option<Result<Measurement, ReadError>> {
-        let samples = &mut self.samples[pack as usize];
-        if !kind.reports_at_own_rate() {
-            return samples.take();
-        }
-        let is_lost = || kind == MonitorKind::External && self.sources[pack as usize].is_lost(now);
-        let reading = samples.take_new();
-        reading.or_else(|| is_lost().then_some(Err(ReadError::Timeout)))
+    /// Whether a pack is of this kind since boot.
+    pub fn is_of_kind(&self, pack: Pack, kind: MonitorKind) -> bool {
+        self.order.contains(&(pack, kind))
+    }
+
+    /// The packs that are of this kind since boot, in the order of their instances.
+    pub fn of_kind(&self, kind: MonitorKind) -> impl Iterator<Item = Pack> {
+        let is_wanted = move |(_, own): &&(Pack, MonitorKind)| *own == kind;
+        self.order.iter().filter(is_wanted).map(|(pack, _)| *pack)
     }
 }
 
@@ -220,6 +267,13 @@ fn sources(parameters: &Parameters) -> [PackSource; MAX_PACKS] {
 
 fn set_up_errors(parameters: &Parameters) -> [Option<ReadError>; MAX_PACKS] {
     Pack::ALL.map(|pack| set_up_error(MonitorKind::of(parameters, pack)?, parameters))
+}
+
+fn silences(parameters: &Parameters) -> [Silence; MAX_PACKS] {
+    Pack::ALL.map(|pack| {
+        let kind = MonitorKind::of(parameters, pack);
+        Silence::new(kind.map_or(0, |kind| timeout_us(kind, parameters)))
+    })
 }
 
 /// Before the first sample nothing is known of the packs, but which are monitored.

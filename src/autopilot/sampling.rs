@@ -16,7 +16,7 @@ use crate::mavlink::arming_readiness;
 use crate::pack::Pack;
 use crate::sensor::{
     Admission, AnalogPin, AnalogReadings, ControllerReading, ExternalReading, MonitorKind, Pulses,
-    SerialEvent, SerialReading,
+    SerialReading,
 };
 use crate::time::Instant;
 use crate::wifi::Radio;
@@ -182,9 +182,11 @@ impl Autopilot {
             error,
             failsafe,
         } = monitor.update(tick, reading, &settings);
-        if let Some(error) = error {
-            log_failure(pack, error, monitor.failed_reads());
+        match error {
+            Some(error) => log_failure(pack, error, monitor.failed_reads()),
+            None => self.packs.confirm(pack),
         }
+        let monitor = self.packs.bank.monitor(pack);
         log_change(pack, before, monitor.state().status);
         self.packs.states[pack as usize] = *monitor.state();
         self.keep_learnt(pack);
@@ -205,20 +207,8 @@ impl Autopilot {
     }
 
     /// Takes a reading of a pack's part on the bus, or the reason why there is none.
-    pub fn add_bus_reading(&mut self, pack: Pack, reading: Result<Measurement, ReadError>) {
-        self.packs.samples[pack as usize].add(reading);
-    }
-
-    /// Takes what has come from the serial line by `now`: a reading, for every pack that is measured so, or that there is none.
-    pub fn add_serial_event(&mut self, event: SerialEvent, now: Instant) {
-        match event {
-            SerialEvent::Reading(reading) => self.add_serial_reading(reading, now),
-            SerialEvent::Silence(kinds) => {
-                for kind in kinds {
-                    self.packs.add(*kind, Err(ReadError::Timeout));
-                }
-            }
-        }
+    pub fn add_bus_reading(&mut self, pack: Pack, reading: Result<Measurement, ReadError>, now: Instant) {
+        self.packs.add_reading(pack, reading, now);
     }
 
     /// Takes the reading of a motor controller with this index, from 0, for every pack that it supplies (kind 9 and
@@ -228,7 +218,8 @@ impl Autopilot {
             .add_controller_reading(index, reading, now, &self.parameters);
     }
 
-    fn add_serial_reading(&mut self, reading: SerialReading, now: Instant) {
+    /// Takes what the device on the serial line has reported by `now`, for every pack that is measured so.
+    pub fn add_serial_reading(&mut self, reading: SerialReading, now: Instant) {
         let (kind, measured) = match reading {
             SerialReading::Controller(reading) => {
                 return self.add_controller_reading(SERIAL_CONTROLLER, reading, now);
@@ -237,13 +228,13 @@ impl Autopilot {
                 (MonitorKind::GeneratorElectrical, Ok(measurement))
             }
             SerialReading::GeneratorFuel(measurement) => {
-                return self.packs.add_tank(measurement, &self.parameters);
+                return self.packs.add_tank(measurement, &self.parameters, now);
             }
             SerialReading::Torqeedo(measurement) => (MonitorKind::Torqeedo, Ok(measurement)),
             SerialReading::Efi(reading) => (MonitorKind::Efi, reading.measure(&self.parameters)),
             SerialReading::Notice(notice) => return self.announce(Announcement::Serial(notice), now),
         };
-        self.packs.add(kind, measured);
+        self.packs.add_to_all(kind, measured, now);
     }
 
     /// Takes a reading of a pack by another component, which can't have been received before `received_at`; `None` if the
@@ -256,12 +247,12 @@ impl Autopilot {
         now: Instant,
     ) -> Option<Admission> {
         let pack = reading.pack;
-        if !self.packs.order.contains(&(pack, MonitorKind::External)) {
+        if !self.packs.is_of_kind(pack, MonitorKind::External) {
             return None;
         }
         let admission = self.packs.sources[pack as usize].admit(component_id, received_at, now);
         if let Admission::Known | Admission::New = admission {
-            self.packs.samples[pack as usize].add(Ok(reading.into()));
+            self.packs.add_reading(pack, Ok(reading.into()), received_at);
         }
         Some(admission)
     }

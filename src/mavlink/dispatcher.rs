@@ -26,7 +26,7 @@ use super::system_state::SystemState;
 use super::{COMPONENT_ID, Message};
 use crate::battery::ArmState;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
-use crate::sensor::{ExternalReading, MonitorKind};
+use crate::sensor::ExternalReading;
 use crate::time::Instant;
 use crate::vehicle::Vehicle;
 use crate::wifi::{WifiCredentials, WifiMode};
@@ -199,8 +199,7 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, repl
     let Some(received) = ReceivedRequest::decode(frame) else {
         return Event::Ignored;
     };
-    if !received.target.is_ours(system_id)
-        || !is_expected(&received, system_id, context.changeable.parameters)
+    if !received.target.is_ours(system_id) || !is_expected(&received, system_id, context.state.external_packs)
     {
         return Event::Ignored;
     }
@@ -213,13 +212,13 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, repl
 
 /// Whether a BATTERY_STATUS is of a pack that another component of this vehicle measures, and by one: other packs and
 /// vehicles have theirs, which are no concern of ours, signed or not.
-fn is_expected(received: &ReceivedRequest<'_>, system_id: u8, parameters: &Parameters) -> bool {
+fn is_expected(received: &ReceivedRequest<'_>, system_id: u8, external_packs: u16) -> bool {
     let Request::PackReading(reading) = &received.request else {
         return true;
     };
     received.from.system_id == system_id
         && received.from.component_id != COMPONENT_ID
-        && MonitorKind::of(parameters, reading.pack) == Some(MonitorKind::External)
+        && external_packs & reading.pack.bit() != 0
 }
 
 /// Does what was asked for.

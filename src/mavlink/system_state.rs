@@ -13,6 +13,8 @@ use crate::vehicle::VehicleStatus;
 pub struct SystemState<'a> {
     /// The packs by their instance; the first one is the primary pack.
     pub batteries: &'a [BatteryState],
+    /// The packs that another component measures, a bit each, bit 0 for the first.
+    pub external_packs: u16,
     /// The rover's mode, and whether it is armed.
     pub vehicle: VehicleStatus,
     /// Whether the vehicle would be armed on request.

@@ -1,12 +1,9 @@
 //! Packs that another component of the vehicle measures, such as a companion computer.
 
+use super::timeout::EXTERNAL_TIMEOUT_US;
 use crate::battery::{CellVoltages, Consumed, Counted, Measurement, Reported};
 use crate::pack::Pack;
 use crate::time::Instant;
-
-/// A component that has been silent for this long is lost, in microseconds. Over a longer interval the current would not be
-/// integrated without a gap.
-const TIMEOUT_US: u64 = 2_000_000;
 
 /// A reading of a pack by another component. `None` is not reported; without a voltage there is no reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,7 +88,7 @@ pub enum Admission {
 impl ExternalSource {
     /// Judges a reading that can't have been received before `received_at`.
     pub fn admit(&mut self, component_id: u8, received_at: Instant, now: Instant) -> Admission {
-        if now.us_since(received_at) >= TIMEOUT_US {
+        if now.us_since(received_at) >= EXTERNAL_TIMEOUT_US {
             return Admission::TooLate;
         }
         let admission = match self.component_id {
@@ -104,9 +101,9 @@ impl ExternalSource {
         admission
     }
 
-    /// Whether it has been silent for too long.
-    pub fn is_lost(&self, now: Instant) -> bool {
-        now.us_since(self.heard) >= TIMEOUT_US
+    /// Whether another component may take its place.
+    fn is_lost(&self, now: Instant) -> bool {
+        now.us_since(self.heard) >= EXTERNAL_TIMEOUT_US
     }
 }
 
@@ -118,7 +115,7 @@ mod tests {
 
     const FIRST: u8 = 191;
     const SECOND: u8 = 192;
-    const LAST_IN_TIME_US: u64 = TIMEOUT_US - 1;
+    const LAST_IN_TIME_US: u64 = EXTERNAL_TIMEOUT_US - 1;
 
     #[test]
     fn first_component_is_kept_until_it_is_lost() {
@@ -127,8 +124,8 @@ mod tests {
         assert_eq!(at(FIRST, 0), Admission::New);
         assert_eq!(at(SECOND, 0), Admission::OtherSource);
         assert_eq!(at(FIRST, LAST_IN_TIME_US), Admission::Known);
-        assert_eq!(at(SECOND, TIMEOUT_US), Admission::OtherSource);
-        let lost_at_us = LAST_IN_TIME_US + TIMEOUT_US;
+        assert_eq!(at(SECOND, EXTERNAL_TIMEOUT_US), Admission::OtherSource);
+        let lost_at_us = LAST_IN_TIME_US + EXTERNAL_TIMEOUT_US;
         assert_eq!(at(SECOND, lost_at_us), Admission::New);
         assert_eq!(at(FIRST, lost_at_us), Admission::OtherSource);
     }
@@ -136,8 +133,8 @@ mod tests {
     #[test]
     fn reading_counts_from_when_it_may_have_been_received() {
         let mut source = ExternalSource::default();
-        let now = at_us(10 * TIMEOUT_US);
-        let late = now.before_us(TIMEOUT_US);
+        let now = at_us(10 * EXTERNAL_TIMEOUT_US);
+        let late = now.before_us(EXTERNAL_TIMEOUT_US);
         assert_eq!(source.admit(FIRST, late, now), Admission::TooLate);
         assert!(source.is_lost(now));
         let in_time = now.before_us(LAST_IN_TIME_US);
@@ -153,7 +150,7 @@ mod tests {
         /// However components take turns, one measures the pack at any time, and it changes only after a silence.
         #[test]
         fn source_changes_only_after_a_silence(
-            steps in prop::collection::vec((1..4u8, 0..3 * TIMEOUT_US), 1..100)
+            steps in prop::collection::vec((1..4u8, 0..3 * EXTERNAL_TIMEOUT_US), 1..100)
         ) {
             let mut source = ExternalSource::default();
             let mut now = Instant::EPOCH;
@@ -163,11 +160,11 @@ mod tests {
                 match source.admit(component_id, now, now) {
                     Admission::Known => prop_assert_eq!(last.map(|(known, _)| known), Some(component_id)),
                     Admission::New => {
-                        prop_assert!(last.is_none_or(|(_, heard)| now.us_since(heard) >= TIMEOUT_US));
+                        prop_assert!(last.is_none_or(|(_, heard)| now.us_since(heard) >= EXTERNAL_TIMEOUT_US));
                     }
                     Admission::OtherSource => {
                         let (known, heard) = last.expect("one was heard");
-                        prop_assert!(known != component_id && now.us_since(heard) < TIMEOUT_US);
+                        prop_assert!(known != component_id && now.us_since(heard) < EXTERNAL_TIMEOUT_US);
                         continue;
                     }
                     Admission::TooLate => unreachable!("received now"),

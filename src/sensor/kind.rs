@@ -81,23 +81,25 @@ impl MonitorKind {
         matches!(self, Self::AnalogVoltageAndCurrent | Self::AnalogCurrent)
     }
 
-    /// Whether its readings come at a rate of their own: between them the pack's state stays as it is.
-    pub fn reports_at_own_rate(self) -> bool {
+    /// Whether every reading has a voltage: one without is a failed reading.
+    pub fn measures_voltage(self) -> bool {
         match self {
-            Self::External
-            | Self::Can
-            | Self::GeneratorElectrical
-            | Self::GeneratorFuel
-            | Self::Torqeedo
-            | Self::Efi => true,
             Self::AnalogVoltage
             | Self::AnalogVoltageAndCurrent
-            | Self::Sum
             | Self::SyntheticCurrent
-            | Self::AnalogCurrent
             | Self::Esc
+            | Self::External
+            | Self::Can
+            | Self::Torqeedo => true,
+            // Its pins are set one by one, so it may measure a current alone.
+            Self::Bus(part) => part != PartKind::Ad7091r5,
+            // The members of a sum may all be without a voltage, and a small fuel cell reports a share alone.
+            Self::Sum
+            | Self::GeneratorElectrical
+            | Self::AnalogCurrent
             | Self::Fuel(_)
-            | Self::Bus(_) => false,
+            | Self::GeneratorFuel
+            | Self::Efi => false,
         }
     }
 }

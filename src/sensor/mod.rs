@@ -12,6 +12,7 @@ mod fuel;
 mod kind;
 mod serial;
 mod set_up;
+mod timeout;
 
 pub use analog::{
     ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogIn, AnalogPin, AnalogReadings, BURST_CONVERSIONS,
@@ -32,6 +33,6 @@ pub use fuel::{FuelKind, FuelMeter, FuelReadings, Pulses, capacity_ml, tank};
 pub use kind::{MonitorKind, needs_pulses, needs_spi};
 pub use serial::{
     DriverEnable, FuelCellError, FuelCellState, REQUEST_BYTES, Request, RichenPowerErrors, SerialDevice,
-    SerialEvent, SerialNotice, SerialProtocol, SerialReading, SerialSetup, TorqeedoCondition, Urgency, Wires,
+    SerialNotice, SerialProtocol, SerialReading, SerialSetup, TorqeedoCondition, Urgency, Wires,
 };
-pub use set_up::set_up_error;
+pub use set_up::{set_up_error, timeout_us};

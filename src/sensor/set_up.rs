@@ -1,8 +1,31 @@
-//! What a sensor is connected to: whether that is set up for it.
+//! What a sensor is connected to: whether that is set up for it, and how often it has to report.
 
+use super::timeout::{CAN_TIMEOUT_US, EXTERNAL_TIMEOUT_US, TICK_TIMEOUT_US};
 use super::{BitTiming, DriverEnable, FuelKind, MonitorKind, SerialProtocol, SerialSetup};
 use crate::battery::ReadError;
 use crate::parameter::Parameters;
+
+/// For how long a pack may be without a reading, in microseconds. Each sampling tick after that is a failed read.
+pub fn timeout_us(kind: MonitorKind, parameters: &Parameters) -> u64 {
+    match kind {
+        MonitorKind::Can => CAN_TIMEOUT_US,
+        MonitorKind::External => EXTERNAL_TIMEOUT_US,
+        MonitorKind::GeneratorElectrical
+        | MonitorKind::GeneratorFuel
+        | MonitorKind::Torqeedo
+        | MonitorKind::Efi => {
+            SerialProtocol::selected(parameters).map_or(TICK_TIMEOUT_US, SerialProtocol::timeout_us)
+        }
+        MonitorKind::AnalogVoltage
+        | MonitorKind::AnalogVoltageAndCurrent
+        | MonitorKind::Sum
+        | MonitorKind::SyntheticCurrent
+        | MonitorKind::AnalogCurrent
+        | MonitorKind::Esc
+        | MonitorKind::Fuel(_)
+        | MonitorKind::Bus(_) => TICK_TIMEOUT_US,
+    }
+}
 
 /// Why a sensor can't be read with these parameters, whatever is connected: what it is connected to is not set up, or is used
 /// by another sensor.

@@ -13,7 +13,7 @@ pub async fn read_bus(mut bus: impl SensorBus, shared: &Shared, check_in: &Check
         timer_at(devices.next_due().unwrap_or(wake).min(wake)).await;
         devices
             .read_next(&mut bus, now(), |pack, reading| {
-                shared.with(|autopilot| autopilot.add_bus_reading(pack, reading));
+                shared.with(|autopilot| autopilot.add_bus_reading(pack, reading, now()));
             })
             .await;
     }

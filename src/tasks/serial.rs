@@ -18,10 +18,10 @@ pub trait SerialLine: ByteSource {
     async fn send(&mut self, bytes: &[u8]);
 }
 
-/// Hands what comes from `line` to the battery task, sends the requests that are due, and reports silence. Without a line, or a
-/// pack that is measured by it, there is nothing to do.
+/// Hands what comes from `line` to the battery task, and sends the requests that are due. Without a line, or a pack that is
+/// measured by it, there is nothing to do.
 pub async fn serve_serial(line: Option<impl SerialLine>, shared: &Shared, check_in: &CheckIn) -> ! {
-    let device = shared.with(|autopilot| SerialDevice::from_parameters(autopilot.parameters(), now()));
+    let device = shared.with(|autopilot| SerialDevice::from_parameters(autopilot.parameters()));
     let (Some(mut line), Some(mut device)) = (line, device) else {
         idle(check_in).await
     };
@@ -31,13 +31,14 @@ pub async fn serve_serial(line: Option<impl SerialLine>, shared: &Shared, check_
         if let Some(request) = device.next_request(now()) {
             line.send(&request).await;
         }
-        let wake = device.next_due().min(now().after_us(LONGEST_SLEEP.as_micros()));
+        let longest = now().after_us(LONGEST_SLEEP.as_micros());
+        let wake = device.next_due().map_or(longest, |due| due.min(longest));
         match with_deadline(wake, line.receive(&mut chunk)).await {
             Ok(Ok(received)) => {
                 let bytes = chunk.get(..received).unwrap_or(&chunk);
                 let now = now();
-                device.receive(bytes, now, |event| {
-                    shared.with(|autopilot| autopilot.add_serial_event(event, now));
+                device.receive(bytes, now, |reading| {
+                    shared.with(|autopilot| autopilot.add_serial_reading(reading, now));
                 });
             }
             Ok(Err(ReceiveError::Closed)) => idle(check_in).await,
@@ -47,10 +48,6 @@ pub async fn serve_serial(line: Option<impl SerialLine>, shared: &Shared, check_
             // Silence or noise: without a frame the pack will be unhealthy.
             Ok(Err(ReceiveError::LineError)) | Err(_) => {}
         }
-        let now = now();
-        device.poll(now, |event| {
-            shared.with(|autopilot| autopilot.add_serial_event(event, now));
-        });
         // A sender that never pauses must leave the others their turn.
         yield_now().await;
     }

@@ -55,6 +55,7 @@ mod learning;
 mod learnt;
 mod link_noise;
 mod log;
+mod monitors;
 mod motors;
 mod nine_kinds;
 mod packs;

@@ -578,14 +578,16 @@ fn every_text_about_packs_arming_and_crashes_is_in_the_guide() {
     assert!(missing.is_empty(), "{missing:#?}");
 }
 
-/// The section about latches names a test in each row: a function, or a story.
+/// The sections about sources and latches name a test in each row: a function, or a story.
 #[test]
-fn every_test_that_the_latches_name_exists() {
+fn every_test_that_sources_and_latches_name_exists() {
     let page = read(&top().join("docs/reliability.md"));
-    let (_, section) = page
-        .split_once("## Latches, timers and remembered inputs")
-        .expect("there is a section");
-    let section = section.split("\n## ").next().expect("a section ends");
+    let sections = page.split("\n## ").filter(|section| {
+        section.starts_with("What a source may do")
+            || section.starts_with("Latches, timers and remembered inputs")
+    });
+    let sections: Vec<_> = sections.collect();
+    assert_eq!(sections.len(), 2);
     let mut code = String::new();
     for (folder, extension) in [("src", "rs"), ("tests", "rs"), ("tests/gcs", "py")] {
         for path in files_below(&top().join(folder), extension) {
@@ -596,9 +598,10 @@ fn every_test_that_the_latches_name_exists() {
         let story = top().join("tests/stories").join(name).with_extension("story");
         story.is_file() || code.contains(&format!("fn {name}(")) || code.contains(&format!("def {name}("))
     };
-    let rows = section
-        .lines()
-        .filter(|line| line.starts_with("| ") && !line.starts_with("| what |"));
+    let rows = sections
+        .iter()
+        .flat_map(|section| section.lines())
+        .filter(|line| line.starts_with("| ") && !line.starts_with("| what "));
     let mut missing = Vec::new();
     for row in rows {
         let tests = row

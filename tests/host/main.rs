@@ -36,6 +36,7 @@ mod failsafe;
 mod fuzz;
 mod learning;
 mod learnt;
+mod monitors;
 mod motor_controllers;
 mod network;
 mod parameter_docs;

@@ -112,6 +112,7 @@ fn consumption_catches_up_after_a_controller_was_silent() {
 #[test]
 fn without_any_controller_a_pack_is_unhealthy() {
     let mut desk = desk([0, 0b1]);
-    let states = ticks(&mut desk, 5, &[]);
+    // The time-out begins with the first tick.
+    let states = ticks(&mut desk, 6, &[]);
     assert!(states.iter().all(|state| state.status == PackStatus::Unhealthy));
 }

@@ -1,4 +1,4 @@
-//! The readings of a part between two ticks of the battery task.
+//! The readings of a pack between two sampling ticks.
 
 use crate::battery::{Consumed, Counted, Measurement, ReadError};
 
@@ -10,12 +10,12 @@ pub struct Samples {
     /// What was counted since the readings were taken.
     counted: Option<Consumed>,
     last: Option<Measurement>,
-    /// Why the latest reading failed. A part in its back-off period is not read again.
-    error: Option<ReadError>,
     attempts: Attempts,
+    /// Why the latest reading failed, until there is one.
+    error: Option<ReadError>,
 }
 
-/// Whether the part has been read at all.
+/// Whether the pack was read since the readings were taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Attempts {
     #[default]
@@ -50,8 +50,8 @@ impl Samples {
             current: Mean { sum: 0.0, count: 0 },
             counted: None,
             last: None,
-            error: None,
             attempts: Attempts::None,
+            error: None,
         }
     }
 
@@ -76,30 +76,28 @@ impl Samples {
         self.error = None;
     }
 
-    /// The mean voltage and current, the sum of what was counted, and the latest of everything else; `None` before the part
-    /// has been read for the first time.
+    /// The mean voltage and current, the sum of what was counted, and the latest of everything else; `None` if nothing was
+    /// added since the last call.
     ///
     /// # Errors
-    /// Nothing was read since the last call: the last reason, or a time-out if not even that is known.
+    /// Every reading since the last call failed: the last reason.
     pub fn take(&mut self) -> Option<Result<Measurement, ReadError>> {
         let kept = Self {
             error: self.error,
-            attempts: self.attempts,
             ..Self::new()
         };
         let taken = core::mem::replace(self, kept);
         (taken.attempts == Attempts::Some).then(|| taken.reading())
     }
 
-    /// As [`Self::take`], but `None` if nothing was added since the last call: of a sensor that reports at a rate of its own.
-    pub fn take_new(&mut self) -> Option<Result<Measurement, ReadError>> {
-        let taken = core::mem::take(self);
-        (taken.attempts == Attempts::Some).then(|| taken.reading())
+    /// Why there is no reading: what the latest one failed by, else that none came in time.
+    pub fn why_none(&self) -> ReadError {
+        self.error.unwrap_or(ReadError::Timeout)
     }
 
     fn reading(&self) -> Result<Measurement, ReadError> {
         let Some(last) = self.last else {
-            return Err(self.error.unwrap_or(ReadError::Timeout));
+            return Err(self.why_none());
         };
         Ok(Measurement {
             voltage_v: self.voltage.value(),
@@ -150,25 +148,23 @@ mod tests {
     #[test]
     fn what_was_taken_is_gone() {
         let mut samples = Samples::new();
-        assert_eq!(samples.take(), None, "not asked yet");
+        assert_eq!(samples.take(), None, "not read yet");
         samples.add(measured(12.0, 1.0, Some(1.0)));
         assert!(matches!(samples.take(), Some(Ok(_))));
-        assert_eq!(samples.take(), Some(Err(ReadError::Timeout)));
+        assert_eq!(samples.take(), None);
+        assert_eq!(samples.why_none(), ReadError::Timeout);
     }
 
     #[test]
-    fn without_a_reading_the_last_reason_is_returned() {
+    fn the_last_reason_stands_until_there_is_a_reading() {
         let mut samples = Samples::new();
         samples.add(Err(ReadError::Bus(BusError::NoAnswer)));
         samples.add(Err(ReadError::Bus(BusError::Stuck)));
         assert_eq!(samples.take(), Some(Err(BusError::Stuck.into())));
-        assert_eq!(
-            samples.take(),
-            Some(Err(BusError::Stuck.into())),
-            "it has not been asked again"
-        );
+        assert_eq!(samples.take(), None);
+        assert_eq!(samples.why_none(), BusError::Stuck.into());
         samples.add(measured(12.0, 1.0, None));
         assert!(matches!(samples.take(), Some(Ok(_))));
-        assert_eq!(samples.take(), Some(Err(ReadError::Timeout)));
+        assert_eq!(samples.why_none(), ReadError::Timeout);
     }
 }

@@ -122,7 +122,7 @@ impl DroneCan {
         }
     }
 
-    /// Has to be called every 100 ms at the latest: takes over settings, delivers time-outs, sends what is due.
+    /// Has to be called every 100 ms at the latest: takes over settings, announces lost nodes, sends what is due.
     pub fn poll(&mut self, settings: &CanSettings, now: Instant, mut deliver: impl FnMut(CanEvent)) {
         self.node.poll(settings, now, &mut deliver);
     }
@@ -237,7 +237,6 @@ impl Node {
         while let Some(notice) = self.nodes.next_lost(now) {
             announce(notice, deliver);
         }
-        self.packs.report_silent(now, deliver);
         if let Some(own_id) = self.role.id() {
             self.send_status(own_id, now);
             let outgoing = &mut self.outgoing;

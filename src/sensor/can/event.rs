@@ -3,15 +3,15 @@
 use core::fmt;
 
 use super::NodeId;
-use crate::battery::{Measurement, ReadError};
+use crate::battery::Measurement;
 use crate::pack::Pack;
 use crate::sensor::ControllerReading;
 
 /// What comes from the bus.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CanEvent {
-    /// A reading of a pack, or why there is none.
-    Reading(Pack, Result<Measurement, ReadError>),
+    /// A reading of a pack.
+    Reading(Pack, Measurement),
     /// A reading of the motor controller with this index, 0 to 31.
     Controller(u8, ControllerReading),
     /// Something to announce.

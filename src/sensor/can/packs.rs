@@ -6,14 +6,11 @@ use super::condition::{of_battery, of_charger};
 use super::event::{CanEvent, CanNotice, ChargerPower};
 use super::messages::{BatteryAux, BatteryInfo, ChargerReading, celsius};
 use super::setup::{CanOptions, CanPack, CanSettings};
-use crate::battery::{ArmState, CellVoltages, Gauge, Measurement, PackDetails, ReadError, Supply};
+use crate::battery::{ArmState, CellVoltages, Gauge, Measurement, PackDetails, Supply};
 use crate::log::info;
 use crate::pack::{MAX_PACKS, Pack};
+use crate::sensor::timeout::CAN_TIMEOUT_US;
 use crate::time::Instant;
-
-/// A battery that has been silent for this long is lost, in microseconds, as in ArduPilot
-/// (`AP_BATTMONITOR_UAVCAN_TIMEOUT_MICROS`).
-pub(super) const LOST_AFTER_US: u64 = 5_000_000;
 
 /// For how long what BatteryInfoAux has reported is used, in microseconds: more than two of the slowest
 /// period of batteries, 5 s.
@@ -41,7 +38,7 @@ struct Entry {
     /// `None` if it is not measured by CAN.
     settings: Option<CanPack>,
     source: Option<Source>,
-    /// When its latest reading was received, or when its source was awaited first.
+    /// When its latest reading was received.
     heard: Instant,
     aux: Option<Heard<BatteryAux>>,
     charger: Option<Charger>,
@@ -151,15 +148,6 @@ impl CanPacks {
         }
     }
 
-    /// Delivers the time-out of each pack whose source is silent.
-    pub fn report_silent(&self, now: Instant, deliver: &mut impl FnMut(CanEvent)) {
-        for entry in self.entries.iter().filter(|entry| entry.is_silent(now)) {
-            if let Some(settings) = entry.settings {
-                deliver(CanEvent::Reading(settings.pack, Err(ReadError::Timeout)));
-            }
-        }
-    }
-
     /// Sends what chargers are requested now.
     pub fn switch_chargers(
         &mut self,
@@ -244,14 +232,10 @@ impl Entry {
         let fits = |source: &Source| settings.is_some_and(|settings| settings.takes(source.battery_id));
         let battery_id = |settings: &CanPack| settings.battery_id;
         let is_changed = self.settings.as_ref().map(battery_id) != settings.map(battery_id);
-        let is_new = self.settings.is_none() && settings.is_some();
         let is_wrong = self.source.is_some_and(|source| !fits(&source));
         // A battery that still reports, and fits, stays.
-        if is_new || is_wrong || is_changed && self.is_silent(now) {
-            *self = Self {
-                heard: now,
-                ..Self::EMPTY
-            };
+        if is_wrong || is_changed && self.is_lost(now) {
+            *self = Self::EMPTY;
         }
         self.settings = settings.copied();
     }
@@ -272,7 +256,7 @@ impl Entry {
             .filter(|settings| settings.takes(source.battery_id))?;
         match self.source {
             Some(own) if own == source => Some(Rank::Own),
-            Some(_) if self.is_silent(now) && settings.options.has(CanOptions::DYNAMIC_NODE) => {
+            Some(_) if self.is_lost(now) && settings.options.has(CanOptions::DYNAMIC_NODE) => {
                 Some(Rank::Replaced)
             }
             Some(_) => None,
@@ -280,8 +264,9 @@ impl Entry {
         }
     }
 
-    fn is_silent(&self, now: Instant) -> bool {
-        now.us_since(self.heard) > LOST_AFTER_US
+    /// Whether another battery may take its source's place.
+    fn is_lost(&self, now: Instant) -> bool {
+        now.us_since(self.heard) > CAN_TIMEOUT_US
     }
 
     fn takes_aux_of(&self, battery_id: u8) -> bool {
@@ -304,24 +289,18 @@ impl Entry {
     }
 }
 
-/// Without a voltage, or with a negative one, there is no reading: a battery that has lost its sensor must not look healthy.
-fn plausible(voltage_v: Option<f32>) -> Result<f32, ReadError> {
-    let voltage_v = voltage_v.filter(|voltage_v| *voltage_v >= 0.0);
-    voltage_v.ok_or(ReadError::Implausible)
+/// A negative voltage is as unknown as one that is not a number.
+fn plausible(voltage_v: Option<f32>) -> Option<f32> {
+    voltage_v.filter(|voltage_v| *voltage_v >= 0.0)
 }
 
-fn measurement(
-    info: &BatteryInfo,
-    aux: Option<&BatteryAux>,
-    settings: &CanPack,
-) -> Result<Measurement, ReadError> {
-    let voltage_v = plausible(info.voltage_v)?;
+fn measurement(info: &BatteryInfo, aux: Option<&BatteryAux>, settings: &CanPack) -> Measurement {
     let counts = !settings.options.has(CanOptions::IGNORE_CHARGE);
     let share = info
         .state_of_charge_pct
         .map(|percent| f32::from(percent.min(100)) / 100.0);
-    Ok(Measurement {
-        voltage_v: Some(voltage_v),
+    Measurement {
+        voltage_v: plausible(info.voltage_v),
         current_a: info
             .current_a
             .map(|current_a| current_a * settings.current_multiplier),
@@ -338,7 +317,7 @@ fn measurement(
         reported: of_battery(info.flags),
         supply: aux.map_or(Supply::On, |aux| aux.supply),
         ..Measurement::default()
-    })
+    }
 }
 
 /// Range of capacities that are believed, in milliampere-hours.
@@ -359,19 +338,19 @@ fn gauge(info: &BatteryInfo, aux: &BatteryAux) -> Option<Gauge> {
     is_plausible.then_some(gauge)
 }
 
-fn charger_measurement(reading: &ChargerReading, settings: &CanPack) -> Result<Measurement, ReadError> {
+fn charger_measurement(reading: &ChargerReading, settings: &CanPack) -> Measurement {
     let side = if settings.options.has(CanOptions::CHARGER_INPUT) {
         reading.input
     } else {
         reading.output
     };
-    Ok(Measurement {
-        voltage_v: Some(plausible(side.voltage_v)?),
+    Measurement {
+        voltage_v: plausible(side.voltage_v),
         current_a: side
             .current_a
             .map(|current_a| current_a * settings.current_multiplier),
         temperature_c: Some(reading.temperature_c),
         reported: of_charger(reading.faults),
         ..Measurement::default()
-    })
+    }
 }

@@ -9,7 +9,6 @@ use crate::board_id::BoardId;
 use crate::identity::{FirmwareHash, Identity};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
-use crate::sensor::MonitorKind;
 
 /// What follows the board's id in its unique id, which is longer.
 const UNIQUE_ID_END: [u8; UNIQUE_ID_BYTES - BoardId::BYTES] = *b"roverbat";
@@ -49,7 +48,7 @@ fn unique_id(board_id: Option<BoardId>) -> [u8; UNIQUE_ID_BYTES] {
 /// Settings that may change at any time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CanSettings {
-    /// Packs whose `BATT_MONITOR` is DroneCAN, in the order of their instances.
+    /// The packs that are DroneCAN, in the order of their instances.
     pub packs: Vec<CanPack, MAX_PACKS>,
     /// Whether the rover is armed: a charger may be switched by it.
     pub arm_state: ArmState,
@@ -104,15 +103,19 @@ impl CanOptions {
 }
 
 impl CanSettings {
-    /// From the live parameters and what is known of the board.
-    pub fn from_parameters(parameters: &Parameters, identity: &Identity, arm_state: ArmState) -> Self {
+    /// From the live parameters of the packs that are DroneCAN since boot, and what is known of the board.
+    pub fn new(
+        packs: impl IntoIterator<Item = Pack>,
+        parameters: &Parameters,
+        identity: &Identity,
+        arm_state: ArmState,
+    ) -> Self {
         let mut settings = Self {
             packs: Vec::new(),
             arm_state,
             firmware_hash: identity.firmware_hash,
         };
-        let is_can = |pack: &Pack| MonitorKind::of(parameters, *pack) == Some(MonitorKind::Can);
-        for pack in Pack::ALL.into_iter().filter(is_can) {
+        for pack in packs {
             // There is room for all packs.
             let _ = settings.packs.push(CanPack::from_parameters(parameters, pack));
         }

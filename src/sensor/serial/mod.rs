@@ -14,7 +14,7 @@ mod setup;
 mod window;
 
 pub use conditions::{FuelCellError, FuelCellState, RichenPowerErrors, TorqeedoCondition, Urgency};
-pub use device::{SerialDevice, SerialEvent};
+pub use device::SerialDevice;
 pub use line::Wires;
 pub use notice::SerialNotice;
 pub use protocol::{REQUEST_BYTES, Request, SerialReading};

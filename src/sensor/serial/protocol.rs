@@ -3,6 +3,7 @@
 use super::line::Line;
 use super::notice::SerialNotice;
 use crate::battery::Measurement;
+use crate::sensor::timeout::TICK_TIMEOUT_US;
 use crate::sensor::{ControllerReading, EngineReading, MonitorKind};
 use crate::time::Instant;
 
@@ -40,8 +41,8 @@ pub(super) trait Protocol: Sized {
     /// Kinds of packs that it measures.
     const KINDS: &'static [MonitorKind];
 
-    /// After so long without a reading its packs have none, in microseconds.
-    const LOST_AFTER_US: u64;
+    /// For how long its packs may be without a reading, in microseconds.
+    const TIMEOUT_US: u64 = TICK_TIMEOUT_US;
 
     /// Nothing was received yet.
     fn new(model: &'static Self::Model) -> Self;

@@ -53,9 +53,10 @@ macro_rules! protocols {
                 }
             }
 
-            pub(super) const fn lost_after_us(self) -> u64 {
+            /// For how long its packs may be without a reading, in microseconds.
+            pub(in crate::sensor) const fn timeout_us(self) -> u64 {
                 match self {
-                    $($(Self::$device => $protocol::LOST_AFTER_US,)+)+
+                    $($(Self::$device => $protocol::TIMEOUT_US,)+)+
                 }
             }
 

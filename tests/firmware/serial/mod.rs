@@ -68,7 +68,7 @@ pub fn richen_power(errors: u16, centivolts: u16, centiamperes: u16) -> Vec<u8> 
 
 /// A sentence of protocol 4 of Intelligent Energy's 2.4 kW cell, by the checksum of ArduPilot's decoder
 /// (ArduPilot/ardupilot, libraries/AP_Generator/AP_Generator_IE_2400.cpp, `decode_v2_data`).
-fn protocol_4(terms: &str) -> Vec<u8> {
+pub fn protocol_4(terms: &str) -> Vec<u8> {
     let body = format!("<{terms},");
     let sum: u32 = body.bytes().map(u32::from).sum();
     format!("{body}{}>\n", !(sum as u8)).into_bytes()

@@ -32,7 +32,7 @@ enum Fault {
     Noise,
 }
 
-struct Unit {
+pub struct Unit {
     injection_us: u16,
     speed_rpm: u16,
     fault: Fault,
@@ -41,7 +41,7 @@ struct Unit {
 }
 
 impl Unit {
-    fn new(injection_us: u16, speed_rpm: u16) -> Self {
+    pub fn new(injection_us: u16, speed_rpm: u16) -> Self {
         Self {
             injection_us,
             speed_rpm,

@@ -1,7 +1,7 @@
 //! Engines, boat motors and several packs behind the second serial port, UART1 at GP4 (out) and GP5 (in).
 
-mod mega_squirt;
-mod torqeedo;
+pub mod mega_squirt;
+pub mod torqeedo;
 
 use crate::bench::{Bench, DIVIDER_CODE, SECOND};
 use crate::support::frames::{BatteryStatus, last_of, texts_of};
@@ -28,7 +28,7 @@ fn with_second_pack(kind: f32, parameters: &[(&str, f32)]) -> Bench {
 }
 
 /// What is connected to the port: answers what the board sends, and sends by itself.
-trait Peer {
+pub trait Peer {
     const BAUD: u32;
 
     /// Takes what the board has sent, and returns what is put on the wire at `now_us`.

@@ -87,13 +87,13 @@ fn faulty(fault: Fault, content: &[u8]) -> Vec<u8> {
 
 /// Whether what the board sends comes back to it.
 #[derive(Clone, Copy, PartialEq)]
-enum Echo {
+pub enum Echo {
     None,
     Comes,
 }
 
 /// A battery: asks the tiller for its speed every 50 ms, and instead each fourth time sends its state to the display.
-struct Battery {
+pub struct Battery {
     voltage: u16,
     current: u16,
     code: u8,
@@ -108,7 +108,7 @@ struct Battery {
 }
 
 impl Battery {
-    fn new(echo: Echo) -> Self {
+    pub fn new(echo: Echo) -> Self {
         Self {
             voltage: 2594,
             current: 123,
@@ -180,7 +180,7 @@ struct Motor {
 }
 
 impl Motor {
-    fn new(echo: Echo) -> Self {
+    pub fn new(echo: Echo) -> Self {
         Self {
             voltage: 2480,
             current: 215,

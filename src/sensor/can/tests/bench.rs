@@ -1,6 +1,6 @@
 //! A node, and what other nodes send.
 
-use crate::battery::{Measurement, ReadError};
+use crate::battery::Measurement;
 use crate::pack::Pack;
 use crate::sensor::can::identifier::{Identifier, Priority};
 use crate::sensor::can::messages::{BATTERY_AUX, BATTERY_INFO, CHARGER, CONTROLLER, DataType, NODE_STATUS};
@@ -114,7 +114,7 @@ impl Bench {
         self.events.drain(..).filter_map(of).collect()
     }
 
-    pub fn take_readings(&mut self) -> Vec<(Pack, Result<Measurement, ReadError>)> {
+    pub fn take_readings(&mut self) -> Vec<(Pack, Measurement)> {
         let of = |event: CanEvent| match event {
             CanEvent::Reading(pack, reading) => Some((pack, reading)),
             _ => None,
@@ -124,8 +124,7 @@ impl Bench {
 
     /// Packs and voltages of the readings.
     pub fn take_voltages(&mut self) -> Vec<(Pack, f32)> {
-        let of =
-            |(pack, reading): (Pack, Result<Measurement, ReadError>)| Some((pack, reading.ok()?.voltage_v?));
+        let of = |(pack, reading): (Pack, Measurement)| Some((pack, reading.voltage_v?));
         self.take_readings().into_iter().filter_map(of).collect()
     }
 }

@@ -4,12 +4,12 @@ use proptest::prelude::*;
 
 use super::bench::{Battery, Bench, node, pack};
 use super::golden::{self, frames};
-use crate::battery::{ArmState, ChargeState, Faults, Gauge, Measurement, ReadError, Supply};
+use crate::battery::{ArmState, ChargeState, Faults, Gauge, Measurement, Supply};
 use crate::identity::Identity;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
-use crate::sensor::can::packs::LOST_AFTER_US;
-use crate::sensor::{CanEvent, CanNotice, CanOptions, CanPack, CanSettings, CanSetup, MonitorKind};
+use crate::sensor::timeout::CAN_TIMEOUT_US;
+use crate::sensor::{CanEvent, CanNotice, CanOptions, CanPack, CanSettings, CanSetup};
 
 fn with(options: CanOptions) -> CanPack {
     CanPack {
@@ -29,7 +29,7 @@ fn of_battery(number: Pack, battery_id: i32) -> CanPack {
 fn reading(bench: &mut Bench) -> Measurement {
     let readings = bench.take_readings();
     assert_eq!(readings.len(), 1, "{readings:?}");
-    readings[0].1.expect("a reading")
+    readings[0].1
 }
 
 fn is_close(value: Option<f32>, expected: f32) -> bool {
@@ -109,7 +109,7 @@ fn what_the_battery_does_not_know_is_unknown() {
 }
 
 #[test]
-fn battery_without_a_plausible_voltage_has_no_reading() {
+fn voltage_that_is_unknown_or_negative_is_unknown() {
     for voltage_v in [f32::NAN, -40.0] {
         let mut bench = Bench::with_packs(&[pack(Pack::First)]);
         let battery = Battery {
@@ -117,11 +117,7 @@ fn battery_without_a_plausible_voltage_has_no_reading() {
             ..Battery::new(42, 0)
         };
         bench.receive(&battery.frames(0));
-        assert_eq!(
-            bench.take_readings(),
-            [(Pack::First, Err(ReadError::Implausible))],
-            "{voltage_v} V"
-        );
+        assert_eq!(reading(&mut bench).voltage_v, None, "{voltage_v} V");
     }
 }
 
@@ -267,37 +263,6 @@ fn cells_are_dropped_when_they_are_old() {
 }
 
 #[test]
-fn silent_battery_times_out_at_every_poll_until_it_returns() {
-    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
-    let battery = Battery::new(42, 0);
-    bench.receive(&battery.frames(0));
-    bench.take_readings();
-    bench.run_ms(LOST_AFTER_US / 1000);
-    assert_eq!(bench.take_readings(), []);
-    bench.run_ms(500);
-    assert_eq!(bench.take_readings(), [(Pack::First, Err(ReadError::Timeout)); 5]);
-    bench.receive(&battery.frames(1));
-    bench.run_ms(1000);
-    assert_eq!(bench.take_voltages(), [(Pack::First, 12.0)]);
-}
-
-#[test]
-fn battery_that_never_comes_times_out_too() {
-    let mut bench = Bench::with_packs(&[pack(Pack::Third)]);
-    bench.run_ms(LOST_AFTER_US / 1000 + 100);
-    assert_eq!(bench.take_readings(), [(Pack::Third, Err(ReadError::Timeout))]);
-    // A pack that is set up later has as much time.
-    bench.settings.packs.push(pack(Pack::Fourth)).unwrap();
-    bench.run_ms(LOST_AFTER_US / 1000);
-    assert!(
-        bench
-            .take_readings()
-            .iter()
-            .all(|(silent, _)| *silent == Pack::Third)
-    );
-}
-
-#[test]
 fn batteries_go_to_the_packs_with_their_ids() {
     let mut bench = Bench::with_packs(&[of_battery(Pack::First, 7), of_battery(Pack::Second, 3)]);
     for battery in [
@@ -350,7 +315,7 @@ fn another_node_takes_a_lost_ones_place_by_option_only() {
         bench.receive(&Battery::new(40, 0).frames(0));
         bench.receive(&other.frames(0));
         assert_eq!(bench.take_voltages(), [(Pack::First, 12.0)], "the first is kept");
-        bench.run_ms(LOST_AFTER_US / 1000);
+        bench.run_ms(CAN_TIMEOUT_US / 1000);
         bench.receive(&other.frames(1));
         assert_eq!(bench.take_voltages(), [], "until it is lost");
         bench.run_ms(100);
@@ -383,7 +348,7 @@ fn changed_id_releases_a_silent_battery_and_keeps_one_that_reports() {
     assert_eq!(bench.take_voltages().len(), 1, "the first still reports");
 
     bench.settings.packs[0].battery_id = Some(7);
-    bench.run_ms(LOST_AFTER_US / 1000);
+    bench.run_ms(CAN_TIMEOUT_US / 1000);
     bench.settings.packs[0].battery_id = None;
     bench.run_ms(100);
     bench.take_readings();
@@ -407,7 +372,7 @@ fn aux_of_another_node_counts_by_option_only() {
         let readings = bench.take_readings();
         let counts = readings
             .iter()
-            .map(|(_, reading)| reading.unwrap().cells.millivolts().len());
+            .map(|(_, reading)| reading.cells.millivolts().len());
         assert_eq!(counts.collect::<Vec<_>>(), [0, cells]);
     }
 }
@@ -424,15 +389,13 @@ fn settings_are_those_of_the_parameters() {
     assert_eq!(set_up(&parameters).node_id, None);
 
     for (parameter, value) in [
-        (BatteryParameter::Monitor, 8.0),
         (BatteryParameter::SerialNum, 7.0),
         (BatteryParameter::CurrMult, 0.5),
         (BatteryParameter::Options, 1025.0),
     ] {
         parameters.set(parameter.of(Pack::Third), value).unwrap();
     }
-    assert_eq!(MonitorKind::of(&parameters, Pack::Third), Some(MonitorKind::Can));
-    let settings = CanSettings::from_parameters(&parameters, &Identity::default(), ArmState::Armed);
+    let settings = CanSettings::new([Pack::Third], &parameters, &Identity::default(), ArmState::Armed);
     let expected = CanPack {
         pack: Pack::Third,
         battery_id: Some(7),
@@ -466,7 +429,7 @@ proptest! {
                 prop_assert_eq!(read_v, voltage_v);
                 let before = last.insert(pack.number(), (read_v, bench.now));
                 if let Some((before_v, heard)) = before {
-                    prop_assert!(before_v == read_v || bench.now.us_since(heard) > LOST_AFTER_US);
+                    prop_assert!(before_v == read_v || bench.now.us_since(heard) > CAN_TIMEOUT_US);
                 }
             }
         }

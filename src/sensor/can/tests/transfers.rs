@@ -297,7 +297,7 @@ proptest! {
             }
         }
         for (pack, reading) in bench.take_readings() {
-            prop_assert!(VOLTAGES.contains(&(pack, reading.unwrap().voltage_v.unwrap())));
+            prop_assert!(VOLTAGES.contains(&(pack, reading.voltage_v.unwrap())));
         }
     }
 

@@ -62,7 +62,7 @@ impl Protocol for IntelligentEnergy {
         wires: Wires::ReceiveOnly,
     };
     const KINDS: &'static [MonitorKind] = &[MonitorKind::GeneratorElectrical, MonitorKind::GeneratorFuel];
-    const LOST_AFTER_US: u64 = 5_000_000;
+    const TIMEOUT_US: u64 = 5_000_000;
 
     fn new(fuel_cell: &FuelCell) -> Self {
         Self {

@@ -40,7 +40,6 @@ impl Protocol for Kiss {
         wires: Wires::ReceiveOnly,
     };
     const KINDS: &'static [MonitorKind] = &[MonitorKind::Esc];
-    const LOST_AFTER_US: u64 = 100_000;
 
     fn new((): &()) -> Self {
         Self {

@@ -45,7 +45,7 @@ impl Protocol for MegaSquirt {
         wires: Wires::BothWays,
     };
     const KINDS: &'static [MonitorKind] = &[MonitorKind::Efi];
-    const LOST_AFTER_US: u64 = 1_000_000;
+    const TIMEOUT_US: u64 = 1_000_000;
 
     fn new((): &()) -> Self {
         Self {

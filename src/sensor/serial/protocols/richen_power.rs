@@ -52,7 +52,7 @@ impl Protocol for RichenPower {
         wires: Wires::ReceiveOnly,
     };
     const KINDS: &'static [MonitorKind] = &[MonitorKind::GeneratorElectrical];
-    const LOST_AFTER_US: u64 = 2_000_000;
+    const TIMEOUT_US: u64 = 2_000_000;
 
     fn new((): &()) -> Self {
         Self {

@@ -85,7 +85,7 @@ impl Protocol for Torqeedo {
     };
     const KINDS: &'static [MonitorKind] = &[MonitorKind::Torqeedo];
     /// ArduPilot's time-out of the battery's values.
-    const LOST_AFTER_US: u64 = 5_000_000;
+    const TIMEOUT_US: u64 = 5_000_000;
 
     fn new(place: &Place) -> Self {
         Self {

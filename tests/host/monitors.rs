@@ -1,0 +1,634 @@
+//! Every kind of monitor: whatever its source does, and whatever is set, its pack is measured, not connected, or unhealthy.
+
+use crate::desk::{Desk, adc_count};
+use crate::support::frames::{COMMAND_ACK, of_message, texts_of};
+use crate::support::pack_report::{PackReport, UNKNOWN_MV};
+use crate::support::requests::{arm, command_long, do_set_mode, manual_control, param_set};
+use proptest::prelude::*;
+use rover_battmon::autopilot::Start;
+use rover_battmon::battery::{
+    BatteryState, BusError, Contents, FailsafeLevel, Measurement, PackStatus, ReadError,
+};
+use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, Parameters, Range};
+use rover_battmon::sensor::{
+    AnalogPin, AnalogReadings, CanEvent, CanFrame, ControllerReading, DroneCan, EngineReading, Pulses,
+    SerialReading,
+};
+use rover_battmon::time::Instant;
+use rover_battmon::vehicle::SideDrives;
+
+/// Transfers that an independent implementation has made.
+#[path = "../workbench/can"]
+mod dronecan {
+    pub struct Transfer(pub &'static [(u32, &'static [u8])]);
+    #[allow(dead_code)]
+    #[rustfmt::skip]
+    pub mod transfers;
+}
+
+use dronecan::Transfer;
+use dronecan::transfers::{A, A_LATER};
+
+const TICK_US: u64 = 100_000;
+const SECOND_US: u64 = 1_000_000;
+
+/// How much later than after its time-out a pack may become unhealthy.
+const MARGIN_US: u64 = SECOND_US;
+
+const PREFLIGHT_STORAGE: u16 = 245;
+const RESET: f32 = 2.0;
+const ACCEPTED: u8 = 0;
+const MANUAL: f32 = 0.0;
+const HOLD: f32 = 2.0;
+
+/// `BATT_MONITOR` of kinds that are fed in a way of their own; the others are parts on a bus.
+const ANALOG_VOLTAGE: i32 = 3;
+const ANALOG: i32 = 4;
+const DRONECAN: i32 = 8;
+const ESC: i32 = 9;
+const SUM: i32 = 10;
+const FUEL_FLOW: i32 = 11;
+const FUEL_LEVEL_PWM: i32 = 12;
+const GENERATOR: i32 = 17;
+const GENERATOR_FUEL: i32 = 18;
+const TORQEEDO: i32 = 23;
+const FUEL_LEVEL_ANALOG: i32 = 24;
+const SYNTHETIC: i32 = 25;
+const EFI: i32 = 27;
+const AD7091R5: i32 = 28;
+const EXTERNAL: i32 = 29;
+const ANALOG_CURRENT: i32 = 31;
+
+/// Every value of `BATT_MONITOR` but 0.
+fn kinds() -> Vec<i32> {
+    let Range::OneOf(choices) = BatteryParameter::Monitor.row().range else {
+        panic!("a list of kinds");
+    };
+    choices
+        .iter()
+        .map(|(number, _)| *number)
+        .filter(|number| *number != 0)
+        .collect()
+}
+
+/// For how long a pack of this kind may be without a reading.
+fn timeout_us(kind: i32) -> u64 {
+    match kind {
+        DRONECAN | GENERATOR | GENERATOR_FUEL | TORQEEDO => 5 * SECOND_US,
+        EXTERNAL => 2 * SECOND_US,
+        EFI => SECOND_US,
+        FUEL_LEVEL_PWM => 250_000,
+        // That of its member, until that is unhealthy.
+        SUM => TICK_US + 500_000,
+        _ => TICK_US,
+    }
+}
+
+/// Whether a reading without a voltage is a failed one.
+fn measures_voltage(kind: i32) -> bool {
+    ![
+        SUM,
+        FUEL_FLOW,
+        FUEL_LEVEL_PWM,
+        FUEL_LEVEL_ANALOG,
+        GENERATOR,
+        GENERATOR_FUEL,
+        EFI,
+        AD7091R5,
+        ANALOG_CURRENT,
+    ]
+    .contains(&kind)
+}
+
+/// What a source does in a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Does {
+    /// It reports 12.5 V, or 12.25 V, or a level.
+    Measures,
+    MeasuresLess,
+    /// Its pack is unplugged, which it reports.
+    HasNoPack,
+    LosesVoltage,
+    ReportsNan,
+    ReportsTooMuch,
+    Fails,
+    Nothing,
+}
+
+const VOLTAGE_V: f32 = 12.5;
+const LOWER_V: f32 = 12.25;
+
+/// What is expected of a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fed {
+    Measured,
+    NoPack,
+    /// No reading, or one that is not valid.
+    Nothing,
+}
+
+/// A rover whose first pack is of a kind, with all that measures it.
+struct Rig {
+    desk: Desk,
+    kind: i32,
+    bus: Option<DroneCan>,
+    transfers: u8,
+    pulses: Pulses,
+    /// The driver pushes the stick in each tick.
+    drives: bool,
+}
+
+impl Rig {
+    fn new(kind: i32) -> Self {
+        let mut parameters = Parameters::defaults();
+        let mut named = vec![
+            ("BATT_MONITOR", kind as f32),
+            ("BATT_CURR_PIN", 27.0),
+            ("BATT_CAPACITY", 2000.0),
+            ("BATT_FS_UNH_ACT", HOLD),
+            // Batteries have their own cells here.
+            ("BATT_ARM_VOLT", 0.0),
+        ];
+        named.extend(match kind {
+            DRONECAN => vec![("CAN_P1_DRIVER", 1.0)],
+            ESC => vec![("SERIAL1_PROTOCOL", 16.0)],
+            SUM => vec![("BATT2_MONITOR", ANALOG_VOLTAGE as f32), ("BATT_SUM_MASK", 2.0)],
+            FUEL_FLOW | FUEL_LEVEL_PWM => vec![("BATT_CURR_PIN", 17.0)],
+            FUEL_LEVEL_ANALOG => vec![("BATT_FL_PIN", 28.0)],
+            GENERATOR | GENERATOR_FUEL => vec![("SERIAL1_PROTOCOL", 30.0), ("GEN_TYPE", 2.0)],
+            TORQEEDO => vec![("SERIAL1_PROTOCOL", 39.0), ("TRQD1_TYPE", 1.0)],
+            EFI => vec![("SERIAL1_PROTOCOL", 24.0), ("EFI_TYPE", 1.0), ("EFI_COEF1", 1.0)],
+            _ => vec![],
+        });
+        for (name, value) in named {
+            let id = rover_battmon::parameter::ParameterId::from_name(name.as_bytes()).expect(name);
+            parameters.set(id, value).expect("in range");
+        }
+        let desk = Desk::starting(Start::with_parameters(parameters));
+        let bus = desk
+            .autopilot
+            .can_setup()
+            .map(|setup| DroneCan::new(setup, Instant::EPOCH));
+        Self {
+            desk,
+            kind,
+            bus,
+            transfers: 0,
+            pulses: Pulses::NONE,
+            drives: false,
+        }
+    }
+
+    fn state(&self) -> &BatteryState {
+        self.desk.autopilot.battery(Pack::First)
+    }
+
+    /// A tick in which its source does this.
+    fn tick(&mut self, does: Does) -> Fed {
+        self.desk.now_us += TICK_US;
+        if self.drives {
+            let stick = manual_control(1, 0, 600);
+            self.desk.receive_in_chunks(&stick, 64);
+        }
+        if let Some(bus) = &mut self.bus {
+            let (settings, now) = (self.desk.autopilot.can_settings(), self.desk.now());
+            bus.poll(&settings, now, |event| {
+                self.desk.autopilot.add_can_event(&event, now)
+            });
+        }
+        let fed = self.feed(does);
+        self.desk.drive();
+        fed
+    }
+
+    fn ticks(&mut self, duration_us: u64, does: Does) {
+        for _ in 0..duration_us / TICK_US {
+            self.tick(does);
+        }
+    }
+
+    /// Samples with what the source does.
+    fn feed(&mut self, does: Does) -> Fed {
+        let mut pins = AnalogReadings::NONE;
+        let fed = match self.kind {
+            ANALOG_VOLTAGE | ANALOG | SYNTHETIC | SUM | ANALOG_CURRENT | FUEL_LEVEL_ANALOG => {
+                let (reading, fed) = self.analog(does);
+                for pin in AnalogPin::ALL {
+                    pins.set(pin, reading.map(adc_count));
+                }
+                fed
+            }
+            FUEL_FLOW | FUEL_LEVEL_PWM => self.pulses(does),
+            DRONECAN => self.battery_on_the_bus(does),
+            EXTERNAL => self.companion(does),
+            ESC => self.controller(does),
+            GENERATOR | GENERATOR_FUEL | TORQEEDO | EFI => self.serial(does),
+            _ => {
+                let (reading, fed) = self.reading(does);
+                let now = self.desk.now();
+                if let Some(reading) = reading {
+                    self.desk.autopilot.add_bus_reading(Pack::First, reading, now);
+                }
+                fed
+            }
+        };
+        self.desk.sample(pins);
+        fed
+    }
+
+    /// What an electric sensor reports: of one that is read, or that reports by itself.
+    fn reading(&self, does: Does) -> (Option<Result<Measurement, ReadError>>, Fed) {
+        let of = |voltage_v| Measurement {
+            voltage_v,
+            current_a: Some(1.0),
+            ..Measurement::default()
+        };
+        let blind = if measures_voltage(self.kind) {
+            Fed::Nothing
+        } else {
+            Fed::Measured
+        };
+        match does {
+            Does::Measures => (Some(Ok(of(Some(VOLTAGE_V)))), Fed::Measured),
+            Does::MeasuresLess => (Some(Ok(of(Some(LOWER_V)))), Fed::Measured),
+            Does::HasNoPack => (Some(Ok(of(Some(0.0)))), Fed::NoPack),
+            Does::LosesVoltage => (Some(Ok(of(None))), blind),
+            Does::ReportsNan => (Some(Ok(of(Some(f32::NAN)))), Fed::Nothing),
+            Does::ReportsTooMuch => (Some(Ok(of(Some(5e6)))), Fed::Nothing),
+            Does::Fails => (Some(Err(BusError::NoAnswer.into())), Fed::Nothing),
+            Does::Nothing => (None, Fed::Nothing),
+        }
+    }
+
+    /// A converter has a code, or fails.
+    fn analog(&self, does: Does) -> (Result<f32, ReadError>, Fed) {
+        let has_voltage = ![ANALOG_CURRENT, FUEL_LEVEL_ANALOG].contains(&self.kind);
+        match does {
+            Does::Measures => (Ok(VOLTAGE_V / 3.95), Fed::Measured),
+            Does::MeasuresLess => (Ok(LOWER_V / 3.95), Fed::Measured),
+            Does::HasNoPack if self.kind == SUM => (Ok(0.0), Fed::Nothing),
+            Does::HasNoPack if has_voltage => (Ok(0.0), Fed::NoPack),
+            Does::HasNoPack => (Ok(1.0), Fed::Measured),
+            Does::Nothing => (Err(ReadError::Timeout), Fed::Nothing),
+            _ => (Err(ReadError::Conversion), Fed::Nothing),
+        }
+    }
+
+    /// Pulses have a width, or there are none; a flow may be none.
+    fn pulses(&mut self, does: Does) -> Fed {
+        let width_us = match does {
+            Does::Measures => Some(1500),
+            Does::MeasuresLess => Some(1400),
+            Does::ReportsTooMuch => Some(3000),
+            _ => None,
+        };
+        for pulse in 0..4 {
+            if let Some(width_us) = width_us {
+                let rise = self.desk.now().before_us((4 - pulse) * 20_000);
+                self.pulses.rise(rise);
+                self.pulses.fall(rise.after_us(width_us));
+            }
+        }
+        self.desk.autopilot.set_pulses(self.pulses);
+        match does {
+            _ if self.kind == FUEL_FLOW => Fed::Measured,
+            Does::Measures | Does::MeasuresLess => Fed::Measured,
+            _ => Fed::Nothing,
+        }
+    }
+
+    fn battery_on_the_bus(&mut self, does: Does) -> Fed {
+        let transfer = match does {
+            Does::Measures => A,
+            Does::MeasuresLess => A_LATER,
+            Does::Fails | Does::Nothing => return Fed::Nothing,
+            _ => {
+                let (reading, fed) = self.reading(does);
+                let event = CanEvent::Reading(Pack::First, reading.unwrap().unwrap());
+                self.desk.autopilot.add_can_event(&event, self.desk.now());
+                return fed;
+            }
+        };
+        self.transfers = self.transfers.wrapping_add(1) & 0x1f;
+        let now = self.desk.now();
+        for frame in frames(&transfer, self.transfers) {
+            let deliver = |event| self.desk.autopilot.add_can_event(&event, now);
+            self.bus.as_mut().expect("a bus").receive(&frame, now, deliver);
+        }
+        Fed::Measured
+    }
+
+    fn companion(&mut self, does: Does) -> Fed {
+        let mut report = PackReport::of_voltage(0, (VOLTAGE_V * 1000.0) as u16);
+        report.current_ca = 100;
+        let fed = match does {
+            Does::Measures => Fed::Measured,
+            Does::MeasuresLess => {
+                report.voltages_mv[0] = (LOWER_V * 1000.0) as u16;
+                Fed::Measured
+            }
+            Does::HasNoPack => {
+                report.voltages_mv[0] = 0;
+                Fed::NoPack
+            }
+            Does::LosesVoltage | Does::ReportsNan => {
+                report.voltages_mv[0] = UNKNOWN_MV;
+                Fed::Nothing
+            }
+            Does::ReportsTooMuch => {
+                report.consumed_mah = i32::MAX;
+                Fed::Nothing
+            }
+            Does::Fails | Does::Nothing => return Fed::Nothing,
+        };
+        self.desk.receive_in_chunks(&report.frame(), 64);
+        fed
+    }
+
+    fn controller(&mut self, does: Does) -> Fed {
+        let (reading, fed) = self.reading(does);
+        if let Some(Ok(measurement)) = reading {
+            let reading = ControllerReading {
+                voltage_v: measurement.voltage_v,
+                current_a: measurement.current_a,
+                ..ControllerReading::default()
+            };
+            let now = self.desk.now();
+            self.desk
+                .autopilot
+                .add_serial_reading(SerialReading::Controller(reading), now);
+        }
+        fed
+    }
+
+    /// Devices on the serial line report by themselves, and some know no voltage.
+    fn serial(&mut self, does: Does) -> Fed {
+        let (reading, fed) = self.reading(does);
+        let Some(Ok(measurement)) = reading else {
+            return Fed::Nothing;
+        };
+        let nan = does == Does::ReportsNan;
+        let (reading, fed) = match self.kind {
+            GENERATOR => (SerialReading::GeneratorElectrical(measurement), fed),
+            TORQEEDO => (SerialReading::Torqeedo(measurement), fed),
+            GENERATOR_FUEL => {
+                let tank = Measurement {
+                    contents: Contents::Fuel,
+                    state_of_charge: Some(if nan { f32::NAN } else { 0.5 }),
+                    ..Measurement::default()
+                };
+                (
+                    SerialReading::GeneratorFuel(tank),
+                    if nan { Fed::Nothing } else { Fed::Measured },
+                )
+            }
+            _ => {
+                let engine = EngineReading {
+                    injection_ms: if nan { f32::NAN } else { 2.0 },
+                    speed_rpm: 3000,
+                };
+                // A duty cycle that is no number is no flow.
+                (SerialReading::Efi(engine), Fed::Measured)
+            }
+        };
+        self.desk.autopilot.add_serial_reading(reading, self.desk.now());
+        fed
+    }
+
+    fn ask(&mut self, request: &[u8]) -> u8 {
+        let answers = self.desk.ask(request);
+        of_message(&answers, COMMAND_ACK)[0].u8(2)
+    }
+
+    fn announced(&mut self) -> Vec<String> {
+        self.desk.post_due(self.desk.now_us);
+        texts_of(&self.desk.sent())
+    }
+
+    /// What is shown is this tick's reading.
+    fn assert_measured(&self, does: Does) {
+        let state = self.state();
+        assert_eq!(state.status, PackStatus::Healthy, "kind {}: {state:?}", self.kind);
+        let volts = match does {
+            Does::Measures => VOLTAGE_V,
+            _ => LOWER_V,
+        };
+        if measures_voltage(self.kind) {
+            let measured_v = state.voltage_v.expect("a voltage");
+            assert!((measured_v - volts).abs() < 0.01, "kind {}: {state:?}", self.kind);
+        }
+    }
+}
+
+/// The frames of a transfer with this transfer id, which is in the last byte of each.
+fn frames(transfer: &Transfer, transfer_id: u8) -> Vec<CanFrame> {
+    let frame = |(id, data): &(u32, &[u8])| {
+        let mut data = data.to_vec();
+        *data.last_mut().unwrap() |= transfer_id;
+        CanFrame::new(*id, &data).unwrap()
+    };
+    transfer.0.iter().map(frame).collect()
+}
+
+/// What is set while the rover runs, and not before the next start has it an effect on how packs are measured.
+#[derive(Clone, Copy, Debug)]
+enum Change {
+    /// Another kind.
+    Kind,
+    /// No kind at all.
+    Disabled,
+    /// What it is connected to.
+    Wiring,
+    /// Every parameter is at its default: command 245.
+    Defaults,
+}
+
+const CHANGES: [Change; 4] = [Change::Kind, Change::Disabled, Change::Wiring, Change::Defaults];
+
+impl Change {
+    fn apply(self, rig: &mut Rig) {
+        let set = |rig: &mut Rig, name: &str, value: f32| {
+            rig.desk.ask(&param_set(name, value));
+        };
+        match self {
+            Self::Kind => {
+                let other = if rig.kind == ANALOG_VOLTAGE {
+                    DRONECAN
+                } else {
+                    ANALOG_VOLTAGE
+                };
+                set(rig, "BATT_MONITOR", other as f32);
+            }
+            Self::Disabled => set(rig, "BATT_MONITOR", 0.0),
+            Self::Wiring => {
+                for (name, value) in [
+                    ("CAN_P1_DRIVER", 0.0),
+                    ("CAN_P1_BITRATE", 125_000.0),
+                    ("CAN_D1_UC_NODE", 77.0),
+                    ("SERIAL1_PROTOCOL", 0.0),
+                    ("GEN_TYPE", 3.0),
+                    ("EFI_TYPE", 0.0),
+                    ("TRQD1_TYPE", 2.0),
+                    ("BATT_I2C_ADDR", 33.0),
+                    ("BATT_CHANNEL", 3.0),
+                ] {
+                    set(rig, name, value);
+                }
+            }
+            Self::Defaults => {
+                rig.ask(&command_long(PREFLIGHT_STORAGE, RESET));
+            }
+        }
+    }
+}
+
+#[test]
+fn changed_settings_never_freeze_a_pack() {
+    for kind in kinds() {
+        for change in CHANGES {
+            for drives in [false, true] {
+                // Refused while armed; and it puts a pin that acts at once elsewhere.
+                let is_reset = matches!(change, Change::Defaults);
+                let has_own_pin = [
+                    ANALOG,
+                    FUEL_FLOW,
+                    FUEL_LEVEL_PWM,
+                    FUEL_LEVEL_ANALOG,
+                    ANALOG_CURRENT,
+                ];
+                if is_reset
+                    && (drives || has_own_pin.contains(&kind) || [SUM, EFI, GENERATOR_FUEL].contains(&kind))
+                {
+                    continue;
+                }
+                let mut rig = Rig::new(kind);
+                rig.ticks(3 * SECOND_US, Does::Measures);
+                rig.assert_measured(Does::Measures);
+                rig.assert_measured(Does::Measures);
+                if drives {
+                    assert_eq!(rig.ask(&arm()), ACCEPTED, "kind {kind}: {:?}", rig.announced());
+                    rig.ask(&do_set_mode(MANUAL));
+                    rig.drives = true;
+                    rig.ticks(SECOND_US, Does::Measures);
+                    assert_ne!(rig.desk.drive(), SideDrives::COAST);
+                }
+                change.apply(&mut rig);
+                // What it measures goes on.
+                rig.ticks(2 * timeout_us(kind) + MARGIN_US, Does::MeasuresLess);
+                rig.assert_measured(Does::MeasuresLess);
+                if kind == FUEL_FLOW {
+                    continue;
+                }
+                rig.ticks(timeout_us(kind) + MARGIN_US, Does::Nothing);
+                let case = format!("kind {kind}, {change:?}, drives: {drives}");
+                assert_eq!(rig.state().status, PackStatus::Unhealthy, "{case}");
+                if drives {
+                    rig.ticks(5 * SECOND_US, Does::Nothing);
+                    assert_eq!(rig.state().failsafe, FailsafeLevel::Unhealthy, "{case}");
+                } else {
+                    rig.ticks(SECOND_US, Does::Nothing);
+                    assert_ne!(rig.ask(&arm()), ACCEPTED, "{case}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn packs_are_unhealthy_when_they_always_were_and_not_before() {
+    for kind in kinds().into_iter().filter(|kind| *kind != FUEL_FLOW) {
+        let mut rig = Rig::new(kind);
+        rig.ticks(2 * SECOND_US, Does::Measures);
+        let before = timeout_us(kind) / TICK_US;
+        rig.ticks(before * TICK_US, Does::Nothing);
+        rig.assert_measured(Does::Measures);
+        rig.assert_measured(Does::Measures);
+        rig.ticks(500_000, Does::Nothing);
+        assert_eq!(rig.state().status, PackStatus::Unhealthy, "kind {kind}");
+        let texts = rig.announced();
+        let is_text = |text: &String| text.starts_with("Battery 1 unhealthy: ");
+        assert_eq!(
+            texts.iter().filter(|text| is_text(text)).count(),
+            1,
+            "kind {kind}: {texts:?}"
+        );
+    }
+}
+
+#[test]
+fn reading_without_the_voltage_that_its_kind_measures_is_a_failed_one() {
+    for kind in kinds() {
+        let has_voltage_by_itself = [ANALOG_VOLTAGE, ANALOG, SYNTHETIC].contains(&kind);
+        if !measures_voltage(kind) || has_voltage_by_itself {
+            continue;
+        }
+        let mut rig = Rig::new(kind);
+        rig.ticks(2 * SECOND_US, Does::Measures);
+        rig.announced();
+        rig.ticks(timeout_us(EXTERNAL) + SECOND_US, Does::LosesVoltage);
+        let state = *rig.state();
+        assert_eq!((state.status, kind), (PackStatus::Unhealthy, kind));
+        // That of a component is no reading at all.
+        let reason = if kind == EXTERNAL {
+            "no reading in time"
+        } else {
+            "impossible value"
+        };
+        assert_eq!(
+            rig.announced(),
+            [format!("Battery 1 unhealthy: {reason}")],
+            "kind {kind}"
+        );
+    }
+}
+
+fn any_step() -> impl Strategy<Value = (Does, u8, Option<Change>)> {
+    let does = prop::sample::select(vec![
+        Does::Measures,
+        Does::MeasuresLess,
+        Does::HasNoPack,
+        Does::LosesVoltage,
+        Does::ReportsNan,
+        Does::ReportsTooMuch,
+        Does::Fails,
+        Does::Nothing,
+    ]);
+    // Pins act at once; they are another property's.
+    let change = prop::option::weighted(
+        0.2,
+        prop::sample::select(vec![Change::Kind, Change::Disabled, Change::Wiring]),
+    );
+    // Up to seven seconds.
+    (does, prop_oneof![4 => 1..4u8, 1 => 1..70u8], change)
+}
+
+proptest! {
+    #[test]
+    fn whatever_a_source_does_its_pack_is_measured_not_connected_or_unhealthy(
+        kind in prop::sample::select(kinds()),
+        steps in prop::collection::vec(any_step(), 1..40),
+    ) {
+        let mut rig = Rig::new(kind);
+        let mut last = (Fed::Measured, 0);
+        for (does, ticks, change) in steps {
+            if let Some(change) = change {
+                change.apply(&mut rig);
+            }
+            for _ in 0..ticks {
+                let fed = rig.tick(does);
+                if fed != Fed::Nothing {
+                    last = (fed, rig.desk.now_us);
+                }
+                let is_in_time = |since_us| rig.desk.now_us - since_us <= timeout_us(kind) + MARGIN_US;
+                match rig.state().status {
+                    PackStatus::Unhealthy => prop_assert_ne!(fed, Fed::Measured),
+                    PackStatus::Healthy => prop_assert!(is_in_time(last.1) && last.0 == Fed::Measured),
+                    PackStatus::NotConnected => prop_assert!(is_in_time(last.1) && last.0 == Fed::NoPack),
+                    PackStatus::Unknown => prop_assert!(is_in_time(0)),
+                    PackStatus::Disabled => prop_assert!(false, "it is monitored"),
+                }
+            }
+        }
+    }
+}
