@@ -8,8 +8,8 @@ use crate::time::Instant;
 /// Time in which one announcement of a kind becomes allowed again, in microseconds.
 const INTERVAL_US: u64 = 10_000_000;
 
-/// Kinds that are counted at a time. Beyond that the one that has been limited least gives way.
-const KINDS: usize = 24;
+/// Kinds that are counted at a time. Beyond that the one that has been limited least gives way: those that flood stay.
+const KINDS: usize = 8;
 
 /// Allows several announcements of a kind at once, as many as the kind says, and then one per [`INTERVAL_US`].
 #[derive(Debug, Default)]

@@ -2,7 +2,6 @@
 
 use super::charge_state::by_failsafe;
 use super::condition::{Change, Condition, Evidence};
-use super::diagnosis::FAULTS;
 use super::event::push;
 use super::{ArmState, BatteryState, ChargeState, Faults, PackEvent, PackEvents, PackStatus};
 
@@ -29,11 +28,37 @@ pub(super) struct ChargeReporter {
     /// How long nothing is reported from now on, in seconds.
     settling_s: f32,
     charging: Condition,
-    faults: [Condition; FAULTS.len()],
-    /// Those that the pack reports, and those it has reported in the last [`RECOVERY_S`].
-    reported: Faults,
-    /// How long some of them have been absent, in seconds.
+    faults: AnnouncedFaults,
+    /// Those that the pack reports itself.
+    reported: AnnouncedFaults,
+}
+
+/// Faults that were announced.
+#[derive(Clone, Copy, Debug, Default)]
+struct AnnouncedFaults {
+    faults: Faults,
+    /// For how long some of them have been absent, in seconds.
     absent_s: f32,
+}
+
+impl AnnouncedFaults {
+    /// Those that are new, `dt_s` seconds after the ones before.
+    fn update(&mut self, dt_s: f32, present: Faults) -> Faults {
+        let new = present - self.faults;
+        self.faults |= present;
+        self.absent_s = if present == self.faults {
+            0.0
+        } else {
+            self.absent_s + dt_s
+        };
+        if self.absent_s >= RECOVERY_S {
+            *self = Self {
+                faults: present,
+                absent_s: 0.0,
+            };
+        }
+        new
+    }
 }
 
 impl ChargeReporter {
@@ -57,32 +82,21 @@ impl ChargeReporter {
         if self.begins_to_charge(dt_s, state) {
             push(events, PackEvent::Charging);
         }
-        let faults = self.new_faults(dt_s, state);
-        if !faults.is_empty() {
-            push(events, PackEvent::Faults(faults));
-        }
-        let reported = self.new_reported(dt_s, state);
-        if !reported.is_empty() {
-            push(events, PackEvent::ReportedFaults(reported));
+        // A sensor that has failed does not end a fault.
+        if state.status == PackStatus::Healthy {
+            self.add_faults(dt_s, state, events);
         }
     }
 
-    fn new_reported(&mut self, dt_s: f32, state: &BatteryState) -> Faults {
-        if state.status != PackStatus::Healthy {
-            return Faults::empty();
+    fn add_faults(&mut self, dt_s: f32, state: &BatteryState, events: &mut PackEvents) {
+        let faults = self.faults.update(dt_s, state.faults);
+        if !faults.is_empty() {
+            push(events, PackEvent::Faults(faults));
         }
-        let present = state.reported.faults;
-        let new = present - self.reported;
-        self.reported |= present;
-        self.absent_s = if present == self.reported {
-            0.0
-        } else {
-            self.absent_s + dt_s
-        };
-        if self.absent_s >= RECOVERY_S {
-            self.reported = present;
+        let reported = self.reported.update(dt_s, state.reported.faults);
+        if !reported.is_empty() {
+            push(events, PackEvent::ReportedFaults(reported));
         }
-        new
     }
 
     fn charge(&mut self, dt_s: f32, state: &BatteryState) -> Option<PackEvent> {
@@ -115,23 +129,6 @@ impl ChargeReporter {
     fn begins_to_charge(&mut self, dt_s: f32, state: &BatteryState) -> bool {
         let evidence = Evidence::of(state.charge_state == ChargeState::Charging);
         self.charging.update(dt_s, evidence, RECOVERY_S) == Some(Change::Begins)
-    }
-
-    fn new_faults(&mut self, dt_s: f32, state: &BatteryState) -> Faults {
-        let mut new = Faults::empty();
-        if state.faults.is_empty() && self.faults.iter().all(Condition::is_absent) {
-            return new;
-        }
-        for (fault, condition) in FAULTS.into_iter().zip(&mut self.faults) {
-            let evidence = match state.status {
-                PackStatus::Healthy => Evidence::of(state.faults.contains(fault)),
-                _ => Evidence::Ambiguous,
-            };
-            if condition.update(dt_s, evidence, RECOVERY_S) == Some(Change::Begins) {
-                new |= fault;
-            }
-        }
-        new
     }
 }
 

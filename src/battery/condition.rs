@@ -36,11 +36,6 @@ pub(super) enum Change {
 }
 
 impl Condition {
-    /// Whether it was not reported, or its end was.
-    pub fn is_absent(&self) -> bool {
-        matches!(self, Self::Absent)
-    }
-
     /// Takes the evidence of a tick, `dt_s` seconds after the one before. The condition ends after an absence of
     /// `recovery_s` seconds.
     pub fn update(&mut self, dt_s: f32, evidence: Evidence, recovery_s: f32) -> Option<Change> {

@@ -17,7 +17,7 @@ const MIN_TEMPERATURE_C: f32 = -20.0;
 const MAX_TEMPERATURE_C: f32 = 60.0;
 
 /// All faults.
-pub(super) const FAULTS: [Faults; 7] = [
+const FAULTS: [Faults; 7] = [
     Faults::DEEP_DISCHARGE,
     Faults::SPIKES,
     Faults::CELL_FAIL,

@@ -37,6 +37,8 @@ pub struct Measurement {
     pub details: PackDetails,
     /// What the pack reports of its own condition.
     pub reported: Reported,
+    /// Time until the pack is empty, in seconds, if the pack or its sensor reports it.
+    pub time_remaining_s: Option<f32>,
     /// Whether the pack is about to power off.
     pub supply: Supply,
     /// The members of a sum, one bit per instance from bit 0; 0 for a sensor.

@@ -4,14 +4,12 @@ use super::{ChargeState, Faults};
 
 /// What a pack, or another component that measures it, reports of its condition. It is shown, and its faults are
 /// announced; none of them changes what is found here, and only [`Faults::BAD_BATTERY`] keeps a rover from being armed.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reported {
     /// Faults.
     pub faults: Faults,
     /// Charge state.
     pub charge_state: Option<ChargeState>,
-    /// Time until the pack is empty, in seconds.
-    pub time_remaining_s: Option<f32>,
 }
 
 impl Reported {
@@ -19,6 +17,5 @@ impl Reported {
     pub const NONE: Self = Self {
         faults: Faults::empty(),
         charge_state: None,
-        time_remaining_s: None,
     };
 }

@@ -26,6 +26,8 @@ pub struct ExternalReading {
     pub temperature_c: Option<f32>,
     /// What the component reports of the pack's condition.
     pub reported: Reported,
+    /// Time until the pack is empty, in seconds.
+    pub time_remaining_s: Option<f32>,
 }
 
 impl ExternalReading {
@@ -51,6 +53,7 @@ impl From<&ExternalReading> for Measurement {
             temperature_c: reading.temperature_c,
             cells: reading.cells,
             reported: reading.reported,
+            time_remaining_s: reading.time_remaining_s,
             ..Self::default()
         }
     }

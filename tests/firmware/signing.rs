@@ -95,9 +95,11 @@ fn only_who_has_the_key_is_obeyed() {
     assert_eq!(
         texts_of(&frames).iter().filter(ignored).count(),
         1,
-        "once a minute"
+        "in ten seconds"
     );
-    assert_eq!(bench.logged(LogLevel::Warn, "ignored: ").len(), 1);
+    let logged = bench.logged(LogLevel::Info, "ignored: ");
+    let announced = logged.iter().filter(|(_, line)| line.contains("announced: "));
+    assert_eq!(announced.count(), 1, "{logged:?}");
     let status = of_message(&frames, SYS_STATUS);
     assert_eq!(SysStatus(status[status.len() - 1]).dropped(), 0);
 }

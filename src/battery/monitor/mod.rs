@@ -303,7 +303,9 @@ impl BatteryMonitor {
         }
         if let Some(kept) = findings.second {
             self.keep(kept, settings, events);
-            self.update_time_remaining(settings);
+            if measurement.time_remaining_s.is_none() {
+                self.update_time_remaining(settings);
+            }
         }
     }
 
@@ -459,7 +461,7 @@ impl BatteryMonitor {
         if state.remaining_pct.is_none() {
             state.time_remaining_s = None;
         }
-        state.time_remaining_s = state.reported.time_remaining_s.or(state.time_remaining_s);
+        state.time_remaining_s = measurement.time_remaining_s.or(state.time_remaining_s);
         self.update_learnt(settings);
         self.update_usable();
     }
@@ -496,11 +498,8 @@ impl BatteryMonitor {
             .or(state.remaining_pct);
     }
 
-    /// How long the load can still be served, unless that is reported: once a second, since it takes a division.
+    /// How long the load can still be served: once a second, since it takes a division.
     fn update_time_remaining(&mut self, settings: &PackSettings) {
-        if self.state.reported.time_remaining_s.is_some() {
-            return;
-        }
         let charge = self.estimated_charge();
         let state = &mut self.state;
         state.time_remaining_s = match (state.current_a, charge) {

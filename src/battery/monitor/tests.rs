@@ -706,9 +706,9 @@ fn what_a_pack_reports_ends_with_the_pack() {
     let hot = Measurement {
         reported: Reported {
             faults: Faults::OVER_TEMPERATURE,
-            time_remaining_s: Some(60.0),
             ..Reported::NONE
         },
+        time_remaining_s: Some(60.0),
         ..volts(11.7)
     };
     assert_eq!(bench.run(2.0, hot).time_remaining_s, Some(60.0));

@@ -43,6 +43,7 @@ pub(super) fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
     let known = known_fields(&fields)?;
     let current_ca = payload.i16(CURRENT_BATTERY);
     let temperature_cdegc = payload.i16(TEMPERATURE);
+    let time_remaining_s = payload.i32(TIME_REMAINING);
     Some(ExternalReading {
         pack,
         voltage_v: sum_v(known),
@@ -54,17 +55,16 @@ pub(super) fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
         temperature_c: (temperature_cdegc != TEMPERATURE_UNKNOWN_CDEGC)
             .then(|| f32::from(temperature_cdegc) / HUNDREDTHS),
         reported: reported(payload),
+        // 0 is unknown.
+        time_remaining_s: (time_remaining_s > 0).then_some(time_remaining_s as f32),
     })
 }
 
 /// Bits that MAVLink does not have are none of a fault's.
 fn reported(payload: &Payload<'_>) -> Reported {
-    let time_remaining_s = payload.i32(TIME_REMAINING);
     Reported {
         faults: Faults::from_bits_truncate(payload.u32(FAULT_BITMASK) as u16) & Faults::MAVLINK,
         charge_state: ChargeState::from_number(payload.u8(CHARGE_STATE)),
-        // 0 is unknown.
-        time_remaining_s: (time_remaining_s > 0).then_some(time_remaining_s as f32),
     }
 }
 
@@ -177,8 +177,8 @@ mod tests {
             reported: Reported {
                 faults: Faults::OVER_CURRENT | Faults::OVER_TEMPERATURE | Faults::CELLS_CONFIGURATION,
                 charge_state: Some(ChargeState::Critical),
-                time_remaining_s: Some(1800.0),
             },
+            time_remaining_s: Some(1800.0),
         };
         assert_eq!(decoded(&message), Some(expected));
     }
@@ -195,6 +195,7 @@ mod tests {
             state_of_charge: None,
             temperature_c: None,
             reported: Reported::NONE,
+            time_remaining_s: None,
         };
         assert_eq!(decoded(&at_12_volts()), Some(expected));
         for time_remaining in [-1, i32::MIN] {

@@ -30,7 +30,6 @@ pub(super) fn of_battery(flags: u16) -> Reported {
     Reported {
         faults: faults(flags, &OF_BATTERIES),
         charge_state: (flags & CHARGING != 0).then_some(ChargeState::Charging),
-        ..Reported::NONE
     }
 }
 
