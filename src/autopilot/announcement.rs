@@ -207,7 +207,15 @@ impl Announcement<'_> {
 impl fmt::Display for Announcement<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Pack(pack, event) => write!(f, "Battery {} {event}", pack.number()),
+            Self::Pack(pack, event) => {
+                write!(f, "Battery {} {event}", pack.number())?;
+                let cells = BatteryParameter::Cells.of(*pack).name();
+                match event {
+                    PackEvent::CellsDetected { .. } => write!(f, " (set {cells} to be sure)"),
+                    PackEvent::CellsAmbiguous { .. } => write!(f, ": set {cells}"),
+                    _ => Ok(()),
+                }
+            }
             Self::Vehicle(event) => write!(f, "{event}"),
             Self::FailsafesOff => f.write_str("Battery failsafes are off: set BATT_LOW_VOLT"),
             Self::Suggestion(pack, suggested) => write!(
@@ -288,11 +296,11 @@ mod tests {
         for (event, expected) in [
             (
                 PackEvent::CellsDetected { count: 3 },
-                "Battery 9 has 3 cells (set BATT_CELLS to be sure)",
+                "Battery 9 has 3 cells (set BATT9_CELLS to be sure)",
             ),
             (
                 PackEvent::CellsAmbiguous { voltage_v: 8.85 },
-                "Battery 9 cells unclear at 8.85V: set BATT_CELLS",
+                "Battery 9 cells unclear at 8.85V: set BATT9_CELLS",
             ),
             (PackEvent::Swapped, "Battery 9 swapped: estimates restarted"),
             (PackEvent::ContactLost, "Battery 9 not connected"),

@@ -168,7 +168,8 @@ impl Packs {
             MonitorKind::Sum => {
                 let mask = parameters.get_whole(BatteryParameter::SumMask.of(pack)) as u16;
                 let voltage = SumVoltage::from_parameters(parameters, pack);
-                self.bank.sum(pack, mask, voltage)
+                let monitored = self.order.iter().fold(0, |mask, (pack, _)| mask | pack.bit());
+                self.bank.sum(pack, mask, monitored, voltage)
             }
             MonitorKind::Fuel(kind) => {
                 let readings = FuelReadings {

@@ -15,6 +15,8 @@ pub enum ArmingFailure {
     Failed,
     /// The voltage does not fit `BATT_CELLS`: what the charge is computed from is wrong.
     WrongCells,
+    /// A cell rests lower than the charge that the pack reports allows.
+    ContradictedCharge,
     /// The charge state is EMERGENCY.
     Emergency,
     /// The terminal voltage is below `BATT_ARM_VOLT`.
@@ -41,6 +43,7 @@ impl fmt::Display for ArmingFailure {
             Self::Unhealthy => "unhealthy",
             Self::Failed => "has failed",
             Self::WrongCells => "voltage does not fit cells",
+            Self::ContradictedCharge => "charge contradicts voltage",
             Self::Emergency => "is nearly empty",
             Self::BelowArmingVoltage => "below minimum arming voltage",
             Self::BelowArmingCapacity => "below minimum arming capacity",
@@ -75,8 +78,12 @@ pub fn arming_failures(
         ),
         (state.has_failed(), ArmingFailure::Failed),
         (
-            state.faults.contains(Faults::INCOMPATIBLE_VOLTAGE),
+            state.faults.contains(Faults::CELLS_CONFIGURATION),
             ArmingFailure::WrongCells,
+        ),
+        (
+            state.faults.contains(Faults::CONTRADICTED_CHARGE),
+            ArmingFailure::ContradictedCharge,
         ),
         (
             state.charge_state == ChargeState::Emergency,
@@ -138,7 +145,7 @@ mod tests {
     fn pack_with_another_number_of_cells_fails() {
         let state = BatteryState {
             status: PackStatus::Healthy,
-            faults: Faults::INCOMPATIBLE_VOLTAGE,
+            faults: Faults::CELLS_CONFIGURATION,
             ..BatteryState::default()
         };
         let failures: Vec<_> = arming_failures(&state, &PackSettings::default()).collect();

@@ -2,7 +2,8 @@
 
 use super::sum::{SumVoltage, sum};
 use super::{
-    BatteryAlert, BatteryMonitor, Contents, FailsafeLevel, Measurement, PackMemory, PackSource, ReadError,
+    BatteryAlert, BatteryMonitor, Contents, Counted, FailsafeLevel, Measurement, PackMemory, PackSource,
+    ReadError,
 };
 use crate::pack::{MAX_PACKS, Pack};
 
@@ -28,14 +29,22 @@ impl BatteryBank {
         Pack::ALL.into_iter().zip(&self.monitors)
     }
 
-    /// The sum of the packs in `mask` (`BATT_SUM_MASK`), by their latest states. Bit 0 is the first; an empty mask
-    /// means all packs after `own`. A sum never includes itself.
+    /// The sum of the packs in `mask` (`BATT_SUM_MASK`) that are monitored, by their latest states. Bit 0 is the first; an
+    /// empty mask means all packs after `own`. A sum never includes itself.
     ///
     /// # Errors
     /// No member is healthy.
-    pub fn sum(&self, own: Pack, mask: u16, voltage: SumVoltage) -> Result<Measurement, ReadError> {
+    pub fn sum(
+        &self,
+        own: Pack,
+        mask: u16,
+        monitored: u16,
+        voltage: SumVoltage,
+    ) -> Result<Measurement, ReadError> {
         let is_member = move |pack: Pack| {
-            if mask == 0 {
+            if monitored & pack.bit() == 0 {
+                false
+            } else if mask == 0 {
                 pack > own
             } else {
                 pack != own && mask & pack.bit() != 0
@@ -47,8 +56,19 @@ impl BatteryBank {
             .filter(move |(pack, _)| is_member(**pack));
         let measurement = sum(members.clone().map(|(_, monitor)| monitor.state()), voltage)?;
         let charged = members.filter(|(_, monitor)| monitor.state().contents == Contents::Charge);
+        let of_members = || charged.clone().map(|(_, monitor)| monitor);
+        let counted = measurement.counted.map(|counted| match counted {
+            Counted::Members { consumed, .. } => Counted::Members {
+                consumed,
+                drawn_mah: of_members().map(drawn_mah).sum(),
+            },
+            other => other,
+        });
         Ok(Measurement {
-            members: charged.fold(0, |mask, (pack, _)| mask | pack.bit()),
+            counted,
+            members: charged.clone().fold(0, |mask, (pack, _)| mask | pack.bit()),
+            members_capacity_mah: of_members().map(|monitor| monitor.state().capacity_mah()).sum(),
+            members_spread: spread(of_members().map(BatteryMonitor::resting_v)),
             ..measurement
         })
     }
@@ -88,6 +108,21 @@ impl BatteryBank {
     }
 }
 
+/// Charge drawn from a member, in milliampere-hours, if it is counted.
+fn drawn_mah(monitor: &BatteryMonitor) -> Option<f32> {
+    monitor.state().consumed?;
+    Some(monitor.drawn_mah())
+}
+
+/// By how much the highest of these voltages exceeds the lowest, relative to it; `None` unless all are known.
+fn spread(voltages: impl Iterator<Item = Option<f32>> + Clone) -> Option<f32> {
+    let lowest_v = voltages.clone().try_fold(f32::INFINITY, |lowest_v, voltage_v| {
+        Some(lowest_v.min(voltage_v?))
+    })?;
+    let highest_v = voltages.flatten().fold(0.0, f32::max);
+    (highest_v >= lowest_v).then(|| highest_v / lowest_v - 1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -111,7 +146,7 @@ mod tests {
                 .update(Tick::default(), Ok(reading), &PackSettings::default());
         }
         let members = |mask| {
-            bank.sum(Pack::First, mask, SumVoltage::Mean)
+            bank.sum(Pack::First, mask, u16::MAX, SumVoltage::Mean)
                 .map(|sum| sum.members)
         };
         assert_eq!(members(0b1111), Ok(0b1010));

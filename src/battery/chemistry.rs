@@ -25,6 +25,8 @@ pub(super) struct Cell {
     pub curve: Curve,
     /// Standard deviation of curves of different makes, with half the hysteresis, in volts.
     pub curve_sigma_v: f32,
+    /// By how much cells of other makes rest below the curve at most, in volts.
+    pub lowest_make_v: f32,
     /// Ohmic resistance times capacity, in Ω·Ah: the immediate voltage drop at 1 C.
     pub ohmic_drop_v: f32,
     /// The additional slow drop of a lasting load, relative to that.
@@ -49,7 +51,17 @@ pub(super) struct Cell {
     pub min_v: f32,
 }
 
+/// Error of the charge that a gauge reports, relative to the capacity.
+const GAUGE_ERROR: f32 = 0.1;
+
 impl Cell {
+    /// The lowest resting voltage at this state of charge, from 0 to 1, in volts: of any make, of a gauge that is a tenth
+    /// off, and as long as a cell recovers from a load of 1 C.
+    pub fn lowest_resting_v(&self, state_of_charge: f32) -> f32 {
+        let charge = (state_of_charge - GAUGE_ERROR).max(0.0);
+        self.curve.voltage_v(charge) - self.lowest_make_v - self.lasting_drop_v()
+    }
+
     /// Steady-state voltage drop at 1 C, in volts.
     pub fn lasting_drop_v(&self) -> f32 {
         self.ohmic_drop_v * (1.0 + self.slow_share)
@@ -92,6 +104,7 @@ static LIPO: Cell = Cell {
         3.929, 3.966, 4.007, 4.061, 4.099, 4.144, 4.200,
     ]),
     curve_sigma_v: 0.030,
+    lowest_make_v: 0.120,
     ohmic_drop_v: 0.026,
     slow_share: 0.5,
     slow_share_sigma: 0.5,
@@ -112,6 +125,7 @@ static LIFE: Cell = Cell {
         3.318, 3.325, 3.330, 3.333, 3.337, 3.345, 3.589,
     ]),
     curve_sigma_v: 0.020,
+    lowest_make_v: 0.040,
     ohmic_drop_v: 0.023,
     slow_share: 1.0,
     slow_share_sigma: 0.7,
@@ -134,6 +148,7 @@ static LIION: Cell = Cell {
         3.921, 3.969, 4.018, 4.063, 4.089, 4.117, 4.199,
     ]),
     curve_sigma_v: 0.055,
+    lowest_make_v: 0.126,
     ohmic_drop_v: 0.09,
     slow_share: 1.75,
     slow_share_sigma: 0.9,
@@ -154,6 +169,7 @@ static NIMH: Cell = Cell {
         1.332, 1.338, 1.344, 1.358, 1.372, 1.388, 1.404,
     ]),
     curve_sigma_v: 0.050,
+    lowest_make_v: 0.095,
     ohmic_drop_v: 0.018,
     slow_share: 1.0,
     slow_share_sigma: 0.7,

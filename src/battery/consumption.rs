@@ -3,7 +3,7 @@
 use super::Consumed;
 
 /// Up to this interval the latest reading is integrated over all of it, as in ArduPilot and PX4.
-const MAX_INTERVAL_US: u64 = 2_000_000;
+pub(super) const MAX_INTERVAL_US: u64 = 2_000_000;
 
 /// Up to this gap the mean of the readings before and after is integrated; a longer one is not counted.
 const MAX_INTERPOLATED_GAP_US: u64 = 60_000_000;
@@ -58,6 +58,17 @@ impl Consumption {
         if let Some(voltage_v) = voltage_v {
             self.energy_nj = self.energy_nj.saturating_add((charge_nc * voltage_v) as i64);
         }
+    }
+
+    /// Adds the charge by which `now` exceeds `before`.
+    pub fn add_charge_since(&mut self, now: &Self, before: &Self) {
+        let added_nc = now.charge_nc.saturating_sub(before.charge_nc);
+        self.charge_nc = self.charge_nc.saturating_add(added_nc);
+    }
+
+    /// Takes over the charge of `other`; the energy is kept.
+    pub fn set_charge_of(&mut self, other: &Self) {
+        self.charge_nc = other.charge_nc;
     }
 
     /// Adds the increment of a sensor's own counter.

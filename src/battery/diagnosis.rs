@@ -1,13 +1,19 @@
 //! Detection of a pack's faults.
 
-use super::BatteryState;
 use super::chemistry::{Cell, Chemistry};
 use super::failsafe::is_below;
 use super::faults::Faults;
 use super::settings::PackSettings;
+use super::{BatteryState, ChargeSource};
 
 /// Debounce time of a fault's beginning and end, in seconds.
 const DEBOUNCE_S: f32 = 1.0;
+
+/// A contradicted charge has to be so for this long at rest, in seconds: cells recover from a load.
+const CONTRADICTION_S: f32 = 10.0;
+
+/// Largest difference between the resting voltages of a sum's packs, relative to the lowest.
+const MAX_SPREAD: f32 = 0.05;
 
 /// Maximum difference between the cells of a sound pack, in volts.
 const MAX_IMBALANCE_V: f32 = 0.3;
@@ -17,7 +23,7 @@ const MIN_TEMPERATURE_C: f32 = -20.0;
 const MAX_TEMPERATURE_C: f32 = 60.0;
 
 /// All faults.
-const FAULTS: [Faults; 7] = [
+pub(super) const FAULTS: [Faults; 9] = [
     Faults::DEEP_DISCHARGE,
     Faults::SPIKES,
     Faults::CELL_FAIL,
@@ -25,7 +31,18 @@ const FAULTS: [Faults; 7] = [
     Faults::OVER_TEMPERATURE,
     Faults::UNDER_TEMPERATURE,
     Faults::INCOMPATIBLE_VOLTAGE,
+    Faults::CELLS_CONFIGURATION,
+    Faults::CONTRADICTED_CHARGE,
 ];
+
+/// What is known of a pack only while it is at rest.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct AtRest {
+    /// Its voltage, in volts.
+    pub voltage_v: Option<f32>,
+    /// By how much the highest voltage of a sum's packs exceeds the lowest, relative to it.
+    pub spread: Option<f32>,
+}
 
 /// The faults of one pack, debounced.
 #[derive(Clone, Copy, Debug, Default)]
@@ -38,8 +55,27 @@ pub(super) struct Diagnosis {
 
 impl Diagnosis {
     /// Updates the faults of a connected pack from its other values.
-    pub fn update(&mut self, dt_s: f32, state: &BatteryState, settings: &PackSettings) -> Faults {
+    pub fn update(
+        &mut self,
+        dt_s: f32,
+        state: &BatteryState,
+        at_rest: &AtRest,
+        settings: &PackSettings,
+    ) -> Faults {
         let mut present = conditions(state, settings);
+        for (fault, is_present) in [
+            (
+                Faults::INCOMPATIBLE_VOLTAGE,
+                at_rest.spread.map(|spread| spread > MAX_SPREAD),
+            ),
+            (
+                Faults::CONTRADICTED_CHARGE,
+                is_contradicted(state, at_rest, settings.chemistry.cell()),
+            ),
+        ] {
+            // Until the next rest nothing is known.
+            present.set(fault, is_present.unwrap_or(self.faults.contains(fault)));
+        }
         let cells = state.cell_count.map(|count| (settings.chemistry, count));
         if !present.contains(Faults::SPIKES) {
             self.fitting = cells;
@@ -54,7 +90,11 @@ impl Diagnosis {
             }
             *changing_s += dt_s;
             // A spike is shorter than the debounce time.
-            if *changing_s >= DEBOUNCE_S || (fault == Faults::SPIKES && present.contains(fault)) {
+            let debounce_s = match fault {
+                Faults::CONTRADICTED_CHARGE => CONTRADICTION_S,
+                _ => DEBOUNCE_S,
+            };
+            if *changing_s >= debounce_s || (fault == Faults::SPIKES && present.contains(fault)) {
                 *changing_s = 0.0;
                 self.faults.toggle(fault);
             }
@@ -97,7 +137,7 @@ fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
     let max_v = Some(cell.max_v);
     faults.set(Faults::SPIKES, is_below(max_v, mean_v(state.voltage_v)));
     faults.set(
-        Faults::INCOMPATIBLE_VOLTAGE,
+        Faults::CELLS_CONFIGURATION,
         is_below(max_v, resting_v) || is_below(resting_v, Some(cell.min_v)),
     );
     faults.set(
@@ -105,4 +145,14 @@ fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
         is_below(state.cells.lowest_v().or(resting_v), Some(cell.deep_discharge_v)),
     );
     faults
+}
+
+/// Whether a resting cell is lower than any is at the charge that the pack reports; `None` while that is unknown.
+fn is_contradicted(state: &BatteryState, at_rest: &AtRest, cell: &Cell) -> Option<bool> {
+    if state.charge_source == ChargeSource::Estimated {
+        return Some(false);
+    }
+    let mean_v = at_rest.voltage_v? / f32::from(state.cell_count?);
+    let lowest_v = state.cells.lowest_v().unwrap_or(mean_v);
+    Some(lowest_v < cell.lowest_resting_v(state.remaining_pct? / 100.0))
 }

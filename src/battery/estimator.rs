@@ -11,9 +11,8 @@ use super::{ArmState, Chemistry, LearntPack};
 /// Time constant of the average load, which gives the remaining time, in seconds.
 const AVERAGE_TIME_CONSTANT_S: f32 = 60.0;
 
-/// Below this average load the remaining time is not reported, in amperes, and in capacities per hour.
+/// Below this average load the remaining time is not reported, in amperes.
 const MIN_AVERAGE_LOAD_A: f32 = 0.01;
-const MIN_AVERAGE_RATE_PER_H: f32 = 0.005;
 
 /// A state of charge is reported from this standard deviation on, and up to that one.
 const MAX_SIGMA_TO_START: f32 = 0.25;
@@ -34,6 +33,10 @@ pub(super) struct Reading {
     pub current_a: Option<f32>,
     /// Since the previous reading; `None` also in a long gap.
     pub mean_current_a: Option<f32>,
+    /// Charge that the source has counted beyond this current, in milliampere-hours.
+    pub unmeasured_mah: f32,
+    /// The most that can be left by the source's count, from 0 to 1.
+    pub share_at_most: f32,
     pub arm_state: ArmState,
 }
 
@@ -120,10 +123,13 @@ impl Estimator {
             // The estimate so far was made with wrong settings.
             self.charge = ChargeEstimator::new();
         }
-        let second = self
-            .charge
-            .add(reading.dt_s, reading.voltage_v, reading.mean_current_a);
-        let second = second.map(|second| self.update_second(&second, reading.arm_state, settings, learnt));
+        let second = self.charge.add(
+            reading.dt_s,
+            reading.voltage_v,
+            reading.mean_current_a,
+            reading.unmeasured_mah * AH_PER_MAH,
+        );
+        let second = second.map(|second| self.update_second(&second, reading, settings, learnt));
         Findings { event, second }
     }
 
@@ -142,7 +148,7 @@ impl Estimator {
     fn update_second(
         &mut self,
         second: &Second,
-        arm_state: ArmState,
+        reading: &Reading,
         settings: &PackSettings,
         learnt: &LearntPack,
     ) -> Option<LearntPack> {
@@ -150,8 +156,11 @@ impl Estimator {
         if let Some(current_a) = second.current_a {
             self.average_current.update(second.duration_s, current_a);
         }
-        let model = self.model(settings, learnt);
-        let kept = self.charge.update(second, arm_state, &model);
+        let model = CellModel {
+            share_at_most: reading.share_at_most,
+            ..self.model(settings, learnt)
+        };
+        let kept = self.charge.update(second, reading.arm_state, &model);
         self.confidence = match self.charge.estimate() {
             Some(estimate) => Confidence::of(estimate.sigma, self.confidence),
             None => Confidence::Unknown,
@@ -172,6 +181,7 @@ impl Estimator {
                 .resistance_ohm()
                 .zip(cell_count)
                 .map(|(pack_ohm, count)| pack_ohm / f32::from(count)),
+            share_at_most: 1.0,
             learnt,
         }
     }
@@ -227,10 +237,7 @@ impl Estimator {
     /// Seconds until the pack can't serve its load any more, where the current is not measured.
     pub fn inferred_time_remaining_s(&self) -> Option<f32> {
         let charge = self.charge()?;
-        let rate_per_h = charge
-            .rate_per_h
-            .filter(|rate_per_h| *rate_per_h > MIN_AVERAGE_RATE_PER_H)?;
-        Some(charge.available / rate_per_h * SECONDS_PER_HOUR)
+        Some(charge.available / charge.rate_per_h? * SECONDS_PER_HOUR)
     }
 
     /// What is retained over a reset.

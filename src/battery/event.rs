@@ -88,9 +88,9 @@ pub(super) fn push(events: &mut PackEvents, event: PackEvent) {
 impl fmt::Display for PackEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::CellsDetected { count } => write!(f, "has {count} cells (set BATT_CELLS to be sure)"),
+            Self::CellsDetected { count } => write!(f, "has {count} cells"),
             Self::CellsAmbiguous { voltage_v } => {
-                write!(f, "cells unclear at {}V: set BATT_CELLS", Hundredths(*voltage_v))
+                write!(f, "cells unclear at {}V", Hundredths(*voltage_v))
             }
             Self::Swapped => f.write_str("swapped: estimates restarted"),
             Self::ContactLost => f.write_str("not connected"),
@@ -169,13 +169,15 @@ impl fmt::Display for PackEvent {
     }
 }
 
-const FAULT_NAMES: [(Faults, &str); 7] = [
+const FAULT_NAMES: [(Faults, &str); 9] = [
     (Faults::CELL_FAIL, "cell failed"),
     (Faults::DEEP_DISCHARGE, "deep discharge"),
     (Faults::OVER_TEMPERATURE, "over temperature"),
     (Faults::UNDER_TEMPERATURE, "under temperature"),
     (Faults::OVER_CURRENT, "over current"),
-    (Faults::INCOMPATIBLE_VOLTAGE, "voltage does not fit cells"),
+    (Faults::CELLS_CONFIGURATION, "voltage does not fit cells"),
+    (Faults::CONTRADICTED_CHARGE, "charge contradicts voltage"),
+    (Faults::INCOMPATIBLE_VOLTAGE, "its packs differ in voltage"),
     (Faults::SPIKES, "voltage spikes"),
 ];
 

@@ -18,16 +18,18 @@ bitflags! {
         const OVER_TEMPERATURE = 16;
         /// The pack is too cold.
         const UNDER_TEMPERATURE = 32;
-        /// The resting voltage does not fit `BATT_CELLS` cells of this chemistry.
+        /// The packs of a sum rest at different voltages.
         const INCOMPATIBLE_VOLTAGE = 64;
         /// The pack reports that its firmware does not fit. It also stands for an unknown cause, such as a lost sensor.
         const INCOMPATIBLE_FIRMWARE = 128;
-        /// The pack has other cells than it should have.
+        /// The resting voltage does not fit `BATT_CELLS` cells of this chemistry, or the pack reports other cells than it should have.
         const CELLS_CONFIGURATION = 256;
         /// The pack reports that it is bad: it must not be used.
         const BAD_BATTERY = 1 << 13;
         /// The pack reports that it has to be serviced.
         const NEEDS_SERVICE = 1 << 14;
+        /// A cell rests lower than any of its chemistry does at the charge that the pack reports.
+        const CONTRADICTED_CHARGE = 1 << 15;
     }
 }
 
@@ -39,7 +41,7 @@ impl Faults {
     pub const FAILING: Self = Self::CELL_FAIL;
 
     /// Those that make a sufficiently charged pack UNHEALTHY.
-    pub const UNFIT: Self = Self::INCOMPATIBLE_VOLTAGE
+    pub const UNFIT: Self = Self::CELLS_CONFIGURATION
         .union(Self::OVER_TEMPERATURE)
         .union(Self::SPIKES);
 }

@@ -60,6 +60,11 @@ impl MeanThenLowPass {
         self.filter.value
     }
 
+    /// The output, once its inputs span the time constant.
+    pub fn settled(&self) -> Option<f32> {
+        self.filter.value.filter(|_| self.age_s >= self.time_constant_s)
+    }
+
     /// Processes an input that lasted for `dt_s` seconds.
     pub fn update(&mut self, dt_s: f32, input: f32) {
         match self.filter.value {

@@ -25,8 +25,8 @@ pub struct Measurement {
     pub current_a: Option<f32>,
     /// Charge and energy, if the sensor counts them.
     pub counted: Option<Counted>,
-    /// Reading of the pack's own fuel gauge.
-    pub gauge: Option<Gauge>,
+    /// What the pack's own fuel gauge reports.
+    pub gauge: GaugeReading,
     /// State of charge, 0 to 1, if the sensor reports it without a capacity.
     pub state_of_charge: Option<f32>,
     /// Temperature of the pack, in degrees Celsius.
@@ -43,6 +43,10 @@ pub struct Measurement {
     pub supply: Supply,
     /// The members of a sum, one bit per instance from bit 0; 0 for a sensor.
     pub members: u16,
+    /// Full capacity of the members of a sum together, in milliampere-hours; `None` unless every member's is known.
+    pub members_capacity_mah: Option<f32>,
+    /// By how much the highest resting voltage of a sum's members exceeds the lowest, relative to it.
+    pub members_spread: Option<f32>,
 }
 
 /// Whether a pack is about to power off.
@@ -64,6 +68,14 @@ pub enum Counted {
     Total(Consumed),
     /// Total charge drawn, in milliampere-hours; the sensor does not count energy.
     TotalCharge(f32),
+    /// Of a sum.
+    Members {
+        /// What its members have consumed.
+        consumed: Consumed,
+        /// Charge drawn from them since the start, in milliampere-hours, which a battery reset or another pack does not
+        /// change; `None` unless every member counts it.
+        drawn_mah: Option<f32>,
+    },
 }
 
 /// Charge and energy drawn from a pack; negative after net charging.
@@ -88,7 +100,34 @@ impl Consumed {
     }
 }
 
-/// Reading of a smart battery's own fuel gauge.
+/// What a reading says of the pack's own fuel gauge.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum GaugeReading {
+    /// The source has none, or it is not to be used: the charge is estimated here.
+    #[default]
+    Absent,
+    /// The reading came without it.
+    Missing,
+    /// What it reports.
+    Read(Gauge),
+}
+
+impl GaugeReading {
+    /// Of a source that should have one.
+    pub fn expected(gauge: Option<Gauge>) -> Self {
+        gauge.map_or(Self::Missing, Self::Read)
+    }
+
+    /// What it reports.
+    pub fn read(&self) -> Option<&Gauge> {
+        match self {
+            Self::Absent | Self::Missing => None,
+            Self::Read(gauge) => Some(gauge),
+        }
+    }
+}
+
+/// What a smart battery's own fuel gauge has counted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gauge {
     /// Remaining charge, in milliampere-hours.

@@ -11,6 +11,8 @@ pub enum ReadError {
     Timeout,
     /// The ADC reported a failed conversion.
     Conversion,
+    /// The pack's own fuel gauge has not reported in time what is left.
+    GaugeTimeout,
     /// The value is not finite or beyond its plausible range.
     Implausible,
     /// The part at the address is not the one that is set, or is not set up any more.
@@ -77,6 +79,7 @@ impl fmt::Display for ReadError {
         f.write_str(match self {
             Self::Timeout | Self::Bus(BusError::Timeout) => "no reading in time",
             Self::Conversion => "conversion failed",
+            Self::GaugeTimeout => "its gauge reports no charge",
             Self::Implausible => "impossible value",
             Self::OtherPart => "unknown part",
             Self::NoHealthyMember => "no healthy pack to sum",

@@ -11,7 +11,8 @@ pub struct PackSettings {
     pub chemistry: Chemistry,
     /// Cells in series (`BATT_CELLS`); `None` detects them.
     pub cell_count: Option<u8>,
-    /// Full capacity (`BATT_CAPACITY`), in milliampere-hours; millilitres of fuel.
+    /// Full capacity (`BATT_CAPACITY`), in milliampere-hours; millilitres of fuel. That of a sum is not set at the default:
+    /// it is that of its members together.
     pub capacity_mah: Option<f32>,
     /// Maximum load (`BATT_WATT_MAX`), in watts.
     pub power_limit_w: Option<f32>,
@@ -86,6 +87,9 @@ pub enum VoltageSource {
 const SEND_RESTING_VOLTAGE: i32 = 1 << 6;
 const INTERNAL_USE_ONLY: i32 = 1 << 8;
 
+/// `BATT_MONITOR` of a sum of packs.
+const SUM: i32 = 10;
+
 /// `BATT_FS_VOLTSRC`: the resting voltage.
 const SAG_COMPENSATED: i32 = 1;
 
@@ -103,12 +107,15 @@ impl PackSettings {
         // 0 is disabled or not set.
         let above_zero = |parameter| Some(value(parameter)).filter(|value| *value > 0.0);
         let options = whole(BatteryParameter::Options);
+        let default_capacity_mah = BatteryParameter::Capacity.of(pack).default_value();
+        let is_sum = whole(BatteryParameter::Monitor) == SUM;
         Self {
             chemistry: Chemistry::from_number(whole(BatteryParameter::Chem)).unwrap_or_default(),
             cell_count: u8::try_from(whole(BatteryParameter::Cells))
                 .ok()
                 .filter(|count| *count > 0),
-            capacity_mah: above_zero(BatteryParameter::Capacity),
+            capacity_mah: above_zero(BatteryParameter::Capacity)
+                .filter(|capacity_mah| !is_sum || *capacity_mah != default_capacity_mah),
             power_limit_w: above_zero(BatteryParameter::WattMax),
             serial_number: Self::serial_number(parameters, pack),
             reported_voltage: if options & SEND_RESTING_VOLTAGE != 0 {

@@ -119,6 +119,8 @@ pub struct BatteryState {
     pub visibility: Visibility,
     /// The members of a sum, one bit per instance from bit 0; 0 for a pack with a sensor.
     pub members: u16,
+    /// Changes when the pack was swapped or its cells were detected.
+    pub revision: u8,
 }
 
 impl BatteryState {
@@ -155,6 +157,7 @@ impl BatteryState {
         reported_voltage: ReportedVoltage::Terminal,
         visibility: Visibility::Reported,
         members: 0,
+        revision: 0,
     };
 
     /// A pack that is not monitored.

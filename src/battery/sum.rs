@@ -49,7 +49,10 @@ pub fn sum<'a>(
             SumVoltage::Lowest => voltages.reduce(f32::min),
         },
         current_a: healthy.clone().map(|pack| pack.current_a).sum(),
-        counted: consumed(packs).map(Counted::Total),
+        counted: consumed(packs).map(|consumed| Counted::Members {
+            consumed,
+            drawn_mah: None,
+        }),
         temperature_c: mean(healthy.filter_map(|pack| pack.temperature_c)),
         ..Measurement::default()
     })
@@ -90,10 +93,13 @@ mod tests {
     }
 
     fn drawn(charge_mah: f32, energy_wh: f32) -> Option<Counted> {
-        Some(Counted::Total(Consumed {
-            charge_mah,
-            energy_wh,
-        }))
+        Some(Counted::Members {
+            consumed: Consumed {
+                charge_mah,
+                energy_wh,
+            },
+            drawn_mah: None,
+        })
     }
 
     #[test]

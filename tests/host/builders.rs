@@ -474,6 +474,7 @@ fn every_fault_has_mavlinks_bit() {
         // As a failed cell.
         (Faults::BAD_BATTERY, 4),
         (Faults::NEEDS_SERVICE, 0),
+        (Faults::CONTRADICTED_CHARGE, 0),
         (Faults::all(), 511),
     ] {
         let battery = BatteryState {
@@ -670,6 +671,7 @@ fn every_fault_has_its_flag() {
         (Faults::INCOMPATIBLE_FIRMWARE, 65536),
         (Faults::CELLS_CONFIGURATION, 131_072),
         (Faults::NEEDS_SERVICE, 32),
+        (Faults::CONTRADICTED_CHARGE, 1),
     ] {
         // NOT_READY_TO_USE with those that are found here and make the pack unfit.
         let not_ready = u32::from(faults.intersects(Faults::FAILING | Faults::UNFIT));

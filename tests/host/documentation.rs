@@ -4,11 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::motor_poles::{Motor, motors};
+use rover_battmon::autopilot::Announcement;
 use rover_battmon::battery::{
     Amount, ArmingFailure, BusError, ChargeState, FailsafeLevel, Faults, Gap, PackEvent, ReadError,
 };
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
+use rover_battmon::pack::Pack;
 use rover_battmon::sensor::{CanReport, FuelCellState};
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
 use rover_battmon::wifi::WifiReport;
@@ -333,12 +335,13 @@ fn number_length(text: &str) -> usize {
     }
 }
 
-const READ_ERRORS: [ReadError; 16] = [
+const READ_ERRORS: [ReadError; 17] = [
     ReadError::Timeout,
     ReadError::Conversion,
     ReadError::NoPin,
     ReadError::NoCapacity,
     ReadError::NoHealthyMember,
+    ReadError::GaugeTimeout,
     ReadError::Implausible,
     ReadError::Bus(BusError::NoAnswer),
     ReadError::Bus(BusError::Timeout),
@@ -389,10 +392,11 @@ const FUEL_CELL_STATES: [FuelCellState; 8] = [
     FuelCellState::BatteryOnly,
 ];
 
-const ARMING_FAILURES: [ArmingFailure; 12] = [
+const ARMING_FAILURES: [ArmingFailure; 13] = [
     ArmingFailure::Unhealthy,
     ArmingFailure::Failed,
     ArmingFailure::WrongCells,
+    ArmingFailure::ContradictedCharge,
     ArmingFailure::Emergency,
     ArmingFailure::BelowArmingVoltage,
     ArmingFailure::BelowArmingCapacity,
@@ -457,7 +461,7 @@ fn pack_events() -> Vec<PackEvent> {
 fn announced() -> Vec<String> {
     let packs = pack_events()
         .into_iter()
-        .map(|event| format!("Battery 1 {event}"));
+        .map(|event| Announcement::Pack(Pack::First, &event).text().as_str().to_owned());
     let arming = ARMING_FAILURES.map(|failure| format!("PreArm: Battery 1 {failure}"));
     let logging = [
         "PreArm: Logging failed",

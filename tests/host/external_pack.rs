@@ -18,10 +18,16 @@ const TICK_US: u64 = 100_000;
 /// For how long a silent component keeps its pack.
 const TIMEOUT_TICKS: usize = 20;
 
+/// `BATT_MONITOR` of a sum.
+const SUM: f32 = 10.0;
+
 const BATTERY_RESET: u16 = 42651;
 const COMPONENT_ARM_DISARM: u16 = 400;
 const ACCEPTED: u8 = 0;
 const FAILED: u8 = 4;
+
+const ARM_DISARM: u16 = 400;
+const FORCED: f32 = 21196.0;
 
 /// The first pack, of 3 cells and 2000 mAh, is measured by a companion computer.
 fn desk() -> Desk {
@@ -77,6 +83,14 @@ fn of_voltage(voltage_mv: u16) -> PackReport {
 fn announced(desk: &mut Desk) -> Vec<String> {
     desk.post_due(desk.now_us);
     texts_of(&desk.sent())
+}
+
+/// Arms whatever the checks say.
+fn arm_forced(desk: &mut Desk) {
+    assert_eq!(
+        result_of(desk, &command_long_2(ARM_DISARM, 1.0, FORCED)),
+        ACCEPTED
+    );
 }
 
 /// The result of the only command.
@@ -557,8 +571,66 @@ fn reported_charge_is_not_reset() {
     let state = ticks(&mut desk, 2, &counted);
     assert_eq!(
         (state.remaining_pct.map(f32::round), state.consumed_mah()),
-        (Some(100.0), Some(700.0))
+        (Some(100.0), Some(0.0)),
+        "what was counted before the reset is not drawn from it"
     );
+}
+
+#[test]
+fn a_pack_that_has_drawn_more_than_its_capacity_is_empty_and_trips() {
+    let mut desk = desk_with(&[(BatteryParameter::CrtMah, 200.0)]);
+    let mut report = of_voltage(12_000);
+    report.consumed_mah = 0;
+    ticks(&mut desk, 20, &report.frame());
+    arm_forced(&mut desk);
+    for consumed_mah in 0..5000 {
+        report.consumed_mah = consumed_mah;
+        tick(&mut desk, &[report.frame()]);
+    }
+    let state = *desk.autopilot.battery(Pack::First);
+    assert_eq!(
+        (state.remaining_pct, state.failsafe),
+        (Some(0.0), FailsafeLevel::Critical)
+    );
+}
+
+#[test]
+fn a_sum_follows_the_counts_of_its_packs() {
+    let mut parameters = Parameters::defaults();
+    for (pack, parameter, value) in [
+        (Pack::First, BatteryParameter::Monitor, SUM),
+        (Pack::First, BatteryParameter::Cells, 3.0),
+        (Pack::Second, BatteryParameter::Monitor, EXTERNAL),
+        (Pack::Second, BatteryParameter::Capacity, 2000.0),
+        (Pack::Third, BatteryParameter::Monitor, EXTERNAL),
+        (Pack::Third, BatteryParameter::Capacity, 4000.0),
+    ] {
+        parameters.set(parameter.of(pack), value).expect("in range");
+    }
+    let mut desk = Desk::starting(Start::with_parameters(parameters));
+    let both = |consumed_mah| {
+        [1, 2].map(|instance| {
+            let report = PackReport {
+                consumed_mah,
+                ..PackReport::of_voltage(instance, 12_000)
+            };
+            report.frame()
+        })
+    };
+    tick(&mut desk, &both(0));
+    let state = tick(&mut desk, &both(0));
+    assert_eq!(state.capacity_mah(), Some(6000.0));
+    for consumed_mah in 0..=3000 {
+        tick(&mut desk, &both(consumed_mah));
+    }
+    let state = *desk.autopilot.battery(Pack::First);
+    assert_eq!(state.consumed_mah(), Some(6000.0));
+    assert_eq!(state.remaining_pct.map(f32::round), Some(0.0));
+    // One of them is unknown.
+    desk.set(BatteryParameter::Capacity.of(Pack::Second), 0.0);
+    tick(&mut desk, &both(3000));
+    let state = tick(&mut desk, &both(3000));
+    assert_eq!(state.capacity, None);
 }
 
 const OWNER: u8 = 7;

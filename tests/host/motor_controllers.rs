@@ -110,6 +110,26 @@ fn consumption_catches_up_after_a_controller_was_silent() {
 }
 
 #[test]
+fn what_a_controller_counted_while_it_was_silent_lowers_the_charge() {
+    let mut desk = desk([0, 0b1000]);
+    desk.set(BatteryParameter::Cells.of(Pack::First), 3.0);
+    let both = |voltage_v, second_mah| {
+        [
+            (0, reading(voltage_v, 0.0, Some(0.0))),
+            (1, reading(voltage_v, 0.0, Some(second_mah))),
+        ]
+    };
+    let [before, _] = ticks(&mut desk, 60 * SECOND_TICKS, &both(12.0, 0.0));
+    ticks(&mut desk, 60 * SECOND_TICKS, &both(11.45, 0.0)[..1]);
+    // Its counter has gone on meanwhile: 990 of 3300 mAh, in two readings of a tick.
+    ticks(&mut desk, 1, &both(11.45, 495.0));
+    let [after, _] = ticks(&mut desk, SECOND_TICKS, &both(11.45, 0.0));
+    let drawn_pct = before.remaining_pct.unwrap() - after.remaining_pct.unwrap();
+    assert!((drawn_pct - 30.0).abs() < 3.0, "{drawn_pct} %");
+    assert!((consumed_mah(&after) - 990.0).abs() < 1.0, "{after:?}");
+}
+
+#[test]
 fn without_any_controller_a_pack_is_unhealthy() {
     let mut desk = desk([0, 0b1]);
     // The time-out begins with the first tick.

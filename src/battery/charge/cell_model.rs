@@ -38,6 +38,8 @@ pub(in crate::battery) struct CellModel<'a> {
     pub rated_ah: Option<f32>,
     /// Resistance of a cell, in ohms, once measured.
     pub measured_ohm: Option<f32>,
+    /// The most that can be left by a count at the source, from 0 to 1.
+    pub share_at_most: f32,
     /// What was learnt of this pack.
     pub learnt: &'a LearntPack,
 }
@@ -153,6 +155,7 @@ mod tests {
                     cell_count: Some(3),
                     rated_ah: None,
                     measured_ohm: None,
+                    share_at_most: 1.0,
                     learnt,
                 };
                 for percent in 0..=100 {

@@ -93,6 +93,11 @@ impl Drive {
         self.start_sigma = root_of_squares(self.start_sigma, sigma);
     }
 
+    /// A charge was drawn that no measured current shows, in ampere-hours.
+    pub fn draw(&mut self, charge_ah: f32) {
+        self.drawn_ah += charge_ah;
+    }
+
     /// Takes a block, near this state of charge.
     pub fn add(&mut self, block: &Block, share: f32, model: &CellModel, capacity: &Capacity) {
         let Load {

@@ -188,14 +188,22 @@ impl ChargeEstimator {
         }
     }
 
-    /// Takes a reading, and returns the means of a second that it completes.
-    pub fn add(&mut self, dt_s: f32, voltage_v: Option<f32>, current_a: Option<f32>) -> Option<Second> {
+    /// Takes a reading, with the charge that its source has counted beyond the current, and returns the means of a second
+    /// that it completes.
+    pub fn add(
+        &mut self,
+        dt_s: f32,
+        voltage_v: Option<f32>,
+        current_a: Option<f32>,
+        unmeasured_ah: f32,
+    ) -> Option<Second> {
         if dt_s > MAX_GAP_S {
             *self = Self::new();
         }
         if let Phase::Starting(start) = &mut self.phase {
             start.add(dt_s, voltage_v);
         }
+        self.gathering.add_unmeasured(unmeasured_ah);
         if dt_s > GAP_S
             && let (Phase::Counting(filter), Some(before_a)) = (&mut self.phase, self.polarisation.mean_a())
         {
@@ -217,7 +225,11 @@ impl ChargeEstimator {
         let cell_v = second.voltage_v.map(|voltage_v| voltage_v / count);
         let was_disarmed = core::mem::replace(&mut self.arm_state, arm_state) == ArmState::Armed
             && arm_state == ArmState::Disarmed;
-        let (load, rests) = match (second.current_a, model.capacity()) {
+        let capacity = model.capacity();
+        if let Some(capacity) = &capacity {
+            self.draw(second.unmeasured_ah, capacity);
+        }
+        let (load, rests) = match (second.current_a, capacity) {
             (Some(current_a), Some(capacity)) => {
                 self.polarisation.update(second.duration_s, current_a);
                 let load = Load {
@@ -284,6 +296,24 @@ impl ChargeEstimator {
                     self.compare(&block, model, capacity);
                 }
             }
+        }
+    }
+
+    /// A charge was drawn that no measured current shows. Before the first estimate the voltage shows it.
+    fn draw(&mut self, charge_ah: f32, capacity: &Capacity) {
+        if charge_ah <= 0.0 {
+            return;
+        }
+        match &mut self.phase {
+            Phase::Starting(_) => {}
+            Phase::Known(charge) => charge.share = (charge.share - charge_ah / capacity.ah).max(0.0),
+            Phase::Counting(filter) => {
+                filter.draw(charge_ah / capacity.ah);
+                if let Some(drive) = &mut self.drive {
+                    drive.draw(charge_ah);
+                }
+            }
+            Phase::VoltageOnly(estimate) => estimate.draw(charge_ah / capacity.ah),
         }
     }
 
@@ -421,7 +451,8 @@ impl ChargeEstimator {
             }
             Phase::VoltageOnly(estimate) => (estimate.share()?, estimate.sigma(), estimate.rate_per_h()),
         };
-        let share = share.clamp(0.0, 1.0);
+        let share = share.min(model.share_at_most).max(0.0);
+        let sigma = sigma.min(model.share_at_most);
         Some(ChargeEstimate {
             share,
             sigma,

@@ -13,6 +13,7 @@ pub(super) struct Gathering {
     duration_s: f32,
     voltage: Part,
     current: Part,
+    unmeasured_ah: f32,
 }
 
 /// A sum over most of a second.
@@ -38,6 +39,8 @@ pub(in crate::battery) struct Second {
     pub voltage_v: Option<f32>,
     /// In amperes.
     pub current_a: Option<f32>,
+    /// Charge that the source has counted beyond this current, in ampere-hours.
+    pub unmeasured_ah: f32,
 }
 
 impl Sum {
@@ -99,7 +102,13 @@ impl Gathering {
             duration_s: 0.0,
             voltage: Part::NEW,
             current: Part::NEW,
+            unmeasured_ah: 0.0,
         }
+    }
+
+    /// Takes a charge that the source has counted beyond the current.
+    pub fn add_unmeasured(&mut self, charge_ah: f32) {
+        self.unmeasured_ah += charge_ah;
     }
 
     /// Takes a reading; returns the means once a second is complete.
@@ -115,6 +124,7 @@ impl Gathering {
             duration_s: complete.duration_s,
             voltage_v: complete.voltage.mean(complete.duration_s),
             current_a: complete.current.mean(complete.duration_s),
+            unmeasured_ah: complete.unmeasured_ah,
         })
     }
 }

@@ -5,7 +5,7 @@ use super::cell_model::CellModel;
 use super::deviation::root_of_squares;
 use super::memory::last_charge;
 use crate::battery::ArmState;
-use crate::battery::low_pass::{LowPass, MeanThenLowPass};
+use crate::battery::low_pass::MeanThenLowPass;
 
 /// Time constants, in seconds: of the mean voltage about which the load varies it; of the size of the sag; of a resting
 /// voltage that is believed; of the rate that gives the time left.
@@ -45,6 +45,8 @@ const RISE_SPEEDUP: f32 = 3.0;
 /// Uncertainty of the sag, relative to it.
 const SAG_SIGMA: f32 = 0.2;
 
+const NO_LOAD: MeanThenLowPass = MeanThenLowPass::new(RATE_TIME_CONSTANT_S);
+
 /// An estimate that infers the load from the sag below its own resting voltage.
 ///
 /// One that is too high sees too large a sag, and falls faster: it converges. How large the sag is for a load depends on
@@ -58,7 +60,8 @@ pub(super) struct VoltageOnly {
     scale: f32,
     mean_v: MeanThenLowPass,
     variance: MeanThenLowPass,
-    rate_per_h: LowPass,
+    /// Charge drawn since the load began, in capacities per hour.
+    rate_per_h: MeanThenLowPass,
     rest: Rest,
     /// Time until a pack that was found under load is estimated, in seconds.
     unsettled_s: f32,
@@ -122,7 +125,7 @@ impl VoltageOnly {
             scale: MIN_SCALE,
             mean_v: MeanThenLowPass::new(MEAN_TIME_CONSTANT_S),
             variance: MeanThenLowPass::new(MEAN_TIME_CONSTANT_S),
-            rate_per_h: LowPass::new(RATE_TIME_CONSTANT_S),
+            rate_per_h: NO_LOAD,
             rest: Rest::NEW,
             unsettled_s: 0.0,
             highest_v: 0.0,
@@ -134,14 +137,19 @@ impl VoltageOnly {
         (self.unsettled_s <= SETTLING_S - FIRST_ESTIMATE_S).then_some(self.share)
     }
 
+    /// A charge was drawn, in capacities.
+    pub fn draw(&mut self, drawn: f32) {
+        self.share = (self.share - drawn).max(0.0);
+    }
+
     /// Sag below the resting voltage, in volts.
     pub fn sag_v(&self) -> f32 {
         self.sag_v
     }
 
-    /// Charge drawn, in capacities per hour, averaged over two minutes.
+    /// Charge drawn, in capacities per hour, averaged over two minutes, once there was a load for as long.
     pub fn rate_per_h(&self) -> Option<f32> {
-        self.rate_per_h.value()
+        self.rate_per_h.settled()
     }
 
     /// Standard deviation of the state of charge.
@@ -185,9 +193,25 @@ impl VoltageOnly {
         self.sag_v = sag_v.clamp(-MAX_SAG_V, MAX_SAG_V);
         let speedup = if sag_v < 0.0 { RISE_SPEEDUP } else { 1.0 };
         let rate_per_h = speedup * self.load_per_h(model);
-        self.rate_per_h.update(dt_s, rate_per_h);
+        self.average_rate(dt_s, rate_per_h, model);
         self.share = (self.share - rate_per_h * dt_s * HOURS_PER_SECOND).clamp(0.0, 1.0);
         false
+    }
+
+    /// The load begins with a sag that is more than noise, and is over when its average is less.
+    fn average_rate(&mut self, dt_s: f32, rate_per_h: f32, model: &CellModel) {
+        let noise_per_h = MIN_SAG_V / (model.cell.lasting_drop_v() * self.scale);
+        if self.rate_per_h.value().is_none() && rate_per_h < noise_per_h {
+            return;
+        }
+        self.rate_per_h.update(dt_s, rate_per_h);
+        if self
+            .rate_per_h
+            .settled()
+            .is_some_and(|rate_per_h| rate_per_h < noise_per_h)
+        {
+            self.rate_per_h = NO_LOAD;
+        }
     }
 
     /// A pack at rest is as its voltage says, unless that is still as it was kept.
@@ -197,7 +221,7 @@ impl VoltageOnly {
         self.share += (target - self.share) * (dt_s / REST_TIME_CONSTANT_S).min(1.0);
         self.unsettled_s = 0.0;
         self.sag_v = 0.0;
-        self.rate_per_h.reset();
+        self.rate_per_h = NO_LOAD;
     }
 
     /// A pack that was found under load is at least as full as its highest voltage, and its sag, say.

@@ -3,16 +3,18 @@
 use super::charge::ChargeEstimate;
 use super::charge_reporter::ChargeReporter;
 use super::charge_state::{ChargeStateMachine, Inputs};
-use super::consumption::{Consumption, mean_current_a};
-use super::diagnosis::Diagnosis;
+use super::consumption::{Consumption, Gap, MAX_INTERVAL_US, mean_current_a};
+use super::counter::{Change, SourceCounter};
+use super::diagnosis::{AtRest, Diagnosis};
 use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
 use super::event::push;
 use super::failsafe::{Failsafe, Observation};
+use super::gauge::GaugeState;
 use super::health::HealthReporter;
-use super::settings::PackSettings;
+use super::settings::{FailsafeSettings, PackSettings};
 use super::swap::{Replacement, SerialNumber, SwapDetector};
 use super::{
-    Amount, ArmState, BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge,
+    Amount, BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge,
     LearntPack, Measurement, PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported,
     Supply, Tick,
 };
@@ -58,11 +60,17 @@ pub struct BatteryMonitor {
     last_healthy: Option<Instant>,
     /// The latest voltage while connected, in volts.
     last_voltage_v: Option<f32>,
-    /// The latest report of the pack's own fuel gauge.
-    gauge: Option<Gauge>,
+    /// The pack's own fuel gauge.
+    gauge: GaugeState,
     health: HealthReporter,
     supply: Supply,
     consumption: Consumption,
+    counter: SourceCounter,
+    /// Drawn since the start: neither a battery reset nor another pack changes it.
+    drawn: Consumption,
+    /// Full capacity of a sum's members, and how far apart they rest.
+    members_capacity_mah: Option<f32>,
+    members_spread: Option<f32>,
     estimator: Estimator,
     swap_detector: SwapDetector,
     serial_number: SerialNumber,
@@ -103,6 +111,23 @@ enum Freshness {
     Stale,
 }
 
+/// What a reading adds to the consumption.
+#[derive(Clone, Copy, Debug, Default)]
+struct Count {
+    gap: Option<Gap>,
+    /// Counted by the source since the reading before, in milliampere-hours.
+    at_source_mah: Option<f32>,
+}
+
+impl Count {
+    fn at_source(charge_mah: f32) -> Self {
+        Self {
+            gap: None,
+            at_source_mah: Some(charge_mah),
+        }
+    }
+}
+
 /// The latest valid reading.
 #[derive(Clone, Copy, Debug)]
 struct LastReading {
@@ -130,10 +155,14 @@ impl BatteryMonitor {
             last_current: None,
             last_healthy: None,
             last_voltage_v: None,
-            gauge: None,
+            gauge: GaugeState::Absent,
             health: HealthReporter::default(),
             supply: Supply::On,
             consumption: Consumption::default(),
+            counter: SourceCounter::default(),
+            drawn: Consumption::default(),
+            members_capacity_mah: None,
+            members_spread: None,
             estimator: Estimator::new(),
             swap_detector: SwapDetector::new(),
             serial_number: SerialNumber::default(),
@@ -175,7 +204,7 @@ impl BatteryMonitor {
         let dt_s = tick_us as f32 * 1e-6;
         let reading = reading.as_ref().map_err(|error| *error).and_then(check_plausible);
         if let Ok(measurement) = reading {
-            self.ingest_gauge_data(tick.arm_state, measurement, events);
+            self.ingest_gauge_data(tick, measurement, events);
         }
         let reported = self.reported_settings(settings);
         let settings = reported.as_ref().unwrap_or(settings);
@@ -183,7 +212,7 @@ impl BatteryMonitor {
             Ok(measurement) => {
                 self.accept(tick, dt_us, measurement, settings, events);
                 self.remember(tick.now, measurement);
-                None
+                self.judge_health(tick.now, settings)
             }
             Err(error) => {
                 self.reject();
@@ -198,7 +227,8 @@ impl BatteryMonitor {
             push(events, event);
         }
         let freshness = match (error, status) {
-            (None, PackStatus::Healthy) => Freshness::Fresh,
+            // The voltage is measured all the same.
+            (None, PackStatus::Healthy) | (Some(ReadError::GaugeTimeout), _) => Freshness::Fresh,
             _ => Freshness::Stale,
         };
         // A sum without healthy members has not lost a contact: it can't be swapped itself.
@@ -206,15 +236,16 @@ impl BatteryMonitor {
             self.swap_detector.lose_contact(dt_s, tick.arm_state);
         }
         update.failsafe = self.evaluate_failsafes(tick, tick_us, freshness, settings, events);
-        update.error = error;
+        // Without its gauge a pack is read all the same.
+        update.error = error.filter(|_| self.failed_reads > 0);
         update
     }
 
     /// Takes over what a smart battery reports about itself. Details with a new serial number are ignored until the
     /// number is confirmed.
-    fn ingest_gauge_data(&mut self, arm_state: ArmState, measurement: &Measurement, events: &mut PackEvents) {
+    fn ingest_gauge_data(&mut self, tick: Tick, measurement: &Measurement, events: &mut PackEvents) {
         let serial_number = measurement.details.serial_number;
-        if let Some(replacement) = self.serial_number.update(serial_number, arm_state) {
+        if let Some(replacement) = self.serial_number.update(serial_number, tick.arm_state) {
             self.swap_detector.reset();
             self.charge_reporter = ChargeReporter::default();
             self.replace_pack(replacement, None, events);
@@ -230,16 +261,20 @@ impl BatteryMonitor {
         self.state.reported = measurement.reported;
         self.state.members = measurement.members;
         self.state.cells = measurement.cells;
-        self.gauge = measurement.gauge;
+        self.members_capacity_mah = measurement.members_capacity_mah;
+        self.members_spread = measurement.members_spread;
+        self.gauge.update(tick.now, measurement.gauge);
     }
 
-    /// The owner's settings, overridden by what a smart battery reports, if it does; a cell count that is set wins.
+    /// The owner's settings, overridden by what a smart battery reports, if it does; a cell count that is set wins,
+    /// and so does the capacity of a sum.
     fn reported_settings(&self, settings: &PackSettings) -> Option<PackSettings> {
         let details = &self.state.details;
         let cells = self.state.cells.millivolts().len() as u8;
         if details.chemistry.is_none()
             && details.serial_number.is_none()
-            && self.gauge.is_none()
+            && self.gauge.full_mah().is_none()
+            && self.members_capacity_mah.is_none()
             && cells == 0
         {
             return None;
@@ -247,7 +282,11 @@ impl BatteryMonitor {
         Some(PackSettings {
             chemistry: details.chemistry.unwrap_or(settings.chemistry),
             cell_count: settings.cell_count.or((cells > 0).then_some(cells)),
-            capacity_mah: self.gauge.map(|gauge| gauge.full_mah).or(settings.capacity_mah),
+            capacity_mah: self
+                .gauge
+                .full_mah()
+                .or(settings.capacity_mah)
+                .or(self.members_capacity_mah),
             serial_number: details.serial_number.or(settings.serial_number),
             ..*settings
         })
@@ -271,13 +310,15 @@ impl BatteryMonitor {
         self.failed_reads = 0;
         self.state.temperature_c = measurement.temperature_c;
         let previous_a = self.last_reading.and_then(|last| last.current_a);
-        let reading = Reading {
+        let mut reading = Reading {
             dt_s: dt_us as f32 * 1e-6,
             voltage_v: measurement.voltage_v,
             current_a: measurement.current_a,
             mean_current_a: measurement
                 .current_a
                 .and_then(|current_a| mean_current_a(dt_us, previous_a, current_a)),
+            unmeasured_mah: 0.0,
+            share_at_most: 1.0,
             arm_state: tick.arm_state,
         };
         if measurement
@@ -288,17 +329,24 @@ impl BatteryMonitor {
             return;
         }
         self.state.status = PackStatus::Healthy;
-        self.last_healthy = Some(tick.now);
         self.last_voltage_v = measurement.voltage_v.or(self.last_voltage_v);
         if let Some(replacement) = self.detect_swap(&reading) {
             self.replace_pack(replacement, settings.serial_number, events);
+            self.gauge.update(tick.now, measurement.gauge);
         }
-        if let Some(gap) = self.update_consumption(tick.now, measurement) {
+        let count = self.update_consumption(tick.now, measurement);
+        if let Some(gap) = count.gap {
             push(events, PackEvent::Gap(gap));
         }
+        if let Some(counted_mah) = count.at_source_mah {
+            let is_measured = measurement.current_a.is_some() && dt_us <= MAX_INTERVAL_US;
+            self.counter.correct(&mut reading, counted_mah, is_measured);
+        }
+        reading.share_at_most = self.share_at_most(settings);
         let findings = self.update_estimates(&reading, settings);
         self.update_state(measurement, settings);
         if let Some(event) = findings.event {
+            self.state.revision = self.state.revision.wrapping_add(1);
             push(events, event);
         }
         if let Some(kept) = findings.second {
@@ -352,11 +400,14 @@ impl BatteryMonitor {
             }
         }
         self.consumption = Consumption::default();
+        self.counter.rebase();
+        self.gauge = GaugeState::Absent;
         self.estimator = Estimator::new();
         self.failsafe.replace_pack(replacement);
         self.diagnosis = Diagnosis::default();
         self.charge_state = ChargeStateMachine::default();
         self.last_reading = None;
+        self.state.revision = self.state.revision.wrapping_add(1);
         push(events, PackEvent::Swapped);
     }
 
@@ -393,34 +444,112 @@ impl BatteryMonitor {
 
     /// Whether the pack is learnt here: not one that knows itself, nor a sum of others, nor a tank.
     fn can_learn(&self) -> bool {
-        self.gauge.is_none() && self.state.members == 0 && self.state.contents == Contents::Charge
+        self.gauge.full_mah().is_none() && self.state.members == 0 && self.state.contents == Contents::Charge
     }
 
-    fn update_consumption(&mut self, now: Instant, measurement: &Measurement) -> Option<super::Gap> {
+    fn update_consumption(&mut self, now: Instant, measurement: &Measurement) -> Count {
         match measurement.counted {
-            Some(Counted::Total(consumed)) => {
+            Some(Counted::Increment(consumed)) => self.add_counted(consumed),
+            Some(Counted::Total(total)) => match self.counter.total(total) {
+                Change::First => {
+                    self.consumption.restart(total);
+                    Count::at_source(0.0)
+                }
+                Change::Increase(consumed) => self.add_counted(consumed),
+            },
+            Some(Counted::TotalCharge(total_mah)) => {
+                self.integrate_energy(now, measurement);
+                let total = Consumed {
+                    charge_mah: total_mah,
+                    energy_wh: 0.0,
+                };
+                match self.counter.total(total) {
+                    Change::First => {
+                        self.consumption.set_charge_mah(total_mah);
+                        Count::at_source(0.0)
+                    }
+                    Change::Increase(consumed) => self.add_counted(consumed),
+                }
+            }
+            Some(Counted::Members { consumed, drawn_mah }) => {
                 self.consumption.restart(consumed);
-                return None;
+                let Some(drawn_mah) = drawn_mah else {
+                    return Count::default();
+                };
+                let charge_mah = self.counter.members(drawn_mah);
+                self.drawn.add_counted(Consumed {
+                    charge_mah,
+                    energy_wh: 0.0,
+                });
+                Count::at_source(charge_mah)
             }
-            Some(Counted::Increment(counted)) => {
-                self.consumption.add_counted(counted);
-                return None;
-            }
-            Some(Counted::TotalCharge(_)) | None => {}
+            None => self.count_here(now, measurement),
         }
-        let gap = self.integrate(now, measurement);
-        match counted_charge_mah(measurement) {
-            Some(charge_mah) => {
-                // Energy is integrated here; the charge is counted elsewhere, so a gap does not matter.
+    }
+
+    fn add_counted(&mut self, consumed: Consumed) -> Count {
+        self.consumption.add_counted(consumed);
+        self.drawn.add_counted(consumed);
+        Count::at_source(consumed.charge_mah)
+    }
+
+    /// Integrates the current; the charge is a gauge's, where there is one.
+    fn count_here(&mut self, now: Instant, measurement: &Measurement) -> Count {
+        if self.gauge.full_mah().is_some() {
+            // A gap does not matter.
+            self.integrate_energy(now, measurement);
+            if let Some(gauge) = self.gauge.valid() {
+                let charge_mah = gauge.consumed_mah();
                 self.consumption.set_charge_mah(charge_mah);
-                None
+                let total = Consumed {
+                    charge_mah,
+                    energy_wh: 0.0,
+                };
+                if let Change::Increase(consumed) = self.counter.total(total) {
+                    self.drawn.add_counted(consumed);
+                }
             }
-            None => gap,
+            return Count::default();
         }
+        let before = self.consumption;
+        let gap = self.integrate(now, measurement);
+        self.drawn.add_charge_since(&self.consumption, &before);
+        Count {
+            gap,
+            at_source_mah: None,
+        }
+    }
+
+    /// Integrates the energy; the charge is counted elsewhere.
+    fn integrate_energy(&mut self, now: Instant, measurement: &Measurement) {
+        let before = self.consumption;
+        let _ = self.integrate(now, measurement);
+        self.consumption.set_charge_of(&before);
+    }
+
+    /// The most that a count at the source leaves of the capacity, from 0 to 1.
+    fn share_at_most(&self, settings: &PackSettings) -> f32 {
+        let capacities = [self.state.learnt_capacity_mah, settings.capacity_mah];
+        match capacities.into_iter().flatten().reduce(f32::max) {
+            Some(capacity_mah) if self.counter.has_counted() => {
+                (1.0 - self.consumption.charge_mah() / capacity_mah).clamp(0.0, 1.0)
+            }
+            _ => 1.0,
+        }
+    }
+
+    /// Charge drawn since the start, in milliampere-hours.
+    pub(super) fn drawn_mah(&self) -> f32 {
+        self.drawn.charge_mah()
+    }
+
+    /// The voltage at rest, in volts, while disarmed.
+    pub(super) fn resting_v(&self) -> Option<f32> {
+        self.swap_detector.resting_v()
     }
 
     /// Integrates the current since it was known last, also over readings without one.
-    fn integrate(&mut self, now: Instant, measurement: &Measurement) -> Option<super::Gap> {
+    fn integrate(&mut self, now: Instant, measurement: &Measurement) -> Option<Gap> {
         let current_a = measurement.current_a?;
         let last = self.last_current?;
         let dt_us = now.us_since(last.time);
@@ -432,14 +561,13 @@ impl BatteryMonitor {
         let Measurement {
             voltage_v, current_a, ..
         } = *measurement;
-        let is_counted = current_a.is_some() || measurement.counted.is_some() || measurement.gauge.is_some();
-        let state_of_charge = match (measurement.gauge, measurement.contents) {
-            (Some(gauge), _) => Some(gauge.state_of_charge()),
-            (None, Contents::Charge) => measurement
-                .state_of_charge
-                .or_else(|| self.estimator.state_of_charge()),
-            (None, Contents::Fuel) => self.fill_level(settings),
+        let is_counted = match self.gauge {
+            // What was counted is as unknown as what is left.
+            GaugeState::TimedOut { .. } => false,
+            GaugeState::Valid { .. } => true,
+            _ => current_a.is_some() || measurement.counted.is_some(),
         };
+        let (state_of_charge, charge_source) = self.state_of_charge(measurement, settings);
         let state = &mut self.state;
         state.voltage_v = voltage_v;
         state.current_a = current_a;
@@ -452,11 +580,7 @@ impl BatteryMonitor {
         state.consumed_wh = (is_counted && voltage_v.is_some() && measurement.contents == Contents::Charge)
             .then(|| self.consumption.energy_wh());
         state.remaining_pct = state_of_charge.map(|share| share * 100.0);
-        state.charge_source = match (measurement.gauge, measurement.state_of_charge) {
-            (Some(_), _) => ChargeSource::Gauge,
-            (None, Some(_)) => ChargeSource::Reported,
-            (None, None) => ChargeSource::Estimated,
-        };
+        state.charge_source = charge_source;
         state.cell_count = self.estimator.cell_count(settings);
         if state.remaining_pct.is_none() {
             state.time_remaining_s = None;
@@ -464,6 +588,25 @@ impl BatteryMonitor {
         state.time_remaining_s = measurement.time_remaining_s.or(state.time_remaining_s);
         self.update_learnt(settings);
         self.update_usable();
+    }
+
+    /// State of charge, from 0 to 1, and where it is from.
+    fn state_of_charge(
+        &self,
+        measurement: &Measurement,
+        settings: &PackSettings,
+    ) -> (Option<f32>, ChargeSource) {
+        let reported = measurement.state_of_charge;
+        match self.gauge {
+            GaugeState::Valid { gauge, .. } => (Some(gauge.state_of_charge()), ChargeSource::Gauge),
+            GaugeState::TimedOut { .. } => (reported, ChargeSource::Gauge),
+            GaugeState::Awaited { .. } if reported.is_none() => (None, ChargeSource::Gauge),
+            _ if reported.is_some() => (reported, ChargeSource::Reported),
+            _ => match measurement.contents {
+                Contents::Charge => (self.estimator.state_of_charge(), ChargeSource::Estimated),
+                Contents::Fuel => (self.fill_level(settings), ChargeSource::Estimated),
+            },
+        }
     }
 
     fn update_learnt(&mut self, settings: &PackSettings) {
@@ -508,12 +651,10 @@ impl BatteryMonitor {
                 .or(settings.capacity_mah)
                 .and_then(|capacity_mah| self.estimator.time_to_draw_s(charge.available, capacity_mah)),
             (Some(_), None) => {
-                state
-                    .remaining_pct
-                    .zip(settings.capacity_mah)
-                    .and_then(|(percent, capacity_mah)| {
-                        self.estimator.time_to_draw_s(percent / 100.0, capacity_mah)
-                    })
+                let remaining = state.remaining_pct.zip(state.capacity);
+                remaining.and_then(|(percent, capacity)| {
+                    self.estimator.time_to_draw_s(percent / 100.0, capacity.number())
+                })
             }
             (None, _) => charge.and(self.estimator.inferred_time_remaining_s()),
         };
@@ -523,6 +664,22 @@ impl BatteryMonitor {
     fn fill_level(&self, settings: &PackSettings) -> Option<f32> {
         let capacity_ml = settings.capacity_mah?;
         Some((1.0 - self.consumption.charge_mah() / capacity_ml).clamp(0.0, 1.0))
+    }
+
+    /// A pack whose gauge has timed out is unhealthy while a threshold needs its charge.
+    fn judge_health(&mut self, now: Instant, settings: &PackSettings) -> Option<ReadError> {
+        let FailsafeSettings { low, critical, .. } = &settings.failsafe;
+        let needs_charge = low.remaining_mah.or(critical.remaining_mah).is_some();
+        let has_timed_out = matches!(self.gauge, GaugeState::TimedOut { .. });
+        if self.state.status != PackStatus::Healthy {
+            return None;
+        }
+        if needs_charge && has_timed_out && self.state.remaining_pct.is_none() {
+            self.state.status = PackStatus::Unhealthy;
+            return Some(ReadError::GaugeTimeout);
+        }
+        self.last_healthy = Some(now);
+        None
     }
 
     fn reject(&mut self) {
@@ -546,15 +703,23 @@ impl BatteryMonitor {
         let dt_s = dt_us as f32 * 1e-6;
         let state = &mut self.state;
         state.chemistry = settings.chemistry;
-        state.capacity = settings
-            .capacity_mah
-            .map(|capacity| Amount::of(state.contents, capacity));
+        // The capacity that is set is not that of a gauge which has yet to report.
+        state.capacity = match self.gauge {
+            GaugeState::Awaited { .. } => None,
+            _ => settings
+                .capacity_mah
+                .map(|capacity| Amount::of(state.contents, capacity)),
+        };
         state.critical_voltage_v = settings.failsafe.critical.voltage_v;
         state.serial_number = settings.serial_number;
         state.reported_voltage = settings.reported_voltage;
         state.visibility = settings.visibility;
-        if state.status == PackStatus::Healthy {
-            state.faults = self.diagnosis.update(dt_s, state, settings);
+        if freshness == Freshness::Fresh {
+            let at_rest = AtRest {
+                voltage_v: self.swap_detector.resting_v(),
+                spread: self.members_spread,
+            };
+            state.faults = self.diagnosis.update(dt_s, state, &at_rest, settings);
         }
         let observation = Observation {
             tick,
@@ -618,6 +783,9 @@ impl BatteryMonitor {
     /// Continues with what was retained over a reset of the processor.
     pub fn restore(&mut self, memory: &PackMemory) {
         self.consumption = memory.consumption;
+        if memory.consumption != Consumption::default() {
+            self.counter.rebase();
+        }
         self.estimator.restore(&memory.estimate);
     }
 
@@ -682,11 +850,13 @@ impl BatteryMonitor {
             return;
         }
         let share = (remaining_pct / 100.0).clamp(0.0, 1.0);
-        let charge_mah = (1.0 - share) * settings.capacity_mah.unwrap_or(0.0);
+        let capacity_mah = self.state.capacity.map(Amount::number).or(settings.capacity_mah);
+        let charge_mah = (1.0 - share) * capacity_mah.unwrap_or(0.0);
         self.consumption.restart(Consumed {
             charge_mah,
             energy_wh: charge_mah / 1000.0 * self.state.voltage_v.unwrap_or(0.0),
         });
+        self.counter.rebase();
         self.estimator.set_state_of_charge(share);
     }
 }
@@ -730,14 +900,6 @@ impl Learnt {
     }
 }
 
-/// Total charge drawn by a count other than ours that leaves the energy to us.
-fn counted_charge_mah(measurement: &Measurement) -> Option<f32> {
-    match measurement.counted {
-        Some(Counted::TotalCharge(charge_mah)) => Some(charge_mah),
-        _ => measurement.gauge.map(|gauge| gauge.consumed_mah()),
-    }
-}
-
 fn check_plausible(measurement: &Measurement) -> Result<&Measurement, ReadError> {
     let Measurement {
         voltage_v,
@@ -753,18 +915,23 @@ fn check_plausible(measurement: &Measurement) -> Result<&Measurement, ReadError>
             && gauge.full_mah <= HIGHEST_CHARGE_MAH
     };
     let is_count = |counted: Counted| {
-        let (charge_mah, energy_wh) = match counted {
+        let (charge_mah, energy_wh, drawn_mah) = match counted {
             Counted::Total(consumed) | Counted::Increment(consumed) => {
-                (consumed.charge_mah, Some(consumed.energy_wh))
+                (consumed.charge_mah, Some(consumed.energy_wh), None)
             }
-            Counted::TotalCharge(charge_mah) => (charge_mah, None),
+            Counted::TotalCharge(charge_mah) => (charge_mah, None, None),
+            Counted::Members { consumed, drawn_mah } => {
+                (consumed.charge_mah, Some(consumed.energy_wh), drawn_mah)
+            }
         };
-        is_within(Some(charge_mah), HIGHEST_CHARGE_MAH) && is_within(energy_wh, HIGHEST_ENERGY_WH)
+        is_within(Some(charge_mah), HIGHEST_CHARGE_MAH)
+            && is_within(energy_wh, HIGHEST_ENERGY_WH)
+            && is_within(drawn_mah, HIGHEST_CHARGE_MAH)
     };
     if is_within(voltage_v, HIGHEST_VOLTAGE_V)
         && is_within(current_a, HIGHEST_CURRENT_A)
         && is_within(temperature_c, HIGHEST_TEMPERATURE_C)
-        && measurement.gauge.as_ref().is_none_or(is_gauge)
+        && measurement.gauge.read().is_none_or(is_gauge)
         && measurement
             .state_of_charge
             .is_none_or(|share| (0.0..=1.0).contains(&share))

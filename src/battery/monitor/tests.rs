@@ -2,10 +2,12 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    Amount, BusError, CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel, FailsafeSettings,
-    Faults, PackDetails, Reported, Thresholds, VoltageSource, arming_failures,
+    Amount, ArmState, BusError, CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel,
+    FailsafeSettings, Faults, GaugeReading, PackDetails, Reported, Thresholds, VoltageSource, arming_failures,
 };
 use crate::time::{Instant, at_us};
+
+mod sources;
 
 /// A monitor with its settings and clock.
 struct Bench {
@@ -481,10 +483,10 @@ fn gap_in_readings_is_counted_and_announced() {
 fn faults_begin_and_end() {
     let cases = [
         (volts(3.0 * 2.8), Faults::DEEP_DISCHARGE),
-        (volts(3.0 * 4.4), Faults::SPIKES | Faults::INCOMPATIBLE_VOLTAGE),
+        (volts(3.0 * 4.4), Faults::SPIKES | Faults::CELLS_CONFIGURATION),
         (
             volts(3.0 * 1.9),
-            Faults::DEEP_DISCHARGE | Faults::INCOMPATIBLE_VOLTAGE,
+            Faults::DEEP_DISCHARGE | Faults::CELLS_CONFIGURATION,
         ),
         (loaded(11.1, 20.0), Faults::OVER_CURRENT),
         (
@@ -567,7 +569,7 @@ fn wrong_cells_are_no_spike() {
     bench.run(1.0, volts(12.0));
     bench.settings.cell_count = Some(2);
     assert_eq!(bench.run(0.5, volts(12.0)).faults, Faults::empty());
-    assert_eq!(bench.run(2.0, volts(12.0)).faults, Faults::INCOMPATIBLE_VOLTAGE);
+    assert_eq!(bench.run(2.0, volts(12.0)).faults, Faults::CELLS_CONFIGURATION);
     bench.settings.cell_count = Some(3);
     assert_eq!(bench.run(2.0, volts(12.0)).faults, Faults::empty());
     assert_eq!(bench.run(0.1, volts(14.0)).faults, Faults::SPIKES);
@@ -613,7 +615,7 @@ fn smart(voltage_v: f32) -> Measurement {
     Measurement {
         voltage_v: Some(voltage_v),
         current_a: Some(3.6),
-        gauge: Some(Gauge {
+        gauge: GaugeReading::Read(Gauge {
             remaining_mah: 2000.0,
             full_mah: 2600.0,
         }),
@@ -930,7 +932,9 @@ fn any_reading() -> impl Strategy<Value = Result<Measurement, ReadError>> {
         remaining_mah,
         full_mah,
     });
-    let counted = (any_number(), any_number(), 0..3).prop_map(|(charge_mah, energy_wh, kind)| {
+    let missing = prop::sample::select(vec![GaugeReading::Absent, GaugeReading::Missing]);
+    let gauge = (gauge, missing);
+    let counted = (any_number(), any_number(), 0..4).prop_map(|(charge_mah, energy_wh, kind)| {
         let consumed = Consumed {
             charge_mah,
             energy_wh,
@@ -938,12 +942,16 @@ fn any_reading() -> impl Strategy<Value = Result<Measurement, ReadError>> {
         match kind {
             0 => Counted::Total(consumed),
             1 => Counted::Increment(consumed),
+            2 => Counted::Members {
+                consumed,
+                drawn_mah: Some(energy_wh),
+            },
             _ => Counted::TotalCharge(charge_mah),
         }
     });
     let state_of_charge = prop::option::of(any_number());
     prop_oneof![
-        8 => (numbers, known, cells, gauge, counted, state_of_charge).prop_map(|((voltage_v, current_a, temperature_c), known, cells, gauge, counted, state_of_charge)| {
+        8 => (numbers, known, cells, gauge, counted, state_of_charge).prop_map(|((voltage_v, current_a, temperature_c), known, cells, (gauge, missing), counted, state_of_charge)| {
             Ok(Measurement {
                 contents: Contents::Charge,
                 voltage_v: known.0.then_some(voltage_v),
@@ -951,7 +959,7 @@ fn any_reading() -> impl Strategy<Value = Result<Measurement, ReadError>> {
                 temperature_c: known.2.then_some(temperature_c),
                 cells: CellVoltages::from_millivolts(&cells),
                 counted: (known.0 && known.2).then_some(counted),
-                gauge: known.1.then_some(gauge),
+                gauge: if known.1 { GaugeReading::Read(gauge) } else { missing },
                 state_of_charge,
                 ..Measurement::default()
             })

@@ -111,7 +111,13 @@ fn readiness_flags(battery: &BatteryState) -> Flags {
     );
     let is_ready = match battery.status {
         PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected => true,
-        PackStatus::Healthy => is_charged && battery.is_fit() && battery.failsafe == FailsafeLevel::None,
+        PackStatus::Healthy => {
+            let is_contradicted = battery.faults.contains(Faults::CONTRADICTED_CHARGE);
+            is_charged
+                && battery.is_fit()
+                && battery.failsafe == FailsafeLevel::None
+                && !is_contradicted
+        }
         PackStatus::Unhealthy => false,
     };
     if is_ready {

@@ -9,7 +9,9 @@ use embedded_hal_async::i2c::{ErrorType, NoAcknowledgeSource};
 use proptest::prelude::*;
 
 use super::*;
-use crate::battery::{BatteryMonitor, Chemistry, Date, Measurement, PackSettings, ReadError, Tick};
+use crate::battery::{
+    BatteryMonitor, Chemistry, Date, GaugeReading, Measurement, PackSettings, ReadError, Tick,
+};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::time::{Instant, at_us};
@@ -199,7 +201,7 @@ fn a_smart_battery_introduces_itself() {
     assert_near(reading.voltage_v, 7.4);
     assert_near(reading.current_a, 1.5);
     assert_near(reading.temperature_c, 24.95);
-    let gauge = reading.gauge.unwrap();
+    let gauge = reading.gauge.read().unwrap();
     assert_eq!((gauge.remaining_mah, gauge.full_mah), (1300.0, 2600.0));
     assert_eq!(reading.cells.millivolts(), [3690, 3710]);
     let details = reading.details;
@@ -227,7 +229,10 @@ fn a_smart_battery_introduces_itself() {
 fn a_battery_that_counts_energy_has_its_charge_at_its_design_voltage() {
     // 1.3 × 10 Wh at 7.2 V.
     let reading = read_battery(battery(&[(0x03, 1 << 15)]));
-    assert_near(reading.gauge.map(|gauge| gauge.remaining_mah), 13_000.0 / 7.2);
+    assert_near(
+        reading.gauge.read().map(|gauge| gauge.remaining_mah),
+        13_000.0 / 7.2,
+    );
 }
 
 #[test]
@@ -236,12 +241,33 @@ fn a_large_battery_counts_in_larger_steps() {
     let reading = read_battery(battery(&[(0x1a, 0x2121), (0x09, 740)]));
     assert_near(reading.voltage_v, 7.4);
     assert_near(reading.current_a, 150.0);
-    assert_eq!(reading.gauge.unwrap().full_mah, 260_000.0);
+    assert_eq!(reading.gauge.read().unwrap().full_mah, 260_000.0);
 }
 
 #[test]
 fn a_milliampere_is_a_current_and_no_blank_word() {
     assert_eq!(read_battery(battery(&[(0x0a, 0xffff)])).current_a, Some(0.001));
+}
+
+#[test]
+fn word_that_a_battery_refuses_later_stays_as_it_was() {
+    let mut devices = BusDevices::from_parameters(&second_is(PartKind::SmartBattery), Instant::EPOCH);
+    let mut bus = battery(&[]);
+    for _ in 0..2 {
+        read_one(&mut devices, &mut bus).expect("it answers");
+    }
+    for command in [0x10, 0x17] {
+        bus.i2c.0.remove(&(0x0b, command));
+    }
+    for _ in 0..4 {
+        let reading = read_one(&mut devices, &mut bus).expect("it answers again");
+        assert_eq!(reading.gauge.read().map(|gauge| gauge.full_mah), Some(2600.0));
+        assert_eq!(reading.details.cycle_count, Some(12));
+    }
+    // What is left is known now or not at all.
+    bus.i2c.0.remove(&(0x0b, 0x0f));
+    let reading = read_one(&mut devices, &mut bus).expect("it answers again");
+    assert_eq!(reading.gauge, GaugeReading::Missing);
 }
 
 #[test]
@@ -251,7 +277,7 @@ fn what_a_battery_does_not_report_is_unknown() {
         bus.i2c.0.remove(&(0x0b, command));
     }
     let reading = read_battery(bus);
-    assert_eq!((reading.temperature_c, reading.gauge), (None, None));
+    assert_eq!((reading.temperature_c, reading.gauge.read()), (None, None));
     let details = reading.details;
     assert!(details.manufacturer.is_empty() && details.device.is_empty());
     assert_eq!((details.serial_number, details.cycle_count), (None, None));

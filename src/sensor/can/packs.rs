@@ -6,7 +6,7 @@ use super::condition::{of_battery, of_charger};
 use super::event::{CanEvent, CanNotice, ChargerPower};
 use super::messages::{BatteryAux, BatteryInfo, ChargerReading, celsius};
 use super::setup::{CanOptions, CanPack, CanSettings};
-use crate::battery::{ArmState, CellVoltages, Gauge, Measurement, PackDetails, Supply};
+use crate::battery::{ArmState, CellVoltages, Gauge, GaugeReading, Measurement, PackDetails, Supply};
 use crate::log::info;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::sensor::timeout::CAN_TIMEOUT_US;
@@ -41,6 +41,8 @@ struct Entry {
     /// When its latest reading was received.
     heard: Instant,
     aux: Option<Heard<BatteryAux>>,
+    /// The battery's nominal voltage, in volts, which does not change.
+    nominal_v: Option<f32>,
     charger: Option<Charger>,
 }
 
@@ -94,7 +96,7 @@ impl CanPacks {
             let aux = aux.as_ref().map(|aux| &aux.content);
             deliver(CanEvent::Reading(
                 settings.pack,
-                measurement(info, aux, &settings),
+                measurement(info, aux, entry.nominal_v, &settings),
             ));
         }
     }
@@ -106,6 +108,10 @@ impl CanPacks {
             battery_id: aux.battery_id,
         };
         if let Some(entry) = self.entry_of_aux(source) {
+            entry.nominal_v = aux
+                .nominal_v
+                .filter(|nominal_v| *nominal_v > 0.0)
+                .or(entry.nominal_v);
             entry.aux = Some(Heard {
                 content: *aux,
                 at: now,
@@ -225,6 +231,7 @@ impl Entry {
         source: None,
         heard: Instant::EPOCH,
         aux: None,
+        nominal_v: None,
         charger: None,
     };
 
@@ -246,6 +253,7 @@ impl Entry {
             source: Some(source),
             heard: now,
             aux: None,
+            nominal_v: None,
             charger: None,
         };
     }
@@ -294,7 +302,12 @@ fn plausible(voltage_v: Option<f32>) -> Option<f32> {
     voltage_v.filter(|voltage_v| *voltage_v >= 0.0)
 }
 
-fn measurement(info: &BatteryInfo, aux: Option<&BatteryAux>, settings: &CanPack) -> Measurement {
+fn measurement(
+    info: &BatteryInfo,
+    aux: Option<&BatteryAux>,
+    nominal_v: Option<f32>,
+    settings: &CanPack,
+) -> Measurement {
     let counts = !settings.options.has(CanOptions::IGNORE_CHARGE);
     let share = info
         .state_of_charge_pct
@@ -304,7 +317,10 @@ fn measurement(info: &BatteryInfo, aux: Option<&BatteryAux>, settings: &CanPack)
         current_a: info
             .current_a
             .map(|current_a| current_a * settings.current_multiplier),
-        gauge: aux.and_then(|aux| gauge(info, aux)).filter(|_| counts),
+        gauge: match settings.options.has(CanOptions::IGNORE_CHARGE) {
+            true => GaugeReading::Absent,
+            false => GaugeReading::expected(nominal_v.and_then(|nominal_v| gauge(info, nominal_v))),
+        },
         state_of_charge: share.filter(|_| counts),
         temperature_c: celsius(info.temperature_k),
         cells: aux.map_or(CellVoltages::NONE, |aux| aux.cells),
@@ -325,8 +341,7 @@ const LEAST_CAPACITY_MAH: f32 = 10.0;
 const MOST_CAPACITY_MAH: f32 = 1_000_000.0;
 
 /// The charge that the battery counts. Nothing left is believed only if the percentage agrees: unknown energies are 0.
-fn gauge(info: &BatteryInfo, aux: &BatteryAux) -> Option<Gauge> {
-    let nominal_v = aux.nominal_v.filter(|nominal_v| *nominal_v > 0.0)?;
+fn gauge(info: &BatteryInfo, nominal_v: f32) -> Option<Gauge> {
     let to_mah = 1000.0 / nominal_v;
     let gauge = Gauge {
         remaining_mah: info.remaining_wh? * to_mah,

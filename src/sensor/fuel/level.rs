@@ -3,7 +3,7 @@
 use core::f32::consts::TAU;
 
 use super::Pulses;
-use crate::battery::{Contents, Gauge, Measurement, ReadError};
+use crate::battery::{Contents, Gauge, GaugeReading, Measurement, ReadError};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::time::Instant;
@@ -114,7 +114,7 @@ pub fn tank(fill_level: f32, capacity_ml: Option<f32>) -> Result<Measurement, Re
     let full_ml = capacity_ml.ok_or(ReadError::NoCapacity)?;
     Ok(Measurement {
         contents: Contents::Fuel,
-        gauge: Some(Gauge {
+        gauge: GaugeReading::Read(Gauge {
             remaining_mah: fill_level.clamp(0.0, 1.0) * full_ml,
             full_mah: full_ml,
         }),
@@ -140,7 +140,7 @@ mod tests {
     #[track_caller]
     fn assert_remaining(measurement: Result<Measurement, ReadError>, expected_ml: f32) {
         let measurement = measurement.expect("measured");
-        let gauge = measurement.gauge.expect("a gauge");
+        let gauge = measurement.gauge.read().expect("a gauge");
         assert!(
             (gauge.remaining_mah - expected_ml).abs() < 0.1,
             "{} ml instead of {expected_ml}",
@@ -188,7 +188,7 @@ mod tests {
             let measurement = meter
                 .measure(&scale, 0.5, Some(2000.0), at_us(tick * TICK_US))
                 .unwrap();
-            remaining_ml = measurement.gauge.unwrap().remaining_mah;
+            remaining_ml = measurement.gauge.read().unwrap().remaining_mah;
         }
         assert!((800.0..900.0).contains(&remaining_ml), "{remaining_ml} ml");
         for tick in 6..=60 {

@@ -129,7 +129,7 @@ mod tests {
     }
 
     fn remaining_ml(measurement: Result<Measurement, ReadError>) -> f32 {
-        measurement.unwrap().gauge.unwrap().remaining_mah.round()
+        measurement.unwrap().gauge.read().unwrap().remaining_mah.round()
     }
 
     #[test]

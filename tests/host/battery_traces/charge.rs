@@ -221,3 +221,66 @@ fn a_pack_charged_in_place_is_full_whatever_its_label() {
         assert!(last_pct > 99.0, "label {capacity_mah}: {last_pct} %");
     }
 }
+
+/// The time left where the current is not measured, relative to the true one at the mean load so far, and how long after the
+/// start of the load, in seconds. It is known from some moment on.
+fn times_left(samples: &[Sample], settings: &PackSettings) -> Vec<(f64, f64)> {
+    let moments = run(&without_current(samples), settings);
+    let drawn = drawn_mah(samples);
+    let loaded_s = samples
+        .iter()
+        .find(|sample| sample.current_a.is_some_and(|current_a| current_a > 1.0))
+        .expect("a load")
+        .t_s;
+    let is_known: Vec<bool> = moments
+        .iter()
+        .map(|moment| moment.state.time_remaining_s.is_some())
+        .collect();
+    let changes = is_known.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    assert_eq!(changes, 1, "it flickers");
+    let known = moments.iter().zip(&drawn).filter_map(|(moment, drawn_mah)| {
+        let left_s = f64::from(moment.state.time_remaining_s?);
+        let since_s = moment.t_s - loaded_s;
+        let true_s = (CAPACITY_MAH - drawn_mah) / drawn_mah * since_s;
+        Some((since_s, left_s / true_s))
+    });
+    known.collect()
+}
+
+#[test]
+fn time_left_without_a_current_is_known_once_the_load_has_settled() {
+    let mut parked = samples(Pack::at(1.0), 10, 1000.0);
+    // Armed, and at a standstill for ten minutes before the drive.
+    let first = parked[0];
+    parked.iter_mut().for_each(|sample| sample.t_s += 600.0);
+    let standstill = (0..6000).map(|tick| Sample {
+        t_s: f64::from(tick) * 0.1,
+        armed: true,
+        ..first
+    });
+    let parked: Vec<Sample> = standstill.chain(parked).collect();
+    let mut disarmed = trace(DISCHARGE);
+    disarmed.iter_mut().for_each(|sample| sample.armed = false);
+    for (name, samples) in [
+        (DISCHARGE, trace(DISCHARGE)),
+        ("the same, disarmed", disarmed),
+        ("a drive with stops", samples(Pack::at(1.0), 10, 1000.0)),
+        ("the same, parked before", parked),
+    ] {
+        let times = times_left(&samples, &cells_set());
+        let (first_s, last_s) = (times[0].0, times[times.len() - 1].0);
+        let lowest = times
+            .iter()
+            .map(|(_, ratio)| *ratio)
+            .fold(f64::INFINITY, f64::min);
+        let highest = times.iter().map(|(_, ratio)| *ratio).fold(0.0, f64::max);
+        println!(
+            "time left, {name}: known from {first_s:.0} s to {last_s:.0} s, {lowest:.2} to {highest:.2} of the true one"
+        );
+        assert!(
+            (110.0..135.0).contains(&first_s),
+            "{name}: known from {first_s} s"
+        );
+        assert!(lowest >= 0.6 && highest <= 1.0, "{name}: {lowest} to {highest}");
+    }
+}

@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, charger, node, pack};
 use super::golden::{self, frames};
-use crate::battery::{ArmState, Faults};
+use crate::battery::{ArmState, Faults, GaugeReading};
 use crate::pack::Pack;
 use crate::sensor::{CanFrame, CanNotice, CanOptions, CanPack, ChargerPower};
 
@@ -45,7 +45,10 @@ fn charger_of_the_reference_is_read_at_its_output_or_input() {
             (reading.current_a, reading.temperature_c),
             (Some(current_a), Some(-5.0))
         );
-        assert_eq!((reading.state_of_charge, reading.gauge), (None, None));
+        assert_eq!(
+            (reading.state_of_charge, reading.gauge),
+            (None, GaugeReading::Absent)
+        );
     }
 }
 

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::bench::{Battery, Bench, node, pack};
 use super::golden::{self, frames};
-use crate::battery::{ArmState, ChargeState, Faults, Gauge, Measurement, Supply};
+use crate::battery::{ArmState, ChargeState, Faults, Gauge, GaugeReading, Measurement, Supply};
 use crate::identity::Identity;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
@@ -49,7 +49,7 @@ fn battery_of_the_reference_is_read() {
     assert_eq!(alone.current_a, Some(-3.5));
     assert!(is_close(alone.temperature_c, 25.1), "{alone:?}");
     assert_eq!(alone.state_of_charge, Some(0.8));
-    assert_eq!(alone.gauge, None, "no nominal voltage is known");
+    assert_eq!(alone.gauge, GaugeReading::Missing, "no nominal voltage is known");
     assert_eq!(alone.details.state_of_health_pct, Some(97));
     assert_eq!(alone.details.device.as_bytes(), b"Smart LiPo 3S");
     assert_eq!((alone.cells.millivolts(), alone.supply), (&[][..], Supply::On));
@@ -61,7 +61,7 @@ fn battery_of_the_reference_is_read() {
     assert_eq!(whole.cells.millivolts(), [4199, 4195, 4180]);
     assert_eq!(whole.details.cycle_count, Some(123));
     assert_eq!(whole.supply, Supply::PoweringOff);
-    let gauge = whole.gauge.expect("a gauge");
+    let gauge = whole.gauge.read().expect("a gauge");
     assert!(
         is_close(Some(gauge.remaining_mah), 40.0 / 11.1 * 1000.0),
         "{gauge:?}"
@@ -103,6 +103,7 @@ fn what_the_battery_does_not_know_is_unknown() {
     bench.receive(&battery.frames(0));
     let expected = Measurement {
         voltage_v: Some(12.0),
+        gauge: GaugeReading::Missing,
         ..Measurement::default()
     };
     assert_eq!(reading(&mut bench), expected);
@@ -141,7 +142,10 @@ fn charge_is_ignored_by_option() {
     bench.receive(&battery.aux(&[4.0, 4.0], 8.0));
     bench.receive(&battery.frames(1));
     let reading = reading(&mut bench);
-    assert_eq!((reading.gauge, reading.state_of_charge), (None, None));
+    assert_eq!(
+        (reading.gauge, reading.state_of_charge),
+        (GaugeReading::Absent, None)
+    );
     assert_eq!(reading.cells.millivolts(), [4000, 4000]);
 }
 
@@ -149,22 +153,23 @@ fn charge_is_ignored_by_option() {
 fn energies_are_a_gauge_if_they_make_sense() {
     let battery = Battery::new(42, 0);
     let gauge = |remaining_mah, full_mah| {
-        Some(Gauge {
+        GaugeReading::Read(Gauge {
             remaining_mah,
             full_mah,
         })
     };
+    let missing = GaugeReading::Missing;
     for (changed, nominal_v, expected) in [
         (battery, 12.0, gauge(2500.0, 5000.0)),
-        (battery, 0.0, None),
-        (battery, f32::NAN, None),
+        (battery, 0.0, missing),
+        (battery, f32::NAN, missing),
         (
             Battery {
                 full_wh: 0.0,
                 ..battery
             },
             12.0,
-            None,
+            missing,
         ),
         (
             Battery {
@@ -172,7 +177,7 @@ fn energies_are_a_gauge_if_they_make_sense() {
                 ..battery
             },
             12.0,
-            None,
+            missing,
         ),
         (
             Battery {
@@ -180,7 +185,7 @@ fn energies_are_a_gauge_if_they_make_sense() {
                 ..battery
             },
             12.0,
-            None,
+            missing,
         ),
         (
             Battery {
@@ -197,7 +202,7 @@ fn energies_are_a_gauge_if_they_make_sense() {
                 ..battery
             },
             12.0,
-            None,
+            missing,
         ),
     ] {
         let mut bench = Bench::with_packs(&[pack(Pack::First)]);
@@ -224,6 +229,22 @@ fn flags_of_a_battery_are_in_its_readings() {
     let reported = reading(&mut bench).reported;
     assert_eq!(reported.faults, Faults::OVER_TEMPERATURE | Faults::BAD_BATTERY);
     assert_eq!(reported.charge_state, Some(ChargeState::Charging));
+}
+
+#[test]
+fn gauge_outlasts_the_silence_of_what_reports_the_nominal_voltage() {
+    let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+    let battery = Battery::new(42, 0);
+    bench.receive(&battery.frames(0));
+    bench.receive(&battery.aux(&[], 12.0));
+    bench.run_with(60, &battery.frames(0));
+    bench.take_readings();
+    bench.receive(&battery.frames(0));
+    let gauge = GaugeReading::Read(Gauge {
+        remaining_mah: 2500.0,
+        full_mah: 5000.0,
+    });
+    assert_eq!(reading(&mut bench).gauge, gauge);
 }
 
 #[test]

@@ -9,7 +9,9 @@ pub(in crate::sensor::bus) use dialect::{
     Dialect, GENERIC, MAXELL, NEO_DESIGN, ROTOYE, SOLO, SUI_3_CELLS, SUI_6_CELLS,
 };
 
-use crate::battery::{BusError, Chemistry, Date, Gauge, Measurement, Name, PackDetails, ReadError, Supply};
+use crate::battery::{
+    BusError, Chemistry, Date, Gauge, GaugeReading, Measurement, Name, PackDetails, ReadError, Supply,
+};
 use crate::log::info;
 use crate::sensor::bus::part::Part;
 use crate::sensor::bus::smbus::{PacketErrorCode, SmBus};
@@ -205,10 +207,10 @@ impl Part for SmartBattery {
         Ok(Measurement {
             voltage_v: Some(voltage_v),
             current_a,
-            gauge: remaining.zip(self.full_mah).map(|(remaining, full_mah)| Gauge {
+            gauge: GaugeReading::expected(remaining.zip(self.full_mah).map(|(remaining, full_mah)| Gauge {
                 remaining_mah: f32::from(remaining) * self.scale.capacity,
                 full_mah,
-            }),
+            })),
             temperature_c: self.temperature_c(bus).await?,
             cells: cell_voltages(voltage_v, &cells_mv),
             details: self.details,
@@ -243,12 +245,13 @@ impl SmartBattery {
         SmBus::new(bus, self.address, self.code)
     }
 
+    /// A word that is refused once stays as it was.
     fn note_slow(&mut self, word: Option<u16>) {
         if self.slow_command == CYCLE_COUNT {
-            self.details.cycle_count = word;
+            self.details.cycle_count = word.or(self.details.cycle_count);
             self.slow_command = FULL_CHARGE_CAPACITY;
         } else {
-            self.full_mah = filled(word, self.scale.capacity);
+            self.full_mah = filled(word, self.scale.capacity).or(self.full_mah);
             self.slow_command = CYCLE_COUNT;
         }
         self.details.state_of_health_pct = self.state_of_health_pct();

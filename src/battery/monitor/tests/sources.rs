@@ -1,0 +1,481 @@
+//! Gauges and counters at the source of a measurement: what they miss, and what they contradict.
+
+use super::*;
+
+/// For how long a gauge may be silent, in seconds.
+const GAUGE_TIMEOUT_S: f32 = 12.0;
+
+/// A pack of 20 Ah whose gauge says that half is left, read with thresholds far above half of `BATT_CAPACITY`.
+fn gauged_bench() -> Bench {
+    let mut bench = Bench::new();
+    bench.settings.failsafe.low.remaining_mah = Some(4000.0);
+    bench.settings.failsafe.critical.remaining_mah = Some(2000.0);
+    bench.arm_state = ArmState::Armed;
+    bench
+}
+
+fn half_full(gauge: GaugeReading) -> Measurement {
+    Measurement {
+        gauge,
+        ..loaded(11.5, 5.0)
+    }
+}
+
+const HALF_OF_20_AH: GaugeReading = GaugeReading::Read(Gauge {
+    remaining_mah: 10_000.0,
+    full_mah: 20_000.0,
+});
+
+#[test]
+fn readings_without_the_gauge_trip_no_threshold_in_mah() {
+    for share in [None, Some(0.5)] {
+        let missing = Measurement {
+            state_of_charge: share,
+            ..half_full(GaugeReading::Missing)
+        };
+        let mut bench = gauged_bench();
+        bench.run(1.0, half_full(HALF_OF_20_AH));
+        let state = bench.run(0.1, missing);
+        assert_eq!(state.charge_source, ChargeSource::Gauge);
+        assert_eq!(
+            (state.remaining_pct, state.capacity_mah()),
+            (Some(50.0), Some(20_000.0))
+        );
+        bench.run(60.0, missing);
+        bench.run(1.0, half_full(HALF_OF_20_AH));
+        assert!(bench.state().failsafe <= FailsafeLevel::Unhealthy, "{share:?}");
+    }
+}
+
+#[test]
+fn before_the_first_report_of_a_gauge_its_capacity_is_unknown() {
+    for share in [None, Some(0.5)] {
+        let missing = Measurement {
+            state_of_charge: share,
+            ..half_full(GaugeReading::Missing)
+        };
+        let mut bench = gauged_bench();
+        let state = bench.run(GAUGE_TIMEOUT_S - 1.0, missing);
+        assert_eq!(
+            (state.remaining_pct, state.capacity),
+            (share.map(|share| share * 100.0), None)
+        );
+        assert_eq!(
+            (state.failsafe, state.status),
+            (FailsafeLevel::None, PackStatus::Healthy)
+        );
+        assert_ne!(state.charge_source, ChargeSource::Estimated);
+        let state = bench.run(1.0, half_full(HALF_OF_20_AH));
+        assert_eq!(state.capacity_mah(), Some(20_000.0));
+    }
+}
+
+#[test]
+fn a_source_that_never_reports_its_gauge_has_none() {
+    let mut bench = Bench::new();
+    let state = bench.run(GAUGE_TIMEOUT_S + 1.0, half_full(GaugeReading::Missing));
+    assert_eq!(state.charge_source, ChargeSource::Estimated);
+    assert_eq!(state.capacity_mah(), Some(2200.0));
+    assert!(state.remaining_pct.is_some());
+}
+
+#[test]
+fn after_its_time_out_the_charge_of_a_gauge_is_unknown_and_never_estimated() {
+    let mut bench = Bench::new();
+    bench.run(1.0, half_full(HALF_OF_20_AH));
+    let state = bench.run(GAUGE_TIMEOUT_S - 1.0, half_full(GaugeReading::Missing));
+    assert_eq!(
+        (state.remaining_pct, state.consumed_mah()),
+        (Some(50.0), Some(10_000.0))
+    );
+    let state = bench.run(600.0, half_full(GaugeReading::Missing));
+    assert_eq!(state.charge_source, ChargeSource::Gauge);
+    assert_eq!(
+        (state.remaining_pct, state.usable_pct, state.consumed),
+        (None, None, None)
+    );
+    assert_eq!((state.time_remaining_s, state.remaining_sigma_pct), (None, None));
+    assert_eq!(state.status, PackStatus::Healthy, "no threshold needs it");
+    bench.monitor.reset(100.0, &bench.settings);
+    assert_eq!(
+        bench.run(1.0, half_full(GaugeReading::Missing)).remaining_pct,
+        None
+    );
+    assert_eq!(bench.run(0.1, half_full(HALF_OF_20_AH)).remaining_pct, Some(50.0));
+}
+
+#[test]
+fn full_capacity_once_heard_stays_until_another_pack() {
+    let mut bench = Bench::new();
+    let at_rest = |voltage_v, gauge| Measurement {
+        gauge,
+        state_of_charge: Some(0.5),
+        ..loaded(voltage_v, 0.0)
+    };
+    bench.run(5.0, at_rest(11.0, HALF_OF_20_AH));
+    let state = bench.run(3600.0, at_rest(11.0, GaugeReading::Missing));
+    assert_eq!(
+        (state.capacity_mah(), state.remaining_pct),
+        (Some(20_000.0), Some(50.0))
+    );
+    bench.run(3.0, volts(0.3));
+    let state = bench.run(5.0, at_rest(12.4, GaugeReading::Missing));
+    assert!(bench.events.contains(&PackEvent::Swapped));
+    assert_eq!(state.capacity, None);
+}
+
+#[test]
+fn timed_out_gauge_is_unhealthy_and_announced_while_a_threshold_needs_it() {
+    let mut bench = gauged_bench();
+    bench.run(1.0, half_full(HALF_OF_20_AH));
+    bench.run(GAUGE_TIMEOUT_S - 0.5, half_full(GaugeReading::Missing));
+    assert_eq!(
+        (bench.state().status, bench.events.len()),
+        (PackStatus::Healthy, 0)
+    );
+    let state = bench.run(1.0, half_full(GaugeReading::Missing));
+    assert_eq!(state.status, PackStatus::Unhealthy);
+    assert_eq!(bench.events, [PackEvent::SensorFailed(ReadError::GaugeTimeout)]);
+    let state = bench.run(6.0, half_full(GaugeReading::Missing));
+    assert_eq!(state.failsafe, FailsafeLevel::Unhealthy);
+    // Its voltage is measured all the same.
+    bench.settings.failsafe.timer_s = Some(1.0);
+    bench.settings.failsafe.low.voltage_v = Some(10.5);
+    let low = Measurement {
+        voltage_v: Some(10.0),
+        ..half_full(GaugeReading::Missing)
+    };
+    let state = bench.run(3.0, low);
+    assert_eq!(
+        (state.failsafe, state.voltage_v),
+        (FailsafeLevel::Low, Some(10.0))
+    );
+    let state = bench.run(6.0, half_full(HALF_OF_20_AH));
+    assert_eq!(state.status, PackStatus::Healthy);
+    assert_eq!(bench.events.last(), Some(&PackEvent::SensorRecovered));
+}
+
+#[test]
+fn gauge_that_is_not_to_be_used_is_estimated_at_once() {
+    let mut bench = Bench::new();
+    bench.run(5.0, half_full(HALF_OF_20_AH));
+    let state = bench.run(0.1, half_full(GaugeReading::Absent));
+    assert_eq!(state.charge_source, ChargeSource::Estimated);
+    assert_eq!(state.capacity_mah(), Some(2200.0));
+}
+
+/// A reading of a companion computer that counts, and may measure the current.
+fn companion(total_mah: f32, current_a: Option<f32>) -> Measurement {
+    Measurement {
+        current_a,
+        counted: Some(Counted::TotalCharge(total_mah)),
+        ..volts(12.0)
+    }
+}
+
+/// Lets a companion's count rise at this current from 0, in whole milliampere-hours, while the voltage is that of a pack of
+/// 2200 mAh of which `drawn_mah` was drawn before.
+fn count(bench: &mut Bench, seconds: f32, drawn_mah: f32, load_a: f32, current_a: Option<f32>) {
+    for tick in 0..(seconds * 10.0) as u32 {
+        let total_mah = load_a * tick as f32 * 0.1 / 3.6;
+        let true_a = load_a.max(current_a.unwrap_or(0.0));
+        let true_mah = drawn_mah + true_a * tick as f32 * 0.1 / 3.6;
+        let share = (1.0 - true_mah / 2200.0).max(0.5);
+        let voltage_v = 3.0 * Chemistry::LiPo.cell().curve.voltage_v(share);
+        bench.tick(Ok(Measurement {
+            voltage_v: Some(voltage_v),
+            ..companion(total_mah.floor(), current_a)
+        }));
+    }
+}
+
+#[test]
+fn a_count_beyond_the_capacity_leaves_nothing_whatever_the_voltage() {
+    for current_a in [None, Some(0.0), Some(5.0)] {
+        let mut bench = Bench::new();
+        bench.settings.failsafe.critical.remaining_mah = Some(100.0);
+        bench.run(60.0, companion(0.0, current_a));
+        assert!(bench.state().remaining_pct.expect("known") > 50.0);
+        bench.arm_state = ArmState::Armed;
+        count(&mut bench, 3600.0, 0.0, 3.0, current_a);
+        let state = *bench.state();
+        assert!(state.consumed_mah().expect("counted") > 2900.0);
+        assert_eq!(state.remaining_pct, Some(0.0), "{current_a:?}");
+        assert_eq!(state.failsafe, FailsafeLevel::Critical);
+    }
+}
+
+#[test]
+fn a_count_without_a_current_feeds_the_estimate() {
+    let mut bench = Bench::new();
+    let at_full = |total_mah| Measurement {
+        voltage_v: Some(12.6),
+        ..companion(total_mah, None)
+    };
+    bench.run(60.0, at_full(0.0));
+    bench.arm_state = ArmState::Armed;
+    // A tenth of 2200 mAh, at 2.2 A.
+    for tick in 0..=3600 {
+        bench.tick(Ok(at_full((220.0 * tick as f32 / 3600.0).floor())));
+    }
+    let state = *bench.state();
+    let remaining_pct = state.remaining_pct.expect("known");
+    assert!((remaining_pct - 90.0).abs() < 1.0, "{remaining_pct} %");
+    assert!((state.consumed_mah().expect("counted") - 220.0).abs() < 2.0);
+}
+
+#[test]
+fn of_a_count_and_a_current_the_larger_counts() {
+    for (counted_a, measured_a) in [(2.2, 1.0), (1.0, 2.2)] {
+        let mut bench = Bench::new();
+        bench.run(1.0, companion(0.0, Some(0.0)));
+        bench.monitor.reset(100.0, &bench.settings);
+        count(&mut bench, 360.0, 0.0, counted_a, Some(measured_a));
+        let remaining_pct = bench.state().remaining_pct.expect("known");
+        assert!(
+            (remaining_pct - 90.0).abs() < 1.5,
+            "{counted_a} {measured_a}: {remaining_pct} %"
+        );
+    }
+}
+
+#[test]
+fn what_a_controller_counted_while_silent_is_drawn_when_it_returns() {
+    let reading = |charge_mah: f32, current_a| Measurement {
+        counted: Some(Counted::Increment(Consumed {
+            charge_mah,
+            energy_wh: charge_mah * 0.012,
+        })),
+        current_a,
+        ..volts(12.6)
+    };
+    let mut bench = Bench::new();
+    bench.run(1.0, reading(0.01, Some(0.36)));
+    bench.monitor.reset(100.0, &bench.settings);
+    bench.run(60.0, reading(0.0, None));
+    bench.tick(Ok(reading(1100.0, Some(0.36))));
+    let remaining_pct = bench
+        .run(10.0, reading(0.01, Some(0.36)))
+        .remaining_pct
+        .expect("known");
+    assert!((remaining_pct - 50.0).abs() < 1.0, "{remaining_pct} %");
+    assert!((bench.state().consumed_mah().expect("counted") - 1101.0).abs() < 1.0);
+}
+
+#[test]
+fn a_count_that_falls_is_a_restart_of_its_source_and_no_charge() {
+    let mut bench = Bench::new();
+    bench.run(1.0, companion(0.0, Some(0.0)));
+    bench.monitor.reset(100.0, &bench.settings);
+    count(&mut bench, 360.0, 0.0, 2.2, None);
+    let before = *bench.state();
+    bench.tick(Ok(companion(0.0, None)));
+    let state = *bench.state();
+    assert_eq!(state.consumed_mah(), before.consumed_mah());
+    assert!(state.remaining_pct <= before.remaining_pct);
+    count(&mut bench, 360.0, 220.0, 2.2, None);
+    let state = *bench.state();
+    assert!(
+        (state.consumed_mah().expect("counted") - 440.0).abs() < 3.0,
+        "{state:?}"
+    );
+    assert!(
+        (state.remaining_pct.expect("known") - 80.0).abs() < 1.5,
+        "{state:?}"
+    );
+}
+
+#[test]
+fn a_count_that_flickers_is_no_draw() {
+    let mut bench = Bench::new();
+    for tick in 0..36_000 {
+        bench.tick(Ok(companion(100.0 + (tick % 3) as f32, None)));
+    }
+    assert_eq!(bench.state().consumed_mah(), Some(102.0));
+}
+
+#[test]
+fn a_count_that_stands_still_does_not_replace_an_unknown_current() {
+    let (mut counted, mut plain) = (Bench::new(), Bench::new());
+    for bench in [&mut counted, &mut plain] {
+        bench.arm_state = ArmState::Armed;
+    }
+    counted.run(300.0, companion(0.0, None));
+    plain.run(300.0, volts(12.0));
+    assert_eq!(counted.state().remaining_pct, plain.state().remaining_pct);
+}
+
+#[test]
+fn a_swapped_pack_has_none_of_the_count_of_the_one_before() {
+    let mut bench = Bench::new();
+    let at = |voltage_v, total_mah| Measurement {
+        voltage_v: Some(voltage_v),
+        ..companion(total_mah, Some(0.0))
+    };
+    bench.run(5.0, at(10.2, 2000.0));
+    assert!(bench.state().remaining_pct.expect("known") < 10.0);
+    bench.run(3.0, volts(0.3));
+    let state = bench.run(10.0, at(12.5, 2000.0));
+    assert!(bench.events.contains(&PackEvent::Swapped));
+    assert_eq!(state.consumed_mah(), Some(0.0));
+    assert!(state.remaining_pct.expect("known") > 90.0);
+}
+
+#[test]
+fn after_a_processor_reset_a_count_goes_on() {
+    let mut before = Bench::new();
+    before.run(1.0, companion(1000.0, Some(0.0)));
+    // The companion has restarted.
+    before.run(1.0, companion(0.0, Some(0.0)));
+    count(&mut before, 60.0, 0.0, 6.0, None);
+    let mut after = Bench::new();
+    after
+        .monitor
+        .restore(&before.monitor.memory(PackSource::default()));
+    after.run(1.0, companion(100.0, None));
+    let consumed_mah = after.state().consumed_mah().expect("counted");
+    assert!((consumed_mah - 1099.0).abs() < 2.0, "{consumed_mah}");
+}
+
+/// A pack at rest that reports its charge.
+fn reports(share: f32, cell_v: f32) -> Measurement {
+    Measurement {
+        state_of_charge: Some(share),
+        ..loaded(3.0 * cell_v, 0.0)
+    }
+}
+
+const ALL_CHEMISTRIES: [Chemistry; 4] = [
+    Chemistry::LiPo,
+    Chemistry::LiFe,
+    Chemistry::LiIon,
+    Chemistry::NiMh,
+];
+
+#[test]
+fn a_charge_that_the_resting_cells_contradict_is_announced_and_refuses_arming() {
+    for chemistry in ALL_CHEMISTRIES {
+        let mut bench = Bench::new();
+        bench.settings.chemistry = chemistry;
+        let cell_v = chemistry.cell().lowest_resting_v(0.84) - 0.01;
+        let nearly_empty = reports(0.84, cell_v);
+        bench.run(11.0, nearly_empty);
+        assert_eq!(bench.state().faults, Faults::empty(), "not for long enough");
+        let state = bench.run(2.0, nearly_empty);
+        assert_eq!(state.faults, Faults::CONTRADICTED_CHARGE, "{chemistry:?}");
+        assert!(
+            bench
+                .events
+                .contains(&PackEvent::Faults(Faults::CONTRADICTED_CHARGE))
+        );
+        let failures: Vec<_> = crate::battery::arming_failures(&state, &bench.settings).collect();
+        assert_eq!(failures, [crate::battery::ArmingFailure::ContradictedCharge]);
+        // The charge that such cells have.
+        let state = bench.run(13.0, reports(0.05, cell_v));
+        assert_eq!(state.faults, Faults::empty());
+    }
+}
+
+#[test]
+fn a_contradicted_charge_acts_on_no_rover_that_drives() {
+    let mut bench = gauged_bench();
+    bench.settings.failsafe.low.remaining_mah = Some(100.0);
+    bench.settings.failsafe.critical.remaining_mah = None;
+    let state = bench.run(60.0, reports(0.84, 3.5));
+    assert_eq!(
+        (state.faults, state.failsafe),
+        (Faults::empty(), FailsafeLevel::None)
+    );
+    bench.arm_state = ArmState::Disarmed;
+    bench.run(15.0, reports(0.84, 3.5));
+    bench.arm_state = ArmState::Armed;
+    let state = bench.run(60.0, reports(0.84, 3.5));
+    assert_eq!(state.failsafe, FailsafeLevel::None);
+    assert_ne!(state.charge_state, ChargeState::Unhealthy);
+}
+
+#[test]
+fn one_cell_that_is_too_low_contradicts_the_charge() {
+    let mut bench = Bench::new();
+    let uneven = Measurement {
+        cells: CellVoltages::from_millivolts(&[3900, 3900, 3610]),
+        ..reports(0.84, 3.8)
+    };
+    assert_eq!(bench.run(15.0, uneven).faults, Faults::CONTRADICTED_CHARGE);
+}
+
+#[test]
+fn no_sound_cell_contradicts_its_charge() {
+    for chemistry in ALL_CHEMISTRIES {
+        let cell = chemistry.cell();
+        for percent in 0..=100 {
+            let share = percent as f32 / 100.0;
+            let mut bench = Bench::new();
+            bench.settings.chemistry = chemistry;
+            // Of the lowest make, with a gauge that is 5 % off.
+            let cell_v = cell.curve.voltage_v((share - 0.05).max(0.0)) - cell.lowest_make_v;
+            let faults = bench.run(15.0, reports(share, cell_v)).faults;
+            assert!(
+                !faults.contains(Faults::CONTRADICTED_CHARGE),
+                "{chemistry:?} {percent} %"
+            );
+        }
+    }
+}
+
+#[test]
+fn packs_of_a_sum_that_rest_apart_are_a_fault_on_which_nothing_acts() {
+    let sum = |spread| Measurement {
+        members: 0b110,
+        members_spread: spread,
+        ..loaded(11.5, 0.0)
+    };
+    let mut bench = Bench::new();
+    bench.run(5.0, sum(Some(0.04)));
+    assert_eq!(bench.state().faults, Faults::empty());
+    let state = bench.run(2.0, sum(Some(0.06)));
+    assert_eq!(state.faults, Faults::INCOMPATIBLE_VOLTAGE);
+    assert_eq!(bench.events, [PackEvent::Faults(Faults::INCOMPATIBLE_VOLTAGE)]);
+    assert_eq!(state.charge_state, ChargeState::Ok);
+    assert_eq!(
+        crate::battery::arming_failures(&state, &bench.settings).count(),
+        0
+    );
+    // Under load the last rest counts.
+    assert_eq!(bench.run(5.0, sum(None)).faults, Faults::INCOMPATIBLE_VOLTAGE);
+}
+
+#[test]
+fn a_sum_has_the_capacity_of_its_packs_unless_its_own_is_set() {
+    let sum = |capacity_mah| Measurement {
+        members: 0b110,
+        members_capacity_mah: capacity_mah,
+        ..loaded(11.5, 0.0)
+    };
+    for (own_mah, members_mah, expected_mah) in [
+        (None, Some(5000.0), Some(5000.0)),
+        (None, None, None),
+        (Some(4000.0), Some(5000.0), Some(4000.0)),
+    ] {
+        let mut bench = Bench::new();
+        bench.settings.capacity_mah = own_mah;
+        bench.run(5.0, sum(members_mah));
+        assert_eq!(bench.state().capacity_mah(), expected_mah);
+        bench.monitor.reset(50.0, &bench.settings);
+        bench.run(0.1, sum(members_mah));
+        let half_mah = expected_mah.map_or(0.0, |capacity_mah| capacity_mah / 2.0);
+        assert_eq!(bench.state().consumed_mah(), Some(half_mah));
+    }
+}
+
+#[test]
+fn another_pack_and_detected_cells_are_another_revision() {
+    let mut bench = Bench::new();
+    bench.settings.cell_count = None;
+    bench.run(5.0, loaded(10.2, 0.0));
+    assert_eq!(bench.state().revision, 1);
+    bench.run(3.0, loaded(0.3, 0.0));
+    bench.run(2.2, loaded(12.4, 0.0));
+    assert!(bench.events.contains(&PackEvent::Swapped));
+    assert!(bench.state().revision >= 2);
+}
