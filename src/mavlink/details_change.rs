@@ -1,4 +1,4 @@
-//! When a smart battery's details have to be reported again.
+//! When what a pack is has to be reported again.
 
 use core::hash::Hash;
 
@@ -11,6 +11,7 @@ use crate::pack::{MAX_PACKS, Pack};
 #[derive(Debug, Default)]
 pub(super) struct DetailsChangeDetector {
     reported: [Option<u32>; MAX_PACKS],
+    revisions: [u8; MAX_PACKS],
 }
 
 /// One change of four thousand million is not noticed by it.
@@ -21,6 +22,12 @@ fn hash_of(details: &PackDetails) -> u32 {
 }
 
 impl DetailsChangeDetector {
+    /// Whether `pack` was swapped or its cells were detected since the last call.
+    pub fn is_revised(&mut self, pack: Pack, revision: u8) -> bool {
+        let reported = &mut self.revisions[pack as usize];
+        core::mem::replace(reported, revision) != revision
+    }
+
     /// Whether `details` of `pack` differ from those that were reported last; then they count as reported. A pack without
     /// details has not changed, nor has one that is silent for a while and then repeats them.
     pub fn has_changed(&mut self, pack: Pack, details: &PackDetails) -> bool {

@@ -663,6 +663,17 @@ fn smart_battery_details_are_sent_once_per_change() {
 }
 
 #[test]
+fn battery_info_is_sent_of_a_pack_that_was_swapped_or_whose_cells_were_detected() {
+    let mut desk = Desk::with_packs(&[healthy(), healthy()]);
+    assert!(described(&sent_for(&mut desk, 10)).is_empty());
+    for _ in 0..2 {
+        desk.change_battery(Pack::Second, |battery| battery.revision += 1);
+        assert_eq!(described(&sent_for(&mut desk, 10)), [1]);
+        assert!(described(&sent_for(&mut desk, 10)).is_empty());
+    }
+}
+
+#[test]
 fn news_of_a_pack_that_is_streamed_anyway_is_no_drop() {
     let mut desk = Desk::with_packs(&[with_cycles(7)]);
     desk.ask(&command_long_2(
