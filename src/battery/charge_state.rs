@@ -361,7 +361,7 @@ mod tests {
             let expected = match fault {
                 Faults::CELL_FAIL => ChargeState::Failed,
                 Faults::DEEP_DISCHARGE => ChargeState::Emergency,
-                Faults::INCOMPATIBLE_VOLTAGE | Faults::OVER_TEMPERATURE | Faults::SPIKES => {
+                Faults::CELLS_CONFIGURATION | Faults::OVER_TEMPERATURE | Faults::SPIKES => {
                     ChargeState::Unhealthy
                 }
                 _ => ChargeState::Ok,

@@ -119,9 +119,11 @@ impl Failsafe {
     /// Processes one tick, and returns a level that is reached. That the pack is unhealthy is also returned at a higher
     /// level: no threshold can be reached from then on.
     pub fn update(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> Option<FailsafeLevel> {
-        self.healthy_s = match seen.state {
-            Some(_) => self.healthy_s + seen.dt_us as f32 * 1e-6,
-            None => 0.0,
+        // A pack may be measured and yet unhealthy: one whose gauge has timed out.
+        self.healthy_s = if seen.state.is_some() && seen.last_healthy == Some(seen.tick.now) {
+            self.healthy_s + seen.dt_us as f32 * 1e-6
+        } else {
+            0.0
         };
         if seen.tick.arm_state == ArmState::Disarmed {
             // A dip before disarming must not count after rearming.

@@ -671,10 +671,11 @@ fn every_fault_has_its_flag() {
         (Faults::INCOMPATIBLE_FIRMWARE, 65536),
         (Faults::CELLS_CONFIGURATION, 131_072),
         (Faults::NEEDS_SERVICE, 32),
-        (Faults::CONTRADICTED_CHARGE, 1),
+        (Faults::CONTRADICTED_CHARGE, 0),
     ] {
-        // NOT_READY_TO_USE with those that are found here and make the pack unfit.
-        let not_ready = u32::from(faults.intersects(Faults::FAILING | Faults::UNFIT));
+        // NOT_READY_TO_USE with those that are found here and make the pack unfit, or refuse arming.
+        let found_here = Faults::FAILING | Faults::UNFIT | Faults::CONTRADICTED_CHARGE;
+        let not_ready = u32::from(faults.intersects(found_here));
         let battery = BatteryState {
             faults,
             ..healthy(11.1)

@@ -3,7 +3,8 @@ use proptest::prelude::*;
 use super::*;
 use crate::battery::{
     Amount, ArmState, BusError, CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel,
-    FailsafeSettings, Faults, GaugeReading, PackDetails, Reported, Thresholds, VoltageSource, arming_failures,
+    FailsafeSettings, Faults, GaugeReading, PackDetails, Reported, Thresholds, VoltageSource,
+    arming_failures,
 };
 use crate::time::{Instant, at_us};
 

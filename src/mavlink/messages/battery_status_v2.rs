@@ -113,10 +113,7 @@ fn readiness_flags(battery: &BatteryState) -> Flags {
         PackStatus::Disabled | PackStatus::Unknown | PackStatus::NotConnected => true,
         PackStatus::Healthy => {
             let is_contradicted = battery.faults.contains(Faults::CONTRADICTED_CHARGE);
-            is_charged
-                && battery.is_fit()
-                && battery.failsafe == FailsafeLevel::None
-                && !is_contradicted
+            is_charged && battery.is_fit() && battery.failsafe == FailsafeLevel::None && !is_contradicted
         }
         PackStatus::Unhealthy => false,
     };
