@@ -49,7 +49,7 @@ use emulator::FlashCut;
 use runner::Run;
 use runs::budget::Budget;
 use runs::mixed_packs::{self, MIXED, MIXED_MV};
-use runs::{exact_rates, line_noise, power_cuts, rates_asked_for, signing_time, time_wrap};
+use runs::{exact_rates, line_noise, power_cuts, radio_restarts, rates_asked_for, signing_time, time_wrap};
 
 /// The longest first, so that no processor waits for the last one.
 const RUNS: [Run; 14] = [
@@ -95,7 +95,13 @@ const TWO: [(&str, f32); 1] = [("BATT2_MONITOR", 21.0)];
 const CUT_STEP: usize = 6;
 
 /// They take long, so each only runs when it is asked for by this word.
-const LONG_RUNS: [(&str, Run); 4] = [
+const LONG_RUNS: [(&str, Run); 5] = [
+    (
+        "thousand",
+        Run::new("a thousand restarts of the radio", |_| {
+            radio_restarts::run(1_000, 2)
+        }),
+    ),
     (
         "whole",
         Run::new("a whole hour with four packs", |_| logs::drive(60 * MINUTE)),

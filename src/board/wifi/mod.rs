@@ -3,6 +3,7 @@
 mod bus;
 mod entropy;
 mod find;
+mod gspi;
 mod program;
 mod radio;
 

@@ -4,7 +4,6 @@ use core::future::pending;
 use core::pin::pin;
 
 use cyw43::{Control, JoinError, JoinOptions, NetDriver, PowerManagementMode};
-use cyw43_pio::{DEFAULT_CLOCK_DIVIDER, PioSpi};
 use embassy_futures::select::{Either, Either3, select, select3};
 use embassy_rp::Peri;
 use embassy_rp::clocks::RoscRng;
@@ -17,6 +16,7 @@ use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
 use super::bus::{CheckedBus, ChipState, Stage};
+use super::gspi::Gspi;
 use super::program::{BOARD_DATA, COUNTRIES, PROGRAM};
 use crate::board::Irqs;
 use crate::in_place::in_place;
@@ -176,17 +176,16 @@ impl Wifi {
             irq0,
             ..
         } = Pio::new(parts.pio.reborrow(), Irqs);
-        let spi = PioSpi::new(
+        let wires = Gspi::new(
             &mut common,
             sm0,
-            DEFAULT_CLOCK_DIVIDER,
             irq0,
             select_pin,
             parts.data.reborrow(),
             parts.clock.reborrow(),
             dma::Channel::new(parts.dma.reborrow(), Irqs),
         );
-        let bus = CheckedBus::new(spi, &chip);
+        let bus = CheckedBus::new(wires, &chip);
         let run = async {
             let start = cyw43::new(self.driver, power, bus, &PROGRAM, &BOARD_DATA);
             let Ok((device, control, driver)) = with_timeout(START_TIMEOUT, start).await else {

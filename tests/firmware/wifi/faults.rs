@@ -2,6 +2,7 @@
 
 use super::ground::Ground;
 use crate::bench::{Bench, DIVIDER_CODE, SECOND, value_of};
+use crate::runs::radio_restarts;
 use crate::support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message, texts_of};
 use crate::support::requests::param_read_by_name;
 use emulator::RadioFault;
@@ -88,6 +89,11 @@ fn a_radio_that_falls_silent_while_a_station_is_served_comes_back() {
     ground.run_for(2 * SECOND);
     assert!(!ground.hear_for(&mut station, 4 * SECOND).is_empty());
     ground.assert_not_reset();
+}
+
+#[test]
+fn a_radio_that_is_restarted_in_the_middle_of_transfers_comes_up_each_time() {
+    radio_restarts::run(12, 1);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::air::computer::{Connection, UdpPort};
 use crate::air::laptop::Laptop;
-use crate::air::radio::Credentials;
+use crate::air::radio::{Credentials, MacAddress};
 use crate::air::space::Air;
 use crate::bench::starts::Start;
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
@@ -100,7 +100,16 @@ impl Ground {
 
     pub fn laptop_with(&mut self, credentials: Credentials) -> usize {
         let number = self.air.laptops().count() as u8;
-        let laptop = Laptop::new([2, 0, 0, 0, 0, number], Some(credentials));
+        self.add(Laptop::new([2, 0, 0, 0, 0, number], Some(credentials)))
+    }
+
+    /// A laptop with this hardware address, in the board's network.
+    pub fn laptop_of(&mut self, mac: MacAddress) -> usize {
+        let credentials = self.credentials();
+        self.add(Laptop::new(mac, Some(credentials)))
+    }
+
+    fn add(&mut self, laptop: Laptop) -> usize {
         let number = self.air.add(laptop);
         let has_address = self.air.run_until(&mut self.bench, ADDRESS_WITHIN_US, |air, _| {
             air.laptop(number).address().is_some()
@@ -128,7 +137,7 @@ impl Ground {
         station
     }
 
-    fn wait_to_be_found(&mut self, station: &mut Station) {
+    pub fn wait_to_be_found(&mut self, station: &mut Station) {
         let heard = self.hear_until(station, 3 * SECOND, |bytes| !bytes.is_empty());
         assert!(heard, "no heartbeat: {:?}", self.bench.log_lines());
         self.send(station, &heartbeat(GROUND_STATION));

@@ -9,6 +9,7 @@ pub mod logged_drive;
 pub mod mixed_packs;
 pub mod power_cuts;
 mod progress;
+pub mod radio_restarts;
 pub mod rates_asked_for;
 pub mod signing_time;
 pub mod soak;

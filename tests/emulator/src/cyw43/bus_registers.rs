@@ -18,6 +18,7 @@ const TEST_PATTERN: u32 = 0xfeed_bead;
 
 const CONTROL_32_BIT: u32 = 0;
 const CONTROL_BIG_ENDIAN: u32 = 1;
+const CONTROL_HIGH_SPEED: u32 = 4;
 const CONTROL_INTERRUPT_HIGH: u32 = 5;
 const STATUS_FOLLOWS: u32 = 0;
 
@@ -53,6 +54,10 @@ impl BusRegisters {
             is_16_bit: !bit(self.control(), CONTROL_32_BIT),
             is_big_endian: bit(self.control(), CONTROL_BIG_ENDIAN),
         }
+    }
+
+    pub fn is_high_speed(&self) -> bool {
+        bit(self.control(), CONTROL_HIGH_SPEED)
     }
 
     fn control(&self) -> u32 {

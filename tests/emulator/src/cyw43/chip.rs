@@ -175,4 +175,8 @@ impl Functions for Connected<'_> {
     fn is_interrupt_high(&self) -> bool {
         self.chip.is_interrupt_high()
     }
+
+    fn is_high_speed(&self) -> bool {
+        self.chip.bus.is_high_speed()
+    }
 }

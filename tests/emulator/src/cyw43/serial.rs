@@ -1,7 +1,8 @@
 //! gSPI: bits at the pins to words, and words to what a function of the chip reads or writes.
 //!
-//! Both sides send from the highest bit on. The chip takes a bit at each rising edge of the clock, and changes its own at
-//! each falling one, whether or not it is set up for its high-speed mode.
+//! Both sides send from the highest bit on. The chip takes a bit at each rising edge of the clock. It changes its own at
+//! each falling one, in its high-speed mode at each rising one: a host that stops the clock while it is high, before it has
+//! looked at the line, misses a bit.
 
 use std::collections::VecDeque;
 
@@ -102,6 +103,8 @@ pub trait Functions {
     fn status(&mut self) -> Option<u32>;
     /// The level of the data line while there is nothing else on it.
     fn is_interrupt_high(&self) -> bool;
+    /// Whether bits of the chip change at the clock's rising edges.
+    fn is_high_speed(&self) -> bool;
 }
 
 #[derive(Clone, Debug)]
@@ -141,9 +144,21 @@ impl Serial {
     }
 
     pub fn rising_edge(&mut self, data: bool, functions: &mut impl Functions, now: Cycle) {
-        if matches!(self.phase, Phase::Answer { .. }) {
-            return;
+        if !matches!(self.phase, Phase::Answer { .. }) {
+            self.receive(data, functions, now);
         }
+        if functions.is_high_speed() {
+            self.send(functions);
+        }
+    }
+
+    pub fn falling_edge(&mut self, functions: &impl Functions) {
+        if !functions.is_high_speed() {
+            self.send(functions);
+        }
+    }
+
+    fn receive(&mut self, data: bool, functions: &mut impl Functions, now: Cycle) {
         self.received = self.received << 1 | u32::from(data);
         self.received_bits += 1;
         if self.received_bits == WORD_BITS {
@@ -153,7 +168,8 @@ impl Serial {
         }
     }
 
-    pub fn falling_edge(&mut self, functions: &impl Functions) {
+    /// Puts the next bit on the line.
+    fn send(&mut self, functions: &impl Functions) {
         let Phase::Answer { words } = &mut self.phase else {
             return;
         };

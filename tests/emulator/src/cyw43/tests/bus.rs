@@ -31,6 +31,25 @@ fn words_have_32_bits_once_the_control_register_says_so() {
 }
 
 #[test]
+fn at_high_speed_a_bit_is_missed_once_the_clock_has_risen() {
+    const CONTROL_AT_HIGH_SPEED: u32 = 0x31;
+    let mut master = Master::set_up();
+    let read = command(0, BUS, 0x14, 4);
+    master.write_register(BUS, 0, 1, CONTROL_AT_HIGH_SPEED);
+    assert_eq!(master.transfer(&[read], 1), [TEST_PATTERN]);
+    master.looks_late = true;
+    assert_eq!(master.transfer(&[read], 1), [TEST_PATTERN << 1]);
+    master.looks_late = false;
+    master.write_register(BUS, 0, 1, CONTROL_AT_HIGH_SPEED & !0x10);
+    master.looks_late = true;
+    assert_eq!(
+        master.transfer(&[read], 1),
+        [TEST_PATTERN],
+        "else it holds until the clock falls"
+    );
+}
+
+#[test]
 fn without_power_everything_is_forgotten() {
     let mut master = Master::set_up();
     master.set(POWER, false);

@@ -31,6 +31,8 @@ pub type Answer = Result<Vec<u8>, i32>;
 pub struct Master {
     pub chip: Cyw43,
     pub now: Cycle,
+    /// Looks at the line after the clock has risen, not before.
+    pub looks_late: bool,
     sio: Outputs,
     is_16_bit: bool,
     sequence: u8,
@@ -51,6 +53,7 @@ impl Master {
         Self {
             chip: Cyw43::expecting(expected, 1),
             now: 0,
+            looks_late: false,
             sio: Outputs {
                 high: 1 << SELECT,
                 driven: 1 << POWER | 1 << SELECT | 1 << CLOCK,
@@ -157,8 +160,9 @@ impl Master {
         self.sio.driven &= !(1 << DATA);
         let word = (0..32).fold(0, |word, _| {
             self.set(CLOCK, false);
-            let bit = self.data() == Some(true);
+            let before = self.data();
             self.set(CLOCK, true);
+            let bit = if self.looks_late { self.data() } else { before } == Some(true);
             word << 1 | u32::from(bit)
         });
         if self.is_16_bit {
