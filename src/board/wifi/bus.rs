@@ -7,7 +7,7 @@ use cyw43::SpiBusCyw43;
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::Timer;
+use embassy_time::{Duration, Instant, Timer};
 
 use crate::wifi::{PacketFault, check_packet};
 
@@ -18,6 +18,30 @@ const TEST_WORD: u32 = 0xfeed_bead;
 const CONTROL_REGISTER: u32 = 0x00;
 /// Whether a packet waits, and how long it is.
 const STATUS_REGISTER: u32 = 0x08;
+
+/// In the registers of the backplane's bridge: clocks that are asked for, and those that there are.
+const CLOCK_REGISTER: u32 = 0x1_000e;
+const LOW_POWER_CLOCK_REQUEST: u32 = 1 << 3;
+const LOW_POWER_CLOCK: u32 = 1 << 6;
+
+/// There, too. The driver writes a value, and asserts that it reads the same.
+const WATERMARK_REGISTER: u32 = 0x1_0008;
+const WATERMARK: u32 = 0x10;
+
+/// Clock and reset of the WLAN core, in the window that the driver sets before.
+const CORE_CLOCK_REGISTER: u32 = 0x3408;
+const CORE_CLOCK_MASK: u32 = 0b11;
+const CORE_CLOCK_ON: u32 = 0b01;
+const CORE_RESET_REGISTER: u32 = 0x3800;
+const CORE_RESET: u32 = 1;
+
+/// In the status register: the chip's program takes packets.
+const PACKETS_READY: u32 = 1 << 5;
+
+/// The driver asks a hundred times for the clock and a thousand times for packets, once in a millisecond, and panics then.
+/// By time and not by number: of the status it asks the bus every other time only, and after a pause it catches up.
+const CLOCK_TIMEOUT: Duration = Duration::from_millis(90);
+const PACKETS_TIMEOUT: Duration = Duration::from_millis(900);
 
 /// What the line holds that the chip does not drive.
 const SILENCE: [u32; 2] = [0, u32::MAX];
@@ -30,6 +54,8 @@ const WAKING_MS: u64 = 1;
 pub(super) enum BusFault {
     /// The chip does not answer any more.
     Silent,
+    /// It answers, and a part of it that the driver needs is not ready.
+    NotReady,
     /// It has refused a control request, with this error code.
     Refused(i32),
 }
@@ -66,7 +92,7 @@ impl Stage {
     fn after_write(self, command: Command) -> Self {
         match (self, command.function) {
             (_, Function::Packets) => Self::Running,
-            (Self::Waking, Function::Registers) if command.address == CONTROL_REGISTER => Self::Starting,
+            (Self::Waking, Function::Bus) if command.address == CONTROL_REGISTER => Self::Starting,
             _ => self,
         }
     }
@@ -79,12 +105,24 @@ impl Stage {
 pub(super) struct CheckedBus<'a, B> {
     bus: B,
     chip: &'a ChipState,
+    /// What was written last to [`CLOCK_REGISTER`].
+    clock_request: u32,
+    /// The read before this one.
+    last_read: Option<Command>,
+    /// Since when the driver asks for the same in vain.
+    waits_since: Option<Instant>,
 }
 
 impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
     /// To a chip that has just been switched on.
     pub(super) fn new(bus: B, chip: &'a ChipState) -> Self {
-        Self { bus, chip }
+        Self {
+            bus,
+            chip,
+            clock_request: 0,
+            last_read: None,
+            waits_since: None,
+        }
     }
 
     fn command(&self, word: u32) -> Command {
@@ -100,7 +138,10 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
             Stage::Waking if command.address == TEST_REGISTER => Timer::after_millis(WAKING_MS).await,
             Stage::Waking if is_silence(words) => self.fail(BusFault::Silent).await,
             Stage::Waking => {}
-            Stage::Starting => self.require_answer().await,
+            Stage::Starting => {
+                self.require_answer().await;
+                self.require_ready(command, words).await;
+            }
             Stage::Running if command.function == Function::Packets => {
                 self.check_packet(command, words).await
             }
@@ -108,6 +149,57 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
                 self.require_answer().await
             }
             Stage::Running => {}
+        }
+    }
+
+    /// The driver would wait for a part of the chip, or assert that it is ready.
+    async fn require_ready(&mut self, command: Command, words: &[u32]) {
+        let answer = words.last().copied().unwrap_or(0) & command.mask();
+        let patience = self.patience(command, answer);
+        self.last_read = Some(command);
+        let Some(patience) = patience else {
+            self.waits_since = None;
+            return;
+        };
+        let now = Instant::now();
+        let since = *self.waits_since.get_or_insert(now);
+        let waited = now.checked_duration_since(since);
+        if waited.is_none_or(|waited| waited >= patience) {
+            self.fail(BusFault::NotReady).await;
+        }
+    }
+
+    /// How long the driver may go on asking for what it has not got by this answer; `None`: it goes on.
+    fn patience(&self, command: Command, answer: u32) -> Option<Duration> {
+        let register = (command.function, command.address);
+        let last = self.last_read.map(|read| (read.function, read.address));
+        let (is_ready, patience) = match register {
+            (Function::Backplane, CLOCK_REGISTER) if self.clock_request == LOW_POWER_CLOCK_REQUEST => {
+                (answer & LOW_POWER_CLOCK != 0, CLOCK_TIMEOUT)
+            }
+            (Function::Backplane, WATERMARK_REGISTER) => (answer == WATERMARK, Duration::MIN),
+            // The driver reads this register twice, and then the other one, only to see whether the core runs.
+            (Function::Backplane, CORE_CLOCK_REGISTER) if last == Some(register) => {
+                (answer & CORE_CLOCK_MASK == CORE_CLOCK_ON, Duration::MIN)
+            }
+            (Function::Backplane, CORE_RESET_REGISTER)
+                if last == Some((Function::Backplane, CORE_CLOCK_REGISTER)) =>
+            {
+                (answer & CORE_RESET == 0, Duration::MIN)
+            }
+            (Function::Bus, STATUS_REGISTER) => (answer & PACKETS_READY != 0, PACKETS_TIMEOUT),
+            _ => return None,
+        };
+        (!is_ready).then_some(patience)
+    }
+
+    fn note_write(&mut self, command: Command, words: &[u32]) {
+        let stage = self.chip.stage.get().after_write(command);
+        self.chip.stage.set(stage);
+        self.last_read = None;
+        self.waits_since = None;
+        if (command.function, command.address) == (Function::Backplane, CLOCK_REGISTER) {
+            self.clock_request = words.get(1).copied().unwrap_or(0);
         }
     }
 
@@ -143,8 +235,7 @@ impl<B: SpiBusCyw43> SpiBusCyw43 for CheckedBus<'_, B> {
         let command = write.first().map(|word| self.command(*word));
         let status = self.bus.cmd_write(write).await;
         if let Some(command) = command {
-            let stage = self.chip.stage.get().after_write(command);
-            self.chip.stage.set(stage);
+            self.note_write(command, write);
         }
         yield_now().await;
         status
@@ -171,8 +262,10 @@ fn is_silence(words: &[u32]) -> bool {
 /// The part of the chip that a command is for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Function {
-    /// The bus's own registers, or the chip's insides.
-    Registers,
+    /// The bus's own registers.
+    Bus,
+    /// The chip's insides.
+    Backplane,
     /// The queue of packets.
     Packets,
 }
@@ -189,12 +282,19 @@ impl Command {
     fn from_word(word: u32) -> Self {
         Self {
             function: match word >> 28 & 0b11 {
+                0 => Function::Bus,
                 2 => Function::Packets,
-                _ => Function::Registers,
+                _ => Function::Backplane,
             },
             address: word >> 11 & 0x1_ffff,
             bytes: (word & 0x7ff) as usize,
         }
+    }
+
+    /// What counts of a register of this length.
+    fn mask(self) -> u32 {
+        let unused_bits = u32::BITS.saturating_sub(u8::BITS * self.bytes as u32);
+        u32::MAX.checked_shr(unused_bits).unwrap_or(0)
     }
 
     fn read_test_word() -> u32 {

@@ -15,7 +15,7 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
-use super::bus::{CheckedBus, ChipState, Stage};
+use super::bus::{BusFault, CheckedBus, ChipState, Stage};
 use super::gspi::Gspi;
 use super::program::{BOARD_DATA, COUNTRIES, PROGRAM};
 use crate::board::Irqs;
@@ -205,7 +205,10 @@ impl Wifi {
         match select3(chip.fault.wait(), changed(shared, setup), run).await {
             Either3::First(fault) => {
                 defmt::warn!("Wi-Fi: {}", fault);
-                End::Failed(WifiReport::NoAnswer)
+                End::Failed(match fault {
+                    BusFault::NotReady => WifiReport::DownloadFailed,
+                    BusFault::Silent | BusFault::Refused(_) => WifiReport::NoAnswer,
+                })
             }
             Either3::Second(()) => End::SetUpAnew,
             Either3::Third(end) => end,

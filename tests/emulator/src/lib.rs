@@ -149,7 +149,7 @@ pub use board::Board;
 pub use boot_loader::BootLoader;
 pub use boot_rom::{BRANCH_TO_SELF, UNDEFINED_INSTRUCTION};
 pub use cpu::CpuState;
-pub use cyw43::{AccessPoint, Cyw43, Network, RadioFault};
+pub use cyw43::{AccessPoint, ChipPart, Cyw43, Network, RadioFault};
 pub use firmware::Firmware;
 pub use flash::{FlashCut, FlashOperation, FlashOperationKind, FlashOutcome, FlashTiming};
 pub use gpio::PinWire;

@@ -5,7 +5,7 @@ use crate::bench::{Bench, DIVIDER_CODE, SECOND, value_of};
 use crate::runs::radio_restarts;
 use crate::support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message, texts_of};
 use crate::support::requests::param_read_by_name;
-use emulator::RadioFault;
+use emulator::{ChipPart, RadioFault};
 
 const NO_ANSWER: &str = "Wi-Fi radio does not answer";
 const NOT_TAKEN: &str = "Wi-Fi radio does not take its firmware";
@@ -89,6 +89,23 @@ fn a_radio_that_falls_silent_while_a_station_is_served_comes_back() {
     ground.run_for(2 * SECOND);
     assert!(!ground.hear_for(&mut station, 4 * SECOND).is_empty());
     ground.assert_not_reset();
+}
+
+#[test]
+fn a_chip_that_answers_and_never_gets_ready_does_not_restart_the_board() {
+    for part in [ChipPart::LowPowerClock, ChipPart::WlanCore, ChipPart::Packets] {
+        let mut bench = with_fault(RadioFault::NotReady(part));
+        bench.run_for(5 * SECOND);
+        assert_telemetry_undisturbed(&mut bench, 5);
+        assert_eq!(
+            times_announced(&mut bench, NOT_TAKEN),
+            1,
+            "{part:?}: {:?}",
+            bench.log_lines()
+        );
+        bench.wifi().set_fault(None);
+        Ground::around(bench).wait_for_network(12 * SECOND);
+    }
 }
 
 #[test]

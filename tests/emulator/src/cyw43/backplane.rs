@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::super::clock::{Cycle, cycles};
+use super::fault::ChipPart;
 use super::program::{Program, RAM_BYTES};
 
 const OWN_REGISTERS: u32 = 0x1_0000;
@@ -74,6 +75,8 @@ pub struct Backplane {
     others: BTreeMap<u32, u8>,
     program: Program,
     started_at: Option<Cycle>,
+    /// What never gets ready.
+    missing: Option<ChipPart>,
 }
 
 impl Backplane {
@@ -86,7 +89,13 @@ impl Backplane {
             others: BTreeMap::new(),
             program,
             started_at: None,
+            missing: None,
         }
+    }
+
+    /// This part does not get ready from now on.
+    pub fn set_missing(&mut self, part: Option<ChipPart>) {
+        self.missing = part;
     }
 
     /// One in so many writes to the RAM flips a bit.
@@ -96,7 +105,10 @@ impl Backplane {
 
     /// When the program takes packets, if it was started.
     pub fn packets_from(&self) -> Option<Cycle> {
-        self.started_at.map(|start| start + PACKETS_AFTER)
+        let start = self
+            .started_at
+            .filter(|_| self.missing != Some(ChipPart::Packets));
+        start.map(|start| start + PACKETS_AFTER)
     }
 
     /// A program that is not the chip's was started.
@@ -134,7 +146,8 @@ impl Backplane {
 
     fn clock(&self, now: Cycle) -> u8 {
         let requests = self.own.get(&CLOCK).copied().unwrap_or(0);
-        let low_power = if requests & LOW_POWER_REQUEST != 0 {
+        let has_clock = self.missing != Some(ChipPart::LowPowerClock);
+        let low_power = if has_clock && requests & LOW_POWER_REQUEST != 0 {
             LOW_POWER_AVAILABLE
         } else {
             0
@@ -182,7 +195,10 @@ impl Backplane {
             return;
         }
         for (address, &byte) in (address..).zip(bytes) {
+            let is_stuck =
+                self.missing == Some(ChipPart::WlanCore) && address == WLAN_WRAPPER + RESET_CONTROL;
             match self.wrapper(address) {
+                Some(_) if is_stuck => {}
                 Some(register) => *register = byte,
                 None => {
                     self.others.insert(address, byte);

@@ -52,6 +52,10 @@ impl Chip {
             Some(RadioFault::FlippedBits { one_in }) => Some(one_in),
             _ => None,
         });
+        self.backplane.set_missing(match fault {
+            Some(RadioFault::NotReady(part)) => Some(part),
+            _ => None,
+        });
     }
 
     /// It does not answer, and pulls the data line low.

@@ -1,5 +1,16 @@
 //! What may be wrong with the chip.
 
+/// A part of the chip that the driver waits for while it starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChipPart {
+    /// The low-power clock of the backplane.
+    LowPowerClock,
+    /// The core that runs the program: it stays in reset.
+    WlanCore,
+    /// Function 2, by which the program takes packets.
+    Packets,
+}
+
 /// A fault of the radio.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RadioFault {
@@ -13,4 +24,6 @@ pub enum RadioFault {
     Deaf,
     /// One in so many writes of the download has a flipped bit. At least 1.
     FlippedBits { one_in: u32 },
+    /// The bus works, and a part of the chip never gets ready.
+    NotReady(ChipPart),
 }

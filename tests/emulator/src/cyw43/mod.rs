@@ -32,7 +32,7 @@ use air::Air;
 pub use air::Network;
 use chip::Chip;
 use events::{Event, Kind, REASON_STATION_LEAVES, Status};
-pub use fault::RadioFault;
+pub use fault::{ChipPart, RadioFault};
 use pins::{CLOCK, DATA, Levels, POWER, SELECT, Wiring};
 use program::Expected;
 pub use radio::AccessPoint;

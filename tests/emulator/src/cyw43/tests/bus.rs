@@ -1,8 +1,8 @@
 //! Pins, words and registers.
 
-use super::super::RadioFault;
 use super::super::pins::{POWER, SELECT};
-use super::master::{BACKPLANE, BUS, Master, WLAN, command};
+use super::super::{ChipPart, RadioFault};
+use super::master::{BACKPLANE, BUS, Master, PROGRAM, WLAN, command};
 
 const TEST_PATTERN: u32 = 0xfeed_bead;
 
@@ -74,6 +74,25 @@ fn the_low_power_clock_is_there_when_asked_for() {
     assert_eq!(master.read_register(BACKPLANE, 0x1_000e, 1), 0);
     master.write_register(BACKPLANE, 0x1_000e, 1, 0x08);
     assert_eq!(master.read_register(BACKPLANE, 0x1_000e, 1), 0x48);
+}
+
+#[test]
+fn a_part_that_never_gets_ready_leaves_the_bus_alone() {
+    let mut master = Master::set_up();
+    master
+        .chip
+        .set_fault(Some(RadioFault::NotReady(ChipPart::LowPowerClock)));
+    master.write_register(BACKPLANE, 0x1_000e, 1, 0x08);
+    assert_eq!(master.read_register(BACKPLANE, 0x1_000e, 1), 0x08);
+    for part in [ChipPart::WlanCore, ChipPart::Packets] {
+        let mut master = Master::set_up();
+        master.chip.set_fault(Some(RadioFault::NotReady(part)));
+        master.download(&PROGRAM, 3 | !3 << 16);
+        master.wait_us(2_000_000);
+        let is_held = master.read_behind(0x1810_3800) & 1 == 1;
+        assert_eq!(is_held, part == ChipPart::WlanCore);
+        assert!(!master.chip.is_running(), "{part:?}");
+    }
 }
 
 #[test]
