@@ -61,7 +61,8 @@ pub fn can_exchange() -> &'static BoardCan {
     &EXCHANGE
 }
 
-/// Starts tasks above all others and below all other interrupts; to be called once.
+/// Starts tasks above all others and below the interrupts of the timer, UARTs and USB; to be called once. embassy-rp gives those
+/// of DMA and of pins the same, lowest priority: they wait until these tasks have had their turn, and the other way round.
 pub fn interrupt_spawner() -> SendSpawner {
     interrupt::SWI_IRQ_1.set_priority(Priority::P3);
     EXECUTOR.start(interrupt::SWI_IRQ_1)

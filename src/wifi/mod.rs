@@ -11,7 +11,7 @@ mod stored;
 
 pub use credentials::{Radio, WifiCredentials};
 pub use network::Network;
-pub use packet::{PacketFault, check_packet};
+pub use packet::{PacketFault, PacketKind, check_packet, hide_refusal, lower_link};
 pub use password::Password;
 pub use report::WifiReport;
 pub use setup::{PowerSave, WifiChoice, WifiMode, WifiSetup};

@@ -14,10 +14,27 @@ const CHANNEL: usize = 5;
 const CHANNEL_MASK: u8 = 0x0f;
 /// Answers to control requests.
 const CONTROL: u8 = 0;
+/// What the chip reports unasked.
+const EVENT: u8 = 1;
 /// Frames from the air.
 const DATA: u8 = 2;
 /// Where the length of the bus header is.
 const HEADER_LENGTH: usize = 7;
+
+/// Where the answer to a control request has its status.
+const STATUS: usize = 12;
+
+/// An event's frame: 14 bytes of Ethernet, 10 of Broadcom's, then its message: version (2), flags (2), kind (4), status (4).
+const EVENT_FLAGS: usize = 26;
+const EVENT_KIND: usize = 28;
+const EVENT_END: usize = 36;
+
+/// Kinds of events (Broadcom's `bcmevent.h`): the other side has ended the authentication, this side or the other the
+/// association; the link has changed.
+const DEAUTH_IND: u32 = 6;
+const DISASSOC: u32 = 11;
+const DISASSOC_IND: u32 = 12;
+const LINK: u32 = 16;
 
 /// The largest Ethernet frame that the driver has room for, in bytes.
 const MAX_FRAME_BYTES: usize = 1514;
@@ -34,13 +51,58 @@ pub enum PacketFault {
     Refused(i32),
 }
 
+/// A packet that the driver may see.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PacketKind {
+    /// An event: a station is no longer in its network, or a guest has left the access point.
+    Exclusion,
+    /// Any other.
+    Other,
+}
+
 /// Checks a packet of `length` bytes, in words as they were read.
 ///
 /// # Errors
 /// The driver must not see it: it would take the lengths for granted, or give up.
-pub fn check_packet(words: &[u32], length: usize) -> Result<(), PacketFault> {
+pub fn check_packet(words: &[u32], length: usize) -> Result<PacketKind, PacketFault> {
     let packet = Packet { words, length };
     packet.check().unwrap_or(Err(PacketFault::Malformed))
+}
+
+/// Makes of a refused control request one that was done: the driver would panic.
+pub fn hide_refusal(words: &mut [u32]) {
+    let start = payload_start(words);
+    (start + STATUS..start + CONTROL_HEADER_BYTES).for_each(|at| put(words, at, 0));
+}
+
+/// Makes of an [exclusion](PacketKind::Exclusion) the event that the link is down, the only one by which the driver lowers it.
+pub fn lower_link(words: &mut [u32]) {
+    let packet = Packet {
+        words,
+        length: usize::MAX,
+    };
+    let start = packet.event_start().unwrap_or(usize::MAX / 2);
+    (start + EVENT_FLAGS..start + EVENT_END).for_each(|at| put(words, at, 0));
+    put(words, start + EVENT_KIND + 3, LINK as u8);
+}
+
+/// Behind the header of the bus.
+fn payload_start(words: &[u32]) -> usize {
+    let packet = Packet {
+        words,
+        length: usize::MAX,
+    };
+    packet.byte(HEADER_LENGTH).map_or(0, usize::from)
+}
+
+fn put(words: &mut [u32], at: usize, byte: u8) {
+    if let Some(word) = words.get_mut(at / 4) {
+        let mut bytes = word.to_le_bytes();
+        if let Some(place) = bytes.get_mut(at % 4) {
+            *place = byte;
+        }
+        *word = u32::from_le_bytes(bytes);
+    }
 }
 
 /// What there is of a packet.
@@ -51,7 +113,7 @@ struct Packet<'a> {
 
 impl Packet<'_> {
     /// `None` if it ends before what has to be there.
-    fn check(&self) -> Option<Result<(), PacketFault>> {
+    fn check(&self) -> Option<Result<PacketKind, PacketFault>> {
         let length = self.half(0)?;
         let header_bytes = usize::from(self.byte(HEADER_LENGTH)?);
         if length != !self.half(2)? || usize::from(length) != self.length || header_bytes < BUS_HEADER_BYTES {
@@ -63,32 +125,50 @@ impl Packet<'_> {
                 self.check_answer(header_bytes, payload_bytes)
             }
             DATA if payload_bytes >= DATA_HEADER_BYTES => self.check_frame(header_bytes, payload_bytes),
+            EVENT if self.is_exclusion() => Some(Ok(PacketKind::Exclusion)),
             // The driver looks at the lengths of all others itself, or ignores them.
-            _ => Some(Ok(())),
+            _ => Some(Ok(PacketKind::Other)),
         }
     }
 
     /// The answer to a control request.
-    fn check_answer(&self, start: usize, bytes: usize) -> Option<Result<(), PacketFault>> {
+    fn check_answer(&self, start: usize, bytes: usize) -> Option<Result<PacketKind, PacketFault>> {
         let response_bytes = self.word(start + 4)? as usize;
         bytes
             .checked_sub(CONTROL_HEADER_BYTES)?
             .checked_sub(response_bytes)?;
-        Some(match self.word(start + 12)? {
-            0 => Ok(()),
+        Some(match self.word(start + STATUS)? {
+            0 => Ok(PacketKind::Other),
             status => Err(PacketFault::Refused(status.cast_signed())),
         })
     }
 
     /// A frame from the air.
-    fn check_frame(&self, start: usize, bytes: usize) -> Option<Result<(), PacketFault>> {
+    fn check_frame(&self, start: usize, bytes: usize) -> Option<Result<PacketKind, PacketFault>> {
         let offset_bytes = 4 * usize::from(self.byte(start + 3)?);
         let frame_bytes = bytes.saturating_sub(DATA_HEADER_BYTES + offset_bytes);
         Some(if frame_bytes > MAX_FRAME_BYTES {
             Err(PacketFault::TooLong)
         } else {
-            Ok(())
+            Ok(PacketKind::Other)
         })
+    }
+
+    /// Where the frame of an event begins.
+    fn event_start(&self) -> Option<usize> {
+        let start = usize::from(self.byte(HEADER_LENGTH)?);
+        Some(start + DATA_HEADER_BYTES + 4 * usize::from(self.byte(start + 3)?))
+    }
+
+    fn is_exclusion(&self) -> bool {
+        let kind = self.event_start().and_then(|start| {
+            // All of the event has to be there.
+            self.word(start + EVENT_END - 4)?;
+            self.word(start + EVENT_KIND)
+        });
+        // The network's order.
+        let kind = kind.map(u32::swap_bytes);
+        matches!(kind, Some(DEAUTH_IND | DISASSOC | DISASSOC_IND))
     }
 
     /// The chip's bytes are in words, lowest first.
@@ -113,16 +193,29 @@ mod tests {
 
     use super::*;
 
-    const EVENT: u8 = 1;
-
-    fn check_packet(packet: &[u8]) -> Result<(), PacketFault> {
+    fn words_of(packet: &[u8]) -> Vec<u32> {
         let mut padded = packet.to_vec();
         padded.resize(packet.len().next_multiple_of(4), 0);
         let words = padded.chunks(4);
-        let words: Vec<u32> = words
+        words
             .map(|word| u32::from_le_bytes(word.try_into().unwrap()))
-            .collect();
-        super::check_packet(&words, packet.len())
+            .collect()
+    }
+
+    fn check_packet(packet: &[u8]) -> Result<(), PacketFault> {
+        super::check_packet(&words_of(packet), packet.len()).map(drop)
+    }
+
+    /// An event of this kind, 8 bytes behind the headers.
+    fn event(kind: u32) -> Vec<u8> {
+        let mut frame = vec![0; EVENT_KIND];
+        frame[EVENT_FLAGS + 1] = 1;
+        frame.extend(kind.to_be_bytes());
+        frame.extend([0, 0, 0, 9, 0, 0, 0, 7]);
+        packet(
+            EVENT,
+            &[&[0x20, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0][..], &frame].concat(),
+        )
     }
 
     /// A packet with right lengths.
@@ -193,6 +286,45 @@ mod tests {
         assert_eq!(check_packet(&[]), malformed);
     }
 
+    #[test]
+    fn hidden_refusal_is_an_answer_like_any_other() {
+        let mut words = words_of(&answer(0, -1, &[]));
+        hide_refusal(&mut words);
+        assert_eq!(words, words_of(&answer(0, 0, &[])));
+    }
+
+    #[test]
+    fn exclusion_becomes_a_link_that_is_down_and_nothing_else() {
+        for kind in [DEAUTH_IND, DISASSOC, DISASSOC_IND] {
+            let bytes = event(kind);
+            let mut words = words_of(&bytes);
+            assert_eq!(
+                super::check_packet(&words, bytes.len()),
+                Ok(PacketKind::Exclusion)
+            );
+            lower_link(&mut words);
+            let mut lowered = event(LINK);
+            let start = bytes.len() - EVENT_KIND - 12;
+            lowered[start + EVENT_FLAGS..start + EVENT_KIND].fill(0);
+            lowered[start + EVENT_END - 4..start + EVENT_END].fill(0);
+            assert_eq!(words, words_of(&lowered), "{kind}");
+        }
+        for kind in [5, 7, LINK, DISASSOC << 8] {
+            let bytes = event(kind);
+            assert_eq!(
+                super::check_packet(&words_of(&bytes), bytes.len()),
+                Ok(PacketKind::Other)
+            );
+        }
+        // What ends before its status is none.
+        let cut = event(DEAUTH_IND);
+        let cut = packet(EVENT, &cut[BUS_HEADER_BYTES..cut.len() - 5]);
+        assert_eq!(
+            super::check_packet(&words_of(&cut), cut.len()),
+            Ok(PacketKind::Other)
+        );
+    }
+
     proptest! {
         /// What the driver does with a packet's lengths stays inside of it.
         #[test]
@@ -203,6 +335,10 @@ mod tests {
                 packet[..2].copy_from_slice(&length.to_le_bytes());
                 packet[2..4].copy_from_slice(&(!length).to_le_bytes());
             }
+            // Nor does what is made of a packet.
+            let mut words = words_of(&packet);
+            hide_refusal(&mut words);
+            lower_link(&mut words);
             if check_packet(&packet).is_ok() {
                 let payload = &packet[usize::from(packet[7])..];
                 prop_assert!(usize::from(packet[7]) >= BUS_HEADER_BYTES);

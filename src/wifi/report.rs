@@ -18,6 +18,8 @@ pub enum WifiReport {
     AddressObtained([u8; 4]),
     /// No network of that name is in reach.
     NetworkNotFound,
+    /// The network is there, and can't be joined for a reason that is not known.
+    JoinFailed,
     /// The network refuses the password.
     WrongPassword,
     /// The network gives no address.
@@ -40,6 +42,7 @@ impl WifiReport {
             Self::NoAnswer
             | Self::DownloadFailed
             | Self::NetworkNotFound
+            | Self::JoinFailed
             | Self::WrongPassword
             | Self::NoAddress
             | Self::NetworkLost
@@ -59,6 +62,7 @@ impl fmt::Display for WifiReport {
             Self::Joined => f.write_str("Wi-Fi network joined"),
             Self::AddressObtained([a, b, c, d]) => write!(f, "Wi-Fi address {a}.{b}.{c}.{d}"),
             Self::NetworkNotFound => f.write_str("Wi-Fi network not found"),
+            Self::JoinFailed => f.write_str("Wi-Fi network can't be joined"),
             Self::WrongPassword => f.write_str("Wi-Fi network refuses the password"),
             Self::NoAddress => f.write_str("Wi-Fi network gives no address"),
             Self::NetworkLost => f.write_str("Wi-Fi network lost"),

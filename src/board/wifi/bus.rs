@@ -9,7 +9,8 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
 
-use crate::wifi::{PacketFault, check_packet};
+use crate::net::Role;
+use crate::wifi::{PacketFault, PacketKind, check_packet, hide_refusal, lower_link};
 
 /// Reading this register gives [`TEST_WORD`] as long as the chip answers (CYW43439 datasheet, table "gSPI registers").
 const TEST_REGISTER: u32 = 0x14;
@@ -65,16 +66,33 @@ pub(super) struct ChipState {
     /// Why the driver has to be dropped and begun anew.
     pub fault: Signal<NoopRawMutex, BusFault>,
     pub stage: Cell<Stage>,
+    /// What the board is in its network.
+    role: Role,
+    pub refusals: Cell<Refusals>,
+    /// The error code of a refusal that is no fault.
+    pub refused: Signal<NoopRawMutex, i32>,
 }
 
 impl ChipState {
-    /// Of a chip that has just been switched on.
-    pub fn new() -> Self {
+    /// Of a chip that has just been switched on, for this role.
+    pub fn new(role: Role) -> Self {
         Self {
             fault: Signal::new(),
             stage: Cell::new(Stage::Waking),
+            role,
+            refusals: Cell::new(Refusals::AreFaults),
+            refused: Signal::new(),
         }
     }
+}
+
+/// What it means that the chip refuses a control request.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Refusals {
+    /// Something is wrong with the chip.
+    AreFaults,
+    /// The network can't be joined, or is left already.
+    AreReported,
 }
 
 /// How far the driver has come with the chip.
@@ -206,7 +224,12 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
     /// Blanks a packet that makes no sense, which the driver then ignores.
     async fn check_packet(&mut self, command: Command, words: &mut [u32]) {
         match check_packet(words, command.bytes) {
-            Ok(()) => {}
+            Ok(PacketKind::Exclusion) if self.chip.role == Role::Station => lower_link(words),
+            Ok(_) => {}
+            Err(PacketFault::Refused(code)) if self.chip.refusals.get() == Refusals::AreReported => {
+                hide_refusal(words);
+                self.chip.refused.signal(code);
+            }
             Err(PacketFault::Refused(code)) => self.fail(BusFault::Refused(code)).await,
             Err(fault) => {
                 defmt::warn!("Wi-Fi: packet dropped: {}", fault);

@@ -15,7 +15,7 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
-use super::bus::{BusFault, CheckedBus, ChipState, Stage};
+use super::bus::{BusFault, CheckedBus, ChipState, Refusals, Stage};
 use super::gspi::Gspi;
 use super::program::{BOARD_DATA, COUNTRIES, PROGRAM};
 use crate::board::Irqs;
@@ -46,7 +46,7 @@ const JOIN_TIMEOUT: Duration = Duration::from_secs(20);
 /// A network that gives no address for so long is left, and joined again.
 const ADDRESS_PATIENCE: Duration = Duration::from_secs(25);
 
-/// A network that was not there for so long is given up, and the board has its own instead.
+/// The limit over all attempts, and over faults of the radio meanwhile: then the board has its own network instead.
 const NETWORK_PATIENCE: Duration = Duration::from_secs(60);
 
 /// How long the board has its own network, before it looks for the other one again if no ground station is connected.
@@ -91,12 +91,17 @@ enum End {
     Failed(WifiReport),
 }
 
-/// How a stay in a network was.
-enum Stay {
-    /// The board could be reached.
-    WithAddress,
-    /// It never got an address.
-    WithoutAddress,
+/// When the board gives up to look for its network. `None`: it does not look for it, or was in it.
+type GiveUpAt = Option<Instant>;
+
+/// Why the network was not joined.
+enum NotJoined {
+    /// By the driver.
+    Failed(JoinError),
+    /// The chip has refused a control request.
+    Refused,
+    /// Within [`JOIN_TIMEOUT`].
+    TimedOut,
 }
 
 /// The latest of what the network stack has reported of the board's address.
@@ -141,9 +146,12 @@ impl Wifi {
 
     async fn keep_up(&mut self, shared: &Shared, logs: &dyn LogSource, check_in: &CheckIn) -> ! {
         let mut plan = Plan::AsSetUp;
+        let mut give_up_at = None;
         loop {
             let setup = wanted(shared).await;
-            let end = self.run_once(&setup, plan, shared, logs, check_in).await;
+            let end = self
+                .run_once(&setup, plan, &mut give_up_at, shared, logs, check_in)
+                .await;
             plan = match end {
                 End::SetUpAnew | End::LookAgain => Plan::AsSetUp,
                 End::NotJoined => Plan::Fallback,
@@ -152,6 +160,8 @@ impl Wifi {
             if let End::Failed(report) = end {
                 shared.with(|autopilot| autopilot.wifi_report(report, tasks::now()));
                 select(Timer::after(RETRY_DELAY), changed(shared, &setup)).await;
+            } else {
+                give_up_at = None;
             }
         }
     }
@@ -161,12 +171,14 @@ impl Wifi {
         &mut self,
         setup: &WifiSetup,
         plan: Plan,
+        give_up_at: &mut GiveUpAt,
         shared: &Shared,
         logs: &dyn LogSource,
         check_in: &CheckIn,
     ) -> End {
         forget(self.driver);
-        let chip = ChipState::new();
+        let role = role(setup, plan);
+        let chip = ChipState::new(role);
         let parts = &mut self.peripherals;
         let power = Output::new(parts.power.reborrow(), Level::Low);
         let select_pin = Output::new(parts.select.reborrow(), Level::High);
@@ -193,8 +205,11 @@ impl Wifi {
             };
             let operation = Operation {
                 control,
+                chip: &chip,
                 setup,
+                role,
                 plan,
+                give_up_at,
                 shared,
             };
             match select(driver.run(), operation.run(device, self.network, logs, check_in)).await {
@@ -264,11 +279,22 @@ async fn changed(shared: &Shared, setup: &WifiSetup) {
     Timer::after_secs(1).await;
 }
 
+/// What the board is in its network.
+fn role(setup: &WifiSetup, plan: Plan) -> Role {
+    match (setup.mode, &setup.network, plan) {
+        (WifiMode::Station, Some(_), Plan::AsSetUp) => Role::Station,
+        _ => Role::AccessPoint,
+    }
+}
+
 /// The radio whose driver runs.
 struct Operation<'a> {
     control: Control<'a>,
+    chip: &'a ChipState,
     setup: &'a WifiSetup,
+    role: Role,
     plan: Plan,
+    give_up_at: &'a mut GiveUpAt,
     shared: &'a Shared,
 }
 
@@ -283,8 +309,7 @@ impl Operation<'_> {
         if with_timeout(SET_UP_TIMEOUT, self.set_up()).await.is_err() {
             return End::Failed(WifiReport::NoAnswer);
         }
-        let shared = self.shared;
-        let role = self.role();
+        let (shared, role) = (self.shared, self.role);
         let address = Address::new();
         let report = |report| {
             address.signal(report);
@@ -303,16 +328,9 @@ impl Operation<'_> {
             check_in,
             report,
         );
-        match select(serving, self.watch(role, &address)).await {
+        match select(serving, self.watch(&address)).await {
             Either::First(never) => never,
             Either::Second(end) => end,
-        }
-    }
-
-    fn role(&self) -> Role {
-        match (self.setup.mode, &self.setup.network, self.plan) {
-            (WifiMode::Station, Some(_), Plan::AsSetUp) => Role::Station,
-            _ => Role::AccessPoint,
         }
     }
 
@@ -323,7 +341,7 @@ impl Operation<'_> {
             PowerSave::Off => PowerManagementMode::None,
         };
         self.control.set_power_management(power).await;
-        if self.role() == Role::AccessPoint {
+        if self.role == Role::AccessPoint {
             let setup = self.setup;
             let (name, password) = (setup.own_name.as_str(), setup.own_password.as_str());
             // The log's reader has the board in hand.
@@ -341,8 +359,8 @@ impl Operation<'_> {
             .with(|autopilot| autopilot.wifi_report(report, tasks::now()));
     }
 
-    async fn watch(&mut self, role: Role, address: &Address) -> End {
-        match (role, &self.setup.network) {
+    async fn watch(&mut self, address: &Address) -> End {
+        match (self.role, &self.setup.network) {
             (Role::Station, Some(network)) => self.stay_joined(network, address).await,
             (Role::Station | Role::AccessPoint, _) => {
                 let over = until_over(self.plan, self.shared);
@@ -369,59 +387,94 @@ impl Operation<'_> {
 
     /// Joins the network whenever the board is not in it. Ends when it has had no address for too long.
     async fn stay_joined(&mut self, network: &Network, address: &Address) -> End {
-        let mut give_up = Instant::now() + NETWORK_PATIENCE;
-        while Instant::now() < give_up {
+        loop {
+            let give_up_at = *self
+                .give_up_at
+                .get_or_insert_with(|| Instant::now() + NETWORK_PATIENCE);
+            if Instant::now() >= give_up_at {
+                return End::NotJoined;
+            }
             address.reset();
-            match with_timeout(JOIN_TIMEOUT, self.join(network)).await {
-                Ok(Ok(())) => {
+            match self.join(network, give_up_at).await {
+                Ok(()) => {
                     self.report(WifiReport::Joined);
-                    match self.stay(address).await {
-                        Ok(Stay::WithAddress) => give_up = Instant::now() + NETWORK_PATIENCE,
-                        Ok(Stay::WithoutAddress) => {}
-                        Err(fault) => return End::Failed(fault),
+                    if let Err(fault) = self.stay(address).await {
+                        return End::Failed(fault);
                     }
-                    self.control.leave().await;
                 }
-                Ok(Err(JoinError::AuthenticationFailure)) => self.report(WifiReport::WrongPassword),
-                Ok(Err(JoinError::NetworkNotFound | JoinError::JoinFailure(_))) | Err(_) => {
-                    self.report(WifiReport::NetworkNotFound);
-                }
+                Err(reason) => self.report(match reason {
+                    NotJoined::Failed(JoinError::AuthenticationFailure) => WifiReport::WrongPassword,
+                    NotJoined::Failed(JoinError::NetworkNotFound) => WifiReport::NetworkNotFound,
+                    NotJoined::Failed(JoinError::JoinFailure(_))
+                    | NotJoined::Refused
+                    | NotJoined::TimedOut => WifiReport::JoinFailed,
+                }),
+            }
+            // A chip that is still in a network takes no other password.
+            if let Err(fault) = self.leave().await {
+                return End::Failed(fault);
             }
             Timer::after(JOIN_DELAY).await;
         }
-        End::NotJoined
     }
 
-    async fn join(&mut self, network: &Network) -> Result<(), JoinError> {
+    /// Joins the network, by `give_up_at`. After an error the chip may still be in it.
+    async fn join(&mut self, network: &Network, give_up_at: Instant) -> Result<(), NotJoined> {
         let options = match &network.password {
             Some(password) => JoinOptions::new(password.as_str().as_bytes()),
             None => JoinOptions::new_open(),
         };
-        self.control.join(network.ssid.as_str(), options).await
+        let chip = self.chip;
+        chip.refusals.set(Refusals::AreReported);
+        chip.refused.reset();
+        let end = give_up_at.min(Instant::now() + JOIN_TIMEOUT);
+        let joining = self.control.join(network.ssid.as_str(), options);
+        match select3(joining, chip.refused.wait(), Timer::at(end)).await {
+            Either3::First(Ok(())) => {
+                chip.refusals.set(Refusals::AreFaults);
+                Ok(())
+            }
+            Either3::First(Err(error)) => Err(NotJoined::Failed(error)),
+            Either3::Second(code) => {
+                defmt::warn!("Wi-Fi: refused while joining: {}", code);
+                Err(NotJoined::Refused)
+            }
+            Either3::Third(()) => Err(NotJoined::TimedOut),
+        }
+    }
+
+    /// Leaves the network. A chip that is in none may refuse that.
+    ///
+    /// # Errors
+    /// The chip does not answer any more.
+    async fn leave(&mut self) -> Result<(), WifiReport> {
+        self.chip.refusals.set(Refusals::AreReported);
+        let left = with_timeout(ANSWER_TIMEOUT, self.control.leave()).await;
+        self.chip.refusals.set(Refusals::AreFaults);
+        left.map_err(|_| WifiReport::NoAnswer)
     }
 
     /// Stays in the network until the address there is lost, or none comes in time.
     ///
     /// # Errors
     /// The chip does not answer any more.
-    async fn stay(&mut self, address: &Address) -> Result<Stay, WifiReport> {
-        let mut stay = Stay::WithoutAddress;
-        let mut give_up = Instant::now() + ADDRESS_PATIENCE;
+    async fn stay(&mut self, address: &Address) -> Result<(), WifiReport> {
+        let mut leave_at = Instant::now() + ADDRESS_PATIENCE;
         loop {
-            match select3(address.wait(), Timer::at(give_up), self.look_for_life()).await {
+            match select3(address.wait(), Timer::at(leave_at), self.look_for_life()).await {
                 Either3::First(NetReport::AddressObtained(_)) => {
-                    stay = Stay::WithAddress;
-                    give_up = Instant::MAX;
+                    *self.give_up_at = None;
+                    leave_at = Instant::MAX;
                 }
                 Either3::First(NetReport::AddressLost) => {
                     self.report(WifiReport::NetworkLost);
-                    return Ok(stay);
+                    return Ok(());
                 }
                 // The next attempt to join may be under way by now.
                 Either3::First(NetReport::NoAddress) => {}
                 Either3::Second(()) => {
                     self.report(WifiReport::NoAddress);
-                    return Ok(stay);
+                    return Ok(());
                 }
                 Either3::Third(fault) => return Err(fault),
             }

@@ -8,6 +8,7 @@ use crate::air::router::Router;
 use crate::bench::{SECOND, Wire};
 use crate::support::frames::{HEARTBEAT, of_message, texts_of};
 use crate::support::requests::wifi_config;
+use emulator::RadioFault;
 
 const STATION: u8 = 2;
 
@@ -97,6 +98,64 @@ fn without_its_network_for_a_minute_the_board_opens_its_own() {
         );
         ground.assert_not_reset();
     }
+}
+
+#[test]
+fn a_password_that_the_chip_refuses_to_change_delays_the_boards_own_network_by_no_fault() {
+    let mut ground = sent_home("not our password");
+    ground.bench.wifi().set_fault(Some(RadioFault::StaysAssociated));
+    switch_router_on(&mut ground);
+    ground.run_for(50 * SECOND);
+    assert!(ground.bench.wifi().access_point().is_none());
+    ground.wait_for_network(25 * SECOND);
+    ground.run_for(SECOND);
+    assert_eq!(
+        texts(&mut ground),
+        [
+            "Wi-Fi network can't be joined",
+            "No Wi-Fi network: access point instead"
+        ]
+    );
+    ground.assert_not_reset();
+}
+
+#[test]
+fn a_radio_that_fails_meanwhile_does_not_delay_the_boards_own_network() {
+    let mut ground = sent_home("our own password");
+    for _ in 0..3 {
+        ground.run_for(12 * SECOND);
+        ground.bench.wifi().set_fault(Some(RadioFault::SilentAfter(3)));
+        ground.run_for(10 * SECOND);
+        ground.bench.wifi().set_fault(None);
+    }
+    ground.wait_for_network(20 * SECOND);
+    ground.run_for(SECOND);
+    let said = texts(&mut ground);
+    assert!(
+        said.contains(&"No Wi-Fi network: access point instead".into()),
+        "{said:?}"
+    );
+    ground.assert_not_reset();
+}
+
+#[test]
+fn a_board_that_its_network_excludes_joins_it_again() {
+    let mut ground = sent_home("our own password");
+    switch_router_on(&mut ground);
+    ground.run_for(8 * SECOND);
+    assert!(is_home(&mut ground), "{:?}", ground.bench.log_lines());
+    ground.bench.forget_sent();
+    ground.bench.wifi().deauthenticated();
+    ground.run_for(10 * SECOND);
+    assert!(is_home(&mut ground), "{:?}", ground.bench.log_lines());
+    let said = texts(&mut ground);
+    assert_eq!(
+        said[..2],
+        ["Wi-Fi network lost", "Wi-Fi network joined"],
+        "{said:?}"
+    );
+    assert!(said[2].starts_with("Wi-Fi address 192.168.1."), "{said:?}");
+    ground.assert_not_reset();
 }
 
 #[test]

@@ -56,6 +56,7 @@ impl Chip {
             Some(RadioFault::NotReady(part)) => Some(part),
             _ => None,
         });
+        self.wlan.radio.stays_associated = fault == Some(RadioFault::StaysAssociated);
     }
 
     /// It does not answer, and pulls the data line low.

@@ -11,8 +11,10 @@ const FLAG_ERROR: u16 = 1;
 const FLAG_SET: u16 = 2;
 
 /// Broadcom's error numbers (`bcmutils.h`).
+const FAILED: i32 = -1;
 const BAD_ARGUMENT: i32 = -2;
 const NOT_UP: i32 = -4;
+const NOT_ASSOCIATED: i32 = -17;
 const UNSUPPORTED: i32 = -23;
 
 const UP: u32 = 2;
@@ -125,9 +127,11 @@ impl Control {
             SET_SSID if radio.is_up() => radio.join(ssid(data)?, context.now),
             SET_SSID => return Err(NOT_UP),
             SET_CHANNEL => radio.settings.channel = channel(number(data)?)?,
-            DISASSOC => radio.leave(),
+            DISASSOC if radio.is_associated() => radio.leave(),
+            DISASSOC => return Err(NOT_ASSOCIATED),
             SET_AP => radio.settings.mode = mode(number(data)?),
             SET_WSEC => radio.settings.is_secure = number(data)? != 0,
+            SET_WSEC_PMK if radio.is_associated() => return Err(FAILED),
             SET_WSEC_PMK => radio.settings.passphrase = passphrase(data)?,
             SET_VAR => {
                 let (name, value) = name_and_value(data)?;

@@ -22,6 +22,7 @@ pub enum Kind {
 pub enum Status {
     Success = 0,
     NoNetworks = 3,
+    Abort = 4,
     /// Of [`Kind::PskSup`]: the keys are there.
     Keyed = 6,
     /// Of [`Kind::EscanResult`]: more follow. Of [`Kind::PskSup`]: waited for a message of the key exchange in vain.
@@ -34,6 +35,8 @@ pub const REASON_BEACONS_LOST: u32 = 1;
 pub const REASON_DISASSOCIATED: u32 = 2;
 /// The four-way handshake took too long, as it does with the wrong passphrase.
 pub const REASON_KEY_TIME_OUT: u32 = 15;
+/// IEEE 802.11 reason 6: a frame of a station that is not authenticated.
+pub const REASON_NOT_AUTHENTICATED: u32 = 6;
 /// IEEE 802.11 reason 8: the station is leaving.
 pub const REASON_STATION_LEAVES: u32 = 8;
 

@@ -26,4 +26,7 @@ pub enum RadioFault {
     FlippedBits { one_in: u32 },
     /// The bus works, and a part of the chip never gets ready.
     NotReady(ChipPart),
+    /// A station that was refused its passphrase stays associated. It reports an aborted key exchange only, and takes no
+    /// other passphrase meanwhile (embassy-rs/embassy, issue 4526).
+    StaysAssociated,
 }

@@ -128,6 +128,14 @@ impl Cyw43 {
         }
     }
 
+    /// The network that the station is in excludes it: DEAUTH is the only event.
+    pub fn deauthenticated(&mut self) {
+        let now = self.now;
+        if let Some(chip) = &mut self.chip {
+            chip.wlan.deauthenticated(now);
+        }
+    }
+
     /// The name of the network that the station is in.
     pub fn joined(&self) -> Option<&str> {
         self.chip.as_ref()?.wlan.radio.joined()

@@ -4,7 +4,8 @@
 use super::super::clock::{Cycle, cycles};
 use super::air::{Air, Network};
 use super::events::{
-    Event, FLAG_LINK_UP, Kind, REASON_BEACONS_LOST, REASON_DISASSOCIATED, REASON_KEY_TIME_OUT, Status,
+    Event, FLAG_LINK_UP, Kind, REASON_BEACONS_LOST, REASON_DISASSOCIATED, REASON_KEY_TIME_OUT,
+    REASON_NOT_AUTHENTICATED, Status,
 };
 
 /// Until a network was looked for on all channels.
@@ -56,6 +57,10 @@ pub struct Radio {
     access_point: Option<AccessPoint>,
     joining: Option<Joining>,
     joined: Option<String>,
+    /// Without keys, and without having left.
+    is_associated: bool,
+    /// See [`RadioFault::StaysAssociated`](super::RadioFault).
+    pub stays_associated: bool,
     events: Vec<Event>,
 }
 
@@ -78,6 +83,12 @@ impl Radio {
 
     pub fn joined(&self) -> Option<&str> {
         self.joined.as_deref()
+    }
+
+    /// It is in a network, with or without keys.
+    pub fn is_associated(&self) -> bool {
+        let is_agreeing = matches!(self.joining, Some(Joining::AgreeingOnKeys { .. }));
+        self.joined.is_some() || self.is_associated || is_agreeing
     }
 
     /// Frames can go both ways.
@@ -120,6 +131,7 @@ impl Radio {
     /// The driver has asked for it.
     pub fn leave(&mut self) {
         self.joining = None;
+        self.is_associated = false;
         if self.joined.take().is_some() {
             self.emit(Kind::Disassoc, Status::Success);
             self.link_down(REASON_DISASSOCIATED);
@@ -131,6 +143,13 @@ impl Radio {
         if self.joined.as_deref() == Some(ssid) {
             self.joined = None;
             self.link_down(REASON_BEACONS_LOST);
+        }
+    }
+
+    /// The network excludes the station.
+    pub fn deauthenticated(&mut self) {
+        if self.joined.take().is_some() {
+            self.push(Event::new(Kind::DeauthInd, Status::Success).because(REASON_NOT_AUTHENTICATED));
         }
     }
 
@@ -154,6 +173,11 @@ impl Radio {
         match joining {
             Joining::Searching { ssid, until } => self.found(air.network(&ssid), until),
             Joining::Associating { network, until } => self.associated(network, air, until),
+            Joining::AgreeingOnKeys { .. } if self.stays_associated => {
+                self.push(Event::new(Kind::PskSup, Status::Abort).because(REASON_KEY_TIME_OUT));
+                self.is_associated = true;
+                None
+            }
             Joining::AgreeingOnKeys { .. } => {
                 self.push(Event::new(Kind::PskSup, Status::Partial).because(REASON_KEY_TIME_OUT));
                 self.link_down(REASON_DISASSOCIATED);

@@ -97,6 +97,12 @@ impl Wlan {
         self.queue_events(now);
     }
 
+    /// The network excludes the station.
+    pub fn deauthenticated(&mut self, now: Cycle) {
+        self.radio.deauthenticated();
+        self.queue_events(now);
+    }
+
     fn queue_events(&mut self, now: Cycle) {
         for event in self.radio.take_events() {
             if self.control.mask.wants(event.kind) {

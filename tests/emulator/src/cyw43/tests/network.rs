@@ -244,6 +244,33 @@ fn a_network_that_goes_takes_the_link_along() {
 }
 
 #[test]
+fn an_exclusion_is_an_event_of_its_own_and_the_link_has_none() {
+    let mut master = Master::station(&[("home", None)]);
+    join(&mut master, "home", None);
+    master.wait_us(2_000_000);
+    master.take_events();
+    master.chip.deauthenticated();
+    master.wait_us(1_000);
+    assert_eq!(master.take_events(), [(6, 0, 0, 6)]);
+    assert_eq!(master.chip.joined(), None);
+    assert_eq!(master.control(DISASSOC, &[]), Err(-17), "it is in none");
+}
+
+#[test]
+fn a_station_that_stays_associated_takes_no_other_passphrase_until_it_leaves() {
+    let mut master = Master::station(&[("home", Some("right words"))]);
+    master.chip.set_fault(Some(RadioFault::StaysAssociated));
+    join(&mut master, "home", Some("wrong words"));
+    master.wait_us(5_000_000);
+    assert_eq!(master.take_events().last(), Some(&(46, 4, 0, 15)));
+    assert_eq!(master.control(SET_WSEC_PMK, &passphrase("right words")), Err(-1));
+    done(&mut master, DISASSOC, &[]);
+    join(&mut master, "home", Some("right words"));
+    master.wait_us(2_000_000);
+    assert_eq!(master.chip.joined(), Some("home"));
+}
+
+#[test]
 fn leaving_is_an_event() {
     let mut master = Master::station(&[("home", None)]);
     join(&mut master, "home", None);
