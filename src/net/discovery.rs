@@ -15,8 +15,9 @@ use super::udp::{PORT, UdpLinks};
 use crate::mavlink::{Framer, LinkKind};
 use crate::tasks::{mark, now};
 
-/// Sends a HEARTBEAT each second to those who may be ground stations: to all while there is none, then to those who have an
-/// address and no link yet, until no link is free. `clients` are the addresses that were given to others.
+/// Sends a HEARTBEAT each second to those who may be ground stations. While there is none, to all by broadcast, and every other
+/// time to each address that was given away, since a phone may take no broadcasts; a phone that takes both counts no loss. Then to
+/// those who have an address and no link yet, until no link is free. `clients` are the addresses that were given to others.
 pub(super) async fn be_found(
     stack: Stack<'_>,
     mut sender: Sender<'_>,
@@ -26,29 +27,34 @@ pub(super) async fn be_found(
 ) -> ! {
     let mut framer = Framer::new();
     let mut seconds = Ticker::every(Duration::from_secs(1));
+    let mut turn: usize = 0;
     loop {
         seconds.next().await;
+        turn = turn.wrapping_add(1);
         mark(service.check_in);
         let search = links.stations.borrow().search();
+        let mut others = clients();
+        others.retain(|client| !links.stations.borrow().has_address(*client));
         match search {
-            Search::Anyone => {
+            Search::Anyone if turn % 2 == 1 || others.is_empty() => {
                 let all = broadcast_address(stack);
-                greet(&mut sender, all.as_slice(), &mut framer, links, service).await;
+                greet(&mut sender, all.as_slice(), 0, &mut framer, links, service).await;
             }
-            Search::Others => {
-                let mut others = clients();
-                others.retain(|client| !links.stations.borrow().has_address(*client));
-                greet(&mut sender, &others, &mut framer, links, service).await;
+            Search::Anyone | Search::Others => {
+                // Those behind one that does not answer for its address are not reached in the same turn.
+                let first = turn / 2 % others.len().max(1);
+                greet(&mut sender, &others, first, &mut framer, links, service).await;
             }
             Search::NoOne => {}
         }
     }
 }
 
-/// Sends one HEARTBEAT to each of `addresses`.
+/// Sends one HEARTBEAT to each of `addresses`, from the one at `first` on.
 async fn greet(
     sender: &mut Sender<'_>,
     addresses: &[Ipv4Addr],
+    first: usize,
     framer: &mut Framer,
     links: &UdpLinks,
     service: &Service<'_>,
@@ -59,7 +65,7 @@ async fn greet(
     links.sequence.set(framer.next_sequence().wrapping_add(1));
     let shared = service.shared;
     let heartbeat = shared.with(|autopilot| autopilot.heartbeat_frame(framer, LinkKind::Wifi, now()));
-    for address in addresses {
+    for address in addresses.iter().cycle().skip(first).take(addresses.len()) {
         // There is another one in a second.
         let _ = sender.make_room().await;
         let _ = sender.hand_over(heartbeat, SocketAddrV4::new(*address, PORT));

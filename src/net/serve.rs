@@ -7,6 +7,7 @@ use embassy_futures::select::{Either, select};
 use embassy_net::driver::Driver;
 use embassy_net::udp::UdpSocket;
 use embassy_net::{Runner, Stack, StackResources};
+use heapless::Vec;
 
 use super::address::{NetReport, Role, report_address};
 use super::dhcp::{give_addresses, now_ms};
@@ -65,7 +66,7 @@ pub async fn serve<D: Driver>(
             Role::Station => pending().await,
         }
     };
-    let clients = || leases.borrow().clients(now_ms());
+    let clients = || guests.map_or_else(Vec::new, |leases| leases.borrow().clients(now_ms()));
     let members = join5(
         join(report_address(stack, report), give_addresses),
         receive(received, links),

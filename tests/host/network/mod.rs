@@ -4,6 +4,7 @@
 mod air;
 mod dhcp;
 mod phone;
+mod ping;
 mod room;
 mod tcp;
 mod udp;

@@ -76,6 +76,20 @@ impl Phone {
         });
     }
 
+    pub fn address(&self) -> Option<Ipv4Addr> {
+        self.interface.ipv4_addr()
+    }
+
+    /// A ground station listens on this port, of a phone that takes no broadcasts.
+    pub fn listen_to_own_address(&mut self, port: u16) -> SocketHandle {
+        let address = self.address().expect("it has one");
+        let handle = self.listen(port);
+        let socket = self.sockets.get_mut::<udp::Socket>(handle);
+        socket.close();
+        socket.bind((address, port)).expect("the port is free");
+        handle
+    }
+
     /// It is in reach again.
     pub fn rejoin(&self) {
         self.device.air.borrow_mut().join(self.mac);

@@ -64,6 +64,25 @@ fn a_ground_station_is_found_by_broadcast_and_then_gets_everything_by_unicast() 
 }
 
 #[test]
+fn a_phone_that_takes_no_broadcasts_is_found_by_its_address() {
+    play(Role::AccessPoint, async |room| {
+        // Those before it have left, and their addresses answer no more.
+        let gone = [room.phone(2).await, room.phone(3).await];
+        let mut phone = room.phone(4).await;
+        for other in &gone {
+            room.air.borrow_mut().leave(other.mac);
+        }
+        let station = phone.listen_to_own_address(PORT);
+        room.pass(8_000, &mut [&mut phone]).await;
+        let found = phone.received_frames(station);
+        assert!(found.len() >= 2, "{}", found.len());
+        phone.send(station, &requests::heartbeat(6));
+        room.pass(1_000, &mut [&mut phone]).await;
+        assert!(phone.received_frames(station).len() > 4);
+    });
+}
+
+#[test]
 fn two_stations_have_a_link_each_and_a_third_gets_nothing_until_one_is_silent() {
     play(Role::AccessPoint, async |room| {
         let (mut one, mut two, mut three) = (room.phone(2).await, room.phone(3).await, room.phone(4).await);
