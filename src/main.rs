@@ -15,7 +15,7 @@ mod firmware {
     use rover_battmon::autopilot::Start;
     use rover_battmon::battery::{LEARNT_WORDS, RetainedMemory};
     use rover_battmon::board::{
-        self, AnalogInputs, BoardCan, BoardCrashMemory, BoardFlash, BoardIndicators, BoardMotors,
+        self, AnalogInputs, BoardCan, BoardCrashMemory, BoardFlash, BoardIndicators, BoardKind, BoardMotors,
         BoardWatchdog, Buzzer, CanController, CanPins, ExecutorIdleTime, FlashDriver, LastRun,
         MotorPeripherals, PulseInput, SensorI2c, SensorSpi, SerialPort, SerialUart, SharedSpi,
         SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort, Wifi, WifiPeripherals,
@@ -248,11 +248,13 @@ mod firmware {
         );
         last_run.log();
 
-        let radio = board::find_radio(
+        let kind = board::find_board(
+            last_run.reset_reason,
             peripherals.ADC.reborrow(),
             peripherals.PIN_25.reborrow(),
             peripherals.PIN_29.reborrow(),
         );
+        let radio = kind.radio();
         info!("Wi-Fi radio: {}", radio);
         let flash_driver = FLASH.init(board::flash_driver(peripherals.FLASH));
         let id = board::board_id(flash_driver);
@@ -393,7 +395,7 @@ mod firmware {
         if let Some(pins) = wifi_pins {
             let wifi_storage = Storage::new(flash, flash_map::WIFI);
             start(spawner, WIFI_SETTINGS.name(), wifi_settings(wifi_storage, shared));
-            start(spawner, WIFI.name(), wifi(open_wifi(pins), logs, shared));
+            start(spawner, WIFI.name(), wifi(open_wifi(kind, pins), logs, shared));
         }
         start(spawner, STATUS.name(), status(shared, link));
         start(spawner, "reboot", reboot(shared, link));
@@ -415,8 +417,9 @@ mod firmware {
     }
 
     #[inline(never)]
-    fn open_wifi(peripherals: WifiPeripherals) -> Wifi {
+    fn open_wifi(kind: BoardKind, peripherals: WifiPeripherals) -> Wifi {
         Wifi::new(
+            kind,
             peripherals,
             RADIO.init_with(cyw43::State::new),
             NETWORK.init_with(NetMemory::new),

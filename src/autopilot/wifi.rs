@@ -62,6 +62,9 @@ impl Autopilot {
     /// Takes a report of the radio's task, and announces it if it is news.
     pub fn wifi_report(&mut self, report: WifiReport, now: Instant) {
         info!("Wi-Fi: {:?}", report);
+        if report == WifiReport::NoRadio {
+            self.wifi.off = Some(report);
+        }
         if self.wifi.is_news(report) {
             self.announce(Announcement::Wifi(report), now);
         }

@@ -12,7 +12,7 @@ use crate::wifi::{
 };
 
 /// Reports of each kind, each announced once.
-const REPORTS: usize = 13;
+const REPORTS: usize = 14;
 
 /// A ground station that was not heard by Wi-Fi for so long is not there.
 pub(super) const PRESENCE_US: u64 = 10_000_000;

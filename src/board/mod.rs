@@ -54,7 +54,7 @@ pub use uart::{
 };
 pub use usb::{UsbPort, UsbReceiver, UsbTransmitter};
 pub use watchdog::BoardWatchdog;
-pub use wifi::{Wifi, WifiPeripherals, entropy, find_radio};
+pub use wifi::{BoardKind, Wifi, WifiPeripherals, entropy, find_board};
 
 bind_interrupts!(struct Irqs {
     DMA_IRQ_0 => dma::InterruptHandler<DMA_CH0>, dma::InterruptHandler<DMA_CH1>;

@@ -10,6 +10,8 @@ pub enum WifiReport {
     NoAnswer,
     /// The radio answers, and does not take its firmware.
     DownloadFailed,
+    /// No radio has ever answered, and the board may have none: it is not looked for until the next power-up.
+    NoRadio,
     /// The access point can be joined.
     AccessPointUp,
     /// The network was joined; an address has not been obtained yet.
@@ -41,6 +43,7 @@ impl WifiReport {
             Self::AccessPointUp | Self::Joined | Self::AddressObtained(_) => false,
             Self::NoAnswer
             | Self::DownloadFailed
+            | Self::NoRadio
             | Self::NetworkNotFound
             | Self::JoinFailed
             | Self::WrongPassword
@@ -58,6 +61,7 @@ impl fmt::Display for WifiReport {
         match self {
             Self::NoAnswer => f.write_str("Wi-Fi radio does not answer"),
             Self::DownloadFailed => f.write_str("Wi-Fi radio does not take its firmware"),
+            Self::NoRadio => f.write_str("No Wi-Fi radio found: GP29 free after a restart"),
             Self::AccessPointUp => f.write_str("Wi-Fi access point on"),
             Self::Joined => f.write_str("Wi-Fi network joined"),
             Self::AddressObtained([a, b, c, d]) => write!(f, "Wi-Fi address {a}.{b}.{c}.{d}"),
@@ -86,6 +90,7 @@ mod tests {
             WifiReport::AddressObtained([255; 4]),
             WifiReport::FallbackToAccessPoint,
             WifiReport::DownloadFailed,
+            WifiReport::NoRadio,
         ] {
             assert!(report.to_string().len() <= TEXT_BYTES, "{report}");
         }

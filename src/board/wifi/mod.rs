@@ -8,5 +8,5 @@ mod program;
 mod radio;
 
 pub use entropy::entropy;
-pub use find::find_radio;
+pub use find::{BoardKind, find_board};
 pub use radio::{Wifi, WifiPeripherals};

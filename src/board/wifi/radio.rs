@@ -16,6 +16,7 @@ use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
 use super::bus::{BusFault, CheckedBus, ChipState, Refusals, Stage};
+use super::find::{BoardKind, note_that_no_radio_answers};
 use super::gspi::Gspi;
 use super::program::{BOARD_DATA, COUNTRIES, PROGRAM};
 use crate::board::Irqs;
@@ -31,6 +32,9 @@ const START_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Setting up waits for 0.7 s in all, an access point for another 0.1 s.
 const SET_UP_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// Starts without any answer after which a board that may not be a Pico W is none.
+const VAIN_STARTS: u32 = 3;
 
 /// How often the chip is asked for a sign of life, and how long that may take. A request waits behind packets.
 const WATCH_INTERVAL: Duration = Duration::from_secs(5);
@@ -73,6 +77,9 @@ pub struct WifiPeripherals {
 
 /// The radio, and what serves links over it.
 pub struct Wifi {
+    board: BoardKind,
+    /// Starts of a radio that may not be there.
+    vain_starts: u32,
     peripherals: WifiPeripherals,
     driver: &'static mut cyw43::State,
     network: &'static mut NetMemory,
@@ -119,11 +126,14 @@ enum Plan {
 impl Wifi {
     /// The radio at these pins. What driver and network stack keep stays where it is.
     pub fn new(
+        board: BoardKind,
         peripherals: WifiPeripherals,
         driver: &'static mut cyw43::State,
         network: &'static mut NetMemory,
     ) -> Self {
         Self {
+            board,
+            vain_starts: 0,
             peripherals,
             driver,
             network,
@@ -158,6 +168,7 @@ impl Wifi {
                 End::Failed(_) => plan,
             };
             if let End::Failed(report) = end {
+                let report = self.judge_absence().unwrap_or(report);
                 shared.with(|autopilot| autopilot.wifi_report(report, tasks::now()));
                 select(Timer::after(RETRY_DELAY), changed(shared, &setup)).await;
             } else {
@@ -217,7 +228,7 @@ impl Wifi {
                 Either::Second(end) => end,
             }
         };
-        match select3(chip.fault.wait(), changed(shared, setup), run).await {
+        let end = match select3(chip.fault.wait(), changed(shared, setup), run).await {
             Either3::First(fault) => {
                 defmt::warn!("Wi-Fi: {}", fault);
                 End::Failed(match fault {
@@ -227,7 +238,21 @@ impl Wifi {
             }
             Either3::Second(()) => End::SetUpAnew,
             Either3::Third(end) => end,
+        };
+        if chip.stage.get() != Stage::Waking {
+            self.board = BoardKind::PicoW;
         }
+        end
+    }
+
+    /// Whether a radio that has failed to start is there at all. If not, nothing switches it on again, and its pins are free.
+    fn judge_absence(&mut self) -> Option<WifiReport> {
+        self.vain_starts += 1;
+        if self.board != BoardKind::PossiblyPicoW || self.vain_starts < VAIN_STARTS {
+            return None;
+        }
+        note_that_no_radio_answers();
+        Some(WifiReport::NoRadio)
     }
 }
 

@@ -162,6 +162,7 @@ pub struct PinSettings {
     /// Nothing but SIO could drive them, and no pull holds them.
     pub may_float: u32,
     pub pulled_up: u32,
+    pub pulled_down: u32,
     pub input_enabled: u32,
     /// PIO0 decides whether they are driven.
     pub pio0_outputs: u32,
@@ -177,6 +178,7 @@ impl PinSettings {
                 chip.io_bank0.funcsel(pin) == FUNCTION_SIO && pull(chip.pads_bank0.pads[pin]) == Pull::None
             }),
             pulled_up: pins_that(|pin| pad(pin, PAD_PULL_UP)),
+            pulled_down: pins_that(|pin| pad(pin, PAD_PULL_DOWN)),
             input_enabled: pins_that(|pin| pad(pin, PAD_INPUT_ENABLE)),
             pio0_outputs: pins_that(|pin| pio_of(chip, pin) == Some(0)),
         }
@@ -279,6 +281,7 @@ impl SystemBus {
             },
             pio: self.pin_settings.pio0_outputs,
             pulled_up: pads.pulled_up,
+            pulled_down: self.pin_settings.pulled_down,
             input_enabled: pads.input_enabled,
         };
         if let Some(wifi) = &mut self.soc.wifi {

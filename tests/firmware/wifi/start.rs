@@ -2,8 +2,8 @@
 
 use super::ground::Ground;
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
-use crate::support::frames::{HEARTBEAT, of_message};
-use emulator::LogLevel;
+use crate::support::frames::{HEARTBEAT, of_message, texts_of};
+use emulator::{AdcInput, LogLevel, RadioFault};
 
 /// Everything that a Pico W has its radio at, and a plain Pico something else.
 const RADIO_PINS: [usize; 4] = [23, 24, 25, 29];
@@ -47,6 +47,62 @@ fn a_plain_pico_leaves_the_pins_alone_that_a_pico_w_has_its_radio_at() {
     assert_eq!(bench.logged(LogLevel::Info, "Wi-Fi radio: Absent").len(), 1);
     assert_eq!(bench.logged(LogLevel::Info, "Wi-Fi").len(), 1);
     bench.assert_untroubled();
+}
+
+#[test]
+fn a_board_with_neither_radio_nor_divider_has_gp29_as_a_pin_after_three_vain_starts_and_a_restart() {
+    const GP29: usize = 3;
+    let mut bench = Bench::power_up(DIVIDER_CODE);
+    bench.adc_input(GP29, AdcInput::Code(0));
+    bench.run_for(32 * SECOND);
+    let said = texts_of(&bench.frames());
+    let of_radio: Vec<&String> = said.iter().filter(|text| text.contains("Wi-Fi")).collect();
+    assert_eq!(
+        of_radio,
+        [
+            "Wi-Fi radio does not answer",
+            "No Wi-Fi radio found: GP29 free after a restart"
+        ]
+    );
+    for _ in 0..200 {
+        bench.run_for(100 * MILLISECOND);
+        for pin in RADIO_PINS {
+            assert_eq!(bench.pin_level(pin), None, "GP{pin}");
+        }
+    }
+    bench.reboot();
+    bench.adc_input(GP29, AdcInput::Code(DIVIDER_CODE));
+    bench.set("BATT_VOLT_PIN", 29.0);
+    bench.run_for(2 * SECOND);
+    assert!(
+        bench
+            .logged(LogLevel::Info, "GP29 is the Wi-Fi radio's")
+            .is_empty()
+    );
+    assert_eq!(bench.logged(LogLevel::Info, "Wi-Fi radio: Present").len(), 1);
+    assert_eq!(bench.logged(LogLevel::Info, "Wi-Fi radio: Absent").len(), 1);
+
+    bench.adc_input(GP29, AdcInput::Code(0));
+    bench.power_cycle();
+    bench.run_for(SECOND);
+    assert_eq!(bench.logged(LogLevel::Info, "Wi-Fi radio: Present").len(), 2);
+}
+
+#[test]
+fn a_radio_that_wakes_up_late_is_found() {
+    let mut bench = Bench::power_up(DIVIDER_CODE);
+    bench.attach_wifi();
+    bench.wifi().set_fault(Some(RadioFault::Missing));
+    bench.run_for(20 * SECOND);
+    bench.wifi().set_fault(None);
+    let mut ground = Ground::around(bench);
+    ground.wait_for_network(15 * SECOND);
+    // One that has answered once is not given up.
+    ground.bench.wifi().set_fault(Some(RadioFault::Missing));
+    ground.run_for(60 * SECOND);
+    ground.bench.wifi().set_fault(None);
+    ground.wait_for_network(15 * SECOND);
+    ground.assert_not_reset();
 }
 
 #[test]

@@ -180,9 +180,9 @@ impl Cyw43 {
         self.chip.as_ref().is_some_and(Chip::has_refused_program)
     }
 
-    /// Whether the pin is high that selects the chip, and connects VSYS/3 to the converter: low is selected.
+    /// Whether the pin that selects the chip, low, connects VSYS/3 to the converter: while it is high, or floats.
     pub fn connects_vsys(&self) -> bool {
-        self.levels.is_high(SELECT)
+        self.levels.is_high(SELECT) || self.wiring.floats(SELECT, self.outputs)
     }
 
     /// The RP2040's pins are set up so from now on.

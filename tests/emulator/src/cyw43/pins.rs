@@ -20,10 +20,17 @@ pub struct Wiring {
     /// Pins that the PIO block decides on.
     pub pio: u32,
     pub pulled_up: u32,
+    pub pulled_down: u32,
     pub input_enabled: u32,
 }
 
 impl Wiring {
+    /// Whether neither a driver nor a pull holds this pin.
+    pub fn floats(&self, pin: usize, pio: Outputs) -> bool {
+        let held = pio.driven & self.pio | self.sio.driven | self.pulled_up | self.pulled_down;
+        !bit(held, pin as u32)
+    }
+
     /// The levels at the pins, given what the PIO block makes of them. What nothing drives is low, unless it is pulled up.
     pub fn levels(&self, pio: Outputs) -> Levels {
         let driven_by_pio = pio.driven & self.pio;
