@@ -47,6 +47,10 @@ const RETRY_DELAY: Duration = Duration::from_secs(10);
 const JOIN_DELAY: Duration = Duration::from_secs(2);
 const JOIN_TIMEOUT: Duration = Duration::from_secs(20);
 
+/// Of the chip's own GPIOs: high, the regulator of a Pico W switches at a fixed frequency (Pico W datasheet, "Power chain").
+/// Its ripple is on the converter's reference.
+const REGULATOR_GPIO: u8 = 1;
+
 /// A network that gives no address for so long is left, and joined again.
 const ADDRESS_PATIENCE: Duration = Duration::from_secs(25);
 
@@ -361,6 +365,7 @@ impl Operation<'_> {
 
     async fn set_up(&mut self) {
         self.control.init(COUNTRIES).await;
+        self.control.gpio_set(REGULATOR_GPIO, true).await;
         let power = match self.setup.power_save {
             PowerSave::On => PowerManagementMode::PowerSave,
             PowerSave::Off => PowerManagementMode::None,

@@ -106,6 +106,13 @@ fn a_radio_that_wakes_up_late_is_found() {
 }
 
 #[test]
+fn the_regulator_does_not_save_power_while_the_radio_is_on() {
+    const REGULATOR_GPIO: u32 = 1;
+    let mut ground = Ground::up();
+    assert!(ground.bench.wifi().is_gpio_high(REGULATOR_GPIO));
+}
+
+#[test]
 fn gp29_is_no_input_on_a_pico_w() {
     let mut ground = Ground::of(Bench::power_up_seeded(DIVIDER_CODE, 3));
     ground.bench.set("BATT_VOLT_PIN", 29.0);

@@ -55,6 +55,8 @@ pub struct Control {
     /// The regulatory data was downloaded.
     has_regulatory_data: bool,
     multicast: Vec<u8>,
+    /// Of the chip's own GPIOs, a bit each.
+    pub gpio_levels: u32,
     pub mask: Mask,
 }
 
@@ -162,12 +164,12 @@ impl Control {
             | "bus:txglom" | "mfp" | "pm2_sleep_ret" | "2g_mrate" => {
                 number(value)?;
             }
-            "bsscfg:sup_wpa"
-            | "bsscfg:sup_wpa2_eapver"
-            | "bsscfg:sup_wpa_tmo"
-            | "bsscfg:wpa_auth"
-            | "gpioout" => {
+            "bsscfg:sup_wpa" | "bsscfg:sup_wpa2_eapver" | "bsscfg:sup_wpa_tmo" | "bsscfg:wpa_auth" => {
                 second_number(value)?;
+            }
+            "gpioout" => {
+                let (changed, levels) = (number(value)?, second_number(value)?);
+                self.gpio_levels = self.gpio_levels & !changed | levels & changed;
             }
             "country" if value.len() == 12 => {}
             _ => return Err(UNSUPPORTED),

@@ -185,6 +185,13 @@ impl Cyw43 {
         self.levels.is_high(SELECT) || self.wiring.floats(SELECT, self.outputs)
     }
 
+    /// The level that the driver has set at a GPIO of the chip's own.
+    pub fn is_gpio_high(&self, number: u32) -> bool {
+        self.chip
+            .as_ref()
+            .is_some_and(|chip| chip.wlan.is_gpio_high(number))
+    }
+
     /// The RP2040's pins are set up so from now on.
     pub fn set_wiring(&mut self, wiring: Wiring, now: Cycle) {
         if wiring != self.wiring {

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use super::super::clock::{Cycle, NEVER, cycles};
+use super::super::register::bit;
 use super::air::Air;
 use super::control::{Context, Control};
 use super::events::Event;
@@ -95,6 +96,11 @@ impl Wlan {
     pub fn lose(&mut self, ssid: &str, now: Cycle) {
         self.radio.lose(ssid);
         self.queue_events(now);
+    }
+
+    /// The level of a GPIO of the chip's.
+    pub fn is_gpio_high(&self, number: u32) -> bool {
+        bit(self.control.gpio_levels, number)
     }
 
     /// The network excludes the station.
