@@ -4,7 +4,7 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::air::computer::{Connection, UdpPort};
 use crate::air::laptop::Laptop;
-use crate::air::radio::{Credentials, MacAddress};
+use crate::air::radio::Credentials;
 use crate::air::space::Air;
 use crate::bench::starts::Start;
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
@@ -100,16 +100,7 @@ impl Ground {
 
     pub fn laptop_with(&mut self, credentials: Credentials) -> usize {
         let number = self.air.laptops().count() as u8;
-        self.add(Laptop::new([2, 0, 0, 0, 0, number], Some(credentials)))
-    }
-
-    /// A laptop with this hardware address, in the board's network.
-    pub fn laptop_of(&mut self, mac: MacAddress) -> usize {
-        let credentials = self.credentials();
-        self.add(Laptop::new(mac, Some(credentials)))
-    }
-
-    fn add(&mut self, laptop: Laptop) -> usize {
+        let laptop = Laptop::new([2, 0, 0, 0, 0, number], Some(credentials));
         let number = self.air.add(laptop);
         let has_address = self.air.run_until(&mut self.bench, ADDRESS_WITHIN_US, |air, _| {
             air.laptop(number).address().is_some()
@@ -137,7 +128,7 @@ impl Ground {
         station
     }
 
-    pub fn wait_to_be_found(&mut self, station: &mut Station) {
+    fn wait_to_be_found(&mut self, station: &mut Station) {
         let heard = self.hear_until(station, 3 * SECOND, |bytes| !bytes.is_empty());
         assert!(heard, "no heartbeat: {:?}", self.bench.log_lines());
         self.send(station, &heartbeat(GROUND_STATION));
@@ -204,6 +195,21 @@ impl Ground {
         let from_us = self.bench.time_us();
         self.hear_until(station, duration_us, |_| false);
         frames_after(&station.received, from_us)
+    }
+
+    /// What has come since then.
+    pub fn heard_since(&mut self, station: &mut Station, from_us: u64) -> Vec<Frame> {
+        self.receive(station);
+        frames_after(&station.received, from_us)
+    }
+
+    /// Sends to all in the network, by UDP.
+    pub fn broadcast(&mut self, station: &Station, bytes: &[u8]) {
+        let Socket::Udp(port) = station.socket else {
+            panic!("TCP has no broadcasts");
+        };
+        let everyone = SocketAddrV4::new(Ipv4Addr::BROADCAST, UDP_PORT);
+        assert!(self.air.laptop(station.laptop).send_to(port, bytes, everyone));
     }
 
     fn hear_until(
