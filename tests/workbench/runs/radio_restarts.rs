@@ -27,7 +27,7 @@ const RETRIED_WITHIN_US: u64 = 16 * SECOND;
 const LONGEST_DELAY_US: usize = 20_000;
 
 /// Of so many restarts one is of a start that has failed.
-const FAILED_STARTS: u32 = 25;
+const FAILED_STARTS: u32 = 12;
 
 /// Sets the channel so many times while frames come without a pause; some starts fail on the way. Panics if the radio does not
 /// come up on each channel in time, or the board restarts.
@@ -74,7 +74,7 @@ fn wait_for_channel(bench: &mut Bench, air: &mut Air, channel: u8, within_us: u6
 fn fail_a_start(bench: &mut Bench, air: &mut Air) {
     bench
         .wifi()
-        .set_fault(Some(RadioFault::FlippedBits { one_in: 1_000 }));
+        .set_fault(Some(RadioFault::FlippedBits { one_in: 100 }));
     let is_refused = air.run_until(bench, CHANGED_WITHIN_US, |_, board| {
         board.wifi().refused_download()
     });
