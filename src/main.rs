@@ -24,7 +24,7 @@ mod firmware {
     use rover_battmon::flash_map;
     use rover_battmon::liveness::CheckIn;
     use rover_battmon::mavlink::LinkId;
-    use rover_battmon::net::NetMemory;
+    use rover_battmon::net::{NetMemory, Service};
     use rover_battmon::sensor::{Buses, DriverEnable};
     use rover_battmon::storage::Storage;
     use rover_battmon::tasks::{self, Link, Shared, SigningStorage};
@@ -162,7 +162,14 @@ mod firmware {
     /// Only on a board with a radio.
     #[embassy_executor::task]
     async fn wifi(mut radio: Wifi, logs: &'static BoardFlash, shared: &'static Shared) -> ! {
-        radio.run(shared, logs, &WIFI).await
+        let check_in = &WIFI;
+        radio
+            .run(&Service {
+                shared,
+                logs,
+                check_in,
+            })
+            .await
     }
 
     #[embassy_executor::task]

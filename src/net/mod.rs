@@ -22,3 +22,4 @@ mod until;
 pub use address::{NetReport, Role};
 pub use memory::NetMemory;
 pub use serve::serve;
+pub use service::Service;

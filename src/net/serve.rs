@@ -19,30 +19,19 @@ use super::sender::Sender;
 use super::service::Service;
 use super::tcp::serve_clients;
 use super::udp::{PORT, receive, serve_stations};
-use crate::liveness::CheckIn;
 use crate::mavlink::LinkId;
-use crate::recorder::LogSource;
-use crate::tasks::Shared;
 
 /// Serves MAVLink on `device` until it is dropped; `memory` can be used again then. `seed` is a random number.
 ///
 /// It does not wait for the device's link: as an access point some never say that theirs is up.
-#[expect(clippy::too_many_arguments, reason = "what the firmware wires together")]
 pub async fn serve<D: Driver>(
     device: D,
     role: Role,
     seed: u64,
     memory: &mut NetMemory,
-    shared: &Shared,
-    logs: &dyn LogSource,
-    check_in: &CheckIn,
+    service: &Service<'_>,
     report: impl FnMut(NetReport),
 ) -> ! {
-    let service = &Service {
-        shared,
-        logs,
-        check_in,
-    };
     let (links, leases) = (&memory.links, &memory.leases);
     let guests = match role {
         Role::AccessPoint => Some(leases),

@@ -22,7 +22,7 @@ const STATUS_REGISTER: u32 = 0x08;
 
 /// In the registers of the backplane's bridge: clocks that are asked for, and those that there are.
 const CLOCK_REGISTER: u32 = 0x1_000e;
-const LOW_POWER_CLOCK_REQUEST: u32 = 1 << 3;
+const LOW_POWER_CLOCK_REQUEST: u8 = 1 << 3;
 const LOW_POWER_CLOCK: u32 = 1 << 6;
 
 /// There, too. The driver writes a value, and asserts that it reads the same.
@@ -67,10 +67,12 @@ pub(super) struct ChipState {
     pub fault: Signal<NoopRawMutex, BusFault>,
     pub stage: Cell<Stage>,
     /// What the board is in its network.
-    role: Role,
+    pub role: Role,
     pub refusals: Cell<Refusals>,
     /// The error code of a refusal that is no fault.
     pub refused: Signal<NoopRawMutex, i32>,
+    /// What the driver waits for while it starts the chip.
+    waiting: Cell<Waiting>,
 }
 
 impl ChipState {
@@ -82,8 +84,20 @@ impl ChipState {
             role,
             refusals: Cell::new(Refusals::AreFaults),
             refused: Signal::new(),
+            waiting: Cell::default(),
         }
     }
+}
+
+/// What the driver waits for. It is with the owner, since the bus lies in the driver's future several times.
+#[derive(Clone, Copy, Default)]
+struct Waiting {
+    /// What was written last to [`CLOCK_REGISTER`].
+    clock_request: u8,
+    /// The read before this one was of [`CORE_CLOCK_REGISTER`].
+    was_core_clock: bool,
+    /// Since when the driver asks for the same in vain.
+    since: Option<Instant>,
 }
 
 /// What it means that the chip refuses a control request.
@@ -123,24 +137,12 @@ impl Stage {
 pub(super) struct CheckedBus<'a, B> {
     bus: B,
     chip: &'a ChipState,
-    /// What was written last to [`CLOCK_REGISTER`].
-    clock_request: u32,
-    /// The read before this one.
-    last_read: Option<Command>,
-    /// Since when the driver asks for the same in vain.
-    waits_since: Option<Instant>,
 }
 
 impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
     /// To a chip that has just been switched on.
     pub(super) fn new(bus: B, chip: &'a ChipState) -> Self {
-        Self {
-            bus,
-            chip,
-            clock_request: 0,
-            last_read: None,
-            waits_since: None,
-        }
+        Self { bus, chip }
     }
 
     fn command(&self, word: u32) -> Command {
@@ -158,7 +160,9 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
             Stage::Waking => {}
             Stage::Starting => {
                 self.require_answer().await;
-                self.require_ready(command, words).await;
+                if self.has_waited_enough(command, words) {
+                    self.fail(BusFault::NotReady).await;
+                }
             }
             Stage::Running if command.function == Function::Packets => {
                 self.check_packet(command, words).await
@@ -170,55 +174,35 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
         }
     }
 
-    /// The driver would wait for a part of the chip, or assert that it is ready.
-    async fn require_ready(&mut self, command: Command, words: &[u32]) {
+    /// Whether the driver has asked in vain for as long as it may, by this answer.
+    fn has_waited_enough(&self, command: Command, words: &[u32]) -> bool {
         let answer = words.last().copied().unwrap_or(0) & command.mask();
-        let patience = self.patience(command, answer);
-        self.last_read = Some(command);
-        let Some(patience) = patience else {
-            self.waits_since = None;
-            return;
-        };
+        let mut waiting = self.chip.waiting.get();
+        let patience = waiting.patience(command, answer);
         let now = Instant::now();
-        let since = *self.waits_since.get_or_insert(now);
-        let waited = now.checked_duration_since(since);
-        if waited.is_none_or(|waited| waited >= patience) {
-            self.fail(BusFault::NotReady).await;
+        let since = patience.map(|_| waiting.since.unwrap_or(now));
+        waiting.since = since;
+        waiting.was_core_clock = command.is_of(Function::Backplane, CORE_CLOCK_REGISTER);
+        self.chip.waiting.set(waiting);
+        match (patience, since) {
+            (Some(patience), Some(since)) => now
+                .checked_duration_since(since)
+                .is_none_or(|waited| waited >= patience),
+            _ => false,
         }
     }
 
-    /// How long the driver may go on asking for what it has not got by this answer; `None`: it goes on.
-    fn patience(&self, command: Command, answer: u32) -> Option<Duration> {
-        let register = (command.function, command.address);
-        let last = self.last_read.map(|read| (read.function, read.address));
-        let (is_ready, patience) = match register {
-            (Function::Backplane, CLOCK_REGISTER) if self.clock_request == LOW_POWER_CLOCK_REQUEST => {
-                (answer & LOW_POWER_CLOCK != 0, CLOCK_TIMEOUT)
-            }
-            (Function::Backplane, WATERMARK_REGISTER) => (answer == WATERMARK, Duration::MIN),
-            // The driver reads this register twice, and then the other one, only to see whether the core runs.
-            (Function::Backplane, CORE_CLOCK_REGISTER) if last == Some(register) => {
-                (answer & CORE_CLOCK_MASK == CORE_CLOCK_ON, Duration::MIN)
-            }
-            (Function::Backplane, CORE_RESET_REGISTER)
-                if last == Some((Function::Backplane, CORE_CLOCK_REGISTER)) =>
-            {
-                (answer & CORE_RESET == 0, Duration::MIN)
-            }
-            (Function::Bus, STATUS_REGISTER) => (answer & PACKETS_READY != 0, PACKETS_TIMEOUT),
-            _ => return None,
-        };
-        (!is_ready).then_some(patience)
-    }
-
-    fn note_write(&mut self, command: Command, words: &[u32]) {
+    fn note_write(&self, command: Command, words: &[u32]) {
         let stage = self.chip.stage.get().after_write(command);
         self.chip.stage.set(stage);
-        self.last_read = None;
-        self.waits_since = None;
-        if (command.function, command.address) == (Function::Backplane, CLOCK_REGISTER) {
-            self.clock_request = words.get(1).copied().unwrap_or(0);
+        let mut waiting = Waiting {
+            clock_request: self.chip.waiting.get().clock_request,
+            ..Waiting::default()
+        };
+        if command.is_of(Function::Backplane, CLOCK_REGISTER) {
+            waiting.clock_request = words.get(1).map_or(0, |word| *word as u8);
         }
+        self.chip.waiting.set(waiting);
     }
 
     /// Blanks a packet that makes no sense, which the driver then ignores.
@@ -278,6 +262,28 @@ impl<B: SpiBusCyw43> SpiBusCyw43 for CheckedBus<'_, B> {
     }
 }
 
+impl Waiting {
+    /// How long the driver may go on asking for what it has not got by this answer; `None`: it goes on.
+    fn patience(&self, command: Command, answer: u32) -> Option<Duration> {
+        let (is_ready, patience) = match (command.function, command.address) {
+            (Function::Backplane, CLOCK_REGISTER) if self.clock_request == LOW_POWER_CLOCK_REQUEST => {
+                (answer & LOW_POWER_CLOCK != 0, CLOCK_TIMEOUT)
+            }
+            (Function::Backplane, WATERMARK_REGISTER) => (answer == WATERMARK, Duration::MIN),
+            // The driver reads this register twice, and then the other one, only to see whether the core runs.
+            (Function::Backplane, CORE_CLOCK_REGISTER) if self.was_core_clock => {
+                (answer & CORE_CLOCK_MASK == CORE_CLOCK_ON, Duration::MIN)
+            }
+            (Function::Backplane, CORE_RESET_REGISTER) if self.was_core_clock => {
+                (answer & CORE_RESET == 0, Duration::MIN)
+            }
+            (Function::Bus, STATUS_REGISTER) => (answer & PACKETS_READY != 0, PACKETS_TIMEOUT),
+            _ => return None,
+        };
+        (!is_ready).then_some(patience)
+    }
+}
+
 fn is_silence(words: &[u32]) -> bool {
     words.iter().all(|word| SILENCE.contains(word))
 }
@@ -312,6 +318,10 @@ impl Command {
             address: word >> 11 & 0x1_ffff,
             bytes: (word & 0x7ff) as usize,
         }
+    }
+
+    fn is_of(self, function: Function, address: u32) -> bool {
+        self.function == function && self.address == address
     }
 
     /// What counts of a register of this length.

@@ -21,9 +21,7 @@ use super::gspi::Gspi;
 use super::program::{BOARD_DATA, COUNTRIES, PROGRAM};
 use crate::board::Irqs;
 use crate::in_place::in_place;
-use crate::liveness::CheckIn;
-use crate::net::{self, NetMemory, NetReport, Role};
-use crate::recorder::LogSource;
+use crate::net::{self, NetMemory, NetReport, Role, Service};
 use crate::tasks::{self, Shared};
 use crate::wifi::{Network, PowerSave, WifiMode, WifiReport, WifiSetup};
 
@@ -34,7 +32,7 @@ const START_TIMEOUT: Duration = Duration::from_secs(3);
 const SET_UP_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Starts without any answer after which a board that may not be a Pico W is none.
-const VAIN_STARTS: u32 = 3;
+const VAIN_STARTS: u8 = 3;
 
 /// How often the chip is asked for a sign of life, and how long that may take. A request waits behind packets.
 const WATCH_INTERVAL: Duration = Duration::from_secs(5);
@@ -83,7 +81,7 @@ pub struct WifiPeripherals {
 pub struct Wifi {
     board: BoardKind,
     /// Starts of a radio that may not be there.
-    vain_starts: u32,
+    vain_starts: u8,
     peripherals: WifiPeripherals,
     driver: &'static mut cyw43::State,
     network: &'static mut NetMemory,
@@ -145,27 +143,26 @@ impl Wifi {
     }
 
     /// Keeps the radio as the owner wants it, and serves ground stations over it.
-    pub async fn run(&mut self, shared: &Shared, logs: &dyn LogSource, check_in: &CheckIn) -> ! {
+    pub async fn run(&mut self, service: &Service<'_>) -> ! {
         let alive = async {
             loop {
-                tasks::mark(check_in);
+                tasks::mark(service.check_in);
                 Timer::after(MARK_INTERVAL).await;
             }
         };
-        let work = pin!(self.keep_up(shared, logs, check_in));
-        match select(tasks::beside_sampling(work, shared), alive).await {
+        let work = pin!(self.keep_up(service));
+        match select(tasks::beside_sampling(work, service.shared), alive).await {
             Either::First(never) | Either::Second(never) => never,
         }
     }
 
-    async fn keep_up(&mut self, shared: &Shared, logs: &dyn LogSource, check_in: &CheckIn) -> ! {
+    async fn keep_up(&mut self, service: &Service<'_>) -> ! {
+        let shared = service.shared;
         let mut plan = Plan::AsSetUp;
         let mut give_up_at = None;
         loop {
             let setup = wanted(shared).await;
-            let end = self
-                .run_once(&setup, plan, &mut give_up_at, shared, logs, check_in)
-                .await;
+            let end = self.run_once(&setup, plan, &mut give_up_at, service).await;
             plan = match end {
                 End::SetUpAnew | End::LookAgain => Plan::AsSetUp,
                 End::NotJoined => Plan::Fallback,
@@ -187,13 +184,10 @@ impl Wifi {
         setup: &WifiSetup,
         plan: Plan,
         give_up_at: &mut GiveUpAt,
-        shared: &Shared,
-        logs: &dyn LogSource,
-        check_in: &CheckIn,
+        service: &Service<'_>,
     ) -> End {
         forget(self.driver);
-        let role = role(setup, plan);
-        let chip = ChipState::new(role);
+        let chip = ChipState::new(role(setup, plan));
         let parts = &mut self.peripherals;
         let power = Output::new(parts.power.reborrow(), Level::Low);
         let select_pin = Output::new(parts.select.reborrow(), Level::High);
@@ -218,21 +212,20 @@ impl Wifi {
             let Ok((device, control, driver)) = with_timeout(START_TIMEOUT, start).await else {
                 return End::Failed(start_failure(&chip));
             };
-            let operation = Operation {
+            let mut operation = Operation {
                 control,
                 chip: &chip,
                 setup,
-                role,
                 plan,
                 give_up_at,
-                shared,
+                service,
             };
-            match select(driver.run(), operation.run(device, self.network, logs, check_in)).await {
+            match select(driver.run(), operation.run(device, self.network)).await {
                 Either::First(never) => never,
                 Either::Second(end) => end,
             }
         };
-        let end = match select3(chip.fault.wait(), changed(shared, setup), run).await {
+        let end = match select3(chip.fault.wait(), changed(service.shared, setup), run).await {
             Either3::First(fault) => {
                 defmt::warn!("Wi-Fi: {}", fault);
                 End::Failed(match fault {
@@ -251,7 +244,7 @@ impl Wifi {
 
     /// Whether a radio that has failed to start is there at all. If not, nothing switches it on again, and its pins are free.
     fn judge_absence(&mut self) -> Option<WifiReport> {
-        self.vain_starts += 1;
+        self.vain_starts = self.vain_starts.saturating_add(1);
         if self.board != BoardKind::PossiblyPicoW || self.vain_starts < VAIN_STARTS {
             return None;
         }
@@ -321,42 +314,32 @@ struct Operation<'a> {
     control: Control<'a>,
     chip: &'a ChipState,
     setup: &'a WifiSetup,
-    role: Role,
     plan: Plan,
     give_up_at: &'a mut GiveUpAt,
-    shared: &'a Shared,
+    service: &'a Service<'a>,
 }
 
 impl Operation<'_> {
     async fn run(
-        mut self,
+        &mut self,
         device: NetDriver<'_>,
         network: &mut NetMemory,
-        logs: &dyn LogSource,
-        check_in: &CheckIn,
     ) -> End {
         if with_timeout(SET_UP_TIMEOUT, self.set_up()).await.is_err() {
             return End::Failed(WifiReport::NoAnswer);
         }
-        let (shared, role) = (self.shared, self.role);
+        let (service, role) = (self.service, self.chip.role);
         let address = Address::new();
         let report = |report| {
             address.signal(report);
             if let (Role::Station, NetReport::AddressObtained(address)) = (role, report) {
                 let report = WifiReport::AddressObtained(address);
-                shared.with(|autopilot| autopilot.wifi_report(report, tasks::now()));
+                service
+                    .shared
+                    .with(|autopilot| autopilot.wifi_report(report, tasks::now()));
             }
         };
-        let serving = net::serve(
-            device,
-            role,
-            RoscRng.next_u64(),
-            network,
-            shared,
-            logs,
-            check_in,
-            report,
-        );
+        let serving = net::serve(device, role, RoscRng.next_u64(), network, service, report);
         match select(serving, self.watch(&address)).await {
             Either::First(never) => never,
             Either::Second(end) => end,
@@ -371,7 +354,7 @@ impl Operation<'_> {
             PowerSave::Off => PowerManagementMode::None,
         };
         self.control.set_power_management(power).await;
-        if self.role == Role::AccessPoint {
+        if self.chip.role == Role::AccessPoint {
             let setup = self.setup;
             let (name, password) = (setup.own_name.as_str(), setup.own_password.as_str());
             // The log's reader has the board in hand.
@@ -385,15 +368,16 @@ impl Operation<'_> {
     }
 
     fn report(&self, report: WifiReport) {
-        self.shared
+        self.service
+            .shared
             .with(|autopilot| autopilot.wifi_report(report, tasks::now()));
     }
 
     async fn watch(&mut self, address: &Address) -> End {
-        match (self.role, &self.setup.network) {
+        match (self.chip.role, &self.setup.network) {
             (Role::Station, Some(network)) => self.stay_joined(network, address).await,
             (Role::Station | Role::AccessPoint, _) => {
-                let over = until_over(self.plan, self.shared);
+                let over = until_over(self.plan, self.service.shared);
                 match select(self.look_for_life(), over).await {
                     Either::First(fault) => End::Failed(fault),
                     Either::Second(()) => End::LookAgain,

@@ -6,7 +6,7 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
 use rover_battmon::autopilot::Start;
 use rover_battmon::liveness::CheckIn;
-use rover_battmon::net::{NetMemory, NetReport, Role, serve};
+use rover_battmon::net::{NetMemory, NetReport, Role, Service, serve};
 use rover_battmon::recorder::{LogSource, ReadFailed};
 use rover_battmon::sim::clock::run_for;
 use rover_battmon::tasks::Shared;
@@ -61,15 +61,18 @@ pub fn play<R>(role: Role, scene: impl AsyncFnOnce(&Room<'_>) -> R) -> R {
             air: Air::new(role == Role::Station),
             reports: &reports,
         };
+        let service = Service {
+            shared: &shared,
+            logs: &NoLogs,
+            check_in: &CHECK_IN,
+        };
         let mut memory = Box::new(NetMemory::new());
         let board = serve(
             BoardDevice(room.air.clone()),
             role,
             1,
             &mut memory,
-            &shared,
-            &NoLogs,
-            &CHECK_IN,
+            &service,
             |report| reports.borrow_mut().push(report),
         );
         match select(board, scene(&room)).await {
