@@ -65,10 +65,7 @@ async fn greet(
     links.sequence.set(framer.next_sequence().wrapping_add(1));
     let shared = service.shared;
     let heartbeat = shared.with(|autopilot| autopilot.heartbeat_frame(framer, LinkKind::Wifi, now()));
-    for number in first..first + addresses.len() {
-        let Some(address) = addresses.get(number % addresses.len()) else {
-            return;
-        };
+    for address in addresses.iter().cycle().skip(first).take(addresses.len()) {
         // There is another one in a second.
         let _ = sender.make_room().await;
         let _ = sender.hand_over(heartbeat, SocketAddrV4::new(*address, PORT));

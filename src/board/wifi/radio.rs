@@ -320,11 +320,7 @@ struct Operation<'a> {
 }
 
 impl Operation<'_> {
-    async fn run(
-        &mut self,
-        device: NetDriver<'_>,
-        network: &mut NetMemory,
-    ) -> End {
+    async fn run(&mut self, device: NetDriver<'_>, network: &mut NetMemory) -> End {
         if with_timeout(SET_UP_TIMEOUT, self.set_up()).await.is_err() {
             return End::Failed(WifiReport::NoAnswer);
         }
