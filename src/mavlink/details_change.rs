@@ -11,7 +11,8 @@ use crate::pack::{MAX_PACKS, Pack};
 #[derive(Debug, Default)]
 pub(super) struct DetailsChangeDetector {
     reported: [Option<u32>; MAX_PACKS],
-    revisions: [u8; MAX_PACKS],
+    /// The revision of each pack of which a BATTERY_INFO was sent.
+    described: [Option<u8>; MAX_PACKS],
 }
 
 /// One change of four thousand million is not noticed by it.
@@ -22,10 +23,16 @@ fn hash_of(details: &PackDetails) -> u32 {
 }
 
 impl DetailsChangeDetector {
-    /// Whether `pack` was swapped or its cells were detected since the last call.
-    pub fn is_revised(&mut self, pack: Pack, revision: u8) -> bool {
-        let reported = &mut self.revisions[pack as usize];
-        core::mem::replace(reported, revision) != revision
+    /// A BATTERY_INFO of `pack` is sent, which has this revision.
+    pub fn describe(&mut self, pack: Pack, revision: u8) {
+        self.described[pack as usize].get_or_insert(revision);
+    }
+
+    /// Whether `pack` was swapped or its cells were detected since the last BATTERY_INFO; then that counts as described. A
+    /// link on which none was sent has nothing to correct.
+    pub fn is_outdated(&mut self, pack: Pack, revision: u8) -> bool {
+        let described = &mut self.described[pack as usize];
+        described.is_some() && described.replace(revision) != Some(revision)
     }
 
     /// Whether `details` of `pack` differ from those that were reported last; then they count as reported. A pack without

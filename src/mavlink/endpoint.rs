@@ -17,15 +17,12 @@ use super::signing::LinkKind;
 use super::stations::Stations;
 use super::system_state::{LinkStatistics, SystemState};
 use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind, status_texts};
+use crate::pack::Pack;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::time::Instant;
 
 /// A few messages dropped may be a hiccup; so many are a link that is too slow.
 const DROPS_UNTIL_SHORTFALL: u32 = 10;
-
-/// Packs whose cells were detected are described one after the other, at this interval in microseconds: at the start these
-/// may be nine, which would displace telemetry.
-const REVISION_INTERVAL_US: u64 = 1_000_000;
 
 /// Our end of one link. Bytes and times come in, messages and events come out; the wire is not part of it.
 #[derive(Debug)]
@@ -38,8 +35,6 @@ pub struct Endpoint {
     downloads: Downloads,
     outbox: Outbox,
     details: DetailsChangeDetector,
-    /// When the next revision of a pack is posted at the earliest.
-    revision_due: Instant,
     stations: Stations,
     sent: u32,
     dropped: u32,
@@ -63,7 +58,6 @@ impl Endpoint {
             downloads: Downloads::default(),
             outbox: Outbox::new(),
             details: DetailsChangeDetector::default(),
-            revision_due: now,
             stations: Stations::default(),
             sent: 0,
             dropped: 0,
@@ -107,7 +101,7 @@ impl Endpoint {
         while let Some(kind) = self.rates.scheduler.poll(now) {
             dropped = self.post(kind, state).or(dropped);
         }
-        self.post_changes(now, state);
+        self.post_changes(state);
         self.report_shortfall();
         dropped
     }
@@ -120,21 +114,16 @@ impl Endpoint {
     }
 
     /// Posts the messages that are sent when a pack is another one or more is known of it.
-    fn post_changes(&mut self, now: Instant, state: &SystemState<'_>) {
+    fn post_changes(&mut self, state: &SystemState<'_>) {
         for pack in state.described() {
             if self.details.has_changed(pack, &state.battery(pack).details) {
                 self.outbox.post_details(pack);
             }
         }
-        if now < self.revision_due {
-            return;
-        }
-        let revised = state
-            .reported()
-            .find(|pack| self.details.is_revised(*pack, state.battery(*pack).revision));
-        if let Some(pack) = revised {
-            self.outbox.post_details(pack);
-            self.revision_due = now.after_us(REVISION_INTERVAL_US);
+        for pack in state.reported() {
+            if self.details.is_outdated(pack, state.battery(pack).revision) {
+                self.outbox.post_details(pack);
+            }
         }
     }
 
@@ -203,6 +192,11 @@ impl Endpoint {
         } else {
             self.take_in_turn(&state)
         };
+        if let Some(Outgoing::Message(Message::BatteryInfo(info))) = &message
+            && let Some(pack) = Pack::from_instance(info.id)
+        {
+            self.details.describe(pack, state.battery(pack).revision);
+        }
         self.sent = self.sent.wrapping_add(u32::from(message.is_some()));
         message
     }

@@ -663,11 +663,17 @@ fn smart_battery_details_are_sent_once_per_change() {
 }
 
 #[test]
-fn battery_info_is_sent_of_a_pack_that_was_swapped_or_whose_cells_were_detected() {
+fn battery_info_is_sent_again_of_a_pack_that_was_swapped_or_whose_cells_were_detected() {
     let mut desk = Desk::with_packs(&[healthy(), healthy()]);
-    assert!(described(&sent_for(&mut desk, 10)).is_empty());
+    let swap = |desk: &mut Desk| desk.change_battery(Pack::Second, |battery| battery.revision += 1);
+    swap(&mut desk);
+    assert!(
+        described(&sent_for(&mut desk, 10)).is_empty(),
+        "it was sent to no station"
+    );
+    desk.ask(&command_long_2(REQUEST_MESSAGE, BATTERY_INFO as f32, 1.0));
     for _ in 0..2 {
-        desk.change_battery(Pack::Second, |battery| battery.revision += 1);
+        swap(&mut desk);
         assert_eq!(described(&sent_for(&mut desk, 10)), [1]);
         assert!(described(&sent_for(&mut desk, 10)).is_empty());
     }
