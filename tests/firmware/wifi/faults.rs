@@ -110,7 +110,7 @@ fn a_chip_that_answers_and_never_gets_ready_does_not_restart_the_board() {
 
 #[test]
 fn a_radio_that_is_restarted_in_the_middle_of_transfers_comes_up_each_time() {
-    radio_restarts::run(12, 1);
+    radio_restarts::run(6, 1);
 }
 
 #[test]

@@ -10,12 +10,12 @@ use emulator::LogLevel;
 /// Between two samplings, whatever the network does.
 const JITTER_US: u64 = 200;
 
-/// For a minute, and for a moment.
+/// For half a minute, and for a moment.
 const FRAMES_PER_SECOND: u64 = 200;
 const MANY_FRAMES_PER_SECOND: u64 = 1_000;
 
 #[test]
-fn a_minute_of_hostile_frames_disturbs_nothing() {
+fn half_a_minute_of_hostile_frames_disturbs_nothing() {
     let mut ground = Ground::up();
     let mut station = ground.connected_station();
     ground.bench.forget_stack_use();
@@ -25,17 +25,17 @@ fn a_minute_of_hostile_frames_disturbs_nothing() {
     let target = Target::new(ground.bench.wifi().mac(), BOARD);
     let hostile = || Hostile::new(7, target);
     ground.air.flood(hostile(), FRAMES_PER_SECOND, began_us);
-    let mut heard = ground.hear_for(&mut station, 55 * SECOND);
+    let mut heard = ground.hear_for(&mut station, 25 * SECOND);
     let now_us = ground.bench.time_us();
     ground.air.flood(hostile(), MANY_FRAMES_PER_SECOND, now_us);
     heard.extend(ground.hear_for(&mut station, 5 * SECOND));
     let packs = of_message(&heard, BATTERY_STATUS).len();
-    assert!(packs >= 118, "{packs}");
+    assert!(packs >= 58, "{packs}");
 
     ground.assert_not_reset();
     let frames = ground.bench.frames();
     assert_no_sequence_gap(&frames);
-    assert!(of_message(&frames, BATTERY_STATUS).len() >= 119);
+    assert!(of_message(&frames, BATTERY_STATUS).len() >= 59);
     println!("{} frames did not reach the chip's queue", ground.air.overrun());
 
     let starts = sampling_starts(&mut ground);
@@ -45,7 +45,7 @@ fn a_minute_of_hostile_frames_disturbs_nothing() {
         .map(|interval| interval.abs_diff(100 * MILLISECOND));
     let worst_us = off.max().expect("it samples");
     println!("sampling: {} bursts, off by {worst_us} us at most", starts.len());
-    assert!(starts.len() >= 599 && worst_us <= JITTER_US, "{worst_us}");
+    assert!(starts.len() >= 299 && worst_us <= JITTER_US, "{worst_us}");
 
     stack::assert_free(&mut ground.bench, "hostile frames, and a station by TCP");
 

@@ -27,7 +27,7 @@ const RETRIED_WITHIN_US: u64 = 16 * SECOND;
 const LONGEST_DELAY_US: usize = 20_000;
 
 /// Of so many restarts one is of a start that has failed.
-const FAILED_STARTS: u32 = 12;
+const FAILED_STARTS: u32 = 6;
 
 /// Sets the channel so many times while frames come without a pause; some starts fail on the way. Panics if the radio does not
 /// come up on each channel in time, or the board restarts.
