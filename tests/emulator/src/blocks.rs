@@ -1,5 +1,7 @@
 //! Accesses to the registers of peripheral blocks, and what a write to one block does to others.
 
+use std::ops::RangeInclusive;
+
 use super::access_log::Direction;
 use super::bus::{BusError, SystemBus, Width, lane, replicated};
 use super::gpio::is_interrupt_register;
@@ -12,8 +14,11 @@ use super::register::{RegisterWrite, bit};
 use super::sio::Sio;
 use super::soc::Id;
 
-/// TIMERAWH and TIMERAWL, CS and RESULT of the ADC: what is read of them changes nothing.
-const QUIET: [u32; 4] = [0x4005_4024, 0x4005_4028, 0x4004_c000, 0x4004_c004];
+/// What is read of these changes nothing, and they change at events only: TIMERAWH and TIMERAWL, CS and RESULT of the ADC,
+/// SSPSR of SPI1.
+const QUIET_READS: [u32; 5] = [0x4005_4024, 0x4005_4028, 0x4004_c000, 0x4004_c004, 0x4004_000c];
+/// The watchdog's scratch registers only keep what is written.
+const QUIET_WRITES: RangeInclusive<u32> = 0x4005_800c..=0x4005_8028;
 /// ROSC_RANDOMBIT (2.17.7).
 const ROSC_RANDOM_BIT: u32 = 0x4006_001c;
 
@@ -21,8 +26,7 @@ impl SystemBus {
     /// The registers are read as words; the processor picks its bytes out (datasheet 2.1.4).
     pub(super) fn load_register(&mut self, address: u32, width: Width) -> Result<u32, BusError> {
         let block = block_at(address).ok_or(BusError)?;
-        // Up to the next event nothing comes of a look at the time or at whether a conversion has ended.
-        self.attention |= !QUIET.contains(&(address & !3));
+        self.attention |= !QUIET_READS.contains(&(address & !3));
         let word = self.read_block(block, address & !3);
         Ok(lane(word, address, width))
     }
@@ -30,6 +34,10 @@ impl SystemBus {
     /// "Byte writes are replicated": a narrow store writes the whole register (2.1.4).
     pub(super) fn store_register(&mut self, address: u32, value: u32, width: Width) -> Result<(), BusError> {
         let block = block_at(address).ok_or(BusError)?;
+        if QUIET_WRITES.contains(&address) {
+            self.write_block(block, address & !3, replicated(value, width));
+            return Ok(());
+        }
         self.attention = true;
         if block.model == Model::UsbMemory {
             self.store_usb_memory(block, address, value, width);

@@ -206,14 +206,12 @@ impl CanBus {
     }
 
     /// Attached nodes that are neither off nor joining, with their attachment.
-    fn present(&self) -> Vec<(usize, Attachment)> {
-        let attached = |place: usize| {
-            let node = self.node(place);
-            node.attachment()
-                .filter(|_| node.confinement().is_present())
-                .map(|attachment| (place, attachment))
-        };
-        (0..self.places.len()).filter_map(attached).collect()
+    fn present(&self) -> impl Iterator<Item = (usize, Attachment)> {
+        self.places.iter().enumerate().filter_map(|(number, place)| {
+            let node = place.node.borrow();
+            let attachment = node.attachment().filter(|_| node.confinement().is_present())?;
+            Some((number, attachment))
+        })
     }
 
     /// Of any node: they are meant to agree.
@@ -288,15 +286,15 @@ impl CanBus {
     }
 
     fn next_start(&self) -> Cycle {
-        let starts = self.present().into_iter();
-        let starts = starts.filter_map(|(place, attachment)| self.start_of(place, attachment));
+        let starts = self
+            .present()
+            .filter_map(|(place, attachment)| self.start_of(place, attachment));
         starts.min().unwrap_or(NEVER)
     }
 
     fn start(&mut self) {
         let due: Vec<_> = self
             .present()
-            .into_iter()
             .filter(|&(place, attachment)| self.start_of(place, attachment).is_some_and(|at| at <= self.now))
             .filter_map(|(place, attachment)| Some((place, attachment, self.node(place).begin(self.now)?)))
             .collect();
@@ -346,7 +344,6 @@ impl CanBus {
         }
         let others: Vec<_> = self
             .present()
-            .into_iter()
             .filter(|(place, attachment)| {
                 !senders.contains(place) && attachment.listening == Listening::TakesPart
             })
@@ -367,7 +364,8 @@ impl CanBus {
 
     fn finish(&mut self, Transmission { senders, record }: Transmission) {
         let bit = self.bit_of_sender(&senders);
-        for (place, attachment) in self.present() {
+        let present: Vec<_> = self.present().collect();
+        for (place, attachment) in present {
             if senders.contains(&place) {
                 self.finish_sender(place, &record, bit);
             } else if self.wires != CanWires::Open {
@@ -447,7 +445,7 @@ impl CanBus {
 
     /// Receivers count errors until they are at the end of the counter.
     fn suffer_dominant_bits(&mut self) {
-        let present = self.present();
+        let present: Vec<_> = self.present().collect();
         let before: Vec<_> = self.counters(&present);
         for &(place, _) in &present {
             let mut node = self.node(place);
