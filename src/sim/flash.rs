@@ -67,25 +67,6 @@ fn blank() -> Vec<u8> {
     vec![ERASED; IMAGE_BYTES]
 }
 
-/// The content of a chip from an image of an earlier version.
-fn taken_over(image: &[u8]) -> io::Result<Vec<u8>> {
-    /// These followed each other, the later ones since later versions.
-    const PARTS: [Range<u32>; 3] = [flash_map::PARAMETERS, flash_map::SIGNING, flash_map::LEARNT];
-    let mut content = blank();
-    let mut rest = image;
-    for part in PARTS {
-        let place = place(part).and_then(|place| content.get_mut(place));
-        let place = place.ok_or_else(no_image)?;
-        let (bytes, later) = rest.split_at_checked(place.len()).ok_or_else(no_image)?;
-        place.copy_from_slice(bytes);
-        rest = later;
-        if rest.is_empty() {
-            return Ok(content);
-        }
-    }
-    Err(no_image())
-}
-
 /// Where a range of the chip is in the image; `None` outside it.
 fn place(range: Range<u32>) -> Option<Range<usize>> {
     let start = range.start.checked_sub(IMAGE.start)? as usize;
@@ -94,12 +75,13 @@ fn place(range: Range<u32>) -> Option<Range<usize>> {
 }
 
 impl Chip {
-    /// The chip of an image file, which is written if there is none yet, or one of an earlier version.
+    /// The chip of an image file, which is written if there is none yet.
     fn in_file(file: ImageFile) -> io::Result<Self> {
         let content = match file.read()? {
             Some(content) if content.len() == IMAGE_BYTES => content,
-            older_or_none => {
-                let content = older_or_none.map_or_else(|| Ok(blank()), |image| taken_over(&image))?;
+            Some(_) => return Err(no_image()),
+            None => {
+                let content = blank();
                 file.replace(&content)?;
                 content
             }
@@ -335,30 +317,6 @@ mod tests {
         for address in [0, LOG - 1, flash_map::CHIP_BYTES] {
             assert!(block_on(flash.read(address, &mut [0])).is_err());
             assert!(block_on(flash.write(address, &[0])).is_err());
-        }
-    }
-
-    #[test]
-    fn image_of_an_earlier_version_is_taken_over_to_its_places() {
-        const KIB: usize = 1024;
-        let image: Vec<u8> = [vec![1; 16 * KIB], vec![2; 8 * KIB], vec![3; 16 * KIB]].concat();
-        // Parameters; with signing; with what is learnt.
-        for (bytes, expected) in [
-            (16 * KIB, [1, ERASED, ERASED]),
-            (24 * KIB, [1, 2, ERASED]),
-            (40 * KIB, [1, 2, 3]),
-        ] {
-            let folder = Folder::new();
-            fs::write(folder.image(), &image[..bytes]).unwrap();
-            let mut flash = folder.open().unwrap();
-            let parts = [flash_map::PARAMETERS, flash_map::SIGNING, flash_map::LEARNT];
-            for (part, expected) in parts.into_iter().zip(expected) {
-                for address in [part.start, part.end - 1] {
-                    assert_eq!(byte_at(&mut flash, address), expected, "{bytes}, {address}");
-                    assert_eq!(in_image(&folder, address), expected, "{bytes}, {address}");
-                }
-            }
-            assert_eq!(byte_at(&mut flash, flash_map::LOG.end - 1), ERASED);
         }
     }
 

@@ -26,17 +26,11 @@
 //! - The next value is written to a fresh sector with all readable ones, which ends the damage. So does
 //!   [`clear`](Storage::clear).
 //!
-//! # An earlier layout
-//! The parameters were in sectors of one block, with another magic. Where no sector of two blocks is active, the last
-//! active one of those is read as it is. It counts as full: the next store moves all values, to the sector of two blocks
-//! that does not contain it. Earlier versions of the firmware do not find them there.
-//!
 //! # Cost
 //! A value of one word takes 12 bytes: the board's blocks of 4096 bytes hold 338 records, and two of them 680. One of 14
 //! words takes 64 bytes, and a block holds 63; one of 25 words takes 108, and a block holds 37. A load or a move to the next sector
 //! compares every record with all later ones instead of keeping a table in RAM: reads are cheap.
 
-use core::iter;
 use core::ops::Range;
 
 use embassy_futures::yield_now;
@@ -44,19 +38,18 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 mod erase;
 mod error;
+mod layout;
 mod record;
 mod region;
-mod sector;
 mod value;
 
 pub use erase::{Erase, MayErase};
 pub use error::{FlashFault, StorageError};
 pub use value::Value;
 
+pub(crate) use layout::Layout;
 use record::{Record, Slot};
-use region::{Region, Unused};
-pub(crate) use sector::Layout;
-use sector::Sector;
+use region::{Region, Sector, Unused};
 
 #[cfg(test)]
 mod tests;
@@ -147,8 +140,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         Self::with_layout(flash, range, Layout::Single)
     }
 
-    /// The same in sectors of two blocks each, for twice the values. Those that [`new`](Self::new) stored in the same range are
-    /// taken over.
+    /// The same in sectors of two blocks each, for twice the values.
     pub fn of_double_sectors(flash: F, range: Range<u32>) -> Self {
         Self::with_layout(flash, range, Layout::Double)
     }
@@ -164,7 +156,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
 
     /// Values that fit.
     pub fn slots(&self) -> u32 {
-        Region::<F, V>::slots(self.region.layout)
+        self.region.slots()
     }
 
     /// Calls `found` with the latest value of every key of 16 bits, in the order in which these were stored.
@@ -264,7 +256,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
             return Ok(Prepared::AsFarAsPossible);
         }
         self.region.erase_block(sector, erased, may_erase).await?;
-        if erased + 1 < sector.layout.blocks() {
+        if erased + 1 < self.region.layout.blocks() {
             return Ok(Prepared::Partly);
         }
         self.region.mark_erased_ahead(sector).await?;
@@ -308,7 +300,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
             self.log = Some(log);
             return Ok(Stored::Unchanged);
         }
-        let log = if log.is_intact && log.used < self.slots() && log.sector.layout == self.region.layout {
+        let log = if log.is_intact && log.used < self.slots() {
             self.region.write_record(log.sector, log.used, record).await?;
             Log {
                 used: log.used + 1,
@@ -394,13 +386,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
                 let sequence = old.sequence.checked_add(1).ok_or(StorageError::Corrupt)?;
                 (self.region.after(old.sector), sequence)
             }
-            None => {
-                let first = Sector {
-                    layout: self.region.layout,
-                    index: 0,
-                };
-                (self.region.find_blank_sector().await?.unwrap_or(first), 1)
-            }
+            None => (self.region.find_blank_sector().await?.unwrap_or_default(), 1),
         };
         // After an interrupted erase a sector may read as blank without retaining data, so to be blank is not enough. A
         // region that was never used needs no erase.
@@ -477,28 +463,20 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         Ok(record.filter(|record| record.key != key))
     }
 
-    /// Scans for the active sector, in its layout and then in an earlier one.
+    /// Scans for the active sector: that with the highest sequence number.
     async fn find_log(&mut self) -> Result<Option<Log>, StorageError> {
-        let layout = self.region.layout;
-        for layout in iter::once(layout).chain(layout.earlier()) {
-            if let Some((sector, sequence)) = self.find_newest_sector(layout).await? {
-                return self.scan(sector, sequence).await.map(Some);
-            }
-        }
-        Ok(None)
-    }
-
-    /// The sector with the highest sequence number, and that.
-    async fn find_newest_sector(&mut self, layout: Layout) -> Result<Option<(Sector, u32)>, StorageError> {
         let mut newest: Option<(Sector, u32)> = None;
-        for sector in self.region.sectors(layout) {
+        for sector in self.region.sectors() {
             if let Some(sequence) = self.region.read_sequence(sector).await?
                 && newest.is_none_or(|(_, highest)| sequence > highest)
             {
                 newest = Some((sector, sequence));
             }
         }
-        Ok(newest)
+        match newest {
+            Some((sector, sequence)) => self.scan(sector, sequence).await.map(Some),
+            None => Ok(None),
+        }
     }
 
     /// Looks through the slots of the active sector.
@@ -508,7 +486,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         let mut ends_damaged = false;
         // Damaged slots, as far as they can be recognised.
         let mut damaged = 0;
-        for slot in 0..Region::<F, V>::slots(sector.layout) {
+        for slot in 0..self.slots() {
             match self.region.read_slot(sector, slot).await? {
                 Slot::Blank => continue,
                 Slot::Record(_) => {

@@ -93,7 +93,7 @@ impl Header {
 
 #[cfg(test)]
 mod tests {
-    use super::super::sector::Layout;
+    use super::super::layout::Layout;
     use super::*;
 
     const SIZE: usize = Record::<u32>::SIZE;
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn released_layout_is_unchanged() {
+    fn bytes_are_as_documented() {
         // CRCs by `zlib.crc32`.
         let record = Record {
             key: 66,

@@ -6,10 +6,14 @@ use core::ops::Range;
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
+use super::layout::Layout;
 use super::record::{Header, Record, Slot};
-use super::sector::{Layout, Sector};
 use super::value::Value;
 use super::{Erase, FlashFault, MayErase, StorageError};
+
+/// A sector of a region, counted from its start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Sector(pub u32);
 
 /// The complete blocks of a region.
 #[derive(Debug)]
@@ -77,28 +81,32 @@ impl<F: NorFlash, V: Value> Region<F, V> {
     }
 
     /// Record slots of a sector.
-    pub const fn slots(layout: Layout) -> u32 {
+    pub fn slots(&self) -> u32 {
+        Self::slots_in(self.layout)
+    }
+
+    pub const fn slots_in(layout: Layout) -> u32 {
         (layout.blocks() * Self::BLOCK - 2 * MARGIN) / Record::<V>::SIZE as u32
     }
 
     /// Whether there is a sector for a move.
     pub fn can_move(&self) -> bool {
-        self.count(self.layout) >= 2
+        self.count() >= 2
     }
 
-    /// The sectors, as they are in `layout`.
-    pub fn sectors(&self, layout: Layout) -> impl Iterator<Item = Sector> + use<F, V> {
-        (0..self.count(layout)).map(move |index| Sector { layout, index })
+    /// Its sectors.
+    pub fn sectors(&self) -> impl Iterator<Item = Sector> + use<F, V> {
+        (0..self.count()).map(Sector)
     }
 
-    fn count(&self, layout: Layout) -> u32 {
-        self.blocks / layout.blocks()
+    fn count(&self) -> u32 {
+        self.blocks / self.layout.blocks()
     }
 
     /// Sequence number of a committed sector, from either of its headers.
     pub async fn read_sequence(&mut self, sector: Sector) -> Result<Option<u32>, StorageError> {
         for address in self.header_addresses(sector) {
-            if let Some(header) = Header::from_bytes(&self.read(address).await?, sector.layout.magic::<V>()) {
+            if let Some(header) = Header::from_bytes(&self.read(address).await?, self.layout.magic::<V>()) {
                 return Ok(Some(header.sequence));
             }
         }
@@ -108,7 +116,7 @@ impl<F: NorFlash, V: Value> Region<F, V> {
     /// Commits a sector.
     pub async fn write_sequence(&mut self, sector: Sector, sequence: u32) -> Result<(), StorageError> {
         for address in self.header_addresses(sector) {
-            self.write(address, &Header { sequence }.to_bytes(sector.layout.magic::<V>()))
+            self.write(address, &Header { sequence }.to_bytes(self.layout.magic::<V>()))
                 .await?;
         }
         Ok(())
@@ -171,7 +179,7 @@ impl<F: NorFlash, V: Value> Region<F, V> {
         slot: u32,
         record: Record<V>,
     ) -> Result<(), StorageError> {
-        if slot >= Self::slots(sector.layout) {
+        if slot >= self.slots() {
             return Err(StorageError::Full);
         }
         let bytes = record.to_bytes();
@@ -195,7 +203,7 @@ impl<F: NorFlash, V: Value> Region<F, V> {
     }
 
     pub async fn find_blank_sector(&mut self) -> Result<Option<Sector>, StorageError> {
-        for sector in self.sectors(self.layout) {
+        for sector in self.sectors() {
             if self.is_blank(sector).await? {
                 return Ok(Some(sector));
             }
@@ -236,7 +244,7 @@ impl<F: NorFlash, V: Value> Region<F, V> {
     }
 
     pub async fn erase(&mut self, sector: Sector, may_erase: MayErase<'_>) -> Result<(), StorageError> {
-        for block in 0..sector.layout.blocks() {
+        for block in 0..self.layout.blocks() {
             self.erase_block(sector, block, may_erase).await?;
         }
         Ok(())
@@ -255,7 +263,7 @@ impl<F: NorFlash, V: Value> Region<F, V> {
         if may_erase() == Erase::Forbidden {
             return Err(StorageError::NoErasedSpace);
         }
-        let block = sector.first_block() + block;
+        let block = self.first_block(sector) + block;
         let address = self.block_address(block);
         self.flash
             .erase(address, address + Self::BLOCK)
@@ -290,17 +298,19 @@ impl<F: NorFlash, V: Value> Region<F, V> {
             .map_err(StorageError::of_driver)
     }
 
-    /// The sector after this one in the ring. It overlaps none of an earlier layout that is `sector`.
+    /// The sector after this one in the ring.
     pub fn after(&self, sector: Sector) -> Sector {
-        let Sector { layout, index } = sector.within(self.layout);
-        let next = index + 1;
-        let index = if next < self.count(layout) { next } else { 0 };
-        Sector { layout, index }
+        let next = sector.0 + 1;
+        Sector(if next < self.count() { next } else { 0 })
+    }
+
+    fn first_block(&self, sector: Sector) -> u32 {
+        sector.0 * self.layout.blocks()
     }
 
     fn addresses(&self, sector: Sector) -> Range<u32> {
-        let address = self.block_address(sector.first_block());
-        address..address + sector.layout.blocks() * Self::BLOCK
+        let address = self.block_address(self.first_block(sector));
+        address..address + self.layout.blocks() * Self::BLOCK
     }
 
     fn block_address(&self, block: u32) -> u32 {

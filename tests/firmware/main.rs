@@ -76,7 +76,6 @@ mod slow_link;
 mod soak;
 mod stack;
 mod storage_faults;
-mod storage_takeover;
 mod stories;
 mod telemetry;
 mod time_wrap;

@@ -51,7 +51,7 @@ fn single_flipped_bit_loses_at_most_one_record() {
     );
     let slot_of = |byte: usize| {
         let in_sector = byte
-            .checked_sub(log.sector.index as usize * 176)
+            .checked_sub(log.sector.0 as usize * 176)
             .filter(|&offset| offset < 176)?;
         let slot = u32::try_from(in_sector.checked_sub(16)?).unwrap() / 12;
         (slot < SMALL_SLOTS).then_some(slot)
@@ -88,7 +88,7 @@ fn damaged_page_loses_only_its_records() {
     for (page, kept) in [(0..64, 2), (112..176, 4)] {
         for fill in [0x00, 0xA5] {
             let mut spoiled = flash.clone();
-            let base = log.sector.index as usize * 176;
+            let base = log.sector.0 as usize * 176;
             spoiled.region()[base + page.start..base + page.end].fill(fill);
             let (found, result) = spoiled.load();
             assert_eq!(result, Err(StorageError::Corrupt));
@@ -111,7 +111,7 @@ fn lost_sector_restores_older_values_and_is_reported() {
     let log = block_on(flash.storage().find_log()).unwrap().unwrap();
     for fill in [0x00, 0xA5, 0xFF] {
         let mut spoiled = flash.clone();
-        spoiled.region()[log.sector.index as usize * 176..][..176].fill(fill);
+        spoiled.region()[log.sector.0 as usize * 176..][..176].fill(fill);
         let (found, result) = spoiled.load();
         assert_eq!(result, Err(StorageError::Corrupt));
         assert!(found.keys().eq(latest.keys()));
@@ -126,7 +126,7 @@ fn damaged_cleared_region_can_be_cleared_again() {
     flash.clear().unwrap();
     let log = block_on(flash.storage().find_log()).unwrap().unwrap();
     // The retired mark.
-    flash.region()[log.sector.index as usize * 176 + 12] = 0xFE;
+    flash.region()[log.sector.0 as usize * 176 + 12] = 0xFE;
     assert_eq!(flash.load(), (Values::new(), Err(StorageError::Corrupt)));
     assert_recovers(flash);
 }
@@ -159,7 +159,7 @@ fn condition_counts_damaged_records() {
     let (mut flash, ..) = used_region();
     assert_eq!(condition(&mut flash), Condition::Intact);
     let log = block_on(flash.storage().find_log()).unwrap().unwrap();
-    let sector = log.sector.index as usize * 176;
+    let sector = log.sector.0 as usize * 176;
     let records = sector + 16..sector + 176 - 16;
     let retired = sector + 12..sector + 16;
     for byte in 0..176 * 3 {

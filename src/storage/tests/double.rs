@@ -10,11 +10,11 @@ use super::*;
 use crate::parameter::{Access, ParameterId};
 
 /// Twenty-six records in a sector of two blocks, and two such sectors.
-pub(super) type SmallDoubleFlash = FlashModel<176, 64, 4>;
+type SmallDoubleFlash = FlashModel<176, 64, 4>;
 
-const BOARD_SLOTS: u32 = Region::<BoardFlash, u32>::slots(Layout::Double);
+const BOARD_SLOTS: u32 = Region::<BoardFlash, u32>::slots_in(Layout::Double);
 
-pub(super) const SMALL_SLOTS: u32 = Region::<SmallDoubleFlash, u32>::slots(Layout::Double);
+const SMALL_SLOTS: u32 = Region::<SmallDoubleFlash, u32>::slots_in(Layout::Double);
 
 /// Erased, to be used in sectors of two blocks.
 fn blank<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>() -> FlashModel<SECTOR, PAGE, SECTORS>

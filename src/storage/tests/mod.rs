@@ -12,7 +12,6 @@ mod damage;
 mod double;
 mod erase_ahead;
 mod power_cuts;
-mod takeover;
 mod wide;
 
 /// As on the board.
@@ -20,9 +19,9 @@ type BoardFlash = FlashModel<4096, 256, 4>;
 /// Twelve records per sector, so that a few stores wrap around the ring.
 type SmallFlash = FlashModel<176, 64, 3>;
 
-const BOARD_SLOTS: u32 = Region::<BoardFlash, u32>::slots(Layout::Single);
+const BOARD_SLOTS: u32 = Region::<BoardFlash, u32>::slots_in(Layout::Single);
 
-const SMALL_SLOTS: u32 = Region::<SmallFlash, u32>::slots(Layout::Single);
+const SMALL_SLOTS: u32 = Region::<SmallFlash, u32>::slots_in(Layout::Single);
 
 type Values = BTreeMap<u16, u32>;
 

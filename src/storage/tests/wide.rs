@@ -11,7 +11,7 @@ type Words = [u32; 14];
 /// Six records a sector.
 type WideFlash = FlashModel<400, 64, 3>;
 
-const SLOTS: u32 = Region::<WideFlash, Words>::slots(Layout::Single);
+const SLOTS: u32 = Region::<WideFlash, Words>::slots_in(Layout::Single);
 
 fn storage(flash: &mut WideFlash) -> Storage<&mut WideFlash, Words> {
     Storage::new(flash, WideFlash::REGION)
@@ -33,7 +33,7 @@ fn store(flash: &mut WideFlash, key: u32, number: u32) {
 
 #[test]
 fn board_sector_holds_63_wide_records() {
-    assert_eq!(Region::<BoardFlash, Words>::slots(Layout::Single), 63);
+    assert_eq!(Region::<BoardFlash, Words>::slots_in(Layout::Single), 63);
     let mut flash = BoardFlash::blank();
     let mut storage: Storage<_, Words> = Storage::new(&mut flash, BoardFlash::REGION);
     for number in 0..4 * 63 {
