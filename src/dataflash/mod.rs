@@ -6,31 +6,22 @@
 //! `BATX` (what is estimated of a pack), `CRSH` (the crash before this start) and the field `LogDrop` of `PM`.
 //!
 //! A number with a fraction is NaN while it is unknown, as ArduPilot's current without a sensor is. Other fields use
-//! ArduPilot's values for what is unknown; the file of each record has them.
+//! ArduPilot's values for what is unknown; the functions that encode the records have them.
 
-mod arming;
-mod battery;
-mod cells;
-mod crash;
-mod error;
-mod estimate;
-mod event;
+mod board;
 mod format;
-mod health;
-mod mode;
 mod opening;
+mod pack;
 mod packet;
 mod record;
 mod units;
+mod vehicle;
 
-pub use arming::{ArmingChecks, ArmingMethod};
-pub use error::Subsystem;
-pub use event::EventId;
-pub use health::Health;
-pub use mode::ModeReason;
+pub use board::Health;
 pub use opening::opening_record;
 pub use packet::{MAX_RECORD_BYTES, RecordBytes};
 pub use record::Record;
+pub use vehicle::{ArmingChecks, ArmingMethod, EventId, ModeReason, Subsystem};
 
 #[cfg(test)]
 mod tests;

@@ -1,14 +1,13 @@
 //! What is recorded.
 
-use super::arming::{self, ArmingChecks, ArmingMethod};
-use super::cells::FIRST_CELLS;
-use super::error::{self, Subsystem};
-use super::event::{self, EventId};
+use super::board::{Health, encode_crash, encode_health};
 use super::format::Kind;
-use super::health::{self, Health};
-use super::mode::{self, ModeReason};
+use super::pack::{FIRST_CELLS, encode_battery, encode_cells, encode_estimate, encode_more_cells};
 use super::packet::{Packet, RecordBytes};
-use super::{battery, cells, crash, estimate};
+use super::vehicle::{
+    ArmingChecks, ArmingMethod, EventId, ModeReason, Subsystem, encode_arming, encode_error, encode_event,
+    encode_mode,
+};
 use crate::battery::{ArmState, BatteryState};
 use crate::crash::CrashRecord;
 use crate::pack::Pack;
@@ -58,7 +57,7 @@ pub enum Record<'a> {
     Cells(Pack, &'a BatteryState),
     /// BCL2: the voltages of a pack's further cells.
     MoreCells(Pack, &'a BatteryState),
-    /// PM: how the board does.
+    /// PM: the board's load, and what the log dropped.
     Health(Health),
     /// CRSH: the crash before this start.
     Crash(&'a CrashRecord),
@@ -89,21 +88,21 @@ impl<'a> Record<'a> {
                 .f32(default)
                 .finish(),
             Self::Message(text) => Packet::at(Kind::Message, time_us).text::<64>(text).finish(),
-            Self::Event(event) => event::encode(time_us, event),
+            Self::Event(event) => encode_event(time_us, event),
             Self::Arm {
                 state,
                 enabled_checks,
                 checks,
                 method,
-            } => arming::encode(time_us, state, enabled_checks, checks, method),
-            Self::Mode { mode, reason } => mode::encode(time_us, mode, reason),
-            Self::Error(subsystem) => error::encode(time_us, subsystem),
-            Self::Battery(pack, state) => battery::encode(time_us, pack, state),
-            Self::Estimate(pack, state) => estimate::encode(time_us, pack, state),
-            Self::Cells(pack, state) => cells::encode_first(time_us, pack, state),
-            Self::MoreCells(pack, state) => cells::encode_more(time_us, pack, state),
-            Self::Health(health) => health::encode(time_us, health),
-            Self::Crash(crash) => crash::encode(time_us, crash),
+            } => encode_arming(time_us, state, enabled_checks, checks, method),
+            Self::Mode { mode, reason } => encode_mode(time_us, mode, reason),
+            Self::Error(subsystem) => encode_error(time_us, subsystem),
+            Self::Battery(pack, state) => encode_battery(time_us, pack, state),
+            Self::Estimate(pack, state) => encode_estimate(time_us, pack, state),
+            Self::Cells(pack, state) => encode_cells(time_us, pack, state),
+            Self::MoreCells(pack, state) => encode_more_cells(time_us, pack, state),
+            Self::Health(health) => encode_health(time_us, health),
+            Self::Crash(crash) => encode_crash(time_us, crash),
         }
     }
 }

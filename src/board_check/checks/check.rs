@@ -1,4 +1,4 @@
-//! What a check is, and what may come of one.
+//! What a check is, and its outcome.
 
 use crate::board_check::evidence::{Evidence, Trial};
 
@@ -18,13 +18,13 @@ pub struct Check {
 }
 
 impl Check {
-    /// What came of it.
+    /// Its outcome.
     pub(super) fn judge(&self, evidence: &Evidence) -> Outcome {
         (self.judge)(evidence)
     }
 }
 
-/// What came of a check.
+/// The outcome of a check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// As expected; what was measured.

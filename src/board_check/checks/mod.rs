@@ -1,29 +1,12 @@
-//! The checks: a file and a row each. They judge evidence, and do nothing else.
+//! The checks, a row each. They judge evidence, and do nothing else.
 
-mod announcements;
-mod board_errors;
-mod calibration;
+mod board;
 mod check;
-mod connection;
-mod crash_record;
-mod damaged_frames;
-mod identity;
-mod jitter;
-mod load;
-mod lost_frames;
+mod faults;
 mod motors;
-mod one_board;
-mod parameter_kept;
-mod parameter_list;
-mod rates;
-mod restarts;
-mod round_trips;
-mod sensors;
-mod serial_number;
-mod streams;
-mod version;
-mod voltage;
-mod voltage_noise;
+mod parameters;
+mod sensing;
+mod telemetry;
 
 pub use check::{Check, Outcome};
 
@@ -31,35 +14,35 @@ use super::evidence::Evidence;
 
 /// Every check, in the order of the report; the connection is the first.
 pub const CHECKS: [Check; 26] = [
-    connection::CHECK,
-    one_board::CHECK,
-    identity::CHECK,
-    version::CHECK,
-    version::HASH_CHECK,
-    serial_number::CHECK,
-    rates::CHECK,
-    jitter::CHECK,
-    lost_frames::CHECK,
-    damaged_frames::CHECK,
-    round_trips::CHECK,
-    parameter_list::CHECK,
-    parameter_kept::CHECK,
-    restarts::CHECK,
-    announcements::CHECK,
-    board_errors::CHECK,
-    load::CHECK,
-    sensors::CHECK,
-    voltage::CHECK,
-    voltage_noise::CHECK,
-    calibration::CHECK,
-    crash_record::CHECK,
+    board::CONNECTION,
+    board::ONE_BOARD,
+    board::IDENTITY,
+    board::VERSION,
+    board::HASH_CHECK,
+    board::SERIAL_NUMBER,
+    telemetry::RATES,
+    telemetry::JITTER,
+    telemetry::LOST_FRAMES,
+    telemetry::DAMAGED_FRAMES,
+    telemetry::ROUND_TRIPS,
+    parameters::PARAMETER_LIST,
+    parameters::PARAMETER_KEPT,
+    faults::RESTARTS,
+    faults::ANNOUNCEMENTS,
+    faults::BOARD_ERRORS,
+    faults::LOAD,
+    sensing::SENSORS,
+    sensing::VOLTAGE,
+    sensing::VOLTAGE_NOISE,
+    sensing::CALIBRATION,
+    faults::CRASH_RECORD,
     motors::LEFT_AHEAD,
     motors::RIGHT_AHEAD,
     motors::LEFT_BACK,
     motors::RIGHT_BACK,
 ];
 
-/// What came of each check. Without a board nothing but the connection is measured.
+/// The outcome of each check. Without a board nothing but the connection is measured.
 pub(super) fn judge_all(evidence: &Evidence) -> Vec<(&'static Check, Outcome)> {
     let judged = CHECKS
         .iter()

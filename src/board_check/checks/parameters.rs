@@ -1,18 +1,40 @@
-//! Does a parameter survive a restart?
+//! Whether parameters arrive and are kept.
 
 use super::check::{Check, Outcome, failed, not_measured, not_reached, outcome};
 use crate::board_check::evidence::{Evidence, KeptTrial};
 use crate::board_check::session::Restarted;
 
-pub(super) const CHECK: Check = Check {
+/// Do all parameters arrive?
+pub(super) const PARAMETER_LIST: Check = Check {
+    name: "parameter list",
+    measures: "parameters received, of those the board says it has",
+    expected: "all",
+    advice: "Run the check again by USB; with a signing key set, allow requests on this link.",
+    judge: judge_parameter_list,
+};
+
+fn judge_parameter_list(evidence: &Evidence) -> Outcome {
+    let Some(list) = &evidence.parameters else {
+        return not_reached();
+    };
+    let Some(count) = list.count else {
+        return failed("no answer", "The board sends no parameters.");
+    };
+    let received = list.by_index.len();
+    let against = (received < usize::from(count)).then_some("Some parameters never arrived.");
+    outcome(format!("{received} of {count}"), against)
+}
+
+/// Does a parameter survive a restart?
+pub(super) const PARAMETER_KEPT: Check = Check {
     name: "parameter kept",
     measures: "`SR0_PARAMS` set, read after a restart, and set back",
     expected: "the value that was set (parameters are in flash before the board restarts)",
     advice: "See the board's texts and docs/guides/troubleshooting.md: a worn flash and a key that locks announce themselves.",
-    judge,
+    judge: judge_parameter_kept,
 };
 
-fn judge(evidence: &Evidence) -> Outcome {
+fn judge_parameter_kept(evidence: &Evidence) -> Outcome {
     match &evidence.kept {
         Some(trial) => judge_trial(trial),
         None if evidence.parameters.is_some() => not_measured("the list had no SR0_PARAMS"),
