@@ -1,7 +1,7 @@
 //! Reports a pack's charge states and faults, once when they begin.
 
 use super::charge_state::by_failsafe;
-use super::condition::{Change, Condition, Evidence};
+use super::diagnosis::{Change, Condition, Evidence};
 use super::event::push;
 use super::{ArmState, BatteryState, ChargeState, Faults, PackEvent, PackEvents, PackStatus};
 

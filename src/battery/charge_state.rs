@@ -1,6 +1,6 @@
 //! The charge state, with hysteresis and debouncing.
 
-use super::faults::Faults;
+use super::reported::Faults;
 use super::settings::ChargeLimits;
 use super::{ArmState, ChargeState, FailsafeLevel, PackStatus};
 

@@ -1,6 +1,28 @@
-//! Cell chemistries and their typical parameters.
+//! Cells: chemistries, their limits and their discharge curves.
 
-use super::curve::Curve;
+/// Points of a curve: 0 %, 5 %, …, 100 %.
+pub(super) const POINTS: usize = 21;
+
+/// Open-circuit voltage of a cell, in volts, in steps of 5 %; strictly increasing.
+#[derive(Debug)]
+pub(super) struct Curve(pub [f32; POINTS]);
+
+const SEGMENTS: usize = POINTS - 1;
+
+impl Curve {
+    /// The voltage at a state of charge from 0 to 1, in volts.
+    pub fn voltage_v(&self, state_of_charge: f32) -> f32 {
+        let position = state_of_charge.clamp(0.0, 1.0) * SEGMENTS as f32;
+        let segment = (position as usize).min(SEGMENTS - 1);
+        let (low_v, high_v) = self.ends(segment);
+        low_v + (position - segment as f32) * (high_v - low_v)
+    }
+
+    fn ends(&self, segment: usize) -> (f32, f32) {
+        let point = |number: usize| self.0.get(number).copied().unwrap_or_default();
+        (point(segment), point(segment + 1))
+    }
+}
 
 /// Cell chemistry, with the numbers of MAVLink's `MAV_BATTERY_TYPE` and `BATT_CHEM`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -182,3 +204,23 @@ static NIMH: Cell = Cell {
     deep_discharge_v: 0.9,
     min_v: 0.8,
 };
+
+#[cfg(test)]
+mod tests {
+    use crate::battery::Chemistry;
+
+    const CHEMISTRIES: [Chemistry; 4] = [
+        Chemistry::LiPo,
+        Chemistry::LiFe,
+        Chemistry::LiIon,
+        Chemistry::NiMh,
+    ];
+
+    #[test]
+    fn every_curve_is_strictly_increasing() {
+        for chemistry in CHEMISTRIES {
+            let points = &chemistry.cell().curve.0;
+            assert!(points.is_sorted_by(|low, high| low < high), "{chemistry:?}");
+        }
+    }
+}

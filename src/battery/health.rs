@@ -1,6 +1,6 @@
 //! Reports sensor faults and lost contacts of a pack, once when they begin and once when they end.
 
-use super::condition::{Change, Condition, Evidence};
+use super::diagnosis::{Change, Condition, Evidence};
 use super::{ArmState, PackEvent, PackStatus, ReadError};
 
 /// A sensor has to work for this long before its recovery is reported, in seconds: intermittent failures must not flood

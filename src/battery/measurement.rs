@@ -1,4 +1,6 @@
-//! The reading of a pack's sensor.
+//! What is measured of a pack, and why a measurement failed.
+
+use core::fmt;
 
 use super::{CellVoltages, PackDetails, Reported};
 
@@ -145,5 +147,145 @@ impl Gauge {
     /// Charge drawn from the full pack, in milliampere-hours; 0 if it holds more than its full capacity.
     pub fn consumed_mah(&self) -> f32 {
         (self.full_mah - self.remaining_mah).max(0.0)
+    }
+}
+
+/// Why a read of a sensor failed. It is one byte as long as only one variant holds another enum; a second one would take
+/// 1.2 KB of flash, in the `async` drivers that pass it on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum ReadError {
+    /// There was no reading in time.
+    Timeout,
+    /// The ADC reported a failed conversion.
+    Conversion,
+    /// The pack's own fuel gauge has not reported in time what is left.
+    GaugeTimeout,
+    /// The value is not finite or beyond its plausible range.
+    Implausible,
+    /// The part at the address is not the one that is set, or is not set up any more.
+    OtherPart,
+    /// No member of the sum is healthy.
+    NoHealthyMember,
+    /// The wires to the sensor failed.
+    Bus(BusError),
+    /// Configuration: no pin is set, or no such channel.
+    NoPin,
+    /// Configuration: no capacity is set, which the fill level is computed from.
+    NoCapacity,
+    /// Configuration: another pack's sensor uses the address.
+    AddressTaken,
+    /// Configuration: the pin is the clock of this board's Wi-Fi radio.
+    PinOfRadio,
+    /// Configuration: another sensor that is set up uses the pin.
+    PinTaken,
+    /// Configuration: what connects the sensor is not set up: the CAN bus, or the protocol of the serial port.
+    NotSetUp,
+}
+
+/// What failed on the wires to a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum BusError {
+    /// Nothing answers, or a byte was not acknowledged.
+    NoAnswer,
+    /// The transfer did not end in time.
+    Timeout,
+    /// A line is held low.
+    Stuck,
+    /// The packet error code does not match.
+    Checksum,
+    /// The transfer failed in another way.
+    Transfer,
+}
+
+const _: () = assert!(size_of::<ReadError>() == 1);
+
+impl From<BusError> for ReadError {
+    fn from(error: BusError) -> Self {
+        Self::Bus(error)
+    }
+}
+
+impl ReadError {
+    /// Whether a setting is missing or wrong: until it is changed, the sensor can't be read.
+    pub fn is_configuration(self) -> bool {
+        matches!(
+            self,
+            Self::NoPin
+                | Self::NoCapacity
+                | Self::AddressTaken
+                | Self::PinOfRadio
+                | Self::PinTaken
+                | Self::NotSetUp
+        )
+    }
+}
+
+impl fmt::Display for ReadError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Timeout | Self::Bus(BusError::Timeout) => "no reading in time",
+            Self::Conversion => "conversion failed",
+            Self::GaugeTimeout => "its gauge reports no charge",
+            Self::Implausible => "impossible value",
+            Self::OtherPart => "unknown part",
+            Self::NoHealthyMember => "no healthy pack to sum",
+            Self::Bus(BusError::NoAnswer) => "no answer",
+            Self::Bus(BusError::Stuck) => "bus held low",
+            Self::Bus(BusError::Checksum) => "wrong checksum",
+            Self::Bus(BusError::Transfer) => "bus error",
+            Self::NoPin => "no pin set",
+            Self::NoCapacity => "no capacity set",
+            Self::AddressTaken => "address already in use",
+            Self::PinOfRadio => "GP29 is the Wi-Fi radio's",
+            Self::PinTaken => "pin already in use",
+            Self::NotSetUp => "port not set up",
+        })
+    }
+}
+
+/// An amount of what a pack stores, in the unit of its contents.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Amount {
+    /// Electric charge, in milliampere-hours.
+    Mah(f32),
+    /// Fuel, in millilitres.
+    Ml(f32),
+}
+
+// The unit takes the place that the option takes of a bare number.
+const _: () = assert!(size_of::<Option<Amount>>() == size_of::<Option<f32>>());
+
+impl Amount {
+    /// So many milliampere-hours of charge, or millilitres of fuel.
+    pub fn of(contents: Contents, number: f32) -> Self {
+        match contents {
+            Contents::Charge => Self::Mah(number),
+            Contents::Fuel => Self::Ml(number),
+        }
+    }
+
+    /// A charge in milliampere-hours; `None` for fuel.
+    pub fn mah(self) -> Option<f32> {
+        match self {
+            Self::Mah(mah) => Some(mah),
+            Self::Ml(_) => None,
+        }
+    }
+
+    /// A volume of fuel in millilitres; `None` for charge.
+    pub fn ml(self) -> Option<f32> {
+        match self {
+            Self::Ml(ml) => Some(ml),
+            Self::Mah(_) => None,
+        }
+    }
+
+    /// The number without its unit, for what takes either: as in ArduPilot, `BATT_LOW_MAH` and BATTERY_STATUS do.
+    pub fn number(self) -> f32 {
+        match self {
+            Self::Mah(number) | Self::Ml(number) => number,
+        }
     }
 }

@@ -1,6 +1,90 @@
-//! What a pack reports of itself.
+//! Faults and charge states, with the bits and numbers of MAVLink, and what a pack reports of them itself.
 
-use super::{ChargeState, Faults};
+use bitflags::bitflags;
+
+bitflags! {
+    /// Faults of a pack, with the bits of MAVLink's `MAV_BATTERY_FAULT`, which has no others than [`Faults::MAVLINK`].
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct Faults: u16 {
+        /// The cells are discharged below their safe minimum.
+        const DEEP_DISCHARGE = 1;
+        /// The voltage exceeded the cells' maximum.
+        const SPIKES = 2;
+        /// The cells are out of balance, or one has failed.
+        const CELL_FAIL = 4;
+        /// The load exceeds `BATT_WATT_MAX`.
+        const OVER_CURRENT = 8;
+        /// The pack is too hot.
+        const OVER_TEMPERATURE = 16;
+        /// The pack is too cold.
+        const UNDER_TEMPERATURE = 32;
+        /// The packs of a sum rest at different voltages.
+        const INCOMPATIBLE_VOLTAGE = 64;
+        /// The pack reports that its firmware does not fit. It also stands for an unknown cause, such as a lost sensor.
+        const INCOMPATIBLE_FIRMWARE = 128;
+        /// The resting voltage does not fit `BATT_CELLS` cells of this chemistry, or the pack reports other cells than it should have.
+        const CELLS_CONFIGURATION = 256;
+        /// The pack reports that it is bad: it must not be used.
+        const BAD_BATTERY = 1 << 13;
+        /// The pack reports that it has to be serviced.
+        const NEEDS_SERVICE = 1 << 14;
+        /// A cell rests lower than any of its chemistry does at the charge that the pack reports.
+        const CONTRADICTED_CHARGE = 1 << 15;
+    }
+}
+
+impl Faults {
+    /// Those that MAVLink has a bit for.
+    pub const MAVLINK: Self = Self::from_bits_retain(0x1ff);
+
+    /// Those that make a sufficiently charged pack FAILED: it must not be used.
+    pub const FAILING: Self = Self::CELL_FAIL;
+
+    /// Those that make a sufficiently charged pack UNHEALTHY.
+    pub const UNFIT: Self = Self::CELLS_CONFIGURATION
+        .union(Self::OVER_TEMPERATURE)
+        .union(Self::SPIKES);
+}
+
+/// Charge state, with the numbers of MAVLink's `MAV_BATTERY_CHARGE_STATE`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+#[repr(u8)]
+pub enum ChargeState {
+    /// Unknown.
+    #[default]
+    Undefined = 0,
+    /// Sufficient.
+    Ok = 1,
+    /// Warn the driver.
+    Low = 2,
+    /// Stop soon.
+    Critical = 3,
+    /// Stop now to avoid damage to the pack.
+    Emergency = 4,
+    /// The pack has failed; see its faults.
+    Failed = 5,
+    /// The sensor or the pack has a fault; see its faults.
+    Unhealthy = 6,
+    /// The pack is being charged.
+    Charging = 7,
+}
+
+impl ChargeState {
+    /// The state with this number; `None` if that is unknown, or none.
+    pub fn from_number(number: u8) -> Option<Self> {
+        Some(match number {
+            1 => Self::Ok,
+            2 => Self::Low,
+            3 => Self::Critical,
+            4 => Self::Emergency,
+            5 => Self::Failed,
+            6 => Self::Unhealthy,
+            7 => Self::Charging,
+            _ => return None,
+        })
+    }
+}
 
 /// What a pack, or another component that measures it, reports of its condition. It is shown, and its faults are
 /// announced; none of them changes what is found here, and only [`Faults::BAD_BATTERY`] keeps a rover from being armed.

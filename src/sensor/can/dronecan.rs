@@ -1,24 +1,17 @@
 //! The node on the bus: what is received, what is sent, and when.
 
-use super::acceptance::{Acceptance, acceptance};
-use super::allocatee::{Allocatee, Request};
-use super::allocator::{Allocator, Answer};
+use super::allocation::{Allocatee, Allocator, Answer, Random, Request};
 use super::assembler::Assembler;
 use super::event::{CanEvent, CanNotice, ChargerPower};
-use super::frame::CanFrame;
-use super::identifier::{Direction, Identifier, Priority};
+use super::frame::{CanFrame, Direction, Identifier, NodeId, Priority, Tail};
 use super::messages::{
     ALLOCATION, Allocation, BatteryAux, BatteryInfo, ChargerReading, DataType, NODE_INFO, NODE_STATUS,
     NodeStatus, OUTPUT_ENABLE, parse_controller, parse_output_enable,
 };
-use super::node_id::NodeId;
-use super::node_info::NodeInfo;
-use super::nodes::Nodes;
+use super::nodes::{NodeInfo, Nodes};
 use super::outgoing::{Outgoing, Transfer};
 use super::packs::{CanPacks, ChargerRequest};
-use super::random::Random;
-use super::setup::{CanSettings, CanSetup};
-use super::tail::Tail;
+use super::setup::{Acceptance, CanSettings, CanSetup, acceptance};
 use crate::cadence::Cadence;
 use crate::fnv::Fnv;
 use crate::identity::FirmwareHash;

@@ -3,9 +3,9 @@
 use heapless::Vec;
 
 use super::NodeId;
+use super::assembler::SignatureCrc;
 use super::bits::BitReader;
-use super::crc::SignatureCrc;
-use super::identifier::{Direction, Identifier};
+use super::frame::{Direction, Identifier};
 use crate::battery::{CellVoltages, MAX_CELLS, Name, Supply};
 use crate::rounding::round_to_i32;
 use crate::sensor::ControllerReading;

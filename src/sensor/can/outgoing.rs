@@ -4,10 +4,8 @@ use core::iter;
 
 use heapless::{Deque, Vec};
 
-use super::crc::SignatureCrc;
-use super::frame::{CanFrame, FRAME_BYTES};
-use super::identifier::{Identifier, Priority};
-use super::tail::Tail;
+use super::assembler::SignatureCrc;
+use super::frame::{CanFrame, FRAME_BYTES, Identifier, Priority, Tail};
 
 /// Frames that can wait. The longest transfer has 9.
 const FRAMES: usize = 20;

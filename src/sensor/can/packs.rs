@@ -2,10 +2,10 @@
 
 use super::NodeId;
 use super::charger::{Attempt, Charger, SwitchRequest};
-use super::condition::{of_battery, of_charger};
 use super::event::{CanEvent, CanNotice, ChargerPower};
 use super::messages::{BatteryAux, BatteryInfo, ChargerReading, celsius};
 use super::setup::{CanOptions, CanPack, CanSettings};
+use super::status::{of_battery, of_charger};
 use crate::battery::{ArmState, CellVoltages, Gauge, GaugeReading, Measurement, PackDetails, Supply};
 use crate::log::info;
 use crate::pack::{MAX_PACKS, Pack};

@@ -2,7 +2,7 @@
 
 use crate::battery::Measurement;
 use crate::pack::Pack;
-use crate::sensor::can::identifier::{Identifier, Priority};
+use crate::sensor::can::frame::{Identifier, Priority};
 use crate::sensor::can::messages::{BATTERY_AUX, BATTERY_INFO, CHARGER, CONTROLLER, DataType, NODE_STATUS};
 use crate::sensor::can::outgoing::{Outgoing, Transfer};
 use crate::sensor::{

@@ -5,8 +5,8 @@ use proptest::prelude::*;
 use super::bench::{Bench, OWN_ID, message, node, setup, status};
 use super::golden::{self, frames};
 use crate::sensor::can::MAX_NODES;
-use crate::sensor::can::allocator::Allocator;
-use crate::sensor::can::identifier::{Identifier, Priority};
+use crate::sensor::can::allocation::Allocator;
+use crate::sensor::can::frame::{Identifier, Priority};
 use crate::sensor::can::messages::{ALLOCATION, Allocation, DataType, Part};
 use crate::sensor::can::outgoing::{Outgoing, Transfer};
 use crate::sensor::{CanFrame, CanNotice};
@@ -255,7 +255,7 @@ proptest! {
             let mut id = None;
             for frame in requests([owner; 16], wanted) {
                 let is_on_bus = |id: crate::sensor::NodeId| used.contains(&id.number());
-                use crate::sensor::can::allocator::Answer;
+                use crate::sensor::can::allocation::Answer;
                 if let Some(Answer::Assigned(assigned, _)) =
                     allocator.request(&allocation(&frame), now, is_on_bus)
                 {

@@ -1,4 +1,5 @@
-//! Giving ids to nodes that have none, as ArduPilot does: the rules of `uavcan.protocol.dynamic_node_id.Allocation`.
+//! Ids of nodes that have none: getting one from another node by the rules A to E of
+//! `uavcan.protocol.dynamic_node_id.Allocation`, and giving them.
 
 use heapless::Vec;
 
@@ -6,6 +7,120 @@ use super::messages::{Allocation, Part, UNIQUE_ID_BYTES};
 use super::{MAX_NODES, NodeId};
 use crate::fnv::Fnv;
 use crate::time::Instant;
+
+/// Pseudo-random numbers: xorshift of 32 bits (Marsaglia, *Xorshift RNGs*, 2003).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Random(u32);
+
+impl Random {
+    /// Another sequence for each seed.
+    pub fn seeded(seed: u32) -> Self {
+        // 0 would stay 0.
+        Self(seed | 1)
+    }
+
+    /// The next number.
+    pub fn next(&mut self) -> u32 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 17;
+        self.0 ^= self.0 << 5;
+        self.0
+    }
+
+    /// The next duration of `least_ms` to `most_ms` milliseconds, in microseconds.
+    pub fn delay_us(&mut self, least_ms: u32, most_ms: u32) -> u64 {
+        let range = (most_ms - least_ms).max(1);
+        u64::from(least_ms + self.next() % range) * 1000
+    }
+}
+
+/// Bytes of the unique id in a request (`MAX_LENGTH_OF_UNIQUE_ID_IN_REQUEST`): it fits one frame.
+const PART_BYTES: usize = 6;
+
+/// Time between requests, in milliseconds (`MIN_REQUEST_PERIOD_MS`, `MAX_REQUEST_PERIOD_MS`).
+const REQUEST_MS: (u32, u32) = (600, 1000);
+
+/// Time before the next part, in milliseconds. The other side waits for 500, and this one may be late by 100.
+const FOLLOW_UP_MS: (u32, u32) = (0, 350);
+
+/// A node without an id.
+#[derive(Debug)]
+pub(super) struct Allocatee {
+    unique_id: [u8; UNIQUE_ID_BYTES],
+    /// Bytes of it that the other side has confirmed.
+    confirmed: usize,
+    due: Instant,
+    random: Random,
+}
+
+/// A request to be sent, without an id.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Request {
+    pub allocation: Allocation,
+    /// Distinguishes nodes that send at the same time, 14 bits.
+    pub discriminator: u16,
+}
+
+impl Allocatee {
+    /// The first request is due after a random delay.
+    pub fn new(unique_id: [u8; UNIQUE_ID_BYTES], mut random: Random, now: Instant) -> Self {
+        let (least_ms, most_ms) = REQUEST_MS;
+        Self {
+            unique_id,
+            confirmed: 0,
+            due: now.after_us(random.delay_us(least_ms, most_ms)),
+            random,
+        }
+    }
+
+    /// The request that is due.
+    pub fn poll(&mut self, now: Instant) -> Option<Request> {
+        if now < self.due {
+            return None;
+        }
+        let end = (self.confirmed + PART_BYTES).min(UNIQUE_ID_BYTES);
+        let allocation = Allocation {
+            node_id: None,
+            part: if self.confirmed == 0 {
+                Part::First
+            } else {
+                Part::Later
+            },
+            unique_id: Vec::from_slice(self.unique_id.get(self.confirmed..end)?).ok()?,
+        };
+        self.restart(now);
+        Some(Request {
+            allocation,
+            discriminator: self.random.next() as u16,
+        })
+    }
+
+    /// Takes a request of another node: it goes first.
+    pub fn give_way(&mut self, now: Instant) {
+        self.restart(now);
+    }
+
+    /// Takes an answer. Returns the id, if it is for this node and has one.
+    pub fn answer(&mut self, answer: &Allocation, now: Instant) -> Option<NodeId> {
+        self.restart(now);
+        if answer.unique_id.is_empty() || !self.unique_id.starts_with(&answer.unique_id) {
+            return None;
+        }
+        if answer.unique_id.len() == UNIQUE_ID_BYTES {
+            return answer.node_id;
+        }
+        let (least_ms, most_ms) = FOLLOW_UP_MS;
+        self.confirmed = answer.unique_id.len();
+        self.due = now.after_us(self.random.delay_us(least_ms, most_ms));
+        None
+    }
+
+    fn restart(&mut self, now: Instant) {
+        let (least_ms, most_ms) = REQUEST_MS;
+        self.confirmed = 0;
+        self.due = now.after_us(self.random.delay_us(least_ms, most_ms));
+    }
+}
 
 /// Nodes that can be given an id.
 const ASSIGNED: usize = MAX_NODES;
