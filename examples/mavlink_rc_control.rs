@@ -17,12 +17,12 @@ mod firmware {
     use rover_battmon::board::{
         self, AnalogInputs, BoardMotors, BoardWatchdog, MotorPeripherals, TelemetryUart,
     };
-    use rover_battmon::cadence::Cadence;
     use rover_battmon::mavlink::{Changeable, LinkKind, Signing, SystemState};
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::{Parameters, VehicleParameter};
     use rover_battmon::sensor::{AnalogPin, AnalogWiring, read_mean};
     use rover_battmon::tasks::{ByteSource, Watchdog, WiredEndpoint, now};
+    use rover_battmon::time::Cadence;
     use rover_battmon::vehicle::{Motors, Vehicle, VehicleSettings};
     use rover_battmon::wifi::WifiCredentials;
 

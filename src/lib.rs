@@ -60,7 +60,7 @@
 //! | [`battery`] | turning measurements into a [`battery::BatteryState`] |
 //! | [`parameter`] | the table of parameters and their live values |
 //! | [`pack`] | which packs there are |
-//! | [`time`] | moments |
+//! | [`time`] | moments, regular due times |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
 //! | [`flash_map`] | what lies where in flash |
 //! | [`recorder`] | a ring of log files in flash |
@@ -95,39 +95,29 @@
 //! - How it all fits together and why: `docs/architecture.md` and `docs/decisions/`.
 #![cfg_attr(target_os = "none", no_std)]
 
-mod crc32;
-mod decimals;
-#[cfg(test)]
-mod flash_model;
-mod fnv;
 mod in_place;
+mod integrity;
 mod log;
-mod log_limit;
-mod rounding;
-mod sealed;
+mod numbers;
 
 pub mod autopilot;
 pub mod battery;
-pub mod board_id;
-pub mod cadence;
 pub mod crash;
 pub mod dataflash;
 pub mod flash_map;
 pub mod identity;
-pub mod liveness;
 pub mod mavlink;
 pub mod mcp2515;
 #[cfg(feature = "board")]
 pub mod net;
 pub mod pack;
 pub mod parameter;
+pub mod peripheral;
 pub mod recorder;
-pub mod ring_reader;
 pub mod sensor;
 pub mod storage;
 pub mod tasks;
 pub mod time;
-pub mod usb_watch;
 pub mod vehicle;
 pub mod wifi;
 

@@ -1,4 +1,6 @@
-//! Moments.
+//! Moments, and periodic due times without drift or catch-up bursts.
+
+use core::num::NonZeroU64;
 
 /// A moment, in whole microseconds since an arbitrary epoch: on the board since boot. It reads no clock.
 ///
@@ -49,9 +51,79 @@ pub(crate) const fn at_us(us: u64) -> Instant {
     Instant::from_micros(us)
 }
 
+/// Due times at a fixed interval.
+///
+/// Each due time is the previous one plus the interval, however late it was served, so the long-term rate is exact.
+/// Missed intervals are skipped, and the phase is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cadence {
+    interval_us: NonZeroU64,
+    due: Instant,
+}
+
+impl Cadence {
+    /// First due at `start`, then every `interval_us`, at least 1 µs.
+    pub fn starting_at(start: Instant, interval_us: u64) -> Self {
+        Self {
+            interval_us: at_least_1_us(interval_us),
+            due: start,
+        }
+    }
+
+    /// Next due time.
+    pub fn due(&self) -> Instant {
+        self.due
+    }
+
+    /// Interval, in µs.
+    pub fn interval_us(&self) -> u64 {
+        self.interval_us.get()
+    }
+
+    /// Whether it is due at `now`; if so, advances to the next due time.
+    pub fn take(&mut self, now: Instant) -> bool {
+        if now < self.due {
+            return false;
+        }
+        self.due = self.due.after_us(self.interval_us());
+        if self.due <= now {
+            let missed = now.us_since(self.due) / self.interval_us + 1;
+            self.due = self.due.after_us(missed.saturating_mul(self.interval_us()));
+        }
+        true
+    }
+
+    /// Skips due times up to `time`.
+    pub fn skip_until(&mut self, time: Instant) {
+        self.take(time);
+    }
+
+    /// Changes the interval. The next due time is one new interval after the last one served, but not before `now`:
+    /// a faster rate takes effect at once, and a slower one is not early.
+    pub fn set_interval(&mut self, interval_us: u64, now: Instant) {
+        let interval_us = at_least_1_us(interval_us);
+        if interval_us == self.interval_us {
+            return;
+        }
+        // A due time that has passed stays due.
+        if self.due > now {
+            let last_served = self.due.before_us(self.interval_us());
+            self.due = last_served.after_us(interval_us.get()).max(now);
+        }
+        self.interval_us = interval_us;
+    }
+}
+
+fn at_least_1_us(interval_us: u64) -> NonZeroU64 {
+    NonZeroU64::new(interval_us).unwrap_or(NonZeroU64::MIN)
+}
+
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+    use crate::time::at_us;
 
     #[test]
     fn moments_are_in_order_from_the_epoch_on() {
@@ -80,5 +152,66 @@ mod tests {
         assert_eq!(at_us(1).after_us(u64::MAX - 1), Instant::MAX);
         assert_eq!(at_us(1).after_us(u64::MAX), Instant::MAX);
         assert_eq!(Instant::MAX.after_us(1), Instant::MAX);
+    }
+
+    #[test]
+    fn due_times_do_not_drift_with_late_service() {
+        let mut cadence = Cadence::starting_at(Instant::EPOCH, 100);
+        for tick in 0..1000u64 {
+            let late = tick * 7 % 100;
+            assert!(cadence.take(at_us(tick * 100 + late)), "tick {tick} not due");
+            assert!(!cadence.take(at_us(tick * 100 + late)), "tick {tick} due twice");
+        }
+        assert_eq!(cadence.due(), at_us(100_000));
+    }
+
+    #[test]
+    fn missed_intervals_are_skipped_and_the_phase_kept() {
+        let mut cadence = Cadence::starting_at(at_us(50), 100);
+        assert!(cadence.take(at_us(50)));
+        assert!(cadence.take(at_us(471)));
+        assert_eq!(cadence.due(), at_us(550));
+        assert!(!cadence.take(at_us(549)));
+    }
+
+    #[test]
+    fn skipped_due_times_are_not_caught_up() {
+        let mut cadence = Cadence::starting_at(at_us(50), 100);
+        cadence.skip_until(at_us(480));
+        assert_eq!(cadence.due(), at_us(550));
+        cadence.skip_until(at_us(500));
+        assert_eq!(cadence.due(), at_us(550));
+    }
+
+    #[test]
+    fn a_faster_interval_takes_effect_at_once() {
+        let mut cadence = Cadence::starting_at(Instant::EPOCH, 1_000);
+        assert!(cadence.take(Instant::EPOCH));
+        cadence.set_interval(100, at_us(50));
+        assert_eq!(cadence.due(), at_us(100));
+        cadence.set_interval(1_000, at_us(60));
+        assert_eq!(cadence.due(), at_us(1_000));
+    }
+
+    #[test]
+    fn changing_the_interval_keeps_a_due_time_due() {
+        let mut cadence = Cadence::starting_at(at_us(500), 100);
+        cadence.set_interval(1_000, at_us(500));
+        assert!(cadence.take(at_us(500)));
+    }
+
+    proptest! {
+        #[test]
+        fn the_next_due_time_is_always_ahead_and_in_phase(
+            start in 0u64..1 << 40, interval in 1u64..1 << 32, late in 0u64..1 << 44,
+        ) {
+            let start = at_us(start);
+            let mut cadence = Cadence::starting_at(start, interval);
+            let now = start.after_us(late);
+            prop_assert!(cadence.take(now));
+            prop_assert!(cadence.due() > now);
+            prop_assert!(cadence.due().us_since(now) <= interval);
+            prop_assert_eq!(cadence.due().us_since(start) % interval, 0);
+        }
     }
 }

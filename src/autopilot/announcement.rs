@@ -7,9 +7,9 @@ use heapless::String;
 
 use super::recording::LogFailure;
 use crate::battery::{PackEvent, SuggestedThresholds};
-use crate::decimals::Hundredths;
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
+use crate::numbers::Hundredths;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, SaveFailure};
 use crate::sensor::{CanNotice, CanReport, SerialNotice, Urgency};

@@ -1,7 +1,7 @@
 //! Our end of a link, with its place in the announcements and its log.
 
 use super::broadcast::Position;
-use crate::log_limit::LogLimit;
+use crate::log::LogLimit;
 use crate::mavlink::{Endpoint, LinkKind, LinkStatistics, LogRead};
 use crate::time::Instant;
 

@@ -7,9 +7,9 @@ use super::saving::log_failure;
 use super::work::Work;
 use crate::battery::{LEARNT_WORDS, LearntPack, PackSettings};
 use crate::log::{info, warn};
+use crate::numbers::round_to_i32;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterId};
-use crate::rounding::round_to_i32;
 use crate::storage::StorageError;
 use crate::time::Instant;
 

@@ -3,7 +3,7 @@
 
 use super::announcement::Announcement;
 use super::autopilot::Autopilot;
-use super::signing_save::Attempt;
+use super::save_state::Attempt;
 use super::work::Work;
 use crate::battery::ArmState;
 use crate::log::{info, warn};

@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-use super::failed_save::FailedSave;
+use super::save_state::FailedSave;
 use super::start::Start;
 use crate::crash::TaskName;
 use crate::parameter::Parameters;

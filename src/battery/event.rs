@@ -6,7 +6,7 @@ use heapless::Vec;
 
 use super::consumption::Gap;
 use super::{Amount, ChargeState, FailsafeLevel, Faults, ReadError};
-use crate::decimals::{Hundredths, whole};
+use crate::numbers::{Hundredths, whole};
 
 /// An event of a pack. Its text follows "Battery 1 ".
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,9 +4,9 @@ use super::Chemistry;
 use super::charge::KnownCharge;
 use super::consumption::Consumption;
 use super::estimator::{EstimatorMemory, SetCells};
+use crate::integrity::{is_sealed, seal};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
-use crate::sealed::{is_sealed, seal};
 
 /// Identifies this layout.
 const MAGIC: u32 = u32::from_le_bytes(*b"BAT3");

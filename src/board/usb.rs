@@ -17,9 +17,9 @@ use embedded_io_async::{ErrorKind, ErrorType, Write};
 use heapless::Vec;
 
 use super::Irqs;
-use crate::board_id::BoardId;
+use crate::identity::BoardId;
+use crate::peripheral::{ControlPipe, OBSERVATION_INTERVAL_MS, UsbFault, UsbObservation, UsbWatch};
 use crate::tasks::{ByteSource, ReceiveError};
-use crate::usb_watch::{ControlPipe, OBSERVATION_INTERVAL_MS, UsbFault, UsbObservation, UsbWatch};
 
 /// Raspberry Pi's vendor id, and the product id its Pico SDK gives to CDC serial ports: hosts have a driver for it.
 const VENDOR_ID: u16 = 0x2E8A;

@@ -6,8 +6,8 @@ use core::ops::Range;
 use super::format::Kind;
 use super::packet::{Packet, RecordBytes, finite, whole_pct};
 use crate::battery::{Amount, BatteryState, MAX_CELLS, PackStatus};
+use crate::numbers::round_to_i32;
 use crate::pack::Pack;
-use crate::rounding::round_to_i32;
 
 /// A temperature that is unknown, as in ArduPilot.
 const TEMPERATURE_UNKNOWN_CDEGC: i16 = 0;

@@ -3,7 +3,7 @@
 use heapless::Vec;
 
 use super::format::Kind;
-use crate::rounding::round_to_i32;
+use crate::numbers::round_to_i32;
 
 /// The longest record, in bytes: FMT.
 pub const MAX_RECORD_BYTES: usize = 89;

@@ -3,7 +3,7 @@
 use core::hash::Hash;
 
 use crate::battery::PackDetails;
-use crate::fnv::Fnv;
+use crate::integrity::Fnv;
 use crate::pack::{MAX_PACKS, Pack};
 
 /// The details of each pack that were reported last on one link, by their hash: each link has one of these, and the details

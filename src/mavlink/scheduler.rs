@@ -2,7 +2,7 @@
 
 use super::slowdown::Slowdown;
 use super::{DefaultRate, StreamGroup, StreamKind};
-use crate::cadence::Cadence;
+use crate::time::Cadence;
 use crate::time::Instant;
 
 /// The interval of what is sent once a second.

@@ -7,8 +7,8 @@ use core::task::Context;
 use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState, RxToken};
 
 use super::leases::Leases;
+use crate::log::LogLimit;
 use crate::log::info;
-use crate::log_limit::LogLimit;
 use crate::tasks::now;
 
 const ETHERTYPE_IPV4: [u8; 2] = [0x08, 0x00];

@@ -2,9 +2,9 @@
 
 use embedded_io_async::Write;
 
-use crate::liveness::CheckIn;
 use crate::mavlink::LinkId;
 use crate::recorder::LogSource;
+use crate::tasks::CheckIn;
 use crate::tasks::{ByteSource, Link, Shared, serve_link};
 
 /// The core and the logs, to serve links with.

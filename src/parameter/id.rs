@@ -5,8 +5,7 @@ use core::iter;
 use heapless::String;
 
 #[cfg(not(target_os = "none"))]
-use super::table::SimulationParameter;
-use super::table::{BatteryParameter, Parameter, VehicleParameter};
+use super::table::{BatteryParameter, Parameter, SimulationParameter, VehicleParameter};
 use crate::pack::{MAX_PACKS, Pack};
 
 /// Maximum length of a parameter's name in MAVLink.

@@ -4,8 +4,8 @@ use super::progress::Progress;
 use super::{
     Access, BatteryParameter, ForEachParameter, Kind, Listed, PARAMETER_COUNT, ParameterId, VehicleParameter,
 };
+use crate::numbers::round_to_i32;
 use crate::pack::{MAX_PACKS, Pack};
-use crate::rounding::round_to_i32;
 
 /// Tolerance of a whole number received as a float, as in ArduPilot.
 const WHOLE_NUMBER_TOLERANCE: f32 = 0.01;

@@ -38,7 +38,6 @@ mod front;
 mod geometry;
 mod ring;
 mod scan;
-mod sector_set;
 mod source;
 
 pub use directory::{LogFile, MAX_FILES};

@@ -6,9 +6,8 @@ use embedded_storage_async::nor_flash::ReadNorFlash;
 
 use super::directory::{Directory, LogFile};
 use super::front::{FRONT_BYTES, HEADER_BYTES, Header, MARK_AT, MARK_BYTES, PAYLOAD_BYTES, mark};
-use super::geometry::Geometry;
+use super::geometry::{Geometry, SectorSet};
 use super::scan::{Scan, scan};
-use super::sector_set::SectorSet;
 
 /// Bytes that the flash programs at once.
 const PAGE_BYTES: u32 = 256;

@@ -5,8 +5,7 @@ use embedded_storage_async::nor_flash::ReadNorFlash;
 
 use super::directory::Directory;
 use super::front::{FRONT_BYTES, Front, Header, HeaderSlot, PAYLOAD_BYTES};
-use super::geometry::{Geometry, SECTOR_BYTES};
-use super::sector_set::SectorSet;
+use super::geometry::{Geometry, SECTOR_BYTES, SectorSet};
 
 const CHUNK_BYTES: usize = 128;
 

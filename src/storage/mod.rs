@@ -52,6 +52,8 @@ use record::{Record, Slot};
 use region::{Region, Sector, Unused};
 
 #[cfg(test)]
+pub(crate) mod flash_model;
+#[cfg(test)]
 mod tests;
 
 /// Integrity of the stored values.

@@ -6,11 +6,11 @@ use core::iter;
 use embassy_futures::select::{Either3, select3};
 use embassy_futures::yield_now;
 
+use super::CheckIn;
 use super::{Shared, idle, mark, now, timer_at};
-use crate::cadence::Cadence;
-use crate::liveness::CheckIn;
 use crate::log::warn;
 use crate::sensor::{Acceptance, CanFrame, CanStatus, DroneCan};
+use crate::time::Cadence;
 
 /// Interval of what is not a frame: time-outs, what is due to be sent, the state of the controller.
 const POLL_INTERVAL_US: u64 = 100_000;

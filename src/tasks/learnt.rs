@@ -3,11 +3,11 @@
 use embassy_time::{Duration, with_timeout};
 use embedded_storage_async::nor_flash::NorFlash;
 
+use super::CheckIn;
 use super::prepare::prepare;
 use super::{Shared, mark, now};
 use crate::autopilot::LearntJob;
 use crate::battery::LEARNT_WORDS;
-use crate::liveness::CheckIn;
 use crate::storage::Storage;
 
 /// How often the task is seen while there is nothing to do.

@@ -5,9 +5,9 @@ use core::ops::Range;
 use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::NorFlash;
 
+use super::CheckIn;
 use super::{Shared, mark, now};
 use crate::autopilot::LogStep;
-use crate::liveness::CheckIn;
 use crate::recorder::{Erasure, Outcome, Ring, SECTOR_BYTES};
 
 /// How often the task looks whether there is something to write.

@@ -13,6 +13,7 @@ mod crash;
 mod drive;
 mod learnt;
 mod link;
+mod liveness;
 mod log;
 mod parameters;
 mod prepare;
@@ -43,6 +44,7 @@ pub use crash::{CrashMemory, report_crash};
 pub use drive::drive;
 pub use learnt::keep_learnt;
 pub use link::Link;
+pub use liveness::{CheckIn, first_overdue};
 pub use log::keep_log;
 pub use parameters::keep_parameters;
 pub use program::hash_program;
@@ -61,8 +63,6 @@ pub use wired_endpoint::WiredEndpoint;
 pub use writer::write_frames;
 
 use clock::now_us;
-
-use crate::liveness::CheckIn;
 
 /// A task for which nothing comes shows twice a second that it is alive.
 const LONGEST_SLEEP: Duration = Duration::from_millis(500);

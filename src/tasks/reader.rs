@@ -7,8 +7,8 @@ use core::task::Poll;
 use embassy_futures::yield_now;
 use embassy_time::{Duration, with_timeout};
 
+use super::CheckIn;
 use super::{Link, Shared, mark, now};
-use crate::liveness::CheckIn;
 use crate::log::warn;
 use crate::mavlink::Event;
 use crate::time::Instant;

@@ -2,9 +2,9 @@
 
 use embassy_time::{Duration, Ticker};
 
+use super::CheckIn;
 use super::{Link, Shared, mark, now};
 use crate::battery::{BatteryState, PackStatus};
-use crate::liveness::CheckIn;
 use crate::log::info;
 
 const REPORT_INTERVAL: Duration = Duration::from_secs(1);

@@ -3,7 +3,7 @@
 use embassy_time::{Duration, Ticker};
 
 use super::clock::now_us;
-use crate::liveness::{CheckIn, first_overdue};
+use super::{CheckIn, first_overdue};
 use crate::log::warn;
 
 /// Several looks within any watchdog's time-out.

@@ -9,10 +9,10 @@ use crate::autopilot::{Autopilot, Start};
 use crate::battery::ArmState;
 use crate::crash::{CrashCause, CrashRecord};
 use crate::dataflash::{ArmingChecks, ArmingMethod, ModeReason, Record};
-use crate::flash_model::FlashModel;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::recorder::{LogFile, Outcome, PAYLOAD_BYTES, Ring};
 use crate::storage::Erase;
+use crate::storage::flash_model::FlashModel;
 use crate::time::{Instant, at_us};
 use crate::vehicle::{Fitness, Restart, Vehicle};
 

@@ -9,8 +9,8 @@ use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{
     BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
 };
+use crate::numbers::round_to_i32;
 use crate::pack::Pack;
-use crate::rounding::round_to_i32;
 
 /// Cells in `voltages`.
 const CELLS: usize = 10;

@@ -5,8 +5,7 @@ mod arming_text;
 mod battery_info;
 mod battery_status;
 mod battery_status_v2;
-mod command_ack;
-mod command_long;
+mod command;
 mod declare;
 mod file_transfer;
 mod fuel_status;
@@ -27,8 +26,7 @@ pub(super) use arming_text::{CheckedBy, arming_text};
 pub use battery_info::build_battery_info;
 pub use battery_status::build_battery_status;
 pub use battery_status_v2::build_battery_status_v2;
-pub use command_ack::CommandAck;
-pub use command_long::BroadcastCommand;
+pub use command::{BroadcastCommand, CommandAck};
 pub use file_transfer::{
     Burst, FileAnswer, FileAnswerHeader, FileData, FileError, FileOutcome, MAX_FILE_BYTES,
 };

@@ -7,8 +7,8 @@ use super::pack_facts::{
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, finite, voltage_mv};
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{MavBatteryFunction, SMART_BATTERY_INFO_DATA};
+use crate::numbers::round_to_i32;
 use crate::pack::Pack;
-use crate::rounding::round_to_i32;
 
 /// MAVLink's value for a capacity that is not known.
 const CAPACITY_UNKNOWN_MAH: i32 = -1;

@@ -1,6 +1,6 @@
 //! From SI values to MAVLink's integers: rounded to nearest, saturated, and never onto a sentinel by accident.
 
-use crate::rounding::round_to_i32;
+use crate::numbers::round_to_i32;
 
 /// A number that is neither NaN nor infinite.
 pub(super) fn finite(value: Option<f32>) -> Option<f32> {

@@ -3,12 +3,12 @@
 //! Values travel as floats, whole numbers too (`MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST`). The type in a PARAM_SET is
 //! ignored: some ground stations always say REAL32.
 
-use crate::cadence::Cadence;
 use crate::mavlink::dialect::{MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_VALUE_DATA};
 use crate::mavlink::payload::Name;
 use crate::mavlink::requests::{ParameterRead, ParameterSet};
 use crate::mavlink::{Message, Peer};
 use crate::parameter::{ForEachParameter, Kind, ParameterId, Parameters, Refused, triggers};
+use crate::time::Cadence;
 use crate::time::Instant;
 
 /// A PARAM_VALUE on the wire: header, 25 bytes of payload, checksum.

@@ -6,9 +6,9 @@ use super::part::FAST_MODE_HZ;
 use super::registry::AnyPart;
 use super::{Address, PartKind, SensorBus, Wiring};
 use crate::battery::{BusError, Measurement, ReadError};
-use crate::cadence::Cadence;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::Parameters;
+use crate::time::Cadence;
 use crate::time::Instant;
 
 /// Failures in a row before a part's back-off period, so that it does not hold up the others.

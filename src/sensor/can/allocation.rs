@@ -5,7 +5,7 @@ use heapless::Vec;
 
 use super::messages::{Allocation, Part, UNIQUE_ID_BYTES};
 use super::{MAX_NODES, NodeId};
-use crate::fnv::Fnv;
+use crate::integrity::Fnv;
 use crate::time::Instant;
 
 /// Pseudo-random numbers: xorshift of 32 bits (Marsaglia, *Xorshift RNGs*, 2003).

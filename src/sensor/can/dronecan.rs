@@ -12,10 +12,10 @@ use super::nodes::{NodeInfo, Nodes};
 use super::outgoing::{Outgoing, Transfer};
 use super::packs::{CanPacks, ChargerRequest};
 use super::setup::{Acceptance, CanSettings, CanSetup, acceptance};
-use crate::cadence::Cadence;
-use crate::fnv::Fnv;
 use crate::identity::FirmwareHash;
+use crate::integrity::Fnv;
 use crate::log::{info, warn};
+use crate::time::Cadence;
 use crate::time::Instant;
 
 /// Time between status messages, in microseconds (`MAX_BROADCASTING_PERIOD_MS` of `NodeStatus`).

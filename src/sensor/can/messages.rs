@@ -7,7 +7,7 @@ use super::assembler::SignatureCrc;
 use super::bits::BitReader;
 use super::frame::{Direction, Identifier};
 use crate::battery::{CellVoltages, MAX_CELLS, Name, Supply};
-use crate::rounding::round_to_i32;
+use crate::numbers::round_to_i32;
 use crate::sensor::ControllerReading;
 
 /// Bytes of a node's unique id.

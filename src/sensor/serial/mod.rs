@@ -4,19 +4,16 @@
 
 mod conditions;
 mod device;
-mod gap;
-mod line;
-mod notice;
+mod frame;
 mod protocol;
 mod protocols;
 mod registry;
 mod setup;
-mod window;
 
-pub use conditions::{FuelCellError, FuelCellState, RichenPowerErrors, TorqeedoCondition, Urgency};
+pub use conditions::{
+    FuelCellError, FuelCellState, RichenPowerErrors, SerialNotice, TorqeedoCondition, Urgency,
+};
 pub use device::SerialDevice;
-pub use line::Wires;
-pub use notice::SerialNotice;
-pub use protocol::{REQUEST_BYTES, Request, SerialReading};
+pub use protocol::{REQUEST_BYTES, Request, SerialReading, Wires};
 pub use registry::SerialProtocol;
 pub use setup::{DriverEnable, SerialSetup};

@@ -1,7 +1,6 @@
 //! Which protocols there are.
 
-use super::line::Line;
-use super::protocol::{Protocol, Request, SerialReading};
+use super::protocol::{Line, Protocol, Request, SerialReading};
 use super::protocols::intelligent_energy::FuelCell;
 use super::protocols::{IntelligentEnergy, Kiss, MegaSquirt, Place, RichenPower, Torqeedo};
 use crate::pack::Pack;

@@ -1,6 +1,6 @@
 //! How the second serial port is set up.
 
-use super::line::{Baud, Line, Wires};
+use super::protocol::{Baud, Line, Wires};
 use super::registry::SerialProtocol;
 use crate::parameter::{Parameters, VehicleParameter, serial_baud};
 

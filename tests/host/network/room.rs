@@ -5,10 +5,10 @@ use std::cell::RefCell;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
 use rover_battmon::autopilot::Start;
-use rover_battmon::liveness::CheckIn;
 use rover_battmon::net::{NetMemory, NetReport, Role, Service, serve};
 use rover_battmon::recorder::{LogSource, ReadFailed};
 use rover_battmon::sim::clock::run_for;
+use rover_battmon::tasks::CheckIn;
 use rover_battmon::tasks::Shared;
 
 use super::air::{Air, BoardDevice, SharedAir};

@@ -16,7 +16,7 @@ use core::str;
 use heapless::{Deque, Vec};
 
 use super::log_download::LogRead;
-use crate::crc32::file_crc32;
+use crate::integrity::file_crc32;
 use crate::mavlink::messages::{
     Burst, FileAnswer, FileAnswerHeader, FileData, FileError, FileOutcome, MAX_FILE_BYTES,
 };

@@ -14,7 +14,7 @@ use heapless::Vec;
 use super::key::KEY_WORDS;
 use super::to_store::{Mark, ToStore};
 use super::{InFlash, Protection, Signing, SigningKey};
-use crate::crc32::crc32;
+use crate::integrity::crc32;
 use crate::storage::Condition;
 
 /// Where the words are. These numbers never change.

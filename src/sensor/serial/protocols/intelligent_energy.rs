@@ -12,11 +12,9 @@
 
 use heapless::Vec;
 
-use super::super::conditions::{FuelCellError, FuelCellState};
-use super::super::gap::Gaps;
-use super::super::line::{Baud, Line, Wires};
-use super::super::notice::SerialNotice;
-use super::super::protocol::{Protocol, SerialReading};
+use super::super::conditions::{FuelCellError, FuelCellState, SerialNotice};
+use super::super::frame::Gaps;
+use super::super::protocol::{Baud, Line, Protocol, SerialReading, Wires};
 use crate::battery::{Contents, Measurement};
 use crate::sensor::MonitorKind;
 use crate::time::Instant;

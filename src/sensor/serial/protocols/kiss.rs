@@ -9,10 +9,8 @@
 //! | 7, 8 | electrical speed, in 100 rpm |
 //! | 9 | CRC-8 of the others, polynomial 0x07, as SMBus |
 
-use super::super::gap::Gaps;
-use super::super::line::{Baud, Line, Wires};
-use super::super::protocol::{Protocol, SerialReading};
-use super::super::window::Window;
+use super::super::frame::{Gaps, Window};
+use super::super::protocol::{Baud, Line, Protocol, SerialReading, Wires};
 use crate::sensor::{ControllerReading, MonitorKind};
 use crate::time::Instant;
 

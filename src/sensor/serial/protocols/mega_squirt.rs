@@ -10,9 +10,8 @@
 //! | 4, 5 | that of the second bank, not used |
 //! | 6, 7 | speed, in revolutions per minute |
 
-use super::super::line::{Baud, Line, Wires};
-use super::super::protocol::{Protocol, Request, SerialReading};
-use crate::crc32::file_crc32;
+use super::super::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
+use crate::integrity::file_crc32;
 use crate::sensor::{EngineReading, MonitorKind};
 use crate::time::Instant;
 

@@ -12,12 +12,9 @@
 //! | 66, 67 | sum of the five words from byte 2: voltage and current are not protected |
 //! | 68, 69 | 0x55, 0xAA |
 
-use super::super::conditions::RichenPowerErrors;
-use super::super::gap::Gaps;
-use super::super::line::{Baud, Line, Wires};
-use super::super::notice::SerialNotice;
-use super::super::protocol::{Protocol, SerialReading};
-use super::super::window::Window;
+use super::super::conditions::{RichenPowerErrors, SerialNotice};
+use super::super::frame::{Gaps, Window};
+use super::super::protocol::{Baud, Line, Protocol, SerialReading, Wires};
 use crate::battery::Measurement;
 use crate::sensor::MonitorKind;
 use crate::time::Instant;

@@ -16,10 +16,8 @@
 
 mod frame;
 
-use super::super::conditions::TorqeedoCondition;
-use super::super::line::{Baud, Line, Wires};
-use super::super::notice::SerialNotice;
-use super::super::protocol::{Protocol, Request, SerialReading};
+use super::super::conditions::{SerialNotice, TorqeedoCondition};
+use super::super::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
 use crate::battery::Measurement;
 use crate::sensor::MonitorKind;
 use crate::time::Instant;
