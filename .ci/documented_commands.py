@@ -11,7 +11,7 @@ block say how it runs; several may stand together:
     <!-- until stopped -->  each command runs until Ctrl-C: it has to print something, stay, and end by Ctrl-C
 
 The clone has the changes that are not committed yet, but no file that git does not know. It shares the target folder with
-this one, and its files have the same times, so that cargo builds nothing anew.
+this one, and its files have the same times, so that cargo rebuilds nothing.
 """
 
 import argparse

@@ -59,7 +59,7 @@ impl Autopilot {
         })
     }
 
-    /// Result of reading what is stored of a pack. A pack of which nothing usable is stored starts anew.
+    /// Result of reading what is stored of a pack. A pack of which nothing usable is stored is learnt from the start.
     pub fn learnt_read(
         &mut self,
         identity: PackIdentity,

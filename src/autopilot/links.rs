@@ -156,7 +156,7 @@ impl Autopilot {
         Some(framer.signed_frame(message, system_id, &mut self.signing, channel.kind(), now))
     }
 
-    /// The frame of a HEARTBEAT for whoever has no link yet, by which ground stations find the vehicle; signed if there is a key.
+    /// The frame of a HEARTBEAT for stations that have no link yet, by which ground stations find the vehicle; signed if there is a key.
     pub fn heartbeat_frame<'a>(&mut self, framer: &'a mut Framer, kind: LinkKind, now: Instant) -> &'a [u8] {
         let heartbeat = Stream::Heartbeat.build(&self.system_state());
         // The table's range is 1 to 255.

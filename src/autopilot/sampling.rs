@@ -25,7 +25,7 @@ use crate::wifi::Radio;
 pub const SAMPLING_INTERVAL_US: u64 = 100_000;
 
 /// Ticks are due, and readings count as taken, at a whole millisecond: so intervals are nearly always equal, and the
-/// filters need not divide anew.
+/// filters need not divide again.
 pub const SAMPLING_RESOLUTION_US: u64 = 1_000;
 
 /// Index of the motor controller on the serial line, among those on the CAN bus.

@@ -93,7 +93,7 @@ impl Autopilot {
         }
     }
 
-    /// Follows the parameters while disarmed: a radio that is set up anew drops its stations, perhaps the driver.
+    /// Follows the parameters while disarmed: a radio that is set up again drops its stations, perhaps the driver.
     pub(super) fn follow_wifi_parameters(&mut self) {
         if self.vehicle.arm_state() == ArmState::Disarmed && self.wifi.follow(&self.parameters) {
             self.wifi_changed();

@@ -30,7 +30,7 @@ impl Rest {
         }
     }
 
-    /// Starts anew with the next reading.
+    /// Starts over with the next reading.
     pub fn reset(&mut self) {
         self.voltage.reset();
         self.duration_s = 0.0;

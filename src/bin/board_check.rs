@@ -184,7 +184,7 @@ mod board_check {
     /// Whether the check has to end.
     static STOP: AtomicBool = AtomicBool::new(false);
 
-    /// Whoever sits at the terminal.
+    /// The user at the terminal.
     #[derive(Default)]
     struct Terminal {
         /// Lines that were typed; read by a thread, since the board has to be listened to meanwhile.

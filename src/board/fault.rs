@@ -5,7 +5,7 @@
 //! instruction: then, too.
 #![expect(
     unsafe_code,
-    reason = "the vector table finds the handler by its unmangled name, and whoever defines it answers for that"
+    reason = "the vector table finds the handler by its unmangled name, and its definition has to be unique"
 )]
 
 use core::ptr;

@@ -138,7 +138,7 @@ fn counts(share: f32) -> u16 {
     ((share * f32::from(PERIOD_COUNTS)) as u16).min(ALWAYS)
 }
 
-/// Makes the motors roll freely at once, whoever owns them: their pins are taken from the PWM and driven low.
+/// Makes the motors roll freely at once, whichever task owns them: their pins are taken from the PWM and driven low.
 pub(super) fn force_coast() {
     SIO.gpio_out(0).value_clr().write_value(PINS);
     SIO.gpio_oe(0).value_set().write_value(PINS);

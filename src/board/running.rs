@@ -1,5 +1,5 @@
 //! Which task is running, noted where a reset by the watchdog does not reach: a task that never yields can't be recorded
-//! by anybody else.
+//! by other code.
 //!
 //! The notes are in the watchdog's scratch registers 0 and 1. Only power-on and RUN clear them (RP2040 datasheet, 4.7.4),
 //! and the boot ROM needs those two only to restart itself for USB (`reset_to_usb_boot`).

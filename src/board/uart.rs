@@ -29,7 +29,7 @@ use crate::tasks::{ByteSource, ReceiveError, SerialLine};
 /// No interrupt reports that the ring has got a byte.
 const LOOK_INTERVAL: Duration = Duration::from_millis(1);
 
-/// Looks in vain after which the next start bit is waited for. Bytes of a frame follow each other faster.
+/// Fruitless looks after which the next start bit is waited for. Bytes of a frame follow each other faster.
 const LOOKS_IN_SILENCE: u8 = 2;
 
 /// A byte takes 1.04 ms at 9600 baud, the lowest rate there is.

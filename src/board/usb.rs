@@ -42,7 +42,7 @@ const CONTROL_BYTES: usize = 64;
 
 const OBSERVATION_INTERVAL: Duration = Duration::from_millis(OBSERVATION_INTERVAL_MS);
 
-/// How long D+ is let go of, so that every host and hub sees the device leave.
+/// How long the pull-up of D+ is off, so that every host and hub sees the device leave.
 const DETACHED: Duration = Duration::from_millis(100);
 
 type UsbDriver<'d> = Driver<'d, USB>;
@@ -51,7 +51,7 @@ type UsbDriver<'d> = Driver<'d, USB>;
 pub struct UsbPort {
     peripheral: Peri<'static, USB>,
     id: Option<BoardId>,
-    /// How often the device was stuck and has been built anew.
+    /// How often the device was stuck and was rebuilt.
     rebuilds: u32,
 }
 
@@ -66,12 +66,12 @@ impl UsbPort {
     }
 
     /// Puts the serial port on the USB and has `serve` serve one program on the host after the other. A device that is
-    /// stuck is built anew, which the host sees as one that was unplugged and plugged in again.
+    /// stuck is rebuilt, which the host sees as one that was unplugged and plugged in again.
     pub async fn run(&mut self, serve: impl AsyncFn(UsbTransmitter<'_, '_>, UsbReceiver<'_, '_>)) -> ! {
         loop {
             let fault = self.run_until_stuck(&serve).await;
             self.rebuilds = self.rebuilds.saturating_add(1);
-            defmt::warn!("USB: stuck ({}), built anew ({} times)", fault, self.rebuilds);
+            defmt::warn!("USB: stuck ({}), rebuilt ({} times)", fault, self.rebuilds);
             detach().await;
         }
     }

@@ -16,7 +16,7 @@ pub enum Trial<T> {
     NotAsked,
     /// It was asked for; the check ended before.
     NotReached,
-    /// What came of it.
+    /// Its result.
     Done(T),
 }
 
@@ -66,7 +66,7 @@ pub struct KeptTrial {
     pub new: f32,
     /// What the board answered to that.
     pub answered: Option<f32>,
-    /// What came of the restart.
+    /// Result of the restart.
     pub restarted: Option<Restarted>,
     /// What was read after it.
     pub read: Option<f32>,
@@ -79,7 +79,7 @@ pub struct KeptTrial {
 pub struct FaultTrial {
     /// When it was asked for.
     pub asked_at: Instant,
-    /// What came of it.
+    /// Its result.
     pub restarted: Option<Restarted>,
 }
 
@@ -134,7 +134,7 @@ impl MotorStep {
     }
 }
 
-/// What came of a motor step.
+/// Result of a motor step.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum StepResult {
     /// The owner has seen these wheels turn this way, and no other.

@@ -1,7 +1,7 @@
 //! Checks a board over MAVLink, as any ground station could, and writes a report (host only).
 //!
 //! [`run()`] goes through the procedures: they listen, ask, set, restart and drive, and leave evidence. Each row of
-//! [`CHECKS`] judges that evidence, without I/O and without a clock, and [`Report`] has what came of it. Bytes, time and
+//! [`CHECKS`] judges that evidence, without I/O and without a clock, and [`Report`] has the result. Bytes, time and
 //! the owner's answers come through [`Port`] and [`Owner`], so that tests need no wall time.
 
 mod checks;

@@ -41,7 +41,7 @@ pub enum Answer {
     Unavailable,
 }
 
-/// Whoever runs the check.
+/// The user who runs the check.
 pub trait Owner {
     /// Shows a line.
     fn show(&mut self, line: &str);

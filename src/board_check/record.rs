@@ -37,7 +37,7 @@ pub struct RoundTrip {
     pub took_us: Option<u64>,
 }
 
-/// Why the board started anew.
+/// Why the board restarted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StartCause {
     /// It was asked to restart.

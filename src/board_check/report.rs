@@ -6,7 +6,7 @@ use super::checks::{Check, Outcome, judge_all};
 use super::evidence::Evidence;
 use super::record::Text;
 
-/// What came of all checks.
+/// Result of all checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// No check failed. What was not measured has not passed either.
@@ -17,7 +17,7 @@ pub enum Verdict {
     NotConnected,
 }
 
-/// What came of each check.
+/// Result of each check.
 #[derive(Clone, Debug)]
 pub struct Report {
     rows: Vec<(&'static Check, Outcome)>,
@@ -44,12 +44,12 @@ impl Report {
         }
     }
 
-    /// What came of all checks.
+    /// Result of all checks.
     pub fn verdict(&self) -> Verdict {
         self.verdict
     }
 
-    /// Each check and what came of it.
+    /// Each check and its result.
     pub fn rows(&self) -> &[(&'static Check, Outcome)] {
         &self.rows
     }

@@ -37,7 +37,7 @@ pub enum Interruption {
     Lost,
 }
 
-/// What came of a restart.
+/// Result of a restart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Restarted {
     /// The board runs again; how long that took, in µs.
@@ -177,7 +177,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Sends a command and waits for what came of it; `None` without an answer.
+    /// Sends a command and waits for its result; `None` without an answer.
     ///
     /// # Errors
     /// The check has to end.
@@ -325,7 +325,7 @@ impl<'a> Session<'a> {
             .map_err(|PortClosed| Interruption::Lost)?;
         match self.expected_start {
             StartCause::Unrequested => self.record.port_losses.push(at),
-            // The line went with the program, so this is the restart. Whether its time began anew no longer matters.
+            // The line went with the program, so this is the restart. Whether its time started over no longer matters.
             cause @ StartCause::Requested => {
                 let at = self.port.now();
                 self.record.starts.push(Start { at, cause });

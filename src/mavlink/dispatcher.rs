@@ -30,7 +30,7 @@ use crate::time::Instant;
 use crate::vehicle::Vehicle;
 use crate::wifi::{WifiCredentials, WifiMode};
 
-/// What came of a received message, for whoever runs the link.
+/// Result of handling a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Event {
@@ -161,7 +161,7 @@ pub(super) struct Context<'a> {
 }
 
 impl Context<'_> {
-    /// Whether whoever sent `frame` may do what it asks for.
+    /// Whether the sender of `frame` may do what it asks for.
     fn permits(&mut self, request: &Request<'_>, frame: &ReceivedFrame<'_>) -> bool {
         let accepted = AcceptUnsigned::on(self.link, self.changeable.parameters);
         let signing = &mut *self.changeable.signing;
@@ -170,7 +170,7 @@ impl Context<'_> {
         let replaces_lost_key = matches!(request, Request::SetUpSigning(_))
             && self.link == LinkKind::Direct
             && signing.has_lost_key();
-        // A password is nothing that whoever is near may set, not even without a key.
+        // Over radio a password needs a signature, even without a key.
         let needs_proof = matches!(request, Request::WifiConfig(_)) && self.link != LinkKind::Direct;
         if needs_proof && authenticity != Authenticity::Proven {
             return false;
@@ -382,7 +382,7 @@ fn execute(
     }
 }
 
-/// What came of a request for files.
+/// Result of a request for files.
 fn file_served(event: FileEvent, downloads: &mut Downloads, now: Instant, mut replies: Replies<'_>) -> Event {
     match event {
         FileEvent::Served => Event::Answered,
@@ -413,7 +413,7 @@ fn explain_refusal(
     }
 }
 
-/// What came of setting up signing. There is no acknowledgement in MAVLink, so a text says it.
+/// Result of setting up signing. There is no acknowledgement in MAVLink, so a text says it.
 fn signing_set_up(result: Result<SigningChange, SetupRefused>, mut replies: Replies<'_>) -> Event {
     match result {
         Ok(change) => Event::SigningSetUp(change),
@@ -424,7 +424,7 @@ fn signing_set_up(result: Result<SigningChange, SetupRefused>, mut replies: Repl
     }
 }
 
-/// What came of setting up Wi-Fi. Ground stations are sent the parameter that it has set.
+/// Result of setting up Wi-Fi. Ground stations are sent the parameter that it has set.
 fn wifi_set_up(
     result: Result<WifiMode, WifiRefused>,
     parameters: &Parameters,
@@ -439,7 +439,7 @@ fn wifi_set_up(
     }
 }
 
-/// What came of a request for WIFI_CONFIG_AP, which a board without a radio has not.
+/// Result of a request for WIFI_CONFIG_AP, which a board without a radio has not.
 fn wifi_requested(command: u16, report: Option<Message>, from: Peer, mut replies: Replies<'_>) -> Event {
     let (result, event) = match report {
         Some(_) => (MavResult::MAV_RESULT_ACCEPTED, Event::Answered),
@@ -450,7 +450,7 @@ fn wifi_requested(command: u16, report: Option<Message>, from: Peer, mut replies
     event
 }
 
-/// What came of a control message.
+/// Result of a control message.
 fn controlled(driving: Driving) -> Event {
     match driving {
         Driving::Obeyed => Event::Driven,
@@ -458,7 +458,7 @@ fn controlled(driving: Driving) -> Event {
     }
 }
 
-/// What came of a command to the vehicle.
+/// Result of a command to the vehicle.
 fn driven(command: u16, result: MavResult) -> Event {
     match result {
         MavResult::MAV_RESULT_ACCEPTED => Event::Driven,

@@ -93,7 +93,7 @@ impl Outbox {
     /// Posts an answer.
     ///
     /// # Errors
-    /// There is no room; the answer is dropped, and whoever asked will ask again.
+    /// There is no room; the answer is dropped, and the sender will ask again.
     pub fn reply(&mut self, message: Message) -> Result<(), NoRoom> {
         self.replies.push_back(message).map_err(|_| NoRoom)
     }

@@ -163,7 +163,7 @@ impl Parameters {
         }
     }
 
-    /// Sets the live value, and marks it to be saved unless flash holds the same. A trigger stays at 0: whoever sets it acts
+    /// Sets the live value, and marks it to be saved unless flash holds the same. A trigger stays at 0: the service that sets it acts
     /// on it if it [`triggers`].
     ///
     /// # Errors

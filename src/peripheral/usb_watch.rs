@@ -1,6 +1,6 @@
 //! Whether the USB device is stuck, by what its controller shows.
 //!
-//! Two things leave it stuck until it is built anew: a host that drops a control transfer halfway, because the driver waits
+//! Two things leave it stuck until it is rebuilt: a host that drops a control transfer halfway, because the driver waits
 //! for that transfer's end without looking at what comes instead; and a bus error at the wrong moment, after which the
 //! controller itself does nothing more (erratum RP2040-E15).
 

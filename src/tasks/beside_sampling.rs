@@ -1,4 +1,4 @@
-//! Work that stands back while the packs are sampled.
+//! Defers other work while the packs are sampled.
 
 use core::future::{Future, poll_fn};
 use core::pin::Pin;

@@ -133,7 +133,7 @@ impl<'a> Link<'a> {
     }
 }
 
-/// What came of looking for something to read.
+/// Result of looking for something to read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LogReading {
     /// No download needs anything.

@@ -34,7 +34,7 @@ impl Port {
         self.is_connected()
     }
 
-    /// At most `limit` bytes of the client. One that is gone is let go of.
+    /// At most `limit` bytes of the client. One that is gone is dropped.
     pub fn read(&mut self, limit: usize) -> Vec<u8> {
         let read = self.client.as_mut().map(|client| client.read(limit));
         self.keep_if(read)

@@ -1,4 +1,4 @@
-//! Restarting into the boot ROM's USB boot loader, to be flashed anew without the button.
+//! Restarting into the boot ROM's USB boot loader, to be flashed again without the button.
 
 use crate::bench::{Bench, SECOND, value_of};
 use crate::lamps::{LAMPS, decode};

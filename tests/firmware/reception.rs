@@ -146,7 +146,7 @@ fn bytes_lost_in_the_longest_erase_are_counted_and_the_link_recovers() {
     assert!(bench.resets().is_empty());
 }
 
-/// Long enough for the count of what was received to begin anew.
+/// Long enough for the count of received bytes to wrap.
 const FULL_RATE_US: u64 = 3200 * MILLISECOND;
 
 #[test]

@@ -96,7 +96,7 @@ fn the_motors_coast_from_reset_until_the_rover_is_armed() {
         );
     }
     assert!(is_coasting(&bench));
-    // The throttle is let go of.
+    // The throttle is released.
     bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     bench.ask(&arm());
     bench.run_for(100 * MILLISECOND);
@@ -262,7 +262,7 @@ fn the_smallest_firmware_drives_by_gamepad_and_stops_without_it() {
     let mut bench = Bench::power_up_example("mavlink_rc_control");
     bench.run_for(SECOND);
     assert!(is_coasting(&bench));
-    // The throttle is let go of.
+    // The throttle is released.
     bench.ask(&manual_control(VEHICLE_ID, 0, 0));
     bench.ask(&arm());
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));

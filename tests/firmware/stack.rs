@@ -124,7 +124,7 @@ fn three_tenths_of_the_stack_stay_free_under_the_heaviest_load() {
     assert_eq!(bench.logged(LogLevel::Warn, "USB: stuck").len(), 1);
     assert_free(
         &mut bench,
-        "the same with a second ground station by USB, once built anew",
+        "the same with a second ground station by USB, once rebuilt",
     );
 
     bench.adc_fault(AdcFault::Stalled);

@@ -75,7 +75,7 @@ fn assert_uart_undisturbed(frames: &[Frame]) {
     }
 }
 
-/// Panics if there was a warning but for the device being built anew, and for telemetry that the host did not fetch.
+/// Panics if there was a warning but for the device being rebuilt, and for telemetry that the host did not fetch.
 fn assert_nothing_else(bench: &Bench) {
     let mut warnings = bench.logged(LogLevel::Warn, "");
     warnings.retain(|(_, text)| !text.contains(REBUILT) && !text.contains(NOT_FETCHED));

@@ -281,7 +281,7 @@ class MissionPlanner:
             self.last_spoken_message = message.text
 
     def show(self, text, at, severity=None):
-        # read: CurrentState.cs, messageHigh: the time is set anew each time, the severity only if the text changed.
+        # read: CurrentState.cs, messageHigh: the time is set each time, the severity only if the text changed.
         if text != self.shown_message(at):
             self.message = Text(text, mavlink.MAV_SEVERITY_EMERGENCY)
         if severity is not None:

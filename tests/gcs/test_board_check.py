@@ -36,7 +36,7 @@ def board_check(port, report, *arguments, answers=""):
 
 
 def rows(report):
-    """What came of each check by the report."""
+    """Result of each check by the report."""
     cells = (line.split(" | ") for line in report.read_text().splitlines() if line.startswith("| "))
     return {row[0].removeprefix("| "): row[1] for row in cells}
 

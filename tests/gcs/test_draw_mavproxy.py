@@ -1,4 +1,4 @@
-"""The picture of a session with MAVProxy can be drawn anew."""
+"""The picture of a session with MAVProxy can be drawn again."""
 
 import re
 from xml.etree import ElementTree

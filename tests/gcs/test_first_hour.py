@@ -1,6 +1,6 @@
 """A newcomer's way, from `git clone` to a failsafe in a ground station. What is typed and what is expected is the pages'.
 
-The clone takes what cargo has built from the same files: to compile everything anew shows nothing of the way, and takes
+The clone takes what cargo has built from the same files: to compile everything again shows nothing of the way, and takes
 minutes. `.ci/documented_commands.py --empty-target README.md` does.
 """
 

@@ -173,7 +173,7 @@ class Recorded:
 
 @pytest.fixture(scope="session")
 def recordings():
-    """The folder with what boards sent, made anew."""
+    """The folder with what boards sent, made again."""
     folder = REPOSITORY / "target" / "tmp" / "shown"
     shutil.rmtree(folder, ignore_errors=True)
     subprocess.run(["cargo", "test", "--quiet", "--test", "firmware", "shown::"], cwd=REPOSITORY, check=True)

@@ -30,7 +30,7 @@ const OWNER: u8 = 7;
 
 const NOT_WHILE_ARMED: &str = "Not while armed: disarm first";
 
-/// A capacity that is set in vain if power is lost before disarming.
+/// A capacity that is lost if power is lost before disarming.
 const CAPACITY: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::Capacity);
 
 /// The three regions of a vehicle's flash.

@@ -339,7 +339,7 @@ impl TamperedLine {
         self.on_the_way.push((self.board.now_us + delay_us, frame));
     }
 
-    /// What arrives: numbered anew, so that what was not lost on the way is not missing.
+    /// What arrives, renumbered, so that what was not lost on the way is not missing.
     fn arrive(&mut self) -> Vec<u8> {
         let now_us = self.board.now_us;
         let (arrived, on_the_way): (Vec<_>, _) =

@@ -140,7 +140,7 @@ fn what_does_not_fit_is_not_used() {
     ] {
         let mut desk = desk_with(&[Pack::First]);
         desk.autopilot.learnt_read(of(Pack::First, None), stored);
-        assert_eq!(job(&mut desk), None, "it starts anew");
+        assert_eq!(job(&mut desk), None, "it starts over");
         assert_eq!(value(&mut desk, "BATT_LRN_CAP"), 0.0);
     }
 }

@@ -34,7 +34,7 @@ const OLD: u8 = 6;
 const OWNER: u8 = 7;
 
 const KEY_SET: &str = "Signing key set";
-const KEY_REMOVED: &str = "Signing key removed: commands are taken from anybody";
+const KEY_REMOVED: &str = "Signing key removed: commands are accepted from anyone";
 const KEY_LOST: &str = "Signing key lost, commands locked: set up by USB";
 const NOT_SAVED: &str = "Signing not saved: set it up again after a restart";
 

@@ -421,7 +421,7 @@ fn a_report_is_announced_once_until_the_radio_does_what_it_should() {
     }
     desk.ask(&param_set("WIFI_MODE", 1.0));
     let texts = announced(&mut desk, NoAnswer);
-    assert_eq!(texts, ["Wi-Fi radio does not answer"], "it was set up anew");
+    assert_eq!(texts, ["Wi-Fi radio does not answer"], "it was set up again");
     assert_eq!(announced(&mut desk, AccessPointUp), ["Wi-Fi access point on"]);
     assert_eq!(announced(&mut desk, NoAnswer), ["Wi-Fi radio does not answer"]);
 }

@@ -121,7 +121,7 @@ impl Desk {
         self.autopilot.drive(self.now()).drives
     }
 
-    /// Delivers bytes in chunks of `chunk` and returns what came of them.
+    /// Delivers bytes in chunks of `chunk` and returns the result.
     pub fn receive_in_chunks(&mut self, bytes: &[u8], chunk: usize) -> Vec<Event> {
         let mut events = Vec::new();
         for mut part in bytes.chunks(chunk) {

@@ -22,7 +22,7 @@ const LISTED_EVENTS: usize = 20;
 pub struct Summary<'a> {
     /// What was replayed.
     pub trace: &'a Trace,
-    /// What came of it.
+    /// Its result.
     pub rows: &'a [Row],
     /// Which pack it is of.
     pub pack: Pack,

@@ -44,7 +44,7 @@ fn judge_restarts(evidence: &Evidence) -> Outcome {
     }
     outcome(
         measured,
-        (unrequested > 0).then_some("The board started anew without being asked."),
+        (unrequested > 0).then_some("The board restarted without being asked."),
     )
 }
 

@@ -9,7 +9,7 @@ pub(super) struct Timing {
     pub name: &'static str,
     /// By its rate.
     pub interval_us: f64,
-    /// As measured, except where the board has started anew.
+    /// As measured, except where the board has restarted.
     pub measured_us: Vec<f64>,
 }
 

@@ -21,7 +21,7 @@ const OPCODE_NAK: u8 = 129;
 pub struct FileAnswerHeader {
     /// Who had asked.
     pub to: Peer,
-    /// The system id that the request was addressed to: whoever asked expects the answer from it, also when the request has
+    /// The system id that the request was addressed to: the sender expects the answer from it, also when the request has
     /// changed it.
     pub sender_system: u8,
     /// The answer's sequence number: the request's plus one, and so on for more answers to one request.
@@ -84,7 +84,7 @@ pub struct FileAnswer {
     pub burst: Burst,
     /// The place in the file, in bytes, or in the list.
     pub offset: u32,
-    /// What came of the request.
+    /// Result of the request.
     pub outcome: FileOutcome,
 }
 

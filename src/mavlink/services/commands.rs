@@ -101,7 +101,7 @@ impl RequestedStreams {
     }
 }
 
-/// What came of a command.
+/// Result of a command.
 #[derive(Debug, PartialEq)]
 pub(in crate::mavlink) struct Outcome {
     pub result: MavResult,

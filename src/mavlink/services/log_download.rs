@@ -1,7 +1,7 @@
 //! The log protocol: LOG_REQUEST_LIST, LOG_REQUEST_DATA, LOG_REQUEST_END and LOG_ERASE.
 //!
 //! A file's id is its place in the list, from 1: ground stations take the ids 1 to `num_logs` for granted. A list of
-//! everything (up to 65535) numbers the files anew, and nothing else does: when the oldest file is dropped afterwards, the
+//! everything (up to 65535) renumbers the files, and nothing else does: when the oldest file is dropped afterwards, the
 //! others keep their ids until the next such list, and the id of the dropped one is unknown.
 
 use crate::mavlink::dialect::{LOG_DATA_DATA, LOG_ENTRY_DATA};
@@ -143,7 +143,7 @@ impl LogDownload {
     /// LOG_REQUEST_LIST.
     ///
     /// # Errors
-    /// Another station is downloading: what it downloads must not be numbered anew.
+    /// Another station is downloading: what it downloads must not be renumbered.
     pub fn list(
         &mut self,
         request: &LogListRequest,

@@ -21,7 +21,7 @@ impl SigningChange {
     pub fn text(self) -> &'static str {
         match self {
             Self::KeySet => "Signing key set",
-            Self::KeyRemoved => "Signing key removed: commands are taken from anybody",
+            Self::KeyRemoved => "Signing key removed: commands are accepted from anyone",
         }
     }
 }

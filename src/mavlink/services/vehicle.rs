@@ -50,7 +50,7 @@ impl VehicleService<'_> {
         [ARM_DISARM, RUN_PREARM_CHECKS, DO_SET_MODE].contains(&number)
     }
 
-    /// Does what a command asks of the rover, says why if it can't, and answers what came of it.
+    /// Does what a command asks of the rover, says why if it can't, and answers with its result.
     pub fn execute(&mut self, command: &Command, replies: &mut Replies<'_>) -> MavResult {
         match command.number {
             ARM_DISARM if command.param1 == ARM && self.is_late() => refuse_late(replies),
@@ -154,7 +154,7 @@ impl VehicleService<'_> {
     }
 }
 
-/// What came of a control message.
+/// Result of a control message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mavlink) enum Driving {
     /// The sticks are where it says.

@@ -5,7 +5,7 @@ use crate::time::Instant;
 
 pub(super) const US_PER_TICK: u64 = 10;
 
-/// A clock that never goes back and follows whoever is ahead.
+/// A clock that never goes back and follows the latest sender.
 #[derive(Clone, Debug)]
 pub(super) struct SigningClock {
     at_boot: Timestamp,

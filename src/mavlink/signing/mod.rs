@@ -1,7 +1,7 @@
 //! Message signing: who may command the vehicle, and proof that it is the vehicle that reports.
 //!
 //! A signed frame carries 13 more bytes: a number for the link, a [`Timestamp`] that only ever grows, and the start of the
-//! SHA-256 of a shared [`SigningKey`] and everything before (MAVLink's message signing, version 1). Whoever has heard such a
+//! SHA-256 of a shared [`SigningKey`] and everything before (MAVLink's message signing, version 1). A receiver of such a
 //! frame can't make another one, and sending it once more does not work either.
 //!
 //! While there is no key, everything is accepted and nothing is signed.
@@ -47,7 +47,7 @@ pub struct Signing {
 /// Who may do what.
 #[derive(Clone, Debug)]
 enum Protection {
-    /// There is no key: anybody anything.
+    /// No key: everything is accepted.
     Off,
     Key(SigningKey),
     /// There was a key, and it can't be read any more. No sender has the right one until another is set up.

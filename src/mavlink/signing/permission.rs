@@ -9,9 +9,9 @@ pub enum LinkKind {
     /// A cable to a person who has the vehicle in hand: USB, and TCP in the simulator. The only kind on which
     /// signing can be set up.
     Direct,
-    /// Whoever is near enough is at the other end: the telemetry port, and UDP in the simulator.
+    /// Anyone near is at the other end: the telemetry port, and UDP in the simulator.
     Radio,
-    /// Whoever is in the same Wi-Fi network is at the other end: UDP and TCP on the board.
+    /// Anyone in the same Wi-Fi network is at the other end: UDP and TCP on the board.
     Wifi,
 }
 

@@ -4,7 +4,7 @@ pub(super) const BYTES: usize = 6;
 
 /// The time in a signature: tens of microseconds since the start of 2015, UTC, in 48 bits.
 ///
-/// Here it is more of a counter: the board has no calendar, and follows whoever has.
+/// Here it is more of a counter: the board has no calendar, and follows those that have one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Timestamp(u64);
 

@@ -28,7 +28,7 @@ pub use wiring::Wiring;
 
 use crate::battery::BusError;
 
-/// The wires to the parts. Transfers must end: whoever implements the buses bounds the wait and frees one that hangs.
+/// The wires to the parts. Transfers must end: the implementation bounds the wait and frees one that hangs.
 pub trait SensorBus {
     /// Writes `written`, then reads, without letting go in between.
     ///

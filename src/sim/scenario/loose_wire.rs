@@ -40,7 +40,7 @@ pub const LOOSE_WIRE: Scenario = Scenario {
         },
         Step {
             at_s: 35,
-            what: "the wire is put back, and the driver lets go of the throttle",
+            what: "the wire is put back, and the driver releases the throttle",
             actions: &[Action::Set("SIM_BATT_FAULT", 0.0), Action::Throttle(0)],
         },
         Step {

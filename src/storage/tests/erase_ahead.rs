@@ -61,7 +61,7 @@ fn prepared_sector_takes_a_move_without_an_erase_and_then_there_is_none() {
     flash.prepare().unwrap();
     let before = erases(&flash);
     let mut storage = flash.storage();
-    // Three records are moved, one of them anew.
+    // Three records are moved, one of them a second time.
     for value in 100..100 + SMALL_SLOTS - 2 {
         assert_eq!(block_on(storage.store(0, value, &forbidden)), Ok(Stored::Written));
         expected.insert(0, value);

@@ -231,7 +231,7 @@ impl Board {
         self.bus.soc.adc.take_record()
     }
 
-    /// Put a level on a pin, or let go of it, from now on. What is scheduled comes all the same.
+    /// Put a level on a pin, or release it, from now on. What is scheduled comes all the same.
     pub fn drive_pin(&mut self, pin: usize, wire: PinWire) {
         self.bus.soc.gpio.advance(self.bus.now);
         self.bus.soc.gpio.connect(pin, wire);
@@ -377,7 +377,7 @@ impl Board {
         start - deepest.unwrap_or(start)
     }
 
-    /// Look for the deepest stack anew from here on, and paint what is free of it now.
+    /// Restart the search for the deepest stack, and paint what is free of it now.
     pub fn forget_stack_use(&mut self) {
         self.lowest_stack_pointer = u32::MAX;
         for address in (self.symbol("_stack_end")..self.register(STACK_POINTER)).step_by(4) {

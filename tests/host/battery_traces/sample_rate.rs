@@ -34,7 +34,7 @@ impl Start {
     fn tolerance_pct(self) -> f64 {
         match self {
             Self::AtRest | Self::UnderLoad => 0.6,
-            // The voltage of another block starts the estimate anew.
+            // The voltage of another block restarts the estimate.
             Self::WrongReset => 2.0,
         }
     }

@@ -27,7 +27,7 @@ const ARMED_US: u64 = 4_000 * MILLISECOND;
 /// More sectors are erased while the file still grows.
 const DISARMED_US: u64 = 500 * MILLISECOND;
 
-/// The logs are looked for, and an erase that was cut is done anew.
+/// The logs are looked for, and an erase that was cut is repeated.
 const RESTART_US: u64 = 400 * MILLISECOND;
 
 /// What may be lost.

@@ -70,7 +70,7 @@ fn wait_for_channel(bench: &mut Bench, air: &mut Air, channel: u8, within_us: u6
     assert!(is_up, "channel {channel}: {:?}", bench.log_lines());
 }
 
-/// The next start waits in vain for a program with flipped bits, and is dropped while it asks for it.
+/// The next start waits for a program with flipped bits, and is dropped while it asks for it.
 fn fail_a_start(bench: &mut Bench, air: &mut Air) {
     bench
         .wifi()

@@ -7,7 +7,7 @@ use crate::support::frames::{TIMESYNC, assert_no_sequence_gap, of_message};
 use crate::support::requests::timesync;
 use emulator::LogLevel;
 
-/// Counts of the timer at which a number of 32 bits begins anew.
+/// Counts of the timer at which a number of 32 bits wraps.
 pub const WRAPS_US: [u64; 2] = [1 << 32, (1 << 32) * MILLISECOND];
 
 /// A task that has not been seen yet counts as seen at 0, which was long ago on a board whose counter did not start there. The

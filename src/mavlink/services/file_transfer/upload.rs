@@ -80,7 +80,7 @@ struct Expected {
     bytes: u16,
 }
 
-/// What came of a block.
+/// Result of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Written {
     /// It was taken, now or before.

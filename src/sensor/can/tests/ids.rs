@@ -191,7 +191,7 @@ fn late_or_foreign_parts_get_nothing() {
     bench.sent();
     bench.receive(&parts[2..]);
     assert_eq!(bench.sent(), [], "too late");
-    // A second node in between starts anew.
+    // A second node in between starts over.
     bench.receive(&parts[..1]);
     bench.receive(&requests([8; 16], 0)[..1]);
     bench.receive(&parts[1..]);

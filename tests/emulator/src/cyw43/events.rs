@@ -17,7 +17,7 @@ pub enum Kind {
     EscanResult = 69,
 }
 
-/// What came of it.
+/// Its result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
     Success = 0,
@@ -25,7 +25,7 @@ pub enum Status {
     Abort = 4,
     /// Of [`Kind::PskSup`]: the keys are there.
     Keyed = 6,
-    /// Of [`Kind::EscanResult`]: more follow. Of [`Kind::PskSup`]: waited for a message of the key exchange in vain.
+    /// Of [`Kind::EscanResult`]: more follow. Of [`Kind::PskSup`]: no message of the key exchange came.
     Partial = 8,
 }
 

@@ -41,7 +41,7 @@ impl I2cDevice for Neighbours {
         self.0.iter_mut().for_each(|device| device.stop());
     }
 
-    /// SCL rises when the slowest has let go of it.
+    /// SCL rises when the slowest has released it.
     fn stretch(&mut self) -> Cycle {
         self.0
             .iter_mut()

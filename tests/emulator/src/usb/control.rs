@@ -119,7 +119,7 @@ enum Stage {
     Status,
 }
 
-/// What came of a transaction.
+/// Result of a transaction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Step {
     /// It took so many bytes of data, and the transfer goes on.

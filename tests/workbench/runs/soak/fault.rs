@@ -114,7 +114,7 @@ impl Fault {
             // A voltage that no cell has is a spike, and a pack with one is not well for a second after the last of them.
             packs::ON_ADC if self == Self::AdcGlitches => 1_700 * MILLISECOND,
             packs::ON_ADC => 1_200 * MILLISECOND,
-            // A part that has failed is left in peace for 200 ms, and is set up anew.
+            // A part that has failed is left in peace for 200 ms, and is set up again.
             _ => 1_500 * MILLISECOND,
         }
     }
@@ -172,7 +172,7 @@ impl Fault {
     /// Those that can come while another one lasts.
     pub const SUDDEN: [Self; 3] = [Self::BrownOut, Self::RunPin, Self::ProgramHangs];
 
-    /// Whether the board starts anew with it.
+    /// Whether the board restarts with it.
     pub fn restarts(self) -> bool {
         self.hits() == packs::ALL
     }

@@ -53,7 +53,7 @@ impl Rig {
         }
     }
 
-    /// Time of a fault that lasts; in one of four the board starts anew in it.
+    /// Time of a fault that lasts; in one of four the board restarts in it.
     fn last(&mut self) {
         let length_us = 200 * MILLISECOND + self.random.below(6_000_000) as u64;
         self.run_for(length_us);

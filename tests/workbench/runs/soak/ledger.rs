@@ -54,7 +54,7 @@ impl Ledger {
         });
     }
 
-    /// The board starts anew: what was not saved is gone.
+    /// The board restarts: what was not saved is gone.
     pub fn restart(&mut self, at_us: u64) {
         self.started_us = at_us;
         let settings = self.entries.values_mut().flat_map(|entry| &mut entry.since);

@@ -143,7 +143,7 @@ fn a_value_that_is_set_meanwhile_moves_nothing_and_is_in_one_block() {
             let listed = parameters.listed_count();
             let _ = parameters.set(id, value + 1.0);
             if parameters.listed_count() != listed {
-                // What it sets up is in use now: a file that is read begins anew.
+                // What it sets up is in use now: reading a file starts over.
                 let _ = parameters.set(id, value);
                 continue;
             }
