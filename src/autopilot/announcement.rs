@@ -195,7 +195,7 @@ impl Announcement<'_> {
         fitting(format_args!("{self}"))
     }
 
-    /// The text, after so many of its kind were left out.
+    /// The text, after this many of its kind were left out.
     pub(super) fn text_after(&self, left_out: u16) -> AnnouncementText {
         match left_out {
             0 => self.text(),

@@ -30,9 +30,9 @@ struct Used {
 /// Whether an announcement may be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Permission {
-    /// It may, after so many of its kind were left out.
+    /// It may, after this many of its kind were left out.
     Allowed { left_out: u16 },
-    /// It is left out, as were so many before it.
+    /// It is left out, as were this many before it.
     LeftOut { before: u16 },
 }
 

@@ -73,7 +73,7 @@ impl<T> Place<T> {
 pub(super) enum Next<'a> {
     /// An announcement.
     Announced(&'a Announced),
-    /// So many that are not kept any more.
+    /// The number of those that are not kept any more.
     Lost(u32),
 }
 

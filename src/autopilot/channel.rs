@@ -65,7 +65,7 @@ impl Channel {
         self.endpoint.push(bytes)
     }
 
-    /// So many frames were lost on their way to the wire.
+    /// This many frames were lost on their way to the wire.
     pub fn count_lost(&mut self, frames: u32) {
         self.endpoint.count_lost(frames);
     }

@@ -31,7 +31,7 @@ pub const SAMPLING_RESOLUTION_US: u64 = 1_000;
 /// Index of the motor controller on the serial line, among those on the CAN bus.
 const SERIAL_CONTROLLER: u8 = 0;
 
-/// One in so many of an unhealthy pack's failed reads is logged.
+/// One in this many of an unhealthy pack's failed reads is logged.
 const LOGGED_FAILURE: u32 = 10;
 
 /// Once a second what has to survive a reset is recorded, and the arming checks run. Not in the same tick: together they

@@ -18,7 +18,7 @@ const MIN_AVERAGE_LOAD_A: f32 = 0.01;
 const MAX_SIGMA_TO_START: f32 = 0.25;
 const MAX_SIGMA_TO_CONTINUE: f32 = 0.27;
 
-/// Bounds of the state of charge are so many standard deviations away.
+/// Standard deviations from the state of charge to its bounds.
 const BOUND_SIGMAS: f32 = 2.0;
 
 const AH_PER_MAH: f32 = 0.001;

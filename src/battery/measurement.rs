@@ -258,7 +258,7 @@ pub enum Amount {
 const _: () = assert!(size_of::<Option<Amount>>() == size_of::<Option<f32>>());
 
 impl Amount {
-    /// So many milliampere-hours of charge, or millilitres of fuel.
+    /// This many milliampere-hours of charge, or millilitres of fuel.
     pub fn of(contents: Contents, number: f32) -> Self {
         match contents {
             Contents::Charge => Self::Mah(number),

@@ -48,7 +48,7 @@ On a terminal the last line is updated in place; `2> log.txt` takes the log, NO_
         #[arg(long, value_name = "FACTOR", value_parser = speedup)]
         speedup: Option<f64>,
 
-        /// End after so many seconds of simulated time
+        /// End after this many seconds of simulated time
         #[arg(long = "for", value_name = "SECONDS")]
         run_for_s: Option<u32>,
 

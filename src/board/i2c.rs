@@ -16,7 +16,7 @@ use crate::sensor::I2cBus;
 /// SMBus lets a device hold the clock for 25 ms and has it give up after 35 ms (T_TIMEOUT).
 const TIMEOUT: Duration = Duration::from_millis(35);
 
-/// A device that waits for the rest of a byte releases SDA within so many clocks (I2C specification UM10204, 3.1.16).
+/// A device that waits for the rest of a byte releases SDA within this many clocks (I2C specification UM10204, 3.1.16).
 const RECOVERY_CLOCKS: usize = 9;
 
 /// 100 kHz, which every device stands.

@@ -21,7 +21,7 @@ pub enum Multimeter {
     None,
     /// The owner is asked.
     Ask,
-    /// So many volts.
+    /// This many volts.
     Shows(f32),
 }
 

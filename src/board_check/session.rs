@@ -144,7 +144,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Listens for so many µs.
+    /// Listens for this many µs.
     ///
     /// # Errors
     /// The check has to end.
@@ -153,7 +153,7 @@ impl<'a> Session<'a> {
         self.listen_until(deadline)
     }
 
-    /// Waits for a message from now on in which `find` finds something, for so many µs.
+    /// Waits for a message from now on in which `find` finds something, for this many µs.
     ///
     /// # Errors
     /// The check has to end.

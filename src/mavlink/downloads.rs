@@ -5,7 +5,7 @@ use super::services::log_download::{LogDownload, LogRead, Step};
 use super::{Message, Outgoing, SystemState};
 use crate::parameter::Parameters;
 
-/// While a download runs, so many of its messages leave for each message of a stream.
+/// While a download runs, this many of its messages leave for each message of a stream.
 const SHARE: u8 = 24;
 
 /// Whose turn it is when both a download and a stream could send.

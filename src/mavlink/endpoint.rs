@@ -21,7 +21,7 @@ use crate::pack::Pack;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::time::Instant;
 
-/// A few messages dropped may be a hiccup; so many are a link that is too slow.
+/// A few dropped messages may be a hiccup; this many mean a link that is too slow.
 const DROPS_UNTIL_SHORTFALL: u32 = 10;
 
 /// Our end of one link. Bytes and times come in, messages and events come out; the wire is not part of it.
@@ -227,7 +227,7 @@ impl Endpoint {
         self.outbox.is_empty()
     }
 
-    /// Whether an announcement of so many bytes can be said now, without losing a part of it, and without taking the room
+    /// Whether an announcement of this many bytes can be said now, without losing a part of it, and without taking the room
     /// that is left for answers.
     pub fn has_room_to_announce(&self, text_bytes: usize) -> bool {
         self.outbox.room_for_announcements() >= chunks_of(text_bytes)
@@ -273,7 +273,7 @@ impl Endpoint {
         self.parser.push(bytes)
     }
 
-    /// So many frames were lost on their way to the wire.
+    /// This many frames were lost on their way to the wire.
     pub fn count_lost(&mut self, frames: u32) {
         self.dropped = self.dropped.wrapping_add(frames);
     }

@@ -27,7 +27,7 @@ pub enum Interval {
     Default,
     /// Never.
     Off,
-    /// Every so many microseconds.
+    /// At this interval, in microseconds.
     Every(u64),
 }
 

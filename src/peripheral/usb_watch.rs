@@ -7,7 +7,7 @@
 /// How long the device has between two observations, at least, to do what is waiting for it.
 pub const OBSERVATION_INTERVAL_MS: u64 = 100;
 
-/// So many observations in a row have to look stuck. They are counted, not timed: what holds up the device, as an erase of
+/// This many observations in a row have to look stuck. They are counted, not timed: what holds up the device, as an erase of
 /// flash does, holds up the observations, too.
 const PATIENCE: u8 = 5;
 

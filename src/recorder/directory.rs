@@ -66,7 +66,7 @@ impl Directory {
         }
     }
 
-    /// The newest file has grown by so many bytes.
+    /// The newest file has grown by this many bytes.
     pub fn grow(&mut self, bytes: u32) {
         if let Some(file) = self.files.last_mut() {
             file.bytes += bytes;
@@ -104,7 +104,7 @@ impl Directory {
         Some(self.first.get(index)? + bytes / PAYLOAD_BYTES)
     }
 
-    /// The file with this index is shorter by so many bytes.
+    /// The file with this index is shorter by this many bytes.
     pub fn shorten(&mut self, index: usize, bytes: u32) {
         if let Some(file) = self.files.get_mut(index) {
             file.bytes = file.bytes.saturating_sub(bytes);

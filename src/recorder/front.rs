@@ -57,7 +57,7 @@ pub(super) enum HeaderSlot {
 }
 
 impl Header {
-    /// The bytes in a ring of so many sectors.
+    /// The bytes in a ring of this many sectors.
     pub fn to_bytes(self, sectors: u32) -> [u8; HEADER_BYTES] {
         let file = u32::from(self.number) | u32::from(self.index) << 16;
         let crc = crc32([HEADER_MAGIC, self.sequence, file, sectors]);
@@ -99,7 +99,7 @@ impl Front {
         erased_for: None,
     };
 
-    /// What `bytes` prove in a ring of so many sectors.
+    /// What `bytes` prove in a ring of this many sectors.
     pub fn from_bytes(bytes: &[u8; FRONT_BYTES as usize], sectors: u32) -> Self {
         let mut words = [0; FRONT_BYTES as usize / 4];
         for (word, bytes) in words.iter_mut().zip(bytes.as_chunks().0) {

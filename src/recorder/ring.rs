@@ -71,7 +71,7 @@ struct OpenFile {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum InFlight {
     Header,
-    /// So many bytes of the file.
+    /// This many bytes of the file.
     Data(u32),
 }
 

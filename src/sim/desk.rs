@@ -45,7 +45,7 @@ const FULL_PACK: Plugged = Plugged {
     charge: 1.0,
 };
 
-/// A ground station by UDP has gone when so many status lines, one a second, were printed since it was heard.
+/// A ground station by UDP has gone when this many status lines, one a second, were printed since it was heard.
 const MOST_SILENT_LINES: u32 = 5;
 
 /// The simulator has no watchdog that reads check-ins.

@@ -102,7 +102,7 @@ impl SimulatedPack {
         self.open_circuit_v = voltage_v;
     }
 
-    /// Puts the first cell below the others, by so many volts.
+    /// Puts the first cell below the others, by this many volts.
     pub fn lower_first_cell(&mut self, drop_v: f32) {
         self.first_cell_drop_v = drop_v;
     }

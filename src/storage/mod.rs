@@ -97,7 +97,7 @@ pub struct Storage<F, V = u32> {
 /// Whether the next sector has to be prepared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Preparation {
-    /// It was not looked at since the last move, or so many of its blocks were erased since.
+    /// It was not looked at since the last move, or this many of its blocks were erased since.
     Due { erased: u32 },
     /// It is erased, or can't be.
     Done,
@@ -247,7 +247,7 @@ impl<F: NorFlash, V: Value> Storage<F, V> {
         }
     }
 
-    /// Erases the next block of `sector`, of which so many are `erased`.
+    /// Erases the next block of `sector`, of which this many are `erased`.
     async fn prepare_block(
         &mut self,
         sector: Sector,

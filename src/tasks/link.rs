@@ -63,7 +63,7 @@ impl<'a> Link<'a> {
         }
     }
 
-    /// So many frames were lost on their way to the wire.
+    /// This many frames were lost on their way to the wire.
     pub fn count_lost(&self, frames: u32) {
         self.with(|channel| channel.count_lost(frames));
     }

@@ -29,7 +29,7 @@ const LONGEST_STEP: Duration = Duration::from_millis(50);
 pub enum ReceiveError {
     /// The line was noisy, or bytes came faster than the port took them: some are wrong or missing. More can be received.
     LineError,
-    /// So many bytes were not taken in time, and are lost. More can be received.
+    /// This many bytes were not taken in time, and are lost. More can be received.
     BytesLost(u32),
     /// The other end is gone.
     Closed,

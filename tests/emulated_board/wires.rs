@@ -3,7 +3,7 @@
 use crate::port::Port;
 use emulator::{Board, Reading, SentByte};
 
-/// So many bytes go onto the UART's line before the next are read.
+/// This many bytes go onto the UART's line before the next are read.
 const UART_CHUNK_BYTES: usize = 64;
 
 /// What the driver of a serial adapter keeps for a program that does not read; the rest is lost.

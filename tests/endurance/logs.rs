@@ -32,7 +32,7 @@ pub fn drive(duration_us: u64) {
     assert!(erases.is_none_or(|most| *most <= 2), "{erases:?}");
 }
 
-/// Every so many operations of a rotation.
+/// Every this many operations of a rotation.
 pub fn power_cuts(step: usize, budget: Budget) {
     for (cut, first) in FlashCut::ALL.into_iter().zip(1..) {
         let operations = (1 + first % step as u64..).step_by(step);

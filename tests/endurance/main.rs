@@ -91,7 +91,7 @@ const RUNS: [Run; 14] = [
 /// The first two of all kinds of packs.
 const TWO: [(&str, f32); 1] = [("BATT2_MONITOR", 21.0)];
 
-/// Of the operations of a rotation, every so many are cut.
+/// Of the operations of a rotation, every this many are cut.
 const CUT_STEP: usize = 6;
 
 /// They take long, so each only runs when it is asked for by this word.

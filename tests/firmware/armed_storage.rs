@@ -35,7 +35,7 @@ const SLOTS: u16 = 680;
 const SIGNING_SLOTS: u16 = 338;
 const LEARNT_SLOTS: i32 = 63;
 
-/// The parameters of a rover that follows sticks at once, and its flash after these and so many of another firmware.
+/// The parameters of a rover that follows sticks at once, and its flash after these and this many of another firmware.
 fn parameters(foreign: u16) -> Vec<u8> {
     let cells: ParameterId = BatteryParameter::Cells.of(Pack::First);
     let set = [

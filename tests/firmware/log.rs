@@ -50,7 +50,7 @@ fn assert_drive(drive: &mut Drive, content: &[u8]) -> usize {
     drive.compare_voltages(&records)
 }
 
-/// In one of so many operations here, in more of them in `tests/endurance`.
+/// In one of this many operations here, in more of them in `tests/endurance`.
 const CUT_STEP: usize = 25;
 
 #[test]

@@ -187,7 +187,7 @@ impl Rig {
         bench.uart_send(0, now_us, &companion(half.packs[7]).frame());
     }
 
-    /// Runs for so many seconds, and returns what the converter did.
+    /// Runs for this many seconds, and returns what the converter did.
     fn run(&mut self, bench: &mut Bench, half: &Half, seconds: usize) -> Vec<Conversion> {
         let mut conversions = Vec::new();
         for tick in 0..seconds * TICKS_PER_SECOND {

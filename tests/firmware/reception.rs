@@ -238,7 +238,7 @@ fn a_line_that_is_nothing_but_noise_is_looked_at_every_millisecond() {
     assert_eq!(of_message(&frames, TIMESYNC).len(), 1);
 }
 
-/// Of a motor controller: 30 °C, 12 V, 5 A, so many mAh.
+/// Of a motor controller: 30 °C, 12 V, 5 A, this many mAh.
 fn esc_frame(mah: u16) -> Vec<u8> {
     crate::pulses_and_esc::telemetry(30, 1200, 500, mah)
 }

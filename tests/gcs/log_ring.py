@@ -35,7 +35,7 @@ def checksum(words):
 
 
 def ring_with(files, first_sequence, erased):
-    """The bytes of a ring with these files, by number, and so many sectors after them erased."""
+    """The bytes of a ring with these files, by number, and this many sectors after them erased."""
     ring = bytearray(BLANK * (LOG_END - LOG_START))
 
     def put(sequence, offset, content):

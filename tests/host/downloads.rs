@@ -442,7 +442,7 @@ impl Client {
         self.one(bench, opcode, path.len() as u8, 0, path.as_bytes())
     }
 
-    /// A whole file by bursts of messages with so many bytes, of which every fifth is lost and read again.
+    /// A whole file by bursts of messages with this many bytes, of which every fifth is lost and read again.
     fn get(&mut self, bench: &mut Bench, path: &str, bytes: u8) -> Vec<u8> {
         assert_eq!(self.with_path(bench, OPEN, path).0, ACK);
         let mut whole = Vec::new();

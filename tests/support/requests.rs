@@ -131,7 +131,7 @@ pub fn log_list(start: u16, end: u16) -> Vec<u8> {
     encode_v2(LOG_REQUEST_LIST, &payload)
 }
 
-/// So many bytes of a log file from an offset on.
+/// This many bytes of a log file from an offset on.
 pub fn log_data(id: u16, offset: u32, bytes: u32) -> Vec<u8> {
     let payload = [
         &offset.to_le_bytes()[..],

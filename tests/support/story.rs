@@ -11,7 +11,7 @@
 //! ```
 //!
 //! Inputs: `voltage`, `current`, `voltage2`, `current2` (V, A), `arm`, `disarm`, `fail` and `work` (the sensor of pack
-//! 1), `reset` (percent, all packs), `pack` (pack 1 is a simulated full pack of two cells, with so many mAh and mOhm, until
+//! 1), `reset` (percent, all packs), `pack` (pack 1 is a simulated full pack of two cells, with this many mAh and mOhm, until
 //! the next `voltage`) and its `load` (two currents by turns, four seconds each). Outcomes: `low`, `critical`, `unhealthy`
 //! (failsafe level of pack 1), `low2`…, `says` (start of a text, `*` stands for any; `says~2` within two seconds more), `health` (of pack 1, within 3 %, or `unknown`), and
 //! `brake`, `coast` or `turn` (the motors). Every level, and every text about a charge state, charging, a fault, a lost

@@ -33,13 +33,13 @@ pub fn list(bench: &mut Bench) -> Vec<(u16, u32)> {
 pub struct Download {
     id: u16,
     bytes: u32,
-    /// Before it, so many bytes were sent.
+    /// Before it, this many bytes were sent.
     position: usize,
     pub began_us: u64,
 }
 
 impl Download {
-    /// Requests so many bytes of a file, and all of them if there are more.
+    /// Requests this many bytes of a file, and all of them if there are more.
     pub fn begin(bench: &mut Bench, id: u16, bytes: u32) -> Self {
         bench.run_until_silent();
         let download = Self {

@@ -70,7 +70,7 @@ impl LogFlash {
     }
 }
 
-/// The content of a file that takes so many sectors.
+/// The content of a file that takes this many sectors.
 pub fn noise(seed: u64, sectors: u32) -> Vec<u8> {
     let mut random = fastrand::Rng::with_seed(seed);
     // A file may end with any byte but that of erased flash.

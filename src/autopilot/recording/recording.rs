@@ -312,7 +312,7 @@ impl Recording {
         self.share.next(packs, round_us, self.now)
     }
 
-    /// So many bytes of the share were used.
+    /// This many bytes of the share were used.
     pub fn spend(&mut self, bytes: usize) {
         self.share.spend(bytes);
     }

@@ -9,7 +9,7 @@ const BYTES_PER_TICK: i16 = 25;
 /// Records that may follow at once after a pause.
 const MOST_BYTES: i16 = 100;
 
-/// Cells and details of a pack are recorded in one round of so many.
+/// Cells and details of a pack are recorded in one round of this many.
 const DETAILED_ROUND: u8 = 5;
 
 /// What is recorded of the pack whose turn it is.
@@ -67,7 +67,7 @@ impl Share {
         Some((turn, detail))
     }
 
-    /// So many bytes were recorded of a pack.
+    /// This many bytes were recorded of a pack.
     pub fn spend(&mut self, bytes: usize) {
         self.credit_bytes = self.credit_bytes.saturating_sub(bytes as i16);
     }

@@ -57,7 +57,7 @@ impl Stream {
         self.queue.dropped()
     }
 
-    /// Whether so many bytes could leave now.
+    /// Whether this many bytes could leave now.
     pub fn has(&self, bytes: usize) -> bool {
         self.opening != Opening::Done || self.queue.len() + self.part.len() - self.left >= bytes
     }

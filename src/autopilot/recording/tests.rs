@@ -100,7 +100,7 @@ impl Bench {
         self.recording.add(&Record::Message(text));
     }
 
-    /// Records until the open file has so many sectors.
+    /// Records until the open file has this many sectors.
     fn fill(&mut self, sectors: u32) {
         let is_shorter = |file: LogFile| file.bytes < (sectors - 1) * PAYLOAD_BYTES;
         let open_file = |bench: &Self| bench.recording.ring.as_ref().unwrap().open_file();

@@ -25,7 +25,7 @@ const REMAINING: &str = "#5b3a8c";
 const USABLE: &str = "#b0407a";
 const REPORTED: &str = "#888888";
 
-/// The band around the remaining charge: so many standard deviations, and how it is called.
+/// The band around the remaining charge: standard deviations, and its name.
 const BAND_SIGMAS: f32 = 2.0;
 const BAND: &str = "± 2 sigma";
 const BAND_COLOUR: &str = "#c9b8e0";

@@ -12,10 +12,10 @@ use crate::report::{Row, events};
 use crate::trace::Trace;
 use crate::words::{clock, duration, quantity};
 
-/// The remaining charge lies within so many standard deviations in 19 of 20 cases.
+/// The remaining charge lies within this many standard deviations in 19 of 20 cases.
 const SIGMAS: f32 = 2.0;
 
-/// So many announcements are listed.
+/// This many announcements are listed.
 const LISTED_EVENTS: usize = 20;
 
 /// A replay, to be shown in words.

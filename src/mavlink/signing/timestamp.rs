@@ -9,7 +9,7 @@ pub(super) const BYTES: usize = 6;
 pub struct Timestamp(u64);
 
 impl Timestamp {
-    /// So many in a second.
+    /// Ticks per second.
     pub const PER_SECOND: u64 = 100_000;
 
     const LATEST: u64 = (1 << (8 * BYTES)) - 1;
@@ -24,7 +24,7 @@ impl Timestamp {
         self.0
     }
 
-    /// So many ticks later; at the end of time it stands still.
+    /// This many ticks later; at the end of time it stands still.
     pub(super) fn later(self, ticks: u64) -> Self {
         Self(self.0.saturating_add(ticks).min(Self::LATEST))
     }

@@ -173,7 +173,7 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
         }
     }
 
-    /// Erases sectors until so many are ahead.
+    /// Erases sectors until this many are ahead.
     fn erase(&mut self, target: u32) {
         while self.erase_one(target) == Ok(Erased::One) {}
     }

@@ -322,7 +322,7 @@ fn counters(bus: &mut Wires, charge: i64, energy: u64) {
 #[test]
 fn counters_go_on_over_their_end_and_their_sign() {
     let top = (1i64 << 39) - 1;
-    // By steps of 171.66 µA: so many coulombs for 36 mAh, and so many joules for 0.36 Wh.
+    // By steps of 171.66 µA: this many coulombs for 36 mAh, and this many joules for 0.36 Wh.
     let steps = (129.6 / 171.661_38e-6) as i64;
     let energy_steps = (1296.0 / (171.661_38e-6 * 51.2)) as u64;
     for (from, to, sign) in [(top, top.wrapping_add(steps), 1.0), (-100, -100 - steps, -1.0)] {

@@ -80,7 +80,7 @@ impl<const N: usize> CanFilters<N> {
 /// Quanta of a bit after which a controller samples it at 87.5 %, where DroneCAN wants it.
 const USUAL_QUANTA: u32 = 16;
 
-/// At least so many quanta make a bit (MCP2515 data sheet DS20001801, 5.1). With two for phase segment 2 it is sampled at 75 %.
+/// At least this many quanta make a bit (MCP2515 data sheet DS20001801, 5.1). With two for phase segment 2 it is sampled at 75 %.
 const FEWEST_QUANTA: u32 = 8;
 
 /// A quantum is two or more periods of the crystal, by a prescaler of 1 to 64 (DS20001801, 5.1).

@@ -124,7 +124,7 @@ pub enum CanReport {
     Working,
     /// The interrupt line is open or stuck.
     NoInterrupt,
-    /// So many received frames were lost since the start.
+    /// This many received frames were lost since the start.
     FramesLost(u32),
 }
 

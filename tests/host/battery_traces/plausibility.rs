@@ -7,7 +7,7 @@ use rover_battmon::battery::{
 };
 use rover_battmon::time::Instant;
 
-/// A reading, so many seconds after the one before.
+/// A reading, this many seconds after the one before.
 #[derive(Clone, Debug)]
 struct Step {
     dt_s: f64,

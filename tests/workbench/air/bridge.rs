@@ -10,7 +10,7 @@ use crate::host_stream::HostStream;
 /// Longer than any datagram on Ethernet that is not fragmented.
 const LONGEST_DATAGRAM_BYTES: usize = 1500;
 
-/// So many datagrams of a ground station are taken over at once.
+/// This many datagrams of a ground station are taken over at once.
 const DATAGRAMS_AT_ONCE: usize = 64;
 
 /// A program that does not read is sent nothing more beyond this; the board then waits.

@@ -141,7 +141,7 @@ impl Computer {
         port
     }
 
-    /// So many bytes can be sent at once.
+    /// This many bytes can be sent at once.
     pub fn room(&mut self, connection: Connection) -> usize {
         let socket = self.tcp(connection);
         match socket.may_send() {

@@ -33,10 +33,10 @@ const FULL_CODE: u16 = 3582;
 /// Stick input is sent, and a drive looked at, so often.
 const STEP_US: u64 = 100 * MILLISECOND;
 
-/// The voltages change after so many steps, so that each is on the wire.
+/// The voltages change after this many steps, so that each is on the wire.
 const STEPS_BETWEEN_CHANGES: u32 = 5;
 
-/// What was heard is taken after so many steps.
+/// What was heard is taken after this many steps.
 const STEPS_BETWEEN_LOOKS: u32 = 600;
 
 /// A record is older than its BATTERY_STATUS: the next one of its pack, ten times a second, and the frames before it.

@@ -26,10 +26,10 @@ const RETRIED_WITHIN_US: u64 = 16 * SECOND;
 /// The setting is sent up to so long after the network is up.
 const LONGEST_DELAY_US: usize = 20_000;
 
-/// Of so many restarts one is of a start that has failed.
+/// Of this many restarts one is of a start that has failed.
 const FAILED_STARTS: u32 = 6;
 
-/// Sets the channel so many times while frames come without a pause; some starts fail on the way. Panics if the radio does not
+/// Sets the channel this many times while frames come without a pause; some starts fail on the way. Panics if the radio does not
 /// come up on each channel in time, or the board restarts.
 pub fn run(restarts: u32, seed: u64) {
     let mut bench = Bench::power_up(DIVIDER_CODE);

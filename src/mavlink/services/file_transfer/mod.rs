@@ -161,7 +161,7 @@ struct Part {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum PartOf {
     Directory(Directory),
-    /// So many bytes of the open file.
+    /// This many bytes of the open file.
     File {
         bytes: u8,
     },

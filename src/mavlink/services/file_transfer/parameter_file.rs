@@ -159,7 +159,7 @@ impl ParameterFile {
         record
     }
 
-    /// How many zeros move the values at the end of a record of so many bytes out of the block before.
+    /// How many zeros move the values at the end of a record of this many bytes out of the block before.
     fn padding(&self, record_bytes: usize, value_bytes: usize) -> usize {
         let end = self.cursor.offset as usize + record_bytes;
         let block_bytes = usize::from(self.block_bytes.unwrap_or(0));

@@ -30,7 +30,7 @@ impl WordLog {
         })
     }
 
-    /// Writes what is to be stored, `at_most` so many words of it; returns how many that were.
+    /// Writes what is to be stored, `at_most` this many words of it; returns how many that were.
     fn write(&mut self, what: &ToStore, at_most: usize) -> usize {
         if *what == ToStore::Nothing {
             // A sector without records is not a blank one.
@@ -50,7 +50,7 @@ fn set_up(signing: &mut Signing, key: Option<SigningKey>) {
     signing.set_up(key, Timestamp::from_ticks(1_000_000_000).unwrap(), Instant::EPOCH);
 }
 
-/// Has everything written that waits, until `at_most` so many words are; whether that was all.
+/// Has everything written that waits, until `at_most` this many words are; whether that was all.
 fn save(signing: &mut Signing, words: &mut WordLog, mut at_most: usize) -> bool {
     while let Some(what) = signing.next_unsaved(Instant::EPOCH, 0) {
         let wanted = words.read().words(&what).len();

@@ -216,7 +216,7 @@ fn decimal(term: &[u8]) -> Option<f32> {
     Some(sign * (before + after))
 }
 
-/// A unit of the last of so many decimals.
+/// A unit of the last of this many decimals.
 fn fraction(decimals: usize) -> Option<f32> {
     [1.0, 0.1, 0.01, 0.001, 0.0001].get(decimals).copied()
 }

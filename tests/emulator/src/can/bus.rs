@@ -17,7 +17,7 @@ const ERROR_FRAME_BITS: u64 = 6 + 8 + INTERMISSION_BITS;
 const SUSPEND_BITS: u64 = 8;
 /// An occurrence of recessive bits, as bus-off and a node that joins wait for: also what is behind each frame.
 const OCCURRENCE_BITS: u64 = 11;
-/// On a wire that is stuck, errors count again after so many bits (rule 6).
+/// On a wire that is stuck, errors count again after this many bits (rule 6).
 const STUCK_BITS: u64 = 8;
 /// From the CRC delimiter on, a frame has no error but a missing acknowledge here.
 const BITS_BEHIND_ACKNOWLEDGE: u64 = 8 + INTERMISSION_BITS;

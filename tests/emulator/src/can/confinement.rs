@@ -103,7 +103,7 @@ impl Confinement {
         self.awaited
     }
 
-    /// So many have come. Rule 12: both counters are 0 after bus-off.
+    /// This many have come. Rule 12: both counters are 0 after bus-off.
     pub fn saw_recessive(&mut self, occurrences: u64) {
         if self.awaited == 0 {
             return;

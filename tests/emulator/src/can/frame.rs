@@ -20,7 +20,7 @@ pub struct CanFrame {
 const TRAILER_BITS: u64 = 10;
 /// Intermission (3.1.5).
 pub const INTERMISSION_BITS: u64 = 3;
-/// After so many equal bits the sender inserts one of the other value (5).
+/// After this many equal bits the sender inserts one of the other value (5).
 const STUFF_AFTER: usize = 5;
 const CRC_BITS: usize = 15;
 const CRC_POLYNOMIAL: u16 = 0x4599;

@@ -98,7 +98,7 @@ impl Backplane {
         self.missing = part;
     }
 
-    /// One in so many writes to the RAM flips a bit.
+    /// One in this many writes to the RAM flips a bit.
     pub fn set_flips(&mut self, one_in: Option<u32>) {
         self.program.set_flips(one_in);
     }

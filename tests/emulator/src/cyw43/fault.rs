@@ -16,13 +16,13 @@ pub enum ChipPart {
 pub enum RadioFault {
     /// It never answers: the data line is low.
     Missing,
-    /// It stops answering after so many commands, counted from the moment at which the fault is set.
+    /// It stops answering after this many commands, counted from the moment at which the fault is set.
     SilentAfter(u64),
     /// It answers with random words.
     Noise,
     /// It loses every frame to and from the air, and sees no network.
     Deaf,
-    /// One in so many writes of the download has a flipped bit. At least 1.
+    /// One in this many writes of the download has a flipped bit. At least 1.
     FlippedBits { one_in: u32 },
     /// The bus works, and a part of the chip never gets ready.
     NotReady(ChipPart),

@@ -37,7 +37,7 @@ pub struct Program {
     ram: Vec<u8>,
     /// It was written to since it was looked at.
     is_new: bool,
-    /// One in so many writes flips a bit.
+    /// One in this many writes flips a bit.
     flips_one_in: Option<u32>,
     random: Random,
 }

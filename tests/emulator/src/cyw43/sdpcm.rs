@@ -6,7 +6,7 @@ const HEADER_BYTES: usize = 12;
 /// BDC: version 2 in the upper half of the first byte, and in the last how many words follow before the content.
 const BDC_BYTES: usize = 4;
 const BDC_VERSION: u8 = 2 << 4;
-/// So many packets the driver may send before it hears of the next ones.
+/// This many packets the driver may send before it hears of the next ones.
 const CREDITS: u8 = 16;
 /// When it has fewer than that, it hears of more.
 const FEW_CREDITS: u8 = 4;

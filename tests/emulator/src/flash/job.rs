@@ -22,7 +22,7 @@ pub const fn transfer_cycles(bytes: u64) -> Cycle {
 
 /// What the ROM does next.
 pub enum Step {
-    /// Send a command of so many bytes to the chip, with what comes before and after it.
+    /// Send a command of this many bytes to the chip, with what comes before and after it.
     Send(u64),
     /// Let the chip carry it out, and ask for its state until it has.
     Wait(Command),

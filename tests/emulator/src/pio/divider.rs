@@ -51,7 +51,7 @@ impl Divider {
         self.origin + periods * self.period() / ONE
     }
 
-    /// So many periods after one of its cycles, at the earliest.
+    /// This many periods after one of its cycles, at the earliest.
     pub fn later_by(&self, cycle: Cycle, periods: u64) -> Cycle {
         cycle + periods * self.period() / ONE
     }

@@ -562,7 +562,7 @@ fn lowest(value: u32, bits: u32) -> u32 {
     (u64::from(value) & ((1 << bits) - 1)) as u32
 }
 
-/// Puts the lowest bits of a value to so many pins from the first on; after pin 31 comes pin 0 (3.5.6).
+/// Puts the lowest bits of a value to this many pins from the first on; after pin 31 comes pin 0 (3.5.6).
 fn put(register: &mut u32, (first, count): (u32, u32), value: u32) {
     let mask = lowest(u32::MAX, count).rotate_left(first);
     *register = *register & !mask | value.rotate_left(first) & mask;

@@ -7,7 +7,7 @@ const BITS_PER_SECOND: u64 = 12_000_000;
 /// What a bulk or control transaction takes besides its data: "Protocol Overhead (13 bytes)" (5.8.4).
 const OVERHEAD_BYTES: u64 = 13;
 
-/// How long a transaction with so many bytes of data takes.
+/// How long a transaction with this many bytes of data takes.
 pub fn transaction_time(data_bytes: usize) -> Cycle {
     (OVERHEAD_BYTES + data_bytes as u64) * 8 * CLK_SYS_HZ / BITS_PER_SECOND
 }

@@ -122,7 +122,7 @@ enum Stage {
 /// Result of a transaction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// It took so many bytes of data, and the transfer goes on.
+    /// It took this many bytes of data, and the transfer goes on.
     Moved(usize),
     /// The device is not ready.
     Waits,

@@ -28,7 +28,7 @@ pub(super) enum Cells {
     WordsDownFrom(u8),
     /// Each in a word from this command up; another says how many.
     Counted { count_command: u8, first: u8 },
-    /// So many at the start of one block.
+    /// This many at the start of one block.
     Block { command: u8, count: usize },
 }
 

@@ -51,7 +51,7 @@ const BLANK: u16 = 0xffff;
 /// What a battery with a button reports of it.
 const BUTTON_BYTES: usize = 6;
 
-/// The button counts as held after so many readings in a row, as in ArduPilot.
+/// The button counts as held after this many readings in a row, as in ArduPilot.
 const PRESSES_UNTIL_OFF: u8 = 7;
 
 const ZERO_CELSIUS_K: f32 = 273.15;

@@ -172,7 +172,7 @@ impl Master {
         }
     }
 
-    /// A transfer: what is written, then so many words of what comes back.
+    /// A transfer: what is written, then this many words of what comes back.
     pub fn transfer(&mut self, written: &[u32], read: usize) -> Vec<u32> {
         self.set(SELECT, false);
         written.iter().for_each(|&word| self.send_word(word));
