@@ -62,7 +62,7 @@ def documentation_complaints():
     used, documented = direct_dependencies(), documented_dependencies()
     print(f"  direct dependencies: {len(used)}")
     yield from (f"{name} is not in {PAGE.name}" for name in sorted(used - documented))
-    yield from (f"{name} in {PAGE.name} is no dependency" for name in sorted(documented - used))
+    yield from (f"{name} in {PAGE.name} is not a dependency" for name in sorted(documented - used))
 
 
 def yanked_complaints():

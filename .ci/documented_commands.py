@@ -82,7 +82,7 @@ def blocks_of(page, text):
 
 
 def markers_above(page, lines, at):
-    """What the comments directly above a line say; a word that is no marker is a mistake."""
+    """What the comments directly above a line say; a word that is not a marker is a mistake."""
     markers = set()
     while at > 0 and (comment := re.fullmatch(r" *<!-- (.*) -->", lines[at - 1])):
         markers.update(comment[1].split(", "))

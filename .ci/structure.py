@@ -11,7 +11,7 @@ of src/ is checked among its neighbours, files beside it included, so a new one 
 Prints `0 arrows back up, 0 file cycles`, or what is in the way, and fails then. `--floors` also prints the folders
 and files of src/ itself, the top floor first.
 
-Read are `use` items and paths in the code; a method that is called on a value is no import.
+Read are `use` items and paths in the code; a method that is called on a value is not an import.
 """
 
 import collections
@@ -22,7 +22,7 @@ import sys
 
 CRATE = "rover_battmon"
 
-# Comments, strings and characters hold no imports. A lifetime is no character.
+# Comments, strings and characters hold no imports. A lifetime is not a character.
 NO_CODE = re.compile(
     r"""//[^\n]*
       | /\*.*?\*/
@@ -158,7 +158,7 @@ class Crate:
         for module in [*self.modules.values(), *self.binaries]:
             for names in module.imports + module.reexports:
                 target = self.definer(module, names)
-                # Handing on what a child defines is no import.
+                # Handing on what a child defines is not an import.
                 if target and names in module.reexports and target.path[: len(module.path)] == module.path:
                     continue
                 # What stands behind an imported name is of the import's file, unless that name is a module.
@@ -208,7 +208,7 @@ def back_up(circle, arrows):
 
 
 def neighbours(arrows, folder):
-    """The arrows between the members of a folder, files and folders; its own `mod.rs` is none of them."""
+    """The arrows between the members of a folder, files and folders; its own `mod.rs` is not one of them."""
     found = collections.defaultdict(set)
     depth = len(folder)
     for (above, under), names in arrows.items():

@@ -135,7 +135,7 @@ impl fmt::Display for Table {
     }
 }
 
-/// What takes more than it did by over its tolerance, a tenth mostly; what is new is none of it.
+/// What takes more than it did by over its tolerance, a tenth mostly; what is new does not count.
 pub fn regressions(tables: &[Table], committed: &HashMap<String, f64>) -> Vec<String> {
     let figures = tables.iter().flat_map(|table| &table.figures);
     let worse = figures.filter_map(|figure| {

@@ -268,7 +268,7 @@ impl Autopilot {
     }
 }
 
-/// Further failed reads of an unhealthy pack are no news; one in a second shows that they go on.
+/// Further failed reads of an unhealthy pack are not reported; one in a second shows that they go on.
 fn log_failure(pack: Pack, error: ReadError, failed_reads: u32) {
     if failed_reads <= FAILED_READS_UNTIL_UNHEALTHY || failed_reads.is_multiple_of(LOGGED_FAILURE) {
         warn!(

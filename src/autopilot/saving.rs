@@ -141,7 +141,7 @@ impl Autopilot {
     }
 }
 
-/// Logs why something was not written: to wait until the vehicle is disarmed is no fault.
+/// Logs why something was not written: to wait until the vehicle is disarmed is not a fault.
 pub(super) fn log_failure(storage: &str, error: StorageError) {
     match error {
         StorageError::NoErasedSpace => info!("{} storage: no erased space until disarmed", storage),

@@ -258,7 +258,7 @@ mod tests {
             reporter.update(0.1, ArmState::Disarmed, &low, &mut events);
         }
         assert!(events.is_empty());
-        // A wire that is loose while driving is no other pack.
+        // A wire that is loose while driving does not mean another pack.
         for _ in 0..50 {
             reporter.update(0.1, ArmState::Armed, &unplugged, &mut events);
         }

@@ -32,7 +32,7 @@ const MAX_INTERVAL_S: f32 = 15.0;
 ///
 /// Both pass the same band-pass filter, 0.3 to 2 s; the resistance is the slope of the filtered voltage over the
 /// filtered current. The estimate is held while the current does not change: a voltage that falls under constant load
-/// is no resistance.
+/// is not a resistance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ResistanceEstimator {
     fast: FilterGain,

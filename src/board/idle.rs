@@ -55,7 +55,7 @@ fn _embassy_trace_poll_start(executor_id: u32) {
     IDLE_US.store(idle_us.wrapping_add(asleep_us), Ordering::Relaxed);
 }
 
-/// What the executor in the interrupt took is no sleep of the other. If that is awake, it is of no importance.
+/// What the executor in the interrupt took does not count as sleep of the other. If that is awake, it does not matter.
 fn end_interruption() {
     let took_us = now_us().wrapping_sub(INTERRUPTED_AT_US.load(Ordering::Relaxed));
     let asleep_since_us = ASLEEP_SINCE_US.load(Ordering::Relaxed);

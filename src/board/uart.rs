@@ -283,7 +283,7 @@ impl ByteSource for UartReceiver {
     /// The line was noisy, or bytes came for so long without being read that some are lost. It goes on with the next byte.
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
         loop {
-            // Later than that, it is no wait at all: bytes may have been there for long.
+            // Later than that, it is not a wait: bytes may have been there for long.
             let since_empty = Instant::now().saturating_duration_since(self.emptied_at);
             if since_empty < LOOK_INTERVAL {
                 Timer::after(LOOK_INTERVAL).await;

@@ -29,7 +29,7 @@ pub struct Frame {
     pub component_id: u8,
     /// The sender's count of frames, modulo 256.
     pub sequence: u8,
-    /// Whether bytes stand before it that are no part of a good frame.
+    /// Whether bytes stand before it that are not part of a good frame.
     pub is_after_damage: bool,
     /// Its content; `None` if a field has a value that the dialect does not know.
     pub message: Option<MavMessage>,

@@ -24,7 +24,7 @@ pub struct Gap {
     pub at: Instant,
     /// Frames that are missing by the sequence numbers, at most 255.
     pub missing: u8,
-    /// Whether bytes came in it that are no part of a frame.
+    /// Whether bytes came in it that are not part of a frame.
     pub is_damage: bool,
 }
 

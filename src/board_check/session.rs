@@ -335,7 +335,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// What comes next is no continuation of what came before.
+    /// What comes next is not a continuation of what came before.
     fn begin_anew(&mut self) {
         self.reader = FrameReader::default();
         self.last_sequence = None;

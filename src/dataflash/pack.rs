@@ -99,7 +99,7 @@ pub(super) fn encode_more_cells(time_us: u64, pack: Pack, state: &BatteryState) 
     with_cells(packet, state, FIRST_CELLS..MAX_CELLS)
 }
 
-/// Voltages as they are, where ArduPilot adds 1 mV. A cell at 0 V is recorded as 1 mV, since 0 is no cell.
+/// Voltages as they are, where ArduPilot adds 1 mV. A cell at 0 V is recorded as 1 mV, since 0 is not a cell.
 fn with_cells(packet: Packet, state: &BatteryState, places: Range<usize>) -> RecordBytes {
     let measured = state.cells.millivolts();
     let cells = places.map(|place| {

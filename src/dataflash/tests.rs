@@ -353,7 +353,7 @@ proptest! {
             let format = FORMATS.iter().find(|format| format.kind as u8 == bytes[2]).unwrap();
             prop_assert_eq!(bytes.len(), format.record_bytes());
             prop_assert_eq!(bytes[11], instance);
-            // Infinity is on no axis: what is no number is NaN.
+            // Infinity fits on no axis: what is not a number is NaN.
             let first_number = f32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]);
             prop_assert!(format.name == "BCL2" || !first_number.is_infinite());
         }

@@ -15,7 +15,7 @@ pub(super) const UNITS: [(u8, &str); 11] = [
     (b'b', "B"),
 ];
 
-/// A multiplier and its value. `-` is for what is no number; `?` is ArduPilot's for hundredths of a degree, which the type
+/// A multiplier and its value. `-` is for what is not a number; `?` is ArduPilot's for hundredths of a degree, which the type
 /// of the field divides already.
 pub(super) const MULTIPLIERS: [(u8, f64); 6] = [
     (b'-', 0.0),

@@ -210,7 +210,7 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, repl
 }
 
 /// Whether a BATTERY_STATUS is of a pack that another component of this vehicle measures, and by one: other packs and
-/// vehicles have theirs, which are no concern of ours, signed or not.
+/// vehicles have theirs, which do not concern this one, signed or not.
 fn is_expected(received: &ReceivedRequest<'_>, system_id: u8, external_packs: u16) -> bool {
     let Request::PackReading(reading) = &received.request else {
         return true;

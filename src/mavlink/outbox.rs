@@ -160,7 +160,7 @@ impl Outbox {
         let kind = *StreamKind::ALL.get(self.turn.kind)?;
         let waiting = &mut self.waiting[kind as usize];
         let in_turn = *waiting & u16::MAX << self.turn.pack;
-        // Without a bit there are sixteen zeros, which is no pack.
+        // Without a bit there are sixteen zeros, which is not a pack.
         let Some(pack) = Pack::from_instance(in_turn.trailing_zeros() as u8) else {
             self.turn = Turn {
                 kind: (self.turn.kind + 1) % StreamKind::COUNT,

@@ -67,7 +67,7 @@ pub struct ReceivedFrame<'a> {
 ///
 /// After a start byte that turns out to start no good frame it goes on at the very next byte, so a frame is never lost
 /// to garbage before it, and at most one longest frame of bytes passes before it is found. A frame of a known message is
-/// taken whole, also if it is of no use: what looks like a frame inside its payload is none.
+/// taken whole, also if it is useless: what looks like a frame inside its payload is not one.
 #[derive(Debug)]
 pub struct FrameParser {
     buffer: [u8; BUFFER_BYTES],

@@ -24,7 +24,7 @@ const HEADER_MAGIC: u32 = u32::from_le_bytes(*b"LOG1");
 /// Enters the checksum of a mark.
 const MARK_MAGIC: u32 = u32::from_le_bytes(*b"ERS1");
 
-/// Sequence numbers from here on are none. Flash is worn out after some 100,000 laps, at 31 million.
+/// Sequence numbers from here on are invalid. Flash is worn out after some 100,000 laps, at 31 million.
 const SEQUENCE_END: u32 = 1 << 31;
 
 /// What a sector is used for.

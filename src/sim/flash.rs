@@ -50,7 +50,7 @@ impl SimulatedFlash {
     /// The file is locked until the last clone is dropped.
     ///
     /// # Errors
-    /// The file can't be read or written, is no flash image, or is locked by another chip.
+    /// The file can't be read or written, is not a flash image, or is locked by another chip.
     pub fn open(file: Option<PathBuf>) -> io::Result<Self> {
         let chip = match file {
             Some(path) => Chip::in_file(ImageFile::lock(&path)?)?,

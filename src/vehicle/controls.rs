@@ -123,7 +123,7 @@ impl StickState {
                     self.gate = Gate::Open;
                 }
             }
-            // A deliberate release is no failure.
+            // A deliberate release is not a failure.
             StickInput::Released => *self = Self::default(),
             StickInput::Unchanged => {}
         }

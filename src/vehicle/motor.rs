@@ -41,7 +41,7 @@ impl SideDrives {
 const MIN_DUTY: f32 = 0.01;
 
 impl MotorDrive {
-    /// Turns at this duty (−1 to 1), or coasts below [`MIN_DUTY`]: a neutral stick is no request to brake.
+    /// Turns at this duty (−1 to 1), or coasts below [`MIN_DUTY`]: a neutral stick is not a request to brake.
     fn turn(duty: f32) -> Self {
         if duty.abs() < MIN_DUTY {
             Self::Coast

@@ -49,7 +49,7 @@ impl<T: Copy> TimedInput<T> {
         self.has_timed_out = false;
     }
 
-    /// Drops an expired value. Returns whether that is a failure: while disarmed it is none, and monitoring stops until
+    /// Drops an expired value. Returns whether that is a failure: while disarmed it is not, and monitoring stops until
     /// the next value.
     pub fn times_out(&mut self, now: Instant, timeout_us: u64, arm_state: ArmState) -> bool {
         let is_old = |latest: &Received<T>| now.us_since(latest.at) > timeout_us;

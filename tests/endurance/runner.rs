@@ -57,7 +57,7 @@ pub fn run_all(runs: &[Run], budget: Budget) -> ExitCode {
     });
     let (passed, skipped) = (passed.into_inner(), skipped.into_inner());
     let failed = runs.len() - passed - skipped;
-    // A misspelt name is no success.
+    // A misspelt name is not a success.
     let is_ok = failed == 0 && passed > 0;
     let outcome = if is_ok { "ok" } else { "FAILED" };
     let seconds = started.elapsed().as_secs();

@@ -42,7 +42,7 @@ struct BenchBoard {
 }
 
 impl BenchBoard {
-    /// How a side turns; wheels that disagree are no side that turns.
+    /// How a side turns; wheels that disagree do not turn as a side.
     fn side(&self, motors: [Motor; 2]) -> f32 {
         let [front, rear] = motors.map(|motor| {
             let (positive, negative) = motor.duties(&self.bench);
@@ -104,7 +104,7 @@ const EVERYTHING: Plan = Plan {
 };
 
 fn check(mut bench: Bench, fault: Fault, plan: &Plan) -> Report {
-    // Its first second, in which it looks for logs, is no measure of its load.
+    // Its first second, in which it looks for logs, does not measure its load.
     bench.run_for(2 * SECOND);
     bench.run_until_silent();
     let mut owner = Watcher::default();

@@ -42,7 +42,7 @@ const UNHEALTHY: u8 = 6;
 const ACCEPTED: u8 = 0;
 const MANUAL: f32 = 0.0;
 
-/// A flow without pulses is none: a value that stands still.
+/// A flow without pulses is zero: a value that stands still.
 const FUEL_FLOW: u8 = 11;
 
 /// A board with packs of these kinds, in the order of their instances.

@@ -103,7 +103,7 @@ fn the_pulse_width_gives_the_level_and_a_timeout_is_announced() {
     bench.run_for(2 * SECOND);
     status(&mut bench, |status| assert_eq!(status.charge_state(), UNHEALTHY));
     assert!(!bench.logged(LogLevel::Warn, "battery 2: unhealthy").is_empty());
-    // A width that no level has is no level either.
+    // A width that no level has is not a level either.
     let from_us = bench.time_us() + MILLISECOND;
     bench.pulses(PULSES, from_us, 2500, 20 * MILLISECOND, 50);
     status(&mut bench, |status| assert_eq!(status.charge_state(), UNHEALTHY));

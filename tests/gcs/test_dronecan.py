@@ -240,7 +240,7 @@ def test_the_board_gets_its_id_from_an_allocator(board, peer, vehicle):
     """The last one: the board keeps its setting."""
     assert set_to(vehicle, "CAN_D1_UC_NODE", 0).param_value == 0
     with closing(restarted(vehicle, board.usb_url)) as vehicle:
-        # Without an id it is no node, and the monitor forgets the one before.
+        # Without an id it is not a node, and the monitor forgets the one before.
         wait_for(lambda: not peer.call(lambda: peer.monitor.exists(BOARD)))
         server = peer.call(lambda: CentralizedServer(peer.node, peer.monitor))
         wait_for_text(vehicle, f"CAN node id {HIGHEST_ID} assigned to this board")

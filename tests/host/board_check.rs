@@ -563,7 +563,7 @@ fn each_fault_fails_its_check_and_no_other() {
         assert_eq!(report.findings().len(), expected.len());
         failing.extend(expected);
     }
-    // A board without a serial number is none that failed.
+    // A board without a serial number has not failed.
     let all = CHECKS
         .iter()
         .map(|check| check.name)

@@ -685,7 +685,7 @@ fn unsigned_reports_count_where_everything_does() {
 fn unsigned_batteries_of_others_are_no_intruders() {
     let mut desk = protected(LinkKind::Radio);
     let mut frames = vec![of_voltage(12_000).frame_from([2, 191])];
-    // Of a pack here that is none of the companion's.
+    // Of a pack that is measured here, not by the companion.
     frames.push(PackReport::of_voltage(1, 12_000).frame());
     for frame in frames {
         assert_eq!(desk.receive_in_chunks(&frame, 64), [Event::Ignored]);

@@ -388,7 +388,7 @@ impl Rig {
                     injection_ms: if nan { f32::NAN } else { 2.0 },
                     speed_rpm: 3000,
                 };
-                // A duty cycle that is no number is no flow.
+                // A duty cycle that is not a number is not a flow.
                 (SerialReading::Efi(engine), Fed::Measured)
             }
         };
@@ -569,7 +569,7 @@ fn reading_without_the_voltage_that_its_kind_measures_is_a_failed_one() {
         rig.ticks(timeout_us(EXTERNAL) + SECOND_US, Does::LosesVoltage);
         let state = *rig.state();
         assert_eq!((state.status, kind), (PackStatus::Unhealthy, kind));
-        // That of a component is no reading at all.
+        // That of a component is not a reading.
         let reason = if kind == EXTERNAL {
             "no reading in time"
         } else {

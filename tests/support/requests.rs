@@ -243,7 +243,7 @@ pub fn wifi_config(ssid: &str, password: &str, mode: u8) -> Vec<u8> {
     encode_v2(WIFI_CONFIG_AP, &wifi_config_payload(ssid, password, mode))
 }
 
-/// With the response of a request, which is none.
+/// With the response of a request, which does not exist.
 pub fn wifi_config_payload(ssid: &str, password: &str, mode: u8) -> Vec<u8> {
     let mut payload = vec![0; 98];
     payload[..ssid.len()].copy_from_slice(ssid.as_bytes());

@@ -327,7 +327,7 @@ impl Bench {
         frames(&sent)
     }
 
-    /// Forgets what was sent up to now: what a reset has cut off is no frame.
+    /// Forgets what was sent up to now: what a reset has cut off is not a frame.
     pub fn forget_sent(&mut self) {
         self.sent();
         self.sent.clear();

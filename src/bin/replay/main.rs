@@ -38,7 +38,7 @@ use crate::settings::{Assignment, Inputs};
 use crate::summary::Summary;
 use crate::trace::Trace;
 
-/// What clap ends with for arguments it does not understand; a recording that can't be used is no different.
+/// What clap ends with for arguments it does not understand; a recording that can't be used is treated the same.
 const EXIT_USAGE: u8 = 2;
 
 const EXAMPLES: &str = "\
@@ -204,7 +204,7 @@ fn read_log(path: &Path, pack: Pack) -> Result<Drive, String> {
     if log.skipped_bytes > 0 {
         let (skipped, all) = (log.skipped_bytes, bytes.len());
         eprintln!(
-            "{}: skipped {skipped} of {all} bytes that are no whole records",
+            "{}: skipped {skipped} of {all} bytes that are not whole records",
             path.display()
         );
     }

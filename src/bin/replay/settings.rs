@@ -29,7 +29,7 @@ impl FromStr for Assignment {
             id: ParameterId::from_name(name.as_bytes()).ok_or_else(|| format!("no parameter {name}"))?,
             value: value
                 .parse()
-                .map_err(|_| format!("{value:?} is no number for {name}"))?,
+                .map_err(|_| format!("{value:?} is not a number for {name}"))?,
         })
     }
 }
@@ -181,7 +181,7 @@ mod tests {
         for (assignment, expected) in [
             ("BATT_CELLS", "NAME=VALUE is needed"),
             ("BATT_SELLS=3", "no parameter BATT_SELLS"),
-            ("BATT_CELLS=three", "\"three\" is no number for BATT_CELLS"),
+            ("BATT_CELLS=three", "\"three\" is not a number for BATT_CELLS"),
             ("BATT_CELLS=99", "BATT_CELLS can't be 99: 0 to 16"),
             ("BATT_CAPACITY=NaN", "BATT_CAPACITY can't be NaN: 0 to 1000000"),
             ("BATT_FS_VOLTSRC=2", "BATT_FS_VOLTSRC can't be 2: 0, 1"),

@@ -88,7 +88,7 @@ pub struct Reported {
     pub charge_state: Option<u8>,
 }
 
-/// Why a file is no trace.
+/// Why a file is not a trace.
 #[derive(Debug, PartialEq)]
 pub struct TraceError {
     line: usize,
@@ -105,7 +105,7 @@ impl Trace {
     /// Reads a trace from its file.
     ///
     /// # Errors
-    /// The first line that is none of a trace, and what it should be.
+    /// The first line that does not belong to a trace, and what it should be.
     pub fn parse(bytes: &[u8]) -> Result<Self, TraceError> {
         let at = |line| move |message| TraceError { line, message };
         if BYTE_ORDER_MARKS_OF_UTF16

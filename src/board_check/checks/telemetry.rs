@@ -168,7 +168,7 @@ fn judge_lost_frames(evidence: &Evidence) -> Outcome {
 /// Does everything arrive whole?
 pub(super) const DAMAGED_FRAMES: Check = Check {
     name: "damaged frames",
-    measures: "places with bytes that are no part of a frame with a good checksum",
+    measures: "places with bytes that are not part of a frame with a good checksum",
     expected: "none",
     advice: "Check ground and length of the wires and the baud rate; keep them away from the motors'.",
     judge: judge_damaged_frames,

@@ -13,7 +13,7 @@ const LIST_PAUSE_US: u64 = 3_000_000;
 /// A single answer takes less.
 const ANSWER_TIMEOUT_US: u64 = 2_000_000;
 
-/// The index of a parameter that is no part of a list.
+/// The index of a parameter that belongs to no list.
 const UNLISTED: u16 = u16::MAX;
 
 /// Downloads all parameters; what is missing of the list is asked for once more, one by one.

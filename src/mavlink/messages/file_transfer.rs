@@ -69,7 +69,7 @@ pub enum FileOutcome {
 /// Whether a burst ends with an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Burst {
-    /// More follows, or it is no burst.
+    /// More follows, or it is not a burst.
     Continues,
     /// The next burst has to be requested.
     Complete,

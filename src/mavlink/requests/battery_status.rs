@@ -36,7 +36,7 @@ const HECTOJOULES_PER_WATT_HOUR: f32 = 36.0;
 
 type CellFields = [u16; MAX_CELLS];
 
-/// `None` if there is no such pack, or if its voltage is unknown: a component whose sensor has failed is no source.
+/// `None` if there is no such pack, or if its voltage is unknown: a component whose sensor has failed is not a source.
 pub(super) fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
     let pack = Pack::from_instance(payload.u8(ID))?;
     let fields = cell_fields(payload);
@@ -60,7 +60,7 @@ pub(super) fn pack_reading(payload: &Payload<'_>) -> Option<ExternalReading> {
     })
 }
 
-/// Bits that MAVLink does not have are none of a fault's.
+/// Bits that MAVLink does not have do not belong to a fault.
 fn reported(payload: &Payload<'_>) -> Reported {
     Reported {
         faults: Faults::from_bits_truncate(payload.u32(FAULT_BITMASK) as u16) & Faults::MAVLINK,
@@ -271,7 +271,7 @@ mod tests {
     }
 
     proptest! {
-        /// Any payload, however short, is no reading or one whose values are in the range of their fields.
+        /// Any payload, however short, gives no reading or one whose values are in the range of their fields.
         #[test]
         fn any_payload_gives_finite_values_or_none(payload in prop::collection::vec(any::<u8>(), 0..60)) {
             let Some(reading) = reading(&payload) else { return Ok(()) };

@@ -21,9 +21,9 @@ pub enum WifiRefused {
     Armed,
     /// There is no radio, or no such mode.
     Mode,
-    /// The name is no valid one, or would be another one of the access point, whose name is fixed.
+    /// The name is invalid, or would be another one of the access point, whose name is fixed.
     Ssid,
-    /// The password is no valid one, or there is none for the access point.
+    /// The password is invalid, or there is none for the access point.
     Password,
 }
 

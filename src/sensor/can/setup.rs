@@ -30,7 +30,7 @@ pub struct CanFilters<const N: usize> {
     pub ids: [u32; N],
 }
 
-/// Type of a message, and that it is none of a service.
+/// The type of a message, and the bit that it is not a service.
 const TYPE: u32 = 0x00ff_ff80;
 
 /// In which bits of the identifier BatteryInfo and BatteryInfoAux differ.

@@ -8,7 +8,7 @@ use crate::battery::{ChargeState, Faults, Reported};
 const CHARGING: u16 = 1 << 1;
 
 /// The fault that goes with each of its other flags: hot, cold, overload, bad battery, service needed, and an error of its
-/// management system. In use, and charged, are none.
+/// management system. "In use" and "charged" are not faults.
 const OF_BATTERIES: [(u16, Faults); 6] = [
     (1 << 3, Faults::OVER_TEMPERATURE),
     (1 << 4, Faults::UNDER_TEMPERATURE),

@@ -259,7 +259,7 @@ fn a_charge_state_is_indicated_without_a_failsafe() {
         vehicle.update_batteries(FailsafeLevel::None, alert);
         assert_eq!(vehicle.indication(Instant::EPOCH).colour, colour);
         assert_eq!(tones(&vehicle, 4_000_000, 20), expected_tones);
-        assert_eq!(vehicle.status().alert, Alert::None, "{alert:?} is no failsafe");
+        assert_eq!(vehicle.status().alert, Alert::None, "{alert:?} is not a failsafe");
     }
 }
 

@@ -68,7 +68,7 @@ pub fn uart_connection(chip: &Chip, uart: usize, pins: UartPins) -> PinConnectio
     }
 }
 
-/// Both at once are a bus keeper (2.19.4); a line that something drives later is none of its tests.
+/// Both at once are a bus keeper (2.19.4); a line that something drives later is not tested.
 fn pull(pad: u32) -> Pull {
     match (bit(pad, PAD_PULL_UP), bit(pad, PAD_PULL_DOWN)) {
         (true, _) => Pull::Up,

@@ -28,7 +28,7 @@ enum Fault {
     TooShort,
     /// It refuses every request.
     Refuses,
-    /// Bytes that are no answer before each one.
+    /// Bytes that are not an answer before each one.
     Noise,
 }
 

@@ -65,7 +65,7 @@ enum Fault {
     WrongChecksum,
     /// Contents with a byte less.
     TooShort,
-    /// Bytes that are no frame before each one.
+    /// Bytes that are not a frame before each one.
     Noise,
 }
 

@@ -70,7 +70,7 @@ fn charge_with_detected_cells_is_within_5_percent() {
     assert_voltage_alone_is_sufficient(&PackSettings::default());
 }
 
-/// Standing still between loads is no rest whose voltage is believed.
+/// Standing still between loads is not a rest whose voltage is believed.
 #[test]
 fn charge_by_voltage_alone_does_not_need_the_arm_state() {
     let samples = trace(DISCHARGE);

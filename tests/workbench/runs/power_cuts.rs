@@ -71,7 +71,7 @@ fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
     bench.uart_send(0, from_us, &param_request_list(VEHICLE));
     let end_us = from_us + LIST_US;
     let mut frames = Vec::new();
-    // The whole list is there: what comes later is no part of it.
+    // The whole list is there: what comes later does not belong to it.
     while of_message(&frames, PARAM_VALUE).len() < LISTED_BY_DEFAULT && bench.time_us() < end_us {
         bench.run_for(LIST_STEP_US);
         frames = bench.frames_since(from_us);

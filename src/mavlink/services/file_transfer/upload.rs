@@ -98,7 +98,7 @@ impl Upload {
     /// are skipped, since a block is sent again when its answer is lost.
     ///
     /// # Errors
-    /// This is no file of parameters. What was set before is.
+    /// This is not a file of parameters. What was set before is.
     pub fn write(
         &mut self,
         offset: u32,
@@ -170,7 +170,7 @@ impl Upload {
         Ok(self.set(value, parameters))
     }
 
-    /// Sets the parameter whose name has come. What only shows or triggers something is no setting, and left out.
+    /// Sets the parameter whose name has come. What only shows or triggers something is not a setting, and is left out.
     fn set(&mut self, value: f32, parameters: &mut Parameters) -> Option<ParameterId> {
         let Some(id) = ParameterId::from_name(&self.name_before) else {
             self.not_set.add(&self.name_before);

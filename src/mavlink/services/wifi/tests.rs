@@ -66,7 +66,7 @@ fn each_mode_sets_what_it_is_for() {
     assert_eq!((mode, value), (WifiMode::AccessPoint, 1.0));
     assert_eq!(now.own_password(), Password::new(b"new password").as_ref());
 
-    // Its own name is no other one.
+    // Its own name is allowed.
     let (_, now, _) = set([b"rover", b"new password 2"], MODE_ACCESS_POINT).unwrap();
     assert_eq!(now.own_password(), Password::new(b"new password 2").as_ref());
 

@@ -186,7 +186,7 @@ impl Radio {
         }
     }
 
-    /// A network with another kind of security is none to the station.
+    /// A network with another kind of security does not exist for the station.
     fn found(&mut self, network: Option<&Network>, now: Cycle) -> Option<Joining> {
         let network = network.filter(|network| network.passphrase.is_some() == self.settings.is_secure);
         let Some(network) = network else {

@@ -57,7 +57,7 @@ impl Job {
         check("flash_range_erase", offset, count, SECTOR_SIZE);
         assert!(
             block_size.is_power_of_two(),
-            "flash_range_erase: a block of {block_size} bytes is no power of two"
+            "flash_range_erase: a block of {block_size} bytes is not a power of two"
         );
         let block_command = block_command & 0xff;
         Self {

@@ -232,7 +232,7 @@ impl Controller {
         })
     }
 
-    /// An IN transaction. `None` is no answer at all.
+    /// An IN transaction. `None`: no answer at all.
     pub fn input(&mut self, from: Endpoint, delivery: Delivery) -> Option<Sent> {
         let buffer = self.buffer(from, Way::In)?;
         let control = self.dpram_word(buffer.control);

@@ -180,7 +180,7 @@ fn nonsense(random: &mut Random) -> Vec<u8> {
         4 => command_int(UNKNOWN_COMMANDS + random.below(500) as u16, -1e30),
         5 => set_mode(1, 1, 1000 + random.below(1000) as u32),
         6 => ftp_open(random.below(1000) as u16, "../../etc"),
-        // Stick input is for one rover only, and other channels are no stick input.
+        // Stick input is for one rover only, and other channels are not stick input.
         7 => {
             let (target, pulse_us) = random.pick(&[(EVERYONE, 2000), ([1, 154], 2000), (VEHICLE, u16::MAX)]);
             rc_override(target, pulse_us, pulse_us)

@@ -97,7 +97,7 @@ impl Ina238 {
         unsigned_code(self.load.volts, BUS_LSB_V, 15)
     }
 
-    /// That no calibration is no current is assumed from the INA228.
+    /// That without calibration the current reads zero is assumed from the INA228.
     fn current_code(&self) -> i64 {
         match self.shunt_cal {
             0 => 0,

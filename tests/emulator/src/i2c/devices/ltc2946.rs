@@ -2,7 +2,7 @@
 //!
 //! Left out: extremes, thresholds and alerts, GPIO pins, the external clock, the order in which the
 //! converter takes its inputs, snapshots, "auto-reset" of the accumulators. What is not measured reads
-//! back what was written. A current the other way is none.
+//! back what was written. A current in the other direction reads as zero.
 
 use super::super::super::clock::{CLK_SYS_HZ, Cycle};
 use super::super::device::{Ack, I2cDevice, I2cDirection};

@@ -68,7 +68,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// REQOP; `None` is no mode (register 10-1).
+    /// REQOP; `None`: not a mode (register 10-1).
     pub fn requested(canctrl: u8) -> Option<Self> {
         Some(match canctrl >> 5 {
             0 => Self::Normal,
