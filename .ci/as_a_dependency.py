@@ -5,6 +5,8 @@ Each block of code below a comment `<!-- file: NAME -->` is a file of that crate
 `target/`, with this clone in place of the page's path and with the versions of its Cargo.lock, and built. The firmware has to
 link, by the page's memory.x, and to hold nothing of the Freenove board. There the clone's own `.cargo/config.toml` applies,
 too: what it adds are flags that make a program smaller.
+
+On a host the library without its default features has to build without what only the programs there need.
 """
 
 import os
@@ -27,6 +29,8 @@ PATH = 'path = "../rover-battmon"'
 
 # `rover_battmon::board`, as symbols spell it in paths and in types.
 BOARD = re.compile(r"rover_battmon(?:5|\.\.)board")
+# What only the programs for a host need.
+OF_PROGRAMS = ("clap", "ctrlc", "serialport")
 # Where the page's memory.x has the stack begin: at the end of RAM.
 STACK_START = 0x2004_2000
 
@@ -66,10 +70,25 @@ def complaints(elf):
         yield f"the stack begins at {found['_stack_start']:#x}: by another memory.x"
 
 
+def complaints_on_a_host():
+    """What a dependent on a host builds that only this repository's programs need."""
+    library = ["--package", "rover-battmon", "--no-default-features", "--locked"]
+    subprocess.run(["cargo", "check", "--lib", *library], cwd=REPOSITORY, check=True)
+    tree = subprocess.run(
+        ["cargo", "tree", *library, "--edges", "normal", "--prefix", "none"],
+        cwd=REPOSITORY,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    built = {line.split()[0] for line in tree.stdout.splitlines() if line}
+    yield from (f"on a host, for programs only: {name}" for name in OF_PROGRAMS if name in built)
+
+
 def main():
     write(files_of(PAGE.read_text(encoding="utf-8")))
     build()
-    found = list(complaints(FIRMWARE.read_bytes()))
+    found = [*complaints(FIRMWARE.read_bytes()), *complaints_on_a_host()]
     for complaint in found:
         print(f"  {complaint}")
     sys.exit(1 if found else 0)

@@ -74,8 +74,8 @@
 //! | [`tasks`] | thin `async` loops that wait, call the core and publish |
 //! | `net` | MAVLink by UDP and TCP, and addresses for others (with the feature `board`) |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |
-//! | `sim` | a simulated pack, clock and wire (host only) |
-//! | `board_check` | the check of a board over MAVLink, and its report (host only) |
+//! | `sim` | a simulated pack, clock and wire (host only, with the feature `host`) |
+//! | `board_check` | the check of a board over MAVLink, and its report (host only, with the feature `host`) |
 //!
 //! Everything but `tasks`, `mcp2515`, `net`, `board`, `sim` and `board_check` does no I/O and reads no clock: time, counts
 //! and parameters come in as arguments, states and messages come out. That is what makes the behaviour testable on a desk.
@@ -124,7 +124,7 @@ pub mod wifi;
 #[cfg(all(target_os = "none", feature = "board"))]
 pub mod board;
 
-#[cfg(not(target_os = "none"))]
+#[cfg(all(not(target_os = "none"), feature = "host"))]
 pub mod board_check;
-#[cfg(not(target_os = "none"))]
+#[cfg(all(not(target_os = "none"), feature = "host"))]
 pub mod sim;

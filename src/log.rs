@@ -10,8 +10,10 @@ use crate::time::Instant;
 #[cfg(target_os = "none")]
 pub(crate) use defmt::{info, warn};
 
+#[cfg(all(not(target_os = "none"), feature = "host"))]
+pub(crate) use host::set_printer;
 #[cfg(not(target_os = "none"))]
-pub(crate) use host::{Level, print, set_printer};
+pub(crate) use host::{Level, print};
 
 #[cfg(not(target_os = "none"))]
 mod host {
@@ -40,6 +42,7 @@ mod host {
     static PRINTER: OnceLock<Printer> = OnceLock::new();
 
     /// Has all further lines printed by `printer`, unless there is one already.
+    #[cfg(feature = "host")]
     pub(crate) fn set_printer(printer: Printer) {
         let _ = PRINTER.set(printer);
     }
