@@ -2,8 +2,9 @@
 
 use core::hash::Hash;
 
+use hash32::{FnvHasher, Hasher};
+
 use crate::battery::PackDetails;
-use crate::integrity::Fnv;
 use crate::pack::{MAX_PACKS, Pack};
 
 /// The details of each pack that were reported last on one link, by their hash: each link has one of these, and the details
@@ -15,11 +16,11 @@ pub(super) struct DetailsChangeDetector {
     described: [Option<u8>; MAX_PACKS],
 }
 
-/// One change of four thousand million is not noticed by it.
+/// A change goes unnoticed with a probability of 2⁻³².
 fn hash_of(details: &PackDetails) -> u32 {
-    let mut hasher = Fnv::new();
+    let mut hasher = FnvHasher::default();
     details.hash(&mut hasher);
-    hasher.hash()
+    hasher.finish32()
 }
 
 impl DetailsChangeDetector {

@@ -1,108 +1,29 @@
 //! Gives what was received to the service it is for.
 
-use core::fmt::Write;
-
 use ::mavlink::MessageData;
-use heapless::String;
 
-use super::dialect::{MavResult, MavSeverity, SET_MODE_DATA, WIFI_CONFIG_AP_DATA};
+use super::dialect::{MavResult, MavSeverity, WIFI_CONFIG_AP_DATA};
 use super::downloads::Downloads;
+use super::event::{Action, Event};
 use super::parser::ReceivedFrame;
 use super::rates::{Rates, is_radio};
 use super::replies::Replies;
 use super::requests::{Command, Peer, ReceivedRequest, Request};
-use super::services::commands::{Action, Answer};
+use super::services::commands::Answer;
 use super::services::file_transfer::{self, FileEvent};
 use super::services::log_download::Refusal;
-use super::services::parameters::{self, ParameterList, SetResult, param_value};
-use super::services::signing::{self, SetupRefused, SigningChange};
-use super::services::vehicle::{Driving, VehicleService, is_of_ground_station};
-use super::services::wifi::{self, WifiRefused};
-use super::services::{DISARM_FIRST, time};
+use super::services::parameters::{self, ParameterList};
+use super::services::vehicle::{VehicleService, is_of_ground_station};
+use super::services::{DISARM_FIRST, signing, time, wifi};
 use super::signing::{AcceptUnsigned, Authenticity, Effect, LinkKind, Signing, is_permitted};
 use super::stations::{Introduction, Stations};
 use super::system_state::SystemState;
 use super::{COMPONENT_ID, Message};
 use crate::battery::ArmState;
-use crate::parameter::{ParameterId, Parameters, VehicleParameter};
-use crate::sensor::ExternalReading;
+use crate::parameter::{Parameters, VehicleParameter};
 use crate::time::Instant;
 use crate::vehicle::Vehicle;
-use crate::wifi::{WifiCredentials, WifiMode};
-
-/// Result of handling a message.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum Event {
-    /// It was not for us, or nothing to act on at once.
-    Ignored,
-    /// A ground station gave a sign of life.
-    GroundStationHeard,
-    /// It was answered.
-    Answered,
-    /// A ground station reads all parameters.
-    ListRequested,
-    /// A parameter was set by a ground station.
-    ParameterSet(ParameterId),
-    /// A ground station triggered what a parameter does.
-    Triggered(ParameterId),
-    /// A ground station tried to set a parameter and was refused.
-    ParameterRefused,
-    /// The rover was armed or disarmed, its mode was set, or its driver moved a stick.
-    Driven,
-    /// A command, by its number, has this effect.
-    Command(Action),
-    /// A command of this number is not supported, or not with its parameters.
-    CommandRefused(u16),
-    /// A control message may have waited for longer than `FS_TIMEOUT`, and had no effect.
-    ControlTooLate,
-    /// Another signing key, or none any more.
-    SigningSetUp(SigningChange),
-    /// Signing was not set up.
-    SigningRefused(SetupRefused),
-    /// Wi-Fi was set up: names or passwords may have changed, and `WIFI_MODE` was set.
-    WifiSetUp(WifiMode),
-    /// Wi-Fi was not set up.
-    WifiRefused(WifiRefused),
-    /// Parameters were set by a file of them.
-    ParametersSet,
-    /// All log files are to be erased.
-    LogsErased,
-    /// Another component of the vehicle has measured a pack.
-    Measured {
-        /// The component's id.
-        component_id: u8,
-        /// What it has measured.
-        reading: ExternalReading,
-    },
-    /// It was not signed as it would have to be, and had no effect.
-    Unauthorized {
-        /// How many there have been on this link.
-        count: u32,
-    },
-}
-
-impl Event {
-    /// Whether it left something to send on its link, or changed the link's rates.
-    pub fn concerns_link(&self) -> bool {
-        !matches!(
-            self,
-            Self::Ignored
-                | Self::GroundStationHeard
-                | Self::ControlTooLate
-                | Self::Measured { .. }
-                | Self::Unauthorized { .. }
-        )
-    }
-}
-
-/// The text of a refused PARAM_SET, as in ArduPilot. It is in one STATUSTEXT.
-fn write_denied(id: ParameterId) -> String<50> {
-    let mut text = String::new();
-    // Every name fits.
-    let _ = write!(text, "Param write denied ({})", id.name());
-    text
-}
+use crate::wifi::WifiCredentials;
 
 /// What a request does, at most.
 fn effect(request: &Request<'_>) -> Effect {
@@ -253,23 +174,9 @@ fn serve(request: &Request<'_>, from: Peer, context: Context<'_>, mut replies: R
             return Event::ListRequested;
         }
         Request::ParameterRead(read) => replies.answer(parameters::read(read, from, parameters)),
-        Request::ParameterSet(set) => {
-            return match parameters::set(set, from, parameters, |message| replies.answer(message)) {
-                SetResult::Set(id) => {
-                    rates.parameter_set(id);
-                    Event::ParameterSet(id)
-                }
-                SetResult::Triggered(id) => Event::Triggered(id),
-                SetResult::Refused => Event::ParameterRefused,
-                SetResult::ReadOnly(id) => {
-                    replies.say(MavSeverity::MAV_SEVERITY_WARNING, &write_denied(id));
-                    Event::ParameterRefused
-                }
-            };
-        }
+        Request::ParameterSet(set) => return parameters::set(set, from, parameters, rates, replies),
         Request::Command(command) if command.requests_message(WIFI_CONFIG_AP_DATA::ID) => {
-            let report = wifi::report(credentials, parameters);
-            return wifi_requested(command.number, report, from, replies);
+            return wifi::report(command.number, from, credentials, parameters, replies);
         }
         Request::Command(command) => return execute(command, from, service, rates, replies),
         Request::FileTransfer(transfer) => {
@@ -302,14 +209,8 @@ fn serve(request: &Request<'_>, from: Peer, context: Context<'_>, mut replies: R
             rates.radio_status(status, now);
         }
         Request::RadioStatus(_) => return Event::Ignored,
-        Request::SetMode(set_mode) => {
-            let result = service.set_mode_by_message(set_mode, &mut replies);
-            // As in ArduPilot, the message is acknowledged like a command of its own number.
-            let number = SET_MODE_DATA::ID as u16;
-            replies.acknowledge(number, result, from);
-            return driven(number, result);
-        }
-        Request::Control(sticks) => return controlled(service.control(sticks)),
+        Request::SetMode(set_mode) => return service.set_mode_by_message(set_mode, from, replies),
+        Request::Control(sticks) => return service.control(sticks),
         Request::Heartbeat(heartbeat) if is_of_ground_station(heartbeat) => {
             service.ground_station_seen();
             if stations.heartbeat(from, now) == Introduction::Due {
@@ -322,14 +223,11 @@ fn serve(request: &Request<'_>, from: Peer, context: Context<'_>, mut replies: R
         Request::Heartbeat(_) => return Event::Ignored,
         Request::SetUpSigning(set_up) => {
             let arm_state = service.vehicle.arm_state();
-            let result = signing::set_up(set_up, link, arm_state, signing, now);
-            return signing_set_up(result, replies);
+            return signing::set_up(set_up, link, arm_state, signing, now, replies);
         }
         Request::WifiConfig(config) => {
             let arm_state = service.vehicle.arm_state();
-            let result = wifi::set_up(config, arm_state, credentials, parameters);
-            replies.answer(wifi::answer(result.map(drop), credentials, parameters));
-            return wifi_set_up(result, parameters, replies);
+            return wifi::set_up(config, arm_state, credentials, parameters, replies);
         }
         Request::PackReading(reading) => {
             return Event::Measured {
@@ -350,9 +248,7 @@ fn execute(
     mut replies: Replies<'_>,
 ) -> Event {
     if VehicleService::knows(command.number) {
-        let result = service.execute(command, &mut replies);
-        replies.acknowledge(command.number, result, from);
-        return driven(command.number, result);
+        return service.execute(command, from, replies);
     }
     let outcome = command.execute(&mut rates.scheduler, service.state, service.now);
     if outcome.action.is_some_and(Action::needs_disarmed) && service.vehicle.arm_state() == ArmState::Armed {
@@ -410,58 +306,5 @@ fn explain_refusal(
         && downloads.logs.may_explain(now)
     {
         replies.say(MavSeverity::MAV_SEVERITY_WARNING, refusal.text());
-    }
-}
-
-/// Result of setting up signing. There is no acknowledgement in MAVLink, so a text says it.
-fn signing_set_up(result: Result<SigningChange, SetupRefused>, mut replies: Replies<'_>) -> Event {
-    match result {
-        Ok(change) => Event::SigningSetUp(change),
-        Err(refused) => {
-            replies.say(MavSeverity::MAV_SEVERITY_WARNING, refused.text());
-            Event::SigningRefused(refused)
-        }
-    }
-}
-
-/// Result of setting up Wi-Fi. Ground stations are sent the parameter that it has set.
-fn wifi_set_up(
-    result: Result<WifiMode, WifiRefused>,
-    parameters: &Parameters,
-    mut replies: Replies<'_>,
-) -> Event {
-    match result {
-        Ok(mode) => {
-            replies.answer(param_value(VehicleParameter::WifiMode.into(), parameters));
-            Event::WifiSetUp(mode)
-        }
-        Err(refused) => Event::WifiRefused(refused),
-    }
-}
-
-/// Result of a request for WIFI_CONFIG_AP, which a board without a radio has not.
-fn wifi_requested(command: u16, report: Option<Message>, from: Peer, mut replies: Replies<'_>) -> Event {
-    let (result, event) = match report {
-        Some(_) => (MavResult::MAV_RESULT_ACCEPTED, Event::Answered),
-        None => (MavResult::MAV_RESULT_DENIED, Event::CommandRefused(command)),
-    };
-    replies.acknowledge(command, result, from);
-    replies.answer_any(report);
-    event
-}
-
-/// Result of a control message.
-fn controlled(driving: Driving) -> Event {
-    match driving {
-        Driving::Obeyed => Event::Driven,
-        Driving::TooLate => Event::ControlTooLate,
-    }
-}
-
-/// Result of a command to the vehicle.
-fn driven(command: u16, result: MavResult) -> Event {
-    match result {
-        MavResult::MAV_RESULT_ACCEPTED => Event::Driven,
-        _ => Event::CommandRefused(command),
     }
 }

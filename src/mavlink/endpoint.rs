@@ -4,8 +4,9 @@ use core::iter;
 
 use super::details_change::DetailsChangeDetector;
 use super::dialect::MavSeverity;
-use super::dispatcher::{Changeable, Context, Event, dispatch};
+use super::dispatcher::{Changeable, Context, dispatch};
 use super::downloads::{Downloads, Turn};
+use super::event::Event;
 use super::messages::{CheckedBy, arming_text, chunks_of};
 use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;

@@ -14,6 +14,7 @@ mod details_change;
 mod dispatcher;
 mod downloads;
 mod endpoint;
+mod event;
 mod framer;
 mod links;
 mod messages;
@@ -34,8 +35,9 @@ mod system_state;
 pub use ::mavlink::dialects::development as dialect;
 
 pub use arming::{ArmingObstacle, arming_obstacles, arming_readiness};
-pub use dispatcher::{Changeable, Event};
+pub use dispatcher::Changeable;
 pub use endpoint::Endpoint;
+pub use event::{Action, Event, SetupRefused, SigningChange, WifiRefused};
 pub use framer::Framer;
 pub use links::{LinkId, SIMULATED_LINKS};
 pub use messages::{
@@ -50,10 +52,7 @@ pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame, begins_with_fram
 pub use payload::{Name, Payload};
 pub use requests::Peer;
 pub use scheduler::{Interval, IntervalRefused, NotStreamed, StreamScheduler};
-pub use services::commands::Action;
 pub use services::log_download::LogRead;
-pub use services::signing::{SetupRefused, SigningChange};
-pub use services::wifi::WifiRefused;
 pub use signing::{
     AcceptUnsigned, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,
 };

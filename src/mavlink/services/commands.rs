@@ -5,6 +5,7 @@ use ::mavlink::MessageData;
 use crate::mavlink::dialect::{
     AUTOPILOT_VERSION_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavResult, PROTOCOL_VERSION_DATA,
 };
+use crate::mavlink::event::Action;
 use crate::mavlink::requests::Command;
 use crate::mavlink::scheduler::{Interval, IntervalRefused, StreamScheduler};
 use crate::mavlink::{
@@ -48,23 +49,6 @@ const SET_MESSAGE_INTERVAL: u16 = MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL as u16;
 const REQUEST_MESSAGE: u16 = MavCmd::MAV_CMD_REQUEST_MESSAGE as u16;
 const REQUEST_PROTOCOL_VERSION: u16 = MavCmd::MAV_CMD_REQUEST_PROTOCOL_VERSION as u16;
 const REQUEST_AUTOPILOT_CAPABILITIES: u16 = MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES as u16;
-
-/// What the vehicle has to do, beyond answering.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum Action {
-    /// Restart the board once what was answered and set has been sent and saved.
-    Restart(Restart),
-    /// Forget everything stored and go back to the defaults.
-    ResetParameters,
-    /// The failsafe levels of these packs end, and they have this much charge now, unless they report it themselves.
-    ResetBatteries {
-        /// One bit for each instance, bit 0 for the first; only packs that are monitored.
-        mask: u16,
-        /// The charge in percent of a full pack, 0 to 100.
-        percent: f32,
-    },
-}
 
 impl Action {
     /// Whether it must not happen to a rover that may be moving.

@@ -3,8 +3,15 @@
 //! Values travel as floats, whole numbers too (`MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST`). The type in a PARAM_SET is
 //! ignored: some ground stations always say REAL32.
 
-use crate::mavlink::dialect::{MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_VALUE_DATA};
+use core::fmt::Write;
+
+use heapless::String;
+
+use crate::mavlink::dialect::{MavParamError, MavParamType, MavSeverity, PARAM_ERROR_DATA, PARAM_VALUE_DATA};
+use crate::mavlink::event::Event;
 use crate::mavlink::payload::Name;
+use crate::mavlink::rates::Rates;
+use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::{ParameterRead, ParameterSet};
 use crate::mavlink::{Message, Peer};
 use crate::parameter::{ForEachParameter, Kind, ParameterId, Parameters, Refused, triggers};
@@ -22,16 +29,6 @@ const BY_NAME: i16 = -1;
 
 /// PARAM_VALUE, index: the parameter has none, since it is not listed.
 const NOT_LISTED: u16 = u16::MAX;
-
-/// What a PARAM_SET did.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::mavlink) enum SetResult {
-    Set(ParameterId),
-    Triggered(ParameterId),
-    Refused,
-    /// Refused since it is read only.
-    ReadOnly(ParameterId),
-}
 
 /// The PARAM_VALUE of a parameter.
 pub(in crate::mavlink) fn param_value(id: ParameterId, parameters: &Parameters) -> Message {
@@ -87,37 +84,41 @@ pub(in crate::mavlink) fn set(
     request: &ParameterSet,
     from: Peer,
     parameters: &mut Parameters,
-    mut answer: impl FnMut(Message),
-) -> SetResult {
+    rates: &mut Rates,
+    mut replies: Replies<'_>,
+) -> Event {
     let ParameterSet { name, value } = *request;
+    let mut refuse = |error| replies.answer(param_error(name, BY_NAME, error, from));
     let Some(id) = ParameterId::from_name(name.as_bytes()) else {
-        answer(param_error(
-            name,
-            BY_NAME,
-            MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST,
-            from,
-        ));
-        return SetResult::Refused;
+        refuse(MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST);
+        return Event::ParameterRefused;
     };
-    let result = match parameters.set(id, value) {
-        Ok(()) if triggers(id, value) => {
-            answer(param_value_of(id, value, parameters));
-            SetResult::Triggered(id)
+    let result = parameters.set(id, value);
+    match result {
+        Ok(()) if triggers(id, value) => replies.answer(param_value_of(id, value, parameters)),
+        Ok(()) => rates.parameter_set(id),
+        Err(Refused::OutOfRange) => refuse(MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE),
+        Err(Refused::ReadOnly) => refuse(MavParamError::MAV_PARAM_ERROR_READ_ONLY),
+    }
+    replies.answer(param_value(id, parameters));
+    match result {
+        Ok(()) if triggers(id, value) => Event::Triggered(id),
+        Ok(()) => Event::ParameterSet(id),
+        Err(refused) => {
+            if refused == Refused::ReadOnly {
+                replies.say(MavSeverity::MAV_SEVERITY_WARNING, &write_denied(id));
+            }
+            Event::ParameterRefused
         }
-        Ok(()) => SetResult::Set(id),
-        Err(Refused::OutOfRange) => {
-            let error = MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE;
-            answer(param_error(name, BY_NAME, error, from));
-            SetResult::Refused
-        }
-        Err(Refused::ReadOnly) => {
-            let error = MavParamError::MAV_PARAM_ERROR_READ_ONLY;
-            answer(param_error(name, BY_NAME, error, from));
-            SetResult::ReadOnly(id)
-        }
-    };
-    answer(param_value(id, parameters));
-    result
+    }
+}
+
+/// The text of a refused PARAM_SET, as in ArduPilot. It is in one STATUSTEXT.
+fn write_denied(id: ParameterId) -> String<50> {
+    let mut text = String::new();
+    // Every name fits.
+    let _ = write!(text, "Param write denied ({})", id.name());
+    text
 }
 
 /// A list of parameters on its way out, in batches that leave most of the link to others.

@@ -2,19 +2,12 @@
 
 use super::DISARM_FIRST;
 use crate::battery::ArmState;
+use crate::mavlink::dialect::MavSeverity;
+use crate::mavlink::event::{Event, SetupRefused, SigningChange};
+use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::SetUpSigning;
 use crate::mavlink::signing::{LinkKind, Signing};
 use crate::time::Instant;
-
-/// What a ground station has set up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum SigningChange {
-    /// A key.
-    KeySet,
-    /// That there is none any more.
-    KeyRemoved,
-}
 
 impl SigningChange {
     /// What is announced when it is in flash.
@@ -26,21 +19,9 @@ impl SigningChange {
     }
 }
 
-/// Why nothing was set up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum SetupRefused {
-    /// The key would have been heard by everyone near.
-    NotDirect,
-    /// The initial timestamp has more than 48 bits.
-    BadTime,
-    /// Flash may have no space for the key that is erased, and can't get any while the rover may be moving.
-    Armed,
-}
-
 impl SetupRefused {
     /// What its sender gets as an answer.
-    pub fn text(self) -> &'static str {
+    fn text(self) -> &'static str {
         match self {
             Self::NotDirect => "Signing is set up by USB only",
             Self::Armed => DISARM_FIRST,
@@ -49,8 +30,25 @@ impl SetupRefused {
     }
 }
 
-/// Does what SETUP_SIGNING asks for.
+/// Does what SETUP_SIGNING asks for. MAVLink has no acknowledgement of it, so a text says why it was refused.
 pub(in crate::mavlink) fn set_up(
+    request: &SetUpSigning,
+    link: LinkKind,
+    arm_state: ArmState,
+    signing: &mut Signing,
+    now: Instant,
+    mut replies: Replies<'_>,
+) -> Event {
+    match change(request, link, arm_state, signing, now) {
+        Ok(change) => Event::SigningSetUp(change),
+        Err(refused) => {
+            replies.say(MavSeverity::MAV_SEVERITY_WARNING, refused.text());
+            Event::SigningRefused(refused)
+        }
+    }
+}
+
+fn change(
     request: &SetUpSigning,
     link: LinkKind,
     arm_state: ArmState,

@@ -2,15 +2,17 @@
 
 use core::fmt::Write;
 
+use ::mavlink::MessageData;
 use heapless::String;
 
 use crate::battery::ArmState;
-use crate::mavlink::SystemState;
 use crate::mavlink::arming::{ArmingObstacle, arming_obstacles};
-use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavType};
+use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavType, SET_MODE_DATA};
+use crate::mavlink::event::Event;
 use crate::mavlink::messages::{CheckedBy, arming_text};
 use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::{Command, Heartbeat, SetMode, Sticks};
+use crate::mavlink::{Peer, SystemState};
 use crate::parameter::Parameters;
 use crate::time::Instant;
 use crate::vehicle::{Fitness, Mode, Vehicle, control_timeout_us};
@@ -50,8 +52,13 @@ impl VehicleService<'_> {
         [ARM_DISARM, RUN_PREARM_CHECKS, DO_SET_MODE].contains(&number)
     }
 
-    /// Does what a command asks of the rover, says why if it can't, and answers with its result.
-    pub fn execute(&mut self, command: &Command, replies: &mut Replies<'_>) -> MavResult {
+    /// Does what a command asks of the rover, says why if it can't, and acknowledges it.
+    pub fn execute(&mut self, command: &Command, from: Peer, mut replies: Replies<'_>) -> Event {
+        let result = self.result_of(command, &mut replies);
+        acknowledge(command.number, result, from, replies)
+    }
+
+    fn result_of(&mut self, command: &Command, replies: &mut Replies<'_>) -> MavResult {
         match command.number {
             ARM_DISARM if command.param1 == ARM && self.is_late() => refuse_late(replies),
             ARM_DISARM if command.param1 == ARM => self.arm(FORCE.contains(&command.param2), replies),
@@ -108,9 +115,10 @@ impl VehicleService<'_> {
         ACCEPTED
     }
 
-    /// SET_MODE: answered as the command of the same meaning.
-    pub fn set_mode_by_message(&mut self, request: &SetMode, replies: &mut Replies<'_>) -> MavResult {
-        self.set_mode(request.base_mode, request.custom_mode, replies)
+    /// SET_MODE: as in ArduPilot, it is acknowledged like a command of its own number.
+    pub fn set_mode_by_message(&mut self, request: &SetMode, from: Peer, mut replies: Replies<'_>) -> Event {
+        let result = self.set_mode(request.base_mode, request.custom_mode, &mut replies);
+        acknowledge(SET_MODE_DATA::ID as u16, result, from, replies)
     }
 
     /// As in ArduPilot, a mode without the flag for ArduPilot's own modes is denied and one that is not known fails.
@@ -139,13 +147,13 @@ impl VehicleService<'_> {
     }
 
     /// MANUAL_CONTROL or RC_CHANNELS_OVERRIDE.
-    pub fn control(&mut self, sticks: &Sticks) -> Driving {
+    pub fn control(&mut self, sticks: &Sticks) -> Event {
         if self.is_late() {
-            return Driving::TooLate;
+            return Event::ControlTooLate;
         }
         let Sticks { throttle, steering } = *sticks;
         self.vehicle.control(self.received_at, throttle, steering);
-        Driving::Obeyed
+        Event::Driven
     }
 
     /// HEARTBEAT of a ground station.
@@ -154,13 +162,12 @@ impl VehicleService<'_> {
     }
 }
 
-/// Result of a control message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::mavlink) enum Driving {
-    /// The sticks are where it says.
-    Obeyed,
-    /// It may have waited for longer than control inputs count.
-    TooLate,
+fn acknowledge(command: u16, result: MavResult, from: Peer, mut replies: Replies<'_>) -> Event {
+    replies.acknowledge(command, result, from);
+    match result {
+        ACCEPTED => Event::Driven,
+        _ => Event::CommandRefused(command),
+    }
 }
 
 fn refuse_late(replies: &mut Replies<'_>) -> MavResult {

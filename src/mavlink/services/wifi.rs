@@ -1,9 +1,12 @@
 //! WIFI_CONFIG_AP (299): the password of the access point, the network to join, or none of both.
 
+use super::parameters::param_value;
 use crate::battery::ArmState;
-use crate::mavlink::Message;
-use crate::mavlink::dialect::{WIFI_CONFIG_AP_DATA, WifiConfigApMode, WifiConfigApResponse};
+use crate::mavlink::dialect::{MavResult, WIFI_CONFIG_AP_DATA, WifiConfigApMode, WifiConfigApResponse};
+use crate::mavlink::event::{Event, WifiRefused};
+use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::WifiConfig;
+use crate::mavlink::{Message, Peer};
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::wifi::{Network, Password, Radio, Ssid, WifiChoice, WifiCredentials, WifiMode};
 
@@ -12,20 +15,6 @@ const MODE_UNDEFINED: u8 = WifiConfigApMode::WIFI_CONFIG_AP_MODE_UNDEFINED as u8
 const MODE_ACCESS_POINT: u8 = WifiConfigApMode::WIFI_CONFIG_AP_MODE_AP as u8;
 const MODE_STATION: u8 = WifiConfigApMode::WIFI_CONFIG_AP_MODE_STATION as u8;
 const MODE_DISABLED: u8 = WifiConfigApMode::WIFI_CONFIG_AP_MODE_DISABLED as u8;
-
-/// Why nothing was set up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum WifiRefused {
-    /// The driver may be at the other end of the network that would be left.
-    Armed,
-    /// There is no radio, or no such mode.
-    Mode,
-    /// The name is invalid, or would be another one of the access point, whose name is fixed.
-    Ssid,
-    /// The password is invalid, or there is none for the access point.
-    Password,
-}
 
 impl WifiRefused {
     fn response(self) -> WifiConfigApResponse {
@@ -45,11 +34,27 @@ enum Setup {
     Station(Network),
 }
 
-/// Does what WIFI_CONFIG_AP asks for, and returns the mode set. The mode is also a parameter, which has to be saved.
-///
-/// # Errors
-/// Nothing has changed.
+/// Does what WIFI_CONFIG_AP asks for, and answers it. Ground stations are sent the parameter that it has set.
 pub(in crate::mavlink) fn set_up(
+    request: &WifiConfig<'_>,
+    arm_state: ArmState,
+    credentials: &mut WifiCredentials,
+    parameters: &mut Parameters,
+    mut replies: Replies<'_>,
+) -> Event {
+    let result = set(request, arm_state, credentials, parameters);
+    replies.answer(answer(result.map(drop), credentials, parameters));
+    match result {
+        Ok(mode) => {
+            replies.answer(param_value(VehicleParameter::WifiMode.into(), parameters));
+            Event::WifiSetUp(mode)
+        }
+        Err(refused) => Event::WifiRefused(refused),
+    }
+}
+
+/// Sets what is requested, and returns the mode. It is also a parameter, which has to be saved.
+fn set(
     request: &WifiConfig<'_>,
     arm_state: ArmState,
     credentials: &mut WifiCredentials,
@@ -114,15 +119,32 @@ fn station(request: &WifiConfig<'_>, known: Option<&Network>) -> Result<Setup, W
     Ok(Setup::Station(Network { ssid, password }))
 }
 
-/// The answer to a request for WIFI_CONFIG_AP; `None` on a board without a radio.
-pub(in crate::mavlink) fn report(credentials: &WifiCredentials, parameters: &Parameters) -> Option<Message> {
+/// Answers a `command` that requests WIFI_CONFIG_AP. A board without a radio has none.
+pub(in crate::mavlink) fn report(
+    command: u16,
+    from: Peer,
+    credentials: &WifiCredentials,
+    parameters: &Parameters,
+    mut replies: Replies<'_>,
+) -> Event {
+    let report = current(credentials, parameters);
+    let (result, event) = match report {
+        Some(_) => (MavResult::MAV_RESULT_ACCEPTED, Event::Answered),
+        None => (MavResult::MAV_RESULT_DENIED, Event::CommandRefused(command)),
+    };
+    replies.acknowledge(command, result, from);
+    replies.answer_any(report);
+    event
+}
+
+fn current(credentials: &WifiCredentials, parameters: &Parameters) -> Option<Message> {
     let is_present = credentials.radio() == Radio::Present;
     // Not 0: without a target, other vehicles could take what has no response for a request.
     is_present.then(|| answer(Ok(()), credentials, parameters))
 }
 
 /// The answer to a WIFI_CONFIG_AP: what is set up now, without the password or a hash of it.
-pub(in crate::mavlink) fn answer(
+fn answer(
     result: Result<(), WifiRefused>,
     credentials: &WifiCredentials,
     parameters: &Parameters,

@@ -5,7 +5,7 @@ use heapless::Vec;
 
 use super::messages::{Allocation, Part, UNIQUE_ID_BYTES};
 use super::{MAX_NODES, NodeId};
-use crate::integrity::Fnv;
+use crate::integrity::fnv;
 use crate::time::Instant;
 
 /// Pseudo-random numbers: xorshift of 32 bits (Marsaglia, *Xorshift RNGs*, 2003).
@@ -219,7 +219,7 @@ impl Allocator {
     }
 
     fn assign(&mut self, wanted: Option<NodeId>, is_on_bus: impl Fn(NodeId) -> bool) -> Option<NodeId> {
-        let hash = Fnv::hash_of(&self.unique_id);
+        let hash = fnv(&self.unique_id);
         if let Some(known) = self.assigned.iter().find(|known| known.hash == hash) {
             return Some(known.id);
         }

@@ -13,7 +13,7 @@ use super::outgoing::{Outgoing, Transfer};
 use super::packs::{CanPacks, ChargerRequest};
 use super::setup::{Acceptance, CanSettings, CanSetup, acceptance};
 use crate::identity::FirmwareHash;
-use crate::integrity::Fnv;
+use crate::integrity::fnv;
 use crate::log::{info, warn};
 use crate::time::Cadence;
 use crate::time::Instant;
@@ -151,7 +151,7 @@ impl Node {
         let role = match setup.node_id {
             Some(id) => Role::Giving(id, Allocator::new(id, now)),
             None => {
-                let random = Random::seeded(Fnv::hash_of(&setup.unique_id));
+                let random = Random::seeded(fnv(&setup.unique_id));
                 Role::Asking(Allocatee::new(setup.unique_id, random, now))
             }
         };

@@ -787,6 +787,3 @@ fn bytes_or_end(bytes: Vec<u8, MAX_FILE_BYTES>) -> Content {
 fn copied(bytes: &[u8]) -> Option<Vec<u8, MAX_FILE_BYTES>> {
     Vec::from_slice(bytes).ok().filter(|bytes| !bytes.is_empty())
 }
-
-#[cfg(test)]
-mod tests;

@@ -45,7 +45,7 @@ fn set(
     mode: u8,
 ) -> Result<WifiMode, WifiRefused> {
     let bytes = payload(ssid, password, mode);
-    set_up(&request(&bytes), ArmState::Disarmed, credentials, parameters)
+    super::set(&request(&bytes), ArmState::Disarmed, credentials, parameters)
 }
 
 #[test]
@@ -157,7 +157,7 @@ fn without_a_known_network_a_blank_name_is_none() {
 fn neither_an_armed_rover_nor_a_board_without_a_radio_is_set_up() {
     let mut parameters = Parameters::defaults();
     let bytes = payload(b"home", b"12345678", MODE_STATION);
-    let armed = set_up(
+    let armed = super::set(
         &request(&bytes),
         ArmState::Armed,
         &mut credentials(),
@@ -165,7 +165,7 @@ fn neither_an_armed_rover_nor_a_board_without_a_radio_is_set_up() {
     );
     assert_eq!(armed, Err(WifiRefused::Armed));
     for arm_state in [ArmState::Armed, ArmState::Disarmed] {
-        let absent = set_up(
+        let absent = super::set(
             &request(&bytes),
             arm_state,
             &mut WifiCredentials::absent(),
@@ -174,7 +174,7 @@ fn neither_an_armed_rover_nor_a_board_without_a_radio_is_set_up() {
         assert_eq!(absent, Err(WifiRefused::Mode));
     }
     assert_eq!(parameters, Parameters::defaults());
-    assert_eq!(report(&WifiCredentials::absent(), &parameters), None);
+    assert_eq!(current(&WifiCredentials::absent(), &parameters), None);
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn an_answer_has_the_name_and_no_password() {
     let mut parameters = Parameters::defaults();
     for (mode, name) in [(0.0, ""), (1.0, "rover"), (2.0, "home")] {
         parameters.set(VehicleParameter::WifiMode, mode).unwrap();
-        let Some(Message::WifiConfig(answer)) = report(&credentials(), &parameters) else {
+        let Some(Message::WifiConfig(answer)) = current(&credentials(), &parameters) else {
             panic!("there is a radio");
         };
         assert_eq!(answer.ssid.to_str().unwrap(), name);
@@ -203,7 +203,7 @@ proptest! {
         }
         let mut credentials = credentials();
         let mut parameters = Parameters::defaults();
-        let result = set_up(&request(&bytes), ArmState::Disarmed, &mut credentials, &mut parameters);
+        let result = super::set(&request(&bytes), ArmState::Disarmed, &mut credentials, &mut parameters);
         match result {
             Ok(WifiMode::Off) => prop_assert_eq!(credentials.next_unsaved(), None),
             Ok(_) => prop_assert!(credentials.next_unsaved().is_some()),
