@@ -5,7 +5,8 @@ use core::iter;
 use heapless::String;
 
 #[cfg(not(target_os = "none"))]
-use super::table::{BatteryParameter, Parameter, SimulationParameter, VehicleParameter};
+use super::table::SimulationParameter;
+use super::table::{BatteryParameter, Parameter, VehicleParameter};
 use crate::pack::{MAX_PACKS, Pack};
 
 /// Maximum length of a parameter's name in MAVLink.
