@@ -7,7 +7,7 @@ use cyw43::SpiBusCyw43;
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Instant, Timer};
 
 use crate::net::Role;
 use crate::wifi::{PacketFault, PacketKind, check_packet, hide_refusal, lower_link};
@@ -41,8 +41,8 @@ const PACKETS_READY: u32 = 1 << 5;
 
 /// The driver asks a hundred times for the clock and a thousand times for packets, once in a millisecond, and panics then.
 /// By time and not by number: of the status it asks the bus every other time only, and after a pause it catches up.
-const CLOCK_TIMEOUT: Duration = Duration::from_millis(90);
-const PACKETS_TIMEOUT: Duration = Duration::from_millis(900);
+const CLOCK_TIMEOUT_MS: u32 = 90;
+const PACKETS_TIMEOUT_MS: u32 = 900;
 
 /// What the line holds that the chip does not drive.
 const SILENCE: [u32; 2] = [0, u32::MAX];
@@ -69,8 +69,8 @@ pub(super) struct ChipState {
     /// What the board is in its network.
     pub role: Role,
     pub refusals: Cell<Refusals>,
-    /// The error code of a refusal that is no fault.
-    pub refused: Signal<NoopRawMutex, i32>,
+    /// It has refused, and that is no fault.
+    pub refused: Signal<NoopRawMutex, ()>,
     /// What the driver waits for while it starts the chip.
     waiting: Cell<Waiting>,
 }
@@ -96,8 +96,8 @@ struct Waiting {
     clock_request: u8,
     /// The read before this one was of [`CORE_CLOCK_REGISTER`].
     was_core_clock: bool,
-    /// Since when the driver asks for the same in vain.
-    since: Option<Instant>,
+    /// Since when the driver asks for the same in vain, in ms modulo 2^32.
+    since_ms: Option<u32>,
 }
 
 /// What it means that the chip refuses a control request.
@@ -178,18 +178,13 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
     fn has_waited_enough(&self, command: Command, words: &[u32]) -> bool {
         let answer = words.last().copied().unwrap_or(0) & command.mask();
         let mut waiting = self.chip.waiting.get();
-        let patience = waiting.patience(command, answer);
-        let now = Instant::now();
-        let since = patience.map(|_| waiting.since.unwrap_or(now));
-        waiting.since = since;
+        let patience_ms = waiting.patience_ms(command, answer);
+        let now_ms = Instant::now().as_millis() as u32;
+        let since_ms = waiting.since_ms.unwrap_or(now_ms);
+        waiting.since_ms = patience_ms.map(|_| since_ms);
         waiting.was_core_clock = command.is_of(Function::Backplane, CORE_CLOCK_REGISTER);
         self.chip.waiting.set(waiting);
-        match (patience, since) {
-            (Some(patience), Some(since)) => now
-                .checked_duration_since(since)
-                .is_none_or(|waited| waited >= patience),
-            _ => false,
-        }
+        patience_ms.is_some_and(|patience_ms| now_ms.wrapping_sub(since_ms) >= patience_ms)
     }
 
     fn note_write(&self, command: Command, words: &[u32]) {
@@ -212,7 +207,8 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
             Ok(_) => {}
             Err(PacketFault::Refused(code)) if self.chip.refusals.get() == Refusals::AreReported => {
                 hide_refusal(words);
-                self.chip.refused.signal(code);
+                defmt::info!("Wi-Fi: refused: {}", code);
+                self.chip.refused.signal(());
             }
             Err(PacketFault::Refused(code)) => self.fail(BusFault::Refused(code)).await,
             Err(fault) => {
@@ -264,23 +260,23 @@ impl<B: SpiBusCyw43> SpiBusCyw43 for CheckedBus<'_, B> {
 
 impl Waiting {
     /// How long the driver may go on asking for what it has not got by this answer; `None`: it goes on.
-    fn patience(&self, command: Command, answer: u32) -> Option<Duration> {
-        let (is_ready, patience) = match (command.function, command.address) {
+    fn patience_ms(&self, command: Command, answer: u32) -> Option<u32> {
+        let (is_ready, patience_ms) = match (command.function, command.address) {
             (Function::Backplane, CLOCK_REGISTER) if self.clock_request == LOW_POWER_CLOCK_REQUEST => {
-                (answer & LOW_POWER_CLOCK != 0, CLOCK_TIMEOUT)
+                (answer & LOW_POWER_CLOCK != 0, CLOCK_TIMEOUT_MS)
             }
-            (Function::Backplane, WATERMARK_REGISTER) => (answer == WATERMARK, Duration::MIN),
+            (Function::Backplane, WATERMARK_REGISTER) => (answer == WATERMARK, 0),
             // The driver reads this register twice, and then the other one, only to see whether the core runs.
             (Function::Backplane, CORE_CLOCK_REGISTER) if self.was_core_clock => {
-                (answer & CORE_CLOCK_MASK == CORE_CLOCK_ON, Duration::MIN)
+                (answer & CORE_CLOCK_MASK == CORE_CLOCK_ON, 0)
             }
             (Function::Backplane, CORE_RESET_REGISTER) if self.was_core_clock => {
-                (answer & CORE_RESET == 0, Duration::MIN)
+                (answer & CORE_RESET == 0, 0)
             }
-            (Function::Bus, STATUS_REGISTER) => (answer & PACKETS_READY != 0, PACKETS_TIMEOUT),
+            (Function::Bus, STATUS_REGISTER) => (answer & PACKETS_READY != 0, PACKETS_TIMEOUT_MS),
             _ => return None,
         };
-        (!is_ready).then_some(patience)
+        (!is_ready).then_some(patience_ms)
     }
 }
 

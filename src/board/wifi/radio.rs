@@ -445,10 +445,7 @@ impl Operation<'_> {
                 Ok(())
             }
             Either3::First(Err(error)) => Err(NotJoined::Failed(error)),
-            Either3::Second(code) => {
-                defmt::warn!("Wi-Fi: refused while joining: {}", code);
-                Err(NotJoined::Refused)
-            }
+            Either3::Second(()) => Err(NotJoined::Refused),
             Either3::Third(()) => Err(NotJoined::TimedOut),
         }
     }
