@@ -48,6 +48,22 @@ fn some_of(frames: &[CanFrame], taken: usize) -> Vec<CanFrame> {
         .collect()
 }
 
+/// An MCP2515 may send the highest priority instead of the frame's own (erratum 3).
+#[test]
+fn a_frame_of_another_priority_belongs_to_its_transfer() {
+    const PRIORITY: u32 = 0x1f00_0000;
+    let whole = frames(golden::BATTERY_INFO);
+    for changed in 0..whole.len() {
+        let mut received = whole.clone();
+        let frame = received[changed];
+        received[changed] = CanFrame::new(frame.id() & !PRIORITY, frame.data()).unwrap();
+        assert_ne!(received[changed].id(), frame.id());
+        let mut bench = Bench::with_packs(&[pack(Pack::First)]);
+        bench.receive(&received);
+        assert_eq!(bench.take_voltages().len(), 1, "{changed}");
+    }
+}
+
 #[test]
 fn whatever_frames_are_lost_the_transfer_is_whole_or_gone() {
     let whole = frames(golden::BATTERY_INFO);
