@@ -1,6 +1,8 @@
 //! Checksums and hashes, and `.uninit` RAM, whose content is arbitrary after power-on, guarded by one.
 
+use core::array;
 use core::hash::Hasher;
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use hash32::{FnvHasher, Hasher as _};
@@ -53,6 +55,27 @@ pub(crate) fn fnv(bytes: &[u8]) -> u32 {
     let mut hasher = FnvHasher::default();
     hasher.write(bytes);
     hasher.finish32()
+}
+
+/// Words for a static in `.uninit`: what they hold at the start is what they held before it, or anything. They can be
+/// written by the fault handler, too.
+pub(crate) struct RetainedWords<const N: usize>([AtomicU32; N]);
+
+impl<const N: usize> RetainedWords<N> {
+    /// The zeros are for the compiler: in `.uninit` they are never written.
+    pub const fn new() -> Self {
+        Self([const { AtomicU32::new(0) }; N])
+    }
+
+    pub fn get(&self) -> [u32; N] {
+        array::from_fn(|at| self.0.get(at).map_or(0, |word| word.load(Ordering::Relaxed)))
+    }
+
+    pub fn set(&self, words: [u32; N]) {
+        for (to, from) in self.0.iter().zip(words) {
+            to.store(from, Ordering::Relaxed);
+        }
+    }
 }
 
 /// Writes `magic`, which identifies the layout, to the first of `words`, and the CRC of the others to the last.

@@ -429,7 +429,7 @@ mod firmware {
             kind,
             peripherals,
             RADIO.init_with(cyw43::State::new),
-            NETWORK.init_with(NetMemory::new),
+            NETWORK.init_with(|| NetMemory::new(&board::RETAINED_LEASES)),
         )
     }
 

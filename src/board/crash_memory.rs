@@ -2,8 +2,8 @@
 //! record.
 #![expect(unsafe_code, reason = "the section has no initialiser")]
 
-use super::retained::RetainedWords;
 use crate::crash::{CrashRecord, CrashWords};
+use crate::integrity::RetainedWords;
 use crate::tasks::CrashMemory;
 
 const WORDS: usize = size_of::<CrashWords>() / 4;

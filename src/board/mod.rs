@@ -45,7 +45,7 @@ pub use motors::{BoardMotors, MotorPeripherals, MotorPins};
 pub use program::program;
 pub use pulses::{PulseInput, pulse_input};
 pub use reset::{ResetReason, restart};
-pub use retained::retained_memory;
+pub use retained::{RETAINED_LEASES, retained_memory};
 pub use running::{name_task, name_this_task};
 pub use spi::{SensorSpi, SharedSpi, SpiPeripherals};
 pub use stack_guard::guard_stack;

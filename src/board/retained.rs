@@ -4,38 +4,19 @@
     reason = "the section has no initialiser, and its content is only bytes until it was checked"
 )]
 
-use core::array;
 use core::mem::MaybeUninit;
-
-use core::sync::atomic::{AtomicU32, Ordering};
 
 use super::ResetReason;
 use crate::battery::{RetainedMemory, RetainedRecord};
-
-/// Words for a static in `.uninit`: what they hold at the start is what they held before it, or anything. They can be
-/// written by the fault handler, too.
-pub(super) struct RetainedWords<const N: usize>([AtomicU32; N]);
-
-impl<const N: usize> RetainedWords<N> {
-    /// The zeros are for the compiler: they are never written.
-    pub const fn new() -> Self {
-        Self([const { AtomicU32::new(0) }; N])
-    }
-
-    pub fn get(&self) -> [u32; N] {
-        array::from_fn(|at| self.0.get(at).map_or(0, |word| word.load(Ordering::Relaxed)))
-    }
-
-    pub fn set(&self, words: [u32; N]) {
-        for (to, from) in self.0.iter().zip(words) {
-            to.store(from, Ordering::Relaxed);
-        }
-    }
-}
+use crate::net::RetainedLeases;
 
 /// `.uninit` is neither cleared nor copied at start-up.
 #[unsafe(link_section = ".uninit.BATTERY_MEMORY")]
 static mut BATTERY_MEMORY: MaybeUninit<RetainedMemory> = MaybeUninit::uninit();
+
+/// Who had which address of the access point. Valid after every reset, RUN too: a lease that is too old ends in ten minutes.
+#[unsafe(link_section = ".uninit.LEASES")]
+pub static RETAINED_LEASES: RetainedLeases = RetainedLeases::new();
 
 /// What the firmware before this start has retained: records that have yet to be checked. After a power cycle, or when
 /// RUN was pressed, there is nothing to continue from: another pack may be plugged in.

@@ -12,8 +12,8 @@ use core::task::Poll;
 use embassy_executor::raw::task_from_waker;
 use embassy_rp::pac::WATCHDOG;
 
-use super::retained::RetainedWords;
 use crate::crash::{TaskName, TaskNameWords};
+use crate::integrity::RetainedWords;
 use crate::log::warn;
 
 /// What a register holds that was not written since power-on or RUN.

@@ -11,6 +11,9 @@ use super::until::until;
 /// The board's own address where it is the access point.
 pub(super) const ACCESS_POINT: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);
 
+/// The most addresses that are given to others.
+pub(super) const MAX_CLIENTS: usize = 8;
+
 /// The network of the access point has 254 addresses.
 const ACCESS_POINT_PREFIX: u8 = 24;
 

@@ -14,11 +14,12 @@ use crate::tasks::now;
 
 const SERVER_PORT: u16 = 67;
 
-/// DHCP clients send at most 576 bytes to a server that has not offered to take more.
-const DHCP_REQUEST_BYTES: usize = 576;
+/// DHCP clients send packets of at most 576 bytes to a server that has not offered to take more, which includes the headers of
+/// IP and UDP.
+const DHCP_REQUEST_BYTES: usize = 576 - 28;
 
-/// Our answers have 287 bytes.
-const DHCP_REPLY_BYTES: usize = 320;
+/// Our longest answer.
+pub(super) const DHCP_REPLY_BYTES: usize = 280;
 
 /// The queues of the DHCP server.
 pub(super) struct DhcpMemory {

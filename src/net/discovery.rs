@@ -6,8 +6,7 @@ use embassy_net::Stack;
 use embassy_time::{Duration, Ticker};
 use heapless::Vec;
 
-use super::address::broadcast_address;
-use super::leases::MAX_CLIENTS;
+use super::address::{MAX_CLIENTS, broadcast_address};
 use super::sender::Sender;
 use super::service::Service;
 use super::stations::Search;

@@ -6,6 +6,7 @@ use core::task::Context;
 
 use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState, RxToken};
 
+use super::dhcp::now_ms;
 use super::leases::Leases;
 use crate::log::LogLimit;
 use crate::log::info;
@@ -35,7 +36,7 @@ const LOG_INTERVAL_US: u64 = 10_000_000;
 ///
 /// At its own access point the board knows which address it has given to which computer. Frames with another sender are refused there: those
 /// who invent addresses would push the others out of the list of neighbours, and occupy the places for connections. A DHCP message on behalf of
-/// another computer is refused, too: it could release that one's address.
+/// another computer is refused, too: it could release that one's address. So is ARP on behalf of another: it could be lent every free address.
 pub(super) struct Guarded<'a, D> {
     device: D,
     /// Of the access point; `None` in another's network.
@@ -66,7 +67,10 @@ impl Door<'_> {
     /// Whether a frame comes in.
     fn admits(&self, frame: &[u8]) -> bool {
         let is_admitted = match part(frame, ETHERTYPE) {
-            Some(ETHERTYPE_ARP) => self.is_known(part(frame, ARP_SENDER), part(frame, ARP_SENDER_IP)),
+            Some(ETHERTYPE_ARP) => {
+                let sender = part(frame, SOURCE_MAC);
+                part(frame, ARP_SENDER) == sender && self.is_known(sender, part(frame, ARP_SENDER_IP))
+            }
             Some(ETHERTYPE_IPV4) => match to_dhcp_server(frame) {
                 Some(message) => self.leases.is_none() || speaks_for_itself(frame, message),
                 None => self.is_known(part(frame, SOURCE_MAC), part(frame, IP_SOURCE)),
@@ -87,8 +91,8 @@ impl Door<'_> {
         match self.leases {
             None => true,
             Some(leases) => leases
-                .try_borrow()
-                .is_ok_and(|leases| leases.has(mac, Ipv4Addr::from(address))),
+                .try_borrow_mut()
+                .is_ok_and(|mut leases| leases.admits(mac, Ipv4Addr::from(address), now_ms())),
         }
     }
 
@@ -185,6 +189,7 @@ mod tests {
 
     fn arp(mac: [u8; 6], address: [u8; 4]) -> Vec<u8> {
         let mut frame = vec![0; 42];
+        frame[SOURCE_MAC..12].copy_from_slice(&mac);
         frame[ETHERTYPE..14].copy_from_slice(&ETHERTYPE_ARP);
         frame[ARP_SENDER..28].copy_from_slice(&mac);
         frame[ARP_SENDER_IP..32].copy_from_slice(&address);
@@ -203,7 +208,7 @@ mod tests {
     }
 
     fn leased() -> RefCell<Leases> {
-        let mut leases = Leases::new();
+        let mut leases = Leases::without_retained();
         leases.lease_first_to(PHONE);
         RefCell::new(leases)
     }
@@ -264,6 +269,14 @@ mod tests {
         assert!(at_access_point(&with_options));
         with_options[75] ^= 1;
         assert!(!at_access_point(&with_options));
+    }
+
+    #[test]
+    fn arp_on_behalf_of_another_stays_outside() {
+        let leases = leased();
+        let mut frame = arp(PHONE, ADDRESS);
+        frame[SOURCE_MAC..12].copy_from_slice(&STRANGER);
+        assert!(!admits(Some(&leases), &frame));
     }
 
     #[test]

@@ -3,13 +3,11 @@
 use core::net::Ipv4Addr;
 
 use heapless::Vec;
-use leasehund::{AdmissionEvent, DhcpConfig, DhcpServer, Outcome, Reply, TransactionEvent};
+use leasehund::{AdmissionEvent, DhcpConfig, DhcpServer, Lease, Outcome, Reply, TransactionEvent};
 
-use super::address::ACCESS_POINT;
+use super::address::{ACCESS_POINT, MAX_CLIENTS};
+use super::retained_leases::{Holders, RetainedLeases};
 use crate::log::info;
-
-/// The most addresses that are given to others.
-pub(super) const MAX_CLIENTS: usize = 8;
 
 const FIRST: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 2);
 const LAST: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1 + MAX_CLIENTS as u8);
@@ -19,83 +17,178 @@ const NETMASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 /// A phone that has left keeps its address for so long.
 const LEASE_S: u32 = 600;
 
-/// Type of the message of a client that does not want the address it was given (RFC 2132).
+/// Since boot: a lease from before it has expired by then.
+const OLD_LEASES_END_MS: u64 = LEASE_S as u64 * 1_000;
+
+/// Types of messages (RFC 2132).
+const REQUEST: u8 = 3;
+/// Of a client that does not want the address it was given.
 const DECLINE: u8 = 4;
+
+// Options (RFC 2132).
+const PAD: u8 = 0;
+const REQUESTED_ADDRESS: u8 = 50;
+const MESSAGE_TYPE: u8 = 53;
+const END: u8 = 255;
+
+// Where they are in a message (RFC 2131).
+const CLIENT_MAC: usize = 28;
+const MAGIC_COOKIE: usize = 236;
+const OPTIONS: usize = 240;
+
+/// A message with no more than its type and an address.
+const SHORT_MESSAGE_BYTES: usize = OPTIONS + 10;
 
 /// The addresses of the access point's network, and who has them.
 ///
+/// A phone that keeps its address while the board restarts need not ask for it again. After a reset it has it still. After power-up,
+/// an address that is free is lent to whoever uses it first: one to each computer, for as long as a lease from before can last. A loan
+/// is withdrawn when another computer asks for an address and there is none left.
+///
 /// No gateway and no name server is given: phones go on using their mobile network for all else.
-pub(super) struct Leases(DhcpServer<MAX_CLIENTS, 0, 0, 0>);
+pub(super) struct Leases {
+    server: DhcpServer<MAX_CLIENTS, 0, 0, 0>,
+    /// Bit n: the lease of the n-th address is a loan.
+    loans: u8,
+    retained: &'static RetainedLeases,
+}
 
 impl Leases {
-    /// All addresses are free.
-    pub fn new() -> Self {
-        Self(DhcpServer::with_config(DhcpConfig {
-            server_ip: ACCESS_POINT,
-            subnet_mask: NETMASK,
-            router: None,
-            dns_servers: Vec::new(),
-            ip_pool_start: FIRST,
-            ip_pool_end: LAST,
-            lease_time: LEASE_S,
-            domain_name: None,
-        }))
+    /// The leases from before the last reset. All other addresses are free.
+    pub fn new(retained: &'static RetainedLeases) -> Self {
+        let mut leases = Self {
+            server: DhcpServer::with_config(DhcpConfig {
+                server_ip: ACCESS_POINT,
+                subnet_mask: NETMASK,
+                router: None,
+                dns_servers: Vec::new(),
+                ip_pool_start: FIRST,
+                ip_pool_end: LAST,
+                lease_time: LEASE_S,
+                domain_name: None,
+            }),
+            loans: 0,
+            retained,
+        };
+        for (address, holder) in (FIRST.to_bits()..).zip(retained.recall()) {
+            let address = Ipv4Addr::from_bits(address);
+            if holder != [0; 6] && leases.give(holder, address) {
+                info!("DHCP: {:?} has kept {:?}", holder, address.octets());
+            }
+        }
+        leases
     }
 
     /// Answers what came to the server's port at `now_ms`, milliseconds since boot. Anything may have come.
     pub fn answer(&mut self, request: &[u8], now_ms: u64) -> Option<Reply> {
-        if let Some(client) = declining_client(request) {
-            self.decline(client);
-            return None;
+        let reply = match declining_client(request) {
+            Some(client) => {
+                self.decline(client);
+                None
+            }
+            None => self.serve(request, now_ms),
+        };
+        self.retained.retain(&self.holders());
+        reply
+    }
+
+    fn serve(&mut self, request: &[u8], now_ms: u64) -> Option<Reply> {
+        let (mut outcome, kind) = self.handle(request, now_ms);
+        // Those who did not ask, or only asked, must not keep addresses from the others.
+        if outcome.reply.is_none() && kind == Some(AdmissionEvent::Discover) && self.withdraw() {
+            (outcome, _) = self.handle(request, now_ms);
         }
-        let mut is_new_client = false;
-        let mut outcome = self.0.handle_packet(request, now_ms, |_, event| {
-            is_new_client = event == AdmissionEvent::Discover;
-            true
-        });
-        // Those who only ask for addresses must not keep them from the others.
-        if outcome.reply.is_none() && is_new_client && self.withdraw_oldest_offer() {
-            outcome = self.0.handle_packet(request, now_ms, |_, _| true);
+        if let Some((TransactionEvent::Leased(address, _), _)) = outcome.event {
+            self.loans &= !bit(address);
         }
         log(&outcome);
         outcome.reply
     }
 
+    /// What the server does, and what it was asked for.
+    // Generic over its closure, the server would be in flash for each caller.
+    fn handle(&mut self, request: &[u8], now_ms: u64) -> (Outcome, Option<AdmissionEvent>) {
+        let mut kind = None;
+        let outcome = self.server.handle_packet(request, now_ms, |_, event| {
+            kind = Some(event);
+            true
+        });
+        (outcome, kind)
+    }
+
     /// Frees the address of a client that does not want it. The server would withhold the declined address from all for ten minutes,
     /// and one client could decline them all.
     fn decline(&mut self, client: [u8; 6]) {
-        if let Some(address) = self.0.revoke(client) {
+        if let Some(address) = self.server.revoke(client) {
             info!("DHCP: {:?} has declined {:?}", client, address.octets());
         }
     }
 
-    /// Forgets the oldest offer that was not accepted yet. Whether there was one.
-    fn withdraw_oldest_offer(&mut self) -> bool {
-        let offers = self.0.leases().filter(|lease| !lease.bound);
-        match offers
-            .min_by_key(|offer| offer.expires_at_ms)
-            .map(|offer| offer.mac)
-        {
-            Some(mac) => self.0.revoke(mac).is_some(),
-            None => false,
-        }
+    /// Withdraws a loan, or else the oldest offer that was not accepted yet. Whether there was one.
+    fn withdraw(&mut self) -> bool {
+        // The server gives the lowest addresses: the others may be invented.
+        let loans = self.server.leases().filter(|lease| self.is_loan(lease));
+        let loan = loans.max_by_key(|loan| loan.ip);
+        let offers = self.server.leases().filter(|lease| !lease.bound);
+        let withdrawn = loan.or_else(|| offers.min_by_key(|offer| offer.expires_at_ms));
+        withdrawn.is_some_and(|lease| self.server.revoke(lease.mac).is_some())
+    }
+
+    fn is_loan(&self, lease: &Lease) -> bool {
+        lease.bound && self.loans & bit(lease.ip) != 0
     }
 
     /// The addresses that are in use at `now_ms`, as far as is known.
     pub fn clients(&self, now_ms: u64) -> Vec<Ipv4Addr, MAX_CLIENTS> {
         let mut clients = Vec::new();
-        for lease in self.0.leases() {
-            if lease.bound && lease.expires_at_ms > now_ms {
+        for lease in self.server.leases() {
+            if is_valid(&lease, now_ms) {
                 // There is room for all of them.
                 let _ = clients.push(lease.ip);
             }
         }
         clients
     }
-    /// Whether this client has this address from us.
-    pub fn has(&self, mac: [u8; 6], address: Ipv4Addr) -> bool {
-        let mut leases = self.0.leases();
-        leases.any(|lease| lease.bound && lease.mac == mac && lease.ip == address)
+
+    /// Whether this client has this address from us at `now_ms`. One that is free may be lent to it.
+    pub fn admits(&mut self, client: [u8; 6], address: Ipv4Addr, now_ms: u64) -> bool {
+        self.has(client, address, now_ms) || self.lend(client, address, now_ms)
+    }
+
+    fn has(&self, client: [u8; 6], address: Ipv4Addr, now_ms: u64) -> bool {
+        let mut leases = self.server.leases();
+        leases.any(|lease| lease.mac == client && lease.ip == address && is_valid(&lease, now_ms))
+    }
+
+    /// Lends an address to a client that uses it. Whether it could be.
+    fn lend(&mut self, client: [u8; 6], address: Ipv4Addr, now_ms: u64) -> bool {
+        if now_ms >= OLD_LEASES_END_MS || bit(address) == 0 {
+            return false;
+        }
+        self.server.purge_expired_leases_at(now_ms);
+        let mut leases = self.server.leases();
+        if leases.any(|lease| lease.mac == client || lease.ip == address) {
+            return false;
+        }
+        drop(leases);
+        let is_lent = self.give(client, address);
+        if is_lent {
+            self.loans |= bit(address);
+            info!("DHCP: {:?} is lent {:?}", client, address.octets());
+        }
+        is_lent
+    }
+
+    /// Gives a client the address it had before the board's start, by the request that it need not send. Whether it could be.
+    fn give(&mut self, client: [u8; 6], address: Ipv4Addr) -> bool {
+        let (outcome, _) = self.handle(&request(client, address), 0);
+        outcome.event.is_some()
+    }
+
+    /// All addresses are free.
+    #[cfg(test)]
+    pub fn without_retained() -> Self {
+        Self::new(std::boxed::Box::leak(std::boxed::Box::default()))
     }
 
     /// Gives a client the first address.
@@ -104,21 +197,64 @@ impl Leases {
         self.answer(&tests::message_of(1, mac, None), 0);
         self.answer(&tests::message_of(3, mac, Some(FIRST)), 0);
     }
+
+    /// The clients that have asked for their address.
+    fn holders(&self) -> Holders {
+        let mut holders = Holders::default();
+        for lease in self.server.leases() {
+            let place = place(lease.ip).and_then(|place| holders.get_mut(place));
+            if let Some(holder) = place.filter(|_| lease.bound && !self.is_loan(&lease)) {
+                *holder = lease.mac;
+            }
+        }
+        holders
+    }
+}
+
+fn is_valid(lease: &Lease, now_ms: u64) -> bool {
+    lease.bound && lease.expires_at_ms > now_ms
+}
+
+/// Where an address is among those that are given to others.
+fn place(address: Ipv4Addr) -> Option<usize> {
+    let place = address.to_bits().checked_sub(FIRST.to_bits())? as usize;
+    (place < MAX_CLIENTS).then_some(place)
+}
+
+/// The bit of an address; 0 if it is not given to others.
+fn bit(address: Ipv4Addr) -> u8 {
+    place(address).map_or(0, |place| 1 << place)
+}
+
+/// A DHCPREQUEST for an address that the client has had before.
+fn request(client: [u8; 6], address: Ipv4Addr) -> [u8; SHORT_MESSAGE_BYTES] {
+    const START: [u8; 4] = [1, 1, 6, 0];
+    const COOKIE: [u8; 4] = [0x63, 0x82, 0x53, 0x63];
+    let [a, b, c, d] = address.octets();
+    let mut message = [0; SHORT_MESSAGE_BYTES];
+    let mut put = |at: usize, bytes: &[u8]| {
+        if let Some(place) = message.get_mut(at..at + bytes.len()) {
+            place.copy_from_slice(bytes);
+        }
+    };
+    put(0, &START);
+    put(CLIENT_MAC, &client);
+    put(MAGIC_COOKIE, &COOKIE);
+    put(
+        OPTIONS,
+        &[MESSAGE_TYPE, 1, REQUEST, REQUESTED_ADDRESS, 4, a, b, c, d, END],
+    );
+    message
 }
 
 /// The hardware address of the client that sends a DHCPDECLINE; `None` for any other message.
 fn declining_client(message: &[u8]) -> Option<[u8; 6]> {
-    const CLIENT_MAC: usize = 28;
-    const OPTIONS: usize = 240;
     let client = message.get(CLIENT_MAC..)?.first_chunk()?;
     (message_type(message.get(OPTIONS..)?) == Some(DECLINE)).then_some(*client)
 }
 
 /// The DHCP message type (option 53) among a message's options (RFC 2132).
 fn message_type(mut options: &[u8]) -> Option<u8> {
-    const PAD: u8 = 0;
-    const MESSAGE_TYPE: u8 = 53;
-    const END: u8 = 255;
     loop {
         options = match options {
             [PAD, rest @ ..] => rest,
@@ -144,12 +280,14 @@ fn log(outcome: &Outcome) {
 
 #[cfg(test)]
 mod tests {
+    use std::boxed::Box;
+
+    use super::super::dhcp::DHCP_REPLY_BYTES;
     use super::*;
     use proptest::prelude::*;
 
     const DISCOVER: u8 = 1;
     const OFFER: u8 = 2;
-    const REQUEST: u8 = 3;
     const ACK: u8 = 5;
     const NAK: u8 = 6;
 
@@ -177,6 +315,14 @@ mod tests {
         message
     }
 
+    fn fresh() -> Leases {
+        Leases::without_retained()
+    }
+
+    fn address(last: u8) -> Ipv4Addr {
+        Ipv4Addr::new(192, 168, 4, last)
+    }
+
     /// The kind of an answer, and the address it gives.
     fn answer(leases: &mut Leases, message: &[u8], now_ms: u64) -> Option<(u8, Ipv4Addr)> {
         let reply = leases.answer(message, now_ms)?;
@@ -196,7 +342,7 @@ mod tests {
 
     #[test]
     fn eight_clients_have_an_address_each_until_they_are_silent_for_the_time_of_a_lease() {
-        let mut leases = Leases::new();
+        let mut leases = fresh();
         for client in 0..8 {
             assert_eq!(
                 join(&mut leases, client, 0),
@@ -219,14 +365,14 @@ mod tests {
 
     #[test]
     fn who_declines_frees_its_own_address_and_withholds_none() {
-        let mut leases = Leases::new();
+        let mut leases = fresh();
         let [driver, guest] = [1, 2].map(|client| join(&mut leases, client, 0).unwrap());
         for last in 2..10 {
             let declined = message(DECLINE, 2, Some([192, 168, 4, last].into()));
             assert_eq!(answer(&mut leases, &declined, 1), None);
         }
-        assert!(leases.has(mac(1), driver));
-        assert!(!leases.has(mac(2), guest));
+        assert!(leases.has(mac(1), driver, 1));
+        assert!(!leases.has(mac(2), guest, 1));
         for client in 3..10 {
             assert!(join(&mut leases, client, 2).is_some(), "client {client}");
         }
@@ -245,7 +391,7 @@ mod tests {
 
     #[test]
     fn a_thousand_that_only_ask_do_not_keep_a_phone_from_its_address() {
-        let mut leases = Leases::new();
+        let mut leases = fresh();
         assert_eq!(join(&mut leases, 5_000, 0), Some(FIRST));
         for client in 0..1_000 {
             let offer = answer(&mut leases, &message(DISCOVER, client, None), u64::from(client));
@@ -258,13 +404,140 @@ mod tests {
         assert_eq!(late.map(|(kind, _)| kind), Some(NAK));
     }
 
+    #[test]
+    fn our_longest_answer_has_the_length_that_is_reserved_for_it() {
+        let mut leases = fresh();
+        let offer = leases.answer(&message(DISCOVER, 1, None), 0).unwrap();
+        assert_eq!(offer.bytes().len(), DHCP_REPLY_BYTES);
+    }
+
+    #[test]
+    fn who_keeps_its_address_over_a_reset_has_it() {
+        let retained = Box::leak(Box::<RetainedLeases>::default());
+        let mut leases = Leases::new(retained);
+        let [one, two] = [1, 2].map(|client| join(&mut leases, client, 5_000).unwrap());
+        leases.answer(&message(DISCOVER, 3, None), 5_000);
+        leases.answer(&message(DECLINE, 2, Some(two)), 6_000);
+
+        let mut leases = Leases::new(retained);
+        assert!(!leases.admits(mac(9), one, 0), "a stranger");
+        assert!(leases.admits(mac(1), one, 0));
+        assert_eq!(leases.clients(0).as_slice(), [one]);
+        for client in 10..17 {
+            assert!(join(&mut leases, client, 1).is_some());
+        }
+        assert_eq!(join(&mut leases, 17, 1), None, "it is no loan");
+        assert!(leases.admits(mac(1), one, 599_999));
+        assert!(!leases.admits(mac(1), one, 600_000));
+    }
+
+    #[test]
+    fn one_address_is_lent_to_each_computer_and_each_to_one() {
+        let mut leases = fresh();
+        for last in (0..=255).filter(|last| !(2..=9).contains(last)) {
+            assert!(!leases.admits(mac(1), address(last), 1), "{last}");
+        }
+        assert!(!leases.admits(mac(1), Ipv4Addr::new(192, 168, 5, 2), 1));
+        for last in 2..=9 {
+            assert_eq!(leases.admits(mac(1), address(last), 1), last == 2);
+            assert_eq!(leases.admits(mac(2), address(last), 1), last == 3);
+        }
+        assert_eq!(leases.clients(1).len(), 2);
+    }
+
+    #[test]
+    fn an_address_that_is_offered_or_leased_is_not_lent() {
+        let mut leases = fresh();
+        let leased = join(&mut leases, 1, 0).unwrap();
+        let (_, offered) = answer(&mut leases, &message(DISCOVER, 2, None), 0).unwrap();
+        assert!(!leases.admits(mac(3), leased, 1));
+        assert!(!leases.admits(mac(3), offered, 1));
+        assert!(!leases.admits(mac(1), address(4), 1), "it has one");
+        assert!(leases.admits(mac(3), offered, 60_000), "not taken in time");
+    }
+
+    #[test]
+    fn a_loan_ends_ten_minutes_after_the_start_whatever_comes() {
+        let mut leases = fresh();
+        for second in 0..600 {
+            assert!(leases.admits(mac(1), FIRST, second * 1_000), "{second}");
+        }
+        assert!(leases.admits(mac(2), LAST, 599_999));
+        assert!(!leases.admits(mac(1), FIRST, 600_000));
+        assert!(!leases.admits(mac(2), LAST, 600_000));
+        assert!(!leases.admits(mac(3), FIRST, 1_000_000));
+        assert_eq!(join(&mut leases, 4, 600_001), Some(FIRST));
+    }
+
+    #[test]
+    fn a_loan_becomes_a_lease_when_it_is_asked_for() {
+        let mut leases = fresh();
+        assert!(leases.admits(mac(1), FIRST, 1));
+        let renewed = answer(&mut leases, &message(REQUEST, 1, Some(FIRST)), 300_000);
+        assert_eq!(renewed, Some((ACK, FIRST)));
+        for client in 2..9 {
+            assert!(join(&mut leases, client, 300_000).is_some());
+        }
+        assert_eq!(join(&mut leases, 9, 300_000), None);
+        assert!(leases.admits(mac(1), FIRST, 899_999));
+    }
+
+    #[test]
+    fn loans_are_withdrawn_before_offers_and_leases_never() {
+        let mut leases = fresh();
+        let leased = join(&mut leases, 1, 0).unwrap();
+        for last in 3..=9 {
+            assert!(leases.admits(mac(last.into()), address(last), 1));
+        }
+        for client in 100..107 {
+            let (kind, _) = answer(&mut leases, &message(DISCOVER, client, None), 1).unwrap();
+            assert_eq!(kind, OFFER);
+        }
+        for last in 3..=9 {
+            assert!(!leases.admits(mac(last.into()), address(last), 1));
+        }
+        for client in 100..107 {
+            let offered = answer(&mut leases, &message(DISCOVER, client, None), 2);
+            let (_, offered) = offered.expect("no offer was withdrawn");
+            let taken = answer(&mut leases, &message(REQUEST, client, Some(offered)), 2);
+            assert_eq!(taken, Some((ACK, offered)));
+        }
+        assert_eq!(join(&mut leases, 8, 2), None);
+        assert!(leases.admits(mac(1), leased, 2));
+    }
+
+    #[test]
+    fn a_loan_is_not_retained() {
+        let retained = Box::leak(Box::<RetainedLeases>::default());
+        let mut leases = Leases::new(retained);
+        assert!(leases.admits(mac(1), FIRST, 1));
+        let leased = join(&mut leases, 2, 1).unwrap();
+        let leases = Leases::new(retained);
+        assert_eq!(leases.clients(0).as_slice(), [leased]);
+    }
+
+    /// What a computer does.
+    #[derive(Clone, Copy, Debug)]
+    enum Act {
+        Use(u16, u8),
+        Message(u8, u16, Option<u8>),
+    }
+
+    fn act() -> impl Strategy<Value = Act> {
+        prop_oneof![
+            (0..12_u16, 0..12_u8).prop_map(|(client, last)| Act::Use(client, last)),
+            (1..9_u8, 0..12_u16, prop::option::of(0..12_u8))
+                .prop_map(|(kind, client, wanted)| Act::Message(kind, client, wanted)),
+        ]
+    }
+
     proptest! {
         #[test]
         fn nothing_that_comes_breaks_it(
             mut packets in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..600), 1..40),
             cut in 0_usize..250,
         ) {
-            let mut leases = Leases::new();
+            let mut leases = fresh();
             for (number, packet) in packets.iter_mut().enumerate() {
                 // Half of them begin as a message does.
                 if number % 2 == 0 {
@@ -273,11 +546,36 @@ mod tests {
                     packet.splice(..0, start);
                 }
                 if let Some(reply) = leases.answer(packet, number as u64) {
-                    prop_assert!(reply.bytes().len() <= 320);
+                    prop_assert!(reply.bytes().len() <= DHCP_REPLY_BYTES);
                 }
                 prop_assert!(leases.clients(0).len() <= MAX_CLIENTS);
             }
             prop_assert!(join(&mut leases, 9_999, 10_000_000).is_some());
+        }
+
+        #[test]
+        fn each_has_one_address_and_who_has_a_lease_keeps_it(acts in prop::collection::vec((act(), 0..9_000_u64), 1..200)) {
+            let retained = Box::leak(Box::<RetainedLeases>::default());
+            let mut leases = Leases::new(retained);
+            let driver = address(9);
+            prop_assert_eq!(answer(&mut leases, &message(REQUEST, 100, Some(driver)), 0), Some((ACK, driver)));
+            let mut now_ms = 0;
+            for (act, pause_ms) in acts {
+                now_ms = (now_ms + pause_ms).min(599_999);
+                match act {
+                    Act::Use(client, last) => { leases.admits(mac(client), address(last), now_ms); }
+                    Act::Message(kind, client, wanted) => {
+                        leases.answer(&message(kind, client, wanted.map(address)), now_ms);
+                    }
+                }
+                let table: Vec<Lease, MAX_CLIENTS> = leases.server.leases().collect();
+                for (at, lease) in table.iter().enumerate() {
+                    prop_assert!(place(lease.ip).is_some());
+                    prop_assert!(table[..at].iter().all(|other| other.ip != lease.ip && other.mac != lease.mac));
+                }
+                prop_assert!(leases.has(mac(100), driver, now_ms));
+                prop_assert_eq!(retained.recall(), leases.holders());
+            }
         }
     }
 }

@@ -7,6 +7,7 @@ use embassy_net::StackResources;
 use super::dhcp::DhcpMemory;
 use super::leases::Leases;
 use super::packet_queue::PacketQueue;
+use super::retained_leases::RetainedLeases;
 use super::stations::SLOTS;
 use super::tcp::{CLIENTS, TcpMemory};
 use super::udp::{SlotMemory, UdpLinks};
@@ -39,10 +40,10 @@ pub(super) struct UdpMemory {
 }
 
 impl NetMemory {
-    /// Memory that is not in use.
+    /// Memory that is not in use. `retained` has the leases from before the last reset.
     // Not inlined: see `in_place`.
     #[inline(never)]
-    pub fn new() -> Self {
+    pub fn new(retained: &'static RetainedLeases) -> Self {
         Self {
             stack: StackResources::new(),
             udp: UdpMemory {
@@ -53,13 +54,7 @@ impl NetMemory {
             links: UdpLinks::new(),
             tcp: [const { TcpMemory::new() }; CLIENTS],
             dhcp: DhcpMemory::new(),
-            leases: RefCell::new(Leases::new()),
+            leases: RefCell::new(Leases::new(retained)),
         }
-    }
-}
-
-impl Default for NetMemory {
-    fn default() -> Self {
-        Self::new()
     }
 }

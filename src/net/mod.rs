@@ -11,6 +11,7 @@ mod leases;
 mod memory;
 mod paced;
 mod packet_queue;
+mod retained_leases;
 mod sender;
 mod serve;
 mod service;
@@ -21,5 +22,6 @@ mod until;
 
 pub use address::{NetReport, Role};
 pub use memory::NetMemory;
+pub use retained_leases::RetainedLeases;
 pub use serve::serve;
 pub use service::Service;

@@ -4,6 +4,7 @@ mod credentials;
 mod driving;
 mod faults;
 mod ground;
+mod kept_address;
 mod links;
 mod load;
 mod start;

@@ -3,6 +3,7 @@
 
 mod air;
 mod dhcp;
+mod kept_address;
 mod phone;
 mod ping;
 mod room;

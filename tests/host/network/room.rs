@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
 use rover_battmon::autopilot::Start;
-use rover_battmon::net::{NetMemory, NetReport, Role, Service, serve};
+use rover_battmon::net::{NetMemory, NetReport, RetainedLeases, Role, Service, serve};
 use rover_battmon::recorder::{LogSource, ReadFailed};
 use rover_battmon::sim::clock::run_for;
 use rover_battmon::tasks::CheckIn;
@@ -51,8 +51,17 @@ impl Room<'_> {
     }
 }
 
-/// Plays `scene` while the board serves its network.
+/// Plays `scene` while the board serves its network, after power-up.
 pub fn play<R>(role: Role, scene: impl AsyncFnOnce(&Room<'_>) -> R) -> R {
+    play_with(Box::leak(Box::default()), role, scene)
+}
+
+/// The same, with what RAM holds at the board's start.
+pub fn play_with<R>(
+    retained: &'static RetainedLeases,
+    role: Role,
+    scene: impl AsyncFnOnce(&Room<'_>) -> R,
+) -> R {
     static CHECK_IN: CheckIn = CheckIn::new("network", 2_500);
     let ended = run_for(Duration::from_secs(3_600), async {
         let shared = Shared::new(&Start::default());
@@ -66,7 +75,7 @@ pub fn play<R>(role: Role, scene: impl AsyncFnOnce(&Room<'_>) -> R) -> R {
             logs: &NoLogs,
             check_in: &CHECK_IN,
         };
-        let mut memory = Box::new(NetMemory::new());
+        let mut memory = Box::new(NetMemory::new(retained));
         let board = serve(
             BoardDevice(room.air.clone()),
             role,

@@ -52,6 +52,14 @@ impl Laptop {
         }
     }
 
+    /// It keeps the address that it has, and asks for none any more.
+    pub fn keep_address(&mut self) {
+        if let Addressing::Dhcp(client) = self.addressing {
+            self.computer.sockets.remove(client);
+            self.addressing = Addressing::Static;
+        }
+    }
+
     /// Lets the stack do what is due at this time. Returns the frames that it sends.
     pub fn poll(&mut self, now_us: u64) -> Vec<Vec<u8>> {
         let mut frames = self.computer.poll(now_us);
