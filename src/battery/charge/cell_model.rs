@@ -75,6 +75,16 @@ impl CellModel<'_> {
         self.measured_ohm.unwrap_or(self.cell.ohmic_drop_v / capacity.ah)
     }
 
+    /// The resistance of a cell of this very pack, in ohms: measured since the start, else kept by the pack's serial number.
+    /// The kept one is that of a warm drive: a lower limit.
+    pub fn own_ohm(&self) -> Option<f32> {
+        let kept = self
+            .learnt
+            .resistance
+            .filter(|_| self.learnt.serial_number.is_some());
+        self.measured_ohm.or(kept.map(|kept| kept.now_ohm))
+    }
+
     /// Resting voltage at a state of charge from 0 to 1, in volts.
     pub fn voltage_v(&self, share: f32) -> f32 {
         self.cell.curve.voltage_v(share) + self.interpolate(share, Offset::mean_v)

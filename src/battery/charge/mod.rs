@@ -201,7 +201,7 @@ impl ChargeEstimator {
             *self = Self::new();
         }
         if let Phase::Starting(start) = &mut self.phase {
-            start.add(dt_s, voltage_v);
+            start.add(dt_s, voltage_v, current_a);
         }
         self.gathering.add_unmeasured(unmeasured_ah);
         if dt_s > GAP_S

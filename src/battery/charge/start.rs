@@ -5,8 +5,10 @@ use super::cell_model::{Capacity, CellModel};
 use super::filter::Filter;
 use super::memory::remembered;
 use super::second::Sum;
+use crate::battery::LearntPack;
 
-/// Time at the very start whose voltage is kept, in seconds: a load that begins only then lowers it.
+/// Time at the very start whose voltage is kept, in seconds: of a load that began then only the immediate part of the sag
+/// is in it.
 const FIRST_S: f32 = 0.25;
 
 /// Under load the voltage is averaged for this long, in seconds.
@@ -42,12 +44,18 @@ const CERTAIN_SIGMA: f32 = 0.01;
 /// A curve on which a voltage gives the charge to this standard deviation is steep.
 const STEEP_SIGMA: f32 = 0.12;
 
+/// Standard deviation of a measured resistance, relative to it: the noise of the sensors, and its change with load and
+/// charge. The model of the sag has the same.
+const RESISTANCE_SIGMA: f32 = 0.1;
+
+/// Standard deviation of what lies anywhere in a range, relative to the range.
+const UNIFORM_SIGMA: f32 = 0.29;
+
 /// Gathers what the first estimate is made from.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Start {
     elapsed_s: f32,
-    /// Highest voltage of the pack in its first quarter of a second, in volts.
-    first_v: Option<f32>,
+    first: First,
     averaged_s: f32,
     cell_v: Sum,
     current_a: Sum,
@@ -58,6 +66,15 @@ pub(super) struct Start {
     /// The highest estimate of a rest, less what was drawn since.
     at_rest: Option<Filter>,
     provisional: Option<Filter>,
+}
+
+/// The first quarter of a second.
+#[derive(Clone, Copy, Debug)]
+struct First {
+    /// Highest voltage of the pack, in volts.
+    voltage_v: Option<f32>,
+    /// Lowest current, in amperes.
+    current_a: Option<f32>,
 }
 
 /// A first estimate.
@@ -73,7 +90,7 @@ impl Start {
     /// Nothing yet.
     pub const NEW: Self = Self {
         elapsed_s: 0.0,
-        first_v: None,
+        first: First::NEW,
         averaged_s: 0.0,
         cell_v: Sum::NEW,
         current_a: Sum::NEW,
@@ -85,13 +102,10 @@ impl Start {
     };
 
     /// Takes a reading of the pack.
-    pub fn add(&mut self, dt_s: f32, voltage_v: Option<f32>) {
+    pub fn add(&mut self, dt_s: f32, voltage_v: Option<f32>, current_a: Option<f32>) {
         self.elapsed_s += dt_s;
-        if self.elapsed_s <= FIRST_S || self.first_v.is_none() {
-            self.first_v = match (self.first_v, voltage_v) {
-                (Some(first_v), Some(voltage_v)) => Some(first_v.max(voltage_v)),
-                (first_v, voltage_v) => first_v.or(voltage_v),
-            };
+        if self.elapsed_s <= FIRST_S || self.first.voltage_v.is_none() {
+            self.first.add(voltage_v, current_a);
         }
     }
 
@@ -152,28 +166,17 @@ impl Start {
     }
 
     fn found_under_load(&mut self, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
-        let first = self.first(model, capacity);
-        if let Some(certain) = first.and_then(|first| certain(&first, model, capacity)) {
-            return Some(self.drawn_since(certain, capacity));
+        if self.first.is_full(model, capacity) {
+            let full = Filter::from_share(1.0, CERTAIN_SIGMA, model, capacity);
+            return Some(self.drawn_since(full, capacity));
         }
-        let highest = self.highest(first, model, capacity)?;
+        let highest = self.highest(model, capacity)?;
         if self.averaged_s >= AVERAGING_S {
             return Some(highest);
         }
         let is_averaged = self.averaged_s >= FIRST_AVERAGE_S;
         self.provisional = self.at_rest.or(is_averaged.then_some(highest));
         None
-    }
-
-    /// By the voltage in the first moment.
-    fn first(&self, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
-        let (first_v, count) = self.first_v.zip(model.cell_count)?;
-        Some(Filter::from_voltage(
-            &Load::NONE,
-            first_v / f32::from(count),
-            model,
-            capacity,
-        ))
     }
 
     /// The estimate now, after one of the first moment.
@@ -183,7 +186,7 @@ impl Start {
     }
 
     /// A load only lowers the voltage: of several estimates the highest counts.
-    fn highest(&self, first: Option<Filter>, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
+    fn highest(&self, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
         let current_a = self.current_a.mean(self.averaged_s)?;
         let load = Load {
             duration_s: self.averaged_s,
@@ -191,18 +194,84 @@ impl Start {
             slow_a: current_a,
         };
         let drawn = load.drawn_ah() / capacity.ah;
-        let mut averaged = Filter::from_voltage(&load, self.cell_v.mean(self.averaged_s)?, model, capacity);
+        let cell_v = self.cell_v.mean(self.averaged_s)?;
+        let mut averaged = Filter::from_voltage(&load, cell_v, model, capacity);
+        // If the load has only begun, its slow sag has not developed; a typical resistance may be too large.
+        let immediate_v = load.sag_v(model.own_ohm().unwrap_or(0.0), 0.0);
+        averaged.doubt(UNIFORM_SIGMA * (averaged.share() - model.share(cell_v + immediate_v)));
         averaged.draw(0.5 * drawn);
+        let first = self.first.estimate(model, capacity);
         let first = first.map(|first| self.drawn_since(first, capacity));
         let others = first.into_iter().chain(self.at_rest);
-        Some(others.fold(averaged, |highest, other| {
+        let mut highest = others.fold(averaged, |highest, other| {
             if other.share() > highest.share() {
                 other
             } else {
                 highest
             }
-        }))
+        });
+        // No pack is above full: nearer to it than half a deviation, an estimate is too high.
+        highest.draw((highest.share() + 0.5 * highest.sigma() - 1.0).max(0.0));
+        Some(highest)
     }
+}
+
+impl First {
+    const NEW: Self = Self {
+        voltage_v: None,
+        current_a: None,
+    };
+
+    fn add(&mut self, voltage_v: Option<f32>, current_a: Option<f32>) {
+        self.voltage_v = self.voltage_v.into_iter().chain(voltage_v).reduce(f32::max);
+        self.current_a = self.current_a.into_iter().chain(current_a).reduce(f32::min);
+    }
+
+    /// A lower limit of the resting voltage of a cell, in volts: a load only lowers its voltage. Charging raises it.
+    fn least_resting_v(&self, model: &CellModel, capacity: &Capacity) -> Option<f32> {
+        let (voltage_v, count) = self.voltage_v.zip(model.cell_count)?;
+        let current_a = self.current_a.unwrap_or(0.0);
+        let is_charged = current_a < 0.0 && !is_resting(current_a, capacity);
+        let sag_v = least_sag_v(current_a, model, capacity);
+        (!is_charged).then_some(voltage_v / f32::from(count) + sag_v)
+    }
+
+    /// Whether only a full pack has such a voltage under such a load.
+    fn is_full(&self, model: &CellModel, capacity: &Capacity) -> bool {
+        // A learnt offset is that of a fifth of the charge, not of the last twentieth.
+        let typical = CellModel {
+            learnt: &LearntPack::UNKNOWN,
+            ..*model
+        };
+        let resting_v = self.least_resting_v(model, capacity);
+        let by_voltage =
+            resting_v.map(|resting_v| Filter::from_voltage(&Load::NONE, resting_v, &typical, capacity));
+        by_voltage
+            .and_then(|by_voltage| certain(&by_voltage, &typical, capacity))
+            .is_some_and(|certain| certain.share() >= FULL_SHARE)
+    }
+
+    /// The estimate by this limit. After a restart under load the slow sag is in the voltage too: the deviation holds it.
+    fn estimate(&self, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
+        let resting_v = self.least_resting_v(model, capacity)?;
+        let mut estimate = Filter::from_voltage(&Load::NONE, resting_v, model, capacity);
+        let slow_v = model.cell.slow_share * model.resistance_ohm(capacity) * self.current_a.unwrap_or(0.0);
+        estimate.doubt(slow_v / model.slope_v(estimate.share()));
+        Some(estimate)
+    }
+}
+
+/// The least voltage that a load takes off a cell in its first moment, in volts: by a resistance two standard deviations
+/// below that of this very pack. It is never more than what a typical cell's immediate resistance takes off at one
+/// capacity an hour: of the resistance of a cold cell less than half has developed, and a half-empty cell does not read
+/// full by that.
+fn least_sag_v(current_a: f32, model: &CellModel, capacity: &Capacity) -> f32 {
+    let Some(ohm) = model.own_ohm() else {
+        return 0.0;
+    };
+    let rate_per_h = (current_a / capacity.ah).clamp(0.0, 1.0);
+    let drop_v = (1.0 - 2.0 * RESISTANCE_SIGMA) * ohm * capacity.ah;
+    rate_per_h * drop_v.min(model.cell.ohmic_drop_v)
 }
 
 /// Whether a current is that of a pack at rest.
@@ -228,4 +297,72 @@ fn certain(by_voltage: &Filter, model: &CellModel, capacity: &Capacity) -> Optio
     }
     let share = if share >= FULL_SHARE { 1.0 } else { share };
     Some(Filter::from_share(share, CERTAIN_SIGMA, model, capacity))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::battery::Chemistry;
+    use crate::battery::learnt::LearntResistance;
+
+    const CAPACITY: Capacity = Capacity { ah: 2.9, sigma: 0.04 };
+
+    fn li_ion(measured_ohm: Option<f32>, learnt: &LearntPack) -> CellModel<'_> {
+        CellModel {
+            chemistry: Chemistry::LiIon,
+            cell: Chemistry::LiIon.cell(),
+            cell_count: Some(1),
+            rated_ah: Some(CAPACITY.ah),
+            measured_ohm,
+            share_at_most: 1.0,
+            learnt,
+        }
+    }
+
+    /// What a start finds after a second under a load.
+    fn found(cell_v: f32, current_a: f32, model: &CellModel) -> Option<Found> {
+        let mut start = Start::NEW;
+        start.add(0.1, Some(cell_v), Some(current_a));
+        let second = Load {
+            duration_s: 1.0,
+            current_a,
+            slow_a: 0.0,
+        };
+        start.update(&second, cell_v - 0.2, model, &CAPACITY)
+    }
+
+    fn is_full(found: Option<Found>) -> bool {
+        matches!(found, Some(Found::UnderLoad(filter)) if filter.share() > 0.99 && filter.sigma() < 0.02)
+    }
+
+    fn kept(serial_number: Option<i32>) -> LearntPack {
+        LearntPack {
+            resistance: Some(LearntResistance {
+                now_ohm: 0.03,
+                first_ohm: 0.03,
+            }),
+            ..LearntPack::of(serial_number)
+        }
+    }
+
+    #[test]
+    fn a_full_pack_under_load_is_certain_once_its_resistance_is_measured() {
+        let unknown = LearntPack::UNKNOWN;
+        assert!(!is_full(found(4.06, 2.8, &li_ion(None, &unknown))));
+        assert!(is_full(found(4.06, 2.8, &li_ion(Some(0.12), &unknown))));
+        // Two standard deviations less would not be full.
+        assert!(!is_full(found(4.06, 2.8, &li_ion(Some(0.02), &unknown))));
+    }
+
+    #[test]
+    fn a_kept_resistance_counts_for_the_pack_with_its_serial_number() {
+        assert!(is_full(found(4.06, 2.8, &li_ion(None, &kept(Some(7))))));
+        assert!(!is_full(found(4.06, 2.8, &li_ion(None, &kept(None)))));
+    }
+
+    #[test]
+    fn a_pack_that_is_charged_is_not_full_by_its_voltage() {
+        assert!(is_full(found(4.19, 1.0, &li_ion(None, &LearntPack::UNKNOWN))));
+        assert!(!is_full(found(4.19, -1.0, &li_ion(None, &LearntPack::UNKNOWN))));
+    }
 }

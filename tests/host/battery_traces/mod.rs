@@ -11,3 +11,4 @@ mod recordings;
 mod replay;
 mod resistance;
 mod sample_rate;
+mod start;
