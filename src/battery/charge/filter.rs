@@ -27,7 +27,8 @@ const MAX_SAG_V: f32 = 5.0;
 /// Errors of the model last for minutes: so many measurements are as good as one.
 const CORRELATED_STEPS: f32 = 50.0;
 
-/// An estimate more certain than this is counted: a voltage corrects it by what is beyond one standard deviation.
+/// An estimate that starts more certain than this is counted. A voltage corrects it by what is beyond a dead band: one
+/// standard deviation of the voltage at this uncertainty, and inversely more or fewer at a smaller or larger one.
 const COUNTED_SIGMA: f32 = 0.035;
 
 /// Limits of the states.
@@ -38,12 +39,24 @@ const MAX_CAPACITY_ERROR: f32 = 0.6;
 
 /// Limit of a standard deviation of the state of charge: that of any charge being as likely.
 const MAX_SIGMA: f32 = 0.29;
+const MAX_VARIANCE: f32 = MAX_SIGMA * MAX_SIGMA;
 
 /// The estimate with its covariance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Filter {
     state: Vector,
     covariance: Matrix,
+    basis: Basis,
+}
+
+/// What an estimate started from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Basis {
+    /// A charge that was certain, from which the current is counted.
+    Count,
+    /// A voltage. Its errors are those of curve and sag, which do not average out: the deviation is never below that which
+    /// a voltage gives at this charge and lasting load.
+    Voltage { variance: f32 },
 }
 
 /// How a voltage fits the estimate.
@@ -61,28 +74,27 @@ impl Filter {
         Self {
             state: [share, 0.0, 0.0, model.cell.slow_share],
             covariance,
+            basis: if sigma < COUNTED_SIGMA {
+                Basis::Count
+            } else {
+                Basis::Voltage { variance: 0.0 }
+            },
         }
     }
 
     /// From the voltage of a cell under this load: what is unknown of curve and sag is unknown of the charge.
     pub fn from_voltage(load: &Load, cell_v: f32, model: &CellModel, capacity: &Capacity) -> Self {
         let sag = Sag::new(load, model.resistance_ohm(capacity));
-        let sag_v = sag.at(model.cell.slow_share);
-        let share = model.share(cell_v + sag_v);
-        let slope_v = model.slope_v(share);
+        let share = model.share(cell_v + sag.at(model.cell.slow_share));
         let mut filter = Self::from_share(share, 0.0, model, capacity);
-        let slow_variance = filter.covariance[3][3];
-        let by_offset = -model.curve_sigma_v(share, slope_v) / slope_v;
-        let by_slow_share = sag.slow_v / slope_v;
-        let noise = noise_variance(sag_v) / square(slope_v);
-        let variance = square(by_offset) + square(by_slow_share) * slow_variance + noise;
-        if variance > square(MAX_SIGMA) {
-            filter.covariance[0][0] = square(MAX_SIGMA);
-            return filter;
-        }
+        let error = VoltageError::new(share, &sag, model);
+        let variance = error.variance();
         filter.covariance[0][0] = variance;
-        filter.set_covariance(2, by_offset);
-        filter.set_covariance(3, by_slow_share * slow_variance);
+        filter.basis = Basis::Voltage { variance };
+        if variance < MAX_VARIANCE {
+            filter.set_covariance(2, error.by_offset);
+            filter.set_covariance(3, error.by_slow_share * error.slow_variance);
+        }
         filter
     }
 
@@ -98,7 +110,11 @@ impl Filter {
 
     /// Standard deviation of the state of charge.
     pub fn sigma(&self) -> f32 {
-        libm::sqrtf(self.covariance[0][0])
+        let least = match self.basis {
+            Basis::Count => 0.0,
+            Basis::Voltage { variance } => variance,
+        };
+        libm::sqrtf(self.covariance[0][0].max(least))
     }
 
     /// A charge was drawn, in capacities.
@@ -108,7 +124,7 @@ impl Filter {
 
     /// A charge with this standard deviation, in capacities, was drawn unseen.
     pub fn doubt(&mut self, sigma: f32) {
-        self.covariance[0][0] = (self.covariance[0][0] + square(sigma)).min(square(MAX_SIGMA));
+        self.covariance[0][0] = (self.covariance[0][0] + square(sigma)).min(MAX_VARIANCE);
     }
 
     /// Factor by which a drawn charge counts.
@@ -126,6 +142,20 @@ impl Filter {
         });
         self.limit();
         fit
+    }
+
+    /// Takes the current averaged over the longest time, on which the error of a voltage depends.
+    pub fn settle(&mut self, lasting_a: f32, model: &CellModel, capacity: &Capacity) {
+        let share = self.share();
+        if let Basis::Voltage { variance } = &mut self.basis {
+            let load = Load {
+                current_a: lasting_a,
+                slow_a: lasting_a,
+                ..Load::NONE
+            };
+            let sag = Sag::new(&load, model.resistance_ohm(capacity));
+            *variance = VoltageError::new(share, &sag, model).variance();
+        }
     }
 
     /// Takes the voltage of a cell that has rested.
@@ -189,12 +219,16 @@ impl Filter {
         Fit { deviations }
     }
 
-    /// Weight of a voltage that is so many standard deviations off.
+    /// Weight of a voltage that is this many standard deviations off. The more certain the count, the less of the voltage
+    /// counts: errors of a curve do not average out.
     fn weight(&self, deviations: f32) -> f32 {
-        if self.covariance[0][0] >= square(COUNTED_SIGMA) {
-            return 1.0;
+        match self.basis {
+            Basis::Voltage { .. } => 1.0,
+            Basis::Count => {
+                let dead_band = COUNTED_SIGMA / self.sigma();
+                (1.0 - dead_band / deviations.abs().max(dead_band)).max(0.0)
+            }
         }
-        (1.0 - 1.0 / deviations.abs().max(1.0)).max(0.0)
     }
 
     /// The Kalman update.
@@ -219,7 +253,7 @@ impl Filter {
         for (index, row) in self.covariance.iter_mut().enumerate() {
             row[index] = row[index].max(1e-8);
         }
-        if self.covariance[0][0] > square(MAX_SIGMA) {
+        if self.covariance[0][0] > MAX_VARIANCE {
             let shrink = MAX_SIGMA / libm::sqrtf(self.covariance[0][0]);
             for element in &mut self.covariance[0] {
                 *element *= shrink;
@@ -257,6 +291,31 @@ impl Sag {
     /// The sag with this slow share, in volts.
     fn at(&self, slow_share: f32) -> f32 {
         self.fast_v + self.slow_v * slow_share
+    }
+}
+
+/// What is unknown of a charge that is read from a voltage, by the slope of the curve there.
+struct VoltageError {
+    by_offset: f32,
+    by_slow_share: f32,
+    slow_variance: f32,
+    noise: f32,
+}
+
+impl VoltageError {
+    fn new(share: f32, sag: &Sag, model: &CellModel) -> Self {
+        let slope_v = model.slope_v(share);
+        Self {
+            by_offset: -model.curve_sigma_v(share, slope_v) / slope_v,
+            by_slow_share: sag.slow_v / slope_v,
+            slow_variance: square(model.cell.slow_share_sigma),
+            noise: noise_variance(sag.at(model.cell.slow_share)) / square(slope_v),
+        }
+    }
+
+    fn variance(&self) -> f32 {
+        let variance = square(self.by_offset) + square(self.by_slow_share) * self.slow_variance + self.noise;
+        variance.min(MAX_VARIANCE)
     }
 }
 

@@ -40,10 +40,11 @@ const MAX_GAP_S: f32 = 600.0;
 /// Standard deviation of a load in a gap, in capacities per hour.
 const GAP_RATE_PER_H: f32 = 1.0;
 
-/// A voltage that is further from the expected one, in standard deviations, contradicts the estimate. What exceeds that,
-/// up to the second figure, is summed over time, what falls below is subtracted; at the third, in standard deviations
-/// times seconds, the estimate starts anew: within a minute to two.
-const CONTRADICTION: f32 = 1.75;
+/// A voltage that is further from the expected one, in standard deviations, contradicts the estimate: no cell of the
+/// chemistry has it, since published curves lie less far from their mean. What exceeds that, up to the second figure, is
+/// summed over time, what falls below is subtracted; at the third, in standard deviations times seconds, the estimate
+/// restarts: within a minute to two.
+const CONTRADICTION: f32 = 3.0;
 const MAX_EXCESS: f32 = 0.5;
 const MAX_CONTRADICTION_S: f32 = 25.0;
 
@@ -341,6 +342,7 @@ impl ChargeEstimator {
             let excess = (deviations.abs() - CONTRADICTION).min(MAX_EXCESS);
             self.contradicted_s = (self.contradicted_s + excess * block.load.duration_s).max(0.0);
         }
+        filter.settle(self.polarisation.lasting_a(), model, capacity);
         if self.contradicted_s >= MAX_CONTRADICTION_S
             && let Some(cell_v) = block.cell_v
         {

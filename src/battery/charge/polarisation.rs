@@ -43,6 +43,12 @@ impl Polarisation {
         middle.value()
     }
 
+    /// The current averaged over the longest time, in amperes.
+    pub fn lasting_a(&self) -> f32 {
+        let [_, _, slow] = &self.0;
+        slow.value().unwrap_or(0.0)
+    }
+
     /// The current whose fast sag equals the slow one, for a slow share of 1, in amperes.
     pub fn current_a(&self) -> f32 {
         let parts = self.0.iter().zip(PARTS);
