@@ -12,6 +12,10 @@ const RATED_SIGMA: f32 = 0.04;
 /// The same of a capacity that is inferred from the resistance.
 const INFERRED_SIGMA: f32 = 0.5;
 
+/// A learnt capacity counts, and a curve is learnt, once the capacity is known to this standard deviation: before, the
+/// label is better.
+pub(super) const MAX_LEARNT_SIGMA: f32 = 0.08;
+
 /// Uncertainty of the charge that belongs to a point of a curve: where the curve is steep, it outweighs that of the
 /// voltage.
 const CURVE_SHARE_SIGMA: f32 = 0.015;
@@ -55,7 +59,11 @@ pub(in crate::battery) struct Capacity {
 impl CellModel<'_> {
     /// The capacity: learnt, else set, else inferred from the resistance.
     pub fn capacity(&self) -> Option<Capacity> {
-        let learnt = self.learnt.capacity.map(|learnt| Capacity {
+        let certain = self
+            .learnt
+            .capacity
+            .filter(|learnt| learnt.sigma < MAX_LEARNT_SIGMA);
+        let learnt = certain.map(|learnt| Capacity {
             ah: learnt.ah(),
             sigma: learnt.sigma,
         });

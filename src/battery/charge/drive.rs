@@ -1,7 +1,7 @@
 //! A drive, from which the pack is learnt when it rests again.
 
 use super::block::{Block, HOURS_PER_SECOND, Load};
-use super::cell_model::{Capacity, CellModel};
+use super::cell_model::{Capacity, CellModel, MAX_LEARNT_SIGMA};
 use super::deviation::root_of_squares;
 use super::filter::Filter;
 use super::second::Sum;
@@ -35,9 +35,6 @@ const REST_DRIFT_PER_H: f32 = 0.05;
 
 /// A capacity further from the expected one, in standard deviations, is not believed.
 const GATE: f32 = 3.0;
-
-/// The curve is learnt once the capacity is known to this standard deviation.
-const MAX_CAPACITY_SIGMA: f32 = 0.08;
 
 /// Standard deviation of the offset seen in one drive, and lower limit of a learnt one, in volts.
 const OFFSET_SIGMA_V: f32 = 0.015;
@@ -200,7 +197,7 @@ impl Drive {
             resistance: Some(learn_resistance(before.resistance, ohm)),
             ..*before
         };
-        if capacity.sigma < MAX_CAPACITY_SIGMA {
+        if capacity.sigma < MAX_LEARNT_SIGMA {
             self.learn_curve(&mut learnt.offsets, &capacity, model);
         }
         Some(learnt)
