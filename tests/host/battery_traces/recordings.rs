@@ -286,7 +286,7 @@ fn one_warm_drive_teaches_the_pack() {
             score_from(0, recording, &settings(LABEL_MAH), learnt)
         })
     });
-    table.assert_means("from full, learnt", |_| 1.2);
+    table.assert_means("from full, learnt", |_| 0.9);
 }
 
 #[test]
@@ -299,7 +299,7 @@ fn one_warm_drive_corrects_a_wrong_label() {
                 score_from(0, recording, &settings(label_mah), learnt)
             })
         });
-        table.assert_means(&what, |_| 2.0);
+        table.assert_means(&what, |_| 1.3);
     }
 }
 
@@ -362,6 +362,60 @@ fn voltage_alone_suffices_for_an_estimate() {
     }
 }
 
+/// Share of the time, in percent, in which the truth lies within two of the stated standard deviations.
+fn coverage_pct(samples: &[Sample], truth_pct: &[f64], learnt: &LearntPack) -> f64 {
+    let mut within = Vec::new();
+    replay(samples, &settings(LABEL_MAH), learnt, |number, monitor| {
+        let state = monitor.state();
+        let estimate = state.remaining_pct.zip(state.remaining_sigma_pct);
+        if let Some((remaining_pct, sigma_pct)) = estimate
+            && samples[number].t_s - samples[0].t_s >= SCORED_FROM_S
+        {
+            let error_pct = f64::from(remaining_pct) - truth_pct[number];
+            within.push(error_pct.abs() <= 2.0 * f64::from(sigma_pct));
+        }
+    });
+    100.0 * within.iter().filter(|is_within| **is_within).count() as f64 / within.len() as f64
+}
+
+#[test]
+fn the_truth_is_within_two_standard_deviations() {
+    if recordings().is_empty() {
+        return;
+    }
+    let lessons = lessons(LABEL_MAH);
+    let from = |what: &str, start: fn(&Recording) -> usize, lessons: &[LearntPack]| {
+        let of = |recording: &Recording| {
+            let start = start(recording);
+            mean(lessons, |learnt| {
+                coverage_pct(&recording.samples[start..], &recording.truth_pct[start..], learnt)
+            })
+        };
+        (what.to_owned(), recordings().iter().map(of).collect::<Vec<_>>())
+    };
+    let by_voltage = |recording: &Recording| {
+        let samples = without_current(&recording.samples);
+        coverage_pct(&samples, &recording.truth_pct, &LearntPack::UNKNOWN)
+    };
+    let unknown = [LearntPack::UNKNOWN];
+    let rows = [
+        from("from full", |_| 0, &unknown),
+        from("from full, learnt", |_| 0, &lessons),
+        from("half empty", Recording::middle, &unknown),
+        from("half empty, learnt", Recording::middle, &lessons),
+        (
+            "voltage only".to_owned(),
+            recordings().iter().map(by_voltage).collect(),
+        ),
+    ];
+    // Without a current the sag in the cold is unknown.
+    for ((what, shares), least) in rows.into_iter().zip([90.0, 90.0, 90.0, 90.0, 85.0]) {
+        let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+        println!("{what:32} within two standard deviations {mean:.1} % of the time: {shares:.0?}");
+        assert!(mean >= least, "{what}: {mean:.1} %: {shares:.0?}");
+    }
+}
+
 /// When what is usable falls to 15 %, in seconds.
 fn warned_s(recording: &Recording) -> Option<f64> {
     let is_low = |state: &BatteryState| state.usable_pct.is_some_and(|usable_pct| usable_pct <= 15.0);
@@ -380,21 +434,23 @@ fn warned_s(recording: &Recording) -> Option<f64> {
 }
 
 #[test]
-fn usable_charge_warns_four_minutes_before_a_warm_pack_collapses() {
-    let mut leads: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+fn usable_charge_warns_minutes_before_a_warm_pack_collapses() {
+    let mut leads: BTreeMap<(&str, i32), Vec<f64>> = BTreeMap::new();
     for recording in recordings() {
         let lead_s = warned_s(recording).map_or(f64::NEG_INFINITY, |t_s| recording.end_of_load_s() - t_s);
         let minutes = lead_s / 60.0;
         println!("{}: warned {minutes:.1} minutes before the end", recording.name);
         if recording.is_warm() {
-            leads.entry(&recording.group).or_default().push(minutes);
+            let group = (recording.group.as_str(), recording.temperature_c());
+            leads.entry(group).or_default().push(minutes);
         }
     }
-    for (group, mut minutes) in leads {
+    for ((group, temperature_c), mut minutes) in leads {
         minutes.sort_by(f64::total_cmp);
         let median = minutes[minutes.len() / 2];
         println!("{group}: warned {median:.1} minutes before the end in the median");
-        assert!(median >= 4.0, "{group}: {minutes:?}");
+        let least = if temperature_c >= 25 { 4.0 } else { 2.0 };
+        assert!(median >= least, "{group}: {minutes:?}");
     }
 }
 
