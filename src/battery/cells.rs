@@ -5,6 +5,8 @@ pub const MAX_CELLS: usize = 14;
 
 /// The voltage of each cell in series, from the negative end; empty if not measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
+// Copied at every reading: by words.
+#[repr(align(4))]
 pub struct CellVoltages {
     millivolts: [u16; MAX_CELLS],
     count: u8,

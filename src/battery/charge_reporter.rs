@@ -46,11 +46,11 @@ impl AnnouncedFaults {
     fn update(&mut self, dt_s: f32, present: Faults) -> Faults {
         let new = present - self.faults;
         self.faults |= present;
-        self.absent_s = if present == self.faults {
-            0.0
-        } else {
-            self.absent_s + dt_s
-        };
+        if present == self.faults {
+            self.absent_s = 0.0;
+            return new;
+        }
+        self.absent_s += dt_s;
         if self.absent_s >= RECOVERY_S {
             *self = Self {
                 faults: present,

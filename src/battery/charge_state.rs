@@ -169,10 +169,20 @@ fn by_charge(before: ChargeState, remaining_pct: Option<f32>, limits: &ChargeLim
         }
     };
     // Worsens at the threshold, improves only above it by the hysteresis.
-    before.min(worst(HYSTERESIS_PCT)).max(worst(0.0))
+    let at_threshold = worst(0.0);
+    if at_threshold >= before {
+        return at_threshold;
+    }
+    before.min(worst(HYSTERESIS_PCT)).max(at_threshold)
 }
 
 fn is_charging(inputs: &Inputs, before: ChargeState) -> bool {
+    let (ArmState::Disarmed, Some(current_a)) = (inputs.arm_state, inputs.current_a) else {
+        return false;
+    };
+    if current_a.is_sign_positive() {
+        return false;
+    }
     let begins_at_a = inputs.capacity_mah.map_or(CHARGING_A, |capacity_mah| {
         CHARGING_RATE_PER_H * AH_PER_MAH * capacity_mah
     });
@@ -180,8 +190,7 @@ fn is_charging(inputs: &Inputs, before: ChargeState) -> bool {
         ChargeState::Charging => CHARGING_HYSTERESIS * begins_at_a,
         _ => begins_at_a,
     };
-    inputs.arm_state == ArmState::Disarmed
-        && inputs.current_a.is_some_and(|current_a| current_a < -threshold_a)
+    current_a < -threshold_a
 }
 
 #[cfg(test)]

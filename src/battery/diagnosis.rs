@@ -141,6 +141,10 @@ impl Diagnosis {
             // No spike but other cells than set, if it lasts.
             present.remove(Faults::SPIKES);
         }
+        if present == self.faults {
+            self.changing_s = [0.0; FAULTS.len()];
+            return present;
+        }
         for (fault, changing_s) in FAULTS.into_iter().zip(&mut self.changing_s) {
             if present.contains(fault) == self.faults.contains(fault) {
                 *changing_s = 0.0;

@@ -10,8 +10,8 @@ use crate::time::Instant;
 /// A pack without a healthy reading for longer is unhealthy, in microseconds: ArduPilot's 5 s.
 const UNHEALTHY_AFTER_US: u64 = 5_000_000;
 
-/// After healthy readings for this long, in seconds, the next loss acts again, and *unhealthy* may be released.
-const HEALTHY_AGAIN_S: f32 = 5.0;
+/// After healthy readings for this long, in microseconds, the next loss acts again, and *unhealthy* may be released.
+const HEALTHY_AGAIN_US: u32 = 5_000_000;
 
 /// The inputs of one tick.
 #[derive(Clone, Copy, Debug)]
@@ -35,8 +35,8 @@ pub(super) struct Failsafe {
     level: FailsafeLevel,
     reached_by: ReachedBy,
     loss: Loss,
-    /// How long readings have been healthy, in seconds.
-    healthy_s: f32,
+    /// How long readings have been healthy, in microseconds (saturating).
+    healthy_us: u32,
     low: Timer,
     critical: Timer,
 }
@@ -120,10 +120,10 @@ impl Failsafe {
     /// level: no threshold can be reached from then on.
     pub fn update(&mut self, seen: &Observation<'_>, settings: &FailsafeSettings) -> Option<FailsafeLevel> {
         // A pack may be measured and yet unhealthy: one whose gauge has timed out.
-        self.healthy_s = if seen.state.is_some() && seen.last_healthy == Some(seen.tick.now) {
-            self.healthy_s + seen.dt_us as f32 * 1e-6
+        self.healthy_us = if seen.state.is_some() && seen.last_healthy == Some(seen.tick.now) {
+            self.healthy_us.saturating_add(seen.dt_us)
         } else {
-            0.0
+            0
         };
         if seen.tick.arm_state == ArmState::Disarmed {
             // A dip before disarming must not count after rearming.
@@ -152,7 +152,7 @@ impl Failsafe {
     /// Clears the level *unhealthy*, and no other, of a pack that is healthy again. Of a disarmed rover only: one that
     /// drives has to react to what was lost.
     pub fn release_unhealthy(&mut self) {
-        if self.level == FailsafeLevel::Unhealthy && self.healthy_s >= HEALTHY_AGAIN_S {
+        if self.level == FailsafeLevel::Unhealthy && self.healthy_us >= HEALTHY_AGAIN_US {
             self.clear();
         }
     }
@@ -188,7 +188,7 @@ impl Failsafe {
     fn is_lost(&mut self, seen: &Observation<'_>) -> bool {
         let last_healthy = seen.last_healthy.unwrap_or(Instant::EPOCH);
         let unhealthy_us = seen.tick.now.us_since(last_healthy);
-        if self.healthy_s >= HEALTHY_AGAIN_S {
+        if self.healthy_us >= HEALTHY_AGAIN_US {
             self.loss = Loss::None;
         }
         unhealthy_us > UNHEALTHY_AFTER_US && mem::replace(&mut self.loss, Loss::Reported) == Loss::None

@@ -124,7 +124,8 @@ impl ResistanceEstimator {
         let voltage_step_v = voltage.update(gains, voltage_v);
         let current_step_a = current.update(gains, current_a);
         let load_a = current.slow;
-        if current_step_a.abs() < MIN_STEP_A.max(MIN_RELATIVE_STEP * load_a.abs()) {
+        let step_a = current_step_a.abs();
+        if step_a < MIN_STEP_A || step_a < MIN_RELATIVE_STEP * load_a.abs() {
             return;
         }
         let dt_s = dt_s.min(SLOW_TIME_CONSTANT_S);

@@ -3,7 +3,7 @@
 use super::charge::ChargeEstimate;
 use super::charge_reporter::ChargeReporter;
 use super::charge_state::{ChargeStateMachine, Inputs};
-use super::consumption::{Consumption, Gap, MAX_INTERVAL_US, mean_current_a};
+use super::consumption::{Consumption, Gap, MAX_INTERVAL_US, mean_current_a, microseconds};
 use super::counter::{Change, SourceCounter};
 use super::diagnosis::{AtRest, Diagnosis};
 use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
@@ -201,7 +201,7 @@ impl BatteryMonitor {
         let since = |time: Option<Instant>| time.map_or(0, |time| tick.now.us_since(time));
         let dt_us = since(self.last_reading.map(|last| last.time));
         let tick_us = since(self.last_tick.replace(tick.now));
-        let dt_s = tick_us as f32 * 1e-6;
+        let dt_s = microseconds(tick_us) * 1e-6;
         let reading = reading.as_ref().map_err(|error| *error).and_then(check_plausible);
         if let Ok(measurement) = reading {
             self.ingest_gauge_data(tick, measurement, events);
@@ -235,7 +235,7 @@ impl BatteryMonitor {
         if freshness == Freshness::Stale && error != Some(ReadError::NoHealthyMember) {
             self.swap_detector.lose_contact(dt_s, tick.arm_state);
         }
-        update.failsafe = self.evaluate_failsafes(tick, tick_us, freshness, settings, events);
+        update.failsafe = self.evaluate_failsafes(tick, tick_us, dt_s, freshness, settings, events);
         // Without its gauge a pack is read all the same.
         update.error = error.filter(|_| self.failed_reads > 0);
         update
@@ -311,7 +311,7 @@ impl BatteryMonitor {
         self.state.temperature_c = measurement.temperature_c;
         let previous_a = self.last_reading.and_then(|last| last.current_a);
         let mut reading = Reading {
-            dt_s: dt_us as f32 * 1e-6,
+            dt_s: microseconds(dt_us) * 1e-6,
             voltage_v: measurement.voltage_v,
             current_a: measurement.current_a,
             mean_current_a: measurement
@@ -529,13 +529,14 @@ impl BatteryMonitor {
 
     /// The most that a count at the source leaves of the capacity, from 0 to 1.
     fn share_at_most(&self, settings: &PackSettings) -> f32 {
-        let capacities = [self.state.learnt_capacity_mah, settings.capacity_mah];
-        match capacities.into_iter().flatten().reduce(f32::max) {
-            Some(capacity_mah) if self.counter.has_counted() => {
-                (1.0 - self.consumption.charge_mah() / capacity_mah).clamp(0.0, 1.0)
-            }
-            _ => 1.0,
+        if !self.counter.has_counted() {
+            return 1.0;
         }
+        let capacities = [self.state.learnt_capacity_mah, settings.capacity_mah];
+        let largest = capacities.into_iter().flatten().reduce(f32::max);
+        largest.map_or(1.0, |capacity_mah| {
+            (1.0 - self.consumption.charge_mah() / capacity_mah).clamp(0.0, 1.0)
+        })
     }
 
     /// Charge drawn since the start, in milliampere-hours.
@@ -696,11 +697,11 @@ impl BatteryMonitor {
         &mut self,
         tick: Tick,
         dt_us: u64,
+        dt_s: f32,
         freshness: Freshness,
         settings: &PackSettings,
         events: &mut PackEvents,
     ) -> Option<FailsafeLevel> {
-        let dt_s = dt_us as f32 * 1e-6;
         let state = &mut self.state;
         state.chemistry = settings.chemistry;
         // The capacity that is set is not that of a gauge which has yet to report.
