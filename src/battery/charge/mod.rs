@@ -80,7 +80,7 @@ enum Phase {
     VoltageOnly(VoltageOnly),
 }
 
-/// A state of charge that is kept over a reset, or set by the owner.
+/// A state of charge that is kept over a reset, set by the owner, or provisional.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct KnownCharge {
     /// From 0 to 1.
@@ -443,8 +443,8 @@ impl ChargeEstimator {
     fn estimate_now(&self, model: CellModel) -> Option<ChargeEstimate> {
         let (share, sigma, rate_per_h) = match &self.phase {
             Phase::Starting(start) => {
-                let filter = start.provisional()?;
-                (filter.share(), filter.sigma(), None)
+                let KnownCharge { share, sigma } = start.provisional()?;
+                (share, sigma, None)
             }
             Phase::Known(charge) => (charge.share, charge.sigma, None),
             Phase::Counting(filter) => {

@@ -1,5 +1,6 @@
 //! The first estimate of a pack whose current is measured.
 
+use super::KnownCharge;
 use super::block::{Block, HOURS_PER_SECOND, Load};
 use super::cell_model::{Capacity, CellModel};
 use super::filter::Filter;
@@ -65,7 +66,7 @@ pub(super) struct Start {
     rested_s: f32,
     /// The highest estimate of a rest, less what was drawn since.
     at_rest: Option<Filter>,
-    provisional: Option<Filter>,
+    provisional: Option<KnownCharge>,
 }
 
 /// The first quarter of a second.
@@ -110,8 +111,8 @@ impl Start {
     }
 
     /// An estimate that may still be too low: the cells have not rested for long, or are under load.
-    pub fn provisional(&self) -> Option<&Filter> {
-        self.provisional.as_ref()
+    pub fn provisional(&self) -> Option<KnownCharge> {
+        self.provisional
     }
 
     /// Takes the load and voltage of a second. Returns the estimate, once there is one.
@@ -175,7 +176,11 @@ impl Start {
             return Some(highest);
         }
         let is_averaged = self.averaged_s >= FIRST_AVERAGE_S;
-        self.provisional = self.at_rest.or(is_averaged.then_some(highest));
+        let provisional = self.at_rest.or(is_averaged.then_some(highest));
+        self.provisional = provisional.map(|filter| KnownCharge {
+            share: filter.share(),
+            sigma: filter.sigma(),
+        });
         None
     }
 
