@@ -26,8 +26,8 @@ const RETRIED_WITHIN_US: u64 = 16 * SECOND;
 /// The setting is sent up to so long after the network is up.
 const LONGEST_DELAY_US: usize = 20_000;
 
-/// Of this many restarts one is of a start that has failed.
-const FAILED_STARTS: u32 = 6;
+/// Of this many restarts one is of a start that has failed; of fewer in all, the last.
+const FAILED_STARTS: u32 = 12;
 
 /// Sets the channel this many times while frames come without a pause; some starts fail on the way. Panics if the radio does not
 /// come up on each channel in time, or the board restarts.
@@ -41,11 +41,12 @@ pub fn run(restarts: u32, seed: u64) {
     let strangers = Hostile::of_kinds(seed, target, &[Hostility::Datagram, Hostility::Broadcast]);
     air.flood(strangers, FRAMES_PER_SECOND, bench.time_us());
     let mut progress = Progress::new("radio restarts", bench.time_us());
+    let failed_starts = FAILED_STARTS.min(restarts);
     for number in 0..restarts {
         let channel = if number % 2 == 0 { 1 } else { 11 };
         air.run_for(&mut bench, random.below(LONGEST_DELAY_US) as u64);
         bench.send(&param_set("WIFI_CHANNEL", f32::from(channel)));
-        let within_us = if number % FAILED_STARTS == FAILED_STARTS - 1 {
+        let within_us = if number % failed_starts == failed_starts - 1 {
             fail_a_start(&mut bench, &mut air);
             RETRIED_WITHIN_US
         } else {
