@@ -174,18 +174,17 @@ pub fn jitter_of(record: &[Conversion], measured_us: u64) -> f64 {
     (latest - earliest) as f64 / CYCLES_PER_US as f64
 }
 
-/// The longest time that one task ran without another: so long each other waits for its turn. It is looked at every 10 µs.
+/// The longest time that one task ran without a pause and without another: so long each other waits for its turn. It is
+/// looked at every 10 µs.
 fn longest_turn_us(bench: &mut Bench) -> f64 {
     let (mut running, mut since, mut longest) = (None, bench.time_cycles(), 0);
     bench.run_until(MEASURED_US, |board| {
         let now = board.time_cycles();
-        let task = running_task(board);
-        if task != running {
+        let task = running_task(board).filter(|_| board.cpu_state() == CpuState::Running);
+        if task.is_none() || task != running {
             (running, since) = (task, now);
         }
-        if task.is_some() && board.cpu_state() == CpuState::Running {
-            longest = longest.max(now - since);
-        }
+        longest = longest.max(now - since);
         false
     });
     longest as f64 / CYCLES_PER_US as f64

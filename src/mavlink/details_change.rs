@@ -12,8 +12,9 @@ use crate::pack::{MAX_PACKS, Pack};
 #[derive(Debug, Default)]
 pub(super) struct DetailsChangeDetector {
     reported: [Option<u32>; MAX_PACKS],
-    /// The revision of each pack of which a BATTERY_INFO was sent.
-    described: [Option<u8>; MAX_PACKS],
+    /// Packs of which a BATTERY_INFO was sent, a bit each.
+    described: u16,
+    revisions: [u8; MAX_PACKS],
 }
 
 /// A change goes unnoticed with a probability of 2⁻³².
@@ -26,14 +27,21 @@ fn hash_of(details: &PackDetails) -> u32 {
 impl DetailsChangeDetector {
     /// A BATTERY_INFO of `pack` is sent, which has this revision.
     pub fn describe(&mut self, pack: Pack, revision: u8) {
-        self.described[pack as usize].get_or_insert(revision);
+        if self.described & pack.bit() == 0 {
+            self.described |= pack.bit();
+            self.revisions[pack as usize] = revision;
+        }
     }
 
-    /// Whether `pack` was swapped or its cells were detected since the last BATTERY_INFO; then that counts as described. A
-    /// link on which none was sent has nothing to correct.
+    /// Whether a BATTERY_INFO was sent of any pack. A link on which none was sent has nothing to correct.
+    pub fn has_described(&self) -> bool {
+        self.described != 0
+    }
+
+    /// Whether `pack` was swapped or its cells were detected since the last BATTERY_INFO; then that counts as described.
     pub fn is_outdated(&mut self, pack: Pack, revision: u8) -> bool {
-        let described = &mut self.described[pack as usize];
-        described.is_some() && described.replace(revision) != Some(revision)
+        let described = &mut self.revisions[pack as usize];
+        self.described & pack.bit() != 0 && core::mem::replace(described, revision) != revision
     }
 
     /// Whether `details` of `pack` differ from those that were reported last; then they count as reported. A pack without

@@ -121,6 +121,9 @@ impl Endpoint {
                 self.outbox.post_details(pack);
             }
         }
+        if !self.details.has_described() {
+            return;
+        }
         for pack in state.reported() {
             if self.details.is_outdated(pack, state.battery(pack).revision) {
                 self.outbox.post_details(pack);
