@@ -190,17 +190,17 @@ impl Endpoint {
         } else if let Some(text) = self.outbox.take_urgent() {
             Some(Outgoing::Message(text))
         } else if let Some(reply) = self.outbox.take_reply() {
+            if let Message::BatteryInfo(info) = &reply
+                && let Some(pack) = Pack::from_instance(info.id)
+            {
+                self.details.describe(pack, state.battery(pack).revision);
+            }
             Some(Outgoing::Message(reply))
         } else if let Some(value) = self.list.take(parameters) {
             Some(Outgoing::Message(value))
         } else {
             self.take_in_turn(&state)
         };
-        if let Some(Outgoing::Message(Message::BatteryInfo(info))) = &message
-            && let Some(pack) = Pack::from_instance(info.id)
-        {
-            self.details.describe(pack, state.battery(pack).revision);
-        }
         self.sent = self.sent.wrapping_add(u32::from(message.is_some()));
         message
     }
@@ -223,7 +223,14 @@ impl Endpoint {
 
     /// The stream whose turn it is. One of a pack that has gone while it waited has nothing to say any more.
     fn take_telemetry(&mut self, state: &SystemState<'_>) -> Option<Stream> {
-        iter::from_fn(|| self.outbox.take_stream()).find(|stream| stream.is_reported_in(state))
+        let mut waiting = iter::from_fn(|| self.outbox.take_stream());
+        let stream = waiting.find(|stream| stream.is_reported_in(state))?;
+        if stream.kind() == StreamKind::BatteryInfo
+            && let Some(pack) = stream.pack()
+        {
+            self.details.describe(pack, state.battery(pack).revision);
+        }
+        Some(stream)
     }
 
     /// Whether everything that was asked for has left.
