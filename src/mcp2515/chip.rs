@@ -63,7 +63,7 @@ const FRAME_REGISTERS: usize = 5 + FRAME_BYTES;
 /// In the second register of an identifier: that it is an extended one.
 const EXTENDED: u8 = 1 << 3;
 
-/// In the register of the length: that it is no data frame; and the bits of the length, of which 9 to 15 mean 8.
+/// In the register of the length: that it is not a data frame; and the bits of the length, of which 9 to 15 mean 8.
 const REMOTE: u8 = 1 << 6;
 const LENGTH: u8 = 0xf;
 

@@ -125,7 +125,7 @@ where
         if self.set_up(accepted).await.is_err() {
             return Ended::NoAnswer;
         }
-        // Only now: without its supply it would be set up in vain.
+        // Only now: without its supply the set-up would be lost.
         if mem::take(&mut self.has_lost_setup) {
             self.exchange
                 .update(|status| status.lost_setups = status.lost_setups.wrapping_add(1));

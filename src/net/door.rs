@@ -133,7 +133,7 @@ impl<T: RxToken> RxToken for GuardedToken<'_, T> {
     fn consume<R, F: FnOnce(&mut [u8]) -> R>(self, take: F) -> R {
         self.token.consume(|frame| match self.door.admits(frame) {
             true => take(frame),
-            // What is no frame is ignored.
+            // What is not a frame is ignored.
             false => take(&mut []),
         })
     }

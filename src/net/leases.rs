@@ -42,7 +42,7 @@ const SHORT_MESSAGE_BYTES: usize = OPTIONS + 10;
 /// The addresses of the access point's network, and who has them.
 ///
 /// A phone that keeps its address while the board restarts need not ask for it again. After a reset it has it still. After power-up,
-/// an address that is free is lent to whoever uses it first: one to each computer, for as long as a lease from before can last. A loan
+/// an address that is free is lent to the first that uses it: one to each computer, for as long as a lease from before can last. A loan
 /// is withdrawn when another computer asks for an address and there is none left.
 ///
 /// No gateway and no name server is given: phones go on using their mobile network for all else.
@@ -426,7 +426,7 @@ mod tests {
         for client in 10..17 {
             assert!(join(&mut leases, client, 1).is_some());
         }
-        assert_eq!(join(&mut leases, 17, 1), None, "it is no loan");
+        assert_eq!(join(&mut leases, 17, 1), None, "it is not a loan");
         assert!(leases.admits(mac(1), one, 599_999));
         assert!(!leases.admits(mac(1), one, 600_000));
     }

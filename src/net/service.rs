@@ -14,7 +14,7 @@ pub struct Service<'a> {
     pub shared: &'a Shared,
     /// What is recorded.
     pub logs: &'a dyn LogSource,
-    /// Where whoever serves shows that it is alive.
+    /// Where the service shows that it is alive.
     pub check_in: &'a CheckIn,
 }
 

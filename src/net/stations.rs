@@ -10,7 +10,7 @@ pub(super) const SLOTS: usize = 2;
 pub(super) enum Admission {
     /// It has this slot.
     Admitted(usize),
-    /// All slots are taken. So many datagrams were refused since the start.
+    /// All slots are taken. This many datagrams were refused since the start.
     Refused(u32),
 }
 

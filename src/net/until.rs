@@ -5,7 +5,7 @@ use core::task::Poll;
 
 /// Waits until the network has done something that makes `is_so` true.
 ///
-/// It leaves no waker: the network runs in the same task, and whoever waits is polled after it. The sockets' own futures can't be
+/// It leaves no waker: the network runs in the same task, and the waiting code is polled after it. The sockets' own futures can't be
 /// used in one task with the network: each wakes the network when it is polled, and so the task, which would never sleep.
 pub(super) async fn until(is_so: impl Fn() -> bool) {
     poll_fn(|_| if is_so() { Poll::Ready(()) } else { Poll::Pending }).await;

@@ -12,7 +12,7 @@ const ALPHABET: &[u8; 32] = b"23456789abcdefghijkmnpqrstuvwxyz";
 /// Five bits of each byte choose a character: twelve of them have 60 bits.
 const CHARACTERS: usize = 12;
 
-/// Between groups of so many characters there is a dash.
+/// Between groups of this many characters there is a dash.
 const GROUP: usize = 4;
 
 /// A password by WPA2: 8 to 63 printable ASCII characters. Neither debug output nor a log shows it.

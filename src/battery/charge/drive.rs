@@ -53,7 +53,7 @@ pub(super) struct Drive {
     rested_h: f32,
     ohm: Sum,
     parts: [Part; OFFSET_POINTS],
-    /// What was known before, once something was learnt from this drive: each rest is evaluated anew.
+    /// What was known before, once something was learnt from this drive: each rest is evaluated on its own.
     before: Option<LearntPack>,
 }
 

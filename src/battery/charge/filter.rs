@@ -24,7 +24,7 @@ const LARGE_SAG_V: f32 = 0.3;
 /// No cell has a larger sag, in volts.
 const MAX_SAG_V: f32 = 5.0;
 
-/// Errors of the model last for minutes: so many measurements are as good as one.
+/// Errors of the model last for minutes: this many measurements are as good as one.
 const CORRELATED_STEPS: f32 = 50.0;
 
 /// An estimate that starts more certain than this is counted. A voltage corrects it by what is beyond a dead band: one

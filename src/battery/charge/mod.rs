@@ -34,7 +34,7 @@ use voltage_only::VoltageOnly;
 /// reading does not stand for so long.
 const GAP_S: f32 = 15.0;
 
-/// After a longer gap the estimate starts anew, in seconds.
+/// After a longer gap the estimate restarts, in seconds.
 const MAX_GAP_S: f32 = 600.0;
 
 /// Standard deviation of a load in a gap, in capacities per hour.

@@ -22,7 +22,7 @@ const FIRST_ESTIMATE_S: f32 = 30.0;
 const RESTING_CHANGE_V: f32 = 0.006;
 const RESTED_S: f32 = 20.0;
 
-/// A voltage that was not steady for so many seconds, for more than this share of the last minute, is that of a load,
+/// A voltage that was not steady for this many seconds, for more than this share of the last minute, is that of a load,
 /// though the rover is disarmed.
 const STEADY_S: f32 = 5.0;
 const MAX_UNREST: f32 = 0.2;

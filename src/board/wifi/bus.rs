@@ -63,13 +63,13 @@ pub(super) enum BusFault {
 
 /// What the owner of the driver learns of the chip.
 pub(super) struct ChipState {
-    /// Why the driver has to be dropped and begun anew.
+    /// Why the driver has to be dropped and restarted.
     pub fault: Signal<NoopRawMutex, BusFault>,
     pub stage: Cell<Stage>,
     /// What the board is in its network.
     pub role: Role,
     pub refusals: Cell<Refusals>,
-    /// It has refused, and that is no fault.
+    /// It has refused, and that is not a fault.
     pub refused: Signal<NoopRawMutex, ()>,
     /// What the driver waits for while it starts the chip.
     waiting: Cell<Waiting>,
@@ -96,7 +96,7 @@ struct Waiting {
     clock_request: u8,
     /// The read before this one was of [`CORE_CLOCK_REGISTER`].
     was_core_clock: bool,
-    /// Since when the driver asks for the same in vain, in ms modulo 2^32.
+    /// Since when the driver repeats a request without success, in ms modulo 2^32.
     since_ms: Option<u32>,
 }
 
@@ -133,7 +133,7 @@ impl Stage {
 /// A bus on which every transfer leaves the others their turn, and on which the driver sees nothing that it would give up at.
 ///
 /// The driver asserts what it reads, and polls without an end. So a transfer after which the chip does not answer never ends
-/// here: the fault is reported, and whoever drives the driver drops it.
+/// here: the fault is reported, and the caller of the driver drops it.
 pub(super) struct CheckedBus<'a, B> {
     bus: B,
     chip: &'a ChipState,
@@ -174,7 +174,7 @@ impl<'a, B: SpiBusCyw43> CheckedBus<'a, B> {
         }
     }
 
-    /// Whether the driver has asked in vain for as long as it may, by this answer.
+    /// Whether this answer ends the time that the driver may go on asking.
     fn has_waited_enough(&self, command: Command, words: &[u32]) -> bool {
         let answer = words.last().copied().unwrap_or(0) & command.mask();
         let mut waiting = self.chip.waiting.get();

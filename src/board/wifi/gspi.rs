@@ -80,7 +80,7 @@ impl<'d> Gspi<'d> {
         }
     }
 
-    /// Selects the chip, and readies the state machine for so many words out, then in. Whatever an earlier transfer has left,
+    /// Selects the chip, and readies the state machine for this many words out, then in. Whatever an earlier transfer has left,
     /// which may have been dropped on its way, is gone: a word in a FIFO would be taken for one of this transfer.
     fn begin(&mut self, written: usize, read: usize) {
         self.select.set_low();

@@ -1,4 +1,4 @@
-//! The radio: switched on, set up, watched, and begun anew when it fails.
+//! The radio: switched on, set up, watched, and restarted when it fails.
 
 use core::future::pending;
 use core::pin::pin;
@@ -96,7 +96,7 @@ enum End {
     NotJoined,
     /// It is time to look for the network again.
     LookAgain,
-    /// The radio has to be begun anew.
+    /// The radio has to be restarted.
     Failed(WifiReport),
 }
 
@@ -297,7 +297,7 @@ async fn changed(shared: &Shared, setup: &WifiSetup) {
     while shared.with(|autopilot| autopilot.wifi_setup()).as_ref() == Some(setup) {
         shared.to_set_up_wifi.wait().await;
     }
-    // The answer to whoever wanted it, perhaps over this radio, leaves first.
+    // The answer to the sender, perhaps over this radio, leaves first.
     Timer::after_secs(1).await;
 }
 

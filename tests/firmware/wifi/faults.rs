@@ -1,4 +1,4 @@
-//! A radio that does not work: announced once, begun anew, and nothing else suffers.
+//! A radio that does not work: announced once, restarted, and nothing else suffers.
 
 use super::ground::Ground;
 use crate::bench::{Bench, DIVIDER_CODE, SECOND, value_of};

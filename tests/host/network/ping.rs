@@ -1,4 +1,4 @@
-//! Ping, which whoever looks for a fault tries first.
+//! Ping, the first thing to try when looking for a fault.
 
 use rover_battmon::net::Role;
 use smoltcp::phy::ChecksumCapabilities;
