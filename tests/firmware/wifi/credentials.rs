@@ -44,7 +44,10 @@ fn the_password_is_the_boards_own_and_survives_a_restart() {
 #[test]
 fn the_password_is_shown_by_usb_only() {
     let mut ground = Ground::up();
-    let password = ground.credentials().passphrase.expect("it is not an open network");
+    let password = ground
+        .credentials()
+        .passphrase
+        .expect("it is not an open network");
     let shown = format!("Wi-Fi password: {password}");
     let ask = param_set(SHOW, 1.0);
 
