@@ -1,8 +1,11 @@
 //! Checksums and hashes, and `.uninit` RAM, whose content is arbitrary after power-on, guarded by one.
 
-use core::array;
 use core::hash::Hasher;
-use core::sync::atomic::{AtomicU32, Ordering};
+#[cfg(feature = "board")]
+use core::{
+    array,
+    sync::atomic::{AtomicU32, Ordering},
+};
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use hash32::{FnvHasher, Hasher as _};
@@ -59,8 +62,10 @@ pub(crate) fn fnv(bytes: &[u8]) -> u32 {
 
 /// Words for a static in `.uninit`: what they hold at the start is what they held before it, or anything. They can be
 /// written by the fault handler, too.
+#[cfg(feature = "board")]
 pub(crate) struct RetainedWords<const N: usize>([AtomicU32; N]);
 
+#[cfg(feature = "board")]
 impl<const N: usize> RetainedWords<N> {
     /// The zeros are for the compiler: in `.uninit` they are never written.
     pub const fn new() -> Self {

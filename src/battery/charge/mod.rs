@@ -16,6 +16,7 @@ mod usable;
 mod voltage_only;
 
 pub(super) use cell_model::{Capacity, CellModel};
+pub(super) use memory::KnownCharge;
 pub(super) use second::Second;
 
 use super::learnt::LastCharge;
@@ -48,9 +49,6 @@ const CONTRADICTION: f32 = 3.0;
 const MAX_EXCESS: f32 = 0.5;
 const MAX_CONTRADICTION_S: f32 = 25.0;
 
-/// Standard deviation of a state of charge that the owner sets.
-const SET_SIGMA: f32 = 0.01;
-
 /// Estimates the charge of one pack, and learns the pack.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ChargeEstimator {
@@ -80,15 +78,6 @@ enum Phase {
     VoltageOnly(VoltageOnly),
 }
 
-/// A state of charge that is kept over a reset, set by the owner, or provisional.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct KnownCharge {
-    /// From 0 to 1.
-    pub share: f32,
-    /// Standard deviation.
-    pub sigma: f32,
-}
-
 /// The estimate of a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ChargeEstimate {
@@ -102,27 +91,6 @@ pub(super) struct ChargeEstimate {
     pub usable_share: f32,
     /// Charge drawn, in capacities per hour, where the current is not measured.
     pub rate_per_h: Option<f32>,
-}
-
-impl KnownCharge {
-    /// As the owner says, from 0 to 1.
-    pub const fn set(share: f32) -> Self {
-        Self {
-            share,
-            sigma: SET_SIGMA,
-        }
-    }
-
-    pub fn to_words(self) -> [u32; 2] {
-        [self.share, self.sigma].map(f32::to_bits)
-    }
-
-    /// `None` if no state of charge has these words.
-    pub fn from_words(words: [u32; 2]) -> Option<Self> {
-        let [share, sigma] = words.map(f32::from_bits);
-        let is_possible = (0.0..=1.0).contains(&share) && (0.0..=1.0).contains(&sigma);
-        is_possible.then_some(Self { share, sigma })
-    }
 }
 
 impl ChargeEstimator {

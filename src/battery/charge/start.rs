@@ -1,10 +1,9 @@
 //! The first estimate of a pack whose current is measured.
 
-use super::KnownCharge;
 use super::block::{Block, HOURS_PER_SECOND, Load};
 use super::cell_model::{Capacity, CellModel};
 use super::filter::Filter;
-use super::memory::remembered;
+use super::memory::{KnownCharge, remembered};
 use super::second::Sum;
 use crate::battery::LearntPack;
 
