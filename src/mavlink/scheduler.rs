@@ -2,8 +2,7 @@
 
 use super::slowdown::Slowdown;
 use super::{DefaultRate, StreamGroup, StreamKind};
-use crate::time::Cadence;
-use crate::time::Instant;
+use crate::time::{Cadence, Instant};
 
 /// The interval of what is sent once a second.
 const SECOND_US: u64 = 1_000_000;

@@ -8,8 +8,7 @@ use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState, RxTo
 
 use super::dhcp::now_ms;
 use super::leases::Leases;
-use crate::log::LogLimit;
-use crate::log::info;
+use crate::log::{LogLimit, info};
 use crate::tasks::now;
 
 const ETHERTYPE_IPV4: [u8; 2] = [0x08, 0x00];

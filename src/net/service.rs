@@ -4,8 +4,7 @@ use embedded_io_async::Write;
 
 use crate::mavlink::LinkId;
 use crate::recorder::LogSource;
-use crate::tasks::CheckIn;
-use crate::tasks::{ByteSource, Link, Shared, serve_link};
+use crate::tasks::{ByteSource, CheckIn, Link, Shared, serve_link};
 
 /// The core and the logs, to serve links with.
 #[derive(Clone, Copy)]

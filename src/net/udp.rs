@@ -20,8 +20,7 @@ use super::sender::Sender;
 use super::service::Service;
 use super::stations::{Admission, SLOTS, Stations};
 use super::until::until;
-use crate::log::LogLimit;
-use crate::log::{info, warn};
+use crate::log::{LogLimit, info, warn};
 use crate::mavlink::{LinkId, begins_with_frame};
 use crate::tasks::{ByteSource, Link, ReceiveError, now};
 

@@ -25,11 +25,10 @@ use crate::mavlink::{LinkKind, SIMULATED_LINKS};
 use crate::pack::Pack;
 use crate::sensor::Buses;
 use crate::storage::Storage;
-use crate::tasks::CheckIn;
 use crate::tasks::{
-    ByteSource, Link, ReceiveError, SerialLine, Shared, SigningStorage, boot, drive, keep_learnt, keep_log,
-    keep_parameters, keep_signing, read_bus, reboot_requested, refuse_link, sample_batteries, serve_link,
-    serve_serial,
+    ByteSource, CheckIn, Link, ReceiveError, SerialLine, Shared, SigningStorage, boot, drive, keep_learnt,
+    keep_log, keep_parameters, keep_signing, read_bus, reboot_requested, refuse_link, sample_batteries,
+    serve_link, serve_serial,
 };
 use crate::vehicle::{Indication, Indicators, Restart};
 

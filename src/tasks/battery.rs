@@ -3,13 +3,11 @@
 use embassy_futures::yield_now;
 use embassy_time::{Duration, with_timeout};
 
-use super::CheckIn;
-use super::{Shared, mark, now, timer_at};
+use super::{CheckIn, Shared, mark, now, timer_at};
 use crate::autopilot::{SAMPLING_INTERVAL_US, SAMPLING_RESOLUTION_US, SamplingProgress};
 use crate::battery::{ReadError, RetainedMemory};
 use crate::sensor::{AnalogIn, AnalogReadings, read_mean};
-use crate::time::Cadence;
-use crate::time::Instant;
+use crate::time::{Cadence, Instant};
 
 /// A read that takes longer counts as failed.
 const READ_TIMEOUT: Duration = Duration::from_millis(2);

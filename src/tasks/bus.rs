@@ -1,7 +1,6 @@
 //! Reads the parts on the I2C bus.
 
-use super::CheckIn;
-use super::{LONGEST_SLEEP, Shared, mark, now, timer_at};
+use super::{CheckIn, LONGEST_SLEEP, Shared, mark, now, timer_at};
 use crate::sensor::{BusDevices, SensorBus};
 
 /// Reads each part when it is due. A part that hangs holds up this task, and no other.

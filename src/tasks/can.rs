@@ -6,8 +6,7 @@ use core::iter;
 use embassy_futures::select::{Either3, select3};
 use embassy_futures::yield_now;
 
-use super::CheckIn;
-use super::{Shared, idle, mark, now, timer_at};
+use super::{CheckIn, Shared, idle, mark, now, timer_at};
 use crate::log::warn;
 use crate::sensor::{Acceptance, CanFrame, CanStatus, DroneCan};
 use crate::time::Cadence;

@@ -3,8 +3,7 @@
 use embassy_futures::select::select;
 use embassy_time::{Duration, Ticker};
 
-use super::CheckIn;
-use super::{Shared, mark, now};
+use super::{CheckIn, Shared, mark, now};
 use crate::vehicle::{Indicators, Motors};
 
 /// 50 Hz, the rate of ArduPilot Rover's throttle output.

@@ -5,8 +5,7 @@ use core::ops::Range;
 use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::CheckIn;
-use super::{Shared, mark, now};
+use super::{CheckIn, Shared, mark, now};
 use crate::autopilot::LogStep;
 use crate::recorder::{Erasure, Outcome, Ring, SECTOR_BYTES};
 

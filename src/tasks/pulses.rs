@@ -6,8 +6,7 @@ use embassy_futures::yield_now;
 use embassy_time::with_timeout;
 use embedded_hal_async::digital::Wait;
 
-use super::CheckIn;
-use super::{LONGEST_SLEEP, Shared, idle, mark, now};
+use super::{CheckIn, LONGEST_SLEEP, Shared, idle, mark, now};
 use crate::sensor::Pulses;
 
 /// What the pin has to become next.

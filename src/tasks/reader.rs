@@ -7,8 +7,7 @@ use core::task::Poll;
 use embassy_futures::yield_now;
 use embassy_time::{Duration, with_timeout};
 
-use super::CheckIn;
-use super::{Link, Shared, mark, now};
+use super::{CheckIn, Link, Shared, mark, now};
 use crate::log::warn;
 use crate::mavlink::Event;
 use crate::time::Instant;

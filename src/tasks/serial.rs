@@ -2,9 +2,8 @@
 
 use embassy_futures::yield_now;
 
-use super::CheckIn;
 use super::clock::with_deadline;
-use super::{ByteSource, LONGEST_SLEEP, ReceiveError, Shared, idle, mark, now};
+use super::{ByteSource, CheckIn, LONGEST_SLEEP, ReceiveError, Shared, idle, mark, now};
 use crate::log::warn;
 use crate::sensor::SerialDevice;
 

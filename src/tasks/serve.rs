@@ -4,8 +4,7 @@ use embassy_futures::select::{select, select3};
 use embassy_futures::yield_now;
 use embedded_io_async::Write;
 
-use super::CheckIn;
-use super::{ByteSource, Link, Shared, read_frames, schedule_telemetry, write_frames};
+use super::{ByteSource, CheckIn, Link, Shared, read_frames, schedule_telemetry, write_frames};
 use crate::mavlink::dialect::MavSeverity;
 
 /// Schedules, writes and reads `link` until the wire is closed or fails in either direction.

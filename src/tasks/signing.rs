@@ -3,9 +3,8 @@
 use embassy_time::{Duration, with_timeout};
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::CheckIn;
 use super::prepare::prepare;
-use super::{Shared, mark, now};
+use super::{CheckIn, Shared, mark, now};
 use crate::log::warn;
 use crate::mavlink::{Signing, StoredSigning, ToStore};
 use crate::storage::{Erase, MayErase, Storage, StorageError};

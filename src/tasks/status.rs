@@ -2,8 +2,7 @@
 
 use embassy_time::{Duration, Ticker};
 
-use super::CheckIn;
-use super::{Link, Shared, mark, now};
+use super::{CheckIn, Link, Shared, mark, now};
 use crate::battery::{BatteryState, PackStatus};
 use crate::log::info;
 

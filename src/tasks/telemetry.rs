@@ -4,9 +4,8 @@ use core::future::pending;
 
 use embassy_futures::select::select3;
 
-use super::CheckIn;
 use super::shared::AnnouncementReceiver;
-use super::{Link, Shared, mark, now, timer_at};
+use super::{CheckIn, Link, Shared, mark, now, timer_at};
 
 /// Posts each stream of `link` at its due time, and what is announced; sleeps in between.
 pub async fn schedule_telemetry(shared: &Shared, link: &Link<'_>, check_in: &CheckIn) -> ! {

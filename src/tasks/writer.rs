@@ -3,9 +3,8 @@
 use embassy_futures::yield_now;
 use embedded_io_async::Write;
 
-use super::CheckIn;
 use super::link::LogReading;
-use super::{Link, Shared, mark, now};
+use super::{CheckIn, Link, Shared, mark, now};
 use crate::mavlink::Framer;
 
 /// Takes messages out of the link's outbox as fast as `wire` takes their frames. Only this task ever waits for the wire,

@@ -17,9 +17,8 @@ use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
 use rover_battmon::sim::clock;
-use rover_battmon::tasks::CheckIn;
 use rover_battmon::tasks::{
-    Link, Shared, Watchdog, sample_batteries, schedule_telemetry, supervise, write_frames,
+    CheckIn, Link, Shared, Watchdog, sample_batteries, schedule_telemetry, supervise, write_frames,
 };
 
 /// A converter whose answers depend on the time.

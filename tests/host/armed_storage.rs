@@ -19,8 +19,7 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId};
 use rover_battmon::sim::clock;
 use rover_battmon::storage::{Condition, Erase, Storage};
-use rover_battmon::tasks::CheckIn;
-use rover_battmon::tasks::{Shared, boot, keep_learnt, keep_parameters, keep_signing, now};
+use rover_battmon::tasks::{CheckIn, Shared, boot, keep_learnt, keep_parameters, keep_signing, now};
 
 const ARM_DISARM: u16 = 400;
 const PREFLIGHT_STORAGE: u16 = 245;

@@ -19,8 +19,7 @@ use rover_battmon::board_check::{
 };
 use rover_battmon::identity::FirmwareHash;
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::BatteryParameter;
-use rover_battmon::parameter::{Parameters, VehicleParameter};
+use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::sensor::{ADC_REFERENCE_V, AnalogPin, AnalogReadings};
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{MotorDrive, Restart, SideDrives};

@@ -13,10 +13,9 @@ use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, Task
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::parameter::Parameters;
 use rover_battmon::sim::clock;
-use rover_battmon::tasks::CheckIn;
 use rover_battmon::tasks::{
-    ByteSource, CrashMemory, Link, ReceiveError, Shared, read_frames, report_crash, schedule_telemetry,
-    write_frames,
+    ByteSource, CheckIn, CrashMemory, Link, ReceiveError, Shared, read_frames, report_crash,
+    schedule_telemetry, write_frames,
 };
 
 const SECOND: u64 = 1_000_000;

@@ -21,8 +21,7 @@ use rover_battmon::battery::{
 };
 use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind, SystemState};
-use rover_battmon::pack::MAX_PACKS;
-use rover_battmon::pack::Pack;
+use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{
     BatteryParameter, ParameterId, Parameters, SimulationParameter, Unsaved, VehicleParameter,
 };

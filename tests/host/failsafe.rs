@@ -17,10 +17,9 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::sim::clock;
-use rover_battmon::tasks::CheckIn;
 use rover_battmon::tasks::{
-    ByteSource, Link, ReceiveError, Shared, drive, read_frames, sample_batteries, schedule_telemetry,
-    write_frames,
+    ByteSource, CheckIn, Link, ReceiveError, Shared, drive, read_frames, sample_batteries,
+    schedule_telemetry, write_frames,
 };
 use rover_battmon::vehicle::{Colour, Indication, Indicators, MotorDrive, Motors, SideDrives, Tone};
 

@@ -17,8 +17,7 @@ use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::sim::clock;
 use rover_battmon::storage::{Erase, FlashFault, Storage, StorageError};
-use rover_battmon::tasks::CheckIn;
-use rover_battmon::tasks::{Shared, keep_learnt, reboot_requested};
+use rover_battmon::tasks::{CheckIn, Shared, keep_learnt, reboot_requested};
 
 type Words = [u32; LEARNT_WORDS];
 

@@ -15,9 +15,8 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
 use rover_battmon::sim::clock;
-use rover_battmon::tasks::CheckIn;
 use rover_battmon::tasks::{
-    ByteSource, ReceiveError, SerialLine, Shared, follow_pulses, sample_batteries, serve_serial,
+    ByteSource, CheckIn, ReceiveError, SerialLine, Shared, follow_pulses, sample_batteries, serve_serial,
 };
 
 const MONITOR: BatteryParameter = BatteryParameter::Monitor;

@@ -21,8 +21,7 @@ use rover_battmon::battery::ArmState;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::parameter::{Parameters, VehicleParameter};
 use rover_battmon::sim::clock;
-use rover_battmon::tasks::CheckIn;
-use rover_battmon::tasks::{ByteSource, Link, ReceiveError, Shared, read_frames, write_frames};
+use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, read_frames, write_frames};
 use rover_battmon::vehicle::{Mode, MotorDrive, SideDrives};
 
 const TIMEOUT_US: u64 = 1_500_000;

@@ -23,9 +23,9 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 use rover_battmon::sim::clock;
 use rover_battmon::storage::Storage;
-use rover_battmon::tasks::CheckIn;
 use rover_battmon::tasks::{
-    ByteSource, Link, ReceiveError, Shared, SigningStorage, keep_signing, reboot_requested, serve_link,
+    ByteSource, CheckIn, Link, ReceiveError, Shared, SigningStorage, keep_signing, reboot_requested,
+    serve_link,
 };
 
 /// What keys are made of; 0 is none.

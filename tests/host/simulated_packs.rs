@@ -15,8 +15,7 @@ use rover_battmon::sensor::Buses;
 use rover_battmon::sim::{
     PackModel, PackSimulation, SimulatedBus, SimulatedPack, SimulatedPackInput, SimulatedRover, clock,
 };
-use rover_battmon::tasks::CheckIn;
-use rover_battmon::tasks::{Shared, read_bus, sample_batteries};
+use rover_battmon::tasks::{CheckIn, Shared, read_bus, sample_batteries};
 
 /// The cells are counted, and the charge is known.
 const SETTLED: Duration = Duration::from_secs(4);

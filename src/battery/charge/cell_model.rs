@@ -2,8 +2,7 @@
 
 use super::deviation::root_of_squares;
 use crate::battery::Chemistry;
-use crate::battery::chemistry::Cell;
-use crate::battery::chemistry::POINTS;
+use crate::battery::chemistry::{Cell, POINTS};
 use crate::battery::learnt::{LearntPack, Offset};
 
 /// Standard deviation of a rated capacity, relative to it.

@@ -1,7 +1,6 @@
 //! AUTOPILOT_VERSION (148) and PROTOCOL_VERSION (300): who we are.
 
-use crate::identity::BoardId;
-use crate::identity::{FirmwareHash, Identity};
+use crate::identity::{BoardId, FirmwareHash, Identity};
 use crate::mavlink::dialect::{AUTOPILOT_VERSION_DATA, MavProtocolCapability, PROTOCOL_VERSION_DATA};
 
 /// MAVLink 2, as PROTOCOL_VERSION writes it.

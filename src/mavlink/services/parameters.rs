@@ -15,8 +15,7 @@ use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::{ParameterRead, ParameterSet};
 use crate::mavlink::{Message, Peer};
 use crate::parameter::{ForEachParameter, Kind, ParameterId, Parameters, Refused, triggers};
-use crate::time::Cadence;
-use crate::time::Instant;
+use crate::time::{Cadence, Instant};
 
 /// A PARAM_VALUE on the wire: header, 25 bytes of payload, checksum.
 const PARAM_VALUE_FRAME_BYTES: f32 = 37.0;

@@ -8,8 +8,7 @@ use super::{Address, PartKind, SensorBus, Wiring};
 use crate::battery::{BusError, Measurement, ReadError};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::Parameters;
-use crate::time::Cadence;
-use crate::time::Instant;
+use crate::time::{Cadence, Instant};
 
 /// Failures in a row before a part's back-off period, so that it does not hold up the others.
 const FAILURES_UNTIL_REST: u8 = 3;

@@ -15,8 +15,7 @@ use super::setup::{Acceptance, CanSettings, CanSetup, acceptance};
 use crate::identity::FirmwareHash;
 use crate::integrity::fnv;
 use crate::log::{info, warn};
-use crate::time::Cadence;
-use crate::time::Instant;
+use crate::time::{Cadence, Instant};
 
 /// Time between status messages, in microseconds (`MAX_BROADCASTING_PERIOD_MS` of `NodeStatus`).
 const STATUS_US: u64 = 1_000_000;

@@ -44,7 +44,7 @@ fn send(bench: &mut Bench, bytes: &[u8]) {
     bench.uart_send_at_baud(PORT, at_us, bytes, BAUD);
 }
 
-/// The generator reports this this many times, every 500 ms.
+/// The generator reports this many times, every 500 ms.
 fn report(bench: &mut Bench, bytes: &[u8], times: usize) {
     for _ in 0..times {
         send(bench, bytes);

@@ -8,8 +8,7 @@ use rover_battmon::autopilot::Start;
 use rover_battmon::net::{NetMemory, NetReport, RetainedLeases, Role, Service, serve};
 use rover_battmon::recorder::{LogSource, ReadFailed};
 use rover_battmon::sim::clock::run_for;
-use rover_battmon::tasks::CheckIn;
-use rover_battmon::tasks::Shared;
+use rover_battmon::tasks::{CheckIn, Shared};
 
 use super::air::{Air, BoardDevice, SharedAir};
 use super::phone::Phone;
