@@ -205,16 +205,18 @@ static NIMH: Cell = Cell {
     min_v: 0.8,
 };
 
+/// All of them.
+#[cfg(test)]
+pub(super) const CHEMISTRIES: [Chemistry; 4] = [
+    Chemistry::LiPo,
+    Chemistry::LiFe,
+    Chemistry::LiIon,
+    Chemistry::NiMh,
+];
+
 #[cfg(test)]
 mod tests {
-    use crate::battery::Chemistry;
-
-    const CHEMISTRIES: [Chemistry; 4] = [
-        Chemistry::LiPo,
-        Chemistry::LiFe,
-        Chemistry::LiIon,
-        Chemistry::NiMh,
-    ];
+    use super::CHEMISTRIES;
 
     #[test]
     fn every_curve_is_strictly_increasing() {

@@ -190,10 +190,8 @@ impl Endpoint {
         } else if let Some(text) = self.outbox.take_urgent() {
             Some(Outgoing::Message(text))
         } else if let Some(reply) = self.outbox.take_reply() {
-            if let Message::BatteryInfo(info) = &reply
-                && let Some(pack) = Pack::from_instance(info.id)
-            {
-                self.details.describe(pack, state.battery(pack).revision);
+            if let Message::BatteryInfo(info) = &reply {
+                self.note_described(Pack::from_instance(info.id), &state);
             }
             Some(Outgoing::Message(reply))
         } else if let Some(value) = self.list.take(parameters) {
@@ -225,12 +223,17 @@ impl Endpoint {
     fn take_telemetry(&mut self, state: &SystemState<'_>) -> Option<Stream> {
         let mut waiting = iter::from_fn(|| self.outbox.take_stream());
         let stream = waiting.find(|stream| stream.is_reported_in(state))?;
-        if stream.kind() == StreamKind::BatteryInfo
-            && let Some(pack) = stream.pack()
-        {
-            self.details.describe(pack, state.battery(pack).revision);
+        if stream.kind() == StreamKind::BatteryInfo {
+            self.note_described(stream.pack(), state);
         }
         Some(stream)
+    }
+
+    /// A BATTERY_INFO of a pack leaves: it has to be corrected once it is outdated.
+    fn note_described(&mut self, pack: Option<Pack>, state: &SystemState<'_>) {
+        if let Some(pack) = pack {
+            self.details.describe(pack, state.battery(pack).revision);
+        }
     }
 
     /// Whether everything that was asked for has left.

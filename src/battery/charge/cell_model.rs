@@ -148,14 +148,8 @@ impl CellModel<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::battery::chemistry::CHEMISTRIES;
     use crate::battery::learnt::OFFSET_POINTS;
-
-    const CHEMISTRIES: [Chemistry; 4] = [
-        Chemistry::LiPo,
-        Chemistry::LiFe,
-        Chemistry::LiIon,
-        Chemistry::NiMh,
-    ];
 
     #[test]
     fn share_inverts_voltage_with_and_without_offsets() {

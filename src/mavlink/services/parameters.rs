@@ -93,23 +93,29 @@ pub(in crate::mavlink) fn set(
         return Event::ParameterRefused;
     };
     let result = parameters.set(id, value);
-    match result {
-        Ok(()) if triggers(id, value) => replies.answer(param_value_of(id, value, parameters)),
-        Ok(()) => rates.parameter_set(id),
-        Err(Refused::OutOfRange) => refuse(MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE),
-        Err(Refused::ReadOnly) => refuse(MavParamError::MAV_PARAM_ERROR_READ_ONLY),
-    }
-    replies.answer(param_value(id, parameters));
-    match result {
-        Ok(()) if triggers(id, value) => Event::Triggered(id),
-        Ok(()) => Event::ParameterSet(id),
-        Err(refused) => {
-            if refused == Refused::ReadOnly {
-                replies.say(MavSeverity::MAV_SEVERITY_WARNING, &write_denied(id));
-            }
+    let event = match result {
+        Ok(()) if triggers(id, value) => {
+            replies.answer(param_value_of(id, value, parameters));
+            Event::Triggered(id)
+        }
+        Ok(()) => {
+            rates.parameter_set(id);
+            Event::ParameterSet(id)
+        }
+        Err(Refused::OutOfRange) => {
+            refuse(MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE);
             Event::ParameterRefused
         }
+        Err(Refused::ReadOnly) => {
+            refuse(MavParamError::MAV_PARAM_ERROR_READ_ONLY);
+            Event::ParameterRefused
+        }
+    };
+    replies.answer(param_value(id, parameters));
+    if result == Err(Refused::ReadOnly) {
+        replies.say(MavSeverity::MAV_SEVERITY_WARNING, &write_denied(id));
     }
+    event
 }
 
 /// The text of a refused PARAM_SET, as in ArduPilot. It is in one STATUSTEXT.

@@ -1,6 +1,7 @@
 //! Gauges and counters at the source of a measurement: what they miss, and what they contradict.
 
 use super::*;
+use crate::battery::chemistry::CHEMISTRIES;
 
 /// For how long a gauge may be silent, in seconds.
 const GAUGE_TIMEOUT_S: f32 = 12.0;
@@ -345,16 +346,9 @@ fn reports(share: f32, cell_v: f32) -> Measurement {
     }
 }
 
-const ALL_CHEMISTRIES: [Chemistry; 4] = [
-    Chemistry::LiPo,
-    Chemistry::LiFe,
-    Chemistry::LiIon,
-    Chemistry::NiMh,
-];
-
 #[test]
 fn a_charge_that_the_resting_cells_contradict_is_announced_and_refuses_arming() {
-    for chemistry in ALL_CHEMISTRIES {
+    for chemistry in CHEMISTRIES {
         let mut bench = Bench::new();
         bench.settings.chemistry = chemistry;
         let cell_v = chemistry.cell().lowest_resting_v(0.84) - 0.01;
@@ -406,7 +400,7 @@ fn one_cell_that_is_too_low_contradicts_the_charge() {
 
 #[test]
 fn no_sound_cell_contradicts_its_charge() {
-    for chemistry in ALL_CHEMISTRIES {
+    for chemistry in CHEMISTRIES {
         let cell = chemistry.cell();
         for percent in 0..=100 {
             let share = percent as f32 / 100.0;
