@@ -31,6 +31,10 @@ fn store(flash: &mut WideFlash, key: u32, number: u32) {
         .expect("there is room");
 }
 
+fn network_of(flash: &mut BoardFlash) -> Storage<&mut BoardFlash, [u32; 25]> {
+    Storage::new(flash, BoardFlash::REGION)
+}
+
 #[test]
 fn board_sector_holds_63_wide_records() {
     assert_eq!(Region::<BoardFlash, Words>::slots_in(Layout::Single), 63);
@@ -44,6 +48,14 @@ fn board_sector_holds_63_wide_records() {
     }
     assert_eq!(block_on(storage.read(3)), Ok(Some(words(4 * 63 - 1))));
     assert_eq!(flash.erases, [0, 1, 1, 1]);
+}
+
+#[test]
+fn name_and_password_of_a_network_are_read_after_a_reboot() {
+    let credentials: [u32; 25] = core::array::from_fn(|word| word as u32 + 1);
+    let mut flash = BoardFlash::blank();
+    block_on(network_of(&mut flash).store(3, credentials, &Erase::always)).unwrap();
+    assert_eq!(block_on(network_of(&mut flash).read(3)), Ok(Some(credentials)));
 }
 
 #[test]

@@ -129,6 +129,16 @@ fn heartbeat_time_out_holds_and_control_counts_as_one() {
 }
 
 #[test]
+fn disarming_ends_a_time_out_of_the_sticks() {
+    let mut vehicle = armed_in(Mode::Manual);
+    vehicle.control(Instant::EPOCH, StickInput::Position(0), StickInput::Position(0));
+    let events = run(&mut vehicle, 0, 2_000_000);
+    assert_eq!(events, [(1_520_000, VehicleEvent::ControlsTimedOut)]);
+    vehicle.disarm();
+    assert_eq!(vehicle.status().alert, Alert::None);
+}
+
+#[test]
 fn inputs_never_received_do_not_time_out() {
     let mut vehicle = armed_in(Mode::Manual);
     assert_eq!(run(&mut vehicle, 0, 60_000_000), []);
