@@ -9,7 +9,7 @@ use super::{ArmState, BatteryState, ChargeState, Faults, PackEvent, PackEvents, 
 /// must not flood the link.
 const RECOVERY_S: f32 = 30.0;
 
-/// After so long without a pack, in seconds, a disarmed rover may have another one: what is reported then is news.
+/// After this long without a pack, in seconds, a disarmed rover may have another one: what is reported then is news.
 const UNPLUGGED_S: f32 = 1.0;
 
 /// Nothing is reported for this long after a pack was plugged in, in seconds: until it has rested and is known to be

@@ -154,10 +154,8 @@ fn by_charge(before: ChargeState, remaining_pct: Option<f32>, limits: &ChargeLim
         // An unknown charge does not end a low state.
         return before.max(ChargeState::Ok);
     };
-    let worst = |margin_pct: f32| {
-        let is_below = |limit_pct: Option<f32>| {
-            limit_pct.is_some_and(|limit_pct| remaining_pct < limit_pct + margin_pct)
-        };
+    let worst = |remaining_pct: f32| {
+        let is_below = |limit_pct: Option<f32>| limit_pct.is_some_and(|limit_pct| remaining_pct < limit_pct);
         if is_below(limits.emergency_pct) {
             ChargeState::Emergency
         } else if is_below(limits.critical_pct) {
@@ -169,11 +167,13 @@ fn by_charge(before: ChargeState, remaining_pct: Option<f32>, limits: &ChargeLim
         }
     };
     // Worsens at the threshold, improves only above it by the hysteresis.
-    let at_threshold = worst(0.0);
+    let at_threshold = worst(remaining_pct);
     if at_threshold >= before {
         return at_threshold;
     }
-    before.min(worst(HYSTERESIS_PCT)).max(at_threshold)
+    before
+        .min(worst(remaining_pct - HYSTERESIS_PCT))
+        .max(at_threshold)
 }
 
 fn is_charging(inputs: &Inputs, before: ChargeState) -> bool {

@@ -122,9 +122,9 @@ pub(super) fn mean_current_a(dt_us: u64, previous_a: Option<f32>, current_a: f32
         .map(|previous_a| 0.5 * (previous_a + current_a))
 }
 
-/// A duration as a float: of 32 bits the conversion takes fewer instructions.
+/// A duration as a float, up to 71 minutes (saturating): of 32 bits the conversion takes fewer instructions.
 pub(super) fn microseconds(dt_us: u64) -> f32 {
-    u32::try_from(dt_us).map_or(dt_us as f32, |dt_us| dt_us as f32)
+    u32::try_from(dt_us).unwrap_or(u32::MAX) as f32
 }
 
 impl From<Consumed> for Consumption {

@@ -27,7 +27,7 @@ enum Total {
 /// What a total says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Change {
-    /// The first one: so much was drawn before.
+    /// The first one: its value was drawn before.
     First,
     /// So much was drawn since the one before.
     Increase(Consumed),

@@ -194,7 +194,8 @@ fn cell_conditions(state: &BatteryState, cell: &Cell) -> Faults {
     let Some(cell_count) = state.cell_count else {
         return faults;
     };
-    let mean_v = |pack_v: Option<f32>| pack_v.map(|pack_v| pack_v / f32::from(cell_count));
+    let cell_count = f32::from(cell_count);
+    let mean_v = |pack_v: Option<f32>| pack_v.map(|pack_v| pack_v / cell_count);
     let resting_v = mean_v(state.resting_or_terminal_voltage_v());
     let max_v = Some(cell.max_v);
     faults.set(Faults::SPIKES, is_below(max_v, mean_v(state.voltage_v)));

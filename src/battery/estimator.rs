@@ -67,30 +67,39 @@ pub(super) struct Estimator {
     cells: CellCount,
     average_current: MeanThenLowPass,
     charge: ChargeEstimator,
-    confidence: Confidence,
+    /// The latest estimate as it is reported, if it is certain enough.
+    reported: Option<ReportedCharge>,
     /// What the present estimate is made for.
     estimated_for: Option<SetCells>,
 }
 
-/// Whether the state of charge is certain enough to be reported.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Confidence {
-    Unknown,
-    Known,
+/// A state of charge as it is reported: the conversions are made once a second.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ReportedCharge {
+    /// In percent of a full pack, from 0 to 100.
+    pub remaining_pct: f32,
+    /// Its standard deviation.
+    pub sigma_pct: f32,
+    /// Its upper bound.
+    pub at_most_pct: f32,
+    /// What the load can still draw, in percent of what it can draw from a full pack.
+    pub usable_pct: f32,
 }
 
-impl Confidence {
-    /// Of an estimate with this standard deviation.
-    fn of(sigma: f32, before: Self) -> Self {
-        let limit = match before {
-            Self::Unknown => MAX_SIGMA_TO_START,
-            Self::Known => MAX_SIGMA_TO_CONTINUE,
+impl ReportedCharge {
+    /// `None` if the estimate is too uncertain, where `before` is the one before.
+    fn of(estimate: &ChargeEstimate, before: Option<&Self>) -> Option<Self> {
+        let max_sigma = match before {
+            None => MAX_SIGMA_TO_START,
+            Some(_) => MAX_SIGMA_TO_CONTINUE,
         };
-        if sigma <= limit {
-            Self::Known
-        } else {
-            Self::Unknown
-        }
+        let at_most = (estimate.share + BOUND_SIGMAS * estimate.sigma).min(1.0);
+        (estimate.sigma <= max_sigma).then_some(Self {
+            remaining_pct: estimate.share * 100.0,
+            sigma_pct: estimate.sigma * 100.0,
+            at_most_pct: at_most * 100.0,
+            usable_pct: estimate.usable_share * 100.0,
+        })
     }
 }
 
@@ -101,7 +110,7 @@ impl Estimator {
             cells: CellCount::new(),
             average_current: MeanThenLowPass::new(AVERAGE_TIME_CONSTANT_S),
             charge: ChargeEstimator::new(),
-            confidence: Confidence::Unknown,
+            reported: None,
             estimated_for: None,
         }
     }
@@ -161,11 +170,13 @@ impl Estimator {
             ..self.model(settings, learnt)
         };
         let kept = self.charge.update(second, reading.arm_state, &model);
-        self.confidence = match self.charge.estimate() {
-            Some(estimate) => Confidence::of(estimate.sigma, self.confidence),
-            None => Confidence::Unknown,
-        };
+        self.report();
         kept
+    }
+
+    fn report(&mut self) {
+        let estimate = self.charge.estimate();
+        self.reported = estimate.and_then(|estimate| ReportedCharge::of(estimate, self.reported.as_ref()));
     }
 
     fn model<'a>(&self, settings: &PackSettings, learnt: &'a LearntPack) -> CellModel<'a> {
@@ -203,21 +214,12 @@ impl Estimator {
 
     /// The estimate of the charge, if it is certain enough.
     pub fn charge(&self) -> Option<&ChargeEstimate> {
-        match self.confidence {
-            Confidence::Known => self.charge.estimate(),
-            Confidence::Unknown => None,
-        }
+        self.reported.and(self.charge.estimate())
     }
 
-    /// State of charge, from 0 to 1.
-    pub fn state_of_charge(&self) -> Option<f32> {
-        self.charge().map(|charge| charge.share)
-    }
-
-    /// Upper bound of a state of charge that is known, from 0 to 1.
-    pub fn state_of_charge_at_most(&self) -> Option<f32> {
-        self.charge()
-            .map(|charge| (charge.share + BOUND_SIGMAS * charge.sigma).min(1.0))
+    /// The same as it is reported.
+    pub fn reported(&self) -> Option<&ReportedCharge> {
+        self.charge.estimate().and(self.reported.as_ref())
     }
 
     /// The average load, in amperes.
@@ -277,6 +279,6 @@ impl Estimator {
 
     fn set_known(&mut self, charge: KnownCharge) {
         self.charge = ChargeEstimator::from_known(charge);
-        self.confidence = Confidence::of(charge.sigma, self.confidence);
+        self.report();
     }
 }

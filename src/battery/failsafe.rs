@@ -207,9 +207,10 @@ impl Failsafe {
             has_expired(&mut self.low, low),
             has_expired(&mut self.critical, critical),
         );
-        let remaining_mah = seen
-            .state
-            .and_then(|state| most_remaining(state, seen.remaining_at_most_pct));
+        // Without a threshold the multiplication and the division are spared.
+        let is_compared = low.remaining_mah.or(critical.remaining_mah).is_some();
+        let state = seen.state.filter(|_| is_compared);
+        let remaining_mah = state.and_then(|state| most_remaining(state, seen.remaining_at_most_pct));
         if critical_voltage || is_below(remaining_mah, critical.remaining_mah) {
             FailsafeLevel::Critical
         } else if low_voltage || is_below(remaining_mah, low.remaining_mah) {

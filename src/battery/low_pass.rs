@@ -84,10 +84,12 @@ impl MeanThenLowPass {
     }
 }
 
+/// Bits of a float by which equal intervals differ: between 1/256 and 1/128 of it.
+const SAME_INTERVAL: u32 = 1 << 15;
+
 /// Gain of a first-order filter for a sample interval.
 ///
-/// The gain of the latest interval is cached, since intervals are nearly always equal: without an FPU a division takes
-/// as long as the rest of the filter.
+/// The gain is cached, since intervals are nearly equal: without an FPU a division takes as long as the rest of the filter.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FilterGain {
     time_constant_s: f32,
@@ -104,10 +106,11 @@ impl FilterGain {
         }
     }
 
-    /// 1 − exp(−dt/τ), approximated by 2x / (2 + x): within 0.3 % up to a third of the time constant.
+    /// 1 − exp(−dt/τ), approximated by 2x / (2 + x): within 0.3 % up to a third of the time constant. Intervals that
+    /// differ by less than a percent have the same gain: those between readings vary by microseconds.
     pub fn alpha(&mut self, dt_s: f32) -> f32 {
-        // Comparing bits takes an instruction, comparing floats a call.
-        if dt_s.to_bits() != self.dt_s.to_bits() {
+        // Of positive floats the bits have the same order, and comparing these takes no call.
+        if dt_s.to_bits().abs_diff(self.dt_s.to_bits()) > SAME_INTERVAL {
             let x = dt_s / self.time_constant_s;
             self.dt_s = dt_s;
             self.alpha = (2.0 * x / (2.0 + x)).min(1.0);

@@ -4,6 +4,16 @@ use core::fmt;
 
 use super::{CellVoltages, PackDetails, Reported};
 
+/// Plausibility limits of a reading, in volts, amperes and degrees Celsius.
+const HIGHEST_VOLTAGE_V: f32 = 1_000.0;
+const HIGHEST_CURRENT_A: f32 = 10_000.0;
+const HIGHEST_TEMPERATURE_C: f32 = 1_000.0;
+
+/// Plausibility limits of charge, energy and capacity, in milliampere-hours and watt-hours.
+const HIGHEST_CHARGE_MAH: f32 = 10_000_000.0;
+const HIGHEST_ENERGY_WH: f32 = 1_000_000.0;
+const LOWEST_CAPACITY_MAH: f32 = 1.0;
+
 /// What a pack stores. As in ArduPilot, a fuel tank is a pack, too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
@@ -49,6 +59,49 @@ pub struct Measurement {
     pub members_capacity_mah: Option<f32>,
     /// By how much the highest resting voltage of a sum's members exceeds the lowest, relative to it.
     pub members_spread: Option<f32>,
+}
+
+impl Measurement {
+    /// The reading, if each value is finite and possible.
+    ///
+    /// # Errors
+    /// [`ReadError::Implausible`].
+    pub(super) fn check_plausible(&self) -> Result<&Self, ReadError> {
+        // NaN is within no limit.
+        let is_within = |value: Option<f32>, limit: f32| value.is_none_or(|value| value.abs() <= limit);
+        let is_gauge = |gauge: &Gauge| {
+            (0.0..=HIGHEST_CHARGE_MAH).contains(&gauge.remaining_mah)
+                && gauge.full_mah >= LOWEST_CAPACITY_MAH
+                && gauge.full_mah <= HIGHEST_CHARGE_MAH
+        };
+        let is_count = |counted: Counted| {
+            let (charge_mah, energy_wh, drawn_mah) = match counted {
+                Counted::Total(consumed) | Counted::Increment(consumed) => {
+                    (consumed.charge_mah, Some(consumed.energy_wh), None)
+                }
+                Counted::TotalCharge(charge_mah) => (charge_mah, None, None),
+                Counted::Members { consumed, drawn_mah } => {
+                    (consumed.charge_mah, Some(consumed.energy_wh), drawn_mah)
+                }
+            };
+            is_within(Some(charge_mah), HIGHEST_CHARGE_MAH)
+                && is_within(energy_wh, HIGHEST_ENERGY_WH)
+                && is_within(drawn_mah, HIGHEST_CHARGE_MAH)
+        };
+        if is_within(self.voltage_v, HIGHEST_VOLTAGE_V)
+            && is_within(self.current_a, HIGHEST_CURRENT_A)
+            && is_within(self.temperature_c, HIGHEST_TEMPERATURE_C)
+            && self.gauge.read().is_none_or(is_gauge)
+            && self
+                .state_of_charge
+                .is_none_or(|share| (0.0..=1.0).contains(&share))
+            && self.counted.is_none_or(is_count)
+        {
+            Ok(self)
+        } else {
+            Err(ReadError::Implausible)
+        }
+    }
 }
 
 /// Whether a pack is about to power off.

@@ -40,14 +40,22 @@ pub(super) struct ResistanceEstimator {
     /// Of voltage and current, from the first reading on.
     bands: Option<(BandPass, BandPass)>,
     forgetting: FilterGain,
+    /// Since the resistance was brought up to date.
+    recent: Excitation,
+    /// All of it, of which what is older counts less; its duration is at most [`MIN_EXCITATION_S`].
+    kept: Excitation,
+    /// The resistance by these, in ohms, once known.
+    resistance_ohm: Option<f32>,
+}
+
+/// Integrals over the time in which the current changes.
+#[derive(Clone, Copy, Debug)]
+struct Excitation {
     /// ∫ −dV·dI dt
     voltage_by_current: f32,
     /// ∫ dI² dt
     current_squared: f32,
-    /// Duration of excitation, up to [`MIN_EXCITATION_S`].
-    excitation_s: f32,
-    /// The resistance by these, in ohms, once known.
-    resistance_ohm: Option<f32>,
+    duration_s: f32,
 }
 
 /// Two low-pass filters, of which the difference is taken.
@@ -94,6 +102,30 @@ impl BandPass {
     }
 }
 
+impl Excitation {
+    const NONE: Self = Self {
+        voltage_by_current: 0.0,
+        current_squared: 0.0,
+        duration_s: 0.0,
+    };
+
+    fn add(&mut self, dt_s: f32, voltage_step_v: f32, current_step_a: f32) {
+        let weighted = current_step_a * dt_s;
+        self.voltage_by_current -= voltage_step_v * weighted;
+        self.current_squared += current_step_a * weighted;
+        self.duration_s += dt_s;
+    }
+
+    /// The resistance, in ohms, once there was enough of it.
+    fn slope_ohm(&self) -> Option<f32> {
+        if self.current_squared < MIN_EXCITATION_A2S || self.duration_s < MIN_EXCITATION_S {
+            return None;
+        }
+        let resistance_ohm = self.voltage_by_current / self.current_squared;
+        (resistance_ohm.is_finite() && resistance_ohm > 0.0).then_some(resistance_ohm)
+    }
+}
+
 impl ResistanceEstimator {
     pub const fn new() -> Self {
         Self {
@@ -101,19 +133,19 @@ impl ResistanceEstimator {
             slow: FilterGain::new(SLOW_TIME_CONSTANT_S),
             bands: None,
             forgetting: FilterGain::new(FORGETTING_TIME_CONSTANT_S),
-            voltage_by_current: 0.0,
-            current_squared: 0.0,
-            excitation_s: 0.0,
+            recent: Excitation::NONE,
+            kept: Excitation::NONE,
             resistance_ohm: None,
         }
     }
 
     /// Processes a reading `dt_s` seconds after the previous one.
     pub fn update(&mut self, dt_s: f32, voltage_v: f32, current_a: f32) {
+        let is_sparse = dt_s > SLOW_TIME_CONSTANT_S;
         let gains = Gains {
             fast: self.fast.alpha(dt_s),
             slow: self.slow.alpha(dt_s),
-            change: if dt_s > SLOW_TIME_CONSTANT_S && dt_s <= MAX_INTERVAL_S {
+            change: if is_sparse && dt_s <= MAX_INTERVAL_S {
                 Change::Difference
             } else {
                 Change::Filtered
@@ -128,29 +160,27 @@ impl ResistanceEstimator {
         if step_a < MIN_STEP_A || step_a < MIN_RELATIVE_STEP * load_a.abs() {
             return;
         }
-        let dt_s = dt_s.min(SLOW_TIME_CONSTANT_S);
-        self.excitation_s = (self.excitation_s + dt_s).min(MIN_EXCITATION_S);
-        let kept = 1.0 - self.forgetting.alpha(dt_s);
-        self.voltage_by_current = self.voltage_by_current * kept - voltage_step_v * current_step_a * dt_s;
-        self.current_squared = self.current_squared * kept + current_step_a * current_step_a * dt_s;
+        let dt_s = if is_sparse { SLOW_TIME_CONSTANT_S } else { dt_s };
+        self.recent.add(dt_s, voltage_step_v, current_step_a);
     }
 
-    /// Brings the resistance up to date: a division, which once a second is enough for.
+    /// Brings the resistance up to date: once a second is enough for what forgetting and a division take.
     pub fn settle(&mut self) {
-        self.resistance_ohm = self.slope_ohm();
+        let recent = core::mem::replace(&mut self.recent, Excitation::NONE);
+        if recent.duration_s > 0.0 {
+            let share = 1.0 - self.forgetting.alpha(recent.duration_s);
+            self.kept = Excitation {
+                voltage_by_current: self.kept.voltage_by_current * share + recent.voltage_by_current,
+                current_squared: self.kept.current_squared * share + recent.current_squared,
+                duration_s: (self.kept.duration_s + recent.duration_s).min(MIN_EXCITATION_S),
+            };
+        }
+        self.resistance_ohm = self.kept.slope_ohm();
     }
 
     /// The resistance of the pack, in ohms, once known.
     pub fn resistance_ohm(&self) -> Option<f32> {
         self.resistance_ohm
-    }
-
-    fn slope_ohm(&self) -> Option<f32> {
-        if self.current_squared < MIN_EXCITATION_A2S || self.excitation_s < MIN_EXCITATION_S {
-            return None;
-        }
-        let resistance_ohm = self.voltage_by_current / self.current_squared;
-        (resistance_ohm.is_finite() && resistance_ohm > 0.0).then_some(resistance_ohm)
     }
 }
 
@@ -166,6 +196,9 @@ mod tests {
         for sample in 0..(seconds * rate_hz) as u32 {
             let (voltage_v, current_a) = at(sample as f32 / rate_hz);
             estimator.update(1.0 / rate_hz, voltage_v, current_a);
+            if sample as f32 % rate_hz < 1.0 {
+                estimator.settle();
+            }
         }
         estimator.settle();
         estimator.resistance_ohm()

@@ -32,7 +32,7 @@ use usable::Reserve;
 use voltage_only::VoltageOnly;
 
 /// After a longer time without a reading, in seconds, the load meanwhile is taken for that of the time before: one
-/// reading does not stand for so long.
+/// reading does not represent that much time.
 const GAP_S: f32 = 15.0;
 
 /// After a longer gap the estimate restarts, in seconds.

@@ -1,12 +1,16 @@
 //! The monitor of one pack: from its measurements to its state, events and failsafe level.
 
-use super::charge::ChargeEstimate;
+mod counting;
+mod learning;
+
+use counting::Counting;
+use learning::Learnt;
+
 use super::charge_reporter::ChargeReporter;
 use super::charge_state::{ChargeStateMachine, Inputs};
-use super::consumption::{Consumption, Gap, MAX_INTERVAL_US, mean_current_a, microseconds};
-use super::counter::{Change, SourceCounter};
+use super::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds};
 use super::diagnosis::{AtRest, Diagnosis};
-use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
+use super::estimator::{Estimator, EstimatorMemory, Findings, Reading, ReportedCharge};
 use super::event::push;
 use super::failsafe::{Failsafe, Observation};
 use super::gauge::GaugeState;
@@ -14,9 +18,8 @@ use super::health::HealthReporter;
 use super::settings::{FailsafeSettings, PackSettings};
 use super::swap::{Replacement, SerialNumber, SwapDetector};
 use super::{
-    Amount, BatteryState, ChargeSource, Consumed, Contents, Counted, FailsafeLevel, Faults, Gauge,
-    LearntPack, Measurement, PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported,
-    Supply, Tick,
+    Amount, BatteryState, ChargeSource, Consumed, Contents, FailsafeLevel, Faults, LearntPack, Measurement,
+    PackEvent, PackEvents, PackMemory, PackSource, PackStatus, ReadError, Reported, Supply, Tick,
 };
 use crate::time::Instant;
 
@@ -26,16 +29,6 @@ pub const MIN_CONNECTED_VOLTAGE_V: f32 = 2.1;
 
 /// Consecutive failed reads after which a pack is unhealthy: half a second at 10 Hz.
 pub const FAILED_READS_UNTIL_UNHEALTHY: u32 = 5;
-
-/// Plausibility limits of a reading, in volts, amperes and degrees Celsius.
-const HIGHEST_VOLTAGE_V: f32 = 1_000.0;
-const HIGHEST_CURRENT_A: f32 = 10_000.0;
-const HIGHEST_TEMPERATURE_C: f32 = 1_000.0;
-
-/// Plausibility limits of charge, energy and capacity, in milliampere-hours and watt-hours.
-const HIGHEST_CHARGE_MAH: f32 = 10_000_000.0;
-const HIGHEST_ENERGY_WH: f32 = 1_000_000.0;
-const LOWEST_CAPACITY_MAH: f32 = 1.0;
 
 /// Outcome of an update, besides the new state.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -56,7 +49,6 @@ pub struct BatteryMonitor {
     failed_reads: u32,
     last_tick: Option<Instant>,
     last_reading: Option<LastReading>,
-    last_current: Option<LastCurrent>,
     last_healthy: Option<Instant>,
     /// The latest voltage while connected, in volts.
     last_voltage_v: Option<f32>,
@@ -64,10 +56,7 @@ pub struct BatteryMonitor {
     gauge: GaugeState,
     health: HealthReporter,
     supply: Supply,
-    consumption: Consumption,
-    counter: SourceCounter,
-    /// Drawn since the start: neither a battery reset nor another pack changes it.
-    drawn: Consumption,
+    counting: Counting,
     /// Full capacity of a sum's members, and how far apart they rest.
     members_capacity_mah: Option<f32>,
     members_spread: Option<f32>,
@@ -79,24 +68,6 @@ pub struct BatteryMonitor {
     charge_reporter: ChargeReporter,
     failsafe: Failsafe,
     learnt: Option<Learnt>,
-}
-
-/// What is learnt of the pack, once flash was read.
-#[derive(Clone, Copy, Debug)]
-struct Learnt {
-    pack: LearntPack,
-    standing: Standing,
-}
-
-/// How what is learnt relates to what flash holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Standing {
-    /// The same.
-    Saved,
-    /// It has to be written.
-    Unsaved,
-    /// The pack was swapped: flash holds what was learnt of the one before, until this one is learnt.
-    Swapped,
 }
 
 /// Nothing is known of a pack.
@@ -111,35 +82,11 @@ enum Freshness {
     Stale,
 }
 
-/// What a reading adds to the consumption.
-#[derive(Clone, Copy, Debug, Default)]
-struct Count {
-    gap: Option<Gap>,
-    /// Counted by the source since the reading before, in milliampere-hours.
-    at_source_mah: Option<f32>,
-}
-
-impl Count {
-    fn at_source(charge_mah: f32) -> Self {
-        Self {
-            gap: None,
-            at_source_mah: Some(charge_mah),
-        }
-    }
-}
-
 /// The latest valid reading.
 #[derive(Clone, Copy, Debug)]
 struct LastReading {
     time: Instant,
     current_a: Option<f32>,
-}
-
-/// The latest known current: a reading may come without one.
-#[derive(Clone, Copy, Debug)]
-struct LastCurrent {
-    time: Instant,
-    current_a: f32,
 }
 
 impl BatteryMonitor {
@@ -152,15 +99,12 @@ impl BatteryMonitor {
             failed_reads: 0,
             last_tick: None,
             last_reading: None,
-            last_current: None,
             last_healthy: None,
             last_voltage_v: None,
             gauge: GaugeState::Absent,
             health: HealthReporter::default(),
             supply: Supply::On,
-            consumption: Consumption::default(),
-            counter: SourceCounter::default(),
-            drawn: Consumption::default(),
+            counting: Counting::default(),
             members_capacity_mah: None,
             members_spread: None,
             estimator: Estimator::new(),
@@ -202,7 +146,10 @@ impl BatteryMonitor {
         let dt_us = since(self.last_reading.map(|last| last.time));
         let tick_us = since(self.last_tick.replace(tick.now));
         let dt_s = microseconds(tick_us) * 1e-6;
-        let reading = reading.as_ref().map_err(|error| *error).and_then(check_plausible);
+        let reading = reading
+            .as_ref()
+            .map_err(|error| *error)
+            .and_then(Measurement::check_plausible);
         if let Ok(measurement) = reading {
             self.ingest_gauge_data(tick, measurement, events);
         }
@@ -295,8 +242,7 @@ impl BatteryMonitor {
     fn remember(&mut self, now: Instant, measurement: &Measurement) {
         let Measurement { current_a, .. } = *measurement;
         self.last_reading = Some(LastReading { time: now, current_a });
-        let known = current_a.map(|current_a| LastCurrent { time: now, current_a });
-        self.last_current = known.or(self.last_current);
+        self.counting.remember(now, current_a);
     }
 
     fn accept(
@@ -334,15 +280,16 @@ impl BatteryMonitor {
             self.replace_pack(replacement, settings.serial_number, events);
             self.gauge.update(tick.now, measurement.gauge);
         }
-        let count = self.update_consumption(tick.now, measurement);
+        let count = self.counting.update(tick.now, measurement, &self.gauge);
         if let Some(gap) = count.gap {
             push(events, PackEvent::Gap(gap));
         }
         if let Some(counted_mah) = count.at_source_mah {
             let is_measured = measurement.current_a.is_some() && dt_us <= MAX_INTERVAL_US;
-            self.counter.correct(&mut reading, counted_mah, is_measured);
+            self.counting.correct(&mut reading, counted_mah, is_measured);
         }
-        reading.share_at_most = self.share_at_most(settings);
+        let capacities_mah = [self.state.learnt_capacity_mah, settings.capacity_mah];
+        reading.share_at_most = self.counting.share_at_most(capacities_mah);
         let findings = self.update_estimates(&reading, settings);
         self.update_state(measurement, settings);
         if let Some(event) = findings.event {
@@ -391,16 +338,9 @@ impl BatteryMonitor {
         events: &mut PackEvents,
     ) {
         if let Some(learnt) = &mut self.learnt {
-            match serial_number {
-                Some(_) => learnt.pack = learnt.pack.without_charge(),
-                None => {
-                    learnt.pack = LearntPack::of(learnt.pack.serial_number);
-                    learnt.standing = Standing::Swapped;
-                }
-            }
+            learnt.replace_pack(serial_number);
         }
-        self.consumption = Consumption::default();
-        self.counter.rebase();
+        self.counting.replace_pack();
         self.gauge = GaugeState::Absent;
         self.estimator = Estimator::new();
         self.failsafe.replace_pack(replacement);
@@ -424,21 +364,10 @@ impl BatteryMonitor {
     fn keep(&mut self, kept: Option<LearntPack>, settings: &PackSettings, events: &mut PackEvents) {
         let can_learn = self.can_learn();
         let cell_count = self.estimator.cell_count(settings);
-        if let (Some(kept), Some(learnt), true) = (kept, &mut self.learnt, can_learn) {
-            let known = learnt.known(settings, cell_count).map(LearntPack::learnt);
-            if let (None, Some((capacity_mah, resistance_ohm))) = (known.flatten(), kept.learnt()) {
-                push(
-                    events,
-                    PackEvent::Learnt {
-                        capacity_mah,
-                        resistance_ohm,
-                    },
-                );
-            }
-            match known {
-                Some(_) => learnt.keep(&kept),
-                None => learnt.replace(&kept),
-            }
+        if let (Some(kept), Some(learnt), true) = (kept, &mut self.learnt, can_learn)
+            && let Some(event) = learnt.update(&kept, settings, cell_count)
+        {
+            push(events, event);
         }
     }
 
@@ -447,115 +376,14 @@ impl BatteryMonitor {
         self.gauge.full_mah().is_none() && self.state.members == 0 && self.state.contents == Contents::Charge
     }
 
-    fn update_consumption(&mut self, now: Instant, measurement: &Measurement) -> Count {
-        match measurement.counted {
-            Some(Counted::Increment(consumed)) => self.add_counted(consumed),
-            Some(Counted::Total(total)) => match self.counter.total(total) {
-                Change::First => {
-                    self.consumption.restart(total);
-                    Count::at_source(0.0)
-                }
-                Change::Increase(consumed) => self.add_counted(consumed),
-            },
-            Some(Counted::TotalCharge(total_mah)) => {
-                self.integrate_energy(now, measurement);
-                let total = Consumed {
-                    charge_mah: total_mah,
-                    energy_wh: 0.0,
-                };
-                match self.counter.total(total) {
-                    Change::First => {
-                        self.consumption.set_charge_mah(total_mah);
-                        Count::at_source(0.0)
-                    }
-                    Change::Increase(consumed) => self.add_counted(consumed),
-                }
-            }
-            Some(Counted::Members { consumed, drawn_mah }) => {
-                self.consumption.restart(consumed);
-                let Some(drawn_mah) = drawn_mah else {
-                    return Count::default();
-                };
-                let charge_mah = self.counter.members(drawn_mah);
-                self.drawn.add_counted(Consumed {
-                    charge_mah,
-                    energy_wh: 0.0,
-                });
-                Count::at_source(charge_mah)
-            }
-            None => self.count_here(now, measurement),
-        }
-    }
-
-    fn add_counted(&mut self, consumed: Consumed) -> Count {
-        self.consumption.add_counted(consumed);
-        self.drawn.add_counted(consumed);
-        Count::at_source(consumed.charge_mah)
-    }
-
-    /// Integrates the current; the charge is a gauge's, where there is one.
-    fn count_here(&mut self, now: Instant, measurement: &Measurement) -> Count {
-        if self.gauge.full_mah().is_some() {
-            // A gap does not matter.
-            self.integrate_energy(now, measurement);
-            if let Some(gauge) = self.gauge.valid() {
-                let charge_mah = gauge.consumed_mah();
-                self.consumption.set_charge_mah(charge_mah);
-                let total = Consumed {
-                    charge_mah,
-                    energy_wh: 0.0,
-                };
-                if let Change::Increase(consumed) = self.counter.total(total) {
-                    self.drawn.add_counted(consumed);
-                }
-            }
-            return Count::default();
-        }
-        let before = self.consumption;
-        let gap = self.integrate(now, measurement);
-        self.drawn.add_charge_since(&self.consumption, &before);
-        Count {
-            gap,
-            at_source_mah: None,
-        }
-    }
-
-    /// Integrates the energy; the charge is counted elsewhere.
-    fn integrate_energy(&mut self, now: Instant, measurement: &Measurement) {
-        let before = self.consumption;
-        let _ = self.integrate(now, measurement);
-        self.consumption.set_charge_of(&before);
-    }
-
-    /// The most that a count at the source leaves of the capacity, from 0 to 1.
-    fn share_at_most(&self, settings: &PackSettings) -> f32 {
-        if !self.counter.has_counted() {
-            return 1.0;
-        }
-        let capacities = [self.state.learnt_capacity_mah, settings.capacity_mah];
-        let largest = capacities.into_iter().flatten().reduce(f32::max);
-        largest.map_or(1.0, |capacity_mah| {
-            (1.0 - self.consumption.charge_mah() / capacity_mah).clamp(0.0, 1.0)
-        })
-    }
-
     /// Charge drawn since the start, in milliampere-hours.
     pub(super) fn drawn_mah(&self) -> f32 {
-        self.drawn.charge_mah()
+        self.counting.drawn_mah()
     }
 
     /// The voltage at rest, in volts, while disarmed.
     pub(super) fn resting_v(&self) -> Option<f32> {
         self.swap_detector.resting_v()
-    }
-
-    /// Integrates the current since it was known last, also over readings without one.
-    fn integrate(&mut self, now: Instant, measurement: &Measurement) -> Option<Gap> {
-        let current_a = measurement.current_a?;
-        let last = self.last_current?;
-        let dt_us = now.us_since(last.time);
-        self.consumption
-            .integrate(dt_us, last.current_a, current_a, measurement.voltage_v)
     }
 
     fn update_state(&mut self, measurement: &Measurement, settings: &PackSettings) {
@@ -568,7 +396,7 @@ impl BatteryMonitor {
             GaugeState::Valid { .. } => true,
             _ => current_a.is_some() || measurement.counted.is_some(),
         };
-        let (state_of_charge, charge_source) = self.state_of_charge(measurement, settings);
+        let (remaining_pct, charge_source) = self.remaining_pct(measurement, settings);
         let state = &mut self.state;
         state.voltage_v = voltage_v;
         state.current_a = current_a;
@@ -577,10 +405,10 @@ impl BatteryMonitor {
             .and_then(|(voltage_v, current_a)| self.estimator.resting_voltage_v(voltage_v, current_a));
         state.average_current_a = current_a.and(self.estimator.average_current_a());
         state.resistance_ohm = self.estimator.resistance_ohm();
-        state.consumed = is_counted.then(|| Amount::of(measurement.contents, self.consumption.charge_mah()));
+        state.consumed = is_counted.then(|| Amount::of(measurement.contents, self.counting.charge_mah()));
         state.consumed_wh = (is_counted && voltage_v.is_some() && measurement.contents == Contents::Charge)
-            .then(|| self.consumption.energy_wh());
-        state.remaining_pct = state_of_charge.map(|share| share * 100.0);
+            .then(|| self.counting.energy_wh());
+        state.remaining_pct = remaining_pct;
         state.charge_source = charge_source;
         state.cell_count = self.estimator.cell_count(settings);
         if state.remaining_pct.is_none() {
@@ -591,22 +419,27 @@ impl BatteryMonitor {
         self.update_usable();
     }
 
-    /// State of charge, from 0 to 1, and where it is from.
-    fn state_of_charge(
+    /// State of charge, in percent, and where it is from.
+    fn remaining_pct(
         &self,
         measurement: &Measurement,
         settings: &PackSettings,
     ) -> (Option<f32>, ChargeSource) {
+        let percent = |share: f32| share * 100.0;
         let reported = measurement.state_of_charge;
-        match self.gauge {
-            GaugeState::Valid { gauge, .. } => (Some(gauge.state_of_charge()), ChargeSource::Gauge),
-            GaugeState::TimedOut { .. } => (reported, ChargeSource::Gauge),
-            GaugeState::Awaited { .. } if reported.is_none() => (None, ChargeSource::Gauge),
-            _ if reported.is_some() => (reported, ChargeSource::Reported),
-            _ => match measurement.contents {
-                Contents::Charge => (self.estimator.state_of_charge(), ChargeSource::Estimated),
-                Contents::Fuel => (self.fill_level(settings), ChargeSource::Estimated),
-            },
+        match (&self.gauge, reported, measurement.contents) {
+            (GaugeState::Valid { gauge, .. }, ..) => {
+                (Some(percent(gauge.state_of_charge())), ChargeSource::Gauge)
+            }
+            (GaugeState::TimedOut { .. }, ..) => (reported.map(percent), ChargeSource::Gauge),
+            (_, Some(share), _) => (Some(percent(share)), ChargeSource::Reported),
+            (GaugeState::Awaited { .. }, ..) => (None, ChargeSource::Gauge),
+            (_, _, Contents::Charge) => {
+                let estimated = self.estimator.reported();
+                let remaining_pct = estimated.map(|charge| charge.remaining_pct);
+                (remaining_pct, ChargeSource::Estimated)
+            }
+            (_, _, Contents::Fuel) => (self.fill_level(settings).map(percent), ChargeSource::Estimated),
         }
     }
 
@@ -623,30 +456,29 @@ impl BatteryMonitor {
     }
 
     /// The estimate that is reported, if the charge is estimated here.
-    fn estimated_charge(&self) -> Option<ChargeEstimate> {
-        let is_estimated = self.state.charge_source == ChargeSource::Estimated;
-        let is_charge = self.state.contents == Contents::Charge;
-        self.estimator
-            .charge()
-            .filter(|_| is_estimated && is_charge)
-            .copied()
+    fn reported_estimate(&self) -> Option<&ReportedCharge> {
+        self.estimator.reported().filter(|_| self.is_estimated())
+    }
+
+    /// Whether the charge is estimated here.
+    fn is_estimated(&self) -> bool {
+        self.state.charge_source == ChargeSource::Estimated && self.state.contents == Contents::Charge
     }
 
     /// What the load can still draw.
     fn update_usable(&mut self) {
-        let charge = self.estimated_charge();
+        let charge = self.reported_estimate();
+        let (sigma_pct, usable_pct) = charge.map(|charge| (charge.sigma_pct, charge.usable_pct)).unzip();
         let state = &mut self.state;
-        state.remaining_sigma_pct = charge.map(|charge| charge.sigma * 100.0);
-        state.usable_pct = charge
-            .map(|charge| charge.usable_share * 100.0)
-            .or(state.remaining_pct);
+        state.remaining_sigma_pct = sigma_pct;
+        state.usable_pct = usable_pct.or(state.remaining_pct);
     }
 
     /// How long the load can still be served: once a second, since it takes a division.
     fn update_time_remaining(&mut self, settings: &PackSettings) {
-        let charge = self.estimated_charge();
-        let state = &mut self.state;
-        state.time_remaining_s = match (state.current_a, charge) {
+        let charge = self.estimator.charge().filter(|_| self.is_estimated());
+        let state = &self.state;
+        self.state.time_remaining_s = match (state.current_a, charge) {
             (Some(_), Some(charge)) => state
                 .learnt_capacity_mah
                 .or(settings.capacity_mah)
@@ -663,8 +495,7 @@ impl BatteryMonitor {
 
     /// Fill level of a tank whose flow is counted: it starts full, or at the level of the last battery reset.
     fn fill_level(&self, settings: &PackSettings) -> Option<f32> {
-        let capacity_ml = settings.capacity_mah?;
-        Some((1.0 - self.consumption.charge_mah() / capacity_ml).clamp(0.0, 1.0))
+        Some(self.counting.share_left(settings.capacity_mah?))
     }
 
     /// A pack whose gauge has timed out is unhealthy while a threshold needs its charge.
@@ -731,10 +562,7 @@ impl BatteryMonitor {
                 Freshness::Stale => None,
             },
             remaining_at_most_pct: match state.charge_source {
-                ChargeSource::Estimated => self
-                    .estimator
-                    .state_of_charge_at_most()
-                    .map(|share| share * 100.0),
+                ChargeSource::Estimated => self.estimator.reported().map(|charge| charge.at_most_pct),
                 ChargeSource::Gauge | ChargeSource::Reported => state.remaining_pct,
             },
             resting_v: self.swap_detector.resting_v(),
@@ -776,23 +604,20 @@ impl BatteryMonitor {
         };
         PackMemory {
             source,
-            consumption: self.consumption,
+            consumption: self.counting.consumption(),
             estimate,
         }
     }
 
     /// Continues with what was retained over a reset of the processor.
     pub fn restore(&mut self, memory: &PackMemory) {
-        self.consumption = memory.consumption;
-        if memory.consumption != Consumption::default() {
-            self.counter.rebase();
-        }
+        self.counting.restore(memory.consumption);
         self.estimator.restore(&memory.estimate);
     }
 
     /// What is learnt of the pack; `None` until [`restore_learnt`](Self::restore_learnt).
     pub fn learnt(&self) -> Option<&LearntPack> {
-        self.learnt.as_ref().map(|learnt| &learnt.pack)
+        self.learnt.as_ref().map(Learnt::pack)
     }
 
     /// Continues with what flash holds of the pack, at the start and after a change of its serial number.
@@ -800,34 +625,25 @@ impl BatteryMonitor {
         if self.learnt.is_some() {
             self.estimator.change_pack();
         }
-        self.learnt = Some(Learnt {
-            pack,
-            standing: Standing::Saved,
-        });
+        self.learnt = Some(Learnt::saved(pack));
     }
 
     /// What has to be written to flash.
     pub fn unsaved_learnt(&self) -> Option<&LearntPack> {
-        self.learnt
-            .as_ref()
-            .filter(|learnt| learnt.standing == Standing::Unsaved)
-            .map(|learnt| &learnt.pack)
+        self.learnt.as_ref()?.unsaved()
     }
 
     /// `saved` is in flash now.
     pub fn mark_learnt_saved(&mut self, saved: &LearntPack) {
-        if let Some(learnt) = &mut self.learnt
-            && learnt.pack.to_words() == saved.to_words()
-        {
-            learnt.standing = Standing::Saved;
+        if let Some(learnt) = &mut self.learnt {
+            learnt.mark_saved(saved);
         }
     }
 
     /// Erases what is learnt of the pack.
     pub fn forget_learnt(&mut self) {
         if let Some(learnt) = &mut self.learnt {
-            learnt.pack = LearntPack::of(learnt.pack.serial_number);
-            learnt.standing = Standing::Unsaved;
+            learnt.forget();
             self.estimator.restart_drive();
         }
     }
@@ -853,11 +669,10 @@ impl BatteryMonitor {
         let share = (remaining_pct / 100.0).clamp(0.0, 1.0);
         let capacity_mah = self.state.capacity.map(Amount::number).or(settings.capacity_mah);
         let charge_mah = (1.0 - share) * capacity_mah.unwrap_or(0.0);
-        self.consumption.restart(Consumed {
+        self.counting.restart(Consumed {
             charge_mah,
             energy_wh: charge_mah / 1000.0 * self.state.voltage_v.unwrap_or(0.0),
         });
-        self.counter.rebase();
         self.estimator.set_state_of_charge(share);
     }
 }
@@ -865,82 +680,6 @@ impl BatteryMonitor {
 impl Default for BatteryMonitor {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-impl Learnt {
-    /// What is learnt of the pack, unless the settings say that it is another one.
-    fn known(&self, settings: &PackSettings, cell_count: Option<u8>) -> Option<&LearntPack> {
-        let matches = self
-            .pack
-            .matches(settings.chemistry, cell_count, settings.capacity_mah);
-        matches.then_some(&self.pack)
-    }
-
-    /// Takes over what was learnt in addition. Flash is spared what it holds already.
-    fn keep(&mut self, kept: &LearntPack) {
-        let kept = LearntPack {
-            serial_number: self.pack.serial_number,
-            ..*kept
-        };
-        if kept.is_like(&self.pack) {
-            return;
-        }
-        self.pack = kept;
-        if self.standing != Standing::Swapped || kept.learnt().is_some() {
-            self.standing = Standing::Unsaved;
-        }
-    }
-
-    /// Takes over what was learnt of a pack with other settings. Those may be a mistake: until the pack is learnt, what
-    /// is known of the one before stays.
-    fn replace(&mut self, kept: &LearntPack) {
-        if kept.learnt().is_some() || self.pack.learnt().is_none() {
-            self.keep(kept);
-        }
-    }
-}
-
-fn check_plausible(measurement: &Measurement) -> Result<&Measurement, ReadError> {
-    let Measurement {
-        voltage_v,
-        current_a,
-        temperature_c,
-        ..
-    } = *measurement;
-    // NaN is within no limit.
-    let is_within = |value: Option<f32>, limit: f32| value.is_none_or(|value| value.abs() <= limit);
-    let is_gauge = |gauge: &Gauge| {
-        (0.0..=HIGHEST_CHARGE_MAH).contains(&gauge.remaining_mah)
-            && gauge.full_mah >= LOWEST_CAPACITY_MAH
-            && gauge.full_mah <= HIGHEST_CHARGE_MAH
-    };
-    let is_count = |counted: Counted| {
-        let (charge_mah, energy_wh, drawn_mah) = match counted {
-            Counted::Total(consumed) | Counted::Increment(consumed) => {
-                (consumed.charge_mah, Some(consumed.energy_wh), None)
-            }
-            Counted::TotalCharge(charge_mah) => (charge_mah, None, None),
-            Counted::Members { consumed, drawn_mah } => {
-                (consumed.charge_mah, Some(consumed.energy_wh), drawn_mah)
-            }
-        };
-        is_within(Some(charge_mah), HIGHEST_CHARGE_MAH)
-            && is_within(energy_wh, HIGHEST_ENERGY_WH)
-            && is_within(drawn_mah, HIGHEST_CHARGE_MAH)
-    };
-    if is_within(voltage_v, HIGHEST_VOLTAGE_V)
-        && is_within(current_a, HIGHEST_CURRENT_A)
-        && is_within(temperature_c, HIGHEST_TEMPERATURE_C)
-        && measurement.gauge.read().is_none_or(is_gauge)
-        && measurement
-            .state_of_charge
-            .is_none_or(|share| (0.0..=1.0).contains(&share))
-        && measurement.counted.is_none_or(is_count)
-    {
-        Ok(measurement)
-    } else {
-        Err(ReadError::Implausible)
     }
 }
 

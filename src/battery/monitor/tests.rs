@@ -2,8 +2,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    Amount, ArmState, BusError, CellVoltages, ChargeState, Chemistry, Contents, FailsafeLevel,
-    FailsafeSettings, Faults, GaugeReading, PackDetails, Reported, Thresholds, VoltageSource,
+    Amount, ArmState, BusError, CellVoltages, ChargeState, Chemistry, Contents, Counted, FailsafeLevel,
+    FailsafeSettings, Faults, Gauge, GaugeReading, PackDetails, Reported, Thresholds, VoltageSource,
     arming_failures,
 };
 use crate::time::{Instant, at_us};

@@ -1,0 +1,117 @@
+//! What is learnt of a pack, and whether flash holds it.
+
+use crate::battery::settings::PackSettings;
+use crate::battery::{LearntPack, PackEvent};
+
+/// What is learnt of the pack, once flash was read.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Learnt {
+    pack: LearntPack,
+    standing: Standing,
+}
+
+/// How what is learnt relates to what flash holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Standing {
+    /// The same.
+    Saved,
+    /// It has to be written.
+    Unsaved,
+    /// The pack was swapped: flash holds what was learnt of the one before, until this one is learnt.
+    Swapped,
+}
+
+impl Learnt {
+    /// As flash holds it.
+    pub fn saved(pack: LearntPack) -> Self {
+        Self {
+            pack,
+            standing: Standing::Saved,
+        }
+    }
+
+    pub fn pack(&self) -> &LearntPack {
+        &self.pack
+    }
+
+    /// What has to be written to flash.
+    pub fn unsaved(&self) -> Option<&LearntPack> {
+        (self.standing == Standing::Unsaved).then_some(&self.pack)
+    }
+
+    /// `saved` is in flash now.
+    pub fn mark_saved(&mut self, saved: &LearntPack) {
+        if self.pack.to_words() == saved.to_words() {
+            self.standing = Standing::Saved;
+        }
+    }
+
+    /// Erases it.
+    pub fn forget(&mut self) {
+        self.pack = LearntPack::of(self.pack.serial_number);
+        self.standing = Standing::Unsaved;
+    }
+
+    /// The pack was swapped. A serial number says which one it is; what was learnt of it stays then, but for its charge.
+    pub fn replace_pack(&mut self, serial_number: Option<i32>) {
+        match serial_number {
+            Some(_) => self.pack = self.pack.without_charge(),
+            None => {
+                self.pack = LearntPack::of(self.pack.serial_number);
+                self.standing = Standing::Swapped;
+            }
+        }
+    }
+
+    /// What is learnt of the pack, unless the settings say that it is another one.
+    pub fn known(&self, settings: &PackSettings, cell_count: Option<u8>) -> Option<&LearntPack> {
+        let matches = self
+            .pack
+            .matches(settings.chemistry, cell_count, settings.capacity_mah);
+        matches.then_some(&self.pack)
+    }
+
+    /// Takes over what was learnt of the pack or of its rest. Returns an event when it is learnt for the first time.
+    pub fn update(
+        &mut self,
+        kept: &LearntPack,
+        settings: &PackSettings,
+        cell_count: Option<u8>,
+    ) -> Option<PackEvent> {
+        let known = self.known(settings, cell_count).map(LearntPack::learnt);
+        match known {
+            Some(_) => self.keep(kept),
+            None => self.replace(kept),
+        }
+        let (None, Some((capacity_mah, resistance_ohm))) = (known.flatten(), kept.learnt()) else {
+            return None;
+        };
+        Some(PackEvent::Learnt {
+            capacity_mah,
+            resistance_ohm,
+        })
+    }
+
+    /// Takes over what was learnt in addition. Flash is spared what it holds already.
+    fn keep(&mut self, kept: &LearntPack) {
+        let kept = LearntPack {
+            serial_number: self.pack.serial_number,
+            ..*kept
+        };
+        if kept.is_like(&self.pack) {
+            return;
+        }
+        self.pack = kept;
+        if self.standing != Standing::Swapped || kept.learnt().is_some() {
+            self.standing = Standing::Unsaved;
+        }
+    }
+
+    /// Takes over what was learnt of a pack with other settings. Those may be a mistake: until the pack is learnt, what
+    /// is known of the one before stays.
+    fn replace(&mut self, kept: &LearntPack) {
+        if kept.learnt().is_some() || self.pack.learnt().is_none() {
+            self.keep(kept);
+        }
+    }
+}
