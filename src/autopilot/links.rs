@@ -84,7 +84,7 @@ impl Autopilot {
                 "{}: link too slow, dropped {:?}, {} messages so far",
                 channel.name(),
                 stream,
-                channel.statistics().dropped
+                channel.endpoint.statistics().dropped
             );
         }
     }
@@ -153,7 +153,13 @@ impl Autopilot {
         let message = message.as_ref()?;
         // The table's range is 1 to 255.
         let system_id = self.parameters.get_whole(VehicleParameter::SysidThismav) as u8;
-        Some(framer.signed_frame(message, system_id, &mut self.signing, channel.kind(), now))
+        Some(framer.signed_frame(
+            message,
+            system_id,
+            &mut self.signing,
+            channel.endpoint.kind(),
+            now,
+        ))
     }
 
     /// The frame of a HEARTBEAT for stations that have no link yet, by which ground stations find the vehicle; signed if there is a key.
@@ -173,7 +179,7 @@ impl Autopilot {
         now: Instant,
         received_at: Instant,
     ) -> Option<Event> {
-        // Of the packs alone: the vehicle is changed meanwhile.
+        // Borrows the packs alone: `vehicle` is mutated below.
         let state = SystemState {
             now,
             logs: self.recording.files(),
@@ -197,7 +203,7 @@ impl Autopilot {
                 wifi: &mut self.wifi.credentials,
             },
         )?;
-        if channel.kind() == LinkKind::Wifi {
+        if channel.endpoint.kind() == LinkKind::Wifi {
             self.wifi.heard_at = Some(now);
         }
         self.react(&event, channel, now, received_at);
@@ -210,7 +216,7 @@ impl Autopilot {
             Event::GroundStationHeard => self.work |= Work::GROUND_STATION_HEARD,
             Event::Driven => self.work |= Work::DRIVE,
             Event::ListRequested => {
-                channel.say(MavSeverity::MAV_SEVERITY_INFO, BANNER);
+                channel.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, BANNER);
                 self.send_notices(channel);
             }
             Event::ParameterSet(id) => self.parameter_set(id, channel),

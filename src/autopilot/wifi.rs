@@ -116,9 +116,11 @@ impl Autopilot {
     /// other. Neither is logged.
     pub(super) fn show_wifi(&self, channel: &mut Channel) {
         let credentials = &self.wifi.credentials;
-        match (channel.kind(), credentials.own_password()) {
+        match (channel.endpoint.kind(), credentials.own_password()) {
             (LinkKind::Radio | LinkKind::Wifi, _) => {
-                channel.say(MavSeverity::MAV_SEVERITY_WARNING, "Wi-Fi password: by USB only");
+                channel
+                    .endpoint
+                    .say(MavSeverity::MAV_SEVERITY_WARNING, "Wi-Fi password: by USB only");
             }
             (LinkKind::Direct, Some(password)) if credentials.radio() == Radio::Present => {
                 let name = credentials.own_name().as_str();
@@ -126,7 +128,9 @@ impl Autopilot {
                 say(channel, format_args!("Wi-Fi password: {}", password.as_str()));
             }
             (LinkKind::Direct, _) => {
-                channel.say(MavSeverity::MAV_SEVERITY_WARNING, "No Wi-Fi radio on this board");
+                channel
+                    .endpoint
+                    .say(MavSeverity::MAV_SEVERITY_WARNING, "No Wi-Fi radio on this board");
             }
         }
     }
@@ -142,5 +146,5 @@ fn say(channel: &mut Channel, shown: fmt::Arguments<'_>) {
     let mut text: String<SHOWN_BYTES> = String::new();
     // It fits.
     let _ = text.write_fmt(shown);
-    channel.say(MavSeverity::MAV_SEVERITY_INFO, &text);
+    channel.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, &text);
 }

@@ -65,7 +65,7 @@ impl<'a> Link<'a> {
 
     /// This many frames were lost on their way to the wire.
     pub fn count_lost(&self, frames: u32) {
-        self.with(|channel| channel.count_lost(frames));
+        self.with(|channel| channel.endpoint.count_lost(frames));
     }
 
     /// The link's name in the log.
@@ -75,12 +75,12 @@ impl<'a> Link<'a> {
 
     /// The link's counters.
     pub fn statistics(&self) -> LinkStatistics {
-        self.channel.borrow().statistics()
+        self.channel.borrow().endpoint.statistics()
     }
 
     /// Whether all answers have been taken by the wire.
     pub fn is_idle(&self) -> bool {
-        self.channel.borrow().is_idle()
+        self.channel.borrow().endpoint.is_idle()
     }
 
     /// Uses our end of the link. It must not wait in there.
@@ -107,7 +107,7 @@ impl<'a> Link<'a> {
         let wanted = bytes.get_mut(..read.bytes.into()).unwrap_or_default();
         let filled = self.fill(wanted, read, shared);
         let bytes = bytes.get(..filled).unwrap_or_default();
-        self.with(|channel| channel.supply(read, bytes));
+        self.with(|channel| channel.endpoint.supply(read, bytes));
         LogReading::Read
     }
 

@@ -7,12 +7,12 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use super::{CheckIn, Shared, mark, now};
 use crate::autopilot::LogStep;
-use crate::recorder::{Erasure, Outcome, Ring, SECTOR_BYTES};
+use crate::recorder::{Erasure, FlashOutcome, Ring, SECTOR_BYTES};
 
 /// How often the task looks whether there is something to write.
 const IDLE_CHECK: Duration = Duration::from_millis(250);
 
-/// Others have the flash and the processor for as long as an erase has taken, and at least for so long.
+/// Minimum pause after an erase, which is as long as the erase otherwise: for others to use the flash and the processor.
 const LEAST_PAUSE: Duration = Duration::from_millis(50);
 
 /// Reads which logs there are in the sectors of `range`, an address range of `flash`; then writes the log, and erases ahead
@@ -81,9 +81,9 @@ async fn is_blank<F: NorFlash>(from: u32, flash: &mut F) -> bool {
     true
 }
 
-fn outcome<E>(result: Result<(), E>) -> Outcome {
+fn outcome<E>(result: Result<(), E>) -> FlashOutcome {
     match result {
-        Ok(()) => Outcome::Done,
-        Err(_) => Outcome::Failed,
+        Ok(()) => FlashOutcome::Done,
+        Err(_) => FlashOutcome::Failed,
     }
 }

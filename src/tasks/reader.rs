@@ -15,11 +15,11 @@ use crate::time::Instant;
 /// Bytes handled in one go.
 const CHUNK_BYTES: usize = 64;
 
-/// A sender that has been silent for so long will not end the frame it began. Radios that send in slots split frames by
+/// A sender that has been silent for this long will not complete the frame it began. Radios that send in slots split frames by
 /// less.
 const PAUSE: Duration = Duration::from_millis(250);
 
-/// A wait for [`PAUSE`] takes so much longer at most while the task gets its turns: the others' longest step.
+/// By how much a wait for [`PAUSE`] is exceeded at most while the task gets its turns: the others' longest step.
 const LONGEST_STEP: Duration = Duration::from_millis(50);
 
 /// Why nothing was received.
@@ -56,16 +56,16 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
                 handle(bytes, arrivals.earliest, shared, link).await;
             }
             Some(Err(ReceiveError::LineError)) => {
-                link.with(|channel| channel.count_overrun());
+                link.with(|channel| channel.endpoint.count_overrun());
                 warn!("{}: line error", link.name());
             }
             Some(Err(ReceiveError::BytesLost(bytes))) => {
-                link.with(|channel| channel.count_overrun());
+                link.with(|channel| channel.endpoint.count_overrun());
                 warn!("{}: {} received bytes were lost", link.name(), bytes);
             }
             Some(Err(ReceiveError::Closed)) => return,
             None => {
-                link.with(|channel| channel.give_up_waiting());
+                link.with(|channel| channel.endpoint.give_up_waiting());
                 handle(&[], arrivals.earliest, shared, link).await;
             }
         }
@@ -75,7 +75,7 @@ pub async fn read_frames(mut source: impl ByteSource, shared: &Shared, link: &Li
     }
 }
 
-/// When received bytes can have come at the earliest, but for the few milliseconds between two looks at a ring. A source that
+/// Lower bound of the arrival time of received bytes, but for the few milliseconds between two looks at a ring. A source that
 /// always has bytes ready may have held them back, and so may one that was not asked for a while. What it holds at first may
 /// be as old as the board's start.
 #[derive(Default)]
@@ -104,7 +104,7 @@ impl Arrivals {
     }
 }
 
-/// When bytes can have come at the earliest that ended a wait for them. Such a wait is no longer than [`PAUSE`]; what lies
+/// Lower bound of the arrival time of bytes that ended a wait for them. Such a wait is no longer than [`PAUSE`]; what lies
 /// beyond was a delay of this task, in which they may have come at any moment.
 fn earliest_after_wait(began: Instant, ended: Instant) -> Instant {
     if ended.us_since(began) > (PAUSE + LONGEST_STEP).as_micros() {
@@ -118,7 +118,7 @@ fn earliest_after_wait(began: Instant, ended: Instant) -> Instant {
 /// what a fast line brings in a millisecond takes longer than a sample may be late.
 async fn handle(mut bytes: &[u8], earliest: Instant, shared: &Shared, link: &Link<'_>) {
     loop {
-        let taken = link.with(|channel| channel.push(bytes));
+        let taken = link.with(|channel| channel.endpoint.push(bytes));
         bytes = bytes.get(taken..).unwrap_or(&[]);
         while let Some(event) = handle_next(earliest, shared, link) {
             if event.concerns_link() {

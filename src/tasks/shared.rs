@@ -37,7 +37,7 @@ const NETWORK_STEP_US: u64 = 1_000;
 /// A sampling that is due begins within this time, unless something else holds it up.
 const SAMPLING_START_US: u64 = 1_000;
 
-/// Turns at the flash, in the order in which they are asked for: a task that always has something to write must not keep the
+/// Fair lock on the flash, granted in the order of the requests: a task that always has something to write must not keep the
 /// others from theirs until the watchdog misses them.
 type FlashTurns = FairSemaphore<NoopRawMutex, FLASH_TASKS>;
 

@@ -15,7 +15,7 @@ pub async fn schedule_telemetry(shared: &Shared, link: &Link<'_>, check_in: &Che
         link.serve(shared, |autopilot, channel| autopilot.post_due(channel, now()));
         link.to_write.signal(());
         mark(check_in);
-        let next_due = link.with(|channel| channel.next_due());
+        let next_due = link.with(|channel| channel.endpoint.next_due());
         select3(
             timer_at(next_due),
             link.to_schedule.wait(),

@@ -77,7 +77,7 @@ impl Station<'_> {
 
     /// Delivers a request and returns the answers.
     fn ask(&self, request: &[u8]) -> Vec<Frame> {
-        self.channel.borrow_mut().push(request);
+        self.channel.borrow_mut().endpoint.push(request);
         let handle = || {
             let mut channel = self.channel.borrow_mut();
             self.shared

@@ -892,7 +892,7 @@ fn what_waits_says_how_things_are_when_it_leaves() {
     desk.change_battery(Pack::Second, |battery| battery.visibility = gone);
     desk.change_battery(Pack::Third, |battery| battery.status = PackStatus::Disabled);
     // The link's counters are those of that moment, too.
-    desk.channel.count_overrun();
+    desk.channel.endpoint.count_overrun();
     let sent = desk.sent();
     let of_packs = of_message(&sent, BATTERY_STATUS);
     let voltages: Vec<_> = of_packs
@@ -967,8 +967,9 @@ fn a_file_that_does_not_exist_is_refused_at_once() {
 fn a_long_text_leaves_in_chunks() {
     let mut desk = Desk::new();
     desk.channel
+        .endpoint
         .say(MavSeverity::MAV_SEVERITY_WARNING, &"x".repeat(70));
-    desk.channel.say(MavSeverity::MAV_SEVERITY_INFO, "short");
+    desk.channel.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, "short");
     let texts = desk.sent();
     assert!(texts.iter().all(|frame| frame.message_id == STATUSTEXT));
     let parts: Vec<_> = texts
@@ -1297,7 +1298,7 @@ proptest! {
         let mut desk = Desk::new();
         let bytes = [garbage, param_set("BATT_VOLT_MULT", 4.25)].concat();
         let mut events = desk.receive_in_chunks(&bytes, chunk);
-        desk.channel.give_up_waiting();
+        desk.channel.endpoint.give_up_waiting();
         events.extend(desk.handle_all());
         prop_assume!(!swallowed(&events));
         prop_assert!(events.contains(&Event::ParameterSet(VOLT_MULT)), "{events:?}");
@@ -1329,7 +1330,7 @@ proptest! {
         let mut desk = Desk::new();
         desk.receive_in_chunks(&bytes, 64);
         if pause {
-            desk.channel.give_up_waiting();
+            desk.channel.endpoint.give_up_waiting();
         }
         desk.sent();
         for id in ParameterId::all() {

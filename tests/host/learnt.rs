@@ -436,7 +436,7 @@ fn request(shared: &Shared, request: &[u8]) {
         100_000,
         now,
     );
-    channel.push(request);
+    channel.endpoint.push(request);
     while shared
         .with(|autopilot| autopilot.handle_next(&mut channel, now, now))
         .is_some()

@@ -520,7 +520,7 @@ fn run_task(flash: &SmallFlash, requests: &[Vec<u8>]) {
             for request in requests {
                 let now = rover_battmon::tasks::now();
                 let mut desk = rover_battmon::autopilot::Channel::new("desk", LinkKind::Direct, 100_000, now);
-                desk.push(request);
+                desk.endpoint.push(request);
                 while shared
                     .with(|autopilot| autopilot.handle_next(&mut desk, now, now))
                     .is_some()

@@ -126,7 +126,7 @@ impl Desk {
         let mut events = Vec::new();
         for mut part in bytes.chunks(chunk) {
             while !part.is_empty() {
-                let taken = self.channel.push(part);
+                let taken = self.channel.endpoint.push(part);
                 assert!(taken > 0, "no room for another byte");
                 part = &part[taken..];
                 events.extend(self.handle_all());
@@ -150,11 +150,11 @@ impl Desk {
 
     /// When something is due next.
     pub fn next_due_us(&self) -> u64 {
-        self.channel.next_due().as_micros()
+        self.channel.endpoint.next_due().as_micros()
     }
 
     pub fn statistics(&self) -> LinkStatistics {
-        self.channel.statistics()
+        self.channel.endpoint.statistics()
     }
 
     /// Delivers a request and returns the answers.
