@@ -53,7 +53,7 @@
 //! assert_eq!(u16::from_le_bytes([frame[20], frame[21]]), 11_459);
 //! ```
 //!
-//! # Rooms
+//! # Modules
 //! | room | what it knows |
 //! |---|---|
 //! | [`sensor`] | turning conversions of a part into a [`battery::Measurement`] |

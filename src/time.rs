@@ -19,7 +19,7 @@ impl Instant {
     /// The latest moment, 584,000 years later.
     pub const MAX: Self = Self::from_micros(u64::MAX);
 
-    /// The moment that many microseconds after the epoch.
+    /// The moment `us` microseconds after the epoch.
     pub const fn from_micros(us: u64) -> Self {
         Self { us }
     }

@@ -29,8 +29,8 @@ pub(super) enum Announced {
 /// take, and leave first. All others share a queue.
 #[derive(Debug, Default)]
 pub(super) struct Broadcast {
-    levels: [Place<PackEvent>; MAX_PACKS],
-    mode: Place<VehicleEvent>,
+    levels: [Slot<PackEvent>; MAX_PACKS],
+    mode: Slot<VehicleEvent>,
     latest: Deque<Announced, KEPT>,
     /// Number of the oldest kept; announcements in the queue are numbered from 0, modulo 2^32.
     oldest: u32,
@@ -38,13 +38,13 @@ pub(super) struct Broadcast {
 
 /// A place of its own.
 #[derive(Debug)]
-struct Place<T> {
+struct Slot<T> {
     latest: Option<T>,
     /// How many were there so far, modulo 2^32.
     count: u32,
 }
 
-impl<T> Default for Place<T> {
+impl<T> Default for Slot<T> {
     fn default() -> Self {
         Self {
             latest: None,
@@ -53,7 +53,7 @@ impl<T> Default for Place<T> {
     }
 }
 
-impl<T> Place<T> {
+impl<T> Slot<T> {
     fn set(&mut self, latest: T) {
         self.latest = Some(latest);
         self.count = self.count.wrapping_add(1);

@@ -2,7 +2,7 @@
 
 use super::autopilot::Autopilot;
 use super::recording::LogStep;
-use crate::recorder::{Erasure, Outcome, Piece, Ring};
+use crate::recorder::{Erasure, FlashOutcome, Piece, Ring};
 use crate::time::Instant;
 
 impl Autopilot {
@@ -18,12 +18,12 @@ impl Autopilot {
     }
 
     /// The outcome of programming a page.
-    pub fn log_written(&mut self, outcome: Outcome, now: Instant) {
+    pub fn log_written(&mut self, outcome: FlashOutcome, now: Instant) {
         self.recording.written(outcome, now);
     }
 
     /// The outcome of an erase.
-    pub fn log_erased(&mut self, erasure: Erasure, outcome: Outcome) {
+    pub fn log_erased(&mut self, erasure: Erasure, outcome: FlashOutcome) {
         self.recording.erased(erasure, outcome);
     }
 

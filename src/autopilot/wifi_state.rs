@@ -14,7 +14,7 @@ use crate::wifi::{
 /// Reports of each kind, each announced once.
 const REPORTS: usize = 14;
 
-/// A ground station that was not heard by Wi-Fi for so long is not there.
+/// A ground station that was not heard by Wi-Fi for this long is absent.
 pub(super) const PRESENCE_US: u64 = 10_000_000;
 
 /// The state of Wi-Fi.

@@ -34,13 +34,13 @@ const DATA_NOT_ACKNOWLEDGED: u32 = 1 << 3;
 /// I2C1, SDA on GP14 and SCL on GP15. The pins stay untouched until the bus is used.
 ///
 /// Every transfer ends: after a time-out the bus is freed as far as that is possible, and the peripheral starts over, since
-/// a transfer that was given up leaves it in the middle.
+/// an abandoned transfer leaves it in the middle.
 pub struct SensorI2c {
     peripheral: Peri<'static, I2C1>,
     sda: Peri<'static, PIN_14>,
     scl: Peri<'static, PIN_15>,
     config: Config,
-    /// `None` before the first transfer and after one that was given up.
+    /// `None` before the first transfer and after an abandoned one.
     driver: Option<I2c<'static, I2C1, Async>>,
 }
 

@@ -5,7 +5,7 @@ use embassy_rp::pac::WATCHDOG;
 use super::reset::{Predecessor, take_reset_reason};
 use super::running::{Notes, take_notes};
 use super::{ResetReason, crash_memory};
-use crate::crash::{CrashCause, CrashRecord, QuickResets, Start, headline};
+use crate::crash::{CrashCause, CrashRecord, QuickResets, StartKind, headline};
 use crate::log::warn;
 
 /// What is known of the program that ran before this start.
@@ -65,12 +65,12 @@ fn starved(notes: Notes) -> CrashRecord {
 /// Counts this start in the watchdog's scratch register 2, which power-on and RUN clear.
 fn count(reset_reason: ResetReason) -> QuickResets {
     let start = match reset_reason {
-        ResetReason::WatchdogTimeout | ResetReason::Fault => Start::AfterCrash,
+        ResetReason::WatchdogTimeout | ResetReason::Fault => StartKind::AfterCrash,
         ResetReason::PowerOn
         | ResetReason::RunPin
         | ResetReason::Debugger
         | ResetReason::Software
-        | ResetReason::Processor => Start::Requested,
+        | ResetReason::Processor => StartKind::Requested,
     };
     let resets = QuickResets::counted(WATCHDOG.scratch2().read(), start);
     WATCHDOG.scratch2().write_value(resets.count());

@@ -280,7 +280,7 @@ impl UartReceiver {
 
 impl ByteSource for UartReceiver {
     /// # Errors
-    /// The line was noisy, or bytes came for so long without being read that some are lost. It goes on with the next byte.
+    /// The line was noisy, or unread bytes were overwritten. It goes on with the next byte.
     async fn receive(&mut self, buffer: &mut [u8]) -> Result<usize, ReceiveError> {
         loop {
             // Later than that, it is not a wait: bytes may have been there for long.

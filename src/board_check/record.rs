@@ -48,7 +48,7 @@ pub enum StartCause {
 
 /// A start of the board, noticed by its time since boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Start {
+pub struct BoardStart {
     /// When it was noticed.
     pub at: Instant,
     /// Why.
@@ -78,7 +78,7 @@ pub struct Record {
     /// How fast it answers.
     pub round_trips: Vec<RoundTrip>,
     /// Its starts.
-    pub starts: Vec<Start>,
+    pub starts: Vec<BoardStart>,
     /// When the port was lost without a restart that was asked for.
     pub port_losses: Vec<Instant>,
 }

@@ -2,7 +2,7 @@
 
 use super::frames::{Frame, FrameReader, frame};
 use super::port::{Answer, Owner, Port, PortClosed};
-use super::record::{Gap, Received, Record, RoundTrip, Start, StartCause};
+use super::record::{BoardStart, Gap, Received, Record, RoundTrip, StartCause};
 use crate::mavlink::dialect::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult, MavState,
     MavType, TIMESYNC_DATA,
@@ -328,7 +328,7 @@ impl<'a> Session<'a> {
             // The line went with the program, so this is the restart. Whether its time started over no longer matters.
             cause @ StartCause::Requested => {
                 let at = self.port.now();
-                self.record.starts.push(Start { at, cause });
+                self.record.starts.push(BoardStart { at, cause });
                 self.uptime_ns = None;
             }
         }
@@ -403,7 +403,7 @@ impl<'a> Session<'a> {
         let before_ns = self.uptime_ns.replace(answer.tc1);
         if before_ns.is_some_and(|before_ns| answer.tc1 < before_ns) {
             let cause = self.expected_start;
-            self.record.starts.push(Start { at, cause });
+            self.record.starts.push(BoardStart { at, cause });
         }
     }
 }

@@ -8,7 +8,7 @@ mod record;
 mod task_name;
 mod text;
 
-pub use quick_resets::{ParameterSource, QuickResets, Start};
+pub use quick_resets::{ParameterSource, QuickResets, StartKind};
 pub use record::{CrashCause, CrashRecord, CrashWords, FaultSite, STACK_WORDS};
 pub use task_name::{TaskName, TaskNameWords};
 pub use text::{call_sites_text, headline};

@@ -8,7 +8,7 @@ const STABLE_AFTER_S: u64 = 30;
 
 /// Cause of a start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Start {
+pub enum StartKind {
     /// Power-on or a requested restart.
     Requested,
     /// The previous run crashed.
@@ -30,10 +30,10 @@ pub struct QuickResets(u32);
 
 impl QuickResets {
     /// The count including this start, after `before` ones.
-    pub fn counted(before: u32, start: Start) -> Self {
+    pub fn counted(before: u32, start: StartKind) -> Self {
         match start {
-            Start::Requested => Self(0),
-            Start::AfterCrash => Self(before.saturating_add(1)),
+            StartKind::Requested => Self(0),
+            StartKind::AfterCrash => Self(before.saturating_add(1)),
         }
     }
 
@@ -63,7 +63,7 @@ mod tests {
 
     fn after(crashes: u32) -> QuickResets {
         (0..crashes).fold(QuickResets::default(), |resets, _| {
-            QuickResets::counted(resets.count(), Start::AfterCrash)
+            QuickResets::counted(resets.count(), StartKind::AfterCrash)
         })
     }
 
@@ -83,7 +83,7 @@ mod tests {
                 "{crashes}"
             );
         }
-        let saturated = QuickResets::counted(u32::MAX, Start::AfterCrash);
+        let saturated = QuickResets::counted(u32::MAX, StartKind::AfterCrash);
         assert_eq!(saturated.parameter_source(), ParameterSource::Defaults);
     }
 
@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn requested_start_resets_the_count() {
         for crashes in [0, 4, 5, 100] {
-            let resets = QuickResets::counted(after(crashes).count(), Start::Requested);
+            let resets = QuickResets::counted(after(crashes).count(), StartKind::Requested);
             assert_eq!(resets, QuickResets::default());
         }
     }

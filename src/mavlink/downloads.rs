@@ -10,7 +10,7 @@ const SHARE: u8 = 24;
 
 /// Whose turn it is when both a download and a stream could send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Turn {
+pub(super) enum NextSender {
     Download,
     Stream,
 }
@@ -122,11 +122,11 @@ impl Downloads {
     }
 
     /// Whose turn it is.
-    pub fn turn(&self) -> Turn {
+    pub fn turn(&self) -> NextSender {
         if self.since_stream < SHARE {
-            Turn::Download
+            NextSender::Download
         } else {
-            Turn::Stream
+            NextSender::Stream
         }
     }
 

@@ -5,7 +5,7 @@ use core::iter;
 use super::details_change::DetailsChangeDetector;
 use super::dialect::MavSeverity;
 use super::dispatcher::{Changeable, Context, dispatch};
-use super::downloads::{Downloads, Turn};
+use super::downloads::{Downloads, NextSender};
 use super::event::Event;
 use super::messages::{CheckedBy, arming_text, chunks_of};
 use super::outbox::{Outbox, Posted};
@@ -205,7 +205,7 @@ impl Endpoint {
 
     /// The next message of a download or of a stream. If there is none of whose turn it is, the other one's.
     fn take_in_turn(&mut self, state: &SystemState<'_>) -> Option<Outgoing> {
-        if self.downloads.turn() == Turn::Download
+        if self.downloads.turn() == NextSender::Download
             && let Some(message) = self.downloads.take()
         {
             return Some(message);
@@ -297,7 +297,7 @@ impl Endpoint {
         self.parser.count_overrun();
     }
 
-    /// The sender has paused for so long that what it began will not be ended.
+    /// The sender has paused for too long to complete what it began.
     pub fn give_up_waiting(&mut self) {
         self.parser.give_up_waiting();
     }

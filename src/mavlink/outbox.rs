@@ -48,12 +48,12 @@ pub struct Outbox {
     /// Which streams of each message wait, in the order of [`StreamKind::ALL`]: a bit for each pack, bit 0 for the first
     /// one and for the vehicle.
     waiting: [u16; StreamKind::COUNT],
-    turn: Turn,
+    turn: NextStream,
 }
 
 /// The stream whose turn it is.
 #[derive(Debug)]
-struct Turn {
+struct NextStream {
     kind: usize,
     pack: u32,
 }
@@ -66,7 +66,7 @@ impl Outbox {
             refused_arming: None,
             replies: Deque::new(),
             waiting: [0; StreamKind::COUNT],
-            turn: Turn { kind: 0, pack: 0 },
+            turn: NextStream { kind: 0, pack: 0 },
         }
     }
 
@@ -162,7 +162,7 @@ impl Outbox {
         let in_turn = *waiting & u16::MAX << self.turn.pack;
         // Without a bit there are sixteen zeros, which is not a pack.
         let Some(pack) = Pack::from_instance(in_turn.trailing_zeros() as u8) else {
-            self.turn = Turn {
+            self.turn = NextStream {
                 kind: (self.turn.kind + 1) % StreamKind::COUNT,
                 pack: 0,
             };

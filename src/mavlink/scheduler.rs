@@ -47,7 +47,7 @@ struct Entry {
     default_us: Option<u64>,
     /// `None` while it is off.
     cadence: Option<Cadence>,
-    /// When it may be due again at the earliest, were it turned off and on: requests must not exceed the highest rate.
+    /// Earliest time at which it may be due again: toggling it must not exceed the highest rate.
     earliest: Instant,
 }
 

@@ -9,7 +9,7 @@ const MAX_STATIONS: usize = 4;
 /// A station that was silent for longer is new when it is heard again: it may have been restarted.
 const SILENCE_US: u64 = 30_000_000;
 
-/// Two introductions are at least so far apart, in µs: strangers with changing ids must not flood the link.
+/// Minimum time between two introductions, in µs: strangers with changing ids must not flood the link.
 const INTRODUCTION_INTERVAL_US: u64 = 10_000_000;
 
 /// Whether what smart batteries are has to be sent for a station that was heard.

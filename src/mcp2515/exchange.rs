@@ -49,7 +49,7 @@ impl<M: RawMutex> CanExchange<M> {
         self.status.lock(Cell::get).interrupt
     }
 
-    /// A frame was given up.
+    /// A frame was discarded unsent.
     pub(super) fn count_unsent(&self) {
         self.update(|status| status.unsent_frames = status.unsent_frames.wrapping_add(1));
     }

@@ -26,11 +26,11 @@ const LOOK_INTERVAL: Duration = Duration::from_millis(100);
 /// It joins a bus after eleven recessive bits, as there are behind every frame: 1.3 ms at the longest, at 125 kbit/s.
 const LONGEST_JOINING: Duration = LOOK_INTERVAL;
 
-/// And its buffers so often without its interrupts: a transfer of several frames at 1 Mbit/s fills both in 260 µs, of which
+/// How often its buffers are read without its interrupts: a transfer of several frames at 1 Mbit/s fills both in 260 µs, of which
 /// reading them takes a part.
 const POLL_INTERVAL: Duration = Duration::from_micros(100);
 
-/// A frame that could not be sent for so long is given up: what it says is no longer true.
+/// A frame that could not be sent for this long is discarded: its content is out of date.
 const LONGEST_SENDING: Duration = Duration::from_secs(1);
 
 /// Rounds of reading in one go. With a controller that always has something nothing else would run.
@@ -88,7 +88,7 @@ enum Transmission {
     Free,
     /// It has a frame since then.
     Waiting(Instant),
-    /// The frame was given up; it may still be on its way.
+    /// The frame was discarded; it may still be sent.
     GivenUp,
 }
 

@@ -1,4 +1,4 @@
-//! Whose frames come in.
+//! Ingress filter: whose frames are let in.
 
 use core::cell::{Cell, RefCell};
 use core::net::Ipv4Addr;

@@ -14,7 +14,7 @@ const LAST: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1 + MAX_CLIENTS as u8);
 
 const NETMASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 
-/// A phone that has left keeps its address for so long.
+/// How long a phone that has left keeps its address.
 const LEASE_S: u32 = 600;
 
 /// Since boot: a lease from before it has expired by then.

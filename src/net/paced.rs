@@ -8,18 +8,18 @@ use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState};
 /// wait would be handled in one go, and the sampling of the packs would wait meanwhile.
 pub(super) struct Paced<D> {
     device: D,
-    received: Turn,
-    sent: Turn,
+    received: FrameSlot,
+    sent: FrameSlot,
 }
 
 /// Whether this turn's frame has passed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Turn {
+enum FrameSlot {
     Open,
     Used,
 }
 
-impl Turn {
+impl FrameSlot {
     /// Whether a frame may pass. After one that did the next may not, and is let through in the next turn, to which the task is
     /// woken.
     fn take(&mut self, context: &mut Context<'_>) -> bool {
@@ -36,8 +36,8 @@ impl<D> Paced<D> {
     pub fn new(device: D) -> Self {
         Self {
             device,
-            received: Turn::Open,
-            sent: Turn::Open,
+            received: FrameSlot::Open,
+            sent: FrameSlot::Open,
         }
     }
 }
@@ -58,7 +58,7 @@ impl<D: Driver> Driver for Paced<D> {
         }
         let frame = self.device.receive(context);
         if frame.is_some() {
-            self.received = Turn::Used;
+            self.received = FrameSlot::Used;
         }
         frame
     }
@@ -69,7 +69,7 @@ impl<D: Driver> Driver for Paced<D> {
         }
         let place = self.device.transmit(context);
         if place.is_some() {
-            self.sent = Turn::Used;
+            self.sent = FrameSlot::Used;
         }
         place
     }

@@ -27,13 +27,13 @@ const TCP_RECEIVED_BYTES: usize = 512;
 /// What is sent until a client confirms it.
 const TCP_SENT_BYTES: usize = 1024;
 
-/// A client that sends nothing is asked so often whether it is still there.
+/// Interval at which a silent client is asked whether it is still connected.
 const KEEP_ALIVE: Duration = Duration::from_secs(3);
 
-/// A client that has not even answered that for so long has left.
+/// A client that has not answered that for this long has left.
 const SILENCE: Duration = Duration::from_secs(12);
 
-/// A client has so long to take what was sent last, and to close its side.
+/// Time for a client to receive what was sent last and to close its side.
 const FAREWELL: Duration = Duration::from_secs(1);
 
 /// So long a reset waits for the radio.

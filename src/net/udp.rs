@@ -31,7 +31,7 @@ pub(super) const PORT: u16 = 14550;
 /// frame in one of its own.
 const QUEUE_BYTES: usize = 768;
 
-/// A station that was not heard for so long has left. Its time-outs have acted long before.
+/// A station that was not heard for this long has left. Its time-outs have acted long before.
 const SILENCE: Duration = Duration::from_secs(10);
 
 /// Minimum interval between log lines about stations that are refused.

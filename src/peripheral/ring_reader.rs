@@ -1,6 +1,6 @@
 //! Reads a ring that is written without end by a writer that never waits.
 
-/// What has been written is counted modulo this. The reader has to look before so much more is written: at 921,600 baud
+/// What has been written is counted modulo this. The reader has to look before that much more is written: at 921,600 baud
 /// that takes 2.8 s. A reader that is late by more miscounts what it has lost, and is about to be missed by the watchdog.
 pub const COUNT_PERIOD: u32 = 1 << 18;
 
@@ -50,7 +50,7 @@ impl RingReader {
         Ok(moved as usize)
     }
 
-    /// Whether anything is unread when so much has been `written`, modulo [`COUNT_PERIOD`].
+    /// Whether anything is unread once `written` bytes were written, modulo [`COUNT_PERIOD`].
     pub fn has_unread(&self, written: u32) -> bool {
         self.behind(written) > 0
     }

@@ -18,7 +18,7 @@ pub struct LogFile {
 
 /// Where a part of a file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct FileSpan {
     /// Its sector.
     pub sequence: u32,
     /// Its offset in the payload of the sector.
@@ -138,12 +138,12 @@ impl Directory {
     }
 
     /// Where the bytes of a file from `offset` on are; `None` beyond its end.
-    pub fn locate(&self, number: u16, offset: u32) -> Option<Place> {
+    pub fn locate(&self, number: u16, offset: u32) -> Option<FileSpan> {
         let mut files = self.files.iter().zip(&self.first);
         let (file, first) = files.find(|(file, _)| file.number == number)?;
         let left = file.bytes.checked_sub(offset).filter(|left| *left > 0)?;
         let in_sector = offset % PAYLOAD_BYTES;
-        Some(Place {
+        Some(FileSpan {
             sequence: first + offset / PAYLOAD_BYTES,
             offset: in_sector,
             bytes: left.min(PAYLOAD_BYTES - in_sector),

@@ -86,14 +86,14 @@ pub struct Piece {
 
 /// Result of a flash operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub enum FlashOutcome {
     /// It was done.
     Done,
     /// The flash reported an error, or reads back otherwise. What it holds is unknown.
     Failed,
 }
 
-/// No sector is erased: [`Ring::next_erase`] has to be obeyed first.
+/// No sector is erased: erase [`Ring::next_erase`] first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct NoErasedSpace;
@@ -296,17 +296,17 @@ impl Ring {
 
     /// Takes the outcome of the last [`next_program`](Self::next_program), and returns how many bytes of the data are in the
     /// file now: none if it was a header, if it failed, which closes the file, or if the file was closed meanwhile.
-    pub fn programmed(&mut self, outcome: Outcome) -> usize {
+    pub fn programmed(&mut self, outcome: FlashOutcome) -> usize {
         let Some(open) = &mut self.open else {
             return 0;
         };
         match (open.in_flight, outcome) {
             (None, _) => 0,
-            (Some(_), Outcome::Failed) => {
+            (Some(_), FlashOutcome::Failed) => {
                 self.close();
                 0
             }
-            (Some(InFlight::Header), Outcome::Done) => {
+            (Some(InFlight::Header), FlashOutcome::Done) => {
                 *open = OpenFile {
                     begun: open.begun.saturating_add(1),
                     in_flight: None,
@@ -314,7 +314,7 @@ impl Ring {
                 self.spend_sector();
                 0
             }
-            (Some(InFlight::Data(bytes)), Outcome::Done) => {
+            (Some(InFlight::Data(bytes)), FlashOutcome::Done) => {
                 open.in_flight = None;
                 self.directory.grow(bytes);
                 bytes as usize
@@ -367,13 +367,13 @@ impl Ring {
 
     /// Takes the outcome of an erase and its mark. After a failure the sector is left out for this lap, and the next one is
     /// tried: a caller that gets failures only has to stop.
-    pub fn erased(&mut self, erasure: Erasure, outcome: Outcome) {
+    pub fn erased(&mut self, erasure: Erasure, outcome: FlashOutcome) {
         if erasure.sequence != self.erased_to {
             // Reported already.
             return;
         }
         self.erased_to += 1;
-        if outcome == Outcome::Done {
+        if outcome == FlashOutcome::Done {
             self.ready.insert(self.geometry.position(erasure.sequence));
         }
         self.skip_unusable();

@@ -26,7 +26,10 @@ thread_local! {
 /// # Errors
 /// The clock is already running.
 pub fn set_speedup(speedup: f64) -> Result<(), ClockIsRunning> {
-    DRIVER.start.set(Start::now(speedup)).map_err(|_| ClockIsRunning)
+    DRIVER
+        .start
+        .set(ClockStart::now(speedup))
+        .map_err(|_| ClockIsRunning)
 }
 
 /// The clock was already running.
@@ -109,12 +112,12 @@ impl TimerQueue {
     }
 }
 
-struct Start {
+struct ClockStart {
     at: WallInstant,
     speedup: f64,
 }
 
-impl Start {
+impl ClockStart {
     fn now(speedup: f64) -> Self {
         Self {
             at: WallInstant::now(),
@@ -124,7 +127,7 @@ impl Start {
 }
 
 struct HostClock {
-    start: OnceLock<Start>,
+    start: OnceLock<ClockStart>,
     timers: Mutex<TimerQueue>,
     timer_added: Condvar,
     alarm_thread: OnceLock<()>,
@@ -140,8 +143,8 @@ impl HostClock {
         }
     }
 
-    fn start(&self) -> &Start {
-        self.start.get_or_init(|| Start::now(1.0))
+    fn start(&self) -> &ClockStart {
+        self.start.get_or_init(|| ClockStart::now(1.0))
     }
 
     fn scaled_now_us(&self) -> u64 {

@@ -309,7 +309,7 @@ impl<'a> Desk<'a> {
         }
     }
 
-    /// The pack beside what is estimated of it.
+    /// The true and the estimated state of the pack.
     fn comparison(&self) -> Comparison {
         let pack = self.pack.borrow();
         self.shared

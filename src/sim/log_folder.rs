@@ -122,7 +122,7 @@ mod tests {
 
     use super::super::test_folder::Folder;
     use super::*;
-    use crate::recorder::Outcome;
+    use crate::recorder::FlashOutcome;
 
     /// A flash with a log that is written by the recorder's own means.
     struct Recorder {
@@ -142,7 +142,7 @@ mod tests {
         fn erase_ahead(&mut self) {
             while let Some(erasure) = self.ring.next_erase(10) {
                 block_on(self.flash.write(erasure.mark_address(), &erasure.mark())).unwrap();
-                self.ring.erased(erasure, Outcome::Done);
+                self.ring.erased(erasure, FlashOutcome::Done);
             }
         }
 
@@ -154,7 +154,7 @@ mod tests {
             while !content.is_empty() {
                 let program = self.ring.next_program(content).unwrap();
                 block_on(self.flash.write(program.address(), program.bytes())).unwrap();
-                let appended = self.ring.programmed(Outcome::Done);
+                let appended = self.ring.programmed(FlashOutcome::Done);
                 content = &content[appended..];
             }
         }

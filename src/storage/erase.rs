@@ -3,7 +3,7 @@
 /// Whether a sector may be erased now. An erase stops the processor for 45 ms, typically, and for 400 ms at most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Erase {
-    /// Nothing has to happen in time.
+    /// There is no real-time deadline.
     Allowed,
     /// The vehicle may be moving.
     Forbidden,

@@ -50,7 +50,7 @@ enum Fault {
 }
 
 /// Outcome of an operation.
-enum Outcome {
+enum OperationOutcome {
     Done,
     Slipped,
     Torn(Rng),
@@ -133,9 +133,9 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
         );
     }
 
-    fn outcome(&mut self) -> Result<Outcome, FlashFailed> {
+    fn outcome(&mut self) -> Result<OperationOutcome, FlashFailed> {
         match &mut self.fault {
-            Fault::None => Ok(Outcome::Done),
+            Fault::None => Ok(OperationOutcome::Done),
             Fault::PoweredOff => Err(FlashFailed),
             Fault::Cut {
                 operations: 0,
@@ -143,7 +143,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
             } => {
                 let random = random.clone();
                 self.fault = Fault::PoweredOff;
-                Ok(Outcome::Torn(random))
+                Ok(OperationOutcome::Torn(random))
             }
             Fault::Refuse { operations: 0 } => {
                 self.fault = Fault::None;
@@ -151,11 +151,11 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
             }
             Fault::Slip { operations: 0 } => {
                 self.fault = Fault::None;
-                Ok(Outcome::Slipped)
+                Ok(OperationOutcome::Slipped)
             }
             Fault::Cut { operations, .. } | Fault::Refuse { operations } | Fault::Slip { operations } => {
                 *operations -= 1;
-                Ok(Outcome::Done)
+                Ok(OperationOutcome::Done)
             }
         }
     }
@@ -169,12 +169,12 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
             "a byte at {address:#x} is programmed twice"
         );
         let mut random = match outcome {
-            Outcome::Torn(random) => random,
-            Outcome::Done => {
+            OperationOutcome::Torn(random) => random,
+            OperationOutcome::Done => {
                 cells.copy_from_slice(data);
                 return Ok(());
             }
-            Outcome::Slipped => {
+            OperationOutcome::Slipped => {
                 cells[1..].copy_from_slice(&data[1..]);
                 return Ok(());
             }
@@ -196,11 +196,11 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
         let outcome = self.outcome()?;
         let sector = address / SECTOR - 1;
         self.erases[sector] += 1;
-        self.half_erased[sector] = matches!(outcome, Outcome::Torn(_));
+        self.half_erased[sector] = matches!(outcome, OperationOutcome::Torn(_));
         let cells = &mut self.bytes[address..address + SECTOR];
         match outcome {
-            Outcome::Done | Outcome::Slipped => cells.fill(0xFF),
-            Outcome::Torn(mut random) => match random.u8(..6) {
+            OperationOutcome::Done | OperationOutcome::Slipped => cells.fill(0xFF),
+            OperationOutcome::Torn(mut random) => match random.u8(..6) {
                 0 => {}
                 // Parts program every bit before they erase.
                 1 => cells.fill(0),

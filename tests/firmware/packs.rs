@@ -354,7 +354,7 @@ fn cells_and_swaps_are_announced() {
     bench.adc_input(PACK, AdcInput::Code(50));
     bench.run_for(2 * SECOND);
     bench.adc_input(PACK, AdcInput::Code(HALF_FULL_3S));
-    // It has rested after two seconds; so long takes the number of cells once more.
+    // It has rested after two seconds; the number of cells takes two more.
     bench.run_for(5 * SECOND);
     assert_eq!(
         texts_of(&bench.frames())[3..],

@@ -21,7 +21,7 @@ const REQUEST_MESSAGE: u16 = 512;
 /// Half throttle, so that the motors would turn if they may.
 const THROTTLE: i16 = 500;
 
-/// The control inputs come so often.
+/// Interval of the control inputs.
 const STEP_US: u64 = 100 * MILLISECOND;
 
 /// Up to a tick until it is measured, and until a text has left behind other messages; a count more of the current is

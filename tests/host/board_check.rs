@@ -50,7 +50,7 @@ enum Fault {
     PortCloses,
     VanishesWhileItRestarts,
     NeverComesBack,
-    /// Each byte is flipped or lost so often, of 65536, either way.
+    /// Probability that a byte is flipped or lost, of 65536, either way.
     Noise(u16),
     SecondBoard,
     WrongComponent,

@@ -134,7 +134,7 @@ fn set_up(second: u64, key: u8) -> (u64, Vec<u8>) {
     (second, setup_signing([key; 32], time))
 }
 
-/// The flash of a vehicle that ran for so long, with these keys set up one second after another.
+/// The flash of a vehicle that ran for `seconds`, with these keys set up one second after another.
 fn flash_after(seconds: u64, keys: &[u8]) -> SmallFlash {
     let flash = SmallFlash::blank();
     let requests: Vec<_> = (1..)

@@ -12,7 +12,7 @@ const STEP_US: u64 = 50 * MILLISECOND;
 /// Enough for as many files as there can be.
 const LIST_US: u64 = 600 * MILLISECOND;
 
-/// A download that has not sent anything new for so long has ended.
+/// A download that has not sent anything new for this long has ended.
 const SILENCE_US: u64 = 1_000 * MILLISECOND;
 
 /// The log files on the board: id and bytes.

@@ -8,7 +8,7 @@ use std::convert::Infallible;
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, ReadNorFlash};
 use rover_battmon::flash_map;
-use rover_battmon::recorder::{Erasure, Outcome, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
+use rover_battmon::recorder::{Erasure, FlashOutcome, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
 
 /// The ring of a board, and its flash.
 pub struct LogFlash {
@@ -43,7 +43,7 @@ impl LogFlash {
         let mark = erasure.mark();
         self.place(erasure.mark_address(), mark.len())
             .copy_from_slice(&mark);
-        self.ring.erased(erasure, Outcome::Done);
+        self.ring.erased(erasure, FlashOutcome::Done);
     }
 
     /// Adds a file.
@@ -54,7 +54,7 @@ impl LogFlash {
             let program = self.ring.next_program(rest).expect("there is room");
             let start = (program.address() - flash_map::LOG.start) as usize;
             self.bytes[start..][..program.bytes().len()].copy_from_slice(program.bytes());
-            rest = &rest[self.ring.programmed(Outcome::Done)..];
+            rest = &rest[self.ring.programmed(FlashOutcome::Done)..];
         }
         self.ring.close();
     }

@@ -15,10 +15,10 @@ use crate::recorder::{LogFile, Piece, Ring};
 use crate::time::Instant;
 use crate::vehicle::Vehicle;
 
-/// The log goes on for so long after disarming, as ArduPilot's does: the pack recovers meanwhile.
+/// How long the log goes on after disarming, as ArduPilot's does: the pack recovers meanwhile.
 const AFTER_DISARMING_US: u64 = 15_000_000;
 
-/// After a failure, another file is begun so much later.
+/// Delay after a failure before another file is begun.
 const RETRY_INTERVAL_US: u64 = 10_000_000;
 
 /// `LOG_BITMASK`: the health of the board, once a second.

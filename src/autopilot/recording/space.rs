@@ -23,7 +23,7 @@ pub(super) fn is_full(ring: &Ring) -> bool {
     ring.room() < SECTOR_BYTES || ring.open_file().is_some_and(|file| sectors(&file) >= most)
 }
 
-/// Whether the open file is so long that the next drive has more room in one of its own.
+/// Whether the open file is long enough for the next drive to have more room in a new one.
 pub(super) fn is_long(ring: &Ring) -> bool {
     ring.open_file()
         .is_some_and(|file| sectors(&file) > least_free(ring))

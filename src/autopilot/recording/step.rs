@@ -6,7 +6,7 @@ use super::recording::{Chunk, LogFailure, MOST_FAILED_ERASES, PAGE_BYTES, Record
 use super::space::erase_target;
 use crate::log::warn;
 use crate::parameter::Parameters;
-use crate::recorder::{AppendError, Erasure, Outcome};
+use crate::recorder::{AppendError, Erasure, FlashOutcome};
 use crate::storage::Erase;
 use crate::time::Instant;
 
@@ -113,12 +113,12 @@ impl Recording {
     }
 
     /// The outcome of programming.
-    pub fn written(&mut self, outcome: Outcome, now: Instant) {
+    pub fn written(&mut self, outcome: FlashOutcome, now: Instant) {
         let Some(ring) = &mut self.ring else { return };
         let bytes = ring.programmed(outcome);
         let rest = Chunk::from_slice(self.chunk.get(bytes..).unwrap_or_default());
         self.chunk = rest.unwrap_or_default();
-        if outcome == Outcome::Failed {
+        if outcome == FlashOutcome::Failed {
             warn!("log: a page can't be written");
             self.stop(LogFailure::NotWritten);
         } else if self.chunk.is_empty() && !self.stream.has(1) {
@@ -136,12 +136,12 @@ impl Recording {
     }
 
     /// The outcome of an erase.
-    pub fn erased(&mut self, erasure: Erasure, outcome: Outcome) {
+    pub fn erased(&mut self, erasure: Erasure, outcome: FlashOutcome) {
         let Some(ring) = &mut self.ring else { return };
         ring.erased(erasure, outcome);
         match outcome {
-            Outcome::Done => self.failed_erases = 0,
-            Outcome::Failed => {
+            FlashOutcome::Done => self.failed_erases = 0,
+            FlashOutcome::Failed => {
                 warn!("log: a sector can't be erased");
                 self.failed_erases = self.failed_erases.saturating_add(1);
                 if self.failed_erases == MOST_FAILED_ERASES {

@@ -10,7 +10,7 @@ use crate::battery::ArmState;
 use crate::crash::{CrashCause, CrashRecord};
 use crate::dataflash::{ArmingChecks, ArmingMethod, ModeReason, Record};
 use crate::parameter::{Parameters, VehicleParameter};
-use crate::recorder::{LogFile, Outcome, PAYLOAD_BYTES, Ring};
+use crate::recorder::{FlashOutcome, LogFile, PAYLOAD_BYTES, Ring};
 use crate::storage::Erase;
 use crate::storage::flash_model::FlashModel;
 use crate::time::{Instant, at_us};
@@ -176,10 +176,10 @@ impl Bench {
     }
 }
 
-fn outcome(is_done: bool) -> Outcome {
+fn outcome(is_done: bool) -> FlashOutcome {
     match is_done {
-        true => Outcome::Done,
-        false => Outcome::Failed,
+        true => FlashOutcome::Done,
+        false => FlashOutcome::Failed,
     }
 }
 

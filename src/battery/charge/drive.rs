@@ -52,19 +52,19 @@ pub(super) struct Drive {
     /// Time at rest, in hours.
     rested_h: f32,
     ohm: Sum,
-    parts: [Part; OFFSET_POINTS],
+    parts: [CurvePoint; OFFSET_POINTS],
     /// What was known before, once something was learnt from this drive: each rest is evaluated on its own.
     before: Option<LearntPack>,
 }
 
 /// What was seen near one point of the curve.
 #[derive(Clone, Copy, Debug)]
-struct Part {
+struct CurvePoint {
     resting_v: Sum,
     drawn_ah: Sum,
 }
 
-impl Part {
+impl CurvePoint {
     const NEW: Self = Self {
         resting_v: Sum::NEW,
         drawn_ah: Sum::NEW,
@@ -80,7 +80,7 @@ impl Drive {
             drawn_ah: 0.0,
             rested_h: 0.0,
             ohm: Sum::NEW,
-            parts: [Part::NEW; OFFSET_POINTS],
+            parts: [CurvePoint::NEW; OFFSET_POINTS],
             before: None,
         }
     }

@@ -11,14 +11,14 @@ const FIRST_S: f32 = 0.249;
 pub(super) struct Gathering {
     complete_s: f32,
     duration_s: f32,
-    voltage: Part,
-    current: Part,
+    voltage: MeasuredSum,
+    current: MeasuredSum,
     unmeasured_ah: f32,
 }
 
 /// A sum over most of a second.
 #[derive(Clone, Copy, Debug)]
-struct Part {
+struct MeasuredSum {
     value_s: f32,
     missing_s: f32,
 }
@@ -67,7 +67,7 @@ impl Sum {
     }
 }
 
-impl Part {
+impl MeasuredSum {
     const NEW: Self = Self {
         value_s: 0.0,
         missing_s: 0.0,
@@ -100,8 +100,8 @@ impl Gathering {
         Self {
             complete_s,
             duration_s: 0.0,
-            voltage: Part::NEW,
-            current: Part::NEW,
+            voltage: MeasuredSum::NEW,
+            current: MeasuredSum::NEW,
             unmeasured_ah: 0.0,
         }
     }

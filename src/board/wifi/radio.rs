@@ -38,7 +38,7 @@ const VAIN_STARTS: u8 = 3;
 const WATCH_INTERVAL: Duration = Duration::from_secs(5);
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// A radio that has failed is left switched off for so long.
+/// How long a radio that has failed stays switched off.
 const RETRY_DELAY: Duration = Duration::from_secs(10);
 
 /// Between two attempts to join a network. A failed one takes a few seconds itself.
@@ -49,7 +49,7 @@ const JOIN_TIMEOUT: Duration = Duration::from_secs(20);
 /// Its ripple is on the converter's reference.
 const REGULATOR_GPIO: u8 = 1;
 
-/// A network that gives no address for so long is left, and joined again.
+/// A network that gives no address for this long is left, and joined again.
 const ADDRESS_PATIENCE: Duration = Duration::from_secs(25);
 
 /// The limit over all attempts, and over faults of the radio meanwhile: then the board has its own network instead.

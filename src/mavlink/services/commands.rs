@@ -87,14 +87,14 @@ impl RequestedStreams {
 
 /// Result of a command.
 #[derive(Debug, PartialEq)]
-pub(in crate::mavlink) struct Outcome {
+pub(in crate::mavlink) struct CommandOutcome {
     pub result: MavResult,
     /// What was asked for, to be sent after the acknowledgement.
     pub answer: Option<Answer>,
     pub action: Option<Action>,
 }
 
-impl From<MavResult> for Outcome {
+impl From<MavResult> for CommandOutcome {
     fn from(result: MavResult) -> Self {
         Self {
             result,
@@ -104,7 +104,7 @@ impl From<MavResult> for Outcome {
     }
 }
 
-impl From<Action> for Outcome {
+impl From<Action> for CommandOutcome {
     fn from(action: Action) -> Self {
         Self {
             result: ACCEPTED,
@@ -114,7 +114,7 @@ impl From<Action> for Outcome {
     }
 }
 
-impl From<Answer> for Outcome {
+impl From<Answer> for CommandOutcome {
     fn from(answer: Answer) -> Self {
         Self {
             result: ACCEPTED,
@@ -124,7 +124,7 @@ impl From<Answer> for Outcome {
     }
 }
 
-impl From<Message> for Outcome {
+impl From<Message> for CommandOutcome {
     fn from(message: Message) -> Self {
         Answer::Message(message).into()
     }
@@ -153,7 +153,12 @@ impl Command {
     }
 
     /// Does what the command asks of the link, and returns the answer and what the vehicle has to do.
-    pub fn execute(&self, scheduler: &mut StreamScheduler, state: &SystemState<'_>, now: Instant) -> Outcome {
+    pub fn execute(
+        &self,
+        scheduler: &mut StreamScheduler,
+        state: &SystemState<'_>,
+        now: Instant,
+    ) -> CommandOutcome {
         match self.number {
             PREFLIGHT_STORAGE if self.param1 == STORAGE_RESET => Action::ResetParameters.into(),
             PREFLIGHT_REBOOT_SHUTDOWN if self.param1 == REBOOT_AUTOPILOT => {
@@ -198,7 +203,7 @@ impl Command {
         }
     }
 
-    fn message_interval(&self, asked: f32, scheduler: &StreamScheduler) -> Outcome {
+    fn message_interval(&self, asked: f32, scheduler: &StreamScheduler) -> CommandOutcome {
         let id = message_id(asked).and_then(|id| u16::try_from(id).ok());
         let Some(message_id) = id else {
             return DENIED.into();
@@ -215,7 +220,7 @@ impl Command {
         .into()
     }
 
-    fn request_message(&self, scheduler: &StreamScheduler, state: &SystemState<'_>) -> Outcome {
+    fn request_message(&self, scheduler: &StreamScheduler, state: &SystemState<'_>) -> CommandOutcome {
         let Some(message_id) = message_id(self.param1) else {
             return DENIED.into();
         };
@@ -228,7 +233,7 @@ impl Command {
     }
 
     /// The message at once: of the pack whose instance is parameter 2, 0 if it isn't given.
-    fn request_streams(&self, message_id: u32, state: &SystemState<'_>) -> Outcome {
+    fn request_streams(&self, message_id: u32, state: &SystemState<'_>) -> CommandOutcome {
         let asked = if self.param2.is_nan() { 0.0 } else { self.param2 };
         let mut packs = Pack::ALL.into_iter();
         let requested = RequestedStreams {
@@ -247,7 +252,7 @@ impl Command {
     /// Resets the packs that are named, and with a sum the packs that it is of. As in ArduPilot it fails if a pack that is
     /// named does not exist, unless it lies beyond the last one that does; or if it reports its own charge, which is not
     /// overridden. All the others are reset all the same, and the level of such a pack ends, too.
-    fn reset_batteries(&self, state: &SystemState<'_>) -> Outcome {
+    fn reset_batteries(&self, state: &SystemState<'_>) -> CommandOutcome {
         let Some(asked) = pack_mask(self.param1).filter(|_| self.param2.is_finite()) else {
             return DENIED.into();
         };
@@ -257,7 +262,7 @@ impl Command {
         let mask = asked & existing;
         let percent = self.param2.clamp(0.0, 100.0);
         let complete = mask != 0 && asked & up_to_last == mask & !state.gauged_mask();
-        Outcome {
+        CommandOutcome {
             result: if complete { ACCEPTED } else { FAILED },
             answer: None,
             action: (mask != 0).then_some(Action::ResetBatteries { mask, percent }),
@@ -274,11 +279,11 @@ fn pack_mask(parameter: f32) -> Option<u16> {
     }
 }
 
-fn autopilot_version(state: &SystemState<'_>) -> Outcome {
+fn autopilot_version(state: &SystemState<'_>) -> CommandOutcome {
     Message::AutopilotVersion(build_autopilot_version(state.identity)).into()
 }
 
-fn protocol_version() -> Outcome {
+fn protocol_version() -> CommandOutcome {
     Message::ProtocolVersion(build_protocol_version()).into()
 }
 
@@ -303,11 +308,11 @@ mod tests {
         packs
     }
 
-    fn execute(number: u16, param1: f32, param2: f32) -> Outcome {
+    fn execute(number: u16, param1: f32, param2: f32) -> CommandOutcome {
         execute_with(&packs(), number, param1, param2)
     }
 
-    fn execute_with(packs: &[BatteryState], number: u16, param1: f32, param2: f32) -> Outcome {
+    fn execute_with(packs: &[BatteryState], number: u16, param1: f32, param2: f32) -> CommandOutcome {
         let state = SystemState {
             batteries: packs,
             ..SystemState::default()
@@ -395,8 +400,8 @@ mod tests {
         }
     }
 
-    fn reset(result: MavResult, mask: u16, percent: f32) -> Outcome {
-        Outcome {
+    fn reset(result: MavResult, mask: u16, percent: f32) -> CommandOutcome {
+        CommandOutcome {
             result,
             answer: None,
             action: Some(Action::ResetBatteries { mask, percent }),
@@ -482,7 +487,7 @@ mod tests {
 
     #[test]
     fn the_interval_reported_is_the_one_set() {
-        let reported = |outcome: Outcome| match outcome.answer {
+        let reported = |outcome: CommandOutcome| match outcome.answer {
             Some(Answer::Message(Message::MessageInterval(data))) => (data.message_id, data.interval_us),
             other => panic!("{other:?}"),
         };

@@ -16,10 +16,10 @@ const DATA_BYTES: usize = 90;
 /// LOG_REQUEST_LIST: to the last one.
 const TO_THE_LAST: u16 = u16::MAX;
 
-/// After so long without a request or data of a download, another ground station may begin one, in µs.
+/// After this long without a request or data of a download, another ground station may begin one, in µs.
 const HOLD_US: u64 = 5_000_000;
 
-/// Two texts about a refusal are at least so far apart, in µs: ground stations repeat what is refused, often many at once.
+/// Minimum time between two texts about a refusal, in µs: ground stations repeat what is refused, often many at once.
 const REFUSAL_INTERVAL_US: u64 = 5_000_000;
 
 /// File numbers, which go round from the last one to 1.

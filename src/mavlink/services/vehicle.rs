@@ -75,7 +75,7 @@ impl VehicleService<'_> {
         }
     }
 
-    /// Whether the request may have waited for so long that what moves the rover no longer counts.
+    /// Whether the request may have waited too long to move the rover.
     fn is_late(&self) -> bool {
         self.now.us_since(self.received_at) > control_timeout_us(self.parameters)
     }

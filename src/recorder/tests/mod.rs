@@ -196,7 +196,7 @@ impl<const SECTORS: usize> Recorder<SECTORS> {
         self.assert_files();
 
         let mut outcome = outcome(block_on(self.flash.erase(sector.start, sector.end)));
-        if outcome == Outcome::Done {
+        if outcome == FlashOutcome::Done {
             outcome = self::outcome(block_on(
                 self.flash.write(erasure.mark_address(), &erasure.mark()),
             ));
@@ -238,10 +238,10 @@ enum Erased {
     None,
 }
 
-fn outcome<E>(result: Result<(), E>) -> Outcome {
+fn outcome<E>(result: Result<(), E>) -> FlashOutcome {
     match result {
-        Ok(()) => Outcome::Done,
-        Err(_) => Outcome::Failed,
+        Ok(()) => FlashOutcome::Done,
+        Err(_) => FlashOutcome::Failed,
     }
 }
 
@@ -326,7 +326,7 @@ fn empty_files_are_not_listed() {
     recorder.open().unwrap();
     let header = recorder.ring.next_program(&[1]).unwrap();
     block_on(recorder.flash.write(header.address(), header.bytes())).unwrap();
-    recorder.ring.programmed(Outcome::Done);
+    recorder.ring.programmed(FlashOutcome::Done);
     recorder.restart();
     assert_eq!(recorder.ring.files(), []);
     assert_eq!(recorder.ring.open(), Ok(3));
@@ -375,7 +375,7 @@ fn outcome_for_a_file_that_was_closed_meanwhile_is_ignored() {
         block_on(recorder.flash.write(program.address(), program.bytes())).unwrap();
         recorder.erase_all();
         recorder.open().unwrap();
-        assert_eq!(recorder.ring.programmed(Outcome::Done), 0);
+        assert_eq!(recorder.ring.programmed(FlashOutcome::Done), 0);
         assert_eq!(recorder.append(&bytes(1, 300)), Ok(Ok(())));
         recorder.assert_files();
     }

@@ -13,12 +13,12 @@ use crate::time::{Cadence, Instant};
 /// Failures in a row before a part's back-off period, so that it does not hold up the others.
 const FAILURES_UNTIL_REST: u8 = 3;
 
-/// And so much of it: ArduPilot looks for a missing part as often.
+/// At most this much of it: ArduPilot looks for a missing part as often.
 const REST_US: u64 = 200_000;
 
 /// Where a device is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Place {
+enum DeviceAddress {
     /// Where it was set to be.
     Set(Address),
     /// To be found.
@@ -33,7 +33,7 @@ enum Place {
 #[derive(Debug)]
 struct BusDevice {
     kind: PartKind,
-    place: Place,
+    place: DeviceAddress,
     part: Option<AnyPart>,
     failures: u8,
     cadence: Cadence,
@@ -77,9 +77,9 @@ impl BusDevices {
     /// Returns its number.
     fn add_device(&mut self, kind: PartKind, wiring: &Wiring, now: Instant) -> usize {
         let place = match wiring.address {
-            Some(address) if self.taken().any(|taken| taken == address) => Place::Taken,
-            Some(address) => Place::Set(address),
-            None => Place::Unknown,
+            Some(address) if self.taken().any(|taken| taken == address) => DeviceAddress::Taken,
+            Some(address) => DeviceAddress::Set(address),
+            None => DeviceAddress::Unknown,
         };
         let interval_us = kind.interval_us();
         let _ = self.devices.push(BusDevice {
@@ -106,8 +106,8 @@ impl BusDevices {
 
     fn taken(&self) -> impl Iterator<Item = Address> {
         self.devices.iter().filter_map(|device| match device.place {
-            Place::Set(address) | Place::Found(address) => Some(address),
-            Place::Unknown | Place::Taken => None,
+            DeviceAddress::Set(address) | DeviceAddress::Found(address) => Some(address),
+            DeviceAddress::Unknown | DeviceAddress::Taken => None,
         })
     }
 
@@ -177,8 +177,8 @@ impl BusDevice {
             none => {
                 let first = packs.clone().next().ok_or(ReadError::NoPin)?;
                 let (address, part) = find(self.kind, self.place, &first.wiring, bus, taken).await?;
-                if self.place == Place::Unknown {
-                    self.place = Place::Found(address);
+                if self.place == DeviceAddress::Unknown {
+                    self.place = DeviceAddress::Found(address);
                 }
                 none.insert(part)
             }
@@ -214,17 +214,17 @@ impl BusDevice {
 /// Sets up the part where it has to be, or where it is found.
 async fn find(
     kind: PartKind,
-    place: Place,
+    place: DeviceAddress,
     wiring: &Wiring,
     bus: &mut impl SensorBus,
     taken: &[Address],
 ) -> Result<(Address, AnyPart), ReadError> {
     match place {
-        Place::Taken => Err(ReadError::AddressTaken),
-        Place::Set(address) | Place::Found(address) => {
+        DeviceAddress::Taken => Err(ReadError::AddressTaken),
+        DeviceAddress::Set(address) | DeviceAddress::Found(address) => {
             Ok((address, kind.set_up(bus, address, wiring).await?))
         }
-        Place::Unknown => {
+        DeviceAddress::Unknown => {
             let free = kind.addresses().iter().filter(|address| !taken.contains(address));
             let mut error = ReadError::Bus(BusError::NoAnswer);
             for address in free {

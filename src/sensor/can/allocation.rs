@@ -3,7 +3,7 @@
 
 use heapless::Vec;
 
-use super::messages::{Allocation, Part, UNIQUE_ID_BYTES};
+use super::messages::{Allocation, UNIQUE_ID_BYTES, UniqueIdPart};
 use super::{MAX_NODES, NodeId};
 use crate::integrity::fnv;
 use crate::time::Instant;
@@ -82,9 +82,9 @@ impl Allocatee {
         let allocation = Allocation {
             node_id: None,
             part: if self.confirmed == 0 {
-                Part::First
+                UniqueIdPart::First
             } else {
-                Part::Later
+                UniqueIdPart::Later
             },
             unique_id: Vec::from_slice(self.unique_id.get(self.confirmed..end)?).ok()?,
         };
@@ -188,10 +188,10 @@ impl Allocator {
             return None;
         }
         let is_late = now.us_since(self.heard) > FOLLOW_UP_US;
-        if is_late || request.part == Part::First {
+        if is_late || request.part == UniqueIdPart::First {
             self.unique_id.clear();
         }
-        if request.part == Part::Later && self.unique_id.is_empty() {
+        if request.part == UniqueIdPart::Later && self.unique_id.is_empty() {
             return None;
         }
         self.heard = now;
@@ -213,7 +213,7 @@ impl Allocator {
     fn answer(&self, node_id: Option<NodeId>) -> Allocation {
         Allocation {
             node_id,
-            part: Part::Later,
+            part: UniqueIdPart::Later,
             unique_id: self.unique_id.clone(),
         }
     }

@@ -320,14 +320,14 @@ pub(super) struct Allocation {
     /// The id that is given, or wanted; `None` is not given yet, or any.
     pub node_id: Option<NodeId>,
     /// In a request.
-    pub part: Part,
+    pub part: UniqueIdPart,
     /// The unique id, or the part of it that is known or sent.
     pub unique_id: Vec<u8, UNIQUE_ID_BYTES>,
 }
 
 /// Which part of a unique id a request has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
+pub(super) enum UniqueIdPart {
     First,
     Later,
 }
@@ -340,14 +340,18 @@ impl Allocation {
         let (first, unique_id) = payload.split_first()?;
         Some(Self {
             node_id: NodeId::new(first >> 1),
-            part: if first & 1 == 1 { Part::First } else { Part::Later },
+            part: if first & 1 == 1 {
+                UniqueIdPart::First
+            } else {
+                UniqueIdPart::Later
+            },
             unique_id: Vec::from_slice(unique_id).ok()?,
         })
     }
 
     pub fn to_bytes(&self) -> Vec<u8, { Self::BYTES }> {
         let node_id = self.node_id.map_or(0, NodeId::number);
-        let first = node_id << 1 | u8::from(self.part == Part::First);
+        let first = node_id << 1 | u8::from(self.part == UniqueIdPart::First);
         let mut bytes = Vec::new();
         // They all fit.
         let _ = bytes.push(first);

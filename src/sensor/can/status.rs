@@ -61,7 +61,7 @@ pub struct CanStatus {
     pub lost_setups: u32,
     /// Received frames that were lost, at least: the controller or the queue behind it had no room.
     pub lost_frames: u32,
-    /// Frames that were given up as they could not be sent.
+    /// Frames that were discarded as they could not be sent.
     pub unsent_frames: u32,
     /// Looks at the controller: without more of them what serves it stands still.
     pub looks: u32,
@@ -118,7 +118,7 @@ pub enum CanReport {
     Reconfigured,
     /// There are too many errors.
     Passive,
-    /// The controller was bus-off so often since the start.
+    /// How often the controller was bus-off since the start.
     BusOff(u32),
     /// The bus works again.
     Working,

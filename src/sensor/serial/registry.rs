@@ -2,7 +2,7 @@
 
 use super::protocol::{Line, Protocol, Request, SerialReading};
 use super::protocols::intelligent_energy::FuelCell;
-use super::protocols::{IntelligentEnergy, Kiss, MegaSquirt, Place, RichenPower, Torqeedo};
+use super::protocols::{IntelligentEnergy, Kiss, MegaSquirt, RichenPower, Torqeedo, TorqeedoRole};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::sensor::MonitorKind;
@@ -121,9 +121,9 @@ protocols! {
     }
     Torqeedo {
         /// A Torqeedo battery, this board instead of its tiller.
-        TorqeedoTiller = 39, Some((VehicleParameter::Trqd1Type, 1)), Place::Tiller;
+        TorqeedoTiller = 39, Some((VehicleParameter::Trqd1Type, 1)), TorqeedoRole::Tiller;
         /// A Torqeedo motor, this board as its master.
-        TorqeedoMotor = 39, Some((VehicleParameter::Trqd1Type, 2)), Place::Master;
+        TorqeedoMotor = 39, Some((VehicleParameter::Trqd1Type, 2)), TorqeedoRole::Master;
     }
 }
 

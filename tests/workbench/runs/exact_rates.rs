@@ -53,7 +53,7 @@ pub fn assert_exact_rates(frames: &[Frame], seconds: usize) {
     }
 }
 
-/// Samples and reports without drift for so long.
+/// Samples and reports without drift for this time.
 pub fn run(length_us: u64) {
     let seconds = (length_us / SECOND) as usize;
     let mut bench = Bench::power_up(DIVIDER_CODE);

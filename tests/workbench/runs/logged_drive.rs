@@ -30,7 +30,7 @@ const DIVIDERS: [usize; 2] = [0, 2];
 /// Three cells at 3.8 V there.
 const FULL_CODE: u16 = 3582;
 
-/// Stick input is sent, and a drive looked at, so often.
+/// Interval at which stick input is sent and a drive looked at.
 const STEP_US: u64 = 100 * MILLISECOND;
 
 /// The voltages change after this many steps, so that each is on the wire.
@@ -139,7 +139,7 @@ impl Drive {
         self.bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
     }
 
-    /// Drives for so long.
+    /// Drives for this time.
     pub fn drive_for(&mut self, length_us: u64) {
         for _ in 0..length_us / STEP_US {
             self.steps += 1;

@@ -28,7 +28,7 @@ pub const MIXED: [(&str, f32); 13] = [
 /// What each of [`MIXED`] is expected to report.
 pub const MIXED_MV: [u32; 9] = [7_901, 12_000, 11_000, 10_000, 8_000, 8_400, 7_200, 11_100, 11_500];
 
-/// Keeps the rate of all packs for so long, with what each is expected to report.
+/// Keeps the rate of all packs for this time, with what each is expected to report.
 pub fn run(parameters: &[(&str, f32)], voltages_mv: &[u32], length_us: u64) {
     let seconds = (length_us / SECOND) as usize;
     let mut bench = Bench::running(DIVIDER_CODE);

@@ -23,7 +23,7 @@ const CHANGED_WITHIN_US: u64 = 4 * SECOND;
 /// A start that fails takes 3 s, and the radio is off for 10 s then.
 const RETRIED_WITHIN_US: u64 = 16 * SECOND;
 
-/// The setting is sent up to so long after the network is up.
+/// The setting is sent up to this long after the network is up.
 const LONGEST_DELAY_US: usize = 20_000;
 
 /// Of this many restarts one is of a start that has failed; of fewer in all, the last.

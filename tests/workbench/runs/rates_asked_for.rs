@@ -7,7 +7,7 @@ use crate::support::requests::command_long_2;
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const ACCEPTED: u8 = 0;
 
-/// Panics unless each message leaves at its rate for so long, within 1 % or one frame.
+/// Panics unless each message leaves at its rate for this time, within 1 % or one frame.
 pub fn assert_rates(bench: &mut Bench, length_us: u64, expected_hz: &[(u32, f64)]) {
     let from_us = bench.time_us();
     bench.run_for(length_us);

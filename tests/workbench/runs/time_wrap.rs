@@ -82,7 +82,7 @@ impl Old {
     }
 }
 
-/// Samples and reports without drift for so long, with either wrap in the middle.
+/// Samples and reports without drift for this time, with either wrap in the middle.
 pub fn run(length_us: u64) {
     WRAPS_US
         .iter()

@@ -31,13 +31,13 @@ use path::{Directory, Path};
 pub(in crate::mavlink) use upload::NotSet;
 use upload::{Upload, Written};
 
-/// After so long without a request or an answer, another ground station gets the session, in µs.
+/// After this long without a request or an answer, another ground station gets the session, in µs.
 const SILENCE_US: u64 = 10_000_000;
 
 /// Messages in a burst. A ground station that is gone receives no more than these.
 const BURST_MESSAGES: u16 = 200;
 
-/// A burst ends with the first message after so long, in µs: pymavlink gives up 3.7 s after it has requested one, however
+/// A burst ends with the first message after this time, in µs: pymavlink gives up 3.7 s after it has requested one, however
 /// many messages have come.
 const BURST_US: u64 = 2_000_000;
 
@@ -128,7 +128,7 @@ type Handled = (Option<FileOutcome>, FileEvent);
 #[derive(Debug, Default)]
 pub(in crate::mavlink) struct FileTransfers {
     session: Option<Session>,
-    waiting: Deque<Part, MAX_WAITING>,
+    waiting: Deque<PartRequest, MAX_WAITING>,
     burst: Option<BurstRead>,
     checksum: Option<Checksum>,
     last_end: Option<(FileAnswerHeader, FileOutcome)>,
@@ -152,7 +152,7 @@ enum OpenFile {
 
 /// A request for a part of a file or list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Part {
+struct PartRequest {
     header: FileAnswerHeader,
     offset: u32,
     of: PartOf,
@@ -446,7 +446,7 @@ impl FileTransfers {
 
     /// Has a request wait for its turn. One for which there is no room is not answered, and comes again.
     fn wait(&mut self, header: FileAnswerHeader, offset: u32, of: PartOf) -> Handled {
-        let part = Part { header, offset, of };
+        let part = PartRequest { header, offset, of };
         if !self.waiting.iter().any(|waiting| *waiting == part) {
             let _ = self.waiting.push_back(part);
         }
@@ -528,7 +528,7 @@ impl FileTransfers {
         }
     }
 
-    fn step_part(&mut self, part: Part, state: &SystemState<'_>, parameters: &Parameters) -> FileStep {
+    fn step_part(&mut self, part: PartRequest, state: &SystemState<'_>, parameters: &Parameters) -> FileStep {
         let content = match part.of {
             PartOf::Directory(directory) => bytes_or_end(list(directory, part.offset, state.logs)),
             PartOf::File { bytes } => self.content(part.header, part.offset, bytes, parameters),
@@ -635,7 +635,7 @@ impl FileTransfers {
         }
     }
 
-    fn supply_part(&mut self, part: Part, read: LogRead, bytes: &[u8]) -> FileStep {
+    fn supply_part(&mut self, part: PartRequest, read: LogRead, bytes: &[u8]) -> FileStep {
         let PartOf::File { bytes: size } = part.of else {
             return FileStep::Idle;
         };
@@ -681,7 +681,7 @@ impl FileTransfers {
     }
 }
 
-impl Part {
+impl PartRequest {
     fn data(self, data: Vec<u8, MAX_FILE_BYTES>) -> FileData {
         FileData {
             header: self.header,

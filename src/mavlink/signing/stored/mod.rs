@@ -33,12 +33,12 @@ pub type Words = Vec<(u16, u32), { KEY_WORDS + 2 }>;
 
 /// Which of the two places counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
+enum KeySlot {
     First,
     Second,
 }
 
-impl Place {
+impl KeySlot {
     fn number(self) -> u32 {
         match self {
             Self::First => 1,
@@ -136,18 +136,18 @@ impl StoredSigning {
     }
 
     /// Which place counts.
-    fn place(&self) -> Option<Place> {
+    fn place(&self) -> Option<KeySlot> {
         let number = self.choice? & PLACE;
-        [Place::First, Place::Second]
+        [KeySlot::First, KeySlot::Second]
             .into_iter()
             .find(|place| place.number() == number)
     }
 
     /// Where to write `key`: not over another one that counts.
-    fn place_for(&self, key: &SigningKey) -> Place {
+    fn place_for(&self, key: &SigningKey) -> KeySlot {
         match self.place() {
             Some(place) if self.key().as_ref() == Some(key) => place,
-            place => place.map_or(Place::First, Place::other),
+            place => place.map_or(KeySlot::First, KeySlot::other),
         }
     }
 
@@ -155,8 +155,8 @@ impl StoredSigning {
     fn key(&self) -> Option<SigningKey> {
         let place = self.place()?;
         let stored = match place {
-            Place::First => &self.first,
-            Place::Second => &self.second,
+            KeySlot::First => &self.first,
+            KeySlot::Second => &self.second,
         };
         let mut words = [0; KEY_WORDS];
         for (word, stored) in words.iter_mut().zip(stored) {
@@ -167,7 +167,7 @@ impl StoredSigning {
 }
 
 /// The word that puts `place` in charge, with these words in it.
-fn choice(place: Place, words: [u32; KEY_WORDS]) -> u32 {
+fn choice(place: KeySlot, words: [u32; KEY_WORDS]) -> u32 {
     crc32(words) & !PLACE | place.number()
 }
 

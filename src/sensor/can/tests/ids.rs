@@ -7,7 +7,7 @@ use super::golden::{self, frames};
 use crate::sensor::can::MAX_NODES;
 use crate::sensor::can::allocation::Allocator;
 use crate::sensor::can::frame::{Identifier, Priority};
-use crate::sensor::can::messages::{ALLOCATION, Allocation, DataType, Part};
+use crate::sensor::can::messages::{ALLOCATION, Allocation, DataType, UniqueIdPart};
 use crate::sensor::can::outgoing::{Outgoing, Transfer};
 use crate::sensor::{CanFrame, CanNotice};
 
@@ -25,7 +25,11 @@ fn requests(unique_id: [u8; 16], wanted: u8) -> Vec<CanFrame> {
     for (index, part) in unique_id.chunks(6).enumerate() {
         let allocation = Allocation {
             node_id: crate::sensor::NodeId::new(wanted),
-            part: if index == 0 { Part::First } else { Part::Later },
+            part: if index == 0 {
+                UniqueIdPart::First
+            } else {
+                UniqueIdPart::Later
+            },
             unique_id: part.iter().copied().collect(),
         };
         outgoing.send(&Transfer {
@@ -97,7 +101,10 @@ fn node_without_an_id_sends_nothing_but_requests_for_one() {
         sent.extend(bench.sent());
     }
     assert!((50..110).contains(&sent.len()), "{} in a minute", sent.len());
-    assert!(sent.iter().all(|frame| allocation(frame).part == Part::First));
+    assert!(
+        sent.iter()
+            .all(|frame| allocation(frame).part == UniqueIdPart::First)
+    );
     let discriminators: std::collections::HashSet<u32> = sent.iter().map(CanFrame::id).collect();
     assert!(discriminators.len() > sent.len() / 2, "they are random");
 }

@@ -10,4 +10,4 @@ pub(super) use intelligent_energy::IntelligentEnergy;
 pub(super) use kiss::Kiss;
 pub(super) use mega_squirt::MegaSquirt;
 pub(super) use richen_power::RichenPower;
-pub(super) use torqeedo::{Place, Torqeedo};
+pub(super) use torqeedo::{Torqeedo, TorqeedoRole};

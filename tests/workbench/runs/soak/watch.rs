@@ -17,7 +17,7 @@ const SILENCE_US: u64 = 1_300 * MILLISECOND;
 /// Without a fault: a step of this in which the station has just stopped sending stick input, and one until the rover acts on it.
 const PROMPT_US: u64 = 250 * MILLISECOND;
 
-/// Flash is written only so long after a parameter was set, or after a start.
+/// Flash is written only this long after a parameter was set, or after a start.
 const WRITING_US: u64 = 2 * SECOND;
 
 const ARMED: u8 = 128;

@@ -186,7 +186,7 @@ impl Part for SmartBattery {
     }
 
     async fn read(&mut self, bus: &mut impl SensorBus, _: &Wiring) -> Result<Measurement, ReadError> {
-        // First, and so long after the voltages: SUI's batteries are known to stall otherwise.
+        // First, and well after the voltages: SUI's batteries are known to stall otherwise.
         let current_a = self.current_a(bus).await?;
         let [voltage, remaining, slow] = self
             .commands(bus)

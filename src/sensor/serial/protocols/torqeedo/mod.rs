@@ -48,7 +48,7 @@ const CHARGE_VALID: u16 = 1 << 9;
 
 /// This board's place on the bus (`TRQD1_TYPE`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::sensor::serial) enum Place {
+pub(in crate::sensor::serial) enum TorqeedoRole {
     /// At the battery, which is the master, instead of the tiller and its display.
     Tiller,
     /// At the motor, as the master.
@@ -59,7 +59,7 @@ pub(in crate::sensor::serial) enum Place {
 #[derive(Clone, Copy, Debug)]
 pub(in crate::sensor::serial) struct Torqeedo {
     frames: FrameReader,
-    place: Place,
+    place: TorqeedoRole,
     /// Until when the battery waits for a speed, if it does.
     speed_awaited: Option<Instant>,
     /// When the motor is asked next.
@@ -76,7 +76,7 @@ enum Question {
 }
 
 impl Protocol for Torqeedo {
-    type Model = Place;
+    type Model = TorqeedoRole;
     const LINE: Line = Line {
         baud: Baud::Fixed(19_200),
         wires: Wires::OneWire,
@@ -85,7 +85,7 @@ impl Protocol for Torqeedo {
     /// ArduPilot's time-out of the battery's values.
     const TIMEOUT_US: u64 = 5_000_000;
 
-    fn new(place: &Place) -> Self {
+    fn new(place: &TorqeedoRole) -> Self {
         Self {
             frames: FrameReader::new(),
             place: *place,
@@ -109,12 +109,12 @@ impl Protocol for Torqeedo {
 
     fn next_request(&mut self, now: Instant) -> Option<Request> {
         let bytes: &[u8] = match self.place {
-            Place::Tiller => {
+            TorqeedoRole::Tiller => {
                 self.speed_awaited.take().filter(|until| now < *until)?;
                 &STOPPED
             }
-            Place::Master if now < self.ask_due => return None,
-            Place::Master => {
+            TorqeedoRole::Master if now < self.ask_due => return None,
+            TorqeedoRole::Master => {
                 self.ask_due = now.after_us(ASK_INTERVAL_US);
                 self.take_question()
             }
@@ -124,8 +124,8 @@ impl Protocol for Torqeedo {
 
     fn next_due(&self) -> Option<Instant> {
         match self.place {
-            Place::Tiller => None,
-            Place::Master => Some(self.ask_due),
+            TorqeedoRole::Tiller => None,
+            TorqeedoRole::Master => Some(self.ask_due),
         }
     }
 }
@@ -177,18 +177,20 @@ enum Message {
 
 impl Message {
     /// Decodes a content. `None` is for others, such as an echo of what this board has sent, or has another length.
-    fn of(place: Place, content: &[u8]) -> Option<Self> {
+    fn of(place: TorqeedoRole, content: &[u8]) -> Option<Self> {
         match (place, content) {
-            (Place::Tiller, [TILLER, ASK_FOR_SPEED, ..]) => Some(Self::SpeedRequest),
-            (Place::Tiller, [DISPLAY, SYSTEM_STATE, state @ ..]) => {
+            (TorqeedoRole::Tiller, [TILLER, ASK_FOR_SPEED, ..]) => Some(Self::SpeedRequest),
+            (TorqeedoRole::Tiller, [DISPLAY, SYSTEM_STATE, state @ ..]) => {
                 Self::system_state(state.try_into().ok()?)
             }
             // An answer is recognised by its length.
-            (Place::Master, [MASTER, _, _, e1, e0]) => {
+            (TorqeedoRole::Master, [MASTER, _, _, e1, e0]) => {
                 let errors = u16::from_be_bytes([*e1, *e0]);
                 Some(Self::MotorStatus(TorqeedoCondition::of_motor(errors)))
             }
-            (Place::Master, [MASTER, _, values @ ..]) => Self::motor_parameters(values.try_into().ok()?),
+            (TorqeedoRole::Master, [MASTER, _, values @ ..]) => {
+                Self::motor_parameters(values.try_into().ok()?)
+            }
             _ => None,
         }
     }
@@ -291,11 +293,11 @@ mod tests {
     }
 
     fn tiller() -> Torqeedo {
-        Torqeedo::new(&Place::Tiller)
+        Torqeedo::new(&TorqeedoRole::Tiller)
     }
 
     fn master() -> Torqeedo {
-        Torqeedo::new(&Place::Master)
+        Torqeedo::new(&TorqeedoRole::Master)
     }
 
     fn announced(readings: &[SerialReading]) -> Vec<String> {
