@@ -7,8 +7,7 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 
-use crate::sensor::{Acceptance, CanFrame, CanInterrupt, CanStatus};
-use crate::tasks::CanBus;
+use crate::sensor::{Acceptance, CanBus, CanFrame, CanInterrupt, CanStatus};
 
 /// Frames at full load of 1 Mbit/s take 130 µs each, so that these bridge 4 ms, the time in which packs are sampled.
 const RECEIVED: usize = 32;

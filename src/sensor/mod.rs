@@ -23,8 +23,9 @@ pub use bus::{
     Address, BusDevices, Buses, I2cBus, NoSpi, PartKind, Samples, SensorBus, Wiring, bus_clock_hz,
 };
 pub use can::{
-    Acceptance, BitTiming, CanEvent, CanFilters, CanFrame, CanInterrupt, CanNotice, CanOptions, CanPack,
-    CanReport, CanSettings, CanSetup, CanState, CanStatus, ChargerPower, DroneCan, FRAME_BYTES, NodeId,
+    Acceptance, BitTiming, CanBus, CanEvent, CanFilters, CanFrame, CanInterrupt, CanNotice, CanOptions,
+    CanPack, CanReport, CanSettings, CanSetup, CanState, CanStatus, ChargerPower, DroneCan, FRAME_BYTES,
+    NodeId,
 };
 pub use controllers::{ControllerBank, ControllerReading, Members};
 pub use engine::EngineReading;

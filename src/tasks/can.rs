@@ -8,7 +8,7 @@ use embassy_futures::yield_now;
 
 use super::{CheckIn, Shared, idle, mark, now, timer_at};
 use crate::log::warn;
-use crate::sensor::{Acceptance, CanFrame, CanStatus, DroneCan};
+use crate::sensor::{CanBus, CanFrame, DroneCan};
 use crate::time::Cadence;
 
 /// Interval of what is not a frame: time-outs, what is due to be sent, the state of the controller.
@@ -17,27 +17,6 @@ const POLL_INTERVAL_US: u64 = 100_000;
 /// Frames that are taken in one turn. On a full bus at 1 Mbit/s one comes every 130 µs, and a turn of the other tasks can take
 /// longer.
 const FRAMES_A_TURN: usize = 8;
-
-/// A CAN bus, behind a controller that something else serves.
-pub trait CanBus {
-    /// The next frame that was received, as soon as there is one.
-    // The futures stay on one executor, so `Send` need not be promised.
-    #[allow(async_fn_in_trait)]
-    async fn receive(&self) -> CanFrame;
-
-    /// The next frame that was received, if there is one already.
-    fn try_receive(&self) -> Option<CanFrame>;
-
-    /// Has a frame sent, as soon as there is room. If the future is dropped before, it is not.
-    #[allow(async_fn_in_trait)]
-    async fn send(&self, frame: CanFrame);
-
-    /// Lets nothing else through, as far as the controller can; nothing works before.
-    fn accept(&self, accepted: Acceptance);
-
-    /// What is known of the controller.
-    fn status(&self) -> CanStatus;
-}
 
 /// Hands what the nodes on the bus report to the battery task, and takes part in the bus as a node. Without a bus there is
 /// nothing to do.

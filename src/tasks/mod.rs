@@ -38,7 +38,7 @@ pub use battery::sample_batteries;
 pub use beside_sampling::beside_sampling;
 pub use boot::boot;
 pub use bus::read_bus;
-pub use can::{CanBus, serve_can};
+pub use can::serve_can;
 pub use clock::{now, timer_at};
 pub use crash::{CrashMemory, report_crash};
 pub use drive::drive;

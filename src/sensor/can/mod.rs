@@ -6,6 +6,7 @@
 mod allocation;
 mod assembler;
 mod bits;
+mod bus;
 mod charger;
 mod dronecan;
 mod event;
@@ -19,6 +20,7 @@ mod status;
 #[cfg(test)]
 mod tests;
 
+pub use bus::CanBus;
 pub use dronecan::DroneCan;
 pub use event::{CanEvent, CanNotice, ChargerPower};
 pub use frame::{CanFrame, FRAME_BYTES, NodeId};
