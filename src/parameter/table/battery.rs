@@ -98,8 +98,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: MONITORS,
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "Battery monitoring",
         description: "Kind of sensor. While it is 0, the pack's other parameters are not listed.",
@@ -110,9 +108,6 @@ parameters! {
         kind: Kind::Int8,
         default: 26.0,
         range: VOLTAGE_PINS,
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Battery voltage pin",
         description: "Pin that measures the pack's voltage. The Freenove board has its divider on GP26.",
     }
@@ -123,8 +118,6 @@ parameters! {
         default: 3.95,
         range: Range::Between(0.1, 100.0),
         step: 0.01,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Voltage multiplier",
         description: "The battery's voltage divided by the pin's. To calibrate, multiply it by the voltage a \
                       multimeter shows and divide by the one reported.",
@@ -137,7 +130,6 @@ parameters! {
         range: Range::Between(-3.3, 3.3),
         step: 0.01,
         unit: "V",
-        takes_effect: TakesEffect::AtOnce,
         label: "Voltage offset",
         description: "The voltage at the pin when the battery's voltage is zero.",
     }
@@ -149,7 +141,6 @@ parameters! {
         range: Range::Between(0.0, 1_000_000.0),
         step: 50.0,
         unit: "mAh",
-        takes_effect: TakesEffect::AtOnce,
         label: "Capacity",
         description: "Capacity of the full pack; of a tank, in millilitres. 0: unknown.",
     }
@@ -159,9 +150,6 @@ parameters! {
         kind: Kind::Int8,
         default: -1.0,
         range: CURRENT_PINS,
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Battery current pin",
         description: "Pin of the current sensor. The Freenove board has none. GP17 is only for the pulses of a fuel \
                       sensor (FuelFlow, FuelLevelPWM).",
@@ -174,7 +162,6 @@ parameters! {
         range: Range::Between(-1000.0, 1000.0),
         step: 0.1,
         unit: "A/V",
-        takes_effect: TakesEffect::AtOnce,
         label: "Current sensor scale",
         description: "Amperes per volt at the current pin; for FuelFlow, millilitres per pulse.",
     }
@@ -186,7 +173,6 @@ parameters! {
         range: Range::Between(-3.3, 3.3),
         step: 0.001,
         unit: "V",
-        takes_effect: TakesEffect::AtOnce,
         label: "Current sensor offset",
         description: "Voltage at the current pin at zero current.",
     }
@@ -208,9 +194,6 @@ parameters! {
             (9, means("Sum uses the lowest voltage")),
             (10, means("Allow DroneCAN dynamic node update on hot-swap")),
         ]),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Options",
         description: "The resting voltage is the voltage without load. A pack for internal use is monitored but not \
                       reported. Without bit 9 a sum of packs reports the mean of their voltages.",
@@ -222,9 +205,6 @@ parameters! {
         default: -1.0,
         // A float represents every whole number in this range.
         range: Range::Between(-1.0, 16_777_215.0),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Serial number",
         description: "Serial number that identifies this pack. -1: none.",
     }
@@ -244,9 +224,6 @@ parameters! {
             (7, means("pack 8")),
             (8, means("pack 9")),
         ]),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Packs of a sum",
         description: "Members of a sum of packs. 0: all packs with a higher number.",
     }
@@ -258,7 +235,6 @@ parameters! {
         range: Range::Between(7.0, 100.0),
         step: 0.1,
         unit: "V",
-        takes_effect: TakesEffect::AtOnce,
         label: "Voltage when full",
         description: "Resting voltage of the full pack, for the synthetic current sensor.",
     }
@@ -268,9 +244,6 @@ parameters! {
         kind: Kind::Int8,
         default: 1.0,
         range: Range::OneOf(&[(1, means("LiPo")), (2, means("LiFe")), (3, means("Li-ion")), (4, means("NiMH"))]),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Chemistry",
         description: "Cell chemistry. (ArduPilot has no such parameter.)",
     }
@@ -280,9 +253,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::Between(0.0, 16.0),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Cells in series",
         description: "Number of cells in series. 0: detected from the resting voltage, LiPo and Li-ion only. \
                       (ArduPilot has no such parameter.)",
@@ -293,9 +263,7 @@ parameters! {
         kind: Kind::Int8,
         default: 10.0,
         range: Range::Between(0.0, 120.0),
-        step: 1.0,
         unit: "s",
-        takes_effect: TakesEffect::AtOnce,
         label: "Low voltage timer",
         description: "Time the voltage has to stay below a threshold. 0 disables both voltage thresholds.",
     }
@@ -305,9 +273,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::OneOf(&[(0, means("Raw Voltage")), (1, means("Sag Compensated Voltage"))]),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Voltage for the thresholds",
         description: "Voltage compared with the thresholds: as measured, or compensated for the sag under load.",
     }
@@ -319,7 +284,6 @@ parameters! {
         range: Range::Between(0.0, 120.0),
         step: 0.1,
         unit: "V",
-        takes_effect: TakesEffect::AtOnce,
         label: "Low voltage",
         description: "Below this voltage for longer than LOW_TIMER an armed rover executes FS_LOW_ACT. Below it a \
                       rover does not arm. 0: disabled.",
@@ -332,7 +296,6 @@ parameters! {
         range: Range::Between(0.0, 1_000_000.0),
         step: 50.0,
         unit: "mAh",
-        takes_effect: TakesEffect::AtOnce,
         label: "Low charge",
         description: "With less remaining charge than this an armed rover executes FS_LOW_ACT, and a disarmed one \
                       does not arm. Without a current sensor FS_LOW_ACT waits until the charge is surely less. \
@@ -346,7 +309,6 @@ parameters! {
         range: Range::Between(0.0, 120.0),
         step: 0.1,
         unit: "V",
-        takes_effect: TakesEffect::AtOnce,
         label: "Critical voltage",
         description: "Below this voltage for longer than LOW_TIMER an armed rover executes FS_CRT_ACT. Below it a \
                       rover does not arm. 0: disabled.",
@@ -359,7 +321,6 @@ parameters! {
         range: Range::Between(0.0, 1_000_000.0),
         step: 50.0,
         unit: "mAh",
-        takes_effect: TakesEffect::AtOnce,
         label: "Critical charge",
         description: "With less remaining charge than this an armed rover executes FS_CRT_ACT, and a disarmed one \
                       does not arm. Without a current sensor FS_CRT_ACT waits until the charge is surely less. \
@@ -371,9 +332,7 @@ parameters! {
         kind: Kind::Int16,
         default: 0.0,
         range: Range::Between(0.0, 32_767.0),
-        step: 1.0,
         unit: "W",
-        takes_effect: TakesEffect::AtOnce,
         label: "Maximum power",
         description: "A load above this power is reported as an over-current fault. 0: disabled.",
     }
@@ -383,9 +342,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: FAILSAFE_ACTIONS,
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Action when low",
         description: "Action when the pack is low. RTL, SmartRTL and Loiter need a position and enter Hold. Terminate \
                       disarms until a restart or a battery reset.",
@@ -396,9 +352,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: FAILSAFE_ACTIONS,
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Action when critical",
         description: "Action when the pack is critical. RTL, SmartRTL and Loiter need a position and enter Hold. \
                       Terminate disarms until a restart or a battery reset.",
@@ -411,7 +364,6 @@ parameters! {
         range: Range::Between(0.0, 120.0),
         step: 0.1,
         unit: "V",
-        takes_effect: TakesEffect::AtOnce,
         label: "Minimum voltage to arm",
         description: "The rover does not arm below this measured voltage. 0: disabled.",
     }
@@ -423,7 +375,6 @@ parameters! {
         range: Range::Between(0.0, 1_000_000.0),
         step: 50.0,
         unit: "mAh",
-        takes_effect: TakesEffect::AtOnce,
         label: "Minimum charge to arm",
         description: "The rover does not arm with less remaining charge. 0: disabled.",
     }
@@ -433,8 +384,6 @@ parameters! {
         kind: Kind::Int8,
         default: 1.0,
         range: Range::OneOf(&[(1, means("I2C1: SDA GP14, SCL GP15"))]),
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "I2C bus",
         description: "Bus of the pack's power monitor or smart battery.",
@@ -445,8 +394,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::Between(0.0, 127.0),
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "I2C address",
         description: "Address on the bus. 0: the usual addresses of its kind are probed. With several of a kind, set \
@@ -483,8 +430,6 @@ parameters! {
         kind: Kind::Int8,
         default: 1.0,
         range: Range::Between(1.0, 3.0),
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "Channel",
         description: "Channel of the INA3221 that measures the pack. Packs with the same address share the chip.",
@@ -497,7 +442,6 @@ parameters! {
         range: Range::Between(0.01, 10.0),
         step: 0.01,
         unit: "V",
-        takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: voltage when empty",
         description: "Voltage of the empty tank, after linearisation by FL_FF, FL_FS, FL_FT and FL_OFF.",
     }
@@ -508,8 +452,6 @@ parameters! {
         default: 0.5,
         range: Range::Between(0.01, 10.0),
         step: 0.01,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: voltage multiplier",
         description: "Reciprocal of the voltage difference between full and empty tank.",
     }
@@ -521,7 +463,6 @@ parameters! {
         range: Range::Between(-1.0, 1.0),
         step: 0.1,
         unit: "Hz",
-        takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: filter",
         description: "Cutoff frequency of the filter against sloshing, usually 0.2 to 0.5 Hz. -1: disabled.",
     }
@@ -531,9 +472,6 @@ parameters! {
         kind: Kind::Int8,
         default: -1.0,
         range: ANALOG_PINS,
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: pin",
         description: "Pin of the fuel level sensor.",
     }
@@ -544,8 +482,6 @@ parameters! {
         default: 1.0,
         range: Range::Between(-10.0, 10.0),
         step: 0.01,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: first order term",
         description: "The pin's voltage V is linearised: FL_OFF + FL_FF * V + FL_FS * V^2 + FL_FT * V^3.",
     }
@@ -556,8 +492,6 @@ parameters! {
         default: 0.0,
         range: Range::Between(-10.0, 10.0),
         step: 0.01,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: second order term",
         description: "See FL_FF.",
     }
@@ -568,8 +502,6 @@ parameters! {
         default: 0.0,
         range: Range::Between(-10.0, 10.0),
         step: 0.01,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: third order term",
         description: "See FL_FF.",
     }
@@ -581,7 +513,6 @@ parameters! {
         range: Range::Between(-10.0, 10.0),
         step: 0.01,
         unit: "V",
-        takes_effect: TakesEffect::AtOnce,
         label: "Fuel level: offset term",
         description: "See FL_FF.",
     }
@@ -591,9 +522,7 @@ parameters! {
         kind: Kind::Real32,
         default: 15.0,
         range: Range::Between(0.0, 100.0),
-        step: 1.0,
         unit: "%",
-        takes_effect: TakesEffect::AtOnce,
         label: "Low charge state",
         description: "Below this remaining charge the pack is announced as low. No action follows. 0: disabled. \
                       (ArduPilot has no such parameter; PX4's is BAT_LOW_THR.)",
@@ -604,9 +533,7 @@ parameters! {
         kind: Kind::Real32,
         default: 7.0,
         range: Range::Between(0.0, 100.0),
-        step: 1.0,
         unit: "%",
-        takes_effect: TakesEffect::AtOnce,
         label: "Critical charge state",
         description: "Below this remaining charge the pack is announced as critical. No action follows. 0: disabled. \
                       (ArduPilot has no such parameter; PX4's is BAT_CRIT_THR.)",
@@ -617,9 +544,7 @@ parameters! {
         kind: Kind::Real32,
         default: 5.0,
         range: Range::Between(0.0, 100.0),
-        step: 1.0,
         unit: "%",
-        takes_effect: TakesEffect::AtOnce,
         label: "Emergency charge state",
         description: "Below this remaining charge the pack is announced as nearly empty, and a disarmed rover does \
                       not arm. 0: disabled. (ArduPilot has no such parameter; PX4's is BAT_EMERGEN_THR.)",
@@ -630,9 +555,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: FAILSAFE_ACTIONS,
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Action when unhealthy",
         description: "Action when an armed rover has had no healthy reading of the pack for 5 s: no threshold can be \
                       reached then. (ArduPilot has no such parameter and warns.)",
@@ -644,9 +566,7 @@ parameters! {
         default: 0.0,
         range: Range::Between(0.0, 10_000_000.0),
         access: Access::ReadOnly,
-        step: 1.0,
         unit: "mAh",
-        takes_effect: TakesEffect::AtOnce,
         label: "Learnt capacity",
         description: "Capacity of the full pack, learnt from its drives. 0: not learnt. (ArduPilot has no such \
                       parameter.)",
@@ -660,7 +580,6 @@ parameters! {
         access: Access::ReadOnly,
         step: 0.1,
         unit: "mOhm",
-        takes_effect: TakesEffect::AtOnce,
         label: "Learnt resistance",
         description: "Resistance of the warm pack, learnt from its drives. 0: not learnt. (ArduPilot has no such \
                       parameter.)",
@@ -672,9 +591,6 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[(0, means("Keep")), (1, means("Erase"))]),
         access: Access::Trigger,
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Erase what is learnt",
         description: "Set to 1, it erases what is learnt of the pack with the present SERIAL_NUM, and reads 0 again. \
                       A reset of all parameters keeps it. (ArduPilot has no such parameter.)",
@@ -687,8 +603,6 @@ parameters! {
         range: Range::Between(0.1, 10.0),
         listed: Listed::WithMonitor(8.0),
         step: 0.1,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Current multiplier",
         description: "Factor applied to the current that a DroneCAN battery or charger reports.",
     }
@@ -700,9 +614,6 @@ parameters! {
         // A float represents every whole number in this range.
         range: Range::Between(0.0, ((1 << MAX_CONTROLLERS) - 1) as f32),
         listed: Listed::WithMonitor(9.0),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "ESC mask",
         description: "Motor controllers that supply this pack's measurement, one bit each from bit 0. 0: all.",
     }

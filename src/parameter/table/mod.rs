@@ -1,7 +1,7 @@
 //! Parameter tables: of the vehicle, of a pack, of the simulator.
 
-/// Declares a table: an enum of its parameters, and a row for each. Without `access` it is a setting, without `listed` it is in every
-/// list.
+/// Declares a table: an enum of its parameters, and a row for each. Without `access` a parameter is a setting, without `listed` it is in
+/// every list, without `step` it goes by whole numbers, without `unit` it is a plain number, without `takes_effect` it acts at once.
 ///
 /// Documentation fields are left out of the firmware, where they would take 7 KB of flash.
 macro_rules! parameters {
@@ -13,9 +13,9 @@ macro_rules! parameters {
         range: $range:expr,
         $(access: $access:expr,)?
         $(listed: $listed:expr,)?
-        step: $step:expr,
-        unit: $unit:expr,
-        takes_effect: $takes_effect:expr,
+        $(step: $step:expr,)?
+        $(unit: $unit:expr,)?
+        $(takes_effect: $takes_effect:expr,)?
         label: $label:expr,
         description: $description:expr $(,)?
     })*) => {
@@ -85,9 +85,9 @@ macro_rules! parameters {
                             listed: [$($listed,)? Listed::Always][0],
                             #[cfg(not(target_os = "none"))]
                             documentation: Documentation {
-                                step: $step,
-                                unit: $unit,
-                                takes_effect: $takes_effect,
+                                step: [$($step,)? 1.0][0],
+                                unit: [$($unit,)? ""][0],
+                                takes_effect: [$($takes_effect,)? TakesEffect::AtOnce][0],
                                 label: $label,
                                 description: $description,
                             },

@@ -14,7 +14,6 @@ parameters! {
         range: Range::Between(0.0, 60.0),
         step: 0.1,
         unit: "V",
-        takes_effect: TakesEffect::AtOnce,
         label: "Simulated pack voltage",
         description: "Resting voltage of the simulated pack. 0: from its state of charge. \
                       The simulated divider saturates at 13 V, as the board's.",
@@ -27,7 +26,6 @@ parameters! {
         range: Range::Between(0.1, 1000.0),
         step: 0.1,
         unit: "Ah",
-        takes_effect: TakesEffect::AtOnce,
         label: "Simulated pack capacity",
         description: "Full capacity of the simulated pack. A change keeps the state of charge.",
     }
@@ -39,7 +37,6 @@ parameters! {
         range: Range::Between(-100.0, 500.0),
         step: 0.1,
         unit: "A",
-        takes_effect: TakesEffect::AtOnce,
         label: "Simulated extra load",
         description: "Load in addition to the rover's own; negative to charge the pack.",
     }
@@ -56,9 +53,6 @@ parameters! {
             (4, means("First cell 1 V lower")),
             (5, means("I2C wire disconnected")),
         ]),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Simulated fault",
         description: "Fault of the simulated pack or its sensor. Cells are measured by its smart battery only.",
     }

@@ -21,9 +21,6 @@ parameters! {
         kind: Kind::Int16,
         default: 1.0,
         range: Range::Between(1.0, 255.0),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "MAVLink system id",
         description: "System id of this vehicle, unique on the link.",
     }
@@ -45,8 +42,6 @@ parameters! {
             (500, means("500000")),
             (921, means("921600")),
         ]),
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "Telemetry baud rate",
         description: "Baud rate of the telemetry port UART0, in ArduPilot's coding.",
@@ -57,9 +52,7 @@ parameters! {
         kind: Kind::Int16,
         default: 2.0,
         range: Range::Between(0.0, 50.0),
-        step: 1.0,
         unit: "Hz",
-        takes_effect: TakesEffect::AtOnce,
         label: "Rate of the battery telemetry",
         description: "Rate of SYS_STATUS and each BATTERY_STATUS. 0: off. A ground station's stream requests change its \
                       link's rates until this is set: EXTENDED_STATUS that of SYS_STATUS, EXTRA3 that of \
@@ -71,9 +64,7 @@ parameters! {
         kind: Kind::Int16,
         default: 10.0,
         range: Range::Between(1.0, 50.0),
-        step: 1.0,
         unit: "Hz",
-        takes_effect: TakesEffect::AtOnce,
         label: "Rate of parameter lists",
         description: "Rate of batches of a parameter list, which takes at most 30 % of the link.",
     }
@@ -83,9 +74,6 @@ parameters! {
         kind: Kind::Int32,
         default: 1.0,
         range: Range::Bits(&[(0, means("All")), (6, means("RC Channels")), (8, means("Battery Level")), (10, means("Logging"))]),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Checks before arming",
         description: "Arming checks. 0: none.",
     }
@@ -97,7 +85,6 @@ parameters! {
         range: Range::Between(1.0, 100.0),
         step: 0.5,
         unit: "s",
-        takes_effect: TakesEffect::AtOnce,
         label: "Time-out of control inputs",
         description: "Without control inputs for longer, once there were any, an armed rover enters Hold.",
     }
@@ -107,9 +94,7 @@ parameters! {
         kind: Kind::Real32,
         default: 5.0,
         range: Range::Between(2.0, 120.0),
-        step: 1.0,
         unit: "s",
-        takes_effect: TakesEffect::AtOnce,
         label: "Time-out of ground stations",
         description: "Without a ground station's heartbeat for longer, once there was one, an armed rover enters Hold. \
                       Heartbeats are sent once a second.",
@@ -120,9 +105,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: UNSIGNED_ALLOWED,
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Unsigned messages on the telemetry port",
         description: "Unsigned messages accepted on the telemetry port while a signing key is set, besides \
                       RADIO_STATUS.",
@@ -133,9 +115,6 @@ parameters! {
         kind: Kind::Int8,
         default: 2.0,
         range: UNSIGNED_ALLOWED,
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Unsigned messages on USB",
         description: "Unsigned messages accepted on USB while a signing key is set. Unless everything is, a lost key \
                       can't be replaced.",
@@ -146,9 +125,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: UNSIGNED_ALLOWED,
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Unsigned messages by Wi-Fi",
         description: "Unsigned messages accepted by Wi-Fi while a signing key is set.",
     }
@@ -158,9 +134,7 @@ parameters! {
         kind: Kind::Int16,
         default: 100.0,
         range: Range::Between(0.0, 1000.0),
-        step: 1.0,
         unit: "%/s",
-        takes_effect: TakesEffect::AtOnce,
         label: "Throttle slew rate",
         description: "Maximum rate of change of the throttle. 0: unlimited.",
     }    LogBitmask {
@@ -169,9 +143,6 @@ parameters! {
         kind: Kind::Int32,
         default: 520.0,
         range: Range::Bits(&[(3, means("System Performance")), (9, means("Battery Monitor"))]),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Log bitmask",
         description: "Records of the log, besides parameters, messages, events and modes. 0: no log.",
     }
@@ -181,9 +152,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("Enabled"))]),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Logging while disarmed",
         description: "Logs while disarmed, too. Otherwise the log goes on for 15 s after disarming.",
     }
@@ -193,9 +161,7 @@ parameters! {
         kind: Kind::Real32,
         default: 0.0,
         range: Range::Between(0.0, 1000.0),
-        step: 1.0,
         unit: "Hz",
-        takes_effect: TakesEffect::AtOnce,
         label: "Maximum logging rate",
         description: "Maximum rate of each pack's records in the log. 0: as many as the log's share of 250 bytes per \
                       second allows, of all packs together.",
@@ -206,9 +172,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("Enabled"))]),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "New log after disarming",
         description: "Ends the log file after disarming; the next arming begins another one.",
     }
@@ -218,9 +181,6 @@ parameters! {
         kind: Kind::Int8,
         default: 1.0,
         range: Range::OneOf(&[(0, means("Off")), (1, means("Access point")), (2, means("Station"))]),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Wi-Fi mode",
         description: "Wi-Fi of a board that has a radio. An access point has a network of its own; a station joins the \
                       network set by WIFI_CONFIG_AP. A change of any WIFI_ parameter while armed takes effect at \
@@ -232,9 +192,6 @@ parameters! {
         kind: Kind::Int8,
         default: 6.0,
         range: Range::Between(1.0, 11.0),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Wi-Fi channel",
         description: "Channel of the access point in the 2.4 GHz band. A station uses its network's. (ArduPilot has no \
                       such parameter.)",
@@ -245,9 +202,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("Enabled"))]),
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Wi-Fi power save",
         description: "Lets the radio sleep between packets, which delays what it receives. (ArduPilot has no such \
                       parameter.)",
@@ -259,9 +213,6 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[(0, means("Hide")), (1, means("Show"))]),
         access: Access::Trigger,
-        step: 1.0,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "Show the Wi-Fi password",
         description: "Set to 1 by USB, it shows the name and the password of the access point as messages on USB, and \
                       reads 0 again. (ArduPilot has no such parameter.)",
@@ -277,8 +228,6 @@ parameters! {
             (30, means("Generator")),
             (39, means("Torqeedo")),
         ]),
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "Protocol of the second serial port",
         description: "What is connected to UART1 (GP4, GP5). The pins stay untouched while no pack is measured by it. \
@@ -298,8 +247,6 @@ parameters! {
             (115, means("115200")),
         ]),
         listed: Listed::WithSerialProtocol(30.0),
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "Baud rate of the second serial port",
         description: "Baud rate of a generator at UART1, in ArduPilot's coding; the other protocols have a rate of their \
@@ -317,8 +264,6 @@ parameters! {
             (3, means("Richenpower")),
         ]),
         listed: Listed::WithSerialProtocol(30.0),
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "Generator type",
         description: "Kind of generator at the second serial port.",
@@ -330,8 +275,6 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[(0, means("None")), (1, means("Serial-MS"))]),
         listed: Listed::WithSerialProtocol(24.0),
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "EFI type",
         description: "Kind of engine control unit at the second serial port.",
@@ -344,8 +287,6 @@ parameters! {
         range: Range::Between(0.0, 1.0),
         listed: Listed::WithSerialProtocol(24.0),
         step: 0.001,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "EFI calibration coefficient 1",
         description: "Flow of fuel for each percent of the injectors' duty cycle, in cm³ per minute. 0: not calibrated, the \
                       flow is unknown.",
@@ -358,8 +299,6 @@ parameters! {
         range: Range::Between(0.0, 10.0),
         listed: Listed::WithSerialProtocol(24.0),
         step: 0.01,
-        unit: "",
-        takes_effect: TakesEffect::AtOnce,
         label: "EFI calibration coefficient 2",
         description: "Subtracted from the flow of fuel that EFI_COEF1 gives, in cm³ per minute.",
     }
@@ -370,8 +309,6 @@ parameters! {
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("Tiller")), (2, means("Motor"))]),
         listed: Listed::WithSerialProtocol(39.0),
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "Torqeedo connection type",
         description: "Place of this board on the bus of the Torqeedo motor at the second serial port.",
@@ -383,8 +320,6 @@ parameters! {
         default: -1.0,
         range: Range::OneOf(&[(-1, means("None, the transceiver switches by itself")), (22, means("GP22"))]),
         listed: Listed::WithSerialProtocol(39.0),
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "Torqeedo DE pin",
         description: "Pin that is high while this board sends: the driver enable of the RS-485 transceiver. An \
@@ -396,8 +331,6 @@ parameters! {
         kind: Kind::Int8,
         default: 0.0,
         range: Range::OneOf(&[(0, means("Disabled")), (1, means("First driver"))]),
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "CAN bus",
         description: "Whether an MCP2515 (SPI1, chip select GP13, interrupt GP17) connects the board to a DroneCAN bus. \
@@ -415,7 +348,6 @@ parameters! {
             (1_000_000, means("1 Mbit/s, 16 MHz crystal only")),
         ]),
         listed: Listed::WithCan,
-        step: 1.0,
         unit: "bit/s",
         takes_effect: TakesEffect::AfterReboot,
         label: "CAN bit rate",
@@ -428,7 +360,6 @@ parameters! {
         default: 16.0,
         range: Range::OneOf(&[(8, means("8 MHz")), (16, means("16 MHz"))]),
         listed: Listed::WithCan,
-        step: 1.0,
         unit: "MHz",
         takes_effect: TakesEffect::AfterReboot,
         label: "CAN controller's crystal",
@@ -442,8 +373,6 @@ parameters! {
         default: 10.0,
         range: Range::Between(0.0, 125.0),
         listed: Listed::WithCan,
-        step: 1.0,
-        unit: "",
         takes_effect: TakesEffect::AfterReboot,
         label: "Own DroneCAN node id",
         description: "Node id of this board, unique on the bus. With an id of its own the board also assigns ids to nodes \
