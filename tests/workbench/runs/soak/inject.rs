@@ -34,10 +34,7 @@ const AIR_LOSS: f64 = 0.5;
 impl Rig {
     /// A fault, from its beginning until nothing is left of it.
     pub fn suffer(&mut self, fault: Fault) {
-        if fault.hits_wifi() && self.radio == Radio::NotFound {
-            self.tally.injected(Fault::RunPin);
-            self.suffer(Fault::RunPin);
-        }
+        self.use_radio(fault);
         self.calm_since_us = None;
         self.packs.watch(fault.spares());
         let starts = self.resets;
@@ -46,10 +43,19 @@ impl Rig {
             self.last();
         }
         self.end(fault);
+        self.use_radio(fault);
         self.packs.change_voltages(fault.hits(), &mut self.bench);
         self.recover(fault);
         if self.resets > starts {
             self.read_back();
+        }
+    }
+
+    /// Restarts a board that leaves its radio off, where the fault is one of the radio's.
+    fn use_radio(&mut self, fault: Fault) {
+        if fault.hits_wifi() && self.radio == Radio::Unused {
+            self.tally.injected(Fault::RunPin);
+            self.suffer(Fault::RunPin);
         }
     }
 

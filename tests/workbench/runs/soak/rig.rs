@@ -68,11 +68,12 @@ pub enum Protection {
     Key,
 }
 
-/// A board that starts while its converter fails does not find its radio, and has no Wi-Fi until the next start.
+/// A board that starts while its converter fails does not find its radio, and one that hung in the radio's task leaves it off. Either
+/// has no Wi-Fi until the next start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Radio {
-    Found,
-    NotFound,
+    Used,
+    Unused,
 }
 
 pub struct Rig {
@@ -145,7 +146,7 @@ impl Rig {
             line,
             packs,
             wifi,
-            radio: Radio::Found,
+            radio: Radio::Used,
             converter_works: true,
             ledger,
             station,

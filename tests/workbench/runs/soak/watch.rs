@@ -22,6 +22,9 @@ const WRITING_US: u64 = 2 * SECOND;
 
 const ARMED: u8 = 128;
 
+/// In the log of a board that hung in the radio's task before.
+const OFF_AFTER_CRASH: &str = "Wi-Fi: OffAfterCrash";
+
 impl Rig {
     /// Looks at everything that has happened since the last look, and panics if it must not.
     pub fn look(&mut self) {
@@ -31,9 +34,11 @@ impl Rig {
         let frames = self.receive(None);
         self.take_all(&changes, &frames);
         self.look_at_flash();
+        if self.bench.take_log().iter().any(|line| line.text == OFF_AFTER_CRASH) {
+            self.radio = Radio::Unused;
+        }
         // They are not used elsewhere, and grow.
         self.bench.i2c(BUS).take_transactions();
-        self.bench.take_log();
         let silence_us = self.now_us() - self.alive_us;
         assert!(silence_us <= SILENCE_US, "no HEARTBEAT for {silence_us} us");
         self.look_at_drive();
@@ -45,8 +50,8 @@ impl Rig {
         assert!(causes.contains(&reset.cause), "{reset:?}");
         self.resets += 1;
         self.radio = match self.converter_works {
-            true => Radio::Found,
-            false => Radio::NotFound,
+            true => Radio::Used,
+            false => Radio::Unused,
         };
         let reset_us = reset.time_us;
         let changes = Motors::take_changes(&mut self.bench);
