@@ -15,7 +15,7 @@ const PAGE_BYTES: u32 = 256;
 /// A ring of log files in flash.
 ///
 /// ```
-/// use rover_battmon::recorder::{Outcome, PAYLOAD_BYTES, Ring};
+/// use rover_battmon::recorder::{FlashOutcome, PAYLOAD_BYTES, Ring};
 ///
 /// // Sixteen sectors that were never used, on a flash that is a piece of RAM here.
 /// let mut flash = [0xFF_u8; 16 * 4096];
@@ -23,7 +23,7 @@ const PAGE_BYTES: u32 = 256;
 /// while let Some(erasure) = ring.next_erase(4) {
 ///     flash[erasure.address() as usize..][..4096].fill(0xFF);
 ///     flash[erasure.mark_address() as usize..][..8].copy_from_slice(&erasure.mark());
-///     ring.erased(erasure, Outcome::Done);
+///     ring.erased(erasure, FlashOutcome::Done);
 /// }
 /// assert_eq!(ring.room(), 4 * PAYLOAD_BYTES);
 ///
@@ -33,7 +33,7 @@ const PAGE_BYTES: u32 = 256;
 ///     let program = ring.next_program(record).unwrap();
 ///     let place = program.address() as usize;
 ///     flash[place..][..program.bytes().len()].copy_from_slice(program.bytes());
-///     let appended = ring.programmed(Outcome::Done);
+///     let appended = ring.programmed(FlashOutcome::Done);
 ///     record = &record[appended..];
 /// }
 /// let piece = ring.locate(number, 9).unwrap();
