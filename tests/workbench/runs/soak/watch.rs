@@ -34,7 +34,12 @@ impl Rig {
         let frames = self.receive(None);
         self.take_all(&changes, &frames);
         self.look_at_flash();
-        if self.bench.take_log().iter().any(|line| line.text == OFF_AFTER_CRASH) {
+        if self
+            .bench
+            .take_log()
+            .iter()
+            .any(|line| line.text == OFF_AFTER_CRASH)
+        {
             self.radio = Radio::Unused;
         }
         // They are not used elsewhere, and grow.
