@@ -54,7 +54,7 @@
 //! ```
 //!
 //! # Modules
-//! | room | what it knows |
+//! | module | what it knows |
 //! |---|---|
 //! | [`sensor`] | turning conversions of a part into a [`battery::Measurement`] |
 //! | [`battery`] | turning measurements into a [`battery::BatteryState`] |

@@ -10,7 +10,7 @@ use super::charge_reporter::ChargeReporter;
 use super::charge_state::{ChargeStateMachine, Inputs};
 use super::consumption::{MAX_INTERVAL_US, mean_current_a, microseconds};
 use super::diagnosis::{AtRest, Diagnosis};
-use super::estimator::{Estimator, EstimatorMemory, Findings, Reading, ReportedCharge};
+use super::estimator::{Estimator, EstimatorMemory, Findings, Reading};
 use super::event::push;
 use super::failsafe::{Failsafe, Observation};
 use super::gauge::GaugeState;
@@ -455,11 +455,6 @@ impl BatteryMonitor {
             .or_else(|| learnt?.health_pct(settings.capacity_mah));
     }
 
-    /// The estimate that is reported, if the charge is estimated here.
-    fn reported_estimate(&self) -> Option<&ReportedCharge> {
-        self.estimator.reported().filter(|_| self.is_estimated())
-    }
-
     /// Whether the charge is estimated here.
     fn is_estimated(&self) -> bool {
         self.state.charge_source == ChargeSource::Estimated && self.state.contents == Contents::Charge
@@ -467,7 +462,7 @@ impl BatteryMonitor {
 
     /// What the load can still draw.
     fn update_usable(&mut self) {
-        let charge = self.reported_estimate();
+        let charge = self.estimator.reported().filter(|_| self.is_estimated());
         let (sigma_pct, usable_pct) = charge.map(|charge| (charge.sigma_pct, charge.usable_pct)).unzip();
         let state = &mut self.state;
         state.remaining_sigma_pct = sigma_pct;
