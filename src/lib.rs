@@ -63,22 +63,20 @@
 //! | [`time`] | moments, regular due times |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
 //! | [`flash_map`] | what lies where in flash |
-//! | [`recorder`] | a ring of log files in flash |
+//! | [`recorder`] | a ring of log files in flash; `dataflash`: their records, in ArduPilot's format |
 //! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
 //! | [`wifi`] | names and passwords of Wi-Fi networks, what the radio is to do, what it reports |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
 //! | [`crash`] | what is known of a crash after the restart |
-//! | [`dataflash`] | records of a log file, in ArduPilot's format |
 //! | [`autopilot`] | the core object: owns parameters, packs, vehicle and signing, and decides between them |
 //! | [`mcp2515`] | the driver of the CAN controller |
 //! | [`tasks`] | thin `async` loops that wait, call the core and publish |
 //! | `net` | MAVLink by UDP and TCP, and addresses for others (with the feature `board`) |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |
-//! | `sim` | a simulated pack, clock and wire (host only, with the feature `host`) |
-//! | `board_check` | the check of a board over MAVLink, and its report (host only, with the feature `host`) |
+//! | `host` | `sim`: a simulated pack, clock and wire; `board_check`: the check of a board over MAVLink, and its report (host only, with the feature `host`) |
 //!
-//! Everything but `tasks`, `mcp2515`, `net`, `board`, `sim` and `board_check` does no I/O and reads no clock: time, counts
-//! and parameters come in as arguments, states and messages come out. That is what makes the behaviour testable on a desk.
+//! Everything but `tasks`, `mcp2515`, `net`, `board` and `host` does no I/O and reads no clock: time, counts and parameters
+//! come in as arguments, states and messages come out. That is what makes the behaviour testable on a desk.
 //!
 //! # Where to go next
 //! - One pack and its life: [`BatteryMonitor`](battery::BatteryMonitor), [`BatteryState`](battery::BatteryState),
@@ -87,7 +85,7 @@
 //! - Everything at once, without hardware, links and clock: [`Autopilot`](autopilot::Autopilot).
 //! - A link without its wire, bytes in and frames out: [`Endpoint`](mavlink::Endpoint).
 //! - Firmware of your own, without the feature `board`: `docs/guides/as-a-dependency.md`.
-//! - Another board: the traits that `board` and `sim` implement, as [`AnalogIn`](sensor::AnalogIn),
+//! - Another board: the traits that `board` and `host::sim` implement, as [`AnalogIn`](sensor::AnalogIn),
 //!   [`I2cBus`](sensor::I2cBus), [`Motors`](vehicle::Motors), [`Indicators`](vehicle::Indicators) and those of [`tasks`]; and
 //!   `docs/guides/porting.md`.
 //! - Whole programs: the firmware `src/main.rs`, the simulator `src/bin/sitl.rs`, and one idea each in `examples/`.
@@ -103,7 +101,6 @@ mod numbers;
 pub mod autopilot;
 pub mod battery;
 pub mod crash;
-pub mod dataflash;
 pub mod flash_map;
 pub mod identity;
 pub mod mavlink;
@@ -125,6 +122,4 @@ pub mod wifi;
 pub mod board;
 
 #[cfg(all(not(target_os = "none"), feature = "host"))]
-pub mod board_check;
-#[cfg(all(not(target_os = "none"), feature = "host"))]
-pub mod sim;
+pub mod host;

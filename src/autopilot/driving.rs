@@ -6,10 +6,10 @@ use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::work::Work;
 use crate::battery::{ArmState, FailsafeLevel};
-use crate::dataflash::{ArmingChecks, ArmingMethod, EventId, ModeReason, Record, Subsystem};
 use crate::log::info;
 use crate::pack::Pack;
 use crate::parameter::VehicleParameter;
+use crate::recorder::dataflash::{ArmingChecks, ArmingMethod, EventId, ModeReason, Record, Subsystem};
 use crate::time::Instant;
 use crate::vehicle::{
     Alert, FailsafeAction, Fitness, Indication, SideDrives, VehicleEvent, VehicleSettings, VehicleStatus,

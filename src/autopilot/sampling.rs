@@ -10,10 +10,10 @@ use crate::battery::{
     ArmState, BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus,
     PackUpdate, ReadError, RetainedMemory, Tick, recall, retain,
 };
-use crate::dataflash::{Health, Record};
 use crate::log::{info, warn};
 use crate::mavlink::arming_readiness;
 use crate::pack::Pack;
+use crate::recorder::dataflash::{Health, Record};
 use crate::sensor::{
     Admission, AnalogPin, AnalogReadings, ControllerReading, ExternalReading, MonitorKind, Pulses,
     SerialReading,

@@ -12,7 +12,7 @@ mod board_check {
     use std::{fs, thread};
 
     use clap::Parser;
-    use rover_battmon::board_check::{
+    use rover_battmon::host::board_check::{
         Answer, Calibrate, Multimeter, Owner, Part, Plan, Port, PortClosed, Verdict, hash_of_elf, run,
     };
     use rover_battmon::identity::FirmwareHash;

@@ -12,7 +12,7 @@ mod simulator {
     use clap::Parser;
     use embassy_executor::Executor;
     use embassy_time::{Duration, Ticker, Timer};
-    use rover_battmon::sim::{
+    use rover_battmon::host::sim::{
         self, Clients, LogFolder, Scenario, Setup, SimulatedFlash, UdpWire, clock, console,
     };
 

@@ -2,7 +2,8 @@
 //!
 //! A file is a run of consecutive sectors, the first of them its own. Files are numbered; the oldest is erased whole when
 //! its space is needed. [`Ring`] knows what is where and decides what has to be programmed and erased next; its caller
-//! does it, and reports the outcome. Only [`Ring::scan`] reads the flash.
+//! does it, and reports the outcome. Only [`Ring::scan`] reads the flash. The ring does not know what a file holds;
+//! [`dataflash`] encodes its records.
 //!
 //! | bytes of a sector | content |
 //! |---|---|
@@ -33,6 +34,7 @@
 //! A program that fails ends the file; the next one begins in the next sector. A sector that can't be erased is left out
 //! for a lap.
 
+pub mod dataflash;
 mod directory;
 mod front;
 mod geometry;

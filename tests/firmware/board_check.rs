@@ -3,7 +3,9 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use rover_battmon::board_check::{Calibrate, Multimeter, Part, Plan, Report, Verdict, hash_of_elf, run};
+use rover_battmon::host::board_check::{
+    Calibrate, Multimeter, Part, Plan, Report, Verdict, hash_of_elf, run,
+};
 use rover_battmon::identity::FirmwareHash;
 
 use crate::bench::{

@@ -5,7 +5,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 use rover_battmon::autopilot::PackIdentity;
 use rover_battmon::battery::LEARNT_WORDS;
 use rover_battmon::flash_map;
-use rover_battmon::sim::{PackModel, SimulatedFlash, SimulatedPack};
+use rover_battmon::host::sim::{PackModel, SimulatedFlash, SimulatedPack};
 use rover_battmon::storage::Storage;
 
 use crate::bench::{

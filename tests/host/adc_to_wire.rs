@@ -12,11 +12,11 @@ use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
 use rover_battmon::autopilot::{Announcement, Start};
 use rover_battmon::battery::{Gap, PackEvent, ReadError, RetainedRecord};
+use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
-use rover_battmon::sim::clock;
 use rover_battmon::tasks::{
     CheckIn, Link, Shared, Watchdog, sample_batteries, schedule_telemetry, supervise, write_frames,
 };

@@ -14,10 +14,10 @@ use embassy_futures::yield_now;
 use embassy_time::{Duration, Timer};
 use rover_battmon::autopilot::{Channel, Start};
 use rover_battmon::crash::ParameterSource;
+use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::{Framer, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId};
-use rover_battmon::sim::clock;
 use rover_battmon::storage::{Condition, Erase, Storage};
 use rover_battmon::tasks::{CheckIn, Shared, boot, keep_learnt, keep_parameters, keep_signing, now};
 

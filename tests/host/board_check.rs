@@ -14,7 +14,7 @@ use crate::support::frames::{
 use crate::support::requests::request_data_stream;
 use proptest::prelude::*;
 use rover_battmon::autopilot::{Announcement, Start, Work};
-use rover_battmon::board_check::{
+use rover_battmon::host::board_check::{
     CHECKS, Calibrate, Multimeter, Part, Plan, Port, PortClosed, Report, Verdict, hash_of_elf, run,
 };
 use rover_battmon::identity::FirmwareHash;

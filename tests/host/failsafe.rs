@@ -12,11 +12,11 @@ use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{ReadError, RetainedRecord};
+use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
-use rover_battmon::sim::clock;
 use rover_battmon::tasks::{
     ByteSource, CheckIn, Link, ReceiveError, Shared, drive, read_frames, sample_batteries,
     schedule_telemetry, write_frames,

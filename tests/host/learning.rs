@@ -7,10 +7,10 @@ use crate::support::frames::{STATUSTEXT, of_message};
 use crate::support::requests::{VEHICLE_ID, command_long_2, manual_control, param_set};
 use rover_battmon::autopilot::{LearntJob, Start};
 use rover_battmon::battery::{BatteryState, LEARNT_WORDS};
+use rover_battmon::host::sim::{PackModel, SimulatedPack};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
-use rover_battmon::sim::{PackModel, SimulatedPack};
 
 /// Scales of the divider and the current sensor: those of the board, and one that resolves milliamperes.
 const DIVIDER: f32 = 3.95;

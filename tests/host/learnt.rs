@@ -12,10 +12,10 @@ use fastrand::Rng;
 use proptest::prelude::*;
 use rover_battmon::autopilot::{LearntJob, PackIdentity, Start, Work};
 use rover_battmon::battery::{LEARNT_WORDS, LearntPack};
+use rover_battmon::host::sim::clock;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::AnalogReadings;
-use rover_battmon::sim::clock;
 use rover_battmon::storage::{Erase, FlashFault, Storage, StorageError};
 use rover_battmon::tasks::{CheckIn, Shared, keep_learnt, reboot_requested};
 

@@ -11,10 +11,10 @@ use embedded_hal::digital::ErrorType;
 use embedded_hal_async::digital::Wait;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, Contents, PackStatus, ReadError, RetainedRecord};
+use rover_battmon::host::sim::clock;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin};
-use rover_battmon::sim::clock;
 use rover_battmon::tasks::{
     ByteSource, CheckIn, ReceiveError, SerialLine, Shared, follow_pulses, sample_batteries, serve_serial,
 };

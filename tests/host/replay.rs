@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use rover_battmon::battery::{ArmState, BatteryMonitor, Measurement, PackSettings, Tick};
-use rover_battmon::dataflash::{ArmingChecks, ArmingMethod, Record, opening_record};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
+use rover_battmon::recorder::dataflash::{ArmingChecks, ArmingMethod, Record, opening_record};
 use rover_battmon::time::Instant;
 
 const TRACE: &str = "tests/data/traces/trace_discharge_3s_10min.csv";

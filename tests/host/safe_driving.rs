@@ -18,9 +18,9 @@ use embassy_time::{Duration, Timer};
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::ArmState;
+use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::LinkKind;
 use rover_battmon::parameter::{Parameters, VehicleParameter};
-use rover_battmon::sim::clock;
 use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, read_frames, write_frames};
 use rover_battmon::vehicle::{Mode, MotorDrive, SideDrives};
 

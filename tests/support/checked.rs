@@ -6,7 +6,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use rover_battmon::board_check::{Answer, Outcome, Owner, Port, PortClosed, Report};
+use rover_battmon::host::board_check::{Answer, Outcome, Owner, Port, PortClosed, Report};
 use rover_battmon::time::Instant;
 
 /// What is at the other end of the line.

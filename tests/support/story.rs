@@ -23,7 +23,7 @@ use std::fs::{self, DirEntry};
 use std::io;
 use std::path::Path;
 
-use rover_battmon::sim::{PackModel, SimulatedPack};
+use rover_battmon::host::sim::{PackModel, SimulatedPack};
 
 use crate::support::requests::{
     CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID, command_long_2, manual_control, set_mode,

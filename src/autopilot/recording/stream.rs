@@ -1,8 +1,8 @@
 //! The bytes of a log file, in their order.
 
 use super::queue::Queue;
-use crate::dataflash::{Record, RecordBytes, opening_record};
 use crate::parameter::{ParameterId, Parameters};
+use crate::recorder::dataflash::{Record, RecordBytes, opening_record};
 use crate::time::Instant;
 
 /// What a log file is made of: formats first, then what happens, and in between all parameters.

@@ -195,8 +195,8 @@ pub mod tests {
     use super::*;
     use proptest::prelude::*;
     use rover_battmon::battery::BatteryState;
-    use rover_battmon::dataflash::{Record as Recorded, opening_record};
     use rover_battmon::pack::Pack;
+    use rover_battmon::recorder::dataflash::{Record as Recorded, opening_record};
 
     /// What a file of the board begins with.
     pub fn opening() -> Vec<u8> {

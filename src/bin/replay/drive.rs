@@ -165,8 +165,8 @@ mod tests {
     use crate::binlog::tests::opening;
     use proptest::prelude::*;
     use rover_battmon::battery::{Amount, ArmState, BatteryState, ChargeState, PackStatus};
-    use rover_battmon::dataflash::{ArmingChecks, ArmingMethod, Record as Recorded};
     use rover_battmon::parameter::BatteryParameter;
+    use rover_battmon::recorder::dataflash::{ArmingChecks, ArmingMethod, Record as Recorded};
 
     fn log(records: &[Recorded]) -> Log {
         let records = records

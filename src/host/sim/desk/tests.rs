@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 
 use super::*;
-use crate::sim::clock;
-use crate::sim::console::SimulatedTime;
+use crate::host::sim::clock;
+use crate::host::sim::console::SimulatedTime;
 
 /// Something that was shown, and when, in seconds.
 #[derive(Clone, Debug)]

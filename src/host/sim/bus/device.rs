@@ -2,7 +2,7 @@
 
 use embedded_hal_async::i2c::ErrorKind;
 
-use crate::sim::SimulatedPack;
+use crate::host::sim::SimulatedPack;
 
 /// A device on the bus.
 pub(super) trait Device {

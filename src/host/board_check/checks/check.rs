@@ -1,6 +1,6 @@
 //! What a check is, and its outcome.
 
-use crate::board_check::evidence::{Evidence, Trial};
+use crate::host::board_check::evidence::{Evidence, Trial};
 
 /// A check.
 #[derive(Clone, Copy, Debug)]

@@ -11,7 +11,7 @@ use embedded_io_async::{ErrorType, Write};
 use super::console::Level;
 use super::status::Driving;
 use crate::battery::ArmState;
-use crate::board_check::{FrameReader, frame};
+use crate::host::frames::{FrameReader, frame};
 use crate::mavlink::dialect::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, MANUAL_CONTROL_DATA, MavCmd, MavMessage, MavModeFlag, MavParamType,
     PARAM_SET_DATA, STATUSTEXT_DATA,

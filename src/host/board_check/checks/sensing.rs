@@ -1,7 +1,7 @@
 //! What the board measures.
 
 use super::check::{Check, Outcome, failed, judge_trial, not_measured, outcome};
-use crate::board_check::evidence::{Calibration, Evidence, mean};
+use crate::host::board_check::evidence::{Calibration, Evidence, mean};
 use crate::mavlink::dialect::{MavSysStatusSensor, SYS_STATUS_DATA};
 use crate::sensor::ADC_REFERENCE_V;
 

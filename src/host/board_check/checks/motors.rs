@@ -1,7 +1,7 @@
 //! Do the wheels turn as they should?
 
 use super::check::{Check, Outcome, failed, judge_trial, not_measured, outcome};
-use crate::board_check::evidence::{Evidence, MotorStep, StepResult};
+use crate::host::board_check::evidence::{Evidence, MotorStep, StepResult};
 
 const EXPECTED: &str = "the owner saw these wheels turn this way, and no other (docs/hardware.md)";
 const ADVICE: &str = "Compare the motor plugs with docs/hardware.md: a plug turned round reverses its wheel, two plugs swapped \

@@ -2,7 +2,7 @@
 
 use super::drain::{SIGHTS, drive_until, parameters};
 use super::story::{Plugged, Scenario};
-use crate::sim::PackModel;
+use crate::host::sim::PackModel;
 
 /// What a load can draw at −10 °C, of 2.2 Ah: 75 %, by the specification of Samsung's INR18650-15L (version 3.21, 7.5,
 /// temperature dependence of discharge capacity). A LiPo of its own was not found.

@@ -1,7 +1,7 @@
 //! Whether telemetry arrives: all of it, undamaged, at its rates.
 
 use super::check::{Check, Outcome, failed, not_measured, not_reached, outcome};
-use crate::board_check::evidence::Evidence;
+use crate::host::board_check::evidence::Evidence;
 use crate::mavlink::dialect::MavMessage;
 
 /// A stream and the intervals between its messages.

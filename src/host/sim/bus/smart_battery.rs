@@ -3,7 +3,7 @@
 use embedded_hal_async::i2c::{ErrorKind, NoAcknowledgeSource};
 
 use super::device::Device;
-use crate::sim::SimulatedPack;
+use crate::host::sim::SimulatedPack;
 
 /// Address of every smart battery.
 pub const ADDRESS: u8 = 0x0b;

@@ -1,8 +1,8 @@
 //! Whether parameters arrive and are kept.
 
 use super::check::{Check, Outcome, failed, not_measured, not_reached, outcome};
-use crate::board_check::evidence::{Evidence, KeptTrial};
-use crate::board_check::session::Restarted;
+use crate::host::board_check::evidence::{Evidence, KeptTrial};
+use crate::host::board_check::session::Restarted;
 
 /// Do all parameters arrive?
 pub(super) const PARAMETER_LIST: Check = Check {

@@ -2,7 +2,7 @@
 
 use super::story::{Action, Plugged, Scenario, Sight, Step};
 use crate::battery::ArmState;
-use crate::sim::PackModel;
+use crate::host::sim::PackModel;
 use crate::vehicle::Mode;
 
 /// See [`Scenario::summary`].

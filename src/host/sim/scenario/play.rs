@@ -5,9 +5,9 @@ use std::cell::{Cell, RefCell};
 use embassy_time::{Duration, Instant, Ticker};
 
 use super::story::{Action, Scenario, Step};
-use crate::sim::SimulatedPack;
-use crate::sim::console::SimulatedTime;
-use crate::sim::station::{Heard, Station};
+use crate::host::sim::SimulatedPack;
+use crate::host::sim::console::SimulatedTime;
+use crate::host::sim::station::{Heard, Station};
 
 /// Between two messages of the sticks: they time out after 1.5 s (`FS_TIMEOUT`).
 const TURN: Duration = Duration::from_millis(200);
@@ -22,7 +22,7 @@ struct Sighting {
 
 /// A scenario that is played.
 #[derive(Debug)]
-pub(in crate::sim) struct Player {
+pub(in crate::host::sim) struct Player {
     scenario: &'static Scenario,
     /// Of each sight of the scenario.
     sightings: RefCell<Vec<Option<Sighting>>>,
@@ -115,7 +115,7 @@ mod tests {
     use embassy_time::Timer;
 
     use super::*;
-    use crate::sim::clock;
+    use crate::host::sim::clock;
 
     #[test]
     fn the_closing_sentence_has_the_first_time_of_each_sight() {

@@ -198,7 +198,7 @@ impl fmt::Display for Status {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::PackModel;
+    use crate::host::sim::PackModel;
 
     fn comparison(battery: BatteryState) -> Comparison {
         let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);

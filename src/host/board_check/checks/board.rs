@@ -1,8 +1,8 @@
 //! Which board it is, and whether it stays connected.
 
 use super::check::{Check, Outcome, failed, not_measured, not_reached, outcome};
-use crate::board_check::evidence::Evidence;
-use crate::board_check::session::Interruption;
+use crate::host::board_check::evidence::Evidence;
+use crate::host::board_check::session::Interruption;
 use crate::identity::{FirmwareHash, Identity};
 use crate::mavlink::dialect::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavType};
 use crate::mavlink::{COMPONENT_ID, build_autopilot_version};

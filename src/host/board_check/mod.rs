@@ -7,7 +7,6 @@
 mod checks;
 mod elf;
 mod evidence;
-mod frames;
 mod plan;
 mod port;
 mod procedures;
@@ -18,7 +17,6 @@ mod session;
 
 pub use checks::{CHECKS, Check, Outcome};
 pub use elf::hash_of_elf;
-pub(crate) use frames::{FrameReader, frame};
 pub use plan::{Calibrate, Multimeter, Part, Plan};
 pub use port::{Answer, Owner, Port, PortClosed};
 pub use report::{Report, Verdict};

@@ -1,7 +1,7 @@
 //! A used pack is unplugged, and a full one plugged in.
 
 use super::story::{Action, Plugged, Scenario, Sight, Step};
-use crate::sim::PackModel;
+use crate::host::sim::PackModel;
 
 /// See [`Scenario::summary`].
 pub const SWAP: Scenario = Scenario {

@@ -1,8 +1,8 @@
 //! The talk with the board: keeps in touch, listens, asks, and keeps a record of everything.
 
-use super::frames::{Frame, FrameReader, frame};
 use super::port::{Answer, Owner, Port, PortClosed};
 use super::record::{BoardStart, Gap, Received, Record, RoundTrip, StartCause};
+use crate::host::frames::{Frame, FrameReader, frame};
 use crate::mavlink::dialect::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult, MavState,
     MavType, TIMESYNC_DATA,

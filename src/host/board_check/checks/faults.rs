@@ -1,9 +1,9 @@
 //! Restarts, crashes, faults that the board announces, and its load.
 
 use super::check::{Check, Outcome, failed, judge_trial, not_measured, not_reached, outcome};
-use crate::board_check::evidence::{Evidence, FaultTrial, Trial};
-use crate::board_check::record::{StartCause, Text};
-use crate::board_check::session::Restarted;
+use crate::host::board_check::evidence::{Evidence, FaultTrial, Trial};
+use crate::host::board_check::record::{StartCause, Text};
+use crate::host::board_check::session::Restarted;
 use crate::mavlink::dialect::MavSeverity;
 use crate::time::Instant;
 

@@ -3,8 +3,8 @@
 use std::fmt;
 
 use crate::battery::ArmState;
+use crate::host::sim::{PackModel, SimulatedPack};
 use crate::parameter::{ParameterId, Parameters};
-use crate::sim::{PackModel, SimulatedPack};
 use crate::vehicle::Mode;
 
 /// A story.

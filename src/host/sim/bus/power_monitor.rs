@@ -3,7 +3,7 @@
 use embedded_hal_async::i2c::ErrorKind;
 
 use super::device::Device;
-use crate::sim::SimulatedPack;
+use crate::host::sim::SimulatedPack;
 
 /// Address with both address pins at ground.
 pub const ADDRESS: u8 = 0x40;
