@@ -9,7 +9,7 @@ use crate::battery::{ArmState, FailsafeLevel};
 use crate::log::info;
 use crate::pack::Pack;
 use crate::parameter::VehicleParameter;
-use crate::recorder::dataflash::{ArmingChecks, ArmingMethod, EventId, ModeReason, Record, Subsystem};
+use crate::recorder::dataflash::{ArmingMethod, ModeReason, Record, Subsystem};
 use crate::time::Instant;
 use crate::vehicle::{
     Alert, FailsafeAction, Fitness, Indication, SideDrives, VehicleEvent, VehicleSettings, VehicleStatus,
@@ -102,15 +102,6 @@ impl Autopilot {
     }
 
     fn record_arming(&mut self, status: VehicleStatus) {
-        let (event, forced) = match status.arm_state {
-            ArmState::Armed => (EventId::Armed, status.fitness == Fitness::Forced),
-            ArmState::Disarmed => (EventId::Disarmed, false),
-        };
-        let checks = if forced {
-            ArmingChecks::Forced
-        } else {
-            ArmingChecks::Passed
-        };
         let method = match status.alert {
             Alert::Terminated => ArmingMethod::Termination,
             Alert::None | Alert::Failsafe => ArmingMethod::Command,
@@ -118,10 +109,10 @@ impl Autopilot {
         self.recording.add(&Record::Arm {
             state: status.arm_state,
             enabled_checks: self.parameters.get_whole(VehicleParameter::ArmingCheck) as u32,
-            checks,
+            forced: (status.arm_state, status.fitness) == (ArmState::Armed, Fitness::Forced),
             method,
         });
-        self.recording.add(&Record::Event(event));
+        self.recording.add(&Record::Event(status.arm_state));
     }
 
     /// Records a failsafe of sticks or ground stations.

@@ -13,7 +13,7 @@ use crate::battery::{
 use crate::log::{info, warn};
 use crate::mavlink::arming_readiness;
 use crate::pack::Pack;
-use crate::recorder::dataflash::{Health, Record};
+use crate::recorder::dataflash::Record;
 use crate::sensor::{
     Admission, AnalogPin, AnalogReadings, ControllerReading, ExternalReading, MonitorKind, Pulses,
     SerialReading,
@@ -163,10 +163,10 @@ impl Autopilot {
 
     fn record_health(&mut self) {
         if self.recording.records_health(&self.parameters) {
-            self.recording.add(&Record::Health(Health {
+            self.recording.add(&Record::Health {
                 load_permille: self.load_permille,
                 dropped_records: self.recording.dropped(),
-            }));
+            });
         }
     }
 

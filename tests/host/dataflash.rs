@@ -6,9 +6,7 @@ use ardupilot_binlog::{Entry, Reader};
 use rover_battmon::battery::{Amount, ArmState, BatteryState, CellVoltages, ChargeState, Faults, PackStatus};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::pack::Pack;
-use rover_battmon::recorder::dataflash::{
-    ArmingChecks, ArmingMethod, EventId, Health, ModeReason, Record, Subsystem, opening_record,
-};
+use rover_battmon::recorder::dataflash::{ArmingMethod, ModeReason, Record, Subsystem, opening_record};
 use rover_battmon::vehicle::Mode;
 
 const START_US: u64 = 1_500_000;
@@ -54,15 +52,15 @@ fn file() -> Vec<u8> {
         Record::Arm {
             state: ArmState::Armed,
             enabled_checks: 1,
-            checks: ArmingChecks::Forced,
+            forced: true,
             method: ArmingMethod::Command,
         },
-        Record::Event(EventId::Armed),
+        Record::Event(ArmState::Armed),
         Record::Error(Subsystem::BatteryFailsafe),
-        Record::Health(Health {
+        Record::Health {
             load_permille: 345,
             dropped_records: 2,
-        }),
+        },
     ];
     let records = vehicle.into_iter().chain(Record::of_pack(Pack::Second, &state));
     let records = records

@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 use rover_battmon::battery::{ArmState, BatteryMonitor, Measurement, PackSettings, Tick};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
-use rover_battmon::recorder::dataflash::{ArmingChecks, ArmingMethod, Record, opening_record};
+use rover_battmon::recorder::dataflash::{ArmingMethod, Record, opening_record};
 use rover_battmon::time::Instant;
 
 const TRACE: &str = "tests/data/traces/trace_discharge_3s_10min.csv";
@@ -303,7 +303,7 @@ fn log_of_drive() -> Vec<u8> {
             let record = Record::Arm {
                 state,
                 enabled_checks: 1,
-                checks: ArmingChecks::Passed,
+                forced: false,
                 method: ArmingMethod::Command,
             };
             bytes.extend(record.encode(time_us));

@@ -9,7 +9,7 @@ use crate::autopilot::{Autopilot, Start};
 use crate::battery::ArmState;
 use crate::crash::{CrashCause, CrashRecord};
 use crate::parameter::{Parameters, VehicleParameter};
-use crate::recorder::dataflash::{ArmingChecks, ArmingMethod, ModeReason, Record};
+use crate::recorder::dataflash::{ArmingMethod, ModeReason, Record};
 use crate::recorder::{FlashOutcome, LogFile, PAYLOAD_BYTES, Ring};
 use crate::storage::Erase;
 use crate::storage::flash_model::FlashModel;
@@ -487,7 +487,7 @@ fn a_file_that_begins_after_arming_has_mode_and_arming() {
     let arming = Record::Arm {
         state: ArmState::Armed,
         enabled_checks: bench.parameters.get_whole(VehicleParameter::ArmingCheck) as u32,
-        checks: ArmingChecks::Forced,
+        forced: true,
         method: ArmingMethod::Command,
     };
     let mode = Record::Mode {

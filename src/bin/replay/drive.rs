@@ -166,7 +166,7 @@ mod tests {
     use proptest::prelude::*;
     use rover_battmon::battery::{Amount, ArmState, BatteryState, ChargeState, PackStatus};
     use rover_battmon::parameter::BatteryParameter;
-    use rover_battmon::recorder::dataflash::{ArmingChecks, ArmingMethod, Record as Recorded};
+    use rover_battmon::recorder::dataflash::{ArmingMethod, Record as Recorded};
 
     fn log(records: &[Recorded]) -> Log {
         let records = records
@@ -194,7 +194,7 @@ mod tests {
         Recorded::Arm {
             state,
             enabled_checks: 1,
-            checks: ArmingChecks::Passed,
+            forced: false,
             method: ArmingMethod::Command,
         }
     }

@@ -1,4 +1,4 @@
-//! The formats, a row each: everything that a file says about its records derives from them.
+//! The formats, a row each, with the units in use: everything that a file says about its records derives from them.
 
 /// Length of what precedes the fields, in bytes: two of synchronisation and the format's number.
 pub(super) const HEADER_BYTES: usize = 3;
@@ -35,9 +35,9 @@ pub(super) struct Format {
     pub types: &'static str,
     /// Names of the fields, with commas between them.
     pub columns: &'static str,
-    /// Units of the fields, see [`UNITS`](super::units::UNITS).
+    /// Units of the fields, see [`UNITS`].
     pub units: &'static str,
-    /// What makes the number in a field one in that unit, see [`MULTIPLIERS`](super::units::MULTIPLIERS).
+    /// What makes the number in a field one in that unit, see [`MULTIPLIERS`].
     pub multipliers: &'static str,
 }
 
@@ -196,4 +196,30 @@ pub(super) const FORMATS: [Format; 16] = [
         units: "s-----",
         multipliers: "F-----",
     },
+];
+
+/// Units that the formats use, by ArduPilot's characters, with their names.
+pub(super) const UNITS: [(u8, &str); 11] = [
+    (b'-', ""),
+    (b'#', "instance"),
+    (b's', "s"),
+    (b'v', "V"),
+    (b'A', "A"),
+    (b'a', "Ah"),
+    (b'X', "W.h"),
+    (b'O', "degC"),
+    (b'w', "Ohm"),
+    (b'%', "%"),
+    (b'b', "B"),
+];
+
+/// Multipliers that the formats use, by ArduPilot's characters, with their values. `-` is for what is not a number; `?` is ArduPilot's for hundredths of a degree, which the type
+/// of the field divides already.
+pub(super) const MULTIPLIERS: [(u8, f64); 6] = [
+    (b'-', 0.0),
+    (b'?', 1.0),
+    (b'0', 1.0),
+    (b'A', 1e-1),
+    (b'C', 1e-3),
+    (b'F', 1e-6),
 ];

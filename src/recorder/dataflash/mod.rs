@@ -8,20 +8,12 @@
 //! A number with a fraction is NaN while it is unknown, as ArduPilot's current without a sensor is. Other fields use
 //! ArduPilot's values for what is unknown; the functions that encode the records have them.
 
-mod board;
 mod format;
-mod opening;
-mod pack;
 mod packet;
 mod record;
-mod units;
-mod vehicle;
 
-pub use board::Health;
-pub use opening::opening_record;
-pub use packet::{MAX_RECORD_BYTES, RecordBytes};
-pub use record::Record;
-pub use vehicle::{ArmingChecks, ArmingMethod, EventId, ModeReason, Subsystem};
+pub use packet::{MAX_RECORD_BYTES, RecordBytes, opening_record};
+pub use record::{ArmingMethod, ModeReason, Record, Subsystem};
 
 #[cfg(test)]
 mod tests;

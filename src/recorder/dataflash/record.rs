@@ -1,15 +1,15 @@
-//! What is recorded.
+//! What is recorded, and how each record is encoded.
 
-use super::board::{Health, encode_crash, encode_health};
+use core::fmt::Write;
+use core::ops::Range;
+
+use heapless::String;
+
 use super::format::Kind;
-use super::pack::{FIRST_CELLS, encode_battery, encode_cells, encode_estimate, encode_more_cells};
-use super::packet::{Packet, RecordBytes};
-use super::vehicle::{
-    ArmingChecks, ArmingMethod, EventId, ModeReason, Subsystem, encode_arming, encode_error, encode_event,
-    encode_mode,
-};
-use crate::battery::{ArmState, BatteryState};
-use crate::crash::CrashRecord;
+use super::packet::{Packet, RecordBytes, finite, whole_pct};
+use crate::battery::{Amount, ArmState, BatteryState, MAX_CELLS, PackStatus};
+use crate::crash::{CrashCause, CrashRecord};
+use crate::numbers::round_to_i32;
 use crate::pack::Pack;
 use crate::vehicle::Mode;
 
@@ -27,16 +27,16 @@ pub enum Record<'a> {
     },
     /// MSG: a text, cut after 64 bytes.
     Message(&'a str),
-    /// EV: an event.
-    Event(EventId),
+    /// EV: the rover is armed or disarmed.
+    Event(ArmState),
     /// ARM: arming or disarming.
     Arm {
         /// What the rover is now.
         state: ArmState,
         /// The checks in use: `ARMING_CHECK`.
         enabled_checks: u32,
-        /// Whether they had to pass.
-        checks: ArmingChecks,
+        /// Whether it was armed or disarmed by force, whatever the checks say.
+        forced: bool,
         /// What armed or disarmed it.
         method: ArmingMethod,
     },
@@ -58,7 +58,12 @@ pub enum Record<'a> {
     /// BCL2: the voltages of a pack's further cells.
     MoreCells(Pack, &'a BatteryState),
     /// PM: the board's load, and what the log dropped.
-    Health(Health),
+    Health {
+        /// Busy share of the processor over the last second, in tenths of a percent (0 to 1000).
+        load_permille: u16,
+        /// Records since the start that the log could not take.
+        dropped_records: u32,
+    },
     /// CRSH: the crash before this start.
     Crash(&'a CrashRecord),
 }
@@ -88,21 +93,219 @@ impl<'a> Record<'a> {
                 .f32(default)
                 .finish(),
             Self::Message(text) => Packet::at(Kind::Message, time_us).text::<64>(text).finish(),
-            Self::Event(event) => encode_event(time_us, event),
+            Self::Event(state) => Packet::at(Kind::Event, time_us).u8(event_number(state)).finish(),
             Self::Arm {
                 state,
                 enabled_checks,
-                checks,
+                forced,
                 method,
-            } => encode_arming(time_us, state, enabled_checks, checks, method),
+            } => Packet::at(Kind::Arming, time_us)
+                .u8(u8::from(state == ArmState::Armed))
+                .u32(enabled_checks)
+                .u8(u8::from(forced))
+                .u8(method as u8)
+                .finish(),
             Self::Mode { mode, reason } => encode_mode(time_us, mode, reason),
-            Self::Error(subsystem) => encode_error(time_us, subsystem),
+            Self::Error(subsystem) => Packet::at(Kind::Error, time_us)
+                .u8(subsystem as u8)
+                .u8(OCCURRED)
+                .finish(),
             Self::Battery(pack, state) => encode_battery(time_us, pack, state),
             Self::Estimate(pack, state) => encode_estimate(time_us, pack, state),
             Self::Cells(pack, state) => encode_cells(time_us, pack, state),
             Self::MoreCells(pack, state) => encode_more_cells(time_us, pack, state),
-            Self::Health(health) => encode_health(time_us, health),
+            Self::Health {
+                load_permille,
+                dropped_records,
+            } => Packet::at(Kind::Health, time_us)
+                .u16(load_permille)
+                .u32(dropped_records)
+                .finish(),
             Self::Crash(crash) => encode_crash(time_us, crash),
         }
     }
+}
+
+/// What armed or disarmed the rover, with ArduPilot's numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum ArmingMethod {
+    /// A command of a ground station.
+    Command = 1,
+    /// A failsafe that terminates the drive.
+    Termination = 20,
+}
+
+/// Why the mode changed, with ArduPilot's numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum ModeReason {
+    /// Unknown.
+    Unknown = 0,
+    /// A command of a ground station.
+    Command = 2,
+    /// The sticks have timed out.
+    ControlsTimedOut = 3,
+    /// The battery failsafe.
+    BatteryFailsafe = 4,
+    /// Heartbeats of ground stations have timed out.
+    GroundStationsTimedOut = 5,
+}
+
+/// What a failsafe is for, with ArduPilot's numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Subsystem {
+    /// The sticks have timed out.
+    ControlsFailsafe = 5,
+    /// The battery failsafe.
+    BatteryFailsafe = 6,
+    /// Heartbeats of ground stations have timed out.
+    GroundStationFailsafe = 8,
+}
+
+/// ArduPilot's numbers of the events.
+fn event_number(state: ArmState) -> u8 {
+    match state {
+        ArmState::Armed => 10,
+        ArmState::Disarmed => 11,
+    }
+}
+
+/// The error has begun, by ArduPilot's number.
+const OCCURRED: u8 = 1;
+
+fn encode_mode(time_us: u64, mode: Mode, reason: ModeReason) -> RecordBytes {
+    // Manual and Hold are 0 and 4.
+    let number = mode.number() as u8;
+    Packet::at(Kind::Mode, time_us)
+        .u8(number)
+        .u8(number)
+        .u8(reason as u8)
+        .finish()
+}
+
+/// A temperature that is unknown, as in ArduPilot.
+const TEMPERATURE_UNKNOWN_CDEGC: i16 = 0;
+
+/// A remaining charge that is unknown, as in ArduPilot.
+const REMAINING_UNKNOWN_PCT: u8 = u8::MAX;
+
+/// A state of health that is unknown, as in ArduPilot.
+const STATE_OF_HEALTH_UNKNOWN_PCT: u8 = 0;
+
+/// `Volt` is the terminal voltage, whichever is reported to ground stations. The charge of a tank is in millilitres.
+fn encode_battery(time_us: u64, pack: Pack, state: &BatteryState) -> RecordBytes {
+    Packet::at(Kind::Battery, time_us)
+        .u8(pack.instance())
+        .number(state.voltage_v)
+        .number(state.resting_voltage_v)
+        .number(state.current_a)
+        .number(state.consumed.map(Amount::number))
+        .number(state.consumed_wh)
+        .bytes(&temperature_cdegc(state.temperature_c).to_le_bytes())
+        .number(state.resistance_ohm)
+        .u8(finite(state.remaining_pct).map_or(REMAINING_UNKNOWN_PCT, whole_pct))
+        .u8(u8::from(state.status == PackStatus::Healthy))
+        .u8(state.state_of_health_pct.unwrap_or(STATE_OF_HEALTH_UNKNOWN_PCT))
+        .finish()
+}
+
+/// In hundredths of a degree, saturating at ±327.67 °C. A true 0.00 °C would read as unknown and is recorded as 0.01 °C.
+fn temperature_cdegc(temperature_c: Option<f32>) -> i16 {
+    let Some(temperature_c) = finite(temperature_c) else {
+        return TEMPERATURE_UNKNOWN_CDEGC;
+    };
+    let limit = i32::from(i16::MAX);
+    match round_to_i32(temperature_c * 100.0).clamp(-limit, limit) as i16 {
+        TEMPERATURE_UNKNOWN_CDEGC => 1,
+        known => known,
+    }
+}
+
+/// Standard deviations between the estimate and each of its bounds: the truth is within them 19 times of 20.
+const DEVIATIONS: f32 = 2.0;
+
+/// `SoC` with its bounds and `Use`, the usable share, in percent; `Cap`, the learnt capacity, in milliampere-hours; `State`
+/// and `Flt` by MAVLink's numbers and bits; `FS` by ArduPilot's; `Stat`, see [`status_number`].
+fn encode_estimate(time_us: u64, pack: Pack, state: &BatteryState) -> RecordBytes {
+    let remaining_pct = finite(state.remaining_pct);
+    let deviation_pct = finite(state.remaining_sigma_pct).map(|sigma_pct| DEVIATIONS * sigma_pct);
+    let bounds = remaining_pct.zip(deviation_pct);
+    Packet::at(Kind::Estimate, time_us)
+        .u8(pack.instance())
+        .number(remaining_pct)
+        .number(bounds.map(|(pct, deviation_pct)| (pct - deviation_pct).max(0.0)))
+        .number(bounds.map(|(pct, deviation_pct)| (pct + deviation_pct).min(100.0)))
+        .number(state.usable_pct)
+        .number(state.learnt_capacity_mah)
+        .u8(state.charge_state as u8)
+        .u16(state.faults_to_show().bits())
+        .u8(state.failsafe as u8)
+        .u8(status_number(state.status))
+        .finish()
+}
+
+/// Numbers of the field `Stat`. They stay as they are: files are kept.
+fn status_number(status: PackStatus) -> u8 {
+    match status {
+        PackStatus::Disabled => 0,
+        PackStatus::Unknown => 1,
+        PackStatus::NotConnected => 2,
+        PackStatus::Healthy => 3,
+        PackStatus::Unhealthy => 4,
+    }
+}
+
+/// Cells in BCL; BCL2 has those that follow.
+const FIRST_CELLS: usize = 12;
+
+/// A cell that does not exist, as in ArduPilot.
+const NO_CELL_MV: u16 = 0;
+
+fn encode_cells(time_us: u64, pack: Pack, state: &BatteryState) -> RecordBytes {
+    let packet = Packet::at(Kind::Cells, time_us)
+        .u8(pack.instance())
+        .number(state.voltage_v);
+    with_cells(packet, state, 0..FIRST_CELLS)
+}
+
+fn encode_more_cells(time_us: u64, pack: Pack, state: &BatteryState) -> RecordBytes {
+    let packet = Packet::at(Kind::MoreCells, time_us).u8(pack.instance());
+    with_cells(packet, state, FIRST_CELLS..MAX_CELLS)
+}
+
+/// Voltages as they are, where ArduPilot adds 1 mV. A cell at 0 V is recorded as 1 mV, since 0 is not a cell.
+fn with_cells(packet: Packet, state: &BatteryState, places: Range<usize>) -> RecordBytes {
+    let measured = state.cells.millivolts();
+    let cells = places.map(|place| {
+        measured
+            .get(place)
+            .map_or(NO_CELL_MV, |cell_mv| (*cell_mv).max(1))
+    });
+    cells.fold(packet, Packet::u16).finish()
+}
+
+/// Characters of the field `Task`.
+const TASK_CHARACTERS: usize = 16;
+
+/// Cause 1 is a fault, with its registers; 2 an overdue task; 3 a hang. Without a task, that field is empty.
+fn encode_crash(time_us: u64, crash: &CrashRecord) -> RecordBytes {
+    let (cause, [pc, lr, xpsr]) = match &crash.cause {
+        CrashCause::Fault(site) => (1, [site.pc, site.lr, site.xpsr]),
+        CrashCause::Overdue => (2, [0; 3]),
+        CrashCause::Hung => (3, [0; 3]),
+    };
+    let mut task = String::<TASK_CHARACTERS>::new();
+    if let Some(name) = crash.task {
+        // A name is as long at most.
+        let _ = write!(task, "{name}");
+    }
+    Packet::at(Kind::Crash, time_us)
+        .u8(cause)
+        .u32(pc)
+        .u32(lr)
+        .u32(xpsr)
+        .text::<TASK_CHARACTERS>(&task)
+        .finish()
 }

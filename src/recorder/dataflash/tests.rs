@@ -2,8 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::format::{FORMATS, Format};
-use super::units::{MULTIPLIERS, UNITS};
+use super::format::{FORMATS, Format, MULTIPLIERS, UNITS};
 use super::*;
 use crate::battery::{
     Amount, ArmState, BatteryState, CellVoltages, ChargeState, FailsafeLevel, Faults, MAX_CELLS, PackStatus,
@@ -69,11 +68,11 @@ fn one_of_each<'a>(state: &'a BatteryState, crash: &'a CrashRecord) -> Vec<Recor
             default: 2200.0,
         },
         Record::Message("Rover"),
-        Record::Event(EventId::Armed),
+        Record::Event(ArmState::Armed),
         Record::Arm {
             state: ArmState::Armed,
             enabled_checks: 1,
-            checks: ArmingChecks::Passed,
+            forced: false,
             method: ArmingMethod::Command,
         },
         Record::Mode {
@@ -85,7 +84,10 @@ fn one_of_each<'a>(state: &'a BatteryState, crash: &'a CrashRecord) -> Vec<Recor
         Record::Cells(Pack::First, state),
         Record::MoreCells(Pack::First, state),
         Record::Estimate(Pack::First, state),
-        Record::Health(Health::default()),
+        Record::Health {
+            load_permille: 0,
+            dropped_records: 0,
+        },
         Record::Crash(crash),
     ]
 }
@@ -165,7 +167,7 @@ fn records_of_the_vehicle_have_each_field_in_its_place() {
             Record::Arm {
                 state: ArmState::Armed,
                 enabled_checks: 0x0001_0301,
-                checks: ArmingChecks::Forced,
+                forced: true,
                 method: ArmingMethod::Command,
             },
             "a39587080706050403020101010301000101",
@@ -181,12 +183,12 @@ fn records_of_the_vehicle_have_each_field_in_its_place() {
             Record::Error(Subsystem::BatteryFailsafe),
             "a3958908070605040302010601",
         ),
-        (Record::Event(EventId::Disarmed), "a3958608070605040302010b"),
+        (Record::Event(ArmState::Disarmed), "a3958608070605040302010b"),
         (
-            Record::Health(Health {
+            Record::Health {
                 load_permille: 345,
                 dropped_records: 70_000,
-            }),
+            },
             "a3958e0807060504030201590170110100",
         ),
         (
