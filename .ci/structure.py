@@ -115,9 +115,8 @@ class Crate:
         self.modules = {}
         self.binaries = []
         self.read((), source / "lib.rs", source)
-        for file in [source / "main.rs", *sorted(source.glob("bin/*.rs")), *sorted(source.glob("bin/*/main.rs"))]:
-            if file.exists():
-                self.binaries.append(self.parse((), file)[0])
+        for file in [*sorted(source.glob("bin/*.rs")), *sorted(source.glob("bin/*/main.rs"))]:
+            self.binaries.append(self.parse((), file)[0])
 
     def parse(self, path, file):
         code, test_modules = without_tests(NO_CODE.sub(" ", file.read_text()))

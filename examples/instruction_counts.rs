@@ -21,8 +21,8 @@ mod firmware {
         FrameParser, Framer, LinkKind, Message, Signing, SigningKey, StoredSigning, Stream, SystemState,
         ToStore,
     };
+    use rover_battmon::memory::storage::Condition;
     use rover_battmon::pack::Pack;
-    use rover_battmon::storage::Condition;
     use rover_battmon::time::Instant;
 
     /// What a ground station sends, in chunks as they come from a port.

@@ -62,20 +62,19 @@
 //! | [`pack`] | which packs there are |
 //! | [`time`] | moments, regular due times |
 //! | [`mavlink`] | message builders, the stream scheduler, the outbox of a link |
-//! | [`flash_map`] | what lies where in flash |
+//! | [`memory`] | what lies where in flash; values under keys in flash, whole after a power cut at any moment; what survives a reset |
 //! | [`recorder`] | a ring of log files in flash; `dataflash`: their records, in ArduPilot's format |
-//! | [`storage`] | values under keys in flash, whole after a power cut at any moment |
 //! | [`wifi`] | names and passwords of Wi-Fi networks, what the radio is to do, what it reports |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
 //! | [`crash`] | what is known of a crash after the restart |
 //! | [`autopilot`] | the core object: owns parameters, packs, vehicle and signing, and decides between them |
-//! | [`mcp2515`] | the driver of the CAN controller |
+//! | [`drivers`] | the CAN controller, how far a DMA ring is read, whether a USB device is stuck |
 //! | [`tasks`] | thin `async` loops that wait, call the core and publish |
 //! | `net` | MAVLink by UDP and TCP, and addresses for others (with the feature `board`) |
 //! | `board` | the pins and peripherals of the Freenove RP2040 board (target only, with the feature `board`) |
 //! | `host` | `sim`: a simulated pack, clock and wire; `board_check`: the check of a board over MAVLink, and its report (host only, with the feature `host`) |
 //!
-//! Everything but `tasks`, `mcp2515`, `net`, `board` and `host` does no I/O and reads no clock: time, counts and parameters
+//! Everything but `tasks`, `drivers`, `net`, `board` and `host` does no I/O and reads no clock: time, counts and parameters
 //! come in as arguments, states and messages come out. That is what makes the behaviour testable on a desk.
 //!
 //! # Where to go next
@@ -88,31 +87,26 @@
 //! - Another board: the traits that `board` and `host::sim` implement, as [`AnalogIn`](sensor::AnalogIn),
 //!   [`I2cBus`](sensor::I2cBus), [`Motors`](vehicle::Motors), [`Indicators`](vehicle::Indicators) and those of [`tasks`]; and
 //!   `docs/guides/porting.md`.
-//! - Whole programs: the firmware `src/main.rs`, the simulator `src/bin/sitl.rs`, and one idea each in `examples/`.
+//! - Whole programs: the firmware `src/bin/firmware/main.rs`, the simulator `src/bin/sitl.rs`, and one idea each in `examples/`.
 //! - What a version of it promises: `docs/versions.md`.
 //! - How it all fits together and why: `docs/architecture.md` and `docs/decisions/`.
 #![cfg_attr(target_os = "none", no_std)]
 
-mod in_place;
-mod integrity;
 mod log;
 mod numbers;
 
 pub mod autopilot;
 pub mod battery;
 pub mod crash;
-pub mod flash_map;
-pub mod identity;
+pub mod drivers;
 pub mod mavlink;
-pub mod mcp2515;
+pub mod memory;
 #[cfg(feature = "board")]
 pub mod net;
 pub mod pack;
 pub mod parameter;
-pub mod peripheral;
 pub mod recorder;
 pub mod sensor;
-pub mod storage;
 pub mod tasks;
 pub mod time;
 pub mod vehicle;

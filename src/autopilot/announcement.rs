@@ -9,11 +9,11 @@ use super::recording::LogFailure;
 use crate::battery::{PackEvent, SuggestedThresholds};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
+use crate::memory::storage::StorageError;
 use crate::numbers::Hundredths;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, SaveFailure};
 use crate::sensor::{CanNotice, CanReport, SerialNotice, Urgency};
-use crate::storage::StorageError;
 use crate::vehicle::VehicleEvent;
 use crate::wifi::WifiReport;
 

@@ -7,10 +7,10 @@ use super::saving::log_failure;
 use super::work::Work;
 use crate::battery::{LEARNT_WORDS, LearntPack, PackSettings};
 use crate::log::{info, warn};
+use crate::memory::storage::StorageError;
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterId};
-use crate::storage::StorageError;
 use crate::time::Instant;
 
 /// Bits of a flash key for the instance of the pack.

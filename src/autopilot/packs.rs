@@ -6,7 +6,7 @@ use super::silence::Silence;
 use crate::battery::{
     BatteryBank, BatteryState, Measurement, PackSettings, PackSource, PackStatus, ReadError, SumVoltage,
 };
-use crate::in_place::in_place;
+use crate::memory::in_place::in_place;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 use crate::sensor::{

@@ -2,8 +2,8 @@
 
 use crate::battery::ArmState;
 use crate::mavlink::SigningChange;
+use crate::memory::storage::StorageError;
 use crate::parameter::SAVE_RETRY_INTERVAL_US;
-use crate::storage::StorageError;
 use crate::time::Instant;
 
 /// Failures to write one kind of data: what is learnt of the packs, or names and passwords of networks.

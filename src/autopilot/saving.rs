@@ -8,8 +8,8 @@ use super::work::Work;
 use crate::battery::ArmState;
 use crate::log::{info, warn};
 use crate::mavlink::{SigningChange, SigningTrouble, ToStore};
+use crate::memory::storage::{Erase, StorageError};
 use crate::parameter::{SAVE_RETRY_INTERVAL_US, Unsaved};
-use crate::storage::{Erase, StorageError};
 use crate::time::Instant;
 
 impl Autopilot {

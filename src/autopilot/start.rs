@@ -2,12 +2,12 @@
 
 use super::announcement::Announcement;
 use crate::crash::CrashRecord;
-use crate::identity::Identity;
 use crate::log::{info, warn};
 use crate::mavlink::{Signing, SigningTrouble};
+use crate::memory::identity::Identity;
+use crate::memory::storage::StorageError;
 use crate::parameter::Parameters;
 use crate::sensor::BitTiming;
-use crate::storage::StorageError;
 use crate::wifi::Radio;
 
 /// Everything that is read from flash before the tasks start.

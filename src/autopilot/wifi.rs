@@ -14,7 +14,7 @@ use crate::battery::ArmState;
 use crate::log::info;
 use crate::mavlink::LinkKind;
 use crate::mavlink::dialect::MavSeverity;
-use crate::storage::StorageError;
+use crate::memory::storage::StorageError;
 use crate::time::Instant;
 use crate::wifi::{Password, Radio, Ssid, StoredWifi, WifiRecord, WifiReport, WifiSetup};
 

@@ -4,7 +4,7 @@ use super::Chemistry;
 use super::charge::KnownCharge;
 use super::consumption::Consumption;
 use super::estimator::{EstimatorMemory, SetCells};
-use crate::integrity::{is_sealed, seal};
+use crate::memory::retained::{is_sealed, seal};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters};
 

@@ -15,7 +15,7 @@ mod board_check {
     use rover_battmon::host::board_check::{
         Answer, Calibrate, Multimeter, Owner, Part, Plan, Port, PortClosed, Verdict, hash_of_elf, run,
     };
-    use rover_battmon::identity::FirmwareHash;
+    use rover_battmon::memory::identity::FirmwareHash;
     use rover_battmon::time::Instant;
     use serialport::SerialPort;
 

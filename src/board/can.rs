@@ -13,7 +13,7 @@ use embassy_rp::peripherals::{PIN_13, PIN_17};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
 use super::spi::{CanSpi, SharedSpi};
-use crate::mcp2515::{self, CanExchange};
+use crate::drivers::mcp2515::{self, CanExchange};
 use crate::sensor::BitTiming;
 
 /// An interrupt of no peripheral (RP2040 datasheet, 2.3.2).

@@ -3,7 +3,7 @@
 #![expect(unsafe_code, reason = "the section has no initialiser")]
 
 use crate::crash::{CrashRecord, CrashWords};
-use crate::integrity::RetainedWords;
+use crate::memory::retained::RetainedWords;
 use crate::tasks::CrashMemory;
 
 const WORDS: usize = size_of::<CrashWords>() / 4;

@@ -8,8 +8,8 @@ use embassy_rp::flash::{Blocking, ERASE_SIZE, Error, Flash};
 use embassy_rp::peripherals::FLASH;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
-use crate::flash_map;
-use crate::identity::BoardId;
+use crate::memory::flash_map;
+use crate::memory::identity::BoardId;
 use crate::recorder::{LogSource, ReadFailed};
 
 const CHIP_BYTES: usize = flash_map::CHIP_BYTES as usize;

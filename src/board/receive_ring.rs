@@ -10,7 +10,7 @@ use embassy_rp::pac::dma::regs::CtrlTrig;
 use embassy_rp::pac::dma::vals::{DataSize, TreqSel};
 use embassy_rp::pac::uart::Uart;
 
-use crate::peripheral::{COUNT_PERIOD, Overtaken, RingReader};
+use crate::drivers::{COUNT_PERIOD, Overtaken, RingReader};
 
 /// What the second channel writes into the first one's count. In RAM, as flash can't be read while it is written.
 static TRANSFERS: AtomicU32 = AtomicU32::new(COUNT_PERIOD);

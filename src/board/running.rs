@@ -13,8 +13,8 @@ use embassy_executor::raw::task_from_waker;
 use embassy_rp::pac::WATCHDOG;
 
 use crate::crash::{TaskName, TaskNameWords};
-use crate::integrity::RetainedWords;
 use crate::log::warn;
+use crate::memory::retained::RetainedWords;
 
 /// What a register holds that was not written since power-on or RUN.
 const NOTHING: u32 = 0;

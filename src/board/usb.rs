@@ -17,8 +17,8 @@ use embedded_io_async::{ErrorKind, ErrorType, Write};
 use heapless::Vec;
 
 use super::Irqs;
-use crate::identity::BoardId;
-use crate::peripheral::{ControlPipe, OBSERVATION_INTERVAL_MS, UsbFault, UsbObservation, UsbWatch};
+use crate::drivers::{ControlPipe, OBSERVATION_INTERVAL_MS, UsbFault, UsbObservation, UsbWatch};
+use crate::memory::identity::BoardId;
 use crate::tasks::{ByteSource, ReceiveError};
 
 /// Raspberry Pi's vendor id, and the product id its Pico SDK gives to CDC serial ports: hosts have a driver for it.

@@ -3,7 +3,7 @@
 use core::ops::Range;
 
 use super::TaskName;
-use crate::integrity::{is_sealed, seal};
+use crate::memory::retained::{is_sealed, seal};
 
 /// Identifies this layout.
 const MAGIC: u32 = u32::from_le_bytes(*b"CRS1");

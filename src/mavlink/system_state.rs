@@ -2,7 +2,7 @@
 
 use super::ReceiveStatistics;
 use crate::battery::{ArmState, BatteryState, ChargeSource, PackStatus, Visibility};
-use crate::identity::Identity;
+use crate::memory::identity::Identity;
 use crate::pack::Pack;
 use crate::recorder::LogFile;
 use crate::time::Instant;

@@ -1,7 +1,7 @@
 //! Who has which address, in RAM that survives a reset.
 
 use super::address::MAX_CLIENTS;
-use crate::integrity::{RetainedWords, is_sealed, seal};
+use crate::memory::retained::{RetainedWords, is_sealed, seal};
 
 /// Identifies this layout.
 const MAGIC: u32 = u32::from_le_bytes(*b"DHC1");

@@ -1,6 +1,6 @@
 //! How far the saving of a change is.
 
-use crate::storage::StorageError;
+use crate::memory::storage::StorageError;
 
 /// Progress of saving a change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

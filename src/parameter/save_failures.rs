@@ -2,7 +2,7 @@
 
 use core::{fmt, mem};
 
-use crate::storage::StorageError;
+use crate::memory::storage::StorageError;
 use crate::time::Instant;
 
 /// Interval between automatic retries: a worn sector won't recover, and each attempt blocks for the time of an erase.
@@ -93,7 +93,7 @@ impl SaveFailures {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::storage::FlashFault;
+    use crate::memory::storage::FlashFault;
     use crate::time::at_us;
 
     const SECOND_US: u64 = 1_000_000;

@@ -1,7 +1,7 @@
 //! The first bytes of a sector: its header, and the mark of an erase. Little-endian words, the last of each a CRC-32.
 
 use super::geometry::SECTOR_BYTES;
-use crate::integrity::crc32;
+use crate::memory::checksum::crc32;
 
 /// Bytes before the payload: header, mark, 8 that stay blank.
 pub(super) const FRONT_BYTES: u32 = 32;

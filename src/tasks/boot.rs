@@ -6,8 +6,8 @@ use super::SigningStorage;
 use crate::autopilot::{ParameterLoad, Start};
 use crate::crash::ParameterSource;
 use crate::log::warn;
+use crate::memory::storage::Storage;
 use crate::parameter::Parameters;
-use crate::storage::Storage;
 
 /// Reads the parameters from `parameter_storage` and the signing key from `signing_storage` into `start`. What can't be
 /// read is at its default, and [`Autopilot::new`](crate::autopilot::Autopilot::new) reports it.

@@ -7,7 +7,7 @@ use super::prepare::prepare;
 use super::{CheckIn, Shared, mark, now};
 use crate::autopilot::LearntJob;
 use crate::battery::LEARNT_WORDS;
-use crate::storage::Storage;
+use crate::memory::storage::Storage;
 
 /// How often the task is seen while there is nothing to do.
 const IDLE_CHECK: Duration = Duration::from_secs(1);

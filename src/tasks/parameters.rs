@@ -5,8 +5,8 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use super::prepare::prepare;
 use super::{CheckIn, Shared, mark, now};
+use crate::memory::storage::{Storage, StorageError};
 use crate::parameter::Unsaved;
-use crate::storage::{Storage, StorageError};
 
 /// How often the task is seen while there is nothing to save.
 const IDLE_CHECK: Duration = Duration::from_secs(1);

@@ -4,7 +4,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use super::Shared;
 use crate::log::warn;
-use crate::storage::{Prepared, Storage, Value};
+use crate::memory::storage::{Prepared, Storage, Value};
 
 /// Erases the sector that `storage` needs next, unless the vehicle is armed: a block at each turn at the flash.
 pub(super) async fn prepare<F: NorFlash, V: Value>(storage: &mut Storage<F, V>, shared: &Shared) {

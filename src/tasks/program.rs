@@ -1,8 +1,8 @@
 //! Which program runs.
 
 use super::Shared;
-use crate::identity::FirmwareHash;
 use crate::log::info;
+use crate::memory::identity::FirmwareHash;
 
 /// Hashes the program, given in parts, once and beside everything else: in one go it would delay the start.
 pub async fn hash_program(program: impl IntoIterator<Item = &'static [u32]>, shared: &Shared) {

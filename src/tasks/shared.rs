@@ -9,9 +9,9 @@ use embassy_sync::watch::{Receiver, Watch};
 
 use super::{now, timer_at};
 use crate::autopilot::{Announcement, Autopilot, Start, Work};
-use crate::in_place::in_place;
 use crate::mavlink::{LinkId, SIMULATED_LINKS};
-use crate::storage::Erase;
+use crate::memory::in_place::in_place;
+use crate::memory::storage::Erase;
 use crate::time::Instant;
 
 /// Links that can be woken by an announcement: the board's or the simulator's, whichever has more. A further one sends
@@ -129,7 +129,7 @@ impl Shared {
         (now.after_us(NETWORK_STEP_US) > due && now < end).then_some(end)
     }
 
-    /// Whether flash may be erased now, for [`Storage`](crate::storage::Storage).
+    /// Whether flash may be erased now, for [`Storage`](crate::memory::storage::Storage).
     pub(super) fn may_erase(&self) -> Erase {
         self.with(|autopilot| autopilot.may_erase())
     }

@@ -7,7 +7,7 @@ use super::prepare::prepare;
 use super::{CheckIn, Shared, mark, now};
 use crate::log::warn;
 use crate::mavlink::{Signing, StoredSigning, ToStore};
-use crate::storage::{Erase, MayErase, Storage, StorageError};
+use crate::memory::storage::{Erase, MayErase, Storage, StorageError};
 
 /// How often the time is looked at. It is written down once a minute.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);

@@ -6,7 +6,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 use super::prepare::prepare;
 use super::{CheckIn, Shared, mark, now};
 use crate::log::warn;
-use crate::storage::{Storage, StorageError};
+use crate::memory::storage::{Storage, StorageError};
 use crate::wifi::{StoredWifi, WIFI_WORDS, WifiRecord};
 
 /// The telemetry port's first messages leave before the radio begins.

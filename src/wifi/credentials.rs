@@ -3,7 +3,7 @@
 use bitflags::bitflags;
 
 use super::{Network, Password, Ssid, StoredWifi, WifiChoice, WifiRecord, WifiSetup};
-use crate::identity::BoardId;
+use crate::memory::identity::BoardId;
 
 /// Whether the board has a Wi-Fi radio.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use heapless::String;
 
-use crate::identity::BoardId;
+use crate::memory::identity::BoardId;
 
 /// Hexadecimal digits of the board's number in the name of its access point.
 const BOARD_DIGITS: usize = 4;

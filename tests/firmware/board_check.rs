@@ -6,7 +6,7 @@ use std::rc::Rc;
 use rover_battmon::host::board_check::{
     Calibrate, Multimeter, Part, Plan, Report, Verdict, hash_of_elf, run,
 };
-use rover_battmon::identity::FirmwareHash;
+use rover_battmon::memory::identity::FirmwareHash;
 
 use crate::bench::{
     Bench, DIVIDER_CODE, MILLISECOND, PACK, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND, SECTOR_BYTES,

@@ -2,9 +2,9 @@
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::ReadNorFlash;
-use rover_battmon::flash_map;
 use rover_battmon::host::sim::SimulatedFlash;
-use rover_battmon::storage::{Erase, Storage};
+use rover_battmon::memory::flash_map;
+use rover_battmon::memory::storage::{Erase, Storage};
 
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, SIGNING_OFFSET, Wire};
 use crate::signing_key::{flash_with, words_of_key};

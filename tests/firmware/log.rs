@@ -63,7 +63,8 @@ fn power_cuts_in_a_rotation_leave_older_files_and_all_but_the_last_second() {
 /// A board that runs with this log in its flash.
 fn running_with(log: &[u8]) -> Bench {
     use crate::bench::{DIVIDER_CODE, SECOND};
-    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, rover_battmon::flash_map::LOG.start, log);
+    let mut bench =
+        Bench::power_up_with_flash(DIVIDER_CODE, rover_battmon::memory::flash_map::LOG.start, log);
     bench.run_for(SECOND);
     bench
 }

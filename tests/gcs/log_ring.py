@@ -5,7 +5,7 @@ import zlib
 
 KIB = 1024
 CHIP_BYTES = 2048 * KIB
-# src/flash_map.rs: the program is in front of the log.
+# src/memory/flash_map.rs: the program is in front of the log.
 LOG_START, LOG_END = 768 * KIB, 2008 * KIB
 SECTOR_BYTES, FRONT_BYTES = 4 * KIB, 32
 SECTORS = (LOG_END - LOG_START) // SECTOR_BYTES

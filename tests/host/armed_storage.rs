@@ -16,9 +16,9 @@ use rover_battmon::autopilot::{Channel, Start};
 use rover_battmon::crash::ParameterSource;
 use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::{Framer, LinkKind};
+use rover_battmon::memory::storage::{Condition, Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId};
-use rover_battmon::storage::{Condition, Erase, Storage};
 use rover_battmon::tasks::{CheckIn, Shared, boot, keep_learnt, keep_parameters, keep_signing, now};
 
 const ARM_DISARM: u16 = 400;

@@ -17,7 +17,7 @@ use rover_battmon::autopilot::{Announcement, Start, Work};
 use rover_battmon::host::board_check::{
     CHECKS, Calibrate, Multimeter, Part, Plan, Port, PortClosed, Report, Verdict, hash_of_elf, run,
 };
-use rover_battmon::identity::FirmwareHash;
+use rover_battmon::memory::identity::FirmwareHash;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::sensor::{ADC_REFERENCE_V, AnalogPin, AnalogReadings};

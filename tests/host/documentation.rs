@@ -18,8 +18,8 @@ use rover_battmon::wifi::WifiReport;
 /// What stands in front of a path from the top of the repository.
 const TOP_FOLDERS: [&str; 6] = ["src/", "tests/", "docs/", "examples/", "benches/", ".ci/"];
 
-/// Named because a requirement names it; it belongs to another project.
-const NOT_OURS: [&str; 1] = ["src/communication/mavlink/handlers/telemetry.rs"];
+/// Files of other projects: one that a requirement names, and the program of a dependent.
+const NOT_OURS: [&str; 2] = ["src/communication/mavlink/handlers/telemetry.rs", "src/main.rs"];
 
 fn top() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -153,7 +153,7 @@ fn code_blocks<'a>(text: &'a str, language: &str) -> Vec<(&'a str, &'a str)> {
     blocks
 }
 
-/// What a line above a block says of it: `<!-- from src/main.rs -->`.
+/// What a line above a block says of it: `<!-- from src/bin/firmware/main.rs -->`.
 fn marked<'a>(line: &'a str, word: &str) -> Option<&'a str> {
     let comment = line.strip_prefix("<!-- ")?.strip_suffix(" -->")?;
     comment.strip_prefix(word)

@@ -13,10 +13,10 @@ use proptest::prelude::*;
 use rover_battmon::autopilot::{LearntJob, PackIdentity, Start, Work};
 use rover_battmon::battery::{LEARNT_WORDS, LearntPack};
 use rover_battmon::host::sim::clock;
+use rover_battmon::memory::storage::{Erase, FlashFault, Storage, StorageError};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::AnalogReadings;
-use rover_battmon::storage::{Erase, FlashFault, Storage, StorageError};
 use rover_battmon::tasks::{CheckIn, Shared, keep_learnt, reboot_requested};
 
 type Words = [u32; LEARNT_WORDS];

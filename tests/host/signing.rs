@@ -5,9 +5,9 @@ use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, PackDetails, PackStatus};
 use rover_battmon::mavlink::{Event, LinkKind, SetupRefused, SigningChange, SigningTrouble, StoredSigning};
+use rover_battmon::memory::storage::Condition;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
-use rover_battmon::storage::Condition;
 
 use crate::signer::{NEW_YEAR, Signer};
 use crate::support::frames::{

@@ -20,9 +20,9 @@ use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::host::sim::clock;
 use rover_battmon::mavlink::{Event, LinkKind, Signing};
+use rover_battmon::memory::storage::Storage;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
-use rover_battmon::storage::Storage;
 use rover_battmon::tasks::{
     ByteSource, CheckIn, Link, ReceiveError, Shared, SigningStorage, keep_signing, reboot_requested,
     serve_link,

@@ -17,14 +17,14 @@ use proptest::prelude::*;
 use rover_battmon::autopilot::{Start, Work};
 use rover_battmon::battery::{PackStatus, ReadError};
 use rover_battmon::crash::{CrashCause, CrashRecord, TaskName};
-use rover_battmon::flash_map;
 use rover_battmon::host::sim::clock;
-use rover_battmon::identity::{BoardId, Identity};
 use rover_battmon::mavlink::{AcceptUnsigned, Event, LinkId, LinkKind, SigningChange, WifiRefused};
+use rover_battmon::memory::flash_map;
+use rover_battmon::memory::identity::{BoardId, Identity};
+use rover_battmon::memory::storage::{FlashFault, Storage, StorageError};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
-use rover_battmon::storage::{FlashFault, Storage, StorageError};
 use rover_battmon::tasks::{CheckIn, Shared, keep_wifi};
 use rover_battmon::time::Instant;
 use rover_battmon::wifi::{

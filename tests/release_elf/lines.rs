@@ -91,9 +91,9 @@ mod tests {
 
     #[test]
     fn paths_are_the_same_on_every_machine() {
-        let own = concat!(env!("CARGO_MANIFEST_DIR"), "/src/main.rs");
+        let own = concat!(env!("CARGO_MANIFEST_DIR"), "/src/bin/firmware/main.rs");
         for (path, short) in [
-            (own, "src/main.rs"),
+            (own, "src/bin/firmware/main.rs"),
             (
                 "/home/a/.cargo/registry/src/index.crates.io-1949/rp-pac-7.0.0/src/./rp2040/io.rs",
                 "rp-pac/src/rp2040/io.rs",

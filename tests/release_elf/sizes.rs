@@ -41,7 +41,7 @@ fn the_future_of_every_task_is_listed() {
         println!("{size:7}  {task}");
     }
     println!("{:7}  all tasks", sum_of(futures.iter().map(|(_, size)| *size)));
-    let main = include_str!("../../src/main.rs");
+    let main = include_str!("../../src/bin/firmware/main.rs");
     let tasks = main.matches("#[embassy_executor::").count();
     assert_eq!(
         futures.len(),

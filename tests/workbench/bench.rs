@@ -9,7 +9,7 @@ use std::ops::{Deref, DerefMut, Range};
 use std::sync::OnceLock;
 
 use log_flash::LogFlash;
-use rover_battmon::flash_map;
+use rover_battmon::memory::flash_map;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
 use starts::Start;

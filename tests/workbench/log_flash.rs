@@ -7,7 +7,7 @@ use std::convert::Infallible;
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, ReadNorFlash};
-use rover_battmon::flash_map;
+use rover_battmon::memory::flash_map;
 use rover_battmon::recorder::{Erasure, FlashOutcome, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
 
 /// The ring of a board, and its flash.

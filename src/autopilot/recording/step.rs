@@ -5,9 +5,9 @@ use heapless::Vec;
 use super::recording::{Chunk, LogFailure, MOST_FAILED_ERASES, PAGE_BYTES, Recording, State, is_on};
 use super::space::erase_target;
 use crate::log::warn;
+use crate::memory::storage::Erase;
 use crate::parameter::Parameters;
 use crate::recorder::{AppendError, Erasure, FlashOutcome};
-use crate::storage::Erase;
 use crate::time::Instant;
 
 /// With the interval at which the flash is looked after, at most a second is lost when the power goes.

@@ -8,11 +8,11 @@ use super::{LogFailure, LogStep, Recording};
 use crate::autopilot::{Autopilot, Start};
 use crate::battery::ArmState;
 use crate::crash::{CrashCause, CrashRecord};
+use crate::memory::storage::Erase;
+use crate::memory::storage::flash_model::FlashModel;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::recorder::dataflash::{ArmingMethod, ModeReason, Record};
 use crate::recorder::{FlashOutcome, LogFile, PAYLOAD_BYTES, Ring};
-use crate::storage::Erase;
-use crate::storage::flash_model::FlashModel;
 use crate::time::{Instant, at_us};
 use crate::vehicle::{Fitness, Restart, Vehicle};
 

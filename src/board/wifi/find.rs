@@ -8,7 +8,7 @@ use embassy_rp::peripherals::{ADC, PIN_25, PIN_29};
 
 use crate::board::ResetReason;
 use crate::board::adc::convert;
-use crate::integrity::RetainedWords;
+use crate::memory::retained::RetainedWords;
 use crate::sensor::{AdcCount, AnalogPin};
 use crate::wifi::Radio;
 

@@ -20,7 +20,7 @@ use super::find::{BoardKind, note_that_no_radio_answers};
 use super::gspi::Gspi;
 use super::program::{BOARD_DATA, COUNTRIES, PROGRAM};
 use crate::board::Irqs;
-use crate::in_place::in_place;
+use crate::memory::in_place::in_place;
 use crate::net::{self, NetMemory, NetReport, Role, Service};
 use crate::tasks::{self, Shared};
 use crate::wifi::{Network, PowerSave, WifiMode, WifiReport, WifiSetup};

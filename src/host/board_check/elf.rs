@@ -4,7 +4,7 @@ use object::LittleEndian;
 use object::elf::{FileHeader32, PT_LOAD};
 use object::read::elf::{FileHeader, ProgramHeader};
 
-use crate::identity::FirmwareHash;
+use crate::memory::identity::FirmwareHash;
 
 /// The hash that the firmware in an ELF file reports; `None` if the file is damaged or has no program.
 pub fn hash_of_elf(file: &[u8]) -> Option<FirmwareHash> {

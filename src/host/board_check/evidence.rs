@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::record::{Received, Record};
 use super::session::{Interruption, Restarted};
-use crate::identity::FirmwareHash;
 use crate::mavlink::dialect::{AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, MavMessage, SYS_STATUS_DATA};
+use crate::memory::identity::FirmwareHash;
 use crate::time::Instant;
 
 /// A part of the check that is run on request only.

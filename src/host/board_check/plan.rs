@@ -1,7 +1,7 @@
 //! What the owner asks for.
 
 use super::evidence::{Evidence, Trial};
-use crate::identity::FirmwareHash;
+use crate::memory::identity::FirmwareHash;
 
 /// Whether a part that is run on request only is run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

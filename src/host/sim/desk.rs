@@ -20,11 +20,11 @@ use super::{
 use crate::autopilot::Start;
 use crate::battery::{LEARNT_WORDS, RetainedRecord};
 use crate::crash::ParameterSource;
-use crate::flash_map;
 use crate::mavlink::{LinkKind, SIMULATED_LINKS};
+use crate::memory::flash_map;
+use crate::memory::storage::Storage;
 use crate::pack::Pack;
 use crate::sensor::Buses;
-use crate::storage::Storage;
 use crate::tasks::{
     ByteSource, CheckIn, Link, ReceiveError, SerialLine, Shared, SigningStorage, boot, drive, keep_learnt,
     keep_log, keep_parameters, keep_signing, read_bus, reboot_requested, refuse_link, sample_batteries,

@@ -12,7 +12,7 @@ use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-use crate::flash_map;
+use crate::memory::flash_map;
 use crate::recorder::{LogSource, ReadFailed};
 
 /// The image has neither the program nor what only a board with a radio stores.

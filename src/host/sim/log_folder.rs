@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use embassy_futures::block_on;
 
 use super::SimulatedFlash;
-use crate::flash_map;
+use crate::memory::flash_map;
 use crate::recorder::{LogSource, Ring};
 
 /// A folder with a copy of each log file that has begun in the flash since the folder was opened: `00000001.BIN` and so

@@ -1,7 +1,7 @@
 //! AUTOPILOT_VERSION (148) and PROTOCOL_VERSION (300): who we are.
 
-use crate::identity::{BoardId, FirmwareHash, Identity};
 use crate::mavlink::dialect::{AUTOPILOT_VERSION_DATA, MavProtocolCapability, PROTOCOL_VERSION_DATA};
+use crate::memory::identity::{BoardId, FirmwareHash, Identity};
 
 /// MAVLink 2, as PROTOCOL_VERSION writes it.
 const MAVLINK_2: u16 = 200;

@@ -5,7 +5,7 @@ use core::iter;
 use super::parameters::{Flash, Parameters};
 use super::progress::Progress;
 use super::{Access, ParameterId, SaveFailure};
-use crate::storage::StorageError;
+use crate::memory::storage::StorageError;
 
 /// A change that has to be written to flash.
 #[derive(Clone, Copy, Debug, PartialEq)]

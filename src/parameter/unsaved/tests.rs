@@ -2,12 +2,12 @@ use std::collections::BTreeMap;
 
 use proptest::prelude::*;
 
+use crate::memory::storage::FlashFault;
+use crate::memory::storage::StorageError::{self, Corrupt, Full, NoErasedSpace};
 use crate::pack::Pack;
 use crate::parameter::{
     BatteryParameter, PARAMETER_COUNT, ParameterId, Parameters, SaveFailure, VehicleParameter,
 };
-use crate::storage::FlashFault;
-use crate::storage::StorageError::{self, Corrupt, Full, NoErasedSpace};
 
 use super::Unsaved::{self, Reset, Value};
 

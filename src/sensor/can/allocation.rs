@@ -1,11 +1,13 @@
 //! Ids of nodes that have none: getting one from another node by the rules A to E of
 //! `uavcan.protocol.dynamic_node_id.Allocation`, and giving them.
 
+use core::hash::Hasher;
+
+use hash32::{FnvHasher, Hasher as _};
 use heapless::Vec;
 
 use super::messages::{Allocation, UNIQUE_ID_BYTES, UniqueIdPart};
 use super::{MAX_NODES, NodeId};
-use crate::integrity::fnv;
 use crate::time::Instant;
 
 /// Pseudo-random numbers: xorshift of 32 bits (Marsaglia, *Xorshift RNGs*, 2003).
@@ -32,6 +34,13 @@ impl Random {
         let range = (most_ms - least_ms).max(1);
         u64::from(least_ms + self.next() % range) * 1000
     }
+}
+
+/// The hash FNV-1a of 32 bits.
+pub(super) fn fnv(bytes: &[u8]) -> u32 {
+    let mut hasher = FnvHasher::default();
+    hasher.write(bytes);
+    hasher.finish32()
 }
 
 /// Bytes of the unique id in a request (`MAX_LENGTH_OF_UNIQUE_ID_IN_REQUEST`): it fits one frame.

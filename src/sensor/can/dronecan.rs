@@ -1,6 +1,6 @@
 //! The node on the bus: what is received, what is sent, and when.
 
-use super::allocation::{Allocatee, Allocator, Answer, Random, Request};
+use super::allocation::{Allocatee, Allocator, Answer, Random, Request, fnv};
 use super::assembler::Assembler;
 use super::event::{CanEvent, CanNotice, ChargerPower};
 use super::frame::{CanFrame, Direction, Identifier, NodeId, Priority, Tail};
@@ -12,9 +12,8 @@ use super::nodes::{NodeInfo, Nodes};
 use super::outgoing::{Outgoing, Transfer};
 use super::packs::{CanPacks, ChargerRequest};
 use super::setup::{Acceptance, CanSettings, CanSetup, acceptance};
-use crate::identity::FirmwareHash;
-use crate::integrity::fnv;
 use crate::log::{info, warn};
+use crate::memory::identity::FirmwareHash;
 use crate::time::{Cadence, Instant};
 
 /// Time between status messages, in microseconds (`MAX_BROADCASTING_PERIOD_MS` of `NodeStatus`).

@@ -4,7 +4,7 @@ use heapless::Vec;
 
 use super::messages::{NodeStatus, Presence, UNIQUE_ID_BYTES};
 use super::{CanNotice, MAX_NODES, NodeId};
-use crate::identity::FirmwareHash;
+use crate::memory::identity::FirmwareHash;
 use crate::time::Instant;
 
 /// As the names of other nodes, a reversed domain.

@@ -5,7 +5,7 @@ use heapless::Vec;
 use super::messages::{ALLOCATION, BATTERY_AUX, BATTERY_INFO, CONTROLLER, UNIQUE_ID_BYTES};
 use super::{CanReport, NodeId};
 use crate::battery::ArmState;
-use crate::identity::{BoardId, FirmwareHash, Identity};
+use crate::memory::identity::{BoardId, FirmwareHash, Identity};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
 

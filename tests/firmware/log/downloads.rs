@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use rover_battmon::flash_map;
+use rover_battmon::memory::flash_map;
 use rover_battmon::recorder::PAYLOAD_BYTES;
 
 use super::running_with;

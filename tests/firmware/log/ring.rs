@@ -1,6 +1,6 @@
 //! The ring of files: what is erased, and when.
 
-use rover_battmon::flash_map;
+use rover_battmon::memory::flash_map;
 
 use crate::bench::log_flash::{LogFlash, files_in};
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use rover_battmon::autopilot::Start;
 use rover_battmon::mavlink::{Event, LinkKind, StoredSigning, ToStore};
+use rover_battmon::memory::storage::Condition;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
-use rover_battmon::storage::Condition;
 
 use super::Input;
 use crate::desk::Desk;

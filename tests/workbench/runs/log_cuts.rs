@@ -3,7 +3,7 @@
 
 use std::sync::OnceLock;
 
-use rover_battmon::flash_map;
+use rover_battmon::memory::flash_map;
 
 use super::flash_cuts::Leader;
 use crate::bench::log_flash::{LogFlash, files_in};

@@ -3,9 +3,9 @@
 use super::check::{Check, Outcome, failed, not_measured, not_reached, outcome};
 use crate::host::board_check::evidence::Evidence;
 use crate::host::board_check::session::Interruption;
-use crate::identity::{FirmwareHash, Identity};
 use crate::mavlink::dialect::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavType};
 use crate::mavlink::{COMPONENT_ID, build_autopilot_version};
+use crate::memory::identity::{FirmwareHash, Identity};
 
 /// Is there a board, and does it stay?
 pub(super) const CONNECTION: Check = Check {

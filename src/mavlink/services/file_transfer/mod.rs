@@ -16,12 +16,12 @@ use core::str;
 use heapless::{Deque, Vec};
 
 use super::log_download::LogRead;
-use crate::integrity::file_crc32;
 use crate::mavlink::messages::{
     Burst, FileAnswer, FileAnswerHeader, FileData, FileError, FileOutcome, MAX_FILE_BYTES,
 };
 use crate::mavlink::requests::FileTransfer;
 use crate::mavlink::{Peer, SystemState};
+use crate::memory::checksum::file_crc32;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::recorder::LogFile;
 use crate::time::Instant;

@@ -14,8 +14,8 @@ use heapless::Vec;
 use super::key::KEY_WORDS;
 use super::to_store::{Mark, ToStore};
 use super::{InFlash, Protection, Signing, SigningKey};
-use crate::integrity::crc32;
-use crate::storage::Condition;
+use crate::memory::checksum::crc32;
+use crate::memory::storage::Condition;
 
 /// Where the words are. These numbers never change.
 const FIRST_PLACE: u16 = 0x100;

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::bench::{Battery, Bench, node, pack};
 use super::golden::{self, frames};
 use crate::battery::{ArmState, ChargeState, Faults, Gauge, GaugeReading, Measurement, Supply};
-use crate::identity::Identity;
+use crate::memory::identity::Identity;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use crate::sensor::timeout::CAN_TIMEOUT_US;

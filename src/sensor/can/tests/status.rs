@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, OWN_ID, node, setup, status};
 use super::golden::{self, frames};
-use crate::identity::FirmwareHash;
+use crate::memory::identity::FirmwareHash;
 use crate::sensor::CanNotice;
 use crate::sensor::can::MAX_NODES;
 

@@ -11,7 +11,7 @@
 //! | 6, 7 | speed, in revolutions per minute |
 
 use super::super::protocol::{Baud, Line, Protocol, Request, SerialReading, Wires};
-use crate::integrity::file_crc32;
+use crate::memory::checksum::file_crc32;
 use crate::sensor::{EngineReading, MonitorKind};
 use crate::time::Instant;
 

@@ -10,7 +10,7 @@ use crate::i2c_bus::BUS;
 use emulator::can::CanWires;
 use emulator::i2c_devices::{Pec, Reads};
 use emulator::{AdcFault, Board, FlashCut, RadioFault, Random, ResetCause};
-use rover_battmon::flash_map;
+use rover_battmon::memory::flash_map;
 
 /// With more crashes in a row it is the program that is broken, and a board may start with other parameters than its own.
 const MOST_CRASHES: u32 = 4;

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use rover_battmon::flash_map;
+use rover_battmon::memory::flash_map;
 
 use super::fault::Fault;
 use super::hostile::{hostile, stranger};

@@ -1,6 +1,6 @@
 //! What has to hold whatever happens.
 
-use rover_battmon::flash_map;
+use rover_battmon::memory::flash_map;
 
 use super::motors::{Change, Motors, Says};
 use super::rig::{PROBE, Radio, Rig};

@@ -21,11 +21,11 @@ mod firmware {
         SpiPeripherals, TelemetryUart, UartReceiver, UartTransmitter, UsbPort, Wifi, WifiPeripherals,
     };
     use rover_battmon::crash::CrashRecord;
-    use rover_battmon::flash_map;
     use rover_battmon::mavlink::LinkId;
+    use rover_battmon::memory::flash_map;
+    use rover_battmon::memory::storage::Storage;
     use rover_battmon::net::{NetMemory, Service};
     use rover_battmon::sensor::{Buses, DriverEnable};
-    use rover_battmon::storage::Storage;
     use rover_battmon::tasks::CheckIn;
     use rover_battmon::tasks::{self, Link, Shared, SigningStorage};
     use rover_battmon::wifi::{RADIO_TASK, Radio, WIFI_WORDS};

@@ -5,7 +5,7 @@ use core::array;
 use embassy_futures::yield_now;
 use heapless::String;
 
-use crate::integrity::{Crc32, crc32};
+use crate::memory::checksum::{Crc32, crc32};
 
 /// Hexadecimal digits of an id.
 pub const SERIAL_NUMBER_CHARS: usize = 2 * BoardId::BYTES;

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use embassy_futures::block_on;
 
 use super::*;
-use crate::storage::flash_model::FlashModel;
+use crate::memory::storage::flash_model::FlashModel;
 
 mod damage;
 mod double;

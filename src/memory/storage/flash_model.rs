@@ -5,7 +5,7 @@ use embedded_storage_async::nor_flash::{
 };
 use fastrand::Rng;
 
-use crate::storage::Layout;
+use crate::memory::storage::Layout;
 
 /// Content around the region, which must not change.
 const MARGIN_BYTE: u8 = 0x5A;

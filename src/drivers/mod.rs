@@ -1,5 +1,6 @@
-//! What of the board's peripherals needs no hardware to be tested.
+//! Drivers, or what of them needs no hardware to be tested, for any board.
 
+pub mod mcp2515;
 mod ring_reader;
 mod usb_watch;
 

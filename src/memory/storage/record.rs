@@ -3,7 +3,7 @@
 use core::iter;
 
 use super::value::Value;
-use crate::integrity::crc32;
+use crate::memory::checksum::crc32;
 
 /// A stored value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

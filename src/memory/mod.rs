@@ -1,0 +1,8 @@
+//! What is kept in flash and in RAM that survives a reset, each behind a checksum.
+
+pub(crate) mod checksum;
+pub mod flash_map;
+pub mod identity;
+pub(crate) mod in_place;
+pub mod retained;
+pub mod storage;
