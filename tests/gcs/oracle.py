@@ -5,15 +5,18 @@ can ask what its owner sees. Beside each rule stands where it was read:
 
   read:     read in the source of that project; the file, and the function or the version where it matters
   package:  read in the package that `requirements.txt` installs
+  recorded: seen when that program ran against this rover; its traffic is in `tests/data/qgc-connect.log`
   unread:   not found in a source; taken from the project's documents or from other programs that follow it
 
 Versions: of Mission Planner those files that know `safetyactive` and `prearmstatus` (CurrentState.cs) and
-`criticalvoltagealert` (HUD.cs); of QGroundControl those that know BATTERY_STATUS_V2; MAVProxy 1.8.74. Settings have
-their defaults unless a constructor takes them. Each link to a ground station needs an oracle of its own.
+`criticalvoltagealert` (HUD.cs); of QGroundControl those that know BATTERY_STATUS_V2, and for connecting and arming those
+between December 2023 (e0e8c496c, which was recorded) and mid 2026; MAVProxy 1.8.74. Settings have their defaults unless a
+constructor takes them. Each link to a ground station needs an oracle of its own.
 
 Time is what the caller gives, in seconds of any origin.
 """
 
+import datetime
 import math
 import struct
 from dataclasses import dataclass, field, replace
@@ -32,6 +35,9 @@ OK, LOW, CRITICAL, EMERGENCY, FAILED, UNHEALTHY, CHARGING = range(1, 8)
 UNDEFINED = 0
 
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+FLYING_STATES = (mavlink.MAV_STATE_ACTIVE, mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY)
+# Parameter 2 of MAV_CMD_COMPONENT_ARM_DISARM that skips every check.
+FORCE = 21196
 UNKNOWN_MV = 65535
 
 
@@ -439,9 +445,11 @@ class ToolbarBattery:
 
 @dataclass(frozen=True)
 class QGroundControlShows:
-    # "Ready", "Not Ready" or "Armed", and the colour behind it.
+    # "Ready To Fly", "Not Ready", "Armed" or "Flying", and the colour behind it.
     status: str
     status_colour: str
+    # What a click on *Disarm* sends: parameters 1 and 2 of MAV_CMD_COMPONENT_ARM_DISARM. `None` while disarmed.
+    disarm: tuple | None
     # 147, or 369 once one could be decoded.
     judges_by: int
     batteries: dict
@@ -461,6 +469,7 @@ class QGroundControl:
     def __init__(self, layout=WITH_PERCENT_REMAINING):
         self.layout = layout
         self.armed = False
+        self.is_flying = False
         self.knows_prearm = False
         self.is_ready = False
         self.all_healthy = False
@@ -497,6 +506,8 @@ class QGroundControl:
             # read: Vehicle.cc, _updateArmed.
             self.announced.clear()
         self.armed = armed
+        # read: APMFirmwarePlugin.cc, _handleIncomingHeartbeat. The mode does not matter.
+        self.is_flying = armed and heartbeat.system_status in FLYING_STATES
 
     def take_sys_status(self, status):
         # read: Vehicle.cc, _handleSysStatus. The four counters of errors are not used.
@@ -575,20 +586,27 @@ class QGroundControl:
         if text.severity <= mavlink.MAV_SEVERITY_ERROR:
             self.errors.append(text.text)
 
+    def disarm(self):
+        # read: GuidedActionsController.qml, showDisarm and showEmergenyStop; Vehicle.cc, emergencyStop.
+        if not self.armed:
+            return None
+        return (0, FORCE) if self.is_flying else (0, 0)
+
     def shows(self, at):
         del at
         # read: MainStatusIndicator.qml, mainStatusText, of a vehicle without PX4's health reports. Without the pre-arm
-        # bit "Ready" also needs the vehicle's setup to be complete: taken for granted, unread for this vehicle.
+        # bit "Ready To Fly" also needs the vehicle's setup to be complete: taken for granted.
         is_ready = self.is_ready if self.knows_prearm else self.all_healthy
         if self.armed:
-            status, colour = "Armed", "green"
+            status, colour = "Flying" if self.is_flying else "Armed", "green"
         elif is_ready:
-            status, colour = "Ready", "green"
+            status, colour = "Ready To Fly", "green"
         else:
             status, colour = "Not Ready", "yellow"
         return QGroundControlShows(
             status=status,
             status_colour=colour,
+            disarm=self.disarm(),
             judges_by=self.judges_by,
             batteries=dict(self.batteries),
             sensor_errors=self.sensor_errors,
@@ -619,6 +637,221 @@ def before(end, values):
 
 def known(value):
     return None if math.isnan(value) else value
+
+
+# ---------------------------------------------------------------- QGroundControl: connecting
+
+# Dialogs.
+MISSION_FAILED = "Mission transfer failed. Error: Mission request list failed, maximum retries exceeded."
+SETUP_REQUIRED = "One or more vehicle components require setup prior to flight."
+PARAMETERS_MISSING = (
+    "Parameters are missing from firmware. You may be running a version of firmware which is not fully supported or your "
+    "firmware has a bug in it. Missing params: "
+)
+
+FLY_VIEW = "Fly View"
+VEHICLE_SETUP = "Vehicle Setup"
+
+RC_MAP = ("RCMAP_ROLL", "RCMAP_PITCH", "RCMAP_YAW", "RCMAP_THROTTLE")
+ACCELEROMETER_OFFSETS = ("INS_ACCOFFS_X", "INS_ACCOFFS_Y", "INS_ACCOFFS_Z")
+# read: APMRadioComponent.cc: with these on every mapped channel the radio is not calibrated.
+NOT_CALIBRATED = {"MIN": 1100, "MAX": 1900, "TRIM": 1500}
+
+
+class Facts:
+    """Parameters as QGroundControl's components and pages read them."""
+
+    def __init__(self, parameters):
+        self.parameters = parameters
+        self.asked = {}
+
+    def read(self, name):
+        # read: ParameterManager.cc, getParameter: one that is missing is reported and reads as 0.
+        self.asked[name] = None
+        return self.parameters.get(name, 0)
+
+    def exists(self, name):
+        return name in self.parameters
+
+    @property
+    def missing(self):
+        """In the order in which they were asked for."""
+        return [name for name in self.asked if name not in self.parameters]
+
+
+def radio_is_set_up(facts):
+    # read: APMRadioComponent.cc, constructor and setupComplete.
+    channels = [int(facts.read(name)) for name in RC_MAP]
+    limits = [{limit: facts.read(f"RC{channel}_{limit}") for limit in NOT_CALIBRATED} for channel in channels]
+    return min(channels) > 0 and any(limit != NOT_CALIBRATED for limit in limits)
+
+
+def sensors_are_set_up(facts):
+    # read: APMSensorsComponent.cc, compassSetupNeeded and accelSetupNeeded.
+    if any(compass_needs_calibration(facts, number) for number in ("", 2, 3)):
+        return False
+    return any([facts.read(name) for name in ACCELEROMETER_OFFSETS])
+
+
+def compass_needs_calibration(facts, number):
+    if facts.read(f"COMPASS_DEV_ID{number}") == 0 or facts.read(f"COMPASS_USE{number}") == 0:
+        return False
+    return any(facts.read(f"COMPASS_OFS{number}_{axis}") == 0 for axis in "XYZ")
+
+
+# The components with a mark in the Summary. recorded: Power, Motors and Safety have none. Flight Modes are always green:
+# read, APMFlightModesComponent.cc.
+COMPONENTS = {
+    "Radio": radio_is_set_up,
+    "Flight Modes": lambda facts: True,
+    "Sensors": sensors_are_set_up,
+}
+
+
+def read_modes(facts):
+    # read: APMFlightModesComponentSummary.qml, APMFlightModesComponentController.cc: MODE1 is what tells a rover.
+    prefix = "MODE" if facts.exists("MODE1") else "FLTMODE"
+    for slot in range(1, 7):
+        facts.read(f"{prefix}{slot}")
+
+
+def read_sensors(facts):
+    # read: APMSensorParams.qml.
+    for number in ("", 2, 3):
+        facts.read(f"COMPASS_DEV_ID{number}")
+        for axis in "XYZ":
+            facts.read(f"COMPASS_OFS{number}_{axis}")
+    facts.read("COMPASS_DEC")
+
+
+def open_summary(facts):
+    # read: the ComponentSummary.qml of Radio, Flight Modes, Sensors, Power and Safety, in which the failsafes of the
+    # rover are shown empty, not reported, if they are missing.
+    for name in RC_MAP:
+        facts.read(name)
+    read_modes(facts)
+    read_sensors(facts)
+    facts.read("BATT_MONITOR")
+    facts.read("ARMING_CHECK")
+
+
+def open_radio(facts):
+    # read: RadioComponentController.cc, _setInternalCalibrationValuesFromParameters: channels that are not there are
+    # left out.
+    for name in RC_MAP:
+        facts.read(name)
+    reversal = "REVERSED" if facts.exists("RC1_REVERSED") else "REV"
+    for channel in range(1, 19):
+        if facts.exists(f"RC{channel}_MIN"):
+            for field_name in (*NOT_CALIBRATED, reversal):
+                facts.read(f"RC{channel}_{field_name}")
+
+
+def open_flight_modes(facts):
+    # read: APMFlightModesComponent.qml. The channel of the modes is asked for only if it is there.
+    read_modes(facts)
+    for channel in range(6, 17):
+        facts.read(f"RC{channel}_OPTION")
+
+
+def open_sensors(facts):
+    # read: APMSensorsComponent.qml.
+    facts.read("AHRS_ORIENTATION")
+    read_sensors(facts)
+    sensors_are_set_up(facts)
+
+
+def open_power(facts):
+    # read: APMPowerComponent.qml. The rest of a pack is asked for only if it is there.
+    facts.read("BATT_MONITOR")
+
+
+def open_safety(facts):
+    # read: APMSafetyComponent.qml; recorded: the failsafes of a rover only with MODE1.
+    facts.read("BATT_MONITOR")
+    facts.read("ARMING_CHECK")
+    if facts.exists("MODE1"):
+        for name in ("FS_GCS_ENABLE", "FS_THR_ENABLE", "FS_THR_VALUE", "FS_ACTION", "FS_CRASH_CHECK"):
+            facts.read(name)
+
+
+# The pages of Vehicle Setup that read parameters by name.
+PAGES = {
+    "Summary": open_summary,
+    "Radio": open_radio,
+    "Flight Modes": open_flight_modes,
+    "Sensors": open_sensors,
+    "Power": open_power,
+    "Safety": open_safety,
+}
+
+
+def missing_on_page(page, parameters):
+    """The parameters that are reported as missing when a page of Vehicle Setup is opened."""
+    facts = Facts(parameters)
+    PAGES[page](facts)
+    return facts.missing
+
+
+@dataclass(frozen=True)
+class Connected:
+    """What is shown once QGroundControl has connected."""
+
+    dialogs: list
+    # Those in the dialog about missing parameters.
+    missing: list
+    view: str
+    # "green" or "red" by component.
+    summary: dict
+
+
+def connected(parameters, mission_failed=False):
+    """What is shown after it has read these parameters."""
+    # read: AutoPilotPlugin.cc, parametersReadyPreChecks.
+    facts = Facts(parameters)
+    summary = {name: "green" if is_set_up(facts) else "red" for name, is_set_up in COMPONENTS.items()}
+    is_set_up = "red" not in summary.values()
+    if not is_set_up:
+        open_summary(facts)
+    # read: QGCApplication.cc, reportMissingParameter: the dialog waits a second for further ones.
+    missing = facts.missing
+    dialogs = [] if is_set_up else [SETUP_REQUIRED]
+    if missing:
+        dialogs.append(PARAMETERS_MISSING + ", ".join(f"1:{name}" for name in missing))
+    if mission_failed:
+        dialogs.append(MISSION_FAILED)
+    return Connected(dialogs, missing, FLY_VIEW if is_set_up else VEHICLE_SETUP, summary)
+
+
+# The kinds of BATT_MONITOR in descriptions that are built in, by the release of Rover that they describe; others lie
+# between. recorded: seven and 22; the numbers are those of ArduPilot's lists in these releases.
+BUILT_IN_KINDS = {(3, 4): {0, *range(3, 9)}, (4, 2): {0, *range(3, 24)}}
+
+
+def described_kinds(version, descriptions=None):
+    """The kinds of BATT_MONITOR that have a name; others are shown as "Unknown" and their number.
+
+    `descriptions` is what the vehicle itself gives, the content of its file for COMP_METADATA_TYPE_PARAMETER.
+    """
+    if descriptions is not None:
+        # read: CompInfoParam.cc: it replaces what is built in, for all parameters.
+        (monitor,) = [entry for entry in descriptions["parameters"] if entry["name"] == "BATT_MONITOR"]
+        return {entry["value"] for entry in monitor.get("values", [])}
+    # read: APMFirmwarePlugin.cc, _internalParameterMetaDataFile: the newest that is not newer than the vehicle's
+    # release, else the oldest.
+    older = [release for release in BUILT_IN_KINDS if release <= version[:2]]
+    return BUILT_IN_KINDS[max(older, default=min(BUILT_IN_KINDS))]
+
+
+def flight_version(autopilot_version):
+    """Major, minor, patch and type. read: InitialConnectStateMachine.cc; type 0 is a development version."""
+    return tuple(autopilot_version.flight_sw_version.to_bytes(4, "big"))
+
+
+def log_date(time_utc):
+    """The date in the list of logs. read: LogDownloadController.cc; recorded: the text."""
+    date = datetime.datetime.fromtimestamp(time_utc, datetime.timezone.utc)
+    return "Date Unknown" if date.year < 2010 else f"{date:%Y-%m-%d}"
 
 
 # ---------------------------------------------------------------- MAVProxy

@@ -421,12 +421,12 @@ def test_the_voice_knows_the_older_message_only():
 @pytest.mark.parametrize(
     ("enabled", "health", "status"),
     [
-        (WELL, WELL, "Ready"),
+        (WELL, WELL, "Ready To Fly"),
         (WELL, WELL & ~PREARM_CHECK, "Not Ready"),
         # The pre-arm bit decides alone.
-        (WELL, PREARM_CHECK, "Ready"),
+        (WELL, PREARM_CHECK, "Ready To Fly"),
         # Without it, all that is enabled.
-        (BATTERY, BATTERY, "Ready"),
+        (BATTERY, BATTERY, "Ready To Fly"),
         (BATTERY, 0, "Not Ready"),
     ],
 )

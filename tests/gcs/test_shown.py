@@ -235,7 +235,7 @@ def test_healthy(healthy):
     assert planner.batteries[0].voltage_v == pytest.approx(12.5, abs=0.2)
     assert planner.batteries[0].remaining_pct >= 95
     for link, judges_by in ((healthy.old, 147), (healthy.new, 369)):
-        assert (link.ground.status, link.ground.judges_by) == ("Ready", judges_by)
+        assert (link.ground.status, link.ground.judges_by) == ("Ready To Fly", judges_by)
         assert link.ground.batteries[0].colour == "green"
         assert (link.ground.sensor_errors, link.ground.errors) == (0, [])
     assert healthy.old.proxy.battery.startswith("Batt1: ")
