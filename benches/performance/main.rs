@@ -10,16 +10,11 @@ mod running;
 mod size;
 mod wifi;
 
-#[path = "../../tests/workbench/air/mod.rs"]
-mod air;
 #[path = "../../tests/workbench/bench.rs"]
 #[allow(dead_code)]
 mod bench;
 #[path = "../../tests/support/elf.rs"]
 mod elf;
-#[path = "../../tests/workbench/host_stream.rs"]
-#[allow(dead_code)]
-mod host_stream;
 #[path = "../../tests/release_elf/program.rs"]
 #[allow(dead_code)]
 mod program;

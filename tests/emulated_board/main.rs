@@ -5,8 +5,6 @@
 //! cargo test --test emulated_board -- --uart 127.0.0.1:5770 --usb 127.0.0.1:5771
 //! ```
 
-#[path = "../workbench/air/mod.rs"]
-mod air;
 #[path = "../workbench/bench.rs"]
 #[allow(dead_code)]
 mod bench;
@@ -14,8 +12,6 @@ mod bench;
 mod can_bench;
 #[path = "../support/elf.rs"]
 mod elf;
-#[path = "../workbench/host_stream.rs"]
-mod host_stream;
 #[path = "../support/signer.rs"]
 #[allow(dead_code)]
 mod signer;

@@ -3,7 +3,7 @@
 use std::io;
 use std::net::{SocketAddr, TcpListener};
 
-use crate::host_stream::HostStream;
+use emulator::host_stream::HostStream;
 
 /// A client that comes while another one is served waits for its turn.
 pub struct Port {

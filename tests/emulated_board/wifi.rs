@@ -2,11 +2,11 @@
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 
-use crate::air::bridge::{TcpBridge, UdpBridge};
-use crate::air::laptop::Laptop;
-use crate::air::radio::Radio;
-use crate::air::space::Air;
 use emulator::Board;
+use emulator::air::bridge::{TcpBridge, UdpBridge};
+use emulator::air::laptop::Laptop;
+use emulator::air::radio::Radio;
+use emulator::air::space::Air;
 
 /// Where the board serves TCP in its own network.
 const BOARDS_TCP: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(192, 168, 4, 1), 5760);

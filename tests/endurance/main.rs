@@ -4,8 +4,6 @@
 //! `cargo test --test endurance` runs them, `cargo test --test endurance wrap` those with that word in their names,
 //! `cargo test --test endurance -- --budget 300` as much of them as goes into that many seconds.
 
-#[path = "../workbench/air/mod.rs"]
-mod air;
 #[path = "../workbench/bench.rs"]
 #[allow(dead_code)]
 mod bench;
@@ -15,9 +13,6 @@ mod can_bench;
 mod downloads;
 #[path = "../support/elf.rs"]
 mod elf;
-#[path = "../workbench/host_stream.rs"]
-#[allow(dead_code)]
-mod host_stream;
 #[path = "../workbench/i2c_bus.rs"]
 mod i2c_bus;
 #[path = "../workbench/log_records.rs"]

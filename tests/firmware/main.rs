@@ -1,7 +1,5 @@
 //! The release firmware on an emulated RP2040: what leaves its pins, what its log says, what faults do to it.
 
-#[path = "../workbench/air/mod.rs"]
-mod air;
 #[path = "../workbench/bench.rs"]
 mod bench;
 #[path = "../workbench/can/mod.rs"]
@@ -12,8 +10,6 @@ mod checked;
 mod downloads;
 #[path = "../support/elf.rs"]
 mod elf;
-#[path = "../workbench/host_stream.rs"]
-mod host_stream;
 #[path = "../workbench/i2c_bus.rs"]
 mod i2c_bus;
 #[path = "../workbench/log_records.rs"]

@@ -37,7 +37,8 @@
 //! would miss can be counted ([`Board::count_xip_misses`]).
 //!
 //! [`Board::attach_wifi`] makes the board a Pico W: a CYW43439 at the pins of PIO0, on which the driver loads its program and
-//! brings up an access point or joins a network ([`cyw43`] says what of it is modelled). Frames from and to the air are the test's.
+//! brings up an access point or joins a network ([`cyw43`] says what of it is modelled). Frames from and to the air are the test's,
+//! or those of the computers in [`air`].
 //!
 //! A board can be cloned at any moment, while a test has attached no devices to it: the copy goes on as the board does, to the
 //! byte and the cycle, and may go to another thread.
@@ -73,6 +74,7 @@
 
 mod access_log;
 mod adc;
+pub mod air;
 mod attached;
 #[cfg(test)]
 mod bench;
@@ -105,6 +107,7 @@ mod firmware;
 mod flash;
 mod floating;
 mod gpio;
+pub mod host_stream;
 mod i2c;
 mod interrupts;
 mod log;

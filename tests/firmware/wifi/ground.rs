@@ -2,14 +2,14 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
-use crate::air::computer::{Connection, UdpPort};
-use crate::air::laptop::Laptop;
-use crate::air::radio::Credentials;
-use crate::air::space::Air;
 use crate::bench::starts::Start;
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, frames};
 use crate::support::requests::heartbeat;
+use emulator::air::computer::{Connection, UdpPort};
+use emulator::air::laptop::Laptop;
+use emulator::air::radio::Credentials;
+use emulator::air::space::Air;
 
 /// MAV_TYPE_GCS.
 const GROUND_STATION: u8 = 6;

@@ -1,14 +1,14 @@
 //! The board in another network: joined, lost, found again, and its own network instead.
 
 use super::ground::{Ground, UDP_PORT};
-use crate::air::dhcp_server::DhcpAnswers;
-use crate::air::laptop::Laptop;
-use crate::air::radio::Credentials;
-use crate::air::router::Router;
 use crate::bench::{SECOND, Wire};
 use crate::support::frames::{HEARTBEAT, of_message, texts_of};
 use crate::support::requests::wifi_config;
 use emulator::RadioFault;
+use emulator::air::dhcp_server::DhcpAnswers;
+use emulator::air::laptop::Laptop;
+use emulator::air::radio::Credentials;
+use emulator::air::router::Router;
 
 const STATION: u8 = 2;
 

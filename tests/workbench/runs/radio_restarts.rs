@@ -3,10 +3,10 @@
 use std::net::Ipv4Addr;
 
 use super::progress::Progress;
-use crate::air::hostile::{Hostile, Hostility, Target};
-use crate::air::space::Air;
 use crate::bench::{Bench, DIVIDER_CODE, SECOND};
 use crate::support::requests::param_set;
+use emulator::air::hostile::{Hostile, Hostility, Target};
+use emulator::air::space::Air;
 use emulator::{RadioFault, Random};
 
 const BOARD: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);

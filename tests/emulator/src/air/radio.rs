@@ -1,6 +1,6 @@
 //! What the air needs of the board's radio chip.
 
-use emulator::Cyw43;
+use crate::Cyw43;
 
 /// Of an Ethernet interface.
 pub type MacAddress = [u8; 6];

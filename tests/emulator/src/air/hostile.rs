@@ -10,7 +10,7 @@ use smoltcp::wire::{
 };
 
 use super::radio::MacAddress;
-use emulator::Random;
+use crate::Random;
 
 /// What an Ethernet frame carries at most.
 const LONGEST_PAYLOAD: usize = 1500;

@@ -4,7 +4,7 @@ use super::hostile::Hostile;
 use super::laptop::Laptop;
 use super::radio::{Credentials, Radio, is_for};
 use super::router::Router;
-use emulator::{Board, Random};
+use crate::{Board, Random};
 
 const SECOND_US: u64 = 1_000_000;
 

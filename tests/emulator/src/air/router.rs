@@ -9,7 +9,7 @@ use super::computer::{Computer, UdpPort};
 use super::dhcp_server::{DhcpAnswers, DhcpServer};
 use super::radio::{Credentials, MacAddress};
 
-use emulator::Network;
+use crate::Network;
 
 const CHANNEL: u8 = 6;
 

@@ -1,9 +1,6 @@
 //! The air around a board with Wi-Fi: computers with a network stack of their own, a router, and hostile traffic. They live
 //! in emulated time.
 
-// Every test binary that includes this folder uses a part of it.
-#![allow(dead_code, unused_imports)]
-
 pub mod bridge;
 pub mod computer;
 pub mod dhcp_server;
