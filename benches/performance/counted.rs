@@ -1,8 +1,8 @@
 //! Instructions that one thing takes, of a firmware that does nothing else.
 
-use crate::elf::{Artifact, build};
 use crate::figures::{Figure, Table};
 use emulator::{Board, Firmware};
+use workbench::elf::{Artifact, build};
 
 /// High while something is measured.
 const MEASURING_PIN: usize = 22;

@@ -10,21 +10,6 @@ mod running;
 mod size;
 mod wifi;
 
-#[path = "../../tests/workbench/bench.rs"]
-#[allow(dead_code)]
-mod bench;
-#[path = "../../tests/support/elf.rs"]
-mod elf;
-#[path = "../../tests/release_elf/program.rs"]
-#[allow(dead_code)]
-mod program;
-#[path = "../../tests/support/signer.rs"]
-#[allow(dead_code)]
-mod signer;
-#[path = "../../tests/support/mod.rs"]
-#[allow(dead_code)]
-mod support;
-
 use std::process::ExitCode;
 
 use figures::{Table, regressions};

@@ -3,9 +3,11 @@
 use std::collections::HashMap;
 use std::fs;
 
+use support::repository;
+
 use crate::figures::Table;
 
-const PATH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/performance.md");
+const PATH: &str = "docs/performance.md";
 const BEGINS: &str = "<!-- bench begins -->\n";
 const ENDS: &str = "<!-- bench ends -->";
 
@@ -19,7 +21,7 @@ pub struct Page {
 impl Page {
     /// Panics, saying what is missing, if there is no place for the tables.
     pub fn read() -> Self {
-        let text = fs::read_to_string(PATH).expect("docs/performance.md can be read");
+        let text = fs::read_to_string(repository().join(PATH)).expect("docs/performance.md can be read");
         let (before, rest) = text.split_once(BEGINS).expect("it says where the tables begin");
         let (tables, after) = rest.split_once(ENDS).expect("it says where they end");
         Self {
@@ -43,6 +45,6 @@ impl Page {
         let tables: Vec<_> = tables.iter().map(Table::to_string).collect();
         let (before, after) = (&self.before, &self.after);
         let text = format!("{before}{BEGINS}{}{ENDS}{after}", tables.join("\n"));
-        fs::write(PATH, text).expect("docs/performance.md can be written");
+        fs::write(repository().join(PATH), text).expect("docs/performance.md can be written");
     }
 }

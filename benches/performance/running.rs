@@ -1,9 +1,9 @@
 //! What the whole firmware takes of the processor, and how punctual it is.
 
-use crate::bench::{Bench, CYCLES_PER_US, SECOND, running_task};
 use crate::figures::{Figure, Table};
-use crate::support::requests::{command_long, manual_control, param_read_by_name, ping, timesync};
 use emulator::{AdcInput, Conversion, CpuState};
+use support::requests::{command_long, manual_control, param_read_by_name, ping, timesync};
+use workbench::bench::{Bench, CYCLES_PER_US, SECOND, running_task};
 
 /// Of one pack, of some, of as many as there can be.
 const PACKS: [u8; 3] = [1, 4, 9];

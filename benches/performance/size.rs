@@ -1,7 +1,7 @@
 //! What the firmware takes of flash and RAM.
 
 use crate::figures::{Figure, Table};
-use crate::program::{FLASH_BUDGET_BYTES, RAM_BUDGET_BYTES, release_firmware};
+use workbench::program::{FLASH_BUDGET_BYTES, RAM_BUDGET_BYTES, release_firmware};
 
 pub fn tables() -> Vec<Table> {
     let firmware = release_firmware();

@@ -2,16 +2,16 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
-use crate::bench::{Bench, CYCLES_PER_US, SECOND};
 use crate::figures::{Figure, Table};
 use crate::running::{JITTER_GOAL_US, VOLTAGE_CODE, jitter_of};
-use crate::support::requests::param_set;
 use emulator::Board;
 use emulator::air::computer::Connection;
 use emulator::air::hostile::{Hostile, Target};
 use emulator::air::laptop::Laptop;
 use emulator::air::radio::Credentials;
 use emulator::air::space::Air;
+use support::requests::param_set;
+use workbench::bench::{Bench, CYCLES_PER_US, SECOND};
 
 const BOARD: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);
 const TCP_PORT: u16 = 5760;

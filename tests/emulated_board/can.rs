@@ -3,10 +3,10 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use crate::can_bench::CanRig;
 use crate::port::Port;
 use emulator::Board;
 use emulator::can::{CanFrame, CanId, CanNode, CanWires, Station, Traffic, bit_time};
+use workbench::can::CanRig;
 
 /// Crystal of the controller: `CAN_P1_CRYSTAL` by default.
 const CRYSTAL_HZ: u64 = 16_000_000;

@@ -5,20 +5,6 @@
 //! cargo test --test emulated_board -- --uart 127.0.0.1:5770 --usb 127.0.0.1:5771
 //! ```
 
-#[path = "../workbench/bench.rs"]
-#[allow(dead_code)]
-mod bench;
-#[path = "../workbench/can/mod.rs"]
-mod can_bench;
-#[path = "../support/elf.rs"]
-mod elf;
-#[path = "../support/signer.rs"]
-#[allow(dead_code)]
-mod signer;
-#[path = "../support/mod.rs"]
-#[allow(dead_code)]
-mod support;
-
 mod can;
 mod flash_file;
 mod pace;
@@ -37,14 +23,15 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 
-use bench::{Bench, MILLISECOND, SECOND};
 use can::CanAdapter;
 use emulator::{Board, code_of_volts};
 use flash_file::{FlashFile, PROGRAM_BYTES};
 use pace::Pace;
 use port::Port;
+use support::repository;
 use wifi::WifiAir;
 use wires::{UartWire, UsbWire};
+use workbench::bench::{Bench, MILLISECOND, SECOND};
 
 /// Three full LiPo cells.
 const PACK_V: f64 = 12.6;
@@ -113,7 +100,7 @@ fn run(arguments: Arguments) -> Result<(), String> {
     let can = arguments.can.map(listen).transpose()?;
     let name = arguments.flash.clone().unwrap_or_default();
     let failed = |error: io::Error| format!("Can't use the flash file {}: {error}", name.display());
-    let mut file = FlashFile::open(arguments.flash).map_err(failed)?;
+    let mut file = FlashFile::open(arguments.flash.map(|file| repository().join(file))).map_err(failed)?;
     let stored = &file.content[PROGRAM_BYTES..];
     let mut board = Bench::power_up_with_flash(code_of_volts(PACK_V / DIVIDER), PROGRAM_BYTES as u32, stored);
     if wifi.is_some() {

@@ -1,12 +1,12 @@
 //! The log of an hour, and power cuts while the ring rotates.
 
-use crate::bench::SECOND;
-use crate::downloads::{download, list};
-use crate::log_records::{named, records};
-use crate::runs::budget::Budget;
-use crate::runs::log_cuts;
-use crate::runs::logged_drive::Drive;
 use emulator::FlashCut;
+use workbench::bench::SECOND;
+use workbench::downloads::{download, list};
+use workbench::log_records::{named, records};
+use workbench::runs::budget::Budget;
+use workbench::runs::log_cuts;
+use workbench::runs::logged_drive::Drive;
 
 /// A drive on four packs. An hour takes nearly the four fifths of the ring that a file may have.
 pub fn drive(duration_us: u64) {

@@ -4,32 +4,6 @@
 //! `cargo test --test endurance` runs them, `cargo test --test endurance wrap` those with that word in their names,
 //! `cargo test --test endurance -- --budget 300` as much of them as goes into that many seconds.
 
-#[path = "../workbench/bench.rs"]
-#[allow(dead_code)]
-mod bench;
-#[path = "../workbench/can/mod.rs"]
-mod can_bench;
-#[path = "../workbench/downloads.rs"]
-mod downloads;
-#[path = "../support/elf.rs"]
-mod elf;
-#[path = "../workbench/i2c_bus.rs"]
-mod i2c_bus;
-#[path = "../workbench/log_records.rs"]
-mod log_records;
-#[path = "../support/motor_poles.rs"]
-#[allow(dead_code)]
-mod motor_poles;
-#[path = "../workbench/runs/mod.rs"]
-mod runs;
-#[path = "../support/signer.rs"]
-#[allow(dead_code)]
-mod signer;
-#[path = "../workbench/signing_key.rs"]
-mod signing_key;
-#[path = "../support/mod.rs"]
-mod support;
-
 mod logs;
 mod runner;
 mod seeded_faults;
@@ -39,12 +13,14 @@ use std::time::Duration;
 
 use clap::Parser;
 
-use bench::{MINUTE, SECOND};
 use emulator::FlashCut;
 use runner::Run;
-use runs::budget::Budget;
-use runs::mixed_packs::{self, MIXED, MIXED_MV};
-use runs::{exact_rates, line_noise, power_cuts, radio_restarts, rates_asked_for, signing_time, time_wrap};
+use workbench::bench::{MINUTE, SECOND};
+use workbench::runs::budget::Budget;
+use workbench::runs::mixed_packs::{self, MIXED, MIXED_MV};
+use workbench::runs::{
+    exact_rates, line_noise, power_cuts, radio_restarts, rates_asked_for, signing_time, time_wrap,
+};
 
 /// The longest first, so that no processor waits for the last one.
 const RUNS: [Run; 14] = [

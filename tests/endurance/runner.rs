@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::Instant;
 
-use crate::runs::budget::Budget;
+use workbench::runs::budget::Budget;
 
 /// A run that panics if something is wrong.
 #[derive(Clone, Copy)]

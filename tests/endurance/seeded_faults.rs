@@ -3,11 +3,11 @@
 use std::fs;
 use std::path::Path;
 
-use crate::bench::MINUTE;
-use crate::runs::budget::Budget;
-use crate::runs::soak::fault::Fault;
-use crate::runs::soak::tally::Tally;
-use crate::runs::soak::{Protection, run_board, run_boards};
+use workbench::bench::MINUTE;
+use workbench::runs::budget::Budget;
+use workbench::runs::soak::fault::Fault;
+use workbench::runs::soak::tally::Tally;
+use workbench::runs::soak::{Protection, run_board, run_boards};
 
 /// Each board of the day runs for so long.
 const BOARD_US: u64 = 30 * MINUTE;

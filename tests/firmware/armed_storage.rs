@@ -9,21 +9,19 @@ use rover_battmon::memory::storage::{Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 
-use crate::bench::{
+use crate::learnt;
+use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for};
+use emulator::{FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
+use support::frames::{
+    COMMAND_ACK, HEARTBEAT, Heartbeat, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message, texts_of,
+};
+use support::motor_poles::LEFT;
+use support::requests::{arm, command_long, disarm, manual_control, param_read_by_name, param_set, set_mode};
+use workbench::bench::{
     Bench, CYCLES_PER_US, LEARNT_OFFSET, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND,
     SIGNING_OFFSET, value_of,
 };
-use crate::learnt;
-use crate::motor_poles::LEFT;
-use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for};
-use crate::signing_key;
-use crate::support::frames::{
-    COMMAND_ACK, HEARTBEAT, Heartbeat, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message, texts_of,
-};
-use crate::support::requests::{
-    arm, command_long, disarm, manual_control, param_read_by_name, param_set, set_mode,
-};
-use emulator::{FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
+use workbench::signing_key;
 
 const PREFLIGHT_STORAGE: u16 = 245;
 const ACCEPTED: u8 = 0;

@@ -1,5 +1,6 @@
 //! `board-check` against the release firmware, at its telemetry port.
 
+use crate::wheels::duties;
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -8,15 +9,15 @@ use rover_battmon::host::board_check::{
 };
 use rover_battmon::memory::identity::FirmwareHash;
 
-use crate::bench::{
+use crate::firmware_hash::flipped_byte;
+use emulator::{AdcInput, SentByte};
+use support::checked::{Checked, Line, Turned, Watcher, failed, not_measured};
+use support::motor_poles::{LEFT, Motor, RIGHT};
+use support::page::assert_part;
+use workbench::bench::{
     Bench, DIVIDER_CODE, MILLISECOND, PACK, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND, SECTOR_BYTES,
 };
-use crate::checked::{Checked, Line, Turned, Watcher, failed, not_measured};
-use crate::elf::{Artifact, build};
-use crate::firmware_hash::flipped_byte;
-use crate::motor_poles::{LEFT, Motor, RIGHT};
-use crate::page::assert_part;
-use emulator::{AdcInput, SentByte};
+use workbench::elf::{Artifact, build};
 
 const BAUD: u32 = 115_200;
 
@@ -47,7 +48,7 @@ impl BenchBoard {
     /// How a side turns; wheels that disagree do not turn as a side.
     fn side(&self, motors: [Motor; 2]) -> f32 {
         let [front, rear] = motors.map(|motor| {
-            let (positive, negative) = motor.duties(&self.bench);
+            let (positive, negative) = duties(motor, &self.bench);
             let is_reversed = self.fault == Fault::LeftRearReversed && motor.positive == LEFT[1].positive;
             let duty = (positive - negative) as f32;
             if is_reversed { -duty } else { duty }

@@ -6,16 +6,17 @@ use rover_battmon::host::sim::SimulatedFlash;
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::{Erase, Storage};
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, SIGNING_OFFSET, Wire};
-use crate::signing_key::{flash_with, words_of_key};
-use crate::support::requests::param_set;
 use emulator::{AdcInput, Board, FlashOperation, FlashOperationKind, FlashTiming, LogLevel};
+use support::firmware_version;
+use support::requests::param_set;
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, SIGNING_OFFSET, Wire};
+use workbench::signing_key::{flash_with, words_of_key};
 
 #[test]
 fn the_banner_names_version_and_reset_reason() {
     let mut bench = Bench::power_up(2482);
     bench.run_for(SECOND / 10);
-    let banner = format!("rover-battmon {}, started by PowerOn", env!("CARGO_PKG_VERSION"));
+    let banner = format!("rover-battmon {}, started by PowerOn", firmware_version());
     assert_eq!(
         bench.logged(LogLevel::Info, &banner).len(),
         1,

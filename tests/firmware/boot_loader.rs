@@ -1,17 +1,17 @@
 //! Restarting into the boot ROM's USB boot loader, to be flashed again without the button.
 
-use crate::bench::{Bench, SECOND, value_of};
 use crate::lamps::{LAMPS, decode};
 use crate::motors::BUZZER;
 use crate::rover::{GOOD_3S, is_coasting};
 use crate::signing::station;
-use crate::signing_key::protected;
-use crate::support::frames::{COMMAND_ACK, Frame, of_message, texts_of};
-use crate::support::requests::{
-    PREFLIGHT_REBOOT_SHUTDOWN, heartbeat, param_read_by_name, reboot, reboot_to_boot_loader,
-};
 use crate::wheels::pins;
 use emulator::{BootLoader, LogLevel, PwmOutput, ResetCause};
+use support::frames::{COMMAND_ACK, Frame, of_message, texts_of};
+use support::requests::{
+    PREFLIGHT_REBOOT_SHUTDOWN, heartbeat, param_read_by_name, reboot, reboot_to_boot_loader,
+};
+use workbench::bench::{Bench, SECOND, value_of};
+use workbench::signing_key::protected;
 
 const ACCEPTED: u8 = 0;
 

@@ -1,9 +1,9 @@
 //! Crashes that follow each other quickly: the parameters may be their reason.
 
-use crate::bench::{Bench, MILLISECOND, SECOND, value_of};
-use crate::support::frames::{Frame, HEARTBEAT, STATUSTEXT, of_message};
-use crate::support::requests::{arm, param_read_by_name};
 use emulator::LogLevel;
+use support::frames::{Frame, HEARTBEAT, STATUSTEXT, of_message};
+use support::requests::{arm, param_read_by_name};
+use workbench::bench::{Bench, MILLISECOND, SECOND, value_of};
 
 const PACK_CODE: u16 = 2482;
 

@@ -3,11 +3,11 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
-use crate::can_bench::{CanRig, transfers};
-use crate::support::frames::{last_of, texts_of};
 use emulator::LogLevel;
 use emulator::spi_devices::Ina239;
+use support::frames::{last_of, texts_of};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
+use workbench::can::{CanRig, transfers};
 
 const DRONECAN: f32 = 8.0;
 const INA239: f32 = 26.0;

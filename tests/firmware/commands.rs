@@ -1,16 +1,16 @@
 //! Intervals and requests, through the telemetry port.
 
-use crate::bench::{Bench, SECOND, is_learnt};
-use crate::runs::rates_asked_for::{self, assert_rates};
-use crate::support::frames::{
+use emulator::LogLevel;
+use support::frames::{
     AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, MESSAGE_INTERVAL, PING,
     PROTOCOL_VERSION, SYS_STATUS, TIMESYNC, of_message,
 };
-use crate::support::requests::{
+use support::requests::{
     command_int, command_int_2, command_long, command_long_2, param_set, ping, radio_status,
     request_data_stream, timesync,
 };
-use emulator::LogLevel;
+use workbench::bench::{Bench, SECOND, is_learnt};
+use workbench::runs::rates_asked_for::{self, assert_rates};
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const GET_MESSAGE_INTERVAL: u16 = 510;

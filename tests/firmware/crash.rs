@@ -1,11 +1,11 @@
 //! Crash records, and to which systems they are reported after the restart.
 
-use crate::bench::{
+use emulator::{Board, LogLevel, ResetCause, UNDEFINED_INSTRUCTION};
+use support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, of_message};
+use support::requests::{heartbeat, param_read_by_name, ping, provoke_fault};
+use workbench::bench::{
     Bench, DMA_IRQ, LINK_REGISTER, MILLISECOND, PROGRAM_COUNTER, RUNNING, SECOND, STACK_POINTER, value_of,
 };
-use crate::support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT, of_message};
-use crate::support::requests::{heartbeat, param_read_by_name, ping, provoke_fault};
-use emulator::{Board, LogLevel, ResetCause, UNDEFINED_INSTRUCTION};
 
 const GROUND_STATION: u8 = 6;
 const ONBOARD_CONTROLLER: u8 = 18;

@@ -1,10 +1,10 @@
 //! What a debug probe does to a running board: it halts cores, and its cable is pulled.
 
-use crate::bench::{Bench, MILLISECOND, SECOND};
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, is_coasting};
-use crate::support::frames::{HEARTBEAT, STATUSTEXT, of_message};
-use crate::support::requests::{arm, heartbeat, set_mode};
 use emulator::ResetCause;
+use support::frames::{HEARTBEAT, STATUSTEXT, of_message};
+use support::requests::{arm, heartbeat, set_mode};
+use workbench::bench::{Bench, MILLISECOND, SECOND};
 
 const CORE_0: u32 = 0b01;
 const CORE_1: u32 = 0b10;

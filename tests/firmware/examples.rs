@@ -2,14 +2,14 @@
 
 use std::rc::Rc;
 
-use crate::bench::{Bench, SECOND};
-use crate::i2c_bus::{BUS, shared};
-use crate::support::frames::{
+use emulator::AdcInput;
+use emulator::i2c_devices::Ina226;
+use support::frames::{
     BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap, last_of,
     of_message, texts_of,
 };
-use emulator::AdcInput;
-use emulator::i2c_devices::Ina226;
+use workbench::bench::{Bench, SECOND};
+use workbench::i2c_bus::{BUS, shared};
 
 const GP26: usize = 0;
 const GP27: usize = 1;

@@ -1,10 +1,10 @@
 //! A pack that a companion computer on the telemetry port measures.
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
-use crate::support::pack_report::{EXTERNAL, OTHER_COMPANION, PackReport};
-use crate::support::requests::arm;
 use emulator::LogLevel;
+use support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
+use support::pack_report::{EXTERNAL, OTHER_COMPANION, PackReport};
+use support::requests::arm;
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 
 /// LOW and UNHEALTHY of MAV_BATTERY_CHARGE_STATE.
 const LOW: u8 = 2;

@@ -1,8 +1,8 @@
 //! What faults do, all of them put in from outside.
 
-use crate::bench::{Bench, DMA_IRQ, MILLISECOND, PACK, SECOND, STACK_POINTER};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, SysStatus, of_message};
 use emulator::{AdcFault, AdcInput, LogLevel, ResetCause};
+use support::frames::{BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, SysStatus, of_message};
+use workbench::bench::{Bench, DMA_IRQ, MILLISECOND, PACK, SECOND, STACK_POINTER};
 
 const OK: u8 = 1;
 const UNHEALTHY: u8 = 6;

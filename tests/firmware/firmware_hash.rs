@@ -5,11 +5,11 @@ use std::sync::OnceLock;
 use object::LittleEndian;
 use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND};
-use crate::elf::{Artifact, build};
-use crate::support::frames::{AUTOPILOT_VERSION, of_message};
-use crate::support::requests::command_long;
 use emulator::LogLevel;
+use support::frames::{AUTOPILOT_VERSION, of_message};
+use support::requests::command_long;
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND};
+use workbench::elf::{Artifact, build};
 
 const REQUEST_MESSAGE: u16 = 512;
 

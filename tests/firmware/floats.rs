@@ -1,8 +1,8 @@
 //! Arithmetic with singles as the release firmware does it: mostly by the boot ROM's routines, which have neither NaN nor
 //! subnormal numbers.
 
-use crate::bench::{Bench, DIVIDER_CODE, LINK_REGISTER, PROGRAM_COUNTER, SECOND};
 use emulator::{BRANCH_TO_SELF, Random};
+use workbench::bench::{Bench, DIVIDER_CODE, LINK_REGISTER, PROGRAM_COUNTER, SECOND};
 
 const EXPONENT: u32 = 0x7f80_0000;
 const SIGN: u32 = 0x8000_0000;

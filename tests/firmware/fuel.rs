@@ -1,11 +1,11 @@
 //! Tanks: from the sensors' signals to the messages.
 
-use crate::bench::{Bench, SECOND};
-use crate::support::frames::{
+use emulator::AdcInput;
+use support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, FUEL_STATUS, Frame, STATUSTEXT, of_message,
 };
-use crate::support::requests::command_long_2;
-use emulator::AdcInput;
+use support::requests::command_long_2;
+use workbench::bench::{Bench, SECOND};
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const REQUEST_MESSAGE: u16 = 512;

@@ -1,9 +1,9 @@
 //! The lamps' wire, as the release firmware drives it by PIO.
 
-use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for};
-use crate::support::requests::{VEHICLE, arm, disarm, param_request_list, param_set, ping, set_mode};
 use emulator::{Board, LogLevel, ResetCause};
+use support::requests::{VEHICLE, arm, disarm, param_request_list, param_set, ping, set_mode};
+use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
 
 pub const LAMPS: usize = 16;
 

@@ -8,16 +8,14 @@ use rover_battmon::host::sim::{PackModel, SimulatedFlash, SimulatedPack};
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::Storage;
 
-use crate::bench::{
+use crate::learnt::{FIRST, FIRST_7, flash_with, full_sector};
+use emulator::{AdcInput, FlashCut, LogLevel};
+use support::frames::{BATTERY_INFO, SMART_BATTERY_INFO, last_of, of_message, texts_of};
+use support::requests::{VEHICLE_ID, command_long, command_long_2, manual_control, param_read_by_name};
+use workbench::bench::{
     Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, PACK, SAVED_US, SECOND, value_of,
 };
-use crate::learnt::{FIRST, FIRST_7, flash_with, full_sector};
-use crate::runs::flash_cuts::Leader;
-use crate::support::frames::{BATTERY_INFO, SMART_BATTERY_INFO, last_of, of_message, texts_of};
-use crate::support::requests::{
-    VEHICLE_ID, command_long, command_long_2, manual_control, param_read_by_name,
-};
-use emulator::{AdcInput, FlashCut, LogLevel};
+use workbench::runs::flash_cuts::Leader;
 
 /// The current sensor is on GP27.
 const CURRENT: usize = 1;

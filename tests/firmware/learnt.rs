@@ -8,14 +8,14 @@ use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::{Erase, Storage};
 use rover_battmon::pack::Pack;
 
-use crate::bench::{
+use emulator::{FlashCut, LogLevel};
+use support::frames::{PARAM_ERROR, STATUSTEXT, of_message};
+use support::learnt_record::learnt_words;
+use support::requests::{command_long, param_read_by_name, param_set, reboot};
+use workbench::bench::{
     Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, SAVED_US, SECOND, SECTOR_BYTES, value_of,
 };
-use crate::runs::flash_cuts::Leader;
-use crate::support::frames::{PARAM_ERROR, STATUSTEXT, of_message};
-use crate::support::learnt_record::learnt_words;
-use crate::support::requests::{command_long, param_read_by_name, param_set, reboot};
-use emulator::{FlashCut, LogLevel};
+use workbench::runs::flash_cuts::Leader;
 
 const PREFLIGHT_STORAGE: u16 = 245;
 

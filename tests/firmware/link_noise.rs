@@ -1,7 +1,7 @@
 //! A line full of garbage, with requests in it.
 
-use crate::bench::MINUTE;
-use crate::runs::line_noise;
+use workbench::bench::MINUTE;
+use workbench::runs::line_noise;
 
 #[test]
 fn half_a_minute_of_garbage_at_line_rate_loses_no_tick_and_no_request() {

@@ -4,12 +4,12 @@ mod downloads;
 mod ring;
 mod timing;
 
-use crate::bench::{Bench, MINUTE, Wire};
-use crate::downloads::{download, get, list};
-use crate::log_records::{named, records};
-use crate::runs::log_cuts;
-use crate::runs::logged_drive::Drive;
 use emulator::FlashCut;
+use workbench::bench::{Bench, MINUTE, Wire};
+use workbench::downloads::{download, get, list};
+use workbench::log_records::{named, records};
+use workbench::runs::log_cuts;
+use workbench::runs::logged_drive::Drive;
 
 #[test]
 fn a_minute_on_two_packs_is_downloaded_alike_over_uart_and_usb_and_has_what_was_on_the_wire() {
@@ -62,7 +62,7 @@ fn power_cuts_in_a_rotation_leave_older_files_and_all_but_the_last_second() {
 
 /// A board that runs with this log in its flash.
 fn running_with(log: &[u8]) -> Bench {
-    use crate::bench::{DIVIDER_CODE, SECOND};
+    use workbench::bench::{DIVIDER_CODE, SECOND};
     let mut bench =
         Bench::power_up_with_flash(DIVIDER_CODE, rover_battmon::memory::flash_map::LOG.start, log);
     bench.run_for(SECOND);

@@ -1,23 +1,23 @@
 //! Every kind of monitor, on all buses, lines and pins: what is set while the board runs freezes no pack, and a source that
 //! falls silent makes its pack unhealthy.
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, value_of};
-use crate::can_bench::transfers::{A, ESC_0};
-use crate::can_bench::{CanRig, Peer as CanPeer};
-use crate::i2c_bus::BUS;
 use crate::serial::protocol_4;
 use crate::serial_engine::Peer;
 use crate::serial_engine::mega_squirt::Unit;
 use crate::serial_engine::torqeedo::{Battery, Echo};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, COMMAND_ACK, last_of, of_message, texts_of};
-use crate::support::pack_report::PackReport;
-use crate::support::requests::{arm, command_long_2, do_set_mode, manual_control, param_set};
 use emulator::i2c_devices::{
     Ad7091r5, Bebop, Bq76952, Ina226, Ina3221, Ltc2946, Pec, Reference, SmartBattery,
 };
 use emulator::spi_devices::Ina239;
 use emulator::{AdcFault, AdcInput, PinWire, UartPins};
 use rover_battmon::parameter::{BatteryParameter, Range};
+use support::frames::{BATTERY_STATUS, BatteryStatus, COMMAND_ACK, last_of, of_message, texts_of};
+use support::pack_report::PackReport;
+use support::requests::{arm, command_long_2, do_set_mode, manual_control, param_set};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, value_of};
+use workbench::can::transfers::{A, ESC_0};
+use workbench::can::{CanRig, Peer as CanPeer};
+use workbench::i2c_bus::BUS;
 
 const TICK: u64 = 100 * MILLISECOND;
 

@@ -2,12 +2,12 @@
 
 use std::sync::OnceLock;
 
-use crate::bench::{CYCLES_PER_US, MILLISECOND, SECOND};
-use crate::elf::{Artifact, build};
 use crate::lamps::{LAMPS, decode, lengths};
-use crate::motor_poles::{LEFT, Motor, RIGHT, motors};
-use crate::wheels::pins;
+use crate::wheels::{duties, pins};
 use emulator::{Board, Firmware};
+use support::motor_poles::{LEFT, Motor, RIGHT, motors};
+use workbench::bench::{CYCLES_PER_US, MILLISECOND, SECOND};
+use workbench::elf::{Artifact, build};
 
 pub const BUZZER: usize = 2;
 
@@ -37,7 +37,7 @@ fn run_to(board: &mut Board, step: &str) {
 }
 
 /// The share of time in which the poles of a motor are driven, at 500 Hz.
-fn duties(motor: Motor, board: &Board) -> (f64, f64) {
+fn duties_at_500_hz(motor: Motor, board: &Board) -> (f64, f64) {
     for pin in [motor.positive, motor.negative] {
         let output = board
             .pwm_output(pin)
@@ -48,7 +48,7 @@ fn duties(motor: Motor, board: &Board) -> (f64, f64) {
             output.frequency_hz
         );
     }
-    motor.duties(board)
+    duties(motor, board)
 }
 
 /// Panics unless the motors of each side have these duties at their poles one period after a step began.
@@ -57,7 +57,7 @@ fn assert_driven(step: &str, left: (f64, f64), right: (f64, f64)) {
     board.run_for(PWM_PERIOD_US);
     for (motors, expected) in [(LEFT, left), (RIGHT, right)] {
         for motor in motors {
-            assert_eq!(duties(motor, &board), expected, "{step}: {motor:?}");
+            assert_eq!(duties_at_500_hz(motor, &board), expected, "{step}: {motor:?}");
         }
     }
 }

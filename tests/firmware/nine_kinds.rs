@@ -3,20 +3,20 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use crate::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, MILLISECOND, PACK};
-use crate::can_bench::transfers::{A, A_LATER, STATUS_A};
-use crate::can_bench::{CanRig, Peer, Transfer};
-use crate::i2c_bus::{BUS, shared};
-use crate::runs::exact_rates::assert_sampled_at_every_tick;
 use crate::serial::richen_power;
-use crate::support::frames::{
-    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap,
-    of_message, texts_of,
-};
-use crate::support::pack_report::PackReport;
 use emulator::i2c_devices::{Ina226, Ina3221, Pec, RegisterMap, SmartBattery};
 use emulator::spi_devices::Ina239;
 use emulator::{AdcInput, Conversion, UartPins};
+use support::frames::{
+    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap,
+    of_message, texts_of,
+};
+use support::pack_report::PackReport;
+use workbench::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, MILLISECOND, PACK};
+use workbench::can::transfers::{A, A_LATER, STATUS_A};
+use workbench::can::{CanRig, Peer, Transfer};
+use workbench::i2c_bus::{BUS, shared};
+use workbench::runs::exact_rates::assert_sampled_at_every_tick;
 
 const TICK: u64 = 100 * MILLISECOND;
 const TICKS_PER_SECOND: usize = 10;

@@ -1,13 +1,13 @@
 //! Up to nine packs: how they are measured, counted and reported.
 
-use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
 use crate::lamps::{LAMPS, decode};
-use crate::support::frames::{
+use emulator::{AdcInput, LogLevel};
+use support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, NAMED_VALUE_FLOAT, SYS_STATUS, SysStatus,
     last_of, of_message, texts_of,
 };
-use crate::support::requests::command_long_2;
-use emulator::{AdcInput, LogLevel};
+use support::requests::command_long_2;
+use workbench::bench::{Bench, MILLISECOND, PACK, SECOND};
 
 /// A current sensor on GP27, and another pin that is free.
 const CURRENT: usize = 1;

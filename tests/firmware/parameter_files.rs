@@ -1,12 +1,12 @@
 //! Ready parameter files of docs/params/ for sensors that the simulator does not have, with these sensors.
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
-use crate::can_bench::CanRig;
-use crate::can_bench::transfers::A;
-use crate::i2c_bus::{BUS, shared};
-use crate::support::frames::{last_of, texts_of};
 use emulator::i2c_devices::Bq76952;
 use emulator::{AdcInput, UartPins};
+use support::frames::{last_of, texts_of};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
+use workbench::can::CanRig;
+use workbench::can::transfers::A;
+use workbench::i2c_bus::{BUS, shared};
 
 const OK: u8 = 1;
 const SERIAL_PORT: usize = 1;

@@ -4,17 +4,18 @@ use std::collections::BTreeMap;
 
 use rover_battmon::pack::Pack;
 
-use crate::bench::{
-    Bench, LISTED_BY_DEFAULT, LISTED_OF_PACK, LISTED_OF_VEHICLE, MILLISECOND, SAVED_US, SECOND, value_of,
-};
-use crate::runs::rates_asked_for;
-use crate::support::frames::{
+use support::firmware_version;
+use support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT,
     SYS_STATUS, of_message,
 };
-use crate::support::requests::{
+use support::requests::{
     VEHICLE, command_long, ftp_open, param_read_by_index, param_read_by_name, param_request_list, param_set,
 };
+use workbench::bench::{
+    Bench, LISTED_BY_DEFAULT, LISTED_OF_PACK, LISTED_OF_VEHICLE, MILLISECOND, SAVED_US, SECOND, value_of,
+};
+use workbench::runs::rates_asked_for;
 
 const PREFLIGHT_STORAGE: u16 = 245;
 const ACCEPTED: u8 = 0;
@@ -259,7 +260,7 @@ fn a_battery_that_is_not_monitored_is_not_reported() {
     assert!(of_message(&frames, BATTERY_STATUS).is_empty());
     let sys_status = of_message(&frames, SYS_STATUS);
     assert_eq!(sys_status.len(), 10);
-    assert!(!crate::support::frames::SysStatus(sys_status[9]).has_battery_sensor());
+    assert!(!support::frames::SysStatus(sys_status[9]).has_battery_sensor());
 }
 
 #[test]
@@ -296,6 +297,6 @@ fn a_list_is_announced_by_a_banner() {
     let texts = of_message(&answers, STATUSTEXT);
     assert_eq!(
         texts[0].text(1, 50),
-        concat!("rover-battmon ", env!("CARGO_PKG_VERSION"))
+        format!("rover-battmon {}", firmware_version())
     );
 }

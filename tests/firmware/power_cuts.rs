@@ -1,7 +1,7 @@
 //! Power is cut in flash operations while parameters are being set: in one of six here, in each of them in `tests/endurance`.
 
-use crate::runs::power_cuts;
 use emulator::FlashCut;
+use workbench::runs::power_cuts;
 
 const STEP: usize = 6;
 

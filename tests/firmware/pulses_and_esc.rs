@@ -1,9 +1,9 @@
 //! What comes in as pulses on GP17, and as a motor controller's telemetry on GP5.
 
-use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::support::frames::{BatteryStatus, FUEL_STATUS, last_of, of_message, texts_of};
-use crate::support::requests::command_long_2;
 use emulator::{LogLevel, PinWire, UartPins};
+use support::frames::{BatteryStatus, FUEL_STATUS, last_of, of_message, texts_of};
+use support::requests::command_long_2;
+use workbench::bench::{Bench, MILLISECOND, SECOND};
 
 const ESC: f32 = 9.0;
 const FUEL_FLOW: f32 = 11.0;

@@ -1,12 +1,12 @@
 //! What is received at the UARTs, while flash is written, at full rate both ways, and with nothing wired.
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, MINUTE, SAVED_US, SECOND};
 use crate::rover::GOOD_3S;
-use crate::support::frames::{
+use emulator::{FlashOperationKind, FlashTiming, LogLevel, UartPins};
+use support::frames::{
     COMMAND_ACK, Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, TIMESYNC, of_message,
 };
-use crate::support::requests::{command_long_2, disarm, param_set, param_set_to, timesync};
-use emulator::{FlashOperationKind, FlashTiming, LogLevel, UartPins};
+use support::requests::{command_long_2, disarm, param_set, param_set_to, timesync};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, MINUTE, SAVED_US, SECOND};
 
 /// Of another system: what is addressed to it fills the line, and is checked and dropped.
 const ELSEWHERE: [u8; 2] = [77, 1];

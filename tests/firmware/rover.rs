@@ -1,14 +1,12 @@
 //! The rover that obeys: arming, driving and stopping, at the pins of the motors.
 
-use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, SECOND, STACK_POINTER};
-use crate::motor_poles::{LEFT, motors};
-use crate::support::frames::{
-    BATTERY_STATUS, COMMAND_ACK, HEARTBEAT, STATUSTEXT, SYS_STATUS, last_of, of_message,
-};
-pub use crate::support::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
-use crate::support::requests::{arm, disarm, manual_control, set_mode};
-use crate::wheels::pins;
+use crate::wheels::{duties, pins};
 use emulator::{AdcInput, Board, LogLevel, ResetCause};
+use support::frames::{BATTERY_STATUS, COMMAND_ACK, HEARTBEAT, STATUSTEXT, SYS_STATUS, last_of, of_message};
+use support::motor_poles::{LEFT, motors};
+pub use support::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
+use support::requests::{arm, disarm, manual_control, set_mode};
+use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, PACK, SECOND, STACK_POINTER};
 
 const ACCEPTED: u8 = 0;
 const FAILED: u8 = 4;
@@ -32,8 +30,8 @@ pub fn is_braking(bench: &Bench) -> bool {
 }
 
 /// Whether all motors have these duties at their positive and negative poles.
-fn all_have(bench: &Bench, duties: (f64, f64)) -> bool {
-    motors().all(|motor| motor.duties(bench) == duties)
+fn all_have(bench: &Bench, expected: (f64, f64)) -> bool {
+    motors().all(|motor| duties(motor, bench) == expected)
 }
 
 /// Lets time pass with a hand on the throttle.
@@ -60,7 +58,7 @@ fn driving(parameters: &[(&str, f32)]) -> Bench {
     bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
     drive_for(&mut bench, 2 * SECOND, 500);
     for motor in motors() {
-        let (positive, negative) = motor.duties(&bench);
+        let (positive, negative) = duties(motor, &bench);
         assert!((positive - 0.5).abs() < 0.01, "{motor:?}: {positive}");
         assert_eq!(negative, 0.0, "{motor:?}");
     }
@@ -203,7 +201,7 @@ fn a_lockup_lets_the_motors_coast_after_the_watchdogs_time() {
 fn a_driver_who_falls_silent_stops_it() {
     let mut bench = driving(&[]);
     bench.run_for(1_400 * MILLISECOND);
-    let (positive, negative) = LEFT[0].duties(&bench);
+    let (positive, negative) = duties(LEFT[0], &bench);
     assert!(positive > 0.4 && negative == 0.0);
     bench.run_for(300 * MILLISECOND);
     assert!(is_braking(&bench), "it holds");

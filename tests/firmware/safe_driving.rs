@@ -1,13 +1,14 @@
 //! No stale order drives: the effect of stick input, commands and timeouts at the pins of the motors.
 
-use crate::bench::{Bench, MILLISECOND, SECOND, value_of};
-use crate::motor_poles::motors;
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, is_braking, is_coasting};
-use crate::support::frames::{COMMAND_ACK, Frame, STATUSTEXT, of_message};
-use crate::support::requests::{
+use crate::wheels::duties;
+use support::frames::{COMMAND_ACK, Frame, STATUSTEXT, of_message};
+use support::motor_poles::motors;
+use support::requests::{
     EVERYONE, VEHICLE, arm, command_long, command_long_2, disarm, heartbeat, manual_control,
     param_read_by_name, provoke_fault, rc_override, reboot, reboot_to_boot_loader, set_mode,
 };
+use workbench::bench::{Bench, MILLISECOND, SECOND, value_of};
 
 const ACCEPTED: u8 = 0;
 const FAILED: u8 = 4;
@@ -60,7 +61,7 @@ fn send_and_stand(bench: &mut Bench, message: &[u8], time_us: u64) {
 /// A motor with another duty at its one pole than at the other.
 fn is_turning(bench: &Bench) -> bool {
     motors().any(|motor| {
-        let (positive, negative) = motor.duties(bench);
+        let (positive, negative) = duties(motor, bench);
         positive != negative
     })
 }

@@ -1,8 +1,8 @@
 //! From the voltage at GP26 to the voltage on the wire.
 
-use crate::bench::{Bench, MILLISECOND, PACK, SECOND};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, SYS_STATUS, SysStatus, last_of, of_message};
 use emulator::{AdcFault, AdcInput, LogLevel};
+use support::frames::{BATTERY_STATUS, BatteryStatus, SYS_STATUS, SysStatus, last_of, of_message};
+use workbench::bench::{Bench, MILLISECOND, PACK, SECOND};
 
 /// The converter's input of GP27.
 const CURRENT: usize = 1;

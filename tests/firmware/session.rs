@@ -1,15 +1,15 @@
 //! One session of a ground station, the same over every wire.
 
-use crate::bench::{Bench, LISTED_BY_DEFAULT, SAVED_US, SECOND, Wire};
 use crate::parameters::{list, read};
 use crate::rover::GOOD_3S;
-use crate::runs::rates_asked_for::assert_rates;
-use crate::support::frames::{
+use emulator::LogLevel;
+use support::frames::{
     AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, HEARTBEAT, Heartbeat, PING, SYS_STATUS, TIMESYNC,
     assert_no_sequence_gap, last_of, of_message,
 };
-use crate::support::requests::{arm, command_long, command_long_2, disarm, ping, timesync};
-use emulator::LogLevel;
+use support::requests::{arm, command_long, command_long_2, disarm, ping, timesync};
+use workbench::bench::{Bench, LISTED_BY_DEFAULT, SAVED_US, SECOND, Wire};
+use workbench::runs::rates_asked_for::assert_rates;
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const REQUEST_MESSAGE: u16 = 512;

@@ -4,18 +4,16 @@
 use std::fs;
 use std::path::Path;
 
-use crate::bench::{Bench, PACK, SAVED_US, SECOND};
-use crate::i2c_bus::BUS;
-use crate::signing_key::protected;
-use crate::support::frames::{
+use emulator::i2c_devices::{Pec, SmartBattery};
+use emulator::{AdcFault, AdcInput};
+use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, Frame, SYS_STATUS, SysStatus, last_of, of_message,
     texts_of, tlog,
 };
-use crate::support::requests::{
-    VEHICLE, arm, command_long, command_long_2, param_read_by_name, param_request_list,
-};
-use emulator::i2c_devices::{Pec, SmartBattery};
-use emulator::{AdcFault, AdcInput};
+use support::requests::{VEHICLE, arm, command_long, command_long_2, param_read_by_name, param_request_list};
+use workbench::bench::{Bench, PACK, SAVED_US, SECOND};
+use workbench::i2c_bus::BUS;
+use workbench::signing_key::protected;
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const RUN_PREARM_CHECKS: u16 = 401;

@@ -1,14 +1,14 @@
 //! A board whose flash holds a signing key.
 
-use crate::bench::{
+use emulator::LogLevel;
+use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, SysStatus, of_message, texts_of};
+use support::requests::{param_read_by_name, param_set, radio_status, reboot, setup_signing};
+use support::signer::Signer;
+use workbench::bench::{
     Bench, DIVIDER_CODE, MINUTE, SAVED_US, SECOND, SECTOR_BYTES, SIGNING_BYTES, SIGNING_OFFSET, value_of,
 };
-use crate::runs::signing_time;
-use crate::signer::Signer;
-use crate::signing_key::{OWNER, STRANGER, flash_with, flash_with_key, protected, words_of_key};
-use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, SysStatus, of_message, texts_of};
-use crate::support::requests::{param_read_by_name, param_set, radio_status, reboot, setup_signing};
-use emulator::LogLevel;
+use workbench::runs::signing_time;
+use workbench::signing_key::{OWNER, STRANGER, flash_with, flash_with_key, protected, words_of_key};
 
 const KEY_LOST: &str = "Signing key lost, commands locked: set up by USB";
 const NOT_SAVED: &str = "Signing not saved: set it up again after a restart";

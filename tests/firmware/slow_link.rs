@@ -1,12 +1,12 @@
 //! A link that is far too slow for what is asked of it.
 
-use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::support::frames::{
+use emulator::LogLevel;
+use support::frames::{
     BATTERY_STATUS, HEARTBEAT, PARAM_VALUE, ParamValue, STATUSTEXT, SYS_STATUS, SysStatus,
     assert_no_sequence_gap, of_message,
 };
-use crate::support::requests::{param_set, reboot};
-use emulator::LogLevel;
+use support::requests::{param_set, reboot};
+use workbench::bench::{Bench, MILLISECOND, SECOND};
 
 /// At 9600 baud and with `SR0_EXTRA1` at 50 Hz: ten times as much as the line carries is asked for.
 fn overloaded() -> Bench {

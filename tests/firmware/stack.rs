@@ -1,17 +1,18 @@
 //! How deep the stack gets, interrupts included, when everything happens at once.
 
-use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::i2c_bus::BUS;
-use crate::motor_poles::LEFT;
 use crate::rover::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID};
-use crate::runs::mixed_packs;
 use crate::signing;
-use crate::support::frames::{COMMAND_ACK, PARAM_VALUE, of_message};
-use crate::support::requests::{
+use crate::wheels::duties;
+use emulator::{AdcFault, LogLevel, ResetCause};
+use support::frames::{COMMAND_ACK, PARAM_VALUE, of_message};
+use support::motor_poles::LEFT;
+use support::requests::{
     VEHICLE, command_int, command_long, command_long_2, ftp_open, manual_control, param_request_list,
     param_set, ping, set_mode, timesync,
 };
-use emulator::{AdcFault, LogLevel, ResetCause};
+use workbench::bench::{Bench, MILLISECOND, SECOND};
+use workbench::i2c_bus::BUS;
+use workbench::runs::mixed_packs;
 
 /// Of the stack's room, this much has to be free at the worst.
 const FREE_PERCENT: u32 = 30;
@@ -104,7 +105,7 @@ fn three_tenths_of_the_stack_stay_free_under_the_heaviest_load() {
     arm(&mut bench);
     let from_us = bench.time_us();
     load_for(&mut bench, 6);
-    let is_driven = LEFT[0].duties(&bench).0 > 0.3;
+    let is_driven = duties(LEFT[0], &bench).0 > 0.3;
     assert!(is_driven, "the motors stand");
     let frames = bench.frames();
     let values = of_message(&frames, PARAM_VALUE).into_iter();

@@ -6,10 +6,12 @@ use rover_battmon::host::sim::SimulatedFlash;
 use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::{Erase, Storage};
 
-use crate::bench::{Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SAVED_US, SECOND, SECTOR_BYTES};
-use crate::support::frames::{COMMAND_ACK, PARAM_VALUE, ParamValue, STATUSTEXT, of_message};
-use crate::support::requests::{VEHICLE, command_long, param_read_by_name, param_request_list, param_set};
 use emulator::{FlashOperationKind, FlashTiming};
+use support::frames::{COMMAND_ACK, PARAM_VALUE, ParamValue, STATUSTEXT, of_message};
+use support::requests::{VEHICLE, command_long, param_read_by_name, param_request_list, param_set};
+use workbench::bench::{
+    Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SAVED_US, SECOND, SECTOR_BYTES,
+};
 
 fn texts(bench: &mut Bench) -> Vec<(u8, String)> {
     let frames = bench.frames();

@@ -1,12 +1,13 @@
 //! Some of the stories of `tests/stories/` on the release firmware: voltages at its pins, texts on its wire, motors at its
 //! pins. All of them run on the core, `tests/host/stories.rs`; here are those in which a converter, a clock or a flash has a part.
 
-use crate::bench::{Bench, MILLISECOND};
-use crate::motor_poles::LEFT;
-use crate::story::{Drive, Input, Source, Story, Supplied};
-use crate::support::frames::{BATTERY_INFO, STATUSTEXT, of_message};
-use crate::support::requests::{VEHICLE_ID, command_long, manual_control};
+use crate::wheels::duties;
 use emulator::{AdcFault, AdcInput};
+use support::frames::{BATTERY_INFO, STATUSTEXT, of_message};
+use support::motor_poles::LEFT;
+use support::requests::{VEHICLE_ID, command_long, manual_control};
+use support::story::{Drive, Input, Source, Story, Supplied};
+use workbench::bench::{Bench, MILLISECOND};
 
 /// ADC channels: dividers of both packs, and the first one's current sensor.
 const DIVIDERS: [usize; 2] = [0, 2];
@@ -93,7 +94,7 @@ impl Stage {
 
     /// What the motor left in front does.
     fn motors(&self) -> Drive {
-        match LEFT[0].duties(&self.bench) {
+        match duties(LEFT[0], &self.bench) {
             (0.0, 0.0) => Drive::Coast,
             (1.0, 1.0) => Drive::Brake,
             _ => Drive::Turn,

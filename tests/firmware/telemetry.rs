@@ -1,9 +1,9 @@
 //! What a ground station at the telemetry port receives.
 
-use crate::bench::{Bench, MILLISECOND, MINUTE, PACK, SECOND};
-use crate::runs::exact_rates;
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, Frame, SYS_STATUS, SysStatus, of_message};
 use emulator::AdcInput;
+use support::frames::{BATTERY_STATUS, BatteryStatus, Frame, SYS_STATUS, SysStatus, of_message};
+use workbench::bench::{Bench, MILLISECOND, MINUTE, PACK, SECOND};
+use workbench::runs::exact_rates;
 
 #[test]
 fn a_minute_at_exact_rates_without_drift() {

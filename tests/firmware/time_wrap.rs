@@ -1,48 +1,47 @@
 //! The microsecond counter passes 2^32 µs (71.6 minutes after the start) and 2^32 ms (49.7 days): nothing happens.
 
-use crate::bench::{MILLISECOND, MINUTE, SECOND};
-use crate::motor_poles::motors;
 use crate::rover::{
     CUSTOM_MODE_ENABLED, FLAT_3S, GOOD_3S, MANUAL, VEHICLE_ID, drive_for, is_braking, is_coasting,
 };
-use crate::runs::time_wrap::{self, Old, WRAPS_US};
-use crate::support::requests::{arm, set_mode};
+use crate::wheels::duties;
 use emulator::{AdcInput, LogLevel};
+use support::motor_poles::motors;
+use support::requests::{arm, set_mode};
+use workbench::bench::{MILLISECOND, MINUTE, SECOND};
+use workbench::runs::time_wrap::{self, Old, WRAPS_US};
 
-impl Old {
-    /// An armed rover with a pack of three cells, ready to be driven.
-    fn armed(wrap_us: u64, before_us: u64) -> Self {
-        let mut old = Self::power_up(GOOD_3S, wrap_us, before_us);
-        for (name, value) in [
-            ("BATT_CELLS", 3.0),
-            ("BATT_LOW_VOLT", 10.2),
-            ("BATT_LOW_TIMER", 10.0),
-            ("BATT_FS_LOW_ACT", 2.0),
-        ] {
-            old.bench.set(name, value);
-        }
-        old.bench.ask(&arm());
-        old.bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
-        old
+/// An armed rover with a pack of three cells, ready to be driven.
+fn armed(wrap_us: u64, before_us: u64) -> Old {
+    let mut old = Old::power_up(GOOD_3S, wrap_us, before_us);
+    for (name, value) in [
+        ("BATT_CELLS", 3.0),
+        ("BATT_LOW_VOLT", 10.2),
+        ("BATT_LOW_TIMER", 10.0),
+        ("BATT_FS_LOW_ACT", 2.0),
+    ] {
+        old.bench.set(name, value);
     }
+    old.bench.ask(&arm());
+    old.bench.ask(&set_mode(VEHICLE_ID, CUSTOM_MODE_ENABLED, MANUAL));
+    old
+}
 
-    fn turns(&self) -> bool {
-        motors().all(|motor| {
-            let (positive, negative) = motor.duties(&self.bench);
-            positive > 0.4 && negative == 0.0
-        })
-    }
+fn turns(old: &Old) -> bool {
+    motors().all(|motor| {
+        let (positive, negative) = duties(motor, &old.bench);
+        positive > 0.4 && negative == 0.0
+    })
+}
 
-    fn brakes(&self) -> bool {
-        is_braking(&self.bench)
-    }
+fn brakes(old: &Old) -> bool {
+    is_braking(&old.bench)
+}
 
-    /// Drives at half power until `time_us`.
-    fn drive_until(&mut self, time_us: u64) {
-        let rest_us = time_us - self.bench.time_us();
-        drive_for(&mut self.bench, rest_us, 500);
-        self.bench.run_until_time(time_us);
-    }
+/// Drives at half power until `time_us`.
+fn drive_until(old: &mut Old, time_us: u64) {
+    let rest_us = time_us - old.bench.time_us();
+    drive_for(&mut old.bench, rest_us, 500);
+    old.bench.run_until_time(time_us);
 }
 
 #[test]
@@ -53,16 +52,16 @@ fn a_minute_across_a_wrap_keeps_every_rate_and_misses_no_tick() {
 #[test]
 fn a_driver_is_obeyed_across_a_wrap_and_missed_behind_it() {
     for wrap_us in WRAPS_US {
-        let mut old = Old::armed(wrap_us, 15 * SECOND);
+        let mut old = armed(wrap_us, 15 * SECOND);
         let wrap_us = old.wrap_us;
-        old.drive_until(wrap_us - SECOND);
-        assert!(old.turns(), "before");
-        old.drive_until(wrap_us + 5 * SECOND);
-        assert!(old.turns(), "behind");
+        drive_until(&mut old, wrap_us - SECOND);
+        assert!(turns(&old), "before");
+        drive_until(&mut old, wrap_us + 5 * SECOND);
+        assert!(turns(&old), "behind");
         old.bench.run_for(1_300 * MILLISECOND);
-        assert!(old.turns(), "the time of FS_TIMEOUT is not over");
+        assert!(turns(&old), "the time of FS_TIMEOUT is not over");
         old.bench.run_for(400 * MILLISECOND);
-        assert!(old.brakes());
+        assert!(brakes(&old));
         old.assert_untroubled();
     }
 }
@@ -70,30 +69,31 @@ fn a_driver_is_obeyed_across_a_wrap_and_missed_behind_it() {
 #[test]
 fn a_driver_who_falls_silent_just_before_a_wrap_is_missed_in_time() {
     for wrap_us in WRAPS_US {
-        let mut old = Old::armed(wrap_us, 15 * SECOND);
+        let mut old = armed(wrap_us, 15 * SECOND);
         let wrap_us = old.wrap_us;
-        old.drive_until(wrap_us - 700 * MILLISECOND);
+        drive_until(&mut old, wrap_us - 700 * MILLISECOND);
         old.bench.run_until_time(wrap_us + 600 * MILLISECOND);
-        assert!(old.turns(), "the time of FS_TIMEOUT is not over");
+        assert!(turns(&old), "the time of FS_TIMEOUT is not over");
         old.bench.run_until_time(wrap_us + 900 * MILLISECOND);
-        assert!(old.brakes());
+        assert!(brakes(&old));
     }
 }
 
 #[test]
 fn a_low_voltage_that_spans_a_wrap_counts_after_its_time() {
     for wrap_us in WRAPS_US {
-        let mut old = Old::armed(wrap_us, 15 * SECOND);
+        let mut old = armed(wrap_us, 15 * SECOND);
         let wrap_us = old.wrap_us;
-        old.drive_until(wrap_us - 5 * SECOND);
+        drive_until(&mut old, wrap_us - 5 * SECOND);
         let fallen_us = old.bench.time_us();
-        old.bench.adc_input(crate::bench::PACK, AdcInput::Code(FLAT_3S));
-        old.drive_until(wrap_us + 6 * SECOND);
+        old.bench
+            .adc_input(workbench::bench::PACK, AdcInput::Code(FLAT_3S));
+        drive_until(&mut old, wrap_us + 6 * SECOND);
         let low_us = old.bench.logged(LogLevel::Info, "is low")[0].0;
         println!("low after {} ms", (low_us - fallen_us) / MILLISECOND);
         // Up to a tick until it is measured, and the tick that finds that the time is over.
         assert!((10_000..=10_200).contains(&((low_us - fallen_us) / MILLISECOND)));
-        assert!(old.brakes(), "it holds");
+        assert!(brakes(&old), "it holds");
         assert!(!is_coasting(&old.bench));
         old.assert_untroubled();
     }

@@ -1,11 +1,9 @@
 //! The board at a USB host: what hosts do, and what they do to it.
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, Wire, value_of};
-use crate::support::frames::{
-    BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, assert_no_sequence_gap, of_message,
-};
-use crate::support::requests::{VEHICLE, param_read_by_name, param_request_list, param_set};
 use emulator::{AbortPoint, ControlRequest, FlashTiming, HostEvent, LogLevel, Random, Reading};
+use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, assert_no_sequence_gap, of_message};
+use support::requests::{VEHICLE, param_read_by_name, param_request_list, param_set};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PARAMETER_BYTES, SECOND, Wire, value_of};
 
 /// How long a program on the host has to do without its link, at most.
 const BACK_WITHIN_US: u64 = 2 * SECOND;

@@ -1,17 +1,15 @@
 //! Which way each wheel turns, at the poles of its motor.
 
-use crate::bench::{Bench, SECOND};
-use crate::motor_poles::{LEFT, Motor, RIGHT, motors};
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, steer_for};
-use crate::support::requests::{arm, set_mode};
 use emulator::Board;
+use support::motor_poles::{LEFT, Motor, RIGHT, motors};
+use support::requests::{arm, set_mode};
+use workbench::bench::{Bench, SECOND};
 
-impl Motor {
-    /// The share of time in which the PWM drives the positive and the negative pole.
-    pub fn duties(&self, board: &Board) -> (f64, f64) {
-        let duty = |pin| board.pwm_output(pin).map_or(0.0, |output| output.duty);
-        (duty(self.positive), duty(self.negative))
-    }
+/// The share of time in which the PWM drives the positive and the negative pole.
+pub fn duties(motor: Motor, board: &Board) -> (f64, f64) {
+    let duty = |pin| board.pwm_output(pin).map_or(0.0, |output| output.duty);
+    (duty(motor.positive), duty(motor.negative))
 }
 
 /// Both poles of all motors.
@@ -36,7 +34,7 @@ fn every_wheel_turns_the_way_the_driver_steers() {
         steer_for(&mut bench, 2 * SECOND, steering, throttle);
         for (motors, expected) in [(LEFT, left), (RIGHT, right)] {
             for motor in motors {
-                let (positive, negative) = motor.duties(&bench);
+                let (positive, negative) = duties(motor, &bench);
                 assert!(
                     (positive - expected.0).abs() < 0.01 && (negative - expected.1).abs() < 0.01,
                     "{maneuver}, {}: {positive} at the positive pole, {negative} at the negative one",

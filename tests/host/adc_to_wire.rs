@@ -3,11 +3,6 @@
 use std::cell::RefCell;
 use std::collections::VecDeque;
 
-use crate::line::Line;
-use crate::support::frames::{
-    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, STATUSTEXT, SYS_STATUS, SysStatus,
-    assert_no_sequence_gap, frames, of_message,
-};
 use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
 use rover_battmon::autopilot::{Announcement, Start};
@@ -20,6 +15,11 @@ use rover_battmon::sensor::{AdcCount, AnalogIn, AnalogPin, BURST_CONVERSIONS};
 use rover_battmon::tasks::{
     CheckIn, Link, Shared, Watchdog, sample_batteries, schedule_telemetry, supervise, write_frames,
 };
+use support::frames::{
+    BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, STATUSTEXT, SYS_STATUS, SysStatus,
+    assert_no_sequence_gap, frames, of_message,
+};
+use support::line::Line;
 
 /// A converter whose answers depend on the time.
 struct Converter<F>(F);
@@ -296,7 +296,7 @@ fn a_notice_about_the_start_is_sent_to_a_link_that_opens_later() {
         let telemetry = schedule_telemetry(&shared, &link, &check_in);
         join(telemetry, write_frames(line, &shared, &link, &check_in)).await
     });
-    let late = texts(&crate::support::frames::frames(&sent.take()));
+    let late = texts(&support::frames::frames(&sent.take()));
     assert_eq!(late.len(), 1, "{late:?}");
     assert_eq!(late[0].1, "Battery failsafes are off: set BATT_LOW_VOLT");
 }

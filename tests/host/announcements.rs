@@ -7,9 +7,9 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings, CanEvent, CanNotice, NodeId};
 
-use crate::desk::{Desk, adc_count};
-use crate::support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT};
-use crate::support::requests::{arm, command_long_2, do_set_mode};
+use support::desk::{Desk, adc_count};
+use support::frames::{COMMAND_ACK, HEARTBEAT, STATUSTEXT};
+use support::requests::{arm, command_long_2, do_set_mode};
 
 const TICK_US: u64 = 100_000;
 const TICKS_PER_SECOND: u64 = 10;

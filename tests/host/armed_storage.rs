@@ -2,11 +2,6 @@
 
 use std::cell::RefCell;
 
-use crate::flash::{FLASH_BYTES, SmallFlash};
-use crate::support::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, texts_of};
-use crate::support::requests::{
-    VEHICLE, command_long, command_long_2, disarm, param_request_list, param_set, setup_signing,
-};
 use embassy_futures::block_on;
 use embassy_futures::join::join3;
 use embassy_futures::select::select;
@@ -20,6 +15,11 @@ use rover_battmon::memory::storage::{Condition, Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId};
 use rover_battmon::tasks::{CheckIn, Shared, boot, keep_learnt, keep_parameters, keep_signing, now};
+use support::flash::{FLASH_BYTES, SmallFlash};
+use support::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, texts_of};
+use support::requests::{
+    VEHICLE, command_long, command_long_2, disarm, param_request_list, param_set, setup_signing,
+};
 
 const ARM_DISARM: u16 = 400;
 const PREFLIGHT_STORAGE: u16 = 245;

@@ -4,14 +4,6 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
-use crate::checked::{Checked, Turned, Watcher, failed, not_measured};
-use crate::desk::{Desk, adc_count};
-use crate::page::assert_part;
-use crate::support::frames::{
-    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_LONG, GROUND_STATION, HEARTBEAT, PARAM_VALUE, SYS_STATUS,
-    TIMESYNC, encode_v2, encode_v2_from, resealed,
-};
-use crate::support::requests::request_data_stream;
 use proptest::prelude::*;
 use rover_battmon::autopilot::{Announcement, Start, Work};
 use rover_battmon::host::board_check::{
@@ -23,6 +15,14 @@ use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::sensor::{ADC_REFERENCE_V, AnalogPin, AnalogReadings};
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{MotorDrive, Restart, SideDrives};
+use support::checked::{Checked, Turned, Watcher, failed, not_measured};
+use support::desk::{Desk, adc_count};
+use support::frames::{
+    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_LONG, GROUND_STATION, HEARTBEAT, PARAM_VALUE, SYS_STATUS,
+    TIMESYNC, encode_v2, encode_v2_from, resealed,
+};
+use support::page::assert_part;
+use support::requests::request_data_stream;
 
 const SECOND: u64 = 1_000_000;
 

@@ -3,9 +3,6 @@
 use std::cell::Cell;
 use std::future::pending;
 
-use crate::line::{BYTE_US, Line, Sent};
-use crate::support::frames::{STATUSTEXT, frames, of_message};
-use crate::support::requests::heartbeat;
 use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
 use rover_battmon::autopilot::Start;
@@ -17,6 +14,9 @@ use rover_battmon::tasks::{
     ByteSource, CheckIn, CrashMemory, Link, ReceiveError, Shared, read_frames, report_crash,
     schedule_telemetry, write_frames,
 };
+use support::frames::{STATUSTEXT, frames, of_message};
+use support::line::{BYTE_US, Line, Sent};
+use support::requests::heartbeat;
 
 const SECOND: u64 = 1_000_000;
 

@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::motor_poles::{Motor, motors};
 use rover_battmon::autopilot::Announcement;
 use rover_battmon::battery::{
     Amount, ArmingFailure, BusError, ChargeState, FailsafeLevel, Faults, Gap, PackEvent, ReadError,
@@ -14,16 +13,14 @@ use rover_battmon::pack::Pack;
 use rover_battmon::sensor::{CanReport, FuelCellState};
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
 use rover_battmon::wifi::WifiReport;
+use support::motor_poles::{Motor, motors};
+use support::repository;
 
 /// What stands in front of a path from the top of the repository.
 const TOP_FOLDERS: [&str; 6] = ["src/", "tests/", "docs/", "examples/", "benches/", ".ci/"];
 
 /// Files of other projects: one that a requirement names, and the program of a dependent.
 const NOT_OURS: [&str; 2] = ["src/communication/mavlink/handlers/telemetry.rs", "src/main.rs"];
-
-fn top() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
 
 /// Every file below `folder` with this extension, build results and hidden folders aside.
 fn files_below(folder: &Path, extension: &str) -> Vec<PathBuf> {
@@ -46,7 +43,7 @@ fn read(path: &Path) -> String {
 
 /// The documents, with their text.
 fn documents() -> Vec<(PathBuf, String)> {
-    let documents: Vec<_> = files_below(top(), "md")
+    let documents: Vec<_> = files_below(repository(), "md")
         .into_iter()
         .map(|path| {
             let text = read(&path);
@@ -131,7 +128,7 @@ fn every_path_that_is_named_exists() {
     for (document, text) in documents() {
         for path in named_paths(&text).filter(|path| !NOT_OURS.contains(path)) {
             looked_at += 1;
-            if !top().join(path).exists() {
+            if !repository().join(path).exists() {
                 missing.push(format!("{}: {path}", document.display()));
             }
         }
@@ -179,7 +176,7 @@ fn code_in_a_document_is_code_that_is_compiled() {
             let path = marked(line, "from ")
                 .unwrap_or_else(|| panic!("{}: where is it from?\n{block}", document.display()));
             assert!(
-                read(&top().join(path)).contains(block),
+                read(&repository().join(path)).contains(block),
                 "{}: {path} does not have\n{block}",
                 document.display()
             );
@@ -190,7 +187,7 @@ fn code_in_a_document_is_code_that_is_compiled() {
                 .unwrap_or_else(|| panic!("{}: of which file?\n{block}", document.display()));
             for hunk in block.split("@@\n").map(before_the_change) {
                 assert!(
-                    read(&top().join(path)).contains(&hunk),
+                    read(&repository().join(path)).contains(&hunk),
                     "{}: {path} does not have\n{hunk}",
                     document.display()
                 );
@@ -233,7 +230,7 @@ const PICO_PINS: [(u32, u32); 26] = [
 
 #[test]
 fn the_picture_of_the_wiring_has_the_picos_pins() {
-    let picture = read(&top().join("docs/pictures/wiring.svg"));
+    let picture = read(&repository().join("docs/pictures/wiring.svg"));
     let mut looked_at = 0;
     for label in picture.split(">GP").skip(1) {
         let label = label.split('<').next().unwrap_or(label);
@@ -250,8 +247,8 @@ fn the_picture_of_the_wiring_has_the_picos_pins() {
 
 #[test]
 fn table_and_picture_of_the_wiring_have_the_vendors_poles() {
-    let table = read(&top().join("docs/hardware.md"));
-    let picture = read(&top().join("docs/pictures/wiring.svg"));
+    let table = read(&repository().join("docs/hardware.md"));
+    let picture = read(&repository().join("docs/pictures/wiring.svg"));
     for Motor {
         name,
         positive,
@@ -292,7 +289,7 @@ fn row_of_stream(kind: StreamKind) -> String {
 
 #[test]
 fn the_table_of_streams_has_the_rows_of_the_source() {
-    let page = read(&top().join("docs/ground-stations.md"));
+    let page = read(&repository().join("docs/ground-stations.md"));
     let mut lines = page.lines();
     assert!(lines.any(|line| line == "| message | comes | of |"));
     let rows: Vec<_> = lines.skip(1).take_while(|line| line.starts_with('|')).collect();
@@ -502,7 +499,7 @@ fn announced() -> Vec<String> {
 /// The string literals of the firmware's source, tests aside, with `#` for what is filled in.
 fn literals() -> Vec<String> {
     let mut literals = Vec::new();
-    for path in files_below(&top().join("src"), "rs") {
+    for path in files_below(&repository().join("src"), "rs") {
         let source = read(&path);
         let source = source.split("#[cfg(test)]").next().unwrap_or(&source);
         let lines = source.lines().filter(|line| !line.trim_start().starts_with("//"));
@@ -541,7 +538,7 @@ const LEAST_FIXED_BYTES: usize = 8;
 
 /// What the tables of the guide headed "text" quote in their first column.
 fn quoted() -> Vec<String> {
-    let guide = read(&top().join("docs/guides/troubleshooting.md"));
+    let guide = read(&repository().join("docs/guides/troubleshooting.md"));
     let mut quoted = Vec::new();
     let mut is_of_texts = false;
     for line in guide.lines() {
@@ -585,7 +582,7 @@ fn every_text_about_packs_arming_and_crashes_is_in_the_guide() {
 /// The sections about sources and latches name a test in each row: a function, or a story.
 #[test]
 fn every_test_that_sources_and_latches_name_exists() {
-    let page = read(&top().join("docs/reliability.md"));
+    let page = read(&repository().join("docs/reliability.md"));
     let sections = page.split("\n## ").filter(|section| {
         section.starts_with("What a source may do")
             || section.starts_with("Latches, timers and remembered inputs")
@@ -594,12 +591,15 @@ fn every_test_that_sources_and_latches_name_exists() {
     assert_eq!(sections.len(), 2);
     let mut code = String::new();
     for (folder, extension) in [("src", "rs"), ("tests", "rs"), ("tests/gcs", "py")] {
-        for path in files_below(&top().join(folder), extension) {
+        for path in files_below(&repository().join(folder), extension) {
             code += &read(&path);
         }
     }
     let exists = |name: &str| {
-        let story = top().join("tests/stories").join(name).with_extension("story");
+        let story = repository()
+            .join("tests/stories")
+            .join(name)
+            .with_extension("story");
         story.is_file() || code.contains(&format!("fn {name}(")) || code.contains(&format!("def {name}("))
     };
     let rows = sections
@@ -642,22 +642,22 @@ const CHECKED: [(&str, &[&str]); 5] = [
 
 /// The files in which refused words are looked for, by their path from the top. This one has the list of them.
 fn checked_files() -> Vec<String> {
-    let pages = ["README.md", "CONTRIBUTING.md"].map(|page| top().join(page));
+    let pages = ["README.md", "CONTRIBUTING.md"].map(|page| repository().join(page));
     let in_folders = CHECKED.iter().flat_map(|(folder, extensions)| {
-        let folder = top().join(folder);
+        let folder = repository().join(folder);
         extensions
             .iter()
             .flat_map(move |extension| files_below(&folder, extension))
     });
     // Scripts, most of them without an extension.
-    let scripts = fs::read_dir(top().join(".ci")).expect("the folder can be listed");
+    let scripts = fs::read_dir(repository().join(".ci")).expect("the folder can be listed");
     let scripts = scripts.map(|entry| entry.expect("it can be listed").path());
     pages
         .into_iter()
         .chain(in_folders)
         .chain(scripts.filter(|path| path.is_file()))
         .map(|path| {
-            path.strip_prefix(top())
+            path.strip_prefix(repository())
                 .expect("it is below")
                 .display()
                 .to_string()
@@ -689,7 +689,7 @@ fn pages_sources_and_tests_have_no_refused_words() {
     let files = checked_files();
     assert!(files.len() > 300, "only {} files were found", files.len());
     let refused_in_file = |file: &String| {
-        let refused = refused_in(&read(&top().join(file)));
+        let refused = refused_in(&read(&repository().join(file)));
         refused
             .into_iter()
             .map(|refused| format!("{file}:{refused}"))

@@ -2,12 +2,6 @@
 
 use std::iter;
 
-use crate::support::frames::{
-    FILE_TRANSFER_PROTOCOL, Frame, GROUND_STATION, HEARTBEAT, LOG_DATA, LOG_ENTRY, LOG_ERASE,
-    LOG_REQUEST_DATA, LOG_REQUEST_END, LOG_REQUEST_LIST, STATUSTEXT, SYS_STATUS, encode_v2_from, frames,
-    of_message,
-};
-use crate::support::requests::VEHICLE;
 use proptest::prelude::*;
 use rover_battmon::mavlink::{Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Signing, SystemState};
 use rover_battmon::pack::Pack;
@@ -16,6 +10,12 @@ use rover_battmon::recorder::LogFile;
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{Fitness, Vehicle};
 use rover_battmon::wifi::WifiCredentials;
+use support::frames::{
+    FILE_TRANSFER_PROTOCOL, Frame, GROUND_STATION, HEARTBEAT, LOG_DATA, LOG_ENTRY, LOG_ERASE,
+    LOG_REQUEST_DATA, LOG_REQUEST_END, LOG_REQUEST_LIST, STATUSTEXT, SYS_STATUS, encode_v2_from, frames,
+    of_message,
+};
+use support::requests::VEHICLE;
 
 const OTHER_STATION: [u8; 2] = [254, 190];
 

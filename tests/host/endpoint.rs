@@ -2,19 +2,6 @@
 
 use std::collections::HashMap;
 
-use crate::desk::Desk;
-use crate::support::frames::{
-    BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
-    FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, NAMED_VALUE_FLOAT, PARAM_ERROR,
-    PARAM_VALUE, PING, ParamValue, SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS, SysStatus, TIMESYNC,
-    encode_v1, encode_v2, of_message,
-};
-use crate::support::requests::{
-    EVERYONE, PREFLIGHT_REBOOT_SHUTDOWN, SIK_RADIO, VEHICLE, command_int, command_int_2, command_long,
-    command_long_2, ftp_open, heartbeat_from, param_read_by_index, param_read_by_name, param_request_list,
-    param_set, param_set_payload, param_set_to, ping, provoke_fault, radio_status_from, reboot,
-    reboot_to_boot_loader, request_data_stream, timesync,
-};
 use proptest::prelude::*;
 use rover_battmon::battery::{
     Amount, BatteryState, ChargeSource, ChargeState, Contents, PackDetails, PackStatus, Visibility,
@@ -27,6 +14,19 @@ use rover_battmon::parameter::{
 };
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::Restart;
+use support::desk::Desk;
+use support::frames::{
+    BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, FILE_TRANSFER_PROTOCOL,
+    FUEL_STATUS, Frame, GROUND_STATION, HEARTBEAT, MESSAGE_INTERVAL, NAMED_VALUE_FLOAT, PARAM_ERROR,
+    PARAM_VALUE, PING, ParamValue, SMART_BATTERY_INFO, STATUSTEXT, SYS_STATUS, SysStatus, TIMESYNC,
+    encode_v1, encode_v2, of_message,
+};
+use support::requests::{
+    EVERYONE, PREFLIGHT_REBOOT_SHUTDOWN, SIK_RADIO, VEHICLE, command_int, command_int_2, command_long,
+    command_long_2, ftp_open, heartbeat_from, param_read_by_index, param_read_by_name, param_request_list,
+    param_set, param_set_payload, param_set_to, ping, provoke_fault, radio_status_from, reboot,
+    reboot_to_boot_loader, request_data_stream, timesync,
+};
 
 const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
@@ -51,57 +51,6 @@ const DENIED: u8 = 2;
 const UNSUPPORTED: u8 = 3;
 const FAILED: u8 = 4;
 
-impl Desk {
-    fn one_answer(&mut self, request: &[u8]) -> Frame {
-        let answers = self.ask(request);
-        assert_eq!(answers.len(), 1, "{answers:?}");
-        answers[0].clone()
-    }
-
-    /// The parameters of a list, by name, while `meanwhile` happens after each that is sent.
-    fn list(&mut self, mut meanwhile: impl FnMut(&str, &mut Parameters)) -> Vec<String> {
-        let mut frames = self.ask(&param_request_list(VEHICLE));
-        let mut listed = Vec::new();
-        // Half a minute is more than a list takes; the streams go on for ever.
-        loop {
-            for frame in of_message(&frames, PARAM_VALUE) {
-                let name = ParamValue(frame).name();
-                meanwhile(&name, self.autopilot.parameters_mut());
-                listed.push(name);
-            }
-            let due_us = self.next_due_us();
-            if due_us > 30_000_000 {
-                return listed;
-            }
-            self.post_due(due_us);
-            frames = self.sent();
-        }
-    }
-
-    /// The names of what is listed now.
-    fn listed(&self) -> Vec<String> {
-        self.parameters()
-            .listed()
-            .map(|id| id.name().as_str().into())
-            .collect()
-    }
-
-    fn assert_param_value(&self, frame: &Frame, id: ParameterId, value: f32) {
-        assert_eq!(frame.message_id, PARAM_VALUE);
-        let answer = ParamValue(frame);
-        assert_eq!(answer.name(), id.name().as_str());
-        let index = self.parameters().listed().position(|listed| listed == id);
-        assert_eq!(answer.index(), index.map_or(NOT_LISTED, |index| index as u16));
-        assert_eq!(usize::from(answer.count()), self.parameters().listed().count());
-        assert_eq!(answer.value(), value, "{}", answer.name());
-    }
-
-    fn assert_set(&mut self, name: &str, id: ParameterId, value: f32) {
-        let answer = self.one_answer(&param_set(name, value));
-        self.assert_param_value(&answer, id, value);
-    }
-}
-
 fn assert_ack(frame: &Frame, command: u16, result: u8) {
     assert_eq!(frame.message_id, COMMAND_ACK);
     assert_eq!((frame.u16(0), frame.u8(2)), (command, result));
@@ -111,7 +60,7 @@ fn assert_ack(frame: &Frame, command: u16, result: u8) {
 
 #[test]
 fn every_parameter_is_read_by_name_and_what_is_listed_by_index() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     for id in ParameterId::all() {
         let answer = desk.one_answer(&param_read_by_name(&id.name()));
         desk.assert_param_value(&answer, id, id.default_value());
@@ -128,7 +77,7 @@ fn every_parameter_is_read_by_name_and_what_is_listed_by_index() {
 
 #[test]
 fn what_does_not_exist_is_an_error_that_says_so() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     for request in [
         param_read_by_name("NOPE"),
         param_read_by_name(""),
@@ -145,7 +94,7 @@ fn what_does_not_exist_is_an_error_that_says_so() {
 
 #[test]
 fn a_set_value_is_live_and_acknowledged_at_once() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     desk.assert_set("SR0_EXTRA1", EXTRA1, 10.0);
     assert_eq!(desk.parameters().get(EXTRA1), 10.0);
     let answer = desk.one_answer(&param_set_to(EVERYONE, "SR0_EXTRA1", 5.0));
@@ -158,7 +107,7 @@ fn a_set_value_is_live_and_acknowledged_at_once() {
 
 #[test]
 fn a_value_out_of_range_is_refused_and_the_old_one_shown() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     for value in [-1.0, 51.0, f32::NAN, f32::INFINITY] {
         let answers = desk.ask(&param_set("SR0_EXTRA1", value));
         assert_eq!(answers.len(), 2, "{answers:?}");
@@ -172,7 +121,7 @@ fn a_value_out_of_range_is_refused_and_the_old_one_shown() {
 
 #[test]
 fn a_list_has_everything_that_is_visible_in_order() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     let listed = desk.list(|_, _| {});
     assert_eq!(listed.len(), LISTED_BY_DEFAULT);
     assert_eq!(listed, desk.listed());
@@ -180,7 +129,7 @@ fn a_list_has_everything_that_is_visible_in_order() {
 
 #[test]
 fn enabling_a_pack_makes_its_parameters_visible_and_disabling_hides_them() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     let volt_mult = BatteryParameter::VoltMult.of(Pack::Second);
     // Behind those of the vehicle and of the first pack.
     let index = LISTED_OF_VEHICLE + LISTED_OF_PACK + BatteryParameter::VoltMult as usize;
@@ -205,7 +154,7 @@ fn enabling_a_pack_makes_its_parameters_visible_and_disabling_hides_them() {
 
 #[test]
 fn a_hidden_parameter_is_set_by_name() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     let hidden = BatteryParameter::VoltMult.of(Pack::Ninth);
     desk.assert_set("BATT9_VOLT_MULT", hidden, 11.0);
     assert_eq!(
@@ -219,7 +168,7 @@ fn a_hidden_parameter_is_set_by_name() {
 
 /// Sets the monitor of a pack while a list is on its way, when `trigger` has been sent.
 fn list_while(trigger: &str, pack: Pack, monitor: f32) -> (Vec<String>, Vec<String>) {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     // So slow that the parameters leave one by one.
     desk.connect_slowly(LinkKind::Radio, 960);
     let fifth: ParameterId = BatteryParameter::Monitor.of(Pack::Fifth);
@@ -259,7 +208,7 @@ fn a_list_is_complete_though_packs_are_enabled_and_disabled_meanwhile() {
 
 #[test]
 fn messages_for_others_are_ignored() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     for target in [[2, 1], [1, 2], [255, 190], [2, 0], [0, 2]] {
         assert_eq!(desk.ask(&param_set_to(target, "SR0_EXTRA1", 10.0)), []);
         assert_eq!(desk.ask(&param_request_list(target)), []);
@@ -271,7 +220,7 @@ fn messages_for_others_are_ignored() {
 
 #[test]
 fn mavlink_1_is_understood() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     let request = encode_v1(23, &param_set_payload(VEHICLE, "SR0_EXTRA1", 7.0));
     let answer = desk.one_answer(&request);
     desk.assert_param_value(&answer, EXTRA1, 7.0);
@@ -286,7 +235,7 @@ fn list_with_flags(flags: u8) -> Vec<u8> {
 
 #[test]
 fn a_signed_frame_is_taken_with_its_signature() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     // Signatures aren't checked, so any 13 bytes will do: here a request, which must not be taken for one.
     let mut signature = encode_v1(21, &EVERYONE);
     signature.resize(13, 0xfd);
@@ -298,7 +247,7 @@ fn a_signed_frame_is_taken_with_its_signature() {
 #[test]
 fn a_frame_with_flags_we_do_not_know_is_not_taken() {
     for flags in [2, 3, 0x80] {
-        let mut desk = Desk::new();
+        let mut desk = Desk::without_packs();
         let bytes = [list_with_flags(flags), vec![0; 293]].concat();
         assert_eq!(desk.receive_in_chunks(&bytes, 64), [], "{flags}");
     }
@@ -314,7 +263,7 @@ fn mcrf4xx(bytes: &[u8], extra: u8) -> u16 {
 
 #[test]
 fn ping_and_timesync_are_answered_and_answers_to_them_are_not() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     let pong = desk.one_answer(&ping(123_456, 7));
     assert_eq!((pong.message_id, pong.u32(0), pong.u32(8)), (PING, 123_456, 7));
     assert_eq!([pong.u8(12), pong.u8(13)], GROUND_STATION);
@@ -340,7 +289,7 @@ fn commands_are_executed_denied_or_unsupported() {
         (410, 0.0, UNSUPPORTED),
         (65535, 1.0, UNSUPPORTED),
     ] {
-        let mut desk = Desk::new();
+        let mut desk = Desk::without_packs();
         assert_ack(&desk.one_answer(&command_long(number, param1)), number, result);
         assert_ack(&desk.one_answer(&command_int(number, param1)), number, result);
     }
@@ -349,7 +298,7 @@ fn commands_are_executed_denied_or_unsupported() {
         (reboot_to_boot_loader(), Restart::BootLoader),
         (provoke_fault(), Restart::Fault),
     ] {
-        let events = Desk::new().receive_in_chunks(&request, 64);
+        let events = Desk::without_packs().receive_in_chunks(&request, 64);
         assert_eq!(events, [Event::Command(Action::Restart(restart))]);
     }
 }
@@ -492,7 +441,7 @@ fn a_ground_station_moves_over_to_the_newer_messages() {
 
 #[test]
 fn the_heartbeats_interval_cannot_be_changed_and_its_acknowledgement_says_so() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     for (interval_us, result) in [
         (-1.0, DENIED),
         (100_000.0, DENIED),
@@ -954,7 +903,7 @@ fn nine_packs_share_a_link_that_is_too_slow_evenly_and_heartbeat_goes_first() {
 
 #[test]
 fn a_file_that_does_not_exist_is_refused_at_once() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     let answer = desk.one_answer(&ftp_open(41, "/etc/passwd"));
     assert_eq!(answer.message_id, FILE_TRANSFER_PROTOCOL);
     assert_eq!((answer.u8(1), answer.u8(2)), (255, 190));
@@ -965,7 +914,7 @@ fn a_file_that_does_not_exist_is_refused_at_once() {
 
 #[test]
 fn a_long_text_leaves_in_chunks() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     desk.channel
         .endpoint
         .say(MavSeverity::MAV_SEVERITY_WARNING, &"x".repeat(70));
@@ -1283,7 +1232,7 @@ proptest! {
     /// Whatever comes first, a request is answered as soon as one longest frame of bytes has followed it.
     #[test]
     fn a_request_behind_garbage_is_answered(garbage in garbage(), chunk in 1usize..200) {
-        let mut desk = Desk::new();
+        let mut desk = Desk::without_packs();
         // The garbage may itself be a request by accident, but not this one.
         let bytes = [garbage, param_set("BATT_VOLT_MULT", 4.25), vec![0; 293]].concat();
         let events = desk.receive_in_chunks(&bytes, chunk);
@@ -1295,7 +1244,7 @@ proptest! {
     /// The same without bytes behind it: the pause of the sender does it.
     #[test]
     fn a_request_behind_garbage_is_answered_after_a_pause(garbage in garbage(), chunk in 1usize..200) {
-        let mut desk = Desk::new();
+        let mut desk = Desk::without_packs();
         let bytes = [garbage, param_set("BATT_VOLT_MULT", 4.25)].concat();
         let mut events = desk.receive_in_chunks(&bytes, chunk);
         desk.channel.endpoint.give_up_waiting();
@@ -1308,7 +1257,7 @@ proptest! {
     #[test]
     fn the_same_bytes_in_other_chunks_do_the_same(garbage in garbage(), chunk in 1usize..300) {
         let bytes = [&garbage[..], &param_read_by_index(2), &garbage, &command_long(999, 0.0), &garbage].concat();
-        let (mut desk, mut other) = (Desk::new(), Desk::new());
+        let (mut desk, mut other) = (Desk::without_packs(), Desk::without_packs());
         prop_assert_eq!(desk.receive_in_chunks(&bytes, 1), other.receive_in_chunks(&bytes, chunk));
         prop_assert_eq!(desk.statistics(), other.statistics());
     }
@@ -1316,7 +1265,7 @@ proptest! {
     /// A frame with any single bit flipped does nothing, unless the bit is one the checksum does not cover.
     #[test]
     fn a_flipped_bit_is_noticed(bit in 8usize..8 * 35) {
-        let mut desk = Desk::new();
+        let mut desk = Desk::without_packs();
         let mut frame = param_set("SR0_EXTRA1", 10.0);
         prop_assume!(bit / 8 < frame.len());
         frame[bit / 8] ^= 1 << (bit % 8);
@@ -1327,7 +1276,7 @@ proptest! {
 
     #[test]
     fn any_bytes_leave_every_parameter_in_range_and_every_answer_a_frame(bytes in garbage(), pause in any::<bool>()) {
-        let mut desk = Desk::new();
+        let mut desk = Desk::without_packs();
         desk.receive_in_chunks(&bytes, 64);
         if pause {
             desk.channel.endpoint.give_up_waiting();
@@ -1341,7 +1290,7 @@ proptest! {
 
 #[test]
 fn telemetry_goes_on_while_requests_flood_in() {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     let flood = param_read_by_index(0).repeat(50);
     desk.receive_in_chunks(&flood, 64);
     desk.post_due(0);

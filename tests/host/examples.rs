@@ -2,14 +2,15 @@
 
 use std::process::Command;
 
-use crate::support::frames::{
+use support::frames::{
     BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, SysStatus, assert_no_sequence_gap, frames,
 };
+use support::repository;
 
 /// What `cargo run --example NAME` prints, from the repository's root.
 fn printed_by(name: &str) -> String {
     let output = Command::new(env!("CARGO"))
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .current_dir(repository())
         // `.ci/run` sets it for the test harness alone; with it everything is another build.
         .env_remove("RUSTC_BOOTSTRAP")
         .args(["run", "--quiet", "--example", name])

@@ -1,10 +1,5 @@
 //! Packs that a companion computer measures: its frames in, their states, failsafes and announcements out.
 
-use crate::desk::Desk;
-use crate::signer::{NEW_YEAR, Signer};
-use crate::support::frames::{COMMAND_ACK, last_of, of_message, texts_of};
-use crate::support::pack_report::{COMPANION, EXTERNAL, OTHER_COMPANION, PackReport, UNKNOWN_MV};
-use crate::support::requests::{arm, command_long_2, setup_signing};
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, ChargeSource, ChargeState, FailsafeLevel, PackStatus};
@@ -12,6 +7,11 @@ use rover_battmon::mavlink::{Event, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use rover_battmon::sensor::AnalogReadings;
+use support::desk::Desk;
+use support::frames::{COMMAND_ACK, last_of, of_message, texts_of};
+use support::pack_report::{COMPANION, EXTERNAL, OTHER_COMPANION, PackReport, UNKNOWN_MV};
+use support::requests::{arm, command_long_2, setup_signing};
+use support::signer::{NEW_YEAR, Signer};
 
 const TICK_US: u64 = 100_000;
 

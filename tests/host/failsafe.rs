@@ -2,11 +2,6 @@
 
 use std::cell::RefCell;
 
-use crate::line::{BYTE_US, Line};
-use crate::support::frames::{
-    Frame, HEARTBEAT, Heartbeat, STATUSTEXT, SYS_STATUS, SysStatus, frames, of_message,
-};
-use crate::support::requests::{arm, command_long_2, do_set_mode, manual_control};
 use embassy_futures::join::join4;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
@@ -22,6 +17,9 @@ use rover_battmon::tasks::{
     schedule_telemetry, write_frames,
 };
 use rover_battmon::vehicle::{Colour, Indication, Indicators, MotorDrive, Motors, SideDrives, Tone};
+use support::frames::{Frame, HEARTBEAT, Heartbeat, STATUSTEXT, SYS_STATUS, SysStatus, frames, of_message};
+use support::line::{BYTE_US, Line};
+use support::requests::{arm, command_long_2, do_set_mode, manual_control};
 
 const MILLISECOND: u64 = 1_000;
 const SECOND: u64 = 1_000_000;

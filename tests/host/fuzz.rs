@@ -2,19 +2,14 @@
 //!
 //! `libfuzzer/` runs the same functions without a time limit, as its README describes.
 
-#[path = "../fuzz/targets/mod.rs"]
-mod targets;
-
 use std::fs;
-use std::path::PathBuf;
 
 use proptest::prelude::*;
 use proptest::sample::Index;
+use support::{fuzz, repository};
 
 fn corpus(target: &str) -> Vec<Vec<u8>> {
-    let folder: PathBuf = [env!("CARGO_MANIFEST_DIR"), "tests/fuzz/corpus", target]
-        .iter()
-        .collect();
+    let folder = repository().join("tests/fuzz/corpus").join(target);
     let entries = fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
     let mut paths: Vec<_> = entries
         .map(|entry| entry.expect("it can be listed").path())
@@ -45,7 +40,7 @@ fn changed(corpus: Vec<Vec<u8>>) -> impl Strategy<Value = Vec<u8>> {
 }
 
 /// Runs `target` on its corpus, on changes to it and on any bytes.
-fn fuzz(name: &str, target: fn(&[u8])) {
+fn run(name: &str, target: fn(&[u8])) {
     let corpus = corpus(name);
     corpus.iter().for_each(|bytes| target(bytes));
     let inputs = prop_oneof![changed(corpus), prop::collection::vec(any::<u8>(), 0..600)];
@@ -54,20 +49,20 @@ fn fuzz(name: &str, target: fn(&[u8])) {
 
 #[test]
 fn parser() {
-    fuzz("parser", targets::parser::run);
+    run("parser", fuzz::parser::run);
 }
 
 #[test]
 fn dispatcher() {
-    fuzz("dispatcher", targets::dispatcher::run);
+    run("dispatcher", fuzz::dispatcher::run);
 }
 
 #[test]
 fn storage() {
-    fuzz("storage", targets::storage::run);
+    run("storage", fuzz::storage::run);
 }
 
 #[test]
 fn signing() {
-    fuzz("signing", targets::signing::run);
+    run("signing", fuzz::signing::run);
 }

@@ -2,15 +2,15 @@
 
 use std::collections::HashMap;
 
-use crate::desk::{Desk, adc_count};
-use crate::support::frames::{STATUSTEXT, of_message};
-use crate::support::requests::{VEHICLE_ID, command_long_2, manual_control, param_set};
 use rover_battmon::autopilot::{LearntJob, Start};
 use rover_battmon::battery::{BatteryState, LEARNT_WORDS};
 use rover_battmon::host::sim::{PackModel, SimulatedPack};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
+use support::desk::{Desk, adc_count};
+use support::frames::{STATUSTEXT, of_message};
+use support::requests::{VEHICLE_ID, command_long_2, manual_control, param_set};
 
 /// Scales of the divider and the current sensor: those of the board, and one that resolves milliamperes.
 const DIVIDER: f32 = 3.95;

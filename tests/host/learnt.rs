@@ -1,10 +1,5 @@
 //! What is learnt of a pack outlasts restarts, power cuts and damage, belongs to one pack, and is erased when asked for.
 
-use crate::desk::Desk;
-use crate::flash::{FLASH_BYTES, Fault, SmallFlash};
-use crate::support::frames::{Frame, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT, of_message, texts_of};
-use crate::support::learnt_record::learnt_words;
-use crate::support::requests::{command_long, param_read_by_name, param_set, reboot};
 use embassy_futures::block_on;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Timer};
@@ -18,6 +13,11 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::tasks::{CheckIn, Shared, keep_learnt, reboot_requested};
+use support::desk::Desk;
+use support::flash::{FLASH_BYTES, Fault, SmallFlash};
+use support::frames::{Frame, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT, of_message, texts_of};
+use support::learnt_record::learnt_words;
+use support::requests::{command_long, param_read_by_name, param_set, reboot};
 
 type Words = [u32; LEARNT_WORDS];
 

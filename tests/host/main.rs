@@ -1,24 +1,5 @@
 //! What runs on the host: the core, the tasks in stepped time, programs for a desk, and what documentation says.
 
-#[path = "../support/checked.rs"]
-mod checked;
-#[path = "../support/desk.rs"]
-mod desk;
-#[path = "../support/flash.rs"]
-mod flash;
-#[path = "../support/line.rs"]
-mod line;
-#[path = "../support/motor_poles.rs"]
-mod motor_poles;
-#[path = "../support/page.rs"]
-mod page;
-#[path = "../support/signer.rs"]
-mod signer;
-#[path = "../support/story.rs"]
-mod story;
-#[path = "../support/mod.rs"]
-mod support;
-
 mod adc_to_wire;
 mod announcements;
 mod armed_storage;
@@ -41,7 +22,6 @@ mod motor_controllers;
 mod network;
 mod parameter_docs;
 mod pins_and_wires;
-mod replay;
 mod rover;
 mod safe_driving;
 mod signing;

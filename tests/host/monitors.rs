@@ -1,9 +1,5 @@
 //! Every kind of monitor: whatever its source does, and whatever is set, its pack is measured, not connected, or unhealthy.
 
-use crate::desk::{Desk, adc_count};
-use crate::support::frames::{COMMAND_ACK, of_message, texts_of};
-use crate::support::pack_report::{PackReport, UNKNOWN_MV};
-use crate::support::requests::{arm, command_long, do_set_mode, manual_control, param_set};
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{
@@ -17,18 +13,12 @@ use rover_battmon::sensor::{
 };
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::SideDrives;
-
-/// Transfers that an independent implementation has made.
-#[path = "../workbench/can"]
-mod dronecan {
-    pub struct Transfer(pub &'static [(u32, &'static [u8])]);
-    #[allow(dead_code)]
-    #[rustfmt::skip]
-    pub mod transfers;
-}
-
-use dronecan::Transfer;
-use dronecan::transfers::{A, A_LATER};
+use support::desk::{Desk, adc_count};
+use support::frames::{COMMAND_ACK, of_message, texts_of};
+use support::pack_report::{PackReport, UNKNOWN_MV};
+use support::requests::{arm, command_long, do_set_mode, manual_control, param_set};
+use workbench::can::Transfer;
+use workbench::can::transfers::{A, A_LATER};
 
 const TICK_US: u64 = 100_000;
 const SECOND_US: u64 = 1_000_000;

@@ -1,11 +1,11 @@
 //! Packs that motor controllers measure together: their readings in, the packs' states out.
 
-use crate::desk::Desk;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, PackStatus};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::{AnalogReadings, ControllerReading};
+use support::desk::Desk;
 
 const TICK_US: u64 = 100_000;
 const SECOND_TICKS: usize = 10;

@@ -1,14 +1,15 @@
 //! What is generated from the table of parameters is up to date, and the ready parameter files fit it.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use rover_battmon::battery::{BatteryState, PackSettings, PackStatus, arming_failures};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters, documentation};
+use support::repository;
 
 fn docs() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("docs")
+    repository().join("docs")
 }
 
 fn assert_fresh(file: &str, expected: &str) {

@@ -1,12 +1,5 @@
 //! Requests of a ground station to the rover: frames in, frames and motor outputs out.
 
-use crate::desk::{Desk, adc_count};
-use crate::support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, SysStatus, frames};
-use crate::support::requests::{
-    EVERYONE, VEHICLE, arm, command_int, command_int_2, command_long, command_long_2, disarm, do_set_mode,
-    heartbeat, manual_control, param_request_list, param_set, provoke_fault, rc_override, reboot,
-    reboot_to_boot_loader, set_mode,
-};
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, FailsafeLevel, PackStatus};
@@ -15,6 +8,13 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::{MotorDrive, SideDrives};
+use support::desk::{Desk, adc_count};
+use support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, SysStatus, frames};
+use support::requests::{
+    EVERYONE, VEHICLE, arm, command_int, command_int_2, command_long, command_long_2, disarm, do_set_mode,
+    heartbeat, manual_control, param_request_list, param_set, provoke_fault, rc_override, reboot,
+    reboot_to_boot_loader, set_mode,
+};
 
 const ARM_DISARM: u16 = 400;
 const RUN_PREARM_CHECKS: u16 = 401;

@@ -6,13 +6,6 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::future::pending;
 
-use crate::desk::Desk;
-use crate::line::{BYTE_US, Line};
-use crate::signer::{NEW_YEAR, Signer};
-use crate::support::frames::{COMMAND_ACK, STATUSTEXT, frames, of_message};
-use crate::support::requests::{
-    arm, command_long_2, disarm, do_set_mode, heartbeat, manual_control, rc_override, set_mode, setup_signing,
-};
 use embassy_futures::join::join;
 use embassy_time::{Duration, Timer};
 use proptest::prelude::*;
@@ -23,6 +16,13 @@ use rover_battmon::mavlink::LinkKind;
 use rover_battmon::parameter::{Parameters, VehicleParameter};
 use rover_battmon::tasks::{ByteSource, CheckIn, Link, ReceiveError, Shared, read_frames, write_frames};
 use rover_battmon::vehicle::{Mode, MotorDrive, SideDrives};
+use support::desk::Desk;
+use support::frames::{COMMAND_ACK, STATUSTEXT, frames, of_message};
+use support::line::{BYTE_US, Line};
+use support::requests::{
+    arm, command_long_2, disarm, do_set_mode, heartbeat, manual_control, rc_override, set_mode, setup_signing,
+};
+use support::signer::{NEW_YEAR, Signer};
 
 const TIMEOUT_US: u64 = 1_500_000;
 /// Update interval of the vehicle.
@@ -294,7 +294,7 @@ fn wait(desk: &mut Desk, until_us: u64) {
 }
 
 fn check(steps: &[Step], link: LinkKind, with_key: bool) -> Result<(), TestCaseError> {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     let mut signers = [Signer::new(OWNER), Signer::new(STRANGER)];
     if with_key {
         desk.connect(LinkKind::Direct);

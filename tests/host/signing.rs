@@ -1,6 +1,5 @@
 //! Who may do what on a link, and what leaves it, once a signing key is set.
 
-use crate::desk::Desk;
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, PackDetails, PackStatus};
@@ -8,17 +7,18 @@ use rover_battmon::mavlink::{Event, LinkKind, SetupRefused, SigningChange, Signi
 use rover_battmon::memory::storage::Condition;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
+use support::desk::Desk;
 
-use crate::signer::{NEW_YEAR, Signer};
-use crate::support::frames::{
+use support::frames::{
     BATTERY_INFO, COMMAND_ACK, HEARTBEAT, PARAM_SET, PARAM_VALUE, SYS_STATUS, SysStatus, encode_v1,
     of_message, texts_of,
 };
-use crate::support::requests::{
+use support::requests::{
     EVERYONE, VEHICLE, arm, command_long, command_long_2, disarm, heartbeat, manual_control,
     param_read_by_name, param_request_list, param_set, param_set_payload, ping, provoke_fault, radio_status,
     reboot, reboot_to_boot_loader, set_mode, setup_signing, setup_signing_of,
 };
+use support::signer::{NEW_YEAR, Signer};
 
 const ARM_DISARM: u16 = 400;
 /// Arms without checks.
@@ -38,7 +38,7 @@ const REQUESTS: f32 = 1.0;
 const EVERYTHING: f32 = 2.0;
 
 fn desk(kind: LinkKind) -> Desk {
-    let mut desk = Desk::new();
+    let mut desk = Desk::without_packs();
     desk.connect(kind);
     desk
 }

@@ -5,12 +5,6 @@ use std::collections::VecDeque;
 use std::future::pending;
 use std::sync::LazyLock;
 
-use crate::desk::Desk;
-use crate::flash::{FLASH_BYTES, Fault, SmallFlash};
-use crate::line::{BYTE_US, Line};
-use crate::signer::{NEW_YEAR, Signer};
-use crate::support::frames::{Frame, frames, texts_of};
-use crate::support::requests::{param_set, reboot, setup_signing};
 use embassy_futures::block_on;
 use embassy_futures::join::join3;
 use embassy_futures::select::select;
@@ -27,6 +21,12 @@ use rover_battmon::tasks::{
     ByteSource, CheckIn, Link, ReceiveError, Shared, SigningStorage, keep_signing, reboot_requested,
     serve_link,
 };
+use support::desk::Desk;
+use support::flash::{FLASH_BYTES, Fault, SmallFlash};
+use support::frames::{Frame, frames, texts_of};
+use support::line::{BYTE_US, Line};
+use support::requests::{param_set, reboot, setup_signing};
+use support::signer::{NEW_YEAR, Signer};
 
 /// What keys are made of; 0 is none.
 const NONE: u8 = 0;

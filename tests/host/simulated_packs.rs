@@ -3,7 +3,6 @@
 
 use std::cell::RefCell;
 use std::fs;
-use std::path::Path;
 
 use embassy_futures::join::join3;
 use embassy_time::{Duration, Timer};
@@ -16,6 +15,7 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::Buses;
 use rover_battmon::tasks::{CheckIn, Shared, read_bus, sample_batteries};
+use support::repository;
 
 /// The cells are counted, and the charge is known.
 const SETTLED: Duration = Duration::from_secs(4);
@@ -31,9 +31,7 @@ fn set(parameters: &mut Parameters, name: &str, value: f32) {
 
 /// Of a ready file.
 fn settings(file: &str) -> Vec<(String, f32)> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("docs/params")
-        .join(file);
+    let path = repository().join("docs/params").join(file);
     let content = fs::read_to_string(path).expect("a ready file");
     let lines = content.lines().filter(|line| !line.starts_with('#'));
     let pairs = lines.filter_map(|line| line.split_once(','));

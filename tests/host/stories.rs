@@ -1,15 +1,15 @@
 //! Stories, run on the core: voltages at its pins and frames in, texts and motor outputs out.
 
-use crate::desk::{Desk, adc_count};
-use crate::story::{Drive, Input, Source, Story, Supplied};
-use crate::support::frames::{Frame, STATUSTEXT};
-use crate::support::requests::{VEHICLE_ID, manual_control};
 use rover_battmon::autopilot::{LearntJob, Start};
 use rover_battmon::battery::{ArmState, ReadError};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::MotorDrive;
+use support::desk::{Desk, adc_count};
+use support::frames::{Frame, STATUSTEXT};
+use support::requests::{VEHICLE_ID, manual_control};
+use support::story::{Drive, Input, Source, Story, Supplied};
 
 /// Dividers of both packs, and the first one's current sensor.
 const DIVIDERS: [AnalogPin; 2] = [AnalogPin::Gp26, AnalogPin::Gp28];

@@ -1,14 +1,5 @@
 //! Wi-Fi without its radio: who may set it up, what is answered, announced, shown and stored.
 
-use crate::desk::{Desk, adc_count};
-use crate::flash::{FLASH_BYTES, Fault, SmallFlash};
-use crate::signer::{NEW_YEAR, Signer};
-use crate::support::frames::{
-    COMMAND_ACK, Frame, PARAM_VALUE, ParamValue, WIFI_CONFIG_AP, encode_v2, of_message, texts_of,
-};
-use crate::support::requests::{
-    command_long, command_long_2, disarm, param_set, setup_signing, wifi_config, wifi_config_payload,
-};
 use embassy_futures::block_on;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Timer};
@@ -30,6 +21,15 @@ use rover_battmon::time::Instant;
 use rover_battmon::wifi::{
     Network, Password, Radio, Ssid, StoredWifi, WIFI_WORDS, WifiMode, WifiRecord, WifiReport,
 };
+use support::desk::{Desk, adc_count};
+use support::flash::{FLASH_BYTES, Fault, SmallFlash};
+use support::frames::{
+    COMMAND_ACK, Frame, PARAM_VALUE, ParamValue, WIFI_CONFIG_AP, encode_v2, of_message, texts_of,
+};
+use support::requests::{
+    command_long, command_long_2, disarm, param_set, setup_signing, wifi_config, wifi_config_payload,
+};
+use support::signer::{NEW_YEAR, Signer};
 
 const ACCESS_POINT: u8 = 1;
 const STATION: u8 = 2;

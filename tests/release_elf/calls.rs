@@ -1,6 +1,6 @@
 //! Calls and jumps in Thumb code (encodings: ARMv6-M, A6.7).
 
-use crate::program::Program;
+use workbench::program::Program;
 
 /// Where an undefined instruction (`udf`, A6.7.72) leads to: a HardFault.
 pub const TRAP: u32 = u32::MAX;
@@ -104,7 +104,7 @@ mod tests {
     #[test]
     fn the_second_half_of_a_wide_instruction_is_not_taken_for_a_jump() {
         // mrs r0, primask; then dmb.
-        assert_eq!(targets(&[0xf3ef, 0x8010, 0xf3bf, 0x8f5f]), []);
+        assert!(targets(&[0xf3ef, 0x8010, 0xf3bf, 0x8f5f]).is_empty());
     }
 
     #[test]

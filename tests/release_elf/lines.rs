@@ -1,11 +1,13 @@
 //! From an address to the line of source it comes from, through everything that was inlined there.
 
+use std::path::Path;
+
 use addr2line::Context;
 use addr2line::gimli::{Dwarf, EndianSlice, LittleEndian};
 use object::read::elf::ElfFile32;
 use object::{Object, ObjectSection};
-
-use crate::program::{Program, demangled};
+use support::repository;
+use workbench::program::{Program, demangled};
 
 type Bytes<'data> = EndianSlice<'data, LittleEndian>;
 
@@ -57,9 +59,8 @@ impl<'data> Lines<'data> {
 /// Without what differs from machine to machine, and without a crate's version.
 fn short_path(path: &str) -> String {
     let path = path.replace("/./", "/");
-    let own = concat!(env!("CARGO_MANIFEST_DIR"), "/");
-    if let Some(own) = path.strip_prefix(own) {
-        return own.to_owned();
+    if let Ok(own) = Path::new(&path).strip_prefix(repository()) {
+        return own.display().to_string();
     }
     if let Some((_, in_library)) = path.split_once("/library/") {
         return in_library.to_owned();
@@ -91,9 +92,12 @@ mod tests {
 
     #[test]
     fn paths_are_the_same_on_every_machine() {
-        let own = concat!(env!("CARGO_MANIFEST_DIR"), "/src/bin/firmware/main.rs");
+        let own = repository()
+            .join("src/bin/firmware/main.rs")
+            .display()
+            .to_string();
         for (path, short) in [
-            (own, "src/bin/firmware/main.rs"),
+            (own.as_str(), "src/bin/firmware/main.rs"),
             (
                 "/home/a/.cargo/registry/src/index.crates.io-1949/rp-pac-7.0.0/src/./rp2040/io.rs",
                 "rp-pac/src/rp2040/io.rs",

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::calls::{Call, TRAP, calls};
 use crate::lines::{Frame, Lines};
-use crate::program::{Program, Symbol, release_firmware};
+use workbench::program::{Program, Symbol, release_firmware};
 
 /// `what | where | why it stays`, see the top of the file.
 const KNOWN: &str = include_str!("panic_sites.txt");

@@ -1,6 +1,6 @@
 //! What the firmware takes: flash, RAM, the future of each task; and that it has no allocator.
 
-use crate::program::{FLASH_BUDGET_BYTES, Program, RAM_BUDGET_BYTES, Symbol, release_firmware};
+use workbench::program::{FLASH_BUDGET_BYTES, Program, RAM_BUDGET_BYTES, Symbol, release_firmware};
 
 /// A task that is `async fn name` in main.rs has its future in a static of this name.
 fn task_of(symbol: &Symbol) -> Option<&str> {

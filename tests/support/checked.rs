@@ -1,8 +1,5 @@
 //! A board at the end of a line for `board-check`, and the owner beside it. Time is the board's.
 
-// Each test program uses its own part.
-#![allow(dead_code)]
-
 use std::cell::RefCell;
 use std::rc::Rc;
 

@@ -1,8 +1,5 @@
 //! The autopilot on a desk: one link, with a ground station at the other end, and no tasks.
 
-// Each test program uses its own part.
-#![allow(dead_code)]
-
 use rover_battmon::autopilot::{Autopilot, Channel, SamplingProgress, Start};
 use rover_battmon::battery::{BatteryState, PackStatus, RetainedRecord};
 use rover_battmon::mavlink::{Event, Framer, LinkKind, LinkStatistics};
@@ -12,9 +9,13 @@ use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogRea
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{SideDrives, Vehicle};
 
-use crate::support::frames::{Frame, frames};
+use crate::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message};
+use crate::requests::{VEHICLE, param_request_list, param_set};
 
 const FAST: u32 = 100_000;
+
+/// The index of a parameter that is not listed.
+const NOT_LISTED: u16 = u16::MAX;
 
 const MONITOR: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::Monitor);
 
@@ -35,7 +36,7 @@ pub struct Desk {
 
 impl Desk {
     /// A desk without packs.
-    pub fn new() -> Self {
+    pub fn without_packs() -> Self {
         Self::with_packs(&[])
     }
 
@@ -182,5 +183,57 @@ impl Desk {
             bytes.extend(frame.iter().map(|byte| (0, *byte)));
         }
         frames(&bytes)
+    }
+
+    /// Delivers a request and returns its only answer.
+    pub fn one_answer(&mut self, request: &[u8]) -> Frame {
+        let answers = self.ask(request);
+        assert_eq!(answers.len(), 1, "{answers:?}");
+        answers[0].clone()
+    }
+
+    /// The parameters of a list, by name, while `meanwhile` happens after each that is sent.
+    pub fn list(&mut self, mut meanwhile: impl FnMut(&str, &mut Parameters)) -> Vec<String> {
+        let mut frames = self.ask(&param_request_list(VEHICLE));
+        let mut listed = Vec::new();
+        // Half a minute is more than a list takes; the streams go on for ever.
+        loop {
+            for frame in of_message(&frames, PARAM_VALUE) {
+                let name = ParamValue(frame).name();
+                meanwhile(&name, self.autopilot.parameters_mut());
+                listed.push(name);
+            }
+            let due_us = self.next_due_us();
+            if due_us > 30_000_000 {
+                return listed;
+            }
+            self.post_due(due_us);
+            frames = self.sent();
+        }
+    }
+
+    /// The names of what is listed now.
+    pub fn listed(&self) -> Vec<String> {
+        self.parameters()
+            .listed()
+            .map(|id| id.name().as_str().into())
+            .collect()
+    }
+
+    /// Asserts that this announces the parameter with this value.
+    pub fn assert_param_value(&self, frame: &Frame, id: ParameterId, value: f32) {
+        assert_eq!(frame.message_id, PARAM_VALUE);
+        let answer = ParamValue(frame);
+        assert_eq!(answer.name(), id.name().as_str());
+        let index = self.parameters().listed().position(|listed| listed == id);
+        assert_eq!(answer.index(), index.map_or(NOT_LISTED, |index| index as u16));
+        assert_eq!(usize::from(answer.count()), self.parameters().listed().count());
+        assert_eq!(answer.value(), value, "{}", answer.name());
+    }
+
+    /// Asserts that a ground station can set it.
+    pub fn assert_set(&mut self, name: &str, id: ParameterId, value: f32) {
+        let answer = self.one_answer(&param_set(name, value));
+        self.assert_param_value(&answer, id, value);
     }
 }

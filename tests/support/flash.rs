@@ -1,8 +1,5 @@
 //! A small NOR flash that outlasts restarts, fails when it is asked to, and whose bits a test can change.
 
-// Each test program uses its own part.
-#![allow(dead_code)]
-
 use std::cell::RefCell;
 use std::rc::Rc;
 

@@ -1,9 +1,6 @@
 //! A MAVLink 2 reader for tests, written from the protocol's description and not from the crate the firmware uses, so
 //! that both can't make the same mistake.
 
-// Each test program uses its own part.
-#![allow(dead_code)]
-
 pub const HEARTBEAT: u32 = 0;
 pub const SYS_STATUS: u32 = 1;
 pub const PING: u32 = 4;

@@ -1,8 +1,6 @@
 //! What flash holds of a pack, as words.
 
 // Not every test program uses all of it.
-#![allow(dead_code)]
-
 use rover_battmon::battery::LEARNT_WORDS;
 
 /// Words of a pack of two cells of which this capacity and 20 mOhm a cell were learnt, and no charge is kept.

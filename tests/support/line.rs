@@ -10,8 +10,6 @@ use embedded_io_async::{ErrorType, Write};
 pub type Sent = RefCell<Vec<(u64, u8)>>;
 
 /// What a byte takes at 115200 baud.
-// Not every test program has a line of this rate.
-#[allow(dead_code)]
 pub const BYTE_US: u64 = 87;
 
 /// A serial line that takes `byte_us` for each byte.

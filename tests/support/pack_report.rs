@@ -1,8 +1,5 @@
 //! BATTERY_STATUS as a companion computer sends it.
 
-// Each test program uses its own part.
-#![allow(dead_code)]
-
 use super::frames::{BATTERY_STATUS, encode_v2_from};
 
 /// System and component id of a companion computer of the vehicle (`MAV_COMP_ID_ONBOARD_COMPUTER`), and of another one.

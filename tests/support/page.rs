@@ -1,7 +1,8 @@
 //! Generated parts of a page: the part between `<!-- NAME begins -->` and `<!-- NAME ends -->`.
 
 use std::fs;
-use std::path::Path;
+
+use crate::repository;
 
 /// The page of `board-check`.
 const PAGE: &str = "docs/board-check.md";
@@ -9,7 +10,7 @@ const PAGE: &str = "docs/board-check.md";
 /// Asserts that the part says what is `expected`, apart from what `without_noise` removes. With `BOARD_CHECK_PAGE=write`
 /// in the environment it is written there instead.
 pub fn assert_part(name: &str, expected: &str, without_noise: fn(&str) -> String) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(PAGE);
+    let path = repository().join(PAGE);
     let (begin, end) = (
         format!("<!-- {name} begins -->\n"),
         format!("<!-- {name} ends -->"),

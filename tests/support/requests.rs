@@ -1,8 +1,5 @@
 //! What a ground station sends, as frames.
 
-// Each test program uses its own part.
-#![allow(dead_code)]
-
 use super::frames::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, LOG_REQUEST_DATA,
     LOG_REQUEST_LIST, MANUAL_CONTROL, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, RADIO_STATUS,

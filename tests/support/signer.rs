@@ -2,7 +2,7 @@
 
 use sha2::{Digest, Sha256};
 
-use crate::support::frames::{Frame, SIGNATURE_BYTES, declare_signed};
+use crate::frames::{Frame, SIGNATURE_BYTES, declare_signed};
 
 /// 2026-01-01 00:00 UTC, in tens of microseconds since 2015.
 pub const NEW_YEAR: u64 = 4018 * 86_400 * 100_000;
@@ -37,8 +37,6 @@ impl Signer {
     }
 
     /// Takes over the timestamps of these frames if they are ahead. All of them are signed with this key.
-    // Not every test program uses it.
-    #[allow(dead_code)]
     pub fn hear<'a>(&mut self, frames: impl IntoIterator<Item = &'a Frame>) {
         for frame in frames {
             let (_, time) = self.verify(frame);

@@ -21,13 +21,11 @@
 
 use std::fs::{self, DirEntry};
 use std::io;
-use std::path::Path;
 
 use rover_battmon::host::sim::{PackModel, SimulatedPack};
 
-use crate::support::requests::{
-    CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID, command_long_2, manual_control, set_mode,
-};
+use crate::repository;
+use crate::requests::{CUSTOM_MODE_ENABLED, MANUAL, VEHICLE_ID, command_long_2, manual_control, set_mode};
 
 /// A parsed story.
 #[derive(Debug, Default)]
@@ -204,7 +202,7 @@ fn level_of(text: &str) -> Option<(usize, Level)> {
 impl Story {
     /// Parses the stories in `tests/stories/`.
     pub fn all() -> Vec<Self> {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/stories");
+        let folder = repository().join("tests/stories");
         let parse = |entry: io::Result<DirEntry>| {
             let path = entry.expect("readable").path();
             let name = path.file_stem().and_then(|stem| stem.to_str()).expect("a name");

@@ -1,26 +1,21 @@
 //! A board on the bench, and what the tests ask of it.
 
-#[path = "log_flash.rs"]
-pub mod log_flash;
-#[path = "starts.rs"]
-pub mod starts;
-
 use std::ops::{Deref, DerefMut, Range};
 use std::sync::OnceLock;
 
-use log_flash::LogFlash;
+use crate::log_flash::LogFlash;
+use crate::starts::Start;
 use rover_battmon::memory::flash_map;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
-use starts::Start;
 
 use crate::elf::{Artifact, build};
-use crate::signer::Signer;
-use crate::support::frames::{
+use emulator::{AdcInput, Board, CpuState, Firmware, FlashOperation, LogLevel, ResetCause, SentByte};
+use support::frames::{
     BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, SYS_STATUS, frames, of_message,
 };
-use crate::support::requests::{PREFLIGHT_REBOOT_SHUTDOWN, param_set, reboot};
-use emulator::{AdcInput, Board, CpuState, Firmware, FlashOperation, LogLevel, ResetCause, SentByte};
+use support::requests::{PREFLIGHT_REBOOT_SHUTDOWN, param_set, reboot};
+use support::signer::Signer;
 
 /// DMA_IRQ_0, which signals the end of each frame at the telemetry port (RP2040 datasheet 2.3.2).
 pub const DMA_IRQ: u32 = 11;

@@ -1,11 +1,8 @@
 //! Downloads of logs, as ground stations do them.
 
-// Each test program uses its own part.
-#![allow(dead_code)]
-
 use crate::bench::{Bench, MILLISECOND};
-use crate::support::frames::{FILE_TRANSFER_PROTOCOL, Frame, LOG_DATA, LOG_ENTRY, of_message};
-use crate::support::requests::{ftp, ftp_open, log_data, log_list};
+use support::frames::{FILE_TRANSFER_PROTOCOL, Frame, LOG_DATA, LOG_ENTRY, of_message};
+use support::requests::{ftp, ftp_open, log_data, log_list};
 
 const STEP_US: u64 = 50 * MILLISECOND;
 

@@ -1,8 +1,5 @@
 //! The flash of the log as a board in use has it.
 
-// Each test program uses its own part.
-#![allow(dead_code)]
-
 use std::convert::Infallible;
 
 use embassy_futures::block_on;

@@ -1,8 +1,5 @@
 //! The records of a log file, by a reader that is not of this project.
 
-// Each test program uses its own part.
-#![allow(dead_code)]
-
 use std::io::Cursor;
 
 use ardupilot_binlog::{Entry, Reader};

@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use emulator::Firmware;
 
-use super::Bench;
+use crate::bench::Bench;
 
 /// How many are kept: those that most tests begin with, at 3 MB each.
 const KEPT: usize = 20;

@@ -5,10 +5,10 @@ use std::rc::Rc;
 use super::faults::Faulty;
 use super::values::assert_measures;
 use super::{BUS, DIVIDER_CODE, Second, after_a_second, shared, with_second_pack};
-use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
-use crate::support::frames::BatteryStatus;
 use emulator::Random;
 use emulator::i2c_devices::{Access, Bq76952, Garbled, Ina226, Pec, Reads, SmartBattery};
+use support::frames::BatteryStatus;
+use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
 
 const BQ76952: f32 = 32.0;
 const SMART_BATTERY: f32 = 7.0;
@@ -59,7 +59,7 @@ fn sixteen_cells_add_up_and_a_cell_that_fails_is_still_one() {
     let mut bench = with_second_pack(BQ76952, ADDRESS, &part, &[("BATT2_CELLS", 16.0)]);
     bench.run_for(SECOND);
     let battery = bench.frames();
-    let status = crate::support::frames::last_of(&battery, 1);
+    let status = support::frames::last_of(&battery, 1);
     assert_eq!(cells(&status, 10), [3650; 10]);
     let mut failed = [3650; 16];
     failed[1] = 100;

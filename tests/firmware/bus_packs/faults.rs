@@ -4,11 +4,11 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use super::{BUS, DIVIDER_CODE, Second, shared};
-use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, COMMAND_ACK, last_of, of_message, texts_of};
-use crate::support::requests::command_long_2;
 use emulator::i2c_devices::{Garbled, Ina226, Ina3221, Pec, Reads, RegisterMap, SmartBattery};
 use emulator::{LogLevel, Random};
+use support::frames::{BATTERY_STATUS, BatteryStatus, COMMAND_ACK, last_of, of_message, texts_of};
+use support::requests::command_long_2;
+use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
 
 const SMART_BATTERY: f32 = 7.0;
 const INA2XX: f32 = 21.0;

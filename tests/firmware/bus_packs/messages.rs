@@ -1,13 +1,13 @@
 //! The details of a smart battery, in the messages for them.
 
 use super::{BUS, shared, with_second_pack};
-use crate::bench::{Bench, SECOND};
-use crate::support::frames::{
+use emulator::i2c_devices::{Pec, SmartBattery};
+use support::frames::{
     BATTERY_INFO, BATTERY_STATUS, BATTERY_STATUS_V2, BatteryStatus, COMMAND_ACK, Frame, GROUND_STATION,
     SMART_BATTERY_INFO, of_message, texts_of,
 };
-use crate::support::requests::{command_long_2, heartbeat_from};
-use emulator::i2c_devices::{Pec, SmartBattery};
+use support::requests::{command_long_2, heartbeat_from};
+use workbench::bench::{Bench, SECOND};
 
 const SMART_BATTERY: f32 = 7.0;
 const SET_MESSAGE_INTERVAL: u16 = 511;

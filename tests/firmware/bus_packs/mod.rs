@@ -11,10 +11,10 @@ mod variants;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use crate::bench::{Bench, DIVIDER_CODE, SECOND};
-use crate::i2c_bus::{BUS, shared};
-use crate::support::frames::{BatteryStatus, last_of, texts_of};
 use emulator::I2cDevice;
+use support::frames::{BatteryStatus, last_of, texts_of};
+use workbench::bench::{Bench, DIVIDER_CODE, SECOND};
+use workbench::i2c_bus::{BUS, shared};
 
 /// How the second pack is measured, and where.
 pub struct Second {

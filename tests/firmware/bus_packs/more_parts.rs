@@ -7,11 +7,11 @@ use super::values::assert_measures;
 use super::{
     BUS, DIVIDER_CODE, Second, after_a_second, assert_survives_unplugging, shared, with_second_pack,
 };
-use crate::bench::{Bench, SECOND};
-use crate::support::frames::{last_of, texts_of};
 use emulator::LogLevel;
 use emulator::i2c_devices::{Ad7091r5, Bebop, Garbled, Ina231, Ina238, Ltc2946, Reads, Reference};
 use emulator::spi_devices::Ina239;
+use support::frames::{last_of, texts_of};
+use workbench::bench::{Bench, SECOND};
 
 const BEBOP: f32 = 6.0;
 const INA2XX: f32 = 21.0;

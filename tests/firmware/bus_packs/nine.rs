@@ -1,7 +1,7 @@
 //! Nine packs of all kinds at once.
 
-use crate::bench::SECOND;
-use crate::runs::mixed_packs::{self, MIXED, MIXED_MV};
+use workbench::bench::SECOND;
+use workbench::runs::mixed_packs::{self, MIXED, MIXED_MV};
 
 /// A minute in `tests/endurance`.
 const LENGTH_US: u64 = 10 * SECOND;

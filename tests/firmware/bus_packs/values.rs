@@ -1,9 +1,9 @@
 //! What each part measures arrives on the wire within a step of its register.
 
 use super::{Second, after_a_second, shared, with_second_pack};
-use crate::bench::{Bench, SECOND};
-use crate::support::frames::{BatteryStatus, last_of, texts_of};
 use emulator::i2c_devices::{Ina226, Ina228, Ina260, Ina3221, Pec, SmartBattery};
+use support::frames::{BatteryStatus, last_of, texts_of};
+use workbench::bench::{Bench, SECOND};
 
 const SMART_BATTERY: f32 = 7.0;
 const INA2XX: f32 = 21.0;

@@ -1,9 +1,9 @@
 //! Smart batteries that differ from the specification.
 
 use super::{BUS, after_a_second, assert_survives_unplugging, shared, with_second_pack};
-use crate::bench::{Bench, SECOND};
-use crate::support::frames::{BatteryStatus, COMMAND_LONG, of_message, texts_of};
 use emulator::i2c_devices::{Pec, SmartBattery};
+use support::frames::{BatteryStatus, COMMAND_LONG, of_message, texts_of};
+use workbench::bench::{Bench, SECOND};
 
 const ADDRESS: u8 = 0x0b;
 

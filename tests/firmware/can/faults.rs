@@ -1,13 +1,13 @@
 //! A bus, a controller and wires that fail: what is announced, and that everything works afterwards.
 
 use super::{BITS_PER_SECOND, CRYSTAL_HZ, run_with, with_battery, with_can};
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
-use crate::can_bench::transfers::{A, A_LATER};
-use crate::can_bench::{CanRig, Peer, SELECT, Transfer};
-use crate::support::frames::{STATUSTEXT, last_of, of_message, texts_of};
-use crate::support::requests::command_long_2;
 use emulator::AdcInput;
 use emulator::can::{CanWires, ErrorState};
+use support::frames::{STATUSTEXT, last_of, of_message, texts_of};
+use support::requests::command_long_2;
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
+use workbench::can::transfers::{A, A_LATER};
+use workbench::can::{CanRig, Peer, SELECT, Transfer};
 
 const OTHER_MV: u16 = 12_250;
 

@@ -1,12 +1,12 @@
 //! A bus without a pause: at the start of the board, and while it writes to flash.
 
 use super::{DRONECAN, with_battery_at, with_can_at};
-use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::can_bench::transfers::{A, A_CELLS, A_LATER, ESC_0, STATUS_A};
-use crate::can_bench::{Peer, Transfer};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, of_message, texts_of};
-use crate::support::requests::param_set;
 use emulator::{FlashOperationKind, LogLevel};
+use support::frames::{BATTERY_STATUS, BatteryStatus, of_message, texts_of};
+use support::requests::param_set;
+use workbench::bench::{Bench, MILLISECOND, SECOND};
+use workbench::can::transfers::{A, A_CELLS, A_LATER, ESC_0, STATUS_A};
+use workbench::can::{Peer, Transfer};
 
 /// Of a frame of eight bytes, with its stuff bits.
 const FRAME_BITS: u64 = 130;

@@ -4,8 +4,8 @@ mod faults;
 mod load;
 mod peers;
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND};
-use crate::can_bench::{CanRig, Peer, Transfer};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND};
+use workbench::can::{CanRig, Peer, Transfer};
 
 /// Both by default.
 pub const CRYSTAL_HZ: u64 = 16_000_000;

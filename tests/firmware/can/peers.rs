@@ -1,9 +1,9 @@
 //! What nodes on the bus report arrives on the wire, and what the board sends is what they expect.
 
 use super::{DRONECAN, INTERVAL_US, run_with, with_battery, with_can};
-use crate::bench::{Bench, SECOND};
-use crate::can_bench::transfers::{A, A_CELLS, A_LATER, B, GET_NODE_INFO, STATUS_A, STATUS_B};
-use crate::support::frames::{BatteryStatus, last_of, texts_of};
+use support::frames::{BatteryStatus, last_of, texts_of};
+use workbench::bench::{Bench, SECOND};
+use workbench::can::transfers::{A, A_CELLS, A_LATER, B, GET_NODE_INFO, STATUS_A, STATUS_B};
 
 /// NodeStatus (341) of the board, which is node 10 by default, without its priority.
 const OWN_STATUS: u32 = 341 << 8 | 10;

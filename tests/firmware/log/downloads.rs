@@ -6,12 +6,12 @@ use rover_battmon::memory::flash_map;
 use rover_battmon::recorder::PAYLOAD_BYTES;
 
 use super::running_with;
-use crate::bench::log_flash::{LogFlash, files_in, noise};
-use crate::bench::{Bench, SECOND, Wire};
-use crate::downloads::{Download, content, download, get, list};
-use crate::support::frames::{Frame, HEARTBEAT, LOG_DATA, PARAM_VALUE, of_message, texts_of};
-use crate::support::requests::{command_long_2, log_data, param_read_by_name};
 use emulator::Random;
+use support::frames::{Frame, HEARTBEAT, LOG_DATA, PARAM_VALUE, of_message, texts_of};
+use support::requests::{command_long_2, log_data, param_read_by_name};
+use workbench::bench::{Bench, SECOND, Wire};
+use workbench::downloads::{Download, content, download, get, list};
+use workbench::log_flash::{LogFlash, files_in, noise};
 
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21_196.0;

@@ -2,13 +2,13 @@
 
 use rover_battmon::memory::flash_map;
 
-use crate::bench::log_flash::{LogFlash, files_in};
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
-use crate::downloads::list;
 use crate::rover::GOOD_3S;
-use crate::support::frames::{HEARTBEAT, of_message, texts_of};
-use crate::support::requests::{command_long_2, disarm};
 use emulator::{FlashOperation, FlashOperationKind, FlashTiming};
+use support::frames::{HEARTBEAT, of_message, texts_of};
+use support::requests::{command_long_2, disarm};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
+use workbench::downloads::list;
+use workbench::log_flash::{LogFlash, files_in};
 
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21_196.0;

@@ -1,10 +1,10 @@
 //! Sampling and motors are as punctual with a log as without.
 
-use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
-use crate::motor_poles::LEFT;
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, drive_for};
-use crate::support::requests::{command_long_2, manual_control, set_mode};
 use emulator::AdcInput;
+use support::motor_poles::LEFT;
+use support::requests::{command_long_2, manual_control, set_mode};
+use workbench::bench::{Bench, CYCLES_PER_US, MILLISECOND, SECOND};
 
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21_196.0;

@@ -4,9 +4,9 @@
 use super::{
     BAUD, LARGE_FUEL_CELL, PORT, RICHEN_POWER, protocol_4, report, richen_power, send, with_generator,
 };
-use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
 use emulator::{LogLevel, Random};
+use support::frames::{BATTERY_STATUS, BatteryStatus, last_of, of_message, texts_of};
+use workbench::bench::{Bench, MILLISECOND, SECOND};
 
 const UNHEALTHY: u8 = 6;
 

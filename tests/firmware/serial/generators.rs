@@ -3,8 +3,8 @@
 use super::{
     LARGE_FUEL_CELL, RICHEN_POWER, SMALL_FUEL_CELL, protocol_4, report, richen_power, send, with_generator,
 };
-use crate::bench::{Bench, SECOND};
-use crate::support::frames::{BatteryStatus, last_of, texts_of};
+use support::frames::{BatteryStatus, last_of, texts_of};
+use workbench::bench::{Bench, SECOND};
 
 const UNHEALTHY: u8 = 6;
 

@@ -3,8 +3,8 @@
 mod faults;
 mod generators;
 
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND};
 use emulator::UartPins;
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND};
 
 const PORT: usize = 1;
 

@@ -3,7 +3,7 @@
 use super::{
     Peer, UNHEALTHY, after_a_second, assert_recovers_from, assert_untroubled, run_with, with_second_pack,
 };
-use crate::bench::{Bench, MILLISECOND, SECOND};
+use workbench::bench::{Bench, MILLISECOND, SECOND};
 
 const EFI: f32 = 27.0;
 

@@ -3,9 +3,9 @@
 pub mod mega_squirt;
 pub mod torqeedo;
 
-use crate::bench::{Bench, DIVIDER_CODE, SECOND};
-use crate::support::frames::{BatteryStatus, last_of, texts_of};
 use emulator::{LogLevel, SentByte, UartPins};
+use support::frames::{BatteryStatus, last_of, texts_of};
+use workbench::bench::{Bench, DIVIDER_CODE, SECOND};
 
 const PORT: usize = 1;
 

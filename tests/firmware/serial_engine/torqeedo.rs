@@ -2,9 +2,9 @@
 //! libraries/AP_Torqeedo/AP_Torqeedo_TQBus.h and .cpp. The bus is RS-485, so what the board sends may come back as an echo.
 
 use super::{Peer, after_a_second, assert_recovers_from, assert_untroubled, run_with, with_second_pack};
-use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::support::frames::texts_of;
 use emulator::{LogLevel, SentByte};
+use support::frames::texts_of;
+use workbench::bench::{Bench, MILLISECOND, SECOND};
 
 const TORQEEDO: f32 = 23.0;
 const TILLER: f32 = 1.0;

@@ -1,14 +1,14 @@
 //! The table of `docs/reliability.md`, which `.ci/soak` writes, is of the faults there are.
 
 use std::fs;
-use std::path::Path;
 
-use crate::runs::soak::fault::Fault;
-use crate::runs::soak::tally::fixed_cells;
+use support::repository;
+use workbench::runs::soak::fault::Fault;
+use workbench::runs::soak::tally::fixed_cells;
 
 #[test]
 fn the_table_in_the_docs_names_every_fault_with_its_bound() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/reliability.md");
+    let file = repository().join("docs/reliability.md");
     let text = fs::read_to_string(file).expect("the file exists");
     let table = text.split_once("<!-- soak begins -->").expect("a table").1;
     let table = table.split_once("<!-- soak ends -->").expect("its end").0;

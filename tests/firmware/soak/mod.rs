@@ -4,10 +4,10 @@
 mod docs;
 mod wear;
 
-use crate::bench::{MINUTE, SECOND};
-use crate::runs::budget::Budget;
-use crate::runs::soak::fault::Fault;
-use crate::runs::soak::{Protection, run_board, run_boards};
+use workbench::bench::{MINUTE, SECOND};
+use workbench::runs::budget::Budget;
+use workbench::runs::soak::fault::Fault;
+use workbench::runs::soak::{Protection, run_board, run_boards};
 
 #[test]
 fn faults_leave_telemetry_motors_and_parameters_sound() {

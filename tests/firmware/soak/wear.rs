@@ -1,8 +1,8 @@
 //! How often the flash is written and erased.
 
-use crate::bench::{Bench, MILLISECOND, PARAMETER_BYTES, SECOND, SECTOR_BYTES};
-use crate::support::requests::param_set;
 use emulator::FlashOperationKind;
+use support::requests::param_set;
+use workbench::bench::{Bench, MILLISECOND, PARAMETER_BYTES, SECOND, SECTOR_BYTES};
 
 const SETS: usize = 1_000;
 /// Enough for an erase.

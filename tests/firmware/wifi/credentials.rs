@@ -1,11 +1,11 @@
 //! The network's name and password: whose they are, who gets to know them, and what strangers get.
 
 use super::ground::Ground;
-use crate::bench::{Bench, DIVIDER_CODE, SECOND, Wire};
-use crate::support::frames::{COMMAND_ACK, of_message, texts_of};
-use crate::support::requests::{arm, param_set, wifi_config};
 use emulator::air::laptop::Laptop;
 use emulator::air::radio::Credentials;
+use support::frames::{COMMAND_ACK, of_message, texts_of};
+use support::requests::{arm, param_set, wifi_config};
+use workbench::bench::{Bench, DIVIDER_CODE, SECOND, Wire};
 
 const SHOW: &str = "WIFI_SHOW";
 const REFUSED: &str = "Wi-Fi password: by USB only";

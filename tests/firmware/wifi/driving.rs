@@ -1,11 +1,12 @@
 //! Driving over Wi-Fi, and what becomes of the rover when the driver is gone.
 
 use super::ground::{Ground, Station};
-use crate::bench::{Bench, MILLISECOND, SECOND};
-use crate::motor_poles::motors;
 use crate::rover::{CUSTOM_MODE_ENABLED, GOOD_3S, MANUAL, VEHICLE_ID, is_braking};
-use crate::support::frames::{COMMAND_ACK, of_message};
-use crate::support::requests::{arm, manual_control, set_mode};
+use crate::wheels::duties;
+use support::frames::{COMMAND_ACK, of_message};
+use support::motor_poles::motors;
+use support::requests::{arm, manual_control, set_mode};
+use workbench::bench::{Bench, MILLISECOND, SECOND};
 
 /// `FS_TIMEOUT` is 1.5 s; the rover looks every 20 ms, and a packet takes some.
 const STOPPED_WITHIN_US: u64 = 1_600 * MILLISECOND;
@@ -27,7 +28,7 @@ fn drive(ground: &mut Ground, station: &mut Station, rate_hz: u64, duration_us: 
 
 fn is_driving(bench: &Bench) -> bool {
     motors().all(|motor| {
-        let (positive, negative) = motor.duties(bench);
+        let (positive, negative) = duties(motor, bench);
         positive > negative
     })
 }

@@ -1,11 +1,11 @@
 //! A radio that does not work: announced once, restarted, and nothing else suffers.
 
 use super::ground::Ground;
-use crate::bench::{Bench, DIVIDER_CODE, SECOND, value_of};
-use crate::runs::radio_restarts;
-use crate::support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message, texts_of};
-use crate::support::requests::param_read_by_name;
 use emulator::{ChipPart, RadioFault};
+use support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message, texts_of};
+use support::requests::param_read_by_name;
+use workbench::bench::{Bench, DIVIDER_CODE, SECOND, value_of};
+use workbench::runs::radio_restarts;
 
 const NO_ANSWER: &str = "Wi-Fi radio does not answer";
 const NOT_TAKEN: &str = "Wi-Fi radio does not take its firmware";

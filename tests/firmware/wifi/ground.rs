@@ -2,14 +2,14 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
-use crate::bench::starts::Start;
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
-use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, frames};
-use crate::support::requests::heartbeat;
 use emulator::air::computer::{Connection, UdpPort};
 use emulator::air::laptop::Laptop;
 use emulator::air::radio::Credentials;
 use emulator::air::space::Air;
+use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, frames};
+use support::requests::heartbeat;
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
+use workbench::starts::Start;
 
 /// MAV_TYPE_GCS.
 const GROUND_STATION: u8 = 6;

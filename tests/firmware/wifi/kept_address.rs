@@ -6,10 +6,10 @@ use emulator::LogLevel;
 use smoltcp::wire::Ipv4Cidr;
 
 use super::ground::{Ground, Station};
-use crate::bench::SECOND;
-use crate::support::frames::{PARAM_VALUE, of_message};
-use crate::support::requests::param_read_by_name;
 use emulator::air::laptop::Laptop;
+use support::frames::{PARAM_VALUE, of_message};
+use support::requests::param_read_by_name;
+use workbench::bench::SECOND;
 
 const STRANGER: [u8; 6] = [2, 0, 0, 0, 9, 9];
 

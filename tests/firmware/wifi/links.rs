@@ -1,13 +1,13 @@
 //! Ground stations by UDP and TCP: found, served each on a link of its own, and let go.
 
 use super::ground::{Ground, Station};
-use crate::bench::{SECOND, value_of};
-use crate::support::frames::{
+use support::frames::{
     BATTERY_STATUS, Frame, HEARTBEAT, PARAM_VALUE, SYS_STATUS, assert_no_sequence_gap, of_message,
 };
-use crate::support::requests::{
+use support::requests::{
     VEHICLE, heartbeat, param_read_by_name, param_request_list, param_set, request_data_stream,
 };
+use workbench::bench::{SECOND, value_of};
 
 const GROUND_STATION: u8 = 6;
 

@@ -1,11 +1,11 @@
 //! A network full of strangers: nothing that counts waits for it, and nothing is lost.
 
 use super::ground::{BOARD, Ground};
-use crate::bench::{CYCLES_PER_US, MILLISECOND, PACK, SECOND};
 use crate::stack;
-use crate::support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message};
 use emulator::LogLevel;
 use emulator::air::hostile::{Hostile, Target};
+use support::frames::{BATTERY_STATUS, assert_no_sequence_gap, of_message};
+use workbench::bench::{CYCLES_PER_US, MILLISECOND, PACK, SECOND};
 
 /// Between two samplings, whatever the network does.
 const JITTER_US: u64 = 200;

@@ -1,9 +1,9 @@
 //! From power-up to the first heartbeat by Wi-Fi, and what a board without a radio notices of it.
 
 use super::ground::Ground;
-use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
-use crate::support::frames::{HEARTBEAT, of_message, texts_of};
 use emulator::{AdcInput, LogLevel, RadioFault};
+use support::frames::{HEARTBEAT, of_message, texts_of};
+use workbench::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND};
 
 /// Everything that a Pico W has its radio at, and a plain Pico something else.
 const RADIO_PINS: [usize; 4] = [23, 24, 25, 29];

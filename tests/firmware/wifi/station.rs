@@ -1,14 +1,14 @@
 //! The board in another network: joined, lost, found again, and its own network instead.
 
 use super::ground::{Ground, UDP_PORT};
-use crate::bench::{SECOND, Wire};
-use crate::support::frames::{HEARTBEAT, of_message, texts_of};
-use crate::support::requests::wifi_config;
 use emulator::RadioFault;
 use emulator::air::dhcp_server::DhcpAnswers;
 use emulator::air::laptop::Laptop;
 use emulator::air::radio::Credentials;
 use emulator::air::router::Router;
+use support::frames::{HEARTBEAT, of_message, texts_of};
+use support::requests::wifi_config;
+use workbench::bench::{SECOND, Wire};
 
 const STATION: u8 = 2;
 

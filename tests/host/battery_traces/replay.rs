@@ -1,12 +1,11 @@
 //! Replays samples through the monitor.
 
-use std::path::Path;
-
 use rover_battmon::battery::{
     ArmState, BatteryMonitor, BatteryState, FailsafeLevel, Measurement, PackEvent, PackSettings, ReadError,
     Tick,
 };
 use rover_battmon::time::Instant;
+use support::repository;
 
 /// One reading of a pack.
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +33,7 @@ impl Moment {
 
 /// A trace of `tests/data/traces/`.
 pub fn trace(name: &str) -> Vec<Sample> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/traces");
+    let folder = repository().join("tests/data/traces");
     let text = std::fs::read_to_string(folder.join(name)).expect("the trace");
     text.lines().skip(1).map(sample).collect()
 }

@@ -10,8 +10,8 @@ use smoltcp::wire::{IpAddress, Ipv4Cidr};
 
 use super::phone::{BOARD, Phone};
 use super::room::{Room, play};
-use crate::support::frames::HEARTBEAT;
-use crate::support::requests;
+use support::frames::HEARTBEAT;
+use support::requests;
 
 #[test]
 fn phones_get_an_address_and_are_found_one_after_the_other() {

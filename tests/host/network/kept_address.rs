@@ -11,7 +11,7 @@ use smoltcp::wire::{
 
 use super::phone::{BOARD, Phone};
 use super::room::{Room, play, play_with};
-use crate::support::requests;
+use support::requests;
 
 const EVERYONE: [u8; 6] = [0xff; 6];
 

@@ -9,7 +9,7 @@ use smoltcp::time::Instant;
 use smoltcp::wire::{EthernetAddress, IpAddress, IpCidr, IpEndpoint, Ipv4Cidr};
 
 use super::air::{MTU, SharedAir};
-use crate::support::frames::{Frame, frames};
+use support::frames::{Frame, frames};
 
 pub const BOARD: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(192, 168, 4, 1), 14550);
 

@@ -10,7 +10,7 @@ use smoltcp::wire::{
 use super::air::BOARD_MAC;
 use super::phone::{BOARD, Phone};
 use super::room::play;
-use crate::support::requests;
+use support::requests;
 
 const QUESTION: Icmpv4Repr<'static> = Icmpv4Repr::EchoRequest {
     ident: 7,

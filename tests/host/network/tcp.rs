@@ -4,8 +4,8 @@ use rover_battmon::net::Role;
 use smoltcp::socket::tcp::State;
 
 use super::room::play;
-use crate::support::frames::{HEARTBEAT, PARAM_VALUE};
-use crate::support::requests;
+use support::frames::{HEARTBEAT, PARAM_VALUE};
+use support::requests;
 
 #[test]
 fn two_clients_have_a_link_each_and_a_third_is_refused() {
@@ -31,7 +31,7 @@ fn two_clients_have_a_link_each_and_a_third_is_refused() {
         let has_value = |frames: Vec<_>| {
             frames
                 .iter()
-                .any(|frame: &crate::support::frames::Frame| frame.message_id == PARAM_VALUE)
+                .any(|frame: &support::frames::Frame| frame.message_id == PARAM_VALUE)
         };
         assert!(has_value(one.tcp_frames(first)));
         assert!(!has_value(two.tcp_frames(second)));

@@ -6,8 +6,8 @@ use smoltcp::iface::SocketHandle;
 
 use super::phone::{BOARD, Phone};
 use super::room::{Room, play};
-use crate::support::frames::{Frame, HEARTBEAT, PARAM_VALUE, SYS_STATUS, SysStatus, of_message};
-use crate::support::requests;
+use support::frames::{Frame, HEARTBEAT, PARAM_VALUE, SYS_STATUS, SysStatus, of_message};
+use support::requests;
 
 const PORT: u16 = 14550;
 

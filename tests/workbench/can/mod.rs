@@ -1,8 +1,5 @@
 //! The board's CAN controller at its pins, and peers at its bus. They send transfers that an independent implementation has made.
 
-// Every test binary that includes this folder uses a part of it.
-#![allow(dead_code, unused_imports)]
-
 mod peer;
 mod rig;
 #[rustfmt::skip]

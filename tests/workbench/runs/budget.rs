@@ -1,8 +1,6 @@
 //! How long a run may take on this machine. A long one that has used it up does less, and prints so.
 
 // Each program that includes this uses a part of it.
-#![allow(dead_code)]
-
 use std::time::{Duration, Instant};
 
 #[derive(Clone, Copy)]

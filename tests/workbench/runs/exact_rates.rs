@@ -2,10 +2,10 @@
 
 use super::progress::Progress;
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, PACK, SECOND};
-use crate::support::frames::{
+use emulator::Conversion;
+use support::frames::{
     BATTERY_STATUS, BatteryStatus, Frame, HEARTBEAT, SYS_STATUS, assert_no_sequence_gap, of_message,
 };
-use emulator::Conversion;
 
 /// One count of the converter, in mV of the pack.
 const COUNT_MV: f32 = 3.3 / 4095.0 * 3.95 * 1000.0;

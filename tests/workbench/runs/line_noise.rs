@@ -3,9 +3,9 @@
 use super::progress::Progress;
 use super::soak::hostile::hostile;
 use crate::bench::{Bench, DIVIDER_CODE, SECOND};
-use crate::support::frames::{Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message};
-use crate::support::requests::param_set;
 use emulator::Random;
+use support::frames::{Frame, PARAM_VALUE, ParamValue, SYS_STATUS, SysStatus, of_message};
+use support::requests::param_set;
 
 const LINE_BYTES_PER_SECOND: usize = 11_520;
 /// The garbage holds at least this many; the reported count saturates at 65535.

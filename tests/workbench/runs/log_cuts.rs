@@ -6,11 +6,11 @@ use std::sync::OnceLock;
 use rover_battmon::memory::flash_map;
 
 use super::flash_cuts::Leader;
-use crate::bench::log_flash::{LogFlash, files_in};
 use crate::bench::{Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND};
+use crate::log_flash::{LogFlash, files_in};
 use crate::log_records::{named, records_of_torn};
-use crate::support::requests::{command_long_2, disarm};
 use emulator::FlashCut;
+use support::requests::{command_long_2, disarm};
 
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21_196.0;

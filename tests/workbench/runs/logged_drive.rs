@@ -9,16 +9,16 @@ use ardupilot_binlog::Entry;
 use crate::bench::{Bench, MILLISECOND, SECOND};
 use crate::i2c_bus::{BUS, shared};
 use crate::log_records::named;
-use crate::support::frames::{
+use emulator::AdcInput;
+use emulator::i2c_devices::{Ina226, Pec, RegisterMap, SmartBattery};
+use support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, PARAM_VALUE, ParamValue, of_message,
     texts_of,
 };
-use crate::support::requests::{
+use support::requests::{
     CUSTOM_MODE_ENABLED, MANUAL, VEHICLE, VEHICLE_ID, command_long_2, disarm, manual_control,
     param_request_list, set_mode,
 };
-use emulator::AdcInput;
-use emulator::i2c_devices::{Ina226, Pec, RegisterMap, SmartBattery};
 
 const ARM_DISARM: u16 = 400;
 const FORCED: f32 = 21_196.0;

@@ -2,9 +2,9 @@
 
 use crate::bench::{Bench, CYCLES_PER_US, DIVIDER_CODE, SECOND};
 use crate::i2c_bus::{BUS, shared};
-use crate::support::frames::{BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, last_of, of_message};
 use emulator::i2c_devices::{Ina226, Ina228, Ina260, Ina3221, Pec, SmartBattery};
 use emulator::{AdcInput, LogLevel};
+use support::frames::{BATTERY_STATUS, BatteryStatus, HEARTBEAT, SYS_STATUS, last_of, of_message};
 
 const CURRENT_PIN: usize = 1;
 

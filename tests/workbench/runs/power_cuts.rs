@@ -7,9 +7,9 @@ use super::flash_cuts::Leader;
 use crate::bench::{
     Bench, DIVIDER_CODE, LISTED_BY_DEFAULT, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SECOND,
 };
-use crate::support::frames::{PARAM_VALUE, ParamValue, of_message};
-use crate::support::requests::{VEHICLE, param_request_list, param_set};
 use emulator::FlashCut;
+use support::frames::{PARAM_VALUE, ParamValue, of_message};
+use support::requests::{VEHICLE, param_request_list, param_set};
 
 const SETS: usize = 50;
 

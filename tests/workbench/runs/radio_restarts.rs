@@ -4,10 +4,10 @@ use std::net::Ipv4Addr;
 
 use super::progress::Progress;
 use crate::bench::{Bench, DIVIDER_CODE, SECOND};
-use crate::support::requests::param_set;
 use emulator::air::hostile::{Hostile, Hostility, Target};
 use emulator::air::space::Air;
 use emulator::{RadioFault, Random};
+use support::requests::param_set;
 
 const BOARD: Ipv4Addr = Ipv4Addr::new(192, 168, 4, 1);
 

@@ -1,8 +1,8 @@
 //! Rates that a ground station has asked for.
 
 use crate::bench::{Bench, DIVIDER_CODE, SAVED_US, SECOND};
-use crate::support::frames::{BATTERY_STATUS, COMMAND_ACK, HEARTBEAT, SYS_STATUS, of_message};
-use crate::support::requests::command_long_2;
+use support::frames::{BATTERY_STATUS, COMMAND_ACK, HEARTBEAT, SYS_STATUS, of_message};
+use support::requests::command_long_2;
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const ACCEPTED: u8 = 0;

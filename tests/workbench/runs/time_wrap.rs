@@ -3,9 +3,9 @@
 use super::exact_rates::{assert_exact_rates, assert_sampled_at_every_tick};
 use super::progress::Progress;
 use crate::bench::{Bench, DIVIDER_CODE, MILLISECOND, SECOND, is_learnt};
-use crate::support::frames::{TIMESYNC, assert_no_sequence_gap, of_message};
-use crate::support::requests::timesync;
 use emulator::LogLevel;
+use support::frames::{TIMESYNC, assert_no_sequence_gap, of_message};
+use support::requests::timesync;
 
 /// Counts of the timer at which a number of 32 bits wraps.
 pub const WRAPS_US: [u64; 2] = [1 << 32, (1 << 32) * MILLISECOND];

@@ -1,5 +1,5 @@
 #![no_main]
 
-use rover_battmon_fuzz::targets;
+use support::fuzz;
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| targets::signing::run(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| fuzz::signing::run(bytes));

@@ -1,5 +1,5 @@
 #![no_main]
 
-use rover_battmon_fuzz::targets;
+use support::fuzz;
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| targets::storage::run(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| fuzz::storage::run(bytes));

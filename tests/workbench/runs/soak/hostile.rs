@@ -4,18 +4,18 @@
 //! Left out is what a ground station or a radio may do: without signing nothing distinguishes a hostile one. That includes
 //! RADIO_STATUS of a radio, which slows telemetry down, and a HEARTBEAT of a ground station.
 
-use crate::signer::Signer;
 use crate::signing_key::STRANGER;
-use crate::support::frames::{
+use emulator::Random;
+use support::frames::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MANUAL_CONTROL, PARAM_REQUEST_LIST,
     PARAM_REQUEST_READ, PARAM_SET, PING, RC_CHANNELS_OVERRIDE, REQUEST_DATA_STREAM, SET_MODE, TIMESYNC,
     encode_v1, encode_v2, encode_v2_with_flags,
 };
-use crate::support::requests::{
+use support::requests::{
     EVERYONE, VEHICLE, arm, command_int, command_long, ftp_open, heartbeat, manual_control,
     param_read_by_name, param_set, param_set_payload, rc_override, reboot, set_mode,
 };
-use emulator::Random;
+use support::signer::Signer;
 
 /// What is sent.
 #[derive(Clone, Copy, Debug)]

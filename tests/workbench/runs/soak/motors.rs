@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::bench::{Bench, CYCLES_PER_US, MILLISECOND};
-use crate::motor_poles::motors;
+use support::motor_poles::motors;
 
 /// What the start of a frame among garbage has swallowed is found 293 bytes later, and a driver sends 400 a second.
 const SWALLOWED_MS: u64 = 730;

@@ -5,12 +5,12 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use crate::bench::Bench;
-use crate::can_bench::transfers::{A, A_LATER, B, B_LATER};
-use crate::can_bench::{CanRig, Peer, Transfer};
+use crate::can::transfers::{A, A_LATER, B, B_LATER};
+use crate::can::{CanRig, Peer, Transfer};
 use crate::i2c_bus::{BUS, shared};
-use crate::support::frames::{BatteryStatus, Frame};
 use emulator::i2c_devices::{Garbled, Ina226, Pec, Reads, RegisterMap, SmartBattery};
 use emulator::{AdcInput, Random};
+use support::frames::{BatteryStatus, Frame};
 
 const MONITOR_AT: u8 = 0x40;
 const BATTERY_AT: u8 = 0x0b;

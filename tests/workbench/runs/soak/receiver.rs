@@ -1,6 +1,6 @@
 //! What a ground station makes of the bytes it receives, resets in between.
 
-use crate::support::frames::{Frame, frames};
+use support::frames::{Frame, frames};
 
 /// Header and checksum of a frame that is not signed.
 const OVERHEAD_BYTES: usize = 12;

@@ -14,14 +14,14 @@ use super::receiver::Receiver;
 use super::station::Station;
 use super::tally::Tally;
 use super::wifi::Wifi;
-use crate::bench::log_flash::files_in;
 use crate::bench::{Bench, MILLISECOND, SECOND, SIGNING_OFFSET, value_of};
 use crate::downloads::{download, list};
+use crate::log_flash::files_in;
 use crate::log_records::records_of_torn;
-use crate::signer::Signer;
 use crate::signing_key::{OWNER, flash_with_key};
-use crate::support::requests::{VEHICLE, disarm, param_read_by_name, param_request_list, ping};
 use emulator::Random;
+use support::requests::{VEHICLE, disarm, param_read_by_name, param_request_list, ping};
+use support::signer::Signer;
 
 /// What the ground station sets: nothing that anything else depends on.
 const SET: [&str; 6] = [

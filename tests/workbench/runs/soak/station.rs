@@ -3,11 +3,11 @@
 use super::ledger::Ledger;
 use super::motors::{Orders, Says};
 use crate::bench::{MILLISECOND, SECOND};
-use crate::support::requests::{
+use emulator::Random;
+use support::requests::{
     CUSTOM_MODE_ENABLED, MANUAL, VEHICLE, VEHICLE_ID, arm, command_long, command_long_2, disarm, heartbeat,
     manual_control, param_read_by_name, param_request_list, param_set, ping, set_mode, timesync,
 };
-use emulator::Random;
 
 const GROUND_STATION: u8 = 6;
 const REQUEST_MESSAGE: u16 = 512;

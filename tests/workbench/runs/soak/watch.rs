@@ -7,8 +7,8 @@ use super::rig::{PROBE, Radio, Rig};
 use super::station::Driver;
 use crate::bench::{CYCLES_PER_US, MILLISECOND, PARAMETER_OFFSET, SECOND, SIGNING_OFFSET, is_learnt};
 use crate::i2c_bus::BUS;
-use crate::support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, Heartbeat, PARAM_VALUE, PING, ParamValue};
 use emulator::{FlashOperationKind, ResetCause};
+use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, Heartbeat, PARAM_VALUE, PING, ParamValue};
 
 /// HEARTBEAT comes once a second. What else may lie between two of them, or between a start and the first one: a slice of
 /// the list of parameters, an erase of the flash, a step of this.

@@ -3,13 +3,13 @@
 use std::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::bench::{Bench, SECOND};
-use crate::support::frames::{Frame, HEARTBEAT, frames};
-use crate::support::requests::heartbeat;
 use emulator::air::computer::UdpPort;
 use emulator::air::hostile::{Hostile, Target};
 use emulator::air::laptop::Laptop;
 use emulator::air::radio::Credentials;
 use emulator::air::space::Air;
+use support::frames::{Frame, HEARTBEAT, frames};
+use support::requests::heartbeat;
 
 const GROUND_STATION: u8 = 6;
 const UDP_PORT: u16 = 14550;

@@ -1,10 +1,10 @@
 //! Builds the ELFs that run on the emulated RP2040: release builds, as they are flashed.
 
-// Each program that includes this builds one of the two.
-#![allow(dead_code)]
-
-use std::path::{Path, PathBuf};
+use std::env;
+use std::path::PathBuf;
 use std::process::Command;
+
+use support::repository;
 
 const TARGET: &str = "thumbv6m-none-eabi";
 
@@ -23,11 +23,9 @@ pub fn build(artifact: Artifact) -> PathBuf {
         Artifact::Binary(name) => ("--bin", name, "release"),
         Artifact::Example(name) => ("--example", name, "release/examples"),
     };
-    // The folder of the cargo that runs this, whose lock ends before the tests begin: what `cargo fw` has built is not built again.
-    let target_dir = Path::new(env!("CARGO_TARGET_TMPDIR"));
-    let target_dir = target_dir.parent().expect("it is target/tmp");
+    let target_dir = target_dir();
     let status = Command::new(env!("CARGO"))
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .current_dir(repository())
         // `.ci/run` sets it for the test harness alone; with it everything is another build.
         .env_remove("RUSTC_BOOTSTRAP")
         .args([
@@ -39,7 +37,7 @@ pub fn build(artifact: Artifact) -> PathBuf {
             TARGET,
             "--target-dir",
         ])
-        .arg(target_dir)
+        .arg(&target_dir)
         .status()
         .expect("cargo can be started");
     assert!(
@@ -47,6 +45,13 @@ pub fn build(artifact: Artifact) -> PathBuf {
         "{name} does not build for the board. If the target is missing, type: rustup target add {TARGET}"
     );
     target_dir.join(TARGET).join(folder).join(name)
+}
+
+/// The folder of the cargo that runs this, whose lock ends before the tests begin: what `cargo fw` has built is not built again.
+fn target_dir() -> PathBuf {
+    let program = env::current_exe().expect("the program's path is known");
+    let folder = program.ancestors().nth(3);
+    folder.expect("it is target/PROFILE/deps/PROGRAM").into()
 }
 
 /// With rustup's automatic installation off, the targets of rust-toolchain.toml are not added by themselves.
@@ -68,7 +73,7 @@ fn add_target_if_missing() {
 
 fn rustup(arguments: &[&str]) -> Result<String, String> {
     let output = Command::new("rustup")
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .current_dir(repository())
         .args(arguments)
         .output()
         .map_err(|error| error.to_string())?;

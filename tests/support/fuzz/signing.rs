@@ -10,8 +10,8 @@ use rover_battmon::parameter::{BatteryParameter, Parameters};
 
 use super::Input;
 use crate::desk::Desk;
+use crate::requests::{param_set, setup_signing};
 use crate::signer::Signer;
-use crate::support::requests::{param_set, setup_signing};
 
 const OWNER: u8 = 7;
 
@@ -26,7 +26,7 @@ struct Scene {
 
 impl Scene {
     fn new() -> Self {
-        let mut desk = Desk::new();
+        let mut desk = Desk::without_packs();
         let owner = Signer::new(OWNER);
         desk.connect(LinkKind::Direct);
         desk.receive_in_chunks(&setup_signing(owner.key, owner.timestamp), 64);

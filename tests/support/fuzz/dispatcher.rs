@@ -7,12 +7,12 @@ use rover_battmon::vehicle::SideDrives;
 
 use super::Input;
 use crate::desk::Desk;
-use crate::support::frames::{
+use crate::frames::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, GROUND_STATION, HEARTBEAT, MANUAL_CONTROL,
     PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PARAM_VALUE, PING, RADIO_STATUS, RC_CHANNELS_OVERRIDE,
     REQUEST_DATA_STREAM, SET_MODE, SETUP_SIGNING, TIMESYNC, encode_v2_from, of_message,
 };
-use crate::support::requests::{SIK_RADIO, param_read_from};
+use crate::requests::{SIK_RADIO, param_read_from};
 
 /// The messages that have an effect.
 const MESSAGES: [u32; 15] = [
