@@ -7,6 +7,7 @@ use embassy_futures::join::join3;
 use embassy_futures::select::select;
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Timer};
+use nor_flash::SmallFlash;
 use rover_battmon::autopilot::{Channel, Start};
 use rover_battmon::crash::ParameterSource;
 use rover_battmon::host::sim::clock;
@@ -15,7 +16,6 @@ use rover_battmon::memory::storage::{Condition, Erase, Storage};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId};
 use rover_battmon::tasks::{CheckIn, Shared, boot, keep_learnt, keep_parameters, keep_signing, now};
-use support::flash::{FLASH_BYTES, SmallFlash};
 use support::frames::{Frame, PARAM_VALUE, ParamValue, frames, of_message, texts_of};
 use support::requests::{
     VEHICLE, command_long, command_long_2, disarm, param_request_list, param_set, setup_signing,
@@ -49,7 +49,7 @@ impl Regions {
     }
 
     fn erases(&self) -> [u32; 3] {
-        [&self.parameters, &self.signing, &self.learnt].map(SmallFlash::erases)
+        [&self.parameters, &self.signing, &self.learnt].map(|flash| flash.chip().erases.iter().sum())
     }
 }
 
@@ -129,14 +129,14 @@ impl Station<'_> {
 /// Starts a vehicle with this flash, and switches it off after the script.
 fn run(regions: &Regions, script: impl AsyncFnOnce(&Station<'_>)) {
     let check_in = CheckIn::new("", u32::MAX);
-    let storage = |flash: &SmallFlash| Storage::new(flash.clone(), 0..FLASH_BYTES as u32);
+    let storage = |flash: &SmallFlash| Storage::new(flash.clone(), SmallFlash::REGION);
     clock::run_for(Duration::from_secs(24 * 3600), async {
         let mut start = Start::default();
         let mut parameters = storage(&regions.parameters);
         let signing = storage(&regions.signing);
         let signing = boot(&mut parameters, signing, ParameterSource::Stored, &mut start).await;
         let shared = Shared::new(&start);
-        let learnt = Storage::new(regions.learnt.clone(), 0..FLASH_BYTES as u32);
+        let learnt = Storage::new(regions.learnt.clone(), SmallFlash::REGION);
         let tasks = join3(
             keep_parameters(parameters, &shared, &check_in),
             keep_signing(signing, &shared, &check_in),
@@ -158,8 +158,8 @@ fn run(regions: &Regions, script: impl AsyncFnOnce(&Station<'_>)) {
 /// The parameter's value after a start with this flash.
 fn stored(regions: &Regions, id: ParameterId) -> f32 {
     let mut start = Start::default();
-    let mut parameters = Storage::new(regions.parameters.clone(), 0..FLASH_BYTES as u32);
-    let signing = Storage::new(regions.signing.clone(), 0..FLASH_BYTES as u32);
+    let mut parameters = Storage::new(regions.parameters.clone(), SmallFlash::REGION);
+    let signing = Storage::new(regions.signing.clone(), SmallFlash::REGION);
     block_on(boot(
         &mut parameters,
         signing,
@@ -287,8 +287,8 @@ fn marks_of_the_signing_time_and_learnt_data_erase_nothing() {
     });
     // The key is there, and what was learnt last.
     let mut start = Start::default();
-    let mut parameters = Storage::new(regions.parameters.clone(), 0..FLASH_BYTES as u32);
-    let signing = Storage::new(regions.signing.clone(), 0..FLASH_BYTES as u32);
+    let mut parameters = Storage::new(regions.parameters.clone(), SmallFlash::REGION);
+    let signing = Storage::new(regions.signing.clone(), SmallFlash::REGION);
     block_on(boot(
         &mut parameters,
         signing,
@@ -326,7 +326,7 @@ fn each_region_is_prepared_once_and_stays_so_over_restarts() {
     }
     assert_eq!(regions.erases(), [1, 1, 1]);
     // None is erased twice for a move, either.
-    let mut parameters: Storage<_> = Storage::new(regions.parameters.clone(), 0..FLASH_BYTES as u32);
+    let mut parameters: Storage<_> = Storage::new(regions.parameters.clone(), SmallFlash::REGION);
     for value in 0..50 {
         block_on(parameters.store(999, value, &|| Erase::Forbidden)).expect("two sectors have room");
     }

@@ -3,7 +3,7 @@
 use embassy_futures::block_on;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Timer};
-use fastrand::Rng;
+use nor_flash::SmallFlash;
 use proptest::prelude::*;
 use rover_battmon::autopilot::{LearntJob, PackIdentity, Start, Work};
 use rover_battmon::battery::{LEARNT_WORDS, LearntPack};
@@ -14,7 +14,6 @@ use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::sensor::AnalogReadings;
 use rover_battmon::tasks::{CheckIn, Shared, keep_learnt, reboot_requested};
 use support::desk::Desk;
-use support::flash::{FLASH_BYTES, Fault, SmallFlash};
 use support::frames::{Frame, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT, of_message, texts_of};
 use support::learnt_record::learnt_words;
 use support::requests::{command_long, param_read_by_name, param_set, reboot};
@@ -396,7 +395,7 @@ fn sampling_writes_nothing_while_nothing_is_learnt() {
 }
 
 fn storage(flash: &SmallFlash) -> Storage<SmallFlash, Words> {
-    Storage::new(flash.clone(), 0..FLASH_BYTES as u32)
+    Storage::new(flash.clone(), SmallFlash::REGION)
 }
 
 fn store(flash: &SmallFlash, identity: PackIdentity, capacity_mah: f32) {
@@ -479,10 +478,10 @@ fn the_task_writes_again_a_minute_after_a_failure() {
     store(&flash, of(Pack::First, None), 2950.0);
     let erase = async |shared: &Shared, until_s| {
         Timer::after_millis(100).await;
-        flash.set_fault(Fault::Refuses { after: 0 });
+        flash.chip().refuse_all_after(0);
         request(shared, &param_set("BATT_LRN_ERASE", 1.0));
         Timer::after_secs(1).await;
-        flash.set_fault(Fault::None);
+        flash.chip().power_up();
         Timer::after_secs(until_s).await;
     };
     for (until_s, expected) in [
@@ -510,16 +509,13 @@ fn power_cut_in_any_operation_of_a_write_loses_no_pack() {
         for after in 0.. {
             let mut was_cut = false;
             for seed in 0..8 {
-                let flash = SmallFlash::with(prepared.bytes());
-                flash.set_fault(Fault::PowerCut {
-                    after,
-                    random: Rng::with_seed(seed),
-                });
+                let flash = prepared.repaired();
+                flash.chip().cut_power_after(after, seed);
                 run_task(&flash, Duration::from_secs(2), async |shared| {
                     Timer::after_millis(100).await;
                     request(shared, &param_set("BATT_LRN_ERASE", 1.0));
                 });
-                was_cut |= flash.is_dark();
+                was_cut |= flash.chip().is_powered_off();
                 let flash = flash.repaired();
                 let found = stored(&flash, of(Pack::First, None));
                 let erased = LearntPack::of(None).to_words();
@@ -547,7 +543,7 @@ fn flipped_bit_never_gives_another_value() {
         store(&flash, of(Pack::First, None), capacity_mah);
     }
     // The first sector has the records.
-    for bit in 0..FLASH_BYTES / 2 * 8 {
+    for bit in 0..SmallFlash::REGION_BYTES / 2 * 8 {
         let spoiled = flash.with_flipped_bit(bit);
         let mut desk = desk_with(&[Pack::First]);
         let identity = of(Pack::First, None);

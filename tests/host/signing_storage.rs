@@ -9,7 +9,7 @@ use embassy_futures::block_on;
 use embassy_futures::join::join3;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
-use fastrand::Rng;
+use nor_flash::SmallFlash;
 use proptest::prelude::*;
 use rover_battmon::autopilot::Start;
 use rover_battmon::host::sim::clock;
@@ -22,7 +22,6 @@ use rover_battmon::tasks::{
     serve_link,
 };
 use support::desk::Desk;
-use support::flash::{FLASH_BYTES, Fault, SmallFlash};
 use support::frames::{Frame, frames, texts_of};
 use support::line::{BYTE_US, Line};
 use support::requests::{param_set, reboot, setup_signing};
@@ -88,7 +87,7 @@ fn run_while(
     let sent = [const { RefCell::new(Vec::new()) }; 3];
     let requests = requests.iter().cloned().collect();
     clock::run_for(Duration::from_secs(seconds), async {
-        let storage = Storage::new(flash.clone(), 0..FLASH_BYTES as u32);
+        let storage = Storage::new(flash.clone(), SmallFlash::REGION);
         let mut start = Start::with_parameters(without_packs());
         let storage = SigningStorage::load(storage, &mut start.signing).await;
         let shared = Shared::new(&start);
@@ -159,7 +158,7 @@ enum Obeys {
 
 fn start(flash: &SmallFlash) -> Signing {
     let mut signing = Signing::off();
-    let storage = Storage::new(flash.clone(), 0..FLASH_BYTES as u32);
+    let storage = Storage::new(flash.clone(), SmallFlash::REGION);
     block_on(SigningStorage::load(storage, &mut signing));
     signing
 }
@@ -221,7 +220,7 @@ fn whichever_bit_flips_the_choice_stays_or_the_key_is_lost() {
         let recording = recorded(seconds - 1);
         assert_eq!(obeys(&flash.repaired(), &recording), expected);
         let mut lost = 0;
-        for bit in 0..8 * FLASH_BYTES {
+        for bit in 0..8 * SmallFlash::REGION_BYTES {
             let outcome = obeys(&flash.with_flipped_bit(bit), &recording);
             assert!(
                 outcome == expected || outcome == Obeys::Nothing,
@@ -242,7 +241,7 @@ fn whichever_bit_flips_the_choice_stays_or_the_key_is_lost() {
 fn damaged_headers_lock_and_blank_flash_does_not() {
     assert_eq!(obeys(&SmallFlash::blank(), &[]), Obeys::Everyone);
     let flash = flash_after(5, &[OLD, NONE, OWNER]);
-    let sector = FLASH_BYTES / 2;
+    let sector = SmallFlash::REGION_BYTES / 2;
     for damaged in [vec![0], vec![1], vec![0, 1]] {
         let mut bytes = flash.bytes();
         for start in damaged.iter().map(|number| number * sector) {
@@ -250,7 +249,7 @@ fn damaged_headers_lock_and_blank_flash_does_not() {
                 bytes[header] ^= 1;
             }
         }
-        let outcome = obeys(&SmallFlash::with(bytes), &recorded(4));
+        let outcome = obeys(&SmallFlash::with(&bytes), &recorded(4));
         // One of the sectors is out of date.
         assert!(
             [Obeys::Key(OWNER), Obeys::Nothing].contains(&outcome),
@@ -267,10 +266,9 @@ fn a_power_cut_at_any_moment_of_a_set_up_never_opens_a_vehicle() {
         let before = flash_after(10, keys);
         for after in 0.. {
             let flash = before.repaired();
-            let random = Rng::with_seed(seed);
-            flash.set_fault(Fault::PowerCut { after, random });
+            flash.chip().cut_power_after(after, seed);
             let run = run(5, &flash, &[set_up(2, OWNER)]);
-            let is_over = !flash.is_dark();
+            let is_over = !flash.chip().is_powered_off();
             let outcome = obeys(&flash.repaired(), &[]);
             let was = obeys(&before.repaired(), &[]);
             let was_said = count(&run.cable, KEY_SET) > 0;
@@ -296,7 +294,7 @@ fn a_key_that_can_not_be_written_is_announced_until_it_is_and_locks_after_a_rest
         let before = flash_after(10, keys);
         for after in 0..8 {
             let flash = before.repaired();
-            flash.set_fault(Fault::Refuses { after });
+            flash.chip().refuse_all_after(after);
             let run = run(130, &flash, &[set_up(2, OWNER)]);
             for frames in [&run.cable, &run.radio] {
                 assert_eq!(count(frames, KEY_SET), 0);
@@ -327,10 +325,10 @@ fn a_key_that_can_not_be_written_is_announced_until_it_is_and_locks_after_a_rest
 #[test]
 fn a_key_that_could_not_be_written_at_first_is_written_later_and_announced_then() {
     let flash = SmallFlash::blank();
-    flash.set_fault(Fault::Refuses { after: 3 });
+    flash.chip().refuse_all_after(3);
     let run = run_while(90, &flash, &[set_up(2, OWNER)], async {
         Timer::after_secs(30).await;
-        flash.set_fault(Fault::None);
+        flash.chip().power_up();
     });
     assert_eq!(texts_of(&run.cable), [NOT_SAVED, KEY_SET]);
     assert_eq!(obeys(&flash, &[]), Obeys::Key(OWNER));
@@ -339,17 +337,17 @@ fn a_key_that_could_not_be_written_at_first_is_written_later_and_announced_then(
 #[test]
 fn a_restart_that_would_lose_the_key_is_announced() {
     let flash = SmallFlash::blank();
-    flash.set_fault(Fault::Refuses { after: 0 });
+    flash.chip().refuse_all_after(0);
     let run = run(30, &flash, &[set_up(2, OWNER), (10, reboot())]);
     assert_eq!(count(&run.cable, NOT_SAVED), 2);
 }
 
 #[test]
 fn a_lost_key_is_announced_on_every_link_until_signing_is_set_up_by_cable() {
-    let mut garbage = vec![0xFF; FLASH_BYTES];
+    let mut garbage = vec![0xFF; SmallFlash::REGION_BYTES];
     garbage[700] = 0x7F;
     for key in [OWNER, NONE] {
-        let flash = SmallFlash::with(garbage.clone());
+        let flash = SmallFlash::with(&garbage);
         let locked = run(20, &flash, &[]);
         for frames in [locked.cable, locked.radio, locked.late_cable] {
             assert_eq!(texts_of(&frames), [KEY_LOST]);
@@ -376,7 +374,7 @@ fn a_lost_key_is_announced_on_every_link_until_signing_is_set_up_by_cable() {
 fn flash_that_fails_while_the_time_is_written_locks_after_a_restart() {
     // The sector fills within minutes. The next one takes nothing, so the time can't be kept.
     let flash = flash_after(10, &[OWNER]);
-    flash.wear_out(1);
+    flash.chip().wear_out(1);
     let run = run(1500, &flash, &[]);
     assert!(count(&run.cable, NOT_SAVED) > 1);
     assert_eq!(obeys(&flash.repaired(), &recorded(1500)), Obeys::Nothing);
@@ -388,13 +386,13 @@ proptest! {
     /// Whatever bytes change: no key but the last one is obeyed, and the vehicle is not open.
     #[test]
     fn no_damage_opens_a_vehicle_whose_owner_has_set_a_key(
-        changes in prop::collection::vec((0..FLASH_BYTES, any::<u8>()), 1..40),
+        changes in prop::collection::vec((0..SmallFlash::REGION_BYTES, any::<u8>()), 1..40),
     ) {
         let mut bytes = FLASH_WITH_KEY.clone();
         for (at, byte) in changes {
             bytes[at] = byte;
         }
-        let outcome = obeys(&SmallFlash::with(bytes), &recorded(4));
+        let outcome = obeys(&SmallFlash::with(&bytes), &recorded(4));
         prop_assert!([Obeys::Key(OWNER), Obeys::Nothing].contains(&outcome), "{:?}", outcome);
     }
 }

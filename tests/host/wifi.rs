@@ -3,7 +3,7 @@
 use embassy_futures::block_on;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Timer};
-use fastrand::Rng;
+use nor_flash::SmallFlash;
 use proptest::prelude::*;
 use rover_battmon::autopilot::{Start, Work};
 use rover_battmon::battery::{PackStatus, ReadError};
@@ -22,7 +22,6 @@ use rover_battmon::wifi::{
     Network, Password, Radio, Ssid, StoredWifi, WIFI_WORDS, WifiMode, WifiRecord, WifiReport,
 };
 use support::desk::{Desk, adc_count};
-use support::flash::{FLASH_BYTES, Fault, SmallFlash};
 use support::frames::{
     COMMAND_ACK, Frame, PARAM_VALUE, ParamValue, WIFI_CONFIG_AP, encode_v2, of_message, texts_of,
 };
@@ -501,7 +500,7 @@ fn gp29_measures_no_pack_on_a_board_with_a_radio() {
 }
 
 fn storage(flash: &SmallFlash) -> Storage<SmallFlash, [u32; WIFI_WORDS]> {
-    Storage::new(flash.clone(), 0..FLASH_BYTES as u32)
+    Storage::new(flash.clone(), SmallFlash::REGION)
 }
 
 fn stored(flash: &SmallFlash) -> StoredWifi {
@@ -557,10 +556,7 @@ fn a_power_cut_while_it_is_written_leaves_the_old_or_the_new_network() {
     let mut outcomes = [0; 2];
     for after in 0..40 {
         let flash = before.repaired();
-        flash.set_fault(Fault::PowerCut {
-            after,
-            random: Rng::with_seed(after),
-        });
+        flash.chip().cut_power_after(after, after);
         run_task(&flash, &[wifi_config("new", "87654321", STATION)]);
         let found = stored(&flash.repaired()).network.expect("one of both");
         let names = ["old", "new"];

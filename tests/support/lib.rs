@@ -2,7 +2,6 @@
 
 pub mod checked;
 pub mod desk;
-pub mod flash;
 pub mod frames;
 pub mod fuzz;
 pub mod learnt_record;

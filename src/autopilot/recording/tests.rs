@@ -9,12 +9,12 @@ use crate::autopilot::{Autopilot, Start};
 use crate::battery::ArmState;
 use crate::crash::{CrashCause, CrashRecord};
 use crate::memory::storage::Erase;
-use crate::memory::storage::flash_model::FlashModel;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::recorder::dataflash::{ArmingMethod, ModeReason, Record};
 use crate::recorder::{FlashOutcome, LogFile, PAYLOAD_BYTES, Ring};
 use crate::time::{Instant, at_us};
 use crate::vehicle::{Fitness, Restart, Vehicle};
+use nor_flash::FlashModel;
 
 const SECTORS: usize = 16;
 

@@ -47,12 +47,10 @@ pub use erase::{Erase, MayErase};
 pub use error::{FlashFault, StorageError};
 pub use value::Value;
 
-pub(crate) use layout::Layout;
+use layout::Layout;
 use record::{Record, Slot};
 use region::{Region, Sector, Unused};
 
-#[cfg(test)]
-pub(crate) mod flash_model;
 #[cfg(test)]
 mod tests;
 

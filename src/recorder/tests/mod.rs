@@ -4,7 +4,7 @@ use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 
 use super::*;
-use crate::memory::storage::flash_model::FlashModel;
+use nor_flash::FlashModel;
 
 mod damage;
 mod power_cuts;

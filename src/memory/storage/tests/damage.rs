@@ -23,7 +23,7 @@ fn used_region() -> (SmallFlash, Values, BTreeSet<(u16, u32)>) {
 
 /// Stores still work, and a store or a clear ends the damage.
 pub(super) fn assert_recovers<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
-    mut flash: FlashModel<SECTOR, PAGE, SECTORS>,
+    mut flash: Flash<SECTOR, PAGE, SECTORS>,
 ) {
     let mut cleared = flash.clone();
     let (mut found, _) = flash.load();

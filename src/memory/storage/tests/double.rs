@@ -10,18 +10,15 @@ use super::*;
 use crate::parameter::{Access, ParameterId};
 
 /// Twenty-six records in a sector of two blocks, and two such sectors.
-type SmallDoubleFlash = FlashModel<176, 64, 4>;
+type SmallDoubleFlash = Flash<176, 64, 4>;
 
-const BOARD_SLOTS: u32 = Region::<BoardFlash, u32>::slots_in(Layout::Double);
+const BOARD_SLOTS: u32 = Region::<<BoardFlash as Reboot>::Chip, u32>::slots_in(Layout::Double);
 
-const SMALL_SLOTS: u32 = Region::<SmallDoubleFlash, u32>::slots_in(Layout::Double);
+const SMALL_SLOTS: u32 = Region::<<SmallDoubleFlash as Reboot>::Chip, u32>::slots_in(Layout::Double);
 
 /// Erased, to be used in sectors of two blocks.
-fn blank<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>() -> FlashModel<SECTOR, PAGE, SECTORS>
-{
-    let mut flash = FlashModel::blank();
-    flash.layout = Layout::Double;
-    flash
+fn blank<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>() -> Flash<SECTOR, PAGE, SECTORS> {
+    Flash::in_sectors(Layout::Double)
 }
 
 /// A region whose active sector is full: its next store moves.

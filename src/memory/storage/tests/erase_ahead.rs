@@ -10,8 +10,8 @@ fn forbidden() -> Erase {
     Erase::Forbidden
 }
 
-fn erases(flash: &SmallFlash) -> u32 {
-    flash.erases.iter().sum()
+fn erases(chip: &<SmallFlash as Reboot>::Chip) -> u32 {
+    chip.erases.iter().sum()
 }
 
 /// A region whose active sector is full: its next store moves.
@@ -77,7 +77,7 @@ fn prepared_sector_takes_a_move_without_an_erase_and_then_there_is_none() {
 
 #[test]
 fn prepared_sector_takes_a_clear_without_an_erase() {
-    type Clear = fn(&mut Storage<&mut SmallFlash>) -> Result<(), StorageError>;
+    type Clear = fn(&mut Storage<&mut <SmallFlash as Reboot>::Chip>) -> Result<(), StorageError>;
     let clears: [Clear; 2] = [
         |storage| block_on(storage.clear(&forbidden)),
         |storage| block_on(storage.start_over(&forbidden)),

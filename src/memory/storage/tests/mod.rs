@@ -1,12 +1,13 @@
 use core::iter;
+use core::ops::{Deref, DerefMut, Range};
 use core::pin::pin;
 use core::task::{Context, Waker};
 use std::collections::BTreeMap;
 
 use embassy_futures::block_on;
+use nor_flash::FlashModel;
 
 use super::*;
-use crate::memory::storage::flash_model::FlashModel;
 
 mod damage;
 mod double;
@@ -14,20 +15,58 @@ mod erase_ahead;
 mod power_cuts;
 mod wide;
 
+/// A flash chip, and the sectors in which a storage uses it.
+#[derive(Clone)]
+struct Flash<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> {
+    chip: FlashModel<SECTOR, PAGE, SECTORS>,
+    layout: Layout,
+}
+
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> Flash<SECTOR, PAGE, SECTORS> {
+    const REGION: Range<u32> = FlashModel::<SECTOR, PAGE, SECTORS>::REGION;
+
+    fn blank() -> Self {
+        Self::in_sectors(Layout::Single)
+    }
+
+    fn in_sectors(layout: Layout) -> Self {
+        Self {
+            chip: FlashModel::blank(),
+            layout,
+        }
+    }
+}
+
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> Deref for Flash<SECTOR, PAGE, SECTORS> {
+    type Target = FlashModel<SECTOR, PAGE, SECTORS>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.chip
+    }
+}
+
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> DerefMut for Flash<SECTOR, PAGE, SECTORS> {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.chip
+    }
+}
+
 /// As on the board.
-type BoardFlash = FlashModel<4096, 256, 4>;
+type BoardFlash = Flash<4096, 256, 4>;
 /// Twelve records per sector, so that a few stores wrap around the ring.
-type SmallFlash = FlashModel<176, 64, 3>;
+type SmallFlash = Flash<176, 64, 3>;
 
-const BOARD_SLOTS: u32 = Region::<BoardFlash, u32>::slots_in(Layout::Single);
+const BOARD_SLOTS: u32 = Region::<<BoardFlash as Reboot>::Chip, u32>::slots_in(Layout::Single);
 
-const SMALL_SLOTS: u32 = Region::<SmallFlash, u32>::slots_in(Layout::Single);
+const SMALL_SLOTS: u32 = Region::<<SmallFlash as Reboot>::Chip, u32>::slots_in(Layout::Single);
 
 type Values = BTreeMap<u16, u32>;
 
 /// Calls with a new `Storage`, as after a reboot.
-trait Reboot: NorFlash + Sized {
-    fn storage(&mut self) -> Storage<&mut Self>;
+trait Reboot {
+    type Chip: NorFlash;
+
+    fn storage(&mut self) -> Storage<&mut Self::Chip>;
 
     fn store(&mut self, key: u16, value: u32) -> Result<Stored, StorageError> {
         block_on(self.storage().store(key, value, &Erase::always))
@@ -50,12 +89,11 @@ trait Reboot: NorFlash + Sized {
     }
 }
 
-impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> Reboot
-    for FlashModel<SECTOR, PAGE, SECTORS>
-{
-    fn storage(&mut self) -> Storage<&mut Self> {
-        let layout = self.layout;
-        Storage::with_layout(self, Self::REGION, layout)
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> Reboot for Flash<SECTOR, PAGE, SECTORS> {
+    type Chip = FlashModel<SECTOR, PAGE, SECTORS>;
+
+    fn storage(&mut self) -> Storage<&mut Self::Chip> {
+        Storage::with_layout(&mut self.chip, Self::REGION, self.layout)
     }
 }
 
@@ -272,7 +310,7 @@ fn region_of_less_than_two_sectors_is_full() {
         Range { start: 352, end: 176 },
     ] {
         let mut flash = SmallFlash::blank();
-        let mut storage = Storage::new(&mut flash, range);
+        let mut storage = Storage::new(&mut flash.chip, range);
         assert_eq!(
             block_on(storage.load(&mut |_, _| panic!("found a value"))),
             Ok(())

@@ -46,7 +46,7 @@ pub(super) fn step() -> impl Strategy<Value = Step> {
 ///
 /// Returns the number of steps run, including the interrupted one.
 pub(super) fn run_until_power_cut<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
-    flash: &mut FlashModel<SECTOR, PAGE, SECTORS>,
+    flash: &mut Flash<SECTOR, PAGE, SECTORS>,
     steps: &[Step],
     values: &mut Values,
 ) -> usize {
@@ -77,7 +77,7 @@ pub(super) fn run_until_power_cut<const SECTOR: usize, const PAGE: usize, const 
 /// Cuts power in every operation of `steps`, in `ways` ways each, once more soon after, and then runs the remaining
 /// steps.
 pub(super) fn cut_everywhere<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
-    prepared: &FlashModel<SECTOR, PAGE, SECTORS>,
+    prepared: &Flash<SECTOR, PAGE, SECTORS>,
     steps: &[Step],
     ways: u64,
 ) {
@@ -172,7 +172,11 @@ fn write_without_effect_is_detected() {
                 step.run(&mut storage).unwrap();
             }
             step.apply(&mut expected);
-            let found = storage.region.flash.clone().load();
+            let mut copy = Flash {
+                chip: storage.region.flash.clone(),
+                layout: Layout::Single,
+            };
+            let found = copy.load();
             assert_eq!(
                 found,
                 (expected.clone(), Ok(())),

@@ -9,12 +9,12 @@ use super::*;
 type Words = [u32; 14];
 
 /// Six records a sector.
-type WideFlash = FlashModel<400, 64, 3>;
+type WideFlash = Flash<400, 64, 3>;
 
-const SLOTS: u32 = Region::<WideFlash, Words>::slots_in(Layout::Single);
+const SLOTS: u32 = Region::<<WideFlash as Reboot>::Chip, Words>::slots_in(Layout::Single);
 
-fn storage(flash: &mut WideFlash) -> Storage<&mut WideFlash, Words> {
-    Storage::new(flash, WideFlash::REGION)
+fn storage(flash: &mut WideFlash) -> Storage<&mut <WideFlash as Reboot>::Chip, Words> {
+    Storage::new(&mut flash.chip, WideFlash::REGION)
 }
 
 /// Each word differs, so that a torn record shows.
@@ -31,15 +31,18 @@ fn store(flash: &mut WideFlash, key: u32, number: u32) {
         .expect("there is room");
 }
 
-fn network_of(flash: &mut BoardFlash) -> Storage<&mut BoardFlash, [u32; 25]> {
-    Storage::new(flash, BoardFlash::REGION)
+fn network_of(flash: &mut BoardFlash) -> Storage<&mut <BoardFlash as Reboot>::Chip, [u32; 25]> {
+    Storage::new(&mut flash.chip, BoardFlash::REGION)
 }
 
 #[test]
 fn board_sector_holds_63_wide_records() {
-    assert_eq!(Region::<BoardFlash, Words>::slots_in(Layout::Single), 63);
+    assert_eq!(
+        Region::<<BoardFlash as Reboot>::Chip, Words>::slots_in(Layout::Single),
+        63
+    );
     let mut flash = BoardFlash::blank();
-    let mut storage: Storage<_, Words> = Storage::new(&mut flash, BoardFlash::REGION);
+    let mut storage: Storage<_, Words> = Storage::new(&mut flash.chip, BoardFlash::REGION);
     for number in 0..4 * 63 {
         assert_eq!(
             block_on(storage.store(3, words(number), &Erase::always)),
@@ -76,8 +79,12 @@ fn wide_key_is_read_after_a_reboot() {
 fn region_of_another_width_is_empty_and_is_taken_over() {
     let mut flash = WideFlash::blank();
     for number in 0..80_u16 {
-        block_on(Storage::<_, u32>::new(&mut flash, WideFlash::REGION).store(number % 5, 9, &Erase::always))
-            .unwrap();
+        block_on(Storage::<_, u32>::new(&mut flash.chip, WideFlash::REGION).store(
+            number % 5,
+            9,
+            &Erase::always,
+        ))
+        .unwrap();
     }
     for key in 0..5 {
         assert_eq!(read(&mut flash, key), None);

@@ -1,11 +1,15 @@
-//! Simulated NOR flash for tests, with operation counters, injected failures and power cuts.
+//! A NOR flash for code that runs on the host and uses the traits of `embedded-storage-async`, with operation counters,
+//! injected failures and power cuts. A crate of its own for the unit tests of the library, which can depend on none that
+//! depends on it. The chip of an emulated board is part of the emulator.
+
+use std::cell::{RefCell, RefMut};
+use std::ops::Range;
+use std::rc::Rc;
 
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 use fastrand::Rng;
-
-use crate::memory::storage::Layout;
 
 /// Content around the region, which must not change.
 const MARGIN_BYTE: u8 = 0x5A;
@@ -18,13 +22,13 @@ const MARGIN_BYTE: u8 = 0x5A;
 pub struct FlashModel<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> {
     bytes: Vec<u8>,
     fault: Fault,
-    /// The sectors in which a storage uses it.
-    pub layout: Layout,
     /// Bits stuck at 0, as address and mask.
     pub stuck: Option<(usize, u8)>,
     pub reads: u64,
     pub programs: u64,
     pub erases: [u32; SECTORS],
+    /// Sectors that refuse every operation.
+    worn: [bool; SECTORS],
     /// Sectors of which the last erase was cut short, which may read as blank without retaining data.
     half_erased: [bool; SECTORS],
 }
@@ -39,6 +43,10 @@ enum Fault {
     },
     /// The operation after `operations` more does nothing and returns an error.
     Refuse {
+        operations: u64,
+    },
+    /// Every operation after `operations` more does nothing and returns an error.
+    RefuseAll {
         operations: u64,
     },
     /// The program after `operations` more returns success without writing its first byte.
@@ -67,7 +75,7 @@ impl NorFlashError for FlashFailed {
 
 impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SECTOR, PAGE, SECTORS> {
     /// The region that may be used.
-    pub const REGION: core::ops::Range<u32> = SECTOR as u32..(SECTOR * (SECTORS + 1)) as u32;
+    pub const REGION: Range<u32> = SECTOR as u32..(SECTOR * (SECTORS + 1)) as u32;
 
     /// Erased, as from the factory.
     pub fn blank() -> Self {
@@ -76,11 +84,11 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
         Self {
             bytes,
             fault: Fault::None,
-            layout: Layout::Single,
             stuck: None,
             reads: 0,
             programs: 0,
             erases: [0; SECTORS],
+            worn: [false; SECTORS],
             half_erased: [false; SECTORS],
         }
     }
@@ -104,6 +112,11 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
 
     pub fn refuse_after(&mut self, operations: u64) {
         self.fault = Fault::Refuse { operations };
+    }
+
+    /// From the operation after `operations` more on, until power is restored.
+    pub fn refuse_all_after(&mut self, operations: u64) {
+        self.fault = Fault::RefuseAll { operations };
     }
 
     pub fn slip_after(&mut self, operations: u64) {
@@ -133,10 +146,18 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
         );
     }
 
-    fn outcome(&mut self) -> Result<OperationOutcome, FlashFailed> {
+    /// From now on this sector of the region refuses every operation.
+    pub fn wear_out(&mut self, sector: usize) {
+        self.worn[sector] = true;
+    }
+
+    fn outcome(&mut self, address: usize) -> Result<OperationOutcome, FlashFailed> {
+        if self.worn.get(address / SECTOR - 1) == Some(&true) {
+            return Err(FlashFailed);
+        }
         match &mut self.fault {
             Fault::None => Ok(OperationOutcome::Done),
-            Fault::PoweredOff => Err(FlashFailed),
+            Fault::PoweredOff | Fault::RefuseAll { operations: 0 } => Err(FlashFailed),
             Fault::Cut {
                 operations: 0,
                 random,
@@ -153,15 +174,54 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
                 self.fault = Fault::None;
                 Ok(OperationOutcome::Slipped)
             }
-            Fault::Cut { operations, .. } | Fault::Refuse { operations } | Fault::Slip { operations } => {
+            Fault::Cut { operations, .. }
+            | Fault::Refuse { operations }
+            | Fault::RefuseAll { operations }
+            | Fault::Slip { operations } => {
                 *operations -= 1;
                 Ok(OperationOutcome::Done)
             }
         }
     }
 
+    fn read_now(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashFailed> {
+        if self.is_powered_off() {
+            return Err(FlashFailed);
+        }
+        self.reads += 1;
+        let offset = offset as usize;
+        assert!(
+            offset.is_multiple_of(4) && bytes.len().is_multiple_of(4),
+            "unaligned read"
+        );
+        bytes.copy_from_slice(&self.bytes[offset..offset + bytes.len()]);
+        Ok(())
+    }
+
+    fn erase_now(&mut self, from: u32, to: u32) -> Result<(), FlashFailed> {
+        let (from, to) = (from as usize, to as usize);
+        assert!(
+            from.is_multiple_of(SECTOR) && to.is_multiple_of(SECTOR),
+            "unaligned erase"
+        );
+        (from..to)
+            .step_by(SECTOR)
+            .try_for_each(|address| self.erase_sector(address))
+    }
+
+    fn write_now(&mut self, offset: u32, mut bytes: &[u8]) -> Result<(), FlashFailed> {
+        let mut address = offset as usize;
+        while !bytes.is_empty() {
+            let (page, rest) = bytes.split_at(bytes.len().min(PAGE - address % PAGE));
+            self.program_page(address, page)?;
+            address += page.len();
+            bytes = rest;
+        }
+        Ok(())
+    }
+
     fn program_page(&mut self, address: usize, data: &[u8]) -> Result<(), FlashFailed> {
-        let outcome = self.outcome()?;
+        let outcome = self.outcome(address)?;
         self.programs += 1;
         let cells = &mut self.bytes[address..address + data.len()];
         assert!(
@@ -193,7 +253,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> FlashModel<SE
     }
 
     fn erase_sector(&mut self, address: usize) -> Result<(), FlashFailed> {
-        let outcome = self.outcome()?;
+        let outcome = self.outcome(address)?;
         let sector = address / SECTOR - 1;
         self.erases[sector] += 1;
         self.half_erased[sector] = matches!(outcome, OperationOutcome::Torn(_));
@@ -237,17 +297,7 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> ReadNorFlash
     const READ_SIZE: usize = 4;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashFailed> {
-        if self.is_powered_off() {
-            return Err(FlashFailed);
-        }
-        self.reads += 1;
-        let offset = offset as usize;
-        assert!(
-            offset.is_multiple_of(4) && bytes.len().is_multiple_of(4),
-            "unaligned read"
-        );
-        bytes.copy_from_slice(&self.bytes[offset..offset + bytes.len()]);
-        Ok(())
+        self.read_now(offset, bytes)
     }
 
     fn capacity(&self) -> usize {
@@ -262,24 +312,92 @@ impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> NorFlash
     const ERASE_SIZE: usize = SECTOR;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashFailed> {
-        let (from, to) = (from as usize, to as usize);
-        assert!(
-            from.is_multiple_of(SECTOR) && to.is_multiple_of(SECTOR),
-            "unaligned erase"
-        );
-        (from..to)
-            .step_by(SECTOR)
-            .try_for_each(|address| self.erase_sector(address))
+        self.erase_now(from, to)
     }
 
-    async fn write(&mut self, offset: u32, mut bytes: &[u8]) -> Result<(), FlashFailed> {
-        let mut address = offset as usize;
-        while !bytes.is_empty() {
-            let (page, rest) = bytes.split_at(bytes.len().min(PAGE - address % PAGE));
-            self.program_page(address, page)?;
-            address += page.len();
-            bytes = rest;
-        }
-        Ok(())
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashFailed> {
+        self.write_now(offset, bytes)
+    }
+}
+
+/// A sector takes 40 records of 12 bytes, so that a few minutes go round both.
+pub type SmallFlash = SharedFlash<512, 256, 2>;
+
+/// A [`FlashModel`] that outlasts restarts of what uses it: a clone is the same chip.
+#[derive(Clone)]
+pub struct SharedFlash<const SECTOR: usize, const PAGE: usize, const SECTORS: usize>(
+    Rc<RefCell<FlashModel<SECTOR, PAGE, SECTORS>>>,
+);
+
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> SharedFlash<SECTOR, PAGE, SECTORS> {
+    /// The region that may be used.
+    pub const REGION: Range<u32> = FlashModel::<SECTOR, PAGE, SECTORS>::REGION;
+    pub const REGION_BYTES: usize = SECTOR * SECTORS;
+
+    pub fn blank() -> Self {
+        Self(Rc::new(RefCell::new(FlashModel::blank())))
+    }
+
+    /// A chip with this content in its region.
+    pub fn with(bytes: &[u8]) -> Self {
+        let flash = Self::blank();
+        flash.chip().region().copy_from_slice(bytes);
+        flash
+    }
+
+    pub fn chip(&self) -> RefMut<'_, FlashModel<SECTOR, PAGE, SECTORS>> {
+        self.0.borrow_mut()
+    }
+
+    /// The content of the region.
+    pub fn bytes(&self) -> Vec<u8> {
+        self.chip().region().to_vec()
+    }
+
+    /// The same content in a chip that works.
+    pub fn repaired(&self) -> Self {
+        Self::with(&self.bytes())
+    }
+
+    /// The same content in a chip that works, with one bit changed.
+    pub fn with_flipped_bit(&self, bit: usize) -> Self {
+        let mut bytes = self.bytes();
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        Self::with(&bytes)
+    }
+}
+
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> ErrorType
+    for SharedFlash<SECTOR, PAGE, SECTORS>
+{
+    type Error = FlashFailed;
+}
+
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> ReadNorFlash
+    for SharedFlash<SECTOR, PAGE, SECTORS>
+{
+    const READ_SIZE: usize = FlashModel::<SECTOR, PAGE, SECTORS>::READ_SIZE;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashFailed> {
+        self.0.borrow_mut().read_now(offset, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        self.0.borrow().capacity()
+    }
+}
+
+impl<const SECTOR: usize, const PAGE: usize, const SECTORS: usize> NorFlash
+    for SharedFlash<SECTOR, PAGE, SECTORS>
+{
+    const WRITE_SIZE: usize = FlashModel::<SECTOR, PAGE, SECTORS>::WRITE_SIZE;
+    const ERASE_SIZE: usize = FlashModel::<SECTOR, PAGE, SECTORS>::ERASE_SIZE;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashFailed> {
+        self.0.borrow_mut().erase_now(from, to)
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashFailed> {
+        self.0.borrow_mut().write_now(offset, bytes)
     }
 }
