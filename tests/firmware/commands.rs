@@ -1,33 +1,22 @@
 //! Intervals and requests, through the telemetry port.
 
-use emulator::LogLevel;
 use support::frames::{
-    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, MESSAGE_INTERVAL, PING,
-    PROTOCOL_VERSION, SYS_STATUS, TIMESYNC, of_message,
+    AUTOPILOT_VERSION, BATTERY_STATUS, COMMAND_ACK, Frame, HEARTBEAT, MESSAGE_INTERVAL, PROTOCOL_VERSION,
+    SYS_STATUS, of_message,
 };
-use support::requests::{
-    command_int, command_int_2, command_long, command_long_2, param_set, ping, radio_status,
-    request_data_stream, timesync,
-};
-use workbench::bench::{Bench, SECOND, is_learnt};
+use support::requests::{command_int, command_long, command_long_2, param_set, radio_status};
+use workbench::bench::{Bench, SECOND};
 use workbench::runs::rates_asked_for::{self, assert_rates};
 
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const GET_MESSAGE_INTERVAL: u16 = 510;
 const REQUEST_MESSAGE: u16 = 512;
-const BATTERY_RESET: u16 = 42651;
 const REQUEST_PROTOCOL_VERSION: u16 = 519;
 const REQUEST_AUTOPILOT_CAPABILITIES: u16 = 520;
 
 const ACCEPTED: u8 = 0;
 const DENIED: u8 = 2;
 const UNSUPPORTED: u8 = 3;
-const FAILED: u8 = 4;
-
-const STREAM_ALL: u8 = 0;
-const STREAM_EXTENDED_STATUS: u8 = 2;
-const STREAM_EXTRA1: u8 = 10;
-const STREAM_EXTRA3: u8 = 12;
 
 /// So long rates are counted; longer ones are in `tests/endurance`.
 const RATE_US: u64 = 20 * SECOND;
@@ -42,36 +31,9 @@ fn result(answers: &[Frame]) -> u8 {
     of_message(answers, COMMAND_ACK)[0].u8(2)
 }
 
-/// How many frames of a message leave in `seconds`.
-fn count(bench: &mut Bench, message: u32, seconds: u64) -> usize {
-    let from_us = bench.time_us();
-    bench.run_for(seconds * SECOND);
-    let frames = bench.frames();
-    of_message(&frames, message)
-        .iter()
-        .filter(|frame| frame.at_us > from_us)
-        .count()
-}
-
 #[test]
 fn an_interval_is_kept_within_one_percent_and_for_its_message_alone() {
     rates_asked_for::by_interval(10 * SECOND);
-}
-
-#[test]
-fn a_message_is_turned_off_and_put_back() {
-    let mut bench = running();
-    assert_eq!(
-        result(&bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, 147.0, -1.0))),
-        ACCEPTED
-    );
-    assert_eq!(count(&mut bench, BATTERY_STATUS, 10), 0);
-    assert_eq!(count(&mut bench, SYS_STATUS, 10), 20);
-    assert_eq!(
-        result(&bench.ask(&command_long_2(SET_MESSAGE_INTERVAL, 147.0, 0.0))),
-        ACCEPTED
-    );
-    assert_rates(&mut bench, RATE_US, &[(BATTERY_STATUS, 2.0)]);
 }
 
 #[test]
@@ -96,28 +58,6 @@ fn bad_intervals_are_denied_and_unknown_messages_unsupported() {
         DENIED
     );
     assert_rates(&mut bench, RATE_US, &[(BATTERY_STATUS, 2.0)]);
-}
-
-#[test]
-fn the_pack_is_reset_by_either_form_of_the_command() {
-    let mut bench = running();
-    for request in [
-        command_long_2(BATTERY_RESET, 1.0, 56.0),
-        command_int_2(BATTERY_RESET, 65535.0, 56.0),
-        command_long_2(BATTERY_RESET, -1.0, 56.0),
-    ] {
-        assert_eq!(result(&bench.ask(&request)), ACCEPTED);
-    }
-    assert_eq!(bench.logged(LogLevel::Info, "ResetBatteries").len(), 3);
-    assert_eq!(
-        result(&bench.ask(&command_long_2(BATTERY_RESET, 2.0, 56.0))),
-        FAILED
-    );
-    assert_eq!(
-        result(&bench.ask(&command_long_2(BATTERY_RESET, 1.0, f32::NAN))),
-        DENIED
-    );
-    assert_eq!(bench.logged(LogLevel::Info, "ResetBatteries").len(), 3);
 }
 
 #[test]
@@ -166,53 +106,6 @@ fn a_streamed_message_comes_on_request_while_it_is_off() {
             .count();
         assert_eq!(sent, 1, "message {message}");
     }
-}
-
-#[test]
-fn a_requested_stream_rate_is_live_until_the_parameter_is_set() {
-    let mut bench = running();
-    bench.ask(&request_data_stream(STREAM_EXTRA1, 10, 1));
-    assert_rates(&mut bench, RATE_US, &[(BATTERY_STATUS, 10.0)]);
-    bench.ask(&request_data_stream(STREAM_ALL, 4, 1));
-    assert_rates(&mut bench, RATE_US, &[(SYS_STATUS, 4.0)]);
-    bench.ask(&request_data_stream(STREAM_EXTENDED_STATUS, 5, 1));
-    bench.ask(&request_data_stream(STREAM_EXTRA3, 1, 1));
-    // Another stream than ours.
-    bench.ask(&request_data_stream(11, 50, 1));
-    assert_rates(&mut bench, RATE_US, &[(SYS_STATUS, 5.0), (BATTERY_STATUS, 1.0)]);
-    bench.ask(&request_data_stream(STREAM_EXTENDED_STATUS, 5, 0));
-    assert_eq!(count(&mut bench, SYS_STATUS, 5), 0);
-    assert_eq!(count(&mut bench, BATTERY_STATUS, 5), 5);
-    bench.ask(&request_data_stream(STREAM_EXTRA1, 10, 0));
-    assert_eq!(count(&mut bench, BATTERY_STATUS, 5), 0);
-    // To the value it has had all the time.
-    bench.ask(&param_set("SR0_EXTRA1", 2.0));
-    assert_rates(&mut bench, RATE_US, &[(BATTERY_STATUS, 2.0)]);
-    assert!(
-        bench.flash_operations().iter().all(is_learnt),
-        "nothing of it was saved"
-    );
-}
-
-#[test]
-fn ping_and_timesync_are_answered() {
-    let mut bench = running();
-    let answers = bench.ask(&ping(123_456, 7));
-    let pong = of_message(&answers, PING)[0];
-    assert_eq!(
-        (pong.u32(0), pong.u32(8), pong.u8(12), pong.u8(13)),
-        (123_456, 7, 255, 190)
-    );
-
-    let asked_us = bench.time_us();
-    let answers = bench.ask(&timesync(42));
-    let time = of_message(&answers, TIMESYNC)[0];
-    assert_eq!(time.u32(8), 42);
-    let reported_us = (u64::from(time.u32(0)) | u64::from(time.u32(4)) << 32) / 1000;
-    assert!(
-        reported_us >= asked_us && reported_us < asked_us + SECOND / 10,
-        "{reported_us} us, asked at {asked_us} us"
-    );
 }
 
 #[test]

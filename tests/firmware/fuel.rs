@@ -7,7 +7,6 @@ use support::frames::{
 use support::requests::command_long_2;
 use workbench::bench::{Bench, SECOND};
 
-const SET_MESSAGE_INTERVAL: u16 = 511;
 const REQUEST_MESSAGE: u16 = 512;
 const BATTERY_RESET: u16 = 42651;
 const ACCEPTED: u8 = 0;
@@ -81,50 +80,6 @@ fn the_level_falls_from_full_to_empty() {
         );
         assert!(fuel.f32(4).is_nan() && fuel.f32(12).is_nan() && fuel.f32(16).is_nan());
     }
-}
-
-#[test]
-fn sloshing_is_filtered_unless_the_owner_wants_it() {
-    let mut bench = with_tank(&[]);
-    let slosh = |bench: &mut Bench| {
-        for step in 0..20 {
-            bench.adc_input(LEVEL, code(if step % 2 == 0 { 200 } else { 100 }));
-            bench.run_for(SECOND / 4);
-        }
-        let from_us = bench.time_us();
-        for step in 0..20 {
-            bench.adc_input(LEVEL, code(if step % 2 == 0 { 200 } else { 100 }));
-            bench.run_for(SECOND / 4);
-        }
-        let frames = bench.frames_since(from_us);
-        let levels = of_message(&frames, BATTERY_STATUS)
-            .into_iter()
-            .filter(|frame| BatteryStatus(frame).instance() == 1)
-            .map(|frame| BatteryStatus(frame).remaining_pct());
-        let levels: Vec<_> = levels.collect();
-        levels.iter().max().unwrap() - levels.iter().min().unwrap()
-    };
-    bench.set("SR0_EXTRA1", 10.0);
-    let filtered_pct = slosh(&mut bench);
-    assert!(filtered_pct < 15, "{filtered_pct} %");
-    bench.set("BATT2_FL_FLTR", -1.0);
-    assert!(slosh(&mut bench) >= 49);
-}
-
-#[test]
-fn fuel_is_streamed_to_those_who_ask_and_of_tanks_only() {
-    let mut bench = with_tank(&[]);
-    assert!(of_message(&bench.frames(), FUEL_STATUS).is_empty());
-    assert_eq!(ask_for_fuel(&mut bench, 0.0), (DENIED, None), "a battery");
-    let every_second = command_long_2(SET_MESSAGE_INTERVAL, FUEL_STATUS as f32, 1e6);
-    let answers = bench.ask(&every_second);
-    assert_eq!(of_message(&answers, COMMAND_ACK)[0].u8(2), ACCEPTED);
-    let from_us = bench.time_us();
-    bench.run_for(10 * SECOND);
-    let frames = bench.frames_since(from_us);
-    let sent = of_message(&frames, FUEL_STATUS);
-    assert_eq!(sent.len(), 10);
-    assert!(sent.iter().all(|frame| frame.u8(24) == 1));
 }
 
 #[test]

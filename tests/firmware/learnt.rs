@@ -8,14 +8,13 @@ use rover_battmon::memory::flash_map;
 use rover_battmon::memory::storage::{Erase, Storage};
 use rover_battmon::pack::Pack;
 
-use emulator::{FlashCut, LogLevel};
-use support::frames::{PARAM_ERROR, STATUSTEXT, of_message};
+use emulator::LogLevel;
+use support::frames::{STATUSTEXT, of_message};
 use support::learnt_record::learnt_words;
 use support::requests::{command_long, param_read_by_name, param_set, reboot};
 use workbench::bench::{
     Bench, DIVIDER_CODE, LEARNT_BYTES, LEARNT_OFFSET, MILLISECOND, SAVED_US, SECOND, SECTOR_BYTES, value_of,
 };
-use workbench::runs::flash_cuts::Leader;
 
 const PREFLIGHT_STORAGE: u16 = 245;
 
@@ -111,41 +110,6 @@ fn it_is_read_by_the_second_sampling_tick_and_survives_power_cycles_and_a_parame
 }
 
 #[test]
-fn it_does_not_survive_being_erased() {
-    let mut bench = board_with([(FIRST, 2950.0), (FIRST_7, 1000.0)]);
-    let answers = bench.ask(&param_set("BATT_LRN_ERASE", 1.0));
-    assert_eq!(value_of(&answers, "BATT_LRN_ERASE"), Some(1.0), "acknowledged");
-    assert_eq!(
-        value_of(&answers, "BATT_LRN_CAP"),
-        Some(0.0),
-        "sent as it has changed"
-    );
-    assert_eq!(read(&mut bench, "BATT_LRN_ERASE"), 0.0);
-    bench.run_for(SAVED_US);
-    bench.power_cycle();
-    bench.run_for(SECOND);
-    assert_eq!(capacity_mah(&mut bench), 0.0);
-    assert_eq!(read(&mut bench, "BATT_LRN_ERASE"), 0.0);
-    bench.set("BATT_SERIAL_NUM", 7.0);
-    bench.run_for(SAVED_US);
-    assert_eq!(capacity_mah(&mut bench), 1000.0, "another pack is untouched");
-    let warnings = bench.logged(LogLevel::Warn, "");
-    assert!(warnings.is_empty(), "{warnings:?}");
-}
-
-#[test]
-fn another_serial_number_does_not_see_it() {
-    let mut bench = board_with([(FIRST, 2950.0), (FIRST_7, 1000.0)]);
-    for (serial_number, expected) in [(8.0, 0.0), (7.0, 1000.0), (-1.0, 2950.0), (7.0, 1000.0)] {
-        bench.set("BATT_SERIAL_NUM", serial_number);
-        bench.run_for(SAVED_US);
-        assert_eq!(capacity_mah(&mut bench), expected, "{serial_number}");
-    }
-    bench.reboot();
-    assert_eq!(capacity_mah(&mut bench), 1000.0);
-}
-
-#[test]
 fn it_is_written_before_a_restart() {
     let mut bench = board_with(full_sector());
     let now_us = bench.time_us();
@@ -155,18 +119,6 @@ fn it_is_written_before_a_restart() {
     assert!(bench.run_until(4 * SECOND, |board| board.resets().len() > resets));
     bench.run_for(SECOND);
     assert_eq!(capacity_mah(&mut bench), 0.0);
-}
-
-#[test]
-fn read_only_values_can_not_be_set() {
-    let mut bench = board_with([(FIRST, 2950.0)]);
-    let answers = bench.ask(&param_set("BATT_LRN_CAP", 5000.0));
-    assert_eq!(value_of(&answers, "BATT_LRN_CAP"), Some(2950.0));
-    assert_eq!(of_message(&answers, PARAM_ERROR).len(), 1);
-    let texts = of_message(&answers, STATUSTEXT);
-    assert_eq!(texts[0].text(1, 50), "Param write denied (BATT_LRN_CAP)");
-    bench.run_for(SAVED_US);
-    assert!(bench.flash_operations().is_empty());
 }
 
 #[test]
@@ -207,34 +159,4 @@ fn worn_out_region_is_announced_once_and_nothing_else_suffers() {
     bench.run_for(SECOND);
     assert_eq!(read(&mut bench, "BATT_LOW_VOLT"), 6.5);
     assert_eq!(capacity_mah(&mut bench), 2950.0, "it was not erased");
-}
-
-#[test]
-fn a_power_cut_in_any_flash_operation_of_a_write_leaves_old_or_new() {
-    let flash = flash_with(full_sector());
-    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, LEARNT_OFFSET, &flash);
-    bench.run_for(300 * MILLISECOND);
-    for cut in FlashCut::ALL {
-        let erase = |bench: &mut Bench| {
-            let now_us = bench.time_us();
-            bench.uart_send(0, now_us, &param_set("BATT_LRN_ERASE", 1.0));
-            bench.run_for(150 * MILLISECOND);
-        };
-        let after_cut = |mut bench: Bench, operation| {
-            bench.forget_sent();
-            bench.power_cycle();
-            bench.run_for(300 * MILLISECOND);
-            let found = capacity_mah(&mut bench);
-            assert!(
-                [0.0, 2950.0].contains(&found),
-                "operation {operation}, {cut:?}: {found}"
-            );
-            bench.set("BATT_SERIAL_NUM", 7.0);
-            bench.run_for(50 * MILLISECOND);
-            assert_eq!(capacity_mah(&mut bench), 1000.0, "operation {operation}, {cut:?}");
-        };
-        let mut leader = Leader::new(bench.clone(), cut, 1..);
-        leader.step(erase, after_cut);
-        assert!(leader.begun() >= 6, "an erase and five programs, or more");
-    }
 }

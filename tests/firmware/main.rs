@@ -32,7 +32,6 @@ mod power_cuts;
 mod pulses_and_esc;
 mod reception;
 mod rover;
-mod safe_driving;
 mod sampling;
 mod serial;
 mod serial_engine;

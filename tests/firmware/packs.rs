@@ -1,13 +1,12 @@
 //! Up to nine packs: how they are measured, counted and reported.
 
-use crate::lamps::{LAMPS, decode};
 use emulator::{AdcInput, LogLevel};
 use support::frames::{
     BATTERY_STATUS, BatteryStatus, COMMAND_ACK, Frame, HEARTBEAT, NAMED_VALUE_FLOAT, SYS_STATUS, SysStatus,
     last_of, of_message, texts_of,
 };
 use support::requests::command_long_2;
-use workbench::bench::{Bench, MILLISECOND, PACK, SECOND};
+use workbench::bench::{Bench, PACK, SECOND};
 
 /// A current sensor on GP27, and another pin that is free.
 const CURRENT: usize = 1;
@@ -233,39 +232,6 @@ fn what_was_consumed_survives_a_watchdog_reset_but_not_a_power_cycle() {
 }
 
 #[test]
-fn what_was_consumed_is_not_kept_behind_another_monitor() {
-    const SYNTHETIC_CURRENT: f32 = 25.0;
-    for (monitor, is_kept) in [(4.0, true), (SYNTHETIC_CURRENT, false)] {
-        let mut bench = Bench::configured(HALF_FULL_3S, &WITH_CURRENT);
-        bench.adc_input(CURRENT, AdcInput::Code(ONE_VOLT));
-        bench.run_for(30 * SECOND);
-        bench.set("BATT_MONITOR", monitor);
-        assert!(
-            last_of(&bench.frames(), 0).consumed_mah() > 130,
-            "it takes effect at boot"
-        );
-        bench.adc_input(CURRENT, AdcInput::Code(0));
-        bench.reboot();
-        bench.run_for(2 * SECOND);
-        let consumed_mah = last_of(&bench.frames(), 0).consumed_mah();
-        assert_eq!(
-            consumed_mah > 130,
-            is_kept,
-            "BATT_MONITOR {monitor}: {consumed_mah} mAh"
-        );
-    }
-}
-
-#[test]
-fn a_pack_for_internal_use_is_not_reported() {
-    let mut bench = Bench::configured(2482, &[("BATT2_MONITOR", 3.0), ("BATT2_OPTIONS", 256.0)]);
-    let from_us = bench.time_us();
-    bench.run_for(10 * SECOND);
-    let frames = bench.frames_since(from_us);
-    assert_eq!((count_of(&frames, 0), count_of(&frames, 1)), (20, 0));
-}
-
-#[test]
 fn the_resting_voltage_is_sent_when_that_is_asked_for() {
     let mut bench = Bench::configured(HALF_FULL_3S, &WITH_CURRENT);
     bench.set("BATT_OPTIONS", 64.0);
@@ -317,29 +283,6 @@ fn the_resting_voltage_is_sent_when_that_is_asked_for() {
 }
 
 #[test]
-fn a_nearly_empty_pack_is_announced_and_shown_without_any_threshold() {
-    let mut bench = Bench::configured(HALF_FULL_3S, &[("BATT_CELLS", 3.0)]);
-    bench.run_for(3 * SECOND);
-    bench.record_pin(LAMPS);
-    // Another pack, of 9.9 V: it is known to be another one when it has rested.
-    bench.adc_input(PACK, AdcInput::Code(50));
-    bench.run_for(2 * SECOND);
-    bench.run_until_silent();
-    let plugged_in_us = bench.time_us();
-    bench.adc_input(PACK, AdcInput::Code(3110));
-    bench.run_for(6 * SECOND);
-    assert_eq!(
-        texts_of(&bench.frames_since(plugged_in_us)),
-        [
-            "Battery 1 swapped: estimates restarted",
-            "Battery 1 emergency: 9.90V 2% left"
-        ]
-    );
-    let red = [0, 16, 0].repeat(8);
-    assert_eq!(decode(&bench.take_edges(LAMPS)), red);
-}
-
-#[test]
 fn cells_and_swaps_are_announced() {
     let mut bench = Bench::running(2482);
     bench.run_for(3 * SECOND);
@@ -364,14 +307,4 @@ fn cells_and_swaps_are_announced() {
             "Set BATT_LOW_VOLT 10.50, BATT_CRT_VOLT 10.20"
         ]
     );
-}
-
-#[test]
-fn the_type_is_the_chemistry_that_was_set() {
-    let mut bench = Bench::running(2482);
-    for chemistry in 1..=4 {
-        bench.set("BATT_CHEM", f32::from(chemistry));
-        bench.run_for(600 * MILLISECOND);
-        assert_eq!(last_of(&bench.frames(), 0).battery_type(), chemistry);
-    }
 }

@@ -6,12 +6,10 @@ use rover_battmon::pack::Pack;
 
 use support::firmware_version;
 use support::frames::{
-    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, HEARTBEAT, PARAM_ERROR, PARAM_VALUE, ParamValue, STATUSTEXT,
-    SYS_STATUS, of_message,
+    BATTERY_STATUS, BatteryStatus, COMMAND_ACK, HEARTBEAT, PARAM_VALUE, ParamValue, STATUSTEXT, SYS_STATUS,
+    of_message,
 };
-use support::requests::{
-    VEHICLE, command_long, ftp_open, param_read_by_index, param_read_by_name, param_request_list, param_set,
-};
+use support::requests::{VEHICLE, command_long, param_read_by_name, param_request_list};
 use workbench::bench::{
     Bench, LISTED_BY_DEFAULT, LISTED_OF_PACK, LISTED_OF_VEHICLE, MILLISECOND, SAVED_US, SECOND, value_of,
 };
@@ -19,7 +17,6 @@ use workbench::runs::rates_asked_for;
 
 const PREFLIGHT_STORAGE: u16 = 245;
 const ACCEPTED: u8 = 0;
-const UNSUPPORTED: u8 = 3;
 
 pub fn read(bench: &mut Bench, name: &str) -> f32 {
     let answers = bench.ask(&param_read_by_name(name));
@@ -39,27 +36,6 @@ pub fn list(bench: &mut Bench) -> BTreeMap<String, f32> {
         .iter()
         .map(|frame| (ParamValue(frame).name(), ParamValue(frame).value()))
         .collect()
-}
-
-#[test]
-fn list_and_read_by_name_and_index_agree() {
-    let mut bench = Bench::running(2482);
-    let listed = list(&mut bench);
-    assert_eq!(listed["SR0_EXTRA1"], 2.0);
-    assert_eq!(listed["BATT_VOLT_MULT"], 3.95);
-    assert_eq!(listed["BATT_MONITOR"], 3.0);
-    for (name, value) in &listed {
-        assert_eq!(read(&mut bench, name), *value, "{name}");
-    }
-    for index in 0..listed.len() {
-        let answers = bench.ask(&param_read_by_index(index as i16));
-        let answer = ParamValue(&answers[0]);
-        assert_eq!(
-            (usize::from(answer.index()), listed[&answer.name()]),
-            (index, answer.value())
-        );
-    }
-    bench.assert_untroubled();
 }
 
 #[test]
@@ -123,16 +99,6 @@ fn a_pack_that_is_enabled_shows_its_parameters_also_after_a_restart() {
 }
 
 #[test]
-fn a_hidden_parameter_is_kept() {
-    let mut bench = Bench::running(2482);
-    bench.set("BATT2_VOLT_MULT", 11.0);
-    bench.run_for(SAVED_US);
-    bench.reboot();
-    assert_eq!(read(&mut bench, "BATT2_VOLT_MULT"), 11.0);
-    assert!(!list(&mut bench).contains_key("BATT2_VOLT_MULT"));
-}
-
-#[test]
 fn every_parameter_there_can_be_is_listed_without_holding_anything_up() {
     let all = LISTED_OF_VEHICLE + Pack::ALL.len() * LISTED_OF_PACK;
     // A list has 30 % of 11520 bytes a second, and a PARAM_VALUE at most 37 of them.
@@ -170,45 +136,6 @@ fn a_reset_to_defaults_is_live_and_stays() {
     assert_eq!(read(&mut bench, "SR0_EXTRA1"), 2.0);
     bench.reboot();
     assert_eq!(read(&mut bench, "SR0_EXTRA1"), 2.0);
-}
-
-#[test]
-fn a_bad_value_is_refused_and_changes_nothing() {
-    let mut bench = Bench::running(2482);
-    for value in [51.0, -1.0, f32::NAN] {
-        let answers = bench.ask(&param_set("SR0_EXTRA1", value));
-        assert_eq!(of_message(&answers, PARAM_ERROR).len(), 1, "{value}: {answers:?}");
-        assert_eq!(
-            value_of(&answers, "SR0_EXTRA1"),
-            Some(2.0),
-            "{value}: {answers:?}"
-        );
-    }
-    bench.run_for(SAVED_US);
-    assert!(
-        bench.flash_operations().is_empty(),
-        "{:?}",
-        bench.flash_operations()
-    );
-}
-
-#[test]
-fn setting_the_same_value_again_writes_nothing() {
-    let mut bench = Bench::running(2482);
-    bench.set("SR0_EXTRA1", 2.0);
-    bench.run_for(SAVED_US);
-    assert!(
-        bench.flash_operations().is_empty(),
-        "{:?}",
-        bench.flash_operations()
-    );
-    bench.set("SR0_EXTRA1", 3.0);
-    bench.run_for(SAVED_US);
-    let written = bench.flash_operations().len();
-    assert!(written > 0);
-    bench.set("SR0_EXTRA1", 3.0);
-    bench.run_for(SAVED_US);
-    assert_eq!(bench.flash_operations().len(), written);
 }
 
 #[test]
@@ -250,20 +177,6 @@ fn the_offset_and_the_pin_take_effect_at_once() {
 }
 
 #[test]
-fn a_battery_that_is_not_monitored_is_not_reported() {
-    let mut bench = Bench::running(2482);
-    bench.set("BATT_MONITOR", 0.0);
-    bench.reboot();
-    let from_us = bench.time_us();
-    bench.run_for(5 * SECOND);
-    let frames = bench.frames_since(from_us);
-    assert!(of_message(&frames, BATTERY_STATUS).is_empty());
-    let sys_status = of_message(&frames, SYS_STATUS);
-    assert_eq!(sys_status.len(), 10);
-    assert!(!support::frames::SysStatus(sys_status[9]).has_battery_sensor());
-}
-
-#[test]
 fn a_new_system_id_is_used_at_once() {
     let mut bench = Bench::running(2482);
     bench.set("SYSID_THISMAV", 42.0);
@@ -276,18 +189,6 @@ fn a_new_system_id_is_used_at_once() {
             .filter(|frame| frame.at_us > from_us)
             .all(|frame| frame.system_id == 42)
     );
-}
-
-#[test]
-fn unknown_commands_and_files_are_refused_at_once() {
-    let mut bench = Bench::running(2482);
-    for number in [410, 65535] {
-        let answers = bench.ask(&command_long(number, 0.0));
-        assert_eq!(answers.len(), 1, "{number}");
-        assert_eq!((answers[0].u16(0), answers[0].u8(2)), (number, UNSUPPORTED));
-    }
-    let answers = bench.ask(&ftp_open(3, "/etc/passwd"));
-    assert_eq!((answers.len(), answers[0].u8(6)), (1, 129));
 }
 
 #[test]

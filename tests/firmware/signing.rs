@@ -2,26 +2,17 @@
 
 use emulator::LogLevel;
 use support::frames::{BATTERY_STATUS, Frame, HEARTBEAT, SYS_STATUS, SysStatus, of_message, texts_of};
-use support::requests::{param_read_by_name, param_set, radio_status, reboot, setup_signing};
+use support::requests::{param_read_by_name, param_set, reboot};
 use support::signer::Signer;
-use workbench::bench::{
-    Bench, DIVIDER_CODE, MINUTE, SAVED_US, SECOND, SECTOR_BYTES, SIGNING_BYTES, SIGNING_OFFSET, value_of,
-};
+use workbench::bench::{Bench, DIVIDER_CODE, MINUTE, SAVED_US, SECOND, SIGNING_OFFSET, value_of};
 use workbench::runs::signing_time;
-use workbench::signing_key::{OWNER, STRANGER, flash_with, flash_with_key, protected, words_of_key};
+use workbench::signing_key::{OWNER, STRANGER, flash_with_key, protected};
 
 const KEY_LOST: &str = "Signing key lost, commands locked: set up by USB";
-const NOT_SAVED: &str = "Signing not saved: set it up again after a restart";
-
-/// What signing stores under these keys: the choice between a key and none, and the time, each twice.
-const CHOICES: [u16; 2] = [0x120, 0x122];
-const MARKS: [u16; 2] = [0x121, 0x123];
-const NO_KEY: u32 = 0;
 
 /// Where a sector's records start, and their size.
 const RECORDS: usize = 16;
 const RECORD_BYTES: usize = 12;
-const RECORDS_OF_A_SECTOR: usize = (SECTOR_BYTES - 2 * RECORDS) / RECORD_BYTES;
 
 /// A board that signs and takes everything all the same.
 pub fn open_with_key() -> Bench {
@@ -105,40 +96,6 @@ fn only_who_has_the_key_is_obeyed() {
 }
 
 #[test]
-fn a_radio_sets_up_no_key_and_slows_telemetry_down_without_one() {
-    for mut bench in [Bench::running(DIVIDER_CODE), protected()] {
-        let is_protected = !bench.frames().iter().all(|frame| frame.signed.is_none());
-        let mut setup = setup_signing([STRANGER; 32], 0);
-        if is_protected {
-            setup = station(&mut bench).sign(&setup);
-        }
-        let answers = bench.ask(&setup);
-        assert_eq!(texts_of(&answers), ["Signing is set up by USB only"]);
-        let from_us = bench.time_us();
-        bench.run_for(2 * SECOND);
-        let frames = bench.frames_since(from_us);
-        assert!(frames.iter().all(|frame| frame.signed.is_some() == is_protected));
-    }
-
-    let mut bench = protected();
-    for _ in 0..20 {
-        let now_us = bench.time_us();
-        bench.uart_send(0, now_us, &radio_status(10));
-        bench.run_for(SECOND);
-    }
-    let from_us = bench.time_us();
-    bench.run_for(4 * SECOND);
-    let sent = of_message(&bench.frames_since(from_us), BATTERY_STATUS).len();
-    assert!(sent <= 3, "{sent} in 4 s");
-    bench.run_for(2 * SECOND);
-    let from_us = bench.time_us();
-    bench.run_for(10 * SECOND);
-    let sent = of_message(&bench.frames_since(from_us), BATTERY_STATUS).len();
-    assert_eq!(sent, 20, "the radio has been silent for five seconds");
-    assert!(bench.logged(LogLevel::Warn, "ignored").is_empty());
-}
-
-#[test]
 fn no_restart_lets_the_time_go_back_or_a_recording_in() {
     let mut bench = protected();
     let mut owner = station(&mut bench);
@@ -208,16 +165,6 @@ fn assert_locked(flash: &[u8]) {
     assert_eq!(sets(&mut bench, &Signer::new(OWNER).sign(&request)), None);
 }
 
-/// A board with this flash obeys the owner alone.
-fn assert_key_counts(flash: &[u8]) {
-    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, flash);
-    bench.run_for(SECOND);
-    let request = param_set("BATT_LOW_VOLT", 6.5);
-    assert_eq!(sets(&mut bench, &request), None);
-    let signed = station(&mut bench).sign(&request);
-    assert_eq!(sets(&mut bench, &signed), Some(6.5));
-}
-
 /// With one bit of the record changed that was stored as number `record`.
 fn with_damaged_record(flash: &[u8], record: usize) -> Vec<u8> {
     let mut damaged = flash.to_vec();
@@ -228,83 +175,6 @@ fn with_damaged_record(flash: &[u8], record: usize) -> Vec<u8> {
 #[test]
 fn a_damaged_key_locks_and_is_announced() {
     assert_locked(&with_damaged_record(flash_with_key(), 0));
-}
-
-#[test]
-fn a_flipped_bit_in_the_newest_choice_brings_no_older_one_back() {
-    let no_key = CHOICES.map(|key| (key, NO_KEY));
-    let words: Vec<_> = no_key.into_iter().chain(words_of_key()).collect();
-    let flash = flash_with(words.clone());
-    for record in [words.len() - 2, words.len() - 1] {
-        assert_key_counts(&with_damaged_record(&flash, record));
-    }
-    // As firmware has left it that stored the choice once.
-    let words: Vec<_> = words.into_iter().filter(|(key, _)| *key != CHOICES[1]).collect();
-    assert_key_counts(&flash_with(words.clone()));
-    assert_locked(&with_damaged_record(&flash_with(words.clone()), words.len() - 1));
-}
-
-#[test]
-fn damaged_headers_lock() {
-    let mut flash = flash_with_key().to_vec();
-    for header in [0, SECTOR_BYTES - 16] {
-        flash[header + 4] ^= 1;
-    }
-    assert_locked(&flash);
-}
-
-#[test]
-fn other_programs_leavings_lock_and_blank_flash_does_not() {
-    for byte in [0, 0x55, 0xa5] {
-        assert_locked(&[byte; SIGNING_BYTES]);
-    }
-    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, &[0xff; SIGNING_BYTES]);
-    bench.run_for(SECOND);
-    assert!(bench.frames().iter().all(|frame| frame.signed.is_none()));
-    assert_eq!(sets(&mut bench, &param_set("BATT_LOW_VOLT", 6.5)), Some(6.5));
-    assert!(texts_of(&bench.frames()).iter().all(|text| !text.contains("key")));
-}
-
-#[test]
-fn a_damaged_mark_lets_no_recording_in() {
-    let mut owner = Signer::new(OWNER);
-    let recorded = owner.sign(&param_set("BATT_LOW_VOLT", 6.25));
-    // An hour later, in steps of 2^17 ticks.
-    let mark = (owner.timestamp + 3600 * 100_000) >> 17;
-    let marks = MARKS.map(|key| (key, mark as u32));
-    let words: Vec<_> = words_of_key().into_iter().chain(marks).collect();
-    let flash = flash_with(words.clone());
-    for record in [words.len() - 2, words.len() - 1] {
-        let damaged = with_damaged_record(&flash, record);
-        let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, &damaged);
-        bench.run_for(SECOND);
-        assert_eq!(sets(&mut bench, &recorded), None, "record {record}");
-        let signed = station(&mut bench).sign(&param_set("BATT_LOW_VOLT", 6.5));
-        assert_eq!(sets(&mut bench, &signed), Some(6.5));
-    }
-}
-
-#[test]
-fn worn_flash_that_can_not_keep_the_time_is_announced_and_locks_after_a_restart() {
-    // One sector is full, and the next one can't be erased.
-    let words = words_of_key();
-    let older_times = (1..).take(RECORDS_OF_A_SECTOR - words.len());
-    let mut flash = flash_with(words.into_iter().chain(older_times.map(|mark| (MARKS[0], mark))));
-    flash[SECTOR_BYTES..].fill(0);
-    let mut bench = Bench::power_up_with_flash(DIVIDER_CODE, SIGNING_OFFSET, &flash);
-    bench.wear_out_sector(SIGNING_OFFSET + SECTOR_BYTES as u32);
-    bench.run_for(70 * SECOND);
-    let said = texts_of(&bench.frames());
-    let count = said.iter().filter(|text| *text == NOT_SAVED).count();
-    assert!(count >= 2, "{said:?}");
-    let signed = station(&mut bench).sign(&param_set("BATT_LOW_VOLT", 6.5));
-    assert_eq!(sets(&mut bench, &signed), Some(6.5), "in force until the restart");
-
-    bench.power_cycle();
-    bench.forget_sent();
-    bench.run_for(2 * SECOND);
-    assert!(texts_of(&bench.frames()).contains(&KEY_LOST.into()));
-    assert_eq!(sets(&mut bench, &signed), None);
 }
 
 #[test]

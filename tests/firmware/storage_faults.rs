@@ -1,13 +1,7 @@
 //! Flash that is damaged, worn or slow.
 
-use embassy_futures::block_on;
-use embedded_storage_async::nor_flash::ReadNorFlash;
-use rover_battmon::host::sim::SimulatedFlash;
-use rover_battmon::memory::flash_map;
-use rover_battmon::memory::storage::{Erase, Storage};
-
 use emulator::{FlashOperationKind, FlashTiming};
-use support::frames::{COMMAND_ACK, PARAM_VALUE, ParamValue, STATUSTEXT, of_message};
+use support::frames::{PARAM_VALUE, ParamValue, STATUSTEXT, of_message};
 use support::requests::{VEHICLE, command_long, param_read_by_name, param_request_list, param_set};
 use workbench::bench::{
     Bench, MILLISECOND, PARAMETER_BYTES, PARAMETER_OFFSET, SAVED_US, SECOND, SECTOR_BYTES,
@@ -30,13 +24,9 @@ fn read(bench: &mut Bench, name: &str) -> Option<f32> {
 const CRITICAL: u8 = 2;
 
 const PREFLIGHT_STORAGE: u16 = 245;
-const ACCEPTED: u8 = 0;
 
 /// The firmware retries what it could not write once a minute.
 const RETRIED_US: u64 = 65 * SECOND;
-
-/// As many records as a sector takes.
-const SLOTS: u16 = 680;
 
 /// When "Parameters can't be saved" arrived since `from_us`, and the rest of the text.
 fn save_failures(bench: &mut Bench, from_us: u64) -> Vec<(u64, String)> {
@@ -50,10 +40,6 @@ fn save_failures(bench: &mut Bench, from_us: u64) -> Vec<(u64, String)> {
             Some((at_us, reason.to_owned()))
         })
         .collect()
-}
-
-fn reasons(failures: &[(u64, String)]) -> Vec<&str> {
-    failures.iter().map(|(_, reason)| reason.as_str()).collect()
 }
 
 #[test]
@@ -135,35 +121,6 @@ fn block_the_move_to_the_second_sector(bench: &mut Bench) -> u32 {
 }
 
 #[test]
-fn what_is_set_after_a_reset_that_failed_stays_and_is_saved_later() {
-    let mut bench = Bench::running(2482);
-    bench.set("SR0_EXTRA1", 5.0);
-    bench.set("MOT_SLEWRATE", 50.0);
-    bench.run_for(SAVED_US);
-    let worn = block_the_move_to_the_second_sector(&mut bench);
-    let answers = bench.ask(&command_long(PREFLIGHT_STORAGE, 2.0));
-    assert_eq!((answers[0].message_id, answers[0].u8(2)), (COMMAND_ACK, ACCEPTED));
-    bench.run_for(SAVED_US);
-    assert_eq!(read(&mut bench, "SR0_EXTRA1"), Some(2.0), "the defaults are live");
-
-    bench.set("SR0_EXTRA1", 7.0);
-    bench.set("BATT_VOLT_MULT", 4.1);
-    for later_us in [2 * SECOND, RETRIED_US] {
-        bench.run_for(later_us);
-        assert_eq!(read(&mut bench, "SR0_EXTRA1"), Some(7.0));
-        assert_eq!(read(&mut bench, "BATT_VOLT_MULT"), Some(4.1));
-    }
-
-    bench.restore_sector(worn);
-    bench.run_for(RETRIED_US);
-    bench.power_cycle();
-    bench.run_for(SECOND);
-    assert_eq!(read(&mut bench, "SR0_EXTRA1"), Some(7.0));
-    assert_eq!(read(&mut bench, "BATT_VOLT_MULT"), Some(4.1));
-    assert_eq!(read(&mut bench, "MOT_SLEWRATE"), Some(100.0), "it was reset");
-}
-
-#[test]
 fn what_could_not_be_saved_is_tried_once_more_before_a_restart() {
     let mut bench = Bench::running(2482);
     bench.set("SR0_EXTRA1", 5.0);
@@ -176,72 +133,6 @@ fn what_could_not_be_saved_is_tried_once_more_before_a_restart() {
     bench.reboot();
     assert_eq!(read(&mut bench, "SR0_EXTRA1"), Some(2.0));
     assert_eq!(read(&mut bench, "BATT_VOLT_MULT"), Some(4.1));
-}
-
-/// A full sector: a value of `known` that this firmware has, the rest from another one.
-fn full_sector(known: u16) -> Vec<u8> {
-    let mut flash = SimulatedFlash::open(None).expect("it needs no file");
-    let mut storage = Storage::of_double_sectors(flash.clone(), flash_map::PARAMETERS);
-    for key in (40_000..40_000 + SLOTS - 1).chain([known]) {
-        block_on(storage.store(key, 3_f32.to_bits(), &Erase::always)).expect("there is room");
-    }
-    let mut image = vec![0; PARAMETER_BYTES];
-    block_on(flash.read(flash_map::PARAMETERS.start, &mut image)).expect("it is inside");
-    image
-}
-
-#[test]
-fn a_record_without_room_leaves_room_for_the_others_and_is_reported_again() {
-    // SR0_PARAMS has the key 4; it comes behind SR0_EXTRA1, which has no record.
-    let mut bench = Bench::power_up_with_parameters(2482, &full_sector(4));
-    bench.run_for(SECOND);
-    let from_us = bench.time_us();
-    bench.set("SR0_EXTRA1", 5.0);
-    bench.run_for(7 * SECOND);
-    bench.set("SR0_PARAMS", 7.0);
-    bench.run_for(7 * SECOND);
-    assert_eq!(reasons(&save_failures(&mut bench, from_us)), ["too many changed"]);
-
-    bench.set("BATT_VOLT_MULT", 4.1);
-    bench.run_for(RETRIED_US);
-    let failures = save_failures(&mut bench, from_us);
-    assert_eq!(
-        reasons(&failures),
-        ["too many changed"; 2],
-        "once for each: {failures:?}"
-    );
-    assert!(bench.resets().is_empty(), "{:?}", bench.resets());
-
-    bench.power_cycle();
-    bench.run_for(SECOND);
-    assert_eq!(read(&mut bench, "SR0_PARAMS"), Some(7.0), "it was saved");
-    assert_eq!(read(&mut bench, "SR0_EXTRA1"), Some(2.0), "there was no room");
-}
-
-#[test]
-fn a_failure_to_save_is_reported_at_most_every_five_seconds() {
-    let mut bench = Bench::running(2482);
-    for sector in 0..PARAMETER_BYTES / SECTOR_BYTES {
-        bench.wear_out_sector(PARAMETER_OFFSET + (sector * SECTOR_BYTES) as u32);
-    }
-    let from_us = bench.time_us();
-    for number in 0..100 {
-        bench.set("SR0_EXTRA1", (number % 40 + 3) as f32);
-    }
-    bench.run_for(6 * SECOND);
-    let failures = save_failures(&mut bench, from_us);
-    assert!((4..=6).contains(&failures.len()), "{failures:?}");
-    assert!(
-        failures
-            .windows(2)
-            .all(|pair| pair[1].0 - pair[0].0 >= 4_900 * MILLISECOND),
-        "{failures:?}"
-    );
-    let last_set_us = failures.last().map(|(at_us, _)| *at_us);
-    assert!(
-        last_set_us.is_some_and(|at_us| at_us >= from_us + 20 * SECOND),
-        "{failures:?}"
-    );
 }
 
 #[test]

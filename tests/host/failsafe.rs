@@ -286,22 +286,6 @@ fn critical_battery_holds_within_the_deciding_tick() {
 }
 
 #[test]
-fn mode_can_be_changed_while_the_battery_is_critical() {
-    let outcome = run(
-        10,
-        &Scenario {
-            parameters: &HOLD_WHEN_CRITICAL,
-            empty_at_us: 5 * SECOND,
-            request: (8 * SECOND, do_set_mode(0.0)),
-            ..Scenario::default()
-        },
-    );
-    let (_, last) = outcome.drives[outcome.drives.len() - 1];
-    assert_eq!(last, AHEAD);
-    assert_eq!(outcome.last_state(), CRITICAL_STATE);
-}
-
-#[test]
 fn action_that_needs_a_position_holds_and_announces_it() {
     let mut parameters = HOLD_WHEN_CRITICAL;
     parameters[2].1 = 1.0;
@@ -348,25 +332,6 @@ fn termination_coasts_until_a_battery_reset() {
     scenario.request.1 = command_long_2(BATTERY_RESET, 1.0, 100.0);
     let outcome = run(10, &scenario);
     assert_eq!(outcome.last_state(), STANDBY_STATE);
-}
-
-#[test]
-fn warn_action_does_not_stop_the_rover() {
-    let outcome = run(
-        10,
-        &Scenario {
-            parameters: &[
-                (BatteryParameter::LowVolt, 7.0),
-                (BatteryParameter::LowTimer, 1.0),
-            ],
-            empty_at_us: 5 * SECOND,
-            ..Scenario::default()
-        },
-    );
-    let (_, last) = outcome.drives[outcome.drives.len() - 1];
-    assert_eq!(last, AHEAD);
-    assert_eq!(outcome.texts(), ["Battery 1 is low 6.37V used 0 mAh"]);
-    assert_eq!(outcome.last_state(), CRITICAL_STATE);
 }
 
 #[test]

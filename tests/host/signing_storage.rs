@@ -240,6 +240,11 @@ fn whichever_bit_flips_the_choice_stays_or_the_key_is_lost() {
 #[test]
 fn damaged_headers_lock_and_blank_flash_does_not() {
     assert_eq!(obeys(&SmallFlash::blank(), &[]), Obeys::Everyone);
+    // What other programs have left there.
+    for byte in [0, 0x55, 0xa5] {
+        let flash = SmallFlash::with(&[byte; SmallFlash::REGION_BYTES]);
+        assert_eq!(obeys(&flash, &[]), Obeys::Nothing, "{byte:#x}");
+    }
     let flash = flash_after(5, &[OLD, NONE, OWNER]);
     let sector = SmallFlash::REGION_BYTES / 2;
     for damaged in [vec![0], vec![1], vec![0, 1]] {

@@ -3,8 +3,8 @@
 use super::ground::Ground;
 use emulator::air::laptop::Laptop;
 use emulator::air::radio::Credentials;
-use support::frames::{COMMAND_ACK, of_message, texts_of};
-use support::requests::{arm, param_set, wifi_config};
+use support::frames::{of_message, texts_of};
+use support::requests::{param_set, wifi_config};
 use workbench::bench::{Bench, DIVIDER_CODE, SECOND, Wire};
 
 const SHOW: &str = "WIFI_SHOW";
@@ -12,7 +12,6 @@ const REFUSED: &str = "Wi-Fi password: by USB only";
 
 /// WIFI_CONFIG_AP_MODE.
 const ACCESS_POINT: u8 = 1;
-const STATION: u8 = 2;
 
 const WIFI_CONFIG_AP: u32 = 299;
 /// Where its response is: 0 none, 1 accepted.
@@ -99,27 +98,4 @@ fn only_by_usb_or_signed_is_another_password_set() {
     let laptop = ground.laptop();
     let station = ground.connect(laptop);
     assert!(ground.is_connected(&station));
-}
-
-#[test]
-fn nothing_changes_while_armed() {
-    let mut ground = Ground::of(Bench::power_up(crate::rover::GOOD_3S));
-    ground.bench.set("BATT_CELLS", 3.0);
-    ground.run_for(3 * SECOND);
-    let answers = ground.bench.ask(&arm());
-    assert_eq!(
-        of_message(&answers, COMMAND_ACK)[0].u8(2),
-        0,
-        "{:?}",
-        texts_of(&answers)
-    );
-    ground.bench.use_wire(Wire::Usb);
-    let before = ground.credentials();
-    let answers = ground
-        .bench
-        .ask(&wifi_config("home", "another password", STATION));
-    assert_ne!(of_message(&answers, WIFI_CONFIG_AP)[0].u8(RESPONSE), ACCEPTED);
-    ground.bench.set("WIFI_MODE", 0.0);
-    ground.run_for(3 * SECOND);
-    assert_eq!(ground.credentials(), before, "the network is still up");
 }

@@ -1,8 +1,7 @@
 //! Replays samples through the monitor.
 
 use rover_battmon::battery::{
-    ArmState, BatteryMonitor, BatteryState, FailsafeLevel, Measurement, PackEvent, PackSettings, ReadError,
-    Tick,
+    ArmState, BatteryMonitor, BatteryState, Measurement, PackEvent, PackSettings, ReadError, Tick,
 };
 use rover_battmon::time::Instant;
 use support::repository;
@@ -108,17 +107,6 @@ pub fn reading(sample: &Sample) -> Result<Measurement, ReadError> {
         current_a: sample.current_a,
         ..Measurement::default()
     })
-}
-
-/// Failsafe levels with their times, in seconds.
-pub fn failsafes(moments: &[Moment]) -> Vec<(f64, FailsafeLevel)> {
-    let levels = moments.iter().flat_map(|moment| {
-        moment.events.iter().filter_map(|event| match event {
-            PackEvent::Failsafe { level, .. } => Some((moment.t_s, *level)),
-            _ => None,
-        })
-    });
-    levels.collect()
 }
 
 /// Changes of the charge state after the first sample.
