@@ -19,8 +19,7 @@ mod firmware {
     use embassy_time::{Duration, Ticker, with_timeout};
     use panic_probe as _;
     use rover_battmon::battery::{
-        ArmState, BatteryMonitor, ChargeState, FailsafeSettings, Measurement, PackSettings, ReadError,
-        Thresholds, Tick,
+        BatteryMonitor, ChargeState, FailsafeSettings, Measurement, PackSettings, ReadError, Thresholds, Tick,
     };
     use rover_battmon::board::{self, AnalogInputs, TelemetryUart};
     use rover_battmon::mavlink::{LinkKind, SystemState};
@@ -28,6 +27,7 @@ mod firmware {
     use rover_battmon::parameter::Parameters;
     use rover_battmon::sensor::{AnalogPin, VoltageDivider, read_mean};
     use rover_battmon::tasks::{WiredEndpoint, now};
+    use rover_battmon::vehicle::ArmState;
 
     const BAUD: u32 = 115_200;
 

@@ -17,13 +17,14 @@ mod firmware {
     use embassy_executor::Spawner;
     use embassy_time::{Duration, Ticker};
     use panic_probe as _;
-    use rover_battmon::battery::{ArmState, BatteryMonitor, PackSettings, Tick};
+    use rover_battmon::battery::{BatteryMonitor, PackSettings, Tick};
     use rover_battmon::board::{self, SensorI2c, TelemetryUart};
     use rover_battmon::mavlink::{LinkKind, SystemState};
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::{BatteryParameter, Parameters};
     use rover_battmon::sensor::{BusDevices, Buses, PartKind, bus_clock_hz};
     use rover_battmon::tasks::{WiredEndpoint, now};
+    use rover_battmon::vehicle::ArmState;
 
     const BAUD: u32 = 115_200;
 

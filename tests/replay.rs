@@ -4,11 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use rover_battmon::battery::{ArmState, BatteryMonitor, Measurement, PackSettings, Tick};
+use rover_battmon::battery::{BatteryMonitor, Measurement, PackSettings, Tick};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters};
 use rover_battmon::recorder::dataflash::{ArmingMethod, Record, opening_record};
 use rover_battmon::time::Instant;
+use rover_battmon::vehicle::ArmState;
 
 const TRACE: &str = "tests/data/traces/trace_discharge_3s_10min.csv";
 const PICTURE: &str = "docs/pictures/discharge.svg";

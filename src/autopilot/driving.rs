@@ -5,12 +5,13 @@ use core::mem;
 use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::work::Work;
-use crate::battery::{ArmState, FailsafeLevel};
+use crate::battery::FailsafeLevel;
 use crate::log::info;
 use crate::pack::Pack;
 use crate::parameter::VehicleParameter;
 use crate::recorder::dataflash::{ArmingMethod, ModeReason, Record, Subsystem};
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 use crate::vehicle::{
     Alert, FailsafeAction, Fitness, Indication, SideDrives, VehicleEvent, VehicleSettings, VehicleStatus,
 };

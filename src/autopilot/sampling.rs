@@ -7,8 +7,8 @@ use super::autopilot::Autopilot;
 use super::packs::PIN_COUNT;
 use super::recording::Detail;
 use crate::battery::{
-    ArmState, BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus,
-    PackUpdate, ReadError, RetainedMemory, Tick, recall, retain,
+    BatteryState, FAILED_READS_UNTIL_UNHEALTHY, Measurement, PackEvent, PackSettings, PackStatus, PackUpdate,
+    ReadError, RetainedMemory, Tick, recall, retain,
 };
 use crate::log::{info, warn};
 use crate::mavlink::arming_readiness;
@@ -19,6 +19,7 @@ use crate::sensor::{
     SerialReading,
 };
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 use crate::wifi::Radio;
 
 /// Interval of sampling ticks: 10 Hz, ArduPilot's rate of `AP_BattMonitor::read`.

@@ -1,10 +1,10 @@
 //! Progress of writing to flash: failures and when to try again; the signing key.
 
-use crate::battery::ArmState;
 use crate::mavlink::SigningChange;
 use crate::memory::storage::StorageError;
 use crate::parameter::SAVE_RETRY_INTERVAL_US;
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 
 /// Failures to write one kind of data: what is learnt of the packs, or names and passwords of networks.
 #[derive(Debug, Default)]

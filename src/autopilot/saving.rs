@@ -5,12 +5,12 @@ use super::announcement::Announcement;
 use super::autopilot::Autopilot;
 use super::save_state::Attempt;
 use super::work::Work;
-use crate::battery::ArmState;
 use crate::log::{info, warn};
 use crate::mavlink::{SigningChange, SigningTrouble, ToStore};
 use crate::memory::storage::{Erase, StorageError};
 use crate::parameter::{SAVE_RETRY_INTERVAL_US, Unsaved};
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 
 impl Autopilot {
     /// Whether flash may be erased now. That stops everything for up to 400 ms, which must not happen to a rover that may be

@@ -10,12 +10,12 @@ use super::channel::Channel;
 use super::saving::log_failure;
 use super::wifi_state::PRESENCE_US;
 use super::work::Work;
-use crate::battery::ArmState;
 use crate::log::info;
 use crate::mavlink::LinkKind;
 use crate::mavlink::dialect::MavSeverity;
 use crate::memory::storage::StorageError;
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 use crate::wifi::{Password, Radio, Ssid, StoredWifi, WifiRecord, WifiReport, WifiSetup};
 
 /// A label and the longest name or password.

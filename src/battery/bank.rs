@@ -1,11 +1,12 @@
 //! The monitors of all packs.
 
+use super::alert::alert_of;
 use super::sum::{SumVoltage, sum};
 use super::{
-    BatteryAlert, BatteryMonitor, Contents, Counted, FailsafeLevel, Measurement, PackMemory, PackSource,
-    ReadError,
+    BatteryMonitor, Contents, Counted, FailsafeLevel, Measurement, PackMemory, PackSource, ReadError,
 };
 use crate::pack::{MAX_PACKS, Pack};
+use crate::vehicle::BatteryAlert;
 
 /// The monitors of all packs.
 #[derive(Clone, Debug, Default)]
@@ -81,10 +82,7 @@ impl BatteryBank {
 
     /// The most urgent alert of all packs.
     pub fn most_urgent_alert(&self) -> BatteryAlert {
-        let alerts = self
-            .monitors
-            .iter()
-            .map(|monitor| BatteryAlert::of(monitor.state()));
+        let alerts = self.monitors.iter().map(|monitor| alert_of(monitor.state()));
         alerts.max().unwrap_or_default()
     }
 

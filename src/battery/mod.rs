@@ -16,7 +16,6 @@ mod diagnosis;
 mod estimator;
 mod event;
 mod failsafe;
-mod failsafe_level;
 mod gauge;
 mod health;
 mod learnt;
@@ -35,7 +34,6 @@ mod sum;
 mod swap;
 mod tick;
 
-pub use alert::BatteryAlert;
 pub use arming::{ArmingFailure, arming_failures};
 pub use bank::BatteryBank;
 pub use cells::{CellVoltages, MAX_CELLS};
@@ -43,7 +41,6 @@ pub use chemistry::Chemistry;
 pub use consumption::Gap;
 pub use details::{Date, Name, PackDetails};
 pub use event::{PackEvent, PackEvents};
-pub use failsafe_level::FailsafeLevel;
 pub use learnt::{LEARNT_WORDS, LearntPack};
 pub use learnt_text::LearntTextError;
 pub use measurement::{
@@ -57,4 +54,7 @@ pub use state::{BatteryState, ChargeSource, PackStatus, ReportedVoltage, Visibil
 pub use suggestion::SuggestedThresholds;
 pub(crate) use sum::mean;
 pub use sum::{SumVoltage, sum};
-pub use tick::{ArmState, Tick};
+pub use tick::Tick;
+
+use crate::vehicle::ArmState;
+pub use crate::vehicle::FailsafeLevel;

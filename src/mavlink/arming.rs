@@ -1,9 +1,10 @@
 //! The checks before arming: one list for an attempt to arm, RUN_PREARM_CHECKS and SYS_STATUS.
 
 use super::{ArmingReadiness, LogHealth, SystemState};
-use crate::battery::{ArmState, ArmingFailure, PackSettings, arming_failures};
+use crate::battery::{ArmingFailure, PackSettings, arming_failures};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
+use crate::vehicle::ArmState;
 use crate::vehicle::{Stick, Vehicle};
 
 /// `ARMING_CHECK`: all checks, or the one of the sticks, of the batteries or of the log.

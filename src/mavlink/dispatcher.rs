@@ -19,9 +19,9 @@ use super::signing::{AcceptUnsigned, Authenticity, Effect, LinkKind, Signing, is
 use super::stations::{Introduction, Stations};
 use super::system_state::SystemState;
 use super::{COMPONENT_ID, Message};
-use crate::battery::ArmState;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 use crate::vehicle::Vehicle;
 use crate::wifi::WifiCredentials;
 

@@ -1,11 +1,12 @@
 //! Everything telemetry reports, at one moment.
 
 use super::ReceiveStatistics;
-use crate::battery::{ArmState, BatteryState, ChargeSource, PackStatus, Visibility};
+use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
 use crate::memory::identity::Identity;
 use crate::pack::Pack;
 use crate::recorder::LogFile;
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 use crate::vehicle::VehicleStatus;
 
 /// Everything the telemetry of one link reports.

@@ -1,7 +1,7 @@
 //! The driver's sticks.
 
+use super::ArmState;
 use super::timed_input::TimedInput;
-use crate::battery::ArmState;
 use crate::time::Instant;
 
 /// What a control message says about a stick.

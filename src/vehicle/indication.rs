@@ -1,5 +1,19 @@
 //! Indications of the rover's lamps and buzzer.
 
+/// How urgently a pack needs attention, for lamps and buzzer, in increasing urgency.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum BatteryAlert {
+    /// Not at all.
+    #[default]
+    None,
+    /// It is being charged.
+    Charging,
+    /// It is low, has a fault, or its sensor has failed while armed.
+    Warning,
+    /// It is critical, nearly empty, or has failed.
+    Urgent,
+}
+
 /// A colour of the rover's lamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]

@@ -1,14 +1,12 @@
 //! The vehicle state machine: arming, modes, control inputs, failsafes, and the outputs to motors, lamps and buzzer.
 
-mod action;
 mod controls;
-mod event;
+mod failsafe;
 mod indication;
-mod mode;
 mod motor;
 mod ramp;
-mod restart;
 mod settings;
+mod status;
 mod timed_input;
 #[expect(
     clippy::module_inception,
@@ -16,12 +14,10 @@ mod timed_input;
 )]
 mod vehicle;
 
-pub use action::FailsafeAction;
 pub use controls::{Stick, StickInput};
-pub use event::VehicleEvent;
-pub use indication::{Colour, Indication, Indicators, Tone};
-pub use mode::Mode;
+pub use failsafe::{FailsafeAction, FailsafeLevel, VehicleEvent};
+pub use indication::{BatteryAlert, Colour, Indication, Indicators, Tone};
 pub use motor::{MotorDrive, Motors, SideDrives};
-pub use restart::Restart;
 pub use settings::{VehicleSettings, control_timeout_us};
-pub use vehicle::{Alert, ArmingRefused, Fitness, ModeRefused, Vehicle, VehicleStatus};
+pub use status::{Alert, ArmState, Fitness, Mode, Restart, VehicleStatus};
+pub use vehicle::{ArmingRefused, ModeRefused, Vehicle};

@@ -1,6 +1,6 @@
 //! Input with a time-out.
 
-use crate::battery::ArmState;
+use super::ArmState;
 use crate::time::Instant;
 
 /// Latest value of an input, which expires after a time-out. Monitoring starts with the first value.

@@ -8,8 +8,8 @@ use std::collections::HashMap;
 
 use proptest::prelude::*;
 use rover_battmon::battery::{
-    Amount, ArmState, BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Contents, Date,
-    FailsafeLevel, Faults, MAX_CELLS, Name, PackDetails, PackStatus, Reported, ReportedVoltage, Visibility,
+    Amount, BatteryState, CellVoltages, ChargeSource, ChargeState, Chemistry, Contents, Date, FailsafeLevel,
+    Faults, MAX_CELLS, Name, PackDetails, PackStatus, Reported, ReportedVoltage, Visibility,
 };
 use rover_battmon::mavlink::dialect::{
     BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA, MavBatteryChargeState,
@@ -23,6 +23,7 @@ use rover_battmon::mavlink::{
 };
 use rover_battmon::pack::Pack;
 use rover_battmon::time::Instant;
+use rover_battmon::vehicle::ArmState;
 use rover_battmon::vehicle::VehicleStatus;
 
 fn golden_frames() -> HashMap<String, String> {

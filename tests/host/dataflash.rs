@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use ardupilot_binlog::{Entry, Reader};
-use rover_battmon::battery::{Amount, ArmState, BatteryState, CellVoltages, ChargeState, Faults, PackStatus};
+use rover_battmon::battery::{Amount, BatteryState, CellVoltages, ChargeState, Faults, PackStatus};
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use rover_battmon::pack::Pack;
 use rover_battmon::recorder::dataflash::{ArmingMethod, ModeReason, Record, Subsystem, opening_record};
+use rover_battmon::vehicle::ArmState;
 use rover_battmon::vehicle::Mode;
 
 const START_US: u64 = 1_500_000;

@@ -1,10 +1,11 @@
 //! Stories, run on the core: voltages at its pins and frames in, texts and motor outputs out.
 
 use rover_battmon::autopilot::{LearntJob, Start};
-use rover_battmon::battery::{ArmState, ReadError};
+use rover_battmon::battery::ReadError;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters};
 use rover_battmon::sensor::{AdcCount, AnalogPin, AnalogReadings};
+use rover_battmon::vehicle::ArmState;
 use rover_battmon::vehicle::MotorDrive;
 use support::desk::{Desk, adc_count};
 use support::frames::{Frame, STATUSTEXT};

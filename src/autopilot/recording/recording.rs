@@ -5,7 +5,6 @@ use heapless::Vec;
 use super::share::{Detail, Share};
 use super::space;
 use super::stream::{Stream, parameter_record};
-use crate::battery::ArmState;
 use crate::crash::CrashRecord;
 use crate::log::{info, warn};
 use crate::mavlink::LogHealth;
@@ -13,6 +12,7 @@ use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::recorder::dataflash::Record;
 use crate::recorder::{LogFile, Piece, Ring};
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 use crate::vehicle::Vehicle;
 
 /// How long the log goes on after disarming, as ArduPilot's does: the pack recovers meanwhile.

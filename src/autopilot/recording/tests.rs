@@ -6,13 +6,13 @@ use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use super::recording::GREETING;
 use super::{LogFailure, LogStep, Recording};
 use crate::autopilot::{Autopilot, Start};
-use crate::battery::ArmState;
 use crate::crash::{CrashCause, CrashRecord};
 use crate::memory::storage::Erase;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::recorder::dataflash::{ArmingMethod, ModeReason, Record};
 use crate::recorder::{FlashOutcome, LogFile, PAYLOAD_BYTES, Ring};
 use crate::time::{Instant, at_us};
+use crate::vehicle::ArmState;
 use crate::vehicle::{Fitness, Restart, Vehicle};
 use nor_flash::FlashModel;
 

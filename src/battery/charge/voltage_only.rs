@@ -4,8 +4,8 @@ use super::block::HOURS_PER_SECOND;
 use super::cell_model::CellModel;
 use super::deviation::root_of_squares;
 use super::memory::last_charge;
-use crate::battery::ArmState;
 use crate::battery::low_pass::MeanThenLowPass;
+use crate::vehicle::ArmState;
 
 /// Time constants, in seconds: of the mean voltage about which the load varies it; of the size of the sag; of a resting
 /// voltage that is believed; of the rate that gives the time left.

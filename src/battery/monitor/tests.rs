@@ -2,11 +2,12 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::battery::{
-    Amount, ArmState, BusError, CellVoltages, ChargeState, Chemistry, Contents, Counted, FailsafeLevel,
+    Amount, BusError, CellVoltages, ChargeState, Chemistry, Contents, Counted, FailsafeLevel,
     FailsafeSettings, Faults, Gauge, GaugeReading, PackDetails, Reported, Thresholds, VoltageSource,
     arming_failures,
 };
 use crate::time::{Instant, at_us};
+use crate::vehicle::ArmState;
 
 mod sources;
 

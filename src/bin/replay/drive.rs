@@ -164,9 +164,10 @@ mod tests {
     use super::*;
     use crate::binlog::tests::opening;
     use proptest::prelude::*;
-    use rover_battmon::battery::{Amount, ArmState, BatteryState, ChargeState, PackStatus};
+    use rover_battmon::battery::{Amount, BatteryState, ChargeState, PackStatus};
     use rover_battmon::parameter::BatteryParameter;
     use rover_battmon::recorder::dataflash::{ArmingMethod, Record as Recorded};
+    use rover_battmon::vehicle::ArmState;
 
     fn log(records: &[Recorded]) -> Log {
         let records = records

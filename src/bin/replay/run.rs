@@ -1,11 +1,10 @@
 //! A trace through the monitor.
 
-use rover_battmon::battery::{
-    ArmState, BatteryMonitor, LearntPack, Measurement, PackSettings, ReadError, Tick,
-};
+use rover_battmon::battery::{BatteryMonitor, LearntPack, Measurement, PackSettings, ReadError, Tick};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 use rover_battmon::time::Instant;
+use rover_battmon::vehicle::ArmState;
 
 use crate::report::Row;
 use crate::settings::Inputs;

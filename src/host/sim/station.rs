@@ -10,13 +10,13 @@ use embedded_io_async::{ErrorType, Write};
 
 use super::console::Level;
 use super::status::Driving;
-use crate::battery::ArmState;
 use crate::host::frames::{FrameReader, frame};
 use crate::mavlink::dialect::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, MANUAL_CONTROL_DATA, MavCmd, MavMessage, MavModeFlag, MavParamType,
     PARAM_SET_DATA, STATUSTEXT_DATA,
 };
 use crate::tasks::{ByteSource, ReceiveError};
+use crate::vehicle::ArmState;
 use crate::vehicle::Mode;
 
 /// The vehicle's system and component id: a scenario sets none.

@@ -4,7 +4,8 @@ use std::fmt;
 
 use super::SimulatedPack;
 use super::console::Level;
-use crate::battery::{ArmState, BatteryState, ChargeState, PackStatus};
+use crate::battery::{BatteryState, ChargeState, PackStatus};
+use crate::vehicle::ArmState;
 use crate::vehicle::{Mode, VehicleStatus};
 
 /// The simulated pack beside the monitor's estimate of its charge.

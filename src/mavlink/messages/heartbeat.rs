@@ -1,8 +1,8 @@
 //! HEARTBEAT (0).
 
-use crate::battery::ArmState;
 use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType};
+use crate::vehicle::ArmState;
 use crate::vehicle::{Alert, Mode, VehicleStatus};
 
 /// MAVLink protocol version 2 is announced as 3, as every autopilot does.

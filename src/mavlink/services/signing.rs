@@ -1,13 +1,13 @@
 //! SETUP_SIGNING (256): another key, or none any more.
 
 use super::DISARM_FIRST;
-use crate::battery::ArmState;
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::event::{Event, SetupRefused, SigningChange};
 use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::SetUpSigning;
 use crate::mavlink::signing::{LinkKind, Signing};
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 
 impl SigningChange {
     /// What is announced when it is in flash.

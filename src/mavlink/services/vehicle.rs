@@ -5,7 +5,6 @@ use core::fmt::Write;
 use ::mavlink::MessageData;
 use heapless::String;
 
-use crate::battery::ArmState;
 use crate::mavlink::arming::{ArmingObstacle, arming_obstacles};
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavType, SET_MODE_DATA};
 use crate::mavlink::event::Event;
@@ -15,6 +14,7 @@ use crate::mavlink::requests::{Command, Heartbeat, SetMode, Sticks};
 use crate::mavlink::{Peer, SystemState};
 use crate::parameter::Parameters;
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 use crate::vehicle::{Fitness, Mode, Vehicle, control_timeout_us};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;

@@ -1,13 +1,13 @@
 //! WIFI_CONFIG_AP (299): the password of the access point, the network to join, or none of both.
 
 use super::parameters::param_value;
-use crate::battery::ArmState;
 use crate::mavlink::dialect::{MavResult, WIFI_CONFIG_AP_DATA, WifiConfigApMode, WifiConfigApResponse};
 use crate::mavlink::event::{Event, WifiRefused};
 use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::WifiConfig;
 use crate::mavlink::{Message, Peer};
 use crate::parameter::{Parameters, VehicleParameter};
+use crate::vehicle::ArmState;
 use crate::wifi::{Network, Password, Radio, Ssid, WifiChoice, WifiCredentials, WifiMode};
 
 /// WIFI_CONFIG_AP_MODE.

@@ -7,10 +7,11 @@ use heapless::String;
 
 use super::format::Kind;
 use super::packet::{Packet, RecordBytes, finite, whole_pct};
-use crate::battery::{Amount, ArmState, BatteryState, MAX_CELLS, PackStatus};
+use crate::battery::{Amount, BatteryState, MAX_CELLS, PackStatus};
 use crate::crash::{CrashCause, CrashRecord};
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;
+use crate::vehicle::ArmState;
 use crate::vehicle::Mode;
 
 /// A record.

@@ -5,10 +5,11 @@ use proptest::prelude::*;
 use super::format::{FORMATS, Format, MULTIPLIERS, UNITS};
 use super::*;
 use crate::battery::{
-    Amount, ArmState, BatteryState, CellVoltages, ChargeState, FailsafeLevel, Faults, MAX_CELLS, PackStatus,
+    Amount, BatteryState, CellVoltages, ChargeState, FailsafeLevel, Faults, MAX_CELLS, PackStatus,
 };
 use crate::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName};
 use crate::pack::Pack;
+use crate::vehicle::ArmState;
 use crate::vehicle::Mode;
 
 const TIME_US: u64 = 0x0102_0304_0506_0708;

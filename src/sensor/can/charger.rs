@@ -2,8 +2,8 @@
 
 use super::event::ChargerPower;
 use super::setup::CanOptions;
-use crate::battery::ArmState;
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 
 /// A charger that has not confirmed is asked again after this time, in microseconds.
 const RETRY_US: u64 = 1_000_000;

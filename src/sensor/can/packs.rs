@@ -6,11 +6,12 @@ use super::event::{CanEvent, CanNotice, ChargerPower};
 use super::messages::{BatteryAux, BatteryInfo, ChargerReading, celsius};
 use super::setup::{CanOptions, CanPack, CanSettings};
 use super::status::{of_battery, of_charger};
-use crate::battery::{ArmState, CellVoltages, Gauge, GaugeReading, Measurement, PackDetails, Supply};
+use crate::battery::{CellVoltages, Gauge, GaugeReading, Measurement, PackDetails, Supply};
 use crate::log::info;
 use crate::pack::{MAX_PACKS, Pack};
 use crate::sensor::timeout::CAN_TIMEOUT_US;
 use crate::time::Instant;
+use crate::vehicle::ArmState;
 
 /// For how long what BatteryInfoAux has reported is used, in microseconds: more than two of the slowest
 /// period of batteries, 5 s.

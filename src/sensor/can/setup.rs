@@ -4,10 +4,10 @@ use heapless::Vec;
 
 use super::messages::{ALLOCATION, BATTERY_AUX, BATTERY_INFO, CONTROLLER, UNIQUE_ID_BYTES};
 use super::{CanReport, NodeId};
-use crate::battery::ArmState;
 use crate::memory::identity::{BoardId, FirmwareHash, Identity};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
+use crate::vehicle::ArmState;
 
 /// What a controller lets through: frames that pass the filters of one of its two receive buffers.
 ///

@@ -1,14 +1,13 @@
 //! Vehicle state machine.
 
-use super::action::Effect;
 use super::controls::Controls;
+use super::failsafe::Effect;
 use super::ramp::Ramp;
 use super::timed_input::TimedInput;
 use super::{
-    Colour, FailsafeAction, Indication, Mode, Restart, SideDrives, Stick, StickInput, Tone, VehicleEvent,
-    VehicleSettings,
+    Alert, ArmState, BatteryAlert, Colour, FailsafeAction, FailsafeLevel, Fitness, Indication, Mode, Restart,
+    SideDrives, Stick, StickInput, Tone, VehicleEvent, VehicleSettings, VehicleStatus,
 };
-use crate::battery::{ArmState, BatteryAlert, FailsafeLevel};
 use crate::time::Instant;
 
 /// Buzzer: one long tone when arming is refused, in microseconds.
@@ -19,19 +18,6 @@ const WARNING_PERIOD_US: u64 = 2_000_000;
 const URGENT_PERIOD_US: u64 = 1_000_000;
 const URGENT_TONES: u64 = 3;
 const SHORT_TONE_US: u64 = 100_000;
-
-/// Whether the rover may be armed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum Fitness {
-    /// A check has failed.
-    Unfit,
-    /// All checks have passed.
-    #[default]
-    Checked,
-    /// The checks do not count.
-    Forced,
-}
 
 /// Why the rover was not armed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,32 +33,6 @@ pub enum ArmingRefused {
 /// Mode change denied: control inputs or ground stations have timed out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ModeRefused;
-
-/// Severity for ground stations.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub enum Alert {
-    /// No failure.
-    #[default]
-    None,
-    /// A failsafe is active: a pack is low or critical, or control inputs or ground stations have timed out.
-    Failsafe,
-    /// A failsafe has terminated the drive.
-    Terminated,
-}
-
-/// Status for ground stations.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct VehicleStatus {
-    /// The mode.
-    pub mode: Mode,
-    /// Whether it is armed.
-    pub arm_state: ArmState,
-    /// Whether it had passed its checks when it was armed last.
-    pub fitness: Fitness,
-    /// Severity of its failures.
-    pub alert: Alert,
-}
 
 /// Vehicle state machine: commands, control inputs and failsafes in; outputs for motors, lamps and buzzer out.
 ///

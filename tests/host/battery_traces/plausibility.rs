@@ -2,10 +2,10 @@
 
 use proptest::prelude::*;
 use rover_battmon::battery::{
-    ArmState, BatteryMonitor, BatteryState, Chemistry, LEARNT_WORDS, LearntPack, Measurement, PackSettings,
-    Tick,
+    BatteryMonitor, BatteryState, Chemistry, LEARNT_WORDS, LearntPack, Measurement, PackSettings, Tick,
 };
 use rover_battmon::time::Instant;
+use rover_battmon::vehicle::ArmState;
 
 /// A reading, this many seconds after the one before.
 #[derive(Clone, Debug)]

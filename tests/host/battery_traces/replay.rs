@@ -1,9 +1,10 @@
 //! Replays samples through the monitor.
 
 use rover_battmon::battery::{
-    ArmState, BatteryMonitor, BatteryState, Measurement, PackEvent, PackSettings, ReadError, Tick,
+    BatteryMonitor, BatteryState, Measurement, PackEvent, PackSettings, ReadError, Tick,
 };
 use rover_battmon::time::Instant;
+use rover_battmon::vehicle::ArmState;
 use support::repository;
 
 /// One reading of a pack.

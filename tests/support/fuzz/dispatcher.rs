@@ -1,8 +1,9 @@
 //! Everything a ground station can send, well formed or not: no value leaves its range, nothing moves that is not armed,
 //! and the next question is answered.
 
-use rover_battmon::battery::{ArmState, BatteryState};
+use rover_battmon::battery::BatteryState;
 use rover_battmon::parameter::{ParameterId, Refused, VehicleParameter};
+use rover_battmon::vehicle::ArmState;
 use rover_battmon::vehicle::SideDrives;
 
 use super::Input;

@@ -1,8 +1,8 @@
 //! A full pack is driven until it is empty.
 
 use super::story::{Action, Plugged, Scenario, Sight, Step};
-use crate::battery::ArmState;
 use crate::host::sim::PackModel;
+use crate::vehicle::ArmState;
 use crate::vehicle::Mode;
 
 /// See [`Scenario::summary`].

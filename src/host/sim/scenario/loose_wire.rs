@@ -1,8 +1,8 @@
 //! A wire of the power monitor comes loose while driving.
 
 use super::story::{Action, Plugged, Scenario, Sight, Step};
-use crate::battery::ArmState;
 use crate::host::sim::{PackModel, SHUNT_OHM};
+use crate::vehicle::ArmState;
 use crate::vehicle::Mode;
 
 /// See [`Scenario::summary`].

@@ -2,9 +2,9 @@
 
 use std::fmt;
 
-use crate::battery::ArmState;
 use crate::host::sim::{PackModel, SimulatedPack};
 use crate::parameter::{ParameterId, Parameters};
+use crate::vehicle::ArmState;
 use crate::vehicle::Mode;
 
 /// A story.

@@ -1,8 +1,8 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::battery::ArmState;
 use crate::time::at_us;
+use crate::vehicle::ArmState;
 use crate::vehicle::VehicleStatus;
 
 const STATION: Peer = Peer {

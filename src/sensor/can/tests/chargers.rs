@@ -2,9 +2,10 @@
 
 use super::bench::{Bench, charger, node, pack};
 use super::golden::{self, frames};
-use crate::battery::{ArmState, Faults, GaugeReading};
+use crate::battery::{Faults, GaugeReading};
 use crate::pack::Pack;
 use crate::sensor::{CanFrame, CanNotice, CanOptions, CanPack, ChargerPower};
+use crate::vehicle::ArmState;
 
 /// Requests of node 10 to the charger, node 33.
 const SWITCH: u32 = 0x00f0_a18a;

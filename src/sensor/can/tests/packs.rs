@@ -4,12 +4,13 @@ use proptest::prelude::*;
 
 use super::bench::{Battery, Bench, node, pack};
 use super::golden::{self, frames};
-use crate::battery::{ArmState, ChargeState, Faults, Gauge, GaugeReading, Measurement, Supply};
+use crate::battery::{ChargeState, Faults, Gauge, GaugeReading, Measurement, Supply};
 use crate::memory::identity::Identity;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters, VehicleParameter};
 use crate::sensor::timeout::CAN_TIMEOUT_US;
 use crate::sensor::{CanEvent, CanNotice, CanOptions, CanPack, CanSettings, CanSetup};
+use crate::vehicle::ArmState;
 
 fn with(options: CanOptions) -> CanPack {
     CanPack {

@@ -1,10 +1,25 @@
-//! Battery failsafe actions.
+//! Failsafes: levels of the packs, actions, and what is announced of them.
 
 use core::fmt;
 
-use crate::battery::FailsafeLevel;
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, Parameters};
+
+/// Failsafe levels in increasing severity, with ArduPilot's numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+#[repr(u8)]
+pub enum FailsafeLevel {
+    /// No failsafe.
+    #[default]
+    None = 0,
+    /// No healthy reading any more.
+    Unhealthy = 1,
+    /// Below `BATT_LOW_VOLT` or `BATT_LOW_MAH`.
+    Low = 2,
+    /// Below `BATT_CRT_VOLT` or `BATT_CRT_MAH`.
+    Critical = 3,
+}
 
 /// Failsafe action of a low (`BATT_FS_LOW_ACT`), critical (`BATT_FS_CRT_ACT`) or unhealthy (`BATT_FS_UNH_ACT`) pack, with ArduPilot Rover's names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,6 +109,31 @@ impl fmt::Display for FailsafeAction {
             Self::Hold => "Hold",
             Self::Terminate => "Terminate",
         })
+    }
+}
+
+/// A state change without an operator's request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum VehicleEvent {
+    /// A failsafe action needs a position; the rover enters Hold instead.
+    NeedsPosition(FailsafeAction),
+    /// A failsafe has terminated the drive: disarmed and locked.
+    Terminated,
+    /// Control inputs have timed out: Hold.
+    ControlsTimedOut,
+    /// Heartbeats of ground stations have timed out: Hold.
+    GroundStationsTimedOut,
+}
+
+impl fmt::Display for VehicleEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NeedsPosition(action) => write!(f, "{action} needs a position: Hold"),
+            Self::Terminated => f.write_str("Terminated by battery failsafe"),
+            Self::ControlsTimedOut => f.write_str("Radio Failsafe: Hold"),
+            Self::GroundStationsTimedOut => f.write_str("GCS Failsafe: Hold"),
+        }
     }
 }
 

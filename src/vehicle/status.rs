@@ -1,0 +1,105 @@
+//! What the vehicle is doing, and what it is about to do.
+
+/// Whether the rover is armed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum ArmState {
+    /// The motors are off.
+    #[default]
+    Disarmed,
+    /// The motors may turn.
+    Armed,
+}
+
+/// A mode of ArduPilot's Rover. The others need a position estimate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+#[repr(u8)]
+pub enum Mode {
+    /// Driven by the sticks.
+    Manual = 0,
+    /// Brakes.
+    #[default]
+    Hold = 4,
+}
+
+impl Mode {
+    /// The mode with this ArduPilot Rover number.
+    pub fn from_number(number: u32) -> Option<Self> {
+        [Self::Manual, Self::Hold]
+            .into_iter()
+            .find(|mode| mode.number() == number)
+    }
+
+    /// ArduPilot Rover's number: MAVLink's `custom_mode`.
+    pub fn number(self) -> u32 {
+        self as u32
+    }
+}
+
+/// Whether the rover may be armed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Fitness {
+    /// A check has failed.
+    Unfit,
+    /// All checks have passed.
+    #[default]
+    Checked,
+    /// The checks do not count.
+    Forced,
+}
+
+/// Severity for ground stations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Alert {
+    /// No failure.
+    #[default]
+    None,
+    /// A failsafe is active: a pack is low or critical, or control inputs or ground stations have timed out.
+    Failsafe,
+    /// A failsafe has terminated the drive.
+    Terminated,
+}
+
+/// Status for ground stations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct VehicleStatus {
+    /// The mode.
+    pub mode: Mode,
+    /// Whether it is armed.
+    pub arm_state: ArmState,
+    /// Whether it had passed its checks when it was armed last.
+    pub fitness: Fitness,
+    /// Severity of its failures.
+    pub alert: Alert,
+}
+
+/// The program that runs after a requested restart. Of several requests the greatest counts: Mission Planner's "Force
+/// Bootloader" requests the boot loader and then the firmware.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum Restart {
+    /// The firmware.
+    #[default]
+    Firmware,
+    /// The firmware, by way of a provoked processor fault: a test of the crash record.
+    Fault,
+    /// The chip's own boot loader, which takes another firmware by USB.
+    BootLoader,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_manual_and_hold_have_a_number() {
+        for number in 0..300 {
+            let mode = Mode::from_number(number);
+            assert_eq!(mode.is_some(), [0, 4].contains(&number), "{number}");
+            assert!(mode.is_none_or(|mode| mode.number() == number));
+        }
+    }
+}
