@@ -3,8 +3,9 @@
 //! Run it with `cargo run --example builders`.
 
 use rover_battmon::battery::{BatteryState, ChargeState, PackStatus};
-use rover_battmon::mavlink::{Framer, Stream, SystemState};
+use rover_battmon::mavlink::{Framer, Stream};
 use rover_battmon::pack::Pack;
+use rover_battmon::system::SystemState;
 
 fn main() {
     let batteries = [BatteryState {

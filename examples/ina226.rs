@@ -19,10 +19,11 @@ mod firmware {
     use panic_probe as _;
     use rover_battmon::battery::{BatteryMonitor, PackSettings, Tick};
     use rover_battmon::board::{self, SensorI2c, TelemetryUart};
-    use rover_battmon::mavlink::{LinkKind, SystemState};
+    use rover_battmon::mavlink::LinkKind;
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::{BatteryParameter, Parameters};
     use rover_battmon::sensor::{BusDevices, Buses, PartKind, bus_clock_hz};
+    use rover_battmon::system::SystemState;
     use rover_battmon::tasks::{WiredEndpoint, now};
     use rover_battmon::vehicle::ArmState;
 

@@ -18,11 +18,11 @@ mod firmware {
     };
     use rover_battmon::mavlink::dialect::{MavParamType, PARAM_VALUE_DATA};
     use rover_battmon::mavlink::{
-        FrameParser, Framer, LinkKind, Message, Signing, SigningKey, StoredSigning, Stream, SystemState,
-        ToStore,
+        FrameParser, Framer, LinkKind, Message, Signing, SigningKey, StoredSigning, Stream, ToStore,
     };
     use rover_battmon::memory::storage::Condition;
     use rover_battmon::pack::Pack;
+    use rover_battmon::system::SystemState;
     use rover_battmon::time::Instant;
 
     /// What a ground station sends, in chunks as they come from a port.

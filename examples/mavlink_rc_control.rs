@@ -17,10 +17,11 @@ mod firmware {
     use rover_battmon::board::{
         self, AnalogInputs, BoardMotors, BoardWatchdog, MotorPeripherals, TelemetryUart,
     };
-    use rover_battmon::mavlink::{Changeable, LinkKind, Signing, SystemState};
+    use rover_battmon::mavlink::{Changeable, LinkKind, Signing};
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::{Parameters, VehicleParameter};
     use rover_battmon::sensor::{AnalogPin, AnalogWiring, read_mean};
+    use rover_battmon::system::SystemState;
     use rover_battmon::tasks::{ByteSource, Watchdog, WiredEndpoint, now};
     use rover_battmon::time::Cadence;
     use rover_battmon::vehicle::{Motors, Vehicle, VehicleSettings};

@@ -22,10 +22,11 @@ mod firmware {
         BatteryMonitor, Chemistry, FailsafeSettings, Measurement, PackSettings, ReadError, Thresholds, Tick,
     };
     use rover_battmon::board::{self, AnalogInputs, TelemetryUart};
-    use rover_battmon::mavlink::{LinkKind, SystemState};
+    use rover_battmon::mavlink::LinkKind;
     use rover_battmon::pack::Pack;
     use rover_battmon::parameter::Parameters;
     use rover_battmon::sensor::{AdcCount, AnalogPin, CurrentSensor, VoltageDivider, read_mean};
+    use rover_battmon::system::SystemState;
     use rover_battmon::tasks::{WiredEndpoint, now};
     use rover_battmon::vehicle::ArmState;
 

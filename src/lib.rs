@@ -20,9 +20,10 @@
 //!
 //! ```
 //! use rover_battmon::battery::{BatteryMonitor, ChargeState, Measurement, PackSettings, PackStatus, Tick};
-//! use rover_battmon::mavlink::{Framer, Stream, SystemState};
+//! use rover_battmon::mavlink::{Framer, Stream};
 //! use rover_battmon::pack::Pack;
 //! use rover_battmon::sensor::{AdcCount, VoltageDivider};
+//! use rover_battmon::system::SystemState;
 //! use rover_battmon::time::Instant;
 //!
 //! // 3600 of 4095, behind the board's divider.
@@ -66,6 +67,7 @@
 //! | [`recorder`] | a ring of log files in flash; `dataflash`: their records, in ArduPilot's format |
 //! | [`wifi`] | names and passwords of Wi-Fi networks, what the radio is to do, what it reports |
 //! | [`vehicle`] | the rover: arming, modes, outputs to the motors |
+//! | [`system`] | packs and vehicle as a whole, at one moment, and whether the vehicle can be armed |
 //! | [`crash`] | what is known of a crash after the restart |
 //! | [`autopilot`] | the core object: owns parameters, packs, vehicle and signing, and decides between them |
 //! | [`drivers`] | the CAN controller, how far a DMA ring is read, whether a USB device is stuck |
@@ -107,6 +109,7 @@ pub mod pack;
 pub mod parameter;
 pub mod recorder;
 pub mod sensor;
+pub mod system;
 pub mod tasks;
 pub mod time;
 pub mod vehicle;

@@ -12,13 +12,14 @@ use super::wifi_state::WifiState;
 use super::work::Work;
 use crate::battery::{BatteryState, PackEvent};
 use crate::log::info;
-use crate::mavlink::{ArmingReadiness, Signing, SystemState};
+use crate::mavlink::Signing;
 use crate::memory::identity::{FirmwareHash, Identity};
 use crate::memory::in_place::in_place;
 use crate::pack::Pack;
 use crate::parameter::{Parameters, SaveFailures};
 use crate::recorder::dataflash::{ModeReason, Record};
 use crate::sensor::MonitorKind;
+use crate::system::{ArmingReadiness, SystemState};
 use crate::time::Instant;
 use crate::vehicle::{Vehicle, VehicleStatus};
 

@@ -9,10 +9,11 @@ use super::work::Work;
 use crate::battery::{PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;
-use crate::mavlink::{Action, Changeable, Event, Framer, LinkKind, LogRead, Outgoing, Stream, SystemState};
+use crate::mavlink::{Action, Changeable, Event, Framer, LinkKind, LogRead, Outgoing, Stream};
 use crate::pack::Pack;
 use crate::parameter::{BatteryParameter, ParameterId, VehicleParameter};
 use crate::sensor::Admission;
+use crate::system::SystemState;
 use crate::time::Instant;
 
 /// Sent to a ground station that reads all parameters.

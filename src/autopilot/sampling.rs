@@ -11,13 +11,13 @@ use crate::battery::{
     ReadError, RetainedMemory, Tick, recall, retain,
 };
 use crate::log::{info, warn};
-use crate::mavlink::arming_readiness;
 use crate::pack::Pack;
 use crate::recorder::dataflash::Record;
 use crate::sensor::{
     Admission, AnalogPin, AnalogReadings, ControllerReading, ExternalReading, MonitorKind, Pulses,
     SerialReading,
 };
+use crate::system::arming_readiness;
 use crate::time::Instant;
 use crate::vehicle::ArmState;
 use crate::wifi::Radio;

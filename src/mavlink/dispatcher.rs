@@ -3,13 +3,13 @@
 use ::mavlink::MessageData;
 
 use super::dialect::{MavResult, MavSeverity, WIFI_CONFIG_AP_DATA};
-use super::downloads::Downloads;
 use super::event::{Action, Event};
 use super::parser::ReceivedFrame;
 use super::rates::{Rates, is_radio};
 use super::replies::Replies;
 use super::requests::{Command, Peer, ReceivedRequest, Request};
 use super::services::commands::Answer;
+use super::services::downloads::Downloads;
 use super::services::file_transfer::{self, FileEvent};
 use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList};
@@ -17,9 +17,9 @@ use super::services::vehicle::{VehicleService, is_of_ground_station};
 use super::services::{DISARM_FIRST, signing, time, wifi};
 use super::signing::{AcceptUnsigned, Authenticity, Effect, LinkKind, Signing, is_permitted};
 use super::stations::{Introduction, Stations};
-use super::system_state::SystemState;
 use super::{COMPONENT_ID, Message};
 use crate::parameter::{Parameters, VehicleParameter};
+use crate::system::SystemState;
 use crate::time::Instant;
 use crate::vehicle::ArmState;
 use crate::vehicle::Vehicle;

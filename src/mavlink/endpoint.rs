@@ -5,21 +5,21 @@ use core::iter;
 use super::details_change::DetailsChangeDetector;
 use super::dialect::MavSeverity;
 use super::dispatcher::{Changeable, Context, dispatch};
-use super::downloads::{Downloads, NextSender};
 use super::event::Event;
 use super::messages::{CheckedBy, arming_text, chunks_of};
 use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;
 use super::rates::Rates;
 use super::replies::Replies;
+use super::services::downloads::{Downloads, NextSender};
 use super::services::log_download::LogRead;
 use super::services::parameters::{ParameterList, param_value};
 use super::signing::LinkKind;
 use super::stations::Stations;
-use super::system_state::{LinkStatistics, SystemState};
 use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind, status_texts};
 use crate::pack::Pack;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
+use crate::system::{LinkStatistics, SystemState};
 use crate::time::Instant;
 
 /// A few dropped messages may be a hiccup; this many mean a link that is too slow.

@@ -1,7 +1,7 @@
 //! MAVLink: what a ground station sees.
 //!
 //! A stream that is due waits in the [`Outbox`] of a link until the wire is free; then its message is built from a
-//! [`SystemState`] by a plain function, and becomes a frame in the [`Framer`]. What is received goes through the
+//! [`SystemState`](crate::system::SystemState) by a plain function, and becomes a frame in the [`Framer`]. What is received goes through the
 //! [`FrameParser`] to a dispatcher, which gives it to the service it is for. [`Endpoint`] is all of that for one link,
 //! without the wire.
 #![allow(
@@ -9,10 +9,8 @@
     reason = "ground stations still use messages and commands that the dialect marks as superseded"
 )]
 
-mod arming;
 mod details_change;
 mod dispatcher;
-mod downloads;
 mod endpoint;
 mod event;
 mod framer;
@@ -29,12 +27,10 @@ mod services;
 mod signing;
 mod slowdown;
 mod stations;
-mod system_state;
 
 /// The dialect whose messages are used: `development` is `common` with BATTERY_STATUS_V2.
 pub use ::mavlink::dialects::development as dialect;
 
-pub use arming::{ArmingObstacle, arming_obstacles, arming_readiness};
 pub use dispatcher::Changeable;
 pub use endpoint::Endpoint;
 pub use event::{Action, Event, SetupRefused, SigningChange, WifiRefused};
@@ -48,7 +44,7 @@ pub use messages::{
     build_smart_battery_info, build_sys_status, status_texts,
 };
 pub use outbox::{NoRoom, Outbox, Posted};
-pub use parser::{FrameParser, ReceiveStatistics, ReceivedFrame, begins_with_frame};
+pub use parser::{FrameParser, ReceivedFrame, begins_with_frame};
 pub use payload::{Name, Payload};
 pub use requests::Peer;
 pub use scheduler::{Interval, IntervalRefused, NotStreamed, StreamScheduler};
@@ -56,7 +52,6 @@ pub use services::log_download::LogRead;
 pub use signing::{
     AcceptUnsigned, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,
 };
-pub use system_state::{ArmingReadiness, LinkStatistics, LogHealth, SystemState};
 
 /// The component id of the autopilot, `MAV_COMP_ID_AUTOPILOT1`.
 pub const COMPONENT_ID: u8 = 1;

@@ -4,10 +4,10 @@ use core::mem;
 
 use heapless::Deque;
 
-use super::arming::ArmingObstacle;
 use super::dialect::STATUSTEXT_DATA;
 use super::{DefaultRate, Message, Stream, StreamKind};
 use crate::pack::Pack;
+use crate::system::ArmingObstacle;
 
 /// Answers that can wait. Ground stations ask for a few things at a time and repeat what is not answered.
 const REPLIES: usize = 16;

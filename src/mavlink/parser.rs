@@ -4,6 +4,7 @@ use ::mavlink::{Message as _, calculate_crc};
 
 use super::dialect::MavMessage;
 use super::payload::Payload;
+use crate::system::ReceiveStatistics;
 
 const START_V1: u8 = 0xfe;
 const START_V2: u8 = 0xfd;
@@ -25,28 +26,6 @@ const BUFFER_BYTES: usize = 512;
 
 // A frame that waits for its end must leave room for the bytes it waits for.
 const _: () = assert!(BUFFER_BYTES > MAX_FRAME_BYTES);
-
-/// What came in on a link since boot. The counters wrap at 2^32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ReceiveStatistics {
-    /// Frames with a right checksum.
-    pub frames: u32,
-    /// Frames, or what looked like the start of one, whose checksum was wrong.
-    pub bad_checksums: u32,
-    /// Frames of a message this dialect does not know; their checksum can't be judged.
-    pub unknown_messages: u32,
-    /// Times bytes were lost before they could be read.
-    pub overruns: u32,
-}
-
-impl ReceiveStatistics {
-    /// Everything that was lost.
-    pub fn errors(&self) -> u32 {
-        self.bad_checksums
-            .wrapping_add(self.unknown_messages)
-            .wrapping_add(self.overruns)
-    }
-}
 
 /// A frame whose checksum is right.
 #[derive(Clone, Copy, Debug)]

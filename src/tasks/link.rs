@@ -7,9 +7,10 @@ use embassy_sync::signal::Signal;
 
 use super::{Shared, now};
 use crate::autopilot::{Autopilot, Channel};
-use crate::mavlink::{LinkId, LinkKind, LinkStatistics, LogRead};
+use crate::mavlink::{LinkId, LinkKind, LogRead};
 use crate::parameter::{VehicleParameter, serial_baud};
 use crate::recorder::LogSource;
+use crate::system::LinkStatistics;
 
 /// A link: our end of it, and wake-ups for its tasks.
 ///

@@ -4,9 +4,10 @@ use embedded_io_async::Write;
 
 use crate::autopilot::Announcement;
 use crate::battery::PackEvent;
-use crate::mavlink::{Endpoint, Framer, LinkKind, SystemState};
+use crate::mavlink::{Endpoint, Framer, LinkKind};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
+use crate::system::SystemState;
 use crate::time::Instant;
 
 /// Our end of a link together with its wire, for a program of one loop. Nothing is signed.

@@ -17,11 +17,12 @@ use rover_battmon::mavlink::dialect::{
     MavSysStatusSensor, MavSysStatusSensorExtended, SMART_BATTERY_INFO_DATA, SYS_STATUS_DATA,
 };
 use rover_battmon::mavlink::{
-    ArmingReadiness, BroadcastCommand, Framer, LinkStatistics, Message, ReceiveStatistics, SystemState,
-    build_battery_info, build_battery_status, build_battery_status_v2, build_fuel_status, build_heartbeat,
-    build_resistance, build_resting_voltage, build_smart_battery_info, build_sys_status,
+    BroadcastCommand, Framer, Message, build_battery_info, build_battery_status, build_battery_status_v2,
+    build_fuel_status, build_heartbeat, build_resistance, build_resting_voltage, build_smart_battery_info,
+    build_sys_status,
 };
 use rover_battmon::pack::Pack;
+use rover_battmon::system::{ArmingReadiness, LinkStatistics, ReceiveStatistics, SystemState};
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::ArmState;
 use rover_battmon::vehicle::VehicleStatus;

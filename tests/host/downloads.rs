@@ -3,10 +3,11 @@
 use std::iter;
 
 use proptest::prelude::*;
-use rover_battmon::mavlink::{Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Signing, SystemState};
+use rover_battmon::mavlink::{Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Signing};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
 use rover_battmon::recorder::LogFile;
+use rover_battmon::system::SystemState;
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{Fitness, Vehicle};
 use rover_battmon::wifi::WifiCredentials;

@@ -7,11 +7,12 @@ use rover_battmon::battery::{
     Amount, BatteryState, ChargeSource, ChargeState, Contents, PackDetails, PackStatus, Visibility,
 };
 use rover_battmon::mavlink::dialect::MavSeverity;
-use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind, SystemState};
+use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind};
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{
     BatteryParameter, ParameterId, Parameters, SimulationParameter, Unsaved, VehicleParameter,
 };
+use rover_battmon::system::SystemState;
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::Restart;
 use support::desk::Desk;

@@ -2,10 +2,11 @@
 
 use rover_battmon::autopilot::{Autopilot, Channel, SamplingProgress, Start};
 use rover_battmon::battery::{BatteryState, PackStatus, RetainedRecord};
-use rover_battmon::mavlink::{Event, Framer, LinkKind, LinkStatistics};
+use rover_battmon::mavlink::{Event, Framer, LinkKind};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters};
 use rover_battmon::sensor::{ADC_FULL_SCALE, ADC_REFERENCE_V, AdcCount, AnalogReadings};
+use rover_battmon::system::LinkStatistics;
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{SideDrives, Vehicle};
 

@@ -4,7 +4,7 @@ use core::fmt::Write;
 
 use heapless::String;
 
-use crate::mavlink::arming::ArmingObstacle;
+use crate::system::ArmingObstacle;
 use crate::vehicle::Stick;
 
 /// The longest text, in bytes: two STATUSTEXT.

@@ -6,9 +6,9 @@ use super::pack_facts::{
 };
 use super::units::{NOT_GIVEN, amp_hours, number, number_above_zero};
 use crate::battery::BatteryState;
-use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{BATTERY_INFO_DATA, MavBatteryFunction};
 use crate::pack::Pack;
+use crate::system::SystemState;
 
 /// MAVLink's value for a state of health that is not known: its −1, in a byte without sign.
 const HEALTH_UNKNOWN_PCT: u8 = u8::MAX;

@@ -5,12 +5,12 @@ use super::units::{
     MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, finite, remaining_pct, temperature_cdegc, voltage_mv,
 };
 use crate::battery::{Amount, BatteryState, CellVoltages, ChargeState, Faults};
-use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{
     BATTERY_STATUS_DATA, MavBatteryChargeState, MavBatteryFault, MavBatteryFunction, MavBatteryMode,
 };
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;
+use crate::system::SystemState;
 
 /// Cells in `voltages`.
 const CELLS: usize = 10;

@@ -2,9 +2,9 @@
 
 use super::units::{amp_hours, finite, number, temperature_cdegc};
 use crate::battery::{Amount, BatteryState, ChargeSource, ChargeState, FailsafeLevel, Faults, PackStatus};
-use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{BATTERY_STATUS_V2_DATA, MavBatteryStatusFlags as Flags};
 use crate::pack::Pack;
+use crate::system::SystemState;
 
 /// The flag that goes with each fault. Those of things no sensor here can see (balancing, protections, a short circuit)
 /// are never set.

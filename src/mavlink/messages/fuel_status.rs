@@ -2,10 +2,10 @@
 
 use super::units::{finite, number};
 use crate::battery::{BatteryState, ChargeSource};
-use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{FUEL_STATUS_DATA, MavFuelType};
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;
+use crate::system::SystemState;
 
 /// MAVLink's value for a level that is not known, `UINT8_MAX`.
 const LEVEL_UNKNOWN_PCT: u8 = u8::MAX;

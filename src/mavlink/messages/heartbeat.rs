@@ -1,7 +1,7 @@
 //! HEARTBEAT (0).
 
-use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType};
+use crate::system::SystemState;
 use crate::vehicle::ArmState;
 use crate::vehicle::{Alert, Mode, VehicleStatus};
 

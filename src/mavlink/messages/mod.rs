@@ -41,7 +41,6 @@ pub use stream::{DefaultRate, StreamGroup, Subject};
 pub use sys_status::build_sys_status;
 pub use version::{build_autopilot_version, build_protocol_version};
 
-use super::SystemState;
 use super::dialect::{
     AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA,
     HEARTBEAT_DATA, LOG_DATA_DATA, LOG_ENTRY_DATA, MESSAGE_INTERVAL_DATA, NAMED_VALUE_FLOAT_DATA,
@@ -49,6 +48,7 @@ use super::dialect::{
     STATUSTEXT_DATA, SYS_STATUS_DATA, TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
 };
 use crate::pack::Pack;
+use crate::system::SystemState;
 
 // Each row of a stream: the message, its default rate, of packs also which ones, its builder. When the wire is shared,
 // streams take turns in this order.

@@ -1,9 +1,9 @@
 //! NAMED_VALUE_FLOAT (251): estimates of a pack for which no other message has a field.
 
 use super::units::number;
-use crate::mavlink::SystemState;
 use crate::mavlink::dialect::NAMED_VALUE_FLOAT_DATA;
 use crate::pack::Pack;
+use crate::system::SystemState;
 
 /// The longest name, in bytes. One that is as long has no 0 at its end.
 const NAME_BYTES: usize = 10;

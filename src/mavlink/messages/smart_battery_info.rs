@@ -5,10 +5,10 @@ use super::pack_facts::{
     full_capacity, lowest_cell_voltage_v, manufacture_date, name, serial_number,
 };
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, finite, voltage_mv};
-use crate::mavlink::SystemState;
 use crate::mavlink::dialect::{MavBatteryFunction, SMART_BATTERY_INFO_DATA};
 use crate::numbers::round_to_i32;
 use crate::pack::Pack;
+use crate::system::SystemState;
 
 /// MAVLink's value for a capacity that is not known.
 const CAPACITY_UNKNOWN_MAH: i32 = -1;

@@ -1,8 +1,8 @@
 //! What the rows of the table of messages say of a stream.
 
 use super::{Stream, StreamKind};
-use crate::mavlink::SystemState;
 use crate::pack::{MAX_PACKS, Pack};
+use crate::system::SystemState;
 
 /// What a message is about, and with that whether there is one of it or one for each pack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,8 +3,8 @@
 use super::units::{MAX_VOLTAGE_MV, VOLTAGE_UNKNOWN_MV, current_ca, remaining_pct, voltage_mv};
 use crate::battery::{BatteryState, FailsafeLevel, PackStatus};
 use crate::mavlink::dialect::{MavSysStatusSensor, MavSysStatusSensorExtended, SYS_STATUS_DATA};
-use crate::mavlink::{ArmingReadiness, ReceiveStatistics, SystemState};
 use crate::pack::Pack;
+use crate::system::{ArmingReadiness, ReceiveStatistics, SystemState};
 use crate::vehicle::ArmState;
 
 /// The primary pack's voltage, current and remaining charge, whether all packs are healthy, the processor's load and

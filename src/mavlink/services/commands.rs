@@ -8,10 +8,9 @@ use crate::mavlink::dialect::{
 use crate::mavlink::event::Action;
 use crate::mavlink::requests::Command;
 use crate::mavlink::scheduler::{Interval, IntervalRefused, StreamScheduler};
-use crate::mavlink::{
-    Message, Stream, StreamKind, SystemState, build_autopilot_version, build_protocol_version,
-};
+use crate::mavlink::{Message, Stream, StreamKind, build_autopilot_version, build_protocol_version};
 use crate::pack::Pack;
+use crate::system::SystemState;
 use crate::time::Instant;
 use crate::vehicle::Restart;
 

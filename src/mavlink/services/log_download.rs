@@ -6,8 +6,9 @@
 
 use crate::mavlink::dialect::{LOG_DATA_DATA, LOG_ENTRY_DATA};
 use crate::mavlink::requests::{LogDataRequest, LogListRequest};
-use crate::mavlink::{Message, Peer, SystemState};
+use crate::mavlink::{Message, Peer};
 use crate::recorder::LogFile;
+use crate::system::SystemState;
 use crate::time::Instant;
 
 /// Bytes of the file in one LOG_DATA; a message with fewer is the last one.

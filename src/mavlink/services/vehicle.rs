@@ -5,14 +5,14 @@ use core::fmt::Write;
 use ::mavlink::MessageData;
 use heapless::String;
 
-use crate::mavlink::arming::{ArmingObstacle, arming_obstacles};
+use crate::mavlink::Peer;
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavType, SET_MODE_DATA};
 use crate::mavlink::event::Event;
 use crate::mavlink::messages::{CheckedBy, arming_text};
 use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::{Command, Heartbeat, SetMode, Sticks};
-use crate::mavlink::{Peer, SystemState};
 use crate::parameter::Parameters;
+use crate::system::{ArmingObstacle, SystemState, arming_obstacles};
 use crate::time::Instant;
 use crate::vehicle::ArmState;
 use crate::vehicle::{Fitness, Mode, Vehicle, control_timeout_us};

@@ -16,14 +16,15 @@ use core::str;
 use heapless::{Deque, Vec};
 
 use super::log_download::LogRead;
+use crate::mavlink::Peer;
 use crate::mavlink::messages::{
     Burst, FileAnswer, FileAnswerHeader, FileData, FileError, FileOutcome, MAX_FILE_BYTES,
 };
 use crate::mavlink::requests::FileTransfer;
-use crate::mavlink::{Peer, SystemState};
 use crate::memory::checksum::file_crc32;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::recorder::LogFile;
+use crate::system::SystemState;
 use crate::time::Instant;
 use listing::list;
 use parameter_file::ParameterFile;

@@ -1,6 +1,5 @@
 //! Everything telemetry reports, at one moment.
 
-use super::ReceiveStatistics;
 use crate::battery::{BatteryState, ChargeSource, PackStatus, Visibility};
 use crate::memory::identity::Identity;
 use crate::pack::Pack;
@@ -141,4 +140,26 @@ pub struct LinkStatistics {
     pub unauthorized: u32,
     /// What came in.
     pub received: ReceiveStatistics,
+}
+
+/// What came in on a link since boot. The counters wrap at 2^32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ReceiveStatistics {
+    /// Frames with a right checksum.
+    pub frames: u32,
+    /// Frames, or what looked like the start of one, whose checksum was wrong.
+    pub bad_checksums: u32,
+    /// Frames of a message this dialect does not know; their checksum can't be judged.
+    pub unknown_messages: u32,
+    /// Times bytes were lost before they could be read.
+    pub overruns: u32,
+}
+
+impl ReceiveStatistics {
+    /// Everything that was lost.
+    pub fn errors(&self) -> u32 {
+        self.bad_checksums
+            .wrapping_add(self.unknown_messages)
+            .wrapping_add(self.overruns)
+    }
 }

@@ -1,16 +1,17 @@
 //! Files on their way to a ground station, one message at a time.
 
-use super::services::file_transfer::{FileStep, FileTransfers};
-use super::services::log_download::{LogDownload, LogRead, Step};
-use super::{Message, Outgoing, SystemState};
+use super::file_transfer::{FileStep, FileTransfers};
+use super::log_download::{LogDownload, LogRead, Step};
+use crate::mavlink::{Message, Outgoing};
 use crate::parameter::Parameters;
+use crate::system::SystemState;
 
 /// While a download runs, this many of its messages leave for each message of a stream.
 const SHARE: u8 = 24;
 
 /// Whose turn it is when both a download and a stream could send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum NextSender {
+pub(in crate::mavlink) enum NextSender {
     Download,
     Stream,
 }
@@ -34,7 +35,7 @@ impl Service {
 
 /// The downloads of one link, and the one message of theirs that waits for the wire.
 #[derive(Debug, Default)]
-pub(super) struct Downloads {
+pub(in crate::mavlink) struct Downloads {
     pub logs: LogDownload,
     pub files: FileTransfers,
     /// The service that is next if both send.

@@ -1,0 +1,8 @@
+//! Packs and vehicle as a whole: everything that is reported of them at one moment, and what keeps the vehicle from being
+//! armed.
+
+mod arming;
+mod state;
+
+pub use arming::{ArmingObstacle, arming_obstacles, arming_readiness};
+pub use state::{ArmingReadiness, LinkStatistics, LogHealth, ReceiveStatistics, SystemState};
