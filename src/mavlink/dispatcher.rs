@@ -2,28 +2,23 @@
 
 use ::mavlink::MessageData;
 
+use super::COMPONENT_ID;
 use super::dialect::{MavResult, MavSeverity, WIFI_CONFIG_AP_DATA};
 use super::event::{Action, Event};
 use super::parser::ReceivedFrame;
-use super::rates::{Rates, is_radio};
-use super::replies::Replies;
+use super::rates::is_radio;
 use super::requests::{Command, Peer, ReceivedRequest, Request};
 use super::services::commands::Answer;
+use super::services::context::Context;
 use super::services::downloads::Downloads;
-use super::services::file_transfer::{self, FileEvent};
 use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList};
 use super::services::vehicle::{VehicleService, is_of_ground_station};
-use super::services::{DISARM_FIRST, signing, time, wifi};
-use super::signing::{AcceptUnsigned, Authenticity, Effect, LinkKind, Signing, is_permitted};
-use super::stations::{Introduction, Stations};
-use super::{COMPONENT_ID, Message};
-use crate::parameter::{Parameters, VehicleParameter};
-use crate::system::SystemState;
-use crate::time::Instant;
+use super::services::{DISARM_FIRST, file_transfer, signing, time, wifi};
+use super::signing::{AcceptUnsigned, Authenticity, Effect, LinkKind, is_permitted};
+use super::stations::Introduction;
+use crate::parameter::VehicleParameter;
 use crate::vehicle::ArmState;
-use crate::vehicle::Vehicle;
-use crate::wifi::WifiCredentials;
 
 /// What a request does, at most.
 fn effect(request: &Request<'_>) -> Effect {
@@ -52,68 +47,19 @@ fn effect(request: &Request<'_>) -> Effect {
     }
 }
 
-/// What requests may change, apart from their link.
-#[derive(Debug)]
-pub struct Changeable<'a> {
-    /// The live parameters.
-    pub parameters: &'a mut Parameters,
-    /// The vehicle.
-    pub vehicle: &'a mut Vehicle,
-    /// The signing key.
-    pub signing: &'a mut Signing,
-    /// Names and passwords of Wi-Fi networks.
-    pub wifi: &'a mut WifiCredentials,
+/// The services of a link that go on sending after a request.
+#[derive(Debug, Default)]
+pub(super) struct Services {
+    pub list: ParameterList,
+    pub downloads: Downloads,
 }
 
-/// What a request may use and change.
-pub(super) struct Context<'a> {
-    pub now: Instant,
-    /// The frame can't have been received earlier.
-    pub received_at: Instant,
-    pub state: &'a SystemState<'a>,
-    pub changeable: Changeable<'a>,
-    pub list: &'a mut ParameterList,
-    pub downloads: &'a mut Downloads,
-    pub rates: &'a mut Rates,
-    pub stations: &'a mut Stations,
-    pub link: LinkKind,
-    /// Messages on this link that were not signed as they would have to be.
-    pub unauthorized: &'a mut u32,
-}
-
-impl Context<'_> {
-    /// Whether the sender of `frame` may do what it asks for.
-    fn permits(&mut self, request: &Request<'_>, frame: &ReceivedFrame<'_>) -> bool {
-        let accepted = AcceptUnsigned::on(self.link, self.changeable.parameters);
-        let signing = &mut *self.changeable.signing;
-        let authenticity = signing.check(frame, self.now);
-        // Without this, a lost key could never be replaced where `SIGN_USB_ALLOW` wants everything signed with it.
-        let replaces_lost_key = matches!(request, Request::SetUpSigning(_))
-            && self.link == LinkKind::Direct
-            && signing.has_lost_key();
-        // Over radio a password needs a signature, even without a key.
-        let needs_proof = matches!(request, Request::WifiConfig(_)) && self.link != LinkKind::Direct;
-        if needs_proof && authenticity != Authenticity::Proven {
-            return false;
-        }
-        replaces_lost_key || is_permitted(effect(request), authenticity, accepted)
-    }
-
-    /// Counts a request that is not permitted.
-    fn refuse(&mut self, request: &Request<'_>) -> Event {
-        // Every vehicle and ground station around has a heartbeat, and no key of ours.
-        if matches!(request, Request::Heartbeat(_)) {
-            return Event::Ignored;
-        }
-        *self.unauthorized = self.unauthorized.wrapping_add(1);
-        Event::Unauthorized {
-            count: *self.unauthorized,
-        }
-    }
-}
-
-/// Handles one frame and answers through `replies`.
-pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, replies: Replies<'_>) -> Event {
+/// Handles one frame, and answers it.
+pub(super) fn dispatch(
+    frame: &ReceivedFrame<'_>,
+    services: &mut Services,
+    context: &mut Context<'_>,
+) -> Event {
     // The table's range is 1 to 255.
     let system_id = context.changeable.parameters.get(VehicleParameter::SysidThismav) as u8;
     let Some(received) = ReceivedRequest::decode(frame) else {
@@ -123,11 +69,36 @@ pub(super) fn dispatch(frame: &ReceivedFrame<'_>, mut context: Context<'_>, repl
     {
         return Event::Ignored;
     }
-    if context.permits(&received.request, frame) {
-        serve(&received.request, received.from, context, replies)
+    if permits(&received.request, frame, context) {
+        serve(&received.request, received.from, services, context)
     } else {
-        context.refuse(&received.request)
+        refuse(&received.request, context.unauthorized)
     }
+}
+
+/// Whether the sender of `frame` may do what it asks for.
+fn permits(request: &Request<'_>, frame: &ReceivedFrame<'_>, context: &mut Context<'_>) -> bool {
+    let accepted = AcceptUnsigned::on(context.link, context.changeable.parameters);
+    let is_direct = context.link == LinkKind::Direct;
+    let signing = &mut *context.changeable.signing;
+    let authenticity = signing.check(frame, context.now);
+    match request {
+        // Over radio a password needs a signature, even without a key.
+        Request::WifiConfig(_) if !is_direct && authenticity != Authenticity::Proven => false,
+        // Without this, a lost key could never be replaced where `SIGN_USB_ALLOW` wants everything signed with it.
+        Request::SetUpSigning(_) if is_direct && signing.has_lost_key() => true,
+        _ => is_permitted(effect(request), authenticity, accepted),
+    }
+}
+
+/// Counts a request that is not permitted.
+fn refuse(request: &Request<'_>, unauthorized: &mut u32) -> Event {
+    // Every vehicle and ground station around has a heartbeat, and no key of ours.
+    if matches!(request, Request::Heartbeat(_)) {
+        return Event::Ignored;
+    }
+    *unauthorized = unauthorized.wrapping_add(1);
+    Event::Unauthorized { count: *unauthorized }
 }
 
 /// Whether a BATTERY_STATUS is of a pack that another component of this vehicle measures, and by one: other packs and
@@ -142,130 +113,104 @@ fn is_expected(received: &ReceivedRequest<'_>, system_id: u8, external_packs: u1
 }
 
 /// Does what was asked for.
-fn serve(request: &Request<'_>, from: Peer, context: Context<'_>, mut replies: Replies<'_>) -> Event {
-    let Context {
-        now,
-        received_at,
-        state,
-        changeable,
-        list,
-        downloads,
-        rates,
-        stations,
-        link,
-        unauthorized: _,
-    } = context;
-    let Changeable {
-        parameters,
-        vehicle,
-        signing,
-        wifi: credentials,
-    } = changeable;
-    let mut service = VehicleService {
-        now,
-        received_at,
-        state,
-        parameters,
-        vehicle,
-    };
+fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &mut Context<'_>) -> Event {
+    let (now, state) = (context.now, context.state);
+    let Services { list, downloads } = services;
     match request {
         Request::ParameterList => {
             list.start(now);
-            return Event::ListRequested;
+            Event::ListRequested
         }
-        Request::ParameterRead(read) => replies.answer(parameters::read(read, from, parameters)),
-        Request::ParameterSet(set) => return parameters::set(set, from, parameters, rates, replies),
-        Request::Command(command) if command.requests_message(WIFI_CONFIG_AP_DATA::ID) => {
-            return wifi::report(command.number, from, credentials, parameters, replies);
-        }
-        Request::Command(command) => return execute(command, from, service, rates, replies),
+        Request::ParameterRead(read) => parameters::read(read, from, context),
+        Request::ParameterSet(set) => parameters::set(set, from, context),
+        Request::Command(command) => execute(command, from, context),
         Request::FileTransfer(transfer) => {
-            let (answer, event) = downloads
-                .files
-                .handle(transfer, from, state, parameters, |id| rates.parameter_set(id));
-            replies.answer_any(answer.map(Message::FileAnswer));
-            return file_served(event, downloads, now, replies);
+            let result = downloads.files.handle(transfer, from, context);
+            explained(result, downloads, context)
         }
         Request::LogList(list) => {
             let result = downloads.logs.list(list, from, state);
-            explain_refusal(result, downloads, now, replies);
+            explained(result.map(|()| Event::Answered), downloads, context)
         }
         Request::LogData(data) => {
             let result = downloads.logs.request_data(data, from, state);
-            explain_refusal(result, downloads, now, replies);
+            explained(result.map(|()| Event::Answered), downloads, context)
         }
-        Request::LogEnd => downloads.logs.end(from),
+        Request::LogEnd => {
+            downloads.logs.end(from);
+            Event::Answered
+        }
         Request::LogErase => {
             let result = downloads.logs.erase(from, state);
-            explain_refusal(result, downloads, now, replies);
-            if result.is_ok() {
-                return Event::LogsErased;
-            }
+            explained(result.map(|()| Event::LogsErased), downloads, context)
         }
-        Request::DataStream(stream) => rates.request_data_stream(stream, parameters, now),
-        Request::Ping(ping) => replies.answer_any(time::ping(ping, from)),
-        Request::Timesync(timesync) => replies.answer_any(time::timesync(timesync, from, now)),
-        Request::RadioStatus(status) if is_radio(from.component_id, link) => {
-            rates.radio_status(status, now);
+        Request::DataStream(stream) => {
+            let parameters = &*context.changeable.parameters;
+            context.rates.request_data_stream(stream, parameters, now);
+            Event::Answered
         }
-        Request::RadioStatus(_) => return Event::Ignored,
-        Request::SetMode(set_mode) => return service.set_mode_by_message(set_mode, from, replies),
-        Request::Control(sticks) => return service.control(sticks),
-        Request::Heartbeat(heartbeat) if is_of_ground_station(heartbeat) => {
-            service.ground_station_seen();
-            if stations.heartbeat(from, now) == Introduction::Due {
-                for pack in state.described() {
-                    replies.outbox.post_details(pack);
-                }
-            }
-            return Event::GroundStationHeard;
+        Request::Ping(ping) => time::ping(ping, from, context.outbox),
+        Request::Timesync(timesync) => time::timesync(timesync, from, context),
+        Request::RadioStatus(status) if is_radio(from.component_id, context.link) => {
+            context.rates.radio_status(status, now);
+            Event::Answered
         }
-        Request::Heartbeat(_) => return Event::Ignored,
-        Request::SetUpSigning(set_up) => {
-            let arm_state = service.vehicle.arm_state();
-            return signing::set_up(set_up, link, arm_state, signing, now, replies);
-        }
-        Request::WifiConfig(config) => {
-            let arm_state = service.vehicle.arm_state();
-            return wifi::set_up(config, arm_state, credentials, parameters, replies);
-        }
-        Request::PackReading(reading) => {
-            return Event::Measured {
-                component_id: from.component_id,
-                reading: *reading,
-            };
-        }
+        Request::RadioStatus(_) => Event::Ignored,
+        Request::SetMode(set_mode) => VehicleService::of(context).set_mode_by_message(set_mode, from),
+        Request::Control(sticks) => VehicleService::of(context).control(sticks),
+        Request::Heartbeat(heartbeat) if is_of_ground_station(heartbeat) => heard(from, context),
+        Request::Heartbeat(_) => Event::Ignored,
+        Request::SetUpSigning(set_up) => signing::set_up(set_up, context),
+        Request::WifiConfig(config) => wifi::set_up(config, context),
+        Request::PackReading(reading) => Event::Measured {
+            component_id: from.component_id,
+            reading: *reading,
+        },
     }
-    Event::Answered
 }
 
-/// Executes a command: a few are for the vehicle, the others for the link or the board.
-fn execute(
-    command: &Command,
-    from: Peer,
-    mut service: VehicleService<'_>,
-    rates: &mut Rates,
-    mut replies: Replies<'_>,
-) -> Event {
-    if VehicleService::knows(command.number) {
-        return service.execute(command, from, replies);
+/// HEARTBEAT of a ground station. One that is new learns what smart batteries are.
+fn heard(from: Peer, context: &mut Context<'_>) -> Event {
+    context
+        .changeable
+        .vehicle
+        .ground_station_seen(context.received_at);
+    if context.stations.heartbeat(from, context.now) == Introduction::Due {
+        for pack in context.state.described() {
+            context.outbox.post_details(pack);
+        }
     }
-    let outcome = command.execute(&mut rates.scheduler, service.state, service.now);
-    if outcome.action.is_some_and(Action::needs_disarmed) && service.vehicle.arm_state() == ArmState::Armed {
-        replies.explain(MavSeverity::MAV_SEVERITY_WARNING, DISARM_FIRST);
-        replies.acknowledge(command.number, MavResult::MAV_RESULT_FAILED, from);
+    Event::GroundStationHeard
+}
+
+/// Executes a command: a few are for the vehicle or Wi-Fi, the others for the link or the board.
+fn execute(command: &Command, from: Peer, context: &mut Context<'_>) -> Event {
+    if command.requests_message(WIFI_CONFIG_AP_DATA::ID) {
+        return wifi::report(command.number, from, context);
+    }
+    if VehicleService::knows(command.number) {
+        return VehicleService::of(context).execute(command, from);
+    }
+    let (state, vehicle, outbox) = (
+        context.state,
+        &mut *context.changeable.vehicle,
+        &mut *context.outbox,
+    );
+    let outcome = command.execute(&mut context.rates.scheduler, state, context.now);
+    if outcome.action.is_some_and(Action::needs_disarmed) && vehicle.arm_state() == ArmState::Armed {
+        outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, DISARM_FIRST);
+        outbox.acknowledge(command.number, MavResult::MAV_RESULT_FAILED, from);
         return Event::CommandRefused(command.number);
     }
     if let Some(Action::Restart(restart)) = outcome.action {
-        service.vehicle.prepare_restart(restart);
+        vehicle.prepare_restart(restart);
     }
-    replies.acknowledge(command.number, outcome.result, from);
+    outbox.acknowledge(command.number, outcome.result, from);
     match outcome.answer {
-        Some(Answer::Message(message)) => replies.answer(message),
+        Some(Answer::Message(message)) => outbox.answer(message),
         Some(Answer::Streams(requested)) => {
-            let state = service.state;
             for stream in requested.reported_in(state) {
-                replies.answer(stream.build(state));
+                outbox.answer(stream.build(state));
             }
         }
         None => {}
@@ -278,33 +223,14 @@ fn execute(
     }
 }
 
-/// Result of a request for files.
-fn file_served(event: FileEvent, downloads: &mut Downloads, now: Instant, mut replies: Replies<'_>) -> Event {
-    match event {
-        FileEvent::Served => Event::Answered,
-        FileEvent::ParametersOpened => Event::ListRequested,
-        FileEvent::ParametersSet => Event::ParametersSet,
-        FileEvent::ParametersNotSet(not_set) => {
-            replies.say(MavSeverity::MAV_SEVERITY_WARNING, &not_set.text());
-            Event::ParametersSet
+/// Says why a download was refused, if it was.
+fn explained(result: Result<Event, Refusal>, downloads: &mut Downloads, context: &mut Context<'_>) -> Event {
+    result.unwrap_or_else(|refusal| {
+        if downloads.logs.may_explain(context.now) {
+            context
+                .outbox
+                .say(MavSeverity::MAV_SEVERITY_WARNING, refusal.text());
         }
-        FileEvent::RefusedArmed => {
-            explain_refusal(Err(Refusal::Armed), downloads, now, replies);
-            Event::Answered
-        }
-    }
-}
-
-/// Reports why a request for logs was refused, if it was.
-fn explain_refusal(
-    result: Result<(), Refusal>,
-    downloads: &mut Downloads,
-    now: Instant,
-    mut replies: Replies<'_>,
-) {
-    if let Err(refusal) = result
-        && downloads.logs.may_explain(now)
-    {
-        replies.say(MavSeverity::MAV_SEVERITY_WARNING, refusal.text());
-    }
+        Event::Answered
+    })
 }

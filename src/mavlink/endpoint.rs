@@ -4,19 +4,19 @@ use core::iter;
 
 use super::details_change::DetailsChangeDetector;
 use super::dialect::MavSeverity;
-use super::dispatcher::{Changeable, Context, dispatch};
+use super::dispatcher::{Services, dispatch};
 use super::event::Event;
 use super::messages::{CheckedBy, arming_text, chunks_of};
 use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;
 use super::rates::Rates;
-use super::replies::Replies;
-use super::services::downloads::{Downloads, NextSender};
+use super::services::context::{Changeable, Context};
+use super::services::downloads::NextSender;
 use super::services::log_download::LogRead;
-use super::services::parameters::{ParameterList, param_value};
+use super::services::parameters::param_value;
 use super::signing::LinkKind;
 use super::stations::Stations;
-use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind, status_texts};
+use super::{BroadcastCommand, Message, Outgoing, Stream, StreamKind};
 use crate::pack::Pack;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::system::{LinkStatistics, SystemState};
@@ -32,18 +32,17 @@ pub struct Endpoint {
     bytes_per_second: u32,
     parser: FrameParser,
     rates: Rates,
-    list: ParameterList,
-    downloads: Downloads,
+    services: Services,
     outbox: Outbox,
     details: DetailsChangeDetector,
     stations: Stations,
     sent: u32,
+    /// Messages that were dropped, beside the answers that the outbox counts.
     dropped: u32,
     /// Those of them that belonged to a stream.
     streams_dropped: u32,
     /// Received messages that were not signed as they would have to be.
     unauthorized: u32,
-    texts: u16,
     shortfall_said: bool,
 }
 
@@ -55,8 +54,7 @@ impl Endpoint {
             bytes_per_second,
             parser: FrameParser::new(),
             rates: Rates::new(now),
-            list: ParameterList::default(),
-            downloads: Downloads::default(),
+            services: Services::default(),
             outbox: Outbox::new(),
             details: DetailsChangeDetector::default(),
             stations: Stations::default(),
@@ -64,7 +62,6 @@ impl Endpoint {
             dropped: 0,
             streams_dropped: 0,
             unauthorized: 0,
-            texts: 0,
             shortfall_said: false,
         }
     }
@@ -78,7 +75,7 @@ impl Endpoint {
     pub fn statistics(&self) -> LinkStatistics {
         LinkStatistics {
             sent: self.sent,
-            dropped: self.dropped,
+            dropped: self.dropped.wrapping_add(self.outbox.dropped()),
             unauthorized: self.unauthorized,
             received: self.parser.statistics(),
         }
@@ -93,7 +90,7 @@ impl Endpoint {
         parameters: &Parameters,
     ) -> Option<Stream> {
         self.rates.follow(parameters, now);
-        self.list.release(
+        self.services.list.release(
             now,
             parameters.get(VehicleParameter::Sr0Params),
             self.bytes_per_second,
@@ -134,7 +131,7 @@ impl Endpoint {
     /// Posts the next message of `stream`, and answers the stream if one was dropped for it. While a download leaves streams
     /// only a share of the link, what waits for its turn is not dropped: it is sent less often.
     fn post_stream(&mut self, stream: Stream) -> Option<Stream> {
-        if self.outbox.post(stream) == Posted::Queued || self.downloads.is_running() {
+        if self.outbox.post(stream) == Posted::Queued || self.services.downloads.is_running() {
             return None;
         }
         self.dropped = self.dropped.wrapping_add(1);
@@ -156,20 +153,23 @@ impl Endpoint {
     /// When [`Self::post_due`] has to be called next.
     pub fn next_due(&self) -> Instant {
         let streams = self.rates.scheduler.next_due();
-        self.list.next_due().map_or(streams, |list| list.min(streams))
+        self.services
+            .list
+            .next_due()
+            .map_or(streams, |list| list.min(streams))
     }
 
     /// What has to be read of the log for the message that a download sends next, if anything. [`Self::supply`] takes what
     /// was read; until then it is asked for again. One message may need several reads, so this is called until it returns
     /// `None`, before each [`Self::take`].
     pub fn next_read(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<LogRead> {
-        self.downloads.next_read(state, parameters)
+        self.services.downloads.next_read(state, parameters)
     }
 
     /// Takes the bytes that were read: fewer than requested at the end of the file, or where it can't be read. What is not
     /// wanted any more is ignored.
     pub fn supply(&mut self, read: LogRead, bytes: &[u8]) {
-        self.downloads.supply(read, bytes);
+        self.services.downloads.supply(read, bytes);
     }
 
     /// The message that leaves next: HEARTBEAT, urgent texts, answers, the share of a parameter list, downloads and telemetry in turn.
@@ -183,7 +183,8 @@ impl Endpoint {
         };
         if let Some(obstacle) = self.outbox.take_refused_arming() {
             let text = arming_text(CheckedBy::Attempt, obstacle);
-            self.say_urgently(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
+            self.outbox
+                .say_urgently(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
         }
         let message = if let Some(stream) = self.outbox.take_heartbeat() {
             Some(Outgoing::Message(stream.build(&state)))
@@ -194,7 +195,7 @@ impl Endpoint {
                 self.note_described(Pack::from_instance(info.id), &state);
             }
             Some(Outgoing::Message(reply))
-        } else if let Some(value) = self.list.take(parameters) {
+        } else if let Some(value) = self.services.list.take(parameters) {
             Some(Outgoing::Message(value))
         } else {
             self.take_in_turn(&state)
@@ -205,17 +206,17 @@ impl Endpoint {
 
     /// The next message of a download or of a stream. If there is none of whose turn it is, the other one's.
     fn take_in_turn(&mut self, state: &SystemState<'_>) -> Option<Outgoing> {
-        if self.downloads.turn() == NextSender::Download
-            && let Some(message) = self.downloads.take()
+        if self.services.downloads.turn() == NextSender::Download
+            && let Some(message) = self.services.downloads.take()
         {
             return Some(message);
         }
         match self.take_telemetry(state) {
             Some(stream) => {
-                self.downloads.stream_taken();
+                self.services.downloads.stream_taken();
                 Some(Outgoing::Message(stream.build(state)))
             }
-            None => self.downloads.take(),
+            None => self.services.downloads.take(),
         }
     }
 
@@ -254,31 +255,22 @@ impl Endpoint {
 
     /// Sends a text before all answers. It has two messages at most; the rest is cut off.
     pub fn say_urgently(&mut self, severity: MavSeverity, text: &str) {
-        let id = self.replies().next_text_id();
-        self.outbox.post_urgent(status_texts(severity, text, id));
+        self.outbox.say_urgently(severity, text);
     }
 
     /// Sends a text, in as many messages as it needs.
     pub fn say(&mut self, severity: MavSeverity, text: &str) {
-        self.replies().say(severity, text);
+        self.outbox.say(severity, text);
     }
 
     /// Sends the value of a parameter that has changed by itself.
     pub fn show(&mut self, id: ParameterId, parameters: &Parameters) {
-        self.replies().answer(param_value(id, parameters));
+        self.outbox.answer(param_value(id, parameters));
     }
 
     /// Sends a command to every component in reach.
     pub fn command(&mut self, command: BroadcastCommand) {
-        self.replies().answer(Message::BroadcastCommand(command));
-    }
-
-    fn replies(&mut self) -> Replies<'_> {
-        Replies {
-            outbox: &mut self.outbox,
-            dropped: &mut self.dropped,
-            texts: &mut self.texts,
-        }
+        self.outbox.answer(Message::BroadcastCommand(command));
     }
 
     /// Takes as many of the received `bytes` as there is room for, and says how many; at least one after
@@ -314,23 +306,17 @@ impl Endpoint {
         let link = self.statistics();
         let frame = self.parser.next_frame()?;
         let state = SystemState { link, ..*state };
-        let context = Context {
+        let mut context = Context {
             now,
             received_at,
             state: &state,
             changeable,
-            list: &mut self.list,
-            downloads: &mut self.downloads,
             rates: &mut self.rates,
             stations: &mut self.stations,
             link: self.kind,
             unauthorized: &mut self.unauthorized,
-        };
-        let replies = Replies {
             outbox: &mut self.outbox,
-            dropped: &mut self.dropped,
-            texts: &mut self.texts,
         };
-        Some(dispatch(&frame, context, replies))
+        Some(dispatch(&frame, &mut self.services, &mut context))
     }
 }

@@ -20,7 +20,6 @@ mod outbox;
 mod parser;
 mod payload;
 mod rates;
-mod replies;
 mod requests;
 mod scheduler;
 mod services;
@@ -31,7 +30,6 @@ mod stations;
 /// The dialect whose messages are used: `development` is `common` with BATTERY_STATUS_V2.
 pub use ::mavlink::dialects::development as dialect;
 
-pub use dispatcher::Changeable;
 pub use endpoint::Endpoint;
 pub use event::{Action, Event, SetupRefused, SigningChange, WifiRefused};
 pub use framer::Framer;
@@ -43,11 +41,12 @@ pub use messages::{
     build_fuel_status, build_heartbeat, build_protocol_version, build_resistance, build_resting_voltage,
     build_smart_battery_info, build_sys_status, status_texts,
 };
-pub use outbox::{NoRoom, Outbox, Posted};
+pub use outbox::{Outbox, Posted};
 pub use parser::{FrameParser, ReceivedFrame, begins_with_frame};
 pub use payload::{Name, Payload};
 pub use requests::Peer;
 pub use scheduler::{Interval, IntervalRefused, NotStreamed, StreamScheduler};
+pub use services::context::Changeable;
 pub use services::log_download::LogRead;
 pub use signing::{
     AcceptUnsigned, LinkKind, Signing, SigningKey, SigningTrouble, StoredSigning, Timestamp, ToStore,

@@ -4,8 +4,9 @@ use core::mem;
 
 use heapless::Deque;
 
-use super::dialect::STATUSTEXT_DATA;
-use super::{DefaultRate, Message, Stream, StreamKind};
+use super::dialect::{MavResult, MavSeverity, STATUSTEXT_DATA};
+use super::messages::chunks_of;
+use super::{CommandAck, DefaultRate, Message, Peer, Stream, StreamKind, status_texts};
 use crate::pack::Pack;
 use crate::system::ArmingObstacle;
 
@@ -28,11 +29,6 @@ pub enum Posted {
     Replaced,
 }
 
-/// There is no room for another answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub struct NoRoom;
-
 /// What waits for the wire: answers, and streams whose message is due.
 ///
 /// HEARTBEAT goes first, then an urgent text, answers in the order they came, then the streams in turn, always in the order of their table
@@ -49,6 +45,10 @@ pub struct Outbox {
     /// one and for the vehicle.
     waiting: [u16; StreamKind::COUNT],
     turn: NextStream,
+    /// Answers for which there was no room.
+    dropped: u32,
+    /// Long texts so far, of which each has a number.
+    texts: u16,
 }
 
 /// The stream whose turn it is.
@@ -67,6 +67,8 @@ impl Outbox {
             replies: Deque::new(),
             waiting: [0; StreamKind::COUNT],
             turn: NextStream { kind: 0, pack: 0 },
+            dropped: 0,
+            texts: 0,
         }
     }
 
@@ -90,16 +92,59 @@ impl Outbox {
         }
     }
 
-    /// Posts an answer.
-    ///
-    /// # Errors
-    /// There is no room; the answer is dropped, and the sender will ask again.
-    pub fn reply(&mut self, message: Message) -> Result<(), NoRoom> {
-        self.replies.push_back(message).map_err(|_| NoRoom)
+    /// Posts an answer. One for which there is no room is dropped and counted: its sender will ask again.
+    pub fn answer(&mut self, message: Message) {
+        if self.replies.push_back(message).is_err() {
+            self.dropped = self.dropped.wrapping_add(1);
+        }
     }
 
-    /// How many more answers there is room for.
-    pub fn room_for_replies(&self) -> usize {
+    /// Posts an answer if there is one.
+    pub fn answer_any(&mut self, message: Option<Message>) {
+        if let Some(message) = message {
+            self.answer(message);
+        }
+    }
+
+    /// Acknowledges a command to its sender.
+    pub fn acknowledge(&mut self, command: u16, result: MavResult, to: Peer) {
+        self.answer(Message::CommandAck(CommandAck {
+            command,
+            result,
+            target_system: to.system_id,
+            target_component: to.component_id,
+        }));
+    }
+
+    /// Posts a text, in as many messages as it needs.
+    pub fn say(&mut self, severity: MavSeverity, text: &str) {
+        let id = self.next_text_id();
+        for message in status_texts(severity, text, id) {
+            self.answer(Message::StatusText(message));
+        }
+    }
+
+    /// Posts a text if room is left behind it for the acknowledgement that follows.
+    pub fn explain(&mut self, severity: MavSeverity, text: &str) {
+        if self.room_for_replies() > chunks_of(text.len()) {
+            self.say(severity, text);
+        } else {
+            self.dropped = self.dropped.wrapping_add(1);
+        }
+    }
+
+    /// The number of the next text, never 0.
+    fn next_text_id(&mut self) -> u16 {
+        self.texts = self.texts.wrapping_add(1).max(1);
+        self.texts
+    }
+
+    /// How many answers were dropped. Wraps at 2^32.
+    pub fn dropped(&self) -> u32 {
+        self.dropped
+    }
+
+    fn room_for_replies(&self) -> usize {
         REPLIES - self.replies.len()
     }
 
@@ -123,9 +168,10 @@ impl Outbox {
         self.urgent.is_empty() && self.refused_arming.is_none()
     }
 
-    /// Posts the messages of an urgent text. What does not fit is dropped.
-    pub fn post_urgent(&mut self, messages: impl Iterator<Item = STATUSTEXT_DATA>) {
-        for message in messages {
+    /// Posts an urgent text. It has two messages at most; the rest is cut off.
+    pub fn say_urgently(&mut self, severity: MavSeverity, text: &str) {
+        let id = self.next_text_id();
+        for message in status_texts(severity, text, id) {
             let _ = self.urgent.push_back(message);
         }
     }
@@ -190,9 +236,7 @@ impl Default for Outbox {
 
 #[cfg(test)]
 mod tests {
-    use super::super::status_texts;
     use super::*;
-    use crate::mavlink::dialect::MavSeverity;
     use proptest::prelude::*;
 
     const BATTERY: Stream = Stream::BatteryStatus(Pack::First);
@@ -224,9 +268,9 @@ mod tests {
         let mut outbox = Outbox::new();
         assert_eq!(outbox.post(Stream::SysStatus), Posted::Queued);
         assert_eq!(outbox.post(BATTERY), Posted::Queued);
-        assert_eq!(outbox.reply(answer("one")), Ok(()));
+        outbox.answer(answer("one"));
         assert_eq!(outbox.post(Stream::Heartbeat), Posted::Queued);
-        assert_eq!(outbox.reply(answer("two")), Ok(()));
+        outbox.answer(answer("two"));
         assert_eq!(take(&mut outbox), Some(Taken::Stream(Stream::Heartbeat)));
         assert_eq!(take(&mut outbox), Some(Taken::Reply(answer("one"))));
         assert_eq!(take(&mut outbox), Some(Taken::Reply(answer("two"))));
@@ -271,9 +315,11 @@ mod tests {
         let mut outbox = Outbox::new();
         assert_eq!(outbox.room_for_replies(), REPLIES);
         for _ in 0..REPLIES {
-            assert_eq!(outbox.reply(answer("x")), Ok(()));
+            outbox.answer(answer("x"));
         }
-        assert_eq!(outbox.reply(answer("y")), Err(NoRoom));
+        assert_eq!(outbox.dropped(), 0);
+        outbox.answer(answer("y"));
+        assert_eq!(outbox.dropped(), 1);
         assert_eq!(outbox.room_for_replies(), 0);
         for stream in streams() {
             assert_eq!(outbox.post(stream), Posted::Queued);
@@ -303,7 +349,9 @@ mod tests {
             for (stream, reply, takes) in steps {
                 posted += 1 + usize::from(reply);
                 dropped += usize::from(outbox.post(stream) != Posted::Queued);
-                dropped += usize::from(reply && outbox.reply(answer("x")).is_err());
+                if reply {
+                    outbox.answer(answer("x"));
+                }
                 for _ in 0..takes {
                     taken += usize::from(take(&mut outbox).is_some());
                 }
@@ -312,7 +360,7 @@ mod tests {
                 taken += 1;
             }
             prop_assert!(outbox.is_empty());
-            prop_assert_eq!(posted, dropped + taken);
+            prop_assert_eq!(posted, dropped + outbox.dropped() as usize + taken);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! What a ground station can ask for, one file a service.
 
 pub(super) mod commands;
+pub(super) mod context;
 pub(super) mod downloads;
 pub(super) mod file_transfer;
 pub(super) mod log_download;

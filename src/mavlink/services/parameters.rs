@@ -3,15 +3,12 @@
 //! Values travel as floats, whole numbers too (`MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST`). The type in a PARAM_SET is
 //! ignored: some ground stations always say REAL32.
 
-use core::fmt::Write;
-
 use heapless::String;
 
+use super::context::Context;
 use crate::mavlink::dialect::{MavParamError, MavParamType, MavSeverity, PARAM_ERROR_DATA, PARAM_VALUE_DATA};
 use crate::mavlink::event::Event;
 use crate::mavlink::payload::Name;
-use crate::mavlink::rates::Rates;
-use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::{ParameterRead, ParameterSet};
 use crate::mavlink::{Message, Peer};
 use crate::parameter::{ForEachParameter, Kind, ParameterId, Parameters, Refused, triggers};
@@ -62,8 +59,9 @@ fn param_error(name: Name, index: i16, error: MavParamError, to: Peer) -> Messag
 }
 
 /// Answers PARAM_REQUEST_READ.
-pub(in crate::mavlink) fn read(request: &ParameterRead, from: Peer, parameters: &Parameters) -> Message {
+pub(in crate::mavlink) fn read(request: &ParameterRead, from: Peer, context: &mut Context<'_>) -> Event {
     let ParameterRead { index, name } = *request;
+    let parameters = &*context.changeable.parameters;
     let id = if index == BY_NAME {
         ParameterId::from_name(name.as_bytes())
     } else {
@@ -71,59 +69,52 @@ pub(in crate::mavlink) fn read(request: &ParameterRead, from: Peer, parameters: 
             .ok()
             .and_then(|index| parameters.listed().nth(index))
     };
-    match id {
+    context.outbox.answer(match id {
         Some(id) => param_value(id, parameters),
         None => param_error(name, index, MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST, from),
-    }
+    });
+    Event::Answered
 }
 
 /// Answers PARAM_SET: the value that is now live, after an error if that is not the one asked for. A trigger's value is
 /// acknowledged first, since ground stations repeat what they do not see, and then it reads 0 again.
-pub(in crate::mavlink) fn set(
-    request: &ParameterSet,
-    from: Peer,
-    parameters: &mut Parameters,
-    rates: &mut Rates,
-    mut replies: Replies<'_>,
-) -> Event {
+pub(in crate::mavlink) fn set(request: &ParameterSet, from: Peer, context: &mut Context<'_>) -> Event {
     let ParameterSet { name, value } = *request;
-    let mut refuse = |error| replies.answer(param_error(name, BY_NAME, error, from));
+    let (parameters, outbox) = (&mut *context.changeable.parameters, &mut *context.outbox);
+    let error = |error| param_error(name, BY_NAME, error, from);
     let Some(id) = ParameterId::from_name(name.as_bytes()) else {
-        refuse(MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST);
+        outbox.answer(error(MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST));
         return Event::ParameterRefused;
     };
     let result = parameters.set(id, value);
     let event = match result {
         Ok(()) if triggers(id, value) => {
-            replies.answer(param_value_of(id, value, parameters));
+            outbox.answer(param_value_of(id, value, parameters));
             Event::Triggered(id)
         }
         Ok(()) => {
-            rates.parameter_set(id);
+            context.rates.parameter_set(id);
             Event::ParameterSet(id)
         }
         Err(Refused::OutOfRange) => {
-            refuse(MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE);
+            outbox.answer(error(MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE));
             Event::ParameterRefused
         }
         Err(Refused::ReadOnly) => {
-            refuse(MavParamError::MAV_PARAM_ERROR_READ_ONLY);
+            outbox.answer(error(MavParamError::MAV_PARAM_ERROR_READ_ONLY));
             Event::ParameterRefused
         }
     };
-    replies.answer(param_value(id, parameters));
+    outbox.answer(param_value(id, parameters));
     if result == Err(Refused::ReadOnly) {
-        replies.say(MavSeverity::MAV_SEVERITY_WARNING, &write_denied(id));
+        outbox.say(MavSeverity::MAV_SEVERITY_WARNING, &write_denied(id));
     }
     event
 }
 
-/// The text of a refused PARAM_SET, as in ArduPilot. It is in one STATUSTEXT.
+/// The text of a refused PARAM_SET, as in ArduPilot. It is in one STATUSTEXT, in which every name fits.
 fn write_denied(id: ParameterId) -> String<50> {
-    let mut text = String::new();
-    // Every name fits.
-    let _ = write!(text, "Param write denied ({})", id.name());
-    text
+    heapless::format!("Param write denied ({})", id.name()).unwrap_or_default()
 }
 
 /// A list of parameters on its way out, in batches that leave most of the link to others.

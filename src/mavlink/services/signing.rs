@@ -1,12 +1,11 @@
 //! SETUP_SIGNING (256): another key, or none any more.
 
 use super::DISARM_FIRST;
+use super::context::Context;
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::event::{Event, SetupRefused, SigningChange};
-use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::SetUpSigning;
-use crate::mavlink::signing::{LinkKind, Signing};
-use crate::time::Instant;
+use crate::mavlink::signing::LinkKind;
 use crate::vehicle::ArmState;
 
 impl SigningChange {
@@ -31,34 +30,23 @@ impl SetupRefused {
 }
 
 /// Does what SETUP_SIGNING asks for. MAVLink has no acknowledgement of it, so a text says why it was refused.
-pub(in crate::mavlink) fn set_up(
-    request: &SetUpSigning,
-    link: LinkKind,
-    arm_state: ArmState,
-    signing: &mut Signing,
-    now: Instant,
-    mut replies: Replies<'_>,
-) -> Event {
-    match change(request, link, arm_state, signing, now) {
+pub(in crate::mavlink) fn set_up(request: &SetUpSigning, context: &mut Context<'_>) -> Event {
+    match change(request, context) {
         Ok(change) => Event::SigningSetUp(change),
         Err(refused) => {
-            replies.say(MavSeverity::MAV_SEVERITY_WARNING, refused.text());
+            context
+                .outbox
+                .say(MavSeverity::MAV_SEVERITY_WARNING, refused.text());
             Event::SigningRefused(refused)
         }
     }
 }
 
-fn change(
-    request: &SetUpSigning,
-    link: LinkKind,
-    arm_state: ArmState,
-    signing: &mut Signing,
-    now: Instant,
-) -> Result<SigningChange, SetupRefused> {
-    if link != LinkKind::Direct {
+fn change(request: &SetUpSigning, context: &mut Context<'_>) -> Result<SigningChange, SetupRefused> {
+    if context.link != LinkKind::Direct {
         return Err(SetupRefused::NotDirect);
     }
-    if arm_state == ArmState::Armed {
+    if context.changeable.vehicle.arm_state() == ArmState::Armed {
         return Err(SetupRefused::Armed);
     }
     let time = request.time.ok_or(SetupRefused::BadTime)?;
@@ -66,6 +54,7 @@ fn change(
         Some(_) => SigningChange::KeySet,
         None => SigningChange::KeyRemoved,
     };
-    signing.set_up(request.key.clone(), time, now);
+    let signing = &mut *context.changeable.signing;
+    signing.set_up(request.key.clone(), time, context.now);
     Ok(change)
 }

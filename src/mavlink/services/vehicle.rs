@@ -1,18 +1,17 @@
 //! Arming, modes, control inputs and the heartbeats of ground stations.
 
-use core::fmt::Write;
-
 use ::mavlink::MessageData;
 use heapless::String;
 
+use super::context::Context;
 use crate::mavlink::Peer;
 use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavType, SET_MODE_DATA};
 use crate::mavlink::event::Event;
 use crate::mavlink::messages::{CheckedBy, arming_text};
-use crate::mavlink::replies::Replies;
+use crate::mavlink::outbox::Outbox;
 use crate::mavlink::requests::{Command, Heartbeat, SetMode, Sticks};
 use crate::parameter::Parameters;
-use crate::system::{ArmingObstacle, SystemState, arming_obstacles};
+use crate::system::{SystemState, arming_obstacles};
 use crate::time::Instant;
 use crate::vehicle::ArmState;
 use crate::vehicle::{Fitness, Mode, Vehicle, control_timeout_us};
@@ -44,31 +43,43 @@ pub(in crate::mavlink) struct VehicleService<'a> {
     pub state: &'a SystemState<'a>,
     pub parameters: &'a Parameters,
     pub vehicle: &'a mut Vehicle,
+    pub outbox: &'a mut Outbox,
 }
 
-impl VehicleService<'_> {
+impl<'a> VehicleService<'a> {
+    pub fn of(context: &'a mut Context<'_>) -> Self {
+        Self {
+            now: context.now,
+            received_at: context.received_at,
+            state: context.state,
+            parameters: context.changeable.parameters,
+            vehicle: context.changeable.vehicle,
+            outbox: context.outbox,
+        }
+    }
+
     /// Whether commands of this number are for the vehicle.
     pub fn knows(number: u16) -> bool {
         [ARM_DISARM, RUN_PREARM_CHECKS, DO_SET_MODE].contains(&number)
     }
 
     /// Does what a command asks of the rover, says why if it can't, and acknowledges it.
-    pub fn execute(&mut self, command: &Command, from: Peer, mut replies: Replies<'_>) -> Event {
-        let result = self.result_of(command, &mut replies);
-        acknowledge(command.number, result, from, replies)
+    pub fn execute(&mut self, command: &Command, from: Peer) -> Event {
+        let result = self.result_of(command);
+        self.acknowledge(command.number, result, from)
     }
 
-    fn result_of(&mut self, command: &Command, replies: &mut Replies<'_>) -> MavResult {
+    fn result_of(&mut self, command: &Command) -> MavResult {
         match command.number {
-            ARM_DISARM if command.param1 == ARM && self.is_late() => refuse_late(replies),
-            ARM_DISARM if command.param1 == ARM => self.arm(FORCE.contains(&command.param2), replies),
+            ARM_DISARM if command.param1 == ARM && self.is_late() => self.refuse_late(),
+            ARM_DISARM if command.param1 == ARM => self.arm(FORCE.contains(&command.param2)),
             ARM_DISARM if command.param1 == DISARM => {
                 self.vehicle.disarm();
                 ACCEPTED
             }
-            RUN_PREARM_CHECKS => self.check(replies),
+            RUN_PREARM_CHECKS => self.check(),
             DO_SET_MODE => match whole_number(command.param2) {
-                Some(mode) => self.set_mode(command.param1 as u8, mode, replies),
+                Some(mode) => self.set_mode(command.param1 as u8, mode),
                 None => DENIED,
             },
             _ => DENIED,
@@ -80,11 +91,11 @@ impl VehicleService<'_> {
         self.now.us_since(self.received_at) > control_timeout_us(self.parameters)
     }
 
-    fn arm(&mut self, forced: bool, replies: &mut Replies<'_>) -> MavResult {
+    fn arm(&mut self, forced: bool) -> MavResult {
         if self.vehicle.arm_state() == ArmState::Armed {
             return ACCEPTED;
         }
-        let obstacle = self.obstacles().next();
+        let obstacle = arming_obstacles(self.state, self.parameters, self.vehicle).next();
         let fitness = match obstacle {
             _ if forced => Fitness::Forced,
             Some(_) => Fitness::Unfit,
@@ -94,53 +105,48 @@ impl VehicleService<'_> {
             return ACCEPTED;
         }
         if let Some(obstacle) = obstacle {
-            replies.outbox.refuse_arming(obstacle);
+            self.outbox.refuse_arming(obstacle);
         }
         FAILED
     }
 
-    fn obstacles(&self) -> impl Iterator<Item = ArmingObstacle> {
-        arming_obstacles(self.state, self.parameters, self.vehicle)
-    }
-
     /// Reports everything that keeps the rover from being armed.
-    fn check(&self, replies: &mut Replies<'_>) -> MavResult {
+    fn check(&mut self) -> MavResult {
         if self.vehicle.arm_state() == ArmState::Armed {
             return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
         }
-        for obstacle in self.obstacles() {
+        for obstacle in arming_obstacles(self.state, self.parameters, self.vehicle) {
             let text = arming_text(CheckedBy::Request, obstacle);
-            replies.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
+            self.outbox.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
         }
         ACCEPTED
     }
 
     /// SET_MODE: as in ArduPilot, it is acknowledged like a command of its own number.
-    pub fn set_mode_by_message(&mut self, request: &SetMode, from: Peer, mut replies: Replies<'_>) -> Event {
-        let result = self.set_mode(request.base_mode, request.custom_mode, &mut replies);
-        acknowledge(SET_MODE_DATA::ID as u16, result, from, replies)
+    pub fn set_mode_by_message(&mut self, request: &SetMode, from: Peer) -> Event {
+        let result = self.set_mode(request.base_mode, request.custom_mode);
+        self.acknowledge(SET_MODE_DATA::ID as u16, result, from)
     }
 
     /// As in ArduPilot, a mode without the flag for ArduPilot's own modes is denied and one that is not known fails.
-    fn set_mode(&mut self, base_mode: u8, number: u32, replies: &mut Replies<'_>) -> MavResult {
+    fn set_mode(&mut self, base_mode: u8, number: u32) -> MavResult {
         if base_mode & MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED.bits() == 0 {
             return DENIED;
         }
         let Some(mode) = Mode::from_number(number) else {
-            let mut text: String<32> = String::new();
             // The longest number fits.
-            let _ = write!(text, "No such mode {number}");
-            replies.explain(MavSeverity::MAV_SEVERITY_WARNING, &text);
+            let text: String<32> = heapless::format!("No such mode {number}").unwrap_or_default();
+            self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, &text);
             return FAILED;
         };
         if mode != Mode::Hold && self.is_late() {
-            return refuse_late(replies);
+            return self.refuse_late();
         }
         match self.vehicle.set_mode(mode) {
             Ok(()) => ACCEPTED,
             Err(_) => {
                 let text = "Failsafe active: mode change denied";
-                replies.explain(MavSeverity::MAV_SEVERITY_WARNING, text);
+                self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, text);
                 FAILED
             }
         }
@@ -156,23 +162,18 @@ impl VehicleService<'_> {
         Event::Driven
     }
 
-    /// HEARTBEAT of a ground station.
-    pub fn ground_station_seen(&mut self) {
-        self.vehicle.ground_station_seen(self.received_at);
+    fn acknowledge(&mut self, command: u16, result: MavResult, from: Peer) -> Event {
+        self.outbox.acknowledge(command, result, from);
+        match result {
+            ACCEPTED => Event::Driven,
+            _ => Event::CommandRefused(command),
+        }
     }
-}
 
-fn acknowledge(command: u16, result: MavResult, from: Peer, mut replies: Replies<'_>) -> Event {
-    replies.acknowledge(command, result, from);
-    match result {
-        ACCEPTED => Event::Driven,
-        _ => Event::CommandRefused(command),
+    fn refuse_late(&mut self) -> MavResult {
+        self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, TOO_LATE);
+        FAILED
     }
-}
-
-fn refuse_late(replies: &mut Replies<'_>) -> MavResult {
-    replies.explain(MavSeverity::MAV_SEVERITY_WARNING, TOO_LATE);
-    FAILED
 }
 
 /// Whether it was a ground station that sent this HEARTBEAT.

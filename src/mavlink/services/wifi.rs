@@ -1,9 +1,9 @@
 //! WIFI_CONFIG_AP (299): the password of the access point, the network to join, or none of both.
 
+use super::context::Context;
 use super::parameters::param_value;
 use crate::mavlink::dialect::{MavResult, WIFI_CONFIG_AP_DATA, WifiConfigApMode, WifiConfigApResponse};
 use crate::mavlink::event::{Event, WifiRefused};
-use crate::mavlink::replies::Replies;
 use crate::mavlink::requests::WifiConfig;
 use crate::mavlink::{Message, Peer};
 use crate::parameter::{Parameters, VehicleParameter};
@@ -35,18 +35,18 @@ enum Setup {
 }
 
 /// Does what WIFI_CONFIG_AP asks for, and answers it. Ground stations are sent the parameter that it has set.
-pub(in crate::mavlink) fn set_up(
-    request: &WifiConfig<'_>,
-    arm_state: ArmState,
-    credentials: &mut WifiCredentials,
-    parameters: &mut Parameters,
-    mut replies: Replies<'_>,
-) -> Event {
+pub(in crate::mavlink) fn set_up(request: &WifiConfig<'_>, context: &mut Context<'_>) -> Event {
+    let arm_state = context.changeable.vehicle.arm_state();
+    let (credentials, parameters) = (&mut *context.changeable.wifi, &mut *context.changeable.parameters);
     let result = set(request, arm_state, credentials, parameters);
-    replies.answer(answer(result.map(drop), credentials, parameters));
+    context
+        .outbox
+        .answer(answer(result.map(drop), credentials, parameters));
     match result {
         Ok(mode) => {
-            replies.answer(param_value(VehicleParameter::WifiMode.into(), parameters));
+            context
+                .outbox
+                .answer(param_value(VehicleParameter::WifiMode.into(), parameters));
             Event::WifiSetUp(mode)
         }
         Err(refused) => Event::WifiRefused(refused),
@@ -120,20 +120,14 @@ fn station(request: &WifiConfig<'_>, known: Option<&Network>) -> Result<Setup, W
 }
 
 /// Answers a `command` that requests WIFI_CONFIG_AP. A board without a radio has none.
-pub(in crate::mavlink) fn report(
-    command: u16,
-    from: Peer,
-    credentials: &WifiCredentials,
-    parameters: &Parameters,
-    mut replies: Replies<'_>,
-) -> Event {
-    let report = current(credentials, parameters);
+pub(in crate::mavlink) fn report(command: u16, from: Peer, context: &mut Context<'_>) -> Event {
+    let report = current(context.changeable.wifi, context.changeable.parameters);
     let (result, event) = match report {
         Some(_) => (MavResult::MAV_RESULT_ACCEPTED, Event::Answered),
         None => (MavResult::MAV_RESULT_DENIED, Event::CommandRefused(command)),
     };
-    replies.acknowledge(command, result, from);
-    replies.answer_any(report);
+    context.outbox.acknowledge(command, result, from);
+    context.outbox.answer_any(report);
     event
 }
 

@@ -5,125 +5,75 @@
 //! file ends by request, since all requests of a session are addressed to the same system id. A request that comes again is served again, which has the
 //! same result; only what is being worked on is not begun a second time.
 
-mod listing;
+mod directory;
 mod packed;
 mod parameter_file;
-mod path;
+mod reading;
+mod request;
+mod session;
 mod upload;
 
-use core::str;
+use heapless::Deque;
 
-use heapless::{Deque, Vec};
-
-use super::log_download::LogRead;
-use crate::mavlink::Peer;
-use crate::mavlink::messages::{
-    Burst, FileAnswer, FileAnswerHeader, FileData, FileError, FileOutcome, MAX_FILE_BYTES,
-};
+use super::context::Context;
+use super::log_download::{LogRead, Refusal};
+use crate::mavlink::dialect::MavSeverity;
+use crate::mavlink::event::Event;
+use crate::mavlink::messages::{Burst, FileAnswer, FileAnswerHeader, FileError, FileOutcome, MAX_FILE_BYTES};
+use crate::mavlink::rates::Rates;
 use crate::mavlink::requests::FileTransfer;
-use crate::memory::checksum::file_crc32;
-use crate::parameter::{ParameterId, Parameters, VehicleParameter};
+use crate::mavlink::{Message, Peer};
+use crate::parameter::{Parameters, VehicleParameter};
 use crate::recorder::LogFile;
 use crate::system::SystemState;
 use crate::time::Instant;
-use listing::list;
+use directory::Path;
 use parameter_file::ParameterFile;
-use path::{Directory, Path};
-pub(in crate::mavlink) use upload::NotSet;
-use upload::{Upload, Written};
+pub(in crate::mavlink) use reading::FileStep;
+use reading::{BurstRead, Checksum, Job, PartOf, PartRequest};
+pub(in crate::mavlink) use request::writes;
+use request::{Operation, path_of};
+use session::{Bytes, OpenFile, Session};
+use upload::{NotSet, Upload, Written};
 
 /// After this long without a request or an answer, another ground station gets the session, in µs.
 const SILENCE_US: u64 = 10_000_000;
 
-/// Messages in a burst. A ground station that is gone receives no more than these.
-const BURST_MESSAGES: u16 = 200;
-
-/// A burst ends with the first message after this time, in µs: pymavlink gives up 3.7 s after it has requested one, however
-/// many messages have come.
-const BURST_US: u64 = 2_000_000;
-
 /// Requests for a part of a file or list that can wait. Ground stations send a few ahead.
 const MAX_WAITING: usize = 8;
 
-/// The longest path: that of parameters with all arguments.
-const MAX_PATH_BYTES: usize = 64;
-
-/// What a request asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Operation {
-    None,
-    TerminateSession,
-    ResetSessions,
-    ListDirectory,
-    OpenForReading,
-    Read,
-    OpenForWriting,
-    Write,
-    Checksum,
-    BurstRead,
-    /// To remove, create, rename or cut something.
-    Change,
+/// A request that was taken.
+struct Handled {
+    /// Its answer, unless that follows.
+    outcome: Option<FileOutcome>,
+    /// What it leads to.
+    ///
+    /// # Errors
+    /// A log is refused, which a text explains.
+    event: Result<Event, Refusal>,
+    /// What a file of parameters has not set.
+    not_set: Option<NotSet>,
 }
 
-impl Operation {
-    fn from_opcode(opcode: u8) -> Option<Self> {
-        Some(match opcode {
-            0 => Self::None,
-            1 => Self::TerminateSession,
-            2 => Self::ResetSessions,
-            3 => Self::ListDirectory,
-            4 => Self::OpenForReading,
-            5 => Self::Read,
-            6 | 11 => Self::OpenForWriting,
-            7 => Self::Write,
-            8..=10 | 12 | 13 => Self::Change,
-            14 => Self::Checksum,
-            15 => Self::BurstRead,
-            _ => return None,
-        })
+impl From<Option<FileOutcome>> for Handled {
+    fn from(outcome: Option<FileOutcome>) -> Self {
+        Self {
+            outcome,
+            event: Ok(Event::Answered),
+            not_set: None,
+        }
     }
 }
 
-/// Whether a request with this opcode can change anything but the session.
-pub(in crate::mavlink) fn writes(opcode: u8) -> bool {
-    let operation = Operation::from_opcode(opcode);
-    matches!(operation, Some(Operation::OpenForWriting | Operation::Write))
+/// It has been done.
+fn done() -> Handled {
+    Some(FileOutcome::Done).into()
 }
 
-/// What a request led to, beside its answer.
-#[derive(Clone, Debug, PartialEq)]
-pub(in crate::mavlink) enum FileEvent {
-    /// Nothing.
-    Served,
-    /// A ground station reads all parameters.
-    ParametersOpened,
-    /// Parameters were set.
-    ParametersSet,
-    /// A file of parameters is complete, but some of them do not exist or were out of range.
-    ParametersNotSet(NotSet),
-    /// A log was refused to a ground station since the rover is armed.
-    RefusedArmed,
+/// Its answer follows by [`FileTransfers::step`].
+fn begun() -> Handled {
+    None.into()
 }
-
-/// What comes next.
-#[derive(Clone, Debug, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is no heap, and one of it exists at a time"
-)]
-pub(in crate::mavlink) enum FileStep {
-    /// Nothing.
-    Idle,
-    /// Have a log read.
-    Read(LogRead),
-    /// Send an answer.
-    Answer(FileAnswer),
-    /// Send bytes of a file or of a list.
-    Data(FileData),
-}
-
-/// A request that was taken: its answer, unless that follows, and what else it led to.
-type Handled = (Option<FileOutcome>, FileEvent);
 
 /// The session of a link, and the requests that are being served.
 #[derive(Debug, Default)]
@@ -135,131 +85,83 @@ pub(in crate::mavlink) struct FileTransfers {
     last_end: Option<(FileAnswerHeader, FileOutcome)>,
 }
 
-#[derive(Debug)]
-struct Session {
-    station: Peer,
-    id: u8,
-    file: OpenFile,
-    active_at: Instant,
-}
-
-#[derive(Debug)]
-enum OpenFile {
-    /// With the length that it had when it was opened.
-    Log(LogFile),
-    Parameters(ParameterFile),
-    Upload(Upload),
-}
-
-/// A request for a part of a file or list.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct PartRequest {
-    header: FileAnswerHeader,
-    offset: u32,
-    of: PartOf,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum PartOf {
-    Directory(Directory),
-    /// This many bytes of the open file.
-    File {
-        bytes: u8,
-    },
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct BurstRead {
-    /// The request's.
-    first: FileAnswerHeader,
-    /// Of the next message.
-    header: FileAnswerHeader,
-    offset: u32,
-    /// Of each message.
-    bytes: u8,
-    messages_left: u16,
-    began_at: Instant,
-}
-
-/// A checksum that is being computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Checksum {
-    header: FileAnswerHeader,
-    file: LogFile,
-    offset: u32,
-    crc: u32,
-}
-
-/// What is read of the open file.
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is no heap, and one of it exists at a time"
-)]
-enum Content {
-    Log(LogRead),
-    Bytes(Vec<u8, MAX_FILE_BYTES>),
-    Error(FileError),
-}
-
 impl FileTransfers {
-    /// Takes a request, and returns its answer unless that follows by [`Self::step`].
+    /// Takes a request, and answers it unless that follows by [`Self::step`].
+    ///
+    /// # Errors
+    /// A log is refused.
     pub fn handle(
         &mut self,
         request: &FileTransfer<'_>,
         from: Peer,
-        state: &SystemState<'_>,
-        parameters: &mut Parameters,
-        on_set: impl FnMut(ParameterId),
-    ) -> (Option<FileAnswer>, FileEvent) {
+        context: &mut Context<'_>,
+    ) -> Result<Event, Refusal> {
         /// From here on opcodes are those of answers.
         const FIRST_ANSWER: u8 = 128;
         if request.opcode >= FIRST_ANSWER {
-            return (None, FileEvent::Served);
+            return Ok(Event::Answered);
         }
         let header = FileAnswerHeader {
             to: from,
-            sender_system: parameters.get_whole(VehicleParameter::SysidThismav) as u8,
+            sender_system: context
+                .changeable
+                .parameters
+                .get_whole(VehicleParameter::SysidThismav) as u8,
             sequence: request.sequence.wrapping_add(1),
             session: request.session,
             request_opcode: request.opcode,
         };
+        let result = self.serve(request, header, context);
+        let handled = result.unwrap_or_else(|error| Some(FileOutcome::Failed(error)).into());
+        let answer = handled.outcome.map(|outcome| FileAnswer {
+            header,
+            burst: Burst::Continues,
+            offset: request.offset,
+            outcome,
+        });
+        context.outbox.answer_any(answer.map(Message::FileAnswer));
+        if let Some(not_set) = handled.not_set {
+            context
+                .outbox
+                .say(MavSeverity::MAV_SEVERITY_WARNING, &not_set.text());
+        }
+        handled.event
+    }
+
+    fn serve(
+        &mut self,
+        request: &FileTransfer<'_>,
+        header: FileAnswerHeader,
+        context: &mut Context<'_>,
+    ) -> Result<Handled, FileError> {
+        let (state, parameters) = (context.state, &mut *context.changeable.parameters);
         if state.is_armed() {
             self.stop();
         }
         if let Some(session) = self.session_of(header) {
             session.active_at = state.now;
         }
-        let (outcome, event) = if usize::from(request.size) > MAX_FILE_BYTES {
-            failed(FileError::InvalidDataSize)
-        } else {
-            match Operation::from_opcode(request.opcode) {
-                None => failed(FileError::UnknownCommand),
-                Some(Operation::None) => done(),
-                Some(Operation::TerminateSession) => self.terminate(header, parameters),
-                Some(Operation::ResetSessions) => self.reset(from, parameters),
-                Some(Operation::ListDirectory) => self.list(header, request),
-                Some(Operation::OpenForReading) => self.open(header, request, state, parameters),
-                Some(Operation::Read) => self.read(header, request),
-                Some(Operation::OpenForWriting) => self.open_upload(header, request, state),
-                Some(Operation::Write) => self.write(header, request, parameters, on_set),
-                Some(Operation::Checksum) => self.start_checksum(header, request, state),
-                Some(Operation::BurstRead) => self.start_burst(header, request, state.now),
-                Some(Operation::Change) => failed(FileError::FileProtected),
-            }
-        };
-        let answer = outcome.map(|outcome| FileAnswer {
-            header,
-            burst: Burst::Continues,
-            offset: request.offset,
-            outcome,
-        });
-        (answer, event)
+        if usize::from(request.size) > MAX_FILE_BYTES {
+            return Err(FileError::InvalidDataSize);
+        }
+        match Operation::from_opcode(request.opcode).ok_or(FileError::UnknownCommand)? {
+            Operation::None => Ok(done()),
+            Operation::TerminateSession => Ok(self.terminate(header, parameters)),
+            Operation::ResetSessions => Ok(self.reset(header.to, parameters)),
+            Operation::ListDirectory => self.list(header, request),
+            Operation::OpenForReading => self.open(header, request, state, parameters),
+            Operation::Read => self.read(header, request),
+            Operation::OpenForWriting => self.open_upload(header, request, state),
+            Operation::Write => self.write(header, request, parameters, context.rates),
+            Operation::Checksum => self.start_checksum(header, request, state),
+            Operation::BurstRead => self.start_burst(header, request, state.now),
+            Operation::Change => Err(FileError::FileProtected),
+        }
     }
 
     /// The session that a request belongs to, if it is open.
     fn session_of(&mut self, header: FileAnswerHeader) -> Option<&mut Session> {
-        let session = self.session.as_mut()?;
-        (session.station == header.to && session.id == header.session).then_some(session)
+        self.session.as_mut().filter(|session| session.has(header))
     }
 
     /// Closes the session. Whether all of a file of parameters came is the answer, also to the same request again. There is
@@ -268,26 +170,26 @@ impl FileTransfers {
         if let Some((last, outcome)) = self.last_end
             && last == header
         {
-            return (Some(outcome), FileEvent::Served);
+            return Some(outcome).into();
         }
-        let mut handled = done();
-        if self.session_of(header).is_some() {
-            handled = self.close(parameters);
-        }
-        if let (Some(outcome), _) = handled {
-            self.last_end = Some((header, outcome));
-        }
+        let handled = match self.session_of(header) {
+            Some(_) => self.close(parameters),
+            None => done(),
+        };
+        self.last_end = handled.outcome.map(|outcome| (header, outcome));
         handled
     }
 
     /// Closes the session if it is this station's.
     fn reset(&mut self, from: Peer, parameters: &mut Parameters) -> Handled {
         let is_own = |session: &Session| session.station == from;
-        if self.session.as_ref().is_some_and(is_own) {
-            let (_, event) = self.close(parameters);
-            return (Some(FileOutcome::Done), event);
+        if !self.session.as_ref().is_some_and(is_own) {
+            return done();
         }
-        done()
+        Handled {
+            outcome: Some(FileOutcome::Done),
+            ..self.close(parameters)
+        }
     }
 
     /// Closes the session by request. A file of parameters that came whole has its full effect now.
@@ -310,11 +212,10 @@ impl FileTransfers {
         self.checksum = None;
     }
 
-    fn list(&mut self, header: FileAnswerHeader, request: &FileTransfer<'_>) -> Handled {
-        match path_of(request) {
-            Ok(Path::Directory(directory)) => self.wait(header, request.offset, PartOf::Directory(directory)),
-            Ok(_) => failed(FileError::FileNotFound),
-            Err(error) => failed(error),
+    fn list(&mut self, header: FileAnswerHeader, request: &FileTransfer<'_>) -> Result<Handled, FileError> {
+        match path_of(request)? {
+            Path::Directory(directory) => Ok(self.wait(header, request.offset, PartOf::Directory(directory))),
+            Path::Log(_) | Path::Parameters(_) => Err(FileError::FileNotFound),
         }
     }
 
@@ -345,31 +246,26 @@ impl FileTransfers {
         request: &FileTransfer<'_>,
         state: &SystemState<'_>,
         parameters: &Parameters,
-    ) -> Handled {
-        let opened = path_of(request).and_then(|path| {
-            self.check_free(header.to, state.now)?;
-            Ok(path)
-        });
-        match opened {
-            Ok(Path::Log(_)) if state.is_armed() => refused_armed(),
-            Ok(Path::Log(number)) => {
-                let Some(log) = log_of(number, state) else {
-                    return failed(FileError::FileNotFound);
-                };
+    ) -> Result<Handled, FileError> {
+        let path = path_of(request)?;
+        self.check_free(header.to, state.now)?;
+        match path {
+            Path::Log(_) if state.is_armed() => Ok(refused_armed()),
+            Path::Log(number) => {
+                let log = log_of(number, state)?;
                 self.begin(header, OpenFile::Log(log), state.now);
-                number_is(log.bytes)
+                Ok(Some(FileOutcome::Number(log.bytes)).into())
             }
-            Ok(Path::Parameters(_)) if state.is_armed() => failed(FileError::Fail),
-            Ok(Path::Parameters(selection)) => {
-                let Some(file) = ParameterFile::open(selection, parameters) else {
-                    return failed(FileError::Fail);
-                };
+            Path::Parameters(_) if state.is_armed() => Err(FileError::Fail),
+            Path::Parameters(selection) => {
+                let file = ParameterFile::open(selection, parameters).ok_or(FileError::Fail)?;
                 self.begin(header, OpenFile::Parameters(file), state.now);
-                let size = FileOutcome::Number(file.bytes(parameters));
-                (Some(size), FileEvent::ParametersOpened)
+                Ok(Handled {
+                    event: Ok(Event::ListRequested),
+                    ..Some(FileOutcome::Number(file.bytes(parameters))).into()
+                })
             }
-            Ok(Path::Directory(_)) => failed(FileError::FileNotFound),
-            Err(error) => failed(error),
+            Path::Directory(_) => Err(FileError::FileNotFound),
         }
     }
 
@@ -378,20 +274,19 @@ impl FileTransfers {
         header: FileAnswerHeader,
         request: &FileTransfer<'_>,
         state: &SystemState<'_>,
-    ) -> Handled {
-        let opened = path_of(request).and_then(|path| {
-            self.check_free(header.to, state.now)?;
-            Ok(path)
-        });
-        match opened {
-            Ok(Path::Parameters(_)) if state.is_armed() => failed(FileError::Fail),
-            Ok(Path::Parameters(_)) => {
+    ) -> Result<Handled, FileError> {
+        let path = path_of(request).map_err(|error| match error {
+            FileError::FileNotFound => FileError::FileProtected,
+            other => other,
+        })?;
+        self.check_free(header.to, state.now)?;
+        match path {
+            Path::Parameters(_) if state.is_armed() => Err(FileError::Fail),
+            Path::Parameters(_) => {
                 self.begin(header, OpenFile::Upload(Upload::default()), state.now);
-                done()
+                Ok(done())
             }
-            Ok(_) => failed(FileError::FileProtected),
-            Err(FileError::FileNotFound) => failed(FileError::FileProtected),
-            Err(error) => failed(error),
+            Path::Directory(_) | Path::Log(_) => Err(FileError::FileProtected),
         }
     }
 
@@ -402,47 +297,42 @@ impl FileTransfers {
         header: FileAnswerHeader,
         request: &FileTransfer<'_>,
         parameters: &mut Parameters,
-        mut on_set: impl FnMut(ParameterId),
-    ) -> Handled {
-        let Some(session) = self.session_of(header) else {
-            return failed(FileError::InvalidSession);
-        };
+        rates: &mut Rates,
+    ) -> Result<Handled, FileError> {
+        let session = self.session_of(header).ok_or(FileError::InvalidSession)?;
         let OpenFile::Upload(upload) = &mut session.file else {
-            return failed(FileError::FileProtected);
+            return Err(FileError::FileProtected);
         };
-        let mut event = FileEvent::Served;
+        let mut event = Event::Answered;
         let written = upload.write(request.offset, request.data(), parameters, |id| {
-            event = FileEvent::ParametersSet;
-            on_set(id);
+            event = Event::ParametersSet;
+            rates.parameter_set(id);
         });
         let outcome = match written {
             Ok(Written::Taken) => Some(FileOutcome::Done),
             Ok(Written::TooEarly) => None,
             Err(_) => Some(FileOutcome::Failed(FileError::Fail)),
         };
-        (outcome, event)
+        Ok(Handled {
+            event: Ok(event),
+            ..outcome.into()
+        })
     }
 
     /// Whether bytes of the open file can be requested.
     fn check_readable(&mut self, header: FileAnswerHeader) -> Result<(), FileError> {
-        match self.session_of(header) {
-            None => Err(FileError::InvalidSession),
-            Some(Session {
-                file: OpenFile::Upload(_),
-                ..
-            }) => Err(FileError::Fail),
-            Some(_) => Ok(()),
+        match self.session_of(header).ok_or(FileError::InvalidSession)?.file {
+            OpenFile::Upload(_) => Err(FileError::Fail),
+            OpenFile::Log(_) | OpenFile::Parameters(_) => Ok(()),
         }
     }
 
-    fn read(&mut self, header: FileAnswerHeader, request: &FileTransfer<'_>) -> Handled {
+    fn read(&mut self, header: FileAnswerHeader, request: &FileTransfer<'_>) -> Result<Handled, FileError> {
         if request.size == 0 {
-            return failed(FileError::InvalidDataSize);
+            return Err(FileError::InvalidDataSize);
         }
-        match self.check_readable(header) {
-            Ok(()) => self.wait(header, request.offset, PartOf::File { bytes: request.size }),
-            Err(error) => failed(error),
-        }
+        self.check_readable(header)?;
+        Ok(self.wait(header, request.offset, PartOf::File { bytes: request.size }))
     }
 
     /// Has a request wait for its turn. One for which there is no room is not answered, and comes again.
@@ -451,29 +341,20 @@ impl FileTransfers {
         if !self.waiting.iter().any(|waiting| *waiting == part) {
             let _ = self.waiting.push_back(part);
         }
-        (None, FileEvent::Served)
+        begun()
     }
 
-    /// A burst with size 0 is one of the longest messages, as in ArduPilot.
-    fn start_burst(&mut self, header: FileAnswerHeader, request: &FileTransfer<'_>, now: Instant) -> Handled {
-        if let Err(error) = self.check_readable(header) {
-            return failed(error);
-        }
+    fn start_burst(
+        &mut self,
+        header: FileAnswerHeader,
+        request: &FileTransfer<'_>,
+        now: Instant,
+    ) -> Result<Handled, FileError> {
+        self.check_readable(header)?;
         if self.burst.is_none_or(|burst| burst.first != header) {
-            self.burst = Some(BurstRead {
-                first: header,
-                header,
-                offset: request.offset,
-                bytes: if request.size == 0 {
-                    MAX_FILE_BYTES as u8
-                } else {
-                    request.size
-                },
-                messages_left: BURST_MESSAGES,
-                began_at: now,
-            });
+            self.burst = Some(BurstRead::new(header, request.offset, request.size, now));
         }
-        (None, FileEvent::Served)
+        Ok(begun())
     }
 
     fn start_checksum(
@@ -481,30 +362,19 @@ impl FileTransfers {
         header: FileAnswerHeader,
         request: &FileTransfer<'_>,
         state: &SystemState<'_>,
-    ) -> Handled {
-        let path = match path_of(request) {
-            Ok(path) => path,
-            Err(error) => return failed(error),
-        };
-        let Path::Log(number) = path else {
+    ) -> Result<Handled, FileError> {
+        let Path::Log(number) = path_of(request)? else {
             // The values of parameters change, and nothing asks for a checksum of them.
-            return failed(FileError::Fail);
+            return Err(FileError::Fail);
         };
         if state.is_armed() {
-            return refused_armed();
+            return Ok(refused_armed());
         }
-        let Some(file) = log_of(number, state) else {
-            return failed(FileError::FileNotFound);
-        };
+        let file = log_of(number, state)?;
         if self.checksum.is_none_or(|checksum| checksum.header != header) {
-            self.checksum = Some(Checksum {
-                header,
-                file,
-                offset: 0,
-                crc: 0,
-            });
+            self.checksum = Some(Checksum::new(header, file));
         }
-        (None, FileEvent::Served)
+        Ok(begun())
     }
 
     /// Whether something is being sent.
@@ -512,279 +382,87 @@ impl FileTransfers {
         !self.waiting.is_empty() || self.burst.is_some()
     }
 
+    /// What is sent next: parts that were requested, then a burst, then a checksum.
+    fn job(&self) -> Option<Job> {
+        let part = self.waiting.front().copied().map(Job::Part);
+        part.or(self.burst.map(Job::Burst))
+            .or(self.checksum.map(Job::Checksum))
+    }
+
     /// What comes next. An answer counts as sent; of a read, [`Self::supply`] makes it.
     pub fn step(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> FileStep {
-        if let Some(part) = self.waiting.front().copied() {
-            return self.step_part(part, state, parameters);
+        if self.waiting.is_empty() {
+            self.keep_burst(state.now);
         }
-        if let Some(burst) = self.burst {
-            return self.step_burst(burst, state.now, parameters);
-        }
-        match self.checksum {
-            Some(checksum) => match checksum.next_read() {
-                Some(read) => FileStep::Read(read),
-                None => FileStep::Answer(self.end_checksum(checksum)),
-            },
-            None => FileStep::Idle,
-        }
-    }
-
-    fn step_part(&mut self, part: PartRequest, state: &SystemState<'_>, parameters: &Parameters) -> FileStep {
-        let content = match part.of {
-            PartOf::Directory(directory) => bytes_or_end(list(directory, part.offset, state.logs)),
-            PartOf::File { bytes } => self.content(part.header, part.offset, bytes, parameters),
+        let Some(job) = self.job() else {
+            return FileStep::Idle;
         };
-        match content {
-            Content::Log(read) => FileStep::Read(read),
-            Content::Bytes(data) => {
-                self.waiting.pop_front();
-                FileStep::Data(part.data(data))
-            }
-            Content::Error(error) => {
-                self.waiting.pop_front();
-                FileStep::Answer(part.failed(error))
-            }
+        if let Some(read) = job.log_read(self.session.as_mut()) {
+            return FileStep::Read(read);
         }
-    }
-
-    fn step_burst(&mut self, mut burst: BurstRead, now: Instant, parameters: &Parameters) -> FileStep {
-        if now.us_since(burst.began_at) >= BURST_US {
-            burst.messages_left = 1;
-            self.burst = Some(burst);
-        }
-        if let Some(session) = self.session_of(burst.header) {
-            session.active_at = now;
-        }
-        match self.content(burst.header, burst.offset, burst.bytes, parameters) {
-            Content::Log(read) => FileStep::Read(read),
-            Content::Bytes(data) => FileStep::Data(self.burst_data(burst, data)),
-            Content::Error(error) => FileStep::Answer(self.end_burst(burst, error)),
-        }
-    }
-
-    /// What is at `offset` of the open file.
-    fn content(
-        &mut self,
-        header: FileAnswerHeader,
-        offset: u32,
-        bytes: u8,
-        parameters: &Parameters,
-    ) -> Content {
-        match self.session_of(header).map(|session| &mut session.file) {
-            None => Content::Error(FileError::InvalidSession),
-            Some(OpenFile::Log(log)) => match read_of(log, offset, bytes) {
-                Some(read) => Content::Log(read),
-                None => Content::Error(FileError::EndOfFile),
-            },
-            Some(OpenFile::Parameters(file)) => bytes_or_end(file.read(offset, bytes, parameters)),
-            Some(OpenFile::Upload(_)) => Content::Error(FileError::Fail),
-        }
-    }
-
-    /// The next message of a burst.
-    fn burst_data(&mut self, burst: BurstRead, data: Vec<u8, MAX_FILE_BYTES>) -> FileData {
-        let messages_left = burst.messages_left.saturating_sub(1);
-        self.burst = (messages_left > 0).then_some(BurstRead {
-            header: FileAnswerHeader {
-                sequence: burst.header.sequence.wrapping_add(1),
-                ..burst.header
-            },
-            offset: burst.offset.saturating_add(data.len() as u32),
-            messages_left,
-            ..burst
-        });
-        FileData {
-            header: burst.header,
-            burst: if messages_left > 0 {
-                Burst::Continues
-            } else {
-                Burst::Complete
-            },
-            offset: burst.offset,
-            data,
-        }
-    }
-
-    /// The last answer of a burst that can't go on.
-    fn end_burst(&mut self, burst: BurstRead, error: FileError) -> FileAnswer {
-        self.burst = None;
-        FileAnswer {
-            header: burst.header,
-            burst: Burst::Complete,
-            offset: burst.offset,
-            outcome: FileOutcome::Failed(error),
-        }
-    }
-
-    fn end_checksum(&mut self, checksum: Checksum) -> FileAnswer {
-        self.checksum = None;
-        checksum.answer(FileOutcome::Number(checksum.crc))
+        let content = job.content(self.session.as_mut(), state, parameters);
+        self.send(job, content)
     }
 
     /// Takes what was read of a log, and returns what follows. Bytes that are not wanted any more have no effect.
     pub fn supply(&mut self, read: LogRead, bytes: &[u8]) -> FileStep {
-        let bytes = bytes.get(..usize::from(read.bytes)).unwrap_or(bytes);
-        if let Some(part) = self.waiting.front().copied() {
-            return self.supply_part(part, read, bytes);
-        }
-        if let Some(burst) = self.burst {
-            return self.supply_burst(burst, read, bytes);
-        }
-        match self.checksum {
-            Some(checksum) if checksum.next_read() == Some(read) => self.supply_checksum(checksum, bytes),
-            _ => FileStep::Idle,
-        }
-    }
-
-    fn supply_part(&mut self, part: PartRequest, read: LogRead, bytes: &[u8]) -> FileStep {
-        let PartOf::File { bytes: size } = part.of else {
+        let Some(job) = self.job() else {
             return FileStep::Idle;
         };
-        if self.log_read(part.header, part.offset, size) != Some(read) {
+        if job.log_read(self.session.as_mut()) != Some(read) {
             return FileStep::Idle;
         }
-        self.waiting.pop_front();
-        match copied(bytes) {
-            Some(data) => FileStep::Data(part.data(data)),
-            None => FileStep::Answer(part.failed(FileError::Fail)),
+        let bytes = bytes.get(..usize::from(read.bytes)).unwrap_or(bytes);
+        let content = Bytes::from_slice(bytes).ok().filter(|bytes| !bytes.is_empty());
+        self.send(job, content.ok_or(FileError::Fail))
+    }
+
+    /// A burst that takes too long ends; its session is in use until then.
+    fn keep_burst(&mut self, now: Instant) {
+        let Some(burst) = &mut self.burst else { return };
+        burst.limit_time(now);
+        let first = burst.first;
+        if let Some(session) = self.session_of(first) {
+            session.active_at = now;
         }
     }
 
-    fn supply_burst(&mut self, burst: BurstRead, read: LogRead, bytes: &[u8]) -> FileStep {
-        if self.log_read(burst.header, burst.offset, burst.bytes) != Some(read) {
-            return FileStep::Idle;
+    /// The next message of `job`, which goes on behind it.
+    fn send(&mut self, job: Job, content: Result<Bytes, FileError>) -> FileStep {
+        let step;
+        match job {
+            Job::Part(part) => {
+                self.waiting.pop_front();
+                step = part.message(content);
+            }
+            Job::Burst(burst) => (step, self.burst) = burst.advance(content),
+            Job::Checksum(checksum) => (step, self.checksum) = checksum.advance(content),
         }
-        match copied(bytes) {
-            Some(data) => FileStep::Data(self.burst_data(burst, data)),
-            None => FileStep::Answer(self.end_burst(burst, FileError::Fail)),
-        }
+        step
     }
-
-    fn supply_checksum(&mut self, checksum: Checksum, bytes: &[u8]) -> FileStep {
-        if bytes.is_empty() {
-            self.checksum = None;
-            return FileStep::Answer(checksum.answer(FileOutcome::Failed(FileError::Fail)));
-        }
-        self.checksum = Some(Checksum {
-            offset: checksum.offset.saturating_add(bytes.len() as u32),
-            crc: file_crc32(checksum.crc, bytes),
-            ..checksum
-        });
-        FileStep::Idle
-    }
-
-    /// What a request for the open log reads.
-    fn log_read(&mut self, header: FileAnswerHeader, offset: u32, bytes: u8) -> Option<LogRead> {
-        match &self.session_of(header)?.file {
-            OpenFile::Log(log) => read_of(log, offset, bytes),
-            OpenFile::Parameters(_) | OpenFile::Upload(_) => None,
-        }
-    }
-}
-
-impl PartRequest {
-    fn data(self, data: Vec<u8, MAX_FILE_BYTES>) -> FileData {
-        FileData {
-            header: self.header,
-            burst: Burst::Continues,
-            offset: self.offset,
-            data,
-        }
-    }
-
-    fn failed(self, error: FileError) -> FileAnswer {
-        FileAnswer {
-            header: self.header,
-            burst: Burst::Continues,
-            offset: self.offset,
-            outcome: FileOutcome::Failed(error),
-        }
-    }
-}
-
-impl Checksum {
-    fn next_read(&self) -> Option<LogRead> {
-        read_of(&self.file, self.offset, MAX_FILE_BYTES as u8)
-    }
-
-    fn answer(&self, outcome: FileOutcome) -> FileAnswer {
-        FileAnswer {
-            header: self.header,
-            burst: Burst::Continues,
-            offset: 0,
-            outcome,
-        }
-    }
-}
-
-fn done() -> Handled {
-    (Some(FileOutcome::Done), FileEvent::Served)
-}
-
-fn number_is(number: u32) -> Handled {
-    (Some(FileOutcome::Number(number)), FileEvent::Served)
-}
-
-fn failed(error: FileError) -> Handled {
-    (Some(FileOutcome::Failed(error)), FileEvent::Served)
 }
 
 fn refused_armed() -> Handled {
-    (
-        Some(FileOutcome::Failed(FileError::Fail)),
-        FileEvent::RefusedArmed,
-    )
+    Handled {
+        event: Err(Refusal::Armed),
+        ..Some(FileOutcome::Failed(FileError::Fail)).into()
+    }
 }
 
 /// Ends a file of parameters.
 fn end_of(upload: &Upload, parameters: &mut Parameters) -> Handled {
     if !upload.is_complete() {
-        return failed(FileError::Fail);
+        return Some(FileOutcome::Failed(FileError::Fail)).into();
     }
     upload.set_system_id(parameters);
-    let event = match upload.not_set() {
-        Some(not_set) => FileEvent::ParametersNotSet(not_set.clone()),
-        None => FileEvent::ParametersSet,
-    };
-    (Some(FileOutcome::Done), event)
-}
-
-/// The path that a request names: its data, up to a zero.
-fn path_of(request: &FileTransfer<'_>) -> Result<Path, FileError> {
-    if request.size == 0 {
-        return Err(FileError::InvalidDataSize);
-    }
-    let mut path: Vec<u8, MAX_PATH_BYTES> = Vec::new();
-    for byte in request.data().take_while(|byte| *byte != 0) {
-        path.push(byte).map_err(|_| FileError::FileNotFound)?;
-    }
-    let path = str::from_utf8(&path).ok().and_then(Path::parse);
-    path.ok_or(FileError::FileNotFound)
-}
-
-fn log_of(number: u16, state: &SystemState<'_>) -> Option<LogFile> {
-    state.logs.iter().copied().find(|log| log.number == number)
-}
-
-/// Up to `bytes` bytes from `offset` on; `None` at the end.
-fn read_of(log: &LogFile, offset: u32, bytes: u8) -> Option<LogRead> {
-    let rest = log.bytes.saturating_sub(offset).min(u32::from(bytes));
-    (rest > 0).then_some(LogRead {
-        number: log.number,
-        offset,
-        bytes: rest as u8,
-    })
-}
-
-fn bytes_or_end(bytes: Vec<u8, MAX_FILE_BYTES>) -> Content {
-    if bytes.is_empty() {
-        Content::Error(FileError::EndOfFile)
-    } else {
-        Content::Bytes(bytes)
+    Handled {
+        outcome: Some(FileOutcome::Done),
+        event: Ok(Event::ParametersSet),
+        not_set: upload.not_set().cloned(),
     }
 }
 
-/// What was read, unless that is nothing.
-fn copied(bytes: &[u8]) -> Option<Vec<u8, MAX_FILE_BYTES>> {
-    Vec::from_slice(bytes).ok().filter(|bytes| !bytes.is_empty())
+fn log_of(number: u16, state: &SystemState<'_>) -> Result<LogFile, FileError> {
+    let log = state.logs.iter().copied().find(|log| log.number == number);
+    log.ok_or(FileError::FileNotFound)
 }

@@ -2,10 +2,10 @@
 
 use heapless::{String, Vec};
 
+use super::directory::{Defaults, Selection};
 use super::packed::{
     HAS_DEFAULT, HEADER_BYTES, MAGIC, MAGIC_WITH_DEFAULTS, MAX_HEAD_BYTES, MAX_VALUE_BYTES, PackedType,
 };
-use super::path::{Defaults, Selection};
 use crate::mavlink::messages::MAX_FILE_BYTES;
 use crate::parameter::{MAX_NAME_LENGTH, ParameterId, Parameters};
 

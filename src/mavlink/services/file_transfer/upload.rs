@@ -36,7 +36,7 @@ pub(super) struct Upload {
 
 /// The parameters of a file that do not exist or were out of range: how many, and the names of the first.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(in crate::mavlink) struct NotSet {
+pub(super) struct NotSet {
     count: u16,
     names: Vec<Vec<u8, MAX_NAME_LENGTH>, LISTED_NAMES>,
 }

@@ -1,4 +1,9 @@
-//! The paths of files.
+//! The directories: what a path leads to, and what is listed.
+
+use heapless::{String, Vec};
+
+use crate::mavlink::messages::MAX_FILE_BYTES;
+use crate::recorder::LogFile;
 
 /// The packed parameters, where ArduPilot has them.
 const PARAMETERS: &str = "@PARAM/param.pck";
@@ -6,12 +11,15 @@ const PARAMETERS: &str = "@PARAM/param.pck";
 /// ArduPilot's directory on a memory card; ground stations ask for the logs in there.
 const CARD_DIRECTORY: &str = "APM";
 
-pub(super) const LOG_DIRECTORY: &str = "LOGS";
+const LOG_DIRECTORY: &str = "LOGS";
 
 /// The digits of a log file's name.
 const DIGITS: usize = 8;
 
 const EXTENSION: &str = "BIN";
+
+/// The longest entry: a file's name and the largest size.
+const ENTRY_BYTES: usize = 32;
 
 /// What a path leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,6 +112,34 @@ impl Selection {
     }
 }
 
+/// The entries from number `skip` on, as many as fit a message: `F`, name, tab and size of a file, `D` and name of a
+/// directory, a zero behind each.
+pub(super) fn list(directory: Directory, skip: u32, logs: &[LogFile]) -> Vec<u8, MAX_FILE_BYTES> {
+    let mut list = Vec::new();
+    for place in skip as usize..usize::MAX {
+        let Some(entry) = entry(directory, place, logs) else {
+            break;
+        };
+        let is_full = list.len() + entry.len() + 1 > list.capacity();
+        if is_full || list.extend_from_slice(entry.as_bytes()).is_err() || list.push(0).is_err() {
+            break;
+        }
+    }
+    list
+}
+
+fn entry(directory: Directory, place: usize, logs: &[LogFile]) -> Option<String<ENTRY_BYTES>> {
+    // Both fit.
+    match directory {
+        Directory::Root if place == 0 => heapless::format!("D{LOG_DIRECTORY}").ok(),
+        Directory::Root => None,
+        Directory::Logs => {
+            let file = logs.get(place)?;
+            heapless::format!("F{:08}.BIN\t{}", file.number, file.bytes).ok()
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -165,11 +201,45 @@ mod tests {
         }
     }
 
+    #[test]
+    fn the_root_has_the_logs() {
+        assert_eq!(list(Directory::Root, 0, &[]).as_slice(), b"DLOGS\0");
+        assert!(list(Directory::Root, 1, &[]).is_empty());
+    }
+
+    #[test]
+    fn log_files_have_name_and_size() {
+        let logs = [(7, 1234), (65535, u32::MAX)].map(|(number, bytes)| LogFile { number, bytes });
+        let expected = b"F00000007.BIN\t1234\0F00065535.BIN\t4294967295\0";
+        assert_eq!(list(Directory::Logs, 0, &logs).as_slice(), expected);
+        assert_eq!(list(Directory::Logs, 1, &logs).as_slice(), &expected[19..]);
+        assert!(list(Directory::Logs, 2, &logs).is_empty());
+        assert!(list(Directory::Logs, u32::MAX, &logs).is_empty());
+    }
+
     proptest! {
         #[test]
         fn any_path_is_parsed(path in "\\PC*", query in "[?&=a-z0-9]{0,40}") {
             Path::parse(&path);
             Path::parse(&format!("@PARAM/param.pck{query}"));
+        }
+
+        /// As ground stations read it: the entries so far are skipped by the next request.
+        #[test]
+        fn all_files_are_listed_in_as_many_messages_as_needed(files in prop::collection::vec(any::<(u16, u32)>(), 0..60)) {
+            let logs: Vec<LogFile, 60> = files.iter().map(|(number, bytes)| LogFile { number: *number, bytes: *bytes }).collect();
+            let mut listed = std::vec::Vec::new();
+            loop {
+                let part = list(Directory::Logs, listed.len() as u32, &logs);
+                if part.is_empty() {
+                    break;
+                }
+                let text = core::str::from_utf8(&part).unwrap();
+                let entries = text.strip_suffix('\0').expect("a zero at the end").split('\0');
+                listed.extend(entries.map(std::string::String::from));
+            }
+            let expected: std::vec::Vec<_> = files.iter().map(|(number, bytes)| format!("F{number:08}.BIN\t{bytes}")).collect();
+            prop_assert_eq!(listed, expected);
         }
     }
 }

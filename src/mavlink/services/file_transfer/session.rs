@@ -1,0 +1,76 @@
+//! The open file, and the ground station that it is open for.
+
+use heapless::Vec;
+
+use super::parameter_file::ParameterFile;
+use super::upload::Upload;
+use crate::mavlink::Peer;
+use crate::mavlink::messages::{FileAnswerHeader, FileError, MAX_FILE_BYTES};
+use crate::mavlink::services::log_download::LogRead;
+use crate::parameter::Parameters;
+use crate::recorder::LogFile;
+use crate::time::Instant;
+
+/// Bytes of a file or of a list, for one message.
+pub(super) type Bytes = Vec<u8, MAX_FILE_BYTES>;
+
+#[derive(Debug)]
+pub(super) struct Session {
+    pub station: Peer,
+    pub id: u8,
+    pub file: OpenFile,
+    /// When its last request or answer was.
+    pub active_at: Instant,
+}
+
+#[derive(Debug)]
+pub(super) enum OpenFile {
+    /// With the length that it had when it was opened.
+    Log(LogFile),
+    Parameters(ParameterFile),
+    Upload(Upload),
+}
+
+impl Session {
+    /// Whether a request belongs to it.
+    pub fn has(&self, header: FileAnswerHeader) -> bool {
+        self.station == header.to && self.id == header.session
+    }
+}
+
+impl OpenFile {
+    /// What has to be read of a log for `bytes` bytes from `offset` on; `None` if it needs none.
+    pub fn log_read(&self, offset: u32, bytes: u8) -> Option<LogRead> {
+        match self {
+            Self::Log(log) => log_read(log, offset, bytes),
+            Self::Parameters(_) | Self::Upload(_) => None,
+        }
+    }
+
+    /// Up to `bytes` bytes from `offset` on, for which no log has to be read.
+    pub fn read(&mut self, offset: u32, bytes: u8, parameters: &Parameters) -> Result<Bytes, FileError> {
+        match self {
+            Self::Log(_) => Err(FileError::EndOfFile),
+            Self::Parameters(file) => unless_empty(file.read(offset, bytes, parameters)),
+            Self::Upload(_) => Err(FileError::Fail),
+        }
+    }
+}
+
+/// What has to be read of `log` for `bytes` bytes from `offset` on; `None` at its end.
+pub(super) fn log_read(log: &LogFile, offset: u32, bytes: u8) -> Option<LogRead> {
+    let rest = log.bytes.saturating_sub(offset).min(u32::from(bytes));
+    (rest > 0).then_some(LogRead {
+        number: log.number,
+        offset,
+        bytes: rest as u8,
+    })
+}
+
+/// Nothing is the end of a file or list.
+pub(super) fn unless_empty(bytes: Bytes) -> Result<Bytes, FileError> {
+    if bytes.is_empty() {
+        return Err(FileError::EndOfFile);
+    }
+    Ok(bytes)
+}
