@@ -1,7 +1,7 @@
 //! The CAN bus: what comes from it.
 
+use super::Autopilot;
 use super::announcement::Announcement;
-use super::autopilot::Autopilot;
 use crate::log::info;
 use crate::sensor::{CanEvent, CanSettings, CanSetup, CanStatus, MonitorKind};
 use crate::time::Instant;

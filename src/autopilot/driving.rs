@@ -3,8 +3,7 @@
 use core::mem;
 
 use super::announcement::Announcement;
-use super::autopilot::Autopilot;
-use super::work::Work;
+use super::{Autopilot, Work};
 use crate::battery::FailsafeLevel;
 use crate::log::info;
 use crate::pack::Pack;

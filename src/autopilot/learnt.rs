@@ -1,10 +1,9 @@
 //! What is learnt of the packs: read from flash, written to it, shown in parameters.
 
 use super::announcement::Announcement;
-use super::autopilot::Autopilot;
 use super::broadcast::Announced;
 use super::saving::log_failure;
-use super::work::Work;
+use super::{Autopilot, Work};
 use crate::battery::{LEARNT_WORDS, LearntPack, PackSettings};
 use crate::log::{info, warn};
 use crate::memory::storage::StorageError;

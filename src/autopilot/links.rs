@@ -1,11 +1,10 @@
 //! Links to ground stations: what is sent and received, and what a request leads to.
 
 use super::announcement::{ANNOUNCEMENT_BYTES, Announcement};
-use super::autopilot::{Autopilot, system_state};
 use super::broadcast::{Announced, Next};
 use super::channel::Channel;
 use super::learnt::shown_by;
-use super::work::Work;
+use super::{Autopilot, Work, system_state};
 use crate::battery::{PackSettings, SuggestedThresholds};
 use crate::log::{info, warn};
 use crate::mavlink::dialect::MavSeverity;

@@ -6,11 +6,6 @@
 
 mod announcement;
 mod announcement_limit;
-#[expect(
-    clippy::module_inception,
-    reason = "the file is named after its type, and the folder as well"
-)]
-mod autopilot;
 mod broadcast;
 mod can;
 mod can_watch;
@@ -18,21 +13,17 @@ mod channel;
 mod driving;
 mod learnt;
 mod links;
-mod logs;
 mod packs;
 mod recording;
 mod sampling;
 mod save_state;
 mod saving;
-mod silence;
 mod start;
 mod wifi;
 mod wifi_state;
 mod wiring;
-mod work;
 
 pub use announcement::{ANNOUNCEMENT_BYTES, Announcement, AnnouncementText};
-pub use autopilot::Autopilot;
 pub use channel::Channel;
 pub use driving::Outputs;
 pub use learnt::{LearntJob, PackIdentity};
@@ -40,4 +31,220 @@ pub use recording::{LogFailure, LogStep};
 pub use sampling::{SAMPLING_INTERVAL_US, SAMPLING_RESOLUTION_US, SamplingProgress, SamplingTick};
 pub use start::{ParameterLoad, Start};
 pub use wiring::Wiring;
-pub use work::Work;
+
+use bitflags::bitflags;
+
+use crate::battery::{BatteryState, PackEvent};
+use crate::log::info;
+use crate::mavlink::Signing;
+use crate::memory::identity::{FirmwareHash, Identity};
+use crate::memory::in_place::in_place;
+use crate::pack::Pack;
+use crate::parameter::{Parameters, SaveFailures};
+use crate::recorder::dataflash::{ModeReason, Record};
+use crate::sensor::MonitorKind;
+use crate::system::{ArmingReadiness, SystemState};
+use crate::time::Instant;
+use crate::vehicle::{Vehicle, VehicleStatus};
+use announcement_limit::{AnnouncementLimit, Permission};
+use broadcast::{Announced, Broadcast};
+use can_watch::CanWatch;
+use packs::Packs;
+use recording::Recording;
+use save_state::{FailedSave, SigningSave};
+use wifi_state::WifiState;
+
+/// The autopilot without its hardware, links and clock.
+#[derive(Debug)]
+pub struct Autopilot {
+    parameters: Parameters,
+    packs: Packs,
+    vehicle: Vehicle,
+    signing: Signing,
+    /// Whether the arming checks pass, checked once a second.
+    readiness: ArmingReadiness,
+    load_permille: u16,
+    identity: Identity,
+    start_notice: Option<Announcement<'static>>,
+    limit: AnnouncementLimit,
+    broadcast: Broadcast,
+    save_failures: SaveFailures,
+    signing_save: SigningSave,
+    learnt_save: FailedSave,
+    wifi: WifiState,
+    can: CanWatch,
+    recording: Recording,
+    /// Why the mode changes next, if it does.
+    mode_reason: ModeReason,
+    /// The vehicle's status when it was last driven.
+    known_status: VehicleStatus,
+    work: Work,
+}
+
+impl Autopilot {
+    /// The autopilot at boot; nothing has been measured yet.
+    // Not inlined: see `in_place`.
+    #[inline(never)]
+    pub fn new(start: &Start) -> Self {
+        Self {
+            start_notice: start.notice(),
+            signing: in_place(|| start.signing.clone()),
+            parameters: in_place(|| start.parameters.clone()),
+            vehicle: in_place(Vehicle::new),
+            readiness: ArmingReadiness::default(),
+            load_permille: 0,
+            identity: start.identity,
+            save_failures: SaveFailures::default(),
+            signing_save: SigningSave::default(),
+            learnt_save: FailedSave::default(),
+            wifi: in_place(|| WifiState::new(start)),
+            can: CanWatch::new(),
+            recording: in_place(|| Recording::new(start.crash.clone())),
+            mode_reason: ModeReason::Command,
+            known_status: VehicleStatus::default(),
+            work: Work::empty(),
+            limit: AnnouncementLimit::default(),
+            broadcast: Broadcast::new(),
+            packs: Packs::new(&start.parameters),
+        }
+    }
+
+    /// The live parameters.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// The live parameters, for a program that sets them itself.
+    pub fn parameters_mut(&mut self) -> &mut Parameters {
+        &mut self.parameters
+    }
+
+    /// The vehicle.
+    pub fn vehicle(&self) -> &Vehicle {
+        &self.vehicle
+    }
+
+    /// The state of a pack.
+    pub fn battery(&self, pack: Pack) -> &BatteryState {
+        &self.packs.states[pack as usize]
+    }
+
+    /// Sampling ticks so far, modulo 2^32.
+    pub fn samples(&self) -> u32 {
+        self.packs.ticks
+    }
+
+    /// Busy share of the processor over the last second, in tenths of a percent.
+    pub fn load_permille(&self) -> u16 {
+        self.load_permille
+    }
+
+    /// Sets the busy share of the processor over the last second, in tenths of a percent.
+    pub fn set_load(&mut self, load_permille: u16) {
+        self.load_permille = load_permille;
+    }
+
+    /// Sets the program's hash, which is known a moment after the start.
+    pub fn set_firmware_hash(&mut self, hash: FirmwareHash) {
+        self.identity.firmware_hash = Some(hash);
+    }
+
+    /// Everything telemetry reports now, apart from a link's own counters.
+    pub fn system_state(&self) -> SystemState<'_> {
+        let (packs, vehicle) = (&self.packs, &self.vehicle);
+        SystemState {
+            logs: self.recording.files(),
+            log: self.recording.health(),
+            ..system_state(packs, vehicle, self.identity, self.readiness, self.load_permille)
+        }
+    }
+
+    /// Announces something to all connected ground stations at `now`, once. What is repeated too often is left out.
+    pub fn announce(&mut self, announcement: Announcement<'_>, now: Instant) {
+        let text = match announcement {
+            Announcement::Pack(pack, event @ PackEvent::Failsafe { .. }) => {
+                self.broadcast.set_level(pack, *event);
+                announcement.text()
+            }
+            Announcement::Vehicle(event) => {
+                self.broadcast.set_mode(event);
+                announcement.text()
+            }
+            _ => match self.limit.count(announcement.kind(), now) {
+                Permission::Allowed { left_out } => {
+                    let text = match announcement.kind().at_once() {
+                        // The next one says how things are now.
+                        1 => announcement.text(),
+                        _ => announcement.text_after(left_out),
+                    };
+                    self.broadcast
+                        .add(Announced::Text(announcement.severity(), text.clone()));
+                    text
+                }
+                Permission::LeftOut { before } => {
+                    if before == 0 {
+                        info!("too often, left out: {}", announcement.text().as_str());
+                    }
+                    return;
+                }
+            },
+        };
+        info!("announced: {}", text.as_str());
+        self.recording.add(&Record::Message(&text));
+        if let Some(command) = announcement.command() {
+            self.broadcast.add(Announced::Command(command));
+        }
+        self.work |= Work::ANNOUNCED;
+    }
+
+    /// What other tasks have to do since the last call.
+    pub fn take_work(&mut self) -> Work {
+        core::mem::take(&mut self.work)
+    }
+}
+
+/// Everything telemetry reports, from the parts it is read from: while a request is handled, others are changed.
+fn system_state<'a>(
+    packs: &'a Packs,
+    vehicle: &Vehicle,
+    identity: Identity,
+    readiness: ArmingReadiness,
+    load_permille: u16,
+) -> SystemState<'a> {
+    SystemState {
+        batteries: &packs.states,
+        external_packs: packs
+            .of_kind(MonitorKind::External)
+            .fold(0, |mask, pack| mask | pack.bit()),
+        vehicle: vehicle.status(),
+        identity,
+        readiness,
+        load_permille,
+        ..SystemState::default()
+    }
+}
+
+bitflags! {
+    /// What other tasks have to do after a call.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct Work: u16 {
+        /// The outputs may have changed: [`Autopilot::drive`](Autopilot::drive).
+        const DRIVE = 1;
+        /// Something was announced: [`Autopilot::post_due`](Autopilot::post_due) on every link.
+        const ANNOUNCED = 1 << 1;
+        /// Parameters have to be written to flash.
+        const SAVE_PARAMETERS = 1 << 2;
+        /// The signing key has to be written to flash.
+        const SAVE_SIGNING = 1 << 3;
+        /// What is learnt of the packs has to be read from flash or written to it.
+        const KEEP_LEARNT = 1 << 4;
+        /// A ground station requested a restart.
+        const RESTART = 1 << 5;
+        /// A ground station sent a HEARTBEAT.
+        const GROUND_STATION_HEARD = 1 << 6;
+        /// What the radio is to do may have changed: [`Autopilot::wifi_setup`](Autopilot::wifi_setup).
+        const WIFI = 1 << 7;
+        /// Names or passwords of networks have to be written to flash.
+        const SAVE_WIFI = 1 << 8;
+    }
+}

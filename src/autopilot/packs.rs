@@ -2,7 +2,6 @@
 
 use heapless::Vec;
 
-use super::silence::Silence;
 use crate::battery::{
     BatteryBank, BatteryState, Measurement, PackSettings, PackSource, PackStatus, ReadError, SumVoltage,
 };
@@ -286,4 +285,45 @@ fn states_at_boot(parameters: &Parameters) -> [BatteryState; MAX_PACKS] {
         }
     }
     states
+}
+
+/// For how long a pack has had no valid reading: whatever it is read from, its read fails after the time-out.
+#[derive(Clone, Copy, Debug)]
+struct Silence {
+    timeout_us: u64,
+    /// When the latest reading was received, valid or not.
+    heard_at: Instant,
+    /// When the latest valid reading was received, or the time-out began.
+    valid_at: Instant,
+}
+
+impl Silence {
+    /// Nothing was received yet.
+    const fn new(timeout_us: u64) -> Self {
+        Self {
+            timeout_us,
+            heard_at: Instant::EPOCH,
+            valid_at: Instant::EPOCH,
+        }
+    }
+
+    /// The first tick: the time-out begins.
+    fn start(&mut self, now: Instant) {
+        self.valid_at = now;
+    }
+
+    /// A reading was received at `at`.
+    fn hear(&mut self, at: Instant) {
+        self.heard_at = self.heard_at.max(at);
+    }
+
+    /// The latest reading was valid.
+    fn confirm(&mut self) {
+        self.valid_at = self.valid_at.max(self.heard_at);
+    }
+
+    /// Whether a reading is overdue, in a tick without one.
+    fn is_overdue(&self, now: Instant) -> bool {
+        now.us_since(self.valid_at) >= self.timeout_us
+    }
 }

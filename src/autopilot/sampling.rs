@@ -2,8 +2,8 @@
 
 use heapless::Vec;
 
+use super::Autopilot;
 use super::announcement::Announcement;
-use super::autopilot::Autopilot;
 use super::packs::PIN_COUNT;
 use super::recording::Detail;
 use crate::battery::{

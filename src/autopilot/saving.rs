@@ -1,14 +1,15 @@
-//! What has to be written to flash: parameters and the signing key. What is learnt of the packs: [`super::learnt`]; of
+//! What has to be written to flash: parameters, the signing key and the log. What is learnt of the packs: [`super::learnt`]; of
 //! Wi-Fi: [`super::wifi`].
 
 use super::announcement::Announcement;
-use super::autopilot::Autopilot;
+use super::recording::LogStep;
 use super::save_state::Attempt;
-use super::work::Work;
+use super::{Autopilot, Work};
 use crate::log::{info, warn};
 use crate::mavlink::{SigningChange, SigningTrouble, ToStore};
 use crate::memory::storage::{Erase, StorageError};
 use crate::parameter::{SAVE_RETRY_INTERVAL_US, Unsaved};
+use crate::recorder::{Erasure, FlashOutcome, Piece, Ring};
 use crate::time::Instant;
 use crate::vehicle::ArmState;
 
@@ -117,6 +118,32 @@ impl Autopilot {
         self.signing_save.change = Some(change);
         self.signing_save.retry_at = Instant::EPOCH;
         self.work |= Work::SAVE_SIGNING;
+    }
+
+    /// The logs in flash were looked for. Nothing is recorded before.
+    pub fn logs_found(&mut self, ring: Ring) {
+        self.recording.found(ring);
+    }
+
+    /// What the flash has to do next for the log at `now`, if anything.
+    pub fn next_log_step(&mut self, now: Instant) -> Option<LogStep> {
+        let may_erase = self.may_erase();
+        self.recording.next_step(now, &self.parameters, may_erase)
+    }
+
+    /// The outcome of programming a page.
+    pub fn log_written(&mut self, outcome: FlashOutcome, now: Instant) {
+        self.recording.written(outcome, now);
+    }
+
+    /// The outcome of an erase.
+    pub fn log_erased(&mut self, erasure: Erasure, outcome: FlashOutcome) {
+        self.recording.erased(erasure, outcome);
+    }
+
+    /// Where the bytes of a log from `offset` on are in flash.
+    pub fn locate_log(&self, number: u16, offset: u32) -> Option<Piece> {
+        self.recording.locate(number, offset)
     }
 
     /// Before a restart: what could not be saved has a last chance, and a signing key that is not saved is announced.

@@ -5,11 +5,10 @@ use core::fmt::{self, Write};
 use heapless::String;
 
 use super::announcement::Announcement;
-use super::autopilot::Autopilot;
 use super::channel::Channel;
 use super::saving::log_failure;
 use super::wifi_state::PRESENCE_US;
-use super::work::Work;
+use super::{Autopilot, Work};
 use crate::log::info;
 use crate::mavlink::LinkKind;
 use crate::mavlink::dialect::MavSeverity;

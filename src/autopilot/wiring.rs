@@ -1,6 +1,6 @@
 //! The peripherals that the parameters call for.
 
-use super::autopilot::Autopilot;
+use super::Autopilot;
 use crate::parameter::{VehicleParameter, serial_baud};
 use crate::sensor::{self, BitTiming, SerialSetup};
 

@@ -1,20 +1,340 @@
-//! The log: what is recorded, and what of it goes to flash next.
+//! The log: what is recorded, into which file, and what of it goes to flash next.
 
-mod queue;
-#[expect(
-    clippy::module_inception,
-    reason = "the file is named after its type, and the folder as well"
-)]
-mod recording;
 mod share;
-mod space;
 mod step;
 mod stream;
 
-pub use recording::LogFailure;
-pub(super) use recording::Recording;
+use heapless::Vec;
+
 pub(super) use share::Detail;
+use share::Share;
 pub use step::LogStep;
+use stream::{Stream, parameter_record};
+
+use crate::crash::CrashRecord;
+use crate::log::{info, warn};
+use crate::parameter::{ParameterId, Parameters, VehicleParameter};
+use crate::recorder::dataflash::Record;
+use crate::recorder::{LogFile, Piece, Ring};
+use crate::system::LogHealth;
+use crate::time::Instant;
+use crate::vehicle::{ArmState, Vehicle};
+
+/// How long the log goes on after disarming, as ArduPilot's does: the pack recovers meanwhile.
+const AFTER_DISARMING_US: u64 = 15_000_000;
+
+/// Delay after a failure before another file is begun.
+const RETRY_INTERVAL_US: u64 = 10_000_000;
+
+/// `LOG_BITMASK`: the health of the board, once a second.
+const HEALTH_RECORDED: i32 = 1 << 3;
+
+/// `LOG_BITMASK`: the packs.
+const PACKS_RECORDED: i32 = 1 << 9;
+
+/// Begins every file. Log viewers find ArduPilot's names of modes by the word "Rover".
+const GREETING: &str = concat!(
+    "rover-battmon ",
+    env!("CARGO_PKG_VERSION"),
+    " (modes of ArduPilot Rover)"
+);
+
+/// What the flash programs at once.
+const PAGE_BYTES: usize = 256;
+
+/// Bytes on their way to flash.
+type Chunk = Vec<u8, PAGE_BYTES>;
+
+/// Erases that fail in a row until the flash counts as worn out.
+const MOST_FAILED_ERASES: u8 = 8;
+
+/// Why there is no log although there should be one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum LogFailure {
+    /// All erased space is used up, and flash is erased while disarmed only.
+    Full,
+    /// The flash can't be written.
+    NotWritten,
+}
+
+/// What is recorded, until it is in flash.
+#[derive(Debug)]
+pub(super) struct Recording {
+    /// The files in flash; `None` until they were looked for.
+    ring: Option<Ring>,
+    state: State,
+    stream: Stream,
+    /// What is taken out of the stream and not in flash yet.
+    chunk: Chunk,
+    share: Share,
+    now: Instant,
+    /// When the rover was armed last.
+    armed_at: Option<Instant>,
+    flushed_at: Instant,
+    failed_erases: u8,
+    failure: Option<LogFailure>,
+    announced: Option<LogFailure>,
+    retry_at: Instant,
+    /// The crash before this start, until it is in flash.
+    crash: Option<CrashRecord>,
+}
+
+/// Whether records are taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum State {
+    /// No file is open.
+    #[default]
+    Idle,
+    /// Into the open file.
+    Recording,
+    /// Not now; the open file goes on at the next arming.
+    Paused,
+    /// Not any more; the open file ends when all is written.
+    Closing,
+}
+
+/// What is wanted of the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wish {
+    /// To record, in another file if none is open.
+    Record,
+    /// To go on for a while after disarming, if a file is open.
+    GoOn,
+    /// To wait for the next arming.
+    Pause,
+    /// To end the open file.
+    End,
+}
+
+impl Recording {
+    // Not inlined: see `in_place`.
+    #[inline(never)]
+    pub fn new(crash: Option<CrashRecord>) -> Self {
+        Self {
+            ring: None,
+            state: State::Idle,
+            stream: Stream::default(),
+            chunk: Chunk::default(),
+            share: Share::default(),
+            now: Instant::EPOCH,
+            armed_at: None,
+            flushed_at: Instant::EPOCH,
+            failed_erases: 0,
+            failure: None,
+            announced: None,
+            retry_at: Instant::EPOCH,
+            crash,
+        }
+    }
+
+    /// The files, oldest first.
+    pub fn files(&self) -> &[LogFile] {
+        self.ring.as_ref().map_or(&[], Ring::files)
+    }
+
+    /// Where the bytes of a file are.
+    pub fn locate(&self, number: u16, offset: u32) -> Option<Piece> {
+        self.ring.as_ref()?.locate(number, offset)
+    }
+
+    /// Whether the flash can be written and erased.
+    pub fn health(&self) -> LogHealth {
+        let is_worn_out = self.failed_erases >= MOST_FAILED_ERASES;
+        if is_worn_out || self.failure == Some(LogFailure::NotWritten) {
+            LogHealth::Failed
+        } else {
+            LogHealth::Works
+        }
+    }
+
+    /// A failure that was not announced yet.
+    pub fn take_report(&mut self) -> Option<LogFailure> {
+        if self.announced == self.failure {
+            return None;
+        }
+        self.announced = self.failure;
+        self.failure
+    }
+
+    /// Takes over what was found in flash.
+    // Not inlined: a ring is large.
+    #[inline(never)]
+    pub fn found(&mut self, ring: Ring) {
+        info!("log: {} files", ring.files().len());
+        self.ring = Some(ring);
+    }
+
+    /// Begins, pauses or ends the log as it is wanted at `now`, and returns the number of a file that begins.
+    pub fn follow(&mut self, now: Instant, parameters: &Parameters, vehicle: &Vehicle) -> Option<u16> {
+        self.now = self.now.max(now);
+        let arm_state = vehicle.arm_state();
+        match arm_state {
+            ArmState::Armed => self.armed_at = Some(self.now),
+            ArmState::Disarmed if self.is_full() => self.failure = None,
+            ArmState::Disarmed => {}
+        }
+        if !is_on(parameters) {
+            // Of no concern.
+            self.failed_erases = 0;
+        }
+        match (self.state, self.wish(parameters, vehicle)) {
+            (State::Idle, Wish::Record) => return self.begin(arm_state),
+            // A failure of a log that is not wanted any more is over once it was announced.
+            (State::Idle, Wish::Pause | Wish::End) if self.announced == self.failure => self.failure = None,
+            (State::Recording, Wish::Record) => self.limit_length(arm_state),
+            (State::Recording, Wish::Pause) => self.state = State::Paused,
+            (State::Paused, Wish::Record) => self.state = State::Recording,
+            (State::Paused, Wish::Pause) => self.close_if_long(),
+            (State::Recording | State::Paused, Wish::End) => self.state = State::Closing,
+            (State::Idle, Wish::Pause | Wish::End)
+            | (State::Idle | State::Recording | State::Paused, Wish::GoOn)
+            | (State::Closing, _) => {}
+        }
+        None
+    }
+
+    /// What is wanted of the log now.
+    fn wish(&self, parameters: &Parameters, vehicle: &Vehicle) -> Wish {
+        let is_set = |parameter| parameters.get_whole(parameter) != 0;
+        let is_kept_on = |armed_at| self.now.us_since(armed_at) < AFTER_DISARMING_US;
+        if vehicle.pending_restart().is_some() || !is_on(parameters) {
+            Wish::End
+        } else if is_set(VehicleParameter::LogDisarmed) || vehicle.arm_state() == ArmState::Armed {
+            Wish::Record
+        } else if self.armed_at.is_some_and(is_kept_on) {
+            Wish::GoOn
+        } else if is_set(VehicleParameter::LogFileDsrmrot) {
+            Wish::End
+        } else {
+            Wish::Pause
+        }
+    }
+
+    /// Whether the log ends until the rover is disarmed.
+    fn is_full(&self) -> bool {
+        self.failure == Some(LogFailure::Full)
+    }
+
+    /// Ends a file that must not be longer.
+    fn limit_length(&mut self, arm_state: ArmState) {
+        match arm_state {
+            // Its announcement is the last record.
+            ArmState::Armed if self.is_full() => self.state = State::Closing,
+            ArmState::Armed if self.ring.as_ref().is_some_and(share::is_full) => self.fail(LogFailure::Full),
+            ArmState::Armed => {}
+            ArmState::Disarmed => self.close_if_long(),
+        }
+    }
+
+    /// Ends a file if the next drive has more room in a new one.
+    fn close_if_long(&mut self) {
+        if self.ring.as_ref().is_some_and(share::is_long) {
+            self.state = State::Closing;
+        }
+    }
+
+    /// Begins a file, unless the log is full or has failed a moment ago.
+    fn begin(&mut self, arm_state: ArmState) -> Option<u16> {
+        if self.now < self.retry_at || self.is_full() {
+            return None;
+        }
+        let ring = self.ring.as_mut()?;
+        let Ok(number) = ring.open() else {
+            // While disarmed, space is about to be erased.
+            if arm_state == ArmState::Armed {
+                self.fail(LogFailure::Full);
+            }
+            return None;
+        };
+        info!("log: file {}", number);
+        self.state = State::Recording;
+        self.chunk.clear();
+        self.stream.begin(self.now);
+        self.flushed_at = self.now;
+        self.add(&Record::Message(GREETING));
+        if let Some(crash) = &self.crash {
+            let record = Record::Crash(crash).encode(self.now.as_micros());
+            self.stream.add(&record);
+        }
+        Some(number)
+    }
+
+    fn fail(&mut self, failure: LogFailure) {
+        if failure == LogFailure::NotWritten {
+            self.retry_at = self.now.after_us(RETRY_INTERVAL_US);
+        }
+        if self.failure != Some(failure) {
+            warn!("log: {:?}", failure);
+        }
+        self.failure = Some(failure);
+    }
+
+    /// Takes a record, if records are taken now, and returns its length.
+    pub fn add(&mut self, record: &Record<'_>) -> usize {
+        if self.state != State::Recording {
+            return 0;
+        }
+        let bytes = record.encode(self.now.as_micros());
+        self.stream.add(&bytes);
+        bytes.len()
+    }
+
+    /// Records the value of a parameter.
+    pub fn add_parameter(&mut self, id: ParameterId, parameters: &Parameters) {
+        // A file that goes on later has the values of then.
+        if matches!(self.state, State::Recording | State::Paused) {
+            self.stream.add(&parameter_record(id, parameters, self.now));
+        }
+    }
+
+    /// Records all parameters once more.
+    pub fn add_all_parameters(&mut self) {
+        self.stream.repeat_parameters();
+    }
+
+    /// Whether the health of the board is recorded.
+    pub fn records_health(&self, parameters: &Parameters) -> bool {
+        parameters.get_whole(VehicleParameter::LogBitmask) & HEALTH_RECORDED != 0
+    }
+
+    /// Whether everything that was recorded is in flash, or lost.
+    pub fn is_written(&self) -> bool {
+        self.state == State::Idle || (self.chunk.is_empty() && !self.stream.has(1))
+    }
+
+    /// Records that could not be taken so far.
+    pub fn dropped(&self) -> u32 {
+        self.stream.dropped()
+    }
+
+    /// A sampling tick has passed.
+    pub fn tick(&mut self) {
+        self.share.tick();
+    }
+
+    /// The next pack to record, by its position among `packs`.
+    pub fn next_pack(&mut self, packs: usize, parameters: &Parameters) -> Option<(usize, Detail)> {
+        if self.state != State::Recording
+            || parameters.get_whole(VehicleParameter::LogBitmask) & PACKS_RECORDED == 0
+        {
+            return None;
+        }
+        let rate_hz = parameters.get(VehicleParameter::LogBlkRatemax);
+        let round_us = if rate_hz > 0.0 { (1e6 / rate_hz) as u64 } else { 0 };
+        self.share.next(packs, round_us, self.now)
+    }
+
+    /// This many bytes of the share were used.
+    pub fn spend(&mut self, bytes: usize) {
+        self.share.spend(bytes);
+    }
+}
+
+/// Whether anything is recorded at all.
+fn is_on(parameters: &Parameters) -> bool {
+    parameters.get_whole(VehicleParameter::LogBitmask) != 0
+}
 
 #[cfg(test)]
 mod tests;

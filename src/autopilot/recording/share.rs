@@ -1,5 +1,9 @@
-//! The packs' share of the log.
+//! How packs share the log, and drives the ring.
+//!
+//! Half of the ring is kept erased for the next drive, and the oldest files go for that. A drive that was longer stays while
+//! a fifth is free; so a file takes at most four fifths, which is an hour, and the log goes on at the next arming.
 
+use crate::recorder::{LogFile, PAYLOAD_BYTES, Ring, SECTOR_BYTES};
 use crate::time::Instant;
 
 /// What the records of all packs take of the log, in bytes per sampling tick: 250 bytes per second, which three quarters of
@@ -14,7 +18,7 @@ const DETAILED_ROUND: u8 = 5;
 
 /// What is recorded of the pack whose turn it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::autopilot) enum Detail {
+pub enum Detail {
     /// Voltage, current and what was consumed.
     Readings,
     /// Cell voltages and the estimate of the charge, too.
@@ -71,6 +75,38 @@ impl Share {
     pub fn spend(&mut self, bytes: usize) {
         self.credit_bytes = self.credit_bytes.saturating_sub(bytes as i16);
     }
+}
+
+/// How many sectors have to be erased while disarmed.
+pub(super) fn erase_target(ring: &Ring) -> u32 {
+    let free = ring.free_sectors();
+    let half = ring.sectors() / 2;
+    let is_long_drive = ring.files().first().is_some_and(|oldest| sectors(oldest) > half);
+    if is_long_drive && free >= least_free(ring) {
+        free
+    } else {
+        free.max(half)
+    }
+}
+
+/// Whether the open file ends here while armed. What it is to end with still has room.
+pub(super) fn is_full(ring: &Ring) -> bool {
+    let most = ring.sectors().saturating_sub(least_free(ring) + 1);
+    ring.room() < SECTOR_BYTES || ring.open_file().is_some_and(|file| sectors(&file) >= most)
+}
+
+/// Whether the open file is long enough for the next drive to have more room in a new one.
+pub(super) fn is_long(ring: &Ring) -> bool {
+    ring.open_file()
+        .is_some_and(|file| sectors(&file) > least_free(ring))
+}
+
+fn least_free(ring: &Ring) -> u32 {
+    ring.sectors() / 5
+}
+
+fn sectors(file: &LogFile) -> u32 {
+    file.bytes.div_ceil(PAYLOAD_BYTES)
 }
 
 #[cfg(test)]

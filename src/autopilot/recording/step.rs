@@ -2,8 +2,8 @@
 
 use heapless::Vec;
 
-use super::recording::{Chunk, LogFailure, MOST_FAILED_ERASES, PAGE_BYTES, Recording, State, is_on};
-use super::space::erase_target;
+use super::share::erase_target;
+use super::{Chunk, LogFailure, MOST_FAILED_ERASES, PAGE_BYTES, Recording, State, is_on};
 use crate::log::warn;
 use crate::memory::storage::Erase;
 use crate::parameter::Parameters;

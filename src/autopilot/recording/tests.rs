@@ -3,8 +3,7 @@ use std::vec::Vec;
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 
-use super::recording::GREETING;
-use super::{LogFailure, LogStep, Recording};
+use super::{GREETING, LogFailure, LogStep, Recording};
 use crate::autopilot::{Autopilot, Start};
 use crate::crash::{CrashCause, CrashRecord};
 use crate::memory::storage::Erase;
@@ -12,8 +11,7 @@ use crate::parameter::{Parameters, VehicleParameter};
 use crate::recorder::dataflash::{ArmingMethod, ModeReason, Record};
 use crate::recorder::{FlashOutcome, LogFile, PAYLOAD_BYTES, Ring};
 use crate::time::{Instant, at_us};
-use crate::vehicle::ArmState;
-use crate::vehicle::{Fitness, Restart, Vehicle};
+use crate::vehicle::{ArmState, Fitness, Restart, Vehicle};
 use nor_flash::FlashModel;
 
 const SECTORS: usize = 16;
