@@ -4,9 +4,7 @@ use crate::wheels::duties;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use rover_battmon::host::board_check::{
-    Calibrate, Multimeter, Part, Plan, Report, Verdict, hash_of_elf, run,
-};
+use rover_battmon::host::board_check::{Multimeter, Plan, Report, Verdict, hash_of_elf, run};
 use rover_battmon::memory::identity::FirmwareHash;
 
 use crate::firmware_hash::flipped_byte;
@@ -99,10 +97,10 @@ impl Checked for BenchBoard {
 }
 
 const EVERYTHING: Plan = Plan {
-    fault: Part::Run,
-    motors: Part::Run,
+    provoke_fault: true,
+    turn_motors: true,
     multimeter: Multimeter::Shows(7.93),
-    calibrate: Calibrate::Offer,
+    apply_calibration: false,
     firmware_hash: None,
 };
 
@@ -173,7 +171,7 @@ fn another_program_is_found() {
 #[test]
 fn a_reversed_wheel_is_seen() {
     let plan = Plan {
-        motors: Part::Run,
+        turn_motors: true,
         ..Plan::default()
     };
     let report = check(sound(), Fault::LeftRearReversed, &plan);

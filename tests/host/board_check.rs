@@ -2,13 +2,12 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
+use std::io;
 use std::rc::Rc;
 
 use proptest::prelude::*;
 use rover_battmon::autopilot::{Announcement, Start, Work};
-use rover_battmon::host::board_check::{
-    CHECKS, Calibrate, Multimeter, Part, Plan, Port, PortClosed, Report, Verdict, hash_of_elf, run,
-};
+use rover_battmon::host::board_check::{CHECKS, Multimeter, Plan, Port, Report, Verdict, hash_of_elf, run};
 use rover_battmon::memory::identity::FirmwareHash;
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{BatteryParameter, Parameters, VehicleParameter};
@@ -399,7 +398,7 @@ impl Port for TamperedLine {
         Instant::from_micros(self.board.now_us())
     }
 
-    fn send(&mut self, bytes: &[u8]) -> Result<(), PortClosed> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         let is_restart = bytes[7] == COMMAND_LONG as u8 && bytes[10 + 28] == 246;
         if !(self.fault == Fault::RestartIgnored && is_restart) {
             let bytes = self.with_noise(bytes.to_vec());
@@ -408,13 +407,13 @@ impl Port for TamperedLine {
         Ok(())
     }
 
-    fn receive(&mut self, deadline: Instant, bytes: &mut Vec<u8>) -> Result<(), PortClosed> {
+    fn receive(&mut self, deadline: Instant, bytes: &mut Vec<u8>) -> io::Result<()> {
         if self.fault == Fault::PortCloses && self.board.now_us > LISTENING_US && self.is_once() {
-            return Err(PortClosed);
+            return Err(io::ErrorKind::NotConnected.into());
         }
         let vanishes = matches!(self.fault, Fault::VanishesWhileItRestarts | Fault::NeverComesBack);
         if vanishes && self.board.now_us < self.board.started_us {
-            return Err(PortClosed);
+            return Err(io::ErrorKind::NotConnected.into());
         }
         loop {
             let next_us = self.board.now_us + STEP_US;
@@ -429,9 +428,9 @@ impl Port for TamperedLine {
         }
     }
 
-    fn reopen(&mut self, _: Instant) -> Result<(), PortClosed> {
+    fn reopen(&mut self, _: Instant) -> io::Result<()> {
         if self.fault == Fault::NeverComesBack {
-            return Err(PortClosed);
+            return Err(io::ErrorKind::NotConnected.into());
         }
         self.board.run_until(self.board.started_us + STEP_US);
         Ok(())
@@ -439,10 +438,10 @@ impl Port for TamperedLine {
 }
 
 const EVERYTHING: Plan = Plan {
-    fault: Part::Run,
-    motors: Part::Run,
+    provoke_fault: true,
+    turn_motors: true,
     multimeter: Multimeter::Ask,
-    calibrate: Calibrate::Offer,
+    apply_calibration: false,
     firmware_hash: None,
 };
 
@@ -582,7 +581,7 @@ fn without_a_board_nothing_else_is_measured() {
 fn the_exact_multiplier_is_set_on_request() {
     let plan = Plan {
         multimeter: Multimeter::Shows(8.4),
-        calibrate: Calibrate::Apply,
+        apply_calibration: true,
         ..Plan::default()
     };
     let mut owner = Watcher::default();
@@ -604,7 +603,7 @@ fn ctrl_c_while_the_wheels_turn_stops_them() {
         ..Watcher::default()
     };
     let plan = Plan {
-        motors: Part::Run,
+        turn_motors: true,
         ..Plan::default()
     };
     let mut line = TamperedLine::new(Fault::None, owner.turned.clone());
@@ -686,17 +685,17 @@ fn noise_is_no_board() {
         fn now(&mut self) -> Instant {
             Instant::from_micros(self.now_us)
         }
-        fn send(&mut self, _: &[u8]) -> Result<(), PortClosed> {
+        fn send(&mut self, _: &[u8]) -> io::Result<()> {
             Ok(())
         }
-        fn receive(&mut self, _: Instant, bytes: &mut Vec<u8>) -> Result<(), PortClosed> {
+        fn receive(&mut self, _: Instant, bytes: &mut Vec<u8>) -> io::Result<()> {
             self.now_us += 10_000;
             bytes.extend((0..100).map(|_| self.random.u8(..)));
             bytes.extend(encode_v2(HEARTBEAT, &[0, 0, 0, 0, 6, 8, 0, 4, 3]));
             Ok(())
         }
-        fn reopen(&mut self, _: Instant) -> Result<(), PortClosed> {
-            Err(PortClosed)
+        fn reopen(&mut self, _: Instant) -> io::Result<()> {
+            Err(io::ErrorKind::NotConnected.into())
         }
     }
     let mut noise = Noise {

@@ -1,9 +1,11 @@
 //! A board at the end of a line for `board-check`, and the owner beside it. Time is the board's.
 
 use std::cell::RefCell;
+use std::io;
 use std::rc::Rc;
+use std::sync::mpsc::TryRecvError;
 
-use rover_battmon::host::board_check::{Answer, Outcome, Owner, Port, PortClosed, Report};
+use rover_battmon::host::board_check::{Outcome, Owner, Port, Report};
 use rover_battmon::time::Instant;
 
 /// What is at the other end of the line.
@@ -26,17 +28,17 @@ impl<B: Checked> Port for Line<B> {
         Instant::from_micros(self.0.now_us())
     }
 
-    fn send(&mut self, bytes: &[u8]) -> Result<(), PortClosed> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.0.deliver(bytes);
         Ok(())
     }
 
-    fn receive(&mut self, deadline: Instant, bytes: &mut Vec<u8>) -> Result<(), PortClosed> {
+    fn receive(&mut self, deadline: Instant, bytes: &mut Vec<u8>) -> io::Result<()> {
         bytes.extend(self.0.run_until(deadline.as_micros()));
         Ok(())
     }
 
-    fn reopen(&mut self, _: Instant) -> Result<(), PortClosed> {
+    fn reopen(&mut self, _: Instant) -> io::Result<()> {
         unreachable!("it never closes")
     }
 }
@@ -105,8 +107,8 @@ impl Owner for Watcher {
         self.answer = Some(answer.into());
     }
 
-    fn answer(&mut self) -> Answer {
-        self.answer.take().map_or(Answer::Unavailable, Answer::Line)
+    fn answer(&mut self) -> Result<String, TryRecvError> {
+        self.answer.take().ok_or(TryRecvError::Disconnected)
     }
 
     fn has_stopped(&mut self) -> bool {

@@ -1,12 +1,143 @@
-//! What the procedures leave for the checks.
+//! What was heard of the board, each with its time, and what the procedures leave for the checks.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 
-use super::record::{Received, Record};
-use super::session::{Interruption, Restarted};
-use crate::mavlink::dialect::{AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, MavMessage, SYS_STATUS_DATA};
+use crate::mavlink::dialect::{
+    AUTOPILOT_VERSION_DATA, BATTERY_STATUS_DATA, MavMessage, MavResult, MavSeverity, STATUSTEXT_DATA,
+    SYS_STATUS_DATA,
+};
 use crate::memory::identity::FirmwareHash;
 use crate::time::Instant;
+
+/// A restart is noticed this long after the board fell silent, at the latest: boot, and the next answer.
+const RESTART_NOTICED_US: u64 = 6_000_000;
+
+/// A message of the board.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Received {
+    /// When it was received.
+    pub at: Instant,
+    /// Its content.
+    pub message: MavMessage,
+}
+
+/// A break between two frames of the board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gap {
+    /// When the frame behind it was received.
+    pub at: Instant,
+    /// Frames that are missing by the sequence numbers, at most 255.
+    pub missing: u8,
+    /// Whether bytes came in it that are not part of a frame.
+    pub is_damage: bool,
+}
+
+/// An answered or unanswered request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RoundTrip {
+    /// When it was asked.
+    pub asked_at: Instant,
+    /// How long the answer took, in µs; `None` if none came until the next request.
+    pub took_us: Option<u64>,
+}
+
+/// A start of the board, noticed by its time since boot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BoardStart {
+    /// When it was noticed.
+    pub at: Instant,
+    /// Whether it was asked to restart.
+    pub is_requested: bool,
+}
+
+/// A text of the board.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Text {
+    /// When it was complete.
+    pub at: Instant,
+    /// How urgent it is.
+    pub severity: MavSeverity,
+    /// The text.
+    pub text: String,
+}
+
+/// What was heard of the board.
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    /// Its messages.
+    pub received: Vec<Received>,
+    /// System and component ids of other autopilots on the link.
+    pub others: BTreeSet<(u8, u8)>,
+    /// Breaks in its frames.
+    pub gaps: Vec<Gap>,
+    /// How fast it answers.
+    pub round_trips: Vec<RoundTrip>,
+    /// Its starts.
+    pub starts: Vec<BoardStart>,
+    /// When the port was lost without a restart that was asked for.
+    pub port_losses: Vec<Instant>,
+}
+
+impl Record {
+    /// Its texts; those sent in parts are put together.
+    pub fn texts(&self) -> Vec<Text> {
+        let mut texts: Vec<Text> = Vec::new();
+        let mut open_id = 0;
+        for received in &self.received {
+            let MavMessage::STATUSTEXT(part) = &received.message else {
+                continue;
+            };
+            match texts.last_mut() {
+                Some(text) if part.chunk_seq > 0 && part.id == open_id => text.text += part_text(part),
+                _ => texts.push(Text {
+                    at: received.at,
+                    severity: part.severity,
+                    text: part_text(part).into(),
+                }),
+            }
+            open_id = part.id;
+        }
+        texts
+    }
+
+    /// The breaks that no start of the board explains.
+    pub fn unexplained_gaps(&self) -> impl Iterator<Item = &Gap> {
+        self.gaps.iter().filter(|gap| !self.is_broken_by_start(gap.at))
+    }
+
+    /// Whether the board may have started just before `at`.
+    pub fn is_broken_by_start(&self, at: Instant) -> bool {
+        let mut starts = self.starts.iter();
+        starts.any(|start| at <= start.at && start.at.us_since(at) < RESTART_NOTICED_US)
+    }
+}
+
+fn part_text(part: &STATUSTEXT_DATA) -> &str {
+    part.text.to_str().unwrap_or_default()
+}
+
+/// Why the check ends early.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interruption {
+    /// The owner stopped it.
+    Stopped,
+    /// The port was lost and did not come back.
+    Lost,
+}
+
+/// Result of a restart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Restarted {
+    /// The board runs again; how long that took, in µs.
+    After(u64),
+    /// It was refused.
+    Refused(MavResult),
+    /// The request was not answered.
+    Unanswered,
+    /// It was accepted, and the board's time ran on.
+    NotSeen,
+}
 
 /// A part of the check that is run on request only.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,22 +149,6 @@ pub enum Trial<T> {
     NotReached,
     /// Its result.
     Done(T),
-}
-
-/// The time in which the board was left alone and listened to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Window {
-    /// Its start.
-    pub from: Instant,
-    /// Its end.
-    pub to: Instant,
-}
-
-impl Window {
-    /// Whether `at` lies in it.
-    pub fn contains(&self, at: Instant) -> bool {
-        self.from <= at && at <= self.to
-    }
 }
 
 /// The board's parameters.
@@ -166,8 +281,8 @@ pub struct Evidence {
     pub expected_hash: Option<FirmwareHash>,
     /// Its parameters.
     pub parameters: Option<ParameterList>,
-    /// When it was left alone.
-    pub window: Option<Window>,
+    /// When it was left alone and listened to.
+    pub window: Option<RangeInclusive<Instant>>,
     /// The parameter set before a restart.
     pub kept: Option<KeptTrial>,
     /// The multimeter.
@@ -181,7 +296,9 @@ pub struct Evidence {
 impl Evidence {
     /// The messages received while the board was left alone; none if that was not reached.
     pub fn in_window(&self) -> impl Iterator<Item = &Received> {
-        let is_inside = |received: &&Received| self.window.is_some_and(|window| window.contains(received.at));
+        let window = self.window.as_ref();
+        let is_inside =
+            move |received: &&Received| window.is_some_and(|window| window.contains(&received.at));
         self.record.received.iter().filter(is_inside)
     }
 

@@ -5,19 +5,63 @@
 //! the owner's answers come through [`Port`] and [`Owner`], so that tests need no wall time.
 
 mod checks;
-mod elf;
 mod evidence;
 mod plan;
 mod port;
 mod procedures;
-mod record;
 mod report;
-mod run;
 mod session;
 
 pub use checks::{CHECKS, Check, Outcome};
-pub use elf::hash_of_elf;
-pub use plan::{Calibrate, Multimeter, Part, Plan};
-pub use port::{Answer, Owner, Port, PortClosed};
+pub use plan::{Multimeter, Plan, hash_of_elf};
+pub use port::{Owner, Port};
 pub use report::{Report, Verdict};
-pub use run::run;
+
+use evidence::{Evidence, Interruption};
+use procedures::{
+    calibrate, connect, download, identify, keep_parameter, listen, provoke_fault, turn_motors,
+};
+use session::Session;
+
+/// Checks the board at `port`, and shows progress and findings.
+pub fn run(port: &mut dyn Port, owner: &mut dyn Owner, plan: &Plan) -> Report {
+    let mut evidence = plan.nothing_yet();
+    let mut session = Session::new(port, owner);
+    evidence.ended = go_through(&mut session, &mut evidence, plan).err();
+    if evidence.ended == Some(Interruption::Stopped) {
+        session.show("Stopped. What was not reached is not measured.");
+    }
+    evidence.record = session.into_record();
+    let report = Report::of(&evidence);
+    for line in report.findings() {
+        owner.show(&line);
+    }
+    owner.show(&report.summary());
+    report
+}
+
+fn go_through(session: &mut Session<'_>, evidence: &mut Evidence, plan: &Plan) -> Result<(), Interruption> {
+    session.show("Waiting for the board's heartbeat");
+    connect(session, evidence)?;
+    if evidence.board.is_none() {
+        return Ok(());
+    }
+    session.show("Asking for its version");
+    identify(session, evidence)?;
+    session.show("Downloading its parameters");
+    download(session, evidence)?;
+    session.show("Listening for 20 seconds");
+    listen(session, evidence)?;
+    calibrate(session, evidence, plan)?;
+    session.show("Setting a parameter, restarting, reading it");
+    keep_parameter(session, evidence)?;
+    if plan.provoke_fault {
+        session.show("Provoking a fault");
+        provoke_fault(session, evidence)?;
+    }
+    if plan.turn_motors {
+        session.show("Turning the wheels, one side after the other");
+        turn_motors(session, evidence)?;
+    }
+    Ok(())
+}

@@ -1,10 +1,9 @@
 //! What the check needs of its surroundings: a line with a clock, and the board's owner.
 
-use crate::time::Instant;
+use std::io;
+use std::sync::mpsc::TryRecvError;
 
-/// The line to the board is gone: unplugged, or closed by the other end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PortClosed;
+use crate::time::Instant;
 
 /// The line to the board, and the clock by which it is measured.
 pub trait Port {
@@ -14,31 +13,20 @@ pub trait Port {
     /// Sends bytes.
     ///
     /// # Errors
-    /// The line is gone.
-    fn send(&mut self, bytes: &[u8]) -> Result<(), PortClosed>;
+    /// The line is gone: unplugged, or closed by the other end.
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
 
     /// Waits for bytes, until `deadline` at the latest, and appends them to `bytes`.
     ///
     /// # Errors
-    /// The line is gone.
-    fn receive(&mut self, deadline: Instant, bytes: &mut Vec<u8>) -> Result<(), PortClosed>;
+    /// The line is gone: unplugged, or closed by the other end.
+    fn receive(&mut self, deadline: Instant, bytes: &mut Vec<u8>) -> io::Result<()>;
 
     /// Opens the line again, trying until `deadline`: a board on USB vanishes while it restarts.
     ///
     /// # Errors
     /// It did not come back.
-    fn reopen(&mut self, deadline: Instant) -> Result<(), PortClosed>;
-}
-
-/// What the owner has answered.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Answer {
-    /// Nothing yet.
-    Pending,
-    /// This line.
-    Line(String),
-    /// There is no one to ask.
-    Unavailable,
+    fn reopen(&mut self, deadline: Instant) -> io::Result<()>;
 }
 
 /// The user who runs the check.
@@ -50,7 +38,10 @@ pub trait Owner {
     fn ask(&mut self, question: &str);
 
     /// The answer to the latest question.
-    fn answer(&mut self) -> Answer;
+    ///
+    /// # Errors
+    /// `Empty`: there is none yet. `Disconnected`: there is no one to ask.
+    fn answer(&mut self) -> Result<String, TryRecvError>;
 
     /// Whether the check has to end, by Ctrl-C.
     fn has_stopped(&mut self) -> bool;

@@ -3,8 +3,7 @@
 use std::fmt::Write;
 
 use super::checks::{Check, Outcome, judge_all};
-use super::evidence::Evidence;
-use super::record::Text;
+use super::evidence::{Evidence, Text};
 
 /// Result of all checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

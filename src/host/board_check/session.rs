@@ -1,7 +1,9 @@
 //! The talk with the board: keeps in touch, listens, asks, and keeps a record of everything.
 
-use super::port::{Answer, Owner, Port, PortClosed};
-use super::record::{BoardStart, Gap, Received, Record, RoundTrip, StartCause};
+use std::sync::mpsc::TryRecvError;
+
+use super::evidence::{BoardStart, Gap, Interruption, Received, Record, Restarted, RoundTrip};
+use super::port::{Owner, Port};
 use crate::host::frames::{Frame, FrameReader, frame};
 use crate::mavlink::dialect::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult, MavState,
@@ -28,35 +30,6 @@ pub(super) const AUTOPILOT: u8 = 1;
 
 const MAVLINK_VERSION: u8 = 3;
 
-/// Why the check ends early.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Interruption {
-    /// The owner stopped it.
-    Stopped,
-    /// The port was lost and did not come back.
-    Lost,
-}
-
-/// Result of a restart.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Restarted {
-    /// The board runs again; how long that took, in µs.
-    After(u64),
-    /// It was refused.
-    Refused(MavResult),
-    /// The request was not answered.
-    Unanswered,
-    /// It was accepted, and the board's time ran on.
-    NotSeen,
-}
-
-/// A request for the board's time that waits for its answer.
-#[derive(Clone, Copy, Debug)]
-struct Asked {
-    at: Instant,
-    stamp_ns: i64,
-}
-
 /// The talk with the board.
 pub struct Session<'a> {
     port: &'a mut dyn Port,
@@ -66,9 +39,11 @@ pub struct Session<'a> {
     board: Option<(u8, u8)>,
     next_heartbeat: Instant,
     next_timesync: Instant,
-    asked: Option<Asked>,
+    /// When the board was asked for its time, while the answer is awaited.
+    time_asked_at: Option<Instant>,
     uptime_ns: Option<i64>,
-    expected_start: StartCause,
+    /// It was asked to restart.
+    is_restarting: bool,
     last_sequence: Option<u8>,
     is_damaged: bool,
     record: Record,
@@ -86,9 +61,9 @@ impl<'a> Session<'a> {
             board: None,
             next_heartbeat: now,
             next_timesync: now,
-            asked: None,
+            time_asked_at: None,
             uptime_ns: None,
-            expected_start: StartCause::Unrequested,
+            is_restarting: false,
             last_sequence: None,
             is_damaged: false,
             record: Record::default(),
@@ -217,14 +192,14 @@ impl<'a> Session<'a> {
     pub fn restart(&mut self, parameters: [f32; 4]) -> Result<Restarted, Interruption> {
         let asked_at = self.port.now();
         let before = self.record.starts.len();
-        self.expected_start = StartCause::Requested;
+        self.is_restarting = true;
         let answer = self.command(MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, parameters)?;
         let restarted = match answer {
             Some(MavResult::MAV_RESULT_ACCEPTED) => self.await_start(before, asked_at)?,
             Some(result) => Restarted::Refused(result),
             None => Restarted::Unanswered,
         };
-        self.expected_start = StartCause::Unrequested;
+        self.is_restarting = false;
         Ok(restarted)
     }
 
@@ -250,9 +225,9 @@ impl<'a> Session<'a> {
         self.owner.ask(question);
         loop {
             match self.owner.answer() {
-                Answer::Line(line) => return Ok(Some(line)),
-                Answer::Unavailable => return Ok(None),
-                Answer::Pending => {
+                Ok(line) => return Ok(Some(line)),
+                Err(TryRecvError::Disconnected) => return Ok(None),
+                Err(TryRecvError::Empty) => {
                     let look = self.port.now().after_us(LOOK_INTERVAL_US);
                     self.listen_until(look)?;
                 }
@@ -274,7 +249,7 @@ impl<'a> Session<'a> {
         let mut bytes = Vec::new();
         match self.port.receive(wake, &mut bytes) {
             Ok(()) => self.take(&bytes),
-            Err(PortClosed) => self.reopen()?,
+            Err(_) => self.reopen()?,
         }
         Ok(())
     }
@@ -291,19 +266,17 @@ impl<'a> Session<'a> {
     }
 
     fn ask_time(&mut self, now: Instant) {
-        let unanswered = self.asked.take();
+        let unanswered = self.time_asked_at.take();
         if self.board.is_none() {
             return;
         }
-        if let Some(asked) = unanswered {
-            self.note_round_trip(asked.at, None);
+        if let Some(asked_at) = unanswered {
+            self.note_round_trip(asked_at, None);
         }
-        // Nanoseconds, and never 0.
-        let stamp_ns = (now.as_micros() as i64).saturating_mul(1000).saturating_add(1);
-        self.asked = Some(Asked { at: now, stamp_ns });
+        self.time_asked_at = Some(now);
         self.send(&MavMessage::TIMESYNC(TIMESYNC_DATA {
             tc1: 0,
-            ts1: stamp_ns,
+            ts1: stamp_ns(now),
             target_system: self.system_id(),
             target_component: AUTOPILOT,
         }));
@@ -311,7 +284,7 @@ impl<'a> Session<'a> {
 
     /// Notes a round trip, unless the board is restarting.
     fn note_round_trip(&mut self, asked_at: Instant, took_us: Option<u64>) {
-        if self.expected_start == StartCause::Unrequested {
+        if !self.is_restarting {
             self.record.round_trips.push(RoundTrip { asked_at, took_us });
         }
     }
@@ -319,28 +292,25 @@ impl<'a> Session<'a> {
     fn reopen(&mut self) -> Result<(), Interruption> {
         let at = self.port.now();
         let deadline = at.after_us(RESTART_TIMEOUT_US);
-        self.begin_anew();
-        self.port
-            .reopen(deadline)
-            .map_err(|PortClosed| Interruption::Lost)?;
-        match self.expected_start {
-            StartCause::Unrequested => self.record.port_losses.push(at),
+        self.forget_what_came_before();
+        self.port.reopen(deadline).map_err(|_| Interruption::Lost)?;
+        if self.is_restarting {
             // The line went with the program, so this is the restart. Whether its time started over no longer matters.
-            cause @ StartCause::Requested => {
-                let at = self.port.now();
-                self.record.starts.push(BoardStart { at, cause });
-                self.uptime_ns = None;
-            }
+            let at = self.port.now();
+            self.note_start(at);
+            self.uptime_ns = None;
+        } else {
+            self.record.port_losses.push(at);
         }
         Ok(())
     }
 
     /// What comes next is not a continuation of what came before.
-    fn begin_anew(&mut self) {
+    fn forget_what_came_before(&mut self) {
         self.reader = FrameReader::default();
         self.last_sequence = None;
         self.is_damaged = false;
-        self.asked = None;
+        self.time_asked_at = None;
     }
 
     fn take(&mut self, bytes: &[u8]) {
@@ -381,7 +351,7 @@ impl<'a> Session<'a> {
             return;
         };
         let missing = sequence.wrapping_sub(last).wrapping_sub(1);
-        if self.expected_start == StartCause::Unrequested && (missing > 0 || is_damage) {
+        if !self.is_restarting && (missing > 0 || is_damage) {
             self.record.gaps.push(Gap {
                 at,
                 missing,
@@ -392,20 +362,30 @@ impl<'a> Session<'a> {
 
     /// An answer to the latest request for the time.
     fn take_time(&mut self, answer: &TIMESYNC_DATA, at: Instant) {
-        let Some(asked) = self
-            .asked
-            .filter(|asked| answer.tc1 != 0 && answer.ts1 == asked.stamp_ns)
-        else {
+        let is_answered = |asked_at: &mut Instant| answer.tc1 != 0 && answer.ts1 == stamp_ns(*asked_at);
+        let Some(asked_at) = self.time_asked_at.take_if(is_answered) else {
             return;
         };
-        self.asked = None;
-        self.note_round_trip(asked.at, Some(at.us_since(asked.at)));
+        self.note_round_trip(asked_at, Some(at.us_since(asked_at)));
         let before_ns = self.uptime_ns.replace(answer.tc1);
         if before_ns.is_some_and(|before_ns| answer.tc1 < before_ns) {
-            let cause = self.expected_start;
-            self.record.starts.push(BoardStart { at, cause });
+            self.note_start(at);
         }
     }
+
+    fn note_start(&mut self, at: Instant) {
+        self.record.starts.push(BoardStart {
+            at,
+            is_requested: self.is_restarting,
+        });
+    }
+}
+
+/// Identifies a request for the time: nanoseconds, and never 0.
+fn stamp_ns(asked_at: Instant) -> i64 {
+    (asked_at.as_micros() as i64)
+        .saturating_mul(1000)
+        .saturating_add(1)
 }
 
 fn heartbeat() -> HEARTBEAT_DATA {

@@ -1,8 +1,7 @@
 //! Which board it is, and whether it stays connected.
 
-use super::check::{Check, Outcome, failed, not_measured, not_reached, outcome};
-use crate::host::board_check::evidence::Evidence;
-use crate::host::board_check::session::Interruption;
+use super::check::{Check, Outcome, failed, not_measured, not_reached, outcome, passed};
+use crate::host::board_check::evidence::{Evidence, Interruption};
 use crate::mavlink::dialect::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavType};
 use crate::mavlink::{COMPONENT_ID, build_autopilot_version};
 use crate::memory::identity::{FirmwareHash, Identity};
@@ -43,7 +42,7 @@ fn judge_one_board(evidence: &Evidence) -> Outcome {
     let others: Vec<_> = evidence.record.others.iter().map(|ids| name_of(*ids)).collect();
     let board = name_of(evidence.board.unwrap_or_default());
     if others.is_empty() {
-        return outcome(board, None::<String>);
+        return passed(board);
     }
     let others = others.join(", ");
     outcome(
@@ -157,12 +156,9 @@ fn judge_serial_number(evidence: &Evidence) -> Outcome {
     match &evidence.version {
         None => not_measured("no answer"),
         Some(version) if version.uid == 0 => not_measured("the firmware sends none"),
-        Some(version) => outcome(
-            format!(
-                "{:016x}, {:04x}:{:04x}",
-                version.uid, version.vendor_id, version.product_id
-            ),
-            None::<String>,
-        ),
+        Some(version) => passed(format!(
+            "{:016x}, {:04x}:{:04x}",
+            version.uid, version.vendor_id, version.product_id
+        )),
     }
 }

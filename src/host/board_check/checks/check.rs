@@ -17,13 +17,6 @@ pub struct Check {
     pub(super) judge: fn(&Evidence) -> Outcome,
 }
 
-impl Check {
-    /// Its outcome.
-    pub(super) fn judge(&self, evidence: &Evidence) -> Outcome {
-        (self.judge)(evidence)
-    }
-}
-
 /// The outcome of a check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outcome {
@@ -50,6 +43,10 @@ pub(super) fn outcome(measured: impl Into<String>, against: Option<impl Into<Str
             sentence: sentence.into(),
         },
     }
+}
+
+pub(super) fn passed(measured: impl Into<String>) -> Outcome {
+    Outcome::Passed(measured.into())
 }
 
 pub(super) fn failed(measured: impl Into<String>, sentence: impl Into<String>) -> Outcome {

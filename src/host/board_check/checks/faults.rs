@@ -1,9 +1,7 @@
 //! Restarts, crashes, faults that the board announces, and its load.
 
-use super::check::{Check, Outcome, failed, judge_trial, not_measured, not_reached, outcome};
-use crate::host::board_check::evidence::{Evidence, FaultTrial, Trial};
-use crate::host::board_check::record::{StartCause, Text};
-use crate::host::board_check::session::Restarted;
+use super::check::{Check, Outcome, failed, not_measured, outcome};
+use crate::host::board_check::evidence::{Evidence, Text, Trial};
 use crate::mavlink::dialect::MavSeverity;
 use crate::time::Instant;
 
@@ -28,10 +26,7 @@ fn judge_restarts(evidence: &Evidence) -> Outcome {
         return not_measured("the board does not answer what its time is");
     }
     let starts = &evidence.record.starts;
-    let unrequested = starts
-        .iter()
-        .filter(|start| start.cause == StartCause::Unrequested)
-        .count();
+    let unrequested = starts.iter().filter(|start| !start.is_requested).count();
     let measured = format!("{} asked for, {unrequested} others", starts.len() - unrequested);
     let provoked_at = provoked_at(evidence);
     let texts = evidence.record.texts();
@@ -131,53 +126,6 @@ fn judge_load(evidence: &Evidence) -> Outcome {
         Some(permille) => outcome(
             format!("{:.1} %", f32::from(permille) / 10.0),
             (permille > WORST_PERMILLE).then_some("The processor is busier than it should be."),
-        ),
-    }
-}
-
-/// The fault is provoked in the task that restarts the board.
-const EXPECTED: &str = "Crash: hard fault in reboot";
-
-/// Is a crash recorded?
-pub(super) const CRASH_RECORD: Check = Check {
-    name: "crash record",
-    measures: "the board's report of a fault that was provoked",
-    expected: "a restart, and `Crash: hard fault in reboot, …` (docs/reliability.md)",
-    advice: "Detach the debug probe: it catches the fault. Attach the report.",
-    judge: judge_crash_record,
-};
-
-fn judge_crash_record(evidence: &Evidence) -> Outcome {
-    judge_trial(&evidence.fault, "--provoke-fault", |trial| {
-        judge_fault(trial, evidence)
-    })
-}
-
-fn judge_fault(trial: &FaultTrial, evidence: &Evidence) -> Outcome {
-    match trial.restarted {
-        None => return not_reached(),
-        Some(Restarted::After(_)) => {}
-        Some(Restarted::Refused(result)) => {
-            return failed(format!("{result:?}"), "The board refused to provoke a fault.");
-        }
-        Some(Restarted::Unanswered) => return failed("no answer", "The request was not acknowledged."),
-        Some(Restarted::NotSeen) => return failed("no restart", "The board did not restart."),
-    }
-    let texts = evidence.record.texts();
-    let mut crashes = texts
-        .iter()
-        .filter(|text| text.at >= trial.asked_at && text.text.starts_with(CRASH));
-    match crashes.next() {
-        Some(crash) => {
-            let is_other = !crash.text.starts_with(EXPECTED);
-            outcome(
-                format!("`{}`", crash.text),
-                is_other.then_some("Another crash was reported."),
-            )
-        }
-        None => failed(
-            "restarted, no report",
-            "The board restarted and reported no crash.",
         ),
     }
 }

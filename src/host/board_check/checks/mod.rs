@@ -3,10 +3,9 @@
 mod board;
 mod check;
 mod faults;
-mod motors;
-mod parameters;
 mod sensing;
 mod telemetry;
+mod trials;
 
 pub use check::{Check, Outcome};
 
@@ -25,8 +24,8 @@ pub const CHECKS: [Check; 26] = [
     telemetry::LOST_FRAMES,
     telemetry::DAMAGED_FRAMES,
     telemetry::ROUND_TRIPS,
-    parameters::PARAMETER_LIST,
-    parameters::PARAMETER_KEPT,
+    trials::PARAMETER_LIST,
+    trials::PARAMETER_KEPT,
     faults::RESTARTS,
     faults::ANNOUNCEMENTS,
     faults::BOARD_ERRORS,
@@ -35,11 +34,11 @@ pub const CHECKS: [Check; 26] = [
     sensing::VOLTAGE,
     sensing::VOLTAGE_NOISE,
     sensing::CALIBRATION,
-    faults::CRASH_RECORD,
-    motors::LEFT_AHEAD,
-    motors::RIGHT_AHEAD,
-    motors::LEFT_BACK,
-    motors::RIGHT_BACK,
+    trials::CRASH_RECORD,
+    trials::LEFT_AHEAD,
+    trials::RIGHT_AHEAD,
+    trials::LEFT_BACK,
+    trials::RIGHT_BACK,
 ];
 
 /// The outcome of each check. Without a board nothing but the connection is measured.
@@ -48,7 +47,7 @@ pub(super) fn judge_all(evidence: &Evidence) -> Vec<(&'static Check, Outcome)> {
         .iter()
         .zip(0..)
         .map(|(check, place)| match (evidence.board, place) {
-            (Some(_), _) | (None, 0) => (check, check.judge(evidence)),
+            (Some(_), _) | (None, 0) => (check, (check.judge)(evidence)),
             (None, _) => (check, check::not_reached()),
         });
     judged.collect()

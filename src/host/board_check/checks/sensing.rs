@@ -1,6 +1,6 @@
 //! What the board measures.
 
-use super::check::{Check, Outcome, failed, judge_trial, not_measured, outcome};
+use super::check::{Check, Outcome, failed, judge_trial, not_measured, outcome, passed};
 use crate::host::board_check::evidence::{Calibration, Evidence, mean};
 use crate::mavlink::dialect::{MavSysStatusSensor, SYS_STATUS_DATA};
 use crate::sensor::ADC_REFERENCE_V;
@@ -165,7 +165,7 @@ fn judge_measured(calibration: &Calibration) -> Outcome {
 fn judge_applied(measured: &str, calibration: &Calibration, measured_v: f32) -> Outcome {
     match calibration.shown_since_v {
         Some(shown_v) if (shown_v - measured_v).abs() <= WORST_APPLIED_OFFSET_V => {
-            outcome(format!("{measured}, {shown_v:.2} V shown"), None::<String>)
+            passed(format!("{measured}, {shown_v:.2} V shown"))
         }
         _ => failed(measured, "The voltage is off although BATT_VOLT_MULT was set."),
     }

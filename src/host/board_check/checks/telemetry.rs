@@ -5,12 +5,12 @@ use crate::host::board_check::evidence::Evidence;
 use crate::mavlink::dialect::MavMessage;
 
 /// A stream and the intervals between its messages.
-pub(super) struct Timing {
-    pub name: &'static str,
+struct Timing {
+    name: &'static str,
     /// By its rate.
-    pub interval_us: f64,
+    interval_us: f64,
     /// As measured, except where the board has restarted.
-    pub measured_us: Vec<f64>,
+    measured_us: Vec<f64>,
 }
 
 /// `BATT_OPTIONS`: the pack has no BATTERY_STATUS.
@@ -19,7 +19,7 @@ const INTERNAL_USE_ONLY: u32 = 1 << 8;
 type IsOfStream = fn(&MavMessage) -> bool;
 
 /// HEARTBEAT, and the streams that `SR0_EXTRA1` turns on: BATTERY_STATUS of the first pack if it is reported.
-pub(super) fn timings(evidence: &Evidence) -> Vec<Timing> {
+fn timings(evidence: &Evidence) -> Vec<Timing> {
     const HEARTBEAT_HZ: f32 = 1.0;
     let battery_hz = evidence.parameter("SR0_EXTRA1").unwrap_or(0.0);
     let is_monitored = evidence.parameter("BATT_MONITOR").unwrap_or(0.0) > 0.0;
@@ -197,11 +197,11 @@ pub(super) const ROUND_TRIPS: Check = Check {
 };
 
 fn judge_round_trips(evidence: &Evidence) -> Outcome {
-    let Some(window) = evidence.window else {
+    let Some(window) = &evidence.window else {
         return not_reached();
     };
     let record = &evidence.record;
-    let is_judged = |at| window.contains(at) && !record.is_broken_by_start(at);
+    let is_judged = |at| window.contains(&at) && !record.is_broken_by_start(at);
     let trips = record.round_trips.iter().filter(|trip| is_judged(trip.asked_at));
     let took: Vec<_> = trips.map(|trip| trip.took_us).collect();
     let mut answered_us: Vec<_> = took.iter().flatten().copied().collect();

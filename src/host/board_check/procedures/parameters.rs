@@ -1,7 +1,7 @@
 //! Reads and sets parameters.
 
-use super::super::evidence::{Evidence, ParameterList};
-use super::super::session::{AUTOPILOT, Interruption, Session};
+use crate::host::board_check::evidence::{Evidence, Interruption, ParameterList};
+use crate::host::board_check::session::{AUTOPILOT, Session};
 use crate::mavlink::dialect::{
     MavMessage, MavParamType, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
     PARAM_VALUE_DATA,
@@ -17,10 +17,7 @@ const ANSWER_TIMEOUT_US: u64 = 2_000_000;
 const UNLISTED: u16 = u16::MAX;
 
 /// Downloads all parameters; what is missing of the list is asked for once more, one by one.
-pub(in super::super) fn download(
-    session: &mut Session<'_>,
-    evidence: &mut Evidence,
-) -> Result<(), Interruption> {
+pub fn download(session: &mut Session<'_>, evidence: &mut Evidence) -> Result<(), Interruption> {
     session.send(&MavMessage::PARAM_REQUEST_LIST(PARAM_REQUEST_LIST_DATA {
         target_system: session.system_id(),
         target_component: AUTOPILOT,
@@ -87,7 +84,7 @@ fn ask_by_index(session: &mut Session<'_>, index: u16) {
 }
 
 /// Reads a parameter; `None` without an answer.
-pub(in super::super) fn read(session: &mut Session<'_>, name: &str) -> Result<Option<f32>, Interruption> {
+pub(super) fn read(session: &mut Session<'_>, name: &str) -> Result<Option<f32>, Interruption> {
     session.send(&MavMessage::PARAM_REQUEST_READ(PARAM_REQUEST_READ_DATA {
         param_index: -1,
         target_system: session.system_id(),
@@ -98,17 +95,13 @@ pub(in super::super) fn read(session: &mut Session<'_>, name: &str) -> Result<Op
 }
 
 /// Sets a parameter; returns the value that the board answers, `None` without an answer.
-pub(in super::super) fn set(
-    session: &mut Session<'_>,
-    name: &str,
-    value: f32,
-) -> Result<Option<f32>, Interruption> {
+pub(super) fn set(session: &mut Session<'_>, name: &str, value: f32) -> Result<Option<f32>, Interruption> {
     post_set(session, name, value);
     answer_of(session, name)
 }
 
 /// Sets a parameter without waiting.
-pub(in super::super) fn post_set(session: &mut Session<'_>, name: &str, value: f32) {
+pub(super) fn post_set(session: &mut Session<'_>, name: &str, value: f32) {
     session.send(&MavMessage::PARAM_SET(PARAM_SET_DATA {
         param_value: value,
         target_system: session.system_id(),
@@ -119,10 +112,7 @@ pub(in super::super) fn post_set(session: &mut Session<'_>, name: &str, value: f
 }
 
 /// The value of a parameter that the board answers; `None` without an answer.
-pub(in super::super) fn answer_of(
-    session: &mut Session<'_>,
-    name: &str,
-) -> Result<Option<f32>, Interruption> {
+pub(super) fn answer_of(session: &mut Session<'_>, name: &str) -> Result<Option<f32>, Interruption> {
     session.wait_for(ANSWER_TIMEOUT_US, |message| {
         let value = any_value(message)?;
         (value.param_id.to_str() == Ok(name)).then_some(value.param_value)

@@ -3,8 +3,8 @@
 //! Whatever ends a step, the rover is disarmed. Should this program end first, the firmware's
 //! own time-out of control inputs (`FS_TIMEOUT`) stops the motors.
 
-use super::super::evidence::{Evidence, MotorStep, StepResult, Trial};
-use super::super::session::{Interruption, Session};
+use crate::host::board_check::evidence::{Evidence, Interruption, MotorStep, StepResult, Trial};
+use crate::host::board_check::session::Session;
 use crate::mavlink::dialect::{MANUAL_CONTROL_DATA, MavCmd, MavMessage, MavResult};
 
 const ARM_DISARM: MavCmd = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
@@ -54,10 +54,7 @@ impl MotorStep {
 }
 
 /// Goes through all steps, if the wheels are off the ground.
-pub(in super::super) fn turn_motors(
-    session: &mut Session<'_>,
-    evidence: &mut Evidence,
-) -> Result<(), Interruption> {
+pub fn turn_motors(session: &mut Session<'_>, evidence: &mut Evidence) -> Result<(), Interruption> {
     let question =
         "The wheels will turn. Is the rover on a stand, all wheels off the ground and clear? [y/n]";
     let mut results = Vec::new();
