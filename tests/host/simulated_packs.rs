@@ -61,7 +61,7 @@ fn packs_after(file: &str, more: &[(&str, f32)], then: &[(&str, f32)]) -> [Batte
     let mut memory = [RetainedRecord::BLANK; 2];
     clock::run_for(SETTLED * 2, async {
         let simulation = PackSimulation::new(&pack, &rover, &shared);
-        let pins = SimulatedPackInput::new(&simulation, &shared);
+        let pins = SimulatedPackInput::new(&simulation);
         let bus = Buses::i2c(SimulatedBus::new(&simulation));
         join3(
             sample_batteries(pins, &mut memory, &shared, &check_in),

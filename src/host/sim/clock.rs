@@ -28,7 +28,7 @@ thread_local! {
 pub fn set_speedup(speedup: f64) -> Result<(), ClockIsRunning> {
     DRIVER
         .start
-        .set(ClockStart::now(speedup))
+        .set((WallInstant::now(), speedup))
         .map_err(|_| ClockIsRunning)
 }
 
@@ -112,22 +112,9 @@ impl TimerQueue {
     }
 }
 
-struct ClockStart {
-    at: WallInstant,
-    speedup: f64,
-}
-
-impl ClockStart {
-    fn now(speedup: f64) -> Self {
-        Self {
-            at: WallInstant::now(),
-            speedup,
-        }
-    }
-}
-
 struct HostClock {
-    start: OnceLock<ClockStart>,
+    /// The start, and how many times as fast as the wall clock it has run since.
+    start: OnceLock<(WallInstant, f64)>,
     timers: Mutex<TimerQueue>,
     timer_added: Condvar,
     alarm_thread: OnceLock<()>,
@@ -143,13 +130,13 @@ impl HostClock {
         }
     }
 
-    fn start(&self) -> &ClockStart {
-        self.start.get_or_init(|| ClockStart::now(1.0))
+    fn start(&self) -> (WallInstant, f64) {
+        *self.start.get_or_init(|| (WallInstant::now(), 1.0))
     }
 
     fn scaled_now_us(&self) -> u64 {
-        let start = self.start();
-        (start.at.elapsed().as_secs_f64() * start.speedup * 1e6) as u64
+        let (start, speedup) = self.start();
+        (start.elapsed().as_secs_f64() * speedup * 1e6) as u64
     }
 
     /// Wakes due timers, forever.
@@ -162,7 +149,8 @@ impl HostClock {
             }
             timers = match timers.next_us() {
                 Some(next_us) => {
-                    let wait_us = next_us.saturating_sub(now_us) as f64 / self.start().speedup;
+                    let (_, speedup) = self.start();
+                    let wait_us = next_us.saturating_sub(now_us) as f64 / speedup;
                     let wait = std::time::Duration::from_micros(wait_us as u64 + 1);
                     let woken = self.timer_added.wait_timeout(timers, wait);
                     woken.expect("no alarm panics").0

@@ -38,13 +38,6 @@ impl From<MavSeverity> for Level {
     }
 }
 
-/// Whether levels have colours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Colours {
-    On,
-    Off,
-}
-
 /// Where lines go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
@@ -63,11 +56,8 @@ pub fn use_terminal() -> Output {
         return Output::Lines;
     }
     // By no-color.org: present and not empty.
-    let colours = match std::env::var_os("NO_COLOR") {
-        Some(value) if !value.is_empty() => Colours::Off,
-        _ => Colours::On,
-    };
-    with_screen(|screen| *screen = Some(Screen::new(io::stdout(), colours)));
+    let has_colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    with_screen(|screen| *screen = Some(Screen::new(io::stdout(), has_colours)));
     if io::stderr().is_terminal() {
         log::set_printer(print_log);
     }
@@ -81,7 +71,7 @@ pub fn print_line(line: &str) {
 
 /// Prints something that has happened, with the simulated time before it.
 pub fn print_event(level: Level, text: &str) {
-    print_above(level, text, || println!("{}  {text}", SimulatedTime::now()));
+    print_above(level, text, || println!("{}  {text}", simulated_time()));
 }
 
 /// Prints the present status.
@@ -109,7 +99,7 @@ fn print_log(level: log::Level, line: fmt::Arguments<'_>) {
 
 fn print_above(level: Level, text: &str, print_plain: impl FnOnce()) {
     with_screen(|screen| match screen {
-        Some(screen) => screen.print_above(level, &format!("{}  {text}", SimulatedTime::now())),
+        Some(screen) => screen.print_above(level, &format!("{}  {text}", simulated_time())),
         None => print_plain(),
     });
 }
@@ -120,26 +110,19 @@ fn with_screen<R>(use_it: impl FnOnce(&mut Option<Screen<Stdout>>) -> R) -> R {
 }
 
 /// Simulated time since the start, in minutes and seconds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SimulatedTime(pub u64);
-
-impl SimulatedTime {
-    /// Now.
-    pub fn now() -> Self {
-        Self(Instant::now().as_secs())
-    }
+pub fn simulated_time() -> String {
+    minutes_and_seconds(Instant::now().as_secs())
 }
 
-impl fmt::Display for SimulatedTime {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}:{:02}", self.0 / 60, self.0 % 60)
-    }
+fn minutes_and_seconds(seconds: u64) -> String {
+    format!("{}:{:02}", seconds / 60, seconds % 60)
 }
 
 /// A terminal with the status in its last line.
 struct Screen<W> {
     terminal: W,
-    colours: Colours,
+    /// Whether levels have colours.
+    has_colours: bool,
     status: Option<(Level, String)>,
 }
 
@@ -151,10 +134,10 @@ const NO_WRAP: &str = "\x1b[?7l";
 const WRAP: &str = "\x1b[?7h";
 
 impl<W: Write> Screen<W> {
-    fn new(terminal: W, colours: Colours) -> Self {
+    fn new(terminal: W, has_colours: bool) -> Self {
         Self {
             terminal,
-            colours,
+            has_colours,
             status: None,
         }
     }
@@ -191,10 +174,10 @@ impl<W: Write> Screen<W> {
     }
 
     fn coloured(&self, level: Level, text: &str) -> String {
-        match (self.colours, level) {
-            (Colours::Off, _) | (Colours::On, Level::Info) => text.to_owned(),
-            (Colours::On, Level::Warning) => format!("\x1b[33m{text}\x1b[0m"),
-            (Colours::On, Level::Critical) => format!("\x1b[31m{text}\x1b[0m"),
+        match level {
+            Level::Warning if self.has_colours => format!("\x1b[33m{text}\x1b[0m"),
+            Level::Critical if self.has_colours => format!("\x1b[31m{text}\x1b[0m"),
+            _ => text.to_owned(),
         }
     }
 }
@@ -227,15 +210,15 @@ mod tests {
         lines
     }
 
-    fn drawn(colours: Colours, draw: impl FnOnce(&mut Screen<Vec<u8>>)) -> Vec<u8> {
-        let mut screen = Screen::new(Vec::new(), colours);
+    fn drawn(has_colours: bool, draw: impl FnOnce(&mut Screen<Vec<u8>>)) -> Vec<u8> {
+        let mut screen = Screen::new(Vec::new(), has_colours);
         draw(&mut screen);
         screen.terminal
     }
 
     #[test]
     fn the_status_stays_below_what_is_printed() {
-        let bytes = drawn(Colours::On, |screen| {
+        let bytes = drawn(true, |screen| {
             screen.print_above(Level::Info, "0:00  before");
             screen.update(Level::Info, "pack 12.60 V");
             screen.print_above(Level::Warning, "0:01  Battery 1 low");
@@ -250,32 +233,32 @@ mod tests {
 
     #[test]
     fn only_warnings_and_worse_are_coloured_and_none_without_colours() {
-        let lines = |colours| {
-            drawn(colours, |screen| {
+        let lines = |has_colours| {
+            drawn(has_colours, |screen| {
                 screen.print_above(Level::Info, "plain");
                 screen.print_above(Level::Warning, "yellow");
                 screen.update(Level::Critical, "red");
             })
         };
-        let coloured = String::from_utf8(lines(Colours::On)).unwrap();
+        let coloured = String::from_utf8(lines(true)).unwrap();
         assert!(coloured.contains("\x1b[33myellow\x1b[0m\r\n"), "{coloured:?}");
         assert!(coloured.contains("\x1b[31mred\x1b[0m"), "{coloured:?}");
         assert!(!coloured.contains("mplain"), "{coloured:?}");
-        let plain = String::from_utf8(lines(Colours::Off)).unwrap();
+        let plain = String::from_utf8(lines(false)).unwrap();
         assert!(!plain.contains('m'), "{plain:?}");
         assert_eq!(shown(plain.as_bytes()), shown(coloured.as_bytes()));
     }
 
     #[test]
     fn time_is_in_minutes_and_seconds() {
-        let shown = [0, 59, 60, 605, 6000].map(|seconds| SimulatedTime(seconds).to_string());
+        let shown = [0, 59, 60, 605, 6000].map(minutes_and_seconds);
         assert_eq!(shown, ["0:00", "0:59", "1:00", "10:05", "100:00"]);
     }
 
     proptest! {
         #[test]
         fn no_line_is_torn(lines in prop::collection::vec(("[a-z ±%]{0,100}", any::<bool>()), 0..40)) {
-            let bytes = drawn(Colours::On, |screen| {
+            let bytes = drawn(true, |screen| {
                 for (line, is_status) in &lines {
                     match is_status {
                         true => screen.update(Level::Warning, line),

@@ -9,10 +9,10 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker, Timer};
 
 use super::console::{Level, Output, print_event, print_line, print_status};
-use super::scenario::{Player, Plugged, Scenario};
-use super::station::{Heard, Station};
-use super::status::{Comparison, Status, Traffic};
-use super::tcp::POLL_MS;
+use super::links::POLL_MS;
+use super::scenario::{Player, Scenario};
+use super::station::Station;
+use super::status::{Comparison, Status};
 use super::{
     Client, Clients, PackModel, PackSimulation, SimulatedBus, SimulatedFlash, SimulatedPack,
     SimulatedPackInput, SimulatedRover, UdpWire,
@@ -37,12 +37,6 @@ const MAX_CLIENTS: usize = SIMULATED_LINKS - 1;
 
 /// Assumed capacity of a local link: more than all streams need.
 const LINK_BYTES_PER_SECOND: u32 = 1_000_000;
-
-/// Without a scenario.
-const FULL_PACK: Plugged = Plugged {
-    model: PackModel::LIPO_3S_2200,
-    charge: 1.0,
-};
 
 /// A ground station by UDP has gone when this many status lines, one a second, were printed since it was heard.
 const MOST_SILENT_LINES: u32 = 5;
@@ -69,8 +63,10 @@ pub struct Setup<'a> {
 /// Runs the vehicle, and restarts it at a ground station's request. Pack and flash survive a restart, connections don't.
 /// Returns when a ground station requests the boot loader, which is not simulated.
 pub async fn run(setup: Setup<'_>) {
-    let plugged_in = setup.scenario.map_or(FULL_PACK, |scenario| scenario.pack);
-    let pack = RefCell::new(plugged_in.pack());
+    let pack = RefCell::new(match setup.scenario {
+        Some(scenario) => scenario.pack.clone(),
+        None => SimulatedPack::full(PackModel::LIPO_3S_2200),
+    });
     let rover = SimulatedRover::default();
     let mut scenario = setup.scenario;
     loop {
@@ -157,23 +153,20 @@ struct Desk<'a> {
     udp_silence: Cell<u32>,
 }
 
-/// No device on the serial line is simulated: a pack that is measured so is unhealthy.
-struct NoDevice;
+/// What is not simulated: a device on the serial line, so a pack that is measured by it is unhealthy; lamps and a buzzer.
+struct NotSimulated;
 
-impl ByteSource for NoDevice {
+impl ByteSource for NotSimulated {
     async fn receive(&mut self, _: &mut [u8]) -> Result<usize, ReceiveError> {
         pending().await
     }
 }
 
-impl SerialLine for NoDevice {
+impl SerialLine for NotSimulated {
     async fn send(&mut self, _: &[u8]) {}
 }
 
-/// The simulator has neither lamps nor a buzzer.
-struct NoLamps;
-
-impl Indicators for NoLamps {
+impl Indicators for NotSimulated {
     fn show(&mut self, _: Indication) {}
 }
 
@@ -196,13 +189,13 @@ impl<'a> Desk<'a> {
         let pack = PackSimulation::new(self.pack, rover, &self.shared);
         let sensors = join3(
             sample_batteries(
-                SimulatedPackInput::new(&pack, &self.shared),
+                SimulatedPackInput::new(&pack),
                 &mut memory,
                 &self.shared,
                 &UNWATCHED,
             ),
             read_bus(Buses::i2c(SimulatedBus::new(&pack)), &self.shared, &UNWATCHED),
-            serve_serial(Some(NoDevice), &self.shared, &UNWATCHED),
+            serve_serial(Some(NotSimulated), &self.shared, &UNWATCHED),
         );
         let keep = join4(
             keep_parameters(storages.parameters, &self.shared, &UNWATCHED),
@@ -210,23 +203,24 @@ impl<'a> Desk<'a> {
             keep_learnt(storages.learnt, &self.shared, &UNWATCHED),
             keep_log(self.flash.clone(), flash_map::LOG, &self.shared, &UNWATCHED),
         );
-        join3(sensors, drive(rover, NoLamps, &self.shared, &UNWATCHED), keep).await;
+        join3(
+            sensors,
+            drive(rover, NotSimulated, &self.shared, &UNWATCHED),
+            keep,
+        )
+        .await;
     }
 
     /// Serves one client after the other, each with its own link: schedule, sequence numbers and counters.
     async fn serve(&self, clients: &Clients) {
         loop {
-            let Client {
-                address,
-                transmitter,
-                receiver,
-            } = clients.next().await;
-            print_line(&format!("{address} connected"));
+            let client = clients.next().await;
+            print_line(&format!("{} connected", client.address));
             let link = Rc::new(tcp_link(self.flash));
             self.links.borrow_mut().push(link.clone());
-            serve_link(transmitter, receiver, &self.shared, &link, &UNWATCHED).await;
+            serve_link(&client, &client, &self.shared, &link, &UNWATCHED).await;
             self.links.borrow_mut().retain(|other| !Rc::ptr_eq(other, &link));
-            print_line(&format!("{address} disconnected"));
+            print_line(&format!("{} disconnected", client.address));
         }
     }
 
@@ -249,31 +243,23 @@ impl<'a> Desk<'a> {
             client.address
         ));
         let reason = format!("Simulator: all {MAX_CLIENTS} links are in use");
-        refuse_link(
-            client.transmitter,
-            &self.shared,
-            &tcp_link(self.flash),
-            &reason,
-            &UNWATCHED,
-        )
-        .await;
-        client.receiver.refuse();
+        refuse_link(&client, &self.shared, &tcp_link(self.flash), &reason, &UNWATCHED).await;
+        client.refuse();
     }
 
     /// Serves the remote end of `wire`, whether or not it listens.
     async fn serve_udp(&self, wire: &UdpWire) {
-        let (transmitter, receiver) = wire.split();
-        serve_link(transmitter, receiver, &self.shared, &self.udp, &UNWATCHED).await;
+        serve_link(wire, wire.receiver(), &self.shared, &self.udp, &UNWATCHED).await;
     }
 
     /// Shows what the vehicle announces, and plays the scenario, if there is one.
     async fn serve_station(&self, scenario: Option<&'static Scenario>, show: impl Fn(Level, &str)) {
         let player = scenario.map(Player::new);
-        let station = Station::new(|heard: Heard| {
+        let station = Station::new(|level, text: &str| {
             if let Some(player) = &player {
-                player.note(&heard.text, || self.comparison().charges());
+                player.note(text, || self.comparison().charges());
             }
-            show(heard.level, &heard.text);
+            show(level, text);
         });
         // The link of a program on this computer, as those of TCP.
         let link = Link::new("scenario", LinkKind::Direct, LINK_BYTES_PER_SECOND);
@@ -333,14 +319,12 @@ impl<'a> Desk<'a> {
         let by_udp = usize::from(self.udp_silence.get() < MOST_SILENT_LINES);
         Status {
             comparison: self.comparison(),
-            driving: self.shared.with(|autopilot| autopilot.vehicle().status()).into(),
+            vehicle: self.shared.with(|autopilot| autopilot.vehicle().status()),
             stations: links.len() + by_udp,
-            traffic: Traffic {
-                samples: now.samples.wrapping_sub(before.samples),
-                // The count of a disconnected client is lost.
-                frames: now.frames.saturating_sub(before.frames),
-                dropped: links.iter().map(|link| link.statistics().dropped).sum(),
-            },
+            samples: now.samples.wrapping_sub(before.samples),
+            // The count of a disconnected client is lost.
+            frames: now.frames.saturating_sub(before.frames),
+            dropped: links.iter().map(|link| link.statistics().dropped).sum(),
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::fs::{self, File};
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, Seek, Write};
 use std::path::PathBuf;
 
 use embassy_futures::block_on;
@@ -21,14 +21,8 @@ pub struct LogFolder {
     path: PathBuf,
     flash: SimulatedFlash,
     /// The files in the flash, by number; without a copy if they began before the folder was opened.
-    known: HashMap<u16, Option<LogCopy>>,
+    known: HashMap<u16, Option<File>>,
     next_number: u32,
-}
-
-#[derive(Debug)]
-struct LogCopy {
-    file: File,
-    bytes: u32,
 }
 
 impl LogFolder {
@@ -68,7 +62,7 @@ impl LogFolder {
                 self.known.insert(file.number, Some(copy));
             }
             if let Some(Some(copy)) = self.known.get_mut(&file.number) {
-                copy.update(file.number, &ring, &self.flash)?;
+                extend(copy, file.number, &ring, &self.flash)?;
             }
         }
         Ok(())
@@ -80,31 +74,28 @@ impl LogFolder {
     }
 
     /// With the next number that is free.
-    fn new_copy(&mut self) -> io::Result<LogCopy> {
+    fn new_copy(&mut self) -> io::Result<File> {
         loop {
             let name = format!("{:08}.BIN", self.next_number);
             self.next_number += 1;
             match File::create_new(self.path.join(name)) {
-                Ok(file) => return Ok(LogCopy { file, bytes: 0 }),
                 // Another simulator uses the folder.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-                Err(error) => return Err(error),
+                created => return created,
             }
         }
     }
 }
 
-impl LogCopy {
-    fn update(&mut self, number: u16, ring: &Ring, flash: &SimulatedFlash) -> io::Result<()> {
-        while let Some(piece) = ring.locate(number, self.bytes) {
-            let mut bytes = vec![0; piece.bytes as usize];
-            let read = flash.read_log(piece.address, &mut bytes);
-            read.map_err(|_| io::Error::other("the flash can't be read"))?;
-            self.file.write_all(&bytes)?;
-            self.bytes += piece.bytes;
-        }
-        Ok(())
+/// Appends to a copy what the flash holds beyond its end.
+fn extend(copy: &mut File, number: u16, ring: &Ring, flash: &SimulatedFlash) -> io::Result<()> {
+    while let Some(piece) = ring.locate(number, copy.stream_position()? as u32) {
+        let mut bytes = vec![0; piece.bytes as usize];
+        let read = flash.read_log(piece.address, &mut bytes);
+        read.map_err(|_| io::Error::other("the flash can't be read"))?;
+        copy.write_all(&bytes)?;
     }
+    Ok(())
 }
 
 /// The number of a log file with this name.

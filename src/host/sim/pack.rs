@@ -47,13 +47,6 @@ impl PackModel {
     };
 }
 
-/// Whether the pack is connected to the rover.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Plug {
-    In,
-    Out,
-}
-
 /// State of a pack.
 #[derive(Clone, Debug)]
 pub struct SimulatedPack {
@@ -65,17 +58,18 @@ pub struct SimulatedPack {
     open_circuit_v: Option<f32>,
     /// How far the first cell is below the others, in volts.
     first_cell_drop_v: f32,
-    plug: Plug,
+    /// It is connected to the rover.
+    is_plugged_in: bool,
 }
 
 impl SimulatedPack {
     /// A full, rested pack.
-    pub fn full(model: PackModel) -> Self {
+    pub const fn full(model: PackModel) -> Self {
         Self::charged(model, 1.0)
     }
 
     /// A rested pack with this state of charge, 0 to 1.
-    pub fn charged(model: PackModel, charge: f32) -> Self {
+    pub const fn charged(model: PackModel, charge: f32) -> Self {
         Self {
             model,
             charge,
@@ -83,18 +77,18 @@ impl SimulatedPack {
             current_a: 0.0,
             open_circuit_v: None,
             first_cell_drop_v: 0.0,
-            plug: Plug::In,
+            is_plugged_in: true,
         }
     }
 
     /// Disconnects it: nothing is drawn from it any more, and there is no voltage to measure.
     pub fn unplug(&mut self) {
-        self.plug = Plug::Out;
+        self.is_plugged_in = false;
     }
 
     /// Whether it is connected.
     pub fn is_plugged_in(&self) -> bool {
-        self.plug == Plug::In
+        self.is_plugged_in
     }
 
     /// Overrides the resting voltage, in volts; `None` follows the charge again.
@@ -114,10 +108,7 @@ impl SimulatedPack {
 
     /// Draws `current_a` for `seconds`, unless it is unplugged.
     pub fn draw(&mut self, current_a: f32, seconds: f32) {
-        let current_a = match self.plug {
-            Plug::In => current_a,
-            Plug::Out => 0.0,
-        };
+        let current_a = if self.is_plugged_in { current_a } else { 0.0 };
         let drawn = current_a * seconds / SECONDS_PER_HOUR / self.model.capacity_ah;
         self.charge = (self.charge - drawn).clamp(0.0, 1.0);
         let settled_v = current_a * self.model.polarization_resistance_ohm;
@@ -148,7 +139,7 @@ impl SimulatedPack {
 
     /// Terminal voltage under the present load, in volts; 0 behind a plug that is out.
     pub fn voltage_v(&self) -> f32 {
-        if self.plug == Plug::Out {
+        if !self.is_plugged_in {
             return 0.0;
         }
         let by_charge_v = resting_cell_voltage_v(self.charge) * f32::from(self.model.cells);

@@ -9,7 +9,7 @@ use embassy_sync::signal::Signal;
 use embedded_io_async::{ErrorType, Write};
 
 use super::console::Level;
-use super::status::Driving;
+use super::status::driving;
 use crate::host::frames::{FrameReader, frame};
 use crate::mavlink::dialect::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, MANUAL_CONTROL_DATA, MavCmd, MavMessage, MavModeFlag, MavParamType,
@@ -22,40 +22,29 @@ use crate::vehicle::Mode;
 /// The vehicle's system and component id: a scenario sets none.
 const VEHICLE: u8 = 1;
 
-/// What is read from the vehicle.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Heard {
-    /// How urgent it is.
-    pub level: Level,
-    /// An announcement, or the mode and whether the rover is armed.
-    pub text: String,
-}
-
 /// The ground station. A reference to it is both ends of its wire.
 ///
 /// It sends no HEARTBEAT: the vehicle does not wait for it.
 pub struct Station<H> {
+    /// Is given an announcement, or the mode and whether the rover is armed, and how urgent it is.
     on_heard: H,
     reader: RefCell<FrameReader>,
     /// The first chunks of a text.
     begun_text: RefCell<String>,
-    driving: Cell<Driving>,
+    driving: Cell<(Mode, ArmState)>,
     sequence: Cell<u8>,
     to_send: RefCell<VecDeque<u8>>,
     sent: Signal<NoopRawMutex, ()>,
 }
 
-impl<H: Fn(Heard)> Station<H> {
+impl<H: Fn(Level, &str)> Station<H> {
     /// A ground station that passes on what it hears.
     pub fn new(on_heard: H) -> Self {
         Self {
             on_heard,
             reader: RefCell::default(),
             begun_text: RefCell::default(),
-            driving: Cell::new(Driving {
-                mode: Mode::Hold,
-                arm_state: ArmState::Disarmed,
-            }),
+            driving: Cell::new((Mode::Hold, ArmState::Disarmed)),
             sequence: Cell::new(0),
             to_send: RefCell::default(),
             sent: Signal::new(),
@@ -137,10 +126,7 @@ impl<H: Fn(Heard)> Station<H> {
         let end = bytes.iter().position(|byte| *byte == 0);
         text.push_str(&String::from_utf8_lossy(&bytes[..end.unwrap_or(bytes.len())]));
         if message.id == 0 || end.is_some() {
-            (self.on_heard)(Heard {
-                level: message.severity.into(),
-                text: std::mem::take(&mut text),
-            });
+            (self.on_heard)(message.severity.into(), &std::mem::take(&mut *text));
         }
     }
 
@@ -156,12 +142,8 @@ impl<H: Fn(Heard)> Station<H> {
         } else {
             ArmState::Disarmed
         };
-        let driving = Driving { mode, arm_state };
-        if self.driving.replace(driving) != driving {
-            (self.on_heard)(Heard {
-                level: Level::Info,
-                text: driving.to_string(),
-            });
+        if self.driving.replace((mode, arm_state)) != (mode, arm_state) {
+            (self.on_heard)(Level::Info, &driving(mode, arm_state));
         }
     }
 }
@@ -170,7 +152,7 @@ impl<H> ErrorType for &Station<H> {
     type Error = Infallible;
 }
 
-impl<H: Fn(Heard)> Write for &Station<H> {
+impl<H: Fn(Level, &str)> Write for &Station<H> {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
         let frames = self.reader.borrow_mut().take(bytes);
         for message in frames.iter().filter_map(|frame| frame.message.as_ref()) {
@@ -206,9 +188,9 @@ mod tests {
     use crate::mavlink::dialect::MavSeverity;
 
     /// What is heard in these messages.
-    fn heard(messages: &[MavMessage]) -> Vec<Heard> {
+    fn heard(messages: &[MavMessage]) -> Vec<(Level, String)> {
         let heard = RefCell::new(Vec::new());
-        let station = Station::new(|event| heard.borrow_mut().push(event));
+        let station = Station::new(|level, text: &str| heard.borrow_mut().push((level, text.to_owned())));
         for message in messages {
             let Ok(_) = block_on((&station).write(&frame(0, message)));
         }
@@ -238,10 +220,7 @@ mod tests {
             (Level::Critical, long),
             (Level::Info, "short".into()),
         ];
-        assert_eq!(
-            heard(&messages),
-            expected.map(|(level, text)| Heard { level, text })
-        );
+        assert_eq!(heard(&messages), expected);
     }
 
     #[test]
@@ -261,13 +240,13 @@ mod tests {
             heartbeat(0, armed),
             heartbeat(4, armed),
         ];
-        let texts: Vec<_> = heard(&messages).into_iter().map(|heard| heard.text).collect();
+        let texts: Vec<_> = heard(&messages).into_iter().map(|(_, text)| text).collect();
         assert_eq!(texts, ["MANUAL, armed", "HOLD, armed"]);
     }
 
     #[test]
     fn what_is_sent_arrives_in_order_whatever_the_reader_takes_at_a_time() {
-        let station = Station::new(|_| {});
+        let station = Station::new(|_, _: &str| {});
         station.set("BATT_LOW_VOLT", 10.5);
         station.arm(ArmState::Armed);
         let mut received = Vec::new();

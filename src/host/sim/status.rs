@@ -11,53 +11,26 @@ use crate::vehicle::{Mode, VehicleStatus};
 /// The simulated pack beside the monitor's estimate of its charge.
 #[derive(Clone, Debug)]
 pub struct Comparison {
-    truth: Option<Truth>,
-    estimate: Estimate,
-}
-
-/// What is simulated.
-#[derive(Clone, Copy, Debug)]
-struct Truth {
-    voltage_v: f32,
-    current_a: f32,
-    charge_pct: f32,
-}
-
-/// What the monitor reports.
-#[derive(Clone, Copy, Debug)]
-struct Estimate {
-    status: PackStatus,
-    remaining_pct: Option<f32>,
-    sigma_pct: Option<f32>,
-    charge_state: ChargeState,
+    truth: SimulatedPack,
+    estimate: BatteryState,
 }
 
 impl Comparison {
     /// The present state of both.
     pub fn new(pack: &SimulatedPack, battery: &BatteryState) -> Self {
-        let truth = Truth {
-            voltage_v: pack.voltage_v(),
-            current_a: pack.current_a(),
-            charge_pct: pack.charge() * 100.0,
-        };
         Self {
-            truth: pack.is_plugged_in().then_some(truth),
-            estimate: Estimate {
-                status: battery.status,
-                remaining_pct: battery.remaining_pct,
-                sigma_pct: battery.remaining_sigma_pct,
-                charge_state: battery.charge_state,
-            },
+            truth: pack.clone(),
+            estimate: *battery,
         }
     }
 
     /// Both charges alone, as `9 % left, 15 ±4 % estimated`.
     pub fn charges(&self) -> String {
-        let left = match self.truth {
-            Some(truth) => format!("{:.0} % left", truth.charge_pct),
-            None => "no pack".into(),
+        let left = match self.truth.is_plugged_in() {
+            true => format!("{:.0} % left", self.truth.charge() * 100.0),
+            false => "no pack".into(),
         };
-        match (self.estimate.remaining_pct, self.estimate.sigma_pct) {
+        match (self.estimate.remaining_pct, self.estimate.remaining_sigma_pct) {
             (Some(remaining_pct), Some(sigma_pct)) => {
                 format!("{left}, {remaining_pct:.0} ±{sigma_pct:.0} % estimated")
             }
@@ -77,98 +50,75 @@ impl Comparison {
 
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.truth {
-            Some(truth) => write!(
-                f,
-                "pack {:.2} V {:.1} A {:.0} %",
-                truth.voltage_v, truth.current_a, truth.charge_pct
-            )?,
-            None => f.write_str("no pack")?,
+        let pack = &self.truth;
+        if pack.is_plugged_in() {
+            let (voltage_v, current_a, charge_pct) =
+                (pack.voltage_v(), pack.current_a(), pack.charge() * 100.0);
+            write!(f, "pack {voltage_v:.2} V {current_a:.1} A {charge_pct:.0} %")?;
+        } else {
+            f.write_str("no pack")?;
         }
-        write!(f, " | {}", self.estimate)
+        f.write_str(" | ")?;
+        write_estimate(f, &self.estimate)
     }
 }
 
-impl fmt::Display for Estimate {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.status {
-            PackStatus::Disabled => return f.write_str("not monitored"),
-            PackStatus::Unknown => return f.write_str("not measured yet"),
-            PackStatus::NotConnected => return f.write_str("not connected"),
-            PackStatus::Healthy | PackStatus::Unhealthy => {}
-        }
-        match (self.remaining_pct, self.sigma_pct) {
-            (Some(remaining_pct), Some(sigma_pct)) => {
-                write!(f, "estimated {remaining_pct:.0} ±{sigma_pct:.0} %")?;
-            }
-            (Some(remaining_pct), None) => write!(f, "reported {remaining_pct:.0} %")?,
-            (None, _) => f.write_str("charge unknown")?,
-        }
-        f.write_str(match self.charge_state {
-            ChargeState::Undefined | ChargeState::Ok => "",
-            ChargeState::Low => ", low",
-            ChargeState::Critical => ", critical",
-            ChargeState::Emergency => ", emergency",
-            ChargeState::Failed => ", failed",
-            ChargeState::Unhealthy => ", unhealthy",
-            ChargeState::Charging => ", charging",
-        })
+fn write_estimate(f: &mut fmt::Formatter<'_>, battery: &BatteryState) -> fmt::Result {
+    match battery.status {
+        PackStatus::Disabled => return f.write_str("not monitored"),
+        PackStatus::Unknown => return f.write_str("not measured yet"),
+        PackStatus::NotConnected => return f.write_str("not connected"),
+        PackStatus::Healthy | PackStatus::Unhealthy => {}
     }
+    match (battery.remaining_pct, battery.remaining_sigma_pct) {
+        (Some(remaining_pct), Some(sigma_pct)) => {
+            write!(f, "estimated {remaining_pct:.0} ±{sigma_pct:.0} %")?;
+        }
+        (Some(remaining_pct), None) => write!(f, "reported {remaining_pct:.0} %")?,
+        (None, _) => f.write_str("charge unknown")?,
+    }
+    f.write_str(match battery.charge_state {
+        ChargeState::Undefined | ChargeState::Ok => "",
+        ChargeState::Low => ", low",
+        ChargeState::Critical => ", critical",
+        ChargeState::Emergency => ", emergency",
+        ChargeState::Failed => ", failed",
+        ChargeState::Unhealthy => ", unhealthy",
+        ChargeState::Charging => ", charging",
+    })
 }
 
 /// A mode and whether the rover is armed, as ground stations show them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Driving {
-    /// The mode.
-    pub mode: Mode,
-    /// Whether it is armed.
-    pub arm_state: ArmState,
-}
-
-impl From<VehicleStatus> for Driving {
-    fn from(status: VehicleStatus) -> Self {
-        Self {
-            mode: status.mode,
-            arm_state: status.arm_state,
-        }
-    }
-}
-
-impl fmt::Display for Driving {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mode = match self.mode {
-            Mode::Manual => "MANUAL",
-            Mode::Hold => "HOLD",
-        };
-        let arm_state = match self.arm_state {
-            ArmState::Armed => "armed",
-            ArmState::Disarmed => "disarmed",
-        };
-        write!(f, "{mode}, {arm_state}")
-    }
-}
-
-/// What went over the links since the previous status, and what was dropped so far.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Traffic {
-    pub samples: u32,
-    pub frames: u32,
-    pub dropped: u32,
+pub(super) fn driving(mode: Mode, arm_state: ArmState) -> String {
+    let mode = match mode {
+        Mode::Manual => "MANUAL",
+        Mode::Hold => "HOLD",
+    };
+    let arm_state = match arm_state {
+        ArmState::Armed => "armed",
+        ArmState::Disarmed => "disarmed",
+    };
+    format!("{mode}, {arm_state}")
 }
 
 /// Everything in the status line.
 #[derive(Clone, Debug)]
 pub(super) struct Status {
     pub comparison: Comparison,
-    pub driving: Driving,
+    pub vehicle: VehicleStatus,
     pub stations: usize,
-    pub traffic: Traffic,
+    /// Of the sensors, since the previous status.
+    pub samples: u32,
+    /// Sent, since the previous status.
+    pub frames: u32,
+    /// Frames that were dropped so far.
+    pub dropped: u32,
 }
 
 impl Status {
     /// For a terminal: what a line of 80 columns has room for.
     pub fn short(&self) -> String {
-        let dropped = match self.traffic.dropped {
+        let dropped = match self.dropped {
             0 => String::new(),
             dropped => format!(" | {dropped} dropped"),
         };
@@ -177,18 +127,17 @@ impl Status {
 
     /// For a file.
     pub fn long(&self) -> String {
-        let Traffic {
-            samples,
-            frames,
-            dropped,
-        } = self.traffic;
-        format!("{self} | {samples} samples, {frames} frames, {dropped} dropped")
+        format!(
+            "{self} | {} samples, {} frames, {} dropped",
+            self.samples, self.frames, self.dropped
+        )
     }
 }
 
 impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} | {} | ", self.comparison, self.driving)?;
+        let driving = driving(self.vehicle.mode, self.vehicle.arm_state);
+        write!(f, "{} | {driving} | ", self.comparison)?;
         match self.stations {
             1 => f.write_str("1 ground station"),
             stations => write!(f, "{stations} ground stations"),
@@ -221,13 +170,11 @@ mod tests {
     fn truth_stands_beside_the_estimate() {
         let status = Status {
             comparison: comparison(estimated(97.4, ChargeState::Ok)),
-            driving: VehicleStatus::default().into(),
+            vehicle: VehicleStatus::default(),
             stations: 1,
-            traffic: Traffic {
-                samples: 10,
-                frames: 5,
-                dropped: 0,
-            },
+            samples: 10,
+            frames: 5,
+            dropped: 0,
         };
         let expected = "pack 12.59 V 0.2 A 100 % | estimated 97 ±3 % | HOLD, disarmed | 1 ground station";
         assert_eq!(status.short(), expected);

@@ -1,20 +1,15 @@
 //! Simulated I2C bus with a power monitor and a smart battery, which measure the simulated pack.
 
-mod device;
-mod power_monitor;
-mod smart_battery;
+mod devices;
 
 use embassy_time::{Duration, Timer};
 use embedded_hal_async::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
 
-use self::device::Device;
-use self::power_monitor::PowerMonitor;
-use self::smart_battery::SmartBattery;
+use self::devices::{Device, PowerMonitor, SmartBattery};
 use super::PackSimulation;
-use super::fault::Fault;
+use super::pack_simulation::Fault;
 
-pub use self::power_monitor::{ADDRESS as POWER_MONITOR_ADDRESS, SHUNT_OHM};
-pub use self::smart_battery::ADDRESS as SMART_BATTERY_ADDRESS;
+pub use self::devices::{POWER_MONITOR_ADDRESS, SHUNT_OHM, SMART_BATTERY_ADDRESS};
 
 /// Bit time at SMBus's 100 kHz.
 const CLOCK: Duration = Duration::from_micros(10);
@@ -27,22 +22,6 @@ const BYTE_CLOCKS: usize = 9;
 
 /// Nothing acknowledges the address.
 const NO_DEVICE: ErrorKind = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
-
-/// Direction of the bytes after the address.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Direction {
-    Write,
-    Read,
-}
-
-impl Direction {
-    fn of(operation: &Operation<'_>) -> Self {
-        match operation {
-            Operation::Write(_) => Self::Write,
-            Operation::Read(_) => Self::Read,
-        }
-    }
-}
 
 /// Bus with an INA226 and a smart battery. A transfer takes the time of its bits.
 pub struct SimulatedBus<'a> {
@@ -73,11 +52,12 @@ impl<'a> SimulatedBus<'a> {
 
     /// From the START to the last byte before the STOP.
     async fn transfer(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), ErrorKind> {
+        // Whether bytes are read or written after the address.
         let mut under_way = None;
         for operation in operations {
-            let direction = Direction::of(operation);
-            if under_way.replace(direction) != Some(direction) {
-                self.start(address, direction).await?;
+            let is_read = matches!(operation, Operation::Read(_));
+            if under_way.replace(is_read) != Some(is_read) {
+                self.start(address, is_read).await?;
             }
             let pack = self.pack;
             exchange(self.device(address)?, pack, operation).await?;
@@ -86,13 +66,14 @@ impl<'a> SimulatedBus<'a> {
     }
 
     /// A START or RESTART, and the address.
-    async fn start(&mut self, address: u8, direction: Direction) -> Result<(), ErrorKind> {
+    async fn start(&mut self, address: u8, is_read: bool) -> Result<(), ErrorKind> {
         clocks(CONDITION_CLOCKS + BYTE_CLOCKS).await;
         let pack = self.pack;
         let device = self.device(address)?;
-        match direction {
-            Direction::Write => device.start_write(),
-            Direction::Read => device.start_read(&pack.now()),
+        if is_read {
+            device.start_read(&pack.now());
+        } else {
+            device.start_write();
         }
         Ok(())
     }

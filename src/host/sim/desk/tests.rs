@@ -2,9 +2,10 @@
 
 use std::cell::RefCell;
 
+use embassy_time::Instant;
+
 use super::*;
 use crate::host::sim::clock;
-use crate::host::sim::console::SimulatedTime;
 
 /// Something that was shown, and when, in seconds.
 #[derive(Clone, Debug)]
@@ -19,12 +20,12 @@ fn shown(name: &str) -> Vec<Shown> {
     let scenario = Scenario::named(name).expect(name);
     let shown = RefCell::new(Vec::new());
     let (flash, rover) = (SimulatedFlash::open(None).unwrap(), SimulatedRover::default());
-    let pack = RefCell::new(scenario.pack.pack());
+    let pack = RefCell::new(scenario.pack.clone());
     clock::run_for(Duration::from_secs(u64::from(scenario.end_s) + 2), async {
         let (desk, storages) = start(&flash, Some(scenario), &pack).await;
         let show = |level, text: &str| {
             shown.borrow_mut().push(Shown {
-                at_s: SimulatedTime::now().0,
+                at_s: Instant::now().as_secs(),
                 level,
                 text: text.to_owned(),
             });

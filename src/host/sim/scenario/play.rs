@@ -4,10 +4,10 @@ use std::cell::{Cell, RefCell};
 
 use embassy_time::{Duration, Instant, Ticker};
 
-use super::story::{Action, Scenario, Step};
+use super::{Action, Scenario, Step};
 use crate::host::sim::SimulatedPack;
-use crate::host::sim::console::SimulatedTime;
-use crate::host::sim::station::{Heard, Station};
+use crate::host::sim::console::{Level, simulated_time};
+use crate::host::sim::station::Station;
 
 /// Between two messages of the sticks: they time out after 1.5 s (`FS_TIMEOUT`).
 const TURN: Duration = Duration::from_millis(200);
@@ -15,14 +15,14 @@ const TURN: Duration = Duration::from_millis(200);
 /// The first time that something was heard.
 #[derive(Clone, Debug)]
 struct Sighting {
-    at: SimulatedTime,
+    at: String,
     /// The charge of the pack, and what was estimated of it.
     charges: String,
 }
 
 /// A scenario that is played.
 #[derive(Debug)]
-pub(in crate::host::sim) struct Player {
+pub struct Player {
     scenario: &'static Scenario,
     /// Of each sight of the scenario.
     sightings: RefCell<Vec<Option<Sighting>>>,
@@ -40,7 +40,7 @@ impl Player {
     }
 
     /// Does every step in its time, and returns at the end. `show` prints what a step is.
-    pub async fn play<H: Fn(Heard)>(
+    pub async fn play<H: Fn(Level, &str)>(
         &self,
         station: &Station<H>,
         pack: &RefCell<SimulatedPack>,
@@ -50,10 +50,10 @@ impl Player {
         let mut turns = Ticker::every(TURN);
         let mut steps = self.scenario.steps.iter().peekable();
         while start.elapsed() < Duration::from_secs(self.scenario.end_s.into()) {
-            let is_due = |step: &&Step| Duration::from_secs(step.at_s.into()) <= start.elapsed();
-            while let Some(step) = steps.next_if(is_due) {
-                show(step.what);
-                self.take(step, station, pack);
+            let is_due = |(at_s, ..): &&Step| Duration::from_secs((*at_s).into()) <= start.elapsed();
+            while let Some((_, what, actions)) = steps.next_if(is_due) {
+                show(what);
+                self.take(actions, station, pack);
             }
             if let Some(throttle) = self.throttle.get() {
                 station.drive(throttle);
@@ -62,15 +62,20 @@ impl Player {
         }
     }
 
-    fn take<H: Fn(Heard)>(&self, step: &Step, station: &Station<H>, pack: &RefCell<SimulatedPack>) {
-        for action in step.actions {
-            match *action {
-                Action::Set(name, value) => station.set(name, value),
-                Action::Mode(mode) => station.set_mode(mode),
-                Action::Arm(arm_state) => station.arm(arm_state),
-                Action::Throttle(throttle) => self.throttle.set(Some(throttle)),
+    fn take<H: Fn(Level, &str)>(
+        &self,
+        actions: &[Action],
+        station: &Station<H>,
+        pack: &RefCell<SimulatedPack>,
+    ) {
+        for action in actions {
+            match action {
+                Action::Set(name, value) => station.set(name, *value),
+                Action::Mode(mode) => station.set_mode(*mode),
+                Action::Arm(arm_state) => station.arm(*arm_state),
+                Action::Throttle(throttle) => self.throttle.set(Some(*throttle)),
                 Action::Unplug => pack.borrow_mut().unplug(),
-                Action::PlugIn(plugged) => *pack.borrow_mut() = plugged.pack(),
+                Action::PlugIn(plugged) => pack.borrow_mut().clone_from(plugged),
             }
         }
     }
@@ -78,10 +83,10 @@ impl Player {
     /// Notes what the vehicle has announced, with the charge of the pack and what is estimated of it.
     pub fn note(&self, text: &str, charges: impl Fn() -> String) {
         let mut sightings = self.sightings.borrow_mut();
-        for (sighting, sight) in sightings.iter_mut().zip(self.scenario.sights) {
-            if sight.texts.iter().any(|wanted| text.starts_with(wanted)) {
+        for (sighting, (_, texts)) in sightings.iter_mut().zip(self.scenario.sights) {
+            if texts.iter().any(|wanted| text.starts_with(wanted)) {
                 sighting.get_or_insert_with(|| Sighting {
-                    at: SimulatedTime::now(),
+                    at: simulated_time(),
                     charges: charges(),
                 });
             }
@@ -93,11 +98,11 @@ impl Player {
         let mut parts = Vec::new();
         let mut written = "";
         let sightings = self.sightings.borrow();
-        for (sighting, sight) in sightings.iter().zip(self.scenario.sights) {
+        for (sighting, (name, _)) in sightings.iter().zip(self.scenario.sights) {
             parts.push(match sighting {
-                Some(sighting) if sighting.charges == written => format!("{} at {}", sight.name, sighting.at),
-                Some(sighting) => format!("{} at {} ({})", sight.name, sighting.at, sighting.charges),
-                None => format!("{} never", sight.name),
+                Some(sighting) if sighting.charges == written => format!("{name} at {}", sighting.at),
+                Some(sighting) => format!("{name} at {} ({})", sighting.at, sighting.charges),
+                None => format!("{name} never"),
             });
             written = sighting
                 .as_ref()
