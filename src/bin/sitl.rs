@@ -1,22 +1,20 @@
 //! The simulator: the firmware's tasks on the host. Wiring, nothing else.
 
-#[cfg(not(target_os = "none"))]
-mod simulator {
-    use std::cell::RefCell;
-    use std::io;
-    use std::net::{SocketAddr, ToSocketAddrs};
-    use std::path::PathBuf;
-    use std::process::ExitCode;
-    use std::sync::atomic::{AtomicBool, Ordering};
+use std::cell::RefCell;
+use std::io;
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-    use clap::Parser;
-    use embassy_executor::Executor;
-    use embassy_time::{Duration, Ticker, Timer};
-    use rover_battmon::host::sim::{
-        self, Clients, LogFolder, Scenario, Setup, SimulatedFlash, UdpWire, clock, console,
-    };
+use clap::Parser;
+use embassy_executor::Executor;
+use embassy_time::{Duration, Ticker, Timer};
+use rover_battmon::host::sim::{
+    self, Clients, LogFolder, Scenario, Setup, SimulatedFlash, UdpWire, clock, console,
+};
 
-    const EXAMPLES: &str = "\
+const EXAMPLES: &str = "\
 Examples (`cargo run --` instead of the name in a clone):
   rover-battmon-sitl                             the rover with a full pack, for a ground station
   rover-battmon-sitl --scenario drain            see the pack run empty and the rover stop, in a minute
@@ -27,217 +25,199 @@ Examples (`cargo run --` instead of the name in a clone):
 
 On a terminal the last line is updated in place; `2> log.txt` takes the log, NO_COLOR=1 the colours.";
 
-    /// Simulates a rover with a battery pack, four motors and the board's own firmware: try ground stations, parameters and
-    /// failsafes without hardware.
-    #[derive(Parser)]
-    #[command(name = "rover-battmon-sitl", version, after_help = EXAMPLES)]
-    struct Arguments {
-        /// Where ground stations connect by TCP
-        #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:5760", value_parser = address)]
-        tcp: SocketAddr,
+/// Simulates a rover with a battery pack, four motors and the board's own firmware: try ground stations, parameters and
+/// failsafes without hardware.
+#[derive(Parser)]
+#[command(name = "rover-battmon-sitl", version, after_help = EXAMPLES)]
+struct Arguments {
+    /// Where ground stations connect by TCP
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:5760", value_parser = address)]
+    tcp: SocketAddr,
 
-        /// Where a ground station listens by UDP
-        #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:14550", value_parser = address)]
-        udp: SocketAddr,
+    /// Where a ground station listens by UDP
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:14550", value_parser = address)]
+    udp: SocketAddr,
 
-        /// Play what happens to a rover: drain, swap, cold or loose-wire. Nothing that it sets is kept
-        #[arg(long, value_name = "NAME", value_parser = scenario, conflicts_with = "flash")]
-        scenario: Option<&'static Scenario>,
+    /// Play what happens to a rover: drain, swap, cold or loose-wire. Nothing that it sets is kept
+    #[arg(long, value_name = "NAME", value_parser = scenario, conflicts_with = "flash")]
+    scenario: Option<&'static Scenario>,
 
-        /// Let simulated time pass this many times as fast; by default 1, or what lets a scenario take a minute
-        #[arg(long, value_name = "FACTOR", value_parser = speedup)]
-        speedup: Option<f64>,
+    /// Let simulated time pass this many times as fast; by default 1, or what lets a scenario take a minute
+    #[arg(long, value_name = "FACTOR", value_parser = speedup)]
+    speedup: Option<f64>,
 
-        /// End after this many seconds of simulated time
-        #[arg(long = "for", value_name = "SECONDS")]
-        run_for_s: Option<u32>,
+    /// End after this many seconds of simulated time
+    #[arg(long = "for", value_name = "SECONDS")]
+    run_for_s: Option<u32>,
 
-        /// Keep parameters, key and what is learnt of packs in this file, as the board does in its flash
-        #[arg(long, value_name = "FILE")]
-        flash: Option<PathBuf>,
+    /// Keep parameters, key and what is learnt of packs in this file, as the board does in its flash
+    #[arg(long, value_name = "FILE")]
+    flash: Option<PathBuf>,
 
-        /// Copy the logs of this run into this folder, once a second
-        #[arg(long, value_name = "DIR")]
-        log: Option<PathBuf>,
+    /// Copy the logs of this run into this folder, once a second
+    #[arg(long, value_name = "DIR")]
+    log: Option<PathBuf>,
+}
+
+/// An address or a name, and a port. Of several addresses the first of IPv4, as ground stations try those.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let has_port = text
+        .rsplit_once(':')
+        .is_some_and(|(_, port)| port.parse::<u16>().is_ok());
+    if !has_port {
+        return Err("a host and a port are needed, as in localhost:5761".into());
     }
+    let found: Vec<_> = text
+        .to_socket_addrs()
+        .map_err(|error| error.to_string())?
+        .collect();
+    let preferred = found.iter().find(|address| address.is_ipv4()).or(found.first());
+    preferred.copied().ok_or_else(|| "the host has no address".into())
+}
 
-    /// An address or a name, and a port. Of several addresses the first of IPv4, as ground stations try those.
-    fn address(text: &str) -> Result<SocketAddr, String> {
-        let has_port = text
-            .rsplit_once(':')
-            .is_some_and(|(_, port)| port.parse::<u16>().is_ok());
-        if !has_port {
-            return Err("a host and a port are needed, as in localhost:5761".into());
-        }
-        let found: Vec<_> = text
-            .to_socket_addrs()
-            .map_err(|error| error.to_string())?
-            .collect();
-        let preferred = found.iter().find(|address| address.is_ipv4()).or(found.first());
-        preferred.copied().ok_or_else(|| "the host has no address".into())
-    }
+fn scenario(name: &str) -> Result<&'static Scenario, String> {
+    Scenario::named(name).ok_or_else(|| {
+        let names = Scenario::ALL.map(|scenario| scenario.name);
+        format!("there are {}", names.join(", "))
+    })
+}
 
-    fn scenario(name: &str) -> Result<&'static Scenario, String> {
-        Scenario::named(name).ok_or_else(|| {
-            let names = Scenario::ALL.map(|scenario| scenario.name);
-            format!("there are {}", names.join(", "))
-        })
-    }
-
-    fn speedup(text: &str) -> Result<f64, String> {
-        match text.parse() {
-            Ok(factor) if (0.01..=1000.0).contains(&factor) => Ok(factor),
-            _ => Err("a number from 0.01 to 1000 is needed".into()),
-        }
-    }
-
-    impl Arguments {
-        fn speedup(&self) -> f64 {
-            let of_scenario = self.scenario.map_or(1.0, |scenario| scenario.speedup);
-            self.speedup.unwrap_or(of_scenario)
-        }
-
-        /// How another simulator can run beside the one that has these ports.
-        fn next_ports(&self) -> String {
-            let next = |mut address: SocketAddr| {
-                address.set_port(address.port().saturating_add(1));
-                address
-            };
-            format!("--tcp {} --udp {}", next(self.tcp), next(self.udp))
-        }
-    }
-
-    /// Whether the simulator has to end.
-    static STOP: AtomicBool = AtomicBool::new(false);
-
-    #[embassy_executor::task]
-    async fn simulator(setup: Setup<'static>) {
-        sim::run(setup).await;
-        STOP.store(true, Ordering::Relaxed);
-    }
-
-    #[embassy_executor::task]
-    async fn end_after(time: Duration) {
-        Timer::after(time).await;
-        STOP.store(true, Ordering::Relaxed);
-    }
-
-    /// For the rest of the program, as tasks have it.
-    fn open_log_folder(path: PathBuf, flash: &SimulatedFlash) -> io::Result<&'static RefCell<LogFolder>> {
-        let folder = LogFolder::open(path, flash.clone())?;
-        Ok(Box::leak(Box::new(RefCell::new(folder))))
-    }
-
-    #[embassy_executor::task]
-    async fn log_copier(folder: &'static RefCell<LogFolder>, interval: Duration) {
-        let mut copies = Ticker::every(interval);
-        while copy_logs(folder).is_ok() {
-            copies.next().await;
-        }
-    }
-
-    /// Copies what is new. A failure is shown.
-    fn copy_logs(folder: &RefCell<LogFolder>) -> io::Result<()> {
-        let copied = folder.borrow_mut().update();
-        copied.inspect_err(|error| eprintln!("Can't copy the log: {error}."))
-    }
-
-    fn pace(speedup: f64) -> String {
-        match speedup {
-            1.0 => "In real time.".into(),
-            _ => format!("{speedup} times as fast."),
-        }
-    }
-
-    pub fn main() -> ExitCode {
-        let arguments = Arguments::parse();
-        let speedup = arguments.speedup();
-        let clients: &_ = match Clients::listen(arguments.tcp) {
-            Ok(clients) => Box::leak(Box::new(clients)),
-            Err(error) => {
-                eprintln!("Can't listen on {}: {error}.", arguments.tcp);
-                eprintln!(
-                    "Is another simulator running? {} takes other ports.",
-                    arguments.next_ports()
-                );
-                return ExitCode::FAILURE;
-            }
-        };
-        let udp: &_ = match UdpWire::to(arguments.udp) {
-            Ok(udp) => Box::leak(Box::new(udp)),
-            Err(error) => {
-                eprintln!("Can't send to {}: {error}.", arguments.udp);
-                return ExitCode::FAILURE;
-            }
-        };
-        let flash_file = arguments.flash.clone().unwrap_or_default();
-        let flash = match SimulatedFlash::open(arguments.flash) {
-            Ok(flash) => flash,
-            Err(error) => {
-                eprintln!("Can't use the flash file {}: {error}.", flash_file.display());
-                return ExitCode::FAILURE;
-            }
-        };
-        let log_folder = match arguments
-            .log
-            .map(|path| open_log_folder(path, &flash))
-            .transpose()
-        {
-            Ok(folder) => folder,
-            Err(error) => {
-                eprintln!("Can't use the log folder: {error}.");
-                return ExitCode::FAILURE;
-            }
-        };
-        if let Err(error) = ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)) {
-            eprintln!("Ctrl-C will end the simulator at once: {error}.");
-        }
-        if clock::set_speedup(speedup).is_err() {
-            eprintln!("The clock already runs, at real time.");
-        }
-        println!(
-            "MAVLink on tcp:{} and to udp:{}. Ctrl-C ends it.",
-            arguments.tcp, arguments.udp
-        );
-
-        if let Some(scenario) = arguments.scenario {
-            println!("Scenario {scenario} {}", pace(speedup));
-        }
-        let line_interval = Duration::from_micros((speedup * 1e6) as u64);
-        let setup = Setup {
-            clients,
-            udp,
-            flash,
-            scenario: arguments.scenario,
-            output: console::use_terminal(),
-            line_interval,
-        };
-        Box::leak(Box::new(Executor::new())).run_until(
-            |spawner| {
-                spawner.spawn(simulator(setup).expect("it is spawned once"));
-                if let Some(folder) = log_folder {
-                    spawner.spawn(log_copier(folder, line_interval).expect("it is spawned once"));
-                }
-                if let Some(run_for_s) = arguments.run_for_s {
-                    let time = Duration::from_secs(run_for_s.into());
-                    spawner.spawn(end_after(time).expect("it is spawned once"));
-                }
-            },
-            || STOP.load(Ordering::Relaxed),
-        );
-        console::end();
-        // What was written since the last copy.
-        if let Some(folder) = log_folder {
-            let _ = copy_logs(folder);
-        }
-        println!("Stopped.");
-        ExitCode::SUCCESS
+fn speedup(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(factor) if (0.01..=1000.0).contains(&factor) => Ok(factor),
+        _ => Err("a number from 0.01 to 1000 is needed".into()),
     }
 }
 
-#[cfg(not(target_os = "none"))]
-fn main() -> std::process::ExitCode {
-    simulator::main()
+impl Arguments {
+    fn speedup(&self) -> f64 {
+        let of_scenario = self.scenario.map_or(1.0, |scenario| scenario.speedup);
+        self.speedup.unwrap_or(of_scenario)
+    }
+
+    /// How another simulator can run beside the one that has these ports.
+    fn next_ports(&self) -> String {
+        let next = |mut address: SocketAddr| {
+            address.set_port(address.port().saturating_add(1));
+            address
+        };
+        format!("--tcp {} --udp {}", next(self.tcp), next(self.udp))
+    }
+}
+
+/// Whether the simulator has to end.
+static STOP: AtomicBool = AtomicBool::new(false);
+
+#[embassy_executor::task]
+async fn simulator(setup: Setup<'static>) {
+    sim::run(setup).await;
+    STOP.store(true, Ordering::Relaxed);
+}
+
+#[embassy_executor::task]
+async fn end_after(time: Duration) {
+    Timer::after(time).await;
+    STOP.store(true, Ordering::Relaxed);
+}
+
+/// For the rest of the program, as tasks have it.
+fn open_log_folder(path: PathBuf, flash: &SimulatedFlash) -> io::Result<&'static RefCell<LogFolder>> {
+    let folder = LogFolder::open(path, flash.clone())?;
+    Ok(Box::leak(Box::new(RefCell::new(folder))))
+}
+
+#[embassy_executor::task]
+async fn log_copier(folder: &'static RefCell<LogFolder>, interval: Duration) {
+    let mut copies = Ticker::every(interval);
+    while copy_logs(folder).is_ok() {
+        copies.next().await;
+    }
+}
+
+/// Copies what is new. A failure is shown.
+fn copy_logs(folder: &RefCell<LogFolder>) -> io::Result<()> {
+    let copied = folder.borrow_mut().update();
+    copied.inspect_err(|error| eprintln!("Can't copy the log: {error}."))
+}
+
+fn pace(speedup: f64) -> String {
+    match speedup {
+        1.0 => "In real time.".into(),
+        _ => format!("{speedup} times as fast."),
+    }
+}
+
+fn main() -> ExitCode {
+    match simulate(Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Runs the simulator until it is stopped, or says why it can't.
+fn simulate(arguments: Arguments) -> Result<(), String> {
+    let speedup = arguments.speedup();
+    let clients = Clients::listen(arguments.tcp).map_err(|error| {
+        format!(
+            "Can't listen on {}: {error}.\nIs another simulator running? {} takes other ports.",
+            arguments.tcp,
+            arguments.next_ports()
+        )
+    })?;
+    let udp =
+        UdpWire::to(arguments.udp).map_err(|error| format!("Can't send to {}: {error}.", arguments.udp))?;
+    let flash_file = arguments.flash.clone().unwrap_or_default();
+    let flash = SimulatedFlash::open(arguments.flash)
+        .map_err(|error| format!("Can't use the flash file {}: {error}.", flash_file.display()))?;
+    let log_folder = arguments.log.map(|path| open_log_folder(path, &flash));
+    let log_folder = log_folder
+        .transpose()
+        .map_err(|error| format!("Can't use the log folder: {error}."))?;
+    if let Err(error) = ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)) {
+        eprintln!("Ctrl-C will end the simulator at once: {error}.");
+    }
+    if clock::set_speedup(speedup).is_err() {
+        eprintln!("The clock already runs, at real time.");
+    }
+    println!(
+        "MAVLink on tcp:{} and to udp:{}. Ctrl-C ends it.",
+        arguments.tcp, arguments.udp
+    );
+    if let Some(scenario) = arguments.scenario {
+        println!("Scenario {scenario} {}", pace(speedup));
+    }
+    let line_interval = Duration::from_micros((speedup * 1e6) as u64);
+    let setup = Setup {
+        clients: Box::leak(Box::new(clients)),
+        udp: Box::leak(Box::new(udp)),
+        flash,
+        scenario: arguments.scenario,
+        output: console::use_terminal(),
+        line_interval,
+    };
+    Box::leak(Box::new(Executor::new())).run_until(
+        |spawner| {
+            spawner.spawn(simulator(setup).expect("it is spawned once"));
+            if let Some(folder) = log_folder {
+                spawner.spawn(log_copier(folder, line_interval).expect("it is spawned once"));
+            }
+            if let Some(run_for_s) = arguments.run_for_s {
+                let time = Duration::from_secs(run_for_s.into());
+                spawner.spawn(end_after(time).expect("it is spawned once"));
+            }
+        },
+        || STOP.load(Ordering::Relaxed),
+    );
+    console::end();
+    // What was written since the last copy.
+    if let Some(folder) = log_folder {
+        let _ = copy_logs(folder);
+    }
+    println!("Stopped.");
+    Ok(())
 }
 
 #[cfg(target_os = "none")]

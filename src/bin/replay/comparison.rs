@@ -1,39 +1,25 @@
 //! When failsafes would have acted with other parameters than those of the log.
 
-use std::fmt;
-
 use rover_battmon::battery::FailsafeLevel;
 
 use crate::report::Row;
 use crate::summary::reached;
 use crate::words::{clock, duration};
 
-/// Two replays of one log.
-pub struct Comparison<'a> {
-    /// What was changed: parameters with their new and old values.
-    pub changes: &'a [String],
-    /// With the log's own parameters.
-    pub own: &'a [Row],
-    /// With the changes.
-    pub changed: &'a [Row],
-}
-
-impl fmt::Display for Comparison<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "With {}:", self.changes.join(", "))?;
-        let levels = [("low", FailsafeLevel::Low), ("critical", FailsafeLevel::Critical)];
-        let lines = levels.map(|(name, level)| {
-            // The seconds that are shown.
-            let time_s = |rows| reached(rows, level).map(|row| row.time_s.floor());
-            let difference = difference(time_s(self.own), time_s(self.changed))?;
-            Some(format!("  {name} would {difference}"))
-        });
-        let lines: Vec<String> = lines.into_iter().flatten().collect();
-        match lines.as_slice() {
-            [] => writeln!(f, "  no failsafe, as before"),
-            _ => writeln!(f, "{}", lines.join("\n")),
-        }
+/// What `changes`, parameters with their new and old values, do to a replay with the log's own parameters.
+pub fn comparison(changes: &[String], own: &[Row], changed: &[Row]) -> String {
+    let levels = [("low", FailsafeLevel::Low), ("critical", FailsafeLevel::Critical)];
+    let lines = levels.map(|(name, level)| {
+        // The seconds that are shown.
+        let time_s = |rows| reached(rows, level).map(|row| row.time_s.floor());
+        let difference = difference(time_s(own), time_s(changed))?;
+        Some(format!("  {name} would {difference}"))
+    });
+    let mut lines: Vec<String> = lines.into_iter().flatten().collect();
+    if lines.is_empty() {
+        lines.push("  no failsafe, as before".into());
     }
+    format!("With {}:\n{}\n", changes.join(", "), lines.join("\n"))
 }
 
 /// How the moment with the changes differs from that with the log's own parameters; `None` without both.
@@ -94,23 +80,11 @@ mod tests {
         ];
         let changed = [row(0.0, FailsafeLevel::None), row(60.0, FailsafeLevel::Low)];
         let changes = ["BATT_LOW_VOLT 11 instead of 10.5".to_string()];
-        let text = |changed: &[Row]| {
-            Comparison {
-                changes: &changes,
-                own: &own,
-                changed,
-            }
-            .to_string()
-        };
         assert_eq!(
-            text(&changed),
+            comparison(&changes, &own, &changed),
             "With BATT_LOW_VOLT 11 instead of 10.5:\n  low would have come 30 s earlier, at 1:00 instead of 1:30\n"
         );
-        let none = Comparison {
-            changes: &changes,
-            own: &[],
-            changed: &[],
-        };
-        assert!(none.to_string().ends_with(":\n  no failsafe, as before\n"));
+        let none = comparison(&changes, &[], &[]);
+        assert!(none.ends_with(":\n  no failsafe, as before\n"));
     }
 }

@@ -14,7 +14,6 @@ mod drive;
 mod plot;
 mod report;
 mod run;
-mod settings;
 mod summary;
 mod trace;
 mod words;
@@ -30,11 +29,10 @@ use rover_battmon::pack::Pack;
 use rover_battmon::parameter::Parameters;
 
 use crate::binlog::Log;
-use crate::comparison::Comparison;
+use crate::comparison::comparison;
 use crate::drive::Drive;
-use crate::plot::Caption;
 use crate::report::Row;
-use crate::settings::{Assignment, Inputs};
+use crate::run::{Assignment, Inputs};
 use crate::summary::Summary;
 use crate::trace::Trace;
 
@@ -104,7 +102,7 @@ fn replay(arguments: &Arguments) -> Result<(), String> {
         drive.trace.arm_throughout();
     }
     let own = drive.parameters.clone().unwrap_or_else(Parameters::defaults);
-    let parameters = settings::assign(own, &arguments.assignments, pack, &drive.trace)?;
+    let parameters = run::assign(own, &arguments.assignments, pack, &drive.trace)?;
     let inputs = Inputs::from_parameters(&parameters, pack)?;
     let known = match &arguments.learned {
         Some(path) => read_learnt(path)?,
@@ -164,18 +162,14 @@ fn compared(
         return Ok(String::new());
     };
     let pack = arguments.pack;
-    let own = settings::assign(own, &[], pack, &drive.trace)?;
-    let changes = settings::changes(&own, parameters, &arguments.assignments);
+    let own = run::assign(own, &[], pack, &drive.trace)?;
+    let changes = run::changes(&own, parameters, &arguments.assignments);
     if changes.is_empty() {
         return Ok(String::new());
     }
     let inputs = Inputs::from_parameters(&own, pack)?;
-    let comparison = Comparison {
-        changes: &changes,
-        own: &run::run(&drive.trace, pack, inputs, &own, &mut known),
-        changed: rows,
-    };
-    Ok(comparison.to_string())
+    let own = run::run(&drive.trace, pack, inputs, &own, &mut known);
+    Ok(comparison(&changes, &own, rows))
 }
 
 /// Shows what a person reads, who may have closed the terminal.
@@ -228,12 +222,9 @@ fn read_learnt(path: &Path) -> Result<LearntPack, String> {
 fn picture(arguments: &Arguments, parameters: &Parameters, rows: &[Row]) -> String {
     let trace = arguments.trace.file_name().unwrap_or_default().to_string_lossy();
     let assignments: Vec<String> = arguments.assignments.iter().map(ToString::to_string).collect();
-    let caption = Caption {
-        title: &format!("{trace} through the battery monitor"),
-        subtitle: &assignments.join("  "),
-        failsafe: &PackSettings::from_parameters(parameters, arguments.pack).failsafe,
-    };
-    plot::plot(rows, &caption)
+    let title = format!("{trace} through the battery monitor");
+    let settings = PackSettings::from_parameters(parameters, arguments.pack);
+    plot::plot(rows, &title, &assignments.join("  "), &settings.failsafe)
 }
 
 fn print(rows: &[Row]) -> io::Result<()> {

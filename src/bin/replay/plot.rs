@@ -1,16 +1,12 @@
 //! The estimates for a trace, as a picture: voltages, current, and the remaining charge with its uncertainty, the
 //! usable charge and the charge states.
 
-mod axis;
 mod panel;
-mod series;
 mod svg;
 
 use rover_battmon::battery::{BatteryState, ChargeState, FailsafeSettings};
 
-use self::axis::Axis;
-use self::panel::{LEFT, Panel};
-use self::series::Series;
+use self::panel::{Axis, LEFT, Panel, Series};
 use self::svg::{Anchor, Svg};
 use crate::report::{self, Row};
 
@@ -33,23 +29,14 @@ const BAND_COLOUR: &str = "#c9b8e0";
 /// Texts of events are written in this many lines by turns, so that they do not cover each other.
 const EVENT_LINES: usize = 6;
 
-/// What is drawn beside the rows.
-pub struct Caption<'a> {
-    /// What was replayed.
-    pub title: &'a str,
-    /// What it was replayed with.
-    pub subtitle: &'a str,
-    /// When the pack counted as low.
-    pub failsafe: &'a FailsafeSettings,
-}
-
-/// The rows as an SVG picture. The same rows always make the same picture.
-pub fn plot(rows: &[Row], caption: &Caption) -> String {
+/// The rows as an SVG picture: `title` is what was replayed, `subtitle` what it was replayed with, and `failsafe` when the
+/// pack counted as low. The same rows always make the same picture.
+pub fn plot(rows: &[Row], title: &str, subtitle: &str, failsafe: &FailsafeSettings) -> String {
     let time = Axis::over(rows.iter().map(|row| row.time_s), 10);
     let mut svg = Svg::new(WIDTH, HEAD_HEIGHT + 3.0 * PANEL_HEIGHT);
-    svg.headline((LEFT, 28.0), caption.title);
-    svg.text((LEFT, 48.0), Anchor::Start, caption.subtitle);
-    voltages(&mut svg, &time, rows, caption.failsafe);
+    svg.headline((LEFT, 28.0), title);
+    svg.text((LEFT, 48.0), Anchor::Start, subtitle);
+    voltages(&mut svg, &time, rows, failsafe);
     currents(&mut svg, &time, rows);
     remaining(&mut svg, &time, rows);
     svg.finish()
@@ -179,7 +166,7 @@ fn looks(state: ChargeState) -> (&'static str, &'static str) {
 mod tests {
     use super::*;
     use crate::trace::Reported;
-    use rover_battmon::battery::{FailsafeLevel, Thresholds};
+    use rover_battmon::battery::Thresholds;
 
     fn rows() -> Vec<Row> {
         let row = |sample: u32| Row {
@@ -197,7 +184,6 @@ mod tests {
                 },
                 ..BatteryState::default()
             },
-            failsafe: FailsafeLevel::None,
             events: if sample == 3000 {
                 vec!["is < low & \"old\"".into()]
             } else {
@@ -216,12 +202,7 @@ mod tests {
             },
             ..FailsafeSettings::default()
         };
-        let caption = Caption {
-            title: "a trace",
-            subtitle: "A=1",
-            failsafe: &failsafe,
-        };
-        plot(rows, &caption)
+        plot(rows, "a trace", "A=1", &failsafe)
     }
 
     /// Goes through the tags of a document and returns how many it has; fails on one that is not closed.

@@ -15,7 +15,7 @@
 
 use std::fmt::Write;
 
-use rover_battmon::battery::{BatteryState, FailsafeLevel};
+use rover_battmon::battery::BatteryState;
 
 use crate::trace::Reported;
 
@@ -31,8 +31,6 @@ pub struct Row {
     pub time_s: f64,
     /// The state of the pack.
     pub state: BatteryState,
-    /// How urgent it is.
-    pub failsafe: FailsafeLevel,
     /// What has just happened.
     pub events: Vec<String>,
     /// What the board reported then, in a log of its own.
@@ -75,7 +73,7 @@ fn line(row: &Row) -> String {
         field(state.usable_pct),
         field(state.time_remaining_s),
         (state.charge_state as u8).to_string(),
-        (row.failsafe as u8).to_string(),
+        (state.failsafe as u8).to_string(),
     ];
     if let Some(reported) = &row.reported {
         fields.extend([
@@ -98,14 +96,16 @@ fn field(value: Option<f32>) -> String {
 #[cfg(test)]
 pub mod tests {
     use super::*;
-    use rover_battmon::battery::{Amount, ChargeState};
+    use rover_battmon::battery::{Amount, ChargeState, FailsafeLevel};
 
     /// A row of which this is known.
     pub fn row(time_s: f64, failsafe: FailsafeLevel) -> Row {
         Row {
             time_s,
-            state: BatteryState::default(),
-            failsafe,
+            state: BatteryState {
+                failsafe,
+                ..BatteryState::default()
+            },
             events: vec![],
             reported: None,
         }
@@ -119,7 +119,6 @@ pub mod tests {
                 voltage_v: Some(11.1),
                 ..BatteryState::default()
             },
-            failsafe: FailsafeLevel::None,
             events: vec![],
             reported: None,
         };
@@ -145,9 +144,9 @@ pub mod tests {
                 usable_pct: Some(5.0),
                 time_remaining_s: Some(7.0),
                 charge_state: ChargeState::Critical,
+                failsafe: FailsafeLevel::Low,
                 ..BatteryState::default()
             },
-            failsafe: FailsafeLevel::Low,
             events: vec!["is low, very".into(), "swapped".into()],
             reported: None,
         };
@@ -162,7 +161,6 @@ pub mod tests {
         let row = Row {
             time_s: 2.0,
             state: BatteryState::default(),
-            failsafe: FailsafeLevel::None,
             events: vec!["is low".into()],
             reported: Some(Reported {
                 consumed_mah: Some(3.5),

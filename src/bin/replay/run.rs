@@ -1,14 +1,136 @@
-//! A trace through the monitor.
+//! A trace through the monitor, and the parameters it is replayed with.
+
+use std::fmt;
+use std::str::FromStr;
 
 use rover_battmon::battery::{BatteryMonitor, LearntPack, Measurement, PackSettings, ReadError, Tick};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::Parameters;
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, Range, Refused};
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::ArmState;
 
 use crate::report::Row;
-use crate::settings::Inputs;
 use crate::trace::{Sample, Trace};
+
+/// `BATT_MONITOR`: which of the trace's columns the monitor is given.
+const VOLTAGE_ONLY: i32 = 3;
+const VOLTAGE_AND_CURRENT: i32 = 4;
+const CURRENT_ONLY: i32 = 31;
+
+/// A parameter and its value, as in `BATT_CELLS=3`.
+#[derive(Clone, Copy, Debug)]
+pub struct Assignment {
+    id: ParameterId,
+    value: f32,
+}
+
+impl FromStr for Assignment {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, value) = text.split_once('=').ok_or("NAME=VALUE is needed")?;
+        Ok(Self {
+            id: ParameterId::from_name(name.as_bytes()).ok_or_else(|| format!("no parameter {name}"))?,
+            value: value
+                .parse()
+                .map_err(|_| format!("{value:?} is not a number for {name}"))?,
+        })
+    }
+}
+
+impl fmt::Display for Assignment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}={}", self.id.name(), self.value)
+    }
+}
+
+/// `parameters` with these assignments, in their order. `BATT_MONITOR` of `pack` is what the trace has, unless it is
+/// assigned.
+pub fn assign(
+    mut parameters: Parameters,
+    assignments: &[Assignment],
+    pack: Pack,
+    trace: &Trace,
+) -> Result<Parameters, String> {
+    let monitor = Assignment {
+        id: BatteryParameter::Monitor.of(pack),
+        value: if trace.has_current() {
+            VOLTAGE_AND_CURRENT
+        } else {
+            VOLTAGE_ONLY
+        } as f32,
+    };
+    for Assignment { id, value } in [&monitor].into_iter().chain(assignments) {
+        parameters.set(*id, *value).map_err(|refused| match refused {
+            Refused::OutOfRange => format!("{} can't be {value}: {}", id.name(), valid(&id.row().range)),
+            Refused::ReadOnly => format!("{} can't be set", id.name()),
+        })?;
+    }
+    Ok(parameters)
+}
+
+/// The parameters among the assignments that are not as they were, with both values.
+pub fn changes(own: &Parameters, changed: &Parameters, assignments: &[Assignment]) -> Vec<String> {
+    let mut changes = vec![];
+    for Assignment { id, .. } in assignments {
+        let (before, value) = (own.get(*id), changed.get(*id));
+        let change = format!("{} {value} instead of {before}", id.name());
+        if value != before && !changes.contains(&change) {
+            changes.push(change);
+        }
+    }
+    changes
+}
+
+/// The values in a range, in words.
+fn valid(range: &Range) -> String {
+    match range {
+        Range::Between(lowest, highest) => format!("{lowest} to {highest}"),
+        Range::OneOf(values) => joined(values.iter().map(|(value, _)| value.to_string())),
+        Range::Bits(bits) => format!(
+            "a sum of {}",
+            joined(bits.iter().map(|(bit, _)| (1u64 << bit).to_string()))
+        ),
+    }
+}
+
+fn joined(values: impl Iterator<Item = String>) -> String {
+    values.collect::<Vec<_>>().join(", ")
+}
+
+/// What the monitor is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Inputs {
+    /// The trace's voltage.
+    pub voltage: bool,
+    /// The trace's current.
+    pub current: bool,
+}
+
+impl Inputs {
+    /// By `BATT_MONITOR` of `pack`.
+    pub fn from_parameters(parameters: &Parameters, pack: Pack) -> Result<Self, String> {
+        let monitor = BatteryParameter::Monitor.of(pack);
+        match parameters.get_whole(monitor) {
+            VOLTAGE_ONLY => Ok(Self {
+                voltage: true,
+                current: false,
+            }),
+            VOLTAGE_AND_CURRENT => Ok(Self {
+                voltage: true,
+                current: true,
+            }),
+            CURRENT_ONLY => Ok(Self {
+                voltage: false,
+                current: true,
+            }),
+            other => Err(format!(
+                "{} {other} can't be replayed: 3, 4 and 31 can",
+                monitor.name()
+            )),
+        }
+    }
+}
 
 /// What a fresh monitor with the parameters of `pack` makes of each reading of the trace; `learnt` is known of the pack and
 /// updated as flash would be.
@@ -27,7 +149,6 @@ pub fn run(
         Row {
             time_s: sample.time_s,
             state: *monitor.state(),
-            failsafe: monitor.state().failsafe,
             events: update.events.iter().map(ToString::to_string).collect(),
             reported: sample.reported,
         }
@@ -61,4 +182,76 @@ fn reading(sample: &Sample, inputs: Inputs) -> Result<Measurement, ReadError> {
         cells: sample.cells,
         ..Measurement::default()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn inputs(trace: &str, assignments: &[&str]) -> Result<Inputs, String> {
+        let assignments: Result<Vec<Assignment>, _> = assignments.iter().map(|text| text.parse()).collect();
+        let trace = Trace::parse(trace.as_bytes()).expect("a trace");
+        let parameters = assign(Parameters::defaults(), &assignments?, Pack::First, &trace)?;
+        Inputs::from_parameters(&parameters, Pack::First)
+    }
+
+    const WITH_CURRENT: &str = "t_s,voltage_v,current_a\n0,7.9,1.5\n";
+    const WITHOUT_CURRENT: &str = "t_s,voltage_v\n0,7.9\n";
+
+    #[test]
+    fn the_monitor_is_given_what_the_trace_has_or_less() {
+        let both = Inputs {
+            voltage: true,
+            current: true,
+        };
+        let voltage = Inputs {
+            current: false,
+            ..both
+        };
+        let current = Inputs {
+            voltage: false,
+            ..both
+        };
+        assert_eq!(inputs(WITH_CURRENT, &[]), Ok(both));
+        assert_eq!(inputs(WITHOUT_CURRENT, &[]), Ok(voltage));
+        assert_eq!(inputs(WITH_CURRENT, &["BATT_MONITOR=3"]), Ok(voltage));
+        assert_eq!(inputs(WITH_CURRENT, &["BATT_MONITOR=31"]), Ok(current));
+    }
+
+    #[test]
+    fn changes_are_parameters_that_differ_once_each() {
+        let assignments: Vec<Assignment> = ["BATT_LOW_VOLT=10", "BATT_CELLS=0", "BATT_LOW_VOLT=10.8"]
+            .map(|text| text.parse().expect("an assignment"))
+            .into();
+        let own = Parameters::defaults();
+        let trace = Trace::parse(WITH_CURRENT.as_bytes()).expect("a trace");
+        let changed = assign(own.clone(), &assignments, Pack::First, &trace).expect("in range");
+        assert_eq!(
+            changes(&own, &changed, &assignments),
+            ["BATT_LOW_VOLT 10.8 instead of 0"]
+        );
+    }
+
+    #[test]
+    fn what_can_not_be_set_is_said() {
+        for (assignment, expected) in [
+            ("BATT_CELLS", "NAME=VALUE is needed"),
+            ("BATT_SELLS=3", "no parameter BATT_SELLS"),
+            ("BATT_CELLS=three", "\"three\" is not a number for BATT_CELLS"),
+            ("BATT_CELLS=99", "BATT_CELLS can't be 99: 0 to 16"),
+            ("BATT_CAPACITY=NaN", "BATT_CAPACITY can't be NaN: 0 to 1000000"),
+            ("BATT_FS_VOLTSRC=2", "BATT_FS_VOLTSRC can't be 2: 0, 1"),
+            (
+                "BATT_SUM_MASK=512",
+                "BATT_SUM_MASK can't be 512: a sum of 1, 2, 4, 8, 16, 32, 64, 128, 256",
+            ),
+            ("BATT_LRN_CAP=2000", "BATT_LRN_CAP can't be set"),
+            (
+                "BATT_MONITOR=10",
+                "BATT_MONITOR 10 can't be replayed: 3, 4 and 31 can",
+            ),
+        ] {
+            assert_eq!(inputs(WITH_CURRENT, &[assignment]), Err(expected.into()));
+        }
+    }
 }

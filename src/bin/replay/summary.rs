@@ -139,7 +139,7 @@ fn learnt(known: &LearntPack, now: &LearntPack) -> String {
 
 /// The row in which a level was reached first.
 pub fn reached(rows: &[Row], level: FailsafeLevel) -> Option<&Row> {
-    rows.iter().find(|row| row.failsafe == level)
+    rows.iter().find(|row| row.state.failsafe == level)
 }
 
 impl Summary<'_> {
@@ -225,7 +225,7 @@ fn thresholds(settings: &FailsafeSettings, level: FailsafeLevel, pack: Pack) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{self, Inputs};
+    use crate::run::{Inputs, assign};
     use crate::trace::Sample;
     use crate::{plot, report, run};
     use proptest::prelude::*;
@@ -238,19 +238,13 @@ mod tests {
             .map(|text| text.parse().expect("an assignment"))
             .collect();
         let pack = Pack::First;
-        let parameters =
-            settings::assign(Parameters::defaults(), &assignments, pack, trace).expect("in range");
+        let parameters = assign(Parameters::defaults(), &assignments, pack, trace).expect("in range");
         let inputs = Inputs::from_parameters(&parameters, pack).expect("what the trace has");
         let mut learnt = LearntPack::UNKNOWN;
         let rows = run::run(trace, pack, inputs, &parameters, &mut learnt);
         let settings = PackSettings::from_parameters(&parameters, pack);
-        let caption = plot::Caption {
-            title: "",
-            subtitle: "",
-            failsafe: &settings.failsafe,
-        };
         // Nothing that is said, written or drawn may fail.
-        let _ = (report::csv(&rows), plot::plot(&rows, &caption));
+        let _ = (report::csv(&rows), plot::plot(&rows, "", "", &settings.failsafe));
         Summary {
             trace,
             rows: &rows,

@@ -12,8 +12,6 @@
 //! by commas, or by semicolons or tabs; with the latter two, numbers may have a decimal comma. Empty lines and those that begin
 //! with `#` are skipped.
 
-use std::fmt;
-
 use rover_battmon::battery::CellVoltages;
 
 /// What some recorders write into every row when there is no sensor of the current.
@@ -88,26 +86,13 @@ pub struct Reported {
     pub charge_state: Option<u8>,
 }
 
-/// Why a file is not a trace.
-#[derive(Debug, PartialEq)]
-pub struct TraceError {
-    line: usize,
-    message: String,
-}
-
-impl fmt::Display for TraceError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}: {}", self.line, self.message)
-    }
-}
-
 impl Trace {
     /// Reads a trace from its file.
     ///
     /// # Errors
     /// The first line that does not belong to a trace, and what it should be.
-    pub fn parse(bytes: &[u8]) -> Result<Self, TraceError> {
-        let at = |line| move |message| TraceError { line, message };
+    pub fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let at = |line: u32| move |message: String| format!("line {line}: {message}");
         if BYTE_ORDER_MARKS_OF_UTF16
             .iter()
             .any(|mark| bytes.starts_with(mark))
@@ -365,7 +350,7 @@ mod tests {
     }
 
     fn message(text: &str) -> String {
-        Trace::parse(text.as_bytes()).expect_err("no trace").to_string()
+        Trace::parse(text.as_bytes()).expect_err("no trace")
     }
 
     #[test]
@@ -413,7 +398,7 @@ mod tests {
         let trace = Trace::parse(latin_1).expect("a trace");
         assert_eq!(trace.samples[0].voltage_v, Some(7.9));
         let utf_16 = b"\xff\xfet\x00_\x00s\x00";
-        let error = Trace::parse(utf_16).expect_err("no trace").to_string();
+        let error = Trace::parse(utf_16).expect_err("no trace");
         assert_eq!(error, "line 1: UTF-16 can't be read: save the file as UTF-8");
     }
 

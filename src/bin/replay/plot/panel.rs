@@ -1,7 +1,5 @@
-//! One of the diagrams below each other.
+//! One of the diagrams below each other, its scales and its lines.
 
-use super::axis::Axis;
-use super::series::{Point, Series};
 use super::svg::{Anchor, Svg};
 use super::{HEAD_HEIGHT, PANEL_HEIGHT, WIDTH};
 
@@ -134,5 +132,164 @@ impl<'a> Panel<'a> {
         } else {
             svg.label((x - 4.0, y), Anchor::End, text);
         }
+    }
+}
+
+/// A scale from one round number to another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    lowest: f64,
+    highest: f64,
+    step: f64,
+}
+
+impl Axis {
+    /// A scale that holds all of these values, with about this many ticks.
+    pub fn over(values: impl IntoIterator<Item = f64>, ticks: u32) -> Self {
+        let (lowest, highest) = values
+            .into_iter()
+            .map(|value| (value, value))
+            .reduce(|(lowest, highest), (value, _)| (f64::min(lowest, value), f64::max(highest, value)))
+            .unwrap_or((0.0, 1.0));
+        let step = round_step((highest - lowest) / f64::from(ticks));
+        let lowest = (lowest / step).floor() * step;
+        Self {
+            lowest,
+            highest: ((highest / step).ceil() * step).max(lowest + step),
+            step,
+        }
+    }
+
+    /// Where a value lies: 0 at the lowest end, 1 at the highest.
+    pub fn share(&self, value: f64) -> f64 {
+        (value - self.lowest) / (self.highest - self.lowest)
+    }
+
+    /// The round numbers of the scale, with how each is written.
+    pub fn ticks(&self) -> impl Iterator<Item = (f64, String)> {
+        let Self {
+            lowest,
+            highest,
+            step,
+        } = *self;
+        let count = ((highest - lowest) / step).round() as u32;
+        let decimals = (-step.log10().floor()).max(0.0) as usize;
+        (0..=count).map(move |number| {
+            let value = lowest + f64::from(number) * step;
+            (value, format!("{value:.decimals$}"))
+        })
+    }
+}
+
+/// The next of 1, 2 and 5 times a power of ten.
+fn round_step(step: f64) -> f64 {
+    // Values that are all the same need a scale, too.
+    let step = step.max(1e-3);
+    let decade = 10f64.powf(step.log10().floor());
+    [1.0, 2.0, 5.0]
+        .into_iter()
+        .map(|factor| factor * decade)
+        .find(|round| *round >= step)
+        .unwrap_or(10.0 * decade)
+}
+
+/// Of this many neighbours the lowest and the highest are drawn: no spike is lost.
+const MOST_CHUNKS: usize = 1000;
+
+/// A point of a line: seconds and a value.
+pub type Point = (f64, f64);
+
+/// A value over time.
+pub struct Series<'a> {
+    /// What it is.
+    pub name: &'a str,
+    /// How it is drawn.
+    pub colour: &'a str,
+    points: Vec<(f64, Option<f64>)>,
+}
+
+impl<'a> Series<'a> {
+    /// The values at these times, as far as they are known.
+    pub fn new(name: &'a str, colour: &'a str, points: Vec<(f64, Option<f64>)>) -> Self {
+        Self { name, colour, points }
+    }
+
+    /// All values that are known.
+    pub fn values(&self) -> impl Iterator<Item = f64> {
+        self.points.iter().filter_map(|(_, value)| *value)
+    }
+
+    /// At most two thousand points, in pieces that end where the value is not known for long enough to be seen.
+    pub fn pieces(&self) -> Vec<Vec<Point>> {
+        let size = self.points.len().div_ceil(MOST_CHUNKS).max(1);
+        let chunks: Vec<Vec<Point>> = self.points.chunks(size).map(extremes).collect();
+        chunks
+            .split(Vec::is_empty)
+            .map(<[_]>::concat)
+            .filter(|piece| !piece.is_empty())
+            .collect()
+    }
+}
+
+/// The lowest and the highest of these points, in the order of time.
+fn extremes(points: &[(f64, Option<f64>)]) -> Vec<Point> {
+    let known = || {
+        points
+            .iter()
+            .filter_map(|(time_s, value)| Some((*time_s, (*value)?)))
+    };
+    let by_value = |a: &Point, b: &Point| a.1.total_cmp(&b.1);
+    let mut both: Vec<Point> = known()
+        .min_by(by_value)
+        .into_iter()
+        .chain(known().max_by(by_value))
+        .collect();
+    both.sort_by(|a, b| a.0.total_cmp(&b.0));
+    both.dedup();
+    both
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ticks(values: &[f64], ticks: u32) -> Vec<String> {
+        let axis = Axis::over(values.iter().copied(), ticks);
+        axis.ticks().map(|(_, text)| text).collect()
+    }
+
+    #[test]
+    fn ticks_are_round_numbers_around_the_values() {
+        assert_eq!(ticks(&[0.0, 100.0], 5), ["0", "20", "40", "60", "80", "100"]);
+        assert_eq!(
+            ticks(&[10.31, 12.58], 6),
+            ["10.0", "10.5", "11.0", "11.5", "12.0", "12.5", "13.0"]
+        );
+        assert_eq!(ticks(&[-3.0, 8.0], 4), ["-5", "0", "5", "10"]);
+    }
+
+    #[test]
+    fn one_value_and_none_have_a_scale() {
+        let axis = Axis::over([7.4], 6);
+        assert!((0.0..=1.0).contains(&axis.share(7.4)));
+        assert!(axis.ticks().count() >= 2);
+        assert!(Axis::over([], 6).share(0.5).is_finite());
+    }
+
+    #[test]
+    fn a_long_series_keeps_its_spikes() {
+        let points = (0..60_000).map(|n| (f64::from(n), Some(if n == 31_234 { 9.0 } else { 1.0 })));
+        let pieces = Series::new("", "", points.collect()).pieces();
+        assert_eq!(pieces.len(), 1);
+        assert!(pieces[0].len() <= 2000);
+        assert!(pieces[0].contains(&(31_234.0, 9.0)));
+        assert!(pieces[0].is_sorted_by(|a, b| a.0 < b.0));
+    }
+
+    #[test]
+    fn a_gap_parts_the_line() {
+        let points = vec![(0.0, Some(1.0)), (1.0, Some(2.0)), (2.0, None), (3.0, Some(4.0))];
+        let pieces = Series::new("", "", points).pieces();
+        assert_eq!(pieces, [vec![(0.0, 1.0), (1.0, 2.0)], vec![(3.0, 4.0)]]);
     }
 }
