@@ -1,10 +1,10 @@
-//! From bytes to MAVLink 2 frames and back.
+//! From bytes to MAVLink 2 frames and back, and the requests of a ground station.
 //!
 //! Not by the firmware's own parser, which is under test here, and which skips the damage between frames that is reported here.
 
 use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message, calculate_crc};
 
-use crate::mavlink::dialect::MavMessage;
+use crate::mavlink::dialect::{COMMAND_LONG_DATA, MavCmd, MavMessage, MavParamType, PARAM_SET_DATA};
 
 const START: u8 = 0xfd;
 const FLAG_SIGNED: u8 = 1;
@@ -107,6 +107,34 @@ fn examine(bytes: &[u8]) -> Option<(usize, Frame)> {
         message: MavMessage::parse(MavlinkVersion::V2, message_id, payload).ok(),
     };
     Some((end, frame))
+}
+
+/// Requests are for the autopilot, `MAV_COMP_ID_AUTOPILOT1`, whatever id the board sends with.
+pub const AUTOPILOT: u8 = 1;
+
+/// COMMAND_LONG with the first four parameters; the others are 0.
+pub fn command(target_system: u8, command: MavCmd, [param1, param2, param3, param4]: [f32; 4]) -> MavMessage {
+    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+        command,
+        param1,
+        param2,
+        param3,
+        param4,
+        target_system,
+        target_component: AUTOPILOT,
+        ..COMMAND_LONG_DATA::DEFAULT
+    })
+}
+
+/// PARAM_SET.
+pub fn set_parameter(target_system: u8, name: &str, value: f32) -> MavMessage {
+    MavMessage::PARAM_SET(PARAM_SET_DATA {
+        param_value: value,
+        target_system,
+        target_component: AUTOPILOT,
+        param_id: name.into(),
+        param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+    })
 }
 
 /// The bytes of a ground station's frame.

@@ -28,17 +28,83 @@ pub struct Drive {
 impl Drive {
     /// The drive of `pack`, or why there is none.
     pub fn of_pack(log: &Log, pack: Pack) -> Result<Self, String> {
-        let mut reader = Reader::new(pack);
-        log.records.iter().for_each(|record| reader.take(record));
-        if reader.samples.is_empty() {
+        let mut drive = Self {
+            trace: Trace { samples: vec![] },
+            parameters: None,
+        };
+        let mut armed = false;
+        for record in log.records.iter().filter(|record| !is_of_another(record, pack)) {
+            match record.name() {
+                "PARM" => drive.parameter(record),
+                "ARM" => armed = record.number("ArmState") == Some(1.0),
+                "BAT" => drive.reading(record, armed),
+                "BATX" => drive.estimate(record),
+                "BCL" => drive.cells(record, 0..FIRST_CELLS),
+                "BCL2" => drive.cells(record, FIRST_CELLS..MAX_CELLS),
+                _ => {}
+            }
+        }
+        if drive.trace.samples.is_empty() {
             return Err(no_reading(log, pack));
         }
-        Ok(Self {
-            trace: Trace {
-                samples: reader.samples,
-            },
-            parameters: reader.parameters,
-        })
+        Ok(drive)
+    }
+
+    /// What another version has set does not matter here: a parameter that is not known, or a value out of range.
+    fn parameter(&mut self, record: &Record) {
+        let id = record
+            .text("Name")
+            .and_then(|name| ParameterId::from_name(name.as_bytes()));
+        if let Some((id, value)) = id.zip(number(record, "Value")) {
+            let parameters = self.parameters.get_or_insert_with(Parameters::defaults);
+            let _ = parameters.set(id, value);
+        }
+    }
+
+    fn reading(&mut self, record: &Record, armed: bool) {
+        let Some(time_us) = record.number("TimeUS") else {
+            return;
+        };
+        self.trace.samples.push(Sample {
+            time_s: time_us / 1e6,
+            voltage_v: number(record, "Volt"),
+            current_a: number(record, "Curr"),
+            // Logs of ArduPilot before 4.6 do not say.
+            healthy: record.number("H") != Some(0.0),
+            armed,
+            // 0 is unknown.
+            temperature_c: number(record, "Temp").filter(|celsius| *celsius != 0.0),
+            cells: CellVoltages::NONE,
+            reported: Some(Reported {
+                consumed_mah: number(record, "CurrTot"),
+                remaining_pct: number(record, "RemPct").filter(|pct| *pct != REMAINING_UNKNOWN_PCT),
+                charge_state: None,
+            }),
+        });
+    }
+
+    /// It follows the reading that it belongs to.
+    fn estimate(&mut self, record: &Record) {
+        let Some(sample) = self.trace.samples.last_mut() else {
+            return;
+        };
+        // A pack that is not connected is not healthy, and its sensor works.
+        sample.healthy = record.number("Stat") != Some(UNHEALTHY);
+        if let Some(reported) = &mut sample.reported {
+            reported.remaining_pct = number(record, "SoC").or(reported.remaining_pct);
+            reported.charge_state = record.number("State").map(|state| state as u8);
+        }
+    }
+
+    /// They follow the reading that they belong to. A cell that does not exist is 0.
+    fn cells(&mut self, record: &Record, places: std::ops::Range<usize>) {
+        let Some(sample) = self.trace.samples.last_mut() else {
+            return;
+        };
+        let mut millivolts = sample.cells.millivolts().to_vec();
+        let cells = places.map_while(|place| record.number(&format!("V{}", place + 1)));
+        millivolts.extend(cells.take_while(|mv| *mv > 0.0).map(|mv| mv as u16));
+        sample.cells = CellVoltages::from_millivolts(&millivolts);
     }
 }
 
@@ -63,96 +129,10 @@ fn is_of(record: &Record, name: &str, pack: Pack) -> bool {
     record.name() == name && record.number("Inst") == Some(f64::from(pack.instance()))
 }
 
-/// What is read so far.
-struct Reader {
-    pack: Pack,
-    samples: Vec<Sample>,
-    parameters: Option<Parameters>,
-    armed: bool,
-}
-
-impl Reader {
-    fn new(pack: Pack) -> Self {
-        Self {
-            pack,
-            samples: vec![],
-            parameters: None,
-            armed: false,
-        }
-    }
-
-    fn take(&mut self, record: &Record) {
-        let instance = record.number("Inst").or(record.number("Instance"));
-        if instance.is_some_and(|instance| instance != f64::from(self.pack.instance())) {
-            return;
-        }
-        match record.name() {
-            "PARM" => self.parameter(record),
-            "ARM" => self.armed = record.number("ArmState") == Some(1.0),
-            "BAT" => self.reading(record),
-            "BATX" => self.estimate(record),
-            "BCL" => self.cells(record, 0..FIRST_CELLS),
-            "BCL2" => self.cells(record, FIRST_CELLS..MAX_CELLS),
-            _ => {}
-        }
-    }
-
-    /// What another version has set does not matter here: a parameter that is not known, or a value out of range.
-    fn parameter(&mut self, record: &Record) {
-        let id = record
-            .text("Name")
-            .and_then(|name| ParameterId::from_name(name.as_bytes()));
-        if let Some((id, value)) = id.zip(number(record, "Value")) {
-            let parameters = self.parameters.get_or_insert_with(Parameters::defaults);
-            let _ = parameters.set(id, value);
-        }
-    }
-
-    fn reading(&mut self, record: &Record) {
-        let Some(time_us) = record.number("TimeUS") else {
-            return;
-        };
-        self.samples.push(Sample {
-            time_s: time_us / 1e6,
-            voltage_v: number(record, "Volt"),
-            current_a: number(record, "Curr"),
-            // Logs of ArduPilot before 4.6 do not say.
-            healthy: record.number("H") != Some(0.0),
-            armed: self.armed,
-            // 0 is unknown.
-            temperature_c: number(record, "Temp").filter(|celsius| *celsius != 0.0),
-            cells: CellVoltages::NONE,
-            reported: Some(Reported {
-                consumed_mah: number(record, "CurrTot"),
-                remaining_pct: number(record, "RemPct").filter(|pct| *pct != REMAINING_UNKNOWN_PCT),
-                charge_state: None,
-            }),
-        });
-    }
-
-    /// It follows the reading that it belongs to.
-    fn estimate(&mut self, record: &Record) {
-        let Some(sample) = self.samples.last_mut() else {
-            return;
-        };
-        // A pack that is not connected is not healthy, and its sensor works.
-        sample.healthy = record.number("Stat") != Some(UNHEALTHY);
-        if let Some(reported) = &mut sample.reported {
-            reported.remaining_pct = number(record, "SoC").or(reported.remaining_pct);
-            reported.charge_state = record.number("State").map(|state| state as u8);
-        }
-    }
-
-    /// They follow the reading that they belong to. A cell that does not exist is 0.
-    fn cells(&mut self, record: &Record, places: std::ops::Range<usize>) {
-        let Some(sample) = self.samples.last_mut() else {
-            return;
-        };
-        let mut millivolts = sample.cells.millivolts().to_vec();
-        let cells = places.map_while(|place| record.number(&format!("V{}", place + 1)));
-        millivolts.extend(cells.take_while(|mv| *mv > 0.0).map(|mv| mv as u16));
-        sample.cells = CellVoltages::from_millivolts(&millivolts);
-    }
+/// Whether a record names another pack.
+fn is_of_another(record: &Record, pack: Pack) -> bool {
+    let instance = record.number("Inst").or(record.number("Instance"));
+    instance.is_some_and(|instance| instance != f64::from(pack.instance()))
 }
 
 fn number(record: &Record, column: &str) -> Option<f32> {

@@ -4,10 +4,10 @@ use std::sync::mpsc::TryRecvError;
 
 use super::evidence::{BoardStart, Gap, Interruption, Received, Record, Restarted, RoundTrip};
 use super::port::{Owner, Port};
-use crate::host::frames::{Frame, FrameReader, frame};
+use crate::host::frames::{self, AUTOPILOT, Frame, FrameReader, frame};
 use crate::mavlink::dialect::{
-    COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult, MavState,
-    MavType, TIMESYNC_DATA,
+    HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult, MavState, MavType,
+    TIMESYNC_DATA,
 };
 use crate::time::Instant;
 
@@ -24,9 +24,6 @@ const ACK_TIMEOUT_US: u64 = 2_000_000;
 
 /// Until what was set is saved (3.3 s), the board has started and its port is there again.
 const RESTART_TIMEOUT_US: u64 = 12_000_000;
-
-/// Requests are for the autopilot, `MAV_COMP_ID_AUTOPILOT1`, whatever id the board sends with.
-pub(super) const AUTOPILOT: u8 = 1;
 
 const MAVLINK_VERSION: u8 = 3;
 
@@ -169,20 +166,8 @@ impl<'a> Session<'a> {
     }
 
     /// Sends a command without waiting.
-    pub fn post_command(&mut self, command: MavCmd, [param1, param2, param3, param4]: [f32; 4]) {
-        self.send(&MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-            param1,
-            param2,
-            param3,
-            param4,
-            param5: 0.0,
-            param6: 0.0,
-            param7: 0.0,
-            command,
-            target_system: self.system_id(),
-            target_component: AUTOPILOT,
-            confirmation: 0,
-        }));
+    pub fn post_command(&mut self, command: MavCmd, parameters: [f32; 4]) {
+        self.send(&frames::command(self.system_id(), command, parameters));
     }
 
     /// Has the board restart, by MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN with these parameters, and waits until it runs again.

@@ -10,16 +10,15 @@ use embedded_io_async::{ErrorType, Write};
 
 use super::console::Level;
 use super::status::driving;
-use crate::host::frames::{FrameReader, frame};
+use crate::host::frames::{self, FrameReader, frame, set_parameter};
 use crate::mavlink::dialect::{
-    COMMAND_LONG_DATA, HEARTBEAT_DATA, MANUAL_CONTROL_DATA, MavCmd, MavMessage, MavModeFlag, MavParamType,
-    PARAM_SET_DATA, STATUSTEXT_DATA,
+    HEARTBEAT_DATA, MANUAL_CONTROL_DATA, MavCmd, MavMessage, MavModeFlag, STATUSTEXT_DATA,
 };
 use crate::tasks::{ByteSource, ReceiveError};
 use crate::vehicle::ArmState;
 use crate::vehicle::Mode;
 
-/// The vehicle's system and component id: a scenario sets none.
+/// The vehicle's system id: a scenario sets none.
 const VEHICLE: u8 = 1;
 
 /// The ground station. A reference to it is both ends of its wire.
@@ -53,13 +52,7 @@ impl<H: Fn(Level, &str)> Station<H> {
 
     /// Sets a parameter (PARAM_SET).
     pub fn set(&self, name: &str, value: f32) {
-        self.send(&MavMessage::PARAM_SET(PARAM_SET_DATA {
-            param_value: value,
-            target_system: VEHICLE,
-            target_component: VEHICLE,
-            param_id: name.into(),
-            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
-        }));
+        self.send(&set_parameter(VEHICLE, name, value));
     }
 
     /// Arms or disarms (MAV_CMD_COMPONENT_ARM_DISARM).
@@ -91,14 +84,7 @@ impl<H: Fn(Level, &str)> Station<H> {
     }
 
     fn command(&self, command: MavCmd, param1: f32, param2: f32) {
-        self.send(&MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
-            command,
-            param1,
-            param2,
-            target_system: VEHICLE,
-            target_component: VEHICLE,
-            ..COMMAND_LONG_DATA::DEFAULT
-        }));
+        self.send(&frames::command(VEHICLE, command, [param1, param2, 0.0, 0.0]));
     }
 
     fn send(&self, message: &MavMessage) {

@@ -1,10 +1,10 @@
 //! Reads and sets parameters.
 
 use crate::host::board_check::evidence::{Evidence, Interruption, ParameterList};
-use crate::host::board_check::session::{AUTOPILOT, Session};
+use crate::host::board_check::session::Session;
+use crate::host::frames::{AUTOPILOT, set_parameter};
 use crate::mavlink::dialect::{
-    MavMessage, MavParamType, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
-    PARAM_VALUE_DATA,
+    MavMessage, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_VALUE_DATA,
 };
 
 /// A list pauses for less, also on a slow link.
@@ -102,13 +102,7 @@ pub(super) fn set(session: &mut Session<'_>, name: &str, value: f32) -> Result<O
 
 /// Sets a parameter without waiting.
 pub(super) fn post_set(session: &mut Session<'_>, name: &str, value: f32) {
-    session.send(&MavMessage::PARAM_SET(PARAM_SET_DATA {
-        param_value: value,
-        target_system: session.system_id(),
-        target_component: AUTOPILOT,
-        param_id: name.into(),
-        param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
-    }));
+    session.send(&set_parameter(session.system_id(), name, value));
 }
 
 /// The value of a parameter that the board answers; `None` without an answer.

@@ -9,7 +9,7 @@ mod table;
 use std::fmt;
 
 use super::SimulatedPack;
-use crate::battery::ArmState;
+use crate::vehicle::ArmState;
 use crate::parameter::{ParameterId, Parameters};
 use crate::vehicle::Mode;
 

@@ -1,7 +1,7 @@
 //! The scenarios, a table each.
 
 use super::{Action, Scenario, Step};
-use crate::battery::ArmState;
+use crate::vehicle::ArmState;
 use crate::host::sim::{PackModel, SHUNT_OHM, SimulatedPack};
 use crate::vehicle::Mode;
 
