@@ -160,6 +160,7 @@ impl PackSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parameter::Range;
 
     #[test]
     fn defaults_disable_what_is_not_set() {
@@ -180,8 +181,42 @@ mod tests {
         assert_eq!(settings, expected);
     }
 
+    /// Parameters that are no settings of the monitor: sensors, sums, failsafe actions and learning read them.
+    fn is_read_elsewhere(parameter: BatteryParameter) -> bool {
+        use BatteryParameter::*;
+        let of_sensors = [
+            VoltPin, VoltMult, VltOffset, CurrPin, AmpPervlt, AmpOffset, MaxVolt, I2cBus, I2cAddr, Shunt,
+            MaxAmps, Channel, FlVltMin, FlVMult, FlFltr, FlPin, FlFf, FlFs, FlFt, FlOff, CurrMult, EscMask,
+        ];
+        let of_others = [SumMask, FsLowAct, FsCrtAct, FsUnhAct, LrnCap, LrnRes, LrnErase];
+        of_sensors.contains(&parameter) || of_others.contains(&parameter)
+    }
+
+    /// Values from all over a range; of a bit mask each bit.
+    fn values_of(range: Range) -> Vec<f32> {
+        match range {
+            Range::Between(lowest, highest) => vec![lowest, highest],
+            Range::OneOf(values) => values.iter().map(|(value, _)| *value as f32).collect(),
+            Range::Bits(bits) => bits.iter().map(|(bit, _)| (1u32 << bit) as f32).collect(),
+        }
+    }
+
     #[test]
-    fn every_parameter_reaches_its_setting_in_its_pack_only() {
+    fn every_parameter_of_the_table_changes_a_setting_or_is_read_elsewhere() {
+        let defaults = Parameters::defaults();
+        let before = PackSettings::from_parameters(&defaults, Pack::Third);
+        for parameter in BatteryParameter::ALL {
+            let changes_a_setting = values_of(parameter.row().range).into_iter().any(|value| {
+                let mut parameters = defaults.clone();
+                let was_set = parameters.set(parameter.of(Pack::Third), value).is_ok();
+                was_set && PackSettings::from_parameters(&parameters, Pack::Third) != before
+            });
+            assert_eq!(changes_a_setting, !is_read_elsewhere(parameter), "{parameter:?}");
+        }
+    }
+
+    #[test]
+    fn parameters_reach_their_settings_in_their_pack_only() {
         let mut parameters = Parameters::defaults();
         for (parameter, value) in [
             (BatteryParameter::Chem, 3.0),
