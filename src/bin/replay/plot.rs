@@ -1,12 +1,14 @@
 //! The estimates for a trace, as a picture: voltages, current, and the remaining charge with its uncertainty, the
 //! usable charge and the charge states.
 
+mod axis;
 mod panel;
 mod svg;
 
 use rover_battmon::battery::{BatteryState, ChargeState, FailsafeSettings};
 
-use self::panel::{Axis, LEFT, Panel, Series};
+use self::axis::Axis;
+use self::panel::{LEFT, Panel, Series};
 use self::svg::{Anchor, Svg};
 use crate::report::{self, Row};
 
@@ -32,7 +34,7 @@ const EVENT_LINES: usize = 6;
 /// The rows as an SVG picture: `title` is what was replayed, `subtitle` what it was replayed with, and `failsafe` when the
 /// pack counted as low. The same rows always make the same picture.
 pub fn plot(rows: &[Row], title: &str, subtitle: &str, failsafe: &FailsafeSettings) -> String {
-    let time = Axis::over(rows.iter().map(|row| row.time_s), 10);
+    let time = Axis::over_time(rows.iter().map(|row| row.time_s), 10);
     let mut svg = Svg::new(WIDTH, HEAD_HEIGHT + 3.0 * PANEL_HEIGHT);
     svg.headline((LEFT, 28.0), title);
     svg.text((LEFT, 48.0), Anchor::Start, subtitle);
@@ -69,7 +71,7 @@ fn voltages(svg: &mut Svg, time: &Axis, rows: &[Row], failsafe: &FailsafeSetting
     let limits_v = limits.clone().map(|(_, limit_v)| limit_v);
     let axis = Axis::over(lines.iter().flat_map(Series::values).chain(limits_v), 6);
     let panel = Panel::new("Voltage (V)", 0, time, axis);
-    panel.draw(svg, &lines);
+    panel.draw(svg, &lines, &[]);
     for (name, limit_v) in limits {
         panel.limit(svg, limit_v, name);
     }
@@ -80,7 +82,7 @@ fn currents(svg: &mut Svg, time: &Axis, rows: &[Row]) {
     let lines = [series(rows, "current", CURRENT, |state| state.current_a)];
     let axis = Axis::over(lines.iter().flat_map(Series::values), 6);
     let panel = Panel::new("Current (A)", 1, time, axis);
-    panel.draw(svg, &lines);
+    panel.draw(svg, &lines, &[]);
     marks(svg, &panel, rows);
 }
 
@@ -106,8 +108,7 @@ fn remaining(svg: &mut Svg, time: &Axis, rows: &[Row]) {
         })
     });
     panel.between(svg, &lower, &upper);
-    panel.draw(svg, &lines);
-    panel.legend(svg, lines.len(), &shown);
+    panel.draw(svg, &lines, &shown);
     marks(svg, &panel, rows);
     events(svg, &panel, rows);
 }
@@ -237,7 +238,7 @@ mod tests {
             "Voltage (V)",
             "Current (A)",
             "Remaining charge (%)",
-            "time (s)",
+            "time (min:s)",
         ] {
             assert!(svg.contains(&format!(">{text}</text>")), "{text}");
         }
@@ -292,6 +293,27 @@ mod tests {
                 .map(|line| line.matches(',').count())
                 .sum();
             assert!((1000..=2000).contains(&points), "{name}: {points} points");
+        }
+    }
+
+    #[test]
+    fn names_in_the_legend_do_not_reach_the_next_colour() {
+        let svg = picture(&rows());
+        let in_last_legend = |line: &&str| line.starts_with("<text") && line.contains(" y=\"604.0\"");
+        let names: Vec<(f64, usize)> = svg
+            .lines()
+            .filter(in_last_legend)
+            .map(|line| {
+                let x = line.split('"').nth(1).expect("its place");
+                let (_, text) = line.trim_end_matches("</text>").split_once('>').expect("a text");
+                (x.parse().expect("a number"), text.chars().count())
+            })
+            .collect();
+        assert_eq!(names.len(), 6, "a title, two lines, their band, two states");
+        let swatch = 17.0;
+        for pair in names.windows(2) {
+            let room = pair[1].0 - swatch - pair[0].0;
+            assert!(room >= 6.5 * pair[0].1 as f64, "{names:?}");
         }
     }
 

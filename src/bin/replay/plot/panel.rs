@@ -1,5 +1,6 @@
 //! One of the diagrams below each other, its scales and its lines.
 
+use super::axis::Axis;
 use super::svg::{Anchor, Svg};
 use super::{HEAD_HEIGHT, PANEL_HEIGHT, WIDTH};
 
@@ -15,9 +16,11 @@ const EVENT: &str = "#a01818";
 const LINE_HEIGHT: f64 = 16.0;
 const SWATCH: f64 = 12.0;
 
-/// Where a legend begins, behind the title, and the room for an entry.
-const LEGEND_LEFT: f64 = LEFT + 140.0;
-const ENTRY_WIDTH: f64 = 112.0;
+/// Where a legend begins, behind the title; the width of a character is that of a wide font.
+const LEGEND_LEFT: f64 = LEFT + 135.0;
+const CHARACTER_WIDTH: f64 = 6.5;
+const SWATCH_GAP: f64 = 5.0;
+const ENTRY_GAP: f64 = 12.0;
 
 /// A diagram over time.
 pub struct Panel<'a> {
@@ -49,16 +52,17 @@ impl<'a> Panel<'a> {
         self.bottom - self.values.share(value) * (self.bottom - self.top)
     }
 
-    /// Axes, lines and legend.
-    pub fn draw(&self, svg: &mut Svg, lines: &[Series]) {
+    /// Axes, lines and legend, which also says what further colours mean.
+    pub fn draw(&self, svg: &mut Svg, lines: &[Series], colours: &[(&str, &str)]) {
         self.axes(svg);
-        for (entry, line) in lines.iter().enumerate() {
+        for line in lines {
             for piece in line.pieces() {
                 let points: Vec<Point> = piece.iter().map(|(t, v)| (self.x(*t), self.y(*v))).collect();
                 svg.polyline(&points, line.colour, line.name);
             }
-            self.legend_entry(svg, entry, line.name, line.colour);
         }
+        let of_lines = lines.iter().map(|line| (line.name, line.colour));
+        self.legend(svg, of_lines.chain(colours.iter().copied()));
         if lines.iter().all(|line| line.values().next().is_none()) {
             let middle = (0.5 * (LEFT + RIGHT), 0.5 * (self.top + self.bottom));
             svg.text(middle, Anchor::Middle, "not known");
@@ -76,7 +80,11 @@ impl<'a> Panel<'a> {
             svg.line((x, self.top), (x, self.bottom), GRID);
             svg.text((x, self.bottom + LINE_HEIGHT), Anchor::Middle, &text);
         }
-        svg.text((RIGHT, self.bottom + 2.0 * LINE_HEIGHT), Anchor::End, "time (s)");
+        svg.text(
+            (RIGHT, self.bottom + 2.0 * LINE_HEIGHT),
+            Anchor::End,
+            "time (min:s)",
+        );
         svg.text((LEFT, self.top - 12.0), Anchor::Start, self.title);
     }
 
@@ -95,18 +103,16 @@ impl<'a> Panel<'a> {
         }
     }
 
-    /// What further colours mean: behind this many lines.
-    pub fn legend(&self, svg: &mut Svg, lines: usize, colours: &[(&str, &str)]) {
-        for (entry, (name, colour)) in colours.iter().enumerate() {
-            self.legend_entry(svg, lines + entry, name, colour);
-        }
-    }
-
-    fn legend_entry(&self, svg: &mut Svg, entry: usize, name: &str, colour: &str) {
-        let x = LEGEND_LEFT + ENTRY_WIDTH * entry as f64;
+    /// Names with their colours. Each takes the room that it needs, so that the next does not cover it.
+    fn legend<'n>(&self, svg: &mut Svg, entries: impl Iterator<Item = (&'n str, &'n str)>) {
         let y = self.top - 12.0;
-        svg.rectangle((x, y - SWATCH + 2.0), (SWATCH, SWATCH), colour);
-        svg.text((x + SWATCH + 5.0, y), Anchor::Start, name);
+        let mut x = LEGEND_LEFT;
+        for (name, colour) in entries {
+            svg.rectangle((x, y - SWATCH + 2.0), (SWATCH, SWATCH), colour);
+            x += SWATCH + SWATCH_GAP;
+            svg.text((x, y), Anchor::Start, name);
+            x += CHARACTER_WIDTH * name.chars().count() as f64 + ENTRY_GAP;
+        }
     }
 
     /// Draws a limit of the values, with its name beside the diagram.
@@ -134,67 +140,6 @@ impl<'a> Panel<'a> {
         }
     }
 }
-
-/// A scale from one round number to another.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Axis {
-    lowest: f64,
-    highest: f64,
-    step: f64,
-}
-
-impl Axis {
-    /// A scale that holds all of these values, with about this many ticks.
-    pub fn over(values: impl IntoIterator<Item = f64>, ticks: u32) -> Self {
-        let (lowest, highest) = values
-            .into_iter()
-            .map(|value| (value, value))
-            .reduce(|(lowest, highest), (value, _)| (f64::min(lowest, value), f64::max(highest, value)))
-            .unwrap_or((0.0, 1.0));
-        let step = round_step((highest - lowest) / f64::from(ticks));
-        let lowest = (lowest / step).floor() * step;
-        Self {
-            lowest,
-            highest: ((highest / step).ceil() * step).max(lowest + step),
-            step,
-        }
-    }
-
-    /// Where a value lies: 0 at the lowest end, 1 at the highest.
-    pub fn share(&self, value: f64) -> f64 {
-        (value - self.lowest) / (self.highest - self.lowest)
-    }
-
-    /// The round numbers of the scale, with how each is written.
-    pub fn ticks(&self) -> impl Iterator<Item = (f64, String)> {
-        let Self {
-            lowest,
-            highest,
-            step,
-        } = *self;
-        let count = ((highest - lowest) / step).round() as u32;
-        let decimals = (-step.log10().floor()).max(0.0) as usize;
-        (0..=count).map(move |number| {
-            let value = lowest + f64::from(number) * step;
-            (value, format!("{value:.decimals$}"))
-        })
-    }
-}
-
-/// The next of 1, 2 and 5 times a power of ten.
-fn round_step(step: f64) -> f64 {
-    // Values that are all the same need a scale, too.
-    let step = step.max(1e-3);
-    let decade = 10f64.powf(step.log10().floor());
-    [1.0, 2.0, 5.0]
-        .into_iter()
-        .map(|factor| factor * decade)
-        .find(|round| *round >= step)
-        .unwrap_or(10.0 * decade)
-}
-
-/// Of this many neighbours the lowest and the highest are drawn: no spike is lost.
-const MOST_CHUNKS: usize = 1000;
 
 /// A point of a line: seconds and a value.
 pub type Point = (f64, f64);
@@ -247,49 +192,4 @@ fn extremes(points: &[(f64, Option<f64>)]) -> Vec<Point> {
     both.sort_by(|a, b| a.0.total_cmp(&b.0));
     both.dedup();
     both
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn ticks(values: &[f64], ticks: u32) -> Vec<String> {
-        let axis = Axis::over(values.iter().copied(), ticks);
-        axis.ticks().map(|(_, text)| text).collect()
-    }
-
-    #[test]
-    fn ticks_are_round_numbers_around_the_values() {
-        assert_eq!(ticks(&[0.0, 100.0], 5), ["0", "20", "40", "60", "80", "100"]);
-        assert_eq!(
-            ticks(&[10.31, 12.58], 6),
-            ["10.0", "10.5", "11.0", "11.5", "12.0", "12.5", "13.0"]
-        );
-        assert_eq!(ticks(&[-3.0, 8.0], 4), ["-5", "0", "5", "10"]);
-    }
-
-    #[test]
-    fn one_value_and_none_have_a_scale() {
-        let axis = Axis::over([7.4], 6);
-        assert!((0.0..=1.0).contains(&axis.share(7.4)));
-        assert!(axis.ticks().count() >= 2);
-        assert!(Axis::over([], 6).share(0.5).is_finite());
-    }
-
-    #[test]
-    fn a_long_series_keeps_its_spikes() {
-        let points = (0..60_000).map(|n| (f64::from(n), Some(if n == 31_234 { 9.0 } else { 1.0 })));
-        let pieces = Series::new("", "", points.collect()).pieces();
-        assert_eq!(pieces.len(), 1);
-        assert!(pieces[0].len() <= 2000);
-        assert!(pieces[0].contains(&(31_234.0, 9.0)));
-        assert!(pieces[0].is_sorted_by(|a, b| a.0 < b.0));
-    }
-
-    #[test]
-    fn a_gap_parts_the_line() {
-        let points = vec![(0.0, Some(1.0)), (1.0, Some(2.0)), (2.0, None), (3.0, Some(4.0))];
-        let pieces = Series::new("", "", points).pieces();
-        assert_eq!(pieces, [vec![(0.0, 1.0), (1.0, 2.0)], vec![(3.0, 4.0)]]);
-    }
 }

@@ -1,0 +1,147 @@
+//! A scale with round numbers.
+
+use crate::words::clock;
+
+const MINUTE_S: f64 = 60.0;
+const HOUR_S: f64 = 3600.0;
+
+/// Distances of ticks that divide a minute or an hour, in seconds.
+const TIME_STEPS_S: [f64; 13] = [
+    1.0, 2.0, 5.0, 10.0, 15.0, 30.0, MINUTE_S, 120.0, 300.0, 600.0, 900.0, 1800.0, HOUR_S,
+];
+
+/// A scale from one round number to another.
+#[derive(Clone, Copy, Debug)]
+pub struct Axis {
+    lowest: f64,
+    highest: f64,
+    step: f64,
+    /// How a value is written, given the distance of ticks.
+    label: fn(f64, f64) -> String,
+}
+
+impl Axis {
+    /// A scale that holds all of these values, with about this many ticks.
+    pub fn over(values: impl IntoIterator<Item = f64>, ticks: u32) -> Self {
+        Self::with_steps(values, ticks, round_step, decimal)
+    }
+
+    /// The same for moments in seconds, which are written in minutes and seconds.
+    pub fn over_time(times_s: impl IntoIterator<Item = f64>, ticks: u32) -> Self {
+        Self::with_steps(times_s, ticks, time_step_s, |time_s, _| clock(time_s))
+    }
+
+    fn with_steps(
+        values: impl IntoIterator<Item = f64>,
+        ticks: u32,
+        round: fn(f64) -> f64,
+        label: fn(f64, f64) -> String,
+    ) -> Self {
+        let (lowest, highest) = values
+            .into_iter()
+            .map(|value| (value, value))
+            .reduce(|(lowest, highest), (value, _)| (f64::min(lowest, value), f64::max(highest, value)))
+            .unwrap_or((0.0, 1.0));
+        let step = round((highest - lowest) / f64::from(ticks));
+        let lowest = (lowest / step).floor() * step;
+        Self {
+            lowest,
+            highest: ((highest / step).ceil() * step).max(lowest + step),
+            step,
+            label,
+        }
+    }
+
+    /// Where a value lies: 0 at the lowest end, 1 at the highest.
+    pub fn share(&self, value: f64) -> f64 {
+        (value - self.lowest) / (self.highest - self.lowest)
+    }
+
+    /// The round numbers of the scale, with how each is written.
+    pub fn ticks(&self) -> impl Iterator<Item = (f64, String)> {
+        let Self {
+            lowest,
+            highest,
+            step,
+            label,
+        } = *self;
+        let count = ((highest - lowest) / step).round() as u32;
+        (0..=count).map(move |number| {
+            let value = lowest + f64::from(number) * step;
+            (value, label(value, step))
+        })
+    }
+}
+
+/// A value with the decimals of its step.
+fn decimal(value: f64, step: f64) -> String {
+    let decimals = (-step.log10().floor()).max(0.0) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// The next distance of ticks that divides a minute or an hour, or the next whole number of hours that is round.
+fn time_step_s(step_s: f64) -> f64 {
+    let next = TIME_STEPS_S.into_iter().find(|round_s| *round_s >= step_s);
+    next.unwrap_or_else(|| round_step(step_s / HOUR_S) * HOUR_S)
+}
+
+/// The next of 1, 2 and 5 times a power of ten.
+fn round_step(step: f64) -> f64 {
+    // Values that are all the same need a scale, too.
+    let step = step.max(1e-3);
+    let decade = 10f64.powf(step.log10().floor());
+    [1.0, 2.0, 5.0]
+        .into_iter()
+        .map(|factor| factor * decade)
+        .find(|round| *round >= step)
+        .unwrap_or(10.0 * decade)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ticks(values: &[f64], ticks: u32) -> Vec<String> {
+        let axis = Axis::over(values.iter().copied(), ticks);
+        axis.ticks().map(|(_, text)| text).collect()
+    }
+
+    #[test]
+    fn ticks_are_round_numbers_around_the_values() {
+        assert_eq!(ticks(&[0.0, 100.0], 5), ["0", "20", "40", "60", "80", "100"]);
+        assert_eq!(
+            ticks(&[10.31, 12.58], 6),
+            ["10.0", "10.5", "11.0", "11.5", "12.0", "12.5", "13.0"]
+        );
+        assert_eq!(ticks(&[-3.0, 8.0], 4), ["-5", "0", "5", "10"]);
+    }
+
+    #[test]
+    fn moments_are_round_minutes_and_seconds() {
+        let ticks = |times_s: [f64; 2], ticks: u32| {
+            let axis = Axis::over_time(times_s, ticks);
+            axis.ticks().map(|(_, text)| text).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            ticks([0.0, 69.9], 5),
+            ["0:00", "0:15", "0:30", "0:45", "1:00", "1:15"]
+        );
+        assert_eq!(
+            ticks([63.0, 599.9], 5),
+            ["0:00", "2:00", "4:00", "6:00", "8:00", "10:00"]
+        );
+        assert_eq!(
+            ticks([0.0, 30_000.0], 5),
+            ["0:00", "2:00:00", "4:00:00", "6:00:00", "8:00:00", "10:00:00"]
+        );
+        assert_eq!(ticks([2.3, 2.4], 5), ["0:02", "0:03"]);
+    }
+
+    #[test]
+    fn one_value_and_none_have_a_scale() {
+        let axis = Axis::over([7.4], 6);
+        assert!((0.0..=1.0).contains(&axis.share(7.4)));
+        assert!(axis.ticks().count() >= 2);
+        assert!(Axis::over([], 6).share(0.5).is_finite());
+    }
+}
