@@ -96,6 +96,11 @@ impl SimulatedPack {
         self.open_circuit_v = voltage_v;
     }
 
+    /// Whether its voltage is overridden, so that it does not follow from the charge.
+    pub fn is_held(&self) -> bool {
+        self.open_circuit_v.is_some()
+    }
+
     /// Puts the first cell below the others, by this many volts.
     pub fn lower_first_cell(&mut self, drop_v: f32) {
         self.first_cell_drop_v = drop_v;

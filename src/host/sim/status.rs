@@ -24,11 +24,17 @@ impl Comparison {
         }
     }
 
+    /// `None` while `SIM_BATT_VOLTAGE` overrides the voltage: the charge would contradict it.
+    fn true_charge_pct(&self) -> Option<f32> {
+        (!self.truth.is_held()).then_some(self.truth.charge() * 100.0)
+    }
+
     /// Both charges alone, as `9 % left, 15 ±4 % estimated`.
     pub fn charges(&self) -> String {
-        let left = match self.truth.is_plugged_in() {
-            true => format!("{:.0} % left", self.truth.charge() * 100.0),
-            false => "no pack".into(),
+        let left = match (self.truth.is_plugged_in(), self.true_charge_pct()) {
+            (false, _) => "no pack".into(),
+            (true, Some(charge_pct)) => format!("{charge_pct:.0} % left"),
+            (true, None) => "voltage set".into(),
         };
         match (self.estimate.remaining_pct, self.estimate.remaining_sigma_pct) {
             (Some(remaining_pct), Some(sigma_pct)) => {
@@ -52,9 +58,11 @@ impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let pack = &self.truth;
         if pack.is_plugged_in() {
-            let (voltage_v, current_a, charge_pct) =
-                (pack.voltage_v(), pack.current_a(), pack.charge() * 100.0);
-            write!(f, "pack {voltage_v:.2} V {current_a:.1} A {charge_pct:.0} %")?;
+            write!(f, "pack {:.2} V {:.1} A ", pack.voltage_v(), pack.current_a())?;
+            match self.true_charge_pct() {
+                Some(charge_pct) => write!(f, "{charge_pct:.0} %")?,
+                None => f.write_str("(voltage set)")?,
+            }
         } else {
             f.write_str("no pack")?;
         }
@@ -215,6 +223,18 @@ mod tests {
             assert!(comparison.to_string().ends_with(ending), "{comparison}");
             assert_eq!(comparison.level(), level, "{comparison}");
         }
+    }
+
+    #[test]
+    fn a_voltage_that_is_set_has_no_true_charge_beside_it() {
+        let mut pack = SimulatedPack::full(PackModel::LIPO_3S_2200);
+        pack.hold_open_circuit(Some(10.2));
+        let comparison = Comparison::new(&pack, &estimated(9.0, ChargeState::Low));
+        assert_eq!(
+            comparison.to_string(),
+            "pack 10.20 V 0.0 A (voltage set) | estimated 9 ±3 %, low"
+        );
+        assert_eq!(comparison.charges(), "voltage set, 9 ±3 % estimated");
     }
 
     #[test]

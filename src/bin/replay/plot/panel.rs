@@ -193,3 +193,25 @@ fn extremes(points: &[(f64, Option<f64>)]) -> Vec<Point> {
     both.dedup();
     both
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_series_keeps_its_spikes() {
+        let points = (0..60_000).map(|n| (f64::from(n), Some(if n == 31_234 { 9.0 } else { 1.0 })));
+        let pieces = Series::new("", "", points.collect()).pieces();
+        assert_eq!(pieces.len(), 1);
+        assert!(pieces[0].len() <= 2000);
+        assert!(pieces[0].contains(&(31_234.0, 9.0)));
+        assert!(pieces[0].is_sorted_by(|a, b| a.0 < b.0));
+    }
+
+    #[test]
+    fn a_gap_parts_the_line() {
+        let points = vec![(0.0, Some(1.0)), (1.0, Some(2.0)), (2.0, None), (3.0, Some(4.0))];
+        let pieces = Series::new("", "", points).pieces();
+        assert_eq!(pieces, [vec![(0.0, 1.0), (1.0, 2.0)], vec![(3.0, 4.0)]]);
+    }
+}
