@@ -1,8 +1,8 @@
-"""Draws docs/pictures/mavproxy.svg: a session of MAVProxy with the simulator, as a terminal shows it.
+"""Draws docs/pictures/mavproxy.svg: the README's session of MAVProxy with the simulator, as a terminal shows it.
 
     target/gcs-venv/bin/python tests/gcs/draw_mavproxy.py
 
-MAVProxy runs on a terminal of its own, the commands below are typed, and what the terminal shows then is what is drawn.
+MAVProxy runs on a terminal of its own, the commands of the page are typed, and what the terminal shows then is what is drawn.
 Lines are left out or cut only where an ellipsis says so.
 """
 
@@ -22,21 +22,14 @@ import time
 from importlib.metadata import version
 
 from conftest import MAVPROXY, REPOSITORY, Simulator
+from sessions import SECTION, like, session_of
 
 PICTURE = REPOSITORY / "docs/pictures/mavproxy.svg"
 
 # What is typed, and what MAVProxy has to say before the next line is.
 SESSION = [
-    ("param show BATT_V*", r"BATT_VOLT_PIN +26"),
-    ("set numcells 3", None),
-    ("bat", r"Bat1 \S+ V/cell for 3 cells"),
-    ("status BATTERY_STATUS", r"BATTERY_STATUS \{"),
-    ("param set BATT_LOW_VOLT 10.5", None),
-    ("param set BATT_LOW_TIMER 3", None),
-    ("param set BATT_FS_LOW_ACT 2", None),
-    ("arm throttle", r"^ARMED"),
-    ("mode MANUAL", r"Mode MANUAL"),
-    ("param set SIM_BATT_VOLTAGE 10.2", r"Mode HOLD"),
+    (typed, like(shown[-1]) if shown else None)
+    for typed, shown in session_of((REPOSITORY / "README.md").read_text(encoding="utf-8"), SECTION)
 ]
 
 # So long nothing more may come before the next line is typed.
@@ -170,8 +163,7 @@ def essence(lines):
 
 
 def rows_of(line):
-    """The rows a line takes on the picture's terminal; an ellipsis stands for cells that are not there."""
-    line = re.sub(r"(, 65535){2,}", f", {ELLIPSIS}", line)
+    """The rows a line takes on the picture's terminal."""
     return [line[at : at + COLUMNS] for at in range(0, len(line), COLUMNS)] or [""]
 
 

@@ -5,13 +5,13 @@ minutes. `.ci/documented_commands.py --empty-target README.md` does.
 """
 
 import contextlib
-import re
 import sys
 import time
 
 import pytest
 
 from conftest import REPOSITORY
+from sessions import NUMBER, PROMPT, SECTION, section_of, session_of
 
 sys.path.insert(0, str(REPOSITORY / ".ci"))
 
@@ -20,40 +20,14 @@ import documented_commands as documented
 # One MAVProxy at a time: what it repeats in time, it repeats late on a machine that starts others.
 pytestmark = pytest.mark.xdist_group("mavproxy")
 
-SECTION = "## On a desk, without a board"
 # Pages with a session in such a ground station, the headings it is below, and what has to be typed in it.
 SESSIONS = [("README.md", SECTION, "bat"), ("docs/guides/failsafe-tuning.md", "### On a desk", "disarm")]
-PROMPT = re.compile(r"[A-Z]+> ")
-NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
-
-
-def section_of(page, heading):
-    """What stands between a heading and the next one, split before its first block of text."""
-    section = re.search(rf"^{heading}\n(.*?)^##", page, re.MULTILINE | re.DOTALL)[1]
-    return re.split(r"^```text\n", section, maxsplit=1, flags=re.MULTILINE)
 
 
 def way_to_the_session(clone):
     """The blocks of the README that a newcomer goes through before a session with the ground station."""
     before, _ = section_of((clone / "README.md").read_text(encoding="utf-8"), SECTION)
     return documented.blocks_of("README.md", before)
-
-
-def session_of(clone, page, heading):
-    """The lines of a session."""
-    _, session = section_of((clone / page).read_text(encoding="utf-8"), heading)
-    return session.split("```")[0].splitlines()
-
-
-def exchanges(session):
-    """What is typed at each prompt, with the lines shown after it."""
-    found = []
-    for line in session:
-        if prompt := PROMPT.match(line):
-            found.append((line[prompt.end() :], []))
-        else:
-            found[-1][1].append(line)
-    return found
 
 
 def follow(block, clone, environment, stack):
@@ -101,7 +75,7 @@ def test_the_pages_lead_from_a_clone_to_a_failsafe(page, heading, needed):
         assert len(programs) == 2, "a simulator and a ground station"
         station.wait_for(r"Received \d+ parameters", 30)
 
-        session = exchanges(session_of(clone, page, heading))
+        session = session_of((clone / page).read_text(encoding="utf-8"), heading)
         assert [typed for typed, _ in session].count(needed) > 0
         assert [shown for _, shown in session if "Mode HOLD" in shown], "no failsafe"
         for typed, shown in session:
