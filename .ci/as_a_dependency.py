@@ -16,7 +16,7 @@ import shutil
 import subprocess
 import sys
 
-from size_report import symbols
+from size_report import symbols, usage
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[1]
 PAGE = REPOSITORY / "docs/guides/as-a-dependency.md"
@@ -88,7 +88,10 @@ def complaints_on_a_host():
 def main():
     write(files_of(PAGE.read_text(encoding="utf-8")))
     build()
-    found = [*complaints(FIRMWARE.read_bytes()), *complaints_on_a_host()]
+    elf = FIRMWARE.read_bytes()
+    flash, ram = usage(elf)
+    print(f"  flash {flash / 1000:.0f} KB, static RAM {ram / 1000:.0f} KB")
+    found = [*complaints(elf), *complaints_on_a_host()]
     for complaint in found:
         print(f"  {complaint}")
     sys.exit(1 if found else 0)

@@ -34,20 +34,27 @@ def symbols(elf):
         yield elf[start : elf.index(b"\0", start)].decode(), value
 
 
+def loaded(elf):
+    """Name, type, address and size of each section that takes memory."""
+    for name, kind, flags, address, size in sections(elf):
+        if flags & SHF_ALLOC and size:
+            yield name, kind, address, size
+
+
+def usage(elf):
+    """Bytes of flash and of static RAM."""
+    # .data lies in RAM and its initial values in flash.
+    flash = sum(size for _, kind, _, size in loaded(elf) if kind != SHT_NOBITS)
+    return flash, sum(size for _, _, address, size in loaded(elf) if address in RAM)
+
+
 def main():
     path, flash_kib, ram_kib = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     with open(path, "rb") as file:
         elf = file.read()
-    flash = ram = 0
-    for name, kind, flags, address, size in sections(elf):
-        if not flags & SHF_ALLOC or size == 0:
-            continue
+    for name, _, address, size in loaded(elf):
         print(f"  {name:16} {address:#010x} {size:8}")
-        # .data lies in RAM and its initial values in flash.
-        if kind != SHT_NOBITS:
-            flash += size
-        if address in RAM:
-            ram += size
+    flash, ram = usage(elf)
     values = dict(symbols(elf))
     stack = values["_stack_start"] - values["_stack_end"]
     print(f"  flash {flash / 1024:.1f} KiB of {flash_kib}, static RAM {ram / 1024:.1f} KiB of {ram_kib}, "
