@@ -709,7 +709,7 @@ COMPONENTS = {
 
 
 def read_modes(facts):
-    # read: APMFlightModesComponentSummary.qml, APMFlightModesComponentController.cc: MODE1 is what tells a rover.
+    # read: APMFlightModesComponentSummary.qml, APMFlightModesComponentController.cc: a rover is recognised by MODE1.
     prefix = "MODE" if facts.exists("MODE1") else "FLTMODE"
     for slot in range(1, 7):
         facts.read(f"{prefix}{slot}")
