@@ -141,6 +141,9 @@ impl<'a> Panel<'a> {
     }
 }
 
+/// Of this many neighbours the lowest and the highest are drawn: no spike is lost.
+const MOST_CHUNKS: usize = 1000;
+
 /// A point of a line: seconds and a value.
 pub type Point = (f64, f64);
 

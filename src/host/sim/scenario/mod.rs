@@ -9,8 +9,8 @@ mod table;
 use std::fmt;
 
 use super::SimulatedPack;
-use crate::vehicle::ArmState;
 use crate::parameter::{ParameterId, Parameters};
+use crate::vehicle::ArmState;
 use crate::vehicle::Mode;
 
 pub(super) use play::Player;

@@ -1,8 +1,8 @@
 //! The scenarios, a table each.
 
 use super::{Action, Scenario, Step};
-use crate::vehicle::ArmState;
 use crate::host::sim::{PackModel, SHUNT_OHM, SimulatedPack};
+use crate::vehicle::ArmState;
 use crate::vehicle::Mode;
 
 impl Scenario {
