@@ -6,13 +6,11 @@
 //!
 //! While there is no key, everything is accepted and nothing is signed.
 
-mod clock;
 mod key;
 mod permission;
 mod stored;
 mod streams;
-mod timestamp;
-mod to_store;
+mod time;
 
 use core::mem;
 
@@ -20,18 +18,16 @@ pub use key::SigningKey;
 pub use permission::{AcceptUnsigned, LinkKind};
 pub(super) use permission::{Authenticity, Effect, is_permitted};
 pub use stored::StoredSigning;
-pub use timestamp::Timestamp;
-pub use to_store::ToStore;
+pub use time::Timestamp;
 
-use clock::SigningClock;
 use streams::{StreamId, Streams};
-use to_store::{Mark, next_mark};
+use time::{Mark, SigningClock, next_mark};
 
 use super::parser::{ReceivedFrame, TRAILER_BYTES};
 use crate::time::Instant;
 
 const LINK_BYTES: usize = 1;
-const _: () = assert!(TRAILER_BYTES == LINK_BYTES + timestamp::BYTES + key::SIGNATURE_BYTES);
+const _: () = assert!(TRAILER_BYTES == LINK_BYTES + time::BYTES + key::SIGNATURE_BYTES);
 
 /// What the vehicle knows of signing: the key, the time, and the senders heard.
 #[derive(Clone, Debug)]
@@ -68,6 +64,19 @@ enum InFlash {
     Nothing,
     /// Something that can't be read, or what could not be written: a lost key.
     Unreadable,
+}
+
+/// Something that has to be written to flash.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ToStore {
+    /// Nothing, in place of whatever is there. Until a choice follows, this counts as a lost key.
+    Nothing,
+    /// Another key.
+    Key(SigningKey),
+    /// That there is no key any more.
+    NoKey,
+    /// A later time.
+    Mark(Mark),
 }
 
 /// What ground stations have to know of the key.
@@ -186,17 +195,21 @@ impl Signing {
     /// What has to be written to flash now, one thing after the other, if anything. The vehicle has been armed for
     /// `armed_us`, 0 if it is not.
     pub fn next_unsaved(&self, now: Instant, armed_us: u64) -> Option<ToStore> {
-        match (&self.protection, self.in_flash) {
-            (Protection::KeyLost, _) | (Protection::Off, InFlash::Current) => None,
-            (Protection::Key(_), InFlash::NoKey | InFlash::Unreadable)
-            | (Protection::Off, InFlash::Unreadable) => Some(ToStore::Nothing),
-            (Protection::Off, InFlash::OtherKey | InFlash::NoKey | InFlash::Nothing) => Some(ToStore::NoKey),
+        let key = match &self.protection {
+            Protection::KeyLost => return None,
+            Protection::Off => None,
+            Protection::Key(key) => Some(key),
+        };
+        let mark = || next_mark(self.stored_mark, self.clock.time_at(now), armed_us).map(ToStore::Mark);
+        match (self.in_flash, key) {
+            (InFlash::Current, None) => None,
+            (InFlash::Current, Some(_)) => mark(),
             // The mark comes first: the flash should not be behind the frames that leave.
-            (Protection::Key(key), InFlash::Current | InFlash::OtherKey | InFlash::Nothing) => {
-                next_mark(self.stored_mark, self.clock.time_at(now), armed_us)
-                    .map(ToStore::Mark)
-                    .or_else(|| self.is_key_unsaved().then(|| ToStore::Key(key.clone())))
+            (InFlash::OtherKey | InFlash::Nothing, Some(key)) => {
+                mark().or_else(|| Some(ToStore::Key(key.clone())))
             }
+            (InFlash::OtherKey | InFlash::Nothing | InFlash::NoKey, None) => Some(ToStore::NoKey),
+            (InFlash::NoKey, Some(_)) | (InFlash::Unreadable, _) => Some(ToStore::Nothing),
         }
     }
 

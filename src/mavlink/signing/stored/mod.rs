@@ -12,8 +12,8 @@
 use heapless::Vec;
 
 use super::key::KEY_WORDS;
-use super::to_store::{Mark, ToStore};
-use super::{InFlash, Protection, Signing, SigningKey};
+use super::time::Mark;
+use super::{InFlash, Protection, Signing, SigningKey, ToStore};
 use crate::memory::checksum::crc32;
 use crate::memory::storage::Condition;
 

@@ -2,7 +2,7 @@ use std::vec::Vec;
 
 use proptest::prelude::*;
 
-use super::super::to_store::next_mark;
+use super::super::time::next_mark;
 use super::super::{SigningTrouble, Timestamp};
 use super::*;
 use crate::time::{Instant, at_us};
