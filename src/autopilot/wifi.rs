@@ -1,7 +1,5 @@
 //! Wi-Fi: what the radio is to do, what it reports, and what of it has to be written to flash.
 
-use core::fmt::{self, Write};
-
 use heapless::String;
 
 use super::announcement::Announcement;
@@ -123,8 +121,15 @@ impl Autopilot {
             }
             (LinkKind::Direct, Some(password)) if credentials.radio() == Radio::Present => {
                 let name = credentials.own_name().as_str();
-                say(channel, format_args!("Wi-Fi name: {name}"));
-                say(channel, format_args!("Wi-Fi password: {}", password.as_str()));
+                let password = password.as_str();
+                // Both fit.
+                let texts: [Result<String<SHOWN_BYTES>, _>; 2] = [
+                    heapless::format!("Wi-Fi name: {name}"),
+                    heapless::format!("Wi-Fi password: {password}"),
+                ];
+                for text in texts.into_iter().flatten() {
+                    channel.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, &text);
+                }
             }
             (LinkKind::Direct, _) => {
                 channel
@@ -139,11 +144,4 @@ impl Autopilot {
         self.work |= Work::WIFI;
         self.retry_wifi();
     }
-}
-
-fn say(channel: &mut Channel, shown: fmt::Arguments<'_>) {
-    let mut text: String<SHOWN_BYTES> = String::new();
-    // It fits.
-    let _ = text.write_fmt(shown);
-    channel.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, &text);
 }

@@ -3,7 +3,7 @@
 use ::mavlink::MessageData;
 
 use super::COMPONENT_ID;
-use super::dialect::{MavResult, MavSeverity, WIFI_CONFIG_AP_DATA};
+use super::dialect::{MavResult, MavSeverity, MavType, WIFI_CONFIG_AP_DATA};
 use super::event::{Action, Event};
 use super::parser::ReceivedFrame;
 use super::rates::is_radio;
@@ -13,33 +13,35 @@ use super::services::context::Context;
 use super::services::downloads::Downloads;
 use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList};
-use super::services::vehicle::{VehicleService, is_of_ground_station};
+use super::services::vehicle::VehicleService;
 use super::services::{DISARM_FIRST, file_transfer, signing, time, wifi};
 use super::signing::{AcceptUnsigned, Authenticity, Effect, LinkKind, is_permitted};
-use super::stations::Introduction;
 use crate::parameter::VehicleParameter;
 use crate::vehicle::ArmState;
+
+/// The type in the HEARTBEAT of a ground station.
+const GROUND_STATION: u8 = MavType::MAV_TYPE_GCS as u8;
 
 /// What a request does, at most.
 fn effect(request: &Request<'_>) -> Effect {
     match request {
         Request::FileTransfer(transfer) if file_transfer::writes(transfer.opcode) => Effect::Changes,
-        Request::RadioStatus(_) => Effect::RadioReport,
+        Request::RadioStatus { .. } => Effect::RadioReport,
         Request::ParameterList
-        | Request::ParameterRead(_)
+        | Request::ParameterRead { .. }
         | Request::FileTransfer(_)
         | Request::LogList(_)
         | Request::LogData(_)
         | Request::LogEnd
-        | Request::Ping(_)
-        | Request::Timesync(_) => Effect::Reads,
+        | Request::Ping { .. }
+        | Request::Timesync { .. } => Effect::Reads,
         Request::Command(command) if command.only_reads() => Effect::Reads,
         Request::Command(_)
-        | Request::ParameterSet(_)
-        | Request::DataStream(_)
-        | Request::SetMode(_)
-        | Request::Control(_)
-        | Request::Heartbeat(_)
+        | Request::ParameterSet { .. }
+        | Request::DataStream { .. }
+        | Request::SetMode { .. }
+        | Request::Control { .. }
+        | Request::Heartbeat { .. }
         | Request::SetUpSigning(_)
         | Request::LogErase
         | Request::WifiConfig(_)
@@ -94,7 +96,7 @@ fn permits(request: &Request<'_>, frame: &ReceivedFrame<'_>, context: &mut Conte
 /// Counts a request that is not permitted.
 fn refuse(request: &Request<'_>, unauthorized: &mut u32) -> Event {
     // Every vehicle and ground station around has a heartbeat, and no key of ours.
-    if matches!(request, Request::Heartbeat(_)) {
+    if matches!(request, Request::Heartbeat { .. }) {
         return Event::Ignored;
     }
     *unauthorized = unauthorized.wrapping_add(1);
@@ -121,8 +123,8 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
             list.start(now);
             Event::ListRequested
         }
-        Request::ParameterRead(read) => parameters::read(read, from, context),
-        Request::ParameterSet(set) => parameters::set(set, from, context),
+        Request::ParameterRead { index, name } => parameters::read(*index, *name, from, context),
+        Request::ParameterSet { name, value } => parameters::set(*name, *value, from, context),
         Request::Command(command) => execute(command, from, context),
         Request::FileTransfer(transfer) => {
             let result = downloads.files.handle(transfer, from, context);
@@ -144,22 +146,34 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
             let result = downloads.logs.erase(from, state);
             explained(result.map(|()| Event::LogsErased), downloads, context)
         }
-        Request::DataStream(stream) => {
+        Request::DataStream { stream_id, rate_hz } => {
             let parameters = &*context.changeable.parameters;
-            context.rates.request_data_stream(stream, parameters, now);
+            context
+                .rates
+                .request_data_stream(*stream_id, *rate_hz, parameters, now);
             Event::Answered
         }
-        Request::Ping(ping) => time::ping(ping, from, context.outbox),
-        Request::Timesync(timesync) => time::timesync(timesync, from, context),
-        Request::RadioStatus(status) if is_radio(from.component_id, context.link) => {
-            context.rates.radio_status(status, now);
+        Request::Ping {
+            time_us,
+            sequence,
+            target,
+        } => time::ping(*time_us, *sequence, *target, from, context),
+        Request::Timesync {
+            answered_ns,
+            asked_ns,
+        } => time::timesync(*answered_ns, *asked_ns, from, context),
+        Request::RadioStatus { free_percent } if is_radio(from.component_id, context.link) => {
+            context.rates.scheduler.radio_buffer_free(*free_percent, now);
             Event::Answered
         }
-        Request::RadioStatus(_) => Event::Ignored,
-        Request::SetMode(set_mode) => VehicleService::of(context).set_mode_by_message(set_mode, from),
-        Request::Control(sticks) => VehicleService::of(context).control(sticks),
-        Request::Heartbeat(heartbeat) if is_of_ground_station(heartbeat) => heard(from, context),
-        Request::Heartbeat(_) => Event::Ignored,
+        Request::RadioStatus { .. } => Event::Ignored,
+        Request::SetMode {
+            base_mode,
+            custom_mode,
+        } => VehicleService::of(context).set_mode_by_message(*base_mode, *custom_mode, from),
+        Request::Control { throttle, steering } => VehicleService::of(context).control(*throttle, *steering),
+        Request::Heartbeat { system_type } if *system_type == GROUND_STATION => heard(from, context),
+        Request::Heartbeat { .. } => Event::Ignored,
         Request::SetUpSigning(set_up) => signing::set_up(set_up, context),
         Request::WifiConfig(config) => wifi::set_up(config, context),
         Request::PackReading(reading) => Event::Measured {
@@ -175,7 +189,7 @@ fn heard(from: Peer, context: &mut Context<'_>) -> Event {
         .changeable
         .vehicle
         .ground_station_seen(context.received_at);
-    if context.stations.heartbeat(from, context.now) == Introduction::Due {
+    if context.stations.heartbeat(from, context.now) {
         for pack in context.state.described() {
             context.outbox.post_details(pack);
         }

@@ -6,12 +6,11 @@ use super::details_change::DetailsChangeDetector;
 use super::dialect::MavSeverity;
 use super::dispatcher::{Services, dispatch};
 use super::event::Event;
-use super::messages::{CheckedBy, arming_text, chunks_of};
+use super::messages::chunks_of;
 use super::outbox::{Outbox, Posted};
 use super::parser::FrameParser;
 use super::rates::Rates;
 use super::services::context::{Changeable, Context};
-use super::services::downloads::NextSender;
 use super::services::log_download::LogRead;
 use super::services::parameters::param_value;
 use super::signing::LinkKind;
@@ -182,7 +181,7 @@ impl Endpoint {
             ..*state
         };
         if let Some(obstacle) = self.outbox.take_refused_arming() {
-            let text = arming_text(CheckedBy::Attempt, obstacle);
+            let text = obstacle.text("Arm");
             self.outbox
                 .say_urgently(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
         }
@@ -206,7 +205,7 @@ impl Endpoint {
 
     /// The next message of a download or of a stream. If there is none of whose turn it is, the other one's.
     fn take_in_turn(&mut self, state: &SystemState<'_>) -> Option<Outgoing> {
-        if self.services.downloads.turn() == NextSender::Download
+        if self.services.downloads.are_next()
             && let Some(message) = self.services.downloads.take()
         {
             return Some(message);

@@ -45,7 +45,7 @@ pub use outbox::{Outbox, Posted};
 pub use parser::{FrameParser, ReceivedFrame, begins_with_frame};
 pub use payload::{Name, Payload};
 pub use requests::Peer;
-pub use scheduler::{Interval, IntervalRefused, NotStreamed, StreamScheduler};
+pub use scheduler::{Interval, IntervalRefused, StreamScheduler};
 pub use services::context::Changeable;
 pub use services::log_download::LogRead;
 pub use signing::{

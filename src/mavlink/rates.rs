@@ -1,7 +1,6 @@
 //! The rates of one link: what the parameters say, and what ground stations ask for beyond that.
 
 use super::StreamGroup;
-use super::requests::{DataStream, RadioStatus};
 use super::scheduler::StreamScheduler;
 use super::signing::LinkKind;
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
@@ -54,22 +53,23 @@ impl Rates {
 
     /// REQUEST_DATA_STREAM: changes live rates of this link and saves nothing. Ground stations send it unasked. Of each
     /// message the latest request counts, until `SR0_EXTRA1` is set.
-    pub fn request_data_stream(&mut self, request: &DataStream, parameters: &Parameters, now: Instant) {
+    pub fn request_data_stream(
+        &mut self,
+        stream_id: u8,
+        rate_hz: Option<u16>,
+        parameters: &Parameters,
+        now: Instant,
+    ) {
         // What was set before the request must not override it later.
         self.follow(parameters, now);
-        let rate_hz = request.rate_hz.map_or(0.0, f32::from).min(HIGHEST_RATE_HZ);
+        let rate_hz = rate_hz.map_or(0.0, f32::from).min(HIGHEST_RATE_HZ);
         let scheduler = &mut self.scheduler;
-        match request.stream_id {
+        match stream_id {
             STREAM_ALL | STREAM_EXTRA1 => scheduler.set_extra1_rate(rate_hz, now),
             STREAM_EXTENDED_STATUS => scheduler.set_group_rate(StreamGroup::ExtendedStatus, rate_hz, now),
             STREAM_EXTRA3 => scheduler.set_group_rate(StreamGroup::Extra3, rate_hz, now),
             _ => {}
         }
-    }
-
-    /// RADIO_STATUS of the radio on this link.
-    pub fn radio_status(&mut self, status: &RadioStatus, now: Instant) {
-        self.scheduler.radio_buffer_free(status.free_percent, now);
     }
 }
 

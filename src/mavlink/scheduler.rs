@@ -171,9 +171,11 @@ impl StreamScheduler {
     ///
     /// # Errors
     /// The message is not one that is streamed.
-    pub fn interval_us(&self, message_id: u32) -> Result<Option<u64>, NotStreamed> {
+    pub fn interval_us(&self, message_id: u32) -> Result<Option<u64>, IntervalRefused> {
         let entry = self.entries.iter().find(|entry| entry.sends(message_id));
-        entry.map(Entry::asked_interval_us).ok_or(NotStreamed)
+        entry
+            .map(Entry::asked_interval_us)
+            .ok_or(IntervalRefused::NotStreamed)
     }
 
     /// A radio reports how much of its transmit buffer is free, in percent: streams are slowed down when it fills up,
@@ -221,11 +223,6 @@ impl StreamScheduler {
         }
     }
 }
-
-/// No stream sends this message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(target_os = "none", derive(defmt::Format))]
-pub struct NotStreamed;
 
 /// Why the interval of a message was not set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

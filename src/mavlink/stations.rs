@@ -12,13 +12,6 @@ const SILENCE_US: u64 = 30_000_000;
 /// Minimum time between two introductions, in µs: strangers with changing ids must not flood the link.
 const INTRODUCTION_INTERVAL_US: u64 = 10_000_000;
 
-/// Whether what smart batteries are has to be sent for a station that was heard.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Introduction {
-    Due,
-    NotDue,
-}
-
 #[derive(Clone, Copy, Debug)]
 struct Heard {
     station: Peer,
@@ -35,15 +28,16 @@ pub(super) struct Stations {
 }
 
 impl Stations {
-    /// HEARTBEAT of a ground station. The introduction of one that is too early for it is due at a later HEARTBEAT.
-    pub fn heartbeat(&mut self, station: Peer, now: Instant) -> Introduction {
+    /// HEARTBEAT of a ground station. Returns whether what smart batteries are has to be sent for it, its introduction. That of
+    /// one that is too early for it is due at a later HEARTBEAT.
+    pub fn heartbeat(&mut self, station: Peer, now: Instant) -> bool {
         let is_known = |heard: &&mut Heard| heard.station == station && now.us_since(heard.at) <= SILENCE_US;
         if let Some(known) = self.heard.iter_mut().flatten().find(is_known) {
             known.at = now;
-            return Introduction::NotDue;
+            return false;
         }
         if now < self.earliest {
-            return Introduction::NotDue;
+            return false;
         }
         self.earliest = now.after_us(INTRODUCTION_INTERVAL_US);
         // It replaces the one that has been silent for longest.
@@ -54,13 +48,12 @@ impl Stations {
         {
             *place = Some(Heard { station, at: now });
         }
-        Introduction::Due
+        true
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::Introduction::{Due, NotDue};
     use super::*;
     use crate::time::at_us;
     use proptest::prelude::*;
@@ -78,16 +71,16 @@ mod tests {
     fn a_station_is_introduced_once_until_it_was_silent_for_long() {
         let mut stations = Stations::default();
         for (at_s, station, expected) in [
-            (0, station(255, 190), Due),
-            (1, station(255, 190), NotDue),
+            (0, station(255, 190), true),
+            (1, station(255, 190), false),
             // Another component is another station; it waits for its turn.
-            (2, station(255, 230), NotDue),
-            (9, station(255, 230), NotDue),
-            (10, station(255, 230), Due),
-            (11, station(255, 230), NotDue),
-            (31, station(255, 190), NotDue),
-            (61, station(255, 190), NotDue),
-            (92, station(255, 190), Due),
+            (2, station(255, 230), false),
+            (9, station(255, 230), false),
+            (10, station(255, 230), true),
+            (11, station(255, 230), false),
+            (31, station(255, 190), false),
+            (61, station(255, 190), false),
+            (92, station(255, 190), true),
         ] {
             let introduction = stations.heartbeat(station, at_us(at_s * SECOND));
             assert_eq!(introduction, expected, "{station:?} after {at_s} s");
@@ -100,7 +93,7 @@ mod tests {
         let mut introduced = Vec::new();
         for at_s in 0..300 {
             for system_id in 1..=6 {
-                if stations.heartbeat(station(system_id, 190), at_us(at_s * SECOND)) == Due {
+                if stations.heartbeat(station(system_id, 190), at_us(at_s * SECOND)) {
                     introduced.push(system_id);
                 }
             }
@@ -118,7 +111,7 @@ mod tests {
             let (mut now_us, mut last_us) = (0, None);
             for (system_id, component_id, wait_us) in heard {
                 now_us += wait_us;
-                if stations.heartbeat(station(system_id, component_id), at_us(now_us)) == Due {
+                if stations.heartbeat(station(system_id, component_id), at_us(now_us)) {
                     prop_assert!(last_us.is_none_or(|last_us| now_us - last_us >= INTRODUCTION_INTERVAL_US));
                     last_us = Some(now_us);
                 }

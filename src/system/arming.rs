@@ -1,11 +1,12 @@
 //! The checks before arming: one list for an attempt to arm, RUN_PREARM_CHECKS and SYS_STATUS.
 
+use heapless::String;
+
 use super::{ArmingReadiness, LogHealth, SystemState};
 use crate::battery::{ArmingFailure, PackSettings, arming_failures};
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
-use crate::vehicle::ArmState;
-use crate::vehicle::{Stick, Vehicle};
+use crate::vehicle::{ArmState, Stick, Vehicle};
 
 /// `ARMING_CHECK`: all checks, or the one of the sticks, of the batteries or of the log.
 const STICKS_CHECKED: i32 = 1 | 1 << 6;
@@ -26,6 +27,25 @@ pub enum ArmingObstacle {
     Stick(Stick),
     /// The log can't be written.
     Logging,
+}
+
+impl ArmingObstacle {
+    /// Why the rover can't be armed, in ArduPilot's words, behind its word for what checks it: "PreArm" on request, "Arm" on an
+    /// attempt. Two STATUSTEXT at most.
+    pub fn text(self, checked_by: &str) -> String<96> {
+        let text = match self {
+            Self::Terminated => heapless::format!("{checked_by}: Terminated: reset the battery or restart"),
+            Self::Restarting => heapless::format!("{checked_by}: restarting"),
+            Self::Pack(pack, failure) => {
+                heapless::format!("{checked_by}: Battery {} {failure}", pack.number())
+            }
+            Self::Stick(Stick::Throttle) => heapless::format!("{checked_by}: Throttle (RC3) is not neutral"),
+            Self::Stick(Stick::Steering) => heapless::format!("{checked_by}: Steering (RC1) is not neutral"),
+            Self::Logging => heapless::format!("{checked_by}: Logging failed"),
+        };
+        // The longest fits.
+        text.unwrap_or_default()
+    }
 }
 
 /// Everything that keeps the vehicle from being armed now, as far as it is checked (`ARMING_CHECK`).
@@ -68,5 +88,30 @@ pub fn arming_readiness(
         ArmingReadiness::Ready
     } else {
         ArmingReadiness::NotReady
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_check_has_ardupilots_words() {
+        for (checked_by, pack, failure, expected) in [
+            (
+                "PreArm",
+                Pack::Ninth,
+                ArmingFailure::CapacityOrder,
+                "PreArm: Battery 9 capacity failsafe critical >= low",
+            ),
+            (
+                "Arm",
+                Pack::First,
+                ArmingFailure::BelowArmingVoltage,
+                "Arm: Battery 1 below minimum arming voltage",
+            ),
+        ] {
+            assert_eq!(ArmingObstacle::Pack(pack, failure).text(checked_by), expected);
+        }
     }
 }

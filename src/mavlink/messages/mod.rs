@@ -1,7 +1,6 @@
 //! The messages that are sent: a row for each in the table below, and a plain function that builds it, every field set
 //! explicitly.
 
-mod arming_text;
 mod battery_info;
 mod battery_status;
 mod battery_status_v2;
@@ -11,9 +10,7 @@ mod file_transfer;
 mod fuel_status;
 mod heartbeat;
 mod named_value_float;
-mod outgoing;
 mod pack_facts;
-mod smart_battery_info;
 mod status_text;
 mod stream;
 mod sys_status;
@@ -22,8 +19,7 @@ mod version;
 
 use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, MessageData};
 
-pub(super) use arming_text::{CheckedBy, arming_text};
-pub use battery_info::build_battery_info;
+pub use battery_info::{build_battery_info, build_smart_battery_info};
 pub use battery_status::build_battery_status;
 pub use battery_status_v2::build_battery_status_v2;
 pub use command::{BroadcastCommand, CommandAck};
@@ -33,8 +29,6 @@ pub use file_transfer::{
 pub use fuel_status::build_fuel_status;
 pub use heartbeat::build_heartbeat;
 pub use named_value_float::{build_resistance, build_resting_voltage};
-pub use outgoing::{Outgoing, ToFrame};
-pub use smart_battery_info::build_smart_battery_info;
 pub(super) use status_text::chunks_of;
 pub use status_text::status_texts;
 pub use stream::{DefaultRate, StreamGroup, Subject};
@@ -81,5 +75,54 @@ declare::messages! {
         ProtocolVersion(PROTOCOL_VERSION_DATA);
         ParamError(PARAM_ERROR_DATA);
         WifiConfig(WIFI_CONFIG_AP_DATA);
+    }
+}
+
+/// What leaves next on a link.
+///
+/// Bytes of files are no [`Message`]: of these many wait, and the longest decides how much memory each takes.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outgoing {
+    /// A message.
+    Message(Message),
+    /// An answer of MAVLink FTP with bytes of a file.
+    FileData(FileData),
+}
+
+/// What becomes a frame.
+pub trait ToFrame {
+    /// The system id that sends it, if that is not the vehicle's at present.
+    fn sender_system(&self) -> Option<u8>;
+
+    /// Writes it as a MAVLink 2 frame into `frame`.
+    fn serialize(&self, header: MavHeader, frame: &mut MAVLinkV2MessageRaw);
+}
+
+impl ToFrame for Message {
+    fn sender_system(&self) -> Option<u8> {
+        match self {
+            Self::FileAnswer(answer) => Some(answer.header.sender_system),
+            _ => None,
+        }
+    }
+
+    fn serialize(&self, header: MavHeader, frame: &mut MAVLinkV2MessageRaw) {
+        self.write(header, frame);
+    }
+}
+
+impl ToFrame for Outgoing {
+    fn sender_system(&self) -> Option<u8> {
+        match self {
+            Self::Message(message) => message.sender_system(),
+            Self::FileData(data) => Some(data.header.sender_system),
+        }
+    }
+
+    fn serialize(&self, header: MavHeader, frame: &mut MAVLinkV2MessageRaw) {
+        match self {
+            Self::Message(message) => message.write(header, frame),
+            Self::FileData(data) => frame.serialize_message_data(header, data),
+        }
     }
 }

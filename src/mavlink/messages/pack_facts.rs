@@ -1,6 +1,5 @@
 //! What more than one message reports of a pack, and does not change while it is used.
 
-use core::fmt::Write;
 use core::iter;
 
 use ::mavlink::types::CharArray;
@@ -94,12 +93,10 @@ pub(super) fn cells_in_series(battery: &BatteryState) -> u8 {
 
 /// The serial number in decimal.
 pub(super) fn serial_number<const N: usize>(battery: &BatteryState) -> CharArray<N> {
-    let mut digits = String::<NUMBER_BYTES>::new();
-    if let Some(number) = battery.serial_number {
-        // Every number fits.
-        let _ = write!(digits, "{number}");
-    }
-    text(digits.bytes())
+    // Every number fits.
+    let digits = |number: i32| heapless::format!("{number}").ok();
+    let digits: Option<String<NUMBER_BYTES>> = battery.serial_number.and_then(digits);
+    text(digits.unwrap_or_default().bytes())
 }
 
 /// The maker's name and the product's, or the one that is known.
@@ -113,12 +110,12 @@ pub(super) fn name<const N: usize>(details: &PackDetails) -> CharArray<N> {
 
 /// The day the pack was made, with `separator` between day, month and year.
 pub(super) fn manufacture_date<const N: usize>(details: &PackDetails, separator: &str) -> CharArray<N> {
-    let mut digits = String::<DATE_BYTES>::new();
-    if let Some(Date { year, month, day }) = details.manufactured.filter(is_day) {
-        // Every day of a year with four digits fits.
-        let _ = write!(digits, "{day:02}{separator}{month:02}{separator}{year:04}");
-    }
-    text(digits.bytes())
+    // Every day of a year with four digits fits.
+    let digits = |Date { year, month, day }| {
+        heapless::format!("{day:02}{separator}{month:02}{separator}{year:04}").ok()
+    };
+    let digits: Option<String<DATE_BYTES>> = details.manufactured.filter(is_day).and_then(digits);
+    text(digits.unwrap_or_default().bytes())
 }
 
 fn is_day(date: &Date) -> bool {

@@ -69,8 +69,17 @@ impl Target {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Request<'a> {
     ParameterList,
-    ParameterRead(ParameterRead),
-    ParameterSet(ParameterSet),
+    /// PARAM_REQUEST_READ.
+    ParameterRead {
+        /// −1 if it is asked for by name.
+        index: i16,
+        name: Name,
+    },
+    /// PARAM_SET.
+    ParameterSet {
+        name: Name,
+        value: f32,
+    },
     Command(Command),
     FileTransfer(FileTransfer<'a>),
     LogList(LogListRequest),
@@ -79,32 +88,50 @@ pub(super) enum Request<'a> {
     LogErase,
     /// LOG_REQUEST_END.
     LogEnd,
-    DataStream(DataStream),
-    Ping(Ping),
-    Timesync(Timesync),
-    RadioStatus(RadioStatus),
-    SetMode(SetMode),
-    Control(Sticks),
-    Heartbeat(Heartbeat),
+    /// REQUEST_DATA_STREAM.
+    DataStream {
+        stream_id: u8,
+        /// `None` to stop it.
+        rate_hz: Option<u16>,
+    },
+    /// PING.
+    Ping {
+        time_us: u64,
+        sequence: u32,
+        /// 0 and 0 in a request; in an answer the peer that sent the request.
+        target: Peer,
+    },
+    /// TIMESYNC.
+    Timesync {
+        /// The time at the peer that answers, in ns; 0 in a request.
+        answered_ns: i64,
+        /// The time at the peer that asks, in ns.
+        asked_ns: i64,
+    },
+    /// RADIO_STATUS.
+    RadioStatus {
+        /// The share of the transmit buffer that is free.
+        free_percent: u8,
+    },
+    /// SET_MODE.
+    SetMode {
+        base_mode: u8,
+        custom_mode: u32,
+    },
+    /// MANUAL_CONTROL or RC_CHANNELS_OVERRIDE.
+    Control {
+        throttle: StickInput,
+        steering: StickInput,
+    },
+    /// HEARTBEAT.
+    Heartbeat {
+        /// A number of `MAV_TYPE`.
+        system_type: u8,
+    },
     SetUpSigning(SetUpSigning),
     /// BATTERY_STATUS.
     PackReading(ExternalReading),
     WifiConfig(WifiConfig<'a>),
-}
-
-/// PARAM_REQUEST_READ.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct ParameterRead {
-    /// −1 if it is asked for by name.
-    pub index: i16,
-    pub name: Name,
-}
-
-/// PARAM_SET.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct ParameterSet {
-    pub name: Name,
-    pub value: f32,
 }
 
 /// COMMAND_LONG or COMMAND_INT, any number. Ground stations fill parameters they don't use with NaN.
@@ -150,60 +177,6 @@ pub(super) struct LogDataRequest {
     pub id: u16,
     pub offset: u32,
     pub bytes: u32,
-}
-
-/// REQUEST_DATA_STREAM.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct DataStream {
-    pub stream_id: u8,
-    /// `None` to stop it.
-    pub rate_hz: Option<u16>,
-}
-
-/// PING.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Ping {
-    pub time_us: u64,
-    pub sequence: u32,
-    /// 0 and 0 in a request; in an answer the peer that sent the request.
-    pub target: Peer,
-}
-
-/// TIMESYNC.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Timesync {
-    /// The time at the peer that answers, in ns; 0 in a request.
-    pub answered_ns: i64,
-    /// The time at the peer that asks, in ns.
-    pub asked_ns: i64,
-}
-
-/// RADIO_STATUS.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct RadioStatus {
-    /// The share of the transmit buffer that is free.
-    pub free_percent: u8,
-}
-
-/// SET_MODE.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct SetMode {
-    pub base_mode: u8,
-    pub custom_mode: u32,
-}
-
-/// MANUAL_CONTROL or RC_CHANNELS_OVERRIDE.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Sticks {
-    pub throttle: StickInput,
-    pub steering: StickInput,
-}
-
-/// HEARTBEAT.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Heartbeat {
-    /// A number of `MAV_TYPE`.
-    pub system_type: u8,
 }
 
 /// SETUP_SIGNING.
@@ -293,38 +266,38 @@ fn target_at(payload: &Payload<'_>, target_system_at: usize) -> Peer {
 }
 
 fn heartbeat(payload: &Payload<'_>) -> (Target, Request<'static>) {
-    let heartbeat = Heartbeat {
+    let heartbeat = Request::Heartbeat {
         system_type: payload.u8(4),
     };
-    (Target::Everyone, Request::Heartbeat(heartbeat))
+    (Target::Everyone, heartbeat)
 }
 
 fn ping(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 12);
-    let ping = Ping {
+    let ping = Request::Ping {
         time_us: payload.u64(0),
         sequence: payload.u32(8),
         target,
     };
-    (Target::Component(target), Request::Ping(ping))
+    (Target::Component(target), ping)
 }
 
 fn set_mode(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target_system = payload.u8(4);
-    let set_mode = SetMode {
+    let set_mode = Request::SetMode {
         custom_mode: payload.u32(0),
         base_mode: payload.u8(5),
     };
-    (Target::System(target_system), Request::SetMode(set_mode))
+    (Target::System(target_system), set_mode)
 }
 
 fn param_request_read(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 2);
-    let read = ParameterRead {
+    let read = Request::ParameterRead {
         index: payload.i16(0),
         name: payload.name(4),
     };
-    (Target::Component(target), Request::ParameterRead(read))
+    (Target::Component(target), read)
 }
 
 fn param_request_list(payload: &Payload<'_>) -> (Target, Request<'static>) {
@@ -334,11 +307,11 @@ fn param_request_list(payload: &Payload<'_>) -> (Target, Request<'static>) {
 
 fn param_set(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 4);
-    let set = ParameterSet {
+    let set = Request::ParameterSet {
         value: payload.f32(0),
         name: payload.name(6),
     };
-    (Target::Component(target), Request::ParameterSet(set))
+    (Target::Component(target), set)
 }
 
 fn request_data_stream(payload: &Payload<'_>) -> (Target, Request<'static>) {
@@ -346,21 +319,21 @@ fn request_data_stream(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 2);
     let req_message_rate_hz = payload.u16(0);
     let start_stop = payload.u8(5);
-    let stream = DataStream {
+    let stream = Request::DataStream {
         stream_id: payload.u8(4),
         rate_hz: (start_stop != STOP).then_some(req_message_rate_hz),
     };
-    (Target::Component(target), Request::DataStream(stream))
+    (Target::Component(target), stream)
 }
 
 /// ArduPilot's Rover steers by the axis y and takes z for its throttle.
 fn manual_control(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = payload.u8(10);
-    let sticks = Sticks {
+    let sticks = Request::Control {
         steering: stick_of_axis(payload.i16(2)),
         throttle: stick_of_axis(payload.i16(4)),
     };
-    (Target::OnlySystem(target), Request::Control(sticks))
+    (Target::OnlySystem(target), sticks)
 }
 
 fn stick_of_axis(position: i16) -> StickInput {
@@ -375,11 +348,11 @@ fn stick_of_axis(position: i16) -> StickInput {
 /// ArduPilot's Rover steers by channel 1 and takes channel 3 for its throttle.
 fn rc_channels_override(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 16);
-    let sticks = Sticks {
+    let sticks = Request::Control {
         steering: stick_of_channel(payload.u16(0)),
         throttle: stick_of_channel(payload.u16(4)),
     };
-    (Target::OnlyComponent(target), Request::Control(sticks))
+    (Target::OnlyComponent(target), sticks)
 }
 
 fn stick_of_channel(pulse_us: u16) -> StickInput {
@@ -414,10 +387,10 @@ fn command(payload: &Payload<'_>) -> (Target, Request<'static>) {
 }
 
 fn radio_status(payload: &Payload<'_>) -> (Target, Request<'static>) {
-    let status = RadioStatus {
+    let status = Request::RadioStatus {
         free_percent: payload.u8(6),
     };
-    (Target::Everyone, Request::RadioStatus(status))
+    (Target::Everyone, status)
 }
 
 /// The header of MAVLink FTP follows three bytes of addressing.
@@ -455,11 +428,11 @@ fn log_request_data(payload: &Payload<'_>) -> (Target, Request<'static>) {
 
 fn timesync(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 16);
-    let timesync = Timesync {
+    let timesync = Request::Timesync {
         answered_ns: payload.i64(0),
         asked_ns: payload.i64(8),
     };
-    (Target::Component(target), Request::Timesync(timesync))
+    (Target::Component(target), timesync)
 }
 
 fn battery_status(payload: &Payload<'_>) -> Option<(Target, Request<'static>)> {

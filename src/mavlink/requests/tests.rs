@@ -32,7 +32,7 @@ fn what_concerns_the_vehicle_and_the_link_is_decoded() {
         mavtype: MavType::MAV_TYPE_GCS,
         ..HEARTBEAT_DATA::DEFAULT
     };
-    let request = Request::Heartbeat(Heartbeat { system_type: 6 });
+    let request = Request::Heartbeat { system_type: 6 };
     assert_eq!(decoded(&heartbeat), (Target::Everyone, request));
 
     let set_mode = SET_MODE_DATA {
@@ -40,17 +40,17 @@ fn what_concerns_the_vehicle_and_the_link_is_decoded() {
         target_system: 7,
         base_mode: MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
     };
-    let request = Request::SetMode(SetMode {
+    let request = Request::SetMode {
         custom_mode: 0x0102_0304,
         base_mode: 1,
-    });
+    };
     assert_eq!(decoded(&set_mode), (Target::System(7), request));
 
     let status = RADIO_STATUS_DATA {
         txbuf: 42,
         ..RADIO_STATUS_DATA::DEFAULT
     };
-    let request = Request::RadioStatus(RadioStatus { free_percent: 42 });
+    let request = Request::RadioStatus { free_percent: 42 };
     assert_eq!(decoded(&status), (Target::Everyone, request));
 
     for (start_stop, rate_hz) in [(1, Some(258)), (0, None)] {
@@ -61,10 +61,10 @@ fn what_concerns_the_vehicle_and_the_link_is_decoded() {
             req_stream_id: MavDataStream::MAV_DATA_STREAM_EXTRA1,
             start_stop,
         };
-        let request = Request::DataStream(DataStream {
+        let request = Request::DataStream {
             stream_id: 10,
             rate_hz,
-        });
+        };
         assert_eq!(decoded(&stream), (Target::Component(VEHICLE), request));
     }
 }
@@ -87,7 +87,7 @@ fn parameters_are_decoded() {
         target_component: 9,
         param_id: name.0.into(),
     };
-    let request = Request::ParameterRead(ParameterRead { index: -2, name });
+    let request = Request::ParameterRead { index: -2, name };
     assert_eq!(decoded(&read), (Target::Component(VEHICLE), request));
 
     let set = PARAM_SET_DATA {
@@ -97,7 +97,7 @@ fn parameters_are_decoded() {
         param_id: name.0.into(),
         ..PARAM_SET_DATA::DEFAULT
     };
-    let request = Request::ParameterSet(ParameterSet { name, value: 1.5 });
+    let request = Request::ParameterSet { name, value: 1.5 };
     assert_eq!(decoded(&set), (Target::Component(VEHICLE), request));
 }
 
@@ -148,7 +148,7 @@ fn axes_are_levers() {
             target: 7,
             ..MANUAL_CONTROL_DATA::DEFAULT
         };
-        let request = Request::Control(Sticks { throttle, steering });
+        let request = Request::Control { throttle, steering };
         assert_eq!(decoded(&control), (Target::OnlySystem(7), request));
     }
 }
@@ -174,7 +174,7 @@ fn channels_are_levers() {
             target_component: 9,
             ..RC_CHANNELS_OVERRIDE_DATA::DEFAULT
         };
-        let request = Request::Control(Sticks { throttle, steering });
+        let request = Request::Control { throttle, steering };
         assert_eq!(decoded(&channels), (Target::OnlyComponent(VEHICLE), request));
     }
 }
@@ -187,11 +187,11 @@ fn times_are_decoded() {
         target_system: 7,
         target_component: 9,
     };
-    let request = Request::Ping(Ping {
+    let request = Request::Ping {
         time_us: 0x0102_0304_0506_0708,
         sequence: 0x090A_0B0C,
         target: VEHICLE,
-    });
+    };
     assert_eq!(decoded(&ping), (Target::Component(VEHICLE), request));
 
     let timesync = TIMESYNC_DATA {
@@ -200,10 +200,10 @@ fn times_are_decoded() {
         target_system: 7,
         target_component: 9,
     };
-    let request = Request::Timesync(Timesync {
+    let request = Request::Timesync {
         answered_ns: 0x0102_0304_0506_0708,
         asked_ns: -1,
-    });
+    };
     assert_eq!(decoded(&timesync), (Target::Component(VEHICLE), request));
 }
 

@@ -1,45 +1,21 @@
 //! Files on their way to a ground station, one message at a time.
 
-use super::file_transfer::{FileStep, FileTransfers};
+use super::file_transfer::FileTransfers;
 use super::log_download::{LogDownload, LogRead, Step};
-use crate::mavlink::{Message, Outgoing};
+use crate::mavlink::Outgoing;
 use crate::parameter::Parameters;
 use crate::system::SystemState;
 
 /// While a download runs, this many of its messages leave for each message of a stream.
 const SHARE: u8 = 24;
 
-/// Whose turn it is when both a download and a stream could send.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::mavlink) enum NextSender {
-    Download,
-    Stream,
-}
-
-/// The services that send files.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Service {
-    #[default]
-    Logs,
-    Files,
-}
-
-impl Service {
-    fn other(self) -> Self {
-        match self {
-            Self::Logs => Self::Files,
-            Self::Files => Self::Logs,
-        }
-    }
-}
-
 /// The downloads of one link, and the one message of theirs that waits for the wire.
 #[derive(Debug, Default)]
 pub(in crate::mavlink) struct Downloads {
     pub logs: LogDownload,
     pub files: FileTransfers,
-    /// The service that is next if both send.
-    next: Service,
+    /// Whether MAVLink FTP is next if the log protocol sends, too.
+    are_files_next: bool,
     ready: Option<Outgoing>,
     /// Messages since the last one of a stream.
     since_stream: u8,
@@ -51,50 +27,40 @@ impl Downloads {
         if state.is_armed() {
             self.stop();
         }
-        [self.next, self.next.other()]
+        [self.are_files_next, !self.are_files_next]
             .into_iter()
-            .find_map(|service| self.step(service, state, parameters))
+            .find_map(|is_of_files| self.step(is_of_files, state, parameters))
     }
 
-    /// The same of one service. What the log protocol and FTP read is alike, so that either takes what is supplied.
+    /// The same of MAVLink FTP or of the log protocol. What they read is alike, so that either takes what is supplied.
     fn step(
         &mut self,
-        service: Service,
+        is_of_files: bool,
         state: &SystemState<'_>,
         parameters: &Parameters,
     ) -> Option<LogRead> {
         if self.ready.is_some() {
             return None;
         }
-        match service {
-            Service::Logs => match self.logs.step(state) {
-                Step::Idle => None,
-                Step::Read(read) => Some(read),
-                Step::Send(message) => self.prepare(service, Outgoing::Message(message)),
-            },
-            Service::Files => {
-                let step = self.files.step(state, parameters);
-                self.apply(step)
-            }
-        }
+        let step = if is_of_files {
+            self.files.step(state, parameters)
+        } else {
+            self.logs.step(state)
+        };
+        self.apply(step, is_of_files)
     }
 
-    fn apply(&mut self, step: FileStep) -> Option<LogRead> {
+    /// Has a message wait; then nothing needs to be read.
+    fn apply(&mut self, step: Step, is_of_files: bool) -> Option<LogRead> {
         match step {
-            FileStep::Idle => None,
-            FileStep::Read(read) => Some(read),
-            FileStep::Answer(answer) => {
-                self.prepare(Service::Files, Outgoing::Message(Message::FileAnswer(answer)))
+            Step::Idle => None,
+            Step::Read(read) => Some(read),
+            Step::Send(message) => {
+                self.ready = Some(message);
+                self.are_files_next = !is_of_files;
+                None
             }
-            FileStep::Data(data) => self.prepare(Service::Files, Outgoing::FileData(data)),
         }
-    }
-
-    /// Has a message wait. Then nothing needs to be read.
-    fn prepare(&mut self, service: Service, message: Outgoing) -> Option<LogRead> {
-        self.ready = Some(message);
-        self.next = service.other();
-        None
     }
 
     /// Builds the next message from what was read of the log. What is not wanted any more is ignored.
@@ -102,13 +68,12 @@ impl Downloads {
         if self.ready.is_some() {
             return;
         }
-        match self.logs.supply(read, bytes) {
-            Some(message) => self.prepare(Service::Logs, Outgoing::Message(message)),
-            None => {
-                let step = self.files.supply(read, bytes);
-                self.apply(step)
-            }
-        };
+        if let Some(message) = self.logs.supply(read, bytes) {
+            self.apply(Step::Send(Outgoing::Message(message)), false);
+        } else {
+            let step = self.files.supply(read, bytes);
+            self.apply(step, true);
+        }
     }
 
     /// Ends the downloads of files. A list of them goes on.
@@ -122,13 +87,9 @@ impl Downloads {
         self.ready.is_some() || self.logs.is_running() || self.files.is_running()
     }
 
-    /// Whose turn it is.
-    pub fn turn(&self) -> NextSender {
-        if self.since_stream < SHARE {
-            NextSender::Download
-        } else {
-            NextSender::Stream
-        }
+    /// Whether it is their turn when both a download and a stream could send.
+    pub fn are_next(&self) -> bool {
+        self.since_stream < SHARE
     }
 
     /// A message of a stream leaves.

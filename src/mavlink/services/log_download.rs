@@ -6,7 +6,7 @@
 
 use crate::mavlink::dialect::{LOG_DATA_DATA, LOG_ENTRY_DATA};
 use crate::mavlink::requests::{LogDataRequest, LogListRequest};
-use crate::mavlink::{Message, Peer};
+use crate::mavlink::{Message, Outgoing, Peer};
 use crate::recorder::LogFile;
 use crate::system::SystemState;
 use crate::time::Instant;
@@ -40,12 +40,16 @@ pub struct LogRead {
 
 /// What a download does next.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is no heap, and one of it exists at a time"
+)]
 pub(in crate::mavlink) enum Step {
     /// Nothing, there is none.
     Idle,
     /// Send a message.
-    Send(Message),
-    /// Have the file read.
+    Send(Outgoing),
+    /// Have a log read.
     Read(LogRead),
 }
 
@@ -105,13 +109,7 @@ struct Listing {
     next_id: u16,
     last_id: u16,
     /// Whether an entry of it was sent: a list has one at least.
-    progress: Progress,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Progress {
-    NothingSent,
-    Begun,
+    has_begun: bool,
 }
 
 /// The rest of what was requested of a file.
@@ -121,16 +119,9 @@ struct Sending {
     number: u16,
     offset: u32,
     end: u32,
-    at_end: AtEnd,
-}
-
-/// What follows when everything was sent that was requested.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum AtEnd {
-    /// Nothing: the file has more, or the ground station knows its length.
-    Stop,
-    /// A message with fewer bytes than fit: more was requested than there is.
-    SayEnd,
+    /// Whether a message with fewer bytes than fit has to follow: more was requested than there is. Else the file has more,
+    /// or the ground station knows its length.
+    says_end: bool,
 }
 
 /// The ground station that downloads.
@@ -158,7 +149,7 @@ impl LogDownload {
         self.list = Some(Listing {
             next_id: request.start.max(1),
             last_id: request.end,
-            progress: Progress::NothingSent,
+            has_begun: false,
         });
         Ok(())
     }
@@ -187,17 +178,12 @@ impl LogDownload {
             .and_then(|numbering| numbering.file(request.id, state.logs));
         let bytes = file.map_or(0, |file| file.bytes);
         let requested_end = request.offset.saturating_add(request.bytes);
-        let at_end = if requested_end > bytes {
-            AtEnd::SayEnd
-        } else {
-            AtEnd::Stop
-        };
         self.sending = Some(Sending {
             id: request.id,
             number: file.map_or(0, |file| file.number),
             offset: request.offset,
             end: requested_end.min(bytes),
-            at_end,
+            says_end: requested_end > bytes,
         });
         Ok(())
     }
@@ -259,7 +245,7 @@ impl LogDownload {
     /// What comes next. A message counts as sent; of a read, [`Self::supply`] makes the message.
     pub fn step(&mut self, state: &SystemState<'_>) -> Step {
         if let Some(entry) = self.next_entry(state.logs) {
-            return Step::Send(Message::LogEntry(entry));
+            return Step::Send(Outgoing::Message(Message::LogEntry(entry)));
         }
         let Some(sending) = self.sending else {
             return Step::Idle;
@@ -271,9 +257,10 @@ impl LogDownload {
             return Step::Read(read);
         }
         self.sending = None;
-        match sending.at_end {
-            AtEnd::Stop => Step::Idle,
-            AtEnd::SayEnd => Step::Send(log_data(&sending, &[])),
+        if sending.says_end {
+            Step::Send(Outgoing::Message(log_data(&sending, &[])))
+        } else {
+            Step::Idle
         }
     }
 
@@ -291,14 +278,14 @@ impl LogDownload {
             Some((id, bytes)) => {
                 self.list = id.checked_add(1).map(|next_id| Listing {
                     next_id,
-                    progress: Progress::Begun,
+                    has_begun: true,
                     ..listing
                 });
                 (id, bytes)
             }
             None => {
                 self.list = None;
-                if listing.progress == Progress::Begun {
+                if listing.has_begun {
                     return None;
                 }
                 (0, 0)
@@ -329,8 +316,7 @@ impl LogDownload {
         let bytes = bytes.get(..usize::from(read.bytes)).unwrap_or(bytes);
         let message = log_data(sending, bytes);
         sending.offset += bytes.len() as u32;
-        let is_last =
-            bytes.len() < DATA_BYTES || (sending.offset == sending.end && sending.at_end == AtEnd::Stop);
+        let is_last = bytes.len() < DATA_BYTES || (sending.offset == sending.end && !sending.says_end);
         if is_last {
             self.sending = None;
         }

@@ -9,7 +9,6 @@ use super::context::Context;
 use crate::mavlink::dialect::{MavParamError, MavParamType, MavSeverity, PARAM_ERROR_DATA, PARAM_VALUE_DATA};
 use crate::mavlink::event::Event;
 use crate::mavlink::payload::Name;
-use crate::mavlink::requests::{ParameterRead, ParameterSet};
 use crate::mavlink::{Message, Peer};
 use crate::parameter::{ForEachParameter, Kind, ParameterId, Parameters, Refused, triggers};
 use crate::time::{Cadence, Instant};
@@ -59,8 +58,7 @@ fn param_error(name: Name, index: i16, error: MavParamError, to: Peer) -> Messag
 }
 
 /// Answers PARAM_REQUEST_READ.
-pub(in crate::mavlink) fn read(request: &ParameterRead, from: Peer, context: &mut Context<'_>) -> Event {
-    let ParameterRead { index, name } = *request;
+pub(in crate::mavlink) fn read(index: i16, name: Name, from: Peer, context: &mut Context<'_>) -> Event {
     let parameters = &*context.changeable.parameters;
     let id = if index == BY_NAME {
         ParameterId::from_name(name.as_bytes())
@@ -78,8 +76,7 @@ pub(in crate::mavlink) fn read(request: &ParameterRead, from: Peer, context: &mu
 
 /// Answers PARAM_SET: the value that is now live, after an error if that is not the one asked for. A trigger's value is
 /// acknowledged first, since ground stations repeat what they do not see, and then it reads 0 again.
-pub(in crate::mavlink) fn set(request: &ParameterSet, from: Peer, context: &mut Context<'_>) -> Event {
-    let ParameterSet { name, value } = *request;
+pub(in crate::mavlink) fn set(name: Name, value: f32, from: Peer, context: &mut Context<'_>) -> Event {
     let (parameters, outbox) = (&mut *context.changeable.parameters, &mut *context.outbox);
     let error = |error| param_error(name, BY_NAME, error, from);
     let Some(id) = ParameterId::from_name(name.as_bytes()) else {

@@ -3,8 +3,6 @@
 use super::context::Context;
 use crate::mavlink::dialect::{PING_DATA, TIMESYNC_DATA};
 use crate::mavlink::event::Event;
-use crate::mavlink::outbox::Outbox;
-use crate::mavlink::requests::{Ping, Timesync};
 use crate::mavlink::{Message, Peer};
 
 const NANOSECONDS_PER_MICROSECOND: i64 = 1000;
@@ -16,29 +14,38 @@ const NOT_ADDRESSED: Peer = Peer {
 };
 
 /// Answers a PING: the same back to its sender. One that has a target is an answer itself.
-pub(in crate::mavlink) fn ping(ping: &Ping, from: Peer, outbox: &mut Outbox) -> Event {
-    let answer = PING_DATA {
-        time_usec: ping.time_us,
-        seq: ping.sequence,
-        target_system: from.system_id,
-        target_component: from.component_id,
-    };
-    if ping.target == NOT_ADDRESSED {
-        outbox.answer(Message::Ping(answer));
+pub(in crate::mavlink) fn ping(
+    time_us: u64,
+    sequence: u32,
+    target: Peer,
+    from: Peer,
+    context: &mut Context<'_>,
+) -> Event {
+    if target == NOT_ADDRESSED {
+        context.outbox.answer(Message::Ping(PING_DATA {
+            time_usec: time_us,
+            seq: sequence,
+            target_system: from.system_id,
+            target_component: from.component_id,
+        }));
     }
     Event::Answered
 }
 
 /// Answers a TIMESYNC with the time since boot. One that has a time of its own is an answer itself.
-pub(in crate::mavlink) fn timesync(timesync: &Timesync, from: Peer, context: &mut Context<'_>) -> Event {
-    let answer = TIMESYNC_DATA {
-        tc1: (context.now.as_micros() as i64).saturating_mul(NANOSECONDS_PER_MICROSECOND),
-        ts1: timesync.asked_ns,
-        target_system: from.system_id,
-        target_component: from.component_id,
-    };
-    if timesync.answered_ns == 0 {
-        context.outbox.answer(Message::Timesync(answer));
+pub(in crate::mavlink) fn timesync(
+    answered_ns: i64,
+    asked_ns: i64,
+    from: Peer,
+    context: &mut Context<'_>,
+) -> Event {
+    if answered_ns == 0 {
+        context.outbox.answer(Message::Timesync(TIMESYNC_DATA {
+            tc1: (context.now.as_micros() as i64).saturating_mul(NANOSECONDS_PER_MICROSECOND),
+            ts1: asked_ns,
+            target_system: from.system_id,
+            target_component: from.component_id,
+        }));
     }
     Event::Answered
 }

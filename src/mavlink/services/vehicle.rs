@@ -5,16 +5,14 @@ use heapless::String;
 
 use super::context::Context;
 use crate::mavlink::Peer;
-use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, MavType, SET_MODE_DATA};
+use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, SET_MODE_DATA};
 use crate::mavlink::event::Event;
-use crate::mavlink::messages::{CheckedBy, arming_text};
 use crate::mavlink::outbox::Outbox;
-use crate::mavlink::requests::{Command, Heartbeat, SetMode, Sticks};
+use crate::mavlink::requests::Command;
 use crate::parameter::Parameters;
 use crate::system::{SystemState, arming_obstacles};
 use crate::time::Instant;
-use crate::vehicle::ArmState;
-use crate::vehicle::{Fitness, Mode, Vehicle, control_timeout_us};
+use crate::vehicle::{ArmState, Fitness, Mode, StickInput, Vehicle, control_timeout_us};
 
 const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
 const RUN_PREARM_CHECKS: u16 = MavCmd::MAV_CMD_RUN_PREARM_CHECKS as u16;
@@ -116,15 +114,15 @@ impl<'a> VehicleService<'a> {
             return MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
         }
         for obstacle in arming_obstacles(self.state, self.parameters, self.vehicle) {
-            let text = arming_text(CheckedBy::Request, obstacle);
+            let text = obstacle.text("PreArm");
             self.outbox.explain(MavSeverity::MAV_SEVERITY_CRITICAL, &text);
         }
         ACCEPTED
     }
 
     /// SET_MODE: as in ArduPilot, it is acknowledged like a command of its own number.
-    pub fn set_mode_by_message(&mut self, request: &SetMode, from: Peer) -> Event {
-        let result = self.set_mode(request.base_mode, request.custom_mode);
+    pub fn set_mode_by_message(&mut self, base_mode: u8, number: u32, from: Peer) -> Event {
+        let result = self.set_mode(base_mode, number);
         self.acknowledge(SET_MODE_DATA::ID as u16, result, from)
     }
 
@@ -153,11 +151,10 @@ impl<'a> VehicleService<'a> {
     }
 
     /// MANUAL_CONTROL or RC_CHANNELS_OVERRIDE.
-    pub fn control(&mut self, sticks: &Sticks) -> Event {
+    pub fn control(&mut self, throttle: StickInput, steering: StickInput) -> Event {
         if self.is_late() {
             return Event::ControlTooLate;
         }
-        let Sticks { throttle, steering } = *sticks;
         self.vehicle.control(self.received_at, throttle, steering);
         Event::Driven
     }
@@ -174,11 +171,6 @@ impl<'a> VehicleService<'a> {
         self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, TOO_LATE);
         FAILED
     }
-}
-
-/// Whether it was a ground station that sent this HEARTBEAT.
-pub(in crate::mavlink) fn is_of_ground_station(heartbeat: &Heartbeat) -> bool {
-    heartbeat.system_type == MavType::MAV_TYPE_GCS as u8
 }
 
 fn whole_number(parameter: f32) -> Option<u32> {

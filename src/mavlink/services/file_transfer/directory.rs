@@ -44,15 +44,8 @@ pub(super) struct Selection {
     pub start: u16,
     /// How many; `None` for all.
     pub count: Option<u16>,
-    pub defaults: Defaults,
-}
-
-/// Whether a parameter's default follows its value.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Defaults {
-    #[default]
-    Without,
-    With,
+    /// Whether a parameter's default follows its value.
+    pub with_defaults: bool,
 }
 
 impl Path {
@@ -104,7 +97,7 @@ impl Selection {
                     let count: u16 = value.parse().ok()?;
                     selection.count = (count > 0).then_some(count);
                 }
-                Some(("withdefaults", "1")) => selection.defaults = Defaults::With,
+                Some(("withdefaults", "1")) => selection.with_defaults = true,
                 _ => {}
             }
         }
@@ -178,13 +171,13 @@ mod tests {
     fn parameters_are_selected_by_arguments() {
         let all = Selection::default();
         let with_defaults = Selection {
-            defaults: Defaults::With,
+            with_defaults: true,
             ..all
         };
         let some = Selection {
             start: 10,
             count: Some(5),
-            defaults: Defaults::With,
+            with_defaults: true,
         };
         for (path, expected) in [
             ("@PARAM/param.pck", Some(all)),

@@ -16,7 +16,7 @@ mod upload;
 use heapless::Deque;
 
 use super::context::Context;
-use super::log_download::{LogRead, Refusal};
+use super::log_download::{LogRead, Refusal, Step};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::event::Event;
 use crate::mavlink::messages::{Burst, FileAnswer, FileAnswerHeader, FileError, FileOutcome, MAX_FILE_BYTES};
@@ -29,7 +29,6 @@ use crate::system::SystemState;
 use crate::time::Instant;
 use directory::Path;
 use parameter_file::ParameterFile;
-pub(in crate::mavlink) use reading::FileStep;
 use reading::{BurstRead, Checksum, Job, PartOf, PartRequest};
 pub(in crate::mavlink) use request::writes;
 use request::{Operation, path_of};
@@ -390,27 +389,27 @@ impl FileTransfers {
     }
 
     /// What comes next. An answer counts as sent; of a read, [`Self::supply`] makes it.
-    pub fn step(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> FileStep {
+    pub fn step(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Step {
         if self.waiting.is_empty() {
             self.keep_burst(state.now);
         }
         let Some(job) = self.job() else {
-            return FileStep::Idle;
+            return Step::Idle;
         };
         if let Some(read) = job.log_read(self.session.as_mut()) {
-            return FileStep::Read(read);
+            return Step::Read(read);
         }
         let content = job.content(self.session.as_mut(), state, parameters);
         self.send(job, content)
     }
 
     /// Takes what was read of a log, and returns what follows. Bytes that are not wanted any more have no effect.
-    pub fn supply(&mut self, read: LogRead, bytes: &[u8]) -> FileStep {
+    pub fn supply(&mut self, read: LogRead, bytes: &[u8]) -> Step {
         let Some(job) = self.job() else {
-            return FileStep::Idle;
+            return Step::Idle;
         };
         if job.log_read(self.session.as_mut()) != Some(read) {
-            return FileStep::Idle;
+            return Step::Idle;
         }
         let bytes = bytes.get(..usize::from(read.bytes)).unwrap_or(bytes);
         let content = Bytes::from_slice(bytes).ok().filter(|bytes| !bytes.is_empty());
@@ -428,7 +427,7 @@ impl FileTransfers {
     }
 
     /// The next message of `job`, which goes on behind it.
-    fn send(&mut self, job: Job, content: Result<Bytes, FileError>) -> FileStep {
+    fn send(&mut self, job: Job, content: Result<Bytes, FileError>) -> Step {
         let step;
         match job {
             Job::Part(part) => {

@@ -1,8 +1,10 @@
 //! The packed parameters as a file that is read. None of it is stored: what is asked for is built from the live values.
 
+use core::ops::ControlFlow;
+
 use heapless::{String, Vec};
 
-use super::directory::{Defaults, Selection};
+use super::directory::Selection;
 use super::packed::{
     HAS_DEFAULT, HEADER_BYTES, MAGIC, MAGIC_WITH_DEFAULTS, MAX_HEAD_BYTES, MAX_VALUE_BYTES, PackedType,
 };
@@ -64,7 +66,7 @@ impl ParameterFile {
     /// Its length in bytes if it is read in the largest blocks; in smaller ones it may differ by a few.
     pub fn bytes(mut self, parameters: &Parameters) -> u32 {
         self.block_bytes = Some(MAX_FILE_BYTES as u8);
-        self.walk(parameters, |_, _| Next::Continue);
+        self.walk(parameters, |_, _| ControlFlow::Continue(()));
         self.cursor.offset
     }
 
@@ -81,18 +83,19 @@ impl ParameterFile {
             copy(&mut block, offset, end, at, record);
             // The cursor stays before a record that is continued in the next block.
             if at.saturating_add(record.len() as u32) > end {
-                Next::Stop
+                ControlFlow::Break(())
             } else {
-                Next::Continue
+                ControlFlow::Continue(())
             }
         });
         block
     }
 
     fn header(&self) -> [u8; HEADER_BYTES] {
-        let magic = match self.selection.defaults {
-            Defaults::Without => MAGIC,
-            Defaults::With => MAGIC_WITH_DEFAULTS,
+        let magic = if self.selection.with_defaults {
+            MAGIC_WITH_DEFAULTS
+        } else {
+            MAGIC
         };
         let ([a, b], [c, d], [e, f]) = (
             magic.to_le_bytes(),
@@ -103,7 +106,7 @@ impl ParameterFile {
     }
 
     /// Builds the records from the cursor on, which goes along, until `visit` stops it.
-    fn walk(&mut self, parameters: &Parameters, mut visit: impl FnMut(u32, &[u8]) -> Next) {
+    fn walk(&mut self, parameters: &Parameters, mut visit: impl FnMut(u32, &[u8]) -> ControlFlow<()>) {
         let first = usize::from(self.selection.start) + usize::from(self.cursor.place);
         // From the one before: its name is needed.
         let mut ids = parameters.listed().skip(first.saturating_sub(1));
@@ -119,7 +122,7 @@ impl ParameterFile {
             }
             let name = id.name();
             let record = self.record(id, &name, &name_before, parameters);
-            if visit(self.cursor.offset, &record) == Next::Stop {
+            if visit(self.cursor.offset, &record).is_break() {
                 return;
             }
             self.cursor.offset = self.cursor.offset.saturating_add(record.len() as u32);
@@ -143,7 +146,7 @@ impl ParameterFile {
         let mut values: Vec<u8, { 2 * MAX_VALUE_BYTES }> = Vec::new();
         // Everything fits, as the length of a record says.
         let _ = values.extend_from_slice(&packed_type.pack(parameters.get(id)));
-        if self.selection.defaults == Defaults::With {
+        if self.selection.with_defaults {
             flags = HAS_DEFAULT;
             let _ = values.extend_from_slice(&packed_type.pack(id.default_value()));
         }
@@ -168,12 +171,6 @@ impl ParameterFile {
             _ => 0,
         }
     }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Next {
-    Continue,
-    Stop,
 }
 
 /// How many characters `name` begins with as the one before. A record has at least one of its own.

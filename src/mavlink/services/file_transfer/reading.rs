@@ -5,7 +5,8 @@ use super::session::{Bytes, Session, log_read, unless_empty};
 use crate::mavlink::messages::{
     Burst, FileAnswer, FileAnswerHeader, FileData, FileError, FileOutcome, MAX_FILE_BYTES,
 };
-use crate::mavlink::services::log_download::LogRead;
+use crate::mavlink::services::log_download::{LogRead, Step};
+use crate::mavlink::{Message, Outgoing};
 use crate::memory::checksum::file_crc32;
 use crate::parameter::Parameters;
 use crate::recorder::LogFile;
@@ -18,23 +19,6 @@ const BURST_MESSAGES: u16 = 200;
 /// A burst ends with the first message after this time, in µs: pymavlink gives up 3.7 s after it has requested one, however
 /// many messages have come.
 const BURST_US: u64 = 2_000_000;
-
-/// What comes next.
-#[derive(Clone, Debug, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is no heap, and one of it exists at a time"
-)]
-pub(in crate::mavlink) enum FileStep {
-    /// Nothing.
-    Idle,
-    /// Have a log read.
-    Read(LogRead),
-    /// Send an answer.
-    Answer(FileAnswer),
-    /// Send bytes of a file or of a list.
-    Data(FileData),
-}
 
 /// What is being sent, one at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,7 +101,7 @@ pub(super) enum PartOf {
 
 impl PartRequest {
     /// The one message that answers it.
-    pub fn message(self, content: Result<Bytes, FileError>) -> FileStep {
+    pub fn message(self, content: Result<Bytes, FileError>) -> Step {
         message(self.header, Burst::Continues, self.offset, content)
     }
 }
@@ -157,7 +141,7 @@ impl BurstRead {
     }
 
     /// The next message and the rest of the burst.
-    pub fn advance(self, content: Result<Bytes, FileError>) -> (FileStep, Option<Self>) {
+    pub fn advance(self, content: Result<Bytes, FileError>) -> (Step, Option<Self>) {
         let messages_left = match content {
             Ok(_) => self.messages_left.saturating_sub(1),
             Err(_) => 0,
@@ -201,7 +185,7 @@ impl Checksum {
     }
 
     /// Adds what was read. At the end of the file the checksum is the answer.
-    pub fn advance(self, content: Result<Bytes, FileError>) -> (FileStep, Option<Self>) {
+    pub fn advance(self, content: Result<Bytes, FileError>) -> (Step, Option<Self>) {
         let outcome = match content {
             Ok(bytes) => {
                 let rest = Self {
@@ -209,7 +193,7 @@ impl Checksum {
                     crc: file_crc32(self.crc, &bytes),
                     ..self
                 };
-                return (FileStep::Idle, Some(rest));
+                return (Step::Idle, Some(rest));
             }
             Err(FileError::EndOfFile) => FileOutcome::Number(self.crc),
             Err(error) => FileOutcome::Failed(error),
@@ -218,28 +202,23 @@ impl Checksum {
     }
 }
 
-fn message(
-    header: FileAnswerHeader,
-    burst: Burst,
-    offset: u32,
-    content: Result<Bytes, FileError>,
-) -> FileStep {
+fn message(header: FileAnswerHeader, burst: Burst, offset: u32, content: Result<Bytes, FileError>) -> Step {
     match content {
-        Ok(data) => FileStep::Data(FileData {
+        Ok(data) => Step::Send(Outgoing::FileData(FileData {
             header,
             burst,
             offset,
             data,
-        }),
+        })),
         Err(error) => answer(header, burst, offset, FileOutcome::Failed(error)),
     }
 }
 
-fn answer(header: FileAnswerHeader, burst: Burst, offset: u32, outcome: FileOutcome) -> FileStep {
-    FileStep::Answer(FileAnswer {
+fn answer(header: FileAnswerHeader, burst: Burst, offset: u32, outcome: FileOutcome) -> Step {
+    Step::Send(Outgoing::Message(Message::FileAnswer(FileAnswer {
         header,
         burst,
         offset,
         outcome,
-    })
+    })))
 }

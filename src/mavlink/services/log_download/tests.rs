@@ -57,7 +57,8 @@ fn sent(download: &mut LogDownload, state: &SystemState<'_>) -> Vec<Message> {
     loop {
         match download.step(state) {
             Step::Idle => return sent,
-            Step::Send(message) => sent.push(message),
+            Step::Send(Outgoing::Message(message)) => sent.push(message),
+            Step::Send(other) => panic!("{other:?}"),
             Step::Read(read) => {
                 let bytes = content(read.number, read.offset, u32::from(read.bytes));
                 sent.push(download.supply(read, &bytes).expect("it was asked for"));

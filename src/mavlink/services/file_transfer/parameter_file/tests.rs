@@ -64,34 +64,25 @@ fn some_set() -> Parameters {
     parameters
 }
 
-fn selection(start: u16, count: Option<u16>, defaults: Defaults) -> Selection {
+fn selection(start: u16, count: Option<u16>, with_defaults: bool) -> Selection {
     Selection {
         start,
         count,
-        defaults,
+        with_defaults,
     }
 }
 
 #[test]
 fn it_has_every_listed_parameter_with_its_default() {
     let parameters = some_set();
-    for (defaults, block_bytes) in [
-        (Defaults::With, 80),
-        (Defaults::With, 239),
-        (Defaults::Without, 80),
-        (Defaults::Without, 239),
-    ] {
-        let mut file = ParameterFile::open(selection(0, None, defaults), &parameters).unwrap();
+    for (with_defaults, block_bytes) in [(true, 80), (true, 239), (false, 80), (false, 239)] {
+        let mut file = ParameterFile::open(selection(0, None, with_defaults), &parameters).unwrap();
         let bytes = whole(&mut file, block_bytes, &parameters);
         let expected: Vec<_> = parameters
             .listed()
             .map(|id| {
                 let value = parameters.get(id);
-                let default = if defaults == Defaults::With {
-                    id.default_value()
-                } else {
-                    value
-                };
+                let default = if with_defaults { id.default_value() } else { value };
                 (id.name(), value, default)
             })
             .collect();
@@ -104,8 +95,8 @@ fn it_has_every_listed_parameter_with_its_default() {
 #[test]
 fn its_length_is_that_in_the_largest_blocks() {
     let parameters = some_set();
-    for defaults in [Defaults::With, Defaults::Without] {
-        let mut file = ParameterFile::open(selection(0, None, defaults), &parameters).unwrap();
+    for with_defaults in [true, false] {
+        let mut file = ParameterFile::open(selection(0, None, with_defaults), &parameters).unwrap();
         let bytes = file.bytes(&parameters);
         assert_eq!(whole(&mut file, 239, &parameters).len() as u32, bytes);
     }
@@ -121,20 +112,20 @@ fn a_part_has_its_own_count() {
         (5, None, 5..names.len()),
         (names.len() as u16 - 2, Some(9), names.len() - 2..names.len()),
     ] {
-        let selection = selection(start, count, Defaults::With);
+        let selection = selection(start, count, true);
         let mut file = ParameterFile::open(selection, &parameters).unwrap();
         let read = decoded(&whole(&mut file, 239, &parameters));
         let read: Vec<_> = read.into_iter().map(|(name, ..)| name).collect();
         assert_eq!(read, names[expected]);
     }
-    let behind = selection(names.len() as u16, None, Defaults::With);
+    let behind = selection(names.len() as u16, None, true);
     assert_eq!(ParameterFile::open(behind, &parameters), None);
 }
 
 #[test]
 fn a_value_that_is_set_meanwhile_moves_nothing_and_is_in_one_block() {
     let mut parameters = some_set();
-    let everything = selection(0, None, Defaults::With);
+    let everything = selection(0, None, true);
     for block_bytes in [10, 11, 37, 80, 239] {
         let mut file = ParameterFile::open(everything, &parameters).unwrap();
         let before = whole(&mut file, block_bytes, &parameters);
@@ -169,7 +160,7 @@ proptest! {
         start in 0u16..40,
     ) {
         let parameters = some_set();
-        let selection = selection(start, None, Defaults::With);
+        let selection = selection(start, None, true);
         let mut file = ParameterFile::open(selection, &parameters).unwrap();
         let whole = whole(&mut file.clone(), block_bytes, &parameters);
         for place in places {
