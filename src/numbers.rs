@@ -1,6 +1,10 @@
-//! Numbers without float formatting and float comparisons: in texts, and from floating point to whole numbers.
+//! Numbers without float formatting and float comparisons: in texts, and from floating point to whole numbers; texts of a
+//! limited length.
 
-use core::fmt;
+use core::fmt::{self, Write};
+
+use heapless::String;
+use heapless::string::StringView;
 
 /// A number with two decimals. Float formatting would take some 20 KB of flash.
 pub struct Hundredths(pub f32);
@@ -11,6 +15,27 @@ impl fmt::Display for Hundredths {
         let sign = if hundredths < 0 { "-" } else { "" };
         let magnitude = hundredths.unsigned_abs();
         write!(f, "{sign}{}.{:02}", magnitude / 100, magnitude % 100)
+    }
+}
+
+/// A text of `N` bytes at most: what does not fit is cut off, behind a whole character.
+pub(crate) fn text<const N: usize>(parts: fmt::Arguments<'_>) -> String<N> {
+    let mut text = String::new();
+    // `Fitting` never fails.
+    let _ = Fitting(text.as_mut_view()).write_fmt(parts);
+    text
+}
+
+/// Takes what fits, to the last whole character. Of any length: each would be compiled again.
+struct Fitting<'a>(&'a mut StringView);
+
+impl Write for Fitting<'_> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        let room = self.0.capacity() - self.0.len();
+        let fitting = text.get(..text.floor_char_boundary(room)).unwrap_or_default();
+        // It fits.
+        let _ = self.0.push_str(fitting);
+        Ok(())
     }
 }
 

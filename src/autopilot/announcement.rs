@@ -1,6 +1,6 @@
 //! What is announced to ground stations: the one place with its severities.
 
-use core::fmt::{self, Write};
+use core::fmt;
 use core::mem::{Discriminant, discriminant};
 
 use heapless::String;
@@ -10,7 +10,7 @@ use crate::battery::{PackEvent, SuggestedThresholds};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
 use crate::memory::storage::StorageError;
-use crate::numbers::Hundredths;
+use crate::numbers::{Hundredths, text};
 use crate::pack::{MAX_PACKS, Pack};
 use crate::parameter::{BatteryParameter, SaveFailure};
 use crate::sensor::{CanNotice, CanReport, SerialNotice, Urgency};
@@ -192,14 +192,14 @@ impl Announcement<'_> {
 
     /// The text, cut off if it is too long.
     pub fn text(&self) -> AnnouncementText {
-        fitting(format_args!("{self}"))
+        text(format_args!("{self}"))
     }
 
     /// The text, after this many of its kind were left out.
     pub(super) fn text_after(&self, left_out: u16) -> AnnouncementText {
         match left_out {
             0 => self.text(),
-            _ => fitting(format_args!("{self} (+{left_out} left out)")),
+            _ => text(format_args!("{self} (+{left_out} left out)")),
         }
     }
 }
@@ -251,26 +251,6 @@ impl fmt::Display for Announcement<'_> {
             }
             Self::Crash(line) => f.write_str(line),
         }
-    }
-}
-
-fn fitting(text: fmt::Arguments<'_>) -> AnnouncementText {
-    let mut fitting = Fitting(AnnouncementText::new());
-    // `Fitting` never fails.
-    let _ = fitting.write_fmt(text);
-    fitting.0
-}
-
-/// Takes what fits, to the last whole character.
-struct Fitting(AnnouncementText);
-
-impl Write for Fitting {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        let room = self.0.capacity() - self.0.len();
-        let fitting = text.get(..text.floor_char_boundary(room)).unwrap_or_default();
-        // It fits.
-        let _ = self.0.push_str(fitting);
-        Ok(())
     }
 }
 

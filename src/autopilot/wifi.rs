@@ -11,6 +11,7 @@ use crate::log::info;
 use crate::mavlink::LinkKind;
 use crate::mavlink::dialect::MavSeverity;
 use crate::memory::storage::StorageError;
+use crate::numbers::text;
 use crate::time::Instant;
 use crate::vehicle::ArmState;
 use crate::wifi::{Password, Radio, Ssid, StoredWifi, WifiRecord, WifiReport, WifiSetup};
@@ -122,13 +123,12 @@ impl Autopilot {
             (LinkKind::Direct, Some(password)) if credentials.radio() == Radio::Present => {
                 let name = credentials.own_name().as_str();
                 let password = password.as_str();
-                // Both fit.
-                let texts: [Result<String<SHOWN_BYTES>, _>; 2] = [
-                    heapless::format!("Wi-Fi name: {name}"),
-                    heapless::format!("Wi-Fi password: {password}"),
-                ];
-                for text in texts.into_iter().flatten() {
-                    channel.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, &text);
+                for line in [
+                    format_args!("Wi-Fi name: {name}"),
+                    format_args!("Wi-Fi password: {password}"),
+                ] {
+                    let line: String<SHOWN_BYTES> = text(line);
+                    channel.endpoint.say(MavSeverity::MAV_SEVERITY_INFO, &line);
                 }
             }
             (LinkKind::Direct, _) => {

@@ -22,7 +22,7 @@ use crate::system::{LinkStatistics, SystemState};
 use crate::time::Instant;
 
 /// A few dropped messages may be a hiccup; this many mean a link that is too slow.
-const DROPS_UNTIL_SHORTFALL: u32 = 10;
+const DROPS_UNTIL_SHORTFALL: u8 = 10;
 
 /// Our end of one link. Bytes and times come in, messages and events come out; the wire is not part of it.
 #[derive(Debug)]
@@ -36,10 +36,8 @@ pub struct Endpoint {
     details: DetailsChangeDetector,
     stations: Stations,
     sent: u32,
-    /// Messages that were dropped, beside the answers that the outbox counts.
-    dropped: u32,
-    /// Those of them that belonged to a stream.
-    streams_dropped: u32,
+    /// Messages of streams that were dropped (saturating).
+    streams_dropped: u8,
     /// Received messages that were not signed as they would have to be.
     unauthorized: u32,
     shortfall_said: bool,
@@ -58,7 +56,6 @@ impl Endpoint {
             details: DetailsChangeDetector::default(),
             stations: Stations::default(),
             sent: 0,
-            dropped: 0,
             streams_dropped: 0,
             unauthorized: 0,
             shortfall_said: false,
@@ -74,7 +71,7 @@ impl Endpoint {
     pub fn statistics(&self) -> LinkStatistics {
         LinkStatistics {
             sent: self.sent,
-            dropped: self.dropped.wrapping_add(self.outbox.dropped()),
+            dropped: self.outbox.dropped(),
             unauthorized: self.unauthorized,
             received: self.parser.statistics(),
         }
@@ -133,7 +130,7 @@ impl Endpoint {
         if self.outbox.post(stream) == Posted::Queued || self.services.downloads.is_running() {
             return None;
         }
-        self.dropped = self.dropped.wrapping_add(1);
+        self.outbox.count_dropped(1);
         self.streams_dropped = self.streams_dropped.saturating_add(1);
         Some(stream)
     }
@@ -280,7 +277,7 @@ impl Endpoint {
 
     /// This many frames were lost on their way to the wire.
     pub fn count_lost(&mut self, frames: u32) {
-        self.dropped = self.dropped.wrapping_add(frames);
+        self.outbox.count_dropped(frames);
     }
 
     /// Bytes were lost before they could be pushed.

@@ -45,7 +45,7 @@ pub struct Outbox {
     /// one and for the vehicle.
     waiting: [u16; StreamKind::COUNT],
     turn: NextStream,
-    /// Answers for which there was no room.
+    /// Messages of the link that were dropped.
     dropped: u32,
     /// Long texts so far, of which each has a number.
     texts: u16,
@@ -95,7 +95,7 @@ impl Outbox {
     /// Posts an answer. One for which there is no room is dropped and counted: its sender will ask again.
     pub fn answer(&mut self, message: Message) {
         if self.replies.push_back(message).is_err() {
-            self.dropped = self.dropped.wrapping_add(1);
+            self.count_dropped(1);
         }
     }
 
@@ -129,7 +129,7 @@ impl Outbox {
         if self.room_for_replies() > chunks_of(text.len()) {
             self.say(severity, text);
         } else {
-            self.dropped = self.dropped.wrapping_add(1);
+            self.count_dropped(1);
         }
     }
 
@@ -139,7 +139,12 @@ impl Outbox {
         self.texts
     }
 
-    /// How many answers were dropped. Wraps at 2^32.
+    /// This many messages were dropped, here or on their way to the wire.
+    pub fn count_dropped(&mut self, messages: u32) {
+        self.dropped = self.dropped.wrapping_add(messages);
+    }
+
+    /// How many messages were dropped. Wraps at 2^32.
     pub fn dropped(&self) -> u32 {
         self.dropped
     }

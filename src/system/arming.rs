@@ -4,6 +4,7 @@ use heapless::String;
 
 use super::{ArmingReadiness, LogHealth, SystemState};
 use crate::battery::{ArmingFailure, PackSettings, arming_failures};
+use crate::numbers::text;
 use crate::pack::Pack;
 use crate::parameter::{Parameters, VehicleParameter};
 use crate::vehicle::{ArmState, Stick, Vehicle};
@@ -33,18 +34,19 @@ impl ArmingObstacle {
     /// Why the rover can't be armed, in ArduPilot's words, behind its word for what checks it: "PreArm" on request, "Arm" on an
     /// attempt. Two STATUSTEXT at most.
     pub fn text(self, checked_by: &str) -> String<96> {
-        let text = match self {
-            Self::Terminated => heapless::format!("{checked_by}: Terminated: reset the battery or restart"),
-            Self::Restarting => heapless::format!("{checked_by}: restarting"),
-            Self::Pack(pack, failure) => {
-                heapless::format!("{checked_by}: Battery {} {failure}", pack.number())
-            }
-            Self::Stick(Stick::Throttle) => heapless::format!("{checked_by}: Throttle (RC3) is not neutral"),
-            Self::Stick(Stick::Steering) => heapless::format!("{checked_by}: Steering (RC1) is not neutral"),
-            Self::Logging => heapless::format!("{checked_by}: Logging failed"),
-        };
         // The longest fits.
-        text.unwrap_or_default()
+        match self {
+            Self::Terminated => text(format_args!(
+                "{checked_by}: Terminated: reset the battery or restart"
+            )),
+            Self::Restarting => text(format_args!("{checked_by}: restarting")),
+            Self::Pack(pack, failure) => {
+                text(format_args!("{checked_by}: Battery {} {failure}", pack.number()))
+            }
+            Self::Stick(Stick::Throttle) => text(format_args!("{checked_by}: Throttle (RC3) is not neutral")),
+            Self::Stick(Stick::Steering) => text(format_args!("{checked_by}: Steering (RC1) is not neutral")),
+            Self::Logging => text(format_args!("{checked_by}: Logging failed")),
+        }
     }
 }
 

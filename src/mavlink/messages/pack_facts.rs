@@ -7,6 +7,7 @@ use heapless::String;
 
 use crate::battery::{Amount, BatteryState, ChargeSource, Chemistry, Contents, Date, PackDetails};
 use crate::mavlink::dialect::MavBatteryType;
+use crate::numbers::text;
 
 /// MAVLink's value for a number of charges that is not known, `UINT16_MAX`.
 const CYCLE_COUNT_UNKNOWN: u16 = u16::MAX;
@@ -93,10 +94,9 @@ pub(super) fn cells_in_series(battery: &BatteryState) -> u8 {
 
 /// The serial number in decimal.
 pub(super) fn serial_number<const N: usize>(battery: &BatteryState) -> CharArray<N> {
-    // Every number fits.
-    let digits = |number: i32| heapless::format!("{number}").ok();
-    let digits: Option<String<NUMBER_BYTES>> = battery.serial_number.and_then(digits);
-    text(digits.unwrap_or_default().bytes())
+    let digits: Option<String<NUMBER_BYTES>> =
+        battery.serial_number.map(|number| text(format_args!("{number}")));
+    characters(digits.unwrap_or_default().bytes())
 }
 
 /// The maker's name and the product's, or the one that is known.
@@ -105,17 +105,15 @@ pub(super) fn name<const N: usize>(details: &PackDetails) -> CharArray<N> {
     let are_both_known = !maker.is_empty() && !product.is_empty();
     let separator = iter::once(NAME_SEPARATOR).filter(|_| are_both_known);
     let maker = maker.as_bytes().iter().copied();
-    text(maker.chain(separator).chain(product.as_bytes().iter().copied()))
+    characters(maker.chain(separator).chain(product.as_bytes().iter().copied()))
 }
 
 /// The day the pack was made, with `separator` between day, month and year.
 pub(super) fn manufacture_date<const N: usize>(details: &PackDetails, separator: &str) -> CharArray<N> {
-    // Every day of a year with four digits fits.
-    let digits = |Date { year, month, day }| {
-        heapless::format!("{day:02}{separator}{month:02}{separator}{year:04}").ok()
-    };
-    let digits: Option<String<DATE_BYTES>> = details.manufactured.filter(is_day).and_then(digits);
-    text(digits.unwrap_or_default().bytes())
+    let digits =
+        |Date { year, month, day }| text(format_args!("{day:02}{separator}{month:02}{separator}{year:04}"));
+    let digits: Option<String<DATE_BYTES>> = details.manufactured.filter(is_day).map(digits);
+    characters(digits.unwrap_or_default().bytes())
 }
 
 fn is_day(date: &Date) -> bool {
@@ -123,9 +121,9 @@ fn is_day(date: &Date) -> bool {
 }
 
 /// As many of these characters as fit before a 0, which ends every text.
-fn text<const N: usize>(characters: impl Iterator<Item = u8>) -> CharArray<N> {
+fn characters<const N: usize>(text: impl Iterator<Item = u8>) -> CharArray<N> {
     let mut bytes = [0; N];
-    for (to, from) in bytes.iter_mut().take(N.saturating_sub(1)).zip(characters) {
+    for (to, from) in bytes.iter_mut().take(N.saturating_sub(1)).zip(text) {
         *to = from;
     }
     CharArray::new(bytes)
@@ -137,8 +135,8 @@ mod tests {
 
     #[test]
     fn a_text_always_ends_with_a_zero() {
-        assert_eq!(*text::<4>(b"abcdef".iter().copied()), *b"abc\0");
-        assert_eq!(*text::<4>(b"ab".iter().copied()), *b"ab\0\0");
+        assert_eq!(*characters::<4>(b"abcdef".iter().copied()), *b"abc\0");
+        assert_eq!(*characters::<4>(b"ab".iter().copied()), *b"ab\0\0");
     }
 
     #[test]

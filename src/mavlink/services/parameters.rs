@@ -10,6 +10,7 @@ use crate::mavlink::dialect::{MavParamError, MavParamType, MavSeverity, PARAM_ER
 use crate::mavlink::event::Event;
 use crate::mavlink::payload::Name;
 use crate::mavlink::{Message, Peer};
+use crate::numbers::text;
 use crate::parameter::{ForEachParameter, Kind, ParameterId, Parameters, Refused, triggers};
 use crate::time::{Cadence, Instant};
 
@@ -111,7 +112,7 @@ pub(in crate::mavlink) fn set(name: Name, value: f32, from: Peer, context: &mut 
 
 /// The text of a refused PARAM_SET, as in ArduPilot. It is in one STATUSTEXT, in which every name fits.
 fn write_denied(id: ParameterId) -> String<50> {
-    heapless::format!("Param write denied ({})", id.name()).unwrap_or_default()
+    text(format_args!("Param write denied ({})", id.name()))
 }
 
 /// A list of parameters on its way out, in batches that leave most of the link to others.

@@ -9,6 +9,7 @@ use crate::mavlink::dialect::{MavCmd, MavModeFlag, MavResult, MavSeverity, SET_M
 use crate::mavlink::event::Event;
 use crate::mavlink::outbox::Outbox;
 use crate::mavlink::requests::Command;
+use crate::numbers::text;
 use crate::parameter::Parameters;
 use crate::system::{SystemState, arming_obstacles};
 use crate::time::Instant;
@@ -133,7 +134,7 @@ impl<'a> VehicleService<'a> {
         }
         let Some(mode) = Mode::from_number(number) else {
             // The longest number fits.
-            let text: String<32> = heapless::format!("No such mode {number}").unwrap_or_default();
+            let text: String<32> = text(format_args!("No such mode {number}"));
             self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, &text);
             return FAILED;
         };

@@ -3,6 +3,7 @@
 use heapless::{String, Vec};
 
 use crate::mavlink::messages::MAX_FILE_BYTES;
+use crate::numbers::text;
 use crate::recorder::LogFile;
 
 /// The packed parameters, where ArduPilot has them.
@@ -124,11 +125,11 @@ pub(super) fn list(directory: Directory, skip: u32, logs: &[LogFile]) -> Vec<u8,
 fn entry(directory: Directory, place: usize, logs: &[LogFile]) -> Option<String<ENTRY_BYTES>> {
     // Both fit.
     match directory {
-        Directory::Root if place == 0 => heapless::format!("D{LOG_DIRECTORY}").ok(),
+        Directory::Root if place == 0 => Some(text(format_args!("D{LOG_DIRECTORY}"))),
         Directory::Root => None,
         Directory::Logs => {
             let file = logs.get(place)?;
-            heapless::format!("F{:08}.BIN\t{}", file.number, file.bytes).ok()
+            Some(text(format_args!("F{:08}.BIN\t{}", file.number, file.bytes)))
         }
     }
 }
