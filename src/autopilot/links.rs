@@ -28,23 +28,18 @@ impl Autopilot {
     /// What a ground station that connects has to know: about the start, and what can't be saved or trusted now.
     fn send_notices(&self, channel: &mut Channel) {
         let unsaved = self.parameters.save_failure();
-        let unsaved = unsaved.map(Announcement::ParametersNotSaved);
-        let trouble = self.signing.trouble().map(Announcement::Signing);
-        let failsafes = self.are_failsafes_off().then_some(Announcement::FailsafesOff);
+        let notices = [
+            self.start_notice,
+            unsaved.map(Announcement::ParametersNotSaved),
+            self.signing.trouble().map(Announcement::Signing),
+            self.learnt_save.failure.map(Announcement::LearntNotSaved),
+            self.wifi.save.failure.map(Announcement::WifiNotSaved),
+            self.wifi.trouble().map(Announcement::Wifi),
+            self.can.trouble().map(Announcement::Can),
+            self.are_failsafes_off().then_some(Announcement::FailsafesOff),
+        ];
         let suggestions = Pack::ALL.into_iter().filter_map(|pack| self.suggestion(pack));
-        let learnt = self.learnt_save.failure.map(Announcement::LearntNotSaved);
-        let wifi_unsaved = self.wifi.save.failure.map(Announcement::WifiNotSaved);
-        let wifi = wifi_unsaved
-            .into_iter()
-            .chain(self.wifi.trouble().map(Announcement::Wifi));
-        let notices = self.start_notice.into_iter().chain(unsaved).chain(trouble);
-        for notice in notices
-            .chain(learnt)
-            .chain(wifi)
-            .chain(self.can.trouble().map(Announcement::Can))
-            .chain(failsafes)
-            .chain(suggestions)
-        {
+        for notice in notices.into_iter().flatten().chain(suggestions) {
             let text = notice.text();
             info!("{}: {}", channel.name(), text.as_str());
             channel.endpoint.say(notice.severity(), &text);
@@ -182,10 +177,9 @@ impl Autopilot {
         // Borrows the packs alone: `vehicle` is mutated below.
         let state = SystemState {
             now,
-            logs: self.recording.files(),
-            log: self.recording.health(),
             ..system_state(
                 &self.packs,
+                &self.recording,
                 &self.vehicle,
                 self.identity,
                 self.readiness,

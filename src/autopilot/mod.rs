@@ -7,7 +7,6 @@
 mod announcement;
 mod announcement_limit;
 mod broadcast;
-mod can;
 mod can_watch;
 mod channel;
 mod driving;
@@ -151,43 +150,20 @@ impl Autopilot {
 
     /// Everything telemetry reports now, apart from a link's own counters.
     pub fn system_state(&self) -> SystemState<'_> {
-        let (packs, vehicle) = (&self.packs, &self.vehicle);
-        SystemState {
-            logs: self.recording.files(),
-            log: self.recording.health(),
-            ..system_state(packs, vehicle, self.identity, self.readiness, self.load_permille)
-        }
+        system_state(
+            &self.packs,
+            &self.recording,
+            &self.vehicle,
+            self.identity,
+            self.readiness,
+            self.load_permille,
+        )
     }
 
     /// Announces something to all connected ground stations at `now`, once. What is repeated too often is left out.
     pub fn announce(&mut self, announcement: Announcement<'_>, now: Instant) {
-        let text = match announcement {
-            Announcement::Pack(pack, event @ PackEvent::Failsafe { .. }) => {
-                self.broadcast.set_level(pack, *event);
-                announcement.text()
-            }
-            Announcement::Vehicle(event) => {
-                self.broadcast.set_mode(event);
-                announcement.text()
-            }
-            _ => match self.limit.count(announcement.kind(), now) {
-                Permission::Allowed { left_out } => {
-                    let text = match announcement.kind().at_once() {
-                        // The next one says how things are now.
-                        1 => announcement.text(),
-                        _ => announcement.text_after(left_out),
-                    };
-                    self.broadcast
-                        .add(Announced::Text(announcement.severity(), text.clone()));
-                    text
-                }
-                Permission::LeftOut { before } => {
-                    if before == 0 {
-                        info!("too often, left out: {}", announcement.text().as_str());
-                    }
-                    return;
-                }
-            },
+        let Some(text) = self.broadcast(&announcement, now) else {
+            return;
         };
         info!("announced: {}", text.as_str());
         self.recording.add(&Record::Message(&text));
@@ -195,6 +171,39 @@ impl Autopilot {
             self.broadcast.add(Announced::Command(command));
         }
         self.work |= Work::ANNOUNCED;
+    }
+
+    /// Has every link send the text, which is returned; `None` if it is repeated too often. What has a place of its own is
+    /// not limited.
+    fn broadcast(&mut self, announcement: &Announcement<'_>, now: Instant) -> Option<AnnouncementText> {
+        match announcement {
+            Announcement::Pack(pack, event @ PackEvent::Failsafe { .. }) => {
+                self.broadcast.set_level(*pack, **event);
+                return Some(announcement.text());
+            }
+            Announcement::Vehicle(event) => {
+                self.broadcast.set_mode(*event);
+                return Some(announcement.text());
+            }
+            _ => {}
+        }
+        let kind = announcement.kind();
+        match self.limit.count(kind, now) {
+            Permission::Allowed { left_out } => {
+                // The next one of a state says how things are now.
+                let left_out = if kind.at_once() == 1 { 0 } else { left_out };
+                let text = announcement.text_after(left_out);
+                let severity = announcement.severity();
+                self.broadcast.add(Announced::Text(severity, text.clone()));
+                Some(text)
+            }
+            Permission::LeftOut { before } => {
+                if before == 0 {
+                    info!("too often, left out: {}", announcement.text().as_str());
+                }
+                None
+            }
+        }
     }
 
     /// What other tasks have to do since the last call.
@@ -206,6 +215,7 @@ impl Autopilot {
 /// Everything telemetry reports, from the parts it is read from: while a request is handled, others are changed.
 fn system_state<'a>(
     packs: &'a Packs,
+    recording: &'a Recording,
     vehicle: &Vehicle,
     identity: Identity,
     readiness: ArmingReadiness,
@@ -220,6 +230,8 @@ fn system_state<'a>(
         identity,
         readiness,
         load_permille,
+        logs: recording.files(),
+        log: recording.health(),
         ..SystemState::default()
     }
 }

@@ -14,8 +14,8 @@ use crate::log::{info, warn};
 use crate::pack::Pack;
 use crate::recorder::dataflash::Record;
 use crate::sensor::{
-    Admission, AnalogPin, AnalogReadings, ControllerReading, ExternalReading, MonitorKind, Pulses,
-    SerialReading,
+    Admission, AnalogPin, AnalogReadings, CanEvent, CanStatus, ControllerReading, ExternalReading,
+    MonitorKind, Pulses, SerialReading,
 };
 use crate::system::arming_readiness;
 use crate::time::Instant;
@@ -236,6 +236,27 @@ impl Autopilot {
             SerialReading::Notice(notice) => return self.announce(Announcement::Serial(notice), now),
         };
         self.packs.add_to_all(kind, measured, now);
+    }
+
+    /// Takes what came from the CAN bus at `now`.
+    pub fn add_can_event(&mut self, event: &CanEvent, now: Instant) {
+        match event {
+            CanEvent::Reading(pack, reading) => {
+                self.packs.add(*pack, MonitorKind::Can, Ok(*reading), now);
+            }
+            CanEvent::Controller(index, reading) => self.add_controller_reading(*index, *reading, now),
+            CanEvent::Announce(notice) => self.announce(Announcement::CanNode(*notice), now),
+        }
+    }
+
+    /// Takes what is known of the bus's controller, and announces what is news.
+    pub fn set_can_status(&mut self, status: &CanStatus, now: Instant) {
+        let limit = &self.limit;
+        let is_due = |report| limit.allows_one(Announcement::Can(report).kind(), now);
+        if let Some(report) = self.can.news(status, now, is_due) {
+            info!("CAN: {:?}, {} frames not sent", report, status.unsent_frames);
+            self.announce(Announcement::Can(report), now);
+        }
     }
 
     /// Takes a reading of a pack by another component, which can't have been received before `received_at`; `None` if the

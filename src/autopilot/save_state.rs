@@ -31,7 +31,8 @@ impl FailedSave {
 pub(super) struct SigningSave {
     /// To announce once it is in flash.
     pub change: Option<SigningChange>,
-    pub attempt: Attempt,
+    /// Whether the last write has failed: it is repeated once, in the next sector.
+    pub is_repeated: bool,
     /// After a failure, when to start again without a request.
     pub retry_at: Instant,
     /// Since when the vehicle has been armed, as far as it was looked at.
@@ -49,12 +50,4 @@ impl SigningSave {
             }
         }
     }
-}
-
-/// A failed write is repeated once, in the next sector.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Attempt {
-    #[default]
-    First,
-    Second,
 }

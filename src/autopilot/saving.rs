@@ -3,7 +3,6 @@
 
 use super::announcement::Announcement;
 use super::recording::LogStep;
-use super::save_state::Attempt;
 use super::{Autopilot, Work};
 use crate::log::{info, warn};
 use crate::mavlink::{SigningChange, SigningTrouble, ToStore};
@@ -83,7 +82,7 @@ impl Autopilot {
         let armed_us = self.signing_save.armed_us(self.vehicle.arm_state(), now);
         let unsaved = self.signing.next_unsaved(now, armed_us);
         if unsaved.is_none() {
-            self.signing_save.attempt = Attempt::First;
+            self.signing_save.is_repeated = false;
             if let Some(change) = self.signing_save.change.take() {
                 self.announce(Announcement::SigningSaved(change), now);
             }
@@ -104,14 +103,11 @@ impl Autopilot {
             return;
         }
         self.signing.mark_failed();
-        match self.signing_save.attempt {
-            Attempt::First => self.signing_save.attempt = Attempt::Second,
-            Attempt::Second => {
-                self.signing_save.attempt = Attempt::First;
-                self.signing_save.retry_at = now.after_us(SAVE_RETRY_INTERVAL_US);
-                self.announce(Announcement::Signing(SigningTrouble::NotSaved), now);
-            }
+        if self.signing_save.is_repeated {
+            self.signing_save.retry_at = now.after_us(SAVE_RETRY_INTERVAL_US);
+            self.announce(Announcement::Signing(SigningTrouble::NotSaved), now);
         }
+        self.signing_save.is_repeated = !self.signing_save.is_repeated;
     }
 
     pub(super) fn save_signing(&mut self, change: SigningChange) {

@@ -2,7 +2,7 @@
 
 use super::Autopilot;
 use crate::parameter::{VehicleParameter, serial_baud};
-use crate::sensor::{self, BitTiming, SerialSetup};
+use crate::sensor::{self, BitTiming, CanSettings, CanSetup, MonitorKind, SerialSetup};
 
 /// Peripherals that the parameters call for. Those that are not used stay untouched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,5 +35,20 @@ impl Autopilot {
             uses_spi_part: sensor::needs_spi(parameters),
             can,
         }
+    }
+
+    /// How the node on the CAN bus is set up; `None` while the bus is not in use.
+    pub fn can_setup(&self) -> Option<CanSetup> {
+        CanSetup::from_parameters(&self.parameters, &self.identity)
+    }
+
+    /// What may change of the node's settings at any time.
+    pub fn can_settings(&self) -> CanSettings {
+        CanSettings::new(
+            self.packs.of_kind(MonitorKind::Can),
+            &self.parameters,
+            &self.identity,
+            self.vehicle.arm_state(),
+        )
     }
 }
