@@ -12,7 +12,7 @@ use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
 use crate::memory::storage::StorageError;
 use crate::numbers::{Hundredths, text};
 use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::{BatteryParameter, SaveFailure};
+use crate::parameter::{BatteryParameter, ParameterId, Range, Refused, SaveFailure};
 use crate::sensor::{CanNotice, CanReport, SerialNotice, Urgency};
 use crate::vehicle::VehicleEvent;
 use crate::wifi::WifiReport;
@@ -65,6 +65,15 @@ pub enum Announcement<'a> {
         /// How many so far.
         count: u32,
     },
+    /// A ground station tried to set a parameter and was refused.
+    ParameterRefused {
+        /// The parameter.
+        id: ParameterId,
+        /// Why.
+        why: Refused,
+        /// The values that it can be set to.
+        valid: Range,
+    },
     /// There is no log although there should be one.
     NoLog(LogFailure),
     /// A line of a crash report.
@@ -81,6 +90,7 @@ pub(super) enum Kind {
     Serial(Discriminant<SerialNotice>),
     Wifi(Discriminant<WifiReport>),
     Unauthorized,
+    ParameterRefused,
     /// What the board reports of itself.
     Board,
 }
@@ -91,9 +101,12 @@ impl Kind {
     pub fn at_once(self) -> u8 {
         match self {
             Self::Can(_) | Self::Unauthorized => 1,
-            Self::Pack(..) | Self::CanNode(..) | Self::Serial(_) | Self::Wifi(_) | Self::Board => {
-                MAX_PACKS as u8
-            }
+            Self::Pack(..)
+            | Self::CanNode(..)
+            | Self::Serial(_)
+            | Self::Wifi(_)
+            | Self::ParameterRefused
+            | Self::Board => MAX_PACKS as u8,
         }
     }
 }
@@ -108,6 +121,7 @@ impl Announcement<'_> {
             Self::Serial(notice) => Kind::Serial(discriminant(notice)),
             Self::Wifi(report) => Kind::Wifi(discriminant(report)),
             Self::Unauthorized { .. } => Kind::Unauthorized,
+            Self::ParameterRefused { .. } => Kind::ParameterRefused,
             Self::Vehicle(_)
             | Self::FailsafesOff
             | Self::Suggestion(..)
@@ -173,6 +187,7 @@ impl Announcement<'_> {
             | Self::LearntNotSaved(_)
             | Self::WifiNotSaved(_)
             | Self::NoLog(_)
+            | Self::ParameterRefused { .. }
             | Self::Unauthorized { .. } => MavSeverity::MAV_SEVERITY_WARNING,
             Self::DefaultParameters
             | Self::ParametersDamaged
@@ -249,6 +264,15 @@ impl fmt::Display for Announcement<'_> {
             Self::Unauthorized { link, count } => {
                 write!(f, "{link}: not signed with the key, ignored: {count}")
             }
+            Self::ParameterRefused { id, why, valid } => match why {
+                Refused::OutOfRange => write!(f, "{} refused: valid {valid}", id.name()),
+                // ArduPilot's text.
+                Refused::ReadOnly => write!(f, "Param write denied ({})", id.name()),
+                Refused::ChannelTaken(axis) => {
+                    write!(f, "{} refused: {} has this channel", id.name(), axis.row().name)
+                }
+                Refused::Armed => write!(f, "{} refused: not raised while armed", id.name()),
+            },
             Self::Crash(line) => f.write_str(line),
         }
     }

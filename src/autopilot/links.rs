@@ -256,7 +256,11 @@ impl Autopilot {
                     warn!("{}: refused: {:?}", channel.name(), *event);
                 }
             }
-            Event::ParameterRefused
+            Event::ParameterRefused(id, why) => {
+                let valid = self.parameters.valid_range(id);
+                self.announce(Announcement::ParameterRefused { id, why, valid }, now);
+            }
+            Event::ParameterUnknown
             | Event::ControlTooLate
             | Event::SigningRefused(_)
             | Event::WifiRefused(_) => {

@@ -1,6 +1,6 @@
 //! What a received message leads to, beyond its answer.
 
-use crate::parameter::ParameterId;
+use crate::parameter::{ParameterId, Refused};
 use crate::sensor::ExternalReading;
 use crate::vehicle::Restart;
 use crate::wifi::WifiMode;
@@ -22,7 +22,9 @@ pub enum Event {
     /// A ground station triggered what a parameter does.
     Triggered(ParameterId),
     /// A ground station tried to set a parameter and was refused.
-    ParameterRefused,
+    ParameterRefused(ParameterId, Refused),
+    /// A ground station tried to set what is not a parameter.
+    ParameterUnknown,
     /// The rover was armed or disarmed, its mode was set, or its driver moved a stick.
     Driven,
     /// A command, by its number, has this effect.

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use super::{
-    Access, BatteryParameter, Parameter, ParameterId, Range, SimulationParameter, TakesEffect,
-    VehicleParameter,
+    Access, BatteryParameter, Parameter, ParameterId, Range, SimulationParameter, StickParameter,
+    TakesEffect, VehicleParameter,
 };
 use crate::pack::Pack;
 
@@ -34,6 +34,13 @@ pub fn markdown() -> String {
     );
     let vehicle = VehicleParameter::ALL.into_iter().map(ParameterId::from);
     write_table(&mut page, "\n## Vehicle\n", vehicle).expect("infallible");
+    let sticks = "\n\
+         ## Sticks\n\
+         Of the driver's sticks in RC_CHANNELS_OVERRIDE; MANUAL_CONTROL has axes of its own. Channels 5 to 8 go from 1000 to 2000 \
+         µs. Changes are refused that leave less than 100 µs to either side of the neutral pulse, so a file of parameters may \
+         have to be loaded twice.\n\n";
+    let of_sticks = StickParameter::ALL.into_iter().map(ParameterId::from);
+    write_table(&mut page, sticks, of_sticks).expect("infallible");
     let packs = "\n\
          ## Packs\n\
          Of the first pack; `BATT2_…` to `BATT9_…` are the same for the others. While a pack's `MONITOR` is 0, its other \
@@ -46,6 +53,12 @@ pub fn markdown() -> String {
     write_table(&mut page, packs, first_pack).expect("infallible");
     let simulator = SimulationParameter::ALL.into_iter().map(ParameterId::from);
     write_table(&mut page, "\n## Simulator only\n", simulator).expect("infallible");
+    let constants = "\n\
+         ## For ground stations\n\
+         QGroundControl asks for these before it calls a rover set up. They are constant: what they would set up is not there, \
+         or does not depend on a setting here.\n\n";
+    let of_ground_stations = ParameterId::all().filter(|id| id.row().access == Access::Constant);
+    write_table(&mut page, constants, of_ground_stations).expect("infallible");
     write_renamed(&mut page).expect("infallible");
     page
 }
@@ -81,7 +94,7 @@ fn write_table(
 fn write_row(page: &mut String, id: ParameterId) -> std::fmt::Result {
     let row = id.row();
     let note = match (row.documentation.takes_effect, row.access) {
-        (_, Access::ReadOnly) => " (read only)",
+        (_, Access::ReadOnly | Access::Constant) => " (read only)",
         (_, Access::Trigger) => " (returns to 0)",
         (TakesEffect::AfterReboot, Access::Setting) => " (restart)",
         (TakesEffect::AtOnce, Access::Setting) => "",
@@ -100,6 +113,7 @@ fn write_row(page: &mut String, id: ParameterId) -> std::fmt::Result {
 /// The values a parameter can have.
 fn values(row: &Parameter) -> String {
     match row.range {
+        Range::Between(lowest, highest) if lowest == highest => format!("{lowest}"),
         Range::Between(lowest, highest) => {
             let values = format!("{lowest} to {highest} {}", row.documentation.unit);
             values.trim_end().into()
@@ -166,7 +180,7 @@ fn write_param(xml: &mut String, id: ParameterId) -> std::fmt::Result {
     if about.takes_effect == TakesEffect::AfterReboot {
         writeln!(xml, "        <field name=\"RebootRequired\">True</field>")?;
     }
-    if row.access == Access::ReadOnly {
+    if matches!(row.access, Access::ReadOnly | Access::Constant) {
         // Ground stations leave a volatile one out when they compare files of parameters.
         writeln!(xml, "        <field name=\"ReadOnly\">True</field>")?;
         writeln!(xml, "        <field name=\"Volatile\">True</field>")?;

@@ -1,10 +1,11 @@
 //! A map from parameters to values.
 
-use super::{PARAMETER_COUNT, ParameterId};
+use super::ParameterId;
+use super::id::VARIABLE_COUNT;
 
-/// One `T` for each parameter.
+/// One `T` for each parameter that is not constant.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ForEachParameter<T>([T; PARAMETER_COUNT]);
+pub struct ForEachParameter<T>([T; VARIABLE_COUNT]);
 
 impl<T: Copy + Default> ForEachParameter<T> {
     /// Initialised with `make` for each parameter.
@@ -33,9 +34,8 @@ impl<T: Copy + Default> ForEachParameter<T> {
         self.0.iter().copied()
     }
 
-    /// The value of `id`.
+    /// The value of `id`, of a constant the default.
     pub fn get(&self, id: ParameterId) -> T {
-        // In bounds for every id, but an index would leave a panicking path.
         self.0.get(id.number()).copied().unwrap_or_default()
     }
 
@@ -49,7 +49,7 @@ impl<T: Copy + Default> ForEachParameter<T> {
 
 impl<T: Copy + Default> Default for ForEachParameter<T> {
     fn default() -> Self {
-        Self([T::default(); PARAMETER_COUNT])
+        Self([T::default(); VARIABLE_COUNT])
     }
 }
 

@@ -6,7 +6,7 @@ use heapless::String;
 
 #[cfg(not(target_os = "none"))]
 use super::table::SimulationParameter;
-use super::table::{BatteryParameter, Parameter, VehicleParameter};
+use super::table::{BatteryParameter, GroundStationParameter, Parameter, StickParameter, VehicleParameter};
 use crate::pack::{MAX_PACKS, Pack};
 
 /// Maximum length of a parameter's name in MAVLink.
@@ -19,10 +19,16 @@ const KEYS_PER_PACK: u16 = 128;
 const FIRST_PACK_MONITOR: f32 = 3.0;
 
 /// Number of parameters, including hidden ones.
-pub const PARAMETER_COUNT: usize = SIMULATION_START + SIMULATION_COUNT;
+pub const PARAMETER_COUNT: usize = VARIABLE_COUNT + GroundStationParameter::COUNT;
 
-/// Number of the first simulator parameter; these come last.
-const SIMULATION_START: usize = VehicleParameter::COUNT + MAX_PACKS * BatteryParameter::COUNT;
+/// Number of those that are not constant. The constants come last.
+pub(super) const VARIABLE_COUNT: usize = SIMULATION_START + SIMULATION_COUNT;
+
+/// Number of the first parameter of the packs.
+const BATTERY_START: usize = VehicleParameter::COUNT + StickParameter::COUNT;
+
+/// Number of the first simulator parameter.
+const SIMULATION_START: usize = BATTERY_START + MAX_PACKS * BatteryParameter::COUNT;
 
 #[cfg(target_os = "none")]
 const SIMULATION_COUNT: usize = 0;
@@ -35,16 +41,20 @@ const SIMULATION_COUNT: usize = SimulationParameter::COUNT;
 pub enum ParameterId {
     /// Of the vehicle.
     Vehicle(VehicleParameter),
+    /// Of the driver's sticks.
+    Stick(StickParameter),
     /// Of a pack.
     Battery(Pack, BatteryParameter),
     /// Of the simulated pack.
     #[cfg(not(target_os = "none"))]
     Simulation(SimulationParameter),
+    /// A constant for ground stations.
+    GroundStation(GroundStationParameter),
 }
 
 impl ParameterId {
-    /// All parameters including hidden ones: the vehicle's, each pack's, the simulator's, each in the order of its
-    /// table.
+    /// All parameters including hidden ones: the vehicle's, the sticks', each pack's, the simulator's, the constants, each in the
+    /// order of its table.
     pub fn all() -> impl Iterator<Item = Self> {
         iter::successors(Some(Self::Vehicle(VehicleParameter::FIRST)), |id| id.next())
     }
@@ -56,6 +66,10 @@ impl ParameterId {
         match self {
             Self::Vehicle(parameter) => match VehicleParameter::ALL.get(parameter as usize + 1) {
                 Some(next) => Some(Self::Vehicle(*next)),
+                None => Some(Self::Stick(StickParameter::FIRST)),
+            },
+            Self::Stick(parameter) => match StickParameter::ALL.get(parameter as usize + 1) {
+                Some(next) => Some(Self::Stick(*next)),
                 None => Some(BatteryParameter::FIRST.of(Pack::First)),
             },
             Self::Battery(pack, parameter) => match BatteryParameter::ALL.get(parameter as usize + 1) {
@@ -63,16 +77,17 @@ impl ParameterId {
                 None => match Pack::from_instance(pack.instance() + 1) {
                     Some(next) => Some(BatteryParameter::FIRST.of(next)),
                     #[cfg(target_os = "none")]
-                    None => None,
+                    None => Some(Self::GroundStation(GroundStationParameter::FIRST)),
                     #[cfg(not(target_os = "none"))]
                     None => Some(Self::Simulation(SimulationParameter::FIRST)),
                 },
             },
             #[cfg(not(target_os = "none"))]
-            Self::Simulation(parameter) => {
-                let next = SimulationParameter::ALL.get(parameter as usize + 1);
-                next.copied().map(Self::Simulation)
-            }
+            Self::Simulation(parameter) => match SimulationParameter::ALL.get(parameter as usize + 1) {
+                Some(next) => Some(Self::Simulation(*next)),
+                None => Some(Self::GroundStation(GroundStationParameter::FIRST)),
+            },
+            Self::GroundStation(parameter) => parameter.next().map(Self::GroundStation),
         }
     }
 
@@ -89,6 +104,8 @@ impl ParameterId {
         };
         let found = VehicleParameter::from_name(name)
             .map(Self::Vehicle)
+            .or_else(|| StickParameter::from_name(name).map(Self::Stick))
+            .or_else(|| GroundStationParameter::from_name(name).map(Self::GroundStation))
             .or_else(|| Pack::ALL.into_iter().find_map(of_pack));
         #[cfg(not(target_os = "none"))]
         let found = found.or_else(|| SimulationParameter::from_name(name).map(Self::Simulation));
@@ -106,10 +123,8 @@ impl ParameterId {
 
     fn prefix(self) -> &'static str {
         match self {
-            Self::Vehicle(_) => "",
             Self::Battery(pack, _) => pack.prefix(),
-            #[cfg(not(target_os = "none"))]
-            Self::Simulation(_) => "",
+            _ => "",
         }
     }
 
@@ -117,11 +132,13 @@ impl ParameterId {
     pub(super) fn number(self) -> usize {
         match self {
             Self::Vehicle(parameter) => parameter as usize,
+            Self::Stick(parameter) => VehicleParameter::COUNT + parameter as usize,
             Self::Battery(pack, parameter) => {
-                VehicleParameter::COUNT + pack as usize * BatteryParameter::COUNT + parameter as usize
+                BATTERY_START + pack as usize * BatteryParameter::COUNT + parameter as usize
             }
             #[cfg(not(target_os = "none"))]
             Self::Simulation(parameter) => SIMULATION_START + parameter as usize,
+            Self::GroundStation(parameter) => VARIABLE_COUNT + parameter.number(),
         }
     }
 
@@ -129,21 +146,21 @@ impl ParameterId {
     pub fn row(self) -> &'static Parameter {
         match self {
             Self::Vehicle(parameter) => parameter.row(),
+            Self::Stick(parameter) => parameter.row(),
             Self::Battery(_, parameter) => parameter.row(),
             #[cfg(not(target_os = "none"))]
             Self::Simulation(parameter) => parameter.row(),
+            Self::GroundStation(parameter) => parameter.row(),
         }
     }
 
-    /// Flash key.
+    /// Flash key, 0 if it is constant.
     pub fn key(self) -> u16 {
         match self {
-            Self::Vehicle(parameter) => parameter.row().key,
             Self::Battery(pack, parameter) => {
                 parameter.row().key + KEYS_PER_PACK * u16::from(pack.instance())
             }
-            #[cfg(not(target_os = "none"))]
-            Self::Simulation(parameter) => parameter.row().key,
+            _ => self.row().key,
         }
     }
 
@@ -153,6 +170,12 @@ impl ParameterId {
             Self::Battery(Pack::First, BatteryParameter::Monitor) => FIRST_PACK_MONITOR,
             _ => self.row().default,
         }
+    }
+}
+
+impl From<StickParameter> for ParameterId {
+    fn from(parameter: StickParameter) -> Self {
+        Self::Stick(parameter)
     }
 }
 
@@ -187,6 +210,7 @@ mod tests {
     use std::collections::HashSet;
 
     use super::*;
+    use crate::parameter::Access;
 
     #[test]
     fn names_and_keys_are_unique_and_found() {
@@ -197,8 +221,10 @@ mod tests {
             assert_eq!(name.len(), id.prefix().len() + id.row().name.len(), "{name}");
             assert_eq!(ParameterId::from_name(name.as_bytes()), Some(id));
             assert_eq!(ParameterId::from_name(name.to_lowercase().as_bytes()), Some(id));
-            assert_eq!(ParameterId::from_key(id.key()), Some(id), "{name}");
-            assert!(keys.insert(id.key()), "{name}: key {} twice", id.key());
+            if id.row().access != Access::Constant {
+                assert!(keys.insert(id.key()), "{name}: key {} twice", id.key());
+                assert_eq!(ParameterId::from_key(id.key()), Some(id), "{name}");
+            }
             assert!(names.insert(name.clone()), "{name} twice");
         }
         assert_eq!(names.len(), PARAMETER_COUNT);

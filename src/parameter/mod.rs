@@ -8,21 +8,25 @@ mod baud;
 pub mod documentation;
 mod for_each;
 mod id;
+mod id_set;
 mod parameters;
 mod progress;
 mod save_failures;
+mod sticks;
 mod table;
 mod unsaved;
 
 pub use baud::serial_baud;
 pub use for_each::ForEachParameter;
 pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
+pub use id_set::ParameterIdSet;
 pub(crate) use parameters::checked;
 pub use parameters::{Parameters, Refused, triggers};
 pub use save_failures::{SAVE_RETRY_INTERVAL_US, SaveFailure, SaveFailures};
+pub use sticks::StickChannel;
 pub use table::{
-    Access, BatteryParameter, Kind, Listed, MAX_CONTROLLERS, Meaning, Parameter, Range, VehicleParameter,
-    means,
+    Access, BatteryParameter, GroundStationParameter, Kind, Listed, MAX_CONTROLLERS, Meaning, Parameter,
+    Range, StickParameter, VehicleParameter, means,
 };
 #[cfg(not(target_os = "none"))]
 pub use table::{Documentation, SimulationParameter, TakesEffect};

@@ -2,7 +2,8 @@
 
 use super::progress::Progress;
 use super::{
-    Access, BatteryParameter, ForEachParameter, Kind, Listed, PARAMETER_COUNT, ParameterId, VehicleParameter,
+    Access, BatteryParameter, ForEachParameter, Kind, Listed, PARAMETER_COUNT, ParameterId, StickParameter,
+    VehicleParameter,
 };
 use crate::numbers::round_to_i32;
 use crate::pack::{MAX_PACKS, Pack};
@@ -42,8 +43,12 @@ pub(super) enum Flash {
 pub enum Refused {
     /// It is out of the parameter's range, or there is no such parameter.
     OutOfRange,
-    /// The parameter shows a value of the firmware's own.
+    /// The parameter is constant, or shows a value of the firmware's own.
     ReadOnly,
+    /// This axis of the sticks has the channel.
+    ChannelTaken(StickParameter),
+    /// A time-out is not raised while the rover is armed.
+    Armed,
 }
 
 /// The value by which a trigger acts.
@@ -68,7 +73,10 @@ impl Parameters {
 
     /// The live value, in the parameter's unit.
     pub fn get(&self, id: impl Into<ParameterId>) -> f32 {
-        self.values.get(id.into())
+        match id.into() {
+            ParameterId::GroundStation(constant) => constant.row().default,
+            id => self.values.get(id),
+        }
     }
 
     /// The live value of a whole-number parameter, in the parameter's unit.
@@ -99,15 +107,14 @@ impl Parameters {
         }
         let hidden_before = match id {
             ParameterId::Vehicle(parameter) => self.hidden_of_vehicle(parameter as usize),
+            ParameterId::Stick(_) => self.hidden_of_vehicle(VehicleParameter::COUNT),
             ParameterId::Battery(pack, parameter) => {
                 self.hidden_of_vehicle(VehicleParameter::COUNT)
                     + self.hidden_of_packs(usize::from(pack.instance()))
                     + self.hidden_of(pack, parameter as usize)
             }
-            #[cfg(not(target_os = "none"))]
-            ParameterId::Simulation(_) => {
-                self.hidden_of_vehicle(VehicleParameter::COUNT) + self.hidden_of_packs(MAX_PACKS)
-            }
+            // The simulator's and the constants.
+            _ => self.hidden_of_vehicle(VehicleParameter::COUNT) + self.hidden_of_packs(MAX_PACKS),
         };
         Some(id.number() - hidden_before)
     }
@@ -171,8 +178,8 @@ impl Parameters {
     pub fn set(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), Refused> {
         let id = id.into();
         let value = match id.row().access {
-            Access::Setting => checked(id, value)?,
-            Access::ReadOnly => return Err(Refused::ReadOnly),
+            Access::Setting => self.acceptable(id, value)?,
+            Access::ReadOnly | Access::Constant => return Err(Refused::ReadOnly),
             Access::Trigger => return checked(id, value).map(drop),
         };
         let is_saved = self.flash == Flash::Loaded
@@ -183,6 +190,33 @@ impl Parameters {
             self.progress.set(id, Progress::New);
         }
         Ok(())
+    }
+
+    /// Sets the live value while the rover is armed: a time-out that is raised would let a rover without a driver go on for longer.
+    ///
+    /// # Errors
+    /// The value is refused; the old one is kept.
+    pub fn set_while_armed(&mut self, id: impl Into<ParameterId>, value: f32) -> Result<(), Refused> {
+        let id = id.into();
+        let is_time_out = [VehicleParameter::FsTimeout, VehicleParameter::FsGcsTimeout]
+            .map(ParameterId::from)
+            .contains(&id);
+        if is_time_out && checked(id, value)? > self.get(id) {
+            return Err(Refused::Armed);
+        }
+        self.set(id, value)
+    }
+
+    /// `value` converted to the parameter's type, if it is valid beside the other parameters.
+    fn acceptable(&self, id: ParameterId, value: f32) -> Result<f32, Refused> {
+        let value = checked(id, value)?;
+        if !self.valid_range(id).contains(value) {
+            return Err(Refused::OutOfRange);
+        }
+        match self.axis_with_channel(id, value) {
+            Some(axis) => Err(Refused::ChannelTaken(axis)),
+            None => Ok(value),
+        }
     }
 
     /// Sets what a read-only parameter shows, and returns whether that has changed. A value out of range is not shown.
@@ -256,7 +290,7 @@ impl Default for Parameters {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameter::{SimulationParameter, Unsaved, VehicleParameter};
+    use crate::parameter::{GroundStationParameter, SimulationParameter, Unsaved};
     use proptest::prelude::*;
 
     const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
@@ -269,7 +303,7 @@ mod tests {
             assert_eq!(parameters.get(id), id.default_value(), "{}", id.name());
             let expected = match id.row().access {
                 Access::Setting | Access::Trigger => Ok(()),
-                Access::ReadOnly => Err(Refused::ReadOnly),
+                Access::ReadOnly | Access::Constant => Err(Refused::ReadOnly),
             };
             assert_eq!(parameters.set(id, id.default_value()), expected, "{}", id.name());
         }
@@ -281,10 +315,14 @@ mod tests {
     const UNUSED_OF_PACK: usize = 2;
 
     /// The vehicle's, those of the first pack, `MONITOR` of the others, and the simulator's.
-    const LISTED_BY_DEFAULT: usize =
-        VehicleParameter::COUNT - UNUSED_OF_VEHICLE + BatteryParameter::COUNT - UNUSED_OF_PACK + MAX_PACKS
-            - 1
-            + SimulationParameter::COUNT;
+    const LISTED_BY_DEFAULT: usize = VehicleParameter::COUNT - UNUSED_OF_VEHICLE
+        + StickParameter::COUNT
+        + GroundStationParameter::COUNT
+        + BatteryParameter::COUNT
+        - UNUSED_OF_PACK
+        + MAX_PACKS
+        - 1
+        + SimulationParameter::COUNT;
 
     #[test]
     fn disabled_pack_is_hidden_except_its_monitor_parameter() {

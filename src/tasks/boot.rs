@@ -39,6 +39,9 @@ async fn load_parameters<F: NorFlash>(
             }
         })
         .await;
+    if parameters.mend_sticks() {
+        warn!("stored channels of the sticks do not fit each other: default");
+    }
     match result {
         Ok(()) => ParameterLoad::Loaded,
         Err(error) => ParameterLoad::Damaged(error),

@@ -3,16 +3,14 @@
 //! Values travel as floats, whole numbers too (`MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST`). The type in a PARAM_SET is
 //! ignored: some ground stations always say REAL32.
 
-use heapless::String;
-
 use super::context::Context;
-use crate::mavlink::dialect::{MavParamError, MavParamType, MavSeverity, PARAM_ERROR_DATA, PARAM_VALUE_DATA};
+use crate::mavlink::dialect::{MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_VALUE_DATA};
 use crate::mavlink::event::Event;
 use crate::mavlink::payload::Name;
 use crate::mavlink::{Message, Peer};
-use crate::numbers::text;
-use crate::parameter::{ForEachParameter, Kind, ParameterId, Parameters, Refused, triggers};
+use crate::parameter::{Kind, ParameterId, ParameterIdSet, Parameters, Refused, triggers};
 use crate::time::{Cadence, Instant};
+use crate::vehicle::ArmState;
 
 /// A PARAM_VALUE on the wire: header, 25 bytes of payload, checksum.
 const PARAM_VALUE_FRAME_BYTES: f32 = 37.0;
@@ -82,9 +80,12 @@ pub(in crate::mavlink) fn set(name: Name, value: f32, from: Peer, context: &mut 
     let error = |error| param_error(name, BY_NAME, error, from);
     let Some(id) = ParameterId::from_name(name.as_bytes()) else {
         outbox.answer(error(MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST));
-        return Event::ParameterRefused;
+        return Event::ParameterUnknown;
     };
-    let result = parameters.set(id, value);
+    let result = match context.changeable.vehicle.arm_state() {
+        ArmState::Disarmed => parameters.set(id, value),
+        ArmState::Armed => parameters.set_while_armed(id, value),
+    };
     let event = match result {
         Ok(()) if triggers(id, value) => {
             outbox.answer(param_value_of(id, value, parameters));
@@ -94,25 +95,19 @@ pub(in crate::mavlink) fn set(name: Name, value: f32, from: Peer, context: &mut 
             context.rates.parameter_set(id);
             Event::ParameterSet(id)
         }
-        Err(Refused::OutOfRange) => {
-            outbox.answer(error(MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE));
-            Event::ParameterRefused
-        }
-        Err(Refused::ReadOnly) => {
-            outbox.answer(error(MavParamError::MAV_PARAM_ERROR_READ_ONLY));
-            Event::ParameterRefused
+        Err(refused) => {
+            outbox.answer(error(match refused {
+                Refused::OutOfRange | Refused::ChannelTaken(_) => {
+                    MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+                }
+                Refused::ReadOnly => MavParamError::MAV_PARAM_ERROR_READ_ONLY,
+                Refused::Armed => MavParamError::MAV_PARAM_ERROR_PERMISSION_DENIED,
+            }));
+            Event::ParameterRefused(id, refused)
         }
     };
     outbox.answer(param_value(id, parameters));
-    if result == Err(Refused::ReadOnly) {
-        outbox.say(MavSeverity::MAV_SEVERITY_WARNING, &write_denied(id));
-    }
     event
-}
-
-/// The text of a refused PARAM_SET, as in ArduPilot. It is in one STATUSTEXT, in which every name fits.
-fn write_denied(id: ParameterId) -> String<50> {
-    text(format_args!("Param write denied ({})", id.name()))
 }
 
 /// A list of parameters on its way out, in batches that leave most of the link to others.
@@ -125,7 +120,7 @@ pub(in crate::mavlink) struct ParameterList {
 
 #[derive(Debug)]
 struct Sending {
-    sent: ForEachParameter<bool>,
+    sent: ParameterIdSet,
     batches: Cadence,
     credited_at: Instant,
     /// Bytes that may leave now.
@@ -136,7 +131,7 @@ impl ParameterList {
     /// Starts the list, or starts it again.
     pub fn start(&mut self, now: Instant) {
         self.sending = Some(Sending {
-            sent: ForEachParameter::default(),
+            sent: ParameterIdSet::EMPTY,
             batches: Cadence::starting_at(now, 1),
             credited_at: now,
             credit_bytes: PARAM_VALUE_FRAME_BYTES,
@@ -170,12 +165,12 @@ impl ParameterList {
         if sending.credit_bytes < PARAM_VALUE_FRAME_BYTES {
             return None;
         }
-        let Some(id) = parameters.listed().find(|id| !sending.sent.get(*id)) else {
+        let Some(id) = parameters.listed().find(|id| !sending.sent.contains(*id)) else {
             self.sending = None;
             return None;
         };
         sending.credit_bytes -= PARAM_VALUE_FRAME_BYTES;
-        sending.sent.set(id, true);
+        sending.sent.insert(id);
         Some(param_value(id, parameters))
     }
 }

@@ -1,4 +1,4 @@
-//! Parameter tables: of the vehicle, of a pack, of the simulator.
+//! Parameter tables: of the vehicle, of its sticks, of a pack, of the simulator, and constants for ground stations.
 
 /// Declares a table: an enum of its parameters, and a row for each. Without `access` a parameter is a setting, without `listed` it is in
 /// every list, without `step` it goes by whole numbers, without `unit` it is a plain number, without `takes_effect` it acts at once.
@@ -44,7 +44,7 @@ macro_rules! parameters {
             }
 
             /// How many are not in every list.
-            #[allow(dead_code, reason = "the simulator's are in every list")]
+            #[allow(dead_code, reason = "some tables are in every list")]
             const UNLISTED_COUNT: usize = {
                 let (mut index, mut count) = (0, 0);
                 while index < Self::COUNT {
@@ -57,7 +57,7 @@ macro_rules! parameters {
             };
 
             /// Those that are not in every list, in the order of the table.
-            #[allow(dead_code, reason = "the simulator's are in every list")]
+            #[allow(dead_code, reason = "some tables are in every list")]
             pub(in crate::parameter) const UNLISTED: [Self; Self::UNLISTED_COUNT] = {
                 let mut unlisted = [Self::FIRST; Self::UNLISTED_COUNT];
                 let (mut index, mut count) = (0, 0);
@@ -100,21 +100,25 @@ macro_rules! parameters {
 }
 
 mod battery;
+mod ground_station;
 mod range;
 #[cfg(not(target_os = "none"))]
 mod simulation;
+pub(super) mod sticks;
 mod vehicle;
 
 pub use battery::{BatteryParameter, MAX_CONTROLLERS};
+pub use ground_station::GroundStationParameter;
 pub use range::{Meaning, Range, means};
 #[cfg(not(target_os = "none"))]
 pub use simulation::SimulationParameter;
+pub use sticks::StickParameter;
 pub use vehicle::VehicleParameter;
 
 /// One row of a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter {
-    /// Flash key, of a pack's parameter that of the first pack. Never changed or reused.
+    /// Flash key, of a pack's parameter that of the first pack; 0 if it is constant. Never changed or reused.
     pub key: u16,
     /// Name, ArduPilot 4.6's if it has the parameter; of a pack's parameter without the pack's prefix.
     pub name: &'static str,
@@ -170,6 +174,8 @@ pub enum Access {
     Setting,
     /// It shows a value of the firmware's own. Not saved.
     ReadOnly,
+    /// It is always at its default. Not saved.
+    Constant,
     /// A ground station sets it to 1, which acts at once; it reads 0. Not saved.
     Trigger,
 }

@@ -1,5 +1,9 @@
 //! Valid values of a parameter.
 
+use core::fmt;
+
+use crate::numbers::{Hundredths, whole};
+
 /// Valid values of a parameter.
 #[derive(Clone, Copy, Debug)]
 pub enum Range {
@@ -29,7 +33,7 @@ pub const fn means(#[cfg_attr(target_os = "none", expect(unused))] text: &'stati
 #[cfg(not(target_os = "none"))]
 impl Meaning {
     /// The text of the documentation.
-    pub fn text(self) -> &'static str {
+    pub const fn text(self) -> &'static str {
         self.text
     }
 }
@@ -48,6 +52,52 @@ impl Range {
             }
         }
     }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Between(lowest, highest) => {
+                write_number(f, lowest)?;
+                f.write_str(" to ")?;
+                write_number(f, highest)
+            }
+            Self::OneOf(values) => write_list(f, values.iter().map(|(value, _)| *value)),
+            Self::Bits(bits) => {
+                f.write_str("a sum of ")?;
+                write_list(f, bits.iter().map(|(bit, _)| 1 << bit))
+            }
+        }
+    }
+}
+
+/// Without decimals if it has none.
+fn write_number(f: &mut fmt::Formatter<'_>, value: f32) -> fmt::Result {
+    if whole(value) as f32 == value {
+        write!(f, "{}", whole(value))
+    } else {
+        write!(f, "{}", Hundredths(value))
+    }
+}
+
+/// Three or more successive values are one range.
+fn write_list(f: &mut fmt::Formatter<'_>, values: impl Iterator<Item = i32>) -> fmt::Result {
+    let mut values = values.peekable();
+    let mut separator = "";
+    while let Some(first) = values.next() {
+        let mut last = first;
+        while let Some(next) = values.next_if(|next| *next == last + 1) {
+            last = next;
+        }
+        write!(f, "{separator}{first}")?;
+        match last - first {
+            0 => {}
+            1 => write!(f, ", {last}")?,
+            _ => write!(f, " to {last}")?,
+        }
+        separator = ", ";
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -75,6 +125,29 @@ mod tests {
         }
         for value in [0.0, 25.0, 26.5].into_iter().chain(NOT_NUMBERS) {
             assert!(!range.contains(value), "{value}");
+        }
+    }
+
+    #[test]
+    fn ranges_are_written_shortly() {
+        let values = const {
+            Range::OneOf(&[
+                (-1, means("")),
+                (0, means("")),
+                (3, means("")),
+                (4, means("")),
+                (5, means("")),
+                (9, means("")),
+            ])
+        };
+        let bits = const { Range::Bits(&[(0, means("")), (6, means("")), (8, means(""))]) };
+        for (range, text) in [
+            (Range::Between(800.0, 1400.0), "800 to 1400"),
+            (Range::Between(-3.3, 0.5), "-3.30 to 0.50"),
+            (values, "-1, 0, 3 to 5, 9"),
+            (bits, "a sum of 1, 64, 256"),
+        ] {
+            assert_eq!(range.to_string(), text);
         }
     }
 
