@@ -104,7 +104,7 @@ impl Autopilot {
     fn record_arming(&mut self, status: VehicleStatus) {
         let method = match status.alert {
             Alert::Terminated => ArmingMethod::Termination,
-            Alert::None | Alert::Failsafe => ArmingMethod::Command,
+            Alert::None | Alert::TimedOut => ArmingMethod::Command,
         };
         self.recording.add(&Record::Arm {
             state: status.arm_state,

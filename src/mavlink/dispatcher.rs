@@ -41,6 +41,7 @@ fn effect(request: &Request<'_>) -> Effect {
         | Request::DataStream { .. }
         | Request::SetMode { .. }
         | Request::Control { .. }
+        | Request::ChannelOverride(_)
         | Request::Heartbeat { .. }
         | Request::SetUpSigning(_)
         | Request::LogErase
@@ -172,6 +173,7 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
             custom_mode,
         } => VehicleService::of(context).set_mode_by_message(*base_mode, *custom_mode, from),
         Request::Control { throttle, steering } => VehicleService::of(context).control(*throttle, *steering),
+        Request::ChannelOverride(pulses_us) => VehicleService::of(context).control_by_channels(pulses_us),
         Request::Heartbeat { system_type } if *system_type == GROUND_STATION => heard(from, context),
         Request::Heartbeat { .. } => Event::Ignored,
         Request::SetUpSigning(set_up) => signing::set_up(set_up, context),

@@ -32,6 +32,22 @@ pub struct StickChannel {
 }
 
 impl StickChannel {
+    /// The default of the steering.
+    pub const STEERING: Self = Self::with_defaults(0);
+
+    /// The default of the throttle.
+    pub const THROTTLE: Self = Self::with_defaults(2);
+
+    const fn with_defaults(index: u8) -> Self {
+        Self {
+            index,
+            shortest_us: 1000,
+            neutral_us: 1500,
+            longest_us: 2000,
+            is_reversed: false,
+        }
+    }
+
     /// Its pulse among those of all channels, in microseconds.
     pub fn pulse_of(&self, pulses_us: &[u16]) -> Option<u16> {
         pulses_us.get(usize::from(self.index)).copied()
@@ -67,18 +83,17 @@ impl Parameters {
     fn channel_of(&self, axis: StickParameter) -> StickChannel {
         // The table's range is 1 to 8.
         let index = (self.get_whole(axis) - 1) as u8;
-        let of_channel = usize::from(index);
-        let us = |id: StickParameter| self.get(id) as u16;
-        let [shortest_us, neutral_us, longest_us] = match PULSES.get(of_channel) {
-            Some(pulses) => pulses.map(us),
-            None => PULSES[0].map(|id| id.row().default as u16),
+        let of_channel = PULSES.iter().zip(DIRECTIONS).nth(usize::from(index));
+        let Some((pulses, direction)) = of_channel else {
+            return StickChannel::with_defaults(index);
         };
+        let [shortest_us, neutral_us, longest_us] = pulses.map(|id| self.get(id) as u16);
         StickChannel {
             index,
             shortest_us,
             neutral_us,
             longest_us,
-            is_reversed: DIRECTIONS.get(of_channel).is_some_and(|id| self.get(*id) != 0.0),
+            is_reversed: self.get(direction) != 0.0,
         }
     }
 
@@ -143,6 +158,10 @@ mod tests {
     fn pulses_are_positions_by_the_channels_parameters() {
         let mut parameters = Parameters::defaults();
         let steering = parameters.steering_channel();
+        assert_eq!(
+            (steering, parameters.throttle_channel()),
+            (StickChannel::STEERING, StickChannel::THROTTLE)
+        );
         let positions = [0, 1000, 1250, 1500, 1900, 2000, 2200].map(|us| steering.position(us));
         assert_eq!(positions, [-1000, -1000, -500, 0, 800, 1000, 1000]);
         for (id, value) in [(RcmapThrottle, 5.0), (RcmapRoll, 3.0)] {

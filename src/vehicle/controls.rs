@@ -2,6 +2,7 @@
 
 use super::ArmState;
 use super::timed_input::TimedInput;
+use crate::parameter::StickChannel;
 use crate::time::Instant;
 
 /// What a control message says about a stick.
@@ -14,6 +15,37 @@ pub enum StickInput {
     Released,
     /// The message is about other channels.
     Unchanged,
+}
+
+impl StickInput {
+    /// What the pulses of all channels, in microseconds, say about the stick of one.
+    pub fn of_channel(channel: &StickChannel, pulses_us: &[u16]) -> Self {
+        const RELEASED_US: u16 = 0;
+        const UNCHANGED_US: u16 = u16::MAX;
+        match channel.pulse_of(pulses_us) {
+            None | Some(UNCHANGED_US) => Self::Unchanged,
+            Some(RELEASED_US) => Self::Released,
+            Some(pulse_us) => Self::Position(channel.position(pulse_us)),
+        }
+    }
+}
+
+/// The channels of both sticks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StickChannels {
+    /// `RCMAP_THROTTLE`.
+    pub throttle: StickChannel,
+    /// `RCMAP_ROLL`.
+    pub steering: StickChannel,
+}
+
+impl Default for StickChannels {
+    fn default() -> Self {
+        Self {
+            throttle: StickChannel::THROTTLE,
+            steering: StickChannel::STEERING,
+        }
+    }
 }
 
 /// One of the driver's sticks.
@@ -73,6 +105,12 @@ impl Controls {
         self.steering.arm();
     }
 
+    /// Requires each stick to be neutral before it drives, and those that are in use before arming.
+    pub fn require_neutral(&mut self) {
+        self.throttle.gate = Gate::AwaitsNeutral;
+        self.steering.gate = Gate::AwaitsNeutral;
+    }
+
     /// On disarming: time-outs are cleared.
     pub fn disarm(&mut self) {
         self.throttle.input.clear_time_out();
@@ -100,7 +138,7 @@ enum Gate {
     Open,
     /// Opened by the next message: the latest one is from before arming.
     AwaitsMessage,
-    /// Opened by the neutral position: it was deflected on arming.
+    /// Opened by the neutral position: it was deflected on arming, or its channel has changed.
     AwaitsNeutral,
 }
 
@@ -119,7 +157,7 @@ impl StickState {
                 let position = position.clamp(-FULL_DEFLECTION, FULL_DEFLECTION);
                 let position = f32::from(position) / f32::from(FULL_DEFLECTION);
                 self.input.receive(received_at, position);
-                if self.gate == Gate::AwaitsMessage || !self.is_deflected() {
+                if self.gate == Gate::AwaitsMessage || position.abs() <= DEADBAND {
                     self.gate = Gate::Open;
                 }
             }
@@ -143,10 +181,10 @@ impl StickState {
         position.unwrap_or(0.0)
     }
 
+    /// Whether it is in use and not known to be neutral.
     fn is_deflected(&self) -> bool {
-        self.input
-            .value()
-            .is_some_and(|position| position.abs() > DEADBAND)
+        let is_deflected = |position: f32| position.abs() > DEADBAND || self.gate == Gate::AwaitsNeutral;
+        self.input.value().is_some_and(is_deflected)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Settings of the vehicle.
 
+use super::StickChannels;
 use crate::parameter::{Parameters, VehicleParameter};
 
 /// Settings of the vehicle, from its parameters.
@@ -9,6 +10,8 @@ pub struct VehicleSettings {
     pub timeout_us: u64,
     /// Time-out of ground stations' heartbeats (`FS_GCS_TIMEOUT`), in microseconds.
     pub ground_station_timeout_us: u64,
+    /// Channels of the sticks (`RCMAP_ROLL`, `RCMAP_THROTTLE`, `RC1_MIN` and its like).
+    pub channels: StickChannels,
     /// Slew rate of the throttle (`MOT_SLEWRATE`), in full throttles per second; `None` is unlimited.
     pub slew_rate_per_s: Option<f32>,
 }
@@ -20,6 +23,10 @@ impl VehicleSettings {
         Self {
             timeout_us: control_timeout_us(parameters),
             ground_station_timeout_us: microseconds(parameters, VehicleParameter::FsGcsTimeout),
+            channels: StickChannels {
+                throttle: parameters.throttle_channel(),
+                steering: parameters.steering_channel(),
+            },
             slew_rate_per_s: (slew_rate_pct_per_s > 0.0).then_some(slew_rate_pct_per_s / 100.0),
         }
     }
@@ -45,6 +52,7 @@ mod tests {
         let expected = VehicleSettings {
             timeout_us: 1_500_000,
             ground_station_timeout_us: 5_000_000,
+            channels: StickChannels::default(),
             slew_rate_per_s: Some(1.0),
         };
         assert_eq!(VehicleSettings::from_parameters(&parameters), expected);

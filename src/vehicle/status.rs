@@ -57,8 +57,8 @@ pub enum Alert {
     /// No failure.
     #[default]
     None,
-    /// A failsafe is active: a pack is low or critical, or control inputs or ground stations have timed out.
-    Failsafe,
+    /// Control inputs or ground stations have timed out and not resumed.
+    TimedOut,
     /// A failsafe has terminated the drive.
     Terminated,
 }

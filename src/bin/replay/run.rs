@@ -62,8 +62,10 @@ pub fn assign(
     };
     for Assignment { id, value } in [&monitor].into_iter().chain(assignments) {
         parameters.set(*id, *value).map_err(|refused| match refused {
-            Refused::OutOfRange => format!("{} can't be {value}: {}", id.name(), valid(&id.row().range)),
-            Refused::ReadOnly => format!("{} can't be set", id.name()),
+            Refused::OutOfRange => {
+                format!("{} can't be {value}: {}", id.name(), parameters.valid_range(*id))
+            }
+            _ => format!("{} can't be set", id.name()),
         })?;
     }
     Ok(parameters)
@@ -80,22 +82,6 @@ pub fn changes(own: &Parameters, changed: &Parameters, assignments: &[Assignment
         }
     }
     changes
-}
-
-/// The values in a range, in words.
-fn valid(range: &Range) -> String {
-    match range {
-        Range::Between(lowest, highest) => format!("{lowest} to {highest}"),
-        Range::OneOf(values) => joined(values.iter().map(|(value, _)| value.to_string())),
-        Range::Bits(bits) => format!(
-            "a sum of {}",
-            joined(bits.iter().map(|(bit, _)| (1u64 << bit).to_string()))
-        ),
-    }
-}
-
-fn joined(values: impl Iterator<Item = String>) -> String {
-    values.collect::<Vec<_>>().join(", ")
 }
 
 /// What the monitor is given.

@@ -34,11 +34,12 @@ fn base_mode(vehicle: &VehicleStatus) -> MavModeFlag {
     flags
 }
 
+/// As ArduPilot's Rover: ground stations call a rover that is active in motion, and offer its emergency stop only.
 fn system_status(vehicle: &VehicleStatus) -> MavState {
-    match (vehicle.alert, vehicle.arm_state) {
-        (Alert::Terminated, _) => MavState::MAV_STATE_EMERGENCY,
-        (Alert::Failsafe, _) => MavState::MAV_STATE_CRITICAL,
-        (Alert::None, ArmState::Armed) => MavState::MAV_STATE_ACTIVE,
-        (Alert::None, ArmState::Disarmed) => MavState::MAV_STATE_STANDBY,
+    match (vehicle.alert, vehicle.arm_state, vehicle.mode) {
+        (Alert::Terminated, ..) => MavState::MAV_STATE_EMERGENCY,
+        (Alert::TimedOut, ..) => MavState::MAV_STATE_CRITICAL,
+        (Alert::None, ArmState::Disarmed, _) | (Alert::None, _, Mode::Hold) => MavState::MAV_STATE_STANDBY,
+        (Alert::None, ArmState::Armed, Mode::Manual) => MavState::MAV_STATE_ACTIVE,
     }
 }

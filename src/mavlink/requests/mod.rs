@@ -24,6 +24,9 @@ use crate::sensor::ExternalReading;
 use crate::vehicle::StickInput;
 use battery_status::pack_reading;
 
+/// Channels of RC_CHANNELS_OVERRIDE that a stick can have.
+const CHANNELS: usize = 8;
+
 /// Who sent a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Peer {
@@ -118,11 +121,13 @@ pub(super) enum Request<'a> {
         base_mode: u8,
         custom_mode: u32,
     },
-    /// MANUAL_CONTROL or RC_CHANNELS_OVERRIDE.
+    /// MANUAL_CONTROL.
     Control {
         throttle: StickInput,
         steering: StickInput,
     },
+    /// RC_CHANNELS_OVERRIDE: pulses of channels 1 to 8 in µs, 0 to release one, 65535 to leave it as it is.
+    ChannelOverride([u16; CHANNELS]),
     /// HEARTBEAT.
     Heartbeat {
         /// A number of `MAV_TYPE`.
@@ -345,32 +350,10 @@ fn stick_of_axis(position: i16) -> StickInput {
     }
 }
 
-/// ArduPilot's Rover steers by channel 1 and takes channel 3 for its throttle.
 fn rc_channels_override(payload: &Payload<'_>) -> (Target, Request<'static>) {
     let target = target_at(payload, 16);
-    let sticks = Request::Control {
-        steering: stick_of_channel(payload.u16(0)),
-        throttle: stick_of_channel(payload.u16(4)),
-    };
-    (Target::OnlyComponent(target), sticks)
-}
-
-fn stick_of_channel(pulse_us: u16) -> StickInput {
-    const RELEASED_US: u16 = 0;
-    const UNCHANGED_US: u16 = u16::MAX;
-    const SHORTEST_US: u16 = 1000;
-    const LONGEST_US: u16 = 2000;
-    const MIDDLE_US: i16 = 1500;
-    /// Thousandths of a stick's deflection for each microsecond.
-    const DEFLECTION_PER_US: i16 = 2;
-    match pulse_us {
-        RELEASED_US => StickInput::Released,
-        UNCHANGED_US => StickInput::Unchanged,
-        _ => {
-            let pulse_us = pulse_us.clamp(SHORTEST_US, LONGEST_US) as i16;
-            StickInput::Position((pulse_us - MIDDLE_US) * DEFLECTION_PER_US)
-        }
-    }
+    let pulses_us = core::array::from_fn(|channel| payload.u16(2 * channel));
+    (Target::OnlyComponent(target), Request::ChannelOverride(pulses_us))
 }
 
 /// These fields are at the same places in COMMAND_LONG and COMMAND_INT.

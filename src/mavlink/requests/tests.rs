@@ -154,29 +154,22 @@ fn axes_are_levers() {
 }
 
 #[test]
-fn channels_are_levers() {
-    for (chan1_raw, chan3_raw, steering, throttle) in [
-        (1400, 1700, StickInput::Position(-200), StickInput::Position(400)),
-        (0, u16::MAX, StickInput::Released, StickInput::Unchanged),
-        (
-            1,
-            u16::MAX - 1,
-            StickInput::Position(-1000),
-            StickInput::Position(1000),
-        ),
-    ] {
-        let channels = RC_CHANNELS_OVERRIDE_DATA {
-            chan1_raw,
-            chan2_raw: 1111,
-            chan3_raw,
-            chan4_raw: 2222,
-            target_system: 7,
-            target_component: 9,
-            ..RC_CHANNELS_OVERRIDE_DATA::DEFAULT
-        };
-        let request = Request::Control { throttle, steering };
-        assert_eq!(decoded(&channels), (Target::OnlyComponent(VEHICLE), request));
-    }
+fn channels_are_pulses() {
+    let channels = RC_CHANNELS_OVERRIDE_DATA {
+        chan1_raw: 1400,
+        chan2_raw: 0,
+        chan3_raw: 1700,
+        chan4_raw: u16::MAX,
+        chan5_raw: 5,
+        chan6_raw: 6,
+        chan7_raw: 7,
+        chan8_raw: 8,
+        target_system: 7,
+        target_component: 9,
+        ..RC_CHANNELS_OVERRIDE_DATA::DEFAULT
+    };
+    let request = Request::ChannelOverride([1400, 0, 1700, u16::MAX, 5, 6, 7, 8]);
+    assert_eq!(decoded(&channels), (Target::OnlyComponent(VEHICLE), request));
 }
 
 #[test]

@@ -151,7 +151,16 @@ impl<'a> VehicleService<'a> {
         }
     }
 
-    /// MANUAL_CONTROL or RC_CHANNELS_OVERRIDE.
+    /// RC_CHANNELS_OVERRIDE.
+    pub fn control_by_channels(&mut self, pulses_us: &[u16]) -> Event {
+        if self.is_late() {
+            return Event::ControlTooLate;
+        }
+        self.vehicle.control_by_channels(self.received_at, pulses_us);
+        Event::Driven
+    }
+
+    /// MANUAL_CONTROL.
     pub fn control(&mut self, throttle: StickInput, steering: StickInput) -> Event {
         if self.is_late() {
             return Event::ControlTooLate;

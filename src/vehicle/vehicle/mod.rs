@@ -1,6 +1,6 @@
 //! Vehicle state machine.
 
-use super::controls::Controls;
+use super::controls::{Controls, StickChannels};
 use super::failsafe::Effect;
 use super::ramp::Ramp;
 use super::timed_input::TimedInput;
@@ -44,10 +44,10 @@ pub struct Vehicle {
     /// When it was armed last.
     fitness: Fitness,
     controls: Controls,
+    /// Those of the settings when it was disarmed last.
+    channels: StickChannels,
     ground_stations: TimedInput<()>,
     throttle: Ramp,
-    /// The worst failsafe level of all packs.
-    battery: FailsafeLevel,
     /// The most urgent alert of all packs.
     battery_alert: BatteryAlert,
     /// The most severe failsafe action since no pack had a failsafe level.
@@ -123,6 +123,16 @@ impl Vehicle {
         }
     }
 
+    /// A control message of channels, by their pulses in microseconds: see [`Self::control`].
+    pub fn control_by_channels(&mut self, received_at: Instant, pulses_us: &[u16]) {
+        let StickChannels { throttle, steering } = self.channels;
+        self.control(
+            received_at,
+            StickInput::of_channel(&throttle, pulses_us),
+            StickInput::of_channel(&steering, pulses_us),
+        );
+    }
+
     /// A ground station's heartbeat.
     pub fn ground_station_seen(&mut self, received_at: Instant) {
         self.ground_stations.receive(received_at, ());
@@ -154,15 +164,24 @@ impl Vehicle {
     /// Updates the worst failsafe level and the most urgent alert of all packs. No level, after a battery reset or swap,
     /// clears the latched action.
     pub fn update_batteries(&mut self, worst: FailsafeLevel, alert: BatteryAlert) {
-        self.battery = worst;
         self.battery_alert = alert;
         if worst == FailsafeLevel::None {
             self.action = Effect::None;
         }
     }
 
-    /// Updates time-outs and the slew rate limiter. Returns an event if an input has timed out.
+    /// Follows changed channels of the sticks while disarmed. Positions from before mean something else now: each stick has to be
+    /// neutral once.
+    fn follow_channels(&mut self, channels: StickChannels) {
+        if self.arm_state == ArmState::Disarmed && channels != self.channels {
+            self.channels = channels;
+            self.controls.require_neutral();
+        }
+    }
+
+    /// Updates time-outs, channels of the sticks and the slew rate limiter. Returns an event if an input has timed out.
     pub fn update(&mut self, now: Instant, settings: &VehicleSettings) -> Option<VehicleEvent> {
+        self.follow_channels(settings.channels);
         let event = self.check_time_outs(now, settings);
         if event.is_some() {
             self.enter(Mode::Hold);
@@ -265,8 +284,8 @@ impl Vehicle {
             fitness: self.fitness,
             alert: if self.is_terminated() {
                 Alert::Terminated
-            } else if self.battery >= FailsafeLevel::Low || self.has_timed_out() {
-                Alert::Failsafe
+            } else if self.has_timed_out() {
+                Alert::TimedOut
             } else {
                 Alert::None
             },

@@ -1,6 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::parameter::{Parameters, StickChannel, StickParameter};
 use crate::time::at_us;
 use crate::vehicle::MotorDrive;
 
@@ -10,6 +11,10 @@ const TICK_US: u64 = 20_000;
 const SETTINGS: VehicleSettings = VehicleSettings {
     timeout_us: TIMEOUT_US,
     ground_station_timeout_us: TIMEOUT_US,
+    channels: StickChannels {
+        throttle: StickChannel::THROTTLE,
+        steering: StickChannel::STEERING,
+    },
     slew_rate_per_s: Some(1.0),
 };
 
@@ -91,7 +96,7 @@ fn control_time_out_holds_until_inputs_resume() {
     let events = run(&mut vehicle, 0, 10_000_000);
     assert_eq!(events, [(1_520_000, VehicleEvent::ControlsTimedOut)]);
     assert_eq!(vehicle.drives(), SideDrives::BRAKE);
-    assert_eq!(vehicle.status().alert, Alert::Failsafe);
+    assert_eq!(vehicle.status().alert, Alert::TimedOut);
     assert_eq!(vehicle.set_mode(Mode::Manual), Err(ModeRefused));
     assert_eq!(vehicle.set_mode(Mode::Hold), Ok(()));
     vehicle.control(
@@ -126,6 +131,62 @@ fn heartbeat_time_out_holds_and_control_counts_as_one() {
     );
     vehicle.disarm();
     assert_eq!(vehicle.status().alert, Alert::None);
+}
+
+#[test]
+fn changed_channels_wait_for_disarming_and_a_neutral_stick() {
+    let mut parameters = Parameters::defaults();
+    parameters
+        .set(StickParameter::Rc3Reversed, 1.0)
+        .expect("in range");
+    let reversed = VehicleSettings::from_parameters(&parameters);
+    let mut vehicle = armed_in(Mode::Manual);
+    let push = |vehicle: &mut Vehicle, us: u64, pulse_us: u16| {
+        vehicle.control_by_channels(at_us(us), &[1500, 0, pulse_us, u16::MAX, 0, 0, 0, 0]);
+        vehicle.update(at_us(us), &reversed);
+    };
+    push(&mut vehicle, 0, 1600);
+    push(&mut vehicle, 1_000_000, 1600);
+    assert_eq!(vehicle.drives(), both(0.2), "armed, the channel is what it was");
+    vehicle.disarm();
+    vehicle.update(at_us(1_000_000), &reversed);
+    assert_eq!(
+        vehicle.deflected_stick(),
+        Some(Stick::Throttle),
+        "it means something else now"
+    );
+    push(&mut vehicle, 1_100_000, 1510);
+    assert_eq!(vehicle.deflected_stick(), None);
+    push(&mut vehicle, 1_200_000, 1600);
+    assert_eq!(vehicle.deflected_stick(), Some(Stick::Throttle));
+    push(&mut vehicle, 1_300_000, 1500);
+    assert_eq!(vehicle.arm(at_us(1_300_000), Fitness::Checked), Ok(()));
+    push(&mut vehicle, 1_400_000, 1600);
+    push(&mut vehicle, 2_400_000, 1600);
+    assert_eq!(vehicle.drives(), both(-0.2));
+}
+
+#[test]
+fn sticks_that_are_not_in_use_do_not_prevent_arming_after_a_change_but_must_be_neutral_to_drive() {
+    let mut parameters = Parameters::defaults();
+    parameters.set(StickParameter::Rc3Trim, 1400.0).expect("in range");
+    let settings = VehicleSettings::from_parameters(&parameters);
+    let mut vehicle = Vehicle::new();
+    vehicle.update(Instant::EPOCH, &settings);
+    assert_eq!(vehicle.deflected_stick(), None);
+    assert_eq!(vehicle.arm(Instant::EPOCH, Fitness::Checked), Ok(()));
+    assert_eq!(vehicle.set_mode(Mode::Manual), Ok(()));
+    for (us, pulse_us, expected) in [
+        (0, 2000, SideDrives::COAST),
+        (1_000_000, 2000, SideDrives::COAST),
+        (2_000_000, 1400, SideDrives::COAST),
+        (2_100_000, 2000, both(0.1)),
+        (3_100_000, 2000, both(1.0)),
+    ] {
+        vehicle.control_by_channels(at_us(us), &[1500, 0, pulse_us, 0, 0, 0, 0, 0]);
+        vehicle.update(at_us(us), &settings);
+        assert_eq!(vehicle.drives(), expected, "{us}");
+    }
 }
 
 #[test]
