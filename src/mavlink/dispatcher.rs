@@ -14,10 +14,11 @@ use super::services::downloads::Downloads;
 use super::services::log_download::Refusal;
 use super::services::parameters::{self, ParameterList};
 use super::services::vehicle::VehicleService;
-use super::services::{DISARM_FIRST, file_transfer, signing, time, wifi};
+use super::services::{DISARM_FIRST, file_transfer, mission, signing, time, wifi};
 use super::signing::{AcceptUnsigned, Authenticity, Effect, LinkKind, is_permitted};
+use super::{Message, build_available_mode};
 use crate::parameter::VehicleParameter;
-use crate::vehicle::ArmState;
+use crate::vehicle::{ArmState, Mode};
 
 /// The type in the HEARTBEAT of a ground station.
 const GROUND_STATION: u8 = MavType::MAV_TYPE_GCS as u8;
@@ -33,6 +34,7 @@ fn effect(request: &Request<'_>) -> Effect {
         | Request::LogList(_)
         | Request::LogData(_)
         | Request::LogEnd
+        | Request::Mission(_)
         | Request::Ping { .. }
         | Request::Timesync { .. } => Effect::Reads,
         Request::Command(command) if command.only_reads() => Effect::Reads,
@@ -154,6 +156,10 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
                 .request_data_stream(*stream_id, *rate_hz, parameters, now);
             Event::Answered
         }
+        Request::Mission(request) => {
+            context.outbox.answer(mission::answer(request, from));
+            Event::Answered
+        }
         Request::Ping {
             time_us,
             sequence,
@@ -221,9 +227,19 @@ fn execute(command: &Command, from: Peer, context: &mut Context<'_>) -> Event {
     if let Some(Action::Restart(restart)) = outcome.action {
         vehicle.prepare_restart(restart);
     }
+    if outcome.result == MavResult::MAV_RESULT_UNSUPPORTED
+        && let Some(alternative) = command.alternative()
+    {
+        outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, alternative);
+    }
     outbox.acknowledge(command.number, outcome.result, from);
     match outcome.answer {
         Some(Answer::Message(message)) => outbox.answer(message),
+        Some(Answer::Modes) => {
+            for mode in Mode::ALL {
+                outbox.answer(Message::AvailableModes(build_available_mode(mode)));
+            }
+        }
         Some(Answer::Streams(requested)) => {
             for stream in requested.reported_in(state) {
                 outbox.answer(stream.build(state));

@@ -24,11 +24,20 @@ pub enum Mode {
 }
 
 impl Mode {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Manual, Self::Hold];
+
+    /// ArduPilot's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Manual => "Manual",
+            Self::Hold => "Hold",
+        }
+    }
+
     /// The mode with this ArduPilot Rover number.
     pub fn from_number(number: u32) -> Option<Self> {
-        [Self::Manual, Self::Hold]
-            .into_iter()
-            .find(|mode| mode.number() == number)
+        Self::ALL.into_iter().find(|mode| mode.number() == number)
     }
 
     /// ArduPilot Rover's number: MAVLink's `custom_mode`.

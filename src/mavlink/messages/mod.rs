@@ -33,13 +33,14 @@ pub(super) use status_text::chunks_of;
 pub use status_text::status_texts;
 pub use stream::{DefaultRate, StreamGroup, Subject};
 pub use sys_status::build_sys_status;
-pub use version::{build_autopilot_version, build_protocol_version};
+pub use version::{build_autopilot_version, build_available_mode, build_protocol_version};
 
 use super::dialect::{
-    AUTOPILOT_VERSION_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA, BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA,
-    HEARTBEAT_DATA, LOG_DATA_DATA, LOG_ENTRY_DATA, MESSAGE_INTERVAL_DATA, NAMED_VALUE_FLOAT_DATA,
-    PARAM_ERROR_DATA, PARAM_VALUE_DATA, PING_DATA, PROTOCOL_VERSION_DATA, SMART_BATTERY_INFO_DATA,
-    STATUSTEXT_DATA, SYS_STATUS_DATA, TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
+    AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, BATTERY_INFO_DATA, BATTERY_STATUS_DATA,
+    BATTERY_STATUS_V2_DATA, FUEL_STATUS_DATA, HEARTBEAT_DATA, LOG_DATA_DATA, LOG_ENTRY_DATA,
+    MESSAGE_INTERVAL_DATA, MISSION_ACK_DATA, MISSION_COUNT_DATA, NAMED_VALUE_FLOAT_DATA, PARAM_ERROR_DATA,
+    PARAM_VALUE_DATA, PING_DATA, PROTOCOL_VERSION_DATA, SMART_BATTERY_INFO_DATA, STATUSTEXT_DATA,
+    SYS_STATUS_DATA, TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
 };
 use crate::pack::Pack;
 use crate::system::SystemState;
@@ -75,6 +76,9 @@ declare::messages! {
         ProtocolVersion(PROTOCOL_VERSION_DATA);
         ParamError(PARAM_ERROR_DATA);
         WifiConfig(WIFI_CONFIG_AP_DATA);
+        MissionCount(MISSION_COUNT_DATA);
+        MissionAck(MISSION_ACK_DATA);
+        AvailableModes(AVAILABLE_MODES_DATA);
     }
 }
 

@@ -1,7 +1,11 @@
-//! AUTOPILOT_VERSION (148) and PROTOCOL_VERSION (300): who we are.
+//! AUTOPILOT_VERSION (148), PROTOCOL_VERSION (300) and AVAILABLE_MODES (435): who we are.
 
-use crate::mavlink::dialect::{AUTOPILOT_VERSION_DATA, MavProtocolCapability, PROTOCOL_VERSION_DATA};
+use crate::mavlink::dialect::{
+    AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, MavModeProperty, MavProtocolCapability, MavStandardMode,
+    PROTOCOL_VERSION_DATA,
+};
 use crate::memory::identity::{BoardId, FirmwareHash, Identity};
+use crate::vehicle::Mode;
 
 /// MAVLink 2, as PROTOCOL_VERSION writes it.
 const MAVLINK_2: u16 = 200;
@@ -17,8 +21,8 @@ pub fn build_autopilot_version(identity: Identity) -> AUTOPILOT_VERSION_DATA {
         vendor_id: 0,
         product_id: 0,
         board_version: 0,
-        flight_sw_version: flight_version(),
-        middleware_sw_version: 0,
+        flight_sw_version: ARDUPILOT_VERSION,
+        middleware_sw_version: own_version(),
         os_sw_version: 0,
         flight_custom_version: identity.firmware_hash.map_or([0; 8], FirmwareHash::digits),
         middleware_custom_version: [0; 8],
@@ -36,7 +40,7 @@ fn capabilities() -> MavProtocolCapability {
 }
 
 /// The package's version: major, minor, patch and release type, a byte each. Type 0 is a development version.
-fn flight_version() -> u32 {
+fn own_version() -> u32 {
     let number = |text: &str| {
         text.bytes()
             .fold(0, |n: u32, digit| n * 10 + u32::from(digit.saturating_sub(b'0')))
@@ -44,6 +48,18 @@ fn flight_version() -> u32 {
     number(env!("CARGO_PKG_VERSION_MAJOR")) << 24
         | number(env!("CARGO_PKG_VERSION_MINOR")) << 16
         | number(env!("CARGO_PKG_VERSION_PATCH")) << 8
+}
+
+/// One of the modes that can be set; [`Mode::ALL`] are all of them.
+pub fn build_available_mode(mode: Mode) -> AVAILABLE_MODES_DATA {
+    AVAILABLE_MODES_DATA {
+        custom_mode: mode.number(),
+        properties: MavModeProperty::empty(),
+        number_modes: Mode::ALL.len() as u8,
+        mode_index: 1 + Mode::ALL.iter().take_while(|one| **one != mode).count() as u8,
+        standard_mode: MavStandardMode::MAV_STANDARD_MODE_NON_STANDARD,
+        mode_name: mode.name().into(),
+    }
 }
 
 /// MAVLink 2 is sent; 1 is understood, too.

@@ -8,14 +8,17 @@ mod battery_status;
 
 use ::mavlink::MessageData;
 use heapless::Vec;
+use num_traits::FromPrimitive;
 
 use super::COMPONENT_ID;
 use super::dialect::{
     BATTERY_STATUS_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA,
     LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MANUAL_CONTROL_DATA,
-    PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA, RADIO_STATUS_DATA,
-    RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA, SETUP_SIGNING_DATA, TIMESYNC_DATA,
-    WIFI_CONFIG_AP_DATA,
+    MISSION_CLEAR_ALL_DATA, MISSION_COUNT_DATA, MISSION_ITEM_INT_DATA, MISSION_REQUEST_INT_DATA,
+    MISSION_REQUEST_LIST_DATA, MISSION_REQUEST_PARTIAL_LIST_DATA, MISSION_WRITE_PARTIAL_LIST_DATA,
+    MavMissionType, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PING_DATA,
+    RADIO_STATUS_DATA, RC_CHANNELS_OVERRIDE_DATA, REQUEST_DATA_STREAM_DATA, SET_MODE_DATA,
+    SETUP_SIGNING_DATA, TIMESYNC_DATA, WIFI_CONFIG_AP_DATA,
 };
 use super::parser::ReceivedFrame;
 use super::payload::{Name, Payload};
@@ -23,6 +26,10 @@ use super::signing::{SigningKey, Timestamp};
 use crate::sensor::ExternalReading;
 use crate::vehicle::StickInput;
 use battery_status::pack_reading;
+
+/// MISSION_ITEM and MISSION_REQUEST, which are deprecated in the dialect and still sent.
+const MISSION_ITEM_ID: u32 = 39;
+const MISSION_REQUEST_ID: u32 = 40;
 
 /// Channels of RC_CHANNELS_OVERRIDE that a stick can have.
 const CHANNELS: usize = 8;
@@ -137,6 +144,7 @@ pub(super) enum Request<'a> {
     /// BATTERY_STATUS.
     PackReading(ExternalReading),
     WifiConfig(WifiConfig<'a>),
+    Mission(Mission),
 }
 
 /// COMMAND_LONG or COMMAND_INT, any number. Ground stations fill parameters they don't use with NaN.
@@ -213,6 +221,27 @@ impl WifiConfig<'_> {
     }
 }
 
+/// A message of the mission protocol.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Mission {
+    /// Mission, fence, rally points, or all of them.
+    pub list: MavMissionType,
+    pub request: MissionRequest,
+}
+
+/// What is asked of a list.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum MissionRequest {
+    /// MISSION_REQUEST_LIST.
+    List,
+    /// MISSION_CLEAR_ALL.
+    Clear,
+    /// MISSION_COUNT.
+    Store { items: u16 },
+    /// One item or several is asked for or sent.
+    Item,
+}
+
 /// A message that asks for something.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ReceivedRequest<'a> {
@@ -258,6 +287,20 @@ fn decode<'a>(message_id: u32, payload: &Payload<'a>) -> Option<(Target, Request
         SETUP_SIGNING_DATA::ID => setup_signing(payload),
         BATTERY_STATUS_DATA::ID => battery_status(payload)?,
         WIFI_CONFIG_AP_DATA::ID => wifi_config_ap(payload)?,
+        MISSION_REQUEST_LIST_DATA::ID => mission(payload, 0, MissionRequest::List)?,
+        MISSION_CLEAR_ALL_DATA::ID => mission(payload, 0, MissionRequest::Clear)?,
+        MISSION_COUNT_DATA::ID => mission(
+            payload,
+            2,
+            MissionRequest::Store {
+                items: payload.u16(0),
+            },
+        )?,
+        MISSION_REQUEST_ID | MISSION_REQUEST_INT_DATA::ID => mission(payload, 2, MissionRequest::Item)?,
+        MISSION_REQUEST_PARTIAL_LIST_DATA::ID | MISSION_WRITE_PARTIAL_LIST_DATA::ID => {
+            mission(payload, 4, MissionRequest::Item)?
+        }
+        MISSION_ITEM_ID | MISSION_ITEM_INT_DATA::ID => item(payload)?,
         _ => return None,
     })
 }
@@ -432,6 +475,33 @@ fn wifi_config_ap<'a>(payload: &Payload<'a>) -> Option<(Target, Request<'a>)> {
     };
     let is_request = payload.u8(97) == NO_RESPONSE;
     is_request.then_some((Target::Everyone, Request::WifiConfig(config)))
+}
+
+/// The list follows the target; of one that MAVLink does not know there is nothing to say.
+fn mission(
+    payload: &Payload<'_>,
+    target_at_byte: usize,
+    request: MissionRequest,
+) -> Option<(Target, Request<'static>)> {
+    mission_of(payload, target_at_byte, target_at_byte + 2, request)
+}
+
+fn item(payload: &Payload<'_>) -> Option<(Target, Request<'static>)> {
+    mission_of(payload, 32, 37, MissionRequest::Item)
+}
+
+fn mission_of(
+    payload: &Payload<'_>,
+    target_at_byte: usize,
+    list_at_byte: usize,
+    request: MissionRequest,
+) -> Option<(Target, Request<'static>)> {
+    let list = MavMissionType::from_u8(payload.u8(list_at_byte))?;
+    let target = target_at(payload, target_at_byte);
+    Some((
+        Target::Component(target),
+        Request::Mission(Mission { list, request }),
+    ))
 }
 
 fn setup_signing(payload: &Payload<'_>) -> (Target, Request<'static>) {

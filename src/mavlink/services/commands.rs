@@ -3,16 +3,19 @@
 use ::mavlink::MessageData;
 
 use crate::mavlink::dialect::{
-    AUTOPILOT_VERSION_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavResult, PROTOCOL_VERSION_DATA,
+    AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavResult,
+    PROTOCOL_VERSION_DATA,
 };
 use crate::mavlink::event::Action;
 use crate::mavlink::requests::Command;
 use crate::mavlink::scheduler::{Interval, IntervalRefused, StreamScheduler};
-use crate::mavlink::{Message, Stream, StreamKind, build_autopilot_version, build_protocol_version};
+use crate::mavlink::{
+    Message, Stream, StreamKind, build_autopilot_version, build_available_mode, build_protocol_version,
+};
 use crate::pack::Pack;
 use crate::system::SystemState;
 use crate::time::Instant;
-use crate::vehicle::Restart;
+use crate::vehicle::{Mode, Restart};
 
 /// MAV_CMD_PREFLIGHT_STORAGE, parameter 1: reset all parameters to their defaults.
 const STORAGE_RESET: f32 = 2.0;
@@ -41,6 +44,7 @@ const BATTERY_RESET: u16 = 42651;
 /// MAV_CMD_BATTERY_RESET, parameter 1: all packs, as MAVProxy writes it.
 const ALL_PACKS: f32 = -1.0;
 
+const DO_MOTOR_TEST: u16 = MavCmd::MAV_CMD_DO_MOTOR_TEST as u16;
 const PREFLIGHT_STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
 const PREFLIGHT_REBOOT_SHUTDOWN: u16 = MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN as u16;
 const GET_MESSAGE_INTERVAL: u16 = MavCmd::MAV_CMD_GET_MESSAGE_INTERVAL as u16;
@@ -64,6 +68,8 @@ impl Action {
 pub(in crate::mavlink) enum Answer {
     Message(Message),
     Streams(RequestedStreams),
+    /// AVAILABLE_MODES of each mode.
+    Modes,
 }
 
 /// Messages that are streamed, to be sent once.
@@ -181,6 +187,12 @@ impl Command {
         }
     }
 
+    /// What to use instead of a command that is not supported.
+    pub fn alternative(&self) -> Option<&'static str> {
+        // What can't sense whether the wheels are off the ground does not turn them while disarmed.
+        (self.number == DO_MOTOR_TEST).then_some("No motor test: use board-check")
+    }
+
     fn parameters(&self) -> [f32; 4] {
         [self.param1, self.param2, self.param3, self.param4]
     }
@@ -227,7 +239,20 @@ impl Command {
             AUTOPILOT_VERSION_DATA::ID => autopilot_version(state),
             PROTOCOL_VERSION_DATA::ID => protocol_version(),
             MESSAGE_INTERVAL_DATA::ID => self.message_interval(self.param2, scheduler),
+            AVAILABLE_MODES_DATA::ID => self.available_modes(),
             _ => self.request_streams(message_id, state),
+        }
+    }
+
+    /// The mode whose index is parameter 2, from 1; all of them if that is 0 or isn't given.
+    fn available_modes(&self) -> CommandOutcome {
+        if self.param2.is_nan() || self.param2 == 0.0 {
+            return Answer::Modes.into();
+        }
+        let mut modes = Mode::ALL.into_iter().zip(1u8..);
+        match modes.find(|(_, index)| f32::from(*index) == self.param2) {
+            Some((mode, _)) => Message::AvailableModes(build_available_mode(mode)).into(),
+            None => DENIED.into(),
         }
     }
 

@@ -5,6 +5,7 @@ pub(super) mod context;
 pub(super) mod downloads;
 pub(super) mod file_transfer;
 pub(super) mod log_download;
+pub(super) mod mission;
 pub(super) mod parameters;
 pub(super) mod signing;
 pub(super) mod time;

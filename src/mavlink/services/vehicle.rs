@@ -133,8 +133,9 @@ impl<'a> VehicleService<'a> {
             return DENIED;
         }
         let Some(mode) = Mode::from_number(number) else {
+            let [first, second] = Mode::ALL.map(Mode::name);
             // The longest number fits.
-            let text: String<32> = text(format_args!("No such mode {number}"));
+            let text: String<48> = text(format_args!("No such mode {number}: {first} or {second}"));
             self.outbox.explain(MavSeverity::MAV_SEVERITY_WARNING, &text);
             return FAILED;
         };
