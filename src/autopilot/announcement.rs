@@ -6,13 +6,13 @@ use core::mem::{Discriminant, discriminant};
 use heapless::String;
 
 use super::recording::LogFailure;
-use crate::battery::{PackEvent, SuggestedThresholds};
+use crate::battery::{ChargeState, FailsafeLevel, PackEvent, SuggestedThresholds};
 use crate::mavlink::dialect::MavSeverity;
 use crate::mavlink::{BroadcastCommand, SigningChange, SigningTrouble};
 use crate::memory::storage::StorageError;
 use crate::numbers::{Hundredths, text};
 use crate::pack::{MAX_PACKS, Pack};
-use crate::parameter::{BatteryParameter, ParameterId, Range, Refused, SaveFailure};
+use crate::parameter::{BatteryParameter, ParameterId, Range, Refused, SaveFailure, VehicleParameter};
 use crate::sensor::{CanNotice, CanReport, SerialNotice, Urgency};
 use crate::vehicle::VehicleEvent;
 use crate::wifi::WifiReport;
@@ -74,6 +74,13 @@ pub enum Announcement<'a> {
         /// The values that it can be set to.
         valid: Range,
     },
+    /// The rover was armed with a long time-out of its driver.
+    LongTimeOut {
+        /// `FS_TIMEOUT` or `FS_GCS_TIMEOUT`.
+        parameter: VehicleParameter,
+        /// Its value.
+        seconds: f32,
+    },
     /// There is no log although there should be one.
     NoLog(LogFailure),
     /// A line of a crash report.
@@ -133,14 +140,27 @@ impl Announcement<'_> {
             | Self::WifiNotSaved(_)
             | Self::SigningSaved(_)
             | Self::Signing(_)
+            | Self::LongTimeOut { .. }
             | Self::NoLog(_)
             | Self::Crash(_) => Kind::Board,
         }
     }
 
-    /// How urgent it is. As in ArduPilot, battery failsafes are warnings.
+    /// How urgent it is. A low battery is a warning, as in ArduPilot; a critical one is critical, where ArduPilot has a warning.
     pub fn severity(&self) -> MavSeverity {
         match self {
+            // A ground station shows what is critical in a box.
+            Self::Pack(
+                _,
+                PackEvent::Failsafe {
+                    level: FailsafeLevel::Critical,
+                    ..
+                }
+                | PackEvent::Charge {
+                    state: ChargeState::Critical | ChargeState::Emergency,
+                    ..
+                },
+            ) => MavSeverity::MAV_SEVERITY_CRITICAL,
             Self::Pack(
                 _,
                 PackEvent::CellsDetected { .. }
@@ -188,6 +208,7 @@ impl Announcement<'_> {
             | Self::WifiNotSaved(_)
             | Self::NoLog(_)
             | Self::ParameterRefused { .. }
+            | Self::LongTimeOut { .. }
             | Self::Unauthorized { .. } => MavSeverity::MAV_SEVERITY_WARNING,
             Self::DefaultParameters
             | Self::ParametersDamaged
@@ -273,6 +294,12 @@ impl fmt::Display for Announcement<'_> {
                 }
                 Refused::Armed => write!(f, "{} refused: not raised while armed", id.name()),
             },
+            Self::LongTimeOut { parameter, seconds } => write!(
+                f,
+                "Armed with {} {}: drives on for long without a driver",
+                parameter.row().name,
+                Hundredths(*seconds)
+            ),
             Self::Crash(line) => f.write_str(line),
         }
     }

@@ -15,6 +15,12 @@ use crate::vehicle::{
     Alert, FailsafeAction, Fitness, Indication, SideDrives, VehicleEvent, VehicleSettings, VehicleStatus,
 };
 
+/// Time-outs of the driver above which arming is announced with them, in seconds.
+const LONGEST_TIME_OUTS_S: [(VehicleParameter, f32); 2] = [
+    (VehicleParameter::FsTimeout, 5.0),
+    (VehicleParameter::FsGcsTimeout, 10.0),
+];
+
 /// Outputs to motors, lamps and buzzer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outputs {
@@ -37,7 +43,7 @@ impl Autopilot {
             self.record_failsafe(event);
             self.announce(Announcement::Vehicle(event), now);
         }
-        self.follow_status();
+        self.follow_status(now);
         if let Some(failure) = self.recording.take_report() {
             self.announce(Announcement::NoLog(failure), now);
         }
@@ -59,7 +65,7 @@ impl Autopilot {
     }
 
     /// Logs a change of the vehicle's status, and saves what has waited for disarming.
-    fn follow_status(&mut self) {
+    fn follow_status(&mut self, now: Instant) {
         let status = self.vehicle.status();
         let mode_reason = mem::replace(&mut self.mode_reason, ModeReason::Command);
         if status == self.known_status {
@@ -69,11 +75,23 @@ impl Autopilot {
             "rover: {:?}, {:?}, alert {:?}",
             status.arm_state, status.mode, status.alert
         );
-        if (self.known_status.arm_state, status.arm_state) == (ArmState::Armed, ArmState::Disarmed) {
-            self.save_after_disarming();
+        match (self.known_status.arm_state, status.arm_state) {
+            (ArmState::Armed, ArmState::Disarmed) => self.save_after_disarming(),
+            (ArmState::Disarmed, ArmState::Armed) => self.announce_long_time_outs(now),
+            _ => {}
         }
         self.record_status(status, mode_reason);
         self.known_status = status;
+    }
+
+    /// Announces time-outs by which an armed rover goes on for long without a driver.
+    fn announce_long_time_outs(&mut self, now: Instant) {
+        for (parameter, longest_s) in LONGEST_TIME_OUTS_S {
+            let seconds = self.parameters.get(parameter);
+            if seconds > longest_s {
+                self.announce(Announcement::LongTimeOut { parameter, seconds }, now);
+            }
+        }
     }
 
     /// Records the status in which a file begins. Of arming, only what the file comes too late for.

@@ -153,7 +153,7 @@ fn serve(request: &Request<'_>, from: Peer, services: &mut Services, context: &m
             let parameters = &*context.changeable.parameters;
             context
                 .rates
-                .request_data_stream(*stream_id, *rate_hz, parameters, now);
+                .request_data_stream(from, *stream_id, *rate_hz, parameters, now);
             Event::Answered
         }
         Request::Mission(request) => {

@@ -1,8 +1,10 @@
 //! The rates of one link: what the parameters say, and what ground stations ask for beyond that.
 
-use super::StreamGroup;
+use heapless::Deque;
+
 use super::scheduler::StreamScheduler;
 use super::signing::LinkKind;
+use super::{Peer, StreamGroup};
 use crate::parameter::{ParameterId, Parameters, VehicleParameter};
 use crate::time::Instant;
 
@@ -19,12 +21,26 @@ const RADIO_COMPONENTS: [u8; 2] = [68, 240];
 /// The highest rate of `SR0_EXTRA1`, in Hz.
 const HIGHEST_RATE_HZ: f32 = 50.0;
 
+/// Requests that are remembered, of all stations of a link: the four streams of two stations.
+const REMEMBERED: usize = 8;
+
+/// The latest request of a station for a stream.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct StreamRequest {
+    station: Peer,
+    stream_id: u8,
+    /// `None` to stop it.
+    rate_hz: Option<u16>,
+}
+
 /// The rates of one link.
 #[derive(Debug)]
 pub(super) struct Rates {
     pub scheduler: StreamScheduler,
     /// `SR0_EXTRA1` when it was followed last; `None` if it is to be followed again.
     followed_hz: Option<f32>,
+    /// The latest requests for streams, the oldest first.
+    requests: Deque<StreamRequest, REMEMBERED>,
 }
 
 impl Rates {
@@ -32,6 +48,7 @@ impl Rates {
         Self {
             scheduler: StreamScheduler::new(now),
             followed_hz: None,
+            requests: Deque::new(),
         }
     }
 
@@ -52,14 +69,25 @@ impl Rates {
     }
 
     /// REQUEST_DATA_STREAM: changes live rates of this link and saves nothing. Ground stations send it unasked. Of each
-    /// message the latest request counts, until `SR0_EXTRA1` is set.
+    /// message the latest request counts, until `SR0_EXTRA1` is set. QGroundControl repeats its requests every 11 s: one that is the
+    /// same as that station's previous one for the stream changes nothing, so what was set since stays.
     pub fn request_data_stream(
         &mut self,
+        station: Peer,
         stream_id: u8,
         rate_hz: Option<u16>,
         parameters: &Parameters,
         now: Instant,
     ) {
+        let is_known = [STREAM_ALL, STREAM_EXTRA1, STREAM_EXTENDED_STATUS, STREAM_EXTRA3].contains(&stream_id);
+        let request = StreamRequest {
+            station,
+            stream_id,
+            rate_hz,
+        };
+        if !is_known || self.is_repeated(request) {
+            return;
+        }
         // What was set before the request must not override it later.
         self.follow(parameters, now);
         let rate_hz = rate_hz.map_or(0.0, f32::from).min(HIGHEST_RATE_HZ);
@@ -70,6 +98,21 @@ impl Rates {
             STREAM_EXTRA3 => scheduler.set_group_rate(StreamGroup::Extra3, rate_hz, now),
             _ => {}
         }
+    }
+
+    /// Whether the station's previous request for the stream was the same; remembers it.
+    fn is_repeated(&mut self, request: StreamRequest) -> bool {
+        if self.requests.iter().any(|before| *before == request) {
+            return true;
+        }
+        self.requests
+            .retain(|before| (before.station, before.stream_id) != (request.station, request.stream_id));
+        if self.requests.is_full() {
+            self.requests.pop_front();
+        }
+        // There is room now.
+        let _ = self.requests.push_back(request);
+        false
     }
 }
 

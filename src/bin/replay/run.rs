@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use rover_battmon::battery::{BatteryMonitor, LearntPack, Measurement, PackSettings, ReadError, Tick};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, Range, Refused};
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, Refused};
 use rover_battmon::time::Instant;
 use rover_battmon::vehicle::ArmState;
 

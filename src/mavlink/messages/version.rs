@@ -7,6 +7,10 @@ use crate::mavlink::dialect::{
 use crate::memory::identity::{BoardId, FirmwareHash, Identity};
 use crate::vehicle::Mode;
 
+/// The ArduPilot release whose parameter names and meanings are kept, by which ground stations choose descriptions: 4.6.0, of type 0,
+/// a development version.
+const ARDUPILOT_VERSION: u32 = 4 << 24 | 6 << 16;
+
 /// MAVLink 2, as PROTOCOL_VERSION writes it.
 const MAVLINK_2: u16 = 200;
 const MAVLINK_1: u16 = 100;

@@ -75,7 +75,7 @@ fn a_drained_pack_is_low_then_critical_and_the_rover_stops() {
     assert!(times[6] - times[5] <= 1, "{times:?}");
     assert!(!shown.iter().any(|shown| shown.text.contains("Failsafe: Hold")));
     let failsafe = shown.iter().find(|shown| shown.text.contains("is critical"));
-    assert_eq!(failsafe.map(|shown| shown.level), Some(Level::Warning));
+    assert_eq!(failsafe.map(|shown| shown.level), Some(Level::Critical));
 }
 
 #[test]
