@@ -1,0 +1,339 @@
+"""What an owner sees with QGroundControl: a script that sends what it sends, the rules of the oracle for what it shows.
+
+One session on the simulator and one on the emulated board: it connects, a rate is typed, the rover is armed in HOLD, another
+QGroundControl connects to it meanwhile, it is disarmed, and the requests are repeated until a minute has passed. Requests
+that need no time follow on the same rover.
+"""
+
+import datetime
+import re
+import time
+from xml.etree import ElementTree
+
+import pytest
+
+from conftest import REPOSITORY, EmulatedBoard, Simulator
+from oracle import FLY_VIEW, PAGES, described_kinds, log_date, missing_on_page
+from qgroundcontrol import (
+    COMPONENT,
+    FILE_NOT_FOUND,
+    HOME_POSITION,
+    REQUEST_MESSAGE,
+    SET_MESSAGE_INTERVAL,
+    SYSTEM,
+    VEHICLE,
+    Station,
+    is_named,
+    mavlink,
+)
+from station import Background, is_about
+
+ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
+UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
+ARM_DISARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+
+HOLD, MANUAL, AUTO = 4, 0, 10
+
+TYPED_HZ = 1
+MISSION_TYPES = [mavlink.MAV_MISSION_TYPE_MISSION, mavlink.MAV_MISSION_TYPE_FENCE, mavlink.MAV_MISSION_TYPE_RALLY]
+
+
+class Session:
+    """A minute with QGroundControl, and the link that is left."""
+
+    COUNTED_S = 10
+
+    def __init__(self, url, other_url):
+        self.station = Station(url)
+        self.connected = self.station.connect()
+        self.script = self.station.script
+        self.station.run_for(4)
+        self.ready = self.station.shown.shows(0)
+        assert self.station.set("SR0_EXTRA1", TYPED_HZ).param_value == TYPED_HZ
+        typed_at = time.monotonic()
+        self.drive_nowhere(other_url)
+        self.station.run_for(typed_at + 60 - self.COUNTED_S - time.monotonic())
+        counted_at = time.monotonic()
+        self.station.run_for(self.COUNTED_S)
+        self.counted = self.station.since(counted_at, "SYS_STATUS", "BATTERY_STATUS")
+
+    def drive_nowhere(self, other_url):
+        """Arms in HOLD and disarms as a click on *Disarm* does, with a QGroundControl that connects between."""
+        assert self.station.command(ARM_DISARM, 1) == ACCEPTED
+        self.station.run_for(2)
+        self.armed = self.station.shown.shows(0)
+        other = Station(other_url)
+        with Background(self.station.step):
+            self.connected_armed, self.script_armed = other.connect(), other.script
+        other.close()
+        self.disarm_result = self.station.command(ARM_DISARM, *self.armed.disarm)
+        self.station.run_for(2)
+        self.disarmed = self.station.shown.shows(0)
+
+    @property
+    def parameters(self):
+        return self.script.parameters
+
+    def rate_hz(self, name):
+        return sum(message.get_type() == name for message in self.counted) / self.COUNTED_S
+
+
+# One board at a time.
+VEHICLES = [
+    pytest.param("simulator", marks=pytest.mark.xdist_group("qgroundcontrol")),
+    pytest.param("board", marks=pytest.mark.xdist_group("emulated_board")),
+]
+
+
+@pytest.fixture(scope="module", params=VEHICLES)
+def session(request, tmp_path_factory):
+    if request.param == "simulator":
+        vehicle = Simulator()
+        urls = (vehicle.url, vehicle.url)
+    else:
+        vehicle = EmulatedBoard(tmp_path_factory.mktemp("board") / "flash")
+        urls = (vehicle.uart_url, vehicle.usb_url)
+    try:
+        yield Session(*urls)
+    finally:
+        vehicle.kill()
+
+
+# ---------------------------------------------------------------- connecting
+
+
+def test_it_connects_without_a_dialog(session):
+    assert session.connected.dialogs == []
+    assert session.script.connecting_s < 3
+
+
+def test_it_shows_the_fly_view(session):
+    assert session.connected.view == FLY_VIEW
+
+
+def test_the_summary_is_green(session):
+    assert set(session.connected.summary.values()) == {"green"}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_page_of_vehicle_setup_opens_without_a_dialog(session, page):
+    assert missing_on_page(page, session.parameters) == []
+
+
+def test_no_box_is_open(session):
+    assert session.ready.errors == []
+
+
+def test_it_is_ready_to_fly(session):
+    assert (session.ready.status, session.ready.status_colour) == ("Ready To Fly", "green")
+
+
+def test_the_version_is_that_of_the_release_whose_names_are_kept(session):
+    assert session.script.version[:2] == (4, 6) and session.script.version[3] == mavlink.FIRMWARE_VERSION_TYPE_DEV
+
+
+def test_every_kind_of_monitor_has_a_name(session):
+    metadata = ElementTree.parse(REPOSITORY / "docs" / "apm.pdef.xml")
+    (monitor,) = [param for param in metadata.iter("param") if param.get("name") == "Rover:BATT_MONITOR"]
+    kinds = {int(value.get("code")) for value in monitor.iter("value")}
+    assert kinds - described_kinds(session.script.version, session.script.descriptions) == set()
+
+
+# ---------------------------------------------------------------- arming
+
+
+def test_armed_in_hold_it_is_not_flying(session):
+    assert session.armed.status == "Armed"
+
+
+def test_disarming_in_hold_is_no_emergency_stop(session):
+    assert session.armed.disarm == (0, 0)
+    assert session.disarm_result == ACCEPTED and session.disarmed.status == "Ready To Fly"
+
+
+def test_connecting_to_an_armed_rover_takes_no_longer(session):
+    assert session.connected_armed.dialogs == []
+    assert session.script_armed.file_error in (None, FILE_NOT_FOUND)
+    assert session.script_armed.connecting_s < 3
+
+
+# ---------------------------------------------------------------- rates
+
+
+@pytest.mark.parametrize("name", ["SYS_STATUS", "BATTERY_STATUS"])
+def test_rates_are_as_typed_after_a_minute_of_its_requests(session, name):
+    assert is_about(session.rate_hz(name), TYPED_HZ)
+
+
+def test_there_is_no_position_to_give(session):
+    assert session.station.since(0, "HOME_POSITION") == []
+    assert session.station.command(SET_MESSAGE_INTERVAL, HOME_POSITION, 1e6) == UNSUPPORTED
+
+
+# ---------------------------------------------------------------- missions
+
+
+@pytest.mark.parametrize("kind", MISSION_TYPES)
+def test_each_list_is_empty(session, kind):
+    count = session.station.answer(
+        lambda mav: mav.mission_request_list_send(*VEHICLE, kind), is_named("MISSION_COUNT")
+    )
+    assert (count.count, count.mission_type) == (0, kind)
+    assert (count.target_system, count.target_component) == (SYSTEM, COMPONENT)
+
+
+@pytest.mark.parametrize("kind", [*MISSION_TYPES, mavlink.MAV_MISSION_TYPE_ALL])
+def test_an_empty_list_can_be_cleared(session, kind):
+    ack = session.station.answer(lambda mav: mav.mission_clear_all_send(*VEHICLE, kind), is_named("MISSION_ACK"))
+    assert (ack.type, ack.mission_type) == (mavlink.MAV_MISSION_ACCEPTED, kind)
+
+
+@pytest.mark.parametrize(
+    "send",
+    [
+        lambda mav: mav.mission_count_send(*VEHICLE, 3, 0),
+        lambda mav: mav.mission_request_int_send(*VEHICLE, 0, 0),
+        lambda mav: mav.mission_request_send(*VEHICLE, 0, 0),
+    ],
+    ids=["upload", "item", "older item"],
+)
+def test_an_upload_and_a_request_for_an_item_are_refused(session, send):
+    assert session.station.answer(send, is_named("MISSION_ACK")).type == mavlink.MAV_MISSION_UNSUPPORTED
+
+
+# ---------------------------------------------------------------- parameters
+
+
+@pytest.mark.parametrize(("name", "value"), [("FS_GCS_ENABLE", 1), ("FS_THR_ENABLE", 1), ("FS_ACTION", 2)])
+def test_no_file_switches_off_what_stops_the_rover(session, name, value):
+    assert session.parameters[name] == value
+    refused_is_unchanged(session, name, 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("COMPASS_DEC", 0.1), ("INS_ACCOFFS_X", 0), ("MODE1", AUTO), ("MODE_CH", 5), ("RC6_OPTION", 41)]
+)
+def test_what_is_there_for_ground_stations_only_is_constant(session, name, value):
+    refused_is_unchanged(session, name, value)
+
+
+def refused_is_unchanged(session, name, value):
+    assert session.station.set(name, value).get_type() == "PARAM_ERROR"
+    again = session.station.answer(
+        lambda mav: mav.param_request_read_send(*VEHICLE, name.encode(), -1), is_named("PARAM_VALUE")
+    )
+    assert (again.param_id, again.param_value) == (name, pytest.approx(session.parameters[name]))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("RCMAP_THROTTLE", 1), ("RC1_MIN", 799), ("RC1_MIN", 1401), ("RC1_MAX", 1599), ("RC1_MAX", 2201), ("RC1_TRIM", 1099)],
+)
+def test_channels_that_could_not_be_driven_with_are_refused(session, name, value):
+    refused_is_unchanged(session, name, value)
+
+
+def test_a_refused_parameter_is_explained_with_its_range(session):
+    begin = time.monotonic()
+    assert session.station.set("BATT_CELLS", 99).get_type() == "PARAM_ERROR"
+    session.station.run_for(1)
+    texts = session.station.texts_since(begin)
+    assert any(re.search(r"BATT_CELLS\b.*\b0\b.*\b16\b", text) for text in texts), texts
+
+
+# ---------------------------------------------------------------- calibration, motors, modes
+
+
+def test_a_calibration_is_refused_and_what_is_read_after_it_is_answered(session):
+    assert session.station.command(mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, 1) == UNSUPPORTED
+    # read: APMSensorsComponentController.cc: it reads these again, and opens a dialog for each that is not answered.
+    names = [name for name in session.parameters if name.startswith(("COMPASS_", "INS_"))]
+    assert names
+    for name in names:
+        session.station.answer(
+            lambda mav: mav.param_request_read_send(*VEHICLE, name.encode(), -1),
+            lambda message: message.get_type() == "PARAM_VALUE" and message.param_id == name,
+        )
+
+
+def test_motors_are_tested_by_board_check(session):
+    begin = time.monotonic()
+    assert session.station.command(mavlink.MAV_CMD_DO_MOTOR_TEST, 1, 0, 10, 1) == UNSUPPORTED
+    session.station.run_for(1)
+    assert any("board-check" in text for text in session.station.texts_since(begin))
+
+
+def test_its_modes_are_listed(session):
+    modes = {}
+    for index in (1, 2):
+        mode = session.station.answer(
+            lambda mav: mav.command_long_send(
+                *VEHICLE, REQUEST_MESSAGE, 0, mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES, index, 0, 0, 0, 0, 0
+            ),
+            lambda message: message.get_type() == "AVAILABLE_MODES" and message.mode_index == index,
+        )
+        assert mode.number_modes == 2
+        modes[mode.custom_mode] = mode.mode_name.upper()
+    assert modes == {MANUAL: "MANUAL", HOLD: "HOLD"}
+
+
+def test_a_mode_that_does_not_exist_is_refused_with_the_names_of_those_that_do(session):
+    begin = time.monotonic()
+    custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    assert session.station.command(mavlink.MAV_CMD_DO_SET_MODE, custom, AUTO) != ACCEPTED
+    session.station.run_for(1)
+    texts = [text.upper() for text in session.station.texts_since(begin)]
+    assert any("HOLD" in text and "MANUAL" in text for text in texts), texts
+
+
+# ---------------------------------------------------------------- logs
+
+
+def test_the_log_has_the_date_that_was_given_on_connecting(session):
+    entry = session.station.answer(
+        lambda mav: mav.log_request_list_send(*VEHICLE, 0, 0xFFFF), is_named("LOG_ENTRY")
+    )
+    assert entry.num_logs >= 1
+    today = datetime.datetime.now(datetime.timezone.utc)
+    assert log_date(entry.time_utc) == f"{today:%Y-%m-%d}"
+
+
+# ---------------------------------------------------------------- a battery failsafe
+
+
+@pytest.fixture(scope="module")
+def failsafe():
+    """Armed, with a pack that becomes low and then critical: what is shown after each."""
+    simulator = Simulator()
+    try:
+        station = Station(simulator.url)
+        station.connect()
+        thresholds = {"BATT_LOW_VOLT": 10.8, "BATT_CRT_VOLT": 10.2, "BATT_FS_LOW_ACT": 2, "BATT_FS_CRT_ACT": 2}
+        for name, value in {**thresholds, "BATT_LOW_TIMER": 1, "BATT_CELLS": 3}.items():
+            assert station.set(name, value).param_value == pytest.approx(value)
+        assert station.command(ARM_DISARM, 1) == ACCEPTED
+        shows = []
+        for volts in (10.5, 10.0):
+            assert station.set("SIM_BATT_VOLTAGE", volts).param_value == volts
+            station.run_for(5)
+            shows.append(station.shown.shows(0))
+        yield station, *shows
+    finally:
+        simulator.kill()
+
+
+@pytest.mark.xdist_group("qgroundcontrol")
+def test_a_critical_pack_opens_a_box_and_a_low_one_none(failsafe):
+    _, low, critical = failsafe
+    assert low.errors == []
+    assert any("critical" in text for text in critical.errors)
+
+
+@pytest.mark.xdist_group("qgroundcontrol")
+def test_after_a_battery_failsafe_it_is_disarmed_as_ever(failsafe):
+    station, low, critical = failsafe
+    assert (low.status, critical.status) == ("Armed", "Armed")
+    assert critical.disarm == (0, 0)
+    assert station.command(ARM_DISARM, *critical.disarm) == ACCEPTED
+    station.run_for(2)
+    assert station.shown.shows(0).disarm is None
