@@ -9,9 +9,9 @@ can ask what its owner sees. Beside each rule stands where it was read:
   unread:   not found in a source; taken from the project's documents or from other programs that follow it
 
 Versions: of Mission Planner those files that know `safetyactive` and `prearmstatus` (CurrentState.cs) and
-`criticalvoltagealert` (HUD.cs); of QGroundControl those that know BATTERY_STATUS_V2, and for connecting and arming those
-between December 2023 (e0e8c496c, which was recorded) and mid 2026; MAVProxy 1.8.74. Settings have their defaults unless a
-constructor takes them. Each link to a ground station needs an oracle of its own.
+`criticalvoltagealert` (HUD.cs); of QGroundControl those that know BATTERY_STATUS_V2, and for connecting and arming
+those between December 2023 (e0e8c496c, which was recorded) and mid 2026; MAVProxy 1.8.74. Settings have their defaults
+unless a constructor takes them. Each link to a ground station needs an oracle of its own.
 
 Time is what the caller gives, in seconds of any origin.
 """

@@ -1,7 +1,7 @@
 """QGroundControl as a script: it sends what the program sends to an ArduPilot rover, with its timers.
 
-The sequence is that of December 2023 (e0e8c496c); beside each rule stands its source, as in `oracle.py`, which derives from
-what comes back what is shown. `Script` takes messages and times and does no I/O, so that it also runs against what was
+The sequence is that of December 2023 (e0e8c496c); beside each rule stands its source, as in `oracle.py`, which derives
+from the answers what is shown. `Script` takes messages and times and does no I/O, so that it also runs against what was
 recorded; `Station` is a script at the end of a link.
 """
 
@@ -65,6 +65,11 @@ def is_named(*names):
 
 def unread(_):
     return False
+
+
+def error_of(data):
+    """The error in a refusal. read: FTPManager.cc, _errorMsgFromNak: of one byte, else it is none that is known."""
+    return data[0] if len(data) == 1 else None
 
 
 class Script:
@@ -151,7 +156,7 @@ class Script:
     # ------------------------------------------------------------ the sequence
 
     def connect(self):
-        # read: InitialConnectStateMachine.cc. recorded: PROTOCOL_VERSION is not asked of ArduPilot, nor AVAILABLE_MODES.
+        # read: InitialConnectStateMachine.cc. recorded: it asks neither for PROTOCOL_VERSION nor for AVAILABLE_MODES.
         version = yield from self.message(AUTOPILOT_VERSION, "AUTOPILOT_VERSION")
         if version is not None:
             self.version, self.capabilities = oracle.flight_version(version), version.capabilities
@@ -206,8 +211,8 @@ class Script:
         return json.loads(lzma.decompress(content) if path.endswith(".xz") else content)
 
     def read_parameters(self):
-        # read: ParameterManager.cc, _ftpDownloadComplete. Only "file not found", and only at the first try, leads to the
-        # list at once.
+        # read: ParameterManager.cc, _ftpDownloadComplete. Only "file not found", and only at the first try, leads to
+        # the list at once.
         for is_first in (True, False):
             content, error = yield from self.download("@PARAM/param.pck")
             if content is not None:
@@ -253,7 +258,7 @@ class Script:
         # read: FTPManager.cc. Links of tests lose nothing: parts that are missing are not modelled.
         opcode, session, _, data = yield from self.file_request(OPEN_FOR_READING, data=path.encode())
         if opcode != ACK:
-            return None, data[0] if data else None
+            return None, error_of(data)
         content = b""
         while True:
             answer = yield from self.file_request(BURST_READ, session, len(content), PART_BYTES)
@@ -261,10 +266,10 @@ class Script:
                 content += answer[3]
                 if answer[2]:
                     break
-                answer = yield from self.file_answer()
+                answer = yield from self.file_answer(BURST_READ)
             if answer[0] != ACK:
                 break
-        error = answer[3][0] if answer[3] else None
+        error = error_of(answer[3])
         yield from self.file_request(RESET_SESSIONS)
         return (content, None) if error == END_OF_FILE else (None, error)
 
@@ -274,11 +279,20 @@ class Script:
         self.sequence += 2
         payload = (header + data).ljust(251, b"\0")
         self.outgoing.append(self.encoder.file_transfer_protocol_encode(0, *VEHICLE, payload))
-        return (yield from self.file_answer())
+        return (yield from self.file_answer(opcode))
 
-    def file_answer(self):
+    def file_answer(self, request):
         """Opcode, session, whether a burst is complete, and data; no opcode if none came."""
-        message = yield FILE_S, is_named("FILE_TRANSFER_PROTOCOL")
+
+        def is_answer(message):
+            # read: FTPManager.cc: others are disregarded. In a burst the numbers go on.
+            if message.get_type() != "FILE_TRANSFER_PROTOCOL" or message.target_system != SYSTEM:
+                return False
+            number, _, _, _, requested = struct.unpack_from("<HBBBB", bytes(message.payload))
+            is_next = number >= self.sequence - 1 if request == BURST_READ else number == self.sequence - 1
+            return requested == request and is_next
+
+        message = yield FILE_S, is_answer
         if message is None:
             return None, 0, False, b""
         payload = bytes(message.payload)
@@ -366,8 +380,15 @@ class Station:
         """What has come since then, of these kinds."""
         return [message for time_s, message in self.received if time_s >= at and message.get_type() in names]
 
-    def texts_since(self, at):
-        return [message.text for message in self.since(at, "STATUSTEXT")]
+    def hears(self, send, pattern, seconds=3):
+        """What `send` returns, and whether a text like this follows it."""
+        begin = time.monotonic()
+        returned, is_wanted = send(), re.compile(pattern, re.IGNORECASE).search
+        while time.monotonic() < begin + seconds:
+            if any(is_wanted(message.text) for message in self.since(begin, "STATUSTEXT")):
+                return returned, True
+            self.step()
+        return returned, False
 
     def close(self):
         self.link.close()

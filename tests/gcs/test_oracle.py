@@ -137,6 +137,12 @@ def test_a_counter_does_not_stop_being_an_internal_error():
     assert station.spoken == ["InternalError 0x3"]
 
 
+def test_an_armed_rover_in_standby_is_no_failsafe():
+    shows = planner(heartbeat(armed=True, status=mavlink.MAV_STATE_STANDBY), sys_status())
+    assert shows.armed and not shows.failsafe
+    assert "ARMED" in proxy(heartbeat(), heartbeat(armed=True, status=mavlink.MAV_STATE_STANDBY)).said
+
+
 def test_safe_is_drawn_while_the_motor_outputs_are_not_enabled():
     # Neither present nor healthy helps.
     for health in (WELL_HEALTH, 0):

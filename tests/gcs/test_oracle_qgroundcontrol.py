@@ -1,10 +1,12 @@
 """The rules of QGroundControl's connecting and arming, beside what the program sent and showed when it ran.
 
 `tests/data/qgc-connect.log` is what QGroundControl of December 2023 (V vehicle, Q QGroundControl, seconds) and this rover
-exchanged before it answered as a rover is expected to: three dialogs, Vehicle Setup, "Flying". Heartbeats, batteries,
+exchanged before the rover answered as one is expected to: three dialogs, Vehicle Setup, "Flying". Heartbeats, batteries,
 parameters and files are not in it.
 """
 
+import json
+import lzma
 import re
 import struct
 
@@ -26,7 +28,16 @@ from oracle import (
     log_date,
     missing_on_page,
 )
-from qgroundcontrol import ACK, BURST_READ, END_OF_FILE, FILE_NOT_FOUND, NAK, OPEN_FOR_READING, Script
+from qgroundcontrol import (
+    ACK,
+    BURST_READ,
+    COMPONENT_METADATA,
+    END_OF_FILE,
+    FILE_NOT_FOUND,
+    NAK,
+    OPEN_FOR_READING,
+    Script,
+)
 from test_oracle import battery, ground, heartbeat, mavlink, text
 
 LOG = REPOSITORY / "tests" / "data" / "qgc-connect.log"
@@ -87,8 +98,9 @@ def autopilot_version(capabilities, flight_sw_version):
     return mavlink.MAVLink_autopilot_version_message(capabilities, flight_sw_version, 0, 0, 0, none, none, none, 0, 0, 0)
 
 
-def file_message(opcode, data=b"", offset=0, is_complete=0):
-    header = struct.pack("<HBBBBBBI", 1, 0, opcode, len(data), 0, is_complete, 0, offset)
+def file_message(request, opcode, data=b"", offset=0, is_complete=0):
+    number, _, requested = struct.unpack_from("<HBB", bytes(request.payload))
+    header = struct.pack("<HBBBBBBI", number + 1, 0, opcode, len(data), requested, is_complete, 0, offset)
     return mavlink.MAVLink_file_transfer_protocol_message(0, 255, 190, (header + data).ljust(251, b"\0"))
 
 
@@ -104,7 +116,7 @@ class Vehicle:
     def answer(self, message):
         kind = message.get_type()
         if kind == "FILE_TRANSFER_PROTOCOL":
-            return [file_message(NAK, bytes([self.file_error]))]
+            return [file_message(message, NAK, bytes([self.file_error]))]
         if kind == "PARAM_REQUEST_LIST":
             count = len(self.parameters)
             return [
@@ -209,24 +221,42 @@ def test_lists_of_fences_and_rally_points_are_read_if_they_are_announced():
 
 
 class Files(Vehicle):
-    """A vehicle with a file that it sends in two bursts."""
+    """A vehicle with files, which it sends in bursts of two messages."""
 
-    def __init__(self, content):
+    def __init__(self, files, described_by=None):
         super().__init__({}, missions=True, version=(4, 6, 0, 0))
-        self.content = content
+        self.files = files
+        self.described_by = described_by
 
     def answer(self, message):
+        if message.get_type() == "COMMAND_LONG" and message.param1 == COMPONENT_METADATA and self.described_by:
+            return [component_metadata(self.described_by)]
         if message.get_type() != "FILE_TRANSFER_PROTOCOL":
             return super().answer(message)
-        opcode, (offset,) = message.payload[3], struct.unpack_from("<I", bytes(message.payload), 8)
+        payload = bytes(message.payload)
+        opcode, (offset,) = payload[3], struct.unpack_from("<I", payload, 8)
         if opcode == OPEN_FOR_READING:
-            return [file_message(ACK, struct.pack("<I", len(self.content)))]
+            path = payload[12 : 12 + payload[4]].decode()
+            if path not in self.files:
+                return [file_message(message, NAK, bytes([FILE_NOT_FOUND]))]
+            self.content = self.files[path]
+            return [file_message(message, ACK, struct.pack("<I", len(self.content)))]
         if opcode != BURST_READ:
-            return [file_message(ACK)]
+            return [file_message(message, ACK)]
         if offset >= len(self.content):
-            return [file_message(NAK, bytes([END_OF_FILE]))]
+            return [file_message(message, NAK, bytes([END_OF_FILE]))]
         parts = [self.content[start : start + 10] for start in (offset, offset + 10)]
-        return [file_message(ACK, parts[0], offset), file_message(ACK, parts[1], offset + 10, 1)]
+        return [file_message(message, ACK, parts[0], offset), file_message(message, ACK, parts[1], offset + 10, 1)]
+
+
+def component_metadata(uri):
+    """The message as it is received. Its CRC_EXTRA is 182; pymavlink does not know it, and does not check it."""
+    payload = (struct.pack("<II", 1000, 0) + uri.encode()).rstrip(b"\0")
+    header = bytes([0xFD, len(payload), 0, 0, 0, 1, 1, 397 & 255, 397 >> 8, 0])
+    crc = mavlink.x25crc(header[1:] + payload)
+    crc.accumulate(bytes([182]))
+    (message,) = mavlink.MAVLink(None).parse_buffer(header + payload + struct.pack("<H", crc.crc))
+    return message
 
 
 def test_parameters_are_read_from_their_file():
@@ -234,8 +264,19 @@ def test_parameters_are_read_from_their_file():
     entries = struct.pack("<BB", 4, 3 << 4) + b"ABCD" + struct.pack("<f", 1.5)
     entries += struct.pack("<BB", 4, 1 | 2 << 4) + b"XYZ" + struct.pack("<f", 2.5)
     content = struct.pack("<HHH", 0x671B, 2, 2) + entries
-    script, _ = played(Files(content), 1)
+    script, _ = played(Files({"@PARAM/param.pck": content}), 1)
     assert script.parameters == {"ABCD": 1.5, "AXYZ": 2.5}
+
+
+@pytest.mark.parametrize(("suffix", "pack"), [("", bytes), (".xz", lzma.compress)])
+def test_descriptions_are_read_from_the_vehicles_files(suffix, pack):
+    descriptions = {"version": 1, "parameters": [{"name": "BATT_MONITOR", "values": [{"value": 32}]}]}
+    general = {"version": 1, "metadataTypes": [{"type": 1, "uri": f"mftp://[;comp=1]/parameters.json{suffix}"}]}
+    files = {"/general.json": json.dumps(general).encode(), "@PARAM/param.pck": struct.pack("<HHH", 0x671B, 0, 0)}
+    files[f"/parameters.json{suffix}"] = pack(json.dumps(descriptions).encode())
+    script, _ = played(Files(files, "mftp:///general.json"), 1)
+    assert script.connected_at is not None
+    assert described_kinds(script.version, script.descriptions) == {32}
 
 
 # ---------------------------------------------------------------- what it shows
