@@ -24,13 +24,32 @@ const HIGHEST_RATE_HZ: f32 = 50.0;
 /// Requests that are remembered, of all stations of a link: the four streams of two stations.
 const REMEMBERED: usize = 8;
 
+/// Ground stations send their requests for all streams at once, and again after 11 s or more.
+const ROUND_US: u64 = 5_000_000;
+
 /// The latest request of a station for a stream.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 struct StreamRequest {
     station: Peer,
     stream_id: u8,
     /// `None` to stop it.
     rate_hz: Option<u16>,
+    received_at: Instant,
+}
+
+impl StreamRequest {
+    /// Whether it is for the same stream, from the same station.
+    fn is_about_that_of(&self, other: &Self) -> bool {
+        (self.station, self.stream_id) == (other.station, other.stream_id)
+    }
+
+    /// Whether it overrides what its station requested in an earlier round: then the message of `earlier` has another rate until
+    /// that is requested again.
+    fn overrides(&self, earlier: &Self) -> bool {
+        self.station == earlier.station
+            && [STREAM_ALL, STREAM_EXTRA1].contains(&self.stream_id)
+            && self.received_at.us_since(earlier.received_at) > ROUND_US
+    }
 }
 
 /// The rates of one link.
@@ -79,11 +98,13 @@ impl Rates {
         parameters: &Parameters,
         now: Instant,
     ) {
-        let is_known = [STREAM_ALL, STREAM_EXTRA1, STREAM_EXTENDED_STATUS, STREAM_EXTRA3].contains(&stream_id);
+        let is_known =
+            [STREAM_ALL, STREAM_EXTRA1, STREAM_EXTENDED_STATUS, STREAM_EXTRA3].contains(&stream_id);
         let request = StreamRequest {
             station,
             stream_id,
             rate_hz,
+            received_at: now,
         };
         if !is_known || self.is_repeated(request) {
             return;
@@ -102,11 +123,18 @@ impl Rates {
 
     /// Whether the station's previous request for the stream was the same; remembers it.
     fn is_repeated(&mut self, request: StreamRequest) -> bool {
-        if self.requests.iter().any(|before| *before == request) {
+        let before = self
+            .requests
+            .iter_mut()
+            .find(|before| request.is_about_that_of(before));
+        if let Some(before) = before
+            && before.rate_hz == request.rate_hz
+        {
+            before.received_at = request.received_at;
             return true;
         }
         self.requests
-            .retain(|before| (before.station, before.stream_id) != (request.station, request.stream_id));
+            .retain(|before| !request.is_about_that_of(before) && !request.overrides(before));
         if self.requests.is_full() {
             self.requests.pop_front();
         }

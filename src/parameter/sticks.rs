@@ -48,6 +48,11 @@ impl StickChannel {
         }
     }
 
+    /// Its number, from 1 (`RC1`).
+    pub fn number(&self) -> u8 {
+        self.index + 1
+    }
+
     /// Its pulse among those of all channels, in microseconds.
     pub fn pulse_of(&self, pulses_us: &[u16]) -> Option<u16> {
         pulses_us.get(usize::from(self.index)).copied()

@@ -24,8 +24,8 @@ pub enum ArmingObstacle {
     Restarting,
     /// A check of this pack fails.
     Pack(Pack, ArmingFailure),
-    /// This stick is deflected.
-    Stick(Stick),
+    /// This stick is deflected, by the channel with this number.
+    Stick(Stick, u8),
     /// The log can't be written.
     Logging,
 }
@@ -43,8 +43,10 @@ impl ArmingObstacle {
             Self::Pack(pack, failure) => {
                 text(format_args!("{checked_by}: Battery {} {failure}", pack.number()))
             }
-            Self::Stick(Stick::Throttle) => text(format_args!("{checked_by}: Throttle (RC3) is not neutral")),
-            Self::Stick(Stick::Steering) => text(format_args!("{checked_by}: Steering (RC1) is not neutral")),
+            Self::Stick(stick, channel) => text(format_args!(
+                "{checked_by}: {} (RC{channel}) is not neutral",
+                stick.name()
+            )),
             Self::Logging => text(format_args!("{checked_by}: Logging failed")),
         }
     }
@@ -68,7 +70,7 @@ pub fn arming_obstacles(
     let stick = vehicle.deflected_stick();
     let of_sticks = stick
         .filter(|_| checks & STICKS_CHECKED != 0)
-        .map(ArmingObstacle::Stick);
+        .map(|stick| ArmingObstacle::Stick(stick, vehicle.channel_number(stick)));
     let log =
         (state.log == LogHealth::Failed && checks & LOG_CHECKED != 0).then_some(ArmingObstacle::Logging);
     terminated

@@ -39,6 +39,16 @@ pub struct StickChannels {
     pub steering: StickChannel,
 }
 
+impl StickChannels {
+    /// The channel of a stick.
+    pub fn of(&self, stick: Stick) -> &StickChannel {
+        match stick {
+            Stick::Throttle => &self.throttle,
+            Stick::Steering => &self.steering,
+        }
+    }
+}
+
 impl Default for StickChannels {
     fn default() -> Self {
         Self {
@@ -56,6 +66,16 @@ pub enum Stick {
     Throttle,
     /// Left and right.
     Steering,
+}
+
+impl Stick {
+    /// ArduPilot's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Throttle => "Throttle",
+            Self::Steering => "Steering",
+        }
+    }
 }
 
 const FULL_DEFLECTION: i16 = 1000;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use rover_battmon::pack::Pack;
+use rover_battmon::parameter::GroundStationParameter;
 
 use support::firmware_version;
 use support::frames::{
@@ -100,7 +101,7 @@ fn a_pack_that_is_enabled_shows_its_parameters_also_after_a_restart() {
 
 #[test]
 fn every_parameter_there_can_be_is_listed_without_holding_anything_up() {
-    let all = LISTED_OF_VEHICLE + Pack::ALL.len() * LISTED_OF_PACK;
+    let all = LISTED_OF_VEHICLE + Pack::ALL.len() * LISTED_OF_PACK + GroundStationParameter::COUNT;
     // A list has 30 % of 11520 bytes a second, and a PARAM_VALUE at most 37 of them.
     let seconds = all * 37 / 3456 + 1;
     let mut bench = Bench::running(2482);

@@ -22,7 +22,7 @@ MANUAL = 0
 HOLD = 4
 
 ACTIVE = mavlink.MAV_STATE_ACTIVE
-CRITICAL = mavlink.MAV_STATE_CRITICAL
+STANDBY = mavlink.MAV_STATE_STANDBY
 
 
 class Rover:
@@ -106,7 +106,7 @@ def test_a_low_pack_stops_the_rover_until_the_battery_is_reset(start_rover):
     with Background(sticks(rover.url, throttle=300)):
         rover.set(SIM_BATT_VOLTAGE=10.2)
         rover.hears("Battery 1 is low 10.", within=8)
-        rover.comes_to((HOLD, True, CRITICAL))
+        rover.comes_to((HOLD, True, STANDBY))
         rover.set(SIM_BATT_VOLTAGE=11.5)
         rover.let_pass(2)
         assert not rover.battery_is_healthy()
@@ -115,7 +115,7 @@ def test_a_low_pack_stops_the_rover_until_the_battery_is_reset(start_rover):
         rover.let_pass(0.3)
         assert rover.battery_is_healthy()
         assert fresh(rover.link, "BATTERY_STATUS").battery_remaining == 97
-        assert rover.state() == (HOLD, True, ACTIVE), "it stays where it is"
+        assert rover.state() == (HOLD, True, STANDBY), "it stays where it is"
         assert rover.set_mode(MANUAL) == ACCEPTED
 
 
@@ -134,4 +134,4 @@ def test_orders_that_waited_while_the_simulator_stood_still_move_nothing(start_r
     assert result_of(rover.link, ARM_DISARM) == ACCEPTED
     assert result_of(rover.link, ARM_DISARM) == FAILED
     assert rover.has_said("Command waited for too long: refused")
-    assert rover.state() == (MANUAL, False, mavlink.MAV_STATE_STANDBY)
+    assert rover.state() == (MANUAL, False, STANDBY)

@@ -266,8 +266,7 @@ armed = situation("armed")
 
 def test_armed(armed):
     assert armed.old.planner.armed and armed.old.planner.prearm is None
-    # It takes a rover that is active for flying, whatever its mode.
-    assert armed.old.ground.status == "Flying"
+    assert armed.old.ground.status == "Armed"
     assert "ARMED" in armed.old.proxy_said
 
 

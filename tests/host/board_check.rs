@@ -325,7 +325,7 @@ impl TamperedLine {
             // MAV_TYPE is the fifth byte: 2 is a quadrotor.
             (Fault::NotARover, HEARTBEAT) => frame[10 + 4] = 2,
             // The minor version.
-            (Fault::WrongVersion, AUTOPILOT_VERSION) => frame[10 + 18] += 1,
+            (Fault::WrongVersion, AUTOPILOT_VERSION) => frame[10 + 22] += 1,
             (Fault::Jitter, SYS_STATUS) if is_fifth => delay_us = 150_000,
             (Fault::SlowAnswers, TIMESYNC) => delay_us = 100_000,
             // The index.

@@ -10,6 +10,7 @@ use rover_battmon::battery::{
 use rover_battmon::crash::{CrashCause, CrashRecord, FaultSite, STACK_WORDS, TaskName, headline};
 use rover_battmon::mavlink::{DefaultRate, StreamGroup, StreamKind, Subject};
 use rover_battmon::pack::Pack;
+use rover_battmon::parameter::{BatteryParameter, Range, Refused};
 use rover_battmon::sensor::{CanReport, FuelCellState};
 use rover_battmon::vehicle::{FailsafeAction, VehicleEvent};
 use rover_battmon::wifi::WifiReport;
@@ -484,6 +485,10 @@ fn announced() -> Vec<String> {
         let task = TaskName::new("drive");
         headline(&CrashRecord { task, cause }).to_string()
     });
+    let id = BatteryParameter::Cells.of(Pack::First);
+    let valid = Range::Between(0.0, 16.0);
+    let why = Refused::OutOfRange;
+    let refused = Announcement::ParameterRefused { id, why, valid }.text();
     let wifi = WIFI_REPORTS.map(|report| report.to_string());
     let all = packs
         .chain(arming)
@@ -491,6 +496,7 @@ fn announced() -> Vec<String> {
         .chain(CAN_REPORTS.map(|report| report.to_string()))
         .chain(FUEL_CELL_STATES.map(|state| state.to_string()))
         .chain(logging)
+        .chain([refused.as_str().to_owned()])
         .chain(rover)
         .chain(crashes);
     all.map(|text| without_numbers(&text)).collect()

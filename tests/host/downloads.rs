@@ -812,13 +812,13 @@ fn while_armed_files_are_not_opened_and_arming_closes_one() {
     assert_eq!(bench.sent_at_most(5).len(), 5);
     bench.arm();
     assert!(bench.sent().len() <= 1, "what was built leaves");
-    for (opcode, path) in [
-        (OPEN, path),
-        (CHECKSUM, path),
-        (OPEN, "@PARAM/param.pck"),
-        (CREATE, "@PARAM/param.pck"),
+    for (opcode, path, error) in [
+        (OPEN, path, FAIL),
+        (CHECKSUM, path, FAIL),
+        (OPEN, "@PARAM/param.pck", NOT_FOUND),
+        (CREATE, "@PARAM/param.pck", FAIL),
     ] {
-        assert_eq!(client.with_path(&mut bench, opcode, path), (NAK, vec![FAIL]));
+        assert_eq!(client.with_path(&mut bench, opcode, path), (NAK, vec![error]));
     }
     assert_eq!(
         client.one(&mut bench, READ, 90, 0, &[]),

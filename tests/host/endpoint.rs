@@ -10,7 +10,8 @@ use rover_battmon::mavlink::dialect::MavSeverity;
 use rover_battmon::mavlink::{Action, Endpoint, Event, Framer, LinkKind};
 use rover_battmon::pack::{MAX_PACKS, Pack};
 use rover_battmon::parameter::{
-    BatteryParameter, ParameterId, Parameters, SimulationParameter, Unsaved, VehicleParameter,
+    BatteryParameter, GroundStationParameter, ParameterId, Parameters, SimulationParameter, StickParameter,
+    Unsaved, VehicleParameter,
 };
 use rover_battmon::system::SystemState;
 use rover_battmon::time::Instant;
@@ -33,14 +34,17 @@ const EXTRA1: ParameterId = ParameterId::Vehicle(VehicleParameter::Sr0Extra1);
 const VOLT_MULT: ParameterId = ParameterId::Battery(Pack::First, BatteryParameter::VoltMult);
 
 /// The parameters of the vehicle that are listed by default: ten more set up what is not in use then.
-const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 10;
+const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 10 + StickParameter::COUNT;
 
 /// The parameters that are listed of a pack with an analog sensor: two more are of other sensors.
 const LISTED_OF_PACK: usize = BatteryParameter::COUNT - 2;
 
 /// Those of the vehicle, of the first pack and of the simulator, and the switches of the other packs.
-const LISTED_BY_DEFAULT: usize =
-    LISTED_OF_VEHICLE + LISTED_OF_PACK + (Pack::ALL.len() - 1) + SimulationParameter::COUNT;
+const LISTED_BY_DEFAULT: usize = LISTED_OF_VEHICLE
+    + LISTED_OF_PACK
+    + (Pack::ALL.len() - 1)
+    + SimulationParameter::COUNT
+    + GroundStationParameter::COUNT;
 
 /// The index of a parameter that is not listed.
 const NOT_LISTED: u16 = u16::MAX;
@@ -1031,10 +1035,12 @@ fn mission_planners_requests_give_the_rate_of_attitude_and_of_sensor() {
         }
         status_rates(desk)
     };
+    assert_eq!(round(&mut desk, 0), [20, 20]);
     for _ in 0..3 {
         assert_eq!(round(&mut desk, 4), [40, 20]);
     }
-    assert_eq!(round(&mut desk, 0), [20, 20]);
+    // *Status* is what it was, and *Attitude* is not requested: nothing changes.
+    assert_eq!(round(&mut desk, 0), [40, 20]);
     // A rate that is chosen in its panel holds until the next round.
     desk.ask(&request_data_stream(STREAM_EXTENDED_STATUS, 10, 1));
     assert_eq!(status_rates(&mut desk), [100, 20]);
@@ -1053,12 +1059,15 @@ fn setting_sr0_extra1_ends_requests_and_a_request_after_it_counts() {
         // To the value it has.
         desk.assert_set("SR0_EXTRA1", EXTRA1, 2.0);
         assert_eq!(status_rates(&mut desk), [20, 20]);
+        // Repeated, as by a ground station that does so every few seconds.
+        desk.ask(&request_data_stream(stream, 5, 1));
+        assert_eq!(status_rates(&mut desk), [20, 20]);
         // Before either is followed.
         desk.receive_in_chunks(&param_set("SR0_EXTRA1", 10.0), 64);
-        desk.ask(&request_data_stream(stream, 5, 1));
+        desk.ask(&request_data_stream(stream, 4, 1));
         assert_eq!(
             status_rates(&mut desk),
-            moved.map(|rate| if rate == 20 { 100 } else { rate })
+            moved.map(|rate| if rate == 20 { 100 } else { 40 })
         );
         desk.ask(&request_data_stream(stream, 5, 1));
         desk.assert_set("SR0_EXTRA1", EXTRA1, 2.0);

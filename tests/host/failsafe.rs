@@ -271,7 +271,7 @@ fn critical_battery_holds_within_the_deciding_tick() {
                 .all(|(at_us, drives)| *at_us <= held_at_us || *drives == SideDrives::BRAKE)
         );
         assert_eq!(outcome.texts(), ["Battery 1 is critical 6.37V used 0 mAh"]);
-        assert_eq!(outcome.last_state(), CRITICAL_STATE);
+        assert_eq!(outcome.last_state(), STANDBY_STATE);
         let sys_status = of_message(&outcome.frames, SYS_STATUS);
         assert!(!SysStatus(sys_status[sys_status.len() - 1]).is_battery_healthy());
         let (_, shown) = outcome.shown[outcome.shown.len() - 1];

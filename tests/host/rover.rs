@@ -5,11 +5,13 @@ use rover_battmon::autopilot::Start;
 use rover_battmon::battery::{BatteryState, FailsafeLevel, PackStatus};
 use rover_battmon::mavlink::{Event, Framer, Stream};
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, VehicleParameter};
+use rover_battmon::parameter::{BatteryParameter, ParameterId, Parameters, StickParameter, VehicleParameter};
 use rover_battmon::sensor::{AnalogPin, AnalogReadings};
 use rover_battmon::vehicle::{MotorDrive, SideDrives};
 use support::desk::{Desk, adc_count};
-use support::frames::{COMMAND_ACK, Frame, Heartbeat, STATUSTEXT, SysStatus, frames};
+use support::frames::{
+    COMMAND_ACK, Frame, Heartbeat, PARAM_ERROR, ParamValue, STATUSTEXT, SysStatus, frames, of_message,
+};
 use support::requests::{
     EVERYONE, VEHICLE, arm, command_int, command_int_2, command_long, command_long_2, disarm, do_set_mode,
     heartbeat, manual_control, param_request_list, param_set, provoke_fault, rc_override, reboot,
@@ -25,6 +27,9 @@ const ACCEPTED: u8 = 0;
 const TEMPORARILY_REJECTED: u8 = 1;
 const DENIED: u8 = 2;
 const FAILED: u8 = 4;
+
+/// MAV_PARAM_ERROR_PERMISSION_DENIED
+const PERMISSION_DENIED: u8 = 3;
 
 const CRITICAL: u8 = 2;
 const WARNING: u8 = 4;
@@ -216,7 +221,7 @@ fn command_long_and_command_int_arm_and_disarm() {
         let mut rover = Rover::new();
         assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
         rover.assert_ack(&request, ARM_DISARM, ACCEPTED);
-        assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, ACTIVE_STATE));
+        assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, STANDBY_STATE));
         assert_eq!(rover.drives(), SideDrives::BRAKE);
         rover.assert_ack(&request, ARM_DISARM, ACCEPTED);
         rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
@@ -371,9 +376,12 @@ fn modes_are_set_by_number_and_unknown_ones_fail() {
     assert_eq!(rover.heartbeat(), (HOLD, 1, STANDBY_STATE));
     rover.assert_ack(&set_mode(0, 0x81, MANUAL), SET_MODE, ACCEPTED);
     let texts = rover.ask(&do_set_mode(10.0), DO_SET_MODE, FAILED);
-    assert_eq!(texts, [(WARNING, "No such mode 10".into())]);
+    assert_eq!(texts, [(WARNING, "No such mode 10: Manual or Hold".into())]);
     let texts = rover.ask(&set_mode(1, 1, u32::MAX), SET_MODE, FAILED);
-    assert_eq!(texts, [(WARNING, "No such mode 4294967295".into())]);
+    assert_eq!(
+        texts,
+        [(WARNING, "No such mode 4294967295: Manual or Hold".into())]
+    );
     rover.assert_ack(&set_mode(1, 0x80, HOLD), SET_MODE, DENIED);
     rover.assert_ack(&command_long_2(DO_SET_MODE, 0.0, 4.0), DO_SET_MODE, DENIED);
     for mode in [f32::NAN, -1.0, 0.5, 1e20] {
@@ -507,6 +515,51 @@ fn deflected_stick_prevents_arming() {
 }
 
 #[test]
+fn the_throttle_is_on_the_channel_that_is_set() {
+    let mut rover = Rover::new().with(StickParameter::RcmapThrottle, 5.0);
+    rover.wait(20_000);
+    // The fifth channel is near its end.
+    rover.deliver(&rc_override(VEHICLE, 1500, 1500));
+    let texts = rover.ask(&arm(), ARM_DISARM, FAILED);
+    assert_eq!(texts, [(CRITICAL, "Arm: Throttle (RC5) is not neutral".into())]);
+}
+
+#[test]
+fn time_outs_of_the_driver_are_lowered_but_not_raised_while_armed() {
+    let mut rover = Rover::armed_in(0.0);
+    for (name, raised, lowered) in [("FS_TIMEOUT", 2.0, 1.0), ("FS_GCS_TIMEOUT", 6.0, 3.0)] {
+        let answers = rover.0.ask(&param_set(name, raised));
+        assert_eq!(
+            of_message(&answers, PARAM_ERROR)[0].u8(20),
+            PERMISSION_DENIED,
+            "{name}"
+        );
+        let text = format!("{name} refused: not raised while armed");
+        assert_eq!(rover.wait(20_000), [text]);
+        let answers = rover.0.ask(&param_set(name, lowered));
+        assert_eq!(answers.len(), 1, "{answers:?}");
+        assert_eq!(ParamValue(&answers[0]).value(), lowered);
+    }
+}
+
+#[test]
+fn long_time_outs_are_announced_at_each_arming() {
+    let mut rover = Rover::new()
+        .with(VehicleParameter::FsTimeout, 5.5)
+        .with(VehicleParameter::FsGcsTimeout, 10.0);
+    for _ in 0..2 {
+        rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
+        let texts = rover.wait(20_000);
+        assert_eq!(
+            texts,
+            ["Armed with FS_TIMEOUT 5.50: drives on for long without a driver"]
+        );
+        rover.assert_ack(&disarm(), ARM_DISARM, ACCEPTED);
+        rover.wait(20_000);
+    }
+}
+
+#[test]
 fn stick_deflected_on_forced_arming_must_be_neutral_first() {
     for (checks, force) in [(1.0, FORCED), (0.0, 0.0), (256.0, 0.0)] {
         let mut rover = Rover::new().with(VehicleParameter::ArmingCheck, checks);
@@ -621,7 +674,9 @@ fn sticks_are_ignored_in_hold_and_disarmed() {
 #[test]
 fn controls_time_out_after_fs_timeout() {
     for timeout_s in [1.0, 1.5, 10.0] {
-        let mut rover = Rover::armed_in(0.0).with(VehicleParameter::FsTimeout, timeout_s);
+        let mut rover = Rover::armed_in(0.0);
+        rover.drives();
+        rover = rover.with(VehicleParameter::FsTimeout, timeout_s);
         rover.deliver(&manual_control(1, 0, 1000));
         assert_eq!(rover.wait((timeout_s * 1e6) as u64), [""; 0]);
         assert_eq!(rover.outputs(), turn(1.0, 1.0));
@@ -633,8 +688,9 @@ fn controls_time_out_after_fs_timeout() {
         let texts = rover.ask(&do_set_mode(0.0), DO_SET_MODE, FAILED);
         assert_eq!(texts, [(WARNING, "Failsafe active: mode change denied".into())]);
         rover.deliver(&manual_control(1, 0, 0));
-        assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, ACTIVE_STATE));
+        assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, STANDBY_STATE));
         rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
+        assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64 | 128, ACTIVE_STATE));
     }
 }
 
@@ -655,7 +711,7 @@ fn only_ground_station_heartbeats_time_out() {
     assert_eq!(rover.wait(1_200_000), ["GCS Failsafe: Hold"]);
     assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
     rover.deliver(&heartbeat(GROUND_STATION));
-    assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, ACTIVE_STATE));
+    assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, STANDBY_STATE));
 }
 
 #[test]
@@ -677,10 +733,10 @@ fn battery_hold_can_be_left_and_termination_can_not() {
     rover.assert_ack(&arm(), ARM_DISARM, ACCEPTED);
     rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
     rover.sample(10.0, 2);
-    assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, CRITICAL_STATE));
+    assert_eq!(rover.heartbeat(), (HOLD, 1 | 128, STANDBY_STATE));
     rover.wait(20_000);
     rover.assert_ack(&do_set_mode(0.0), DO_SET_MODE, ACCEPTED);
-    assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64 | 128, CRITICAL_STATE));
+    assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64 | 128, ACTIVE_STATE));
 
     rover.sample(9.0, 2);
     assert_eq!(rover.heartbeat(), (MANUAL, 1 | 64, EMERGENCY_STATE));

@@ -197,7 +197,7 @@ impl Desk {
     pub fn list(&mut self, mut meanwhile: impl FnMut(&str, &mut Parameters)) -> Vec<String> {
         let mut frames = self.ask(&param_request_list(VEHICLE));
         let mut listed = Vec::new();
-        // Half a minute is more than a list takes; the streams go on for ever.
+        // A minute is more than a list takes; the streams go on for ever.
         loop {
             for frame in of_message(&frames, PARAM_VALUE) {
                 let name = ParamValue(frame).name();
@@ -205,7 +205,7 @@ impl Desk {
                 listed.push(name);
             }
             let due_us = self.next_due_us();
-            if due_us > 30_000_000 {
+            if due_us > 60_000_000 {
                 return listed;
             }
             self.post_due(due_us);

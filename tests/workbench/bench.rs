@@ -7,7 +7,7 @@ use crate::log_flash::LogFlash;
 use crate::starts::Start;
 use rover_battmon::memory::flash_map;
 use rover_battmon::pack::Pack;
-use rover_battmon::parameter::{BatteryParameter, VehicleParameter};
+use rover_battmon::parameter::{BatteryParameter, GroundStationParameter, StickParameter, VehicleParameter};
 
 use crate::elf::{Artifact, build};
 use emulator::{AdcInput, Board, CpuState, Firmware, FlashOperation, LogLevel, ResetCause, SentByte};
@@ -47,14 +47,15 @@ pub fn is_learnt(operation: &FlashOperation) -> bool {
     flash_map::LEARNT.contains(&operation.offset)
 }
 
-/// The parameters of the vehicle that are listed by default: ten more set up what is not in use then.
-pub const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 10;
+/// The parameters of the vehicle and of its sticks that are listed by default: ten more set up what is not in use then.
+pub const LISTED_OF_VEHICLE: usize = VehicleParameter::COUNT - 10 + StickParameter::COUNT;
 
 /// The parameters that are listed of a pack with an analog sensor: two more are of other sensors.
 pub const LISTED_OF_PACK: usize = BatteryParameter::COUNT - 2;
 
-/// Those of the vehicle and of the first pack, and the switches of the other packs.
-pub const LISTED_BY_DEFAULT: usize = LISTED_OF_VEHICLE + LISTED_OF_PACK + Pack::ALL.len() - 1;
+/// Those of the vehicle and of the first pack, the switches of the other packs, and the constants.
+pub const LISTED_BY_DEFAULT: usize =
+    LISTED_OF_VEHICLE + LISTED_OF_PACK + Pack::ALL.len() - 1 + GroundStationParameter::COUNT;
 
 /// Long enough for everything that waits to be written to flash, erases included.
 pub const SAVED_US: u64 = SECOND;

@@ -102,6 +102,11 @@ impl Vehicle {
         self.controls.deflected()
     }
 
+    /// The number of a stick's channel, from 1.
+    pub fn channel_number(&self, stick: Stick) -> u8 {
+        self.channels.of(stick).number()
+    }
+
     /// Changes the mode, also out of a battery failsafe's Hold.
     ///
     /// # Errors

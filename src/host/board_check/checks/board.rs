@@ -96,7 +96,7 @@ fn kind_of(heartbeat: &HEARTBEAT_DATA, component_id: u8) -> String {
 /// Which firmware is it?
 pub(super) const VERSION: Check = Check {
     name: "version",
-    measures: "`flight_sw_version` in AUTOPILOT_VERSION",
+    measures: "`middleware_sw_version` in AUTOPILOT_VERSION",
     expected: concat!(env!("CARGO_PKG_VERSION"), ", as this program's"),
     advice: "Flash the release that this program belongs to.",
     judge: judge_version,
@@ -117,8 +117,9 @@ fn judge_version(evidence: &Evidence) -> Outcome {
     let Some(version) = &evidence.version else {
         return failed("no answer", "The board does not answer which version it runs.");
     };
-    let [major, minor, patch, _] = version.flight_sw_version.to_be_bytes();
-    let differs = version.flight_sw_version != build_autopilot_version(Identity::default()).flight_sw_version;
+    let [major, minor, patch, _] = version.middleware_sw_version.to_be_bytes();
+    let differs =
+        version.middleware_sw_version != build_autopilot_version(Identity::default()).middleware_sw_version;
     outcome(
         format!("{major}.{minor}.{patch}"),
         differs.then_some("Board and program are of different versions."),

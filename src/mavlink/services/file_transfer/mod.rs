@@ -255,7 +255,8 @@ impl FileTransfers {
                 self.begin(header, OpenFile::Log(log), state.now);
                 Ok(Some(FileOutcome::Number(log.bytes)).into())
             }
-            Path::Parameters(_) if state.is_armed() => Err(FileError::Fail),
+            // With this error QGroundControl reads the parameters one by one at once; with others it waits for 10 s first.
+            Path::Parameters(_) if state.is_armed() => Err(FileError::FileNotFound),
             Path::Parameters(selection) => {
                 let file = ParameterFile::open(selection, parameters).ok_or(FileError::Fail)?;
                 self.begin(header, OpenFile::Parameters(file), state.now);
