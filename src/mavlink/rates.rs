@@ -1,6 +1,6 @@
 //! The rates of one link: what the parameters say, and what ground stations ask for beyond that.
 
-use heapless::Deque;
+use heapless::Vec;
 
 use super::scheduler::StreamScheduler;
 use super::signing::LinkKind;
@@ -58,8 +58,8 @@ pub(super) struct Rates {
     pub scheduler: StreamScheduler,
     /// `SR0_EXTRA1` when it was followed last; `None` if it is to be followed again.
     followed_hz: Option<f32>,
-    /// The latest requests for streams, the oldest first.
-    requests: Deque<StreamRequest, REMEMBERED>,
+    /// The latest requests for streams.
+    requests: Vec<StreamRequest, REMEMBERED>,
 }
 
 impl Rates {
@@ -67,7 +67,7 @@ impl Rates {
         Self {
             scheduler: StreamScheduler::new(now),
             followed_hz: None,
-            requests: Deque::new(),
+            requests: Vec::new(),
         }
     }
 
@@ -136,10 +136,11 @@ impl Rates {
         self.requests
             .retain(|before| !request.is_about_that_of(before) && !request.overrides(before));
         if self.requests.is_full() {
-            self.requests.pop_front();
+            // What comes again counts once more.
+            self.requests.clear();
         }
         // There is room now.
-        let _ = self.requests.push_back(request);
+        let _ = self.requests.push(request);
         false
     }
 }

@@ -60,7 +60,8 @@ impl StickChannel {
 
     /// The stick's position for a pulse, from −1000 to 1000; a pulse beyond the shortest or longest is full deflection.
     pub fn position(&self, pulse_us: u16) -> i16 {
-        let pulse_us = pulse_us.clamp(self.shortest_us, self.longest_us);
+        // `clamp` would be a panicking path.
+        let pulse_us = pulse_us.max(self.shortest_us).min(self.longest_us);
         let deflection_us = i32::from(pulse_us) - i32::from(self.neutral_us);
         let travel_us = if deflection_us < 0 {
             self.neutral_us.saturating_sub(self.shortest_us)

@@ -128,8 +128,10 @@ fn a_critical_voltage_stops_it_within_the_timer_and_a_quarter_second() {
     assert!(braked_us - decided_us <= 50 * MILLISECOND);
     let frames = bench.frames();
     let heartbeats = of_message(&frames, HEARTBEAT);
-    const CRITICAL: u8 = 5;
-    assert_eq!(heartbeats[heartbeats.len() - 1].u8(7), CRITICAL);
+    const HOLD: u32 = 4;
+    const STANDBY: u8 = 3;
+    let last = &heartbeats[heartbeats.len() - 1];
+    assert_eq!((last.u32(0), last.u8(7)), (HOLD, STANDBY));
 }
 
 #[test]
