@@ -35,11 +35,12 @@ pub use event::{Action, Event, SetupRefused, SigningChange, WifiRefused};
 pub use framer::Framer;
 pub use links::{LinkId, SIMULATED_LINKS};
 pub use messages::{
-    BroadcastCommand, Burst, CommandAck, DefaultRate, FileAnswer, FileAnswerHeader, FileData, FileError,
-    FileOutcome, MAX_FILE_BYTES, Message, Outgoing, Stream, StreamGroup, StreamKind, Subject, ToFrame,
-    build_autopilot_version, build_available_mode, build_battery_info, build_battery_status,
-    build_battery_status_v2, build_fuel_status, build_heartbeat, build_protocol_version, build_resistance,
-    build_resting_voltage, build_smart_battery_info, build_sys_status, status_texts,
+    BroadcastCommand, Burst, CommandAck, ComponentMetadata, DefaultRate, FileAnswer, FileAnswerHeader,
+    FileData, FileError, FileOutcome, MAX_FILE_BYTES, Message, Outgoing, Stream, StreamGroup, StreamKind,
+    Subject, ToFrame, build_autopilot_version, build_available_mode, build_battery_info,
+    build_battery_status, build_battery_status_v2, build_component_metadata, build_fuel_status,
+    build_heartbeat, build_protocol_version, build_resistance, build_resting_voltage,
+    build_smart_battery_info, build_sys_status, status_texts,
 };
 pub use outbox::{Outbox, Posted};
 pub use parser::{FrameParser, ReceivedFrame, begins_with_frame};

@@ -1,4 +1,7 @@
-//! Generated documentation of the parameters: a page of the docs, and ArduPilot's metadata file for ground stations.
+//! Generated documentation of the parameters: a page of the docs, and files for ground stations, ArduPilot's metadata file and
+//! MAVLink's component metadata.
+
+mod component_metadata;
 
 use std::fmt::Write;
 
@@ -7,6 +10,8 @@ use super::{
     TakesEffect, VehicleParameter,
 };
 use crate::pack::Pack;
+
+pub use component_metadata::{general_json, parameters_json};
 
 /// Parameters that have another name from ArduPilot 4.7 on (ArduPilot's wiki, "Parameter Name Changes"), and what else differs.
 const RENAMED: [(VehicleParameter, &str, &str); 4] = [

@@ -4,6 +4,7 @@
 //! except its `MONITOR`, and so are those of things that are not in use.
 
 mod baud;
+mod description_files;
 #[cfg(not(target_os = "none"))]
 pub mod documentation;
 mod for_each;
@@ -17,6 +18,7 @@ mod table;
 mod unsaved;
 
 pub use baud::serial_baud;
+pub use description_files::DescriptionFile;
 pub use for_each::ForEachParameter;
 pub use id::{MAX_NAME_LENGTH, PARAMETER_COUNT, ParameterId};
 pub use id_set::ParameterIdSet;

@@ -1,6 +1,6 @@
 //! Files over a link: frames in, frames out, and a log of bytes.
 
-use std::iter;
+use std::{fs, iter};
 
 use proptest::prelude::*;
 use rover_battmon::mavlink::{Changeable, Endpoint, Event, Framer, LinkKind, LogRead, Signing};
@@ -12,11 +12,12 @@ use rover_battmon::time::Instant;
 use rover_battmon::vehicle::{Fitness, Vehicle};
 use rover_battmon::wifi::WifiCredentials;
 use support::frames::{
-    FILE_TRANSFER_PROTOCOL, Frame, GROUND_STATION, HEARTBEAT, LOG_DATA, LOG_ENTRY, LOG_ERASE,
-    LOG_REQUEST_DATA, LOG_REQUEST_END, LOG_REQUEST_LIST, STATUSTEXT, SYS_STATUS, encode_v2_from, frames,
-    of_message,
+    COMPONENT_METADATA, FILE_TRANSFER_PROTOCOL, Frame, GROUND_STATION, HEARTBEAT, LOG_DATA, LOG_ENTRY,
+    LOG_ERASE, LOG_REQUEST_DATA, LOG_REQUEST_END, LOG_REQUEST_LIST, STATUSTEXT, SYS_STATUS, encode_v2_from,
+    frames, of_message,
 };
-use support::requests::VEHICLE;
+use support::repository;
+use support::requests::{VEHICLE, command_long};
 
 const OTHER_STATION: [u8; 2] = [254, 190];
 
@@ -504,10 +505,8 @@ fn logs_are_listed_in_their_directory() {
         let expected: Vec<_> = (3..23).map(|number| format!("F{number:08}.BIN\t500")).collect();
         assert_eq!(names, expected);
     }
-    assert_eq!(
-        client.with_path(&mut bench, LIST, "/"),
-        (ACK, b"DLOGS\0".to_vec())
-    );
+    let (opcode, root) = client.with_path(&mut bench, LIST, "/");
+    assert!(opcode == ACK && root.starts_with(b"DLOGS\0"), "{root:?}");
     assert_eq!(client.with_path(&mut bench, LIST, "/etc"), (NAK, vec![NOT_FOUND]));
     assert_eq!(client.one(&mut bench, LIST, 0, 0, &[]), (NAK, vec![INVALID_SIZE]));
 }
@@ -528,19 +527,74 @@ fn the_size_of_a_log_is_known_when_it_is_open() {
     assert_eq!(answer, (ACK, vec![3, 2, 1, 0]));
 }
 
-#[test]
-fn the_checksum_of_a_log_is_that_of_ardupilot() {
-    let mut bench = Bench::new(&[10_000]);
-    let crc = bench.files[0].1.iter().fold(0u32, |crc, byte| {
+/// As ArduPilot and PX4 compute that of a file.
+fn checksum(bytes: &[u8]) -> u32 {
+    bytes.iter().fold(0, |crc, byte| {
         (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
             (crc >> 1) ^ (0xEDB8_8320 * (crc & 1))
         })
-    });
+    })
+}
+
+#[test]
+fn the_checksum_of_a_log_is_that_of_ardupilot() {
+    let mut bench = Bench::new(&[10_000]);
+    let crc = checksum(&bench.files[0].1);
     let mut client = Client::new(GROUND_STATION);
     let answer = client.with_path(&mut bench, CHECKSUM, "/LOGS/00000003.BIN");
     assert_eq!(answer, (ACK, crc.to_le_bytes().to_vec()));
     let unknown = client.with_path(&mut bench, CHECKSUM, "/LOGS/00000009.BIN");
     assert_eq!(unknown, (NAK, vec![NOT_FOUND]));
+}
+
+/// What follows `key` in a JSON file, up to one of `ends`.
+fn json_value<'a>(json: &'a str, key: &str, ends: [char; 2]) -> &'a str {
+    let (_, rest) = json.split_once(key).expect("it has the key");
+    rest.split(ends).next().expect("a value")
+}
+
+/// As QGroundControl reads them: the address of the first file by COMPONENT_METADATA, in it that of the second.
+fn read_descriptions(bench: &mut Bench) -> Vec<u8> {
+    const REQUEST_MESSAGE: u16 = 512;
+    let mut client = Client::new(GROUND_STATION);
+    let sent = bench.ask(&command_long(REQUEST_MESSAGE, COMPONENT_METADATA as f32));
+    let [metadata] = of_message(&sent, COMPONENT_METADATA)[..] else {
+        panic!("{sent:?}");
+    };
+    assert_eq!(metadata.text(8, 100), "mftp://general.json");
+    let general = client.get(bench, "/general.json", 80);
+    assert_eq!(metadata.u32(4), checksum(&general));
+    let general = String::from_utf8(general).expect("text");
+    assert_eq!(json_value(&general, "\"type\":", [',', '}']), "1");
+    let uri = json_value(&general, "\"uri\":\"", ['"', '}']);
+    let path = uri.strip_prefix("mftp:/").expect("an address of MAVLink FTP");
+    let descriptions = client.get(bench, path, 239);
+    let crc = json_value(&general, "\"fileCrc\":", [',', '}']);
+    assert_eq!(crc, checksum(&descriptions).to_string());
+    descriptions
+}
+
+#[test]
+fn descriptions_of_the_parameters_are_read_also_while_armed() {
+    let written = fs::read(repository().join("docs/parameters.json.xz")).expect("it is there");
+    let mut bench = Bench::new(&[]);
+    assert!(read_descriptions(&mut bench) == written);
+    bench.arm();
+    assert!(read_descriptions(&mut bench) == written);
+}
+
+#[test]
+fn arming_does_not_end_the_reading_of_descriptions() {
+    let mut bench = Bench::new(&[]);
+    let mut client = Client::new(GROUND_STATION);
+    assert_eq!(client.with_path(&mut bench, OPEN, "/parameters.json.xz").0, ACK);
+    bench.handle(&client.request(BURST, 100, 0, &[]));
+    assert_eq!(bench.sent_at_most(5).len(), 5);
+    bench.arm();
+    let rest = client.answers(&bench.sent());
+    let last = rest.last().expect("the end of the file");
+    assert_eq!((last.opcode, &last.data[..]), (NAK, &[END_OF_FILE][..]));
+    assert_eq!(client.one(&mut bench, READ, 90, 0, &[]).0, ACK);
 }
 
 #[test]
@@ -760,6 +814,9 @@ fn what_is_not_possible_is_refused_with_its_reason() {
         (OPEN, "@PARAM/param.pck?start=60000", FAIL),
         (CREATE, "/LOGS/00000003.BIN", PROTECTED),
         (CREATE, "/new", PROTECTED),
+        (CREATE, "/general.json", PROTECTED),
+        (LIST, "/general.json", NOT_FOUND),
+        (CHECKSUM, "/general.json", FAIL),
         (8, "/LOGS/00000003.BIN", PROTECTED),
         (13, "/LOGS/00000003.BIN", PROTECTED),
         (READ, "x", INVALID_SESSION),

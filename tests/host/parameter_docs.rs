@@ -1,8 +1,10 @@
 //! What is generated from the table of parameters is up to date, and the ready parameter files fit it.
 
 use std::fs;
+use std::io::Read;
 use std::path::PathBuf;
 
+use lzma_rust2::XzReader;
 use rover_battmon::battery::{BatteryState, PackSettings, PackStatus, arming_failures};
 use rover_battmon::pack::Pack;
 use rover_battmon::parameter::{ParameterId, Parameters, documentation};
@@ -28,6 +30,20 @@ fn the_docs_page_is_fresh() {
 #[test]
 fn the_metadata_file_is_fresh() {
     assert_fresh("apm.pdef.xml", &documentation::apm_pdef_xml());
+}
+
+#[test]
+fn the_descriptions_for_ground_stations_are_fresh() {
+    let expected = documentation::parameters_json();
+    assert_fresh("parameters.json", &expected);
+    let compressed = fs::read(docs().join("parameters.json.xz")).expect("it can be read");
+    let mut json = String::new();
+    let read = XzReader::new(&compressed[..], false).read_to_string(&mut json);
+    assert!(
+        read.is_ok() && json == expected,
+        "docs/parameters.json.xz is stale: run `cargo run --example parameter_docs`"
+    );
+    assert_fresh("general.json", &documentation::general_json(&compressed));
 }
 
 /// The ready files, by name.

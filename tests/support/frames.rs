@@ -36,6 +36,7 @@ pub const BATTERY_STATUS_V2: u32 = 369;
 pub const SMART_BATTERY_INFO: u32 = 370;
 pub const FUEL_STATUS: u32 = 371;
 pub const BATTERY_INFO: u32 = 372;
+pub const COMPONENT_METADATA: u32 = 397;
 pub const NAMED_VALUE_FLOAT: u32 = 251;
 
 const START_OF_FRAME: u8 = 0xfd;
@@ -148,6 +149,7 @@ fn crc_extra(message_id: u32) -> u8 {
         SMART_BATTERY_INFO => 75,
         FUEL_STATUS => 10,
         BATTERY_INFO => 26,
+        COMPONENT_METADATA => 182,
         NAMED_VALUE_FLOAT => 170,
         other => panic!("message {other} is not one of the tests'"),
     }

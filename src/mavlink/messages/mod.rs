@@ -5,6 +5,7 @@ mod battery_info;
 mod battery_status;
 mod battery_status_v2;
 mod command;
+mod component_metadata;
 mod declare;
 mod file_transfer;
 mod fuel_status;
@@ -23,6 +24,7 @@ pub use battery_info::{build_battery_info, build_smart_battery_info};
 pub use battery_status::build_battery_status;
 pub use battery_status_v2::build_battery_status_v2;
 pub use command::{BroadcastCommand, CommandAck};
+pub use component_metadata::{ComponentMetadata, build_component_metadata};
 pub use file_transfer::{
     Burst, FileAnswer, FileAnswerHeader, FileData, FileError, FileOutcome, MAX_FILE_BYTES,
 };
@@ -79,6 +81,7 @@ declare::messages! {
         MissionCount(MISSION_COUNT_DATA);
         MissionAck(MISSION_ACK_DATA);
         AvailableModes(AVAILABLE_MODES_DATA);
+        ComponentMetadata(ComponentMetadata);
     }
 }
 

@@ -1,6 +1,6 @@
 //! NAMED_VALUE_FLOAT (251): estimates of a pack for which no other message has a field.
 
-use super::units::number;
+use super::units::{number, time_boot_ms};
 use crate::mavlink::dialect::NAMED_VALUE_FLOAT_DATA;
 use crate::pack::Pack;
 use crate::system::SystemState;
@@ -9,8 +9,6 @@ use crate::system::SystemState;
 const NAME_BYTES: usize = 10;
 
 const MILLIOHMS_PER_OHM: f32 = 1000.0;
-
-const MICROSECONDS_PER_MILLISECOND: u64 = 1000;
 
 /// The internal resistance of `pack`, in milliohms: `BAT1_RES` of the first one. NaN while it is unknown.
 pub fn build_resistance(state: &SystemState<'_>, pack: Pack) -> NAMED_VALUE_FLOAT_DATA {
@@ -33,8 +31,7 @@ fn named_value(
 ) -> NAMED_VALUE_FLOAT_DATA {
     name[3] = b'0' + pack.number();
     NAMED_VALUE_FLOAT_DATA {
-        // As every autopilot's, it starts again after 49 days.
-        time_boot_ms: (state.now.as_micros() / MICROSECONDS_PER_MILLISECOND) as u32,
+        time_boot_ms: time_boot_ms(state.now),
         value: number(value),
         name: name.into(),
     }

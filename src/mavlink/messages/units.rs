@@ -1,6 +1,14 @@
 //! From SI values to MAVLink's integers: rounded to nearest, saturated, and never onto a sentinel by accident.
 
 use crate::numbers::round_to_i32;
+use crate::time::Instant;
+
+const MICROSECONDS_PER_MILLISECOND: u64 = 1000;
+
+/// Time since the start, in ms. As every autopilot's, it starts again after 49 days.
+pub(super) fn time_boot_ms(now: Instant) -> u32 {
+    (now.as_micros() / MICROSECONDS_PER_MILLISECOND) as u32
+}
 
 /// A number that is neither NaN nor infinite.
 pub(super) fn finite(value: Option<f32>) -> Option<f32> {

@@ -3,14 +3,15 @@
 use ::mavlink::MessageData;
 
 use crate::mavlink::dialect::{
-    AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, MESSAGE_INTERVAL_DATA, MavCmd, MavResult,
-    PROTOCOL_VERSION_DATA,
+    AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, COMPONENT_METADATA_DATA, MESSAGE_INTERVAL_DATA, MavCmd,
+    MavResult, PROTOCOL_VERSION_DATA,
 };
 use crate::mavlink::event::Action;
 use crate::mavlink::requests::Command;
 use crate::mavlink::scheduler::{Interval, IntervalRefused, StreamScheduler};
 use crate::mavlink::{
-    Message, Stream, StreamKind, build_autopilot_version, build_available_mode, build_protocol_version,
+    Message, Stream, StreamKind, build_autopilot_version, build_available_mode, build_component_metadata,
+    build_protocol_version,
 };
 use crate::pack::Pack;
 use crate::system::SystemState;
@@ -240,6 +241,7 @@ impl Command {
             PROTOCOL_VERSION_DATA::ID => protocol_version(),
             MESSAGE_INTERVAL_DATA::ID => self.message_interval(self.param2, scheduler),
             AVAILABLE_MODES_DATA::ID => self.available_modes(),
+            COMPONENT_METADATA_DATA::ID => Message::ComponentMetadata(build_component_metadata(state)).into(),
             _ => self.request_streams(message_id, state),
         }
     }

@@ -22,10 +22,11 @@ pub(in crate::mavlink) struct Downloads {
 }
 
 impl Downloads {
-    /// Builds the next message if that needs no log to be read, else returns what to read. Arming ends every download.
+    /// Builds the next message if that needs no log to be read, else returns what to read. Arming ends every download of a log.
     pub fn next_read(&mut self, state: &SystemState<'_>, parameters: &Parameters) -> Option<LogRead> {
         if state.is_armed() {
-            self.stop();
+            self.logs.stop();
+            self.files.stop_while_armed();
         }
         [self.are_files_next, !self.are_files_next]
             .into_iter()
@@ -74,12 +75,6 @@ impl Downloads {
             let step = self.files.supply(read, bytes);
             self.apply(step, true);
         }
-    }
-
-    /// Ends the downloads of files. A list of them goes on.
-    fn stop(&mut self) {
-        self.logs.stop();
-        self.files.stop();
     }
 
     /// Whether something is being sent.

@@ -4,6 +4,7 @@ use heapless::{String, Vec};
 
 use crate::mavlink::messages::MAX_FILE_BYTES;
 use crate::numbers::text;
+use crate::parameter::DescriptionFile;
 use crate::recorder::LogFile;
 
 /// The packed parameters, where ArduPilot has them.
@@ -29,6 +30,7 @@ pub(super) enum Path {
     /// The log file with this number, if there is one.
     Log(u16),
     Parameters(Selection),
+    Description(DescriptionFile),
 }
 
 /// A directory.
@@ -59,18 +61,19 @@ impl Path {
         if names.peek() == Some(&CARD_DIRECTORY) {
             names.next();
         }
-        let Some(directory) = names.next() else {
-            return Some(Self::Directory(Directory::Root));
-        };
-        if directory != LOG_DIRECTORY {
-            return None;
-        }
-        match (names.next(), names.next()) {
-            (None, _) => Some(Self::Directory(Directory::Logs)),
-            (Some(name), None) => log_number(name).map(Self::Log),
+        match (names.next(), names.next(), names.next()) {
+            (None, ..) => Some(Self::Directory(Directory::Root)),
+            (Some(LOG_DIRECTORY), None, _) => Some(Self::Directory(Directory::Logs)),
+            (Some(LOG_DIRECTORY), Some(name), None) => log_number(name).map(Self::Log),
+            (Some(name), None, _) => description(name).map(Self::Description),
             _ => None,
         }
     }
+}
+
+/// The file of descriptions with this name.
+fn description(name: &str) -> Option<DescriptionFile> {
+    DescriptionFile::ALL.into_iter().find(|file| file.name() == name)
 }
 
 /// The number of the log file with this name.
@@ -125,8 +128,13 @@ pub(super) fn list(directory: Directory, skip: u32, logs: &[LogFile]) -> Vec<u8,
 fn entry(directory: Directory, place: usize, logs: &[LogFile]) -> Option<String<ENTRY_BYTES>> {
     // Both fit.
     match directory {
-        Directory::Root if place == 0 => Some(text(format_args!("D{LOG_DIRECTORY}"))),
-        Directory::Root => None,
+        Directory::Root => match place.checked_sub(1) {
+            None => Some(text(format_args!("D{LOG_DIRECTORY}"))),
+            Some(place) => {
+                let file = DescriptionFile::ALL.get(place)?;
+                Some(text(format_args!("F{}\t{}", file.name(), file.content().len())))
+            }
+        },
         Directory::Logs => {
             let file = logs.get(place)?;
             Some(text(format_args!("F{:08}.BIN\t{}", file.number, file.bytes)))
@@ -162,6 +170,14 @@ mod tests {
             ("../LOGS", None),
             ("/etc/passwd", None),
             ("@SYS", None),
+            ("/general.json", Some(Path::Description(DescriptionFile::General))),
+            (
+                "parameters.json.xz",
+                Some(Path::Description(DescriptionFile::Parameters)),
+            ),
+            ("/parameters.json", None),
+            ("/general.json/x", None),
+            ("/LOGS/general.json", None),
             ("/APM/APM/LOGS", None),
         ] {
             assert_eq!(Path::parse(path), expected, "{path}");
@@ -196,9 +212,15 @@ mod tests {
     }
 
     #[test]
-    fn the_root_has_the_logs() {
-        assert_eq!(list(Directory::Root, 0, &[]).as_slice(), b"DLOGS\0");
-        assert!(list(Directory::Root, 1, &[]).is_empty());
+    fn the_root_has_the_logs_and_the_descriptions() {
+        let [general, parameters] = DescriptionFile::ALL.map(|file| file.content().len());
+        let expected = format!("DLOGS\0Fgeneral.json\t{general}\0Fparameters.json.xz\t{parameters}\0");
+        assert_eq!(list(Directory::Root, 0, &[]).as_slice(), expected.as_bytes());
+        assert_eq!(
+            list(Directory::Root, 1, &[]).as_slice(),
+            &expected.as_bytes()[6..]
+        );
+        assert!(list(Directory::Root, 3, &[]).is_empty());
     }
 
     #[test]

@@ -1,7 +1,8 @@
-//! MAVLink FTP: the log files to read, and the packed parameters (`@PARAM/param.pck`) to read and to write.
+//! MAVLink FTP: the log files and the descriptions of the parameters to read, and the packed parameters (`@PARAM/param.pck`) to read and
+//! to write.
 //!
-//! One session is open on a link. It ends by request, when the rover is armed, when its ground station opens another file,
-//! and when another station opens one after it has been silent. A new `SYSID_THISMAV` takes effect when the session of its
+//! One session is open on a link. It ends by request, when the rover is armed unless it reads descriptions, when its ground station opens
+//! another file, and when another station opens one after it has been silent. A new `SYSID_THISMAV` takes effect when the session of its
 //! file ends by request, since all requests of a session are addressed to the same system id. A request that comes again is served again, which has the
 //! same result; only what is being worked on is not begun a second time.
 
@@ -135,7 +136,7 @@ impl FileTransfers {
     ) -> Result<Handled, FileError> {
         let (state, parameters) = (context.state, &mut *context.changeable.parameters);
         if state.is_armed() {
-            self.stop();
+            self.stop_while_armed();
         }
         if let Some(session) = self.session_of(header) {
             session.active_at = state.now;
@@ -211,10 +212,19 @@ impl FileTransfers {
         self.checksum = None;
     }
 
+    /// Closes the session of a file that is not read while armed. Descriptions are: nothing has to be fetched for them.
+    pub fn stop_while_armed(&mut self) {
+        self.checksum = None;
+        let is_description = |session: &Session| matches!(session.file, OpenFile::Description(_));
+        if !self.session.as_ref().is_some_and(is_description) {
+            self.stop();
+        }
+    }
+
     fn list(&mut self, header: FileAnswerHeader, request: &FileTransfer<'_>) -> Result<Handled, FileError> {
         match path_of(request)? {
             Path::Directory(directory) => Ok(self.wait(header, request.offset, PartOf::Directory(directory))),
-            Path::Log(_) | Path::Parameters(_) => Err(FileError::FileNotFound),
+            Path::Log(_) | Path::Parameters(_) | Path::Description(_) => Err(FileError::FileNotFound),
         }
     }
 
@@ -265,6 +275,10 @@ impl FileTransfers {
                     ..Some(FileOutcome::Number(file.bytes(parameters))).into()
                 })
             }
+            Path::Description(file) => {
+                self.begin(header, OpenFile::Description(file), state.now);
+                Ok(Some(FileOutcome::Number(file.content().len() as u32)).into())
+            }
             Path::Directory(_) => Err(FileError::FileNotFound),
         }
     }
@@ -286,7 +300,7 @@ impl FileTransfers {
                 self.begin(header, OpenFile::Upload(Upload::default()), state.now);
                 Ok(done())
             }
-            Path::Directory(_) | Path::Log(_) => Err(FileError::FileProtected),
+            Path::Directory(_) | Path::Log(_) | Path::Description(_) => Err(FileError::FileProtected),
         }
     }
 
@@ -323,7 +337,7 @@ impl FileTransfers {
     fn check_readable(&mut self, header: FileAnswerHeader) -> Result<(), FileError> {
         match self.session_of(header).ok_or(FileError::InvalidSession)?.file {
             OpenFile::Upload(_) => Err(FileError::Fail),
-            OpenFile::Log(_) | OpenFile::Parameters(_) => Ok(()),
+            OpenFile::Log(_) | OpenFile::Parameters(_) | OpenFile::Description(_) => Ok(()),
         }
     }
 
@@ -364,7 +378,7 @@ impl FileTransfers {
         state: &SystemState<'_>,
     ) -> Result<Handled, FileError> {
         let Path::Log(number) = path_of(request)? else {
-            // The values of parameters change, and nothing asks for a checksum of them.
+            // The values of parameters change, and the checksum of descriptions comes with their address. Nothing asks for either.
             return Err(FileError::Fail);
         };
         if state.is_armed() {

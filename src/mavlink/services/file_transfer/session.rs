@@ -7,7 +7,7 @@ use super::upload::Upload;
 use crate::mavlink::Peer;
 use crate::mavlink::messages::{FileAnswerHeader, FileError, MAX_FILE_BYTES};
 use crate::mavlink::services::log_download::LogRead;
-use crate::parameter::Parameters;
+use crate::parameter::{DescriptionFile, Parameters};
 use crate::recorder::LogFile;
 use crate::time::Instant;
 
@@ -28,6 +28,7 @@ pub(super) enum OpenFile {
     /// With the length that it had when it was opened.
     Log(LogFile),
     Parameters(ParameterFile),
+    Description(DescriptionFile),
     Upload(Upload),
 }
 
@@ -43,7 +44,7 @@ impl OpenFile {
     pub fn log_read(&self, offset: u32, bytes: u8) -> Option<LogRead> {
         match self {
             Self::Log(log) => log_read(log, offset, bytes),
-            Self::Parameters(_) | Self::Upload(_) => None,
+            Self::Parameters(_) | Self::Description(_) | Self::Upload(_) => None,
         }
     }
 
@@ -52,6 +53,7 @@ impl OpenFile {
         match self {
             Self::Log(_) => Err(FileError::EndOfFile),
             Self::Parameters(file) => unless_empty(file.read(offset, bytes, parameters)),
+            Self::Description(file) => unless_empty(part(file.content(), offset, bytes)),
             Self::Upload(_) => Err(FileError::Fail),
         }
     }
@@ -65,6 +67,15 @@ pub(super) fn log_read(log: &LogFile, offset: u32, bytes: u8) -> Option<LogRead>
         offset,
         bytes: rest as u8,
     })
+}
+
+/// Up to `bytes` bytes of `content` from `offset` on.
+fn part(content: &[u8], offset: u32, bytes: u8) -> Bytes {
+    let rest = content.iter().skip(offset as usize);
+    // A message has room for what is read at once.
+    rest.take(usize::from(bytes).min(MAX_FILE_BYTES))
+        .copied()
+        .collect()
 }
 
 /// Nothing is the end of a file or list.
