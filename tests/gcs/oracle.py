@@ -18,6 +18,7 @@ Time is what the caller gives, in seconds of any origin.
 
 import datetime
 import math
+import re
 import struct
 from dataclasses import dataclass, field, replace
 
@@ -841,6 +842,18 @@ def described_kinds(version, descriptions=None):
     # release, else the oldest.
     older = [release for release in BUILT_IN_KINDS if release <= version[:2]]
     return BUILT_IN_KINDS[max(older, default=min(BUILT_IN_KINDS))]
+
+
+def description_of(descriptions, name):
+    """The row of a parameter in the file for COMP_METADATA_TYPE_PARAMETER, or `None`."""
+    # read: CompInfoParam.cc, factMetaDataForName: the row with the name, else the last whose name with an index is found in it.
+    rows = descriptions["parameters"]
+    by_index = [
+        row
+        for row in rows
+        if "{n}" in row["name"] and re.search(row["name"].replace("{n}", r"(\d+)"), name)
+    ]
+    return next((row for row in rows if row["name"] == name), by_index[-1] if by_index else None)
 
 
 def flight_version(autopilot_version):

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import pytest
 
 from conftest import REPOSITORY, EmulatedBoard, Simulator
-from oracle import FLY_VIEW, PAGES, described_kinds, log_date, missing_on_page
+from oracle import FLY_VIEW, PAGES, described_kinds, description_of, log_date, missing_on_page
 from qgroundcontrol import (
     COMPONENT,
     FILE_NOT_FOUND,
@@ -140,6 +140,16 @@ def test_every_kind_of_monitor_has_a_name(session):
     (monitor,) = [param for param in metadata.iter("param") if param.get("name") == "Rover:BATT_MONITOR"]
     kinds = {int(value.get("code")) for value in monitor.iter("value")}
     assert kinds - described_kinds(session.script.version, session.script.descriptions) == set()
+
+
+def test_every_parameter_has_a_description(session):
+    # Also those that are listed once a pack is monitored.
+    for name in [*session.parameters, "BATT2_CELLS", "BATT9_FS_VOLTSRC"]:
+        row = description_of(session.script.descriptions, name)
+        assert row is not None, name
+        # read: FactMetaData.cc, createFromJsonObject: without these a row is not taken.
+        assert row["type"] in ("Int8", "Int16", "Int32", "Float") and row["shortDesc"], row
+    assert {name for name in session.parameters if name.startswith("WIFI_")}
 
 
 # ---------------------------------------------------------------- arming
