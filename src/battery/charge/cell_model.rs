@@ -1,9 +1,8 @@
-//! What is known of a pack's cells: their chemistry, and what was learnt of this pack.
+//! What is known of a pack: the chemistry of its cells, what was learnt of it, and charges that are known.
 
-use super::deviation::root_of_squares;
 use crate::battery::Chemistry;
 use crate::battery::chemistry::{Cell, POINTS};
-use crate::battery::learnt::{LearntPack, Offset};
+use crate::battery::learnt::{LastCharge, LearntPack, Offset};
 
 /// Standard deviation of a rated capacity, relative to it.
 const RATED_SIGMA: f32 = 0.04;
@@ -24,6 +23,12 @@ const SLOPE_WIDTH: f32 = 0.05;
 
 /// Lower limit of the slope, in volts per state of charge: a tenth of that of LiFe.
 const MIN_SLOPE_V: f32 = 0.01;
+
+/// A pack that still rests within this of its last resting voltage was neither charged nor used, in volts.
+const SAME_VOLTAGE_V: f32 = 0.015;
+
+/// Standard deviation of a state of charge that the owner sets.
+const SET_SIGMA: f32 = 0.01;
 
 /// State of charge between two points of the curve.
 const POINT_WIDTH: f32 = 1.0 / (POINTS - 1) as f32;
@@ -53,6 +58,36 @@ pub(in crate::battery) struct Capacity {
     pub ah: f32,
     /// Standard deviation, relative to the capacity.
     pub sigma: f32,
+}
+
+/// A state of charge that is kept over a reset, set by the owner, or provisional.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::battery) struct KnownCharge {
+    /// From 0 to 1.
+    pub share: f32,
+    /// Standard deviation.
+    pub sigma: f32,
+}
+
+impl KnownCharge {
+    /// As the owner says, from 0 to 1.
+    pub const fn set(share: f32) -> Self {
+        Self {
+            share,
+            sigma: SET_SIGMA,
+        }
+    }
+
+    pub fn to_words(self) -> [u32; 2] {
+        [self.share, self.sigma].map(f32::to_bits)
+    }
+
+    /// `None` if no state of charge has these words.
+    pub fn from_words(words: [u32; 2]) -> Option<Self> {
+        let [share, sigma] = words.map(f32::from_bits);
+        let is_possible = (0.0..=1.0).contains(&share) && (0.0..=1.0).contains(&sigma);
+        is_possible.then_some(Self { share, sigma })
+    }
 }
 
 impl CellModel<'_> {
@@ -117,6 +152,12 @@ impl CellModel<'_> {
         (low as f32 + beyond) * POINT_WIDTH
     }
 
+    /// The kept charge of a pack that rests at this voltage of a cell, if it is still the same.
+    pub fn last_charge(&self, cell_v: f32) -> Option<LastCharge> {
+        let last = self.learnt.charge?;
+        ((cell_v - last.resting_v).abs() <= SAME_VOLTAGE_V).then_some(last)
+    }
+
     /// Slope of the curve, in volts per state of charge.
     pub fn slope_v(&self, share: f32) -> f32 {
         let low = (share - 0.5 * SLOPE_WIDTH).clamp(0.0, 1.0 - SLOPE_WIDTH);
@@ -143,6 +184,11 @@ impl CellModel<'_> {
         let (low, high) = (at(point), at(point + 1));
         low + (high - low) * weight
     }
+}
+
+/// Standard deviation of the sum of two that are independent.
+pub(super) fn root_of_squares(a: f32, b: f32) -> f32 {
+    libm::sqrtf(a * a + b * b)
 }
 
 #[cfg(test)]

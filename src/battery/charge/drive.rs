@@ -1,10 +1,8 @@
-//! A drive, from which the pack is learnt when it rests again.
+//! A drive, from which the pack is learnt when it rests again, and when that rest is evaluated.
 
-use super::block::{Block, HOURS_PER_SECOND, Load};
-use super::cell_model::{Capacity, CellModel, MAX_LEARNT_SIGMA};
-use super::deviation::root_of_squares;
+use super::cell_model::{Capacity, CellModel, MAX_LEARNT_SIGMA, root_of_squares};
 use super::filter::Filter;
-use super::second::Sum;
+use super::load::{Block, HOURS_PER_SECOND, Load, Sum};
 use super::start::is_resting;
 use crate::battery::learnt::{LearntCapacity, LearntPack, LearntResistance, OFFSET_POINTS, Offset};
 
@@ -42,6 +40,9 @@ const MIN_OFFSET_SIGMA_V: f32 = 0.008;
 
 /// The kept resistance follows that of this many drives.
 const RESISTANCE_DRIVES: f32 = 4.0;
+
+/// A shorter rest teaches nothing, in seconds.
+const FIRST_REST_S: f32 = 30.0;
 
 /// What was seen of a pack since its charge was last certain.
 #[derive(Clone, Copy, Debug)]
@@ -139,21 +140,17 @@ impl Drive {
         if self.drawn_ah < MIN_DRAWN * rated_ah || self.start_sigma > MAX_START_SIGMA {
             return None;
         }
-        let mut before = self.before.unwrap_or(*model.learnt);
-        if before
+        let kept = self.before.unwrap_or(*model.learnt);
+        let is_other_pack = kept
             .resistance
-            .is_some_and(|kept| ohm < OTHER_PACK * kept.now_ohm)
-        {
-            before = LearntPack::UNKNOWN;
-        }
-        if !is_warm(ohm, rated_ah, &before, model) {
+            .is_some_and(|kept| ohm < OTHER_PACK * kept.now_ohm);
+        let kept = if is_other_pack { LearntPack::UNKNOWN } else { kept };
+        if !is_warm(ohm, rated_ah, &kept, model) {
             return None;
         }
-        let learnt = self.evaluate(ohm, rest, cell_v, &before, model).or_else(|| {
-            // A capacity that contradicts what was learnt is that of another pack.
-            before = LearntPack::UNKNOWN;
-            self.evaluate(ohm, rest, cell_v, &before, model)
-        })?;
+        let attempt = |before| Some((before, self.evaluate(ohm, rest, cell_v, &before, model)?));
+        // A capacity that contradicts what was learnt is that of another pack.
+        let (before, learnt) = attempt(kept).or_else(|| attempt(LearntPack::UNKNOWN))?;
         let is_better = match (self.before, model.learnt.capacity, learnt.capacity) {
             (Some(_), Some(known), Some(new)) => new.sigma < known.sigma,
             _ => true,
@@ -244,6 +241,32 @@ impl Drive {
                 libm::sqrtf(variance * (1.0 - gain)).max(MIN_OFFSET_SIGMA_V),
             );
         }
+    }
+}
+
+/// Measures a rest. It is evaluated after half a minute, and again whenever it has lasted twice as long.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RestTimer {
+    rested_s: f32,
+    due_s: f32,
+}
+
+impl RestTimer {
+    pub const fn new() -> Self {
+        Self {
+            rested_s: 0.0,
+            due_s: FIRST_REST_S,
+        }
+    }
+
+    /// The pack rested for another `dt_s` seconds. Returns whether an evaluation is due.
+    pub fn rest(&mut self, dt_s: f32) -> bool {
+        self.rested_s += dt_s;
+        let is_due = self.rested_s >= self.due_s;
+        if is_due {
+            self.due_s = 2.0 * self.rested_s;
+        }
+        is_due
     }
 }
 

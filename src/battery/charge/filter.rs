@@ -1,7 +1,7 @@
 //! A Kalman filter for the charge of a cell whose current is measured.
 
-use super::block::{Block, Load};
 use super::cell_model::{Capacity, CellModel};
+use super::load::{Block, Load};
 
 /// The states: state of charge; relative error of the inverse capacity; offset of the curve, in its standard deviations;
 /// slow sag relative to the fast one.
@@ -46,24 +46,10 @@ const MAX_VARIANCE: f32 = MAX_SIGMA * MAX_SIGMA;
 pub(super) struct Filter {
     state: Vector,
     covariance: Matrix,
-    basis: Basis,
-}
-
-/// What an estimate started from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Basis {
-    /// A charge that was certain, from which the current is counted.
-    Count,
-    /// A voltage. Its errors are those of curve and sag, which do not average out: the deviation is never below that which
-    /// a voltage gives at this charge and lasting load.
-    Voltage { variance: f32 },
-}
-
-/// How a voltage fits the estimate.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Fit {
-    /// Measured minus expected voltage, in standard deviations.
-    pub deviations: f32,
+    /// Lower limit of the variance of an estimate that started from a voltage, whose errors, those of curve and sag, do not
+    /// average out: the variance that a voltage gives at this charge and lasting load. `None` if it started from a charge
+    /// that was certain, from which the current is counted.
+    voltage_variance: Option<f32>,
 }
 
 impl Filter {
@@ -74,11 +60,7 @@ impl Filter {
         Self {
             state: [share, 0.0, 0.0, model.cell.slow_share],
             covariance,
-            basis: if sigma < COUNTED_SIGMA {
-                Basis::Count
-            } else {
-                Basis::Voltage { variance: 0.0 }
-            },
+            voltage_variance: if sigma < COUNTED_SIGMA { None } else { Some(0.0) },
         }
     }
 
@@ -90,7 +72,7 @@ impl Filter {
         let error = VoltageError::new(share, &sag, model);
         let variance = error.variance();
         filter.covariance[0][0] = variance;
-        filter.basis = Basis::Voltage { variance };
+        filter.voltage_variance = Some(variance);
         if variance < MAX_VARIANCE {
             filter.set_covariance(2, error.by_offset);
             filter.set_covariance(3, error.by_slow_share * error.slow_variance);
@@ -110,11 +92,7 @@ impl Filter {
 
     /// Standard deviation of the state of charge.
     pub fn sigma(&self) -> f32 {
-        let least = match self.basis {
-            Basis::Count => 0.0,
-            Basis::Voltage { variance } => variance,
-        };
-        libm::sqrtf(self.covariance[0][0].max(least))
+        libm::sqrtf(self.covariance[0][0].max(self.voltage_variance.unwrap_or(0.0)))
     }
 
     /// A charge was drawn, in capacities.
@@ -132,22 +110,23 @@ impl Filter {
         1.0 + self.state[1]
     }
 
-    /// Takes a block: counts its charge, and corrects the estimate by its voltage, if that was measured.
-    pub fn update(&mut self, block: &Block, model: &CellModel, capacity: &Capacity) -> Option<Fit> {
+    /// Takes a block: counts its charge, and corrects the estimate by its voltage, if that was measured. Returns by how many
+    /// standard deviations the voltage exceeds the expected one.
+    pub fn update(&mut self, block: &Block, model: &CellModel, capacity: &Capacity) -> Option<f32> {
         let drawn = block.load.drawn_ah() / capacity.ah;
         self.predict(drawn, block.load.duration_s, model);
-        let fit = block.cell_v.map(|cell_v| {
+        let deviations = block.cell_v.map(|cell_v| {
             let sag = Sag::new(&block.load, model.resistance_ohm(capacity));
             self.correct(cell_v, &sag, 0.5 * drawn, model)
         });
         self.limit();
-        fit
+        deviations
     }
 
     /// Takes the current averaged over the longest time, on which the error of a voltage depends.
     pub fn settle(&mut self, lasting_a: f32, model: &CellModel, capacity: &Capacity) {
         let share = self.share();
-        if let Basis::Voltage { variance } = &mut self.basis {
+        if let Some(variance) = &mut self.voltage_variance {
             let load = Load {
                 current_a: lasting_a,
                 slow_a: lasting_a,
@@ -195,8 +174,9 @@ impl Filter {
         self.covariance[index][index] += (1.0 - square(kept)) * variance;
     }
 
-    /// Corrects by the voltage of a cell, when `since` of its charge had not been drawn yet.
-    fn correct(&mut self, cell_v: f32, sag: &Sag, since: f32, model: &CellModel) -> Fit {
+    /// Corrects by the voltage of a cell, when `since` of its charge had not been drawn yet. Returns by how many standard
+    /// deviations it exceeds the expected one.
+    fn correct(&mut self, cell_v: f32, sag: &Sag, since: f32, model: &CellModel) -> f32 {
         let [share, _, offset, slow_share] = self.state;
         let share = share + since;
         let slope_v = model.slope_v(share);
@@ -216,19 +196,17 @@ impl Filter {
             innovation_v * self.weight(deviations),
             noise * CORRELATED_STEPS,
         );
-        Fit { deviations }
+        deviations
     }
 
     /// Weight of a voltage that is this many standard deviations off. The more certain the count, the less of the voltage
     /// counts: errors of a curve do not average out.
     fn weight(&self, deviations: f32) -> f32 {
-        match self.basis {
-            Basis::Voltage { .. } => 1.0,
-            Basis::Count => {
-                let dead_band = COUNTED_SIGMA / self.sigma();
-                (1.0 - dead_band / deviations.abs().max(dead_band)).max(0.0)
-            }
+        if self.voltage_variance.is_some() {
+            return 1.0;
         }
+        let dead_band = COUNTED_SIGMA / self.sigma();
+        (1.0 - dead_band / deviations.abs().max(dead_band)).max(0.0)
     }
 
     /// The Kalman update.

@@ -1,10 +1,8 @@
 //! The first estimate of a pack whose current is measured.
 
-use super::block::{Block, HOURS_PER_SECOND, Load};
-use super::cell_model::{Capacity, CellModel};
+use super::cell_model::{Capacity, CellModel, KnownCharge, root_of_squares};
 use super::filter::Filter;
-use super::memory::{KnownCharge, remembered};
-use super::second::Sum;
+use super::load::{Block, HOURS_PER_SECOND, Load, Sum};
 use crate::battery::LearntPack;
 
 /// Time at the very start whose voltage is kept, in seconds: of a load that began then only the immediate part of the sag
@@ -40,6 +38,9 @@ const FULL_SHARE: f32 = 0.95;
 /// From here on a voltage is certain: only charging brings it there.
 const CERTAIN_SHARE: f32 = 0.90;
 const CERTAIN_SIGMA: f32 = 0.01;
+
+/// What self-discharge and a charge that leaves the voltage alone may have changed since a charge was kept.
+const PAUSE_SIGMA: f32 = 0.03;
 
 /// A curve on which a voltage gives the charge to this standard deviation is steep.
 const STEEP_SIGMA: f32 = 0.12;
@@ -79,11 +80,10 @@ struct First {
 
 /// A first estimate.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Found {
-    /// The cells have rested.
-    Rested(Filter),
-    /// The load before is unknown.
-    UnderLoad(Filter),
+pub(super) struct Found {
+    pub filter: Filter,
+    /// Whether the cells have rested; else the load before is unknown.
+    pub has_rested: bool,
 }
 
 impl Start {
@@ -128,14 +128,18 @@ impl Start {
         self.cell_v.add(load.duration_s, cell_v);
         self.current_a.add(load.duration_s, load.current_a);
         if is_stable && is_resting(load.current_a, capacity) {
-            let rested = self.rest(load, cell_v, model, capacity);
-            if rested.is_some() {
-                return rested.map(Found::Rested);
+            if let Some(filter) = self.rest(load, cell_v, model, capacity) {
+                let has_rested = true;
+                return Some(Found { filter, has_rested });
             }
         } else {
             self.end_rest(load, capacity);
         }
-        self.found_under_load(model, capacity).map(Found::UnderLoad)
+        let filter = self.found_under_load(model, capacity)?;
+        Some(Found {
+            filter,
+            has_rested: false,
+        })
     }
 
     /// Returns the estimate of a pack that has rested.
@@ -278,6 +282,15 @@ fn least_sag_v(current_a: f32, model: &CellModel, capacity: &Capacity) -> f32 {
     rate_per_h * drop_v.min(model.cell.ohmic_drop_v)
 }
 
+/// The estimate for a pack that rests at this voltage of a cell, weighing the kept charge against the voltage.
+fn remembered(cell_v: f32, model: &CellModel, capacity: &Capacity) -> Option<Filter> {
+    let last = model.last_charge(cell_v)?;
+    let sigma = root_of_squares(last.sigma, PAUSE_SIGMA);
+    let mut filter = Filter::from_share(last.share, sigma, model, capacity);
+    filter.rest(cell_v, model);
+    Some(filter)
+}
+
 /// Whether a current is that of a pack at rest.
 pub(super) fn is_resting(current_a: f32, capacity: &Capacity) -> bool {
     current_a.abs() < RESTING_RATE_PER_H * capacity.ah
@@ -336,7 +349,7 @@ mod tests {
     }
 
     fn is_full(found: Option<Found>) -> bool {
-        matches!(found, Some(Found::UnderLoad(filter)) if filter.share() > 0.99 && filter.sigma() < 0.02)
+        matches!(found, Some(Found { filter, has_rested: false }) if filter.share() > 0.99 && filter.sigma() < 0.02)
     }
 
     fn kept(serial_number: Option<i32>) -> LearntPack {

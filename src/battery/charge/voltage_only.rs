@@ -1,9 +1,7 @@
 //! State of charge of a pack whose current is not measured.
 
-use super::block::HOURS_PER_SECOND;
-use super::cell_model::CellModel;
-use super::deviation::root_of_squares;
-use super::memory::last_charge;
+use super::cell_model::{CellModel, KnownCharge, root_of_squares};
+use super::load::{HOURS_PER_SECOND, Load, Trace};
 use crate::battery::low_pass::MeanThenLowPass;
 use crate::vehicle::ArmState;
 
@@ -107,7 +105,7 @@ impl Rest {
 impl VoltageOnly {
     /// From the first voltage of a cell.
     pub fn from_voltage(cell_v: f32, arm_state: ArmState, model: &CellModel) -> Self {
-        let kept = last_charge(cell_v, model).map(|last| last.share);
+        let kept = model.last_charge(cell_v).map(|last| last.share);
         let mut estimate = Self::from_share(kept.unwrap_or_else(|| model.share(cell_v)), 0.0);
         if arm_state == ArmState::Armed {
             estimate.unsettled_s = SETTLING_S;
@@ -132,9 +130,16 @@ impl VoltageOnly {
         }
     }
 
-    /// State of charge; `None` while the pack was found under load a short time ago.
-    pub fn share(&self) -> Option<f32> {
-        (self.unsettled_s <= SETTLING_S - FIRST_ESTIMATE_S).then_some(self.share)
+    /// The charge; `None` while the pack was found under load a short time ago.
+    pub fn charge(&self) -> Option<KnownCharge> {
+        self.is_known().then_some(KnownCharge {
+            share: self.share,
+            sigma: self.sigma,
+        })
+    }
+
+    fn is_known(&self) -> bool {
+        self.unsettled_s <= SETTLING_S - FIRST_ESTIMATE_S
     }
 
     /// A charge was drawn, in capacities.
@@ -142,23 +147,13 @@ impl VoltageOnly {
         self.share = (self.share - drawn).max(0.0);
     }
 
-    /// Sag below the resting voltage, in volts.
-    pub fn sag_v(&self) -> f32 {
-        self.sag_v
-    }
-
     /// Charge drawn, in capacities per hour, averaged over two minutes, once there was a load for as long.
     pub fn rate_per_h(&self) -> Option<f32> {
         self.rate_per_h.settled()
     }
 
-    /// Standard deviation of the state of charge.
-    pub fn sigma(&self) -> f32 {
-        self.sigma
-    }
-
     /// Brings the standard deviation up to date.
-    pub fn assess(&mut self, model: &CellModel) {
+    fn assess(&mut self, model: &CellModel) {
         let slope_v = model.slope_v(self.share);
         let curve_v = model.curve_sigma_v(self.share, slope_v);
         let sag_v = SAG_SIGMA * self.sag_by_variation_v(model);
@@ -166,15 +161,34 @@ impl VoltageOnly {
     }
 
     /// The load, in capacities per hour.
-    pub fn load_per_h(&self, model: &CellModel) -> f32 {
+    fn load_per_h(&self, model: &CellModel) -> f32 {
         self.sag_v / (model.cell.lasting_drop_v() * self.scale)
+    }
+
+    /// Takes a second. Returns whether the pack rests.
+    pub fn infer(
+        &mut self,
+        dt_s: f32,
+        cell_v: f32,
+        arm_state: ArmState,
+        trace: &mut Trace,
+        model: &CellModel,
+    ) -> bool {
+        let rests = self.update(dt_s, cell_v, trace.polarisation.current_a(), arm_state, model);
+        trace.polarisation.update(dt_s, self.load_per_h(model));
+        trace.reserve.update(dt_s, self.sag_v);
+        if trace.block.add(&Load::none_for(dt_s), None).is_some() {
+            self.assess(model);
+            trace.reserve.settle(model);
+        }
+        rests
     }
 
     /// Takes the mean voltage of a cell over `dt_s` seconds. Returns whether the pack rests.
     ///
     /// `slow_per_h` is what is left of earlier loads, in capacities per hour
-    /// ([`Polarisation::current_a`](super::polarisation::Polarisation::current_a)).
-    pub fn update(
+    /// ([`Polarisation::current_a`](super::load::Polarisation::current_a)).
+    fn update(
         &mut self,
         dt_s: f32,
         cell_v: f32,
@@ -216,7 +230,7 @@ impl VoltageOnly {
 
     /// A pack at rest is as its voltage says, unless that is still as it was kept.
     fn rest(&mut self, dt_s: f32, cell_v: f32, slow_v: f32, model: &CellModel) {
-        let kept = last_charge(cell_v, model).map(|last| last.share);
+        let kept = model.last_charge(cell_v).map(|last| last.share);
         let target = kept.unwrap_or_else(|| model.share(cell_v + slow_v));
         self.share += (target - self.share) * (dt_s / REST_TIME_CONSTANT_S).min(1.0);
         self.unsettled_s = 0.0;
@@ -229,10 +243,10 @@ impl VoltageOnly {
         if self.unsettled_s <= 0.0 {
             return;
         }
-        let is_unknown = self.share().is_none();
+        let was_known = self.is_known();
         self.unsettled_s -= dt_s;
         self.highest_v = self.highest_v.max(cell_v);
-        let is_known_now = is_unknown && self.share().is_some();
+        let is_known_now = !was_known && self.is_known();
         if is_known_now || self.unsettled_s <= 0.0 {
             let mean_v = self.mean_v.value().unwrap_or(cell_v);
             let resting_v = (mean_v + self.sag_by_variation_v(model)).max(self.highest_v);

@@ -1,0 +1,131 @@
+//! Counting of the current from a charge that was found, corrected by the voltage.
+
+use super::cell_model::{Capacity, CellModel};
+use super::drive::Drive;
+use super::filter::Filter;
+use super::load::{Block, Load, Trace};
+use super::start::charged;
+use crate::battery::LearntPack;
+
+/// A voltage that is further from the expected one, in standard deviations, contradicts the estimate: no cell of the
+/// chemistry has it, since published curves lie less far from their mean. What exceeds that, up to the second figure, is
+/// summed over time, what falls below is subtracted; at the third, in standard deviations times seconds, the estimate
+/// restarts: within a minute to two.
+const CONTRADICTION: f32 = 3.0;
+const MAX_EXCESS: f32 = 0.5;
+const MAX_CONTRADICTION_S: f32 = 25.0;
+
+/// An estimate by the current, and what is seen of the pack meanwhile.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Counting {
+    pub filter: Filter,
+    /// Since the charge was certain.
+    drive: Option<Drive>,
+    contradicted_s: f32,
+}
+
+impl Counting {
+    /// From a charge that is known, but was not found by the voltage: nothing is learnt until the next full charge.
+    pub fn from_known(filter: Filter) -> Self {
+        Self {
+            filter,
+            drive: None,
+            contradicted_s: 0.0,
+        }
+    }
+
+    /// From a charge that was found by the voltage.
+    pub fn from_found(filter: Filter) -> Self {
+        Self {
+            drive: Some(Drive::new(&filter)),
+            ..Self::from_known(filter)
+        }
+    }
+
+    /// What was seen of the pack so far must not be learnt.
+    pub fn restart_drive(&mut self) {
+        if let Some(drive) = &mut self.drive {
+            *drive = Drive::new(&self.filter);
+        }
+    }
+
+    /// A charge with this standard deviation, in capacities, was drawn unseen.
+    pub fn doubt(&mut self, sigma: f32) {
+        self.filter.doubt(sigma);
+        if let Some(drive) = &mut self.drive {
+            drive.doubt(sigma);
+        }
+    }
+
+    /// A charge was drawn that no measured current shows, in ampere-hours.
+    pub fn draw(&mut self, charge_ah: f32, capacity: &Capacity) {
+        self.filter.draw(charge_ah / capacity.ah);
+        if let Some(drive) = &mut self.drive {
+            drive.draw(charge_ah);
+        }
+    }
+
+    /// Takes a second.
+    pub fn update(
+        &mut self,
+        load: &Load,
+        cell_v: Option<f32>,
+        trace: &mut Trace,
+        model: &CellModel,
+        capacity: &Capacity,
+    ) {
+        if let Some(cell_v) = cell_v {
+            let sag_v = model.voltage_v(self.filter.share()) - cell_v;
+            trace.reserve.update(load.duration_s, sag_v);
+        }
+        if let Some(block) = trace.block.add(load, cell_v) {
+            self.compare(&block, trace.polarisation.lasting_a(), model, capacity);
+            trace.reserve.settle(model);
+        }
+    }
+
+    /// Compares a block with the model; `lasting_a` is the current averaged over the longest time.
+    fn compare(&mut self, block: &Block, lasting_a: f32, model: &CellModel, capacity: &Capacity) {
+        let filter = &mut self.filter;
+        if let Some(drive) = &mut self.drive {
+            drive.add(block, filter.share(), model, capacity);
+        }
+        if let Some(deviations) = filter.update(block, model, capacity) {
+            let excess = (deviations.abs() - CONTRADICTION).min(MAX_EXCESS);
+            self.contradicted_s = (self.contradicted_s + excess * block.load.duration_s).max(0.0);
+        }
+        filter.settle(lasting_a, model, capacity);
+        if self.contradicted_s >= MAX_CONTRADICTION_S
+            && let Some(cell_v) = block.cell_v
+        {
+            self.contradicted_s = 0.0;
+            *filter = Filter::from_voltage(&block.load, cell_v, model, capacity);
+        }
+        if let Some(charged) = charged(block, model, capacity) {
+            *filter = charged;
+        }
+        if block.load.current_a < 0.0 && filter.share() >= 1.0 {
+            self.drive = Some(Drive::new(filter));
+        }
+    }
+
+    /// Learns the pack when it has rested, and continues with what its charge has to be then.
+    pub fn learn(&mut self, rest: &Load, cell_v: f32, model: &CellModel) -> Option<LearntPack> {
+        let drive = self.drive.as_mut()?;
+        let learnt = drive.learn(rest, cell_v, model)?;
+        let model = CellModel {
+            learnt: &learnt,
+            ..*model
+        };
+        if let Some(capacity) = model.capacity() {
+            let (share, sigma) = drive.share(&capacity);
+            self.filter = Filter::from_share(share, sigma, &model, &capacity);
+        }
+        Some(learnt)
+    }
+
+    /// Mean resistance of a cell in this drive, in ohms.
+    pub fn mean_ohm(&self) -> Option<f32> {
+        self.drive.as_ref().and_then(Drive::mean_ohm)
+    }
+}

@@ -1,0 +1,349 @@
+//! What loads a cell: means over a second and over ten, what is left of earlier loads, and how far the voltage sags.
+//!
+//! All that follows a second runs once a second, at any sampling rate.
+
+use super::cell_model::CellModel;
+use crate::battery::low_pass::MeanThenLowPass;
+
+/// Duration of a second, less what the sampling interval may vary, in seconds.
+const SECOND_S: f32 = 0.999;
+
+/// The very first one is shorter, in seconds: there is an estimate soon after the start.
+const FIRST_SECOND_S: f32 = 0.249;
+
+/// Sums up to a second.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gathering {
+    complete_s: f32,
+    duration_s: f32,
+    voltage: MeasuredSum,
+    current: MeasuredSum,
+    unmeasured_ah: f32,
+}
+
+/// A sum over most of a second.
+#[derive(Clone, Copy, Debug)]
+struct MeasuredSum {
+    value_s: f32,
+    missing_s: f32,
+}
+
+/// A weighted sum of what was measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sum {
+    value_s: f32,
+    duration_s: f32,
+}
+
+/// Means over a second, or over the sampling interval if that is longer. `None` is not measured.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::battery) struct Second {
+    /// In seconds.
+    pub duration_s: f32,
+    /// Of the whole pack, in volts.
+    pub voltage_v: Option<f32>,
+    /// In amperes.
+    pub current_a: Option<f32>,
+    /// Charge that the source has counted beyond this current, in ampere-hours.
+    pub unmeasured_ah: f32,
+}
+
+impl Sum {
+    /// Nothing yet.
+    pub const NEW: Self = Self {
+        value_s: 0.0,
+        duration_s: 0.0,
+    };
+
+    pub fn add(&mut self, dt_s: f32, value: f32) {
+        self.value_s += value * dt_s;
+        self.duration_s += dt_s;
+    }
+
+    /// The integral, in units of the value times seconds.
+    pub fn integral(&self) -> f32 {
+        self.value_s
+    }
+
+    /// The mean, if at least half of `duration_s` is covered.
+    pub fn mean(&self, duration_s: f32) -> Option<f32> {
+        let is_covered = self.duration_s > 0.0 && self.duration_s >= 0.5 * duration_s;
+        is_covered.then(|| self.value_s / self.duration_s)
+    }
+}
+
+impl MeasuredSum {
+    const NEW: Self = Self {
+        value_s: 0.0,
+        missing_s: 0.0,
+    };
+
+    fn add(&mut self, dt_s: f32, value: Option<f32>) {
+        match value {
+            Some(value) => self.value_s += value * dt_s,
+            None => self.missing_s += dt_s,
+        }
+    }
+
+    /// The mean, if at least half of `duration_s` was measured.
+    fn mean(&self, duration_s: f32) -> Option<f32> {
+        let measured_s = duration_s - self.missing_s;
+        (measured_s > 0.0 && measured_s >= 0.5 * duration_s).then(|| self.value_s / measured_s)
+    }
+}
+
+impl Gathering {
+    /// Nothing yet.
+    pub const NEW: Self = Self::complete_at(FIRST_SECOND_S);
+
+    /// Delays the end of the first one.
+    pub fn delay(&mut self, delay_s: f32) {
+        self.complete_s += delay_s;
+    }
+
+    const fn complete_at(complete_s: f32) -> Self {
+        Self {
+            complete_s,
+            duration_s: 0.0,
+            voltage: MeasuredSum::NEW,
+            current: MeasuredSum::NEW,
+            unmeasured_ah: 0.0,
+        }
+    }
+
+    /// Takes a charge that the source has counted beyond the current.
+    pub fn add_unmeasured(&mut self, charge_ah: f32) {
+        self.unmeasured_ah += charge_ah;
+    }
+
+    /// Takes a reading; returns the means once a second is complete.
+    pub fn add(&mut self, dt_s: f32, voltage_v: Option<f32>, current_a: Option<f32>) -> Option<Second> {
+        self.duration_s += dt_s;
+        self.voltage.add(dt_s, voltage_v);
+        self.current.add(dt_s, current_a);
+        if self.duration_s < self.complete_s {
+            return None;
+        }
+        let complete = core::mem::replace(self, Self::complete_at(SECOND_S));
+        Some(Second {
+            duration_s: complete.duration_s,
+            voltage_v: complete.voltage.mean(complete.duration_s),
+            current_a: complete.current.mean(complete.duration_s),
+            unmeasured_ah: complete.unmeasured_ah,
+        })
+    }
+}
+
+/// Duration of a block, less what a second may vary, in seconds.
+const BLOCK_S: f32 = 9.99;
+
+pub(super) const HOURS_PER_SECOND: f32 = 1.0 / 3600.0;
+
+/// A load of a cell over some time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Load {
+    /// In seconds.
+    pub duration_s: f32,
+    /// Mean, in amperes.
+    pub current_a: f32,
+    /// Mean of what is left of earlier loads, in amperes
+    /// ([`Polarisation::current_a`]).
+    pub slow_a: f32,
+}
+
+/// Means over a block.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Block {
+    pub load: Load,
+    /// Of a cell, in volts, if measured.
+    pub cell_v: Option<f32>,
+}
+
+/// Sums up to a block.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BlockSum {
+    cell_v: Sum,
+    current_a: Sum,
+    slow_a: Sum,
+    duration_s: f32,
+}
+
+impl Load {
+    /// No load, neither now nor before.
+    pub const NONE: Self = Self::none_for(0.0);
+
+    /// No load for some time.
+    pub const fn none_for(duration_s: f32) -> Self {
+        Self {
+            duration_s,
+            current_a: 0.0,
+            slow_a: 0.0,
+        }
+    }
+
+    /// The voltage it takes off a cell with this resistance and slow share, in volts.
+    pub fn sag_v(&self, ohm: f32, slow_share: f32) -> f32 {
+        ohm * (self.current_a + slow_share * self.slow_a)
+    }
+
+    /// Charge drawn, in ampere-hours.
+    pub fn drawn_ah(&self) -> f32 {
+        self.current_a * self.duration_s * HOURS_PER_SECOND
+    }
+}
+
+impl BlockSum {
+    /// Nothing yet.
+    pub const NEW: Self = Self {
+        cell_v: Sum::NEW,
+        current_a: Sum::NEW,
+        slow_a: Sum::NEW,
+        duration_s: 0.0,
+    };
+
+    /// Takes a second; returns the block, once it is complete.
+    pub fn add(&mut self, load: &Load, cell_v: Option<f32>) -> Option<Block> {
+        self.duration_s += load.duration_s;
+        self.current_a.add(load.duration_s, load.current_a);
+        self.slow_a.add(load.duration_s, load.slow_a);
+        if let Some(cell_v) = cell_v {
+            self.cell_v.add(load.duration_s, cell_v);
+        }
+        if self.duration_s < BLOCK_S {
+            return None;
+        }
+        let complete = core::mem::replace(self, Self::NEW);
+        Some(Block {
+            load: Load {
+                duration_s: complete.duration_s,
+                current_a: complete.current_a.mean(complete.duration_s)?,
+                slow_a: complete.slow_a.mean(complete.duration_s)?,
+            },
+            cell_v: complete.cell_v.mean(complete.duration_s),
+        })
+    }
+
+    /// Charge drawn since the last block, in ampere-hours.
+    pub fn drawn_ah(&self) -> f32 {
+        self.current_a.integral() * HOURS_PER_SECOND
+    }
+}
+
+/// Time constants, in seconds, and the share of each in the slow sag. Steps of the sag of an 18650 cell reach 1, 1.5, 1.9
+/// and 3.1 times the fast one within 1, 10, 100 and 1000 s.
+const PARTS: [(f32, f32); 3] = [(10.0, 0.25), (100.0, 0.25), (1000.0, 0.5)];
+
+/// Weighted low-passes of the current.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Polarisation([MeanThenLowPass; 3]);
+
+impl Polarisation {
+    /// Unknown: until it is as old as its time constant, each part is the mean of the current so far.
+    pub const fn unknown() -> Self {
+        let [(fast_s, _), (middle_s, _), (slow_s, _)] = PARTS;
+        Self([
+            MeanThenLowPass::new(fast_s),
+            MeanThenLowPass::new(middle_s),
+            MeanThenLowPass::new(slow_s),
+        ])
+    }
+
+    /// The cells have rested.
+    pub fn at_rest() -> Self {
+        let mut polarisation = Self::unknown();
+        for part in &mut polarisation.0 {
+            part.initialise(0.0);
+        }
+        polarisation
+    }
+
+    /// Takes the mean current of `dt_s` seconds.
+    pub fn update(&mut self, dt_s: f32, current_a: f32) {
+        for part in &mut self.0 {
+            part.update(dt_s, current_a);
+        }
+    }
+
+    /// The current averaged over minutes, in amperes.
+    pub fn mean_a(&self) -> Option<f32> {
+        let [_, middle, _] = &self.0;
+        middle.value()
+    }
+
+    /// The current averaged over the longest time, in amperes.
+    pub fn lasting_a(&self) -> f32 {
+        let [_, _, slow] = &self.0;
+        slow.value().unwrap_or(0.0)
+    }
+
+    /// The current whose fast sag equals the slow one, for a slow share of 1, in amperes.
+    pub fn current_a(&self) -> f32 {
+        let parts = self.0.iter().zip(PARTS);
+        parts
+            .map(|(part, (_, share))| share * part.value().unwrap_or(0.0))
+            .sum()
+    }
+}
+
+/// What every phase of the estimate goes on with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Trace {
+    /// Of the current in amperes; of the load in capacities per hour where it is inferred from the voltage.
+    pub polarisation: Polarisation,
+    pub block: BlockSum,
+    pub reserve: Reserve,
+}
+
+impl Trace {
+    /// Nothing was seen of the load.
+    pub const NEW: Self = Self {
+        polarisation: Polarisation::unknown(),
+        block: BlockSum::NEW,
+        reserve: Reserve::NEW,
+    };
+}
+
+/// Time in which a peak of the sag is forgotten, in seconds.
+const FORGETTING_S: f32 = 3600.0;
+
+/// The sag grows towards the end.
+const GROWTH: f32 = 1.2;
+
+/// Lower limit of what is used between full and the end, relative to the capacity.
+const MIN_SPAN: f32 = 0.01;
+
+/// The largest recent sag, and the charge at which it ends the drive.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reserve {
+    peak_v: f32,
+    share: f32,
+}
+
+impl Reserve {
+    /// No load was seen.
+    pub const NEW: Self = Self {
+        peak_v: 0.0,
+        share: 0.0,
+    };
+
+    /// Takes the sag of a cell over `dt_s` seconds.
+    pub fn update(&mut self, dt_s: f32, sag_v: f32) {
+        let kept = 1.0 - (dt_s / FORGETTING_S).min(1.0);
+        self.peak_v = (self.peak_v * kept).max(sag_v);
+    }
+
+    /// Computes the charge at which such a sag reaches the cell's minimum voltage.
+    pub fn settle(&mut self, model: &CellModel) {
+        self.share = model.share(model.cell.deep_discharge_v + GROWTH * self.peak_v);
+    }
+
+    /// What the load can still draw at this state of charge, relative to the capacity, from 0 to 1.
+    pub fn available(&self, share: f32) -> f32 {
+        (share - self.share).max(0.0)
+    }
+
+    /// The same relative to what the load can draw from a full pack.
+    pub fn usable(&self, share: f32) -> f32 {
+        (self.available(share) / (1.0 - self.share).max(MIN_SPAN)).min(1.0)
+    }
+}
